@@ -1,0 +1,2 @@
+//! BNO055 driver.
+#![no_std]

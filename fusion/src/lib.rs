@@ -1,0 +1,2 @@
+//! Attitude filters.
+#![no_std]

@@ -1,0 +1,2 @@
+//! The ground tool.
+fn main() {}

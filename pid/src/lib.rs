@@ -1,0 +1,2 @@
+//! Controllers.
+#![no_std]

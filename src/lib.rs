@@ -1,0 +1,3 @@
+//! The flight loop, no hardware.
+#![no_std]
+#![forbid(unsafe_code)]
