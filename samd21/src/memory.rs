@@ -1,0 +1,182 @@
+//! Main flash and SRAM: 256 KB at 0, 32 KB at 0x2000_0000, as in the ATSAMD21x18A.
+//!
+//! Flash is shared between clones until one of them programs or erases it, so a snapshot of a chip
+//! copies 32 KB. Page buffer, command timing and locks belong to NVMCTRL, not to this file; the
+//! auxiliary rows (0x0080_0000 and up) as well. SRAM starts with noise, as after power-on: code
+//! that reads what it never wrote shall not be lucky.
+
+use std::ops::Range;
+use std::sync::Arc;
+
+/// Bytes of main flash, from address 0.
+pub const FLASH_SIZE: u32 = 0x4_0000;
+/// First address of SRAM.
+pub const RAM_BASE: u32 = 0x2000_0000;
+/// Bytes of SRAM.
+pub const RAM_SIZE: u32 = 0x8000;
+
+/// Flash and SRAM.
+#[derive(Clone)]
+pub struct Memory {
+    flash: Arc<[u8; FLASH_SIZE as usize]>,
+    ram: Box<[u8; RAM_SIZE as usize]>,
+}
+
+impl Memory {
+    /// Erased flash (0xFF) and SRAM full of noise that only `seed` decides.
+    pub fn new(seed: u64) -> Self {
+        let mut memory = Self {
+            flash: filled(0xFF).into(),
+            ram: filled(0),
+        };
+        // SplitMix64 (Steele, Lea, Flood 2014): any seed gives full-period noise.
+        let mut state = seed;
+        for word in memory.ram.chunks_exact_mut(8) {
+            state = state.wrapping_add(0x9E37_79B9_7F4A_7C15);
+            let mut z = state;
+            z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+            z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
+            word.copy_from_slice(&(z ^ (z >> 31)).to_le_bytes());
+        }
+        memory
+    }
+
+    /// All of main flash.
+    pub fn flash(&self) -> &[u8; FLASH_SIZE as usize] {
+        &self.flash
+    }
+
+    /// All of main flash, to be written as a programmer would: no page buffer, no 1-to-0 rule.
+    pub fn flash_mut(&mut self) -> &mut [u8; FLASH_SIZE as usize] {
+        Arc::make_mut(&mut self.flash)
+    }
+
+    /// All of SRAM.
+    pub fn ram(&self) -> &[u8; RAM_SIZE as usize] {
+        &self.ram
+    }
+
+    /// All of SRAM.
+    pub fn ram_mut(&mut self) -> &mut [u8; RAM_SIZE as usize] {
+        &mut self.ram
+    }
+
+    /// `len` bytes at `address` where they lie wholly in flash or wholly in SRAM.
+    pub fn bytes(&self, address: u32, len: usize) -> Option<&[u8]> {
+        if let Some(range) = window(address, len, RAM_BASE, RAM_SIZE) {
+            return self.ram.get(range);
+        }
+        self.flash.get(window(address, len, 0, FLASH_SIZE)?)
+    }
+
+    /// `len` bytes of SRAM at `address` to write, where they lie wholly in it.
+    pub fn ram_bytes_mut(&mut self, address: u32, len: usize) -> Option<&mut [u8]> {
+        self.ram.get_mut(window(address, len, RAM_BASE, RAM_SIZE)?)
+    }
+
+    /// The byte at `address` of flash or SRAM.
+    pub fn read_u8(&self, address: u32) -> Option<u8> {
+        self.bytes(address, 1).map(|bytes| bytes[0])
+    }
+
+    /// The little-endian half-word at `address` of flash or SRAM; need not be aligned.
+    pub fn read_u16(&self, address: u32) -> Option<u16> {
+        self.bytes(address, 2)
+            .map(|bytes| u16::from_le_bytes([bytes[0], bytes[1]]))
+    }
+
+    /// The little-endian word at `address` of flash or SRAM; need not be aligned.
+    pub fn read_u32(&self, address: u32) -> Option<u32> {
+        self.bytes(address, 4)
+            .map(|bytes| u32::from_le_bytes([bytes[0], bytes[1], bytes[2], bytes[3]]))
+    }
+
+    /// Writes a little-endian word to SRAM; `None`, and nothing is written, outside of it.
+    #[must_use]
+    pub fn write_u32(&mut self, address: u32, value: u32) -> Option<()> {
+        self.ram_bytes_mut(address, 4)?
+            .copy_from_slice(&value.to_le_bytes());
+        Some(())
+    }
+
+    /// Programs flash as the array does: bits go from 1 to 0 only. `None`, and nothing is
+    /// written, outside of flash.
+    #[must_use]
+    pub fn program(&mut self, address: u32, bytes: &[u8]) -> Option<()> {
+        let range = window(address, bytes.len(), 0, FLASH_SIZE)?;
+        for (cell, byte) in self.flash_mut()[range].iter_mut().zip(bytes) {
+            *cell &= byte;
+        }
+        Some(())
+    }
+
+    /// Erases `len` bytes of flash to 0xFF. `None`, and nothing is erased, outside of flash.
+    #[must_use]
+    pub fn erase(&mut self, address: u32, len: usize) -> Option<()> {
+        let range = window(address, len, 0, FLASH_SIZE)?;
+        self.flash_mut()[range].fill(0xFF);
+        Some(())
+    }
+}
+
+/// An array on the heap without a detour over the stack.
+fn filled<const N: usize>(byte: u8) -> Box<[u8; N]> {
+    match vec![byte; N].into_boxed_slice().try_into() {
+        Ok(array) => array,
+        Err(_) => unreachable!("the vector was made N long"),
+    }
+}
+
+/// Where `len` bytes at `address` lie in a memory of `size` bytes at `base`.
+fn window(address: u32, len: usize, base: u32, size: u32) -> Option<Range<usize>> {
+    let start = address.checked_sub(base)? as usize;
+    let end = start.checked_add(len)?;
+    (end <= size as usize).then_some(start..end)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn windows_end_where_the_memories_end() {
+        let mut memory = Memory::new(1);
+        assert!(memory.bytes(FLASH_SIZE - 4, 4).is_some());
+        assert!(memory.bytes(FLASH_SIZE - 3, 4).is_none());
+        assert!(memory.bytes(RAM_BASE + RAM_SIZE - 4, 4).is_some());
+        assert!(memory.bytes(RAM_BASE + RAM_SIZE - 3, 4).is_none());
+        assert!(memory.bytes(RAM_BASE - 1, 1).is_none());
+        assert!(memory.bytes(u32::MAX, usize::MAX).is_none());
+        assert!(memory.ram_bytes_mut(0, 4).is_none(), "flash is not SRAM");
+        assert_eq!(memory.write_u32(RAM_BASE - 4, 0), None);
+    }
+
+    #[test]
+    fn programming_clears_bits_and_erasing_sets_them() {
+        let mut memory = Memory::new(1);
+        assert_eq!(memory.program(0x2000, &[0xF0, 0x0F]), Some(()));
+        assert_eq!(memory.program(0x2000, &[0xAA, 0xFF]), Some(()));
+        assert_eq!(memory.read_u16(0x2000), Some(0x0FA0));
+        assert_eq!(memory.erase(0x2000, 1), Some(()));
+        assert_eq!(memory.read_u16(0x2000), Some(0x0FFF));
+        assert_eq!(memory.program(FLASH_SIZE - 1, &[0, 0]), None);
+        assert_eq!(memory.read_u8(FLASH_SIZE - 1), Some(0xFF));
+    }
+
+    #[test]
+    fn a_clone_keeps_its_own_flash_and_ram() {
+        let mut first = Memory::new(1);
+        let second = first.clone();
+        assert_eq!(first.program(0, &[0]), Some(()));
+        assert_eq!(first.write_u32(RAM_BASE, 0x1234_5678), Some(()));
+        assert_eq!(first.read_u32(RAM_BASE), Some(0x1234_5678));
+        assert_eq!(second.read_u8(0), Some(0xFF));
+        assert_ne!(second.read_u32(RAM_BASE), Some(0x1234_5678));
+    }
+
+    #[test]
+    fn noise_depends_on_the_seed_alone() {
+        assert_eq!(Memory::new(7).ram(), Memory::new(7).ram());
+        assert_ne!(Memory::new(7).ram(), Memory::new(8).ram());
+    }
+}
