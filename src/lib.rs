@@ -1,3 +1,37 @@
-//! The flight loop, no hardware.
+//! The flight of a drone (or a rocket's stand-in) steered by a rudder in its wash: attitude, control, servo, failsafe
+//! and telemetry. It decides everything and names no hardware; `src/board` knows the pins.
+//!
+//! [`Flight::step`] is the whole of it: a sample in, a pulse out. The chip, the virtual rig and a log replay run that
+//! one function.
+//!
+//! Body axes: x forward, y right, z down. Earth axes: north, east, down. Pitch is positive nose up. Angles are in rad
+//! and rates in rad/s unless a name says otherwise.
 #![no_std]
 #![forbid(unsafe_code)]
+#![cfg_attr(
+    not(test),
+    deny(
+        clippy::unwrap_used,
+        clippy::expect_used,
+        clippy::panic,
+        clippy::indexing_slicing
+    )
+)]
+
+#[cfg(test)]
+extern crate std;
+
+pub mod config;
+pub mod failsafe;
+pub mod flight;
+mod format;
+pub mod mount;
+pub mod params;
+pub mod self_test;
+pub mod servo;
+
+pub use bno055_driver::{Micros, RawSample, SensorFault};
+pub use failsafe::{BootReport, Command, Crash, Refusal, State};
+pub use flight::{Flight, Outputs, Snapshot};
+pub use params::Params;
+pub use servo::{PulseUs, Servo};

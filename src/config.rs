@@ -1,0 +1,70 @@
+//! What is fixed when the image is built, and why. What an operator may change is in [`crate::params`].
+
+/// Nominal control period: the rate at which the BNO055 refreshes its registers, 100 Hz.
+pub const CONTROL_PERIOD_US: u64 = 10_000;
+
+/// Age of the newest sample beyond which the attitude is no longer trusted: five control periods. At the 6 rad/s of a
+/// fall that is 0.3 rad, still inside the rudder's reach.
+pub const DATA_AGE_LIMIT_US: u64 = 50_000;
+
+/// Good samples in a row after which a sensor that was lost counts as back.
+pub const RECOVERY_SAMPLES: u8 = 5;
+
+/// A gap between samples after which the attitude starts over from accelerometer and magnetometer instead of being
+/// integrated across the gap. Longer than any gap that [`DATA_AGE_LIMIT_US`] lets pass while control is active.
+pub const ESTIMATOR_GAP_US: u64 = 500_000;
+
+/// After this many samples with the same magnetic field it counts as measured again: 100 ms, the period of the
+/// BNO055's magnetometer at its reset rate.
+pub const FIELD_REPEATS: u8 = 10;
+
+/// Cosine of the tilt up to which the drone may be armed and released, 50 deg: the largest test start, 0.8 rad =
+/// 45.8 deg, must pass. A cosine, because that is what a quaternion gives without trigonometry.
+pub const COS_ARM_TILT: f32 = 0.642_787_6;
+
+/// Cosine of the tilt beyond which control gives up, 60 deg, inside the tether stops at 1.2 rad = 68.8 deg.
+pub const COS_FAILSAFE_TILT: f32 = 0.5;
+
+/// How long [`COS_FAILSAFE_TILT`] must be exceeded, so that no single bad sample ends a flight.
+pub const FAILSAFE_TILT_US: u64 = 100_000;
+
+/// Silence of the host that is a failsafe where `FS_HOST` is on: three heartbeats of a client that sends one a second.
+pub const HOST_SILENCE_US: u64 = 3_000_000;
+
+/// Length of the self-test: the gyro must be still for this long without a break.
+pub const SELF_TEST_US: u64 = 1_000_000;
+
+/// Least sample rate that passes the self-test. The sensor's own clock is good to 1 %.
+pub const SELF_TEST_RATE_HZ: u32 = 95;
+
+/// Largest change of a gyro axis within the self-test, in counts of 1/16 deg/s: 3 deg/s, some fifteen times the noise
+/// of the BMG160 at 116 Hz bandwidth (0.15 deg/s rms).
+pub const SELF_TEST_GYRO_SPAN: i16 = 3 * 16;
+
+/// Largest gyro reading at rest, in counts: 5 deg/s. The data sheet's zero-rate offset is at most 3 deg/s.
+pub const SELF_TEST_GYRO_LIMIT: i16 = 5 * 16;
+
+/// Standard gravity in accelerometer counts of 0.01 m/s2, and the tolerance of the self-test on it: 5 %.
+pub const GRAVITY_COUNTS: f32 = 980.665;
+/// See [`GRAVITY_COUNTS`].
+pub const SELF_TEST_GRAVITY_TOLERANCE: f32 = 0.05;
+
+/// The servo's hard range: Arduino's 30 to 160 deg, outside which the thesis' Futaba does not answer. No parameter
+/// widens it.
+pub const PULSE_MIN_US: f32 = 853.0;
+/// See [`PULSE_MIN_US`].
+pub const PULSE_MAX_US: f32 = 2193.0;
+
+/// MAVLink system id of this vehicle and component id of an autopilot.
+pub const SYSTEM_ID: u8 = 1;
+/// See [`SYSTEM_ID`].
+pub const COMPONENT_ID: u8 = 1;
+
+/// Period of HEARTBEAT and SYS_STATUS.
+pub const HEARTBEAT_PERIOD_US: u64 = 1_000_000;
+
+/// Bytes of telemetry that wait for the host: a step writes about 150, so this bridges 100 ms of silence.
+pub const QUEUE_BYTES: usize = 2048;
+
+/// Part of the queue that the periodic stream leaves free for answers and events.
+pub const QUEUE_RESERVE_BYTES: usize = 512;

@@ -1,0 +1,452 @@
+//! Who may move the rudder: the states of the flight, and what leads from one to another.
+//!
+//! The firmware cannot cut the motors, so the safe output is the neutral pulse. Every state but [`State::Active`]
+//! commands it.
+
+use core::fmt;
+
+use bno055_driver::{Micros, RawSample, SensorFault};
+
+use crate::config::{
+    COS_ARM_TILT, COS_FAILSAFE_TILT, DATA_AGE_LIMIT_US, FAILSAFE_TILT_US, HOST_SILENCE_US,
+    RECOVERY_SAMPLES,
+};
+use crate::self_test::{Failure, SelfTest, Verdict};
+
+/// Where the flight stands.
+///
+/// ```text
+///  clean reset ──▶ Boot ──first sample──▶ SelfTest ──a still second──▶ Standby
+///                  ▲  ▲                      │                          │   ▲
+///                  │  └──────sensor lost─────┘                       arm│   │disarm
+///  disarm          │                                                    ▼   │
+///  (acknowledge)   │                                                   Armed ───release──▶ Active
+///                  │                                                    │   ▲                │
+///  reset after ──▶ Latched                          disarm leads from Active to Standby too ─┘
+///  watchdog, brown-out, crash
+///
+///  Standby, Armed, Active ──fault──▶ Failsafe ──disarm, once the fault is gone──▶ Standby
+/// ```
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum State {
+    /// No sample yet.
+    Boot,
+    /// Waiting for a second of rest.
+    SelfTest(SelfTest),
+    /// Ready to be armed.
+    Standby,
+    /// Held in hand or clamp; released next.
+    Armed,
+    /// The rudder is under control.
+    Active {
+        /// Since when the tilt has been beyond the limit.
+        over_tilt_since: Option<Micros>,
+    },
+    /// A fault in operation. The operator leads out of it.
+    Failsafe(Reason),
+    /// The last run ended badly. The operator must have seen why.
+    Latched(Crash),
+}
+
+impl State {
+    /// Whether the controller moves the rudder.
+    pub fn is_active(&self) -> bool {
+        matches!(self, State::Active { .. })
+    }
+
+    /// Whether the drone counts as armed: parameters that would make the rudder jump are refused.
+    pub fn is_armed(&self) -> bool {
+        matches!(self, State::Armed | State::Active { .. })
+    }
+
+    /// State (low byte) and reason (second byte) as one number, as HEARTBEAT's `custom_mode` carries it. States count
+    /// from 0 in the order of the enum; reason 0 is none.
+    pub fn code(&self) -> u32 {
+        let (state, reason) = match self {
+            State::Boot => (0, 0),
+            State::SelfTest(test) => (1, test.failure.map_or(0, |failure| 1 + failure as u32)),
+            State::Standby => (2, 0),
+            State::Armed => (3, 0),
+            State::Active { .. } => (4, 0),
+            State::Failsafe(reason) => (5, reason.code()),
+            State::Latched(crash) => (6, crash.code()),
+        };
+        state | reason << 8
+    }
+}
+
+impl fmt::Display for State {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            State::Boot => write!(f, "boot: waiting for the sensor"),
+            State::SelfTest(test) => match test.failure {
+                None => write!(f, "self-test: hold still"),
+                Some(Failure::Moving) => write!(f, "self-test: gyro moves"),
+                Some(Failure::Gravity) => write!(f, "self-test: acceleration is not 1 g"),
+                Some(Failure::Slow) => write!(f, "self-test: too few samples"),
+            },
+            State::Standby => write!(f, "standby"),
+            State::Armed => write!(f, "armed"),
+            State::Active { .. } => write!(f, "active"),
+            State::Failsafe(reason) => write!(f, "failsafe: {reason}"),
+            State::Latched(crash) => write!(f, "latched fault: {crash}"),
+        }
+    }
+}
+
+/// Why control was given up.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Reason {
+    /// The sensor gave nothing usable for too long, or lost its configuration.
+    Sensor(SensorFault),
+    /// Steps came without samples being asked for, or samples too old to use.
+    StaleData,
+    /// The attitude is not a number.
+    NotANumber,
+    /// Tilted beyond the limit.
+    Tilt,
+    /// The host fell silent, where `FS_HOST` asks for it.
+    HostSilent,
+}
+
+impl Reason {
+    fn code(&self) -> u32 {
+        match self {
+            Reason::Sensor(_) => 1,
+            Reason::StaleData => 2,
+            Reason::NotANumber => 3,
+            Reason::Tilt => 4,
+            Reason::HostSilent => 5,
+        }
+    }
+}
+
+impl fmt::Display for Reason {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Reason::Sensor(fault) => write!(f, "{fault}"),
+            Reason::StaleData => write!(f, "sensor data too old"),
+            Reason::NotANumber => write!(f, "attitude is not a number"),
+            Reason::Tilt => write!(f, "tilt beyond 60 deg"),
+            Reason::HostSilent => write!(f, "host silent for 3 s"),
+        }
+    }
+}
+
+/// How the last run ended, where it ended badly.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Crash {
+    /// The watchdog fired: the loop hung.
+    Watchdog,
+    /// The supply dipped.
+    BrownOut,
+    /// The program panicked.
+    Panic {
+        /// Source line; the build's map or the probe tells the file.
+        line: u32,
+    },
+    /// The processor met an instruction or access it cannot do.
+    HardFault {
+        /// Address of the instruction.
+        pc: u32,
+    },
+}
+
+impl Crash {
+    fn code(&self) -> u32 {
+        match self {
+            Crash::Watchdog => 1,
+            Crash::BrownOut => 2,
+            Crash::Panic { .. } => 3,
+            Crash::HardFault { .. } => 4,
+        }
+    }
+}
+
+impl fmt::Display for Crash {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Crash::Watchdog => write!(f, "watchdog reset"),
+            Crash::BrownOut => write!(f, "brown-out reset"),
+            Crash::Panic { line } => write!(f, "panic in line {line}"),
+            Crash::HardFault { pc } => write!(f, "hard fault at {pc:#010x}"),
+        }
+    }
+}
+
+/// What the board found at start-up.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct BootReport {
+    /// Why the last run ended, if it ended badly: the crash record where there is one, else the reset cause.
+    pub crash: Option<Crash>,
+}
+
+/// What an operator may ask for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Command {
+    /// Standby to armed.
+    Arm,
+    /// Armed to active: the drone is let go.
+    Release,
+    /// Back to standby from anywhere; acknowledges a failsafe or latched fault whose cause is gone.
+    Disarm,
+}
+
+impl fmt::Display for Command {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Command::Arm => "arm",
+            Command::Release => "release",
+            Command::Disarm => "disarm",
+        })
+    }
+}
+
+/// Why a command was not obeyed.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Refusal {
+    /// The command does not apply in this state.
+    WrongState(State),
+    /// Tilted more than 50 deg.
+    Tilt,
+    /// The sensor is not delivering.
+    Sensor,
+    /// The attitude has not settled since start-up or the last gap.
+    Settling,
+    /// The host's heartbeat is missing, and `FS_HOST` asks for it.
+    HostSilent,
+    /// The fault is still there.
+    FaultPersists(Reason),
+}
+
+impl fmt::Display for Refusal {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Refusal::WrongState(state) => write!(f, "in {state}"),
+            Refusal::Tilt => write!(f, "tilt beyond 50 deg"),
+            Refusal::Sensor => write!(f, "sensor not ready"),
+            Refusal::Settling => write!(f, "attitude still settling"),
+            Refusal::HostSilent => write!(f, "no host heartbeat"),
+            Refusal::FaultPersists(reason) => write!(f, "{reason}"),
+        }
+    }
+}
+
+/// What the supervisor is told of the attitude.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Health {
+    /// Cosine of the angle between the body's and the earth's vertical.
+    pub cos_tilt: f32,
+    /// The attitude has settled since start-up.
+    pub settled: bool,
+}
+
+/// Keeps the state, and changes it by what happens and by what the operator asks.
+#[derive(Clone, Debug)]
+pub struct Supervisor {
+    state: State,
+    health: Health,
+    /// Time of the newest good sample.
+    fresh: Option<Micros>,
+    /// Good samples in a row, up to [`RECOVERY_SAMPLES`].
+    good_run: u8,
+    /// The fault of the newest step without a sample.
+    fault: Option<SensorFault>,
+    missed: u32,
+    host_seen: Option<Micros>,
+    host_required: bool,
+}
+
+impl Supervisor {
+    /// Start in [`State::Boot`], or in [`State::Latched`] where the board reports a crash.
+    pub fn new(report: BootReport) -> Self {
+        Self {
+            state: report.crash.map_or(State::Boot, State::Latched),
+            health: Health {
+                cos_tilt: 1.0,
+                settled: false,
+            },
+            fresh: None,
+            good_run: 0,
+            fault: None,
+            missed: 0,
+            host_seen: None,
+            host_required: false,
+        }
+    }
+
+    /// Whether silence of the host is a failsafe.
+    pub fn require_host(&mut self, required: bool) {
+        self.host_required = required;
+    }
+
+    /// The host has been heard.
+    pub fn host_heard(&mut self, now: Micros) {
+        self.host_seen = Some(now);
+    }
+
+    /// Where the flight stands.
+    pub fn state(&self) -> State {
+        self.state
+    }
+
+    /// Steps without a usable sample since start-up.
+    pub fn missed(&self) -> u32 {
+        self.missed
+    }
+
+    /// Whether the newest step had no usable sample: control holds its last command.
+    pub fn is_degraded(&self) -> bool {
+        self.good_run == 0
+    }
+
+    /// Whether the sensor has been delivering without a break lately.
+    pub fn sensor_is_healthy(&self) -> bool {
+        self.good_run == RECOVERY_SAMPLES
+    }
+
+    /// A step with a sample, and the attitude after it.
+    pub fn sample(&mut self, now: Micros, raw: &RawSample, health: Health) {
+        self.health = health;
+        self.fresh = Some(raw.time);
+        self.good_run = (self.good_run + 1).min(RECOVERY_SAMPLES);
+        self.fault = None;
+        self.state = match self.state {
+            State::Boot => State::SelfTest(SelfTest::new(raw, None)),
+            State::SelfTest(mut test) => match test.observe(raw) {
+                Verdict::Running => State::SelfTest(test),
+                Verdict::Failed(failure) => State::SelfTest(SelfTest::new(raw, Some(failure))),
+                Verdict::Passed => State::Standby,
+            },
+            other => other,
+        };
+        if health.cos_tilt.is_nan() {
+            self.fail(Reason::NotANumber);
+        }
+        self.watch(now);
+    }
+
+    /// A step without a usable sample.
+    pub fn miss(&mut self, now: Micros, fault: SensorFault) {
+        self.missed = self.missed.wrapping_add(1);
+        self.good_run = 0;
+        self.fault = Some(fault);
+        if ends_trust(fault) {
+            self.lose_sensor(Reason::Sensor(fault));
+        }
+        self.watch(now);
+    }
+
+    /// Obey the operator, or say why not.
+    ///
+    /// # Errors
+    /// The [`Refusal`]; the state stays.
+    pub fn command(&mut self, now: Micros, command: Command) -> Result<(), Refusal> {
+        self.state = match (command, self.state) {
+            (Command::Arm, State::Standby) => {
+                self.ready(now)?;
+                State::Armed
+            }
+            (Command::Release, State::Armed) => {
+                self.ready(now)?;
+                State::Active {
+                    over_tilt_since: None,
+                }
+            }
+            (Command::Disarm, State::Armed | State::Active { .. }) => State::Standby,
+            (Command::Disarm, State::Failsafe(reason)) => {
+                if self.persists(now, reason) {
+                    return Err(Refusal::FaultPersists(reason));
+                }
+                State::Standby
+            }
+            (Command::Disarm, State::Latched(_)) => State::Boot,
+            (Command::Arm, State::Armed)
+            | (Command::Release, State::Active { .. })
+            | (Command::Disarm, State::Boot | State::SelfTest(_) | State::Standby) => self.state,
+            (_, state) => return Err(Refusal::WrongState(state)),
+        };
+        Ok(())
+    }
+
+    /// What arming and release ask for.
+    fn ready(&self, now: Micros) -> Result<(), Refusal> {
+        if !self.sensor_is_healthy() {
+            Err(Refusal::Sensor)
+        } else if !self.health.settled {
+            Err(Refusal::Settling)
+        } else if !(self.health.cos_tilt >= COS_ARM_TILT) {
+            Err(Refusal::Tilt)
+        } else if self.host_is_silent(now) {
+            Err(Refusal::HostSilent)
+        } else {
+            Ok(())
+        }
+    }
+
+    /// Whether the cause of a failsafe is still there. No failsafe ends without a healthy sensor.
+    fn persists(&self, now: Micros, reason: Reason) -> bool {
+        !self.sensor_is_healthy()
+            || self.health.cos_tilt.is_nan()
+            || match reason {
+                Reason::Tilt => self.health.cos_tilt < COS_FAILSAFE_TILT,
+                Reason::HostSilent => self.host_is_silent(now),
+                Reason::Sensor(_) | Reason::StaleData | Reason::NotANumber => !self.health.settled,
+            }
+    }
+
+    fn host_is_silent(&self, now: Micros) -> bool {
+        self.host_required
+            && self
+                .host_seen
+                .is_none_or(|seen| now.0.saturating_sub(seen.0) > HOST_SILENCE_US)
+    }
+
+    /// What time alone can bring about.
+    fn watch(&mut self, now: Micros) {
+        let age_us = self.fresh.map_or(0, |fresh| now.0.saturating_sub(fresh.0));
+        if age_us > DATA_AGE_LIMIT_US {
+            self.good_run = 0;
+            self.lose_sensor(self.fault.map_or(Reason::StaleData, Reason::Sensor));
+        }
+        if self.state.is_armed() && self.host_is_silent(now) {
+            self.fail(Reason::HostSilent);
+        }
+        if let State::Active { over_tilt_since } = &mut self.state {
+            if self.health.cos_tilt >= COS_FAILSAFE_TILT {
+                *over_tilt_since = None;
+            } else {
+                let since = *over_tilt_since.get_or_insert(now);
+                if now.0.saturating_sub(since.0) >= FAILSAFE_TILT_US {
+                    self.fail(Reason::Tilt);
+                }
+            }
+        }
+    }
+
+    /// The sensor is gone: a failsafe in operation, a fresh start before.
+    fn lose_sensor(&mut self, reason: Reason) {
+        match self.state {
+            State::SelfTest(_) => self.state = State::Boot,
+            _ => self.fail(reason),
+        }
+    }
+
+    /// Go to failsafe from where a fault matters. The first reason stays.
+    fn fail(&mut self, reason: Reason) {
+        if matches!(
+            self.state,
+            State::Standby | State::Armed | State::Active { .. }
+        ) {
+            self.state = State::Failsafe(reason);
+        }
+    }
+}
+
+/// Faults that do not wait for the data to age: the samples before them were wrong already.
+fn ends_trust(fault: SensorFault) -> bool {
+    matches!(
+        fault,
+        SensorFault::Reset | SensorFault::Configuration { .. } | SensorFault::Frozen
+    )
+}

@@ -1,0 +1,305 @@
+//! The parameters: one table of name, unit, range, default and meaning, from which everything else is made.
+//!
+//! A parameter is added by one entry of the [`parameters!`] call below. Names are at most 16 characters (the width of
+//! MAVLink's `param_id`), values are `f32`. A shipped default outside its own range does not compile.
+
+use core::fmt;
+
+use crate::config::{PULSE_MAX_US, PULSE_MIN_US};
+use crate::format::Decimal;
+
+/// The values that a parameter may take.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Range {
+    /// Any finite value from the first to the second, both included.
+    Between(f32, f32),
+    /// One of these.
+    OneOf(&'static [f32]),
+}
+
+impl Range {
+    /// Whether `value` is allowed. Never true of a NaN.
+    pub const fn contains(&self, value: f32) -> bool {
+        match self {
+            Range::Between(low, high) => value >= *low && value <= *high,
+            &Range::OneOf(mut allowed) => {
+                while let [first, rest @ ..] = allowed {
+                    if *first == value {
+                        return true;
+                    }
+                    allowed = rest;
+                }
+                false
+            }
+        }
+    }
+}
+
+impl fmt::Display for Range {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Range::Between(low, high) => write!(f, "{} to {}", Decimal(*low), Decimal(*high)),
+            Range::OneOf(allowed) => {
+                for (index, value) in allowed.iter().enumerate() {
+                    let separator = if index == 0 { "" } else { ", " };
+                    write!(f, "{separator}{}", Decimal(*value))?;
+                }
+                Ok(())
+            }
+        }
+    }
+}
+
+/// When a parameter may be changed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Change {
+    /// At any time: that is how gains are tuned on the tether.
+    Live,
+    /// Not while the drone is armed or under control: the change would make the rudder jump or stop a bus.
+    Disarmed,
+}
+
+/// One row of the table.
+#[derive(Clone, Copy, Debug)]
+pub struct Info {
+    /// Name, at most 16 ASCII characters.
+    pub name: &'static str,
+    /// Unit, empty for a pure number.
+    pub unit: &'static str,
+    /// Allowed values.
+    pub range: Range,
+    /// Value after a reset.
+    pub default: f32,
+    /// When it may be changed.
+    pub change: Change,
+    /// What it does, in one line.
+    pub meaning: &'static str,
+}
+
+/// Why a parameter keeps its old value.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum ParamError {
+    /// No parameter has this name or index.
+    Unknown,
+    /// The value is not in the parameter's range.
+    OutOfRange {
+        /// Its name.
+        name: &'static str,
+        /// What it allows.
+        range: Range,
+    },
+    /// The parameter cannot change while the drone is armed.
+    Armed {
+        /// Its name.
+        name: &'static str,
+    },
+}
+
+impl fmt::Display for ParamError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            ParamError::Unknown => write!(f, "no such parameter"),
+            ParamError::OutOfRange { name, range } => write!(f, "{name} must be {range}"),
+            ParamError::Armed { name } => write!(f, "{name}: disarm first"),
+        }
+    }
+}
+
+macro_rules! parameters {
+    ($($field:ident: $name:literal, $unit:literal, $range:expr, $default:expr, $change:ident, $meaning:literal;)+) => {
+        /// The value of every parameter. Always within range.
+        #[derive(Clone, Debug, PartialEq)]
+        pub struct Params {
+            $($field: f32,)+
+        }
+
+        /// Every parameter, in the order of its index on the wire.
+        pub static TABLE: &[Info] = &[$(Info {
+            name: $name,
+            unit: $unit,
+            range: $range,
+            default: $default,
+            change: Change::$change,
+            meaning: $meaning,
+        },)+];
+
+        impl Default for Params {
+            fn default() -> Self {
+                Self { $($field: const {
+                    let value: f32 = $default;
+                    assert!($range.contains(value), "default out of range");
+                    assert!($name.len() <= 16, "name too long for MAVLink");
+                    value
+                },)+ }
+            }
+        }
+
+        impl Params {
+            $(
+                #[doc = concat!("`", $name, "` (", $unit, "): ", $meaning)]
+                #[inline]
+                pub fn $field(&self) -> f32 {
+                    self.$field
+                }
+            )+
+
+            fn slot(&mut self, name: &str) -> Option<&mut f32> {
+                match name {
+                    $($name => Some(&mut self.$field),)+
+                    _ => None,
+                }
+            }
+
+            /// Value by name.
+            pub fn value(&self, name: &str) -> Option<f32> {
+                match name {
+                    $($name => Some(self.$field),)+
+                    _ => None,
+                }
+            }
+        }
+    };
+}
+
+parameters! {
+    pid_kp: "PID_KP", "rad/rad", Range::Between(0.0, 10.0), 1.0, Live,
+        "servo angle per pitch error";
+    pid_kd: "PID_KD", "s", Range::Between(0.0, 3.0), 0.30, Live,
+        "servo angle per pitch rate";
+    pitch_set_deg: "PITCH_SET_DEG", "deg", Range::Between(-30.0, 30.0), 0.0, Live,
+        "pitch to hold, nose up positive";
+    srv_centre_us: "SRV_CENTRE_US", "us", Range::Between(1420.0, 1620.0), 1523.6, Live,
+        "pulse at which the rudder has no effect";
+    srv_dir: "SRV_DIR", "", Range::OneOf(&[-1.0, 1.0]), 1.0, Disarmed,
+        "+1: a longer pulse turns the crank to positive angles; -1: reversed servo";
+    srv_us_per_deg: "SRV_US_PER_DEG", "us/deg", Range::Between(5.0, 20.0), 10.0, Disarmed,
+        "pulse change per real degree of the servo shaft";
+    srv_min_us: "SRV_MIN_US", "us", Range::Between(PULSE_MIN_US, 1400.0), 923.6, Live,
+        "shortest pulse that control commands";
+    srv_max_us: "SRV_MAX_US", "us", Range::Between(1640.0, PULSE_MAX_US), 2123.6, Live,
+        "longest pulse that control commands";
+    srv_slew_us_s: "SRV_SLEW_US_S", "us/s", Range::Between(500.0, 100_000.0), 10_000.0, Live,
+        "fastest change of the pulse";
+    srv_rate_hz: "SRV_RATE_HZ", "Hz", Range::OneOf(&[50.0, 100.0, 200.0, 300.0, 333.0]), 50.0, Disarmed,
+        "servo frame rate; above 50 only for digital servos, an analog one burns out";
+    i2c_khz: "I2C_KHZ", "kHz", Range::OneOf(&[100.0, 400.0]), 400.0, Disarmed,
+        "speed of the sensor bus; 100 for a cable of more than 1 m";
+    mnt_roll_deg: "MNT_ROLL_DEG", "deg", Range::Between(-180.0, 180.0), 0.0, Disarmed,
+        "sensor's roll in the body, applied first";
+    mnt_pitch_deg: "MNT_PITCH_DEG", "deg", Range::Between(-180.0, 180.0), 0.0, Disarmed,
+        "sensor's pitch in the body, applied second";
+    mnt_yaw_deg: "MNT_YAW_DEG", "deg", Range::Between(-180.0, 180.0), 0.0, Disarmed,
+        "sensor's yaw in the body, applied last";
+    declination_deg: "DECLINATION_DEG", "deg", Range::Between(-180.0, 180.0), 0.0, Disarmed,
+        "magnetic declination, east positive: 4.37 in Copenhagen";
+    fs_host: "FS_HOST", "", Range::OneOf(&[0.0, 1.0]), 0.0, Live,
+        "1: three seconds without a host's heartbeat are a failsafe";
+}
+
+impl Params {
+    /// Number of parameters.
+    pub fn count() -> usize {
+        TABLE.len()
+    }
+
+    /// Row and value by index.
+    pub fn by_index(&self, index: usize) -> Option<(&'static Info, f32)> {
+        let info = TABLE.get(index)?;
+        Some((info, self.value(info.name)?))
+    }
+
+    /// Index of a name.
+    pub fn index_of(name: &str) -> Option<usize> {
+        TABLE.iter().position(|info| info.name == name)
+    }
+
+    /// Row of a name.
+    pub fn info(name: &str) -> Option<&'static Info> {
+        TABLE.get(Self::index_of(name)?)
+    }
+
+    /// Change a value.
+    ///
+    /// # Errors
+    /// [`ParamError::Unknown`] or [`ParamError::OutOfRange`]; the old value stays.
+    pub fn set(&mut self, name: &str, value: f32) -> Result<&'static Info, ParamError> {
+        let info = Self::info(name).ok_or(ParamError::Unknown)?;
+        if !info.range.contains(value) {
+            return Err(ParamError::OutOfRange {
+                name: info.name,
+                range: info.range,
+            });
+        }
+        *self.slot(name).ok_or(ParamError::Unknown)? = value;
+        Ok(info)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::string::ToString;
+
+    #[test]
+    fn every_row_is_reachable_by_name_and_index_and_starts_at_its_default() {
+        let params = Params::default();
+        for (index, info) in TABLE.iter().enumerate() {
+            assert_eq!(Params::index_of(info.name), Some(index), "{}", info.name);
+            let (row, value) = params.by_index(index).unwrap();
+            assert_eq!((row.name, value), (info.name, info.default));
+            assert!(info.range.contains(info.default) && !info.meaning.is_empty());
+        }
+        assert_eq!(
+            params.by_index(TABLE.len()).map(|(info, _)| info.name),
+            None
+        );
+    }
+
+    #[test]
+    fn a_value_outside_the_range_is_refused_by_name_and_the_old_one_stays() {
+        let mut params = Params::default();
+        let refused = params.set("PID_KP", 10.5).unwrap_err();
+        assert_eq!(refused.to_string(), "PID_KP must be 0 to 10");
+        assert_eq!(params.pid_kp(), 1.0);
+        assert!(params.set("PID_KP", f32::NAN).is_err());
+        assert!(params.set("PID_KP", f32::INFINITY).is_err());
+        assert!(params.set("PID_KP", 10.0).is_ok());
+        assert_eq!(params.pid_kp(), 10.0);
+    }
+
+    #[test]
+    fn a_choice_takes_only_what_it_lists() {
+        let mut params = Params::default();
+        for rate in [50.0, 100.0, 200.0, 300.0, 333.0] {
+            assert!(params.set("SRV_RATE_HZ", rate).is_ok());
+        }
+        let refused = params.set("SRV_RATE_HZ", 150.0).unwrap_err();
+        assert_eq!(
+            refused.to_string(),
+            "SRV_RATE_HZ must be 50, 100, 200, 300, 333"
+        );
+        assert_eq!(params.srv_rate_hz(), 333.0);
+    }
+
+    #[test]
+    fn an_unknown_name_is_an_error() {
+        assert_eq!(
+            Params::default().set("PID_KQ", 1.0).err(),
+            Some(ParamError::Unknown)
+        );
+    }
+
+    #[test]
+    fn the_pulse_limits_never_cross_the_centre_nor_leave_the_hard_range() {
+        let bounds = |name| match TABLE[Params::index_of(name).unwrap()].range {
+            Range::Between(low, high) => (low, high),
+            Range::OneOf(_) => unreachable!(),
+        };
+        let (min, centre, max) = (
+            bounds("SRV_MIN_US"),
+            bounds("SRV_CENTRE_US"),
+            bounds("SRV_MAX_US"),
+        );
+        assert!(min.0 == 853.0 && min.1 < centre.0 && centre.1 < max.0 && max.1 == 2193.0);
+    }
+}

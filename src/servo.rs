@@ -1,0 +1,154 @@
+//! Crank angle to servo pulse.
+//!
+//! `pulse = centre + direction * us_per_degree * angle`, clamped to the command limits, its change limited by the
+//! slew rate. Positive crank angles turn the rudder to positive angles, which pitch the nose down.
+
+use core::f32::consts::PI;
+
+use crate::config::{PULSE_MAX_US, PULSE_MIN_US};
+use crate::params::Params;
+
+/// Width of a servo pulse in microseconds.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct PulseUs(pub u16);
+
+/// The map from crank angle to pulse, and the pulse it commanded last.
+#[derive(Clone, Debug)]
+pub struct Servo {
+    centre_us: f32,
+    us_per_rad: f32,
+    min_us: f32,
+    max_us: f32,
+    slew_us_s: f32,
+    last_us: f32,
+}
+
+impl Servo {
+    /// A servo at rest in its centre.
+    pub fn new(params: &Params) -> Self {
+        let mut servo = Self {
+            centre_us: 0.0,
+            us_per_rad: 0.0,
+            min_us: 0.0,
+            max_us: 0.0,
+            slew_us_s: 0.0,
+            last_us: params.srv_centre_us(),
+        };
+        servo.configure(params);
+        servo
+    }
+
+    /// Take over changed parameters. The last pulse stays, so that the next one still obeys the slew rate.
+    pub fn configure(&mut self, params: &Params) {
+        self.centre_us = params.srv_centre_us();
+        self.us_per_rad = params.srv_dir() * params.srv_us_per_deg() * (180.0 / PI);
+        self.min_us = params.srv_min_us().max(PULSE_MIN_US);
+        self.max_us = params.srv_max_us().min(PULSE_MAX_US);
+        self.slew_us_s = params.srv_slew_us_s();
+    }
+
+    /// The pulse for a crank angle, `dt_s` after the last one. An angle that is not a number counts as zero.
+    pub fn command(&mut self, crank_rad: f32, dt_s: f32) -> PulseUs {
+        let crank_rad = if crank_rad.is_nan() { 0.0 } else { crank_rad };
+        let wanted = (self.centre_us + self.us_per_rad * crank_rad).clamp(self.min_us, self.max_us);
+        let step = self.slew_us_s * dt_s;
+        self.last_us = if wanted > self.last_us + step {
+            self.last_us + step
+        } else if wanted < self.last_us - step {
+            self.last_us - step
+        } else {
+            wanted
+        };
+        self.pulse()
+    }
+
+    /// Zero rudder at once, without slew: the safe output.
+    pub fn neutral(&mut self) -> PulseUs {
+        self.last_us = self.centre_us;
+        self.pulse()
+    }
+
+    /// The pulse commanded last, rounded to the microsecond and inside the hard range whatever came before.
+    pub fn pulse(&self) -> PulseUs {
+        PulseUs((self.last_us.clamp(PULSE_MIN_US, PULSE_MAX_US) + 0.5) as u16)
+    }
+
+    /// The crank angle at which the command limit cuts in, the nearer of the two sides.
+    pub fn travel_rad(&self) -> f32 {
+        (self.max_us - self.centre_us).min(self.centre_us - self.min_us) / self.us_per_rad.abs()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn servo(changes: &[(&str, f32)]) -> Servo {
+        let mut params = Params::default();
+        for (name, value) in changes {
+            params.set(name, *value).unwrap();
+        }
+        Servo::new(&params)
+    }
+
+    #[test]
+    fn neutral_is_the_trimmed_centre() {
+        assert_eq!(servo(&[]).neutral(), PulseUs(1524));
+        assert_eq!(servo(&[("SRV_CENTRE_US", 1500.2)]).neutral(), PulseUs(1500));
+    }
+
+    #[test]
+    fn ten_degrees_are_a_hundred_microseconds_in_the_servos_direction() {
+        let angle = 10.0_f32.to_radians();
+        assert_eq!(servo(&[]).command(angle, 1.0), PulseUs(1624));
+        assert_eq!(servo(&[]).command(-angle, 1.0), PulseUs(1424));
+        assert_eq!(
+            servo(&[("SRV_DIR", -1.0)]).command(angle, 1.0),
+            PulseUs(1424)
+        );
+        assert_eq!(
+            servo(&[("SRV_US_PER_DEG", 8.0)]).command(angle, 1.0),
+            PulseUs(1604)
+        );
+    }
+
+    #[test]
+    fn the_pulse_moves_no_faster_than_the_slew_rate() {
+        let mut servo = servo(&[]);
+        assert_eq!(servo.command(1.0, 0.01), PulseUs(1624));
+        assert_eq!(servo.command(1.0, 0.01), PulseUs(1724));
+        assert_eq!(servo.command(-1.0, 0.02), PulseUs(1524));
+        assert_eq!(servo.command(1.0, 0.0), PulseUs(1524));
+    }
+
+    #[test]
+    fn neutral_does_not_wait_for_the_slew_rate() {
+        let mut servo = servo(&[]);
+        servo.command(1.0, 1.0);
+        assert_eq!(servo.neutral(), PulseUs(1524));
+    }
+
+    #[test]
+    fn travel_is_sixty_degrees_by_default() {
+        assert!((servo(&[]).travel_rad() - 60.0_f32.to_radians()).abs() < 1e-5);
+    }
+
+    proptest! {
+        #[test]
+        fn no_angle_and_no_parameter_leaves_the_limits(
+            angle in proptest::num::f32::ANY,
+            dt in 0.0_f32..10.0,
+            min in 853.0_f32..=1400.0,
+            max in 1640.0_f32..=2193.0,
+            centre in 1420.0_f32..=1620.0,
+            direction in prop_oneof![Just(-1.0_f32), Just(1.0)],
+        ) {
+            let mut servo = servo(&[
+                ("SRV_MIN_US", min), ("SRV_MAX_US", max), ("SRV_CENTRE_US", centre), ("SRV_DIR", direction),
+            ]);
+            let pulse = f32::from(servo.command(angle, dt).0);
+            prop_assert!(pulse >= min - 0.5 && pulse <= max + 0.5);
+        }
+    }
+}
