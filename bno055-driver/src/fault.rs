@@ -1,0 +1,170 @@
+//! What can be wrong with the sensor.
+
+use core::fmt;
+
+use crate::registers;
+use crate::status::SystemError;
+use crate::transfer::BusError;
+
+/// Why there is no good sample.
+///
+/// `Display` gives at most 40 characters, so that a fault with a prefix fits a MAVLink STATUSTEXT.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum SensorFault {
+    /// Not yet set up, and not yet late.
+    Booting,
+    /// Does not acknowledge: unplugged, booting, or lost after a reset.
+    Nak,
+    /// A transfer missed its deadline.
+    Timeout,
+    /// A bus line is held low.
+    Stuck,
+    /// Another master or noise on the bus.
+    Arbitration,
+    /// The bus misbehaved, or an answer had the wrong length.
+    Protocol,
+    /// CHIP_ID is not a BNO055's.
+    WrongChip {
+        /// What it read.
+        found: u8,
+    },
+    /// The chip answers, but one of its sensors does not identify itself (its register: 1 accelerometer,
+    /// 2 magnetometer, 3 gyroscope).
+    DeadSensor {
+        /// Register of the identification.
+        register: u8,
+        /// What it read.
+        found: u8,
+    },
+    /// The power-on self-test failed.
+    SelfTest {
+        /// ST_RESULT: bits 0 to 3, set for passed: accelerometer, magnetometer, gyroscope, controller.
+        result: u8,
+    },
+    /// The chip reports a system error.
+    System {
+        /// SYS_ERR.
+        error: SystemError,
+    },
+    /// A register does not hold what was written.
+    Configuration {
+        /// The register.
+        register: u8,
+        /// What it read.
+        found: u8,
+    },
+    /// The configured calibration profile has a value out of range; it is not written.
+    Profile {
+        /// Register of the value's low byte.
+        register: u8,
+    },
+    /// The external crystal does not start.
+    Clock,
+    /// Found in CONFIG mode or all zero: it has reset itself.
+    Reset,
+    /// Words of 0xFFFF: nobody drove the data line.
+    AllOnes,
+    /// The same data again and again, or a gyroscope without noise.
+    Frozen,
+    /// Beyond what the sensors can measure.
+    Implausible,
+    /// A jump that the next burst did not confirm.
+    Torn,
+    /// A tick went by without its burst.
+    Late,
+    /// Suspended by request.
+    Suspended,
+}
+
+impl SensorFault {
+    /// Stable number: the kind in the high byte, its detail (register, identification, result or error) in the low one.
+    #[must_use]
+    pub const fn code(&self) -> u16 {
+        let (kind, detail) = match *self {
+            Self::Booting => (1, 0),
+            Self::Nak => (2, 0),
+            Self::Timeout => (3, 0),
+            Self::Stuck => (4, 0),
+            Self::Arbitration => (5, 0),
+            Self::Protocol => (6, 0),
+            Self::WrongChip { found } => (7, found),
+            Self::DeadSensor { register, .. } => (8, register),
+            Self::SelfTest { result } => (9, result),
+            Self::System { error } => (10, error.code()),
+            Self::Configuration { register, .. } => (11, register),
+            Self::Clock => (12, 0),
+            Self::Reset => (13, 0),
+            Self::AllOnes => (14, 0),
+            Self::Frozen => (15, 0),
+            Self::Implausible => (16, 0),
+            Self::Torn => (17, 0),
+            Self::Late => (18, 0),
+            Self::Suspended => (19, 0),
+            Self::Profile { register } => (20, register),
+        };
+        (kind as u16) << 8 | detail as u16
+    }
+
+    /// Whether the bus, not the chip's data, is to blame.
+    #[must_use]
+    pub const fn is_bus(&self) -> bool {
+        matches!(
+            self,
+            Self::Nak | Self::Timeout | Self::Stuck | Self::Arbitration | Self::Protocol
+        )
+    }
+}
+
+impl From<BusError> for SensorFault {
+    fn from(error: BusError) -> Self {
+        match error {
+            BusError::Nak => Self::Nak,
+            BusError::Timeout => Self::Timeout,
+            BusError::Stuck => Self::Stuck,
+            BusError::Arbitration => Self::Arbitration,
+            BusError::Protocol => Self::Protocol,
+        }
+    }
+}
+
+impl fmt::Display for SensorFault {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match *self {
+            Self::Booting => f.write_str("IMU booting"),
+            Self::Nak => f.write_str("IMU does not answer"),
+            Self::Timeout => f.write_str("IMU transfer timed out"),
+            Self::Stuck => f.write_str("IMU bus line held low"),
+            Self::Arbitration => f.write_str("IMU bus arbitration lost"),
+            Self::Protocol => f.write_str("IMU bus protocol error"),
+            Self::WrongChip { found } => write!(f, "IMU is no BNO055: id 0x{found:02X}"),
+            Self::DeadSensor { register, found } => {
+                let sensor = match register {
+                    1 => "accelerometer",
+                    2 => "magnetometer",
+                    _ => "gyroscope",
+                };
+                write!(f, "IMU {sensor} dead: id 0x{found:02X}")
+            }
+            Self::SelfTest { result } => write!(f, "IMU self-test failed: 0x{result:02X}"),
+            Self::System { error } => write!(f, "IMU error: {error}"),
+            Self::Configuration {
+                register: registers::PAGE_ID,
+                found,
+            } => write!(f, "IMU on page {found}"),
+            Self::Configuration { register, found } => {
+                write!(f, "IMU register 0x{register:02X} reads 0x{found:02X}")
+            }
+            Self::Profile { register } => write!(f, "IMU profile out of range at 0x{register:02X}"),
+            Self::Clock => f.write_str("IMU crystal does not start"),
+            Self::Reset => f.write_str("IMU has reset itself"),
+            Self::AllOnes => f.write_str("IMU data all ones"),
+            Self::Frozen => f.write_str("IMU data frozen"),
+            Self::Implausible => f.write_str("IMU data out of range"),
+            Self::Torn => f.write_str("IMU data torn"),
+            Self::Late => f.write_str("IMU sample late"),
+            Self::Suspended => f.write_str("IMU suspended"),
+        }
+    }
+}
+
+impl core::error::Error for SensorFault {}

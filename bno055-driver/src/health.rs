@@ -1,0 +1,68 @@
+//! Counters: how the sensor and its cable are doing.
+
+use crate::fault::SensorFault;
+use crate::transfer::Micros;
+
+/// Everything countable since the driver was made; counters wrap.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Health {
+    /// Good samples.
+    pub good: u32,
+    /// Bursts whose data differ from the burst before: the rate at which the chip really refreshes.
+    pub fresh: u32,
+    /// Transfers without acknowledge.
+    pub nak: u32,
+    /// Transfers that missed their deadline.
+    pub timeout: u32,
+    /// Transfers with a bus line held low.
+    pub stuck: u32,
+    /// Arbitration losses, protocol errors and wrong lengths.
+    pub protocol: u32,
+    /// Samples with words of 0xFFFF.
+    pub all_ones: u32,
+    /// Samples that were all zero.
+    pub all_zero: u32,
+    /// Frozen chips.
+    pub frozen: u32,
+    /// Samples out of range.
+    pub implausible: u32,
+    /// Samples with an unconfirmed jump.
+    pub torn: u32,
+    /// Samples withheld because a register was in doubt.
+    pub withheld: u32,
+    /// Ticks without a burst.
+    pub late: u32,
+    /// Registers verified while sampling.
+    pub verified: u32,
+    /// Verifications that read something else than was written.
+    pub mismatched: u32,
+    /// Times the chip was found to have reset itself.
+    pub resets: u32,
+    /// Attempts to set the chip up that failed after it had answered.
+    pub failed_setups: u32,
+    /// Times the chip went into sampling.
+    pub starts: u32,
+    /// Time of the last good sample.
+    pub last_good: Option<Micros>,
+    /// How long the last set-up took, from its beginning to sampling, microseconds.
+    pub setup_us: u64,
+}
+
+impl Health {
+    pub(crate) fn count(&mut self, fault: SensorFault) {
+        let counter = match fault {
+            SensorFault::Nak => &mut self.nak,
+            SensorFault::Timeout => &mut self.timeout,
+            SensorFault::Stuck => &mut self.stuck,
+            SensorFault::Arbitration | SensorFault::Protocol => &mut self.protocol,
+            SensorFault::AllOnes => &mut self.all_ones,
+            SensorFault::Reset => &mut self.all_zero,
+            SensorFault::Frozen => &mut self.frozen,
+            SensorFault::Implausible => &mut self.implausible,
+            SensorFault::Torn => &mut self.torn,
+            SensorFault::Late => &mut self.late,
+            _ => &mut self.withheld,
+        };
+        *counter = counter.wrapping_add(1);
+    }
+}

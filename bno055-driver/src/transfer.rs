@@ -1,0 +1,145 @@
+//! What crosses the border between the driver and whoever owns the bus: time, transfers, outcomes.
+
+/// A moment, in microseconds since the owner's clock started; never wraps in practice.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct Micros(pub u64);
+
+impl Micros {
+    /// The moment `us` microseconds later.
+    #[must_use]
+    pub const fn after(self, us: u64) -> Self {
+        Self(self.0.saturating_add(us))
+    }
+
+    /// Microseconds from `earlier` to `self`; 0 if `earlier` is later.
+    #[must_use]
+    pub const fn since(self, earlier: Self) -> u64 {
+        self.0.saturating_sub(earlier.0)
+    }
+}
+
+/// How long the owner of the bus should let one transfer take before it reports [`BusError::Timeout`].
+///
+/// The longest transfer of the driver, 32 bytes at 100 kHz with 0.2 ms of clock stretching a byte,
+/// takes about 9 ms; the chip has been seen to stretch for longer, but not to come back usefully.
+pub const TRANSFER_DEADLINE_US: u64 = 15_000;
+
+/// Longest payload of a write: the calibration profile.
+pub const WRITE_MAX: usize = 22;
+
+/// Longest answer to a read: the fusion outputs.
+pub const READ_MAX: usize = 26;
+
+/// Bytes of a write, held inline.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Bytes {
+    bytes: [u8; WRITE_MAX],
+    len: u8,
+}
+
+impl Bytes {
+    /// The payload `bytes`.
+    #[must_use]
+    pub fn new<const N: usize>(bytes: [u8; N]) -> Self {
+        const { assert!(N <= WRITE_MAX) };
+        let mut inline = [0; WRITE_MAX];
+        for (to, from) in inline.iter_mut().zip(bytes) {
+            *to = from;
+        }
+        Self {
+            bytes: inline,
+            len: N as u8,
+        }
+    }
+
+    /// The payload.
+    #[must_use]
+    pub fn as_slice(&self) -> &[u8] {
+        self.bytes
+            .get(..usize::from(self.len))
+            .unwrap_or(&self.bytes)
+    }
+}
+
+impl core::ops::Deref for Bytes {
+    type Target = [u8];
+    fn deref(&self) -> &[u8] {
+        self.as_slice()
+    }
+}
+
+/// One I2C transaction with the chip.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Transfer {
+    /// Write the register's address, repeated start, read `len` bytes.
+    ///
+    /// A stop instead of the repeated start is not what the data sheet asks for (section 4.6).
+    Read {
+        /// First register.
+        register: u8,
+        /// Number of bytes, 1 to [`READ_MAX`].
+        len: u8,
+    },
+    /// Write the register's address and then the bytes.
+    Write {
+        /// First register.
+        register: u8,
+        /// What to write.
+        bytes: Bytes,
+    },
+}
+
+impl Transfer {
+    pub(crate) const fn read(register: u8, len: u8) -> Self {
+        Self::Read { register, len }
+    }
+
+    pub(crate) fn write<const N: usize>(register: u8, bytes: [u8; N]) -> Self {
+        Self::Write {
+            register,
+            bytes: Bytes::new(bytes),
+        }
+    }
+
+    /// How many bytes a successful outcome holds: 0 for a write.
+    #[must_use]
+    pub const fn answer_len(&self) -> usize {
+        match self {
+            Self::Read { len, .. } => *len as usize,
+            Self::Write { .. } => 0,
+        }
+    }
+}
+
+/// How a transfer failed, as a bus master sees it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum BusError {
+    /// Address or data byte not acknowledged.
+    Nak,
+    /// Not finished at the deadline (see [`TRANSFER_DEADLINE_US`]).
+    Timeout,
+    /// SDA or SCL held low, or the bus never idle.
+    Stuck,
+    /// Another master, or noise, won the bus.
+    Arbitration,
+    /// Misplaced start or stop, wrong length, or anything else that should not happen.
+    Protocol,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn time_saturates_at_both_ends() {
+        assert_eq!(Micros(5).since(Micros(7)), 0);
+        assert_eq!(Micros(7).since(Micros(5)), 2);
+        assert_eq!(Micros(u64::MAX - 1).after(5), Micros(u64::MAX));
+    }
+
+    #[test]
+    fn inline_bytes_keep_their_length() {
+        assert_eq!(Bytes::new([1, 2, 3]).as_slice(), [1, 2, 3]);
+        assert_eq!(Bytes::new([9; WRITE_MAX]).len(), WRITE_MAX);
+    }
+}
