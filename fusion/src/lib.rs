@@ -1,2 +1,32 @@
-//! Attitude filters.
+//! Attitude filters on unit quaternions.
 #![no_std]
+#![forbid(unsafe_code)]
+#![cfg_attr(
+    not(test),
+    deny(
+        clippy::unwrap_used,
+        clippy::expect_used,
+        clippy::panic,
+        clippy::indexing_slicing
+    )
+)]
+
+#[cfg(test)]
+extern crate std;
+
+mod config;
+mod estimator;
+mod field;
+mod mahony;
+mod quaternion;
+mod real;
+mod rest;
+
+pub use config::{Config, ConfigError};
+pub use estimator::{Attitude, Estimator, Filter, Flags, GRAVITY, Sample, View};
+pub use field::{FieldConfig, HeadingError};
+pub use mahony::{Mahony, MahonyGains};
+pub use nalgebra::Vector3;
+pub use quaternion::{Euler, HalfRows, Quaternion};
+pub use real::Real;
+pub use rest::RestConfig;

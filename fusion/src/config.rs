@@ -1,0 +1,94 @@
+//! What can be set, in SI units, and what is refused.
+
+use core::fmt;
+
+use crate::field::FieldConfig;
+use crate::rest::RestConfig;
+
+/// Configuration of an [`Estimator`](crate::Estimator): the filter's own gains, and what all filters share.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Config<G> {
+    /// The filter's gains.
+    pub gains: G,
+    /// Rest detection and gyroscope offset.
+    pub rest: RestConfig,
+    /// Magnetic field: gate and reference.
+    pub field: FieldConfig,
+    /// The accelerometer is passed over while its magnitude is further than this from standard gravity,
+    /// as a fraction of it; `f32::INFINITY` lets everything pass (but the zero vector).
+    pub acc_gate: f32,
+    /// A rate of this size, on any axis, has clipped (rad/s); beyond it rates are clamped.
+    pub gyro_range_rad_s: f32,
+    /// After clipping or a gap the corrections start at a time constant of this many seconds and slow down
+    /// as time goes on, until the filter's own is slower.
+    pub recovery_s: f32,
+    /// Two samples further apart than this are a gap: the motion between is unknown (s).
+    pub gap_s: f32,
+    /// After this time of averaging the attitude counts as initialised (s).
+    pub start_up_s: f32,
+    /// Magnetic declination, east positive (rad). With it, north is geographic.
+    pub declination_rad: f32,
+}
+
+impl<G: Default> Default for Config<G> {
+    fn default() -> Self {
+        Self::with_gains(G::default())
+    }
+}
+
+impl<G> Config<G> {
+    /// The shared defaults with the gains given.
+    pub fn with_gains(gains: G) -> Self {
+        Self {
+            gains,
+            rest: RestConfig::default(),
+            field: FieldConfig::default(),
+            acc_gate: 0.5,
+            gyro_range_rad_s: 34.5,
+            recovery_s: 1.0,
+            gap_s: 0.25,
+            start_up_s: 1.0,
+            declination_rad: 0.0,
+        }
+    }
+}
+
+/// A configuration that cannot work.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ConfigError {
+    /// The named parameter is not finite or outside its range.
+    OutOfRange(&'static str),
+}
+
+impl fmt::Display for ConfigError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::OutOfRange(name) => write!(f, "{name} is out of range"),
+        }
+    }
+}
+
+impl core::error::Error for ConfigError {}
+
+/// `value` is finite and above 0.
+pub(crate) fn positive(value: f32, name: &'static str) -> Result<(), ConfigError> {
+    if value > 0.0 && value.is_finite() {
+        Ok(())
+    } else {
+        Err(ConfigError::OutOfRange(name))
+    }
+}
+
+/// `value` is in `low..=high`.
+pub(crate) fn in_range(
+    value: f32,
+    low: f32,
+    high: f32,
+    name: &'static str,
+) -> Result<(), ConfigError> {
+    if (low..=high).contains(&value) {
+        Ok(())
+    } else {
+        Err(ConfigError::OutOfRange(name))
+    }
+}

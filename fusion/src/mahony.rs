@@ -1,0 +1,99 @@
+//! Mahony's explicit complementary filter.
+//!
+//! R. Mahony, T. Hamel, J.-M. Pflimlin, "Nonlinear complementary filters on the special orthogonal group",
+//! IEEE Trans. Automatic Control 53(5), 2008, equations 32 and 48: the rotation that would take the
+//! predicted vertical onto the measured one, `a x v`, is fed back in proportion; its integral is gyroscope
+//! offset. Against the paper, the magnetometer turns the estimate about the vertical only, with a gain of
+//! its own, and the accelerometer is scaled by standard gravity and not normalised: the acceleration of a
+//! motion has a mean of zero as a vector, but not as a direction.
+
+use nalgebra::Vector3;
+
+use crate::config::{ConfigError, in_range};
+use crate::estimator::{Filter, GRAVITY, View};
+use crate::quaternion::cross;
+use crate::real::Real;
+
+/// Gains of [`Mahony`].
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct MahonyGains {
+    /// Rate at which tilt follows the accelerometer, 1/s: 1 over the time constant.
+    pub acc_per_s: f32,
+    /// Rate at which heading follows the magnetometer, 1/s.
+    pub mag_per_s: f32,
+    /// Integral gain: offset learned from the tilt error, 1/s^2. 0 where offsets are learned at rest.
+    pub integral_per_s2: f32,
+}
+
+impl Default for MahonyGains {
+    fn default() -> Self {
+        Self {
+            acc_per_s: 0.2,
+            mag_per_s: 0.1,
+            integral_per_s2: 0.0,
+        }
+    }
+}
+
+impl MahonyGains {
+    /// The thesis' setting: its library's defaults, Kp 0.5 and Ki 0.
+    pub const fn thesis() -> Self {
+        Self {
+            acc_per_s: 0.5,
+            mag_per_s: 0.5,
+            integral_per_s2: 0.0,
+        }
+    }
+}
+
+/// Mahony's filter.
+#[derive(Clone, Debug)]
+pub struct Mahony<T = f32> {
+    /// Per m/s^2.
+    acc: T,
+    acc_per_gain: T,
+    mag: T,
+    integral: Option<T>,
+}
+
+impl<T: Real> Filter for Mahony<T> {
+    type Real = T;
+    type Gains = MahonyGains;
+
+    fn new(gains: &MahonyGains) -> Result<Self, ConfigError> {
+        in_range(gains.acc_per_s, 0.0, 100.0, "acc_per_s")?;
+        in_range(gains.mag_per_s, 0.0, 100.0, "mag_per_s")?;
+        in_range(gains.integral_per_s2, 0.0, 10.0, "integral_per_s2")?;
+        Ok(Self {
+            acc: T::from_f32(gains.acc_per_s / GRAVITY),
+            acc_per_gain: T::from_f32(1.0 / GRAVITY),
+            mag: T::from_f32(gains.mag_per_s),
+            integral: (gains.integral_per_s2 > 0.0)
+                .then(|| T::from_f32(2.0 * gains.integral_per_s2 / GRAVITY)),
+        })
+    }
+
+    #[inline(always)]
+    fn correction(&mut self, view: &View<T>, bias: &mut Vector3<T>) -> Vector3<T> {
+        let mut half_angle = Vector3::new(T::ZERO, T::ZERO, T::ZERO);
+        let down = &view.rows.down;
+        if let Some(acc) = view.acc {
+            let half_error = cross(down, &acc);
+            if let Some(integral) = self.integral {
+                let k = integral * view.dt;
+                bias.x = bias.x - half_error.x * k;
+                bias.y = bias.y - half_error.y * k;
+                bias.z = bias.z - half_error.z * k;
+            }
+            let k = view.gain(self.acc, self.acc_per_gain) * view.dt;
+            half_angle = Vector3::new(half_error.x * k, half_error.y * k, half_error.z * k);
+        }
+        if let Some(heading) = &view.heading {
+            let k = view.gain(self.mag, T::ONE) * heading.weight * view.mag_dt * heading.sin;
+            half_angle.x += down.x * k;
+            half_angle.y += down.y * k;
+            half_angle.z += down.z * k;
+        }
+        half_angle
+    }
+}

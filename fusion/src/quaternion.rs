@@ -1,0 +1,468 @@
+//! Unit quaternions and the rotation matrix they stand for.
+
+use crate::real::Real;
+use nalgebra::Vector3;
+
+/// An orientation: a unit quaternion, Hamilton's convention, body to earth: `v_earth = q v_body q*`.
+///
+/// Earth axes are north, east, down. A default quaternion is the identity: body x north, y east, z down.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Quaternion<T = f32> {
+    /// Scalar part, cosine of half the angle.
+    pub w: T,
+    /// Component along x.
+    pub x: T,
+    /// Component along y.
+    pub y: T,
+    /// Component along z.
+    pub z: T,
+}
+
+/// Roll, pitch and yaw in rad, of the sequence yaw (about z), pitch (about y), roll (about x).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Euler<T = f32> {
+    /// -pi..pi.
+    pub roll_rad: T,
+    /// -pi/2..pi/2. At +-pi/2 roll and yaw turn about the same axis and only their difference or sum is
+    /// defined; near it they are noisy although the quaternion is not.
+    pub pitch_rad: T,
+    /// -pi..pi, positive from north to east.
+    pub yaw_rad: T,
+}
+
+/// Half of the rotation matrix body to earth, row by row: each row is an earth axis seen from the body, at
+/// half its length (which spares the doublings).
+#[derive(Clone, Copy, Debug)]
+pub struct HalfRows<T> {
+    /// Half of the unit vector north, body frame.
+    pub north: Vector3<T>,
+    /// Half of the unit vector east, body frame.
+    pub east: Vector3<T>,
+    /// Half of the unit vector down, body frame.
+    pub down: Vector3<T>,
+}
+
+impl<T: Real> Quaternion<T> {
+    /// No rotation.
+    pub const IDENTITY: Self = Self {
+        w: T::ONE,
+        x: T::ZERO,
+        y: T::ZERO,
+        z: T::ZERO,
+    };
+
+    /// From components of any length; the identity when their sum is below 1e-30 or
+    /// above 1e30.
+    pub fn normalised(w: T, x: T, y: T, z: T) -> Self {
+        let scale = w.abs() + x.abs() + y.abs() + z.abs();
+        if !(T::from_f32(1e-30)..T::from_f32(1e30)).contains(&scale) {
+            return Self::IDENTITY;
+        }
+        // Scaled first, so that squares neither overflow nor vanish.
+        let k = scale.recip();
+        let (w, x, y, z) = (w * k, x * k, y * k, z * k);
+        let k = (w * w + x * x + y * y + z * z).sqrt().recip();
+        Self {
+            w: w * k,
+            x: x * k,
+            y: y * k,
+            z: z * k,
+        }
+    }
+
+    /// The rotation by the length of `angle` (rad) about its direction.
+    pub fn from_rotation_vector(angle: &Vector3<T>) -> Self {
+        let mut q = Self::IDENTITY;
+        q.advance(&Vector3::new(
+            angle.x * T::HALF,
+            angle.y * T::HALF,
+            angle.z * T::HALF,
+        ));
+        q
+    }
+
+    /// From roll, pitch and yaw.
+    pub fn from_euler(euler: &Euler<T>) -> Self {
+        let (sr, cr) = (euler.roll_rad * T::HALF).sin_cos();
+        let (sp, cp) = (euler.pitch_rad * T::HALF).sin_cos();
+        let (sy, cy) = (euler.yaw_rad * T::HALF).sin_cos();
+        Self {
+            w: cr * cp * cy + sr * sp * sy,
+            x: sr * cp * cy - cr * sp * sy,
+            y: cr * sp * cy + sr * cp * sy,
+            z: cr * cp * sy - sr * sp * cy,
+        }
+    }
+
+    /// The orientation at which the body sees up along `up_body` and the horizontal part of `north_body` to
+    /// the north. Without `north_body`, or with one along up, the heading is that of body x (of body y when
+    /// x is vertical). `None` when `up_body` is too short to have a direction.
+    pub fn from_up_and_north(
+        up_body: &Vector3<T>,
+        north_body: Option<&Vector3<T>>,
+    ) -> Option<Self> {
+        let up = unit(up_body)?;
+        let down = Vector3::new(-up.x, -up.y, -up.z);
+        let east = north_body
+            .and_then(|north| unit(&cross(&down, &unit(north)?)))
+            .or_else(|| unit(&cross(&down, &Vector3::new(T::ONE, T::ZERO, T::ZERO))))
+            .or_else(|| unit(&cross(&down, &Vector3::new(T::ZERO, T::ONE, T::ZERO))))?;
+        let north = cross(&east, &down);
+        Some(Self::from_rows(&north, &east, &down))
+    }
+
+    /// From the rows of the rotation matrix: the earth's axes in the body frame (Shepperd's method: the
+    /// largest component first, so that no root is taken of a small difference).
+    fn from_rows(n: &Vector3<T>, e: &Vector3<T>, d: &Vector3<T>) -> Self {
+        let trace = n.x + e.y + d.z;
+        let (w, x, y, z) = if trace >= n.x && trace >= e.y && trace >= d.z {
+            (T::ONE + trace, d.y - e.z, n.z - d.x, e.x - n.y)
+        } else if n.x >= e.y && n.x >= d.z {
+            (d.y - e.z, T::ONE + n.x - e.y - d.z, e.x + n.y, d.x + n.z)
+        } else if e.y >= d.z {
+            (n.z - d.x, e.x + n.y, T::ONE - n.x + e.y - d.z, d.y + e.z)
+        } else {
+            (e.x - n.y, d.x + n.z, d.y + e.z, T::ONE - n.x - e.y + d.z)
+        };
+        Self::normalised(w, x, y, z)
+    }
+
+    /// The inverse rotation, earth to body.
+    pub fn conj(&self) -> Self {
+        Self {
+            w: self.w,
+            x: -self.x,
+            y: -self.y,
+            z: -self.z,
+        }
+    }
+
+    /// The product `self * other`: first `other`, then `self`.
+    pub fn mul(&self, other: &Self) -> Self {
+        let (a, b) = (self, other);
+        Self {
+            w: a.w * b.w - a.x * b.x - a.y * b.y - a.z * b.z,
+            x: a.w * b.x + a.x * b.w + a.y * b.z - a.z * b.y,
+            y: a.w * b.y - a.x * b.z + a.y * b.w + a.z * b.x,
+            z: a.w * b.z + a.x * b.y - a.y * b.x + a.z * b.w,
+        }
+    }
+
+    /// A body vector in the earth frame.
+    pub fn rotate(&self, v: &Vector3<T>) -> Vector3<T> {
+        let rows = self.half_rows();
+        let twice = |a: T| a + a;
+        Vector3::new(
+            twice(dot(&rows.north, v)),
+            twice(dot(&rows.east, v)),
+            twice(dot(&rows.down, v)),
+        )
+    }
+
+    /// Up (against gravity) in the body frame, a unit vector.
+    pub fn up(&self) -> Vector3<T> {
+        let down = self.half_down();
+        Vector3::new(-(down.x + down.x), -(down.y + down.y), -(down.z + down.z))
+    }
+
+    /// Sine of the pitch, -1..1: cheap, smooth, and enough for a controller near upright.
+    pub fn sin_pitch(&self) -> T {
+        let half = self.w * self.y - self.x * self.z;
+        let sine = half + half;
+        if sine.within(T::ONE) {
+            sine
+        } else if sine < T::ZERO {
+            -T::ONE
+        } else {
+            T::ONE
+        }
+    }
+
+    /// Pitch in rad, -pi/2..pi/2, positive nose up.
+    pub fn pitch(&self) -> T {
+        self.sin_pitch().asin()
+    }
+
+    /// Roll, pitch and yaw. Never NaN for a finite quaternion.
+    pub fn euler(&self) -> Euler<T> {
+        let rows = self.half_rows();
+        Euler {
+            roll_rad: rows.down.y.atan2(rows.down.z),
+            pitch_rad: self.pitch(),
+            yaw_rad: rows.east.x.atan2(rows.north.x),
+        }
+    }
+
+    /// The angle, rad, of the rotation between two orientations, 0..pi.
+    pub fn angle_to(&self, other: &Self) -> T {
+        let d = self.conj().mul(other);
+        let half = (d.x * d.x + d.y * d.y + d.z * d.z).sqrt().atan2(d.w.abs());
+        half + half
+    }
+
+    /// Half the rotation matrix.
+    #[inline]
+    pub fn half_rows(&self) -> HalfRows<T> {
+        let Self { w, x, y, z } = *self;
+        let offset = w * w - T::HALF;
+        let (wx, wy, wz) = (w * x, w * y, w * z);
+        let (xy, xz, yz) = (x * y, x * z, y * z);
+        HalfRows {
+            north: Vector3::new(offset + x * x, xy - wz, xz + wy),
+            east: Vector3::new(xy + wz, offset + y * y, yz - wx),
+            down: Vector3::new(xz - wy, yz + wx, offset + z * z),
+        }
+    }
+
+    /// Half of the unit vector down, in the body frame: the last row of [`Quaternion::half_rows`].
+    #[inline]
+    pub fn half_down(&self) -> Vector3<T> {
+        let Self { w, x, y, z } = *self;
+        Vector3::new(x * z - w * y, w * x + y * z, w * w + z * z - T::HALF)
+    }
+
+    /// Turn by a rotation vector in the body frame, given at **half** its length (rad), and renormalise.
+    ///
+    /// The rotation of half angle `h` is `(cos |h|, h sin|h|/|h|)`. Both factors are series in `s = |h|^2`,
+    /// cut where f32 no longer sees the next term for `s <= 1/16`; longer vectors are halved into that
+    /// range and the result is squared back. Below `s = 1e-5` the first term is right to 3e-6 of the angle.
+    #[inline]
+    pub fn advance(&mut self, half_angle: &Vector3<T>) {
+        let h = *half_angle;
+        let s = h.x * h.x + h.y * h.y + h.z * h.z;
+        let Self { w, x, y, z } = *self;
+        let next = if s.within(T::from_f32(1e-5)) {
+            Self {
+                w: w - (x * h.x + y * h.y + z * h.z),
+                x: x + (w * h.x + y * h.z - z * h.y),
+                y: y + (w * h.y + z * h.x - x * h.z),
+                z: z + (w * h.z + x * h.y - y * h.x),
+            }
+        } else {
+            self.mul(&Self::from_half_angle(h, s))
+        };
+        // The norm is 1 to first order already: one Newton step of the inverse square root restores it.
+        let n = next.w * next.w + next.x * next.x + next.y * next.y + next.z * next.z;
+        let k = T::from_f32(1.5) - T::HALF * n;
+        *self = Self {
+            w: next.w * k,
+            x: next.x * k,
+            y: next.y * k,
+            z: next.z * k,
+        };
+    }
+
+    fn from_half_angle(mut h: Vector3<T>, mut s: T) -> Self {
+        let quarter = T::from_f32(0.25);
+        let mut halvings = 0;
+        // 2^10 turns are beyond any gyro and step; the bound makes the loop's end evident.
+        while !s.within(T::from_f32(1.0 / 16.0)) && halvings < 16 {
+            h = Vector3::new(h.x * T::HALF, h.y * T::HALF, h.z * T::HALF);
+            s = s * quarter;
+            halvings += 1;
+        }
+        let c =
+            T::ONE - s * (T::HALF - s * (T::from_f32(1.0 / 24.0) - s * T::from_f32(1.0 / 720.0)));
+        let k = T::ONE - s * (T::from_f32(1.0 / 6.0) - s * T::from_f32(1.0 / 120.0));
+        let mut turn = Self {
+            w: c,
+            x: h.x * k,
+            y: h.y * k,
+            z: h.z * k,
+        };
+        for _ in 0..halvings {
+            turn = turn.mul(&turn);
+        }
+        turn
+    }
+}
+
+impl<T: Real> Default for Quaternion<T> {
+    fn default() -> Self {
+        Self::IDENTITY
+    }
+}
+
+/// Scalar product, summed from x to z.
+#[inline(always)]
+pub(crate) fn dot<T: Real>(a: &Vector3<T>, b: &Vector3<T>) -> T {
+    a.x * b.x + a.y * b.y + a.z * b.z
+}
+
+/// Vector product.
+#[inline(always)]
+pub(crate) fn cross<T: Real>(a: &Vector3<T>, b: &Vector3<T>) -> Vector3<T> {
+    Vector3::new(
+        a.y * b.z - a.z * b.y,
+        a.z * b.x - a.x * b.z,
+        a.x * b.y - a.y * b.x,
+    )
+}
+
+/// Direction of a vector; `None` below a length of 1e-6 (of numbers around 1) or beyond 1e15.
+fn unit<T: Real>(v: &Vector3<T>) -> Option<Vector3<T>> {
+    let n = dot(v, v);
+    if !(T::from_f32(1e-12)..T::from_f32(1e30)).contains(&n) {
+        return None;
+    }
+    let k = n.sqrt().recip();
+    Some(Vector3::new(v.x * k, v.y * k, v.z * k))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use core::f32::consts::{FRAC_PI_2, PI};
+    use nalgebra::UnitQuaternion;
+    use proptest::prelude::*;
+
+    fn oracle(q: &Quaternion) -> UnitQuaternion<f64> {
+        UnitQuaternion::from_quaternion(nalgebra::Quaternion::new(
+            q.w.into(),
+            q.x.into(),
+            q.y.into(),
+            q.z.into(),
+        ))
+    }
+
+    fn vector() -> impl Strategy<Value = Vector3<f32>> {
+        (-1f32..1.0, -1f32..1.0, -1f32..1.0).prop_map(|(x, y, z)| Vector3::new(x, y, z))
+    }
+
+    fn orientation() -> impl Strategy<Value = Quaternion> {
+        (-1f32..1.0, -1f32..1.0, -1f32..1.0, 0.01f32..1.0)
+            .prop_map(|(w, x, y, z)| Quaternion::normalised(w, x, y, z))
+    }
+
+    #[test]
+    fn a_quarter_turn_about_down_takes_body_x_to_east() {
+        let q = Quaternion::from_euler(&Euler {
+            roll_rad: 0.0,
+            pitch_rad: 0.0,
+            yaw_rad: FRAC_PI_2,
+        });
+        let east = q.rotate(&Vector3::new(1.0, 0.0, 0.0));
+        assert!((east - Vector3::new(0.0, 1.0, 0.0)).norm() < 1e-6);
+    }
+
+    #[test]
+    fn nose_up_is_positive_pitch_and_tilts_up_towards_body_x() {
+        let q = Quaternion::from_euler(&Euler {
+            roll_rad: 0.0,
+            pitch_rad: 0.5,
+            yaw_rad: 1.0,
+        });
+        assert!((q.pitch() - 0.5).abs() < 1e-6);
+        assert!((q.up() - Vector3::new(0.5f32.sin(), 0.0, -0.5f32.cos())).norm() < 1e-6);
+    }
+
+    #[test]
+    fn straight_up_clamps_instead_of_giving_nan() {
+        let c = libm::sqrtf(0.5) * 1.000_001;
+        let q = Quaternion {
+            w: c,
+            x: 0.0,
+            y: c,
+            z: 0.0,
+        };
+        let euler = q.euler();
+        assert_eq!(euler.pitch_rad, FRAC_PI_2);
+        assert!(euler.roll_rad.is_finite() && euler.yaw_rad.is_finite());
+    }
+
+    #[test]
+    fn up_and_north_give_the_orientation_that_sees_them() {
+        let flat = Quaternion::from_up_and_north(&Vector3::new(0.0, 0.0, -9.81), None);
+        assert_eq!(flat, Some(Quaternion::IDENTITY));
+        // Body y points down, body x south.
+        let q = Quaternion::from_up_and_north(
+            &Vector3::new(0.0, -9.81, 0.0),
+            Some(&Vector3::new(-20.0, 45.0, 0.0)),
+        )
+        .expect("a direction");
+        assert!(
+            (q.rotate(&Vector3::new(0.0, 1.0, 0.0)) - Vector3::new(0.0, 0.0, 1.0)).norm() < 1e-6
+        );
+        assert!(
+            (q.rotate(&Vector3::new(1.0, 0.0, 0.0)) - Vector3::new(-1.0, 0.0, 0.0)).norm() < 1e-6
+        );
+        assert_eq!(
+            Quaternion::<f32>::from_up_and_north(&Vector3::zeros(), None),
+            None
+        );
+    }
+
+    #[test]
+    fn a_vertical_field_or_a_vertical_x_axis_still_gives_an_orientation() {
+        let down = Vector3::new(0.0f32, 0.0, 1.0);
+        assert!(Quaternion::from_up_and_north(&-down, Some(&down)).is_some());
+        assert!(Quaternion::from_up_and_north(&Vector3::new(1.0f32, 0.0, 0.0), None).is_some());
+    }
+
+    #[test]
+    fn nothing_and_infinity_normalise_to_the_identity() {
+        assert_eq!(
+            Quaternion::normalised(0.0f32, 0.0, 0.0, 0.0),
+            Quaternion::IDENTITY
+        );
+        assert_eq!(
+            Quaternion::normalised(f32::INFINITY, 0.0, 0.0, 1.0),
+            Quaternion::IDENTITY
+        );
+        assert_eq!(
+            Quaternion::normalised(f32::NAN, 0.0, 0.0, 1.0),
+            Quaternion::IDENTITY
+        );
+        assert_eq!(Quaternion::normalised(0.0f32, 1e-29, 0.0, 0.0).x, 1.0);
+    }
+
+    proptest! {
+        #[test]
+        fn product_rotation_and_euler_angles_agree_with_nalgebra(a in orientation(), b in orientation(), v in vector()) {
+            let product = a.mul(&b);
+            prop_assert!(oracle(&product).angle_to(&(oracle(&a) * oracle(&b))) < 1e-6);
+            let expected = oracle(&a) * v.cast::<f64>();
+            prop_assert!((a.rotate(&v).cast::<f64>() - expected).norm() < 1e-6);
+            let back = a.conj().rotate(&a.rotate(&v));
+            prop_assert!((back - v).norm() < 2e-6);
+            let (roll, pitch, yaw) = oracle(&a).euler_angles();
+            let euler = a.euler();
+            if pitch.abs() < 1.5 {
+                let tolerance = 1e-5 / pitch.cos();
+                prop_assert!((f64::from(euler.pitch_rad) - pitch).abs() < tolerance);
+                for (ours, theirs) in [(euler.roll_rad, roll), (euler.yaw_rad, yaw)] {
+                    let gap = (f64::from(ours) - theirs).rem_euclid(core::f64::consts::TAU);
+                    prop_assert!(gap.min(core::f64::consts::TAU - gap) < tolerance);
+                }
+            }
+            prop_assert!(Quaternion::from_euler(&euler).angle_to(&a) < 2e-3);
+        }
+
+        #[test]
+        fn advancing_by_a_rotation_vector_is_nalgebras_exponential(q in orientation(), v in vector(), scale in 0f32..12.0) {
+            let angle = v * scale;
+            let mut ours = q;
+            ours.advance(&(angle * 0.5));
+            let expected = oracle(&q) * UnitQuaternion::from_scaled_axis(angle.cast::<f64>());
+            prop_assert!(oracle(&ours).angle_to(&expected) < 2e-5);
+            let n = ours.w * ours.w + ours.x * ours.x + ours.y * ours.y + ours.z * ours.z;
+            prop_assert!((n - 1.0).abs() < 1e-6);
+        }
+
+        #[test]
+        fn up_and_north_recover_any_orientation(q in orientation(), dip in -1.4f32..1.4) {
+            let north = q.conj().rotate(&Vector3::new(dip.cos(), 0.0, dip.sin()));
+            let found = Quaternion::from_up_and_north(&(q.up() * 9.81), Some(&(north * 50.0))).expect("a direction");
+            prop_assert!(found.angle_to(&q) < 1e-5 / dip.cos());
+        }
+    }
+
+    #[test]
+    fn a_thousand_turns_keep_norm_and_angle() {
+        let mut q = Quaternion::<f32>::IDENTITY;
+        for _ in 0..1000 * 360 {
+            q.advance(&Vector3::new(0.0, 0.0, PI / 360.0));
+        }
+        assert!((q.w.abs() - 1.0).abs() < 1e-6 && q.z.abs() < 0.02, "{q:?}");
+    }
+}

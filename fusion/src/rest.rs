@@ -1,0 +1,261 @@
+//! Rest detection, and the gyroscope's zero-rate offset learned there.
+//!
+//! Gyroscope and accelerometer are averaged over short blocks. When the averages of consecutive blocks stay
+//! close to the first of them for long enough, the body is at rest, and what the gyroscope then shows is
+//! offset. Block averages cost six additions a sample and see through vibration, whose mean is zero.
+
+use crate::config::{ConfigError, positive};
+use crate::real::Real;
+use nalgebra::Vector3;
+
+/// When the body counts as at rest, and what is learned from it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RestConfig {
+    /// Largest deviation of the rotation rate, per axis, rad/s. 0 turns rest detection off.
+    pub rate_rad_s: f32,
+    /// Largest deviation of the acceleration, per axis, m/s^2.
+    pub acc_m_s2: f32,
+    /// Time of rest after which the offset is learned, s.
+    pub time_s: f32,
+    /// A mean rate beyond this, per axis, is a rotation and not an offset, rad/s.
+    pub max_bias_rad_s: f32,
+    /// Time constant, s of rest, with which the offset follows once it is known.
+    pub tau_s: f32,
+}
+
+impl Default for RestConfig {
+    fn default() -> Self {
+        Self {
+            rate_rad_s: 2.0 * DEG,
+            acc_m_s2: 0.5,
+            time_s: 1.5,
+            max_bias_rad_s: 4.0 * DEG,
+            tau_s: 5.0,
+        }
+    }
+}
+
+const DEG: f32 = core::f32::consts::PI / 180.0;
+
+/// Length of a block, s.
+const BLOCK_S: f32 = 0.25;
+
+#[derive(Clone, Debug)]
+pub(crate) struct Rest<T> {
+    rate_limit: T,
+    acc_limit: T,
+    max_bias: T,
+    block_s: T,
+    /// Blocks that make a rest.
+    needed: u32,
+    /// Blocks that the offset is averaged over.
+    memory: u32,
+    block: Block<T>,
+    reference: Option<(Vector3<T>, Vector3<T>)>,
+    /// Consecutive blocks at rest.
+    still: u32,
+    /// Mean rate over these.
+    mean: Vector3<T>,
+    /// Blocks that the offset stands on.
+    learned: u32,
+}
+
+#[derive(Clone, Debug)]
+struct Block<T> {
+    gyr: Vector3<T>,
+    acc: Vector3<T>,
+    count: T,
+    time_s: T,
+}
+
+impl<T: Real> Block<T> {
+    fn empty() -> Self {
+        let zero = Vector3::new(T::ZERO, T::ZERO, T::ZERO);
+        Self {
+            gyr: zero,
+            acc: zero,
+            count: T::ZERO,
+            time_s: T::ZERO,
+        }
+    }
+}
+
+impl<T: Real> Rest<T> {
+    pub(crate) fn new(config: &RestConfig) -> Result<Self, ConfigError> {
+        if !(config.rate_rad_s >= 0.0 && config.rate_rad_s.is_finite()) {
+            return Err(ConfigError::OutOfRange("rest.rate_rad_s"));
+        }
+        positive(config.acc_m_s2, "rest.acc_m_s2")?;
+        positive(config.time_s, "rest.time_s")?;
+        positive(config.max_bias_rad_s, "rest.max_bias_rad_s")?;
+        positive(config.tau_s, "rest.tau_s")?;
+        let blocks = |time_s: f32| ((time_s / BLOCK_S + 0.5) as u32).max(1);
+        Ok(Self {
+            rate_limit: T::from_f32(config.rate_rad_s),
+            acc_limit: T::from_f32(config.acc_m_s2),
+            max_bias: T::from_f32(config.max_bias_rad_s),
+            block_s: T::from_f32(BLOCK_S),
+            needed: blocks(config.time_s),
+            memory: blocks(config.tau_s),
+            block: Block::empty(),
+            reference: None,
+            still: 0,
+            mean: Vector3::new(T::ZERO, T::ZERO, T::ZERO),
+            learned: 0,
+        })
+    }
+
+    /// Whether the last blocks were at rest.
+    pub(crate) fn is_at_rest(&self) -> bool {
+        self.still >= self.needed
+    }
+
+    /// Forget the rest under way, not what was learned: samples are missing.
+    pub(crate) fn interrupt(&mut self) {
+        self.block = Block::empty();
+        self.reference = None;
+        self.still = 0;
+    }
+
+    /// One sample: rotation rate as measured (rad/s) and specific force (m/s^2). `bias` is corrected when
+    /// a block of rest is complete.
+    #[inline]
+    pub(crate) fn update(
+        &mut self,
+        dt: T,
+        gyr: &Vector3<T>,
+        acc: &Vector3<T>,
+        bias: &mut Vector3<T>,
+    ) {
+        let b = &mut self.block;
+        b.gyr = Vector3::new(b.gyr.x + gyr.x, b.gyr.y + gyr.y, b.gyr.z + gyr.z);
+        b.acc = Vector3::new(b.acc.x + acc.x, b.acc.y + acc.y, b.acc.z + acc.z);
+        b.count += T::ONE;
+        b.time_s += dt;
+        if !b.time_s.within(self.block_s) {
+            self.close_block(bias);
+        }
+    }
+
+    #[cold]
+    #[inline(never)]
+    fn close_block(&mut self, bias: &mut Vector3<T>) {
+        let block = core::mem::replace(&mut self.block, Block::empty());
+        let k = block.count.recip();
+        let gyr = Vector3::new(block.gyr.x * k, block.gyr.y * k, block.gyr.z * k);
+        let acc = Vector3::new(block.acc.x * k, block.acc.y * k, block.acc.z * k);
+        let still = self.reference.as_ref().is_some_and(|(gyr_ref, acc_ref)| {
+            near(&gyr, gyr_ref, self.rate_limit)
+                && near(&acc, acc_ref, self.acc_limit)
+                && gyr.iter().all(|rate| rate.within(self.max_bias))
+        });
+        if !still {
+            // This block may itself hold the end of a motion: it is what the next is compared with, and
+            // not part of the mean.
+            self.reference = Some((gyr, acc));
+            self.still = 0;
+            return;
+        }
+        self.still = self.still.saturating_add(1);
+        if self.still <= self.needed {
+            step_towards(&mut self.mean, &gyr, self.still);
+        }
+        if self.still == self.needed {
+            self.learned = self.learned.saturating_add(self.needed);
+            let share = self.learned.min(self.memory).max(self.needed) / self.needed;
+            let mean = self.mean;
+            step_towards(bias, &mean, share);
+        } else if self.still > self.needed {
+            self.learned = self.learned.saturating_add(1);
+            step_towards(bias, &gyr, self.learned.min(self.memory));
+        }
+    }
+}
+
+fn near<T: Real>(a: &Vector3<T>, b: &Vector3<T>, limit: T) -> bool {
+    (a.x - b.x).within(limit) && (a.y - b.y).within(limit) && (a.z - b.z).within(limit)
+}
+
+/// The running mean: `mean += (value - mean) / n`.
+fn step_towards<T: Real>(mean: &mut Vector3<T>, value: &Vector3<T>, n: u32) {
+    let k = T::from_f32(n as f32).recip();
+    mean.x = mean.x + (value.x - mean.x) * k;
+    mean.y = mean.y + (value.y - mean.y) * k;
+    mean.z = mean.z + (value.z - mean.z) * k;
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn run(
+        rest: &mut Rest<f32>,
+        bias: &mut Vector3<f32>,
+        seconds: f32,
+        gyr: impl Fn(f32) -> Vector3<f32>,
+    ) {
+        for k in 0..(seconds * 100.0) as u32 {
+            rest.update(
+                0.01,
+                &gyr(k as f32 * 0.01),
+                &Vector3::new(0.0, 0.0, -9.81),
+                bias,
+            );
+        }
+    }
+
+    #[test]
+    fn an_offset_is_learned_within_two_seconds_of_rest() {
+        let (mut rest, mut bias) = (
+            Rest::new(&RestConfig::default()).expect("valid"),
+            Vector3::zeros(),
+        );
+        run(&mut rest, &mut bias, 1.2, |_| {
+            Vector3::new(0.01, -0.02, 0.03)
+        });
+        assert!(!rest.is_at_rest() && bias == Vector3::zeros());
+        run(&mut rest, &mut bias, 0.8, |_| {
+            Vector3::new(0.01, -0.02, 0.03)
+        });
+        assert!(rest.is_at_rest());
+        assert!((bias - Vector3::new(0.01, -0.02, 0.03)).norm() < 1e-7);
+    }
+
+    #[test]
+    fn vibration_does_not_hide_rest() {
+        let (mut rest, mut bias) = (
+            Rest::new(&RestConfig::default()).expect("valid"),
+            Vector3::zeros(),
+        );
+        run(&mut rest, &mut bias, 3.0, |t| {
+            Vector3::new(0.01 + 0.5 * (t * 251.3).sin(), 0.0, 0.0)
+        });
+        assert!(rest.is_at_rest());
+        assert!((bias.x - 0.01).abs() < 5e-3, "{bias}");
+    }
+
+    #[test]
+    fn a_slow_turn_is_not_an_offset() {
+        let (mut rest, mut bias) = (
+            Rest::new(&RestConfig::default()).expect("valid"),
+            Vector3::zeros(),
+        );
+        run(&mut rest, &mut bias, 10.0, |_| Vector3::new(0.0, 0.0, 0.2));
+        assert!(!rest.is_at_rest());
+        assert_eq!(bias, Vector3::zeros());
+    }
+
+    #[test]
+    fn motion_ends_rest_and_the_offset_stays() {
+        let (mut rest, mut bias) = (
+            Rest::new(&RestConfig::default()).expect("valid"),
+            Vector3::zeros(),
+        );
+        run(&mut rest, &mut bias, 3.0, |_| Vector3::new(0.01, 0.0, 0.0));
+        run(&mut rest, &mut bias, 3.0, |t| {
+            Vector3::new((3.0 * t).sin(), 0.0, 0.0)
+        });
+        assert!(!rest.is_at_rest());
+        assert!((bias.x - 0.01).abs() < 1e-6);
+    }
+}
