@@ -1,1 +1,47 @@
-//! The physics.
+//! Physics of the tethered drone whose rudder stands in for a rocket's gimbal.
+//!
+//! Four rigid bodies move in a plane: the drone (body 0) turns about a fixed pivot; the servo's
+//! crank (1) drives the rudder (3) through a link (2), a planar four-bar linkage whose ground link
+//! is part of body 0. The propellers' wash over the rudder makes the pitch moment.
+//!
+//! ```text
+//!        y up                 D pivot, origin of the body frame
+//!        ^                    |
+//!        |                    |  0.195 m
+//!        +--> x right         |
+//!                     B ______|_________ A
+//!         rudder arm  |   link          \  crank
+//!                     C ..ground link... O servo axis
+//!                     |
+//!                     | fins, trailing in the wash
+//! ```
+//!
+//! Angles are in radians and grow counter-clockwise. `theta0` is the drone's pitch, 0 upright; the
+//! crank, link and rudder angles `theta1..3` are relative to body 0. Positive rudder gives a
+//! negative pitch moment, so that a controller feeds pitch back to the rudder with a positive sign.
+//! All quantities are SI and `f64`; everything is deterministic and `Clone`.
+//!
+//! | module | what |
+//! |---|---|
+//! | [`parameters`] | masses, lengths, loads; presets and checks |
+//! | [`linkage`] | the four-bar linkage: positions, ratios, inverse |
+//! | [`mechanism`] | inertia and loads as functions of the crank angle |
+//! | [`drone`] | the drone with a prescribed crank: what the virtual rig flies |
+//! | [`servo`] | a position servo from pulse edges to crank angle |
+//! | [`pitch_loop`] | servo, delays and a PD law round the drone |
+//! | [`response`] | overshoot, rise and settling of a recorded response |
+
+pub mod drone;
+pub mod linkage;
+pub mod mechanism;
+pub mod parameters;
+pub mod pitch_loop;
+pub mod response;
+pub mod servo;
+
+pub use drone::{Crank, Drone};
+pub use linkage::Linkage;
+pub use mechanism::Mechanism;
+pub use parameters::{ParameterError, Parameters};
+pub use response::StepResponse;
+pub use servo::{Servo, ServoModel};

@@ -1,0 +1,335 @@
+//! The four-bar linkage from the servo's crank to the rudder.
+//!
+//! With `u1 = R(theta1)(0, 1)`, `u2 = R(theta2)(-1, 0)`, `u3 = R(theta3)(0, 1)` and the servo axis
+//! a distance `Lg` to the right of the rudder axis, the loop closes when
+//!
+//! ```text
+//! Phi = [ Lg - L1 sin th1 - L2 cos th2 + L3 sin th3 ]
+//!       [      L1 cos th1 - L2 sin th2 - L3 cos th3 ] = 0
+//! ```
+//!
+//! With the drone's lengths the crank is the shortest bar and `L1 + L2 < L3 + Lg`: a crank-rocker
+//! (Grashof), whose crank turns fully and whose rudder swings between two dead points.
+
+use crate::parameters::Parameters;
+
+/// Iterations after which Newton-Raphson is taken to have failed; from a neighbouring solution it
+/// needs four to six.
+const NEWTON_ITERATIONS: usize = 30;
+
+/// The linkage's four lengths.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Linkage {
+    crank_m: f64,
+    link_m: f64,
+    arm_m: f64,
+    ground_m: f64,
+}
+
+/// The linkage at one crank angle.
+///
+/// Velocities follow from the ratios, `v3 = rudder_ratio * v1`; accelerations from ratios and
+/// curvatures, `a3 = rudder_ratio * a1 + rudder_curvature * v1^2`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct LinkageState {
+    /// Crank angle `theta1`, in rad.
+    pub crank_rad: f64,
+    /// Link angle `theta2`, in rad.
+    pub link_rad: f64,
+    /// Rudder angle `theta3`, in rad.
+    pub rudder_rad: f64,
+    /// `G2 = d theta2 / d theta1`.
+    pub link_ratio: f64,
+    /// `G3 = d theta3 / d theta1`.
+    pub rudder_ratio: f64,
+    /// `H2 = d2 theta2 / d theta1^2`, in 1/rad.
+    pub link_curvature: f64,
+    /// `H3 = d2 theta3 / d theta1^2`, in 1/rad.
+    pub rudder_curvature: f64,
+}
+
+/// Link and rudder angles found by Newton-Raphson.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Root {
+    /// Link angle `theta2`, in rad.
+    pub link_rad: f64,
+    /// Rudder angle `theta3`, in rad.
+    pub rudder_rad: f64,
+    /// Steps taken.
+    pub iterations: usize,
+}
+
+impl Linkage {
+    /// The linkage of these parameters, which are taken as they come: see
+    /// [`Parameters::validate`].
+    pub fn new(parameters: &Parameters) -> Self {
+        Self {
+            crank_m: parameters.crank_length_m,
+            link_m: parameters.link_length_m,
+            arm_m: parameters.arm_length_m,
+            ground_m: parameters.ground_length_m,
+        }
+    }
+
+    /// Whether link and arm can meet at this crank angle (rad).
+    pub fn closes_at(&self, crank_rad: f64) -> bool {
+        let (sin, cos) = crank_rad.sin_cos();
+        let span = (self.ground_m - self.crank_m * sin).hypot(self.crank_m * cos);
+        span < self.link_m + self.arm_m && span > (self.link_m - self.arm_m).abs()
+    }
+
+    /// Link and rudder angles at a crank angle (rad), in closed form, as `(theta2, theta3)`.
+    ///
+    /// The triangle C, A, B has known sides; the law of cosines gives the arm's direction. Not a
+    /// number where the linkage does not close.
+    pub fn angles(&self, crank_rad: f64) -> (f64, f64) {
+        let (sin, cos) = crank_rad.sin_cos();
+        let (x, y) = (self.ground_m - self.crank_m * sin, self.crank_m * cos);
+        let span_squared = x * x + y * y;
+        let opening = (self.arm_m * self.arm_m + span_squared - self.link_m * self.link_m)
+            / (2.0 * self.arm_m * span_squared.sqrt());
+        let direction = y.atan2(x) + opening.acos();
+        let (sin, cos) = direction.sin_cos();
+        let link = (y - self.arm_m * sin).atan2(x - self.arm_m * cos);
+        (link, direction - std::f64::consts::FRAC_PI_2)
+    }
+
+    /// Angles, ratios and curvatures at a crank angle (rad).
+    pub fn at(&self, crank_rad: f64) -> LinkageState {
+        let (link_rad, rudder_rad) = self.angles(crank_rad);
+        let (link_ratio, rudder_ratio) = self.ratios(crank_rad, link_rad, rudder_rad);
+        let (link_curvature, rudder_curvature) = self.accelerations(
+            [crank_rad, link_rad, rudder_rad],
+            [1.0, link_ratio, rudder_ratio],
+            0.0,
+        );
+        LinkageState {
+            crank_rad,
+            link_rad,
+            rudder_rad,
+            link_ratio,
+            rudder_ratio,
+            link_curvature,
+            rudder_curvature,
+        }
+    }
+
+    /// Accelerations of link and rudder in rad/s2 that keep the loop closed, from the angles and
+    /// rates of crank, link and rudder and the crank's acceleration.
+    pub fn accelerations(&self, angles: [f64; 3], rates: [f64; 3], crank_acc: f64) -> (f64, f64) {
+        let [gx, gy] = self.centripetal(angles, rates);
+        let (s1, c1) = angles[0].sin_cos();
+        let bx = gx + self.crank_m * c1 * crank_acc;
+        let by = gy + self.crank_m * s1 * crank_acc;
+        self.solve_slaves(angles[1], angles[2], [bx, by])
+    }
+
+    /// The right-hand side `gamma` of `Phi_1 th1'' + Phi_23 [th2'', th3''] = gamma`, in m/s2:
+    /// what the squared rates (rad/s) of crank, link and rudder demand of the accelerations.
+    pub fn centripetal(&self, angles: [f64; 3], rates: [f64; 3]) -> [f64; 2] {
+        let [(s1, c1), (s2, c2), (s3, c3)] = angles.map(f64::sin_cos);
+        let [v1, v2, v3] = rates.map(|v| v * v);
+        let (l1, l2, l3) = (self.crank_m, self.link_m, self.arm_m);
+        [
+            -l1 * s1 * v1 - l2 * c2 * v2 + l3 * s3 * v3,
+            l1 * c1 * v1 - l2 * s2 * v2 - l3 * c3 * v3,
+        ]
+    }
+
+    /// How far the loop is from closing, `Phi`, in m, for the angles of crank, link and rudder.
+    pub fn residual(&self, angles: [f64; 3]) -> [f64; 2] {
+        let [(s1, c1), (s2, c2), (s3, c3)] = angles.map(f64::sin_cos);
+        [
+            self.ground_m - self.crank_m * s1 - self.link_m * c2 + self.arm_m * s3,
+            self.crank_m * c1 - self.link_m * s2 - self.arm_m * c3,
+        ]
+    }
+
+    /// Link and rudder angles by Newton-Raphson from a start `(theta2, theta3)`, as the thesis
+    /// solves the loop. `None` where it does not converge.
+    pub fn newton_raphson(&self, crank_rad: f64, start: (f64, f64)) -> Option<Root> {
+        let (mut link, mut rudder) = start;
+        for iterations in 1..=NEWTON_ITERATIONS {
+            let residual = self.residual([crank_rad, link, rudder]);
+            let (dlink, drudder) = self.solve_slaves(link, rudder, residual);
+            link -= dlink;
+            rudder -= drudder;
+            if dlink.abs().max(drudder.abs()) < 1e-14 {
+                return Some(Root {
+                    link_rad: link,
+                    rudder_rad: rudder,
+                    iterations,
+                });
+            }
+        }
+        None
+    }
+
+    /// The crank angle for a rudder angle (rad), on the branch where both turn the same way.
+    /// `None` beyond the dead points.
+    pub fn crank_for_rudder(&self, rudder_rad: f64) -> Option<f64> {
+        let (sin, cos) = rudder_rad.sin_cos();
+        // B as seen from the servo axis, x mirrored; the crank's end must lie link_m from it.
+        let (x, y) = (self.ground_m + self.arm_m * sin, self.arm_m * cos);
+        let reach = x.hypot(y);
+        let sine = (self.crank_m * self.crank_m + reach * reach - self.link_m * self.link_m)
+            / (2.0 * self.crank_m * reach);
+        (sine.abs() <= 1.0).then(|| sine.asin() - y.atan2(x))
+    }
+
+    /// The crank angle `th1z` at which the rudder is at zero, in rad; not a number for a linkage
+    /// that [`Parameters::validate`] refuses.
+    pub fn zero_rudder_crank_rad(&self) -> f64 {
+        self.crank_for_rudder(0.0).unwrap_or(f64::NAN)
+    }
+
+    /// The dead points of the rudder as `((crank, rudder), (crank, rudder))`, lowest rudder angle
+    /// first, in rad: there crank and link lie in line and the rudder turns back.
+    ///
+    /// `None` when the crank cannot turn fully (the linkage is no crank-rocker).
+    pub fn dead_points(&self) -> Option<((f64, f64), (f64, f64))> {
+        let at_reach = |reach: f64| {
+            let (l3, lg) = (self.arm_m, self.ground_m);
+            let sine = (reach * reach - lg * lg - l3 * l3) / (2.0 * lg * l3);
+            (sine.abs() <= 1.0).then(|| sine.asin())
+        };
+        let low = at_reach(self.link_m - self.crank_m)?;
+        let high = at_reach(self.link_m + self.crank_m)?;
+        // At a dead point the arcsine of the inverse stands at -90 or +90 deg.
+        let quarter = std::f64::consts::FRAC_PI_2;
+        let arm = |rudder: f64| {
+            (self.arm_m * rudder.cos()).atan2(self.ground_m + self.arm_m * rudder.sin())
+        };
+        Some(((-quarter - arm(low), low), (quarter - arm(high), high)))
+    }
+
+    /// Lengths of crank, link, arm and ground link, in m.
+    pub fn lengths_m(&self) -> [f64; 4] {
+        [self.crank_m, self.link_m, self.arm_m, self.ground_m]
+    }
+
+    /// `(G2, G3)` by the closed form of Cramer's rule.
+    fn ratios(&self, crank: f64, link: f64, rudder: f64) -> (f64, f64) {
+        let denominator = (link - rudder).cos();
+        (
+            self.crank_m / self.link_m * (rudder - crank).sin() / denominator,
+            self.crank_m / self.arm_m * (crank - link).cos() / denominator,
+        )
+    }
+
+    /// Solves `Phi_23 x = b` for the link's and the rudder's share.
+    fn solve_slaves(&self, link: f64, rudder: f64, b: [f64; 2]) -> (f64, f64) {
+        let ((s2, c2), (s3, c3)) = (link.sin_cos(), rudder.sin_cos());
+        let (l2, l3) = (self.link_m, self.arm_m);
+        let det = l2 * l3 * (link - rudder).cos();
+        (
+            (l3 * s3 * b[0] - l3 * c3 * b[1]) / det,
+            (l2 * c2 * b[0] + l2 * s2 * b[1]) / det,
+        )
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    fn linkage() -> Linkage {
+        Linkage::new(&Parameters::PHYS)
+    }
+
+    /// Reference: crank, link and rudder angle in deg and G3.
+    #[test]
+    fn angles_and_ratio_match_the_table() {
+        for (crank, link, rudder, ratio) in [
+            (-65.0, -15.96, -32.25, 0.379),
+            (-60.0, -15.29, -30.28, 0.409),
+            (-45.0, -13.63, -23.57, 0.482),
+            (-30.0, -12.48, -15.95, 0.531),
+            (0.0, -11.54, 0.61, 0.557),
+            (30.0, -12.44, 16.33, 0.468),
+            (45.0, -13.81, 22.59, 0.358),
+            (60.0, -16.08, 26.73, 0.182),
+            (65.0, -17.08, 27.46, 0.107),
+        ] {
+            let state = linkage().at(f64::to_radians(crank));
+            assert!((state.link_rad.to_degrees() - link).abs() < 0.0051);
+            assert!((state.rudder_rad.to_degrees() - rudder).abs() < 0.0051);
+            assert!((state.rudder_ratio - ratio).abs() < 0.0006);
+        }
+    }
+
+    #[test]
+    fn zero_rudder_and_dead_points() {
+        let zero = linkage().zero_rudder_crank_rad();
+        assert!((zero + 0.0191473).abs() < 5e-8, "{zero}");
+        assert!(linkage().angles(zero).1.abs() < 1e-15);
+        let ((crank, rudder), (crank2, rudder2)) = linkage().dead_points().unwrap();
+        assert!((crank.to_degrees() + 116.34).abs() < 0.005);
+        assert!((rudder.to_degrees() + 42.30).abs() < 0.005);
+        assert!((crank2.to_degrees() - 71.43).abs() < 0.005);
+        assert!((rudder2.to_degrees() - 27.81).abs() < 0.005);
+        assert!(linkage().at(crank2).rudder_ratio.abs() < 1e-9);
+        assert_eq!(linkage().crank_for_rudder(rudder2 + 1e-6), None);
+    }
+
+    /// The reference polynomial fits the rudder angle to 2.4e-4 rad over the servo's travel.
+    #[test]
+    fn polynomial_fit_holds() {
+        let coefficients = [
+            0.01060403,
+            0.55690931,
+            -0.02232675,
+            -0.06715217,
+            -0.01420137,
+            -0.00681357,
+        ];
+        let mut worst = 0.0_f64;
+        for i in -65..=65 {
+            let x = f64::to_radians(f64::from(i));
+            let fit = coefficients.iter().rev().fold(0.0, |sum, c| sum * x + c);
+            worst = worst.max((fit - linkage().angles(x).1).abs());
+        }
+        assert!((2.0e-4..2.5e-4).contains(&worst), "{worst}");
+    }
+
+    #[test]
+    fn newton_raphson_agrees_with_the_closed_form() {
+        let mut start = (-0.2014, 0.0106);
+        for i in 0..=160 {
+            let crank = 0.8 * f64::from(i) / 160.0;
+            let root = linkage().newton_raphson(crank, start).unwrap();
+            let (link, rudder) = linkage().angles(crank);
+            assert!((root.link_rad - link).abs() < 2e-15);
+            assert!((root.rudder_rad - rudder).abs() < 2e-15);
+            assert!(root.iterations <= 6);
+            start = (root.link_rad, root.rudder_rad);
+        }
+    }
+
+    proptest! {
+        /// The crank turns fully: the loop closes everywhere, and the ratios and curvatures are
+        /// the derivatives that they claim to be.
+        #[test]
+        fn derivatives_match_differences(crank in -3.2..3.2_f64) {
+            let linkage = linkage();
+            let state = linkage.at(crank);
+            let residual = linkage.residual([crank, state.link_rad, state.rudder_rad]);
+            prop_assert!(residual[0].abs().max(residual[1].abs()) < 1e-15);
+            let h = 1e-5;
+            let (before, after) = (linkage.at(crank - h), linkage.at(crank + h));
+            let slope = |f: fn(&LinkageState) -> f64| (f(&after) - f(&before)) / (2.0 * h);
+            prop_assert!((slope(|s| s.link_rad) - state.link_ratio).abs() < 1e-8);
+            prop_assert!((slope(|s| s.rudder_rad) - state.rudder_ratio).abs() < 1e-8);
+            prop_assert!((slope(|s| s.link_ratio) - state.link_curvature).abs() < 1e-8);
+            prop_assert!((slope(|s| s.rudder_ratio) - state.rudder_curvature).abs() < 1e-8);
+        }
+
+        #[test]
+        fn the_inverse_is_one(crank in -1.1..1.1_f64) {
+            let linkage = linkage();
+            let back = linkage.crank_for_rudder(linkage.angles(crank).1).unwrap();
+            prop_assert!((back - crank).abs() < 1e-13);
+        }
+    }
+}

@@ -1,0 +1,266 @@
+//! The pitch loop on the host: drone, servo, sensor delay, servo frame and a control law.
+//!
+//! ```text
+//! drone -> delay -> law (every control period) -> pulse (every frame) -> servo -> drone
+//! ```
+//!
+//! The law is a closure over what the sensor delivers, so that gains, schedules, observers and
+//! the firmware's own controller all fly in the same loop. [`Pd`] is the reference law.
+
+use crate::drone::{Crank, Drone};
+use crate::linkage::Linkage;
+use crate::parameters::{ParameterError, Parameters};
+use crate::response::{ResponseError, StepResponse};
+use crate::servo::{Servo, ServoModel};
+
+/// When things happen in the loop, and what the sensor adds.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Timing {
+    /// Step of the simulation, in s; the servo divides it further by itself.
+    pub step_s: f64,
+    /// Period of the control law, in s: a whole number of steps.
+    pub control_s: f64,
+    /// Period of the servo frame, in s.
+    pub frame_s: f64,
+    /// Time of the first pulse's rising edge, in s.
+    pub phase_s: f64,
+    /// Age of a measurement when the law gets it, in s.
+    pub delay_s: f64,
+}
+
+impl Timing {
+    /// Analogue servo: 50 Hz frame, law at 500 Hz, sensor delay 5 ms.
+    pub const ANALOGUE: Self = Self {
+        step_s: 0.5e-3,
+        control_s: 2e-3,
+        frame_s: 20e-3,
+        phase_s: 0.0,
+        delay_s: 5e-3,
+    };
+
+    /// Digital servo: frames of 3 ms, else the same.
+    pub const DIGITAL: Self = Self {
+        frame_s: 3e-3,
+        ..Self::ANALOGUE
+    };
+
+    /// The same timing with another frame phase (s).
+    pub fn with_phase(self, phase_s: f64) -> Self {
+        Self { phase_s, ..self }
+    }
+}
+
+/// What the sensor delivers to the law.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Measurement {
+    /// Time at which the law runs, in s.
+    pub time_s: f64,
+    /// Pitch, in rad.
+    pub pitch_rad: f64,
+    /// Pitch rate, in rad/s.
+    pub rate_rad_s: f64,
+}
+
+/// The reference law: `u = kp pitch + kd filtered rate` in servo radians, sent through the
+/// inverse linkage so that the rudder is linear in `u`.
+#[derive(Clone, Debug)]
+pub struct Pd {
+    /// Gain on pitch, servo rad/rad.
+    pub kp: f64,
+    /// Gain on filtered rate, servo rad s/rad.
+    pub kd: f64,
+    linkage: Linkage,
+    zero_rad: f64,
+    keep: f64,
+    rate: Option<f64>,
+}
+
+/// Corner of the reference law's first-order filter on the rate, in Hz.
+pub const RATE_FILTER_HZ: f64 = 40.0;
+/// Rudder radians for each servo radian near zero rudder: the linkage's ratio there.
+pub const RUDDER_PER_SERVO: f64 = 0.5568;
+/// Largest crank command either side, in rad: beyond 60 deg the linkage has lost its gain.
+pub const COMMAND_LIMIT_RAD: f64 = std::f64::consts::FRAC_PI_3;
+
+impl Pd {
+    /// The law for a drone's linkage, run every `control_s` seconds.
+    pub fn new(kp: f64, kd: f64, linkage: &Linkage, control_s: f64) -> Self {
+        Self {
+            kp,
+            kd,
+            linkage: *linkage,
+            zero_rad: linkage.zero_rudder_crank_rad(),
+            keep: (-std::f64::consts::TAU * RATE_FILTER_HZ * control_s).exp(),
+            rate: None,
+        }
+    }
+
+    /// Takes a measurement and gives the crank command, in rad.
+    pub fn update(&mut self, measurement: Measurement) -> f64 {
+        let new = measurement.rate_rad_s;
+        let rate = self.rate.map_or(new, |old| new + self.keep * (old - new));
+        self.rate = Some(rate);
+        crank_command(
+            &self.linkage,
+            self.zero_rad,
+            self.kp * measurement.pitch_rad + self.kd * rate,
+        )
+    }
+}
+
+/// Crank command for a control effort `servo_rad` (servo radians from zero rudder), through the
+/// inverse linkage and within the command limit.
+fn crank_command(linkage: &Linkage, zero_rad: f64, servo_rad: f64) -> f64 {
+    linkage
+        .crank_for_rudder(RUDDER_PER_SERVO * servo_rad)
+        // Beyond the dead point the rudder can do no more: the limit, on the side asked for.
+        .unwrap_or(zero_rad + servo_rad.signum() * std::f64::consts::PI)
+        .clamp(-COMMAND_LIMIT_RAD, COMMAND_LIMIT_RAD)
+}
+
+/// One sample of a run.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Sample {
+    /// Time, in s.
+    pub time_s: f64,
+    /// True pitch, in rad.
+    pub pitch_rad: f64,
+    /// True pitch rate, in rad/s.
+    pub rate_rad_s: f64,
+    /// The crank.
+    pub crank: Crank,
+    /// Rudder angle, in rad.
+    pub rudder_rad: f64,
+    /// The law's last crank command, in rad.
+    pub command_rad: f64,
+    /// The servo's target, in rad.
+    pub target_rad: f64,
+    /// Load on the crank, in N m.
+    pub hinge_torque_n_m: f64,
+}
+
+/// Drone and servo in a loop that a law closes.
+#[derive(Clone, Debug)]
+pub struct PitchLoop {
+    drone: Drone,
+    servo: Servo,
+    timing: Timing,
+    steps: u64,
+    control_steps: u64,
+    frames: u64,
+    history: Vec<[f64; 2]>,
+    command_rad: f64,
+}
+
+impl PitchLoop {
+    /// A loop released at a pitch (rad) and pitch rate (rad/s), rudder at zero.
+    ///
+    /// # Errors
+    /// As [`Parameters::validate`].
+    pub fn new(
+        parameters: &Parameters,
+        model: ServoModel,
+        timing: Timing,
+        pitch_rad: f64,
+        rate_rad_s: f64,
+    ) -> Result<Self, ParameterError> {
+        let drone = Drone::new(parameters, pitch_rad, rate_rad_s)?;
+        let zero_rad = drone.crank().angle_rad;
+        // One state a step, back to the oldest that the delay reaches.
+        let depth = (timing.delay_s / timing.step_s).ceil() as usize + 1;
+        Ok(Self {
+            drone,
+            servo: Servo::new(model, zero_rad, 0.0),
+            timing,
+            steps: 0,
+            control_steps: (timing.control_s / timing.step_s).round().max(1.0) as u64,
+            frames: 0,
+            history: vec![[pitch_rad, rate_rad_s]; depth],
+            command_rad: zero_rad,
+        })
+    }
+
+    /// The law runs if its period has come, pulses of this step go out, servo and drone move on.
+    pub fn step(&mut self, mut law: impl FnMut(Measurement) -> f64) -> Sample {
+        let step_s = self.timing.step_s;
+        let now = self.steps as f64 * step_s;
+        if self.steps.is_multiple_of(self.control_steps) {
+            self.command_rad = law(self.measure(now));
+        }
+        let end = (self.steps + 1) as f64 * step_s;
+        loop {
+            let edge = self.timing.phase_s + self.frames as f64 * self.timing.frame_s;
+            // Half a nanosecond: an edge on a step's boundary belongs to the step that it opens.
+            if edge >= end - 0.5e-9 {
+                break;
+            }
+            let width_us = self.servo.model().width_for_crank(self.command_rad);
+            self.servo.pulse(edge, width_us);
+            self.frames += 1;
+        }
+        let load = self.drone.hinge_torque_n_m();
+        let crank = self.servo.advance(end, load);
+        self.drone.step(step_s, crank);
+        self.steps += 1;
+        let slot = self.steps as usize % self.history.len();
+        self.history[slot] = [self.drone.pitch_rad(), self.drone.rate_rad_s()];
+        self.sample()
+    }
+
+    /// Runs for `seconds` and keeps the true pitch after every step, the start included.
+    ///
+    /// # Errors
+    /// A start on the target gives no response.
+    pub fn respond(
+        &mut self,
+        seconds: f64,
+        mut law: impl FnMut(Measurement) -> f64,
+    ) -> Result<StepResponse, ResponseError> {
+        let steps = (seconds / self.timing.step_s).round() as u64;
+        let first = (self.sample().time_s, self.drone.pitch_rad());
+        let rest = (0..steps).map(|_| {
+            let sample = self.step(&mut law);
+            (sample.time_s, sample.pitch_rad)
+        });
+        StepResponse::new(std::iter::once(first).chain(rest), 0.0)
+    }
+
+    /// Where everything stands.
+    pub fn sample(&self) -> Sample {
+        Sample {
+            time_s: self.steps as f64 * self.timing.step_s,
+            pitch_rad: self.drone.pitch_rad(),
+            rate_rad_s: self.drone.rate_rad_s(),
+            crank: self.drone.crank(),
+            rudder_rad: self.drone.rudder_rad(),
+            command_rad: self.command_rad,
+            target_rad: self.servo.target_rad(),
+            hinge_torque_n_m: self.drone.hinge_torque_n_m(),
+        }
+    }
+
+    /// The drone, to clamp, release or kick it.
+    pub fn drone_mut(&mut self) -> &mut Drone {
+        &mut self.drone
+    }
+
+    /// The drone.
+    pub fn drone(&self) -> &Drone {
+        &self.drone
+    }
+
+    /// The delayed state, interpolated between steps.
+    fn measure(&self, now: f64) -> Measurement {
+        let age = self.timing.delay_s / self.timing.step_s;
+        let (whole, part) = ((age + 1e-9).floor(), (age - (age + 1e-9).floor()).max(0.0));
+        let len = self.history.len() as u64;
+        let back = |steps: u64| self.history[((self.steps + len - steps % len) % len) as usize];
+        let newer = back(whole as u64);
+        let older = back((whole as u64 + 1).min(len - 1));
+        Measurement {
+            time_s: now,
+            pitch_rad: newer[0] + part * (older[0] - newer[0]),
+            rate_rad_s: newer[1] + part * (older[1] - newer[1]),
+        }
+    }
+}

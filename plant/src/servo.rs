@@ -1,0 +1,430 @@
+//! A position servo: from the edges of its pulse to the angle of its horn.
+//!
+//! ```text
+//! pulse ends -> width, whole us -> target -> deadband -> speed limit (load) -> motor lag
+//!            -> gear train position -> backlash -> crank
+//! ```
+//!
+//! The servo measures a pulse and acts on it when the pulse ends; until then the last one counts.
+//! Its loop asks for a speed in proportion to the error, as far as supply and load allow: along
+//! the line of a DC motor, the speed against a load falls to nothing at the stall torque. The
+//! potentiometer sits on the gear train, so that the play behind it is not corrected.
+//!
+//! Figures are those of data sheets for the class of servo, or estimates; thermal limits, gear
+//! friction and the supply's sag are left out.
+
+use crate::drone::Crank;
+
+/// Longest step inside the model: short against the motor's lag, so that results do not depend on
+/// how the caller divides time.
+const INNER_STEP_S: f64 = 0.25e-3;
+
+/// Pulses that may be announced before they end.
+const QUEUE: usize = 4;
+
+/// Constants of a servo and of how its horn is fitted.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ServoModel {
+    /// Pulse width at the middle of the servo's own travel, in us.
+    pub centre_us: f64,
+    /// Pulse width for each radian of horn angle, in us/rad.
+    pub us_per_rad: f64,
+    /// Crank angle `theta1` at the middle of the servo's travel, in rad: how the horn sits on its
+    /// spline. A mounting error adds to it.
+    pub horn_rad: f64,
+    /// Step of the servo's measurement of the pulse, in us.
+    pub resolution_us: f64,
+    /// Total width of the deadband, in us: within half of it either side, the motor is off.
+    pub deadband_us: f64,
+    /// Speed without load, in rad/s.
+    pub speed_rad_s: f64,
+    /// Torque at which the motor stalls, in N m.
+    pub stall_n_m: f64,
+    /// Time constant of the position loop, in s: speed asked for is error over this.
+    pub loop_s: f64,
+    /// Lag of the motor's speed, in s.
+    pub lag_s: f64,
+    /// Play of the gears, total, in rad.
+    pub backlash_rad: f64,
+    /// Travel either side of the middle, in rad.
+    pub travel_rad: f64,
+    /// What the servo does when pulses stay away.
+    pub signal_loss: SignalLoss,
+}
+
+/// What a servo does without pulses.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum SignalLoss {
+    /// Holds the last target, as digital servos and most of the bench's do.
+    Hold,
+    /// Lets the motor go after `after_s` without a pulse; loads then drive the horn along the
+    /// motor's torque-speed line.
+    Limp {
+        /// Time from the end of the last pulse, in s.
+        after_s: f64,
+    },
+}
+
+impl ServoModel {
+    /// Futaba S3003 class at 6 V, horn square on the servo: crank angle zero at 1520 us.
+    pub const S3003: Self = Self {
+        centre_us: 1520.0,
+        us_per_rad: 10.0 * 180.0 / std::f64::consts::PI,
+        horn_rad: 0.0,
+        resolution_us: 1.0,
+        deadband_us: 4.0,
+        speed_rad_s: std::f64::consts::FRAC_PI_3 / 0.19,
+        stall_n_m: 0.40,
+        loop_s: 0.030,
+        lag_s: 0.010,
+        backlash_rad: 0.5 * std::f64::consts::PI / 180.0,
+        travel_rad: 65.0 * std::f64::consts::PI / 180.0,
+        signal_loss: SignalLoss::Hold,
+    };
+
+    /// The same at 5 V: 0.22 s for 60 deg, 0.33 N m.
+    pub const S3003_5V: Self = Self {
+        speed_rad_s: std::f64::consts::FRAC_PI_3 / 0.22,
+        stall_n_m: 0.33,
+        ..Self::S3003
+    };
+
+    /// A fast digital servo for frames of 3 ms: 0.12 s for 60 deg.
+    pub const DIGITAL: Self = Self {
+        deadband_us: 2.0,
+        speed_rad_s: std::f64::consts::FRAC_PI_3 / 0.12,
+        stall_n_m: 0.8,
+        loop_s: 0.015,
+        lag_s: 0.006,
+        ..Self::S3003
+    };
+
+    /// The same servo with its horn fitted so that the crank stands at `crank_rad` when the pulse
+    /// is `width_us`, and `error_rad` off that.
+    pub fn fitted(self, width_us: f64, crank_rad: f64, error_rad: f64) -> Self {
+        let shaft_rad = (width_us - self.centre_us) / self.us_per_rad;
+        Self {
+            horn_rad: crank_rad - shaft_rad + error_rad,
+            ..self
+        }
+    }
+
+    /// Crank angle that a pulse width (us) asks for, in rad, travel and resolution left out.
+    pub fn crank_for_width(&self, width_us: f64) -> f64 {
+        (width_us - self.centre_us) / self.us_per_rad + self.horn_rad
+    }
+
+    /// Pulse width that asks for a crank angle (rad), in us.
+    pub fn width_for_crank(&self, crank_rad: f64) -> f64 {
+        (crank_rad - self.horn_rad) * self.us_per_rad + self.centre_us
+    }
+
+    /// Speed that the servo reaches against a load (N m, positive when it opposes the motion), in
+    /// rad/s: never more than without load, nothing beyond the stall torque.
+    pub fn speed_against(&self, opposing_n_m: f64) -> f64 {
+        self.speed_rad_s * (1.0 - opposing_n_m / self.stall_n_m).clamp(0.0, 1.0)
+    }
+}
+
+/// A pulse that has not ended yet.
+#[derive(Clone, Copy, Debug)]
+struct Pulse {
+    end_s: f64,
+    width_us: f64,
+}
+
+/// A servo at work. Angles inside are of the gear train, referred to the crank.
+#[derive(Clone, Debug)]
+pub struct Servo {
+    model: ServoModel,
+    now_s: f64,
+    queue: [Option<Pulse>; QUEUE],
+    last_pulse_s: f64,
+    target_rad: f64,
+    gear_rad: f64,
+    speed_rad_s: f64,
+    crank: Crank,
+}
+
+impl Servo {
+    /// A servo at rest with its crank at `crank_rad`, in the middle of its play, at time `now_s`.
+    /// It stays there until its first pulse has ended.
+    pub fn new(model: ServoModel, crank_rad: f64, now_s: f64) -> Self {
+        Self {
+            model,
+            now_s,
+            queue: [None; QUEUE],
+            last_pulse_s: now_s,
+            target_rad: crank_rad,
+            gear_rad: crank_rad,
+            speed_rad_s: 0.0,
+            crank: Crank {
+                angle_rad: crank_rad,
+                rate_rad_s: 0.0,
+            },
+        }
+    }
+
+    /// Announces a pulse by its rising edge (s, on the servo's clock) and its width (us). It takes
+    /// effect when it ends, at once if that is past. The announcement may come before the end or
+    /// after it, in the order of the pulses; more than four unfinished ones push out the oldest.
+    pub fn pulse(&mut self, rising_edge_s: f64, width_us: f64) {
+        let pulse = Pulse {
+            end_s: rising_edge_s + 1e-6 * width_us,
+            width_us,
+        };
+        match self.queue.iter_mut().find(|slot| slot.is_none()) {
+            Some(slot) => *slot = Some(pulse),
+            None => {
+                self.queue.rotate_left(1);
+                self.queue[QUEUE - 1] = Some(pulse);
+            }
+        }
+    }
+
+    /// Advances to `until_s` under a load on the crank (N m, positive counter-clockwise, see
+    /// [`Drone::hinge_torque_n_m`](crate::Drone::hinge_torque_n_m)) and tells where the crank is.
+    pub fn advance(&mut self, until_s: f64, load_n_m: f64) -> Crank {
+        while self.now_s < until_s {
+            self.latch();
+            let mut end = until_s;
+            if let Some(next) = self.queue[0] {
+                end = end.min(next.end_s);
+            }
+            let pieces = ((end - self.now_s) / INNER_STEP_S - 1e-9).ceil().max(1.0);
+            let dt_s = (end - self.now_s) / pieces;
+            let start = self.now_s;
+            for piece in 1..=pieces as u32 {
+                self.turn(dt_s, load_n_m);
+                self.now_s = start + f64::from(piece) * dt_s;
+            }
+            self.now_s = end;
+        }
+        self.latch();
+        self.crank
+    }
+
+    /// The crank as it stands.
+    pub fn crank(&self) -> Crank {
+        self.crank
+    }
+
+    /// Where the last finished pulse wants the crank, within the travel, in rad.
+    pub fn target_rad(&self) -> f64 {
+        self.target_rad
+    }
+
+    /// The servo's clock, in s.
+    pub fn now_s(&self) -> f64 {
+        self.now_s
+    }
+
+    /// Time since the last pulse ended, in s (since the start when there was none).
+    pub fn signal_age_s(&self) -> f64 {
+        self.now_s - self.last_pulse_s
+    }
+
+    /// The model.
+    pub fn model(&self) -> &ServoModel {
+        &self.model
+    }
+
+    /// Takes over the pulses that have ended.
+    fn latch(&mut self) {
+        while let Some(pulse) = self.queue[0].filter(|pulse| pulse.end_s <= self.now_s) {
+            let model = &self.model;
+            let width = (pulse.width_us / model.resolution_us).round() * model.resolution_us;
+            self.target_rad = self.within_travel(model.crank_for_width(width));
+            self.last_pulse_s = pulse.end_s;
+            self.queue.rotate_left(1);
+            self.queue[QUEUE - 1] = None;
+        }
+    }
+
+    /// One inner step: the speed asked for is constant, the motor follows it exactly.
+    fn turn(&mut self, dt_s: f64, load_n_m: f64) {
+        let asked = self.speed_asked(load_n_m);
+        let decay = (-dt_s / self.model.lag_s).exp();
+        let excess = self.speed_rad_s - asked;
+        let moved = self.gear_rad + asked * dt_s + excess * self.model.lag_s * (1.0 - decay);
+        self.speed_rad_s = asked + excess * decay;
+        self.gear_rad = self.within_travel(moved);
+        if self.gear_rad != moved {
+            self.speed_rad_s = 0.0;
+        }
+        let half = 0.5 * self.model.backlash_rad;
+        let angle_rad = self
+            .crank
+            .angle_rad
+            .clamp(self.gear_rad - half, self.gear_rad + half);
+        let engaged = angle_rad != self.crank.angle_rad;
+        self.crank = Crank {
+            angle_rad,
+            rate_rad_s: if engaged { self.speed_rad_s } else { 0.0 },
+        };
+    }
+
+    fn speed_asked(&self, load_n_m: f64) -> f64 {
+        let model = &self.model;
+        if let SignalLoss::Limp { after_s } = model.signal_loss
+            && self.signal_age_s() > after_s
+        {
+            return model.speed_rad_s * (load_n_m / model.stall_n_m).clamp(-1.0, 1.0);
+        }
+        let error = self.target_rad - self.gear_rad;
+        if error.abs() <= 0.5 * model.deadband_us / model.us_per_rad {
+            return 0.0;
+        }
+        let limit = model.speed_against(-load_n_m * error.signum());
+        (error / model.loop_s).clamp(-limit, limit)
+    }
+
+    fn within_travel(&self, crank_rad: f64) -> f64 {
+        let ServoModel {
+            horn_rad,
+            travel_rad,
+            ..
+        } = self.model;
+        crank_rad.clamp(horn_rad - travel_rad, horn_rad + travel_rad)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn settle(servo: &mut Servo, width_us: f64, seconds: f64) -> f64 {
+        let start = servo.now_s();
+        let frames = (seconds / 0.02).round() as u32;
+        for i in 0..frames {
+            servo.pulse(start + 0.02 * f64::from(i), width_us);
+            servo.advance(start + 0.02 * f64::from(i + 1), 0.0);
+        }
+        servo.crank().angle_rad
+    }
+
+    #[test]
+    fn a_pulse_takes_effect_when_it_ends() {
+        let mut servo = Servo::new(ServoModel::S3003, 0.0, 0.0);
+        servo.pulse(0.0100, 1720.0);
+        servo.advance(0.01171, 0.0);
+        assert_eq!(servo.target_rad(), 0.0);
+        servo.advance(0.01173, 0.0);
+        assert!((servo.target_rad().to_degrees() - 20.0).abs() < 1e-9);
+    }
+
+    /// The caller's step does not matter, nor whether a pulse is announced early or late.
+    #[test]
+    fn division_of_time_does_not_matter() {
+        let run = |steps: u32, late: bool| {
+            let mut servo = Servo::new(ServoModel::S3003, 0.0, 0.0);
+            if !late {
+                servo.pulse(0.0, 2000.0);
+            }
+            for i in 1..=steps {
+                if late && i == 1 {
+                    servo.advance(0.002, 0.0);
+                    servo.pulse(0.0, 2000.0);
+                }
+                servo.advance(0.1 * f64::from(i) / f64::from(steps), 0.0);
+            }
+            servo.crank().angle_rad
+        };
+        let fine = run(800, false);
+        assert!((run(50, false) - fine).abs() < 1e-3);
+        assert!((run(50, true) - fine).abs() < 1e-3);
+        assert!(fine > 0.3);
+    }
+
+    /// 60 deg at full speed take 0.19 s; lag and approach come on top.
+    #[test]
+    fn slew_is_that_of_the_data_sheet() {
+        let mut servo = Servo::new(ServoModel::S3003, -0.7, 0.0);
+        servo.pulse(0.0, 2170.0);
+        servo.advance(0.1, 0.0);
+        let from = servo.crank().angle_rad;
+        servo.advance(0.2, 0.0);
+        assert!(((servo.crank().angle_rad - from) / 0.1 - 5.5116).abs() < 1e-3);
+        assert!((ServoModel::S3003.speed_against(0.1) / 5.5116 - 0.75).abs() < 1e-4);
+        assert_eq!(ServoModel::S3003.speed_against(0.5), 0.0);
+        assert_eq!(
+            ServoModel::S3003.speed_against(-1.0),
+            ServoModel::S3003.speed_rad_s
+        );
+    }
+
+    #[test]
+    fn pulses_are_counted_in_whole_microseconds() {
+        let mut servo = Servo::new(ServoModel::S3003, 0.0, 0.0);
+        servo.pulse(0.0, 1600.4);
+        servo.advance(0.01, 0.0);
+        assert!((servo.target_rad().to_degrees() - 8.0).abs() < 1e-9);
+    }
+
+    #[test]
+    fn the_deadband_leaves_small_errors_alone() {
+        let mut servo = Servo::new(
+            ServoModel {
+                backlash_rad: 0.0,
+                ..ServoModel::S3003
+            },
+            0.0,
+            0.0,
+        );
+        assert_eq!(settle(&mut servo, 1521.0, 1.0), 0.0);
+        assert_eq!(settle(&mut servo, 1518.0, 1.0), 0.0);
+        assert!(settle(&mut servo, 1524.0, 1.0) > 0.0);
+    }
+
+    /// Coming from either side, the crank rests half the play short of the gear train.
+    #[test]
+    fn backlash_is_a_play_operator() {
+        // Without lag the position loop creeps up to its target and never passes it.
+        let model = ServoModel {
+            deadband_us: 0.0,
+            lag_s: 1e-6,
+            ..ServoModel::S3003
+        };
+        let mut servo = Servo::new(model, 0.0, 0.0);
+        let from_below = settle(&mut servo, 1720.0, 1.0);
+        settle(&mut servo, 1900.0, 1.0);
+        let from_above = settle(&mut servo, 1720.0, 1.0);
+        assert!((from_below.to_degrees() - 19.75).abs() < 1e-6);
+        assert!((from_above.to_degrees() - 20.25).abs() < 1e-6);
+    }
+
+    #[test]
+    fn travel_ends_at_65_deg_of_the_shaft() {
+        let model = ServoModel::S3003.fitted(1523.6, -0.0191, 0.0);
+        assert!((model.crank_for_width(1523.6) + 0.0191).abs() < 1e-12);
+        assert!((model.width_for_crank(-0.0191) - 1523.6).abs() < 1e-9);
+        let mut servo = Servo::new(model, -0.0191, 0.0);
+        let end = settle(&mut servo, 2400.0, 1.0);
+        let shaft = (end - model.horn_rad).to_degrees();
+        assert!((64.7..=65.0).contains(&shaft), "{shaft}");
+    }
+
+    #[test]
+    fn without_pulses_the_servo_holds_or_goes_limp() {
+        let mut hold = Servo::new(ServoModel::S3003, 0.0, 0.0);
+        settle(&mut hold, 1620.0, 0.5);
+        let held = hold.crank().angle_rad;
+        hold.advance(2.0, 0.1);
+        assert_eq!(hold.crank().angle_rad, held);
+
+        let signal_loss = SignalLoss::Limp { after_s: 0.1 };
+        let mut limp = Servo::new(
+            ServoModel {
+                signal_loss,
+                ..ServoModel::S3003
+            },
+            0.0,
+            0.0,
+        );
+        settle(&mut limp, 1620.0, 0.5);
+        limp.advance(0.55, -0.1);
+        assert!((limp.crank().angle_rad - held).abs() < 1e-12);
+        limp.advance(0.9, -0.1);
+        assert!(limp.crank().angle_rad < held - 0.2);
+    }
+}
