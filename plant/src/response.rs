@@ -83,8 +83,8 @@ impl StepResponse {
 
     /// Overshoot past the target, in percent of the initial error.
     pub fn overshoot_pct(&self) -> f64 {
-        let lowest = self.errors.iter().copied().fold(0.0, f64::min);
-        -100.0 * lowest / self.initial.abs()
+        let farthest = self.errors.iter().map(|error| -error).fold(0.0, f64::max);
+        100.0 * farthest / self.initial.abs()
     }
 
     /// Time until the error has fallen to a tenth of the initial one, in s.
