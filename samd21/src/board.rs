@@ -241,12 +241,12 @@ pub trait Board {
     }
 
     /// The chip changes the level at a pin: PORT, TCC or TC waveform. An I2C line counts as high
-    /// when the chip releases it; another pin that is released keeps its level unless a pull
-    /// resistor moves it.
+    /// when the chip releases it; another pin that is released goes where the chip's pull resistor
+    /// takes it, else low.
     fn pin(&mut self, now: Ticks, pin: Pin, level: bool);
 
-    /// The level that something outside drives onto `pin`, `None` if it floats (then the chip's
-    /// pull resistor decides).
+    /// The level that something outside drives onto `pin`, `None` if it floats: then the chip's pull
+    /// resistor decides, and without one it is low. Not asked for the I2C lines.
     fn input(&self, now: Ticks, pin: Pin) -> Option<bool>;
 }
 

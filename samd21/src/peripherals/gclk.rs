@@ -1,0 +1,305 @@
+//! GCLK: generic clock generators and their routing.
+//!
+//! | offset | register | behaviour |
+//! |---|---|---|
+//! | 00 | CTRL | SWRST resets the generators and the routing at once |
+//! | 01 | STATUS | SYNCBUSY |
+//! | 02 | CLKCTRL | ID, GEN, CLKEN, WRTLOCK; a byte write of ID selects what is read back |
+//! | 04 | GENCTRL | ID, SRC, GENEN, DIVSEL and stored flags; byte write of ID likewise |
+//! | 08 | GENDIV | ID, DIV; byte write of ID likewise |
+//!
+//! A write while SYNCBUSY is set stalls the bus until it is clear (common synchroniser).
+//! Generator 0 must run: a write that would stop it faults, as the chip would stop for ever.
+//!
+//! | left out | why |
+//! |---|---|
+//! | clock output on pins (OE) | nothing of ours listens; OE is stored |
+//! | sources XOSC, GCLKIN, XOSC32K, DPLL | nothing soldered or modelled: such a generator stands still |
+//! | duty cycle (IDC), RUNSTDBY | no model depends on them |
+
+use super::access::{Bus, DONE, Lanes, RESERVED, Read, Refusal, Write};
+use super::clock::{Rate, SyncFlags};
+use super::sysctrl::Sysctrl;
+use crate::SyncHold;
+use crate::board::Ticks;
+
+const GENERATORS: usize = 9;
+const CLOCKS: usize = 0x25;
+const GENEN: u32 = 1 << 16;
+const DIVSEL: u32 = 1 << 20;
+const CLKEN: u16 = 1 << 14;
+const WRTLOCK: u16 = 1 << 15;
+
+/// Clock identities used by the models (D21 table 15-5).
+pub(crate) mod id {
+    /// Reference of the DFLL.
+    pub(crate) const DFLL48: usize = 0x00;
+    /// Watchdog.
+    pub(crate) const WDT: usize = 0x03;
+    /// External interrupts.
+    pub(crate) const EIC: usize = 0x05;
+    /// USB.
+    pub(crate) const USB: usize = 0x06;
+    /// Slow clock of all SERCOMs: time-outs.
+    pub(crate) const SERCOM_SLOW: usize = 0x13;
+    /// SERCOM0; the others follow.
+    pub(crate) const SERCOM0_CORE: usize = 0x14;
+    /// TCC0 and TCC1.
+    pub(crate) const TCC0_TCC1: usize = 0x1A;
+    /// TCC2 and TC3.
+    pub(crate) const TCC2_TC3: usize = 0x1B;
+    /// TC4 and TC5.
+    pub(crate) const TC4_TC5: usize = 0x1C;
+}
+
+#[derive(Clone, Debug)]
+pub(crate) struct Gclk {
+    sync: SyncFlags<1>,
+    control: [u32; GENERATORS],
+    divisor: [u32; GENERATORS],
+    clocks: [u16; CLOCKS],
+    selected: Selected,
+    rates: [Option<Rate>; GENERATORS],
+}
+
+/// Which entry each indirect register reads back.
+#[derive(Clone, Copy, Debug, Default)]
+struct Selected {
+    control: usize,
+    divisor: usize,
+    clock: usize,
+}
+
+impl Gclk {
+    pub(crate) fn new(hold: SyncHold) -> Self {
+        let mut gclk = Self {
+            sync: SyncFlags::new(hold),
+            control: [0; GENERATORS],
+            divisor: [0; GENERATORS],
+            clocks: [0; CLOCKS],
+            selected: Selected::default(),
+            rates: [None; GENERATORS],
+        };
+        gclk.reset();
+        gclk
+    }
+
+    fn reset(&mut self) {
+        self.control = [0; GENERATORS];
+        // Generator 0 from OSC8M; generator 2, the watchdog's, from OSCULP32K / 32.
+        self.control[0] = 6 << 8 | GENEN;
+        self.control[2] = 3 << 8 | GENEN;
+        self.divisor = [0; GENERATORS];
+        self.divisor[2] = 32 << 8;
+        self.clocks = [0; CLOCKS];
+        self.clocks[id::WDT] = 2 << 8;
+        self.selected = Selected::default();
+    }
+
+    /// The rate of generator 0, the CPU's.
+    pub(crate) fn main(&self) -> Option<Rate> {
+        self.rates[0]
+    }
+
+    /// The rate of the clock with identity `id`, `None` if it stands still.
+    pub(crate) fn clock(&self, id: usize) -> Option<Rate> {
+        let entry = self.clocks[id];
+        let generator = usize::from(entry >> 8 & 0xF);
+        (entry & CLKEN != 0)
+            .then(|| self.rates.get(generator).copied().flatten())
+            .flatten()
+    }
+
+    /// Works out all rates anew from the oscillators.
+    pub(crate) fn resolve(&mut self, now: Ticks, sysctrl: &Sysctrl) {
+        // Generator 1 first: it may be the source of others.
+        for index in [1, 0, 2, 3, 4, 5, 6, 7, 8] {
+            let control = self.control[index];
+            let source = match control >> 8 & 0x1F {
+                2 if index != 1 => self.rates[1],
+                3 => Some(sysctrl.osculp32k()),
+                4 => sysctrl.osc32k(now),
+                6 => sysctrl.osc8m(),
+                7 => sysctrl.dfll(now),
+                _ => None,
+            };
+            self.rates[index] = source
+                .filter(|_| control & GENEN != 0)
+                .map(|rate| rate.divided(self.division(index)));
+        }
+    }
+
+    fn division(&self, index: usize) -> u64 {
+        let bits = match index {
+            1 => 16,
+            2 => 5,
+            _ => 8,
+        };
+        let div = u64::from(self.divisor[index] >> 8 & 0xFFFF) & ((1 << bits) - 1);
+        if self.control[index] & DIVSEL != 0 {
+            1 << (div + 1).min(bits + 1)
+        } else {
+            div.max(1)
+        }
+    }
+
+    pub(crate) fn read(&self, now: Ticks, offset: u32) -> Read {
+        let Selected {
+            control,
+            divisor,
+            clock,
+        } = self.selected;
+        Ok(match offset {
+            0x00 => {
+                let busy = u32::from(self.sync.is_busy(now, 0));
+                let clkctrl = u32::from(self.clocks[clock]) | clock as u32;
+                // CTRL.SWRST reads 1 while the reset synchronises; it shares the one flag.
+                busy << 15 | clkctrl << 16
+            }
+            0x04 => self.control[control] | control as u32,
+            0x08 => self.divisor[divisor] | divisor as u32,
+            _ => return Err(RESERVED),
+        })
+    }
+
+    pub(crate) fn write(&mut self, bus: &mut Bus<'_>, offset: u32, lanes: Lanes) -> Write {
+        let stall = self.sync.remaining(bus.now, 0);
+        let begin = bus.now + stall;
+        match offset {
+            0x00 => {
+                if lanes.byte(0).is_some_and(|ctrl| ctrl & 1 != 0) {
+                    self.reset();
+                    self.sync.begin(begin, 0);
+                }
+                if let Some(value) = lanes.half(
+                    1,
+                    self.clocks[self.selected.clock] | self.selected.clock as u16,
+                ) {
+                    let id = usize::from(value & 0x3F);
+                    if id >= CLOCKS {
+                        return Err(Refusal::Unmodelled("CLKCTRL.ID"));
+                    }
+                    self.selected.clock = id;
+                    if lanes.byte(3).is_some() && self.clocks[id] & WRTLOCK == 0 {
+                        if usize::from(value >> 8 & 0xF) >= GENERATORS {
+                            return Err(Refusal::Unmodelled("CLKCTRL.GEN above 8"));
+                        }
+                        self.clocks[id] = value & 0xCF00;
+                    }
+                }
+            }
+            0x04 => {
+                let value =
+                    lanes.merge(self.control[self.selected.control] | self.selected.control as u32);
+                self.selected.control = generator(value)?;
+                if lanes.touches(!0xFF) {
+                    if self.selected.control == 0 && value & GENEN == 0 {
+                        return Err(Refusal::Forbidden("generator 0 drives the CPU"));
+                    }
+                    self.control[self.selected.control] = value & 0x003F_1F00;
+                    self.sync.begin(begin, 0);
+                }
+            }
+            0x08 => {
+                let value =
+                    lanes.merge(self.divisor[self.selected.divisor] | self.selected.divisor as u32);
+                self.selected.divisor = generator(value)?;
+                if lanes.touches(!0xFF) {
+                    self.divisor[self.selected.divisor] = value & 0x00FF_FF00;
+                    self.sync.begin(begin, 0);
+                }
+            }
+            _ => return Err(RESERVED),
+        }
+        if stall > Ticks::ZERO { Ok(stall) } else { DONE }
+    }
+}
+
+/// The generator that ID names.
+fn generator(value: u32) -> Result<usize, Refusal> {
+    let id = (value & 0xF) as usize;
+    if id < GENERATORS {
+        Ok(id)
+    } else {
+        Err(Refusal::Unmodelled("generator ID above 8"))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::board::Unconnected;
+    use crate::peripherals::violations::Violations;
+
+    fn write(gclk: &mut Gclk, now: Ticks, offset: u32, lanes: Lanes) -> Ticks {
+        let mut bus = Bus {
+            now,
+            board: &mut Unconnected,
+            violations: &mut Violations::default(),
+        };
+        gclk.write(&mut bus, offset, lanes).unwrap()
+    }
+
+    fn hz(rate: Option<Rate>) -> f64 {
+        rate.map_or(0.0, Rate::hz)
+    }
+
+    #[test]
+    fn reset_runs_at_1_mhz_from_osc8m() {
+        let mut gclk = Gclk::new(SyncHold::Instant);
+        gclk.resolve(Ticks::ZERO, &Sysctrl::new());
+        assert_eq!(hz(gclk.main()), 1e6);
+        assert_eq!(gclk.clock(id::SERCOM0_CORE), None);
+    }
+
+    #[test]
+    fn a_generator_divides_linearly_or_by_powers_of_two() {
+        let mut gclk = Gclk::new(SyncHold::Instant);
+        let route = |gclk: &mut Gclk, id: u32, generator: u32| {
+            let half = id | generator << 8 | 1 << 14;
+            write(gclk, Ticks::ZERO, 0x00, Lanes::new(half, 2, 2));
+        };
+        // Generator 3: OSCULP32K / 32, as a watchdog wants it.
+        write(&mut gclk, Ticks::ZERO, 0x08, Lanes::word(3 | 32 << 8));
+        write(
+            &mut gclk,
+            Ticks::ZERO,
+            0x04,
+            Lanes::word(3 | 3 << 8 | GENEN),
+        );
+        route(&mut gclk, 0x03, 3);
+        gclk.resolve(Ticks::ZERO, &Sysctrl::new());
+        assert_eq!(hz(gclk.clock(id::WDT)), 1024.0);
+        // The same with DIVSEL: 2^(4+1).
+        write(&mut gclk, Ticks::ZERO, 0x08, Lanes::word(3 | 4 << 8));
+        write(
+            &mut gclk,
+            Ticks::ZERO,
+            0x04,
+            Lanes::word(3 | 3 << 8 | GENEN | DIVSEL),
+        );
+        gclk.resolve(Ticks::ZERO, &Sysctrl::new());
+        assert_eq!(hz(gclk.clock(id::WDT)), 1024.0);
+    }
+
+    #[test]
+    fn a_byte_write_of_the_id_selects_what_is_read() {
+        let mut gclk = Gclk::new(SyncHold::Instant);
+        write(&mut gclk, Ticks::ZERO, 0x04, Lanes::new(2, 0, 1));
+        assert_eq!(gclk.read(Ticks::ZERO, 0x04), Ok(2 | 3 << 8 | GENEN));
+        write(&mut gclk, Ticks::ZERO, 0x04, Lanes::new(0, 0, 1));
+        assert_eq!(gclk.read(Ticks::ZERO, 0x04), Ok(6 << 8 | GENEN));
+        write(&mut gclk, Ticks::ZERO, 0x00, Lanes::new(0x03, 2, 1));
+        assert_eq!(gclk.read(Ticks::ZERO, 0x00), Ok(0x0203 << 16));
+    }
+
+    #[test]
+    fn a_write_during_synchronisation_stalls_the_bus() {
+        let mut gclk = Gclk::new(SyncHold::For(Ticks(100)));
+        assert_eq!(write(&mut gclk, Ticks(0), 0x08, Lanes::word(3)), Ticks(0));
+        assert_eq!(gclk.read(Ticks(99), 0x00).unwrap() & 0x8000, 0x8000);
+        assert_eq!(write(&mut gclk, Ticks(40), 0x08, Lanes::word(3)), Ticks(60));
+        assert_eq!(gclk.read(Ticks(199), 0x00).unwrap() & 0x8000, 0x8000);
+        assert_eq!(gclk.read(Ticks(200), 0x00).unwrap() & 0x8000, 0);
+    }
+}

@@ -1,0 +1,510 @@
+//! The peripherals at register level, and the bus that reaches them.
+//!
+//! Each file opens with the registers that it models and what it leaves out. An access that no
+//! model covers stops the chip with an error that names peripheral and register; misuse that the
+//! real chip swallows is noted in [`Violations`].
+//!
+//! | file | models |
+//! |---|---|
+//! | `pm`, `sysctrl`, `gclk` | clocks and reset cause |
+//! | `nvmctrl` | flash programming, factory rows |
+//! | `port` | pins and their multiplexers |
+//! | `pac`, `dsu` | write protection, device identity |
+//!
+//! RTC, DMAC, MTB, HMATRIX, EVSYS, ADC, AC, DAC, PTC, I2S, TC6 and TC7 are not modelled: an access faults.
+
+mod access;
+mod clock;
+mod dsu;
+mod gclk;
+mod nvmctrl;
+mod pac;
+mod pm;
+mod port;
+mod sysctrl;
+mod violations;
+
+pub use violations::{Violation, Violations};
+
+use crate::Options;
+use crate::board::{Board, Ticks};
+use crate::memory::{FLASH_SIZE, Memory};
+use access::{Bus, Lanes, Refusal};
+use std::fmt;
+
+/// Why the chip started anew; the value is the bit in PM.RCAUSE.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ResetCause {
+    /// Power was switched on.
+    PowerOn = 0x01,
+    /// The 3.3 V supply fell below the brown-out level.
+    BrownOut33 = 0x04,
+    /// The reset pin.
+    External = 0x10,
+    /// The watchdog ran out or was fed wrongly.
+    Watchdog = 0x20,
+    /// Software asked: AIRCR.SYSRESETREQ.
+    System = 0x40,
+}
+
+/// Size of a bus access.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Width {
+    /// 8 bits.
+    Byte,
+    /// 16 bits.
+    Half,
+    /// 32 bits.
+    Word,
+}
+
+impl Width {
+    /// 1, 2 or 4.
+    pub const fn bytes(self) -> u32 {
+        match self {
+            Self::Byte => 1,
+            Self::Half => 2,
+            Self::Word => 4,
+        }
+    }
+}
+
+/// An access that stops the chip.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum BusError {
+    /// Nothing is at this address.
+    Unmapped {
+        /// The address.
+        addr: u32,
+    },
+    /// The address is no multiple of the access' size.
+    Misaligned {
+        /// The address.
+        addr: u32,
+    },
+    /// Something is there on the real chip, but no model of it here.
+    Unmodelled {
+        /// The address.
+        addr: u32,
+        /// Name in the data sheet.
+        peripheral: &'static str,
+        /// The register, or which of its values.
+        register: &'static str,
+    },
+    /// The power manager has masked the peripheral's clock.
+    Unclocked {
+        /// The address.
+        addr: u32,
+        /// Name in the data sheet.
+        peripheral: &'static str,
+    },
+    /// The peripheral access controller protects the peripheral from writes.
+    Protected {
+        /// The address.
+        addr: u32,
+        /// Name in the data sheet.
+        peripheral: &'static str,
+    },
+    /// The access would hang or damage the real chip.
+    Forbidden {
+        /// The address.
+        addr: u32,
+        /// Name in the data sheet.
+        peripheral: &'static str,
+        /// What is wrong.
+        why: &'static str,
+    },
+}
+
+impl fmt::Display for BusError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match *self {
+            Self::Unmapped { addr } => write!(f, "nothing at {addr:#010x}"),
+            Self::Misaligned { addr } => write!(f, "misaligned access at {addr:#010x}"),
+            Self::Unmodelled {
+                addr,
+                peripheral,
+                register,
+            } => write!(
+                f,
+                "{peripheral} at {addr:#010x}: {register} is not modelled"
+            ),
+            Self::Unclocked { addr, peripheral } => {
+                write!(f, "{peripheral} at {addr:#010x}: its bus clock is masked")
+            }
+            Self::Protected { addr, peripheral } => {
+                write!(
+                    f,
+                    "{peripheral} at {addr:#010x}: write-protected by the PAC"
+                )
+            }
+            Self::Forbidden {
+                addr,
+                peripheral,
+                why,
+            } => write!(f, "{peripheral} at {addr:#010x}: {why}"),
+        }
+    }
+}
+
+impl std::error::Error for BusError {}
+
+/// The three APB bridges.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Bridge {
+    A,
+    B,
+    C,
+}
+
+/// What an address belongs to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Block {
+    Pac(usize),
+    Pm,
+    Sysctrl,
+    Gclk,
+    Dsu,
+    Nvmctrl,
+    Port,
+    Unmodelled,
+}
+
+/// A block on an APB bridge: where, name, and index in the bridge's masks.
+struct Mapping {
+    base: u32,
+    bridge: Bridge,
+    index: u32,
+    name: &'static str,
+    block: Block,
+}
+
+/// The block at an address of the APB bridges (D21 table 12-1 and the PAC's peripheral numbers).
+fn map(addr: u32) -> Option<Mapping> {
+    use Block::{Dsu, Gclk, Nvmctrl, Pac, Pm, Port, Sysctrl, Unmodelled};
+    use Bridge::{A, B, C};
+    let (bridge, index, name, block) = match addr & !0x3FF {
+        0x4000_0000 => (A, 0, "PAC0", Pac(0)),
+        0x4000_0400 => (A, 1, "PM", Pm),
+        0x4000_0800 => (A, 2, "SYSCTRL", Sysctrl),
+        0x4000_0C00 => (A, 3, "GCLK", Gclk),
+        0x4000_1000 => (A, 4, "WDT", Unmodelled),
+        0x4000_1400 => (A, 5, "RTC", Unmodelled),
+        0x4000_1800 => (A, 6, "EIC", Unmodelled),
+        0x4100_0000 => (B, 0, "PAC1", Pac(1)),
+        0x4100_2000..0x4100_4000 => (B, 1, "DSU", Dsu),
+        0x4100_4000 => (B, 2, "NVMCTRL", Nvmctrl),
+        0x4100_4400 => (B, 3, "PORT", Port),
+        0x4100_4800 => (B, 4, "DMAC", Unmodelled),
+        0x4100_5000 => (B, 5, "USB", Unmodelled),
+        0x4100_6000 => (B, 6, "MTB", Unmodelled),
+        0x4100_7000 => (B, 6, "HMATRIX", Unmodelled),
+        0x4200_0000 => (C, 0, "PAC2", Pac(2)),
+        0x4200_0400 => (C, 1, "EVSYS", Unmodelled),
+        0x4200_0800 => (C, 2, "SERCOM0", Unmodelled),
+        0x4200_0C00 => (C, 3, "SERCOM1", Unmodelled),
+        0x4200_1000 => (C, 4, "SERCOM2", Unmodelled),
+        0x4200_1400 => (C, 5, "SERCOM3", Unmodelled),
+        0x4200_1800 => (C, 6, "SERCOM4", Unmodelled),
+        0x4200_1C00 => (C, 7, "SERCOM5", Unmodelled),
+        0x4200_2000 => (C, 8, "TCC0", Unmodelled),
+        0x4200_2400 => (C, 9, "TCC1", Unmodelled),
+        0x4200_2800 => (C, 10, "TCC2", Unmodelled),
+        0x4200_2C00 => (C, 11, "TC3", Unmodelled),
+        0x4200_3000 => (C, 12, "TC4", Unmodelled),
+        0x4200_3400 => (C, 13, "TC5", Unmodelled),
+        0x4200_3800 => (C, 14, "TC6", Unmodelled),
+        0x4200_3C00 => (C, 15, "TC7", Unmodelled),
+        0x4200_4000 => (C, 16, "ADC", Unmodelled),
+        0x4200_4400 => (C, 17, "AC", Unmodelled),
+        0x4200_4800 => (C, 18, "DAC", Unmodelled),
+        0x4200_4C00 => (C, 19, "PTC", Unmodelled),
+        0x4200_5000 => (C, 20, "I2S", Unmodelled),
+        _ => return None,
+    };
+    let base = match block {
+        Dsu => 0x4100_2000,
+        _ => addr & !0x3FF,
+    };
+    Some(Mapping {
+        base,
+        bridge,
+        index,
+        name,
+        block,
+    })
+}
+
+/// All peripherals of one chip.
+#[derive(Clone, Debug)]
+pub struct Peripherals {
+    options: Options,
+    pac: pac::Pac,
+    pm: pm::Pm,
+    sysctrl: sysctrl::Sysctrl,
+    gclk: gclk::Gclk,
+    nvmctrl: nvmctrl::Nvmctrl,
+    port: port::Port,
+    violations: Violations,
+    ticks_per_cycle: u32,
+    irq_lines: u32,
+    next: Ticks,
+    pending_reset: Option<ResetCause>,
+}
+
+impl Peripherals {
+    /// As after power-on.
+    pub fn new(options: &Options) -> Self {
+        let mut peripherals = Self {
+            options: options.clone(),
+            pac: pac::Pac::new(),
+            pm: pm::Pm::new(ResetCause::PowerOn),
+            sysctrl: sysctrl::Sysctrl::new(),
+            gclk: gclk::Gclk::new(options.syncbusy_hold),
+            nvmctrl: nvmctrl::Nvmctrl::new(options.serial_number),
+            port: port::Port::new(),
+            violations: Violations::default(),
+            ticks_per_cycle: 48,
+            irq_lines: 0,
+            next: Ticks::NEVER,
+            pending_reset: None,
+        };
+        peripherals.retime(Ticks::ZERO);
+        peripherals.refresh(Ticks::ZERO);
+        peripherals
+    }
+
+    /// All registers as after a reset for this reason. The board sees the pins let go.
+    pub fn reset(&mut self, now: Ticks, cause: ResetCause, board: &mut dyn Board) {
+        self.port.reset(now, board);
+        let fresh = Self::new(&self.options);
+        *self = Self {
+            pm: pm::Pm::new(cause),
+            port: self.port.clone(),
+            violations: self.violations.clone(),
+            ..fresh
+        };
+        self.retime(now);
+        self.refresh(now);
+    }
+
+    /// Reads a register, or a word of the auxiliary flash rows. Flash, SRAM and the core's own
+    /// registers are not reached this way.
+    pub fn read(
+        &mut self,
+        now: Ticks,
+        addr: u32,
+        width: Width,
+        board: &mut dyn Board,
+    ) -> Result<u32, BusError> {
+        if !addr.is_multiple_of(width.bytes()) {
+            return Err(BusError::Misaligned { addr });
+        }
+        let word = self.read_word(now, addr & !3, board)?;
+        let shifted = word >> (8 * (addr & 3));
+        Ok(match width {
+            Width::Byte => shifted & 0xFF,
+            Width::Half => shifted & 0xFFFF,
+            Width::Word => shifted,
+        })
+    }
+
+    fn read_word(&mut self, now: Ticks, addr: u32, board: &mut dyn Board) -> Result<u32, BusError> {
+        match addr {
+            0x0080_0000..0x0100_0000 => {
+                return self
+                    .nvmctrl
+                    .read_auxiliary(addr)
+                    .ok_or(BusError::Unmapped { addr });
+            }
+            0x6000_0000..0x6000_0200 => {
+                return self
+                    .port
+                    .read(now, addr - 0x6000_0000, board)
+                    .map_err(|refusal| refuse(refusal, addr, "PORT"));
+            }
+            _ => {}
+        }
+        let mapping = self.locate(addr)?;
+        let offset = addr - mapping.base;
+        match mapping.block {
+            Block::Pac(index) => self.pac.read(index, offset),
+            Block::Pm => self.pm.read(offset),
+            Block::Sysctrl => self.sysctrl.read(now, offset),
+            Block::Gclk => self.gclk.read(now, offset),
+            Block::Dsu => dsu::read(offset),
+            Block::Nvmctrl => self.nvmctrl.read(now, offset),
+            Block::Port => self.port.read(now, offset, board),
+            Block::Unmodelled => Err(Refusal::Unmodelled("the whole peripheral")),
+        }
+        .map_err(|refusal| refuse(refusal, addr, mapping.name))
+    }
+
+    /// Writes a register, or, in the address range of the flash, the page buffer. Gives how long
+    /// the bus stalls the CPU beyond the access itself.
+    pub fn write(
+        &mut self,
+        now: Ticks,
+        addr: u32,
+        width: Width,
+        value: u32,
+        memory: &mut Memory,
+        board: &mut dyn Board,
+    ) -> Result<Ticks, BusError> {
+        if !addr.is_multiple_of(width.bytes()) {
+            return Err(BusError::Misaligned { addr });
+        }
+        let lanes = Lanes::new(value, addr & 3, width.bytes());
+        let bus = &mut Bus {
+            now,
+            board,
+            violations: &mut self.violations,
+        };
+        match addr {
+            0..FLASH_SIZE => {
+                return self
+                    .nvmctrl
+                    .load_page_buffer(bus, addr, width.bytes(), value, memory)
+                    .map_err(|refusal| refuse(refusal, addr, "NVMCTRL"));
+            }
+            0x6000_0000..0x6000_0200 => {
+                return self
+                    .port
+                    .write(bus, (addr & !3) - 0x6000_0000, lanes)
+                    .map_err(|refusal| refuse(refusal, addr, "PORT"));
+            }
+            _ => {}
+        }
+        let Mapping {
+            base,
+            bridge,
+            index,
+            name,
+            block,
+        } = self.locate(addr)?;
+        if self.pac.protects(bridge, index) {
+            return Err(BusError::Protected {
+                addr,
+                peripheral: name,
+            });
+        }
+        let bus = &mut Bus {
+            now,
+            board,
+            violations: &mut self.violations,
+        };
+        let offset = (addr & !3) - base;
+        let stall = match block {
+            Block::Pac(index) => self.pac.write(index, offset, lanes),
+            Block::Pm => self.pm.write(offset, lanes),
+            Block::Sysctrl => {
+                let reference = self.gclk.clock(gclk::id::DFLL48).is_some();
+                self.sysctrl.write(bus, offset, lanes, reference)
+            }
+            Block::Gclk => self.gclk.write(bus, offset, lanes),
+            Block::Dsu => Err(Refusal::Unmodelled("writing to it")),
+            Block::Nvmctrl => self.nvmctrl.write(bus, offset, lanes, memory),
+            Block::Port => self.port.write(bus, offset, lanes),
+            Block::Unmodelled => Err(Refusal::Unmodelled("the whole peripheral")),
+        }
+        .map_err(|refusal| refuse(refusal, addr, name))?;
+        if matches!(block, Block::Pm | Block::Sysctrl | Block::Gclk) && !self.retime(now) {
+            return Err(BusError::Forbidden {
+                addr,
+                peripheral: name,
+                why: "generator 0, the CPU's clock, stands still",
+            });
+        }
+        self.refresh(now);
+        Ok(stall)
+    }
+
+    /// The block at `addr`, if its bus clock runs.
+    fn locate(&self, addr: u32) -> Result<Mapping, BusError> {
+        let mapping = map(addr).ok_or(BusError::Unmapped { addr })?;
+        if mapping.block != Block::Unmodelled && !self.pm.is_clocked(mapping.bridge, mapping.index)
+        {
+            return Err(BusError::Unclocked {
+                addr,
+                peripheral: mapping.name,
+            });
+        }
+        Ok(mapping)
+    }
+
+    /// The earliest time at which something changes by itself: cheap, worked out beforehand.
+    pub fn next_event(&self) -> Ticks {
+        self.next
+    }
+
+    /// Runs everything that is due up to `now`, in the order of time.
+    pub fn advance(&mut self, now: Ticks, _memory: &mut Memory, _board: &mut dyn Board) {
+        while self.next <= now {
+            let at = self.next;
+            if self.sysctrl.next(Ticks(at.0 - 1)) == at {
+                self.sysctrl.latch_flags(at);
+                self.retime(at);
+            }
+            self.refresh(at);
+        }
+    }
+
+    /// Interrupt requests, bit n for IRQ n, as levels.
+    pub fn irq_lines(&self) -> u32 {
+        self.irq_lines
+    }
+
+    /// Length of a CPU cycle in ticks: 48 after reset (1 MHz), 1 at 48 MHz.
+    pub fn ticks_per_cycle(&self) -> u32 {
+        self.ticks_per_cycle
+    }
+
+    /// NVMCTRL.CTRLB.RWS.
+    pub fn flash_wait_states(&self) -> u8 {
+        self.nvmctrl.wait_states()
+    }
+
+    /// Takes a reset that a peripheral asks for.
+    pub fn take_reset(&mut self) -> Option<ResetCause> {
+        self.pending_reset.take()
+    }
+
+    /// Misuse since power-on that the real chip would have swallowed.
+    pub fn violations(&self) -> &Violations {
+        &self.violations
+    }
+
+    /// Hands new clock rates on after a change; false if the CPU is left without a clock.
+    fn retime(&mut self, now: Ticks) -> bool {
+        self.gclk.resolve(now, &self.sysctrl);
+        let Some(main) = self.gclk.main() else {
+            return false;
+        };
+        let cycle = main.divided(self.pm.cpu_divisor()).duration(1);
+        self.ticks_per_cycle = u32::try_from(cycle.0).unwrap_or(u32::MAX);
+        true
+    }
+
+    /// Works out what `next_event` and `irq_lines` tell.
+    fn refresh(&mut self, now: Ticks) {
+        self.next = self.sysctrl.next(now);
+        self.irq_lines = u32::from(self.pm.irq())
+            | u32::from(self.sysctrl.irq()) << 1
+            | u32::from(self.nvmctrl.irq(now)) << 5;
+    }
+}
+
+fn refuse(refusal: Refusal, addr: u32, peripheral: &'static str) -> BusError {
+    match refusal {
+        Refusal::Unmodelled(register) => BusError::Unmodelled {
+            addr,
+            peripheral,
+            register,
+        },
+        Refusal::Forbidden(why) => BusError::Forbidden {
+            addr,
+            peripheral,
+            why,
+        },
+    }
+}

@@ -1,0 +1,328 @@
+//! NVMCTRL: flash controller, and the factory's rows in the auxiliary space.
+//!
+//! | offset | register | behaviour |
+//! |---|---|---|
+//! | 00 | CTRLA | CMD with CMDEX 0xA5: ER, WP, PBC, INVALL; they stall the CPU as below |
+//! | 04 | CTRLB | RWS gives the flash wait states; MANW; the rest stored |
+//! | 08 | PARAM | 4096 pages of 64 bytes |
+//! | 0C, 10, 14 | INTENCLR, INTENSET, INTFLAG | READY, ERROR |
+//! | 18 | STATUS | LOAD, PROGE, NVME; write one clears the errors |
+//! | 1C | ADDR | byte address / 2; a write to the page buffer sets it |
+//! | 20 | LOCK | reads all regions unlocked |
+//! | flash | page buffer | 16- and 32-bit writes only; with MANW = 0 the page's last word programs it |
+//! | 0080_4000 | user row | factory default, read only |
+//! | 0080_6020, 0080_6030 | calibration, temperature log | plausible factory values |
+//! | 0080_A00C, A040-A048 | serial number | from the chip's options |
+//!
+//! Erasing a row (256 bytes) takes 6 ms, programming a page 2.5 ms (D21 table 37-40, maxima); the CPU
+//! runs from the same flash and stands still meanwhile. Programming only clears bits.
+//!
+//! | left out | why |
+//! |---|---|
+//! | EAR, WAP (auxiliary rows), lock bits, security bit | not for an application: such a command faults |
+//! | RWWEE | not on the D21A |
+//! | running on from RAM during a command | our firmware runs from flash |
+//! | cache and power modes | timing of fetches is the core's |
+
+use super::access::{Bus, Lanes, RESERVED, Read, Refusal, Write};
+use crate::board::Ticks;
+use crate::memory::{FLASH_SIZE, Memory};
+
+const PAGE: u32 = 64;
+const ROW: u32 = 256;
+const ROW_ERASE: Ticks = Ticks::from_us(6000);
+const PAGE_PROGRAM: Ticks = Ticks::from_us(2500);
+
+const READY: u8 = 1 << 0;
+const ERROR: u8 = 1 << 1;
+const LOAD: u16 = 1 << 1;
+const PROGE: u16 = 1 << 2;
+const NVME: u16 = 1 << 4;
+const MANW: u32 = 1 << 7;
+
+/// Factory user row (D21 table 10-4): watchdog off, BOD33 on, no bootloader protection.
+const USER_ROW: [u32; 2] = [0xD8E0_C7FF, 0xFFFF_FC5D];
+
+/// 0x0080_6020 (D21 table 10-5): ADC linearity 0x80 and bias 2, OSC32K 0x2E, USB TRANSN 5, TRANSP 29,
+/// TRIM 3, DFLL48M coarse 0x1F.
+const CALIBRATION: u64 =
+    0x80 << 27 | 2 << 35 | 0x2E << 38 | 5 << 45 | 29 << 50 | 3 << 55 | 0x1F << 58 | 0x7FF_FFFF;
+
+/// 0x0080_6030: room 25.0 degrees, hot 85.0, their references and ADC readings.
+const TEMPERATURE_LOG: u64 = 25 | 85 << 12 | 0x0C00 << 40 | 0x0E66 << 52;
+
+#[derive(Clone, Debug)]
+pub(crate) struct Nvmctrl {
+    ctrlb: u32,
+    interrupts: u8,
+    error: bool,
+    status: u16,
+    address: u32,
+    page: [u8; PAGE as usize],
+    busy_until: Ticks,
+    serial_number: [u32; 4],
+}
+
+impl Nvmctrl {
+    pub(crate) fn new(serial_number: [u32; 4]) -> Self {
+        Self {
+            ctrlb: 0,
+            interrupts: 0,
+            error: false,
+            status: 0,
+            address: 0,
+            page: [0xFF; PAGE as usize],
+            busy_until: Ticks::ZERO,
+            serial_number,
+        }
+    }
+
+    /// Flash wait states, CTRLB.RWS.
+    pub(crate) fn wait_states(&self) -> u8 {
+        (self.ctrlb >> 1 & 0xF) as u8
+    }
+
+    pub(crate) fn irq(&self, now: Ticks) -> bool {
+        self.flags(now) & self.interrupts != 0
+    }
+
+    fn flags(&self, now: Ticks) -> u8 {
+        let ready = if now >= self.busy_until { READY } else { 0 };
+        let error = if self.error { ERROR } else { 0 };
+        ready | error
+    }
+
+    pub(crate) fn read(&self, now: Ticks, offset: u32) -> Read {
+        Ok(match offset {
+            0x00 => 0,
+            0x04 => self.ctrlb,
+            0x08 => 3 << 16 | FLASH_SIZE / PAGE,
+            0x0C | 0x10 => u32::from(self.interrupts),
+            0x14 => u32::from(self.flags(now)),
+            0x18 => u32::from(self.status),
+            0x1C => self.address,
+            0x20 => 0xFFFF,
+            _ => return Err(RESERVED),
+        })
+    }
+
+    /// A word of the auxiliary space, `None` where nothing is.
+    pub(crate) fn read_auxiliary(&self, addr: u32) -> Option<u32> {
+        Some(match addr {
+            0x0080_4000 => USER_ROW[0],
+            0x0080_4004 => USER_ROW[1],
+            0x0080_4008..0x0080_4100 => u32::MAX,
+            0x0080_6020 => CALIBRATION as u32,
+            0x0080_6024 => (CALIBRATION >> 32) as u32,
+            0x0080_6030 => TEMPERATURE_LOG as u32,
+            0x0080_6034 => (TEMPERATURE_LOG >> 32) as u32,
+            0x0080_6000..0x0080_6040 => u32::MAX,
+            0x0080_A00C => self.serial_number[0],
+            0x0080_A040 => self.serial_number[1],
+            0x0080_A044 => self.serial_number[2],
+            0x0080_A048 => self.serial_number[3],
+            _ => return None,
+        })
+    }
+
+    pub(crate) fn write(
+        &mut self,
+        bus: &mut Bus<'_>,
+        offset: u32,
+        lanes: Lanes,
+        memory: &mut Memory,
+    ) -> Write {
+        match offset {
+            0x00 => {
+                if let Some(command) = lanes.half(0, 0) {
+                    return self.command(bus, command, memory);
+                }
+            }
+            0x04 => self.ctrlb = lanes.merge(self.ctrlb) & 0x0007_039E,
+            0x08 | 0x20 => {}
+            0x0C => self.interrupts &= !lanes.byte(0).unwrap_or(0),
+            0x10 => self.interrupts |= lanes.byte(0).unwrap_or(0) & (READY | ERROR),
+            0x14 => self.error &= lanes.bits() & u32::from(ERROR) == 0,
+            0x18 => self.status &= !(lanes.bits() as u16),
+            0x1C => self.address = lanes.merge(self.address) & 0x003F_FFFF,
+            _ => return Err(RESERVED),
+        }
+        Ok(Ticks::ZERO)
+    }
+
+    /// A write to the flash's own address range: it fills the page buffer.
+    pub(crate) fn load_page_buffer(
+        &mut self,
+        bus: &mut Bus<'_>,
+        addr: u32,
+        bytes: u32,
+        value: u32,
+        memory: &mut Memory,
+    ) -> Write {
+        if bytes == 1 {
+            return Err(Refusal::Forbidden("the page buffer takes no byte writes"));
+        }
+        let start = (addr % PAGE) as usize;
+        let length = bytes as usize;
+        self.page[start..start + length].copy_from_slice(&value.to_le_bytes()[..length]);
+        self.address = addr / 2;
+        self.status |= LOAD;
+        if self.ctrlb & MANW == 0 && start + length == PAGE as usize {
+            return self.program(bus, memory);
+        }
+        Ok(Ticks::ZERO)
+    }
+
+    fn command(&mut self, bus: &mut Bus<'_>, command: u16, memory: &mut Memory) -> Write {
+        if command >> 8 != 0xA5 {
+            self.status |= PROGE;
+            self.error = true;
+            bus.violations
+                .note(bus.now, "NVMCTRL", "command without the key 0xA5");
+            return Ok(Ticks::ZERO);
+        }
+        match command & 0x7F {
+            0x02 => {
+                let row = self.address * 2 / ROW * ROW;
+                if memory.erase(row, ROW as usize).is_none() {
+                    return Ok(self.fail(bus));
+                }
+                self.busy_until = bus.now + ROW_ERASE;
+                Ok(ROW_ERASE)
+            }
+            0x04 => self.program(bus, memory),
+            0x44 => {
+                self.clear_page_buffer();
+                Ok(Ticks::ZERO)
+            }
+            0x46 => Ok(Ticks::ZERO),
+            _ => Err(Refusal::Unmodelled("this CTRLA.CMD")),
+        }
+    }
+
+    fn program(&mut self, bus: &mut Bus<'_>, memory: &mut Memory) -> Write {
+        let start = self.address * 2 / PAGE * PAGE;
+        if memory.program(start, &self.page).is_none() {
+            return Ok(self.fail(bus));
+        }
+        self.clear_page_buffer();
+        self.busy_until = bus.now + PAGE_PROGRAM;
+        Ok(PAGE_PROGRAM)
+    }
+
+    fn fail(&mut self, bus: &mut Bus<'_>) -> Ticks {
+        self.status |= NVME;
+        self.error = true;
+        bus.violations
+            .note(bus.now, "NVMCTRL", "command with ADDR outside of flash");
+        Ticks::ZERO
+    }
+
+    fn clear_page_buffer(&mut self) {
+        self.page = [0xFF; PAGE as usize];
+        self.status &= !LOAD;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::board::Unconnected;
+    use crate::peripherals::violations::Violations;
+
+    struct Rig {
+        nvmctrl: Nvmctrl,
+        memory: Memory,
+        now: Ticks,
+    }
+
+    impl Rig {
+        fn new() -> Self {
+            Self {
+                nvmctrl: Nvmctrl::new([1, 2, 3, 4]),
+                memory: Memory::new(0),
+                now: Ticks::from_ms(1),
+            }
+        }
+
+        fn write(&mut self, offset: u32, value: u32) -> Ticks {
+            let mut bus = Bus {
+                now: self.now,
+                board: &mut Unconnected,
+                violations: &mut Violations::default(),
+            };
+            self.nvmctrl
+                .write(&mut bus, offset, Lanes::word(value), &mut self.memory)
+                .unwrap()
+        }
+
+        fn load(&mut self, addr: u32, bytes: u32, value: u32) -> Write {
+            let mut bus = Bus {
+                now: self.now,
+                board: &mut Unconnected,
+                violations: &mut Violations::default(),
+            };
+            self.nvmctrl
+                .load_page_buffer(&mut bus, addr, bytes, value, &mut self.memory)
+        }
+    }
+
+    #[test]
+    fn a_row_is_erased_and_a_page_programmed_with_their_stalls() {
+        let mut rig = Rig::new();
+        rig.memory.flash_mut()[0x3F00..0x4000].fill(0);
+        rig.write(0x04, MANW | 2);
+        assert_eq!(rig.nvmctrl.wait_states(), 1);
+        rig.write(0x1C, 0x3F00 / 2);
+        assert_eq!(rig.write(0x00, 0xA502), ROW_ERASE);
+        assert_eq!(rig.memory.read_u32(0x3F00), Some(u32::MAX));
+        assert_eq!(rig.nvmctrl.read(rig.now, 0x14), Ok(0), "not ready");
+        rig.now += ROW_ERASE;
+        assert_eq!(rig.nvmctrl.read(rig.now, 0x14), Ok(u32::from(READY)));
+
+        rig.write(0x00, 0xA544);
+        rig.load(0x3F40, 4, 0x1234_5678).unwrap();
+        rig.load(0x3F44, 2, 0xABCD).unwrap();
+        assert_eq!(rig.nvmctrl.read(rig.now, 0x1C), Ok(0x3F44 / 2));
+        assert_eq!(rig.memory.read_u32(0x3F40), Some(u32::MAX), "only loaded");
+        assert_eq!(rig.write(0x00, 0xA504), PAGE_PROGRAM);
+        assert_eq!(rig.memory.read_u32(0x3F40), Some(0x1234_5678));
+        assert_eq!(rig.memory.read_u32(0x3F44), Some(0xFFFF_ABCD));
+
+        // A second programming only clears bits.
+        rig.load(0x3F40, 4, 0xFF00_FF00).unwrap();
+        rig.write(0x00, 0xA504);
+        assert_eq!(rig.memory.read_u32(0x3F40), Some(0x1200_5600));
+    }
+
+    #[test]
+    fn without_manw_the_last_word_programs_the_page() {
+        let mut rig = Rig::new();
+        assert_eq!(rig.load(0x4038, 4, 0x0BAD_F00D), Ok(Ticks::ZERO));
+        assert_eq!(rig.load(0x403C, 4, 0), Ok(PAGE_PROGRAM));
+        assert_eq!(rig.memory.read_u32(0x4038), Some(0x0BAD_F00D));
+    }
+
+    #[test]
+    fn byte_writes_and_bad_keys_do_not_program() {
+        let mut rig = Rig::new();
+        assert!(rig.load(0x4000, 1, 0).is_err());
+        rig.write(0x00, 0x0004);
+        assert_eq!(rig.nvmctrl.status & PROGE, PROGE);
+        assert_eq!(rig.memory.read_u32(0x4000), Some(u32::MAX));
+    }
+
+    #[test]
+    fn calibration_reads_as_the_hal_extracts_it() {
+        let nvmctrl = Nvmctrl::new([1, 2, 3, 4]);
+        let low = u64::from(nvmctrl.read_auxiliary(0x0080_6020).unwrap());
+        let row = low | u64::from(nvmctrl.read_auxiliary(0x0080_6024).unwrap()) << 32;
+        assert_eq!(row >> 58 & 0x3F, 0x1F, "DFLL coarse");
+        assert_eq!(row >> 55 & 0x7, 3, "USB trim");
+        assert_eq!(row >> 50 & 0x1F, 29, "USB TRANSP");
+        assert_eq!(row >> 45 & 0x1F, 5, "USB TRANSN");
+        assert_eq!(row >> 38 & 0x7F, 0x2E, "OSC32K");
+        assert_eq!(nvmctrl.read_auxiliary(0x0080_A048), Some(4));
+        assert_eq!(nvmctrl.read_auxiliary(0x0080_5000), None);
+    }
+}

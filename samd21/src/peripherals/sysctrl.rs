@@ -1,0 +1,337 @@
+//! SYSCTRL: oscillators and supply supervision.
+//!
+//! | offset | register | behaviour |
+//! |---|---|---|
+//! | 00, 04, 08 | INTENCLR, INTENSET, INTFLAG | enables stored; flags of ready oscillators are set |
+//! | 0C | PCLKSR | XOSC32KRDY never; OSC32KRDY after STARTUP; OSC8MRDY; DFLLRDY; locks; BOD33RDY |
+//! | 14 | XOSC32K | stored; no crystal is soldered to this board, so it is never ready |
+//! | 18 | OSC32K | 32,768 Hz, ready STARTUP cycles after it is enabled |
+//! | 1C | OSCULP32K | 32,768 Hz, always on |
+//! | 20 | OSC8M | 8 MHz / 2^PRESC, on from reset |
+//! | 24, 28, 2C | DFLLCTRL, DFLLVAL, DFLLMUL | 48 MHz when enabled; locks as below |
+//! | 30 | DFLLSYNC | READREQ: DFLLVAL reads as written |
+//! | 34, 3C, 40 | BOD33, VREG, VREF | stored; the supply is always good |
+//!
+//! The DFLL gives 48 MHz 6 us after it is enabled (open loop needs no reference). In closed loop
+//! LCKC and LCKF follow 500 us after the reference (GCLK 0) is there; with USBCRM, after the
+//! first 8 start-of-frame packets. Touching DFLLVAL or DFLLMUL with ONDEMAND set freezes the real
+//! chip (errata 9905): that faults.
+//!
+//! | left out | why |
+//! |---|---|
+//! | XOSC, DPLL | not on this board, not used: an access faults |
+//! | frequency errors and drift | the chip's clock is the time base of the whole emulation |
+//! | brown-out | supply voltage is not modelled |
+//! | ONDEMAND, RUNSTDBY | clocks that nobody asks for cost nothing here |
+
+use super::access::{Bus, DONE, Lanes, RESERVED, Read, Refusal, Write};
+use super::clock::Rate;
+use crate::board::Ticks;
+
+const ENABLE: u32 = 1 << 1;
+const DFLL_CLOSED_LOOP: u32 = 1 << 2;
+const DFLL_USB_RECOVERY: u32 = 1 << 5;
+const ONDEMAND: u32 = 1 << 7;
+
+const OSC32KRDY: u32 = 1 << 2;
+const OSC8MRDY: u32 = 1 << 3;
+const DFLLRDY: u32 = 1 << 4;
+const DFLLLCKF: u32 = 1 << 6;
+const DFLLLCKC: u32 = 1 << 7;
+const BOD33RDY: u32 = 1 << 9;
+const B33SRDY: u32 = 1 << 11;
+
+/// Start-up of the DFLL (D21 electrical characteristics: 8 us maximum, 6 us typical).
+const DFLL_STARTUP: Ticks = Ticks::from_us(6);
+/// Closed-loop lock time (typical).
+const DFLL_LOCK: Ticks = Ticks::from_us(500);
+/// Start-of-frame packets until USB clock recovery has locked.
+const RECOVERY_FRAMES: u8 = 8;
+/// OSC32K.STARTUP to cycles of the oscillator.
+const OSC32K_STARTUP: [u64; 8] = [3, 4, 6, 10, 18, 34, 66, 130];
+
+#[derive(Clone, Debug)]
+pub(crate) struct Sysctrl {
+    interrupts: u32,
+    flags: u32,
+    xosc32k: u32,
+    osc32k: u32,
+    osculp32k: u32,
+    osc8m: u32,
+    dfllctrl: u32,
+    dfllval: u32,
+    dfllmul: u32,
+    bod33: u32,
+    vreg: u32,
+    vref: u32,
+    osc32k_ready: Ticks,
+    dfll_ready: Ticks,
+    dfll_locked: Ticks,
+    frames_until_lock: u8,
+}
+
+impl Sysctrl {
+    pub(crate) fn new() -> Self {
+        Self {
+            interrupts: 0,
+            flags: 0,
+            xosc32k: 0x80,
+            osc32k: 0x003F_0080,
+            osculp32k: 0x1F,
+            osc8m: 0x8707_0382,
+            dfllctrl: 0x80,
+            dfllval: 0,
+            dfllmul: 0,
+            bod33: 0,
+            vreg: 0,
+            vref: 0,
+            osc32k_ready: Ticks::NEVER,
+            dfll_ready: Ticks::NEVER,
+            dfll_locked: Ticks::NEVER,
+            frames_until_lock: RECOVERY_FRAMES,
+        }
+    }
+
+    /// The 32,768 Hz oscillator, once it runs.
+    pub(crate) fn osc32k(&self, now: Ticks) -> Option<Rate> {
+        (now >= self.osc32k_ready).then(|| Rate::from_hz(32_768))
+    }
+
+    /// The ultra-low-power 32,768 Hz oscillator.
+    pub(crate) fn osculp32k(&self) -> Rate {
+        Rate::from_hz(32_768)
+    }
+
+    /// The 8 MHz oscillator behind its prescaler.
+    pub(crate) fn osc8m(&self) -> Option<Rate> {
+        (self.osc8m & ENABLE != 0).then(|| Rate::from_hz(8_000_000 >> (self.osc8m >> 8 & 3)))
+    }
+
+    /// The DFLL, once it runs.
+    pub(crate) fn dfll(&self, now: Ticks) -> Option<Rate> {
+        (now >= self.dfll_ready).then(|| Rate::from_hz(48_000_000))
+    }
+
+    /// When a clock comes up by itself.
+    pub(crate) fn next(&self, after: Ticks) -> Ticks {
+        [self.osc32k_ready, self.dfll_ready, self.dfll_locked]
+            .into_iter()
+            .filter(|&at| at > after)
+            .min()
+            .unwrap_or(Ticks::NEVER)
+    }
+
+    /// The USB host's start-of-frame packet arrives.
+    pub(crate) fn start_of_frame(&mut self, now: Ticks) {
+        if self.recovers_from_usb() && self.frames_until_lock > 0 {
+            self.frames_until_lock -= 1;
+            if self.frames_until_lock == 0 {
+                self.dfll_locked = now;
+            }
+        }
+    }
+
+    fn recovers_from_usb(&self) -> bool {
+        self.dfllctrl & ENABLE != 0
+            && self.dfllctrl & DFLL_CLOSED_LOOP != 0
+            && self.dfllctrl & DFLL_USB_RECOVERY != 0
+    }
+
+    fn status(&self, now: Ticks) -> u32 {
+        let mut status = BOD33RDY | B33SRDY;
+        if now >= self.osc32k_ready {
+            status |= OSC32KRDY;
+        }
+        if self.osc8m & ENABLE != 0 {
+            status |= OSC8MRDY;
+        }
+        // Ready for the next register write: also while the DFLL is off.
+        if self.dfllctrl & ENABLE == 0 || now >= self.dfll_ready {
+            status |= DFLLRDY;
+        }
+        if now >= self.dfll_locked {
+            status |= DFLLLCKF | DFLLLCKC;
+        }
+        status
+    }
+
+    /// Flags rise with what they tell of.
+    pub(crate) fn latch_flags(&mut self, now: Ticks) {
+        self.flags |= self.status(now) & 0x3F;
+    }
+
+    pub(crate) fn read(&self, now: Ticks, offset: u32) -> Read {
+        Ok(match offset {
+            0x00 | 0x04 => self.interrupts,
+            0x08 => self.flags,
+            0x0C => self.status(now),
+            0x14 => self.xosc32k,
+            0x18 => self.osc32k,
+            0x1C => self.osculp32k,
+            0x20 => self.osc8m,
+            0x24 => self.dfllctrl,
+            0x28 => self.dfllval,
+            0x2C => self.dfllmul,
+            0x30 => 0,
+            0x34 => self.bod33,
+            0x3C => self.vreg,
+            0x40 => self.vref,
+            _ => return Err(name(offset)),
+        })
+    }
+
+    /// `reference` tells whether GCLK 0, the DFLL's reference, is routed.
+    pub(crate) fn write(
+        &mut self,
+        bus: &mut Bus<'_>,
+        offset: u32,
+        lanes: Lanes,
+        reference: bool,
+    ) -> Write {
+        match offset {
+            0x00 => self.interrupts &= !lanes.bits(),
+            0x04 => self.interrupts |= lanes.bits(),
+            0x08 => self.flags &= !lanes.bits(),
+            0x0C => {}
+            0x14 => self.xosc32k = lanes.merge(self.xosc32k) & 0xFFFF,
+            0x18 => self.write_osc32k(bus.now, lanes.merge(self.osc32k)),
+            0x1C => self.osculp32k = lanes.merge(self.osculp32k) & 0xFF,
+            0x20 => self.osc8m = lanes.merge(self.osc8m),
+            0x24 => self.write_dfllctrl(bus, lanes.merge(self.dfllctrl) & 0xFFFF, reference),
+            0x28 => {
+                self.demand_dfll()?;
+                self.dfllval = lanes.merge(self.dfllval) & 0xFFFF;
+            }
+            0x2C => {
+                self.demand_dfll()?;
+                self.dfllmul = lanes.merge(self.dfllmul);
+            }
+            0x30 => {}
+            0x34 => self.bod33 = lanes.merge(self.bod33),
+            0x3C => self.vreg = lanes.merge(self.vreg),
+            0x40 => self.vref = lanes.merge(self.vref),
+            _ => return Err(name(offset)),
+        }
+        DONE
+    }
+
+    fn write_osc32k(&mut self, now: Ticks, value: u32) {
+        let was_enabled = self.osc32k & ENABLE != 0;
+        self.osc32k = value;
+        if value & ENABLE == 0 {
+            self.osc32k_ready = Ticks::NEVER;
+        } else if !was_enabled {
+            let cycles = OSC32K_STARTUP[(value >> 8 & 7) as usize];
+            self.osc32k_ready = now + Rate::from_hz(32_768).duration(cycles);
+        }
+    }
+
+    fn write_dfllctrl(&mut self, bus: &mut Bus<'_>, value: u32, reference: bool) {
+        if self.status(bus.now) & DFLLRDY == 0 {
+            bus.violations
+                .note(bus.now, "SYSCTRL", "DFLLCTRL written while DFLLRDY is 0");
+        }
+        let was_enabled = self.dfllctrl & ENABLE != 0;
+        self.dfllctrl = value;
+        if value & ENABLE == 0 {
+            self.dfll_ready = Ticks::NEVER;
+            self.dfll_locked = Ticks::NEVER;
+            return;
+        }
+        if !was_enabled {
+            self.dfll_ready = bus.now + DFLL_STARTUP;
+        }
+        self.frames_until_lock = RECOVERY_FRAMES;
+        self.dfll_locked =
+            if value & DFLL_CLOSED_LOOP != 0 && value & DFLL_USB_RECOVERY == 0 && reference {
+                bus.now + DFLL_LOCK
+            } else {
+                Ticks::NEVER
+            };
+    }
+
+    fn demand_dfll(&self) -> Result<(), Refusal> {
+        if self.dfllctrl & ONDEMAND != 0 && self.dfllctrl & ENABLE == 0 {
+            return Err(Refusal::Forbidden(
+                "a DFLL register written before DFLLCTRL.ONDEMAND was cleared freezes the chip (errata 9905)",
+            ));
+        }
+        Ok(())
+    }
+
+    pub(crate) fn irq(&self) -> bool {
+        self.interrupts & self.flags != 0
+    }
+}
+
+fn name(offset: u32) -> Refusal {
+    match offset {
+        0x10 => Refusal::Unmodelled("XOSC"),
+        0x44 => Refusal::Unmodelled("DPLLCTRLA"),
+        0x48 => Refusal::Unmodelled("DPLLRATIO"),
+        0x4C => Refusal::Unmodelled("DPLLCTRLB"),
+        0x50 => Refusal::Unmodelled("DPLLSTATUS"),
+        _ => RESERVED,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::board::Unconnected;
+    use crate::peripherals::violations::Violations;
+
+    fn write(sysctrl: &mut Sysctrl, us: u64, offset: u32, value: u32) -> Write {
+        let mut bus = Bus {
+            now: Ticks::from_us(us),
+            board: &mut Unconnected,
+            violations: &mut Violations::default(),
+        };
+        sysctrl.write(&mut bus, offset, Lanes::word(value), true)
+    }
+
+    fn status(sysctrl: &Sysctrl, us: u64) -> u32 {
+        sysctrl.read(Ticks::from_us(us), 0x0C).unwrap()
+    }
+
+    #[test]
+    fn osc32k_starts_after_66_cycles_and_the_crystal_never() {
+        let mut sysctrl = Sysctrl::new();
+        write(&mut sysctrl, 0, 0x18, 6 << 8 | 1 << 6 | 1 << 2 | 1 << 1).unwrap();
+        write(&mut sysctrl, 0, 0x14, 0x06 << 8 | 1 << 1).unwrap();
+        // 66 / 32768 Hz = 2014.2 us.
+        assert_eq!(status(&sysctrl, 2014) & OSC32KRDY, 0);
+        assert_eq!(status(&sysctrl, 2015) & OSC32KRDY, OSC32KRDY);
+        assert!(sysctrl.osc32k(Ticks::from_us(2015)).is_some());
+        assert_eq!(status(&sysctrl, 10_000_000) & 1 << 1, 0);
+    }
+
+    #[test]
+    fn dfll_starts_as_the_hal_starts_it() {
+        let mut sysctrl = Sysctrl::new();
+        write(&mut sysctrl, 0, 0x24, 0).unwrap();
+        assert_ne!(status(&sysctrl, 0) & DFLLRDY, 0);
+        write(&mut sysctrl, 0, 0x28, 0x1F << 10 | 0x1FF).unwrap();
+        write(&mut sysctrl, 0, 0x2C, 7 << 26 | 10 << 16 | 48_000).unwrap();
+        let mode = 1 << 2 | 1 << 8 | 1 << 5 | 1 << 10;
+        write(&mut sysctrl, 0, 0x24, mode).unwrap();
+        write(&mut sysctrl, 0, 0x24, mode | ENABLE).unwrap();
+        assert_eq!(status(&sysctrl, 5) & DFLLRDY, 0);
+        assert_eq!(status(&sysctrl, 6) & DFLLRDY, DFLLRDY);
+        assert_eq!(sysctrl.dfll(Ticks::from_us(6)).unwrap().hz(), 48e6);
+        assert_eq!(status(&sysctrl, 10_000) & DFLLLCKF, 0, "no USB, no lock");
+        for frame in 0..u64::from(RECOVERY_FRAMES) {
+            sysctrl.start_of_frame(Ticks::from_ms(20 + frame));
+        }
+        assert_eq!(status(&sysctrl, 28_000) & DFLLLCKF, DFLLLCKF);
+    }
+
+    #[test]
+    fn the_errata_of_an_undemanded_dfll_is_loud() {
+        let mut sysctrl = Sysctrl::new();
+        assert!(matches!(
+            write(&mut sysctrl, 0, 0x28, 0),
+            Err(Refusal::Forbidden(_))
+        ));
+    }
+}

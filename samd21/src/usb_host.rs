@@ -1,0 +1,1 @@
+//! The USB host at the other end of the cable.
