@@ -1,1 +1,5 @@
-//! The virtual rig.
+//! The virtual rig: the emulated chip with everything that is soldered and bolted to it.
+
+pub mod bno055;
+pub mod random;
+pub mod recording;

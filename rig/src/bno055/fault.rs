@@ -1,0 +1,86 @@
+//! Faults of the sensor and its cable that can be switched on and off while it runs.
+
+use samd21::board::Ticks;
+
+/// A fault of the sensor, its supply or its cable (`Bno055::inject`, `Bno055::clear`).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Fault {
+    /// The cable is off: no power, no acknowledge. Clearing plugs it in again, and the chip boots.
+    Unplugged,
+    /// Something holds the data line low.
+    SdaStuck,
+    /// Something holds the clock line low.
+    SclStuck,
+    /// The chip was interrupted inside a byte and holds the data line until it has seen this many
+    /// clock pulses.
+    SdaHeld {
+        /// Pulses until it lets go, 1 to 9.
+        clocks: u8,
+    },
+    /// At once: every register at its reset value, mode CONFIG, no boot time. Nothing to clear.
+    ConfigReset,
+    /// At once: the supply dips and the chip boots again. Nothing to clear.
+    PowerDip,
+    /// Every byte reads 0xFF though the chip acknowledges.
+    AllOnes,
+    /// Single words of the data registers read 0xFFFF.
+    CorruptWords {
+        /// Share of words, 0 to 1.
+        probability: f64,
+    },
+    /// The data registers are no longer refreshed.
+    Frozen,
+    /// Long clock stretching on some bytes.
+    LongStretch {
+        /// How long.
+        stretch: Ticks,
+        /// Share of bytes, 0 to 1.
+        probability: f64,
+    },
+    /// The most significant bit of single data words is inverted.
+    Spikes {
+        /// Share of words, 0 to 1.
+        probability: f64,
+    },
+    /// The gyroscope reads zero, its id too, its self-test fails.
+    GyroDead,
+    /// At once: the axis map falls back to its reset value and SYS_ERR tells 2. Nothing to clear.
+    RevertedAxisMap,
+    /// The pattern seen around crashes: acceleration 19.62, 5.68, 0 m/s^2; field 0, 320, 240.19 uT;
+    /// rate zero.
+    FixedPattern,
+}
+
+/// The faults that are on.
+#[derive(Clone, Debug, Default)]
+pub struct Faults(Vec<Fault>);
+
+impl Faults {
+    /// Switches a fault on, in place of one of its kind.
+    pub fn set(&mut self, fault: Fault) {
+        self.clear(fault);
+        self.0.push(fault);
+    }
+
+    /// Switches off whatever is of the kind of `fault`.
+    pub fn clear(&mut self, fault: Fault) {
+        let kind = core::mem::discriminant(&fault);
+        self.0.retain(|on| core::mem::discriminant(on) != kind);
+    }
+
+    /// A fault of the kind of `fault` is on.
+    pub fn has(&self, fault: Fault) -> bool {
+        let kind = core::mem::discriminant(&fault);
+        self.0.iter().any(|on| core::mem::discriminant(on) == kind)
+    }
+
+    /// The faults that are on.
+    pub fn iter(&self) -> impl Iterator<Item = &Fault> {
+        self.0.iter()
+    }
+
+    /// The faults that are on, to change their parameters.
+    pub fn iter_mut(&mut self) -> impl Iterator<Item = &mut Fault> {
+        self.0.iter_mut()
+    }
+}

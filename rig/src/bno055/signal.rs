@@ -1,0 +1,526 @@
+//! From what happens to the sensor to the words of its data registers: errors, noise, range,
+//! bandwidth, units, axis map.
+
+use super::registers::{Mode, unit};
+use super::replay::Playback;
+use rand::Rng;
+use rand_chacha::ChaCha8Rng;
+use rand_distr::StandardNormal;
+use samd21::board::Ticks;
+
+/// Standard gravity, m/s^2: what the chip means by 1 g.
+const STANDARD_GRAVITY_M_S2: f64 = 9.80665;
+/// Correlation time of the gyroscope's bias instability, s (estimate).
+const BIAS_CORRELATION_S: f64 = 100.0;
+/// What the magnetometer can show in x, y and z, uT (data sheet table 0-2).
+const MAG_RANGE_UT: [f64; 3] = [1300.0, 1300.0, 2500.0];
+
+/// What happens to the sensor, along the axes printed on its package.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Stimulus {
+    /// Specific force, m/s^2: at rest 9.81 along the axis that points up.
+    pub specific_force_m_s2: [f64; 3],
+    /// Angular rate, rad/s.
+    pub rate_rad_s: [f64; 3],
+    /// Magnetic field, uT.
+    pub field_ut: [f64; 3],
+    /// Attitude `[w, x, y, z]`, sensor to east-north-up with magnetic north; the fusion modes show
+    /// it.
+    pub attitude: [f64; 4],
+}
+
+impl Stimulus {
+    /// At rest, level, z up, in a field of 50 uT with 70 degrees of dip, facing east.
+    pub const REST: Self = Self {
+        specific_force_m_s2: [0.0, 0.0, 9.81],
+        rate_rad_s: [0.0; 3],
+        field_ut: [0.0, 17.101, -46.985],
+        attitude: [1.0, 0.0, 0.0, 0.0],
+    };
+}
+
+/// Imperfections of one sensor.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ImuErrors {
+    /// Zero-rate offset, rad/s; `None` draws each axis from +-1 deg/s, the chip's typical offset.
+    pub gyro_bias_rad_s: Option<[f64; 3]>,
+    /// Gyroscope noise, rad/s/sqrt(Hz).
+    pub gyro_noise_density: f64,
+    /// Standard deviation of the slow wandering of the bias, rad/s.
+    pub gyro_instability_rad_s: f64,
+    /// Relative scale error of each axis of the gyroscope.
+    pub gyro_scale: [f64; 3],
+    /// Accelerometer noise, m/s^2/sqrt(Hz).
+    pub acc_noise_density: f64,
+    /// Accelerometer offset, m/s^2.
+    pub acc_offset_m_s2: [f64; 3],
+    /// Relative scale error of each axis of the accelerometer.
+    pub acc_scale: [f64; 3],
+    /// Magnetometer noise, uT rms a sample.
+    pub mag_noise_ut: f64,
+    /// Hard iron: a field that turns with the sensor, uT.
+    pub hard_iron_ut: [f64; 3],
+    /// Soft iron: the matrix that the field goes through, row by row.
+    pub soft_iron: [[f64; 3]; 3],
+}
+
+const IDENTITY: [[f64; 3]; 3] = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+
+impl ImuErrors {
+    /// No imperfections at all.
+    pub const NONE: Self = Self {
+        gyro_bias_rad_s: Some([0.0; 3]),
+        gyro_noise_density: 0.0,
+        gyro_instability_rad_s: 0.0,
+        gyro_scale: [0.0; 3],
+        acc_noise_density: 0.0,
+        acc_offset_m_s2: [0.0; 3],
+        acc_scale: [0.0; 3],
+        mag_noise_ut: 0.0,
+        hard_iron_ut: [0.0; 3],
+        soft_iron: IDENTITY,
+    };
+}
+
+impl Default for ImuErrors {
+    /// Noise and gyroscope bias of a typical chip: 0.014 deg/s/sqrt(Hz), +-1 deg/s, 6.5 deg/h
+    /// instability, 150 ug/sqrt(Hz), 0.5 uT; offsets, scale errors and iron are zero.
+    fn default() -> Self {
+        Self {
+            gyro_bias_rad_s: None,
+            gyro_noise_density: 0.014_f64.to_radians(),
+            gyro_instability_rad_s: (6.5_f64 / 3600.0).to_radians(),
+            acc_noise_density: 150e-6 * STANDARD_GRAVITY_M_S2,
+            mag_noise_ut: 0.5,
+            ..Self::NONE
+        }
+    }
+}
+
+/// Ranges and bandwidths in force, decoded from page 1 or chosen by the fusion.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Settings {
+    pub(super) acc_range_g: f64,
+    pub(super) acc_bandwidth_hz: f64,
+    pub(super) gyr_range_dps: f64,
+    pub(super) gyr_bandwidth_hz: f64,
+    pub(super) mag_rate_hz: f64,
+}
+
+impl Settings {
+    /// What the configuration registers say; the fusion modes take the accelerometer's range from
+    /// them and choose the rest themselves (20 Hz magnetometer, data sheet table 3-14).
+    pub(super) fn decode(mode: Mode, acc: u8, mag: u8, gyr: u8) -> Self {
+        const ACC_BANDWIDTH_HZ: [f64; 8] = [7.81, 15.63, 31.25, 62.5, 125.0, 250.0, 500.0, 1000.0];
+        const GYR_RANGE_DPS: [f64; 8] =
+            [2000.0, 1000.0, 500.0, 250.0, 125.0, 2000.0, 2000.0, 2000.0];
+        const GYR_BANDWIDTH_HZ: [f64; 8] = [523.0, 230.0, 116.0, 47.0, 23.0, 12.0, 64.0, 32.0];
+        const MAG_RATE_HZ: [f64; 8] = [2.0, 6.0, 8.0, 10.0, 15.0, 20.0, 25.0, 30.0];
+        let bits = |value: u8, shift: u32| usize::from(value >> shift & 7);
+        let raw = Self {
+            acc_range_g: f64::from(2u8 << (acc & 3)),
+            acc_bandwidth_hz: ACC_BANDWIDTH_HZ[bits(acc, 2)],
+            gyr_range_dps: GYR_RANGE_DPS[bits(gyr, 0)],
+            gyr_bandwidth_hz: GYR_BANDWIDTH_HZ[bits(gyr, 3)],
+            mag_rate_hz: MAG_RATE_HZ[bits(mag, 0)],
+        };
+        if !mode.is_fusion() {
+            return raw;
+        }
+        Self {
+            acc_range_g: raw.acc_range_g,
+            acc_bandwidth_hz: 62.5,
+            gyr_range_dps: 2000.0,
+            gyr_bandwidth_hz: 32.0,
+            mag_rate_hz: mode
+                .refresh_hz()
+                .min(if mode == Mode::M4g { 50.0 } else { 20.0 }),
+        }
+    }
+}
+
+/// One refresh of the sensors, in SI units along the package axes.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(super) struct Sample {
+    pub(super) acc_m_s2: [f64; 3],
+    pub(super) gyr_rad_s: [f64; 3],
+    pub(super) mag_ut: [f64; 3],
+    pub(super) attitude: [f64; 4],
+}
+
+/// The three sensors up to their analogue-to-digital converters and filters.
+#[derive(Clone, Debug)]
+pub(super) struct SignalChain {
+    errors: ImuErrors,
+    turn_on_bias_rad_s: [f64; 3],
+    wandering_rad_s: [f64; 3],
+    noise: ChaCha8Rng,
+    filtered: Option<Sample>,
+    mag_latched: Option<[f64; 3]>,
+    next_mag: f64,
+    last_sense: Ticks,
+    playback: Option<Playback>,
+}
+
+impl SignalChain {
+    pub(super) fn new(errors: ImuErrors, unit: &mut ChaCha8Rng, noise: ChaCha8Rng) -> Self {
+        let drawn = [(); 3].map(|()| unit.random_range(-1.0..1.0_f64).to_radians());
+        Self {
+            errors,
+            turn_on_bias_rad_s: errors.gyro_bias_rad_s.unwrap_or(drawn),
+            wandering_rad_s: [0.0; 3],
+            noise,
+            filtered: None,
+            mag_latched: None,
+            next_mag: 0.0,
+            last_sense: Ticks::ZERO,
+            playback: None,
+        }
+    }
+
+    /// The gyroscope's bias now, rad/s.
+    pub(super) fn gyro_bias_rad_s(&self) -> [f64; 3] {
+        add(self.turn_on_bias_rad_s, self.wandering_rad_s)
+    }
+
+    pub(super) fn play(&mut self, playback: Playback) {
+        self.playback = Some(playback);
+    }
+
+    pub(super) fn playback(&self) -> Option<&Playback> {
+        self.playback.as_ref()
+    }
+
+    /// Forgets the filters, as a mode change does; the bias stays.
+    pub(super) fn restart(&mut self) {
+        self.filtered = None;
+        self.mag_latched = None;
+    }
+
+    /// Feeds the converters with what has been true since the last call.
+    pub(super) fn sense(&mut self, now: Ticks, truth: &Stimulus, settings: &Settings) {
+        let dt = now.saturating_sub(self.last_sense).as_secs_f64();
+        self.last_sense = now;
+        if dt <= 0.0 || self.playback.is_some() {
+            return;
+        }
+        self.wander(dt);
+        let e = self.errors;
+        let root = (0.5 / dt).sqrt();
+        let gyr_range = settings.gyr_range_dps.to_radians();
+        let acc_range = settings.acc_range_g * STANDARD_GRAVITY_M_S2;
+        let bias = self.gyro_bias_rad_s();
+        let gyr_rad_s = [0, 1, 2].map(|axis| {
+            let noise = root * e.gyro_noise_density * self.normal(e.gyro_noise_density);
+            let rate = truth.rate_rad_s[axis] * (1.0 + e.gyro_scale[axis]) + bias[axis] + noise;
+            rate.clamp(-gyr_range, gyr_range)
+        });
+        let acc_m_s2 = [0, 1, 2].map(|axis| {
+            let noise = root * e.acc_noise_density * self.normal(e.acc_noise_density);
+            let force = truth.specific_force_m_s2[axis] * (1.0 + e.acc_scale[axis]);
+            (force + e.acc_offset_m_s2[axis] + noise).clamp(-acc_range, acc_range)
+        });
+        let input = Sample {
+            acc_m_s2,
+            gyr_rad_s,
+            mag_ut: add(apply(&e.soft_iron, truth.field_ut), e.hard_iron_ut),
+            attitude: truth.attitude,
+        };
+        let Some(filtered) = &mut self.filtered else {
+            self.filtered = Some(input);
+            return;
+        };
+        // The exact response of a first-order low-pass to an input that is constant over dt.
+        let gain = |hz: f64| 1.0 - (-core::f64::consts::TAU * hz * dt).exp();
+        let (gyr, acc) = (
+            gain(settings.gyr_bandwidth_hz),
+            gain(settings.acc_bandwidth_hz),
+        );
+        for axis in 0..3 {
+            let f = &mut filtered.gyr_rad_s[axis];
+            *f += gyr * (input.gyr_rad_s[axis] - *f);
+            let f = &mut filtered.acc_m_s2[axis];
+            *f += acc * (input.acc_m_s2[axis] - *f);
+        }
+        filtered.mag_ut = input.mag_ut;
+        filtered.attitude = input.attitude;
+    }
+
+    /// What the chip's processor collects at a refresh; `None` before anything was sensed.
+    pub(super) fn refresh(&mut self, at: Ticks, settings: &Settings) -> Option<Sample> {
+        let seconds = at.as_secs_f64();
+        // A new conversion of the magnetometer; its clock is the chip's, its phase is its own.
+        let mag_due = seconds >= self.next_mag || self.mag_latched.is_none();
+        if mag_due {
+            let period = 1.0 / settings.mag_rate_hz;
+            self.next_mag = if seconds < self.next_mag + period {
+                self.next_mag + period
+            } else {
+                seconds + period
+            };
+        }
+        let mut sample = match &mut self.playback {
+            Some(playback) => playback.refresh(at, mag_due),
+            None => self.filtered?,
+        };
+        if mag_due {
+            if self.playback.is_none() {
+                for (axis, range) in MAG_RANGE_UT.iter().enumerate() {
+                    let noise = self.errors.mag_noise_ut * self.normal(self.errors.mag_noise_ut);
+                    sample.mag_ut[axis] = (sample.mag_ut[axis] + noise).clamp(-range, *range);
+                }
+            }
+            self.mag_latched = Some(sample.mag_ut);
+        }
+        sample.mag_ut = self.mag_latched.unwrap_or_default();
+        Some(sample)
+    }
+
+    /// First-order Gauss-Markov wandering of the gyroscope's bias.
+    fn wander(&mut self, dt: f64) {
+        let sigma = self.errors.gyro_instability_rad_s;
+        if sigma == 0.0 {
+            return;
+        }
+        let keep = (-dt / BIAS_CORRELATION_S).exp();
+        let kick = sigma * (1.0 - keep * keep).sqrt();
+        self.wandering_rad_s = self
+            .wandering_rad_s
+            .map(|old| keep * old + kick * self.normal(sigma));
+    }
+
+    /// A standard normal number, none drawn where its factor is zero.
+    fn normal(&mut self, factor: f64) -> f64 {
+        if factor == 0.0 {
+            0.0
+        } else {
+            self.noise.sample(StandardNormal)
+        }
+    }
+}
+
+/// The nearest word, saturated.
+fn word(value: f64) -> i16 {
+    value.round() as i16
+}
+
+/// Words of a sample in the units of UNIT_SEL, along the package axes, saturated at the ranges.
+pub(super) struct Words {
+    pub(super) acc: [i16; 3],
+    pub(super) mag: [i16; 3],
+    pub(super) gyr: [i16; 3],
+}
+
+impl Words {
+    pub(super) fn of(sample: &Sample, units: u8, settings: &Settings) -> Self {
+        let acc_range = settings.acc_range_g * STANDARD_GRAVITY_M_S2;
+        let gyr_range = settings.gyr_range_dps.to_radians();
+        let gyr_lsb = gyr_per_rad_s(units);
+        Self {
+            acc: sample
+                .acc_m_s2
+                .map(|a| word(a.clamp(-acc_range, acc_range) * acc_per_m_s2(units))),
+            mag: sample.mag_ut.map(|m| word(m * 16.0)),
+            gyr: sample
+                .gyr_rad_s
+                .map(|w| word(w.clamp(-gyr_range, gyr_range) * gyr_lsb)),
+        }
+    }
+}
+
+/// Counts of acceleration for 1 m/s^2.
+pub(super) fn acc_per_m_s2(units: u8) -> f64 {
+    if units & unit::ACC_MG == 0 {
+        100.0
+    } else {
+        1000.0 / STANDARD_GRAVITY_M_S2
+    }
+}
+
+/// Counts of rate for 1 rad/s.
+pub(super) fn gyr_per_rad_s(units: u8) -> f64 {
+    if units & unit::GYR_RPS == 0 {
+        16.0 * 180.0 / core::f64::consts::PI
+    } else {
+        900.0
+    }
+}
+
+/// What the fusion modes show besides: Euler angles, quaternion, linear acceleration, gravity.
+///
+/// The chip's fusion itself is not modelled: the attitude is the true one.
+pub(super) struct FusionWords {
+    pub(super) euler: [i16; 3],
+    pub(super) quaternion: [i16; 4],
+    pub(super) linear: [i16; 3],
+    pub(super) gravity: [i16; 3],
+}
+
+impl FusionWords {
+    pub(super) fn of(sample: &Sample, units: u8) -> Self {
+        let [w, x, y, z] = sample.attitude;
+        let up = [
+            2.0 * (x * z - w * y),
+            2.0 * (y * z + w * x),
+            w * w - x * x - y * y + z * z,
+        ];
+        let gravity = up.map(|u| u * STANDARD_GRAVITY_M_S2);
+        let roll = up[0].clamp(-1.0, 1.0).asin();
+        let pitch = up[1].atan2(up[2]);
+        let yaw = (2.0 * (x * y + w * z)).atan2(w * w + x * x - y * y - z * z);
+        let heading = (-yaw).rem_euclid(core::f64::consts::TAU);
+        let pitch = if units & unit::ANDROID == 0 {
+            pitch
+        } else {
+            -pitch
+        };
+        let angle = if units & unit::EUL_RAD == 0 {
+            16.0 * 180.0 / core::f64::consts::PI
+        } else {
+            900.0
+        };
+        let lsb = acc_per_m_s2(units);
+        Self {
+            euler: [heading, roll, pitch].map(|a| word(a * angle)),
+            quaternion: sample.attitude.map(|c| word(c * 16384.0)),
+            linear: [0, 1, 2].map(|i| word((sample.acc_m_s2[i] - gravity[i]) * lsb)),
+            gravity: gravity.map(|g| word(g * lsb)),
+        }
+    }
+}
+
+fn add(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
+    [a[0] + b[0], a[1] + b[1], a[2] + b[2]]
+}
+
+fn apply(m: &[[f64; 3]; 3], v: [f64; 3]) -> [f64; 3] {
+    m.map(|row| row[0] * v[0] + row[1] * v[1] + row[2] * v[2])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::random::{Stream, generator};
+
+    fn chain(errors: ImuErrors) -> SignalChain {
+        SignalChain::new(
+            errors,
+            &mut generator(1, Stream::SensorUnit),
+            generator(1, Stream::SensorNoise),
+        )
+    }
+
+    fn reset_settings() -> Settings {
+        Settings::decode(Mode::Amg, 0x0D, 0x0B, 0x38)
+    }
+
+    #[test]
+    fn reset_values_mean_what_the_data_sheet_says() {
+        let s = reset_settings();
+        assert_eq!((s.acc_range_g, s.acc_bandwidth_hz), (4.0, 62.5));
+        assert_eq!((s.gyr_range_dps, s.gyr_bandwidth_hz), (2000.0, 32.0));
+        assert_eq!(s.mag_rate_hz, 10.0);
+    }
+
+    #[test]
+    fn low_pass_reaches_63_percent_after_one_time_constant() {
+        let mut chain = chain(ImuErrors::NONE);
+        let settings = reset_settings();
+        chain.sense(Ticks::from_us(500), &Stimulus::REST, &settings);
+        let mut turning = Stimulus::REST;
+        turning.rate_rad_s[1] = 1.0;
+        // 32 Hz: 4.9736 ms. 10 steps of 500 us are 5 ms: 1 - exp(-5 / 4.9736) = 0.634.
+        for i in 2..=11 {
+            chain.sense(Ticks::from_us(500 * i), &turning, &settings);
+        }
+        let sample = chain.refresh(Ticks::from_us(5500), &settings).unwrap();
+        assert!((sample.gyr_rad_s[1] - 0.634_05).abs() < 1e-4, "{sample:?}");
+    }
+
+    #[test]
+    fn noise_has_the_density_asked_for() {
+        let mut chain = chain(ImuErrors {
+            gyro_bias_rad_s: Some([0.0; 3]),
+            gyro_instability_rad_s: 0.0,
+            ..ImuErrors::default()
+        });
+        let settings = reset_settings();
+        let (mut n, mut sum, mut squares) = (0.0, 0.0, 0.0);
+        for i in 1..40_000 {
+            let now = Ticks::from_us(500 * i);
+            chain.sense(now, &Stimulus::REST, &settings);
+            if i % 20 == 0 {
+                let sample = chain.refresh(now, &settings).unwrap();
+                let x = sample.gyr_rad_s[0].to_degrees();
+                (n, sum, squares) = (n + 1.0, sum + x, squares + x * x);
+            }
+        }
+        // The noise bandwidth of a first-order low-pass is pi/2 times its corner.
+        let expected = 0.014 * (32.0 * core::f64::consts::FRAC_PI_2).sqrt();
+        let mean: f64 = sum / n;
+        let sigma = (squares / n - mean * mean).sqrt();
+        assert!(
+            (sigma / expected - 1.0).abs() < 0.1,
+            "{sigma} against {expected}"
+        );
+        assert!(mean.abs() < 0.02, "{mean}");
+    }
+
+    #[test]
+    fn words_saturate_at_the_range() {
+        let settings = reset_settings();
+        let sample = Sample {
+            acc_m_s2: [100.0, -100.0, 9.81],
+            gyr_rad_s: [50.0, -1.0, 0.0],
+            mag_ut: [50.0, -0.0625, 0.03],
+            attitude: [1.0, 0.0, 0.0, 0.0],
+        };
+        let words = Words::of(&sample, 0, &settings);
+        assert_eq!(words.acc, [3923, -3923, 981]);
+        assert_eq!(words.gyr, [32000, -917, 0]);
+        assert_eq!(words.mag, [800, -1, 0]);
+        let words = Words::of(&sample, unit::ACC_MG | unit::GYR_RPS, &settings);
+        assert_eq!(words.acc, [4000, -4000, 1000]);
+        assert_eq!(words.gyr, [31416, -900, 0]);
+    }
+
+    #[test]
+    fn magnetometer_keeps_its_own_rate() {
+        let mut chain = chain(ImuErrors {
+            mag_noise_ut: 1.0,
+            ..ImuErrors::NONE
+        });
+        let settings = reset_settings();
+        let mut changes = 0;
+        let mut last = [0.0; 3];
+        for i in 1..=2000 {
+            let now = Ticks::from_us(500 * i);
+            chain.sense(now, &Stimulus::REST, &settings);
+            if i % 20 == 0 {
+                let mag = chain.refresh(now, &settings).unwrap().mag_ut;
+                changes += u32::from(mag != last);
+                last = mag;
+            }
+        }
+        assert!(
+            (9..=11).contains(&changes),
+            "{changes} conversions in 1 s at 10 Hz"
+        );
+    }
+
+    #[test]
+    fn level_fusion_words() {
+        let words = FusionWords::of(
+            &Sample {
+                acc_m_s2: [0.0, 0.0, STANDARD_GRAVITY_M_S2],
+                attitude: [1.0, 0.0, 0.0, 0.0],
+                ..Sample::default()
+            },
+            0,
+        );
+        assert_eq!(words.quaternion, [16384, 0, 0, 0]);
+        assert_eq!(words.gravity, [0, 0, 981]);
+        assert_eq!(words.linear, [0, 0, 0]);
+        assert_eq!(words.euler, [0, 0, 0]);
+    }
+}

@@ -1,0 +1,23 @@
+//! Random numbers of the rig: one seed, one independent stream for each purpose, so that drawing
+//! more of one kind never shifts another.
+
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+
+/// What a stream of random numbers is for.
+#[derive(Clone, Copy, Debug)]
+pub enum Stream {
+    /// Properties of the sensor that stay: bias, clock error, boot time, unique id.
+    SensorUnit = 1,
+    /// Noise of the sensor's signals.
+    SensorNoise = 2,
+    /// Clock stretching and disturbed bytes on the I2C bus.
+    Bus = 3,
+}
+
+/// The generator of `stream` under `seed`; the same on every machine.
+pub fn generator(seed: u64, stream: Stream) -> ChaCha8Rng {
+    let mut generator = ChaCha8Rng::seed_from_u64(seed);
+    generator.set_stream(stream as u64);
+    generator
+}

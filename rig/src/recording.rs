@@ -1,0 +1,235 @@
+//! Recordings of a real IMU with optical ground truth: the container `IMUQ16v1`.
+//!
+//! Little endian. A header of 64 bytes: magic `IMUQ16v1`, `u32` number of samples, `f32` sampling
+//! rate in Hz, `f32` scales of gyroscope (rad/s a count), accelerometer (m/s^2 a count),
+//! magnetometer (uT a count) and quaternion, `u32` size of a record (28), 28 bytes of name. Then
+//! the records: 14 x `i16`, gyroscope, accelerometer, magnetometer, reference quaternion
+//! (sensor to east-north-up) and flags (bit 0 movement, bit 1 reference valid).
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use thiserror::Error;
+
+const MAGIC: &[u8; 8] = b"IMUQ16v1";
+const HEADER: usize = 64;
+const RECORD: usize = 28;
+const MOVEMENT: i16 = 1;
+const VALID: i16 = 2;
+
+/// Why a file is not a recording that can be played.
+#[derive(Debug, Error)]
+pub enum RecordingError {
+    /// The file cannot be read.
+    #[error("cannot read the recording {}: {source}", path.display())]
+    Read {
+        /// The file asked for.
+        path: PathBuf,
+        /// What the system said.
+        source: std::io::Error,
+    },
+    /// Not the container at all.
+    #[error("{name} is not an IMUQ16v1 recording: {reason}")]
+    Format {
+        /// The file, or what stands for it.
+        name: String,
+        /// What is wrong.
+        reason: String,
+    },
+    /// The file ends before the samples that its header promises, or goes on after them.
+    #[error(
+        "the recording {name} is damaged: its header promises {promised} samples \
+         ({expected} bytes), the file has {found} bytes"
+    )]
+    Length {
+        /// The file, or what stands for it.
+        name: String,
+        /// Number of samples in the header.
+        promised: u32,
+        /// Size that this makes.
+        expected: u64,
+        /// Size of the file.
+        found: u64,
+    },
+}
+
+/// A moment of a recording in SI units, along the axes of the recorded sensor.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RecordedSample {
+    /// Angular rate, rad/s.
+    pub gyr_rad_s: [f64; 3],
+    /// Specific force, m/s^2.
+    pub acc_m_s2: [f64; 3],
+    /// Magnetic field, uT.
+    pub mag_ut: [f64; 3],
+    /// Optical reference `[w, x, y, z]`, sensor to east-north-up with magnetic north; `None` where
+    /// the cameras lost it.
+    pub reference: Option<[f64; 4]>,
+    /// The sample belongs to the movement phase, over which errors are taken.
+    pub movement: bool,
+}
+
+/// A recording, read and checked.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Recording {
+    name: String,
+    rate_hz: f64,
+    samples: Vec<RecordedSample>,
+}
+
+impl Recording {
+    /// Reads a file.
+    pub fn open(path: &Path) -> Result<Self, RecordingError> {
+        let bytes = fs::read(path).map_err(|source| RecordingError::Read {
+            path: path.to_path_buf(),
+            source,
+        })?;
+        Self::parse(&path.display().to_string(), &bytes)
+    }
+
+    /// Parses the bytes of a file; `name` stands for it in errors.
+    pub fn parse(name: &str, bytes: &[u8]) -> Result<Self, RecordingError> {
+        let format = |reason: String| RecordingError::Format {
+            name: name.to_owned(),
+            reason,
+        };
+        if bytes.get(..8) != Some(MAGIC.as_slice()) {
+            return Err(format("it does not begin with IMUQ16v1".to_owned()));
+        }
+        let Some((header, records)) = bytes.split_at_checked(HEADER) else {
+            return Err(format(format!(
+                "the header of {HEADER} bytes is cut off at {}",
+                bytes.len()
+            )));
+        };
+        let word = |at: usize| [0, 1, 2, 3].map(|i| header[at + i]);
+        let count = u32::from_le_bytes(word(8));
+        let scale = |at: usize, what: &str| {
+            let value = f32::from_le_bytes(word(at));
+            if value.is_finite() && value > 0.0 {
+                Ok(f64::from(value))
+            } else {
+                Err(format(format!("{what} is {value}")))
+            }
+        };
+        let rate_hz = scale(12, "the sampling rate")?;
+        let gyr = scale(16, "the gyroscope's scale")?;
+        let acc = scale(20, "the accelerometer's scale")?;
+        let mag = scale(24, "the magnetometer's scale")?;
+        let quat = scale(28, "the quaternion's scale")?;
+        let record = u32::from_le_bytes(word(32));
+        if record as usize != RECORD {
+            return Err(format(format!(
+                "records of {record} bytes instead of {RECORD}"
+            )));
+        }
+        let expected = u64::from(count) * RECORD as u64 + HEADER as u64;
+        if bytes.len() as u64 != expected {
+            return Err(RecordingError::Length {
+                name: name.to_owned(),
+                promised: count,
+                expected,
+                found: bytes.len() as u64,
+            });
+        }
+        if count == 0 {
+            return Err(format("it holds no sample".to_owned()));
+        }
+        let samples = records
+            .chunks_exact(RECORD)
+            .map(|record| {
+                let raw = |i: usize| i16::from_le_bytes([record[2 * i], record[2 * i + 1]]);
+                let vector =
+                    |i: usize, scale: f64| [0, 1, 2].map(|k| f64::from(raw(i + k)) * scale);
+                let flags = raw(13);
+                RecordedSample {
+                    gyr_rad_s: vector(0, gyr),
+                    acc_m_s2: vector(3, acc),
+                    mag_ut: vector(6, mag),
+                    reference: (flags & VALID != 0)
+                        .then(|| [9, 10, 11, 12].map(|i| f64::from(raw(i)) * quat)),
+                    movement: flags & MOVEMENT != 0,
+                }
+            })
+            .collect();
+        let title = &header[36..];
+        let end = title.iter().position(|&b| b == 0).unwrap_or(title.len());
+        Ok(Self {
+            name: String::from_utf8_lossy(&title[..end]).into_owned(),
+            rate_hz,
+            samples,
+        })
+    }
+
+    /// The recording's own name.
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// Samples a second.
+    pub fn rate_hz(&self) -> f64 {
+        self.rate_hz
+    }
+
+    /// Length, s.
+    pub fn duration_s(&self) -> f64 {
+        self.samples.len() as f64 / self.rate_hz
+    }
+
+    /// All samples in order; never empty.
+    pub fn samples(&self) -> &[RecordedSample] {
+        &self.samples
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn file(count: u32, records: &[[i16; 14]]) -> Vec<u8> {
+        let mut bytes = MAGIC.to_vec();
+        bytes.extend(count.to_le_bytes());
+        for value in [100.0_f32, 0.001, 0.01, 0.5, 1.0 / 32767.0] {
+            bytes.extend(value.to_le_bytes());
+        }
+        bytes.extend(28u32.to_le_bytes());
+        bytes.extend(b"bench");
+        bytes.resize(HEADER, 0);
+        for record in records {
+            bytes.extend(record.iter().flat_map(|v| v.to_le_bytes()));
+        }
+        bytes
+    }
+
+    #[test]
+    fn reads_scales_flags_and_name() {
+        let record = [1000, 0, -1, 0, 0, 981, 100, 0, 0, 32767, 0, 0, 0, 3];
+        let blind = [0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 1];
+        let recording = Recording::parse("x", &file(2, &[record, blind])).unwrap();
+        assert_eq!(recording.name(), "bench");
+        assert_eq!(recording.rate_hz(), 100.0);
+        let sample = recording.samples()[0];
+        assert!((sample.gyr_rad_s[0] - 1.0).abs() < 1e-6);
+        assert!((sample.gyr_rad_s[2] + 0.001).abs() < 1e-9);
+        assert!((sample.acc_m_s2[2] - 9.81).abs() < 1e-6);
+        assert_eq!(sample.mag_ut, [50.0, 0.0, 0.0]);
+        let w = sample.reference.unwrap()[0];
+        assert!((w - 1.0).abs() < 1e-6, "{w}");
+        assert!(sample.movement);
+        assert_eq!(recording.samples()[1].reference, None);
+    }
+
+    #[test]
+    fn bad_files_are_told_apart() {
+        let whole = file(2, &[[0; 14]; 2]);
+        let message = |bytes: &[u8]| Recording::parse("f.imuq", bytes).unwrap_err().to_string();
+        assert!(message(b"").contains("does not begin with IMUQ16v1"));
+        assert!(message(&whole[..40]).contains("cut off at 40"));
+        assert!(message(&whole[..whole.len() - 1]).contains("promises 2 samples (120 bytes)"));
+        assert!(message(&file(0, &[])).contains("no sample"));
+        let mut rate = whole.clone();
+        rate[12..16].copy_from_slice(&f32::NAN.to_le_bytes());
+        assert!(message(&rate).contains("the sampling rate is NaN"));
+        let missing = Recording::open(Path::new("/nowhere/x.imuq")).unwrap_err();
+        assert!(missing.to_string().contains("/nowhere/x.imuq"));
+    }
+}
