@@ -8,6 +8,7 @@
 pub mod board;
 pub mod chip;
 mod core;
+pub mod fault;
 pub mod memory;
 mod options;
 pub mod peripherals;

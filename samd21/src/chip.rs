@@ -1,0 +1,233 @@
+//! The chip: core, memories and peripherals together, and how to run it.
+//!
+//! Left out, on purpose: the bootloader. [`Chip::boot`] does what it does at the end; what a reset
+//! does to the image (half a second without it, a double tap) is for whoever owns that model, who
+//! gets [`Stop::Reset`], lets time pass with [`Chip::hold_until`] and boots again.
+
+use std::fmt;
+
+use crate::board::{Board, Ticks};
+use crate::core::{Bus, Core};
+use crate::fault::Fault;
+use crate::memory::{FLASH_SIZE, Memory, RAM_SIZE};
+use crate::options::Options;
+use crate::peripherals::{Peripherals, ResetCause};
+
+/// Why a run ended.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Stop {
+    /// The time asked for is reached.
+    Reached,
+    /// Firmware or a watchdog asks for a reset. The chip waits for [`Chip::reset`].
+    Reset(ResetCause),
+    /// An access or a state that no model covers. The chip stands before the instruction.
+    Fault(Fault),
+    /// A BKPT instruction. The chip stands before it.
+    Breakpoint,
+    /// A fault inside of HardFault or NMI: the core stands still, which a watchdog may end. Told
+    /// once; [`Chip::last_hard_fault`] says which fault it was.
+    Lockup,
+}
+
+impl fmt::Display for Stop {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Reached => write!(f, "the time asked for is reached"),
+            Self::Reset(cause) => write!(f, "reset: {cause:?}"),
+            Self::Fault(fault) => write!(f, "{fault}"),
+            Self::Breakpoint => write!(f, "breakpoint"),
+            Self::Lockup => write!(f, "lockup: a fault inside of HardFault or NMI"),
+        }
+    }
+}
+
+/// What has been counted since power-on.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Counters {
+    /// Instructions completed.
+    pub instructions: u64,
+    /// CPU cycles awake: instructions, exception entries and returns, flash wait states.
+    pub cycles: u64,
+    /// Of these, flash wait states.
+    pub flash_wait_cycles: u64,
+    /// Time for which peripherals stalled the bus, not in `cycles`.
+    pub stall_ticks: u64,
+    /// Time asleep, held or locked up.
+    pub sleep_ticks: u64,
+    /// Handlers started, by entry or by tail-chaining.
+    pub exceptions: u64,
+    /// Of these, and of lockups, those due to a fault.
+    pub hard_faults: u64,
+}
+
+/// The core's registers, as a debugger shows them.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Registers {
+    /// R0 to R12, the stack pointer in use, LR, and the address of the next instruction.
+    pub r: [u32; 16],
+    /// N, Z, C, V (bits 31 to 28), T (bit 24), exception number (bits 5 to 0).
+    pub xpsr: u32,
+    /// PRIMASK.
+    pub primask: bool,
+    /// CONTROL.SPSEL: Thread mode uses PSP.
+    pub spsel: bool,
+    /// Main stack pointer.
+    pub msp: u32,
+    /// Process stack pointer.
+    pub psp: u32,
+}
+
+/// An ATSAMD21 with 256 KB of flash and 32 KB of SRAM.
+#[derive(Clone)]
+pub struct Chip {
+    core: Core,
+    memory: Memory,
+    peripherals: Peripherals,
+}
+
+impl Chip {
+    /// A chip at power-on, flash erased. It runs once it is booted.
+    pub fn new(options: Options) -> Self {
+        let peripherals = Peripherals::new(&options);
+        Self {
+            core: Core::new(options.wait_states, peripherals.ticks_per_cycle()),
+            memory: Memory::new(options.seed),
+            peripherals,
+        }
+    }
+
+    /// Puts bytes into flash as a programmer does.
+    ///
+    /// # Panics
+    /// If they do not fit.
+    pub fn load_flash(&mut self, address: u32, bytes: &[u8]) {
+        let start = address as usize;
+        let range = start..start + bytes.len();
+        assert!(
+            range.end <= FLASH_SIZE as usize,
+            "{} bytes at 0x{address:x} do not fit into 0x{FLASH_SIZE:x} bytes of flash",
+            bytes.len()
+        );
+        self.memory.flash_mut()[range].copy_from_slice(bytes);
+    }
+
+    /// Starts what lies at `vector_table`: stack pointer from its first word, entry point from its
+    /// second, VTOR there. It is what a bootloader does last, and with 0 what the core does after a
+    /// reset.
+    pub fn boot(&mut self, vector_table: u32) {
+        self.core.boot(vector_table, &self.memory);
+    }
+
+    /// Runs until `until`, or until something stops the chip. The last instruction may end some
+    /// cycles after `until`; everything due until then has happened.
+    pub fn run_until(&mut self, until: Ticks, board: &mut dyn Board) -> Stop {
+        let (core, mut bus) = self.parts(board);
+        core.run(&mut bus, until)
+    }
+
+    /// Executes one instruction, or takes one exception, or sleeps for one tick.
+    pub fn step(&mut self, board: &mut dyn Board) -> Stop {
+        self.run_until(self.now() + Ticks(1), board)
+    }
+
+    /// Lets time pass for the peripherals while the core stands still: what a bootloader that is
+    /// not emulated does with it. Ends early with [`Stop::Reset`] only.
+    pub fn hold_until(&mut self, until: Ticks, board: &mut dyn Board) -> Stop {
+        let (core, mut bus) = self.parts(board);
+        core.hold(&mut bus, until)
+    }
+
+    /// Resets core and peripherals; memories, time and counters go on. The core waits to be
+    /// booted.
+    pub fn reset(&mut self, cause: ResetCause) {
+        self.core.reset();
+        self.peripherals.reset(self.core.now(), cause);
+    }
+
+    /// Time since power-on.
+    pub fn now(&self) -> Ticks {
+        self.core.now()
+    }
+
+    /// What has been counted since power-on.
+    pub fn counters(&self) -> Counters {
+        self.core.counters()
+    }
+
+    /// The lowest value that MSP has had since it was booted.
+    pub fn lowest_sp(&self) -> u32 {
+        self.core.lowest_sp()
+    }
+
+    /// Address of the next instruction.
+    pub fn pc(&self) -> u32 {
+        self.core.pc()
+    }
+
+    /// Whether the core sleeps in WFI or WFE.
+    pub fn is_asleep(&self) -> bool {
+        self.core.is_asleep()
+    }
+
+    /// The core's registers.
+    pub fn registers(&self) -> Registers {
+        self.core.registers()
+    }
+
+    /// Sets R0 to R12, LR, PC, the flags, PRIMASK, CONTROL.SPSEL (in Thread mode), MSP and PSP.
+    /// The stack pointer in use comes from `msp` or `psp`, not from `r[13]`.
+    pub fn set_registers(&mut self, registers: &Registers) {
+        self.core.set_registers(registers);
+    }
+
+    /// The last HardFault since power-on, taken or locked up in.
+    pub fn last_hard_fault(&self) -> Option<&Fault> {
+        self.core.last_hard_fault()
+    }
+
+    /// The last taken branches, from and to, oldest first: how the core got here.
+    pub fn trail(&self) -> impl Iterator<Item = (u32, u32)> {
+        self.core.trail()
+    }
+
+    /// Main flash, from address 0.
+    pub fn flash(&self) -> &[u8; FLASH_SIZE as usize] {
+        self.memory.flash()
+    }
+
+    /// SRAM, from address 0x2000_0000.
+    pub fn ram(&self) -> &[u8; RAM_SIZE as usize] {
+        self.memory.ram()
+    }
+
+    /// SRAM to write: for a bootloader's model and for debuggers.
+    pub fn ram_mut(&mut self) -> &mut [u8; RAM_SIZE as usize] {
+        self.memory.ram_mut()
+    }
+
+    /// Flash and SRAM by address.
+    pub fn memory(&self) -> &Memory {
+        &self.memory
+    }
+
+    /// The peripherals.
+    pub fn peripherals(&self) -> &Peripherals {
+        &self.peripherals
+    }
+
+    /// The peripherals, to inject faults into them.
+    pub fn peripherals_mut(&mut self) -> &mut Peripherals {
+        &mut self.peripherals
+    }
+
+    fn parts<'a>(&'a mut self, board: &'a mut dyn Board) -> (&'a mut Core, Bus<'a>) {
+        (
+            &mut self.core,
+            Bus {
+                memory: &mut self.memory,
+                peripherals: &mut self.peripherals,
+                board,
+            },
+        )
+    }
+}

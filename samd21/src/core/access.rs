@@ -1,0 +1,167 @@
+//! Fetches, loads and stores: alignment, who answers at an address, and flash wait states.
+//!
+//! | address | who answers |
+//! |---|---|
+//! | flash | loads and fetches here; stores go to NVMCTRL's page buffer |
+//! | SRAM | here |
+//! | 0xE000_E000, 4 KB | the system control space, words only |
+//! | all else | the peripherals, at the time of the instruction |
+//!
+//! Flash wait states are counted as this chip's NVMCTRL makes them with its reset setting
+//! (CTRLB: cache on, READMODE no miss penalty): a direct-mapped cache of 8 lines of 8 bytes serves
+//! fetches and data loads alike; an access that hits costs nothing, one that misses fills the line
+//! and costs the wait states. The core's own prefetch is not modelled: only instructions that are
+//! executed are fetched, a half-word each.
+
+use super::{Bus, Core, FLASH_LINES, Trap};
+use crate::board::Ticks;
+use crate::fault::FaultKind;
+use crate::memory::RAM_BASE;
+use crate::peripherals::{BusError, Width};
+
+impl Core {
+    /// The half-word at `pc`.
+    #[inline(always)]
+    pub(super) fn fetch(&mut self, bus: &Bus<'_>, pc: u32) -> Result<u16, Trap> {
+        let at = pc as usize;
+        if let Some(&[low, high]) = bus.memory.flash().get(at..at + 2) {
+            self.wait_for_flash(pc);
+            return Ok(u16::from_le_bytes([low, high]));
+        }
+        let at = pc.wrapping_sub(RAM_BASE) as usize;
+        match bus.memory.ram().get(at..at + 2) {
+            Some(&[low, high]) => Ok(u16::from_le_bytes([low, high])),
+            _ => Err(Trap::Fault(FaultKind::UnmappedFetch { address: pc })),
+        }
+    }
+
+    /// Loads `N` (1, 2 or 4) bytes, zero-extended.
+    #[inline(always)]
+    pub(super) fn load<const N: usize>(
+        &mut self,
+        bus: &mut Bus<'_>,
+        address: u32,
+    ) -> Result<u32, Trap> {
+        if address as usize % N != 0 {
+            return Err(unaligned_load(address, width::<N>()));
+        }
+        let at = address.wrapping_sub(RAM_BASE) as usize;
+        if let Some(bytes) = bus.memory.ram().get(at..at + N) {
+            return Ok(word(bytes));
+        }
+        let at = address as usize;
+        if let Some(bytes) = bus.memory.flash().get(at..at + N) {
+            self.wait_for_flash(address);
+            return Ok(word(bytes));
+        }
+        self.load_device(bus, address, width::<N>())
+    }
+
+    /// Stores the low `N` (1, 2 or 4) bytes of `value`.
+    #[inline(always)]
+    pub(super) fn store<const N: usize>(
+        &mut self,
+        bus: &mut Bus<'_>,
+        address: u32,
+        value: u32,
+    ) -> Result<(), Trap> {
+        if address as usize % N != 0 {
+            return Err(unaligned_store(address, width::<N>()));
+        }
+        let at = address.wrapping_sub(RAM_BASE) as usize;
+        if let Some(bytes) = bus.memory.ram_mut().get_mut(at..at + N) {
+            bytes.copy_from_slice(&value.to_le_bytes()[..N]);
+            return Ok(());
+        }
+        self.store_device(bus, address, width::<N>(), value)
+    }
+
+    /// Cycles of a single load or store: the IOBUS answers in one.
+    #[inline(always)]
+    pub(super) fn access_cycles(address: u32) -> u32 {
+        if address >> 29 == 3 { 1 } else { 2 }
+    }
+
+    #[inline(always)]
+    fn wait_for_flash(&mut self, address: u32) {
+        if self.wait_states != 0 {
+            let held = address / 8;
+            let line = &mut self.flash_lines[held as usize % FLASH_LINES];
+            if *line != held {
+                *line = held;
+                self.counters.flash_wait_cycles += self.wait_states;
+                self.counters.cycles += self.wait_states;
+                self.now += self.wait_states * self.ticks_per_cycle;
+            }
+        }
+    }
+
+    #[cold]
+    #[inline(never)]
+    fn load_device(&mut self, bus: &mut Bus<'_>, address: u32, width: Width) -> Result<u32, Trap> {
+        self.ask_attention();
+        if is_system_control(address) {
+            return self.read_system_control(address, width);
+        }
+        bus.peripherals
+            .read(Ticks(self.now), address, width, bus.board)
+            .map_err(|error| match error {
+                BusError::Unmapped { .. } => Trap::Fault(FaultKind::UnmappedLoad { address }),
+                error => Trap::Unmodelled(FaultKind::Peripheral(error)),
+            })
+    }
+
+    #[cold]
+    #[inline(never)]
+    fn store_device(
+        &mut self,
+        bus: &mut Bus<'_>,
+        address: u32,
+        width: Width,
+        value: u32,
+    ) -> Result<(), Trap> {
+        self.ask_attention();
+        if is_system_control(address) {
+            return self.write_system_control(address, width, value);
+        }
+        let stall = bus
+            .peripherals
+            .write(Ticks(self.now), address, width, value, bus.board)
+            .map_err(|error| match error {
+                BusError::Unmapped { .. } => Trap::Fault(FaultKind::UnmappedStore { address }),
+                error => Trap::Unmodelled(FaultKind::Peripheral(error)),
+            })?;
+        self.counters.stall_ticks += stall.0;
+        self.now += stall.0;
+        Ok(())
+    }
+}
+
+fn is_system_control(address: u32) -> bool {
+    address >> 12 == 0xE000_E
+}
+
+const fn width<const N: usize>() -> Width {
+    match N {
+        1 => Width::Byte,
+        2 => Width::Half,
+        _ => Width::Word,
+    }
+}
+
+#[inline(always)]
+fn word(bytes: &[u8]) -> u32 {
+    let mut word = [0; 4];
+    word[..bytes.len()].copy_from_slice(bytes);
+    u32::from_le_bytes(word)
+}
+
+#[cold]
+fn unaligned_load(address: u32, width: Width) -> Trap {
+    Trap::Fault(FaultKind::UnalignedLoad { address, width })
+}
+
+#[cold]
+fn unaligned_store(address: u32, width: Width) -> Trap {
+    Trap::Fault(FaultKind::UnalignedStore { address, width })
+}

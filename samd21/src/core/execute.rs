@@ -1,0 +1,541 @@
+//! Every instruction of ARMv6-M (ARM DDI 0419, A5 and A6), with the Cortex-M0+ cycle counts (ARM
+//! DDI 0484, 3.3; single-cycle multiplier).
+//!
+//! | instruction | cycles |
+//! |---|---|
+//! | data processing, MULS, CPS, SEV, NOP, YIELD | 1 |
+//! | ADD, MOV to PC; B taken; BX, BLX | 2 |
+//! | B not taken | 1 |
+//! | BL | 3 |
+//! | loads and stores | 2, in the IOBUS (0x6000_0000) 1 |
+//! | LDM, STM, PUSH, POP of N registers | 1 + N, with PC 3 + N |
+//! | MRS, MSR, DMB, DSB, ISB | 3 |
+//! | WFI, WFE | 2 and the sleep |
+//! | exception return | 11 on top of the branch |
+//!
+//! The upper 10 bits of a half-word decide nearly everything, so the decoder is one match on them.
+//! What ARM calls unpredictable is taken as undefined where a program can only get there by
+//! mistake (MSR to an unknown register, an empty register list), and as the obvious thing
+//! elsewhere (CMP of two low registers in the high-register form).
+
+use super::exception::RETURN_CYCLES;
+use super::{Bus, Core, LR, SP, Sleep, Trap};
+use crate::fault::FaultKind;
+
+const PC: usize = 15;
+
+impl Core {
+    /// Executes the instruction at `pc`; its cycles.
+    #[inline(always)]
+    pub(super) fn instruction(&mut self, bus: &mut Bus<'_>, pc: u32) -> Result<u32, Trap> {
+        let op = self.fetch(bus, pc)?;
+        self.pc = pc.wrapping_add(2);
+        self.execute(bus, op, pc)
+    }
+
+    #[inline(always)]
+    fn execute(&mut self, bus: &mut Bus<'_>, op: u16, pc: u32) -> Result<u32, Trap> {
+        let rd = field(op, 0);
+        let rn = field(op, 3);
+        let rm = field(op, 6);
+        let r8 = field(op, 8);
+        let imm5 = u32::from(op >> 6) & 31;
+        let imm8 = u32::from(op) & 0xFF;
+        match op >> 6 {
+            // Shift by immediate, add, subtract.
+            0x000 => {
+                let result = self.r[rn];
+                self.set_nz(rd, result);
+            }
+            0x001..=0x01F => self.shift(rd, self.r[rn], imm5, lsl),
+            0x020..=0x03F => self.shift(rd, self.r[rn], if imm5 == 0 { 32 } else { imm5 }, lsr),
+            0x040..=0x05F => self.shift(rd, self.r[rn], if imm5 == 0 { 32 } else { imm5 }, asr),
+            0x060..=0x067 => self.r[rd] = self.add(self.r[rn], self.r[rm], false),
+            0x068..=0x06F => self.r[rd] = self.add(self.r[rn], !self.r[rm], true),
+            0x070..=0x077 => self.r[rd] = self.add(self.r[rn], rm as u32, false),
+            0x078..=0x07F => self.r[rd] = self.add(self.r[rn], !(rm as u32), true),
+            // Move, compare, add, subtract an 8-bit immediate.
+            0x080..=0x09F => self.set_nz(r8, imm8),
+            0x0A0..=0x0BF => {
+                self.add(self.r[r8], !imm8, true);
+            }
+            0x0C0..=0x0DF => self.r[r8] = self.add(self.r[r8], imm8, false),
+            0x0E0..=0x0FF => self.r[r8] = self.add(self.r[r8], !imm8, true),
+            // Data processing.
+            0x100 => self.set_nz(rd, self.r[rd] & self.r[rn]),
+            0x101 => self.set_nz(rd, self.r[rd] ^ self.r[rn]),
+            0x102 => self.shift(rd, self.r[rd], self.r[rn] & 0xFF, lsl),
+            0x103 => self.shift(rd, self.r[rd], self.r[rn] & 0xFF, lsr),
+            0x104 => self.shift(rd, self.r[rd], self.r[rn] & 0xFF, asr),
+            0x105 => self.r[rd] = self.add(self.r[rd], self.r[rn], self.c),
+            0x106 => self.r[rd] = self.add(self.r[rd], !self.r[rn], self.c),
+            0x107 => self.shift(rd, self.r[rd], self.r[rn] & 0xFF, ror),
+            0x108 => self.flag_nz(self.r[rd] & self.r[rn]),
+            0x109 => self.r[rd] = self.add(!self.r[rn], 0, true),
+            0x10A => {
+                self.add(self.r[rd], !self.r[rn], true);
+            }
+            0x10B => {
+                self.add(self.r[rd], self.r[rn], false);
+            }
+            0x10C => self.set_nz(rd, self.r[rd] | self.r[rn]),
+            0x10D => self.set_nz(rd, self.r[rd].wrapping_mul(self.r[rn])),
+            0x10E => self.set_nz(rd, self.r[rd] & !self.r[rn]),
+            0x10F => self.set_nz(rd, !self.r[rn]),
+            // High registers.
+            0x110..=0x113 => {
+                let (rdn, rm) = high_fields(op);
+                let sum = self.any(rdn, pc).wrapping_add(self.any(rm, pc));
+                return Ok(self.set_any(rdn, sum, pc));
+            }
+            0x114..=0x117 => {
+                let (rn, rm) = high_fields(op);
+                self.add(self.any(rn, pc), !self.any(rm, pc), true);
+            }
+            0x118..=0x11B => {
+                let (rd, rm) = high_fields(op);
+                return Ok(self.set_any(rd, self.any(rm, pc), pc));
+            }
+            0x11C..=0x11D => {
+                let (_, rm) = high_fields(op);
+                let target = self.any(rm, pc);
+                return Ok(2 + self.branch_exchange(bus, target, pc)?);
+            }
+            0x11E..=0x11F => {
+                let (_, rm) = high_fields(op);
+                let target = self.any(rm, pc);
+                self.r[LR] = pc.wrapping_add(2) | 1;
+                self.interwork(target);
+                self.note_branch(pc);
+                return Ok(2);
+            }
+            // Loads and stores.
+            0x120..=0x13F => {
+                let address = (pc.wrapping_add(4) & !3).wrapping_add(4 * imm8);
+                return self.ldr::<4>(bus, r8, address);
+            }
+            0x140..=0x147 => return self.str::<4>(bus, rd, self.indexed(rn, rm)),
+            0x148..=0x14F => return self.str::<2>(bus, rd, self.indexed(rn, rm)),
+            0x150..=0x157 => return self.str::<1>(bus, rd, self.indexed(rn, rm)),
+            0x158..=0x15F => {
+                let address = self.indexed(rn, rm);
+                self.r[rd] = self.load::<1>(bus, address)? as i8 as u32;
+                return Ok(Self::access_cycles(address));
+            }
+            0x160..=0x167 => return self.ldr::<4>(bus, rd, self.indexed(rn, rm)),
+            0x168..=0x16F => return self.ldr::<2>(bus, rd, self.indexed(rn, rm)),
+            0x170..=0x177 => return self.ldr::<1>(bus, rd, self.indexed(rn, rm)),
+            0x178..=0x17F => {
+                let address = self.indexed(rn, rm);
+                self.r[rd] = self.load::<2>(bus, address)? as i16 as u32;
+                return Ok(Self::access_cycles(address));
+            }
+            0x180..=0x19F => return self.str::<4>(bus, rd, self.r[rn].wrapping_add(4 * imm5)),
+            0x1A0..=0x1BF => return self.ldr::<4>(bus, rd, self.r[rn].wrapping_add(4 * imm5)),
+            0x1C0..=0x1DF => return self.str::<1>(bus, rd, self.r[rn].wrapping_add(imm5)),
+            0x1E0..=0x1FF => return self.ldr::<1>(bus, rd, self.r[rn].wrapping_add(imm5)),
+            0x200..=0x21F => return self.str::<2>(bus, rd, self.r[rn].wrapping_add(2 * imm5)),
+            0x220..=0x23F => return self.ldr::<2>(bus, rd, self.r[rn].wrapping_add(2 * imm5)),
+            0x240..=0x25F => return self.str::<4>(bus, r8, self.r[SP].wrapping_add(4 * imm8)),
+            0x260..=0x27F => return self.ldr::<4>(bus, r8, self.r[SP].wrapping_add(4 * imm8)),
+            // Addresses and the stack pointer.
+            0x280..=0x29F => self.r[r8] = (pc.wrapping_add(4) & !3).wrapping_add(4 * imm8),
+            0x2A0..=0x2BF => self.r[r8] = self.r[SP].wrapping_add(4 * imm8),
+            0x2C0..=0x2C1 => self.set_sp(self.r[SP].wrapping_add(4 * (imm8 & 0x7F))),
+            0x2C2..=0x2C3 => self.set_sp(self.r[SP].wrapping_sub(4 * (imm8 & 0x7F))),
+            // Extend and reverse.
+            0x2C8 => self.r[rd] = self.r[rn] as i16 as u32,
+            0x2C9 => self.r[rd] = self.r[rn] as i8 as u32,
+            0x2CA => self.r[rd] = self.r[rn] & 0xFFFF,
+            0x2CB => self.r[rd] = self.r[rn] & 0xFF,
+            0x2E8 => self.r[rd] = self.r[rn].swap_bytes(),
+            0x2E9 => self.r[rd] = self.r[rn].swap_bytes().rotate_left(16),
+            0x2EB => self.r[rd] = (self.r[rn] as u16).swap_bytes() as i16 as u32,
+            // Stack, block transfers.
+            0x2D0..=0x2D7 => return self.push(bus, op),
+            0x2F0..=0x2F7 => return self.pop(bus, op, pc),
+            0x300..=0x31F => return self.store_multiple(bus, op),
+            0x320..=0x33F => return self.load_multiple(bus, op),
+            // CPSIE i and CPSID i.
+            0x2D9 if op & 0xFFEF == 0xB662 => {
+                self.primask = op & 0x10 != 0;
+                self.ask_attention();
+            }
+            0x2F8..=0x2FB => return Err(Trap::Breakpoint),
+            0x2FC..=0x2FF => return self.hint(op),
+            // Branches.
+            0x340..=0x377 => {
+                if self.condition(op >> 8 & 15) {
+                    let offset = (op as i8 as i32 as u32) << 1;
+                    self.branch(pc, offset);
+                    return Ok(2);
+                }
+            }
+            0x37C..=0x37F => return Err(Trap::SupervisorCall),
+            0x380..=0x39F => {
+                let offset = (u32::from(op) << 21) as i32 >> 20;
+                self.branch(pc, offset as u32);
+                return Ok(2);
+            }
+            0x3A0..=0x3FF => return self.wide(bus, op, pc),
+            _ => return Err(undefined(op)),
+        }
+        Ok(1)
+    }
+
+    #[inline(always)]
+    fn flag_nz(&mut self, result: u32) {
+        self.n = (result as i32) < 0;
+        self.z = result == 0;
+    }
+
+    #[inline(always)]
+    fn set_nz(&mut self, rd: usize, result: u32) {
+        self.flag_nz(result);
+        self.r[rd] = result;
+    }
+
+    /// `a + b + carry` with all flags: a subtraction adds the complement with carry.
+    #[inline(always)]
+    fn add(&mut self, a: u32, b: u32, carry: bool) -> u32 {
+        let (partial, c1) = a.overflowing_add(b);
+        let (sum, c2) = partial.overflowing_add(u32::from(carry));
+        self.flag_nz(sum);
+        self.c = c1 | c2;
+        self.v = ((a ^ sum) & (b ^ sum)) >> 31 != 0;
+        sum
+    }
+
+    /// Shifts by 0 to 255; by 0 the carry stays.
+    #[inline(always)]
+    fn shift(&mut self, rd: usize, value: u32, by: u32, kind: fn(u32, u32) -> (u32, bool)) {
+        let result = if by == 0 {
+            value
+        } else {
+            let (result, carry) = kind(value, by);
+            self.c = carry;
+            result
+        };
+        self.set_nz(rd, result);
+    }
+
+    /// Any register as an operand.
+    #[inline(always)]
+    fn any(&self, register: usize, pc: u32) -> u32 {
+        if register == PC {
+            pc.wrapping_add(4)
+        } else {
+            self.r[register]
+        }
+    }
+
+    /// Writes any register; the cycles of the instruction that does.
+    #[inline(always)]
+    fn set_any(&mut self, register: usize, value: u32, pc: u32) -> u32 {
+        match register {
+            PC => {
+                self.pc = value & !1;
+                self.note_branch(pc);
+                return 2;
+            }
+            SP => self.set_sp(value),
+            _ => self.r[register] = value,
+        }
+        1
+    }
+
+    #[inline(always)]
+    fn indexed(&self, rn: usize, rm: usize) -> u32 {
+        self.r[rn].wrapping_add(self.r[rm])
+    }
+
+    #[inline(always)]
+    fn ldr<const N: usize>(
+        &mut self,
+        bus: &mut Bus<'_>,
+        rt: usize,
+        address: u32,
+    ) -> Result<u32, Trap> {
+        self.r[rt] = self.load::<N>(bus, address)?;
+        Ok(Self::access_cycles(address))
+    }
+
+    #[inline(always)]
+    fn str<const N: usize>(
+        &mut self,
+        bus: &mut Bus<'_>,
+        rt: usize,
+        address: u32,
+    ) -> Result<u32, Trap> {
+        self.store::<N>(bus, address, self.r[rt])?;
+        Ok(Self::access_cycles(address))
+    }
+
+    fn push(&mut self, bus: &mut Bus<'_>, op: u16) -> Result<u32, Trap> {
+        // Bit 8 stands for LR.
+        let list = op & 0x1FF;
+        let count = list.count_ones();
+        if count == 0 {
+            return Err(undefined(op));
+        }
+        let base = self.r[SP].wrapping_sub(4 * count);
+        let mut address = base;
+        for bit in bits(list) {
+            let register = if bit == 8 { LR } else { bit };
+            self.store::<4>(bus, address, self.r[register])?;
+            address = address.wrapping_add(4);
+        }
+        self.set_sp(base);
+        Ok(1 + count)
+    }
+
+    fn pop(&mut self, bus: &mut Bus<'_>, op: u16, pc: u32) -> Result<u32, Trap> {
+        let list = op & 0xFF;
+        let with_pc = op & 0x100 != 0;
+        let count = list.count_ones() + u32::from(with_pc);
+        if count == 0 {
+            return Err(undefined(op));
+        }
+        let mut address = self.r[SP];
+        let mut loaded = [0; 9];
+        let mut slots = loaded.iter_mut();
+        for slot in slots.by_ref().take(count as usize) {
+            *slot = self.load::<4>(bus, address)?;
+            address = address.wrapping_add(4);
+        }
+        for (register, value) in bits(list).zip(loaded) {
+            self.r[register] = value;
+        }
+        self.set_sp(address);
+        if !with_pc {
+            return Ok(1 + count);
+        }
+        let target = loaded[count as usize - 1];
+        Ok(3 + count + self.branch_exchange(bus, target, pc)?)
+    }
+
+    fn store_multiple(&mut self, bus: &mut Bus<'_>, op: u16) -> Result<u32, Trap> {
+        let (rn, list) = (field(op, 8), op & 0xFF);
+        if list == 0 {
+            return Err(undefined(op));
+        }
+        let mut address = self.r[rn];
+        for register in bits(list) {
+            self.store::<4>(bus, address, self.r[register])?;
+            address = address.wrapping_add(4);
+        }
+        self.r[rn] = address;
+        Ok(1 + list.count_ones())
+    }
+
+    fn load_multiple(&mut self, bus: &mut Bus<'_>, op: u16) -> Result<u32, Trap> {
+        let (rn, list) = (field(op, 8), op & 0xFF);
+        if list == 0 {
+            return Err(undefined(op));
+        }
+        let mut address = self.r[rn];
+        let mut loaded = [0; 8];
+        for slot in loaded.iter_mut().take(list.count_ones() as usize) {
+            *slot = self.load::<4>(bus, address)?;
+            address = address.wrapping_add(4);
+        }
+        // A base in the list gets the loaded word, any other the address behind the last.
+        self.r[rn] = address;
+        for (register, value) in bits(list).zip(loaded) {
+            self.r[register] = value;
+        }
+        Ok(1 + list.count_ones())
+    }
+
+    fn hint(&mut self, op: u16) -> Result<u32, Trap> {
+        match op {
+            0xBF20 | 0xBF30 if self.deep_sleep => {
+                return Err(Trap::Unmodelled(FaultKind::DeepSleep));
+            }
+            0xBF20 if self.event => self.event = false,
+            0xBF20 => self.fall_asleep(Sleep::ForEvent),
+            0xBF30 => self.fall_asleep(Sleep::ForInterrupt),
+            0xBF40 => {
+                self.event = true;
+                return Ok(1);
+            }
+            // NOP, YIELD and hints that are not allocated.
+            _ if op & 0xF == 0 => return Ok(1),
+            _ => return Err(undefined(op)),
+        }
+        Ok(2)
+    }
+
+    fn fall_asleep(&mut self, sleep: Sleep) {
+        self.sleep = Some(sleep);
+        self.ask_attention();
+    }
+
+    #[inline(always)]
+    fn condition(&self, condition: u16) -> bool {
+        let holds = match condition >> 1 {
+            0 => self.z,
+            1 => self.c,
+            2 => self.n,
+            3 => self.v,
+            4 => self.c && !self.z,
+            5 => self.n == self.v,
+            _ => self.n == self.v && !self.z,
+        };
+        holds != (condition & 1 != 0)
+    }
+
+    #[inline(always)]
+    fn branch(&mut self, pc: u32, offset: u32) {
+        self.pc = pc.wrapping_add(4).wrapping_add(offset);
+        self.note_branch(pc);
+    }
+
+    /// BX and POP to PC: a branch, in a handler perhaps an exception return, and then the cycles
+    /// beyond the branch.
+    fn branch_exchange(&mut self, bus: &mut Bus<'_>, target: u32, pc: u32) -> Result<u32, Trap> {
+        if self.ipsr != 0 && target >> 28 == 0xF {
+            self.exception_return(bus, target)?;
+            self.note_branch(pc);
+            return Ok(RETURN_CYCLES);
+        }
+        self.interwork(target);
+        self.note_branch(pc);
+        Ok(0)
+    }
+
+    /// 32-bit encodings: BL, MRS, MSR, barriers; everything else is undefined.
+    fn wide(&mut self, bus: &mut Bus<'_>, op: u16, pc: u32) -> Result<u32, Trap> {
+        let second = self.fetch(bus, pc.wrapping_add(2))?;
+        let encoding = u32::from(op) << 16 | u32::from(second);
+        self.pc = pc.wrapping_add(4);
+        if encoding & 0xF800_D000 == 0xF000_D000 {
+            self.r[LR] = self.pc | 1;
+            self.pc = self.pc.wrapping_add(bl_offset(encoding));
+            self.note_branch(pc);
+            return Ok(3);
+        }
+        let undefined = || Err(Trap::Fault(FaultKind::Undefined { encoding }));
+        if encoding & 0xFFFF_F000 == 0xF3EF_8000 {
+            let rd = (encoding >> 8 & 15) as usize;
+            match self.special(encoding & 0xFF) {
+                Some(value) if rd != SP && rd != PC => self.r[rd] = value,
+                _ => return undefined(),
+            }
+        } else if encoding & 0xFFF0_FF00 == 0xF380_8800 {
+            let rn = (encoding >> 16 & 15) as usize;
+            if rn == SP || rn == PC || !self.set_special(encoding & 0xFF, self.r[rn]) {
+                return undefined();
+            }
+        } else if !matches!(encoding & 0xFFFF_FFF0, 0xF3BF_8F40 | 0xF3BF_8F50 | 0xF3BF_8F60) {
+            return undefined();
+        }
+        Ok(3)
+    }
+
+    /// A special register by its SYSm number; EPSR reads as zero.
+    fn special(&self, number: u32) -> Option<u32> {
+        let (msp, psp) = self.stack_pointers();
+        Some(match number {
+            0 | 2 => self.xpsr() & 0xF000_0000,
+            1 | 3 => self.xpsr() & 0xF000_003F,
+            5 | 7 => u32::from(self.ipsr),
+            6 => 0,
+            8 => msp,
+            9 => psp,
+            16 => u32::from(self.primask),
+            20 => u32::from(self.spsel) << 1,
+            _ => return None,
+        })
+    }
+
+    /// Writes a special register; whether there is one with that number.
+    fn set_special(&mut self, number: u32, value: u32) -> bool {
+        match number {
+            0..=3 => self.set_apsr(value),
+            // IPSR and EPSR: writes are ignored.
+            5..=7 => {}
+            8 if !self.uses_psp() => self.set_sp(value),
+            9 if self.uses_psp() => self.set_sp(value),
+            8 | 9 => self.other_sp = value & !3,
+            16 => {
+                self.primask = value & 1 != 0;
+                self.ask_attention();
+            }
+            20 => {
+                // In a handler the write is ignored; nPRIV does not exist on this chip.
+                let spsel = value & 2 != 0;
+                if self.ipsr == 0 && spsel != self.spsel {
+                    std::mem::swap(&mut self.r[SP], &mut self.other_sp);
+                    self.spsel = spsel;
+                }
+            }
+            _ => return false,
+        }
+        true
+    }
+}
+
+/// A low register's number, at bit `shift`.
+#[inline(always)]
+fn field(op: u16, shift: u32) -> usize {
+    usize::from(op >> shift & 7)
+}
+
+/// Rd or Rn (bits 7, 2:0) and Rm (bits 6:3) of the high-register forms.
+#[inline(always)]
+fn high_fields(op: u16) -> (usize, usize) {
+    (
+        usize::from(op >> 4 & 8 | op & 7),
+        usize::from(op >> 3 & 15),
+    )
+}
+
+/// The set bits' numbers, lowest first.
+#[inline(always)]
+fn bits(mut list: u16) -> impl Iterator<Item = usize> {
+    std::iter::from_fn(move || {
+        let lowest = (list != 0).then(|| list.trailing_zeros() as usize);
+        list &= list.wrapping_sub(1);
+        lowest
+    })
+}
+
+/// The shifts: result and carry, for 1 to 255 places.
+fn lsl(value: u32, by: u32) -> (u32, bool) {
+    let wide = u64::from(value) << by.min(33);
+    (wide as u32, wide >> 32 & 1 != 0)
+}
+
+fn lsr(value: u32, by: u32) -> (u32, bool) {
+    let wide = u64::from(value) << 1 >> by.min(33);
+    ((wide >> 1) as u32, wide & 1 != 0)
+}
+
+fn asr(value: u32, by: u32) -> (u32, bool) {
+    let wide = i64::from(value as i32) << 1 >> by.min(33);
+    ((wide >> 1) as u32, wide & 1 != 0)
+}
+
+fn ror(value: u32, by: u32) -> (u32, bool) {
+    let result = value.rotate_right(by & 31);
+    (result, result >> 31 != 0)
+}
+
+/// The offset of a BL from the address behind it: S:I1:I2:imm10:imm11:0.
+fn bl_offset(encoding: u32) -> u32 {
+    let s = encoding >> 26 & 1;
+    let i1 = !(encoding >> 13 ^ s) & 1;
+    let i2 = !(encoding >> 11 ^ s) & 1;
+    let imm10 = encoding >> 16 & 0x3FF;
+    let imm11 = encoding & 0x7FF;
+    let offset = s << 24 | i1 << 23 | i2 << 22 | imm10 << 12 | imm11 << 1;
+    ((offset << 7) as i32 >> 7) as u32
+}
+
+#[cold]
+fn undefined(op: u16) -> Trap {
+    Trap::Fault(FaultKind::Undefined {
+        encoding: u32::from(op),
+    })
+}

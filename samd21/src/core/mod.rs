@@ -1,0 +1,458 @@
+//! The ARMv6-M core (Cortex-M0+ r0p1 as the SAM D21 has it) and its run loop.
+//!
+//! Modelled: every instruction, exceptions with priorities, nesting, tail-chaining and late
+//! arrival, both stack pointers, SysTick, sleep, lockup, and ARM's published cycle counts
+//! (DDI 0484, fast multiplier). Time advances instruction by instruction; all accesses of an
+//! instruction happen at its first cycle.
+//!
+//! Left out: unprivileged mode and the MPU (this chip has neither), deep sleep, and everything
+//! that only a debugger sees. A BKPT stops the run as with a debugger attached.
+
+mod access;
+mod exception;
+mod execute;
+mod nvic;
+mod system_control;
+mod systick;
+
+use self::nvic::Nvic;
+use self::systick::SysTick;
+use crate::board::{Board, Ticks};
+use crate::chip::{Counters, Registers, Stop};
+use crate::fault::{Fault, FaultKind};
+use crate::memory::Memory;
+use crate::options::WaitStates;
+use crate::peripherals::{Peripherals, ResetCause};
+
+const SP: usize = 13;
+const LR: usize = 14;
+
+/// Taken branches that are remembered.
+const TRAIL: usize = 32;
+/// Lines of the flash controller's cache, 8 bytes each.
+const FLASH_LINES: usize = 8;
+
+/// Everything outside of the core.
+pub(crate) struct Bus<'a> {
+    pub(crate) memory: &'a mut Memory,
+    pub(crate) peripherals: &'a mut Peripherals,
+    pub(crate) board: &'a mut dyn Board,
+}
+
+/// Why an instruction did not complete.
+enum Trap {
+    /// What it does raises a HardFault.
+    Fault(FaultKind),
+    /// It needs what is not modelled: the chip stops.
+    Unmodelled(FaultKind),
+    SupervisorCall,
+    Breakpoint,
+}
+
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Sleep {
+    ForInterrupt,
+    ForEvent,
+}
+
+#[derive(Clone)]
+pub(crate) struct Core {
+    /// R0 to R12, the stack pointer in use, LR. The last is not used: see `pc`.
+    r: [u32; 16],
+    /// Address of the next instruction (between instructions: of the one to be executed).
+    pc: u32,
+    n: bool,
+    z: bool,
+    c: bool,
+    v: bool,
+    /// EPSR.T: clear after a branch to an even address.
+    thumb: bool,
+    /// Exception number; 0 in Thread mode.
+    ipsr: u8,
+    primask: bool,
+    /// CONTROL.SPSEL: Thread mode uses PSP.
+    spsel: bool,
+    /// The stack pointer that is not in use.
+    other_sp: u32,
+
+    nvic: Nvic,
+    systick: SysTick,
+    vtor: u32,
+    sleep_on_exit: bool,
+    deep_sleep: bool,
+    event_on_pend: bool,
+
+    /// The event register of WFE.
+    event: bool,
+    sleep: Option<Sleep>,
+    locked_up: bool,
+    lockup_told: bool,
+    reset_request: Option<ResetCause>,
+
+    /// Ticks since power-on.
+    now: u64,
+    /// Nothing but instructions happens before this time.
+    deadline: u64,
+    ticks_per_cycle: u64,
+    forced_wait_states: Option<u8>,
+    /// Cycles of a flash access that misses `flash_lines`, beyond the first.
+    wait_states: u64,
+    /// Which 8 bytes of flash (address / 8) each line of the cache holds.
+    flash_lines: [u32; FLASH_LINES],
+
+    counters: Counters,
+    lowest_sp: u32,
+    last_hard_fault: Option<Fault>,
+    /// Ring of taken branches, from and to.
+    trail: [(u32, u32); TRAIL],
+    branches: usize,
+}
+
+impl Core {
+    /// A core at power-on, before it has fetched a vector.
+    pub(crate) fn new(wait_states: WaitStates, ticks_per_cycle: u32) -> Self {
+        Self {
+            r: [0; 16],
+            pc: 0,
+            n: false,
+            z: false,
+            c: false,
+            v: false,
+            thumb: false,
+            ipsr: 0,
+            primask: false,
+            spsel: false,
+            other_sp: 0,
+            nvic: Nvic::new(),
+            systick: SysTick::new(),
+            vtor: 0,
+            sleep_on_exit: false,
+            deep_sleep: false,
+            event_on_pend: false,
+            event: false,
+            sleep: None,
+            locked_up: false,
+            lockup_told: false,
+            reset_request: None,
+            now: 0,
+            deadline: 0,
+            ticks_per_cycle: u64::from(ticks_per_cycle),
+            forced_wait_states: match wait_states {
+                WaitStates::AsConfigured => None,
+                WaitStates::Forced(n) => Some(n),
+            },
+            wait_states: 0,
+            flash_lines: [u32::MAX; FLASH_LINES],
+            counters: Counters::default(),
+            lowest_sp: 0,
+            last_hard_fault: None,
+            trail: [(0, 0); TRAIL],
+            branches: 0,
+        }
+    }
+
+    /// Back to the reset state; time, counters and what was noted for diagnosis stay. Registers
+    /// keep their values, as the architecture allows.
+    pub(crate) fn reset(&mut self) {
+        *self = Self {
+            r: self.r,
+            now: self.now,
+            ticks_per_cycle: self.ticks_per_cycle,
+            forced_wait_states: self.forced_wait_states,
+            counters: self.counters,
+            lowest_sp: self.lowest_sp,
+            last_hard_fault: self.last_hard_fault.take(),
+            trail: self.trail,
+            branches: self.branches,
+            ..Self::new(WaitStates::AsConfigured, 1)
+        };
+    }
+
+    /// Fetches stack pointer and entry point from `vector_table` and leaves VTOR there.
+    pub(crate) fn boot(&mut self, vector_table: u32, memory: &Memory) {
+        self.vtor = vector_table & system_control::VTOR_MASK;
+        let sp = memory.read_u32(vector_table).unwrap_or(0);
+        let entry = memory
+            .read_u32(vector_table.wrapping_add(4))
+            .unwrap_or(0);
+        self.r[SP] = sp & !3;
+        self.lowest_sp = sp & !3;
+        self.r[LR] = u32::MAX;
+        self.interwork(entry);
+    }
+
+    /// Runs until `until`, or until something stops the chip. The last instruction may end a few
+    /// cycles after `until`.
+    pub(crate) fn run(&mut self, bus: &mut Bus<'_>, until: Ticks) -> Stop {
+        self.deadline = 0;
+        loop {
+            if self.now >= self.deadline
+                && let Some(stop) = self.attend(bus, until.0)
+            {
+                return stop;
+            }
+            let pc = self.pc;
+            match self.instruction(bus, pc) {
+                Ok(cycles) => {
+                    self.counters.instructions += 1;
+                    self.elapse(cycles);
+                }
+                Err(trap) => {
+                    self.pc = pc;
+                    if let Some(stop) = self.take_trap(trap) {
+                        return stop;
+                    }
+                }
+            }
+        }
+    }
+
+    /// Time passes for the peripherals while the core stands still.
+    pub(crate) fn hold(&mut self, bus: &mut Bus<'_>, until: Ticks) -> Stop {
+        loop {
+            self.catch_up(bus);
+            if let Some(cause) = self.reset_request {
+                return Stop::Reset(cause);
+            }
+            if self.now >= until.0 {
+                return Stop::Reached;
+            }
+            self.sleep_until(self.next_event(bus, until.0));
+        }
+    }
+
+    /// What is not a plain instruction: events that are due, resets, exceptions, sleep. Sets the
+    /// next deadline.
+    #[cold]
+    #[inline(never)]
+    fn attend(&mut self, bus: &mut Bus<'_>, until: u64) -> Option<Stop> {
+        loop {
+            self.catch_up(bus);
+            if let Some(cause) = self.reset_request {
+                return Some(Stop::Reset(cause));
+            }
+            if self.now >= until {
+                return Some(Stop::Reached);
+            }
+            if self.locked_up {
+                if !std::mem::replace(&mut self.lockup_told, true) {
+                    return Some(Stop::Lockup);
+                }
+                self.sleep_until(self.next_event(bus, until));
+                continue;
+            }
+            if self.preempted() {
+                self.sleep = None;
+                self.enter_exception(bus);
+                continue;
+            }
+            if let Some(sleep) = self.sleep {
+                if self.wakes(sleep) {
+                    self.sleep = None;
+                } else {
+                    self.sleep_until(self.next_event(bus, until));
+                    continue;
+                }
+            }
+            if !self.thumb {
+                if let Some(stop) = self.take_trap(Trap::Fault(FaultKind::NotThumb)) {
+                    return Some(stop);
+                }
+                continue;
+            }
+            self.deadline = self.next_event(bus, until);
+            return None;
+        }
+    }
+
+    /// Brings peripherals, SysTick and interrupt lines to the present.
+    fn catch_up(&mut self, bus: &mut Bus<'_>) {
+        bus.peripherals
+            .advance(Ticks(self.now), bus.memory, bus.board);
+        let ticks_per_cycle = u64::from(bus.peripherals.ticks_per_cycle());
+        if ticks_per_cycle != self.ticks_per_cycle {
+            self.systick
+                .change_cycle(self.now, self.ticks_per_cycle, ticks_per_cycle);
+            self.ticks_per_cycle = ticks_per_cycle;
+        }
+        self.wait_states = u64::from(
+            self.forced_wait_states
+                .unwrap_or_else(|| bus.peripherals.flash_wait_states()),
+        );
+        if let Some(cause) = bus.peripherals.take_reset() {
+            self.reset_request = Some(cause);
+        }
+        let before = self.nvic.pending_mask();
+        self.nvic.sample(bus.peripherals.irq_lines());
+        if self.systick.advance(self.now, self.ticks_per_cycle) {
+            self.nvic.pend(nvic::SYSTICK);
+        }
+        if self.event_on_pend && self.nvic.pending_mask() & !before != 0 {
+            self.event = true;
+        }
+    }
+
+    /// When something next happens by itself, `until` at the latest.
+    fn next_event(&self, bus: &Bus<'_>, until: u64) -> u64 {
+        let peripherals = bus
+            .peripherals
+            .next_event(Ticks(self.now))
+            .map_or(u64::MAX, |at| at.0);
+        until.min(peripherals).min(self.systick.next_event())
+    }
+
+    fn sleep_until(&mut self, at: u64) {
+        // A model whose next event is not in the future would stop time.
+        let at = at.max(self.now + 1);
+        self.counters.sleep_ticks += at - self.now;
+        self.now = at;
+    }
+
+    /// Whether the sleep ends, with no exception to take.
+    fn wakes(&mut self, sleep: Sleep) -> bool {
+        match sleep {
+            // PRIMASK keeps an exception from being taken, not from waking the core.
+            Sleep::ForInterrupt => self
+                .nvic
+                .first_pending()
+                .is_some_and(|(_, priority)| priority < self.nvic.active_priority()),
+            Sleep::ForEvent => std::mem::take(&mut self.event),
+        }
+    }
+
+    #[inline(always)]
+    fn elapse(&mut self, cycles: u32) {
+        let cycles = u64::from(cycles);
+        self.counters.cycles += cycles;
+        self.now += cycles * self.ticks_per_cycle;
+    }
+
+    /// Has `attend` called before the next instruction.
+    #[inline(always)]
+    fn ask_attention(&mut self) {
+        self.deadline = 0;
+    }
+
+    /// Branches to `target`, bit 0 of which must be set.
+    fn interwork(&mut self, target: u32) {
+        self.pc = target & !1;
+        self.thumb = target & 1 != 0;
+        if !self.thumb {
+            self.ask_attention();
+        }
+    }
+
+    #[inline(always)]
+    fn note_branch(&mut self, from: u32) {
+        self.trail[self.branches % TRAIL] = (from, self.pc);
+        self.branches = self.branches.wrapping_add(1);
+    }
+
+    #[inline(always)]
+    fn set_sp(&mut self, value: u32) {
+        // Bits 1:0 of both stack pointers do not exist.
+        let value = value & !3;
+        self.r[SP] = value;
+        if value < self.lowest_sp && !self.uses_psp() {
+            self.lowest_sp = value;
+        }
+    }
+
+    #[inline(always)]
+    fn uses_psp(&self) -> bool {
+        self.spsel && self.ipsr == 0
+    }
+
+    /// MSP and PSP.
+    fn stack_pointers(&self) -> (u32, u32) {
+        if self.uses_psp() {
+            (self.other_sp, self.r[SP])
+        } else {
+            (self.r[SP], self.other_sp)
+        }
+    }
+
+    /// xPSR, without the stack alignment that only a stacked one has.
+    fn xpsr(&self) -> u32 {
+        u32::from(self.n) << 31
+            | u32::from(self.z) << 30
+            | u32::from(self.c) << 29
+            | u32::from(self.v) << 28
+            | u32::from(self.thumb) << 24
+            | u32::from(self.ipsr)
+    }
+
+    fn set_apsr(&mut self, value: u32) {
+        self.n = value >> 31 & 1 != 0;
+        self.z = value >> 30 & 1 != 0;
+        self.c = value >> 29 & 1 != 0;
+        self.v = value >> 28 & 1 != 0;
+    }
+
+    pub(crate) fn request_reset(&mut self, cause: ResetCause) {
+        self.reset_request = Some(cause);
+        self.ask_attention();
+    }
+
+    pub(crate) fn now(&self) -> Ticks {
+        Ticks(self.now)
+    }
+
+    pub(crate) fn pc(&self) -> u32 {
+        self.pc
+    }
+
+    pub(crate) fn counters(&self) -> Counters {
+        self.counters
+    }
+
+    pub(crate) fn lowest_sp(&self) -> u32 {
+        self.lowest_sp
+    }
+
+    pub(crate) fn is_asleep(&self) -> bool {
+        self.sleep.is_some()
+    }
+
+    pub(crate) fn last_hard_fault(&self) -> Option<&Fault> {
+        self.last_hard_fault.as_ref()
+    }
+
+    /// Taken branches, oldest first.
+    pub(crate) fn trail(&self) -> impl Iterator<Item = (u32, u32)> {
+        let kept = self.branches.min(TRAIL);
+        (self.branches - kept..self.branches).map(|i| self.trail[i % TRAIL])
+    }
+
+    pub(crate) fn registers(&self) -> Registers {
+        let (msp, psp) = self.stack_pointers();
+        let mut r = self.r;
+        r[15] = self.pc;
+        Registers {
+            r,
+            xpsr: self.xpsr(),
+            primask: self.primask,
+            spsel: self.spsel,
+            msp,
+            psp,
+        }
+    }
+
+    /// Sets what a debugger may set: R0 to R12, LR, PC, flags, PRIMASK, CONTROL.SPSEL in Thread
+    /// mode, MSP and PSP (`r[13]` is not looked at).
+    pub(crate) fn set_registers(&mut self, registers: &Registers) {
+        self.r = registers.r;
+        self.pc = registers.r[15] & !1;
+        self.set_apsr(registers.xpsr);
+        self.thumb = true;
+        self.primask = registers.primask;
+        if self.ipsr == 0 {
+            self.spsel = registers.spsel;
+        }
+        (self.r[SP], self.other_sp) = if self.uses_psp() {
+            (registers.psp & !3, registers.msp & !3)
+        } else {
+            (registers.msp & !3, registers.psp & !3)
+        };
+    }
+}

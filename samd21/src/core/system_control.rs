@@ -1,0 +1,162 @@
+//! The system control space, 0xE000_E000 (ARM DDI 0419, B3.2 to B3.4).
+//!
+//! | address | register | behaviour |
+//! |---|---|---|
+//! | E008 | ACTLR | reads as zero |
+//! | E010-E01C | SysTick | see `systick` |
+//! | E100, E180 | NVIC_ISER, ICER | read the enabled interrupts |
+//! | E200, E280 | NVIC_ISPR, ICPR | read the pending interrupts |
+//! | E400-E41C | NVIC_IPR0-7 | 2 bits a byte |
+//! | ED00 | CPUID | Cortex-M0+ r0p1 |
+//! | ED04 | ICSR | pends NMI, PendSV, SysTick; VECTACTIVE, VECTPENDING, ISRPENDING |
+//! | ED08 | VTOR | bits 31:8 |
+//! | ED0C | AIRCR | SYSRESETREQ with the key |
+//! | ED10 | SCR | SLEEPONEXIT, SLEEPDEEP (sleeping with it stops the chip), SEVONPEND |
+//! | ED14 | CCR | STKALIGN and UNALIGN_TRP, fixed |
+//! | ED1C, ED20 | SHPR2, SHPR3 | SVCall; PendSV, SysTick |
+//! | ED90-EDA0 | MPU | reads as zero: there is none |
+//! | EDF0, EDFC | DHCSR, DEMCR | read as zero (no debugger), writes are ignored |
+//!
+//! Left out: SHCSR and DFSR, which only a debugger reaches; VECTCLRACTIVE, which belongs to halted
+//! debugging. Any other address, and any access that is not a word, stops the chip.
+
+use super::nvic::{IRQ0, NMI, PENDSV, SYSTICK};
+use super::{Core, Trap};
+use crate::fault::FaultKind;
+use crate::peripherals::{ResetCause, Width};
+
+/// VTOR bits that the Cortex-M0+ has.
+pub(super) const VTOR_MASK: u32 = 0xFFFF_FF00;
+
+/// ARM, Cortex-M0+, r0p1.
+const CPUID: u32 = 0x410C_C601;
+const CCR: u32 = 1 << 9 | 1 << 3;
+const VECTKEY: u32 = 0x05FA;
+const AIRCR_READ: u32 = 0xFA05_0000;
+const SYSRESETREQ: u32 = 1 << 2;
+
+const ICSR_NMIPENDSET: u32 = 1 << 31;
+const ICSR_PENDSVSET: u32 = 1 << 28;
+const ICSR_PENDSVCLR: u32 = 1 << 27;
+const ICSR_PENDSTSET: u32 = 1 << 26;
+const ICSR_PENDSTCLR: u32 = 1 << 25;
+const ICSR_ISRPENDING: u32 = 1 << 22;
+
+const SCR_SLEEPONEXIT: u32 = 1 << 1;
+const SCR_SLEEPDEEP: u32 = 1 << 2;
+const SCR_SEVONPEND: u32 = 1 << 4;
+
+impl Core {
+    pub(super) fn read_system_control(
+        &mut self,
+        address: u32,
+        width: Width,
+    ) -> Result<u32, Trap> {
+        if !matches!(width, Width::Word) {
+            return Err(unmodelled(address, width));
+        }
+        Ok(match address & 0xFFF {
+            0x008 | 0xD90..=0xDA0 | 0xDF0 | 0xDFC => 0,
+            0x010 => self.systick.read_control(),
+            0x014 => self.systick.reload(),
+            0x018 => self.systick.count(self.now, self.ticks_per_cycle),
+            0x01C => self.systick.calibration(),
+            0x100 | 0x180 => self.nvic.enabled_irqs(),
+            0x200 | 0x280 => self.nvic.pending_irqs(),
+            offset @ 0x400..=0x41C => self.nvic.priority_word(IRQ0 + offset as u8),
+            0xD00 => CPUID,
+            0xD04 => self.icsr(),
+            0xD08 => self.vtor,
+            0xD0C => AIRCR_READ,
+            0xD10 => self.scr(),
+            0xD14 => CCR,
+            0xD1C => self.nvic.priority_word(8),
+            0xD20 => self.nvic.priority_word(12),
+            _ => return Err(unmodelled(address, width)),
+        })
+    }
+
+    pub(super) fn write_system_control(
+        &mut self,
+        address: u32,
+        width: Width,
+        value: u32,
+    ) -> Result<(), Trap> {
+        if !matches!(width, Width::Word) {
+            return Err(unmodelled(address, width));
+        }
+        let before = self.nvic.pending_mask();
+        match address & 0xFFF {
+            0x008 | 0x01C | 0xD00 | 0xD14 | 0xDF0 | 0xDFC => {}
+            0x010 => self
+                .systick
+                .write_control(value, self.now, self.ticks_per_cycle),
+            0x014 => self.systick.set_reload(value),
+            0x018 => self.systick.clear(self.now, self.ticks_per_cycle),
+            0x100 => self.nvic.enable_irqs(value),
+            0x180 => self.nvic.disable_irqs(value),
+            0x200 => self.nvic.pend_irqs(value),
+            0x280 => self.nvic.unpend_irqs(value),
+            offset @ 0x400..=0x41C => self.nvic.set_priority_word(IRQ0 + offset as u8, value),
+            0xD04 => self.set_icsr(value),
+            0xD08 => self.vtor = value & VTOR_MASK,
+            0xD0C => {
+                if value >> 16 == VECTKEY && value & SYSRESETREQ != 0 {
+                    self.request_reset(ResetCause::System);
+                }
+            }
+            0xD10 => {
+                self.sleep_on_exit = value & SCR_SLEEPONEXIT != 0;
+                self.deep_sleep = value & SCR_SLEEPDEEP != 0;
+                self.event_on_pend = value & SCR_SEVONPEND != 0;
+            }
+            0xD1C => self.nvic.set_priority_word(8, value),
+            0xD20 => self.nvic.set_priority_word(12, value),
+            _ => return Err(unmodelled(address, width)),
+        }
+        if self.event_on_pend && self.nvic.pending_mask() & !before != 0 {
+            self.event = true;
+        }
+        Ok(())
+    }
+
+    fn icsr(&self) -> u32 {
+        let flag = |set: bool, bit: u32| if set { bit } else { 0 };
+        let first = self.nvic.first_pending().map_or(0, |(exception, _)| exception);
+        u32::from(self.ipsr)
+            | u32::from(first) << 12
+            | flag(self.nvic.pending_irqs() != 0, ICSR_ISRPENDING)
+            | flag(self.nvic.is_pending(SYSTICK), ICSR_PENDSTSET)
+            | flag(self.nvic.is_pending(PENDSV), ICSR_PENDSVSET)
+            | flag(self.nvic.is_pending(NMI), ICSR_NMIPENDSET)
+    }
+
+    fn set_icsr(&mut self, value: u32) {
+        if value & ICSR_PENDSVCLR != 0 {
+            self.nvic.unpend(PENDSV);
+        }
+        if value & ICSR_PENDSTCLR != 0 {
+            self.nvic.unpend(SYSTICK);
+        }
+        if value & ICSR_PENDSVSET != 0 {
+            self.nvic.pend(PENDSV);
+        }
+        if value & ICSR_PENDSTSET != 0 {
+            self.nvic.pend(SYSTICK);
+        }
+        if value & ICSR_NMIPENDSET != 0 {
+            self.nvic.pend(NMI);
+        }
+    }
+
+    fn scr(&self) -> u32 {
+        let flag = |set: bool, bit: u32| if set { bit } else { 0 };
+        flag(self.sleep_on_exit, SCR_SLEEPONEXIT)
+            | flag(self.deep_sleep, SCR_SLEEPDEEP)
+            | flag(self.event_on_pend, SCR_SEVONPEND)
+    }
+}
+
+fn unmodelled(address: u32, width: Width) -> Trap {
+    Trap::Unmodelled(FaultKind::SystemControl { address, width })
+}
