@@ -29,9 +29,11 @@ pub mod mount;
 pub mod params;
 pub mod self_test;
 pub mod servo;
+pub mod telemetry;
 
 pub use bno055_driver::{Micros, RawSample, SensorFault};
 pub use failsafe::{BootReport, Command, Crash, Refusal, State};
 pub use flight::{Flight, Outputs, Snapshot};
 pub use params::Params;
 pub use servo::{PulseUs, Servo};
+pub use telemetry::{BoardStatus, Telemetry};

@@ -1,0 +1,319 @@
+//! MAVLink 2: the flight as the host sees it, and the operator as the flight hears him.
+//!
+//! Nothing here waits. Frames go into a queue from which the board sends what the host takes ([`Telemetry::pending`],
+//! [`Telemetry::sent`]); when the host lags, whole frames are dropped and counted, and their sequence numbers are
+//! spent, so that the host counts the same losses.
+//!
+//! | out | when |
+//! |---|---|
+//! | HEARTBEAT, SYS_STATUS | once a second, HEARTBEAT also at every change of state |
+//! | STATUSTEXT | every change of state and every refusal, with the reason |
+//! | ATTITUDE_QUATERNION, SERVO_OUTPUT_RAW | every step |
+//! | RAW_IMU | every step that had a sample: its untouched counts, stamped with its own time |
+//! | PARAM_VALUE, COMMAND_ACK, TIMESYNC, AUTOPILOT_VERSION | on request; the parameter list one a step |
+//!
+//! HEARTBEAT carries [`State::code`](crate::State::code) as `custom_mode`.
+
+mod answers;
+mod parser;
+mod queue;
+
+use core::fmt::{self, Write};
+
+use bno055_driver::Micros;
+use heapless::Vec;
+use mavlink::MessageData;
+use mavlink::dialects::common::{
+    ATTITUDE_QUATERNION_DATA, HEARTBEAT_DATA, MavAutopilot, MavModeFlag, MavSeverity, MavState,
+    MavSysStatusSensor, MavType, RAW_IMU_DATA, SERVO_OUTPUT_RAW_DATA, STATUSTEXT_DATA,
+    SYS_STATUS_DATA,
+};
+use mavlink::types::CharArray;
+
+use crate::config::{COMPONENT_ID, HEARTBEAT_PERIOD_US, SYSTEM_ID};
+use crate::failsafe::State;
+use crate::flight::{Flight, Snapshot};
+use parser::Parser;
+use queue::{Priority, Queue};
+
+/// Longest payload sent: AUTOPILOT_VERSION's.
+const MAX_PAYLOAD: usize = 60;
+const MAX_FRAME: usize = 10 + MAX_PAYLOAD + 2;
+
+/// What only the board knows, for SYS_STATUS.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct BoardStatus {
+    /// Share of time that the processor was awake, per mille.
+    pub load_permille: u16,
+    /// Transfers on the sensor's bus that failed.
+    pub bus_errors: u16,
+    /// Times that the bus had to be freed.
+    pub bus_recoveries: u16,
+}
+
+/// Both directions of the link, and what waits for the host.
+#[derive(Clone, Debug, Default)]
+pub struct Telemetry {
+    queue: Queue,
+    parser: Parser,
+    sequence: u8,
+    /// [`State::code`] that the host has been told.
+    announced: Option<u32>,
+    heartbeat_at: Option<Micros>,
+    /// Next parameter of a list under way.
+    list: Option<usize>,
+}
+
+impl Telemetry {
+    /// Nothing sent, nothing heard.
+    pub fn new() -> Self {
+        Self::default()
+    }
+
+    /// Put a step into messages.
+    pub fn record(&mut self, snapshot: &Snapshot, flight: &Flight, board: &BoardStatus) {
+        self.announce(&snapshot.state);
+        self.stream(snapshot);
+        let due = self
+            .heartbeat_at
+            .is_none_or(|last| snapshot.now.0.saturating_sub(last.0) >= HEARTBEAT_PERIOD_US);
+        if due {
+            self.heartbeat_at = Some(snapshot.now);
+            self.heartbeat(&snapshot.state);
+            self.system_status(snapshot, board);
+        }
+        self.continue_list(flight.params());
+    }
+
+    /// What the host has not taken yet, oldest first.
+    pub fn pending(&self) -> &[u8] {
+        self.queue.pending()
+    }
+
+    /// The host has taken the first `count` bytes of [`Telemetry::pending`].
+    pub fn sent(&mut self, count: usize) {
+        self.queue.sent(count);
+    }
+
+    /// Frames dropped because the host did not take them.
+    pub fn dropped(&self) -> u32 {
+        self.queue.dropped()
+    }
+
+    /// Take bytes from the host, in pieces of any size, and obey what they say. Rubbish is passed over.
+    pub fn receive(&mut self, now: Micros, bytes: &[u8], flight: &mut Flight) {
+        for &byte in bytes {
+            self.parser.push(byte);
+            while let Some(message) = self.parser.next_message() {
+                self.answer(now, &message, flight);
+            }
+        }
+    }
+
+    /// Tell the host of a change of state, at once and in words.
+    fn announce(&mut self, state: &State) {
+        let code = state.code();
+        if self.announced == Some(code) {
+            return;
+        }
+        self.announced = Some(code);
+        self.heartbeat(state);
+        let severity = match state {
+            State::Latched(_) => MavSeverity::MAV_SEVERITY_EMERGENCY,
+            State::Failsafe(_) => MavSeverity::MAV_SEVERITY_CRITICAL,
+            State::SelfTest(test) if test.failure.is_some() => MavSeverity::MAV_SEVERITY_WARNING,
+            _ => MavSeverity::MAV_SEVERITY_INFO,
+        };
+        self.say(severity, format_args!("{state}"));
+    }
+
+    fn stream(&mut self, snapshot: &Snapshot) {
+        let attitude = &snapshot.attitude;
+        let time = snapshot.sample.map_or(snapshot.now, |sample| sample.time);
+        self.send(
+            Priority::Stream,
+            &ATTITUDE_QUATERNION_DATA {
+                time_boot_ms: milliseconds(time),
+                q1: attitude.orientation.w,
+                q2: attitude.orientation.x,
+                q3: attitude.orientation.y,
+                q4: attitude.orientation.z,
+                rollspeed: attitude.rate.x,
+                pitchspeed: attitude.rate.y,
+                yawspeed: attitude.rate.z,
+            },
+        );
+        self.send(
+            Priority::Stream,
+            &SERVO_OUTPUT_RAW_DATA {
+                time_usec: snapshot.now.0 as u32,
+                servo1_raw: snapshot.pulse.0,
+                ..SERVO_OUTPUT_RAW_DATA::DEFAULT
+            },
+        );
+        if let Some(sample) = &snapshot.sample {
+            let ([xacc, yacc, zacc], [xgyro, ygyro, zgyro], [xmag, ymag, zmag]) =
+                (sample.acc, sample.gyr, sample.mag);
+            self.send(
+                Priority::Stream,
+                &RAW_IMU_DATA {
+                    time_usec: sample.time.0,
+                    xacc,
+                    yacc,
+                    zacc,
+                    xgyro,
+                    ygyro,
+                    zgyro,
+                    xmag,
+                    ymag,
+                    zmag,
+                },
+            );
+        }
+    }
+
+    fn heartbeat(&mut self, state: &State) {
+        let mut base_mode = MavModeFlag::MAV_MODE_FLAG_CUSTOM_MODE_ENABLED;
+        base_mode.set(MavModeFlag::MAV_MODE_FLAG_SAFETY_ARMED, state.is_armed());
+        base_mode.set(
+            MavModeFlag::MAV_MODE_FLAG_STABILIZE_ENABLED,
+            state.is_active(),
+        );
+        self.send(
+            Priority::Event,
+            &HEARTBEAT_DATA {
+                custom_mode: state.code(),
+                mavtype: MavType::MAV_TYPE_ROCKET,
+                autopilot: MavAutopilot::MAV_AUTOPILOT_GENERIC,
+                base_mode,
+                system_status: match state {
+                    State::Boot => MavState::MAV_STATE_BOOT,
+                    State::SelfTest(_) => MavState::MAV_STATE_CALIBRATING,
+                    State::Standby => MavState::MAV_STATE_STANDBY,
+                    State::Armed | State::Active { .. } => MavState::MAV_STATE_ACTIVE,
+                    State::Failsafe(_) => MavState::MAV_STATE_CRITICAL,
+                    State::Latched(_) => MavState::MAV_STATE_EMERGENCY,
+                },
+                mavlink_version: 3,
+            },
+        );
+    }
+
+    /// Load and health. Sensors are present always, healthy while samples come; what is enabled but not healthy is
+    /// what clients report as a fault.
+    fn system_status(&mut self, snapshot: &Snapshot, board: &BoardStatus) {
+        let sensors = MavSysStatusSensor::MAV_SYS_STATUS_SENSOR_3D_GYRO
+            | MavSysStatusSensor::MAV_SYS_STATUS_SENSOR_3D_ACCEL
+            | MavSysStatusSensor::MAV_SYS_STATUS_SENSOR_3D_MAG;
+        let attitude = MavSysStatusSensor::MAV_SYS_STATUS_AHRS;
+        let control = MavSysStatusSensor::MAV_SYS_STATUS_SENSOR_ATTITUDE_STABILIZATION;
+        let enabled_control = match snapshot.state {
+            State::Active { .. } | State::Failsafe(_) => control,
+            _ => MavSysStatusSensor::empty(),
+        };
+        let mut health = MavSysStatusSensor::empty();
+        health.set(sensors, snapshot.sensor_healthy);
+        health.set(
+            attitude,
+            snapshot.sensor_healthy && snapshot.attitude.flags.initialised,
+        );
+        health.set(control, !matches!(snapshot.state, State::Failsafe(_)));
+        self.send(
+            Priority::Event,
+            &SYS_STATUS_DATA {
+                onboard_control_sensors_present: sensors | attitude | control,
+                onboard_control_sensors_enabled: sensors | attitude | enabled_control,
+                onboard_control_sensors_health: health,
+                load: board.load_permille,
+                voltage_battery: u16::MAX,
+                current_battery: -1,
+                drop_rate_comm: 0,
+                errors_comm: self.parser.crc_errors(),
+                errors_count1: self.queue.dropped() as u16,
+                errors_count2: snapshot.missed as u16,
+                errors_count3: board.bus_errors,
+                errors_count4: board.bus_recoveries,
+                battery_remaining: -1,
+            },
+        );
+    }
+
+    /// A line for people, cut to the 50 characters that STATUSTEXT holds.
+    fn say(&mut self, severity: MavSeverity, text: fmt::Arguments<'_>) {
+        let mut line = Line::default();
+        // A line that is cut reports an error; what fits is sent.
+        let _ = line.write_fmt(text);
+        self.send(
+            Priority::Event,
+            &STATUSTEXT_DATA {
+                severity,
+                text: CharArray::new(line.bytes),
+            },
+        );
+    }
+
+    fn send<D: MessageData>(&mut self, priority: Priority, data: &D) {
+        let mut payload = [0; MAX_PAYLOAD];
+        let len = data.ser(mavlink::MavlinkVersion::V2, &mut payload);
+        let payload = payload.get(..len).unwrap_or_default();
+        self.send_payload(priority, D::ID, D::EXTRA_CRC, payload);
+    }
+
+    fn send_payload(&mut self, priority: Priority, id: u32, extra_crc: u8, payload: &[u8]) {
+        let [id0, id1, id2, _] = id.to_le_bytes();
+        let header = [
+            mavlink::MAV_STX_V2,
+            payload.len() as u8,
+            0,
+            0,
+            self.sequence,
+            SYSTEM_ID,
+            COMPONENT_ID,
+            id0,
+            id1,
+            id2,
+        ];
+        self.sequence = self.sequence.wrapping_add(1);
+        let mut frame: Vec<u8, MAX_FRAME> = Vec::new();
+        let filled =
+            frame.extend_from_slice(&header).is_ok() && frame.extend_from_slice(payload).is_ok();
+        let summed = frame.get(1..).unwrap_or_default();
+        let crc = mavlink::calculate_crc(summed, extra_crc).to_le_bytes();
+        if filled && frame.extend_from_slice(&crc).is_ok() {
+            self.queue.push(&frame, priority);
+        }
+    }
+}
+
+/// Milliseconds since start-up. Wraps after 49 days, as MAVLink's field does.
+fn milliseconds(time: Micros) -> u32 {
+    (time.0 / 1000) as u32
+}
+
+/// Text of at most 50 bytes.
+struct Line {
+    bytes: [u8; 50],
+    len: usize,
+}
+
+impl Default for Line {
+    fn default() -> Self {
+        Self {
+            bytes: [0; 50],
+            len: 0,
+        }
+    }
+}
+
+impl Write for Line {
+    fn write_str(&mut self, text: &str) -> fmt::Result {
+        for byte in text.bytes() {
+            *self.bytes.get_mut(self.len).ok_or(fmt::Error)? = byte;
+            self.len += 1;
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests;

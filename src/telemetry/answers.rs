@@ -1,0 +1,234 @@
+//! What the host asks, and what it gets.
+
+use bno055_driver::Micros;
+use mavlink::dialects::common::{
+    AUTOPILOT_VERSION_DATA, COMMAND_ACK_DATA, COMMAND_LONG_DATA, HEARTBEAT_DATA, MavCmd,
+    MavParamType, MavProtocolCapability, MavResult, MavSeverity, PARAM_REQUEST_LIST_DATA,
+    PARAM_REQUEST_READ_DATA, PARAM_SET_DATA, PARAM_VALUE_DATA, TIMESYNC_DATA,
+};
+use mavlink::error::ParserError;
+use mavlink::types::CharArray;
+use mavlink::{MavlinkVersion, MessageData};
+
+use super::Telemetry;
+use super::parser::Message;
+use super::queue::Priority;
+use crate::config::{COMPONENT_ID, SYSTEM_ID};
+use crate::failsafe::Command;
+use crate::flight::Flight;
+use crate::params::{Info, Params};
+
+/// MAV_CMD_DO_GRIPPER's second parameter: let go (GRIPPER_ACTION_RELEASE).
+const GRIPPER_RELEASE: f32 = 0.0;
+
+/// Where COMMAND_LONG has its target system; the target component follows.
+const TARGET_SYSTEM: usize = 30;
+
+/// A PARAM_VALUE frame's length.
+const PARAM_VALUE_FRAME: usize = 10 + PARAM_VALUE_DATA::ENCODED_LEN + 2;
+
+impl Telemetry {
+    pub(super) fn answer(&mut self, now: Micros, message: &Message, flight: &mut Flight) {
+        match message.id {
+            HEARTBEAT_DATA::ID => flight.host_heard(now),
+            TIMESYNC_DATA::ID => self.synchronise(now, decode(message)),
+            PARAM_REQUEST_LIST_DATA::ID => {
+                if let Some(PARAM_REQUEST_LIST_DATA {
+                    target_system,
+                    target_component,
+                }) = decode(message)
+                    && is_for_us(target_system, target_component)
+                {
+                    self.list = Some(0);
+                }
+            }
+            PARAM_REQUEST_READ_DATA::ID => {
+                if let Some(request) = decode(message) {
+                    self.read_param(&request, flight.params());
+                }
+            }
+            PARAM_SET_DATA::ID => {
+                if let Some(request) = decode(message) {
+                    self.set_param(&request, flight);
+                }
+            }
+            COMMAND_LONG_DATA::ID => self.command(now, message, flight),
+            _ => {}
+        }
+    }
+
+    /// Send the next parameter of a list under way, when there is room for it.
+    pub(super) fn continue_list(&mut self, params: &Params) {
+        let Some(index) = self.list else { return };
+        match params.by_index(index) {
+            None => self.list = None,
+            Some((info, value)) => {
+                if self.queue.has_room(PARAM_VALUE_FRAME, Priority::Stream) {
+                    self.param_value(index, info, value);
+                    self.list = Some(index + 1);
+                }
+            }
+        }
+    }
+
+    fn synchronise(&mut self, now: Micros, request: Option<TIMESYNC_DATA>) {
+        // tc1 = 0 asks; anything else is somebody's answer.
+        if let Some(TIMESYNC_DATA { tc1: 0, ts1 }) = request {
+            let tc1 = now.0.wrapping_mul(1000) as i64;
+            self.send(Priority::Event, &TIMESYNC_DATA { tc1, ts1 });
+        }
+    }
+
+    fn read_param(&mut self, request: &PARAM_REQUEST_READ_DATA, params: &Params) {
+        if !is_for_us(request.target_system, request.target_component) {
+            return;
+        }
+        // A negative index asks by name.
+        let index = match usize::try_from(request.param_index) {
+            Ok(index) => Some(index),
+            Err(_) => request.param_id.to_str().ok().and_then(Params::index_of),
+        };
+        match index.and_then(|index| Some((index, params.by_index(index)?))) {
+            Some((index, (info, value))) => self.param_value(index, info, value),
+            None => self.say(
+                MavSeverity::MAV_SEVERITY_WARNING,
+                format_args!("no such parameter"),
+            ),
+        }
+    }
+
+    /// Change a parameter and tell its value, which after a refusal is the old one.
+    fn set_param(&mut self, request: &PARAM_SET_DATA, flight: &mut Flight) {
+        if !is_for_us(request.target_system, request.target_component) {
+            return;
+        }
+        let name = request.param_id.to_str().unwrap_or_default();
+        if let Err(error) = flight.set_param(name, request.param_value) {
+            self.say(MavSeverity::MAV_SEVERITY_WARNING, format_args!("{error}"));
+        }
+        if let Some(index) = Params::index_of(name)
+            && let Some((info, value)) = flight.params().by_index(index)
+        {
+            self.param_value(index, info, value);
+        }
+    }
+
+    fn param_value(&mut self, index: usize, info: &Info, value: f32) {
+        self.send(
+            Priority::Event,
+            &PARAM_VALUE_DATA {
+                param_value: value,
+                param_count: Params::count() as u16,
+                param_index: index as u16,
+                param_id: CharArray::from(info.name),
+                param_type: MavParamType::MAV_PARAM_TYPE_REAL32,
+            },
+        );
+    }
+
+    fn command(&mut self, now: Micros, message: &Message, flight: &mut Flight) {
+        let request = match COMMAND_LONG_DATA::deser(MavlinkVersion::V2, &message.payload) {
+            Ok(request) => request,
+            // A command that the dialect does not know.
+            Err(ParserError::InvalidEnum { value, .. }) => {
+                let byte = |at: usize| message.payload.get(at).copied().unwrap_or(0);
+                if is_for_us(byte(TARGET_SYSTEM), byte(TARGET_SYSTEM + 1)) {
+                    self.acknowledge(value as u16, MavResult::MAV_RESULT_UNSUPPORTED);
+                }
+                return;
+            }
+            Err(_) => return,
+        };
+        if !is_for_us(request.target_system, request.target_component) {
+            return;
+        }
+        let result = match request.command {
+            MavCmd::MAV_CMD_COMPONENT_ARM_DISARM if request.param1 == 1.0 => {
+                self.order(now, Command::Arm, flight)
+            }
+            MavCmd::MAV_CMD_COMPONENT_ARM_DISARM if request.param1 == 0.0 => {
+                self.order(now, Command::Disarm, flight)
+            }
+            MavCmd::MAV_CMD_DO_GRIPPER if request.param2 == GRIPPER_RELEASE => {
+                self.order(now, Command::Release, flight)
+            }
+            MavCmd::MAV_CMD_COMPONENT_ARM_DISARM | MavCmd::MAV_CMD_DO_GRIPPER => {
+                MavResult::MAV_RESULT_DENIED
+            }
+            MavCmd::MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES => self.version(),
+            MavCmd::MAV_CMD_REQUEST_MESSAGE
+                if request.param1 == AUTOPILOT_VERSION_DATA::ID as f32 =>
+            {
+                self.version()
+            }
+            _ => MavResult::MAV_RESULT_UNSUPPORTED,
+        };
+        self.acknowledge(request.command as u16, result);
+    }
+
+    fn order(&mut self, now: Micros, command: Command, flight: &mut Flight) -> MavResult {
+        match flight.command(now, command) {
+            Ok(()) => {
+                self.announce(&flight.state());
+                MavResult::MAV_RESULT_ACCEPTED
+            }
+            Err(refusal) => {
+                self.say(
+                    MavSeverity::MAV_SEVERITY_WARNING,
+                    format_args!("{command} refused: {refusal}"),
+                );
+                MavResult::MAV_RESULT_TEMPORARILY_REJECTED
+            }
+        }
+    }
+
+    fn version(&mut self) -> MavResult {
+        self.send(
+            Priority::Event,
+            &AUTOPILOT_VERSION_DATA {
+                capabilities: MavProtocolCapability::MAV_PROTOCOL_CAPABILITY_MAVLINK2
+                    | MavProtocolCapability::MAV_PROTOCOL_CAPABILITY_PARAM_ENCODE_C_CAST,
+                flight_sw_version: version_number(env!("CARGO_PKG_VERSION")),
+                ..AUTOPILOT_VERSION_DATA::DEFAULT
+            },
+        );
+        MavResult::MAV_RESULT_ACCEPTED
+    }
+
+    /// COMMAND_ACK by the command's number: the dialect's type cannot carry one that it does not know.
+    fn acknowledge(&mut self, command: u16, result: MavResult) {
+        let [low, high] = command.to_le_bytes();
+        self.send_payload(
+            Priority::Event,
+            COMMAND_ACK_DATA::ID,
+            COMMAND_ACK_DATA::EXTRA_CRC,
+            &[low, high, result as u8],
+        );
+    }
+}
+
+fn decode<D: MessageData>(message: &Message) -> Option<D> {
+    D::deser(MavlinkVersion::V2, &message.payload).ok()
+}
+
+/// Addressed to this vehicle, or to all.
+fn is_for_us(system: u8, component: u8) -> bool {
+    (system == SYSTEM_ID || system == 0) && (component == COMPONENT_ID || component == 0)
+}
+
+/// `major.minor.patch` as `flight_sw_version` has it: a byte each from the top, release type official (255) below.
+const fn version_number(version: &str) -> u32 {
+    let mut number: u32 = 0;
+    let mut part: u32 = 0;
+    let mut bytes = version.as_bytes();
+    while let [byte, rest @ ..] = bytes {
+        if *byte == b'.' {
+            number = number << 8 | part;
+            part = 0;
+        } else {
+            part = part * 10 + (*byte - b'0') as u32;
+        }
+        bytes = rest;
+    }
+    (number << 8 | part) << 8 | 255
+}

@@ -1,0 +1,150 @@
+//! Frames out of a stream of bytes: MAVLink 2, and MAVLink 1 for clients that have not yet heard from us.
+//!
+//! Only the messages that the flight understands are taken. Anything else is given up as soon as its header shows it,
+//! and the search goes on at the very next byte: noise that looks like a start marker cannot swallow the frames behind
+//! it, and the buffer needs to hold no more than the longest message of interest.
+
+use heapless::Vec;
+use mavlink::MessageData;
+use mavlink::dialects::common::{
+    COMMAND_LONG_DATA, HEARTBEAT_DATA, PARAM_REQUEST_LIST_DATA, PARAM_REQUEST_READ_DATA,
+    PARAM_SET_DATA, TIMESYNC_DATA,
+};
+
+/// Longest payload taken: COMMAND_LONG has 33 bytes; the rest allows for fields that a later revision may append.
+const MAX_PAYLOAD: usize = 40;
+const SIGNATURE: usize = 13;
+const MAX_FRAME: usize = 10 + MAX_PAYLOAD + 2 + SIGNATURE;
+
+const START_V1: u8 = 0xFE;
+const START_V2: u8 = 0xFD;
+/// Incompatibility flag: a signature follows the checksum.
+const SIGNED: u8 = 1;
+
+/// A message with a valid checksum.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) struct Message {
+    /// Message id, one of those that [`Parser`] takes.
+    pub(super) id: u32,
+    /// Its payload, trailing zeros left out as they came.
+    pub(super) payload: Vec<u8, MAX_PAYLOAD>,
+}
+
+/// Collects bytes until they make a message.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Parser {
+    buffer: Vec<u8, MAX_FRAME>,
+    crc_errors: u16,
+}
+
+/// What the bytes so far are.
+enum Found {
+    /// The beginning of a frame, perhaps.
+    Part,
+    /// No frame begins here.
+    Nothing,
+    /// A frame of this length whose checksum is wrong.
+    Corrupt,
+    /// A message, and its frame's length.
+    Whole(Message, usize),
+}
+
+impl Parser {
+    /// Take one byte. Follow with [`Parser::next_message`] until it gives nothing.
+    pub(super) fn push(&mut self, byte: u8) {
+        if self.buffer.push(byte).is_err() {
+            // Cannot happen while every frame taken fits: start over rather than lose step.
+            self.buffer.clear();
+        }
+    }
+
+    /// The next complete message.
+    pub(super) fn next_message(&mut self) -> Option<Message> {
+        loop {
+            match examine(&self.buffer) {
+                Found::Part => return None,
+                Found::Nothing => self.discard(1),
+                Found::Corrupt => {
+                    self.crc_errors = self.crc_errors.wrapping_add(1);
+                    self.discard(1);
+                }
+                Found::Whole(message, len) => {
+                    self.discard(len);
+                    return Some(message);
+                }
+            }
+        }
+    }
+
+    /// Frames whose checksum was wrong.
+    pub(super) fn crc_errors(&self) -> u16 {
+        self.crc_errors
+    }
+
+    /// Drop the first `count` bytes, and what follows up to the next start marker.
+    fn discard(&mut self, count: usize) {
+        let len = self.buffer.len();
+        let start = self
+            .buffer
+            .iter()
+            .skip(count)
+            .position(|byte| matches!(*byte, START_V1 | START_V2))
+            .map_or(len, |offset| (count + offset).min(len));
+        self.buffer.copy_within(start.., 0);
+        self.buffer.truncate(len - start);
+    }
+}
+
+/// CRC_EXTRA of the messages taken.
+fn extra_crc(id: u32) -> Option<u8> {
+    Some(match id {
+        HEARTBEAT_DATA::ID => HEARTBEAT_DATA::EXTRA_CRC,
+        PARAM_REQUEST_READ_DATA::ID => PARAM_REQUEST_READ_DATA::EXTRA_CRC,
+        PARAM_REQUEST_LIST_DATA::ID => PARAM_REQUEST_LIST_DATA::EXTRA_CRC,
+        PARAM_SET_DATA::ID => PARAM_SET_DATA::EXTRA_CRC,
+        COMMAND_LONG_DATA::ID => COMMAND_LONG_DATA::EXTRA_CRC,
+        TIMESYNC_DATA::ID => TIMESYNC_DATA::EXTRA_CRC,
+        _ => return None,
+    })
+}
+
+fn examine(bytes: &[u8]) -> Found {
+    // Header length, id and signature length, as far as the header has come.
+    let (header, id, signature) = match *bytes {
+        [] => return Found::Part,
+        [START_V1 | START_V2, len, ..] if usize::from(len) > MAX_PAYLOAD => return Found::Nothing,
+        [START_V1, _, _, _, _, id, ..] => (6, u32::from(id), 0),
+        [START_V2, _, flags, _, _, _, _, id0, id1, id2, ..] => {
+            let signature = match flags {
+                0 => 0,
+                SIGNED => SIGNATURE,
+                _ => return Found::Nothing,
+            };
+            (10, u32::from_le_bytes([id0, id1, id2, 0]), signature)
+        }
+        [START_V1 | START_V2, ..] => return Found::Part,
+        _ => return Found::Nothing,
+    };
+    let Some(extra_crc) = extra_crc(id) else {
+        return Found::Nothing;
+    };
+    let len = bytes.get(1).copied().map_or(0, usize::from);
+    let end = header + len;
+    let (Some(summed), Some(payload), Some(&[crc0, crc1])) = (
+        bytes.get(1..end),
+        bytes.get(header..end),
+        bytes.get(end..end + 2),
+    ) else {
+        return Found::Part;
+    };
+    if mavlink::calculate_crc(summed, extra_crc) != u16::from_le_bytes([crc0, crc1]) {
+        return Found::Corrupt;
+    }
+    let total = end + 2 + signature;
+    if bytes.len() < total {
+        return Found::Part;
+    }
+    Vec::from_slice(payload).map_or(Found::Nothing, |payload| {
+        Found::Whole(Message { id, payload }, total)
+    })
+}
