@@ -3,3 +3,6 @@
 pub mod bno055;
 pub mod random;
 pub mod recording;
+mod tap;
+pub mod truth;
+pub mod world;

@@ -1,0 +1,430 @@
+//! Everything outside the chip: the sensor on the drone, the drone on its pivot, the servo, the
+//! clamp, and the analyser that keeps the truth.
+//!
+//! ```text
+//!   PB08, PB09 (I2C)  -- BNO055 at the pivot, x forward, z down
+//!   PB11 (D3)         -- servo -> crank -> rudder -> drone
+//!   PA07 (D4)         -- probe: a control step is busy
+//! ```
+//!
+//! The drone pitches about the body's y axis, to the right; nose up is positive, which is the
+//! plant's counter-clockwise `theta0` seen from the right. The pivot does not move, so that the
+//! accelerometer feels gravity alone.
+
+use crate::bno055::{self, Bno055, Fault, Stimulus};
+use crate::tap::Tap;
+use crate::truth::{Motion, Truth};
+use plant::{Drone, ParameterError, Parameters, Servo, ServoModel};
+use samd21::board::{Board, I2cEvent, I2cReply, Lines, Pin, Ticks};
+use std::f64::consts::FRAC_1_SQRT_2;
+
+/// Pulse width at which the horn is mounted for zero rudder, us.
+pub const ZERO_RUDDER_US: f64 = 1523.6;
+/// The servo's pin, D3.
+pub const SERVO_PIN: Pin = Pin::b(11);
+/// The probe pin, D4.
+pub const PROBE_PIN: Pin = Pin::a(7);
+
+/// Step of the physics.
+const STEP: Ticks = Ticks::from_us(500);
+/// Steps of the physics to one entry of the truth's motion.
+const MOTION_EVERY: u64 = 2;
+/// Rate at which hands tilt the clamped drone, rad/s.
+const TILT_RATE_RAD_S: f64 = 0.5;
+
+/// Earth's magnetic field where the rig stands.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct EarthField {
+    /// Strength, uT.
+    pub strength_ut: f64,
+    /// Angle below the horizon, rad.
+    pub dip_rad: f64,
+    /// Magnetic north from true north, east positive, rad.
+    pub declination_rad: f64,
+}
+
+impl EarthField {
+    /// Copenhagen: 50 uT, 70 deg down, 4.37 deg east.
+    pub const COPENHAGEN: Self = Self {
+        strength_ut: 50.0,
+        dip_rad: 70.0 * std::f64::consts::PI / 180.0,
+        declination_rad: 4.37 * std::f64::consts::PI / 180.0,
+    };
+
+    fn north_east_down(&self) -> [f64; 3] {
+        let (sin_dip, cos_dip) = self.dip_rad.sin_cos();
+        let (sin_decl, cos_decl) = self.declination_rad.sin_cos();
+        [cos_dip * cos_decl, cos_dip * sin_decl, sin_dip].map(|c| c * self.strength_ut)
+    }
+}
+
+/// What stands on the bench.
+#[derive(Clone, Debug)]
+pub struct Bench {
+    /// The sensor.
+    pub sensor: bno055::Config,
+    /// The servo, before its horn is fitted to zero rudder at [`ZERO_RUDDER_US`].
+    pub servo: ServoModel,
+    /// How far off the horn sits on its spline, rad.
+    pub horn_error_rad: f64,
+    /// Masses, lengths and loads of the drone.
+    pub parameters: Parameters,
+    /// Pitch at which the clamp holds the drone at power-on, rad.
+    pub start_rad: f64,
+    /// Where the drone's nose points, from true north to the east, rad.
+    pub heading_rad: f64,
+    /// The magnetic field.
+    pub field: EarthField,
+}
+
+impl Default for Bench {
+    fn default() -> Self {
+        Self {
+            sensor: bno055::Config::default(),
+            servo: ServoModel::S3003,
+            horn_error_rad: 0.0,
+            parameters: Parameters::PHYS,
+            start_rad: 0.0,
+            heading_rad: 0.5,
+            field: EarthField::COPENHAGEN,
+        }
+    }
+}
+
+/// The world round the chip. It runs up to the time of whatever the chip does to it.
+#[derive(Clone, Debug)]
+pub struct World {
+    drone: Drone,
+    servo: Servo,
+    sensor: Bno055,
+    heading_rad: f64,
+    field: EarthField,
+    /// Steps of the physics so far.
+    steps: u64,
+    /// Pitch to which the clamp is being moved, rad.
+    clamp_rad: f64,
+    tap: Tap,
+    truth: Truth,
+}
+
+impl World {
+    /// Power-on: the clamp holds the drone at its start, the rudder is at zero.
+    ///
+    /// # Errors
+    /// Impossible parameters of the drone.
+    pub fn new(bench: &Bench) -> Result<Self, ParameterError> {
+        let mut drone = Drone::new(&bench.parameters, bench.start_rad, 0.0)?;
+        drone.clamp(bench.start_rad);
+        let zero_rad = drone.crank().angle_rad;
+        let model = bench
+            .servo
+            .fitted(ZERO_RUDDER_US, zero_rad, bench.horn_error_rad);
+        Ok(Self {
+            drone,
+            servo: Servo::new(model, zero_rad, 0.0),
+            sensor: Bno055::new(bench.sensor.clone()),
+            heading_rad: bench.heading_rad,
+            field: bench.field,
+            steps: 0,
+            clamp_rad: bench.start_rad,
+            tap: Tap::default(),
+            truth: Truth::default(),
+        })
+    }
+
+    /// Runs the physics up to `now`.
+    pub fn advance(&mut self, now: Ticks) {
+        while STEP * (self.steps + 1) <= now {
+            self.step();
+        }
+    }
+
+    /// The drone.
+    pub fn drone(&self) -> &Drone {
+        &self.drone
+    }
+
+    /// The drone, to kick it.
+    pub fn drone_mut(&mut self) -> &mut Drone {
+        &mut self.drone
+    }
+
+    /// The servo.
+    pub fn servo(&self) -> &Servo {
+        &self.servo
+    }
+
+    /// The sensor.
+    pub fn sensor(&self) -> &Bno055 {
+        &self.sensor
+    }
+
+    /// The sensor, to play a recording.
+    pub fn sensor_mut(&mut self) -> &mut Bno055 {
+        &mut self.sensor
+    }
+
+    /// What has happened.
+    pub fn truth(&self) -> &Truth {
+        &self.truth
+    }
+
+    /// What has happened, to begin a new page.
+    pub fn truth_mut(&mut self) -> &mut Truth {
+        &mut self.truth
+    }
+
+    /// Tilts the clamped drone by hand, at 0.5 rad/s; a free one does not care.
+    pub fn tilt_clamp(&mut self, pitch_rad: f64) {
+        self.clamp_rad = pitch_rad;
+    }
+
+    /// The clamp has arrived where it was tilted to.
+    pub fn clamp_rests(&self) -> bool {
+        self.drone.held() && self.drone.pitch_rad() == self.clamp_rad
+    }
+
+    /// Opens the clamp; the drone leaves it with a rate, rad/s.
+    pub fn release(&mut self, rate_rad_s: f64) {
+        self.drone.release(rate_rad_s);
+    }
+
+    /// Catches the drone where it is.
+    pub fn catch(&mut self) {
+        self.clamp_rad = self.drone.pitch_rad();
+        self.drone.clamp(self.clamp_rad);
+    }
+
+    /// Switches a fault of the sensor or its cable on.
+    pub fn inject(&mut self, now: Ticks, fault: Fault) {
+        self.advance(now);
+        self.sensor.inject(now, fault);
+    }
+
+    /// Switches it off.
+    pub fn clear(&mut self, now: Ticks, fault: Fault) {
+        self.advance(now);
+        self.sensor.clear(now, fault);
+    }
+
+    /// The chip has been reset: its pins float.
+    pub fn chip_reset(&mut self) {
+        self.tap.reset();
+    }
+
+    fn step(&mut self) {
+        self.steps += 1;
+        let now = STEP * self.steps;
+        let dt_s = STEP.as_secs_f64();
+        let load = self.drone.hinge_torque_n_m();
+        let crank = self.servo.advance(now.as_secs_f64(), load);
+        let hands_rad_s = if self.drone.held() {
+            self.tilt(dt_s)
+        } else {
+            0.0
+        };
+        self.drone.step(dt_s, crank);
+        let rate_rad_s = self.drone.rate_rad_s() + hands_rad_s;
+        let pitch_rad = self.drone.pitch_rad();
+        self.sensor
+            .sense(now, &self.stimulus(pitch_rad, rate_rad_s));
+        if self.steps.is_multiple_of(MOTION_EVERY) {
+            self.truth.motion.push(Motion {
+                time: now,
+                pitch_rad,
+                rate_rad_s,
+                rudder_rad: self.drone.rudder_rad(),
+                crank_rad: crank.angle_rad,
+                target_rad: self.servo.target_rad(),
+            });
+        }
+    }
+
+    /// Moves the clamp towards where it is wanted; the rate of that, rad/s.
+    fn tilt(&mut self, dt_s: f64) -> f64 {
+        let missing = self.clamp_rad - self.drone.pitch_rad();
+        if missing == 0.0 {
+            return 0.0;
+        }
+        let most = TILT_RATE_RAD_S * dt_s;
+        if missing.abs() <= most {
+            self.drone.clamp(self.clamp_rad);
+        } else {
+            self.drone
+                .clamp(self.drone.pitch_rad() + most.copysign(missing));
+        }
+        missing.clamp(-most, most) / dt_s
+    }
+
+    /// What the sensor feels, along its axes, which are the body's.
+    fn stimulus(&self, pitch_rad: f64, rate_rad_s: f64) -> Stimulus {
+        let g = self.drone.mechanism().parameters().gravity_m_s2;
+        let (sin_pitch, cos_pitch) = pitch_rad.sin_cos();
+        let (sin_heading, cos_heading) = self.heading_rad.sin_cos();
+        let [north, east, down] = self.field.north_east_down();
+        let ahead = cos_heading * north + sin_heading * east;
+        let right = -sin_heading * north + cos_heading * east;
+        Stimulus {
+            specific_force_m_s2: [g * sin_pitch, 0.0, -g * cos_pitch],
+            rate_rad_s: [0.0, rate_rad_s, 0.0],
+            field_ut: [
+                cos_pitch * ahead - sin_pitch * down,
+                right,
+                sin_pitch * ahead + cos_pitch * down,
+            ],
+            attitude: self.attitude(pitch_rad),
+        }
+    }
+
+    /// Body to east-north-up with magnetic north: `(i + j) / sqrt 2` takes north-east-down there.
+    fn attitude(&self, pitch_rad: f64) -> [f64; 4] {
+        let (sin_p, cos_p) = (0.5 * pitch_rad).sin_cos();
+        let (sin_h, cos_h) = (0.5 * (self.heading_rad - self.field.declination_rad)).sin_cos();
+        let [w, x, y, z] = [cos_h * cos_p, -sin_h * sin_p, cos_h * sin_p, sin_h * cos_p];
+        [-x - y, w + z, w - z, y - x].map(|c| c * FRAC_1_SQRT_2)
+    }
+}
+
+impl Board for World {
+    fn i2c(&mut self, now: Ticks, event: I2cEvent) -> I2cReply {
+        self.advance(now);
+        let reply = self.sensor.i2c(now, event);
+        let refresh = self.sensor.refreshed();
+        self.tap.i2c(now, event, reply, refresh, &mut self.truth);
+        reply
+    }
+
+    fn i2c_held_low(&self, _now: Ticks) -> Lines {
+        self.sensor.held_low()
+    }
+
+    fn pin(&mut self, now: Ticks, pin: Pin, level: bool) {
+        match pin {
+            SERVO_PIN => {
+                self.advance(now);
+                if let Some(pulse) = self.tap.servo(now, level, &mut self.truth) {
+                    self.servo.pulse(pulse.rise.as_secs_f64(), pulse.width_us());
+                }
+            }
+            PROBE_PIN => self.tap.probe(now, level, &mut self.truth),
+            Pin::I2C_SCL if level => self.sensor.clocked(),
+            _ => {}
+        }
+    }
+
+    fn input(&self, _now: Ticks, _pin: Pin) -> Option<bool> {
+        None
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn world(bench: Bench) -> World {
+        World::new(&bench).unwrap()
+    }
+
+    fn near(a: [f64; 3], b: [f64; 3]) {
+        for (a, b) in a.iter().zip(b) {
+            assert!((a - b).abs() < 1e-9, "{a} instead of {b}");
+        }
+    }
+
+    #[test]
+    fn nose_up_the_sensor_feels_what_holds_it() {
+        let world = world(Bench::default());
+        let level = world.stimulus(0.0, 0.0);
+        near(level.specific_force_m_s2, [0.0, 0.0, -9.81]);
+        let up = world.stimulus(std::f64::consts::FRAC_PI_6, 0.2);
+        near(
+            up.specific_force_m_s2,
+            [4.905, 0.0, -9.81 * 0.75_f64.sqrt()],
+        );
+        near(up.rate_rad_s, [0.0, 0.2, 0.0]);
+    }
+
+    #[test]
+    fn the_field_is_that_of_copenhagen() {
+        let north = world(Bench {
+            heading_rad: EarthField::COPENHAGEN.declination_rad,
+            ..Bench::default()
+        });
+        // Nose to magnetic north, level: nothing to the right, 17.1 uT ahead, 47 uT down.
+        near(
+            north.stimulus(0.0, 0.0).field_ut,
+            [17.101_007_166, 0.0, 46.984_631_039],
+        );
+        // Nose straight up along -down: the strong part lies on -x.
+        let up = north.stimulus(std::f64::consts::FRAC_PI_2, 0.0);
+        near(up.field_ut, [-46.984_631_039, 0.0, 17.101_007_166]);
+    }
+
+    /// The attitude takes what the sensor feels back to the earth.
+    #[test]
+    fn attitude_agrees_with_the_vectors() {
+        let world = world(Bench::default());
+        for pitch in [-1.0, 0.0, 0.3, 0.8] {
+            let felt = world.stimulus(pitch, 0.0);
+            near(
+                rotate(felt.attitude, felt.specific_force_m_s2),
+                [0.0, 0.0, 9.81],
+            );
+            near(
+                rotate(felt.attitude, felt.field_ut),
+                [0.0, 17.101_007_166, -46.984_631_039],
+            );
+        }
+    }
+
+    fn rotate([w, x, y, z]: [f64; 4], v: [f64; 3]) -> [f64; 3] {
+        let q = nalgebra::Quaternion::new(w, x, y, z);
+        let r = q * nalgebra::Quaternion::new(0.0, v[0], v[1], v[2]) * q.conjugate();
+        [r.i, r.j, r.k]
+    }
+
+    #[test]
+    fn the_clamp_holds_tilts_and_lets_go() {
+        let mut world = world(Bench::default());
+        world.advance(Ticks::from_ms(100));
+        assert_eq!(world.drone().pitch_rad(), 0.0);
+        world.tilt_clamp(0.4);
+        world.advance(Ticks::from_ms(500));
+        assert!((world.truth().motion.last().unwrap().rate_rad_s - 0.5).abs() < 1e-9);
+        world.advance(Ticks::from_ms(1000));
+        assert!(world.clamp_rests());
+        assert_eq!(world.drone().pitch_rad(), 0.4);
+        world.release(0.2);
+        world.advance(Ticks::from_ms(1010));
+        assert!((world.drone().pitch_rad() - 0.402).abs() < 1e-3);
+    }
+
+    #[test]
+    fn a_pulse_turns_the_servo_and_pitches_the_drone() {
+        let mut world = world(Bench::default());
+        world.release(0.0);
+        for frame in 0..25 {
+            let rise = Ticks::from_ms(20 * frame);
+            world.pin(rise, SERVO_PIN, true);
+            world.pin(rise + Ticks::from_us(1723), SERVO_PIN, false);
+        }
+        world.advance(Ticks::from_ms(500));
+        assert!((world.servo().crank().angle_rad - world.servo().target_rad()).abs() < 0.01);
+        assert!(world.drone().rudder_rad() > 0.15);
+        // Positive rudder, nose down.
+        assert!(world.drone().pitch_rad() < -0.1);
+        assert_eq!(world.truth().pulses.len(), 25);
+    }
+
+    #[test]
+    fn the_horn_is_fitted_at_1523_6() {
+        let mut world = world(Bench::default());
+        world.release(0.0);
+        let rise = Ticks::from_ms(1);
+        world.pin(rise, SERVO_PIN, true);
+        world.pin(rise + Ticks(73_133), SERVO_PIN, false);
+        world.advance(Ticks::from_ms(400));
+        // The servo counts whole microseconds: 1524 us, 0.04 deg off, inside its deadband.
+        assert!(world.drone().rudder_rad().abs() < 1e-3);
+    }
+}
