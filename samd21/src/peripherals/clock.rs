@@ -73,6 +73,20 @@ impl<const N: usize> SyncFlags<N> {
         self.until[bit] = now + self.hold;
     }
 
+    /// Sets flag `bit` for ever: there is no clock to synchronise to.
+    pub(crate) fn hang(&mut self, bit: usize) {
+        self.until[bit] = Ticks::NEVER;
+    }
+
+    /// A clock is there again: what hung ends the hold time from now.
+    pub(crate) fn unhang(&mut self, now: Ticks) {
+        for until in &mut self.until {
+            if *until == Ticks::NEVER {
+                *until = now + self.hold;
+            }
+        }
+    }
+
     /// Whether flag `bit` is set.
     pub(crate) fn is_busy(&self, now: Ticks, bit: usize) -> bool {
         now < self.until[bit]

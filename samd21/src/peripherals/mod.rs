@@ -9,6 +9,7 @@
 //! | `pm`, `sysctrl`, `gclk` | clocks and reset cause |
 //! | `nvmctrl` | flash programming, factory rows |
 //! | `port` | pins and their multiplexers |
+//! | `tcc` | TCC0-TCC2: the servo's waveform |
 //! | `pac`, `dsu` | write protection, device identity |
 //!
 //! RTC, DMAC, MTB, HMATRIX, EVSYS, ADC, AC, DAC, PTC, I2S, TC6 and TC7 are not modelled: an access faults.
@@ -22,6 +23,7 @@ mod pac;
 mod pm;
 mod port;
 mod sysctrl;
+mod tcc;
 mod violations;
 
 pub use violations::{Violation, Violations};
@@ -30,6 +32,7 @@ use crate::Options;
 use crate::board::{Board, Ticks};
 use crate::memory::{FLASH_SIZE, Memory};
 use access::{Bus, Lanes, Refusal};
+use gclk::id::{DFLL48, TCC0_TCC1, TCC2_TC3};
 use std::fmt;
 
 /// Why the chip started anew; the value is the bit in PM.RCAUSE.
@@ -167,6 +170,7 @@ enum Block {
     Dsu,
     Nvmctrl,
     Port,
+    Tcc(usize),
     Unmodelled,
 }
 
@@ -181,7 +185,7 @@ struct Mapping {
 
 /// The block at an address of the APB bridges (D21 table 12-1 and the PAC's peripheral numbers).
 fn map(addr: u32) -> Option<Mapping> {
-    use Block::{Dsu, Gclk, Nvmctrl, Pac, Pm, Port, Sysctrl, Unmodelled};
+    use Block::{Dsu, Gclk, Nvmctrl, Pac, Pm, Port, Sysctrl, Tcc, Unmodelled};
     use Bridge::{A, B, C};
     let (bridge, index, name, block) = match addr & !0x3FF {
         0x4000_0000 => (A, 0, "PAC0", Pac(0)),
@@ -207,9 +211,9 @@ fn map(addr: u32) -> Option<Mapping> {
         0x4200_1400 => (C, 5, "SERCOM3", Unmodelled),
         0x4200_1800 => (C, 6, "SERCOM4", Unmodelled),
         0x4200_1C00 => (C, 7, "SERCOM5", Unmodelled),
-        0x4200_2000 => (C, 8, "TCC0", Unmodelled),
-        0x4200_2400 => (C, 9, "TCC1", Unmodelled),
-        0x4200_2800 => (C, 10, "TCC2", Unmodelled),
+        0x4200_2000 => (C, 8, "TCC0", Tcc(0)),
+        0x4200_2400 => (C, 9, "TCC1", Tcc(1)),
+        0x4200_2800 => (C, 10, "TCC2", Tcc(2)),
         0x4200_2C00 => (C, 11, "TC3", Unmodelled),
         0x4200_3000 => (C, 12, "TC4", Unmodelled),
         0x4200_3400 => (C, 13, "TC5", Unmodelled),
@@ -245,6 +249,7 @@ pub struct Peripherals {
     gclk: gclk::Gclk,
     nvmctrl: nvmctrl::Nvmctrl,
     port: port::Port,
+    tcc: [tcc::Tcc; 3],
     violations: Violations,
     ticks_per_cycle: u32,
     irq_lines: u32,
@@ -263,6 +268,7 @@ impl Peripherals {
             gclk: gclk::Gclk::new(options.syncbusy_hold),
             nvmctrl: nvmctrl::Nvmctrl::new(options.serial_number),
             port: port::Port::new(),
+            tcc: [0, 1, 2].map(|index| tcc::Tcc::new(index, options.syncbusy_hold)),
             violations: Violations::default(),
             ticks_per_cycle: 48,
             irq_lines: 0,
@@ -335,6 +341,7 @@ impl Peripherals {
             Block::Dsu => dsu::read(offset),
             Block::Nvmctrl => self.nvmctrl.read(now, offset),
             Block::Port => self.port.read(now, offset, board),
+            Block::Tcc(index) => self.tcc[index].read(now, offset),
             Block::Unmodelled => Err(Refusal::Unmodelled("the whole peripheral")),
         }
         .map_err(|refusal| refuse(refusal, addr, mapping.name))
@@ -354,6 +361,7 @@ impl Peripherals {
         if !addr.is_multiple_of(width.bytes()) {
             return Err(BusError::Misaligned { addr });
         }
+        self.advance(now, memory, board);
         let lanes = Lanes::new(value, addr & 3, width.bytes());
         let bus = &mut Bus {
             now,
@@ -398,13 +406,14 @@ impl Peripherals {
             Block::Pac(index) => self.pac.write(index, offset, lanes),
             Block::Pm => self.pm.write(offset, lanes),
             Block::Sysctrl => {
-                let reference = self.gclk.clock(gclk::id::DFLL48).is_some();
+                let reference = self.gclk.clock(DFLL48).is_some();
                 self.sysctrl.write(bus, offset, lanes, reference)
             }
             Block::Gclk => self.gclk.write(bus, offset, lanes),
             Block::Dsu => Err(Refusal::Unmodelled("writing to it")),
             Block::Nvmctrl => self.nvmctrl.write(bus, offset, lanes, memory),
             Block::Port => self.port.write(bus, offset, lanes),
+            Block::Tcc(index) => self.tcc[index].write(bus, offset, lanes),
             Block::Unmodelled => Err(Refusal::Unmodelled("the whole peripheral")),
         }
         .map_err(|refusal| refuse(refusal, addr, name))?;
@@ -414,6 +423,10 @@ impl Peripherals {
                 peripheral: name,
                 why: "generator 0, the CPU's clock, stands still",
             });
+        }
+        if let Block::Tcc(index) = block {
+            let outputs = self.tcc[index].outputs();
+            self.port.drive(now, index as u8, outputs, board);
         }
         self.refresh(now);
         Ok(stall)
@@ -438,12 +451,18 @@ impl Peripherals {
     }
 
     /// Runs everything that is due up to `now`, in the order of time.
-    pub fn advance(&mut self, now: Ticks, _memory: &mut Memory, _board: &mut dyn Board) {
+    pub fn advance(&mut self, now: Ticks, _memory: &mut Memory, board: &mut dyn Board) {
         while self.next <= now {
             let at = self.next;
             if self.sysctrl.next(Ticks(at.0 - 1)) == at {
                 self.sysctrl.latch_flags(at);
                 self.retime(at);
+            }
+            for (index, tcc) in self.tcc.iter_mut().enumerate() {
+                if tcc.next() == at {
+                    tcc.advance(at);
+                    self.port.drive(at, index as u8, tcc.outputs(), board);
+                }
             }
             self.refresh(at);
         }
@@ -481,16 +500,26 @@ impl Peripherals {
             return false;
         };
         let cycle = main.divided(self.pm.cpu_divisor()).duration(1);
+        for (index, id) in [(0, TCC0_TCC1), (1, TCC0_TCC1), (2, TCC2_TC3)] {
+            self.tcc[index].set_clock(now, self.gclk.clock(id));
+        }
         self.ticks_per_cycle = u32::try_from(cycle.0).unwrap_or(u32::MAX);
         true
     }
 
     /// Works out what `next_event` and `irq_lines` tell.
     fn refresh(&mut self, now: Ticks) {
-        self.next = self.sysctrl.next(now);
+        self.next = self
+            .tcc
+            .iter()
+            .map(tcc::Tcc::next)
+            .fold(self.sysctrl.next(now), Ticks::min);
         self.irq_lines = u32::from(self.pm.irq())
             | u32::from(self.sysctrl.irq()) << 1
             | u32::from(self.nvmctrl.irq(now)) << 5;
+        for (index, tcc) in self.tcc.iter().enumerate() {
+            self.irq_lines |= u32::from(tcc.irq()) << (15 + index);
+        }
     }
 }
 

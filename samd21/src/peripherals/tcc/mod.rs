@@ -1,0 +1,564 @@
+//! TCC0 to TCC2: timer/counters for control applications.
+//!
+//! | offset | register | behaviour |
+//! |---|---|---|
+//! | 00 | CTRLA | SWRST, ENABLE, PRESCALER; other fields only 0 (RUNSTDBY, PRESCSYNC stored) |
+//! | 04, 05 | CTRLBCLR, CTRLBSET | LUPD, ONESHOT, CMD: RETRIGGER, STOP, UPDATE, READSYNC; DIR only up |
+//! | 08 | SYNCBUSY | one flag a register; a second write meanwhile is discarded and noted |
+//! | 24, 28, 2C | INTENCLR, INTENSET, INTFLAG | OVF, TRG, ERR, MC0-MC3 |
+//! | 30 | STATUS | STOP, PERBV, CCBVx |
+//! | 34 | COUNT | writing sets it; reading gives what the last READSYNC saw |
+//! | 3C | WAVE | WAVEGEN NFRQ or NPWM, POLx |
+//! | 40, 44-50 | PER, CCx | take effect at once |
+//! | 6C, 70-7C | PERB, CCBx | copied to PER and CCx at overflow unless LUPD |
+//!
+//! TCC0 and TCC1 count 24 bits, TCC2 16; TCC0 has four channels, the others two; WO\[n\] follows channel n
+//! modulo that number. The output is match-driven (D21 31.6.2.5): it rises at overflow and falls
+//! when COUNT meets CC. So a CC written below COUNT while the pin is high finds no match: the pin
+//! stays high for the rest of the frame and for the whole next pulse.
+//!
+//! | left out | why |
+//! |---|---|
+//! | other waveforms, down-counting, ramps, dithering, dead time, swap, pattern, capture | a servo pulse needs none: setting one faults |
+//! | recoverable and non-recoverable faults, events, DMA | no event system is modelled |
+//! | CNT interrupt, STATUS.CMPx, STATUS.IDX | belong to what is left out |
+
+#[cfg(test)]
+mod tests;
+
+use super::access::{Bus, DONE, Lanes, RESERVED, Read, Refusal, Write};
+use super::clock::{Rate, SyncFlags};
+use crate::SyncHold;
+use crate::board::Ticks;
+
+const SWRST: u32 = 1 << 0;
+const ENABLE: u32 = 1 << 1;
+/// CTRLA: PRESCALER, RUNSTDBY, PRESCSYNC.
+const CTRLA_MODELLED: u32 = 0x3F00;
+
+const DIR: u8 = 1 << 0;
+const LUPD: u8 = 1 << 1;
+const ONESHOT: u8 = 1 << 2;
+
+const OVF: u32 = 1 << 0;
+const TRG: u32 = 1 << 1;
+const ERR: u32 = 1 << 3;
+const MC0: u32 = 1 << 16;
+
+const STATUS_STOP: u32 = 1 << 0;
+const PERBV: u32 = 1 << 7;
+const CCBV0: u32 = 1 << 16;
+
+/// Bits of SYNCBUSY.
+mod busy {
+    pub(super) const SWRST: usize = 0;
+    pub(super) const ENABLE: usize = 1;
+    pub(super) const CTRLB: usize = 2;
+    pub(super) const COUNT: usize = 4;
+    pub(super) const WAVE: usize = 6;
+    pub(super) const PER: usize = 7;
+    pub(super) const CC0: usize = 8;
+    pub(super) const PERB: usize = 18;
+    pub(super) const CCB0: usize = 19;
+}
+
+const NAMES: [&str; 3] = ["TCC0", "TCC1", "TCC2"];
+/// WAVE.WAVEGEN.
+const NPWM: u32 = 2;
+/// WAVE: WAVEGEN and POLx.
+const WAVE_MODELLED: u32 = 0x000F_0007;
+const PRESCALERS: [u64; 8] = [1, 2, 4, 8, 16, 64, 256, 1024];
+
+/// A running counter. It was at 0, the start of its cycle, when `start` counts had passed since
+/// `origin` (before `origin`, where negative); the cycle ends after `length` counts.
+#[derive(Clone, Copy, Debug)]
+struct Run {
+    rate: Rate,
+    origin: Ticks,
+    start: i64,
+    length: u64,
+}
+
+impl Run {
+    /// When COUNT reaches `count` in this cycle, `None` if that is before `origin`.
+    fn time_of(&self, count: u64) -> Option<Ticks> {
+        let counts = u64::try_from(self.start + count as i64).ok()?;
+        Some(self.origin + self.rate.duration(counts))
+    }
+
+    fn count(&self, now: Ticks) -> u32 {
+        let counts = self.rate.cycles_in(now.saturating_sub(self.origin)) as i64 - self.start;
+        (counts.max(0) as u64 % self.length) as u32
+    }
+}
+
+#[derive(Clone, Debug)]
+pub(crate) struct Tcc {
+    index: usize,
+    channels: usize,
+    max: u32,
+    clock: Option<Rate>,
+    sync: SyncFlags<23>,
+    ctrla: u32,
+    ctrlb: u8,
+    command: u8,
+    interrupts: u32,
+    flags: u32,
+    wave: u32,
+    per: u32,
+    perb: u32,
+    cc: [u32; 4],
+    ccb: [u32; 4],
+    /// PERBV and CCBVx as in STATUS.
+    valid: u32,
+    /// What reading COUNT gives, and what it gives from when on.
+    count_read: u32,
+    count_synced: (Ticks, u32),
+    stopped: bool,
+    run: Option<Run>,
+    /// COUNT while the counter stands.
+    held: u32,
+    /// Outputs of the channels before polarity, bit n.
+    levels: u8,
+    next_overflow: Ticks,
+    next_match: [Ticks; 4],
+}
+
+impl Tcc {
+    pub(crate) fn new(index: usize, hold: SyncHold) -> Self {
+        let max = if index == 2 { 0xFFFF } else { 0xFF_FFFF };
+        Self {
+            index,
+            channels: if index == 0 { 4 } else { 2 },
+            max,
+            clock: None,
+            sync: SyncFlags::new(hold),
+            ctrla: 0,
+            ctrlb: 0,
+            command: 0,
+            interrupts: 0,
+            flags: 0,
+            wave: 0,
+            per: max,
+            perb: max,
+            cc: [0; 4],
+            ccb: [0; 4],
+            valid: 0,
+            count_read: 0,
+            count_synced: (Ticks::ZERO, 0),
+            stopped: true,
+            run: None,
+            held: 0,
+            levels: 0,
+            next_overflow: Ticks::NEVER,
+            next_match: [Ticks::NEVER; 4],
+        }
+    }
+
+    /// The generic clock runs at another rate, or no longer.
+    pub(crate) fn set_clock(&mut self, now: Ticks, clock: Option<Rate>) {
+        if self.clock == clock {
+            return;
+        }
+        if clock.is_some() {
+            self.sync.unhang(now);
+        }
+        self.halt(now);
+        self.clock = clock;
+        self.resume(now);
+    }
+
+    /// Levels of WO\[0\] to WO\[7\], `None` while the timer drives no pin.
+    pub(crate) fn outputs(&self) -> Option<u8> {
+        if self.ctrla & ENABLE == 0 {
+            return None;
+        }
+        let levels = self.levels ^ (self.wave >> 16) as u8;
+        Some((0..8).fold(0, |outputs, output| {
+            outputs | (levels >> (output % self.channels) & 1) << output
+        }))
+    }
+
+    pub(crate) fn irq(&self) -> bool {
+        self.flags & self.interrupts != 0
+    }
+
+    pub(crate) fn next(&self) -> Ticks {
+        self.next_match
+            .into_iter()
+            .fold(self.next_overflow, Ticks::min)
+    }
+
+    /// Overflow and matches that fall on `now`.
+    pub(crate) fn advance(&mut self, now: Ticks) {
+        if self.next_overflow == now {
+            self.overflow(now);
+        }
+        for channel in 0..self.channels {
+            if self.next_match[channel] == now {
+                self.next_match[channel] = Ticks::NEVER;
+                self.meet(channel);
+            }
+        }
+    }
+
+    fn overflow(&mut self, now: Ticks) {
+        self.flags |= OVF;
+        if self.ctrlb & LUPD == 0 {
+            self.update();
+        }
+        if let Some(run) = &mut self.run {
+            // From the exact end of the cycle, not from its tick: no drift.
+            run.start += run.length as i64;
+        }
+        if self.ctrlb & ONESHOT != 0 {
+            self.halt(now);
+            self.held = 0;
+            self.stopped = true;
+            return;
+        }
+        self.begin_cycle(now);
+    }
+
+    /// COUNT meets CC of a channel.
+    fn meet(&mut self, channel: usize) {
+        self.flags |= MC0 << channel;
+        let bit = 1 << channel;
+        if self.is_npwm() {
+            self.levels &= !bit;
+        } else {
+            self.levels ^= bit;
+        }
+    }
+
+    /// COUNT is 0: outputs rise.
+    fn begin_cycle(&mut self, now: Ticks) {
+        self.set_length(now);
+        if self.is_npwm() {
+            self.levels = (1 << self.channels) - 1;
+        }
+        for channel in 0..self.channels {
+            if self.cc[channel] == 0 {
+                self.meet(channel);
+            }
+            self.schedule_match(now, channel);
+        }
+    }
+
+    fn is_npwm(&self) -> bool {
+        self.wave & 7 == NPWM
+    }
+
+    /// The cycle ends after PER, or at the counter's own end if COUNT is beyond PER already.
+    fn set_length(&mut self, now: Ticks) {
+        let Some(run) = &mut self.run else {
+            self.next_overflow = Ticks::NEVER;
+            return;
+        };
+        run.length = u64::from(self.max) + 1;
+        if run.count(now) <= self.per {
+            run.length = u64::from(self.per) + 1;
+        }
+        self.next_overflow = run.time_of(run.length).unwrap_or(Ticks::NEVER);
+    }
+
+    /// Finds the match still to come in this cycle, if there is one.
+    fn schedule_match(&mut self, now: Ticks, channel: usize) {
+        let cc = u64::from(self.cc[channel]);
+        self.next_match[channel] = self
+            .run
+            .filter(|run| cc < run.length)
+            .and_then(|run| run.time_of(cc))
+            .filter(|&at| at > now)
+            .unwrap_or(Ticks::NEVER);
+    }
+
+    /// Copies the valid buffers.
+    fn update(&mut self) {
+        if self.valid & PERBV != 0 {
+            self.per = self.perb;
+        }
+        for channel in 0..self.channels {
+            if self.valid & CCBV0 << channel != 0 {
+                self.cc[channel] = self.ccb[channel];
+            }
+        }
+        self.valid = 0;
+    }
+
+    /// Stops counting; COUNT stays.
+    fn halt(&mut self, now: Ticks) {
+        if let Some(run) = self.run.take() {
+            self.held = run.count(now);
+        }
+        self.next_overflow = Ticks::NEVER;
+        self.next_match = [Ticks::NEVER; 4];
+    }
+
+    /// Counts on from where COUNT stands, if enabled, not stopped and clocked.
+    fn resume(&mut self, now: Ticks) {
+        if self.ctrla & ENABLE == 0 || self.stopped {
+            return;
+        }
+        let Some(clock) = self.clock else { return };
+        let prescaler = PRESCALERS[(self.ctrla >> 8 & 7) as usize];
+        self.run = Some(Run {
+            rate: clock.divided(prescaler),
+            origin: now,
+            start: -i64::from(self.held),
+            length: 1,
+        });
+        self.set_length(now);
+        for channel in 0..self.channels {
+            self.schedule_match(now, channel);
+        }
+    }
+
+    fn enable(&mut self, now: Ticks) {
+        self.ctrla |= ENABLE;
+        self.stopped = false;
+        self.levels = 0;
+        if self.is_npwm() {
+            for channel in 0..self.channels {
+                self.levels |= u8::from(self.cc[channel] > self.held) << channel;
+            }
+        }
+        self.resume(now);
+    }
+
+    fn count(&self, now: Ticks) -> u32 {
+        self.run.map_or(self.held, |run| run.count(now))
+    }
+
+    pub(crate) fn read(&self, now: Ticks, offset: u32) -> Read {
+        Ok(match offset {
+            0x00 => self.ctrla | u32::from(self.sync.is_busy(now, busy::SWRST)),
+            0x04 => {
+                let command = if self.sync.is_busy(now, busy::CTRLB) {
+                    self.command << 5
+                } else {
+                    0
+                };
+                u32::from(self.ctrlb | command) * 0x0101
+            }
+            0x08 => self.sync.bits(now),
+            0x0C | 0x10 | 0x14 | 0x18 | 0x1C | 0x20 | 0x38 | 0x64 | 0x68 => 0,
+            0x24 | 0x28 => self.interrupts,
+            0x2C => self.flags,
+            0x30 => self.valid | u32::from(self.stopped) * STATUS_STOP,
+            0x34 => {
+                let (from, count) = self.count_synced;
+                if now >= from { count } else { self.count_read }
+            }
+            0x3C => self.wave,
+            0x40 => self.per,
+            0x44..=0x50 => self.cc[self.channel(offset, 0x44)?],
+            0x6C => self.perb,
+            0x70..=0x7C => self.ccb[self.channel(offset, 0x70)?],
+            _ => return Err(RESERVED),
+        })
+    }
+
+    pub(crate) fn write(&mut self, bus: &mut Bus<'_>, offset: u32, lanes: Lanes) -> Write {
+        let now = bus.now;
+        match offset {
+            0x00 => return self.write_ctrla(bus, lanes.merge(self.ctrla)),
+            0x04 => {
+                if let Some(clear) = lanes.byte(0)
+                    && self.synchronise(bus, busy::CTRLB)
+                {
+                    self.ctrlb &= !clear;
+                }
+                if let Some(set) = lanes.byte(1) {
+                    return self.write_ctrlbset(bus, set);
+                }
+            }
+            0x08 | 0x1C => {}
+            0x0C | 0x10 | 0x14 | 0x18 | 0x20 | 0x38 | 0x64 | 0x68 => {
+                if lanes.bits() != 0 {
+                    return Err(Refusal::Unmodelled(feature(offset)));
+                }
+            }
+            0x24 => self.interrupts &= !lanes.bits(),
+            0x28 => {
+                if lanes.bits() & !(OVF | TRG | ERR | 0xF * MC0) != 0 {
+                    return Err(Refusal::Unmodelled("this bit of INTENSET"));
+                }
+                self.interrupts |= lanes.bits();
+            }
+            0x2C => self.flags &= !lanes.bits(),
+            0x30 => self.valid &= !lanes.bits(),
+            0x34 => {
+                if self.synchronise(bus, busy::COUNT) {
+                    self.halt(now);
+                    self.held = lanes.merge(0) & self.max;
+                    self.count_read = self.held;
+                    self.count_synced = (now, self.held);
+                    self.resume(now);
+                }
+            }
+            0x3C => {
+                let wave = lanes.merge(self.wave);
+                if wave & !WAVE_MODELLED != 0 || !matches!(wave & 7, 0 | NPWM) {
+                    return Err(Refusal::Unmodelled("WAVE other than NFRQ, NPWM and POLx"));
+                }
+                if self.synchronise(bus, busy::WAVE) {
+                    self.wave = wave;
+                }
+            }
+            0x40 => {
+                if self.synchronise(bus, busy::PER) {
+                    self.per = lanes.merge(self.per) & self.max;
+                    self.set_length(now);
+                }
+            }
+            0x44..=0x50 => {
+                let channel = self.channel(offset, 0x44)?;
+                if self.synchronise(bus, busy::CC0 + channel) {
+                    self.cc[channel] = lanes.merge(self.cc[channel]) & self.max;
+                    self.schedule_match(now, channel);
+                }
+            }
+            0x6C => {
+                if self.synchronise(bus, busy::PERB) {
+                    self.perb = lanes.merge(self.perb) & self.max;
+                    self.valid |= PERBV;
+                }
+            }
+            0x70..=0x7C => {
+                let channel = self.channel(offset, 0x70)?;
+                if self.synchronise(bus, busy::CCB0 + channel) {
+                    self.ccb[channel] = lanes.merge(self.ccb[channel]) & self.max;
+                    self.valid |= CCBV0 << channel;
+                }
+            }
+            _ => return Err(RESERVED),
+        }
+        DONE
+    }
+
+    fn write_ctrla(&mut self, bus: &mut Bus<'_>, value: u32) -> Write {
+        if value & SWRST != 0 {
+            if self.synchronise(bus, busy::SWRST) {
+                self.software_reset();
+            }
+            return DONE;
+        }
+        if value & !(ENABLE | CTRLA_MODELLED) != 0 {
+            return Err(Refusal::Unmodelled("this bit of CTRLA"));
+        }
+        let was_enabled = self.ctrla & ENABLE != 0;
+        let enables = value & ENABLE != 0;
+        if was_enabled != enables && !self.synchronise(bus, busy::ENABLE) {
+            return DONE;
+        }
+        if was_enabled && (self.ctrla ^ value) & CTRLA_MODELLED != 0 {
+            let what = "enable-protected CTRLA written while enabled: discarded";
+            bus.violations.note(bus.now, NAMES[self.index], what);
+        } else {
+            self.ctrla = value & CTRLA_MODELLED | self.ctrla & ENABLE;
+        }
+        match (was_enabled, enables) {
+            (false, true) => self.enable(bus.now),
+            (true, false) => {
+                self.halt(bus.now);
+                self.ctrla &= !ENABLE;
+                self.stopped = true;
+            }
+            _ => {}
+        }
+        DONE
+    }
+
+    fn software_reset(&mut self) {
+        let fresh = Self::new(self.index, SyncHold::Instant);
+        *self = Self {
+            sync: self.sync.clone(),
+            clock: self.clock,
+            ..fresh
+        };
+    }
+
+    fn write_ctrlbset(&mut self, bus: &mut Bus<'_>, set: u8) -> Write {
+        let command = set >> 5;
+        if set & DIR != 0 || set & 0x18 != 0 || command > 4 {
+            return Err(Refusal::Unmodelled("this bit of CTRLBSET"));
+        }
+        if !self.synchronise(bus, busy::CTRLB) {
+            return DONE;
+        }
+        let now = bus.now;
+        self.ctrlb |= set & (LUPD | ONESHOT);
+        self.command = command;
+        match command {
+            1 if self.ctrla & ENABLE != 0 => {
+                self.halt(now);
+                self.held = 0;
+                self.stopped = false;
+                self.flags |= TRG;
+                self.resume(now);
+                self.begin_cycle(now);
+            }
+            2 => {
+                self.halt(now);
+                self.stopped = true;
+            }
+            3 => {
+                self.update();
+                self.set_length(now);
+                for channel in 0..self.channels {
+                    self.schedule_match(now, channel);
+                }
+            }
+            4 => {
+                let (from, count) = self.count_synced;
+                if now >= from {
+                    self.count_read = count;
+                }
+                let ready = now + self.sync.remaining(now, busy::CTRLB);
+                self.count_synced = (ready, self.count(now));
+                self.begin_sync(now, busy::COUNT);
+            }
+            _ => {}
+        }
+        DONE
+    }
+
+    /// Starts a register's synchronisation; false, and noted, if one is still going on: then the
+    /// write is discarded (D21 14.3.2.4).
+    fn synchronise(&mut self, bus: &mut Bus<'_>, bit: usize) -> bool {
+        if self.sync.is_busy(bus.now, bit) {
+            let what = "a register written while it synchronises: discarded";
+            bus.violations.note(bus.now, NAMES[self.index], what);
+            return false;
+        }
+        self.begin_sync(bus.now, bit);
+        true
+    }
+
+    fn begin_sync(&mut self, now: Ticks, bit: usize) {
+        if self.clock.is_some() {
+            self.sync.begin(now, bit);
+        } else {
+            self.sync.hang(bit);
+        }
+    }
+
+    fn channel(&self, offset: u32, base: u32) -> Result<usize, Refusal> {
+        let channel = ((offset - base) / 4) as usize;
+        (channel < self.channels).then_some(channel).ok_or(RESERVED)
+    }
+}
+
+fn feature(offset: u32) -> &'static str {
+    match offset {
+        0x0C => "FCTRLA",
+        0x10 => "FCTRLB",
+        0x14 => "WEXCTRL",
+        0x18 => "DRVCTRL",
+        0x20 => "EVCTRL",
+        0x38 => "PATT",
+        0x64 => "PATTB",
+        _ => "WAVEB",
+    }
+}
