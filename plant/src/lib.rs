@@ -27,13 +27,19 @@
 //! | [`linkage`] | the four-bar linkage: positions, ratios, inverse |
 //! | [`mechanism`] | inertia and loads as functions of the crank angle |
 //! | [`drone`] | the drone with a prescribed crank: what the virtual rig flies |
+//! | [`free`] | free motion of pitch and crank, energy and momentum |
+//! | [`newton_euler`] | all four bodies with the forces in their joints |
+//! | [`integrate`] | integration with step control |
 //! | [`servo`] | a position servo from pulse edges to crank angle |
 //! | [`pitch_loop`] | servo, delays and a PD law round the drone |
 //! | [`response`] | overshoot, rise and settling of a recorded response |
 
 pub mod drone;
+pub mod free;
+pub mod integrate;
 pub mod linkage;
 pub mod mechanism;
+pub mod newton_euler;
 pub mod parameters;
 pub mod pitch_loop;
 pub mod response;
