@@ -10,7 +10,7 @@ use samd21::{Chip, Options, WaitStates};
 
 /// Stack at the top of SRAM, entry at 0x10, then the loop; R1 points into SRAM.
 const IMAGE: [u16; 27] = [
-    0x8000, 0x2000, 0x0011, 0x0000, 0, 0, 0, 0, // vectors
+    0x8000, 0x2000, 0x0011, 0x0000, 0, 0, 0, 0,      // vectors
     0x2120, // movs r1, #0x20
     0x0609, // lsls r1, r1, #24
     0x2000, // movs r0, #0
@@ -21,7 +21,7 @@ const IMAGE: [u16; 27] = [
     0x09DC, // lsrs r4, r3, #7
     0x604C, // str r4, [r1, #4]
     0x2A05, // cmp r2, #5
-    0xD300, // blo +0
+    0xD3FF, // blo to the next
     0xB510, // push {r4, lr}
     0xF000, 0xF802, // bl 0x2e
     0xBC30, // pop {r4, r5}

@@ -87,10 +87,18 @@ impl fmt::Display for FaultKind {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::UnalignedLoad { address, width } => {
-                write!(f, "{} load from 0x{address:08x} is not aligned", name(*width))
+                write!(
+                    f,
+                    "{} load from 0x{address:08x} is not aligned",
+                    name(*width)
+                )
             }
             Self::UnalignedStore { address, width } => {
-                write!(f, "{} store to 0x{address:08x} is not aligned", name(*width))
+                write!(
+                    f,
+                    "{} store to 0x{address:08x} is not aligned",
+                    name(*width)
+                )
             }
             Self::UnmappedLoad { address } => {
                 write!(f, "load from 0x{address:08x}, where nothing answers")
@@ -107,7 +115,10 @@ impl fmt::Display for FaultKind {
             Self::Undefined { encoding } => write!(f, "undefined instruction 0x{encoding:04x}"),
             Self::NotThumb => write!(f, "branch to an address with bit 0 clear (ARM state)"),
             Self::ExceptionReturn { value } => {
-                write!(f, "exception return 0x{value:08x} does not fit the core's state")
+                write!(
+                    f,
+                    "exception return 0x{value:08x} does not fit the core's state"
+                )
             }
             Self::SupervisorCall => write!(f, "SVC where its priority does not allow it"),
             Self::DeepSleep => write!(f, "WFI or WFE with SCR.SLEEPDEEP: not modelled"),

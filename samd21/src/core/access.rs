@@ -13,7 +13,7 @@
 //! and costs the wait states. The core's own prefetch is not modelled: only instructions that are
 //! executed are fetched, a half-word each.
 
-use super::{Bus, Core, FLASH_LINES, Trap};
+use super::{Bus, Core, FLASH_LINES, Outcome, Trap};
 use crate::board::Ticks;
 use crate::fault::FaultKind;
 use crate::memory::RAM_BASE;
@@ -22,7 +22,7 @@ use crate::peripherals::{BusError, Width};
 impl Core {
     /// The half-word at `pc`.
     #[inline(always)]
-    pub(super) fn fetch(&mut self, bus: &Bus<'_>, pc: u32) -> Result<u16, Trap> {
+    pub(super) fn fetch(&mut self, bus: &Bus<'_>, pc: u32) -> Outcome<u16> {
         let at = pc as usize;
         if let Some(&[low, high]) = bus.memory.flash().get(at..at + 2) {
             self.wait_for_flash(pc);
@@ -31,17 +31,13 @@ impl Core {
         let at = pc.wrapping_sub(RAM_BASE) as usize;
         match bus.memory.ram().get(at..at + 2) {
             Some(&[low, high]) => Ok(u16::from_le_bytes([low, high])),
-            _ => Err(Trap::Fault(FaultKind::UnmappedFetch { address: pc })),
+            _ => Err(Trap::Fault(FaultKind::UnmappedFetch { address: pc }).into()),
         }
     }
 
     /// Loads `N` (1, 2 or 4) bytes, zero-extended.
     #[inline(always)]
-    pub(super) fn load<const N: usize>(
-        &mut self,
-        bus: &mut Bus<'_>,
-        address: u32,
-    ) -> Result<u32, Trap> {
+    pub(super) fn load<const N: usize>(&mut self, bus: &mut Bus<'_>, address: u32) -> Outcome<u32> {
         if address as usize % N != 0 {
             return Err(unaligned_load(address, width::<N>()));
         }
@@ -64,7 +60,7 @@ impl Core {
         bus: &mut Bus<'_>,
         address: u32,
         value: u32,
-    ) -> Result<(), Trap> {
+    ) -> Outcome<()> {
         if address as usize % N != 0 {
             return Err(unaligned_store(address, width::<N>()));
         }
@@ -90,7 +86,6 @@ impl Core {
             if *line != held {
                 *line = held;
                 self.counters.flash_wait_cycles += self.wait_states;
-                self.counters.cycles += self.wait_states;
                 self.now += self.wait_states * self.ticks_per_cycle;
             }
         }
@@ -98,17 +93,14 @@ impl Core {
 
     #[cold]
     #[inline(never)]
-    fn load_device(&mut self, bus: &mut Bus<'_>, address: u32, width: Width) -> Result<u32, Trap> {
+    fn load_device(&mut self, bus: &mut Bus<'_>, address: u32, width: Width) -> Outcome<u32> {
         self.ask_attention();
         if is_system_control(address) {
             return self.read_system_control(address, width);
         }
         bus.peripherals
             .read(Ticks(self.now), address, width, bus.board)
-            .map_err(|error| match error {
-                BusError::Unmapped { .. } => Trap::Fault(FaultKind::UnmappedLoad { address }),
-                error => Trap::Unmodelled(FaultKind::Peripheral(error)),
-            })
+            .map_err(|error| refused(error, FaultKind::UnmappedLoad { address }))
     }
 
     #[cold]
@@ -119,7 +111,7 @@ impl Core {
         address: u32,
         width: Width,
         value: u32,
-    ) -> Result<(), Trap> {
+    ) -> Outcome<()> {
         self.ask_attention();
         if is_system_control(address) {
             return self.write_system_control(address, width, value);
@@ -127,10 +119,7 @@ impl Core {
         let stall = bus
             .peripherals
             .write(Ticks(self.now), address, width, value, bus.board)
-            .map_err(|error| match error {
-                BusError::Unmapped { .. } => Trap::Fault(FaultKind::UnmappedStore { address }),
-                error => Trap::Unmodelled(FaultKind::Peripheral(error)),
-            })?;
+            .map_err(|error| refused(error, FaultKind::UnmappedStore { address }))?;
         self.counters.stall_ticks += stall.0;
         self.now += stall.0;
         Ok(())
@@ -156,12 +145,20 @@ fn word(bytes: &[u8]) -> u32 {
     u32::from_le_bytes(word)
 }
 
-#[cold]
-fn unaligned_load(address: u32, width: Width) -> Trap {
-    Trap::Fault(FaultKind::UnalignedLoad { address, width })
+/// Where nothing answers the core takes a HardFault; anything else is a limit of the models.
+fn refused(error: BusError, unmapped: FaultKind) -> Box<Trap> {
+    match error {
+        BusError::Unmapped { .. } => Trap::Fault(unmapped).into(),
+        error => Trap::Unmodelled(FaultKind::Peripheral(error)).into(),
+    }
 }
 
 #[cold]
-fn unaligned_store(address: u32, width: Width) -> Trap {
-    Trap::Fault(FaultKind::UnalignedStore { address, width })
+fn unaligned_load(address: u32, width: Width) -> Box<Trap> {
+    Trap::Fault(FaultKind::UnalignedLoad { address, width }).into()
+}
+
+#[cold]
+fn unaligned_store(address: u32, width: Width) -> Box<Trap> {
+    Trap::Fault(FaultKind::UnalignedStore { address, width }).into()
 }

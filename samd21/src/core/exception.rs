@@ -7,7 +7,7 @@
 //! unpredictable (an EXC_RETURN that fits neither nesting nor stacked xPSR) raises HardFault.
 
 use super::nvic::{HARD_FAULT, SVCALL};
-use super::{Bus, Core, LR, SP, Sleep, Trap};
+use super::{Bus, Core, LR, Outcome, SP, Sleep, Trap};
 use crate::chip::Stop;
 use crate::fault::{Fault, FaultKind};
 
@@ -114,19 +114,19 @@ impl Core {
 
     /// Leaves the handler by EXC_RETURN `value`, for another one that waits or for the code that
     /// was interrupted.
-    pub(super) fn exception_return(&mut self, bus: &mut Bus<'_>, value: u32) -> Result<(), Trap> {
+    pub(super) fn exception_return(&mut self, bus: &mut Bus<'_>, value: u32) -> Outcome<()> {
         let misfit = Trap::Fault(FaultKind::ExceptionReturn { value });
         let nested = self.nvic.nesting() > 1;
         let (to_thread, psp) = match value {
             RETURN_TO_HANDLER if nested => (false, false),
             RETURN_TO_THREAD_MSP if !nested => (true, false),
             RETURN_TO_THREAD_PSP if !nested => (true, true),
-            _ => return Err(misfit),
+            _ => return Err(misfit.into()),
         };
         let frame = if psp { self.other_sp } else { self.r[SP] };
         let words = self.frame(bus, frame)?;
         if (words[7] & XPSR_IPSR == 0) != to_thread {
-            return Err(misfit);
+            return Err(misfit.into());
         }
         self.nvic.deactivate(self.ipsr);
         self.catch_up(bus);
@@ -158,7 +158,7 @@ impl Core {
         Ok(())
     }
 
-    fn frame(&mut self, bus: &mut Bus<'_>, frame: u32) -> Result<[u32; 8], Trap> {
+    fn frame(&mut self, bus: &mut Bus<'_>, frame: u32) -> Outcome<[u32; 8]> {
         let mut words = [0; 8];
         for (address, word) in (frame..).step_by(4).zip(&mut words) {
             *word = self.load::<4>(bus, address)?;
@@ -209,8 +209,8 @@ impl Core {
 }
 
 /// What went wrong, of an access that stacking, unstacking or a vector needs.
-fn kind(trap: Trap) -> FaultKind {
-    match trap {
+fn kind(trap: Box<Trap>) -> FaultKind {
+    match *trap {
         Trap::Fault(kind) | Trap::Unmodelled(kind) => kind,
         Trap::SupervisorCall | Trap::Breakpoint => unreachable!("only accesses are made here"),
     }

@@ -13,13 +13,13 @@
 //! | WFI, WFE | 2 and the sleep |
 //! | exception return | 11 on top of the branch |
 //!
-//! The upper 10 bits of a half-word decide nearly everything, so the decoder is one match on them.
 //! What ARM calls unpredictable is taken as undefined where a program can only get there by
 //! mistake (MSR to an unknown register, an empty register list), and as the obvious thing
 //! elsewhere (CMP of two low registers in the high-register form).
 
+use super::decode::Operation;
 use super::exception::RETURN_CYCLES;
-use super::{Bus, Core, LR, SP, Sleep, Trap};
+use super::{Bus, Core, LR, Outcome, SP, Sleep, Trap};
 use crate::fault::FaultKind;
 
 const PC: usize = 15;
@@ -27,81 +27,78 @@ const PC: usize = 15;
 impl Core {
     /// Executes the instruction at `pc`; its cycles.
     #[inline(always)]
-    pub(super) fn instruction(&mut self, bus: &mut Bus<'_>, pc: u32) -> Result<u32, Trap> {
+    pub(super) fn instruction(&mut self, bus: &mut Bus<'_>, pc: u32) -> Outcome<u32> {
         let op = self.fetch(bus, pc)?;
         self.pc = pc.wrapping_add(2);
         self.execute(bus, op, pc)
     }
 
     #[inline(always)]
-    fn execute(&mut self, bus: &mut Bus<'_>, op: u16, pc: u32) -> Result<u32, Trap> {
+    fn execute(&mut self, bus: &mut Bus<'_>, op: u16, pc: u32) -> Outcome<u32> {
+        use Operation::*;
         let rd = field(op, 0);
         let rn = field(op, 3);
         let rm = field(op, 6);
         let r8 = field(op, 8);
         let imm5 = u32::from(op >> 6) & 31;
         let imm8 = u32::from(op) & 0xFF;
-        match op >> 6 {
+        match Operation::of(op) {
             // Shift by immediate, add, subtract.
-            0x000 => {
-                let result = self.r[rn];
-                self.set_nz(rd, result);
-            }
-            0x001..=0x01F => self.shift(rd, self.r[rn], imm5, lsl),
-            0x020..=0x03F => self.shift(rd, self.r[rn], if imm5 == 0 { 32 } else { imm5 }, lsr),
-            0x040..=0x05F => self.shift(rd, self.r[rn], if imm5 == 0 { 32 } else { imm5 }, asr),
-            0x060..=0x067 => self.r[rd] = self.add(self.r[rn], self.r[rm], false),
-            0x068..=0x06F => self.r[rd] = self.add(self.r[rn], !self.r[rm], true),
-            0x070..=0x077 => self.r[rd] = self.add(self.r[rn], rm as u32, false),
-            0x078..=0x07F => self.r[rd] = self.add(self.r[rn], !(rm as u32), true),
+            LslImmediate => self.shift(rd, self.r[rn], imm5, lsl),
+            LsrImmediate => self.shift(rd, self.r[rn], if imm5 == 0 { 32 } else { imm5 }, lsr),
+            AsrImmediate => self.shift(rd, self.r[rn], if imm5 == 0 { 32 } else { imm5 }, asr),
+            AddRegister => self.r[rd] = self.add(self.r[rn], self.r[rm], false),
+            SubRegister => self.r[rd] = self.add(self.r[rn], !self.r[rm], true),
+            AddImmediate3 => self.r[rd] = self.add(self.r[rn], rm as u32, false),
+            SubImmediate3 => self.r[rd] = self.add(self.r[rn], !(rm as u32), true),
             // Move, compare, add, subtract an 8-bit immediate.
-            0x080..=0x09F => self.set_nz(r8, imm8),
-            0x0A0..=0x0BF => {
+            MovImmediate => self.set_nz(r8, imm8),
+            CmpImmediate => {
                 self.add(self.r[r8], !imm8, true);
             }
-            0x0C0..=0x0DF => self.r[r8] = self.add(self.r[r8], imm8, false),
-            0x0E0..=0x0FF => self.r[r8] = self.add(self.r[r8], !imm8, true),
+            AddImmediate8 => self.r[r8] = self.add(self.r[r8], imm8, false),
+            SubImmediate8 => self.r[r8] = self.add(self.r[r8], !imm8, true),
             // Data processing.
-            0x100 => self.set_nz(rd, self.r[rd] & self.r[rn]),
-            0x101 => self.set_nz(rd, self.r[rd] ^ self.r[rn]),
-            0x102 => self.shift(rd, self.r[rd], self.r[rn] & 0xFF, lsl),
-            0x103 => self.shift(rd, self.r[rd], self.r[rn] & 0xFF, lsr),
-            0x104 => self.shift(rd, self.r[rd], self.r[rn] & 0xFF, asr),
-            0x105 => self.r[rd] = self.add(self.r[rd], self.r[rn], self.c),
-            0x106 => self.r[rd] = self.add(self.r[rd], !self.r[rn], self.c),
-            0x107 => self.shift(rd, self.r[rd], self.r[rn] & 0xFF, ror),
-            0x108 => self.flag_nz(self.r[rd] & self.r[rn]),
-            0x109 => self.r[rd] = self.add(!self.r[rn], 0, true),
-            0x10A => {
+            And => self.set_nz(rd, self.r[rd] & self.r[rn]),
+            Eor => self.set_nz(rd, self.r[rd] ^ self.r[rn]),
+            LslRegister => self.shift(rd, self.r[rd], self.r[rn] & 0xFF, lsl),
+            LsrRegister => self.shift(rd, self.r[rd], self.r[rn] & 0xFF, lsr),
+            AsrRegister => self.shift(rd, self.r[rd], self.r[rn] & 0xFF, asr),
+            Adc => self.r[rd] = self.add(self.r[rd], self.r[rn], self.c),
+            Sbc => self.r[rd] = self.add(self.r[rd], !self.r[rn], self.c),
+            RorRegister => self.shift(rd, self.r[rd], self.r[rn] & 0xFF, ror),
+            Tst => self.flag_nz(self.r[rd] & self.r[rn]),
+            Rsb => self.r[rd] = self.add(!self.r[rn], 0, true),
+            CmpRegister => {
                 self.add(self.r[rd], !self.r[rn], true);
             }
-            0x10B => {
+            Cmn => {
                 self.add(self.r[rd], self.r[rn], false);
             }
-            0x10C => self.set_nz(rd, self.r[rd] | self.r[rn]),
-            0x10D => self.set_nz(rd, self.r[rd].wrapping_mul(self.r[rn])),
-            0x10E => self.set_nz(rd, self.r[rd] & !self.r[rn]),
-            0x10F => self.set_nz(rd, !self.r[rn]),
+            Orr => self.set_nz(rd, self.r[rd] | self.r[rn]),
+            Mul => self.set_nz(rd, self.r[rd].wrapping_mul(self.r[rn])),
+            Bic => self.set_nz(rd, self.r[rd] & !self.r[rn]),
+            Mvn => self.set_nz(rd, !self.r[rn]),
             // High registers.
-            0x110..=0x113 => {
+            AddHigh => {
                 let (rdn, rm) = high_fields(op);
                 let sum = self.any(rdn, pc).wrapping_add(self.any(rm, pc));
                 return Ok(self.set_any(rdn, sum, pc));
             }
-            0x114..=0x117 => {
+            CmpHigh => {
                 let (rn, rm) = high_fields(op);
                 self.add(self.any(rn, pc), !self.any(rm, pc), true);
             }
-            0x118..=0x11B => {
+            MovHigh => {
                 let (rd, rm) = high_fields(op);
                 return Ok(self.set_any(rd, self.any(rm, pc), pc));
             }
-            0x11C..=0x11D => {
+            Bx => {
                 let (_, rm) = high_fields(op);
                 let target = self.any(rm, pc);
                 return Ok(2 + self.branch_exchange(bus, target, pc)?);
             }
-            0x11E..=0x11F => {
+            Blx => {
                 let (_, rm) = high_fields(op);
                 let target = self.any(rm, pc);
                 self.r[LR] = pc.wrapping_add(2) | 1;
@@ -110,75 +107,78 @@ impl Core {
                 return Ok(2);
             }
             // Loads and stores.
-            0x120..=0x13F => {
+            LdrLiteral => {
                 let address = (pc.wrapping_add(4) & !3).wrapping_add(4 * imm8);
                 return self.ldr::<4>(bus, r8, address);
             }
-            0x140..=0x147 => return self.str::<4>(bus, rd, self.indexed(rn, rm)),
-            0x148..=0x14F => return self.str::<2>(bus, rd, self.indexed(rn, rm)),
-            0x150..=0x157 => return self.str::<1>(bus, rd, self.indexed(rn, rm)),
-            0x158..=0x15F => {
+            StrRegister => return self.str::<4>(bus, rd, self.indexed(rn, rm)),
+            StrhRegister => return self.str::<2>(bus, rd, self.indexed(rn, rm)),
+            StrbRegister => return self.str::<1>(bus, rd, self.indexed(rn, rm)),
+            LdrsbRegister => {
                 let address = self.indexed(rn, rm);
                 self.r[rd] = self.load::<1>(bus, address)? as i8 as u32;
                 return Ok(Self::access_cycles(address));
             }
-            0x160..=0x167 => return self.ldr::<4>(bus, rd, self.indexed(rn, rm)),
-            0x168..=0x16F => return self.ldr::<2>(bus, rd, self.indexed(rn, rm)),
-            0x170..=0x177 => return self.ldr::<1>(bus, rd, self.indexed(rn, rm)),
-            0x178..=0x17F => {
+            LdrRegister => return self.ldr::<4>(bus, rd, self.indexed(rn, rm)),
+            LdrhRegister => return self.ldr::<2>(bus, rd, self.indexed(rn, rm)),
+            LdrbRegister => return self.ldr::<1>(bus, rd, self.indexed(rn, rm)),
+            LdrshRegister => {
                 let address = self.indexed(rn, rm);
                 self.r[rd] = self.load::<2>(bus, address)? as i16 as u32;
                 return Ok(Self::access_cycles(address));
             }
-            0x180..=0x19F => return self.str::<4>(bus, rd, self.r[rn].wrapping_add(4 * imm5)),
-            0x1A0..=0x1BF => return self.ldr::<4>(bus, rd, self.r[rn].wrapping_add(4 * imm5)),
-            0x1C0..=0x1DF => return self.str::<1>(bus, rd, self.r[rn].wrapping_add(imm5)),
-            0x1E0..=0x1FF => return self.ldr::<1>(bus, rd, self.r[rn].wrapping_add(imm5)),
-            0x200..=0x21F => return self.str::<2>(bus, rd, self.r[rn].wrapping_add(2 * imm5)),
-            0x220..=0x23F => return self.ldr::<2>(bus, rd, self.r[rn].wrapping_add(2 * imm5)),
-            0x240..=0x25F => return self.str::<4>(bus, r8, self.r[SP].wrapping_add(4 * imm8)),
-            0x260..=0x27F => return self.ldr::<4>(bus, r8, self.r[SP].wrapping_add(4 * imm8)),
+            StrImmediate => return self.str::<4>(bus, rd, self.r[rn].wrapping_add(4 * imm5)),
+            LdrImmediate => return self.ldr::<4>(bus, rd, self.r[rn].wrapping_add(4 * imm5)),
+            StrbImmediate => return self.str::<1>(bus, rd, self.r[rn].wrapping_add(imm5)),
+            LdrbImmediate => return self.ldr::<1>(bus, rd, self.r[rn].wrapping_add(imm5)),
+            StrhImmediate => return self.str::<2>(bus, rd, self.r[rn].wrapping_add(2 * imm5)),
+            LdrhImmediate => return self.ldr::<2>(bus, rd, self.r[rn].wrapping_add(2 * imm5)),
+            StrSp => return self.str::<4>(bus, r8, self.r[SP].wrapping_add(4 * imm8)),
+            LdrSp => return self.ldr::<4>(bus, r8, self.r[SP].wrapping_add(4 * imm8)),
             // Addresses and the stack pointer.
-            0x280..=0x29F => self.r[r8] = (pc.wrapping_add(4) & !3).wrapping_add(4 * imm8),
-            0x2A0..=0x2BF => self.r[r8] = self.r[SP].wrapping_add(4 * imm8),
-            0x2C0..=0x2C1 => self.set_sp(self.r[SP].wrapping_add(4 * (imm8 & 0x7F))),
-            0x2C2..=0x2C3 => self.set_sp(self.r[SP].wrapping_sub(4 * (imm8 & 0x7F))),
+            Adr => self.r[r8] = (pc.wrapping_add(4) & !3).wrapping_add(4 * imm8),
+            AddSpTo => self.r[r8] = self.r[SP].wrapping_add(4 * imm8),
+            AddSp => self.set_sp(self.r[SP].wrapping_add(4 * (imm8 & 0x7F))),
+            SubSp => self.set_sp(self.r[SP].wrapping_sub(4 * (imm8 & 0x7F))),
             // Extend and reverse.
-            0x2C8 => self.r[rd] = self.r[rn] as i16 as u32,
-            0x2C9 => self.r[rd] = self.r[rn] as i8 as u32,
-            0x2CA => self.r[rd] = self.r[rn] & 0xFFFF,
-            0x2CB => self.r[rd] = self.r[rn] & 0xFF,
-            0x2E8 => self.r[rd] = self.r[rn].swap_bytes(),
-            0x2E9 => self.r[rd] = self.r[rn].swap_bytes().rotate_left(16),
-            0x2EB => self.r[rd] = (self.r[rn] as u16).swap_bytes() as i16 as u32,
+            Sxth => self.r[rd] = self.r[rn] as i16 as u32,
+            Sxtb => self.r[rd] = self.r[rn] as i8 as u32,
+            Uxth => self.r[rd] = self.r[rn] & 0xFFFF,
+            Uxtb => self.r[rd] = self.r[rn] & 0xFF,
+            Rev => self.r[rd] = self.r[rn].swap_bytes(),
+            Rev16 => self.r[rd] = self.r[rn].swap_bytes().rotate_left(16),
+            Revsh => self.r[rd] = (self.r[rn] as u16).swap_bytes() as i16 as u32,
             // Stack, block transfers.
-            0x2D0..=0x2D7 => return self.push(bus, op),
-            0x2F0..=0x2F7 => return self.pop(bus, op, pc),
-            0x300..=0x31F => return self.store_multiple(bus, op),
-            0x320..=0x33F => return self.load_multiple(bus, op),
-            // CPSIE i and CPSID i.
-            0x2D9 if op & 0xFFEF == 0xB662 => {
+            Push => return self.push(bus, op),
+            Pop => return self.pop(bus, op, pc),
+            Stm => return self.store_multiple(bus, op),
+            Ldm => return self.load_multiple(bus, op),
+            Cps => {
+                // Interrupts (bit 1) is all that there is to enable and disable.
+                if op & 0xFFEF != 0xB662 {
+                    return Err(undefined(op));
+                }
                 self.primask = op & 0x10 != 0;
                 self.ask_attention();
             }
-            0x2F8..=0x2FB => return Err(Trap::Breakpoint),
-            0x2FC..=0x2FF => return self.hint(op),
+            Bkpt => return Err(Trap::Breakpoint.into()),
+            Hint => return self.hint(op),
             // Branches.
-            0x340..=0x377 => {
+            BranchIf => {
                 if self.condition(op >> 8 & 15) {
                     let offset = (op as i8 as i32 as u32) << 1;
                     self.branch(pc, offset);
                     return Ok(2);
                 }
             }
-            0x37C..=0x37F => return Err(Trap::SupervisorCall),
-            0x380..=0x39F => {
+            Svc => return Err(Trap::SupervisorCall.into()),
+            Branch => {
                 let offset = (u32::from(op) << 21) as i32 >> 20;
                 self.branch(pc, offset as u32);
                 return Ok(2);
             }
-            0x3A0..=0x3FF => return self.wide(bus, op, pc),
-            _ => return Err(undefined(op)),
+            Wide => return self.wide(bus, op, pc),
+            Undefined => return Err(undefined(op)),
         }
         Ok(1)
     }
@@ -250,28 +250,18 @@ impl Core {
     }
 
     #[inline(always)]
-    fn ldr<const N: usize>(
-        &mut self,
-        bus: &mut Bus<'_>,
-        rt: usize,
-        address: u32,
-    ) -> Result<u32, Trap> {
+    fn ldr<const N: usize>(&mut self, bus: &mut Bus<'_>, rt: usize, address: u32) -> Outcome<u32> {
         self.r[rt] = self.load::<N>(bus, address)?;
         Ok(Self::access_cycles(address))
     }
 
     #[inline(always)]
-    fn str<const N: usize>(
-        &mut self,
-        bus: &mut Bus<'_>,
-        rt: usize,
-        address: u32,
-    ) -> Result<u32, Trap> {
+    fn str<const N: usize>(&mut self, bus: &mut Bus<'_>, rt: usize, address: u32) -> Outcome<u32> {
         self.store::<N>(bus, address, self.r[rt])?;
         Ok(Self::access_cycles(address))
     }
 
-    fn push(&mut self, bus: &mut Bus<'_>, op: u16) -> Result<u32, Trap> {
+    fn push(&mut self, bus: &mut Bus<'_>, op: u16) -> Outcome<u32> {
         // Bit 8 stands for LR.
         let list = op & 0x1FF;
         let count = list.count_ones();
@@ -289,7 +279,7 @@ impl Core {
         Ok(1 + count)
     }
 
-    fn pop(&mut self, bus: &mut Bus<'_>, op: u16, pc: u32) -> Result<u32, Trap> {
+    fn pop(&mut self, bus: &mut Bus<'_>, op: u16, pc: u32) -> Outcome<u32> {
         let list = op & 0xFF;
         let with_pc = op & 0x100 != 0;
         let count = list.count_ones() + u32::from(with_pc);
@@ -314,7 +304,7 @@ impl Core {
         Ok(3 + count + self.branch_exchange(bus, target, pc)?)
     }
 
-    fn store_multiple(&mut self, bus: &mut Bus<'_>, op: u16) -> Result<u32, Trap> {
+    fn store_multiple(&mut self, bus: &mut Bus<'_>, op: u16) -> Outcome<u32> {
         let (rn, list) = (field(op, 8), op & 0xFF);
         if list == 0 {
             return Err(undefined(op));
@@ -328,7 +318,7 @@ impl Core {
         Ok(1 + list.count_ones())
     }
 
-    fn load_multiple(&mut self, bus: &mut Bus<'_>, op: u16) -> Result<u32, Trap> {
+    fn load_multiple(&mut self, bus: &mut Bus<'_>, op: u16) -> Outcome<u32> {
         let (rn, list) = (field(op, 8), op & 0xFF);
         if list == 0 {
             return Err(undefined(op));
@@ -347,10 +337,10 @@ impl Core {
         Ok(1 + list.count_ones())
     }
 
-    fn hint(&mut self, op: u16) -> Result<u32, Trap> {
+    fn hint(&mut self, op: u16) -> Outcome<u32> {
         match op {
             0xBF20 | 0xBF30 if self.deep_sleep => {
-                return Err(Trap::Unmodelled(FaultKind::DeepSleep));
+                return Err(Trap::Unmodelled(FaultKind::DeepSleep).into());
             }
             0xBF20 if self.event => self.event = false,
             0xBF20 => self.fall_asleep(Sleep::ForEvent),
@@ -393,7 +383,7 @@ impl Core {
 
     /// BX and POP to PC: a branch, in a handler perhaps an exception return, and then the cycles
     /// beyond the branch.
-    fn branch_exchange(&mut self, bus: &mut Bus<'_>, target: u32, pc: u32) -> Result<u32, Trap> {
+    fn branch_exchange(&mut self, bus: &mut Bus<'_>, target: u32, pc: u32) -> Outcome<u32> {
         if self.ipsr != 0 && target >> 28 == 0xF {
             self.exception_return(bus, target)?;
             self.note_branch(pc);
@@ -405,7 +395,7 @@ impl Core {
     }
 
     /// 32-bit encodings: BL, MRS, MSR, barriers; everything else is undefined.
-    fn wide(&mut self, bus: &mut Bus<'_>, op: u16, pc: u32) -> Result<u32, Trap> {
+    fn wide(&mut self, bus: &mut Bus<'_>, op: u16, pc: u32) -> Outcome<u32> {
         let second = self.fetch(bus, pc.wrapping_add(2))?;
         let encoding = u32::from(op) << 16 | u32::from(second);
         self.pc = pc.wrapping_add(4);
@@ -415,7 +405,7 @@ impl Core {
             self.note_branch(pc);
             return Ok(3);
         }
-        let undefined = || Err(Trap::Fault(FaultKind::Undefined { encoding }));
+        let undefined = || Err(Trap::Fault(FaultKind::Undefined { encoding }).into());
         if encoding & 0xFFFF_F000 == 0xF3EF_8000 {
             let rd = (encoding >> 8 & 15) as usize;
             match self.special(encoding & 0xFF) {
@@ -427,7 +417,10 @@ impl Core {
             if rn == SP || rn == PC || !self.set_special(encoding & 0xFF, self.r[rn]) {
                 return undefined();
             }
-        } else if !matches!(encoding & 0xFFFF_FFF0, 0xF3BF_8F40 | 0xF3BF_8F50 | 0xF3BF_8F60) {
+        } else if !matches!(
+            encoding & 0xFFFF_FFF0,
+            0xF3BF_8F40 | 0xF3BF_8F50 | 0xF3BF_8F60
+        ) {
             return undefined();
         }
         Ok(3)
@@ -485,10 +478,7 @@ fn field(op: u16, shift: u32) -> usize {
 /// Rd or Rn (bits 7, 2:0) and Rm (bits 6:3) of the high-register forms.
 #[inline(always)]
 fn high_fields(op: u16) -> (usize, usize) {
-    (
-        usize::from(op >> 4 & 8 | op & 7),
-        usize::from(op >> 3 & 15),
-    )
+    (usize::from(op >> 4 & 8 | op & 7), usize::from(op >> 3 & 15))
 }
 
 /// The set bits' numbers, lowest first.
@@ -534,8 +524,9 @@ fn bl_offset(encoding: u32) -> u32 {
 }
 
 #[cold]
-fn undefined(op: u16) -> Trap {
+fn undefined(op: u16) -> Box<Trap> {
     Trap::Fault(FaultKind::Undefined {
         encoding: u32::from(op),
     })
+    .into()
 }

@@ -9,6 +9,7 @@
 //! that only a debugger sees. A BKPT stops the run as with a debugger attached.
 
 mod access;
+mod decode;
 mod exception;
 mod execute;
 mod nvic;
@@ -48,6 +49,9 @@ enum Trap {
     SupervisorCall,
     Breakpoint,
 }
+
+/// Boxed, so that what nearly always succeeds returns in registers.
+type Outcome<T> = Result<T, Box<Trap>>;
 
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Sleep {
@@ -100,7 +104,10 @@ pub(crate) struct Core {
     /// Which 8 bytes of flash (address / 8) each line of the cache holds.
     flash_lines: [u32; FLASH_LINES],
 
+    /// `cycles` in it are those before the clock was last changed.
     counters: Counters,
+    /// `awake_ticks` then.
+    cycles_counted_at: u64,
     lowest_sp: u32,
     last_hard_fault: Option<Fault>,
     /// Ring of taken branches, from and to.
@@ -144,6 +151,7 @@ impl Core {
             wait_states: 0,
             flash_lines: [u32::MAX; FLASH_LINES],
             counters: Counters::default(),
+            cycles_counted_at: 0,
             lowest_sp: 0,
             last_hard_fault: None,
             trail: [(0, 0); TRAIL],
@@ -160,6 +168,7 @@ impl Core {
             ticks_per_cycle: self.ticks_per_cycle,
             forced_wait_states: self.forced_wait_states,
             counters: self.counters,
+            cycles_counted_at: self.cycles_counted_at,
             lowest_sp: self.lowest_sp,
             last_hard_fault: self.last_hard_fault.take(),
             trail: self.trail,
@@ -172,9 +181,7 @@ impl Core {
     pub(crate) fn boot(&mut self, vector_table: u32, memory: &Memory) {
         self.vtor = vector_table & system_control::VTOR_MASK;
         let sp = memory.read_u32(vector_table).unwrap_or(0);
-        let entry = memory
-            .read_u32(vector_table.wrapping_add(4))
-            .unwrap_or(0);
+        let entry = memory.read_u32(vector_table.wrapping_add(4)).unwrap_or(0);
         self.r[SP] = sp & !3;
         self.lowest_sp = sp & !3;
         self.r[LR] = u32::MAX;
@@ -199,7 +206,7 @@ impl Core {
                 }
                 Err(trap) => {
                     self.pc = pc;
-                    if let Some(stop) = self.take_trap(trap) {
+                    if let Some(stop) = self.take_trap(*trap) {
                         return stop;
                     }
                 }
@@ -271,6 +278,8 @@ impl Core {
             .advance(Ticks(self.now), bus.memory, bus.board);
         let ticks_per_cycle = u64::from(bus.peripherals.ticks_per_cycle());
         if ticks_per_cycle != self.ticks_per_cycle {
+            self.counters = self.counters();
+            self.cycles_counted_at = self.awake_ticks();
             self.systick
                 .change_cycle(self.now, self.ticks_per_cycle, ticks_per_cycle);
             self.ticks_per_cycle = ticks_per_cycle;
@@ -322,9 +331,7 @@ impl Core {
 
     #[inline(always)]
     fn elapse(&mut self, cycles: u32) {
-        let cycles = u64::from(cycles);
-        self.counters.cycles += cycles;
-        self.now += cycles * self.ticks_per_cycle;
+        self.now += u64::from(cycles) * self.ticks_per_cycle;
     }
 
     /// Has `attend` called before the next instruction.
@@ -402,8 +409,17 @@ impl Core {
         self.pc
     }
 
+    /// Cycles are not counted one by one: they follow from the time spent awake at one clock.
     pub(crate) fn counters(&self) -> Counters {
-        self.counters
+        let awake = self.awake_ticks() - self.cycles_counted_at;
+        Counters {
+            cycles: self.counters.cycles + awake / self.ticks_per_cycle,
+            ..self.counters
+        }
+    }
+
+    fn awake_ticks(&self) -> u64 {
+        self.now - self.counters.sleep_ticks - self.counters.stall_ticks
     }
 
     pub(crate) fn lowest_sp(&self) -> u32 {

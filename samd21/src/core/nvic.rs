@@ -20,8 +20,7 @@ const COUNT: usize = 48;
 /// Priority of code that no exception interrupts: lower (numerically higher) than any exception.
 pub(super) const THREAD_PRIORITY: i8 = 4;
 
-const SYSTEM: u64 =
-    1 << NMI | 1 << HARD_FAULT | 1 << SVCALL | 1 << PENDSV | 1 << SYSTICK;
+const SYSTEM: u64 = 1 << NMI | 1 << HARD_FAULT | 1 << SVCALL | 1 << PENDSV | 1 << SYSTICK;
 
 /// The exception state; bit n of a mask is exception n.
 #[derive(Clone)]
@@ -164,8 +163,7 @@ impl Nvic {
         for i in 0..4 {
             let exception = first + i;
             if settable(exception) {
-                self.priorities[usize::from(exception) % COUNT] =
-                    (word >> (8 * i + 6) & 3) as i8;
+                self.priorities[usize::from(exception) % COUNT] = (word >> (8 * i + 6) & 3) as i8;
             }
         }
     }
@@ -185,7 +183,11 @@ mod tests {
         nvic.enable_irqs(0b111);
         nvic.set_priority_word(IRQ0, 0x0040_4080);
         nvic.pend_irqs(0b1111);
-        assert_eq!(nvic.first_pending(), Some((IRQ0 + 1, 1)), "irq 3 is not enabled");
+        assert_eq!(
+            nvic.first_pending(),
+            Some((IRQ0 + 1, 1)),
+            "irq 3 is not enabled"
+        );
         nvic.pend(PENDSV);
         assert_eq!(nvic.first_pending(), Some((PENDSV, 0)));
         nvic.pend(HARD_FAULT);
@@ -223,7 +225,11 @@ mod tests {
         nvic.set_priority_word(IRQ0 + 28, 0xFFFF_FFFF);
         assert_eq!(nvic.priority_word(IRQ0 + 28), 0xC0C0_C0C0);
         nvic.set_priority_word(12, 0xFFFF_FFFF);
-        assert_eq!(nvic.priority_word(12), 0xC0C0_0000, "12 and 13 do not exist");
+        assert_eq!(
+            nvic.priority_word(12),
+            0xC0C0_0000,
+            "12 and 13 do not exist"
+        );
         nvic.set_priority_word(0, 0xFFFF_FFFF);
         assert_eq!(nvic.priority(HARD_FAULT), -1);
     }

@@ -21,7 +21,7 @@
 //! debugging. Any other address, and any access that is not a word, stops the chip.
 
 use super::nvic::{IRQ0, NMI, PENDSV, SYSTICK};
-use super::{Core, Trap};
+use super::{Core, Outcome, Trap};
 use crate::fault::FaultKind;
 use crate::peripherals::{ResetCause, Width};
 
@@ -47,11 +47,7 @@ const SCR_SLEEPDEEP: u32 = 1 << 2;
 const SCR_SEVONPEND: u32 = 1 << 4;
 
 impl Core {
-    pub(super) fn read_system_control(
-        &mut self,
-        address: u32,
-        width: Width,
-    ) -> Result<u32, Trap> {
+    pub(super) fn read_system_control(&mut self, address: u32, width: Width) -> Outcome<u32> {
         if !matches!(width, Width::Word) {
             return Err(unmodelled(address, width));
         }
@@ -81,7 +77,7 @@ impl Core {
         address: u32,
         width: Width,
         value: u32,
-    ) -> Result<(), Trap> {
+    ) -> Outcome<()> {
         if !matches!(width, Width::Word) {
             return Err(unmodelled(address, width));
         }
@@ -122,7 +118,10 @@ impl Core {
 
     fn icsr(&self) -> u32 {
         let flag = |set: bool, bit: u32| if set { bit } else { 0 };
-        let first = self.nvic.first_pending().map_or(0, |(exception, _)| exception);
+        let first = self
+            .nvic
+            .first_pending()
+            .map_or(0, |(exception, _)| exception);
         u32::from(self.ipsr)
             | u32::from(first) << 12
             | flag(self.nvic.pending_irqs() != 0, ICSR_ISRPENDING)
@@ -157,6 +156,6 @@ impl Core {
     }
 }
 
-fn unmodelled(address: u32, width: Width) -> Trap {
-    Trap::Unmodelled(FaultKind::SystemControl { address, width })
+fn unmodelled(address: u32, width: Width) -> Box<Trap> {
+    Trap::Unmodelled(FaultKind::SystemControl { address, width }).into()
 }
