@@ -1,0 +1,136 @@
+//! Builds the image out of the workspace that this crate belongs to.
+
+use super::{Image, ImageError};
+use std::ffi::OsString;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+pub(super) const TARGET: &str = "thumbv6m-none-eabi";
+const PROFILE: &str = "firmware";
+const BINARY: &str = "tvc-nano";
+
+/// Debian keeps its own compiler, with the sources of `core`, here.
+const DEBIAN_CARGO: &str = "/usr/bin/cargo";
+const DEBIAN_RUSTC: &str = "/usr/bin/rustc";
+
+/// How to build for the chip on this machine.
+enum Toolchain {
+    /// The compiler in use has the target's libraries.
+    Ready,
+    /// Debian's compiler builds `core` from its sources.
+    Debian,
+}
+
+/// Builds the firmware for the chip and reads it. `say` gets a line for people now and then.
+///
+/// The build has a folder of its own (`target/chip`), so that it never waits for the cargo that
+/// runs the caller. A missing Rust target is added through rustup.
+///
+/// # Errors
+/// No toolchain, a build that fails, a file that is no image.
+pub fn build(say: &mut dyn FnMut(&str)) -> Result<Image, ImageError> {
+    let workspace = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
+    let cargo = std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into());
+    let folder = match std::env::var_os("CARGO_TARGET_DIR") {
+        Some(folder) => std::path::absolute(PathBuf::from(&folder))
+            .unwrap_or_else(|_| folder.into())
+            .join("chip"),
+        None => workspace.join("target").join("chip"),
+    };
+    let mut command = match toolchain(say)? {
+        Toolchain::Ready => Command::new(&cargo),
+        Toolchain::Debian => {
+            say("building the image, and the core library for it, with Debian's compiler");
+            let mut command = Command::new(DEBIAN_CARGO);
+            command
+                .env("RUSTC", DEBIAN_RUSTC)
+                .env("RUSTC_BOOTSTRAP", "1")
+                .env("CARGO_TARGET_THUMBV6M_NONE_EABI_LINKER", "ld.lld");
+            command
+        }
+    };
+    let debian = command.get_program() == DEBIAN_CARGO;
+    command.arg("build");
+    if debian {
+        command.arg("-Zbuild-std=core");
+    }
+    command
+        .current_dir(&workspace)
+        .args(["--package", BINARY, "--bin", BINARY])
+        .args(["--target", TARGET, "--profile", PROFILE])
+        .arg("--target-dir")
+        .arg(&folder)
+        // The image is the same whatever the host's build was told.
+        .env_remove("RUSTFLAGS")
+        .env_remove("CARGO_ENCODED_RUSTFLAGS")
+        .env_remove("CARGO_BUILD_TARGET");
+    let path = folder.join(TARGET).join(PROFILE).join(BINARY);
+    if !path.exists() {
+        say("building the image for the chip; the first time this takes a minute or two");
+    }
+    let output = run(&mut command)?;
+    if !output.status.success() {
+        return Err(ImageError::Build {
+            output: String::from_utf8_lossy(&output.stderr).trim().to_owned(),
+        });
+    }
+    Image::open(&path)
+}
+
+/// Finds a toolchain; adds the target where rustup can.
+fn toolchain(say: &mut dyn FnMut(&str)) -> Result<Toolchain, ImageError> {
+    if has_target() {
+        return Ok(Toolchain::Ready);
+    }
+    say(&format!(
+        "the Rust target {TARGET} is missing: adding it with `rustup target add {TARGET}`"
+    ));
+    let reason = match run(Command::new("rustup").args(["target", "add", TARGET])) {
+        Ok(output) if output.status.success() && has_target() => return Ok(Toolchain::Ready),
+        Ok(output) => format!(
+            "rustup said: {}",
+            String::from_utf8_lossy(&output.stderr)
+                .lines()
+                .last()
+                .unwrap_or("nothing")
+        ),
+        Err(_) => "there is no rustup".to_owned(),
+    };
+    say(&format!("{reason}; looking for Debian's compiler"));
+    if Path::new(DEBIAN_CARGO).exists() && has_core_sources() {
+        return Ok(Toolchain::Debian);
+    }
+    Err(ImageError::Toolchain {
+        reason: format!("{reason}; Debian's compiler with the sources of core is not there"),
+    })
+}
+
+/// The compiler that cargo will use has the target's core library.
+fn has_target() -> bool {
+    let rustc = std::env::var_os("RUSTC").unwrap_or_else(|| OsString::from("rustc"));
+    let asked = run(Command::new(rustc).args(["--print", "target-libdir", "--target", TARGET]));
+    let Ok(output) = asked else { return false };
+    let folder = String::from_utf8_lossy(&output.stdout).trim().to_owned();
+    std::fs::read_dir(folder).is_ok_and(|mut files| {
+        files.any(|file| {
+            file.is_ok_and(|file| file.file_name().to_string_lossy().starts_with("libcore"))
+        })
+    })
+}
+
+fn has_core_sources() -> bool {
+    let Ok(output) = run(Command::new(DEBIAN_RUSTC).args(["--print", "sysroot"])) else {
+        return false;
+    };
+    let sysroot = String::from_utf8_lossy(&output.stdout).trim().to_owned();
+    Path::new(&sysroot)
+        .join("lib/rustlib/src/rust/library/core")
+        .exists()
+}
+
+fn run(command: &mut Command) -> Result<Output, ImageError> {
+    command.output().map_err(|source| ImageError::Program {
+        program: command.get_program().to_string_lossy().into_owned(),
+        source,
+    })
+}

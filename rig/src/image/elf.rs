@@ -1,0 +1,149 @@
+//! Reads an image out of an ELF file.
+
+use super::{IMAGE_ADDRESS, Image, Sizes};
+use object::elf::{EM_ARM, FileHeader32, PT_LOAD, SHF_ALLOC};
+use object::read::elf::{ElfFile32, FileHeader, ProgramHeader, SectionHeader};
+use object::{Endianness, Object, ObjectSymbol, SymbolKind};
+
+const FLASH_END: u32 = 0x0004_0000;
+const RAM: std::ops::Range<u32> = 0x2000_0000..0x2000_8000;
+
+pub(super) fn parse(bytes: &[u8]) -> Result<Image, String> {
+    let file = ElfFile32::<Endianness>::parse(bytes).map_err(|e| e.to_string())?;
+    let header: &FileHeader32<Endianness> = file.elf_header();
+    let endian = file.endian();
+    if header.e_machine(endian) != EM_ARM {
+        return Err("it is for another processor".to_owned());
+    }
+    let mut flash = Vec::new();
+    for segment in file.elf_program_headers() {
+        if segment.p_type(endian) != PT_LOAD || segment.p_filesz(endian) == 0 {
+            continue;
+        }
+        let data = segment
+            .data(endian, bytes)
+            .map_err(|()| "a segment lies outside of the file".to_owned())?;
+        place(&mut flash, segment.p_paddr(endian), data)?;
+    }
+    if flash.len() < 8 {
+        return Err("it holds no vector table".to_owned());
+    }
+    let word = |at: usize| u32::from_le_bytes([0, 1, 2, 3].map(|i| flash[at + i]));
+    let stack_top = word(0);
+    if stack_top % 4 != 0 || !(RAM.start < stack_top && stack_top <= RAM.end) {
+        return Err(format!("its stack would begin at 0x{stack_top:08x}"));
+    }
+    let mut static_ram = 0;
+    for section in file.elf_section_table().iter() {
+        let address = section.sh_addr(endian);
+        let allocated = section.sh_flags(endian).0 & SHF_ALLOC.0 != 0;
+        if allocated && (RAM.start..stack_top).contains(&address) {
+            static_ram += section.sh_size(endian);
+        }
+    }
+    let symbols = file
+        .symbols()
+        .filter(|symbol| {
+            matches!(
+                symbol.kind(),
+                SymbolKind::Text | SymbolKind::Data | SymbolKind::Unknown
+            )
+        })
+        .filter_map(|symbol| Some((symbol.name().ok()?.to_owned(), symbol.address() as u32)))
+        .filter(|(name, _)| !name.is_empty() && !name.starts_with('$'))
+        .collect();
+    Ok(Image {
+        sizes: Sizes {
+            flash: flash.len() as u32,
+            static_ram,
+        },
+        bytes: flash,
+        symbols,
+        stack_top,
+    })
+}
+
+/// Puts a segment where it belongs, erased flash before it.
+fn place(flash: &mut Vec<u8>, address: u32, data: &[u8]) -> Result<(), String> {
+    let end = u64::from(address) + data.len() as u64;
+    if address < IMAGE_ADDRESS || end > u64::from(FLASH_END) {
+        return Err(format!(
+            "a segment of {} bytes at 0x{address:x} lies outside of the image's flash \
+             (0x{IMAGE_ADDRESS:x} to 0x{FLASH_END:x})",
+            data.len()
+        ));
+    }
+    let start = (address - IMAGE_ADDRESS) as usize;
+    let end = start + data.len();
+    if flash.len() < end {
+        flash.resize(end, 0xFF);
+    }
+    flash[start..end].copy_from_slice(data);
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// An ELF file by hand: one segment in flash, one section of RAM, no symbols.
+    fn elf(machine: u16, address: u32, code: &[u8]) -> Vec<u8> {
+        let mut file = vec![0x7F, b'E', b'L', b'F', 1, 1, 1, 0, 0, 0, 0, 0, 0, 0, 0, 0];
+        let half = |file: &mut Vec<u8>, v: u16| file.extend(v.to_le_bytes());
+        let words = |file: &mut Vec<u8>, v: &[u32]| {
+            file.extend(v.iter().flat_map(|w| w.to_le_bytes()));
+        };
+        let sections = 84 + code.len() as u32;
+        half(&mut file, 2);
+        half(&mut file, machine);
+        words(&mut file, &[1, address + 9, 52, sections, 0]);
+        for v in [52, 32, 1, 40, 3, 2] {
+            half(&mut file, v);
+        }
+        let size = code.len() as u32;
+        words(
+            &mut file,
+            &[PT_LOAD.0, 84, address, address, size, size, 5, 4],
+        );
+        file.extend(code);
+        words(&mut file, &[0; 10]);
+        // A section of 100 bytes of zeroed RAM, then the table of names.
+        words(&mut file, &[1, 8, 3, 0x2000_0010, 84, 100, 0, 0, 4, 0]);
+        words(&mut file, &[1, 3, 0, 0, sections + 120, 6, 0, 0, 1, 0]);
+        file.extend(b"\0.bss\0");
+        file
+    }
+
+    fn code(stack: u32) -> Vec<u8> {
+        [stack, 0x2009, 0xE7FE_E7FE]
+            .iter()
+            .flat_map(|w: &u32| w.to_le_bytes())
+            .collect()
+    }
+
+    #[test]
+    fn finds_flash_ram_and_stack() {
+        let image = Image::parse("x", &elf(40, 0x2000, &code(0x2000_7800))).unwrap();
+        assert_eq!(image.bytes(), code(0x2000_7800));
+        assert_eq!(
+            image.sizes(),
+            Sizes {
+                flash: 12,
+                static_ram: 100
+            }
+        );
+        assert_eq!(image.stack_top(), 0x2000_7800);
+    }
+
+    #[test]
+    fn refuses_what_is_not_for_this_chip() {
+        let refusal = |file: &[u8]| Image::parse("x.elf", file).unwrap_err().to_string();
+        assert!(refusal(b"hello").contains("x.elf is not an image for this chip"));
+        assert!(refusal(&elf(62, 0x2000, &code(0x2000_7800))).contains("another processor"));
+        assert!(
+            refusal(&elf(40, 0x0, &code(0x2000_7800))).contains("outside of the image's flash")
+        );
+        assert!(refusal(&elf(40, 0x2000, &code(0x1000))).contains("stack would begin"));
+        assert!(refusal(&elf(40, 0x2000, &[1, 2])).contains("no vector table"));
+    }
+}

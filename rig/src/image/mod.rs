@@ -1,0 +1,136 @@
+//! The firmware image: how it is built, and what is in it.
+
+mod build;
+mod elf;
+
+pub use build::build;
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use thiserror::Error;
+
+/// Where the image begins: above the bootloader.
+pub const IMAGE_ADDRESS: u32 = 0x2000;
+
+/// Why there is no image.
+#[derive(Debug, Error)]
+pub enum ImageError {
+    /// No Rust toolchain here can build for the chip.
+    #[error(
+        "no Rust toolchain here can build for the chip ({reason}). Either install it with \
+         `rustup target add {target}`, or on Debian with \
+         `apt install rustc-web cargo-web rust-web-src lld`",
+        target = build::TARGET
+    )]
+    Toolchain {
+        /// What was tried and how it ended.
+        reason: String,
+    },
+    /// A program that is needed could not be started.
+    #[error("cannot run {program}: {source}")]
+    Program {
+        /// The program.
+        program: String,
+        /// What the system said.
+        source: std::io::Error,
+    },
+    /// The compiler refused.
+    #[error("the image does not build:\n{output}")]
+    Build {
+        /// What it wrote.
+        output: String,
+    },
+    /// The file cannot be read.
+    #[error("cannot read the image {}: {source}", path.display())]
+    Read {
+        /// The file.
+        path: PathBuf,
+        /// What the system said.
+        source: std::io::Error,
+    },
+    /// The file is not an image for this chip.
+    #[error("{name} is not an image for this chip: {reason}")]
+    Format {
+        /// The file, or what stands for it.
+        name: String,
+        /// What is wrong.
+        reason: String,
+    },
+}
+
+/// What the image takes of the chip's memories, bytes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Sizes {
+    /// Flash: code, constants and the initial values of variables.
+    pub flash: u32,
+    /// RAM for variables that live for ever; the stack has what is left.
+    pub static_ram: u32,
+}
+
+/// A firmware image for the chip.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Image {
+    bytes: Vec<u8>,
+    symbols: BTreeMap<String, u32>,
+    sizes: Sizes,
+    stack_top: u32,
+}
+
+impl Image {
+    /// Reads an ELF file.
+    ///
+    /// # Errors
+    /// [`ImageError::Read`], [`ImageError::Format`].
+    pub fn open(path: &Path) -> Result<Self, ImageError> {
+        let bytes = std::fs::read(path).map_err(|source| ImageError::Read {
+            path: path.to_path_buf(),
+            source,
+        })?;
+        Self::parse(&path.display().to_string(), &bytes)
+    }
+
+    /// Parses the bytes of an ELF file; `name` stands for it in errors.
+    ///
+    /// # Errors
+    /// [`ImageError::Format`].
+    pub fn parse(name: &str, bytes: &[u8]) -> Result<Self, ImageError> {
+        elf::parse(bytes).map_err(|reason| ImageError::Format {
+            name: name.to_owned(),
+            reason,
+        })
+    }
+
+    /// Address of the first byte.
+    pub fn address(&self) -> u32 {
+        IMAGE_ADDRESS
+    }
+
+    /// What goes into flash, gaps as erased flash reads.
+    pub fn bytes(&self) -> &[u8] {
+        &self.bytes
+    }
+
+    /// What the image takes of the chip.
+    pub fn sizes(&self) -> Sizes {
+        self.sizes
+    }
+
+    /// Where the stack begins and grows down from.
+    pub fn stack_top(&self) -> u32 {
+        self.stack_top
+    }
+
+    /// Address of a symbol.
+    pub fn symbol(&self, name: &str) -> Option<u32> {
+        self.symbols.get(name).copied()
+    }
+
+    /// The symbol that an address of code belongs to.
+    pub fn symbol_at(&self, address: u32) -> Option<&str> {
+        self.symbols
+            .iter()
+            .filter(|(_, at)| **at & !1 <= address)
+            .max_by_key(|(_, at)| **at & !1)
+            .map(|(name, _)| name.as_str())
+    }
+}
