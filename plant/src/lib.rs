@@ -30,6 +30,7 @@
 //! | [`free`] | free motion of pitch and crank, energy and momentum |
 //! | [`newton_euler`] | all four bodies with the forces in their joints |
 //! | [`integrate`] | integration with step control |
+//! | [`linear`] | state space, poles, zeros, margins |
 //! | [`servo`] | a position servo from pulse edges to crank angle |
 //! | [`pitch_loop`] | servo, delays and a PD law round the drone |
 //! | [`response`] | overshoot, rise and settling of a recorded response |
@@ -37,6 +38,7 @@
 pub mod drone;
 pub mod free;
 pub mod integrate;
+pub mod linear;
 pub mod linkage;
 pub mod mechanism;
 pub mod newton_euler;
