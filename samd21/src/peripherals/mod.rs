@@ -9,6 +9,7 @@
 //! | `pm`, `sysctrl`, `gclk` | clocks and reset cause |
 //! | `nvmctrl` | flash programming, factory rows |
 //! | `port` | pins and their multiplexers |
+//! | `sercom` | I2C masters |
 //! | `tcc` | TCC0-TCC2: the servo's waveform |
 //! | `pac`, `dsu` | write protection, device identity |
 //!
@@ -22,6 +23,7 @@ mod nvmctrl;
 mod pac;
 mod pm;
 mod port;
+mod sercom;
 mod sysctrl;
 mod tcc;
 mod violations;
@@ -32,7 +34,7 @@ use crate::Options;
 use crate::board::{Board, Ticks};
 use crate::memory::{FLASH_SIZE, Memory};
 use access::{Bus, Lanes, Refusal};
-use gclk::id::{DFLL48, TCC0_TCC1, TCC2_TC3};
+use gclk::id::{DFLL48, SERCOM_SLOW, SERCOM0_CORE, TCC0_TCC1, TCC2_TC3};
 use std::fmt;
 
 /// Why the chip started anew; the value is the bit in PM.RCAUSE.
@@ -170,6 +172,7 @@ enum Block {
     Dsu,
     Nvmctrl,
     Port,
+    Sercom(usize),
     Tcc(usize),
     Unmodelled,
 }
@@ -185,7 +188,7 @@ struct Mapping {
 
 /// The block at an address of the APB bridges (D21 table 12-1 and the PAC's peripheral numbers).
 fn map(addr: u32) -> Option<Mapping> {
-    use Block::{Dsu, Gclk, Nvmctrl, Pac, Pm, Port, Sysctrl, Tcc, Unmodelled};
+    use Block::{Dsu, Gclk, Nvmctrl, Pac, Pm, Port, Sercom, Sysctrl, Tcc, Unmodelled};
     use Bridge::{A, B, C};
     let (bridge, index, name, block) = match addr & !0x3FF {
         0x4000_0000 => (A, 0, "PAC0", Pac(0)),
@@ -198,19 +201,20 @@ fn map(addr: u32) -> Option<Mapping> {
         0x4100_0000 => (B, 0, "PAC1", Pac(1)),
         0x4100_2000..0x4100_4000 => (B, 1, "DSU", Dsu),
         0x4100_4000 => (B, 2, "NVMCTRL", Nvmctrl),
-        0x4100_4400 => (B, 3, "PORT", Port),
+        // The second is the core's single-cycle I/O bus.
+        0x4100_4400 | 0x6000_0000 => (B, 3, "PORT", Port),
         0x4100_4800 => (B, 4, "DMAC", Unmodelled),
         0x4100_5000 => (B, 5, "USB", Unmodelled),
         0x4100_6000 => (B, 6, "MTB", Unmodelled),
         0x4100_7000 => (B, 6, "HMATRIX", Unmodelled),
         0x4200_0000 => (C, 0, "PAC2", Pac(2)),
         0x4200_0400 => (C, 1, "EVSYS", Unmodelled),
-        0x4200_0800 => (C, 2, "SERCOM0", Unmodelled),
-        0x4200_0C00 => (C, 3, "SERCOM1", Unmodelled),
-        0x4200_1000 => (C, 4, "SERCOM2", Unmodelled),
-        0x4200_1400 => (C, 5, "SERCOM3", Unmodelled),
-        0x4200_1800 => (C, 6, "SERCOM4", Unmodelled),
-        0x4200_1C00 => (C, 7, "SERCOM5", Unmodelled),
+        0x4200_0800 => (C, 2, "SERCOM0", Sercom(0)),
+        0x4200_0C00 => (C, 3, "SERCOM1", Sercom(1)),
+        0x4200_1000 => (C, 4, "SERCOM2", Sercom(2)),
+        0x4200_1400 => (C, 5, "SERCOM3", Sercom(3)),
+        0x4200_1800 => (C, 6, "SERCOM4", Sercom(4)),
+        0x4200_1C00 => (C, 7, "SERCOM5", Sercom(5)),
         0x4200_2000 => (C, 8, "TCC0", Tcc(0)),
         0x4200_2400 => (C, 9, "TCC1", Tcc(1)),
         0x4200_2800 => (C, 10, "TCC2", Tcc(2)),
@@ -249,6 +253,7 @@ pub struct Peripherals {
     gclk: gclk::Gclk,
     nvmctrl: nvmctrl::Nvmctrl,
     port: port::Port,
+    sercom: [sercom::Sercom; 6],
     tcc: [tcc::Tcc; 3],
     violations: Violations,
     ticks_per_cycle: u32,
@@ -268,6 +273,8 @@ impl Peripherals {
             gclk: gclk::Gclk::new(options.syncbusy_hold),
             nvmctrl: nvmctrl::Nvmctrl::new(options.serial_number),
             port: port::Port::new(),
+            sercom: [0, 1, 2, 3, 4, 5]
+                .map(|index| sercom::Sercom::new(index, options.syncbusy_hold)),
             tcc: [0, 1, 2].map(|index| tcc::Tcc::new(index, options.syncbusy_hold)),
             violations: Violations::default(),
             ticks_per_cycle: 48,
@@ -316,20 +323,11 @@ impl Peripherals {
     }
 
     fn read_word(&mut self, now: Ticks, addr: u32, board: &mut dyn Board) -> Result<u32, BusError> {
-        match addr {
-            0x0080_0000..0x0100_0000 => {
-                return self
-                    .nvmctrl
-                    .read_auxiliary(addr)
-                    .ok_or(BusError::Unmapped { addr });
-            }
-            0x6000_0000..0x6000_0200 => {
-                return self
-                    .port
-                    .read(now, addr - 0x6000_0000, board)
-                    .map_err(|refusal| refuse(refusal, addr, "PORT"));
-            }
-            _ => {}
+        if (0x0080_0000..0x0100_0000).contains(&addr) {
+            return self
+                .nvmctrl
+                .read_auxiliary(addr)
+                .ok_or(BusError::Unmapped { addr });
         }
         let mapping = self.locate(addr)?;
         let offset = addr - mapping.base;
@@ -341,6 +339,7 @@ impl Peripherals {
             Block::Dsu => dsu::read(offset),
             Block::Nvmctrl => self.nvmctrl.read(now, offset),
             Block::Port => self.port.read(now, offset, board),
+            Block::Sercom(index) => self.sercom[index].read(now, offset, board),
             Block::Tcc(index) => self.tcc[index].read(now, offset),
             Block::Unmodelled => Err(Refusal::Unmodelled("the whole peripheral")),
         }
@@ -368,20 +367,11 @@ impl Peripherals {
             board,
             violations: &mut self.violations,
         };
-        match addr {
-            0..FLASH_SIZE => {
-                return self
-                    .nvmctrl
-                    .load_page_buffer(bus, addr, width.bytes(), value, memory)
-                    .map_err(|refusal| refuse(refusal, addr, "NVMCTRL"));
-            }
-            0x6000_0000..0x6000_0200 => {
-                return self
-                    .port
-                    .write(bus, (addr & !3) - 0x6000_0000, lanes)
-                    .map_err(|refusal| refuse(refusal, addr, "PORT"));
-            }
-            _ => {}
+        if addr < FLASH_SIZE {
+            return self
+                .nvmctrl
+                .load_page_buffer(bus, addr, width.bytes(), value, memory)
+                .map_err(|refusal| refuse(refusal, addr, "NVMCTRL"));
         }
         let Mapping {
             base,
@@ -413,6 +403,7 @@ impl Peripherals {
             Block::Dsu => Err(Refusal::Unmodelled("writing to it")),
             Block::Nvmctrl => self.nvmctrl.write(bus, offset, lanes, memory),
             Block::Port => self.port.write(bus, offset, lanes),
+            Block::Sercom(index) => self.sercom[index].write(bus, offset, lanes),
             Block::Tcc(index) => self.tcc[index].write(bus, offset, lanes),
             Block::Unmodelled => Err(Refusal::Unmodelled("the whole peripheral")),
         }
@@ -424,9 +415,13 @@ impl Peripherals {
                 why: "generator 0, the CPU's clock, stands still",
             });
         }
-        if let Block::Tcc(index) = block {
-            let outputs = self.tcc[index].outputs();
-            self.port.drive(now, index as u8, outputs, board);
+        match block {
+            Block::Tcc(index) => {
+                let outputs = self.tcc[index].outputs();
+                self.port.drive(now, index as u8, outputs, board);
+            }
+            Block::Port => self.sercom[4].set_connected(self.port.i2c_routed()),
+            _ => {}
         }
         self.refresh(now);
         Ok(stall)
@@ -458,10 +453,20 @@ impl Peripherals {
                 self.sysctrl.latch_flags(at);
                 self.retime(at);
             }
+            let bus = &mut Bus {
+                now: at,
+                board,
+                violations: &mut self.violations,
+            };
+            for sercom in &mut self.sercom {
+                if sercom.next() == at {
+                    sercom.advance(bus);
+                }
+            }
             for (index, tcc) in self.tcc.iter_mut().enumerate() {
                 if tcc.next() == at {
                     tcc.advance(at);
-                    self.port.drive(at, index as u8, tcc.outputs(), board);
+                    self.port.drive(at, index as u8, tcc.outputs(), bus.board);
                 }
             }
             self.refresh(at);
@@ -500,6 +505,10 @@ impl Peripherals {
             return false;
         };
         let cycle = main.divided(self.pm.cpu_divisor()).duration(1);
+        let slow = self.gclk.clock(SERCOM_SLOW).is_some();
+        for (index, sercom) in self.sercom.iter_mut().enumerate() {
+            sercom.set_clocks(now, self.gclk.clock(SERCOM0_CORE + index), slow);
+        }
         for (index, id) in [(0, TCC0_TCC1), (1, TCC0_TCC1), (2, TCC2_TC3)] {
             self.tcc[index].set_clock(now, self.gclk.clock(id));
         }
@@ -513,10 +522,14 @@ impl Peripherals {
             .tcc
             .iter()
             .map(tcc::Tcc::next)
+            .chain(self.sercom.iter().map(sercom::Sercom::next))
             .fold(self.sysctrl.next(now), Ticks::min);
         self.irq_lines = u32::from(self.pm.irq())
             | u32::from(self.sysctrl.irq()) << 1
             | u32::from(self.nvmctrl.irq(now)) << 5;
+        for (index, sercom) in self.sercom.iter().enumerate() {
+            self.irq_lines |= u32::from(sercom.irq()) << (9 + index);
+        }
         for (index, tcc) in self.tcc.iter().enumerate() {
             self.irq_lines |= u32::from(tcc.irq()) << (15 + index);
         }

@@ -1,0 +1,302 @@
+//! SERCOM0 to SERCOM5 as I2C masters. Only SERCOM4 reaches the board's bus, through PB08 and PB09 with
+//! function D.
+//!
+//! | offset | register | behaviour |
+//! |---|---|---|
+//! | 00 | CTRLA | SWRST, ENABLE, MODE 5, SPEED, SDAHOLD (stored), INACTOUT, LOWTOUTEN |
+//! | 04 | CTRLB | ACKACT; CMD 1 to 3, reads 0 |
+//! | 0C | BAUD | BAUD and BAUDLOW: bit time below |
+//! | 14, 16, 18 | INTENCLR, INTENSET, INTFLAG | MB, SB, ERROR; cleared by ones |
+//! | 1A | STATUS | BUSERR, ARBLOST, RXNACK, BUSSTATE, LOWTOUT, CLKHOLD |
+//! | 1C | SYNCBUSY | SWRST, ENABLE, SYSOP |
+//! | 24 | ADDR | 7-bit address and direction: START or repeated START |
+//! | 28 | DATA | a write sends, a read gives the byte received |
+//! | 30 | DBGCTRL | stored |
+//!
+//! A command, ADDR or DATA write in a state where the chip ignores it is ignored and noted. What
+//! happens on the bus is in `bus`.
+//!
+//! | left out | why |
+//! |---|---|
+//! | USART, SPI, I2C slave | not used: setting MODE to one faults |
+//! | smart mode, quick command, LENEN, 10 bits, high speed, PINOUT, MEXT and SEXT time-outs | our master needs none: setting one faults |
+//! | DMA | DMAC is not modelled |
+
+mod bus;
+#[cfg(test)]
+mod tests;
+
+use super::access::{Bus, DONE, Lanes, RESERVED, Read, Refusal, Write};
+use super::clock::{Rate, SyncFlags};
+use crate::SyncHold;
+use crate::board::{Board, Lines, Ticks};
+use bus::{BusState, Direction, Motion};
+
+const SWRST: u32 = 1 << 0;
+const ENABLE: u32 = 1 << 1;
+const MODE: u32 = 7 << 2;
+const MODE_I2C_MASTER: u32 = 5 << 2;
+const LOWTOUTEN: u32 = 1 << 30;
+/// CTRLA: MODE, RUNSTDBY, SDAHOLD, SPEED up to fast-mode plus, INACTOUT, LOWTOUTEN.
+const CTRLA_MODELLED: u32 = MODE | 1 << 7 | 3 << 20 | 1 << 24 | 3 << 28 | LOWTOUTEN;
+
+const ACKACT: u32 = 1 << 18;
+
+const MB: u8 = 1 << 0;
+const SB: u8 = 1 << 1;
+const ERROR: u8 = 1 << 7;
+
+const BUSERR: u16 = 1 << 0;
+const ARBLOST: u16 = 1 << 1;
+const RXNACK: u16 = 1 << 2;
+const LOWTOUT: u16 = 1 << 6;
+const CLKHOLD: u16 = 1 << 7;
+
+/// Bits of SYNCBUSY.
+mod busy {
+    pub(super) const SWRST: usize = 0;
+    pub(super) const ENABLE: usize = 1;
+    pub(super) const SYSOP: usize = 2;
+}
+
+const NAMES: [&str; 6] = [
+    "SERCOM0", "SERCOM1", "SERCOM2", "SERCOM3", "SERCOM4", "SERCOM5",
+];
+
+#[derive(Clone, Debug)]
+pub(crate) struct Sercom {
+    index: usize,
+    clock: Option<Rate>,
+    /// GCLK_SERCOM_SLOW runs: time-outs work.
+    slow_clock: bool,
+    /// The bus hangs on this SERCOM's pads.
+    connected: bool,
+    sync: SyncFlags<3>,
+    ctrla: u32,
+    ctrlb: u32,
+    baud: u32,
+    debug: u8,
+    interrupts: u8,
+    flags: u8,
+    /// STATUS without BUSSTATE and CLKHOLD.
+    status: u16,
+    state: BusState,
+    busy_since: Ticks,
+    address: u8,
+    data: u8,
+    /// The master holds SCL low until it is told what to do after a byte of this direction.
+    held: Option<Direction>,
+    motion: Motion,
+    /// When the motion goes on.
+    due: Ticks,
+    /// Since when SCL is low without going on.
+    scl_low_since: Option<Ticks>,
+    /// What others held low when last looked at.
+    lines: Lines,
+}
+
+impl Sercom {
+    pub(crate) fn new(index: usize, hold: SyncHold) -> Self {
+        Self {
+            index,
+            clock: None,
+            slow_clock: false,
+            connected: false,
+            sync: SyncFlags::new(hold),
+            ctrla: 0,
+            ctrlb: 0,
+            baud: 0,
+            debug: 0,
+            interrupts: 0,
+            flags: 0,
+            status: 0,
+            state: BusState::Unknown,
+            busy_since: Ticks::ZERO,
+            address: 0,
+            data: 0,
+            held: None,
+            motion: Motion::None,
+            due: Ticks::NEVER,
+            scl_low_since: None,
+            lines: Lines::default(),
+        }
+    }
+
+    /// The generic clocks: the core's rate, and whether the slow one runs.
+    pub(crate) fn set_clocks(&mut self, now: Ticks, core: Option<Rate>, slow: bool) {
+        if core.is_some() && self.clock.is_none() {
+            self.sync.unhang(now);
+        }
+        self.clock = core;
+        self.slow_clock = slow;
+    }
+
+    /// Whether the pin multiplexers lead to the board's bus.
+    pub(crate) fn set_connected(&mut self, connected: bool) {
+        self.connected = connected && self.index == 4;
+    }
+
+    pub(crate) fn irq(&self) -> bool {
+        self.flags & self.interrupts != 0
+    }
+
+    fn is_enabled(&self) -> bool {
+        self.ctrla & ENABLE != 0
+    }
+
+    pub(crate) fn read(&mut self, now: Ticks, offset: u32, board: &dyn Board) -> Read {
+        Ok(match offset {
+            0x00 => self.ctrla | u32::from(self.sync.is_busy(now, busy::SWRST)),
+            0x04 => self.ctrlb,
+            0x0C => self.baud,
+            0x14 => u32::from(self.interrupts) * 0x0001_0001,
+            0x18 => {
+                self.observe(now, board);
+                let hold = if self.held.is_some() { CLKHOLD } else { 0 };
+                let status = self.status | hold | (self.state as u16) << 4;
+                u32::from(self.flags) | u32::from(status) << 16
+            }
+            0x1C => self.sync.bits(now),
+            0x24 => u32::from(self.address),
+            0x28 => u32::from(self.data),
+            0x30 => u32::from(self.debug),
+            _ => return Err(RESERVED),
+        })
+    }
+
+    pub(crate) fn write(&mut self, bus: &mut Bus<'_>, offset: u32, lanes: Lanes) -> Write {
+        match offset {
+            0x00 => return self.write_ctrla(bus, lanes.merge(self.ctrla)),
+            0x04 => return self.write_ctrlb(bus, lanes.merge(self.ctrlb)),
+            0x0C => {
+                if self.is_enabled() {
+                    self.note(
+                        bus,
+                        "enable-protected BAUD written while enabled: discarded",
+                    );
+                } else {
+                    self.baud = lanes.merge(self.baud);
+                }
+            }
+            0x14 => {
+                self.interrupts &= !lanes.byte(0).unwrap_or(0);
+                self.interrupts |= lanes.byte(2).unwrap_or(0) & (MB | SB | ERROR);
+            }
+            0x18 => {
+                self.flags &= !lanes.byte(0).unwrap_or(0);
+                if let Some(status) = lanes.half(1, 0) {
+                    self.write_status(bus, status);
+                }
+            }
+            0x1C => {}
+            0x24 => {
+                let value = lanes.merge(0);
+                if value & !0xFF != 0 {
+                    return Err(Refusal::Unmodelled("ADDR beyond a 7-bit address"));
+                }
+                if self.synchronise(bus) {
+                    self.write_address(bus, value as u8);
+                }
+            }
+            0x28 => {
+                if self.synchronise(bus) {
+                    self.write_data(bus, lanes.merge(0) as u8);
+                }
+            }
+            0x30 => self.debug = lanes.merge(0) as u8 & 1,
+            _ => return Err(RESERVED),
+        }
+        DONE
+    }
+
+    fn write_ctrla(&mut self, bus: &mut Bus<'_>, value: u32) -> Write {
+        if value & SWRST != 0 {
+            let fresh = Self::new(self.index, SyncHold::Instant);
+            *self = Self {
+                clock: self.clock,
+                slow_clock: self.slow_clock,
+                connected: self.connected,
+                sync: self.sync.clone(),
+                ..fresh
+            };
+            self.begin_sync(bus.now, busy::SWRST);
+            return DONE;
+        }
+        if value & !(ENABLE | CTRLA_MODELLED) != 0 {
+            return Err(Refusal::Unmodelled("this bit of CTRLA"));
+        }
+        let mode = value & MODE;
+        if mode != MODE_I2C_MASTER && (mode != 0 || value & ENABLE != 0) {
+            return Err(Refusal::Unmodelled("any mode but I2C master"));
+        }
+        if self.is_enabled() && (self.ctrla ^ value) & CTRLA_MODELLED != 0 {
+            self.note(
+                bus,
+                "enable-protected CTRLA written while enabled: discarded",
+            );
+        } else {
+            self.ctrla = self.ctrla & ENABLE | value & CTRLA_MODELLED;
+        }
+        if (self.ctrla ^ value) & ENABLE != 0 {
+            if self.sync.is_busy(bus.now, busy::ENABLE) {
+                self.note(bus, "ENABLE written while it synchronises: discarded");
+                return DONE;
+            }
+            self.begin_sync(bus.now, busy::ENABLE);
+            self.ctrla ^= ENABLE;
+            self.let_go(bus);
+        }
+        DONE
+    }
+
+    fn write_ctrlb(&mut self, bus: &mut Bus<'_>, value: u32) -> Write {
+        if value & !(ACKACT | 3 << 16) != 0 {
+            return Err(Refusal::Unmodelled("this bit of CTRLB"));
+        }
+        self.ctrlb = value & ACKACT;
+        let command = value >> 16 & 3;
+        if command != 0 && self.synchronise(bus) {
+            self.command(bus, command);
+        }
+        DONE
+    }
+
+    fn write_status(&mut self, bus: &mut Bus<'_>, value: u16) {
+        self.status &= !(value & (BUSERR | ARBLOST | LOWTOUT));
+        if value >> 4 & 3 == 0 || !self.synchronise(bus) {
+            return;
+        }
+        if value >> 4 & 3 == BusState::Idle as u16 && self.state == BusState::Unknown {
+            self.state = BusState::Idle;
+        } else {
+            self.note(bus, "BUSSTATE only goes from UNKNOWN to IDLE: ignored");
+        }
+    }
+
+    /// Starts the synchronisation of a system operation; false, and noted, if the write comes while
+    /// one is going on or the master is off: then it is discarded.
+    fn synchronise(&mut self, bus: &mut Bus<'_>) -> bool {
+        if !self.is_enabled() {
+            self.note(bus, "a bus operation while disabled: ignored");
+            return false;
+        }
+        if self.sync.is_busy(bus.now, busy::SYSOP) {
+            self.note(bus, "a bus operation while SYSOP synchronises: discarded");
+            return false;
+        }
+        self.begin_sync(bus.now, busy::SYSOP);
+        true
+    }
+
+    fn begin_sync(&mut self, now: Ticks, bit: usize) {
+        if self.clock.is_some() {
+            self.sync.begin(now, bit);
+        } else {
+            self.sync.hang(bit);
+        }
+    }
+
+    fn note(&self, bus: &mut Bus<'_>, what: &'static str) {
+        bus.violations.note(bus.now, NAMES[self.index], what);
+    }
+}
