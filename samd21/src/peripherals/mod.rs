@@ -287,9 +287,10 @@ impl Peripherals {
         peripherals
     }
 
-    /// All registers as after a reset for this reason. The board sees the pins let go.
-    pub fn reset(&mut self, now: Ticks, cause: ResetCause, board: &mut dyn Board) {
-        self.port.reset(now, board);
+    /// All registers as after a reset for this reason. The board sees the pins let go when time
+    /// goes on.
+    pub fn reset(&mut self, now: Ticks, cause: ResetCause) {
+        self.port.reset();
         let fresh = Self::new(&self.options);
         *self = Self {
             pm: pm::Pm::new(cause),
@@ -299,6 +300,7 @@ impl Peripherals {
         };
         self.retime(now);
         self.refresh(now);
+        self.next = now;
     }
 
     /// Reads a register, or a word of the auxiliary flash rows. Flash, SRAM and the core's own
@@ -449,6 +451,7 @@ impl Peripherals {
     pub fn advance(&mut self, now: Ticks, _memory: &mut Memory, board: &mut dyn Board) {
         while self.next <= now {
             let at = self.next;
+            self.port.publish_pending(at, board);
             if self.sysctrl.next(Ticks(at.0 - 1)) == at {
                 self.sysctrl.latch_flags(at);
                 self.retime(at);

@@ -64,6 +64,8 @@ pub(crate) struct Port {
     waveforms: [Option<u8>; 3],
     /// Where each TCC's outputs are routed: changes with the multiplexers.
     routes: Vec<(Pin, u8)>,
+    /// A reset has changed levels that the board does not know of.
+    unpublished: bool,
 }
 
 impl Port {
@@ -80,21 +82,30 @@ impl Port {
             groups: [group.clone(), group],
             waveforms: [None; 3],
             routes: Vec::new(),
+            unpublished: false,
         };
         // The board's pull-ups.
         port.groups[1].level = 1 << Pin::I2C_SDA.index | 1 << Pin::I2C_SCL.index;
         port
     }
 
-    /// Registers as after a reset; the board learns of the pins that thereby change.
-    pub(crate) fn reset(&mut self, now: Ticks, board: &mut dyn Board) {
+    /// Registers as after a reset; the board is yet to learn of the pins that thereby change.
+    pub(crate) fn reset(&mut self) {
         let levels = [self.groups[0].level, self.groups[1].level];
         *self = Self::new();
         for (group, level) in self.groups.iter_mut().zip(levels) {
             group.level = level;
         }
-        self.publish_group(now, 0, u32::MAX, board);
-        self.publish_group(now, 1, u32::MAX, board);
+        self.unpublished = true;
+    }
+
+    /// Tells the board what a reset has changed.
+    pub(crate) fn publish_pending(&mut self, now: Ticks, board: &mut dyn Board) {
+        if self.unpublished {
+            self.unpublished = false;
+            self.publish_group(now, 0, u32::MAX, board);
+            self.publish_group(now, 1, u32::MAX, board);
+        }
     }
 
     /// Whether the pads of the I2C bus belong to SERCOM4.
