@@ -18,6 +18,9 @@ pub const ESTIMATOR_GAP_US: u64 = 500_000;
 /// BNO055's magnetometer at its reset rate.
 pub const FIELD_REPEATS: u8 = 10;
 
+/// How far the squared norm of a quaternion may be from 1 before it counts as no rotation.
+pub const UNIT_TOLERANCE: f32 = 0.01;
+
 /// Cosine of the tilt up to which the drone may be armed and released, 50 deg: the largest test start, 0.8 rad =
 /// 45.8 deg, must pass. A cosine, because that is what a quaternion gives without trigonometry.
 pub const COS_ARM_TILT: f32 = 0.642_787_6;

@@ -101,8 +101,8 @@ pub enum Reason {
     Sensor(SensorFault),
     /// Steps came without samples being asked for, or samples too old to use.
     StaleData,
-    /// The attitude is not a number.
-    NotANumber,
+    /// The attitude is not a rotation: not a number, or not of unit length.
+    InvalidAttitude,
     /// Tilted beyond the limit.
     Tilt,
     /// The host fell silent, where `FS_HOST` asks for it.
@@ -114,7 +114,7 @@ impl Reason {
         match self {
             Reason::Sensor(_) => 1,
             Reason::StaleData => 2,
-            Reason::NotANumber => 3,
+            Reason::InvalidAttitude => 3,
             Reason::Tilt => 4,
             Reason::HostSilent => 5,
         }
@@ -126,7 +126,7 @@ impl fmt::Display for Reason {
         match self {
             Reason::Sensor(fault) => write!(f, "{fault}"),
             Reason::StaleData => write!(f, "sensor data too old"),
-            Reason::NotANumber => write!(f, "attitude is not a number"),
+            Reason::InvalidAttitude => write!(f, "attitude invalid"),
             Reason::Tilt => write!(f, "tilt beyond 60 deg"),
             Reason::HostSilent => write!(f, "host silent for 3 s"),
         }
@@ -235,10 +235,12 @@ impl fmt::Display for Refusal {
 /// What the supervisor is told of the attitude.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Health {
+    /// It is a rotation.
+    pub valid: bool,
+    /// It has settled since start-up.
+    pub settled: bool,
     /// Cosine of the angle between the body's and the earth's vertical.
     pub cos_tilt: f32,
-    /// The attitude has settled since start-up.
-    pub settled: bool,
 }
 
 /// Keeps the state, and changes it by what happens and by what the operator asks.
@@ -263,8 +265,9 @@ impl Supervisor {
         Self {
             state: report.crash.map_or(State::Boot, State::Latched),
             health: Health {
-                cos_tilt: 1.0,
+                valid: true,
                 settled: false,
+                cos_tilt: 1.0,
             },
             fresh: None,
             good_run: 0,
@@ -320,8 +323,8 @@ impl Supervisor {
             },
             other => other,
         };
-        if health.cos_tilt.is_nan() {
-            self.fail(Reason::NotANumber);
+        if !health.valid {
+            self.fail(Reason::InvalidAttitude);
         }
         self.watch(now);
     }
@@ -373,9 +376,9 @@ impl Supervisor {
     fn ready(&self, now: Micros) -> Result<(), Refusal> {
         if !self.sensor_is_healthy() {
             Err(Refusal::Sensor)
-        } else if !self.health.settled {
+        } else if !self.health.valid || !self.health.settled {
             Err(Refusal::Settling)
-        } else if !(self.health.cos_tilt >= COS_ARM_TILT) {
+        } else if self.health.cos_tilt < COS_ARM_TILT {
             Err(Refusal::Tilt)
         } else if self.host_is_silent(now) {
             Err(Refusal::HostSilent)
@@ -387,11 +390,13 @@ impl Supervisor {
     /// Whether the cause of a failsafe is still there. No failsafe ends without a healthy sensor.
     fn persists(&self, now: Micros, reason: Reason) -> bool {
         !self.sensor_is_healthy()
-            || self.health.cos_tilt.is_nan()
+            || !self.health.valid
             || match reason {
                 Reason::Tilt => self.health.cos_tilt < COS_FAILSAFE_TILT,
                 Reason::HostSilent => self.host_is_silent(now),
-                Reason::Sensor(_) | Reason::StaleData | Reason::NotANumber => !self.health.settled,
+                Reason::Sensor(_) | Reason::StaleData | Reason::InvalidAttitude => {
+                    !self.health.settled
+                }
             }
     }
 

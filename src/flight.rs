@@ -9,7 +9,7 @@ use bno055_driver::{Micros, RawSample, SensorFault};
 use tvc_fusion::{Attitude, Config, ConfigError, Estimator, Mahony, MahonyGains};
 use tvc_pid::Pd;
 
-use crate::config::{CONTROL_PERIOD_US, ESTIMATOR_GAP_US, FIELD_REPEATS};
+use crate::config::{CONTROL_PERIOD_US, ESTIMATOR_GAP_US, FIELD_REPEATS, UNIT_TOLERANCE};
 use crate::failsafe::{BootReport, Command, Health, Refusal, State, Supervisor};
 use crate::mount::Mount;
 use crate::params::{Change, Info, ParamError, Params};
@@ -89,8 +89,12 @@ impl Flight {
         match reading {
             Ok((raw, dt_s)) => {
                 let attitude = self.estimate(&raw, dt_s);
-                self.supervisor.sample(now, &raw, health(&attitude));
+                let health = health(&attitude);
+                self.supervisor.sample(now, &raw, health);
                 self.control(&attitude, dt_s);
+                if !health.valid {
+                    self.restart_estimator();
+                }
             }
             Err(fault) => {
                 self.supervisor.miss(now, fault);
@@ -255,8 +259,14 @@ fn estimator_config(params: &Params) -> Config<MahonyGains> {
 }
 
 fn health(attitude: &Attitude) -> Health {
+    let q = &attitude.orientation;
+    let norm2 = q.w * q.w + q.x * q.x + q.y * q.y + q.z * q.z;
     Health {
-        cos_tilt: 2.0 * attitude.orientation.half_down().z,
+        valid: (norm2 - 1.0).abs() < UNIT_TOLERANCE,
         settled: attitude.flags.initialised,
+        cos_tilt: 2.0 * q.half_down().z,
     }
 }
+
+#[cfg(test)]
+pub(crate) mod tests;

@@ -60,7 +60,7 @@ pub enum Change {
 }
 
 /// One row of the table.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Info {
     /// Name, at most 16 ASCII characters.
     pub name: &'static str,

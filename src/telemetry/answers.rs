@@ -155,7 +155,6 @@ impl Telemetry {
             MavCmd::MAV_CMD_COMPONENT_ARM_DISARM | MavCmd::MAV_CMD_DO_GRIPPER => {
                 MavResult::MAV_RESULT_DENIED
             }
-            MavCmd::MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES => self.version(),
             MavCmd::MAV_CMD_REQUEST_MESSAGE
                 if request.param1 == AUTOPILOT_VERSION_DATA::ID as f32 =>
             {

@@ -1,1 +1,644 @@
+//! Frames against pymavlink 2.4.50 byte by byte, and conversations against the `mavlink` crate's own parser.
 
+use std::string::{String, ToString};
+use std::vec::Vec;
+
+use mavlink::dialects::common::*;
+use mavlink::{MavlinkReader, MavlinkVersion};
+use proptest::prelude::*;
+
+use super::*;
+use crate::failsafe::{BootReport, Command, Crash, Reason};
+use crate::flight::Outputs;
+use crate::flight::tests::{Desk, reading};
+use crate::params::Params;
+use crate::servo::PulseUs;
+use bno055_driver::{RawSample, SensorFault};
+use tvc_fusion::{Attitude, Flags, Quaternion, Vector3};
+
+fn hex(text: &str) -> Vec<u8> {
+    (0..text.len())
+        .step_by(2)
+        .map(|at| u8::from_str_radix(&text[at..at + 2], 16).unwrap())
+        .collect()
+}
+
+/// Take everything that waits, as the `mavlink` crate reads it; sequence numbers must have no holes.
+fn take(telemetry: &mut Telemetry) -> Vec<MavMessage> {
+    let bytes = telemetry.pending().to_vec();
+    telemetry.sent(bytes.len());
+    let mut reader = MavlinkReader::new(&bytes[..]);
+    let mut messages = Vec::new();
+    let mut last = None;
+    while let Ok((header, message)) = reader.read_message::<MavMessage>(MavlinkVersion::V2) {
+        assert_eq!((header.system_id, header.component_id), (1, 1));
+        if let Some(last) = last.replace(header.sequence) {
+            assert_eq!(header.sequence, u8::wrapping_add(last, 1));
+        }
+        messages.push(message);
+    }
+    messages
+}
+
+fn texts(messages: &[MavMessage]) -> Vec<String> {
+    messages
+        .iter()
+        .filter_map(|message| match message {
+            MavMessage::STATUSTEXT(text) => Some(text.text.to_str().unwrap().to_string()),
+            _ => None,
+        })
+        .collect()
+}
+
+fn acks(messages: &[MavMessage]) -> Vec<(MavCmd, MavResult)> {
+    messages
+        .iter()
+        .filter_map(|message| match message {
+            MavMessage::COMMAND_ACK(ack) => Some((ack.command, ack.result)),
+            _ => None,
+        })
+        .collect()
+}
+
+fn values(messages: &[MavMessage]) -> Vec<(String, f32)> {
+    messages
+        .iter()
+        .filter_map(|message| match message {
+            MavMessage::PARAM_VALUE(p) => {
+                Some((p.param_id.to_str().unwrap().to_string(), p.param_value))
+            }
+            _ => None,
+        })
+        .collect()
+}
+
+fn count(messages: &[MavMessage], id: u32) -> usize {
+    messages
+        .iter()
+        .filter(|message| mavlink::Message::message_id(*message) == id)
+        .count()
+}
+
+/// A frame from a ground station.
+fn from_host<D: MessageData>(data: &D) -> Vec<u8> {
+    let mut raw = mavlink::MAVLinkV2MessageRaw::new();
+    let header = mavlink::MavHeader {
+        system_id: 255,
+        component_id: 190,
+        sequence: 0,
+    };
+    raw.serialize_message_data(header, data);
+    raw.raw_bytes().to_vec()
+}
+
+fn order(command: MavCmd, param1: f32, param2: f32) -> Vec<u8> {
+    from_host(&COMMAND_LONG_DATA {
+        command,
+        param1,
+        param2,
+        target_system: 1,
+        target_component: 1,
+        ..COMMAND_LONG_DATA::DEFAULT
+    })
+}
+
+fn set(name: &str, value: f32) -> Vec<u8> {
+    from_host(&PARAM_SET_DATA {
+        param_value: value,
+        target_system: 1,
+        target_component: 1,
+        param_id: name.into(),
+        param_type: MavParamType::MAV_PARAM_TYPE_REAL32,
+    })
+}
+
+/// A flight and its link.
+struct Link {
+    desk: Desk,
+    telemetry: Telemetry,
+}
+
+impl Link {
+    fn new(desk: Desk) -> Self {
+        let mut link = Self {
+            desk,
+            telemetry: Telemetry::new(),
+        };
+        link.record_step();
+        take(&mut link.telemetry);
+        link
+    }
+
+    fn record(&mut self, outputs: &Outputs) {
+        self.telemetry.record(
+            &outputs.snapshot,
+            &self.desk.flight,
+            &BoardStatus::default(),
+        );
+    }
+
+    fn record_step(&mut self) {
+        let outputs = self.desk.step();
+        self.record(&outputs);
+    }
+
+    /// The host says something, and gets this back at once.
+    fn tell(&mut self, bytes: &[u8]) -> Vec<MavMessage> {
+        let now = Micros(self.desk.now_us);
+        self.telemetry.receive(now, bytes, &mut self.desk.flight);
+        take(&mut self.telemetry)
+    }
+}
+
+/// The snapshot that the golden frames show.
+fn golden_snapshot() -> Snapshot {
+    Snapshot {
+        now: Micros(1_240_001),
+        sample: Some(RawSample {
+            time: Micros(1_234_567),
+            acc: [1, -2, -981],
+            gyr: [16, -32, 48],
+            mag: [800, -16, 0x1234],
+        }),
+        attitude: Attitude {
+            orientation: Quaternion {
+                w: 0.5,
+                x: -0.5,
+                y: 0.5,
+                z: -0.5,
+            },
+            rate: Vector3::new(0.25, -1.5, 0.125),
+            bias: Vector3::zeros(),
+            flags: Flags {
+                initialised: true,
+                ..Flags::default()
+            },
+        },
+        crank_rad: 0.0,
+        pulse: PulseUs(1524),
+        state: State::Active {
+            over_tilt_since: None,
+        },
+        sensor_healthy: true,
+        missed: 5,
+    }
+}
+
+/// Made with pymavlink 2.4.50, MAVLINK20=1, dialect common, source 1/1:
+/// `MAVLink_heartbeat_message(9, 0, 128|16|1, 4, 4, 3)`, `MAVLink_statustext_message(6, b"active")`,
+/// `MAVLink_attitude_quaternion_message(1234, .5, -.5, .5, -.5, .25, -1.5, .125)`,
+/// `MAVLink_servo_output_raw_message(1240001, 0, 1524, 0, 0, 0, 0, 0, 0, 0)`,
+/// `MAVLink_raw_imu_message(1234567, 1, -2, -981, 16, -32, 48, 800, -16, 0x1234)`, sequence 0 to 4.
+const GOLDEN_STEP: [&str; 5] = [
+    "fd0900000001010000000400000009009104034ba5",
+    "fd070000010101fd000006616374697665d81a",
+    "fd2000000201011f0000d20400000000003f000000bf0000003f000000bf0000803e0000c0bf0000003ee228",
+    "fd060000030101240000c1eb1200f40531d3",
+    "fd1a00000401011b000087d61200000000000100feff2bfc1000e0ff30002003f0ff3412d3ca",
+];
+
+/// `MAVLink_sys_status_message(0x200807, 0x200807, 0x200807, 123, 65535, -1, -1, 0, 0, 0, 5, 6, 7)`, sequence 6.
+const GOLDEN_SYS_STATUS: &str =
+    "fd1f00000601010100000708200007082000070820007b00ffffffff000000000000050006000700ff831e";
+
+#[test]
+fn a_step_is_byte_for_byte_what_pymavlink_sends() {
+    let flight = Flight::new(Params::default(), BootReport::default()).unwrap();
+    let mut telemetry = Telemetry::new();
+    let board = BoardStatus {
+        load_permille: 123,
+        bus_errors: 6,
+        bus_recoveries: 7,
+    };
+    telemetry.record(&golden_snapshot(), &flight, &board);
+    let golden = hex(&GOLDEN_STEP.concat());
+    let (step, rest) = telemetry.pending().split_at(golden.len());
+    assert_eq!(step, golden);
+    // The periodic heartbeat, then the system status.
+    assert_eq!(rest[21..], hex(GOLDEN_SYS_STATUS));
+}
+
+/// From pymavlink, source 255/190, sequence 7: `MAVLink_command_long_message(1, 1, 400, 0, 1, 0, 0, 0, 0, 0, 0)` as
+/// MAVLink 2, as MAVLink 1, and as MAVLink 2 with a signature (key `bytes(range(32))`, time 1000, link 1).
+const ARM_V2: &str =
+    "fd20000007ffbe4c00000000803f0000000000000000000000000000000000000000000000009001010105b2";
+const ARM_V1: &str =
+    "fe2107ffbe4c0000803f00000000000000000000000000000000000000000000000090010101007246";
+const ARM_SIGNED: &str = "fd20010007ffbe4c00000000803f00000000000000000000000000000000000000000000000090010101d22c01e803000000000ca13aa46c66";
+
+#[test]
+fn arms_by_either_version_of_the_protocol_signed_or_not() {
+    for frame in [ARM_V2, ARM_V1, ARM_SIGNED] {
+        let mut link = Link::new(Desk::in_standby(0.1));
+        let answer = link.tell(&hex(frame));
+        let accepted = (
+            MavCmd::MAV_CMD_COMPONENT_ARM_DISARM,
+            MavResult::MAV_RESULT_ACCEPTED,
+        );
+        assert_eq!(acks(&answer), [accepted], "{frame}");
+        assert_eq!(texts(&answer), ["armed"]);
+        assert_eq!(link.desk.flight.state(), State::Armed);
+    }
+}
+
+/// From pymavlink, sequence 5: `MAVLink_command_ack_message(31999, 3)`, the answer to
+/// `MAVLink_command_long_message(1, 1, 31999, 0, 1, 0, 0, 0, 0, 0, 0)`, which is in no dialect.
+#[test]
+fn an_unheard_of_command_is_answered_with_its_own_number() {
+    let mut link = Link::new(Desk::in_standby(0.1));
+    link.telemetry.sequence = 5;
+    let unknown =
+        "fd2000000cffbe4c00000000803f000000000000000000000000000000000000000000000000ff7c0101e030";
+    link.telemetry
+        .receive(Micros(0), &hex(unknown), &mut link.desk.flight);
+    assert_eq!(
+        link.telemetry.pending(),
+        hex("fd0300000501014d0000ff7c036d31")
+    );
+}
+
+/// From pymavlink: `MAVLink_param_set_message(1, 1, b"PID_KP", 1.6, 9)` and, sequence 5, the answer
+/// `MAVLink_param_value_message(b"PID_KP", 1.6, 9, 16, 0)`.
+#[test]
+fn a_parameter_set_is_echoed_byte_for_byte() {
+    let mut link = Link::new(Desk::in_standby(0.1));
+    link.telemetry.sequence = 5;
+    let request = "fd17000009ffbe170000cdcccc3f01015049445f4b5000000000000000000000095e4e";
+    link.telemetry
+        .receive(Micros(0), &hex(request), &mut link.desk.flight);
+    let answer = "fd190000050101160000cdcccc3f100000005049445f4b5000000000000000000000098a3d";
+    assert_eq!(link.telemetry.pending(), hex(answer));
+    assert_eq!(link.desk.flight.params().pid_kp(), 1.6);
+}
+
+#[test]
+fn every_step_gives_one_attitude_one_servo_and_with_a_sample_one_raw_message() {
+    let mut link = Link::new(Desk::in_standby(0.1));
+    for _ in 0..10 {
+        let time = link.desk.now_us;
+        link.record_step();
+        let messages = take(&mut link.telemetry);
+        for id in [
+            ATTITUDE_QUATERNION_DATA::ID,
+            SERVO_OUTPUT_RAW_DATA::ID,
+            RAW_IMU_DATA::ID,
+        ] {
+            assert_eq!(count(&messages, id), 1);
+        }
+        let expected = reading(time, 0.1, 0.0);
+        let found = messages.iter().find_map(|message| match message {
+            MavMessage::RAW_IMU(raw) => Some((
+                raw.time_usec,
+                [raw.xacc, raw.yacc, raw.zacc],
+                [raw.xmag, raw.ymag, raw.zmag],
+            )),
+            _ => None,
+        });
+        assert_eq!(found, Some((time, expected.acc, expected.mag)));
+    }
+    let outputs = link.desk.step_with(Err(SensorFault::Late));
+    link.record(&outputs);
+    let messages = take(&mut link.telemetry);
+    assert_eq!(count(&messages, ATTITUDE_QUATERNION_DATA::ID), 1);
+    assert_eq!(count(&messages, SERVO_OUTPUT_RAW_DATA::ID), 1);
+    assert_eq!(count(&messages, RAW_IMU_DATA::ID), 0);
+}
+
+#[test]
+fn heartbeat_and_status_come_once_a_second() {
+    let mut link = Link::new(Desk::in_standby(0.1));
+    let mut messages = Vec::new();
+    for _ in 0..1000 {
+        link.record_step();
+        messages.extend(take(&mut link.telemetry));
+    }
+    assert_eq!(count(&messages, HEARTBEAT_DATA::ID), 10);
+    assert_eq!(count(&messages, SYS_STATUS_DATA::ID), 10);
+    assert_eq!(link.telemetry.dropped(), 0);
+}
+
+#[test]
+fn the_operator_flies_it_by_messages_alone() {
+    let mut link = Link::new(Desk::in_standby(0.1));
+    let (arm, gripper) = (
+        MavCmd::MAV_CMD_COMPONENT_ARM_DISARM,
+        MavCmd::MAV_CMD_DO_GRIPPER,
+    );
+    let accepted = MavResult::MAV_RESULT_ACCEPTED;
+    assert_eq!(acks(&link.tell(&order(arm, 1.0, 0.0))), [(arm, accepted)]);
+    assert_eq!(
+        acks(&link.tell(&order(gripper, 1.0, 0.0))),
+        [(gripper, accepted)]
+    );
+    assert!(link.desk.flight.state().is_active());
+    assert_eq!(acks(&link.tell(&order(arm, 0.0, 0.0))), [(arm, accepted)]);
+    assert_eq!(link.desk.flight.state(), State::Standby);
+}
+
+#[test]
+fn a_refusal_says_why() {
+    let mut link = Link::new(Desk::in_standby(55.0_f64.to_radians()));
+    let arm = MavCmd::MAV_CMD_COMPONENT_ARM_DISARM;
+    let answer = link.tell(&order(arm, 1.0, 0.0));
+    assert_eq!(
+        acks(&answer),
+        [(arm, MavResult::MAV_RESULT_TEMPORARILY_REJECTED)]
+    );
+    assert_eq!(texts(&answer), ["arm refused: tilt beyond 50 deg"]);
+    let answer = link.tell(&order(MavCmd::MAV_CMD_DO_GRIPPER, 1.0, 0.0));
+    assert_eq!(texts(&answer), ["release refused: in standby"]);
+}
+
+#[test]
+fn bad_arguments_are_denied_and_other_commands_unsupported() {
+    let mut link = Link::new(Desk::in_standby(0.1));
+    let (arm, gripper) = (
+        MavCmd::MAV_CMD_COMPONENT_ARM_DISARM,
+        MavCmd::MAV_CMD_DO_GRIPPER,
+    );
+    for (command, param1, param2, result) in [
+        (arm, 0.5, 0.0, MavResult::MAV_RESULT_DENIED),
+        (arm, f32::NAN, 0.0, MavResult::MAV_RESULT_DENIED),
+        (gripper, 1.0, 1.0, MavResult::MAV_RESULT_DENIED),
+        (
+            MavCmd::MAV_CMD_NAV_TAKEOFF,
+            0.0,
+            0.0,
+            MavResult::MAV_RESULT_UNSUPPORTED,
+        ),
+        (
+            MavCmd::MAV_CMD_REQUEST_MESSAGE,
+            30.0,
+            0.0,
+            MavResult::MAV_RESULT_UNSUPPORTED,
+        ),
+        (
+            MavCmd::MAV_CMD_REQUEST_MESSAGE,
+            148.0,
+            0.0,
+            MavResult::MAV_RESULT_ACCEPTED,
+        ),
+    ] {
+        let answer = link.tell(&order(command, param1, param2));
+        assert_eq!(acks(&answer), [(command, result)]);
+    }
+    assert_eq!(link.desk.flight.state(), State::Standby);
+}
+
+#[test]
+fn a_message_for_another_vehicle_is_not_ours() {
+    let mut link = Link::new(Desk::in_standby(0.1));
+    for (target_system, target_component, ours) in [(2, 1, false), (1, 7, false), (0, 0, true)] {
+        let frame = from_host(&COMMAND_LONG_DATA {
+            command: MavCmd::MAV_CMD_COMPONENT_ARM_DISARM,
+            param1: 1.0,
+            target_system,
+            target_component,
+            ..COMMAND_LONG_DATA::DEFAULT
+        });
+        assert_eq!(link.tell(&frame).is_empty(), !ours);
+    }
+    assert_eq!(link.desk.flight.state(), State::Armed);
+}
+
+#[test]
+fn the_parameter_list_comes_complete_in_order_and_one_a_step() {
+    let mut link = Link::new(Desk::in_standby(0.1));
+    let request = from_host(&PARAM_REQUEST_LIST_DATA {
+        target_system: 1,
+        target_component: 1,
+    });
+    assert!(link.tell(&request).is_empty());
+    let mut seen = Vec::new();
+    for _ in 0..Params::count() + 5 {
+        link.record_step();
+        let found = values(&take(&mut link.telemetry));
+        assert!(found.len() <= 1);
+        seen.extend(found);
+    }
+    let expected: Vec<_> = crate::params::TABLE
+        .iter()
+        .map(|info| (info.name.to_string(), info.default))
+        .collect();
+    assert_eq!(seen, expected);
+}
+
+#[test]
+fn a_parameter_out_of_range_is_refused_in_words_and_the_old_value_told() {
+    let mut link = Link::new(Desk::in_standby(0.1));
+    let answer = link.tell(&set("PID_KP", 11.0));
+    assert_eq!(texts(&answer), ["PID_KP must be 0 to 10"]);
+    assert_eq!(values(&answer), [("PID_KP".to_string(), 1.0)]);
+    let answer = link.tell(&set("NO_SUCH_NAME_AT_A", 1.0));
+    assert_eq!(texts(&answer), ["no such parameter"]);
+    link.tell(&order(MavCmd::MAV_CMD_COMPONENT_ARM_DISARM, 1.0, 0.0));
+    let answer = link.tell(&set("SRV_RATE_HZ", 100.0));
+    assert_eq!(texts(&answer), ["SRV_RATE_HZ: disarm first"]);
+    assert_eq!(values(&answer), [("SRV_RATE_HZ".to_string(), 50.0)]);
+}
+
+#[test]
+fn a_parameter_is_read_by_name_or_index() {
+    let mut link = Link::new(Desk::in_standby(0.1));
+    let read = |param_index, name: &str| {
+        from_host(&PARAM_REQUEST_READ_DATA {
+            param_index,
+            target_system: 1,
+            target_component: 1,
+            param_id: name.into(),
+        })
+    };
+    let rate = ("SRV_RATE_HZ".to_string(), 50.0);
+    assert_eq!(values(&link.tell(&read(-1, "SRV_RATE_HZ"))), [rate]);
+    assert_eq!(
+        values(&link.tell(&read(0, ""))),
+        [("PID_KP".to_string(), 1.0)]
+    );
+    assert_eq!(texts(&link.tell(&read(99, ""))), ["no such parameter"]);
+    assert_eq!(
+        texts(&link.tell(&read(-1, "PID_KQ"))),
+        ["no such parameter"]
+    );
+}
+
+#[test]
+fn changes_of_state_are_told_at_once_with_their_reason() {
+    let mut link = Link::new(Desk::in_standby(0.1));
+    link.desk
+        .flight
+        .command(Micros(link.desk.now_us), Command::Arm)
+        .unwrap();
+    link.record_step();
+    let messages = take(&mut link.telemetry);
+    assert_eq!(texts(&messages), ["armed"]);
+    assert_eq!(count(&messages, HEARTBEAT_DATA::ID), 1);
+    for _ in 0..6 {
+        let outputs = link.desk.step_with(Err(SensorFault::Nak));
+        link.record(&outputs);
+    }
+    let messages = take(&mut link.telemetry);
+    assert_eq!(texts(&messages), ["failsafe: IMU does not answer"]);
+    assert!(messages.iter().any(|message| matches!(
+        message,
+        MavMessage::HEARTBEAT(HEARTBEAT_DATA {
+            custom_mode: 0x105,
+            system_status: MavState::MAV_STATE_CRITICAL,
+            ..
+        })
+    )));
+}
+
+#[test]
+fn every_state_and_reason_has_its_own_number_and_fits_the_line() {
+    let states = [
+        State::Boot,
+        State::Standby,
+        State::Armed,
+        State::Active {
+            over_tilt_since: None,
+        },
+        State::Failsafe(Reason::Sensor(SensorFault::DeadSensor {
+            register: 1,
+            found: 0xFF,
+        })),
+        State::Failsafe(Reason::StaleData),
+        State::Failsafe(Reason::InvalidAttitude),
+        State::Failsafe(Reason::Tilt),
+        State::Failsafe(Reason::HostSilent),
+        State::Latched(Crash::Watchdog),
+        State::Latched(Crash::BrownOut),
+        State::Latched(Crash::Panic { line: u32::MAX }),
+        State::Latched(Crash::HardFault { pc: u32::MAX }),
+    ];
+    let mut codes: Vec<_> = states.iter().map(State::code).collect();
+    codes.sort_unstable();
+    codes.dedup();
+    assert_eq!(codes.len(), states.len());
+    for state in states {
+        assert!(state.to_string().len() <= 50, "{state}");
+    }
+}
+
+#[test]
+fn a_silent_host_costs_whole_frames_and_the_host_can_count_them() {
+    let mut link = Link::new(Desk::in_standby(0.1));
+    for _ in 0..100 {
+        link.record_step();
+    }
+    let dropped = link.telemetry.dropped();
+    assert!(dropped > 0);
+    // Events still find room.
+    link.telemetry.receive(
+        Micros(link.desk.now_us),
+        &order(MavCmd::MAV_CMD_COMPONENT_ARM_DISARM, 1.0, 0.0),
+        &mut link.desk.flight,
+    );
+    let bytes = link.telemetry.pending().to_vec();
+    link.telemetry.sent(bytes.len());
+    let mut reader = MavlinkReader::new(&bytes[..]);
+    let (mut frames, mut lost, mut last) = (0, 0, None);
+    let mut armed = false;
+    while let Ok((header, message)) = reader.read_message::<MavMessage>(MavlinkVersion::V2) {
+        if let Some(last) = last.replace(header.sequence) {
+            lost += u32::from(header.sequence.wrapping_sub(last).wrapping_sub(1));
+        }
+        armed |= texts(&[message]) == ["armed"];
+        frames += 1;
+    }
+    assert!(armed && frames > 30);
+    // The host sees the losses modulo 256.
+    assert_eq!(lost % 256, dropped % 256);
+}
+
+#[test]
+fn ten_milliseconds_of_silence_and_a_parameter_list_lose_nothing() {
+    let mut link = Link::new(Desk::in_standby(0.1));
+    link.tell(&from_host(&PARAM_REQUEST_LIST_DATA {
+        target_system: 1,
+        target_component: 1,
+    }));
+    for _ in 0..8 {
+        link.record_step();
+    }
+    assert_eq!(link.telemetry.dropped(), 0);
+}
+
+#[test]
+fn time_is_synchronised_on_request() {
+    let mut link = Link::new(Desk::in_standby(0.1));
+    let now = link.desk.now_us as i64;
+    let answer = link.tell(&from_host(&TIMESYNC_DATA { tc1: 0, ts1: 77 }));
+    assert_eq!(
+        answer,
+        [MavMessage::TIMESYNC(TIMESYNC_DATA {
+            tc1: now * 1000,
+            ts1: 77
+        })]
+    );
+    assert!(
+        link.tell(&from_host(&TIMESYNC_DATA { tc1: 5, ts1: 77 }))
+            .is_empty()
+    );
+}
+
+#[test]
+fn a_heartbeat_of_the_host_counts() {
+    let mut link = Link::new(Desk::in_standby(0.1));
+    link.tell(&set("FS_HOST", 1.0));
+    let arm = order(MavCmd::MAV_CMD_COMPONENT_ARM_DISARM, 1.0, 0.0);
+    assert_eq!(texts(&link.tell(&arm)), ["arm refused: no host heartbeat"]);
+    link.tell(&from_host(&HEARTBEAT_DATA::DEFAULT));
+    assert_eq!(texts(&link.tell(&arm)), ["armed"]);
+}
+
+#[test]
+fn a_corrupt_frame_is_counted_and_does_nothing() {
+    let mut link = Link::new(Desk::in_standby(0.1));
+    let mut frame = hex(ARM_V2);
+    frame[12] ^= 0x40;
+    assert!(link.tell(&frame).is_empty());
+    assert_eq!(link.telemetry.parser.crc_errors(), 1);
+    assert_eq!(texts(&link.tell(&hex(ARM_V2))), ["armed"]);
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(128))]
+
+    /// No noise can hide a command for longer than the longest frame that noise may pretend to begin, and nothing panics.
+    #[test]
+    fn a_command_gets_through_any_noise(
+        noise in prop::collection::vec(prop_oneof![any::<u8>(), Just(0xFD), Just(0xFE)], 0..300),
+        pieces in prop::collection::vec(1_usize..40, 1..40),
+    ) {
+        let mut link = Link::new(Desk::in_standby(0.1));
+        let mut bytes = noise;
+        bytes.extend(hex(ARM_V2));
+        bytes.extend([0; 80]);
+        let mut rest = &bytes[..];
+        for piece in pieces.into_iter().cycle() {
+            let (now, later) = rest.split_at(piece.min(rest.len()));
+            link.tell(now);
+            rest = later;
+            if rest.is_empty() {
+                break;
+            }
+        }
+        prop_assert_eq!(link.desk.flight.state(), State::Armed);
+    }
+
+    /// Any message of interest with any payload is harmless.
+    #[test]
+    fn any_payload_is_harmless(
+        id in prop_oneof![Just(0_u32), Just(20), Just(21), Just(23), Just(76), Just(111)],
+        payload in prop::collection::vec(any::<u8>(), 0..40),
+    ) {
+        let mut link = Link::new(Desk::in_standby(0.1));
+        let extra = <MavMessage as mavlink::Message>::extra_crc(id);
+        let mut frame = std::vec![0xFD, payload.len() as u8, 0, 0, 0, 255, 190, id as u8, 0, 0];
+        frame.extend(&payload);
+        let crc = mavlink::calculate_crc(&frame[1..], extra);
+        frame.extend(crc.to_le_bytes());
+        link.tell(&frame);
+        prop_assert!(link.telemetry.parser.crc_errors() == 0);
+    }
+}

@@ -1,0 +1,522 @@
+//! The flight on a desk: a rigid body on a pivot, a servo with a lag, and a sensor that says what it should.
+
+use std::vec::Vec;
+
+use proptest::prelude::*;
+
+use super::*;
+use crate::failsafe::{Crash, Reason};
+use tvc_fusion::Quaternion;
+
+const PERIOD_US: u64 = 10_000;
+const NEUTRAL: PulseUs = PulseUs(1524);
+
+/// What a sensor at rest on a body pitched by `pitch_rad` reads, turning at `rate_rad_s`: gravity of 9.81 m/s2, a field of
+/// 17 uT north and 47 uT down.
+pub(crate) fn reading(time_us: u64, pitch_rad: f64, rate_rad_s: f64) -> RawSample {
+    let (sin, cos) = pitch_rad.sin_cos();
+    let counts = |value: f64| value.round() as i16;
+    RawSample {
+        time: Micros(time_us),
+        acc: [counts(981.0 * sin), 0, counts(-981.0 * cos)],
+        gyr: [0, counts(rate_rad_s.to_degrees() * 16.0), 0],
+        mag: [
+            counts(16.0 * (17.0 * cos - 47.0 * sin)),
+            0,
+            counts(16.0 * (17.0 * sin + 47.0 * cos)),
+        ],
+    }
+}
+
+/// The pivot: `pitch'' = -31.6 servo` (plant.md section 2, derived), the servo a lag of 40 ms at 5.5 rad/s.
+pub(crate) struct Desk {
+    pub(crate) flight: Flight,
+    pub(crate) now_us: u64,
+    pub(crate) pitch: f64,
+    pub(crate) rate: f64,
+    servo: f64,
+    free: bool,
+    /// Every step's input, to play again.
+    inputs: Vec<(Micros, Result<RawSample, SensorFault>)>,
+}
+
+impl Desk {
+    pub(crate) fn new(pitch: f64) -> Self {
+        Self::with(pitch, Params::default(), BootReport::default())
+    }
+
+    fn with(pitch: f64, params: Params, report: BootReport) -> Self {
+        Self {
+            flight: Flight::new(params, report).unwrap(),
+            now_us: 0,
+            pitch,
+            rate: 0.0,
+            servo: 0.0,
+            free: false,
+            inputs: Vec::new(),
+        }
+    }
+
+    /// A desk that has passed its self-test.
+    pub(crate) fn in_standby(pitch: f64) -> Self {
+        let mut desk = Self::new(pitch);
+        desk.run(130);
+        assert_eq!(desk.flight.state(), State::Standby);
+        desk
+    }
+
+    fn active(pitch: f64) -> Self {
+        let mut desk = Self::in_standby(pitch);
+        desk.command(Command::Arm).unwrap();
+        desk.run(10);
+        desk.release();
+        desk
+    }
+
+    fn release(&mut self) {
+        self.command(Command::Release).unwrap();
+        self.free = true;
+        self.rate = 0.2;
+    }
+
+    fn command(&mut self, command: Command) -> Result<(), Refusal> {
+        self.flight.command(Micros(self.now_us), command)
+    }
+
+    pub(crate) fn step_with(&mut self, reading: Result<RawSample, SensorFault>) -> Outputs {
+        self.inputs.push((Micros(self.now_us), reading));
+        let outputs = self.flight.step(Micros(self.now_us), reading);
+        self.advance(((f64::from(outputs.pulse.0) - 1523.6) / 10.0).to_radians());
+        outputs
+    }
+
+    pub(crate) fn step(&mut self) -> Outputs {
+        let sample = reading(self.now_us, self.pitch, self.rate);
+        self.step_with(Ok(sample))
+    }
+
+    pub(crate) fn run(&mut self, steps: usize) -> Outputs {
+        (0..steps).map(|_| self.step()).last().unwrap()
+    }
+
+    fn advance(&mut self, commanded: f64) {
+        self.now_us += PERIOD_US;
+        let dt = 1e-4;
+        for _ in 0..100 {
+            let speed = ((commanded - self.servo) / 0.04).clamp(-5.5, 5.5);
+            self.servo += speed * dt;
+            if self.free {
+                self.rate -= 31.6 * self.servo * dt;
+                self.pitch += self.rate * dt;
+            }
+        }
+    }
+}
+
+#[test]
+fn from_boot_to_upright() {
+    for start in [0.2, 0.4, 0.8, -0.8] {
+        let mut desk = Desk::new(start);
+        let mut states = Vec::new();
+        for _ in 0..130 {
+            let outputs = desk.step();
+            assert_eq!(outputs.pulse, NEUTRAL);
+            let code = outputs.snapshot.state.code();
+            if states.last() != Some(&code) {
+                states.push(code);
+            }
+        }
+        assert_eq!(states, [1, 2], "self-test, standby");
+        desk.command(Command::Arm).unwrap();
+        assert_eq!(desk.run(20).pulse, NEUTRAL);
+        desk.release();
+        let mut furthest: f64 = 0.0;
+        for _ in 0..200 {
+            desk.step();
+            furthest = furthest.min(desk.pitch * start.signum());
+        }
+        assert!(desk.pitch.abs() < 0.02, "{start}: ends at {}", desk.pitch);
+        assert!(
+            furthest > -0.05 * start.abs() - 0.01,
+            "{start}: overshoots to {furthest}"
+        );
+    }
+}
+
+#[test]
+fn a_positive_pitch_asks_for_a_longer_pulse() {
+    let mut desk = Desk::active(0.4);
+    desk.rate = 0.0;
+    let outputs = desk.run(10);
+    assert!(outputs.pulse > NEUTRAL && outputs.snapshot.crank_rad > 0.2);
+}
+
+#[test]
+fn the_same_inputs_give_the_same_bits() {
+    let mut desk = Desk::active(0.8);
+    desk.run(20);
+    desk.step_with(Err(SensorFault::Late));
+    desk.run(50);
+    let bits = |flight: &Flight| {
+        let q = flight.attitude().orientation;
+        [q.w, q.x, q.y, q.z].map(f32::to_bits)
+    };
+    let mut replay = Flight::new(Params::default(), BootReport::default()).unwrap();
+    for (now, reading) in &desk.inputs {
+        replay.step(*now, *reading);
+    }
+    assert_eq!(bits(&replay), bits(&desk.flight));
+}
+
+#[test]
+fn up_to_thirty_milliseconds_without_samples_hold_the_last_command() {
+    let mut desk = Desk::active(0.4);
+    let held = desk.run(5).pulse;
+    assert_ne!(held, NEUTRAL);
+    for missed in 1..=3 {
+        let outputs = desk.step_with(Err(SensorFault::Timeout));
+        assert_eq!(outputs.pulse, held);
+        assert!(outputs.snapshot.state.is_active() && !outputs.snapshot.sensor_healthy);
+        assert_eq!(outputs.snapshot.missed, missed);
+    }
+    assert!(desk.run(5).snapshot.sensor_healthy);
+}
+
+#[test]
+fn every_sensor_fault_commands_neutral_in_time_and_leads_back_only_to_standby() {
+    for fault in [
+        SensorFault::Nak,
+        SensorFault::Timeout,
+        SensorFault::Stuck,
+        SensorFault::Arbitration,
+        SensorFault::Protocol,
+        SensorFault::Reset,
+        SensorFault::AllOnes,
+        SensorFault::Frozen,
+        SensorFault::Implausible,
+        SensorFault::Torn,
+        SensorFault::Late,
+        SensorFault::Booting,
+    ] {
+        let mut desk = Desk::active(0.4);
+        desk.run(5);
+        let since = desk.now_us;
+        while desk.step_with(Err(fault)).pulse != NEUTRAL {
+            assert!(desk.now_us - since <= 60_000, "{fault:?}");
+        }
+        let reason = Reason::Sensor(fault);
+        assert_eq!(desk.flight.state(), State::Failsafe(reason));
+        assert_eq!(
+            desk.command(Command::Release),
+            Err(Refusal::WrongState(desk.flight.state()))
+        );
+        assert_eq!(
+            desk.command(Command::Arm),
+            Err(Refusal::WrongState(desk.flight.state()))
+        );
+        assert_eq!(
+            desk.command(Command::Disarm),
+            Err(Refusal::FaultPersists(reason))
+        );
+
+        desk.free = false;
+        (desk.pitch, desk.rate) = (0.3, 0.0);
+        assert_eq!(desk.run(4).pulse, NEUTRAL);
+        assert_eq!(
+            desk.command(Command::Disarm),
+            Err(Refusal::FaultPersists(reason))
+        );
+        desk.run(1);
+        assert_eq!(
+            desk.flight.state(),
+            State::Failsafe(reason),
+            "never by itself"
+        );
+        desk.command(Command::Disarm).unwrap();
+        assert_eq!(desk.flight.state(), State::Standby);
+    }
+}
+
+#[test]
+fn after_a_long_loss_the_attitude_starts_over_before_arming() {
+    let mut desk = Desk::active(0.4);
+    for _ in 0..200 {
+        desk.step_with(Err(SensorFault::Nak));
+    }
+    desk.free = false;
+    (desk.pitch, desk.rate) = (-0.5, 0.0);
+    let pitch = desk.run(10).snapshot.attitude.orientation.pitch();
+    assert!((pitch + 0.5).abs() < 0.02, "{pitch}");
+    assert!(desk.command(Command::Disarm).is_err(), "still settling");
+    desk.run(110);
+    desk.command(Command::Disarm).unwrap();
+    desk.command(Command::Arm).unwrap();
+}
+
+#[test]
+fn a_sample_that_is_not_newer_is_late() {
+    let mut desk = Desk::active(0.2);
+    let sample = reading(desk.now_us, desk.pitch, desk.rate);
+    assert!(desk.step_with(Ok(sample)).snapshot.sample.is_some());
+    assert!(desk.step_with(Ok(sample)).snapshot.sample.is_none());
+    let older = RawSample {
+        time: Micros(sample.time.0 - 1),
+        ..sample
+    };
+    let outputs = desk.step_with(Ok(older));
+    assert_eq!(
+        (outputs.snapshot.sample, outputs.snapshot.missed),
+        (None, 2)
+    );
+}
+
+#[test]
+fn a_sample_that_is_too_old_when_it_comes_is_as_bad_as_none() {
+    let mut desk = Desk::active(0.2);
+    desk.run(5);
+    desk.now_us += 70_000;
+    let old = reading(desk.now_us - 60_000, desk.pitch, desk.rate);
+    assert_eq!(desk.step_with(Ok(old)).pulse, NEUTRAL);
+    assert_eq!(desk.flight.state(), State::Failsafe(Reason::StaleData));
+}
+
+#[test]
+fn tilt_ends_control_after_a_tenth_of_a_second_but_not_while_held() {
+    let mut desk = Desk::in_standby(0.8);
+    desk.command(Command::Arm).unwrap();
+    desk.pitch = 1.15;
+    desk.run(300);
+    assert_eq!(desk.flight.state(), State::Armed);
+    assert_eq!(desk.command(Command::Release), Err(Refusal::Tilt));
+
+    let mut desk = Desk::active(0.8);
+    desk.free = false;
+    // Thrown over at 5 rad/s, faster than any filter's accelerometer correction.
+    desk.rate = 5.0;
+    let mut over_since = None;
+    while desk.flight.state().is_active() {
+        desk.pitch = (desk.pitch + 0.05).min(1.2);
+        desk.rate = if desk.pitch < 1.2 { 5.0 } else { 0.0 };
+        let attitude = desk.step().snapshot.attitude.orientation;
+        if attitude.pitch() > 60.0_f32.to_radians() {
+            over_since.get_or_insert(desk.now_us);
+        }
+        assert!(desk.now_us < 3_000_000);
+    }
+    assert_eq!(desk.now_us - over_since.unwrap(), 100_000);
+    assert_eq!(desk.flight.state(), State::Failsafe(Reason::Tilt));
+    assert_eq!(
+        desk.command(Command::Disarm),
+        Err(Refusal::FaultPersists(Reason::Tilt))
+    );
+}
+
+#[test]
+fn arming_asks_for_less_than_fifty_degrees() {
+    let mut desk = Desk::in_standby(51.0_f64.to_radians());
+    assert_eq!(desk.command(Command::Arm), Err(Refusal::Tilt));
+    let mut desk = Desk::in_standby(-49.0_f64.to_radians());
+    assert_eq!(desk.command(Command::Arm), Ok(()));
+}
+
+#[test]
+fn commands_out_of_order_are_refused_and_repeated_ones_are_not() {
+    let mut desk = Desk::new(0.1);
+    assert_eq!(
+        desk.command(Command::Arm),
+        Err(Refusal::WrongState(State::Boot))
+    );
+    desk.run(130);
+    assert_eq!(
+        desk.command(Command::Release),
+        Err(Refusal::WrongState(State::Standby))
+    );
+    for command in [
+        Command::Arm,
+        Command::Arm,
+        Command::Release,
+        Command::Release,
+    ] {
+        desk.command(command).unwrap();
+    }
+    assert!(desk.flight.state().is_active());
+    desk.command(Command::Disarm).unwrap();
+    assert_eq!(desk.step().pulse, NEUTRAL);
+    desk.command(Command::Disarm).unwrap();
+    assert_eq!(desk.flight.state(), State::Standby);
+}
+
+#[test]
+fn a_bad_end_of_the_last_run_must_be_acknowledged() {
+    for crash in [
+        Crash::Watchdog,
+        Crash::BrownOut,
+        Crash::Panic { line: 7 },
+        Crash::HardFault { pc: 0x2100 },
+    ] {
+        let report = BootReport { crash: Some(crash) };
+        let mut desk = Desk::with(0.1, Params::default(), report);
+        desk.run(300);
+        assert_eq!(desk.flight.state(), State::Latched(crash));
+        assert_eq!(
+            desk.command(Command::Arm),
+            Err(Refusal::WrongState(State::Latched(crash)))
+        );
+        desk.command(Command::Disarm).unwrap();
+        desk.run(110);
+        assert_eq!(desk.flight.state(), State::Standby);
+    }
+}
+
+#[test]
+fn losing_the_sensor_during_the_self_test_starts_it_again() {
+    let mut desk = Desk::new(0.1);
+    desk.run(90);
+    for _ in 0..6 {
+        desk.step_with(Err(SensorFault::Nak));
+    }
+    assert_eq!(desk.flight.state(), State::Boot);
+    desk.run(90);
+    assert!(matches!(desk.flight.state(), State::SelfTest(_)));
+    desk.run(15);
+    assert_eq!(desk.flight.state(), State::Standby);
+}
+
+#[test]
+fn silence_of_the_host_is_a_failsafe_only_where_it_is_asked_for() {
+    let mut desk = Desk::in_standby(0.1);
+    desk.flight.set_param("FS_HOST", 1.0).unwrap();
+    assert_eq!(desk.command(Command::Arm), Err(Refusal::HostSilent));
+    desk.flight.host_heard(Micros(desk.now_us));
+    desk.command(Command::Arm).unwrap();
+    desk.run(300);
+    assert_eq!(desk.flight.state(), State::Armed);
+    desk.run(2);
+    assert_eq!(desk.flight.state(), State::Failsafe(Reason::HostSilent));
+    assert!(desk.command(Command::Disarm).is_err());
+    desk.flight.host_heard(Micros(desk.now_us));
+    desk.command(Command::Disarm).unwrap();
+}
+
+#[test]
+fn gains_change_in_flight_and_the_frame_rate_does_not() {
+    let mut desk = Desk::active(0.4);
+    desk.flight.set_param("PID_KP", 1.6).unwrap();
+    for (name, value) in [
+        ("SRV_RATE_HZ", 300.0),
+        ("I2C_KHZ", 100.0),
+        ("SRV_DIR", -1.0),
+    ] {
+        assert_eq!(
+            desk.flight.set_param(name, value),
+            Err(ParamError::Armed { name })
+        );
+    }
+    desk.command(Command::Disarm).unwrap();
+    desk.flight.set_param("SRV_RATE_HZ", 300.0).unwrap();
+    assert_eq!(desk.flight.params().srv_rate_hz(), 300.0);
+}
+
+#[test]
+fn zero_gains_leave_the_rudder_alone_and_the_setpoint_moves_it() {
+    let mut desk = Desk::active(0.0);
+    desk.free = false;
+    desk.rate = 0.0;
+    desk.flight.set_param("PID_KP", 0.0).unwrap();
+    desk.flight.set_param("PID_KD", 0.0).unwrap();
+    assert_eq!(desk.run(5).pulse, NEUTRAL);
+    desk.flight.set_param("PID_KP", 1.0).unwrap();
+    desk.flight.set_param("PITCH_SET_DEG", 10.0).unwrap();
+    // The nose is 10 deg too low: the crank goes to -10 deg, 100 us below the centre.
+    assert_eq!(desk.run(5).pulse, PulseUs(1424));
+}
+
+#[test]
+fn a_declination_turns_the_heading() {
+    let mut desk = Desk::in_standby(0.0);
+    desk.flight.set_param("DECLINATION_DEG", 90.0).unwrap();
+    let yaw = desk.run(200).snapshot.attitude.orientation.euler().yaw_rad;
+    assert!((yaw - 90.0_f32.to_radians()).abs() < 0.01, "{yaw}");
+}
+
+#[derive(Clone, Debug)]
+enum Event {
+    Sample {
+        dt_us: i64,
+        acc: [i16; 3],
+        gyr: [i16; 3],
+        mag: [i16; 3],
+    },
+    Honest,
+    Miss(SensorFault),
+    Order(Command),
+    Set(usize, f32),
+}
+
+fn event() -> impl Strategy<Value = Event> {
+    let counts = || prop::array::uniform3(any::<i16>());
+    prop_oneof![
+        2 => (-20_000_i64..200_000, counts(), counts(), counts())
+            .prop_map(|(dt_us, acc, gyr, mag)| Event::Sample { dt_us, acc, gyr, mag }),
+        10 => Just(Event::Honest),
+        1 => prop_oneof![
+            Just(SensorFault::Nak),
+            Just(SensorFault::Reset),
+            Just(SensorFault::AllOnes),
+        ].prop_map(Event::Miss),
+        3 => prop_oneof![Just(Command::Arm), Just(Command::Release), Just(Command::Disarm)]
+            .prop_map(Event::Order),
+        1 => (0..Params::count(), prop::num::f32::ANY).prop_map(|(index, value)| Event::Set(index, value)),
+    ]
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(64))]
+
+    /// Whatever comes, the pulse stays in the hard range, is neutral unless control is active, and the attitude is finite.
+    #[test]
+    fn nothing_leaves_the_envelope(events in prop::collection::vec(event(), 1..300)) {
+        let mut desk = Desk::in_standby(0.3);
+        for event in events {
+            let outputs = match event {
+                Event::Sample { dt_us, acc, gyr, mag } => {
+                    let time = Micros(desk.now_us.saturating_add_signed(dt_us));
+                    desk.step_with(Ok(RawSample { time, acc, gyr, mag }))
+                }
+                Event::Honest => desk.step(),
+                Event::Miss(fault) => desk.step_with(Err(fault)),
+                Event::Order(command) => {
+                    let _ = desk.command(command);
+                    continue;
+                }
+                Event::Set(index, value) => {
+                    let name = desk.flight.params().by_index(index).unwrap().0.name;
+                    let _ = desk.flight.set_param(name, value);
+                    continue;
+                }
+            };
+            let snapshot = outputs.snapshot;
+            prop_assert!((853..=2193).contains(&outputs.pulse.0));
+            if !snapshot.state.is_active() {
+                let centre = desk.flight.params().srv_centre_us();
+                prop_assert_eq!(outputs.pulse.0, (centre + 0.5) as u16);
+            }
+            let q = snapshot.attitude.orientation;
+            prop_assert!([q.w, q.x, q.y, q.z].iter().all(|c| c.is_finite()));
+        }
+    }
+}
+
+#[test]
+fn only_unit_quaternions_of_numbers_are_healthy() {
+    let attitude = |w, x, y, z| Attitude {
+        orientation: Quaternion { w, x, y, z },
+        ..Desk::new(0.0).flight.attitude()
+    };
+    assert!(health(&attitude(0.5, -0.5, 0.5, -0.5)).valid);
+    assert!(health(&attitude(-1.0, 0.0, 0.0, 0.0)).valid);
+    assert!(!health(&attitude(1.0, f32::NAN, 0.0, 0.0)).valid);
+    assert!(!health(&attitude(1.0, 0.0, 0.0, f32::INFINITY)).valid);
+    assert!(!health(&attitude(0.9, 0.9, 0.0, 0.0)).valid);
+    assert!(!health(&attitude(0.1, 0.1, 0.1, 0.1)).valid);
+}
