@@ -15,13 +15,15 @@ pub struct Config<G> {
     /// Magnetic field: gate and reference.
     pub field: FieldConfig,
     /// The accelerometer is passed over while its magnitude is further than this from standard gravity,
-    /// as a fraction of it; `f32::INFINITY` lets everything pass (but the zero vector).
+    /// as a fraction of it; `f32::INFINITY`, the default, lets everything pass but free fall. A narrow gate
+    /// harms filters that average the acceleration as a vector: what it lets pass has no mean of zero.
     pub acc_gate: f32,
-    /// A rate of this size, on any axis, has clipped (rad/s); beyond it rates are clamped.
+    /// The gyroscope's full scale, rad/s: larger rates have clipped and are clamped. A lower limit shows
+    /// itself in the data.
     pub gyro_range_rad_s: f32,
-    /// After clipping or a gap the corrections start at a time constant of this many seconds and slow down
-    /// as time goes on, until the filter's own is slower.
-    pub recovery_s: f32,
+    /// How fast the attitude is found again when clipping or a gap has made it uncertain, rad^2 s: the
+    /// noise of the vertical that the accelerometer shows in motion, as a density (0.28 rad for 0.25 s).
+    pub recovery_rad2_s: f32,
     /// Two samples further apart than this are a gap: the motion between is unknown (s).
     pub gap_s: f32,
     /// After this time of averaging the attitude counts as initialised (s).
@@ -43,9 +45,9 @@ impl<G> Config<G> {
             gains,
             rest: RestConfig::default(),
             field: FieldConfig::default(),
-            acc_gate: 0.5,
+            acc_gate: f32::INFINITY,
             gyro_range_rad_s: 34.5,
-            recovery_s: 1.0,
+            recovery_rad2_s: 0.02,
             gap_s: 0.25,
             start_up_s: 1.0,
             declination_rad: 0.0,

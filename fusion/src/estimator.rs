@@ -5,6 +5,7 @@ use nalgebra::Vector3;
 use crate::config::{Config, ConfigError, in_range, positive};
 use crate::field::{Field, HeadingError, plausible};
 use crate::quaternion::{HalfRows, Quaternion, dot};
+use crate::range::Range;
 use crate::real::Real;
 use crate::rest::Rest;
 
@@ -16,6 +17,12 @@ const LEAST_ACC: f32 = 0.5;
 
 /// Largest acceleration component taken for one, m/s^2: a thousand g.
 const MOST_ACC: f32 = 10_000.0;
+
+/// Uncertainty of the attitude after a gap in the samples, rad.
+const GAP_SIGMA: f32 = 0.5;
+
+/// Age at which a running mean is slower than any useful gain, s.
+const SETTLED_S: f32 = 20.0;
 
 /// One sample of the sensors, all in the same body axes.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -43,20 +50,20 @@ pub struct Attitude<T = f32> {
     pub flags: Flags,
 }
 
-/// Health of an estimate. All about the last update but `initialised`.
+/// Health of an estimate. Each speaks of the last update, unless said.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Flags {
-    /// Gravity (and, with a magnetometer, the field) has been averaged for the start-up time.
+    /// Gravity (and, with a magnetometer, the field) has been averaged for the start-up time, once.
     pub initialised: bool,
-    /// The body is at rest; its offset is being learned.
+    /// The body is at rest; its gyroscope offset is being learned.
     pub at_rest: bool,
-    /// The accelerometer was passed over: free fall, impact, hard acceleration, or not a number.
+    /// The accelerometer was passed over: free fall, outside the gate, or not a number.
     pub acc_rejected: bool,
     /// The last field sample was disturbed, or not a number.
     pub mag_disturbed: bool,
-    /// A rate has clipped lately: corrections are faster, and errors larger, than usual.
+    /// A rate is clipped, or was so lately that corrections are still faster, and errors larger, than usual.
     pub over_range: bool,
-    /// The time step was not positive, or the rate not a number: the update was skipped.
+    /// The time step was not positive, or a rate not a number: the update was skipped.
     pub skipped: bool,
     /// Samples were missing for longer than the configured gap before this update.
     pub gap: bool,
@@ -75,12 +82,14 @@ pub struct View<T> {
     pub heading: Option<HeadingError<T>>,
     /// Time since the last field sample, s.
     pub mag_dt: T,
-    /// Least correction rate, 1/s: above 0 while starting up and after trouble.
+    /// Least correction rate, 1/s: that of a running mean while starting up and after trouble, else 0.
     pub floor: T,
+    /// The first averaging is not over yet.
+    pub starting: bool,
 }
 
 impl<T: Real> View<T> {
-    /// A filter's gain, or while starting up the faster one of a running mean, in the filter's unit.
+    /// The larger of a gain and the floor, both times `unit`.
     #[inline(always)]
     pub fn gain(&self, gain: T, unit: T) -> T {
         if self.floor == T::ZERO {
@@ -117,6 +126,7 @@ pub struct Estimator<F: Filter> {
     filter: F,
     field: Field<F::Real>,
     rest: Rest<F::Real>,
+    range: Range<F::Real>,
     orientation: Quaternion<F::Real>,
     /// Correction found in the last update, applied with the next integration (half rotation vector).
     pending: Vector3<F::Real>,
@@ -124,13 +134,13 @@ pub struct Estimator<F: Filter> {
     bias: Vector3<F::Real>,
     flags: Flags,
     phase: Phase,
-    /// Time, s, that the corrections have been averaging for; they slow down with it.
+    /// Time, s, that the corrections have been averaging for. A running mean's gain is `1 / age`; in the
+    /// words of a Kalman filter, `age` is measurement noise density over variance.
     age: F::Real,
     mag_dt: F::Real,
     acc_low2: F::Real,
     acc_high2: F::Real,
-    gyro_range: F::Real,
-    recovery_s: F::Real,
+    acc_density: F::Real,
     gap_s: f32,
     start_up_s: F::Real,
 }
@@ -139,14 +149,11 @@ pub struct Estimator<F: Filter> {
 enum Phase {
     /// Nothing seen yet.
     Blank,
-    /// Averaging: the corrections are a running mean.
+    /// The corrections are a running mean.
     Settling,
-    /// The filter's own gains.
+    /// The corrections have the filter's own gains.
     Running,
 }
-
-/// Age at which the running mean is slower than any useful gain, s.
-const SETTLED_S: f32 = 20.0;
 
 impl<F: Filter> Estimator<F> {
     /// An estimator that waits for its first sample.
@@ -155,29 +162,28 @@ impl<F: Filter> Estimator<F> {
             return Err(ConfigError::OutOfRange("acc_gate"));
         }
         in_range(config.gyro_range_rad_s, 0.1, 200.0, "gyro_range_rad_s")?;
-        positive(config.recovery_s, "recovery_s")?;
+        positive(config.recovery_rad2_s, "recovery_rad2_s")?;
         in_range(config.gap_s, 0.001, 10.0, "gap_s")?;
         in_range(config.start_up_s, 0.0, SETTLED_S, "start_up_s")?;
         let real = F::Real::from_f32;
-        let zero = Vector3::new(F::Real::ZERO, F::Real::ZERO, F::Real::ZERO);
         let low = (GRAVITY * (1.0 - config.acc_gate)).max(LEAST_ACC);
         let high = (GRAVITY * (1.0 + config.acc_gate)).min(2.0 * MOST_ACC);
         Ok(Self {
             filter: F::new(&config.gains)?,
             field: Field::new(&config.field, config.declination_rad)?,
             rest: Rest::new(&config.rest)?,
+            range: Range::new(config.gyro_range_rad_s),
             orientation: Quaternion::IDENTITY,
-            pending: zero,
-            rate: zero,
-            bias: zero,
+            pending: zero(),
+            rate: zero(),
+            bias: zero(),
             flags: Flags::default(),
             phase: Phase::Blank,
             age: F::Real::ZERO,
             mag_dt: F::Real::ZERO,
             acc_low2: real(low * low),
             acc_high2: real(high * high),
-            gyro_range: real(config.gyro_range_rad_s),
-            recovery_s: real(config.recovery_s),
+            acc_density: real(config.recovery_rad2_s),
             gap_s: config.gap_s,
             start_up_s: real(config.start_up_s),
         })
@@ -193,43 +199,39 @@ impl<F: Filter> Estimator<F> {
         }
     }
 
-    /// Take one sample, `dt_s` seconds after the one before (of the first, any value does).
+    /// Take one sample, `dt_s` seconds after the one before (with the first, any number does).
     ///
     /// Never fails: what cannot be used is left out, and the flags say so. With a `dt_s` that is zero,
-    /// negative or not a number, or a rate that is not a number, nothing but the flags changes.
+    /// negative or not finite, or a rate that is not finite, nothing but the flags changes.
     #[inline]
     pub fn update(&mut self, dt_s: f32, sample: &Sample) -> Attitude<F::Real> {
-        let real = F::Real::from_f32;
-        let finite =
-            |v: &Vector3<f32>, most: f32| v.x.within(most) && v.y.within(most) && v.z.within(most);
-        let gyr_valid = finite(&sample.gyr, f32::MAX);
-        self.flags.skipped = !gyr_valid || dt_s.to_bits() as i32 <= 0 || !dt_s.within(f32::MAX);
         self.flags.gap = false;
+        self.flags.skipped = !all_within(&sample.gyr, f32::MAX)
+            || dt_s.to_bits() as i32 <= 0
+            || !dt_s.within(f32::MAX);
         if self.phase == Phase::Blank {
-            if gyr_valid {
-                self.flags.skipped = false;
-                self.start(sample);
-            }
-            return self.attitude();
+            self.start(sample);
+        } else if !self.flags.skipped {
+            self.step(dt_s, sample);
         }
-        if self.flags.skipped {
-            return self.attitude();
-        }
-        let mut dt = real(dt_s);
-        if !dt_s.within(self.gap_s) {
-            self.flags.gap = true;
-            self.rest.interrupt();
-            dt = real(self.gap_s);
-            self.unsettle();
-        }
+        self.attitude()
+    }
 
-        let (gyr, clipped) = self.in_range(&sample.gyr);
-        if clipped {
-            self.flags.over_range = true;
-            self.unsettle();
+    #[inline(always)]
+    fn step(&mut self, dt_s: f32, sample: &Sample) {
+        let real = F::Real::from_f32;
+        let dt = if dt_s.within(self.gap_s) {
+            real(dt_s)
+        } else {
+            self.gap()
+        };
+
+        let mut gyr = sample.gyr.map(real);
+        if !self.range.is_quiet(&gyr) {
+            self.examine(dt, &mut gyr);
         }
-        let acc = Vector3::new(real(sample.acc.x), real(sample.acc.y), real(sample.acc.z));
-        let acc_valid = finite(&sample.acc, MOST_ACC);
+        let acc = sample.acc.map(real);
+        let acc_valid = all_within(&sample.acc, MOST_ACC);
         if acc_valid {
             self.rest.update(dt, &gyr, &acc, &mut self.bias);
         } else {
@@ -263,19 +265,20 @@ impl<F: Filter> Estimator<F> {
             heading,
             mag_dt,
             floor,
+            starting: !self.flags.initialised,
         };
         self.pending = self.filter.correction(&view, &mut self.bias);
-        self.attitude()
     }
 
     /// The first sample: tilt and heading as they are seen.
     #[cold]
     fn start(&mut self, sample: &Sample) {
         let real = F::Real::from_f32;
-        let up = sample.acc.map(real);
         let mag = sample.mag.map(|mag| mag.map(real)).filter(plausible);
-        self.flags.acc_rejected = !self.align(&up, mag.as_ref());
-        if !self.flags.acc_rejected {
+        let seen =
+            all_within(&sample.acc, MOST_ACC) && self.align(&sample.acc.map(real), mag.as_ref());
+        self.flags.acc_rejected = !seen;
+        if seen {
             self.phase = Phase::Settling;
         }
     }
@@ -287,39 +290,59 @@ impl<F: Filter> Estimator<F> {
         };
         self.orientation = match (mag, self.field.declination_rad()) {
             (Some(_), Some(declination)) => {
-                let zero = F::Real::ZERO;
-                Quaternion::from_rotation_vector(&Vector3::new(zero, zero, declination))
-                    .mul(&magnetic)
+                let about_down = Vector3::new(F::Real::ZERO, F::Real::ZERO, declination);
+                Quaternion::from_rotation_vector(&about_down).mul(&magnetic)
             }
             _ => magnetic,
         };
         true
     }
 
-    /// Corrections become faster: the attitude has been lost to some degree.
+    /// Samples are missing: what happened meanwhile is unknown. The time that is integrated over.
     #[cold]
-    fn unsettle(&mut self) {
-        self.phase = Phase::Settling;
-        if self.age > self.recovery_s {
-            self.age = self.recovery_s;
-        }
+    fn gap(&mut self) -> F::Real {
+        self.flags.gap = true;
+        self.rest.interrupt();
+        self.unsettle(F::Real::from_f32(GAP_SIGMA * GAP_SIGMA));
+        F::Real::from_f32(self.gap_s)
     }
 
-    /// Rates clamped to the sensor's range, and whether one has reached it.
-    #[inline(always)]
-    fn in_range(&self, gyr: &Vector3<f32>) -> (Vector3<F::Real>, bool) {
-        let real = F::Real::from_f32;
-        let gyr = Vector3::new(real(gyr.x), real(gyr.y), real(gyr.z));
-        let range = self.gyro_range;
-        if gyr.x.within(range) && gyr.y.within(range) && gyr.z.within(range) {
-            return (gyr, false);
+    /// The attitude's variance has grown (rad^2): corrections become faster.
+    #[cold]
+    fn unsettle(&mut self, variance: F::Real) {
+        if self.phase == Phase::Running {
+            self.age = F::Real::from_f32(SETTLED_S);
         }
-        let clamp = |rate: F::Real| match (rate.within(range), rate < F::Real::ZERO) {
-            (true, _) => rate,
-            (false, true) => -range,
-            (false, false) => range,
-        };
-        (Vector3::new(clamp(gyr.x), clamp(gyr.y), clamp(gyr.z)), true)
+        self.phase = Phase::Settling;
+        // 1/age' = 1/age + variance / density
+        self.age = self.age * self.acc_density * (self.acc_density + self.age * variance).recip();
+    }
+
+    /// A rate may have clipped.
+    #[cold]
+    fn examine(&mut self, dt: F::Real, gyr: &mut Vector3<F::Real>) {
+        let (clipped, lost) = self.range.examine(dt, gyr, &self.orientation);
+        self.flags.over_range |= clipped;
+        if clipped {
+            self.phase = if self.phase == Phase::Running {
+                self.age = F::Real::from_f32(SETTLED_S);
+                Phase::Settling
+            } else {
+                self.phase
+            };
+        }
+        if let Some(lost) = lost {
+            let rows = self.orientation.half_rows();
+            let earth = lost.half_angle_earth;
+            let body = |n: F::Real, e: F::Real, d: F::Real| {
+                let half = n * earth.x + e * earth.y + d * earth.z;
+                half + half
+            };
+            self.pending.x += body(rows.north.x, rows.east.x, rows.down.x);
+            self.pending.y += body(rows.north.y, rows.east.y, rows.down.y);
+            self.pending.z += body(rows.north.z, rows.east.z, rows.down.z);
+            self.unsettle(lost.variance);
+        }
     }
 
     #[inline(always)]
@@ -334,42 +357,32 @@ impl<F: Filter> Estimator<F> {
         rows: &HalfRows<F::Real>,
         mag: &Vector3<f32>,
     ) -> Option<HeadingError<F::Real>> {
-        let real = F::Real::from_f32;
-        let mag = Vector3::new(real(mag.x), real(mag.y), real(mag.z));
-        let dt = core::mem::take(&mut self.mag_dt);
-        let error = if plausible(&mag) {
-            if !self.field.is_known() {
-                return self.first_heading(&mag);
-            }
-            let earth = Vector3::new(
-                dot(&rows.north, &mag),
-                dot(&rows.east, &mag),
-                dot(&rows.down, &mag),
-            );
-            self.field.judge(dt, &earth, &self.rate)
+        let mag = mag.map(F::Real::from_f32);
+        let dt = core::mem::replace(&mut self.mag_dt, F::Real::ZERO);
+        let error = if !plausible(&mag) {
+            None
+        } else if self.field.is_known() {
+            self.field.judge(dt, &in_earth(rows, &mag), &self.rate)
         } else {
+            self.first_heading(&mag);
             None
         };
         self.flags.mag_disturbed = error
             .as_ref()
-            .is_none_or(|error| error.weight != F::Real::ONE);
+            .is_none_or(|error| error.weight != F::Real::ONE)
+            && self.field.is_known();
         error
     }
 
-    /// The first field after a start without one: the heading is taken from it as it is.
+    /// The first field: the heading is taken from it as it is.
     #[cold]
-    fn first_heading(&mut self, mag: &Vector3<F::Real>) -> Option<HeadingError<F::Real>> {
+    fn first_heading(&mut self, mag: &Vector3<F::Real>) {
         let up = self.orientation.up();
         self.align(&up, Some(mag));
-        self.unsettle();
+        self.unsettle(F::Real::from_f32(GAP_SIGMA * GAP_SIGMA));
         let rows = self.orientation.half_rows();
-        let earth = Vector3::new(
-            dot(&rows.north, mag),
-            dot(&rows.east, mag),
-            dot(&rows.down, mag),
-        );
-        self.field.judge(F::Real::ZERO, &earth, &self.rate);
-        None
+        self.field
+            .judge(F::Real::ZERO, &in_earth(&rows, mag), &self.rate);
     }
 
     /// The gain of a running mean over the age, while that is young.
@@ -388,4 +401,19 @@ impl<F: Filter> Estimator<F> {
         }
         self.age.recip()
     }
+}
+
+fn zero<T: Real>() -> Vector3<T> {
+    Vector3::new(T::ZERO, T::ZERO, T::ZERO)
+}
+
+/// Half of a body vector, in the earth frame.
+#[inline(always)]
+fn in_earth<T: Real>(rows: &HalfRows<T>, v: &Vector3<T>) -> Vector3<T> {
+    Vector3::new(dot(&rows.north, v), dot(&rows.east, v), dot(&rows.down, v))
+}
+
+#[inline(always)]
+fn all_within(v: &Vector3<f32>, most: f32) -> bool {
+    v.x.within(most) && v.y.within(most) && v.z.within(most)
 }

@@ -14,19 +14,28 @@
 #[cfg(test)]
 extern crate std;
 
+mod complementary;
 mod config;
 mod estimator;
 mod field;
+mod gyro;
+mod madgwick;
 mod mahony;
 mod quaternion;
+mod range;
 mod real;
 mod rest;
+mod vqf;
 
+pub use complementary::{Complementary, ComplementaryGains};
 pub use config::{Config, ConfigError};
 pub use estimator::{Attitude, Estimator, Filter, Flags, GRAVITY, Sample, View};
 pub use field::{FieldConfig, HeadingError};
+pub use gyro::{Gyro, NoGains};
+pub use madgwick::{Madgwick, MadgwickGains};
 pub use mahony::{Mahony, MahonyGains};
 pub use nalgebra::Vector3;
 pub use quaternion::{Euler, HalfRows, Quaternion};
 pub use real::Real;
 pub use rest::RestConfig;
+pub use vqf::{Vqf, VqfGains};

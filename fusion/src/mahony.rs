@@ -29,7 +29,7 @@ impl Default for MahonyGains {
     fn default() -> Self {
         Self {
             acc_per_s: 0.2,
-            mag_per_s: 0.1,
+            mag_per_s: 0.11,
             integral_per_s2: 0.0,
         }
     }

@@ -1,7 +1,10 @@
 //! One suite over every filter and scalar: what any attitude estimator must do.
 
 use nalgebra::{UnitQuaternion, Vector3};
-use tvc_fusion::{Attitude, Config, Estimator, Filter, GRAVITY, Mahony, Quaternion, Real, Sample};
+use tvc_fusion::{
+    Attitude, Complementary, Config, Estimator, Filter, GRAVITY, Madgwick, Mahony, Quaternion,
+    Real, Sample, Vqf,
+};
 
 const DEG: f64 = core::f64::consts::PI / 180.0;
 
@@ -214,6 +217,12 @@ macro_rules! suite {
 }
 
 suite! {
+    complementary_f32: Complementary<f32>,
+    complementary_f64: Complementary<f64>,
     mahony_f32: Mahony<f32>,
     mahony_f64: Mahony<f64>,
+    madgwick_f32: Madgwick<f32>,
+    madgwick_f64: Madgwick<f64>,
+    vqf_f32: Vqf<f32>,
+    vqf_f64: Vqf<f64>,
 }

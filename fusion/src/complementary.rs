@@ -1,0 +1,95 @@
+//! The complementary filter, on quaternions.
+//!
+//! The rates are high-passed and the directions of gravity and of the horizontal field low-passed with the
+//! same time constant: at each sample the estimate moves the share `dt / (tau + dt)` of the way to the
+//! attitude that accelerometer and magnetometer show. Written as a rotation, that has no singularity. In
+//! the usual form with weights `w` for the gyroscope and `1 - w` for the other sensors,
+//! `tau = dt w / (1 - w)`: see [`ComplementaryGains::from_weight`].
+
+use nalgebra::Vector3;
+
+use crate::config::{ConfigError, in_range};
+use crate::estimator::{Filter, View};
+use crate::quaternion::{cross, dot};
+use crate::real::Real;
+
+/// Time constants of [`Complementary`].
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ComplementaryGains {
+    /// Tilt, s.
+    pub acc_tau_s: f32,
+    /// Heading, s.
+    pub mag_tau_s: f32,
+}
+
+impl Default for ComplementaryGains {
+    fn default() -> Self {
+        Self {
+            acc_tau_s: 5.0,
+            mag_tau_s: 9.0,
+        }
+    }
+}
+
+impl ComplementaryGains {
+    /// From the weight of the gyroscope, 0..1, at a sampling rate in Hz.
+    pub fn from_weight(weight: f32, rate_hz: f32) -> Self {
+        let tau_s = weight / ((1.0 - weight) * rate_hz);
+        Self {
+            acc_tau_s: tau_s,
+            mag_tau_s: tau_s,
+        }
+    }
+
+    /// The thesis' setting: weights 0.95 and 0.05 at 100 Hz, so 0.19 s.
+    pub fn thesis() -> Self {
+        Self::from_weight(0.95, 100.0)
+    }
+}
+
+/// The complementary filter.
+#[derive(Clone, Debug)]
+pub struct Complementary<T = f32> {
+    acc_tau_s: T,
+    mag_tau_s: T,
+}
+
+impl<T: Real> Complementary<T> {
+    #[inline(always)]
+    fn share(view: &View<T>, tau_s: T, dt: T) -> T {
+        let own = dt * (tau_s + dt).recip();
+        view.gain(own, dt)
+    }
+}
+
+impl<T: Real> Filter for Complementary<T> {
+    type Real = T;
+    type Gains = ComplementaryGains;
+
+    fn new(gains: &ComplementaryGains) -> Result<Self, ConfigError> {
+        in_range(gains.acc_tau_s, 0.0, 1e4, "acc_tau_s")?;
+        in_range(gains.mag_tau_s, 0.0, 1e4, "mag_tau_s")?;
+        Ok(Self {
+            acc_tau_s: T::from_f32(gains.acc_tau_s),
+            mag_tau_s: T::from_f32(gains.mag_tau_s),
+        })
+    }
+
+    #[inline(always)]
+    fn correction(&mut self, view: &View<T>, _bias: &mut Vector3<T>) -> Vector3<T> {
+        let mut half_angle = Vector3::new(T::ZERO, T::ZERO, T::ZERO);
+        let down = &view.rows.down;
+        if let Some(acc) = view.acc {
+            let turn = cross(down, &acc);
+            let k = Self::share(view, self.acc_tau_s, view.dt) * dot(&acc, &acc).sqrt().recip();
+            half_angle = Vector3::new(turn.x * k, turn.y * k, turn.z * k);
+        }
+        if let Some(heading) = &view.heading {
+            let k = Self::share(view, self.mag_tau_s, view.mag_dt) * heading.weight * heading.sin;
+            half_angle.x += down.x * k;
+            half_angle.y += down.y * k;
+            half_angle.z += down.z * k;
+        }
+        half_angle
+    }
+}

@@ -1,0 +1,44 @@
+//! Integrated rates, the baseline: aligned at start-up, never corrected after.
+
+use nalgebra::Vector3;
+
+use crate::config::ConfigError;
+use crate::estimator::{Filter, View};
+use crate::mahony::{Mahony, MahonyGains};
+use crate::real::Real;
+
+/// No correction but the averaging at start-up.
+#[derive(Clone, Debug)]
+pub struct Gyro<T = f32> {
+    alignment: Mahony<T>,
+}
+
+/// [`Gyro`] has no gains.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct NoGains;
+
+impl<T: Real> Filter for Gyro<T> {
+    type Real = T;
+    type Gains = NoGains;
+
+    fn new(_: &NoGains) -> Result<Self, ConfigError> {
+        // With gains of zero all that is left of it is the running mean.
+        let gains = MahonyGains {
+            acc_per_s: 0.0,
+            mag_per_s: 0.0,
+            integral_per_s2: 0.0,
+        };
+        Ok(Self {
+            alignment: Mahony::new(&gains)?,
+        })
+    }
+
+    #[inline(always)]
+    fn correction(&mut self, view: &View<T>, bias: &mut Vector3<T>) -> Vector3<T> {
+        if view.starting {
+            self.alignment.correction(view, bias)
+        } else {
+            Vector3::new(T::ZERO, T::ZERO, T::ZERO)
+        }
+    }
+}

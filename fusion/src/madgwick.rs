@@ -1,0 +1,82 @@
+//! Madgwick's gradient-descent filter.
+//!
+//! S. Madgwick, A. Harrison, R. Vaidyanathan, "Estimation of IMU and MARG orientation using a gradient
+//! descent algorithm", IEEE ICORR 2011, equations 25 to 44: each second the estimate moves `beta` along the
+//! normalised gradient of the misfit between the measured and the predicted directions. On the unit sphere
+//! that gradient is the rotation `a x v` that takes the predicted direction onto the measured one, so the
+//! step is written as a rotation. The field's reference is horizontal (the paper's compensation with
+//! `b = (1, 0, 0)`, after which the field turns the heading only), and a step never passes the minimum: at
+//! zero misfit there is no direction to normalise.
+
+use nalgebra::Vector3;
+
+use crate::config::{ConfigError, in_range};
+use crate::estimator::{Filter, View};
+use crate::quaternion::{cross, dot};
+use crate::real::Real;
+
+/// Gain of [`Madgwick`].
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct MadgwickGains {
+    /// Rate of the quaternion along the gradient, 1/s: half the correcting rotation rate in rad/s.
+    pub beta_per_s: f32,
+}
+
+impl Default for MadgwickGains {
+    fn default() -> Self {
+        Self { beta_per_s: 0.02 }
+    }
+}
+
+impl MadgwickGains {
+    /// The thesis' setting, beta 0.5.
+    pub const fn thesis() -> Self {
+        Self { beta_per_s: 0.5 }
+    }
+}
+
+/// Madgwick's filter.
+#[derive(Clone, Debug)]
+pub struct Madgwick<T = f32> {
+    beta: T,
+}
+
+/// Misfit, as half the sine of the angle, below which the estimate is left alone.
+const LEAST_MISFIT: f32 = 1e-7;
+
+impl<T: Real> Filter for Madgwick<T> {
+    type Real = T;
+    type Gains = MadgwickGains;
+
+    fn new(gains: &MadgwickGains) -> Result<Self, ConfigError> {
+        in_range(gains.beta_per_s, 0.0, 100.0, "beta_per_s")?;
+        Ok(Self {
+            beta: T::from_f32(gains.beta_per_s),
+        })
+    }
+
+    #[inline(always)]
+    fn correction(&mut self, view: &View<T>, _bias: &mut Vector3<T>) -> Vector3<T> {
+        // Half of the rotation that would take the prediction onto the measurement, |e| <= 1/2.
+        let mut e = Vector3::new(T::ZERO, T::ZERO, T::ZERO);
+        let down = &view.rows.down;
+        if let Some(acc) = view.acc {
+            let k = dot(&acc, &acc).sqrt().recip();
+            let turn = cross(down, &acc);
+            e = Vector3::new(turn.x * k, turn.y * k, turn.z * k);
+        }
+        if let Some(heading) = &view.heading {
+            let k = heading.sin * heading.weight;
+            e.x += down.x * k;
+            e.y += down.y * k;
+            e.z += down.z * k;
+        }
+        let misfit = dot(&e, &e).sqrt();
+        if misfit.within(T::from_f32(LEAST_MISFIT)) {
+            return Vector3::new(T::ZERO, T::ZERO, T::ZERO);
+        }
+        let share = view.gain(self.beta * misfit.recip(), T::ONE) * view.dt;
+        let share = if share.within(T::ONE) { share } else { T::ONE };
+        Vector3::new(e.x * share, e.y * share, e.z * share)
+    }
+}

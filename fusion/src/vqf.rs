@@ -1,0 +1,135 @@
+//! A filter of the VQF class: the acceleration is averaged where it is nearly constant, in the earth frame.
+//!
+//! D. Laidig, T. Seel, "VQF: Highly accurate IMU orientation estimation with bias estimation and magnetic
+//! disturbance rejection", Information Fusion 91, 2023, section 3: in a frame that turns with the drift of
+//! the gyroscope only, gravity stands still and the acceleration of a motion has a mean of zero, so that a
+//! second-order low pass separates them. There the low-passed acceleration gives the inclination at once.
+//!
+//! Here the same low pass closes a loop. With the tilt error `e` seen in the earth frame,
+//!
+//! ```text
+//! z' = (e - z) / T          the smoothed error
+//! correction rate = z / tau
+//! ```
+//!
+//! has the response `1 / (tau T s^2 + tau s + 1)` from what the accelerometer shows to what the estimate
+//! follows: of second order, Butterworth for `T = tau / 2`, and then with VQF's time constant `tau`. It
+//! takes two numbers of state and no trigonometry. A smaller `tau` and a larger `T` (damping 0.58 instead
+//! of 0.71) follow gyroscope errors sooner at the same smoothing. Heading follows at its own time constant.
+
+use nalgebra::Vector3;
+
+use crate::config::{ConfigError, in_range, positive};
+use crate::estimator::{Filter, GRAVITY, View};
+use crate::quaternion::dot;
+use crate::real::Real;
+
+/// Time constants of [`Vqf`].
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct VqfGains {
+    /// Tilt follows the smoothed acceleration with this, s.
+    pub acc_tau_s: f32,
+    /// The acceleration, in the earth frame, is smoothed with this, s.
+    pub acc_smoothing_s: f32,
+    /// Heading follows the magnetometer with this, s.
+    pub mag_tau_s: f32,
+}
+
+impl Default for VqfGains {
+    fn default() -> Self {
+        Self {
+            acc_tau_s: 2.25,
+            acc_smoothing_s: 1.7,
+            mag_tau_s: 9.0,
+        }
+    }
+}
+
+impl VqfGains {
+    /// The constants of the published filter: Butterworth with 3 s, heading 9 s.
+    pub const fn published() -> Self {
+        Self {
+            acc_tau_s: 3.0,
+            acc_smoothing_s: 1.5,
+            mag_tau_s: 9.0,
+        }
+    }
+}
+
+/// The VQF-class filter.
+#[derive(Clone, Debug)]
+pub struct Vqf<T = f32> {
+    acc_per_s: T,
+    smoothing_s: T,
+    /// `1 / smoothing_s`.
+    smoothing_per_s: T,
+    mag_per_s: T,
+    /// Half of the smoothed horizontal acceleration, north and east, m/s^2.
+    smooth: [T; 2],
+}
+
+impl<T: Real> Filter for Vqf<T> {
+    type Real = T;
+    type Gains = VqfGains;
+
+    fn new(gains: &VqfGains) -> Result<Self, ConfigError> {
+        in_range(gains.acc_tau_s, 0.01, 1e4, "acc_tau_s")?;
+        in_range(gains.acc_smoothing_s, 0.01, 1e4, "acc_smoothing_s")?;
+        positive(gains.mag_tau_s, "mag_tau_s")?;
+        Ok(Self {
+            acc_per_s: T::from_f32(1.0 / gains.acc_tau_s),
+            smoothing_s: T::from_f32(gains.acc_smoothing_s),
+            smoothing_per_s: T::from_f32(1.0 / gains.acc_smoothing_s),
+            mag_per_s: T::from_f32(1.0 / gains.mag_tau_s),
+            smooth: [T::ZERO; 2],
+        })
+    }
+
+    #[inline(always)]
+    fn correction(&mut self, view: &View<T>, _bias: &mut Vector3<T>) -> Vector3<T> {
+        let rows = &view.rows;
+        let per_g = T::from_f32(1.0 / GRAVITY);
+        // Half angles about north, east and down.
+        let (mut about_north, mut about_east, mut about_down) = (T::ZERO, T::ZERO, T::ZERO);
+        if let Some(acc) = view.acc {
+            let seen = [dot(&rows.north, &acc), dot(&rows.east, &acc)];
+            let [north, east] = &mut self.smooth;
+            let rate = if view.floor > self.acc_per_s {
+                // A running mean is smooth enough; the low pass starts from rest when it is over.
+                (*north, *east) = (T::ZERO, T::ZERO);
+                about_north = -seen[1];
+                about_east = seen[0];
+                view.floor
+            } else {
+                // For a step that is short beside T the division is spared.
+                let share = if view.dt.within(self.smoothing_s * T::from_f32(0.05)) {
+                    view.dt * self.smoothing_per_s
+                } else {
+                    view.dt * (self.smoothing_s + view.dt).recip()
+                };
+                *north += (seen[0] - *north) * share;
+                *east += (seen[1] - *east) * share;
+                about_north = -*east;
+                about_east = *north;
+                self.acc_per_s
+            };
+            let k = rate * view.dt * per_g;
+            about_north = about_north * k;
+            about_east = about_east * k;
+        }
+        if let Some(heading) = &view.heading {
+            let k = view.gain(self.mag_per_s, T::ONE) * view.mag_dt;
+            about_down = heading.sin * heading.weight * k * T::HALF;
+        }
+        // Into the body frame: twice the half rows.
+        let body = |n: T, e: T, d: T| {
+            let half = n * about_north + e * about_east + d * about_down;
+            half + half
+        };
+        Vector3::new(
+            body(rows.north.x, rows.east.x, rows.down.x),
+            body(rows.north.y, rows.east.y, rows.down.y),
+            body(rows.north.z, rows.east.z, rows.down.z),
+        )
+    }
+}
