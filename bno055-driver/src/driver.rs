@@ -2,12 +2,14 @@
 
 use crate::config::Config;
 use crate::fault::SensorFault;
+use crate::fusion::{self, FusionSample};
 use crate::health::Health;
-use crate::registers as reg;
+use crate::request::{Answer, Request};
 use crate::sample::{self, Inspector, RawSample};
 use crate::startup::{Goal, Progress, Startup};
-use crate::status::{Identity, SystemError, SystemStatus};
+use crate::status::Identity;
 use crate::transfer::{BusError, Micros, Transfer};
+use crate::verify::Check;
 
 /// So many bursts or verifications in a row that fail on the bus, or so many bad samples, and the chip is set up anew.
 const BUS_ERRORS_MAX: u8 = 3;
@@ -24,101 +26,37 @@ pub enum Next {
     Sample,
 }
 
-/// The registers that must go on holding what was written, looked at in turn.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Check {
-    Mode,
-    Page,
-    Units,
-    AxisMap,
-    AxisSign,
-    System,
-    Power,
-}
-
-impl Check {
-    const fn next(self) -> Self {
-        match self {
-            Self::Mode => Self::Page,
-            Self::Page => Self::Units,
-            Self::Units => Self::AxisMap,
-            Self::AxisMap => Self::AxisSign,
-            Self::AxisSign => Self::System,
-            Self::System => Self::Power,
-            Self::Power => Self::Mode,
-        }
-    }
-
-    /// The registers are read one by one so that the transfer fits between two bursts; status and error go together.
-    const fn transfer(self) -> Transfer {
-        match self {
-            Self::Mode => Transfer::read(reg::OPR_MODE, 1),
-            Self::Page => Transfer::read(reg::PAGE_ID, 1),
-            Self::Units => Transfer::read(reg::UNIT_SEL, 1),
-            Self::AxisMap => Transfer::read(reg::AXIS_MAP_CONFIG, 1),
-            Self::AxisSign => Transfer::read(reg::AXIS_MAP_SIGN, 1),
-            Self::System => Transfer::read(reg::SYS_STATUS, 2),
-            Self::Power => Transfer::read(reg::PWR_MODE, 1),
-        }
-    }
-
-    /// What is wrong with the answer, if anything is.
-    fn judge(self, bytes: &[u8], config: &Config) -> Result<(), SensorFault> {
-        let [map, sign] = config.axes.registers();
-        let (register, mask, expected) = match self {
-            Self::Mode => (reg::OPR_MODE, 0x0F, config.mode as u8),
-            Self::Page => (reg::PAGE_ID, 0xFF, 0),
-            Self::Units => (reg::UNIT_SEL, 0x97, config.units.register()),
-            Self::AxisMap => (reg::AXIS_MAP_CONFIG, 0x3F, map),
-            Self::AxisSign => (reg::AXIS_MAP_SIGN, 0x07, sign),
-            Self::Power => (reg::PWR_MODE, 0x03, config.power as u8),
-            Self::System => {
-                let &[status, error] = bytes else {
-                    return Err(SensorFault::Protocol);
-                };
-                return match SystemStatus::from_register(status) {
-                    SystemStatus::Fusion if config.mode.is_fusion() => Ok(()),
-                    SystemStatus::NoFusion if !config.mode.is_fusion() => Ok(()),
-                    SystemStatus::Error => Err(SensorFault::System {
-                        error: SystemError::from_register(error),
-                    }),
-                    _ => Err(SensorFault::Reset),
-                };
-            }
-        };
-        let &[found] = bytes else {
-            return Err(SensorFault::Protocol);
-        };
-        match found & mask {
-            found if found == expected => Ok(()),
-            0 if self == Self::Mode => Err(SensorFault::Reset),
-            _ => Err(SensorFault::Configuration { register, found }),
-        }
-    }
-}
-
 /// What the driver keeps while the chip samples.
 #[derive(Clone, Debug)]
 struct Sampling {
     check: Check,
     /// A verification may follow this burst.
     due: bool,
-    outstanding: bool,
+    outstanding: Option<Errand>,
     /// A register read wrong once: samples are withheld until it has been read again.
     doubt: Option<SensorFault>,
     bus_errors: u8,
     bad_samples: u8,
+    inspector: Inspector,
+}
+
+/// What a transfer between two bursts was for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Errand {
+    Verify,
+    Ask(Request),
 }
 
 impl Sampling {
-    const fn new() -> Self {
+    fn new(inspector: Inspector) -> Self {
         Self {
             check: Check::Mode,
             due: false,
-            outstanding: false,
+            outstanding: None,
             doubt: None,
             bus_errors: 0,
             bad_samples: 0,
+            inspector,
         }
     }
 }
@@ -144,7 +82,8 @@ pub struct Driver {
     fault: Option<SensorFault>,
     health: Health,
     identity: Identity,
-    inspector: Inspector,
+    request: Option<Request>,
+    answer: Option<Answer>,
 }
 
 impl Driver {
@@ -153,11 +92,12 @@ impl Driver {
     pub fn new(config: Config) -> Self {
         Self {
             config,
-            phase: Phase::Startup(Startup::new(Goal::Sampling, None)),
+            phase: Phase::Startup(Startup::new(Goal::Sampling, None, None)),
             fault: Some(SensorFault::Booting),
             health: Health::default(),
             identity: Identity::default(),
-            inspector: Inspector::default(),
+            request: None,
+            answer: None,
         }
     }
 
@@ -168,11 +108,20 @@ impl Driver {
                 Ok(transfer) => Next::Transfer(transfer),
                 Err(until) => Next::Wait(until),
             },
-            Phase::Sampling(sampling) if sampling.due => {
-                sampling.outstanding = true;
-                Next::Transfer(sampling.check.transfer())
+            Phase::Sampling(sampling) => {
+                if let Some((request, transfer)) = self
+                    .request
+                    .and_then(|request| Some((request, request.transfer()?)))
+                {
+                    sampling.outstanding = Some(Errand::Ask(request));
+                    Next::Transfer(transfer)
+                } else if sampling.due {
+                    sampling.outstanding = Some(Errand::Verify);
+                    Next::Transfer(sampling.check.transfer())
+                } else {
+                    Next::Sample
+                }
             }
-            Phase::Sampling(_) => Next::Sample,
             Phase::Suspended => Next::Wait(Micros(u64::MAX)),
         }
     }
@@ -183,64 +132,24 @@ impl Driver {
     pub fn complete(&mut self, now: Micros, outcome: Result<&[u8], BusError>) {
         match &mut self.phase {
             Phase::Startup(startup) => {
+                let progress = startup.complete(now, outcome, &self.config);
                 if let Err(error) = outcome {
                     self.health.count(error.into());
                 }
-                match startup.complete(
-                    now,
-                    outcome,
-                    &self.config,
-                    &mut self.inspector,
-                    &mut self.identity,
-                ) {
-                    Progress::Going => {}
-                    Progress::Failed(fault) => {
-                        if !fault.is_bus() {
-                            self.health.failed_setups = self.health.failed_setups.wrapping_add(1);
-                        }
-                        self.fault = Some(fault);
-                    }
-                    Progress::Reached(Goal::Suspended) => {
-                        self.fault = Some(SensorFault::Suspended);
-                        self.phase = Phase::Suspended;
-                    }
-                    Progress::Reached(Goal::Sampling) => {
-                        self.health.starts = self.health.starts.wrapping_add(1);
-                        self.health.setup_us = now.since(startup.began());
-                        self.fault = None;
-                        self.phase = Phase::Sampling(Sampling::new());
-                    }
-                }
+                self.advance(now, progress);
             }
-            Phase::Sampling(sampling) => {
-                if !core::mem::take(&mut sampling.outstanding) {
-                    return;
-                }
-                let judged = match outcome {
-                    Ok(bytes) => sampling.check.judge(bytes, &self.config),
-                    Err(error) => Err(error.into()),
-                };
-                match judged {
-                    Ok(()) => {
-                        self.health.verified = self.health.verified.wrapping_add(1);
-                        sampling.check = sampling.check.next();
-                        sampling.doubt = None;
-                        sampling.due = false;
+            Phase::Sampling(sampling) => match sampling.outstanding.take() {
+                Some(Errand::Verify) => self.verified(now, outcome),
+                Some(Errand::Ask(request)) => match outcome {
+                    Ok(&[byte]) => {
+                        self.answer = request.decode(byte);
+                        self.request = None;
                     }
-                    Err(fault) if fault.is_bus() => {
-                        self.health.count(fault);
-                        sampling.due = false;
-                        self.bus_error(now, fault);
-                    }
-                    Err(fault) => {
-                        self.health.mismatched = self.health.mismatched.wrapping_add(1);
-                        // A wrong bit on the wire looks the same: read it again, and believe the second answer.
-                        if sampling.doubt.replace(fault).is_some() {
-                            self.restart(now, fault);
-                        }
-                    }
-                }
-            }
+                    Ok(_) => self.bus_error(now, SensorFault::Protocol),
+                    Err(error) => self.bus_error(now, error.into()),
+                },
+                None => {}
+            },
             Phase::Suspended => {}
         }
     }
@@ -261,43 +170,43 @@ impl Driver {
         outcome: Result<&[u8], BusError>,
     ) -> Result<RawSample, SensorFault> {
         let Phase::Sampling(sampling) = &mut self.phase else {
-            return Err(self.fault.unwrap_or(SensorFault::Booting));
+            return Err(self.cause());
         };
-        sampling.due = true;
         let judged = match outcome {
-            Ok(bytes) => self.inspector.judge(&self.config, time, bytes),
+            Ok(bytes) => sampling.inspector.judge(&self.config, time, bytes),
             Err(error) => Err(error.into()),
         };
-        let fault = match judged {
-            Ok(judged) => {
-                self.health.fresh = self.health.fresh.wrapping_add(u32::from(judged.fresh));
-                sampling.bus_errors = 0;
-                sampling.bad_samples = 0;
-                match sampling.doubt {
-                    None => {
-                        self.health.good = self.health.good.wrapping_add(1);
-                        self.health.last_good = Some(time);
-                        self.fault = None;
-                        return Ok(judged.sample);
-                    }
-                    Some(fault) => {
-                        self.health.withheld = self.health.withheld.wrapping_add(1);
-                        fault
-                    }
-                }
-            }
-            Err(fault) => {
-                self.health.count(fault);
-                if fault.is_bus() {
-                    self.bus_error(time, fault);
-                } else {
-                    self.bad_sample(time, fault);
-                }
-                fault
-            }
+        if let Ok(judged) = &judged {
+            self.health.fresh = self.health.fresh.wrapping_add(u32::from(judged.fresh));
+        }
+        self.conclude(time, judged.map(|judged| judged.sample))
+    }
+
+    /// The burst that reads all fusion outputs, in fusion modes: 26 bytes.
+    ///
+    /// Use it as [`burst`](Self::burst) is used, with [`fusion`](Self::fusion) for its outcome.
+    #[must_use]
+    pub fn fusion_burst(&self) -> Transfer {
+        fusion::BURST
+    }
+
+    /// Takes the outcome of a burst of fusion outputs that started at `time`.
+    ///
+    /// # Errors
+    /// Whatever keeps the data from being believed, as of [`sample`](Self::sample); frozen data, however, show only there.
+    pub fn fusion(
+        &mut self,
+        time: Micros,
+        outcome: Result<&[u8], BusError>,
+    ) -> Result<FusionSample, SensorFault> {
+        if !self.is_sampling() {
+            return Err(self.cause());
+        }
+        let judged = match outcome {
+            Ok(bytes) => FusionSample::judge(time, bytes),
+            Err(error) => Err(error.into()),
         };
-        self.fault = Some(fault);
-        Err(fault)
+        self.conclude(time, judged)
     }
 
     /// Notes that a tick went by without its burst, and gives the fault to report for it.
@@ -312,14 +221,30 @@ impl Driver {
         self.resume();
     }
 
-    /// Puts the chip into its suspend mode, in which it measures nothing.
+    /// Asks the chip something; [`answer`](Self::answer) has the answer in time. A newer request replaces an older one,
+    /// and a suspended chip is resumed.
+    pub fn request(&mut self, request: Request) {
+        self.request = Some(request);
+        self.answer = None;
+        if request.transfer().is_none() || matches!(self.phase, Phase::Suspended) {
+            self.resume();
+        }
+    }
+
+    /// The answer to the last request, once.
+    pub fn answer(&mut self) -> Option<Answer> {
+        self.answer.take()
+    }
+
+    /// Puts the chip into its suspend mode, in which it measures nothing; drops a request.
     pub fn suspend(&mut self) {
-        self.phase = Phase::Startup(Startup::new(Goal::Suspended, None));
+        self.request = None;
+        self.phase = Phase::Startup(Startup::new(Goal::Suspended, None, None));
     }
 
     /// Sets the chip up again, as after [`suspend`](Self::suspend).
     pub fn resume(&mut self) {
-        self.phase = Phase::Startup(Startup::new(Goal::Sampling, None));
+        self.phase = Phase::Startup(Startup::new(Goal::Sampling, self.request_in_config(), None));
         self.fault = Some(SensorFault::Booting);
     }
 
@@ -354,16 +279,120 @@ impl Driver {
         &self.config
     }
 
-    /// One transfer lost proves nothing, but the next verification looks at the mode first: the chip may have reset.
-    fn bus_error(&mut self, now: Micros, fault: SensorFault) {
+    fn cause(&self) -> SensorFault {
+        self.fault.unwrap_or(SensorFault::Booting)
+    }
+
+    fn request_in_config(&self) -> Option<Request> {
+        self.request.filter(|request| request.transfer().is_none())
+    }
+
+    fn advance(&mut self, now: Micros, progress: Progress) {
+        let Phase::Startup(startup) = &self.phase else {
+            return;
+        };
+        match progress {
+            Progress::Going => {}
+            Progress::Answered(answer) => {
+                self.answer = Some(answer);
+                self.request = None;
+            }
+            Progress::Failed(fault) => {
+                if !fault.is_bus() {
+                    self.health.failed_setups = self.health.failed_setups.wrapping_add(1);
+                }
+                self.fault = Some(fault);
+            }
+            Progress::Reached(Goal::Suspended) => {
+                self.fault = Some(SensorFault::Suspended);
+                self.phase = Phase::Suspended;
+            }
+            Progress::Reached(Goal::Sampling) => {
+                self.health.starts = self.health.starts.wrapping_add(1);
+                self.health.setup_us = now.since(startup.began());
+                self.identity = *startup.identity();
+                self.fault = None;
+                self.phase = Phase::Sampling(Sampling::new(startup.inspector().clone()));
+            }
+        }
+    }
+
+    fn verified(&mut self, now: Micros, outcome: Result<&[u8], BusError>) {
         let Phase::Sampling(sampling) = &mut self.phase else {
             return;
         };
-        sampling.check = if sampling.doubt.is_some() {
-            sampling.check
-        } else {
-            Check::Mode
+        let judged = match outcome {
+            Ok(bytes) => sampling.check.judge(bytes, &self.config),
+            Err(error) => Err(error.into()),
         };
+        match judged {
+            Ok(()) => {
+                self.health.verified = self.health.verified.wrapping_add(1);
+                sampling.check = sampling.check.next();
+                sampling.doubt = None;
+                sampling.due = false;
+            }
+            Err(fault) if fault.is_bus() => {
+                sampling.due = false;
+                self.bus_error(now, fault);
+            }
+            Err(fault) => {
+                self.health.mismatched = self.health.mismatched.wrapping_add(1);
+                // A wrong bit on the wire looks the same: read it again, and believe the second answer.
+                if sampling.doubt.replace(fault).is_some() {
+                    self.restart(now, fault);
+                }
+            }
+        }
+    }
+
+    /// What a burst's verdict means for the chip; withholds the data while a register is in doubt.
+    fn conclude<T>(
+        &mut self,
+        time: Micros,
+        judged: Result<T, SensorFault>,
+    ) -> Result<T, SensorFault> {
+        let Phase::Sampling(sampling) = &mut self.phase else {
+            return Err(self.cause());
+        };
+        sampling.due = true;
+        let fault = match judged {
+            Ok(data) => {
+                sampling.bus_errors = 0;
+                sampling.bad_samples = 0;
+                let Some(fault) = sampling.doubt else {
+                    self.health.good = self.health.good.wrapping_add(1);
+                    self.health.last_good = Some(time);
+                    self.fault = None;
+                    return Ok(data);
+                };
+                self.health.withheld = self.health.withheld.wrapping_add(1);
+                fault
+            }
+            Err(fault) if fault.is_bus() => {
+                self.bus_error(time, fault);
+                fault
+            }
+            Err(fault) => {
+                self.health.count(fault);
+                self.bad_sample(time, fault);
+                fault
+            }
+        };
+        self.fault = Some(fault);
+        Err(fault)
+    }
+
+    /// One transfer lost proves nothing, but the next verification looks at the mode first: the chip may have reset.
+    fn bus_error(&mut self, now: Micros, fault: SensorFault) {
+        self.health.count(fault);
+        self.fault = Some(fault);
+        let Phase::Sampling(sampling) = &mut self.phase else {
+            return;
+        };
+        if sampling.doubt.is_none() {
+            sampling.check = Check::Mode;
+        }
         sampling.bus_errors = sampling.bus_errors.saturating_add(1);
         if sampling.bus_errors >= BUS_ERRORS_MAX {
             self.restart(now, fault);
@@ -395,6 +424,10 @@ impl Driver {
             self.health.resets = self.health.resets.wrapping_add(1);
         }
         self.fault = Some(fault);
-        self.phase = Phase::Startup(Startup::new(Goal::Sampling, Some(now)));
+        self.phase = Phase::Startup(Startup::new(
+            Goal::Sampling,
+            self.request_in_config(),
+            Some(now),
+        ));
     }
 }

@@ -11,23 +11,32 @@
     )
 )]
 
+mod axes;
 pub mod config;
 mod driver;
 mod fault;
+mod fusion;
 mod health;
 mod profile;
 pub mod registers;
+mod request;
 mod sample;
+mod sensors;
+mod settings;
 mod startup;
 mod status;
 mod transfer;
+mod units;
+mod verify;
 
 pub use config::Config;
 pub use driver::{Driver, Next};
 pub use fault::SensorFault;
+pub use fusion::{FusionSample, QUATERNION_UNIT};
 pub use health::Health;
 pub use profile::{Profile, ProfileError, SoftIron};
+pub use request::{Answer, Request};
 pub use sample::{RawSample, STEP_AGE_US};
 pub use startup::BOOT_DEADLINE_US;
-pub use status::{Identity, SystemError, SystemStatus};
+pub use status::{CalibrationStatus, Identity, SelfTest, SystemError, SystemStatus};
 pub use transfer::{BusError, Bytes, Micros, READ_MAX, TRANSFER_DEADLINE_US, Transfer, WRITE_MAX};

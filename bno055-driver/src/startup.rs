@@ -2,9 +2,12 @@
 
 use crate::config::{Config, ResetPolicy};
 use crate::fault::SensorFault;
+use crate::profile::{Profile, SoftIron};
 use crate::registers::{self as reg, IDS};
+use crate::request::{Answer, Request};
 use crate::sample::{self, Inspector};
-use crate::status::{Identity, SystemError, SystemStatus};
+use crate::settings::Setting;
+use crate::status::{Identity, SelfTest, SystemError, SystemStatus};
 use crate::transfer::{BusError, Micros, Transfer};
 
 /// How long a chip may take to answer and identify itself before that is reported as a fault: 850 ms are common,
@@ -22,6 +25,8 @@ const TO_CONFIG_US: u64 = 19_000;
 const FROM_CONFIG_US: u64 = 7_000;
 /// After a reset command (data sheet table 1-2).
 const RESET_US: u64 = 650_000;
+/// The built-in self-test takes about 0.4 s (data sheet section 3.9.2).
+const SELF_TEST_US: u64 = 400_000;
 /// The clock status must not be read before this after a change of clock, or it is still the old clock's.
 const CLOCK_SWITCH_US: u64 = 10_000;
 
@@ -38,6 +43,9 @@ enum Step {
     Reset,
     EnterConfig,
     AwaitConfig,
+    /// What can only be asked in CONFIG mode.
+    Ask(Request),
+    AwaitSelfTest,
     /// Self-test result, system status and error.
     Diagnose,
     Write(Setting),
@@ -60,81 +68,6 @@ pub(crate) enum Goal {
     Suspended,
 }
 
-/// Registers to write and read back, in this order.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Setting {
-    Power,
-    Units,
-    Axes,
-    SoftIron,
-    Profile,
-    PageOne,
-    Sensors,
-    /// Read only.
-    UniqueId,
-    PageZero,
-}
-
-impl Setting {
-    /// The setting after this one that `config` asks for.
-    fn next(self, config: &Config) -> Option<Self> {
-        let next = match self {
-            Self::Power => Self::Units,
-            Self::Units => Self::Axes,
-            Self::Axes => Self::SoftIron,
-            Self::SoftIron => Self::Profile,
-            Self::Profile => Self::PageOne,
-            Self::PageOne => Self::Sensors,
-            Self::Sensors => Self::UniqueId,
-            Self::UniqueId => Self::PageZero,
-            Self::PageZero => return None,
-        };
-        match next {
-            Self::SoftIron if config.soft_iron.is_none() => Self::SoftIron.next(config),
-            Self::Profile if config.profile.is_none() => Self::Profile.next(config),
-            _ => Some(next),
-        }
-    }
-
-    /// The transfer that writes it; for what is only read, the one that reads.
-    fn write(self, config: &Config) -> Transfer {
-        match self {
-            Self::Power => Transfer::write(reg::PWR_MODE, [config.power as u8]),
-            Self::Units => Transfer::write(reg::UNIT_SEL, [config.units.register()]),
-            Self::Axes => Transfer::write(reg::AXIS_MAP_CONFIG, config.axes.registers()),
-            Self::SoftIron => Transfer::write(
-                reg::SIC_MATRIX,
-                config.soft_iron.unwrap_or_default().registers(),
-            ),
-            Self::Profile => Transfer::write(
-                reg::ACC_OFFSET,
-                config.profile.unwrap_or_default().registers(),
-            ),
-            Self::PageOne => Transfer::write(reg::PAGE_ID, [1]),
-            Self::Sensors => Transfer::write(reg::ACC_CONFIG, config.sensors.registers()),
-            Self::UniqueId => Transfer::read(reg::UNIQUE_ID, 16),
-            Self::PageZero => Transfer::write(reg::PAGE_ID, [0]),
-        }
-    }
-
-    /// Bits of a byte that must read as written; the others are reserved or the chip's own business.
-    fn mask(self, config: &Config, offset: usize) -> u8 {
-        match (self, offset) {
-            (Self::Power, _) => 0x03,
-            (Self::Units, _) => 0x97,
-            (Self::Axes, 0) => 0x3F,
-            (Self::Axes, _) => 0x07,
-            // In fusion modes the chip sets all but the accelerometer's range.
-            (Self::Sensors, 0) if config.mode.is_fusion() => 0x03,
-            (Self::Sensors, _) if config.mode.is_fusion() => 0x00,
-            (Self::Sensors, 1) => 0x7F,
-            (Self::Sensors, 2) => 0x3F,
-            (Self::Sensors, 3) => 0x07,
-            _ => 0xFF,
-        }
-    }
-}
-
 /// Where a step leads.
 enum Verdict {
     /// To the next step, after so many microseconds.
@@ -146,12 +79,16 @@ enum Verdict {
         fault: SensorFault,
     },
     Fail(SensorFault),
+    /// To the next step, with an answer.
+    Answer(Answer, Step),
     Reached,
 }
 
 /// What the driver learns from a completed step.
 pub(crate) enum Progress {
     Going,
+    /// The request has its answer; the set-up goes on.
+    Answered(Answer),
     /// An attempt failed; the fault is to be reported.
     Failed(SensorFault),
     /// The chip samples, or is suspended, as was the goal.
@@ -162,6 +99,8 @@ pub(crate) enum Progress {
 #[derive(Clone, Debug)]
 pub(crate) struct Startup {
     goal: Goal,
+    /// To be asked on the way.
+    request: Option<Request>,
     step: Step,
     step_since: Micros,
     not_before: Micros,
@@ -172,13 +111,17 @@ pub(crate) struct Startup {
     outstanding: bool,
     /// Fresh, good bursts so far while waiting for data.
     live: u8,
+    inspector: Inspector,
+    identity: Identity,
 }
 
 impl Startup {
-    pub(crate) fn new(goal: Goal, began: Option<Micros>) -> Self {
+    /// A set-up that began at `began`, or begins at the first look at the clock.
+    pub(crate) fn new(goal: Goal, request: Option<Request>, began: Option<Micros>) -> Self {
         let now = began.unwrap_or_default();
         Self {
             goal,
+            request,
             step: Step::Call,
             step_since: now,
             not_before: now,
@@ -186,7 +129,19 @@ impl Startup {
             failures: 0,
             outstanding: false,
             live: 0,
+            inspector: Inspector::default(),
+            identity: Identity::default(),
         }
+    }
+
+    /// Once sampling: the judge, who has seen the first bursts.
+    pub(crate) fn inspector(&self) -> &Inspector {
+        &self.inspector
+    }
+
+    /// Once sampling: who the chip is.
+    pub(crate) fn identity(&self) -> &Identity {
+        &self.identity
     }
 
     /// When this set-up began.
@@ -211,7 +166,21 @@ impl Startup {
             Step::Reset => Transfer::write(reg::SYS_TRIGGER, [reg::RST_SYS]),
             Step::EnterConfig => Transfer::write(reg::OPR_MODE, [0]),
             Step::AwaitConfig | Step::AwaitMode => Transfer::read(reg::OPR_MODE, 1),
-            Step::Diagnose => Transfer::read(reg::ST_RESULT, 5),
+            Step::Ask(Request::Profile) => {
+                Transfer::read(reg::ACC_OFFSET, Profile::REGISTERS_LEN as u8)
+            }
+            Step::Ask(Request::SoftIron) => {
+                Transfer::read(reg::SIC_MATRIX, SoftIron::REGISTERS_LEN as u8)
+            }
+            Step::Ask(_) => {
+                let clock = if config.external_crystal {
+                    reg::CLK_SEL
+                } else {
+                    0
+                };
+                Transfer::write(reg::SYS_TRIGGER, [reg::SELF_TEST | clock])
+            }
+            Step::AwaitSelfTest | Step::Diagnose => Transfer::read(reg::ST_RESULT, 5),
             Step::Write(setting) => setting.write(config),
             Step::Confirm(setting) => match setting.write(config) {
                 Transfer::Write { register, bytes } => Transfer::read(register, bytes.len() as u8),
@@ -232,8 +201,6 @@ impl Startup {
         now: Micros,
         outcome: Result<&[u8], BusError>,
         config: &Config,
-        inspector: &mut Inspector,
-        identity: &mut Identity,
     ) -> Progress {
         if !core::mem::take(&mut self.outstanding) {
             return Progress::Going;
@@ -243,7 +210,7 @@ impl Startup {
             Ok(bytes) if bytes.len() != self.transfer(config).answer_len() => {
                 Verdict::Fail(SensorFault::Protocol)
             }
-            Ok(bytes) => self.judge(now, bytes, config, inspector, identity),
+            Ok(bytes) => self.judge(now, bytes, config),
         };
         match verdict {
             Verdict::Reached => return Progress::Reached(self.goal),
@@ -251,6 +218,12 @@ impl Startup {
                 self.step = step;
                 self.step_since = now;
                 self.not_before = now.after(pause_us);
+            }
+            Verdict::Answer(answer, step) => {
+                self.request = None;
+                self.step = step;
+                self.step_since = now;
+                return Progress::Answered(answer);
             }
             Verdict::Again {
                 pause_us,
@@ -294,25 +267,41 @@ impl Startup {
         }
     }
 
-    fn judge(
-        &mut self,
-        now: Micros,
-        bytes: &[u8],
-        config: &Config,
-        inspector: &mut Inspector,
-        identity: &mut Identity,
-    ) -> Verdict {
+    /// The step after CONFIG mode is reached and the request answered.
+    fn purpose(&self) -> Step {
+        match self.goal {
+            Goal::Sampling => Step::Diagnose,
+            Goal::Suspended => Step::Suspend,
+        }
+    }
+
+    fn judge(&mut self, now: Micros, bytes: &[u8], config: &Config) -> Verdict {
         match self.step {
             Step::Call => Verdict::Go(Step::Identify, 0),
-            Step::Identify => identify(bytes, identity),
+            Step::Identify => identify(bytes, &mut self.identity),
             Step::Reset => Verdict::Go(Step::Call, RESET_US),
             Step::EnterConfig => Verdict::Go(Step::AwaitConfig, TO_CONFIG_US),
-            Step::AwaitConfig => await_mode(bytes, 0, Step::Diagnose),
-            Step::Diagnose if self.goal == Goal::Suspended => Verdict::Go(Step::Suspend, 0),
+            Step::AwaitConfig => {
+                await_mode(bytes, 0, self.request.map_or(self.purpose(), Step::Ask))
+            }
+            Step::Ask(Request::Profile) => answer(
+                Profile::from_registers,
+                Answer::Profile,
+                bytes,
+                self.purpose(),
+            ),
+            Step::Ask(Request::SoftIron) => answer(
+                SoftIron::from_registers,
+                Answer::SoftIron,
+                bytes,
+                self.purpose(),
+            ),
+            Step::Ask(_) => Verdict::Go(Step::AwaitSelfTest, SELF_TEST_US),
+            Step::AwaitSelfTest => await_self_test(bytes, self.purpose()),
             Step::Diagnose => diagnose(bytes, config),
             Step::Suspend => Verdict::Reached,
             Step::Write(setting) => Verdict::Go(Step::Confirm(setting), 0),
-            Step::Confirm(setting) => confirm(setting, bytes, config, identity),
+            Step::Confirm(setting) => confirm(setting, bytes, config, &mut self.identity),
             Step::AwaitClock => match bytes {
                 // Bit 0 set: the clock is being configured and must be left alone.
                 [status] if status & 1 == 0 => Verdict::Go(Step::SelectClock, 0),
@@ -336,13 +325,13 @@ impl Startup {
             Step::AwaitRunning => {
                 let verdict = await_running(bytes, config);
                 if let Verdict::Go(Step::AwaitData, _) = verdict {
-                    *inspector = Inspector::default();
+                    self.inspector = Inspector::default();
                     self.live = 0;
                 }
                 verdict
             }
             Step::AwaitData => {
-                let fault = match inspector.judge(config, now, bytes) {
+                let fault = match self.inspector.judge(config, now, bytes) {
                     Ok(judged) => {
                         self.live += u8::from(judged.fresh);
                         // The second fresh burst shows that the data move.
@@ -378,6 +367,9 @@ fn identify(bytes: &[u8], identity: &mut Identity) -> Verdict {
         return Verdict::Fail(SensorFault::Protocol);
     };
     let [right_chip, right @ ..] = IDS;
+    if chip == 0xFF {
+        return Verdict::Fail(SensorFault::AllOnes);
+    }
     if chip != right_chip {
         return Verdict::Fail(SensorFault::WrongChip { found: chip });
     }
@@ -411,6 +403,34 @@ fn await_mode(bytes: &[u8], mode: u8, next: Step) -> Verdict {
         patience_us: 100_000,
         fault,
     }
+}
+
+/// An answer out of a register block.
+fn answer<const N: usize, T>(
+    decode: fn(&[u8; N]) -> T,
+    wrap: fn(T) -> Answer,
+    bytes: &[u8],
+    next: Step,
+) -> Verdict {
+    match bytes.try_into() {
+        Ok(block) => Verdict::Answer(wrap(decode(block)), next),
+        Err(_) => Verdict::Fail(SensorFault::Protocol),
+    }
+}
+
+fn await_self_test(bytes: &[u8], next: Step) -> Verdict {
+    let &[result, _, _, status, error] = bytes else {
+        return Verdict::Fail(SensorFault::Protocol);
+    };
+    if SystemStatus::from_register(status).is_starting() {
+        return Verdict::Again {
+            pause_us: 10_000,
+            patience_us: 1_000_000,
+            fault: SensorFault::SelfTest { result },
+        };
+    }
+    let error = SystemError::from_register(error);
+    Verdict::Answer(Answer::SelfTest(SelfTest { result, error }), next)
 }
 
 fn diagnose(bytes: &[u8], config: &Config) -> Verdict {

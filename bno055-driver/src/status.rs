@@ -147,3 +147,72 @@ pub struct Identity {
     /// Unique identification of this very chip.
     pub unique_id: [u8; 16],
 }
+
+/// Result of the self-test (ST_RESULT) and the error with it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct SelfTest {
+    /// ST_RESULT.
+    pub result: u8,
+    /// SYS_ERR at its end.
+    pub error: SystemError,
+}
+
+impl SelfTest {
+    /// Whether the accelerometer passed.
+    #[must_use]
+    pub const fn acc(&self) -> bool {
+        self.result & 1 != 0
+    }
+
+    /// Whether the magnetometer passed.
+    #[must_use]
+    pub const fn mag(&self) -> bool {
+        self.result & 2 != 0
+    }
+
+    /// Whether the gyroscope passed.
+    #[must_use]
+    pub const fn gyr(&self) -> bool {
+        self.result & 4 != 0
+    }
+
+    /// Whether the controller passed.
+    #[must_use]
+    pub const fn controller(&self) -> bool {
+        self.result & 8 != 0
+    }
+
+    /// Whether everything passed.
+    #[must_use]
+    pub const fn passed(&self) -> bool {
+        self.result & 0x0F == 0x0F
+    }
+}
+
+/// How far fusion has calibrated itself (CALIB_STAT): 0 not at all, 3 fully.
+///
+/// The figures fall under motion, and the system's can be 3 while the magnetometer's is 0: gate nothing on the system's.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct CalibrationStatus {
+    /// The whole.
+    pub system: u8,
+    /// Gyroscope.
+    pub gyr: u8,
+    /// Accelerometer.
+    pub acc: u8,
+    /// Magnetometer.
+    pub mag: u8,
+}
+
+impl CalibrationStatus {
+    /// The status of CALIB_STAT's value.
+    #[must_use]
+    pub const fn from_register(value: u8) -> Self {
+        Self {
+            system: value >> 6,
+            gyr: value >> 4 & 3,
+            acc: value >> 2 & 3,
+            mag: value & 3,
+        }
+    }
+}

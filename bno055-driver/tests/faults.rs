@@ -1,0 +1,457 @@
+//! Faults of the field while sampling: how soon each is seen, that no bad sample comes out, and that the driver recovers.
+
+mod fake;
+
+use bno055_driver::config::{AxisMap, Mode, Units};
+use bno055_driver::{
+    BusError, Config, Driver, Micros, Next, RawSample, SensorFault, TRANSFER_DEADLINE_US, Transfer,
+};
+use fake::{Chip, Rig, TICK_US};
+
+/// A rig a while into sampling, with `config`.
+fn flying(config: Config) -> Rig {
+    let mut rig = Rig::sampling(config);
+    let outcomes = rig.bursts(100);
+    assert!(outcomes.iter().all(Result::is_ok), "clean: {outcomes:?}");
+    rig
+}
+
+/// Bursts until the first fault, how long that took, and the fault.
+fn first_fault(rig: &mut Rig, patience: usize) -> (usize, u64, SensorFault) {
+    let (from, start) = (rig.ticks.len(), rig.chip.now);
+    for _ in 0..100 * patience {
+        rig.turn();
+        if let Some(index) = rig.ticks[from..]
+            .iter()
+            .position(|(_, outcome)| outcome.is_err())
+        {
+            return (
+                index + 1,
+                rig.chip.now - start,
+                rig.ticks[from + index].1.unwrap_err(),
+            );
+        }
+        if let Some(fault) = rig.driver.fault() {
+            return (rig.ticks.len() - from, rig.chip.now - start, fault);
+        }
+    }
+    panic!("no fault in {patience} bursts");
+}
+
+/// Time for the driver to notice, and then to set the chip up.
+fn recovers(rig: &mut Rig) {
+    rig.run_for(100_000);
+    rig.run_until_sampling(2_500_000);
+    assert!(rig.chip.holds(rig.driver.config()));
+    assert!(rig.bursts(100).iter().all(Result::is_ok));
+    assert_eq!(rig.driver.fault(), None);
+}
+
+#[test]
+fn unplugged_is_seen_at_the_first_burst() {
+    let mut rig = flying(Config::default());
+    rig.chip.bus = Some(BusError::Nak);
+    let (bursts, us, fault) = first_fault(&mut rig, 5);
+    assert!(bursts <= 1 && us <= 2 * TICK_US, "{bursts} {us}");
+    assert_eq!(fault, SensorFault::Nak);
+    rig.run_for(1_000_000);
+    assert!(!rig.driver.is_sampling());
+    assert_eq!(rig.driver.fault(), Some(SensorFault::Nak));
+    rig.chip.bus = None;
+    recovers(&mut rig);
+}
+
+#[test]
+fn one_lost_transfer_costs_one_sample() {
+    let mut rig = flying(Config::default());
+    rig.chip.bus = Some(BusError::Nak);
+    assert_eq!(rig.bursts(1), [Err(SensorFault::Nak)]);
+    rig.chip.bus = None;
+    assert!(rig.bursts(50).iter().all(Result::is_ok));
+    assert_eq!(rig.driver.health().starts, 1);
+}
+
+#[test]
+fn a_stuck_bus_is_seen_at_the_masters_deadline() {
+    for (error, fault) in [
+        (BusError::Stuck, SensorFault::Stuck),
+        (BusError::Timeout, SensorFault::Timeout),
+    ] {
+        let mut rig = flying(Config::default());
+        rig.chip.bus = Some(error);
+        let (bursts, us, found) = first_fault(&mut rig, 5);
+        assert_eq!(found, fault);
+        assert!(bursts <= 1);
+        assert!(us <= TICK_US + TRANSFER_DEADLINE_US, "{us}");
+        rig.run_for(500_000);
+        assert_eq!(rig.driver.fault(), Some(fault));
+        rig.chip.bus = None;
+        recovers(&mut rig);
+    }
+}
+
+#[test]
+fn all_ones_are_seen_at_the_first_burst() {
+    let mut rig = flying(Config::default());
+    rig.chip.wire = Some(|_, bytes| bytes.fill(0xFF));
+    let (bursts, _, fault) = first_fault(&mut rig, 5);
+    assert!(bursts <= 1);
+    assert_eq!(fault, SensorFault::AllOnes);
+    rig.run_for(500_000);
+    assert!(!rig.driver.is_sampling());
+    rig.chip.wire = None;
+    recovers(&mut rig);
+}
+
+#[test]
+fn a_reset_chip_is_seen_and_set_up_again() {
+    // Whatever its boot time: none, shorter than a tick, or the usual.
+    for boot_us in [0, 5_000, 650_000] {
+        let config = Config {
+            axes: AxisMap::PLACEMENTS[3],
+            ..Config::default()
+        };
+        let mut rig = flying(config);
+        rig.chip.power_on(boot_us);
+        let (bursts, us, fault) = first_fault(&mut rig, 5);
+        assert!(bursts <= 2 && us <= 2 * TICK_US, "{bursts} {us}");
+        assert_eq!(
+            fault,
+            if boot_us == 0 {
+                SensorFault::Reset
+            } else {
+                SensorFault::Nak
+            },
+            "{boot_us}"
+        );
+        recovers(&mut rig);
+        assert_eq!(rig.driver.health().starts, 2);
+    }
+}
+
+#[test]
+fn a_chip_found_in_config_reports_reset_until_it_samples_again() {
+    let mut rig = flying(Config::default());
+    rig.chip
+        .perform(&Transfer::Write {
+            register: 0x3D,
+            bytes: bno055_driver::Bytes::new([0]),
+        })
+        .unwrap();
+    rig.chip.now += 19_000;
+    let (bursts, _, fault) = first_fault(&mut rig, 5);
+    assert!(bursts <= 2);
+    assert_eq!(fault, SensorFault::Reset);
+    rig.turn();
+    rig.turn();
+    assert!(!rig.driver.is_sampling());
+    while !rig.driver.is_sampling() {
+        assert_eq!(rig.driver.fault(), Some(SensorFault::Reset));
+        rig.turn();
+    }
+    assert_eq!(rig.driver.health().resets, 1);
+    recovers(&mut rig);
+}
+
+#[test]
+fn frozen_data_are_seen_at_the_fifth_equal_burst() {
+    let mut rig = flying(Config::default());
+    rig.chip.frozen = true;
+    let last = rig.ticks.last().unwrap().1.unwrap();
+    let outcomes = rig.bursts(6);
+    let equal_before = outcomes
+        .iter()
+        .filter_map(|o| o.ok())
+        .filter(|s| s.acc == last.acc && s.gyr == last.gyr)
+        .count();
+    assert!(equal_before <= 4, "{outcomes:?}");
+    assert_eq!(outcomes.last(), Some(&Err(SensorFault::Frozen)));
+    rig.chip.frozen = false;
+    recovers(&mut rig);
+}
+
+#[test]
+fn a_dead_gyroscope_is_frozen_although_the_others_move() {
+    let mut rig = flying(Config::default());
+    rig.chip.gyro_dead = true;
+    let (bursts, _, fault) = first_fault(&mut rig, 40);
+    assert_eq!(fault, SensorFault::Frozen);
+    assert!(bursts <= 21, "{bursts}");
+}
+
+/// A chip that has quietly reset and comes back in its mode, but with a register at its default.
+fn reverted(config: Config, register: usize, value: u8) {
+    for phase in 0..8 {
+        let mut rig = flying(config);
+        rig.bursts(phase);
+        rig.chip.pages[0][register] = value;
+        let (_, us, fault) = first_fault(&mut rig, 40);
+        assert!(us <= 100_000, "{us} us");
+        let Some(SensorFault::Configuration {
+            register: named, ..
+        }) = Some(fault)
+        else {
+            panic!("{fault:?}")
+        };
+        assert_eq!(usize::from(named), register);
+        recovers(&mut rig);
+    }
+}
+
+#[test]
+fn a_reverted_axis_map_is_seen_within_100_ms() {
+    let config = Config {
+        axes: AxisMap::PLACEMENTS[0],
+        ..Config::default()
+    };
+    reverted(config, 0x41, 0x24);
+    reverted(config, 0x42, 0x00);
+}
+
+#[test]
+fn reverted_units_are_seen_within_100_ms() {
+    reverted(Config::default(), 0x3B, 0x80);
+    let units = Units {
+        gyr: bno055_driver::config::GyrUnit::RadianPerSecond,
+        ..Units::default()
+    };
+    reverted(
+        Config {
+            units,
+            ..Config::default()
+        },
+        0x3B,
+        0x00,
+    );
+}
+
+#[test]
+fn a_system_error_while_sampling_is_seen() {
+    let mut rig = flying(Config::default());
+    rig.chip.pages[0][0x39..0x3B].copy_from_slice(&[1, 2]);
+    let (_, us, fault) = first_fault(&mut rig, 40);
+    assert!(us <= 100_000, "{us}");
+    assert_eq!(fault.to_string(), "IMU error: system start");
+    assert_eq!(fault.code(), 0x0A02);
+    rig.chip.pages[0][0x39] = 0;
+    recovers(&mut rig);
+}
+
+#[test]
+fn a_wrong_bit_in_a_verification_withholds_no_more_than_a_sample() {
+    let mut rig = flying(Config::default());
+    let from = rig.ticks.len();
+    rig.chip.wire = Some(|register, bytes| bytes[0] ^= u8::from(register == 0x3B));
+    let mismatched = |rig: &Rig| rig.driver.health().mismatched;
+    while mismatched(&rig) == 0 {
+        rig.turn();
+    }
+    rig.chip.wire = None;
+    rig.bursts(20);
+    assert_eq!(mismatched(&rig), 1);
+    assert_eq!(rig.driver.health().starts, 1, "no set-up for a wrong bit");
+    assert!(
+        rig.ticks[from..]
+            .iter()
+            .filter(|(_, outcome)| outcome.is_err())
+            .count()
+            <= 1
+    );
+}
+
+#[test]
+fn samples_are_withheld_while_a_register_is_in_doubt() {
+    let mut rig = flying(Config::default());
+    rig.chip.pages[0][0x3B] = 0x02;
+    while rig.driver.health().mismatched == 0 {
+        rig.turn();
+    }
+    let truth = rig.chip.truth();
+    let bytes: Vec<u8> = [truth.0, truth.1, truth.2]
+        .iter()
+        .flatten()
+        .flat_map(|word| word.to_le_bytes())
+        .collect();
+    let fault = SensorFault::Configuration {
+        register: 0x3B,
+        found: 2,
+    };
+    assert_eq!(
+        rig.driver.sample(Micros(rig.chip.now), Ok(&bytes)),
+        Err(fault)
+    );
+    assert_eq!(rig.driver.health().withheld, 1);
+}
+
+#[test]
+fn a_verification_under_way_when_a_burst_fails_is_ignored() {
+    let mut rig = flying(Config::default());
+    rig.bursts(1);
+    let Next::Transfer(_) = rig.driver.next(Micros(rig.chip.now)) else {
+        panic!("a verification is due")
+    };
+    for _ in 0..2 {
+        assert_eq!(
+            rig.driver.sample(Micros(rig.chip.now), Ok(&[0; 18])),
+            Err(SensorFault::Reset)
+        );
+    }
+    assert!(!rig.driver.is_sampling());
+    rig.driver.complete(Micros(rig.chip.now), Ok(&[7]));
+    assert_eq!(
+        rig.driver.sample(Micros(rig.chip.now), Ok(&[1; 18])),
+        Err(SensorFault::Reset)
+    );
+    recovers(&mut rig);
+}
+
+#[test]
+fn spikes_never_come_out_whatever_bit_they_flip() {
+    let mut rig = flying(Config::default());
+    for word in 0..9 {
+        for bit in 12..16 {
+            let good = rig.chip.truth();
+            let mut words = [good.0, good.1, good.2];
+            words.as_flattened_mut()[word] ^= (1_u16 << bit) as i16;
+            let bytes: Vec<u8> = words
+                .iter()
+                .flatten()
+                .flat_map(|word| word.to_le_bytes())
+                .collect();
+            let outcome = rig.driver.sample(Micros(rig.chip.now), Ok(&bytes));
+            assert!(
+                matches!(outcome, Err(SensorFault::Torn | SensorFault::Implausible)),
+                "word {word} bit {bit}: {outcome:?}"
+            );
+            assert!(
+                rig.bursts(2).iter().all(Result::is_ok),
+                "the next sample is good again"
+            );
+        }
+    }
+    assert_eq!(rig.driver.health().starts, 1);
+}
+
+#[test]
+fn the_pattern_seen_around_crashes_never_comes_out() {
+    let mut rig = flying(Config::default());
+    rig.chip.wire = Some(|register, bytes| {
+        if register == 8 {
+            for (at, word) in [1962_i16, 568, 0, 0, 5120, 3843].into_iter().enumerate() {
+                bytes[2 * at..2 * at + 2].copy_from_slice(&word.to_le_bytes());
+            }
+        }
+    });
+    assert!(
+        rig.bursts(20)
+            .iter()
+            .all(|outcome| *outcome == Err(SensorFault::Implausible))
+    );
+    assert!(!rig.driver.is_sampling());
+}
+
+#[test]
+fn single_words_of_ones_never_replace_a_word_that_was_elsewhere() {
+    let mut rig = flying(Config::default());
+    for word in [2, 3, 4, 5] {
+        let good = rig.chip.truth();
+        let mut words = [good.0, good.1, good.2];
+        words.as_flattened_mut()[word] = -1;
+        let bytes: Vec<u8> = words
+            .iter()
+            .flatten()
+            .flat_map(|word| word.to_le_bytes())
+            .collect();
+        let outcome = rig.driver.sample(Micros(rig.chip.now), Ok(&bytes));
+        assert_eq!(outcome, Err(SensorFault::AllOnes), "word {word}");
+        assert!(rig.bursts(1)[0].is_ok());
+    }
+}
+
+#[test]
+fn missed_ticks_are_counted_and_reported() {
+    let mut rig = flying(Config::default());
+    assert_eq!(rig.driver.missed(), SensorFault::Late);
+    assert_eq!(rig.driver.fault(), Some(SensorFault::Late));
+    assert!(rig.bursts(1)[0].is_ok());
+    assert_eq!((rig.driver.fault(), rig.driver.health().late), (None, 1));
+}
+
+#[test]
+fn fusion_outputs_are_judged_and_verified_too() {
+    let mut rig = Rig::sampling(Config {
+        mode: Mode::Ndof,
+        ..Config::default()
+    });
+    let read = |rig: &mut Rig| {
+        let (start, transfer) = (rig.chip.now, rig.driver.fusion_burst());
+        let outcome = rig.chip.perform(&transfer);
+        rig.driver
+            .fusion(Micros(start), outcome.as_deref().map_err(|error| *error))
+    };
+    assert_eq!(read(&mut rig).unwrap().quaternion(), [1.0, 0.0, 0.0, 0.0]);
+    let Next::Transfer(_) = rig.driver.next(Micros(rig.chip.now)) else {
+        panic!("a verification is due")
+    };
+    rig.chip.power_on(0);
+    assert_eq!(read(&mut rig), Err(SensorFault::Reset));
+    assert_eq!(read(&mut rig), Err(SensorFault::Reset));
+    assert!(!rig.driver.is_sampling());
+    rig.run_until_sampling(500_000);
+    assert!(read(&mut rig).is_ok());
+}
+
+#[test]
+fn a_clean_hour_of_samples_has_no_fault() {
+    let mut rig = Rig::sampling(Config::default());
+    let outcomes = rig.bursts(360_000);
+    let bad: Vec<_> = outcomes
+        .iter()
+        .filter_map(|outcome| outcome.err())
+        .collect();
+    assert_eq!(bad, []);
+    let health = rig.driver.health();
+    // The chip refreshes 0.3 % more slowly than the ticks come.
+    assert!(
+        (355_000..359_500).contains(&health.fresh),
+        "{}",
+        health.fresh
+    );
+    assert_eq!(health.good, 360_000);
+    assert_eq!(health.verified, 359_999);
+}
+
+/// The truth that came out must be a truth the chip had at that time.
+#[test]
+fn samples_are_the_chips_words_with_their_time() {
+    let mut chip = Chip::new();
+    chip.now = fake::BOOT_US;
+    let mut driver = Driver::new(Config::default());
+    let mut taken = 0;
+    while taken < 10 {
+        match driver.next(Micros(chip.now)) {
+            Next::Transfer(transfer) => {
+                let outcome = chip.perform(&transfer);
+                driver.complete(Micros(chip.now), outcome.as_deref().map_err(|error| *error));
+            }
+            Next::Wait(until) => chip.now = until.0,
+            Next::Sample => {
+                let time = Micros(chip.now);
+                let outcome = chip.perform(&driver.burst());
+                let (acc, mag, gyr) = chip.truth();
+                let sample = driver.sample(time, outcome.as_deref().map_err(|error| *error));
+                assert_eq!(
+                    sample,
+                    Ok(RawSample {
+                        time,
+                        acc,
+                        mag,
+                        gyr
+                    })
+                );
+                chip.now += 5_000;
+                taken += 1;
+            }
+        }
+    }
+}

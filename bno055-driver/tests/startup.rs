@@ -1,0 +1,453 @@
+//! From power-on to sampling: what goes over the bus, and what the driver says when the chip is not as it should be.
+
+mod fake;
+
+use std::num::NonZeroU8;
+
+use bno055_driver::config::{AccRange, Axis, AxisMap, Mode, ResetPolicy, Sensors, Signed, Units};
+use bno055_driver::{
+    Answer, BOOT_DEADLINE_US, BusError, Bytes, Config, Driver, Micros, Next, Profile, Request,
+    SensorFault, SoftIron, SystemError, Transfer,
+};
+use fake::{BOOT_US, Rig};
+
+const PROFILE: Profile = Profile {
+    acc_offset: [-24, 13, 5],
+    mag_offset: [-301, 640, 77],
+    gyr_offset: [-1, 0, 2],
+    acc_radius: 1000,
+    mag_radius: 712,
+};
+
+fn read(register: u8, len: u8) -> Transfer {
+    Transfer::Read { register, len }
+}
+
+fn write<const N: usize>(register: u8, bytes: [u8; N]) -> Transfer {
+    Transfer::Write {
+        register,
+        bytes: Bytes::new(bytes),
+    }
+}
+
+/// The transfers of a set-up, without the calls that nobody answered.
+fn answered(rig: &Rig) -> Vec<Transfer> {
+    let call = write(0x07, [0]);
+    let calls = rig
+        .chip
+        .log
+        .iter()
+        .take_while(|transfer| **transfer == call)
+        .count();
+    rig.chip.log[calls - 1..].to_vec()
+}
+
+#[test]
+fn set_up_is_exactly_this() {
+    let rig = Rig::sampling(Config::default());
+    let mut log = answered(&rig);
+    let bursts = log
+        .iter()
+        .rev()
+        .take_while(|transfer| **transfer == read(0x08, 18))
+        .count();
+    assert!(bursts >= 2, "two fresh bursts before sampling");
+    log.truncate(log.len() - bursts);
+    assert_eq!(
+        log,
+        [
+            write(0x07, [0]),
+            read(0x00, 8),
+            write(0x3D, [0]),
+            read(0x3D, 1),
+            read(0x36, 5),
+            write(0x3E, [0]),
+            read(0x3E, 1),
+            write(0x3B, [0]),
+            read(0x3B, 1),
+            write(0x41, [0x24, 0x00]),
+            read(0x41, 2),
+            write(0x07, [1]),
+            read(0x07, 1),
+            // 8 g / 62.5 Hz, 30 Hz regular, 2000 deg/s / 116 Hz, all normal.
+            write(0x08, [0x0E, 0x0F, 0x10, 0x00]),
+            read(0x08, 4),
+            read(0x50, 16),
+            write(0x07, [0]),
+            read(0x07, 1),
+            write(0x3D, [7]),
+            read(0x3D, 1),
+            read(0x39, 2),
+        ]
+    );
+    assert!(rig.chip.holds(rig.driver.config()));
+    assert_eq!(rig.driver.fault(), None);
+    assert_eq!(rig.driver.identity().software, 0x0311);
+    assert_eq!(rig.driver.identity().bootloader, 0x15);
+    assert_eq!(rig.driver.identity().unique_id[..3], [0xB0, 0xB1, 0xB2]);
+}
+
+#[test]
+fn every_setting_reaches_the_chip() {
+    let config = Config {
+        mode: Mode::Ndof,
+        sensors: Sensors {
+            acc_range: AccRange::G4,
+            ..Sensors::default()
+        },
+        units: Units {
+            acc: bno055_driver::config::AccUnit::MilliG,
+            ..Units::default()
+        },
+        axes: AxisMap::new(
+            Signed::plus(Axis::Y),
+            Signed::minus(Axis::X),
+            Signed::plus(Axis::Z),
+        )
+        .unwrap(),
+        power: bno055_driver::config::Power::Low,
+        external_crystal: true,
+        profile: Some(PROFILE),
+        soft_iron: Some(SoftIron([[0x4000, 1, 2], [3, 0x4100, 4], [5, 6, 0x3F00]])),
+        ..Config::default()
+    };
+    let rig = Rig::sampling(config);
+    assert!(rig.chip.holds(&config));
+    let log = answered(&rig);
+    let clock = log
+        .iter()
+        .position(|transfer| *transfer == write(0x3F, [0x80]))
+        .unwrap();
+    assert_eq!(log[clock - 1], read(0x38, 1), "clock free to be changed");
+    assert_eq!(log[clock + 1], read(0x38, 1), "clock settled");
+    assert!(log[clock + 2..].contains(&write(0x3D, [0x0C])));
+}
+
+#[test]
+fn a_chip_that_boots_slowly_is_no_fault_until_it_is_late() {
+    let mut driver = Driver::new(Config::default());
+    let mut now = Micros(0);
+    let mut calls = 0;
+    while now.0 < BOOT_DEADLINE_US {
+        match driver.next(now) {
+            Next::Transfer(transfer) => {
+                assert_eq!(transfer, write(0x07, [0]));
+                calls += 1;
+                assert_eq!(driver.fault(), Some(SensorFault::Booting), "at {now:?}");
+                driver.complete(now.after(200), Err(BusError::Nak));
+            }
+            Next::Wait(until) => now = until,
+            Next::Sample => unreachable!("nobody is there"),
+        }
+    }
+    assert_eq!(calls, 92, "polled every 20 ms");
+    let Next::Transfer(_) = driver.next(now) else {
+        panic!("goes on trying")
+    };
+    driver.complete(now, Err(BusError::Nak));
+    assert_eq!(driver.fault(), Some(SensorFault::Nak));
+    assert!(!driver.is_sampling());
+}
+
+#[test]
+fn wrong_identity_is_retried_and_then_named() {
+    let mut rig = Rig::new(Config::default());
+    rig.chip.wire = Some(|register, bytes| {
+        if register == 0 {
+            bytes[0] = 0x55;
+        }
+    });
+    rig.run_for(BOOT_DEADLINE_US - 100_000);
+    assert_eq!(rig.driver.fault(), Some(SensorFault::Booting));
+    rig.run_for(200_000);
+    assert_eq!(
+        rig.driver.fault(),
+        Some(SensorFault::WrongChip { found: 0x55 })
+    );
+    rig.chip.wire = None;
+    rig.run_until_sampling(200_000);
+}
+
+#[test]
+fn a_dead_gyroscope_is_named() {
+    let mut rig = Rig::new(Config::default());
+    rig.chip.pages[0][3] = 0;
+    rig.run_for(BOOT_DEADLINE_US + 100_000);
+    assert_eq!(
+        rig.driver.fault(),
+        Some(SensorFault::DeadSensor {
+            register: 3,
+            found: 0
+        })
+    );
+    assert_eq!(
+        rig.driver.fault().unwrap().to_string(),
+        "IMU gyroscope dead: id 0x00"
+    );
+}
+
+#[test]
+fn self_test_and_system_error_are_named() {
+    let mut rig = Rig::new(Config::default());
+    rig.chip.pages[0][0x36] = 0x0B;
+    rig.run_for(BOOT_US + 200_000);
+    assert_eq!(
+        rig.driver.fault(),
+        Some(SensorFault::SelfTest { result: 0x0B })
+    );
+    rig.chip.pages[0][0x36] = 0x0F;
+    rig.chip.pages[0][0x39..0x3B].copy_from_slice(&[1, 9]);
+    rig.run_for(1_000_000);
+    assert_eq!(
+        rig.driver.fault(),
+        Some(SensorFault::System {
+            error: SystemError::Fusion
+        })
+    );
+    rig.chip.pages[0][0x39] = 0;
+    rig.run_until_sampling(1_000_000);
+}
+
+#[test]
+fn each_register_that_does_not_hold_is_named() {
+    for register in [0x3E, 0x3B, 0x41, 0x42, 0x43, 0x55, 0x08, 0x09, 0x0A, 0x0B] {
+        let mut rig = Rig::new(Config {
+            profile: Some(PROFILE),
+            soft_iron: Some(SoftIron::IDENTITY),
+            ..Config::default()
+        });
+        // The wire inverts the low bit of that register; the data burst starts at 8, too, but is longer.
+        rig.chip.wire = match register {
+            0x3E => Some(|at, bytes| bytes[0] ^= u8::from(at == 0x3E)),
+            0x3B => Some(|at, bytes| bytes[0] ^= u8::from(at == 0x3B)),
+            0x41 => Some(|at, bytes| bytes[0] ^= u8::from(at == 0x41)),
+            0x42 => Some(|at, bytes| {
+                if at == 0x41 {
+                    bytes[1] ^= 1;
+                }
+            }),
+            0x43 => Some(|at, bytes| bytes[0] ^= u8::from(at == 0x43)),
+            0x55 => Some(|at, bytes| bytes[0] ^= u8::from(at == 0x55)),
+            0x08 => Some(|at, bytes| bytes[0] ^= u8::from(at == 8 && bytes.len() == 4)),
+            0x09 => Some(|at, bytes| {
+                if at == 8 && bytes.len() == 4 {
+                    bytes[1] ^= 1;
+                }
+            }),
+            0x0A => Some(|at, bytes| {
+                if at == 8 && bytes.len() == 4 {
+                    bytes[2] ^= 1;
+                }
+            }),
+            _ => Some(|at, bytes| {
+                if at == 8 && bytes.len() == 4 {
+                    bytes[3] ^= 1;
+                }
+            }),
+        };
+        rig.run_for(BOOT_US + 200_000);
+        let Some(SensorFault::Configuration {
+            register: named, ..
+        }) = rig.driver.fault()
+        else {
+            panic!("register {register:#x}: {:?}", rig.driver.fault());
+        };
+        assert_eq!(named, register);
+        assert!(!rig.driver.is_sampling());
+        rig.chip.wire = None;
+        rig.run_until_sampling(1_000_000);
+        assert!(rig.chip.holds(rig.driver.config()));
+    }
+}
+
+#[test]
+fn a_profile_out_of_range_is_never_written() {
+    let profile = Profile {
+        mag_offset: [0, 0, 0x218C],
+        ..PROFILE
+    };
+    let mut rig = Rig::new(Config {
+        mode: Mode::Ndof,
+        profile: Some(profile),
+        ..Config::default()
+    });
+    rig.run_for(BOOT_US + 200_000);
+    assert_eq!(
+        rig.driver.fault(),
+        Some(SensorFault::Profile { register: 0x5F })
+    );
+    assert!(
+        rig.chip
+            .log
+            .iter()
+            .all(|transfer| !matches!(transfer, Transfer::Write { register: 0x55, .. }))
+    );
+}
+
+#[test]
+fn a_crystal_that_does_not_start_is_named() {
+    let mut rig = Rig::new(Config {
+        external_crystal: true,
+        ..Config::default()
+    });
+    rig.chip.crystal = false;
+    rig.run_for(BOOT_US + 1_500_000);
+    assert_eq!(rig.driver.fault(), Some(SensorFault::Clock));
+}
+
+#[test]
+fn failures_of_an_answering_chip_are_retried_at_a_slowing_pace() {
+    let mut rig = Rig::new(Config::default());
+    rig.chip.pages[0][0x36] = 0;
+    rig.run_for(BOOT_US + 10_000_000);
+    let failed = rig.driver.health().failed_setups;
+    // 50, 100, 200, 400 and then 800 ms apart, and 25 ms for each attempt.
+    assert!((13..=18).contains(&failed), "{failed}");
+}
+
+#[test]
+fn the_chip_is_never_reset_unless_allowed() {
+    let reset = write(0x3F, [0x20]);
+    let mut rig = Rig::new(Config::default());
+    rig.chip.pages[0][0x36] = 0;
+    rig.run_for(BOOT_US + 10_000_000);
+    assert!(!rig.chip.log.contains(&reset));
+
+    let limit = NonZeroU8::new(3).unwrap();
+    let mut rig = Rig::new(Config {
+        reset: ResetPolicy::AfterFailures(limit),
+        ..Config::default()
+    });
+    rig.chip.pages[0][0x36] = 0;
+    rig.run_for(BOOT_US + 500_000);
+    assert_eq!(
+        rig.chip
+            .log
+            .iter()
+            .filter(|transfer| **transfer == reset)
+            .count(),
+        1
+    );
+    rig.run_until_sampling(1_000_000);
+    assert!(rig.chip.holds(rig.driver.config()), "the reset mended it");
+}
+
+#[test]
+fn stuck_zero_or_frozen_data_never_start_sampling() {
+    let mut rig = Rig::new(Config::default());
+    rig.chip.frozen = true;
+    rig.run_for(BOOT_US + 1_500_000);
+    assert_eq!(
+        rig.driver.fault(),
+        Some(SensorFault::Reset),
+        "outputs stay zero"
+    );
+
+    let mut rig = Rig::sampling(Config::default());
+    rig.chip.frozen = true;
+    let outcomes = rig.bursts(5);
+    assert!(outcomes.contains(&Err(SensorFault::Frozen)));
+    rig.run_for(3_000_000);
+    assert!(!rig.driver.is_sampling());
+    rig.chip.frozen = false;
+    rig.run_until_sampling(2_000_000);
+}
+
+#[test]
+fn requests_in_config_mode_are_answered_and_sampling_resumes() {
+    let config = Config {
+        mode: Mode::Ndof,
+        profile: Some(PROFILE),
+        ..Config::default()
+    };
+    let mut rig = Rig::sampling(config);
+    let ask = |rig: &mut Rig, request| {
+        rig.driver.request(request);
+        assert!(!rig.driver.is_sampling());
+        rig.run_until_sampling(1_500_000);
+        let answer = rig.driver.answer();
+        assert_eq!(rig.driver.answer(), None, "given once");
+        assert!(rig.chip.holds(&config));
+        answer
+    };
+    assert_eq!(
+        ask(&mut rig, Request::Profile),
+        Some(Answer::Profile(PROFILE))
+    );
+    assert_eq!(
+        ask(&mut rig, Request::SoftIron),
+        Some(Answer::SoftIron(SoftIron::IDENTITY))
+    );
+    let before = rig.chip.now;
+    let Some(Answer::SelfTest(result)) = ask(&mut rig, Request::SelfTest) else {
+        panic!("no result")
+    };
+    assert!(result.passed() && result.acc() && result.mag() && result.gyr() && result.controller());
+    assert_eq!(result.error, SystemError::None);
+    assert!(rig.chip.now - before > 400_000);
+    assert!(rig.chip.log.contains(&write(0x3F, [0x01])));
+}
+
+#[test]
+fn requests_between_samples_do_not_disturb_them() {
+    let mut rig = Rig::sampling(Config::default());
+    rig.chip.pages[0][0x35] = 0b11_10_01_00;
+    rig.driver.request(Request::Temperature);
+    rig.turn();
+    assert_eq!(rig.driver.answer(), Some(Answer::Temperature(25)));
+    rig.driver.request(Request::CalibrationStatus);
+    rig.turn();
+    let Some(Answer::CalibrationStatus(status)) = rig.driver.answer() else {
+        panic!("no status")
+    };
+    assert_eq!(
+        (status.system, status.gyr, status.acc, status.mag),
+        (3, 2, 1, 0)
+    );
+    assert!(rig.driver.is_sampling());
+    assert!(rig.bursts(20).iter().all(Result::is_ok));
+}
+
+#[test]
+fn suspend_and_resume() {
+    let mut rig = Rig::sampling(Config::default());
+    rig.driver.suspend();
+    rig.run_for(200_000);
+    assert_eq!(rig.driver.fault(), Some(SensorFault::Suspended));
+    assert_eq!(
+        rig.driver.next(Micros(rig.chip.now)),
+        Next::Wait(Micros(u64::MAX))
+    );
+    assert_eq!((rig.chip.mode(), rig.chip.pages[0][0x3E]), (0, 2));
+    rig.driver.resume();
+    rig.run_until_sampling(300_000);
+    assert!(rig.chip.holds(rig.driver.config()));
+}
+
+#[test]
+fn reconfigure_changes_everything() {
+    let mut rig = Rig::sampling(Config::default());
+    let config = Config {
+        mode: Mode::Imu,
+        axes: AxisMap::PLACEMENTS[0],
+        ..Config::default()
+    };
+    rig.driver.reconfigure(config);
+    rig.run_until_sampling(300_000);
+    // The chip chooses the sensors' settings in fusion modes: the driver leaves them as written.
+    assert!(rig.chip.holds(&config));
+    assert_eq!(rig.driver.burst(), read(0x08, 18));
+}
+
+#[test]
+fn a_warm_chip_samples_within_120_ms() {
+    let mut rig = Rig::sampling(Config::default());
+    let restart = rig.chip.now;
+    rig.driver = Driver::new(Config::default());
+    rig.run_until_sampling(1_000_000);
+    assert!(
+        rig.chip.now - restart < 120_000,
+        "{} us",
+        rig.chip.now - restart
+    );
+}
