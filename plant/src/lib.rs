@@ -24,6 +24,7 @@
 //! | module | what |
 //! |---|---|
 //! | [`parameters`] | masses, lengths, loads; presets and checks |
+//! | [`setup`] | drone, servo and timing from a TOML file, with units |
 //! | [`linkage`] | the four-bar linkage: positions, ratios, inverse |
 //! | [`mechanism`] | inertia and loads as functions of the crank angle |
 //! | [`drone`] | the drone with a prescribed crank: what the virtual rig flies |
@@ -46,6 +47,7 @@ pub mod parameters;
 pub mod pitch_loop;
 pub mod response;
 pub mod servo;
+pub mod setup;
 
 pub use drone::{Crank, Drone};
 pub use linkage::Linkage;
@@ -53,3 +55,4 @@ pub use mechanism::Mechanism;
 pub use parameters::{ParameterError, Parameters};
 pub use response::StepResponse;
 pub use servo::{Servo, ServoModel};
+pub use setup::Setup;

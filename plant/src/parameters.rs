@@ -1,5 +1,7 @@
 //! Parameters of the drone: presets, units and checks.
 
+use serde::{Deserialize, Serialize};
+
 use crate::linkage::Linkage;
 
 /// The range of crank angles over which the linkage must close, either side of its zero, in rad:
@@ -9,7 +11,8 @@ const CRANK_TRAVEL_RAD: f64 = 65.0 * std::f64::consts::PI / 180.0;
 /// Everything that the equations of motion need to know about the drone.
 ///
 /// Vectors `[x, y]` are components in the frame of body 0, whose origin is the pivot.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Parameters {
     /// Mass of body 0: frame, motors, electronics and the servo's case, in kg.
     pub body_mass_kg: f64,
@@ -69,7 +72,7 @@ pub enum ParameterError {
     /// A parameter lies outside the range in which the equations mean something.
     #[error("{parameter} is {value}, it must be {must}")]
     OutOfRange {
-        /// Name of the field of [`Parameters`].
+        /// Name of the field.
         parameter: &'static str,
         /// The value found.
         value: f64,
@@ -174,14 +177,7 @@ impl Parameters {
     /// # Errors
     /// The first parameter found wanting, by name.
     pub fn validate(&self) -> Result<(), ParameterError> {
-        let refuse = |parameter, value, must| {
-            Err(ParameterError::OutOfRange {
-                parameter,
-                value,
-                must,
-            })
-        };
-        for (parameter, value) in [
+        positive(&[
             ("body_mass_kg", self.body_mass_kg),
             ("body_inertia_kg_m2", self.body_inertia_kg_m2),
             ("crank_mass_kg", self.crank_mass_kg),
@@ -194,23 +190,15 @@ impl Parameters {
             ("link_length_m", self.link_length_m),
             ("arm_length_m", self.arm_length_m),
             ("ground_length_m", self.ground_length_m),
-        ] {
-            if !(value.is_finite() && value > 0.0) {
-                return refuse(parameter, value, "finite and greater than zero");
-            }
-        }
-        for (parameter, value) in [
+        ])?;
+        not_negative(&[
             ("thrust_n", self.thrust_n),
             ("gravity_m_s2", self.gravity_m_s2),
             ("pivot_friction_n_m_s", self.pivot_friction_n_m_s),
             ("crank_friction_n_m_s", self.crank_friction_n_m_s),
             ("rudder_friction_n_m_s", self.rudder_friction_n_m_s),
-        ] {
-            if !(value.is_finite() && value >= 0.0) {
-                return refuse(parameter, value, "finite and not negative");
-            }
-        }
-        for (parameter, value) in [
+        ])?;
+        finite(&[
             ("body_cm_m", self.body_cm_m[0]),
             ("body_cm_m", self.body_cm_m[1]),
             ("crank_cm_m", self.crank_cm_m),
@@ -221,14 +209,12 @@ impl Parameters {
             ("thrust_point_m", self.thrust_point_m[1]),
             ("pressure_centre_m", self.pressure_centre_m),
             ("motor_n_m_per_v", self.motor_n_m_per_v),
-        ] {
-            if !value.is_finite() {
-                return refuse(parameter, value, "finite");
-            }
-        }
-        if !(0.0..=1.0).contains(&self.wash_efficiency) {
-            return refuse("wash_efficiency", self.wash_efficiency, "between 0 and 1");
-        }
+        ])?;
+        check(
+            &[("wash_efficiency", self.wash_efficiency)],
+            "between 0 and 1",
+            |value| (0.0..=1.0).contains(&value),
+        )?;
         let linkage = Linkage::new(self);
         // The distance that link and arm must span is monotonic in the sine of the crank angle:
         // where both ends close, so does all between.
@@ -243,6 +229,43 @@ impl Parameters {
             Some(_) => Ok(()),
             None => Err(ParameterError::NoZeroRudder),
         }
+    }
+}
+
+/// A parameter's name and value, for a check.
+type Named = (&'static str, f64);
+
+/// Refuses the first value that is not finite and above zero.
+pub(crate) fn positive(values: &[Named]) -> Result<(), ParameterError> {
+    check(values, "finite and greater than zero", |value| {
+        value.is_finite() && value > 0.0
+    })
+}
+
+/// Refuses the first value that is not finite or below zero.
+pub(crate) fn not_negative(values: &[Named]) -> Result<(), ParameterError> {
+    check(values, "finite and not negative", |value| {
+        value.is_finite() && value >= 0.0
+    })
+}
+
+/// Refuses the first value that is not finite.
+pub(crate) fn finite(values: &[Named]) -> Result<(), ParameterError> {
+    check(values, "finite", f64::is_finite)
+}
+
+fn check(
+    values: &[Named],
+    must: &'static str,
+    good: impl Fn(f64) -> bool,
+) -> Result<(), ParameterError> {
+    match values.iter().find(|(_, value)| !good(*value)) {
+        None => Ok(()),
+        Some(&(parameter, value)) => Err(ParameterError::OutOfRange {
+            parameter,
+            value,
+            must,
+        }),
     }
 }
 

@@ -7,14 +7,17 @@
 //! The law is a closure over what the sensor delivers, so that gains, schedules, observers and
 //! the firmware's own controller all fly in the same loop. [`Pd`] is the reference law.
 
+use serde::{Deserialize, Serialize};
+
 use crate::drone::{Crank, Drone};
 use crate::linkage::Linkage;
-use crate::parameters::{ParameterError, Parameters};
+use crate::parameters::{ParameterError, Parameters, finite, not_negative, positive};
 use crate::response::{ResponseError, StepResponse};
 use crate::servo::{Servo, ServoModel};
 
 /// When things happen in the loop, and what the sensor adds.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct Timing {
     /// Step of the simulation, in s; the servo divides it further by itself.
     pub step_s: f64,
@@ -43,6 +46,28 @@ impl Timing {
         frame_s: 3e-3,
         ..Self::ANALOGUE
     };
+
+    /// The presets by name: `ANALOGUE`, `DIGITAL`, in any case.
+    pub fn preset(name: &str) -> Option<Self> {
+        match name.to_ascii_uppercase().as_str() {
+            "ANALOGUE" => Some(Self::ANALOGUE),
+            "DIGITAL" => Some(Self::DIGITAL),
+            _ => None,
+        }
+    }
+
+    /// Checks that every time is finite and in range.
+    ///
+    /// # Errors
+    /// The first time found wanting, by name.
+    pub fn validate(&self) -> Result<(), ParameterError> {
+        positive(&[
+            ("step_s", self.step_s),
+            ("control_s", self.control_s),
+            ("frame_s", self.frame_s),
+        ])?;
+        not_negative(&[("phase_s", self.phase_s), ("delay_s", self.delay_s)])
+    }
 
     /// The same timing with another frame phase (s).
     pub fn with_phase(self, phase_s: f64) -> Self {
@@ -156,7 +181,7 @@ impl PitchLoop {
     /// A loop released at a pitch (rad) and pitch rate (rad/s), rudder at zero.
     ///
     /// # Errors
-    /// As [`Parameters::validate`].
+    /// As [`Parameters::validate`], [`ServoModel::validate`] and [`Timing::validate`].
     pub fn new(
         parameters: &Parameters,
         model: ServoModel,
@@ -164,6 +189,9 @@ impl PitchLoop {
         pitch_rad: f64,
         rate_rad_s: f64,
     ) -> Result<Self, ParameterError> {
+        model.validate()?;
+        timing.validate()?;
+        finite(&[("pitch_rad", pitch_rad), ("rate_rad_s", rate_rad_s)])?;
         let drone = Drone::new(parameters, pitch_rad, rate_rad_s)?;
         let zero_rad = drone.crank().angle_rad;
         // One state a step, back to the oldest that the delay reaches.

@@ -13,7 +13,10 @@
 //! Figures are those of data sheets for the class of servo, or estimates; thermal limits, gear
 //! friction and the supply's sag are left out.
 
+use serde::{Deserialize, Serialize};
+
 use crate::drone::Crank;
+use crate::parameters::{ParameterError, finite, not_negative, positive};
 
 /// Longest step inside the model: short against the motor's lag, so that results do not depend on
 /// how the caller divides time.
@@ -23,7 +26,8 @@ const INNER_STEP_S: f64 = 0.25e-3;
 const QUEUE: usize = 4;
 
 /// Constants of a servo and of how its horn is fitted.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct ServoModel {
     /// Pulse width at the middle of the servo's own travel, in us.
     pub centre_us: f64,
@@ -53,7 +57,8 @@ pub struct ServoModel {
 }
 
 /// What a servo does without pulses.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
 pub enum SignalLoss {
     /// Holds the last target, as digital servos and most of the bench's do.
     Hold,
@@ -98,6 +103,43 @@ impl ServoModel {
         lag_s: 0.006,
         ..Self::S3003
     };
+
+    /// The presets by name: `S3003`, `S3003_5V`, `DIGITAL`, in any case.
+    pub fn preset(name: &str) -> Option<Self> {
+        match name.to_ascii_uppercase().as_str() {
+            "S3003" => Some(Self::S3003),
+            "S3003_5V" => Some(Self::S3003_5V),
+            "DIGITAL" => Some(Self::DIGITAL),
+            _ => None,
+        }
+    }
+
+    /// Checks that every constant is finite and in range.
+    ///
+    /// # Errors
+    /// The first constant found wanting, by name.
+    pub fn validate(&self) -> Result<(), ParameterError> {
+        positive(&[
+            ("centre_us", self.centre_us),
+            ("resolution_us", self.resolution_us),
+            ("speed_rad_s", self.speed_rad_s),
+            ("stall_n_m", self.stall_n_m),
+            ("loop_s", self.loop_s),
+            ("lag_s", self.lag_s),
+            ("travel_rad", self.travel_rad),
+        ])?;
+        not_negative(&[
+            ("deadband_us", self.deadband_us),
+            ("backlash_rad", self.backlash_rad),
+        ])?;
+        finite(&[("horn_rad", self.horn_rad)])?;
+        if let SignalLoss::Limp { after_s } = self.signal_loss {
+            not_negative(&[("after_s", after_s)])?;
+        }
+        // A horn that turns the other way is a servo mounted the other way round: any sign.
+        finite(&[("us_per_rad", self.us_per_rad)])?;
+        positive(&[("us_per_rad (its size)", self.us_per_rad.abs())])
+    }
 
     /// The same servo with its horn fitted so that the crank stands at `crank_rad` when the pulse
     /// is `width_us`, and `error_rad` off that.
@@ -273,7 +315,7 @@ impl Servo {
             return model.speed_rad_s * (load_n_m / model.stall_n_m).clamp(-1.0, 1.0);
         }
         let error = self.target_rad - self.gear_rad;
-        if error.abs() <= 0.5 * model.deadband_us / model.us_per_rad {
+        if error.abs() <= 0.5 * model.deadband_us / model.us_per_rad.abs() {
             return 0.0;
         }
         let limit = model.speed_against(-load_n_m * error.signum());
