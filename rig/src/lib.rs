@@ -1,11 +1,44 @@
 //! The virtual rig: the emulated chip with everything that is soldered and bolted to it.
+//!
+//! ```text
+//!            +----------------- Rig ------------------------------------------+
+//!  Operator  |  Chip (samd21)                World                             |
+//!  MAVLink <-USB-> image         <-I2C->  Bno055  <- pitch, rate, field -+     |
+//!            |                   -D3---->  servo -> crank -> rudder -> drone   |
+//!            |                   -D4---->  Truth: bursts, steps, pulses, motion|
+//!            +------------------------------------------------------------------+
+//! ```
+//!
+//! Everything runs on one clock ([`Ticks`](samd21::board::Ticks) since power-on) and out of one
+//! seed: the same seed gives the same bytes. A [`Rig`] is a plain value: clone it to fork the world.
+//!
+//! | module | what |
+//! |---|---|
+//! | [`image`] | builds the firmware and reads its ELF file |
+//! | [`rig`](mod@rig) | chip, world and bootloader together |
+//! | [`world`] | sensor, servo, drone, clamp |
+//! | [`bno055`] | the sensor at register level, with its faults |
+//! | [`truth`], [`measure`] | what really happened, and timing figures of it |
+//! | [`link`], [`operator`] | the MAVLink client at the USB port |
+//! | [`flight`] | boot once, fork, let go, measure |
+//! | [`recording`], [`replay`], [`score`] | real recordings through the image |
 
 pub mod bno055;
+pub mod flight;
 pub mod image;
 pub mod link;
 pub mod measure;
+pub mod operator;
 pub mod random;
 pub mod recording;
+pub mod replay;
+pub mod rig;
+pub mod score;
 mod tap;
 pub mod truth;
 pub mod world;
+
+pub use flight::{FlightRecord, Ready, ServoKind, Setup, prepare};
+pub use image::Image;
+pub use operator::Operator;
+pub use rig::{Rig, RigConfig};

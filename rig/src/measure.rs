@@ -115,6 +115,21 @@ pub fn carried(truth: &Truth) -> impl Iterator<Item = (&Burst, &Pulse)> {
     })
 }
 
+/// How far a message's time may lie from its event's, us: well under a control period.
+const MATCH_US: f64 = 3000.0;
+
+/// How many of `events` (times in us, rising) have no message of their own; `messages` rise too.
+pub(crate) fn events_without(events: &[f64], messages: impl Iterator<Item = f64>) -> usize {
+    let mut messages = messages.peekable();
+    events
+        .iter()
+        .filter(|event| {
+            while messages.next_if(|m| *m < **event - MATCH_US).is_some() {}
+            messages.next_if(|m| *m <= **event + MATCH_US).is_none()
+        })
+        .count()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -179,6 +194,16 @@ mod tests {
         let timing = LoopTiming::over(&truth, Ticks::ZERO..Ticks::from_ms(2000));
         // Its frame's pulse carries the step before it, 17 ms old.
         assert_eq!(timing.latency_us.max, 17_000.0);
+    }
+
+    #[test]
+    fn every_event_needs_a_message_of_its_own() {
+        let events = [10_000.0, 20_000.0, 30_000.0, 40_000.0];
+        let count = |messages: &[f64]| events_without(&events, messages.iter().copied());
+        assert_eq!(count(&[500.0, 10_400.0, 20_000.0, 29_600.0, 40_100.0]), 0);
+        assert_eq!(count(&[10_000.0, 30_000.0]), 2);
+        assert_eq!(count(&[10_000.0, 10_001.0, 25_000.0, 40_000.0]), 2);
+        assert_eq!(count(&[]), 4);
     }
 
     #[test]

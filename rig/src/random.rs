@@ -13,6 +13,8 @@ pub enum Stream {
     SensorNoise = 2,
     /// Clock stretching and disturbed bytes on the I2C bus.
     Bus = 3,
+    /// The hand that lets the drone go.
+    Release = 4,
 }
 
 /// The generator of `stream` under `seed`; the same on every machine.

@@ -25,14 +25,7 @@ pub(super) fn parse(bytes: &[u8]) -> Result<Image, String> {
             .map_err(|()| "a segment lies outside of the file".to_owned())?;
         place(&mut flash, segment.p_paddr(endian), data)?;
     }
-    if flash.len() < 8 {
-        return Err("it holds no vector table".to_owned());
-    }
-    let word = |at: usize| u32::from_le_bytes([0, 1, 2, 3].map(|i| flash[at + i]));
-    let stack_top = word(0);
-    if stack_top % 4 != 0 || !(RAM.start < stack_top && stack_top <= RAM.end) {
-        return Err(format!("its stack would begin at 0x{stack_top:08x}"));
-    }
+    let stack_top = stack_top(&flash)?;
     let mut static_ram = 0;
     for section in file.elf_section_table().iter() {
         let address = section.sh_addr(endian);
@@ -61,6 +54,18 @@ pub(super) fn parse(bytes: &[u8]) -> Result<Image, String> {
         symbols,
         stack_top,
     })
+}
+
+/// The first word of the vector table at the beginning of `flash`.
+pub(super) fn stack_top(flash: &[u8]) -> Result<u32, String> {
+    let Some(&[b0, b1, b2, b3, _, _, _, _]) = flash.first_chunk::<8>() else {
+        return Err("it holds no vector table".to_owned());
+    };
+    let top = u32::from_le_bytes([b0, b1, b2, b3]);
+    if !(top.is_multiple_of(4) && RAM.start < top && top <= RAM.end) {
+        return Err(format!("its stack would begin at 0x{top:08x}"));
+    }
+    Ok(top)
 }
 
 /// Puts a segment where it belongs, erased flash before it.

@@ -12,6 +12,9 @@ use thiserror::Error;
 /// Where the image begins: above the bootloader.
 pub const IMAGE_ADDRESS: u32 = 0x2000;
 
+/// Flash that is left for it.
+const FLASH_BYTES: usize = 0x3E000;
+
 /// Why there is no image.
 #[derive(Debug, Error)]
 pub enum ImageError {
@@ -97,6 +100,33 @@ impl Image {
         elf::parse(bytes).map_err(|reason| ImageError::Format {
             name: name.to_owned(),
             reason,
+        })
+    }
+
+    /// Takes the bare bytes that belong at [`IMAGE_ADDRESS`]; `name` stands for them in errors.
+    /// There are no symbols then, and no static RAM is known of.
+    ///
+    /// # Errors
+    /// [`ImageError::Format`].
+    pub fn from_raw(name: &str, bytes: Vec<u8>) -> Result<Self, ImageError> {
+        let format = |reason: String| ImageError::Format {
+            name: name.to_owned(),
+            reason,
+        };
+        if bytes.len() > FLASH_BYTES {
+            return Err(format(format!(
+                "{} bytes do not fit into {FLASH_BYTES}",
+                bytes.len()
+            )));
+        }
+        Ok(Self {
+            stack_top: elf::stack_top(&bytes).map_err(format)?,
+            symbols: BTreeMap::new(),
+            sizes: Sizes {
+                flash: bytes.len() as u32,
+                static_ram: 0,
+            },
+            bytes,
         })
     }
 

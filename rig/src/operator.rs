@@ -1,0 +1,500 @@
+//! The operator: a MAVLink client that reaches the image over USB only, as a laptop would.
+
+use crate::link::{Link, LinkCounts};
+use crate::rig::{Rig, RigError};
+use mavlink::dialects::common::{
+    COMMAND_LONG_DATA, HEARTBEAT_DATA, MavAutopilot, MavCmd, MavMessage, MavModeFlag, MavParamType,
+    MavResult, MavSeverity, MavState, MavType, PARAM_REQUEST_LIST_DATA, PARAM_SET_DATA,
+    SYS_STATUS_DATA,
+};
+use mavlink::types::CharArray;
+use samd21::board::Ticks;
+use std::collections::BTreeMap;
+use thiserror::Error;
+
+/// System and component of the vehicle.
+const TARGET: (u8, u8) = (1, 1);
+/// How often the operator looks at the port.
+const SLICE: Ticks = Ticks::from_ms(1);
+const HEARTBEAT: Ticks = Ticks::from_ms(1000);
+/// How long an answer may take.
+const PATIENCE: Ticks = Ticks::from_ms(1000);
+/// How long the image may take until its first heartbeat.
+const BOOT_PATIENCE: Ticks = Ticks::from_ms(5000);
+
+/// Where the flight stands, by the low byte of HEARTBEAT's `custom_mode`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[allow(missing_docs, reason = "the firmware's own names")]
+pub enum FlightState {
+    Boot,
+    SelfTest,
+    Standby,
+    Armed,
+    Active,
+    Failsafe,
+    Latched,
+    Unknown(u8),
+}
+
+impl FlightState {
+    fn of(custom_mode: u32) -> Self {
+        match custom_mode as u8 {
+            0 => Self::Boot,
+            1 => Self::SelfTest,
+            2 => Self::Standby,
+            3 => Self::Armed,
+            4 => Self::Active,
+            5 => Self::Failsafe,
+            6 => Self::Latched,
+            other => Self::Unknown(other),
+        }
+    }
+}
+
+/// A HEARTBEAT.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Heartbeat {
+    /// When it arrived.
+    pub at: Ticks,
+    /// Where the flight stands.
+    pub state: FlightState,
+    /// Why, 0 for no reason.
+    pub reason: u8,
+    /// The armed flag.
+    pub armed: bool,
+}
+
+/// An ATTITUDE_QUATERNION.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Attitude {
+    /// When it arrived.
+    pub at: Ticks,
+    /// The image's clock at the sample, ms.
+    pub time_ms: u32,
+    /// `[w, x, y, z]`, body to north-east-down.
+    pub quaternion: [f32; 4],
+    /// Rates about the body's axes, rad/s.
+    pub rate_rad_s: [f32; 3],
+}
+
+impl Attitude {
+    /// Pitch, nose up, rad.
+    pub fn pitch_rad(&self) -> f64 {
+        let [w, x, y, z] = self.quaternion.map(f64::from);
+        (2.0 * (w * y - x * z)).clamp(-1.0, 1.0).asin()
+    }
+}
+
+/// A SERVO_OUTPUT_RAW.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ServoOutput {
+    /// When it arrived.
+    pub at: Ticks,
+    /// The image's clock at the step, us; wraps after 71 minutes.
+    pub time_us: u32,
+    /// Pulse commanded, us.
+    pub pulse_us: u16,
+}
+
+/// A RAW_IMU: the sensor's untouched counts.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct RawImu {
+    /// When it arrived.
+    pub at: Ticks,
+    /// The image's clock at the start of the burst, us.
+    pub time_us: u64,
+    /// Accelerometer.
+    pub acc: [i16; 3],
+    /// Gyroscope.
+    pub gyr: [i16; 3],
+    /// Magnetometer.
+    pub mag: [i16; 3],
+}
+
+impl RawImu {
+    /// The nine words as the sensor's registers have them: accelerometer, magnetometer, gyroscope.
+    pub fn words(&self) -> [i16; 9] {
+        let ([a, b, c], [d, e, f], [g, h, i]) = (self.acc, self.mag, self.gyr);
+        [a, b, c, d, e, f, g, h, i]
+    }
+}
+
+/// A STATUSTEXT.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Text {
+    /// When it arrived.
+    pub at: Ticks,
+    /// How bad it is.
+    pub severity: MavSeverity,
+    /// What it says.
+    pub text: String,
+}
+
+/// Everything that has arrived.
+#[derive(Clone, Debug, Default)]
+pub struct Received {
+    /// Heartbeats.
+    pub heartbeats: Vec<Heartbeat>,
+    /// Attitudes.
+    pub attitudes: Vec<Attitude>,
+    /// Servo outputs.
+    pub servos: Vec<ServoOutput>,
+    /// Raw samples.
+    pub samples: Vec<RawImu>,
+    /// Texts.
+    pub texts: Vec<Text>,
+    /// System states with the time they arrived.
+    pub status: Vec<(Ticks, SYS_STATUS_DATA)>,
+    /// Parameters as last told.
+    pub parameters: BTreeMap<String, f32>,
+    /// How many parameters there are.
+    pub parameter_count: Option<u16>,
+    /// Answers to commands: when, which, how.
+    pub acks: Vec<(Ticks, MavCmd, MavResult)>,
+}
+
+/// Why the operator gives up.
+#[derive(Debug, Error)]
+pub enum OperatorError {
+    /// The rig stopped.
+    #[error(transparent)]
+    Rig(#[from] RigError),
+    /// Nothing came.
+    #[error("no {what} from the image within {seconds} s{last}")]
+    Silence {
+        /// What was waited for.
+        what: String,
+        /// How long.
+        seconds: f64,
+        /// What it said last.
+        last: String,
+    },
+    /// The image did not obey.
+    #[error("the image answered {command} with {result:?}{last}")]
+    Refused {
+        /// The command.
+        command: &'static str,
+        /// The answer.
+        result: MavResult,
+        /// What it said about it.
+        last: String,
+    },
+    /// The image keeps another value.
+    #[error("parameter {name}: {wanted} was sent, the image has {found}")]
+    Parameter {
+        /// Its name.
+        name: String,
+        /// What was sent.
+        wanted: f32,
+        /// What came back.
+        found: f32,
+    },
+}
+
+/// The person at the laptop.
+#[derive(Clone, Debug, Default)]
+pub struct Operator {
+    link: Link,
+    received: Received,
+    next_heartbeat: Ticks,
+}
+
+impl Operator {
+    /// Sits down.
+    pub fn new() -> Self {
+        Self::default()
+    }
+
+    /// What has arrived.
+    pub fn received(&self) -> &Received {
+        &self.received
+    }
+
+    /// Forgets attitudes, servo outputs, samples and link counts, as at the start of a measurement.
+    pub fn begin_page(&mut self) {
+        self.received.attitudes.clear();
+        self.received.servos.clear();
+        self.received.samples.clear();
+        self.link.reset_counts();
+    }
+
+    /// What has been counted on the link.
+    pub fn counts(&self) -> LinkCounts {
+        self.link.counts()
+    }
+
+    /// Where the flight stands, by the last heartbeat.
+    pub fn state(&self) -> Option<FlightState> {
+        self.received.heartbeats.last().map(|beat| beat.state)
+    }
+
+    /// The last text.
+    pub fn last_text(&self) -> Option<&str> {
+        self.received.texts.last().map(|text| text.text.as_str())
+    }
+
+    /// Reads what has come and sends a heartbeat when it is time.
+    pub fn poll(&mut self, rig: &mut Rig) {
+        let now = rig.now();
+        let bytes = rig.usb_read();
+        for message in self.link.receive(&bytes) {
+            self.take(now, message);
+        }
+        if rig.usb_host().is_configured() && now >= self.next_heartbeat {
+            self.next_heartbeat = now + HEARTBEAT;
+            let beat = HEARTBEAT_DATA {
+                custom_mode: 0,
+                mavtype: MavType::MAV_TYPE_GCS,
+                autopilot: MavAutopilot::MAV_AUTOPILOT_INVALID,
+                base_mode: MavModeFlag::empty(),
+                system_status: MavState::MAV_STATE_ACTIVE,
+                mavlink_version: 3,
+            };
+            self.send(rig, &MavMessage::HEARTBEAT(beat));
+        }
+    }
+
+    /// Lets the rig run and reads along.
+    ///
+    /// # Errors
+    /// The rig stopped.
+    pub fn run(&mut self, rig: &mut Rig, time: Ticks) -> Result<(), RigError> {
+        let end = rig.now() + time;
+        while rig.now() < end {
+            rig.run_until((rig.now() + SLICE).min(end))?;
+            self.poll(rig);
+        }
+        Ok(())
+    }
+
+    /// Lets the rig run until `done`, for at most `patience`.
+    ///
+    /// # Errors
+    /// [`OperatorError::Silence`] naming `what`, or the rig stopped.
+    pub fn wait(
+        &mut self,
+        rig: &mut Rig,
+        patience: Ticks,
+        what: &str,
+        mut done: impl FnMut(&Received) -> bool,
+    ) -> Result<(), OperatorError> {
+        let end = rig.now() + patience;
+        while !done(&self.received) {
+            if rig.now() >= end {
+                return Err(OperatorError::Silence {
+                    what: what.to_owned(),
+                    seconds: patience.as_secs_f64(),
+                    last: self.last_words(),
+                });
+            }
+            self.run(rig, SLICE)?;
+        }
+        Ok(())
+    }
+
+    /// Waits for the first heartbeat.
+    ///
+    /// # Errors
+    /// Silence, or the rig stopped.
+    pub fn connect(&mut self, rig: &mut Rig) -> Result<(), OperatorError> {
+        let before = self.received.heartbeats.len();
+        self.wait(rig, BOOT_PATIENCE, "heartbeat", |received| {
+            received.heartbeats.len() > before
+        })
+    }
+
+    /// Waits until the flight is in `state`.
+    ///
+    /// # Errors
+    /// Silence, or the rig stopped.
+    pub fn wait_for_state(
+        &mut self,
+        rig: &mut Rig,
+        patience: Ticks,
+        state: FlightState,
+    ) -> Result<(), OperatorError> {
+        self.wait(rig, patience, &format!("state {state:?}"), |received| {
+            received
+                .heartbeats
+                .last()
+                .is_some_and(|beat| beat.state == state)
+        })
+    }
+
+    /// Sets a parameter and checks what comes back.
+    ///
+    /// # Errors
+    /// Silence, another value, or the rig stopped.
+    pub fn set_parameter(
+        &mut self,
+        rig: &mut Rig,
+        name: &str,
+        value: f32,
+    ) -> Result<(), OperatorError> {
+        self.received.parameters.remove(name);
+        let request = PARAM_SET_DATA {
+            param_value: value,
+            target_system: TARGET.0,
+            target_component: TARGET.1,
+            param_id: CharArray::from(name),
+            param_type: MavParamType::MAV_PARAM_TYPE_REAL32,
+        };
+        self.send(rig, &MavMessage::PARAM_SET(request));
+        let what = format!("echo of parameter {name}");
+        self.wait(rig, PATIENCE, &what, |received| {
+            received.parameters.contains_key(name)
+        })?;
+        let found = self.received.parameters[name];
+        if found == value {
+            Ok(())
+        } else {
+            Err(OperatorError::Parameter {
+                name: name.to_owned(),
+                wanted: value,
+                found,
+            })
+        }
+    }
+
+    /// Asks for all parameters; [`Received::parameters`] has them then.
+    ///
+    /// # Errors
+    /// Silence, or the rig stopped.
+    pub fn list_parameters(&mut self, rig: &mut Rig) -> Result<(), OperatorError> {
+        self.received.parameters.clear();
+        self.received.parameter_count = None;
+        let request = PARAM_REQUEST_LIST_DATA {
+            target_system: TARGET.0,
+            target_component: TARGET.1,
+        };
+        self.send(rig, &MavMessage::PARAM_REQUEST_LIST(request));
+        self.wait(rig, PATIENCE, "complete parameter list", |received| {
+            received
+                .parameter_count
+                .is_some_and(|count| received.parameters.len() == usize::from(count))
+        })
+    }
+
+    /// Arms.
+    ///
+    /// # Errors
+    /// Refusal with the image's reason, silence, or the rig stopped.
+    pub fn arm(&mut self, rig: &mut Rig) -> Result<(), OperatorError> {
+        let command = MavCmd::MAV_CMD_COMPONENT_ARM_DISARM;
+        self.command(rig, "arm", command, [1.0, 0.0])
+    }
+
+    /// Disarms, which also acknowledges a failsafe or a latched fault.
+    ///
+    /// # Errors
+    /// As [`Operator::arm`].
+    pub fn disarm(&mut self, rig: &mut Rig) -> Result<(), OperatorError> {
+        let command = MavCmd::MAV_CMD_COMPONENT_ARM_DISARM;
+        self.command(rig, "disarm", command, [0.0, 0.0])
+    }
+
+    /// Asks for control and, as soon as the image agrees, opens the clamp; the drone leaves it
+    /// with `rate_rad_s`.
+    ///
+    /// # Errors
+    /// As [`Operator::arm`]; the clamp stays closed.
+    pub fn release(&mut self, rig: &mut Rig, rate_rad_s: f64) -> Result<(), OperatorError> {
+        let command = MavCmd::MAV_CMD_DO_GRIPPER;
+        // Gripper 1, action 0: release.
+        self.command(rig, "release", command, [1.0, 0.0])?;
+        rig.release(rate_rad_s);
+        Ok(())
+    }
+
+    /// Sends a message.
+    pub fn send(&mut self, rig: &mut Rig, message: &MavMessage) {
+        let bytes = self.link.frame(message);
+        rig.usb_write(&bytes);
+    }
+
+    fn command(
+        &mut self,
+        rig: &mut Rig,
+        name: &'static str,
+        command: MavCmd,
+        [param1, param2]: [f32; 2],
+    ) -> Result<(), OperatorError> {
+        let before = self.received.acks.len();
+        let request = COMMAND_LONG_DATA {
+            param1,
+            param2,
+            command,
+            target_system: TARGET.0,
+            target_component: TARGET.1,
+            ..COMMAND_LONG_DATA::default()
+        };
+        self.send(rig, &MavMessage::COMMAND_LONG(request));
+        let mut result = None;
+        let what = format!("answer to {name}");
+        self.wait(rig, PATIENCE, &what, |received| {
+            result = received.acks[before..]
+                .iter()
+                .find(|(_, answered, _)| *answered == command)
+                .map(|(_, _, result)| *result);
+            result.is_some()
+        })?;
+        match result {
+            Some(MavResult::MAV_RESULT_ACCEPTED) | None => Ok(()),
+            Some(result) => Err(OperatorError::Refused {
+                command: name,
+                result,
+                last: self.last_words(),
+            }),
+        }
+    }
+
+    fn last_words(&self) -> String {
+        self.last_text()
+            .map_or(String::new(), |text| format!(" (it said last: {text})"))
+    }
+
+    fn take(&mut self, at: Ticks, message: MavMessage) {
+        let received = &mut self.received;
+        match message {
+            MavMessage::HEARTBEAT(m) => received.heartbeats.push(Heartbeat {
+                at,
+                state: FlightState::of(m.custom_mode),
+                reason: (m.custom_mode >> 8) as u8,
+                armed: m
+                    .base_mode
+                    .contains(MavModeFlag::MAV_MODE_FLAG_SAFETY_ARMED),
+            }),
+            MavMessage::ATTITUDE_QUATERNION(m) => received.attitudes.push(Attitude {
+                at,
+                time_ms: m.time_boot_ms,
+                quaternion: [m.q1, m.q2, m.q3, m.q4],
+                rate_rad_s: [m.rollspeed, m.pitchspeed, m.yawspeed],
+            }),
+            MavMessage::SERVO_OUTPUT_RAW(m) => received.servos.push(ServoOutput {
+                at,
+                time_us: m.time_usec,
+                pulse_us: m.servo1_raw,
+            }),
+            MavMessage::RAW_IMU(m) => received.samples.push(RawImu {
+                at,
+                time_us: m.time_usec,
+                acc: [m.xacc, m.yacc, m.zacc],
+                gyr: [m.xgyro, m.ygyro, m.zgyro],
+                mag: [m.xmag, m.ymag, m.zmag],
+            }),
+            MavMessage::STATUSTEXT(m) => received.texts.push(Text {
+                at,
+                severity: m.severity,
+                text: m.text.to_str().unwrap_or("(not UTF-8)").to_owned(),
+            }),
+            MavMessage::SYS_STATUS(m) => received.status.push((at, m)),
+            MavMessage::PARAM_VALUE(m) => {
+                let name = m.param_id.to_str().unwrap_or("(not UTF-8)").to_owned();
+                received.parameters.insert(name, m.param_value);
+                received.parameter_count = Some(m.param_count);
+            }
+            MavMessage::COMMAND_ACK(m) => received.acks.push((at, m.command, m.result)),
+            _ => {}
+        }
+    }
+}

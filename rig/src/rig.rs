@@ -1,0 +1,408 @@
+//! The rig: chip and world on one clock, and the bootloader between a reset and the image.
+
+use crate::bno055::Fault;
+use crate::image::{IMAGE_ADDRESS, Image};
+use crate::truth::Truth;
+use crate::world::{Bench, World};
+use plant::ParameterError;
+use samd21::board::Ticks;
+use samd21::chip::{Counters, Stop};
+use samd21::peripherals::ResetCause;
+use samd21::usb_host::Host;
+use samd21::{Chip, Options, SyncHold, WaitStates};
+use std::sync::Arc;
+use thiserror::Error;
+
+/// How long the bootloader waits for a second tap.
+const TAP_WINDOW: Ticks = Ticks::from_ms(500);
+/// What it leaves in RAM meanwhile, and where.
+const TAP_WORD: u32 = 0x0773_8135;
+const TAP_ADDRESS: usize = 0x7FFC;
+/// RAM that the bootloader uses itself: its variables below, its stack above.
+const BOOTLOADER_VARIABLES: std::ops::Range<usize> = 0..0x800;
+const BOOTLOADER_STACK: std::ops::Range<usize> = 0x7A00..TAP_ADDRESS;
+const BOOTLOADER_RUBBISH: u8 = 0xB0;
+
+const RAM_START: u32 = 0x2000_0000;
+
+/// How a rig is made.
+#[derive(Clone, Debug)]
+pub struct RigConfig {
+    /// Seed of everything random: the sensor, its bus, the noise in RAM at power-on.
+    pub seed: u64,
+    /// What stands on the bench; its sensor's seed is replaced by `seed`.
+    pub bench: Bench,
+    /// Flash wait states.
+    pub wait_states: WaitStates,
+    /// How long registers stay in synchronisation.
+    pub syncbusy_hold: SyncHold,
+}
+
+impl Default for RigConfig {
+    fn default() -> Self {
+        Self {
+            seed: 1,
+            bench: Bench::default(),
+            wait_states: WaitStates::AsConfigured,
+            syncbusy_hold: SyncHold::Instant,
+        }
+    }
+}
+
+/// Why the rig does not run.
+#[derive(Debug, Error)]
+pub enum RigError {
+    /// The drone's parameters are impossible.
+    #[error("the drone cannot be built: {0}")]
+    Parameters(#[from] ParameterError),
+    /// The chip did something that its model does not cover, or hit a breakpoint.
+    #[error("the chip stopped after {seconds:.6} s: {stop}{place}")]
+    Stopped {
+        /// When, s since power-on.
+        seconds: f64,
+        /// Why.
+        stop: Stop,
+        /// In which function, as far as the image's symbols tell.
+        place: String,
+    },
+}
+
+/// What runs on the chip.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Running {
+    Image,
+    /// The bootloader waits for a second tap until then.
+    Tap(Ticks),
+    /// Tapped twice: the bootloader serves its programmer until the power is cut.
+    Bootloader,
+}
+
+/// A firmware image on the virtual rig. Clone it to fork the whole world.
+#[derive(Clone)]
+pub struct Rig {
+    chip: Chip,
+    world: World,
+    image: Arc<Image>,
+    running: Running,
+    resets: Vec<(Ticks, ResetCause)>,
+    lowest_sp: u32,
+}
+
+impl Rig {
+    /// Power-on, at time zero.
+    ///
+    /// # Errors
+    /// Impossible parameters of the drone.
+    pub fn new(image: &Image, config: &RigConfig) -> Result<Self, RigError> {
+        let mut bench = config.bench.clone();
+        bench.sensor.seed = config.seed;
+        let mut chip = Chip::new(Options {
+            wait_states: config.wait_states,
+            syncbusy_hold: config.syncbusy_hold,
+            seed: config.seed,
+            ..Options::default()
+        });
+        chip.load_flash(image.address(), image.bytes());
+        // The bootloader passes a power-on through.
+        chip.boot(IMAGE_ADDRESS);
+        Ok(Self {
+            chip,
+            world: World::new(&bench)?,
+            lowest_sp: image.stack_top(),
+            image: Arc::new(image.clone()),
+            running: Running::Image,
+            resets: Vec::new(),
+        })
+    }
+
+    /// Time since power-on.
+    pub fn now(&self) -> Ticks {
+        self.chip.now()
+    }
+
+    /// Runs for a while.
+    ///
+    /// # Errors
+    /// [`RigError::Stopped`].
+    pub fn run_for(&mut self, time: Ticks) -> Result<(), RigError> {
+        self.run_until(self.now() + time)
+    }
+
+    /// Runs until `until`, through resets and the bootloader; the last instruction may end some
+    /// cycles later.
+    ///
+    /// # Errors
+    /// [`RigError::Stopped`].
+    pub fn run_until(&mut self, until: Ticks) -> Result<(), RigError> {
+        while self.now() < until {
+            match self.run_some(until) {
+                // The core stands still until the watchdog resets it.
+                Stop::Reached | Stop::Lockup => {}
+                Stop::Reset(cause) => self.enter_bootloader(cause),
+                stop => {
+                    return Err(RigError::Stopped {
+                        seconds: self.now().as_secs_f64(),
+                        stop,
+                        place: self.place(),
+                    });
+                }
+            }
+        }
+        self.world.advance(self.now());
+        Ok(())
+    }
+
+    fn run_some(&mut self, until: Ticks) -> Stop {
+        match self.running {
+            Running::Image => {
+                let stop = self.chip.run_until(until, &mut self.world);
+                self.lowest_sp = self.lowest_sp.min(self.chip.lowest_sp());
+                stop
+            }
+            Running::Tap(end) => {
+                let stop = self.chip.hold_until(until.min(end), &mut self.world);
+                if stop == Stop::Reached && self.now() >= end {
+                    self.leave_bootloader();
+                }
+                stop
+            }
+            Running::Bootloader => self.chip.hold_until(until, &mut self.world),
+        }
+    }
+
+    /// What the Nano 33 IoT's bootloader does after any reset that is not a power-on: the first
+    /// tap leaves a word in RAM and waits, a second one within that time stays.
+    fn enter_bootloader(&mut self, cause: ResetCause) {
+        let now = self.now();
+        self.resets.push((now, cause));
+        self.chip.reset(cause);
+        self.world.chip_reset();
+        let ram = self.chip.ram_mut();
+        ram[BOOTLOADER_VARIABLES].fill(BOOTLOADER_RUBBISH);
+        ram[BOOTLOADER_STACK].fill(BOOTLOADER_RUBBISH);
+        let word = &mut ram[TAP_ADDRESS..TAP_ADDRESS + 4];
+        if *word == TAP_WORD.to_le_bytes() {
+            word.fill(0);
+            self.running = Running::Bootloader;
+        } else {
+            word.copy_from_slice(&TAP_WORD.to_le_bytes());
+            self.running = Running::Tap(now + TAP_WINDOW);
+        }
+    }
+
+    fn leave_bootloader(&mut self) {
+        self.chip.ram_mut()[TAP_ADDRESS..TAP_ADDRESS + 4].fill(0);
+        self.chip.boot(IMAGE_ADDRESS);
+        self.running = Running::Image;
+    }
+
+    /// Presses the reset button.
+    pub fn press_reset(&mut self) {
+        self.enter_bootloader(ResetCause::External);
+    }
+
+    /// The supply dips below the brown-out level; the sensor, which takes less, does not notice.
+    pub fn brown_out(&mut self) {
+        self.enter_bootloader(ResetCause::BrownOut33);
+    }
+
+    /// Cuts the power of chip and sensor for a moment. Flash stays, RAM does not.
+    pub fn power_cycle(&mut self) {
+        let now = self.now();
+        self.resets.push((now, ResetCause::PowerOn));
+        self.chip.reset(ResetCause::PowerOn);
+        self.world.chip_reset();
+        self.world.inject(now, Fault::PowerDip);
+        for (index, byte) in self.chip.ram_mut().iter_mut().enumerate() {
+            *byte = (index as u8).wrapping_mul(167) ^ 0x5A;
+        }
+        self.chip.boot(IMAGE_ADDRESS);
+        self.running = Running::Image;
+    }
+
+    /// The bootloader runs, not the image.
+    pub fn in_bootloader(&self) -> bool {
+        self.running != Running::Image
+    }
+
+    /// Every reset since power-on, with its time.
+    pub fn resets(&self) -> &[(Ticks, ResetCause)] {
+        &self.resets
+    }
+
+    /// Opens the clamp; the drone leaves it with a rate, rad/s.
+    pub fn release(&mut self, rate_rad_s: f64) {
+        self.world.release(rate_rad_s);
+    }
+
+    /// Switches a fault of the sensor or its cable on.
+    pub fn inject(&mut self, fault: Fault) {
+        self.world.inject(self.chip.now(), fault);
+    }
+
+    /// Switches it off.
+    pub fn clear(&mut self, fault: Fault) {
+        self.world.clear(self.chip.now(), fault);
+    }
+
+    /// Sends bytes to the image over USB.
+    pub fn usb_write(&mut self, bytes: &[u8]) {
+        self.usb_host_mut().write(bytes);
+    }
+
+    /// Bytes that came from the image over USB since the last call.
+    pub fn usb_read(&mut self) -> Vec<u8> {
+        self.usb_host_mut().read()
+    }
+
+    /// The laptop at the other end of the USB cable.
+    pub fn usb_host(&self) -> &Host {
+        self.chip.usb_host()
+    }
+
+    /// The laptop at the other end of the USB cable, to unplug it or to stop it from reading.
+    pub fn usb_host_mut(&mut self) -> &mut Host {
+        self.chip.usb_host_mut()
+    }
+
+    /// The world round the chip.
+    pub fn world(&self) -> &World {
+        &self.world
+    }
+
+    /// The world round the chip, to act on it.
+    pub fn world_mut(&mut self) -> &mut World {
+        &mut self.world
+    }
+
+    /// What really happened.
+    pub fn truth(&self) -> &Truth {
+        self.world.truth()
+    }
+
+    /// The chip.
+    pub fn chip(&self) -> &Chip {
+        &self.chip
+    }
+
+    /// The chip, to disturb it.
+    pub fn chip_mut(&mut self) -> &mut Chip {
+        &mut self.chip
+    }
+
+    /// The image that runs.
+    pub fn image(&self) -> &Image {
+        &self.image
+    }
+
+    /// What the chip has counted.
+    pub fn counters(&self) -> Counters {
+        self.chip.counters()
+    }
+
+    /// Deepest stack since power-on, bytes.
+    pub fn stack_high_water(&self) -> u32 {
+        self.image.stack_top().saturating_sub(self.lowest_sp)
+    }
+
+    /// Stack that was still free then, bytes.
+    pub fn stack_free(&self) -> u32 {
+        let statics = RAM_START + self.image.sizes().static_ram;
+        self.lowest_sp.saturating_sub(statics)
+    }
+
+    fn place(&self) -> String {
+        match self.image.symbol_at(self.chip.pc()) {
+            Some(symbol) => format!(" in {symbol}"),
+            None => String::new(),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Counts at 0x2000_7800, and at 0x2000_0000, how often it was started; then sleeps for ever.
+    fn counter() -> Image {
+        let words: [u32; 2] = [0x2000_7800, 0x2009];
+        let code: [u16; 12] = [
+            0x4805, // ldr r0, =0x2000_7800
+            0x6801, // ldr r1, [r0]
+            0x3101, // adds r1, #1
+            0x6001, // str r1, [r0]
+            0x4804, // ldr r0, =0x2000_0000
+            0x6801, // ldr r1, [r0]
+            0x3101, // adds r1, #1
+            0x6001, // str r1, [r0]
+            0xBF30, // wfi
+            0xE7FD, // b to the wfi
+            0x46C0, 0x46C0, // nop
+        ];
+        let pool: [u32; 2] = [0x2000_7800, 0x2000_0000];
+        let bytes = words
+            .iter()
+            .flat_map(|w| w.to_le_bytes())
+            .chain(code.iter().flat_map(|h| h.to_le_bytes()))
+            .chain(pool.iter().flat_map(|w| w.to_le_bytes()))
+            .collect();
+        Image::from_raw("counter", bytes).unwrap()
+    }
+
+    fn ms(ms: u64) -> Ticks {
+        Ticks::from_ms(ms)
+    }
+
+    fn word(rig: &Rig, at: usize) -> u32 {
+        let ram = rig.chip().ram();
+        u32::from_le_bytes([0, 1, 2, 3].map(|i| ram[at + i]))
+    }
+
+    #[test]
+    fn a_reset_costs_half_a_second_and_spares_the_crash_record() {
+        let mut rig = Rig::new(&counter(), &RigConfig::default()).unwrap();
+        rig.run_for(ms(10)).unwrap();
+        let (kept, low) = (word(&rig, 0x7800), word(&rig, 0));
+        rig.press_reset();
+        rig.run_for(ms(499)).unwrap();
+        assert!(rig.in_bootloader());
+        assert_eq!(word(&rig, TAP_ADDRESS), TAP_WORD);
+        assert_eq!(word(&rig, 0x7800), kept);
+        rig.run_for(ms(2)).unwrap();
+        assert!(!rig.in_bootloader());
+        assert_eq!(word(&rig, TAP_ADDRESS), 0);
+        assert_eq!(word(&rig, 0x7800), kept.wrapping_add(1));
+        assert_ne!(
+            word(&rig, 0),
+            low.wrapping_add(1),
+            "low RAM is the bootloader's"
+        );
+        assert_eq!(rig.resets()[0].1, ResetCause::External);
+    }
+
+    #[test]
+    fn a_second_reset_within_the_window_stays_until_power_is_cut() {
+        let mut rig = Rig::new(&counter(), &RigConfig::default()).unwrap();
+        rig.run_for(ms(10)).unwrap();
+        rig.brown_out();
+        rig.run_for(ms(300)).unwrap();
+        rig.brown_out();
+        rig.run_for(ms(3000)).unwrap();
+        assert!(rig.in_bootloader());
+        rig.power_cycle();
+        rig.run_for(ms(1)).unwrap();
+        assert!(!rig.in_bootloader());
+    }
+
+    #[test]
+    fn a_fork_lives_its_own_life() {
+        let mut rig = Rig::new(&counter(), &RigConfig::default()).unwrap();
+        rig.run_for(ms(100)).unwrap();
+        let mut fork = rig.clone();
+        fork.release(0.5);
+        fork.run_for(ms(100)).unwrap();
+        rig.run_for(ms(100)).unwrap();
+        assert!(fork.world().drone().pitch_rad() > 0.04);
+        assert_eq!(rig.world().drone().pitch_rad(), 0.0);
+    }
+}
