@@ -118,7 +118,14 @@ impl Core {
         }
         let stall = bus
             .peripherals
-            .write(Ticks(self.now), address, width, value, bus.board)
+            .write(
+                Ticks(self.now),
+                address,
+                width,
+                value,
+                bus.memory,
+                bus.board,
+            )
             .map_err(|error| refused(error, FaultKind::UnmappedStore { address }))?;
         self.counters.stall_ticks += stall.0;
         self.now += stall.0;

@@ -303,11 +303,9 @@ impl Core {
 
     /// When something next happens by itself, `until` at the latest.
     fn next_event(&self, bus: &Bus<'_>, until: u64) -> u64 {
-        let peripherals = bus
-            .peripherals
-            .next_event(Ticks(self.now))
-            .map_or(u64::MAX, |at| at.0);
-        until.min(peripherals).min(self.systick.next_event())
+        until
+            .min(bus.peripherals.next_event().0)
+            .min(self.systick.next_event())
     }
 
     fn sleep_until(&mut self, at: u64) {
