@@ -231,6 +231,26 @@ impl Driver {
         }
     }
 
+    /// Drops the request that has no answer yet.
+    pub fn cancel(&mut self) {
+        self.request = None;
+        if let Phase::Startup(startup) = &mut self.phase {
+            startup.cancel();
+        }
+    }
+
+    /// Whether a request has no answer yet.
+    #[must_use]
+    pub fn is_asking(&self) -> bool {
+        self.request.is_some()
+    }
+
+    /// Whether the chip has been put into its suspend mode.
+    #[must_use]
+    pub fn is_suspended(&self) -> bool {
+        matches!(self.phase, Phase::Suspended)
+    }
+
     /// The answer to the last request, once.
     pub fn answer(&mut self) -> Option<Answer> {
         self.answer.take()
@@ -240,6 +260,7 @@ impl Driver {
     pub fn suspend(&mut self) {
         self.request = None;
         self.phase = Phase::Startup(Startup::new(Goal::Suspended, None, None));
+        self.fault = Some(SensorFault::Suspended);
     }
 
     /// Sets the chip up again, as after [`suspend`](Self::suspend).

@@ -11,10 +11,16 @@
     )
 )]
 
+#[cfg(feature = "async")]
+pub mod asynchronous;
 mod axes;
+#[cfg(feature = "blocking")]
+pub mod blocking;
 pub mod config;
 mod driver;
 mod fault;
+#[cfg(any(feature = "blocking", feature = "async"))]
+mod front;
 mod fusion;
 mod health;
 mod profile;

@@ -134,6 +134,11 @@ impl Startup {
         }
     }
 
+    /// Asks nothing on the way.
+    pub(crate) fn cancel(&mut self) {
+        self.request = None;
+    }
+
     /// Once sampling: the judge, who has seen the first bursts.
     pub(crate) fn inspector(&self) -> &Inspector {
         &self.inspector

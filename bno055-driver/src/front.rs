@@ -1,0 +1,292 @@
+//! The two front ends, which differ in nothing but `.await`: one text for both.
+
+use crate::driver::Next;
+use crate::transfer::Micros;
+
+/// How long a front end waits for a chip that comes up or answers: the slowest boot, a crystal, a self-test and a set-up.
+pub(crate) const PATIENCE_US: u64 = 5_000_000;
+/// No wait takes more turns than this, whatever the clock says.
+pub(crate) const TURNS_MAX: u32 = 4_000;
+/// Transfers that [`Next`] may ask for at once: a whole set-up between two of its pauses, and more.
+pub(crate) const BURST_MAX: u32 = 64;
+
+/// Microseconds to wait, or `None` if there is nothing to wait for.
+pub(crate) fn pause(next: Next, now: Micros) -> Option<u32> {
+    match next {
+        Next::Wait(until) => Some(until.since(now).min(PATIENCE_US) as u32),
+        Next::Transfer(_) | Next::Sample => None,
+    }
+}
+
+macro_rules! front_end {
+    ($I2c:path, $DelayNs:path, $hal:ident, [$($async:tt)?], [$($await:tt)*]) => {
+        use $hal::i2c::{Error as _, ErrorKind, NoAcknowledgeSource};
+        use $I2c as I2c;
+        use $DelayNs as DelayNs;
+
+        use crate::config::Config;
+        use crate::driver::{Driver, Next};
+        use crate::fault::SensorFault;
+        use crate::front::{BURST_MAX, PATIENCE_US, TURNS_MAX, pause};
+        use crate::fusion::FusionSample;
+        use crate::profile::{Profile, SoftIron};
+        use crate::request::{Answer, Request};
+        use crate::sample::RawSample;
+        use crate::status::{CalibrationStatus, SelfTest};
+        use crate::transfer::{BusError, Micros, READ_MAX, Transfer, WRITE_MAX};
+
+        /// A BNO055 on a bus.
+        ///
+        /// `clock` gives the time in microseconds; it stamps the samples and paces the set-up. The bus should give up on
+        /// a transfer by itself, best after [`TRANSFER_DEADLINE_US`](crate::TRANSFER_DEADLINE_US): a bus that waits for
+        /// ever makes this wait for ever.
+        #[derive(Debug)]
+        pub struct Bno055<I2C: I2c, D, C> {
+            i2c: I2C,
+            delay: D,
+            clock: C,
+            driver: Driver,
+            bus_error: Option<I2C::Error>,
+        }
+
+        impl<I2C: I2c, D: DelayNs, C: FnMut() -> Micros> Bno055<I2C, D, C> {
+            /// A driver that will make the chip what `config` says; nothing happens on the bus yet.
+            pub fn new(i2c: I2C, delay: D, clock: C, config: Config) -> Self {
+                Self { i2c, delay, clock, driver: Driver::new(config), bus_error: None }
+            }
+
+            /// Waits until the chip samples: about 0.1 s for one that is up, 0.8 s after power-on.
+            ///
+            /// # Errors
+            /// What is wrong, once that is certain. The next call, or [`sample`](Self::sample), goes on trying.
+            pub $($async)? fn start(&mut self) -> Result<(), SensorFault> {
+                self.drive(Driver::is_sampling) $($await)*
+            }
+
+            /// Takes a sample, and verifies one register after it.
+            ///
+            /// # Errors
+            /// Why there is no good sample. A chip that was lost is set up again a piece at a call, without waiting: go on
+            /// calling at your own pace.
+            pub $($async)? fn sample(&mut self) -> Result<RawSample, SensorFault> {
+                self.errands() $($await)*;
+                let mut buffer = [0; READ_MAX];
+                let (time, outcome) = self.burst(self.driver.burst(), &mut buffer) $($await)*?;
+                let sample = self.driver.sample(time, outcome);
+                self.errands() $($await)*;
+                sample
+            }
+
+            /// Reads the fusion outputs, in fusion modes, and verifies one register after it.
+            ///
+            /// # Errors
+            /// As of [`sample`](Self::sample).
+            pub $($async)? fn fusion(&mut self) -> Result<FusionSample, SensorFault> {
+                self.errands() $($await)*;
+                let mut buffer = [0; READ_MAX];
+                let (time, outcome) = self.burst(self.driver.fusion_burst(), &mut buffer) $($await)*?;
+                let sample = self.driver.fusion(time, outcome);
+                self.errands() $($await)*;
+                sample
+            }
+
+            /// Reads the temperature in degrees Celsius.
+            ///
+            /// # Errors
+            /// Why the chip does not answer.
+            pub $($async)? fn temperature(&mut self) -> Result<f32, SensorFault> {
+                match self.ask(Request::Temperature) $($await)*? {
+                    Answer::Temperature(count) => Ok(self.driver.config().units.celsius(count)),
+                    _ => Err(SensorFault::Protocol),
+                }
+            }
+
+            /// Reads how far the chip's fusion has calibrated itself.
+            ///
+            /// # Errors
+            /// Why the chip does not answer.
+            pub $($async)? fn calibration_status(&mut self) -> Result<CalibrationStatus, SensorFault> {
+                match self.ask(Request::CalibrationStatus) $($await)*? {
+                    Answer::CalibrationStatus(status) => Ok(status),
+                    _ => Err(SensorFault::Protocol),
+                }
+            }
+
+            /// Reads the calibration profile; sampling pauses for about 0.1 s.
+            ///
+            /// # Errors
+            /// Why the chip does not answer.
+            pub $($async)? fn profile(&mut self) -> Result<Profile, SensorFault> {
+                match self.ask(Request::Profile) $($await)*? {
+                    Answer::Profile(profile) => Ok(profile),
+                    _ => Err(SensorFault::Protocol),
+                }
+            }
+
+            /// Reads the soft-iron matrix; sampling pauses for about 0.1 s.
+            ///
+            /// # Errors
+            /// Why the chip does not answer.
+            pub $($async)? fn soft_iron(&mut self) -> Result<SoftIron, SensorFault> {
+                match self.ask(Request::SoftIron) $($await)*? {
+                    Answer::SoftIron(matrix) => Ok(matrix),
+                    _ => Err(SensorFault::Protocol),
+                }
+            }
+
+            /// Runs the built-in self-test; sampling pauses for about 0.5 s.
+            ///
+            /// # Errors
+            /// Why the chip does not answer. A test that fails is an answer.
+            pub $($async)? fn self_test(&mut self) -> Result<SelfTest, SensorFault> {
+                match self.ask(Request::SelfTest) $($await)*? {
+                    Answer::SelfTest(result) => Ok(result),
+                    _ => Err(SensorFault::Protocol),
+                }
+            }
+
+            /// Sets the chip up with other settings, and waits until it samples.
+            ///
+            /// # Errors
+            /// As of [`start`](Self::start).
+            pub $($async)? fn reconfigure(&mut self, config: Config) -> Result<(), SensorFault> {
+                self.driver.reconfigure(config);
+                self.start() $($await)*
+            }
+
+            /// Puts the chip into its suspend mode.
+            ///
+            /// # Errors
+            /// Why the chip does not answer.
+            pub $($async)? fn suspend(&mut self) -> Result<(), SensorFault> {
+                self.driver.suspend();
+                self.drive(Driver::is_suspended) $($await)*
+            }
+
+            /// Sets a suspended chip up again, and waits until it samples.
+            ///
+            /// # Errors
+            /// As of [`start`](Self::start).
+            pub $($async)? fn resume(&mut self) -> Result<(), SensorFault> {
+                self.driver.resume();
+                self.start() $($await)*
+            }
+
+            /// The driver behind: its fault, counters, settings and the chip's identity.
+            pub fn driver(&self) -> &Driver {
+                &self.driver
+            }
+
+            /// The bus' own words on the last transfer that failed, once.
+            pub fn bus_error(&mut self) -> Option<I2C::Error> {
+                self.bus_error.take()
+            }
+
+            /// Gives bus, delay and clock back; the chip goes on as it is.
+            pub fn release(self) -> (I2C, D, C) {
+                (self.i2c, self.delay, self.clock)
+            }
+
+            $($async)? fn ask(&mut self, request: Request) -> Result<Answer, SensorFault> {
+                self.driver.request(request);
+                let outcome = self.drive(|driver| !driver.is_asking() && driver.is_sampling()) $($await)*;
+                self.driver.cancel();
+                match (self.driver.answer(), outcome) {
+                    (Some(answer), _) => Ok(answer),
+                    (None, Err(fault)) => Err(fault),
+                    (None, Ok(())) => Err(SensorFault::Protocol),
+                }
+            }
+
+            /// Does what the driver asks for until it is `finished`, has failed for certain, or takes too long.
+            $($async)? fn drive(&mut self, finished: impl Fn(&Driver) -> bool) -> Result<(), SensorFault> {
+                let failures = self.driver.health().failed_setups;
+                let begin = (self.clock)();
+                for _ in 0..TURNS_MAX {
+                    if finished(&self.driver) {
+                        return Ok(());
+                    }
+                    let now = (self.clock)();
+                    if self.driver.health().failed_setups != failures || now.since(begin) > PATIENCE_US {
+                        break;
+                    }
+                    let next = self.driver.next(now);
+                    if let Next::Transfer(transfer) = next {
+                        self.perform(transfer) $($await)*;
+                    } else if let Some(us) = pause(next, now) {
+                        self.delay.delay_us(us) $($await)*;
+                    } else {
+                        break;
+                    }
+                }
+                Err(self.driver.fault().unwrap_or(SensorFault::Booting))
+            }
+
+            /// Does what the driver asks for as long as that needs no waiting.
+            $($async)? fn errands(&mut self) {
+                for _ in 0..BURST_MAX {
+                    let Next::Transfer(transfer) = self.driver.next((self.clock)()) else { break };
+                    self.perform(transfer) $($await)*;
+                }
+            }
+
+            $($async)? fn perform(&mut self, transfer: Transfer) {
+                let mut buffer = [0; READ_MAX];
+                let outcome = self.transfer(transfer, &mut buffer) $($await)*;
+                self.driver.complete((self.clock)(), outcome);
+            }
+
+            /// Start and outcome of a burst; an error if the chip does not sample.
+            #[allow(clippy::type_complexity, reason = "a name for it would explain less")]
+            $($async)? fn burst<'b>(
+                &mut self,
+                transfer: Transfer,
+                buffer: &'b mut [u8; READ_MAX],
+            ) -> Result<(Micros, Result<&'b [u8], BusError>), SensorFault> {
+                if !self.driver.is_sampling() {
+                    return Err(self.driver.fault().unwrap_or(SensorFault::Booting));
+                }
+                let time = (self.clock)();
+                let outcome = self.transfer(transfer, buffer) $($await)*;
+                Ok((time, outcome))
+            }
+
+            $($async)? fn transfer<'b>(
+                &mut self,
+                transfer: Transfer,
+                buffer: &'b mut [u8; READ_MAX],
+            ) -> Result<&'b [u8], BusError> {
+                let address = self.driver.config().address.value();
+                let outcome = match transfer {
+                    Transfer::Read { register, len } => {
+                        let bytes = buffer.get_mut(..usize::from(len)).ok_or(BusError::Protocol)?;
+                        self.i2c.write_read(address, &[register], bytes) $($await)*.map(|()| &*bytes)
+                    }
+                    Transfer::Write { register, bytes } => {
+                        let mut message = [register; 1 + WRITE_MAX];
+                        for (to, from) in message.iter_mut().skip(1).zip(bytes.iter()) {
+                            *to = *from;
+                        }
+                        let message = message.get(..1 + bytes.len()).ok_or(BusError::Protocol)?;
+                        self.i2c.write(address, message) $($await)*.map(|()| &[][..])
+                    }
+                };
+                outcome.map_err(|error| {
+                    let kind = match error.kind() {
+                        ErrorKind::NoAcknowledge(
+                            NoAcknowledgeSource::Address | NoAcknowledgeSource::Data | NoAcknowledgeSource::Unknown,
+                        ) => BusError::Nak,
+                        ErrorKind::ArbitrationLoss => BusError::Arbitration,
+                        ErrorKind::Bus => BusError::Stuck,
+                        ErrorKind::Overrun => BusError::Protocol,
+                        // Masters have no other word for a transfer that they gave up.
+                        _ => BusError::Timeout,
+                    };
+                    self.bus_error = Some(error);
+                    kind
+                })
+            }
+        }
+    };
+}
+pub(crate) use front_end;
