@@ -32,6 +32,7 @@
 //! | [`newton_euler`] | all four bodies with the forces in their joints |
 //! | [`integrate`] | integration with step control |
 //! | [`linear`] | state space, poles, zeros, margins |
+//! | [`limit`] | the time-optimal limit |
 //! | [`servo`] | a position servo from pulse edges to crank angle |
 //! | [`pitch_loop`] | servo, delays and a PD law round the drone |
 //! | [`response`] | overshoot, rise and settling of a recorded response |
@@ -39,6 +40,7 @@
 pub mod drone;
 pub mod free;
 pub mod integrate;
+pub mod limit;
 pub mod linear;
 pub mod linkage;
 pub mod mechanism;
@@ -46,6 +48,7 @@ pub mod newton_euler;
 pub mod parameters;
 pub mod pitch_loop;
 pub mod response;
+mod root;
 pub mod servo;
 pub mod setup;
 

@@ -12,6 +12,7 @@ use nalgebra::Complex;
 
 use crate::mechanism::Mechanism;
 use crate::pitch_loop::{RATE_FILTER_HZ, Timing};
+use crate::root;
 use crate::servo::ServoModel;
 
 use super::transfer::TransferFunction;
@@ -180,7 +181,7 @@ impl OpenLoop {
             let (a, b) = (pair[0], pair[1]);
             peak_sensitivity = peak_sensitivity.max((b.value + 1.0).norm().recip());
             if (a.gain_db > 0.0) != (b.gain_db > 0.0) {
-                let at_rad_s = self.bisect(a.rad_s, b.rad_s, |value| value.norm() - 1.0);
+                let at_rad_s = self.crossing(&a, &b, |value| value.norm() - 1.0);
                 // Phase of -L: the margin, between -180 and 180 deg.
                 let deg = (-self.at(at_rad_s)).arg().to_degrees();
                 let found = PhaseMargin {
@@ -194,7 +195,7 @@ impl OpenLoop {
             }
             // On the negative real axis the imaginary part changes sign.
             if (a.value.im > 0.0) != (b.value.im > 0.0) && a.value.re + b.value.re < 0.0 {
-                let at_rad_s = self.bisect(a.rad_s, b.rad_s, |value| value.im);
+                let at_rad_s = self.crossing(&a, &b, |value| value.im);
                 let db = -20.0 * self.at(at_rad_s).norm().log10();
                 if db > 0.0 && gain.is_none_or(|g| db < g.db) {
                     gain = Some(GainMargin { db, at_rad_s });
@@ -208,17 +209,9 @@ impl OpenLoop {
         }
     }
 
-    fn bisect(&self, mut low: f64, mut high: f64, f: impl Fn(Complex<f64>) -> f64) -> f64 {
-        let sign = f(self.at(low)) > 0.0;
-        for _ in 0..60 {
-            let middle = 0.5 * (low + high);
-            if (f(self.at(middle)) > 0.0) == sign {
-                low = middle;
-            } else {
-                high = middle;
-            }
-        }
-        0.5 * (low + high)
+    /// Where between two points of the response `f` passes zero, in rad/s.
+    fn crossing(&self, a: &Response, b: &Response, f: impl Fn(Complex<f64>) -> f64) -> f64 {
+        root::between(|w| f(self.at(w)), a.rad_s, b.rad_s, 1e-9).unwrap_or(a.rad_s)
     }
 }
 

@@ -13,6 +13,7 @@ use nalgebra::{Complex, Matrix4, RowVector4, Vector4};
 
 use crate::free::State;
 use crate::mechanism::Mechanism;
+use crate::root;
 use transfer::TransferFunction;
 
 /// Relative size below which a singular value counts as zero in a rank.
@@ -61,25 +62,10 @@ pub fn equilibrium(mechanism: &Mechanism, pitch_rad: f64) -> Option<Equilibrium>
         mechanism.pitch_load(&at, pitch_rad, 0.0)
     };
     // The moment falls as the rudder turns from one dead point to the other.
-    let (mut low, mut high) = (low, high);
-    let sign = load(low).signum();
-    if sign == load(high).signum() {
-        return None;
-    }
-    while high - low > 1e-15 {
-        let middle = 0.5 * (low + high);
-        if middle <= low || middle >= high {
-            break;
-        }
-        if load(middle).signum() == sign {
-            low = middle;
-        } else {
-            high = middle;
-        }
-    }
+    let crank_rad = root::between(load, low, high, 1e-15)?;
     let state = State {
         pitch_rad,
-        crank_rad: 0.5 * (low + high),
+        crank_rad,
         ..State::default()
     };
     let at = mechanism.configuration(state.crank_rad);
