@@ -11,6 +11,7 @@
 //! | `port` | pins and their multiplexers |
 //! | `sercom` | I2C masters |
 //! | `tcc` | TCC0-TCC2: the servo's waveform |
+//! | `usb` | USB device controller; the host at the other end of the cable is [`usb_host`](crate::usb_host) |
 //! | `pac`, `dsu` | write protection, device identity |
 //!
 //! RTC, DMAC, MTB, HMATRIX, EVSYS, ADC, AC, DAC, PTC, I2S, TC6 and TC7 are not modelled: an access faults.
@@ -26,6 +27,11 @@ mod port;
 mod sercom;
 mod sysctrl;
 mod tcc;
+#[cfg(test)]
+pub(crate) mod testing;
+#[cfg(test)]
+mod tests;
+pub(crate) mod usb;
 mod violations;
 
 pub use violations::{Violation, Violations};
@@ -33,8 +39,9 @@ pub use violations::{Violation, Violations};
 use crate::Options;
 use crate::board::{Board, Ticks};
 use crate::memory::{FLASH_SIZE, Memory};
+use crate::usb_host::Host;
 use access::{Bus, Lanes, Refusal};
-use gclk::id::{DFLL48, SERCOM_SLOW, SERCOM0_CORE, TCC0_TCC1, TCC2_TC3};
+use gclk::id::{DFLL48, SERCOM_SLOW, SERCOM0_CORE, TCC0_TCC1, TCC2_TC3, USB};
 use std::fmt;
 
 /// Why the chip started anew; the value is the bit in PM.RCAUSE.
@@ -174,6 +181,7 @@ enum Block {
     Port,
     Sercom(usize),
     Tcc(usize),
+    Usb,
     Unmodelled,
 }
 
@@ -188,7 +196,7 @@ struct Mapping {
 
 /// The block at an address of the APB bridges (D21 table 12-1 and the PAC's peripheral numbers).
 fn map(addr: u32) -> Option<Mapping> {
-    use Block::{Dsu, Gclk, Nvmctrl, Pac, Pm, Port, Sercom, Sysctrl, Tcc, Unmodelled};
+    use Block::{Dsu, Gclk, Nvmctrl, Pac, Pm, Port, Sercom, Sysctrl, Tcc, Unmodelled, Usb};
     use Bridge::{A, B, C};
     let (bridge, index, name, block) = match addr & !0x3FF {
         0x4000_0000 => (A, 0, "PAC0", Pac(0)),
@@ -204,7 +212,7 @@ fn map(addr: u32) -> Option<Mapping> {
         // The second is the core's single-cycle I/O bus.
         0x4100_4400 | 0x6000_0000 => (B, 3, "PORT", Port),
         0x4100_4800 => (B, 4, "DMAC", Unmodelled),
-        0x4100_5000 => (B, 5, "USB", Unmodelled),
+        0x4100_5000 => (B, 5, "USB", Usb),
         0x4100_6000 => (B, 6, "MTB", Unmodelled),
         0x4100_7000 => (B, 6, "HMATRIX", Unmodelled),
         0x4200_0000 => (C, 0, "PAC2", Pac(2)),
@@ -255,10 +263,13 @@ pub struct Peripherals {
     port: port::Port,
     sercom: [sercom::Sercom; 6],
     tcc: [tcc::Tcc; 3],
+    usb: usb::Usb,
+    usb_host: Host,
     violations: Violations,
     ticks_per_cycle: u32,
     irq_lines: u32,
     next: Ticks,
+    last: Ticks,
     pending_reset: Option<ResetCause>,
 }
 
@@ -276,10 +287,13 @@ impl Peripherals {
             sercom: [0, 1, 2, 3, 4, 5]
                 .map(|index| sercom::Sercom::new(index, options.syncbusy_hold)),
             tcc: [0, 1, 2].map(|index| tcc::Tcc::new(index, options.syncbusy_hold)),
+            usb: usb::Usb::new(options.syncbusy_hold),
+            usb_host: Host::new(),
             violations: Violations::default(),
             ticks_per_cycle: 48,
             irq_lines: 0,
             next: Ticks::NEVER,
+            last: Ticks::ZERO,
             pending_reset: None,
         };
         peripherals.retime(Ticks::ZERO);
@@ -295,11 +309,14 @@ impl Peripherals {
         *self = Self {
             pm: pm::Pm::new(cause),
             port: self.port.clone(),
+            usb_host: self.usb_host.clone(),
             violations: self.violations.clone(),
+            last: now,
             ..fresh
         };
         self.retime(now);
         self.refresh(now);
+        // The released pins are to be told.
         self.next = now;
     }
 
@@ -343,6 +360,7 @@ impl Peripherals {
             Block::Port => self.port.read(now, offset, board),
             Block::Sercom(index) => self.sercom[index].read(now, offset, board),
             Block::Tcc(index) => self.tcc[index].read(now, offset),
+            Block::Usb => self.usb.read(now, offset),
             Block::Unmodelled => Err(Refusal::Unmodelled("the whole peripheral")),
         }
         .map_err(|refusal| refuse(refusal, addr, mapping.name))
@@ -407,6 +425,7 @@ impl Peripherals {
             Block::Port => self.port.write(bus, offset, lanes),
             Block::Sercom(index) => self.sercom[index].write(bus, offset, lanes),
             Block::Tcc(index) => self.tcc[index].write(bus, offset, lanes),
+            Block::Usb => self.usb.write(bus, offset, lanes),
             Block::Unmodelled => Err(Refusal::Unmodelled("the whole peripheral")),
         }
         .map_err(|refusal| refuse(refusal, addr, name))?;
@@ -422,7 +441,10 @@ impl Peripherals {
                 let outputs = self.tcc[index].outputs();
                 self.port.drive(now, index as u8, outputs, board);
             }
-            Block::Port => self.sercom[4].set_connected(self.port.i2c_routed()),
+            Block::Port => {
+                self.sercom[4].set_connected(self.port.i2c_routed());
+                self.usb.set_pads(self.port.usb_routed());
+            }
             _ => {}
         }
         self.refresh(now);
@@ -444,35 +466,46 @@ impl Peripherals {
 
     /// The earliest time at which something changes by itself: cheap, worked out beforehand.
     pub fn next_event(&self) -> Ticks {
-        self.next
+        self.next.min(self.usb_host.next())
     }
 
     /// Runs everything that is due up to `now`, in the order of time.
-    pub fn advance(&mut self, now: Ticks, _memory: &mut Memory, board: &mut dyn Board) {
-        while self.next <= now {
-            let at = self.next;
-            self.port.publish_pending(at, board);
-            if self.sysctrl.next(Ticks(at.0 - 1)) == at {
-                self.sysctrl.latch_flags(at);
-                self.retime(at);
+    pub fn advance(&mut self, now: Ticks, memory: &mut Memory, board: &mut dyn Board) {
+        while self.next_event() <= now {
+            // A host that was just plugged in is due since ever.
+            self.last = self.next_event().max(self.last);
+            self.run(self.last, memory, board);
+            self.refresh(self.last);
+        }
+        self.last = now;
+    }
+
+    /// Runs what is due at `now`.
+    fn run(&mut self, now: Ticks, memory: &mut Memory, board: &mut dyn Board) {
+        self.port.publish_pending(now, board);
+        if self.sysctrl.next(Ticks(now.0 - 1)) == now {
+            self.sysctrl.latch_flags(now);
+            self.retime(now);
+        }
+        let bus = &mut Bus {
+            now,
+            board,
+            violations: &mut self.violations,
+        };
+        for sercom in &mut self.sercom {
+            if sercom.next() == now {
+                sercom.advance(bus);
             }
-            let bus = &mut Bus {
-                now: at,
-                board,
-                violations: &mut self.violations,
-            };
-            for sercom in &mut self.sercom {
-                if sercom.next() == at {
-                    sercom.advance(bus);
-                }
+        }
+        for (index, tcc) in self.tcc.iter_mut().enumerate() {
+            if tcc.next() == now {
+                tcc.advance(now);
+                self.port.drive(now, index as u8, tcc.outputs(), bus.board);
             }
-            for (index, tcc) in self.tcc.iter_mut().enumerate() {
-                if tcc.next() == at {
-                    tcc.advance(at);
-                    self.port.drive(at, index as u8, tcc.outputs(), bus.board);
-                }
-            }
-            self.refresh(at);
+        }
+        self.usb.advance(now);
+        if self.usb_host.next() <= now && self.usb_host.advance(now, &mut self.usb, memory) {
+            self.sysctrl.start_of_frame(now);
         }
     }
 
@@ -496,6 +529,16 @@ impl Peripherals {
         self.pending_reset.take()
     }
 
+    /// The USB host at the other end of the cable.
+    pub fn usb_host(&self) -> &Host {
+        &self.usb_host
+    }
+
+    /// The USB host at the other end of the cable.
+    pub fn usb_host_mut(&mut self) -> &mut Host {
+        &mut self.usb_host
+    }
+
     /// Misuse since power-on that the real chip would have swallowed.
     pub fn violations(&self) -> &Violations {
         &self.violations
@@ -515,21 +558,25 @@ impl Peripherals {
         for (index, id) in [(0, TCC0_TCC1), (1, TCC0_TCC1), (2, TCC2_TC3)] {
             self.tcc[index].set_clock(now, self.gclk.clock(id));
         }
+        self.usb.set_clock(self.gclk.clock(USB));
         self.ticks_per_cycle = u32::try_from(cycle.0).unwrap_or(u32::MAX);
         true
     }
 
     /// Works out what `next_event` and `irq_lines` tell.
     fn refresh(&mut self, now: Ticks) {
+        self.usb_host.observe(now, &self.usb);
         self.next = self
             .tcc
             .iter()
             .map(tcc::Tcc::next)
             .chain(self.sercom.iter().map(sercom::Sercom::next))
+            .chain([self.usb.next()])
             .fold(self.sysctrl.next(now), Ticks::min);
         self.irq_lines = u32::from(self.pm.irq())
             | u32::from(self.sysctrl.irq()) << 1
-            | u32::from(self.nvmctrl.irq(now)) << 5;
+            | u32::from(self.nvmctrl.irq(now)) << 5
+            | u32::from(self.usb.irq()) << 7;
         for (index, sercom) in self.sercom.iter().enumerate() {
             self.irq_lines |= u32::from(sercom.irq()) << (9 + index);
         }

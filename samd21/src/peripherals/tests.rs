@@ -1,0 +1,211 @@
+use super::testing::*;
+use super::*;
+use crate::SyncHold;
+use crate::board::{I2cEvent, I2cReply, Lines, Pin, Unconnected};
+
+const TCC0: u32 = 0x4200_2000;
+const SERCOM4: u32 = 0x4200_1800;
+
+#[test]
+fn the_hal_starts_48_mhz_with_and_without_held_synchronisation() {
+    for hold in [SyncHold::Instant, SyncHold::For(Ticks(300))] {
+        let mut bench = Bench::new(hold, Unconnected);
+        assert_eq!(bench.peripherals.ticks_per_cycle(), 48);
+        bench.start_clocks();
+        assert_eq!(bench.peripherals.ticks_per_cycle(), 1);
+        assert_eq!(bench.peripherals.flash_wait_states(), 1);
+        assert_eq!(bench.peripherals.violations().first(), []);
+    }
+}
+
+#[test]
+fn accesses_that_no_model_covers_name_what_they_hit() {
+    let mut bench = Bench::new(SyncHold::Instant, Unconnected);
+    let message = |result: Result<u32, BusError>| result.unwrap_err().to_string();
+    assert_eq!(
+        message(bench.try_read(0x4200_4000, Width::Byte)),
+        "ADC at 0x42004000: the whole peripheral is not modelled"
+    );
+    assert_eq!(
+        message(bench.try_read(SYSCTRL + 0x44, Width::Byte)),
+        "SYSCTRL at 0x40000844: DPLLCTRLA is not modelled"
+    );
+    assert_eq!(
+        message(bench.try_read(TCC0, Width::Word)),
+        "TCC0 at 0x42002000: its bus clock is masked"
+    );
+    assert_eq!(
+        message(bench.try_read(0x5000_0000, Width::Word)),
+        "nothing at 0x50000000"
+    );
+    assert_eq!(
+        message(bench.try_read(PORT + 2, Width::Word)),
+        "misaligned access at 0x41004402"
+    );
+    assert_eq!(
+        bench
+            .try_write(0x4100_2000, Width::Byte, 1)
+            .unwrap_err()
+            .to_string(),
+        "DSU at 0x41002000: write-protected by the PAC"
+    );
+}
+
+#[test]
+fn the_cpu_cannot_be_left_without_a_clock() {
+    let mut bench = Bench::new(SyncHold::Instant, Unconnected);
+    bench.w32(GCLK + 8, 1 << 8);
+    let from_dfll = 7 << 8 | 1 << 16;
+    let error = bench
+        .try_write(GCLK + 4, Width::Word, from_dfll)
+        .unwrap_err();
+    assert!(matches!(error, BusError::Forbidden { .. }));
+}
+
+#[test]
+fn factory_rows_are_read_by_bytes() {
+    let mut bench = Bench::new(SyncHold::Instant, Unconnected);
+    let row = (0..8).fold(0, |row: u64, byte| {
+        row | u64::from(bench.r8(0x0080_6020 + byte)) << (8 * byte)
+    });
+    assert_eq!(row >> 58, 0x1F);
+    assert_eq!(bench.r32(0x0080_A00C), Options::default().serial_number[0]);
+    assert_eq!(bench.r32(0x4100_2018), 0x1001_0305);
+}
+
+#[test]
+fn the_iobus_is_the_port() {
+    let mut bench = Bench::new(SyncHold::Instant, Unconnected);
+    bench.w32(0x6000_0008, 1 << 17);
+    assert_eq!(bench.r32(PORT), 1 << 17);
+    assert_eq!(bench.r32(0x6000_0080), 0);
+}
+
+#[test]
+fn a_protected_peripheral_refuses_writes_but_not_reads() {
+    let mut bench = Bench::new(SyncHold::Instant, Unconnected);
+    bench.w32(0x4000_0004, 1 << 3);
+    assert!(bench.try_read(GCLK + 4, Width::Word).is_ok());
+    assert_eq!(
+        bench.try_write(GCLK + 4, Width::Word, 0),
+        Err(BusError::Protected {
+            addr: GCLK + 4,
+            peripheral: "GCLK"
+        })
+    );
+}
+
+/// Notes edges; acknowledges address 0x29.
+#[derive(Default)]
+struct Recorder {
+    edges: Vec<(Ticks, Pin, bool)>,
+    last: Ticks,
+}
+
+impl Recorder {
+    fn order(&mut self, now: Ticks) {
+        assert!(now >= self.last, "the board was called back in time");
+        self.last = now;
+    }
+}
+
+impl Board for Recorder {
+    fn i2c(&mut self, now: Ticks, event: I2cEvent) -> I2cReply {
+        self.order(now);
+        match event {
+            I2cEvent::Start { address: 0x29, .. } => I2cReply::ACK,
+            _ => I2cReply::NAK,
+        }
+    }
+    fn i2c_held_low(&self, _now: Ticks) -> Lines {
+        Lines::default()
+    }
+    fn pin(&mut self, now: Ticks, pin: Pin, level: bool) {
+        self.order(now);
+        self.edges.push((now, pin, level));
+    }
+    fn input(&self, _now: Ticks, _pin: Pin) -> Option<bool> {
+        None
+    }
+}
+
+/// Clocks, then the servo's timer: 20 ms frames of 1.5 ms on PB11.
+fn servo_bench() -> Bench<Recorder> {
+    let mut bench = Bench::new(SyncHold::Instant, Recorder::default());
+    bench.start_clocks();
+    let mask = bench.r32(PM_APBCMASK);
+    bench.w32(PM_APBCMASK, mask | 1 << 8 | 1 << 6);
+    bench.route(0x1A, 0);
+    bench.w32(TCC0 + 0x3C, 2);
+    bench.w32(TCC0 + 0x40, 959_999);
+    bench.w32(TCC0 + 0x48, 72_000);
+    bench.multiplex(1, 11, 5);
+    bench
+}
+
+#[test]
+fn the_servo_pin_shows_exact_edges_however_coarsely_time_is_advanced() {
+    let mut bench = servo_bench();
+    bench.w32(TCC0, 2);
+    let start = bench.now;
+    bench.w32(TCC0 + 0x74, 96_000);
+    bench.pass(Ticks::from_ms(50));
+    let edge = |ticks, level| (start + Ticks(ticks), Pin::b(11), level);
+    assert_eq!(
+        bench.board.edges,
+        [
+            edge(0, true),
+            edge(72_000, false),
+            edge(960_000, true),
+            edge(960_000 + 96_000, false),
+            edge(1_920_000, true),
+            edge(1_920_000 + 96_000, false),
+        ]
+    );
+}
+
+#[test]
+fn a_reset_lets_the_pins_go_and_tells_why() {
+    let mut bench = servo_bench();
+    bench.w32(TCC0, 2);
+    let now = bench.now + Ticks(500);
+    bench.now = now;
+    bench.peripherals.reset(now, ResetCause::Watchdog);
+    bench.pass(Ticks(10));
+    assert_eq!(bench.board.edges.last(), Some(&(now, Pin::b(11), false)));
+    assert_eq!(bench.r8(0x4000_0438), 0x20);
+    assert_eq!(bench.peripherals.ticks_per_cycle(), 48);
+    assert!(bench.try_read(TCC0, Width::Word).is_err());
+}
+
+#[test]
+fn sercom4_interrupts_as_irq_13_and_only_through_its_pins() {
+    let mut bench = servo_bench();
+    bench.route(0x18, 0);
+    bench.multiplex(1, 8, 3);
+    bench.multiplex(1, 9, 3);
+    bench.w32(SERCOM4, 5 << 2);
+    bench.w32(SERCOM4 + 0x0C, 59);
+    bench.w32(SERCOM4, 5 << 2 | 2);
+    bench.w16(SERCOM4 + 0x1A, 1 << 4);
+    bench.w8(SERCOM4 + 0x16, 1);
+    bench.w32(SERCOM4 + 0x24, 0x29 << 1);
+    assert_eq!(bench.peripherals.irq_lines(), 0);
+    bench.pass(Ticks::from_us(40));
+    assert_eq!(bench.peripherals.irq_lines(), 1 << 13);
+    assert_eq!(bench.r16(SERCOM4 + 0x1A), 2 << 4 | 1 << 7);
+    assert_eq!(bench.peripherals.violations().first(), []);
+}
+
+#[test]
+fn time_to_the_next_event_does_not_change_what_happens() {
+    let mut fine = servo_bench();
+    fine.w32(TCC0, 2);
+    let mut coarse = servo_bench();
+    coarse.w32(TCC0, 2);
+    for _ in 0..60_000 {
+        fine.pass(Ticks(48));
+    }
+    coarse.pass(Ticks(48 * 60_000));
+    assert_eq!(fine.board.edges, coarse.board.edges);
+}

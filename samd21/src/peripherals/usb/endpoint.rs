@@ -1,0 +1,361 @@
+//! Endpoints: registers, and what tokens from the host do to them.
+//!
+//! Bank 0 takes OUT and SETUP, bank 1 sends IN. A bank's descriptor in SRAM is ADDR (word 0) and
+//! PCKSIZE (word 1): BYTE_COUNT 13:0, MULTI_PACKET_SIZE 27:14, SIZE 30:28, AUTO_ZLP 31.
+//!
+//! | token | accepted when | then |
+//! |---|---|---|
+//! | SETUP | RXSTP is 0, else no answer | 8 bytes to bank 0; RXSTP, BK0RDY, DTGLOUT, DTGLIN, CURBK set; BK1RDY, STALLRQ clear |
+//! | OUT | BK0RDY is 0, else NAK and TRFAIL0 | bytes to bank 0; BK0RDY and TRCPT0; a wrong toggle is acknowledged and dropped |
+//! | IN | BK1RDY is 1, else NAK and TRFAIL1 | bytes from bank 1; BK1RDY clear and TRCPT1 |
+//! | OUT, IN | STALLRQ is set | STALL and its flag |
+//!
+//! With MULTI_PACKET_SIZE, OUT gathers packets until that many bytes or a short packet have come;
+//! BYTE_COUNT above SIZE sends several IN packets while MULTI_PACKET_SIZE counts (D21 32.6.2).
+
+use super::{ENDPOINTS, RAMACER, Usb};
+use crate::memory::Memory;
+use crate::peripherals::access::{DONE, Lanes, RESERVED, Read, Refusal, Write};
+
+const DTGLOUT: u8 = 1 << 0;
+const DTGLIN: u8 = 1 << 1;
+const CURBK: u8 = 1 << 2;
+const STALLRQ0: u8 = 1 << 4;
+const STALLRQ1: u8 = 1 << 5;
+const BK0RDY: u8 = 1 << 6;
+const BK1RDY: u8 = 1 << 7;
+
+const TRCPT0: u8 = 1 << 0;
+const TRCPT1: u8 = 1 << 1;
+const TRFAIL0: u8 = 1 << 2;
+const TRFAIL1: u8 = 1 << 3;
+const RXSTP: u8 = 1 << 4;
+const STALL0: u8 = 1 << 5;
+const STALL1: u8 = 1 << 6;
+
+const CONTROL: u8 = 1;
+const BYTE_COUNT: u32 = 0x3FFF;
+const AUTO_ZLP: u32 = 1 << 31;
+
+/// The device's answer to OUT and SETUP.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Handshake {
+    Ack,
+    Nak,
+    Stall,
+    /// None: no such device or endpoint, or it is not ready for a SETUP.
+    Silence,
+}
+
+/// The device's answer to IN; data is acknowledged at once.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) enum Packet {
+    /// The bytes, and whether they came as DATA1.
+    Data(Vec<u8>, bool),
+    Nak,
+    Stall,
+    Silence,
+}
+
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Endpoint {
+    config: u8,
+    status: u8,
+    flags: u8,
+    interrupts: u8,
+}
+
+impl Endpoint {
+    pub(super) fn irq(&self) -> bool {
+        self.flags & self.interrupts != 0
+    }
+
+    pub(super) fn bus_reset(&mut self, keeps_config: bool) {
+        self.status &= !(STALLRQ0 | STALLRQ1);
+        self.flags = 0;
+        self.interrupts = 0;
+        if !keeps_config {
+            self.configure(0);
+        }
+    }
+
+    fn type_out(&self) -> u8 {
+        self.config & 7
+    }
+
+    fn type_in(&self) -> u8 {
+        self.config >> 4 & 7
+    }
+
+    fn configure(&mut self, config: u8) {
+        self.config = config;
+        if self.type_out() == 0 {
+            self.status &= !DTGLOUT;
+        }
+        if self.type_in() == 0 {
+            self.status &= !DTGLIN;
+        }
+        if config == 0 {
+            self.interrupts = 0;
+        }
+    }
+
+    pub(super) fn read(&self, offset: u32) -> Read {
+        match offset {
+            0x00 => Ok(u32::from(self.config)),
+            0x04 => Ok(u32::from(self.status) << 16 | u32::from(self.flags) << 24),
+            0x08 => Ok(u32::from(self.interrupts) * 0x0101),
+            _ => Err(RESERVED),
+        }
+    }
+
+    pub(super) fn write(&mut self, offset: u32, lanes: Lanes) -> Write {
+        match offset {
+            0x00 => {
+                if let Some(config) = lanes.byte(0) {
+                    if [config & 7, config >> 4 & 7]
+                        .iter()
+                        .any(|&kind| kind == 2 || kind > 4)
+                    {
+                        return Err(Refusal::Unmodelled("isochronous and dual-bank endpoints"));
+                    }
+                    self.configure(config & 0x77);
+                }
+            }
+            0x04 => {
+                self.status &= !lanes.byte(0).unwrap_or(0);
+                self.status |= lanes.byte(1).unwrap_or(0) & 0xF7;
+                self.flags &= !lanes.byte(3).unwrap_or(0);
+            }
+            0x08 => {
+                self.interrupts &= !lanes.byte(0).unwrap_or(0);
+                if self.config != 0 {
+                    self.interrupts |= lanes.byte(1).unwrap_or(0) & 0x7F;
+                }
+            }
+            _ => return Err(RESERVED),
+        }
+        DONE
+    }
+}
+
+/// A bank's descriptor in SRAM.
+struct Bank {
+    at: u32,
+    address: u32,
+    pcksize: u32,
+}
+
+impl Bank {
+    fn byte_count(&self) -> u32 {
+        self.pcksize & BYTE_COUNT
+    }
+
+    fn multi_packet_size(&self) -> u32 {
+        self.pcksize >> 14 & BYTE_COUNT
+    }
+
+    fn size(&self) -> u32 {
+        match self.pcksize >> 28 & 7 {
+            7 => 1023,
+            exponent => 8 << exponent,
+        }
+    }
+
+    fn set_counts(&mut self, byte_count: u32, multi_packet_size: u32) {
+        let rest = self.pcksize & 0xF000_0000;
+        self.pcksize = rest | multi_packet_size << 14 | byte_count;
+    }
+
+    fn store(&self, memory: &mut Memory) -> Option<()> {
+        memory.write_u32(self.at + 4, self.pcksize)
+    }
+}
+
+impl Usb {
+    /// Whether a token for this endpoint will be answered with NAK, so that the host may reckon
+    /// with a short transaction. Direction is the host's.
+    pub(crate) fn would_nak(&self, number: u8, is_in: bool) -> bool {
+        let endpoint = self.endpoints[usize::from(number)];
+        if is_in {
+            endpoint.type_in() != 0 && endpoint.status & (STALLRQ1 | BK1RDY) == 0
+        } else {
+            endpoint.type_out() != 0 && endpoint.status & (STALLRQ0 | BK0RDY) == BK0RDY
+        }
+    }
+
+    /// A token that was answered with NAK.
+    pub(crate) fn nak(&mut self, number: u8, is_in: bool) {
+        self.endpoints[usize::from(number)].flags |= if is_in { TRFAIL1 } else { TRFAIL0 };
+    }
+
+    fn is_addressed(&self, device: u8, number: u8) -> bool {
+        let own = if self.address & 0x80 != 0 {
+            self.address & 0x7F
+        } else {
+            0
+        };
+        self.is_attached() && device == own && usize::from(number) < ENDPOINTS
+    }
+
+    fn bank(&mut self, memory: &Memory, number: u8, bank: u32) -> Option<Bank> {
+        let at = self
+            .descriptors
+            .wrapping_add(u32::from(number) * 32 + bank * 16);
+        let found = memory
+            .read_u32(at)
+            .zip(memory.read_u32(at.wrapping_add(4)))
+            .map(|(address, pcksize)| Bank {
+                at,
+                address,
+                pcksize,
+            });
+        if found.is_none() {
+            self.flags |= RAMACER;
+        }
+        found
+    }
+
+    /// SETUP with its eight bytes.
+    pub(crate) fn setup(
+        &mut self,
+        device: u8,
+        number: u8,
+        bytes: [u8; 8],
+        memory: &mut Memory,
+    ) -> Handshake {
+        let index = usize::from(number);
+        if !self.is_addressed(device, number)
+            || self.endpoints[index].type_out() != CONTROL
+            || self.endpoints[index].flags & RXSTP != 0
+        {
+            return Handshake::Silence;
+        }
+        let Some(mut bank) = self.bank(memory, number, 0) else {
+            return Handshake::Silence;
+        };
+        let multi_packet_size = bank.multi_packet_size();
+        bank.set_counts(8, multi_packet_size);
+        if self.deliver(memory, &bank, 0, &bytes).is_none() {
+            return Handshake::Silence;
+        }
+        let endpoint = &mut self.endpoints[index];
+        endpoint.status &= !(BK1RDY | STALLRQ0 | STALLRQ1);
+        endpoint.status |= BK0RDY | DTGLOUT | DTGLIN | CURBK;
+        endpoint.flags |= RXSTP;
+        Handshake::Ack
+    }
+
+    /// OUT with its data packet, DATA1 if `toggle`.
+    pub(crate) fn output(
+        &mut self,
+        device: u8,
+        number: u8,
+        toggle: bool,
+        bytes: &[u8],
+        memory: &mut Memory,
+    ) -> Handshake {
+        let index = usize::from(number);
+        if !self.is_addressed(device, number) || self.endpoints[index].type_out() == 0 {
+            return Handshake::Silence;
+        }
+        let endpoint = &mut self.endpoints[index];
+        if endpoint.status & STALLRQ0 != 0 {
+            endpoint.flags |= STALL0;
+            return Handshake::Stall;
+        }
+        if endpoint.status & BK0RDY != 0 {
+            self.nak(number, false);
+            return Handshake::Nak;
+        }
+        if (endpoint.status & DTGLOUT != 0) != toggle {
+            return Handshake::Ack;
+        }
+        let Some(mut bank) = self.bank(memory, number, 0) else {
+            return Handshake::Silence;
+        };
+        let length = bytes.len() as u32;
+        if length > bank.size() {
+            self.flags |= RAMACER;
+            return Handshake::Silence;
+        }
+        let multi_packet_size = bank.multi_packet_size();
+        let gathered = if multi_packet_size > 0 {
+            bank.byte_count()
+        } else {
+            0
+        };
+        bank.set_counts(gathered + length, multi_packet_size);
+        if self.deliver(memory, &bank, gathered, bytes).is_none() {
+            return Handshake::Silence;
+        }
+        let complete = length < bank.size() || gathered + length >= multi_packet_size;
+        let endpoint = &mut self.endpoints[index];
+        endpoint.status ^= DTGLOUT;
+        if complete {
+            endpoint.status |= BK0RDY;
+            endpoint.flags |= TRCPT0;
+        }
+        Handshake::Ack
+    }
+
+    /// IN; the host acknowledges the data.
+    pub(crate) fn input(&mut self, device: u8, number: u8, memory: &mut Memory) -> Packet {
+        let index = usize::from(number);
+        if !self.is_addressed(device, number) || self.endpoints[index].type_in() == 0 {
+            return Packet::Silence;
+        }
+        let endpoint = &mut self.endpoints[index];
+        if endpoint.status & STALLRQ1 != 0 {
+            endpoint.flags |= STALL1;
+            return Packet::Stall;
+        }
+        if endpoint.status & BK1RDY == 0 {
+            self.nak(number, true);
+            return Packet::Nak;
+        }
+        let Some(mut bank) = self.bank(memory, number, 1) else {
+            return Packet::Silence;
+        };
+        let (total, sent) = (bank.byte_count(), bank.multi_packet_size());
+        let length = total.saturating_sub(sent).min(bank.size());
+        let start = bank.address.wrapping_add(sent);
+        let Some(bytes) = memory.bytes(start, length as usize).map(<[u8]>::to_vec) else {
+            self.flags |= RAMACER;
+            return Packet::Silence;
+        };
+        let sent = sent + length;
+        let zero_packet = length == bank.size() && bank.pcksize & AUTO_ZLP != 0;
+        bank.set_counts(total, sent);
+        if bank.store(memory).is_none() {
+            self.flags |= RAMACER;
+            return Packet::Silence;
+        }
+        let endpoint = &mut self.endpoints[index];
+        let toggle = endpoint.status & DTGLIN != 0;
+        endpoint.status ^= DTGLIN;
+        if sent >= total && !zero_packet {
+            endpoint.status &= !BK1RDY;
+            endpoint.flags |= TRCPT1;
+        }
+        Packet::Data(bytes, toggle)
+    }
+
+    /// Bytes and counts into SRAM.
+    fn deliver(
+        &mut self,
+        memory: &mut Memory,
+        bank: &Bank,
+        start: u32,
+        bytes: &[u8],
+    ) -> Option<()> {
+        let done = memory
+            .ram_bytes_mut(bank.address.wrapping_add(start), bytes.len())
+            .map(|target| target.copy_from_slice(bytes))
+            .and_then(|()| bank.store(memory));
+        if done.is_none() {
+            self.flags |= RAMACER;
+        }
+        done
+    }
+}

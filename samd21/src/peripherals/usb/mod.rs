@@ -1,0 +1,271 @@
+//! USB: full-speed device controller.
+//!
+//! | offset | register | behaviour |
+//! |---|---|---|
+//! | 00 | CTRLA | SWRST, ENABLE, RUNSTDBY; MODE device only |
+//! | 02 | SYNCBUSY | SWRST, ENABLE |
+//! | 03, 28 | QOSCTRL, PADCAL | stored |
+//! | 08 | CTRLB | DETACH; the host sees the pull-up |
+//! | 0A | DADD | address, valid with ADDEN, else 0 |
+//! | 0C, 0D | STATUS, FSMSTATUS | line state and bus state |
+//! | 10 | FNUM | frame number |
+//! | 14, 18, 1C | INTENCLR, INTENSET, INTFLAG | SUSPEND, SOF, EORST, WAKEUP, RAMACER |
+//! | 20 | EPINTSMRY | endpoints with an enabled flag |
+//! | 24 | DESCADD | descriptors in SRAM: 8 x 2 banks of 16 bytes |
+//! | 100+20n | EPCFG | EPTYPE0 (OUT), EPTYPE1 (IN) |
+//! | 104-106+20n | EPSTATUSCLR, EPSTATUSSET, EPSTATUS | toggles, STALLRQ, BKxRDY |
+//! | 107-109+20n | EPINTFLAG, EPINTENCLR, EPINTENSET | TRCPT, TRFAIL, RXSTP, STALL |
+//!
+//! What tokens do to banks and descriptors is in `endpoint`. The end of a bus reset clears EPCFG1-7,
+//! DADD, FNUM, all EPINTFLAG and EPINTEN, STALLRQ and UPRSM, but not BKxRDY. An endpoint without a
+//! type has no interrupts enabled and its toggles are clear.
+//!
+//! | left out | why |
+//! |---|---|
+//! | host mode, isochronous and dual-bank endpoints | not used: setting one faults |
+//! | low speed, LPM, remote wake-up, test modes | not used: setting one faults |
+//! | CRC errors and lost packets on the wire | the cable is good |
+//! | memory access time of the DMA | far below a byte on the wire |
+
+mod endpoint;
+#[cfg(test)]
+mod tests;
+
+pub(crate) use endpoint::{Handshake, Packet};
+
+use super::access::{Bus, DONE, Lanes, RESERVED, Read, Refusal, Write};
+use super::clock::{Rate, SyncFlags};
+use crate::SyncHold;
+use crate::board::Ticks;
+use endpoint::Endpoint;
+
+const SWRST: u8 = 1 << 0;
+const ENABLE: u8 = 1 << 1;
+const DETACH: u16 = 1 << 0;
+
+const SUSPEND: u16 = 1 << 0;
+const SOF: u16 = 1 << 2;
+const EORST: u16 = 1 << 3;
+const WAKEUP: u16 = 1 << 4;
+const RAMACER: u16 = 1 << 7;
+
+/// Idle time of the bus after which a device has to suspend (USB 2.0, 7.1.7.6).
+const IDLE_LIMIT: Ticks = Ticks::from_ms(3);
+/// Endpoint numbers that the controller has.
+const ENDPOINTS: usize = 8;
+
+#[derive(Clone, Debug)]
+pub(crate) struct Usb {
+    sync: SyncFlags<2>,
+    /// GCLK_USB is there at 48 MHz.
+    clocked: bool,
+    /// PA24 and PA25 are USB's.
+    pads: bool,
+    ctrla: u8,
+    qos: u8,
+    ctrlb: u16,
+    address: u8,
+    frame: u16,
+    interrupts: u16,
+    flags: u16,
+    descriptors: u32,
+    padcal: u16,
+    endpoints: [Endpoint; ENDPOINTS],
+    suspended: bool,
+    last_activity: Ticks,
+}
+
+impl Usb {
+    pub(crate) fn new(hold: SyncHold) -> Self {
+        Self {
+            sync: SyncFlags::new(hold),
+            clocked: false,
+            pads: false,
+            ctrla: 0,
+            qos: 5,
+            ctrlb: DETACH,
+            address: 0,
+            frame: 0,
+            interrupts: 0,
+            flags: 0,
+            descriptors: 0,
+            padcal: 0,
+            endpoints: [Endpoint::default(); ENDPOINTS],
+            suspended: false,
+            last_activity: Ticks::ZERO,
+        }
+    }
+
+    pub(crate) fn set_clock(&mut self, clock: Option<Rate>) {
+        self.clocked = clock == Some(Rate::from_hz(48_000_000));
+    }
+
+    pub(crate) fn set_pads(&mut self, pads: bool) {
+        self.pads = pads;
+    }
+
+    /// Whether the pull-up on D+ shows a device, and one that can answer.
+    pub(crate) fn is_attached(&self) -> bool {
+        self.ctrla & ENABLE != 0 && self.ctrlb & DETACH == 0 && self.pads && self.clocked
+    }
+
+    pub(crate) fn irq(&self) -> bool {
+        self.ctrla & ENABLE != 0 && (self.flags & self.interrupts != 0 || self.summary() != 0)
+    }
+
+    /// When the bus will have been idle for too long.
+    pub(crate) fn next(&self) -> Ticks {
+        if self.is_attached() && !self.suspended {
+            self.last_activity + IDLE_LIMIT
+        } else {
+            Ticks::NEVER
+        }
+    }
+
+    pub(crate) fn advance(&mut self, now: Ticks) {
+        if self.next() == now {
+            self.suspended = true;
+            self.flags |= SUSPEND;
+        }
+    }
+
+    /// The host has ended a bus reset.
+    pub(crate) fn bus_reset(&mut self, now: Ticks) {
+        self.wake(now);
+        self.address = 0;
+        self.frame = 0;
+        self.ctrlb &= DETACH;
+        for (number, endpoint) in self.endpoints.iter_mut().enumerate() {
+            endpoint.bus_reset(number == 0);
+        }
+        self.flags |= EORST;
+    }
+
+    /// The host has sent a start-of-frame packet.
+    pub(crate) fn start_of_frame(&mut self, now: Ticks, frame: u16) {
+        self.wake(now);
+        self.frame = frame & 0x7FF;
+        self.flags |= SOF;
+    }
+
+    fn wake(&mut self, now: Ticks) {
+        self.last_activity = now;
+        if self.suspended {
+            self.suspended = false;
+            self.flags |= WAKEUP;
+        }
+    }
+
+    fn summary(&self) -> u8 {
+        (0..ENDPOINTS).fold(0, |summary, number| {
+            summary | u8::from(self.endpoints[number].irq()) << number
+        })
+    }
+
+    pub(crate) fn read(&self, now: Ticks, offset: u32) -> Read {
+        Ok(match offset {
+            0x00 => {
+                let ctrla = self.ctrla | u8::from(self.sync.is_busy(now, 0)) * SWRST;
+                u32::from(ctrla) | self.sync.bits(now) << 16 | u32::from(self.qos) << 24
+            }
+            0x08 => u32::from(self.ctrlb) | u32::from(self.address) << 16,
+            // SPEED: full; LINESTATE: J. FSMSTATUS: OFF, ON, SUSPEND.
+            0x0C => {
+                let fsm = match (self.is_attached(), self.suspended) {
+                    (false, _) => 0x01,
+                    (true, false) => 0x02,
+                    (true, true) => 0x04,
+                };
+                0x40 | fsm << 8
+            }
+            0x10 => u32::from(self.frame) << 3,
+            0x14 | 0x18 => u32::from(self.interrupts),
+            0x1C => u32::from(self.flags),
+            0x20 => u32::from(self.summary()),
+            0x24 => self.descriptors,
+            0x28 => u32::from(self.padcal),
+            0x100..0x200 => {
+                let endpoint = &self.endpoints[((offset - 0x100) / 0x20) as usize];
+                return endpoint.read(offset % 0x20);
+            }
+            _ => return Err(RESERVED),
+        })
+    }
+
+    pub(crate) fn write(&mut self, bus: &mut Bus<'_>, offset: u32, lanes: Lanes) -> Write {
+        match offset {
+            0x00 => {
+                if let Some(ctrla) = lanes.byte(0) {
+                    self.write_ctrla(bus, ctrla)?;
+                }
+                if let Some(qos) = lanes.byte(3) {
+                    self.qos = qos & 0xF;
+                }
+            }
+            0x08 => {
+                if let Some(ctrlb) = lanes.half(0, self.ctrlb) {
+                    if ctrlb & !DETACH != 0 {
+                        return Err(Refusal::Unmodelled("CTRLB beyond DETACH"));
+                    }
+                    self.ctrlb = ctrlb;
+                    self.last_activity = bus.now;
+                    if ctrlb & DETACH == 0 && !self.is_attached() {
+                        let what =
+                            "attached without being enabled, clocked at 48 MHz and on its pads";
+                        bus.violations.note(bus.now, "USB", what);
+                    }
+                }
+                if let Some(address) = lanes.byte(2) {
+                    self.address = address;
+                }
+            }
+            0x0C | 0x10 | 0x20 => {}
+            0x14 => self.interrupts &= !(lanes.bits() as u16),
+            0x18 => self.interrupts |= lanes.bits() as u16 & 0x03FF,
+            0x1C => self.flags &= !(lanes.bits() as u16),
+            0x24 => self.descriptors = lanes.merge(self.descriptors),
+            0x28 => self.padcal = lanes.merge(u32::from(self.padcal)) as u16,
+            0x100..0x200 => {
+                let endpoint = &mut self.endpoints[((offset - 0x100) / 0x20) as usize];
+                return endpoint.write(offset % 0x20, lanes);
+            }
+            _ => return Err(RESERVED),
+        }
+        DONE
+    }
+
+    fn write_ctrla(&mut self, bus: &mut Bus<'_>, value: u8) -> Result<(), Refusal> {
+        if value & 0x80 != 0 {
+            return Err(Refusal::Unmodelled("host mode"));
+        }
+        if self.sync.bits(bus.now) != 0 {
+            let what = "CTRLA written while it synchronises: discarded";
+            bus.violations.note(bus.now, "USB", what);
+            return Ok(());
+        }
+        if value & SWRST != 0 {
+            *self = Self {
+                sync: self.sync.clone(),
+                clocked: self.clocked,
+                pads: self.pads,
+                ..Self::new(SyncHold::Instant)
+            };
+            self.begin_sync(bus.now, 0);
+            return Ok(());
+        }
+        if (self.ctrla ^ value) & ENABLE != 0 {
+            self.begin_sync(bus.now, 1);
+            self.last_activity = bus.now;
+        }
+        self.ctrla = value & 0x06;
+        Ok(())
+    }
+
+    fn begin_sync(&mut self, now: Ticks, bit: usize) {
+        if self.clocked {
+            self.sync.begin(now, bit);
+        } else {
+            self.sync.hang(bit);
+        }
+    }
+}

@@ -1,1 +1,0 @@
-//! The USB host at the other end of the cable.

@@ -1,0 +1,195 @@
+//! Control transfers (USB 2.0, 8.5.3): SETUP, data, status.
+
+use super::enumeration::Request;
+use super::{FRAME, Host, HostError, RETRY};
+use crate::board::Ticks;
+use crate::memory::Memory;
+use crate::peripherals::usb::{Handshake, Packet, Usb};
+
+/// Limit on any request (USB 2.0, 9.2.6.1).
+const TIME_LIMIT: Ticks = Ticks::from_ms(5000);
+/// Tokens without an answer that end a transfer.
+const SILENCES: u8 = 3;
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Stage {
+    Setup,
+    DataIn,
+    DataOut,
+    StatusIn,
+    StatusOut,
+}
+
+/// A control transfer going on.
+#[derive(Clone, Debug)]
+pub(super) struct Transfer {
+    request: Request,
+    setup: [u8; 8],
+    data: Vec<u8>,
+    sent: usize,
+    stage: Stage,
+    toggle: bool,
+    silences: u8,
+    deadline: Ticks,
+}
+
+impl Transfer {
+    pub(super) fn new(now: Ticks, request: Request, setup: [u8; 8], data: Vec<u8>) -> Self {
+        Self {
+            request,
+            setup,
+            data,
+            sent: 0,
+            stage: Stage::Setup,
+            toggle: true,
+            silences: 0,
+            deadline: now + TIME_LIMIT,
+        }
+    }
+
+    pub(super) fn is_setup(&self) -> bool {
+        self.stage == Stage::Setup
+    }
+
+    /// Whether the next token is IN.
+    pub(super) fn is_in(&self) -> bool {
+        matches!(self.stage, Stage::DataIn | Stage::StatusIn)
+    }
+
+    fn length(&self) -> usize {
+        usize::from(u16::from_le_bytes([self.setup[6], self.setup[7]]))
+    }
+
+    fn after_setup(&self) -> Stage {
+        match (self.setup[0] & 0x80 != 0, self.length()) {
+            (_, 0) => Stage::StatusIn,
+            (true, _) => Stage::DataIn,
+            (false, _) => Stage::DataOut,
+        }
+    }
+}
+
+/// What one transaction did to the transfer.
+enum Outcome {
+    Progress,
+    Done,
+    Later,
+    Silent,
+    Failed(HostError),
+}
+
+impl Host {
+    /// The transaction on endpoint 0 ends.
+    pub(super) fn advance_control(&mut self, now: Ticks, usb: &mut Usb, memory: &mut Memory) {
+        let Some(mut transfer) = self.transfer.take() else {
+            return;
+        };
+        let outcome = self.transact(&mut transfer, usb, memory);
+        match outcome {
+            Outcome::Progress => transfer.silences = 0,
+            Outcome::Done => {
+                self.finish(now, transfer.request, transfer.data);
+                return;
+            }
+            Outcome::Later => {
+                self.transfer = Some(transfer);
+                self.delay_control(now);
+                return;
+            }
+            Outcome::Silent => {
+                transfer.silences += 1;
+                if transfer.silences == SILENCES {
+                    self.fail(now, HostError::NoAnswer(transfer.request.name()));
+                    return;
+                }
+                self.control_ready = now + FRAME;
+            }
+            Outcome::Failed(error) => {
+                self.refused(now, transfer.request, error);
+                return;
+            }
+        }
+        self.transfer = Some(transfer);
+    }
+
+    /// Endpoint 0 answered NAK: later again, but not for ever.
+    pub(super) fn delay_control(&mut self, now: Ticks) {
+        self.control_ready = now + RETRY;
+        if let Some(transfer) = &self.transfer
+            && now >= transfer.deadline
+        {
+            let error = HostError::NoAnswer(transfer.request.name());
+            self.fail(now, error);
+        }
+    }
+
+    fn transact(&self, transfer: &mut Transfer, usb: &mut Usb, memory: &mut Memory) -> Outcome {
+        let address = self.address;
+        let refused = HostError::Refused(transfer.request.name());
+        match transfer.stage {
+            Stage::Setup => match usb.setup(address, 0, transfer.setup, memory) {
+                Handshake::Ack => {
+                    transfer.stage = transfer.after_setup();
+                    Outcome::Progress
+                }
+                Handshake::Stall => Outcome::Failed(refused),
+                Handshake::Nak | Handshake::Silence => Outcome::Silent,
+            },
+            Stage::DataIn => match usb.input(address, 0, memory) {
+                Packet::Data(bytes, toggle) => self.take(transfer, &bytes, toggle),
+                Packet::Nak => Outcome::Later,
+                Packet::Stall => Outcome::Failed(refused),
+                Packet::Silence => Outcome::Silent,
+            },
+            Stage::DataOut => {
+                let end =
+                    (transfer.sent + usize::from(self.control_packet)).min(transfer.data.len());
+                let chunk = &transfer.data[transfer.sent..end];
+                match usb.output(address, 0, transfer.toggle, chunk, memory) {
+                    Handshake::Ack => {
+                        transfer.toggle = !transfer.toggle;
+                        transfer.sent = end;
+                        if end == transfer.data.len() {
+                            transfer.stage = Stage::StatusIn;
+                        }
+                        Outcome::Progress
+                    }
+                    Handshake::Nak => Outcome::Later,
+                    Handshake::Stall => Outcome::Failed(refused),
+                    Handshake::Silence => Outcome::Silent,
+                }
+            }
+            Stage::StatusIn => match usb.input(address, 0, memory) {
+                Packet::Data(bytes, true) if bytes.is_empty() => Outcome::Done,
+                Packet::Data(_, true) => Outcome::Failed(HostError::TooLong),
+                Packet::Data(_, false) => Outcome::Failed(HostError::WrongToggle),
+                Packet::Nak => Outcome::Later,
+                Packet::Stall => Outcome::Failed(refused),
+                Packet::Silence => Outcome::Silent,
+            },
+            Stage::StatusOut => match usb.output(address, 0, true, &[], memory) {
+                Handshake::Ack => Outcome::Done,
+                Handshake::Nak => Outcome::Later,
+                Handshake::Stall => Outcome::Failed(refused),
+                Handshake::Silence => Outcome::Silent,
+            },
+        }
+    }
+
+    /// A packet of an IN data stage.
+    fn take(&self, transfer: &mut Transfer, bytes: &[u8], toggle: bool) -> Outcome {
+        if toggle != transfer.toggle {
+            return Outcome::Failed(HostError::WrongToggle);
+        }
+        transfer.toggle = !toggle;
+        transfer.data.extend_from_slice(bytes);
+        let size = usize::from(self.control_packet);
+        if bytes.len() > size || transfer.data.len() > transfer.length() {
+            return Outcome::Failed(HostError::TooLong);
+        }
+        if bytes.len() < size || transfer.data.len() == transfer.length() {
+            transfer.stage = Stage::StatusOut;
+        }
+        Outcome::Progress
+    }
+}

@@ -1,0 +1,244 @@
+//! What the host asks of the device, and in which order.
+
+use super::control::Transfer;
+use super::{ATTEMPTS, Host, HostError, PipeState, SerialPort};
+use crate::board::Ticks;
+
+/// The address that the host gives.
+const ADDRESS: u8 = 1;
+/// Time for the device to take its address: 2 ms by USB 2.0, 9.2.6.3; hosts give 10 ms.
+const ADDRESS_RECOVERY: Ticks = Ticks::from_ms(10);
+/// US English.
+const LANGUAGE: u16 = 0x0409;
+
+/// A request on endpoint 0.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Request {
+    DeviceHead,
+    SetAddress,
+    Device,
+    ConfigurationHead,
+    Configuration,
+    Languages,
+    Text(Text),
+    SetConfiguration,
+    LineCoding,
+    ControlLines { dtr: bool },
+    ClearHalt(u8),
+}
+
+/// A string of the device descriptor; the value is the offset of its index there.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Text {
+    Manufacturer = 14,
+    Product = 15,
+    SerialNumber = 16,
+}
+
+impl Request {
+    pub(super) fn name(self) -> &'static str {
+        match self {
+            Self::DeviceHead | Self::Device => "GET_DESCRIPTOR device",
+            Self::SetAddress => "SET_ADDRESS",
+            Self::ConfigurationHead | Self::Configuration => "GET_DESCRIPTOR configuration",
+            Self::Languages | Self::Text(_) => "GET_DESCRIPTOR string",
+            Self::SetConfiguration => "SET_CONFIGURATION",
+            Self::LineCoding => "SET_LINE_CODING",
+            Self::ControlLines { .. } => "SET_CONTROL_LINE_STATE",
+            Self::ClearHalt(_) => "CLEAR_FEATURE ENDPOINT_HALT",
+        }
+    }
+}
+
+/// The device's strings, empty where it has none.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Strings {
+    /// iManufacturer.
+    pub manufacturer: String,
+    /// iProduct.
+    pub product: String,
+    /// iSerialNumber.
+    pub serial_number: String,
+}
+
+impl Host {
+    pub(super) fn begin_enumeration(&mut self) {
+        self.end_session();
+        self.attempts += 1;
+        self.control_packet = 8;
+        self.strings = Strings::default();
+        self.device_descriptor.clear();
+        self.configuration.clear();
+        self.requests.push_back(Request::DeviceHead);
+    }
+
+    /// Starts the next request if none is going on.
+    pub(super) fn next_request(&mut self, now: Ticks) {
+        if self.transfer.is_none()
+            && let Some(request) = self.requests.pop_front()
+        {
+            let (setup, data) = self.compose_request(request);
+            self.transfer = Some(Transfer::new(now, request, setup, data));
+        }
+    }
+
+    fn compose_request(&self, request: Request) -> ([u8; 8], Vec<u8>) {
+        let interface = u16::from(self.port.unwrap_or_default().control_interface);
+        let total = self
+            .configuration
+            .get(2..4)
+            .map_or(9, |bytes| u16::from_le_bytes([bytes[0], bytes[1]]));
+        let index = |text: Text| {
+            let index = self.device_descriptor.get(text as usize);
+            u16::from(index.copied().unwrap_or(0))
+        };
+        match request {
+            Request::DeviceHead => (setup(0x80, 6, 0x0100, 0, 8), Vec::new()),
+            Request::SetAddress => (setup(0x00, 5, u16::from(ADDRESS), 0, 0), Vec::new()),
+            Request::Device => (setup(0x80, 6, 0x0100, 0, 18), Vec::new()),
+            Request::ConfigurationHead => (setup(0x80, 6, 0x0200, 0, 9), Vec::new()),
+            Request::Configuration => (setup(0x80, 6, 0x0200, 0, total), Vec::new()),
+            Request::Languages => (setup(0x80, 6, 0x0300, 0, 255), Vec::new()),
+            Request::Text(text) => (
+                setup(0x80, 6, 0x0300 | index(text), LANGUAGE, 255),
+                Vec::new(),
+            ),
+            Request::SetConfiguration => {
+                let value = u16::from(self.port.unwrap_or_default().configuration);
+                (setup(0x00, 9, value, 0, 0), Vec::new())
+            }
+            Request::LineCoding => {
+                let mut coding = self.baud.to_le_bytes().to_vec();
+                coding.extend([0, 0, 8]);
+                (setup(0x21, 0x20, 0, interface, 7), coding)
+            }
+            Request::ControlLines { dtr } => {
+                let lines = if dtr { 3 } else { 0 };
+                (setup(0x21, 0x22, lines, interface, 0), Vec::new())
+            }
+            Request::ClearHalt(endpoint) => (setup(0x02, 1, 0, u16::from(endpoint), 0), Vec::new()),
+        }
+    }
+
+    /// A request has succeeded.
+    pub(super) fn finish(&mut self, now: Ticks, request: Request, data: Vec<u8>) {
+        match request {
+            Request::DeviceHead => match data.get(7) {
+                Some(&size @ (8 | 16 | 32 | 64)) => {
+                    self.control_packet = size;
+                    self.requests.push_back(Request::SetAddress);
+                }
+                _ => self.fail(now, HostError::Descriptor("bMaxPacketSize0")),
+            },
+            Request::SetAddress => {
+                self.address = ADDRESS;
+                self.control_ready = now + ADDRESS_RECOVERY;
+                self.requests.push_back(Request::Device);
+            }
+            Request::Device => {
+                self.device_descriptor = data;
+                self.requests.push_back(Request::ConfigurationHead);
+            }
+            Request::ConfigurationHead => {
+                self.configuration = data;
+                self.requests.push_back(Request::Configuration);
+            }
+            Request::Configuration => {
+                self.configuration = data;
+                match SerialPort::parse(&self.configuration) {
+                    Ok(port) => self.ask_strings_and_configure(port),
+                    Err(error) => self.fail(now, error),
+                }
+            }
+            Request::Text(text) => {
+                let units: Vec<u16> = data
+                    .get(2..)
+                    .unwrap_or_default()
+                    .chunks_exact(2)
+                    .map(|unit| u16::from_le_bytes([unit[0], unit[1]]))
+                    .collect();
+                *self.text(text) = String::from_utf16_lossy(&units);
+            }
+            Request::SetConfiguration => {
+                self.configured = true;
+                self.attempts = 0;
+                self.statistics.enumerations += 1;
+                self.bulk_in.ready = now;
+                self.bulk_out.ready = now;
+                self.interrupt.ready = now;
+            }
+            Request::ClearHalt(endpoint) => {
+                let pipe = PipeState {
+                    toggle: false,
+                    ready: now,
+                };
+                if endpoint & 0x80 != 0 {
+                    self.bulk_in = pipe;
+                } else {
+                    self.bulk_out = pipe;
+                }
+            }
+            Request::Languages | Request::LineCoding | Request::ControlLines { .. } => {}
+        }
+    }
+
+    fn ask_strings_and_configure(&mut self, port: SerialPort) {
+        self.port = Some(port);
+        let texts = [Text::Manufacturer, Text::Product, Text::SerialNumber];
+        let present: Vec<Text> = texts
+            .into_iter()
+            .filter(|&text| {
+                self.device_descriptor
+                    .get(text as usize)
+                    .is_some_and(|&index| index != 0)
+            })
+            .collect();
+        if !present.is_empty() {
+            self.requests.push_back(Request::Languages);
+        }
+        self.requests.extend(present.into_iter().map(Request::Text));
+        self.requests.push_back(Request::SetConfiguration);
+        self.requests.push_back(Request::LineCoding);
+        self.requests
+            .push_back(Request::ControlLines { dtr: self.dtr });
+    }
+
+    fn text(&mut self, text: Text) -> &mut String {
+        match text {
+            Text::Manufacturer => &mut self.strings.manufacturer,
+            Text::Product => &mut self.strings.product,
+            Text::SerialNumber => &mut self.strings.serial_number,
+        }
+    }
+
+    /// The device has answered a request wrongly. Strings and lines are not worth a new start.
+    pub(super) fn refused(&mut self, now: Ticks, request: Request, error: HostError) {
+        match request {
+            Request::Languages
+            | Request::Text(_)
+            | Request::LineCoding
+            | Request::ControlLines { .. }
+            | Request::ClearHalt(_) => self.errors.push(error),
+            _ => self.fail(now, error),
+        }
+    }
+
+    /// Enumeration or a request cannot go on: the bus is reset, or the device given up.
+    pub(super) fn fail(&mut self, now: Ticks, error: HostError) {
+        self.errors.push(error);
+        self.end_session();
+        if self.attempts < ATTEMPTS {
+            self.begin_reset(now);
+        } else {
+            self.phase = super::Phase::Idle;
+            self.due = Ticks::NEVER;
+        }
+    }
+}
+
+fn setup(kind: u8, request: u8, value: u16, index: u16, length: u16) -> [u8; 8] {
+    let [v0, v1] = value.to_le_bytes();
+    let [i0, i1] = index.to_le_bytes();
+    let [l0, l1] = length.to_le_bytes();
+    [kind, request, v0, v1, i0, i1, l0, l1]
+}
