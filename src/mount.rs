@@ -7,7 +7,7 @@ use core::f32::consts::PI;
 
 use bno055_driver::RawSample;
 use nalgebra::{Matrix3, Vector3};
-use tvc_fusion::Sample;
+use tvc_fusion::{Quaternion, Sample};
 
 use crate::params::Params;
 
@@ -87,32 +87,24 @@ impl Mount {
     }
 }
 
-/// `R = Rz(yaw) Ry(pitch) Rx(roll)`, sensor to body, as autopilots define a sensor's orientation.
+/// `R = Rz(yaw) Ry(pitch) Rx(roll)`, sensor to body, as autopilots define a sensor's orientation. By quaternions, whose
+/// exponential the estimator has anyway: sines of the mathematics library would add 5 KB to the image.
 fn rotation(params: &Params) -> Option<Matrix3<f32>> {
-    let angles = [
+    let [roll, pitch, yaw] = [
         params.mnt_roll_deg(),
         params.mnt_pitch_deg(),
         params.mnt_yaw_deg(),
-    ];
-    if angles == [0.0; 3] {
+    ]
+    .map(|angle_deg| angle_deg * (PI / 180.0));
+    if [roll, pitch, yaw] == [0.0; 3] {
         return None;
     }
-    let [(sr, cr), (sp, cp), (sy, cy)] = angles.map(sin_cos_deg);
-    let about_x = Matrix3::new(1.0, 0.0, 0.0, 0.0, cr, -sr, 0.0, sr, cr);
-    let about_y = Matrix3::new(cp, 0.0, sp, 0.0, 1.0, 0.0, -sp, 0.0, cp);
-    let about_z = Matrix3::new(cy, -sy, 0.0, sy, cy, 0.0, 0.0, 0.0, 1.0);
-    Some(about_z * about_y * about_x)
-}
-
-/// Sine and cosine, exact at multiples of 90 deg, the mounts that people build.
-fn sin_cos_deg(angle_deg: f32) -> (f32, f32) {
-    match angle_deg {
-        0.0 => (0.0, 1.0),
-        90.0 => (1.0, 0.0),
-        -90.0 => (-1.0, 0.0),
-        180.0 | -180.0 => (0.0, -1.0),
-        _ => libm::sincosf(angle_deg * (PI / 180.0)),
-    }
+    let about_x = Quaternion::from_rotation_vector(&Vector3::new(roll, 0.0, 0.0));
+    let about_y = Quaternion::from_rotation_vector(&Vector3::new(0.0, pitch, 0.0));
+    let about_z = Quaternion::from_rotation_vector(&Vector3::new(0.0, 0.0, yaw));
+    let half = about_z.mul(&about_y).mul(&about_x).half_rows();
+    let rows = [half.north, half.east, half.down].map(|row| (row * 2.0).transpose());
+    Some(Matrix3::from_rows(&rows))
 }
 
 #[cfg(test)]
@@ -145,38 +137,38 @@ mod tests {
         assert_eq!(body.mag.unwrap(), Vector3::new(50.0, 0.0, 1.0));
     }
 
+    fn assert_acc(mount: &Mount, acc: [i16; 3], expected: [f32; 3]) {
+        let body = mount.convert(&raw(acc, [0; 3], [0; 3])).acc;
+        let expected = Vector3::from(expected);
+        assert!((body - expected).norm() < 1e-5, "{body} for {expected}");
+    }
+
     #[test]
-    fn a_sensor_upside_down_is_turned_by_180_degrees_of_roll_without_rounding() {
-        let body = mount(180.0, 0.0, 0.0).convert(&raw([1, 2, 981], [0; 3], [0; 3]));
-        let level = mount(0.0, 0.0, 0.0).convert(&raw([1, -2, -981], [0; 3], [0; 3]));
-        assert_eq!(body.acc, level.acc);
+    fn a_sensor_upside_down_is_turned_by_180_degrees_of_roll() {
+        assert_acc(&mount(180.0, 0.0, 0.0), [1, 2, 981], [0.01, -0.02, -9.81]);
     }
 
     #[test]
     fn quarter_turns_move_axes_as_the_right_hand_says() {
-        let x = raw([100, 0, 0], [0; 3], [0; 3]);
-        assert_eq!(
-            mount(0.0, 0.0, 90.0).convert(&x).acc,
-            Vector3::new(0.0, 1.0, 0.0)
-        );
-        assert_eq!(
-            mount(0.0, 90.0, 0.0).convert(&x).acc,
-            Vector3::new(0.0, 0.0, -1.0)
-        );
-        let y = raw([0, 100, 0], [0; 3], [0; 3]);
-        assert_eq!(
-            mount(90.0, 0.0, 0.0).convert(&y).acc,
-            Vector3::new(0.0, 0.0, 1.0)
-        );
+        let (x, y) = ([100, 0, 0], [0, 100, 0]);
+        assert_acc(&mount(0.0, 0.0, 90.0), x, [0.0, 1.0, 0.0]);
+        assert_acc(&mount(0.0, 90.0, 0.0), x, [0.0, 0.0, -1.0]);
+        assert_acc(&mount(90.0, 0.0, 0.0), y, [0.0, 0.0, 1.0]);
         // Roll first, yaw last: y goes to z by the roll and stays there; x goes to y by the yaw.
-        assert_eq!(
-            mount(90.0, 0.0, 90.0).convert(&y).acc,
-            Vector3::new(0.0, 0.0, 1.0)
+        assert_acc(&mount(90.0, 0.0, 90.0), y, [0.0, 0.0, 1.0]);
+        assert_acc(&mount(90.0, 0.0, 90.0), x, [0.0, 1.0, 0.0]);
+    }
+
+    #[test]
+    fn a_mount_is_what_an_independent_library_makes_of_its_angles() {
+        let oracle = nalgebra::Rotation3::from_euler_angles(0.3_f64, -0.7, 2.1);
+        let expected = oracle * nalgebra::Vector3::new(3.0, -5.0, 8.0);
+        let mount = mount(
+            0.3_f32.to_degrees(),
+            -0.7_f32.to_degrees(),
+            2.1_f32.to_degrees(),
         );
-        assert_eq!(
-            mount(90.0, 0.0, 90.0).convert(&x).acc,
-            Vector3::new(0.0, 1.0, 0.0)
-        );
+        assert_acc(&mount, [300, -500, 800], expected.map(|c| c as f32).into());
     }
 
     #[test]
