@@ -14,7 +14,7 @@
 //! | 36 ST_RESULT | 0x0F, gyroscope's bit 0 with the fault | DS-65 |
 //! | 37 INT_STA | 0 | |
 //! | 38 SYS_CLK_STATUS | 1 for 600 ms after a change of CLK_SEL | MicroPython driver's note |
-//! | 39 SYS_STATUS, 3A SYS_ERR | 2, 3 while starting, 0 in CONFIG, 4 in self-test, 5 or 6 running, 1 and code 9 when fusion starts with a refused profile | DS-67; forum reports |
+//! | 39 SYS_STATUS, 3A SYS_ERR | 2, 3 while starting, 0 in CONFIG, 4 in self-test, 5 or 6 running, 1 and code 9 when fusion starts with a refused profile; a mode change clears errors | DS-67; forum reports |
 //! | 3B UNIT_SEL, 3E PWR_MODE, 40 TEMP_SOURCE, 41, 42 axis map | writable in CONFIG only; values that do not exist are ignored, a map that uses an axis twice too; suspend stops refreshing | DS-22, DS-25 |
 //! | 3D OPR_MODE | any time; shows the new mode after 7 ms (from CONFIG) or 19 ms (to CONFIG); between two running modes it is ignored | DS-21; CircuitPython note |
 //! | 3F SYS_TRIGGER | reads 0; RST_SYS boots, SELF_TEST (in CONFIG) takes 400 ms, CLK_SEL in CONFIG | DS-70 |
@@ -378,11 +378,10 @@ impl Bno055 {
         self.running_since = at;
         self.clear_data();
         self.signals.restart();
-        // A profile that was refused lets no fusion start.
+        // A profile that was refused lets no fusion start; any other error is over.
         let spoiled = mode.is_fusion() && self.refused.contains(&true);
-        if spoiled {
-            self.set(page0::SYS_ERR, error::FUSION_CONFIG);
-        }
+        let error = if spoiled { error::FUSION_CONFIG } else { 0 };
+        self.set(page0::SYS_ERR, error);
         // The refresh goes on at its own phase, which the first one after a start-up sets.
         let period = self.refresh_period();
         while self.next_refresh <= at {

@@ -1,0 +1,173 @@
+//! Driver and flight library at the emulated sensor and drone, without a chip in between.
+
+mod bench;
+
+use bench::Desk;
+use plant::response::StepResponse;
+use rig::bno055::Fault;
+use rig::recording::Recording;
+use rig::score::Scorer;
+use rig::world::Bench;
+use samd21::board::Ticks;
+use std::path::Path;
+use std::sync::Arc;
+use tvc_nano::{Command, Params, State};
+
+fn bench(seed: u64) -> Bench {
+    let mut bench = Bench::default();
+    bench.sensor.seed = seed;
+    bench
+}
+
+fn params() -> Params {
+    let mut params = Params::default();
+    params.set("DECLINATION_DEG", 4.37).unwrap();
+    params
+}
+
+fn standby(seed: u64) -> Desk {
+    let mut desk = Desk::new(&bench(seed), params());
+    desk.run(4000, |_, _| {});
+    assert_eq!(desk.flight.state(), State::Standby, "seed {seed}");
+    desk
+}
+
+/// Armed and released from a tilt.
+fn released(seed: u64, start_rad: f64) -> Desk {
+    let mut desk = standby(seed);
+    desk.world.tilt_clamp(start_rad);
+    desk.run(3000, |_, _| {});
+    let now = tvc_nano::Micros(desk.now.as_us());
+    desk.flight.command(now, Command::Arm).unwrap();
+    desk.flight.command(now, Command::Release).unwrap();
+    desk.world.release(0.2);
+    desk
+}
+
+#[test]
+fn the_driver_brings_the_sensor_up_and_reads_what_is_true() {
+    for seed in 0..5 {
+        let desk = standby(seed);
+        let sample = desk.samples.last().unwrap();
+        let z = f64::from(sample.acc[2]) * 0.01;
+        assert!((z + 9.81).abs() < 0.1, "{sample:?}");
+        let bias = desk.world.sensor().gyro_bias_rad_s();
+        for axis in 0..3 {
+            let rate = f64::from(sample.gyr[axis]) / 16.0;
+            assert!((rate - bias[axis].to_degrees()).abs() < 1.0, "{sample:?}");
+        }
+    }
+}
+
+#[test]
+fn the_loop_brings_the_drone_upright() {
+    for (seed, start_rad) in [(1, 0.2), (2, 0.4), (3, 0.8), (4, -0.4)] {
+        let mut desk = released(seed, start_rad);
+        let begin = desk.now;
+        desk.run(3000, |_, _| {});
+        let truth = desk.world.truth().motion_since(begin);
+        let response = StepResponse::new(
+            truth.iter().map(|m| (m.time.as_secs_f64(), m.pitch_rad)),
+            0.0,
+        )
+        .unwrap();
+        let settling = response.settling_s(0.05).unwrap();
+        let overshoot = response.overshoot_pct();
+        println!("{start_rad}: settling {settling:.3} s, overshoot {overshoot:.1} %");
+        assert!(settling <= 0.9 && overshoot <= 10.0);
+    }
+}
+
+#[test]
+fn faults_in_flight_lead_to_neutral_in_time_and_back_to_standby() {
+    for fault in [
+        Fault::Unplugged,
+        Fault::SdaStuck,
+        Fault::SclStuck,
+        Fault::ConfigReset,
+        Fault::PowerDip,
+        Fault::AllOnes,
+        Fault::Frozen,
+        Fault::GyroDead,
+        Fault::RevertedAxisMap,
+        Fault::FixedPattern,
+    ] {
+        let mut desk = released(1, 0.3);
+        desk.run(200, |_, _| {});
+        assert!(desk.flight.state().is_active());
+        desk.world.inject(desk.now, fault);
+        let at = desk.now;
+        let mut neutral: Option<Ticks> = None;
+        desk.run(1500, |world, snapshot| {
+            if !snapshot.state.is_active() && neutral.is_none() {
+                neutral = Some(world.truth().motion.last().unwrap().time);
+            }
+        });
+        let delay = neutral.map(|time| time.saturating_sub(at).as_us() / 1000);
+        println!(
+            "{fault:?}: failsafe after {delay:?} ms, {:?}",
+            desk.flight.state()
+        );
+        assert!(
+            matches!(desk.flight.state(), State::Failsafe(_)),
+            "{fault:?}"
+        );
+        // A gyroscope that reads zero differs from one at rest only by its missing noise.
+        let allowed = if fault == Fault::GyroDead { 500 } else { 150 };
+        assert!(delay.unwrap() <= allowed, "{fault:?}: {delay:?} ms");
+        desk.world.clear(desk.now, fault);
+        desk.world.catch();
+        desk.world.tilt_clamp(0.0);
+        desk.run(8000, |_, _| {});
+        let now = tvc_nano::Micros(desk.now.as_us());
+        desk.flight.command(now, Command::Disarm).unwrap();
+        assert_eq!(desk.flight.state(), State::Standby, "{fault:?}");
+    }
+}
+
+#[test]
+fn spikes_and_corrupt_words_are_ridden_out() {
+    for fault in [
+        Fault::CorruptWords { probability: 0.01 },
+        Fault::Spikes { probability: 0.005 },
+    ] {
+        let mut desk = released(1, 0.3);
+        desk.world.inject(desk.now, fault);
+        desk.run(3000, |_, _| {});
+        assert!(
+            desk.flight.state().is_active(),
+            "{fault:?}: {}",
+            desk.flight.state()
+        );
+        assert!(desk.world.drone().pitch_rad().abs() < 0.05, "{fault:?}");
+        assert!(!desk.faults.is_empty(), "{fault:?}");
+    }
+}
+
+#[test]
+fn a_recording_comes_through_the_sensor() {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/data/broad_11_cut.imuq");
+    let recording = Arc::new(Recording::open(&path).unwrap());
+    let mut desk = Desk::new(&bench(1), Params::default());
+    desk.world.sensor_mut().play(recording.clone(), Ticks::ZERO);
+    let mut scorer = Scorer::default();
+    let mut worst = 0.0_f32;
+    let length = (recording.duration_s() * 1000.0) as u64;
+    desk.run(length, |world, snapshot| {
+        let q = snapshot.attitude.orientation;
+        let norm = (q.w * q.w + q.x * q.x + q.y * q.y + q.z * q.z).sqrt();
+        worst = worst.max((norm - 1.0).abs());
+        let shown = world.sensor().refreshed().recorded;
+        if let Some(truth) = shown.map(|i| recording.samples()[i])
+            && truth.movement
+            && let Some(reference) = truth.reference
+            && snapshot.sample.is_some()
+        {
+            scorer.add([q.w, q.x, q.y, q.z].map(f64::from), reference);
+        }
+    });
+    let score = scorer.score().unwrap();
+    println!("{score:?}");
+    assert!(score.inclination_deg <= 5.0, "{score:?}");
+    assert!(worst < 1e-3);
+}
