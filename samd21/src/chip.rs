@@ -25,7 +25,7 @@ pub enum Stop {
     /// A BKPT instruction. The chip stands before it.
     Breakpoint,
     /// A fault inside of HardFault or NMI: the core stands still, which a watchdog may end. Told
-    /// once; [`Chip::last_hard_fault`] says which fault it was.
+    /// once; [`Chip::lockup`] and [`Chip::last_hard_fault`] say what happened.
     Lockup,
 }
 
@@ -56,7 +56,7 @@ pub struct Counters {
     pub sleep_ticks: u64,
     /// Handlers started, by entry or by tail-chaining.
     pub exceptions: u64,
-    /// Of these, and of lockups, those due to a fault.
+    /// HardFaults raised.
     pub hard_faults: u64,
 }
 
@@ -180,9 +180,15 @@ impl Chip {
         self.core.set_registers(registers);
     }
 
-    /// The last HardFault since power-on, taken or locked up in.
+    /// What led to the last HardFault since power-on.
     pub fn last_hard_fault(&self) -> Option<&Fault> {
         self.core.last_hard_fault()
+    }
+
+    /// The fault in which the core has locked up: one that could not be taken. What led to the
+    /// handler in which it happened is [`Chip::last_hard_fault`].
+    pub fn lockup(&self) -> Option<&Fault> {
+        self.core.lockup()
     }
 
     /// The last taken branches, from and to, oldest first: how the core got here.

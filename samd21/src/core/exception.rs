@@ -50,12 +50,10 @@ impl Core {
             _ => RETURN_TO_HANDLER,
         };
         if let Err(kind) = self.stack(bus) {
-            let for_hard_fault = self.nvic.is_pending(HARD_FAULT);
-            self.note_hard_fault(kind);
-            if for_hard_fault {
-                return self.lock_up();
+            if self.nvic.is_pending(HARD_FAULT) {
+                return self.lock_up(kind);
             }
-            self.nvic.pend(HARD_FAULT);
+            self.pend_hard_fault(kind);
         }
         self.elapse(ENTRY_CYCLES);
         self.start_handler(bus, return_value);
@@ -105,8 +103,7 @@ impl Core {
             }
             Err(trap) => {
                 // HardFault's own vector lies in the same table.
-                self.note_hard_fault(kind(trap));
-                self.lock_up();
+                self.lock_up(kind(trap));
             }
         }
         self.ask_attention();
@@ -187,22 +184,22 @@ impl Core {
     }
 
     fn raise_hard_fault(&mut self, kind: FaultKind) {
-        self.note_hard_fault(kind);
         if self.nvic.active_priority() < 0 {
-            self.lock_up();
+            self.lock_up(kind);
         } else {
-            self.nvic.pend(HARD_FAULT);
+            self.pend_hard_fault(kind);
         }
     }
 
-    fn note_hard_fault(&mut self, kind: FaultKind) {
+    fn pend_hard_fault(&mut self, kind: FaultKind) {
+        self.nvic.pend(HARD_FAULT);
         self.counters.hard_faults += 1;
         self.last_hard_fault = Some(Fault { pc: self.pc, kind });
     }
 
     /// A fault that cannot be taken: the core stands still until it is reset.
-    fn lock_up(&mut self) {
-        self.locked_up = true;
+    fn lock_up(&mut self, kind: FaultKind) {
+        self.lockup = Some(Fault { pc: self.pc, kind });
         self.lockup_told = false;
         self.ask_attention();
     }

@@ -89,7 +89,8 @@ pub(crate) struct Core {
     /// The event register of WFE.
     event: bool,
     sleep: Option<Sleep>,
-    locked_up: bool,
+    /// The fault in which the core has locked up.
+    lockup: Option<Fault>,
     lockup_told: bool,
     reset_request: Option<ResetCause>,
 
@@ -138,7 +139,7 @@ impl Core {
             event_on_pend: false,
             event: false,
             sleep: None,
-            locked_up: false,
+            lockup: None,
             lockup_told: false,
             reset_request: None,
             now: 0,
@@ -241,7 +242,7 @@ impl Core {
             if self.now >= until {
                 return Some(Stop::Reached);
             }
-            if self.locked_up {
+            if self.lockup.is_some() {
                 if !std::mem::replace(&mut self.lockup_told, true) {
                     return Some(Stop::Lockup);
                 }
@@ -430,6 +431,10 @@ impl Core {
 
     pub(crate) fn last_hard_fault(&self) -> Option<&Fault> {
         self.last_hard_fault.as_ref()
+    }
+
+    pub(crate) fn lockup(&self) -> Option<&Fault> {
+        self.lockup.as_ref()
     }
 
     /// Taken branches, oldest first.
