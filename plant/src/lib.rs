@@ -35,8 +35,10 @@
 //! | [`limit`] | the time-optimal limit |
 //! | [`servo`] | a position servo from pulse edges to crank angle |
 //! | [`pitch_loop`] | servo, delays and a PD law round the drone |
+//! | [`dispersion`] | many runs with dispersed drones, on all cores |
 //! | [`response`] | overshoot, rise and settling of a recorded response |
 
+pub mod dispersion;
 pub mod drone;
 pub mod free;
 pub mod integrate;

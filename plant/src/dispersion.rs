@@ -1,0 +1,532 @@
+//! Many runs of the pitch loop with dispersed drones (Monte Carlo), on all cores.
+//!
+//! Each run draws its own drone, servo, start and noise from the campaign's seed and the run's
+//! index alone: a run can be flown again by itself, and a campaign split into shards and merged
+//! gives the same runs as one that was not.
+//!
+//! Ranges, all even unless said otherwise:
+//!
+//! | what | [`Ranges::REFERENCE`] | [`Ranges::WIDE`] |
+//! |---|---|---|
+//! | thrust | +-30 % | +-30 % |
+//! | inertia of body 0 | +-30 % | +-30 % |
+//! | total centre of mass, vertical | +-20 mm | +-20 mm |
+//! | total centre of mass, lateral | 0 (option) | 0 (option) |
+//! | servo speed | +-20 % | +-20 % |
+//! | servo stall torque | 0 | +-20 % |
+//! | supply (scales speed and stall torque) | 0 | -15 % to 0 |
+//! | backlash | 0 | +-50 % |
+//! | sensor delay | 0 | +-2 ms |
+//! | frame phase | one frame | one frame |
+//! | start, either sign, with 0.2 rad/s away from upright | 0.2, 0.4, 0.8 rad | the same |
+//! | noise of pitch, rate (white, normal, at every control step) | 5 mrad, 20 mrad/s rms | the same |
+
+use rand::{Rng, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use rand_distr::StandardNormal;
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+
+use crate::parameters::ParameterError;
+use crate::pitch_loop::{Measurement, PitchLoop, Sample};
+use crate::response::StepResponse;
+use crate::setup::Setup;
+
+/// Pitch rate at the start, away from upright, in rad/s.
+const START_RATE_RAD_S: f64 = 0.2;
+/// Starts that the runs are shared among, in rad.
+const STARTS_RAD: [f64; 3] = [0.2, 0.4, 0.8];
+/// Fixed band of settling, in rad.
+const FIXED_BAND_RAD: f64 = 0.02;
+/// Requirements of the thesis: overshoot in percent, settling in s.
+const REQUIRED_OVERSHOOT_PCT: f64 = 30.0;
+/// Settling time that the thesis requires, in s.
+const REQUIRED_SETTLING_S: f64 = 1.5;
+
+/// How far each quantity may lie from its nominal value.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Ranges {
+    /// Thrust, either way, as a share.
+    pub thrust: f64,
+    /// Inertia of body 0, either way, as a share.
+    pub inertia: f64,
+    /// Total centre of mass along y, either way, in m.
+    pub cm_vertical_m: f64,
+    /// Total centre of mass along x, either way, in m.
+    pub cm_lateral_m: f64,
+    /// Servo speed, either way, as a share.
+    pub servo_speed: f64,
+    /// Stall torque, either way, as a share.
+    pub stall: f64,
+    /// Loss of supply voltage, from none to this, as a share.
+    pub supply_loss: f64,
+    /// Backlash, either way, as a share.
+    pub backlash: f64,
+    /// Sensor delay, either way, in s.
+    pub delay_s: f64,
+    /// Noise of the pitch, rms, in rad.
+    pub pitch_noise_rad: f64,
+    /// Noise of the rate, rms, in rad/s.
+    pub rate_noise_rad_s: f64,
+}
+
+impl Ranges {
+    /// The reference campaign's.
+    pub const REFERENCE: Self = Self {
+        thrust: 0.3,
+        inertia: 0.3,
+        cm_vertical_m: 0.02,
+        cm_lateral_m: 0.0,
+        servo_speed: 0.2,
+        stall: 0.0,
+        supply_loss: 0.0,
+        backlash: 0.0,
+        delay_s: 0.0,
+        pitch_noise_rad: 5e-3,
+        rate_noise_rad_s: 20e-3,
+    };
+
+    /// The reference's with servo, supply and sensor delay dispersed too.
+    pub const WIDE: Self = Self {
+        stall: 0.2,
+        supply_loss: 0.15,
+        backlash: 0.5,
+        delay_s: 2e-3,
+        ..Self::REFERENCE
+    };
+
+    /// The same with a lateral offset of the centre of mass (m), either way.
+    pub fn with_lateral_m(self, cm_lateral_m: f64) -> Self {
+        Self {
+            cm_lateral_m,
+            ..self
+        }
+    }
+}
+
+/// A set of runs.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Campaign {
+    /// Seed of everything random.
+    pub seed: u64,
+    /// Runs of the whole campaign.
+    pub runs: u64,
+    /// Which runs to fly, as `(index, of)`: those whose number leaves the remainder `index`;
+    /// `(0, 1)` is all.
+    pub shard: (u64, u64),
+    /// Length of a run, in s.
+    pub seconds: f64,
+    /// The ranges.
+    pub ranges: Ranges,
+}
+
+impl Campaign {
+    /// All of `runs` runs of 3 s with the reference ranges.
+    pub fn new(seed: u64, runs: u64) -> Self {
+        Self {
+            seed,
+            runs,
+            shard: (0, 1),
+            seconds: 3.0,
+            ranges: Ranges::REFERENCE,
+        }
+    }
+
+    /// What run `index` is made of. The first draws do not depend on the ranges, so that campaigns
+    /// with and without an offset fly the same drones otherwise.
+    pub fn draw(&self, index: u64) -> Draw {
+        let mut rng = ChaCha8Rng::seed_from_u64(self.seed);
+        rng.set_stream(index);
+        let mut either = |half: f64| half * rng.random_range(-1.0..=1.0);
+        let r = &self.ranges;
+        let thrust = 1.0 + either(r.thrust);
+        let inertia = 1.0 + either(r.inertia);
+        let cm_vertical_m = either(r.cm_vertical_m);
+        let cm_lateral_m = either(r.cm_lateral_m);
+        let servo_speed = 1.0 + either(r.servo_speed);
+        let stall = 1.0 + either(r.stall);
+        let supply = 1.0 - either(r.supply_loss).abs();
+        let backlash = 1.0 + either(r.backlash);
+        let delay_s = either(r.delay_s);
+        let phase = 0.5 * (1.0 + either(1.0));
+        let sign = if rng.random::<bool>() { 1.0 } else { -1.0 };
+        Draw {
+            index,
+            start_rad: sign * STARTS_RAD[(index % STARTS_RAD.len() as u64) as usize],
+            thrust,
+            inertia,
+            cm_vertical_m,
+            cm_lateral_m,
+            servo_speed,
+            stall,
+            supply,
+            backlash,
+            delay_s,
+            phase,
+            noise_seed: rng.random(),
+        }
+    }
+}
+
+/// One run's drone, servo, start and noise, relative to the nominal setup.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Draw {
+    /// Number of the run.
+    pub index: u64,
+    /// Pitch at the start, in rad.
+    pub start_rad: f64,
+    /// Factor on the thrust.
+    pub thrust: f64,
+    /// Factor on the inertia of body 0.
+    pub inertia: f64,
+    /// Offset of the total centre of mass along y, in m.
+    pub cm_vertical_m: f64,
+    /// Offset of the total centre of mass along x, in m.
+    pub cm_lateral_m: f64,
+    /// Factor on the servo's speed.
+    pub servo_speed: f64,
+    /// Factor on the servo's stall torque.
+    pub stall: f64,
+    /// Supply, as a share of the nominal one.
+    pub supply: f64,
+    /// Factor on the backlash.
+    pub backlash: f64,
+    /// Change of the sensor's delay, in s.
+    pub delay_s: f64,
+    /// Frame phase, 0 to 1 of a frame.
+    pub phase: f64,
+    /// Seed of the sensor's noise.
+    pub noise_seed: u64,
+}
+
+impl Draw {
+    /// The setup that this run flies.
+    pub fn setup(&self, nominal: &Setup) -> Setup {
+        let mut setup = *nominal;
+        let drone = &mut setup.drone;
+        drone.thrust_n *= self.thrust;
+        drone.body_inertia_kg_m2 *= self.inertia;
+        // The offset is that of the whole drone; body 0 carries it.
+        let share = drone.total_mass_kg() / drone.body_mass_kg;
+        drone.body_cm_m[0] += self.cm_lateral_m * share;
+        drone.body_cm_m[1] += self.cm_vertical_m * share;
+        setup.servo.speed_rad_s *= self.servo_speed * self.supply;
+        setup.servo.stall_n_m *= self.stall * self.supply;
+        setup.servo.backlash_rad *= self.backlash;
+        setup.timing.delay_s = (setup.timing.delay_s + self.delay_s).max(0.0);
+        setup.timing.phase_s = self.phase * setup.timing.frame_s;
+        setup
+    }
+
+    /// Flies the run under a law and tells of every sample.
+    ///
+    /// # Errors
+    /// A dispersed parameter out of range.
+    pub fn fly(
+        &self,
+        nominal: &Setup,
+        ranges: &Ranges,
+        seconds: f64,
+        mut law: impl FnMut(Measurement) -> f64,
+        mut watch: impl FnMut(&Sample),
+    ) -> Result<(), ParameterError> {
+        let setup = self.setup(nominal);
+        let rate = START_RATE_RAD_S * self.start_rad.signum();
+        let mut sim = PitchLoop::new(
+            &setup.drone,
+            setup.servo,
+            setup.timing,
+            self.start_rad,
+            rate,
+        )?;
+        let mut rng = ChaCha8Rng::seed_from_u64(self.noise_seed);
+        let mut noisy = |m: Measurement| {
+            let mut normal = || -> f64 { rng.sample(StandardNormal) };
+            law(Measurement {
+                pitch_rad: m.pitch_rad + ranges.pitch_noise_rad * normal(),
+                rate_rad_s: m.rate_rad_s + ranges.rate_noise_rad_s * normal(),
+                ..m
+            })
+        };
+        watch(&sim.sample());
+        for _ in 0..(seconds / setup.timing.step_s).round() as u64 {
+            watch(&sim.step(&mut noisy));
+        }
+        Ok(())
+    }
+}
+
+/// What became of a run.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Outcome {
+    /// Number of the run.
+    pub index: u64,
+    /// Pitch at the start, in rad.
+    pub start_rad: f64,
+    /// Overshoot, in percent.
+    pub overshoot_pct: f64,
+    /// Rise to 10 % of the start, in s.
+    pub rise_s: Option<f64>,
+    /// Settling to 5 % of the start, in s.
+    pub settling_5pct_s: Option<f64>,
+    /// Settling to 2 % of the start, in s.
+    pub settling_2pct_s: Option<f64>,
+    /// Settling to 0.02 rad, in s.
+    pub settling_20mrad_s: Option<f64>,
+    /// Mean error at the end, in rad.
+    pub final_error_rad: f64,
+}
+
+impl Outcome {
+    fn of(draw: &Draw, response: &StepResponse) -> Self {
+        Self {
+            index: draw.index,
+            start_rad: draw.start_rad,
+            overshoot_pct: response.overshoot_pct(),
+            rise_s: response.rise_s(),
+            settling_5pct_s: response.settling_s(0.05),
+            settling_2pct_s: response.settling_s(0.02),
+            settling_20mrad_s: response.settling_within_s(FIXED_BAND_RAD),
+            final_error_rad: response.final_error(),
+        }
+    }
+
+    /// Whether overshoot and 5 % settling are what the thesis requires.
+    pub fn passes(&self) -> bool {
+        self.passes_with(self.settling_5pct_s)
+    }
+
+    /// Whether overshoot and a settling time are what the thesis requires.
+    pub fn passes_with(&self, settling_s: Option<f64>) -> bool {
+        self.overshoot_pct <= REQUIRED_OVERSHOOT_PCT
+            && settling_s.is_some_and(|s| s <= REQUIRED_SETTLING_S)
+    }
+
+    /// How bad the run was: settling time, and overshoot counted so that the limits of both weigh
+    /// the same. A run that never settled is worse than any that did.
+    pub fn badness(&self) -> f64 {
+        let settling = self
+            .settling_5pct_s
+            .map_or(100.0, |s| s / REQUIRED_SETTLING_S);
+        settling.max(self.overshoot_pct / REQUIRED_OVERSHOOT_PCT)
+    }
+}
+
+/// Flies a campaign's shard on all cores of the current thread pool.
+///
+/// `law` makes a fresh controller for each run; `done` is called after each run, from any thread.
+/// Outcomes come in the order of their numbers.
+///
+/// # Errors
+/// A nominal or dispersed parameter out of range.
+pub fn fly<L>(
+    nominal: &Setup,
+    campaign: &Campaign,
+    law: impl Fn() -> L + Sync,
+    done: impl Fn() + Sync,
+) -> Result<Vec<Outcome>, ParameterError>
+where
+    L: FnMut(Measurement) -> f64,
+{
+    let (shard, of) = (campaign.shard.0, campaign.shard.1.max(1));
+    let indices: Vec<u64> = (0..campaign.runs).filter(|i| i % of == shard).collect();
+    indices
+        .into_par_iter()
+        .map(|index| {
+            let draw = campaign.draw(index);
+            let mut samples = Vec::new();
+            draw.fly(
+                nominal,
+                &campaign.ranges,
+                campaign.seconds,
+                law(),
+                |sample| {
+                    samples.push((sample.time_s, sample.pitch_rad));
+                },
+            )?;
+            done();
+            // Starts are not zero and the model is finite, so a record is always a response.
+            Ok(StepResponse::new(samples, 0.0)
+                .map(|response| Outcome::of(&draw, &response))
+                .ok())
+        })
+        .filter_map(Result::transpose)
+        .collect()
+}
+
+/// A share of runs with its 95 % confidence bounds.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Rate {
+    /// The share, 0 to 1.
+    pub rate: f64,
+    /// Lower bound.
+    pub low: f64,
+    /// Upper bound.
+    pub high: f64,
+}
+
+impl Rate {
+    /// The share of `hits` in `runs` with Wilson's bounds, which hold near 0 and 1 too; no runs say
+    /// nothing: 0 to 1.
+    pub fn new(hits: u64, runs: u64) -> Self {
+        if runs == 0 {
+            return Self {
+                rate: 0.0,
+                low: 0.0,
+                high: 1.0,
+            };
+        }
+        const Z: f64 = 1.959_963_984_540_054;
+        let n = runs as f64;
+        let rate = hits as f64 / n;
+        let scale = 1.0 / (1.0 + Z * Z / n);
+        let centre = scale * (rate + Z * Z / (2.0 * n));
+        let half = scale * Z * (rate * (1.0 - rate) / n + Z * Z / (4.0 * n * n)).sqrt();
+        Self {
+            rate,
+            low: (centre - half).max(0.0),
+            high: (centre + half).min(1.0),
+        }
+    }
+}
+
+/// Share of the outcomes that pass a test.
+pub fn pass_rate(outcomes: &[Outcome], test: impl Fn(&Outcome) -> bool) -> Rate {
+    let hits = outcomes.iter().filter(|outcome| test(outcome)).count();
+    Rate::new(hits as u64, outcomes.len() as u64)
+}
+
+/// The `share` quantile (0 to 1) of a figure over the outcomes, by nearest rank; a missing figure
+/// (not settled) counts as larger than any. `None` if it is missing or there are no outcomes.
+pub fn quantile(
+    outcomes: &[Outcome],
+    share: f64,
+    figure: impl Fn(&Outcome) -> Option<f64>,
+) -> Option<f64> {
+    let mut values: Vec<f64> = outcomes
+        .iter()
+        .map(|outcome| figure(outcome).unwrap_or(f64::INFINITY))
+        .collect();
+    values.sort_by(f64::total_cmp);
+    let rank = (share * values.len() as f64).ceil().max(1.0) as usize;
+    values
+        .get(rank - 1)
+        .copied()
+        .filter(|value| value.is_finite())
+}
+
+/// The `count` worst outcomes, worst first.
+pub fn worst(outcomes: &[Outcome], count: usize) -> Vec<Outcome> {
+    let mut sorted = outcomes.to_vec();
+    sorted.sort_by(|a, b| b.badness().total_cmp(&a.badness()));
+    sorted.truncate(count);
+    sorted
+}
+
+/// Joins shards into one campaign's outcomes, ordered by number; a run that is in several counts
+/// once.
+pub fn merge(shards: impl IntoIterator<Item = Vec<Outcome>>) -> Vec<Outcome> {
+    let mut all: Vec<Outcome> = shards.into_iter().flatten().collect();
+    all.sort_by_key(|outcome| outcome.index);
+    all.dedup_by_key(|outcome| outcome.index);
+    all
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::linkage::Linkage;
+    use crate::pitch_loop::Pd;
+
+    fn campaign(runs: u64) -> Campaign {
+        Campaign::new(7, runs)
+    }
+
+    fn fly_pd(setup: &Setup, campaign: &Campaign, kp: f64, kd: f64) -> Vec<Outcome> {
+        let linkage = Linkage::new(&setup.drone);
+        let law = || {
+            let mut law = Pd::new(kp, kd, &linkage, setup.timing.control_s);
+            move |m| law.update(m)
+        };
+        fly(setup, campaign, law, || ()).unwrap()
+    }
+
+    #[test]
+    fn draws_stay_in_their_ranges_and_differ() {
+        let campaign = Campaign {
+            ranges: Ranges::WIDE.with_lateral_m(5e-3),
+            ..campaign(0)
+        };
+        let draws: Vec<Draw> = (0..300).map(|i| campaign.draw(i)).collect();
+        for draw in &draws {
+            assert!((0.7..=1.3).contains(&draw.thrust) && (0.85..=1.0).contains(&draw.supply));
+            assert!(draw.cm_lateral_m.abs() <= 5e-3 && (0.0..=1.0).contains(&draw.phase));
+        }
+        let mean = draws.iter().map(|d| d.thrust).sum::<f64>() / 300.0;
+        assert!((mean - 1.0).abs() < 0.04, "{mean}");
+        assert!(draws.iter().any(|d| d.start_rad < 0.0) && draws.iter().any(|d| d.start_rad > 0.0));
+        assert_ne!(draws[0].noise_seed, draws[1].noise_seed);
+    }
+
+    #[test]
+    fn offsets_are_those_of_the_whole_drone() {
+        let mut draw = campaign(1).draw(0);
+        draw.cm_lateral_m = 0.01;
+        let drone = draw.setup(&Setup::default()).drone;
+        let moved = (drone.body_cm_m[0] - Setup::default().drone.body_cm_m[0]) * drone.body_mass_kg;
+        assert!((moved / drone.total_mass_kg() - 0.01).abs() < 1e-12);
+    }
+
+    #[test]
+    fn shards_merge_into_the_whole() {
+        let setup = Setup::default();
+        let whole = fly_pd(&setup, &campaign(7), 1.0, 0.3);
+        let shards = (0..3).map(|i| {
+            fly_pd(
+                &setup,
+                &Campaign {
+                    shard: (i, 3),
+                    ..campaign(7)
+                },
+                1.0,
+                0.3,
+            )
+        });
+        assert_eq!(merge(shards), whole);
+    }
+
+    #[test]
+    fn wilson_bounds_by_hand() {
+        let rate = Rate::new(500, 500);
+        assert!((rate.low - 0.992_38).abs() < 1e-5 && rate.high == 1.0);
+        let half = Rate::new(50, 100);
+        assert!((half.low - 0.403_83).abs() < 1e-5 && (half.high - 0.596_17).abs() < 1e-5);
+        assert_eq!(Rate::new(0, 0).high, 1.0);
+    }
+
+    #[test]
+    fn quantiles_and_worst_count_the_unsettled_as_worst() {
+        let outcome = |index, settling| Outcome {
+            index,
+            start_rad: 0.2,
+            overshoot_pct: 1.0,
+            rise_s: None,
+            settling_5pct_s: settling,
+            settling_2pct_s: None,
+            settling_20mrad_s: None,
+            final_error_rad: 0.0,
+        };
+        let all = [
+            outcome(0, Some(0.5)),
+            outcome(1, None),
+            outcome(2, Some(0.9)),
+        ];
+        assert_eq!(
+            worst(&all, 2).iter().map(|o| o.index).collect::<Vec<_>>(),
+            [1, 2]
+        );
+        assert_eq!(quantile(&all, 0.5, |o| o.settling_5pct_s), Some(0.9));
+        assert_eq!(quantile(&all, 1.0, |o| o.settling_5pct_s), None);
+        assert!((pass_rate(&all, Outcome::passes).rate - 2.0 / 3.0).abs() < 1e-12);
+    }
+}

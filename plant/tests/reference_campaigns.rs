@@ -1,0 +1,52 @@
+//! Campaigns against the reference's pass rates.
+
+use plant::dispersion::{Campaign, Outcome, Ranges, fly, pass_rate, quantile};
+use plant::pitch_loop::Pd;
+use plant::{Linkage, Setup};
+
+/// Expected pass rates with 5 %, 2 % and fixed band: analogue servo, kp 1.0, kd 0.30. The
+/// reference flew other draws, so that rates agree within their confidence only.
+fn compare(ranges: Ranges, expected: [f64; 3]) -> Vec<Outcome> {
+    let setup = Setup::default();
+    let campaign = Campaign {
+        ranges,
+        ..Campaign::new(1, 300)
+    };
+    let linkage = Linkage::new(&setup.drone);
+    let law = || {
+        let mut law = Pd::new(1.0, 0.30, &linkage, setup.timing.control_s);
+        move |m| law.update(m)
+    };
+    let outcomes = fly(&setup, &campaign, law, || ()).unwrap();
+    assert_eq!(outcomes.len(), 300);
+    let settlings: [fn(&Outcome) -> Option<f64>; 3] = [
+        |o| o.settling_5pct_s,
+        |o| o.settling_2pct_s,
+        |o| o.settling_20mrad_s,
+    ];
+    for (settling, expected) in settlings.into_iter().zip(expected) {
+        let found = pass_rate(&outcomes, |o| o.passes_with(settling(o)));
+        assert!(
+            (found.low..=found.high).contains(&expected),
+            "{found:?} {expected}"
+        );
+    }
+    outcomes
+}
+
+#[test]
+fn reference_campaign() {
+    let outcomes = compare(Ranges::REFERENCE, [1.0, 0.912, 1.0]);
+    let overshoot = quantile(&outcomes, 0.95, |o| Some(o.overshoot_pct)).unwrap();
+    let settling = quantile(&outcomes, 0.95, |o| o.settling_5pct_s).unwrap();
+    assert!((overshoot - 6.6).abs() < 2.0, "{overshoot}");
+    assert!((settling - 0.925).abs() < 0.05, "{settling}");
+}
+
+/// A lateral offset leaves a plain PD with a droop that half of the runs cannot afford.
+#[test]
+fn reference_campaign_with_lateral_offset() {
+    let ranges = Ranges::REFERENCE.with_lateral_m(5e-3);
+    let outcomes = compare(ranges, [0.512, 0.148, 0.428]);
+    assert_eq!(quantile(&outcomes, 0.95, |o| o.settling_5pct_s), None);
+}
