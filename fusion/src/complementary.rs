@@ -85,7 +85,7 @@ impl<T: Real> Filter for Complementary<T> {
             half_angle = Vector3::new(turn.x * k, turn.y * k, turn.z * k);
         }
         if let Some(heading) = &view.heading {
-            let k = Self::share(view, self.mag_tau_s, view.mag_dt) * heading.weight * heading.sin;
+            let k = Self::share(view, self.mag_tau_s, view.mag_dt) * heading.sin;
             half_angle.x += down.x * k;
             half_angle.y += down.y * k;
             half_angle.z += down.z * k;

@@ -12,7 +12,7 @@ use crate::rest::Rest;
 /// Standard gravity, m/s^2.
 pub const GRAVITY: f32 = 9.806_65;
 
-/// Shortest acceleration that has a direction, m/s^2: free fall and an absent sensor are below it.
+/// Largest component of an acceleration without a direction, m/s^2: free fall, or an absent sensor.
 const LEAST_ACC: f32 = 0.5;
 
 /// Largest acceleration component taken for one, m/s^2: a thousand g.
@@ -21,8 +21,11 @@ const MOST_ACC: f32 = 10_000.0;
 /// Uncertainty of the attitude after a gap in the samples, rad.
 const GAP_SIGMA: f32 = 0.5;
 
-/// Age at which a running mean is slower than any useful gain, s.
-const SETTLED_S: f32 = 20.0;
+/// Steps between corrections of the quaternion's norm, which a step leaves within 1e-7.
+const NORM_STEPS: u8 = 8;
+
+/// Age at which a running mean has become as slow as the slowest filter, s.
+const SETTLED_S: f32 = 10.0;
 
 /// One sample of the sensors, all in the same body axes.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -92,11 +95,11 @@ impl<T: Real> View<T> {
     /// The larger of a gain and the floor, both times `unit`.
     #[inline(always)]
     pub fn gain(&self, gain: T, unit: T) -> T {
-        if self.floor == T::ZERO {
+        if self.floor.within(T::ZERO) {
             return gain;
         }
         let floor = self.floor * unit;
-        if floor > gain { floor } else { gain }
+        if floor.within(gain) { gain } else { floor }
     }
 }
 
@@ -128,6 +131,7 @@ pub struct Estimator<F: Filter> {
     rest: Rest<F::Real>,
     range: Range<F::Real>,
     orientation: Quaternion<F::Real>,
+    steps: u8,
     /// Correction found in the last update, applied with the next integration (half rotation vector).
     pending: Vector3<F::Real>,
     rate: Vector3<F::Real>,
@@ -138,8 +142,8 @@ pub struct Estimator<F: Filter> {
     /// words of a Kalman filter, `age` is measurement noise density over variance.
     age: F::Real,
     mag_dt: F::Real,
-    acc_low2: F::Real,
-    acc_high2: F::Real,
+    /// Least and largest square of the specific force, (m/s^2)^2.
+    acc_gate2: Option<(F::Real, F::Real)>,
     acc_density: F::Real,
     gap_s: f32,
     start_up_s: F::Real,
@@ -166,14 +170,18 @@ impl<F: Filter> Estimator<F> {
         in_range(config.gap_s, 0.001, 10.0, "gap_s")?;
         in_range(config.start_up_s, 0.0, SETTLED_S, "start_up_s")?;
         let real = F::Real::from_f32;
-        let low = (GRAVITY * (1.0 - config.acc_gate)).max(LEAST_ACC);
-        let high = (GRAVITY * (1.0 + config.acc_gate)).min(2.0 * MOST_ACC);
+        let acc_gate2 = config.acc_gate.is_finite().then(|| {
+            let low = (GRAVITY * (1.0 - config.acc_gate)).max(0.0);
+            let high = (GRAVITY * (1.0 + config.acc_gate)).min(2.0 * MOST_ACC);
+            (real(low * low), real(high * high))
+        });
         Ok(Self {
             filter: F::new(&config.gains)?,
             field: Field::new(&config.field, config.declination_rad)?,
             rest: Rest::new(&config.rest)?,
             range: Range::new(config.gyro_range_rad_s),
             orientation: Quaternion::IDENTITY,
+            steps: 0,
             pending: zero(),
             rate: zero(),
             bias: zero(),
@@ -181,8 +189,7 @@ impl<F: Filter> Estimator<F> {
             phase: Phase::Blank,
             age: F::Real::ZERO,
             mag_dt: F::Real::ZERO,
-            acc_low2: real(low * low),
-            acc_high2: real(high * high),
+            acc_gate2,
             acc_density: real(config.recovery_rad2_s),
             gap_s: config.gap_s,
             start_up_s: real(config.start_up_s),
@@ -245,16 +252,26 @@ impl<F: Filter> Estimator<F> {
             gyr.z - self.bias.z,
         );
         let half_dt = dt * F::Real::HALF;
-        self.orientation.advance(&Vector3::new(
+        let half_angle = Vector3::new(
             self.rate.x * half_dt + self.pending.x,
             self.rate.y * half_dt + self.pending.y,
             self.rate.z * half_dt + self.pending.z,
-        ));
-
+        );
+        self.orientation.turn(&half_angle);
+        self.steps = self.steps.wrapping_add(1);
+        if self.steps.is_multiple_of(NORM_STEPS) {
+            self.orientation.restore_norm();
+        }
         let rows = self.orientation.half_rows();
+
         let acc = (acc_valid && self.passes(&acc)).then_some(acc);
         self.flags.acc_rejected = acc.is_none();
-        self.mag_dt += dt;
+        // Where every sample has a field there is nothing to add up.
+        self.mag_dt = if self.mag_dt.within(F::Real::ZERO) {
+            dt
+        } else {
+            self.mag_dt + dt
+        };
         let mag_dt = self.mag_dt;
         let heading = sample.mag.and_then(|mag| self.heading(&rows, &mag));
         let floor = self.floor(dt);
@@ -347,8 +364,12 @@ impl<F: Filter> Estimator<F> {
 
     #[inline(always)]
     fn passes(&self, acc: &Vector3<F::Real>) -> bool {
-        let n = dot(acc, acc);
-        n.within(self.acc_high2) && !n.within(self.acc_low2)
+        let least = F::Real::from_f32(LEAST_ACC);
+        let felt = !(acc.x.within(least) && acc.y.within(least) && acc.z.within(least));
+        felt && self.acc_gate2.is_none_or(|(low, high)| {
+            let n = dot(acc, acc);
+            n.within(high) && !n.within(low)
+        })
     }
 
     #[inline(always)]
@@ -359,18 +380,16 @@ impl<F: Filter> Estimator<F> {
     ) -> Option<HeadingError<F::Real>> {
         let mag = mag.map(F::Real::from_f32);
         let dt = core::mem::replace(&mut self.mag_dt, F::Real::ZERO);
-        let error = if !plausible(&mag) {
-            None
-        } else if self.field.is_known() {
-            self.field.judge(dt, &in_earth(rows, &mag), &self.rate)
-        } else {
+        if !self.field.is_known() && plausible(&mag) {
             self.first_heading(&mag);
+            return None;
+        }
+        let error = if plausible(&mag) {
+            self.field.heading(dt, rows, &mag, &self.rate)
+        } else {
             None
         };
-        self.flags.mag_disturbed = error
-            .as_ref()
-            .is_none_or(|error| error.weight != F::Real::ONE)
-            && self.field.is_known();
+        self.flags.mag_disturbed = error.as_ref().is_none_or(|error| !error.undisturbed);
         error
     }
 
@@ -381,8 +400,7 @@ impl<F: Filter> Estimator<F> {
         self.align(&up, Some(mag));
         self.unsettle(F::Real::from_f32(GAP_SIGMA * GAP_SIGMA));
         let rows = self.orientation.half_rows();
-        self.field
-            .judge(F::Real::ZERO, &in_earth(&rows, mag), &self.rate);
+        self.field.begin(&rows, mag);
     }
 
     /// The gain of a running mean over the age, while that is young.
@@ -405,12 +423,6 @@ impl<F: Filter> Estimator<F> {
 
 fn zero<T: Real>() -> Vector3<T> {
     Vector3::new(T::ZERO, T::ZERO, T::ZERO)
-}
-
-/// Half of a body vector, in the earth frame.
-#[inline(always)]
-fn in_earth<T: Real>(rows: &HalfRows<T>, v: &Vector3<T>) -> Vector3<T> {
-    Vector3::new(dot(&rows.north, v), dot(&rows.east, v), dot(&rows.down, v))
 }
 
 #[inline(always)]

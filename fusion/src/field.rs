@@ -8,6 +8,7 @@
 //! would be worse than the field's error.
 
 use crate::config::{ConfigError, in_range, positive};
+use crate::quaternion::{HalfRows, dot};
 use crate::real::Real;
 use nalgebra::Vector3;
 
@@ -43,10 +44,11 @@ impl Default for FieldConfig {
 /// should be, positive from north to east.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct HeadingError<T> {
-    /// Sine of the angle for a field as strong as the reference, at most 1 in size; +-1 beyond a right angle.
+    /// Sine of the angle for a field as strong as the reference, at most 1 in size; +-1 beyond a right
+    /// angle. Halved when the field is disturbed and has been for too long to be passed over.
     pub sin: T,
-    /// How much it is to be believed, 0..1.
-    pub weight: T,
+    /// The field is like the reference.
+    pub undisturbed: bool,
 }
 
 /// Horizontal part squared and vertical part of the field, both taken with half rows (uT^2/4, uT/2).
@@ -73,11 +75,20 @@ pub(crate) struct Field<T> {
     reject_s: T,
     declination: Option<Declination<T>>,
     reference: Option<Reference<T>>,
-    /// Field samples that the reference stands on, while it is being averaged.
+    /// Samples that the reference stands on, while it is being averaged.
     averaged: u32,
     candidate: Option<(Reference<T>, T)>,
     rejected_s: T,
     since_refresh_s: T,
+    since_judged_s: T,
+    verdict: Verdict,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Verdict {
+    Undisturbed,
+    Disturbed,
+    DisturbedTooLong,
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -92,13 +103,16 @@ struct Reference<T> {
 /// Interval at which the reference follows the field, s: it is slow, and costs a root and a division.
 const REFRESH_S: f32 = 0.25;
 
+/// Interval at which the field is judged, s: 25 times a second are enough.
+const JUDGE_S: f32 = 0.035;
+
 /// Horizontal field below which a compass has no direction, uT.
 const LEAST_HORIZONTAL_UT: f32 = 1.0;
 
 /// Largest field component taken for one, uT: a thousand times the earth's.
 const MOST_UT: f32 = 50_000.0;
 
-/// Field samples averaged into the reference before the gate works.
+/// Judged samples averaged into the reference before the gate works.
 const AVERAGED: u32 = 16;
 
 impl<T: Real> Reference<T> {
@@ -175,6 +189,8 @@ impl<T: Real> Field<T> {
             candidate: None,
             rejected_s: T::ZERO,
             since_refresh_s: T::ZERO,
+            since_judged_s: T::ZERO,
+            verdict: Verdict::Undisturbed,
         })
     }
 
@@ -188,49 +204,83 @@ impl<T: Real> Field<T> {
         self.declination.map(|declination| declination.rad)
     }
 
-    /// Judge one field sample, given in the estimated earth frame **at half its length** (uT). `dt` is the
-    /// time since the last field sample, `rate` the rotation rate now (rad/s). `None`: disturbed.
-    #[inline]
-    pub(crate) fn judge(
+    /// The heading error that one field sample shows (uT, body frame), with the earth's axes at half
+    /// length, `dt` the time since the last field sample and `rate` the rotation rate now (rad/s).
+    /// `None`: disturbed, or not known yet.
+    #[inline(always)]
+    pub(crate) fn heading(
         &mut self,
         dt: T,
-        half_ut: &Vector3<T>,
+        rows: &HalfRows<T>,
+        mag: &Vector3<T>,
         rate: &Vector3<T>,
     ) -> Option<HeadingError<T>> {
-        let horizontal2 = half_ut.x * half_ut.x + half_ut.y * half_ut.y;
+        let (north, east) = (dot(&rows.north, mag), dot(&rows.east, mag));
+        self.since_judged_s += dt;
+        if !self.since_judged_s.within(T::from_f32(JUDGE_S)) {
+            let horizontal2 = north * north + east * east;
+            let parts = Parts {
+                horizontal2,
+                vertical: dot(&rows.down, mag),
+            };
+            self.verdict = self.judge(&parts, rate);
+            self.since_judged_s = T::ZERO;
+        }
+        let reference = self.reference.as_ref()?;
+        let sin = self.sine(north, east, reference);
+        match self.verdict {
+            Verdict::Undisturbed => Some(HeadingError {
+                sin,
+                undisturbed: true,
+            }),
+            Verdict::Disturbed => None,
+            Verdict::DisturbedTooLong => Some(HeadingError {
+                sin: sin * T::HALF,
+                undisturbed: false,
+            }),
+        }
+    }
+
+    /// The first field, in the body frame and with the orientation found from it.
+    #[cold]
+    pub(crate) fn begin(&mut self, rows: &HalfRows<T>, mag: &Vector3<T>) {
+        let (north, east) = (dot(&rows.north, mag), dot(&rows.east, mag));
         let parts = Parts {
-            horizontal2,
-            vertical: half_ut.z,
+            horizontal2: north * north + east * east,
+            vertical: dot(&rows.down, mag),
         };
+        self.reference = Reference::new(parts, self.gate);
+        self.averaged = 1;
+    }
+
+    #[inline(never)]
+    fn judge(&mut self, parts: &Parts<T>, rate: &Vector3<T>) -> Verdict {
         let Some(reference) = self.reference else {
-            self.reference = Reference::new(parts, self.gate);
-            self.averaged = 1;
-            return self
-                .reference
-                .map(|reference| self.heading_error(half_ut, &reference, T::ONE));
+            return Verdict::Disturbed;
         };
         if self.averaged < AVERAGED {
             self.averaged += 1;
             let share = T::from_f32(self.averaged as f32).recip();
-            self.reference = reference.moved(&parts, share, self.gate);
-            return Some(self.heading_error(half_ut, &reference, T::ONE));
+            self.reference = reference.moved(parts, share, self.gate);
+            return Verdict::Undisturbed;
         }
-        if reference.matches(&parts) {
+        if reference.matches(parts) {
             self.candidate = None;
             self.rejected_s = T::ZERO;
-            self.since_refresh_s += dt;
+            self.since_refresh_s += self.since_judged_s;
             if !self.since_refresh_s.within(T::from_f32(REFRESH_S)) {
-                self.follow(&reference, &parts);
+                self.follow(&reference, parts);
             }
-            return Some(self.heading_error(half_ut, &reference, T::ONE));
+            return Verdict::Undisturbed;
         }
-        self.rejected_s += dt;
-        if self.adopt(dt, &parts, rate) {
-            return None;
+        self.rejected_s += self.since_judged_s;
+        self.consider(parts, rate);
+        let compass = !parts.horizontal2.within(T::from_f32(0.25));
+        if compass && !self.rejected_s.within(self.reject_s) {
+            Verdict::DisturbedTooLong
+        } else {
+            Verdict::Disturbed
         }
-        let weary = !self.rejected_s.within(self.reject_s);
-        (weary && !parts.horizontal2.within(T::from_f32(0.25)))
-            .then(|| self.heading_error(half_ut, &reference, T::HALF))
     }
 
     #[cold]
@@ -246,58 +296,50 @@ impl<T: Real> Field<T> {
     /// A field unlike the reference: does it stay the same while the body turns?
     #[cold]
     #[inline(never)]
-    fn adopt(&mut self, dt: T, parts: &Parts<T>, rate: &Vector3<T>) -> bool {
+    fn consider(&mut self, parts: &Parts<T>, rate: &Vector3<T>) {
         match &mut self.candidate {
             Some((candidate, turned_s)) if candidate.matches(parts) => {
-                let turning = [rate.x, rate.y, rate.z]
-                    .iter()
-                    .any(|r| !r.within(self.adopt_rate));
-                if turning {
-                    *turned_s += dt;
+                if !(rate.x.within(self.adopt_rate)
+                    && rate.y.within(self.adopt_rate)
+                    && rate.z.within(self.adopt_rate))
+                {
+                    *turned_s += self.since_judged_s;
                 }
-                if turned_s.within(self.adopt_s) {
-                    return false;
+                if !turned_s.within(self.adopt_s) {
+                    self.reference = Some(*candidate);
+                    self.candidate = None;
+                    self.rejected_s = T::ZERO;
                 }
-                self.reference = Some(*candidate);
-                self.candidate = None;
-                self.rejected_s = T::ZERO;
-                true
             }
             _ => {
-                self.candidate =
-                    Reference::new(*parts, self.gate).map(|candidate| (candidate, T::ZERO));
-                false
+                self.candidate = Reference::new(*parts, self.gate).map(|field| (field, T::ZERO));
             }
         }
     }
 
-    fn heading_error(
-        &self,
-        half_ut: &Vector3<T>,
-        reference: &Reference<T>,
-        weight: T,
-    ) -> HeadingError<T> {
+    /// Sine of the angle from the field to where it should be, clamped; +-1 beyond a right angle.
+    #[inline(always)]
+    fn sine(&self, north: T, east: T, reference: &Reference<T>) -> T {
         let (along, across) = match self.declination {
-            None => (half_ut.x, -half_ut.y),
-            Some(Declination { sin, cos, .. }) => (
-                cos * half_ut.x + sin * half_ut.y,
-                sin * half_ut.x - cos * half_ut.y,
-            ),
+            None => (north, -east),
+            Some(Declination { sin, cos, .. }) => {
+                (cos * north + sin * east, sin * north - cos * east)
+            }
         };
         let sin = across * reference.inverse_horizontal;
-        let behind = along < T::ZERO;
-        let sin = match (behind || !sin.within(T::ONE), sin < T::ZERO) {
-            (false, _) => sin,
-            (true, true) => -T::ONE,
-            (true, false) => T::ONE,
-        };
-        HeadingError { sin, weight }
+        if !along.is_negative() && sin.within(T::ONE) {
+            sin
+        } else if sin.is_negative() {
+            -T::ONE
+        } else {
+            T::ONE
+        }
     }
 }
 
-/// Whether a magnetometer sample can be used at all: finite and of a size that the earth, a magnet or a
-/// motor can have.
+/// Whether a magnetometer sample can be used at all: finite, not zero, and of a size that the earth, a
+/// magnet or a motor can have.
 pub(crate) fn plausible<T: Real>(mag: &Vector3<T>) -> bool {
-    let most = T::from_f32(MOST_UT);
-    mag.x.within(most) && mag.y.within(most) && mag.z.within(most)
+    let all_within = |size: T| mag.x.within(size) && mag.y.within(size) && mag.z.within(size);
+    all_within(T::from_f32(MOST_UT)) && !all_within(T::from_f32(LEAST_HORIZONTAL_UT))
 }

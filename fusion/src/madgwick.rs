@@ -66,7 +66,7 @@ impl<T: Real> Filter for Madgwick<T> {
             e = Vector3::new(turn.x * k, turn.y * k, turn.z * k);
         }
         if let Some(heading) = &view.heading {
-            let k = heading.sin * heading.weight;
+            let k = heading.sin;
             e.x += down.x * k;
             e.y += down.y * k;
             e.z += down.z * k;

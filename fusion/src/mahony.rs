@@ -89,7 +89,7 @@ impl<T: Real> Filter for Mahony<T> {
             half_angle = Vector3::new(half_error.x * k, half_error.y * k, half_error.z * k);
         }
         if let Some(heading) = &view.heading {
-            let k = view.gain(self.mag, T::ONE) * heading.weight * view.mag_dt * heading.sin;
+            let k = view.gain(self.mag, T::ONE) * view.mag_dt * heading.sin;
             half_angle.x += down.x * k;
             half_angle.y += down.y * k;
             half_angle.z += down.z * k;

@@ -42,6 +42,8 @@ pub trait Real:
     /// `|self| <= limit` for `limit >= 0`, false for NaN. Without an FPU a comparison of bits, ten times
     /// cheaper than a float comparison.
     fn within(self, limit: Self) -> bool;
+    /// The sign bit.
+    fn is_negative(self) -> bool;
     /// Angle of the point `(x, self)`, rad.
     fn atan2(self, x: Self) -> Self;
     /// Arc sine, rad; NaN outside -1..1.
@@ -80,6 +82,10 @@ impl Real for f32 {
         // Bits of non-negative floats are ordered as the floats are, with NaN above infinity.
         self.to_bits() & 0x7fff_ffff <= limit.to_bits()
     }
+    #[inline(always)]
+    fn is_negative(self) -> bool {
+        self.is_sign_negative()
+    }
     fn atan2(self, x: Self) -> Self {
         libm::atan2f(self, x)
     }
@@ -113,6 +119,9 @@ impl Real for f64 {
     }
     fn within(self, limit: Self) -> bool {
         libm::fabs(self) <= limit
+    }
+    fn is_negative(self) -> bool {
+        self.is_sign_negative()
     }
     fn atan2(self, x: Self) -> Self {
         libm::atan2(self, x)

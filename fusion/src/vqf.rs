@@ -38,8 +38,8 @@ pub struct VqfGains {
 impl Default for VqfGains {
     fn default() -> Self {
         Self {
-            acc_tau_s: 2.25,
-            acc_smoothing_s: 1.7,
+            acc_tau_s: 2.0,
+            acc_smoothing_s: 1.75,
             mag_tau_s: 9.0,
         }
     }
@@ -119,7 +119,7 @@ impl<T: Real> Filter for Vqf<T> {
         }
         if let Some(heading) = &view.heading {
             let k = view.gain(self.mag_per_s, T::ONE) * view.mag_dt;
-            about_down = heading.sin * heading.weight * k * T::HALF;
+            about_down = heading.sin * k * T::HALF;
         }
         // Into the body frame: twice the half rows.
         let body = |n: T, e: T, d: T| {
