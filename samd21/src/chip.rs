@@ -12,6 +12,7 @@ use crate::fault::Fault;
 use crate::memory::{FLASH_SIZE, Memory, RAM_SIZE};
 use crate::options::Options;
 use crate::peripherals::{Peripherals, ResetCause};
+use crate::usb_host::Host;
 
 /// Why a run ended.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -224,6 +225,16 @@ impl Chip {
     /// The peripherals, to inject faults into them.
     pub fn peripherals_mut(&mut self) -> &mut Peripherals {
         &mut self.peripherals
+    }
+
+    /// The USB host at the other end of the cable.
+    pub fn usb_host(&self) -> &Host {
+        self.peripherals.usb_host()
+    }
+
+    /// The USB host at the other end of the cable.
+    pub fn usb_host_mut(&mut self) -> &mut Host {
+        self.peripherals.usb_host_mut()
     }
 
     fn parts<'a>(&'a mut self, board: &'a mut dyn Board) -> (&'a mut Core, Bus<'a>) {

@@ -38,7 +38,7 @@ impl Core {
     /// Loads `N` (1, 2 or 4) bytes, zero-extended.
     #[inline(always)]
     pub(super) fn load<const N: usize>(&mut self, bus: &mut Bus<'_>, address: u32) -> Outcome<u32> {
-        if address as usize % N != 0 {
+        if !(address as usize).is_multiple_of(N) {
             return Err(unaligned_load(address, width::<N>()));
         }
         let at = address.wrapping_sub(RAM_BASE) as usize;
@@ -61,7 +61,7 @@ impl Core {
         address: u32,
         value: u32,
     ) -> Outcome<()> {
-        if address as usize % N != 0 {
+        if !(address as usize).is_multiple_of(N) {
             return Err(unaligned_store(address, width::<N>()));
         }
         let at = address.wrapping_sub(RAM_BASE) as usize;
@@ -134,7 +134,7 @@ impl Core {
 }
 
 fn is_system_control(address: u32) -> bool {
-    address >> 12 == 0xE000_E
+    address >> 12 == 0xE_000E
 }
 
 const fn width<const N: usize>() -> Width {

@@ -75,7 +75,8 @@ impl Core {
             self.xpsr() | aligned,
         ];
         for (address, word) in (frame..).step_by(4).zip(words) {
-            self.store::<4>(bus, address, word).map_err(kind)?;
+            self.store::<4>(bus, address, word)
+                .map_err(|trap| kind(*trap))?;
         }
         Ok(())
     }
@@ -103,7 +104,7 @@ impl Core {
             }
             Err(trap) => {
                 // HardFault's own vector lies in the same table.
-                self.lock_up(kind(trap));
+                self.lock_up(kind(*trap));
             }
         }
         self.ask_attention();
@@ -206,8 +207,8 @@ impl Core {
 }
 
 /// What went wrong, of an access that stacking, unstacking or a vector needs.
-fn kind(trap: Box<Trap>) -> FaultKind {
-    match *trap {
+fn kind(trap: Trap) -> FaultKind {
+    match trap {
         Trap::Fault(kind) | Trap::Unmodelled(kind) => kind,
         Trap::SupervisorCall | Trap::Breakpoint => unreachable!("only accesses are made here"),
     }
