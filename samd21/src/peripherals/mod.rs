@@ -12,6 +12,7 @@
 //! | `sercom` | I2C masters |
 //! | `tcc` | TCC0-TCC2: the servo's waveform |
 //! | `usb` | USB device controller; the host at the other end of the cable is [`usb_host`](crate::usb_host) |
+//! | `wdt` | watchdog |
 //! | `pac`, `dsu` | write protection, device identity |
 //!
 //! RTC, DMAC, MTB, HMATRIX, EVSYS, ADC, AC, DAC, PTC, I2S, TC6 and TC7 are not modelled: an access faults.
@@ -33,6 +34,7 @@ pub(crate) mod testing;
 mod tests;
 pub(crate) mod usb;
 mod violations;
+mod wdt;
 
 pub use violations::{Violation, Violations};
 
@@ -41,7 +43,7 @@ use crate::board::{Board, Ticks};
 use crate::memory::{FLASH_SIZE, Memory};
 use crate::usb_host::Host;
 use access::{Bus, Lanes, Refusal};
-use gclk::id::{DFLL48, SERCOM_SLOW, SERCOM0_CORE, TCC0_TCC1, TCC2_TC3, USB};
+use gclk::id::{DFLL48, SERCOM_SLOW, SERCOM0_CORE, TCC0_TCC1, TCC2_TC3, USB, WDT};
 use std::fmt;
 
 /// Why the chip started anew; the value is the bit in PM.RCAUSE.
@@ -182,6 +184,7 @@ enum Block {
     Sercom(usize),
     Tcc(usize),
     Usb,
+    Wdt,
     Unmodelled,
 }
 
@@ -196,14 +199,14 @@ struct Mapping {
 
 /// The block at an address of the APB bridges (D21 table 12-1 and the PAC's peripheral numbers).
 fn map(addr: u32) -> Option<Mapping> {
-    use Block::{Dsu, Gclk, Nvmctrl, Pac, Pm, Port, Sercom, Sysctrl, Tcc, Unmodelled, Usb};
+    use Block::{Dsu, Gclk, Nvmctrl, Pac, Pm, Port, Sercom, Sysctrl, Tcc, Unmodelled, Usb, Wdt};
     use Bridge::{A, B, C};
     let (bridge, index, name, block) = match addr & !0x3FF {
         0x4000_0000 => (A, 0, "PAC0", Pac(0)),
         0x4000_0400 => (A, 1, "PM", Pm),
         0x4000_0800 => (A, 2, "SYSCTRL", Sysctrl),
         0x4000_0C00 => (A, 3, "GCLK", Gclk),
-        0x4000_1000 => (A, 4, "WDT", Unmodelled),
+        0x4000_1000 => (A, 4, "WDT", Wdt),
         0x4000_1400 => (A, 5, "RTC", Unmodelled),
         0x4000_1800 => (A, 6, "EIC", Unmodelled),
         0x4100_0000 => (B, 0, "PAC1", Pac(1)),
@@ -264,6 +267,7 @@ pub struct Peripherals {
     sercom: [sercom::Sercom; 6],
     tcc: [tcc::Tcc; 3],
     usb: usb::Usb,
+    wdt: wdt::Wdt,
     usb_host: Host,
     violations: Violations,
     ticks_per_cycle: u32,
@@ -288,6 +292,7 @@ impl Peripherals {
                 .map(|index| sercom::Sercom::new(index, options.syncbusy_hold)),
             tcc: [0, 1, 2].map(|index| tcc::Tcc::new(index, options.syncbusy_hold)),
             usb: usb::Usb::new(options.syncbusy_hold),
+            wdt: wdt::Wdt::new(),
             usb_host: Host::new(),
             violations: Violations::default(),
             ticks_per_cycle: 48,
@@ -361,6 +366,7 @@ impl Peripherals {
             Block::Sercom(index) => self.sercom[index].read(now, offset, board),
             Block::Tcc(index) => self.tcc[index].read(now, offset),
             Block::Usb => self.usb.read(now, offset),
+            Block::Wdt => self.wdt.read(offset),
             Block::Unmodelled => Err(Refusal::Unmodelled("the whole peripheral")),
         }
         .map_err(|refusal| refuse(refusal, addr, mapping.name))
@@ -426,6 +432,7 @@ impl Peripherals {
             Block::Sercom(index) => self.sercom[index].write(bus, offset, lanes),
             Block::Tcc(index) => self.tcc[index].write(bus, offset, lanes),
             Block::Usb => self.usb.write(bus, offset, lanes),
+            Block::Wdt => self.wdt.write(bus, offset, lanes),
             Block::Unmodelled => Err(Refusal::Unmodelled("the whole peripheral")),
         }
         .map_err(|refusal| refuse(refusal, addr, name))?;
@@ -504,6 +511,9 @@ impl Peripherals {
             }
         }
         self.usb.advance(now);
+        if self.wdt.next() == now {
+            self.wdt.advance(now);
+        }
         if self.usb_host.next() <= now && self.usb_host.advance(now, &mut self.usb, memory) {
             self.sysctrl.start_of_frame(now);
         }
@@ -559,6 +569,7 @@ impl Peripherals {
             self.tcc[index].set_clock(now, self.gclk.clock(id));
         }
         self.usb.set_clock(self.gclk.clock(USB));
+        self.wdt.set_clock(self.gclk.clock(WDT));
         self.ticks_per_cycle = u32::try_from(cycle.0).unwrap_or(u32::MAX);
         true
     }
@@ -566,15 +577,19 @@ impl Peripherals {
     /// Works out what `next_event` and `irq_lines` tell.
     fn refresh(&mut self, now: Ticks) {
         self.usb_host.observe(now, &self.usb);
+        if self.wdt.take_bite() {
+            self.pending_reset = Some(ResetCause::Watchdog);
+        }
         self.next = self
             .tcc
             .iter()
             .map(tcc::Tcc::next)
             .chain(self.sercom.iter().map(sercom::Sercom::next))
-            .chain([self.usb.next()])
+            .chain([self.usb.next(), self.wdt.next()])
             .fold(self.sysctrl.next(now), Ticks::min);
         self.irq_lines = u32::from(self.pm.irq())
             | u32::from(self.sysctrl.irq()) << 1
+            | u32::from(self.wdt.irq()) << 2
             | u32::from(self.nvmctrl.irq(now)) << 5
             | u32::from(self.usb.irq()) << 7;
         for (index, sercom) in self.sercom.iter().enumerate() {

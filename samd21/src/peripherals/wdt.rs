@@ -1,0 +1,377 @@
+//! WDT: watchdog timer.
+//!
+//! | offset | register | behaviour |
+//! |---|---|---|
+//! | 00 | CTRL | ENABLE, ALWAYSON; slowly synchronised |
+//! | 01 | CONFIG | PER: timeout after 8 << PER clocks; only while disabled |
+//! | 02 | EWCTRL | EWOFFSET: early warning after 8 << EWOFFSET clocks; only while disabled |
+//! | 04, 05, 06 | INTENCLR, INTENSET, INTFLAG | EW |
+//! | 07 | STATUS | SYNCBUSY |
+//! | 08 | CLEAR | 0xA5 starts the time anew, slowly synchronised; anything else resets the chip at once |
+//!
+//! CTRL and CLEAR reach the watchdog's own clock (1,024 Hz as a rule) after its next edge and five
+//! periods: 4.9 to 5.9 ms, and take effect only then. A second write to one of them meanwhile stalls
+//! the bus until the first has arrived (D21 14.3.1): the CPU and all interrupts stand still. With no
+//! clock it would stall for ever: that faults.
+//!
+//! | left out | why |
+//! |---|---|
+//! | window mode | not used: setting WEN faults |
+//! | start-up from the user row | its factory setting is off |
+
+use super::access::{Bus, Lanes, RESERVED, Read, Refusal, Write};
+use super::clock::Rate;
+use crate::board::Ticks;
+
+const ENABLE: u8 = 1 << 1;
+const WEN: u8 = 1 << 2;
+const ALWAYSON: u8 = 1 << 7;
+const KEY: u8 = 0xA5;
+/// Clock periods from the first edge until a write has arrived.
+const SYNC_PERIODS: u64 = 5;
+
+/// A write on its way.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Arrival {
+    Control,
+    Clear,
+}
+
+#[derive(Clone, Debug)]
+pub(crate) struct Wdt {
+    clock: Option<Rate>,
+    ctrl: u8,
+    config: u8,
+    ewctrl: u8,
+    interrupt: bool,
+    flag: bool,
+    arriving: Option<(Ticks, Arrival)>,
+    early_warning: Ticks,
+    timeout: Ticks,
+    bites: bool,
+}
+
+impl Wdt {
+    pub(crate) fn new() -> Self {
+        Self {
+            clock: None,
+            ctrl: 0,
+            config: 0xBB,
+            ewctrl: 0x0B,
+            interrupt: false,
+            flag: false,
+            arriving: None,
+            early_warning: Ticks::NEVER,
+            timeout: Ticks::NEVER,
+            bites: false,
+        }
+    }
+
+    pub(crate) fn set_clock(&mut self, clock: Option<Rate>) {
+        self.clock = clock;
+    }
+
+    pub(crate) fn irq(&self) -> bool {
+        self.flag && self.interrupt
+    }
+
+    /// Takes the watchdog's demand to reset the chip.
+    pub(crate) fn take_bite(&mut self) -> bool {
+        std::mem::take(&mut self.bites)
+    }
+
+    pub(crate) fn next(&self) -> Ticks {
+        let arrival = self.arriving.map_or(Ticks::NEVER, |(at, _)| at);
+        arrival.min(self.early_warning).min(self.timeout)
+    }
+
+    pub(crate) fn advance(&mut self, now: Ticks) {
+        if self.early_warning == now {
+            self.early_warning = Ticks::NEVER;
+            self.flag = true;
+        }
+        if self.timeout == now {
+            self.timeout = Ticks::NEVER;
+            self.bites = true;
+        }
+        if let Some((at, arrival)) = self.arriving
+            && at == now
+        {
+            self.arriving = None;
+            if self.ctrl & ENABLE == 0 {
+                self.early_warning = Ticks::NEVER;
+                self.timeout = Ticks::NEVER;
+            } else if arrival == Arrival::Clear || self.timeout == Ticks::NEVER {
+                self.start(now);
+            }
+        }
+    }
+
+    /// The time runs anew.
+    fn start(&mut self, now: Ticks) {
+        let Some(clock) = self.clock else { return };
+        let edge = clock.cycles_in(now);
+        let after = |exponent: u8| {
+            let cycles = 8 << exponent.min(0xB);
+            clock.duration(edge + cycles)
+        };
+        self.timeout = after(self.config & 0xF);
+        self.early_warning = after(self.ewctrl & 0xF);
+        if self.early_warning >= self.timeout {
+            self.early_warning = Ticks::NEVER;
+        }
+    }
+
+    pub(crate) fn read(&self, offset: u32) -> Read {
+        Ok(match offset {
+            0x00 => {
+                u32::from(self.ctrl) | u32::from(self.config) << 8 | u32::from(self.ewctrl) << 16
+            }
+            0x04 => {
+                let busy = u32::from(self.arriving.is_some());
+                u32::from(self.interrupt) * 0x0101 | u32::from(self.flag) << 16 | busy << 31
+            }
+            0x08 => 0,
+            _ => return Err(RESERVED),
+        })
+    }
+
+    pub(crate) fn write(&mut self, bus: &mut Bus<'_>, offset: u32, lanes: Lanes) -> Write {
+        let mut stall = Ticks::ZERO;
+        match offset {
+            0x00 => {
+                if let Some(ctrl) = lanes.byte(0) {
+                    stall = self.write_ctrl(bus, ctrl)?;
+                }
+                if let Some(config) = lanes.byte(1)
+                    && self.is_open(bus)
+                {
+                    self.config = config;
+                }
+                if let Some(ewctrl) = lanes.byte(2)
+                    && self.is_open(bus)
+                {
+                    self.ewctrl = ewctrl & 0xF;
+                }
+            }
+            0x04 => {
+                self.interrupt &= lanes.byte(0).unwrap_or(0) & 1 == 0;
+                self.interrupt |= lanes.byte(1).unwrap_or(0) & 1 != 0;
+                self.flag &= lanes.byte(2).unwrap_or(0) & 1 == 0;
+            }
+            0x08 => match lanes.byte(0) {
+                Some(KEY) => stall = self.send(bus, Arrival::Clear)?,
+                Some(_) => {
+                    bus.violations
+                        .note(bus.now, "WDT", "CLEAR written without its key");
+                    self.bites |= self.ctrl & ENABLE != 0;
+                }
+                None => {}
+            },
+            _ => return Err(RESERVED),
+        }
+        Ok(stall)
+    }
+
+    fn write_ctrl(&mut self, bus: &mut Bus<'_>, value: u8) -> Write {
+        if value & WEN != 0 {
+            return Err(Refusal::Unmodelled("window mode"));
+        }
+        if self.ctrl & ALWAYSON != 0 {
+            bus.violations
+                .note(bus.now, "WDT", "CTRL written with ALWAYSON set: ignored");
+            return Ok(Ticks::ZERO);
+        }
+        let stall = self.send(bus, Arrival::Control)?;
+        self.ctrl = value & (ENABLE | ALWAYSON);
+        Ok(stall)
+    }
+
+    /// Whether the configuration may be written.
+    fn is_open(&self, bus: &mut Bus<'_>) -> bool {
+        let open = self.ctrl & (ENABLE | ALWAYSON) == 0;
+        if !open {
+            bus.violations
+                .note(bus.now, "WDT", "configured while enabled: discarded");
+        }
+        open
+    }
+
+    /// Sends a write to the watchdog's clock; gives the stall due to the one before.
+    fn send(&mut self, bus: &mut Bus<'_>, arrival: Arrival) -> Write {
+        let Some(clock) = self.clock else {
+            return Err(Refusal::Forbidden(
+                "without a generic clock its writes never arrive, and the next one stalls the CPU for ever",
+            ));
+        };
+        let begin = match self.arriving {
+            Some((at, _)) => {
+                bus.violations.note(
+                    bus.now,
+                    "WDT",
+                    "written while SYNCBUSY: the CPU stands still",
+                );
+                self.overtake(at);
+                at
+            }
+            None => bus.now,
+        };
+        let edge = clock.cycles_in(begin) + 1;
+        self.arriving = Some((clock.duration(edge + SYNC_PERIODS), arrival));
+        Ok(begin - bus.now)
+    }
+
+    /// The write before arrives during the stall.
+    fn overtake(&mut self, at: Ticks) {
+        if self.early_warning <= at {
+            self.early_warning = Ticks::NEVER;
+            self.flag = true;
+        }
+        if self.timeout <= at {
+            self.timeout = Ticks::NEVER;
+            self.bites = true;
+        }
+        self.advance(at);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::board::Unconnected;
+    use crate::peripherals::violations::Violations;
+
+    struct Rig {
+        wdt: Wdt,
+        now: Ticks,
+    }
+
+    impl Rig {
+        /// 125 ms timeout, warning at 62.5 ms, enabled at 1 ms.
+        fn running() -> Self {
+            let mut wdt = Wdt::new();
+            wdt.set_clock(Some(Rate::from_hz(1024)));
+            let mut rig = Self {
+                wdt,
+                now: Ticks::from_ms(1),
+            };
+            rig.write(0x00, Lanes::new(0x04, 1, 1));
+            rig.write(0x00, Lanes::new(0x03, 2, 1));
+            rig.write(0x04, Lanes::new(1, 1, 1));
+            rig.write(0x00, Lanes::new(u32::from(ENABLE), 0, 1));
+            rig
+        }
+
+        fn write(&mut self, offset: u32, lanes: Lanes) -> Ticks {
+            let mut bus = Bus {
+                now: self.now,
+                board: &mut Unconnected,
+                violations: &mut Violations::default(),
+            };
+            self.wdt.write(&mut bus, offset, lanes).unwrap()
+        }
+
+        fn clear(&mut self) -> Ticks {
+            self.write(0x08, Lanes::new(u32::from(KEY), 0, 1))
+        }
+
+        fn busy(&self) -> bool {
+            self.wdt.read(0x04).unwrap() >> 31 != 0
+        }
+
+        fn run_to(&mut self, us: u64) {
+            let until = Ticks::from_us(us);
+            while self.wdt.next() <= until {
+                self.wdt.advance(self.wdt.next());
+            }
+            self.now = until;
+        }
+    }
+
+    #[test]
+    fn it_starts_slowly_warns_and_bites() {
+        let mut rig = Rig::running();
+        // The edge after 1 ms is at 1.953 ms; five periods later the enable arrives: 6.836 ms.
+        rig.run_to(6835);
+        assert!(rig.busy());
+        rig.run_to(6837);
+        assert!(!rig.busy());
+        // 64 and 128 cycles of 1024 Hz after that.
+        rig.run_to(6835 + 62_500);
+        assert!(!rig.wdt.irq());
+        rig.run_to(6837 + 62_500);
+        assert!(rig.wdt.irq());
+        rig.run_to(6835 + 125_000);
+        assert!(!rig.wdt.take_bite());
+        rig.run_to(6837 + 125_000);
+        assert!(rig.wdt.take_bite());
+        assert!(!rig.wdt.take_bite());
+    }
+
+    #[test]
+    fn a_clear_counts_when_it_arrives() {
+        let mut rig = Rig::running();
+        for step in 1..50 {
+            rig.run_to(20_000 * step);
+            assert_eq!(rig.clear(), Ticks::ZERO);
+            assert!(rig.busy());
+        }
+        assert!(!rig.wdt.flag);
+        // The last clear is at 980 ms and arrives at the sixth edge after it: 985.352 ms.
+        rig.run_to(985_352 + 62_498);
+        assert!(!rig.wdt.flag);
+        rig.run_to(985_352 + 62_502);
+        assert!(rig.wdt.flag);
+        assert!(!rig.wdt.take_bite());
+    }
+
+    #[test]
+    fn a_second_clear_stalls_until_the_first_has_arrived() {
+        let mut rig = Rig::running();
+        rig.run_to(20_000);
+        assert_eq!(rig.clear(), Ticks::ZERO);
+        rig.run_to(20_100);
+        let stall = rig.clear().as_us();
+        // 20.508 ms is the next edge; 25.391 ms the arrival.
+        assert!((5290..=5292).contains(&stall), "{stall} us");
+        rig.run_to(20_100 + stall + 1);
+        assert!(rig.busy(), "the second is on its way");
+    }
+
+    #[test]
+    fn a_wrong_key_resets_at_once() {
+        let mut rig = Rig::running();
+        rig.run_to(20_000);
+        rig.write(0x08, Lanes::new(0x5A, 0, 1));
+        assert!(rig.wdt.take_bite());
+    }
+
+    #[test]
+    fn configuration_is_closed_while_enabled() {
+        let mut rig = Rig::running();
+        rig.write(0x00, Lanes::new(0x0B, 1, 1));
+        assert_eq!(rig.wdt.read(0x00).unwrap() >> 8 & 0xFF, 0x04);
+    }
+
+    #[test]
+    fn disabling_stops_it() {
+        let mut rig = Rig::running();
+        rig.run_to(20_000);
+        rig.write(0x00, Lanes::new(0, 0, 1));
+        rig.run_to(1_000_000);
+        assert!(!rig.wdt.take_bite());
+    }
+
+    #[test]
+    fn without_a_clock_it_is_loud() {
+        let mut rig = Rig::running();
+        rig.wdt.set_clock(None);
+        let mut bus = Bus {
+            now: rig.now,
+            board: &mut Unconnected,
+            violations: &mut Violations::default(),
+        };
+        let lanes = Lanes::new(u32::from(KEY), 0, 1);
+        assert!(rig.wdt.write(&mut bus, 0x08, lanes).is_err());
+    }
+}
