@@ -168,3 +168,83 @@ impl fmt::Display for SensorFault {
 }
 
 impl core::error::Error for SensorFault {}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::HashSet;
+    use std::string::ToString;
+    use std::vec::Vec;
+
+    use super::*;
+
+    fn all() -> Vec<SensorFault> {
+        let mut all = [
+            SensorFault::Booting,
+            SensorFault::Nak,
+            SensorFault::Timeout,
+            SensorFault::Stuck,
+            SensorFault::Arbitration,
+            SensorFault::Protocol,
+            SensorFault::WrongChip { found: 0xFF },
+            SensorFault::SelfTest { result: 0xFF },
+            SensorFault::Configuration {
+                register: 0xFF,
+                found: 0xFF,
+            },
+            SensorFault::Configuration {
+                register: registers::PAGE_ID,
+                found: 0xFF,
+            },
+            SensorFault::Profile { register: 0xFF },
+            SensorFault::Clock,
+            SensorFault::Reset,
+            SensorFault::AllOnes,
+            SensorFault::Frozen,
+            SensorFault::Implausible,
+            SensorFault::Torn,
+            SensorFault::Late,
+            SensorFault::Suspended,
+        ]
+        .to_vec();
+        all.extend((1..=3).map(|register| SensorFault::DeadSensor {
+            register,
+            found: 0xFF,
+        }));
+        all.extend((0..=11).map(|code| SensorFault::System {
+            error: SystemError::from_register(code),
+        }));
+        all
+    }
+
+    #[test]
+    fn texts_are_short_and_each_its_own() {
+        let texts: HashSet<_> = all().iter().map(ToString::to_string).collect();
+        assert_eq!(texts.len(), all().len());
+        for text in texts {
+            assert!(text.len() <= 40 && text.is_ascii(), "{text}");
+        }
+    }
+
+    #[test]
+    fn codes_are_each_their_own_and_stable() {
+        let codes: HashSet<_> = all().iter().map(SensorFault::code).collect();
+        assert_eq!(codes.len(), all().len());
+        assert_eq!(SensorFault::Nak.code(), 0x0200);
+        assert_eq!(SensorFault::Reset.code(), 0x0D00);
+        assert_eq!(
+            SensorFault::Configuration {
+                register: 0x41,
+                found: 0x24
+            }
+            .code(),
+            0x0B41
+        );
+        assert_eq!(
+            SensorFault::System {
+                error: SystemError::Fusion
+            }
+            .code(),
+            0x0A09
+        );
+    }
+}

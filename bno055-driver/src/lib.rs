@@ -1,4 +1,4 @@
-//! BNO055 driver that survives resets, torn reads and stuck buses; no I/O of its own.
+#![doc = include_str!("../README.md")]
 #![cfg_attr(not(test), no_std)]
 #![forbid(unsafe_code)]
 #![cfg_attr(

@@ -99,8 +99,8 @@ const ONES_JUMP: [u16; 3] = [200, 80, 64];
 /// five, so that three at once are common and even a rate of (-1, -1, -1) comes every few seconds.
 const ONES_MAX: usize = 5;
 
-/// Magnetic field that no sensor axis measures, counts: 1300 uT and 3 %.
-const MAG_MAX: u16 = 21_450;
+/// Magnetic field that no sensor axis measures, counts: 1300 uT and a sixty-fourth.
+const MAG_MAX: u16 = 21_125;
 
 /// Acceleration and field that chips were seen to show around crashes (m/s^2 units).
 const CRASH_PATTERN: [[i16; 3]; 2] = [[1962, 568, 0], [0, 5120, 3843]];
@@ -233,7 +233,7 @@ fn all_zero(mode: Mode, [acc, mag, gyr]: &[[i16; 3]; 3]) -> bool {
     *acc == [0; 3] && *gyr == [0; 3] && (both || *mag == [0; 3])
 }
 
-/// Beyond the configured ranges and 3 %, or no magnetic field at all.
+/// Beyond the configured ranges and a sixty-fourth (sensors clip at their range, offsets come on top), or no magnetic field at all.
 fn out_of_range(config: &Config, [acc, mag, gyr]: &[[i16; 3]; 3]) -> bool {
     let g = match config.units.acc {
         AccUnit::MetrePerSecondSquared => 981,
@@ -248,8 +248,8 @@ fn out_of_range(config: &Config, [acc, mag, gyr]: &[[i16; 3]; 3]) -> bool {
     };
     let beyond =
         |words: &[i16; 3], limit: u16| words.iter().any(|word| word.unsigned_abs() > limit);
-    beyond(acc, acc_range + acc_range / 32)
-        || beyond(gyr, gyr_range + gyr_range / 32)
+    beyond(acc, acc_range + acc_range / 64)
+        || beyond(gyr, gyr_range + gyr_range / 64)
         || beyond(mag, MAG_MAX)
         || config.mode.has_mag() && *mag == [0; 3]
 }
@@ -260,4 +260,250 @@ fn moved(from: &[[i16; 3]; 3], to: &[[i16; 3]; 3], limit: u16) -> bool {
         .iter()
         .zip(to.as_flattened())
         .any(|(from, to)| from.abs_diff(*to) > limit)
+}
+
+#[cfg(test)]
+mod tests {
+    use std::vec::Vec;
+
+    use super::*;
+    use crate::config::Sensors;
+    use crate::config::{AccRange, GyrRange};
+
+    const REST: [i16; 9] = [3, -2, 981, 320, -90, 640, 1, -4, 2];
+
+    fn bytes(words: [i16; 9]) -> Vec<u8> {
+        words.iter().flat_map(|word| word.to_le_bytes()).collect()
+    }
+
+    fn with(changes: &[(usize, i16)]) -> [i16; 9] {
+        let mut words = REST;
+        for &(at, value) in changes {
+            words[at] = value;
+        }
+        words
+    }
+
+    /// Verdicts on a sequence of bursts, 10 ms apart.
+    fn verdicts(config: &Config, bursts: &[[i16; 9]]) -> Vec<Option<SensorFault>> {
+        let mut inspector = Inspector::default();
+        (0..)
+            .map(|tick| Micros(tick * 10_000))
+            .zip(bursts)
+            .map(|(time, burst)| inspector.judge(config, time, &bytes(*burst)).err())
+            .collect()
+    }
+
+    fn verdict(burst: [i16; 9]) -> Option<SensorFault> {
+        verdicts(&Config::default(), &[burst])[0]
+    }
+
+    #[test]
+    fn a_sample_by_hand() {
+        let judged = Inspector::default()
+            .judge(&Config::default(), Micros(5), &bytes(REST))
+            .unwrap();
+        assert!(judged.fresh);
+        let sample = judged.sample;
+        assert_eq!((sample.time, sample.acc), (Micros(5), [3, -2, 981]));
+        assert_eq!((sample.mag, sample.gyr), ([320, -90, 640], [1, -4, 2]));
+        let units = Units::default();
+        assert!((sample.acc_m_s2(&units)[2] - 9.81).abs() < 1e-5);
+        assert!((sample.gyr_rad_s(&units)[1] + 0.25_f32.to_radians()).abs() < 1e-6);
+        assert_eq!(sample.mag_ut(), [20.0, -5.625, 40.0]);
+    }
+
+    #[test]
+    fn each_mode_reads_its_sensors_in_one_burst() {
+        let spans = [
+            (Mode::AccOnly, (0x08, 6)),
+            (Mode::MagOnly, (0x0E, 6)),
+            (Mode::GyrOnly, (0x14, 6)),
+            (Mode::AccMag, (0x08, 12)),
+            (Mode::AccGyr, (0x08, 18)),
+            (Mode::MagGyr, (0x0E, 12)),
+            (Mode::Amg, (0x08, 18)),
+            (Mode::Imu, (0x08, 18)),
+            (Mode::Compass, (0x08, 12)),
+            (Mode::M4g, (0x08, 12)),
+            (Mode::NdofFmcOff, (0x08, 18)),
+            (Mode::Ndof, (0x08, 18)),
+        ];
+        for (mode, expected) in spans {
+            assert_eq!(span(mode), expected, "{mode:?}");
+        }
+        let config = Config {
+            mode: Mode::MagGyr,
+            ..Config::default()
+        };
+        let judged = Inspector::default()
+            .judge(&config, Micros(0), &bytes(REST)[6..])
+            .unwrap();
+        assert_eq!(
+            (judged.sample.acc, judged.sample.mag),
+            ([0; 3], [320, -90, 640])
+        );
+        assert_eq!(
+            Inspector::default().judge(&config, Micros(0), &bytes(REST)),
+            Err(SensorFault::Protocol)
+        );
+    }
+
+    #[test]
+    fn zeros_are_a_reset_only_where_all_is_zero() {
+        assert_eq!(verdict([0; 9]), Some(SensorFault::Reset));
+        // A magnetometer may hold its last value longer than the others.
+        assert_eq!(
+            verdict([0, 0, 0, 320, -90, 640, 0, 0, 0]),
+            Some(SensorFault::Reset)
+        );
+        assert_eq!(verdict(with(&[(6, 0), (7, 0), (8, 0)])), None);
+        assert_eq!(verdict(with(&[(0, 0), (1, 0), (2, 0)])), None, "free fall");
+        assert_eq!(
+            verdict(with(&[(3, 0), (4, 0), (5, 0)])),
+            Some(SensorFault::Implausible),
+            "no field"
+        );
+    }
+
+    #[test]
+    fn ones_are_told_from_noise_round_zero() {
+        assert_eq!(verdict([-1; 9]), Some(SensorFault::AllOnes));
+        assert_eq!(
+            verdict(with(&[(0, -1), (1, -1), (2, -1)])),
+            Some(SensorFault::AllOnes)
+        );
+        assert_eq!(
+            verdict(with(&[(3, -1), (4, -1), (5, -1)])),
+            Some(SensorFault::AllOnes)
+        );
+        // Level and at rest, all five of these are -1 now and then.
+        let quiet = with(&[(0, -1), (1, -1), (6, -1), (7, -1), (8, -1)]);
+        assert_eq!(verdicts(&Config::default(), &[REST, quiet]), [None, None]);
+        // The same burst with a sixth is not chance.
+        assert_eq!(
+            verdict(with(&[
+                (0, -1),
+                (1, -1),
+                (3, -1),
+                (6, -1),
+                (7, -1),
+                (8, -1)
+            ])),
+            Some(SensorFault::AllOnes)
+        );
+    }
+
+    #[test]
+    fn a_single_word_of_ones_is_believed_only_near_its_last_value() {
+        let turning = with(&[(6, 500)]);
+        let torn = with(&[(6, -1)]);
+        assert_eq!(
+            verdicts(&Config::default(), &[turning, torn, turning]),
+            [None, Some(SensorFault::AllOnes), None]
+        );
+        let slow = with(&[(6, 60)]);
+        assert_eq!(verdicts(&Config::default(), &[slow, torn]), [None, None]);
+        // After a gap the last value says nothing.
+        let mut inspector = Inspector::default();
+        inspector
+            .judge(&Config::default(), Micros(0), &bytes(turning))
+            .unwrap();
+        let later = Micros(STEP_AGE_US + 1);
+        assert!(
+            inspector
+                .judge(&Config::default(), later, &bytes(torn))
+                .is_ok()
+        );
+    }
+
+    #[test]
+    fn equal_bursts_are_normal_until_they_are_five() {
+        let other = with(&[(0, 4)]);
+        let five = [REST, REST, REST, REST, REST];
+        assert_eq!(
+            verdicts(&Config::default(), &five),
+            [None, None, None, None, Some(SensorFault::Frozen)]
+        );
+        assert_eq!(
+            verdicts(&Config::default(), &[REST, REST, REST, REST, other, REST]),
+            [None; 6]
+        );
+        let patient = Config {
+            frozen_after: 6.try_into().unwrap(),
+            ..Config::default()
+        };
+        assert_eq!(verdicts(&patient, &five), [None; 5]);
+    }
+
+    #[test]
+    fn a_gyroscope_without_noise_is_dead_at_the_twentieth_burst() {
+        let bursts: Vec<_> = (0..20).map(|tick| with(&[(0, tick)])).collect();
+        let verdicts = verdicts(&Config::default(), &bursts);
+        assert_eq!(verdicts[..19], [None; 19]);
+        assert_eq!(verdicts[19], Some(SensorFault::Frozen));
+        // Fusion removes the bias, and a rate of zero may stand.
+        let fusion = Config {
+            mode: Mode::Ndof,
+            ..Config::default()
+        };
+        assert_eq!(self::verdicts(&fusion, &bursts), [None; 20]);
+    }
+
+    #[test]
+    fn limits_follow_range_and_unit() {
+        let limit = |config: &Config, at: usize, inside: i16| {
+            assert_eq!(verdicts(config, &[with(&[(at, inside)])]), [None]);
+            assert_eq!(
+                verdicts(config, &[with(&[(at, inside + 1)])]),
+                [Some(SensorFault::Implausible)]
+            );
+            assert_eq!(verdicts(config, &[with(&[(at, -inside)])]), [None]);
+        };
+        // 8 g and 2000 deg/s, each and a sixty-fourth.
+        limit(&Config::default(), 2, 7970);
+        limit(&Config::default(), 7, 32_500);
+        limit(&Config::default(), 3, 21_125);
+        let narrow = Sensors {
+            acc_range: AccRange::G2,
+            gyr_range: GyrRange::Dps250,
+            ..Sensors::default()
+        };
+        let units = Units {
+            acc: AccUnit::MilliG,
+            ..Units::default()
+        };
+        let config = Config {
+            sensors: narrow,
+            units,
+            ..Config::default()
+        };
+        limit(&config, 0, 2031);
+        limit(&config, 6, 4062);
+    }
+
+    #[test]
+    fn a_spike_is_held_back_and_a_real_jump_costs_one_sample() {
+        let spike = with(&[(8, 5000)]);
+        let near = with(&[(8, 5300)]);
+        assert_eq!(
+            verdicts(&Config::default(), &[REST, spike, REST]),
+            [None, Some(SensorFault::Torn), None]
+        );
+        assert_eq!(
+            verdicts(&Config::default(), &[REST, spike, near, near]),
+            [None, Some(SensorFault::Torn), None, None]
+        );
+        // The same bytes again are no confirmation.
+        let repeated = verdicts(&Config::default(), &[REST, spike, spike, near]);
+        assert_eq!(
+            repeated,
+            [None, Some(SensorFault::Torn), Some(SensorFault::Torn), None]
+        );
+        let off = Config {
+            step_limit: None,
+            ..Config::default()
+        };
+        assert_eq!(verdicts(&off, &[REST, spike, REST]), [None; 3]);
+    }
 }

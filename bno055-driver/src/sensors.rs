@@ -162,3 +162,37 @@ impl Sensors {
         ]
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_chips_own_defaults_by_the_data_sheet() {
+        let sensors = Sensors {
+            acc_range: AccRange::G4,
+            acc_bandwidth: AccBandwidth::Hz62_5,
+            gyr_range: GyrRange::Dps2000,
+            gyr_bandwidth: GyrBandwidth::Hz32,
+            mag_rate: MagRate::Hz20,
+            mag_effort: MagEffort::Regular,
+        };
+        // The chip's MAG_CONFIG is 0x6D: the same, in forced power mode.
+        assert_eq!(sensors.registers(), [0x0D, 0x0D, 0x38, 0x00]);
+        assert_eq!((sensors.acc_range.g(), sensors.gyr_range.dps()), (4, 2000));
+    }
+
+    #[test]
+    fn the_widest_codes_stay_in_their_fields() {
+        let sensors = Sensors {
+            acc_range: AccRange::G16,
+            acc_bandwidth: AccBandwidth::Hz1000,
+            gyr_range: GyrRange::Dps125,
+            gyr_bandwidth: GyrBandwidth::Hz32,
+            mag_rate: MagRate::Hz30,
+            mag_effort: MagEffort::HighAccuracy,
+        };
+        assert_eq!(sensors.registers(), [0x1F, 0x1F, 0x3C, 0x00]);
+        assert_eq!((sensors.acc_range.g(), sensors.gyr_range.dps()), (16, 125));
+    }
+}

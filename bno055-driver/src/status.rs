@@ -216,3 +216,26 @@ impl CalibrationStatus {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_error_keeps_its_code() {
+        for code in 0..=u8::MAX {
+            assert_eq!(SystemError::from_register(code).code(), code);
+        }
+    }
+
+    #[test]
+    fn statuses_by_the_data_sheet() {
+        assert_eq!(SystemStatus::from_register(5), SystemStatus::Fusion);
+        assert_eq!(SystemStatus::from_register(6), SystemStatus::NoFusion);
+        assert_eq!(SystemStatus::from_register(7), SystemStatus::Unknown(7));
+        let starting: u32 = (0..=u8::MAX)
+            .map(|value| u32::from(SystemStatus::from_register(value).is_starting()))
+            .sum();
+        assert_eq!(starting, 3);
+    }
+}

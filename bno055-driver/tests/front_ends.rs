@@ -1,5 +1,4 @@
 //! The exact transactions of every call of the two front ends, the pauses between them, and bus errors on the way.
-#![cfg(all(feature = "blocking", feature = "async"))]
 
 use std::cell::Cell;
 use std::future::Future;
@@ -115,14 +114,14 @@ impl Script {
         self
     }
 
-    fn to_config(self) -> Self {
+    fn until_config(self) -> Self {
         self.write(7, &[0])
             .read(0, &[0xA0, 0xFB, 0x32, 0x0F, 0x11, 0x03, 0x15, 0])
             .write(0x3D, &[0])
             .read(0x3D, &[0])
     }
 
-    fn from_config(self, mode: u8) -> Self {
+    fn after_config(self, mode: u8) -> Self {
         let status = if mode > 7 { 5 } else { 6 };
         self.read(0x36, &[0x0F, 0, 0, 0, 0])
             .write(0x3E, &[0])
@@ -146,7 +145,7 @@ impl Script {
     }
 
     fn set_up(self) -> Self {
-        self.to_config().from_config(7)
+        self.until_config().after_config(7)
     }
 }
 
@@ -176,7 +175,7 @@ fn start_at_the_other_address_while_the_chip_boots() {
 
 #[test]
 fn start_reports_what_is_certain_at_once() {
-    let script = Script::new().to_config().read(0x36, &[0x0B, 0, 0, 0, 0]);
+    let script = Script::new().until_config().read(0x36, &[0x0B, 0, 0, 0, 0]);
     both!(Config::default(), script.1, |imu, time| [
         assert_eq!(go!(imu.start()), Err(SensorFault::SelfTest { result: 0x0B }));
         assert_eq!(time.0.get(), 19_000);
@@ -287,17 +286,17 @@ fn profile_soft_iron_and_self_test() {
     };
     let script = Script::new()
         .set_up()
-        .to_config()
+        .until_config()
         .read(0x55, &profile.registers())
-        .from_config(7)
-        .to_config()
+        .after_config(7)
+        .until_config()
         .read(0x43, &SoftIron::IDENTITY.registers())
-        .from_config(7)
-        .to_config()
+        .after_config(7)
+        .until_config()
         .write(0x3F, &[1])
         .read(0x36, &[0x0F, 0, 0, 4, 0])
         .read(0x36, &[0x0E, 0, 0, 0, 3])
-        .from_config(7);
+        .after_config(7);
     both!(Config::default(), script.1, |imu, time| [
         go!(imu.start()).unwrap();
         assert_eq!(go!(imu.profile()), Ok(profile));
@@ -322,8 +321,8 @@ fn another_mode_and_its_fusion_outputs() {
     outputs[25] = 0x03;
     let script = Script::new()
         .set_up()
-        .to_config()
-        .from_config(0x0C)
+        .until_config()
+        .after_config(0x0C)
         .read(0x1A, &outputs)
         .read(0x3D, &[0x0C]);
     both!(Config::default(), script.1, |imu, _time| [
@@ -339,7 +338,7 @@ fn another_mode_and_its_fusion_outputs() {
 fn suspend_and_resume() {
     let script = Script::new()
         .set_up()
-        .to_config()
+        .until_config()
         .write(0x3E, &[2])
         .set_up();
     both!(Config::default(), script.1, |imu, _time| [
