@@ -253,13 +253,15 @@ impl Startup {
         let pause_us = if unreached {
             POLL_US
         } else {
+            let pause_us = PAUSE_MAX_US.min(PAUSE_US << self.failures.min(8));
             self.failures = self.failures.saturating_add(1);
             if let ResetPolicy::AfterFailures(limit) = config.reset
-                && self.failures.is_multiple_of(limit.get())
+                && self.failures >= limit.get()
             {
+                self.failures = 0;
                 next = Step::Reset;
             }
-            PAUSE_MAX_US.min(PAUSE_US << (self.failures - 1).min(8))
+            pause_us
         };
         self.step = next;
         self.step_since = now;
