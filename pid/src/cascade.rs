@@ -1,0 +1,122 @@
+//! An angle loop around a rate loop.
+
+use crate::config::{Config, ConfigError, LARGEST, in_range};
+use crate::pid::Pid;
+use crate::scalar::Scalar;
+
+/// Configuration of a [`Cascade`].
+#[derive(Clone, Debug, PartialEq)]
+pub struct CascadeConfig {
+    /// Rate commanded per angle error, 1/s: the bandwidth of the angle loop.
+    pub angle_gain: f32,
+    /// Greatest rate commanded.
+    pub rate_limit: f32,
+    /// The rate loop.
+    pub rate: Config,
+}
+
+/// Outer loop: angle error to a limited rate command. Inner loop: a [`Pid`] on the rate. The limit bounds the speed at
+/// which large errors are taken back, which a single loop cannot.
+#[derive(Clone, Debug)]
+pub struct Cascade<T> {
+    angle_gain: T,
+    rate_limit: T,
+    rate: Pid<T>,
+}
+
+impl<T: Scalar> Cascade<T> {
+    /// A cascade at rest.
+    ///
+    /// # Errors
+    /// A parameter out of its range, by name.
+    pub fn new(config: &CascadeConfig) -> Result<Self, ConfigError> {
+        in_range(config.angle_gain, 0.0, LARGEST, "angle_gain")?;
+        in_range(config.rate_limit, 0.0, LARGEST, "rate_limit")?;
+        Ok(Self {
+            angle_gain: config.angle_gain.into(),
+            rate_limit: config.rate_limit.into(),
+            rate: Pid::new(&config.rate)?,
+        })
+    }
+
+    /// One sample: angle wanted, angle, its rate and, where the rate loop wants it, the angular acceleration.
+    pub fn update(&mut self, setpoint: T, angle: T, rate: T, acceleration: T) -> T {
+        let wanted = self.angle_gain * (setpoint - angle);
+        let wanted = wanted.clamped(-self.rate_limit, self.rate_limit);
+        self.rate.update(wanted, rate, acceleration)
+    }
+
+    /// The rate loop.
+    pub fn rate_loop(&mut self) -> &mut Pid<T> {
+        &mut self.rate
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{AntiWindup, Gains, Q16};
+
+    fn config() -> CascadeConfig {
+        CascadeConfig {
+            angle_gain: 4.0,
+            rate_limit: 1.5,
+            rate: Config {
+                gains: Gains {
+                    kp: 0.5,
+                    ki: 1.0,
+                    kd: 0.0,
+                },
+                limit: -1.0..=1.0,
+                anti_windup: AntiWindup::BackCalculation { time_s: 0.3 },
+                ..Config::new(0.01)
+            },
+        }
+    }
+
+    /// From 2 rad, against a steady push of 0.1: greatest speed, and where it ends.
+    fn fly<T: Scalar>() -> (f64, f64) {
+        let mut cascade = Cascade::<T>::new(&config()).unwrap();
+        let (mut angle, mut rate, mut fastest) = (2.0_f64, 0.0_f64, 0.0_f64);
+        for _ in 0..600 {
+            let u = cascade.update(
+                T::ZERO,
+                (angle as f32).into(),
+                (rate as f32).into(),
+                T::ZERO,
+            );
+            let u: f32 = u.into();
+            rate += 31.6 * (f64::from(u) + 0.1) * 0.01;
+            angle += rate * 0.01;
+            fastest = fastest.max(rate.abs());
+        }
+        (fastest, angle)
+    }
+
+    #[test]
+    fn takes_a_large_error_back_at_the_limited_rate_and_ends_without_droop() {
+        for (fastest, angle) in [fly::<f32>(), fly::<Q16>()] {
+            assert!(fastest < 1.8, "{fastest}");
+            assert!(angle.abs() < 0.01, "{angle}");
+        }
+    }
+
+    #[test]
+    fn refuses_a_negative_limit() {
+        let bad = CascadeConfig {
+            rate_limit: -1.0,
+            ..config()
+        };
+        assert_eq!(
+            Cascade::<f32>::new(&bad).err(),
+            Some(ConfigError::OutOfRange("rate_limit"))
+        );
+    }
+
+    #[test]
+    fn its_rate_loop_is_at_hand() {
+        let mut cascade = Cascade::<f32>::new(&config()).unwrap();
+        cascade.update(1.0, 0.0, 0.0, 0.0);
+        assert!(cascade.rate_loop().integral() > 0.0);
+    }
+}

@@ -1,0 +1,236 @@
+//! What pushes the plant and is not the controller.
+
+use crate::config::{ConfigError, LARGEST, PERIOD_S, double_pole, in_range};
+use crate::scalar::Scalar;
+
+/// Configuration of an [`Observer`].
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ObserverConfig {
+    /// Sample period, s.
+    pub period_s: f32,
+    /// Acceleration per unit of command, with its sign.
+    pub gain: f32,
+    /// How fast the estimate follows, rad/s: both poles of the observer. Keep it below the actuator's bandwidth.
+    pub bandwidth_rad_s: f32,
+    /// Lag of the actuator, s, between command and effect.
+    pub actuator_s: f32,
+    /// Largest disturbance believed, in units of the command.
+    pub limit: f32,
+}
+
+/// Estimates a constant or slow disturbance `d` of a plant `rate' = gain (u + d)` from its measured rate and the
+/// commands `u` that it was given. Add `-d` to the command, and an off-centre mass or a bent rudder is trimmed away
+/// faster than any integral could without overshoot: the observer sees an acceleration, not an error that has already
+/// grown.
+///
+/// ```text
+/// u = u + T / (T + actuator) (command - u)  the command as it arrives
+/// r = r + T gain (u + d)                    the rate expected
+/// e = rate - r
+/// r = r + (1 - z^2) e
+/// d = d + (1 - z)^2 / (T gain) e            both poles of the error at z = 1 / (1 + w T)
+/// ```
+#[derive(Clone, Debug)]
+pub struct Observer<T> {
+    /// `T gain`.
+    step: T,
+    rate_gain: T,
+    disturbance_gain: T,
+    /// Share of the way that the actuator goes in a sample.
+    response: T,
+    limit: T,
+    /// The command as it arrives at the plant.
+    arrived: T,
+    /// Nothing before the first sample.
+    rate: Option<T>,
+    disturbance: T,
+}
+
+impl<T: Scalar> Observer<T> {
+    /// An observer that believes in no disturbance yet.
+    ///
+    /// # Errors
+    /// A parameter out of its range, by name.
+    pub fn new(config: &ObserverConfig) -> Result<Self, ConfigError> {
+        let period = config.period_s;
+        in_range(period, *PERIOD_S.start(), *PERIOD_S.end(), "period_s")?;
+        in_range((period * config.gain).abs(), 1e-3, LARGEST, "gain")?;
+        in_range(
+            config.bandwidth_rad_s * period,
+            1e-3,
+            1000.0,
+            "bandwidth_rad_s",
+        )?;
+        in_range(config.actuator_s, 0.0, 1000.0, "actuator_s")?;
+        in_range(config.limit, 0.0, LARGEST, "limit")?;
+        let (rate_gain, disturbance_gain) = double_pole(config.bandwidth_rad_s, period);
+        Ok(Self {
+            step: (period * config.gain).into(),
+            rate_gain: rate_gain.into(),
+            disturbance_gain: (disturbance_gain / (period * config.gain)).into(),
+            response: (period / (period + config.actuator_s)).into(),
+            limit: config.limit.into(),
+            arrived: T::ZERO,
+            rate: None,
+            disturbance: T::ZERO,
+        })
+    }
+
+    /// One sample: the rate measured now and the command given after the sample before. Returns the disturbance in
+    /// units of the command.
+    pub fn update(&mut self, rate: T, command: T) -> T {
+        if !(rate.is_usable() && command.is_usable()) {
+            return self.disturbance;
+        }
+        self.arrived = self.arrived + self.response * (command - self.arrived);
+        let expected = match self.rate {
+            Some(before) => before + self.step * (self.arrived + self.disturbance),
+            None => rate,
+        };
+        let error = rate - expected;
+        self.rate = Some(expected + self.rate_gain * error);
+        let disturbance = self.disturbance + self.disturbance_gain * error;
+        self.disturbance = disturbance.clamped(-self.limit, self.limit);
+        self.disturbance
+    }
+
+    /// Forget everything, as when the drone is held again.
+    pub fn reset(&mut self) {
+        self.arrived = T::ZERO;
+        self.rate = None;
+        self.disturbance = T::ZERO;
+    }
+
+    /// The disturbance, in units of the command.
+    pub fn disturbance(&self) -> T {
+        self.disturbance
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{Pd, Q16};
+
+    const PERIOD: f64 = 0.01;
+
+    fn config() -> ObserverConfig {
+        ObserverConfig {
+            period_s: PERIOD as f32,
+            gain: -31.6,
+            bandwidth_rad_s: 5.0,
+            actuator_s: 0.0,
+            limit: 0.5,
+        }
+    }
+
+    /// `rate' = -31.6 (u + 0.1)` from rest under no command: how much of the disturbance is seen after each sample.
+    fn seen<T: Scalar>(samples: usize) -> f64 {
+        let mut observer = Observer::<T>::new(&config()).unwrap();
+        let mut rate = 0.0_f64;
+        for _ in 0..samples {
+            observer.update((rate as f32).into(), T::ZERO);
+            rate += -31.6 * 0.1 * PERIOD;
+        }
+        f64::from(observer.disturbance().into() as f32)
+    }
+
+    #[test]
+    fn finds_a_constant_disturbance_at_its_bandwidth() {
+        // A double pole at 5 rad/s: 1 - (1 + wt) exp(-wt) is 59 % after 0.4 s and 96 % after 1 s.
+        for (samples, share) in [(40, 0.594), (100, 0.96), (300, 1.0)] {
+            assert!(
+                (seen::<f32>(samples) - 0.1 * share).abs() < 0.004,
+                "{samples}"
+            );
+            assert!(
+                (seen::<Q16>(samples) - 0.1 * share).abs() < 0.005,
+                "{samples}"
+            );
+        }
+    }
+
+    #[test]
+    fn commands_are_not_taken_for_disturbances_even_through_a_lag() {
+        for lag in [0.0, 0.05] {
+            let mut observer = Observer::<f32>::new(&ObserverConfig {
+                actuator_s: lag,
+                ..config()
+            })
+            .unwrap();
+            let (mut rate, mut arrived) = (0.0_f64, 0.0_f64);
+            for sample in 0..300_u32 {
+                let command = if sample / 25 % 2 == 0 { 0.4 } else { -0.4 };
+                arrived += PERIOD / (PERIOD + f64::from(lag)) * (command - arrived);
+                let before = rate;
+                rate += -31.6 * arrived * PERIOD;
+                if sample == 0 {
+                    observer.update(before as f32, 0.0);
+                }
+                observer.update(rate as f32, command as f32);
+                assert!(observer.disturbance().abs() < 1e-3, "{sample}");
+            }
+        }
+    }
+
+    #[test]
+    fn never_believes_more_than_its_limit_and_forgets_on_reset() {
+        let mut observer = Observer::<f32>::new(&config()).unwrap();
+        for sample in 0..1000 {
+            observer.update(sample as f32, 0.0);
+        }
+        assert_eq!(observer.disturbance(), -0.5);
+        assert_eq!(observer.update(f32::NAN, 0.0), -0.5);
+        observer.reset();
+        assert_eq!(observer.disturbance(), 0.0);
+    }
+
+    #[test]
+    fn takes_the_droop_off_a_proportional_derivative_loop() {
+        let settle = |trimmed: bool| {
+            let pd = Pd {
+                kp: -1.6,
+                kd: -0.35,
+            };
+            let mut observer = Observer::<f32>::new(&config()).unwrap();
+            let (mut angle, mut rate, mut command) = (0.2_f64, 0.0_f64, 0.0_f32);
+            for _ in 0..500 {
+                let disturbance = observer.update(rate as f32, command);
+                let trim = if trimmed { disturbance } else { 0.0 };
+                command = pd.update(0.0, angle as f32, rate as f32) - trim;
+                rate += -31.6 * (f64::from(command) + 0.08) * PERIOD;
+                angle += rate * PERIOD;
+            }
+            angle
+        };
+        assert!((settle(false) + 0.05).abs() < 1e-3, "droop is d / kp");
+        assert!(settle(true).abs() < 1e-4);
+    }
+
+    #[test]
+    fn a_configuration_that_cannot_work_is_refused_by_name() {
+        let refused = |config: ObserverConfig| Observer::<f32>::new(&config).err();
+        let name = |name| Some(ConfigError::OutOfRange(name));
+        assert_eq!(
+            refused(ObserverConfig {
+                gain: 0.0,
+                ..config()
+            }),
+            name("gain")
+        );
+        assert_eq!(
+            refused(ObserverConfig {
+                period_s: 0.0,
+                ..config()
+            }),
+            name("period_s")
+        );
+        assert_eq!(
+            refused(ObserverConfig {
+                limit: f32::NAN,
+                ..config()
+            }),
+            name("limit")
+        );
+    }
+}
