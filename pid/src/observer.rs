@@ -132,7 +132,8 @@ mod tests {
             observer.update((rate as f32).into(), T::ZERO);
             rate += -31.6 * 0.1 * PERIOD;
         }
-        f64::from(observer.disturbance().into() as f32)
+        let disturbance: f32 = observer.disturbance().into();
+        f64::from(disturbance)
     }
 
     #[test]
