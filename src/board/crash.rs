@@ -1,0 +1,151 @@
+//! Panics and faults: the servo goes to neutral, the reason survives the reset.
+//!
+//! The record lies in RAM that neither this program's start-up nor the bootloader touches. It is sealed by a checksum,
+//! for RAM holds noise after power-on. It is read once at the next start and cleared.
+//!
+//! After the servo has been sent to neutral the chip does not reset at once: the watchdog does that, within 125 ms. Until
+//! then the timer goes on sending neutral pulses, so that the rudder gets there before the bootloader's half second
+//! without any. A processor that locks up (a fault within the fault handler, or a stack pointer outside RAM) leaves
+//! no record; the watchdog ends that too.
+
+use core::ptr::addr_of_mut;
+
+use atsamd_hal::pac;
+use cortex_m::peripheral::SCB;
+use cortex_m_rt::{ExceptionFrame, exception};
+use tvc_nano::failsafe::{BootReport, Crash};
+
+use super::{servo, time, watchdog};
+
+/// Marks a record, and its layout's version.
+const MAGIC: u32 = 0x5456_4331;
+const PANIC: u32 = 1;
+const HARD_FAULT: u32 = 2;
+
+/// Longer than the watchdog takes.
+const LAST_WAIT_US: u32 = 150_000;
+
+#[repr(C)]
+#[derive(Clone, Copy)]
+struct Record {
+    magic: u32,
+    kind: u32,
+    /// Source line of a panic, address of the instruction of a fault.
+    detail: u32,
+    crc: u32,
+}
+
+unsafe extern "C" {
+    /// Where the record lies (see memory.x).
+    static mut _crash_record: Record;
+}
+
+impl Record {
+    const EMPTY: Self = Self {
+        magic: 0,
+        kind: 0,
+        detail: 0,
+        crc: 0,
+    };
+
+    fn new(kind: u32, detail: u32) -> Self {
+        Self {
+            magic: MAGIC,
+            kind,
+            detail,
+            crc: crc32([MAGIC, kind, detail]),
+        }
+    }
+
+    fn crash(self) -> Option<Crash> {
+        let sealed = self.magic == MAGIC && self.crc == crc32([self.magic, self.kind, self.detail]);
+        match self.kind {
+            PANIC if sealed => Some(Crash::Panic { line: self.detail }),
+            HARD_FAULT if sealed => Some(Crash::HardFault { pc: self.detail }),
+            _ => None,
+        }
+    }
+
+    fn store(self) {
+        // SAFETY: RAM of its own, aligned; volatile because only the next run reads it.
+        unsafe { addr_of_mut!(_crash_record).write_volatile(self) };
+    }
+
+    fn take() -> Self {
+        // SAFETY: as in `store`; any bits are a valid record of integers.
+        let record = unsafe { addr_of_mut!(_crash_record).read_volatile() };
+        Self::EMPTY.store();
+        record
+    }
+}
+
+/// CRC-32 (IEEE 802.3, reflected) of three words, low byte first.
+fn crc32(words: [u32; 3]) -> u32 {
+    let mut crc = !0;
+    for word in words {
+        crc ^= word;
+        for _ in 0..32 {
+            crc = if crc & 1 == 0 {
+                crc >> 1
+            } else {
+                crc >> 1 ^ 0xEDB8_8320
+            };
+        }
+    }
+    !crc
+}
+
+/// How the last run ended: the record, if the reset was not a power-on, else the reset's own cause.
+pub(super) fn report(pm: &pac::Pm) -> BootReport {
+    let cause = pm.rcause().read();
+    let recorded = Record::take().crash();
+    let crash = if cause.por().bit_is_set() {
+        None
+    } else if recorded.is_some() {
+        recorded
+    } else if cause.wdt().bit_is_set() {
+        Some(Crash::Watchdog)
+    } else if cause.bod33().bit_is_set() || cause.bod12().bit_is_set() {
+        Some(Crash::BrownOut)
+    } else {
+        None
+    };
+    BootReport { crash }
+}
+
+/// Neutral, record, reset.
+fn end(record: Record) -> ! {
+    cortex_m::interrupt::disable();
+    servo::force_neutral();
+    record.store();
+    if watchdog::is_running() {
+        time::delay_us(LAST_WAIT_US);
+    }
+    SCB::sys_reset()
+}
+
+#[cfg(not(feature = "probe"))]
+#[panic_handler]
+fn panic(info: &core::panic::PanicInfo) -> ! {
+    end(Record::new(
+        PANIC,
+        info.location().map_or(0, |location| location.line()),
+    ))
+}
+
+/// With a probe the panic prints there and ends in a hard fault, which comes by here.
+#[cfg(feature = "probe")]
+use panic_probe as _;
+
+// SAFETY: only reads the frame; never returns.
+#[exception]
+unsafe fn HardFault(frame: &ExceptionFrame) -> ! {
+    end(Record::new(HARD_FAULT, frame.pc()))
+}
+
+/// An interrupt that nobody enabled.
+// SAFETY: never returns.
+#[exception]
+unsafe fn DefaultHandler(_number: i16) -> ! {
+    panic!("unexpected interrupt")
+}

@@ -1,0 +1,71 @@
+//! Arduino Nano 33 IoT: which pin and which peripheral does what. Another SAMD21 board is another file like this one.
+
+use atsamd_hal::pac;
+use atsamd_hal::pac::interrupt;
+
+use super::pin::{Function, Pin};
+use super::{i2c, servo};
+
+/// A4: the sensor's SDA, SERCOM4 pad 0.
+pub(super) const SDA: Pin = Pin::b(8);
+/// A5: the sensor's SCL, SERCOM4 pad 1.
+pub(super) const SCL: Pin = Pin::b(9);
+/// SERCOM-ALT on both.
+pub(super) const I2C_FUNCTION: Function = Function::D;
+
+/// D3: the servo's signal, output 5 of TCC0, which follows compare channel 1.
+pub(super) const SERVO: Pin = Pin::b(11);
+/// TCC on it.
+pub(super) const SERVO_FUNCTION: Function = Function::F;
+/// The compare channel whose output the servo is on.
+pub(super) const SERVO_CHANNEL: usize = 1;
+
+/// D4: high while a step runs.
+pub(super) const PROBE: Pin = Pin::a(7);
+/// D13: the orange LED.
+pub(super) const LED: Pin = Pin::a(17);
+/// RESETN of the radio module, which stays off.
+pub(super) const RADIO_RESET: Pin = Pin::a(8);
+
+/// USB name and numbers: the board's own, so that the host's drivers and rules for it apply.
+pub(super) const USB_VENDOR: u16 = 0x2341;
+/// See [`USB_VENDOR`].
+pub(super) const USB_PRODUCT: u16 = 0x8057;
+
+/// The word of RAM in which the bootloader looks for a second tap, and what it wants to find there.
+pub(super) const BOOTLOADER_WORD: *mut u32 = 0x2000_7FFC as *mut u32;
+/// See [`BOOTLOADER_WORD`].
+pub(super) const BOOTLOADER_MAGIC: u32 = 0x0773_8135;
+
+/// Interrupts of the servo frame and of the sensor bus.
+pub(super) const FRAME_INTERRUPT: pac::Interrupt = pac::Interrupt::TCC0;
+/// See [`FRAME_INTERRUPT`].
+pub(super) const I2C_INTERRUPT: pac::Interrupt = pac::Interrupt::SERCOM4;
+
+/// The sensor bus.
+pub(super) fn i2c_registers() -> &'static pac::sercom0::I2cm {
+    // SAFETY: the block is always mapped; only `i2c` uses it.
+    unsafe { (*pac::Sercom4::ptr()).i2cm() }
+}
+
+/// The servo timer.
+pub(super) fn frame_registers() -> &'static pac::tcc0::RegisterBlock {
+    // SAFETY: the block is always mapped; only `servo` uses it.
+    unsafe { &*pac::Tcc0::ptr() }
+}
+
+/// Switch on the bus clocks of both.
+pub(super) fn enable_bus_clocks(pm: &mut pac::Pm) {
+    pm.apbcmask()
+        .modify(|_, w| w.sercom4_().set_bit().tcc0_().set_bit());
+}
+
+#[interrupt]
+fn TCC0() {
+    servo::interrupt();
+}
+
+#[interrupt]
+fn SERCOM4() {
+    i2c::interrupt();
+}

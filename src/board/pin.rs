@@ -1,0 +1,115 @@
+//! A pin by port and number, at register level: the sensor bus needs its lines as GPIO and as SERCOM in turn.
+
+use atsamd_hal::pac;
+
+/// Peripheral function of a pin (data sheet section 7, table 7-1).
+#[derive(Clone, Copy)]
+#[repr(u8)]
+pub(super) enum Function {
+    /// SERCOM-ALT.
+    D = 3,
+    /// TCC.
+    F = 5,
+}
+
+/// One pin of the chip.
+#[derive(Clone, Copy)]
+pub(super) struct Pin {
+    group: usize,
+    number: usize,
+}
+
+impl Pin {
+    /// PA`number`.
+    pub(super) const fn a(number: usize) -> Self {
+        Self { group: 0, number }
+    }
+
+    /// PB`number`.
+    pub(super) const fn b(number: usize) -> Self {
+        Self { group: 1, number }
+    }
+
+    /// Drive it high.
+    #[inline]
+    pub(super) fn high(self) {
+        // SAFETY: set registers act on the bits written 1 only; every pin has one user.
+        unsafe {
+            port().outset(self.group).write(|w| w.bits(self.mask()));
+            port().dirset(self.group).write(|w| w.bits(self.mask()));
+        }
+    }
+
+    /// Drive it low.
+    #[inline]
+    pub(super) fn low(self) {
+        // SAFETY: as in `high`.
+        unsafe {
+            port().outclr(self.group).write(|w| w.bits(self.mask()));
+            port().dirset(self.group).write(|w| w.bits(self.mask()));
+        }
+    }
+
+    /// Stop driving it: a line with a pull-up goes high.
+    #[inline]
+    pub(super) fn release(self) {
+        // SAFETY: as in `high`.
+        unsafe { port().dirclr(self.group).write(|w| w.bits(self.mask())) };
+    }
+
+    /// Its level; needs the input buffer that [`gpio`](Self::gpio) and [`connect`](Self::connect) turn on.
+    #[inline]
+    pub(super) fn is_high(self) -> bool {
+        port().in_(self.group).read().bits() & self.mask() != 0
+    }
+
+    /// Make it a GPIO with its input buffer on; direction and level stay.
+    pub(super) fn gpio(self) {
+        self.configure(false);
+    }
+
+    /// Give it to a peripheral, its input buffer on.
+    pub(super) fn connect(self, function: Function) {
+        let (shift, mask) = if self.number.is_multiple_of(2) {
+            (0, 0xF0)
+        } else {
+            (4, 0x0F)
+        };
+        let chosen = (function as u8) << shift;
+        let index = self.number / 2;
+        // SAFETY: read-modify-write of a register that two pins share; only the main loop configures pins.
+        unsafe {
+            if self.group == 0 {
+                port()
+                    .pmux0_(index)
+                    .modify(|r, w| w.bits(r.bits() & mask | chosen));
+            } else {
+                port()
+                    .pmux1_0(index)
+                    .modify(|r, w| w.bits(r.bits() & mask | chosen));
+            }
+        }
+        self.configure(true);
+    }
+
+    fn configure(self, peripheral: bool) {
+        if self.group == 0 {
+            port()
+                .pincfg0_(self.number)
+                .write(|w| w.inen().set_bit().pmuxen().bit(peripheral));
+        } else {
+            port()
+                .pincfg1_0(self.number)
+                .write(|w| w.inen().set_bit().pmuxen().bit(peripheral));
+        }
+    }
+
+    const fn mask(self) -> u32 {
+        1 << self.number
+    }
+}
+
+fn port() -> &'static pac::port::RegisterBlock {
+    // SAFETY: the block is always mapped; the HAL touches PORT only for the USB pins, at start-up.
+    unsafe { &*pac::Port::ptr() }
+}

@@ -1,0 +1,81 @@
+//! Time since start-up in microseconds, 64 bits wide, from SysTick.
+//!
+//! SysTick interrupts every millisecond; between interrupts its counter gives the rest. Its interrupt has the highest
+//! priority of all, so that nobody can look at the clock while a millisecond has left the counter but not yet arrived
+//! in the sum: with interrupts held off it is either pending, which [`now`] sees, or done.
+
+use core::cell::Cell;
+
+use atsamd_hal::pac::{SCB, SYST};
+use bno055_driver::Micros;
+use cortex_m::peripheral::syst::SystClkSource;
+use cortex_m_rt::exception;
+use critical_section::Mutex;
+
+/// CPU clock cycles in a microsecond.
+pub(super) const CYCLES_PER_US: u32 = 48;
+const CYCLES_PER_MS: u32 = 1_000 * CYCLES_PER_US;
+
+/// Microseconds up to the last SysTick interrupt.
+static ELAPSED_US: Mutex<Cell<u64>> = Mutex::new(Cell::new(0));
+
+/// Start the clock at zero.
+pub(super) fn start(syst: &mut SYST) {
+    syst.set_clock_source(SystClkSource::Core);
+    syst.set_reload(CYCLES_PER_MS - 1);
+    syst.clear_current();
+    syst.enable_interrupt();
+    syst.enable_counter();
+}
+
+/// The time.
+pub(super) fn now() -> Micros {
+    critical_section::with(|cs| {
+        let before = SYST::get_current();
+        let (whole, count) = if SCB::is_pendst_pending() {
+            // The counter has come round, perhaps since `before` was read.
+            (1_000, SYST::get_current())
+        } else {
+            (0, before)
+        };
+        Micros(ELAPSED_US.borrow(cs).get() + whole + u64::from(since_interrupt_us(count)))
+    })
+}
+
+/// Microseconds since SysTick last became pending. It does so as the counter reaches 0, one cycle before the reload.
+const fn since_interrupt_us(count: u32) -> u32 {
+    let cycles = if count == 0 { 0 } else { CYCLES_PER_MS - count };
+    // Division by 48 as a multiplication: 43,691 / 2^21 is 1/48 + 1.6e-7, exact for every value below 48,000.
+    (cycles * 43_691) >> 21
+}
+
+const _: () = {
+    assert!(since_interrupt_us(0) == 0);
+    assert!(since_interrupt_us(CYCLES_PER_MS - 47) == 0);
+    assert!(since_interrupt_us(CYCLES_PER_MS - 48) == 1);
+    assert!(since_interrupt_us(25) == 999);
+    assert!(since_interrupt_us(1) == 999);
+};
+
+/// Wait, busy, for at least `us`.
+pub(super) fn delay_us(us: u32) {
+    cortex_m::asm::delay(us * CYCLES_PER_US);
+}
+
+/// Poll `ready` for a bounded time, some 100 us at 48 MHz; says whether it came true.
+///
+/// Synchronisation between clock domains takes about six cycles of the slower clock, here 48 MHz too; where it takes
+/// longer than this, the peripheral is broken and its user reports it.
+#[must_use]
+pub(super) fn soon(ready: impl Fn() -> bool) -> bool {
+    const POLLS: u32 = 500;
+    (0..POLLS).any(|_| ready())
+}
+
+#[exception]
+fn SysTick() {
+    critical_section::with(|cs| {
+        let elapsed = ELAPSED_US.borrow(cs);
+        elapsed.set(elapsed.get() + 1_000);
+    });
+}

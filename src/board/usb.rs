@@ -1,0 +1,154 @@
+//! The USB serial port: the HAL's device controller, `usb-device` and `usbd-serial`, polled from the main loop.
+//!
+//! The interrupt masks itself and so wakes the main loop, which polls the stack when nothing more urgent is left and
+//! unmasks it again. Nothing waits for the host: what it does not fetch stays in the caller's queue.
+
+use core::sync::atomic::{AtomicBool, Ordering};
+
+use atsamd_hal::clock::UsbClock;
+use atsamd_hal::gpio::{AnyPin, PA24, PA25};
+use atsamd_hal::pac;
+use atsamd_hal::pac::{NVIC, interrupt};
+use atsamd_hal::serial_number;
+use atsamd_hal::usb::UsbBus;
+use bno055_driver::Micros;
+use cortex_m::peripheral::SCB;
+use cortex_m::singleton;
+use usb_device::bus::UsbBusAllocator;
+use usb_device::device::{
+    StringDescriptors, UsbDevice, UsbDeviceBuilder, UsbDeviceState, UsbVidPid,
+};
+use usbd_serial::SerialPort;
+
+use super::nano33iot::{BOOTLOADER_MAGIC, BOOTLOADER_WORD, USB_PRODUCT, USB_VENDOR};
+
+/// The stack is polled so often at least, whether or not the controller asks for it.
+const POLL_PERIOD_US: u64 = 10_000;
+/// A port closed at this rate asks for the bootloader.
+const TOUCH_BAUD: u32 = 1_200;
+/// From the touch to the reset, so that the host's request is answered first.
+const TOUCH_DELAY_US: u64 = 100_000;
+
+/// The controller has something to say and is masked until it has been heard.
+static PENDING: AtomicBool = AtomicBool::new(false);
+
+/// The serial port.
+pub(super) struct Port {
+    device: UsbDevice<'static, UsbBus>,
+    serial: SerialPort<'static, UsbBus>,
+    polled: Micros,
+    /// The port is open at the touch's rate.
+    touching: bool,
+    reset_at: Option<Micros>,
+}
+
+impl Port {
+    /// Attach to the bus.
+    pub(super) fn start(
+        clock: &UsbClock,
+        pm: &mut pac::Pm,
+        minus: impl AnyPin<Id = PA24>,
+        plus: impl AnyPin<Id = PA25>,
+        usb: pac::Usb,
+    ) -> Self {
+        let allocator: &'static UsbBusAllocator<UsbBus> = singleton!(
+            : UsbBusAllocator<UsbBus> = UsbBusAllocator::new(UsbBus::new(clock, pm, minus, plus, usb))
+        )
+        .expect("started once");
+        let serial = SerialPort::new(allocator);
+        let strings = StringDescriptors::default()
+            .manufacturer("tvc-nano")
+            .product("tvc-nano thrust-vector control")
+            .serial_number(serial_number_text());
+        let device = UsbDeviceBuilder::new(allocator, UsbVidPid(USB_VENDOR, USB_PRODUCT))
+            .strings(&[strings])
+            .expect("one language")
+            .composite_with_iads()
+            .max_packet_size_0(64)
+            .expect("a size of full speed")
+            .build();
+        Self {
+            device,
+            serial,
+            polled: Micros(0),
+            touching: false,
+            reset_at: None,
+        }
+    }
+
+    /// Hear the controller if it has something to say. `armed` refuses the bootloader.
+    pub(super) fn poll(&mut self, now: Micros, armed: bool) {
+        if is_pending() || now.since(self.polled) >= POLL_PERIOD_US {
+            self.polled = now;
+            PENDING.store(false, Ordering::Relaxed);
+            self.device.poll(&mut [&mut self.serial]);
+            // SAFETY: the interrupt shares nothing but an atomic flag.
+            unsafe { NVIC::unmask(pac::Interrupt::USB) };
+            self.watch_touch(now);
+        }
+        match self.reset_at {
+            Some(_) if armed => self.reset_at = None,
+            Some(at) if now >= at => enter_bootloader(),
+            _ => {}
+        }
+    }
+
+    /// Whether a program has the port open.
+    pub(super) fn is_open(&self) -> bool {
+        self.device.state() == UsbDeviceState::Configured && self.serial.dtr()
+    }
+
+    /// Bytes from the host, as many as there are; 0 for none.
+    pub(super) fn read(&mut self, buffer: &mut [u8]) -> usize {
+        self.serial.read(buffer).unwrap_or(0)
+    }
+
+    /// Hand over as much of `bytes` as there is room for; says how many.
+    pub(super) fn write(&mut self, bytes: &[u8]) -> usize {
+        self.serial.write(bytes).unwrap_or(0)
+    }
+
+    /// Boards are asked into their bootloader by opening their port at 1,200 baud and closing it.
+    fn watch_touch(&mut self, now: Micros) {
+        let open = self.serial.dtr();
+        if self.serial.line_coding().data_rate() != TOUCH_BAUD {
+            self.touching = false;
+        } else if open {
+            self.touching = true;
+        } else if core::mem::take(&mut self.touching) {
+            self.reset_at = Some(now.after(TOUCH_DELAY_US));
+        }
+    }
+}
+
+/// Leave a word for the bootloader and reset into it.
+pub(super) fn enter_bootloader() -> ! {
+    cortex_m::interrupt::disable();
+    // SAFETY: RAM above this program's stack (see memory.x), aligned.
+    unsafe { BOOTLOADER_WORD.write_volatile(BOOTLOADER_MAGIC) };
+    SCB::sys_reset()
+}
+
+/// The chip's 128-bit serial number in hexadecimal.
+fn serial_number_text() -> &'static str {
+    const DIGITS: &[u8; 16] = b"0123456789ABCDEF";
+    let text = singleton!(: [u8; 32] = [b'0'; 32]).expect("asked once");
+    for (pair, byte) in text.chunks_exact_mut(2).zip(serial_number()) {
+        pair.copy_from_slice(&[
+            DIGITS[usize::from(byte >> 4)],
+            DIGITS[usize::from(byte & 15)],
+        ]);
+    }
+    core::str::from_utf8(text).unwrap_or("")
+}
+
+/// Whether the controller waits to be heard.
+pub(super) fn is_pending() -> bool {
+    PENDING.load(Ordering::Relaxed)
+}
+
+#[interrupt]
+fn USB() {
+    NVIC::mask(pac::Interrupt::USB);
+    PENDING.store(true, Ordering::Relaxed);
+}
