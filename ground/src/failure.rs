@@ -1,0 +1,82 @@
+//! How a command ends: what a person typed wrongly is one line and exit status 2, a requirement
+//! that a flight missed is status 1, and so is everything that broke on the way.
+
+use std::fmt;
+use std::process::ExitCode;
+
+/// Exit status of a command whose input was unusable.
+const BAD_INPUT: u8 = 2;
+/// Exit status of a command that failed, or whose result missed a requirement.
+const FAILED: u8 = 1;
+
+/// Something that the person at the keyboard can mend: a file that is not there, a value out of
+/// range, a port that does not exist.
+#[derive(Debug)]
+pub struct BadInput(String);
+
+impl BadInput {
+    /// An error that says what was wrong and what would be right, in one line.
+    pub fn new(what: impl fmt::Display) -> Self {
+        Self(what.to_string())
+    }
+}
+
+impl fmt::Display for BadInput {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.0)
+    }
+}
+
+impl std::error::Error for BadInput {}
+
+/// Whether a command that ran to its end found everything as required.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Verdict {
+    /// Every requirement holds.
+    Met,
+    /// At least one figure missed its requirement; the output says which.
+    Missed,
+}
+
+/// Prints the error, if any, as one line on standard error and gives the exit status.
+pub fn exit_code(result: anyhow::Result<Verdict>) -> ExitCode {
+    match result {
+        Ok(Verdict::Met) => ExitCode::SUCCESS,
+        Ok(Verdict::Missed) => ExitCode::from(FAILED),
+        Err(error) => {
+            eprintln!("error: {}", one_line(&error));
+            let bad_input = error.chain().any(|cause| cause.is::<BadInput>());
+            ExitCode::from(if bad_input { BAD_INPUT } else { FAILED })
+        }
+    }
+}
+
+/// The chain of causes as `what: why: why`, line breaks folded.
+fn one_line(error: &anyhow::Error) -> String {
+    format!("{error:#}")
+        .split_whitespace()
+        .collect::<Vec<_>>()
+        .join(" ")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use anyhow::Context;
+
+    #[test]
+    fn bad_input_keeps_its_status_under_added_context() {
+        let result: anyhow::Result<Verdict> =
+            Err(BadInput::new("no such file")).context("reading flight.imuq");
+        assert_eq!(
+            format!("{:?}", exit_code(result)),
+            format!("{:?}", ExitCode::from(2))
+        );
+    }
+
+    #[test]
+    fn an_error_of_several_lines_is_folded_into_one() {
+        let error = anyhow::anyhow!("first\n  second").context("outer");
+        assert_eq!(one_line(&error), "outer: first second");
+    }
+}

@@ -1,0 +1,139 @@
+//! `tvc fly`: the image, on the virtual rig, brings the drone upright, or estimates attitude from a
+//! recording.
+
+mod figures;
+mod flights;
+mod live;
+mod recording;
+mod report;
+
+use std::time::Instant;
+
+use anyhow::{Context, Result};
+use rig::flight::Setup;
+use rig::{Image, ServoKind};
+use samd21::board::Ticks;
+
+use crate::cli::{Fly, ServoChoice};
+use crate::failure::Verdict;
+use crate::output::write_whole;
+use figures::{ImageFigures, LoopFigures, Spread};
+
+/// Flies as `options` say, prints the figures and writes the report.
+pub fn run(options: &Fly) -> Result<Verdict> {
+    // An unreadable recording is said before minutes of building.
+    let recording = options.replay.as_deref().map(recording::open).transpose()?;
+    let image = rig::image::build(&mut |line| eprintln!("{line}")).context("the image")?;
+    let setup = setup(options);
+    let (figures, page) = match recording {
+        Some(recording) => recording::play(&image, &recording, &setup)?,
+        None => flights::fly(&image, &setup, options)?,
+    };
+    let missed = figures.missed(options.servo);
+    write_whole(&options.report, page.render(&figures, &missed)?.as_bytes())?;
+    if options.json {
+        println!("{}", serde_json::to_string(&figures)?);
+    } else {
+        print!("{}", figures.text(options.servo));
+    }
+    eprintln!("report: {}", options.report.display());
+    for line in &missed {
+        eprintln!("missed: {line}");
+    }
+    Ok(if missed.is_empty() {
+        Verdict::Met
+    } else {
+        Verdict::Missed
+    })
+}
+
+fn setup(options: &Fly) -> Setup {
+    let servo = match options.servo {
+        ServoChoice::S3003 => ServoKind::S3003,
+        ServoChoice::Digital => ServoKind::Digital,
+    };
+    let gains = options.gains.map(|gains| rig::flight::Gains {
+        kp: gains.kp,
+        kd: gains.kd,
+    });
+    Setup {
+        gains,
+        ..Setup::new(servo, options.seed)
+    }
+}
+
+/// Wall time and simulated time of everything that was run.
+struct Stopwatch {
+    begun: Instant,
+    simulated_s: f64,
+    busy_s: f64,
+}
+
+impl Stopwatch {
+    fn start() -> Self {
+        Self {
+            begun: Instant::now(),
+            simulated_s: 0.0,
+            busy_s: 0.0,
+        }
+    }
+
+    fn add(&mut self, simulated_s: f64, busy_s: f64) {
+        self.simulated_s += simulated_s;
+        self.busy_s += busy_s;
+    }
+
+    /// Counts all that `rig` has run since power-on.
+    fn boot(&mut self, rig: &rig::Rig) {
+        let asleep = Ticks(rig.counters().sleep_ticks);
+        self.add(
+            rig.now().as_secs_f64(),
+            rig.now().saturating_sub(asleep).as_secs_f64(),
+        );
+    }
+
+    fn figures(&self) -> figures::EmulationFigures {
+        let wall_s = self.begun.elapsed().as_secs_f64();
+        figures::EmulationFigures {
+            simulated_s: self.simulated_s,
+            wall_s,
+            real_time_factor: self.simulated_s / wall_s,
+            busy_real_time_factor: self.busy_s / wall_s,
+        }
+    }
+}
+
+fn image_figures(image: &Image, stack_high_water: u32) -> ImageFigures {
+    let sizes = image.sizes();
+    ImageFigures {
+        flash_bytes: sizes.flash.into(),
+        static_ram_bytes: sizes.static_ram.into(),
+        stack_high_water_bytes: stack_high_water.into(),
+    }
+}
+
+impl From<rig::measure::Spread> for Spread {
+    fn from(spread: rig::measure::Spread) -> Self {
+        Self {
+            mean: spread.mean,
+            max: spread.max,
+        }
+    }
+}
+
+/// The loop's figures from the timings at 0 and at 1 flash wait state.
+fn loop_figures(
+    zero: &rig::measure::LoopTiming,
+    one: &rig::measure::LoopTiming,
+    cpu_load: f64,
+) -> LoopFigures {
+    LoopFigures {
+        rate_hz: one.rate_hz,
+        jitter_us_max: one.jitter_us_max,
+        cycles_per_step_mean: zero.cycles_per_step.mean,
+        cycles_per_step_max: zero.cycles_per_step.max as u64,
+        cycles_per_step_mean_1ws: one.cycles_per_step.mean,
+        cycles_per_step_max_1ws: one.cycles_per_step.max as u64,
+        cpu_load,
+    }
+}

@@ -1,0 +1,183 @@
+//! Line plots as SVG text, to stand inside a page.
+
+use anyhow::{Result, anyhow};
+use plotters::prelude::*;
+
+/// Size of a plot in SVG units; pages scale it to their width.
+const SIZE: (u32, u32) = (860, 300);
+
+/// Points drawn per line at most; a longer trace is thinned evenly.
+const MOST_POINTS: usize = 1500;
+
+/// One line of a plot.
+pub struct Line<'a> {
+    /// Shown in the legend.
+    pub name: &'a str,
+    /// Index into the page's palette: the same thing has the same colour in every plot.
+    pub colour: usize,
+    /// `(x, y)`, x ascending.
+    pub points: Vec<(f64, f64)>,
+}
+
+/// A plot with one x axis and any number of lines.
+pub struct Plot<'a> {
+    /// Label of the x axis with its unit.
+    pub x: &'a str,
+    /// Label of the y axis with its unit.
+    pub y: &'a str,
+    /// The lines, drawn in this order.
+    pub lines: Vec<Line<'a>>,
+    /// A shaded band `(low, high)` of y, such as the settling band.
+    pub band: Option<(f64, f64)>,
+}
+
+/// Colours that stay apart for colour-blind readers and in grey print.
+const PALETTE: [RGBColor; 6] = [
+    RGBColor(0, 90, 181),
+    RGBColor(220, 92, 4),
+    RGBColor(20, 130, 80),
+    RGBColor(150, 60, 150),
+    RGBColor(110, 110, 110),
+    RGBColor(200, 30, 60),
+];
+
+impl Plot<'_> {
+    /// Draws the plot; an error means that the drawing library refused the numbers.
+    pub fn svg(&self) -> Result<String> {
+        let mut svg = String::new();
+        self.draw(&mut svg)
+            .map_err(|error| anyhow!("drawing a plot of {}: {error}", self.y))?;
+        Ok(svg)
+    }
+
+    fn draw(&self, svg: &mut String) -> std::result::Result<(), Box<dyn std::error::Error>> {
+        let (x, y) = self.ranges();
+        let area = SVGBackend::with_string(svg, SIZE).into_drawing_area();
+        area.fill(&WHITE)?;
+        let mut chart = ChartBuilder::on(&area)
+            .margin(8)
+            .margin_right(18)
+            .x_label_area_size(38)
+            .y_label_area_size(62)
+            .build_cartesian_2d(x.clone(), y)?;
+        chart
+            .configure_mesh()
+            .x_desc(self.x)
+            .y_desc(self.y)
+            .x_labels(12)
+            .y_labels(7)
+            .light_line_style(WHITE)
+            .bold_line_style(RGBColor(225, 225, 225))
+            .axis_style(RGBColor(120, 120, 120))
+            .label_style(("sans-serif", 13))
+            .draw()?;
+        if let Some((low, high)) = self.band {
+            chart.draw_series([Rectangle::new(
+                [(x.start, low), (x.end, high)],
+                RGBColor(20, 130, 80).mix(0.15).filled(),
+            )])?;
+        }
+        for line in &self.lines {
+            let style = PALETTE[line.colour % PALETTE.len()].stroke_width(2);
+            chart
+                .draw_series(LineSeries::new(thinned(&line.points), style))?
+                .label(line.name)
+                .legend(move |(x, y)| PathElement::new([(x, y), (x + 18, y)], style));
+        }
+        if self.lines.len() > 1 {
+            chart
+                .configure_series_labels()
+                .background_style(WHITE.mix(0.85))
+                .border_style(RGBColor(200, 200, 200))
+                .label_font(("sans-serif", 13))
+                .position(SeriesLabelPosition::UpperRight)
+                .draw()?;
+        }
+        area.present()?;
+        Ok(())
+    }
+
+    /// Axis ranges around all finite points, never empty.
+    fn ranges(&self) -> (std::ops::Range<f64>, std::ops::Range<f64>) {
+        let mut x = (f64::INFINITY, f64::NEG_INFINITY);
+        let mut y = self.band.unwrap_or((f64::INFINITY, f64::NEG_INFINITY));
+        for &(px, py) in self.lines.iter().flat_map(|line| &line.points) {
+            if px.is_finite() && py.is_finite() {
+                x = (x.0.min(px), x.1.max(px));
+                y = (y.0.min(py), y.1.max(py));
+            }
+        }
+        if x.0 >= x.1 {
+            x = if x.0.is_finite() {
+                (x.0, x.0 + 1.0)
+            } else {
+                (0.0, 1.0)
+            };
+        }
+        if y.0 >= y.1 {
+            y = if y.0.is_finite() {
+                (y.0 - 1.0, y.0 + 1.0)
+            } else {
+                (0.0, 1.0)
+            };
+        }
+        let margin = 0.06 * (y.1 - y.0);
+        (x.0..x.1, y.0 - margin..y.1 + margin)
+    }
+}
+
+/// At most [`MOST_POINTS`] of the finite points, the last one always among them.
+fn thinned(points: &[(f64, f64)]) -> Vec<(f64, f64)> {
+    let stride = points.len().div_ceil(MOST_POINTS).max(1);
+    let last = points.len().saturating_sub(1);
+    points
+        .iter()
+        .enumerate()
+        .filter(|(i, (x, y))| (i % stride == 0 || *i == last) && x.is_finite() && y.is_finite())
+        .map(|(_, point)| *point)
+        .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn plot(points: Vec<(f64, f64)>) -> Plot<'static> {
+        let lines = vec![Line {
+            name: "pitch",
+            colour: 0,
+            points,
+        }];
+        Plot {
+            x: "time, s",
+            y: "pitch, deg",
+            lines,
+            band: None,
+        }
+    }
+
+    #[test]
+    fn draws_a_line_with_its_labels() {
+        let svg = plot(vec![(0.0, 1.0), (1.0, -1.0)]).svg().unwrap();
+        assert!(svg.starts_with("<svg") && svg.contains("pitch, deg") && svg.contains("polyline"));
+    }
+
+    #[test]
+    fn no_points_constant_points_and_nan_still_give_a_picture() {
+        for points in [
+            vec![],
+            vec![(0.0, 2.0); 3],
+            vec![(0.0, f64::NAN), (1.0, 0.0)],
+        ] {
+            plot(points).svg().unwrap();
+        }
+    }
+
+    #[test]
+    fn a_long_trace_is_thinned_but_keeps_its_end() {
+        let points: Vec<_> = (0..100_000).map(|i| (f64::from(i), 0.0)).collect();
+        let thin = thinned(&points);
+        assert!(thin.len() <= MOST_POINTS + 1);
+        assert_eq!(thin.last(), points.last());
+    }
+}
