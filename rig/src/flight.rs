@@ -17,8 +17,10 @@ use thiserror::Error;
 
 /// How long sensor, self-test and estimator may take until standby.
 const STANDBY_PATIENCE: Ticks = Ticks::from_ms(8000);
+/// Rest in standby, in which the estimator learns the gyroscope's bias.
+const LEARN: Ticks = Ticks::from_ms(5000);
 /// Rest after the drone was tilted by hand, before it is armed.
-const REST: Ticks = Ticks::from_ms(1000);
+const REST: Ticks = Ticks::from_ms(3000);
 /// How often progress is told.
 const PROGRESS: Ticks = Ticks::from_ms(20);
 
@@ -204,9 +206,6 @@ pub fn prepare(
         operator: Operator::new(),
         seed: config.seed,
     };
-    let tell = |ready: &Ready, progress: &mut dyn FnMut(&Progress)| {
-        progress(&ready.progress(Stage::Boot, Ticks::ZERO));
-    };
     let Ready { rig, operator, .. } = &mut ready;
     operator.connect(rig)?;
     let gains = setup.gains.unwrap_or(setup.servo.gains());
@@ -216,17 +215,15 @@ pub fn prepare(
     for (name, value) in &setup.parameters {
         operator.set_parameter(rig, name, *value)?;
     }
-    let end = ready.rig.now() + STANDBY_PATIENCE;
+    let begin = ready.rig.now();
     while ready.operator.state() != Some(FlightState::Standby) {
-        let left = end.saturating_sub(ready.rig.now());
-        let slice = left.min(PROGRESS).max(Ticks(1));
-        let Ready { rig, operator, .. } = &mut ready;
-        if left == Ticks::ZERO {
+        if ready.rig.now() - begin > STANDBY_PATIENCE {
+            let Ready { rig, operator, .. } = &mut ready;
             operator.wait_for_state(rig, Ticks::ZERO, FlightState::Standby)?;
         }
-        operator.run(rig, slice)?;
-        tell(&ready, progress);
+        ready.watch(Stage::Boot, PROGRESS, progress)?;
     }
+    ready.watch(Stage::Boot, LEARN, progress)?;
     Ok(ready)
 }
 

@@ -15,7 +15,7 @@
 //! | module | what |
 //! |---|---|
 //! | [`image`] | builds the firmware and reads its ELF file |
-//! | [`rig`](mod@rig) | chip, world and bootloader together |
+//! | [`Rig`] | chip, world and bootloader together |
 //! | [`world`] | sensor, servo, drone, clamp |
 //! | [`bno055`] | the sensor at register level, with its faults |
 //! | [`truth`], [`measure`] | what really happened, and timing figures of it |
@@ -32,7 +32,7 @@ pub mod operator;
 pub mod random;
 pub mod recording;
 pub mod replay;
-pub mod rig;
+mod rig;
 pub mod score;
 mod tap;
 pub mod truth;
@@ -41,4 +41,8 @@ pub mod world;
 pub use flight::{FlightRecord, Ready, ServoKind, Setup, prepare};
 pub use image::Image;
 pub use operator::Operator;
-pub use rig::{Rig, RigConfig};
+pub use rig::{Rig, RigConfig, RigError};
+
+pub use samd21::board::Ticks;
+pub use samd21::peripherals::ResetCause;
+pub use samd21::{SyncHold, WaitStates};
