@@ -298,9 +298,9 @@ impl Supervisor {
         self.missed
     }
 
-    /// Whether the newest step had no usable sample: control holds its last command.
-    pub fn is_degraded(&self) -> bool {
-        self.good_run == 0
+    /// Why the newest step had no usable sample, if it had none: control holds its last command.
+    pub fn fault(&self) -> Option<SensorFault> {
+        self.fault
     }
 
     /// Whether the sensor has been delivering without a break lately.

@@ -39,6 +39,8 @@ pub struct Snapshot {
     pub pulse: PulseUs,
     /// Where the flight stands after the step.
     pub state: State,
+    /// Why the newest step had no usable sample, if it had none.
+    pub fault: Option<SensorFault>,
     /// The sensor has been delivering without a break.
     pub sensor_healthy: bool,
     /// Steps without a usable sample since start-up.
@@ -226,6 +228,7 @@ impl Flight {
                 crank_rad: self.crank_rad,
                 pulse,
                 state: self.state(),
+                fault: self.supervisor.fault(),
                 sensor_healthy: self.supervisor.sensor_is_healthy(),
                 missed: self.supervisor.missed(),
             },

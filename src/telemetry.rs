@@ -7,7 +7,7 @@
 //! | out | when |
 //! |---|---|
 //! | HEARTBEAT, SYS_STATUS | once a second, HEARTBEAT also at every change of state |
-//! | STATUSTEXT | every change of state and every refusal, with the reason |
+//! | STATUSTEXT | every change of state and every refusal, with the reason; once a second what keeps the sensor from starting |
 //! | ATTITUDE_QUATERNION, SERVO_OUTPUT_RAW | every step |
 //! | RAW_IMU | every step that had a sample: its untouched counts, stamped with its own time |
 //! | PARAM_VALUE, COMMAND_ACK, TIMESYNC, AUTOPILOT_VERSION | on request; the parameter list one a step |
@@ -81,6 +81,9 @@ impl Telemetry {
             self.heartbeat_at = Some(snapshot.now);
             self.heartbeat(&snapshot.state);
             self.system_status(snapshot, board);
+            if let (State::Boot, Some(fault)) = (&snapshot.state, snapshot.fault) {
+                self.say(MavSeverity::MAV_SEVERITY_WARNING, format_args!("{fault}"));
+            }
         }
         self.continue_list(flight.params());
     }

@@ -179,6 +179,7 @@ fn golden_snapshot() -> Snapshot {
         state: State::Active {
             over_tilt_since: None,
         },
+        fault: None,
         sensor_healthy: true,
         missed: 5,
     }
@@ -486,6 +487,20 @@ fn changes_of_state_are_told_at_once_with_their_reason() {
             ..
         })
     )));
+}
+
+#[test]
+fn a_sensor_that_does_not_start_is_told_once_a_second() {
+    let mut desk = Desk::new(0.1);
+    let mut telemetry = Telemetry::new();
+    let mut said = Vec::new();
+    for _ in 0..300 {
+        let outputs = desk.step_with(Err(SensorFault::Nak));
+        telemetry.record(&outputs.snapshot, &desk.flight, &BoardStatus::default());
+        said.extend(texts(&take(&mut telemetry)));
+    }
+    let fault = "IMU does not answer";
+    assert_eq!(said, ["boot: waiting for the sensor", fault, fault, fault]);
 }
 
 #[test]
