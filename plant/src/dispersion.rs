@@ -384,8 +384,9 @@ impl Rate {
         let half = scale * Z * (rate * (1.0 - rate) / n + Z * Z / (4.0 * n * n)).sqrt();
         Self {
             rate,
-            low: (centre - half).max(0.0),
-            high: (centre + half).min(1.0),
+            // At the ends the bound is the end itself, which rounding must not miss.
+            low: if hits == 0 { 0.0 } else { centre - half },
+            high: if hits == runs { 1.0 } else { centre + half },
         }
     }
 }

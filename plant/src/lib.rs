@@ -36,11 +36,14 @@
 //! | [`servo`] | a position servo from pulse edges to crank angle |
 //! | [`pitch_loop`] | servo, delays and a PD law round the drone |
 //! | [`dispersion`] | many runs with dispersed drones, on all cores |
+//! | [`identify`] | parameters from a recorded run |
+//! | [`rocket`] | the rocket that the drone stands for |
 //! | [`response`] | overshoot, rise and settling of a recorded response |
 
 pub mod dispersion;
 pub mod drone;
 pub mod free;
+pub mod identify;
 pub mod integrate;
 pub mod limit;
 pub mod linear;
@@ -50,6 +53,7 @@ pub mod newton_euler;
 pub mod parameters;
 pub mod pitch_loop;
 pub mod response;
+pub mod rocket;
 mod root;
 pub mod servo;
 pub mod setup;

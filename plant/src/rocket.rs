@@ -1,0 +1,482 @@
+//! The rocket that the drone stands for: pitch and yaw of Spica through its burn.
+//!
+//! While roll is held, pitch and yaw are two equal and independent axes,
+//!
+//! ```text
+//! I th'' = -F x_cm delta - q S CNa (static margin) alpha
+//! th''   = -mu_c delta - mu_a alpha,     alpha = th
+//! ```
+//!
+//! with mass, centre of mass and inertia changing as propellant burns, and the dynamic pressure `q`
+//! of a vertical run. Left out: lateral drift and wind, slosh, bending, jet damping.
+//!
+//! The stated figures do not fit each other: 100 kN from 2600 kg in 90 s imply a specific impulse
+//! of 353 s, too much for oxygen and ethanol (at 250 s the burn would last 64 s), and a vertical run
+//! on them ends at 2.5 km/s and 84 km where 1 km/s and 50 km are stated. They are used as stated.
+
+use serde::{Deserialize, Serialize};
+
+use crate::parameters::{ParameterError, finite, positive};
+use crate::response::{ResponseError, StepResponse};
+
+/// Density of air at sea level, in kg/m3.
+const SEA_LEVEL_KG_M3: f64 = 1.225;
+/// Gravity, in m/s2.
+const GRAVITY_M_S2: f64 = 9.81;
+/// Step of the ascent, in s.
+const ASCENT_STEP_S: f64 = 0.01;
+/// Step of the attitude, in s.
+const STEP_S: f64 = 1e-3;
+/// Period of the control law, in s.
+const CONTROL_S: f64 = 0.01;
+
+/// The rocket's figures.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct RocketParameters {
+    /// Thrust, in N.
+    pub thrust_n: f64,
+    /// Mass at burn-out, in kg.
+    pub dry_mass_kg: f64,
+    /// Propellant, in kg.
+    pub propellant_kg: f64,
+    /// Duration of the burn, in s.
+    pub burn_s: f64,
+    /// Centre of mass at burn-out, from the gimbal, in m.
+    pub dry_cm_m: f64,
+    /// Inertia at burn-out, about its centre of mass, in kg m2.
+    pub dry_inertia_kg_m2: f64,
+    /// Length of the full propellant column, in m; it shrinks onto its base.
+    pub column_m: f64,
+    /// Base of the propellant column, from the gimbal, in m.
+    pub column_base_m: f64,
+    /// Diameter, in m: reference of area and of the static margin.
+    pub diameter_m: f64,
+    /// Slope of the normal force over angle of attack, in 1/rad.
+    pub normal_force_slope: f64,
+    /// Centre of pressure behind the centre of mass, in diameters; negative is unstable.
+    pub static_margin: f64,
+    /// Drag coefficient.
+    pub drag: f64,
+    /// Scale height of the atmosphere, in m.
+    pub scale_height_m: f64,
+    /// Speed of sound, in m/s.
+    pub sound_m_s: f64,
+    /// Largest gimbal angle either side, in rad.
+    pub gimbal_limit_rad: f64,
+    /// Largest gimbal rate, in rad/s.
+    pub gimbal_rate_rad_s: f64,
+    /// Bandwidth of the gimbal's first-order lag, in Hz.
+    pub gimbal_hz: f64,
+}
+
+impl RocketParameters {
+    /// Spica as stated, with estimates for what is not: structure, aerodynamics, gimbal; the
+    /// atmosphere and drag give its stated Mach 1 near 20 s and 57 kPa at 32 s.
+    pub const SPICA: Self = Self {
+        thrust_n: 100e3,
+        dry_mass_kg: 1400.0,
+        propellant_kg: 2600.0,
+        burn_s: 90.0,
+        dry_cm_m: 7.0,
+        dry_inertia_kg_m2: 1.15 * 1400.0 * 13.0 * 13.0 / 12.0,
+        column_m: 3.8,
+        column_base_m: 1.5,
+        diameter_m: 0.955,
+        normal_force_slope: 4.5,
+        static_margin: 1.5,
+        drag: 0.4,
+        scale_height_m: 7800.0,
+        sound_m_s: 335.0,
+        gimbal_limit_rad: 5.0 * std::f64::consts::PI / 180.0,
+        gimbal_rate_rad_s: 30.0 * std::f64::consts::PI / 180.0,
+        gimbal_hz: 5.0,
+    };
+
+    /// Spica with an unstable airframe: half the aerodynamic moment, of the other sign.
+    pub const SPICA_UNSTABLE: Self = Self {
+        static_margin: -0.75,
+        ..Self::SPICA
+    };
+
+    /// Checks that the figures mean something.
+    ///
+    /// # Errors
+    /// The first figure found wanting, by name.
+    pub fn validate(&self) -> Result<(), ParameterError> {
+        positive(&[
+            ("thrust_n", self.thrust_n),
+            ("dry_mass_kg", self.dry_mass_kg),
+            ("propellant_kg", self.propellant_kg),
+            ("burn_s", self.burn_s),
+            ("dry_cm_m", self.dry_cm_m),
+            ("dry_inertia_kg_m2", self.dry_inertia_kg_m2),
+            ("column_m", self.column_m),
+            ("diameter_m", self.diameter_m),
+            ("scale_height_m", self.scale_height_m),
+            ("sound_m_s", self.sound_m_s),
+            ("gimbal_limit_rad", self.gimbal_limit_rad),
+            ("gimbal_rate_rad_s", self.gimbal_rate_rad_s),
+            ("gimbal_hz", self.gimbal_hz),
+        ])?;
+        finite(&[
+            ("column_base_m", self.column_base_m),
+            ("normal_force_slope", self.normal_force_slope),
+            ("static_margin", self.static_margin),
+            ("drag", self.drag),
+        ])
+    }
+
+    /// Specific impulse that thrust, propellant and burn time imply, in s.
+    pub fn implied_impulse_s(&self) -> f64 {
+        self.thrust_n * self.burn_s / (self.propellant_kg * GRAVITY_M_S2)
+    }
+
+    /// How long the propellant lasts at a specific impulse (s), in s.
+    pub fn burn_at_impulse_s(&self, impulse_s: f64) -> f64 {
+        self.propellant_kg * impulse_s * GRAVITY_M_S2 / self.thrust_n
+    }
+}
+
+/// The rocket at a time of its burn.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Flight {
+    /// Time since ignition, in s.
+    pub time_s: f64,
+    /// Mass, in kg.
+    pub mass_kg: f64,
+    /// Centre of mass, from the gimbal, in m.
+    pub cm_m: f64,
+    /// Inertia about the centre of mass, in kg m2.
+    pub inertia_kg_m2: f64,
+    /// Angular acceleration for each radian of gimbal, in 1/s2.
+    pub mu_c: f64,
+    /// Restoring angular acceleration for each radian of angle of attack, in 1/s2.
+    pub mu_a: f64,
+    /// Dynamic pressure, in Pa.
+    pub pressure_pa: f64,
+    /// Speed, in m/s.
+    pub speed_m_s: f64,
+    /// Altitude, in m.
+    pub altitude_m: f64,
+}
+
+/// Gains on attitude and rate: gimbal angle `kp error + kd rate`.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Gains {
+    /// On the attitude's error, rad/rad.
+    pub kp: f64,
+    /// On the rate, rad s/rad.
+    pub kd: f64,
+}
+
+impl Flight {
+    /// The gains that give a natural frequency (rad/s) and damping here. The airframe's own
+    /// stiffness is used, but the gimbal keeps at least a fifth of the stiffness to itself.
+    pub fn gains(&self, natural_rad_s: f64, damping: f64) -> Gains {
+        let stiffness = natural_rad_s * natural_rad_s;
+        Gains {
+            kp: (stiffness - self.mu_a).max(0.2 * stiffness) / self.mu_c,
+            kd: 2.0 * damping * natural_rad_s / self.mu_c,
+        }
+    }
+}
+
+/// A rocket and its vertical ascent.
+#[derive(Clone, Debug)]
+pub struct Rocket {
+    parameters: RocketParameters,
+    /// Speed and altitude every [`ASCENT_STEP_S`].
+    ascent: Vec<[f64; 2]>,
+}
+
+/// Attitude of both axes as a law gets it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Attitude {
+    /// Time since ignition, in s.
+    pub time_s: f64,
+    /// Pitch and yaw, in rad.
+    pub angle_rad: [f64; 2],
+    /// Their rates, in rad/s.
+    pub rate_rad_s: [f64; 2],
+}
+
+/// One sample of a controlled flight.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RocketSample {
+    /// Attitude.
+    pub attitude: Attitude,
+    /// Gimbal angles, in rad.
+    pub gimbal_rad: [f64; 2],
+}
+
+impl Rocket {
+    /// Flies the ascent and keeps it.
+    ///
+    /// # Errors
+    /// A figure out of range.
+    pub fn new(parameters: &RocketParameters) -> Result<Self, ParameterError> {
+        parameters.validate()?;
+        let p = parameters;
+        let area = std::f64::consts::FRAC_PI_4 * p.diameter_m * p.diameter_m;
+        let steps = (p.burn_s / ASCENT_STEP_S).ceil() as usize;
+        let mut ascent = Vec::with_capacity(steps + 1);
+        let mut state = [0.0, 0.0];
+        ascent.push(state);
+        for i in 0..steps {
+            let now = i as f64 * ASCENT_STEP_S;
+            let slope = |t: f64, &[speed, altitude]: &[f64; 2]| {
+                let mass = p.dry_mass_kg + p.propellant_kg * (1.0 - t / p.burn_s);
+                let drag = pressure(p, speed, altitude) * area * p.drag;
+                [(p.thrust_n - drag) / mass - GRAVITY_M_S2, speed]
+            };
+            state = crate::integrate::rk4_step(slope, now, &state, ASCENT_STEP_S);
+            ascent.push(state);
+        }
+        Ok(Self {
+            parameters: *parameters,
+            ascent,
+        })
+    }
+
+    /// The parameters.
+    pub fn parameters(&self) -> &RocketParameters {
+        &self.parameters
+    }
+
+    /// The rocket at a time since ignition (s), held within the burn.
+    pub fn at(&self, time_s: f64) -> Flight {
+        let p = &self.parameters;
+        let time_s = time_s.clamp(0.0, p.burn_s);
+        let left = 1.0 - time_s / p.burn_s;
+        let propellant = p.propellant_kg * left;
+        let column = p.column_m * left;
+        let column_cm = p.column_base_m + 0.5 * column;
+        let mass_kg = p.dry_mass_kg + propellant;
+        let cm_m = (p.dry_mass_kg * p.dry_cm_m + propellant * column_cm) / mass_kg;
+        let (dry, wet) = (p.dry_cm_m - cm_m, column_cm - cm_m);
+        let inertia_kg_m2 = p.dry_inertia_kg_m2
+            + p.dry_mass_kg * dry * dry
+            + propellant * (column * column / 12.0 + wet * wet);
+
+        let place = time_s / ASCENT_STEP_S;
+        let before = (place as usize).min(self.ascent.len() - 2);
+        let part = place - before as f64;
+        let between = |i: usize| {
+            let (a, b) = (self.ascent[before][i], self.ascent[before + 1][i]);
+            a + part * (b - a)
+        };
+        let (speed_m_s, altitude_m) = (between(0), between(1));
+        let pressure_pa = pressure(p, speed_m_s, altitude_m);
+        let area = std::f64::consts::FRAC_PI_4 * p.diameter_m * p.diameter_m;
+        let lever = p.static_margin * p.diameter_m;
+        Flight {
+            time_s,
+            mass_kg,
+            cm_m,
+            inertia_kg_m2,
+            mu_c: p.thrust_n * cm_m / inertia_kg_m2,
+            mu_a: pressure_pa * area * p.normal_force_slope * lever / inertia_kg_m2,
+            pressure_pa,
+            speed_m_s,
+            altitude_m,
+        }
+    }
+
+    /// Time at which the ascent passes the speed of sound, in s.
+    pub fn supersonic_s(&self) -> Option<f64> {
+        let index = self
+            .ascent
+            .iter()
+            .position(|[speed, _]| *speed > self.parameters.sound_m_s)?;
+        Some(index as f64 * ASCENT_STEP_S)
+    }
+
+    /// Flies both axes from `start` for `seconds`, the law giving gimbal commands (rad) every 10 ms.
+    pub fn fly(
+        &self,
+        start: Attitude,
+        seconds: f64,
+        mut law: impl FnMut(&Attitude, &Flight) -> [f64; 2],
+    ) -> Vec<RocketSample> {
+        let p = &self.parameters;
+        let mut sample = RocketSample {
+            attitude: start,
+            gimbal_rad: [0.0; 2],
+        };
+        let mut samples = vec![sample];
+        let mut command = [0.0; 2];
+        let control_steps = (CONTROL_S / STEP_S).round() as u64;
+        // The lag over one step, exactly.
+        let approach = 1.0 - (-std::f64::consts::TAU * p.gimbal_hz * STEP_S).exp();
+        let most = p.gimbal_rate_rad_s * STEP_S;
+        for i in 0..(seconds / STEP_S).round() as u64 {
+            let flight = self.at(sample.attitude.time_s);
+            if i % control_steps == 0 {
+                let limit = p.gimbal_limit_rad;
+                command = law(&sample.attitude, &flight).map(|c| c.clamp(-limit, limit));
+            }
+            for (axis, command) in command.into_iter().enumerate() {
+                let gimbal = &mut sample.gimbal_rad[axis];
+                *gimbal += ((command - *gimbal) * approach).clamp(-most, most);
+                let state = [
+                    sample.attitude.angle_rad[axis],
+                    sample.attitude.rate_rad_s[axis],
+                ];
+                let delta = *gimbal;
+                let slope =
+                    |_: f64, x: &[f64; 2]| [x[1], -flight.mu_c * delta - flight.mu_a * x[0]];
+                let next = crate::integrate::rk4_step(slope, 0.0, &state, STEP_S);
+                sample.attitude.angle_rad[axis] = next[0];
+                sample.attitude.rate_rad_s[axis] = next[1];
+            }
+            sample.attitude.time_s = start.time_s + (i + 1) as f64 * STEP_S;
+            samples.push(sample);
+        }
+        samples
+    }
+
+    /// The response of one axis to an error (rad) at a time of the burn, for 4 s, with gains that
+    /// may change with the flight.
+    ///
+    /// # Errors
+    /// No error to respond to.
+    pub fn respond(
+        &self,
+        time_s: f64,
+        error_rad: f64,
+        gains: impl Fn(&Flight) -> Gains,
+    ) -> Result<StepResponse, ResponseError> {
+        let start = Attitude {
+            time_s,
+            angle_rad: [error_rad, 0.0],
+            rate_rad_s: [0.0; 2],
+        };
+        let samples = self.fly(start, 4.0, |attitude, flight| {
+            let Gains { kp, kd } = gains(flight);
+            [0, 1].map(|i| kp * attitude.angle_rad[i] + kd * attitude.rate_rad_s[i])
+        });
+        StepResponse::new(
+            samples
+                .iter()
+                .map(|s| (s.attitude.time_s, s.attitude.angle_rad[0])),
+            0.0,
+        )
+    }
+}
+
+/// Dynamic pressure in an exponential atmosphere, in Pa.
+fn pressure(p: &RocketParameters, speed_m_s: f64, altitude_m: f64) -> f64 {
+    let density = SEA_LEVEL_KG_M3 * (-altitude_m / p.scale_height_m).exp();
+    0.5 * density * speed_m_s * speed_m_s
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn spica() -> Rocket {
+        Rocket::new(&RocketParameters::SPICA).unwrap()
+    }
+
+    /// Reference: mass, centre of mass, inertia, control and aerodynamic coefficient.
+    #[test]
+    fn schedule_table() {
+        for (time, mass, cm, inertia, mu_c, mu_a) in [
+            (0.0, 4000.0, 4.66, 37596.0, 12.4, 0.0),
+            (20.0, 3422.0, 4.62, 37530.0, 12.3, 5.1),
+            (32.0, 3076.0, 4.67, 37454.0, 12.5, 7.05),
+            (60.0, 2267.0, 5.14, 35468.0, 14.5, 2.1),
+            (75.0, 1833.0, 5.77, 31579.0, 18.3, 0.3),
+            (90.0, 1400.0, 7.00, 22674.0, 30.9, 0.02),
+        ] {
+            let f = spica().at(time);
+            assert!((f.mass_kg - mass).abs() < 0.5);
+            assert!((f.cm_m - cm).abs() < 0.0051);
+            assert!((f.inertia_kg_m2 - inertia).abs() < 1.0);
+            assert!((f.mu_c - mu_c).abs() < 0.051);
+            assert!((f.mu_a - mu_a).abs() < 0.1, "{} {mu_a}", f.mu_a);
+        }
+    }
+
+    #[test]
+    fn what_the_stated_figures_imply() {
+        let p = RocketParameters::SPICA;
+        assert!((p.implied_impulse_s() - 353.0).abs() < 0.5);
+        assert!((p.burn_at_impulse_s(250.0) - 64.0).abs() < 0.5);
+        let end = spica().at(90.0);
+        assert!((end.speed_m_s - 2533.0).abs() < 5.0);
+        assert!((end.altitude_m - 84e3).abs() < 500.0);
+        assert!((spica().supersonic_s().unwrap() - 21.0).abs() < 0.5);
+        assert!((spica().at(32.0).pressure_pa - 57e3).abs() < 500.0);
+    }
+
+    /// The schedule keeps the response through the burn; the gains of lift-off do not.
+    #[test]
+    fn responses_through_the_burn() {
+        let error = 5_f64.to_radians();
+        let fixed = spica().at(0.0).gains(3.0, 0.8);
+        let unstable = Rocket::new(&RocketParameters::SPICA_UNSTABLE).unwrap();
+        let mut fixed_settling = Vec::new();
+        let mut fixed_overshoot = 0.0_f64;
+        for time in [0.0, 20.0, 37.0, 60.0, 84.0] {
+            let response = spica().respond(time, error, |f| f.gains(3.0, 0.8)).unwrap();
+            let settling = response.settling_s(0.05).unwrap();
+            assert!(response.overshoot_pct() <= 1.2, "{time}");
+            assert!((1.09..1.155).contains(&settling), "{time}: {settling}");
+            let response = unstable
+                .respond(time, error, |f| f.gains(3.0, 0.8))
+                .unwrap();
+            let settling = response.settling_s(0.05).unwrap();
+            assert!((1.09..1.155).contains(&settling), "{time}: {settling}");
+            let response = spica().respond(time, error, |_| fixed).unwrap();
+            fixed_settling.push(response.settling_s(0.05).unwrap());
+            fixed_overshoot = fixed_overshoot.max(response.overshoot_pct());
+        }
+        fixed_settling.sort_by(f64::total_cmp);
+        assert!((fixed_overshoot - 8.2).abs() < 0.1, "{fixed_overshoot}");
+        assert!(
+            (fixed_settling[0] - 0.94).abs() < 0.01,
+            "{fixed_settling:?}"
+        );
+        assert!(
+            (fixed_settling[4] - 1.38).abs() < 0.01,
+            "{fixed_settling:?}"
+        );
+    }
+
+    /// Both axes are the same and do not mix; the gimbal keeps its limits.
+    #[test]
+    fn axes_are_independent_and_limited() {
+        let start = Attitude {
+            time_s: 10.0,
+            angle_rad: [0.3, -0.3],
+            rate_rad_s: [0.0; 2],
+        };
+        let samples = spica().fly(start, 3.0, |a, f| {
+            let Gains { kp, kd } = f.gains(3.0, 0.8);
+            [0, 1].map(|i| kp * a.angle_rad[i] + kd * a.rate_rad_s[i])
+        });
+        let p = RocketParameters::SPICA;
+        for pair in samples.windows(2) {
+            let [pitch, yaw] = pair[1].attitude.angle_rad;
+            assert!((pitch + yaw).abs() < 1e-12);
+            let moved = (pair[1].gimbal_rad[0] - pair[0].gimbal_rad[0]).abs();
+            assert!(moved <= p.gimbal_rate_rad_s * STEP_S * (1.0 + 1e-9));
+            assert!(pair[1].gimbal_rad[0].abs() <= p.gimbal_limit_rad);
+        }
+        assert!(
+            samples
+                .iter()
+                .any(|s| s.gimbal_rad[0] > 0.9 * p.gimbal_limit_rad)
+        );
+    }
+
+    #[test]
+    fn bad_figures_are_named() {
+        let p = RocketParameters {
+            burn_s: 0.0,
+            ..RocketParameters::SPICA
+        };
+        assert!(Rocket::new(&p).unwrap_err().to_string().contains("burn_s"));
+    }
+}
