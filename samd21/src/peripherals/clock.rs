@@ -92,9 +92,12 @@ impl<const N: usize> SyncFlags<N> {
         now < self.until[bit]
     }
 
-    /// How long flag `bit` stays set.
+    /// How long flag `bit` stays set, [`Ticks::NEVER`] for one that hangs.
     pub(crate) fn remaining(&self, now: Ticks, bit: usize) -> Ticks {
-        self.until[bit].saturating_sub(now)
+        match self.until[bit] {
+            Ticks::NEVER => Ticks::NEVER,
+            until => until.saturating_sub(now),
+        }
     }
 
     /// All flags as a register.
@@ -102,11 +105,6 @@ impl<const N: usize> SyncFlags<N> {
         (0..N).fold(0, |bits, bit| {
             bits | u32::from(self.is_busy(now, bit)) << bit
         })
-    }
-
-    /// Ends all synchronisation.
-    pub(crate) fn reset(&mut self) {
-        self.until = [Ticks::ZERO; N];
     }
 }
 

@@ -11,7 +11,9 @@
 //! | `port` | pins and their multiplexers |
 //! | `sercom` | I2C masters |
 //! | `tcc` | TCC0-TCC2: the servo's waveform |
+//! | `tc` | TC3-TC5: time bases |
 //! | `usb` | USB device controller; the host at the other end of the cable is [`usb_host`](crate::usb_host) |
+//! | `eic` | external interrupts |
 //! | `wdt` | watchdog |
 //! | `pac`, `dsu` | write protection, device identity |
 //!
@@ -19,14 +21,19 @@
 
 mod access;
 mod clock;
+mod counter;
 mod dsu;
+mod eic;
+mod error;
 mod gclk;
+mod map;
 mod nvmctrl;
 mod pac;
 mod pm;
 mod port;
 mod sercom;
 mod sysctrl;
+mod tc;
 mod tcc;
 #[cfg(test)]
 pub(crate) mod testing;
@@ -36,6 +43,7 @@ pub(crate) mod usb;
 mod violations;
 mod wdt;
 
+pub use error::{BusError, ResetCause, Width};
 pub use violations::{Violation, Violations};
 
 use crate::Options;
@@ -43,216 +51,8 @@ use crate::board::{Board, Ticks};
 use crate::memory::{FLASH_SIZE, Memory};
 use crate::usb_host::Host;
 use access::{Bus, Lanes, Refusal};
-use gclk::id::{DFLL48, SERCOM_SLOW, SERCOM0_CORE, TCC0_TCC1, TCC2_TC3, USB, WDT};
-use std::fmt;
-
-/// Why the chip started anew; the value is the bit in PM.RCAUSE.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum ResetCause {
-    /// Power was switched on.
-    PowerOn = 0x01,
-    /// The 3.3 V supply fell below the brown-out level.
-    BrownOut33 = 0x04,
-    /// The reset pin.
-    External = 0x10,
-    /// The watchdog ran out or was fed wrongly.
-    Watchdog = 0x20,
-    /// Software asked: AIRCR.SYSRESETREQ.
-    System = 0x40,
-}
-
-/// Size of a bus access.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Width {
-    /// 8 bits.
-    Byte,
-    /// 16 bits.
-    Half,
-    /// 32 bits.
-    Word,
-}
-
-impl Width {
-    /// 1, 2 or 4.
-    pub const fn bytes(self) -> u32 {
-        match self {
-            Self::Byte => 1,
-            Self::Half => 2,
-            Self::Word => 4,
-        }
-    }
-}
-
-/// An access that stops the chip.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum BusError {
-    /// Nothing is at this address.
-    Unmapped {
-        /// The address.
-        addr: u32,
-    },
-    /// The address is no multiple of the access' size.
-    Misaligned {
-        /// The address.
-        addr: u32,
-    },
-    /// Something is there on the real chip, but no model of it here.
-    Unmodelled {
-        /// The address.
-        addr: u32,
-        /// Name in the data sheet.
-        peripheral: &'static str,
-        /// The register, or which of its values.
-        register: &'static str,
-    },
-    /// The power manager has masked the peripheral's clock.
-    Unclocked {
-        /// The address.
-        addr: u32,
-        /// Name in the data sheet.
-        peripheral: &'static str,
-    },
-    /// The peripheral access controller protects the peripheral from writes.
-    Protected {
-        /// The address.
-        addr: u32,
-        /// Name in the data sheet.
-        peripheral: &'static str,
-    },
-    /// The access would hang or damage the real chip.
-    Forbidden {
-        /// The address.
-        addr: u32,
-        /// Name in the data sheet.
-        peripheral: &'static str,
-        /// What is wrong.
-        why: &'static str,
-    },
-}
-
-impl fmt::Display for BusError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match *self {
-            Self::Unmapped { addr } => write!(f, "nothing at {addr:#010x}"),
-            Self::Misaligned { addr } => write!(f, "misaligned access at {addr:#010x}"),
-            Self::Unmodelled {
-                addr,
-                peripheral,
-                register,
-            } => write!(
-                f,
-                "{peripheral} at {addr:#010x}: {register} is not modelled"
-            ),
-            Self::Unclocked { addr, peripheral } => {
-                write!(f, "{peripheral} at {addr:#010x}: its bus clock is masked")
-            }
-            Self::Protected { addr, peripheral } => {
-                write!(
-                    f,
-                    "{peripheral} at {addr:#010x}: write-protected by the PAC"
-                )
-            }
-            Self::Forbidden {
-                addr,
-                peripheral,
-                why,
-            } => write!(f, "{peripheral} at {addr:#010x}: {why}"),
-        }
-    }
-}
-
-impl std::error::Error for BusError {}
-
-/// The three APB bridges.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Bridge {
-    A,
-    B,
-    C,
-}
-
-/// What an address belongs to.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Block {
-    Pac(usize),
-    Pm,
-    Sysctrl,
-    Gclk,
-    Dsu,
-    Nvmctrl,
-    Port,
-    Sercom(usize),
-    Tcc(usize),
-    Usb,
-    Wdt,
-    Unmodelled,
-}
-
-/// A block on an APB bridge: where, name, and index in the bridge's masks.
-struct Mapping {
-    base: u32,
-    bridge: Bridge,
-    index: u32,
-    name: &'static str,
-    block: Block,
-}
-
-/// The block at an address of the APB bridges (D21 table 12-1 and the PAC's peripheral numbers).
-fn map(addr: u32) -> Option<Mapping> {
-    use Block::{Dsu, Gclk, Nvmctrl, Pac, Pm, Port, Sercom, Sysctrl, Tcc, Unmodelled, Usb, Wdt};
-    use Bridge::{A, B, C};
-    let (bridge, index, name, block) = match addr & !0x3FF {
-        0x4000_0000 => (A, 0, "PAC0", Pac(0)),
-        0x4000_0400 => (A, 1, "PM", Pm),
-        0x4000_0800 => (A, 2, "SYSCTRL", Sysctrl),
-        0x4000_0C00 => (A, 3, "GCLK", Gclk),
-        0x4000_1000 => (A, 4, "WDT", Wdt),
-        0x4000_1400 => (A, 5, "RTC", Unmodelled),
-        0x4000_1800 => (A, 6, "EIC", Unmodelled),
-        0x4100_0000 => (B, 0, "PAC1", Pac(1)),
-        0x4100_2000..0x4100_4000 => (B, 1, "DSU", Dsu),
-        0x4100_4000 => (B, 2, "NVMCTRL", Nvmctrl),
-        // The second is the core's single-cycle I/O bus.
-        0x4100_4400 | 0x6000_0000 => (B, 3, "PORT", Port),
-        0x4100_4800 => (B, 4, "DMAC", Unmodelled),
-        0x4100_5000 => (B, 5, "USB", Usb),
-        0x4100_6000 => (B, 6, "MTB", Unmodelled),
-        0x4100_7000 => (B, 6, "HMATRIX", Unmodelled),
-        0x4200_0000 => (C, 0, "PAC2", Pac(2)),
-        0x4200_0400 => (C, 1, "EVSYS", Unmodelled),
-        0x4200_0800 => (C, 2, "SERCOM0", Sercom(0)),
-        0x4200_0C00 => (C, 3, "SERCOM1", Sercom(1)),
-        0x4200_1000 => (C, 4, "SERCOM2", Sercom(2)),
-        0x4200_1400 => (C, 5, "SERCOM3", Sercom(3)),
-        0x4200_1800 => (C, 6, "SERCOM4", Sercom(4)),
-        0x4200_1C00 => (C, 7, "SERCOM5", Sercom(5)),
-        0x4200_2000 => (C, 8, "TCC0", Tcc(0)),
-        0x4200_2400 => (C, 9, "TCC1", Tcc(1)),
-        0x4200_2800 => (C, 10, "TCC2", Tcc(2)),
-        0x4200_2C00 => (C, 11, "TC3", Unmodelled),
-        0x4200_3000 => (C, 12, "TC4", Unmodelled),
-        0x4200_3400 => (C, 13, "TC5", Unmodelled),
-        0x4200_3800 => (C, 14, "TC6", Unmodelled),
-        0x4200_3C00 => (C, 15, "TC7", Unmodelled),
-        0x4200_4000 => (C, 16, "ADC", Unmodelled),
-        0x4200_4400 => (C, 17, "AC", Unmodelled),
-        0x4200_4800 => (C, 18, "DAC", Unmodelled),
-        0x4200_4C00 => (C, 19, "PTC", Unmodelled),
-        0x4200_5000 => (C, 20, "I2S", Unmodelled),
-        _ => return None,
-    };
-    let base = match block {
-        Dsu => 0x4100_2000,
-        _ => addr & !0x3FF,
-    };
-    Some(Mapping {
-        base,
-        bridge,
-        index,
-        name,
-        block,
-    })
-}
+use gclk::id::{DFLL48, EIC, SERCOM_SLOW, SERCOM0_CORE, TC4_TC5, TCC0_TCC1, TCC2_TC3, USB, WDT};
+use map::{Block, Bridge, Mapping, map};
 
 /// All peripherals of one chip.
 #[derive(Clone, Debug)]
@@ -262,9 +62,11 @@ pub struct Peripherals {
     pm: pm::Pm,
     sysctrl: sysctrl::Sysctrl,
     gclk: gclk::Gclk,
+    eic: eic::Eic,
     nvmctrl: nvmctrl::Nvmctrl,
     port: port::Port,
     sercom: [sercom::Sercom; 6],
+    tc: [tc::Tc; 3],
     tcc: [tcc::Tcc; 3],
     usb: usb::Usb,
     wdt: wdt::Wdt,
@@ -286,10 +88,12 @@ impl Peripherals {
             pm: pm::Pm::new(ResetCause::PowerOn),
             sysctrl: sysctrl::Sysctrl::new(),
             gclk: gclk::Gclk::new(options.syncbusy_hold),
+            eic: eic::Eic::new(options.syncbusy_hold),
             nvmctrl: nvmctrl::Nvmctrl::new(options.serial_number),
             port: port::Port::new(),
             sercom: [0, 1, 2, 3, 4, 5]
                 .map(|index| sercom::Sercom::new(index, options.syncbusy_hold)),
+            tc: [0, 1, 2].map(|index| tc::Tc::new(index, options.syncbusy_hold)),
             tcc: [0, 1, 2].map(|index| tcc::Tcc::new(index, options.syncbusy_hold)),
             usb: usb::Usb::new(options.syncbusy_hold),
             wdt: wdt::Wdt::new(),
@@ -361,9 +165,11 @@ impl Peripherals {
             Block::Sysctrl => self.sysctrl.read(now, offset),
             Block::Gclk => self.gclk.read(now, offset),
             Block::Dsu => dsu::read(offset),
+            Block::Eic => self.eic.read(now, offset),
             Block::Nvmctrl => self.nvmctrl.read(now, offset),
             Block::Port => self.port.read(now, offset, board),
             Block::Sercom(index) => self.sercom[index].read(now, offset, board),
+            Block::Tc(index) => self.tc[index].read(now, offset),
             Block::Tcc(index) => self.tcc[index].read(now, offset),
             Block::Usb => self.usb.read(now, offset),
             Block::Wdt => self.wdt.read(offset),
@@ -427,9 +233,11 @@ impl Peripherals {
             }
             Block::Gclk => self.gclk.write(bus, offset, lanes),
             Block::Dsu => Err(Refusal::Unmodelled("writing to it")),
+            Block::Eic => self.eic.write(bus, offset, lanes, &self.port),
             Block::Nvmctrl => self.nvmctrl.write(bus, offset, lanes, memory),
             Block::Port => self.port.write(bus, offset, lanes),
             Block::Sercom(index) => self.sercom[index].write(bus, offset, lanes),
+            Block::Tc(index) => self.tc[index].write(bus, offset, lanes),
             Block::Tcc(index) => self.tcc[index].write(bus, offset, lanes),
             Block::Usb => self.usb.write(bus, offset, lanes),
             Block::Wdt => self.wdt.write(bus, offset, lanes),
@@ -447,6 +255,10 @@ impl Peripherals {
             Block::Tcc(index) => {
                 let outputs = self.tcc[index].outputs();
                 self.port.drive(now, index as u8, outputs, board);
+            }
+            Block::Tc(_) => {
+                let pair = self.tc[1].is_32_bits();
+                self.tc[2].set_slave(pair);
             }
             Block::Port => {
                 self.sercom[4].set_connected(self.port.i2c_routed());
@@ -510,6 +322,14 @@ impl Peripherals {
                 self.port.drive(now, index as u8, tcc.outputs(), bus.board);
             }
         }
+        if self.eic.next() == now {
+            self.eic.advance(bus, &self.port);
+        }
+        for tc in &mut self.tc {
+            if tc.next() == now {
+                tc.advance(now);
+            }
+        }
         self.usb.advance(now);
         if self.wdt.next() == now {
             self.wdt.advance(now);
@@ -568,6 +388,10 @@ impl Peripherals {
         for (index, id) in [(0, TCC0_TCC1), (1, TCC0_TCC1), (2, TCC2_TC3)] {
             self.tcc[index].set_clock(now, self.gclk.clock(id));
         }
+        for (index, id) in [(0, TCC2_TC3), (1, TC4_TC5), (2, TC4_TC5)] {
+            self.tc[index].set_clock(now, self.gclk.clock(id));
+        }
+        self.eic.set_clock(now, self.gclk.clock(EIC).is_some());
         self.usb.set_clock(self.gclk.clock(USB));
         self.wdt.set_clock(self.gclk.clock(WDT));
         self.ticks_per_cycle = u32::try_from(cycle.0).unwrap_or(u32::MAX);
@@ -585,11 +409,13 @@ impl Peripherals {
             .iter()
             .map(tcc::Tcc::next)
             .chain(self.sercom.iter().map(sercom::Sercom::next))
-            .chain([self.usb.next(), self.wdt.next()])
+            .chain(self.tc.iter().map(tc::Tc::next))
+            .chain([self.eic.next(), self.usb.next(), self.wdt.next()])
             .fold(self.sysctrl.next(now), Ticks::min);
         self.irq_lines = u32::from(self.pm.irq())
             | u32::from(self.sysctrl.irq()) << 1
             | u32::from(self.wdt.irq()) << 2
+            | u32::from(self.eic.irq()) << 4
             | u32::from(self.nvmctrl.irq(now)) << 5
             | u32::from(self.usb.irq()) << 7;
         for (index, sercom) in self.sercom.iter().enumerate() {
@@ -597,6 +423,9 @@ impl Peripherals {
         }
         for (index, tcc) in self.tcc.iter().enumerate() {
             self.irq_lines |= u32::from(tcc.irq()) << (15 + index);
+        }
+        for (index, tc) in self.tc.iter().enumerate() {
+            self.irq_lines |= u32::from(tc.irq()) << (18 + index);
         }
     }
 }

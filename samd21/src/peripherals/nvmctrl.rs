@@ -96,7 +96,7 @@ impl Nvmctrl {
         Ok(match offset {
             0x00 => 0,
             0x04 => self.ctrlb,
-            0x08 => 3 << 16 | FLASH_SIZE / PAGE,
+            0x08 => (3 << 16) | (FLASH_SIZE / PAGE),
             0x0C | 0x10 => u32::from(self.interrupts),
             0x14 => u32::from(self.flags(now)),
             0x18 => u32::from(self.status),

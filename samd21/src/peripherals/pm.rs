@@ -60,7 +60,7 @@ impl Pm {
             0x18 => self.apb_masks[0],
             0x1C => self.apb_masks[1],
             0x20 => self.apb_masks[2],
-            0x34 => u32::from(self.interrupts) * 0x0101 | 1 << 16,
+            0x34 => (u32::from(self.interrupts) * 0x0101) | 1 << 16,
             0x38 => u32::from(self.cause as u8),
             _ => return Err(RESERVED),
         })

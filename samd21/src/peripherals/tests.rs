@@ -209,3 +209,68 @@ fn time_to_the_next_event_does_not_change_what_happens() {
     coarse.pass(Ticks(48 * 60_000));
     assert_eq!(fine.board.edges, coarse.board.edges);
 }
+
+/// A switch on PA07.
+#[derive(Default)]
+struct Switch {
+    closed: bool,
+}
+
+impl Board for Switch {
+    fn i2c(&mut self, _now: Ticks, _event: I2cEvent) -> I2cReply {
+        I2cReply::NAK
+    }
+    fn i2c_held_low(&self, _now: Ticks) -> Lines {
+        Lines::default()
+    }
+    fn pin(&mut self, _now: Ticks, _pin: Pin, _level: bool) {}
+    fn input(&self, _now: Ticks, pin: Pin) -> Option<bool> {
+        (pin == Pin::a(7)).then_some(!self.closed)
+    }
+}
+
+#[test]
+fn a_switch_interrupts_on_the_edge_that_is_sensed() {
+    const EIC: u32 = 0x4000_1800;
+    for (sense, on_close, on_open) in [(1, false, true), (2, true, false), (3, true, true)] {
+        let mut bench = Bench::new(SyncHold::Instant, Switch::default());
+        bench.start_clocks();
+        bench.route(5, 0);
+        bench.multiplex(0, 7, 0);
+        bench.w32(EIC + 0x18, sense << 28);
+        bench.w32(EIC + 0x0C, 1 << 7);
+        bench.w8(EIC, 2);
+        bench.pass(Ticks::from_ms(1));
+        assert_eq!(bench.peripherals.irq_lines() & 1 << 4, 0);
+        for (closed, interrupts) in [(true, on_close), (false, on_open)] {
+            bench.board.closed = closed;
+            bench.pass(Ticks::from_us(200));
+            let expected = if interrupts { 1 << 4 } else { 0 };
+            assert_eq!(bench.peripherals.irq_lines() & 1 << 4, expected);
+            bench.w32(EIC + 0x10, 1 << 7);
+            assert_eq!(bench.peripherals.irq_lines() & 1 << 4, 0);
+        }
+    }
+}
+
+#[test]
+fn a_starved_watchdog_asks_for_a_reset() {
+    const WDT: u32 = 0x4000_1000;
+    let mut bench = Bench::new(SyncHold::Instant, Unconnected);
+    bench.start_clocks();
+    bench.generator(3, 3, 32);
+    bench.route(3, 3);
+    bench.w8(WDT + 1, 4);
+    bench.w8(WDT + 2, 3);
+    bench.w8(WDT + 5, 1);
+    bench.w8(WDT, 2);
+    bench.pass(Ticks::from_ms(75));
+    assert_eq!(bench.peripherals.irq_lines(), 1 << 2);
+    assert_eq!(bench.peripherals.take_reset(), None);
+    bench.pass(Ticks::from_ms(60));
+    let cause = bench.peripherals.take_reset();
+    assert_eq!(cause, Some(ResetCause::Watchdog));
+    bench.peripherals.reset(bench.now, ResetCause::Watchdog);
+    bench.pass(Ticks::from_ms(200));
+    assert_eq!(bench.peripherals.take_reset(), None);
+}

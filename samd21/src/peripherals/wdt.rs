@@ -129,7 +129,7 @@ impl Wdt {
             }
             0x04 => {
                 let busy = u32::from(self.arriving.is_some());
-                u32::from(self.interrupt) * 0x0101 | u32::from(self.flag) << 16 | busy << 31
+                (u32::from(self.interrupt) * 0x0101) | u32::from(self.flag) << 16 | busy << 31
             }
             0x08 => 0,
             _ => return Err(RESERVED),

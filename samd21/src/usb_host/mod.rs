@@ -360,7 +360,7 @@ impl Host {
         self.due = self.next_frame;
         self.next_request(now);
         let mut candidates = [Pipe::Control, Pipe::Interrupt, Pipe::BulkOut, Pipe::BulkIn];
-        if self.frame % 2 == 0 {
+        if self.frame.is_multiple_of(2) {
             // Neither direction starves the other.
             candidates.swap(2, 3);
         }

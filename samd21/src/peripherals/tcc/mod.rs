@@ -28,6 +28,7 @@ mod tests;
 
 use super::access::{Bus, DONE, Lanes, RESERVED, Read, Refusal, Write};
 use super::clock::{Rate, SyncFlags};
+use super::counter::{Run, prescaler};
 use crate::SyncHold;
 use crate::board::Ticks;
 
@@ -44,6 +45,7 @@ const OVF: u32 = 1 << 0;
 const TRG: u32 = 1 << 1;
 const ERR: u32 = 1 << 3;
 const MC0: u32 = 1 << 16;
+const MCX: u32 = 0xF << 16;
 
 const STATUS_STOP: u32 = 1 << 0;
 const PERBV: u32 = 1 << 7;
@@ -67,30 +69,6 @@ const NAMES: [&str; 3] = ["TCC0", "TCC1", "TCC2"];
 const NPWM: u32 = 2;
 /// WAVE: WAVEGEN and POLx.
 const WAVE_MODELLED: u32 = 0x000F_0007;
-const PRESCALERS: [u64; 8] = [1, 2, 4, 8, 16, 64, 256, 1024];
-
-/// A running counter. It was at 0, the start of its cycle, when `start` counts had passed since
-/// `origin` (before `origin`, where negative); the cycle ends after `length` counts.
-#[derive(Clone, Copy, Debug)]
-struct Run {
-    rate: Rate,
-    origin: Ticks,
-    start: i64,
-    length: u64,
-}
-
-impl Run {
-    /// When COUNT reaches `count` in this cycle, `None` if that is before `origin`.
-    fn time_of(&self, count: u64) -> Option<Ticks> {
-        let counts = u64::try_from(self.start + count as i64).ok()?;
-        Some(self.origin + self.rate.duration(counts))
-    }
-
-    fn count(&self, now: Ticks) -> u32 {
-        let counts = self.rate.cycles_in(now.saturating_sub(self.origin)) as i64 - self.start;
-        (counts.max(0) as u64 % self.length) as u32
-    }
-}
 
 #[derive(Clone, Debug)]
 pub(crate) struct Tcc {
@@ -208,8 +186,7 @@ impl Tcc {
             self.update();
         }
         if let Some(run) = &mut self.run {
-            // From the exact end of the cycle, not from its tick: no drift.
-            run.start += run.length as i64;
+            run.begin_next_cycle();
         }
         if self.ctrlb & ONESHOT != 0 {
             self.halt(now);
@@ -255,22 +232,14 @@ impl Tcc {
             self.next_overflow = Ticks::NEVER;
             return;
         };
-        run.length = u64::from(self.max) + 1;
-        if run.count(now) <= self.per {
-            run.length = u64::from(self.per) + 1;
-        }
-        self.next_overflow = run.time_of(run.length).unwrap_or(Ticks::NEVER);
+        run.set_top(now, self.per, self.max);
+        self.next_overflow = run.end();
     }
 
     /// Finds the match still to come in this cycle, if there is one.
     fn schedule_match(&mut self, now: Ticks, channel: usize) {
-        let cc = u64::from(self.cc[channel]);
-        self.next_match[channel] = self
-            .run
-            .filter(|run| cc < run.length)
-            .and_then(|run| run.time_of(cc))
-            .filter(|&at| at > now)
-            .unwrap_or(Ticks::NEVER);
+        let cc = self.cc[channel];
+        self.next_match[channel] = self.run.map_or(Ticks::NEVER, |run| run.next_match(now, cc));
     }
 
     /// Copies the valid buffers.
@@ -301,13 +270,8 @@ impl Tcc {
             return;
         }
         let Some(clock) = self.clock else { return };
-        let prescaler = PRESCALERS[(self.ctrla >> 8 & 7) as usize];
-        self.run = Some(Run {
-            rate: clock.divided(prescaler),
-            origin: now,
-            start: -i64::from(self.held),
-            length: 1,
-        });
+        let rate = clock.divided(prescaler(self.ctrla));
+        self.run = Some(Run::new(rate, now, self.held));
         self.set_length(now);
         for channel in 0..self.channels {
             self.schedule_match(now, channel);
@@ -345,7 +309,7 @@ impl Tcc {
             0x0C | 0x10 | 0x14 | 0x18 | 0x1C | 0x20 | 0x38 | 0x64 | 0x68 => 0,
             0x24 | 0x28 => self.interrupts,
             0x2C => self.flags,
-            0x30 => self.valid | u32::from(self.stopped) * STATUS_STOP,
+            0x30 => self.valid | if self.stopped { STATUS_STOP } else { 0 },
             0x34 => {
                 let (from, count) = self.count_synced;
                 if now >= from { count } else { self.count_read }
@@ -381,7 +345,7 @@ impl Tcc {
             }
             0x24 => self.interrupts &= !lanes.bits(),
             0x28 => {
-                if lanes.bits() & !(OVF | TRG | ERR | 0xF * MC0) != 0 {
+                if lanes.bits() & !(OVF | TRG | ERR | MCX) != 0 {
                     return Err(Refusal::Unmodelled("this bit of INTENSET"));
                 }
                 self.interrupts |= lanes.bits();

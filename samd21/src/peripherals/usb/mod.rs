@@ -165,7 +165,7 @@ impl Usb {
     pub(crate) fn read(&self, now: Ticks, offset: u32) -> Read {
         Ok(match offset {
             0x00 => {
-                let ctrla = self.ctrla | u8::from(self.sync.is_busy(now, 0)) * SWRST;
+                let ctrla = self.ctrla | u8::from(self.sync.is_busy(now, 0));
                 u32::from(ctrla) | self.sync.bits(now) << 16 | u32::from(self.qos) << 24
             }
             0x08 => u32::from(self.ctrlb) | u32::from(self.address) << 16,
