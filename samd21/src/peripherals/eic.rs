@@ -29,8 +29,8 @@ const ENABLE: u8 = 1 << 1;
 const LINES: u32 = 0xFFFF;
 const SAMPLE: Ticks = Ticks::from_us(100);
 
-/// Which pins function A gives to which line (D21 table 7-1, G variant).
-const PINS: [(Pin, u8); 35] = [
+/// Which pins function A gives to which line (I/O multiplexing table, G variant).
+const PINS: [(Pin, u8); 37] = [
     (Pin::a(0), 0),
     (Pin::a(1), 1),
     (Pin::a(2), 2),
@@ -62,6 +62,8 @@ const PINS: [(Pin, u8); 35] = [
     (Pin::a(31), 11),
     (Pin::b(2), 2),
     (Pin::b(3), 3),
+    (Pin::b(8), 8),
+    (Pin::b(9), 9),
     (Pin::b(10), 10),
     (Pin::b(11), 11),
     (Pin::b(22), 6),

@@ -30,7 +30,7 @@ const DIVSEL: u32 = 1 << 20;
 const CLKEN: u16 = 1 << 14;
 const WRTLOCK: u16 = 1 << 15;
 
-/// Clock identities used by the models (D21 table 15-5).
+/// Clock identities used by the models (CLKCTRL.ID).
 pub(crate) mod id {
     /// Reference of the DFLL.
     pub(crate) const DFLL48: usize = 0x00;

@@ -36,7 +36,8 @@ pub(super) struct Mapping {
     pub(super) block: Block,
 }
 
-/// The block at an address of the APB bridges (D21 table 12-1 and the PAC's peripheral numbers).
+/// The block at an address of the APB bridges with its number in the power manager's masks,
+/// which is also the access controller's.
 pub(super) fn map(addr: u32) -> Option<Mapping> {
     use Block::{
         Dsu, Eic, Gclk, Nvmctrl, Pac, Pm, Port, Sercom, Sysctrl, Tc, Tcc, Unmodelled, Usb, Wdt,

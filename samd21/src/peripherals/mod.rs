@@ -4,6 +4,8 @@
 //! model covers stops the chip with an error that names peripheral and register; misuse that the
 //! real chip swallows is noted in [`Violations`].
 //!
+//! D21-nnn is page nnn of the SAM D21 data sheet, DS40001882D.
+//!
 //! | file | models |
 //! |---|---|
 //! | `pm`, `sysctrl`, `gclk` | clocks and reset cause |
@@ -73,6 +75,8 @@ pub struct Peripherals {
     usb_host: Host,
     violations: Violations,
     ticks_per_cycle: u32,
+    /// The flash is read faster than it can be.
+    flash_overrun: bool,
     irq_lines: u32,
     next: Ticks,
     last: Ticks,
@@ -100,6 +104,7 @@ impl Peripherals {
             usb_host: Host::new(),
             violations: Violations::default(),
             ticks_per_cycle: 48,
+            flash_overrun: false,
             irq_lines: 0,
             next: Ticks::NEVER,
             last: Ticks::ZERO,
@@ -266,6 +271,7 @@ impl Peripherals {
             }
             _ => {}
         }
+        self.check_flash(now);
         self.refresh(now);
         Ok(stall)
     }
@@ -396,6 +402,16 @@ impl Peripherals {
         self.wdt.set_clock(self.gclk.clock(WDT));
         self.ticks_per_cycle = u32::try_from(cycle.0).unwrap_or(u32::MAX);
         true
+    }
+
+    /// Notes when the CPU begins to outrun the flash: above 24 MHz it needs a wait state (at 3.3 V).
+    fn check_flash(&mut self, now: Ticks) {
+        let overrun = self.ticks_per_cycle < 2 && self.nvmctrl.wait_states() == 0;
+        if overrun && !self.flash_overrun {
+            let what = "flash without a wait state above 24 MHz";
+            self.violations.note(now, "NVMCTRL", what);
+        }
+        self.flash_overrun = overrun;
     }
 
     /// Works out what `next_event` and `irq_lines` tell.

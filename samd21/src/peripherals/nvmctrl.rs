@@ -14,7 +14,7 @@
 //! | 0080_6020, 0080_6030 | calibration, temperature log | plausible factory values |
 //! | 0080_A00C, A040-A048 | serial number | from the chip's options |
 //!
-//! Erasing a row (256 bytes) takes 6 ms, programming a page 2.5 ms (D21 table 37-40, maxima); the CPU
+//! Erasing a row (256 bytes) takes 6 ms, programming a page 2.5 ms (the data sheet's maxima); the CPU
 //! runs from the same flash and stands still meanwhile. Programming only clears bits.
 //!
 //! | left out | why |
@@ -40,10 +40,10 @@ const PROGE: u16 = 1 << 2;
 const NVME: u16 = 1 << 4;
 const MANW: u32 = 1 << 7;
 
-/// Factory user row (D21 table 10-4): watchdog off, BOD33 on, no bootloader protection.
+/// Factory user row (data sheet, NVM user row): watchdog off, BOD33 on, no bootloader protection.
 const USER_ROW: [u32; 2] = [0xD8E0_C7FF, 0xFFFF_FC5D];
 
-/// 0x0080_6020 (D21 table 10-5): ADC linearity 0x80 and bias 2, OSC32K 0x2E, USB TRANSN 5, TRANSP 29,
+/// 0x0080_6020 (data sheet, NVM software calibration area): ADC linearity 0x80 and bias 2, OSC32K 0x2E, USB TRANSN 5, TRANSP 29,
 /// TRIM 3, DFLL48M coarse 0x1F.
 const CALIBRATION: u64 =
     0x80 << 27 | 2 << 35 | 0x2E << 38 | 5 << 45 | 29 << 50 | 3 << 55 | 0x1F << 58 | 0x7FF_FFFF;

@@ -22,7 +22,7 @@ pub(crate) struct Pac {
 
 impl Pac {
     pub(crate) fn new() -> Self {
-        // From reset only the DSU is protected (D21 11.7).
+        // From reset only the DSU is protected.
         Self {
             protected: [0, 1 << 1, 0],
         }

@@ -329,7 +329,7 @@ fn word(bytes: &[u8], start: u32) -> u32 {
     })
 }
 
-/// What functions E and F of a pin are (D21 table 7-1, G variant).
+/// What functions E and F of a pin are (I/O multiplexing table, G variant).
 fn waveform(pin: Pin, function: u8) -> Option<Waveform> {
     use Waveform::{Tc, Tcc};
     let Pin { group, index } = pin;

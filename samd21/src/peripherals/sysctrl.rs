@@ -41,7 +41,7 @@ const DFLLLCKC: u32 = 1 << 7;
 const BOD33RDY: u32 = 1 << 9;
 const B33SRDY: u32 = 1 << 11;
 
-/// Start-up of the DFLL (D21 electrical characteristics: 8 us maximum, 6 us typical).
+/// Start-up of the DFLL (electrical characteristics, typical).
 const DFLL_STARTUP: Ticks = Ticks::from_us(6);
 /// Closed-loop lock time (typical).
 const DFLL_LOCK: Ticks = Ticks::from_us(500);

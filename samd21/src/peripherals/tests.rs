@@ -63,6 +63,20 @@ fn the_cpu_cannot_be_left_without_a_clock() {
 }
 
 #[test]
+fn flash_without_a_wait_state_is_noted_above_24_mhz() {
+    let mut bench = Bench::new(SyncHold::Instant, Unconnected);
+    bench.start_clocks();
+    assert_eq!(bench.peripherals.violations().count(), 0);
+    bench.w32(NVMCTRL + 4, 1 << 7);
+    assert_eq!(bench.peripherals.flash_wait_states(), 0);
+    assert_eq!(bench.peripherals.violations().count(), 1);
+    assert_eq!(
+        bench.peripherals.violations().first()[0].peripheral,
+        "NVMCTRL"
+    );
+}
+
+#[test]
 fn factory_rows_are_read_by_bytes() {
     let mut bench = Bench::new(SyncHold::Instant, Unconnected);
     let row = (0..8).fold(0, |row: u64, byte| {

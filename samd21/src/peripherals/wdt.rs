@@ -11,7 +11,7 @@
 //!
 //! CTRL and CLEAR reach the watchdog's own clock (1,024 Hz as a rule) after its next edge and five
 //! periods: 4.9 to 5.9 ms, and take effect only then. A second write to one of them meanwhile stalls
-//! the bus until the first has arrived (D21 14.3.1): the CPU and all interrupts stand still. With no
+//! the bus until the first has arrived (data sheet, register synchronisation): the CPU and all interrupts stand still. With no
 //! clock it would stall for ever: that faults.
 //!
 //! | left out | why |

@@ -8,7 +8,7 @@
 //! ```
 //!
 //! A bit takes (10 + 2 BAUD) / f, or (10 + BAUD + BAUDLOW) / f with BAUDLOW, plus the rise time of SCL
-//! (D21 28.6.2.4). The slave is asked at the ninth clock of what it receives and at the first clock of
+//! (data sheet, SERCOM I2C, BAUD). The slave is asked at the ninth clock of what it receives and at the first clock of
 //! what it sends; its stretching lengthens that byte.
 //!
 //! SCL held low by others stops everything before the next clock: MB never comes. SDA held low makes

@@ -13,7 +13,7 @@
 //! | 6C, 70-7C | PERB, CCBx | copied to PER and CCx at overflow unless LUPD |
 //!
 //! TCC0 and TCC1 count 24 bits, TCC2 16; TCC0 has four channels, the others two; WO\[n\] follows channel n
-//! modulo that number. The output is match-driven (D21 31.6.2.5): it rises at overflow and falls
+//! modulo that number. The output is match-driven (D21-717): it rises at overflow and falls
 //! when COUNT meets CC. So a CC written below COUNT while the pin is high finds no match: the pin
 //! stays high for the rest of the frame and for the whole next pulse.
 //!
@@ -489,7 +489,7 @@ impl Tcc {
     }
 
     /// Starts a register's synchronisation; false, and noted, if one is still going on: then the
-    /// write is discarded (D21 14.3.2.4).
+    /// write is discarded (D21-114).
     fn synchronise(&mut self, bus: &mut Bus<'_>, bit: usize) -> bool {
         if self.sync.is_busy(bus.now, bit) {
             let what = "a register written while it synchronises: discarded";

@@ -11,7 +11,7 @@
 //! | OUT, IN | STALLRQ is set | STALL and its flag |
 //!
 //! With MULTI_PACKET_SIZE, OUT gathers packets until that many bytes or a short packet have come;
-//! BYTE_COUNT above SIZE sends several IN packets while MULTI_PACKET_SIZE counts (D21 32.6.2).
+//! BYTE_COUNT above SIZE sends several IN packets while MULTI_PACKET_SIZE counts (D21-801); SETUP: D21-798.
 
 use super::{ENDPOINTS, RAMACER, Usb};
 use crate::memory::Memory;
