@@ -308,7 +308,7 @@ impl Peripherals {
     /// Runs what is due at `now`.
     fn run(&mut self, now: Ticks, memory: &mut Memory, board: &mut dyn Board) {
         self.port.publish_pending(now, board);
-        if self.sysctrl.next(Ticks(now.0 - 1)) == now {
+        if self.sysctrl.next(now.saturating_sub(Ticks(1))) == now {
             self.sysctrl.latch_flags(now);
             self.retime(now);
         }
@@ -318,26 +318,26 @@ impl Peripherals {
             violations: &mut self.violations,
         };
         for sercom in &mut self.sercom {
-            if sercom.next() == now {
+            if sercom.next() <= now {
                 sercom.advance(bus);
             }
         }
         for (index, tcc) in self.tcc.iter_mut().enumerate() {
-            if tcc.next() == now {
+            if tcc.next() <= now {
                 tcc.advance(now);
                 self.port.drive(now, index as u8, tcc.outputs(), bus.board);
             }
         }
-        if self.eic.next() == now {
+        if self.eic.next() <= now {
             self.eic.advance(bus, &self.port);
         }
         for tc in &mut self.tc {
-            if tc.next() == now {
+            if tc.next() <= now {
                 tc.advance(now);
             }
         }
         self.usb.advance(now);
-        if self.wdt.next() == now {
+        if self.wdt.next() <= now {
             self.wdt.advance(now);
         }
         if self.usb_host.next() <= now && self.usb_host.advance(now, &mut self.usb, memory) {
@@ -427,6 +427,7 @@ impl Peripherals {
             .chain(self.sercom.iter().map(sercom::Sercom::next))
             .chain(self.tc.iter().map(tc::Tc::next))
             .chain([self.eic.next(), self.usb.next(), self.wdt.next()])
+            .chain([self.nvmctrl.next(now)])
             .fold(self.sysctrl.next(now), Ticks::min);
         self.irq_lines = u32::from(self.pm.irq())
             | u32::from(self.sysctrl.irq()) << 1

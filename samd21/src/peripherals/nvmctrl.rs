@@ -86,6 +86,15 @@ impl Nvmctrl {
         self.flags(now) & self.interrupts != 0
     }
 
+    /// When the command going on ends.
+    pub(crate) fn next(&self, after: Ticks) -> Ticks {
+        if self.busy_until > after {
+            self.busy_until
+        } else {
+            Ticks::NEVER
+        }
+    }
+
     fn flags(&self, now: Ticks) -> u8 {
         let ready = if now >= self.busy_until { READY } else { 0 };
         let error = if self.error { ERROR } else { 0 };

@@ -131,11 +131,11 @@ impl Tc {
     }
 
     pub(crate) fn advance(&mut self, now: Ticks) {
-        if self.next_overflow == now {
+        if self.next_overflow <= now {
             self.overflow(now);
         }
         for channel in 0..2 {
-            if self.next_match[channel] == now {
+            if self.next_match[channel] <= now {
                 self.flags |= MC0 << channel;
                 self.next_match[channel] = Ticks::NEVER;
             }

@@ -288,3 +288,47 @@ fn a_starved_watchdog_asks_for_a_reset() {
     bench.pass(Ticks::from_ms(200));
     assert_eq!(bench.peripherals.take_reset(), None);
 }
+
+#[test]
+fn time_goes_on_when_an_event_turns_out_to_be_overdue() {
+    // USB on without its pads: the bus has been idle for long when they come.
+    let mut bench = Bench::new(SyncHold::Instant, Unconnected);
+    bench.start_clocks();
+    bench.route(6, 0);
+    bench.w8(0x4100_5000, 2);
+    bench.w16(0x4100_5008, 0);
+    bench.pass(Ticks::from_ms(20));
+    bench.multiplex(0, 24, 6);
+    bench.multiplex(0, 25, 6);
+    bench.pass(Ticks::from_ms(20));
+    assert_eq!(bench.r16(0x4100_501C) & 1, 1, "SUSPEND");
+    assert_eq!(bench.peripherals.violations().count(), 1);
+}
+
+#[test]
+fn a_reset_at_the_very_start_does_no_harm() {
+    let mut bench = Bench::new(SyncHold::Instant, Unconnected);
+    bench.peripherals.reset(Ticks::ZERO, ResetCause::External);
+    bench.pass(Ticks(1));
+    assert_eq!(bench.r8(0x4000_0438), 0x10);
+}
+
+#[test]
+fn the_flash_interrupts_when_it_is_ready_again() {
+    let mut bench = Bench::new(SyncHold::Instant, Unconnected);
+    bench.w32(NVMCTRL + 0x1C, 0x4000 / 2);
+    bench.w8(NVMCTRL + 0x10, 1);
+    assert_eq!(bench.peripherals.irq_lines(), 1 << 5);
+    let Bench {
+        peripherals,
+        memory,
+        board,
+        now,
+    } = &mut bench;
+    let command = peripherals.write(*now, NVMCTRL, Width::Half, 0xA502, memory, board);
+    assert_eq!(command, Ok(Ticks::from_us(6000)));
+    assert_eq!(peripherals.irq_lines(), 0);
+    assert_eq!(peripherals.next_event(), *now + Ticks::from_us(6000));
+    bench.pass(Ticks::from_us(6000));
+    assert_eq!(bench.peripherals.irq_lines(), 1 << 5);
+}

@@ -86,16 +86,16 @@ impl Wdt {
     }
 
     pub(crate) fn advance(&mut self, now: Ticks) {
-        if self.early_warning == now {
+        if self.early_warning <= now {
             self.early_warning = Ticks::NEVER;
             self.flag = true;
         }
-        if self.timeout == now {
+        if self.timeout <= now {
             self.timeout = Ticks::NEVER;
             self.bites = true;
         }
         if let Some((at, arrival)) = self.arriving
-            && at == now
+            && at <= now
         {
             self.arriving = None;
             if self.ctrl & ENABLE == 0 {
@@ -211,7 +211,8 @@ impl Wdt {
                     "WDT",
                     "written while SYNCBUSY: the CPU stands still",
                 );
-                self.overtake(at);
+                // It arrives during the stall.
+                self.advance(at);
                 at
             }
             None => bus.now,
@@ -219,19 +220,6 @@ impl Wdt {
         let edge = clock.cycles_in(begin) + 1;
         self.arriving = Some((clock.duration(edge + SYNC_PERIODS), arrival));
         Ok(begin - bus.now)
-    }
-
-    /// The write before arrives during the stall.
-    fn overtake(&mut self, at: Ticks) {
-        if self.early_warning <= at {
-            self.early_warning = Ticks::NEVER;
-            self.flag = true;
-        }
-        if self.timeout <= at {
-            self.timeout = Ticks::NEVER;
-            self.bites = true;
-        }
-        self.advance(at);
     }
 }
 

@@ -94,9 +94,9 @@ impl Sercom {
 
     /// Goes on with what is due at `bus.now`.
     pub(crate) fn advance(&mut self, bus: &mut Bus<'_>) {
-        if self.low_timeout() == bus.now {
+        if self.low_timeout() <= bus.now {
             self.time_out(bus);
-        } else if self.due == bus.now {
+        } else if self.due <= bus.now {
             self.go_on(bus);
         }
     }

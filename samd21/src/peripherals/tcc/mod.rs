@@ -169,11 +169,11 @@ impl Tcc {
 
     /// Overflow and matches that fall on `now`.
     pub(crate) fn advance(&mut self, now: Ticks) {
-        if self.next_overflow == now {
+        if self.next_overflow <= now {
             self.overflow(now);
         }
         for channel in 0..self.channels {
-            if self.next_match[channel] == now {
+            if self.next_match[channel] <= now {
                 self.next_match[channel] = Ticks::NEVER;
                 self.meet(channel);
             }

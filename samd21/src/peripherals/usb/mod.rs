@@ -123,7 +123,7 @@ impl Usb {
     }
 
     pub(crate) fn advance(&mut self, now: Ticks) {
-        if self.next() == now {
+        if self.next() <= now {
             self.suspended = true;
             self.flags |= SUSPEND;
         }
