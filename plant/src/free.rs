@@ -70,6 +70,14 @@ impl Mechanism {
         [state[2], state[3], pitch, crank]
     }
 
+    /// Acceleration of the crank under a servo torque (N m) while body 0 is held still, in rad/s2.
+    pub fn crank_acceleration_held(&self, state: &State, torque_n_m: f64) -> f64 {
+        let at = self.configuration(state.crank_rad);
+        let v1 = state.crank_rate_rad_s;
+        (self.crank_load(&at, state.pitch_rad, v1) + torque_n_m - 0.5 * at.m11_slope * v1 * v1)
+            / at.m11
+    }
+
     /// Acceleration of the pitch when the crank is made to accelerate by `crank_rad_s2`, in
     /// rad/s2.
     pub fn pitch_acceleration(&self, state: &State, crank_rad_s2: f64) -> f64 {

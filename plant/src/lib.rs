@@ -37,8 +37,27 @@
 //! | [`pitch_loop`] | servo, delays and a PD law round the drone |
 //! | [`dispersion`] | many runs with dispersed drones, on all cores |
 //! | [`identify`] | parameters from a recorded run |
+//! | [`scenario`] | a simulation described by a TOML file |
+//! | [`thesis`] | errors of the printed equations, with numbers |
 //! | [`rocket`] | the rocket that the drone stands for |
 //! | [`response`] | overshoot, rise and settling of a recorded response |
+//!
+//! A release from 0.4 rad with the reference law:
+//!
+//! ```
+//! use plant::pitch_loop::{Pd, PitchLoop, Timing};
+//! use plant::{Linkage, Parameters, ServoModel};
+//!
+//! let (drone, timing) = (Parameters::PHYS, Timing::ANALOGUE);
+//! let mut law = Pd::new(1.0, 0.30, &Linkage::new(&drone), timing.control_s);
+//! let mut sim = PitchLoop::new(&drone, ServoModel::S3003, timing, 0.4, 0.2)?;
+//! let response = sim.respond(3.0, |measurement| law.update(measurement))?;
+//! assert!(response.overshoot_pct() < 1.0);
+//! assert!(response.settling_s(0.05).is_some_and(|seconds| seconds < 0.7));
+//! # Ok::<(), Box<dyn std::error::Error>>(())
+//! ```
+
+#![forbid(unsafe_code)]
 
 pub mod dispersion;
 pub mod drone;
@@ -55,8 +74,10 @@ pub mod pitch_loop;
 pub mod response;
 pub mod rocket;
 mod root;
+pub mod scenario;
 pub mod servo;
 pub mod setup;
+pub mod thesis;
 
 pub use drone::{Crank, Drone};
 pub use linkage::Linkage;

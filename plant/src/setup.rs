@@ -94,6 +94,15 @@ impl Setup {
         let mut file: Table = text
             .parse()
             .map_err(|error: toml::de::Error| SetupError::Syntax(error.to_string()))?;
+        let setup = Self::take(&mut file)?;
+        match file.keys().next() {
+            Some(name) => Err(SetupError::UnknownTable(name.clone())),
+            None => Ok(setup),
+        }
+    }
+
+    /// Takes the tables of a setup out of a larger file.
+    pub(crate) fn take(file: &mut Table) -> Result<Self, SetupError> {
         let setup = Self {
             drone: section(
                 file.remove("drone"),
@@ -117,9 +126,6 @@ impl Setup {
                 "ANALOGUE, DIGITAL",
             )?,
         };
-        if let Some(name) = file.keys().next() {
-            return Err(SetupError::UnknownTable(name.clone()));
-        }
         setup.validate()?;
         Ok(setup)
     }
@@ -137,8 +143,7 @@ impl Setup {
 
     /// The file's text, every key written out; [`Setup::parse`] reads it back exactly.
     pub fn to_toml(&self) -> String {
-        // Plain structures of numbers: nothing that TOML could not express.
-        toml::to_string(self).unwrap_or_default()
+        toml::to_string(self).expect("numbers and names in tables are always TOML")
     }
 }
 
@@ -174,8 +179,9 @@ fn section<T: Serialize + DeserializeOwned>(
         .map_err(|error: toml::de::Error| refuse(error.message().to_string()))
 }
 
-/// A value in the unit of its key: numbers as they are, texts with their unit converted.
-fn in_si(key: &str, value: Value) -> Result<Value, String> {
+/// A value in the unit of its key: numbers as they are, texts with their unit converted, tables and
+/// arrays entry by entry.
+pub(crate) fn in_si(key: &str, value: Value) -> Result<Value, String> {
     match value {
         Value::Integer(whole) => Ok(Value::Float(whole as f64)),
         Value::Array(values) => values
@@ -183,6 +189,11 @@ fn in_si(key: &str, value: Value) -> Result<Value, String> {
             .map(|value| in_si(key, value))
             .collect::<Result<_, _>>()
             .map(Value::Array),
+        Value::Table(entries) => entries
+            .into_iter()
+            .map(|(key, value)| in_si(&key, value).map(|value| (key, value)))
+            .collect::<Result<_, _>>()
+            .map(Value::Table),
         Value::String(text) => match units(key) {
             None => Ok(Value::String(text)),
             Some(units) => quantity(&text, units)

@@ -1,0 +1,124 @@
+//! What the outcomes of a campaign add up to.
+
+use serde::{Deserialize, Serialize};
+
+use super::Outcome;
+
+/// A share of runs with its 95 % confidence bounds.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Rate {
+    /// The share, 0 to 1.
+    pub rate: f64,
+    /// Lower bound.
+    pub low: f64,
+    /// Upper bound.
+    pub high: f64,
+}
+
+impl Rate {
+    /// The share of `hits` in `runs` with Wilson's bounds, which hold near 0 and 1 too; no runs say
+    /// nothing: 0 to 1.
+    pub fn new(hits: u64, runs: u64) -> Self {
+        if runs == 0 {
+            return Self {
+                rate: 0.0,
+                low: 0.0,
+                high: 1.0,
+            };
+        }
+        const Z: f64 = 1.959_963_984_540_054;
+        let n = runs as f64;
+        let rate = hits as f64 / n;
+        let scale = 1.0 / (1.0 + Z * Z / n);
+        let centre = scale * (rate + Z * Z / (2.0 * n));
+        let half = scale * Z * (rate * (1.0 - rate) / n + Z * Z / (4.0 * n * n)).sqrt();
+        Self {
+            rate,
+            // At the ends the bound is the end itself, which rounding must not miss.
+            low: if hits == 0 { 0.0 } else { centre - half },
+            high: if hits == runs { 1.0 } else { centre + half },
+        }
+    }
+}
+
+/// Share of the outcomes that pass a test.
+pub fn pass_rate(outcomes: &[Outcome], test: impl Fn(&Outcome) -> bool) -> Rate {
+    let hits = outcomes.iter().filter(|outcome| test(outcome)).count();
+    Rate::new(hits as u64, outcomes.len() as u64)
+}
+
+/// The `share` quantile (0 to 1) of a figure over the outcomes, by nearest rank; a missing figure
+/// (not settled) counts as larger than any. `None` if it is missing or there are no outcomes.
+pub fn quantile(
+    outcomes: &[Outcome],
+    share: f64,
+    figure: impl Fn(&Outcome) -> Option<f64>,
+) -> Option<f64> {
+    let mut values: Vec<f64> = outcomes
+        .iter()
+        .map(|outcome| figure(outcome).unwrap_or(f64::INFINITY))
+        .collect();
+    values.sort_by(f64::total_cmp);
+    let rank = (share * values.len() as f64).ceil().max(1.0) as usize;
+    values
+        .get(rank - 1)
+        .copied()
+        .filter(|value| value.is_finite())
+}
+
+/// The `count` worst outcomes, worst first.
+pub fn worst(outcomes: &[Outcome], count: usize) -> Vec<Outcome> {
+    let mut sorted = outcomes.to_vec();
+    sorted.sort_by(|a, b| b.badness().total_cmp(&a.badness()));
+    sorted.truncate(count);
+    sorted
+}
+
+/// Joins shards into one campaign's outcomes, ordered by number; a run that is in several counts
+/// once.
+pub fn merge(shards: impl IntoIterator<Item = Vec<Outcome>>) -> Vec<Outcome> {
+    let mut all: Vec<Outcome> = shards.into_iter().flatten().collect();
+    all.sort_by_key(|outcome| outcome.index);
+    all.dedup_by_key(|outcome| outcome.index);
+    all
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn wilson_bounds_by_hand() {
+        let rate = Rate::new(500, 500);
+        assert!((rate.low - 0.992_38).abs() < 1e-5 && rate.high == 1.0);
+        let half = Rate::new(50, 100);
+        assert!((half.low - 0.403_83).abs() < 1e-5 && (half.high - 0.596_17).abs() < 1e-5);
+        assert_eq!(Rate::new(0, 0).high, 1.0);
+    }
+
+    #[test]
+    fn quantiles_and_worst_count_the_unsettled_as_worst() {
+        let outcome = |index, settling| Outcome {
+            index,
+            start_rad: 0.2,
+            overshoot_pct: 1.0,
+            rise_s: None,
+            settling_5pct_s: settling,
+            settling_2pct_s: None,
+            settling_20mrad_s: None,
+            final_error_rad: 0.0,
+        };
+        let all = [
+            outcome(0, Some(0.5)),
+            outcome(1, None),
+            outcome(2, Some(0.9)),
+        ];
+        assert_eq!(
+            worst(&all, 2).iter().map(|o| o.index).collect::<Vec<_>>(),
+            [1, 2]
+        );
+        assert_eq!(quantile(&all, 0.5, |o| o.settling_5pct_s), Some(0.9));
+        assert_eq!(quantile(&all, 1.0, |o| o.settling_5pct_s), None);
+        assert!((pass_rate(&all, Outcome::passes).rate - 2.0 / 3.0).abs() < 1e-12);
+    }
+}
