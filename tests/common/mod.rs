@@ -1,0 +1,21 @@
+//! The image, built once for each test binary, and a rig in standby to fork from.
+
+use rig::{Image, Ready, ServoKind, Setup, image, prepare};
+use std::sync::OnceLock;
+
+/// The firmware image; the test fails with the builder's own words where there is none.
+pub(crate) fn firmware() -> &'static Image {
+    static IMAGE: OnceLock<Image> = OnceLock::new();
+    IMAGE.get_or_init(|| match image::build(&mut |line| eprintln!("{line}")) {
+        Ok(image) => image,
+        Err(error) => panic!("{error}"),
+    })
+}
+
+/// A rig with an S3003, parameters set, in standby.
+pub(crate) fn ready() -> Ready {
+    static READY: OnceLock<Ready> = OnceLock::new();
+    READY
+        .get_or_init(|| prepare(firmware(), &Setup::new(ServoKind::S3003, 1), &mut |_| {}).unwrap())
+        .clone()
+}

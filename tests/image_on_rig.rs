@@ -1,0 +1,156 @@
+//! The very image that flies, on the virtual rig: what it is held to.
+
+mod common;
+
+use common::{firmware, ready};
+use rig::operator::{FlightState, OperatorError};
+use rig::replay::{pair, parity};
+use rig::{Ready, ServoKind, Setup, SyncHold, Ticks, WaitStates, prepare};
+
+fn ms(ms: u64) -> Ticks {
+    Ticks::from_ms(ms)
+}
+
+#[test]
+fn the_image_is_small() {
+    let sizes = firmware().sizes();
+    assert!(sizes.flash <= 64 * 1024, "{sizes:?}");
+    assert!(sizes.static_ram <= 12 * 1024, "{sizes:?}");
+}
+
+fn flies(servo: ServoKind, settling_s: f64) {
+    let ready = prepare(firmware(), &Setup::new(servo, 1), &mut |_| {}).unwrap();
+    for start_rad in [0.2, 0.4, 0.8] {
+        let flight = ready.fly(start_rad, 0.2, 3.0, &mut |_| {}).unwrap();
+        let overshoot = flight.response.overshoot_pct();
+        assert!(
+            overshoot <= 5.0,
+            "{servo:?} from {start_rad}: {overshoot} %"
+        );
+        let settled = flight.response.settling_s(0.05);
+        assert!(
+            settled.is_some_and(|s| s <= settling_s),
+            "{servo:?} from {start_rad}: {settled:?}"
+        );
+        assert_eq!(flight.final_state, Some(FlightState::Active));
+
+        // The loop: on time, fresh, and nothing of it lost on the way to the laptop.
+        let timing = flight.timing;
+        assert!((timing.rate_hz - 100.0).abs() < 0.01, "{timing:?}");
+        assert!(timing.jitter_us_max < 100.0, "{timing:?}");
+        assert!(
+            timing.latency_us.mean <= 8000.0 && timing.latency_us.count > 100,
+            "{timing:?}"
+        );
+        assert!(timing.sample_age_us.max < 10_200.0, "{timing:?}");
+        assert_eq!(timing.steps, timing.bursts);
+        assert_eq!(flight.missing, rig::flight::Missing::default());
+        assert_eq!((flight.link.lost, flight.link.crc_errors), (0, 0));
+        assert_eq!(flight.link.stray_bytes, 0);
+    }
+}
+
+#[test]
+fn flies_with_an_analog_servo() {
+    flies(ServoKind::S3003, 0.75);
+}
+
+#[test]
+fn flies_with_a_digital_servo() {
+    flies(ServoKind::Digital, 0.55);
+}
+
+/// Registers that stay in synchronisation swallow writes that do not wait.
+#[test]
+fn flies_with_synchronisation_held() {
+    let mut setup = Setup::new(ServoKind::S3003, 2);
+    setup.rig.syncbusy_hold = SyncHold::For(Ticks::from_us(10));
+    let ready = prepare(firmware(), &setup, &mut |_| {}).unwrap();
+    let flight = ready.fly(0.4, 0.2, 3.0, &mut |_| {}).unwrap();
+    assert!(flight.response.settling_s(0.05).is_some_and(|s| s <= 0.9));
+    let violations = ready.rig.chip().peripherals().violations();
+    assert_eq!(violations.count(), 0, "{violations:?}");
+}
+
+#[test]
+fn wait_states_cost_cycles_and_change_nothing_else() {
+    let mut cycles = Vec::new();
+    for states in [0, 1] {
+        let mut setup = Setup::new(ServoKind::S3003, 1);
+        setup.rig.wait_states = WaitStates::Forced(states);
+        let ready = prepare(firmware(), &setup, &mut |_| {}).unwrap();
+        let flight = ready.fly(0.4, 0.2, 2.0, &mut |_| {}).unwrap();
+        assert!(flight.cpu_load < 0.6, "{}", flight.cpu_load);
+        cycles.push(flight.timing.cycles_per_step.mean);
+    }
+    assert!(
+        cycles[0] < cycles[1] && cycles[1] < 2.0 * cycles[0],
+        "{cycles:?}"
+    );
+}
+
+#[test]
+fn the_same_seed_gives_the_same_bytes() {
+    let listen = |mut ready: Ready| {
+        let mut bytes = Vec::new();
+        for _ in 0..50 {
+            ready.rig.run_for(ms(10)).unwrap();
+            bytes.extend(ready.rig.usb_read());
+        }
+        bytes
+    };
+    let once = listen(ready());
+    assert!(once.len() > 4000, "{} bytes in half a second", once.len());
+    assert!(once == listen(ready()), "two forks differ");
+    let again = prepare(firmware(), &Setup::new(ServoKind::S3003, 1), &mut |_| {}).unwrap();
+    assert!(once == listen(again), "two boots differ");
+}
+
+/// From the first sample on, the image's quaternions are the host library's, bit for bit.
+#[test]
+fn the_host_library_agrees_bit_for_bit() {
+    let mut ready = ready();
+    let Ready { rig, operator, .. } = &mut ready;
+    operator.list_parameters(rig).unwrap();
+    rig.world_mut().tilt_clamp(0.6);
+    operator.run(rig, ms(2000)).unwrap();
+    operator.arm(rig).unwrap();
+    operator.release(rig, 0.2).unwrap();
+    operator.run(rig, ms(3000)).unwrap();
+    let received = operator.received();
+    let pairs = pair(received);
+    assert_eq!(pairs.len(), received.samples.len());
+    let parity = parity(&received.parameters, &pairs);
+    assert!(parity.compared > 1000, "{parity:?}");
+    assert_eq!(parity.equal, parity.compared, "{parity:?}");
+}
+
+#[test]
+fn parameters_are_told_changed_and_refused() {
+    let mut ready = ready();
+    let Ready { rig, operator, .. } = &mut ready;
+    operator.list_parameters(rig).unwrap();
+    let count = operator.received().parameters.len();
+    assert_eq!(count, tvc_nano::Params::count());
+    operator.set_parameter(rig, "PID_KP", 1.5).unwrap();
+    let error = operator.set_parameter(rig, "PID_KP", 99.0).unwrap_err();
+    assert!(
+        matches!(error, OperatorError::Parameter { found: 1.5, .. }),
+        "{error}"
+    );
+    assert!(operator.last_text().unwrap().contains("PID_KP"));
+    operator.arm(rig).unwrap();
+    let error = operator
+        .set_parameter(rig, "SRV_RATE_HZ", 300.0)
+        .unwrap_err();
+    assert!(matches!(error, OperatorError::Parameter { .. }), "{error}");
+}
+
+#[test]
+fn the_stack_keeps_away_from_the_statics() {
+    let mut ready = ready();
+    let Ready { rig, operator, .. } = &mut ready;
+    operator.run(rig, ms(1000)).unwrap();
+    let (used, free) = (rig.stack_high_water(), rig.stack_free());
+    assert!(used > 256 && used <= free, "{used} bytes used, {free} free");
+}
