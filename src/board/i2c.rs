@@ -380,19 +380,16 @@ impl Bus {
     }
 }
 
-/// Start the armed transfer, from the tick's interrupt. `false` if there is none or the bus is busy.
-pub(super) fn start_burst(time: Micros) -> bool {
+/// Start the armed transfer, from the tick's interrupt, unless the bus is busy.
+pub(super) fn start_burst(time: Micros) {
     critical_section::with(|cs| {
         let mut master = MASTER.borrow_ref_mut(cs);
-        if master.active.is_some() {
-            return false;
+        if master.active.is_none()
+            && let Some(transfer) = master.armed.take()
+        {
+            master.start(transfer, Origin::Tick, time);
         }
-        let Some(transfer) = master.armed.take() else {
-            return false;
-        };
-        master.start(transfer, Origin::Tick, time);
-        true
-    })
+    });
 }
 
 /// Whether a transfer waits to be collected.

@@ -95,8 +95,10 @@ pub(crate) struct Board {
     supervisor: watchdog::Supervisor,
     /// When the newest tick came.
     ticked: Micros,
-    /// When the burst under way is too late for its step.
+    /// When the tick's burst, begun or not, is too late for its step.
     burst_due: Option<Micros>,
+    /// Steps since start-up.
+    steps: u32,
     bus_errors: u16,
     load: Load,
 }
@@ -136,6 +138,7 @@ impl Board {
             supervisor,
             ticked: now,
             burst_due: None,
+            steps: 0,
             bus_errors: 0,
             load: Load {
                 since: now,
@@ -165,12 +168,8 @@ impl Board {
     fn event(&mut self, now: Micros) -> Event {
         if let Some(tick) = servo::take_tick() {
             self.supervisor.tick_seen();
-            self.ticked = tick.time;
-            if !tick.burst {
-                self.burst_due = None;
-                return Event::Missed;
-            }
-            self.burst_due = Some(tick.time.after(self.servo.burst_limit_us()));
+            self.ticked = tick;
+            self.burst_due = Some(tick.after(self.servo.burst_limit_us()));
         }
         if let Some(completion) = self.bus.poll(now) {
             self.bus_errors = self
@@ -202,7 +201,8 @@ impl Board {
         PROBE.low();
         self.supervisor.step_done(taken);
         self.configure(params);
-        if lit(state, self.ticked) {
+        self.steps = self.steps.wrapping_add(1);
+        if lit(state, self.steps) {
             LED.high();
         } else {
             LED.low();
@@ -310,13 +310,14 @@ fn duration_us(transfer: &Transfer) -> u64 {
 }
 
 /// The LED: lit while armed or active, slow while all is well, fast in a fault, short flashes while starting.
-fn lit(state: &State, now: Micros) -> bool {
-    let phase_ms = (now.0 / 1_000 % 1_000) as u32;
+fn lit(state: &State, steps: u32) -> bool {
+    // A step takes 10 ms.
+    let phase = steps % 100;
     match state {
         State::Armed | State::Active { .. } => true,
-        State::Standby => phase_ms < 500,
-        State::Failsafe(_) | State::Latched(_) => phase_ms % 200 < 100,
-        State::Boot | State::SelfTest(_) => phase_ms < 50,
+        State::Standby => phase < 50,
+        State::Failsafe(_) | State::Latched(_) => phase % 20 < 10,
+        State::Boot | State::SelfTest(_) => phase < 5,
     }
 }
 

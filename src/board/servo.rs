@@ -43,17 +43,8 @@ static RUNNING: AtomicBool = AtomicBool::new(false);
 static FRAMES_PER_TICK: AtomicU8 = AtomicU8::new(1);
 /// Frames since the last tick.
 static FRAMES: AtomicU8 = AtomicU8::new(0);
-/// The newest tick that the main loop has not seen.
-static TICK: Mutex<Cell<Option<Tick>>> = Mutex::new(Cell::new(None));
-
-/// A moment at which a sample is due.
-#[derive(Clone, Copy)]
-pub(super) struct Tick {
-    /// When it came.
-    pub(super) time: Micros,
-    /// Whether it found the bus free and a burst armed.
-    pub(super) burst: bool,
-}
+/// When the newest tick came that the main loop has not seen.
+static TICK: Mutex<Cell<Option<Micros>>> = Mutex::new(Cell::new(None));
 
 /// How long before the edge a tick comes: the burst, [`STEP_BUDGET_US`] for the step, and a millisecond to spare.
 ///
@@ -256,8 +247,8 @@ pub(super) fn force_neutral() {
     }
 }
 
-/// The newest tick, once.
-pub(super) fn take_tick() -> Option<Tick> {
+/// When the newest tick came, once.
+pub(super) fn take_tick() -> Option<Micros> {
     critical_section::with(|cs| TICK.borrow(cs).take())
 }
 
@@ -280,7 +271,7 @@ pub(super) fn interrupt() {
     FRAMES.store(if last && due { 0 } else { frames }, Ordering::Relaxed);
     if due {
         let time = now();
-        let burst = i2c::start_burst(time);
-        critical_section::with(|cs| TICK.borrow(cs).set(Some(Tick { time, burst })));
+        i2c::start_burst(time);
+        critical_section::with(|cs| TICK.borrow(cs).set(Some(time)));
     }
 }
