@@ -8,6 +8,10 @@ use crate::board::Ticks;
 const ADDRESS: u8 = 1;
 /// Time for the device to take its address: 2 ms by USB 2.0, 9.2.6.3; hosts give 10 ms.
 const ADDRESS_RECOVERY: Ticks = Ticks::from_ms(10);
+/// From the end of one request to the next: a host's driver hears of the end by an interrupt and queues the next
+/// request for the following frame. Devices count on it: one that takes a status packet from its endpoint's buffer
+/// would lose a SETUP that overwrote it in that moment.
+const TURNAROUND: Ticks = Ticks::from_ms(1);
 /// US English.
 const LANGUAGE: u16 = 0x0409;
 
@@ -122,6 +126,7 @@ impl Host {
 
     /// A request has succeeded.
     pub(super) fn finish(&mut self, now: Ticks, request: Request, data: Vec<u8>) {
+        self.control_ready = now + TURNAROUND;
         match request {
             Request::DeviceHead => match data.get(7) {
                 Some(&size @ (8 | 16 | 32 | 64)) => {
