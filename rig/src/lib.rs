@@ -9,7 +9,7 @@
 //!            +------------------------------------------------------------------+
 //! ```
 //!
-//! Everything runs on one clock ([`Ticks`](samd21::board::Ticks) since power-on) and out of one
+//! Everything runs on one clock ([`Ticks`] since power-on) and out of one
 //! seed: the same seed gives the same bytes. A [`Rig`] is a plain value: clone it to fork the world.
 //!
 //! | module | what |
@@ -30,6 +30,7 @@ pub mod link;
 pub mod measure;
 pub mod operator;
 pub mod random;
+mod received;
 pub mod recording;
 pub mod replay;
 mod rig;

@@ -4,13 +4,13 @@ use crate::link::{Link, LinkCounts};
 use crate::rig::{Rig, RigError};
 use mavlink::dialects::common::{
     COMMAND_LONG_DATA, HEARTBEAT_DATA, MavAutopilot, MavCmd, MavMessage, MavModeFlag, MavParamType,
-    MavResult, MavSeverity, MavState, MavType, PARAM_REQUEST_LIST_DATA, PARAM_SET_DATA,
-    SYS_STATUS_DATA,
+    MavResult, MavState, MavType, PARAM_REQUEST_LIST_DATA, PARAM_SET_DATA,
 };
 use mavlink::types::CharArray;
 use samd21::board::Ticks;
-use std::collections::BTreeMap;
 use thiserror::Error;
+
+pub use crate::received::{Attitude, FlightState, Heartbeat, RawImu, Received, ServoOutput, Text};
 
 /// System and component of the vehicle.
 const TARGET: (u8, u8) = (1, 1);
@@ -21,137 +21,6 @@ const HEARTBEAT: Ticks = Ticks::from_ms(1000);
 const PATIENCE: Ticks = Ticks::from_ms(1000);
 /// How long the image may take until its first heartbeat.
 const BOOT_PATIENCE: Ticks = Ticks::from_ms(5000);
-
-/// Where the flight stands, by the low byte of HEARTBEAT's `custom_mode`.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[allow(missing_docs, reason = "the firmware's own names")]
-pub enum FlightState {
-    Boot,
-    SelfTest,
-    Standby,
-    Armed,
-    Active,
-    Failsafe,
-    Latched,
-    Unknown(u8),
-}
-
-impl FlightState {
-    fn of(custom_mode: u32) -> Self {
-        match custom_mode as u8 {
-            0 => Self::Boot,
-            1 => Self::SelfTest,
-            2 => Self::Standby,
-            3 => Self::Armed,
-            4 => Self::Active,
-            5 => Self::Failsafe,
-            6 => Self::Latched,
-            other => Self::Unknown(other),
-        }
-    }
-}
-
-/// A HEARTBEAT.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Heartbeat {
-    /// When it arrived.
-    pub at: Ticks,
-    /// Where the flight stands.
-    pub state: FlightState,
-    /// Why, 0 for no reason.
-    pub reason: u8,
-    /// The armed flag.
-    pub armed: bool,
-}
-
-/// An ATTITUDE_QUATERNION.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Attitude {
-    /// When it arrived.
-    pub at: Ticks,
-    /// The image's clock at the sample, ms.
-    pub time_ms: u32,
-    /// `[w, x, y, z]`, body to north-east-down.
-    pub quaternion: [f32; 4],
-    /// Rates about the body's axes, rad/s.
-    pub rate_rad_s: [f32; 3],
-}
-
-impl Attitude {
-    /// Pitch, nose up, rad.
-    pub fn pitch_rad(&self) -> f64 {
-        let [w, x, y, z] = self.quaternion.map(f64::from);
-        (2.0 * (w * y - x * z)).clamp(-1.0, 1.0).asin()
-    }
-}
-
-/// A SERVO_OUTPUT_RAW.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct ServoOutput {
-    /// When it arrived.
-    pub at: Ticks,
-    /// The image's clock at the step, us; wraps after 71 minutes.
-    pub time_us: u32,
-    /// Pulse commanded, us.
-    pub pulse_us: u16,
-}
-
-/// A RAW_IMU: the sensor's untouched counts.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct RawImu {
-    /// When it arrived.
-    pub at: Ticks,
-    /// The image's clock at the start of the burst, us.
-    pub time_us: u64,
-    /// Accelerometer.
-    pub acc: [i16; 3],
-    /// Gyroscope.
-    pub gyr: [i16; 3],
-    /// Magnetometer.
-    pub mag: [i16; 3],
-}
-
-impl RawImu {
-    /// The nine words as the sensor's registers have them: accelerometer, magnetometer, gyroscope.
-    pub fn words(&self) -> [i16; 9] {
-        let ([a, b, c], [d, e, f], [g, h, i]) = (self.acc, self.mag, self.gyr);
-        [a, b, c, d, e, f, g, h, i]
-    }
-}
-
-/// A STATUSTEXT.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Text {
-    /// When it arrived.
-    pub at: Ticks,
-    /// How bad it is.
-    pub severity: MavSeverity,
-    /// What it says.
-    pub text: String,
-}
-
-/// Everything that has arrived.
-#[derive(Clone, Debug, Default)]
-pub struct Received {
-    /// Heartbeats.
-    pub heartbeats: Vec<Heartbeat>,
-    /// Attitudes.
-    pub attitudes: Vec<Attitude>,
-    /// Servo outputs.
-    pub servos: Vec<ServoOutput>,
-    /// Raw samples.
-    pub samples: Vec<RawImu>,
-    /// Texts.
-    pub texts: Vec<Text>,
-    /// System states with the time they arrived.
-    pub status: Vec<(Ticks, SYS_STATUS_DATA)>,
-    /// Parameters as last told.
-    pub parameters: BTreeMap<String, f32>,
-    /// How many parameters there are.
-    pub parameter_count: Option<u16>,
-    /// Answers to commands: when, which, how.
-    pub acks: Vec<(Ticks, MavCmd, MavResult)>,
-}
 
 /// Why the operator gives up.
 #[derive(Debug, Error)]
@@ -238,7 +107,7 @@ impl Operator {
         let now = rig.now();
         let bytes = rig.usb_read();
         for message in self.link.receive(&bytes) {
-            self.take(now, message);
+            self.received.take(now, message);
         }
         if rig.usb_host().is_configured() && now >= self.next_heartbeat {
             self.next_heartbeat = now + HEARTBEAT;
@@ -451,50 +320,5 @@ impl Operator {
     fn last_words(&self) -> String {
         self.last_text()
             .map_or(String::new(), |text| format!(" (it said last: {text})"))
-    }
-
-    fn take(&mut self, at: Ticks, message: MavMessage) {
-        let received = &mut self.received;
-        match message {
-            MavMessage::HEARTBEAT(m) => received.heartbeats.push(Heartbeat {
-                at,
-                state: FlightState::of(m.custom_mode),
-                reason: (m.custom_mode >> 8) as u8,
-                armed: m
-                    .base_mode
-                    .contains(MavModeFlag::MAV_MODE_FLAG_SAFETY_ARMED),
-            }),
-            MavMessage::ATTITUDE_QUATERNION(m) => received.attitudes.push(Attitude {
-                at,
-                time_ms: m.time_boot_ms,
-                quaternion: [m.q1, m.q2, m.q3, m.q4],
-                rate_rad_s: [m.rollspeed, m.pitchspeed, m.yawspeed],
-            }),
-            MavMessage::SERVO_OUTPUT_RAW(m) => received.servos.push(ServoOutput {
-                at,
-                time_us: m.time_usec,
-                pulse_us: m.servo1_raw,
-            }),
-            MavMessage::RAW_IMU(m) => received.samples.push(RawImu {
-                at,
-                time_us: m.time_usec,
-                acc: [m.xacc, m.yacc, m.zacc],
-                gyr: [m.xgyro, m.ygyro, m.zgyro],
-                mag: [m.xmag, m.ymag, m.zmag],
-            }),
-            MavMessage::STATUSTEXT(m) => received.texts.push(Text {
-                at,
-                severity: m.severity,
-                text: m.text.to_str().unwrap_or("(not UTF-8)").to_owned(),
-            }),
-            MavMessage::SYS_STATUS(m) => received.status.push((at, m)),
-            MavMessage::PARAM_VALUE(m) => {
-                let name = m.param_id.to_str().unwrap_or("(not UTF-8)").to_owned();
-                received.parameters.insert(name, m.param_value);
-                received.parameter_count = Some(m.param_count);
-            }
-            MavMessage::COMMAND_ACK(m) => received.acks.push((at, m.command, m.result)),
-            _ => {}
-        }
     }
 }

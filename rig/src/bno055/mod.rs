@@ -33,10 +33,13 @@
 //! UART, the START directly followed by a STOP that the chip does not recognise, temperature
 //! drift.
 
+mod access;
+mod bus;
 mod fault;
 mod registers;
 mod replay;
 mod signal;
+mod words;
 
 #[cfg(test)]
 mod tests;
@@ -49,17 +52,13 @@ use crate::random::{Stream, generator};
 use crate::recording::Recording;
 use rand::{Rng, RngCore};
 use rand_chacha::ChaCha8Rng;
-use registers::{AXIS_MAP_RESET, error, page0, page1, reset_pages, status, trigger, unit};
+use registers::{AXIS_MAP_RESET, error, page0, page1, reset_pages};
 use replay::Playback;
-use samd21::board::{I2cEvent, I2cReply, Lines, Ticks};
-use signal::{FusionWords, Sample, Settings, SignalChain, Words};
+use samd21::board::Ticks;
+use signal::{Sample, Settings, SignalChain};
 use std::ops::RangeInclusive;
 use std::sync::Arc;
-
-const TO_RUNNING: Ticks = Ticks::from_ms(7);
-const TO_CONFIG: Ticks = Ticks::from_ms(19);
-const SELF_TEST: Ticks = Ticks::from_ms(400);
-const CLOCK_CHANGE: Ticks = Ticks::from_ms(600);
+use words::{FusionWords, Words};
 
 /// What is fixed about one sensor and its place on the bus.
 #[derive(Clone, Debug)]
@@ -224,72 +223,6 @@ impl Bno055 {
         self.signals.sense(now, truth, &settings);
     }
 
-    /// The bus master does `event`.
-    pub fn i2c(&mut self, now: Ticks, event: I2cEvent) -> I2cReply {
-        self.run(now);
-        let reply = match event {
-            I2cEvent::Start { address, read } => {
-                let selected = address == self.config.address && self.answers(now);
-                self.transfer = Transfer {
-                    selected,
-                    expects_pointer: !read,
-                    shadow: None,
-                };
-                if selected {
-                    I2cReply::ACK
-                } else {
-                    I2cReply::NAK
-                }
-            }
-            I2cEvent::Write(value) if self.selected(now) => {
-                if self.transfer.expects_pointer {
-                    self.transfer.expects_pointer = false;
-                    self.pointer = value & 0x7F;
-                } else {
-                    self.write(now, self.pointer, value);
-                    self.advance_pointer();
-                }
-                I2cReply::ACK
-            }
-            I2cEvent::Read if self.selected(now) => {
-                let value = self.read_next(now);
-                I2cReply::data(value)
-            }
-            I2cEvent::Write(_) | I2cEvent::Read => I2cReply::NAK,
-            I2cEvent::Stop => {
-                self.transfer = Transfer::default();
-                I2cReply::NAK
-            }
-        };
-        if self.transfer.selected {
-            reply.stretched(self.stretch())
-        } else {
-            reply
-        }
-    }
-
-    /// The lines that the sensor, or a fault of its cable, holds low.
-    pub fn held_low(&self) -> Lines {
-        Lines {
-            sda: self.faults.has(Fault::SdaStuck) || self.faults.has(Fault::SdaHeld { clocks: 0 }),
-            scl: self.faults.has(Fault::SclStuck),
-        }
-    }
-
-    /// The master clocks the bus by hand: one rising edge of SCL.
-    pub fn clocked(&mut self) {
-        let mut done = false;
-        for fault in self.faults.iter_mut() {
-            if let Fault::SdaHeld { clocks } = fault {
-                *clocks = clocks.saturating_sub(1);
-                done = *clocks == 0;
-            }
-        }
-        if done {
-            self.faults.clear(Fault::SdaHeld { clocks: 0 });
-        }
-    }
-
     /// Switches a fault on.
     pub fn inject(&mut self, now: Ticks, fault: Fault) {
         self.run(now);
@@ -326,8 +259,6 @@ impl Bno055 {
     pub fn faults(&self) -> &Faults {
         &self.faults
     }
-
-    // ---- life ----
 
     fn boot(&mut self, now: Ticks) {
         self.reset_registers();
@@ -483,280 +414,6 @@ impl Bno055 {
         })
     }
 
-    // ---- bus ----
-
-    fn answers(&self, now: Ticks) -> bool {
-        match self.power {
-            Power::Off | Power::Hung => false,
-            Power::Booting { answers, .. } => now >= answers,
-            Power::On => true,
-        }
-    }
-
-    fn selected(&self, now: Ticks) -> bool {
-        self.transfer.selected && self.answers(now)
-    }
-
-    fn stretch(&mut self) -> Ticks {
-        let mut stretch =
-            Ticks::from_us(self.bus_noise.random_range(self.config.stretch_us.clone()));
-        for fault in self.faults.iter() {
-            if let Fault::LongStretch {
-                stretch: long,
-                probability,
-            } = *fault
-                && self.bus_noise.random_bool(probability)
-            {
-                stretch += long;
-            }
-        }
-        stretch
-    }
-
-    fn advance_pointer(&mut self) {
-        self.pointer = (self.pointer + 1) & 0x7F;
-    }
-
-    fn read_next(&mut self, now: Ticks) -> u8 {
-        let address = self.pointer;
-        self.advance_pointer();
-        if self.faults.has(Fault::AllOnes) {
-            return 0xFF;
-        }
-        if let Some((at, value)) = self.transfer.shadow.take()
-            && at == address
-        {
-            return value;
-        }
-        let value = self.read(now, address);
-        let is_data = (page0::ACC_DATA..page0::TEMP).contains(&address);
-        if self.page == 0 && is_data && address.is_multiple_of(2) && self.power == Power::On {
-            let word = i16::from_le_bytes([value, self.get(address + 1)]);
-            let [low, high] = self.disturb(word).to_le_bytes();
-            self.transfer.shadow = Some((address + 1, high));
-            return low;
-        }
-        value
-    }
-
-    /// What a bad cable makes of a data word.
-    fn disturb(&mut self, mut word: i16) -> i16 {
-        for fault in self.faults.iter() {
-            match *fault {
-                Fault::CorruptWords { probability } if self.bus_noise.random_bool(probability) => {
-                    word = -1;
-                }
-                Fault::Spikes { probability } if self.bus_noise.random_bool(probability) => {
-                    word ^= i16::MIN;
-                }
-                _ => {}
-            }
-        }
-        word
-    }
-
-    // ---- registers ----
-
-    fn read(&self, now: Ticks, address: u8) -> u8 {
-        if let Power::Booting { answers, ready } = self.power {
-            // Not yet itself: only SYS_STATUS tells how far it is.
-            let half = answers + (ready - answers) / 2;
-            return match address {
-                page0::SYS_STATUS if now < half => status::INIT_PERIPHERALS,
-                page0::SYS_STATUS => status::INIT_SYSTEM,
-                _ => 0,
-            };
-        }
-        if address == page0::PAGE_ID {
-            return self.page as u8;
-        }
-        if self.page == 1 {
-            return self.pages[1][usize::from(address)];
-        }
-        let stored = self.get(address);
-        let gyro_dead = self.faults.has(Fault::GyroDead);
-        match address {
-            page0::GYR_ID if gyro_dead => 0,
-            page0::ST_RESULT if gyro_dead => stored & !0x04,
-            page0::TEMP => {
-                if self.get(page0::UNIT_SEL) & unit::TEMP_F == 0 {
-                    27
-                } else {
-                    // 80.6 F in steps of 2 F.
-                    40
-                }
-            }
-            page0::CALIB_STAT => self.calibration_status(now),
-            page0::SYS_CLK_STATUS => u8::from(now < self.clock_busy_until),
-            page0::SYS_STATUS => self.system_status(now),
-            page0::OPR_MODE => self.mode as u8,
-            page0::SYS_TRIGGER => 0,
-            _ => stored,
-        }
-    }
-
-    fn system_status(&self, now: Ticks) -> u8 {
-        if self.get(page0::SYS_ERR) != 0 {
-            status::ERROR
-        } else if now < self.self_test_until {
-            status::SELF_TEST
-        } else if self.mode == Mode::Config {
-            status::IDLE
-        } else if self.mode.is_fusion() {
-            status::FUSION
-        } else {
-            status::NO_FUSION
-        }
-    }
-
-    fn calibration_status(&self, now: Ticks) -> u8 {
-        if !self.mode.is_fusion() {
-            return 0;
-        }
-        let seconds = now.saturating_sub(self.running_since).as_secs_f64() as u64;
-        // Gyroscope, accelerometer, magnetometer, system.
-        [(1, 0x30), (2, 0x0C), (3, 0x03), (4, 0xC0)]
-            .iter()
-            .filter(|(after, _)| seconds >= *after)
-            .fold(0, |bits, (_, done)| bits | done)
-    }
-
-    fn write(&mut self, now: Ticks, address: u8, value: u8) {
-        if self.power != Power::On {
-            return;
-        }
-        if address == page0::PAGE_ID {
-            if value <= 1 {
-                self.page = usize::from(value);
-            }
-            return;
-        }
-        let config =
-            self.mode == Mode::Config && self.switching.is_none() && now >= self.self_test_until;
-        if self.page == 1 {
-            self.write_page1(address, value, config);
-            return;
-        }
-        match address {
-            page0::OPR_MODE => self.switch_mode(now, value),
-            page0::SYS_TRIGGER => self.trigger(now, value, config),
-            _ if !config => {}
-            page0::UNIT_SEL => self.set(address, value & unit::MASK),
-            page0::PWR_MODE if value & 3 < 3 => self.set(address, value & 3),
-            page0::TEMP_SOURCE if value & 3 < 2 => self.set(address, value & 3),
-            page0::AXIS_MAP_CONFIG if is_axis_map(value) => self.set(address, value & 0x3F),
-            page0::AXIS_MAP_SIGN => self.set(address, value & 0x07),
-            page0::SIC_MATRIX..page0::ACC_OFFSET => self.set(address, value),
-            page0::ACC_OFFSET..=page0::MAG_RADIUS_MSB => self.stage(address, value),
-            _ => {}
-        }
-    }
-
-    fn write_page1(&mut self, address: u8, value: u8, config: bool) {
-        let allowed = match address {
-            page1::INT_MSK | page1::INT_EN => true,
-            page1::GYR_CONFIG_0 => config && value & 7 <= 4 && value < 0x40,
-            page1::MAG_CONFIG => config && value < 0x80,
-            page1::ACC_CONFIG
-            | page1::GYR_CONFIG_1
-            | page1::ACC_SLEEP_CONFIG
-            | page1::GYR_SLEEP_CONFIG => config,
-            _ => config && (page1::INT_EN..=page1::GYR_AM_SET).contains(&address),
-        };
-        if allowed {
-            self.pages[1][usize::from(address)] = value;
-        }
-    }
-
-    fn switch_mode(&mut self, now: Ticks, value: u8) {
-        let Some(mode) = Mode::from_code(value & 0x0F) else {
-            return;
-        };
-        let takes = match (self.mode, mode) {
-            (from, to) if from == to => {
-                self.switching = None;
-                return;
-            }
-            (Mode::Config, _) => TO_RUNNING,
-            (_, Mode::Config) => TO_CONFIG,
-            _ => return,
-        };
-        // A repeated request does not start the wait again.
-        if self.switching.is_none_or(|(target, _)| target != mode) {
-            self.switching = Some((mode, now + takes));
-        }
-    }
-
-    fn trigger(&mut self, now: Ticks, value: u8, config: bool) {
-        if value & trigger::RST_SYS != 0 {
-            if self.config.reset_hangs {
-                self.power = Power::Hung;
-                self.transfer = Transfer::default();
-            } else {
-                self.boot(now);
-            }
-            return;
-        }
-        if value & trigger::RST_INT != 0 {
-            self.set(page0::INT_STA, 0);
-        }
-        if config {
-            let before = self.get(page0::SYS_TRIGGER);
-            if (before ^ value) & trigger::CLK_SEL != 0 {
-                self.clock_busy_until = now + CLOCK_CHANGE;
-            }
-            self.set(page0::SYS_TRIGGER, value & trigger::CLK_SEL);
-            if value & trigger::SELF_TEST != 0 {
-                self.self_test_until = now + SELF_TEST;
-            }
-        }
-    }
-
-    /// Takes a byte of the calibration profile; a group counts when its last byte comes.
-    fn stage(&mut self, address: u8, value: u8) {
-        let byte = usize::from(address - page0::ACC_OFFSET);
-        self.staged[byte] = value;
-        let Some(group) = GROUPS
-            .iter()
-            .position(|&(first, words)| byte == first + 2 * words - 1)
-        else {
-            return;
-        };
-        let (first, words) = GROUPS[group];
-        let limit = self.profile_limit(group);
-        let within = (0..words).all(|i| {
-            let at = first + 2 * i;
-            let word = i16::from_le_bytes([self.staged[at], self.staged[at + 1]]);
-            i32::from(word).abs() <= limit
-        });
-        self.refused[group] = !within;
-        for at in first..first + 2 * words {
-            let value = if within { self.staged[at] } else { 0 };
-            self.set(page0::ACC_OFFSET + at as u8, value);
-        }
-    }
-
-    /// Largest magnitude that a word of the group may have, counts.
-    fn profile_limit(&self, group: usize) -> i32 {
-        let settings = self.settings();
-        match group {
-            0 => {
-                let mg = settings.acc_range_g * 1000.0;
-                let lsb_per_mg = if self.get(page0::UNIT_SEL) & unit::ACC_MG == 0 {
-                    0.980_665
-                } else {
-                    1.0
-                };
-                (mg * lsb_per_mg) as i32
-            }
-            1 => 6400,
-            2 => (settings.gyr_range_dps * 16.0) as i32,
-            // The data sheet says up to 1000; a user's 1000 was refused.
-            3 => 999,
-            _ => 960,
-        }
-    }
-
     fn get(&self, address: u8) -> u8 {
         self.pages[0][usize::from(address)]
     }
@@ -774,12 +431,6 @@ impl Bno055 {
             self.set(at, byte);
         }
     }
-}
-
-/// Each sensor axis appears once.
-fn is_axis_map(value: u8) -> bool {
-    let axes = [value & 3, value >> 2 & 3, value >> 4 & 3];
-    (0..3).all(|axis| axes.contains(&axis))
 }
 
 fn subtract(a: [i16; 3], b: [i16; 3]) -> [i16; 3] {

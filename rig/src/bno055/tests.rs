@@ -1,6 +1,8 @@
 //! The chip as a bus master sees it.
 
+use super::registers::{status, trigger, unit};
 use super::*;
+use samd21::board::{I2cEvent, I2cReply};
 
 const ADDRESS: u8 = 0x28;
 

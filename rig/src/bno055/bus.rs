@@ -1,0 +1,144 @@
+//! The chip as a slave on the I2C bus: transfers, clock stretching, what a bad cable makes of it.
+
+use super::registers::page0;
+use super::{Bno055, Fault, Power, Transfer};
+use rand::Rng;
+use samd21::board::{I2cEvent, I2cReply, Lines, Ticks};
+
+impl Bno055 {
+    /// The bus master does `event`.
+    pub fn i2c(&mut self, now: Ticks, event: I2cEvent) -> I2cReply {
+        self.run(now);
+        let reply = match event {
+            I2cEvent::Start { address, read } => {
+                let selected = address == self.config.address && self.answers(now);
+                self.transfer = Transfer {
+                    selected,
+                    expects_pointer: !read,
+                    shadow: None,
+                };
+                if selected {
+                    I2cReply::ACK
+                } else {
+                    I2cReply::NAK
+                }
+            }
+            I2cEvent::Write(value) if self.selected(now) => {
+                if self.transfer.expects_pointer {
+                    self.transfer.expects_pointer = false;
+                    self.pointer = value & 0x7F;
+                } else {
+                    self.write(now, self.pointer, value);
+                    self.advance_pointer();
+                }
+                I2cReply::ACK
+            }
+            I2cEvent::Read if self.selected(now) => {
+                let value = self.read_next(now);
+                I2cReply::data(value)
+            }
+            I2cEvent::Write(_) | I2cEvent::Read => I2cReply::NAK,
+            I2cEvent::Stop => {
+                self.transfer = Transfer::default();
+                I2cReply::NAK
+            }
+        };
+        if self.transfer.selected {
+            reply.stretched(self.stretch())
+        } else {
+            reply
+        }
+    }
+
+    /// The lines that the sensor, or a fault of its cable, holds low.
+    pub fn held_low(&self) -> Lines {
+        Lines {
+            sda: self.faults.has(Fault::SdaStuck) || self.faults.has(Fault::SdaHeld { clocks: 0 }),
+            scl: self.faults.has(Fault::SclStuck),
+        }
+    }
+
+    /// The master clocks the bus by hand: one rising edge of SCL.
+    pub fn clocked(&mut self) {
+        let mut done = false;
+        for fault in self.faults.iter_mut() {
+            if let Fault::SdaHeld { clocks } = fault {
+                *clocks = clocks.saturating_sub(1);
+                done = *clocks == 0;
+            }
+        }
+        if done {
+            self.faults.clear(Fault::SdaHeld { clocks: 0 });
+        }
+    }
+
+    fn answers(&self, now: Ticks) -> bool {
+        match self.power {
+            Power::Off | Power::Hung => false,
+            Power::Booting { answers, .. } => now >= answers,
+            Power::On => true,
+        }
+    }
+
+    fn selected(&self, now: Ticks) -> bool {
+        self.transfer.selected && self.answers(now)
+    }
+
+    fn stretch(&mut self) -> Ticks {
+        let mut stretch =
+            Ticks::from_us(self.bus_noise.random_range(self.config.stretch_us.clone()));
+        for fault in self.faults.iter() {
+            if let Fault::LongStretch {
+                stretch: long,
+                probability,
+            } = *fault
+                && self.bus_noise.random_bool(probability)
+            {
+                stretch += long;
+            }
+        }
+        stretch
+    }
+
+    fn advance_pointer(&mut self) {
+        self.pointer = (self.pointer + 1) & 0x7F;
+    }
+
+    fn read_next(&mut self, now: Ticks) -> u8 {
+        let address = self.pointer;
+        self.advance_pointer();
+        if self.faults.has(Fault::AllOnes) {
+            return 0xFF;
+        }
+        if let Some((at, value)) = self.transfer.shadow.take()
+            && at == address
+        {
+            return value;
+        }
+        let value = self.read(now, address);
+        let is_data = (page0::ACC_DATA..page0::TEMP).contains(&address);
+        if self.page == 0 && is_data && address.is_multiple_of(2) && self.power == Power::On {
+            let word = i16::from_le_bytes([value, self.get(address + 1)]);
+            let [low, high] = self.disturb(word).to_le_bytes();
+            self.transfer.shadow = Some((address + 1, high));
+            return low;
+        }
+        value
+    }
+
+    /// What a bad cable makes of a data word.
+    fn disturb(&mut self, mut word: i16) -> i16 {
+        for fault in self.faults.iter() {
+            match *fault {
+                Fault::CorruptWords { probability } if self.bus_noise.random_bool(probability) => {
+                    word = -1;
+                }
+                Fault::Spikes { probability } if self.bus_noise.random_bool(probability) => {
+                    word ^= i16::MIN;
+                }
+                _ => {}
+            }
+        }
+        word
+    }
+}

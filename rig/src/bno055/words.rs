@@ -1,0 +1,134 @@
+//! The words of the data registers, in the units of UNIT_SEL.
+
+use super::registers::unit;
+use super::signal::{STANDARD_GRAVITY_M_S2, Sample, Settings};
+
+/// The nearest word, saturated.
+fn word(value: f64) -> i16 {
+    value.round() as i16
+}
+
+/// Words of a sample in the units of UNIT_SEL, along the package axes, saturated at the ranges.
+pub(super) struct Words {
+    pub(super) acc: [i16; 3],
+    pub(super) mag: [i16; 3],
+    pub(super) gyr: [i16; 3],
+}
+
+impl Words {
+    pub(super) fn of(sample: &Sample, units: u8, settings: &Settings) -> Self {
+        let acc_range = settings.acc_range_g * STANDARD_GRAVITY_M_S2;
+        let gyr_range = settings.gyr_range_dps.to_radians();
+        let gyr_lsb = gyr_per_rad_s(units);
+        Self {
+            acc: sample
+                .acc_m_s2
+                .map(|a| word(a.clamp(-acc_range, acc_range) * acc_per_m_s2(units))),
+            mag: sample.mag_ut.map(|m| word(m * 16.0)),
+            gyr: sample
+                .gyr_rad_s
+                .map(|w| word(w.clamp(-gyr_range, gyr_range) * gyr_lsb)),
+        }
+    }
+}
+
+/// Counts of acceleration for 1 m/s^2.
+pub(super) fn acc_per_m_s2(units: u8) -> f64 {
+    if units & unit::ACC_MG == 0 {
+        100.0
+    } else {
+        1000.0 / STANDARD_GRAVITY_M_S2
+    }
+}
+
+/// Counts of rate for 1 rad/s.
+pub(super) fn gyr_per_rad_s(units: u8) -> f64 {
+    if units & unit::GYR_RPS == 0 {
+        16.0 * 180.0 / core::f64::consts::PI
+    } else {
+        900.0
+    }
+}
+
+/// What the fusion modes show besides: Euler angles, quaternion, linear acceleration, gravity.
+///
+/// The chip's fusion itself is not modelled: the attitude is the true one.
+pub(super) struct FusionWords {
+    pub(super) euler: [i16; 3],
+    pub(super) quaternion: [i16; 4],
+    pub(super) linear: [i16; 3],
+    pub(super) gravity: [i16; 3],
+}
+
+impl FusionWords {
+    pub(super) fn of(sample: &Sample, units: u8) -> Self {
+        let [w, x, y, z] = sample.attitude;
+        let up = [
+            2.0 * (x * z - w * y),
+            2.0 * (y * z + w * x),
+            w * w - x * x - y * y + z * z,
+        ];
+        let gravity = up.map(|u| u * STANDARD_GRAVITY_M_S2);
+        let roll = up[0].clamp(-1.0, 1.0).asin();
+        let pitch = up[1].atan2(up[2]);
+        let yaw = (2.0 * (x * y + w * z)).atan2(w * w + x * x - y * y - z * z);
+        let heading = (-yaw).rem_euclid(core::f64::consts::TAU);
+        let pitch = if units & unit::ANDROID == 0 {
+            pitch
+        } else {
+            -pitch
+        };
+        let angle = if units & unit::EUL_RAD == 0 {
+            16.0 * 180.0 / core::f64::consts::PI
+        } else {
+            900.0
+        };
+        let lsb = acc_per_m_s2(units);
+        Self {
+            euler: [heading, roll, pitch].map(|a| word(a * angle)),
+            quaternion: sample.attitude.map(|c| word(c * 16384.0)),
+            linear: [0, 1, 2].map(|i| word((sample.acc_m_s2[i] - gravity[i]) * lsb)),
+            gravity: gravity.map(|g| word(g * lsb)),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::bno055::Mode;
+
+    #[test]
+    fn words_saturate_at_the_range() {
+        let settings = Settings::decode(Mode::Amg, 0x0D, 0x0B, 0x38);
+        let sample = Sample {
+            acc_m_s2: [100.0, -100.0, 9.81],
+            gyr_rad_s: [50.0, -1.0, 0.0],
+            mag_ut: [50.0, -0.0625, 0.03],
+            attitude: [1.0, 0.0, 0.0, 0.0],
+        };
+        let words = Words::of(&sample, 0, &settings);
+        assert_eq!(words.acc, [3923, -3923, 981]);
+        assert_eq!(words.gyr, [32000, -917, 0]);
+        assert_eq!(words.mag, [800, -1, 0]);
+        let words = Words::of(&sample, unit::ACC_MG | unit::GYR_RPS, &settings);
+        assert_eq!(words.acc, [4000, -4000, 1000]);
+        assert_eq!(words.gyr, [31416, -900, 0]);
+    }
+
+    #[test]
+    fn level_fusion_words() {
+        let words = FusionWords::of(
+            &Sample {
+                acc_m_s2: [0.0, 0.0, STANDARD_GRAVITY_M_S2],
+                attitude: [1.0, 0.0, 0.0, 0.0],
+                ..Sample::default()
+            },
+            0,
+        );
+        assert_eq!(words.quaternion, [16384, 0, 0, 0]);
+        assert_eq!(words.gravity, [0, 0, 981]);
+        assert_eq!(words.linear, [0, 0, 0]);
+        assert_eq!(words.euler, [0, 0, 0]);
+    }
+}
