@@ -49,6 +49,7 @@ struct Device {
     got: Vec<u8>,
     refuses_strings: bool,
     poll_every: Ticks,
+    setups: Vec<Ticks>,
 }
 
 impl Device {
@@ -78,6 +79,7 @@ impl Device {
             got: Vec::new(),
             refuses_strings: false,
             poll_every: Ticks::from_us(200),
+            setups: Vec::new(),
         };
         device.configure();
         device.bench.w16(USB + 8, 0);
@@ -138,6 +140,7 @@ impl Device {
         let flags = self.bench.r8(endpoint(0) + 7);
         if flags & 1 << 4 != 0 {
             let setup = self.take(0);
+            self.setups.push(self.bench.now);
             self.request(&setup);
         } else if self.bench.r8(endpoint(0) + 6) & 0x40 != 0 {
             let data = self.take(0);
@@ -257,6 +260,17 @@ fn the_port_is_enumerated_and_opened() {
         let frame = device.bench.r16(USB + 0x10) >> 3;
         device.run(Ticks::from_ms(10));
         assert_eq!(device.bench.r16(USB + 0x10) >> 3, frame + 10);
+    }
+}
+
+#[test]
+fn requests_keep_a_frame_apart() {
+    let mut device = Device::new(SyncHold::Instant);
+    device.poll_every = Ticks::from_us(5);
+    device.run(Ticks::from_ms(200));
+    assert!(device.setups.len() > 10, "{:?}", device.setups);
+    for pair in device.setups.windows(2) {
+        assert!(pair[1] - pair[0] >= Ticks::from_ms(1), "{pair:?}");
     }
 }
 
