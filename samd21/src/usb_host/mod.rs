@@ -11,8 +11,9 @@
 //!
 //! A frame carries as many transactions as fit: a 64-byte packet takes 53 us with its token and
 //! handshake (13 bytes of overhead at 12 Mbit/s, USB 2.0 5.8.4, and 2 us between transactions). A
-//! NAK is tried again after 50 us. Control requests follow one another a frame apart. Three tokens without any answer, or five seconds, end a control
-//! transfer; the host then resets the bus and starts anew, three times at most.
+//! NAK is tried again after 50 us. Control requests follow one another a frame apart. Three tokens
+//! without any answer, or five seconds, end a control transfer; the host then resets the bus and
+//! starts anew, three times at most.
 //!
 //! | left out | why |
 //! |---|---|
