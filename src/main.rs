@@ -18,13 +18,23 @@ mod firmware {
 
     use crate::board::{Board, Event};
 
+    /// Keep a value in a static for good: counted as static RAM, and reached by a short address, which a stack frame
+    /// of kilobytes is not on this core.
+    macro_rules! keep {
+        ($type:ty, $value:expr) => {
+            cortex_m::singleton!(: $type = $value).expect("main runs once")
+        };
+    }
+
     #[entry]
     fn main() -> ! {
         let params = Params::default();
-        let mut driver = Driver::new(Config::default());
-        let (mut board, report) = Board::start(driver.config().address.value(), &params);
-        let mut flight = Flight::new(params, report).expect("the default parameters are possible");
-        let mut telemetry = Telemetry::new();
+        let driver = keep!(Driver, Driver::new(Config::default()));
+        let (board, report) = Board::start(driver.config().address.value(), &params);
+        let board = keep!(Board, board);
+        let flight = Flight::new(params, report).expect("the default parameters are possible");
+        let flight = keep!(Flight, flight);
+        let telemetry = keep!(Telemetry, Telemetry::new());
         loop {
             let (now, event) = board.wait();
             let reading = match event {
@@ -45,10 +55,10 @@ mod firmware {
                 board.step_begins();
                 let outputs = flight.step(now, reading);
                 board.step_ends(outputs.pulse, flight.params(), &outputs.snapshot.state);
-                telemetry.record(&outputs.snapshot, &flight, &board.status());
+                telemetry.record(&outputs.snapshot, flight, &board.status());
             }
-            board.serve_sensor(now, &mut driver);
-            board.exchange(now, &mut telemetry, &mut flight);
+            board.serve_sensor(now, driver);
+            board.exchange(now, telemetry, flight);
         }
     }
 }
