@@ -52,9 +52,9 @@ fn the_driver_brings_the_sensor_up_and_reads_what_is_true() {
         let z = f64::from(sample.acc[2]) * 0.01;
         assert!((z + 9.81).abs() < 0.1, "{sample:?}");
         let bias = desk.world.sensor().gyro_bias_rad_s();
-        for axis in 0..3 {
-            let rate = f64::from(sample.gyr[axis]) / 16.0;
-            assert!((rate - bias[axis].to_degrees()).abs() < 1.0, "{sample:?}");
+        for (counts, bias) in sample.gyr.iter().zip(bias) {
+            let rate = f64::from(*counts) / 16.0;
+            assert!((rate - bias.to_degrees()).abs() < 1.0, "{sample:?}");
         }
     }
 }
