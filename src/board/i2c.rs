@@ -13,65 +13,29 @@
 //! ```
 //!
 //! What the data sheet's chapter 28 asks for and drivers have tripped over: BUSSTATE must be forced to idle after enabling;
-//! every command waits for SYNCBUSY.SYSOP; a refused address of a read shows as MB, not SB; flags are cleared by writing
+//! every command waits for the one before; a refused address of a read shows as MB, not SB; flags are cleared by writing
 //! ones to them; a START while the STOP before is still on the wire would be a repeated start; BAUD counts from 10 cycles
 //! and the lines' rise time, and holds one byte. Time-outs of the hardware are left off: the BNO055 stretches the clock
 //! for longer than they allow.
 
+mod recovery;
+mod sercom;
+
 use core::cell::RefCell;
 use core::ops::Deref;
 
-use atsamd_hal::pac;
 use bno055_driver::{BusError, Micros, READ_MAX, TRANSFER_DEADLINE_US, Transfer};
 use critical_section::Mutex;
 
 use super::nano33iot::{I2C_FUNCTION, SCL, SDA, i2c_registers};
-use super::recovery;
-use super::time::{now, soon};
+use super::time::now;
+use sercom::{Command, NotSynchronised};
 
-/// BUSSTATE of an idle bus.
-const IDLE: u8 = 1;
-/// CTRLB.CMD: go on with the next byte; end with a STOP.
-const CONTINUE: u8 = 2;
-/// See [`CONTINUE`].
-const STOP: u8 = 3;
-/// MODE of CTRLA for an I2C master.
-const MASTER_MODE: u8 = 5;
-/// SDA holds for 300 to 600 ns after SCL falls, as slaves of either speed can rely on.
-const SDA_HOLD: u8 = 2;
+/// The address's last bit, for a read.
+const READ: u8 = 1;
 
 /// A bus that could not be repaired is tried again after this long.
 const REPAIR_PERIOD_US: u64 = 10_000;
-
-/// Clock cycles of SCL's high and low phase, as BAUD takes them.
-///
-/// `f_scl = f_gclk / (10 + BAUD + BAUDLOW + f_gclk t_rise)` (data sheet 28.6.2.4); each phase lasts its own value and
-/// 5 cycles.
-#[derive(Clone, Copy)]
-struct Baud {
-    high: u8,
-    low: u8,
-}
-
-/// SCL's period is 120 or 480 cycles of 48 MHz. Fast mode asks for 1.3 us low and 0.6 us high, so low is longer there.
-/// Rise times: 100 ns on a short bus, 300 ns on a long cable, which is what the slow speed is for.
-const fn baud(khz: u32) -> Baud {
-    let (rise_ns, low_share_percent) = if khz > 100 { (100, 59) } else { (300, 50) };
-    let counted = 48_000 / khz - 10 - rise_ns * 48 / 1_000;
-    let low = counted * low_share_percent / 100;
-    Baud {
-        high: (counted - low) as u8,
-        low: low as u8,
-    }
-}
-
-const _: () = {
-    let fast = baud(400);
-    // 10 + 106 cycles and 4.8 of rise: 397 kHz, and 414 kHz with no rise at all; low 67 cycles = 1.4 us.
-    assert!(fast.low == 62 && fast.high == 44);
-    let slow = baud(100);
-    assert!(slow.low == 228 && slow.high == 228);
-};
 
 /// What a read gave.
 #[derive(Clone, Copy)]
@@ -105,7 +69,7 @@ pub(super) struct Completion {
 
 #[derive(Clone, Copy)]
 enum Step {
-    /// The address is on its way; the register's number is next.
+    /// The address is on its way.
     Address,
     /// The register's number is on its way.
     Register,
@@ -145,6 +109,11 @@ static MASTER: Mutex<RefCell<Master>> = Mutex::new(RefCell::new(Master {
     broken: true,
 }));
 
+/// Look at it, or change it, with interrupts held off.
+fn with_master<R>(action: impl FnOnce(&mut Master) -> R) -> R {
+    critical_section::with(|cs| action(&mut MASTER.borrow_ref_mut(cs)))
+}
+
 impl Master {
     /// Start a transfer. One that cannot start is over at once.
     fn start(&mut self, transfer: Transfer, origin: Origin, started: Micros) {
@@ -154,16 +123,15 @@ impl Master {
             started,
             step: Step::Address,
         };
-        let registers = i2c_registers();
-        // The STOP of the transfer before may still be on the wire.
-        let idle = || registers.status().read().busstate().bits() == IDLE;
-        if self.broken || !soon(idle) || !write_address(self.address) {
+        let begun = !self.broken
+            && sercom::wait_idle()
+                .and_then(|()| sercom::write_address(self.address))
+                .is_ok();
+        if begun {
+            sercom::listen();
+        } else {
             self.broken = true;
             active.step = Step::Done(Err(BusError::Stuck));
-        } else {
-            registers
-                .intenset()
-                .write(|w| w.mb().set_bit().sb().set_bit().error().set_bit());
         }
         self.active = Some(active);
     }
@@ -174,7 +142,7 @@ impl Master {
         let flags = registers.intflag().read();
         let status = registers.status().read();
         let Some(active) = &mut self.active else {
-            return silence();
+            return sercom::silence();
         };
         if flags.bits() == 0 || matches!(active.step, Step::Done(_)) {
             // Pending since before the transfer was aborted.
@@ -187,68 +155,57 @@ impl Master {
             self.broken = true;
             Step::Done(Err(BusError::Arbitration))
         } else if flags.mb().bit_is_set() && status.rxnack().bit_is_set() {
-            self.broken |= !command(STOP, false);
+            self.broken |= sercom::command(Command::Stop).is_err();
             Step::Done(Err(BusError::Nak))
         } else {
-            match proceed(active, self.address, &mut self.received, &flags) {
-                Ok(step) => step,
-                Err(NotSynchronised) => {
+            let received = flags.sb().bit_is_set().then(sercom::read_data);
+            proceed(active, self.address, received, &mut self.received).unwrap_or_else(
+                |NotSynchronised| {
                     self.broken = true;
                     Step::Done(Err(BusError::Protocol))
-                }
-            }
+                },
+            )
         };
         if matches!(active.step, Step::Done(_)) {
-            silence();
+            sercom::silence();
         }
     }
 }
 
-/// SYSOP stayed set.
-struct NotSynchronised;
-
-/// The next step of a transfer whose last one was acknowledged.
+/// The next step of a transfer whose last one was acknowledged or brought a byte.
 fn proceed(
     active: &Active,
     address: u8,
+    byte: Option<u8>,
     received: &mut [u8; READ_MAX],
-    flags: &pac::sercom0::i2cm::intflag::R,
 ) -> Result<Step, NotSynchronised> {
-    let done = |synchronised| {
-        if synchronised {
-            Ok(())
-        } else {
-            Err(NotSynchronised)
-        }
-    };
-    match (active.step, &active.transfer) {
-        (Step::Address, Transfer::Read { register, .. } | Transfer::Write { register, .. }) => {
-            done(write_data(*register))?;
+    match (active.step, &active.transfer, byte) {
+        (
+            Step::Address,
+            Transfer::Read { register, .. } | Transfer::Write { register, .. },
+            None,
+        ) => {
+            sercom::write_data(*register)?;
             Ok(Step::Register)
         }
-        (Step::Register, Transfer::Read { .. }) => {
-            done(write_address(address | 1))?;
+        (Step::Register, Transfer::Read { .. }, None) => {
+            sercom::write_address(address | READ)?;
             Ok(Step::Reading(0))
         }
-        (Step::Register, Transfer::Write { bytes, .. }) => send(bytes, 0),
-        (Step::Writing(sent), Transfer::Write { bytes, .. }) => send(bytes, sent),
-        (Step::Reading(count), Transfer::Read { len, .. }) if flags.sb().bit_is_set() => {
-            let byte = i2c_registers().data().read().data().bits();
+        (Step::Register, Transfer::Write { bytes, .. }, None) => send(bytes, 0),
+        (Step::Writing(sent), Transfer::Write { bytes, .. }, None) => send(bytes, sent),
+        (Step::Reading(count), Transfer::Read { len, .. }, Some(byte)) => {
             if let Some(place) = received.get_mut(count) {
                 *place = byte;
             }
-            let last = count + 1 >= usize::from(*len).min(READ_MAX);
-            // Acknowledging asks the slave for another byte; the last one is refused and followed by the STOP.
-            done(if last {
-                command(STOP, false)
+            let count = count + 1;
+            if count < usize::from(*len).min(READ_MAX) {
+                sercom::command(Command::Continue)?;
+                Ok(Step::Reading(count))
             } else {
-                command(CONTINUE, true)
-            })?;
-            Ok(if last {
-                Step::Done(Ok(()))
-            } else {
-                Step::Reading(count + 1)
-            })
+                sercom::command(Command::Stop)?;
+                Ok(Step::Done(Ok(())))
+            }
         }
         // A flag that no step waits for.
         _ => Err(NotSynchronised),
@@ -256,14 +213,15 @@ fn proceed(
 }
 
 fn send(bytes: &[u8], sent: usize) -> Result<Step, NotSynchronised> {
-    let (step, synchronised) = match bytes.get(sent) {
-        Some(byte) => (Step::Writing(sent + 1), write_data(*byte)),
-        None => (Step::Done(Ok(())), command(STOP, false)),
-    };
-    if synchronised {
-        Ok(step)
-    } else {
-        Err(NotSynchronised)
+    match bytes.get(sent) {
+        Some(byte) => {
+            sercom::write_data(*byte)?;
+            Ok(Step::Writing(sent + 1))
+        }
+        None => {
+            sercom::command(Command::Stop)?;
+            Ok(Step::Done(Ok(())))
+        }
     }
 }
 
@@ -279,7 +237,7 @@ pub(super) struct Bus {
 impl Bus {
     /// Bring the bus up, clocking a slave off its data line first where a reset of this chip left it in mid-byte.
     pub(super) fn start(address: u8, khz: u32) -> Self {
-        critical_section::with(|cs| MASTER.borrow_ref_mut(cs).address = address << 1);
+        with_master(|master| master.address = address << 1);
         let mut bus = Self {
             khz,
             repair_at: Micros(0),
@@ -300,14 +258,13 @@ impl Bus {
 
     /// Have the next tick start `transfer`; `None` has it start nothing.
     pub(super) fn arm(&mut self, transfer: Option<Transfer>) {
-        critical_section::with(|cs| MASTER.borrow_ref_mut(cs).armed = transfer);
+        with_master(|master| master.armed = transfer);
     }
 
     /// Start `transfer` now. The bus must be free.
     pub(super) fn begin(&mut self, transfer: Transfer) {
         let started = now();
-        critical_section::with(|cs| {
-            let mut master = MASTER.borrow_ref_mut(cs);
+        with_master(|master| {
             if master.active.is_none() {
                 master.start(transfer, Origin::Loop, started);
             }
@@ -321,13 +278,13 @@ impl Bus {
 
     /// Whether no transfer is under way or waits to be collected.
     pub(super) fn is_free(&self) -> bool {
-        critical_section::with(|cs| MASTER.borrow_ref(cs).active.is_none())
+        with_master(|master| master.active.is_none())
     }
 
     /// The transfer that is over, once; ends one that has passed its deadline, and repairs the bus.
     pub(super) fn poll(&mut self, now: Micros) -> Option<Completion> {
-        let late = critical_section::with(|cs| {
-            MASTER.borrow_ref(cs).active.is_some_and(|active| {
+        let late = with_master(|master| {
+            master.active.is_some_and(|active| {
                 !matches!(active.step, Step::Done(_))
                     && now.since(active.started) > TRANSFER_DEADLINE_US
             })
@@ -341,7 +298,7 @@ impl Bus {
             });
         }
         let completion = collect();
-        if now >= self.repair_at && critical_section::with(|cs| MASTER.borrow_ref(cs).broken) {
+        if now >= self.repair_at && with_master(|master| master.broken) {
             self.recoveries = self.recoveries.saturating_add(1);
             self.repair();
         }
@@ -350,9 +307,8 @@ impl Bus {
 
     /// End what is under way. The peripheral is useless until it is repaired.
     fn abort(&mut self, error: BusError) {
-        critical_section::with(|cs| {
-            let mut master = MASTER.borrow_ref_mut(cs);
-            silence();
+        with_master(|master| {
+            sercom::silence();
             master.broken = true;
             if let Some(active) = &mut master.active
                 && !matches!(active.step, Step::Done(_))
@@ -364,26 +320,21 @@ impl Bus {
 
     /// Reset the peripheral, free the lines, set it up anew. Nothing touches it meanwhile: it is marked broken.
     fn repair(&mut self) {
-        critical_section::with(|cs| MASTER.borrow_ref_mut(cs).broken = true);
+        with_master(|master| master.broken = true);
         self.repair_at = now().after(REPAIR_PERIOD_US);
-        let registers = i2c_registers();
-        registers.ctrla().write(|w| w.swrst().set_bit());
-        let reset = soon(|| registers.syncbusy().read().swrst().bit_is_clear());
-        if !reset || !recovery::free(SDA, SCL) {
+        if sercom::reset().is_err() || !recovery::free(SDA, SCL) {
             return;
         }
         SDA.connect(I2C_FUNCTION);
         SCL.connect(I2C_FUNCTION);
-        if set_up(registers, baud(self.khz)) {
-            critical_section::with(|cs| MASTER.borrow_ref_mut(cs).broken = false);
-        }
+        let ready = sercom::set_up(self.khz).is_ok();
+        with_master(|master| master.broken = !ready);
     }
 }
 
 /// Start the armed transfer, from the tick's interrupt, unless the bus is busy.
 pub(super) fn start_burst(time: Micros) {
-    critical_section::with(|cs| {
-        let mut master = MASTER.borrow_ref_mut(cs);
+    with_master(|master| {
         if master.active.is_none()
             && let Some(transfer) = master.armed.take()
         {
@@ -393,21 +344,21 @@ pub(super) fn start_burst(time: Micros) {
 }
 
 /// Whether a transfer waits to be collected.
-pub(super) fn outcome_waits(cs: critical_section::CriticalSection) -> bool {
-    MASTER
-        .borrow_ref(cs)
-        .active
-        .is_some_and(|active| matches!(active.step, Step::Done(_)))
+pub(super) fn outcome_waits() -> bool {
+    with_master(|master| {
+        master
+            .active
+            .is_some_and(|active| matches!(active.step, Step::Done(_)))
+    })
 }
 
 /// The SERCOM's interrupt.
 pub(super) fn interrupt() {
-    critical_section::with(|cs| MASTER.borrow_ref_mut(cs).advance());
+    with_master(Master::advance);
 }
 
 fn collect() -> Option<Completion> {
-    critical_section::with(|cs| {
-        let mut master = MASTER.borrow_ref_mut(cs);
+    with_master(|master| {
         let active = master.active?;
         let Step::Done(outcome) = active.step else {
             return None;
@@ -423,76 +374,4 @@ fn collect() -> Option<Completion> {
             outcome: outcome.map(|()| answer),
         })
     })
-}
-
-fn set_up(registers: &pac::sercom0::I2cm, baud: Baud) -> bool {
-    let synchronised = || registers.syncbusy().read().bits() == 0;
-    // SAFETY: field values of this mode, from the data sheet.
-    unsafe {
-        registers
-            .ctrla()
-            .write(|w| w.mode().bits(MASTER_MODE).sdahold().bits(SDA_HOLD));
-        registers
-            .baud()
-            .write(|w| w.baud().bits(baud.high).baudlow().bits(baud.low));
-        registers.ctrla().write(|w| {
-            w.mode()
-                .bits(MASTER_MODE)
-                .sdahold()
-                .bits(SDA_HOLD)
-                .enable()
-                .set_bit()
-        });
-        if !soon(synchronised) {
-            return false;
-        }
-        registers.status().write(|w| w.busstate().bits(IDLE));
-    }
-    soon(synchronised) && soon(|| registers.status().read().busstate().bits() == IDLE)
-}
-
-/// START or repeated START and the address.
-fn write_address(address: u8) -> bool {
-    let registers = i2c_registers();
-    let ready = soon(system_idle);
-    if ready {
-        // SAFETY: an eight-bit address in an eleven-bit field.
-        registers
-            .addr()
-            .write(|w| unsafe { w.addr().bits(u16::from(address)) });
-    }
-    ready
-}
-
-fn write_data(byte: u8) -> bool {
-    let ready = soon(system_idle);
-    if ready {
-        // SAFETY: any byte is valid.
-        i2c_registers()
-            .data()
-            .write(|w| unsafe { w.data().bits(byte) });
-    }
-    ready
-}
-
-/// Acknowledge or refuse, and continue or stop.
-fn command(command: u8, acknowledge: bool) -> bool {
-    let ready = soon(system_idle);
-    if ready {
-        // SAFETY: a command of two bits.
-        i2c_registers()
-            .ctrlb()
-            .write(|w| unsafe { w.ackact().bit(!acknowledge).cmd().bits(command) });
-    }
-    ready
-}
-
-fn system_idle() -> bool {
-    i2c_registers().syncbusy().read().sysop().bit_is_clear()
-}
-
-fn silence() {
-    i2c_registers()
-        .intenclr()
-        .write(|w| w.mb().set_bit().sb().set_bit().error().set_bit());
 }

@@ -22,7 +22,6 @@ mod crash;
 mod i2c;
 mod nano33iot;
 mod pin;
-mod recovery;
 mod servo;
 mod stack;
 mod time;
@@ -50,9 +49,6 @@ const BYTE_US: u64 = 90 + 500;
 
 /// Load is measured over this long.
 const LOAD_PERIOD_US: u64 = 1_000_000;
-
-/// Bytes taken from the host at a time; the rest waits for the next round.
-const RECEIVE_BYTES: usize = 64;
 
 /// What the board wakes up for.
 pub(crate) enum Event {
@@ -152,7 +148,7 @@ impl Board {
     /// Sleep until there is something to do; at most a millisecond.
     pub(crate) fn wait(&mut self) -> (Micros, Event) {
         critical_section::with(|cs| {
-            if !(servo::tick_waits(cs) || i2c::outcome_waits(cs) || usb::is_pending()) {
+            if !(servo::tick_waits(cs) || i2c::outcome_waits() || usb::is_pending()) {
                 let began = time::now();
                 // Wakes at any interrupt, which runs when this section ends: none can slip in before the sleep.
                 cortex_m::asm::wfi();
@@ -249,17 +245,10 @@ impl Board {
             // A new listener hears the state again.
             *telemetry = Telemetry::new();
         }
-        let mut buffer = [0; RECEIVE_BYTES];
-        let count = self.port.read(&mut buffer);
-        if let Some(bytes) = buffer.get(..count) {
-            telemetry.receive(now, bytes, flight);
-        }
-        while !telemetry.pending().is_empty() {
-            match self.port.write(telemetry.pending()) {
-                0 => break,
-                count => telemetry.sent(count),
-            }
-        }
+        let mut packet = [0; usb::PACKET_BYTES as usize];
+        telemetry.receive(now, self.port.read(&mut packet), flight);
+        let count = self.port.write(telemetry.pending());
+        telemetry.sent(count);
     }
 
     /// What SYS_STATUS tells of the board.

@@ -1,4 +1,5 @@
-//! The USB serial port: the HAL's device controller, `usb-device` and `usbd-serial`, polled from the main loop.
+//! The USB serial port: the HAL's device controller, `usb-device`, and the packet level of `usbd-serial`, polled from the
+//! main loop.
 //!
 //! The interrupt masks itself and so wakes the main loop, which polls the stack when nothing more urgent is left and
 //! unmasks it again. Nothing waits for the host: what it does not fetch stays in the caller's queue.
@@ -18,9 +19,14 @@ use usb_device::bus::UsbBusAllocator;
 use usb_device::device::{
     StringDescriptors, UsbDevice, UsbDeviceBuilder, UsbDeviceState, UsbVidPid,
 };
-use usbd_serial::SerialPort;
+use usbd_serial::CdcAcmClass;
 
 use super::nano33iot::{BOOTLOADER_MAGIC, BOOTLOADER_WORD, USB_PRODUCT, USB_VENDOR};
+
+/// Packet size of the bulk endpoints.
+pub(super) const PACKET_BYTES: u16 = 64;
+/// No packet sent is full: the host takes a full one to have a continuation, and waits for it.
+const SHORT_PACKET_BYTES: usize = PACKET_BYTES as usize - 1;
 
 /// The stack is polled so often at least, whether or not the controller asks for it.
 const POLL_PERIOD_US: u64 = 10_000;
@@ -35,7 +41,7 @@ static PENDING: AtomicBool = AtomicBool::new(false);
 /// The serial port.
 pub(super) struct Port {
     device: UsbDevice<'static, UsbBus>,
-    serial: SerialPort<'static, UsbBus>,
+    serial: CdcAcmClass<'static, UsbBus>,
     polled: Micros,
     /// The port is open at the touch's rate.
     touching: bool,
@@ -55,7 +61,7 @@ impl Port {
             : UsbBusAllocator<UsbBus> = UsbBusAllocator::new(UsbBus::new(clock, pm, minus, plus, usb))
         )
         .expect("started once");
-        let serial = SerialPort::new(allocator);
+        let serial = CdcAcmClass::new(allocator, PACKET_BYTES);
         let strings = StringDescriptors::default()
             .manufacturer("tvc-nano")
             .product("tvc-nano thrust-vector control")
@@ -98,14 +104,20 @@ impl Port {
         self.device.state() == UsbDeviceState::Configured && self.serial.dtr()
     }
 
-    /// Bytes from the host, as many as there are; 0 for none.
-    pub(super) fn read(&mut self, buffer: &mut [u8]) -> usize {
-        self.serial.read(buffer).unwrap_or(0)
+    /// The host's next packet, empty if there is none.
+    pub(super) fn read<'a>(&mut self, buffer: &'a mut [u8; PACKET_BYTES as usize]) -> &'a [u8] {
+        let count = self.serial.read_packet(buffer).unwrap_or(0);
+        buffer.get(..count).unwrap_or(&[])
     }
 
     /// Hand over as much of `bytes` as there is room for; says how many.
     pub(super) fn write(&mut self, bytes: &[u8]) -> usize {
-        self.serial.write(bytes).unwrap_or(0)
+        if bytes.is_empty() {
+            // A packet without data would go out as one.
+            return 0;
+        }
+        let packet = bytes.get(..SHORT_PACKET_BYTES).unwrap_or(bytes);
+        self.serial.write_packet(packet).unwrap_or(0)
     }
 
     /// Boards are asked into their bootloader by opening their port at 1,200 baud and closing it.

@@ -4,8 +4,8 @@
 //! healthy bus is not clocked (a BNO055 has been seen to hang from that), and a clock line held low cannot be.
 //! Bounded: half a millisecond for a clock that is being stretched, then 0.2 ms.
 
-use super::pin::Pin;
-use super::time::delay_us;
+use crate::board::pin::Pin;
+use crate::board::time::delay_us;
 
 /// Half a clock period, for 100 kHz.
 const HALF_US: u32 = 5;
