@@ -5,7 +5,7 @@ use crate::flight::{FlightError, Mark};
 use crate::image::Image;
 use crate::link::LinkCounts;
 use crate::measure::LoopTiming;
-use crate::operator::{Attitude, Operator, RawImu, Received};
+use crate::operator::{Attitude, FlightState, Operator, RawImu, Received};
 use crate::recording::Recording;
 use crate::rig::{Rig, RigConfig};
 use crate::score::{Score, Scorer};
@@ -34,7 +34,7 @@ pub struct ReplayRecord {
     pub score: Option<Score>,
     /// Image against host library.
     pub parity: Parity,
-    /// Timing of the control loop.
+    /// Timing of the control loop from standby on.
     pub timing: LoopTiming,
     /// Counts of the link.
     pub link: LinkCounts,
@@ -87,7 +87,7 @@ pub fn replay(
     Ok(ReplayRecord {
         score,
         parity,
-        timing: LoopTiming::over(rig.truth(), Ticks::ZERO..end),
+        timing: LoopTiming::over(rig.truth(), standby(&received)..end),
         link: operator.counts(),
         unmatched,
         received,
@@ -96,6 +96,15 @@ pub fn replay(
         simulated_s: finish.at.as_secs_f64(),
         busy_s: begin.load_until(&finish) * finish.at.as_secs_f64(),
     })
+}
+
+/// When the image came to standby, from which on its timing counts: before, the sensor starts up. Power-on if it never
+/// did.
+fn standby(received: &Received) -> Ticks {
+    let mut heartbeats = received.heartbeats.iter();
+    heartbeats
+        .find(|heartbeat| heartbeat.state == FlightState::Standby)
+        .map_or(Ticks::ZERO, |heartbeat| heartbeat.at)
 }
 
 /// Every raw sample that came over USB with the attitude of the same step.
