@@ -9,6 +9,7 @@ mod board;
 #[cfg(target_os = "none")]
 mod firmware {
     use bno055_driver::{Config, Driver};
+    use cortex_m::singleton;
     use cortex_m_rt::entry;
     #[cfg(feature = "probe")]
     use defmt_rtt as _;
@@ -18,47 +19,64 @@ mod firmware {
 
     use crate::board::{Board, Event};
 
-    /// Keep a value in a static for good: counted as static RAM, and reached by a short address, which a stack frame
-    /// of kilobytes is not on this core.
-    macro_rules! keep {
-        ($type:ty, $value:expr) => {
-            cortex_m::singleton!(: $type = $value).expect("main runs once")
-        };
+    /// All that lives as long as the firmware. In statics, so that the stack holds only what comes and goes.
+    struct Firmware {
+        board: &'static mut Board,
+        driver: &'static mut Driver,
+        flight: &'static mut Flight,
+        telemetry: &'static mut Telemetry,
     }
 
     #[entry]
     fn main() -> ! {
-        let params = Params::default();
-        let driver = keep!(Driver, Driver::new(Config::default()));
-        let (board, report) = Board::start(driver.config().address.value(), &params);
-        let board = keep!(Board, board);
-        let flight = Flight::new(params, report).expect("the default parameters are possible");
-        let flight = keep!(Flight, flight);
-        let telemetry = keep!(Telemetry, Telemetry::new());
+        let mut firmware = Firmware::start();
         loop {
-            let (now, event) = board.wait();
+            firmware.turn();
+        }
+    }
+
+    impl Firmware {
+        fn start() -> Self {
+            let params = Params::default();
+            let config = Config::default();
+            let (board, report) = Board::start(config.address.value(), &params);
+            let flight = Flight::new(params, report).expect("the default parameters are possible");
+            Self {
+                board: singleton!(: Board = board).expect("started once"),
+                driver: singleton!(: Driver = Driver::new(config)).expect("started once"),
+                flight: singleton!(: Flight = flight).expect("started once"),
+                telemetry: singleton!(: Telemetry = Telemetry::new()).expect("started once"),
+            }
+        }
+
+        /// Once round the loop: wait for the tick, read, step, write, send.
+        fn turn(&mut self) {
+            let (now, event) = self.board.wait();
             let reading = match event {
-                Event::Burst(outcome) => Some(driver.sample(outcome.started(), outcome.bytes())),
-                Event::Missed => Some(Err(driver.missed())),
-                Event::Late(outcome) => {
+                Event::Burst(burst) => Some(self.driver.sample(burst.started(), burst.bytes())),
+                Event::Missed => Some(Err(self.driver.missed())),
+                Event::Late(burst) => {
                     // Too late to fly by; what it says of the sensor's health counts all the same.
-                    let _ = driver.sample(outcome.started(), outcome.bytes());
+                    let _ = self.driver.sample(burst.started(), burst.bytes());
                     None
                 }
-                Event::Reply(outcome) => {
-                    driver.complete(now, outcome.bytes());
+                Event::Reply(reply) => {
+                    self.driver.complete(now, reply.bytes());
                     None
                 }
                 Event::Nothing => None,
             };
             if let Some(reading) = reading {
-                board.step_begins();
-                let outputs = flight.step(now, reading);
-                board.step_ends(outputs.pulse, flight.params(), &outputs.snapshot.state);
-                telemetry.record(&outputs.snapshot, flight, &board.status());
+                self.board.step_begins();
+                let outputs = self.flight.step(now, reading);
+                let snapshot = &outputs.snapshot;
+                self.board
+                    .step_ends(outputs.pulse, self.flight.params(), &snapshot.state);
+                self.telemetry
+                    .record(snapshot, self.flight, &self.board.status());
             }
-            board.serve_sensor(now, driver);
-            board.exchange(now, telemetry, flight);
+            self.board.serve_sensor(now, self.driver);
+            self.board.exchange(now, self.telemetry, self.flight);
         }
     }
 }
