@@ -178,18 +178,24 @@ fn spikes_are_ridden_out() {
     assert!(pitch.abs() < 0.05, "{pitch}");
 }
 
+/// Puts one instruction into RAM that the image leaves alone, and the core onto it.
+fn divert(rig: &mut rig::Rig, instruction: u16) -> u32 {
+    let at = 0x7A00;
+    rig.chip_mut().ram_mut()[at..at + 2].copy_from_slice(&instruction.to_le_bytes());
+    let mut registers = rig.chip().registers();
+    registers.r[15] = 0x2000_0000 + at as u32;
+    registers.primask = false;
+    rig.chip_mut().set_registers(&registers);
+    registers.r[15]
+}
+
 #[test]
 fn a_hung_loop_is_reset_and_told() {
     let mut flight = in_flight();
     let Ready { rig, operator, .. } = &mut flight;
     let at = rig.now();
-    // The main loop never comes back: a branch to itself, in RAM that the image leaves alone.
-    let spin = 0x7A00;
-    rig.chip_mut().ram_mut()[spin..spin + 2].copy_from_slice(&[0xFE, 0xE7]);
-    let mut registers = rig.chip().registers();
-    registers.r[15] = 0x2000_0000 + spin as u32;
-    registers.primask = false;
-    rig.chip_mut().set_registers(&registers);
+    // The main loop never comes back: a branch to itself.
+    divert(rig, 0xE7FE);
     operator.run(rig, ms(450)).unwrap();
     assert_eq!(rig.resets().len(), 1, "the watchdog fires");
     let (fired, cause) = rig.resets()[0];
@@ -236,6 +242,39 @@ fn a_brown_out_is_latched() {
         .wait_for_state(rig, ms(2000), FlightState::Latched)
         .unwrap();
     assert!(operator.last_text().unwrap().contains("brown-out"));
+}
+
+/// The record of a crash outlives the bootloader, which uses RAM of its own, and not the power.
+#[test]
+fn a_hard_fault_is_told_after_the_reset() {
+    let mut flight = in_flight();
+    let Ready { rig, operator, .. } = &mut flight;
+    let at = rig.now();
+    let pc = divert(rig, 0xDE00);
+    operator.run(rig, ms(1200)).unwrap();
+    assert_eq!(rig.resets().len(), 1);
+    let (reset, _) = rig.resets()[0];
+    let before = rig.truth().pulses.iter().rfind(|p| p.fall < reset).unwrap();
+    assert!(
+        reset - at < ms(20) || NEUTRAL_US.contains(&before.width_us()),
+        "{} us for {}",
+        before.width_us(),
+        reset - at
+    );
+    operator
+        .wait_for_state(rig, ms(3000), FlightState::Latched)
+        .unwrap();
+    let reason = format!("hard fault at {pc:#010x}");
+    let told = &operator.received().texts;
+    assert!(told.iter().any(|t| t.text.contains(&reason)), "{told:?}");
+
+    rig.world_mut().catch();
+    rig.world_mut().tilt_clamp(0.0);
+    rig.power_cycle();
+    operator.connect(rig).unwrap();
+    operator
+        .wait_for_state(rig, ms(8000), FlightState::Standby)
+        .unwrap();
 }
 
 #[test]
