@@ -31,7 +31,7 @@ pub struct FieldConfig {
 impl Default for FieldConfig {
     fn default() -> Self {
         Self {
-            gate: 0.1,
+            gate: 0.25,
             tau_s: 20.0,
             adopt_s: 20.0,
             adopt_rate_rad_s: 0.35,
@@ -81,21 +81,16 @@ pub(crate) struct Field<T> {
     rejected_s: T,
     since_refresh_s: T,
     since_judged_s: T,
-    verdict: Verdict,
-}
-
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Verdict {
-    Undisturbed,
-    Disturbed,
-    DisturbedTooLong,
+    /// What the last judgement found.
+    weight: T,
+    disturbed: bool,
 }
 
 #[derive(Clone, Copy, Debug)]
 struct Reference<T> {
     parts: Parts<T>,
-    /// Tolerances of the two parts.
-    tolerance: Parts<T>,
+    /// One over the largest deviation of the two parts.
+    inverse_tolerance: Parts<T>,
     /// One over the horizontal part.
     inverse_horizontal: T,
 }
@@ -104,7 +99,7 @@ struct Reference<T> {
 const REFRESH_S: f32 = 0.25;
 
 /// Interval at which the field is judged, s: 25 times a second are enough.
-const JUDGE_S: f32 = 0.035;
+pub(crate) const JUDGE_S: f32 = 0.035;
 
 /// Horizontal field below which a compass has no direction, uT.
 const LEAST_HORIZONTAL_UT: f32 = 1.0;
@@ -121,23 +116,27 @@ impl<T: Real> Reference<T> {
         if parts.horizontal2.within(least * least) {
             return None;
         }
-        let horizontal = parts.horizontal2.sqrt();
+        let inverse_horizontal = parts.horizontal2.sqrt().recip();
         let total = (parts.horizontal2 + parts.vertical * parts.vertical).sqrt();
-        let vertical = gate * total;
+        let inverse = (gate * total).recip();
         Some(Self {
             parts,
             // d(h^2) = 2 h dh
-            tolerance: Parts {
-                horizontal2: (horizontal + horizontal) * vertical,
-                vertical,
+            inverse_tolerance: Parts {
+                horizontal2: inverse * inverse_horizontal * T::HALF,
+                vertical: inverse,
             },
-            inverse_horizontal: horizontal.recip(),
+            inverse_horizontal,
         })
     }
 
-    fn matches(&self, parts: &Parts<T>) -> bool {
-        (parts.horizontal2 - self.parts.horizontal2).within(self.tolerance.horizontal2)
-            && (parts.vertical - self.parts.vertical).within(self.tolerance.vertical)
+    /// How far a field is to be believed: 1 where it is like the reference, falling to 0 at the gate.
+    fn weight(&self, parts: &Parts<T>) -> T {
+        let (own, inverse) = (&self.parts, &self.inverse_tolerance);
+        let horizontal = ((parts.horizontal2 - own.horizontal2) * inverse.horizontal2).abs();
+        let vertical = ((parts.vertical - own.vertical) * inverse.vertical).abs();
+        let deviation = horizontal + vertical;
+        if deviation.within(T::ONE) { T::ONE - deviation } else { T::ZERO }
     }
 
     fn moved(&self, parts: &Parts<T>, share: T, gate: T) -> Option<Self> {
@@ -190,7 +189,8 @@ impl<T: Real> Field<T> {
             rejected_s: T::ZERO,
             since_refresh_s: T::ZERO,
             since_judged_s: T::ZERO,
-            verdict: Verdict::Undisturbed,
+            weight: T::ONE,
+            disturbed: false,
         })
     }
 
@@ -223,22 +223,15 @@ impl<T: Real> Field<T> {
                 horizontal2,
                 vertical: dot(&rows.down, mag),
             };
-            self.verdict = self.judge(&parts, rate);
+            self.judge(&parts, rate);
             self.since_judged_s = T::ZERO;
         }
         let reference = self.reference.as_ref()?;
-        let sin = self.sine(north, east, reference);
-        match self.verdict {
-            Verdict::Undisturbed => Some(HeadingError {
-                sin,
-                undisturbed: true,
-            }),
-            Verdict::Disturbed => None,
-            Verdict::DisturbedTooLong => Some(HeadingError {
-                sin: sin * T::HALF,
-                undisturbed: false,
-            }),
+        if self.weight.within(T::ZERO) {
+            return None;
         }
+        let sin = self.sine(north, east, reference) * self.weight;
+        Some(HeadingError { sin, undisturbed: !self.disturbed })
     }
 
     /// The first field, in the body frame and with the orientation found from it.
@@ -254,39 +247,39 @@ impl<T: Real> Field<T> {
     }
 
     #[inline(never)]
-    fn judge(&mut self, parts: &Parts<T>, rate: &Vector3<T>) -> Verdict {
+    fn judge(&mut self, parts: &Parts<T>, rate: &Vector3<T>) {
         let Some(reference) = self.reference else {
-            return Verdict::Disturbed;
+            return;
         };
         if self.averaged < AVERAGED {
             self.averaged += 1;
             let share = T::from_f32(self.averaged as f32).recip();
             self.reference = reference.moved(parts, share, self.gate);
-            return Verdict::Undisturbed;
+            return;
         }
-        if reference.matches(parts) {
+        self.weight = reference.weight(parts);
+        self.disturbed = self.weight.within(T::ZERO);
+        if !self.disturbed {
             self.candidate = None;
             self.rejected_s = T::ZERO;
             self.since_refresh_s += self.since_judged_s;
             if !self.since_refresh_s.within(T::from_f32(REFRESH_S)) {
                 self.follow(&reference, parts);
             }
-            return Verdict::Undisturbed;
+            return;
         }
         self.rejected_s += self.since_judged_s;
         self.consider(parts, rate);
         let compass = !parts.horizontal2.within(T::from_f32(0.25));
         if compass && !self.rejected_s.within(self.reject_s) {
-            Verdict::DisturbedTooLong
-        } else {
-            Verdict::Disturbed
+            self.weight = T::HALF;
         }
     }
 
     #[cold]
     #[inline(never)]
     fn follow(&mut self, reference: &Reference<T>, parts: &Parts<T>) {
-        let share = self.since_refresh_s * (self.tau_s + self.since_refresh_s).recip();
+        let share = self.weight * self.since_refresh_s * (self.tau_s + self.since_refresh_s).recip();
         self.since_refresh_s = T::ZERO;
         if let Some(moved) = reference.moved(parts, share, self.gate) {
             self.reference = Some(moved);
@@ -298,7 +291,7 @@ impl<T: Real> Field<T> {
     #[inline(never)]
     fn consider(&mut self, parts: &Parts<T>, rate: &Vector3<T>) {
         match &mut self.candidate {
-            Some((candidate, turned_s)) if candidate.matches(parts) => {
+            Some((candidate, turned_s)) if candidate.weight(parts) > T::ZERO => {
                 if !(rate.x.within(self.adopt_rate)
                     && rate.y.within(self.adopt_rate)
                     && rate.z.within(self.adopt_rate))

@@ -18,6 +18,7 @@ mod complementary;
 mod config;
 mod estimator;
 mod field;
+pub mod fixed;
 mod gyro;
 mod madgwick;
 mod mahony;

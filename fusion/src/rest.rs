@@ -30,7 +30,7 @@ impl Default for RestConfig {
             acc_m_s2: 0.5,
             time_s: 1.5,
             max_bias_rad_s: 4.0 * DEG,
-            tau_s: 5.0,
+            tau_s: 10.0,
         }
     }
 }
@@ -38,7 +38,10 @@ impl Default for RestConfig {
 const DEG: f32 = core::f32::consts::PI / 180.0;
 
 /// Length of a block, s.
-const BLOCK_S: f32 = 0.25;
+pub(crate) const BLOCK_S: f32 = 0.25;
+
+/// Once an offset is known, what passes for rest is held to this fraction of the limit.
+const TIGHT: f32 = 0.25;
 
 /// Samples closer together than this are not all looked at, s: ten make a block.
 const SPACING_S: f32 = 0.02;
@@ -59,8 +62,11 @@ pub(crate) struct Rest<T> {
     reference: Option<(Vector3<T>, Vector3<T>)>,
     /// Consecutive blocks at rest.
     still: u32,
-    /// Mean rate over these.
+    /// Mean rate of the blocks at rest that the offset has not learned yet. The newest is always held back
+    /// until the next is at rest too: a motion may have begun in it.
     mean: Vector3<T>,
+    /// Their number.
+    held: u32,
     /// Blocks that the offset stands on.
     learned: u32,
 }
@@ -107,6 +113,7 @@ impl<T: Real> Rest<T> {
             reference: None,
             still: 0,
             mean: Vector3::new(T::ZERO, T::ZERO, T::ZERO),
+            held: 0,
             learned: 0,
         })
     }
@@ -159,8 +166,9 @@ impl<T: Real> Rest<T> {
         let k = block.count.recip();
         let gyr = Vector3::new(block.gyr.x * k, block.gyr.y * k, block.gyr.z * k);
         let acc = Vector3::new(block.acc.x * k, block.acc.y * k, block.acc.z * k);
+        let tight = if self.learned > 0 { T::from_f32(TIGHT) } else { T::ONE };
         let still = self.reference.as_ref().is_some_and(|(gyr_ref, acc_ref)| {
-            near(&gyr, gyr_ref, self.rate_limit)
+            near(&gyr, gyr_ref, self.rate_limit * tight)
                 && near(&acc, acc_ref, self.acc_limit)
                 && gyr.iter().all(|rate| rate.within(self.max_bias))
         });
@@ -172,17 +180,16 @@ impl<T: Real> Rest<T> {
             return;
         }
         self.still = self.still.saturating_add(1);
-        if self.still <= self.needed {
-            step_towards(&mut self.mean, &gyr, self.still);
-        }
-        if self.still == self.needed {
-            self.learned = self.learned.saturating_add(self.needed);
-            let share = self.learned.min(self.memory).max(self.needed) / self.needed;
+        if self.still >= self.needed {
+            self.learned = self.learned.saturating_add(self.held).min(self.memory).max(self.held);
+            let share = T::from_f32(self.held as f32) * T::from_f32(self.learned as f32).recip();
             let mean = self.mean;
             step_towards(bias, &mean, share);
-        } else if self.still > self.needed {
-            self.learned = self.learned.saturating_add(1);
-            step_towards(bias, &gyr, self.learned.min(self.memory));
+            self.mean = gyr;
+            self.held = 1;
+        } else {
+            self.held = self.still;
+            step_towards(&mut self.mean, &gyr, T::from_f32(self.held as f32).recip());
         }
     }
 }
@@ -191,12 +198,11 @@ fn near<T: Real>(a: &Vector3<T>, b: &Vector3<T>, limit: T) -> bool {
     (a.x - b.x).within(limit) && (a.y - b.y).within(limit) && (a.z - b.z).within(limit)
 }
 
-/// The running mean: `mean += (value - mean) / n`.
-fn step_towards<T: Real>(mean: &mut Vector3<T>, value: &Vector3<T>, n: u32) {
-    let k = T::from_f32(n as f32).recip();
-    mean.x = mean.x + (value.x - mean.x) * k;
-    mean.y = mean.y + (value.y - mean.y) * k;
-    mean.z = mean.z + (value.z - mean.z) * k;
+/// `from += (to - from) share`
+fn step_towards<T: Real>(from: &mut Vector3<T>, to: &Vector3<T>, share: T) {
+    from.x = from.x + (to.x - from.x) * share;
+    from.y = from.y + (to.y - from.y) * share;
+    from.z = from.z + (to.z - from.z) * share;
 }
 
 #[cfg(test)]

@@ -1,0 +1,304 @@
+//! From counts to orientation.
+
+use super::field::{self, Compass, Field};
+use super::filters::{Filter, Gain, View};
+use super::rest::{self, Rest, Sums};
+use super::rotation::{Rotation, Step};
+use crate::config::{Config, ConfigError, in_range};
+use crate::estimator::{Flags, GRAVITY};
+use crate::quaternion::Quaternion;
+
+/// One sample as the sensors give it, in body axes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Counts {
+    /// Rotation rate.
+    pub gyr: [i16; 3],
+    /// Specific force.
+    pub acc: [i16; 3],
+    /// Magnetic field, when there is a fresh one.
+    pub mag: Option<[i16; 3]>,
+}
+
+/// What a count is worth.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Scale {
+    /// Rotation rate of a count, rad/s.
+    pub gyr_rad_s: f32,
+    /// Specific force of a count, m/s^2.
+    pub acc_m_s2: f32,
+    /// Magnetic field of a count, uT.
+    pub mag_ut: f32,
+}
+
+impl Scale {
+    /// BNO055 with its default units (data sheet tables 3-17, 3-19, 3-22): 16 counts per deg/s, 100 per
+    /// m/s^2, 16 per uT.
+    pub const BNO055: Self = Self { gyr_rad_s: 0.001_090_830_8, acc_m_s2: 0.01, mag_ut: 0.0625 };
+}
+
+/// Longest time step, us: more is a gap.
+const MOST_DT_US: u32 = 25_000;
+
+/// Largest gain for which a product with any acceleration fits 32 bits.
+const MOST_FACTOR: i32 = 2_896;
+
+/// Share that a sample has when a running mean begins, as a negative power of two.
+const FIRST_SHARE: u8 = 2;
+
+/// An attitude estimator in fixed point.
+///
+/// Fields in the order of use: what every step touches lies within reach of the core's short offsets.
+#[derive(Clone, Debug)]
+#[repr(C)]
+pub struct Estimator<F> {
+    rotation: Rotation,
+    /// Half angle per count and us; and by how much the product with a time step is cut to 15 bits, and a
+    /// product with counts to Q31.
+    per_us: u32,
+    dt_cut: u8,
+    turn_cut: u8,
+    mag_cut: u8,
+    settled: bool,
+    gain: Gain,
+    /// Share of the heading error per sample, Q15 with `mag_cut` more bits.
+    mag_gain: i32,
+    /// Samples since the last field.
+    mag_samples: i32,
+    sums: Sums,
+    compass: Compass,
+    filter: F,
+    rest: Rest,
+    field: Field,
+    settling: Settling,
+    /// Largest acceleration while settling, counts.
+    acc_limit: i32,
+    /// Blocks of samples so far, up to 255, and those that make the start-up.
+    blocks: u8,
+    start_up_blocks: u8,
+    flags: Flags,
+}
+
+/// The running mean with which an estimate begins, or begins anew: samples have shares of 1/4 for a block
+/// of samples, then of one over the number of samples, halved as that doubles, down to the filter's own.
+#[derive(Clone, Debug)]
+struct Settling {
+    /// How much larger the shares are now, as a power of two, for the one of tilt and heading that has the
+    /// smaller share of its own; and by how much less that of the other is larger.
+    boost: u8,
+    acc_less: u8,
+    mag_less: u8,
+    /// By how much the boost falls next.
+    fall: u8,
+    /// Blocks that are left of this boost, and that the next lasts.
+    left: u8,
+    next: u8,
+    /// Where it all begins.
+    most: u8,
+    first_fall: u8,
+    /// The filter's own gains.
+    acc_factor: i32,
+    mag_cut: u8,
+}
+
+impl<F: Filter> Estimator<F> {
+    /// An estimator for samples of about every `period_us` microseconds, 500 to 20,000. The gains of the
+    /// correction are per sample, the rates are integrated over the time steps as they are.
+    ///
+    /// The accelerometer's gate and an integral gain are not there in fixed point and refused.
+    pub fn new(config: &Config<F::Gains>, scale: &Scale, period_us: u32) -> Result<Self, ConfigError> {
+        if !(500..=20_000).contains(&period_us) {
+            return Err(ConfigError::OutOfRange("period_us"));
+        }
+        if config.acc_gate.is_finite() {
+            return Err(ConfigError::OutOfRange("acc_gate"));
+        }
+        let period_s = period_us as f32 * 1e-6;
+        in_range(scale.gyr_rad_s, 1e-5, 0.01, "gyr_rad_s")?;
+        in_range(scale.acc_m_s2, 5e-4, 0.05, "acc_m_s2")?;
+        in_range(scale.mag_ut, 1e-3, 1.0, "mag_ut")?;
+        in_range(config.declination_rad, 0.0, 0.0, "declination_rad")?;
+        let (acc_rate, mag_rate) = F::rates(&config.gains);
+        let (acc_share, mag_share) = (acc_rate * period_s, mag_rate * period_s);
+        let per_g = GRAVITY / scale.acc_m_s2;
+        let acc_factor = acc_share * 32_768.0 * 8_192.0 / per_g;
+        in_range(acc_factor, 8.0, MOST_FACTOR as f32, "tilt gain")?;
+        in_range(mag_share, 1e-5, 0.1, "heading gain")?;
+        let (mag_gain, mag_cut) = scaled(mag_share * 32_768.0, 16_384.0);
+        let (per_us, bits) = scaled(scale.gyr_rad_s * 0.5e-6 * 2_147_483_648.0, 65_536.0);
+        let dt_cut = bits_above(per_us as f32 * MOST_DT_US as f32, 32_768.0);
+        let (sums, rest) = Rest::new(&rest::Limits::new(&config.rest, scale, period_s)?);
+        let (acc_boost, mag_boost) = (boost(acc_share), boost(mag_share));
+        let most = acc_boost.max(mag_boost);
+        let first_fall = sums.log2_block() - FIRST_SHARE;
+        let block_s = period_s * f32::from(1u16 << sums.log2_block());
+        Ok(Self {
+            rotation: Rotation::new(),
+            per_us: per_us as u32,
+            dt_cut,
+            turn_cut: bits - dt_cut,
+            mag_cut,
+            settled: false,
+            gain: Gain { factor: 0 },
+            mag_gain,
+            mag_samples: 0,
+            sums,
+            compass: Compass::new(scale),
+            filter: F::new(&config.gains, period_s)?,
+            rest,
+            field: Field::new(&field::Limits::new(&config.field, scale, period_s)?),
+            settling: Settling {
+                boost: most,
+                acc_less: most - acc_boost,
+                mag_less: most - mag_boost,
+                fall: first_fall,
+                left: 1,
+                next: 1,
+                most,
+                first_fall,
+                acc_factor: acc_factor as i32,
+                mag_cut,
+            },
+            acc_limit: (1.25 * per_g) as i32,
+            blocks: 0,
+            start_up_blocks: (config.start_up_s / block_s + 0.5) as u8,
+            flags: Flags::default(),
+        })
+    }
+
+    /// The orientation, a unit quaternion, body to earth.
+    pub fn quaternion(&self) -> Quaternion {
+        let [w, x, y, z] = self.rotation.q30().map(|c| c as f32);
+        Quaternion::normalised(w, x, y, z)
+    }
+
+    /// bias
+    pub fn bias(&self) -> [f32; 3] { self.rotation.bias.map(|b| b as f32 / 512.0) }
+    /// x
+    pub fn dbg(&self) -> (i32, i32, i32) { self.field.dbg(&self.compass) }
+    /// Health of the estimate.
+    pub fn flags(&self) -> Flags {
+        Flags {
+            initialised: self.blocks > self.start_up_blocks,
+            at_rest: self.rest.is_at_rest(),
+            mag_disturbed: self.compass.is_disturbed(),
+            ..self.flags
+        }
+    }
+
+    /// Take one sample, `dt_us` microseconds after the one before (at most 25,000: more is a gap, and
+    /// nothing happens at 0).
+    #[inline]
+    pub fn update(&mut self, dt_us: u32, counts: &Counts) {
+        let dt_us = if dt_us > MOST_DT_US { self.gap() } else { dt_us };
+        let per_count = ((dt_us * self.per_us) >> (self.dt_cut & 31)) as i32;
+        self.rotation.turn(&counts.gyr, Step { per_count, cut: u32::from(self.turn_cut) });
+
+        // A step that keeps house leaves the compass alone, so that no step pays for both.
+        let due = self.sums.add(&counts.gyr, &counts.acc);
+        let busy = due <= rest::SETTLE || self.compass.left == 0;
+        let products = self.rotation.products();
+        let down = products.down();
+        let mut turn = 0;
+        self.mag_samples += 1;
+        if let Some(mag) = &counts.mag
+            && !busy
+        {
+            let sine = self.compass.heading(&products, &down, mag);
+            turn = ((sine * self.mag_gain) >> 15) * self.mag_samples;
+            self.mag_samples = 0;
+        }
+        let mut acc = counts.acc.map(i32::from);
+        if !self.settled {
+            // The large gains of the beginning are for moderate accelerations, and not for busy steps.
+            let limit = if busy { 0 } else { self.acc_limit };
+            acc = acc.map(|a| a.clamp(-limit, limit));
+        }
+        let tilt = self.filter.tilt(&View { products: &products, down: &down, acc: &acc, settling: !self.settled }, self.gain);
+        let cut = self.mag_cut & 31;
+        let pending = &mut self.rotation.pending;
+        pending[0] += tilt[0] + ((turn * down[0]) >> cut);
+        pending[1] += tilt[1] + ((turn * down[1]) >> cut);
+        pending[2] += tilt[2] + ((turn * down[2]) >> cut);
+        if busy {
+            self.keep_house(due, counts);
+        }
+    }
+
+    /// One of the small jobs that come now and then.
+    #[inline(never)]
+    fn keep_house(&mut self, due: u16, counts: &Counts) {
+        if due < rest::SETTLE {
+            self.rest.close(due, &mut self.sums, &mut self.rotation.bias);
+        } else if due == rest::SETTLE {
+            self.settle(&counts.acc);
+        } else {
+            self.field.judge(&mut self.compass, &counts.gyr);
+        }
+    }
+
+    /// Once a block: the next share of the running mean.
+    #[inline(never)]
+    fn settle(&mut self, acc: &[i16; 3]) {
+        if self.blocks == 0 {
+            self.rotation.start(acc[2] > 0);
+        }
+        self.blocks = self.blocks.saturating_add(1);
+        if self.settled {
+            return;
+        }
+        let s = &mut self.settling;
+        self.gain.factor = s.acc_factor << s.boost.saturating_sub(s.acc_less);
+        self.mag_cut = s.mag_cut - s.boost.saturating_sub(s.mag_less);
+        self.settled = s.boost == 0;
+        s.left -= 1;
+        if s.left == 0 {
+            s.left = s.next;
+            s.next *= 2;
+            s.boost = s.boost.saturating_sub(s.fall);
+            s.fall = 1;
+        }
+    }
+
+    /// Samples are missing: what happened meanwhile is unknown. The time that is integrated over, us.
+    #[cold]
+    #[inline(never)]
+    fn gap(&mut self) -> u32 {
+        self.flags.gap = true;
+        self.rest.interrupt();
+        self.settled = false;
+        let s = &mut self.settling;
+        (s.boost, s.fall, s.left, s.next) = (s.most, s.first_fall, 1, 1);
+        MOST_DT_US
+    }
+}
+
+/// By which power of two the first share is larger than a filter's own.
+fn boost(share: f32) -> u8 {
+    let mut bits = 0;
+    let mut share = share;
+    while share < 1.0 / f32::from(1u8 << (FIRST_SHARE + 1)) {
+        share *= 2.0;
+        bits += 1;
+    }
+    bits
+}
+
+/// A factor in the upper half below `below`, and the bits by which it is too large.
+fn scaled(value: f32, below: f32) -> (i32, u8) {
+    let (mut value, mut bits) = (value, 0);
+    while value < below / 2.0 {
+        value *= 2.0;
+        bits += 1;
+    }
+    ((value + 0.5) as i32, bits)
+}
+
+/// How many bits a value must be cut by to be below a limit.
+fn bits_above(value: f32, limit: f32) -> u8 {
+    let (mut value, mut bits) = (value, 0);
+    while value >= limit {
+        value *= 0.5;
+        bits += 1;
+    }
+    bits
+}

@@ -1,0 +1,239 @@
+//! The compass in counts: see [`crate::FieldConfig`].
+
+use super::estimator::Scale;
+use super::nearest_log2;
+use super::rotation::{Products, dot};
+use crate::config::{ConfigError, in_range};
+use crate::field::{FieldConfig, JUDGE_S};
+
+/// Fractional bits of the reference.
+const BITS: u32 = 8;
+
+/// The weight of a field that is like the reference.
+const FULL: u8 = 8;
+
+/// Field samples for finding the strength, and then for averaging it.
+const FINDING: u8 = 12;
+const AVERAGING: u8 = FINDING + 16;
+
+/// What is touched with every field sample.
+#[derive(Clone, Debug)]
+#[repr(C)]
+pub(super) struct Compass {
+    /// Horizontal part of the reference, counts in Q8.
+    horizontal: i32,
+    /// `2^25 / horizontal` with the horizontal in counts.
+    inverse: i32,
+    /// Horizontal field below which a compass has no direction, counts in Q8.
+    least: i32,
+    /// Field samples until one is judged.
+    pub(super) left: u8,
+    disturbed: bool,
+    /// How far the field is to be believed, in parts of `FULL`.
+    weight: u8,
+    /// What is to be judged: north, east, sine of the heading error, down in Q15 counts.
+    seen: [i32; 4],
+}
+
+/// What is touched when a field sample is judged.
+#[derive(Clone, Debug)]
+pub(super) struct Field {
+    /// Vertical part of the reference, counts in Q8.
+    vertical: i32,
+    /// The last field that was disturbed, and one that has been there for a while.
+    met: [i32; 2],
+    candidate: [i32; 2],
+    /// Largest deviation from the reference, and how far the last field was within it, counts in Q8.
+    tolerance: i32,
+    margin: i32,
+    /// Gate as a fraction, Q8.
+    gate: i32,
+    /// Share of a judged sample in the reference, as a negative power of two.
+    follow: u8,
+    /// Samples that have been judged so far, up to `AVERAGING`.
+    judged: u8,
+    /// Interval of judgements in samples.
+    interval: u8,
+    /// The reference has changed, and what follows from it has not.
+    stale: bool,
+    /// Judgements while another field was there: all, and those while turning; and the limits of both.
+    rejected: u16,
+    turned: u16,
+    reject: u16,
+    adopt: u16,
+    adopt_rate: i32,
+}
+
+/// Limits in counts, times in judgements.
+pub(super) struct Limits {
+    pub(super) gate_q8: i32,
+    pub(super) log2_follow: u8,
+    pub(super) interval: u8,
+    pub(super) reject: u16,
+    pub(super) adopt: u16,
+    pub(super) adopt_rate: i32,
+}
+
+impl Compass {
+    pub(super) fn new(scale: &Scale) -> Self {
+        // Below 32 counts a reciprocal would not fit.
+        let least = ((1.0 / scale.mag_ut) as i32).max(32) << BITS;
+        Self { least, horizontal: 0, inverse: 1 << 16, left: 1, disturbed: false, weight: FULL, seen: [0; 4] }
+    }
+
+    pub(super) fn is_disturbed(&self) -> bool {
+        self.disturbed
+    }
+
+    /// Sine of the heading error, Q15, of a field in counts; 0 when it is disturbed.
+    #[inline(always)]
+    pub(super) fn heading(&mut self, p: &Products, down: &[i32; 3], mag: &[i16; 3]) -> i32 {
+        let mag = &mag.map(i32::from);
+        let north = dot(&p.north(), mag) >> 15;
+        let east = dot(&p.east(), mag) >> 11;
+        let limit = self.horizontal >> 4;
+        let sine = if north < 0 || east >= limit || east <= -limit {
+            if east < 0 { 32_767 } else { -32_767 }
+        } else {
+            -((east * self.inverse) >> 14)
+        };
+        self.left -= 1;
+        if self.left == 0 {
+            self.seen = [north, east >> 4, sine, dot(down, mag)];
+        }
+        (sine * i32::from(self.weight)) >> 3
+    }
+}
+
+impl Limits {
+    pub(super) fn new(config: &FieldConfig, scale: &Scale, period_s: f32) -> Result<Self, ConfigError> {
+        in_range(config.gate, 0.01, f32::INFINITY, "field.gate")?;
+        in_range(config.tau_s, 0.1, 1e4, "field.tau_s")?;
+        in_range(config.adopt_s, 0.1, 1e3, "field.adopt_s")?;
+        in_range(config.reject_s, 0.1, 1e3, "field.reject_s")?;
+        in_range(config.adopt_rate_rad_s, 0.0, 10.0, "field.adopt_rate_rad_s")?;
+        let interval = (JUDGE_S / period_s) as u8 + 1;
+        // A judgement takes two samples more than the interval on average, where the house is busy.
+        let judgements = |time_s: f32| time_s / (period_s * (f32::from(interval) + 2.0));
+        Ok(Self {
+            gate_q8: (config.gate.min(64.0) * 256.0) as i32,
+            log2_follow: nearest_log2(judgements(config.tau_s)).min(15),
+            interval,
+            reject: judgements(config.reject_s) as u16,
+            adopt: judgements(config.adopt_s) as u16,
+            adopt_rate: (config.adopt_rate_rad_s / scale.gyr_rad_s) as i32,
+        })
+    }
+}
+
+impl Field {
+    pub(super) fn dbg(&self, c: &Compass) -> (i32, i32, i32) { (c.horizontal, self.vertical, c.inverse) }
+    pub(super) const fn new(limits: &Limits) -> Self {
+        Self {
+            vertical: 0,
+            met: [0; 2],
+            candidate: [0; 2],
+            tolerance: 0,
+            margin: 0,
+            gate: limits.gate_q8,
+            follow: limits.log2_follow,
+            judged: 0,
+            interval: limits.interval,
+            stale: false,
+            rejected: 0,
+            turned: 0,
+            reject: limits.reject,
+            adopt: limits.adopt,
+            adopt_rate: limits.adopt_rate,
+        }
+    }
+
+    #[inline(never)]
+    pub(super) fn judge(&mut self, compass: &mut Compass, gyr: &[i16; 3]) {
+        if self.stale {
+            self.stale = false;
+            compass.left = self.interval;
+            if compass.disturbed {
+                self.consider(compass, gyr);
+            } else {
+                self.refresh(compass);
+            }
+            return;
+        }
+        let [north, east, sine, down_q15] = compass.seen;
+        // Turned by the heading error: h = N cos + E sin.
+        let cos = 32_767 - ((sine * sine) >> 16);
+        let mut horizontal = (north * cos - east * sine) >> (15 - BITS);
+        let vertical = down_q15 >> (15 - BITS);
+        let mut share = self.follow;
+        self.stale = true;
+        if self.judged < AVERAGING {
+            self.judged += 1;
+            share = 2;
+            if self.judged <= FINDING {
+                // The heading is not known yet: the length without a root, 3 % at most off.
+                horizontal = length(north.abs() << BITS, east.abs() << BITS);
+                share = 0;
+            }
+        }
+        let (dh, dv) = (horizontal - compass.horizontal, vertical - self.vertical);
+        self.margin = self.tolerance - dh.abs() - dv.abs();
+        compass.disturbed = self.margin < 0 && self.judged == AVERAGING;
+        if compass.disturbed {
+            self.met = [horizontal, vertical];
+        } else {
+            compass.horizontal += dh >> share;
+            self.vertical += dv >> share;
+        }
+    }
+
+    /// A field unlike the reference: does it stay the same while the body turns?
+    fn consider(&mut self, compass: &mut Compass, gyr: &[i16; 3]) {
+        self.rejected = self.rejected.saturating_add(1);
+        compass.weight = if self.rejected > self.reject { FULL / 2 } else { 0 };
+        let [h, v] = self.met;
+        let [like_h, like_v] = self.candidate;
+        if (h - like_h).abs() + (v - like_v).abs() > self.tolerance {
+            self.candidate = self.met;
+            self.turned = 0;
+        } else if gyr.iter().fold(0, |sum, &rate| sum + i32::from(rate).abs()) > self.adopt_rate {
+            self.turned += 1;
+            if self.turned > self.adopt {
+                [compass.horizontal, self.vertical] = self.candidate;
+            }
+        }
+    }
+
+    /// What follows from the reference: its reciprocal by a Newton step, and the tolerance.
+    fn refresh(&mut self, compass: &mut Compass) {
+        self.rejected = 0;
+        self.turned = 0;
+        if self.judged == AVERAGING {
+            compass.weight = weight(self.margin, self.tolerance);
+        }
+        compass.horizontal = compass.horizontal.max(compass.least);
+        // y (2 - h y), with h y in Q27 and only while it is near 1.
+        let product = (compass.horizontal >> 6) * compass.inverse;
+        compass.inverse = if product > 3 << 26 {
+            compass.inverse >> 1
+        } else if product < 1 << 26 {
+            compass.inverse << 1
+        } else {
+            (compass.inverse * (((1 << 28) - product) >> 18)) >> 9
+        };
+        self.tolerance = (length(compass.horizontal, self.vertical.abs()) >> 8) * self.gate;
+    }
+}
+
+/// A part of the whole in parts of `FULL`, in four steps.
+fn weight(part: i32, whole: i32) -> u8 {
+    let quarter = whole >> 2;
+    1 + 2 * (u8::from(part > quarter) + u8::from(part > 2 * quarter) + u8::from(part > 3 * quarter))
+}
+
+/// Length of a vector with components that are not negative: within 3 % (the larger, or 7/8 of it and half of the
+/// smaller).
+fn length(a: i32, b: i32) -> i32 {
+    let (most, least) = if a > b { (a, b) } else { (b, a) };
+    most.max(most - (most >> 3) + (least >> 1))
+}

@@ -1,0 +1,187 @@
+//! Rest and gyroscope offset in counts: see [`crate::RestConfig`].
+//!
+//! Even samples add to the gyroscope's sums and odd ones to the accelerometer's, and the six axes close
+//! their blocks one after the other: no sample pays for more than one of them.
+
+use super::estimator::Scale;
+use super::nearest_log2;
+use super::rotation::BIAS_BITS;
+use crate::config::{ConfigError, in_range};
+use crate::rest::{BLOCK_S, RestConfig};
+
+/// What is touched with every sample.
+#[derive(Clone, Debug)]
+#[repr(C)]
+pub(super) struct Sums {
+    tick: u16,
+    /// Samples of a block less one: a power of two less one.
+    mask: u16,
+    /// Gyroscope x, accelerometer x, gyroscope y and so on: in the order of their closing.
+    axes: [Axis; 6],
+}
+
+#[derive(Clone, Copy, Debug, Default)]
+#[repr(C)]
+struct Axis {
+    sum: i32,
+    /// Mean over the block that the others are compared with, counts.
+    reference: i32,
+    /// Mean over the newest block, counts with `BIAS_BITS`.
+    newest: i32,
+}
+
+/// What is touched when a block ends.
+#[derive(Clone, Debug)]
+pub(super) struct Rest {
+    /// The gyroscope's means over the block before the newest. The newest is held back until the next is
+    /// at rest too: a motion may have begun in it.
+    held: [i32; 3],
+    rate_limit: i32,
+    acc_limit: i32,
+    most_bias: i32,
+    /// A block's sum of an axis holds two to this.
+    shift: u8,
+    moved: bool,
+    still: u8,
+    needed: u8,
+    /// Blocks that the offset stands on, up to 255, and the share of the next as a power of two.
+    blocks: u8,
+    learned: u8,
+    memory: u8,
+}
+
+/// The first samples of a block have something to do: six close the axes, the seventh concludes, and the
+/// eighth, this one, does the estimator's own job.
+pub(super) const SETTLE: u16 = 7;
+
+/// Limits in counts, times in samples.
+pub(super) struct Limits {
+    rate: i32,
+    acc: i32,
+    most_bias: i32,
+    /// Two to this many samples make a block.
+    log2_block: u8,
+    /// Blocks that make a rest.
+    needed: u8,
+    /// Two to this many blocks are what the offset is averaged over.
+    log2_memory: u8,
+}
+
+impl Sums {
+    /// One sample; which job of a block is due.
+    #[inline(always)]
+    pub(super) fn add(&mut self, gyr: &[i16; 3], acc: &[i16; 3]) -> u16 {
+        self.tick = self.tick.wrapping_add(1);
+        let [gx, ax, gy, ay, gz, az] = &mut self.axes;
+        if self.tick & 1 == 0 {
+            gx.sum += i32::from(gyr[0]);
+            gy.sum += i32::from(gyr[1]);
+            gz.sum += i32::from(gyr[2]);
+        } else {
+            ax.sum += i32::from(acc[0]);
+            ay.sum += i32::from(acc[1]);
+            az.sum += i32::from(acc[2]);
+        }
+        self.tick & self.mask
+    }
+
+    /// Two to this many samples make a block.
+    pub(super) fn log2_block(&self) -> u8 {
+        self.mask.count_ones() as u8
+    }
+}
+
+impl Limits {
+    pub(super) fn new(config: &RestConfig, scale: &Scale, period_s: f32) -> Result<Self, ConfigError> {
+        in_range(config.rate_rad_s, 0.0, 1.0, "rest.rate_rad_s")?;
+        in_range(config.acc_m_s2, 0.01, 100.0, "rest.acc_m_s2")?;
+        in_range(config.time_s, 0.1, 20.0, "rest.time_s")?;
+        in_range(config.max_bias_rad_s, 0.001, 0.5, "rest.max_bias_rad_s")?;
+        in_range(config.tau_s, 0.25, 1e4, "rest.tau_s")?;
+        let log2_block = nearest_log2(BLOCK_S / period_s).clamp(4, 12);
+        let blocks = |time_s: f32| time_s / (period_s * f32::from(1u16 << log2_block));
+        Ok(Self {
+            rate: (config.rate_rad_s / scale.gyr_rad_s) as i32,
+            acc: (config.acc_m_s2 / scale.acc_m_s2) as i32,
+            most_bias: (config.max_bias_rad_s / scale.gyr_rad_s) as i32,
+            log2_block,
+            needed: (blocks(config.time_s) + 0.5) as u8,
+            log2_memory: nearest_log2(blocks(config.tau_s)).min(7),
+        })
+    }
+}
+
+impl Rest {
+    pub(super) fn new(limits: &Limits) -> (Sums, Self) {
+        let sums = Sums {
+            tick: SETTLE - 1,
+            mask: (1 << limits.log2_block) - 1,
+            axes: [Axis::default(); 6],
+        };
+        let rest = Self {
+            held: [0; 3],
+            rate_limit: limits.rate,
+            acc_limit: limits.acc,
+            most_bias: limits.most_bias,
+            shift: limits.log2_block - 1,
+            moved: true,
+            still: 0,
+            needed: limits.needed,
+            blocks: 0,
+            learned: 0,
+            memory: limits.log2_memory,
+        };
+        (sums, rest)
+    }
+
+    pub(super) fn is_at_rest(&self) -> bool {
+        self.still >= self.needed
+    }
+
+    /// Forget the rest under way: samples are missing.
+    pub(super) fn interrupt(&mut self) {
+        self.moved = true;
+    }
+
+    /// Close the block of an axis, or conclude.
+    #[inline(never)]
+    pub(super) fn close(&mut self, due: u16, sums: &mut Sums, bias: &mut [i32; 3]) {
+        let Some(axis) = sums.axes.get_mut(usize::from(due)) else {
+            self.conclude(sums, bias);
+            return;
+        };
+        let mean = axis.sum >> self.shift;
+        // 4 bits more than the sum of 2^11 samples needs to be cut by.
+        axis.newest = (axis.sum << 4) >> (self.shift + 4 - BIAS_BITS as u8);
+        axis.sum = 0;
+        let mut limit = self.acc_limit;
+        if due & 1 == 0 {
+            self.moved |= mean.abs() > self.most_bias;
+            // Once an offset is known, what passes for rest is held to a quarter of the limit.
+            limit = self.rate_limit >> if self.blocks > 0 { 2 } else { 0 };
+        }
+        if (mean - axis.reference).abs() > limit {
+            axis.reference = mean;
+            self.moved = true;
+        }
+    }
+
+    fn conclude(&mut self, sums: &Sums, bias: &mut [i32; 3]) {
+        if self.moved {
+            self.still = 0;
+        } else if self.still < self.needed {
+            self.still += 1;
+        } else {
+            for (bias, held) in bias.iter_mut().zip(self.held) {
+                *bias += (held - *bias) >> self.learned;
+            }
+            self.blocks = self.blocks.saturating_add(1);
+            if self.blocks >> self.learned != 0 && self.learned < self.memory {
+                self.learned += 1;
+            }
+        }
+        self.moved = false;
+        let [x, _, y, _, z, _] = &sums.axes;
+        self.held = [x.newest, y.newest, z.newest];
+    }
+}
