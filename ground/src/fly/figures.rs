@@ -129,8 +129,8 @@ pub struct ReplayFigures {
 
 /// Largest overshoot of any flight, percent.
 pub const OVERSHOOT_PCT: f64 = 5.0;
-/// Lowest control rate, Hz: 100 within the rounding of the measurement.
-const RATE_HZ: f64 = 99.99;
+/// Lowest control rate, Hz.
+const RATE_HZ: f64 = 100.0;
 /// Largest jitter, us.
 const JITTER_US: f64 = 100.0;
 /// Largest mean latency, us, at a 50 Hz frame.

@@ -128,7 +128,8 @@ fn loop_figures(
     cpu_load: f64,
 ) -> LoopFigures {
     LoopFigures {
-        rate_hz: one.rate_hz,
+        // The ticks are exact; their measurement by first and last edge is not.
+        rate_hz: (one.rate_hz * 1e3).round() / 1e3,
         jitter_us_max: one.jitter_us_max,
         cycles_per_step_mean: zero.cycles_per_step.mean,
         cycles_per_step_max: zero.cycles_per_step.max as u64,

@@ -1,0 +1,160 @@
+//! The tool as scripts and people meet it: exit status, one line for what was wrong, data apart from messages.
+
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+fn tvc(arguments: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_tvc"))
+        .args(arguments)
+        .output()
+        .unwrap()
+}
+
+fn recording() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/data/broad_11_cut.imuq")
+}
+
+/// Status 2, nothing on standard output, one line on standard error with `part` in it.
+fn assert_refused(arguments: &[&str], part: &str) {
+    let output = tvc(arguments);
+    let said = String::from_utf8(output.stderr).unwrap();
+    assert_eq!(output.status.code(), Some(2), "{arguments:?}: {said}");
+    assert!(output.stdout.is_empty(), "{arguments:?}");
+    assert_eq!(said.lines().count(), 1, "{arguments:?}: {said}");
+    assert!(
+        said.starts_with("error: ") && said.contains(part),
+        "{arguments:?}: {said}"
+    );
+}
+
+#[test]
+fn unusable_input_is_refused_in_one_line() {
+    assert_refused(&["fly", "--start", "-0.4"], "--start");
+    assert_refused(&["fly", "--start", "steep"], "--start");
+    assert_refused(&["fly", "--start", "1.2"], "at most 0.87");
+    assert_refused(&["fly", "--gains", "1.0"], "two numbers");
+    assert_refused(&["fly", "--gains", "11,0.3"], "PID_KP must be 0 to 10");
+    assert_refused(&["fly", "--servo", "s9999"], "s9999");
+    assert_refused(
+        &["fly", "--replay", "no/such/file.imuq"],
+        "no/such/file.imuq",
+    );
+    assert_refused(
+        &["flash", "--port", "/dev/no-such-port"],
+        "no port /dev/no-such-port",
+    );
+    assert_refused(&["land"], "land");
+    assert_refused(&["fly", "--jsn"], "--jsn");
+    assert_refused(&["fly", "--replay", "x.imuq", "--start", "0.2"], "--start");
+}
+
+#[test]
+fn a_truncated_or_foreign_recording_is_refused_and_writes_no_report() {
+    let folder = tempfile::tempdir().unwrap();
+    let report = folder.path().join("report.html");
+    let whole = std::fs::read(recording()).unwrap();
+    let contents = [
+        &whole[..whole.len() - 5],
+        &whole[..40],
+        b"PK\x03\x04 something else",
+        b"",
+    ];
+    for (index, bytes) in contents.iter().enumerate() {
+        let path = folder.path().join(format!("{index}.imuq"));
+        std::fs::write(&path, bytes).unwrap();
+        let path = path.to_str().unwrap();
+        assert_refused(
+            &[
+                "fly",
+                "--replay",
+                path,
+                "--report",
+                report.to_str().unwrap(),
+            ],
+            path,
+        );
+    }
+    assert!(!report.exists());
+}
+
+#[test]
+fn help_has_examples_and_goes_to_standard_output() {
+    for arguments in [&["fly", "--help"][..], &["flash", "--help"]] {
+        let output = tvc(arguments);
+        assert_eq!(output.status.code(), Some(0));
+        let text = String::from_utf8(output.stdout).unwrap();
+        assert!(
+            text.contains("Examples:") && text.contains("Exit status:"),
+            "{text}"
+        );
+    }
+}
+
+#[test]
+fn a_flight_as_json_is_one_object_and_the_same_seed_gives_the_same_flight() {
+    let folder = tempfile::tempdir().unwrap();
+    let report = folder.path().join("fly.html");
+    let fly = || {
+        let output = tvc(&[
+            "fly",
+            "--json",
+            "--start",
+            "0.4",
+            "--seed",
+            "3",
+            "--report",
+            report.to_str().unwrap(),
+        ]);
+        let said = String::from_utf8_lossy(&output.stderr).into_owned();
+        let object: serde_json::Value = serde_json::from_slice(&output.stdout)
+            .unwrap_or_else(|error| panic!("{error}: {said}"));
+        object
+    };
+    let (one, two) = (fly(), fly());
+    for (part, keys) in [
+        (
+            "image",
+            &["flash_bytes", "static_ram_bytes", "stack_high_water_bytes"][..],
+        ),
+        (
+            "loop",
+            &[
+                "rate_hz",
+                "jitter_us_max",
+                "cycles_per_step_mean",
+                "cycles_per_step_max",
+                "cpu_load",
+            ],
+        ),
+        ("latency_us", &["mean", "max"]),
+        ("telemetry", &["messages", "lost", "crc_errors"]),
+        (
+            "emulation",
+            &[
+                "simulated_s",
+                "wall_s",
+                "real_time_factor",
+                "busy_real_time_factor",
+            ],
+        ),
+    ] {
+        for key in keys {
+            assert!(one[part][key].is_number(), "{part}.{key} in {one}");
+        }
+    }
+    let run = &one["runs"][0];
+    for key in [
+        "start_rad",
+        "overshoot_pct",
+        "rise_s",
+        "settling_5pct_s",
+        "final_error_rad",
+    ] {
+        assert!(run[key].is_number(), "{key} in {run}");
+    }
+    for part in ["image", "loop", "latency_us", "telemetry", "runs"] {
+        assert_eq!(one[part], two[part]);
+    }
+    let page = std::fs::read_to_string(&report).unwrap();
+    assert!(page.contains("<svg") && page.contains("Step responses"));
+}
