@@ -8,7 +8,7 @@
 use atsamd_hal::clock::{ClockGenId, ClockSource, GenericClockController, Tcc0Tcc1Clock, UsbClock};
 use atsamd_hal::pac;
 
-use super::time::soon;
+use super::time::within;
 
 /// Tokens of the peripherals' clocks that somebody asks for.
 pub(super) struct Clocks {
@@ -46,6 +46,8 @@ const BROWN_OUT_LEVEL: u8 = 37;
 /// The detector is first turned on without an action: if it sees a low supply already, resetting would go round in
 /// circles, and two resets within half a second strand the board in its bootloader.
 pub(super) fn watch_supply(sysctrl: &pac::Sysctrl) {
+    /// The detector runs from a 32 kHz clock: some cycles of it, many times over.
+    const LIMIT_US: u64 = 2_000;
     let write = |enable: bool, reset: bool| {
         sysctrl.bod33().write(|w| {
             // SAFETY: the level is a six-bit number.
@@ -55,11 +57,11 @@ pub(super) fn watch_supply(sysctrl: &pac::Sysctrl) {
             }
             w.hyst().set_bit().enable().bit(enable)
         });
-        soon(|| sysctrl.pclksr().read().b33srdy().bit_is_set())
+        within(LIMIT_US, || sysctrl.pclksr().read().b33srdy().bit_is_set())
     };
     let ready = write(false, false)
         && write(true, false)
-        && soon(|| sysctrl.pclksr().read().bod33rdy().bit_is_set());
+        && within(LIMIT_US, || sysctrl.pclksr().read().bod33rdy().bit_is_set());
     if ready && sysctrl.pclksr().read().bod33det().bit_is_clear() {
         // A detector that is slow to restart is still on.
         let _ = write(false, false) && write(true, true);

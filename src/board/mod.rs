@@ -47,6 +47,9 @@ const STEP_BUDGET_US: u32 = 1_500;
 /// longest clock stretching seen in health.
 const BYTE_US: u64 = 90 + 500;
 
+/// Longest time between two looks at the deadlines; SysTick wakes the processor often enough.
+const NAP_US: u64 = 1_000;
+
 /// Load is measured over this long.
 const LOAD_PERIOD_US: u64 = 1_000_000;
 
@@ -145,20 +148,29 @@ impl Board {
         (board, report)
     }
 
-    /// Sleep until there is something to do; at most a millisecond.
+    /// Sleep until there is something to do, or [`NAP_US`] have passed: deadlines want to be looked at.
     pub(crate) fn wait(&mut self) -> (Micros, Event) {
-        critical_section::with(|cs| {
-            if !(servo::tick_waits(cs) || i2c::outcome_waits() || usb::is_pending()) {
-                let began = time::now();
-                // Wakes at any interrupt, which runs when this section ends: none can slip in before the sleep.
-                cortex_m::asm::wfi();
-                self.load.asleep_us += time::now().since(began);
-            }
-        });
+        let until = time::now().after(NAP_US);
+        while self.nap() < until {}
         let now = time::now();
         self.load.update(now);
         self.supervisor.check(now, self.servo.is_sent());
         (now, self.event(now))
+    }
+
+    /// Sleep until the next interrupt, unless there is something to do: then it is late.
+    fn nap(&mut self) -> Micros {
+        critical_section::with(|cs| {
+            if servo::tick_waits(cs) || i2c::outcome_waits() || usb::is_pending() {
+                return Micros(u64::MAX);
+            }
+            let began = time::now();
+            // Wakes at any interrupt, which runs when this section ends: none can slip in before the sleep.
+            cortex_m::asm::wfi();
+            let woke = time::now();
+            self.load.asleep_us += woke.since(began);
+            woke
+        })
     }
 
     fn event(&mut self, now: Micros) -> Event {

@@ -72,6 +72,20 @@ pub(super) fn soon(ready: impl Fn() -> bool) -> bool {
     (0..POLLS).any(|_| ready())
 }
 
+/// Poll `ready` for `limit_us` at most, for what is slower than [`soon`]; says whether it came true.
+#[must_use]
+pub(super) fn within(limit_us: u64, ready: impl Fn() -> bool) -> bool {
+    let began = now();
+    loop {
+        if ready() {
+            return true;
+        }
+        if now().since(began) > limit_us {
+            return false;
+        }
+    }
+}
+
 #[exception]
 fn SysTick() {
     critical_section::with(|cs| {

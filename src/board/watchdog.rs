@@ -11,7 +11,7 @@ use atsamd_hal::pac;
 use atsamd_hal::pac::interrupt;
 use bno055_driver::Micros;
 
-use super::time::{delay_us, now};
+use super::time::{now, within};
 use super::{servo, stack};
 
 /// 128 cycles of 1,024 Hz: 125 ms.
@@ -99,12 +99,9 @@ impl Supervisor {
         self.watchdog.status().read().syncbusy().bit_is_set()
     }
 
-    /// Wait for the write before, for a bounded time.
+    /// Wait for the write before, for a bounded time; the feeding looks at the flag again.
     fn settle(&self) {
-        let began = now();
-        while self.is_synchronising() && now().since(began) < SYNC_LIMIT_US {
-            delay_us(10);
-        }
+        let _ = within(SYNC_LIMIT_US, || !self.is_synchronising());
     }
 }
 
