@@ -289,8 +289,16 @@ impl Telemetry {
 }
 
 /// Milliseconds since start-up. Wraps after 49 days, as MAVLink's field does.
+///
+/// Divides by hand, 16 bits at a time: the chip has no division, and a 64-bit one is slow and takes 1 KB.
 fn milliseconds(time: Micros) -> u32 {
-    (time.0 / 1000) as u32
+    let (mut quotient, mut remainder) = (0, 0);
+    for shift in [48, 32, 16, 0] {
+        let part = remainder << 16 | (time.0 >> shift) as u32 & 0xFFFF;
+        quotient = quotient << 16 | part / 1000;
+        remainder = part % 1000;
+    }
+    quotient
 }
 
 /// Text of at most 50 bytes.

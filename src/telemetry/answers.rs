@@ -6,7 +6,6 @@ use mavlink::dialects::common::{
     MavParamType, MavProtocolCapability, MavResult, MavSeverity, PARAM_REQUEST_LIST_DATA,
     PARAM_REQUEST_READ_DATA, PARAM_SET_DATA, PARAM_VALUE_DATA, TIMESYNC_DATA,
 };
-use mavlink::error::ParserError;
 use mavlink::types::CharArray;
 use mavlink::{MavlinkVersion, MessageData};
 
@@ -20,9 +19,6 @@ use crate::params::{Info, Params};
 
 /// MAV_CMD_DO_GRIPPER's second parameter: let go (GRIPPER_ACTION_RELEASE).
 const GRIPPER_RELEASE: f32 = 0.0;
-
-/// Where COMMAND_LONG has its target system; the target component follows.
-const TARGET_SYSTEM: usize = 30;
 
 /// A PARAM_VALUE frame's length.
 const PARAM_VALUE_FRAME: usize = 10 + PARAM_VALUE_DATA::ENCODED_LEN + 2;
@@ -127,42 +123,22 @@ impl Telemetry {
     }
 
     fn command(&mut self, now: Micros, message: &Message, flight: &mut Flight) {
-        let request = match COMMAND_LONG_DATA::deser(MavlinkVersion::V2, &message.payload) {
-            Ok(request) => request,
-            // A command that the dialect does not know.
-            Err(ParserError::InvalidEnum { value, .. }) => {
-                let byte = |at: usize| message.payload.get(at).copied().unwrap_or(0);
-                if is_for_us(byte(TARGET_SYSTEM), byte(TARGET_SYSTEM + 1)) {
-                    self.acknowledge(value as u16, MavResult::MAV_RESULT_UNSUPPORTED);
-                }
-                return;
-            }
-            Err(_) => return,
-        };
-        if !is_for_us(request.target_system, request.target_component) {
+        let order = Order::decode(&message.payload);
+        if !is_for_us(order.target_system, order.target_component) {
             return;
         }
-        let result = match request.command {
-            MavCmd::MAV_CMD_COMPONENT_ARM_DISARM if request.param1 == 1.0 => {
-                self.order(now, Command::Arm, flight)
-            }
-            MavCmd::MAV_CMD_COMPONENT_ARM_DISARM if request.param1 == 0.0 => {
-                self.order(now, Command::Disarm, flight)
-            }
-            MavCmd::MAV_CMD_DO_GRIPPER if request.param2 == GRIPPER_RELEASE => {
-                self.order(now, Command::Release, flight)
-            }
-            MavCmd::MAV_CMD_COMPONENT_ARM_DISARM | MavCmd::MAV_CMD_DO_GRIPPER => {
-                MavResult::MAV_RESULT_DENIED
-            }
-            MavCmd::MAV_CMD_REQUEST_MESSAGE
-                if request.param1 == AUTOPILOT_VERSION_DATA::ID as f32 =>
-            {
-                self.version()
-            }
+        const ARM_DISARM: u16 = MavCmd::MAV_CMD_COMPONENT_ARM_DISARM as u16;
+        const GRIPPER: u16 = MavCmd::MAV_CMD_DO_GRIPPER as u16;
+        const REQUEST_MESSAGE: u16 = MavCmd::MAV_CMD_REQUEST_MESSAGE as u16;
+        let result = match order.command {
+            ARM_DISARM if order.param1 == 1.0 => self.order(now, Command::Arm, flight),
+            ARM_DISARM if order.param1 == 0.0 => self.order(now, Command::Disarm, flight),
+            GRIPPER if order.param2 == GRIPPER_RELEASE => self.order(now, Command::Release, flight),
+            ARM_DISARM | GRIPPER => MavResult::MAV_RESULT_DENIED,
+            REQUEST_MESSAGE if order.param1 == AUTOPILOT_VERSION_DATA::ID as f32 => self.version(),
             _ => MavResult::MAV_RESULT_UNSUPPORTED,
         };
-        self.acknowledge(request.command as u16, result);
+        self.acknowledge(order.command, result);
     }
 
     fn order(&mut self, now: Micros, command: Command, flight: &mut Flight) -> MavResult {
@@ -203,6 +179,31 @@ impl Telemetry {
             COMMAND_ACK_DATA::EXTRA_CRC,
             &[low, high, result as u8],
         );
+    }
+}
+
+/// What counts of a COMMAND_LONG. The dialect's own decoder is of no use: it knows each of its 160 commands by a name,
+/// which takes 2 KB, and gives up on any other, which is yet to be answered.
+struct Order {
+    param1: f32,
+    param2: f32,
+    command: u16,
+    target_system: u8,
+    target_component: u8,
+}
+
+impl Order {
+    /// The fields at their places on the wire; trailing zeros may have been left out.
+    fn decode(payload: &[u8]) -> Self {
+        let byte = |at: usize| payload.get(at).copied().unwrap_or(0);
+        let float = |at: usize| f32::from_le_bytes([at, at + 1, at + 2, at + 3].map(byte));
+        Self {
+            param1: float(0),
+            param2: float(4),
+            command: u16::from_le_bytes([28, 29].map(byte)),
+            target_system: byte(30),
+            target_component: byte(31),
+        }
     }
 }
 

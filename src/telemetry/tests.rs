@@ -657,3 +657,13 @@ proptest! {
         prop_assert!(link.telemetry.parser.crc_errors() == 0);
     }
 }
+
+proptest::proptest! {
+    /// By hand or by the compiler, over the clock's whole range.
+    #[test]
+    fn milliseconds_are_microseconds_by_a_thousand(us: u64) {
+        for us in [us, us >> 24, us % 3_000, u64::MAX] {
+            proptest::prop_assert_eq!(milliseconds(Micros(us)), (us / 1000) as u32);
+        }
+    }
+}
