@@ -1,8 +1,6 @@
 //! A real recording through the emulated sensor and the whole image.
 
-mod common;
-
-use common::firmware;
+use crate::firmware;
 use rig::RigConfig;
 use rig::recording::Recording;
 use rig::replay::replay;

@@ -1,8 +1,6 @@
 //! The very image that flies, on the virtual rig: what it is held to.
 
-mod common;
-
-use common::{firmware, ready};
+use crate::{firmware, ready};
 use rig::operator::{FlightState, OperatorError};
 use rig::replay::{pair, parity};
 use rig::{Ready, ServoKind, Setup, SyncHold, Ticks, WaitStates, prepare};

@@ -1,8 +1,6 @@
 //! The image on the rig with a sensor or a cable that fails in mid-flight.
 
-mod common;
-
-use common::ready;
+use crate::ready;
 use rig::bno055::Fault;
 use rig::operator::{FlightState, OperatorError};
 use rig::truth::Pulse;

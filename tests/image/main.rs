@@ -1,10 +1,15 @@
-//! The image, built once for each test binary, and a rig in standby to fork from.
+//! The very image that flies, on the virtual rig: its flights, its behaviour when something fails, and its attitude
+//! from a real recording. One test binary, so that the image is built and booted once.
+
+mod faults;
+mod flights;
+mod replay;
 
 use rig::{Image, Ready, ServoKind, Setup, image, prepare};
 use std::sync::OnceLock;
 
 /// The firmware image; the test fails with the builder's own words where there is none.
-pub(crate) fn firmware() -> &'static Image {
+fn firmware() -> &'static Image {
     static IMAGE: OnceLock<Image> = OnceLock::new();
     IMAGE.get_or_init(|| match image::build(&mut |line| eprintln!("{line}")) {
         Ok(image) => image,
@@ -13,7 +18,7 @@ pub(crate) fn firmware() -> &'static Image {
 }
 
 /// A rig with an S3003, parameters set, in standby.
-pub(crate) fn ready() -> Ready {
+fn ready() -> Ready {
     static READY: OnceLock<Ready> = OnceLock::new();
     READY
         .get_or_init(|| prepare(firmware(), &Setup::new(ServoKind::S3003, 1), &mut |_| {}).unwrap())
