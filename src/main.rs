@@ -84,7 +84,7 @@ mod firmware {
 #[cfg(not(target_os = "none"))]
 fn main() {
     use tvc_nano::config;
-    use tvc_nano::params::{Change, TABLE};
+    use tvc_nano::params::{Change, DESCRIPTIONS, TABLE};
 
     println!(
         "tvc-nano {}: configuration of the image",
@@ -95,7 +95,7 @@ fn main() {
         "{:<16} {:>9} {:<8} {:<26} {:<9} meaning",
         "parameter", "default", "unit", "range", "change"
     );
-    for info in TABLE {
+    for (info, description) in TABLE.iter().zip(DESCRIPTIONS) {
         let change = match info.change {
             Change::Live => "live",
             Change::Disarmed => "disarmed",
@@ -104,10 +104,10 @@ fn main() {
             "{:<16} {:>9} {:<8} {:<26} {:<9} {}",
             info.name,
             info.default,
-            info.unit,
+            description.unit,
             info.range.to_string(),
             change,
-            info.meaning
+            description.meaning
         );
     }
     println!();

@@ -64,15 +64,20 @@ pub enum Change {
 pub struct Info {
     /// Name, at most 16 ASCII characters.
     pub name: &'static str,
-    /// Unit, empty for a pure number.
-    pub unit: &'static str,
     /// Allowed values.
     pub range: Range,
     /// Value after a reset.
     pub default: f32,
     /// When it may be changed.
     pub change: Change,
-    /// What it does, in one line.
+}
+
+/// What a person wants to know of a row besides; apart from it, so that the chip need not carry the words.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Description {
+    /// Unit, empty for a pure number.
+    pub unit: &'static str,
+    /// What the parameter does, in one line.
     pub meaning: &'static str,
 }
 
@@ -107,30 +112,31 @@ impl fmt::Display for ParamError {
 
 macro_rules! parameters {
     ($($field:ident: $name:literal, $unit:literal, $range:expr, $default:expr, $change:ident, $meaning:literal;)+) => {
-        /// The value of every parameter. Always within range.
-        #[derive(Clone, Debug, PartialEq)]
-        pub struct Params {
-            $($field: f32,)+
-        }
-
         /// Every parameter, in the order of its index on the wire.
         pub static TABLE: &[Info] = &[$(Info {
             name: $name,
-            unit: $unit,
             range: $range,
             default: $default,
             change: Change::$change,
-            meaning: $meaning,
         },)+];
+
+        /// The rows' descriptions, in the same order.
+        pub static DESCRIPTIONS: &[Description] = &[$(Description { unit: $unit, meaning: $meaning },)+];
+
+        /// Where a parameter has its value.
+        #[allow(non_camel_case_types)]
+        enum Place { $($field,)+ }
+
+        const COUNT: usize = [$(Place::$field,)+].len();
 
         impl Default for Params {
             fn default() -> Self {
-                Self { $($field: const {
+                Self { values: const { [$({
                     let value: f32 = $default;
                     assert!($range.contains(value), "default out of range");
                     assert!($name.len() <= 16, "name too long for MAVLink");
                     value
-                },)+ }
+                },)+] } }
             }
         }
 
@@ -139,24 +145,9 @@ macro_rules! parameters {
                 #[doc = concat!("`", $name, "` (", $unit, "): ", $meaning)]
                 #[inline]
                 pub fn $field(&self) -> f32 {
-                    self.$field
+                    self.values[Place::$field as usize]
                 }
             )+
-
-            fn slot(&mut self, name: &str) -> Option<&mut f32> {
-                match name {
-                    $($name => Some(&mut self.$field),)+
-                    _ => None,
-                }
-            }
-
-            /// Value by name.
-            pub fn value(&self, name: &str) -> Option<f32> {
-                match name {
-                    $($name => Some(self.$field),)+
-                    _ => None,
-                }
-            }
         }
     };
 }
@@ -196,16 +187,26 @@ parameters! {
         "1: three seconds without a host's heartbeat are a failsafe";
 }
 
+/// The value of every parameter. Always within range.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Params {
+    values: [f32; COUNT],
+}
+
 impl Params {
     /// Number of parameters.
-    pub fn count() -> usize {
-        TABLE.len()
+    pub const fn count() -> usize {
+        COUNT
     }
 
     /// Row and value by index.
     pub fn by_index(&self, index: usize) -> Option<(&'static Info, f32)> {
-        let info = TABLE.get(index)?;
-        Some((info, self.value(info.name)?))
+        Some((TABLE.get(index)?, *self.values.get(index)?))
+    }
+
+    /// Value by name.
+    pub fn value(&self, name: &str) -> Option<f32> {
+        self.by_index(Self::index_of(name)?).map(|(_, value)| value)
     }
 
     /// Index of a name.
@@ -223,14 +224,17 @@ impl Params {
     /// # Errors
     /// [`ParamError::Unknown`] or [`ParamError::OutOfRange`]; the old value stays.
     pub fn set(&mut self, name: &str, value: f32) -> Result<&'static Info, ParamError> {
-        let info = Self::info(name).ok_or(ParamError::Unknown)?;
+        let index = Self::index_of(name).ok_or(ParamError::Unknown)?;
+        let (Some(info), Some(slot)) = (TABLE.get(index), self.values.get_mut(index)) else {
+            return Err(ParamError::Unknown);
+        };
         if !info.range.contains(value) {
             return Err(ParamError::OutOfRange {
                 name: info.name,
                 range: info.range,
             });
         }
-        *self.slot(name).ok_or(ParamError::Unknown)? = value;
+        *slot = value;
         Ok(info)
     }
 }
@@ -247,7 +251,8 @@ mod tests {
             assert_eq!(Params::index_of(info.name), Some(index), "{}", info.name);
             let (row, value) = params.by_index(index).unwrap();
             assert_eq!((row.name, value), (info.name, info.default));
-            assert!(info.range.contains(info.default) && !info.meaning.is_empty());
+            assert!(info.range.contains(info.default));
+            assert!(!DESCRIPTIONS[index].meaning.is_empty());
         }
         assert_eq!(
             params.by_index(TABLE.len()).map(|(info, _)| info.name),
