@@ -313,12 +313,12 @@ fn duration_us(transfer: &Transfer) -> u64 {
 /// The LED: lit while armed or active, slow while all is well, fast in a fault, short flashes while starting.
 fn lit(state: &State, steps: u32) -> bool {
     // A step takes 10 ms.
-    let phase = steps % 100;
+    let phase = steps % 128;
     match state {
         State::Armed | State::Active { .. } => true,
-        State::Standby => phase < 50,
-        State::Failsafe(_) | State::Latched(_) => phase % 20 < 10,
-        State::Boot | State::SelfTest(_) => phase < 5,
+        State::Standby => phase < 64,
+        State::Failsafe(_) | State::Latched(_) => phase % 16 < 8,
+        State::Boot | State::SelfTest(_) => phase < 8,
     }
 }
 

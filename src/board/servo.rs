@@ -47,15 +47,18 @@ static FRAMES: AtomicU8 = AtomicU8::new(0);
 static TICK: Mutex<Cell<Option<Micros>>> = Mutex::new(Cell::new(None));
 
 /// How long before the edge a tick comes: the burst, [`STEP_BUDGET_US`] for the step, and a millisecond to spare.
-///
+const fn lead_us(i2c_khz: u32) -> u32 {
+    burst_us(i2c_khz) + STEP_BUDGET_US + 1_000
+}
+
 /// 18 bytes with their two addresses and the register are 192 bit times, plus the BNO055's clock stretching of about
-/// 180 us for each of 21 bytes: 4.3 ms at 400 kHz, 5.7 ms at 100 kHz.
-pub(super) const fn lead_us(i2c_khz: u32) -> u32 {
-    4_300 + 192_000 / i2c_khz - 192_000 / 400 + STEP_BUDGET_US + 1_000
+/// 180 us for each of 21 bytes.
+const fn burst_us(i2c_khz: u32) -> u32 {
+    if i2c_khz < 400 { 5_700 } else { 4_300 }
 }
 
 /// Timer values for a frame rate.
-#[derive(Clone, Copy, PartialEq, Eq)]
+#[derive(Clone, Copy)]
 struct Plan {
     /// Counts in a frame.
     period: u32,
@@ -64,6 +67,8 @@ struct Plan {
     /// Count of the tick before it in the same frame.
     first: Option<u32>,
     frames_per_tick: u8,
+    /// Time from tick to tick.
+    tick_period_us: u32,
 }
 
 const fn plan(frame_hz: u32, lead_us: u32) -> Plan {
@@ -74,37 +79,52 @@ const fn plan(frame_hz: u32, lead_us: u32) -> Plan {
     };
     let period = COUNTS_PER_US * 1_000_000 / frame_hz;
     let last = period - 1 - (COUNTS_PER_US * lead_us - 1) % period;
+    let half = period / 2;
+    if 2 * frame_hz <= TICK_HZ {
+        let first = if last < half {
+            last + half
+        } else {
+            last - half
+        };
+        return Plan {
+            period,
+            last,
+            first: Some(first),
+            frames_per_tick: 1,
+            tick_period_us: half / COUNTS_PER_US,
+        };
+    }
+    let frames_per_tick = if frame_hz < TICK_HZ {
+        1
+    } else {
+        frame_hz / TICK_HZ
+    };
     Plan {
         period,
         last,
-        first: if 2 * frame_hz <= TICK_HZ {
-            Some((last + period / 2) % period)
-        } else {
-            None
-        },
-        frames_per_tick: if frame_hz < TICK_HZ {
-            1
-        } else {
-            (frame_hz / TICK_HZ) as u8
-        },
+        first: None,
+        frames_per_tick: frames_per_tick as u8,
+        tick_period_us: frames_per_tick * period / COUNTS_PER_US,
     }
 }
 
 const _: () = {
-    assert!(lead_us(400) == 6_800 && lead_us(100) == 8_240);
+    assert!(lead_us(400) == 6_800 && lead_us(100) == 8_200);
     let slow = plan(50, 6_800);
-    assert!(slow.period == 60_000 && slow.last == 60_000 - 20_400 && slow.frames_per_tick == 1);
-    assert!(matches!(slow.first, Some(9_600)));
+    assert!(slow.period == 60_000 && slow.last == 60_000 - 20_400);
+    assert!(matches!(slow.first, Some(9_600)) && slow.tick_period_us == 10_000);
     let fast = plan(300, 6_800);
     assert!(fast.period == 10_000 && fast.last == 9_600 && fast.frames_per_tick == 3);
-    assert!(fast.first.is_none());
-    assert!(plan(333, 6_800).last < plan(333, 6_800).period);
+    assert!(fast.first.is_none() && fast.tick_period_us == 10_000);
+    let fastest = plan(333, 6_800);
+    assert!(fastest.last < fastest.period && fastest.tick_period_us == 9_009);
 };
 
 /// The servo output.
 pub(super) struct Servo {
     frame_hz: u32,
     i2c_khz: u32,
+    tick_period_us: u32,
 }
 
 impl Servo {
@@ -146,7 +166,11 @@ impl Servo {
             // Without its timer the board can do nothing for the servo; the reset counts as a crash and is reported.
             panic!("servo timer does not synchronise");
         }
-        Self { frame_hz, i2c_khz }
+        Self {
+            frame_hz,
+            i2c_khz,
+            tick_period_us: plan.tick_period_us,
+        }
     }
 
     /// Send `pulse` from the next frame on. `false` if the timer did not take it.
@@ -167,12 +191,7 @@ impl Servo {
 
     /// Time from tick to tick.
     pub(super) fn tick_period_us(&self) -> u64 {
-        let ticks_hz = if self.frame_hz < TICK_HZ {
-            TICK_HZ
-        } else {
-            self.frame_hz / (self.frame_hz / TICK_HZ)
-        };
-        u64::from(1_000_000 / ticks_hz)
+        u64::from(self.tick_period_us)
     }
 
     /// Change frame rate and tick lead from the next frame on, all at once, so that no pulse is cut short. `false` if
@@ -200,7 +219,11 @@ impl Servo {
         ready &= soon(|| timer.syncbusy().read().ctrlb().bit_is_clear());
         announce(&plan);
         if ready {
-            (self.frame_hz, self.i2c_khz) = (frame_hz, i2c_khz);
+            *self = Self {
+                frame_hz,
+                i2c_khz,
+                tick_period_us: plan.tick_period_us,
+            };
         }
         ready
     }
