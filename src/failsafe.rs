@@ -11,6 +11,7 @@ use crate::config::{
     COS_ARM_TILT, COS_FAILSAFE_TILT, DATA_AGE_LIMIT_US, FAILSAFE_TILT_US, HOST_SILENCE_US,
     RECOVERY_SAMPLES,
 };
+use crate::format::{Hex, Whole};
 use crate::self_test::{Failure, SelfTest, Verdict};
 
 /// Where the flight stands.
@@ -78,16 +79,16 @@ impl State {
 impl fmt::Display for State {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            State::Boot => write!(f, "boot: waiting for the sensor"),
+            State::Boot => f.write_str("boot: waiting for the sensor"),
             State::SelfTest(test) => match test.failure {
-                None => write!(f, "self-test: hold still"),
-                Some(Failure::Moving) => write!(f, "self-test: gyro moves"),
-                Some(Failure::Gravity) => write!(f, "self-test: acceleration is not 1 g"),
-                Some(Failure::Slow) => write!(f, "self-test: too few samples"),
+                None => f.write_str("self-test: hold still"),
+                Some(Failure::Moving) => f.write_str("self-test: gyro moves"),
+                Some(Failure::Gravity) => f.write_str("self-test: acceleration is not 1 g"),
+                Some(Failure::Slow) => f.write_str("self-test: too few samples"),
             },
-            State::Standby => write!(f, "standby"),
-            State::Armed => write!(f, "armed"),
-            State::Active { .. } => write!(f, "active"),
+            State::Standby => f.write_str("standby"),
+            State::Armed => f.write_str("armed"),
+            State::Active { .. } => f.write_str("active"),
             State::Failsafe(reason) => write!(f, "failsafe: {reason}"),
             State::Latched(crash) => write!(f, "latched fault: {crash}"),
         }
@@ -124,11 +125,11 @@ impl Reason {
 impl fmt::Display for Reason {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Reason::Sensor(fault) => write!(f, "{fault}"),
-            Reason::StaleData => write!(f, "sensor data too old"),
-            Reason::InvalidAttitude => write!(f, "attitude invalid"),
-            Reason::Tilt => write!(f, "tilt beyond 60 deg"),
-            Reason::HostSilent => write!(f, "host silent for 3 s"),
+            Reason::Sensor(fault) => fault.fmt(f),
+            Reason::StaleData => f.write_str("sensor data too old"),
+            Reason::InvalidAttitude => f.write_str("attitude invalid"),
+            Reason::Tilt => f.write_str("tilt beyond 60 deg"),
+            Reason::HostSilent => f.write_str("host silent for 3 s"),
         }
     }
 }
@@ -166,10 +167,10 @@ impl Crash {
 impl fmt::Display for Crash {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Crash::Watchdog => write!(f, "watchdog reset"),
-            Crash::BrownOut => write!(f, "brown-out reset"),
-            Crash::Panic { line } => write!(f, "panic in line {line}"),
-            Crash::HardFault { pc } => write!(f, "hard fault at {pc:#010x}"),
+            Crash::Watchdog => f.write_str("watchdog reset"),
+            Crash::BrownOut => f.write_str("brown-out reset"),
+            Crash::Panic { line } => write!(f, "panic in line {}", Whole(*line)),
+            Crash::HardFault { pc } => write!(f, "hard fault at {}", Hex(*pc)),
         }
     }
 }
@@ -223,11 +224,11 @@ impl fmt::Display for Refusal {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Refusal::WrongState(state) => write!(f, "in {state}"),
-            Refusal::Tilt => write!(f, "tilt beyond 50 deg"),
-            Refusal::Sensor => write!(f, "sensor not ready"),
-            Refusal::Settling => write!(f, "attitude still settling"),
-            Refusal::HostSilent => write!(f, "no host heartbeat"),
-            Refusal::FaultPersists(reason) => write!(f, "{reason}"),
+            Refusal::Tilt => f.write_str("tilt beyond 50 deg"),
+            Refusal::Sensor => f.write_str("sensor not ready"),
+            Refusal::Settling => f.write_str("attitude still settling"),
+            Refusal::HostSilent => f.write_str("no host heartbeat"),
+            Refusal::FaultPersists(reason) => reason.fmt(f),
         }
     }
 }

@@ -1,6 +1,33 @@
-//! Numbers as text without the weight of the standard float formatting (some 10 KB on the chip).
+//! Numbers as text without the weight of the standard formatting, which pads and signs and aligns (2 KB on the chip for
+//! integers, some 10 KB for floats).
 
-use core::fmt;
+use core::fmt::{self, Write};
+
+/// Shows a whole number.
+pub(crate) struct Whole(pub(crate) u32);
+
+impl fmt::Display for Whole {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let mut unit = 1;
+        while self.0 / unit >= 10 {
+            unit *= 10;
+        }
+        write_digits(f, self.0, unit)
+    }
+}
+
+/// Shows a word as `0x` and eight hexadecimal digits.
+pub(crate) struct Hex(pub(crate) u32);
+
+impl fmt::Display for Hex {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("0x")?;
+        for shift in (0..32).step_by(4).rev() {
+            f.write_char(char::from_digit(self.0 >> shift & 15, 16).unwrap_or('?'))?;
+        }
+        Ok(())
+    }
+}
 
 /// Shows an `f32` with up to three decimals, trailing zeros left out.
 pub(crate) struct Decimal(pub(crate) f32);
@@ -8,29 +35,39 @@ pub(crate) struct Decimal(pub(crate) f32);
 impl fmt::Display for Decimal {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         if !self.0.is_finite() || self.0.abs() > 2.0e6 {
-            return write!(f, "?");
+            return f.write_str("?");
         }
         let thousandths = (self.0.abs() * 1000.0 + 0.5) as u32;
-        let (whole, mut fraction, mut digits) = (thousandths / 1000, thousandths % 1000, 3);
-        let sign = if self.0 < 0.0 && thousandths > 0 {
-            "-"
-        } else {
-            ""
-        };
+        if self.0 < 0.0 && thousandths > 0 {
+            f.write_str("-")?;
+        }
+        Whole(thousandths / 1000).fmt(f)?;
+        let (mut fraction, mut unit) = (thousandths % 1000, 100);
         if fraction == 0 {
-            return write!(f, "{sign}{whole}");
+            return Ok(());
         }
         while fraction % 10 == 0 {
             fraction /= 10;
-            digits -= 1;
+            unit /= 10;
         }
-        write!(f, "{sign}{whole}.{fraction:0digits$}")
+        f.write_str(".")?;
+        write_digits(f, fraction, unit)
     }
+}
+
+/// The decimal digits of `number` from that of `unit`, a power of ten, downwards.
+fn write_digits(f: &mut fmt::Formatter<'_>, mut number: u32, mut unit: u32) -> fmt::Result {
+    while unit > 0 {
+        f.write_char(char::from_digit(number / unit, 10).unwrap_or('?'))?;
+        number %= unit;
+        unit /= 10;
+    }
+    Ok(())
 }
 
 #[cfg(test)]
 mod tests {
-    use super::Decimal;
+    use super::{Decimal, Hex, Whole};
     use std::string::ToString;
 
     #[test]
@@ -41,11 +78,31 @@ mod tests {
             (1.0, "1"),
             (-1.5, "-1.5"),
             (0.05, "0.05"),
+            (-0.207, "-0.207"),
             (1523.6, "1523.6"),
             (100_000.0, "100000"),
             (f32::NAN, "?"),
         ] {
             assert_eq!(Decimal(value).to_string(), text);
+        }
+    }
+
+    #[test]
+    fn whole_and_hexadecimal_numbers_are_as_the_standard_library_shows_them() {
+        for number in [
+            0,
+            7,
+            9,
+            10,
+            99,
+            100,
+            4_096,
+            999_999_999,
+            1_000_000_000,
+            u32::MAX,
+        ] {
+            assert_eq!(Whole(number).to_string(), std::format!("{number}"));
+            assert_eq!(Hex(number).to_string(), std::format!("{number:#010x}"));
         }
     }
 }

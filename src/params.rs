@@ -42,7 +42,8 @@ impl fmt::Display for Range {
             Range::OneOf(allowed) => {
                 for (index, value) in allowed.iter().enumerate() {
                     let separator = if index == 0 { "" } else { ", " };
-                    write!(f, "{separator}{}", Decimal(*value))?;
+                    f.write_str(separator)?;
+                    Decimal(*value).fmt(f)?;
                 }
                 Ok(())
             }
@@ -103,9 +104,15 @@ pub enum ParamError {
 impl fmt::Display for ParamError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            ParamError::Unknown => write!(f, "no such parameter"),
-            ParamError::OutOfRange { name, range } => write!(f, "{name} must be {range}"),
-            ParamError::Armed { name } => write!(f, "{name}: disarm first"),
+            ParamError::Unknown => f.write_str("no such parameter"),
+            ParamError::OutOfRange { name, range } => {
+                f.write_str(name)?;
+                write!(f, " must be {range}")
+            }
+            ParamError::Armed { name } => {
+                f.write_str(name)?;
+                f.write_str(": disarm first")
+            }
         }
     }
 }

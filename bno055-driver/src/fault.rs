@@ -2,6 +2,7 @@
 
 use core::fmt;
 
+use crate::hex::Hex;
 use crate::registers;
 use crate::status::SystemError;
 use crate::transfer::BusError;
@@ -136,25 +137,27 @@ impl fmt::Display for SensorFault {
             Self::Stuck => f.write_str("IMU bus line held low"),
             Self::Arbitration => f.write_str("IMU bus arbitration lost"),
             Self::Protocol => f.write_str("IMU bus protocol error"),
-            Self::WrongChip { found } => write!(f, "IMU is no BNO055: id 0x{found:02X}"),
+            Self::WrongChip { found } => write!(f, "IMU is no BNO055: id {}", Hex(found)),
             Self::DeadSensor { register, found } => {
-                let sensor = match register {
-                    1 => "accelerometer",
-                    2 => "magnetometer",
-                    _ => "gyroscope",
-                };
-                write!(f, "IMU {sensor} dead: id 0x{found:02X}")
+                f.write_str(match register {
+                    1 => "IMU accelerometer",
+                    2 => "IMU magnetometer",
+                    _ => "IMU gyroscope",
+                })?;
+                write!(f, " dead: id {}", Hex(found))
             }
-            Self::SelfTest { result } => write!(f, "IMU self-test failed: 0x{result:02X}"),
+            Self::SelfTest { result } => write!(f, "IMU self-test failed: {}", Hex(result)),
             Self::System { error } => write!(f, "IMU error: {error}"),
             Self::Configuration {
                 register: registers::PAGE_ID,
                 found,
-            } => write!(f, "IMU on page {found}"),
+            } => write!(f, "IMU on page {}", Hex(found)),
             Self::Configuration { register, found } => {
-                write!(f, "IMU register 0x{register:02X} reads 0x{found:02X}")
+                write!(f, "IMU register {} reads {}", Hex(register), Hex(found))
             }
-            Self::Profile { register } => write!(f, "IMU profile out of range at 0x{register:02X}"),
+            Self::Profile { register } => {
+                write!(f, "IMU profile out of range at {}", Hex(register))
+            }
             Self::Clock => f.write_str("IMU crystal does not start"),
             Self::Reset => f.write_str("IMU has reset itself"),
             Self::AllOnes => f.write_str("IMU data all ones"),

@@ -23,6 +23,7 @@ mod fault;
 mod front;
 mod fusion;
 mod health;
+mod hex;
 mod profile;
 pub mod registers;
 mod request;

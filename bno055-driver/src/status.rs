@@ -2,6 +2,8 @@
 
 use core::fmt;
 
+use crate::hex::Hex;
+
 /// System status (SYS_STATUS).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum SystemStatus {
@@ -132,7 +134,7 @@ impl fmt::Display for SystemError {
             Self::AccPower => "acc power unavailable",
             Self::Fusion => "fusion configuration",
             Self::Sensor => "sensor configuration",
-            Self::Unknown(code) => return write!(f, "code {code}"),
+            Self::Unknown(code) => return write!(f, "code {}", Hex(*code)),
         })
     }
 }

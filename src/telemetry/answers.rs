@@ -15,7 +15,7 @@ use super::queue::Priority;
 use crate::config::{COMPONENT_ID, SYSTEM_ID};
 use crate::failsafe::Command;
 use crate::flight::Flight;
-use crate::params::{Info, Params};
+use crate::params::{Info, ParamError, Params, TABLE};
 
 /// MAV_CMD_DO_GRIPPER's second parameter: let go (GRIPPER_ACTION_RELEASE).
 const GRIPPER_RELEASE: f32 = 0.0;
@@ -80,16 +80,11 @@ impl Telemetry {
             return;
         }
         // A negative index asks by name.
-        let index = match usize::try_from(request.param_index) {
-            Ok(index) => Some(index),
-            Err(_) => request.param_id.to_str().ok().and_then(Params::index_of),
-        };
+        let index = usize::try_from(request.param_index).ok();
+        let index = index.or_else(|| Some(find(&request.param_id)?.0));
         match index.and_then(|index| Some((index, params.by_index(index)?))) {
             Some((index, (info, value))) => self.param_value(index, info, value),
-            None => self.say(
-                MavSeverity::MAV_SEVERITY_WARNING,
-                format_args!("no such parameter"),
-            ),
+            None => self.refuse_param(&ParamError::Unknown),
         }
     }
 
@@ -98,15 +93,19 @@ impl Telemetry {
         if !is_for_us(request.target_system, request.target_component) {
             return;
         }
-        let name = request.param_id.to_str().unwrap_or_default();
-        if let Err(error) = flight.set_param(name, request.param_value) {
-            self.say(MavSeverity::MAV_SEVERITY_WARNING, format_args!("{error}"));
+        let Some((index, info)) = find(&request.param_id) else {
+            return self.refuse_param(&ParamError::Unknown);
+        };
+        if let Err(error) = flight.set_param(info.name, request.param_value) {
+            self.refuse_param(&error);
         }
-        if let Some(index) = Params::index_of(name)
-            && let Some((info, value)) = flight.params().by_index(index)
-        {
+        if let Some((info, value)) = flight.params().by_index(index) {
             self.param_value(index, info, value);
         }
+    }
+
+    fn refuse_param(&mut self, error: &ParamError) {
+        self.say(MavSeverity::MAV_SEVERITY_WARNING, format_args!("{error}"));
     }
 
     fn param_value(&mut self, index: usize, info: &Info, value: f32) {
@@ -209,6 +208,13 @@ impl Order {
 
 fn decode<D: MessageData>(message: &Message) -> Option<D> {
     D::deser(MavlinkVersion::V2, &message.payload).ok()
+}
+
+/// Index and row of the parameter whose name is in `id`, which ends at a zero or fills the field.
+fn find(id: &[u8; 16]) -> Option<(usize, &'static Info)> {
+    let name = id.split(|byte| *byte == 0).next()?;
+    let mut rows = TABLE.iter().enumerate();
+    rows.find(|(_, info)| info.name.as_bytes() == name)
 }
 
 /// Addressed to this vehicle, or to all.
