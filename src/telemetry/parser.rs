@@ -83,15 +83,10 @@ impl Parser {
 
     /// Drop the first `count` bytes, and what follows up to the next start marker.
     fn discard(&mut self, count: usize) {
-        let len = self.buffer.len();
-        let start = self
-            .buffer
-            .iter()
-            .skip(count)
-            .position(|byte| matches!(*byte, START_V1 | START_V2))
-            .map_or(len, |offset| (count + offset).min(len));
-        self.buffer.copy_within(start.., 0);
-        self.buffer.truncate(len - start);
+        let rest = self.buffer.iter().copied().skip(count);
+        self.buffer = rest
+            .skip_while(|byte| !matches!(*byte, START_V1 | START_V2))
+            .collect();
     }
 }
 

@@ -64,9 +64,20 @@ impl Queue {
     }
 
     /// Move what waits to the front. Happens only when the host lags, once in about [`QUEUE_BYTES`].
+    ///
+    /// In blocks no longer than the way they go, which do not overlap themselves: the general `memmove` takes 1.3 KB.
     fn compact(&mut self) {
+        let gap = self.sent;
         let waiting = self.pending().len();
-        self.bytes.copy_within(self.sent.., 0);
+        let mut rest = self.bytes.as_mut_slice();
+        while let Some((free, tail)) = rest.split_at_mut_checked(gap)
+            && !(free.is_empty() || tail.is_empty())
+        {
+            for (to, from) in free.iter_mut().zip(&*tail) {
+                *to = *from;
+            }
+            rest = tail;
+        }
         self.bytes.truncate(waiting);
         self.sent = 0;
     }
