@@ -27,6 +27,7 @@ use core::ops::Deref;
 use bno055_driver::{BusError, Micros, READ_MAX, TRANSFER_DEADLINE_US, Transfer};
 use critical_section::Mutex;
 
+use super::log;
 use super::nano33iot::{I2C_FUNCTION, SCL, SDA, i2c_registers};
 use super::time::now;
 use sercom::{Command, NotSynchronised};
@@ -300,6 +301,7 @@ impl Bus {
         let completion = collect();
         if now >= self.repair_at && with_master(|master| master.broken) {
             self.recoveries = self.recoveries.saturating_add(1);
+            log::bus_repaired(self.recoveries);
             self.repair();
         }
         completion

@@ -20,6 +20,7 @@
 mod clocks;
 mod crash;
 mod i2c;
+mod log;
 mod nano33iot;
 mod pin;
 mod servo;
@@ -98,6 +99,8 @@ pub(crate) struct Board {
     burst_due: Option<Micros>,
     /// Steps since start-up.
     steps: u32,
+    /// The state that the log has told.
+    state_code: u32,
     bus_errors: u16,
     load: Load,
 }
@@ -128,6 +131,7 @@ impl Board {
         let port = usb::Port::start(&clocks.usb, &mut chip.pm, pins.pa24, pins.pa25, chip.usb);
         let supervisor = watchdog::Supervisor::start(chip.wdt);
         enable_interrupts(&mut core.SCB, &mut core.NVIC);
+        log::started(&report);
         let now = time::now();
         let board = Self {
             servo,
@@ -138,6 +142,7 @@ impl Board {
             ticked: now,
             burst_due: None,
             steps: 0,
+            state_code: u32::MAX,
             bus_errors: 0,
             load: Load {
                 since: now,
@@ -210,6 +215,9 @@ impl Board {
         self.supervisor.step_done(taken);
         self.configure(params);
         self.steps = self.steps.wrapping_add(1);
+        if core::mem::replace(&mut self.state_code, state.code()) != state.code() {
+            log::state(state);
+        }
         if lit(state, self.steps) {
             LED.high();
         } else {

@@ -1,0 +1,31 @@
+//! What a debug probe shows (feature `probe`, `DEFMT_LOG=info` to see all of it). Without a probe there is no log, and
+//! these are nothing.
+
+use tvc_nano::failsafe::{BootReport, State};
+
+/// The board is up.
+pub(super) fn started(report: &BootReport) {
+    #[cfg(feature = "probe")]
+    match &report.crash {
+        Some(crash) => defmt::error!("after {}", defmt::Display2Format(crash)),
+        None => defmt::info!("started"),
+    }
+    #[cfg(not(feature = "probe"))]
+    let _ = report;
+}
+
+/// The flight has changed its state.
+pub(super) fn state(state: &State) {
+    #[cfg(feature = "probe")]
+    defmt::info!("{}", defmt::Display2Format(state));
+    #[cfg(not(feature = "probe"))]
+    let _ = state;
+}
+
+/// The sensor bus had to be repaired, this many times so far.
+pub(super) fn bus_repaired(count: u16) {
+    #[cfg(feature = "probe")]
+    defmt::warn!("sensor bus repaired, {} times", count);
+    #[cfg(not(feature = "probe"))]
+    let _ = count;
+}
