@@ -151,6 +151,7 @@ macro_rules! parameters {
             $(
                 #[doc = concat!("`", $name, "` (", $unit, "): ", $meaning)]
                 #[inline]
+                #[allow(clippy::indexing_slicing, reason = "there is a value for every place")]
                 pub fn $field(&self) -> f32 {
                     self.values[Place::$field as usize]
                 }

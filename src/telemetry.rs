@@ -295,7 +295,7 @@ fn milliseconds(time: Micros) -> u32 {
     let (mut quotient, mut remainder) = (0, 0);
     for shift in [48, 32, 16, 0] {
         let part = remainder << 16 | (time.0 >> shift) as u32 & 0xFFFF;
-        quotient = quotient << 16 | part / 1000;
+        quotient = (quotient << 16) | (part / 1000);
         remainder = part % 1000;
     }
     quotient
