@@ -136,7 +136,11 @@ impl<T: Real> Reference<T> {
         let horizontal = ((parts.horizontal2 - own.horizontal2) * inverse.horizontal2).abs();
         let vertical = ((parts.vertical - own.vertical) * inverse.vertical).abs();
         let deviation = horizontal + vertical;
-        if deviation.within(T::ONE) { T::ONE - deviation } else { T::ZERO }
+        if deviation.within(T::ONE) {
+            T::ONE - deviation
+        } else {
+            T::ZERO
+        }
     }
 
     fn moved(&self, parts: &Parts<T>, share: T, gate: T) -> Option<Self> {
@@ -231,7 +235,10 @@ impl<T: Real> Field<T> {
             return None;
         }
         let sin = self.sine(north, east, reference) * self.weight;
-        Some(HeadingError { sin, undisturbed: !self.disturbed })
+        Some(HeadingError {
+            sin,
+            undisturbed: !self.disturbed,
+        })
     }
 
     /// The first field, in the body frame and with the orientation found from it.
@@ -279,7 +286,8 @@ impl<T: Real> Field<T> {
     #[cold]
     #[inline(never)]
     fn follow(&mut self, reference: &Reference<T>, parts: &Parts<T>) {
-        let share = self.weight * self.since_refresh_s * (self.tau_s + self.since_refresh_s).recip();
+        let share =
+            self.weight * self.since_refresh_s * (self.tau_s + self.since_refresh_s).recip();
         self.since_refresh_s = T::ZERO;
         if let Some(moved) = reference.moved(parts, share, self.gate) {
             self.reference = Some(moved);

@@ -1,12 +1,14 @@
 //! From counts to orientation.
 
+use nalgebra::Vector3;
+
 use super::field::{self, Compass, Field};
 use super::filters::{Filter, Gain, View};
+use super::orientation::Orientation;
 use super::rest::{self, Rest, Sums};
 use super::rotation::{Rotation, Step};
 use crate::config::{Config, ConfigError, in_range};
-use crate::estimator::{Flags, GRAVITY};
-use crate::quaternion::Quaternion;
+use crate::estimator::{Attitude, Flags, GRAVITY};
 
 /// One sample as the sensors give it, in body axes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -33,17 +35,36 @@ pub struct Scale {
 impl Scale {
     /// BNO055 with its default units (data sheet tables 3-17, 3-19, 3-22): 16 counts per deg/s, 100 per
     /// m/s^2, 16 per uT.
-    pub const BNO055: Self = Self { gyr_rad_s: 0.001_090_830_8, acc_m_s2: 0.01, mag_ut: 0.0625 };
+    pub const BNO055: Self = Self {
+        gyr_rad_s: 0.001_090_830_8,
+        acc_m_s2: 0.01,
+        mag_ut: 0.0625,
+    };
 }
 
-/// Longest time step, us: more is a gap.
-const MOST_DT_US: u32 = 25_000;
+/// Longest time step, us: more is a gap. With all axes at full scale it turns by 1 rad, and half of that
+/// and of the corrections must stay below 0.9.
+const MOST_DT_US: u32 = 16_000;
+
+/// Largest count of a gyroscope, rad/s: 2150 deg/s at full scale.
+const MOST_GYR_RAD_S: f32 = 0.001_15;
+
+/// Most samples between two of the magnetometer for which a correction makes up, and the largest correction
+/// of a sample that fits, Q15 with `mag_cut` more bits.
+const MOST_MAG_SAMPLES: i32 = 255;
+const MOST_TURN: i32 = 60_000;
+
+/// A correction of an eighth of a radian, half angle, that is not cut.
+const EIGHTH: i32 = 1 << 13;
 
 /// Largest gain for which a product with any acceleration fits 32 bits.
 const MOST_FACTOR: i32 = 2_896;
 
 /// Share that a sample has when a running mean begins, as a negative power of two.
 const FIRST_SHARE: u8 = 2;
+
+/// Two to this many samples have it: from any attitude to the one that is seen.
+const FIRST_SAMPLES: u8 = 6;
 
 /// An attitude estimator in fixed point.
 ///
@@ -62,6 +83,8 @@ pub struct Estimator<F> {
     gain: Gain,
     /// Share of the heading error per sample, Q15 with `mag_cut` more bits.
     mag_gain: i32,
+    /// Largest correction of a sample, in the same unit.
+    mag_most: i32,
     /// Samples since the last field.
     mag_samples: i32,
     sums: Sums,
@@ -72,14 +95,17 @@ pub struct Estimator<F> {
     settling: Settling,
     /// Largest acceleration while settling, counts.
     acc_limit: i32,
-    /// Blocks of samples so far, up to 255, and those that make the start-up.
-    blocks: u8,
-    start_up_blocks: u8,
-    flags: Flags,
+    /// Blocks of samples so far, and those that make the start-up.
+    blocks: u32,
+    start_up_blocks: u32,
+    gap: bool,
+    /// Cosine and sine of half the declination, Q15, unless it is zero.
+    declination: Option<(i32, i32)>,
+    gyr_rad_s: f32,
 }
 
-/// The running mean with which an estimate begins, or begins anew: samples have shares of 1/4 for a block
-/// of samples, then of one over the number of samples, halved as that doubles, down to the filter's own.
+/// The running mean with which an estimate begins, or begins anew: at least 64 samples have shares of
+/// 1/4, then all have one over the number of samples so far, halved as that doubles, down to the filter's own.
 #[derive(Clone, Debug)]
 struct Settling {
     /// How much larger the shares are now, as a power of two, for the one of tilt and heading that has the
@@ -94,6 +120,7 @@ struct Settling {
     next: u8,
     /// Where it all begins.
     most: u8,
+    first_blocks: u8,
     first_fall: u8,
     /// The filter's own gains.
     acc_factor: i32,
@@ -101,22 +128,25 @@ struct Settling {
 }
 
 impl<F: Filter> Estimator<F> {
-    /// An estimator for samples of about every `period_us` microseconds, 500 to 20,000. The gains of the
+    /// An estimator for samples of about every `period_us` microseconds, 500 to 12,500. The gains of the
     /// correction are per sample, the rates are integrated over the time steps as they are.
     ///
     /// The accelerometer's gate and an integral gain are not there in fixed point and refused.
-    pub fn new(config: &Config<F::Gains>, scale: &Scale, period_us: u32) -> Result<Self, ConfigError> {
-        if !(500..=20_000).contains(&period_us) {
+    pub fn new(
+        config: &Config<F::Gains>,
+        scale: &Scale,
+        period_us: u32,
+    ) -> Result<Self, ConfigError> {
+        if !(500..=12_500).contains(&period_us) {
             return Err(ConfigError::OutOfRange("period_us"));
         }
         if config.acc_gate.is_finite() {
             return Err(ConfigError::OutOfRange("acc_gate"));
         }
         let period_s = period_us as f32 * 1e-6;
-        in_range(scale.gyr_rad_s, 1e-5, 0.01, "gyr_rad_s")?;
+        in_range(scale.gyr_rad_s, 1e-5, MOST_GYR_RAD_S, "gyr_rad_s")?;
         in_range(scale.acc_m_s2, 5e-4, 0.05, "acc_m_s2")?;
         in_range(scale.mag_ut, 1e-3, 1.0, "mag_ut")?;
-        in_range(config.declination_rad, 0.0, 0.0, "declination_rad")?;
         let (acc_rate, mag_rate) = F::rates(&config.gains);
         let (acc_share, mag_share) = (acc_rate * period_s, mag_rate * period_s);
         let per_g = GRAVITY / scale.acc_m_s2;
@@ -129,7 +159,9 @@ impl<F: Filter> Estimator<F> {
         let (sums, rest) = Rest::new(&rest::Limits::new(&config.rest, scale, period_s)?);
         let (acc_boost, mag_boost) = (boost(acc_share), boost(mag_share));
         let most = acc_boost.max(mag_boost);
-        let first_fall = sums.log2_block() - FIRST_SHARE;
+        let first = FIRST_SAMPLES.max(sums.log2_block());
+        let first_blocks = 1u8 << (first - sums.log2_block());
+        let first_fall = first - FIRST_SHARE;
         let block_s = period_s * f32::from(1u16 << sums.log2_block());
         Ok(Self {
             rotation: Rotation::new(),
@@ -140,6 +172,7 @@ impl<F: Filter> Estimator<F> {
             settled: false,
             gain: Gain { factor: 0 },
             mag_gain,
+            mag_most: 0,
             mag_samples: 0,
             sums,
             compass: Compass::new(scale),
@@ -151,47 +184,81 @@ impl<F: Filter> Estimator<F> {
                 acc_less: most - acc_boost,
                 mag_less: most - mag_boost,
                 fall: first_fall,
-                left: 1,
-                next: 1,
+                left: first_blocks,
+                next: first_blocks,
                 most,
+                first_blocks,
                 first_fall,
                 acc_factor: acc_factor as i32,
                 mag_cut,
             },
             acc_limit: (1.25 * per_g) as i32,
             blocks: 0,
-            start_up_blocks: (config.start_up_s / block_s + 0.5) as u8,
-            flags: Flags::default(),
+            start_up_blocks: ((config.start_up_s / block_s + 0.5) as u32).max(first_blocks.into()),
+            gap: false,
+            declination: half_declination(config.declination_rad)?,
+            gyr_rad_s: scale.gyr_rad_s,
         })
     }
 
-    /// The orientation, a unit quaternion, body to earth.
-    pub fn quaternion(&self) -> Quaternion {
-        let [w, x, y, z] = self.rotation.q30().map(|c| c as f32);
-        Quaternion::normalised(w, x, y, z)
+    /// The orientation, with geographic north if a declination was configured.
+    pub fn orientation(&self) -> Orientation {
+        let magnetic = Orientation {
+            wxyz_q30: self.rotation.q30(),
+        };
+        match self.declination {
+            Some(half) => magnetic.turned(half),
+            None => magnetic,
+        }
     }
 
-    /// bias
-    pub fn bias(&self) -> [f32; 3] { self.rotation.bias.map(|b| b as f32 / 512.0) }
-    /// x
-    pub fn dbg(&self) -> (i32, i32, i32) { self.field.dbg(&self.compass) }
-    /// Health of the estimate.
+    /// Gyroscope offset, counts in Q9.
+    pub fn bias_q9(&self) -> [i32; 3] {
+        self.rotation.bias
+    }
+
+    /// The whole estimate in float, with the rate of the sample given: for whoever does not count cycles.
+    pub fn attitude(&self, counts: &Counts) -> Attitude {
+        let bias =
+            Vector3::from(self.rotation.bias).map(|bias| bias as f32 / 512.0 * self.gyr_rad_s);
+        let rate = Vector3::from(counts.gyr).map(|rate| f32::from(rate) * self.gyr_rad_s) - bias;
+        Attitude {
+            orientation: self.orientation().quaternion(),
+            rate,
+            bias,
+            flags: self.flags(),
+        }
+    }
+
+    /// Health of the estimate. Of gaps it knows for as long as the running mean that follows lasts; the
+    /// accelerometer is never passed over, and clipping not noticed.
     pub fn flags(&self) -> Flags {
         Flags {
             initialised: self.blocks > self.start_up_blocks,
             at_rest: self.rest.is_at_rest(),
             mag_disturbed: self.compass.is_disturbed(),
-            ..self.flags
+            gap: self.gap && !self.settled,
+            ..Flags::default()
         }
     }
 
-    /// Take one sample, `dt_us` microseconds after the one before (at most 25,000: more is a gap, and
+    /// Take one sample, `dt_us` microseconds after the one before (at most 16,000: more is a gap, and
     /// nothing happens at 0).
     #[inline]
     pub fn update(&mut self, dt_us: u32, counts: &Counts) {
-        let dt_us = if dt_us > MOST_DT_US { self.gap() } else { dt_us };
+        let dt_us = if dt_us > MOST_DT_US {
+            self.gap()
+        } else {
+            dt_us
+        };
         let per_count = ((dt_us * self.per_us) >> (self.dt_cut & 31)) as i32;
-        self.rotation.turn(&counts.gyr, Step { per_count, cut: u32::from(self.turn_cut) });
+        self.rotation.turn(
+            &counts.gyr,
+            Step {
+                per_count,
+                cut: u32::from(self.turn_cut),
+            },
+        );
 
         // A step that keeps house leaves the compass alone, so that no step pays for both.
         let due = self.sums.add(&counts.gyr, &counts.acc);
@@ -199,21 +266,29 @@ impl<F: Filter> Estimator<F> {
         let products = self.rotation.products();
         let down = products.down();
         let mut turn = 0;
-        self.mag_samples += 1;
+        self.mag_samples = (self.mag_samples + 1).min(MOST_MAG_SAMPLES);
         if let Some(mag) = &counts.mag
             && !busy
         {
             let sine = self.compass.heading(&products, &down, mag);
             turn = ((sine * self.mag_gain) >> 15) * self.mag_samples;
+            turn = turn.clamp(-self.mag_most, self.mag_most);
             self.mag_samples = 0;
         }
         let mut acc = counts.acc.map(i32::from);
-        if !self.settled {
-            // The large gains of the beginning are for moderate accelerations, and not for busy steps.
-            let limit = if busy { 0 } else { self.acc_limit };
-            acc = acc.map(|a| a.clamp(-limit, limit));
+        // The large gains of the beginning are for moderate accelerations, and not for busy steps.
+        if !self.settled && acc.iter().any(|a| a.abs() > self.acc_limit) {
+            acc = [0; 3];
         }
-        let tilt = self.filter.tilt(&View { products: &products, down: &down, acc: &acc, settling: !self.settled }, self.gain);
+        let tilt = self.filter.tilt(
+            &View {
+                products: &products,
+                down: &down,
+                acc: &acc,
+                settling: !self.settled,
+            },
+            self.gain,
+        );
         let cut = self.mag_cut & 31;
         let pending = &mut self.rotation.pending;
         pending[0] += tilt[0] + ((turn * down[0]) >> cut);
@@ -228,7 +303,8 @@ impl<F: Filter> Estimator<F> {
     #[inline(never)]
     fn keep_house(&mut self, due: u16, counts: &Counts) {
         if due < rest::SETTLE {
-            self.rest.close(due, &mut self.sums, &mut self.rotation.bias);
+            self.rest
+                .close(due, &mut self.sums, &mut self.rotation.bias);
         } else if due == rest::SETTLE {
             self.settle(&counts.acc);
         } else {
@@ -242,13 +318,14 @@ impl<F: Filter> Estimator<F> {
         if self.blocks == 0 {
             self.rotation.start(acc[2] > 0);
         }
-        self.blocks = self.blocks.saturating_add(1);
+        self.blocks += 1;
         if self.settled {
             return;
         }
         let s = &mut self.settling;
         self.gain.factor = s.acc_factor << s.boost.saturating_sub(s.acc_less);
         self.mag_cut = s.mag_cut - s.boost.saturating_sub(s.mag_less);
+        self.mag_most = (EIGHTH << self.mag_cut).min(MOST_TURN);
         self.settled = s.boost == 0;
         s.left -= 1;
         if s.left == 0 {
@@ -263,13 +340,21 @@ impl<F: Filter> Estimator<F> {
     #[cold]
     #[inline(never)]
     fn gap(&mut self) -> u32 {
-        self.flags.gap = true;
+        self.gap = true;
         self.rest.interrupt();
         self.settled = false;
         let s = &mut self.settling;
-        (s.boost, s.fall, s.left, s.next) = (s.most, s.first_fall, 1, 1);
+        (s.boost, s.fall, s.left, s.next) = (s.most, s.first_fall, s.first_blocks, s.first_blocks);
         MOST_DT_US
     }
+}
+
+fn half_declination(declination_rad: f32) -> Result<Option<(i32, i32)>, ConfigError> {
+    use core::f32::consts::PI;
+    in_range(declination_rad, -PI, PI, "declination_rad")?;
+    let (sin, cos) = libm::sincosf(0.5 * declination_rad);
+    let q15 = |v: f32| (v * 32_768.0) as i32;
+    Ok((declination_rad != 0.0).then(|| (q15(cos), q15(sin))))
 }
 
 /// By which power of two the first share is larger than a filter's own.

@@ -12,9 +12,10 @@ const BITS: u32 = 8;
 /// The weight of a field that is like the reference.
 const FULL: u8 = 8;
 
-/// Field samples for finding the strength, and then for averaging it.
-const FINDING: u8 = 12;
-const AVERAGING: u8 = FINDING + 16;
+/// Field samples from which the reference is learned before the gate works, and the share of each as a power
+/// of two: those from before the tilt and the heading were found are forgotten by then.
+const LEARNING: u8 = 32;
+const LEARNING_SHARE: u8 = 2;
 
 /// What is touched with every field sample.
 #[derive(Clone, Debug)]
@@ -24,6 +25,8 @@ pub(super) struct Compass {
     horizontal: i32,
     /// `2^25 / horizontal` with the horizontal in counts.
     inverse: i32,
+    /// Largest part across that has a sine, counts in Q4; 0 while the reciprocal is not there yet.
+    limit: i32,
     /// Horizontal field below which a compass has no direction, counts in Q8.
     least: i32,
     /// Field samples until one is judged.
@@ -50,17 +53,17 @@ pub(super) struct Field {
     gate: i32,
     /// Share of a judged sample in the reference, as a negative power of two.
     follow: u8,
-    /// Samples that have been judged so far, up to `AVERAGING`.
+    /// Field samples judged so far, up to `LEARNING`.
     judged: u8,
     /// Interval of judgements in samples.
     interval: u8,
     /// The reference has changed, and what follows from it has not.
     stale: bool,
     /// Judgements while another field was there: all, and those while turning; and the limits of both.
-    rejected: u16,
-    turned: u16,
-    reject: u16,
-    adopt: u16,
+    rejected: i32,
+    turned: i32,
+    reject: i32,
+    adopt: i32,
     adopt_rate: i32,
 }
 
@@ -69,8 +72,8 @@ pub(super) struct Limits {
     pub(super) gate_q8: i32,
     pub(super) log2_follow: u8,
     pub(super) interval: u8,
-    pub(super) reject: u16,
-    pub(super) adopt: u16,
+    pub(super) reject: i32,
+    pub(super) adopt: i32,
     pub(super) adopt_rate: i32,
 }
 
@@ -78,7 +81,16 @@ impl Compass {
     pub(super) fn new(scale: &Scale) -> Self {
         // Below 32 counts a reciprocal would not fit.
         let least = ((1.0 / scale.mag_ut) as i32).max(32) << BITS;
-        Self { least, horizontal: 0, inverse: 1 << 16, left: 1, disturbed: false, weight: FULL, seen: [0; 4] }
+        Self {
+            least,
+            horizontal: 0,
+            inverse: 1 << 16,
+            limit: 0,
+            left: 1,
+            disturbed: false,
+            weight: FULL,
+            seen: [0; 4],
+        }
     }
 
     pub(super) fn is_disturbed(&self) -> bool {
@@ -91,8 +103,7 @@ impl Compass {
         let mag = &mag.map(i32::from);
         let north = dot(&p.north(), mag) >> 15;
         let east = dot(&p.east(), mag) >> 11;
-        let limit = self.horizontal >> 4;
-        let sine = if north < 0 || east >= limit || east <= -limit {
+        let sine = if north < 0 || east >= self.limit || east <= -self.limit {
             if east < 0 { 32_767 } else { -32_767 }
         } else {
             -((east * self.inverse) >> 14)
@@ -106,7 +117,11 @@ impl Compass {
 }
 
 impl Limits {
-    pub(super) fn new(config: &FieldConfig, scale: &Scale, period_s: f32) -> Result<Self, ConfigError> {
+    pub(super) fn new(
+        config: &FieldConfig,
+        scale: &Scale,
+        period_s: f32,
+    ) -> Result<Self, ConfigError> {
         in_range(config.gate, 0.01, f32::INFINITY, "field.gate")?;
         in_range(config.tau_s, 0.1, 1e4, "field.tau_s")?;
         in_range(config.adopt_s, 0.1, 1e3, "field.adopt_s")?;
@@ -119,15 +134,14 @@ impl Limits {
             gate_q8: (config.gate.min(64.0) * 256.0) as i32,
             log2_follow: nearest_log2(judgements(config.tau_s)).min(15),
             interval,
-            reject: judgements(config.reject_s) as u16,
-            adopt: judgements(config.adopt_s) as u16,
+            reject: judgements(config.reject_s) as i32,
+            adopt: judgements(config.adopt_s) as i32,
             adopt_rate: (config.adopt_rate_rad_s / scale.gyr_rad_s) as i32,
         })
     }
 }
 
 impl Field {
-    pub(super) fn dbg(&self, c: &Compass) -> (i32, i32, i32) { (c.horizontal, self.vertical, c.inverse) }
     pub(super) const fn new(limits: &Limits) -> Self {
         Self {
             vertical: 0,
@@ -161,24 +175,21 @@ impl Field {
             return;
         }
         let [north, east, sine, down_q15] = compass.seen;
-        // Turned by the heading error: h = N cos + E sin.
+        // Turned by the heading error: h = N cos + E sin. Wraps for a field of more than 32767 counts, which
+        // is none of the earth's.
         let cos = 32_767 - ((sine * sine) >> 16);
-        let mut horizontal = (north * cos - east * sine) >> (15 - BITS);
+        let horizontal = (north * cos).wrapping_sub(east * sine) >> (15 - BITS);
         let vertical = down_q15 >> (15 - BITS);
         let mut share = self.follow;
         self.stale = true;
-        if self.judged < AVERAGING {
+        let learning = self.judged < LEARNING;
+        if learning {
             self.judged += 1;
-            share = 2;
-            if self.judged <= FINDING {
-                // The heading is not known yet: the length without a root, 3 % at most off.
-                horizontal = length(north.abs() << BITS, east.abs() << BITS);
-                share = 0;
-            }
+            share = LEARNING_SHARE;
         }
         let (dh, dv) = (horizontal - compass.horizontal, vertical - self.vertical);
         self.margin = self.tolerance - dh.abs() - dv.abs();
-        compass.disturbed = self.margin < 0 && self.judged == AVERAGING;
+        compass.disturbed = self.margin < 0 && !learning;
         if compass.disturbed {
             self.met = [horizontal, vertical];
         } else {
@@ -189,8 +200,12 @@ impl Field {
 
     /// A field unlike the reference: does it stay the same while the body turns?
     fn consider(&mut self, compass: &mut Compass, gyr: &[i16; 3]) {
-        self.rejected = self.rejected.saturating_add(1);
-        compass.weight = if self.rejected > self.reject { FULL / 2 } else { 0 };
+        self.rejected += 1;
+        compass.weight = if self.rejected > self.reject {
+            FULL / 2
+        } else {
+            0
+        };
         let [h, v] = self.met;
         let [like_h, like_v] = self.candidate;
         if (h - like_h).abs() + (v - like_v).abs() > self.tolerance {
@@ -208,20 +223,23 @@ impl Field {
     fn refresh(&mut self, compass: &mut Compass) {
         self.rejected = 0;
         self.turned = 0;
-        if self.judged == AVERAGING {
-            compass.weight = weight(self.margin, self.tolerance);
-        }
         compass.horizontal = compass.horizontal.max(compass.least);
-        // y (2 - h y), with h y in Q27 and only while it is near 1.
-        let product = (compass.horizontal >> 6) * compass.inverse;
-        compass.inverse = if product > 3 << 26 {
-            compass.inverse >> 1
-        } else if product < 1 << 26 {
-            compass.inverse << 1
+        // y (2 - h y), with h y in Q27. Far off it would not fit.
+        compass.limit = 0;
+        if (compass.horizontal >> 12) * (compass.inverse >> 8) > 1 << 15 {
+            compass.inverse >>= 2;
         } else {
-            (compass.inverse * (((1 << 28) - product) >> 18)) >> 9
-        };
-        self.tolerance = (length(compass.horizontal, self.vertical.abs()) >> 8) * self.gate;
+            let error = (1 << 27) - (compass.horizontal >> 6) * compass.inverse;
+            let factor = ((1 << 27) + error).clamp(1 << 26, 1 << 28) >> 18;
+            compass.inverse = (compass.inverse * factor) >> 9;
+            if error.abs() < 1 << 25 {
+                compass.limit = compass.horizontal >> 4;
+            }
+        }
+        if self.judged == LEARNING {
+            compass.weight = weight(self.margin, self.tolerance);
+            self.tolerance = (length(compass.horizontal, self.vertical.abs()) >> 8) * self.gate;
+        }
     }
 }
 

@@ -92,7 +92,12 @@ impl Filter for Vqf {
 
     fn new(gains: &VqfGains, period_s: f32) -> Result<Self, ConfigError> {
         positive(gains.acc_tau_s, "acc_tau_s")?;
-        in_range(gains.acc_smoothing_s, 8.0 * period_s, 100.0, "acc_smoothing_s")?;
+        in_range(
+            gains.acc_smoothing_s,
+            8.0 * period_s,
+            100.0,
+            "acc_smoothing_s",
+        )?;
         positive(gains.mag_tau_s, "mag_tau_s")?;
         Ok(Self {
             share: (65_536.0 * period_s / gains.acc_smoothing_s + 0.5) as i32,
@@ -128,6 +133,10 @@ impl Filter for Vqf {
         let [about_north, about_east] = self.carry.map(|carry| carry >> 13);
         self.carry = self.carry.map(|carry| carry & 0x1fff);
         let body = |n: i32, e: i32| (about_north * n + about_east * e) >> 2;
-        [body(north[0], east[0]), body(north[1], east[1]), body(north[2], east[2])]
+        [
+            body(north[0], east[0]),
+            body(north[1], east[1]),
+            body(north[2], east[2]),
+        ]
     }
 }

@@ -26,16 +26,14 @@ struct Axis {
     sum: i32,
     /// Mean over the block that the others are compared with, counts.
     reference: i32,
-    /// Mean over the newest block, counts with `BIAS_BITS`.
+    /// Mean over the newest block, counts with `BIAS_BITS`. The offset learns from it when the next block
+    /// is at rest too: a motion may have begun in it.
     newest: i32,
 }
 
 /// What is touched when a block ends.
 #[derive(Clone, Debug)]
 pub(super) struct Rest {
-    /// The gyroscope's means over the block before the newest. The newest is held back until the next is
-    /// at rest too: a motion may have begun in it.
-    held: [i32; 3],
     rate_limit: i32,
     acc_limit: i32,
     most_bias: i32,
@@ -44,8 +42,8 @@ pub(super) struct Rest {
     moved: bool,
     still: u8,
     needed: u8,
-    /// Blocks that the offset stands on, up to 255, and the share of the next as a power of two.
-    blocks: u8,
+    /// Blocks that the offset stands on, and the share of the next as a power of two.
+    blocks: u32,
     learned: u8,
     memory: u8,
 }
@@ -92,7 +90,11 @@ impl Sums {
 }
 
 impl Limits {
-    pub(super) fn new(config: &RestConfig, scale: &Scale, period_s: f32) -> Result<Self, ConfigError> {
+    pub(super) fn new(
+        config: &RestConfig,
+        scale: &Scale,
+        period_s: f32,
+    ) -> Result<Self, ConfigError> {
         in_range(config.rate_rad_s, 0.0, 1.0, "rest.rate_rad_s")?;
         in_range(config.acc_m_s2, 0.01, 100.0, "rest.acc_m_s2")?;
         in_range(config.time_s, 0.1, 20.0, "rest.time_s")?;
@@ -119,7 +121,6 @@ impl Rest {
             axes: [Axis::default(); 6],
         };
         let rest = Self {
-            held: [0; 3],
             rate_limit: limits.rate,
             acc_limit: limits.acc,
             most_bias: limits.most_bias,
@@ -147,41 +148,42 @@ impl Rest {
     #[inline(never)]
     pub(super) fn close(&mut self, due: u16, sums: &mut Sums, bias: &mut [i32; 3]) {
         let Some(axis) = sums.axes.get_mut(usize::from(due)) else {
-            self.conclude(sums, bias);
+            self.conclude();
             return;
         };
         let mean = axis.sum >> self.shift;
-        // 4 bits more than the sum of 2^11 samples needs to be cut by.
-        axis.newest = (axis.sum << 4) >> (self.shift + 4 - BIAS_BITS as u8);
-        axis.sum = 0;
+        let known = self.blocks != 0;
         let mut limit = self.acc_limit;
         if due & 1 == 0 {
             self.moved |= mean.abs() > self.most_bias;
             // Once an offset is known, what passes for rest is held to a quarter of the limit.
-            limit = self.rate_limit >> if self.blocks > 0 { 2 } else { 0 };
+            limit = self.rate_limit >> (2 * u32::from(known));
         }
         if (mean - axis.reference).abs() > limit {
             axis.reference = mean;
             self.moved = true;
+        } else if self.still == self.needed
+            && let Some(bias) = bias.get_mut(usize::from(due >> 1))
+            && due & 1 == 0
+        {
+            *bias += (axis.newest - *bias) >> self.learned;
         }
+        // Wraps where the body turns; then it is not used.
+        axis.newest = (axis.sum << BIAS_BITS) >> self.shift;
+        axis.sum = 0;
     }
 
-    fn conclude(&mut self, sums: &Sums, bias: &mut [i32; 3]) {
+    fn conclude(&mut self) {
         if self.moved {
             self.still = 0;
         } else if self.still < self.needed {
             self.still += 1;
         } else {
-            for (bias, held) in bias.iter_mut().zip(self.held) {
-                *bias += (held - *bias) >> self.learned;
-            }
-            self.blocks = self.blocks.saturating_add(1);
+            self.blocks += 1;
             if self.blocks >> self.learned != 0 && self.learned < self.memory {
                 self.learned += 1;
             }
         }
         self.moved = false;
-        let [x, _, y, _, z, _] = &sums.axes;
-        self.held = [x.newest, y.newest, z.newest];
     }
 }

@@ -48,19 +48,31 @@ impl Products {
     /// North in the body frame, Q15.
     #[inline(always)]
     pub(super) fn north(&self) -> [i32; 3] {
-        [(self.base + self.xx) >> 14, (self.xy - self.wz) >> 14, (self.xz + self.wy) >> 14]
+        [
+            (self.base + self.xx) >> 14,
+            (self.xy - self.wz) >> 14,
+            (self.xz + self.wy) >> 14,
+        ]
     }
 
     /// East in the body frame, Q15.
     #[inline(always)]
     pub(super) fn east(&self) -> [i32; 3] {
-        [(self.xy + self.wz) >> 14, (self.base + self.yy) >> 14, (self.yz - self.wx) >> 14]
+        [
+            (self.xy + self.wz) >> 14,
+            (self.base + self.yy) >> 14,
+            (self.yz - self.wx) >> 14,
+        ]
     }
 
     /// Down in the body frame, Q15.
     #[inline(always)]
     pub(super) fn down(&self) -> [i32; 3] {
-        [(self.xz - self.wy) >> 14, (self.yz + self.wx) >> 14, (self.base + self.zz) >> 14]
+        [
+            (self.xz - self.wy) >> 14,
+            (self.yz + self.wx) >> 14,
+            (self.base + self.zz) >> 14,
+        ]
     }
 }
 
@@ -77,13 +89,23 @@ pub(super) const BIAS_BITS: u32 = 9;
 
 impl Rotation {
     pub(super) const fn new() -> Self {
-        Self { q: [ONE + HALF, HALF, HALF, HALF], pending: [HALF; 3], bias: [0; 3], excess: 0, sixth: 0 }
+        Self {
+            q: [ONE + HALF, HALF, HALF, HALF],
+            pending: [HALF; 3],
+            bias: [0; 3],
+            excess: 0,
+            sixth: 0,
+        }
     }
 
     /// Start level, or upside down: on the same side as the accelerometer, from where any attitude is found.
     pub(super) fn start(&mut self, upside_down: bool) {
         let [w, x, ..] = &mut self.q;
-        (*w, *x) = if upside_down { (HALF, ONE + HALF) } else { (ONE + HALF, HALF) };
+        (*w, *x) = if upside_down {
+            (HALF, ONE + HALF)
+        } else {
+            (ONE + HALF, HALF)
+        };
     }
 
     /// w, x, y, z in Q30.
@@ -132,7 +154,18 @@ impl Rotation {
         let [w, x, y, z] = self.q.map(|c| c >> 15);
         let (base, xx, yy, zz) = (w * w - ONE / 2, x * x, y * y, z * z);
         self.excess = base + xx + yy + zz - ONE / 2;
-        Products { base, xx, yy, zz, wx: w * x, wy: w * y, wz: w * z, xy: x * y, xz: x * z, yz: y * z }
+        Products {
+            base,
+            xx,
+            yy,
+            zz,
+            wx: w * x,
+            wy: w * y,
+            wz: w * z,
+            xy: x * y,
+            xz: x * z,
+            yz: y * z,
+        }
     }
 }
 

@@ -1,0 +1,168 @@
+//! The estimate, for whoever wants it: as numbers, as a float quaternion, as angles.
+
+use crate::quaternion::Quaternion;
+
+/// A unit quaternion in fixed point, body to earth (north, east, down), Hamilton's convention.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Orientation {
+    /// w, x, y, z in Q30: 2^30 is 1. The norm is 1 within 1e-4.
+    pub wxyz_q30: [i32; 4],
+}
+
+/// Roll, pitch and yaw as binary angles: 2^31 is half a turn, so that sums wrap by themselves. The sequence
+/// is yaw, pitch, roll; at a pitch of +-90 deg roll and yaw turn about the same axis and only their
+/// difference or sum means something.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Angles {
+    /// Any angle.
+    pub roll: i32,
+    /// -2^30 to 2^30, positive nose up.
+    pub pitch: i32,
+    /// Any angle, positive from north to east.
+    pub yaw: i32,
+}
+
+impl Angles {
+    /// Radians of a binary angle, -pi..pi. Float: for people, not for the loop.
+    pub fn to_rad(angle: i32) -> f32 {
+        angle as f32 * (core::f32::consts::PI / 2_147_483_648.0)
+    }
+}
+
+impl Orientation {
+    /// The same in float, normalised.
+    pub fn quaternion(&self) -> Quaternion {
+        let [w, x, y, z] = self.wxyz_q30.map(|c| c as f32);
+        Quaternion::normalised(w, x, y, z)
+    }
+
+    /// Roll, pitch and yaw, within 0.01 deg: three CORDIC rotations.
+    pub fn angles(&self) -> Angles {
+        let [w, x, y, z] = self.wxyz_q30.map(|c| (c + (1 << 14)) >> 15);
+        let (ww, xx, yy, zz) = (w * w, x * x, y * y, z * z);
+        // Halves of the matrix elements, Q29: CORDIC makes them 1.65 times as long.
+        let down_x = (x * z - w * y) >> 1;
+        let down_y = (y * z + w * x) >> 1;
+        let down_z = (ww >> 2) - (xx >> 2) - (yy >> 2) + (zz >> 2);
+        let east_x = (x * y + w * z) >> 1;
+        let north_x = (ww >> 2) + (xx >> 2) - (yy >> 2) - (zz >> 2);
+        let (roll, level) = polar(down_z, down_y);
+        let (pitch, _) = polar(level, -lengthened(down_x));
+        let (yaw, _) = polar(north_x, east_x);
+        Angles { roll, pitch, yaw }
+    }
+
+    /// Turned about down: cosine and sine of half the angle, Q15.
+    pub(super) fn turned(&self, (c, s): (i32, i32)) -> Self {
+        let [w, x, y, z] = self.wxyz_q30.map(|c| c >> 15);
+        Self {
+            wxyz_q30: [c * w - s * z, c * x - s * y, c * y + s * x, c * z + s * w],
+        }
+    }
+}
+
+/// Arcs whose tangents are 1, 1/2, 1/4 and so on: binary angles.
+const ARCS: [i32; 16] = [
+    536_870_912,
+    316_933_406,
+    167_458_907,
+    85_004_756,
+    42_667_331,
+    21_354_465,
+    10_679_838,
+    5_340_245,
+    2_670_163,
+    1_335_087,
+    667_544,
+    333_772,
+    166_886,
+    83_443,
+    41_722,
+    20_861,
+];
+
+/// Angle and lengthened length of a vector (J. Volder's CORDIC, vectoring).
+fn polar(x: i32, y: i32) -> (i32, i32) {
+    let (mut x, mut y, mut angle) = if x < 0 {
+        (-x, -y, i32::MIN)
+    } else {
+        (x, y, 0i32)
+    };
+    for (bits, arc) in ARCS.iter().enumerate() {
+        let (dx, dy) = (x >> bits, y >> bits);
+        if y > 0 {
+            (x, y, angle) = (x + dy, y - dx, angle.wrapping_add(*arc));
+        } else {
+            (x, y, angle) = (x - dy, y + dx, angle.wrapping_sub(*arc));
+        }
+    }
+    (angle, x)
+}
+
+/// Times 1.646 76, by how much CORDIC lengthens.
+fn lengthened(v: i32) -> i32 {
+    v + (v >> 1) + (v >> 3) + (v >> 6) + (v >> 8) + (v >> 9) + (v >> 12) + (v >> 15)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::quaternion::Euler;
+    use proptest::prelude::*;
+
+    fn fixed(q: &Quaternion) -> Orientation {
+        Orientation {
+            wxyz_q30: [q.w, q.x, q.y, q.z].map(|c| (c * 1_073_741_824.0) as i32),
+        }
+    }
+
+    #[test]
+    fn the_axes_have_the_angles_that_one_expects() {
+        let level = Orientation {
+            wxyz_q30: [1 << 30, 0, 0, 0],
+        };
+        let Angles { roll, pitch, yaw } = level.angles();
+        for angle in [roll, pitch, yaw] {
+            assert!(angle.abs() < 1 << 17, "{angle}");
+        }
+        let quarter = Orientation {
+            wxyz_q30: [759_250_125, 0, 0, 759_250_125],
+        };
+        assert!((quarter.angles().yaw - (1 << 30)).abs() < 1 << 17);
+        let nose_up = Orientation {
+            wxyz_q30: [759_250_125, 0, 759_250_125, 0],
+        };
+        assert!((nose_up.angles().pitch - (1 << 30)).abs() < 1 << 19);
+    }
+
+    #[test]
+    fn turning_about_down_is_the_float_product() {
+        let q = Quaternion::normalised(0.3f32, -0.5, 0.7, 0.1);
+        let turn = Quaternion::from_euler(&Euler {
+            roll_rad: 0.0,
+            pitch_rad: 0.0,
+            yaw_rad: 0.3,
+        });
+        let half = ((turn.w * 32_768.0) as i32, (turn.z * 32_768.0) as i32);
+        let turned = fixed(&q).turned(half).quaternion();
+        assert!(turned.angle_to(&turn.mul(&q)) < 2e-4);
+    }
+
+    proptest! {
+        #[test]
+        fn angles_agree_with_the_float_ones(w in -1f32..1.0, x in -1f32..1.0, y in -1f32..1.0, z in 0.01f32..1.0) {
+            let q = Quaternion::normalised(w, x, y, z);
+            let float = q.euler();
+            let angles = fixed(&q).angles();
+            let level = float.pitch_rad.cos();
+            let tolerance = 2e-4;
+            prop_assert!((Angles::to_rad(angles.pitch) - float.pitch_rad).abs() < tolerance / level.max(0.02));
+            if level > 0.05 {
+                for (fixed, float) in [(angles.roll, float.roll_rad), (angles.yaw, float.yaw_rad)] {
+                    let gap = Angles::to_rad(fixed.wrapping_sub((f64::from(float) / core::f64::consts::PI * 2_147_483_648.0) as i64 as i32));
+                    prop_assert!(gap.abs() < tolerance / level, "{gap}");
+                }
+            }
+        }
+    }
+}
