@@ -121,11 +121,12 @@ impl Rotation {
     #[inline(never)]
     pub(super) fn turn(&mut self, gyr: &[i16; 3], step: Step) {
         let per_count = step.per_count - ((step.per_count * self.sixth) >> 16);
-        let sum = |i: usize| {
-            let offset = (self.bias[i] * per_count) >> BIAS_BITS;
-            ((i32::from(gyr[i]) * per_count - offset) >> (step.cut & 15)) + self.pending[i]
+        let sum = |rate: i16, bias: i32, pending: i32| {
+            let offset = (bias * per_count) >> BIAS_BITS;
+            ((i32::from(rate) * per_count - offset) >> (step.cut & 15)) + pending
         };
-        let [sx, sy, sz] = [sum(0), sum(1), sum(2)];
+        let ([rx, ry, rz], [bx, by, bz], [px, py, pz]) = (*gyr, self.bias, self.pending);
+        let [sx, sy, sz] = [sum(rx, bx, px), sum(ry, by, py), sum(rz, bz, pz)];
         let carry = |sum: i32| sum & (2 * HALF - 1);
         self.pending = [carry(sx), carry(sy), carry(sz)];
         let [hx, hy, hz] = [sx >> 15, sy >> 15, sz >> 15];
