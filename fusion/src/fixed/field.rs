@@ -57,14 +57,21 @@ pub(super) struct Field {
     judged: u8,
     /// Interval of judgements in samples.
     interval: u8,
-    /// The reference has changed, and what follows from it has not.
-    stale: bool,
+    job: Job,
     /// Judgements while another field was there: all, and those while turning; and the limits of both.
     rejected: i32,
     turned: i32,
     reject: i32,
     adopt: i32,
     adopt_rate: i32,
+}
+
+/// What a judgement is made of.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Job {
+    Compare,
+    Conclude,
+    Weigh,
 }
 
 /// Limits in counts, times in judgements.
@@ -128,8 +135,8 @@ impl Limits {
         in_range(config.reject_s, 0.1, 1e3, "field.reject_s")?;
         in_range(config.adopt_rate_rad_s, 0.0, 10.0, "field.adopt_rate_rad_s")?;
         let interval = (JUDGE_S / period_s) as u8 + 1;
-        // A judgement takes two samples more than the interval on average, where the house is busy.
-        let judgements = |time_s: f32| time_s / (period_s * (f32::from(interval) + 2.0));
+        // A judgement takes three samples more than the interval on average, where the house is busy.
+        let judgements = |time_s: f32| time_s / (period_s * (f32::from(interval) + 3.0));
         Ok(Self {
             gate_q8: (config.gate.min(64.0) * 256.0) as i32,
             log2_follow: nearest_log2(judgements(config.tau_s)).min(15),
@@ -153,7 +160,7 @@ impl Field {
             follow: limits.log2_follow,
             judged: 0,
             interval: limits.interval,
-            stale: false,
+            job: Job::Compare,
             rejected: 0,
             turned: 0,
             reject: limits.reject,
@@ -162,18 +169,34 @@ impl Field {
         }
     }
 
+    /// Judge the field that was seen, one job with each sample until all is done.
     #[inline(never)]
     pub(super) fn judge(&mut self, compass: &mut Compass, gyr: &[i16; 3]) {
-        if self.stale {
-            self.stale = false;
-            compass.left = self.interval;
-            if compass.disturbed {
+        match self.job {
+            Job::Compare => self.compare(compass),
+            Job::Conclude if compass.disturbed => {
+                self.job = Job::Compare;
+                compass.left = self.interval;
                 self.consider(compass, gyr);
-            } else {
+            }
+            Job::Conclude => {
+                self.job = Job::Weigh;
                 self.refresh(compass);
             }
-            return;
+            Job::Weigh => {
+                self.job = Job::Compare;
+                compass.left = self.interval;
+                if self.judged == LEARNING {
+                    compass.weight = weight(self.margin, self.tolerance);
+                    let total = length(compass.horizontal, self.vertical.abs());
+                    self.tolerance = (total >> 8) * self.gate;
+                }
+            }
         }
+    }
+
+    fn compare(&mut self, compass: &mut Compass) {
+        self.job = Job::Conclude;
         let [north, east, sine, down_q15] = compass.seen;
         // Turned by the heading error: h = N cos + E sin. Wraps for a field of more than 32767 counts, which
         // is none of the earth's.
@@ -181,7 +204,6 @@ impl Field {
         let horizontal = (north * cos).wrapping_sub(east * sine) >> (15 - BITS);
         let vertical = down_q15 >> (15 - BITS);
         let mut share = self.follow;
-        self.stale = true;
         let learning = self.judged < LEARNING;
         if learning {
             self.judged += 1;
@@ -219,7 +241,7 @@ impl Field {
         }
     }
 
-    /// What follows from the reference: its reciprocal by a Newton step, and the tolerance.
+    /// What follows from the reference: its reciprocal by a Newton step.
     fn refresh(&mut self, compass: &mut Compass) {
         self.rejected = 0;
         self.turned = 0;
@@ -235,10 +257,6 @@ impl Field {
             if error.abs() < 1 << 25 {
                 compass.limit = compass.horizontal >> 4;
             }
-        }
-        if self.judged == LEARNING {
-            compass.weight = weight(self.margin, self.tolerance);
-            self.tolerance = (length(compass.horizontal, self.vertical.abs()) >> 8) * self.gate;
         }
     }
 }
