@@ -1,6 +1,6 @@
 //! The parameters: one table of name, unit, range, default and meaning, from which everything else is made.
 //!
-//! A parameter is added by one entry of the [`parameters!`] call below. Names are at most 16 characters (the width of
+//! A parameter is added by one entry of the `parameters!` call below. Names are at most 16 characters (the width of
 //! MAVLink's `param_id`), values are `f32`. A shipped default outside its own range does not compile.
 
 use core::fmt;
