@@ -41,7 +41,13 @@ fn flies(servo: ServoKind, settling_s: f64) {
             "{timing:?}"
         );
         assert!(timing.sample_age_us.max < 10_200.0, "{timing:?}");
-        assert_eq!(timing.steps, timing.bursts);
+        // A burst that begins as the window ends has its step behind it, and the other way round.
+        assert!(
+            timing.steps.abs_diff(timing.bursts) <= 1,
+            "{} steps, {} bursts",
+            timing.steps,
+            timing.bursts
+        );
         assert_eq!(flight.missing, rig::flight::Missing::default());
         assert_eq!((flight.link.lost, flight.link.crc_errors), (0, 0));
         assert_eq!(flight.link.stray_bytes, 0);
