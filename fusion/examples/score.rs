@@ -15,7 +15,7 @@ use std::path::Path;
 use nalgebra::{UnitQuaternion, Vector3};
 use tvc_fusion::{
     Complementary, ComplementaryGains, Config, Estimator, Filter, Gyro, Madgwick, MadgwickGains,
-    Mahony, MahonyGains, Quaternion, Real, Sample, Vqf,
+    Mahony, MahonyGains, Quaternion, Real, Sample, Vqf, fixed,
 };
 
 /// A recording in SI units.
@@ -23,6 +23,8 @@ struct Recording {
     name: String,
     dt_s: f32,
     samples: Vec<Sample>,
+    counts: Vec<fixed::Counts>,
+    scale: fixed::Scale,
     /// Sensor to north-east-down, where it is to be scored.
     reference: Vec<Option<UnitQuaternion<f64>>>,
 }
@@ -56,12 +58,26 @@ impl Recording {
                 .into_owned(),
             dt_s: 1.0 / rate_hz,
             samples: Vec::new(),
+            counts: Vec::new(),
+            scale: fixed::Scale {
+                gyr_rad_s: gyr,
+                acc_m_s2: acc,
+                mag_ut: mag,
+            },
             reference: Vec::new(),
         };
         for record in records.chunks_exact(28) {
             let word = |i: usize| f32::from(i16::from_le_bytes([record[2 * i], record[2 * i + 1]]));
             let vector =
                 |i: usize, scale: f32| Vector3::new(word(i), word(i + 1), word(i + 2)) * scale;
+            let raw = |i: usize| {
+                [i, i + 1, i + 2].map(|i| i16::from_le_bytes([record[2 * i], record[2 * i + 1]]))
+            };
+            recording.counts.push(fixed::Counts {
+                gyr: raw(0),
+                acc: raw(3),
+                mag: Some(raw(6)),
+            });
             recording.samples.push(Sample {
                 gyr: vector(0, gyr),
                 acc: vector(3, acc),
@@ -76,19 +92,14 @@ impl Recording {
         Ok(recording)
     }
 
-    fn score<F: Filter>(
-        &self,
-        config: &Config<F::Gains>,
-        magnetometer: bool,
-    ) -> Result<Score, Box<dyn Error>> {
-        let mut estimator = Estimator::<F>::new(config)?;
+    /// Score the orientations that `step` gives, sample by sample.
+    fn score(&self, mut step: impl FnMut(usize) -> UnitQuaternion<f64>) -> Score {
         let mut sum = Score::default();
         let mut count = 0.0;
-        for (sample, reference) in self.samples.iter().zip(&self.reference) {
-            let mag = sample.mag.filter(|_| magnetometer);
-            let attitude = estimator.update(self.dt_s, &Sample { mag, ..*sample });
+        for (i, reference) in self.reference.iter().enumerate() {
+            let estimate = step(i);
             if let Some(reference) = reference {
-                let error = oracle(&attitude.orientation) * reference.inverse();
+                let error = estimate * reference.inverse();
                 sum.total += (2.0 * error.w.abs().min(1.0).acos()).powi(2);
                 sum.heading += (2.0 * (error.k / error.w).atan()).powi(2);
                 sum.inclination += (2.0 * error.w.hypot(error.k).min(1.0).acos()).powi(2);
@@ -96,11 +107,43 @@ impl Recording {
             }
         }
         let rmse_deg = |sum: f64| (sum / count).sqrt().to_degrees();
-        Ok(Score {
+        Score {
             total: rmse_deg(sum.total),
             heading: rmse_deg(sum.heading),
             inclination: rmse_deg(sum.inclination),
-        })
+        }
+    }
+
+    fn float<F: Filter>(
+        &self,
+        config: &Config<F::Gains>,
+        magnetometer: bool,
+    ) -> Result<Score, Box<dyn Error>> {
+        let mut estimator = Estimator::<F>::new(config)?;
+        Ok(self.score(|i| {
+            let sample = self.samples[i];
+            let mag = sample.mag.filter(|_| magnetometer);
+            oracle(
+                &estimator
+                    .update(self.dt_s, &Sample { mag, ..sample })
+                    .orientation,
+            )
+        }))
+    }
+
+    fn fixed<F: fixed::Filter>(
+        &self,
+        config: &Config<F::Gains>,
+        magnetometer: bool,
+    ) -> Result<Score, Box<dyn Error>> {
+        let period_us = (self.dt_s * 1e6).round() as u32;
+        let mut estimator = fixed::Estimator::<F>::new(config, &self.scale, period_us)?;
+        Ok(self.score(|i| {
+            let counts = self.counts[i];
+            let mag = counts.mag.filter(|_| magnetometer);
+            estimator.update(period_us, &fixed::Counts { mag, ..counts });
+            oracle(&estimator.orientation().quaternion())
+        }))
     }
 }
 
@@ -109,28 +152,49 @@ fn oracle<T: Real>(q: &Quaternion<T>) -> UnitQuaternion<f64> {
     UnitQuaternion::from_quaternion(nalgebra::Quaternion::new(w, x, y, z))
 }
 
-fn row<F: Filter>(
+/// One line of the table; `score` gives the score of a recording with or without its magnetometer.
+fn row(
     name: &str,
-    config: Config<F::Gains>,
     recordings: &[Recording],
+    score: impl Fn(&Recording, bool) -> Result<Score, Box<dyn Error>>,
 ) -> Result<(), Box<dyn Error>> {
     let mut mean = Score::default();
     let mut mean_6d = 0.0;
     let n = recordings.len() as f64;
     print!("| {name} |");
     for recording in recordings {
-        let score = recording.score::<F>(&config, true)?;
-        print!(" {:.2} |", score.total);
-        mean.total += score.total / n;
-        mean.heading += score.heading / n;
-        mean.inclination += score.inclination / n;
-        mean_6d += recording.score::<F>(&config, false)?.inclination / n;
+        let with = score(recording, true)?;
+        print!(" {:.2} |", with.total);
+        mean.total += with.total / n;
+        mean.heading += with.heading / n;
+        mean.inclination += with.inclination / n;
+        mean_6d += score(recording, false)?.inclination / n;
     }
     println!(
         " {:.3} / {:.3} / {:.3} | {mean_6d:.3} |",
         mean.total, mean.heading, mean.inclination
     );
     Ok(())
+}
+
+fn float_row<F: Filter>(
+    name: &str,
+    config: Config<F::Gains>,
+    recordings: &[Recording],
+) -> Result<(), Box<dyn Error>> {
+    row(name, recordings, |recording, magnetometer| {
+        recording.float::<F>(&config, magnetometer)
+    })
+}
+
+fn fixed_row<F: fixed::Filter>(
+    name: &str,
+    config: Config<F::Gains>,
+    recordings: &[Recording],
+) -> Result<(), Box<dyn Error>> {
+    row(name, recordings, |recording, magnetometer| {
+        recording.fixed::<F>(&config, magnetometer)
+    })
 }
 
 fn main() -> Result<(), Box<dyn Error>> {
@@ -164,23 +228,25 @@ fn main() -> Result<(), Box<dyn Error>> {
     }
     println!(" mean 9D | mean 6D inclination |");
     println!("|---|{}---|---|", "---|".repeat(recordings.len()));
-    row::<Gyro>("integrated gyro", Config::default(), &recordings)?;
-    row::<Complementary>("complementary", Config::default(), &recordings)?;
-    row::<Mahony>("Mahony", Config::default(), &recordings)?;
-    row::<Madgwick>("Madgwick", Config::default(), &recordings)?;
-    row::<Vqf>("VQF class", Config::default(), &recordings)?;
+    float_row::<Gyro>("integrated gyro", Config::default(), &recordings)?;
+    float_row::<Complementary>("complementary", Config::default(), &recordings)?;
+    float_row::<Mahony>("Mahony", Config::default(), &recordings)?;
+    float_row::<Madgwick>("Madgwick", Config::default(), &recordings)?;
+    float_row::<Vqf>("VQF class", Config::default(), &recordings)?;
+    fixed_row::<fixed::Mahony>("Mahony, fixed point", Config::default(), &recordings)?;
+    fixed_row::<fixed::Vqf>("VQF class, fixed point", Config::default(), &recordings)?;
     let thesis = ComplementaryGains::thesis();
-    row::<Complementary>(
+    float_row::<Complementary>(
         "complementary, thesis",
         Config::with_gains(thesis),
         &recordings,
     )?;
-    row::<Mahony>(
+    float_row::<Mahony>(
         "Mahony, thesis",
         Config::with_gains(MahonyGains::thesis()),
         &recordings,
     )?;
-    row::<Madgwick>(
+    float_row::<Madgwick>(
         "Madgwick, thesis",
         Config::with_gains(MadgwickGains::thesis()),
         &recordings,

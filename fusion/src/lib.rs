@@ -26,6 +26,7 @@ mod quaternion;
 mod range;
 mod real;
 mod rest;
+pub mod signal;
 mod vqf;
 
 pub use complementary::{Complementary, ComplementaryGains};

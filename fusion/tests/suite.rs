@@ -156,7 +156,7 @@ fn starts_at_any_attitude<S: Subject>() {
         assert!(attitude.flags.initialised);
         let error = error_deg(&attitude.orientation, &truth);
         assert!(
-            error < 5.0,
+            error < 6.0,
             "{error} deg after a second and a half at {roll} {pitch} {yaw}"
         );
         let attitude = rest(&mut subject, &truth, bias, true, 60.0);

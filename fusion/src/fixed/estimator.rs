@@ -9,6 +9,7 @@ use super::rest::{self, Rest, Sums};
 use super::rotation::{Rotation, Step};
 use crate::config::{Config, ConfigError, in_range};
 use crate::estimator::{Attitude, Flags, GRAVITY};
+use crate::quaternion::Quaternion;
 
 /// One sample as the sensors give it, in body axes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -42,9 +43,15 @@ impl Scale {
     };
 }
 
-/// Longest time step, us: more is a gap. With all axes at full scale it turns by 1 rad, and half of that
-/// and of the corrections must stay below 0.9.
-const MOST_DT_US: u32 = 16_000;
+/// Longest time step, us: more is a gap.
+const MOST_DT_US: u32 = 30_000;
+
+/// Largest half angle of a long step, about an axis, rad: about three axes and with the corrections it must
+/// stay below 0.9.
+const MOST_HALF_ANGLE: f32 = 0.22;
+
+/// Most bits that are given up in a step longer than 1.25 periods, so that one of up to ten periods fits.
+const COARSE: u8 = 3;
 
 /// Largest count of a gyroscope, rad/s: 2150 deg/s at full scale.
 const MOST_GYR_RAD_S: f32 = 0.001_15;
@@ -58,7 +65,10 @@ const MOST_TURN: i32 = 60_000;
 const EIGHTH: i32 = 1 << 13;
 
 /// Largest gain for which a product with any acceleration fits 32 bits.
-const MOST_FACTOR: i32 = 2_896;
+const MOST_FACTOR: u16 = 2_300;
+
+/// Bits by which a tilt correction is cut at least.
+const LEAST_CUT: u8 = 2;
 
 /// Share that a sample has when a running mean begins, as a negative power of two.
 const FIRST_SHARE: u8 = 2;
@@ -76,10 +86,14 @@ pub struct Estimator<F> {
     /// Half angle per count and us; and by how much the product with a time step is cut to 15 bits, and a
     /// product with counts to Q31.
     per_us: u32,
+    fine_dt_us: u32,
+    dt_rest: u32,
     dt_cut: u8,
     turn_cut: u8,
     mag_cut: u8,
     settled: bool,
+    /// The gains are so large that an acceleration must be looked at.
+    fragile: bool,
     gain: Gain,
     /// Share of the heading error per sample, Q15 with `mag_cut` more bits.
     mag_gain: i32,
@@ -87,8 +101,8 @@ pub struct Estimator<F> {
     mag_most: i32,
     /// Samples since the last field.
     mag_samples: i32,
-    sums: Sums,
     compass: Compass,
+    sums: Sums,
     filter: F,
     rest: Rest,
     field: Field,
@@ -99,6 +113,11 @@ pub struct Estimator<F> {
     blocks: u32,
     start_up_blocks: u32,
     gap: bool,
+    most_dt_us: u32,
+    /// Largest product of a long step and a rate, us and counts.
+    most_turn: u32,
+    /// Bits that are given up in a long step.
+    coarse: u8,
     /// Cosine and sine of half the declination, Q15, unless it is zero.
     declination: Option<(i32, i32)>,
     gyr_rad_s: f32,
@@ -124,11 +143,12 @@ struct Settling {
     first_fall: u8,
     /// The filter's own gains.
     acc_factor: i32,
+    acc_cut: u8,
     mag_cut: u8,
 }
 
 impl<F: Filter> Estimator<F> {
-    /// An estimator for samples of about every `period_us` microseconds, 500 to 12,500. The gains of the
+    /// An estimator for samples of about every `period_us` microseconds, 500 to 10,500. The gains of the
     /// correction are per sample, the rates are integrated over the time steps as they are.
     ///
     /// The accelerometer's gate and an integral gain are not there in fixed point and refused.
@@ -137,7 +157,7 @@ impl<F: Filter> Estimator<F> {
         scale: &Scale,
         period_us: u32,
     ) -> Result<Self, ConfigError> {
-        if !(500..=12_500).contains(&period_us) {
+        if !(500..=10_500).contains(&period_us) {
             return Err(ConfigError::OutOfRange("period_us"));
         }
         if config.acc_gate.is_finite() {
@@ -150,12 +170,20 @@ impl<F: Filter> Estimator<F> {
         let (acc_rate, mag_rate) = F::rates(&config.gains);
         let (acc_share, mag_share) = (acc_rate * period_s, mag_rate * period_s);
         let per_g = GRAVITY / scale.acc_m_s2;
-        let acc_factor = acc_share * 32_768.0 * 8_192.0 / per_g;
-        in_range(acc_factor, 8.0, MOST_FACTOR as f32, "tilt gain")?;
+        let acc_gain = acc_share * 32_768.0 * 2_048.0 / per_g;
+        in_range(
+            acc_gain,
+            0.01,
+            f32::from(MOST_FACTOR) / f32::from(1u8 << LEAST_CUT),
+            "tilt gain",
+        )?;
+        let (acc_factor, acc_cut) = scaled(acc_gain, f32::from(MOST_FACTOR));
         in_range(mag_share, 1e-5, 0.1, "heading gain")?;
         let (mag_gain, mag_cut) = scaled(mag_share * 32_768.0, 16_384.0);
         let (per_us, bits) = scaled(scale.gyr_rad_s * 0.5e-6 * 2_147_483_648.0, 65_536.0);
-        let dt_cut = bits_above(per_us as f32 * MOST_DT_US as f32, 32_768.0);
+        let fine_dt_us = period_us + period_us / 4;
+        let dt_cut = bits_above(per_us as f32 * fine_dt_us as f32, 32_768.0);
+        let coarse = COARSE.min(bits - dt_cut);
         let (sums, rest) = Rest::new(&rest::Limits::new(&config.rest, scale, period_s)?);
         let (acc_boost, mag_boost) = (boost(acc_share), boost(mag_share));
         let most = acc_boost.max(mag_boost);
@@ -166,16 +194,19 @@ impl<F: Filter> Estimator<F> {
         Ok(Self {
             rotation: Rotation::new(),
             per_us: per_us as u32,
+            fine_dt_us,
+            dt_rest: 0,
             dt_cut,
             turn_cut: bits - dt_cut,
             mag_cut,
             settled: false,
-            gain: Gain { factor: 0 },
+            fragile: true,
+            gain: Gain { factor: 0, cut: 2 },
             mag_gain,
             mag_most: 0,
             mag_samples: 0,
             sums,
-            compass: Compass::new(scale),
+            compass: Compass::new(scale, period_s),
             filter: F::new(&config.gains, period_s)?,
             rest,
             field: Field::new(&field::Limits::new(&config.field, scale, period_s)?),
@@ -189,13 +220,17 @@ impl<F: Filter> Estimator<F> {
                 most,
                 first_blocks,
                 first_fall,
-                acc_factor: acc_factor as i32,
+                acc_factor,
+                acc_cut,
                 mag_cut,
             },
             acc_limit: (1.25 * per_g) as i32,
             blocks: 0,
             start_up_blocks: ((config.start_up_s / block_s + 0.5) as u32).max(first_blocks.into()),
             gap: false,
+            most_dt_us: MOST_DT_US.min(fine_dt_us << coarse),
+            most_turn: (MOST_HALF_ANGLE * 2e6 / scale.gyr_rad_s) as u32,
+            coarse,
             declination: half_declination(config.declination_rad)?,
             gyr_rad_s: scale.gyr_rad_s,
         })
@@ -230,55 +265,65 @@ impl<F: Filter> Estimator<F> {
         }
     }
 
-    /// Health of the estimate. Of gaps it knows for as long as the running mean that follows lasts; the
+    /// Health of the estimate. A gap is a step of more than 1.25 periods in the last quarter of a second; the
     /// accelerometer is never passed over, and clipping not noticed.
     pub fn flags(&self) -> Flags {
         Flags {
             initialised: self.blocks > self.start_up_blocks,
             at_rest: self.rest.is_at_rest(),
             mag_disturbed: self.compass.is_disturbed(),
-            gap: self.gap && !self.settled,
+            gap: self.gap,
             ..Flags::default()
         }
     }
 
-    /// Take one sample, `dt_us` microseconds after the one before (at most 16,000: more is a gap, and
+    /// Take one sample, `dt_us` microseconds after the one before (at most ten periods or
+    /// 30,000: more is a gap, and
     /// nothing happens at 0).
     #[inline]
     pub fn update(&mut self, dt_us: u32, counts: &Counts) {
-        let dt_us = if dt_us > MOST_DT_US {
-            self.gap()
+        let long = dt_us > self.fine_dt_us;
+        let step = if long {
+            self.long_step(dt_us, &counts.gyr)
         } else {
-            dt_us
-        };
-        let per_count = ((dt_us * self.per_us) >> (self.dt_cut & 31)) as i32;
-        self.rotation.turn(
-            &counts.gyr,
+            // What is cut is made good by the next step.
+            let product = dt_us * self.per_us + self.dt_rest;
+            let per_count = product >> (self.dt_cut & 31);
+            self.dt_rest = product - (per_count << (self.dt_cut & 31));
             Step {
-                per_count,
+                per_count: per_count as i32,
                 cut: u32::from(self.turn_cut),
-            },
-        );
+            }
+        };
+        self.rotation.turn(&counts.gyr, step);
 
-        // A step that keeps house leaves the compass alone, so that no step pays for both.
-        let due = self.sums.add(&counts.gyr, &counts.acc);
-        let busy = due <= rest::SETTLE || self.compass.left == 0;
+        // A step that keeps house, or is long, leaves the compass alone: no step pays for both.
+        let mut acc = counts.acc.map(i32::from);
+        // The large gains of the beginning are for moderate accelerations.
+        if self.fragile && acc.iter().any(|a| a.abs() > self.acc_limit) {
+            acc = [0; 3];
+        }
+        let due = if long {
+            rest::NOTHING
+        } else if self.fragile {
+            self.sums.pass()
+        } else {
+            self.sums.add(&counts.gyr, &counts.acc)
+        };
+        let busy = long || due <= rest::SETTLE || self.compass.pending;
         let products = self.rotation.products();
         let down = products.down();
         let mut turn = 0;
-        self.mag_samples = (self.mag_samples + 1).min(MOST_MAG_SAMPLES);
+        self.mag_samples = self.mag_samples.wrapping_add(1);
         if let Some(mag) = &counts.mag
             && !busy
         {
-            let sine = self.compass.heading(&products, &down, mag);
-            turn = ((sine * self.mag_gain) >> 15) * self.mag_samples;
-            turn = turn.clamp(-self.mag_most, self.mag_most);
+            let sine = self
+                .compass
+                .heading(&products, &down, mag, self.sums.tick());
+            let samples = self.mag_samples.min(MOST_MAG_SAMPLES);
+            turn = (((sine * self.mag_gain) >> 15) * samples).clamp(-self.mag_most, self.mag_most);
             self.mag_samples = 0;
-        }
-        let mut acc = counts.acc.map(i32::from);
-        // The large gains of the beginning are for moderate accelerations, and not for busy steps.
-        if !self.settled && acc.iter().any(|a| a.abs() > self.acc_limit) {
-            acc = [0; 3];
         }
         let tilt = self.filter.tilt(
             &View {
@@ -307,7 +352,7 @@ impl<F: Filter> Estimator<F> {
                 .close(due, &mut self.sums, &mut self.rotation.bias);
         } else if due == rest::SETTLE {
             self.settle(&counts.acc);
-        } else {
+        } else if due != rest::NOTHING {
             self.field.judge(&mut self.compass, &counts.gyr);
         }
     }
@@ -319,11 +364,18 @@ impl<F: Filter> Estimator<F> {
             self.rotation.start(acc[2] > 0);
         }
         self.blocks += 1;
+        self.gap = false;
         if self.settled {
             return;
         }
         let s = &mut self.settling;
-        self.gain.factor = s.acc_factor << s.boost.saturating_sub(s.acc_less);
+        let boost = s.boost.saturating_sub(s.acc_less);
+        let less = boost.min(s.acc_cut - LEAST_CUT);
+        self.fragile = boost > less;
+        self.gain = Gain {
+            factor: s.acc_factor << (boost - less),
+            cut: u32::from(s.acc_cut - less),
+        };
         self.mag_cut = s.mag_cut - s.boost.saturating_sub(s.mag_less);
         self.mag_most = (EIGHTH << self.mag_cut).min(MOST_TURN);
         self.settled = s.boost == 0;
@@ -336,25 +388,36 @@ impl<F: Filter> Estimator<F> {
         }
     }
 
-    /// Samples are missing: what happened meanwhile is unknown. The time that is integrated over, us.
+    /// A step of more than 1.25 periods; of many more, samples are missing.
     #[cold]
     #[inline(never)]
-    fn gap(&mut self) -> u32 {
+    fn long_step(&mut self, dt_us: u32, gyr: &[i16; 3]) -> Step {
         self.gap = true;
-        self.rest.interrupt();
-        self.settled = false;
-        let s = &mut self.settling;
-        (s.boost, s.fall, s.left, s.next) = (s.most, s.first_fall, s.first_blocks, s.first_blocks);
-        MOST_DT_US
+        if dt_us > self.most_dt_us {
+            self.rest.interrupt();
+            self.settled = false;
+            let s = &mut self.settling;
+            (s.boost, s.fall, s.left, s.next) =
+                (s.most, s.first_fall, s.first_blocks, s.first_blocks);
+        }
+        let mut dt_us = dt_us.min(self.most_dt_us);
+        let [x, y, z] = gyr.map(|rate| u32::from(rate.unsigned_abs()));
+        while dt_us * x.max(y).max(z) > self.most_turn {
+            dt_us /= 2;
+        }
+        Step {
+            per_count: ((dt_us * self.per_us) >> (self.dt_cut + self.coarse)) as i32,
+            cut: u32::from(self.turn_cut - self.coarse),
+        }
     }
 }
 
 fn half_declination(declination_rad: f32) -> Result<Option<(i32, i32)>, ConfigError> {
     use core::f32::consts::PI;
     in_range(declination_rad, -PI, PI, "declination_rad")?;
-    let (sin, cos) = libm::sincosf(0.5 * declination_rad);
+    let turn = Quaternion::from_rotation_vector(&Vector3::new(0.0, 0.0, declination_rad));
     let q15 = |v: f32| (v * 32_768.0) as i32;
-    Ok((declination_rad != 0.0).then(|| (q15(cos), q15(sin))))
+    Ok((declination_rad != 0.0).then(|| (q15(turn.w), q15(turn.z))))
 }
 
 /// By which power of two the first share is larger than a filter's own.

@@ -29,11 +29,15 @@ pub(super) struct Compass {
     limit: i32,
     /// Horizontal field below which a compass has no direction, counts in Q8.
     least: i32,
-    /// Field samples until one is judged.
-    pub(super) left: u8,
+    /// There is a field to be judged.
+    pub(super) pending: bool,
     disturbed: bool,
     /// How far the field is to be believed, in parts of `FULL`.
     weight: u8,
+    /// Samples between judgements; when the last was, and how long after the one before.
+    interval: u16,
+    last: u16,
+    elapsed: u16,
     /// What is to be judged: north, east, sine of the heading error, down in Q15 counts.
     seen: [i32; 4],
 }
@@ -55,10 +59,8 @@ pub(super) struct Field {
     follow: u8,
     /// Field samples judged so far, up to `LEARNING`.
     judged: u8,
-    /// Interval of judgements in samples.
-    interval: u8,
     job: Job,
-    /// Judgements while another field was there: all, and those while turning; and the limits of both.
+    /// Samples while another field was there: all, and those while turning; and the limits of both.
     rejected: i32,
     turned: i32,
     reject: i32,
@@ -74,18 +76,18 @@ enum Job {
     Weigh,
 }
 
-/// Limits in counts, times in judgements.
+/// Limits in counts, times in samples.
 pub(super) struct Limits {
     pub(super) gate_q8: i32,
     pub(super) log2_follow: u8,
-    pub(super) interval: u8,
     pub(super) reject: i32,
     pub(super) adopt: i32,
     pub(super) adopt_rate: i32,
 }
 
 impl Compass {
-    pub(super) fn new(scale: &Scale) -> Self {
+    pub(super) fn new(scale: &Scale, period_s: f32) -> Self {
+        let interval = (JUDGE_S / period_s) as u16 + 1;
         // Below 32 counts a reciprocal would not fit.
         let least = ((1.0 / scale.mag_ut) as i32).max(32) << BITS;
         Self {
@@ -93,7 +95,10 @@ impl Compass {
             horizontal: 0,
             inverse: 1 << 16,
             limit: 0,
-            left: 1,
+            pending: false,
+            interval,
+            last: 0,
+            elapsed: 0,
             disturbed: false,
             weight: FULL,
             seen: [0; 4],
@@ -104,9 +109,15 @@ impl Compass {
         self.disturbed
     }
 
-    /// Sine of the heading error, Q15, of a field in counts; 0 when it is disturbed.
+    /// Sine of the heading error, Q15, of a field in counts, as far as it is to be believed.
     #[inline(always)]
-    pub(super) fn heading(&mut self, p: &Products, down: &[i32; 3], mag: &[i16; 3]) -> i32 {
+    pub(super) fn heading(
+        &mut self,
+        p: &Products,
+        down: &[i32; 3],
+        mag: &[i16; 3],
+        tick: u16,
+    ) -> i32 {
         let mag = &mag.map(i32::from);
         let north = dot(&p.north(), mag) >> 15;
         let east = dot(&p.east(), mag) >> 11;
@@ -115,8 +126,11 @@ impl Compass {
         } else {
             -((east * self.inverse) >> 14)
         };
-        self.left -= 1;
-        if self.left == 0 {
+        let elapsed = tick.wrapping_sub(self.last);
+        if elapsed >= self.interval {
+            self.last = tick;
+            self.elapsed = elapsed;
+            self.pending = true;
             self.seen = [north, east >> 4, sine, dot(down, mag)];
         }
         (sine * i32::from(self.weight)) >> 3
@@ -134,15 +148,12 @@ impl Limits {
         in_range(config.adopt_s, 0.1, 1e3, "field.adopt_s")?;
         in_range(config.reject_s, 0.1, 1e3, "field.reject_s")?;
         in_range(config.adopt_rate_rad_s, 0.0, 10.0, "field.adopt_rate_rad_s")?;
-        let interval = (JUDGE_S / period_s) as u8 + 1;
-        // A judgement takes three samples more than the interval on average, where the house is busy.
-        let judgements = |time_s: f32| time_s / (period_s * (f32::from(interval) + 3.0));
+        let samples = |time_s: f32| time_s / period_s;
         Ok(Self {
             gate_q8: (config.gate.min(64.0) * 256.0) as i32,
-            log2_follow: nearest_log2(judgements(config.tau_s)).min(15),
-            interval,
-            reject: judgements(config.reject_s) as i32,
-            adopt: judgements(config.adopt_s) as i32,
+            log2_follow: nearest_log2(config.tau_s / JUDGE_S).min(15),
+            reject: samples(config.reject_s) as i32,
+            adopt: samples(config.adopt_s) as i32,
             adopt_rate: (config.adopt_rate_rad_s / scale.gyr_rad_s) as i32,
         })
     }
@@ -159,7 +170,6 @@ impl Field {
             gate: limits.gate_q8,
             follow: limits.log2_follow,
             judged: 0,
-            interval: limits.interval,
             job: Job::Compare,
             rejected: 0,
             turned: 0,
@@ -176,7 +186,7 @@ impl Field {
             Job::Compare => self.compare(compass),
             Job::Conclude if compass.disturbed => {
                 self.job = Job::Compare;
-                compass.left = self.interval;
+                compass.pending = false;
                 self.consider(compass, gyr);
             }
             Job::Conclude => {
@@ -185,7 +195,7 @@ impl Field {
             }
             Job::Weigh => {
                 self.job = Job::Compare;
-                compass.left = self.interval;
+                compass.pending = false;
                 if self.judged == LEARNING {
                     compass.weight = weight(self.margin, self.tolerance);
                     let total = length(compass.horizontal, self.vertical.abs());
@@ -222,7 +232,7 @@ impl Field {
 
     /// A field unlike the reference: does it stay the same while the body turns?
     fn consider(&mut self, compass: &mut Compass, gyr: &[i16; 3]) {
-        self.rejected += 1;
+        self.rejected += i32::from(compass.elapsed);
         compass.weight = if self.rejected > self.reject {
             FULL / 2
         } else {
@@ -234,7 +244,7 @@ impl Field {
             self.candidate = self.met;
             self.turned = 0;
         } else if gyr.iter().fold(0, |sum, &rate| sum + i32::from(rate).abs()) > self.adopt_rate {
-            self.turned += 1;
+            self.turned += i32::from(compass.elapsed);
             if self.turned > self.adopt {
                 [compass.horizontal, self.vertical] = self.candidate;
             }
@@ -261,10 +271,12 @@ impl Field {
     }
 }
 
-/// A part of the whole in parts of `FULL`, in four steps.
+/// A part of the whole in parts of `FULL`, in four steps, of which the last is full.
 fn weight(part: i32, whole: i32) -> u8 {
     let quarter = whole >> 2;
-    1 + 2 * (u8::from(part > quarter) + u8::from(part > 2 * quarter) + u8::from(part > 3 * quarter))
+    let quarters =
+        u8::from(part > quarter) + u8::from(part > 2 * quarter) + u8::from(part > 3 * quarter);
+    1 + 2 * quarters + (quarters >> 1)
 }
 
 /// Length of a vector with components that are not negative: within 3 % (the larger, or 7/8 of it and half of the

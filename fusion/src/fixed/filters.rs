@@ -9,14 +9,15 @@ use crate::vqf::VqfGains;
 /// that is cut by 11 bits, to half an angle in Q31.
 #[derive(Clone, Copy, Debug)]
 pub struct Gain {
-    /// Q2.
     pub(super) factor: i32,
+    /// Bits by which the product is too large.
+    pub(super) cut: u32,
 }
 
 impl Gain {
     #[inline(always)]
     fn of(self, error: i32) -> i32 {
-        ((error >> 11) * self.factor) >> 2
+        ((error >> 11) * self.factor) >> (self.cut & 31)
     }
 }
 

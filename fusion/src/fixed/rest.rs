@@ -52,6 +52,9 @@ pub(super) struct Rest {
 /// eighth, this one, does the estimator's own job.
 pub(super) const SETTLE: u16 = 7;
 
+/// No job, and no judgement either.
+pub(super) const NOTHING: u16 = u16::MAX;
+
 /// Limits in counts, times in samples.
 pub(super) struct Limits {
     rate: i32,
@@ -81,6 +84,18 @@ impl Sums {
             az.sum += i32::from(acc[2]);
         }
         self.tick & self.mask
+    }
+
+    /// A sample that is not added.
+    #[inline(always)]
+    pub(super) fn pass(&mut self) -> u16 {
+        self.tick = self.tick.wrapping_add(1);
+        self.tick & self.mask
+    }
+
+    /// Samples so far, modulo 2^16.
+    pub(super) fn tick(&self) -> u16 {
+        self.tick
     }
 
     /// Two to this many samples make a block.

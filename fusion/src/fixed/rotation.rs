@@ -100,11 +100,10 @@ impl Rotation {
 
     /// Start level, or upside down: on the same side as the accelerometer, from where any attitude is found.
     pub(super) fn start(&mut self, upside_down: bool) {
-        let [w, x, ..] = &mut self.q;
-        (*w, *x) = if upside_down {
-            (HALF, ONE + HALF)
+        self.q = if upside_down {
+            [HALF, ONE + HALF, HALF, HALF]
         } else {
-            (ONE + HALF, HALF)
+            [ONE + HALF, HALF, HALF, HALF]
         };
     }
 
