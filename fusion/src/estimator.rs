@@ -142,6 +142,9 @@ pub struct Estimator<F: Filter> {
     /// words of a Kalman filter, `age` is measurement noise density over variance.
     age: F::Real,
     mag_dt: F::Real,
+    /// The last time step and its half.
+    last_dt: F::Real,
+    half_dt: F::Real,
     /// Least and largest square of the specific force, (m/s^2)^2.
     acc_gate2: Option<(F::Real, F::Real)>,
     acc_density: F::Real,
@@ -189,6 +192,8 @@ impl<F: Filter> Estimator<F> {
             phase: Phase::Blank,
             age: F::Real::ZERO,
             mag_dt: F::Real::ZERO,
+            last_dt: F::Real::ZERO,
+            half_dt: F::Real::ZERO,
             acc_gate2,
             acc_density: real(config.recovery_rad2_s),
             gap_s: config.gap_s,
@@ -251,7 +256,7 @@ impl<F: Filter> Estimator<F> {
             gyr.y - self.bias.y,
             gyr.z - self.bias.z,
         );
-        let half_dt = dt * F::Real::HALF;
+        let half_dt = self.half(dt);
         let half_angle = Vector3::new(
             self.rate.x * half_dt + self.pending.x,
             self.rate.y * half_dt + self.pending.y,
@@ -285,6 +290,16 @@ impl<F: Filter> Estimator<F> {
             starting: !self.flags.initialised,
         };
         self.pending = self.filter.correction(&view, &mut self.bias);
+    }
+
+    /// Half the time step, which mostly is what it was: without an FPU comparing is cheaper.
+    #[inline(always)]
+    fn half(&mut self, dt: F::Real) -> F::Real {
+        if dt != self.last_dt {
+            self.last_dt = dt;
+            self.half_dt = dt * F::Real::HALF;
+        }
+        self.half_dt
     }
 
     /// The first sample: tilt and heading as they are seen.

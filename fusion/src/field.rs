@@ -8,7 +8,7 @@
 //! would be worse than the field's error.
 
 use crate::config::{ConfigError, in_range, positive};
-use crate::quaternion::{HalfRows, dot};
+use crate::quaternion::{HalfRows, Quaternion, dot};
 use crate::real::Real;
 use nalgebra::Vector3;
 
@@ -84,6 +84,8 @@ pub(crate) struct Field<T> {
     /// What the last judgement found.
     weight: T,
     disturbed: bool,
+    /// The weight over the reference's horizontal part.
+    weighted_inverse: T,
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -184,8 +186,14 @@ impl<T: Real> Field<T> {
             reject_s: T::from_f32(config.reject_s),
             declination: (declination_rad != 0.0).then(|| {
                 let rad = T::from_f32(declination_rad);
-                let (sin, cos) = rad.sin_cos();
-                Declination { rad, sin, cos }
+                // The sine and the cosine of the whole angle, from half of it, without a table of either.
+                let half = Quaternion::from_rotation_vector(&Vector3::new(T::ZERO, T::ZERO, rad));
+                let (sin, cos) = (half.w * half.z, T::HALF - half.z * half.z);
+                Declination {
+                    rad,
+                    sin: sin + sin,
+                    cos: cos + cos,
+                }
             }),
             reference: None,
             averaged: 0,
@@ -195,6 +203,7 @@ impl<T: Real> Field<T> {
             since_judged_s: T::ZERO,
             weight: T::ONE,
             disturbed: false,
+            weighted_inverse: T::ZERO,
         })
     }
 
@@ -228,13 +237,13 @@ impl<T: Real> Field<T> {
                 vertical: dot(&rows.down, mag),
             };
             self.judge(&parts, rate);
+            self.weigh();
             self.since_judged_s = T::ZERO;
         }
-        let reference = self.reference.as_ref()?;
         if self.weight.within(T::ZERO) {
             return None;
         }
-        let sin = self.sine(north, east, reference) * self.weight;
+        let sin = self.weighted_sine(north, east);
         Some(HeadingError {
             sin,
             undisturbed: !self.disturbed,
@@ -251,6 +260,16 @@ impl<T: Real> Field<T> {
         };
         self.reference = Reference::new(parts, self.gate);
         self.averaged = 1;
+        self.weigh();
+    }
+
+    /// What the weight and the reference make of a part across.
+    fn weigh(&mut self) {
+        let inverse = self
+            .reference
+            .as_ref()
+            .map_or(T::ZERO, |field| field.inverse_horizontal);
+        self.weighted_inverse = inverse * self.weight;
     }
 
     #[inline(never)]
@@ -318,22 +337,23 @@ impl<T: Real> Field<T> {
         }
     }
 
-    /// Sine of the angle from the field to where it should be, clamped; +-1 beyond a right angle.
+    /// Sine of the angle from the field to where it should be, times the weight; +-1 times the weight beyond
+    /// a right angle.
     #[inline(always)]
-    fn sine(&self, north: T, east: T, reference: &Reference<T>) -> T {
+    fn weighted_sine(&self, north: T, east: T) -> T {
         let (along, across) = match self.declination {
             None => (north, -east),
             Some(Declination { sin, cos, .. }) => {
                 (cos * north + sin * east, sin * north - cos * east)
             }
         };
-        let sin = across * reference.inverse_horizontal;
-        if !along.is_negative() && sin.within(T::ONE) {
+        let sin = across * self.weighted_inverse;
+        if !along.is_negative() && sin.within(self.weight) {
             sin
         } else if sin.is_negative() {
-            -T::ONE
+            -self.weight
         } else {
-            T::ONE
+            self.weight
         }
     }
 }

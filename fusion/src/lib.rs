@@ -1,4 +1,4 @@
-//! Attitude filters on unit quaternions.
+#![doc = include_str!("../README.md")]
 #![no_std]
 #![forbid(unsafe_code)]
 #![cfg_attr(

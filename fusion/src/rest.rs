@@ -75,7 +75,7 @@ pub(crate) struct Rest<T> {
 struct Block<T> {
     gyr: Vector3<T>,
     acc: Vector3<T>,
-    count: T,
+    count: u32,
     time_s: T,
 }
 
@@ -85,7 +85,7 @@ impl<T: Real> Block<T> {
         Self {
             gyr: zero,
             acc: zero,
-            count: T::ZERO,
+            count: 0,
             time_s: T::ZERO,
         }
     }
@@ -151,7 +151,7 @@ impl<T: Real> Rest<T> {
         let b = &mut self.block;
         b.gyr = Vector3::new(b.gyr.x + gyr.x, b.gyr.y + gyr.y, b.gyr.z + gyr.z);
         b.acc = Vector3::new(b.acc.x + acc.x, b.acc.y + acc.y, b.acc.z + acc.z);
-        b.count += T::ONE;
+        b.count += 1;
         b.time_s += self.waited_s;
         self.waited_s = T::ZERO;
         if !b.time_s.within(self.block_s) {
@@ -163,7 +163,7 @@ impl<T: Real> Rest<T> {
     #[inline(never)]
     fn close_block(&mut self, bias: &mut Vector3<T>) {
         let block = core::mem::replace(&mut self.block, Block::empty());
-        let k = block.count.recip();
+        let k = T::from_f32(block.count as f32).recip();
         let gyr = Vector3::new(block.gyr.x * k, block.gyr.y * k, block.gyr.z * k);
         let acc = Vector3::new(block.acc.x * k, block.acc.y * k, block.acc.z * k);
         let tight = if self.learned > 0 {
