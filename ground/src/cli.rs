@@ -3,9 +3,11 @@
 
 mod flash;
 mod fly;
+mod model;
 
 pub use flash::Flash;
 pub use fly::{Fly, ServoChoice};
+pub use model::{Model, ModelCommand, Simulate};
 
 use clap::{Parser, Subcommand};
 
@@ -25,6 +27,8 @@ pub enum Command {
     Fly(Fly),
     /// Build the image and put it on a Nano, or write it as a file.
     Flash(Flash),
+    /// The drone's physics: simulate a scenario.
+    Model(Model),
 }
 
 #[cfg(test)]

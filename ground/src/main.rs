@@ -4,6 +4,7 @@ mod cli;
 mod failure;
 mod flash;
 mod fly;
+mod model;
 mod output;
 mod page;
 mod plot;
@@ -29,6 +30,7 @@ fn run(command: Command) -> anyhow::Result<Verdict> {
     match command {
         Command::Fly(options) => fly::run(&options),
         Command::Flash(options) => flash::run(&options),
+        Command::Model(options) => model::run(&options),
     }
 }
 

@@ -49,9 +49,20 @@ impl State {
 impl Mechanism {
     /// Accelerations of pitch and crank under a servo torque (N m), in rad/s2.
     pub fn accelerations(&self, state: &State, torque_n_m: f64) -> [f64; 2] {
+        self.accelerations_under(state, torque_n_m, 0.0)
+    }
+
+    /// Accelerations of pitch and crank under a servo torque and an external pitch moment on body
+    /// 0 (both N m), in rad/s2.
+    pub fn accelerations_under(
+        &self,
+        state: &State,
+        torque_n_m: f64,
+        pitch_moment_n_m: f64,
+    ) -> [f64; 2] {
         let at = self.configuration(state.crank_rad);
         let (w0, v1) = (state.pitch_rate_rad_s, state.crank_rate_rad_s);
-        let pitch = self.pitch_load(&at, state.pitch_rad, w0)
+        let pitch = self.pitch_load(&at, state.pitch_rad, w0) + pitch_moment_n_m
             - at.m00_slope * w0 * v1
             - at.m01_slope * v1 * v1;
         let crank = self.crank_load(&at, state.pitch_rad, v1) + torque_n_m
@@ -78,12 +89,17 @@ impl Mechanism {
             / at.m11
     }
 
-    /// Acceleration of the pitch when the crank is made to accelerate by `crank_rad_s2`, in
-    /// rad/s2.
-    pub fn pitch_acceleration(&self, state: &State, crank_rad_s2: f64) -> f64 {
+    /// Acceleration of the pitch when the crank is made to accelerate by `crank_rad_s2` under an
+    /// external pitch moment on body 0 (N m), in rad/s2.
+    pub fn pitch_acceleration(
+        &self,
+        state: &State,
+        crank_rad_s2: f64,
+        pitch_moment_n_m: f64,
+    ) -> f64 {
         let at = self.configuration(state.crank_rad);
         let (w0, v1) = (state.pitch_rate_rad_s, state.crank_rate_rad_s);
-        (self.pitch_load(&at, state.pitch_rad, w0)
+        (self.pitch_load(&at, state.pitch_rad, w0) + pitch_moment_n_m
             - at.m00_slope * w0 * v1
             - at.m01_slope * v1 * v1
             - at.m01 * crank_rad_s2)

@@ -78,6 +78,14 @@ impl Linkage {
         span < self.link_m + self.arm_m && span > (self.link_m - self.arm_m).abs()
     }
 
+    /// Sine of the transmission angle, the one between link and rudder arm, at a crank angle (rad):
+    /// 1 when they stand square, 0 when they lie in line and the crank can go no further. Not a
+    /// number where the linkage does not close.
+    pub fn transmission(&self, crank_rad: f64) -> f64 {
+        let (link, rudder) = self.angles(crank_rad);
+        (link - rudder).cos().abs()
+    }
+
     /// Link and rudder angles at a crank angle (rad), in closed form, as `(theta2, theta3)`.
     ///
     /// The triangle C, A, B has known sides; the law of cosines gives the arm's direction. Not a
@@ -270,6 +278,8 @@ mod tests {
         assert!((crank2.to_degrees() - 71.43).abs() < 0.005);
         assert!((rudder2.to_degrees() - 27.81).abs() < 0.005);
         assert!(linkage().at(crank2).rudder_ratio.abs() < 1e-9);
+        // At a dead point crank and link lie in line; link and arm still stand apart.
+        assert!(linkage().transmission(crank2) > 0.6);
         assert_eq!(linkage().crank_for_rudder(rudder2 + 1e-6), None);
     }
 

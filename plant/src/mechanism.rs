@@ -69,6 +69,17 @@ impl Mechanism {
         })
     }
 
+    /// The same mechanism under another thrust (N), which is taken as it comes.
+    pub fn with_thrust(&self, thrust_n: f64) -> Self {
+        Self {
+            parameters: Parameters {
+                thrust_n,
+                ..self.parameters
+            },
+            ..self.clone()
+        }
+    }
+
     /// The parameters.
     pub fn parameters(&self) -> &Parameters {
         &self.parameters

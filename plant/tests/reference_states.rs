@@ -138,7 +138,7 @@ fn pd_with_an_ideal_servo() {
         [
             x[2],
             x[3],
-            mechanism.pitch_acceleration(&state, crank),
+            mechanism.pitch_acceleration(&state, crank, 0.0),
             crank,
         ]
     };
@@ -286,7 +286,7 @@ proptest! {
     ) {
         let mechanism = Mechanism::new(&p).unwrap();
         let [pitch, crank] = mechanism.accelerations(&state, torque);
-        let prescribed = mechanism.pitch_acceleration(&state, crank);
+        let prescribed = mechanism.pitch_acceleration(&state, crank, 0.0);
         prop_assert!((pitch - prescribed).abs() < 1e-9 * (pitch.abs() + crank.abs()).max(1.0));
     }
 

@@ -14,61 +14,104 @@
 //! [input]                       # one of these; no input at all is a crank without torque
 //! torque_n_m = 0.1              # or a table: [[0.0, 0.0], [1.0, 0.1]], straight between points
 //! # voltage_v = 6.0             # torque through the motor constant
+//! # torque_law = { kp = 2.0, kd = 8.0 }    # torque in proportion to the state
 //! # crank_rad = [[0.0, 0.0], [0.5, 0.3]]   # prescribed crank, smooth between points
 //! # ideal_servo = { kp = 1.0, kd = 0.3, stiffness = 900.0, damping = 60.0 }
 //! # pulse_servo = { kp = 1.0, kd = 0.3 }   # the loop of `pitch_loop`, on [servo] and [timing]
+//!
+//! [loads]                       # over time, each a number, a table or a sine
+//! thrust_n = [[0.0, 0.0], [0.5, 30.0]]     # in place of the drone's
+//! pitch_moment_n_m = 0.0        # an external moment on body 0
 //!
 //! [options]
 //! hold_pitch = false            # true: body 0 does not turn
 //! # crank_stop = { angle_rad = 0.8, stiffness_n_m_rad = 50.0, damping_n_m_s = 0.05 }
 //! ```
 //!
-//! The ideal servo is `th1'' = stiffness (command - th1) - damping th1'` with the command
-//! `th1z + kp th0 + kd w0`.
+//! See [`Signal`] for what a table or a sine looks like, and [`Input`] for the laws.
 
 mod run;
 mod signal;
 
 use serde::{Deserialize, Serialize};
-use toml::{Table, Value};
+use toml::{Table as TomlTable, Value};
 
 use crate::integrate::IntegrationError;
 use crate::parameters::{ParameterError, finite, not_negative, positive};
 use crate::setup::{Setup, SetupError, in_si};
 
-pub use signal::Signal;
+pub use signal::{Between, Signal, Sine, Table};
 
 /// Most rows of a trajectory.
 const MOST_ROWS: f64 = 5e6;
 
-/// What drives the crank.
+/// What drives the crank. `th1z` is the crank angle at zero rudder.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum Input {
     /// A torque on the crank, in N m.
     TorqueNM(Signal),
-    /// A voltage of the servo motor, in V.
+    /// A voltage of the servo motor, in V; the torque is the motor constant times it.
     VoltageV(Signal),
+    /// A torque on the crank in proportion to the state.
+    TorqueLaw(TorqueLaw),
     /// The crank's angle, in rad.
     CrankRad(Signal),
-    /// A servo of second order round a PD law.
+    /// A servo of second order round a PD law:
+    /// `th1'' = stiffness (command - th1) - damping th1'`, with the command
+    /// `th1z + kp th0 + kd w0 + command_rad`.
     IdealServo {
         /// Gain on pitch, rad/rad.
+        #[serde(default)]
         kp: f64,
         /// Gain on pitch rate, rad s/rad.
+        #[serde(default)]
         kd: f64,
+        /// Added to the law's command, in rad.
+        #[serde(default)]
+        command_rad: Signal,
         /// Acceleration for each radian of error, in 1/s2.
         stiffness: f64,
         /// Acceleration for each rad/s, in 1/s.
         damping: f64,
     },
-    /// The pulse-driven servo of the setup round a PD law.
+    /// The pulse-driven servo of the setup round the reference PD law of
+    /// [`pitch_loop`](crate::pitch_loop).
     PulseServo {
         /// Gain on pitch, rad/rad.
+        #[serde(default)]
         kp: f64,
         /// Gain on pitch rate, rad s/rad.
+        #[serde(default)]
         kd: f64,
+        /// Added to the law's command, in rad.
+        #[serde(default)]
+        command_rad: Signal,
     },
+}
+
+/// `torque = -kp th0 - kd w0 - crank_kp (th1 - th1z) - crank_kd w1`, in N m.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct TorqueLaw {
+    /// On pitch, in N m/rad.
+    pub kp: f64,
+    /// On pitch rate, in N m s/rad.
+    pub kd: f64,
+    /// On the crank's angle from zero rudder, in N m/rad.
+    pub crank_kp: f64,
+    /// On the crank's rate, in N m s/rad.
+    pub crank_kd: f64,
+}
+
+/// Loads over time.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct Loads {
+    /// Thrust in N, in place of the drone's own.
+    pub thrust_n: Option<Signal>,
+    /// External moment on body 0 about the pivot, in N m.
+    pub pitch_moment_n_m: Signal,
 }
 
 /// Where the motion starts.
@@ -81,7 +124,7 @@ pub struct Start {
     pub crank_rad: Option<f64>,
     /// Pitch rate, in rad/s.
     pub pitch_rate_rad_s: f64,
-    /// Crank rate, in rad/s.
+    /// Crank rate relative to body 0, in rad/s.
     pub crank_rate_rad_s: f64,
 }
 
@@ -103,7 +146,7 @@ pub struct CrankStop {
 pub struct Options {
     /// Body 0 does not turn.
     pub hold_pitch: bool,
-    /// A stop of the crank.
+    /// A stop of the crank, for a crank that a torque drives.
     pub crank_stop: Option<CrankStop>,
 }
 
@@ -120,6 +163,8 @@ pub struct Scenario {
     pub start: Start,
     /// Input.
     pub input: Input,
+    /// Loads.
+    pub loads: Loads,
     /// Peculiarities.
     pub options: Options,
 }
@@ -147,23 +192,46 @@ pub struct Row {
     pub w3: f64,
 }
 
+impl Row {
+    /// The columns' names, in order.
+    pub const COLUMNS: [&'static str; 9] = [
+        "t", "theta0", "theta1", "theta2", "theta3", "w0", "w1", "w2", "w3",
+    ];
+
+    /// The values in the columns' order.
+    pub fn values(&self) -> [f64; 9] {
+        let [t0, t1, t2, t3] = [self.theta0, self.theta1, self.theta2, self.theta3];
+        [self.t, t0, t1, t2, t3, self.w0, self.w1, self.w2, self.w3]
+    }
+}
+
 /// Why a scenario cannot be run.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum ScenarioError {
     /// Drone, servo or timing.
     #[error(transparent)]
     Setup(#[from] SetupError),
-    /// Start, input or options.
+    /// A key that does not exist, or a value of the wrong type.
     #[error("{0}")]
     Key(String),
     /// A value out of range.
-    #[error(transparent)]
-    Range(#[from] ParameterError),
-    /// A table whose times do not increase or whose values are not finite.
-    #[error("the input's table must have finite values in order of time; point {0} has not")]
-    Table(usize),
+    #[error("[{table}] {error}")]
+    Range {
+        /// The table.
+        table: &'static str,
+        /// What is wrong, naming the key.
+        error: ParameterError,
+    },
+    /// An input over time that is none.
+    #[error("{key}: {problem}")]
+    Signal {
+        /// The key, with its table.
+        key: &'static str,
+        /// What is wrong.
+        problem: String,
+    },
     /// Too many rows, or none.
-    #[error("{seconds} s every {dt_s} s is not between one and five million rows")]
+    #[error("seconds = {seconds} every dt_s = {dt_s} is not between one and five million rows")]
     Rows {
         /// Length, in s.
         seconds: f64,
@@ -172,7 +240,18 @@ pub enum ScenarioError {
     },
     /// The pulse-driven loop runs on its own clock.
     #[error("{0}")]
-    Loop(&'static str),
+    Loop(String),
+    /// The crank reached an angle at which the linkage is open.
+    #[error(
+        "the linkage cannot close past a crank angle of {crank_rad:.3} rad, reached at t = {time_s} s: \
+         crank_length_m, link_length_m, arm_length_m and ground_length_m do not fit"
+    )]
+    Open {
+        /// The crank's angle, in rad.
+        crank_rad: f64,
+        /// When, in s.
+        time_s: f64,
+    },
     /// The motion ran away.
     #[error(transparent)]
     Integration(#[from] IntegrationError),
@@ -187,8 +266,10 @@ struct File {
     dt_s: f64,
     #[serde(default)]
     start: Start,
-    #[serde(default = "no_torque")]
-    input: Input,
+    #[serde(default)]
+    input: TomlTable,
+    #[serde(default)]
+    loads: Loads,
     #[serde(default)]
     options: Options,
 }
@@ -197,8 +278,23 @@ fn default_dt() -> f64 {
     5e-3
 }
 
-fn no_torque() -> Input {
-    Input::TorqueNM(Signal::Constant(0.0))
+impl Input {
+    /// From the table `[input]`; an empty one is no torque.
+    fn take(table: TomlTable) -> Result<Self, ScenarioError> {
+        let keys: Vec<String> = table.keys().cloned().collect();
+        match keys.as_slice() {
+            [] => Ok(Self::TorqueNM(Signal::default())),
+            [key] => Value::Table(table)
+                .try_into()
+                .map_err(|error: toml::de::Error| {
+                    ScenarioError::Key(format!("[input] {key}: {}", error.message()))
+                }),
+            several => Err(ScenarioError::Key(format!(
+                "[input] takes one key, not {}",
+                several.join(" and ")
+            ))),
+        }
+    }
 }
 
 impl Scenario {
@@ -207,7 +303,7 @@ impl Scenario {
     /// # Errors
     /// Unknown keys, bad units, values out of range, each by name.
     pub fn parse(text: &str) -> Result<Self, ScenarioError> {
-        let mut file: Table = text
+        let mut file: TomlTable = text
             .parse()
             .map_err(|error: toml::de::Error| SetupError::Syntax(error.to_string()))?;
         let setup = Setup::take(&mut file)?;
@@ -217,16 +313,19 @@ impl Scenario {
             dt_s,
             start,
             input,
+            loads,
             options,
         } = rest
             .try_into()
-            .map_err(|error: toml::de::Error| ScenarioError::Key(error.message().to_string()))?;
+            // The text ends in the path of the key that it is about.
+            .map_err(|error: toml::de::Error| ScenarioError::Key(error.to_string()))?;
         let scenario = Self {
             setup,
             seconds,
             dt_s,
             start,
-            input,
+            input: Input::take(input)?,
+            loads,
             options,
         };
         scenario.validate()?;
@@ -246,53 +345,105 @@ impl Scenario {
                 dt_s: self.dt_s,
             });
         }
+        let range = |table| move |error| ScenarioError::Range { table, error };
         finite(&[
             ("pitch_rad", self.start.pitch_rad),
             ("crank_rad", self.start.crank_rad.unwrap_or(0.0)),
             ("pitch_rate_rad_s", self.start.pitch_rate_rad_s),
             ("crank_rate_rad_s", self.start.crank_rate_rad_s),
-        ])?;
+        ])
+        .map_err(range("start"))?;
         if let Some(stop) = self.options.crank_stop {
             positive(&[
                 ("angle_rad", stop.angle_rad),
                 ("stiffness_n_m_rad", stop.stiffness_n_m_rad),
-            ])?;
-            not_negative(&[("damping_n_m_s", stop.damping_n_m_s)])?;
+            ])
+            .and_then(|()| not_negative(&[("damping_n_m_s", stop.damping_n_m_s)]))
+            .map_err(range("options"))?;
         }
+        if let Some(thrust) = &self.loads.thrust_n {
+            sound("[loads] thrust_n", thrust)?;
+        }
+        sound("[loads] pitch_moment_n_m", &self.loads.pitch_moment_n_m)?;
+        self.validate_input()
+    }
+
+    fn validate_input(&self) -> Result<(), ScenarioError> {
+        let range = |error| ScenarioError::Range {
+            table: "input",
+            error,
+        };
         match &self.input {
-            Input::TorqueNM(signal) | Input::VoltageV(signal) | Input::CrankRad(signal) => {
-                signal.validate()
+            Input::TorqueNM(signal) => sound("[input] torque_n_m", signal),
+            Input::VoltageV(signal) => sound("[input] voltage_v", signal),
+            Input::CrankRad(signal) => {
+                sound("[input] crank_rad", signal)?;
+                if self.start.crank_rad.is_some() || self.start.crank_rate_rad_s != 0.0 {
+                    return Err(ScenarioError::Key(
+                        "[start] crank_rad and crank_rate_rad_s do not go with a prescribed crank, \
+                         which starts where [input] crank_rad says"
+                            .into(),
+                    ));
+                }
+                Ok(())
             }
+            Input::TorqueLaw(law) => finite(&[
+                ("kp", law.kp),
+                ("kd", law.kd),
+                ("crank_kp", law.crank_kp),
+                ("crank_kd", law.crank_kd),
+            ])
+            .map_err(range),
             Input::IdealServo {
                 kp,
                 kd,
+                command_rad,
                 stiffness,
                 damping,
             } => {
-                finite(&[("kp", *kp), ("kd", *kd)])?;
-                positive(&[("stiffness", *stiffness), ("damping", *damping)])?;
-                Ok(())
+                finite(&[("kp", *kp), ("kd", *kd)])
+                    .and_then(|()| positive(&[("stiffness", *stiffness)]))
+                    .and_then(|()| not_negative(&[("damping", *damping)]))
+                    .map_err(range)?;
+                sound("[input] ideal_servo.command_rad", command_rad)
             }
-            Input::PulseServo { kp, kd } => {
-                finite(&[("kp", *kp), ("kd", *kd)])?;
-                self.check_loop()
+            Input::PulseServo {
+                kp,
+                kd,
+                command_rad,
+            } => {
+                finite(&[("kp", *kp), ("kd", *kd)]).map_err(range)?;
+                sound("[input] pulse_servo.command_rad", command_rad)?;
+                self.validate_loop()
             }
         }
     }
 
-    fn check_loop(&self) -> Result<(), ScenarioError> {
-        let steps = self.dt_s / self.setup.timing.step_s;
+    fn validate_loop(&self) -> Result<(), ScenarioError> {
+        let step_s = self.setup.timing.step_s;
+        let steps = self.dt_s / step_s;
         if (steps - steps.round()).abs() > 1e-6 || steps.round() < 1.0 {
-            return Err(ScenarioError::Loop(
-                "dt_s must be a whole number of the timing's step_s for a pulse_servo",
-            ));
+            return Err(ScenarioError::Loop(format!(
+                "dt_s = {} must be a whole number of [timing] step_s = {step_s} for a pulse_servo",
+                self.dt_s
+            )));
         }
         let plain = self.start.crank_rad.is_none() && self.start.crank_rate_rad_s == 0.0;
-        if !plain || self.options != Options::default() {
+        if !plain || self.options != Options::default() || self.loads != Loads::default() {
             return Err(ScenarioError::Loop(
-                "a pulse_servo starts at zero rudder, at rest, and takes no options",
+                "a pulse_servo starts at zero rudder with its crank at rest, and takes no [loads] \
+                 and no [options]"
+                    .into(),
             ));
         }
         Ok(())
+    }
+}
+
+/// Refuses a signal that is none.
+fn sound(key: &'static str, signal: &Signal) -> Result<(), ScenarioError> {
+    match signal.problem() {
+        None => Ok(()),
+        Some(problem) => Err(ScenarioError::Signal { key, problem }),
     }
 }

@@ -1,135 +1,248 @@
 //! Running a scenario.
 
-use crate::drone::Crank;
+use std::cell::Cell;
+
 use crate::free::State;
 use crate::integrate::{Adaptive, IntegrationError};
+use crate::linkage::Linkage;
 use crate::mechanism::Mechanism;
-use crate::pitch_loop::{Pd, PitchLoop};
+use crate::pitch_loop::{COMMAND_LIMIT_RAD, Pd, PitchLoop};
 
-use super::{Input, Row, Scenario, ScenarioError, Signal};
+use super::signal::Curve;
+use super::{Between, Input, Row, Scenario, ScenarioError, Signal, TorqueLaw};
+
+/// Sine of the transmission angle below which link and rudder arm lie so nearly in line that the
+/// crank is at the end of its way: rigid bars would have to answer with any force.
+const LEAST_TRANSMISSION: f64 = 0.02;
+
+/// What moves the crank at an instant.
+enum Drive {
+    /// A torque, in N m.
+    Torque(f64),
+    /// A servo that makes it accelerate so, in rad/s2.
+    Acceleration(f64),
+}
+
+/// The drone under loads that change with time.
+struct Loaded {
+    mechanism: Mechanism,
+    thrust: Option<Curve>,
+    pitch_moment: Curve,
+}
+
+impl Loaded {
+    /// The mechanism and the external pitch moment (N m) at a time (s).
+    fn at(&self, time_s: f64) -> (Mechanism, f64) {
+        let mechanism = match &self.thrust {
+            None => self.mechanism.clone(),
+            Some(thrust) => self.mechanism.with_thrust(thrust.value(time_s)),
+        };
+        (mechanism, self.pitch_moment.value(time_s))
+    }
+
+    fn knots(&self) -> impl Iterator<Item = f64> + '_ {
+        let thrust = self.thrust.iter().flat_map(Curve::knots);
+        thrust.chain(self.pitch_moment.knots())
+    }
+}
 
 impl Scenario {
     /// Runs and gives a row every `dt_s`, the start first.
     ///
     /// # Errors
-    /// As [`Scenario::validate`], or a motion that runs away.
+    /// As [`Scenario::validate`], a motion that runs away, or a linkage that comes apart.
     pub fn run(&self) -> Result<Vec<Row>, ScenarioError> {
         self.validate()?;
-        let mechanism = Mechanism::new(&self.setup.drone)?;
-        let rows = (self.seconds / self.dt_s + 1e-9).floor() as usize;
-        let times: Vec<f64> = (0..=rows).map(|i| i as f64 * self.dt_s).collect();
+        let mechanism = Mechanism::new(&self.setup.drone).map_err(|error| {
+            let table = "drone";
+            ScenarioError::Range { table, error }
+        })?;
+        let zero = mechanism.linkage().zero_rudder_crank_rad();
+        let loaded = Loaded {
+            mechanism,
+            thrust: self.loads.thrust_n.as_ref().map(load),
+            pitch_moment: load(&self.loads.pitch_moment_n_m),
+        };
         match &self.input {
-            Input::PulseServo { kp, kd } => self.run_loop(&mechanism, *kp, *kd, rows),
-            Input::CrankRad(signal) => self.run_prescribed(&mechanism, signal, &times),
-            Input::TorqueNM(signal) => self.run_free(&mechanism, signal, 1.0, &times),
+            Input::TorqueNM(signal) => self.run_torque(&loaded, signal, 1.0),
             Input::VoltageV(signal) => {
-                let factor = self.setup.drone.motor_n_m_per_v;
-                self.run_free(&mechanism, signal, factor, &times)
+                self.run_torque(&loaded, signal, self.setup.drone.motor_n_m_per_v)
+            }
+            Input::TorqueLaw(law) => {
+                let TorqueLaw {
+                    kp,
+                    kd,
+                    crank_kp,
+                    crank_kd,
+                } = *law;
+                self.run_free(&loaded, &[], |_, x| {
+                    let crank = crank_kp * (x.crank_rad - zero) + crank_kd * x.crank_rate_rad_s;
+                    Drive::Torque(-kp * x.pitch_rad - kd * x.pitch_rate_rad_s - crank)
+                })
             }
             Input::IdealServo {
                 kp,
                 kd,
+                command_rad,
                 stiffness,
                 damping,
             } => {
-                let zero = mechanism.linkage().zero_rudder_crank_rad();
-                self.integrate(&mechanism, &times, &[], |_, state| {
-                    let command = zero + kp * state.pitch_rad + kd * state.pitch_rate_rad_s;
-                    let crank =
-                        stiffness * (command - state.crank_rad) - damping * state.crank_rate_rad_s;
-                    [mechanism.pitch_acceleration(state, crank), crank]
+                let command = angle(command_rad);
+                let knots: Vec<f64> = command.knots().collect();
+                self.run_free(&loaded, &knots, |time, x| {
+                    let law = zero + kp * x.pitch_rad + kd * x.pitch_rate_rad_s;
+                    let error = law + command.value(time) - x.crank_rad;
+                    Drive::Acceleration(stiffness * error - damping * x.crank_rate_rad_s)
                 })
             }
+            Input::CrankRad(signal) => self.run_prescribed(&loaded, &angle(signal)),
+            Input::PulseServo {
+                kp,
+                kd,
+                command_rad,
+            } => self.run_loop(&loaded.mechanism, *kp, *kd, &angle(command_rad)),
         }
     }
 
-    /// Free crank under a torque.
-    fn run_free(
+    /// Times of the rows, in s.
+    fn times(&self) -> Vec<f64> {
+        let rows = (self.seconds / self.dt_s + 1e-9).floor() as usize;
+        // A whole number of rows a second divides, so that 0.15 s is 0.15 and not a bit beside it.
+        let rate = (1.0 / self.dt_s).round();
+        let whole = rate >= 1.0 && (rate * self.dt_s - 1.0).abs() < 1e-15;
+        (0..=rows)
+            .map(|i| i as f64)
+            .map(|i| if whole { i / rate } else { i * self.dt_s })
+            .collect()
+    }
+
+    /// Free crank under a torque over time.
+    fn run_torque(
         &self,
-        mechanism: &Mechanism,
+        loaded: &Loaded,
         signal: &Signal,
         factor: f64,
-        times: &[f64],
     ) -> Result<Vec<Row>, ScenarioError> {
-        self.integrate(mechanism, times, signal.knots(), |time, state| {
-            let mut torque = factor * signal.straight(time);
-            if let Some(stop) = self.options.crank_stop {
-                let beyond = state.crank_rad.abs() - stop.angle_rad;
-                if beyond > 0.0 {
-                    torque -= stop.stiffness_n_m_rad * beyond.copysign(state.crank_rad)
-                        + stop.damping_n_m_s * state.crank_rate_rad_s;
-                }
-            }
-            if self.options.hold_pitch {
-                [0.0, mechanism.crank_acceleration_held(state, torque)]
-            } else {
-                mechanism.accelerations(state, torque)
-            }
+        let torque = load(signal);
+        let knots: Vec<f64> = torque.knots().collect();
+        self.run_free(loaded, &knots, |time, _| {
+            Drive::Torque(factor * torque.value(time))
         })
     }
 
-    /// Integrates `[th0, th1, w0, v1]`, stopping at the knots of the input.
-    fn integrate(
+    /// Integrates `[th0, th1, w0, v1]`.
+    fn run_free(
         &self,
-        mechanism: &Mechanism,
-        times: &[f64],
-        knots: &[[f64; 2]],
-        accelerations: impl Fn(f64, &State) -> [f64; 2],
+        loaded: &Loaded,
+        knots: &[f64],
+        drive: impl Fn(f64, &State) -> Drive,
     ) -> Result<Vec<Row>, ScenarioError> {
-        let zero = mechanism.linkage().zero_rudder_crank_rad();
-        let hold = self.options.hold_pitch;
+        let linkage = *loaded.mechanism.linkage();
         let start = State {
             pitch_rad: self.start.pitch_rad,
-            crank_rad: self.start.crank_rad.unwrap_or(zero),
-            pitch_rate_rad_s: if hold {
-                0.0
-            } else {
-                self.start.pitch_rate_rad_s
-            },
+            crank_rad: self
+                .start
+                .crank_rad
+                .unwrap_or(linkage.zero_rudder_crank_rad()),
+            pitch_rate_rad_s: self.start_rate(),
             crank_rate_rad_s: self.start.crank_rate_rad_s,
         };
+        let hold = self.options.hold_pitch;
+        let open = Cell::new(None);
         let slope = |time: f64, x: &[f64; 4]| {
-            let [pitch, crank] = accelerations(time, &State::from_array(*x));
-            [x[2], x[3], if hold { 0.0 } else { pitch }, crank]
+            let state = State::from_array(*x);
+            if state.crank_rad.is_finite() && !closes(&linkage, state.crank_rad) {
+                open.set(Some((state.crank_rad, time)));
+                return [f64::NAN; 4];
+            }
+            let (mechanism, moment) = loaded.at(time);
+            let [pitch, crank] = match drive(time, &state) {
+                Drive::Acceleration(crank) if hold => [0.0, crank],
+                Drive::Acceleration(crank) => {
+                    [mechanism.pitch_acceleration(&state, crank, moment), crank]
+                }
+                Drive::Torque(torque) => {
+                    let torque = torque + self.stop_torque(&state);
+                    if hold {
+                        [0.0, mechanism.crank_acceleration_held(&state, torque)]
+                    } else {
+                        mechanism.accelerations_under(&state, torque, moment)
+                    }
+                }
+            };
+            [x[2], x[3], pitch, crank]
         };
-        let states = sample_with_knots(slope, times, knots, start.to_array())?;
-        Ok(rows(mechanism, times, states))
+        let times = self.times();
+        let knots = knots.iter().copied().chain(loaded.knots());
+        let states = sample_with_knots(slope, &times, knots, start.to_array());
+        match (states, open.get()) {
+            (Ok(states), _) => rows(&loaded.mechanism, &times, states),
+            (Err(_), Some((crank_rad, time_s))) => Err(ScenarioError::Open { crank_rad, time_s }),
+            (Err(error), None) => Err(error.into()),
+        }
+    }
+
+    fn start_rate(&self) -> f64 {
+        if self.options.hold_pitch {
+            0.0
+        } else {
+            self.start.pitch_rate_rad_s
+        }
+    }
+
+    /// What the stop, if there is one, does to the crank, in N m.
+    fn stop_torque(&self, state: &State) -> f64 {
+        let Some(stop) = self.options.crank_stop else {
+            return 0.0;
+        };
+        let beyond = state.crank_rad.abs() - stop.angle_rad;
+        if beyond <= 0.0 {
+            return 0.0;
+        }
+        -stop.stiffness_n_m_rad * beyond.copysign(state.crank_rad)
+            - stop.damping_n_m_s * state.crank_rate_rad_s
     }
 
     /// Prescribed crank: pitch and momentum are integrated.
-    fn run_prescribed(
-        &self,
-        mechanism: &Mechanism,
-        signal: &Signal,
-        times: &[f64],
-    ) -> Result<Vec<Row>, ScenarioError> {
-        let rate = |momentum: f64, crank: Crank| {
-            let at = mechanism.configuration(crank.angle_rad);
-            ((momentum - at.m01 * crank.rate_rad_s) / at.m00, at)
-        };
-        let first = signal.smooth(0.0);
-        let (_, at) = rate(0.0, first);
-        let momentum = at.m00 * self.start.pitch_rate_rad_s + at.m01 * first.rate_rad_s;
-        let start = [self.start.pitch_rad, momentum];
+    fn run_prescribed(&self, loaded: &Loaded, crank: &Curve) -> Result<Vec<Row>, ScenarioError> {
+        let times = self.times();
+        let linkage = loaded.mechanism.linkage();
+        for &time_s in &times {
+            let crank_rad = crank.value(time_s);
+            if !closes(linkage, crank_rad) {
+                return Err(ScenarioError::Open { crank_rad, time_s });
+            }
+        }
         let hold = self.options.hold_pitch;
+        let [angle, rate] = crank.at(0.0);
+        let at = loaded.mechanism.configuration(angle);
+        let start = [
+            self.start.pitch_rad,
+            at.m00 * self.start_rate() + at.m01 * rate,
+        ];
         let slope = |time: f64, x: &[f64; 2]| {
             if hold {
                 return [0.0, 0.0];
             }
-            let (w0, at) = rate(x[1], signal.smooth(time));
-            [w0, mechanism.pitch_load(&at, x[0], w0)]
+            let [angle, rate] = crank.at(time);
+            let (mechanism, moment) = loaded.at(time);
+            let at = mechanism.configuration(angle);
+            let w0 = (x[1] - at.m01 * rate) / at.m00;
+            [w0, mechanism.pitch_load(&at, x[0], w0) + moment]
         };
-        let states = sample_with_knots(slope, times, signal.knots(), start)?;
-        let states: Vec<[f64; 4]> = states
+        let knots = crank.knots().chain(loaded.knots());
+        let states = sample_with_knots(slope, &times, knots, start)?;
+        let states = states
             .into_iter()
-            .zip(times)
-            .map(|(x, &time)| {
-                let crank = signal.smooth(time);
-                let w0 = if hold { 0.0 } else { rate(x[1], crank).0 };
-                [x[0], crank.angle_rad, w0, crank.rate_rad_s]
+            .zip(&times)
+            .map(|([pitch, momentum], &time)| {
+                let [angle, rate] = crank.at(time);
+                let at = loaded.mechanism.configuration(angle);
+                let w0 = (momentum - at.m01 * rate) / at.m00;
+                [pitch, angle, if hold { 0.0 } else { w0 }, rate]
             })
             .collect();
-        Ok(rows(mechanism, times, states))
+        rows(&loaded.mechanism, &times, states)
     }
 
     /// The pulse-driven loop.
@@ -138,7 +251,7 @@ impl Scenario {
         mechanism: &Mechanism,
         kp: f64,
         kd: f64,
-        count: usize,
+        command: &Curve,
     ) -> Result<Vec<Row>, ScenarioError> {
         let timing = self.setup.timing;
         let mut law = Pd::new(kp, kd, mechanism.linkage(), timing.control_s);
@@ -148,18 +261,22 @@ impl Scenario {
             timing,
             self.start.pitch_rad,
             self.start.pitch_rate_rad_s,
-        )?;
+        )
+        .map_err(|error| ScenarioError::Range {
+            table: "start",
+            error,
+        })?;
         let steps = (self.dt_s / timing.step_s).round() as usize;
-        let mut states = Vec::with_capacity(count + 1);
-        let mut times = Vec::with_capacity(count + 1);
-        for i in 0..=count {
-            if i > 0 {
-                for _ in 0..steps {
-                    sim.step(|m| law.update(m));
-                }
+        let times = self.times();
+        let mut states = Vec::with_capacity(times.len());
+        for i in 0..times.len() {
+            for _ in 0..if i == 0 { 0 } else { steps } {
+                sim.step(|m| {
+                    let asked = law.update(m) + command.value(m.time_s);
+                    asked.clamp(-COMMAND_LIMIT_RAD, COMMAND_LIMIT_RAD)
+                });
             }
             let s = sim.sample();
-            times.push(s.time_s);
             states.push([
                 s.pitch_rad,
                 s.crank.angle_rad,
@@ -167,35 +284,59 @@ impl Scenario {
                 s.crank.rate_rad_s,
             ]);
         }
-        Ok(rows(mechanism, &times, states))
+        rows(mechanism, &times, states)
     }
 }
 
+/// Whether the crank can stand at an angle (rad).
+fn closes(linkage: &Linkage, crank_rad: f64) -> bool {
+    // Where the bars do not meet, the transmission is not a number, and the comparison false.
+    linkage.transmission(crank_rad) > LEAST_TRANSMISSION
+}
+
+/// A load over time: straight between points.
+fn load(signal: &Signal) -> Curve {
+    signal.curve(Between::Straight)
+}
+
+/// An angle over time: smooth between points.
+fn angle(signal: &Signal) -> Curve {
+    signal.curve(Between::Smooth)
+}
+
 /// Integrates to every time of `times`, ending a step on each knot in between, so that no step
-/// straddles a kink of the input.
+/// straddles a kink or a jump of the input.
 fn sample_with_knots<const N: usize>(
-    mut slope: impl FnMut(f64, &[f64; N]) -> [f64; N],
+    slope: impl Fn(f64, &[f64; N]) -> [f64; N],
     times: &[f64],
-    knots: &[[f64; 2]],
+    knots: impl Iterator<Item = f64>,
     start: [f64; N],
 ) -> Result<Vec<[f64; N]>, IntegrationError> {
-    let adaptive = Adaptive::default();
+    // A crank that its link's weight alone drives reaches 100 rad/s: as tight as f64 allows.
+    let adaptive = Adaptive {
+        relative: 1e-13,
+        absolute: 1e-14,
+        ..Adaptive::default()
+    };
     let mut step = 1e-4;
     let mut state = start;
-    let first = times[0];
-    let mut now = first;
-    let mut knots = knots
-        .iter()
-        .map(|knot| knot[0])
-        .filter(|time| *time > first)
-        .peekable();
+    let mut now = times[0];
+    let mut knots: Vec<f64> = knots.filter(|time| *time > now).collect();
+    knots.sort_by(f64::total_cmp);
+    let mut knots = knots.into_iter().peekable();
     let mut states = Vec::with_capacity(times.len());
+    let mut advance = |from: f64, to: f64, state| {
+        // What the input becomes at the end is not yet part of this piece.
+        let before = to.next_down().max(from);
+        let mut slope = |time: f64, x: &[f64; N]| slope(time.min(before), x);
+        adaptive.advance(&mut slope, from, to, state, &mut step)
+    };
     for &time in times {
         while let Some(knot) = knots.next_if(|knot| *knot < time) {
-            state = adaptive.advance(&mut slope, now, knot, state, &mut step)?;
+            state = advance(now, knot, state)?;
             now = knot;
         }
-        state = adaptive.advance(&mut slope, now, time, state, &mut step)?;
+        state = advance(now, time, state)?;
         now = time;
         states.push(state);
     }
@@ -203,13 +344,17 @@ fn sample_with_knots<const N: usize>(
 }
 
 /// Rows of `[th0, th1, w0, v1]`, link and rudder added.
-fn rows(mechanism: &Mechanism, times: &[f64], states: Vec<[f64; 4]>) -> Vec<Row> {
+fn rows(
+    mechanism: &Mechanism,
+    times: &[f64],
+    states: Vec<[f64; 4]>,
+) -> Result<Vec<Row>, ScenarioError> {
     times
         .iter()
         .zip(states)
         .map(|(&t, [theta0, theta1, w0, w1])| {
             let at = mechanism.linkage().at(theta1);
-            Row {
+            let row = Row {
                 t,
                 theta0,
                 theta1,
@@ -219,6 +364,11 @@ fn rows(mechanism: &Mechanism, times: &[f64], states: Vec<[f64; 4]>) -> Vec<Row>
                 w1,
                 w2: at.link_ratio * w1,
                 w3: at.rudder_ratio * w1,
+            };
+            if row.values().into_iter().all(f64::is_finite) {
+                Ok(row)
+            } else {
+                Err(IntegrationError::Stuck { time_s: t }.into())
             }
         })
         .collect()
@@ -226,6 +376,7 @@ fn rows(mechanism: &Mechanism, times: &[f64], states: Vec<[f64; 4]>) -> Vec<Row>
 
 #[cfg(test)]
 mod tests {
+    use super::super::Table;
     use super::*;
 
     fn run(text: &str) -> Vec<Row> {
@@ -319,7 +470,10 @@ mod tests {
             [input]\nideal_servo = { kp = 1.0, kd = 0.3, stiffness = 900, damping = 60 }");
         let points = free.iter().map(|r| [r.t, r.theta1]).collect();
         let mut scenario = Scenario::parse("seconds = 0.5\n[start]\npitch_rad = 0.1").unwrap();
-        scenario.input = Input::CrankRad(Signal::Table(points));
+        scenario.input = Input::CrankRad(Signal::Table(Table {
+            points,
+            between: None,
+        }));
         let pitch = last(&scenario.run().unwrap()).theta0;
         // The table's first rate comes from its points, and is off by some mrad/s.
         assert!((pitch - last(&free).theta0).abs() < 2e-5);
@@ -335,6 +489,97 @@ mod tests {
         assert!(last(&rows).theta0.abs() < 5e-3);
     }
 
+    /// A step of thrust by a held table is the same as two runs, one after the other.
+    #[test]
+    fn held_loads_jump_on_their_points() {
+        let quiet = "[drone]\nbody_cm_m = [0, 0]\n[start]\npitch_rad = 0.2\ncrank_rad = 0.1\n";
+        let whole = run(&format!(
+            "seconds = 0.4\n{quiet}[loads]\n\
+             thrust_n = {{ points = [[0, 0], [0.2, 30]], between = \"hold\" }}"
+        ));
+        let first = run(&format!(
+            "seconds = 0.2\n{}",
+            quiet.replace("[0, 0]", "[0, 0]\nthrust_n = 0")
+        ));
+        let middle = last(&first);
+        assert!((whole[40].theta0 - middle.theta0).abs() < 1e-12);
+        let mut second = Scenario::parse(&format!("seconds = 0.2\n{quiet}")).unwrap();
+        second.start = super::super::Start {
+            pitch_rad: middle.theta0,
+            crank_rad: Some(middle.theta1),
+            pitch_rate_rad_s: middle.w0,
+            crank_rate_rad_s: middle.w1,
+        };
+        let end = *last(&second.run().unwrap());
+        let whole = last(&whole);
+        for (value, expected) in whole.values().into_iter().zip(end.values()).skip(1) {
+            assert!((value - expected).abs() < 1e-9, "{whole:?} {end:?}");
+        }
+    }
+
+    /// A constant moment on a drone that nothing else pulls: half the acceleration times t^2.
+    #[test]
+    fn an_external_moment_turns_the_drone() {
+        let rows = run("seconds = 1\n[drone]\nthrust_n = 0\ngravity_m_s2 = 0\n\
+            [input]\ncrank_rad = 0.2\n[loads]\npitch_moment_n_m = 0.05");
+        let at = Mechanism::new(&crate::Parameters::PHYS)
+            .unwrap()
+            .configuration(0.2);
+        assert!((last(&rows).theta0 - 0.5 * 0.05 / at.m00).abs() < 1e-10);
+        let free = run("seconds = 1\n[drone]\nthrust_n = 0\n[loads]\n\
+            pitch_moment_n_m = { amplitude = 0.05, period_s = 0.5 }");
+        assert!(last(&free).theta0.abs() > 1e-2);
+    }
+
+    /// The linear model's torque law: PD on pitch alone runs away, the cascade brings it upright.
+    #[test]
+    fn a_torque_law_closes_the_loop() {
+        let rows = run("seconds = 3\n[start]\npitch_rad = 0.1\n\
+            [input]\ntorque_law = { kp = -2, kd = -0.6, crank_kp = 2, crank_kd = 0.06 }");
+        assert!(last(&rows).theta0.abs() < 2e-4, "{:?}", last(&rows));
+        let pitch_alone = run("seconds = 1\n[start]\npitch_rad = 0.1\n\
+            [input]\ntorque_law = { kp = -2, kd = -8 }");
+        assert!(pitch_alone.iter().any(|r| r.theta1.abs() > 1.0));
+    }
+
+    #[test]
+    fn servos_follow_a_command() {
+        for servo in [
+            "ideal_servo = { stiffness = 900, damping = 60,",
+            "pulse_servo = {",
+        ] {
+            let rows = run(&format!(
+                "seconds = 0.6\n[drone]\nthrust_n = 0\n[input]\n{servo} command_rad = 0.3 }}"
+            ));
+            let zero = Linkage::new(&crate::Parameters::PHYS).zero_rudder_crank_rad();
+            assert!((last(&rows).theta1 - zero - 0.3).abs() < 6e-3, "{servo}");
+        }
+    }
+
+    /// Bars that meet over the servo's travel but not all round: an error, not a hang or a NaN.
+    #[test]
+    fn a_linkage_that_comes_apart_on_the_way_is_said() {
+        let short = "[drone]\nlink_length_m = 0.07\narm_length_m = 0.027\nthrust_n = 0\n";
+        let torque = format!(
+            "seconds = 3\n{short}crank_friction_n_m_s = 0.01\n\
+            [input]\ntorque_n_m = -0.5"
+        );
+        let crank = format!("seconds = 1\n{short}[input]\ncrank_rad = [[0, 0], [1, -2]]");
+        for text in [torque, crank] {
+            let Err(error) = Scenario::parse(&text).unwrap().run() else {
+                panic!("ran to its end: {text}");
+            };
+            assert!(error.to_string().contains("cannot close"), "{error}");
+        }
+    }
+
+    #[test]
+    fn times_of_rows_are_the_decimals_that_they_look_like() {
+        let rows = run("seconds = 1");
+        assert_eq!(rows[30].t, 0.15);
+        assert_eq!(last(&rows).t, 1.0);
+    }
+
     #[test]
     fn mistakes_are_named() {
         let refusal = |text: &str| Scenario::parse(text).unwrap_err().to_string();
@@ -346,7 +591,28 @@ mod tests {
         assert!(refusal("seconds = 1\n[drone]\nlink_mass_kg = 0").contains("link_mass_kg"));
         assert!(refusal("seconds = 1\n[input]\npush = 3").contains("push"));
         let order = "seconds = 1\n[input]\ntorque_n_m = [[1, 0], [0, 1]]";
-        assert!(refusal(order).contains("point 1"));
+        assert!(
+            refusal(order).contains("[input] torque_n_m") && refusal(order).contains("point 2")
+        );
+        let path = refusal("seconds = 1\n[input]\ntorque_n_m = { amplitude = 1 }");
+        assert!(
+            path.contains("period_s") && path.contains("torque_n_m"),
+            "{path}"
+        );
+        let path = refusal("seconds = 1\n[loads]\nthrust_n = [[0, 1], [0, 2]]");
+        assert!(path.contains("[loads] thrust_n"), "{path}");
+        let path = refusal("seconds = 1\n[input]\ntorque_n_m = true");
+        assert!(
+            path.contains("boolean") && path.contains("torque_n_m"),
+            "{path}"
+        );
+        assert!(refusal("seconds = 1\n[input]\nideal_servo = { kp = 1 }").contains("stiffness"));
+        assert!(
+            refusal("seconds = 1\n[start]\ncrank_rad = 1\n[input]\ncrank_rad = 0")
+                .contains("[start] crank_rad")
+        );
+        let both = "seconds = 1\n[input]\ntorque_n_m = 1\nvoltage_v = 1";
+        assert!(refusal(both).contains("torque_n_m and voltage_v"));
         let odd = "seconds = 1\ndt_s = 0.0007\n[input]\npulse_servo = { kp = 1, kd = 1 }";
         assert!(refusal(odd).contains("step_s"));
     }

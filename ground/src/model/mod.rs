@@ -1,0 +1,21 @@
+//! `tvc model`: the drone's physics, simulated, validated and made linear.
+
+mod simulate;
+
+use std::fs;
+use std::path::Path;
+
+use crate::cli::{Model, ModelCommand};
+use crate::failure::{BadInput, Verdict};
+
+/// Carries out what `options` say.
+pub fn run(options: &Model) -> anyhow::Result<Verdict> {
+    match &options.command {
+        ModelCommand::Simulate(options) => simulate::run(options),
+    }
+}
+
+/// The text of a file that someone wrote for us.
+fn read(path: &Path) -> Result<String, BadInput> {
+    fs::read_to_string(path).map_err(|error| BadInput::new(format!("{}: {error}", path.display())))
+}

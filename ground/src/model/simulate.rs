@@ -1,0 +1,110 @@
+//! `tvc model simulate`: a scenario in, a trajectory out.
+
+use std::fmt::Write;
+use std::path::Path;
+use std::time::Duration;
+
+use anyhow::{Context, Result};
+use indicatif::ProgressBar;
+use plant::scenario::{Row, Scenario, ScenarioError};
+use serde::Serialize;
+
+use super::read;
+use crate::cli::Simulate;
+use crate::failure::{BadInput, Verdict};
+use crate::output::write_whole;
+
+/// What a run was and where it went.
+#[derive(Serialize)]
+struct Figures<'a> {
+    scenario: &'a Path,
+    out: Option<&'a Path>,
+    rows: usize,
+    dt_s: f64,
+    seconds: f64,
+    first: Row,
+    last: Row,
+    /// Smallest and largest value of each column.
+    least: Row,
+    most: Row,
+}
+
+/// Simulates as `options` say.
+pub fn run(options: &Simulate) -> Result<Verdict> {
+    let rows = simulate(options)?;
+    let csv = csv(&rows);
+    match &options.out {
+        Some(out) => {
+            write_whole(out, csv.as_bytes())?;
+            eprintln!("{} rows: {}", rows.len(), out.display());
+        }
+        None if options.json => {}
+        None => print!("{csv}"),
+    }
+    if options.json {
+        let (first, last) = (rows[0], rows[rows.len() - 1]);
+        let figures = Figures {
+            scenario: &options.scenario,
+            out: options.out.as_deref(),
+            rows: rows.len(),
+            dt_s: rows[1].t - first.t,
+            seconds: last.t,
+            first,
+            last,
+            least: extremes(&rows, f64::min),
+            most: extremes(&rows, f64::max),
+        };
+        println!("{}", serde_json::to_string(&figures)?);
+    }
+    Ok(Verdict::Met)
+}
+
+fn simulate(options: &Simulate) -> Result<Vec<Row>> {
+    let name = || options.scenario.display().to_string();
+    let refuse = |error: ScenarioError| BadInput::new(format!("{}: {error}", name()));
+    let mut scenario = Scenario::parse(&read(&options.scenario)?).map_err(refuse)?;
+    if let Some(dt_s) = options.dt {
+        scenario.dt_s = dt_s;
+        scenario.validate().map_err(refuse)?;
+    }
+    let progress = ProgressBar::new_spinner().with_message("simulating");
+    progress.enable_steady_tick(Duration::from_millis(200));
+    let rows = scenario.run();
+    progress.finish_and_clear();
+    match rows {
+        Ok(rows) => Ok(rows),
+        // The numbers were sound; where they led is not the file's form.
+        Err(error @ ScenarioError::Integration(_)) => Err(error).with_context(name),
+        Err(error) => Err(refuse(error).into()),
+    }
+}
+
+/// The trajectory as text; every number is the shortest that is read back exactly.
+fn csv(rows: &[Row]) -> String {
+    let mut text = Row::COLUMNS.join(",");
+    text.push('\n');
+    for row in rows {
+        for (column, value) in row.values().into_iter().enumerate() {
+            let comma = if column == 0 { "" } else { "," };
+            // Writing to a String cannot fail.
+            let _ = write!(text, "{comma}{value:?}");
+        }
+        text.push('\n');
+    }
+    text
+}
+
+/// Smallest or largest of each column.
+fn extremes(rows: &[Row], pick: fn(f64, f64) -> f64) -> Row {
+    rows.iter().skip(1).fold(rows[0], |most, row| Row {
+        t: pick(most.t, row.t),
+        theta0: pick(most.theta0, row.theta0),
+        theta1: pick(most.theta1, row.theta1),
+        theta2: pick(most.theta2, row.theta2),
+        theta3: pick(most.theta3, row.theta3),
+        w0: pick(most.w0, row.w0),
+        w1: pick(most.w1, row.w1),
+        w2: pick(most.w2, row.w2),
+        w3: pick(most.w3, row.w3),
+    })
+}
