@@ -4,12 +4,11 @@ use nalgebra::Vector3;
 
 use super::field::{self, Compass, Field};
 use super::filters::{Filter, Gain, View};
-use super::orientation::Orientation;
+use super::orientation::{Angles, Orientation};
 use super::rest::{self, Rest, Sums};
 use super::rotation::{Rotation, Step};
 use crate::config::{Config, ConfigError, in_range};
 use crate::estimator::{Attitude, Flags, GRAVITY};
-use crate::quaternion::Quaternion;
 
 /// One sample as the sensors give it, in body axes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -415,9 +414,8 @@ impl<F: Filter> Estimator<F> {
 fn half_declination(declination_rad: f32) -> Result<Option<(i32, i32)>, ConfigError> {
     use core::f32::consts::PI;
     in_range(declination_rad, -PI, PI, "declination_rad")?;
-    let turn = Quaternion::from_rotation_vector(&Vector3::new(0.0, 0.0, declination_rad));
-    let q15 = |v: f32| (v * 32_768.0) as i32;
-    Ok((declination_rad != 0.0).then(|| (q15(turn.w), q15(turn.z))))
+    let (sin, cos) = Angles::sin_cos_q30(Angles::from_rad(0.5 * declination_rad));
+    Ok((declination_rad != 0.0).then_some((cos >> 15, sin >> 15)))
 }
 
 /// By which power of two the first share is larger than a filter's own.

@@ -27,13 +27,42 @@ impl Angles {
     pub fn to_rad(angle: i32) -> f32 {
         angle as f32 * (core::f32::consts::PI / 2_147_483_648.0)
     }
+
+    /// The binary angle of -pi..pi rad; half a turn beyond.
+    pub fn from_rad(angle: f32) -> i32 {
+        (angle * (2_147_483_648.0 / core::f32::consts::PI)) as i32
+    }
+
+    /// Sine and cosine of a binary angle, Q30, within 3e-5: one CORDIC rotation.
+    pub fn sin_cos_q30(angle: i32) -> (i32, i32) {
+        // Half a turn more where the rotation would not reach.
+        let near = angle.wrapping_add(1 << 30) >= 0;
+        let mut left = if near {
+            angle
+        } else {
+            angle.wrapping_add(i32::MIN)
+        };
+        // As much shorter as CORDIC lengthens.
+        let (mut x, mut y) = (652_032_874, 0);
+        for (bits, arc) in ARCS.iter().enumerate() {
+            let (dx, dy) = (x >> bits, y >> bits);
+            if left >= 0 {
+                (x, y, left) = (x - dy, y + dx, left - arc);
+            } else {
+                (x, y, left) = (x + dy, y - dx, left + arc);
+            }
+        }
+        if near { (y, x) } else { (-y, -x) }
+    }
 }
 
 impl Orientation {
     /// The same in float, normalised.
     pub fn quaternion(&self) -> Quaternion {
-        let [w, x, y, z] = self.wxyz_q30.map(|c| c as f32);
-        Quaternion::normalised(w, x, y, z)
+        let [w, x, y, z] = self.wxyz_q30.map(|c| c as f32 * (1.0 / 1_073_741_824.0));
+        let mut q = Quaternion { w, x, y, z };
+        q.restore_norm();
+        q
     }
 
     /// Roll, pitch and yaw, within 0.01 deg: three CORDIC rotations.
@@ -133,6 +162,18 @@ mod tests {
             wxyz_q30: [759_250_125, 0, 759_250_125, 0],
         };
         assert!((nose_up.angles().pitch - (1 << 30)).abs() < 1 << 19);
+    }
+
+    #[test]
+    fn sine_and_cosine_are_right_all_round() {
+        for step in -1000..=1000 {
+            let rad = f64::from(step) * (core::f64::consts::PI / 1000.0);
+            let (sin, cos) = Angles::sin_cos_q30(Angles::from_rad(rad as f32));
+            for (found, expected) in [(sin, rad.sin()), (cos, rad.cos())] {
+                let found = f64::from(found) / 1_073_741_824.0;
+                assert!((found - expected).abs() < 4e-5, "{rad}: {found}");
+            }
+        }
     }
 
     #[test]
