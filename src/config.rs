@@ -14,9 +14,16 @@ pub const RECOVERY_SAMPLES: u8 = 5;
 /// integrated across the gap. Longer than any gap that [`DATA_AGE_LIMIT_US`] lets pass while control is active.
 pub const ESTIMATOR_GAP_US: u64 = 500_000;
 
-/// After this many samples with the same magnetic field it counts as measured again: 100 ms, the period of the
-/// BNO055's magnetometer at its reset rate.
-pub const FIELD_REPEATS: u8 = 10;
+/// Longest step of the estimator, us; a longer time between two samples is made of several.
+pub const ESTIMATOR_STEP_US: u32 = 25_000;
+
+/// A magnetic field that has been the same for so long counts as measured again, us: the period of the BNO055's
+/// magnetometer at its reset rate.
+pub const FIELD_REPEAT_US: u64 = 100_000;
+
+/// Rest within which the estimator has learned the gyroscope's offset, us, counted from when it first takes the sensor
+/// to be at rest: its blocks last a third of a second at most.
+pub const BIAS_REST_US: u32 = 500_000;
 
 /// How far the squared norm of a quaternion may be from 1 before it counts as no rotation.
 pub const UNIT_TOLERANCE: f32 = 0.01;

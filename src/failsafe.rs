@@ -214,6 +214,8 @@ pub enum Refusal {
     Sensor,
     /// The attitude has not settled since start-up or the last gap.
     Settling,
+    /// The gyro's offset has not been learned since then, which takes some seconds of rest.
+    BiasUnknown,
     /// The host's heartbeat is missing, and `FS_HOST` asks for it.
     HostSilent,
     /// The fault is still there.
@@ -227,6 +229,7 @@ impl fmt::Display for Refusal {
             Refusal::Tilt => f.write_str("tilt beyond 50 deg"),
             Refusal::Sensor => f.write_str("sensor not ready"),
             Refusal::Settling => f.write_str("attitude still settling"),
+            Refusal::BiasUnknown => f.write_str("gyro offset unknown: hold still"),
             Refusal::HostSilent => f.write_str("no host heartbeat"),
             Refusal::FaultPersists(reason) => reason.fmt(f),
         }
@@ -240,6 +243,8 @@ pub struct Health {
     pub valid: bool,
     /// It has settled since start-up.
     pub settled: bool,
+    /// The gyro's offset has been learned at rest.
+    pub bias_known: bool,
     /// Cosine of the angle between the body's and the earth's vertical.
     pub cos_tilt: f32,
 }
@@ -268,6 +273,7 @@ impl Supervisor {
             health: Health {
                 valid: true,
                 settled: false,
+                bias_known: false,
                 cos_tilt: 1.0,
             },
             fresh: None,
@@ -379,6 +385,8 @@ impl Supervisor {
             Err(Refusal::Sensor)
         } else if !self.health.valid || !self.health.settled {
             Err(Refusal::Settling)
+        } else if !self.health.bias_known {
+            Err(Refusal::BiasUnknown)
         } else if self.health.cos_tilt < COS_ARM_TILT {
             Err(Refusal::Tilt)
         } else if self.host_is_silent(now) {

@@ -6,12 +6,13 @@
 use core::f32::consts::PI;
 
 use bno055_driver::{Micros, RawSample, SensorFault};
-use tvc_fusion::{Attitude, Config, ConfigError, Estimator, Mahony, MahonyGains};
+use tvc_fusion::{Attitude, ConfigError, Quaternion};
 use tvc_pid::Pd;
 
-use crate::config::{CONTROL_PERIOD_US, ESTIMATOR_GAP_US, FIELD_REPEATS, UNIT_TOLERANCE};
+use crate::config::UNIT_TOLERANCE;
 use crate::failsafe::{BootReport, Command, Health, Refusal, State, Supervisor};
 use crate::mount::Mount;
+use crate::navigation::Navigation;
 use crate::params::{Change, Info, ParamError, Params};
 use crate::servo::{PulseUs, Servo};
 
@@ -51,16 +52,12 @@ pub struct Snapshot {
 #[derive(Clone, Debug)]
 pub struct Flight {
     params: Params,
-    mount: Mount,
-    estimator: Estimator<Mahony<f32>>,
+    navigation: Navigation,
     controller: Pd,
     setpoint_rad: f32,
     crank_rad: f32,
     servo: Servo,
     supervisor: Supervisor,
-    /// The newest sample used, and for how many samples its field has not changed.
-    last: Option<RawSample>,
-    field_repeats: u8,
 }
 
 impl Flight {
@@ -70,15 +67,12 @@ impl Flight {
     /// The estimator's configuration is impossible; no set of parameters within their ranges makes it so.
     pub fn new(params: Params, report: BootReport) -> Result<Self, ConfigError> {
         let mut flight = Self {
-            mount: Mount::new(&params),
-            estimator: Estimator::new(&estimator_config(&params))?,
+            navigation: Navigation::new(&params)?,
             controller: Pd { kp: 0.0, kd: 0.0 },
             setpoint_rad: 0.0,
             crank_rad: 0.0,
             servo: Servo::new(&params),
             supervisor: Supervisor::new(report),
-            last: None,
-            field_repeats: 0,
             params,
         };
         flight.configure();
@@ -87,15 +81,15 @@ impl Flight {
 
     /// One control step: a sample, or the reason why there is none, becomes the pulse of the next servo frame.
     pub fn step(&mut self, now: Micros, reading: Result<RawSample, SensorFault>) -> Outputs {
-        let reading = reading.and_then(|raw| self.interval_s(&raw).map(|dt_s| (raw, dt_s)));
+        let reading = reading.and_then(|raw| Ok((raw, self.navigation.update(&raw)?)));
         match reading {
-            Ok((raw, dt_s)) => {
-                let attitude = self.estimate(&raw, dt_s);
-                let health = health(&attitude);
+            Ok((raw, dt_us)) => {
+                let attitude = self.navigation.attitude();
+                let health = self.health(&attitude);
                 self.supervisor.sample(now, &raw, health);
-                self.control(&attitude, dt_s);
+                self.control(attitude.rate.y, dt_us as f32 * 1.0e-6);
                 if !health.valid {
-                    self.restart_estimator();
+                    self.navigation.restart();
                 }
             }
             Err(fault) => {
@@ -123,11 +117,7 @@ impl Flight {
         if info.change == Change::Disarmed && self.state().is_armed() {
             return Err(ParamError::Armed { name: info.name });
         }
-        let declination = self.params.declination_deg();
         self.params.set(name, value)?;
-        if self.params.declination_deg() != declination {
-            self.restart_estimator();
-        }
         self.configure();
         Ok(info)
     }
@@ -149,59 +139,24 @@ impl Flight {
 
     /// The newest attitude.
     pub fn attitude(&self) -> Attitude {
-        self.estimator.attitude()
+        self.navigation.attitude()
     }
 
     /// Where the sensor sits and how it is calibrated.
     pub fn mount_mut(&mut self) -> &mut Mount {
-        &mut self.mount
-    }
-
-    /// Seconds since the sample before. One that is not newer is late.
-    fn interval_s(&self, raw: &RawSample) -> Result<f32, SensorFault> {
-        let interval_us = match &self.last {
-            None => CONTROL_PERIOD_US,
-            Some(last) => raw.time.0.saturating_sub(last.time.0),
-        };
-        match interval_us {
-            0 => Err(SensorFault::Late),
-            _ => Ok(interval_us as f32 * 1.0e-6),
-        }
-    }
-
-    fn estimate(&mut self, raw: &RawSample, dt_s: f32) -> Attitude {
-        if dt_s > ESTIMATOR_GAP_US as f32 * 1.0e-6 {
-            self.restart_estimator();
-        }
-        let mut sample = self.mount.convert(raw);
-        if !self.field_is_fresh(raw) {
-            sample.mag = None;
-        }
-        self.last = Some(*raw);
-        self.estimator.update(dt_s, &sample)
-    }
-
-    /// The magnetometer is slower than the loop: its registers repeat until it has measured again. A field that stays
-    /// the same for long is taken as one that does not change.
-    fn field_is_fresh(&mut self, raw: &RawSample) -> bool {
-        let repeated = self.last.is_some_and(|last| last.mag == raw.mag);
-        self.field_repeats = if repeated { self.field_repeats + 1 } else { 0 };
-        if self.field_repeats == FIELD_REPEATS {
-            self.field_repeats = 0;
-        }
-        self.field_repeats == 0
+        self.navigation.mount_mut()
     }
 
     /// The control law, where the state lets it move the rudder. Positive crank angles pitch the nose down, so the
     /// crank follows pitch and its rate with positive sign: `crank = kp (pitch - setpoint) + kd rate`.
-    fn control(&mut self, attitude: &Attitude, dt_s: f32) {
+    fn control(&mut self, rate_rad_s: f32, dt_s: f32) {
         if !self.state().is_active() {
             return self.rest();
         }
-        let pitch_rad = attitude.orientation.pitch();
+        let pitch_rad = self.navigation.pitch_rad();
         self.crank_rad = -self
             .controller
-            .update(self.setpoint_rad, pitch_rad, attitude.rate.y);
+            .update(self.setpoint_rad, pitch_rad, rate_rad_s);
         self.servo.command(self.crank_rad, dt_s);
     }
 
@@ -237,7 +192,7 @@ impl Flight {
 
     /// Hand the parameters to the parts that they belong to.
     fn configure(&mut self) {
-        self.mount.configure(&self.params);
+        self.navigation.configure(&self.params);
         self.servo.configure(&self.params);
         self.controller = Pd {
             kp: self.params.pid_kp(),
@@ -247,28 +202,19 @@ impl Flight {
         self.supervisor.require_host(self.params.fs_host() == 1.0);
     }
 
-    fn restart_estimator(&mut self) {
-        if let Ok(estimator) = Estimator::new(&estimator_config(&self.params)) {
-            self.estimator = estimator;
+    fn health(&self, attitude: &Attitude) -> Health {
+        Health {
+            valid: is_rotation(&attitude.orientation),
+            settled: attitude.flags.initialised,
+            bias_known: self.navigation.bias_is_known(),
+            cos_tilt: 2.0 * attitude.orientation.half_down().z,
         }
     }
 }
 
-fn estimator_config(params: &Params) -> Config<MahonyGains> {
-    Config {
-        declination_rad: params.declination_deg() * (PI / 180.0),
-        ..Config::default()
-    }
-}
-
-fn health(attitude: &Attitude) -> Health {
-    let q = &attitude.orientation;
+fn is_rotation(q: &Quaternion) -> bool {
     let norm2 = q.w * q.w + q.x * q.x + q.y * q.y + q.z * q.z;
-    Health {
-        valid: (norm2 - 1.0).abs() < UNIT_TOLERANCE,
-        settled: attitude.flags.initialised,
-        cos_tilt: 2.0 * q.half_down().z,
-    }
+    (norm2 - 1.0).abs() < UNIT_TOLERANCE
 }
 
 #[cfg(test)]

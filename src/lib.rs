@@ -26,6 +26,7 @@ pub mod failsafe;
 pub mod flight;
 mod format;
 pub mod mount;
+pub mod navigation;
 pub mod params;
 pub mod self_test;
 pub mod servo;

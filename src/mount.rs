@@ -1,116 +1,173 @@
-//! From the sensor's counts to SI units in the body frame.
+//! From the sensor's counts to counts along the body's axes: calibration and mount in one, in integers.
 //!
 //! The body's axes are x forward, y right, z down; the default mount has the sensor's axes along them. A sensor at
-//! rest and level then reads -9.81 m/s2 on z: an accelerometer measures the force that holds it up.
+//! rest and level then reads -981 on z: an accelerometer measures the force that holds it up.
 
 use core::f32::consts::PI;
 
 use bno055_driver::RawSample;
-use nalgebra::{Matrix3, Vector3};
-use tvc_fusion::{Quaternion, Sample};
+use tvc_fusion::fixed::{Angles, Counts};
 
 use crate::params::Params;
 
-/// m/s2 per accelerometer count (data sheet table 3-17: 100 LSB per m/s2).
-pub const ACC_M_S2: f32 = 0.01;
-/// rad/s per gyro count (data sheet table 3-22: 16 LSB per deg/s).
-pub const GYR_RAD_S: f32 = PI / 180.0 / 16.0;
-/// uT per magnetometer count (data sheet table 3-19: 16 LSB per uT).
-pub const MAG_UT: f32 = 1.0 / 16.0;
+/// Fractional bits of a [`Matrix`]: factors up to 2.
+const BITS: u32 = 14;
+const ONE: i16 = 1 << BITS;
 
-/// What one three-axis sensor's counts mean: `(counts - offset) * scale`, axis by axis.
+/// What one three-axis sensor should have read: `matrix * (counts - offset)`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Calibration {
-    /// Reading at zero input, counts.
-    pub offset: Vector3<f32>,
-    /// SI units per count.
-    pub scale: Vector3<f32>,
+    /// Reading at zero input, counts, to a quarter; up to 8,191.
+    pub offset: [f32; 3],
+    /// Scale, misalignment and, of the magnetometer, soft iron, row by row; components from -2 to 2.
+    pub matrix: [[f32; 3]; 3],
 }
 
 impl Calibration {
-    /// No offset, the same nominal scale on every axis.
-    pub fn nominal(scale: f32) -> Self {
+    /// A sensor that reads what it should.
+    pub const NOMINAL: Self = Self {
+        offset: [0.0; 3],
+        matrix: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]],
+    };
+
+    fn to_matrix(self) -> Matrix {
+        let [[a, b, c], [d, e, f], [g, h, i]] = self
+            .matrix
+            .map(|row| row.map(|factor| nearest(factor * f32::from(ONE))));
+        Matrix([[a, d, g], [b, e, h], [c, f, i]])
+    }
+}
+
+/// Factors with [`BITS`], column by column: where each axis goes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Matrix([[i16; 3]; 3]);
+
+impl Matrix {
+    const IDENTITY: Self = Self([[ONE, 0, 0], [0, ONE, 0], [0, 0, ONE]]);
+
+    /// `self * vector + sum`, with [`BITS`]. What is too large stays at the end of the range.
+    fn add(&self, vector: [i16; 3], mut sum: [i32; 3]) -> [i32; 3] {
+        for (column, component) in self.0.iter().zip(vector) {
+            for (sum, factor) in sum.iter_mut().zip(column) {
+                *sum = sum.saturating_add(i32::from(*factor) * i32::from(component));
+            }
+        }
+        sum
+    }
+
+    fn times(&self, other: &Self) -> Self {
+        Self(other.0.map(|column| whole(self.add(column, HALF))))
+    }
+}
+
+/// Half of one, for rounding.
+const HALF: [i32; 3] = [1 << (BITS - 1); 3];
+
+fn whole(sum: [i32; 3]) -> [i16; 3] {
+    sum.map(|sum| (sum >> BITS).clamp(i16::MIN.into(), i16::MAX.into()) as i16)
+}
+
+/// Calibration and mount of one sensor, ready for counts.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Correction {
+    matrix: Matrix,
+    /// The offset, turned and with [`BITS`], and half a count for rounding.
+    shift: [i32; 3],
+}
+
+impl Correction {
+    const NONE: Self = Self {
+        matrix: Matrix::IDENTITY,
+        shift: HALF,
+    };
+
+    fn new(mount: &Matrix, calibration: &Calibration) -> Self {
+        let matrix = mount.times(&calibration.to_matrix());
+        let quarters = calibration.offset.map(|counts| nearest(counts * -4.0));
+        let shift = matrix.add(quarters, HALF.map(|half| half << 2));
         Self {
-            offset: Vector3::zeros(),
-            scale: Vector3::repeat(scale),
+            matrix,
+            shift: shift.map(|shift| shift >> 2),
         }
     }
 
-    fn apply(&self, counts: [i16; 3]) -> Vector3<f32> {
-        let [x, y, z] = counts.map(f32::from);
-        (Vector3::new(x, y, z) - self.offset).component_mul(&self.scale)
+    fn apply(&self, counts: [i16; 3]) -> [i16; 3] {
+        whole(self.matrix.add(counts, self.shift))
     }
 }
 
 /// How the sensor sits in the body, and its calibration.
 #[derive(Clone, Debug)]
 pub struct Mount {
-    acc: Calibration,
-    gyr: Calibration,
-    mag: Calibration,
-    /// Sensor to body; `None` where the axes coincide, which saves 27 multiplications a step.
-    rotation: Option<Matrix3<f32>>,
+    /// Accelerometer, gyro, magnetometer.
+    calibrations: [Calibration; 3],
+    corrections: [Correction; 3],
 }
 
 impl Mount {
     /// A nominal sensor, turned as the `MNT_` parameters say.
     pub fn new(params: &Params) -> Self {
-        Self {
-            acc: Calibration::nominal(ACC_M_S2),
-            gyr: Calibration::nominal(GYR_RAD_S),
-            mag: Calibration::nominal(MAG_UT),
-            rotation: rotation(params),
-        }
+        let mut mount = Self {
+            calibrations: [Calibration::NOMINAL; 3],
+            corrections: [Correction::NONE; 3],
+        };
+        mount.configure(params);
+        mount
     }
 
     /// Take over changed `MNT_` parameters.
     pub fn configure(&mut self, params: &Params) {
-        self.rotation = rotation(params);
+        let rotation = rotation(params);
+        self.corrections = self
+            .calibrations
+            .map(|calibration| Correction::new(&rotation, &calibration));
     }
 
     /// Replace the calibration of the accelerometer, gyro and magnetometer, in this order.
-    pub fn calibrate(&mut self, acc: Calibration, gyr: Calibration, mag: Calibration) {
-        (self.acc, self.gyr, self.mag) = (acc, gyr, mag);
+    pub fn calibrate(&mut self, calibrations: [Calibration; 3], params: &Params) {
+        self.calibrations = calibrations;
+        self.configure(params);
     }
 
-    /// Counts to SI units in the body frame. The field counts as fresh.
-    pub fn convert(&self, raw: &RawSample) -> Sample {
-        let turn = |v: Vector3<f32>| match &self.rotation {
-            Some(rotation) => rotation * v,
-            None => v,
-        };
-        Sample {
-            acc: turn(self.acc.apply(raw.acc)),
-            gyr: turn(self.gyr.apply(raw.gyr)),
-            mag: Some(turn(self.mag.apply(raw.mag))),
+    /// Counts along the body's axes. The field counts as fresh.
+    pub fn convert(&self, raw: &RawSample) -> Counts {
+        let [acc, gyr, mag] = &self.corrections;
+        Counts {
+            acc: acc.apply(raw.acc),
+            gyr: gyr.apply(raw.gyr),
+            mag: Some(mag.apply(raw.mag)),
         }
     }
 }
 
-/// `R = Rz(yaw) Ry(pitch) Rx(roll)`, sensor to body, as autopilots define a sensor's orientation. By quaternions, whose
-/// exponential the estimator has anyway: sines of the mathematics library would add 5 KB to the image.
-fn rotation(params: &Params) -> Option<Matrix3<f32>> {
-    let [roll, pitch, yaw] = [
+/// The whole number next to `value`; the nearest that there is where it is too large.
+fn nearest(value: f32) -> i16 {
+    (value + 0.5_f32.copysign(value)) as i16
+}
+
+/// `R = Rz(yaw) Ry(pitch) Rx(roll)`, sensor to body, as autopilots define a sensor's orientation.
+fn rotation(params: &Params) -> Matrix {
+    let [(sr, cr), (sp, cp), (sy, cy)] = [
         params.mnt_roll_deg(),
         params.mnt_pitch_deg(),
         params.mnt_yaw_deg(),
     ]
-    .map(|angle_deg| angle_deg * (PI / 180.0));
-    if [roll, pitch, yaw] == [0.0; 3] {
-        return None;
-    }
-    let about_x = Quaternion::from_rotation_vector(&Vector3::new(roll, 0.0, 0.0));
-    let about_y = Quaternion::from_rotation_vector(&Vector3::new(0.0, pitch, 0.0));
-    let about_z = Quaternion::from_rotation_vector(&Vector3::new(0.0, 0.0, yaw));
-    let half = about_z.mul(&about_y).mul(&about_x).half_rows();
-    let rows = [half.north, half.east, half.down].map(|row| (row * 2.0).transpose());
-    Some(Matrix3::from_rows(&rows))
+    .map(|angle_deg| {
+        let (sin, cos) = Angles::sin_cos_q30(Angles::from_rad(angle_deg * (PI / 180.0)));
+        let rounded = |value: i32| ((value + (1 << 15)) >> 16) as i16;
+        (rounded(sin), rounded(cos))
+    });
+    let about_x = Matrix([[ONE, 0, 0], [0, cr, sr], [0, -sr, cr]]);
+    let about_y = Matrix([[cp, 0, -sp], [0, ONE, 0], [sp, 0, cp]]);
+    let about_z = Matrix([[cy, sy, 0], [-sy, cy, 0], [0, 0, ONE]]);
+    about_z.times(&about_y).times(&about_x)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use bno055_driver::Micros;
+    use proptest::prelude::*;
 
     fn raw(acc: [i16; 3], gyr: [i16; 3], mag: [i16; 3]) -> RawSample {
         RawSample {
@@ -130,65 +187,92 @@ mod tests {
     }
 
     #[test]
-    fn counts_become_si_units() {
-        let body = mount(0.0, 0.0, 0.0).convert(&raw([0, 0, -981], [16, -160, 0], [800, 0, 16]));
-        assert!((body.acc - Vector3::new(0.0, 0.0, -9.81)).norm() < 1e-5);
-        assert!((body.gyr - Vector3::new(0.017453, -0.17453, 0.0)).norm() < 1e-5);
-        assert_eq!(body.mag.unwrap(), Vector3::new(50.0, 0.0, 1.0));
+    fn a_nominal_sensor_along_the_axes_is_taken_as_it_is() {
+        let sample = raw([0, i16::MIN, -981], [16, -160, i16::MAX], [800, 0, 16]);
+        let body = mount(0.0, 0.0, 0.0).convert(&sample);
+        assert_eq!(
+            (body.acc, body.gyr, body.mag),
+            (sample.acc, sample.gyr, Some(sample.mag))
+        );
     }
 
-    fn assert_acc(mount: &Mount, acc: [i16; 3], expected: [f32; 3]) {
+    fn assert_acc(mount: &Mount, acc: [i16; 3], expected: [i16; 3]) {
         let body = mount.convert(&raw(acc, [0; 3], [0; 3])).acc;
-        let expected = Vector3::from(expected);
-        assert!((body - expected).norm() < 1e-5, "{body} for {expected}");
+        assert_eq!(body, expected);
     }
 
     #[test]
     fn a_sensor_upside_down_is_turned_by_180_degrees_of_roll() {
-        assert_acc(&mount(180.0, 0.0, 0.0), [1, 2, 981], [0.01, -0.02, -9.81]);
+        assert_acc(&mount(180.0, 0.0, 0.0), [1, 2, 981], [1, -2, -981]);
     }
 
     #[test]
     fn quarter_turns_move_axes_as_the_right_hand_says() {
         let (x, y) = ([100, 0, 0], [0, 100, 0]);
-        assert_acc(&mount(0.0, 0.0, 90.0), x, [0.0, 1.0, 0.0]);
-        assert_acc(&mount(0.0, 90.0, 0.0), x, [0.0, 0.0, -1.0]);
-        assert_acc(&mount(90.0, 0.0, 0.0), y, [0.0, 0.0, 1.0]);
+        assert_acc(&mount(0.0, 0.0, 90.0), x, [0, 100, 0]);
+        assert_acc(&mount(0.0, 90.0, 0.0), x, [0, 0, -100]);
+        assert_acc(&mount(90.0, 0.0, 0.0), y, [0, 0, 100]);
         // Roll first, yaw last: y goes to z by the roll and stays there; x goes to y by the yaw.
-        assert_acc(&mount(90.0, 0.0, 90.0), y, [0.0, 0.0, 1.0]);
-        assert_acc(&mount(90.0, 0.0, 90.0), x, [0.0, 1.0, 0.0]);
+        assert_acc(&mount(90.0, 0.0, 90.0), y, [0, 0, 100]);
+        assert_acc(&mount(90.0, 0.0, 90.0), x, [0, 100, 0]);
     }
 
     #[test]
     fn a_mount_is_what_an_independent_library_makes_of_its_angles() {
         let oracle = nalgebra::Rotation3::from_euler_angles(0.3_f64, -0.7, 2.1);
-        let expected = oracle * nalgebra::Vector3::new(3.0, -5.0, 8.0);
+        let expected = oracle * nalgebra::Vector3::new(3000.0, -5000.0, 8000.0);
         let mount = mount(
             0.3_f32.to_degrees(),
             -0.7_f32.to_degrees(),
             2.1_f32.to_degrees(),
         );
-        assert_acc(&mount, [300, -500, 800], expected.map(|c| c as f32).into());
-    }
-
-    #[test]
-    fn any_mount_keeps_lengths() {
-        let sample = raw([300, -500, 800], [1, 2, 3], [4, 5, 6]);
-        let straight = mount(0.0, 0.0, 0.0).convert(&sample).acc.norm();
-        let turned = mount(10.0, -35.0, 120.0).convert(&sample).acc.norm();
-        assert!((straight - turned).abs() < 1e-5);
+        let found = mount.convert(&raw([0; 3], [3000, -5000, 8000], [0; 3])).gyr;
+        for (found, expected) in found.iter().zip(expected.iter()) {
+            // Half a count of rounding, and a bit of each factor.
+            assert!(
+                (f64::from(*found) - expected).abs() < 1.5,
+                "{found} {expected}"
+            );
+        }
     }
 
     #[test]
     fn calibration_takes_off_the_offset_and_scales() {
-        let mut mount = mount(0.0, 0.0, 0.0);
-        let nominal = Calibration::nominal(1.0);
+        let params = Params::default();
+        let mut mount = Mount::new(&params);
         let acc = Calibration {
-            offset: Vector3::new(10.0, 0.0, 0.0),
-            scale: Vector3::new(0.02, 0.01, 0.01),
+            offset: [10.4, 0.0, -3.0],
+            matrix: [[1.5, 0.0, 0.0], [0.0, 1.0, 0.5], [0.0, 0.0, -1.0]],
         };
-        mount.calibrate(acc, nominal, nominal);
-        let body = mount.convert(&raw([110, 100, 100], [0; 3], [0; 3]));
-        assert!((body.acc - Vector3::new(2.0, 1.0, 1.0)).norm() < 1e-6);
+        let [gyr, mag] = [Calibration::NOMINAL; 2];
+        mount.calibrate([acc, gyr, mag], &params);
+        // 1.5 * 99.6 = 149.4; 100 + 0.5 * 43 = 121.5; -43.
+        assert_acc(&mount, [110, 100, 40], [149, 122, -43]);
+        let sample = raw([0; 3], [7, 8, 9], [0; 3]);
+        assert_eq!(mount.convert(&sample).gyr, [7, 8, 9]);
+    }
+
+    proptest! {
+        /// No calibration and no mount makes a count wrap round.
+        #[test]
+        fn what_is_too_large_stays_at_the_end(
+            counts in prop::array::uniform3(any::<i16>()),
+            offset in prop::array::uniform3(-8_000.0_f32..8_000.0),
+            matrix in prop::array::uniform3(prop::array::uniform3(-1.1_f32..1.1)),
+            roll in -180.0_f32..180.0,
+        ) {
+            let mut params = Params::default();
+            params.set("MNT_ROLL_DEG", roll).unwrap();
+            let mut mount = Mount::new(&params);
+            mount.calibrate([Calibration { offset, matrix }; 3], &params);
+            let found = mount.convert(&raw(counts, counts, counts)).gyr;
+            let turn = nalgebra::Rotation3::from_euler_angles(f64::from(roll).to_radians(), 0.0, 0.0);
+            let matrix = turn.matrix() * nalgebra::Matrix3::from_fn(|r, c| f64::from(matrix[r][c]));
+            let input = nalgebra::Vector3::from_fn(|i, _| f64::from(counts[i]) - f64::from(offset[i]));
+            for (found, expected) in found.iter().zip((matrix * input).iter()) {
+                let expected = expected.clamp(-32_768.0, 32_767.0);
+                prop_assert!((f64::from(*found) - expected).abs() < 8.0, "{found} {expected}");
+            }
+        }
     }
 }

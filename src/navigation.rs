@@ -1,0 +1,166 @@
+//! From the sensor's samples to attitude: mount, start-up, missed samples, and the estimator in fixed point.
+
+use core::f32::consts::PI;
+
+use bno055_driver::{Micros, RawSample, SensorFault};
+use tvc_fusion::fixed::{Angles, Counts, Estimator, Scale, Vqf};
+use tvc_fusion::{Attitude, Config, ConfigError};
+
+use crate::config::{
+    BIAS_REST_US, CONTROL_PERIOD_US, DATA_AGE_LIMIT_US, ESTIMATOR_GAP_US, ESTIMATOR_STEP_US,
+    FIELD_REPEAT_US,
+};
+use crate::mount::Mount;
+use crate::params::Params;
+
+/// The attitude, and all that it is made from.
+#[derive(Clone, Debug)]
+pub struct Navigation {
+    mount: Mount,
+    estimator: Estimator<Vqf>,
+    declination_deg: f32,
+    /// The newest sample used, as it came and in body axes.
+    last: Option<RawSample>,
+    counts: Counts,
+    /// When the field was fresh last.
+    field_at: Micros,
+    /// Rest so far without a break, us, up to [`BIAS_REST_US`].
+    rest_us: u32,
+    bias_known: bool,
+}
+
+impl Navigation {
+    /// Nothing seen yet.
+    ///
+    /// # Errors
+    /// The estimator's configuration is impossible; no set of parameters within their ranges makes it so.
+    pub fn new(params: &Params) -> Result<Self, ConfigError> {
+        Ok(Self {
+            mount: Mount::new(params),
+            estimator: estimator(params.declination_deg())?,
+            declination_deg: params.declination_deg(),
+            last: None,
+            counts: Counts {
+                gyr: [0; 3],
+                acc: [0; 3],
+                mag: None,
+            },
+            field_at: Micros(0),
+            rest_us: 0,
+            bias_known: false,
+        })
+    }
+
+    /// Take over changed parameters. Another declination starts the estimate over.
+    pub fn configure(&mut self, params: &Params) {
+        self.mount.configure(params);
+        if self.declination_deg != params.declination_deg() {
+            self.declination_deg = params.declination_deg();
+            self.restart();
+        }
+    }
+
+    /// Take the next sample; how long it is after the one before, us.
+    ///
+    /// # Errors
+    /// [`SensorFault::Late`] for a sample that is not newer than the last; nothing changes.
+    pub fn update(&mut self, raw: &RawSample) -> Result<u32, SensorFault> {
+        let dt_us = match &self.last {
+            None => CONTROL_PERIOD_US,
+            Some(last) if raw.time.0 <= last.time.0 => return Err(SensorFault::Late),
+            Some(last) => raw.time.0 - last.time.0,
+        };
+        if dt_us > ESTIMATOR_GAP_US {
+            self.restart();
+        }
+        let dt_us = dt_us.min(ESTIMATOR_GAP_US) as u32;
+        let mut counts = self.mount.convert(raw);
+        if !self.field_is_fresh(raw) {
+            counts.mag = None;
+        }
+        self.last = Some(*raw);
+        self.counts = counts;
+        self.advance(dt_us);
+        self.watch_rest(dt_us);
+        Ok(dt_us)
+    }
+
+    /// The newest attitude.
+    pub fn attitude(&self) -> Attitude {
+        self.estimator.attitude(&self.counts)
+    }
+
+    /// Pitch, rad, -pi/2 to pi/2, nose up positive.
+    pub fn pitch_rad(&self) -> f32 {
+        Angles::to_rad(self.estimator.orientation().angles().pitch)
+    }
+
+    /// Whether the gyroscope's offset has been learned, which takes a rest of some two and a half seconds.
+    pub fn bias_is_known(&self) -> bool {
+        self.bias_known
+    }
+
+    /// Where the sensor sits and how it is calibrated.
+    pub fn mount_mut(&mut self) -> &mut Mount {
+        &mut self.mount
+    }
+
+    /// Forget the attitude and the gyroscope's offset.
+    pub fn restart(&mut self) {
+        // The declination was accepted before.
+        if let Ok(estimator) = estimator(self.declination_deg) {
+            self.estimator = estimator;
+        }
+        self.rest_us = 0;
+        self.bias_known = false;
+    }
+
+    /// One step of the estimator, or several over samples that were missed while the attitude is still trusted: the
+    /// rates of this one stand for theirs. Beyond that the estimator takes it as a gap.
+    fn advance(&mut self, dt_us: u32) {
+        let steps = if u64::from(dt_us) <= DATA_AGE_LIMIT_US {
+            dt_us.div_ceil(ESTIMATOR_STEP_US)
+        } else {
+            1
+        };
+        let step_us = dt_us / steps;
+        let unseen = Counts {
+            mag: None,
+            ..self.counts
+        };
+        for _ in 1..steps {
+            self.estimator.update(step_us, &unseen);
+        }
+        self.estimator
+            .update(dt_us - step_us * (steps - 1), &self.counts);
+    }
+
+    /// The magnetometer is slower than the loop: its registers repeat until it has measured again. A field that stays
+    /// the same for long is taken as one that does not change.
+    fn field_is_fresh(&mut self, raw: &RawSample) -> bool {
+        let repeated = self.last.is_some_and(|last| last.mag == raw.mag);
+        let fresh = !repeated || raw.time.since(self.field_at) >= FIELD_REPEAT_US;
+        if fresh {
+            self.field_at = raw.time;
+        }
+        fresh
+    }
+
+    /// The estimator learns the offset in blocks of rest, the first of which ends in [`BIAS_REST_US`].
+    fn watch_rest(&mut self, dt_us: u32) {
+        if self.estimator.flags().at_rest {
+            self.rest_us = (self.rest_us + dt_us).min(BIAS_REST_US);
+            self.bias_known |= self.rest_us == BIAS_REST_US;
+        } else {
+            self.rest_us = 0;
+        }
+    }
+}
+
+fn estimator(declination_deg: f32) -> Result<Estimator<Vqf>, ConfigError> {
+    let config = Config {
+        declination_rad: declination_deg * (PI / 180.0),
+        ..Config::default()
+    };
+    Estimator::new(&config, &Scale::BNO055, CONTROL_PERIOD_US as u32)
+}
