@@ -19,20 +19,27 @@
 //! | [`world`] | sensor, servo, drone, clamp |
 //! | [`bno055`] | the sensor at register level, with its faults |
 //! | [`truth`], [`measure`] | what really happened, and timing figures of it |
-//! | [`link`], [`operator`] | the MAVLink client at the USB port |
+//! | [`link`], [`request`], [`operator`] | the MAVLink client at the USB port |
+//! | `real_time`, `pty`, [`hand`] | on the clock on the wall, behind a pseudo-terminal (Unix) |
 //! | [`flight`] | boot once, fork, let go, measure |
 //! | [`recording`], [`replay`], [`score`] | real recordings through the image |
 
 pub mod bno055;
 pub mod flight;
+pub mod hand;
 pub mod image;
 pub mod link;
 pub mod measure;
 pub mod operator;
+#[cfg(unix)]
+pub mod pty;
 pub mod random;
+#[cfg(unix)]
+pub mod real_time;
 mod received;
 pub mod recording;
 pub mod replay;
+pub mod request;
 mod rig;
 pub mod score;
 mod tap;

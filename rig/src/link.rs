@@ -22,6 +22,15 @@ pub struct LinkCounts {
     pub stray_bytes: u64,
 }
 
+/// A frame that arrived whole.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Frame {
+    /// Its bytes, from start marker to checksum or signature.
+    pub bytes: Vec<u8>,
+    /// What it says.
+    pub message: MavMessage,
+}
+
 /// Takes messages out of received bytes and puts messages into bytes to send.
 #[derive(Clone, Debug, Default)]
 pub struct Link {
@@ -50,8 +59,14 @@ impl Link {
 
     /// Takes in received bytes; the messages that are complete now.
     pub fn receive(&mut self, bytes: &[u8]) -> Vec<MavMessage> {
+        let frames = self.receive_frames(bytes);
+        frames.into_iter().map(|frame| frame.message).collect()
+    }
+
+    /// Takes in received bytes; the frames that are complete now, for whoever keeps or passes on their bytes.
+    pub fn receive_frames(&mut self, bytes: &[u8]) -> Vec<Frame> {
         self.buffer.extend_from_slice(bytes);
-        let mut messages = Vec::new();
+        let mut frames = Vec::new();
         let mut at = 0;
         while let Some(&first) = self.buffer.get(at) {
             if first != START {
@@ -70,7 +85,10 @@ impl Link {
                     self.counts.lost += u64::from(missing);
                 }
                 self.counts.messages += 1;
-                messages.push(message);
+                frames.push(Frame {
+                    bytes: frame.to_vec(),
+                    message,
+                });
                 at += length;
             } else {
                 // Perhaps no frame at all: look for one behind this start byte.
@@ -79,7 +97,15 @@ impl Link {
             }
         }
         self.buffer.drain(..at);
-        messages
+        frames
+    }
+
+    /// Length of the frame that `bytes` begin with, if they do and hold all of it.
+    pub fn frame_length(bytes: &[u8]) -> Option<usize> {
+        match bytes.first() {
+            Some(&START) => whole(bytes).map(<[u8]>::len),
+            _ => None,
+        }
     }
 
     /// The bytes of a message from ground station 255.

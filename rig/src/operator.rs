@@ -1,19 +1,14 @@
 //! The operator: a MAVLink client that reaches the image over USB only, as a laptop would.
 
 use crate::link::{Link, LinkCounts};
+use crate::request;
 use crate::rig::{Rig, RigError};
-use mavlink::dialects::common::{
-    COMMAND_LONG_DATA, HEARTBEAT_DATA, MavAutopilot, MavCmd, MavMessage, MavModeFlag, MavParamType,
-    MavResult, MavState, MavType, PARAM_REQUEST_LIST_DATA, PARAM_SET_DATA,
-};
-use mavlink::types::CharArray;
+use mavlink::dialects::common::{MavMessage, MavResult};
 use samd21::board::Ticks;
 use thiserror::Error;
 
 pub use crate::received::{Attitude, FlightState, Heartbeat, RawImu, Received, ServoOutput, Text};
 
-/// System and component of the vehicle.
-const TARGET: (u8, u8) = (1, 1);
 /// How often the operator looks at the port.
 const SLICE: Ticks = Ticks::from_ms(1);
 const HEARTBEAT: Ticks = Ticks::from_ms(1000);
@@ -111,15 +106,7 @@ impl Operator {
         }
         if rig.usb_host().is_configured() && now >= self.next_heartbeat {
             self.next_heartbeat = now + HEARTBEAT;
-            let beat = HEARTBEAT_DATA {
-                custom_mode: 0,
-                mavtype: MavType::MAV_TYPE_GCS,
-                autopilot: MavAutopilot::MAV_AUTOPILOT_INVALID,
-                base_mode: MavModeFlag::empty(),
-                system_status: MavState::MAV_STATE_ACTIVE,
-                mavlink_version: 3,
-            };
-            self.send(rig, &MavMessage::HEARTBEAT(beat));
+            self.send(rig, &request::heartbeat());
         }
     }
 
@@ -201,14 +188,7 @@ impl Operator {
         value: f32,
     ) -> Result<(), OperatorError> {
         self.received.parameters.remove(name);
-        let request = PARAM_SET_DATA {
-            param_value: value,
-            target_system: TARGET.0,
-            target_component: TARGET.1,
-            param_id: CharArray::from(name),
-            param_type: MavParamType::MAV_PARAM_TYPE_REAL32,
-        };
-        self.send(rig, &MavMessage::PARAM_SET(request));
+        self.send(rig, &request::set_parameter(name, value));
         let what = format!("echo of parameter {name}");
         self.wait(rig, PATIENCE, &what, |received| {
             received.parameters.contains_key(name)
@@ -232,11 +212,7 @@ impl Operator {
     pub fn list_parameters(&mut self, rig: &mut Rig) -> Result<(), OperatorError> {
         self.received.parameters.clear();
         self.received.parameter_count = None;
-        let request = PARAM_REQUEST_LIST_DATA {
-            target_system: TARGET.0,
-            target_component: TARGET.1,
-        };
-        self.send(rig, &MavMessage::PARAM_REQUEST_LIST(request));
+        self.send(rig, &request::list_parameters());
         self.wait(rig, PATIENCE, "complete parameter list", |received| {
             received
                 .parameter_count
@@ -249,8 +225,7 @@ impl Operator {
     /// # Errors
     /// Refusal with the image's reason, silence, or the rig stopped.
     pub fn arm(&mut self, rig: &mut Rig) -> Result<(), OperatorError> {
-        let command = MavCmd::MAV_CMD_COMPONENT_ARM_DISARM;
-        self.command(rig, "arm", command, [1.0, 0.0])
+        self.command(rig, "arm", request::ARM)
     }
 
     /// Disarms, which also acknowledges a failsafe or a latched fault.
@@ -258,8 +233,7 @@ impl Operator {
     /// # Errors
     /// As [`Operator::arm`].
     pub fn disarm(&mut self, rig: &mut Rig) -> Result<(), OperatorError> {
-        let command = MavCmd::MAV_CMD_COMPONENT_ARM_DISARM;
-        self.command(rig, "disarm", command, [0.0, 0.0])
+        self.command(rig, "disarm", request::DISARM)
     }
 
     /// Asks for control and, as soon as the image agrees, opens the clamp; the drone leaves it
@@ -268,9 +242,7 @@ impl Operator {
     /// # Errors
     /// As [`Operator::arm`]; the clamp stays closed.
     pub fn release(&mut self, rig: &mut Rig, rate_rad_s: f64) -> Result<(), OperatorError> {
-        let command = MavCmd::MAV_CMD_DO_GRIPPER;
-        // Gripper 1, action 0: release.
-        self.command(rig, "release", command, [1.0, 0.0])?;
+        self.command(rig, "release", request::RELEASE)?;
         rig.release(rate_rad_s);
         Ok(())
     }
@@ -285,25 +257,16 @@ impl Operator {
         &mut self,
         rig: &mut Rig,
         name: &'static str,
-        command: MavCmd,
-        [param1, param2]: [f32; 2],
+        order: request::Order,
     ) -> Result<(), OperatorError> {
         let before = self.received.acks.len();
-        let request = COMMAND_LONG_DATA {
-            param1,
-            param2,
-            command,
-            target_system: TARGET.0,
-            target_component: TARGET.1,
-            ..COMMAND_LONG_DATA::default()
-        };
-        self.send(rig, &MavMessage::COMMAND_LONG(request));
+        self.send(rig, &order.message());
         let mut result = None;
         let what = format!("answer to {name}");
         self.wait(rig, PATIENCE, &what, |received| {
             result = received.acks[before..]
                 .iter()
-                .find(|(_, answered, _)| *answered == command)
+                .find(|(_, answered, _)| *answered == order.command)
                 .map(|(_, _, result)| *result);
             result.is_some()
         })?;

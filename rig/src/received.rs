@@ -21,7 +21,8 @@ pub enum FlightState {
 }
 
 impl FlightState {
-    fn of(custom_mode: u32) -> Self {
+    /// The state in HEARTBEAT's `custom_mode`.
+    pub fn of(custom_mode: u32) -> Self {
         match custom_mode as u8 {
             0 => Self::Boot,
             1 => Self::SelfTest,

@@ -1,0 +1,138 @@
+//! A pseudo-terminal in the place of the USB cable: programs open its path as they open a Nano's port.
+//!
+//! The other side is held by whoever opens the path and by nobody else, so that opening and closing it can be told
+//! apart, as DTR tells it on a real port; the rate that the program asks for is seen, too (the 1200-baud touch).
+
+use std::io;
+use std::os::fd::{AsFd, OwnedFd};
+use std::os::unix::ffi::OsStringExt;
+use std::path::{Path, PathBuf};
+
+use rustix::event::{PollFd, PollFlags, Timespec, poll};
+use rustix::fs::{Mode, OFlags, open};
+use rustix::io::Errno;
+use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
+use rustix::termios::{OptionalActions, tcgetattr, tcsetattr};
+
+/// Bytes read at once.
+const CHUNK: usize = 4096;
+
+/// Our side of a pseudo-terminal.
+#[derive(Debug)]
+pub struct Pty {
+    master: OwnedFd,
+    path: PathBuf,
+}
+
+impl Pty {
+    /// Makes one, in raw mode.
+    ///
+    /// # Errors
+    /// What the system says.
+    pub fn open() -> io::Result<Self> {
+        let master = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY)?;
+        grantpt(&master)?;
+        unlockpt(&master)?;
+        rustix::io::ioctl_fionbio(&master, true)?;
+        let name = ptsname(&master, Vec::new())?;
+        // Opened and closed once: from now on it shows whether a program has it open. The mode stays.
+        let other = open(
+            name.as_c_str(),
+            OFlags::RDWR | OFlags::NOCTTY,
+            Mode::empty(),
+        )?;
+        let mut mode = tcgetattr(&other)?;
+        mode.make_raw();
+        tcsetattr(&other, OptionalActions::Now, &mode)?;
+        let path = std::ffi::OsString::from_vec(name.into_bytes()).into();
+        Ok(Self { master, path })
+    }
+
+    /// What programs open.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Whether a program has it open.
+    pub fn is_open(&self) -> bool {
+        let mut asked = [PollFd::new(&self.master, PollFlags::IN)];
+        let at_once = Timespec::default();
+        match poll(&mut asked, Some(&at_once)) {
+            Ok(_) => !asked[0].revents().contains(PollFlags::HUP),
+            Err(_) => false,
+        }
+    }
+
+    /// The rate that the program has asked for, baud.
+    pub fn baud(&self) -> Option<u32> {
+        Some(tcgetattr(self.master.as_fd()).ok()?.output_speed())
+    }
+
+    /// What the program has written, at most [`CHUNK`] bytes; empty if there is nothing, or nobody.
+    ///
+    /// # Errors
+    /// What the system says.
+    pub fn read(&self) -> io::Result<Vec<u8>> {
+        let mut bytes = vec![0; CHUNK];
+        match rustix::io::read(&self.master, &mut bytes) {
+            Ok(count) => {
+                bytes.truncate(count);
+                Ok(bytes)
+            }
+            Err(Errno::AGAIN | Errno::IO | Errno::INTR) => Ok(Vec::new()),
+            Err(error) => Err(error.into()),
+        }
+    }
+
+    /// Hands over as much of `bytes` as there is room for, and says how many.
+    ///
+    /// # Errors
+    /// What the system says.
+    pub fn write(&self, bytes: &[u8]) -> io::Result<usize> {
+        match rustix::io::write(&self.master, bytes) {
+            Ok(count) => Ok(count),
+            Err(Errno::AGAIN | Errno::IO | Errno::INTR) => Ok(0),
+            Err(error) => Err(error.into()),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::fs::OpenOptions;
+    use std::io::{Read, Write};
+
+    #[test]
+    fn bytes_pass_unchanged_and_opening_and_closing_show() {
+        let pty = Pty::open().unwrap();
+        assert!(!pty.is_open());
+        let program = || OpenOptions::new().read(true).write(true).open(pty.path());
+        for _ in 0..2 {
+            let mut program = program().unwrap();
+            assert!(pty.is_open());
+            program.write_all(b"\x03\r\n\x00\xFD").unwrap();
+            assert_eq!(pty.read().unwrap(), b"\x03\r\n\x00\xFD");
+            assert_eq!(pty.write(b"\n\x04\xFE").unwrap(), 3);
+            let mut heard = [0; 3];
+            program.read_exact(&mut heard).unwrap();
+            assert_eq!(&heard, b"\n\x04\xFE");
+            drop(program);
+            assert!(!pty.is_open());
+        }
+    }
+
+    #[test]
+    fn a_program_that_does_not_read_takes_no_more_at_some_point_and_blocks_nothing() {
+        let pty = Pty::open().unwrap();
+        let _program = OpenOptions::new().read(true).open(pty.path()).unwrap();
+        let mut taken = 0;
+        while taken < 1_000_000 {
+            match pty.write(&[0x55; 1000]).unwrap() {
+                0 => return,
+                count => taken += count,
+            }
+        }
+        panic!("{taken} bytes taken by nobody");
+    }
+}

@@ -1,0 +1,103 @@
+//! What a ground station says to the vehicle, as messages: on the rig and on a real port alike.
+
+use mavlink::dialects::common::{
+    COMMAND_LONG_DATA, HEARTBEAT_DATA, MavAutopilot, MavCmd, MavMessage, MavModeFlag, MavParamType,
+    MavState, MavType, PARAM_REQUEST_LIST_DATA, PARAM_REQUEST_READ_DATA, PARAM_SET_DATA,
+    TIMESYNC_DATA,
+};
+use mavlink::types::CharArray;
+use tvc_nano::config::{COMPONENT_ID, SYSTEM_ID};
+
+/// A command with its first parameters; the others are zero.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Order {
+    /// The command.
+    pub command: MavCmd,
+    /// Its first two parameters.
+    pub params: [f32; 2],
+}
+
+/// Standby to armed.
+pub const ARM: Order = Order {
+    command: MavCmd::MAV_CMD_COMPONENT_ARM_DISARM,
+    params: [1.0, 0.0],
+};
+
+/// Back to standby; acknowledges a failsafe or a latched fault.
+pub const DISARM: Order = Order {
+    command: MavCmd::MAV_CMD_COMPONENT_ARM_DISARM,
+    params: [0.0, 0.0],
+};
+
+/// Armed to active: gripper 1, action 0 (release).
+pub const RELEASE: Order = Order {
+    command: MavCmd::MAV_CMD_DO_GRIPPER,
+    params: [1.0, 0.0],
+};
+
+/// The command that keeps (1) or forgets (2) parameters over a loss of power.
+pub const STORAGE: MavCmd = MavCmd::MAV_CMD_PREFLIGHT_STORAGE;
+
+impl Order {
+    /// As COMMAND_LONG.
+    pub fn message(&self) -> MavMessage {
+        let [param1, param2] = self.params;
+        MavMessage::COMMAND_LONG(COMMAND_LONG_DATA {
+            param1,
+            param2,
+            command: self.command,
+            target_system: SYSTEM_ID,
+            target_component: COMPONENT_ID,
+            ..COMMAND_LONG_DATA::default()
+        })
+    }
+}
+
+/// HEARTBEAT of a ground station.
+pub fn heartbeat() -> MavMessage {
+    MavMessage::HEARTBEAT(HEARTBEAT_DATA {
+        custom_mode: 0,
+        mavtype: MavType::MAV_TYPE_GCS,
+        autopilot: MavAutopilot::MAV_AUTOPILOT_INVALID,
+        base_mode: MavModeFlag::empty(),
+        system_status: MavState::MAV_STATE_ACTIVE,
+        mavlink_version: 3,
+    })
+}
+
+/// PARAM_SET.
+pub fn set_parameter(name: &str, value: f32) -> MavMessage {
+    MavMessage::PARAM_SET(PARAM_SET_DATA {
+        param_value: value,
+        target_system: SYSTEM_ID,
+        target_component: COMPONENT_ID,
+        param_id: CharArray::from(name),
+        param_type: MavParamType::MAV_PARAM_TYPE_REAL32,
+    })
+}
+
+/// PARAM_REQUEST_READ by name.
+pub fn read_parameter(name: &str) -> MavMessage {
+    MavMessage::PARAM_REQUEST_READ(PARAM_REQUEST_READ_DATA {
+        param_index: -1,
+        target_system: SYSTEM_ID,
+        target_component: COMPONENT_ID,
+        param_id: CharArray::from(name),
+    })
+}
+
+/// PARAM_REQUEST_LIST.
+pub fn list_parameters() -> MavMessage {
+    MavMessage::PARAM_REQUEST_LIST(PARAM_REQUEST_LIST_DATA {
+        target_system: SYSTEM_ID,
+        target_component: COMPONENT_ID,
+    })
+}
+
+/// TIMESYNC that asks for the vehicle's clock; `ts1_ns` comes back with the answer.
+pub fn time(ts1_ns: i64) -> MavMessage {
+    MavMessage::TIMESYNC(TIMESYNC_DATA {
+        tc1: 0,
+        ts1: ts1_ns,
+    })
+}
