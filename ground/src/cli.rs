@@ -3,11 +3,21 @@
 
 mod flash;
 mod fly;
+mod link;
 mod model;
+mod operate;
+mod param;
+mod rig;
+mod watch;
 
 pub use flash::Flash;
 pub use fly::{Fly, ServoChoice};
+pub use link::Port;
 pub use model::{Model, ModelCommand, Simulate};
+pub use operate::{Operate, Ports};
+pub use param::{Param, ParamAction};
+pub use rig::Rig;
+pub use watch::{Forward, Monitor, Record};
 
 use clap::{Parser, Subcommand};
 
@@ -29,6 +39,22 @@ pub enum Command {
     Flash(Flash),
     /// The drone's physics: simulate a scenario.
     Model(Model),
+    /// Run the virtual rig in real time, its port behind a pseudo-terminal.
+    Rig(Rig),
+    /// List the serial ports.
+    Ports(Ports),
+    /// Show, change, compare, load and keep parameters.
+    Param(Param),
+    /// Arm the vehicle.
+    Arm(Operate),
+    /// Disarm the vehicle: rudder to neutral.
+    Disarm(Operate),
+    /// Watch the vehicle live.
+    Monitor(Monitor),
+    /// Keep everything that the vehicle sends in a log.
+    Record(Record),
+    /// Pass everything on to QGroundControl and PlotJuggler.
+    Forward(Forward),
 }
 
 #[cfg(test)]

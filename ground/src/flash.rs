@@ -12,17 +12,13 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result, bail};
 use rig::image::{self, Image};
-use serialport::{SerialPortInfo, SerialPortType};
 
 use crate::cli::Flash;
-use crate::failure::{BadInput, Verdict};
+use crate::failure::Verdict;
 use crate::output::write_whole;
+use crate::port;
 use crate::uf2;
 
-/// USB vendor of the Nano 33 IoT, in firmware and in bootloader.
-const VENDOR: u16 = 0x2341;
-/// USB products: the running firmware, the bootloader.
-const PRODUCTS: [u16; 2] = [0x8057, 0x0057];
 /// How long the bootloader's port may take to appear after the touch.
 const BOOTLOADER_PATIENCE: Duration = Duration::from_secs(8);
 
@@ -36,7 +32,7 @@ pub fn run(options: &Flash) -> Result<Verdict> {
         Flash {
             bin: Some(path), ..
         } => Target::Bin(path.clone()),
-        Flash { port, .. } => Target::Port(find_port(port.as_deref())?, find_bossac()?),
+        Flash { port, .. } => Target::Port(port::find(port.as_deref())?, find_bossac()?),
     };
     let image = image::build(&mut |line| eprintln!("{line}")).context("building the image")?;
     let (address, bytes) = (image.address(), image.bytes());
@@ -62,54 +58,6 @@ fn write_file(path: &Path, bytes: &[u8], image: &Image) -> Result<Verdict> {
         image.address()
     );
     Ok(Verdict::Met)
-}
-
-/// The port to use: the one named, if it exists, or the only Nano that is connected.
-fn find_port(wanted: Option<&str>) -> Result<String> {
-    let ports = serialport::available_ports().context("listing serial ports")?;
-    if let Some(name) = wanted {
-        // A port may exist without being listed (a link under /dev, for instance).
-        let there = ports.iter().any(|port| port.port_name == name) || Path::new(name).exists();
-        return if there {
-            Ok(name.to_string())
-        } else {
-            Err(BadInput::new(format!(
-                "no port {name}; {}",
-                match ports.as_slice() {
-                    [] => "no serial port is connected".to_string(),
-                    _ => format!("connected: {}", names(&ports)),
-                }
-            ))
-            .into())
-        };
-    }
-    let nanos: Vec<_> = ports.into_iter().filter(is_nano).collect();
-    match nanos.as_slice() {
-        [nano] => Ok(nano.port_name.clone()),
-        [] => Err(BadInput::new(
-            "no Nano found; connect it, double-tap its reset button if it runs other firmware, \
-             or name the port with --port",
-        )
-        .into()),
-        _ => Err(BadInput::new(format!(
-            "more than one Nano is connected ({}); choose with --port",
-            names(&nanos)
-        ))
-        .into()),
-    }
-}
-
-fn is_nano(port: &SerialPortInfo) -> bool {
-    matches!(&port.port_type, SerialPortType::UsbPort(usb)
-        if usb.vid == VENDOR && PRODUCTS.contains(&usb.pid))
-}
-
-fn names(ports: &[SerialPortInfo]) -> String {
-    ports
-        .iter()
-        .map(|port| port.port_name.as_str())
-        .collect::<Vec<_>>()
-        .join(", ")
 }
 
 fn find_bossac() -> Result<PathBuf> {
@@ -176,40 +124,6 @@ fn enter_bootloader(port: &str) -> Result<String> {
 }
 
 fn port_names() -> Result<BTreeSet<String>> {
-    let ports = serialport::available_ports().context("listing serial ports")?;
+    let ports = port::available()?;
     Ok(ports.into_iter().map(|port| port.port_name).collect())
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use serialport::UsbPortInfo;
-
-    fn usb(vid: u16, pid: u16) -> SerialPortInfo {
-        SerialPortInfo {
-            port_name: "ttyACM0".into(),
-            port_type: SerialPortType::UsbPort(UsbPortInfo {
-                vid,
-                pid,
-                serial_number: None,
-                manufacturer: None,
-                product: None,
-            }),
-        }
-    }
-
-    #[test]
-    fn a_nano_is_known_by_its_ids_in_both_lives() {
-        assert!(is_nano(&usb(0x2341, 0x8057)));
-        assert!(is_nano(&usb(0x2341, 0x0057)));
-        assert!(!is_nano(&usb(0x2341, 0x0043)));
-        assert!(!is_nano(&usb(0x1209, 0x8057)));
-    }
-
-    #[test]
-    fn a_port_that_is_not_there_is_bad_input() {
-        let error = find_port(Some("/dev/no-such-port")).unwrap_err();
-        assert!(error.is::<BadInput>());
-        assert!(error.to_string().starts_with("no port /dev/no-such-port"));
-    }
 }

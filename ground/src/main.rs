@@ -4,11 +4,22 @@ mod cli;
 mod failure;
 mod flash;
 mod fly;
+mod forward;
+mod link;
+mod log;
 mod model;
+mod monitor;
+mod operate;
 mod output;
 mod page;
+mod param;
 mod plot;
+mod port;
+mod record;
+mod status;
+mod stop;
 mod uf2;
+mod virtual_rig;
 
 use std::process::ExitCode;
 
@@ -31,6 +42,14 @@ fn run(command: Command) -> anyhow::Result<Verdict> {
         Command::Fly(options) => fly::run(&options),
         Command::Flash(options) => flash::run(&options),
         Command::Model(options) => model::run(&options),
+        Command::Rig(options) => virtual_rig::run(&options),
+        Command::Ports(options) => port::list(&options),
+        Command::Param(options) => param::run(&options),
+        Command::Arm(options) => operate::arm(&options),
+        Command::Disarm(options) => operate::disarm(&options),
+        Command::Monitor(options) => monitor::run(&options),
+        Command::Record(options) => record::run(&options),
+        Command::Forward(options) => forward::run(&options),
     }
 }
 

@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 
+use ::rig::ServoKind;
 use clap::{Args, ValueEnum};
 use tvc_nano::Params;
 
@@ -56,6 +57,24 @@ pub enum ServoChoice {
     Digital,
 }
 
+impl ServoChoice {
+    /// As the rig knows it.
+    pub fn kind(self) -> ServoKind {
+        match self {
+            Self::S3003 => ServoKind::S3003,
+            Self::Digital => ServoKind::Digital,
+        }
+    }
+
+    /// As it is typed.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::S3003 => "s3003",
+            Self::Digital => "digital",
+        }
+    }
+}
+
 /// Gains of the pitch controller, from the command line.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Gains {
@@ -68,7 +87,7 @@ pub struct Gains {
 /// Largest tilt that the firmware arms at: 50 degrees, in rad, rounded down.
 const LARGEST_START_RAD: f64 = 0.87;
 
-fn start_angle(text: &str) -> Result<f64, String> {
+pub(super) fn start_angle(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
         Ok(rad) if rad > 0.0 && rad <= LARGEST_START_RAD => Ok(rad),
         Ok(_) => Err(format!(

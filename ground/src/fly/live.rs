@@ -60,9 +60,9 @@ impl Live {
     }
 }
 
-/// Pitch as a mark on a scale with upright in the middle.
-fn gauge(pitch_deg: f64) -> String {
-    let at = (pitch_deg / GAUGE_DEG * f64::from(HALF_GAUGE)).round() as i32;
+/// An angle as a mark on a scale with zero in the middle.
+pub fn gauge(angle_deg: f64) -> String {
+    let at = (angle_deg / GAUGE_DEG * f64::from(HALF_GAUGE)).round() as i32;
     let at = at.clamp(-HALF_GAUGE, HALF_GAUGE);
     (-HALF_GAUGE..=HALF_GAUGE)
         .map(|i| match i {

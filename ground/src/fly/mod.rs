@@ -10,14 +10,15 @@ mod report;
 use std::time::Instant;
 
 use anyhow::{Context, Result};
+use rig::Image;
 use rig::flight::Setup;
-use rig::{Image, ServoKind};
 use samd21::board::Ticks;
 
-use crate::cli::{Fly, ServoChoice};
+use crate::cli::Fly;
 use crate::failure::Verdict;
 use crate::output::write_whole;
 use figures::{ImageFigures, LoopFigures, Spread};
+pub use live::gauge;
 
 /// Flies as `options` say, prints the figures and writes the report.
 pub fn run(options: &Fly) -> Result<Verdict> {
@@ -48,17 +49,13 @@ pub fn run(options: &Fly) -> Result<Verdict> {
 }
 
 fn setup(options: &Fly) -> Setup {
-    let servo = match options.servo {
-        ServoChoice::S3003 => ServoKind::S3003,
-        ServoChoice::Digital => ServoKind::Digital,
-    };
     let gains = options.gains.map(|gains| rig::flight::Gains {
         kp: gains.kp,
         kd: gains.kd,
     });
     Setup {
         gains,
-        ..Setup::new(servo, options.seed)
+        ..Setup::new(options.servo.kind(), options.seed)
     }
 }
 

@@ -1,0 +1,325 @@
+//! The vehicle at the other end of a port: MAVLink both ways, for every command that talks to it.
+
+use std::collections::BTreeMap;
+use std::time::{Duration, Instant};
+
+use anyhow::{Result, anyhow, bail};
+use mavlink::dialects::common::{HEARTBEAT_DATA, MavAutopilot, MavMessage, MavResult};
+use rig::link::{Frame, LinkCounts};
+use rig::operator::FlightState;
+use rig::request::{self, Order};
+
+use crate::cli;
+use crate::failure::BadInput;
+use crate::log::Writer;
+use crate::port::Port;
+use crate::status::Standing;
+
+/// How long the vehicle may take until its first heartbeat; it sends one a second, and one at once when a port is opened.
+const CONNECT: Duration = Duration::from_secs(5);
+/// How long an answer may take.
+const ANSWER: Duration = Duration::from_secs(5);
+/// Silence in a list of parameters after which those that are missing are asked for again.
+const LIST_SILENCE: Duration = Duration::from_secs(1);
+/// How often we say that we are there.
+const HEARTBEAT: Duration = Duration::from_secs(1);
+/// Longest wait for bytes, so that heartbeats and deadlines are kept.
+const SLICE: Duration = Duration::from_millis(20);
+
+/// A port on which messages come and go.
+pub struct Link {
+    port: Port,
+    wire: rig::link::Link,
+    heartbeat: Option<Instant>,
+    log: Option<Writer>,
+}
+
+impl Link {
+    /// Opens the port that `options` mean.
+    ///
+    /// # Errors
+    /// See [`Port::open`].
+    pub fn open(options: &cli::Port) -> Result<Self> {
+        Ok(Self {
+            port: Port::open(options.port.as_deref())?,
+            wire: rig::link::Link::default(),
+            heartbeat: Some(Instant::now()),
+            log: None,
+        })
+    }
+
+    /// Sends no heartbeats of its own: another ground station does.
+    pub fn without_heartbeat(mut self) -> Self {
+        self.heartbeat = None;
+        self
+    }
+
+    /// Keeps every frame, both ways, in a log.
+    pub fn log_to(&mut self, log: Writer) {
+        self.log = Some(log);
+    }
+
+    /// Ends the log.
+    ///
+    /// # Errors
+    /// The log cannot be written.
+    pub fn end_log(&mut self) -> Result<()> {
+        self.log.take().map_or(Ok(()), Writer::end)
+    }
+
+    /// The port's name.
+    pub fn name(&self) -> &str {
+        self.port.name()
+    }
+
+    /// What has been counted.
+    pub fn counts(&self) -> LinkCounts {
+        self.wire.counts()
+    }
+
+    /// The frames that have come, waiting a short while for them.
+    ///
+    /// # Errors
+    /// The port went away, or the log cannot be written.
+    pub fn receive(&mut self) -> Result<Vec<Frame>> {
+        if self.heartbeat.is_some_and(|due| Instant::now() >= due) {
+            self.send(&request::heartbeat())?;
+            self.heartbeat = Some(Instant::now() + HEARTBEAT);
+        }
+        let bytes = self.port.read(SLICE)?;
+        let frames = self.wire.receive_frames(&bytes);
+        if let Some(log) = &mut self.log {
+            for frame in &frames {
+                log.write(&frame.bytes)?;
+            }
+        }
+        Ok(frames)
+    }
+
+    /// Sends a message.
+    ///
+    /// # Errors
+    /// The port went away or takes nothing, or the log cannot be written.
+    pub fn send(&mut self, message: &MavMessage) -> Result<()> {
+        let bytes = self.wire.frame(message);
+        self.send_bytes(&bytes)
+    }
+
+    /// Sends a frame that another ground station has made.
+    ///
+    /// # Errors
+    /// As [`Link::send`].
+    pub fn send_bytes(&mut self, bytes: &[u8]) -> Result<()> {
+        if let Some(log) = &mut self.log {
+            log.write(bytes)?;
+        }
+        self.port.write(bytes)
+    }
+}
+
+/// A parameter as the vehicle has it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Parameter {
+    /// Name.
+    pub name: String,
+    /// Value.
+    pub value: f32,
+}
+
+/// A vehicle that has been heard.
+pub struct Vehicle {
+    link: Link,
+    standing: Standing,
+    words: String,
+}
+
+impl Vehicle {
+    /// Opens the port and waits for the vehicle.
+    ///
+    /// # Errors
+    /// No such port, or nobody there.
+    pub fn connect(options: &cli::Port) -> Result<Self> {
+        Self::at(Link::open(options)?)
+    }
+
+    /// Waits for the vehicle at a link.
+    ///
+    /// # Errors
+    /// Nobody there.
+    pub fn at(link: Link) -> Result<Self> {
+        let mut vehicle = Self {
+            link,
+            standing: Standing::default(),
+            words: String::new(),
+        };
+        let heard = vehicle.wait(CONNECT, |message| {
+            matches!(message, MavMessage::HEARTBEAT(beat) if is_vehicle(beat)).then_some(())
+        })?;
+        match heard {
+            Some(()) => Ok(vehicle),
+            None => bail!(
+                "no heartbeat on {} within {} s: is tvc-nano on the board (tvc flash), and is this its port (tvc ports)?",
+                vehicle.link.name(),
+                CONNECT.as_secs()
+            ),
+        }
+    }
+
+    /// Where the flight stands, by the last heartbeat.
+    pub fn state(&self) -> FlightState {
+        self.standing.state()
+    }
+
+    /// Where the flight stands, and why.
+    pub fn standing(&self) -> &Standing {
+        &self.standing
+    }
+
+    /// The link, to read along.
+    pub fn link(&mut self) -> &mut Link {
+        &mut self.link
+    }
+
+    /// The frames that have come, waiting a short while for them.
+    ///
+    /// # Errors
+    /// The port went away.
+    pub fn receive(&mut self) -> Result<Vec<Frame>> {
+        let frames = self.link.receive()?;
+        for frame in &frames {
+            self.standing.take(&frame.message);
+            if let MavMessage::STATUSTEXT(text) = &frame.message {
+                self.words = text.text.to_str().unwrap_or("(not UTF-8)").to_owned();
+            }
+        }
+        Ok(frames)
+    }
+
+    /// Reads until `find` has found something, for at most `patience`.
+    fn wait<T>(
+        &mut self,
+        patience: Duration,
+        mut find: impl FnMut(&MavMessage) -> Option<T>,
+    ) -> Result<Option<T>> {
+        let end = Instant::now() + patience;
+        while Instant::now() < end {
+            let frames = self.receive()?;
+            if let Some(found) = frames.iter().find_map(|frame| find(&frame.message)) {
+                return Ok(Some(found));
+            }
+        }
+        Ok(None)
+    }
+
+    /// Gives an order, called `name`, and waits until it is obeyed.
+    ///
+    /// # Errors
+    /// The vehicle refuses (its reason is in the error) or does not answer.
+    pub fn command(&mut self, name: &str, order: Order) -> Result<()> {
+        self.words.clear();
+        self.link.send(&order.message())?;
+        let result = self.wait(ANSWER, |message| match message {
+            MavMessage::COMMAND_ACK(ack) if ack.command == order.command => Some(ack.result),
+            _ => None,
+        })?;
+        match result {
+            Some(MavResult::MAV_RESULT_ACCEPTED) => Ok(()),
+            Some(MavResult::MAV_RESULT_UNSUPPORTED) => {
+                bail!("this firmware does not know the command to {name}")
+            }
+            Some(_) if self.words.contains("refused") => bail!("{}", self.words),
+            Some(result) => bail!("{name} refused ({result:?})"),
+            None => Err(self.silence(name)),
+        }
+    }
+
+    /// Changes a parameter.
+    ///
+    /// # Errors
+    /// [`BadInput`] with the vehicle's reason if it keeps another value; silence.
+    pub fn set_parameter(&mut self, name: &str, value: f32) -> Result<()> {
+        self.words.clear();
+        self.link.send(&request::set_parameter(name, value))?;
+        let found = self.answered_parameter(name)?;
+        if found == value {
+            return Ok(());
+        }
+        let reason = match self.words.as_str() {
+            "" => "it gave no reason",
+            words => words,
+        };
+        Err(BadInput::new(format!("{name} stays at {found}: {reason}")).into())
+    }
+
+    /// One parameter's value.
+    ///
+    /// # Errors
+    /// [`BadInput`] if the vehicle does not know it; silence.
+    pub fn parameter(&mut self, name: &str) -> Result<f32> {
+        self.words.clear();
+        self.link.send(&request::read_parameter(name))?;
+        self.answered_parameter(name)
+    }
+
+    /// Every parameter, in the vehicle's order.
+    ///
+    /// # Errors
+    /// Silence.
+    pub fn parameters(&mut self) -> Result<Vec<Parameter>> {
+        let end = Instant::now() + ANSWER;
+        let mut rows = BTreeMap::new();
+        let mut count = None;
+        while Instant::now() < end {
+            self.link.send(&request::list_parameters())?;
+            let complete = self.wait(LIST_SILENCE, |message| {
+                if let MavMessage::PARAM_VALUE(row) = message {
+                    let name = row.param_id.to_str().unwrap_or("(not UTF-8)").to_owned();
+                    let value = row.param_value;
+                    rows.insert(row.param_index, Parameter { name, value });
+                    count = Some(usize::from(row.param_count));
+                }
+                (count == Some(rows.len())).then_some(())
+            })?;
+            if complete.is_some() {
+                return Ok(rows.into_values().collect());
+            }
+        }
+        Err(self.silence("the list of parameters"))
+    }
+
+    /// The value in the next answer about `name`.
+    fn answered_parameter(&mut self, name: &str) -> Result<f32> {
+        let mut unknown = false;
+        let found = self.wait(ANSWER, |message| match message {
+            MavMessage::PARAM_VALUE(row) if row.param_id.to_str() == Ok(name) => {
+                Some(Some(row.param_value))
+            }
+            MavMessage::STATUSTEXT(text) if text.text.to_str() == Ok("no such parameter") => {
+                unknown = true;
+                Some(None)
+            }
+            _ => None,
+        })?;
+        match found {
+            Some(Some(value)) => Ok(value),
+            Some(None) => Err(BadInput::new(format!(
+                "the vehicle has no parameter {name}; `tvc param list` shows them"
+            ))
+            .into()),
+            None => Err(self.silence(name)),
+        }
+    }
+
+    fn silence(&self, what: &str) -> anyhow::Error {
+        anyhow!(
+            "no answer about {what} on {} within {} s",
+            self.link.name(),
+            ANSWER.as_secs()
+        )
+    }
+}
+
+/// Another ground station's heartbeat is not the vehicle's.
+fn is_vehicle(beat: &HEARTBEAT_DATA) -> bool {
+    beat.autopilot != MavAutopilot::MAV_AUTOPILOT_INVALID
+}

@@ -1,0 +1,263 @@
+//! The control steps of a log, and what happened between them, in the vehicle's own order.
+//!
+//! Every step sends ATTITUDE_QUATERNION, SERVO_OUTPUT_RAW and, if it had a sample, RAW_IMU, one behind the other; answers
+//! and events lie between two steps as they lay in the firmware. A step without RAW_IMU missed its sample, unless frames
+//! are missing there.
+
+use mavlink::dialects::common::{MavCmd, MavMessage, MavResult, MavSeverity, SYS_STATUS_DATA};
+use tvc_nano::{Micros, RawSample};
+
+use super::{Entry, Log};
+
+/// Angles of a step's attitude are those of `[w, x, y, z]`, body to north-east-down.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Step {
+    /// The vehicle's clock at the step, us.
+    pub now_us: u64,
+    /// The untouched counts with their own time, if there was a usable sample.
+    pub sample: Option<RawSample>,
+    /// Attitude.
+    pub quaternion: [f32; 4],
+    /// Rates about the body's axes, rad/s.
+    pub rate_rad_s: [f32; 3],
+    /// Pulse commanded, us.
+    pub pulse_us: u16,
+}
+
+/// What a log tells, in order.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Event {
+    /// A control step.
+    Step(Step),
+    /// Frames are missing here: their number.
+    Gap(u64),
+    /// The state, as HEARTBEAT's `custom_mode` has it, each time it is told.
+    State(u32),
+    /// A text for people.
+    Said(MavSeverity, String),
+    /// A parameter's value, as the vehicle tells it.
+    Parameter(String, f32),
+    /// Load and health.
+    Status(SYS_STATUS_DATA),
+    /// An answer to a command.
+    Answer(MavCmd, MavResult),
+}
+
+/// A log as a flight.
+#[derive(Clone, Debug, Default)]
+pub struct Flight {
+    /// What happened.
+    pub events: Vec<Event>,
+}
+
+/// What has come of a step.
+#[derive(Clone, Copy, Debug)]
+struct Part {
+    quaternion: [f32; 4],
+    rate_rad_s: [f32; 3],
+    servo: Option<(u32, u16)>,
+    sample: Option<RawSample>,
+}
+
+impl Flight {
+    /// Puts the messages of a log together.
+    pub fn of(log: &Log) -> Self {
+        let mut flight = Self::default();
+        let mut part = None;
+        let mut clock = Clock::default();
+        for entry in log.entries.iter().filter(|entry| entry.from_vehicle) {
+            if entry.lost_before > 0 {
+                flight.close(part.take(), &mut clock, true);
+                flight.events.push(Event::Gap(entry.lost_before));
+            }
+            flight.take(entry, &mut part, &mut clock);
+        }
+        flight.close(part, &mut clock, true);
+        flight
+    }
+
+    /// The steps.
+    pub fn steps(&self) -> impl Iterator<Item = &Step> {
+        self.events.iter().filter_map(|event| match event {
+            Event::Step(step) => Some(step),
+            _ => None,
+        })
+    }
+
+    /// Frames that are missing.
+    pub fn lost(&self) -> u64 {
+        let gaps = self.events.iter().map(|event| match event {
+            Event::Gap(lost) => *lost,
+            _ => 0,
+        });
+        gaps.sum()
+    }
+
+    /// Steps without a usable sample.
+    pub fn missed(&self) -> usize {
+        self.steps().filter(|step| step.sample.is_none()).count()
+    }
+
+    fn take(&mut self, entry: &Entry, part: &mut Option<Part>, clock: &mut Clock) {
+        let event = match &entry.message {
+            MavMessage::SERVO_OUTPUT_RAW(m) => {
+                if let Some(part) = part {
+                    part.servo = Some((m.time_usec, m.servo1_raw));
+                }
+                return;
+            }
+            MavMessage::RAW_IMU(m) => {
+                if let Some(part) = part {
+                    part.sample = Some(RawSample {
+                        time: Micros(m.time_usec),
+                        acc: [m.xacc, m.yacc, m.zacc],
+                        gyr: [m.xgyro, m.ygyro, m.zgyro],
+                        mag: [m.xmag, m.ymag, m.zmag],
+                    });
+                }
+                return;
+            }
+            MavMessage::ATTITUDE_QUATERNION(m) => {
+                self.close(part.take(), clock, false);
+                *part = Some(Part {
+                    quaternion: [m.q1, m.q2, m.q3, m.q4],
+                    rate_rad_s: [m.rollspeed, m.pitchspeed, m.yawspeed],
+                    servo: None,
+                    sample: None,
+                });
+                return;
+            }
+            MavMessage::HEARTBEAT(m) => Event::State(m.custom_mode),
+            MavMessage::STATUSTEXT(m) => Event::Said(
+                m.severity,
+                m.text.to_str().unwrap_or("(not UTF-8)").to_owned(),
+            ),
+            MavMessage::PARAM_VALUE(m) => Event::Parameter(
+                m.param_id.to_str().unwrap_or("(not UTF-8)").to_owned(),
+                m.param_value,
+            ),
+            MavMessage::SYS_STATUS(m) => Event::Status(m.clone()),
+            MavMessage::COMMAND_ACK(m) => Event::Answer(m.command, m.result),
+            _ => return,
+        };
+        self.close(part.take(), clock, false);
+        self.events.push(event);
+    }
+
+    /// A step whose messages have all come. One at a gap may have lost its sample's message, and counts only with it.
+    fn close(&mut self, part: Option<Part>, clock: &mut Clock, at_gap: bool) {
+        let Some(part) = part else { return };
+        let Some((time_us, pulse_us)) = part.servo else {
+            return;
+        };
+        if at_gap && part.sample.is_none() {
+            return;
+        }
+        self.events.push(Event::Step(Step {
+            now_us: clock.whole(time_us, part.sample.map(|sample| sample.time.0)),
+            sample: part.sample,
+            quaternion: part.quaternion,
+            rate_rad_s: part.rate_rad_s,
+            pulse_us,
+        }));
+    }
+}
+
+/// Puts the upper half back onto a time that has 32 bits.
+#[derive(Clone, Copy, Debug, Default)]
+struct Clock {
+    last: Option<u64>,
+}
+
+impl Clock {
+    /// `low` is at or after `near`, or the last time, by less than 71 minutes.
+    fn whole(&mut self, low: u32, near: Option<u64>) -> u64 {
+        let from = near.or(self.last).unwrap_or(0);
+        let whole = from + u64::from(low.wrapping_sub(from as u32));
+        self.last = Some(whole);
+        whole
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use mavlink::dialects::common::{
+        ATTITUDE_QUATERNION_DATA, HEARTBEAT_DATA, RAW_IMU_DATA, SERVO_OUTPUT_RAW_DATA,
+    };
+    use rig::link::LinkCounts;
+
+    fn attitude() -> MavMessage {
+        MavMessage::ATTITUDE_QUATERNION(ATTITUDE_QUATERNION_DATA {
+            q1: 1.0,
+            ..ATTITUDE_QUATERNION_DATA::default()
+        })
+    }
+
+    fn servo(time_usec: u32) -> MavMessage {
+        MavMessage::SERVO_OUTPUT_RAW(SERVO_OUTPUT_RAW_DATA {
+            time_usec,
+            servo1_raw: 1524,
+            ..SERVO_OUTPUT_RAW_DATA::default()
+        })
+    }
+
+    fn raw(time_usec: u64) -> MavMessage {
+        MavMessage::RAW_IMU(RAW_IMU_DATA {
+            time_usec,
+            zacc: -981,
+            ..RAW_IMU_DATA::default()
+        })
+    }
+
+    fn flight(messages: Vec<(MavMessage, u64)>) -> Flight {
+        let entry = |(message, lost_before)| Entry {
+            time_us: 0,
+            from_vehicle: true,
+            message,
+            lost_before,
+        };
+        Flight::of(&Log {
+            entries: messages.into_iter().map(entry).collect(),
+            counts: LinkCounts::default(),
+        })
+    }
+
+    #[test]
+    fn a_step_without_counts_missed_its_sample_unless_frames_are_missing() {
+        let beat = MavMessage::HEARTBEAT(HEARTBEAT_DATA {
+            custom_mode: 3,
+            ..HEARTBEAT_DATA::default()
+        });
+        let flight = flight(vec![
+            (attitude(), 0),
+            (servo(5_000), 0),
+            (raw(1_000), 0),
+            (attitude(), 0),
+            (servo(15_000), 0),
+            (beat, 0),
+            (attitude(), 0),
+            (servo(25_000), 0),
+            (attitude(), 4),
+            (servo(55_000), 0),
+            (raw(51_000), 0),
+        ]);
+        let steps: Vec<_> = flight
+            .steps()
+            .map(|step| (step.now_us, step.sample.is_some()))
+            .collect();
+        assert_eq!(steps, [(5_000, true), (15_000, false), (55_000, true)]);
+        assert_eq!((flight.missed(), flight.lost()), (1, 4));
+        assert_eq!(flight.events[2], Event::State(3));
+    }
+
+    #[test]
+    fn the_short_clock_is_made_whole() {
+        let mut clock = Clock::default();
+        let hour = 3 << 32;
+        assert_eq!(clock.whole(7_000, Some(hour + 2_000)), hour + 7_000);
+        assert_eq!(clock.whole(17_000, None), hour + 17_000);
+        let end = (4 << 32) - 1_000;
+        assert_eq!(clock.whole(3_000, Some(end)), (4 << 32) + 3_000);
+    }
+}

@@ -1,0 +1,19 @@
+//! Ctrl-C, so that a command that runs until then ends with its files whole.
+
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+
+use anyhow::{Context, Result};
+
+static STOP: AtomicBool = AtomicBool::new(false);
+
+/// A flag that Ctrl-C (and, on Unix, SIGTERM and SIGHUP) sets. Call once.
+pub fn on_signal() -> Result<&'static AtomicBool> {
+    ctrlc::set_handler(|| STOP.store(true, Ordering::Relaxed)).context("listening for Ctrl-C")?;
+    Ok(&STOP)
+}
+
+/// Whether a command that began then shall end: it was told to, or `longest` is over.
+pub fn asked(flag: &AtomicBool, begun: Instant, longest: Option<Duration>) -> bool {
+    flag.load(Ordering::Relaxed) || longest.is_some_and(|most| begun.elapsed() >= most)
+}

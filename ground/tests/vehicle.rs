@@ -1,0 +1,214 @@
+//! Every command that talks to a vehicle, against the virtual rig behind its pseudo-terminal.
+#![cfg(unix)]
+
+use std::io::{BufRead, BufReader};
+use std::path::PathBuf;
+use std::process::{Child, Command, Output, Stdio};
+use std::time::{Duration, Instant};
+
+use serde_json::Value;
+
+/// A machine that is busy with other tests runs the rig slower than real time.
+const PATIENCE: Duration = Duration::from_secs(120);
+
+/// `tvc rig --pty`, ended with the test.
+struct Rig {
+    process: Child,
+    folder: tempfile::TempDir,
+}
+
+impl Rig {
+    fn start(options: &[&str]) -> Self {
+        let folder = tempfile::tempdir().unwrap();
+        let mut process = Command::new(env!("CARGO_BIN_EXE_tvc"))
+            .args(["rig", "--pty", "--seconds", "600", "--link"])
+            .arg(folder.path().join("nano"))
+            .args(options)
+            .stdout(Stdio::piped())
+            .stderr(Stdio::null())
+            .spawn()
+            .unwrap();
+        let mut first = String::new();
+        let mut out = BufReader::new(process.stdout.take().unwrap());
+        out.read_line(&mut first).unwrap();
+        assert!(first.starts_with("/dev/"), "{first}");
+        Self { process, folder }
+    }
+
+    fn path(&self, name: &str) -> String {
+        self.folder.path().join(name).to_str().unwrap().to_owned()
+    }
+
+    fn tvc(&self, arguments: &[&str]) -> Output {
+        Command::new(env!("CARGO_BIN_EXE_tvc"))
+            .args(arguments)
+            .args(["--port", &self.path("nano")])
+            .output()
+            .unwrap()
+    }
+
+    /// Standard output of a command that must succeed.
+    fn ok(&self, arguments: &[&str]) -> String {
+        let output = self.tvc(arguments);
+        let said = String::from_utf8_lossy(&output.stderr);
+        assert_eq!(output.status.code(), Some(0), "{arguments:?}: {said}");
+        String::from_utf8(output.stdout).unwrap()
+    }
+
+    fn json(&self, arguments: &[&str]) -> Value {
+        let text = self.ok(&[arguments, &["--json"]].concat());
+        serde_json::from_str(&text).unwrap_or_else(|error| panic!("{error}: {text}"))
+    }
+
+    /// The error of a command that must fail with `status`, in one line.
+    fn refused(&self, status: i32, arguments: &[&str]) -> String {
+        let output = self.tvc(arguments);
+        let said = String::from_utf8(output.stderr).unwrap();
+        assert_eq!(output.status.code(), Some(status), "{arguments:?}: {said}");
+        assert!(output.stdout.is_empty(), "{arguments:?}");
+        let errors: Vec<&str> = said.lines().filter(|l| l.starts_with("error: ")).collect();
+        assert_eq!(errors.len(), 1, "{said}");
+        errors[0].to_owned()
+    }
+
+    fn status(&self) -> Value {
+        let lines = self.ok(&["monitor", "--json", "--every", "0.2", "--seconds", "0.7"]);
+        let last = lines.lines().last().expect("a line of status");
+        serde_json::from_str(last).unwrap()
+    }
+
+    fn wait_for(&self, state: &str) {
+        let begun = Instant::now();
+        while self.status()["state"] != state {
+            assert!(begun.elapsed() < PATIENCE, "{}", self.status());
+        }
+    }
+
+    fn terminate(&mut self) {
+        let id = self.process.id().to_string();
+        assert!(Command::new("kill").arg(id).status().unwrap().success());
+    }
+}
+
+impl Drop for Rig {
+    fn drop(&mut self) {
+        let _ = self.process.kill();
+        let _ = self.process.wait();
+    }
+}
+
+#[test]
+fn parameters_are_listed_set_refused_compared_and_loaded() {
+    let rig = Rig::start(&[]);
+    let list = rig.json(&["param", "list"]);
+    let rows = list["parameters"].as_array().unwrap();
+    assert_eq!(rows.len(), tvc_nano::Params::count());
+    for row in rows {
+        assert_eq!(row["value"], row["default"], "{row}");
+        assert!(!row["meaning"].as_str().unwrap().is_empty(), "{row}");
+    }
+    rig.ok(&["param", "diff"]);
+
+    rig.ok(&["param", "set", "PID_KP", "1.25"]);
+    let got = rig.json(&["param", "get", "PID_KP", "PID_KD"]);
+    assert_eq!(got["parameters"][0]["value"], 1.25);
+    let diff = rig.tvc(&["param", "diff"]);
+    assert_eq!(diff.status.code(), Some(1));
+    assert!(String::from_utf8(diff.stdout).unwrap().contains("PID_KP"));
+
+    let said = rig.refused(2, &["param", "set", "PID_KP", "11"]);
+    assert!(said.contains("PID_KP must be 0 to 10"), "{said}");
+    assert!(said.contains("stays at 1.25"), "{said}");
+    let said = rig.refused(2, &["param", "set", "NO_SUCH", "1"]);
+    assert!(said.contains("NO_SUCH"), "{said}");
+
+    let file = rig.path("gains.parm");
+    rig.ok(&["param", "dump", &file]);
+    rig.ok(&["param", "set", "PID_KP", "2"]);
+    rig.ok(&["param", "load", &file]);
+    rig.ok(&["param", "diff", &file]);
+    assert_eq!(
+        rig.json(&["param", "get", "PID_KP"])["parameters"][0]["value"],
+        1.25
+    );
+
+    let bad = rig.path("bad.parm");
+    std::fs::write(&bad, "PID_KD 0.1\nPID_KP 99\n").unwrap();
+    let said = rig.refused(2, &["param", "load", &bad]);
+    assert!(said.contains("line 2"), "{said}");
+    assert_ne!(
+        rig.json(&["param", "get", "PID_KD"])["parameters"][0]["value"],
+        0.1
+    );
+}
+
+#[test]
+fn it_arms_disarms_is_watched_and_recorded() {
+    let rig = Rig::start(&["--tilt", "0.3"]);
+    rig.wait_for("standby");
+    let status = rig.status();
+    let pitch = status["attitude_rad"][1].as_f64().unwrap();
+    assert!((pitch - 0.3).abs() < 0.03, "{status}");
+    assert_eq!(status["armed"], false);
+    assert_eq!(
+        (&status["lost"], &status["crc_errors"]),
+        (&0.into(), &0.into())
+    );
+
+    assert_eq!(rig.json(&["arm"])["state"], "armed");
+    assert_eq!(rig.status()["armed"], true);
+    let said = rig.refused(2, &["param", "set", "SRV_DIR", "-1"]);
+    assert!(said.contains("disarm first"), "{said}");
+    assert_eq!(rig.json(&["disarm"])["state"], "standby");
+
+    let (log, table) = (rig.path("flight.tlog"), rig.path("flight.csv"));
+    rig.ok(&["record", &log, "--csv", &table, "--seconds", "2"]);
+    let rows = std::fs::read_to_string(&table).unwrap();
+    assert!(rows.lines().count() > 20, "{}", rows.lines().count());
+    assert!(std::fs::metadata(&log).unwrap().len() > 5_000);
+    let said = rig.refused(2, &["record", &log, "--seconds", "1"]);
+    assert!(said.contains("is there already"), "{said}");
+}
+
+#[test]
+fn a_rig_that_is_told_to_end_leaves_nothing_behind_and_who_listens_is_told() {
+    let mut rig = Rig::start(&[]);
+    let monitor = Command::new(env!("CARGO_BIN_EXE_tvc"))
+        .args([
+            "monitor",
+            "--json",
+            "--every",
+            "0.1",
+            "--port",
+            &rig.path("nano"),
+        ])
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    std::thread::sleep(Duration::from_secs(2));
+    rig.terminate();
+    assert_eq!(rig.process.wait().unwrap().code(), Some(0));
+    assert!(!PathBuf::from(rig.path("nano")).is_symlink());
+    let output = monitor.wait_with_output().unwrap();
+    let said = String::from_utf8(output.stderr).unwrap();
+    assert_eq!(output.status.code(), Some(1), "{said}");
+    assert!(said.contains("went away"), "{said}");
+    let said = rig.refused(2, &["arm"]);
+    assert!(said.contains("no port"), "{said}");
+}
+
+#[test]
+fn a_port_without_a_vehicle_is_said_to_be_one() {
+    let pty = rig::pty::Pty::open().unwrap();
+    let output = Command::new(env!("CARGO_BIN_EXE_tvc"))
+        .args(["param", "list", "--port", pty.path().to_str().unwrap()])
+        .output()
+        .unwrap();
+    let said = String::from_utf8(output.stderr).unwrap();
+    assert_eq!(output.status.code(), Some(1), "{said}");
+    assert!(
+        said.contains("no heartbeat on") && said.contains("tvc ports"),
+        "{said}"
+    );
+}
