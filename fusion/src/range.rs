@@ -6,8 +6,12 @@
 //! clipping has ended, about the axis as it stood meanwhile, and its size says how uncertain the attitude
 //! has become.
 //!
-//! The limit need not be known: a rate that stays exactly the same for three samples, at the largest value
-//! ever seen on its axis, is a limit.
+//! The limit need not be known, and may differ between the axes and between the two senses of each. Near the
+//! largest rate ever seen in a sense, two signs show one: a rate that stays the same to the count for three
+//! samples after it had changed fast, and, because factory calibration mixes a little of the other axes into a clipped one, one that
+//! hardly changes. A smooth motion has neither: around the peak of
+//! a sine the steps are as 5, 3, 1, -1. Should a steady spin pass for clipping all the same, it lasts too
+//! long for anything to be given back.
 
 use nalgebra::Vector3;
 
@@ -22,6 +26,30 @@ const EQUAL: f32 = 4e-5;
 
 /// Steps without a change that show a limit.
 const FLAT_STEPS: u8 = 2;
+
+/// They must take this long together, s: noise makes shorter ones.
+const FLAT_S: f32 = 0.006;
+
+/// Small steps: as a fraction of the largest rate, and of the step that came before them. That one must show
+/// at least this angular acceleration, rad/s^2: slower, the counts of a smooth motion stay the same too.
+const SMALL_STEP: f32 = 0.003;
+const SMALLER: f32 = 0.25;
+const ARRIVAL_RAD_S2: f32 = 5.0;
+
+/// Only within this fraction of the largest rate is a limit looked for, and this is how much below what was
+/// seen it is put where other axes are mixed in.
+const NEAR: f32 = 0.97;
+const MIXED: f32 = 0.985;
+
+/// Rates up to this fraction of the largest are not looked at.
+const QUIET: f32 = 0.85;
+
+/// A rate further beyond a limit than this disproves it.
+const BEYOND: f32 = 1.04;
+
+/// Clipping that lasts longer than this is no peak that two slopes describe, s; what is lost then is not
+/// given back.
+const LONGEST_S: f32 = 0.5;
 
 /// Uncertainty of the angle given back: this fraction of it, and this times its square (rad).
 const SIGMA: (f32, f32) = (0.2, 0.3);
@@ -38,19 +66,24 @@ pub(crate) struct Lost<T> {
 #[derive(Clone, Debug)]
 pub(crate) struct Range<T> {
     configured: T,
+    /// An axis is clipped, or was so with the last sample.
+    busy: bool,
     axes: [Axis<T>; 3],
 }
 
 #[derive(Clone, Debug)]
 struct Axis<T> {
-    /// Rates beyond this have clipped, rad/s: configured or found.
-    limit: T,
+    /// Rates beyond this have clipped, rad/s: configured or found; for positive and for negative rates.
+    limits: [T; 2],
     /// Rates up to this are not worth a look.
     quiet: T,
     largest: T,
-    flat: u8,
-    /// The last two rates, newest first.
-    last: [T; 2],
+    /// Steps in a row that were small, and that were none; the step that came before them.
+    small: u8,
+    equal: u8,
+    arrival: T,
+    /// The last two rates, newest first, as far as they were looked at.
+    last: [Option<T>; 2],
     state: State<T>,
     /// Sum of the axis' directions in the earth frame while clipped.
     direction: Vector3<T>,
@@ -77,24 +110,20 @@ impl<T: Real> Range<T> {
         let configured = T::from_f32(limit_rad_s);
         Self {
             configured,
+            busy: false,
             axes: core::array::from_fn(|_| Axis::new(configured)),
         }
     }
 
     /// Whether there is nothing to be looked at, which is nearly always and costs no arithmetic.
     #[inline(always)]
-    pub(crate) fn is_quiet(&mut self, gyr: &Vector3<T>) -> bool {
-        let [x, y, z] = &mut self.axes;
-        let quiet = x.is_quiet(gyr.x) && y.is_quiet(gyr.y) && z.is_quiet(gyr.z);
-        if quiet {
-            x.remember(gyr.x);
-            y.remember(gyr.y);
-            z.remember(gyr.z);
-        }
-        quiet
+    pub(crate) fn is_quiet(&self, gyr: &Vector3<T>) -> bool {
+        let [x, y, z] = &self.axes;
+        !self.busy && gyr.x.within(x.quiet) && gyr.y.within(y.quiet) && gyr.z.within(z.quiet)
     }
 
-    /// Rates that are not quiet: clamp them to the configured limit, and say what was lost.
+    /// Rates that are not quiet: clamp them to the configured limit, and say whether they are clipped, and what
+    /// was lost.
     #[cold]
     #[inline(never)]
     pub(crate) fn examine(
@@ -105,16 +134,20 @@ impl<T: Real> Range<T> {
     ) -> (bool, Option<Lost<T>>) {
         let mut clipped = false;
         let mut total: Option<Lost<T>> = None;
-        let rows = orientation.half_rows();
-        let columns = [
-            Vector3::new(rows.north.x, rows.east.x, rows.down.x),
-            Vector3::new(rows.north.y, rows.east.y, rows.down.y),
-            Vector3::new(rows.north.z, rows.east.z, rows.down.z),
-        ];
-        for ((axis, rate), column) in self.axes.iter_mut().zip(gyr.iter_mut()).zip(&columns) {
+        let mut busy = false;
+        for (i, (axis, rate)) in self.axes.iter_mut().zip(gyr.iter_mut()).enumerate() {
             *rate = clamped(*rate, self.configured);
-            let lost = axis.examine(dt, *rate, self.configured, column);
+            let lost = axis.examine(dt, *rate, self.configured, || {
+                let rows = orientation.half_rows();
+                [rows.north, rows.east, rows.down].map(|row| match i {
+                    0 => row.x,
+                    1 => row.y,
+                    _ => row.z,
+                })
+            });
             clipped |= axis.state != State::Clear;
+            // What an axis remembers must be forgotten when the next sample is not looked at.
+            busy |= axis.last[0].is_some();
             if let Some(lost) = lost {
                 let sum = total.get_or_insert(Lost {
                     half_angle_earth: Vector3::new(T::ZERO, T::ZERO, T::ZERO),
@@ -126,6 +159,7 @@ impl<T: Real> Range<T> {
                 sum.variance += lost.variance;
             }
         }
+        self.busy = busy;
         (clipped, total)
     }
 }
@@ -133,41 +167,53 @@ impl<T: Real> Range<T> {
 impl<T: Real> Axis<T> {
     fn new(limit: T) -> Self {
         Self {
-            limit,
+            limits: [limit; 2],
             quiet: T::from_f32(LEAST_LIMIT),
             largest: T::ZERO,
-            flat: 0,
-            last: [T::ZERO; 2],
+            small: 0,
+            equal: 0,
+            arrival: T::ZERO,
+            last: [None; 2],
             state: State::Clear,
             direction: Vector3::new(T::ZERO, T::ZERO, T::ZERO),
         }
     }
 
-    #[inline(always)]
-    fn is_quiet(&self, rate: T) -> bool {
-        rate.within(self.quiet) && matches!(self.state, State::Clear)
+    fn limit(&self, negative: bool) -> T {
+        let [positive, below] = self.limits;
+        if negative { below } else { positive }
     }
 
-    #[inline(always)]
-    fn remember(&mut self, rate: T) {
-        self.last = [rate, self.last[0]];
-    }
-
-    fn examine(&mut self, dt: T, rate: T, configured: T, column: &Vector3<T>) -> Option<Lost<T>> {
-        self.find_limit(rate, configured);
-        let clipped = !rate.within(self.limit);
+    /// `direction` is that of the axis in the earth frame, at half length.
+    fn examine(
+        &mut self,
+        dt: T,
+        rate: T,
+        configured: T,
+        direction: impl FnOnce() -> [T; 3],
+    ) -> Option<Lost<T>> {
+        if rate.within(self.quiet) && self.state == State::Clear {
+            self.last = [None; 2];
+            (self.small, self.equal) = (0, 0);
+            return None;
+        }
+        let found = self.find_limit(dt, rate, configured);
+        let limit = self.limit(rate.is_negative());
+        let clipped = !rate.within(limit);
         let [last, before] = self.last;
         let mut lost = None;
         self.state = match self.state {
             State::Clear if clipped => {
-                let limit = if rate < T::ZERO {
-                    -self.limit
-                } else {
-                    self.limit
-                };
+                let signed = if rate.is_negative() { -limit } else { limit };
                 // Found by staying the same, the limit was crossed before the slope could be seen.
-                let slope = (self.flat < FLAT_STEPS).then(|| (last - before) * dt.recip());
-                let time_s = slope.map_or(dt, |slope| dt - crossing(limit - last, slope, dt));
+                let slope = match (last, before) {
+                    (Some(last), Some(before)) if !found => Some((last - before) * dt.recip()),
+                    _ => None,
+                };
+                let time_s = match (slope, last) {
+                    (Some(slope), Some(last)) => dt - crossing(signed - last, slope, dt),
+                    _ => dt,
+                };
                 State::Clipped { slope, time_s }
             }
             State::Clear => State::Clear,
@@ -186,14 +232,11 @@ impl<T: Real> Axis<T> {
                 first,
             } => {
                 let after = (rate - first) * dt.recip();
-                let limit = if first < T::ZERO {
-                    -self.limit
-                } else {
-                    self.limit
-                };
-                let time_s = time_s + dt - crossing(first - limit, after, dt);
-                lost =
-                    Some(self.give_back(slope.unwrap_or(-after), after, time_s, first < T::ZERO));
+                let negative = first.is_negative();
+                let limit = self.limit(negative);
+                let signed = if negative { -limit } else { limit };
+                let time_s = time_s + dt - crossing(first - signed, after, dt);
+                lost = Some(self.give_back(slope.unwrap_or(-after), after, time_s, negative));
                 self.direction = Vector3::new(T::ZERO, T::ZERO, T::ZERO);
                 if clipped {
                     State::Clipped {
@@ -206,48 +249,90 @@ impl<T: Real> Axis<T> {
             }
         };
         if clipped {
-            self.direction.x += column.x;
-            self.direction.y += column.y;
-            self.direction.z += column.z;
+            let [north, east, down] = direction();
+            self.direction.x += north;
+            self.direction.y += east;
+            self.direction.z += down;
         }
-        self.remember(rate);
+        self.last = [Some(rate), last];
         lost
     }
 
-    /// Learn the limit from rates that stay the same, and forget it when a rate is beyond it.
-    fn find_limit(&mut self, rate: T, configured: T) {
+    /// Learn the limit from rates that stay, and forget it when a rate is beyond it; true where it has just
+    /// been learned.
+    fn find_limit(&mut self, dt: T, rate: T, configured: T) -> bool {
         let size = rate.abs();
+        let limit = self.limit(rate.is_negative());
+        let mut found = None;
+        if size > limit * T::from_f32(BEYOND) {
+            found = Some(configured);
+        }
         if size > self.largest {
-            if size > self.limit * T::from_f32(1.02) {
-                self.limit = configured;
-            }
             self.largest = size;
         }
-        let [last, _] = self.last;
-        let nearly = self.largest * T::from_f32(1.0 - 5.0 * EQUAL);
-        let same = size > nearly && (rate - last).within(self.largest * T::from_f32(EQUAL));
-        self.flat = if same { self.flat.saturating_add(1) } else { 0 };
-        if self.flat >= FLAT_STEPS && size >= T::from_f32(LEAST_LIMIT) && nearly < self.limit {
-            self.limit = nearly;
-        }
-        let quiet = if nearly < self.limit {
-            nearly
-        } else {
-            self.limit
+        // What was not looked at was below `quiet`.
+        let step = match self.last[0] {
+            Some(last) => (rate - last).abs(),
+            None => size - self.quiet,
         };
+        let below = |share: f32| step.within(self.largest * T::from_f32(share));
+        self.equal = if below(EQUAL) {
+            self.equal.saturating_add(1)
+        } else {
+            0
+        };
+        if below(SMALL_STEP) && step < self.arrival * T::from_f32(SMALLER) {
+            self.small = self.small.saturating_add(1);
+        } else {
+            self.small = 0;
+            self.arrival = step;
+        }
+        let mut learned = false;
+        if size > self.largest * T::from_f32(NEAR) {
+            let stays = |steps: u8| {
+                steps >= FLAT_STEPS && !(T::from_f32(steps.into()) * dt).within(T::from_f32(FLAT_S))
+            };
+            let arrived = self.arrival > dt * T::from_f32(ARRIVAL_RAD_S2);
+            let share = if arrived && stays(self.equal) {
+                1.0 - 5.0 * EQUAL
+            } else if arrived && stays(self.small) {
+                MIXED
+            } else {
+                f32::INFINITY
+            };
+            let supposed = size * T::from_f32(share);
+            // What is exact replaces what is not.
+            let sharper = self.equal == FLAT_STEPS && supposed.within(limit * T::from_f32(BEYOND));
+            if supposed < limit || sharper {
+                found = Some(supposed);
+                learned = limit == configured;
+            }
+        }
+        if let Some(limit) = found {
+            let [positive, below] = &mut self.limits;
+            *(if rate.is_negative() { below } else { positive }) = limit;
+        }
+        let quiet = self.largest * T::from_f32(QUIET);
         if quiet > self.quiet {
             self.quiet = quiet;
         }
+        learned
     }
 
     fn give_back(&self, before: T, after: T, time_s: T, negative: bool) -> Lost<T> {
         let area = (before - after) * time_s * time_s * T::from_f32(1.0 / 12.0);
         // At most as much as was measured: slopes of a hit say little about a long saturation.
-        let most = self.limit * time_s;
+        let most = self.limit(negative) * time_s;
         let size = if area.within(most) { area.abs() } else { most };
         // An area on the wrong side of the limit is not clipping but noise at it.
         let outward = (area < T::ZERO) == negative;
         let size = if outward { size } else { T::ZERO };
+        let sigma = size * (T::from_f32(SIGMA.0) + T::from_f32(SIGMA.1) * size);
+        let (size, sigma) = match time_s.within(T::from_f32(LONGEST_S)) {
+            true => (size, sigma),
+            false if sigma.within(T::ONE) => (T::ZERO, sigma),
+            false => (T::ZERO, T::ONE),
+        };
         let length2 = dot(&self.direction, &self.direction);
         let unit = if length2 > T::ZERO {
             length2.sqrt().recip()
@@ -255,7 +340,6 @@ impl<T: Real> Axis<T> {
             T::ZERO
         };
         let half = T::HALF * unit * if negative { -size } else { size };
-        let sigma = size * (T::from_f32(SIGMA.0) + T::from_f32(SIGMA.1) * size);
         Lost {
             half_angle_earth: Vector3::new(
                 self.direction.x * half,
@@ -324,18 +408,53 @@ mod tests {
         let mut range = Range::new(34.0);
         let (_, times) = run(&mut range, 8.0, 1.58);
         assert_eq!(times, 2);
-        assert!((range.axes[1].limit - 8.0).abs() < 0.01);
+        assert!((range.axes[1].limits[0] - 8.0).abs() < 0.01);
         let (given, _) = run(&mut range, 8.0, 7.9);
         assert!(given.abs() < 0.2, "{given}");
+    }
+
+    #[test]
+    fn a_limit_blurred_by_the_other_axes_is_found() {
+        let mut range = Range::new(34.0);
+        let (dt, mut given) = (0.0025, 0.0);
+        for k in 0..3000 {
+            let t = f64::from(k) * dt;
+            // Clipped at 8 and -7.8, then a percent of another axis.
+            let rate = (10.0 * (4.0 * t).sin()).clamp(-7.8, 8.0);
+            let mut gyr = Vector3::new(0.0, rate + 0.08 * (40.0 * t).cos(), 0.0);
+            if !range.is_quiet(&gyr)
+                && let (_, Some(lost)) = range.examine(dt, &mut gyr, &Quaternion::IDENTITY)
+            {
+                given += lost.half_angle_earth.y.abs();
+            }
+        }
+        let [positive, negative] = range.axes[1].limits;
+        assert!((7.7..8.1).contains(&positive), "{positive}");
+        assert!((7.5..7.9).contains(&negative), "{negative}");
+        assert!(given > 0.5, "{given}");
+    }
+
+    #[test]
+    fn a_steady_spin_is_given_nothing() {
+        let mut range = Range::new(34.0);
+        for k in 0..4000 {
+            let t = f64::from(k) * 0.0025;
+            let mut gyr = Vector3::new(0.0, (10.0 * t).min(20.0 * (10.0 - t)).min(5.0), 0.0);
+            if !range.is_quiet(&gyr)
+                && let (_, Some(lost)) = range.examine(0.0025, &mut gyr, &Quaternion::IDENTITY)
+            {
+                assert_eq!(lost.half_angle_earth.y, 0.0);
+            }
+        }
     }
 
     #[test]
     fn a_rate_beyond_a_supposed_limit_disproves_it() {
         let mut range = Range::new(34.0);
         run(&mut range, 6.0, 1.58);
-        assert!(range.axes[1].limit < 6.0);
+        assert!(range.axes[1].limits[0] < 6.0);
         run(&mut range, 20.0, 1.58);
-        assert_eq!(range.axes[1].limit, 34.0);
+        assert_eq!(range.axes[1].limits[0], 34.0);
     }
 
     #[test]
