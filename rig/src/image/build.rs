@@ -1,4 +1,5 @@
-//! Builds the image out of the workspace that this crate belongs to.
+//! Builds what runs on the chip: the firmware out of the workspace that this crate belongs to, and
+//! other images in the same way.
 
 use super::{Image, ImageError};
 use std::ffi::OsString;
@@ -6,8 +7,6 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
 pub(super) const TARGET: &str = "thumbv6m-none-eabi";
-const PROFILE: &str = "firmware";
-const BINARY: &str = "tvc-nano";
 
 /// Debian keeps its own compiler, with the sources of `core`, here.
 const DEBIAN_CARGO: &str = "/usr/bin/cargo";
@@ -21,60 +20,123 @@ enum Toolchain {
     Debian,
 }
 
+/// A binary for the chip and how it is to be built.
+#[derive(Clone, Copy, Debug)]
+pub struct Source<'a> {
+    /// Folder of the package or of its workspace.
+    pub folder: &'a Path,
+    /// Package and binary, which have one name.
+    pub package: &'a str,
+    /// Profile of cargo, any but `dev` (whose folder has another name).
+    pub profile: &'a str,
+    /// Features of the package.
+    pub features: &'a [&'a str],
+}
+
+/// Cargo, made ready to build for the chip.
+pub struct Builder {
+    toolchain: Toolchain,
+    /// Where it all goes: a folder of its own (`target/chip`), so that a build never waits for the
+    /// cargo that runs the caller.
+    folder: PathBuf,
+}
+
+impl Builder {
+    /// Finds a toolchain; a missing Rust target is added through rustup. `say` gets a line for
+    /// people now and then.
+    ///
+    /// # Errors
+    /// No toolchain.
+    pub fn new(say: &mut dyn FnMut(&str)) -> Result<Self, ImageError> {
+        let toolchain = toolchain(say)?;
+        if matches!(toolchain, Toolchain::Debian) {
+            say("building with Debian's compiler, and the core library first");
+        }
+        let folder = match std::env::var_os("CARGO_TARGET_DIR") {
+            Some(folder) => {
+                std::path::absolute(PathBuf::from(&folder)).unwrap_or_else(|_| folder.into())
+            }
+            None => workspace().join("target"),
+        };
+        Ok(Self {
+            toolchain,
+            folder: folder.join("chip"),
+        })
+    }
+
+    /// Where the image of a source is, once it is built.
+    fn path(&self, source: &Source<'_>) -> PathBuf {
+        self.folder
+            .join(TARGET)
+            .join(source.profile)
+            .join(source.package)
+    }
+
+    /// Builds and reads an image.
+    ///
+    /// # Errors
+    /// A build that fails, a file that is no image.
+    pub fn build(&self, source: &Source<'_>) -> Result<Image, ImageError> {
+        let mut command = match self.toolchain {
+            Toolchain::Ready => {
+                Command::new(std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into()))
+            }
+            Toolchain::Debian => {
+                let mut command = Command::new(DEBIAN_CARGO);
+                command
+                    .env("RUSTC", DEBIAN_RUSTC)
+                    .env("RUSTC_BOOTSTRAP", "1")
+                    .env("CARGO_TARGET_THUMBV6M_NONE_EABI_LINKER", "ld.lld");
+                command
+            }
+        };
+        command.arg("build");
+        if matches!(self.toolchain, Toolchain::Debian) {
+            command.arg("-Zbuild-std=core");
+        }
+        command
+            .current_dir(source.folder)
+            .args(["--package", source.package, "--bin", source.package])
+            .args(["--target", TARGET, "--profile", source.profile])
+            .arg("--features")
+            .arg(source.features.join(","))
+            .arg("--target-dir")
+            .arg(&self.folder)
+            // The image is the same whatever the host's build was told.
+            .env_remove("RUSTFLAGS")
+            .env_remove("CARGO_ENCODED_RUSTFLAGS")
+            .env_remove("CARGO_BUILD_TARGET");
+        let output = run(&mut command)?;
+        if !output.status.success() {
+            return Err(ImageError::Build {
+                output: String::from_utf8_lossy(&output.stderr).trim().to_owned(),
+            });
+        }
+        Image::open(&self.path(source))
+    }
+}
+
 /// Builds the firmware for the chip and reads it. `say` gets a line for people now and then.
-///
-/// The build has a folder of its own (`target/chip`), so that it never waits for the cargo that
-/// runs the caller. A missing Rust target is added through rustup.
 ///
 /// # Errors
 /// No toolchain, a build that fails, a file that is no image.
 pub fn build(say: &mut dyn FnMut(&str)) -> Result<Image, ImageError> {
-    let workspace = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
-    let cargo = std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into());
-    let folder = match std::env::var_os("CARGO_TARGET_DIR") {
-        Some(folder) => std::path::absolute(PathBuf::from(&folder))
-            .unwrap_or_else(|_| folder.into())
-            .join("chip"),
-        None => workspace.join("target").join("chip"),
+    let workspace = workspace();
+    let firmware = Source {
+        folder: &workspace,
+        package: "tvc-nano",
+        profile: "firmware",
+        features: &[],
     };
-    let mut command = match toolchain(say)? {
-        Toolchain::Ready => Command::new(&cargo),
-        Toolchain::Debian => {
-            say("building the image, and the core library for it, with Debian's compiler");
-            let mut command = Command::new(DEBIAN_CARGO);
-            command
-                .env("RUSTC", DEBIAN_RUSTC)
-                .env("RUSTC_BOOTSTRAP", "1")
-                .env("CARGO_TARGET_THUMBV6M_NONE_EABI_LINKER", "ld.lld");
-            command
-        }
-    };
-    let debian = command.get_program() == DEBIAN_CARGO;
-    command.arg("build");
-    if debian {
-        command.arg("-Zbuild-std=core");
-    }
-    command
-        .current_dir(&workspace)
-        .args(["--package", BINARY, "--bin", BINARY])
-        .args(["--target", TARGET, "--profile", PROFILE])
-        .arg("--target-dir")
-        .arg(&folder)
-        // The image is the same whatever the host's build was told.
-        .env_remove("RUSTFLAGS")
-        .env_remove("CARGO_ENCODED_RUSTFLAGS")
-        .env_remove("CARGO_BUILD_TARGET");
-    let path = folder.join(TARGET).join(PROFILE).join(BINARY);
-    if !path.exists() {
+    let builder = Builder::new(say)?;
+    if !builder.path(&firmware).exists() {
         say("building the image for the chip; the first time this takes a minute or two");
     }
-    let output = run(&mut command)?;
-    if !output.status.success() {
-        return Err(ImageError::Build {
-            output: String::from_utf8_lossy(&output.stderr).trim().to_owned(),
-        });
-    }
-    Image::open(&path)
+    builder.build(&firmware)
+}
+
+fn workspace() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("..")
 }
 
 /// Finds a toolchain; adds the target where rustup can.

@@ -3,7 +3,7 @@
 mod build;
 mod elf;
 
-pub use build::build;
+pub use build::{Builder, Source, build};
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -153,6 +153,13 @@ impl Image {
     /// Address of a symbol.
     pub fn symbol(&self, name: &str) -> Option<u32> {
         self.symbols.get(name).copied()
+    }
+
+    /// All symbols of code and data.
+    pub fn symbols(&self) -> impl Iterator<Item = (&str, u32)> {
+        self.symbols
+            .iter()
+            .map(|(name, address)| (name.as_str(), *address))
     }
 
     /// The symbol that an address of code belongs to.
