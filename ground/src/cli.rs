@@ -1,6 +1,7 @@
 //! The command line: what can be said, with examples; a file for each command. Commands are carried
 //! out elsewhere, by the module of the same name.
 
+mod cycles;
 mod flash;
 mod fly;
 mod link;
@@ -10,6 +11,7 @@ mod param;
 mod rig;
 mod watch;
 
+pub use cycles::{Cycles, Optimise};
 pub use flash::Flash;
 pub use fly::{Fly, ServoChoice};
 pub use link::Port;
@@ -55,6 +57,8 @@ pub enum Command {
     Record(Record),
     /// Pass everything on to QGroundControl and PlotJuggler.
     Forward(Forward),
+    /// Measure what one update of every filter costs on the chip, beside the crates of the field.
+    Cycles(Cycles),
 }
 
 #[cfg(test)]

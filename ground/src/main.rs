@@ -1,6 +1,7 @@
 //! `tvc`: the ground tool. Messages for people go to standard error, data to standard output.
 
 mod cli;
+mod cycles;
 mod failure;
 mod flash;
 mod fly;
@@ -50,6 +51,7 @@ fn run(command: Command) -> anyhow::Result<Verdict> {
         Command::Monitor(options) => monitor::run(&options),
         Command::Record(options) => record::run(&options),
         Command::Forward(options) => forward::run(&options),
+        Command::Cycles(options) => cycles::run(&options),
     }
 }
 

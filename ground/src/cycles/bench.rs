@@ -1,0 +1,132 @@
+//! An image of the package `cycles` on the emulated chip: one update at a time.
+
+use anyhow::{Context, Result, bail, ensure};
+use rig::Image;
+use samd21::board::{Ticks, Unconnected};
+use samd21::chip::{Registers, Stop};
+use samd21::memory::RAM_BASE;
+use samd21::{Chip, Options, WaitStates};
+
+use super::inputs::WORDS;
+
+/// Breakpoints of the image: an update is asked for, is over; up is known; a panic.
+const ASKED: u16 = 0xBE00;
+const OVER: u16 = 0xBE01;
+const UP_KNOWN: u16 = 0xBE02;
+const PANIC: u16 = 0xBE03;
+
+/// Longer than any update, or start, takes.
+const PATIENCE: Ticks = Ticks(20 * Ticks::PER_SECOND);
+
+/// What the stack is painted with.
+const PAINT: u8 = 0xA5;
+
+/// A chip that stands before an update.
+#[derive(Clone)]
+pub struct Bench {
+    chip: Chip,
+    /// Where in RAM a sample is put.
+    input: usize,
+    /// Address of what the filter takes for up.
+    up: u32,
+    asked: Registers,
+    /// First address of RAM that no variable has.
+    free: u32,
+}
+
+impl Bench {
+    /// Boots an image, to where it waits for its first sample, on a chip with so many flash wait states.
+    pub fn boot(image: &Image, wait_states: u8) -> Result<Self> {
+        let mut chip = Chip::new(Options {
+            wait_states: WaitStates::Forced(wait_states),
+            ..Options::default()
+        });
+        chip.load_flash(image.address(), image.bytes());
+        chip.boot(image.address());
+        let symbol = |name: &str| {
+            image
+                .symbol(name)
+                .with_context(|| format!("the image has no {name}"))
+        };
+        let input = symbol("INPUT")?.wrapping_sub(RAM_BASE) as usize;
+        ensure!(
+            input + 4 * WORDS <= image.sizes().static_ram as usize,
+            "INPUT is no variable"
+        );
+        run_to(&mut chip, ASKED)?;
+        let asked = chip.registers();
+        let free = RAM_BASE + image.sizes().static_ram;
+        let stack = (free - RAM_BASE) as usize..(asked.msp - RAM_BASE) as usize;
+        chip.ram_mut()[stack].fill(PAINT);
+        Ok(Self {
+            input,
+            up: symbol("UP")?,
+            chip,
+            asked,
+            free,
+        })
+    }
+
+    /// Cycles of the update with this sample.
+    pub fn update(&mut self, words: &[u32; WORDS]) -> Result<u64> {
+        let (memory, _) = self.chip.ram_mut()[self.input..].as_chunks_mut();
+        for (place, word) in memory.iter_mut().zip(words) {
+            *place = word.to_le_bytes();
+        }
+        self.chip.set_registers(&self.asked);
+        step_over(&mut self.chip);
+        let before = self.chip.counters().cycles;
+        run_to(&mut self.chip, OVER)?;
+        Ok(self.chip.counters().cycles - before)
+    }
+
+    /// Where the filter takes up to be after the last update, in the sensor's axes.
+    pub fn up(&self) -> Result<[f64; 3]> {
+        // On a copy: what this takes of the stack is none of the update's.
+        let mut chip = self.chip.clone();
+        step_over(&mut chip);
+        run_to(&mut chip, UP_KNOWN)?;
+        let axis = |i: u32| chip.memory().read_u32(self.up + 4 * i).map(f32::from_bits);
+        match (axis(0), axis(1), axis(2)) {
+            (Some(x), Some(y), Some(z)) => Ok([x, y, z].map(f64::from)),
+            _ => bail!("UP lies outside of RAM"),
+        }
+    }
+
+    /// Bytes of stack below the call that any update so far has written to.
+    pub fn stack_bytes(&self) -> u32 {
+        let (free, top) = (self.free - RAM_BASE, self.asked.msp - RAM_BASE);
+        let painted = self.chip.ram()[free as usize..top as usize]
+            .iter()
+            .take_while(|byte| **byte == PAINT)
+            .count() as u32;
+        // The stack is written to in words.
+        (top - free - painted).next_multiple_of(4)
+    }
+}
+
+/// Goes past the breakpoint that the chip stands at.
+fn step_over(chip: &mut Chip) {
+    let mut registers = chip.registers();
+    registers.r[15] += 2;
+    chip.set_registers(&registers);
+}
+
+/// Runs to the next breakpoint, which must be this one.
+fn run_to(chip: &mut Chip, breakpoint: u16) -> Result<()> {
+    let stop = chip.run_until(chip.now() + PATIENCE, &mut Unconnected);
+    if stop != Stop::Breakpoint {
+        match chip.last_hard_fault() {
+            Some(fault) => bail!("the update ended in a fault: {fault}"),
+            None => bail!("the update does not end ({stop})"),
+        }
+    }
+    match chip.memory().read_u16(chip.pc()) {
+        Some(found) if found == breakpoint => Ok(()),
+        Some(PANIC) => bail!("the update panicked"),
+        _ => bail!(
+            "the image stopped where it should not, at 0x{:x}",
+            chip.pc()
+        ),
+    }
+}
