@@ -4,6 +4,7 @@
 mod cycles;
 mod flash;
 mod fly;
+mod fuse;
 mod link;
 mod model;
 mod operate;
@@ -14,6 +15,7 @@ mod watch;
 pub use cycles::{Cycles, Optimise};
 pub use flash::Flash;
 pub use fly::{Fly, ServoChoice};
+pub use fuse::{FilterName, Fuse, Mode, Scalar, Setting, said};
 pub use link::Port;
 pub use model::{Model, ModelCommand, Simulate};
 pub use operate::{Operate, Ports};
@@ -37,6 +39,8 @@ pub struct Cli {
 pub enum Command {
     /// Build the image, boot it on the virtual rig and let it bring the drone upright.
     Fly(Fly),
+    /// Run an attitude filter on recordings, and score it against their references.
+    Fuse(Fuse),
     /// Build the image and put it on a Nano, or write it as a file.
     Flash(Flash),
     /// The drone's physics: simulate a scenario.

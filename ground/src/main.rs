@@ -6,6 +6,7 @@ mod failure;
 mod flash;
 mod fly;
 mod forward;
+mod fuse;
 mod link;
 mod log;
 mod model;
@@ -41,6 +42,7 @@ fn main() -> ExitCode {
 fn run(command: Command) -> anyhow::Result<Verdict> {
     match command {
         Command::Fly(options) => fly::run(&options),
+        Command::Fuse(options) => fuse::run(&options),
         Command::Flash(options) => flash::run(&options),
         Command::Model(options) => model::run(&options),
         Command::Rig(options) => virtual_rig::run(&options),
@@ -55,12 +57,18 @@ fn run(command: Command) -> anyhow::Result<Verdict> {
     }
 }
 
-/// The command line parser's complaint as one line.
+/// The command line parser's complaint as one line, with the values that an option could have.
 fn usage(error: &clap::Error) -> BadInput {
     let text = error.to_string();
-    let what = text.lines().next().unwrap_or_default();
+    let mut lines = text.lines();
+    let what = lines.next().unwrap_or_default();
+    let values = lines
+        .map(str::trim)
+        .find(|line| line.starts_with("[possible values"))
+        .map(|values| format!(" {values}"))
+        .unwrap_or_default();
     BadInput::new(format!(
-        "{} (see --help)",
+        "{}{values} (see --help)",
         what.trim_start_matches("error: ")
     ))
 }

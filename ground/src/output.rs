@@ -1,32 +1,111 @@
 //! Files that are there whole or not at all.
 
-use std::fs;
-use std::io::Write;
-use std::path::Path;
+use std::fs::{self, File};
+use std::io::{self, BufWriter, Write};
+use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result};
+use tempfile::NamedTempFile;
 
-/// Writes `bytes` to `path`: into a temporary file beside it first, renamed when complete, so that
-/// an interrupted command leaves the old file or the new one, never a half. Creates the folder.
+/// Writes `bytes` to `path`, whole or not at all. Creates the folder.
 pub fn write_whole(path: &Path, bytes: &[u8]) -> Result<()> {
-    let folder = match path.parent() {
+    let mut file = WholeFile::create(path)?;
+    file.write_all(bytes)
+        .with_context(|| format!("writing {}", path.display()))?;
+    file.keep()
+}
+
+/// A file in the making: written beside its place and moved there by [`keep`](Self::keep), so that
+/// an interrupted command leaves the old file or the new one, never a half. Dropped, it leaves nothing.
+pub struct WholeFile {
+    path: PathBuf,
+    target: Target,
+}
+
+enum Target {
+    /// To be renamed.
+    Beside(BufWriter<NamedTempFile>),
+    /// A device or a pipe, which nothing can take the place of.
+    Direct(BufWriter<File>),
+}
+
+impl WholeFile {
+    /// Begins a file that is to be `path`; its folder is created when it is kept.
+    pub fn create(path: &Path) -> Result<Self> {
+        let writing = || format!("writing {}", path.display());
+        // Behind a symbolic link, the file that it points to is replaced.
+        let path = fs::canonicalize(path).unwrap_or_else(|_| path.to_path_buf());
+        let target = match fs::metadata(&path) {
+            Ok(found) if found.is_dir() => {
+                return Err(io::Error::from(io::ErrorKind::IsADirectory)).with_context(writing);
+            }
+            Ok(found) if !found.is_file() => {
+                let device = File::options().write(true).open(&path);
+                Target::Direct(BufWriter::new(device.with_context(writing)?))
+            }
+            _ => {
+                let folder = existing(folder_of(&path));
+                let file = NamedTempFile::new_in(folder).with_context(writing)?;
+                Target::Beside(BufWriter::new(file))
+            }
+        };
+        Ok(Self { path, target })
+    }
+
+    /// Puts the file in its place.
+    pub fn keep(self) -> Result<()> {
+        let writing = || format!("writing {}", self.path.display());
+        let buffered = match self.target {
+            Target::Direct(mut device) => return device.flush().with_context(writing),
+            Target::Beside(buffered) => buffered,
+        };
+        let file = buffered
+            .into_inner()
+            .map_err(io::IntoInnerError::into_error)
+            .with_context(writing)?;
+        #[cfg(unix)]
+        {
+            // Temporary files are private; a report is meant to be read.
+            use std::os::unix::fs::PermissionsExt;
+            file.as_file()
+                .set_permissions(fs::Permissions::from_mode(0o644))
+                .with_context(writing)?;
+        }
+        fs::create_dir_all(folder_of(&self.path)).with_context(writing)?;
+        file.persist(&self.path).with_context(writing)?;
+        Ok(())
+    }
+}
+
+impl Write for WholeFile {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        match &mut self.target {
+            Target::Beside(file) => file.write(bytes),
+            Target::Direct(file) => file.write(bytes),
+        }
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        match &mut self.target {
+            Target::Beside(file) => file.flush(),
+            Target::Direct(file) => file.flush(),
+        }
+    }
+}
+
+fn folder_of(path: &Path) -> &Path {
+    match path.parent() {
         Some(folder) if !folder.as_os_str().is_empty() => folder,
         _ => Path::new("."),
-    };
-    let writing = || format!("writing {}", path.display());
-    fs::create_dir_all(folder).with_context(writing)?;
-    let mut file = tempfile::NamedTempFile::new_in(folder).with_context(writing)?;
-    file.write_all(bytes).with_context(writing)?;
-    #[cfg(unix)]
-    {
-        // Temporary files are private; a report is meant to be read.
-        use std::os::unix::fs::PermissionsExt;
-        file.as_file()
-            .set_permissions(fs::Permissions::from_mode(0o644))
-            .with_context(writing)?;
     }
-    file.persist(path).with_context(writing)?;
-    Ok(())
+}
+
+/// The nearest folder above that is there already.
+fn existing(folder: &Path) -> &Path {
+    folder
+        .ancestors()
+        .find(|folder| folder.exists())
+        .unwrap_or(Path::new("."))
 }
 
 #[cfg(test)]
@@ -50,5 +129,21 @@ mod tests {
         fs::write(&file, b"").unwrap();
         let error = write_whole(&file.join("below"), b"x").unwrap_err();
         assert!(format!("{error:#}").contains("plain/below"), "{error:#}");
+    }
+
+    #[test]
+    fn a_file_that_is_not_kept_leaves_nothing() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut file = WholeFile::create(&folder.path().join("deep/half.csv")).unwrap();
+        file.write_all(b"half").unwrap();
+        drop(file);
+        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 0);
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn a_device_stays_a_device() {
+        write_whole(Path::new("/dev/null"), b"x").unwrap();
+        assert!(!fs::metadata("/dev/null").unwrap().is_file());
     }
 }

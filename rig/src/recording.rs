@@ -4,15 +4,14 @@
 //! rate in Hz, `f32` scales of gyroscope (rad/s a count), accelerometer (m/s^2 a count),
 //! magnetometer (uT a count) and quaternion, `u32` size of a record (28), 28 bytes of name. Then
 //! the records: 14 x `i16`, gyroscope, accelerometer, magnetometer, reference quaternion
-//! (sensor to east-north-up) and flags (bit 0 movement, bit 1 reference valid).
+//! (sensor to east-north-up) and flags (bit 0 movement, bit 1 reference valid). A scale of 0 says
+//! that there is no magnetometer, or no reference.
 
 use std::fs;
 use std::path::{Path, PathBuf};
 use thiserror::Error;
 
 const MAGIC: &[u8; 8] = b"IMUQ16v1";
-const HEADER: usize = 64;
-const RECORD: usize = 28;
 const MOVEMENT: i16 = 1;
 const VALID: i16 = 2;
 
@@ -68,6 +67,124 @@ pub struct RecordedSample {
     pub movement: bool,
 }
 
+/// What a file says of itself before its samples: enough to read them one by one.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Header {
+    /// The recording's own name.
+    pub name: String,
+    /// Number of samples that follow; at least one.
+    pub samples: u32,
+    /// Samples a second.
+    pub rate_hz: f64,
+    /// Angular rate of a count, rad/s.
+    pub gyr_rad_s: f64,
+    /// Specific force of a count, m/s^2.
+    pub acc_m_s2: f64,
+    /// Magnetic field of a count, uT; 0 where there was no magnetometer.
+    pub mag_ut: f64,
+    /// Quaternion component of a count; 0 where there is no reference.
+    pub quaternion: f64,
+}
+
+impl Header {
+    /// Size of the header.
+    pub const BYTES: usize = 64;
+    /// Size of a sample.
+    pub const RECORD_BYTES: usize = 28;
+
+    /// Whether a file that begins with `bytes` is of this format at all.
+    pub fn is_magic(bytes: &[u8]) -> bool {
+        bytes.starts_with(MAGIC)
+    }
+
+    /// Parses the beginning of a file; `name` stands for it in errors.
+    pub fn parse(name: &str, bytes: &[u8]) -> Result<Self, RecordingError> {
+        let format = |reason: String| RecordingError::Format {
+            name: name.to_owned(),
+            reason,
+        };
+        if !Self::is_magic(bytes) {
+            return Err(format("it does not begin with IMUQ16v1".to_owned()));
+        }
+        let Some(header) = bytes.first_chunk::<{ Self::BYTES }>() else {
+            return Err(format(format!(
+                "the header of {} bytes is cut off at {}",
+                Self::BYTES,
+                bytes.len()
+            )));
+        };
+        let word = |at: usize| [0, 1, 2, 3].map(|i| header[at + i]);
+        let number = |at: usize| f64::from(f32::from_le_bytes(word(at)));
+        let scale = |at: usize, what: &str| {
+            let value = number(at);
+            if value.is_finite() && value > 0.0 {
+                Ok(value)
+            } else {
+                Err(format(format!("{what} is {value}")))
+            }
+        };
+        let absent_or_scale = |at: usize, what: &str| {
+            if number(at) == 0.0 {
+                Ok(0.0)
+            } else {
+                scale(at, what)
+            }
+        };
+        let samples = u32::from_le_bytes(word(8));
+        let title = &header[36..];
+        let end = title.iter().position(|&b| b == 0).unwrap_or(title.len());
+        let parsed = Self {
+            name: String::from_utf8_lossy(&title[..end]).into_owned(),
+            samples,
+            rate_hz: scale(12, "the sampling rate")?,
+            gyr_rad_s: scale(16, "the gyroscope's scale")?,
+            acc_m_s2: scale(20, "the accelerometer's scale")?,
+            mag_ut: absent_or_scale(24, "the magnetometer's scale")?,
+            quaternion: absent_or_scale(28, "the quaternion's scale")?,
+        };
+        let record = u32::from_le_bytes(word(32));
+        if record as usize != Self::RECORD_BYTES {
+            return Err(format(format!(
+                "records of {record} bytes instead of {}",
+                Self::RECORD_BYTES
+            )));
+        }
+        if samples == 0 {
+            return Err(format("it holds no sample".to_owned()));
+        }
+        Ok(parsed)
+    }
+
+    /// Whether a file of `found` bytes holds just the samples that were promised.
+    pub fn check_length(&self, name: &str, found: u64) -> Result<(), RecordingError> {
+        let expected = u64::from(self.samples) * Self::RECORD_BYTES as u64 + Self::BYTES as u64;
+        if found == expected {
+            return Ok(());
+        }
+        Err(RecordingError::Length {
+            name: name.to_owned(),
+            promised: self.samples,
+            expected,
+            found,
+        })
+    }
+
+    /// A sample in SI units.
+    pub fn sample(&self, record: &[u8; Self::RECORD_BYTES]) -> RecordedSample {
+        let raw = |i: usize| i16::from_le_bytes([record[2 * i], record[2 * i + 1]]);
+        let vector = |i: usize, scale: f64| [0, 1, 2].map(|k| f64::from(raw(i + k)) * scale);
+        let flags = raw(13);
+        RecordedSample {
+            gyr_rad_s: vector(0, self.gyr_rad_s),
+            acc_m_s2: vector(3, self.acc_m_s2),
+            mag_ut: vector(6, self.mag_ut),
+            reference: (flags & VALID != 0 && self.quaternion > 0.0)
+                .then(|| [9, 10, 11, 12].map(|i| f64::from(raw(i)) * self.quaternion)),
+            movement: flags & MOVEMENT != 0,
+        }
+    }
+}
+
 /// A recording, read and checked.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Recording {
@@ -88,74 +205,17 @@ impl Recording {
 
     /// Parses the bytes of a file; `name` stands for it in errors.
     pub fn parse(name: &str, bytes: &[u8]) -> Result<Self, RecordingError> {
-        let format = |reason: String| RecordingError::Format {
-            name: name.to_owned(),
-            reason,
-        };
-        if bytes.get(..8) != Some(MAGIC.as_slice()) {
-            return Err(format("it does not begin with IMUQ16v1".to_owned()));
-        }
-        let Some((header, records)) = bytes.split_at_checked(HEADER) else {
-            return Err(format(format!(
-                "the header of {HEADER} bytes is cut off at {}",
-                bytes.len()
-            )));
-        };
-        let word = |at: usize| [0, 1, 2, 3].map(|i| header[at + i]);
-        let count = u32::from_le_bytes(word(8));
-        let scale = |at: usize, what: &str| {
-            let value = f32::from_le_bytes(word(at));
-            if value.is_finite() && value > 0.0 {
-                Ok(f64::from(value))
-            } else {
-                Err(format(format!("{what} is {value}")))
-            }
-        };
-        let rate_hz = scale(12, "the sampling rate")?;
-        let gyr = scale(16, "the gyroscope's scale")?;
-        let acc = scale(20, "the accelerometer's scale")?;
-        let mag = scale(24, "the magnetometer's scale")?;
-        let quat = scale(28, "the quaternion's scale")?;
-        let record = u32::from_le_bytes(word(32));
-        if record as usize != RECORD {
-            return Err(format(format!(
-                "records of {record} bytes instead of {RECORD}"
-            )));
-        }
-        let expected = u64::from(count) * RECORD as u64 + HEADER as u64;
-        if bytes.len() as u64 != expected {
-            return Err(RecordingError::Length {
-                name: name.to_owned(),
-                promised: count,
-                expected,
-                found: bytes.len() as u64,
-            });
-        }
-        if count == 0 {
-            return Err(format("it holds no sample".to_owned()));
-        }
-        let samples = records
-            .chunks_exact(RECORD)
-            .map(|record| {
-                let raw = |i: usize| i16::from_le_bytes([record[2 * i], record[2 * i + 1]]);
-                let vector =
-                    |i: usize, scale: f64| [0, 1, 2].map(|k| f64::from(raw(i + k)) * scale);
-                let flags = raw(13);
-                RecordedSample {
-                    gyr_rad_s: vector(0, gyr),
-                    acc_m_s2: vector(3, acc),
-                    mag_ut: vector(6, mag),
-                    reference: (flags & VALID != 0)
-                        .then(|| [9, 10, 11, 12].map(|i| f64::from(raw(i)) * quat)),
-                    movement: flags & MOVEMENT != 0,
-                }
-            })
+        let header = Header::parse(name, bytes)?;
+        header.check_length(name, bytes.len() as u64)?;
+        let samples = bytes[Header::BYTES..]
+            .as_chunks::<{ Header::RECORD_BYTES }>()
+            .0
+            .iter()
+            .map(|record| header.sample(record))
             .collect();
-        let title = &header[36..];
-        let end = title.iter().position(|&b| b == 0).unwrap_or(title.len());
         Ok(Self {
-            name: String::from_utf8_lossy(&title[..end]).into_owned(),
-            rate_hz,
+            name: header.name,
+            rate_hz: header.rate_hz,
             samples,
         })
     }
@@ -193,7 +253,7 @@ mod tests {
         }
         bytes.extend(28u32.to_le_bytes());
         bytes.extend(b"bench");
-        bytes.resize(HEADER, 0);
+        bytes.resize(Header::BYTES, 0);
         for record in records {
             bytes.extend(record.iter().flat_map(|v| v.to_le_bytes()));
         }

@@ -63,8 +63,8 @@ impl Scorer {
 }
 
 /// The same attitude with its earth axes turned from north-east-down to east-north-up: half a turn
-/// about the horizontal between north and east.
-fn enu_from_ned([w, x, y, z]: [f64; 4]) -> [f64; 4] {
+/// about the horizontal between north and east. `[w, x, y, z]`, body to earth.
+pub fn enu_from_ned([w, x, y, z]: [f64; 4]) -> [f64; 4] {
     [-x - y, w + z, w - z, y - x].map(|c| c * std::f64::consts::FRAC_1_SQRT_2)
 }
 

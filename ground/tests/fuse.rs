@@ -1,0 +1,346 @@
+//! `tvc fuse` on a piece of a real recording, read back by an oracle of its own.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+/// An IMUQ16v1 file: 64 bytes of header, 28 bytes a sample.
+const HEADER: usize = 64;
+const RECORD: usize = 28;
+
+fn tvc(arguments: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_tvc"))
+        .arg("fuse")
+        .args(arguments)
+        .output()
+        .unwrap()
+}
+
+fn recording() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/data/broad_11_cut.imuq")
+}
+
+fn json(arguments: &[&str]) -> serde_json::Value {
+    let output = tvc(arguments);
+    let said = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert_eq!(output.status.code(), Some(0), "{arguments:?}: {said}");
+    serde_json::from_slice(&output.stdout).unwrap_or_else(|error| panic!("{error}: {said}"))
+}
+
+/// Status 2 and one line on standard error with all of `parts` in it; nothing is written to `folder`.
+fn assert_refused(folder: &Path, arguments: &[&str], parts: &[&str]) {
+    let before = fs::read_dir(folder).unwrap().count();
+    let output = tvc(arguments);
+    let said = String::from_utf8(output.stderr).unwrap();
+    assert_eq!(output.status.code(), Some(2), "{arguments:?}: {said}");
+    assert!(output.stdout.is_empty(), "{arguments:?}");
+    assert_eq!(said.lines().count(), 1, "{arguments:?}: {said}");
+    for part in parts {
+        assert!(said.contains(part), "{arguments:?}: {part} in {said}");
+    }
+    assert_eq!(fs::read_dir(folder).unwrap().count(), before, "{said}");
+}
+
+/// The file's rows as numbers, below the line `t,w,x,y,z`.
+fn estimates(path: &Path) -> Vec<[f64; 5]> {
+    let text = fs::read_to_string(path).unwrap();
+    let mut lines = text.lines();
+    assert_eq!(lines.next(), Some("t,w,x,y,z"));
+    lines
+        .map(|line| {
+            let row: Vec<f64> = line.split(',').map(|v| v.parse().unwrap()).collect();
+            row.try_into().unwrap()
+        })
+        .collect()
+}
+
+/// Where the vertical of the earth (z) and its east (x) stand in the sensor's axes.
+fn axes([w, x, y, z]: [f64; 4]) -> ([f64; 3], [f64; 3]) {
+    let up = [
+        2.0 * (x * z - w * y),
+        2.0 * (y * z + w * x),
+        w * w - x * x - y * y + z * z,
+    ];
+    let east = [
+        w * w + x * x - y * y - z * z,
+        2.0 * (x * y - w * z),
+        2.0 * (x * z + w * y),
+    ];
+    (up, east)
+}
+
+fn angle_deg(a: [f64; 3], b: [f64; 3]) -> f64 {
+    let dot = |a: [f64; 3], b: [f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+    let cos = dot(a, b) / (dot(a, a) * dot(b, b)).sqrt();
+    cos.clamp(-1.0, 1.0).acos().to_degrees()
+}
+
+/// RMS angles between the estimated and the true vertical, and between both easts, over the movement.
+fn errors_deg(estimates: &[[f64; 5]], bytes: &[u8]) -> (f64, f64) {
+    let (mut squares, mut count) = ((0.0, 0.0), 0.0);
+    for (estimate, record) in estimates.iter().zip(bytes[HEADER..].chunks_exact(RECORD)) {
+        let word = |i: usize| f64::from(i16::from_le_bytes([record[2 * i], record[2 * i + 1]]));
+        if record[26] & 3 == 3 {
+            let [_, w, x, y, z] = *estimate;
+            let (up, east) = axes([w, x, y, z]);
+            let (true_up, true_east) = axes([word(9), word(10), word(11), word(12)]);
+            squares.0 += angle_deg(up, true_up).powi(2);
+            squares.1 += angle_deg(east, true_east).powi(2);
+            count += 1.0;
+        }
+    }
+    ((squares.0 / count).sqrt(), (squares.1 / count).sqrt())
+}
+
+#[test]
+fn every_sample_has_a_row_in_the_recordings_frame_and_the_score_is_that_of_the_file() {
+    let folder = tempfile::tempdir().unwrap();
+    let (file, out) = (recording(), folder.path().join("est/e.csv"));
+    let bytes = fs::read(&file).unwrap();
+    for (filter, scalar) in [
+        ("mahony", "f32"),
+        ("mahony", "fixed"),
+        ("madgwick", "f64"),
+        ("complementary", "f32"),
+        ("vqf", "f32"),
+        ("vqf", "fixed"),
+    ] {
+        let arguments = [
+            file.to_str().unwrap(),
+            "--filter",
+            filter,
+            "--scalar",
+            scalar,
+            "--json",
+            "--out",
+            out.to_str().unwrap(),
+        ];
+        let said = json(&arguments);
+        let rows = estimates(&out);
+        assert_eq!(rows.len(), (bytes.len() - HEADER) / RECORD);
+        for (index, [t, w, x, y, z]) in rows.iter().enumerate() {
+            assert!((t - index as f64 * 0.0035).abs() < 1e-4, "{t} at {index}");
+            let norm = w * w + x * x + y * y + z * z;
+            assert!((norm - 1.0).abs() < 1e-6, "{norm} at {index}");
+        }
+        let (inclination, east) = errors_deg(&rows, &bytes);
+        let score = &said["files"][0]["score"];
+        let reported = score["inclination_deg"].as_f64().unwrap();
+        assert!(
+            (reported - inclination).abs() < 1e-4,
+            "{score} against {inclination}"
+        );
+        // The axis off the vertical turns by most of the whole error, and by no more.
+        let total = score["total_deg"].as_f64().unwrap();
+        assert!(
+            east <= total && total < 3.0,
+            "{filter} {scalar}: {score}, east {east}"
+        );
+        assert_eq!(said["mean"]["total_deg"], score["total_deg"]);
+    }
+}
+
+#[test]
+fn fixed_point_and_double_precision_are_close_to_single_precision() {
+    let file = recording();
+    let score = |scalar: &str, mode: &str| {
+        let said = json(&[
+            file.to_str().unwrap(),
+            "--scalar",
+            scalar,
+            "--mode",
+            mode,
+            "--json",
+        ]);
+        said["mean"]["inclination_deg"].as_f64().unwrap()
+    };
+    for mode in ["6d", "9d"] {
+        let single = score("f32", mode);
+        assert!((score("f64", mode) - single).abs() < 0.01, "{mode}");
+        assert!((score("fixed", mode) - single).abs() < 0.05, "{mode}");
+    }
+}
+
+/// The same samples as CSV, without magnetometer or reference where asked.
+fn as_csv(bytes: &[u8], magnetometer: bool, reference: bool) -> String {
+    let scale = |at: usize| f32::from_le_bytes(bytes[at..at + 4].try_into().unwrap());
+    let (rate, gyr, acc, mag) = (scale(12), scale(16), scale(20), scale(24));
+    let mut text = String::from("t_s,gx_rad_s,gy_rad_s,gz_rad_s,ax_m_s2,ay_m_s2,az_m_s2");
+    for (asked, columns) in [
+        (magnetometer, ",mx_ut,my_ut,mz_ut"),
+        (reference, ",ref_w,ref_x,ref_y,ref_z,movement"),
+    ] {
+        text += if asked { columns } else { "" };
+    }
+    for (index, record) in bytes[HEADER..].chunks_exact(RECORD).enumerate() {
+        let word = |i: usize| f32::from(i16::from_le_bytes([record[2 * i], record[2 * i + 1]]));
+        let mut fields = vec![index as f32 / rate];
+        fields.extend((0..3).map(|i| word(i) * gyr));
+        fields.extend((3..6).map(|i| word(i) * acc));
+        if magnetometer {
+            fields.extend((6..9).map(|i| word(i) * mag));
+        }
+        let fields: Vec<String> = fields.iter().map(f32::to_string).collect();
+        text += "\n";
+        text += &fields.join(",");
+        if reference && record[26] & 2 != 0 {
+            let q: Vec<String> = (9..13).map(|i| (word(i) / 32_767.0).to_string()).collect();
+            text += &format!(",{},{}", q.join(","), record[26] & 1);
+        } else if reference {
+            text += ",,,,,0";
+        }
+    }
+    text + "\n"
+}
+
+#[test]
+fn a_csv_recording_gives_the_same_as_the_counts_that_it_was_made_of() {
+    let folder = tempfile::tempdir().unwrap();
+    let csv = folder.path().join("log.csv");
+    fs::write(&csv, as_csv(&fs::read(recording()).unwrap(), true, true)).unwrap();
+    for scalar in ["f32", "fixed"] {
+        let of = |file: &Path| {
+            let said = json(&[file.to_str().unwrap(), "--scalar", scalar, "--json"]);
+            said["mean"]["total_deg"].as_f64().unwrap()
+        };
+        let (text, counts) = (of(&csv), of(&recording()));
+        assert!(
+            (text - counts).abs() < 0.05,
+            "{scalar}: {text} against {counts}"
+        );
+    }
+}
+
+#[test]
+fn recordings_without_magnetometer_or_reference_work() {
+    let folder = tempfile::tempdir().unwrap();
+    let (csv, imuq) = (folder.path().join("a.csv"), folder.path().join("b.imuq"));
+    let mut bytes = fs::read(recording()).unwrap();
+    fs::write(&csv, as_csv(&bytes, false, false)).unwrap();
+    bytes[24..32].fill(0);
+    for record in bytes[HEADER..].chunks_exact_mut(RECORD) {
+        record[12..].fill(0);
+    }
+    fs::write(&imuq, &bytes).unwrap();
+    for file in [&csv, &imuq] {
+        for arguments in [["--mode", "6d"], ["--mode", "9d"], ["--scalar", "fixed"]] {
+            let out = folder.path().join("e.csv");
+            let said = json(
+                &[
+                    &[
+                        file.to_str().unwrap(),
+                        "--json",
+                        "--out",
+                        out.to_str().unwrap(),
+                    ],
+                    &arguments[..],
+                ]
+                .concat(),
+            );
+            assert_eq!(estimates(&out).len(), (bytes.len() - HEADER) / RECORD);
+            assert!(said["files"][0]["score"].is_null() && said["mean"].is_null());
+        }
+    }
+}
+
+#[test]
+fn several_recordings_go_to_a_folder_and_have_a_mean() {
+    let folder = tempfile::tempdir().unwrap();
+    let copy = folder.path().join("copy.imuq");
+    fs::copy(recording(), &copy).unwrap();
+    let out = folder.path().join("est");
+    let file = recording();
+    let files = [file.to_str().unwrap(), copy.to_str().unwrap()];
+    let said = json(&[&files[..], &["--json", "--out", out.to_str().unwrap()]].concat());
+    for name in ["broad_11_cut.csv", "copy.csv"] {
+        assert!(!estimates(&out.join(name)).is_empty());
+    }
+    assert_eq!(
+        said["mean"]["total_deg"],
+        said["files"][1]["score"]["total_deg"]
+    );
+    assert_refused(
+        folder.path(),
+        &[&files[..], &["--out", "e.csv"]].concat(),
+        &["name a folder"],
+    );
+}
+
+#[test]
+fn unusable_input_is_refused_in_one_line_and_nothing_is_written() {
+    let folder = tempfile::tempdir().unwrap();
+    let (file, out) = (recording(), folder.path().join("e.csv"));
+    let (file, out) = (file.to_str().unwrap(), out.to_str().unwrap());
+    let refused = |more: &[&str], parts: &[&str]| {
+        assert_refused(
+            folder.path(),
+            &[&[file, "--out", out], more].concat(),
+            parts,
+        );
+    };
+    refused(&["--filter", "kalman"], &["kalman", "mahony, madgwick"]);
+    refused(&["--mode", "7d"], &["7d", "9d"]);
+    refused(&["--scalar", "q15"], &["q15", "fixed"]);
+    refused(
+        &["--set", "beta=1"],
+        &["vqf has no setting beta", "mag_tau_s", "rest.time_s"],
+    );
+    refused(&["--set", "mag_tau_s"], &["KEY=VALUE"]);
+    refused(
+        &["--set", "mag_tau_s=-1"],
+        &["mag_tau_s=-1 is out of range"],
+    );
+    refused(&["--set", "mag_tau_s=soon"], &["soon is not a number"]);
+    refused(&["--set", "preset=thesis"], &["published"]);
+    refused(
+        &["--filter", "gyro", "--scalar", "fixed"],
+        &["mahony and vqf"],
+    );
+    assert_refused(folder.path(), &[file], &["--out"]);
+    assert_refused(
+        folder.path(),
+        &["no/such.imuq", "--score"],
+        &["no/such.imuq"],
+    );
+    assert_refused(
+        folder.path(),
+        &[folder.path().to_str().unwrap(), "--score"],
+        &["folder"],
+    );
+}
+
+#[test]
+fn a_truncated_or_foreign_file_is_refused_and_leaves_no_output() {
+    let folder = tempfile::tempdir().unwrap();
+    let whole = fs::read(recording()).unwrap();
+    let text = as_csv(&whole[..HEADER + 1000 * RECORD], true, true);
+    let broken = format!("{}\n1,2,3\n", text.trim_end());
+    let contents: [&[u8]; 7] = [
+        &whole[..whole.len() - 5],
+        &whole[..40],
+        b"PK\x03\x04 something else",
+        b"\x89PNG\r\n\x1a\n\x00\x00",
+        b"",
+        b"time,temperature\n1,20\n",
+        broken.as_bytes(),
+    ];
+    let bad: Vec<PathBuf> = (0..contents.len())
+        .map(|index| folder.path().join(format!("{index}.rec")))
+        .collect();
+    for (path, bytes) in bad.iter().zip(contents) {
+        fs::write(path, bytes).unwrap();
+    }
+    let file = recording();
+    for path in &bad {
+        let path = path.to_str().unwrap();
+        let est = folder.path().join("est");
+        let est = est.to_str().unwrap();
+        assert_refused(folder.path(), &[path, "--out", est], &[path]);
+        // Nor is the sound one before it written.
+        assert_refused(
+            folder.path(),
+            &[file.to_str().unwrap(), path, "--out", est],
+            &[path],
+        );
+    }
+}
