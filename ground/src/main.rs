@@ -57,18 +57,16 @@ fn run(command: Command) -> anyhow::Result<Verdict> {
     }
 }
 
-/// The command line parser's complaint as one line, with the values that an option could have.
+/// The command line parser's complaint as one line: its first paragraph, which may list what could be said instead.
 fn usage(error: &clap::Error) -> BadInput {
     let text = error.to_string();
-    let mut lines = text.lines();
-    let what = lines.next().unwrap_or_default();
-    let values = lines
+    let what: Vec<_> = text
+        .lines()
         .map(str::trim)
-        .find(|line| line.starts_with("[possible values"))
-        .map(|values| format!(" {values}"))
-        .unwrap_or_default();
+        .take_while(|line| !line.is_empty())
+        .collect();
     BadInput::new(format!(
-        "{}{values} (see --help)",
-        what.trim_start_matches("error: ")
+        "{} (see --help)",
+        what.join(" ").trim_start_matches("error: ")
     ))
 }

@@ -40,7 +40,7 @@ pub struct Estimate {
 }
 
 trait Engine {
-    /// Takes a sample `dt_s` after the one before; sensor to north-east-down, `[w, x, y, z]`.
+    /// Takes a sample `dt_s` after the one before; sensor to north-east-down, `[w, x, y, z]` of any length.
     fn update(&mut self, dt_s: f64, row: &Row, mag_ut: Option<[f64; 3]>) -> [f64; 4];
 }
 
@@ -77,7 +77,10 @@ impl Estimate {
         let last_s = self.last_s.replace(row.time_s);
         let dt_s = last_s.map_or(self.period_s, |last_s| row.time_s - last_s);
         let mag_ut = row.mag_ut.filter(|_| self.magnetometer);
-        self.engine.update(dt_s, row, mag_ut)
+        let q = self.engine.update(dt_s, row, mag_ut);
+        // Of unit length within 1e-4 (fixed point): what is written down has no need to be off.
+        let norm = q.iter().map(|c| c * c).sum::<f64>().sqrt();
+        q.map(|c| c / norm)
     }
 }
 
@@ -194,8 +197,6 @@ impl<F: fixed::Filter> Engine for Counted<F> {
             self.estimator
                 .update(whole_us as u32, &fixed::Counts { gyr, acc, mag });
         }
-        let [w, x, y, z] = self.estimator.orientation().wxyz_q30.map(f64::from);
-        let norm = (w * w + x * x + y * y + z * z).sqrt();
-        [w, x, y, z].map(|c| c / norm)
+        self.estimator.orientation().wxyz_q30.map(f64::from)
     }
 }
