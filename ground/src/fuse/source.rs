@@ -73,7 +73,7 @@ enum Format {
         file: BufReader<File>,
         next: u32,
     },
-    Table(Table<BufReader<File>>),
+    Table(Box<Table<BufReader<File>>>),
 }
 
 impl Source {
@@ -153,7 +153,7 @@ impl Source {
                 gyro_range_rad_s: None,
             },
             bytes,
-            format: Format::Table(table),
+            format: Format::Table(Box::new(table)),
             ahead,
         })
     }
