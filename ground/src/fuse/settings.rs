@@ -8,17 +8,20 @@ use crate::failure::BadInput;
 /// A setting and where it is.
 type Key<T> = (&'static str, fn(&mut T) -> &mut f32);
 
+/// A set of gains.
+type Preset<T> = (&'static str, fn() -> T);
+
 /// Gains that can be set by name.
 pub trait Gains: Copy + Default + 'static {
     /// The settings.
     const KEYS: &'static [Key<Self>];
     /// Names of whole sets of gains.
-    const PRESETS: &'static [(&'static str, fn() -> Self)];
+    const PRESETS: &'static [Preset<Self>];
 }
 
 impl Gains for NoGains {
     const KEYS: &'static [Key<Self>] = &[];
-    const PRESETS: &'static [(&'static str, fn() -> Self)] =
+    const PRESETS: &'static [Preset<Self>] =
         &[("default", Self::default), ("thesis", Self::default)];
 }
 
@@ -27,7 +30,7 @@ impl Gains for ComplementaryGains {
         ("acc_tau_s", |gains| &mut gains.acc_tau_s),
         ("mag_tau_s", |gains| &mut gains.mag_tau_s),
     ];
-    const PRESETS: &'static [(&'static str, fn() -> Self)] =
+    const PRESETS: &'static [Preset<Self>] =
         &[("default", Self::default), ("thesis", Self::thesis)];
 }
 
@@ -37,13 +40,13 @@ impl Gains for MahonyGains {
         ("mag_per_s", |gains| &mut gains.mag_per_s),
         ("integral_per_s2", |gains| &mut gains.integral_per_s2),
     ];
-    const PRESETS: &'static [(&'static str, fn() -> Self)] =
+    const PRESETS: &'static [Preset<Self>] =
         &[("default", Self::default), ("thesis", Self::thesis)];
 }
 
 impl Gains for MadgwickGains {
     const KEYS: &'static [Key<Self>] = &[("beta_per_s", |gains| &mut gains.beta_per_s)];
-    const PRESETS: &'static [(&'static str, fn() -> Self)] =
+    const PRESETS: &'static [Preset<Self>] =
         &[("default", Self::default), ("thesis", Self::thesis)];
 }
 
@@ -53,7 +56,7 @@ impl Gains for VqfGains {
         ("acc_smoothing_s", |gains| &mut gains.acc_smoothing_s),
         ("mag_tau_s", |gains| &mut gains.mag_tau_s),
     ];
-    const PRESETS: &'static [(&'static str, fn() -> Self)] =
+    const PRESETS: &'static [Preset<Self>] =
         &[("default", Self::default), ("published", Self::published)];
 }
 
