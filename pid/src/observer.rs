@@ -10,7 +10,8 @@ pub struct ObserverConfig {
     pub period_s: f32,
     /// Acceleration per unit of command, with its sign.
     pub gain: f32,
-    /// How fast the estimate follows, rad/s: both poles of the observer. Keep it below the actuator's bandwidth.
+    /// How fast the estimate follows, rad/s: both poles of the observer. Keep it below the actuator's bandwidth; 0 sees
+    /// nothing.
     pub bandwidth_rad_s: f32,
     /// Lag of the actuator, s, between command and effect.
     pub actuator_s: f32,
@@ -30,7 +31,9 @@ pub struct ObserverConfig {
 /// r = r + (1 - z^2) e
 /// d = d + (1 - z)^2 / (T gain) e            both poles of the error at z = 1 / (1 + w T)
 /// ```
-#[derive(Clone, Debug)]
+///
+/// The default sees nothing until it is [retuned](Self::retune).
+#[derive(Clone, Debug, Default)]
 pub struct Observer<T> {
     /// `T gain`.
     step: T,
@@ -57,7 +60,7 @@ impl<T: Scalar> Observer<T> {
         in_range((period * config.gain).abs(), 1e-3, LARGEST, "gain")?;
         in_range(
             config.bandwidth_rad_s * period,
-            1e-3,
+            0.0,
             1000.0,
             "bandwidth_rad_s",
         )?;
@@ -92,6 +95,27 @@ impl<T: Scalar> Observer<T> {
         let disturbance = self.disturbance + self.disturbance_gain * error;
         self.disturbance = disturbance.clamped(-self.limit, self.limit);
         self.disturbance
+    }
+
+    /// Take other parameters; what is known stays.
+    ///
+    /// # Errors
+    /// A parameter out of its range, by name; nothing changes.
+    pub fn retune(&mut self, config: &ObserverConfig) -> Result<(), ConfigError> {
+        let Self {
+            arrived,
+            rate,
+            disturbance,
+            ..
+        } = *self;
+        let fresh = Self::new(config)?;
+        *self = Self {
+            arrived,
+            rate,
+            disturbance: disturbance.clamped(-fresh.limit, fresh.limit),
+            ..fresh
+        };
+        Ok(())
     }
 
     /// Forget everything, as when the drone is held again.

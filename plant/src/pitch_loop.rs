@@ -29,6 +29,17 @@ pub struct Timing {
     pub phase_s: f64,
     /// Age of a measurement when the law gets it, in s.
     pub delay_s: f64,
+    /// Where the law is locked to the servo frame: time from one of its runs to the rising edge
+    /// that carries it, in s. Without, it runs freely from the start on.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub lead_s: Option<f64>,
+    /// Where the sensor refreshes its registers by a clock of its own: the period, in s. The law
+    /// then sees the newest refresh, and the delay counts up to that.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub refresh_s: Option<f64>,
+    /// Time of the first refresh after the start, in s.
+    #[serde(default)]
+    pub refresh_phase_s: f64,
 }
 
 impl Timing {
@@ -39,6 +50,9 @@ impl Timing {
         frame_s: 20e-3,
         phase_s: 0.0,
         delay_s: 5e-3,
+        lead_s: None,
+        refresh_s: None,
+        refresh_phase_s: 0.0,
     };
 
     /// Digital servo: frames of 3 ms, else the same.
@@ -47,11 +61,31 @@ impl Timing {
         ..Self::ANALOGUE
     };
 
-    /// The presets by name: `ANALOGUE`, `DIGITAL`, in any case.
+    /// The firmware with an analogue servo: samples at 100 Hz locked to the 50 Hz frame, every
+    /// second one carried by a pulse 6.8 ms later. The sensor's own 100 Hz run free, so that what
+    /// it shows is 0 to 10 ms old; its gyroscope's 116 Hz filter adds 1.4 ms.
+    pub const NANO_50HZ: Self = Self {
+        control_s: 10e-3,
+        delay_s: 1.4e-3,
+        lead_s: Some(6.8e-3),
+        refresh_s: Some(10e-3),
+        refresh_phase_s: 5e-3,
+        ..Self::ANALOGUE
+    };
+
+    /// The firmware with a digital servo: the same sampling, frames at 300 Hz.
+    pub const NANO_300HZ: Self = Self {
+        frame_s: 10e-3 / 3.0,
+        ..Self::NANO_50HZ
+    };
+
+    /// The presets by name: `ANALOGUE`, `DIGITAL`, `NANO_50HZ`, `NANO_300HZ`, in any case.
     pub fn preset(name: &str) -> Option<Self> {
         match name.to_ascii_uppercase().as_str() {
             "ANALOGUE" => Some(Self::ANALOGUE),
             "DIGITAL" => Some(Self::DIGITAL),
+            "NANO_50HZ" => Some(Self::NANO_50HZ),
+            "NANO_300HZ" => Some(Self::NANO_300HZ),
             _ => None,
         }
     }
@@ -66,7 +100,13 @@ impl Timing {
             ("control_s", self.control_s),
             ("frame_s", self.frame_s),
         ])?;
-        not_negative(&[("phase_s", self.phase_s), ("delay_s", self.delay_s)])
+        not_negative(&[
+            ("phase_s", self.phase_s),
+            ("delay_s", self.delay_s),
+            ("lead_s", self.lead_s.unwrap_or(0.0)),
+            ("refresh_phase_s", self.refresh_phase_s),
+        ])?;
+        positive(&[("refresh_s", self.refresh_s.unwrap_or(1.0))])
     }
 
     /// The same timing with another frame phase (s).
@@ -171,7 +211,9 @@ pub struct PitchLoop {
     servo: Servo,
     timing: Timing,
     steps: u64,
-    control_steps: u64,
+    /// Time of the law's first run, in s, and how often it has run.
+    first_control_s: f64,
+    controls: u64,
     frames: u64,
     history: Vec<[f64; 2]>,
     command_rad: f64,
@@ -195,13 +237,17 @@ impl PitchLoop {
         let drone = Drone::new(parameters, pitch_rad, rate_rad_s)?;
         let zero_rad = drone.crank().angle_rad;
         // One state a step, back to the oldest that the delay reaches.
-        let depth = (timing.delay_s / timing.step_s).ceil() as usize + 1;
+        let oldest_s = timing.delay_s + timing.refresh_s.unwrap_or(0.0);
+        let depth = (oldest_s / timing.step_s).ceil() as usize + 2;
         Ok(Self {
             drone,
             servo: Servo::new(model, zero_rad, 0.0),
             timing,
             steps: 0,
-            control_steps: (timing.control_s / timing.step_s).round().max(1.0) as u64,
+            first_control_s: timing.lead_s.map_or(0.0, |lead| {
+                (timing.phase_s - lead).rem_euclid(timing.control_s)
+            }),
+            controls: 0,
             frames: 0,
             history: vec![[pitch_rad, rate_rad_s]; depth],
             command_rad: zero_rad,
@@ -212,8 +258,11 @@ impl PitchLoop {
     pub fn step(&mut self, mut law: impl FnMut(Measurement) -> f64) -> Sample {
         let step_s = self.timing.step_s;
         let now = self.steps as f64 * step_s;
-        if self.steps.is_multiple_of(self.control_steps) {
+        // A run on a step's boundary belongs to the step that it opens, whatever rounding does.
+        let due = self.first_control_s + self.controls as f64 * self.timing.control_s;
+        if now > due - 0.5 * step_s {
             self.command_rad = law(self.measure(now));
+            self.controls += 1;
         }
         let end = (self.steps + 1) as f64 * step_s;
         loop {
@@ -279,7 +328,10 @@ impl PitchLoop {
 
     /// The delayed state, interpolated between steps.
     fn measure(&self, now: f64) -> Measurement {
-        let age = self.timing.delay_s / self.timing.step_s;
+        let held_s = self.timing.refresh_s.map_or(0.0, |period| {
+            (now - self.timing.refresh_phase_s).rem_euclid(period)
+        });
+        let age = (self.timing.delay_s + held_s) / self.timing.step_s;
         let (whole, part) = ((age + 1e-9).floor(), (age - (age + 1e-9).floor()).max(0.0));
         let len = self.history.len() as u64;
         let back = |steps: u64| self.history[((self.steps + len - steps % len) % len) as usize];

@@ -11,7 +11,7 @@
 //! speed_rad_s = "300 deg/s"
 //!
 //! [timing]
-//! preset = "ANALOGUE"          # ANALOGUE, DIGITAL
+//! preset = "ANALOGUE"          # ANALOGUE, DIGITAL, NANO_50HZ, NANO_300HZ
 //! delay_s = "6 ms"
 //! ```
 //!
@@ -123,7 +123,7 @@ impl Setup {
                 "timing",
                 Timing::ANALOGUE,
                 Timing::preset,
-                "ANALOGUE, DIGITAL",
+                "ANALOGUE, DIGITAL, NANO_50HZ, NANO_300HZ",
             )?,
         };
         setup.validate()?;
