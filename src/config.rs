@@ -3,6 +3,9 @@
 /// Nominal control period: the rate at which the BNO055 refreshes its registers, 100 Hz.
 pub const CONTROL_PERIOD_US: u64 = 10_000;
 
+/// Largest disturbance that control trims away, rad of servo: what 3 cm of lateral offset of the centre of mass ask for.
+pub const TRIM_LIMIT_RAD: f32 = 0.25;
+
 /// Age of the newest sample beyond which the attitude is no longer trusted: five control periods. At the 6 rad/s of a
 /// fall that is 0.3 rad, still inside the rudder's reach.
 pub const DATA_AGE_LIMIT_US: u64 = 50_000;

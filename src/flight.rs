@@ -3,13 +3,11 @@
 //! [`Flight::step`] is data in, data out. It takes its time step from the samples' own times, so that a replay of the
 //! same counts and times gives the same bits on the chip, on the rig and on a laptop.
 
-use core::f32::consts::PI;
-
 use bno055_driver::{Micros, RawSample, SensorFault};
 use tvc_fusion::{Attitude, ConfigError, Quaternion};
-use tvc_pid::Pd;
 
 use crate::config::UNIT_TOLERANCE;
+use crate::controller::Controller;
 use crate::failsafe::{BootReport, Command, Health, Refusal, State, Supervisor};
 use crate::mount::Mount;
 use crate::navigation::Navigation;
@@ -53,8 +51,7 @@ pub struct Snapshot {
 pub struct Flight {
     params: Params,
     navigation: Navigation,
-    controller: Pd,
-    setpoint_rad: f32,
+    controller: Controller,
     crank_rad: f32,
     servo: Servo,
     supervisor: Supervisor,
@@ -66,12 +63,12 @@ impl Flight {
     /// # Errors
     /// The estimator's configuration is impossible; no set of parameters within their ranges makes it so.
     pub fn new(params: Params, report: BootReport) -> Result<Self, ConfigError> {
+        let servo = Servo::new(&params);
         let mut flight = Self {
             navigation: Navigation::new(&params)?,
-            controller: Pd { kp: 0.0, kd: 0.0 },
-            setpoint_rad: 0.0,
+            controller: Controller::new(&params, servo.travel_rad()),
             crank_rad: 0.0,
-            servo: Servo::new(&params),
+            servo,
             supervisor: Supervisor::new(report),
             params,
         };
@@ -154,9 +151,7 @@ impl Flight {
             return self.rest();
         }
         let pitch_rad = self.navigation.pitch_rad();
-        self.crank_rad = -self
-            .controller
-            .update(self.setpoint_rad, pitch_rad, rate_rad_s);
+        self.crank_rad = self.controller.update(pitch_rad, rate_rad_s);
         self.servo.command(self.crank_rad, dt_s);
     }
 
@@ -169,6 +164,7 @@ impl Flight {
 
     fn rest(&mut self) {
         self.crank_rad = 0.0;
+        self.controller.reset();
         self.servo.neutral();
     }
 
@@ -194,11 +190,8 @@ impl Flight {
     fn configure(&mut self) {
         self.navigation.configure(&self.params);
         self.servo.configure(&self.params);
-        self.controller = Pd {
-            kp: self.params.pid_kp(),
-            kd: self.params.pid_kd(),
-        };
-        self.setpoint_rad = self.params.pitch_set_deg() * (PI / 180.0);
+        self.controller
+            .configure(&self.params, self.servo.travel_rad());
         self.supervisor.require_host(self.params.fs_host() == 1.0);
     }
 

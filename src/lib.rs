@@ -22,6 +22,7 @@
 extern crate std;
 
 pub mod config;
+pub mod controller;
 pub mod failsafe;
 pub mod flight;
 mod format;
@@ -33,6 +34,7 @@ pub mod servo;
 pub mod telemetry;
 
 pub use bno055_driver::{Micros, RawSample, SensorFault};
+pub use controller::Controller;
 pub use failsafe::{BootReport, Command, Crash, Refusal, State};
 pub use flight::{Flight, Outputs, Snapshot};
 pub use params::Params;

@@ -162,9 +162,23 @@ macro_rules! parameters {
 
 parameters! {
     pid_kp: "PID_KP", "rad/rad", Range::Between(0.0, 10.0), 1.0, Live,
-        "servo angle per pitch error";
+        "servo angle per pitch error, near the setpoint";
     pid_kd: "PID_KD", "s", Range::Between(0.0, 3.0), 0.30, Live,
         "servo angle per pitch rate";
+    pid_knee_rad: "PID_KNEE_RAD", "rad", Range::Between(0.0, 2.0), 0.25, Live,
+        "pitch error beyond which the braking curve is flatter";
+    pid_far: "PID_FAR", "", Range::Between(0.0, 1.0), 1.0, Live,
+        "slope of the braking curve beyond the knee, as a share of that before";
+    pid_ahead_s: "PID_AHEAD_S", "s", Range::Between(0.0, 0.1), 0.0, Live,
+        "how far ahead pitch and rate are predicted";
+    pid_trim_rad_s: "PID_TRIM_RAD_S", "rad/s", Range::Between(0.0, 20.0), 0.0, Live,
+        "bandwidth of the observer that trims a lateral offset of the mass away; 0 is no trim";
+    pitch_gain: "PITCH_GAIN", "1/s2", Range::Between(1.0, 1000.0), 31.6, Live,
+        "pitch acceleration per servo angle at zero rudder";
+    srv_lag_s: "SRV_LAG_S", "s", Range::Between(0.0, 1.0), 0.05, Live,
+        "time constant with which the servo closes a small gap, frame included";
+    srv_rad_s: "SRV_RAD_S", "rad/s", Range::Between(0.1, 100.0), 5.5, Live,
+        "greatest speed of the servo";
     pitch_set_deg: "PITCH_SET_DEG", "deg", Range::Between(-30.0, 30.0), 0.0, Live,
         "pitch to hold, nose up positive";
     srv_centre_us: "SRV_CENTRE_US", "us", Range::Between(1420.0, 1620.0), 1523.6, Live,
