@@ -461,6 +461,9 @@ impl Supervisor {
 fn ends_trust(fault: SensorFault) -> bool {
     matches!(
         fault,
-        SensorFault::Reset | SensorFault::Configuration { .. } | SensorFault::Frozen
+        SensorFault::Reset
+            | SensorFault::Configuration { .. }
+            | SensorFault::Frozen
+            | SensorFault::Unreliable
     )
 }

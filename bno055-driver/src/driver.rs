@@ -14,6 +14,11 @@ use crate::verify::Check;
 /// So many bursts or verifications in a row that fail on the bus, or so many bad samples, and the chip is set up anew.
 const BUS_ERRORS_MAX: u8 = 3;
 const BAD_SAMPLES_MAX: u8 = 5;
+/// Every bad sample weighs this, every good one takes off 1; at the limit so many are bad that the good ones are not to be
+/// believed either: flips too small to be noticed come with those that are. Beyond one bad in three it fills in time,
+/// at nine bad in ten within 60 ms.
+const UNRELIABLE_WEIGHT: u8 = 2;
+const UNRELIABLE_MAX: u8 = 10;
 
 /// What the owner of the bus is to do.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -37,6 +42,7 @@ struct Sampling {
     doubt: Option<SensorFault>,
     bus_errors: u8,
     bad_samples: u8,
+    unreliable: u8,
     inspector: Inspector,
 }
 
@@ -56,6 +62,7 @@ impl Sampling {
             doubt: None,
             bus_errors: 0,
             bad_samples: 0,
+            unreliable: 0,
             inspector,
         }
     }
@@ -381,6 +388,7 @@ impl Driver {
             Ok(data) => {
                 sampling.bus_errors = 0;
                 sampling.bad_samples = 0;
+                sampling.unreliable = sampling.unreliable.saturating_sub(1);
                 let Some(fault) = sampling.doubt else {
                     self.health.good = self.health.good.wrapping_add(1);
                     self.health.last_good = Some(time);
@@ -396,8 +404,7 @@ impl Driver {
             }
             Err(fault) => {
                 self.health.count(fault);
-                self.bad_sample(time, fault);
-                fault
+                self.bad_sample(time, fault)
             }
         };
         self.fault = Some(fault);
@@ -420,11 +427,13 @@ impl Driver {
         }
     }
 
-    fn bad_sample(&mut self, now: Micros, fault: SensorFault) {
+    /// What to report for a bad sample, which may be one too many.
+    fn bad_sample(&mut self, now: Micros, fault: SensorFault) -> SensorFault {
         let Phase::Sampling(sampling) = &mut self.phase else {
-            return;
+            return fault;
         };
         sampling.bad_samples = sampling.bad_samples.saturating_add(1);
+        sampling.unreliable = sampling.unreliable.saturating_add(UNRELIABLE_WEIGHT);
         if fault == SensorFault::Reset && sampling.doubt.is_none() {
             sampling.check = Check::Mode;
         }
@@ -434,9 +443,15 @@ impl Driver {
             SensorFault::Frozen => 1,
             _ => BAD_SAMPLES_MAX,
         };
-        if sampling.bad_samples >= enough {
-            self.restart(now, fault);
-        }
+        let fault = if sampling.bad_samples >= enough {
+            fault
+        } else if sampling.unreliable >= UNRELIABLE_MAX {
+            SensorFault::Unreliable
+        } else {
+            return fault;
+        };
+        self.restart(now, fault);
+        fault
     }
 
     /// Sets the chip up anew; `fault` is reported until it samples again.

@@ -75,6 +75,8 @@ pub enum SensorFault {
     Late,
     /// Suspended by request.
     Suspended,
+    /// So many bad samples of late that the others are not to be believed either.
+    Unreliable,
 }
 
 impl SensorFault {
@@ -102,6 +104,7 @@ impl SensorFault {
             Self::Late => (18, 0),
             Self::Suspended => (19, 0),
             Self::Profile { register } => (20, register),
+            Self::Unreliable => (21, 0),
         };
         (kind as u16) << 8 | detail as u16
     }
@@ -166,6 +169,7 @@ impl fmt::Display for SensorFault {
             Self::Torn => f.write_str("IMU data torn"),
             Self::Late => f.write_str("IMU sample late"),
             Self::Suspended => f.write_str("IMU suspended"),
+            Self::Unreliable => f.write_str("IMU data unreliable"),
         }
     }
 }
@@ -207,6 +211,7 @@ mod tests {
             SensorFault::Torn,
             SensorFault::Late,
             SensorFault::Suspended,
+            SensorFault::Unreliable,
         ]
         .to_vec();
         all.extend((1..=3).map(|register| SensorFault::DeadSensor {

@@ -85,9 +85,11 @@ fn words(mode: Mode, bytes: &[u8]) -> Option<[[i16; 3]; 3]> {
 /// A jump is judged against a good sample not older than this; after a longer gap anything may have happened.
 pub const STEP_AGE_US: u64 = 35_000;
 
-/// So many bursts with the very same angular rates are a dead gyroscope: its noise moves the last bit all the time.
-/// Kept apart from the frozen chip because the other sensors go on (hardware reports of a gyroscope at zero for ever).
-const GYR_STILL_MAX: u8 = 20;
+/// So many different bursts in a row with the very same angular rates are a dead gyroscope: its noise moves the last bit
+/// all the time. Kept apart from the frozen chip because the other sensors go on (hardware reports of a gyroscope at zero
+/// for ever). The quietest gyroscope, at 12 Hz bandwidth, has one count of noise an axis, so that all three rates stay in
+/// one of 23 samples and in seven on end once in 10^9: a false alarm a year, and none at wider bandwidths.
+const GYR_STILL_MAX: u8 = 8;
 
 /// A word of -1 that lay farther than this from -1 in the last good sample is not believed:
 /// 2 m/s^2 or 0.2 g, 5 uT, 4 deg/s (counts are alike in all units).
@@ -145,10 +147,11 @@ impl Inspector {
             self.equal.saturating_add(1)
         };
         let same_rates = self.last.is_some_and(|[_, _, last]| last == gyr);
-        self.gyr_still = if same_rates {
-            self.gyr_still.saturating_add(1)
-        } else {
-            1
+        self.gyr_still = match (same_rates, fresh) {
+            (false, _) => 1,
+            (true, true) => self.gyr_still.saturating_add(1),
+            // Nothing was measured between the two.
+            (true, false) => self.gyr_still,
         };
         self.last = Some(now);
         let jumped = self.jumped.take();
@@ -437,17 +440,22 @@ mod tests {
     }
 
     #[test]
-    fn a_gyroscope_without_noise_is_dead_at_the_twentieth_burst() {
-        let bursts: Vec<_> = (0..20).map(|tick| with(&[(0, tick)])).collect();
+    fn a_gyroscope_without_noise_is_dead_at_the_eighth_burst() {
+        let bursts: Vec<_> = (0..8).map(|tick| with(&[(0, tick)])).collect();
         let verdicts = verdicts(&Config::default(), &bursts);
-        assert_eq!(verdicts[..19], [None; 19]);
-        assert_eq!(verdicts[19], Some(SensorFault::Frozen));
+        assert_eq!(verdicts[..7], [None; 7]);
+        assert_eq!(verdicts[7], Some(SensorFault::Frozen));
+        // Bursts that come twice, as at a tick of twice the chip's rate, count once.
+        let twice: Vec<_> = bursts.iter().flat_map(|burst| [*burst; 2]).collect();
+        let verdicts = self::verdicts(&Config::default(), &twice);
+        assert_eq!(verdicts[..14], [None; 14]);
+        assert_eq!(verdicts[14], Some(SensorFault::Frozen));
         // Fusion removes the bias, and a rate of zero may stand.
         let fusion = Config {
             mode: Mode::Ndof,
             ..Config::default()
         };
-        assert_eq!(self::verdicts(&fusion, &bursts), [None; 20]);
+        assert_eq!(self::verdicts(&fusion, &bursts), [None; 8]);
     }
 
     #[test]

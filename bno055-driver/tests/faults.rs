@@ -332,6 +332,40 @@ fn spikes_never_come_out_whatever_bit_they_flip() {
     assert_eq!(rig.driver.health().starts, 1);
 }
 
+/// Two bad samples in three end trust in the third, whose small errors nobody sees; one in four is ridden out.
+#[test]
+fn a_bus_that_is_mostly_wrong_is_not_believed_when_it_seems_right() {
+    let verdicts = |bad: fn(usize) -> bool| {
+        let mut rig = flying(Config::default());
+        (0..100)
+            .map(|tick| {
+                rig.chip.now += TICK_US;
+                let (mut acc, mag, mut gyr) = rig.chip.truth();
+                gyr[0] = tick as i16;
+                if bad(tick) {
+                    acc[2] = i16::MIN;
+                }
+                let words = [acc, mag, gyr];
+                let bytes: Vec<u8> = words
+                    .iter()
+                    .flatten()
+                    .flat_map(|word| word.to_le_bytes())
+                    .collect();
+                rig.driver.sample(Micros(rig.chip.now), Ok(&bytes)).err()
+            })
+            .collect::<Vec<_>>()
+    };
+    let mostly = verdicts(|tick| tick % 3 != 0);
+    let ends = mostly
+        .iter()
+        .position(|fault| *fault == Some(SensorFault::Unreliable));
+    assert_eq!(ends, Some(8), "{mostly:?}");
+    assert!(mostly[8..].iter().all(Option::is_some));
+    let seldom = verdicts(|tick| tick % 4 == 0);
+    assert_eq!(seldom.iter().flatten().count(), 25);
+    assert!(!seldom.contains(&Some(SensorFault::Unreliable)));
+}
+
 #[test]
 fn the_pattern_seen_around_crashes_never_comes_out() {
     let mut rig = flying(Config::default());
