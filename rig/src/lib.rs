@@ -22,9 +22,11 @@
 //! | [`link`], [`request`], [`operator`] | the MAVLink client at the USB port |
 //! | `real_time`, `pty`, [`hand`] | on the clock on the wall, behind a pseudo-terminal (Unix) |
 //! | [`flight`] | boot once, fork, let go, measure |
+//! | [`faults`] | the same flight with everything that a sensor does wrong, at random instants |
 //! | [`recording`], [`replay`], [`score`] | real recordings through the image |
 
 pub mod bno055;
+pub mod faults;
 pub mod flight;
 pub mod hand;
 pub mod image;

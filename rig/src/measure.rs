@@ -152,6 +152,7 @@ mod tests {
                         recorded: None,
                     },
                     words: [0; 9],
+                    sound: true,
                 });
                 truth.steps.push(Step {
                     start: us(begin + 4310),

@@ -15,6 +15,8 @@ pub enum Stream {
     Bus = 3,
     /// The hand that lets the drone go.
     Release = 4,
+    /// What fails in a campaign, when and how hard.
+    Campaign = 5,
 }
 
 /// The generator of `stream` under `seed`; the same on every machine.

@@ -7,6 +7,16 @@ use samd21::board::{I2cEvent, I2cReply, Ticks};
 /// First register of the sensor's data, and how many bytes a full burst reads.
 const DATA: u8 = 0x08;
 const FULL: usize = 18;
+/// A word that is wrong by no more than this does no harm: 2 m/s^2, 5 uT, 4 deg/s. A single such
+/// sample moves the rudder by 2 degrees at most, by the gyroscope; the other two are averaged over seconds.
+const SOUND_COUNTS: [u16; 3] = [200, 80, 64];
+
+/// What the sensor's registers hold, and what they would hold without a fault.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Registers {
+    pub(crate) refresh: Refresh,
+    pub(crate) sound: [i16; 9],
+}
 
 /// A transaction under way.
 #[derive(Clone, Copy, Debug)]
@@ -17,6 +27,8 @@ struct Transaction {
     start: Option<Ticks>,
     refresh: Option<Refresh>,
     bytes: [u8; FULL],
+    /// What should have been read: a word is taken with its first byte, as the sensor does.
+    sound: [i16; FULL / 2],
     count: usize,
 }
 
@@ -29,13 +41,13 @@ pub(crate) struct Tap {
 }
 
 impl Tap {
-    /// An event on the bus and the sensor's reply to it; `refresh` is what its registers hold.
+    /// An event on the bus and the sensor's reply to it, with what its registers hold.
     pub(crate) fn i2c(
         &mut self,
         now: Ticks,
         event: I2cEvent,
         reply: I2cReply,
-        refresh: Refresh,
+        registers: Registers,
         truth: &mut Truth,
     ) {
         match (event, &mut self.transaction) {
@@ -46,6 +58,7 @@ impl Tap {
                     start: None,
                     refresh: None,
                     bytes: [0; FULL],
+                    sound: [0; FULL / 2],
                     count: 0,
                 });
             }
@@ -58,7 +71,12 @@ impl Tap {
                 }
             }
             (I2cEvent::Read, Some(t)) => {
-                t.refresh.get_or_insert(refresh);
+                t.refresh.get_or_insert(registers.refresh);
+                if t.count.is_multiple_of(2)
+                    && let Some(word) = t.sound.get_mut(t.count / 2)
+                {
+                    *word = registers.sound[t.count / 2];
+                }
                 if let Some(byte) = t.bytes.get_mut(t.count) {
                     *byte = reply.data;
                 }
@@ -78,6 +96,7 @@ impl Tap {
                         end: now,
                         refresh,
                         words,
+                        sound: close(words, t.sound),
                     });
                 }
                 self.transaction = None;
@@ -115,16 +134,30 @@ impl Tap {
     }
 }
 
+/// Every word is close enough to what it should be to steer by.
+fn close(words: [i16; FULL / 2], should_be: [i16; FULL / 2]) -> bool {
+    let limits = SOUND_COUNTS.iter().flat_map(|limit| [*limit; 3]);
+    let pairs = words.iter().zip(should_be);
+    pairs
+        .zip(limits)
+        .all(|((word, should_be), limit)| word.abs_diff(should_be) <= limit)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
 
     fn event(tap: &mut Tap, truth: &mut Truth, us: u64, event: I2cEvent, reply: I2cReply) {
-        let refresh = Refresh {
-            at: Ticks::from_us(500),
-            recorded: None,
+        let registers = Registers {
+            refresh: Refresh {
+                at: Ticks::from_us(500),
+                recorded: None,
+            },
+            sound: [
+                0x0100, 0x0302, 0x0504, 0x0706, 0x0908, 0x0B0A, 0x0D0C, 0x0F0E, 0x1110,
+            ],
         };
-        tap.i2c(Ticks::from_us(us), event, reply, refresh, truth);
+        tap.i2c(Ticks::from_us(us), event, reply, registers, truth);
     }
 
     #[test]
@@ -150,6 +183,20 @@ mod tests {
         assert_eq!(burst.words[0], 0x0100);
         assert_eq!(burst.words[8], 0x1110);
         assert_eq!(burst.refresh.at, Ticks::from_us(500));
+        assert!(burst.sound);
+    }
+
+    #[test]
+    fn a_word_may_be_a_little_wrong() {
+        let should_be = [1, 2, 981, 320, -90, 640, 1, -4, 2];
+        assert!(close(should_be, should_be));
+        for (word, limit) in [(2, 200), (4, 80), (7, 64)] {
+            let mut words = should_be;
+            words[word] += limit;
+            assert!(close(words, should_be));
+            words[word] += 1;
+            assert!(!close(words, should_be));
+        }
     }
 
     #[test]

@@ -12,7 +12,7 @@
 //! accelerometer feels gravity alone.
 
 use crate::bno055::{self, Bno055, Fault, Stimulus};
-use crate::tap::Tap;
+use crate::tap::{Registers, Tap};
 use crate::truth::{Motion, Truth};
 use plant::{Drone, ParameterError, Parameters, Servo, ServoModel};
 use samd21::board::{Board, I2cEvent, I2cReply, Lines, Pin, Ticks};
@@ -289,13 +289,21 @@ impl Board for World {
     fn i2c(&mut self, now: Ticks, event: I2cEvent) -> I2cReply {
         self.advance(now);
         let reply = self.sensor.i2c(now, event);
-        let refresh = self.sensor.refreshed();
-        self.tap.i2c(now, event, reply, refresh, &mut self.truth);
+        let registers = Registers {
+            refresh: self.sensor.refreshed(),
+            sound: self.sensor.sound_words(),
+        };
+        self.tap.i2c(now, event, reply, registers, &mut self.truth);
         reply
     }
 
-    fn i2c_held_low(&self, _now: Ticks) -> Lines {
-        self.sensor.held_low()
+    fn i2c_held_low(&self, now: Ticks) -> Lines {
+        self.sensor.held_low(now)
+    }
+
+    fn i2c_glitch(&mut self, now: Ticks) -> bool {
+        self.advance(now);
+        self.sensor.glitch(now)
     }
 
     fn pin(&mut self, now: Ticks, pin: Pin, level: bool) {

@@ -1,6 +1,6 @@
 //! What reading and writing a register does.
 
-use super::registers::{Mode, page0, page1, status, trigger, unit};
+use super::registers::{Mode, error, page0, page1, status, trigger, unit};
 use super::{Bno055, Fault, GROUPS, Power, Transfer};
 use samd21::board::Ticks;
 
@@ -42,6 +42,7 @@ impl Bno055 {
             page0::CALIB_STAT => self.calibration_status(now),
             page0::SYS_CLK_STATUS => u8::from(now < self.clock_busy_until),
             page0::SYS_STATUS => self.system_status(now),
+            page0::SYS_ERR => self.system_error(),
             page0::OPR_MODE => self.mode as u8,
             page0::SYS_TRIGGER => 0,
             _ => stored,
@@ -49,7 +50,7 @@ impl Bno055 {
     }
 
     fn system_status(&self, now: Ticks) -> u8 {
-        if self.get(page0::SYS_ERR) != 0 {
+        if self.system_error() != 0 {
             status::ERROR
         } else if now < self.self_test_until {
             status::SELF_TEST
@@ -59,6 +60,14 @@ impl Bno055 {
             status::FUSION
         } else {
             status::NO_FUSION
+        }
+    }
+
+    fn system_error(&self) -> u8 {
+        if self.faults.has(Fault::AllZero) {
+            error::PERIPHERAL_INIT
+        } else {
+            self.get(page0::SYS_ERR)
         }
     }
 

@@ -5,6 +5,9 @@ use super::{Bno055, Fault, Power, Transfer};
 use rand::Rng;
 use samd21::board::{I2cEvent, I2cReply, Lines, Ticks};
 
+/// How long another master holds the data line low, a byte at 50 kHz.
+const FOREIGN_BYTE: Ticks = Ticks::from_us(180);
+
 impl Bno055 {
     /// The bus master does `event`.
     pub fn i2c(&mut self, now: Ticks, event: I2cEvent) -> I2cReply {
@@ -50,10 +53,32 @@ impl Bno055 {
         }
     }
 
-    /// The lines that the sensor, or a fault of its cable, holds low.
-    pub fn held_low(&self) -> Lines {
+    /// A byte begins at `now`: whether a START or STOP lies inside it. Another master may take the
+    /// bus here too.
+    pub fn glitch(&mut self, now: Ticks) -> bool {
+        let mut glitch = false;
+        for fault in self.faults.iter() {
+            match *fault {
+                Fault::BusErrors { probability } => {
+                    glitch |= self.bus_noise.random_bool(probability);
+                }
+                Fault::ArbitrationLosses { probability }
+                    if self.bus_noise.random_bool(probability) =>
+                {
+                    self.foreign_until = now + FOREIGN_BYTE;
+                }
+                _ => {}
+            }
+        }
+        glitch
+    }
+
+    /// The lines that the sensor, a fault of its cable or another master holds low.
+    pub fn held_low(&self, now: Ticks) -> Lines {
+        let stuck =
+            self.faults.has(Fault::SdaStuck) || self.faults.has(Fault::SdaHeld { clocks: 0 });
         Lines {
-            sda: self.faults.has(Fault::SdaStuck) || self.faults.has(Fault::SdaHeld { clocks: 0 }),
+            sda: stuck || now < self.foreign_until,
             scl: self.faults.has(Fault::SclStuck),
         }
     }
@@ -110,6 +135,11 @@ impl Bno055 {
         if self.faults.has(Fault::AllOnes) {
             return 0xFF;
         }
+        let value = self.stored_next(now, address);
+        self.flip(value)
+    }
+
+    fn stored_next(&mut self, now: Ticks, address: u8) -> u8 {
         if let Some((at, value)) = self.transfer.shadow.take()
             && at == address
         {
@@ -124,6 +154,19 @@ impl Bno055 {
             return low;
         }
         value
+    }
+
+    /// What a bad cable makes of a byte.
+    fn flip(&mut self, byte: u8) -> u8 {
+        let mut flipped = byte;
+        for fault in self.faults.iter() {
+            if let Fault::BitFlips { probability } = *fault
+                && self.bus_noise.random_bool(probability)
+            {
+                flipped ^= 1 << self.bus_noise.random_range(0..8);
+            }
+        }
+        flipped
     }
 
     /// What a bad cable makes of a data word.

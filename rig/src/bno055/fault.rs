@@ -7,6 +7,9 @@ use samd21::board::Ticks;
 pub enum Fault {
     /// The cable is off: no power, no acknowledge. Clearing plugs it in again, and the chip boots.
     Unplugged,
+    /// The chip does not acknowledge any more though it has power, as some do after a reset by
+    /// command or after clocks that it did not expect. Clearing cuts its power, and it boots.
+    Hung,
     /// Something holds the data line low.
     SdaStuck,
     /// Something holds the clock line low.
@@ -23,6 +26,24 @@ pub enum Fault {
     PowerDip,
     /// Every byte reads 0xFF though the chip acknowledges.
     AllOnes,
+    /// The data registers read zero though the mode is kept, SYS_STATUS tells 1 and SYS_ERR 1, as
+    /// with a grounded BL_IND pin.
+    AllZero,
+    /// Single bits of the bytes read are inverted.
+    BitFlips {
+        /// Share of bytes with a wrong bit, 0 to 1.
+        probability: f64,
+    },
+    /// A START or STOP lies inside some bytes: the master sees a bus error.
+    BusErrors {
+        /// Share of bytes, 0 to 1.
+        probability: f64,
+    },
+    /// Another master pulls the data line low while some bytes are sent.
+    ArbitrationLosses {
+        /// Share of bytes, 0 to 1.
+        probability: f64,
+    },
     /// Single words of the data registers read 0xFFFF.
     CorruptWords {
         /// Share of words, 0 to 1.
@@ -46,6 +67,10 @@ pub enum Fault {
     GyroDead,
     /// At once: the axis map falls back to its reset value and SYS_ERR tells 2. Nothing to clear.
     RevertedAxisMap,
+    /// At once: the axis map shows Y as x and X as y, a valid map that nobody wrote. Nothing to clear.
+    SwappedAxes,
+    /// At once: UNIT_SEL falls back to its reset value. Nothing to clear.
+    RevertedUnits,
     /// The pattern seen around crashes: acceleration 19.62, 5.68, 0 m/s^2; field 0, 320, 240.19 uT;
     /// rate zero.
     FixedPattern,

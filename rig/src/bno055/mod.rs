@@ -32,6 +32,9 @@
 //! interrupts (no board wires INT), low power mode (as normal), the soft-iron matrix, HID-I2C and
 //! UART, the START directly followed by a STOP that the chip does not recognise, temperature
 //! drift.
+//!
+//! Faults that can be switched on and off while it runs are the variants of [`Fault`]; what each
+//! does to registers or lines stands there.
 
 mod access;
 mod bus;
@@ -52,7 +55,9 @@ use crate::random::{Stream, generator};
 use crate::recording::Recording;
 use rand::{Rng, RngCore};
 use rand_chacha::ChaCha8Rng;
-use registers::{AXIS_MAP_RESET, error, page0, page1, reset_pages};
+use registers::{
+    AXIS_MAP_RESET, AXIS_MAP_SWAPPED, UNIT_SEL_RESET, error, page0, page1, reset_pages,
+};
 use replay::Playback;
 use samd21::board::Ticks;
 use signal::{Sample, Settings, SignalChain};
@@ -150,7 +155,19 @@ pub struct Bno055 {
     clock_busy_until: Ticks,
     pointer: u8,
     transfer: Transfer,
+    /// The line that another master holds low, until then.
+    foreign_until: Ticks,
     faults: Faults,
+    output: Output,
+    sound: [i16; 9],
+}
+
+/// The registers that decide how a sample becomes words.
+#[derive(Clone, Copy, Debug)]
+struct Output {
+    units: u8,
+    map: u8,
+    sign: u8,
 }
 
 /// The groups of calibration registers: first byte in the block of 22, number of words.
@@ -184,7 +201,14 @@ impl Bno055 {
             clock_busy_until: Ticks::ZERO,
             pointer: 0,
             transfer: Transfer::default(),
+            foreign_until: Ticks::ZERO,
             faults: Faults::default(),
+            output: Output {
+                units: UNIT_SEL_RESET,
+                map: AXIS_MAP_RESET,
+                sign: 0,
+            },
+            sound: [0; 9],
             config,
         };
         chip.boot(Ticks::ZERO);
@@ -204,6 +228,13 @@ impl Bno055 {
     /// What the data registers show now.
     pub fn refreshed(&self) -> Refresh {
         self.refresh
+    }
+
+    /// What the data registers would show now if the chip had no fault and were set up as its master
+    /// left it at the last change of mode: accelerometer, magnetometer, gyroscope. Zero until it has
+    /// sampled.
+    pub fn sound_words(&self) -> [i16; 9] {
+        self.sound
     }
 
     /// The mode in force.
@@ -237,8 +268,18 @@ impl Bno055 {
                 self.set(page0::AXIS_MAP_SIGN, 0);
                 self.set(page0::SYS_ERR, error::SYSTEM_INIT);
             }
+            Fault::AllZero => {
+                self.clear_data();
+                self.faults.set(fault);
+            }
+            Fault::SwappedAxes => self.set(page0::AXIS_MAP_CONFIG, AXIS_MAP_SWAPPED),
+            Fault::RevertedUnits => self.set(page0::UNIT_SEL, UNIT_SEL_RESET),
             Fault::Unplugged => {
                 self.power = Power::Off;
+                self.faults.set(fault);
+            }
+            Fault::Hung => {
+                self.power = Power::Hung;
                 self.faults.set(fault);
             }
             _ => self.faults.set(fault),
@@ -250,7 +291,7 @@ impl Bno055 {
         self.run(now);
         let was_on = self.faults.has(fault);
         self.faults.clear(fault);
-        if was_on && matches!(fault, Fault::Unplugged) {
+        if was_on && matches!(fault, Fault::Unplugged | Fault::Hung) {
             self.boot(now);
         }
     }
@@ -307,6 +348,7 @@ impl Bno055 {
         self.switching = None;
         self.mode = mode;
         self.running_since = at;
+        self.output = self.output();
         self.clear_data();
         self.signals.restart();
         // A profile that was refused lets no fusion start; any other error is over.
@@ -333,10 +375,13 @@ impl Bno055 {
             let sample = self.signals.refresh(at, &settings);
             let suspended = self.get(page0::PWR_MODE) == 2;
             let spoiled = self.get(page0::SYS_ERR) == error::FUSION_CONFIG;
-            if self.mode == Mode::Config || suspended || spoiled || self.faults.has(Fault::Frozen) {
+            let stopped = self.faults.has(Fault::Frozen) || self.faults.has(Fault::AllZero);
+            let Some(sample) = sample else { continue };
+            if self.mode == Mode::Config || suspended || spoiled {
                 continue;
             }
-            if let Some(sample) = sample {
+            self.sound = self.words(&sample, &settings, self.output);
+            if !stopped {
                 self.show(at, &sample, &settings);
             }
         }
@@ -358,11 +403,30 @@ impl Bno055 {
             at,
             recorded: self.signals.playback().map(Playback::shown),
         };
-        let units = self.get(page0::UNIT_SEL);
-        let mut words = Words::of(sample, units, settings);
+        let output = self.output();
+        let mut words = self.words(sample, settings, output);
         if self.faults.has(Fault::GyroDead) {
-            words.gyr = [0; 3];
+            words[6..].fill(0);
         }
+        self.set_words(page0::ACC_DATA, &words);
+        if self.mode.is_fusion() {
+            let fusion = FusionWords::of(sample, output.units);
+            self.set_words(page0::EUL_DATA, &fusion.euler);
+            self.set_words(page0::QUA_DATA, &fusion.quaternion);
+            self.set_words(page0::LIA_DATA, &output.remap(fusion.linear));
+            self.set_words(page0::GRV_DATA, &output.remap(fusion.gravity));
+        }
+        if self.faults.has(Fault::FixedPattern) {
+            self.set_words(page0::ACC_DATA, &[1962, 568, 0]);
+            self.set_words(page0::MAG_DATA, &[0, 5120, 3843]);
+            self.set_words(page0::GYR_DATA, &[0; 3]);
+        }
+    }
+
+    /// The nine words of a sample: accelerometer, magnetometer, gyroscope, zero where the mode leaves
+    /// the sensor off.
+    fn words(&self, sample: &Sample, settings: &Settings, output: Output) -> [i16; 9] {
+        let mut words = Words::of(sample, output.units, settings);
         if self.mode.is_fusion() {
             let offset = |group: usize| {
                 let first = page0::ACC_OFFSET + GROUPS[group].0 as u8;
@@ -373,45 +437,30 @@ impl Bno055 {
             words.gyr = subtract(words.gyr, offset(2));
         }
         let mode = self.mode;
-        let present = |on: bool, words: [i16; 3]| if on { words } else { [0; 3] };
-        let acc = self.remap(present(mode.has_acc(), words.acc));
-        let mag = self.remap(present(mode.has_mag(), words.mag));
-        let gyr = self.remap(present(mode.has_gyr(), words.gyr));
-        self.set_words(page0::ACC_DATA, &acc);
-        self.set_words(page0::MAG_DATA, &mag);
-        self.set_words(page0::GYR_DATA, &gyr);
-        if mode.is_fusion() {
-            let fusion = FusionWords::of(sample, units);
-            self.set_words(page0::EUL_DATA, &fusion.euler);
-            self.set_words(page0::QUA_DATA, &fusion.quaternion);
-            let (linear, gravity) = (self.remap(fusion.linear), self.remap(fusion.gravity));
-            self.set_words(page0::LIA_DATA, &linear);
-            self.set_words(page0::GRV_DATA, &gravity);
+        let mut out = [0; 9];
+        for (to, (on, from)) in out.chunks_exact_mut(3).zip([
+            (mode.has_acc(), words.acc),
+            (mode.has_mag(), words.mag),
+            (mode.has_gyr(), words.gyr),
+        ]) {
+            if on {
+                to.copy_from_slice(&output.remap(from));
+            }
         }
-        if self.faults.has(Fault::FixedPattern) {
-            self.set_words(page0::ACC_DATA, &[1962, 568, 0]);
-            self.set_words(page0::MAG_DATA, &[0, 5120, 3843]);
-            self.set_words(page0::GYR_DATA, &[0; 3]);
+        out
+    }
+
+    fn output(&self) -> Output {
+        Output {
+            units: self.get(page0::UNIT_SEL),
+            map: self.get(page0::AXIS_MAP_CONFIG),
+            sign: self.get(page0::AXIS_MAP_SIGN),
         }
     }
 
     fn clear_data(&mut self) {
         let data = usize::from(page0::ACC_DATA)..usize::from(page0::TEMP);
         self.pages[0][data].fill(0);
-    }
-
-    /// Output axes out of package axes (data sheet 3.4).
-    fn remap(&self, v: [i16; 3]) -> [i16; 3] {
-        let map = self.get(page0::AXIS_MAP_CONFIG);
-        let sign = self.get(page0::AXIS_MAP_SIGN);
-        [0u8, 1, 2].map(|axis| {
-            let value = v[usize::from(map >> (2 * axis) & 3)];
-            if sign >> (2 - axis) & 1 == 1 {
-                value.saturating_neg()
-            } else {
-                value
-            }
-        })
     }
 
     fn get(&self, address: u8) -> u8 {
@@ -430,6 +479,20 @@ impl Bno055 {
         for (at, byte) in (address..).zip(words.iter().flat_map(|w| w.to_le_bytes())) {
             self.set(at, byte);
         }
+    }
+}
+
+impl Output {
+    /// Output axes out of package axes (data sheet 3.4).
+    fn remap(&self, v: [i16; 3]) -> [i16; 3] {
+        [0u8, 1, 2].map(|axis| {
+            let value = v[usize::from(self.map >> (2 * axis) & 3)];
+            if self.sign >> (2 - axis) & 1 == 1 {
+                value.saturating_neg()
+            } else {
+                value
+            }
+        })
     }
 }
 

@@ -110,6 +110,8 @@ pub(super) mod status {
 
 /// Values of SYS_ERR.
 pub(super) mod error {
+    /// Peripheral initialisation error.
+    pub(in crate::bno055) const PERIPHERAL_INIT: u8 = 1;
     /// System initialisation error.
     pub(in crate::bno055) const SYSTEM_INIT: u8 = 2;
     /// Fusion configuration error.
@@ -146,6 +148,10 @@ pub(super) mod trigger {
 
 /// Axis map after reset: X, Y, Z.
 pub(super) const AXIS_MAP_RESET: u8 = 0x24;
+/// Axis map that shows Y, X, Z.
+pub(super) const AXIS_MAP_SWAPPED: u8 = 0x21;
+/// UNIT_SEL after reset: m/s^2, deg/s, degrees, Celsius, Android's pitch.
+pub(super) const UNIT_SEL_RESET: u8 = unit::ANDROID;
 
 /// Operating mode (OPR_MODE, data sheet table 3-5).
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -237,7 +243,7 @@ pub(super) fn reset_pages(unique_id: [u8; 16]) -> [[u8; 128]; 2] {
         (page0::SW_REV_ID + 1, 0x03),
         (page0::BL_REV_ID, 0x15),
         (page0::ST_RESULT, 0x0F),
-        (page0::UNIT_SEL, unit::ANDROID),
+        (page0::UNIT_SEL, UNIT_SEL_RESET),
         (page0::AXIS_MAP_CONFIG, AXIS_MAP_RESET),
         // Unity in 1.14 on the diagonal.
         (page0::SIC_MATRIX + 1, 0x40),

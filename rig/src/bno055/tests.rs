@@ -1,5 +1,7 @@
 //! The chip as a bus master sees it.
 
+mod faults;
+
 use super::registers::{status, trigger, unit};
 use super::*;
 use samd21::board::{I2cEvent, I2cReply};
@@ -343,81 +345,6 @@ fn self_test_takes_its_time() {
     bus.wait_ms(400);
     assert_eq!(bus.read::<1>(page0::SYS_STATUS), [status::IDLE]);
     assert_eq!(bus.byte(page0::ST_RESULT), 0x0F);
-}
-
-#[test]
-fn faults_of_the_data() {
-    let mut bus = Bus::running(Mode::Amg);
-    bus.truth.rate_rad_s = [0.5; 3];
-    bus.wait_ms(100);
-    let fault = |bus: &mut Bus, fault: Fault| {
-        bus.chip.inject(bus.now, fault);
-        bus.wait_ms(50);
-    };
-    fault(&mut bus, Fault::AllOnes);
-    assert_eq!(bus.read::<18>(page0::ACC_DATA), [0xFF; 18]);
-    bus.chip.clear(bus.now, Fault::AllOnes);
-    fault(&mut bus, Fault::GyroDead);
-    assert_eq!(bus.words(page0::GYR_DATA), [0; 3]);
-    assert_eq!(bus.byte(page0::GYR_ID), 0);
-    assert_eq!(bus.byte(page0::ST_RESULT), 0x0B);
-    bus.chip.clear(bus.now, Fault::GyroDead);
-    bus.wait_ms(50);
-    assert_eq!(bus.words(page0::GYR_DATA), [458; 3]);
-    fault(&mut bus, Fault::Frozen);
-    bus.truth.rate_rad_s = [0.0; 3];
-    bus.wait_ms(100);
-    assert_eq!(bus.words(page0::GYR_DATA), [458; 3]);
-    bus.chip.clear(bus.now, Fault::Frozen);
-    fault(&mut bus, Fault::CorruptWords { probability: 1.0 });
-    assert_eq!(bus.words(page0::ACC_DATA), [-1; 3]);
-    assert_eq!(bus.byte(page0::CHIP_ID), 0xA0, "only data words suffer");
-    bus.chip
-        .clear(bus.now, Fault::CorruptWords { probability: 0.0 });
-    fault(&mut bus, Fault::Spikes { probability: 1.0 });
-    assert_eq!(bus.words(page0::ACC_DATA)[2], 981 ^ i16::MIN);
-    bus.chip.clear(bus.now, Fault::Spikes { probability: 0.0 });
-    fault(&mut bus, Fault::FixedPattern);
-    assert_eq!(bus.words(page0::ACC_DATA), [1962, 568, 0]);
-    bus.chip.clear(bus.now, Fault::FixedPattern);
-    fault(&mut bus, Fault::ConfigReset);
-    assert_eq!(bus.byte(page0::OPR_MODE), 0);
-    assert_eq!(bus.read::<18>(page0::ACC_DATA), [0; 18]);
-}
-
-#[test]
-fn faults_of_the_bus() {
-    let mut bus = Bus::running(Mode::Amg);
-    bus.chip.inject(bus.now, Fault::Unplugged);
-    assert!(!bus.write(page0::CHIP_ID, &[]));
-    bus.chip.clear(bus.now, Fault::Unplugged);
-    assert!(!bus.write(page0::CHIP_ID, &[]), "it boots first");
-    bus.wait_ms(700);
-    assert_eq!(bus.byte(page0::OPR_MODE), 0);
-
-    bus.chip.inject(bus.now, Fault::SclStuck);
-    assert!(bus.chip.held_low().scl);
-    bus.chip.clear(bus.now, Fault::SclStuck);
-    bus.chip.inject(bus.now, Fault::SdaHeld { clocks: 3 });
-    for _ in 0..3 {
-        assert!(bus.chip.held_low().sda);
-        bus.chip.clocked();
-    }
-    assert!(!bus.chip.held_low().sda);
-
-    let long = Fault::LongStretch {
-        stretch: Ticks::from_ms(5),
-        probability: 1.0,
-    };
-    bus.chip.inject(bus.now, long);
-    assert!(
-        bus.event(I2cEvent::Start {
-            address: ADDRESS,
-            read: false
-        })
-        .stretch
-            > Ticks::from_ms(5)
-    );
 }
 
 #[test]
