@@ -2,6 +2,7 @@
 //! out elsewhere, by the module of the same name.
 
 mod cycles;
+mod faults;
 mod flash;
 mod fly;
 mod fuse;
@@ -13,6 +14,7 @@ mod rig;
 mod watch;
 
 pub use cycles::{Cycles, Optimise};
+pub use faults::Faults;
 pub use flash::Flash;
 pub use fly::{Fly, ServoChoice};
 pub use fuse::{FilterName, Fuse, Mode, Scalar, Setting, said};
@@ -63,6 +65,8 @@ pub enum Command {
     Forward(Forward),
     /// Measure what one update of every filter costs on the chip, beside the crates of the field.
     Cycles(Cycles),
+    /// Fail sensor and cable at random instants of a flight, and count how it ends.
+    Faults(Faults),
 }
 
 #[cfg(test)]

@@ -3,6 +3,7 @@
 mod cli;
 mod cycles;
 mod failure;
+mod faults;
 mod flash;
 mod fly;
 mod forward;
@@ -54,6 +55,7 @@ fn run(command: Command) -> anyhow::Result<Verdict> {
         Command::Record(options) => record::run(&options),
         Command::Forward(options) => forward::run(&options),
         Command::Cycles(options) => cycles::run(&options),
+        Command::Faults(options) => faults::run(&options),
     }
 }
 

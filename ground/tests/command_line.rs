@@ -43,6 +43,11 @@ fn unusable_input_is_refused_in_one_line() {
         &["flash", "--port", "/dev/no-such-port"],
         "no port /dev/no-such-port",
     );
+    assert_refused(
+        &["faults", "--kind", "gremlins"],
+        "there is no fault gremlins",
+    );
+    assert_refused(&["faults", "--runs", "0"], "--runs");
     assert_refused(&["land"], "land");
     assert_refused(&["fly", "--jsn"], "--jsn");
     assert_refused(&["fly", "--replay", "x.imuq", "--start", "0.2"], "--start");
@@ -79,7 +84,11 @@ fn a_truncated_or_foreign_recording_is_refused_and_writes_no_report() {
 
 #[test]
 fn help_has_examples_and_goes_to_standard_output() {
-    for arguments in [&["fly", "--help"][..], &["flash", "--help"]] {
+    for arguments in [
+        &["fly", "--help"][..],
+        &["flash", "--help"],
+        &["faults", "--help"],
+    ] {
         let output = tvc(arguments);
         assert_eq!(output.status.code(), Some(0));
         let text = String::from_utf8(output.stdout).unwrap();
@@ -157,4 +166,38 @@ fn a_flight_as_json_is_one_object_and_the_same_seed_gives_the_same_flight() {
     }
     let page = std::fs::read_to_string(&report).unwrap();
     assert!(page.contains("<svg") && page.contains("Step responses"));
+}
+
+#[test]
+fn faults_as_json_are_one_object_that_adds_up() {
+    let output = tvc(&[
+        "faults",
+        "--json",
+        "--runs",
+        "2",
+        "--kind",
+        "unplugged",
+        "--kind",
+        "spikes",
+        "--jobs",
+        "2",
+    ]);
+    let said = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert_eq!(output.status.code(), Some(0), "{said}");
+    let object: serde_json::Value =
+        serde_json::from_slice(&output.stdout).unwrap_or_else(|error| panic!("{error}: {said}"));
+    let faults = object["faults"].as_array().unwrap();
+    let kinds: Vec<_> = faults
+        .iter()
+        .map(|row| row["kind"].as_str().unwrap())
+        .collect();
+    assert_eq!(kinds, ["unplugged", "spikes"]);
+    for row in faults {
+        let count = |key: &str| row[key].as_u64().unwrap();
+        assert_eq!(count("runs"), 2);
+        assert_eq!(count("recovered") + count("neutral") + count("unsafe"), 2);
+        assert_eq!(count("unsafe"), 0);
+        let worst = row["worst_ms"].as_f64().unwrap();
+        assert!((0.0..=150.0).contains(&worst), "{row}");
+    }
 }

@@ -2,12 +2,10 @@
 
 use crate::ready;
 use rig::bno055::Fault;
+use rig::faults::NEUTRAL_US;
 use rig::operator::{FlightState, OperatorError};
 use rig::truth::Pulse;
 use rig::{Ready, ResetCause, Ticks};
-
-/// The neutral pulse, us, as far as whole microseconds go.
-const NEUTRAL_US: std::ops::RangeInclusive<f64> = 1523.0..=1524.5;
 
 fn ms(ms: u64) -> Ticks {
     Ticks::from_ms(ms)
@@ -154,7 +152,7 @@ fn a_slave_inside_a_byte_is_clocked_free() {
     let Ready { rig, operator, .. } = &mut flight;
     rig.inject(Fault::SdaHeld { clocks: 7 });
     operator.run(rig, ms(500)).unwrap();
-    assert!(!rig.world().sensor().held_low().sda);
+    assert!(!rig.world().sensor().held_low(rig.now()).sda);
     let last = rig.truth().bursts.last().unwrap();
     assert!(rig.now() - last.end < ms(20), "bursts go on");
 }

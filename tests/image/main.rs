@@ -1,6 +1,7 @@
 //! The very image that flies, on the virtual rig: its flights, its behaviour when something fails, and its attitude
 //! from a real recording. One test binary, so that the image is built and booted once.
 
+mod campaign;
 mod faults;
 mod flights;
 mod replay;

@@ -1,0 +1,173 @@
+//! `tvc faults`: everything that a sensor and its cable do wrong, at random instants of a flight.
+
+use std::time::{Duration, Instant};
+
+use anyhow::{Context, Result};
+use comfy_table::presets::NOTHING;
+use comfy_table::{CellAlignment, Table};
+use indicatif::{ProgressBar, ProgressStyle};
+use rayon::prelude::*;
+use rig::faults::{Campaign, Case, DEADLINE, Ending, Kind, Outcome};
+use rig::{ServoKind, Setup, prepare};
+use serde::Serialize;
+
+use crate::cli::Faults;
+use crate::failure::Verdict;
+
+/// Everything that `tvc faults --json` prints, as one object.
+#[derive(Debug, Serialize)]
+struct Figures {
+    seed: u64,
+    deadline_ms: f64,
+    faults: Vec<KindFigures>,
+    wall_s: f64,
+}
+
+/// How one kind's runs ended.
+#[derive(Debug, Serialize)]
+struct KindFigures {
+    kind: &'static str,
+    runs: usize,
+    recovered: usize,
+    neutral: usize,
+    #[serde(rename = "unsafe")]
+    unsafe_runs: usize,
+    /// The longest that a rudder was off neutral without sound data, ms.
+    worst_ms: f64,
+}
+
+/// Carries out the campaign, prints its table, and tells every unsafe run.
+pub fn run(options: &Faults) -> Result<Verdict> {
+    let begun = Instant::now();
+    let image = rig::image::build(&mut |line| eprintln!("{line}")).context("the image")?;
+    let bar = spinner("boot and flight without a fault");
+    let setup = Setup::new(ServoKind::S3003, options.seed);
+    let ready = prepare(&image, &setup, &mut |_| {})?;
+    let frame_hz = f64::from(setup.servo.frame_hz());
+    let campaign = Campaign::new(&ready, frame_hz, options.seed)
+        .context("the flight that is to be disturbed")?;
+    bar.finish_and_clear();
+
+    let kinds = if options.kind.is_empty() {
+        Kind::ALL.to_vec()
+    } else {
+        Kind::ALL
+            .into_iter()
+            .filter(|kind| options.kind.contains(kind))
+            .collect()
+    };
+    let outcomes = carry_out(&campaign, &kinds, options)?;
+    let figures = Figures {
+        seed: options.seed,
+        deadline_ms: DEADLINE.as_us_f64() / 1e3,
+        faults: kinds
+            .iter()
+            .map(|kind| KindFigures::of(*kind, &outcomes))
+            .collect(),
+        wall_s: begun.elapsed().as_secs_f64(),
+    };
+    if options.json {
+        println!("{}", serde_json::to_string(&figures)?);
+    } else {
+        println!("{}", figures.table());
+    }
+    let mut verdict = Verdict::Met;
+    for outcome in &outcomes {
+        if let Ending::Unsafe(why) = outcome.ending {
+            verdict = Verdict::Missed;
+            eprintln!("unsafe: {}: {why}", story(outcome));
+        }
+    }
+    Ok(verdict)
+}
+
+fn carry_out(campaign: &Campaign, kinds: &[Kind], options: &Faults) -> Result<Vec<Outcome>> {
+    let cases: Vec<Case> = kinds
+        .iter()
+        .flat_map(|&kind| (0..options.runs).map(move |number| Case { kind, number }))
+        .collect();
+    let pool = rayon::ThreadPoolBuilder::new()
+        .num_threads(options.jobs.map_or(0, usize::from))
+        .build()?;
+    let bar = ProgressBar::new(cases.len() as u64);
+    if let Ok(style) = ProgressStyle::with_template("{bar:40} {pos}/{len} runs, {eta} to go") {
+        bar.set_style(style);
+    }
+    let outcomes = pool.install(|| {
+        cases
+            .par_iter()
+            .map(|&case| {
+                let outcome = campaign
+                    .run(case)
+                    .with_context(|| format!("run {} of fault {}", case.number, case.kind));
+                bar.inc(1);
+                outcome
+            })
+            .collect()
+    });
+    bar.finish_and_clear();
+    outcomes
+}
+
+impl KindFigures {
+    fn of(kind: Kind, outcomes: &[Outcome]) -> Self {
+        let runs = || outcomes.iter().filter(|outcome| outcome.case.kind == kind);
+        let count = |ends: fn(&Ending) -> bool| runs().filter(|run| ends(&run.ending)).count();
+        Self {
+            kind: kind.name(),
+            runs: runs().count(),
+            recovered: count(|ending| matches!(ending, Ending::Recovered)),
+            neutral: count(|ending| matches!(ending, Ending::Neutral)),
+            unsafe_runs: count(|ending| matches!(ending, Ending::Unsafe(_))),
+            worst_ms: runs().map(|run| run.blind_ms).fold(0.0, f64::max),
+        }
+    }
+}
+
+impl Figures {
+    fn table(&self) -> Table {
+        let mut table = Table::new();
+        table.load_style(NOTHING);
+        table.set_header([
+            "fault",
+            "runs",
+            "recovered",
+            "neutral",
+            "unsafe",
+            "worst, ms",
+        ]);
+        for row in &self.faults {
+            table.add_row([
+                row.kind.to_owned(),
+                row.runs.to_string(),
+                row.recovered.to_string(),
+                row.neutral.to_string(),
+                row.unsafe_runs.to_string(),
+                format!("{:.1}", row.worst_ms),
+            ]);
+        }
+        for column in table.column_iter_mut().skip(1) {
+            column.set_cell_alignment(CellAlignment::Right);
+        }
+        table
+    }
+}
+
+/// What there is to know of a run, to look at it again.
+fn story(outcome: &Outcome) -> String {
+    format!(
+        "{} run {}, {:?} at {:.3} s for {:.0} ms, said last \"{}\"",
+        outcome.case.kind,
+        outcome.case.number,
+        outcome.fault,
+        outcome.at_s,
+        outcome.lasted_s * 1e3,
+        outcome.said
+    )
+}
+
+fn spinner(what: &'static str) -> ProgressBar {
+    let bar = ProgressBar::new_spinner().with_message(what);
+    bar.enable_steady_tick(Duration::from_millis(120));
+    bar
+}
