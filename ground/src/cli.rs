@@ -19,7 +19,7 @@ pub use flash::Flash;
 pub use fly::{Fly, ServoChoice};
 pub use fuse::{FilterName, Fuse, Mode, Scalar, Setting, said};
 pub use link::Port;
-pub use model::{Model, ModelCommand, Simulate};
+pub use model::{Linear, Model, ModelCommand, Simulate};
 pub use operate::{Operate, Ports};
 pub use param::{Param, ParamAction};
 pub use rig::Rig;
@@ -45,7 +45,7 @@ pub enum Command {
     Fuse(Fuse),
     /// Build the image and put it on a Nano, or write it as a file.
     Flash(Flash),
-    /// The drone's physics: simulate a scenario.
+    /// The drone's physics: simulate a scenario, make it linear.
     Model(Model),
     /// Run the virtual rig in real time, its port behind a pseudo-terminal.
     Rig(Rig),

@@ -1,6 +1,7 @@
 //! Line plots as SVG text, to stand inside a page.
 
 use anyhow::{Result, anyhow};
+use plotters::coord::ranged1d::{AsRangedCoord, ValueFormatter};
 use plotters::prelude::*;
 
 /// Size of a plot in SVG units; pages scale it to their width.
@@ -11,7 +12,7 @@ const MOST_POINTS: usize = 1500;
 
 /// One line of a plot.
 pub struct Line<'a> {
-    /// Shown in the legend.
+    /// Shown in the legend, unless it is empty.
     pub name: &'a str,
     /// Index into the page's palette: the same thing has the same colour in every plot.
     pub colour: usize,
@@ -31,6 +32,44 @@ pub struct Plot<'a> {
     pub band: Option<(f64, f64)>,
 }
 
+/// How a picture departs from the usual one.
+#[derive(Default)]
+pub struct Look<'a> {
+    /// A logarithmic x axis; every x must be above zero.
+    pub log_x: bool,
+    /// Range of x, in place of that of the points; what lies outside is not drawn.
+    pub x: Option<(f64, f64)>,
+    /// Range of y, likewise.
+    pub y: Option<(f64, f64)>,
+    /// Height in SVG units, in place of the usual one.
+    pub height: Option<u32>,
+    /// Single points, drawn over the lines.
+    pub marks: Vec<Marks<'a>>,
+}
+
+/// Single points of a kind.
+pub struct Marks<'a> {
+    /// Shown in the legend.
+    pub name: &'a str,
+    /// Index into the page's palette.
+    pub colour: usize,
+    /// What stands at each point.
+    pub shape: Shape,
+    /// `(x, y)`.
+    pub points: Vec<(f64, f64)>,
+}
+
+/// What stands at a single point.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub enum Shape {
+    /// A cross: poles, by custom.
+    Cross,
+    /// An open circle: zeros, by custom.
+    Circle,
+    /// A filled dot.
+    Dot,
+}
+
 /// Colours that stay apart for colour-blind readers and in grey print.
 const PALETTE: [RGBColor; 6] = [
     RGBColor(0, 90, 181),
@@ -41,25 +80,47 @@ const PALETTE: [RGBColor; 6] = [
     RGBColor(200, 30, 60),
 ];
 
+/// What the drawing library may complain of.
+type Drawn = std::result::Result<(), Box<dyn std::error::Error>>;
+
 impl Plot<'_> {
     /// Draws the plot; an error means that the drawing library refused the numbers.
     pub fn svg(&self) -> Result<String> {
+        self.svg_as(&Look::default())
+    }
+
+    /// Draws the plot with a look of its own.
+    pub fn svg_as(&self, look: &Look<'_>) -> Result<String> {
         let mut svg = String::new();
-        self.draw(&mut svg)
-            .map_err(|error| anyhow!("drawing a plot of {}: {error}", self.y))?;
+        let (x, y) = self.ranges(look);
+        let drawn = if look.log_x {
+            self.draw(&mut svg, look, (x.start..x.end).log_scale(), (x, y))
+        } else {
+            self.draw(&mut svg, look, x.start..x.end, (x, y))
+        };
+        drawn.map_err(|error| anyhow!("drawing a plot of {}: {error}", self.y))?;
         Ok(svg)
     }
 
-    fn draw(&self, svg: &mut String) -> std::result::Result<(), Box<dyn std::error::Error>> {
-        let (x, y) = self.ranges();
-        let area = SVGBackend::with_string(svg, SIZE).into_drawing_area();
+    fn draw<X: AsRangedCoord<Value = f64>>(
+        &self,
+        svg: &mut String,
+        look: &Look<'_>,
+        x_axis: X,
+        (x, y): (std::ops::Range<f64>, std::ops::Range<f64>),
+    ) -> Drawn
+    where
+        X::CoordDescType: ValueFormatter<f64>,
+    {
+        let size = (SIZE.0, look.height.unwrap_or(SIZE.1));
+        let area = SVGBackend::with_string(svg, size).into_drawing_area();
         area.fill(&WHITE)?;
         let mut chart = ChartBuilder::on(&area)
             .margin(8)
             .margin_right(18)
             .x_label_area_size(38)
             .y_label_area_size(62)
-            .build_cartesian_2d(x.clone(), y)?;
+            .build_cartesian_2d(x_axis, y.clone())?;
         chart
             .configure_mesh()
             .x_desc(self.x)
@@ -77,14 +138,45 @@ impl Plot<'_> {
                 RGBColor(20, 130, 80).mix(0.15).filled(),
             )])?;
         }
+        let inside = |&(px, py): &(f64, f64)| {
+            (x.start..=x.end).contains(&px) && (y.start..=y.end).contains(&py)
+        };
         for line in &self.lines {
             let style = PALETTE[line.colour % PALETTE.len()].stroke_width(2);
-            chart
-                .draw_series(LineSeries::new(thinned(&line.points), style))?
-                .label(line.name)
-                .legend(move |(x, y)| PathElement::new([(x, y), (x + 18, y)], style));
+            let points = thinned(&line.points);
+            // A line that leaves the picture is drawn in the pieces that lie inside.
+            let pieces = points.split(|point| !inside(point));
+            for (i, piece) in pieces.filter(|piece| !piece.is_empty()).enumerate() {
+                let drawn = chart.draw_series(LineSeries::new(piece.iter().copied(), style))?;
+                if i == 0 && !line.name.is_empty() {
+                    drawn
+                        .label(line.name)
+                        .legend(move |(x, y)| PathElement::new([(x, y), (x + 18, y)], style));
+                }
+            }
         }
-        if self.lines.len() > 1 {
+        for marks in &look.marks {
+            let colour = PALETTE[marks.colour % PALETTE.len()];
+            let points = marks.points.iter().copied().filter(inside);
+            let line = colour.stroke_width(2);
+            let drawn = match marks.shape {
+                Shape::Cross => chart.draw_series(points.map(|at| Cross::new(at, 5, line)))?,
+                Shape::Circle => chart.draw_series(points.map(|at| Circle::new(at, 5, line)))?,
+                Shape::Dot => {
+                    chart.draw_series(points.map(|at| Circle::new(at, 4, colour.filled())))?
+                }
+            };
+            let shape = marks.shape;
+            drawn.label(marks.name).legend(move |(x, y)| {
+                let at = (x + 9, y);
+                match shape {
+                    Shape::Cross => Cross::new(at, 5, line).into_dyn(),
+                    Shape::Circle => Circle::new(at, 5, line).into_dyn(),
+                    Shape::Dot => Circle::new(at, 4, colour.filled()).into_dyn(),
+                }
+            });
+        }
+        if self.lines.len() + look.marks.len() > 1 {
             chart
                 .configure_series_labels()
                 .background_style(WHITE.mix(0.85))
@@ -97,11 +189,13 @@ impl Plot<'_> {
         Ok(())
     }
 
-    /// Axis ranges around all finite points, never empty.
-    fn ranges(&self) -> (std::ops::Range<f64>, std::ops::Range<f64>) {
+    /// Axis ranges around all finite points, never empty, unless the look says which.
+    fn ranges(&self, look: &Look<'_>) -> (std::ops::Range<f64>, std::ops::Range<f64>) {
         let mut x = (f64::INFINITY, f64::NEG_INFINITY);
         let mut y = self.band.unwrap_or((f64::INFINITY, f64::NEG_INFINITY));
-        for &(px, py) in self.lines.iter().flat_map(|line| &line.points) {
+        let lines = self.lines.iter().flat_map(|line| &line.points);
+        let marks = look.marks.iter().flat_map(|marks| &marks.points);
+        for &(px, py) in lines.chain(marks) {
             if px.is_finite() && py.is_finite() {
                 x = (x.0.min(px), x.1.max(px));
                 y = (y.0.min(py), y.1.max(py));
@@ -122,7 +216,9 @@ impl Plot<'_> {
             };
         }
         let margin = 0.06 * (y.1 - y.0);
-        (x.0..x.1, y.0 - margin..y.1 + margin)
+        let (x0, x1) = look.x.unwrap_or(x);
+        let (y0, y1) = look.y.unwrap_or((y.0 - margin, y.1 + margin));
+        (x0..x1, y0..y1)
     }
 }
 
@@ -171,6 +267,40 @@ mod tests {
         ] {
             plot(points).svg().unwrap();
         }
+    }
+
+    #[test]
+    fn marks_are_drawn_and_what_lies_outside_the_picture_is_not() {
+        let look = Look {
+            x: Some((0.1, 10.0)),
+            y: Some((-1.0, 1.0)),
+            log_x: true,
+            height: Some(400),
+            marks: vec![Marks {
+                name: "poles",
+                colour: 1,
+                shape: Shape::Cross,
+                points: vec![(1.0, 0.0), (100.0, 0.0)],
+            }],
+        };
+        let plot = plot(vec![
+            (0.1, 0.0),
+            (1.0, 0.5),
+            (2.0, 5.0),
+            (3.0, 0.5),
+            (9.0, 0.0),
+        ]);
+        let svg = plot.svg_as(&look).unwrap();
+        assert!(svg.contains("poles") && svg.contains("height=\"400\""));
+        let alone = plot.svg_as(&Look::default()).unwrap();
+        let lines = |svg: &str| svg.matches("stroke-width=\"2\" points").count();
+        // The line in two pieces, against one.
+        assert!(
+            lines(&svg) > lines(&alone),
+            "{} {}",
+            lines(&svg),
+            lines(&alone)
+        );
     }
 
     #[test]

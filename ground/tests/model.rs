@@ -148,11 +148,111 @@ fn mistakes_name_the_key_and_the_file_and_write_nothing() {
 
 #[test]
 fn help_has_examples() {
-    let output = tvc(&["simulate", "--help"]);
-    assert_eq!(output.status.code(), Some(0));
-    let text = String::from_utf8(output.stdout).unwrap();
-    assert!(
-        text.contains("Examples:") && text.contains("Exit status:"),
-        "{text}"
-    );
+    for command in ["simulate", "linear"] {
+        let output = tvc(&[command, "--help"]);
+        assert_eq!(output.status.code(), Some(0));
+        let text = String::from_utf8(output.stdout).unwrap();
+        assert!(
+            text.contains("Examples:") && text.contains("Exit status:"),
+            "{text}"
+        );
+    }
+}
+
+/// Runs a command with `--json` and a report, and gives the object and the report's text.
+fn json_and_report(arguments: &[&str]) -> (serde_json::Value, String) {
+    let folder = tempfile::tempdir().unwrap();
+    let report = folder.path().join("report.html");
+    let mut all = arguments.to_vec();
+    all.extend(["--json", "--report", text(&report)]);
+    let output = tvc(&all);
+    assert!(output.status.success(), "{output:?}");
+    let object = serde_json::from_slice(&output.stdout).unwrap();
+    (object, std::fs::read_to_string(report).unwrap())
+}
+
+fn near(value: &serde_json::Value, expected: f64, tolerance: f64) {
+    let found = value.as_f64().unwrap();
+    assert!((found - expected).abs() <= tolerance, "{found} {expected}");
+}
+
+#[test]
+fn linear_gives_the_reference_model_and_margins() {
+    let (object, page) = json_and_report(&["linear"]);
+    near(&object["A"][1][0], -0.0028, 5e-5);
+    near(&object["A"][1][2], -26.162, 5e-4);
+    near(&object["A"][3][0], 0.292, 5e-4);
+    near(&object["A"][3][2], -565.75, 5e-3);
+    near(&object["B"][1], -14.316, 5e-4);
+    near(&object["B"][3], 1485.2, 5e-2);
+    assert_eq!(object["C"], serde_json::json!([1.0, 0.0, 0.0, 0.0]));
+    assert_eq!(object["D"], 0.0);
+    for part in ["controllability", "observability"] {
+        assert_eq!(object[part]["rank"], 4);
+    }
+    let largest = |key: &str| {
+        let values = object[key].as_array().unwrap();
+        values
+            .iter()
+            .map(|z| z["im"].as_f64().unwrap())
+            .fold(0.0, f64::max)
+    };
+    assert!((largest("poles") - 23.79).abs() < 0.006);
+    assert!((largest("zeros") - 57.27).abs() < 0.006);
+    let margins = &object["loop"]["margins"];
+    near(&margins["gain_margin_db"], 13.1, 0.06);
+    near(&margins["gain_margin_at_rad_s"], 28.4, 0.5);
+    near(&margins["phase_margin_deg"], 42.7, 0.06);
+    near(&margins["delay_margin_s"], 0.077, 6e-4);
+    assert_eq!(object["loop"]["stable"], true);
+    assert!(page.matches("<svg").count() >= 6);
+}
+
+#[test]
+fn linear_takes_servo_gains_point_and_parameter_file() {
+    let (digital, _) = json_and_report(&["linear", "--servo", "digital"]);
+    near(&digital["loop"]["margins"]["phase_margin_deg"], 50.2, 0.06);
+    let (hot, _) = json_and_report(&["linear", "--gains", "6,1.8"]);
+    assert_eq!(hot["loop"]["stable"], false);
+    let (held, _) = json_and_report(&["linear", "--preset", "thesis_text", "--at", "0.2"]);
+    assert_eq!(held["point"]["equilibrium"], true);
+    near(&held["point"]["theta1_rad"], 0.2, 0.0);
+    assert!(held["point"]["theta0_rad"].as_f64().unwrap() < -0.5);
+    let (askew, _) = json_and_report(&["linear", "--at", "0.3"]);
+    assert_eq!(askew["point"]["equilibrium"], false);
+    let (pitched, _) = json_and_report(&["linear", "--preset", "THESIS_TEXT", "--pitch", "0.3"]);
+    near(&pitched["point"]["theta0_rad"], 0.3, 0.0);
+
+    let folder = tempfile::tempdir().unwrap();
+    let params = folder.path().join("p.toml");
+    std::fs::write(
+        &params,
+        "[drone]\nthrust_n = 15\n[timing]\npreset = \"DIGITAL\"",
+    )
+    .unwrap();
+    let (weak, _) = json_and_report(&["linear", "--params", text(&params)]);
+    near(&weak["loop"]["kp"], 1.6, 0.0);
+    near(&weak["A"][1][2], -13.08, 0.01);
+    // A pendulum whose propellers are too weak to hold it askew.
+    let heavy = folder.path().join("heavy.toml");
+    std::fs::write(&heavy, "[drone]\npreset = \"THESIS_TEXT\"\nthrust_n = 2").unwrap();
+    std::fs::write(&params, "[drone]\nthrust = 15").unwrap();
+    for (arguments, part) in [
+        (
+            &["linear", "--params", text(&params)][..],
+            "p.toml: [drone]",
+        ),
+        (&["linear", "--at", "2"], "--at 2"),
+        (
+            &["linear", "--params", text(&heavy), "--pitch", "1.5"],
+            "--pitch 1.5",
+        ),
+        (&["linear", "--preset", "MAPLE"], "THESIS_TABLE"),
+        (&["linear", "--gains", "1"], "two numbers"),
+    ] {
+        let output = tvc(arguments);
+        let said = String::from_utf8(output.stderr).unwrap();
+        assert_eq!(output.status.code(), Some(2), "{said}");
+        assert!(said.contains(part) && said.lines().count() == 1, "{said}");
+    }
 }

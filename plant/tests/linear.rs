@@ -3,7 +3,7 @@
 use nalgebra::{Complex, RowVector4};
 use plant::free::State;
 use plant::linear::frequency::OpenLoop;
-use plant::linear::{equilibrium, linearise};
+use plant::linear::{equilibrium, equilibrium_at_crank, linearise};
 use plant::pitch_loop::Timing;
 use plant::{Mechanism, Parameters, ServoModel};
 
@@ -114,6 +114,43 @@ fn equilibria_balance_gravity_with_the_rudder() {
     assert!((rest.state.crank_rad - zero + 0.0343).abs() < 5e-4);
     let [pitch, crank] = mechanism.accelerations(&rest.state, rest.torque_n_m);
     assert!(pitch.abs() < 1e-11 && crank.abs() < 1e-9);
+}
+
+/// A pendulum (body 0 balanced at the pivot) that a deflected rudder holds askew.
+#[test]
+fn a_pendulum_rests_where_its_weight_balances_the_wash() {
+    let mechanism = Mechanism::new(&Parameters::THESIS_TEXT).unwrap();
+    for crank in [-0.15, 0.0, 0.2] {
+        let rest = equilibrium_at_crank(&mechanism, crank).unwrap();
+        assert_eq!(rest.state.crank_rad, crank);
+        let acc = mechanism.accelerations(&rest.state, rest.torque_n_m);
+        assert!(acc[0].abs() < 1e-11 && acc[1].abs() < 1e-9, "{acc:?}");
+        // Positive rudder turns the drone clockwise until its weight holds it.
+        let rudder = mechanism.linkage().at(crank).rudder_rad;
+        assert!(rest.state.pitch_rad * rudder < 0.0);
+        assert!(rest.state.pitch_rad.abs() < 1.2);
+    }
+    // At 60 deg of crank the wash is stronger than the weight; a balanced drone has none.
+    assert_eq!(equilibrium_at_crank(&mechanism, 1.05), None);
+    let balanced = Mechanism::new(&Parameters::PHYS).unwrap();
+    assert_eq!(equilibrium_at_crank(&balanced, 0.1), None);
+}
+
+/// The law asks for rudder: at a point where the linkage has less gain, the crank moves more, and
+/// the margins are nearly those at zero rudder.
+#[test]
+fn margins_hold_away_from_zero_rudder() {
+    let mechanism = Mechanism::new(&Parameters::PHYS).unwrap();
+    let point = State {
+        crank_rad: 0.6,
+        ..State::default()
+    };
+    let (servo, timing) = (ServoModel::S3003, Timing::ANALOGUE);
+    let zero = OpenLoop::new(&mechanism, &servo, &timing, 1.0, 0.30).margins();
+    let away = OpenLoop::at_point(&mechanism, &point, &servo, &timing, 1.0, 0.30);
+    assert!(away.kp > 1.25);
+    let phase = |margins: plant::linear::frequency::Margins| margins.phase.unwrap().deg;
+    assert!((phase(away.margins()) - phase(zero)).abs() < 5.0);
 }
 
 /// For the digital servo the reference quotes the value of the smallest gain margin, which lies at

@@ -3,6 +3,9 @@
 use std::path::PathBuf;
 
 use clap::{Args, Subcommand};
+use plant::Parameters;
+
+use super::ServoChoice;
 
 /// The model: physics that can be checked, and what follows from it.
 #[derive(Debug, Args)]
@@ -17,6 +20,8 @@ pub struct Model {
 pub enum ModelCommand {
     /// Simulate a scenario file and write the trajectory as CSV.
     Simulate(Simulate),
+    /// Make the model linear: poles, zeros, ranks, and the margins of the whole loop.
+    Linear(Linear),
 }
 
 /// Options of `tvc model simulate`.
@@ -37,6 +42,71 @@ pub struct Simulate {
     /// Print one JSON object about the run on standard output and nothing else there.
     #[arg(long)]
     pub json: bool,
+}
+
+/// Options of `tvc model linear`.
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  cargo tvc model linear                              the recommended drone, upright at zero rudder
+  cargo tvc model linear --preset THESIS_TEXT --at 0.2   where 0.2 rad of crank hold the drone
+  cargo tvc model linear --servo digital --gains 1.6,0.35 --json
+  cargo tvc model linear --params identified.toml     a file with [drone], [servo] and [timing]
+
+The state is (theta0, w0, theta1, w1): pitch, its rate, crank, its rate; the input is the servo's
+torque on the crank in N m, the output the pitch. The loop is cut at the crank command; its margins
+count the sensor's delay, the rate's filter, half a control period, the hold of the servo frame, the
+pulse and the servo's lag. Deadband, backlash and the speed limit have no linear part.
+Exit status: 0 done, 1 something failed, 2 unusable input.")]
+pub struct Linear {
+    /// A parameter file with [drone], [servo] and [timing], each optional.
+    #[arg(long, value_name = "FILE.toml")]
+    pub params: Option<PathBuf>,
+
+    /// The drone: PHYS, THESIS_TABLE or THESIS_TEXT [default: PHYS].
+    #[arg(long, value_name = "P", conflicts_with = "params", value_parser = preset)]
+    pub preset: Option<Parameters>,
+
+    /// Servo and frame, in place of the file's.
+    #[arg(long, value_enum)]
+    pub servo: Option<ServoChoice>,
+
+    /// Gains in rad of servo per rad of pitch and per rad/s of pitch rate [default: the servo's].
+    #[arg(long, value_name = "KP,KD", allow_negative_numbers = true, value_parser = gains)]
+    pub gains: Option<(f64, f64)>,
+
+    /// Crank angle to take the model at, in rad, with the pitch at which the drone rests there (or
+    /// upright, if its weight cannot hold it) [default: zero rudder, upright, no torque].
+    #[arg(long, value_name = "THETA1", allow_negative_numbers = true)]
+    pub at: Option<f64>,
+
+    /// Pitch to take the model at, in rad, with the crank angle that holds the drone there.
+    #[arg(
+        long,
+        value_name = "THETA0",
+        allow_negative_numbers = true,
+        conflicts_with = "at"
+    )]
+    pub pitch: Option<f64>,
+
+    /// Print one JSON object on standard output and nothing else there.
+    #[arg(long)]
+    pub json: bool,
+
+    /// Where to write the HTML report.
+    #[arg(long, value_name = "FILE.html", default_value = "report/linear.html")]
+    pub report: PathBuf,
+}
+
+fn preset(name: &str) -> Result<Parameters, String> {
+    Parameters::preset(name).ok_or_else(|| "the presets are PHYS, THESIS_TABLE, THESIS_TEXT".into())
+}
+
+fn gains(text: &str) -> Result<(f64, f64), String> {
+    let number = |text: &str| text.trim().parse::<f64>().ok().filter(|x| x.is_finite());
+    text.split_once(',')
+        .and_then(|(kp, kd)| Some((number(kp)?, number(kd)?)))
+        .ok_or_else(|| "gains are two numbers, such as 1.0,0.3".into())
 }
 
 fn interval(text: &str) -> Result<f64, String> {

@@ -1,5 +1,6 @@
 //! `tvc model`: the drone's physics, simulated, validated and made linear.
 
+mod linear;
 mod simulate;
 
 use std::fs;
@@ -11,6 +12,7 @@ use crate::failure::{BadInput, Verdict};
 /// Carries out what `options` say.
 pub fn run(options: &Model) -> anyhow::Result<Verdict> {
     match &options.command {
+        ModelCommand::Linear(options) => linear::run(options),
         ModelCommand::Simulate(options) => simulate::run(options),
     }
 }

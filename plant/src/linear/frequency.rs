@@ -10,6 +10,7 @@
 
 use nalgebra::Complex;
 
+use crate::free::State;
 use crate::mechanism::Mechanism;
 use crate::pitch_loop::{RATE_FILTER_HZ, Timing};
 use crate::root;
@@ -27,9 +28,9 @@ const POINTS: usize = 4000;
 /// The pitch loop, cut open at the crank command.
 #[derive(Clone, Debug, PartialEq)]
 pub struct OpenLoop {
-    /// Gain on pitch, servo rad/rad.
+    /// Gain from pitch to the crank, rad/rad.
     pub kp: f64,
-    /// Gain on rate, servo rad s/rad.
+    /// Gain from rate to the crank, rad s/rad.
     pub kd: f64,
     /// Corner of the filter on the rate, in rad/s.
     pub rate_filter_rad_s: f64,
@@ -91,7 +92,7 @@ pub struct Response {
 }
 
 impl OpenLoop {
-    /// The loop of the reference law round a drone at zero rudder.
+    /// The loop of the reference law round an upright drone at zero rudder.
     pub fn new(
         mechanism: &Mechanism,
         servo: &ServoModel,
@@ -99,6 +100,23 @@ impl OpenLoop {
         kp: f64,
         kd: f64,
     ) -> Self {
+        Self::at_point(mechanism, &zero_rudder(mechanism), servo, timing, kp, kd)
+    }
+
+    /// The loop of the reference law round a drone at a point. The law goes through the inverse
+    /// linkage: away from zero rudder, where the linkage has less gain, the crank moves more.
+    pub fn at_point(
+        mechanism: &Mechanism,
+        point: &State,
+        servo: &ServoModel,
+        timing: &Timing,
+        kp: f64,
+        kd: f64,
+    ) -> Self {
+        let linkage = mechanism.linkage();
+        let nominal = linkage.at(linkage.zero_rudder_crank_rad()).rudder_ratio;
+        let gain = nominal / linkage.at(point.crank_rad).rudder_ratio;
+        let (kp, kd) = (gain * kp, gain * kd);
         Self {
             kp,
             kd,
@@ -108,7 +126,7 @@ impl OpenLoop {
             frame_s: timing.frame_s,
             servo_loop_s: servo.loop_s,
             servo_lag_s: servo.lag_s,
-            drone: crank_to_pitch(mechanism),
+            drone: crank_to_pitch_at(mechanism, point),
         }
     }
 
@@ -215,16 +233,29 @@ impl OpenLoop {
     }
 }
 
-/// From crank to pitch at zero rudder with a prescribed crank, sign turned:
-/// `(K01 + M01 s^2) / (M00 s^2 + K00)`, whose `K` are the slopes of the pitch load.
+/// Upright at zero rudder.
+fn zero_rudder(mechanism: &Mechanism) -> State {
+    State {
+        crank_rad: mechanism.linkage().zero_rudder_crank_rad(),
+        ..State::default()
+    }
+}
+
+/// From crank to pitch, upright at zero rudder: see [`crank_to_pitch_at`].
 pub fn crank_to_pitch(mechanism: &Mechanism) -> TransferFunction {
-    let zero = mechanism.linkage().zero_rudder_crank_rad();
+    crank_to_pitch_at(mechanism, &zero_rudder(mechanism))
+}
+
+/// From crank to pitch at a point with a prescribed crank, sign turned:
+/// `(K01 + M01 s^2) / (M00 s^2 + b0 s + K00)`, whose `K` are the slopes of the pitch load.
+pub fn crank_to_pitch_at(mechanism: &Mechanism, point: &State) -> TransferFunction {
+    let (pitch, crank) = (point.pitch_rad, point.crank_rad);
     let load =
         |pitch: f64, crank: f64| mechanism.pitch_load(&mechanism.configuration(crank), pitch, 0.0);
     const H: f64 = 1e-4;
-    let pitch_slope = (load(H, zero) - load(-H, zero)) / (2.0 * H);
-    let crank_slope = (load(0.0, zero + H) - load(0.0, zero - H)) / (2.0 * H);
-    let at = mechanism.configuration(zero);
+    let pitch_slope = (load(pitch + H, crank) - load(pitch - H, crank)) / (2.0 * H);
+    let crank_slope = (load(pitch, crank + H) - load(pitch, crank - H)) / (2.0 * H);
+    let at = mechanism.configuration(crank);
     let friction = mechanism.parameters().pivot_friction_n_m_s;
     TransferFunction::new(
         vec![at.m01, 0.0, -crank_slope],

@@ -9,13 +9,18 @@
 pub mod frequency;
 pub mod transfer;
 
-use nalgebra::{Complex, Matrix4, RowVector4, Vector4};
+use std::f64::consts::TAU;
+
+use nalgebra::{Complex, DMatrix, Matrix4, RowVector4, Schur, Vector4};
 
 use crate::free::State;
 use crate::mechanism::Mechanism;
 use crate::root;
 use transfer::TransferFunction;
 
+/// Moment of the weight below which a drone counts as balanced about its pivot, in N m: the
+/// link's own weight shifts that much as the crank turns.
+const BALANCED_N_M: f64 = 1e-3;
 /// Relative size below which a singular value counts as zero in a rank.
 const RANK_TOLERANCE: f64 = 1e-12;
 
@@ -75,6 +80,34 @@ pub fn equilibrium(mechanism: &Mechanism, pitch_rad: f64) -> Option<Equilibrium>
     })
 }
 
+/// The equilibrium at a crank angle (rad): the pitch at which the drone's weight balances the
+/// wash, the nearest to upright.
+///
+/// `None` if the weight cannot: it is balanced about the pivot, to 1 mN m, or too light.
+pub fn equilibrium_at_crank(mechanism: &Mechanism, crank_rad: f64) -> Option<Equilibrium> {
+    let at = mechanism.configuration(crank_rad);
+    let [x, y] = at.first_moment;
+    // thrust_moment = g (cos th0 x - sin th0 y) = g |P| cos(th0 + phase)
+    let weight = mechanism.parameters().gravity_m_s2 * x.hypot(y);
+    if weight < BALANCED_N_M || at.thrust_moment.abs() > weight {
+        return None;
+    }
+    let opening = (at.thrust_moment / weight).acos();
+    let pitch_rad = [opening, -opening]
+        .map(|angle| angle - y.atan2(x))
+        .map(|angle| angle - (angle / TAU).round() * TAU)
+        .into_iter()
+        .min_by(|a, b| a.abs().total_cmp(&b.abs()))?;
+    Some(Equilibrium {
+        state: State {
+            pitch_rad,
+            crank_rad,
+            ..State::default()
+        },
+        torque_n_m: -mechanism.crank_load(&at, pitch_rad, 0.0),
+    })
+}
+
 /// The linear model at a point, which need not be an equilibrium.
 ///
 /// Derivatives are fourth-order central differences, good to about ten digits.
@@ -111,7 +144,12 @@ pub fn linearise(mechanism: &Mechanism, point: &State, torque_n_m: f64) -> State
 impl StateSpace {
     /// Eigenvalues of A, in rad/s, ordered by real and imaginary part.
     pub fn poles(&self) -> Vec<Complex<f64>> {
-        sorted(self.a.complex_eigenvalues().iter().copied().collect())
+        sorted(eigenvalues(self.dynamic()))
+    }
+
+    /// A as a matrix of any size.
+    fn dynamic(&self) -> DMatrix<f64> {
+        DMatrix::from_column_slice(4, 4, self.a.as_slice())
     }
 
     /// Zeros from input to output, in rad/s.
@@ -173,14 +211,30 @@ impl StateSpace {
     /// A time (s) of the size of the fastest motion. Counting time in it does not change a rank,
     /// and keeps powers of A from drowning the slow part in rounding.
     fn time_scale(&self) -> f64 {
-        let fastest = self
-            .a
-            .complex_eigenvalues()
+        let fastest = eigenvalues(self.dynamic())
             .iter()
             .map(|pole| pole.norm())
             .fold(0.0, f64::max);
         if fastest > 0.0 { 1.0 / fastest } else { 1.0 }
     }
+}
+
+/// Eigenvalues of a square matrix by the QR iteration.
+///
+/// The iteration may circle for ever when it is asked for the last bit, so that it is given a
+/// limit and, past it, a tolerance ten times as wide. Not a number for a matrix that is none.
+pub(crate) fn eigenvalues(matrix: DMatrix<f64>) -> Vec<Complex<f64>> {
+    const ITERATIONS: usize = 500;
+    let unknown = vec![Complex::new(f64::NAN, f64::NAN); matrix.nrows()];
+    if matrix.iter().any(|x| !x.is_finite()) {
+        return unknown;
+    }
+    (0..8)
+        .map(|power| f64::EPSILON * 10.0_f64.powi(power))
+        .find_map(|tolerance| Schur::try_new(matrix.clone(), tolerance, ITERATIONS))
+        .map_or(unknown, |schur| {
+            schur.complex_eigenvalues().iter().copied().collect()
+        })
 }
 
 /// Orders complex numbers by real part, then imaginary part.

@@ -2,7 +2,7 @@
 
 use nalgebra::{Complex, DMatrix};
 
-use super::sorted;
+use super::{eigenvalues, sorted};
 
 /// Leading coefficients smaller than this share of the largest are rounding, not degree.
 const NEGLIGIBLE: f64 = 1e-11;
@@ -148,7 +148,7 @@ fn roots(coefficients: &[f64]) -> Vec<Complex<f64>> {
                 companion[(i, i - 1)] = 1.0;
             }
         }
-        found.extend(companion.complex_eigenvalues().iter().map(|r| r * scale));
+        found.extend(eigenvalues(companion).iter().map(|r| r * scale));
     }
     sorted(found)
 }
@@ -167,6 +167,26 @@ mod tests {
             assert!(found.iter().any(near), "{re} {im}: {found:?}");
         }
         assert!(roots(&[3.0]).is_empty());
+    }
+
+    /// Every loop's locus comes to an end, also where the QR iteration would circle for ever.
+    #[test]
+    fn no_polynomial_hangs() {
+        for i in 0..2000 {
+            let gain = 10.0_f64.powf(-3.0 + 6.0 * f64::from(i) / 2000.0);
+            // (s^2 + 1)^2 s^2 + gain (s - 1)^4: pairs of equal size, double roots at no gain.
+            let found = roots(&[
+                1.0,
+                0.0,
+                2.0 + gain,
+                -4.0 * gain,
+                1.0 + 6.0 * gain,
+                -4.0 * gain,
+                gain,
+            ]);
+            assert!(found.iter().all(|root| root.norm().is_finite()));
+        }
+        assert!(roots(&[1.0, f64::NAN, 1.0])[0].re.is_nan());
     }
 
     /// 1 / (s (s + 2)) closed with gain 5: s = -1 +- 2j.

@@ -1,0 +1,360 @@
+//! The HTML report of `tvc model linear`.
+
+use anyhow::Result;
+use maud::{Markup, html};
+use nalgebra::Complex;
+use plant::linear::frequency::Response;
+use plant::linear::transfer::{LocusPoint, TransferFunction};
+
+use super::Analysis;
+use super::figures::Figures;
+use crate::page::{figure, page, table, verdict};
+use crate::plot::{Line, Look, Marks, Plot, Shape};
+
+/// Frequencies of the Bode plots, in rad/s.
+const BODE: (f64, f64) = (0.1, 300.0);
+/// Points of a curve.
+const POINTS: usize = 1200;
+/// Height of plots of the complex plane, and the ratio of their axes that makes circles round.
+const PLANE_HEIGHT: u32 = 460;
+const PLANE_RATIO: f64 = 772.0 / 406.0;
+
+/// The whole page as HTML.
+pub fn render(analysis: &Analysis, figures: &Figures) -> Result<String> {
+    let body = html! {
+        p { "The model at " (figures.place()) "." }
+        @if !figures.point.equilibrium { p { (figures.point.note()) "." } }
+        @if figures.position_loop.stable {
+            (verdict(true, "The closed loop is stable."))
+        } @else {
+            (verdict(false, "The closed loop is unstable."))
+        }
+        h2 { "State space" }
+        p { "x = (theta0, w0, theta1, w1), u the servo's torque on the crank in N m, y = theta0." }
+        (matrices(figures))
+        h2 { "Figures" }
+        (table(&["figure", "value"], &figures.rows()))
+        h2 { "The drone: torque to pitch" }
+        (pole_zero_map(analysis)?)
+        (torque_locus(analysis)?)
+        h2 { "The loop: crank command to pitch, with servo and delays" }
+        (loop_locus(analysis)?)
+        (bode(analysis, figures)?)
+        (nyquist(analysis)?)
+        footer {
+            "Deadband, backlash and the servo's speed limit have no linear part and are left out; \
+             delays are exact in the Bode and Nyquist plots and second-order Padé approximations in \
+             the root locus."
+        }
+    };
+    let title = format!(
+        "Linear model, kp {}, kd {}",
+        figures.position_loop.kp, figures.position_loop.kd
+    );
+    Ok(page(&title, body))
+}
+
+fn matrices(figures: &Figures) -> Markup {
+    let mut rows = figures.matrix_rows();
+    rows.push(figures.output_row());
+    table(&["", "theta0", "w0", "theta1", "w1", "u"], &rows)
+}
+
+/// Real and imaginary parts.
+fn parts(values: &[Complex<f64>]) -> Vec<(f64, f64)> {
+    values.iter().map(|z| (z.re, z.im)).collect()
+}
+
+fn marks<'a>(name: &'a str, colour: usize, shape: Shape, values: &[Complex<f64>]) -> Marks<'a> {
+    Marks {
+        name,
+        colour,
+        shape,
+        points: parts(values),
+    }
+}
+
+/// A picture of the complex plane whose circles are round, `reach` either side vertically, with
+/// the origin at `origin` of the width.
+fn plane(reach: f64, origin: f64, marks: Vec<Marks<'_>>) -> Look<'_> {
+    let width = 2.0 * reach * PLANE_RATIO;
+    Look {
+        x: Some((-origin * width, (1.0 - origin) * width)),
+        y: Some((-reach, reach)),
+        height: Some(PLANE_HEIGHT),
+        marks,
+        ..Look::default()
+    }
+}
+
+fn s_plane<'a>(lines: Vec<Line<'a>>) -> Plot<'a> {
+    Plot {
+        x: "real part, rad/s",
+        y: "imaginary part, rad/s",
+        lines,
+        band: None,
+    }
+}
+
+/// How far the poles and zeros reach, with some room.
+fn reach(values: &[Complex<f64>]) -> f64 {
+    1.15 * values.iter().map(|z| z.norm()).fold(1.0, f64::max)
+}
+
+fn pole_zero_map(analysis: &Analysis) -> Result<Markup> {
+    let (poles, zeros) = (analysis.model.poles(), analysis.model.zeros());
+    let all: Vec<_> = poles.iter().chain(&zeros).copied().collect();
+    let look = plane(
+        reach(&all),
+        0.5,
+        vec![
+            marks("poles", 5, Shape::Cross, &poles),
+            marks("zeros", 0, Shape::Circle, &zeros),
+        ],
+    );
+    Ok(figure(
+        "Poles and zeros from the servo's torque to pitch.",
+        s_plane(Vec::new()).svg_as(&look)?,
+    ))
+}
+
+/// Branches of a root locus as lines: the poles of one gain and the next are
+/// paired nearest first.
+fn branches(locus: &[LocusPoint]) -> Vec<Vec<(f64, f64)>> {
+    let Some(first) = locus.first() else {
+        return Vec::new();
+    };
+    let mut ends = first.poles.clone();
+    let mut lines: Vec<Vec<(f64, f64)>> = ends.iter().map(|z| vec![(z.re, z.im)]).collect();
+    for point in &locus[1..] {
+        let mut pairs: Vec<(f64, usize, usize)> = (0..ends.len())
+            .flat_map(|from| (0..point.poles.len()).map(move |to| (from, to)))
+            .map(|(from, to)| ((point.poles[to] - ends[from]).norm(), from, to))
+            .collect();
+        pairs.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let mut taken = (vec![false; ends.len()], vec![false; point.poles.len()]);
+        for (_, from, to) in pairs {
+            if !taken.0[from] && !taken.1[to] {
+                (taken.0[from], taken.1[to]) = (true, true);
+                ends[from] = point.poles[to];
+                lines[from].push((ends[from].re, ends[from].im));
+            }
+        }
+    }
+    lines
+}
+
+/// Gains of a locus around `gain`, evenly spaced in the logarithm, nothing at all first.
+fn gains_around(gain: f64) -> impl Iterator<Item = f64> {
+    let steps = POINTS as f64;
+    std::iter::once(0.0)
+        .chain((0..POINTS).map(move |i| gain * 10.0_f64.powf(-3.0 + 6.0 * i as f64 / steps)))
+}
+
+fn locus_lines<'a>(
+    open: &TransferFunction,
+    name: &'a str,
+    colour: usize,
+    gain: f64,
+) -> Vec<Line<'a>> {
+    let locus = open.root_locus(gains_around(gain.abs()).map(|g| g * gain.signum()));
+    branches(&locus)
+        .into_iter()
+        .map(|points| Line {
+            name,
+            colour,
+            points,
+        })
+        .collect()
+}
+
+/// One legend for the branches: all but the first lose their name.
+fn named_once(mut lines: Vec<Line<'_>>) -> Vec<Line<'_>> {
+    for line in lines.iter_mut().skip(1) {
+        line.name = "";
+    }
+    lines
+}
+
+/// What pitch alone, fed back to a torque, can do: the thesis' controller.
+fn torque_locus(analysis: &Analysis) -> Result<Markup> {
+    let open = analysis.model.transfer_function();
+    let (poles, zeros) = (open.poles(), open.zeros());
+    let all: Vec<_> = poles.iter().chain(&zeros).copied().collect();
+    let mut lines = named_once(locus_lines(&open, "torque = -k pitch, k > 0", 0, 1.0));
+    lines.extend(named_once(locus_lines(&open, "k < 0", 1, -1.0)));
+    let look = plane(
+        reach(&all),
+        0.5,
+        vec![
+            marks("poles", 5, Shape::Cross, &poles),
+            marks("zeros", 0, Shape::Circle, &zeros),
+        ],
+    );
+    Ok(figure(
+        "Root locus of a torque in proportion to pitch, gains of 0.001 to 1000 N m/rad of either \
+         sign. A branch in the right half plane is a drone that runs away: pitch alone does not \
+         tell a torque where the crank is.",
+        s_plane(lines).svg_as(&look)?,
+    ))
+}
+
+fn loop_locus(analysis: &Analysis) -> Result<Markup> {
+    let open = analysis.open.rational();
+    let lines = locus_lines(&open, "", 4, 1.0);
+    let closed = open.closed_poles(1.0);
+    // The delay's poles and zeros lie far out and say little.
+    let near: Vec<_> = closed
+        .iter()
+        .filter(|z| z.norm() < 120.0)
+        .copied()
+        .collect();
+    let look = plane(
+        reach(&near).min(90.0),
+        0.65,
+        vec![
+            marks("open loop", 5, Shape::Cross, &open.poles()),
+            marks("zeros", 0, Shape::Circle, &open.zeros()),
+            marks("at these gains", 2, Shape::Dot, &closed),
+        ],
+    );
+    Ok(figure(
+        "Root locus of the position loop as both gains grow together, from a thousandth to a thousand \
+         times what they are.",
+        s_plane(lines).svg_as(&look)?,
+    ))
+}
+
+fn bode(analysis: &Analysis, figures: &Figures) -> Result<Markup> {
+    let response = analysis.open.response(BODE.0, BODE.1, POINTS);
+    let curve = |of: fn(&Response) -> f64| -> Vec<(f64, f64)> {
+        response.iter().map(|r| (r.rad_s, of(r))).collect()
+    };
+    let plot = |y, points, level: f64| Plot {
+        x: "frequency, rad/s",
+        y,
+        lines: vec![
+            Line {
+                name: "open loop",
+                colour: 0,
+                points,
+            },
+            Line {
+                name: if level == 0.0 {
+                    "unity gain"
+                } else {
+                    "-180 deg"
+                },
+                colour: 4,
+                points: vec![(BODE.0, level), (BODE.1, level)],
+            },
+        ],
+        band: None,
+    };
+    let margins = analysis.open.margins();
+    let at = |place: Option<f64>, value: fn(&Response) -> f64| -> Vec<(f64, f64)> {
+        let Some(place) = place else {
+            return Vec::new();
+        };
+        let near = |r: &&Response| (r.rad_s / place).ln().abs();
+        response
+            .iter()
+            .min_by(|a, b| near(a).total_cmp(&near(b)))
+            .map(|r| (r.rad_s, value(r)))
+            .into_iter()
+            .collect()
+    };
+    let look = |phase: bool| {
+        let value: fn(&Response) -> f64 = if phase {
+            |r| r.phase_deg
+        } else {
+            |r| r.gain_db
+        };
+        let dot = |name, colour, place| Marks {
+            name,
+            colour,
+            shape: Shape::Dot,
+            points: at(place, value),
+        };
+        Look {
+            log_x: true,
+            y: Some(if phase {
+                (-540.0, -60.0)
+            } else {
+                (-60.0, 60.0)
+            }),
+            marks: vec![
+                dot("gain margin", 5, margins.gain.map(|m| m.at_rad_s)),
+                dot("phase margin", 2, margins.phase.map(|m| m.at_rad_s)),
+            ],
+            ..Look::default()
+        }
+    };
+    let rows = figures.rows();
+    let said: Vec<String> = rows
+        .iter()
+        .filter(|row| row[0].ends_with("margin"))
+        .map(|row| format!("{} {}", row[0], row[1]))
+        .collect();
+    Ok(html! {
+        (figure(
+            &format!("Gain of the open loop: {}.", said.join(", ")),
+            plot("gain, dB", curve(|r| r.gain_db), 0.0).svg_as(&look(false))?,
+        ))
+        (figure(
+            "Phase of the open loop, delays included.",
+            plot("phase, deg", curve(|r| r.phase_deg), -180.0).svg_as(&look(true))?,
+        ))
+    })
+}
+
+fn nyquist(analysis: &Analysis) -> Result<Markup> {
+    let response = analysis.open.response(0.02, 3000.0, 4 * POINTS);
+    // Thinning would cut corners of a curve that is slow in one place and fast in another: what
+    // lies far outside the picture goes first.
+    let values: Vec<Complex<f64>> = response
+        .iter()
+        .map(|r| r.value)
+        .filter(|z| z.norm() < 12.0)
+        .collect();
+    let circle = (0..=180)
+        .map(|i| f64::from(2 * i).to_radians().sin_cos())
+        .collect();
+    let plot = Plot {
+        x: "real part",
+        y: "imaginary part",
+        lines: vec![
+            Line {
+                name: "open loop",
+                colour: 0,
+                points: parts(&values),
+            },
+            Line {
+                name: "at negative frequencies",
+                colour: 4,
+                points: values.iter().map(|z| (z.re, -z.im)).collect(),
+            },
+            Line {
+                name: "unit circle",
+                colour: 2,
+                points: circle,
+            },
+        ],
+        band: None,
+    };
+    let look = plane(
+        1.6,
+        0.7,
+        vec![Marks {
+            name: "-1",
+            colour: 5,
+            shape: Shape::Cross,
+            points: vec![(-1.0, 0.0)],
+        }],
+    );
+    Ok(figure(
+        "Nyquist's curve of the open loop. Two integrators take it to infinity at low frequency; a \
+         stable loop leaves -1 on its left.",
+        plot.svg_as(&look)?,
+    ))
+}
