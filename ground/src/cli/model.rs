@@ -65,7 +65,7 @@ pub struct Linear {
 
     /// The drone: PHYS, THESIS_TABLE or THESIS_TEXT [default: PHYS].
     #[arg(long, value_name = "P", conflicts_with = "params", value_parser = preset)]
-    pub preset: Option<Parameters>,
+    pub preset: Option<String>,
 
     /// Servo and frame, in place of the file's.
     #[arg(long, value_enum)]
@@ -98,8 +98,11 @@ pub struct Linear {
     pub report: PathBuf,
 }
 
-fn preset(name: &str) -> Result<Parameters, String> {
-    Parameters::preset(name).ok_or_else(|| "the presets are PHYS, THESIS_TABLE, THESIS_TEXT".into())
+fn preset(name: &str) -> Result<String, String> {
+    match Parameters::preset(name) {
+        Some(_) => Ok(name.into()),
+        None => Err("the presets are PHYS, THESIS_TABLE, THESIS_TEXT".into()),
+    }
 }
 
 fn gains(text: &str) -> Result<(f64, f64), String> {

@@ -121,8 +121,7 @@ impl OpenLoop {
             kp,
             kd,
             rate_filter_rad_s: std::f64::consts::TAU * RATE_FILTER_HZ,
-            // The law's output is half a control period old on average.
-            delay_s: timing.delay_s + 0.5 * timing.control_s,
+            delay_s: mean_delay_s(timing),
             frame_s: timing.frame_s,
             servo_loop_s: servo.loop_s,
             servo_lag_s: servo.lag_s,
@@ -231,6 +230,14 @@ impl OpenLoop {
     fn crossing(&self, a: &Response, b: &Response, f: impl Fn(Complex<f64>) -> f64) -> f64 {
         root::between(|w| f(self.at(w)), a.rad_s, b.rad_s, 1e-9).unwrap_or(a.rad_s)
     }
+}
+
+/// Mean age of what the law has seen when its pulse begins, in s: of the sensor's delay, half the
+/// period of its refresh, and the time from the law to the pulse, which is half a control period
+/// where the two are not locked.
+fn mean_delay_s(timing: &Timing) -> f64 {
+    let refresh = 0.5 * timing.refresh_s.unwrap_or(0.0);
+    timing.delay_s + refresh + timing.lead_s.unwrap_or(0.5 * timing.control_s)
 }
 
 /// Upright at zero rudder.

@@ -65,9 +65,9 @@ impl From<Rank> for RankFigures {
 /// Times that the loop loses, in s.
 #[derive(Serialize)]
 pub struct Delays {
-    sensor: f64,
+    /// Sensor, and from the law to the pulse.
+    sensor_to_pulse: f64,
     rate_filter: f64,
-    half_control_period: f64,
     half_servo_frame: f64,
     servo_loop: f64,
     servo_lag: f64,
@@ -122,7 +122,7 @@ pub struct Figures {
 impl Figures {
     /// The figures of an analysis.
     pub fn new(analysis: &Analysis) -> Self {
-        let (model, open, timing) = (&analysis.model, &analysis.open, &analysis.setup.timing);
+        let (model, open) = (&analysis.model, &analysis.open);
         let margins = open.margins();
         let closed = open.rational().closed_poles(1.0);
         Self {
@@ -149,9 +149,8 @@ impl Figures {
                 kp: analysis.gains.0,
                 kd: analysis.gains.1,
                 delays_s: Delays {
-                    sensor: timing.delay_s,
+                    sensor_to_pulse: open.delay_s,
                     rate_filter: 1.0 / open.rate_filter_rad_s,
-                    half_control_period: 0.5 * timing.control_s,
                     half_servo_frame: 0.5 * open.frame_s,
                     servo_loop: open.servo_loop_s,
                     servo_lag: open.servo_lag_s,

@@ -8,7 +8,7 @@ use plant::free::State;
 use plant::linear::frequency::OpenLoop;
 use plant::linear::{StateSpace, equilibrium, equilibrium_at_crank, linearise};
 use plant::pitch_loop::Timing;
-use plant::{Mechanism, ServoModel, Setup};
+use plant::{Mechanism, Parameters, ServoModel, Setup};
 
 use super::read;
 use crate::cli::{Linear, ServoChoice};
@@ -23,7 +23,6 @@ const GAINS: [(f64, f64); 2] = [(1.0, 0.30), (1.6, 0.35)];
 
 /// A point that the model was taken at, with the models there.
 struct Analysis {
-    setup: Setup,
     /// The point, and the torque on the crank.
     point: State,
     torque_n_m: f64,
@@ -64,7 +63,6 @@ fn analyse(options: &Linear) -> Result<Analysis, BadInput> {
         GAINS[usize::from(fast)]
     });
     Ok(Analysis {
-        setup,
         point,
         torque_n_m,
         rudder_rad: mechanism.linkage().at(point.crank_rad).rudder_rad,
@@ -88,9 +86,8 @@ fn setup(options: &Linear) -> Result<Setup, BadInput> {
         Some(path) => Setup::parse(&read(path)?)
             .map_err(|error| BadInput::new(format!("{}: {error}", path.display())))?,
     };
-    if let Some(drone) = options.preset {
-        setup.drone = drone;
-    }
+    let preset = options.preset.as_deref().and_then(Parameters::preset);
+    setup.drone = preset.unwrap_or(setup.drone);
     match options.servo {
         None => {}
         Some(ServoChoice::S3003) => {
