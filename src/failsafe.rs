@@ -249,6 +249,16 @@ pub struct Health {
     pub cos_tilt: f32,
 }
 
+impl Health {
+    /// Nothing seen yet.
+    const UNKNOWN: Self = Self {
+        valid: true,
+        settled: false,
+        bias_known: false,
+        cos_tilt: 1.0,
+    };
+}
+
 /// Keeps the state, and changes it by what happens and by what the operator asks.
 #[derive(Clone, Debug)]
 pub struct Supervisor {
@@ -270,12 +280,7 @@ impl Supervisor {
     pub fn new(report: BootReport) -> Self {
         Self {
             state: report.crash.map_or(State::Boot, State::Latched),
-            health: Health {
-                valid: true,
-                settled: false,
-                bias_known: false,
-                cos_tilt: 1.0,
-            },
+            health: Health::UNKNOWN,
             fresh: None,
             good_run: 0,
             fault: None,
@@ -345,6 +350,21 @@ impl Supervisor {
             self.lose_sensor(Reason::Sensor(fault));
         }
         self.watch(now);
+    }
+
+    /// Back to the self-test, for an attitude that begins anew.
+    ///
+    /// # Errors
+    /// The [`Refusal`] unless the state is [`State::Standby`] or before; the state stays.
+    pub fn restart(&mut self) -> Result<(), Refusal> {
+        match self.state {
+            State::Boot | State::SelfTest(_) | State::Standby => {
+                self.state = State::Boot;
+                self.health = Health::UNKNOWN;
+                Ok(())
+            }
+            state => Err(Refusal::WrongState(state)),
+        }
     }
 
     /// Obey the operator, or say why not.

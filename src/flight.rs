@@ -105,6 +105,16 @@ impl Flight {
         self.supervisor.command(now, command)
     }
 
+    /// Begin anew as after power-on: self-test, and the gyro's offset learned at rest.
+    ///
+    /// # Errors
+    /// The [`Refusal`] where the attitude is needed or a fault is to be acknowledged; nothing changes.
+    pub fn calibrate(&mut self) -> Result<(), Refusal> {
+        self.supervisor.restart()?;
+        self.navigation.restart();
+        Ok(())
+    }
+
     /// Change a parameter.
     ///
     /// # Errors

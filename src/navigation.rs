@@ -105,8 +105,9 @@ impl Navigation {
         &mut self.mount
     }
 
-    /// Forget the attitude and the gyroscope's offset.
+    /// Forget the attitude, the gyroscope's offset and the samples so far: what follows depends on what follows only.
     pub fn restart(&mut self) {
+        self.last = None;
         // The declination was accepted before.
         if let Ok(estimator) = estimator(self.declination_deg) {
             self.estimator = estimator;

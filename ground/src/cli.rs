@@ -7,10 +7,12 @@ mod flash;
 mod fly;
 mod fuse;
 mod link;
+mod log;
 mod model;
 mod operate;
 mod param;
 mod rig;
+mod test;
 mod watch;
 
 pub use cycles::{Cycles, Optimise};
@@ -19,10 +21,13 @@ pub use flash::Flash;
 pub use fly::{Fly, ServoChoice};
 pub use fuse::{FilterName, Fuse, Mode, Scalar, Setting, said};
 pub use link::Port;
+pub use log::{FilterChoice, Replay, Report};
 pub use model::{Linear, Model, ModelCommand, Simulate};
+pub use model::{Model, ModelCommand, Simulate};
 pub use operate::{Operate, Ports};
-pub use param::{Param, ParamAction};
+pub use param::{Param, ParamAction, ParamPort};
 pub use rig::Rig;
+pub use test::{Manoeuvre, Test};
 pub use watch::{Forward, Monitor, Record};
 
 use clap::{Parser, Subcommand};
@@ -67,6 +72,12 @@ pub enum Command {
     Cycles(Cycles),
     /// Fail sensor and cable at random instants of a flight, and count how it ends.
     Faults(Faults),
+    /// Run the firmware's library on a log, bit for bit or with something changed.
+    Replay(Replay),
+    /// Make an HTML report of a log.
+    Report(Report),
+    /// Fly a manoeuvre on the tether and measure it.
+    Test(Test),
 }
 
 #[cfg(test)]

@@ -17,7 +17,7 @@ use tvc_nano::config::SYSTEM_ID;
 
 use crate::failure::BadInput;
 
-pub use steps::{Event, Flight};
+pub use steps::{Event, Flight, Step};
 pub use table::write_csv;
 
 /// Bytes of time before a frame.

@@ -10,6 +10,7 @@ mod forward;
 mod fuse;
 mod link;
 mod log;
+mod manoeuvre;
 mod model;
 mod monitor;
 mod operate;
@@ -19,6 +20,8 @@ mod param;
 mod plot;
 mod port;
 mod record;
+mod replay;
+mod report;
 mod status;
 mod stop;
 mod uf2;
@@ -56,6 +59,9 @@ fn run(command: Command) -> anyhow::Result<Verdict> {
         Command::Forward(options) => forward::run(&options),
         Command::Cycles(options) => cycles::run(&options),
         Command::Faults(options) => faults::run(&options),
+        Command::Replay(options) => replay::run(&options),
+        Command::Report(options) => report::run(&options),
+        Command::Test(options) => manoeuvre::run(&options),
     }
 }
 

@@ -4,6 +4,7 @@ use std::time::{Duration, Instant};
 
 use anyhow::Result;
 use indicatif::{ProgressBar, ProgressStyle};
+use rig::request;
 
 use crate::cli::Record;
 use crate::failure::Verdict;
@@ -18,6 +19,11 @@ pub fn run(options: &Record) -> Result<Verdict> {
     let mut vehicle = Vehicle::connect(&options.port)?;
     vehicle.link().log_to(log);
     vehicle.parameters()?;
+    if let Err(refusal) = vehicle.command("calibrate", request::CALIBRATE) {
+        eprintln!(
+            "the log begins in mid-flight, a replay cannot be compared bit for bit: {refusal}"
+        );
+    }
     let bar = ProgressBar::new_spinner();
     if let Ok(style) = ProgressStyle::with_template("{spinner} recording {elapsed}  {msg}") {
         bar.set_style(style);

@@ -71,6 +71,11 @@ impl Standing {
         }
     }
 
+    /// What the vehicle said of it; empty before it did.
+    pub fn reason(&self) -> &str {
+        &self.reason
+    }
+
     /// The state.
     pub fn state(&self) -> FlightState {
         self.code

@@ -35,6 +35,12 @@ pub const RELEASE: Order = Order {
     params: [1.0, 0.0],
 };
 
+/// Begin the estimate anew: gyro calibration.
+pub const CALIBRATE: Order = Order {
+    command: MavCmd::MAV_CMD_PREFLIGHT_CALIBRATION,
+    params: [1.0, 0.0],
+};
+
 /// The command that keeps (1) or forgets (2) parameters over a loss of power.
 pub const STORAGE: MavCmd = MavCmd::MAV_CMD_PREFLIGHT_STORAGE;
 

@@ -128,12 +128,14 @@ impl Telemetry {
         }
         const ARM_DISARM: u16 = MavCmd::MAV_CMD_COMPONENT_ARM_DISARM as u16;
         const GRIPPER: u16 = MavCmd::MAV_CMD_DO_GRIPPER as u16;
+        const CALIBRATION: u16 = MavCmd::MAV_CMD_PREFLIGHT_CALIBRATION as u16;
         const REQUEST_MESSAGE: u16 = MavCmd::MAV_CMD_REQUEST_MESSAGE as u16;
         let result = match order.command {
             ARM_DISARM if order.param1 == 1.0 => self.order(now, Command::Arm, flight),
             ARM_DISARM if order.param1 == 0.0 => self.order(now, Command::Disarm, flight),
             GRIPPER if order.param2 == GRIPPER_RELEASE => self.order(now, Command::Release, flight),
-            ARM_DISARM | GRIPPER => MavResult::MAV_RESULT_DENIED,
+            CALIBRATION if order.param1 == 1.0 => self.calibrate(flight),
+            ARM_DISARM | GRIPPER | CALIBRATION => MavResult::MAV_RESULT_DENIED,
             REQUEST_MESSAGE if order.param1 == AUTOPILOT_VERSION_DATA::ID as f32 => self.version(),
             _ => MavResult::MAV_RESULT_UNSUPPORTED,
         };
@@ -146,14 +148,24 @@ impl Telemetry {
                 self.announce(&flight.state());
                 MavResult::MAV_RESULT_ACCEPTED
             }
-            Err(refusal) => {
-                self.say(
-                    MavSeverity::MAV_SEVERITY_WARNING,
-                    format_args!("{command} refused: {refusal}"),
-                );
-                MavResult::MAV_RESULT_TEMPORARILY_REJECTED
-            }
+            Err(refusal) => self.refuse(format_args!("{command} refused: {refusal}")),
         }
+    }
+
+    /// Gyro calibration: back to the self-test, the estimate begins anew.
+    fn calibrate(&mut self, flight: &mut Flight) -> MavResult {
+        match flight.calibrate() {
+            Ok(()) => {
+                self.announce(&flight.state());
+                MavResult::MAV_RESULT_ACCEPTED
+            }
+            Err(refusal) => self.refuse(format_args!("calibration refused: {refusal}")),
+        }
+    }
+
+    fn refuse(&mut self, why: core::fmt::Arguments<'_>) -> MavResult {
+        self.say(MavSeverity::MAV_SEVERITY_WARNING, why);
+        MavResult::MAV_RESULT_TEMPORARILY_REJECTED
     }
 
     fn version(&mut self) -> MavResult {

@@ -667,3 +667,38 @@ proptest::proptest! {
         }
     }
 }
+
+#[test]
+fn calibration_begins_anew_and_arms_nothing_until_the_offset_is_learned() {
+    let mut link = Link::new(Desk::in_standby(0.1));
+    let calibrate = order(MavCmd::MAV_CMD_PREFLIGHT_CALIBRATION, 1.0, 0.0);
+    let answer = link.tell(&calibrate);
+    assert_eq!(
+        acks(&answer),
+        [(
+            MavCmd::MAV_CMD_PREFLIGHT_CALIBRATION,
+            MavResult::MAV_RESULT_ACCEPTED
+        )]
+    );
+    assert!(texts(&answer).contains(&"boot: waiting for the sensor".to_string()));
+    let arm = order(MavCmd::MAV_CMD_COMPONENT_ARM_DISARM, 1.0, 0.0);
+    let refused = link.tell(&arm);
+    assert_eq!(
+        acks(&refused)[0].1,
+        MavResult::MAV_RESULT_TEMPORARILY_REJECTED
+    );
+    let unknown = link.tell(&order(MavCmd::MAV_CMD_PREFLIGHT_CALIBRATION, 0.0, 0.0));
+    assert_eq!(acks(&unknown)[0].1, MavResult::MAV_RESULT_DENIED);
+}
+
+#[test]
+fn calibration_is_refused_while_armed_and_says_why() {
+    let mut link = Link::new(Desk::in_standby(0.1));
+    link.tell(&order(MavCmd::MAV_CMD_COMPONENT_ARM_DISARM, 1.0, 0.0));
+    let answer = link.tell(&order(MavCmd::MAV_CMD_PREFLIGHT_CALIBRATION, 1.0, 0.0));
+    assert_eq!(texts(&answer), ["calibration refused: in armed"]);
+    assert_eq!(
+        acks(&answer)[0].1,
+        MavResult::MAV_RESULT_TEMPORARILY_REJECTED
+    );
+}

@@ -47,7 +47,8 @@ Examples:
   cargo tvc record flight.tlog --csv flight.csv --seconds 60
   cargo tvc report flight.tlog             what came of it
 
-The parameters are asked for at the beginning, so that the log can be replayed.
+At its beginning the parameters are asked for and, unless the vehicle is armed, its estimate begins
+anew (hold it still for three seconds), so that `tvc replay` reproduces the flight bit for bit.
 Exit status: 0 ended, 1 the vehicle went away or something failed, 2 unusable input.")]
 pub struct Record {
     /// The log to write; it must not be there yet.

@@ -152,37 +152,45 @@ pub fn settling_limit_s(servo: ServoChoice) -> f64 {
     }
 }
 
+/// The requirements that flights missed, a sentence each.
+pub fn missed_by_runs(runs: &[RunFigures], servo: ServoChoice) -> Vec<String> {
+    let mut missed = Vec::new();
+    let mut require = |met: bool, text: String| {
+        if !met {
+            missed.push(text);
+        }
+    };
+    for run in runs {
+        let start = format!("from {:.2} rad", run.start_rad);
+        require(
+            run.overshoot_pct <= OVERSHOOT_PCT,
+            format!(
+                "{start}: overshoot {:.1} %, allowed {OVERSHOOT_PCT} %",
+                run.overshoot_pct
+            ),
+        );
+        let limit = settling_limit_s(servo);
+        match run.settling_5pct_s {
+            Some(time) => require(
+                time <= limit,
+                format!("{start}: settled in {time:.3} s, allowed {limit} s"),
+            ),
+            None => require(false, format!("{start}: did not settle")),
+        }
+        require(run.stayed_active, format!("{start}: control was given up"));
+    }
+    missed
+}
+
 impl Figures {
     /// Every requirement that was missed, a sentence each.
     pub fn missed(&self, servo: ServoChoice) -> Vec<String> {
-        let mut missed = Vec::new();
+        let mut missed = missed_by_runs(&self.runs, servo);
         let mut require = |met: bool, text: String| {
             if !met {
                 missed.push(text);
             }
         };
-        for run in &self.runs {
-            let start = run.start_rad;
-            require(
-                run.overshoot_pct <= OVERSHOOT_PCT,
-                format!(
-                    "from {start} rad: overshoot {:.1} %, allowed {OVERSHOOT_PCT} %",
-                    run.overshoot_pct
-                ),
-            );
-            let limit = settling_limit_s(servo);
-            match run.settling_5pct_s {
-                Some(time) => require(
-                    time <= limit,
-                    format!("from {start} rad: settled in {time:.3} s, allowed {limit} s"),
-                ),
-                None => require(false, format!("from {start} rad: did not settle")),
-            }
-            require(
-                run.stayed_active,
-                format!("from {start} rad: control was given up"),
-            );
-        }
         let control = &self.control;
         require(
             control.rate_hz >= RATE_HZ,
@@ -251,7 +259,7 @@ impl Figures {
     }
 }
 
-/// Names of the columns of [`Figures::run_rows`].
+/// Names of the columns of [`run_rows`].
 pub const RUN_COLUMNS: [&str; 5] = [
     "start, rad",
     "overshoot, %",
@@ -260,22 +268,22 @@ pub const RUN_COLUMNS: [&str; 5] = [
     "final error, rad",
 ];
 
-impl Figures {
-    /// The flights, a row each, as texts.
-    pub fn run_rows(&self) -> Vec<Vec<String>> {
-        let seconds = |time: Option<f64>| time.map_or("never".into(), |time| format!("{time:.3}"));
-        let row = |run: &RunFigures| {
-            vec![
-                format!("{:.2}", run.start_rad),
-                format!("{:.1}", run.overshoot_pct),
-                seconds(run.rise_s),
-                seconds(run.settling_5pct_s),
-                format!("{:+.4}", run.final_error_rad),
-            ]
-        };
-        self.runs.iter().map(row).collect()
-    }
+/// The flights, a row each, as texts.
+pub fn run_rows(runs: &[RunFigures]) -> Vec<Vec<String>> {
+    let seconds = |time: Option<f64>| time.map_or("never".into(), |time| format!("{time:.3}"));
+    let row = |run: &RunFigures| {
+        vec![
+            format!("{:.2}", run.start_rad),
+            format!("{:.1}", run.overshoot_pct),
+            seconds(run.rise_s),
+            seconds(run.settling_5pct_s),
+            format!("{:+.4}", run.final_error_rad),
+        ]
+    };
+    runs.iter().map(row).collect()
+}
 
+impl Figures {
     /// All that is not about single flights: name, figure, requirement (or nothing).
     pub fn rows(&self) -> Vec<Vec<String>> {
         let mut rows = Vec::new();
@@ -393,7 +401,7 @@ impl Figures {
             let _ = writeln!(
                 text,
                 "{}\n",
-                aligned(&RUN_COLUMNS, &self.run_rows(), CellAlignment::Right)
+                aligned(&RUN_COLUMNS, &run_rows(&self.runs), CellAlignment::Right)
             );
             let _ = writeln!(
                 text,
@@ -412,7 +420,8 @@ impl Figures {
 /// Names of the columns of [`Figures::rows`].
 pub const ROW_COLUMNS: [&str; 3] = ["", "measured", "required"];
 
-fn aligned(head: &[&str], rows: &[Vec<String>], alignment: CellAlignment) -> String {
+/// A table for a terminal.
+pub fn aligned(head: &[&str], rows: &[Vec<String>], alignment: CellAlignment) -> String {
     let mut table = Table::new();
     table
         .load_style(NOTHING)

@@ -1,11 +1,11 @@
 //! `tvc fly`: the image, on the virtual rig, brings the drone upright, or estimates attitude from a
 //! recording.
 
-mod figures;
+pub mod figures;
 mod flights;
 mod live;
 mod recording;
-mod report;
+pub mod report;
 
 use std::time::Instant;
 

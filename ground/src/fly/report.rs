@@ -7,7 +7,7 @@ use rig::flight::FlightRecord;
 use rig::recording::Recording;
 use rig::replay::ReplayRecord;
 
-use super::figures::{Figures, ROW_COLUMNS, RUN_COLUMNS};
+use super::figures::{Figures, ROW_COLUMNS, RUN_COLUMNS, run_rows};
 use crate::page::{figure, page, table, verdict};
 use crate::plot::{Line, Plot};
 
@@ -78,7 +78,7 @@ impl Page {
             @if !figures.runs.is_empty() {
                 h2 { "Step responses" }
                 p { "Figures of the drone's true pitch, released with 0.2 rad/s." }
-                (table(&RUN_COLUMNS, &figures.run_rows()))
+                (table(&RUN_COLUMNS, &run_rows(&figures.runs)))
             }
             (plots)
             h2 { "Loop, image and emulation" }
@@ -93,6 +93,11 @@ impl Page {
     }
 }
 
+/// Half the settling band as drawn, deg.
+pub fn settling_band_deg(start_rad: f64) -> f64 {
+    (BAND * start_rad.abs()).to_degrees().max(LEAST_BAND_DEG)
+}
+
 fn flights(records: &[FlightRecord]) -> anyhow::Result<Markup> {
     let mut parts = Vec::new();
     for record in records {
@@ -104,7 +109,7 @@ fn flights(records: &[FlightRecord]) -> anyhow::Result<Markup> {
                 .map(|m| (seconds(m.time), of(m).to_degrees()))
                 .collect()
         };
-        let band = (BAND * record.start_rad).to_degrees().max(LEAST_BAND_DEG);
+        let band = settling_band_deg(record.start_rad);
         let estimate = record.received.attitudes.iter();
         let pitch = Plot {
             x: "time since release, s",

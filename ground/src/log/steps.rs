@@ -5,6 +5,7 @@
 //! are missing there.
 
 use mavlink::dialects::common::{MavCmd, MavMessage, MavResult, MavSeverity, SYS_STATUS_DATA};
+use rig::link::LinkCounts;
 use tvc_nano::{Micros, RawSample};
 
 use super::{Entry, Log};
@@ -22,6 +23,19 @@ pub struct Step {
     pub rate_rad_s: [f32; 3],
     /// Pulse commanded, us.
     pub pulse_us: u16,
+}
+
+impl Step {
+    /// The vehicle's clock, s.
+    pub fn time_s(&self) -> f64 {
+        self.now_us as f64 * 1e-6
+    }
+
+    /// Pitch, nose up, rad.
+    pub fn pitch_rad(&self) -> f64 {
+        let [w, x, y, z] = self.quaternion.map(f64::from);
+        (2.0 * (w * y - x * z)).clamp(-1.0, 1.0).asin()
+    }
 }
 
 /// What a log tells, in order.
@@ -48,6 +62,8 @@ pub enum Event {
 pub struct Flight {
     /// What happened.
     pub events: Vec<Event>,
+    /// Counts of the link.
+    pub counts: LinkCounts,
 }
 
 /// What has come of a step.
@@ -62,7 +78,10 @@ struct Part {
 impl Flight {
     /// Puts the messages of a log together.
     pub fn of(log: &Log) -> Self {
-        let mut flight = Self::default();
+        let mut flight = Self {
+            counts: log.counts,
+            ..Self::default()
+        };
         let mut part = None;
         let mut clock = Clock::default();
         for entry in log.entries.iter().filter(|entry| entry.from_vehicle) {
@@ -185,7 +204,6 @@ mod tests {
     use mavlink::dialects::common::{
         ATTITUDE_QUATERNION_DATA, HEARTBEAT_DATA, RAW_IMU_DATA, SERVO_OUTPUT_RAW_DATA,
     };
-    use rig::link::LinkCounts;
 
     fn attitude() -> MavMessage {
         MavMessage::ATTITUDE_QUATERNION(ATTITUDE_QUATERNION_DATA {

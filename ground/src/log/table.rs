@@ -54,7 +54,7 @@ fn text(flight: &Flight) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::log::steps::Step;
+    use crate::log::Step;
     use tvc_nano::{Micros, RawSample};
 
     #[test]
@@ -82,6 +82,7 @@ mod tests {
                     ..step
                 }),
             ],
+            ..Flight::default()
         };
         let text = text(&flight);
         let lines: Vec<&str> = text.lines().collect();

@@ -1,0 +1,151 @@
+//! `tvc test`: the vehicle armed, released, watched and disarmed, and what came of it.
+
+use std::path::PathBuf;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+
+use anyhow::{Context, Result, bail};
+use indicatif::{ProgressBar, ProgressStyle};
+use rig::operator::FlightState;
+use rig::request;
+
+use crate::cli::{Manoeuvre, Test};
+use crate::failure::Verdict;
+use crate::link::Vehicle;
+use crate::log::{Flight, Log, Writer};
+use crate::report::{conclude, sweep};
+use crate::stop;
+
+/// How long the vehicle may take until it lets itself be armed: self-test, and the gyro's offset at rest.
+const ARM_PATIENCE: Duration = Duration::from_secs(20);
+/// Between two attempts.
+const ARM_RETRY: Duration = Duration::from_millis(500);
+/// Upright before the set point begins to swing.
+const SETTLE: Duration = Duration::from_secs(3);
+/// Between two set points.
+const SET_PERIOD: Duration = Duration::from_millis(20);
+
+/// Flies the manoeuvre that `options` ask for.
+pub fn run(options: &Test) -> Result<Verdict> {
+    let stop = stop::on_signal()?;
+    let folder = tempfile::tempdir().context("making a temporary folder")?;
+    let log: PathBuf = match &options.log {
+        Some(path) => path.clone(),
+        None => folder.path().join("test.tlog"),
+    };
+    let writer = Writer::create(&log)?;
+    let mut vehicle = Vehicle::connect(&options.port())?;
+    vehicle.link().log_to(writer);
+    vehicle.parameters()?;
+    if matches!(
+        vehicle.state(),
+        FlightState::Armed | FlightState::Active | FlightState::Failsafe
+    ) {
+        bail!("the vehicle is not in standby: `tvc disarm` first");
+    }
+    vehicle.command("calibrate", request::CALIBRATE)?;
+    let flown = fly(&mut vehicle, options.manoeuvre, stop);
+    // Whatever happened: the rudder to neutral.
+    let disarmed = vehicle.command("disarm", request::DISARM);
+    vehicle.link().end_log()?;
+    flown?;
+    disarmed?;
+    let flight = Flight::of(&Log::read(&log)?);
+    if let Some(path) = &options.log {
+        eprintln!("wrote {}", path.display());
+    }
+    conclude(&flight, &log, options.report.as_deref(), options.port.json)
+}
+
+fn fly(vehicle: &mut Vehicle, manoeuvre: Manoeuvre, stop: &AtomicBool) -> Result<()> {
+    arm(vehicle, stop)?;
+    vehicle.command("release", request::RELEASE)?;
+    match manoeuvre {
+        Manoeuvre::Step { seconds } | Manoeuvre::Hold { seconds } => watch(
+            vehicle,
+            Duration::from_secs_f64(seconds),
+            stop,
+            &mut |_, _| Ok(()),
+        ),
+        Manoeuvre::Chirp { seconds, amplitude } => {
+            let before = vehicle.parameter("PITCH_SET_DEG")?;
+            watch(vehicle, SETTLE, stop, &mut |_, _| Ok(()))?;
+            let mut due = Duration::ZERO;
+            let swung = watch(
+                vehicle,
+                Duration::from_secs_f64(seconds),
+                stop,
+                &mut |vehicle, time| {
+                    if time < due {
+                        return Ok(());
+                    }
+                    due += SET_PERIOD;
+                    let phase = sweep::phase(time.as_secs_f64(), seconds);
+                    let set = f64::from(before) + amplitude * phase.sin();
+                    let message = request::set_parameter("PITCH_SET_DEG", set as f32);
+                    vehicle.link().send(&message)
+                },
+            );
+            vehicle.set_parameter("PITCH_SET_DEG", before)?;
+            swung
+        }
+    }
+}
+
+/// Arms as soon as the vehicle lets itself be armed.
+fn arm(vehicle: &mut Vehicle, stop: &AtomicBool) -> Result<()> {
+    let progress = spinner("hold the drone still");
+    let begun = Instant::now();
+    loop {
+        match vehicle.command("arm", request::ARM) {
+            Ok(()) => break,
+            Err(refusal) if begun.elapsed() > ARM_PATIENCE || stop.load(Ordering::Relaxed) => {
+                return Err(refusal);
+            }
+            Err(refusal) => progress.set_message(refusal.to_string()),
+        }
+        let again = Instant::now() + ARM_RETRY;
+        while Instant::now() < again {
+            vehicle.receive()?;
+            progress.tick();
+        }
+    }
+    progress.finish_and_clear();
+    Ok(())
+}
+
+/// Reads along for a while, as long as control is on.
+fn watch(
+    vehicle: &mut Vehicle,
+    length: Duration,
+    stop: &AtomicBool,
+    each: &mut dyn FnMut(&mut Vehicle, Duration) -> Result<()>,
+) -> Result<()> {
+    let progress = spinner("released");
+    let begun = Instant::now();
+    while begun.elapsed() < length {
+        vehicle.receive()?;
+        each(vehicle, begun.elapsed())?;
+        progress.set_message(format!(
+            "{:.1} of {:.1} s",
+            begun.elapsed().as_secs_f64(),
+            length.as_secs_f64()
+        ));
+        if vehicle.state() == FlightState::Failsafe {
+            bail!("the vehicle gave up: {}", vehicle.standing().reason());
+        }
+        if stop.load(Ordering::Relaxed) {
+            bail!("stopped by the operator");
+        }
+    }
+    progress.finish_and_clear();
+    Ok(())
+}
+
+fn spinner(what: &'static str) -> ProgressBar {
+    let bar = ProgressBar::new_spinner().with_prefix(what);
+    if let Ok(style) = ProgressStyle::with_template("{spinner} {prefix}  {msg}") {
+        bar.set_style(style);
+    }
+    bar
+}
