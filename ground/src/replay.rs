@@ -142,7 +142,10 @@ fn words(figures: &Figures) -> Vec<String> {
             figures.equal, figures.compared
         ));
     }
-    if let Some(time) = figures.first_difference_s {
+    if let Some(time) = figures
+        .first_difference_s
+        .filter(|_| figures.changed.is_empty())
+    {
         lines.push(format!("the first difference is at {time:.3} s"));
     }
     if let Some(rms) = figures.filter_difference_rad_rms {
@@ -266,10 +269,16 @@ impl Run {
         match state {
             FlightState::Armed if mine != FlightState::Armed => self.command(Command::Arm),
             FlightState::Active if mine != FlightState::Active => self.command(Command::Release),
-            FlightState::Standby if mine != FlightState::Standby => {
-                if !matches!(mine, FlightState::Boot | FlightState::SelfTest) {
-                    self.command(Command::Disarm);
-                }
+            FlightState::Standby
+                if matches!(
+                    mine,
+                    FlightState::Armed
+                        | FlightState::Active
+                        | FlightState::Failsafe
+                        | FlightState::Latched
+                ) =>
+            {
+                self.command(Command::Disarm);
             }
             _ => {}
         }
@@ -302,11 +311,13 @@ fn compare(pairs: &[Pair]) -> Figures {
         steps: pairs.len(),
         ..Figures::default()
     };
+    // Before the first step whose past is known the two are strangers.
+    let known = pairs.iter().position(|pair| pair.exact).unwrap_or(0);
     for Pair {
         logged,
         again,
         exact,
-    } in pairs
+    } in &pairs[known..]
     {
         let pitch = (logged.pitch_rad() - again.pitch_rad()).abs();
         figures.pitch_difference_rad_max = figures.pitch_difference_rad_max.max(pitch);
