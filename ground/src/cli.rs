@@ -22,6 +22,7 @@ pub use fly::{Fly, ServoChoice};
 pub use fuse::{FilterName, Fuse, Mode, Scalar, Setting, said};
 pub use link::Port;
 pub use log::{FilterChoice, Replay, Report};
+pub use log::{Replay, Report};
 pub use model::{Linear, Model, ModelCommand, Simulate};
 pub use model::{Model, ModelCommand, Simulate};
 pub use operate::{Operate, Ports};

@@ -2,8 +2,10 @@
 
 use std::path::PathBuf;
 
-use clap::{Args, ValueEnum};
+use clap::Args;
 use tvc_nano::Params;
+
+use super::FilterName;
 
 /// Options of `tvc replay`.
 #[derive(Debug, Args)]
@@ -27,7 +29,7 @@ pub struct Replay {
 
     /// Run another filter beside.
     #[arg(long, value_enum)]
-    pub filter: Option<FilterChoice>,
+    pub filter: Option<FilterName>,
 
     /// Print one JSON object on standard output and nothing else there.
     #[arg(long)]
@@ -40,19 +42,6 @@ pub struct Replay {
     /// Write an HTML page with both runs.
     #[arg(long, value_name = "FILE.html")]
     pub report: Option<PathBuf>,
-}
-
-/// The float filters of the library.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub enum FilterChoice {
-    /// Mahony's complementary filter on the rotation group.
-    Mahony,
-    /// Madgwick's gradient descent.
-    Madgwick,
-    /// Complementary filter of tilt and heading.
-    Complementary,
-    /// Laidig and Seel's VQF.
-    Vqf,
 }
 
 /// Options of `tvc report`.

@@ -3,21 +3,22 @@
 use anyhow::{Result, anyhow};
 use tvc_fusion::fixed::Scale;
 use tvc_fusion::{
-    Complementary, Config, Estimator, Filter, Madgwick, Mahony, Sample, Vector3, Vqf,
+    Complementary, Config, Estimator, Filter, Gyro, Madgwick, Mahony, Sample, Vector3, Vqf,
 };
 use tvc_nano::config::CONTROL_PERIOD_US;
 use tvc_nano::{Params, mount::Mount};
 
-use crate::cli::FilterChoice;
+use crate::cli::FilterName;
 use crate::log::Flight;
 
 /// Time and pitch (rad) after every sample, by a float filter with its default gains.
-pub fn pitches(choice: FilterChoice, flight: &Flight, params: &Params) -> Result<Vec<(f64, f64)>> {
+pub fn pitches(choice: FilterName, flight: &Flight, params: &Params) -> Result<Vec<(f64, f64)>> {
     match choice {
-        FilterChoice::Mahony => follow::<Mahony<f32>>(flight, params),
-        FilterChoice::Madgwick => follow::<Madgwick<f32>>(flight, params),
-        FilterChoice::Complementary => follow::<Complementary<f32>>(flight, params),
-        FilterChoice::Vqf => follow::<Vqf<f32>>(flight, params),
+        FilterName::Gyro => follow::<Gyro<f32>>(flight, params),
+        FilterName::Mahony => follow::<Mahony<f32>>(flight, params),
+        FilterName::Madgwick => follow::<Madgwick<f32>>(flight, params),
+        FilterName::Complementary => follow::<Complementary<f32>>(flight, params),
+        FilterName::Vqf => follow::<Vqf<f32>>(flight, params),
     }
 }
 
