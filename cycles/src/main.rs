@@ -9,8 +9,10 @@
 //! all that is linked is the update: that image is there to be weighed, not to be run.
 #![no_std]
 #![no_main]
-// An image has one subject, and one that is only weighed does not set it up.
-#![allow(dead_code)]
+#![allow(
+    dead_code,
+    reason = "an image has one subject, and one that is only weighed does not set it up"
+)]
 
 #[cfg(feature = "ahrs")]
 mod ahrs;

@@ -68,7 +68,7 @@ fn updates_keep_their_limits_on_the_chip() {
             f.code_bytes > 0 && f.ram_bytes > 0 && f.stack_bytes > 0,
             "{name}"
         );
-        // Soft float and 64-bit multiplication are calls on this core, and calls have names.
+        // Float, 64-bit products and division are calls on this core, and calls have names.
         if f.scalar == "fixed" {
             assert_eq!(f.support_routines, BTreeSet::new(), "{name}");
         } else {

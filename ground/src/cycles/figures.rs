@@ -33,7 +33,7 @@ pub struct Figures {
     ram_bytes: u32,
     /// Depth of the stack from the call, bytes.
     stack_bytes: u32,
-    /// Routines of the compiler's support library that the update links: soft float and long multiplication.
+    /// Arithmetic of the compiler's support library that the update links: soft float, division and what has 64 bits.
     support_routines: BTreeSet<String>,
     /// Distance from true up over the movement of the recording, RMS, deg; proof that the filter was fed rightly.
     tilt_deg: Option<f64>,
@@ -61,7 +61,7 @@ impl Figures {
             support_routines: update
                 .symbols()
                 .map(|(name, _)| name)
-                .filter(|name| name.starts_with("__aeabi_") && empty.symbol(name).is_none())
+                .filter(|name| name.starts_with("__aeabi_") && !name.starts_with("__aeabi_mem"))
                 .map(str::to_owned)
                 .collect(),
             tilt_deg: ideal.tilt_deg.map(tenths),
