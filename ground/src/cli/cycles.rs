@@ -8,7 +8,7 @@ use clap::{Args, ValueEnum};
 Examples:
   cargo tvc cycles                         every filter, beside the crates of the field
   cargo tvc cycles --filter mahony         those with mahony in their name only: quicker
-  cargo tvc cycles --library tvc-fusion    this project's own only: fetches nothing
+  cargo tvc cycles --library tvc-fusion    this project's own only
   cargo tvc cycles --markdown              the table for a README
   cargo tvc cycles --json > cycles.json    figures for a script, nothing else on standard output
 

@@ -45,10 +45,10 @@ pub fn run(options: &Cycles) -> Result<Verdict> {
     let builder = Builder::new(&mut |line| eprintln!("{line}"))?;
     let maker = Maker {
         builder,
-        folder: workspace.join("cycles"),
+        folder: workspace,
         profile: match options.optimise {
-            Optimise::Speed => "release",
-            Optimise::Size => "size",
+            Optimise::Speed => "speed",
+            Optimise::Size => "firmware",
         },
     };
     let progress = Progress::begin(2 * chosen.len() + 1);

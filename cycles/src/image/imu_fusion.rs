@@ -2,7 +2,7 @@
 
 use ::imu_fusion::{FusionAhrs, FusionAhrsSettings, FusionVector};
 
-use crate::subject::{Float, Subject, up_of};
+use super::subject::{Float, Subject, up_of};
 
 /// Its one filter, with or without a magnetometer.
 pub struct Filter<const MAG: bool>(FusionAhrs);

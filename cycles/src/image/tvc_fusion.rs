@@ -2,7 +2,7 @@
 
 use ::tvc_fusion::{Config, Estimator, Euler, Filter, Quaternion, Sample, Vector3, fixed};
 
-use crate::subject::{self, PERIOD_US, Subject};
+use super::subject::{self, PERIOD_US, Subject};
 
 /// A filter in float, with or without a magnetometer.
 pub struct Float<F: Filter, const MAG: bool>(Estimator<F>);

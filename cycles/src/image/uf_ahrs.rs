@@ -5,7 +5,7 @@ use core::time::Duration;
 use ::uf_ahrs::{Ahrs, Madgwick, MadgwickParams, Mahony, MahonyParams, Vqf, VqfParams};
 use nalgebra_0_35::{UnitQuaternion, Vector3};
 
-use crate::subject::{Float, PERIOD_US, Subject, up_of};
+use super::subject::{Float, PERIOD_US, Subject, up_of};
 
 const PERIOD: Duration = Duration::from_micros(PERIOD_US as u64);
 

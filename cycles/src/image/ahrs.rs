@@ -3,7 +3,7 @@
 use ::ahrs::{Ahrs, Madgwick, Mahony};
 use nalgebra_0_34::Vector3;
 
-use crate::subject::{Float, PERIOD_S, Subject, up_of};
+use super::subject::{Float, PERIOD_S, Subject, up_of};
 
 /// One of its filters, with or without a magnetometer.
 pub struct Filter<F, const MAG: bool>(F);

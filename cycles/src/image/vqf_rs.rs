@@ -2,7 +2,7 @@
 
 use ::vqf_rs::{Quaternion, VQF};
 
-use crate::subject::{Float, PERIOD_S, Subject, up_of};
+use super::subject::{Float, PERIOD_S, Subject, up_of};
 
 /// Its one filter, with or without a magnetometer, and the orientation, which it works out when asked.
 pub struct Filter<const MAG: bool>(VQF, Quaternion);

@@ -1,0 +1,131 @@
+//! The image.
+
+#![allow(
+    dead_code,
+    reason = "an image has one subject, and one that is only weighed does not set it up"
+)]
+
+#[cfg(feature = "ahrs")]
+mod ahrs;
+#[cfg(feature = "imu-fusion")]
+mod imu_fusion;
+mod subject;
+mod tvc_fusion;
+#[cfg(feature = "uf-ahrs")]
+mod uf_ahrs;
+#[cfg(feature = "vqf-rs")]
+mod vqf_rs;
+
+use core::arch::asm;
+use core::mem::MaybeUninit;
+use core::panic::PanicInfo;
+
+use subject::Subject;
+
+/// Whose update it is.
+macro_rules! subject {
+    ($($feature:literal: $subject:ty,)*) => {
+        $(
+            #[cfg(feature = $feature)]
+            type Measured = $subject;
+        )*
+        #[cfg(not(any($(feature = $feature),*)))]
+        type Measured = subject::Nothing;
+    };
+}
+
+subject! {
+    "gyro-6d": tvc_fusion::Float<::tvc_fusion::Gyro, false>,
+    "gyro-9d": tvc_fusion::Float<::tvc_fusion::Gyro, true>,
+    "complementary-6d": tvc_fusion::Float<::tvc_fusion::Complementary, false>,
+    "complementary-9d": tvc_fusion::Float<::tvc_fusion::Complementary, true>,
+    "mahony-6d": tvc_fusion::Float<::tvc_fusion::Mahony, false>,
+    "mahony-9d": tvc_fusion::Float<::tvc_fusion::Mahony, true>,
+    "madgwick-6d": tvc_fusion::Float<::tvc_fusion::Madgwick, false>,
+    "madgwick-9d": tvc_fusion::Float<::tvc_fusion::Madgwick, true>,
+    "vqf-6d": tvc_fusion::Float<::tvc_fusion::Vqf, false>,
+    "vqf-9d": tvc_fusion::Float<::tvc_fusion::Vqf, true>,
+    "fixed-mahony-6d": tvc_fusion::Fixed<::tvc_fusion::fixed::Mahony, false>,
+    "fixed-mahony-9d": tvc_fusion::Fixed<::tvc_fusion::fixed::Mahony, true>,
+    "fixed-vqf-6d": tvc_fusion::Fixed<::tvc_fusion::fixed::Vqf, false>,
+    "fixed-vqf-9d": tvc_fusion::Fixed<::tvc_fusion::fixed::Vqf, true>,
+    "roll-pitch-yaw-9d": tvc_fusion::FloatAngles,
+    "fixed-roll-pitch-yaw-9d": tvc_fusion::FixedAngles,
+    "ahrs-mahony-6d": ahrs::Filter<::ahrs::Mahony<f32>, false>,
+    "ahrs-mahony-9d": ahrs::Filter<::ahrs::Mahony<f32>, true>,
+    "ahrs-madgwick-6d": ahrs::Filter<::ahrs::Madgwick<f32>, false>,
+    "ahrs-madgwick-9d": ahrs::Filter<::ahrs::Madgwick<f32>, true>,
+    "imu-fusion-6d": imu_fusion::Filter<false>,
+    "imu-fusion-9d": imu_fusion::Filter<true>,
+    "uf-ahrs-mahony-6d": uf_ahrs::Filter<::uf_ahrs::Mahony, false>,
+    "uf-ahrs-mahony-9d": uf_ahrs::Filter<::uf_ahrs::Mahony, true>,
+    "uf-ahrs-madgwick-6d": uf_ahrs::Filter<::uf_ahrs::Madgwick, false>,
+    "uf-ahrs-madgwick-9d": uf_ahrs::Filter<::uf_ahrs::Madgwick, true>,
+    "uf-ahrs-vqf-6d": uf_ahrs::Filter<::uf_ahrs::Vqf, false>,
+    "uf-ahrs-vqf-9d": uf_ahrs::Filter<::uf_ahrs::Vqf, true>,
+    "vqf-rs-6d": vqf_rs::Filter<false>,
+    "vqf-rs-9d": vqf_rs::Filter<true>,
+}
+
+type Input = <Measured as Subject>::Input;
+
+/// Words of the largest input. All images have this many, so that the filter's state is what their RAM differs by.
+const INPUT_WORDS: usize = 10;
+const _: () = assert!(size_of::<Input>() <= 4 * INPUT_WORDS);
+
+/// What the next update is given.
+#[unsafe(no_mangle)]
+static mut INPUT: [u32; INPUT_WORDS] = [0; INPUT_WORDS];
+
+/// Where the filter takes up to be, in the body's axes.
+#[cfg(feature = "setup")]
+#[unsafe(no_mangle)]
+static mut UP: [f32; 3] = [0.0; 3];
+
+static mut STATE: MaybeUninit<Measured> = MaybeUninit::uninit();
+
+/// The update that is measured. Its address is taken, so it stays a function of its own that knows nothing of the state.
+extern "C" fn update(state: &mut Measured, input: &Input) {
+    state.update(input);
+}
+
+#[cortex_m_rt::entry]
+fn main() -> ! {
+    let state = (&raw mut STATE).cast::<Measured>();
+    let input = (&raw mut INPUT).cast::<Input>();
+    // SAFETY: nothing else uses the static, and it has room for the state.
+    #[cfg(feature = "setup")]
+    unsafe {
+        state.write(Measured::new());
+    }
+    loop {
+        // SAFETY: `update` follows the C calling convention, and all that it may change is given up. Its arguments are
+        // two statics that nothing else uses meanwhile: a state that was made above (an image without one is not run),
+        // and an input that any bits make valid.
+        unsafe {
+            asm!(
+                "bkpt #0",
+                "bl {update}",
+                "bkpt #1",
+                update = sym update,
+                inout("r0") state => _,
+                inout("r1") input => _,
+                clobber_abi("C"),
+            );
+        }
+        #[cfg(feature = "setup")]
+        // SAFETY: the update is over, and whoever reads `UP` does so at the breakpoint.
+        unsafe {
+            UP = (*state).up();
+            asm!("bkpt #2");
+        }
+    }
+}
+
+#[panic_handler]
+fn panic(_: &PanicInfo<'_>) -> ! {
+    loop {
+        // SAFETY: stops whoever runs the image; touches nothing.
+        unsafe { asm!("bkpt #3") }
+    }
+}
