@@ -2,6 +2,7 @@
 //! out elsewhere, by the module of the same name.
 
 mod cycles;
+mod experiment;
 mod faults;
 mod flash;
 mod fly;
@@ -16,6 +17,7 @@ mod test;
 mod watch;
 
 pub use cycles::{Cycles, Optimise};
+pub use experiment::{Experiment, ExperimentCommand, GyroBias, Sensing};
 pub use faults::Faults;
 pub use flash::Flash;
 pub use fly::{Fly, ServoChoice};
@@ -47,6 +49,8 @@ pub enum Command {
     Fly(Fly),
     /// Run an attitude filter on recordings, and score it against their references.
     Fuse(Fuse),
+    /// Repeat the thesis' two navigation experiments with simulated sensors.
+    Experiment(Experiment),
     /// Build the image and put it on a Nano, or write it as a file.
     Flash(Flash),
     /// The drone's physics: simulate a scenario, make it linear.

@@ -2,6 +2,7 @@
 
 mod cli;
 mod cycles;
+mod experiment;
 mod failure;
 mod faults;
 mod flash;
@@ -47,6 +48,7 @@ fn run(command: Command) -> anyhow::Result<Verdict> {
     match command {
         Command::Fly(options) => fly::run(&options),
         Command::Fuse(options) => fuse::run(&options),
+        Command::Experiment(options) => experiment::run(&options),
         Command::Flash(options) => flash::run(&options),
         Command::Model(options) => model::run(&options),
         Command::Rig(options) => virtual_rig::run(&options),

@@ -17,10 +17,11 @@ use rig::score::{Scorer, enu_from_ned};
 use crate::cli::Fuse;
 use crate::failure::Verdict;
 use crate::output::WholeFile;
-use estimate::{Choice, Estimate};
+pub use estimate::{Choice, Estimate};
 use figures::{Figures, FileFigures};
-use progress::Progress;
+pub use progress::Progress;
 use source::Source;
+pub use source::{Facts, Row};
 
 /// Samples between two looks at the clock.
 const STRIDE: u64 = 4096;
@@ -51,7 +52,7 @@ pub fn run(options: &Fuse) -> Result<Verdict> {
     for (mut source, mut estimate, place) in jobs {
         let mut out = place.as_deref().map(WholeFile::create).transpose()?;
         let file = fuse(&mut source, &mut estimate, out.as_mut(), &mut progress)?;
-        progress.file_done(source.bytes());
+        progress.part_done(source.bytes());
         figures.add(options.mode, file.at(source.name(), place.as_deref()));
         written.extend(out);
     }

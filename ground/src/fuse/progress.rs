@@ -8,21 +8,21 @@ use indicatif::{ProgressBar, ProgressStyle};
 /// Work that is shorter than this says nothing where there is no terminal, and longer work speaks as often.
 const INTERVAL: Duration = Duration::from_secs(2);
 
-/// Progress over all files, in bytes.
+/// Progress over work in several parts, in bytes or any other unit.
 pub struct Progress {
     bar: ProgressBar,
     /// When a line is due, where there is no terminal.
     due: Option<Instant>,
-    bytes: u64,
+    whole: u64,
     done: u64,
 }
 
 impl Progress {
-    /// For `bytes` to be read.
-    pub fn new(bytes: u64) -> Self {
+    /// For work of this much.
+    pub fn new(whole: u64) -> Self {
         let terminal = std::io::stderr().is_terminal();
         let bar = if terminal {
-            ProgressBar::new(bytes)
+            ProgressBar::new(whole)
         } else {
             ProgressBar::hidden()
         };
@@ -32,21 +32,21 @@ impl Progress {
         Self {
             bar,
             due: (!terminal).then(|| Instant::now() + INTERVAL),
-            bytes,
+            whole,
             done: 0,
         }
     }
 
-    /// `read` bytes of the file `name` have been read.
-    pub fn at(&mut self, name: &str, read: u64) {
-        let position = self.done + read;
+    /// So much of the part `name` is done.
+    pub fn at(&mut self, name: &str, done: u64) {
+        let position = self.done + done;
         match self.due {
             None => {
                 self.bar.set_message(name.to_owned());
                 self.bar.set_position(position);
             }
             Some(due) if Instant::now() >= due => {
-                let percent = 100 * position / self.bytes.max(1);
+                let percent = 100 * position / self.whole.max(1);
                 eprintln!("{percent} %: {name}");
                 self.due = Some(Instant::now() + INTERVAL);
             }
@@ -54,9 +54,9 @@ impl Progress {
         }
     }
 
-    /// A file of `bytes` has been read.
-    pub fn file_done(&mut self, bytes: u64) {
-        self.done += bytes;
+    /// A part of this much is done.
+    pub fn part_done(&mut self, part: u64) {
+        self.done += part;
     }
 
     /// All is done.

@@ -41,6 +41,7 @@ mod bus;
 mod fault;
 mod registers;
 mod replay;
+mod sensors;
 mod signal;
 mod words;
 
@@ -49,6 +50,7 @@ mod tests;
 
 pub use fault::{Fault, Faults};
 pub use registers::Mode;
+pub use sensors::{Reading, Sensors};
 pub use signal::{ImuErrors, Stimulus};
 
 use crate::random::{Stream, generator};

@@ -246,11 +246,16 @@ impl SignalChain {
         filtered.attitude = input.attitude;
     }
 
+    /// Whether a refresh then collects a new conversion of the magnetometer; its clock is the chip's,
+    /// its phase is its own.
+    pub(super) fn mag_is_due(&self, at: Ticks) -> bool {
+        at.as_secs_f64() >= self.next_mag || self.mag_latched.is_none()
+    }
+
     /// What the chip's processor collects at a refresh; `None` before anything was sensed.
     pub(super) fn refresh(&mut self, at: Ticks, settings: &Settings) -> Option<Sample> {
         let seconds = at.as_secs_f64();
-        // A new conversion of the magnetometer; its clock is the chip's, its phase is its own.
-        let mag_due = seconds >= self.next_mag || self.mag_latched.is_none();
+        let mag_due = self.mag_is_due(at);
         if mag_due {
             let period = 1.0 / settings.mag_rate_hz;
             self.next_mag = if seconds < self.next_mag + period {

@@ -1,0 +1,86 @@
+//! The chip's three sensors without its bus: what its registers would show, for whoever wants the
+//! signals and not the chip.
+
+use super::registers::Mode;
+use super::signal::{ImuErrors, Settings, SignalChain, Stimulus};
+use super::words::Words;
+use crate::random::{Stream, generator};
+use samd21::board::Ticks;
+
+/// ACC_CONFIG, MAG_CONFIG, GYR_CONFIG_0 as after a reset, with the 20 Hz of the magnetometer that the
+/// fusion modes have: 4 g at 62.5 Hz, 2000 deg/s at 32 Hz.
+const CONFIGURATION: [u8; 3] = [0x0D, 0x0D, 0x38];
+
+/// UNIT_SEL for m/s^2 and deg/s.
+const UNITS: u8 = 0;
+
+/// Accelerometer, magnetometer and gyroscope with their errors, noise, bandwidth and resolution.
+#[derive(Clone, Debug)]
+pub struct Sensors {
+    signals: SignalChain,
+    settings: Settings,
+}
+
+/// A refresh of the data registers: 16 counts for 1 deg/s, 100 for 1 m/s^2, 16 for 1 uT.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Reading {
+    /// Angular rate.
+    pub gyr: [i16; 3],
+    /// Specific force.
+    pub acc: [i16; 3],
+    /// Magnetic field; `None` between two conversions of the magnetometer.
+    pub mag: Option<[i16; 3]>,
+}
+
+impl Sensors {
+    /// The sensors of one chip; `seed` makes the chip and its noise.
+    pub fn new(errors: ImuErrors, seed: u64) -> Self {
+        let [acc, mag, gyr] = CONFIGURATION;
+        Self {
+            signals: SignalChain::new(
+                errors,
+                &mut generator(seed, Stream::SensorUnit),
+                generator(seed, Stream::SensorNoise),
+            ),
+            settings: Settings::decode(Mode::Amg, acc, mag, gyr),
+        }
+    }
+
+    /// Tells what has been true since the last call, in steps of at most 1 ms.
+    pub fn sense(&mut self, now: Ticks, truth: &Stimulus) {
+        self.signals.sense(now, truth, &self.settings);
+    }
+
+    /// What the registers show from now on; `None` before anything was sensed.
+    pub fn refresh(&mut self, now: Ticks) -> Option<Reading> {
+        let fresh = self.signals.mag_is_due(now);
+        let sample = self.signals.refresh(now, &self.settings)?;
+        let words = Words::of(&sample, UNITS, &self.settings);
+        Some(Reading {
+            gyr: words.gyr,
+            acc: words.acc,
+            mag: fresh.then_some(words.mag),
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn perfect_sensors_show_the_truth_in_counts_and_the_field_at_its_own_rate() {
+        let mut sensors = Sensors::new(ImuErrors::NONE, 1);
+        assert_eq!(sensors.clone().refresh(Ticks::ZERO), None);
+        let mut fields = 0;
+        for ms in 1..=1000 {
+            sensors.sense(Ticks::from_us(1000 * ms), &Stimulus::REST);
+            if ms % 10 == 0 {
+                let reading = sensors.refresh(Ticks::from_us(1000 * ms)).unwrap();
+                assert_eq!((reading.gyr, reading.acc), ([0; 3], [0, 0, 981]));
+                fields += i32::from(reading.mag == Some([0, 274, -752]));
+            }
+        }
+        assert!((19..=21).contains(&fields), "{fields}");
+    }
+}
