@@ -3,12 +3,12 @@
 use std::path::PathBuf;
 use std::{env, fs};
 
-/// Above the Arduino bootloader, which takes 8 KB.
-const ABOVE_BOOTLOADER: &str = "MEMORY { FLASH : ORIGIN = 0x2000, LENGTH = 248K }\n";
+/// Above the Arduino bootloader, which takes 8 KB, and below the last 1 KB, where parameters are stored.
+const ABOVE_BOOTLOADER: &str = "MEMORY { FLASH : ORIGIN = 0x2000, LENGTH = 247K }\n";
 
 /// A debug probe's flash algorithm erases 16 KB at a time and would take the bootloader with the image, so the image takes
 /// the bootloader's place.
-const IN_ITS_PLACE: &str = "MEMORY { FLASH : ORIGIN = 0x0, LENGTH = 256K }\n";
+const IN_ITS_PLACE: &str = "MEMORY { FLASH : ORIGIN = 0x0, LENGTH = 255K }\n";
 
 fn main() {
     println!("cargo::rerun-if-changed=memory.x");

@@ -13,6 +13,7 @@ use crate::config::{
 };
 use crate::format::{Hex, Whole};
 use crate::self_test::{Failure, SelfTest, Verdict};
+use crate::store::Loaded;
 
 /// Where the flight stands.
 ///
@@ -24,7 +25,8 @@ use crate::self_test::{Failure, SelfTest, Verdict};
 ///  (acknowledge)   │                                                   Armed ───release──▶ Active
 ///                  │                                                    │   ▲                │
 ///  reset after ──▶ Latched                          disarm leads from Active to Standby too ─┘
-///  watchdog, brown-out, crash
+///  watchdog, brown-out, crash,
+///  or with its parameters lost
 ///
 ///  Standby, Armed, Active ──fault──▶ Failsafe ──disarm, once the fault is gone──▶ Standby
 /// ```
@@ -45,8 +47,8 @@ pub enum State {
     },
     /// A fault in operation. The operator leads out of it.
     Failsafe(Reason),
-    /// The last run ended badly. The operator must have seen why.
-    Latched(Crash),
+    /// Something that the operator must have seen before anything is armed.
+    Latched(Latch),
 }
 
 impl State {
@@ -70,7 +72,7 @@ impl State {
             State::Armed => (3, 0),
             State::Active { .. } => (4, 0),
             State::Failsafe(reason) => (5, reason.code()),
-            State::Latched(crash) => (6, crash.code()),
+            State::Latched(latch) => (6, latch.code()),
         };
         state | reason << 8
     }
@@ -90,7 +92,7 @@ impl fmt::Display for State {
             State::Armed => f.write_str("armed"),
             State::Active { .. } => f.write_str("active"),
             State::Failsafe(reason) => write!(f, "failsafe: {reason}"),
-            State::Latched(crash) => write!(f, "latched fault: {crash}"),
+            State::Latched(latch) => write!(f, "latched fault: {latch}"),
         }
     }
 }
@@ -130,6 +132,33 @@ impl fmt::Display for Reason {
             Reason::InvalidAttitude => f.write_str("attitude invalid"),
             Reason::Tilt => f.write_str("tilt beyond 60 deg"),
             Reason::HostSilent => f.write_str("host silent for 3 s"),
+        }
+    }
+}
+
+/// What the operator must acknowledge at start-up.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Latch {
+    /// The last run ended badly.
+    Crash(Crash),
+    /// The stored parameters cannot be read: they have their defaults.
+    ParametersLost,
+}
+
+impl Latch {
+    fn code(&self) -> u32 {
+        match self {
+            Latch::Crash(crash) => crash.code(),
+            Latch::ParametersLost => 5,
+        }
+    }
+}
+
+impl fmt::Display for Latch {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Latch::Crash(crash) => crash.fmt(f),
+            Latch::ParametersLost => f.write_str("stored parameters lost"),
         }
     }
 }
@@ -180,6 +209,31 @@ impl fmt::Display for Crash {
 pub struct BootReport {
     /// Why the last run ended, if it ended badly: the crash record where there is one, else the reset cause.
     pub crash: Option<Crash>,
+    /// What was found of stored parameters.
+    pub stored: Loaded,
+}
+
+impl BootReport {
+    /// What is to be acknowledged first.
+    fn latch(&self) -> Option<Latch> {
+        match self.crash {
+            Some(crash) => Some(Latch::Crash(crash)),
+            None => (self.stored == Loaded::Corrupt).then_some(Latch::ParametersLost),
+        }
+    }
+
+    /// What is left when that is acknowledged.
+    fn acknowledge(&mut self, latch: Latch) {
+        match latch {
+            Latch::Crash(_) => self.crash = None,
+            Latch::ParametersLost => self.stored = Loaded::Nothing,
+        }
+    }
+
+    /// The state to be in.
+    fn state(&self) -> State {
+        self.latch().map_or(State::Boot, State::Latched)
+    }
 }
 
 /// What an operator may ask for.
@@ -263,6 +317,8 @@ impl Health {
 #[derive(Clone, Debug)]
 pub struct Supervisor {
     state: State,
+    /// What of the start-up's report has not been acknowledged.
+    report: BootReport,
     health: Health,
     /// Time of the newest good sample.
     fresh: Option<Micros>,
@@ -276,10 +332,11 @@ pub struct Supervisor {
 }
 
 impl Supervisor {
-    /// Start in [`State::Boot`], or in [`State::Latched`] where the board reports a crash.
+    /// Start in [`State::Boot`], or in [`State::Latched`] where the board reports what must be acknowledged.
     pub fn new(report: BootReport) -> Self {
         Self {
-            state: report.crash.map_or(State::Boot, State::Latched),
+            state: report.state(),
+            report,
             health: Health::UNKNOWN,
             fresh: None,
             good_run: 0,
@@ -303,6 +360,11 @@ impl Supervisor {
     /// Where the flight stands.
     pub fn state(&self) -> State {
         self.state
+    }
+
+    /// What was found of stored parameters at start-up.
+    pub fn stored(&self) -> Loaded {
+        self.report.stored
     }
 
     /// Steps without a usable sample since start-up.
@@ -390,7 +452,10 @@ impl Supervisor {
                 }
                 State::Standby
             }
-            (Command::Disarm, State::Latched(_)) => State::Boot,
+            (Command::Disarm, State::Latched(latch)) => {
+                self.report.acknowledge(latch);
+                self.report.state()
+            }
             (Command::Arm, State::Armed)
             | (Command::Release, State::Active { .. })
             | (Command::Disarm, State::Boot | State::SelfTest(_) | State::Standby) => self.state,

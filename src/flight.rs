@@ -13,6 +13,7 @@ use crate::mount::Mount;
 use crate::navigation::Navigation;
 use crate::params::{Change, Info, ParamError, Params};
 use crate::servo::{PulseUs, Servo};
+use crate::store::Loaded;
 
 /// Everything that a step gives.
 #[derive(Clone, Copy, Debug)]
@@ -127,6 +128,25 @@ impl Flight {
         self.params.set(name, value)?;
         self.configure();
         Ok(info)
+    }
+
+    /// Change all parameters at once.
+    ///
+    /// # Errors
+    /// [`ParamError::ArmedAll`]; the old values stay.
+    pub fn replace_params(&mut self, params: Params) -> Result<(), ParamError> {
+        if self.state().is_armed() {
+            return Err(ParamError::ArmedAll);
+        }
+        self.params = params;
+        self.restart_estimator();
+        self.configure();
+        Ok(())
+    }
+
+    /// What was found of stored parameters at start-up.
+    pub fn stored(&self) -> Loaded {
+        self.supervisor.stored()
     }
 
     /// A ground station's heartbeat has arrived.

@@ -31,11 +31,12 @@ pub mod navigation;
 pub mod params;
 pub mod self_test;
 pub mod servo;
+pub mod store;
 pub mod telemetry;
 
 pub use bno055_driver::{Micros, RawSample, SensorFault};
 pub use controller::Controller;
-pub use failsafe::{BootReport, Command, Crash, Refusal, State};
+pub use failsafe::{BootReport, Command, Crash, Latch, Refusal, State};
 pub use flight::{Flight, Outputs, Snapshot};
 pub use params::Params;
 pub use servo::{PulseUs, Servo};

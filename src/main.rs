@@ -14,7 +14,6 @@ mod firmware {
     #[cfg(feature = "probe")]
     use defmt_rtt as _;
     use tvc_nano::flight::Flight;
-    use tvc_nano::params::Params;
     use tvc_nano::telemetry::Telemetry;
 
     use crate::board::{Board, Event};
@@ -37,10 +36,9 @@ mod firmware {
 
     impl Firmware {
         fn start() -> Self {
-            let params = Params::default();
             let config = Config::default();
-            let (board, report) = Board::start(config.address.value(), &params);
-            let flight = Flight::new(params, report).expect("the default parameters are possible");
+            let (board, params, report) = Board::start(config.address.value());
+            let flight = Flight::new(params, report).expect("parameters in range are possible");
             Self {
                 board: singleton!(: Board = board).expect("started once"),
                 driver: singleton!(: Driver = Driver::new(config)).expect("started once"),

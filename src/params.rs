@@ -65,6 +65,8 @@ pub enum Change {
 pub struct Info {
     /// Name, at most 16 ASCII characters.
     pub name: &'static str,
+    /// Hash of the name, by which a value goes where parameters are stored.
+    pub id: u32,
     /// Allowed values.
     pub range: Range,
     /// Value after a reset.
@@ -99,6 +101,8 @@ pub enum ParamError {
         /// Its name.
         name: &'static str,
     },
+    /// The parameters cannot change as a whole while the drone is armed.
+    ArmedAll,
 }
 
 impl fmt::Display for ParamError {
@@ -113,8 +117,34 @@ impl fmt::Display for ParamError {
                 f.write_str(name)?;
                 f.write_str(": disarm first")
             }
+            ParamError::ArmedAll => f.write_str("parameters: disarm first"),
         }
     }
+}
+
+/// FNV-1a, 32 bits wide.
+const fn hash(name: &str) -> u32 {
+    let mut hash: u32 = 0x811C_9DC5;
+    let mut bytes = name.as_bytes();
+    while let [byte, rest @ ..] = bytes {
+        hash = (hash ^ *byte as u32).wrapping_mul(0x0100_0193);
+        bytes = rest;
+    }
+    hash
+}
+
+const fn all_differ(mut ids: &[u32]) -> bool {
+    while let [first, rest @ ..] = ids {
+        let mut others = rest;
+        while let [other, further @ ..] = others {
+            if *first == *other {
+                return false;
+            }
+            others = further;
+        }
+        ids = rest;
+    }
+    true
 }
 
 macro_rules! parameters {
@@ -122,6 +152,7 @@ macro_rules! parameters {
         /// Every parameter, in the order of its index on the wire.
         pub static TABLE: &[Info] = &[$(Info {
             name: $name,
+            id: hash($name),
             range: $range,
             default: $default,
             change: Change::$change,
@@ -135,6 +166,9 @@ macro_rules! parameters {
         enum Place { $($field,)+ }
 
         const COUNT: usize = [$(Place::$field,)+].len();
+
+        // A stored value must find one row only.
+        const _: () = assert!(all_differ(&[$(hash($name),)+]), "two names have the same hash");
 
         impl Default for Params {
             fn default() -> Self {
@@ -246,10 +280,31 @@ impl Params {
     /// # Errors
     /// [`ParamError::Unknown`] or [`ParamError::OutOfRange`]; the old value stays.
     pub fn set(&mut self, name: &str, value: f32) -> Result<&'static Info, ParamError> {
-        let index = Self::index_of(name).ok_or(ParamError::Unknown)?;
-        let (Some(info), Some(slot)) = (TABLE.get(index), self.values.get_mut(index)) else {
-            return Err(ParamError::Unknown);
-        };
+        self.set_row(|info| info.name == name, value)
+    }
+
+    /// Change a value by its row's [`Info::id`].
+    ///
+    /// # Errors
+    /// As [`Params::set`].
+    pub fn set_by_id(&mut self, id: u32, value: f32) -> Result<&'static Info, ParamError> {
+        self.set_row(|info| info.id == id, value)
+    }
+
+    /// Rows and their values, in the order of their indices.
+    pub fn iter(&self) -> impl Iterator<Item = (&'static Info, f32)> {
+        TABLE.iter().zip(self.values)
+    }
+
+    fn set_row(
+        &mut self,
+        wanted: impl Fn(&Info) -> bool,
+        value: f32,
+    ) -> Result<&'static Info, ParamError> {
+        let mut rows = TABLE.iter().zip(&mut self.values);
+        let (info, slot) = rows
+            .find(|(info, _)| wanted(info))
+            .ok_or(ParamError::Unknown)?;
         if !info.range.contains(value) {
             return Err(ParamError::OutOfRange {
                 name: info.name,

@@ -17,6 +17,7 @@
 mod answers;
 mod parser;
 mod queue;
+mod storage;
 
 use core::fmt::{self, Write};
 
@@ -35,6 +36,7 @@ use crate::failsafe::State;
 use crate::flight::{Flight, Snapshot};
 use parser::Parser;
 use queue::{Priority, Queue};
+use storage::StorageOrder;
 
 /// Longest payload sent: AUTOPILOT_VERSION's.
 const MAX_PAYLOAD: usize = 60;
@@ -62,6 +64,8 @@ pub struct Telemetry {
     heartbeat_at: Option<Micros>,
     /// Next parameter of a list under way.
     list: Option<usize>,
+    /// What the host wants done with stored parameters.
+    storage: Option<StorageOrder>,
 }
 
 impl Telemetry {
@@ -72,6 +76,9 @@ impl Telemetry {
 
     /// Put a step into messages.
     pub fn record(&mut self, snapshot: &Snapshot, flight: &Flight, board: &BoardStatus) {
+        if self.announced.is_none() {
+            self.tell_stored(flight.stored());
+        }
         self.announce(&snapshot.state);
         self.stream(snapshot);
         let due = self

@@ -7,7 +7,7 @@ use std::path::Path;
 use anyhow::Result;
 use comfy_table::Table;
 use comfy_table::presets::NOTHING;
-use rig::request::{self, Order};
+use rig::request;
 use serde::Serialize;
 use tvc_nano::Params;
 use tvc_nano::params::DESCRIPTIONS;
@@ -88,7 +88,7 @@ pub fn run(options: &Param) -> Result<Verdict> {
             )
         }
         ParamAction::Save => {
-            vehicle.command("save parameters", SAVE)?;
+            vehicle.command("save parameters", request::SAVE)?;
             done(json, &serde_json::json!({ "saved": true }), "saved")
         }
         ParamAction::Diff { .. } => diff(&vehicle.parameters()?, wanted.as_deref(), json),
@@ -96,12 +96,6 @@ pub fn run(options: &Param) -> Result<Verdict> {
         ParamAction::Dump { file } => dump(&vehicle.parameters()?, file.as_deref(), json),
     }
 }
-
-/// MAV_CMD_PREFLIGHT_STORAGE: 1 writes the parameters.
-const SAVE: Order = Order {
-    command: request::STORAGE,
-    params: [1.0, 0.0],
-};
 
 fn done(json: bool, object: &serde_json::Value, words: &str) -> Result<Verdict> {
     if json {

@@ -247,6 +247,35 @@ impl Operator {
         Ok(())
     }
 
+    /// Stores the parameters.
+    ///
+    /// # Errors
+    /// As [`Operator::arm`].
+    pub fn save_parameters(&mut self, rig: &mut Rig) -> Result<(), OperatorError> {
+        self.command(rig, "save", request::SAVE)
+    }
+
+    /// Asks for the parameters to be stored, and does not wait.
+    pub fn request_save(&mut self, rig: &mut Rig) {
+        self.send(rig, &request::SAVE.message());
+    }
+
+    /// Goes back to the stored parameters.
+    ///
+    /// # Errors
+    /// As [`Operator::arm`].
+    pub fn reload_parameters(&mut self, rig: &mut Rig) -> Result<(), OperatorError> {
+        self.command(rig, "reload", request::RELOAD)
+    }
+
+    /// Goes back to the defaults.
+    ///
+    /// # Errors
+    /// As [`Operator::arm`].
+    pub fn reset_parameters(&mut self, rig: &mut Rig) -> Result<(), OperatorError> {
+        self.command(rig, "reset", request::RESET)
+    }
+
     /// Sends a message.
     pub fn send(&mut self, rig: &mut Rig, message: &MavMessage) {
         let bytes = self.link.frame(message);

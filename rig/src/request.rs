@@ -41,8 +41,19 @@ pub const CALIBRATE: Order = Order {
     params: [1.0, 0.0],
 };
 
-/// The command that keeps (1) or forgets (2) parameters over a loss of power.
-pub const STORAGE: MavCmd = MavCmd::MAV_CMD_PREFLIGHT_STORAGE;
+/// Stores the parameters as they are.
+pub const SAVE: Order = storage(1.0);
+/// Back to the stored parameters.
+pub const RELOAD: Order = storage(0.0);
+/// Back to the default parameters; what is stored stays until the next save.
+pub const RESET: Order = storage(2.0);
+
+const fn storage(action: f32) -> Order {
+    Order {
+        command: MavCmd::MAV_CMD_PREFLIGHT_STORAGE,
+        params: [action, 0.0],
+    }
+}
 
 impl Order {
     /// As COMMAND_LONG.

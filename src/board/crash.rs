@@ -13,7 +13,8 @@ use core::ptr::addr_of_mut;
 use atsamd_hal::pac;
 use cortex_m::peripheral::SCB;
 use cortex_m_rt::{ExceptionFrame, exception};
-use tvc_nano::failsafe::{BootReport, Crash};
+use crc::{CRC_32_ISO_HDLC, Crc, NoTable};
+use tvc_nano::failsafe::Crash;
 
 use super::{servo, time, watchdog};
 
@@ -79,27 +80,21 @@ impl Record {
     }
 }
 
-/// CRC-32 (IEEE 802.3, reflected) of three words, low byte first.
+/// CRC-32 of IEEE 802.3 over three words, low byte first.
 fn crc32(words: [u32; 3]) -> u32 {
-    let mut crc = !0;
+    let crc = Crc::<u32, NoTable>::new(&CRC_32_ISO_HDLC);
+    let mut digest = crc.digest();
     for word in words {
-        crc ^= word;
-        for _ in 0..32 {
-            crc = if crc & 1 == 0 {
-                crc >> 1
-            } else {
-                crc >> 1 ^ 0xEDB8_8320
-            };
-        }
+        digest.update(&word.to_le_bytes());
     }
-    !crc
+    digest.finalize()
 }
 
 /// How the last run ended: the record, if the reset was not a power-on, else the reset's own cause.
-pub(super) fn report(pm: &pac::Pm) -> BootReport {
+pub(super) fn report(pm: &pac::Pm) -> Option<Crash> {
     let cause = pm.rcause().read();
     let recorded = Record::take().crash();
-    let crash = if cause.por().bit_is_set() {
+    if cause.por().bit_is_set() {
         None
     } else if recorded.is_some() {
         recorded
@@ -109,8 +104,7 @@ pub(super) fn report(pm: &pac::Pm) -> BootReport {
         Some(Crash::BrownOut)
     } else {
         None
-    };
-    BootReport { crash }
+    }
 }
 
 /// Neutral, record, reset.

@@ -19,6 +19,7 @@
 
 mod clocks;
 mod crash;
+mod flash;
 mod i2c;
 mod log;
 mod nano33iot;
@@ -37,6 +38,7 @@ use tvc_nano::failsafe::{BootReport, State};
 use tvc_nano::flight::Flight;
 use tvc_nano::params::Params;
 use tvc_nano::servo::PulseUs;
+use tvc_nano::store;
 use tvc_nano::telemetry::{BoardStatus, Telemetry};
 
 use nano33iot::{FRAME_INTERRUPT, I2C_INTERRUPT, LED, PROBE, RADIO_RESET};
@@ -92,6 +94,7 @@ pub(crate) struct Board {
     bus: i2c::Bus,
     port: usb::Port,
     port_open: bool,
+    flash: flash::Flash,
     supervisor: watchdog::Supervisor,
     /// When the newest tick came.
     ticked: Micros,
@@ -106,22 +109,27 @@ pub(crate) struct Board {
 }
 
 impl Board {
-    /// Bring the board up, servo first, and say how the last run ended. `address` is the sensor's.
-    pub(crate) fn start(address: u8, params: &Params) -> (Self, BootReport) {
+    /// Bring the board up, servo first; the stored parameters, and how the last run ended. `address` is the sensor's.
+    pub(crate) fn start(address: u8) -> (Self, Params, BootReport) {
         let mut chip = pac::Peripherals::take().expect("started once");
         let mut core = cortex_m::Peripherals::take().expect("started once");
-        let report = crash::report(&chip.pm);
         let clocks = clocks::start(
             chip.gclk,
             &mut chip.pm,
             &mut chip.sysctrl,
             &mut chip.nvmctrl,
         );
+        let mut flash = flash::Flash::new(chip.nvmctrl);
+        let (params, stored) = store::load(&mut flash);
+        let report = BootReport {
+            crash: crash::report(&chip.pm),
+            stored,
+        };
         stack::paint();
         time::start(&mut core.SYST);
         nano33iot::enable_bus_clocks(&mut chip.pm);
-        let (frame_hz, i2c_khz) = rates(params);
-        let servo = servo::Servo::start(&clocks.servo, neutral(params), frame_hz, i2c_khz);
+        let (frame_hz, i2c_khz) = rates(&params);
+        let servo = servo::Servo::start(&clocks.servo, neutral(&params), frame_hz, i2c_khz);
         RADIO_RESET.low();
         LED.low();
         PROBE.low();
@@ -138,6 +146,7 @@ impl Board {
             bus,
             port,
             port_open: false,
+            flash,
             supervisor,
             ticked: now,
             burst_due: None,
@@ -150,7 +159,7 @@ impl Board {
                 permille: 0,
             },
         };
-        (board, report)
+        (board, params, report)
     }
 
     /// Sleep until there is something to do, or [`NAP_US`] have passed: deadlines want to be looked at.
@@ -267,6 +276,10 @@ impl Board {
         }
         let mut packet = [0; usb::PACKET_BYTES as usize];
         telemetry.receive(now, self.port.read(&mut packet), flight);
+        // A burst under way would be cut in two.
+        if self.bus.is_free() {
+            telemetry.serve_storage(&mut self.flash, flight);
+        }
         let count = self.port.write(telemetry.pending());
         telemetry.sent(count);
     }

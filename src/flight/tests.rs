@@ -5,7 +5,7 @@ use std::vec::Vec;
 use proptest::prelude::*;
 
 use super::*;
-use crate::failsafe::{Crash, Reason};
+use crate::failsafe::{Crash, Latch, Reason};
 
 const PERIOD_US: u64 = 10_000;
 const NEUTRAL: PulseUs = PulseUs(1524);
@@ -357,18 +357,36 @@ fn a_bad_end_of_the_last_run_must_be_acknowledged() {
         Crash::Panic { line: 7 },
         Crash::HardFault { pc: 0x2100 },
     ] {
-        let report = BootReport { crash: Some(crash) };
+        let report = BootReport {
+            crash: Some(crash),
+            ..BootReport::default()
+        };
         let mut desk = Desk::with(0.1, Params::default(), report);
         desk.run(300);
-        assert_eq!(desk.flight.state(), State::Latched(crash));
+        assert_eq!(desk.flight.state(), State::Latched(Latch::Crash(crash)));
         assert_eq!(
             desk.command(Command::Arm),
-            Err(Refusal::WrongState(State::Latched(crash)))
+            Err(Refusal::WrongState(State::Latched(Latch::Crash(crash))))
         );
         desk.command(Command::Disarm).unwrap();
         desk.run(110);
         assert_eq!(desk.flight.state(), State::Standby);
     }
+}
+
+#[test]
+fn lost_parameters_are_acknowledged_after_the_crash_that_came_with_them() {
+    let report = BootReport {
+        crash: Some(Crash::BrownOut),
+        stored: Loaded::Corrupt,
+    };
+    let mut desk = Desk::with(0.1, Params::default(), report);
+    for latch in [Latch::Crash(Crash::BrownOut), Latch::ParametersLost] {
+        assert_eq!(desk.flight.state(), State::Latched(latch));
+        assert!(desk.command(Command::Arm).is_err());
+        desk.command(Command::Disarm).unwrap();
+    }
+    assert_eq!(desk.flight.state(), State::Boot);
 }
 
 #[test]

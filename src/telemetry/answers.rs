@@ -104,7 +104,7 @@ impl Telemetry {
         }
     }
 
-    fn refuse_param(&mut self, error: &ParamError) {
+    pub(super) fn refuse_param(&mut self, error: &ParamError) {
         self.say(MavSeverity::MAV_SEVERITY_WARNING, format_args!("{error}"));
     }
 
@@ -129,6 +129,7 @@ impl Telemetry {
         const ARM_DISARM: u16 = MavCmd::MAV_CMD_COMPONENT_ARM_DISARM as u16;
         const GRIPPER: u16 = MavCmd::MAV_CMD_DO_GRIPPER as u16;
         const CALIBRATION: u16 = MavCmd::MAV_CMD_PREFLIGHT_CALIBRATION as u16;
+        const STORAGE: u16 = MavCmd::MAV_CMD_PREFLIGHT_STORAGE as u16;
         const REQUEST_MESSAGE: u16 = MavCmd::MAV_CMD_REQUEST_MESSAGE as u16;
         let result = match order.command {
             ARM_DISARM if order.param1 == 1.0 => self.order(now, Command::Arm, flight),
@@ -136,6 +137,8 @@ impl Telemetry {
             GRIPPER if order.param2 == GRIPPER_RELEASE => self.order(now, Command::Release, flight),
             CALIBRATION if order.param1 == 1.0 => self.calibrate(flight),
             ARM_DISARM | GRIPPER | CALIBRATION => MavResult::MAV_RESULT_DENIED,
+            // Answered when it is done.
+            STORAGE => return self.order_storage(order.param1, flight),
             REQUEST_MESSAGE if order.param1 == AUTOPILOT_VERSION_DATA::ID as f32 => self.version(),
             _ => MavResult::MAV_RESULT_UNSUPPORTED,
         };
@@ -182,7 +185,7 @@ impl Telemetry {
     }
 
     /// COMMAND_ACK by the command's number: the dialect's type cannot carry one that it does not know.
-    fn acknowledge(&mut self, command: u16, result: MavResult) {
+    pub(super) fn acknowledge(&mut self, command: u16, result: MavResult) {
         let [low, high] = command.to_le_bytes();
         self.send_payload(
             Priority::Event,

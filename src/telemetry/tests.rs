@@ -8,7 +8,7 @@ use mavlink::{MavlinkReader, MavlinkVersion};
 use proptest::prelude::*;
 
 use super::*;
-use crate::failsafe::{BootReport, Command, Crash, Reason};
+use crate::failsafe::{BootReport, Command, Crash, Latch, Reason};
 use crate::flight::Outputs;
 use crate::flight::tests::{Desk, reading};
 use crate::params::Params;
@@ -520,10 +520,11 @@ fn every_state_and_reason_has_its_own_number_and_fits_the_line() {
         State::Failsafe(Reason::InvalidAttitude),
         State::Failsafe(Reason::Tilt),
         State::Failsafe(Reason::HostSilent),
-        State::Latched(Crash::Watchdog),
-        State::Latched(Crash::BrownOut),
-        State::Latched(Crash::Panic { line: u32::MAX }),
-        State::Latched(Crash::HardFault { pc: u32::MAX }),
+        State::Latched(Latch::Crash(Crash::Watchdog)),
+        State::Latched(Latch::Crash(Crash::BrownOut)),
+        State::Latched(Latch::Crash(Crash::Panic { line: u32::MAX })),
+        State::Latched(Latch::Crash(Crash::HardFault { pc: u32::MAX })),
+        State::Latched(Latch::ParametersLost),
     ];
     let mut codes: Vec<_> = states.iter().map(State::code).collect();
     codes.sort_unstable();

@@ -7,7 +7,7 @@ use rig::operator::{FlightState, OperatorError};
 use rig::truth::Pulse;
 use rig::{Ready, ResetCause, Ticks};
 
-fn ms(ms: u64) -> Ticks {
+pub(crate) fn ms(ms: u64) -> Ticks {
     Ticks::from_ms(ms)
 }
 
@@ -30,7 +30,7 @@ fn in_flight() -> Ready {
 }
 
 /// Pulses never stopped: one every 20 ms, none outside the travel.
-fn assert_pulses_went_on(pulses: &[Pulse], length: Ticks) {
+pub(crate) fn assert_pulses_went_on(pulses: &[Pulse], length: Ticks) {
     let expected = length.as_us_f64() / 20_000.0;
     assert!(
         pulses.len() as f64 > expected - 2.0,

@@ -4,6 +4,7 @@
 mod campaign;
 mod faults;
 mod flights;
+mod parameters;
 mod replay;
 
 use rig::{Image, Ready, ServoKind, Setup, image, prepare};

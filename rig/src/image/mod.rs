@@ -12,8 +12,8 @@ use thiserror::Error;
 /// Where the image begins: above the bootloader.
 pub const IMAGE_ADDRESS: u32 = 0x2000;
 
-/// Flash that is left for it.
-const FLASH_BYTES: usize = 0x3E000;
+/// Flash that is left for it; the last rows are for stored parameters.
+const FLASH_BYTES: usize = 0x3DC00;
 
 /// Why there is no image.
 #[derive(Debug, Error)]

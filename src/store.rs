@@ -1,0 +1,256 @@
+//! Parameters that outlive the power: two slots of flash that take turns.
+//!
+//! A save erases the slot that holds the older set and writes the whole set there, so that the newer one is untouched
+//! until the new one is complete. Power may fail at any instant: afterwards the old set or the new one is there, whole.
+//!
+//! ```text
+//!  byte   0       4        8            12       14         16
+//!         | mark  | CRC-32 | generation | values | reserved | id, value | id, value | ...
+//!                          '------------- covered by the CRC -------------------------'
+//! ```
+//!
+//! All numbers are little-endian, values are `f32`. The first page, with the mark, is written last. A value goes by the
+//! hash of its parameter's name ([`crate::params::Info::id`]), so that a newer image keeps what it still knows of an
+//! older image's set.
+//!
+//! A key-value store out of a library (`sequential-storage`, 8.9 KB of code) keeps each value by itself; here all of
+//! them must change together, and the code takes a tenth of that.
+
+use core::fmt;
+
+use crc::{CRC_32_ISO_HDLC, Crc, NoTable};
+use embedded_storage::nor_flash::{NorFlash, ReadNorFlash};
+
+use crate::params::Params;
+
+/// Size of a slot: two rows of the SAMD21's flash.
+pub const SLOT_BYTES: usize = 512;
+/// Size of the flash that the store is given: two slots.
+pub const STORE_BYTES: usize = 2 * SLOT_BYTES;
+
+/// First word of a slot that holds a set; its last character is the version of the layout.
+const MARK: [u8; 4] = *b"TVC1";
+const HEADER_BYTES: usize = 16;
+const ENTRY_BYTES: usize = 8;
+const CRC_AT: usize = 4;
+const COVERED_FROM: usize = 8;
+
+const _: () = assert!(
+    HEADER_BYTES + ENTRY_BYTES * Params::count() <= SLOT_BYTES,
+    "the parameters fit into a slot"
+);
+
+/// CRC-32 of IEEE 802.3, without a table: it runs at start-up and when somebody saves.
+const CRC: Crc<u32, NoTable> = Crc::<u32, NoTable>::new(&CRC_32_ISO_HDLC);
+
+/// What the store had at start-up.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Loaded {
+    /// Nothing was ever saved; the parameters have their defaults.
+    #[default]
+    Nothing,
+    /// The newest whole set.
+    Set {
+        /// How many times parameters have been saved.
+        generation: u32,
+        /// The other slot is damaged, as an interrupted save leaves it.
+        interrupted: bool,
+        /// Values that this image does not know, or whose range does not allow them: they have their defaults.
+        unusable: u16,
+    },
+    /// Something was saved and none of it can be read. The parameters have their defaults.
+    Corrupt,
+}
+
+/// Why a save failed. The set saved before it is still there.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum SaveError {
+    /// The flash refused.
+    Flash,
+    /// What was written does not read back.
+    ReadBack,
+}
+
+impl fmt::Display for SaveError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            SaveError::Flash => "flash refuses to be written",
+            SaveError::ReadBack => "flash does not read back",
+        })
+    }
+}
+
+/// The two places for a set.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Slot {
+    First,
+    Second,
+}
+
+impl Slot {
+    const BOTH: [Slot; 2] = [Slot::First, Slot::Second];
+
+    fn offset(self) -> usize {
+        match self {
+            Slot::First => 0,
+            Slot::Second => SLOT_BYTES,
+        }
+    }
+
+    fn other(self) -> Slot {
+        match self {
+            Slot::First => Slot::Second,
+            Slot::Second => Slot::First,
+        }
+    }
+}
+
+/// What is in a slot.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Content {
+    Blank,
+    Set { generation: u32 },
+    Damaged,
+}
+
+/// The newest whole set of `flash` (its first [`STORE_BYTES`]), or the defaults.
+pub fn load(flash: &mut impl ReadNorFlash) -> (Params, Loaded) {
+    let mut params = Params::default();
+    let mut bytes = [0; SLOT_BYTES];
+    let contents = Slot::BOTH.map(|slot| examine(flash, slot, &mut bytes));
+    let loaded = match newest(contents) {
+        Some((slot, generation)) => {
+            // Read again: the buffer holds the slot examined last.
+            examine(flash, slot, &mut bytes);
+            Loaded::Set {
+                generation,
+                interrupted: contents.contains(&Content::Damaged),
+                unusable: apply(&bytes, &mut params),
+            }
+        }
+        None if contents == [Content::Blank; 2] => Loaded::Nothing,
+        None => Loaded::Corrupt,
+    };
+    (params, loaded)
+}
+
+/// Saves `params` in the slot that does not hold the newest set; their new generation.
+///
+/// # Errors
+/// [`SaveError`]; the newest set is as it was.
+pub fn save<F: NorFlash>(flash: &mut F, params: &Params) -> Result<u32, SaveError> {
+    let mut bytes = [0; SLOT_BYTES];
+    let newest = newest(Slot::BOTH.map(|slot| examine(flash, slot, &mut bytes)));
+    let (slot, generation) = match newest {
+        Some((slot, generation)) => (slot.other(), generation.wrapping_add(1)),
+        None => (Slot::First, 1),
+    };
+    compose(params, generation, &mut bytes);
+    write(flash, slot, &bytes).map_err(|_| SaveError::Flash)?;
+    match examine(flash, slot, &mut bytes) {
+        Content::Set { generation: read } if read == generation => Ok(generation),
+        _ => Err(SaveError::ReadBack),
+    }
+}
+
+/// Erases the slot and writes it, the page with the mark last.
+fn write<F: NorFlash>(flash: &mut F, slot: Slot, bytes: &[u8; SLOT_BYTES]) -> Result<(), F::Error> {
+    let start = slot.offset();
+    flash.erase(start as u32, (start + SLOT_BYTES) as u32)?;
+    for (index, page) in bytes.chunks(F::WRITE_SIZE).enumerate().rev() {
+        if page.iter().any(|byte| *byte != 0xFF) {
+            flash.write((start + index * F::WRITE_SIZE) as u32, page)?;
+        }
+    }
+    Ok(())
+}
+
+/// Reads a slot into `bytes` and says what it is.
+fn examine(flash: &mut impl ReadNorFlash, slot: Slot, bytes: &mut [u8; SLOT_BYTES]) -> Content {
+    if flash.read(slot.offset() as u32, bytes).is_err() {
+        return Content::Damaged;
+    }
+    if bytes.iter().all(|byte| *byte == 0xFF) {
+        return Content::Blank;
+    }
+    let end = HEADER_BYTES + ENTRY_BYTES * usize::from(half(bytes, 12));
+    match bytes.get(COVERED_FROM..end) {
+        Some(covered)
+            if bytes.starts_with(&MARK) && CRC.checksum(covered) == word(bytes, CRC_AT) =>
+        {
+            Content::Set {
+                generation: word(bytes, 8),
+            }
+        }
+        _ => Content::Damaged,
+    }
+}
+
+/// The slot with the higher generation. Generations are compared as they wrap.
+fn newest([first, second]: [Content; 2]) -> Option<(Slot, u32)> {
+    match (first, second) {
+        (Content::Set { generation: a }, Content::Set { generation: b }) => {
+            if (b.wrapping_sub(a) as i32) > 0 {
+                Some((Slot::Second, b))
+            } else {
+                Some((Slot::First, a))
+            }
+        }
+        (Content::Set { generation }, _) => Some((Slot::First, generation)),
+        (_, Content::Set { generation }) => Some((Slot::Second, generation)),
+        _ => None,
+    }
+}
+
+fn compose(params: &Params, generation: u32, bytes: &mut [u8; SLOT_BYTES]) {
+    bytes.fill(0xFF);
+    let count = Params::count() as u16;
+    put(bytes, 0, &MARK);
+    put(bytes, 8, &generation.to_le_bytes());
+    put(bytes, 12, &count.to_le_bytes());
+    put(bytes, 14, &[0, 0]);
+    let mut end = HEADER_BYTES;
+    for (info, value) in params.iter() {
+        put(bytes, end, &info.id.to_le_bytes());
+        put(bytes, end + 4, &value.to_le_bytes());
+        end += ENTRY_BYTES;
+    }
+    if let Some(covered) = bytes.get(COVERED_FROM..end) {
+        let crc = CRC.checksum(covered);
+        put(bytes, CRC_AT, &crc.to_le_bytes());
+    }
+}
+
+/// Takes over the values of a whole set; how many of them are of no use.
+fn apply(bytes: &[u8; SLOT_BYTES], params: &mut Params) -> u16 {
+    let (entries, _) = bytes.as_chunks::<ENTRY_BYTES>();
+    let first = HEADER_BYTES / ENTRY_BYTES;
+    let count = usize::from(half(bytes, 12));
+    let mut unusable = 0;
+    for entry in entries.iter().skip(first).take(count) {
+        if params
+            .set_by_id(word(entry, 0), f32::from_bits(word(entry, 4)))
+            .is_err()
+        {
+            unusable += 1;
+        }
+    }
+    unusable
+}
+
+fn put(bytes: &mut [u8], at: usize, value: &[u8]) {
+    if let Some(place) = bytes.get_mut(at..at + value.len()) {
+        place.copy_from_slice(value);
+    }
+}
+
+fn word(bytes: &[u8], at: usize) -> u32 {
+    u32::from_le_bytes([at, at + 1, at + 2, at + 3].map(|at| bytes.get(at).copied().unwrap_or(0)))
+}
+
+fn half(bytes: &[u8], at: usize) -> u16 {
+    u16::from_le_bytes([at, at + 1].map(|at| bytes.get(at).copied().unwrap_or(0)))
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,318 @@
+use super::*;
+use embedded_storage::nor_flash::{ErrorType, NorFlashErrorKind};
+use proptest::prelude::*;
+use std::vec::Vec;
+
+const ROW: usize = 256;
+const PAGE: usize = 64;
+
+/// Flash that loses its power in the middle of an operation.
+#[derive(Clone)]
+struct Mock {
+    bytes: [u8; STORE_BYTES],
+    /// Operations (rows erased, pages written) until the power fails, and how the last one ends.
+    power: Option<(usize, Tear)>,
+    operations: usize,
+}
+
+/// What an operation that was cut leaves behind.
+#[derive(Clone, Copy, Debug)]
+enum Tear {
+    /// Nothing changed.
+    Before,
+    /// So many bytes are done, the rest is as it was.
+    Part(usize),
+    /// Bits half way: some have changed and some have not.
+    Bits(u64),
+}
+
+impl Mock {
+    fn new() -> Self {
+        Self {
+            bytes: [0xFF; STORE_BYTES],
+            power: None,
+            operations: 0,
+        }
+    }
+
+    /// Brings `range` from what it is to `target`, or loses power on the way.
+    fn operate(&mut self, start: usize, target: &[u8]) -> Result<(), NorFlashErrorKind> {
+        let place = &mut self.bytes[start..start + target.len()];
+        self.operations += 1;
+        match self.power {
+            Some((last, _)) if self.operations > last => return Err(NorFlashErrorKind::Other),
+            Some((last, tear)) if self.operations == last => {
+                match tear {
+                    Tear::Before => {}
+                    Tear::Part(count) => {
+                        let count = count.min(target.len());
+                        place[..count].copy_from_slice(&target[..count]);
+                    }
+                    Tear::Bits(seed) => {
+                        let mut mask = seed | 1;
+                        for (byte, wanted) in place.iter_mut().zip(target) {
+                            mask ^= mask << 13;
+                            mask ^= mask >> 7;
+                            mask ^= mask << 17;
+                            let mask = mask as u8;
+                            *byte = (*byte & !mask) | (wanted & mask);
+                        }
+                    }
+                }
+                return Err(NorFlashErrorKind::Other);
+            }
+            _ => place.copy_from_slice(target),
+        }
+        Ok(())
+    }
+}
+
+impl ErrorType for Mock {
+    type Error = NorFlashErrorKind;
+}
+
+impl ReadNorFlash for Mock {
+    const READ_SIZE: usize = 1;
+
+    fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), Self::Error> {
+        bytes.copy_from_slice(&self.bytes[offset as usize..][..bytes.len()]);
+        Ok(())
+    }
+
+    fn capacity(&self) -> usize {
+        STORE_BYTES
+    }
+}
+
+impl NorFlash for Mock {
+    const WRITE_SIZE: usize = PAGE;
+    const ERASE_SIZE: usize = ROW;
+
+    fn erase(&mut self, from: u32, to: u32) -> Result<(), Self::Error> {
+        assert!(from.is_multiple_of(ROW as u32) && to.is_multiple_of(ROW as u32));
+        (from..to)
+            .step_by(ROW)
+            .try_for_each(|row| self.operate(row as usize, &[0xFF; ROW]))
+    }
+
+    fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), Self::Error> {
+        assert!(offset.is_multiple_of(PAGE as u32) && bytes.len() == PAGE);
+        let old = &self.bytes[offset as usize..][..PAGE];
+        assert!(
+            old.iter().all(|byte| *byte == 0xFF),
+            "a page is written once between erasures"
+        );
+        self.operate(offset as usize, bytes)
+    }
+}
+
+fn params(kp: f32) -> Params {
+    let mut params = Params::default();
+    params.set("PID_KP", kp).unwrap();
+    params.set("SRV_CENTRE_US", 1500.0 + kp).unwrap();
+    params
+}
+
+fn set(generation: u32) -> Loaded {
+    Loaded::Set {
+        generation,
+        interrupted: false,
+        unusable: 0,
+    }
+}
+
+#[test]
+fn new_flash_has_nothing_and_gives_the_defaults() {
+    let (loaded, what) = load(&mut Mock::new());
+    assert_eq!((loaded, what), (Params::default(), Loaded::Nothing));
+}
+
+#[test]
+fn saved_sets_come_back_and_take_turns_in_the_slots() {
+    let mut flash = Mock::new();
+    for generation in 1..6 {
+        let saved = params(generation as f32);
+        assert_eq!(save(&mut flash, &saved), Ok(generation));
+        assert_eq!(load(&mut flash), (saved, set(generation)));
+        let slot = if generation % 2 == 1 { 0 } else { SLOT_BYTES };
+        assert_eq!(&flash.bytes[slot..slot + 4], b"TVC1");
+        assert_eq!(word(&flash.bytes, slot + 8), generation);
+    }
+}
+
+#[test]
+fn the_layout_is_as_documented() {
+    let mut flash = Mock::new();
+    save(&mut flash, &Params::default()).unwrap();
+    assert_eq!(half(&flash.bytes, 12), Params::count() as u16);
+    // FNV-1a of "PID_KP", and its default, 1.0.
+    assert_eq!(word(&flash.bytes, 16), hash_of("PID_KP"));
+    assert_eq!(word(&flash.bytes, 20), 1.0_f32.to_bits());
+    let end = 16 + 8 * Params::count();
+    // CRC-32 of IEEE 802.3, bit by bit.
+    let mut crc = u32::MAX;
+    for byte in &flash.bytes[8..end] {
+        crc ^= u32::from(*byte);
+        for _ in 0..8 {
+            crc = (crc >> 1) ^ (0xEDB8_8320 & (crc & 1).wrapping_neg());
+        }
+    }
+    assert_eq!(word(&flash.bytes, 4), !crc);
+}
+
+fn hash_of(name: &str) -> u32 {
+    name.bytes().fold(2_166_136_261, |hash: u32, byte| {
+        (hash ^ u32::from(byte)).wrapping_mul(16_777_619)
+    })
+}
+
+/// Power cut in every operation of a save, in every way: the old set or the new one, whole, and the store goes on.
+#[test]
+fn a_cut_in_any_operation_leaves_the_old_set_or_the_new_one() {
+    let old = params(2.0);
+    let new = params(3.0);
+    let mut before = Mock::new();
+    save(&mut before, &params(1.0)).unwrap();
+    save(&mut before, &old).unwrap();
+    before.operations = 0;
+    let mut whole = before.clone();
+    save(&mut whole, &new).unwrap();
+    assert!(whole.operations >= 3, "erases and writes are counted");
+    let mut tears: Vec<Tear> = (0..=ROW).map(Tear::Part).collect();
+    tears.push(Tear::Before);
+    tears.extend((1..200).map(|seed| Tear::Bits(0x9E37_79B9_7F4A_7C15_u64.wrapping_mul(seed))));
+    let mut survived = [0, 0];
+    for operation in 1..=whole.operations {
+        for tear in &tears {
+            let mut flash = before.clone();
+            flash.power = Some((operation, *tear));
+            let saved = save(&mut flash, &new);
+            assert_eq!(saved, Err(SaveError::Flash), "{operation} {tear:?}");
+            flash.power = None;
+            let (loaded, what) = load(&mut flash);
+            match what {
+                Loaded::Set { generation: 2, .. } => {
+                    assert_eq!(loaded, old, "{operation} {tear:?}")
+                }
+                Loaded::Set { generation: 3, .. } => {
+                    assert_eq!(loaded, new, "{operation} {tear:?}")
+                }
+                other => panic!("{operation} {tear:?}: {other:?}"),
+            }
+            survived[usize::from(loaded == new)] += 1;
+            assert!(save(&mut flash, &params(4.0)).is_ok());
+            assert_eq!(load(&mut flash).0, params(4.0));
+        }
+    }
+    assert!(survived[0] > survived[1] && survived[1] > 0, "{survived:?}");
+}
+
+#[test]
+fn a_cut_in_the_first_save_is_reported_and_the_defaults_hold() {
+    let mut flash = Mock::new();
+    flash.power = Some((3, Tear::Part(20)));
+    assert!(save(&mut flash, &params(2.0)).is_err());
+    flash.power = None;
+    assert_eq!(load(&mut flash), (Params::default(), Loaded::Corrupt));
+}
+
+#[test]
+fn a_damaged_slot_is_reported_and_the_other_one_used() {
+    let mut flash = Mock::new();
+    save(&mut flash, &params(1.0)).unwrap();
+    save(&mut flash, &params(2.0)).unwrap();
+    flash.bytes[SLOT_BYTES + 20] ^= 4;
+    let (loaded, what) = load(&mut flash);
+    assert_eq!(loaded, params(1.0));
+    assert!(matches!(
+        what,
+        Loaded::Set {
+            generation: 1,
+            interrupted: true,
+            ..
+        }
+    ));
+    flash.bytes[20] ^= 4;
+    assert_eq!(load(&mut flash), (Params::default(), Loaded::Corrupt));
+}
+
+#[test]
+fn values_that_this_image_does_not_know_or_allow_keep_their_defaults() {
+    let mut flash = Mock::new();
+    save(&mut flash, &params(2.0)).unwrap();
+    let rewrite = |flash: &mut Mock, at: usize, value: u32| {
+        put(&mut flash.bytes, at, &value.to_le_bytes());
+        let end = 16 + 8 * Params::count();
+        let crc = CRC.checksum(&flash.bytes[8..end]);
+        put(&mut flash.bytes, 4, &crc.to_le_bytes());
+    };
+    rewrite(&mut flash, 16, hash_of("GONE"));
+    let (loaded, what) = load(&mut flash);
+    assert_eq!(loaded.pid_kp(), Params::default().pid_kp());
+    assert_eq!(loaded.srv_centre_us(), 1502.0);
+    assert!(matches!(what, Loaded::Set { unusable: 1, .. }));
+    rewrite(&mut flash, 28, f32::NAN.to_bits());
+    assert!(matches!(
+        load(&mut flash).1,
+        Loaded::Set { unusable: 2, .. }
+    ));
+}
+
+#[test]
+fn generations_are_compared_as_they_wrap() {
+    let contents = |a, b| {
+        [
+            Content::Set { generation: a },
+            Content::Set { generation: b },
+        ]
+    };
+    assert_eq!(newest(contents(u32::MAX, 0)), Some((Slot::Second, 0)));
+    assert_eq!(newest(contents(0, u32::MAX)), Some((Slot::First, 0)));
+    assert_eq!(newest(contents(7, 6)), Some((Slot::First, 7)));
+}
+
+#[test]
+fn flash_that_does_not_hold_is_an_error() {
+    /// Forgets every write.
+    struct Forgetful(Mock);
+    impl ErrorType for Forgetful {
+        type Error = NorFlashErrorKind;
+    }
+    impl ReadNorFlash for Forgetful {
+        const READ_SIZE: usize = 1;
+        fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), Self::Error> {
+            self.0.read(offset, bytes)
+        }
+        fn capacity(&self) -> usize {
+            STORE_BYTES
+        }
+    }
+    impl NorFlash for Forgetful {
+        const WRITE_SIZE: usize = PAGE;
+        const ERASE_SIZE: usize = ROW;
+        fn erase(&mut self, _: u32, _: u32) -> Result<(), Self::Error> {
+            Ok(())
+        }
+        fn write(&mut self, _: u32, _: &[u8]) -> Result<(), Self::Error> {
+            Ok(())
+        }
+    }
+    let mut flash = Forgetful(Mock::new());
+    assert_eq!(save(&mut flash, &params(2.0)), Err(SaveError::ReadBack));
+}
+
+proptest! {
+    /// Whatever is in the flash, loading gives parameters within their ranges.
+    #[test]
+    fn any_content_gives_usable_parameters(content in prop::collection::vec(any::<u8>(), STORE_BYTES), marked: bool) {
+        let mut flash = Mock::new();
+        flash.bytes.copy_from_slice(&content);
+        if marked {
+            put(&mut flash.bytes, 0, &MARK);
+        }
+        let (loaded, _) = load(&mut flash);
+        for (info, value) in loaded.iter() {
+            prop_assert!(info.range.contains(value));
+        }
+    }
+}

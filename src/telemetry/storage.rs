@@ -1,0 +1,100 @@
+//! Stored parameters at the host's word: MAV_CMD_PREFLIGHT_STORAGE.
+
+use embedded_storage::nor_flash::NorFlash;
+use mavlink::dialects::common::{MavCmd, MavResult, MavSeverity};
+
+use super::Telemetry;
+use crate::flight::Flight;
+use crate::params::{ParamError, Params};
+use crate::store::{self, Loaded};
+
+const STORAGE: u16 = MavCmd::MAV_CMD_PREFLIGHT_STORAGE as u16;
+
+/// What the command's first parameter asks for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum StorageOrder {
+    /// Back to what is stored, to the defaults where nothing is.
+    Reload,
+    /// Store the parameters as they are.
+    Save,
+    /// Back to the defaults; what is stored stays until the next save.
+    Reset,
+}
+
+impl StorageOrder {
+    fn decode(param1: f32) -> Option<Self> {
+        match param1 {
+            0.0 => Some(Self::Reload),
+            1.0 => Some(Self::Save),
+            2.0 => Some(Self::Reset),
+            _ => None,
+        }
+    }
+}
+
+impl Telemetry {
+    /// Notes the order; [`Telemetry::serve_storage`] obeys it.
+    pub(super) fn order_storage(&mut self, param1: f32, flight: &Flight) {
+        match StorageOrder::decode(param1) {
+            None => self.acknowledge(STORAGE, MavResult::MAV_RESULT_DENIED),
+            Some(_) if flight.state().is_armed() => self.refuse_storage(),
+            order => self.storage = order,
+        }
+    }
+
+    /// Obeys an order about stored parameters, if there is one. The processor may stand still for some 30 ms: call it
+    /// where that does no harm. While the drone is armed it is refused.
+    pub fn serve_storage<F: NorFlash>(&mut self, flash: &mut F, flight: &mut Flight) {
+        let Some(order) = self.storage.take() else {
+            return;
+        };
+        if flight.state().is_armed() {
+            return self.refuse_storage();
+        }
+        let result = match order {
+            StorageOrder::Save => match store::save(flash, flight.params()) {
+                Ok(_) => MavResult::MAV_RESULT_ACCEPTED,
+                Err(error) => {
+                    self.say(
+                        MavSeverity::MAV_SEVERITY_ERROR,
+                        format_args!("save failed: {error}"),
+                    );
+                    MavResult::MAV_RESULT_FAILED
+                }
+            },
+            StorageOrder::Reload => {
+                let (params, loaded) = store::load(flash);
+                self.tell_stored(loaded);
+                replace(flight, params)
+            }
+            StorageOrder::Reset => replace(flight, Params::default()),
+        };
+        self.acknowledge(STORAGE, result);
+    }
+
+    fn refuse_storage(&mut self) {
+        self.refuse_param(&ParamError::ArmedAll);
+        self.acknowledge(STORAGE, MavResult::MAV_RESULT_TEMPORARILY_REJECTED);
+    }
+
+    /// Says what the operator should know of the stored parameters.
+    pub(super) fn tell_stored(&mut self, loaded: Loaded) {
+        let text = match loaded {
+            Loaded::Nothing => return,
+            Loaded::Corrupt => "stored parameters lost, defaults in use",
+            Loaded::Set {
+                interrupted: true, ..
+            } => "a save was interrupted, older parameters in use",
+            Loaded::Set { unusable: 0, .. } => return,
+            Loaded::Set { .. } => "some stored parameters are of no use here",
+        };
+        self.say(MavSeverity::MAV_SEVERITY_WARNING, format_args!("{text}"));
+    }
+}
+
+fn replace(flight: &mut Flight, params: Params) -> MavResult {
+    match flight.replace_params(params) {
+        Ok(()) => MavResult::MAV_RESULT_ACCEPTED,
+        Err(_) => MavResult::MAV_RESULT_TEMPORARILY_REJECTED,
+    }
+}

@@ -1,0 +1,124 @@
+//! Parameters in the chip's own flash: saved, read back after a power cut, and never half of one set and half of
+//! another.
+
+use crate::faults::{assert_pulses_went_on, ms};
+use crate::ready;
+use rig::faults::NEUTRAL_US;
+use rig::operator::{FlightState, Operator, OperatorError};
+use rig::{Ready, Rig};
+
+/// Where the image keeps them.
+const STORE: std::ops::Range<usize> = 0x3FC00..0x40000;
+
+/// Cuts the power, waits for the image and asks what it has.
+fn gain_after_power_cut(rig: &mut Rig, operator: &mut Operator) -> f32 {
+    rig.power_cycle();
+    operator.connect(rig).unwrap();
+    operator.list_parameters(rig).unwrap();
+    operator.received().parameters["PID_KP"]
+}
+
+fn saved(kp: f32) -> Ready {
+    let mut bench = ready();
+    let Ready { rig, operator, .. } = &mut bench;
+    operator.set_parameter(rig, "PID_KP", kp).unwrap();
+    operator.save_parameters(rig).unwrap();
+    bench
+}
+
+#[test]
+fn saved_parameters_outlive_the_power_and_the_pulses_go_on_meanwhile() {
+    let mut bench = ready();
+    let Ready { rig, operator, .. } = &mut bench;
+    operator.set_parameter(rig, "PID_KP", 1.75).unwrap();
+    let at = rig.now();
+    operator.save_parameters(rig).unwrap();
+    operator.run(rig, ms(300)).unwrap();
+    let pulses = rig.truth().pulses_since(at);
+    assert_pulses_went_on(pulses, rig.now() - at);
+    assert!(pulses.iter().all(|p| NEUTRAL_US.contains(&p.width_us())));
+    assert_eq!(operator.state(), Some(FlightState::Standby));
+    assert_eq!(gain_after_power_cut(rig, operator), 1.75);
+    operator
+        .wait_for_state(rig, ms(8000), FlightState::Standby)
+        .unwrap();
+}
+
+#[test]
+fn what_was_not_saved_is_gone_and_a_reload_or_a_reset_brings_back_what_was() {
+    let mut bench = saved(1.75);
+    let Ready { rig, operator, .. } = &mut bench;
+    operator.set_parameter(rig, "PID_KP", 2.5).unwrap();
+    operator.reload_parameters(rig).unwrap();
+    operator.list_parameters(rig).unwrap();
+    assert_eq!(operator.received().parameters["PID_KP"], 1.75);
+    operator.reset_parameters(rig).unwrap();
+    operator.list_parameters(rig).unwrap();
+    let default = tvc_nano::Params::default().pid_kp();
+    assert_eq!(operator.received().parameters["PID_KP"], default);
+    assert_eq!(gain_after_power_cut(rig, operator), 1.75);
+}
+
+/// A save has ten operations of flash, each of 2.5 ms or more: a cut at every millisecond meets each of them.
+#[test]
+fn a_power_cut_at_any_instant_of_a_save_leaves_the_old_set_or_the_new_one() {
+    let mut bench = saved(1.75);
+    let Ready { rig, operator, .. } = &mut bench;
+    operator.set_parameter(rig, "PID_KP", 2.5).unwrap();
+    let before = rig.chip().flash()[STORE].to_vec();
+    operator.request_save(rig);
+    let mut found = [0, 0];
+    for instant in 0..60 {
+        operator.run(rig, ms(1)).unwrap();
+        let mut fork = rig.clone();
+        let kp = gain_after_power_cut(&mut fork, &mut operator.clone());
+        assert!(kp == 1.75 || kp == 2.5, "{instant} ms: {kp}");
+        found[usize::from(kp == 2.5)] += 1;
+    }
+    assert!(found[0] > 10 && found[1] > 5, "{found:?}");
+    assert_ne!(rig.chip().flash()[STORE], before, "something was written");
+}
+
+#[test]
+fn corrupt_rows_are_told_and_nothing_is_armed_until_the_operator_has_seen_it() {
+    let mut bench = saved(1.75);
+    let Ready { rig, operator, .. } = &mut bench;
+    let address = STORE.start + 20;
+    let worn = rig.chip().flash()[address] ^ 4;
+    rig.chip_mut().load_flash(address as u32, &[worn]);
+    let default = tvc_nano::Params::default().pid_kp();
+    assert_eq!(gain_after_power_cut(rig, operator), default);
+    operator
+        .wait_for_state(rig, ms(2000), FlightState::Latched)
+        .unwrap();
+    let texts = operator.received().texts.iter();
+    assert!(
+        texts
+            .clone()
+            .any(|t| t.text.contains("stored parameters lost")),
+        "{texts:?}"
+    );
+    assert!(matches!(
+        operator.arm(rig),
+        Err(OperatorError::Refused { .. })
+    ));
+    operator.disarm(rig).unwrap();
+    operator
+        .wait_for_state(rig, ms(8000), FlightState::Standby)
+        .unwrap();
+}
+
+#[test]
+fn nothing_is_saved_while_armed() {
+    let mut bench = ready();
+    let Ready { rig, operator, .. } = &mut bench;
+    operator.arm(rig).unwrap();
+    let before = rig.chip().flash()[STORE].to_vec();
+    let refused = operator.save_parameters(rig);
+    assert!(
+        matches!(refused, Err(OperatorError::Refused { .. })),
+        "{refused:?}"
+    );
+    assert_eq!(rig.chip().flash()[STORE], before);
+    assert_eq!(operator.state(), Some(FlightState::Armed));
+}
