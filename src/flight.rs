@@ -139,7 +139,6 @@ impl Flight {
             return Err(ParamError::ArmedAll);
         }
         self.params = params;
-        self.restart_estimator();
         self.configure();
         Ok(())
     }

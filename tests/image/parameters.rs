@@ -59,7 +59,8 @@ fn what_was_not_saved_is_gone_and_a_reload_or_a_reset_brings_back_what_was() {
     assert_eq!(gain_after_power_cut(rig, operator), 1.75);
 }
 
-/// A save has ten operations of flash, each of 2.5 ms or more: a cut at every millisecond meets each of them.
+/// A save is two erasures and a page for every eight parameters, and the chip stands still in each: steps of a
+/// millisecond end after every one of them.
 #[test]
 fn a_power_cut_at_any_instant_of_a_save_leaves_the_old_set_or_the_new_one() {
     let mut bench = saved(1.75);
@@ -68,14 +69,14 @@ fn a_power_cut_at_any_instant_of_a_save_leaves_the_old_set_or_the_new_one() {
     let before = rig.chip().flash()[STORE].to_vec();
     operator.request_save(rig);
     let mut found = [0, 0];
-    for instant in 0..60 {
+    for instant in 0..30 {
         operator.run(rig, ms(1)).unwrap();
         let mut fork = rig.clone();
         let kp = gain_after_power_cut(&mut fork, &mut operator.clone());
         assert!(kp == 1.75 || kp == 2.5, "{instant} ms: {kp}");
         found[usize::from(kp == 2.5)] += 1;
     }
-    assert!(found[0] > 10 && found[1] > 5, "{found:?}");
+    assert!(found[0] >= 5 && found[1] > 5, "{found:?}");
     assert_ne!(rig.chip().flash()[STORE], before, "something was written");
 }
 
