@@ -62,6 +62,35 @@ pub enum Loaded {
     Corrupt,
 }
 
+impl Loaded {
+    /// Whether the parameters are what was last saved, or nothing was.
+    pub fn is_as_saved(&self) -> bool {
+        matches!(
+            self,
+            Loaded::Nothing
+                | Loaded::Set {
+                    interrupted: false,
+                    unusable: 0,
+                    ..
+                }
+        )
+    }
+}
+
+impl fmt::Display for Loaded {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Loaded::Nothing => "no stored parameters",
+            Loaded::Corrupt => "stored parameters lost, defaults in use",
+            Loaded::Set {
+                interrupted: true, ..
+            } => "a save was interrupted, older parameters in use",
+            Loaded::Set { unusable: 0, .. } => "stored parameters in use",
+            Loaded::Set { .. } => "some stored parameters are of no use here",
+        })
+    }
+}
+
 /// Why a save failed. The set saved before it is still there.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SaveError {

@@ -73,6 +73,7 @@ impl fmt::Display for ConfigError {
 impl core::error::Error for ConfigError {}
 
 /// `value` is finite and above 0.
+#[inline(always)]
 pub(crate) fn positive(value: f32, name: &'static str) -> Result<(), ConfigError> {
     if value > 0.0 && value.is_finite() {
         Ok(())
@@ -82,6 +83,7 @@ pub(crate) fn positive(value: f32, name: &'static str) -> Result<(), ConfigError
 }
 
 /// `value` is in `low..=high`.
+#[inline(always)]
 pub(crate) fn in_range(
     value: f32,
     low: f32,

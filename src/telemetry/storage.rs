@@ -79,16 +79,9 @@ impl Telemetry {
 
     /// Says what the operator should know of the stored parameters.
     pub(super) fn tell_stored(&mut self, loaded: Loaded) {
-        let text = match loaded {
-            Loaded::Nothing => return,
-            Loaded::Corrupt => "stored parameters lost, defaults in use",
-            Loaded::Set {
-                interrupted: true, ..
-            } => "a save was interrupted, older parameters in use",
-            Loaded::Set { unusable: 0, .. } => return,
-            Loaded::Set { .. } => "some stored parameters are of no use here",
-        };
-        self.say(MavSeverity::MAV_SEVERITY_WARNING, format_args!("{text}"));
+        if !loaded.is_as_saved() {
+            self.say(MavSeverity::MAV_SEVERITY_WARNING, format_args!("{loaded}"));
+        }
     }
 }
 

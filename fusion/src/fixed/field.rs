@@ -138,6 +138,7 @@ impl Compass {
 }
 
 impl Limits {
+    #[inline(always)]
     pub(super) fn new(
         config: &FieldConfig,
         scale: &Scale,

@@ -91,6 +91,7 @@ pub struct Vqf {
 impl Filter for Vqf {
     type Gains = VqfGains;
 
+    #[inline(always)]
     fn new(gains: &VqfGains, period_s: f32) -> Result<Self, ConfigError> {
         positive(gains.acc_tau_s, "acc_tau_s")?;
         in_range(

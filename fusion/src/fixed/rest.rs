@@ -105,6 +105,7 @@ impl Sums {
 }
 
 impl Limits {
+    #[inline(always)]
     pub(super) fn new(
         config: &RestConfig,
         scale: &Scale,
