@@ -31,6 +31,7 @@ mod virtual_rig;
 use std::process::ExitCode;
 
 use clap::Parser;
+use clap::error::ErrorKind;
 
 use cli::{Cli, Command};
 use failure::{BadInput, Verdict};
@@ -69,6 +70,9 @@ fn run(command: Command) -> anyhow::Result<Verdict> {
 
 /// The command line parser's complaint as one line: its first paragraph, which may list what could be said instead.
 fn usage(error: &clap::Error) -> BadInput {
+    if error.kind() == ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand {
+        return BadInput::new("a command is missing (see --help)");
+    }
     let text = error.to_string();
     let what: Vec<_> = text
         .lines()

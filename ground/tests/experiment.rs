@@ -108,6 +108,7 @@ fn unusable_options_are_refused_in_one_line() {
         (&["static", "--hard-iron", "a,0,0"], "not a number"),
         (&["motion", "--reference-lag", "5000"], "1000"),
         (&["moving"], "moving"),
+        (&[], "a command is missing"),
     ] {
         let output = tvc(arguments);
         let said = String::from_utf8(output.stderr).unwrap();

@@ -18,12 +18,12 @@ Recordings
   IMUQ16v1   gyroscope, accelerometer, magnetometer, reference and flags in 16-bit counts.
   CSV        a line of column names, then a line for each sample; any order, other columns are
              passed over:
-               t_s | t_ms | t_us                                     time
-               gx_rad_s gy_rad_s gz_rad_s  | gx_deg_s gy_deg_s gz_deg_s    rotation rate
-               ax_m_s2 ay_m_s2 az_m_s2     | ax_g ay_g az_g         specific force (+1 g up at rest)
-               mx_ut my_ut mz_ut           | mx_gauss my_gauss mz_gauss    field, optional
-               ref_w ref_x ref_y ref_z     reference, sensor to east-north-up, optional
-               movement                    1 where errors count, optional (without it: everywhere)
+               t_s, or t_ms, t_us           time
+               gx_rad_s gy_rad_s gz_rad_s   rotation rate; or gx_deg_s and so on
+               ax_m_s2 ay_m_s2 az_m_s2      specific force, +9.8 upwards at rest; or ax_g and so on
+               mx_ut my_ut mz_ut            magnetic field, optional; or mx_gauss and so on
+               ref_w ref_x ref_y ref_z      reference, sensor to east-north-up, optional
+               movement                     1 where errors count, optional (without it: everywhere)
              An empty field or reference is a sample without it.
 
 Estimates
