@@ -109,6 +109,10 @@ const LEAST_HORIZONTAL_UT: f32 = 1.0;
 /// Largest field component taken for one, uT: a thousand times the earth's.
 const MOST_UT: f32 = 50_000.0;
 
+/// How far a field is believed, up to a deviation in parts of the gate: in steps, so that fixed point does the
+/// same without a division.
+const STEPS: [(f32, f32); 4] = [(0.25, 1.0), (0.5, 0.75), (0.75, 0.5), (1.0, 0.25)];
+
 /// Judged samples averaged into the reference before the gate works.
 const AVERAGED: u32 = 16;
 
@@ -138,11 +142,10 @@ impl<T: Real> Reference<T> {
         let horizontal = ((parts.horizontal2 - own.horizontal2) * inverse.horizontal2).abs();
         let vertical = ((parts.vertical - own.vertical) * inverse.vertical).abs();
         let deviation = horizontal + vertical;
-        if deviation.within(T::ONE) {
-            T::ONE - deviation
-        } else {
-            T::ZERO
-        }
+        STEPS
+            .iter()
+            .find(|(limit, _)| deviation.within(T::from_f32(*limit)))
+            .map_or(T::ZERO, |(_, weight)| T::from_f32(*weight))
     }
 
     fn moved(&self, parts: &Parts<T>, share: T, gate: T) -> Option<Self> {
@@ -305,8 +308,7 @@ impl<T: Real> Field<T> {
     #[cold]
     #[inline(never)]
     fn follow(&mut self, reference: &Reference<T>, parts: &Parts<T>) {
-        let share =
-            self.weight * self.since_refresh_s * (self.tau_s + self.since_refresh_s).recip();
+        let share = self.since_refresh_s * (self.tau_s + self.since_refresh_s).recip();
         self.since_refresh_s = T::ZERO;
         if let Some(moved) = reference.moved(parts, share, self.gate) {
             self.reference = Some(moved);

@@ -297,6 +297,8 @@ impl<T: Real> Quaternion<T> {
         };
         for _ in 0..halvings {
             turn = turn.mul(&turn);
+            // Squaring doubles the error of the norm too.
+            turn.restore_norm();
         }
         turn
     }

@@ -44,6 +44,8 @@ pub trait Real:
     fn within(self, limit: Self) -> bool;
     /// The sign bit.
     fn is_negative(self) -> bool;
+    /// In units of `2^-bits`, towards zero and saturated: for sums that are cheaper in integers.
+    fn to_fixed(self, bits: u8) -> i32;
     /// Angle of the point `(x, self)`, rad.
     fn atan2(self, x: Self) -> Self;
     /// Arc sine, rad; NaN outside -1..1.
@@ -86,6 +88,20 @@ impl Real for f32 {
     fn is_negative(self) -> bool {
         self.is_sign_negative()
     }
+    #[inline(always)]
+    fn to_fixed(self, bits: u8) -> i32 {
+        let word = self.to_bits();
+        // The value is a 24-bit mantissa times 2^(exponent - 150).
+        let mantissa = (word & 0x007f_ffff | 0x0080_0000) as i32;
+        let shift = 150 - i32::from(bits) - (word >> 23 & 0xff) as i32;
+        let size = match shift {
+            0..=31 => mantissa >> shift,
+            -7..=-1 => mantissa << -shift,
+            32.. => 0,
+            _ => i32::MAX,
+        };
+        if self.is_sign_negative() { -size } else { size }
+    }
     fn atan2(self, x: Self) -> Self {
         libm::atan2f(self, x)
     }
@@ -123,6 +139,9 @@ impl Real for f64 {
     }
     fn is_negative(self) -> bool {
         self.is_sign_negative()
+    }
+    fn to_fixed(self, bits: u8) -> i32 {
+        (self * Self::from(1u32 << (bits & 31))) as i32
     }
     fn atan2(self, x: Self) -> Self {
         libm::atan2(self, x)
@@ -180,6 +199,18 @@ mod tests {
         }
         for angle in [f32::NAN, f32::INFINITY, -1e30] {
             assert!(Real::sin_cos(angle).0.is_nan());
+        }
+    }
+
+    #[test]
+    fn numbers_are_the_same_in_fixed_point() {
+        for value in [
+            0.0f32, 1e-30, -1e-5, 0.5, -0.75, 3.999_999, -12.7, 1_023.9, 2_047.99, -2_048.0, 1e9,
+            -1e30,
+        ] {
+            let exact = (f64::from(value) * 1_048_576.0).clamp(-2_147_483_647.0, 2_147_483_647.0);
+            assert_eq!(value.to_fixed(20), exact as i32, "{value}");
+            assert!(f64::from(value).to_fixed(20).abs_diff(exact as i32) <= 1);
         }
     }
 

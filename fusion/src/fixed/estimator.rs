@@ -133,7 +133,7 @@ struct Settling {
     mag_less: u8,
     /// By how much the boost falls next.
     fall: u8,
-    /// Blocks that are left of this boost, and that the next lasts.
+    /// Blocks that are left of this boost after the present one, and that the next lasts.
     left: u8,
     next: u8,
     /// Where it all begins.
@@ -311,7 +311,7 @@ impl<F: Filter> Estimator<F> {
         } else {
             self.sums.add(&counts.gyr, &counts.acc)
         };
-        let busy = long || due <= rest::SETTLE || self.compass.pending;
+        let busy = long || due <= rest::SHARE || self.compass.pending;
         let products = self.rotation.products();
         let down = products.down();
         let mut turn = 0;
@@ -353,6 +353,8 @@ impl<F: Filter> Estimator<F> {
                 .close(due, &mut self.sums, &mut self.rotation.bias);
         } else if due == rest::SETTLE {
             self.settle(&counts.acc);
+        } else if due == rest::SHARE {
+            self.share();
         } else if due != rest::NOTHING {
             self.field.judge(&mut self.compass, &counts.gyr);
         }
@@ -366,10 +368,21 @@ impl<F: Filter> Estimator<F> {
         }
         self.blocks += 1;
         self.gap = false;
-        if self.settled {
+        let s = &mut self.settling;
+        if s.left != 0 {
+            s.left -= 1;
             return;
         }
-        let s = &mut self.settling;
+        s.left = s.next - 1;
+        s.next = s.next.saturating_mul(2);
+        s.boost = s.boost.saturating_sub(s.fall);
+        s.fall = 1;
+    }
+
+    /// With the sample after: the gains of that share.
+    #[inline(never)]
+    fn share(&mut self) {
+        let s = &self.settling;
         let boost = s.boost.saturating_sub(s.acc_less);
         let less = boost.min(s.acc_cut - LEAST_CUT);
         self.fragile = boost > less;
@@ -380,13 +393,6 @@ impl<F: Filter> Estimator<F> {
         self.mag_cut = s.mag_cut - s.boost.saturating_sub(s.mag_less);
         self.mag_most = (EIGHTH << self.mag_cut).min(MOST_TURN);
         self.settled = s.boost == 0;
-        s.left -= 1;
-        if s.left == 0 {
-            s.left = s.next;
-            s.next *= 2;
-            s.boost = s.boost.saturating_sub(s.fall);
-            s.fall = 1;
-        }
     }
 
     /// A step of more than 1.25 periods; of many more, samples are missing.

@@ -12,10 +12,22 @@ const BITS: u32 = 8;
 /// The weight of a field that is like the reference.
 const FULL: u8 = 8;
 
-/// Field samples from which the reference is learned before the gate works, and the share of each as a power
-/// of two: those from before the tilt and the heading were found are forgotten by then.
-const LEARNING: u8 = 32;
-const LEARNING_SHARE: u8 = 2;
+/// Field samples from which the reference is learned before the gate works.
+const LEARNING: u8 = 64;
+
+/// Tolerance until then, counts in Q8: more than any field deviates.
+const ANYTHING: i32 = 1 << 29;
+
+/// The share of the newest of so many, as a negative power of two: that of a running mean, which forgets those
+/// from before the tilt and the heading were found.
+const fn learning_share(judged: u8) -> u8 {
+    match judged {
+        0..16 => 2,
+        16..24 => 3,
+        24..40 => 4,
+        _ => 5,
+    }
+}
 
 /// What is touched with every field sample.
 #[derive(Clone, Debug)]
@@ -57,6 +69,8 @@ pub(super) struct Field {
     gate: i32,
     /// Share of a judged sample in the reference, as a negative power of two.
     follow: u8,
+    /// The share of the next sample: that, or while the reference is learned a larger one.
+    share: u8,
     /// Field samples judged so far, up to `LEARNING`.
     judged: u8,
     job: Job,
@@ -166,10 +180,11 @@ impl Field {
             vertical: 0,
             met: [0; 2],
             candidate: [0; 2],
-            tolerance: 0,
+            tolerance: ANYTHING,
             margin: 0,
             gate: limits.gate_q8,
             follow: limits.log2_follow,
+            share: learning_share(0),
             judged: 0,
             job: Job::Compare,
             rejected: 0,
@@ -197,11 +212,15 @@ impl Field {
             Job::Weigh => {
                 self.job = Job::Compare;
                 compass.pending = false;
-                if self.judged == LEARNING {
-                    compass.weight = weight(self.margin, self.tolerance);
-                    let total = length(compass.horizontal, self.vertical.abs());
-                    self.tolerance = (total >> 8) * self.gate;
+                if self.judged < LEARNING {
+                    self.judged += 1;
+                    self.share = learning_share(self.judged);
+                    return;
                 }
+                self.share = self.follow;
+                compass.weight = weight(self.margin, self.tolerance);
+                let total = length(compass.horizontal, self.vertical.abs());
+                self.tolerance = (total >> 8) * self.gate;
             }
         }
     }
@@ -214,20 +233,14 @@ impl Field {
         let cos = 32_767 - ((sine * sine) >> 16);
         let horizontal = (north * cos).wrapping_sub(east * sine) >> (15 - BITS);
         let vertical = down_q15 >> (15 - BITS);
-        let mut share = self.follow;
-        let learning = self.judged < LEARNING;
-        if learning {
-            self.judged += 1;
-            share = LEARNING_SHARE;
-        }
         let (dh, dv) = (horizontal - compass.horizontal, vertical - self.vertical);
         self.margin = self.tolerance - dh.abs() - dv.abs();
-        compass.disturbed = self.margin < 0 && !learning;
+        compass.disturbed = self.margin < 0;
         if compass.disturbed {
             self.met = [horizontal, vertical];
         } else {
-            compass.horizontal += dh >> share;
-            self.vertical += dv >> share;
+            compass.horizontal += dh >> self.share;
+            self.vertical += dv >> self.share;
         }
     }
 
@@ -272,12 +285,12 @@ impl Field {
     }
 }
 
-/// A part of the whole in parts of `FULL`, in four steps, of which the last is full.
+/// A part of the whole in parts of `FULL`, rounded up to quarters.
 fn weight(part: i32, whole: i32) -> u8 {
     let quarter = whole >> 2;
     let quarters =
-        u8::from(part > quarter) + u8::from(part > 2 * quarter) + u8::from(part > 3 * quarter);
-    1 + 2 * quarters + (quarters >> 1)
+        1 + u8::from(part > quarter) + u8::from(part > 2 * quarter) + u8::from(part > 3 * quarter);
+    quarters * (FULL / 4)
 }
 
 /// Length of a vector with components that are not negative: within 3 % (the larger, or 7/8 of it and half of the

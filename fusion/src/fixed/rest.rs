@@ -1,13 +1,15 @@
 //! Rest and gyroscope offset in counts: see [`crate::RestConfig`].
 //!
-//! Even samples add to the gyroscope's sums and odd ones to the accelerometer's, and the six axes close
-//! their blocks one after the other: no sample pays for more than one of them.
+//! The six axes close their blocks one after the other: no sample pays for more than one of them.
 
 use super::estimator::Scale;
 use super::nearest_log2;
 use super::rotation::BIAS_BITS;
 use crate::config::{ConfigError, in_range};
 use crate::rest::{BLOCK_S, RestConfig};
+
+/// Bits that the offset has beyond `BIAS_BITS` while it is learned.
+const FINER_BITS: u32 = 7;
 
 /// What is touched with every sample.
 #[derive(Clone, Debug)]
@@ -29,6 +31,8 @@ struct Axis {
     /// Mean over the newest block, counts with `BIAS_BITS`. The offset learns from it when the next block
     /// is at rest too: a motion may have begun in it.
     newest: i32,
+    /// Offset with `FINER_BITS` more: what a small share of a block adds is not lost.
+    offset: i32,
 }
 
 /// What is touched when a block ends.
@@ -49,8 +53,9 @@ pub(super) struct Rest {
 }
 
 /// The first samples of a block have something to do: six close the axes, the seventh concludes, and the
-/// eighth, this one, does the estimator's own job.
+/// eighth and ninth, these, do the estimator's own jobs.
 pub(super) const SETTLE: u16 = 7;
+pub(super) const SHARE: u16 = 8;
 
 /// No job, and no judgement either.
 pub(super) const NOTHING: u16 = u16::MAX;
@@ -74,15 +79,12 @@ impl Sums {
     pub(super) fn add(&mut self, gyr: &[i16; 3], acc: &[i16; 3]) -> u16 {
         self.tick = self.tick.wrapping_add(1);
         let [gx, ax, gy, ay, gz, az] = &mut self.axes;
-        if self.tick & 1 == 0 {
-            gx.sum += i32::from(gyr[0]);
-            gy.sum += i32::from(gyr[1]);
-            gz.sum += i32::from(gyr[2]);
-        } else {
-            ax.sum += i32::from(acc[0]);
-            ay.sum += i32::from(acc[1]);
-            az.sum += i32::from(acc[2]);
-        }
+        gx.sum += i32::from(gyr[0]);
+        gy.sum += i32::from(gyr[1]);
+        gz.sum += i32::from(gyr[2]);
+        ax.sum += i32::from(acc[0]);
+        ay.sum += i32::from(acc[1]);
+        az.sum += i32::from(acc[2]);
         self.tick & self.mask
     }
 
@@ -140,7 +142,7 @@ impl Rest {
             rate_limit: limits.rate,
             acc_limit: limits.acc,
             most_bias: limits.most_bias,
-            shift: limits.log2_block - 1,
+            shift: limits.log2_block,
             moved: true,
             still: 0,
             needed: limits.needed,
@@ -182,7 +184,8 @@ impl Rest {
             && let Some(bias) = bias.get_mut(usize::from(due >> 1))
             && due & 1 == 0
         {
-            *bias += (axis.newest - *bias) >> self.learned;
+            axis.offset += ((axis.newest << FINER_BITS) - axis.offset) >> self.learned;
+            *bias = (axis.offset + (1 << (FINER_BITS - 1))) >> FINER_BITS;
         }
         // Wraps where the body turns; then it is not used.
         axis.newest = (axis.sum << BIAS_BITS) >> self.shift;

@@ -114,9 +114,9 @@ impl Rotation {
 
     /// Turn by the counts of a step, less the offset, and by what is pending.
     ///
-    /// With `s = |h|^2`, the rotation by half angle `h` is `(1 - s/2, h (1 - s/6))` up to `s^2 / 24`: 4e-5 at
-    /// 2000 deg/s and 100 Hz, nearly all of it in the norm, which is controlled. The factor of `h` is that
-    /// of the step before: it changes slowly.
+    /// With `s = |h|^2`, the rotation by half angle `h` is `(1 - s/2 + s^2/24, h (1 - s/6))`; the factor of `h`
+    /// is that of the step before: it changes slowly. In terms of the shortened `h` and its `s`, the first is
+    /// `1 - s/2 - s^2/8`.
     #[inline(never)]
     pub(super) fn turn(&mut self, gyr: &[i16; 3], step: Step) {
         let per_count = step.per_count - ((step.per_count * self.sixth) >> 16);
@@ -134,7 +134,7 @@ impl Rotation {
         let (ux, uy, uz) = (hx >> 2, hy >> 2, hz >> 2);
         let s = (ux * ux + uy * uy + uz * uz) >> 12;
         self.sixth = (s * 10_923) >> 16;
-        let c = (s >> 1) + (self.excess >> 16);
+        let c = (s >> 1) + ((s * s) >> 19) + (self.excess >> 16);
 
         let [qw, qx, qy, qz] = self.q;
         let (w, x, y, z) = (qw >> 15, qx >> 15, qy >> 15, qz >> 15);
