@@ -24,7 +24,7 @@ pub use fly::{Fly, ServoChoice};
 pub use fuse::{FilterName, Fuse, Mode, Scalar, Setting, said};
 pub use link::Port;
 pub use log::{Replay, Report};
-pub use model::{Linear, Model, ModelCommand, Simulate};
+pub use model::{Linear, Model, ModelCommand, Rocket, Simulate, Validate};
 pub use operate::{Operate, Ports};
 pub use param::{Param, ParamAction, ParamPort};
 pub use rig::Rig;
@@ -53,7 +53,7 @@ pub enum Command {
     Experiment(Experiment),
     /// Build the image and put it on a Nano, or write it as a file.
     Flash(Flash),
-    /// The drone's physics: simulate a scenario, make it linear.
+    /// The drone's physics: simulate it, make it linear, validate it, scale it to a rocket.
     Model(Model),
     /// Run the virtual rig in real time, its port behind a pseudo-terminal.
     Rig(Rig),

@@ -22,6 +22,10 @@ pub enum ModelCommand {
     Simulate(Simulate),
     /// Make the model linear: poles, zeros, ranks, and the margins of the whole loop.
     Linear(Linear),
+    /// Repeat the thesis' validations, and the balances that it left out.
+    Validate(Validate),
+    /// Fly the rocket that the drone stands for: pitch and yaw with scheduled gains.
+    Rocket(Rocket),
 }
 
 /// Options of `tvc model simulate`.
@@ -95,6 +99,47 @@ pub struct Linear {
 
     /// Where to write the HTML report.
     #[arg(long, value_name = "FILE.html", default_value = "report/linear.html")]
+    pub report: PathBuf,
+}
+
+/// Options of `tvc model validate`.
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  cargo tvc model validate
+  cargo tvc model validate --json > validation.json
+
+The report has a plot for each of the thesis' figures 5.8 to 5.13, the balances of energy and
+momentum, and says which figures cannot be reproduced and why.
+Exit status: 0 every check holds, 1 one does not, 2 unusable input.")]
+pub struct Validate {
+    /// Print one JSON object on standard output and nothing else there.
+    #[arg(long)]
+    pub json: bool,
+
+    /// Where to write the HTML report.
+    #[arg(long, value_name = "FILE.html", default_value = "report/validate.html")]
+    pub report: PathBuf,
+}
+
+/// Options of `tvc model rocket`.
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  cargo tvc model rocket
+  cargo tvc model rocket --json > rocket.json
+
+The controller is that of the crate tvc-pid, one on each axis, its gains interpolated in a table over
+the time since ignition.
+Exit status: 0 every step of a scheduled controller overshoots 30 % at most and settles within 1.5 s,
+1 one does not, 2 unusable input.")]
+pub struct Rocket {
+    /// Print one JSON object on standard output and nothing else there.
+    #[arg(long)]
+    pub json: bool,
+
+    /// Where to write the HTML report.
+    #[arg(long, value_name = "FILE.html", default_value = "report/rocket.html")]
     pub report: PathBuf,
 }
 

@@ -1,7 +1,9 @@
 //! `tvc model`: the drone's physics, simulated, validated and made linear.
 
 mod linear;
+mod rocket;
 mod simulate;
+mod validate;
 
 use std::fs;
 use std::path::Path;
@@ -13,7 +15,9 @@ use crate::failure::{BadInput, Verdict};
 pub fn run(options: &Model) -> anyhow::Result<Verdict> {
     match &options.command {
         ModelCommand::Linear(options) => linear::run(options),
+        ModelCommand::Rocket(options) => rocket::run(options),
         ModelCommand::Simulate(options) => simulate::run(options),
+        ModelCommand::Validate(options) => validate::run(options),
     }
 }
 

@@ -15,6 +15,22 @@ use super::{Between, Input, Row, Scenario, ScenarioError, Signal, TorqueLaw};
 /// crank is at the end of its way: rigid bars would have to answer with any force.
 const LEAST_TRANSMISSION: f64 = 0.02;
 
+/// Precision of a motion: a crank that its link's weight alone drives reaches 100 rad/s, so as
+/// tight as f64 allows.
+const TIGHT: Adaptive = Adaptive {
+    relative: 1e-13,
+    absolute: 1e-14,
+    max_step_s: 0.02,
+};
+
+/// Precision of a motion with a stop, whose damper sets in with a jump: a step across it can be
+/// made as small as the jump's share in it asks for.
+const AT_A_STOP: Adaptive = Adaptive {
+    relative: 1e-9,
+    absolute: 1e-10,
+    max_step_s: 0.02,
+};
+
 /// What moves the crank at an instant.
 enum Drive {
     /// A torque, in N m.
@@ -174,7 +190,11 @@ impl Scenario {
         };
         let times = self.times();
         let knots = knots.iter().copied().chain(loaded.knots());
-        let states = sample_with_knots(slope, &times, knots, start.to_array());
+        let precision = match self.options.crank_stop {
+            None => TIGHT,
+            Some(_) => AT_A_STOP,
+        };
+        let states = sample_with_knots(precision, slope, &times, knots, start.to_array());
         match (states, open.get()) {
             (Ok(states), _) => rows(&loaded.mechanism, &times, states),
             (Err(_), Some((crank_rad, time_s))) => Err(ScenarioError::Open { crank_rad, time_s }),
@@ -231,7 +251,7 @@ impl Scenario {
             [w0, mechanism.pitch_load(&at, x[0], w0) + moment]
         };
         let knots = crank.knots().chain(loaded.knots());
-        let states = sample_with_knots(slope, &times, knots, start)?;
+        let states = sample_with_knots(TIGHT, slope, &times, knots, start)?;
         let states = states
             .into_iter()
             .zip(&times)
@@ -307,17 +327,12 @@ fn angle(signal: &Signal) -> Curve {
 /// Integrates to every time of `times`, ending a step on each knot in between, so that no step
 /// straddles a kink or a jump of the input.
 fn sample_with_knots<const N: usize>(
+    adaptive: Adaptive,
     slope: impl Fn(f64, &[f64; N]) -> [f64; N],
     times: &[f64],
     knots: impl Iterator<Item = f64>,
     start: [f64; N],
 ) -> Result<Vec<[f64; N]>, IntegrationError> {
-    // A crank that its link's weight alone drives reaches 100 rad/s: as tight as f64 allows.
-    let adaptive = Adaptive {
-        relative: 1e-13,
-        absolute: 1e-14,
-        ..Adaptive::default()
-    };
     let mut step = 1e-4;
     let mut state = start;
     let mut now = times[0];
@@ -433,12 +448,19 @@ mod tests {
             last(&rows)
         );
         // The motor's 6 V are 0.3104 N m: more than the wash can hold, only a stop does.
-        let rows = run("seconds = 1.0\n[input]\nvoltage_v = 6\n[options]\n\
-            crank_stop = { angle_rad = 0.8, stiffness_n_m_rad = 50, damping_n_m_s = 0.02 }");
-        let reached = rows.iter().map(|r| r.theta1).fold(0.0, f64::max);
-        assert!((0.8..0.87).contains(&reached), "{reached}");
-        // The reference has -9.5 rad with a stop of other constants.
-        assert!((last(&rows).theta0 + 9.5).abs() < 1.2, "{:?}", last(&rows));
+        let against_stop = |damping: f64| {
+            run(&format!(
+                "seconds = 1.0\ndt_s = 0.0005\n[input]\nvoltage_v = 6\n[options]\ncrank_stop = {{ \
+                 angle_rad = 0.8, stiffness_n_m_rad = 50, damping_n_m_s = {damping} }}"
+            ))
+        };
+        let rows = against_stop(0.085);
+        let most = |of: fn(&Row) -> f64| rows.iter().map(of).fold(0.0, f64::max);
+        assert!((most(|r| r.theta1) - 0.85).abs() < 5e-3);
+        assert!((most(|r| r.theta3) - 0.417).abs() < 2e-3);
+        assert!((last(&rows).theta0 + 9.5).abs() < 0.1, "{:?}", last(&rows));
+        // A stiff damper hits the crank with a jump of its torque.
+        assert!((last(&against_stop(0.5)).theta0 + 9.5).abs() < 0.3);
     }
 
     #[test]

@@ -1,0 +1,144 @@
+//! The motions that are looked at.
+
+use anyhow::Result;
+use plant::free::State;
+use plant::integrate::Adaptive;
+use plant::scenario::{Row, Scenario};
+use plant::{Mechanism, Parameters};
+
+/// Interval of what is kept, in s.
+const DT_S: f64 = 5e-3;
+
+/// An instant of a motion whose energy and momentum are kept account of.
+#[derive(Clone, Copy)]
+pub struct Instant {
+    pub time_s: f64,
+    pub state: State,
+    /// Kinetic and potential energy, in J.
+    pub kinetic_j: f64,
+    pub potential_j: f64,
+    /// Work of wash, thrust, friction and servo since the start, in J.
+    pub work_j: f64,
+    /// Angular momentum about the pivot, in kg m2/s, and the impulse of all outer moments.
+    pub momentum: f64,
+    pub impulse: f64,
+}
+
+/// All motions.
+pub struct Runs {
+    pub sweep: Vec<Row>,
+    pub still: Vec<Row>,
+    pub balanced: Vec<Row>,
+    pub pendulum: Vec<Row>,
+    pub top_heavy: Vec<Row>,
+    pub torque: Vec<Row>,
+    pub stopped: Vec<Row>,
+    /// Tumbling without loads but gravity.
+    pub coasting: Vec<Instant>,
+    /// Tumbling under everything.
+    pub driven: Vec<Instant>,
+    /// The drone of `driven`.
+    pub mechanism: Mechanism,
+}
+
+impl Runs {
+    /// Runs them all.
+    pub fn new() -> Result<Self> {
+        let gravity_only = |drone: &str, pitch: f64| {
+            scenario(&format!(
+                "seconds = 5\n[drone]\nthrust_n = 0\n{drone}\n[start]\npitch_rad = {pitch}"
+            ))
+        };
+        let coasting = Parameters {
+            thrust_n: 0.0,
+            crank_cm_m: 0.01,
+            rudder_cm_m: -0.02,
+            ..Parameters::PHYS
+        };
+        let driven = Parameters {
+            thrust_n: 30.0,
+            pivot_friction_n_m_s: 0.01,
+            crank_friction_n_m_s: 0.02,
+            rudder_friction_n_m_s: 0.005,
+            ..coasting
+        };
+        let mechanism = Mechanism::new(&driven)?;
+        Ok(Self {
+            sweep: scenario(
+                "seconds = 3\n[input]\ncrank_rad = { offset = 0.4, amplitude = 0.4, \
+                 period_s = 3, phase_rad = \"-90 deg\" }\n[options]\nhold_pitch = true",
+            )?,
+            still: scenario(
+                "seconds = 3\n[drone]\nthrust_n = 0\ngravity_m_s2 = 0\n\
+                 [start]\npitch_rad = 0.3\ncrank_rad = 0.1",
+            )?,
+            balanced: gravity_only("", 0.1)?,
+            pendulum: gravity_only("body_cm_m = [0, 0]\ngravity_m_s2 = 9.8", 0.2)?,
+            top_heavy: gravity_only("body_cm_m = [-9.92e-5, 0.0625]", 0.05)?,
+            torque: scenario(
+                "seconds = 2\n[drone]\ncrank_friction_n_m_s = 0.02\n[input]\ntorque_n_m = 0.1",
+            )?,
+            stopped: scenario(
+                "seconds = 1\ndt_s = 0.0005\n[input]\nvoltage_v = 6\n[options]\ncrank_stop = { \
+                 angle_rad = 0.8, stiffness_n_m_rad = 50, damping_n_m_s = 0.085 }",
+            )?,
+            coasting: account(&Mechanism::new(&coasting)?, |_| 0.0)?,
+            driven: account(&mechanism, |time| 0.05 * (5.0 * time).sin())?,
+            mechanism,
+        })
+    }
+}
+
+fn scenario(text: &str) -> Result<Vec<Row>> {
+    Ok(Scenario::parse(text)?.run()?)
+}
+
+/// A tumble over 5 s under a servo torque (N m) over time, the work of all loads but gravity and
+/// the impulse of all moments integrated beside the motion.
+fn account(mechanism: &Mechanism, torque: impl Fn(f64) -> f64) -> Result<Vec<Instant>> {
+    let start = State {
+        pitch_rad: 0.4,
+        crank_rad: -0.3,
+        pitch_rate_rad_s: 1.5,
+        crank_rate_rad_s: -4.0,
+    };
+    let [th0, th1, w0, v1] = start.to_array();
+    let slope = |time: f64, &[th0, th1, w0, v1, _, _]: &[f64; 6]| {
+        let state = State::from_array([th0, th1, w0, v1]);
+        let torque = torque(time);
+        let [pitch, crank] = mechanism.accelerations(&state, torque);
+        let at = mechanism.configuration(th1);
+        let p = mechanism.parameters();
+        let g3 = at.linkage.rudder_ratio;
+        let friction = p.pivot_friction_n_m_s * w0 * w0
+            + (p.crank_friction_n_m_s + p.rudder_friction_n_m_s * g3 * g3) * v1 * v1;
+        let power = at.thrust_moment * w0 + (at.wash_torque + torque) * v1 - friction;
+        [
+            w0,
+            v1,
+            pitch,
+            crank,
+            power,
+            mechanism.pitch_load(&at, th0, w0),
+        ]
+    };
+    let times: Vec<f64> = (0..=1000).map(|i| f64::from(i) * DT_S).collect();
+    let states = Adaptive::default().sample(slope, &times, [th0, th1, w0, v1, 0.0, 0.0])?;
+    Ok(times
+        .into_iter()
+        .zip(states)
+        .map(|(time_s, [th0, th1, w0, v1, work_j, impulse])| {
+            let state = State::from_array([th0, th1, w0, v1]);
+            let (kinetic_j, potential_j) = mechanism.energy_j(&state);
+            Instant {
+                time_s,
+                state,
+                kinetic_j,
+                potential_j,
+                work_j,
+                momentum: mechanism.momentum_kg_m2_s(&state),
+                impulse,
+            }
+        })
+        .collect())
+}
