@@ -90,6 +90,15 @@ fn torque_control_of_pitch_alone_is_unstable() {
             .poles();
         assert!(poles.iter().any(|p| p.re > 1.0));
     }
+    // The sign that steers the right way, with the thesis' gains of 2 and 8.
+    let right = model
+        .with_feedback(RowVector4::new(-2.0, -8.0, 0.0, 0.0))
+        .poles();
+    has(
+        &right,
+        &[(-131.6, 0.0), (-0.25, 0.0), (8.7, 52.7), (8.7, -52.7)],
+        0.2,
+    );
     // tau = kq (kp th0 + kd w0 - th1) - dq v1 stands.
     let cascade = model
         .with_feedback(-RowVector4::new(2.0, 0.6, -2.0, -0.06))

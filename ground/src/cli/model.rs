@@ -183,7 +183,8 @@ A scenario in full (only `seconds` must be there; docs/model.md explains every k
   thrust_n = 0.0                 # propellers off
 
   [servo]                        # for pulse_servo: preset S3003, S3003_5V or DIGITAL, overrides
-  [timing]                       # for pulse_servo: preset ANALOGUE or DIGITAL, overrides
+  [timing]                       # for pulse_servo: preset ANALOGUE, DIGITAL, NANO_50HZ or
+                                 # NANO_300HZ (the firmware's), overrides
 
   [start]                        # all zero if left out; the crank at zero rudder
   pitch_rad = 0.2

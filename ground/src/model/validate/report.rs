@@ -41,9 +41,11 @@ pub fn render(runs: &Runs, figures: &Figures) -> Result<String> {
         (checked(figures, |figure| figure == Some("5.12")))
         (missing(figures, "5.12"))
         h2 { "Figure 5.13: forces applied" }
-        (angles(&runs.torque, "Thrust and a constant torque of 0.1 N m on the crank.", &MOVING)?)
-        (angles(&runs.stopped, "Thrust and the 0.31 N m of 6 V, the crank held by a stop at 0.8 rad.",
-                &MOVING)?)
+        (angles(&runs.torque, "Thrust and a constant torque of 0.1 N m on the crank: pitch.", &[PITCH])?)
+        (angles(&runs.torque, "Crank and rudder in the same run.", &MOVED)?)
+        (angles(&runs.stopped, "Thrust and the 0.31 N m of 6 V, the crank held by a stop at 0.8 rad: \
+                                pitch.", &[PITCH])?)
+        (angles(&runs.stopped, "Crank and rudder in the same run.", &MOVED)?)
         (checked(figures, |figure| figure == Some("5.13")))
         (missing(figures, "5.13"))
         h2 { "Balances" }
@@ -64,7 +66,7 @@ const CRANK: Angle = ("theta1, crank", 1, |r| r.theta1);
 const LINK: Angle = ("theta2, link", 3, |r| r.theta2);
 const RUDDER: Angle = ("theta3, rudder", 2, |r| r.theta3);
 const LINKAGE: [Angle; 3] = [CRANK, LINK, RUDDER];
-const MOVING: [Angle; 3] = [PITCH, CRANK, RUDDER];
+const MOVED: [Angle; 2] = [CRANK, RUDDER];
 const ALL: [Angle; 4] = [PITCH, CRANK, LINK, RUDDER];
 
 fn over_time<'a>(y: &'a str, lines: Vec<Line<'a>>) -> Plot<'a> {
