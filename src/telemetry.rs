@@ -10,13 +10,18 @@
 //! | STATUSTEXT | every change of state and every refusal, with the reason; once a second what keeps the sensor from starting |
 //! | ATTITUDE_QUATERNION, SERVO_OUTPUT_RAW | every step |
 //! | RAW_IMU | every step that had a sample: its untouched counts, stamped with its own time |
+//! | NAMED_VALUE_FLOAT `crank_rad` | every step: the crank angle that control asked for, before limits |
 //! | PARAM_VALUE, COMMAND_ACK, TIMESYNC, AUTOPILOT_VERSION | on request; the parameter list one a step |
+//!
+//! What comes every step comes less often if the host asks for that (MAV_CMD_SET_MESSAGE_INTERVAL), until it opens the
+//! port again.
 //!
 //! HEARTBEAT carries [`State::code`](crate::State::code) as `custom_mode`.
 
 mod answers;
 mod parser;
 mod queue;
+mod rates;
 mod storage;
 
 use core::fmt::{self, Write};
@@ -26,8 +31,8 @@ use heapless::Vec;
 use mavlink::MessageData;
 use mavlink::dialects::common::{
     ATTITUDE_QUATERNION_DATA, HEARTBEAT_DATA, MavAutopilot, MavModeFlag, MavSeverity, MavState,
-    MavSysStatusSensor, MavType, RAW_IMU_DATA, SERVO_OUTPUT_RAW_DATA, STATUSTEXT_DATA,
-    SYS_STATUS_DATA,
+    MavSysStatusSensor, MavType, NAMED_VALUE_FLOAT_DATA, RAW_IMU_DATA, SERVO_OUTPUT_RAW_DATA,
+    STATUSTEXT_DATA, SYS_STATUS_DATA,
 };
 use mavlink::types::CharArray;
 
@@ -36,6 +41,7 @@ use crate::failsafe::State;
 use crate::flight::{Flight, Snapshot};
 use parser::Parser;
 use queue::{Priority, Queue};
+use rates::{Rates, Stream};
 use storage::StorageOrder;
 
 /// Longest payload sent: AUTOPILOT_VERSION's.
@@ -53,6 +59,15 @@ pub struct BoardStatus {
     pub bus_recoveries: u16,
 }
 
+/// What the host may ask the board for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Reset {
+    /// Start anew.
+    Restart,
+    /// Into the bootloader, to be programmed.
+    Bootloader,
+}
+
 /// Both directions of the link, and what waits for the host.
 #[derive(Clone, Debug, Default)]
 pub struct Telemetry {
@@ -66,6 +81,8 @@ pub struct Telemetry {
     list: Option<usize>,
     /// What the host wants done with stored parameters.
     storage: Option<StorageOrder>,
+    rates: Rates,
+    reset: Option<Reset>,
 }
 
 impl Telemetry {
@@ -120,6 +137,11 @@ impl Telemetry {
         }
     }
 
+    /// A reset that the host has asked for, once. It was not armed then.
+    pub fn take_reset(&mut self) -> Option<Reset> {
+        self.reset.take()
+    }
+
     /// Tell the host of a change of state, at once and in words.
     fn announce(&mut self, state: &State) {
         let code = state.code();
@@ -140,28 +162,35 @@ impl Telemetry {
     fn stream(&mut self, snapshot: &Snapshot) {
         let attitude = &snapshot.attitude;
         let time = snapshot.sample.map_or(snapshot.now, |sample| sample.time);
-        self.send(
-            Priority::Stream,
-            &ATTITUDE_QUATERNION_DATA {
-                time_boot_ms: milliseconds(time),
-                q1: attitude.orientation.w,
-                q2: attitude.orientation.x,
-                q3: attitude.orientation.y,
-                q4: attitude.orientation.z,
-                rollspeed: attitude.rate.x,
-                pitchspeed: attitude.rate.y,
-                yawspeed: attitude.rate.z,
-            },
-        );
-        self.send(
-            Priority::Stream,
-            &SERVO_OUTPUT_RAW_DATA {
-                time_usec: snapshot.now.0 as u32,
-                servo1_raw: snapshot.pulse.0,
-                ..SERVO_OUTPUT_RAW_DATA::DEFAULT
-            },
-        );
-        if let Some(sample) = &snapshot.sample {
+        let time_boot_ms = milliseconds(time);
+        if self.rates.due(Stream::Attitude) {
+            self.send(
+                Priority::Stream,
+                &ATTITUDE_QUATERNION_DATA {
+                    time_boot_ms,
+                    q1: attitude.orientation.w,
+                    q2: attitude.orientation.x,
+                    q3: attitude.orientation.y,
+                    q4: attitude.orientation.z,
+                    rollspeed: attitude.rate.x,
+                    pitchspeed: attitude.rate.y,
+                    yawspeed: attitude.rate.z,
+                },
+            );
+        }
+        if self.rates.due(Stream::Servo) {
+            self.send(
+                Priority::Stream,
+                &SERVO_OUTPUT_RAW_DATA {
+                    time_usec: snapshot.now.0 as u32,
+                    servo1_raw: snapshot.pulse.0,
+                    ..SERVO_OUTPUT_RAW_DATA::DEFAULT
+                },
+            );
+        }
+        if self.rates.due(Stream::Raw)
+            && let Some(sample) = &snapshot.sample
+        {
             let ([xacc, yacc, zacc], [xgyro, ygyro, zgyro], [xmag, ymag, zmag]) =
                 (sample.acc, sample.gyr, sample.mag);
             self.send(
@@ -177,6 +206,16 @@ impl Telemetry {
                     xmag,
                     ymag,
                     zmag,
+                },
+            );
+        }
+        if self.rates.due(Stream::Crank) {
+            self.send(
+                Priority::Stream,
+                &NAMED_VALUE_FLOAT_DATA {
+                    time_boot_ms,
+                    value: snapshot.crank_rad,
+                    name: CharArray::new(*b"crank_rad\0"),
                 },
             );
         }

@@ -23,6 +23,8 @@ const ANSWER: Duration = Duration::from_secs(5);
 const LIST_SILENCE: Duration = Duration::from_secs(1);
 /// How often we say that we are there.
 const HEARTBEAT: Duration = Duration::from_secs(1);
+/// What the vehicle says to a parameter's name that it does not know.
+const UNKNOWN_PARAMETER: &str = "no such parameter";
 /// Longest wait for bytes, so that heartbeats and deadlines are kept.
 const SLICE: Duration = Duration::from_millis(20);
 
@@ -238,17 +240,29 @@ impl Vehicle {
     /// # Errors
     /// [`BadInput`] with the vehicle's reason if it keeps another value; silence.
     pub fn set_parameter(&mut self, name: &str, value: f32) -> Result<()> {
-        self.words.clear();
         self.link.send(&request::set_parameter(name, value))?;
-        let found = self.answered_parameter(name)?;
-        if found == value {
-            return Ok(());
+        let mut reason = None;
+        // The old value comes as an answer behind a reason; without one it answers an earlier request.
+        let found = self.wait(ANSWER, |message| match message {
+            MavMessage::STATUSTEXT(text) => {
+                reason = text.text.to_str().ok().map(str::to_owned);
+                (text.text.to_str() == Ok(UNKNOWN_PARAMETER)).then_some(None)
+            }
+            MavMessage::PARAM_VALUE(row) if row.param_id.to_str() == Ok(name) => {
+                (row.param_value == value || reason.is_some()).then_some(Some(row.param_value))
+            }
+            _ => None,
+        })?;
+        match found {
+            Some(Some(found)) if found == value => Ok(()),
+            Some(Some(found)) => Err(BadInput::new(format!(
+                "{name} stays at {found}: {}",
+                reason.unwrap_or_default()
+            ))
+            .into()),
+            Some(None) => Err(unknown_parameter(name)),
+            None => Err(self.silence(name)),
         }
-        let reason = match self.words.as_str() {
-            "" => "it gave no reason",
-            words => words,
-        };
-        Err(BadInput::new(format!("{name} stays at {found}: {reason}")).into())
     }
 
     /// One parameter's value.
@@ -256,9 +270,21 @@ impl Vehicle {
     /// # Errors
     /// [`BadInput`] if the vehicle does not know it; silence.
     pub fn parameter(&mut self, name: &str) -> Result<f32> {
-        self.words.clear();
         self.link.send(&request::read_parameter(name))?;
-        self.answered_parameter(name)
+        let found = self.wait(ANSWER, |message| match message {
+            MavMessage::PARAM_VALUE(row) if row.param_id.to_str() == Ok(name) => {
+                Some(Some(row.param_value))
+            }
+            MavMessage::STATUSTEXT(text) if text.text.to_str() == Ok(UNKNOWN_PARAMETER) => {
+                Some(None)
+            }
+            _ => None,
+        })?;
+        match found {
+            Some(Some(value)) => Ok(value),
+            Some(None) => Err(unknown_parameter(name)),
+            None => Err(self.silence(name)),
+        }
     }
 
     /// Every parameter, in the vehicle's order.
@@ -287,29 +313,6 @@ impl Vehicle {
         Err(self.silence("the list of parameters"))
     }
 
-    /// The value in the next answer about `name`.
-    fn answered_parameter(&mut self, name: &str) -> Result<f32> {
-        let mut unknown = false;
-        let found = self.wait(ANSWER, |message| match message {
-            MavMessage::PARAM_VALUE(row) if row.param_id.to_str() == Ok(name) => {
-                Some(Some(row.param_value))
-            }
-            MavMessage::STATUSTEXT(text) if text.text.to_str() == Ok("no such parameter") => {
-                unknown = true;
-                Some(None)
-            }
-            _ => None,
-        })?;
-        match found {
-            Some(Some(value)) => Ok(value),
-            Some(None) => Err(BadInput::new(format!(
-                "the vehicle has no parameter {name}; `tvc param list` shows them"
-            ))
-            .into()),
-            None => Err(self.silence(name)),
-        }
-    }
-
     fn silence(&self, what: &str) -> anyhow::Error {
         anyhow!(
             "no answer about {what} on {} within {} s",
@@ -317,6 +320,13 @@ impl Vehicle {
             ANSWER.as_secs()
         )
     }
+}
+
+fn unknown_parameter(name: &str) -> anyhow::Error {
+    BadInput::new(format!(
+        "the vehicle has no parameter {name}; `tvc param list` shows them"
+    ))
+    .into()
 }
 
 /// Another ground station's heartbeat is not the vehicle's.

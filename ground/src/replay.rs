@@ -42,7 +42,7 @@ pub struct Figures {
     pub steps: usize,
     /// Steps from which the estimate's past is known.
     pub compared: usize,
-    /// Of these, steps whose attitude, rates and pulse are the same, bit for bit.
+    /// Of these, steps whose attitude, rates, command and pulse are the same, bit for bit.
     pub equal: usize,
     /// Time of the first that is not, by the vehicle's clock, s.
     pub first_difference_s: Option<f64>,
@@ -138,7 +138,7 @@ fn words(figures: &Figures) -> Vec<String> {
         ));
     } else {
         lines.push(format!(
-            "attitude, rates and pulse equal bit for bit in {} of {} steps that can be compared",
+            "attitude, rates, command and pulse equal bit for bit in {} of {} steps that can be compared",
             figures.equal, figures.compared
         ));
     }
@@ -243,6 +243,7 @@ impl Run {
             again: Step {
                 quaternion: [q.w, q.x, q.y, q.z],
                 rate_rad_s: [rate.x, rate.y, rate.z],
+                crank_rad: logged.crank_rad.map(|_| snapshot.crank_rad),
                 pulse_us: snapshot.pulse.0,
                 ..*logged
             },
@@ -338,5 +339,6 @@ fn compare(pairs: &[Pair]) -> Figures {
 fn same(a: &Step, b: &Step) -> bool {
     a.quaternion.map(f32::to_bits) == b.quaternion.map(f32::to_bits)
         && a.rate_rad_s.map(f32::to_bits) == b.rate_rad_s.map(f32::to_bits)
+        && a.crank_rad.map(f32::to_bits) == b.crank_rad.map(f32::to_bits)
         && a.pulse_us == b.pulse_us
 }

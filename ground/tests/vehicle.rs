@@ -170,6 +170,88 @@ fn it_arms_disarms_is_watched_and_recorded() {
     assert!(said.contains("is there already"), "{said}");
 }
 
+/// A command without a vehicle.
+fn tvc(arguments: &[&str]) -> (Option<i32>, String) {
+    let output = Command::new(env!("CARGO_BIN_EXE_tvc"))
+        .args(arguments)
+        .output()
+        .unwrap();
+    (
+        output.status.code(),
+        String::from_utf8(output.stdout).unwrap(),
+    )
+}
+
+#[test]
+fn a_release_is_measured_reported_and_replayed_bit_for_bit() {
+    let rig = Rig::start(&["--tilt", "0.3"]);
+    rig.wait_for("standby");
+    let (log, page) = (rig.path("step.tlog"), rig.path("step.html"));
+    let output = rig.tvc(&[
+        "test",
+        "step",
+        "--seconds",
+        "2",
+        "--log",
+        &log,
+        "--report",
+        &page,
+        "--json",
+    ]);
+    let said = String::from_utf8_lossy(&output.stderr).into_owned();
+    let figures: Value =
+        serde_json::from_slice(&output.stdout).unwrap_or_else(|error| panic!("{error}: {said}"));
+    let run = &figures["runs"][0];
+    assert_eq!(run["stayed_active"], true, "{run}");
+    assert!(run["settling_5pct_s"].as_f64().unwrap() < 1.5, "{run}");
+    assert!(run["overshoot_pct"].as_f64().unwrap() < 30.0, "{run}");
+    assert_eq!(figures["telemetry"]["lost"], 0);
+    assert!(figures["loop"]["jitter_us_max"].as_f64().unwrap() < 100.0);
+    assert!(std::fs::read_to_string(&page).unwrap().contains("<svg"));
+
+    let (status, text) = tvc(&["replay", &log, "--json"]);
+    assert_eq!(status, Some(0), "{text}");
+    let replay: Value = serde_json::from_str(&text).unwrap();
+    assert!(replay["compared"].as_u64().unwrap() > 300, "{replay}");
+    assert_eq!(replay["equal"], replay["compared"]);
+    assert_eq!(replay["refused"], serde_json::json!([]));
+
+    let (status, text) = tvc(&["replay", &log, "--param", "PID_KD=0.1", "--json"]);
+    assert_eq!(status, Some(0), "{text}");
+    let other: Value = serde_json::from_str(&text).unwrap();
+    assert!(
+        other["pulse_difference_us_max"].as_u64().unwrap() > 10,
+        "{other}"
+    );
+
+    // Without its middle the log says so, and claims nothing about what comes behind.
+    let bytes = std::fs::read(&log).unwrap();
+    let cut = rig.path("cut.tlog");
+    let (third, two_thirds) = (bytes.len() / 3, bytes.len() / 3 + 2_000);
+    std::fs::write(&cut, [&bytes[..third], &bytes[two_thirds..]].concat()).unwrap();
+    let (_, text) = tvc(&["replay", &cut, "--json"]);
+    let cut: Value = serde_json::from_str(&text).unwrap();
+    assert!(cut["lost"].as_u64().unwrap() > 10, "{cut}");
+    assert!(
+        cut["compared"].as_u64() < replay["compared"].as_u64(),
+        "{cut}"
+    );
+    assert_eq!(cut["equal"], cut["compared"]);
+}
+
+#[test]
+fn what_is_no_log_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("no.tlog");
+    std::fs::write(&path, b"something else altogether").unwrap();
+    for command in ["replay", "report"] {
+        let (status, text) = tvc(&[command, path.to_str().unwrap()]);
+        assert_eq!((status, text.as_str()), (Some(2), ""));
+        assert_eq!(tvc(&[command, "no/such.tlog"]).0, Some(2));
+    }
+    assert!(!folder.path().join("no.html").exists());
+}
+
 #[test]
 fn a_rig_that_is_told_to_end_leaves_nothing_behind_and_who_listens_is_told() {
     let mut rig = Rig::start(&[]);

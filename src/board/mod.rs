@@ -280,6 +280,9 @@ impl Board {
         if self.bus.is_free() {
             telemetry.serve_storage(&mut self.flash, flight);
         }
+        if let Some(reset) = telemetry.take_reset() {
+            self.port.reset_soon(now, reset);
+        }
         let count = self.port.write(telemetry.pending());
         telemetry.sent(count);
     }

@@ -15,6 +15,7 @@ use atsamd_hal::usb::UsbBus;
 use bno055_driver::Micros;
 use cortex_m::peripheral::SCB;
 use cortex_m::singleton;
+use tvc_nano::telemetry::Reset;
 use usb_device::bus::UsbBusAllocator;
 use usb_device::device::{
     StringDescriptors, UsbDevice, UsbDeviceBuilder, UsbDeviceState, UsbVidPid,
@@ -32,8 +33,8 @@ const SHORT_PACKET_BYTES: usize = PACKET_BYTES as usize - 1;
 const POLL_PERIOD_US: u64 = 10_000;
 /// A port closed at this rate asks for the bootloader.
 const TOUCH_BAUD: u32 = 1_200;
-/// From the touch to the reset, so that the host's request is answered first.
-const TOUCH_DELAY_US: u64 = 100_000;
+/// From the host's request to the reset, so that it is answered first.
+const RESET_DELAY_US: u64 = 100_000;
 
 /// The controller has something to say and is masked until it has been heard.
 static PENDING: AtomicBool = AtomicBool::new(false);
@@ -45,7 +46,7 @@ pub(super) struct Port {
     polled: Micros,
     /// The port is open at the touch's rate.
     touching: bool,
-    reset_at: Option<Micros>,
+    reset: Option<(Micros, Reset)>,
 }
 
 impl Port {
@@ -78,11 +79,11 @@ impl Port {
             serial,
             polled: Micros(0),
             touching: false,
-            reset_at: None,
+            reset: None,
         }
     }
 
-    /// Hear the controller if it has something to say. `armed` refuses the bootloader.
+    /// Hear the controller if it has something to say. `armed` refuses a reset.
     pub(super) fn poll(&mut self, now: Micros, armed: bool) {
         if is_pending() || now.since(self.polled) >= POLL_PERIOD_US {
             self.polled = now;
@@ -92,11 +93,17 @@ impl Port {
             unsafe { NVIC::unmask(pac::Interrupt::USB) };
             self.watch_touch(now);
         }
-        match self.reset_at {
-            Some(_) if armed => self.reset_at = None,
-            Some(at) if now >= at => enter_bootloader(),
+        match self.reset {
+            Some(_) if armed => self.reset = None,
+            Some((at, Reset::Bootloader)) if now >= at => enter_bootloader(),
+            Some((at, Reset::Restart)) if now >= at => SCB::sys_reset(),
             _ => {}
         }
+    }
+
+    /// Reset once the host has been answered, unless it is armed by then.
+    pub(super) fn reset_soon(&mut self, now: Micros, reset: Reset) {
+        self.reset = Some((now.after(RESET_DELAY_US), reset));
     }
 
     /// Whether a program has the port open.
@@ -128,7 +135,7 @@ impl Port {
         } else if open {
             self.touching = true;
         } else if core::mem::take(&mut self.touching) {
-            self.reset_at = Some(now.after(TOUCH_DELAY_US));
+            self.reset_soon(now, Reset::Bootloader);
         }
     }
 }

@@ -9,16 +9,25 @@ use mavlink::dialects::common::{
 use mavlink::types::CharArray;
 use mavlink::{MavlinkVersion, MessageData};
 
-use super::Telemetry;
 use super::parser::Message;
 use super::queue::Priority;
+use super::{Reset, Telemetry};
 use crate::config::{COMPONENT_ID, SYSTEM_ID};
-use crate::failsafe::Command;
+use crate::failsafe::{Command, Refusal, State};
 use crate::flight::Flight;
 use crate::params::{Info, ParamError, Params, TABLE};
 
 /// MAV_CMD_DO_GRIPPER's second parameter: let go (GRIPPER_ACTION_RELEASE).
 const GRIPPER_RELEASE: f32 = 0.0;
+
+/// Tells builds of the same version apart: a sum over the sources of the image, zero on the host.
+const BUILD_ID: [u8; 8] = match option_env!("TVC_BUILD_ID") {
+    Some(text) => match u64::from_str_radix(text, 16) {
+        Ok(id) => id.to_be_bytes(),
+        Err(_) => [0; 8],
+    },
+    None => [0; 8],
+};
 
 /// A PARAM_VALUE frame's length.
 const PARAM_VALUE_FRAME: usize = 10 + PARAM_VALUE_DATA::ENCODED_LEN + 2;
@@ -128,6 +137,10 @@ impl Telemetry {
         }
         const ARM_DISARM: u16 = MavCmd::MAV_CMD_COMPONENT_ARM_DISARM as u16;
         const GRIPPER: u16 = MavCmd::MAV_CMD_DO_GRIPPER as u16;
+        const INTERVAL: u16 = MavCmd::MAV_CMD_SET_MESSAGE_INTERVAL as u16;
+        // MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES, which older clients still send.
+        const CAPABILITIES: u16 = 520;
+        const REBOOT: u16 = MavCmd::MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN as u16;
         const CALIBRATION: u16 = MavCmd::MAV_CMD_PREFLIGHT_CALIBRATION as u16;
         const STORAGE: u16 = MavCmd::MAV_CMD_PREFLIGHT_STORAGE as u16;
         const REQUEST_MESSAGE: u16 = MavCmd::MAV_CMD_REQUEST_MESSAGE as u16;
@@ -136,9 +149,15 @@ impl Telemetry {
             ARM_DISARM if order.param1 == 0.0 => self.order(now, Command::Disarm, flight),
             GRIPPER if order.param2 == GRIPPER_RELEASE => self.order(now, Command::Release, flight),
             CALIBRATION if order.param1 == 1.0 => self.calibrate(flight),
-            ARM_DISARM | GRIPPER | CALIBRATION => MavResult::MAV_RESULT_DENIED,
             // Answered when it is done.
             STORAGE => return self.order_storage(order.param1, flight),
+            REBOOT if order.param1 == 1.0 => self.reset(Reset::Restart, flight.state()),
+            REBOOT if order.param1 == 3.0 => self.reset(Reset::Bootloader, flight.state()),
+            INTERVAL if self.rates.set(order.param1, order.param2) => {
+                MavResult::MAV_RESULT_ACCEPTED
+            }
+            ARM_DISARM | GRIPPER | CALIBRATION | REBOOT | INTERVAL => MavResult::MAV_RESULT_DENIED,
+            CAPABILITIES => self.version(),
             REQUEST_MESSAGE if order.param1 == AUTOPILOT_VERSION_DATA::ID as f32 => self.version(),
             _ => MavResult::MAV_RESULT_UNSUPPORTED,
         };
@@ -166,6 +185,16 @@ impl Telemetry {
         }
     }
 
+    /// A reset stops the pulses for half a second: not while they may be needed.
+    fn reset(&mut self, reset: Reset, state: State) -> MavResult {
+        if state.is_armed() || matches!(state, State::Failsafe(_)) {
+            let refusal = Refusal::WrongState(state);
+            return self.refuse(format_args!("reboot refused: {refusal}"));
+        }
+        self.reset = Some(reset);
+        MavResult::MAV_RESULT_ACCEPTED
+    }
+
     fn refuse(&mut self, why: core::fmt::Arguments<'_>) -> MavResult {
         self.say(MavSeverity::MAV_SEVERITY_WARNING, why);
         MavResult::MAV_RESULT_TEMPORARILY_REJECTED
@@ -178,6 +207,7 @@ impl Telemetry {
                 capabilities: MavProtocolCapability::MAV_PROTOCOL_CAPABILITY_MAVLINK2
                     | MavProtocolCapability::MAV_PROTOCOL_CAPABILITY_PARAM_ENCODE_C_CAST,
                 flight_sw_version: version_number(env!("CARGO_PKG_VERSION")),
+                flight_custom_version: BUILD_ID,
                 ..AUTOPILOT_VERSION_DATA::DEFAULT
             },
         );

@@ -1,7 +1,7 @@
 //! The control steps of a log, and what happened between them, in the vehicle's own order.
 //!
-//! Every step sends ATTITUDE_QUATERNION, SERVO_OUTPUT_RAW and, if it had a sample, RAW_IMU, one behind the other; answers
-//! and events lie between two steps as they lay in the firmware. A step without RAW_IMU missed its sample, unless frames
+//! Every step sends ATTITUDE_QUATERNION, SERVO_OUTPUT_RAW, RAW_IMU if it had a sample, and NAMED_VALUE_FLOAT with the
+//! command, one behind the other; answers and events lie between two steps as they lay in the firmware. A step without RAW_IMU missed its sample, unless frames
 //! are missing there.
 
 use mavlink::dialects::common::{MavCmd, MavMessage, MavResult, MavSeverity, SYS_STATUS_DATA};
@@ -21,6 +21,8 @@ pub struct Step {
     pub quaternion: [f32; 4],
     /// Rates about the body's axes, rad/s.
     pub rate_rad_s: [f32; 3],
+    /// Crank angle that control asked for, before limits, rad, where it was told.
+    pub crank_rad: Option<f32>,
     /// Pulse commanded, us.
     pub pulse_us: u16,
 }
@@ -73,6 +75,7 @@ struct Part {
     rate_rad_s: [f32; 3],
     servo: Option<(u32, u16)>,
     sample: Option<RawSample>,
+    crank_rad: Option<f32>,
 }
 
 impl Flight {
@@ -136,6 +139,14 @@ impl Flight {
                 }
                 return;
             }
+            MavMessage::NAMED_VALUE_FLOAT(m) => {
+                if let Some(part) = part
+                    && m.name.to_str() == Ok("crank_rad")
+                {
+                    part.crank_rad = Some(m.value);
+                }
+                return;
+            }
             MavMessage::ATTITUDE_QUATERNION(m) => {
                 self.close(part.take(), clock, false);
                 *part = Some(Part {
@@ -143,6 +154,7 @@ impl Flight {
                     rate_rad_s: [m.rollspeed, m.pitchspeed, m.yawspeed],
                     servo: None,
                     sample: None,
+                    crank_rad: None,
                 });
                 return;
             }
@@ -177,6 +189,7 @@ impl Flight {
             sample: part.sample,
             quaternion: part.quaternion,
             rate_rad_s: part.rate_rad_s,
+            crank_rad: part.crank_rad,
             pulse_us,
         }));
     }

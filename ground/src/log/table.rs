@@ -10,7 +10,7 @@ use crate::operate::state_name;
 use crate::output::write_whole;
 
 const HEAD: &str = "time_us,state,lost_before,sample_time_us,acc_x,acc_y,acc_z,gyr_x,gyr_y,gyr_z,mag_x,mag_y,mag_z,\
-                    q_w,q_x,q_y,q_z,roll_rate_rad_s,pitch_rate_rad_s,yaw_rate_rad_s,pulse_us\n";
+                    q_w,q_x,q_y,q_z,roll_rate_rad_s,pitch_rate_rad_s,yaw_rate_rad_s,crank_rad,pulse_us\n";
 
 /// Writes a row a step. Counts are the sensor's own; they and their time are empty where a sample was missed.
 ///
@@ -40,6 +40,10 @@ fn text(flight: &Flight) -> String {
                 // Rust prints the shortest text that reads back as the same bits.
                 row.extend(step.quaternion.iter().map(f32::to_string));
                 row.extend(step.rate_rad_s.iter().map(f32::to_string));
+                row.push(
+                    step.crank_rad
+                        .map_or(String::new(), |crank| crank.to_string()),
+                );
                 row.push(step.pulse_us.to_string());
                 text += &row.join(",");
                 text.push('\n');
@@ -64,6 +68,7 @@ mod tests {
             sample: None,
             quaternion: [0.1, 0.0, 0.0, 1.0],
             rate_rad_s: [0.0; 3],
+            crank_rad: None,
             pulse_us: 1524,
         };
         let sample = RawSample {
@@ -89,7 +94,7 @@ mod tests {
         assert_eq!(lines.len(), 3);
         let columns = |line: &str| line.split(',').count();
         assert!(lines.iter().all(|line| columns(line) == columns(HEAD)));
-        assert_eq!(lines[1], "5,standby,0,,,,,,,,,,,0.1,0,0,1,0,0,0,1524");
+        assert_eq!(lines[1], "5,standby,0,,,,,,,,,,,0.1,0,0,1,0,0,0,,1524");
         assert!(lines[2].starts_with("5,standby,3,1,1,2,3,4,5,6,7,8,-9,0.1,"));
     }
 }

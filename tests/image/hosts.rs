@@ -1,0 +1,140 @@
+//! The image in flight, with a host that behaves badly at the other end of its cable.
+
+use crate::ready;
+use rig::link::Link;
+use rig::measure::LoopTiming;
+use rig::operator::FlightState;
+use rig::{Ready, Ticks, request};
+
+/// How long each host misbehaves.
+const LENGTH: Ticks = Ticks::from_ms(1500);
+/// Largest deviation of a control period, us.
+const JITTER_US: f64 = 100.0;
+
+fn ms(ms: u64) -> Ticks {
+    Ticks::from_ms(ms)
+}
+
+/// Released and upright.
+fn in_flight() -> Ready {
+    let mut flight = ready();
+    let Ready { rig, operator, .. } = &mut flight;
+    operator.run(rig, ms(1000)).unwrap();
+    operator.arm(rig).unwrap();
+    operator.release(rig, 0.1).unwrap();
+    operator.run(rig, ms(300)).unwrap();
+    flight
+}
+
+/// Lets `host` act once a millisecond; then the loop has kept its time, the flight its state and its parameters.
+fn assert_undisturbed(mut host: impl FnMut(u64, &mut rig::Rig)) {
+    let mut flight = in_flight();
+    let Ready { rig, operator, .. } = &mut flight;
+    operator.list_parameters(rig).unwrap();
+    let before = operator.received().parameters.clone();
+    let begin = rig.now();
+    for millisecond in 0..LENGTH.as_us() / 1000 {
+        host(millisecond, rig);
+        rig.run_for(ms(1)).unwrap();
+    }
+    let timing = LoopTiming::over(rig.truth(), begin..rig.now());
+    assert!(timing.jitter_us_max < JITTER_US, "{timing:?}");
+    assert!(
+        timing.bursts as u64 >= LENGTH.as_us() / 10_000 - 2,
+        "{timing:?}"
+    );
+    assert_eq!(rig.resets(), []);
+    assert!(rig.world().drone().pitch_rad().abs() < 0.2);
+    // A host that behaves is served as before.
+    rig.usb_host_mut().pause_reading(false);
+    rig.usb_host_mut().attach();
+    operator.run(rig, ms(1500)).unwrap();
+    assert_eq!(operator.state(), Some(FlightState::Active));
+    operator.list_parameters(rig).unwrap();
+    assert_eq!(operator.received().parameters, before);
+}
+
+/// Bytes that are different each time and the same in every run.
+fn noise(seed: u64, length: usize) -> Vec<u8> {
+    let mut state = seed.wrapping_mul(0x9E37_79B9_7F4A_7C15) | 1;
+    let mut next = || {
+        // xorshift64, Marsaglia 2003.
+        state ^= state << 13;
+        state ^= state >> 7;
+        state ^= state << 17;
+        (state >> 24) as u8
+    };
+    (0..length).map(|_| next()).collect()
+}
+
+#[test]
+fn one_that_stops_reading() {
+    assert_undisturbed(|millisecond, rig| {
+        if millisecond == 0 {
+            rig.usb_host_mut().pause_reading(true);
+        }
+    });
+}
+
+#[test]
+fn one_that_reads_now_and_then() {
+    assert_undisturbed(|millisecond, rig| {
+        rig.usb_host_mut().pause_reading(millisecond % 500 != 0);
+    });
+}
+
+#[test]
+fn one_that_sends_noise_as_fast_as_it_can() {
+    assert_undisturbed(|millisecond, rig| {
+        if rig.usb_host().unsent() < 4096 {
+            rig.usb_write(&noise(millisecond, 512));
+        }
+    });
+}
+
+#[test]
+fn one_that_sends_half_frames_wrong_sums_oversized_lengths_and_unknown_messages() {
+    let mut station = Link::default();
+    let disarm = station.frame(&request::DISARM.message());
+    let mut wrong_sum = disarm.clone();
+    wrong_sum[20] ^= 1;
+    let half = disarm[..25].to_vec();
+    let oversized = [&[0xFD, 255, 0, 0, 0, 255, 190, 76, 0, 0][..], &[0xFD; 300]].concat();
+    let mut unknown = disarm.clone();
+    unknown[9] = 0x7F;
+    let elsewhere = [0xFD, 3, 0, 0, 1, 255, 190, 0xF0, 0xFF, 0xFF, 1, 2, 3, 4, 5].to_vec();
+    let hostile = [half, wrong_sum, oversized, unknown, elsewhere];
+    assert_undisturbed(|millisecond, rig| {
+        if rig.usb_host().unsent() < 4096 {
+            rig.usb_write(&hostile[millisecond as usize % hostile.len()]);
+        }
+    });
+}
+
+#[test]
+fn one_that_sets_parameters_out_of_range() {
+    let mut station = Link::default();
+    let mut messages = Vec::new();
+    for value in [f32::NAN, f32::INFINITY, -1e9, 1e9] {
+        for name in ["PID_KP", "PID_KD", "SRV_CENTRE_US", "SRV_DIR", "NO_SUCH"] {
+            messages.extend(station.frame(&request::set_parameter(name, value)));
+        }
+    }
+    assert_undisturbed(|millisecond, rig| {
+        if millisecond % 50 == 0 {
+            rig.usb_write(&messages);
+        }
+    });
+}
+
+#[test]
+fn one_that_is_unplugged_in_mid_frame() {
+    let mut station = Link::default();
+    let frame = station.frame(&request::DISARM.message());
+    assert_undisturbed(|millisecond, rig| match millisecond % 500 {
+        0 => rig.usb_write(&frame[..17]),
+        3 => rig.usb_host_mut().detach(),
+        100 => rig.usb_host_mut().attach(),
+        _ => {}
+    });
+}

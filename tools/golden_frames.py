@@ -1,0 +1,72 @@
+#!/usr/bin/env python3
+"""Frames that the firmware must send and understand, byte for byte as pymavlink makes them.
+
+Writes tests/data/golden_frames.txt, a name and a frame in hexadecimal a line. Needs `pip install pymavlink` (made with
+2.4.50). The values are those of the snapshot in src/telemetry/tests.rs.
+"""
+
+import os
+import pathlib
+
+os.environ["MAVLINK20"] = "1"
+
+from pymavlink.dialects.v10 import common as mavlink1  # noqa: E402
+from pymavlink.dialects.v20 import common as mavlink  # noqa: E402
+
+OUT = pathlib.Path(__file__).parent.parent / "tests" / "data" / "golden_frames.txt"
+
+
+def frame(message, sequence, source=(1, 1), dialect=mavlink, key=None):
+    link = dialect.MAVLink(None, *source)
+    link.seq = sequence
+    if key is not None:
+        link.signing.sign_outgoing = True
+        link.signing.secret_key = key
+        link.signing.timestamp = 1000
+        link.signing.link_id = 1
+    return bytes(message.pack(link)).hex()
+
+
+def arm(dialect):
+    return dialect.MAVLink_command_long_message(1, 1, 400, 0, 1, 0, 0, 0, 0, 0, 0)
+
+
+def frames():
+    step = [
+        ("heartbeat_active", mavlink.MAVLink_heartbeat_message(9, 0, 128 | 16 | 1, 4, 4, 3)),
+        ("statustext", mavlink.MAVLink_statustext_message(6, b"active")),
+        (
+            "attitude_quaternion",
+            mavlink.MAVLink_attitude_quaternion_message(1234, 0.5, -0.5, 0.5, -0.5, 0.25, -1.5, 0.125),
+        ),
+        ("servo_output_raw", mavlink.MAVLink_servo_output_raw_message(1240001, 0, 1524, 0, 0, 0, 0, 0, 0, 0)),
+        (
+            "raw_imu",
+            mavlink.MAVLink_raw_imu_message(1234567, 1, -2, -981, 16, -32, 48, 800, -16, 0x1234),
+        ),
+        ("named_value_float", mavlink.MAVLink_named_value_float_message(1234, b"crank_rad", -0.375)),
+        ("heartbeat_again", mavlink.MAVLink_heartbeat_message(9, 0, 128 | 16 | 1, 4, 4, 3)),
+        (
+            "sys_status",
+            mavlink.MAVLink_sys_status_message(
+                0x200807, 0x200807, 0x200807, 123, 65535, -1, -1, 0, 0, 0, 5, 6, 7
+            ),
+        ),
+    ]
+    for sequence, (name, message) in enumerate(step):
+        yield name, frame(message, sequence)
+    yield "timesync_answer", frame(mavlink.MAVLink_timesync_message(1_500_000_000, 77), 5)
+    yield "unknown_command_ack", frame(mavlink.MAVLink_command_ack_message(31999, 3), 5)
+    host = (255, 190)
+    yield "arm_v2", frame(arm(mavlink), 7, host)
+    yield "arm_v1", frame(arm(mavlink1), 7, host, mavlink1)
+    yield "arm_signed", frame(arm(mavlink), 7, host, key=bytes(range(32)))
+    yield "timesync_request", frame(mavlink.MAVLink_timesync_message(0, 77), 7, host)
+    yield "unknown_command", frame(
+        mavlink.MAVLink_command_long_message(1, 1, 31999, 0, 1, 0, 0, 0, 0, 0, 0), 12, host
+    )
+
+
+if __name__ == "__main__":
+    OUT.write_text("".join(f"{name} {text}\n" for name, text in frames()))
+    print(f"wrote {OUT}")
