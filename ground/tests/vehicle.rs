@@ -2,10 +2,12 @@
 #![cfg(unix)]
 
 use std::io::{BufRead, BufReader};
+use std::net::UdpSocket;
 use std::path::PathBuf;
 use std::process::{Child, Command, Output, Stdio};
 use std::time::{Duration, Instant};
 
+use mavlink::dialects::common::MavMessage;
 use serde_json::Value;
 
 /// A machine that is busy with other tests runs the rig slower than real time.
@@ -237,6 +239,52 @@ fn a_release_is_measured_reported_and_replayed_bit_for_bit() {
         "{cut}"
     );
     assert_eq!(cut["equal"], cut["compared"]);
+}
+
+#[test]
+fn everything_is_forwarded_and_the_station_is_heard() {
+    use rig::link::Link;
+
+    let rig = Rig::start(&[]);
+    let socket = || {
+        let socket = UdpSocket::bind("127.0.0.1:0").unwrap();
+        socket.set_read_timeout(Some(PATIENCE)).unwrap();
+        socket
+    };
+    let (station, plot) = (socket(), socket());
+    let mut bridge = Command::new(env!("CARGO_BIN_EXE_tvc"))
+        .args(["forward", "--port", &rig.path("nano")])
+        .args(["--to", &station.local_addr().unwrap().to_string()])
+        .args(["--plot", &plot.local_addr().unwrap().to_string()])
+        .stderr(Stdio::null())
+        .spawn()
+        .unwrap();
+    let mut link = Link::default();
+    let mut datagram = [0; 2048];
+    let mut heard = |link: &mut Link| {
+        let (count, from) = station.recv_from(&mut datagram).unwrap();
+        (link.receive(&datagram[..count]), from)
+    };
+    let (_, vehicle) = heard(&mut link);
+    let set = link.frame(&rig::request::set_parameter("PID_KP", 1.75));
+    station.send_to(&set, vehicle).unwrap();
+    let begun = Instant::now();
+    let echoed = |messages: Vec<MavMessage>| {
+        let echo = |message: &MavMessage| match message {
+            MavMessage::PARAM_VALUE(row) => row.param_value == 1.75,
+            _ => false,
+        };
+        messages.iter().any(echo)
+    };
+    while !echoed(heard(&mut link).0) {
+        assert!(begun.elapsed() < PATIENCE);
+    }
+    let mut object = [0; 4096];
+    let count = plot.recv(&mut object).unwrap();
+    let object: Value = serde_json::from_slice(&object[..count]).unwrap();
+    assert!(object["timestamp"].is_number() && object["attitude_rad"][1].is_number());
+    bridge.kill().unwrap();
+    bridge.wait().unwrap();
 }
 
 #[test]
