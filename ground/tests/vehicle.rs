@@ -86,6 +86,20 @@ impl Rig {
         }
     }
 
+    /// Arms as soon as the gyro's offset has been learned at rest.
+    fn arm(&self) -> Value {
+        let begun = Instant::now();
+        loop {
+            let output = self.tvc(&["arm", "--json"]);
+            if output.status.success() {
+                return serde_json::from_slice(&output.stdout).unwrap();
+            }
+            let said = String::from_utf8_lossy(&output.stderr);
+            assert!(said.contains("gyro offset unknown"), "{said}");
+            assert!(begun.elapsed() < PATIENCE, "{said}");
+        }
+    }
+
     fn terminate(&mut self) {
         let id = self.process.id().to_string();
         assert!(Command::new("kill").arg(id).status().unwrap().success());
@@ -134,6 +148,8 @@ fn parameters_are_listed_set_refused_compared_and_loaded() {
         1.25
     );
 
+    assert_eq!(rig.json(&["param", "save"])["saved"], true);
+
     let bad = rig.path("bad.parm");
     std::fs::write(&bad, "PID_KD 0.1\nPID_KP 99\n").unwrap();
     let said = rig.refused(2, &["param", "load", &bad]);
@@ -157,7 +173,7 @@ fn it_arms_disarms_is_watched_and_recorded() {
         (&0.into(), &0.into())
     );
 
-    assert_eq!(rig.json(&["arm"])["state"], "armed");
+    assert_eq!(rig.arm()["state"], "armed");
     assert_eq!(rig.status()["armed"], true);
     let said = rig.refused(2, &["param", "set", "SRV_DIR", "-1"]);
     assert!(said.contains("disarm first"), "{said}");
