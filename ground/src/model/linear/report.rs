@@ -278,11 +278,7 @@ fn bode(analysis: &Analysis, figures: &Figures) -> Result<Markup> {
         };
         Look {
             log_x: true,
-            y: Some(if phase {
-                (-540.0, -60.0)
-            } else {
-                (-60.0, 60.0)
-            }),
+            y: (!phase).then_some((-60.0, 60.0)),
             marks: vec![
                 dot("gain margin", 5, margins.gain.map(|m| m.at_rad_s)),
                 dot("phase margin", 2, margins.phase.map(|m| m.at_rad_s)),
@@ -302,7 +298,8 @@ fn bode(analysis: &Analysis, figures: &Figures) -> Result<Markup> {
             plot("gain, dB", curve(|r| r.gain_db), 0.0).svg_as(&look(false))?,
         ))
         (figure(
-            "Phase of the open loop, delays included.",
+            "Phase of the open loop, delays included. It jumps by 180 deg at the zeros on the imaginary \
+             axis, where the rudder's inertia cancels its force.",
             plot("phase, deg", curve(|r| r.phase_deg), -180.0).svg_as(&look(true))?,
         ))
     })
