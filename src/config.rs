@@ -1,13 +1,10 @@
 //! What is fixed when the image is built, and why. What an operator may change is in [`crate::params`].
 
-/// Nominal control period: the rate at which the BNO055 refreshes its registers, 100 Hz.
-pub const CONTROL_PERIOD_US: u64 = 10_000;
-
 /// Largest disturbance that control trims away, rad of servo: what 3 cm of lateral offset of the centre of mass ask for.
 pub const TRIM_LIMIT_RAD: f32 = 0.25;
 
-/// Age of the newest sample beyond which the attitude is no longer trusted: five control periods. At the 6 rad/s of a
-/// fall that is 0.3 rad, still inside the rudder's reach.
+/// Age of the newest sample beyond which the attitude is no longer trusted: five of the sensor's own periods. At the
+/// 6 rad/s of a fall that is 0.3 rad, still inside the rudder's reach.
 pub const DATA_AGE_LIMIT_US: u64 = 50_000;
 
 /// Good samples in a row after which a sensor that was lost counts as back.
@@ -17,16 +14,13 @@ pub const RECOVERY_SAMPLES: u8 = 5;
 /// integrated across the gap. Longer than any gap that [`DATA_AGE_LIMIT_US`] lets pass while control is active.
 pub const ESTIMATOR_GAP_US: u64 = 500_000;
 
-/// Longest step of the estimator, us; a longer time between two samples is made of several.
-pub const ESTIMATOR_STEP_US: u32 = 25_000;
-
 /// A magnetic field that has been the same for so long counts as measured again, us: the period of the BNO055's
 /// magnetometer at its reset rate.
 pub const FIELD_REPEAT_US: u64 = 100_000;
 
 /// Rest within which the estimator has learned the gyroscope's offset, us, counted from when it first takes the sensor
 /// to be at rest: its blocks last a third of a second at most.
-pub const BIAS_REST_US: u32 = 500_000;
+pub const BIAS_REST_US: u32 = 340_000;
 
 /// How far the squared norm of a quaternion may be from 1 before it counts as no rotation.
 pub const UNIT_TOLERANCE: f32 = 0.01;

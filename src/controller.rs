@@ -7,7 +7,7 @@ use core::f32::consts::PI;
 
 use tvc_pid::{PredictiveConfig, PredictivePd};
 
-use crate::config::{CONTROL_PERIOD_US, TRIM_LIMIT_RAD};
+use crate::config::TRIM_LIMIT_RAD;
 use crate::params::Params;
 
 /// Pitch control: what is measured becomes a crank angle.
@@ -48,7 +48,7 @@ impl Controller {
 
 fn law(params: &Params, travel_rad: f32) -> PredictiveConfig {
     PredictiveConfig {
-        period_s: CONTROL_PERIOD_US as f32 * 1.0e-6,
+        period_s: params.control_period_us() as f32 * 1.0e-6,
         kp: params.pid_kp(),
         kd: params.pid_kd(),
         knee: params.pid_knee_rad(),

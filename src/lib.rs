@@ -29,6 +29,7 @@ mod format;
 pub mod mount;
 pub mod navigation;
 pub mod params;
+pub mod schedule;
 pub mod self_test;
 pub mod servo;
 pub mod store;

@@ -64,6 +64,8 @@ mod firmware {
                 }
                 Event::Nothing => None,
             };
+            // First, so that what the sensor is asked between two bursts goes over the wire during the step.
+            self.board.serve_sensor(now, self.driver);
             if let Some(reading) = reading {
                 self.board.step_begins();
                 let outputs = self.flight.step(now, reading);
@@ -73,7 +75,6 @@ mod firmware {
                 self.telemetry
                     .record(snapshot, self.flight, &self.board.status());
             }
-            self.board.serve_sensor(now, self.driver);
             self.board.exchange(now, self.telemetry, self.flight);
         }
     }
@@ -81,6 +82,7 @@ mod firmware {
 
 #[cfg(not(target_os = "none"))]
 fn main() {
+    use tvc_nano::Params;
     use tvc_nano::config;
     use tvc_nano::params::{Change, DESCRIPTIONS, TABLE};
 
@@ -109,12 +111,9 @@ fn main() {
         );
     }
     println!();
+    let period_us = Params::default().control_period_us();
     for (name, value, unit) in [
-        (
-            "control period",
-            config::CONTROL_PERIOD_US as f32 / 1_000.0,
-            "ms",
-        ),
+        ("control rate", 1.0e6 / period_us as f32, "Hz"),
         ("shortest pulse", config::PULSE_MIN_US, "us"),
         ("longest pulse", config::PULSE_MAX_US, "us"),
         (

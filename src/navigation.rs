@@ -6,10 +6,7 @@ use bno055_driver::{Micros, RawSample, SensorFault};
 use tvc_fusion::fixed::{Angles, Counts, Estimator, Scale, Vqf};
 use tvc_fusion::{Attitude, Config, ConfigError};
 
-use crate::config::{
-    BIAS_REST_US, CONTROL_PERIOD_US, DATA_AGE_LIMIT_US, ESTIMATOR_GAP_US, ESTIMATOR_STEP_US,
-    FIELD_REPEAT_US,
-};
+use crate::config::{BIAS_REST_US, DATA_AGE_LIMIT_US, ESTIMATOR_GAP_US, FIELD_REPEAT_US};
 use crate::mount::Mount;
 use crate::params::Params;
 
@@ -18,7 +15,7 @@ use crate::params::Params;
 pub struct Navigation {
     mount: Mount,
     estimator: Estimator<Vqf>,
-    declination_deg: f32,
+    settings: Settings,
     /// The newest sample used, as it came and in body axes.
     last: Option<RawSample>,
     counts: Counts,
@@ -35,10 +32,11 @@ impl Navigation {
     /// # Errors
     /// The estimator's configuration is impossible; no set of parameters within their ranges makes it so.
     pub fn new(params: &Params) -> Result<Self, ConfigError> {
+        let settings = Settings::of(params);
         Ok(Self {
             mount: Mount::new(params),
-            estimator: estimator(params.declination_deg())?,
-            declination_deg: params.declination_deg(),
+            estimator: settings.estimator()?,
+            settings,
             last: None,
             counts: Counts {
                 gyr: [0; 3],
@@ -51,11 +49,12 @@ impl Navigation {
         })
     }
 
-    /// Take over changed parameters. Another declination starts the estimate over.
+    /// Take over changed parameters. Another declination or sampling rate starts the estimate over.
     pub fn configure(&mut self, params: &Params) {
         self.mount.configure(params);
-        if self.declination_deg != params.declination_deg() {
-            self.declination_deg = params.declination_deg();
+        let settings = Settings::of(params);
+        if self.settings != settings {
+            self.settings = settings;
             self.restart();
         }
     }
@@ -66,7 +65,7 @@ impl Navigation {
     /// [`SensorFault::Late`] for a sample that is not newer than the last; nothing changes.
     pub fn update(&mut self, raw: &RawSample) -> Result<u32, SensorFault> {
         let dt_us = match &self.last {
-            None => CONTROL_PERIOD_US,
+            None => self.settings.period_us.into(),
             Some(last) if raw.time.0 <= last.time.0 => return Err(SensorFault::Late),
             Some(last) => raw.time.0 - last.time.0,
         };
@@ -108,19 +107,20 @@ impl Navigation {
     /// Forget the attitude, the gyroscope's offset and the samples so far: what follows depends on what follows only.
     pub fn restart(&mut self) {
         self.last = None;
-        // The declination was accepted before.
-        if let Ok(estimator) = estimator(self.declination_deg) {
+        // The settings are within their parameters' ranges.
+        if let Ok(estimator) = self.settings.estimator() {
             self.estimator = estimator;
         }
         self.rest_us = 0;
         self.bias_known = false;
     }
 
-    /// One step of the estimator, or several over samples that were missed while the attitude is still trusted: the
-    /// rates of this one stand for theirs. Beyond that the estimator takes it as a gap.
+    /// A step of the estimator, and one for each sample that was missed while the attitude is still trusted: the rates
+    /// of this one stand for theirs. Beyond that the estimator takes it as a gap.
     fn advance(&mut self, dt_us: u32) {
         let steps = if u64::from(dt_us) <= DATA_AGE_LIMIT_US {
-            dt_us.div_ceil(ESTIMATOR_STEP_US)
+            // The estimator takes up to a quarter more for a single step.
+            dt_us.div_ceil(self.settings.period_us * 5 / 4)
         } else {
             1
         };
@@ -158,10 +158,32 @@ impl Navigation {
     }
 }
 
-fn estimator(declination_deg: f32) -> Result<Estimator<Vqf>, ConfigError> {
-    let config = Config {
-        declination_rad: declination_deg * (PI / 180.0),
-        ..Config::default()
-    };
-    Estimator::new(&config, &Scale::BNO055, CONTROL_PERIOD_US as u32)
+/// What the estimator is made for.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Settings {
+    declination_deg: f32,
+    period_us: u32,
+}
+
+impl Settings {
+    fn of(params: &Params) -> Self {
+        Self {
+            declination_deg: params.declination_deg(),
+            period_us: params.control_period_us(),
+        }
+    }
+
+    fn estimator(&self) -> Result<Estimator<Vqf>, ConfigError> {
+        let config = Config {
+            declination_rad: self.declination_deg * (PI / 180.0),
+            ..Config::default()
+        };
+        // Constant periods, so that all but the declination is worked out by the compiler. The estimator takes each
+        // time step as it is; its gains are for about this period.
+        if self.period_us < 8_000 {
+            Estimator::new(&config, &Scale::BNO055, 6_667)
+        } else {
+            Estimator::new(&config, &Scale::BNO055, 10_000)
+        }
+    }
 }

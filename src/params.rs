@@ -7,6 +7,7 @@ use core::fmt;
 
 use crate::config::{PULSE_MAX_US, PULSE_MIN_US};
 use crate::format::Decimal;
+use crate::schedule::Schedule;
 
 /// The values that a parameter may take.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -258,6 +259,17 @@ impl Params {
     /// Row and value by index.
     pub fn by_index(&self, index: usize) -> Option<(&'static Info, f32)> {
         Some((TABLE.get(index)?, *self.values.get(index)?))
+    }
+
+    /// Servo frame, Hz, and sensor bus, kHz: what the timing of the loop follows from.
+    pub fn rates(&self) -> (u32, u32) {
+        (self.srv_rate_hz() as u32, self.i2c_khz() as u32)
+    }
+
+    /// Time from one control step to the next, us, rounded down.
+    pub fn control_period_us(&self) -> u32 {
+        let (frame_hz, i2c_khz) = self.rates();
+        Schedule::new(frame_hz, i2c_khz).period_us(frame_hz)
     }
 
     /// Value by name.

@@ -107,7 +107,8 @@ fn standby(received: &Received) -> Ticks {
         .map_or(Ticks::ZERO, |heartbeat| heartbeat.at)
 }
 
-/// Every raw sample that came over USB with the attitude of the same step.
+/// Every raw sample that came over USB with the attitude of the same step: the last of its millisecond, for a step
+/// without a sample may have ended just before the burst began.
 pub fn pair(received: &Received) -> Vec<(RawImu, Attitude)> {
     let mut attitudes = received.attitudes.iter().peekable();
     received
@@ -116,8 +117,8 @@ pub fn pair(received: &Received) -> Vec<(RawImu, Attitude)> {
         .filter_map(|sample| {
             let time_ms = (sample.time_us / 1000) as u32;
             while attitudes.next_if(|a| a.time_ms < time_ms).is_some() {}
-            let attitude = attitudes.next_if(|a| a.time_ms == time_ms)?;
-            Some((*sample, *attitude))
+            let attitude = std::iter::from_fn(|| attitudes.next_if(|a| a.time_ms == time_ms));
+            Some((*sample, *attitude.last()?))
         })
         .collect()
 }

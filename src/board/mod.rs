@@ -44,11 +44,11 @@ use tvc_nano::telemetry::{BoardStatus, Telemetry};
 use nano33iot::{FRAME_INTERRUPT, I2C_INTERRUPT, LED, PROBE, RADIO_RESET};
 
 /// Between the last moment at which a burst may come home and the edge of its pulse: the step, with a reserve.
-const STEP_BUDGET_US: u32 = 1_500;
+const STEP_BUDGET_US: u32 = 1_200;
 
-/// Longest that a byte of a short transfer may take for it to be put between two bursts: its bits at 100 kHz and the
-/// longest clock stretching seen in health.
-const BYTE_US: u64 = 90 + 500;
+/// Clock stretching of a byte that is allowed for when a short transfer is put between two bursts. A chip in health
+/// needs 180 us; should it take longer for once, the next tick goes without its burst.
+const STRETCH_US: u64 = 250;
 
 /// Longest time between two looks at the deadlines; SysTick wakes the processor often enough.
 const NAP_US: u64 = 1_000;
@@ -100,8 +100,6 @@ pub(crate) struct Board {
     ticked: Micros,
     /// When the tick's burst, begun or not, is too late for its step.
     burst_due: Option<Micros>,
-    /// Steps since start-up.
-    steps: u32,
     /// The state that the log has told.
     state_code: u32,
     bus_errors: u16,
@@ -128,7 +126,7 @@ impl Board {
         stack::paint();
         time::start(&mut core.SYST);
         nano33iot::enable_bus_clocks(&mut chip.pm);
-        let (frame_hz, i2c_khz) = rates(&params);
+        let (frame_hz, i2c_khz) = params.rates();
         let servo = servo::Servo::start(&clocks.servo, neutral(&params), frame_hz, i2c_khz);
         RADIO_RESET.low();
         LED.low();
@@ -150,7 +148,6 @@ impl Board {
             supervisor,
             ticked: now,
             burst_due: None,
-            steps: 0,
             state_code: u32::MAX,
             bus_errors: 0,
             load: Load {
@@ -168,7 +165,8 @@ impl Board {
         while self.nap() < until {}
         let now = time::now();
         self.load.update(now);
-        self.supervisor.check(now, self.servo.is_sent());
+        self.supervisor.pulse_sent(self.servo.is_sent());
+        self.supervisor.check(now);
         (now, self.event(now))
     }
 
@@ -219,39 +217,41 @@ impl Board {
 
     /// Send the step's pulse with the next frame, and take over what else it may have changed.
     pub(crate) fn step_ends(&mut self, pulse: PulseUs, params: &Params, state: &State) {
+        // A step that comes just before every edge would never let the loop see the buffer empty.
+        self.supervisor.pulse_sent(self.servo.is_sent());
         let taken = self.servo.write(pulse);
         PROBE.low();
         self.supervisor.step_done(taken);
         self.configure(params);
-        self.steps = self.steps.wrapping_add(1);
         if core::mem::replace(&mut self.state_code, state.code()) != state.code() {
             log::state(state);
         }
-        if lit(state, self.steps) {
+        if lit(state, self.ticked) {
             LED.high();
         } else {
             LED.low();
         }
     }
 
-    /// Neutral pulse, frame rate and bus speed. The flight changes the rates only while disarmed.
+    /// Neutral pulse and timing. The flight changes the rates only while disarmed.
     fn configure(&mut self, params: &Params) {
         servo::set_neutral(neutral(params));
-        let (frame_hz, i2c_khz) = rates(params);
+        let (frame_hz, i2c_khz) = params.rates();
         // Where the timer does not take it, the next step tries again.
         let _ = self.servo.retime(frame_hz, i2c_khz);
-        if self.bus.is_free() {
-            self.bus.set_speed(i2c_khz);
-        }
     }
 
     /// Give the sensor's driver what it asks for next, between bursts.
     pub(crate) fn serve_sensor(&mut self, now: Micros, driver: &mut Driver) {
         let sampling = driver.is_sampling();
         self.bus.arm(sampling.then(|| driver.burst()));
-        if self.bus.is_free()
-            && let Next::Transfer(transfer) = driver.next(now)
-            && (!sampling || now.after(duration_us(&transfer)) < self.next_tick())
+        if !self.bus.is_free() {
+            return;
+        }
+        self.bus.set_speed(self.servo.i2c_khz());
+        if let Next::Transfer(transfer) = driver.next(now)
+            && (!sampling
+                || now.after(duration_us(&transfer, self.servo.i2c_khz())) < self.next_tick())
         {
             self.bus.begin(transfer);
         }
@@ -319,25 +319,21 @@ fn neutral(params: &Params) -> PulseUs {
     PulseUs((params.srv_centre_us() + 0.5) as u16)
 }
 
-/// Servo frame in Hz, sensor bus in kHz.
-fn rates(params: &Params) -> (u32, u32) {
-    (params.srv_rate_hz() as u32, params.i2c_khz() as u32)
-}
-
-/// At most so long does `transfer` take.
-fn duration_us(transfer: &Transfer) -> u64 {
+/// So long may `transfer` take.
+fn duration_us(transfer: &Transfer, i2c_khz: u32) -> u64 {
     let payload = match transfer {
         Transfer::Read { len, .. } => usize::from(*len),
         Transfer::Write { bytes, .. } => bytes.len(),
     };
     // Two addresses and the register's number.
-    (payload as u64 + 3) * BYTE_US
+    let bits_us = if i2c_khz < 400 { 90 } else { 23 };
+    (payload as u64 + 3) * (bits_us + STRETCH_US)
 }
 
 /// The LED: lit while armed or active, slow while all is well, fast in a fault, short flashes while starting.
-fn lit(state: &State, steps: u32) -> bool {
-    // A step takes 10 ms.
-    let phase = steps % 128;
+fn lit(state: &State, now: Micros) -> bool {
+    // Units of 8 ms.
+    let phase = (now.0 >> 13) as u32 % 128;
     match state {
         State::Armed | State::Active { .. } => true,
         State::Standby => phase < 64,

@@ -2,15 +2,9 @@
 //!
 //! TCC0 counts up at 3 MHz. Its overflow is the rising edge of the pulse, its compare channel 1 the falling edge (normal
 //! PWM, data sheet 31.6.2.5). Pulses are written to the buffer register CCB1 and take effect at the next overflow: the
-//! compare register itself, written while the pin is high, would make one pulse last a whole frame. Compare channels 2
-//! and 3 have no pin; their interrupts are the ticks. The last tick of a frame comes [`lead_us`] before the edge that is
-//! to carry its sample.
-//!
-//! | servo frame | ticks |
-//! |---|---|
-//! | 50 Hz | two a frame, 10 ms apart; the second one's pulse is sent |
-//! | 100 Hz | one a frame |
-//! | 200 to 333 Hz | one in `rate / 100` frames |
+//! compare register itself, written while the pin is high, would make one pulse last a whole frame. The other compare
+//! channels have no pin; their interrupts are the ticks of the [`Schedule`]. The last tick of a frame comes [`lead_us`]
+//! before the edge that is to carry its sample.
 //!
 //! A register that is still synchronising with the timer's clock discards a second write (data sheet 14.3): every write
 //! here waits for its flag, for a bounded time.
@@ -19,9 +13,9 @@ use core::cell::Cell;
 use core::sync::atomic::{AtomicBool, AtomicU8, AtomicU32, Ordering};
 
 use atsamd_hal::clock::Tcc0Tcc1Clock;
-use atsamd_hal::pac;
 use bno055_driver::Micros;
 use critical_section::Mutex;
+use tvc_nano::schedule::Schedule;
 use tvc_nano::servo::PulseUs;
 
 use super::nano33iot::{SERVO, SERVO_CHANNEL, SERVO_FUNCTION, frame_registers};
@@ -32,8 +26,8 @@ use super::{STEP_BUDGET_US, i2c};
 const COUNTS_PER_US: u32 = 3;
 /// Slowest and fastest servo frame.
 const RATES_HZ: (u32, u32) = (50, 333);
-/// Rate of the ticks, exceeded only where the frame rate is not a multiple of it.
-const TICK_HZ: u32 = 100;
+/// Compare channels of the ticks, the frame's last first.
+const TICK_CHANNELS: [usize; Schedule::MOST_TICKS as usize] = [3, 2, 0];
 
 /// The pulse that [`force_neutral`] sends, in counts; 0 until the firmware has said what neutral is.
 static NEUTRAL: AtomicU32 = AtomicU32::new(0);
@@ -57,67 +51,65 @@ const fn burst_us(i2c_khz: u32) -> u32 {
     if i2c_khz < 400 { 5_700 } else { 4_300 }
 }
 
+/// The interrupt flags of the first `count` tick channels.
+const fn tick_flags(count: u8) -> u32 {
+    const MATCH_0: u32 = 16;
+    let (mut flags, mut index) = (0, 0);
+    while index < count as usize {
+        flags |= 1 << (MATCH_0 + TICK_CHANNELS[index] as u32);
+        index += 1;
+    }
+    flags
+}
+
 /// Timer values for a frame rate.
 #[derive(Clone, Copy)]
 struct Plan {
+    schedule: Schedule,
     /// Counts in a frame.
     period: u32,
-    /// Count of the only or last tick.
-    last: u32,
-    /// Count of the tick before it in the same frame.
-    first: Option<u32>,
-    frames_per_tick: u8,
+    /// Counts of the ticks in a frame, the last first; those that there are not repeat it.
+    ticks: [u32; TICK_CHANNELS.len()],
     /// Time from tick to tick.
     tick_period_us: u32,
 }
 
-const fn plan(frame_hz: u32, lead_us: u32) -> Plan {
+const fn plan(frame_hz: u32, i2c_khz: u32) -> Plan {
     let frame_hz = match frame_hz {
         hz if hz < RATES_HZ.0 => RATES_HZ.0,
         hz if hz > RATES_HZ.1 => RATES_HZ.1,
         hz => hz,
     };
+    let schedule = Schedule::new(frame_hz, i2c_khz);
     let period = COUNTS_PER_US * 1_000_000 / frame_hz;
-    let last = period - 1 - (COUNTS_PER_US * lead_us - 1) % period;
-    let half = period / 2;
-    if 2 * frame_hz <= TICK_HZ {
-        let first = if last < half {
-            last + half
-        } else {
-            last - half
-        };
-        return Plan {
-            period,
-            last,
-            first: Some(first),
-            frames_per_tick: 1,
-            tick_period_us: half / COUNTS_PER_US,
-        };
+    let spacing = period / schedule.ticks_per_frame as u32;
+    let last = period - 1 - (COUNTS_PER_US * lead_us(i2c_khz) - 1) % period;
+    let mut ticks = [last; TICK_CHANNELS.len()];
+    let mut index = 1;
+    while index < schedule.ticks_per_frame as usize {
+        let back = ticks[index - 1];
+        ticks[index] = if back < spacing { back + period } else { back } - spacing;
+        index += 1;
     }
-    let frames_per_tick = if frame_hz < TICK_HZ {
-        1
-    } else {
-        frame_hz / TICK_HZ
-    };
     Plan {
+        schedule,
         period,
-        last,
-        first: None,
-        frames_per_tick: frames_per_tick as u8,
-        tick_period_us: frames_per_tick * period / COUNTS_PER_US,
+        ticks,
+        tick_period_us: schedule.period_us(frame_hz),
     }
 }
 
 const _: () = {
-    assert!(lead_us(400) == 6_800 && lead_us(100) == 8_200);
-    let slow = plan(50, 6_800);
-    assert!(slow.period == 60_000 && slow.last == 60_000 - 20_400);
-    assert!(matches!(slow.first, Some(9_600)) && slow.tick_period_us == 10_000);
-    let fast = plan(300, 6_800);
-    assert!(fast.period == 10_000 && fast.last == 9_600 && fast.frames_per_tick == 3);
-    assert!(fast.first.is_none() && fast.tick_period_us == 10_000);
-    let fastest = plan(333, 6_800);
-    assert!(fastest.last < fastest.period && fastest.tick_period_us == 9_009);
+    assert!(lead_us(400) == 6_500 && lead_us(100) == 7_900);
+    let slow = plan(50, 400);
+    assert!(slow.period == 60_000 && slow.tick_period_us == 6_666);
+    assert!(matches!(slow.ticks, [40_500, 20_500, 500]));
+    let careful = plan(50, 100);
+    assert!(matches!(careful.ticks, [36_300, 6_300, 36_300]));
+    let fast = plan(300, 400);
+    assert!(fast.period == 10_000 && fast.tick_period_us == 6_666);
+    assert!(fast.ticks[0] == 500 && fast.schedule.frames_per_tick == 2);
+    assert!(tick_flags(3) == 0b1101 << 16 && tick_flags(1) == 1 << 19);
 };
 
 /// The servo output.
@@ -137,7 +129,7 @@ impl Servo {
     ) -> Self {
         SERVO.low();
         set_neutral(neutral);
-        let plan = plan(frame_hz, lead_us(i2c_khz));
+        let plan = plan(frame_hz, i2c_khz);
         let timer = frame_registers();
         timer.ctrla().write(|w| w.swrst().set_bit());
         let mut ready = soon(|| timer.syncbusy().read().swrst().bit_is_clear());
@@ -148,10 +140,9 @@ impl Servo {
         unsafe {
             timer.per().write(|w| w.bits(plan.period - 1));
             timer.cc(SERVO_CHANNEL).write(|w| w.bits(0));
-            timer
-                .cc(2)
-                .write(|w| w.bits(plan.first.unwrap_or(plan.last)));
-            timer.cc(3).write(|w| w.bits(plan.last));
+            for (channel, tick) in TICK_CHANNELS.into_iter().zip(plan.ticks) {
+                timer.cc(channel).write(|w| w.bits(tick));
+            }
         }
         ready &= soon(|| timer.syncbusy().read().bits() == 0);
         announce(&plan);
@@ -189,6 +180,11 @@ impl Servo {
         u64::from(lead_us(self.i2c_khz) - STEP_BUDGET_US)
     }
 
+    /// Speed of the sensor bus that the ticks are made for.
+    pub(super) fn i2c_khz(&self) -> u32 {
+        self.i2c_khz
+    }
+
     /// Time from tick to tick.
     pub(super) fn tick_period_us(&self) -> u64 {
         u64::from(self.tick_period_us)
@@ -201,7 +197,7 @@ impl Servo {
         if (frame_hz, i2c_khz) == (self.frame_hz, self.i2c_khz) {
             return true;
         }
-        let plan = plan(frame_hz, lead_us(i2c_khz));
+        let plan = plan(frame_hz, i2c_khz);
         let timer = frame_registers();
         timer.ctrlbset().write(|w| w.lupd().set_bit());
         let mut ready = soon(|| timer.syncbusy().read().ctrlb().bit_is_clear());
@@ -209,10 +205,9 @@ impl Servo {
         // SAFETY: as in `start`.
         unsafe {
             timer.perb().write(|w| w.bits(plan.period - 1));
-            timer
-                .ccb(2)
-                .write(|w| w.bits(plan.first.unwrap_or(plan.last)));
-            timer.ccb(3).write(|w| w.bits(plan.last));
+            for (channel, tick) in TICK_CHANNELS.into_iter().zip(plan.ticks) {
+                timer.ccb(channel).write(|w| w.bits(tick));
+            }
         }
         ready &= soon(|| timer.syncbusy().read().bits() == 0);
         timer.ctrlbclr().write(|w| w.lupd().set_bit());
@@ -232,13 +227,20 @@ impl Servo {
 /// Tell the interrupt which ticks to expect.
 fn announce(plan: &Plan) {
     let timer = frame_registers();
-    FRAMES_PER_TICK.store(plan.frames_per_tick, Ordering::Relaxed);
-    timer.intenset().write(|w| w.mc3().set_bit());
-    if plan.first.is_some() {
-        timer.intflag().write(|w| w.mc2().set_bit());
-        timer.intenset().write(|w| w.mc2().set_bit());
-    } else {
-        timer.intenclr().write(|w| w.mc2().set_bit());
+    let Schedule {
+        ticks_per_frame,
+        frames_per_tick,
+    } = plan.schedule;
+    FRAMES_PER_TICK.store(frames_per_tick, Ordering::Relaxed);
+    let (all, wanted) = (
+        tick_flags(Schedule::MOST_TICKS),
+        tick_flags(ticks_per_frame),
+    );
+    // SAFETY: flags that exist, of this module's own channels.
+    unsafe {
+        timer.intenclr().write(|w| w.bits(all & !wanted));
+        timer.intflag().write(|w| w.bits(all & !wanted));
+        timer.intenset().write(|w| w.bits(wanted));
     }
 }
 
@@ -283,14 +285,12 @@ pub(super) fn tick_waits(cs: critical_section::CriticalSection) -> bool {
 /// A compare channel has matched: start the burst, tell the main loop.
 pub(super) fn interrupt() {
     let timer = frame_registers();
-    let flags: pac::tcc0::intflag::R = timer.intflag().read();
-    let first = flags.mc2().bit_is_set() && timer.intenset().read().mc2().bit_is_set();
-    let last = flags.mc3().bit_is_set();
-    timer
-        .intflag()
-        .write(|w| w.mc2().bit(flags.mc2().bit()).mc3().bit(last));
+    let pending = timer.intflag().read().bits() & timer.intenset().read().bits();
+    // SAFETY: clears what has been seen.
+    timer.intflag().write(|w| unsafe { w.bits(pending) });
+    let last = pending & tick_flags(1) != 0;
     let frames = FRAMES.load(Ordering::Relaxed) + u8::from(last);
-    let due = first || frames >= FRAMES_PER_TICK.load(Ordering::Relaxed);
+    let due = pending & !tick_flags(1) != 0 || frames >= FRAMES_PER_TICK.load(Ordering::Relaxed);
     FRAMES.store(if last && due { 0 } else { frames }, Ordering::Relaxed);
     if due {
         let time = now();

@@ -74,10 +74,14 @@ impl Supervisor {
         self.seen.step |= taken;
     }
 
-    /// Feed the watchdog if the loop has ticked, stepped and had a pulse go out since the last time, and the stack has
-    /// not grown into the statics. `sent`: the servo timer has nothing left in its buffer.
-    pub(super) fn check(&mut self, now: Micros, sent: bool) {
+    /// Whether the servo timer has nothing left in its buffer.
+    pub(super) fn pulse_sent(&mut self, sent: bool) {
         self.seen.pulse |= sent && self.seen.step;
+    }
+
+    /// Feed the watchdog if the loop has ticked, stepped and had a pulse go out since the last time, and the stack has
+    /// not grown into the statics.
+    pub(super) fn check(&mut self, now: Micros) {
         let Seen { tick, step, pulse } = self.seen;
         if tick
             && step

@@ -29,6 +29,13 @@ pub(crate) fn reading(time_us: u64, pitch_rad: f64, rate_rad_s: f64) -> RawSampl
     }
 }
 
+/// Ticks every [`PERIOD_US`], as the slow bus has them.
+pub(crate) fn params() -> Params {
+    let mut params = Params::default();
+    params.set("I2C_KHZ", 100.0).unwrap();
+    params
+}
+
 /// The pivot: `pitch'' = -31.6 servo` (plant.md section 2, derived), the servo a lag of 40 ms at 5.5 rad/s.
 pub(crate) struct Desk {
     pub(crate) flight: Flight,
@@ -43,7 +50,7 @@ pub(crate) struct Desk {
 
 impl Desk {
     pub(crate) fn new(pitch: f64) -> Self {
-        Self::with(pitch, Params::default(), BootReport::default())
+        Self::with(pitch, params(), BootReport::default())
     }
 
     fn with(pitch: f64, params: Params, report: BootReport) -> Self {
@@ -162,7 +169,7 @@ fn the_same_inputs_give_the_same_bits() {
         let q = flight.attitude().orientation;
         [q.w, q.x, q.y, q.z].map(f32::to_bits)
     };
-    let mut replay = Flight::new(Params::default(), BootReport::default()).unwrap();
+    let mut replay = Flight::new(params(), BootReport::default()).unwrap();
     for (now, reading) in &desk.inputs {
         replay.step(*now, *reading);
     }
@@ -235,6 +242,29 @@ fn every_sensor_fault_commands_neutral_in_time_and_leads_back_only_to_standby() 
         );
         desk.command(Command::Disarm).unwrap();
         assert_eq!(desk.flight.state(), State::Standby);
+    }
+}
+
+#[test]
+fn what_turned_while_samples_were_missed_is_made_good() {
+    for missed in 1..=3 {
+        let mut desk = Desk::in_standby(0.0);
+        desk.rate = 1.0;
+        for step in 0..40 {
+            desk.pitch += 0.01;
+            if (20..20 + missed).contains(&step) {
+                desk.step_with(Err(SensorFault::Torn));
+            } else {
+                desk.step();
+            }
+        }
+        let attitude = desk.flight.attitude();
+        assert!(!attitude.flags.gap, "{missed}");
+        let pitch = attitude.orientation.pitch();
+        assert!(
+            (f64::from(pitch) - desk.pitch).abs() < 0.005,
+            "{missed}: {pitch}"
+        );
     }
 }
 
@@ -361,7 +391,7 @@ fn a_bad_end_of_the_last_run_must_be_acknowledged() {
             crash: Some(crash),
             ..BootReport::default()
         };
-        let mut desk = Desk::with(0.1, Params::default(), report);
+        let mut desk = Desk::with(0.1, params(), report);
         desk.run(300);
         assert_eq!(desk.flight.state(), State::Latched(Latch::Crash(crash)));
         assert_eq!(
@@ -436,6 +466,16 @@ fn gains_change_in_flight_and_the_frame_rate_does_not() {
     desk.command(Command::Disarm).unwrap();
     desk.flight.set_param("SRV_RATE_HZ", 300.0).unwrap();
     assert_eq!(desk.flight.params().srv_rate_hz(), 300.0);
+    desk.command(Command::Arm).unwrap();
+}
+
+/// What the estimator knows belongs to its sampling rate.
+#[test]
+fn another_sampling_rate_starts_the_attitude_over() {
+    let mut desk = Desk::in_standby(0.2);
+    desk.flight.set_param("I2C_KHZ", 400.0).unwrap();
+    desk.run(1);
+    assert_eq!(desk.command(Command::Arm), Err(Refusal::Settling));
 }
 
 #[test]

@@ -409,9 +409,10 @@ fn the_parameter_list_comes_complete_in_order_and_one_a_step() {
         assert!(found.len() <= 1);
         seen.extend(found);
     }
-    let expected: Vec<_> = crate::params::TABLE
-        .iter()
-        .map(|info| (info.name.to_string(), info.default))
+    let params = link.desk.flight.params();
+    let expected: Vec<_> = (0..Params::count())
+        .filter_map(|index| params.by_index(index))
+        .map(|(info, value)| (info.name.to_string(), value))
         .collect();
     assert_eq!(seen, expected);
 }

@@ -5,7 +5,6 @@ use tvc_fusion::fixed::Scale;
 use tvc_fusion::{
     Complementary, Config, Estimator, Filter, Gyro, Madgwick, Mahony, Sample, Vector3, Vqf,
 };
-use tvc_nano::config::CONTROL_PERIOD_US;
 use tvc_nano::{Params, mount::Mount};
 
 use crate::cli::FilterName;
@@ -41,7 +40,7 @@ where
     let mut pitches = Vec::new();
     for raw in flight.steps().filter_map(|step| step.sample) {
         let before = last.replace(raw.time.0);
-        let dt_us = before.map_or(CONTROL_PERIOD_US, |before| {
+        let dt_us = before.map_or(params.control_period_us().into(), |before| {
             raw.time.0.saturating_sub(before)
         });
         let counts = mount.convert(&raw);
