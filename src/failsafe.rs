@@ -11,7 +11,7 @@ use crate::config::{
     COS_ARM_TILT, COS_FAILSAFE_TILT, DATA_AGE_LIMIT_US, FAILSAFE_TILT_US, HOST_SILENCE_US,
     RECOVERY_SAMPLES,
 };
-use crate::format::{Hex, Whole};
+use crate::format::Hex;
 use crate::self_test::{Failure, SelfTest, Verdict};
 use crate::store::Loaded;
 
@@ -172,8 +172,9 @@ pub enum Crash {
     BrownOut,
     /// The program panicked.
     Panic {
-        /// Source line; the build's map or the probe tells the file.
-        line: u32,
+        /// Return addresses, innermost first, the first or two in the core library; `addr2line` makes function, file
+        /// and line of them.
+        callers: [u32; 3],
     },
     /// The processor met an instruction or access it cannot do.
     HardFault {
@@ -198,7 +199,9 @@ impl fmt::Display for Crash {
         match self {
             Crash::Watchdog => f.write_str("watchdog reset"),
             Crash::BrownOut => f.write_str("brown-out reset"),
-            Crash::Panic { line } => write!(f, "panic in line {}", Whole(*line)),
+            Crash::Panic { callers: [a, b, c] } => {
+                write!(f, "panic {} {} {}", Hex(*a), Hex(*b), Hex(*c))
+            }
             Crash::HardFault { pc } => write!(f, "hard fault at {}", Hex(*pc)),
         }
     }

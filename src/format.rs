@@ -16,13 +16,14 @@ impl fmt::Display for Whole {
     }
 }
 
-/// Shows a word as `0x` and eight hexadecimal digits.
+/// Shows a word as `0x` and its hexadecimal digits.
 pub(crate) struct Hex(pub(crate) u32);
 
 impl fmt::Display for Hex {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str("0x")?;
-        for shift in (0..32).step_by(4).rev() {
+        let digits = (35 - (self.0 | 1).leading_zeros()) / 4;
+        for shift in (0..digits).rev().map(|digit| 4 * digit) {
             f.write_char(char::from_digit(self.0 >> shift & 15, 16).unwrap_or('?'))?;
         }
         Ok(())
@@ -102,7 +103,7 @@ mod tests {
             u32::MAX,
         ] {
             assert_eq!(Whole(number).to_string(), std::format!("{number}"));
-            assert_eq!(Hex(number).to_string(), std::format!("{number:#010x}"));
+            assert_eq!(Hex(number).to_string(), std::format!("{number:#x}"));
         }
     }
 }

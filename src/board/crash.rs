@@ -19,9 +19,13 @@ use tvc_nano::failsafe::Crash;
 use super::{servo, time, watchdog};
 
 /// Marks a record, and its layout's version.
-const MAGIC: u32 = 0x5456_4331;
+const MAGIC: u32 = 0x5456_4332;
 const PANIC: u32 = 1;
 const HARD_FAULT: u32 = 2;
+
+/// The stack's RAM, less the last word.
+#[cfg(not(feature = "probe"))]
+const RAM: core::ops::Range<u32> = 0x2000_0000..0x2000_77FC;
 
 /// Longer than the watchdog takes.
 const LAST_WAIT_US: u32 = 150_000;
@@ -31,8 +35,8 @@ const LAST_WAIT_US: u32 = 150_000;
 struct Record {
     magic: u32,
     kind: u32,
-    /// Source line of a panic, address of the instruction of a fault.
-    detail: u32,
+    /// Return addresses of a panic, innermost first; a fault's instruction in the first.
+    places: [u32; 3],
     crc: u32,
 }
 
@@ -45,24 +49,33 @@ impl Record {
     const EMPTY: Self = Self {
         magic: 0,
         kind: 0,
-        detail: 0,
+        places: [0; 3],
         crc: 0,
     };
 
-    fn new(kind: u32, detail: u32) -> Self {
-        Self {
+    fn new(kind: u32, places: [u32; 3]) -> Self {
+        let mut record = Self {
             magic: MAGIC,
             kind,
-            detail,
-            crc: crc32([MAGIC, kind, detail]),
-        }
+            places,
+            crc: 0,
+        };
+        record.crc = record.checksum();
+        record
+    }
+
+    fn checksum(&self) -> u32 {
+        let [a, b, c] = self.places;
+        crc32([self.magic, self.kind, a, b, c])
     }
 
     fn crash(self) -> Option<Crash> {
-        let sealed = self.magic == MAGIC && self.crc == crc32([self.magic, self.kind, self.detail]);
+        let sealed = self.magic == MAGIC && self.crc == self.checksum();
         match self.kind {
-            PANIC if sealed => Some(Crash::Panic { line: self.detail }),
-            HARD_FAULT if sealed => Some(Crash::HardFault { pc: self.detail }),
+            PANIC if sealed => Some(Crash::Panic {
+                callers: self.places,
+            }),
+            HARD_FAULT if sealed => Some(Crash::HardFault { pc: self.places[0] }),
             _ => None,
         }
     }
@@ -80,8 +93,8 @@ impl Record {
     }
 }
 
-/// CRC-32 of IEEE 802.3 over three words, low byte first.
-fn crc32(words: [u32; 3]) -> u32 {
+/// CRC-32 of IEEE 802.3 over words, low byte first.
+fn crc32(words: [u32; 5]) -> u32 {
     let crc = Crc::<u32, NoTable>::new(&CRC_32_ISO_HDLC);
     let mut digest = crc.digest();
     for word in words {
@@ -118,13 +131,37 @@ fn end(record: Record) -> ! {
     SCB::sys_reset()
 }
 
+/// A panic says where it is by its return addresses and not by file and line: those of every place that could panic
+/// would take 4 KB of the image. The ELF tells function, file and line of an address.
 #[cfg(not(feature = "probe"))]
 #[panic_handler]
-fn panic(info: &core::panic::PanicInfo) -> ! {
-    end(Record::new(
-        PANIC,
-        info.location().map_or(0, |location| location.line()),
-    ))
+fn panic(_: &core::panic::PanicInfo) -> ! {
+    // The innermost is in the core library's own code for panics.
+    let [_, places @ ..] = return_addresses();
+    end(Record::new(PANIC, places))
+}
+
+/// Where the functions under way return to, innermost first; 0 where the chain of their frames ends.
+///
+/// The target's functions keep their frame's address in r7, where the caller's frame and the return address lie.
+#[cfg(not(feature = "probe"))]
+#[inline(always)]
+fn return_addresses() -> [u32; 4] {
+    let mut frame: u32;
+    // SAFETY: reads a register.
+    unsafe { core::arch::asm!("mov {}, r7", out(reg) frame, options(nomem, nostack)) };
+    [(); 4].map(|()| {
+        if !frame.is_multiple_of(4) || !RAM.contains(&frame) {
+            return 0;
+        }
+        let words = frame as *const u32;
+        // SAFETY: two aligned words in RAM, whatever they hold.
+        let (caller, address) = unsafe { (words.read_volatile(), words.add(1).read_volatile()) };
+        // The stack grows down: a chain that does not rise has no end.
+        frame = if caller > frame { caller } else { 0 };
+        // Without the bit that stands for Thumb code.
+        address & !1
+    })
 }
 
 /// With a probe the panic prints there and ends in a hard fault, which comes by here.
@@ -134,7 +171,7 @@ use panic_probe as _;
 // SAFETY: only reads the frame; never returns.
 #[exception]
 unsafe fn HardFault(frame: &ExceptionFrame) -> ! {
-    end(Record::new(HARD_FAULT, frame.pc()))
+    end(Record::new(HARD_FAULT, [frame.pc(), 0, 0]))
 }
 
 /// An interrupt that nobody enabled.

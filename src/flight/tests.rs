@@ -384,7 +384,9 @@ fn a_bad_end_of_the_last_run_must_be_acknowledged() {
     for crash in [
         Crash::Watchdog,
         Crash::BrownOut,
-        Crash::Panic { line: 7 },
+        Crash::Panic {
+            callers: [0x2100, 0x2200, 0],
+        },
         Crash::HardFault { pc: 0x2100 },
     ] {
         let report = BootReport {

@@ -515,7 +515,9 @@ fn every_state_and_reason_has_its_own_number_and_fits_the_line() {
         State::Failsafe(Reason::HostSilent),
         State::Latched(Latch::Crash(Crash::Watchdog)),
         State::Latched(Latch::Crash(Crash::BrownOut)),
-        State::Latched(Latch::Crash(Crash::Panic { line: u32::MAX })),
+        State::Latched(Latch::Crash(Crash::Panic {
+            callers: [0x3_FFFF; 3],
+        })),
         State::Latched(Latch::Crash(Crash::HardFault { pc: u32::MAX })),
         State::Latched(Latch::ParametersLost),
     ];

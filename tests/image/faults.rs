@@ -274,6 +274,36 @@ fn a_hard_fault_is_told_after_the_reset() {
         .unwrap();
 }
 
+/// A panic tells where it came from: here, out of bounds, from where the loop was.
+#[test]
+fn a_panic_is_told_after_the_reset() {
+    let mut flight = in_flight();
+    let Ready { rig, operator, .. } = &mut flight;
+    let mut symbols = rig.image().symbols();
+    let panic = symbols.find(|(name, _)| name.contains("panic_bounds_check"));
+    let (_, panic) = panic.expect("something in the image is indexed");
+    let mut registers = rig.chip().registers();
+    let from = registers.r[15];
+    (registers.r[14], registers.r[15]) = (from | 1, panic & !1);
+    registers.primask = false;
+    rig.chip_mut().set_registers(&registers);
+    let at = rig.now();
+    operator.run(rig, ms(1200)).unwrap();
+    let (reset, _) = rig.resets()[0];
+    let last = rig.truth().pulses.iter().rfind(|p| p.fall < reset).unwrap();
+    assert!(NEUTRAL_US.contains(&last.width_us()) && reset - at < ms(400));
+    operator
+        .wait_for_state(rig, ms(3000), FlightState::Latched)
+        .unwrap();
+    let told = &operator.received().texts;
+    let place = format!(" {from:#x}");
+    assert!(
+        told.iter()
+            .any(|t| t.text.contains("latched fault: panic") && t.text.contains(&place)),
+        "{place}: {told:?}"
+    );
+}
+
 #[test]
 fn a_laptop_that_stops_reading_or_goes_away_disturbs_nothing() {
     let mut flight = in_flight();
