@@ -39,7 +39,7 @@ struct Sampling {
     due: bool,
     outstanding: Option<Errand>,
     /// A register read wrong once: samples are withheld until it has been read again.
-    doubt: Option<SensorFault>,
+    doubt: bool,
     bus_errors: u8,
     bad_samples: u8,
     unreliable: u8,
@@ -59,7 +59,7 @@ impl Sampling {
             check: Check::Mode,
             due: false,
             outstanding: None,
-            doubt: None,
+            doubt: false,
             bus_errors: 0,
             bad_samples: 0,
             unreliable: 0,
@@ -357,7 +357,7 @@ impl Driver {
             Ok(()) => {
                 self.health.verified = self.health.verified.wrapping_add(1);
                 sampling.check = sampling.check.next();
-                sampling.doubt = None;
+                sampling.doubt = false;
                 sampling.due = false;
             }
             Err(fault) if fault.is_bus() => {
@@ -367,7 +367,7 @@ impl Driver {
             Err(fault) => {
                 self.health.mismatched = self.health.mismatched.wrapping_add(1);
                 // A wrong bit on the wire looks the same: read it again, and believe the second answer.
-                if sampling.doubt.replace(fault).is_some() {
+                if core::mem::replace(&mut sampling.doubt, true) {
                     self.restart(now, fault);
                 }
             }
@@ -389,14 +389,14 @@ impl Driver {
                 sampling.bus_errors = 0;
                 sampling.bad_samples = 0;
                 sampling.unreliable = sampling.unreliable.saturating_sub(1);
-                let Some(fault) = sampling.doubt else {
+                if !sampling.doubt {
                     self.health.good = self.health.good.wrapping_add(1);
                     self.health.last_good = Some(time);
                     self.fault = None;
                     return Ok(data);
-                };
+                }
                 self.health.withheld = self.health.withheld.wrapping_add(1);
-                fault
+                SensorFault::Doubt
             }
             Err(fault) if fault.is_bus() => {
                 self.bus_error(time, fault);
@@ -418,7 +418,7 @@ impl Driver {
         let Phase::Sampling(sampling) = &mut self.phase else {
             return;
         };
-        if sampling.doubt.is_none() {
+        if !sampling.doubt {
             sampling.check = Check::Mode;
         }
         sampling.bus_errors = sampling.bus_errors.saturating_add(1);
@@ -434,7 +434,7 @@ impl Driver {
         };
         sampling.bad_samples = sampling.bad_samples.saturating_add(1);
         sampling.unreliable = sampling.unreliable.saturating_add(UNRELIABLE_WEIGHT);
-        if fault == SensorFault::Reset && sampling.doubt.is_none() {
+        if fault == SensorFault::Reset && !sampling.doubt {
             sampling.check = Check::Mode;
         }
         let enough = match fault {

@@ -77,6 +77,8 @@ pub enum SensorFault {
     Suspended,
     /// So many bad samples of late that the others are not to be believed either.
     Unreliable,
+    /// A register read wrong once; it is being read again, because a wrong bit on the wire looks the same.
+    Doubt,
 }
 
 impl SensorFault {
@@ -105,6 +107,7 @@ impl SensorFault {
             Self::Suspended => (19, 0),
             Self::Profile { register } => (20, register),
             Self::Unreliable => (21, 0),
+            Self::Doubt => (22, 0),
         };
         (kind as u16) << 8 | detail as u16
     }
@@ -170,6 +173,7 @@ impl fmt::Display for SensorFault {
             Self::Late => f.write_str("IMU sample late"),
             Self::Suspended => f.write_str("IMU suspended"),
             Self::Unreliable => f.write_str("IMU data unreliable"),
+            Self::Doubt => f.write_str("IMU register in doubt"),
         }
     }
 }
@@ -212,6 +216,7 @@ mod tests {
             SensorFault::Late,
             SensorFault::Suspended,
             SensorFault::Unreliable,
+            SensorFault::Doubt,
         ]
         .to_vec();
         all.extend((1..=3).map(|register| SensorFault::DeadSensor {

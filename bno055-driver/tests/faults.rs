@@ -272,15 +272,19 @@ fn samples_are_withheld_while_a_register_is_in_doubt() {
         .flatten()
         .flat_map(|word| word.to_le_bytes())
         .collect();
+    assert_eq!(
+        rig.driver.sample(Micros(rig.chip.now), Ok(&bytes)),
+        Err(SensorFault::Doubt)
+    );
+    assert_eq!(rig.driver.health().withheld, 1);
+    while rig.driver.is_sampling() {
+        rig.turn();
+    }
     let fault = SensorFault::Configuration {
         register: 0x3B,
         found: 2,
     };
-    assert_eq!(
-        rig.driver.sample(Micros(rig.chip.now), Ok(&bytes)),
-        Err(fault)
-    );
-    assert_eq!(rig.driver.health().withheld, 1);
+    assert_eq!(rig.driver.fault(), Some(fault), "read again, it is told");
 }
 
 #[test]

@@ -205,6 +205,7 @@ fn every_sensor_fault_commands_neutral_in_time_and_leads_back_only_to_standby() 
         SensorFault::Torn,
         SensorFault::Late,
         SensorFault::Booting,
+        SensorFault::Doubt,
     ] {
         let mut desk = Desk::active(0.4);
         desk.run(5);
@@ -243,6 +244,18 @@ fn every_sensor_fault_commands_neutral_in_time_and_leads_back_only_to_standby() 
         desk.command(Command::Disarm).unwrap();
         assert_eq!(desk.flight.state(), State::Standby);
     }
+}
+
+/// A wrong bit in a register that is read to look after the sensor is no reason to give up.
+#[test]
+fn a_register_in_doubt_costs_samples_and_not_the_flight() {
+    let mut desk = Desk::active(0.4);
+    desk.run(5);
+    for _ in 0..3 {
+        desk.step_with(Err(SensorFault::Doubt));
+    }
+    desk.run(1);
+    assert!(desk.flight.state().is_active());
 }
 
 #[test]

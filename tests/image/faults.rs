@@ -1,6 +1,6 @@
 //! The image on the rig with a sensor or a cable that fails in mid-flight.
 
-use crate::ready;
+use crate::{firmware, ready};
 use rig::bno055::Fault;
 use rig::faults::NEUTRAL_US;
 use rig::operator::{FlightState, OperatorError};
@@ -279,8 +279,9 @@ fn a_hard_fault_is_told_after_the_reset() {
 fn a_panic_is_told_after_the_reset() {
     let mut flight = in_flight();
     let Ready { rig, operator, .. } = &mut flight;
-    let mut symbols = rig.image().symbols();
-    let panic = symbols.find(|(name, _)| name.contains("panic_bounds_check"));
+    let panic = firmware()
+        .symbols()
+        .find(|(name, _)| name.contains("panic_bounds_check"));
     let (_, panic) = panic.expect("something in the image is indexed");
     let mut registers = rig.chip().registers();
     let from = registers.r[15];
