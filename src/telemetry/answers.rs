@@ -153,7 +153,13 @@ impl Telemetry {
             STORAGE => return self.order_storage(order.param1, flight),
             REBOOT if order.param1 == 1.0 => self.reset(Reset::Restart, flight.state()),
             REBOOT if order.param1 == 3.0 => self.reset(Reset::Bootloader, flight.state()),
-            INTERVAL if self.rates.set(order.param1, order.param2) => {
+            INTERVAL
+                if self.rates.set(
+                    order.param1,
+                    order.param2,
+                    flight.params().control_period_us(),
+                ) =>
+            {
                 MavResult::MAV_RESULT_ACCEPTED
             }
             ARM_DISARM | GRIPPER | CALIBRATION | REBOOT | INTERVAL => MavResult::MAV_RESULT_DENIED,

@@ -5,8 +5,6 @@ use mavlink::dialects::common::{
     ATTITUDE_QUATERNION_DATA, NAMED_VALUE_FLOAT_DATA, RAW_IMU_DATA, SERVO_OUTPUT_RAW_DATA,
 };
 
-use crate::config::CONTROL_PERIOD_US;
-
 /// The messages.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Stream {
@@ -40,13 +38,13 @@ impl Default for Rates {
 
 impl Rates {
     /// Another interval for the message with this number, us: 0 is the default again, -1 none at all. Says whether it
-    /// was understood.
-    pub(super) fn set(&mut self, id: f32, interval_us: f32) -> bool {
+    /// was understood. A step comes every `step_us`.
+    pub(super) fn set(&mut self, id: f32, interval_us: f32, step_us: u32) -> bool {
         let every = if interval_us == -1.0 {
             0
         } else if interval_us >= 0.0 {
             // The conversion saturates.
-            ((interval_us * (1.0 / CONTROL_PERIOD_US as f32) + 0.5) as u16).max(1)
+            ((interval_us / step_us as f32 + 0.5) as u16).max(1)
         } else {
             return false;
         };
@@ -97,7 +95,7 @@ mod tests {
             (-1.0, 0),
             (1e9, 0),
         ] {
-            assert!(rates.set(31.0, interval_us));
+            assert!(rates.set(31.0, interval_us, 10_000));
             assert_eq!(sent_in_a_second(&mut rates, Stream::Attitude), count);
             assert_eq!(sent_in_a_second(&mut rates, Stream::Raw), 100);
         }
@@ -107,7 +105,7 @@ mod tests {
     fn nonsense_changes_nothing() {
         let mut rates = Rates::default();
         for (id, interval_us) in [(31.0, f32::NAN), (31.0, -2.0), (33.0, 1e5), (f32::NAN, 1e5)] {
-            assert!(!rates.set(id, interval_us));
+            assert!(!rates.set(id, interval_us, 10_000));
         }
         assert_eq!(sent_in_a_second(&mut rates, Stream::Attitude), 100);
     }
