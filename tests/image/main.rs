@@ -7,6 +7,7 @@ mod flights;
 mod hosts;
 mod parameters;
 mod replay;
+mod symbols;
 
 use rig::{Image, Ready, ServoKind, Setup, image, prepare};
 use std::sync::OnceLock;
