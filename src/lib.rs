@@ -21,6 +21,7 @@
 #[cfg(test)]
 extern crate std;
 
+pub mod calibration;
 pub mod config;
 pub mod controller;
 pub mod failsafe;
