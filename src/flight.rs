@@ -9,7 +9,6 @@ use tvc_fusion::{Attitude, ConfigError, Quaternion};
 use crate::config::UNIT_TOLERANCE;
 use crate::controller::Controller;
 use crate::failsafe::{BootReport, Command, Health, Refusal, State, Supervisor};
-use crate::mount::Mount;
 use crate::navigation::Navigation;
 use crate::params::{Change, Info, ParamError, Params};
 use crate::servo::{PulseUs, Servo};
@@ -166,11 +165,6 @@ impl Flight {
     /// The newest attitude.
     pub fn attitude(&self) -> Attitude {
         self.navigation.attitude()
-    }
-
-    /// Where the sensor sits and how it is calibrated.
-    pub fn mount_mut(&mut self) -> &mut Mount {
-        self.navigation.mount_mut()
     }
 
     /// The control law, where the state lets it move the rudder. Positive crank angles pitch the nose down, so the

@@ -100,33 +100,28 @@ impl Correction {
 #[derive(Clone, Debug)]
 pub struct Mount {
     /// Accelerometer, gyro, magnetometer.
-    calibrations: [Calibration; 3],
     corrections: [Correction; 3],
 }
 
 impl Mount {
-    /// A nominal sensor, turned as the `MNT_` parameters say.
+    /// A sensor calibrated as the `CAL_` and turned as the `MNT_` parameters say.
     pub fn new(params: &Params) -> Self {
         let mut mount = Self {
-            calibrations: [Calibration::NOMINAL; 3],
             corrections: [Correction::NONE; 3],
         };
         mount.configure(params);
         mount
     }
 
-    /// Take over changed `MNT_` parameters.
+    /// Take over changed `CAL_` and `MNT_` parameters.
     pub fn configure(&mut self, params: &Params) {
-        let rotation = rotation(params);
-        self.corrections = self
-            .calibrations
-            .map(|calibration| Correction::new(&rotation, &calibration));
+        self.calibrate(calibrations(params), params);
     }
 
-    /// Replace the calibration of the accelerometer, gyro and magnetometer, in this order.
-    pub fn calibrate(&mut self, calibrations: [Calibration; 3], params: &Params) {
-        self.calibrations = calibrations;
-        self.configure(params);
+    /// The calibration of the accelerometer, gyro and magnetometer, in this order.
+    fn calibrate(&mut self, calibrations: [Calibration; 3], params: &Params) {
+        let rotation = rotation(params);
+        self.corrections = calibrations.map(|calibration| Correction::new(&rotation, &calibration));
     }
 
     /// Counts along the body's axes. The field counts as fresh.
@@ -138,6 +133,31 @@ impl Mount {
             mag: Some(mag.apply(raw.mag)),
         }
     }
+}
+
+/// What the `CAL_` parameters say of the accelerometer, gyro and magnetometer, in counts of 0.01 m/s2, 1/16 deg/s and 1/16 uT.
+fn calibrations(params: &Params) -> [Calibration; 3] {
+    let counts = |offset: [f32; 3], counts: f32| offset.map(|value| value * counts);
+    let mut matrix = Calibration::NOMINAL.matrix;
+    let scales = params.cal_acc_scale();
+    for (at, (row, scale)) in matrix.iter_mut().zip(scales).enumerate() {
+        if let Some(diagonal) = row.get_mut(at) {
+            *diagonal = scale;
+        }
+    }
+    let acc = Calibration {
+        offset: counts(params.cal_acc_offset(), 100.0),
+        matrix,
+    };
+    let gyr = Calibration {
+        offset: counts(params.cal_gyr_offset(), 16.0),
+        ..Calibration::NOMINAL
+    };
+    let mag = Calibration {
+        offset: counts(params.cal_mag_offset(), 16.0),
+        matrix: params.cal_mag_matrix(),
+    };
+    [acc, gyr, mag]
 }
 
 /// The whole number next to `value`; the nearest that there is where it is too large.
@@ -250,6 +270,26 @@ mod tests {
         assert_acc(&mount, [110, 100, 40], [149, 122, -43]);
         let sample = raw([0; 3], [7, 8, 9], [0; 3]);
         assert_eq!(mount.convert(&sample).gyr, [7, 8, 9]);
+    }
+
+    /// Numbers by hand, through the parameters' names and units.
+    #[test]
+    fn calibration_parameters_are_in_si_units() {
+        let mut params = Params::default();
+        for (name, value) in [
+            ("CAL_ACC_OX", 0.5),
+            ("CAL_ACC_SZ", 1.1),
+            ("CAL_GYR_OY", -2.0),
+            ("CAL_MAG_OZ", 40.0),
+            ("CAL_MAG_XY", 0.25),
+            ("CAL_MAG_ZZ", 0.5),
+        ] {
+            params.set(name, value).unwrap();
+        }
+        let found = Mount::new(&params).convert(&raw([50, 0, -900], [0, -32, 7], [100, 80, 840]));
+        assert_eq!(found.acc, [0, 0, -990]);
+        assert_eq!(found.gyr, [0, 0, 7]);
+        assert_eq!(found.mag, Some([120, 80, 100]));
     }
 
     proptest! {

@@ -99,11 +99,6 @@ impl Navigation {
         self.bias_known
     }
 
-    /// Where the sensor sits and how it is calibrated.
-    pub fn mount_mut(&mut self) -> &mut Mount {
-        &mut self.mount
-    }
-
     /// Forget the attitude, the gyroscope's offset and the samples so far: what follows depends on what follows only.
     pub fn restart(&mut self) {
         self.last = None;

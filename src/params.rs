@@ -240,6 +240,48 @@ parameters! {
         "sensor's yaw in the body, applied last";
     declination_deg: "DECLINATION_DEG", "deg", Range::Between(-180.0, 180.0), 0.0, Disarmed,
         "magnetic declination, east positive: 4.37 in Copenhagen";
+    cal_acc_ox: "CAL_ACC_OX", "m/s2", Range::Between(-2.0, 2.0), 0.0, Disarmed,
+        "accelerometer offset along its x";
+    cal_acc_oy: "CAL_ACC_OY", "m/s2", Range::Between(-2.0, 2.0), 0.0, Disarmed,
+        "accelerometer offset along its y";
+    cal_acc_oz: "CAL_ACC_OZ", "m/s2", Range::Between(-2.0, 2.0), 0.0, Disarmed,
+        "accelerometer offset along its z";
+    cal_acc_sx: "CAL_ACC_SX", "", Range::Between(0.8, 1.2), 1.0, Disarmed,
+        "accelerometer scale along its x, applied after the offset";
+    cal_acc_sy: "CAL_ACC_SY", "", Range::Between(0.8, 1.2), 1.0, Disarmed,
+        "accelerometer scale along its y, applied after the offset";
+    cal_acc_sz: "CAL_ACC_SZ", "", Range::Between(0.8, 1.2), 1.0, Disarmed,
+        "accelerometer scale along its z, applied after the offset";
+    cal_gyr_ox: "CAL_GYR_OX", "deg/s", Range::Between(-10.0, 10.0), 0.0, Disarmed,
+        "gyroscope offset about its x";
+    cal_gyr_oy: "CAL_GYR_OY", "deg/s", Range::Between(-10.0, 10.0), 0.0, Disarmed,
+        "gyroscope offset about its y";
+    cal_gyr_oz: "CAL_GYR_OZ", "deg/s", Range::Between(-10.0, 10.0), 0.0, Disarmed,
+        "gyroscope offset about its z";
+    cal_mag_ox: "CAL_MAG_OX", "uT", Range::Between(-500.0, 500.0), 0.0, Disarmed,
+        "hard iron along the magnetometer's x";
+    cal_mag_oy: "CAL_MAG_OY", "uT", Range::Between(-500.0, 500.0), 0.0, Disarmed,
+        "hard iron along the magnetometer's y";
+    cal_mag_oz: "CAL_MAG_OZ", "uT", Range::Between(-500.0, 500.0), 0.0, Disarmed,
+        "hard iron along the magnetometer's z";
+    cal_mag_xx: "CAL_MAG_XX", "", Range::Between(-1.99, 1.99), 1.0, Disarmed,
+        "soft iron: how much of the magnetometer's x goes to x";
+    cal_mag_xy: "CAL_MAG_XY", "", Range::Between(-1.99, 1.99), 0.0, Disarmed,
+        "soft iron: how much of the magnetometer's y goes to x";
+    cal_mag_xz: "CAL_MAG_XZ", "", Range::Between(-1.99, 1.99), 0.0, Disarmed,
+        "soft iron: how much of the magnetometer's z goes to x";
+    cal_mag_yx: "CAL_MAG_YX", "", Range::Between(-1.99, 1.99), 0.0, Disarmed,
+        "soft iron: how much of the magnetometer's x goes to y";
+    cal_mag_yy: "CAL_MAG_YY", "", Range::Between(-1.99, 1.99), 1.0, Disarmed,
+        "soft iron: how much of the magnetometer's y goes to y";
+    cal_mag_yz: "CAL_MAG_YZ", "", Range::Between(-1.99, 1.99), 0.0, Disarmed,
+        "soft iron: how much of the magnetometer's z goes to y";
+    cal_mag_zx: "CAL_MAG_ZX", "", Range::Between(-1.99, 1.99), 0.0, Disarmed,
+        "soft iron: how much of the magnetometer's x goes to z";
+    cal_mag_zy: "CAL_MAG_ZY", "", Range::Between(-1.99, 1.99), 0.0, Disarmed,
+        "soft iron: how much of the magnetometer's y goes to z";
+    cal_mag_zz: "CAL_MAG_ZZ", "", Range::Between(-1.99, 1.99), 1.0, Disarmed,
+        "soft iron: how much of the magnetometer's z goes to z";
     fs_host: "FS_HOST", "", Range::OneOf(&[0.0, 1.0]), 0.0, Live,
         "1: three seconds without a host's heartbeat are a failsafe";
 }
@@ -251,6 +293,35 @@ pub struct Params {
 }
 
 impl Params {
+    /// The accelerometer's offset, m/s2.
+    pub fn cal_acc_offset(&self) -> [f32; 3] {
+        [self.cal_acc_ox(), self.cal_acc_oy(), self.cal_acc_oz()]
+    }
+
+    /// The accelerometer's scale, applied after the offset.
+    pub fn cal_acc_scale(&self) -> [f32; 3] {
+        [self.cal_acc_sx(), self.cal_acc_sy(), self.cal_acc_sz()]
+    }
+
+    /// The gyroscope's offset, deg/s.
+    pub fn cal_gyr_offset(&self) -> [f32; 3] {
+        [self.cal_gyr_ox(), self.cal_gyr_oy(), self.cal_gyr_oz()]
+    }
+
+    /// The magnetometer's hard iron, uT.
+    pub fn cal_mag_offset(&self) -> [f32; 3] {
+        [self.cal_mag_ox(), self.cal_mag_oy(), self.cal_mag_oz()]
+    }
+
+    /// The magnetometer's soft iron, undone: a matrix applied after the offset, row by row.
+    pub fn cal_mag_matrix(&self) -> [[f32; 3]; 3] {
+        [
+            [self.cal_mag_xx(), self.cal_mag_xy(), self.cal_mag_xz()],
+            [self.cal_mag_yx(), self.cal_mag_yy(), self.cal_mag_yz()],
+            [self.cal_mag_zx(), self.cal_mag_zy(), self.cal_mag_zz()],
+        ]
+    }
+
     /// Number of parameters.
     pub const fn count() -> usize {
         COUNT
