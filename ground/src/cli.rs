@@ -1,6 +1,7 @@
 //! The command line: what can be said, with examples; a file for each command. Commands are carried
 //! out elsewhere, by the module of the same name.
 
+mod calibrate;
 mod cycles;
 mod experiment;
 mod faults;
@@ -16,6 +17,7 @@ mod rig;
 mod test;
 mod watch;
 
+pub use calibrate::{Calibrate, Day, Place, Sensor};
 pub use cycles::{Cycles, Optimise};
 pub use experiment::{Experiment, ExperimentCommand, GyroBias, Sensing};
 pub use faults::Faults;
@@ -73,6 +75,8 @@ pub enum Command {
     Forward(Forward),
     /// Measure what one update of every filter costs on the chip, beside the crates of the field.
     Cycles(Cycles),
+    /// Calibrate the sensors from a recording.
+    Calibrate(Calibrate),
     /// Fail sensor and cable at random instants of a flight, and count how it ends.
     Faults(Faults),
     /// Run the firmware's library on a log, bit for bit or with something changed.

@@ -1,5 +1,6 @@
 //! `tvc`: the ground tool. Messages for people go to standard error, data to standard output.
 
+mod calibrate;
 mod cli;
 mod cycles;
 mod experiment;
@@ -61,6 +62,7 @@ fn run(command: Command) -> anyhow::Result<Verdict> {
         Command::Record(options) => record::run(&options),
         Command::Forward(options) => forward::run(&options),
         Command::Cycles(options) => cycles::run(&options),
+        Command::Calibrate(options) => calibrate::run(&options),
         Command::Faults(options) => faults::run(&options),
         Command::Replay(options) => replay::run(&options),
         Command::Report(options) => report::run(&options),

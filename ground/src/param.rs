@@ -1,6 +1,6 @@
 //! `tvc param`: the vehicle's parameters, with the meaning that this tool's own table gives them.
 
-mod file;
+pub mod file;
 
 use std::path::Path;
 

@@ -23,12 +23,14 @@
 //! | `real_time`, `pty`, [`hand`] | on the clock on the wall, behind a pseudo-terminal (Unix) |
 //! | [`flight`] | boot once, fork, let go, measure |
 //! | [`faults`] | the same flight with everything that a sensor does wrong, at random instants |
+//! | [`handling`] | a sensor in the hand: what calibration is recorded from |
 //! | [`recording`], [`replay`], [`score`] | real recordings through the image |
 
 pub mod bno055;
 pub mod faults;
 pub mod flight;
 pub mod hand;
+pub mod handling;
 pub mod image;
 pub mod link;
 pub mod measure;

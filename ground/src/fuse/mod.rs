@@ -5,7 +5,7 @@ mod figures;
 mod place;
 mod progress;
 mod settings;
-mod source;
+pub mod source;
 mod table;
 
 use std::io::{self, Write};

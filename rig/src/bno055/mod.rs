@@ -239,6 +239,11 @@ impl Bno055 {
         self.sound
     }
 
+    /// Its 7-bit address on the bus.
+    pub fn address(&self) -> u8 {
+        self.config.address
+    }
+
     /// The mode in force.
     pub fn mode(&self) -> Mode {
         self.mode

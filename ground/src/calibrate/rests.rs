@@ -1,0 +1,106 @@
+//! Where in a recording the sensor lay still.
+
+use std::ops::Range;
+
+use tvc_nano::calibration::rest::Moment;
+use tvc_nano::calibration::spread;
+
+/// Length of the windows that are judged, s.
+const WINDOW_S: f64 = 0.2;
+/// A window is still below these: standard deviation of rate (rad/s) and force (m/s2), mean rate, which may be
+/// all bias, and how far the mean force may lie from that of the window before.
+const RATE_NOISE: f64 = 0.012;
+const ACC_NOISE: f64 = 0.15;
+const RATE: f64 = 0.105;
+const ACC_STEP: f64 = 0.1;
+
+/// The stretches of rest of at least `least_s`, as ranges of indices; their first and last window is left away, where the hand
+/// was still near.
+pub fn find(moments: &[Moment], least_s: f64) -> Vec<Range<usize>> {
+    let mut found = Vec::new();
+    let mut current: Option<(Range<usize>, nalgebra::Vector3<f64>)> = None;
+    for window in windows(moments) {
+        let force = still(&moments[window.clone()]);
+        current = match (current, force) {
+            (Some((range, before)), Some(force)) if (force - before).norm() <= ACC_STEP => {
+                Some((range.start..window.end, force))
+            }
+            (ended, force) => {
+                found.extend(ended.map(|(range, _)| range));
+                force.map(|force| (window, force))
+            }
+        };
+    }
+    found.extend(current.map(|(range, _)| range));
+    found
+        .into_iter()
+        .filter_map(|range| inner(moments, range))
+        .filter(|range| length_s(moments, range) >= least_s)
+        .collect()
+}
+
+/// Length of a range, s.
+pub fn length_s(moments: &[Moment], range: &Range<usize>) -> f64 {
+    match moments[range.clone()] {
+        [first, .., last] => last.time_s - first.time_s,
+        _ => 0.0,
+    }
+}
+
+/// Ranges of [`WINDOW_S`] each.
+fn windows(moments: &[Moment]) -> Vec<Range<usize>> {
+    let (mut windows, mut start) = (Vec::new(), 0);
+    for (index, moment) in moments.iter().enumerate() {
+        if moment.time_s - moments[start].time_s >= WINDOW_S {
+            windows.push(start..index);
+            start = index;
+        }
+    }
+    windows
+}
+
+/// Mean force of a window that is still.
+fn still(window: &[Moment]) -> Option<nalgebra::Vector3<f64>> {
+    let (rate, rate_noise) = spread(window.iter().map(|m| &m.gyr))?;
+    let (force, force_noise) = spread(window.iter().map(|m| &m.acc))?;
+    let quiet =
+        rate_noise.amax() <= RATE_NOISE && force_noise.amax() <= ACC_NOISE && rate.amax() <= RATE;
+    quiet.then_some(force)
+}
+
+fn inner(moments: &[Moment], range: Range<usize>) -> Option<Range<usize>> {
+    let (from, to) = (
+        moments[range.start].time_s + WINDOW_S,
+        moments[range.end - 1].time_s - WINDOW_S,
+    );
+    let start = moments.partition_point(|m| m.time_s < from);
+    let end = moments.partition_point(|m| m.time_s <= to);
+    (end > start).then_some(start..end)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use nalgebra::Vector3;
+
+    #[test]
+    fn rests_are_found_between_turns() {
+        let moments: Vec<Moment> = (0..1000)
+            .map(|i| {
+                let time_s = f64::from(i) * 0.01;
+                let turning = (300..500).contains(&i);
+                Moment {
+                    time_s,
+                    gyr: Vector3::new(if turning { 0.5 } else { 0.02 }, 0.0, 0.0),
+                    acc: Vector3::new(0.0, 0.0, if i < 400 { -9.8 } else { 9.8 }),
+                    mag: Vector3::zeros(),
+                }
+            })
+            .collect();
+        let rests = find(&moments, 1.0);
+        assert_eq!(rests.len(), 2, "{rests:?}");
+        assert!(rests[0].start >= 19 && rests[0].end <= 300);
+        assert!(rests[1].start >= 500 && length_s(&moments, &rests[1]) > 4.0);
+        assert!(find(&moments, 6.0).is_empty());
+    }
+}
