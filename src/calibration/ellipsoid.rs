@@ -12,8 +12,8 @@ use core::fmt;
 
 use nalgebra::{Matrix3, Matrix4, Rotation3, SMatrix, SVector, Vector3, Vector4};
 
-use super::Correction;
 use super::coverage::Coverage;
+use super::{Correction, spread};
 
 /// Least share of all directions that must have been seen.
 pub const LEAST_COVERAGE: f64 = 0.6;
@@ -132,16 +132,16 @@ pub fn fit(readings: &[Vector3<f64>]) -> Result<Ellipsoid, EllipsoidError> {
             count: readings.len(),
         });
     }
+    // A reading far from all others would bend the first fit.
+    let (mean, deviation_ut) = spread(readings.iter()).ok_or(EllipsoidError::NoEllipsoid)?;
+    let sane = |m: &Vector3<f64>| (m - mean).norm() <= OUTLIER * deviation_ut.norm();
     let refuse = |why: EllipsoidError| {
         // Most often the cause is that it was not turned enough, and that can be mended.
-        let middle = middle(readings);
-        let seen: Coverage = readings.iter().map(|m| m - middle).fold(
-            Coverage::default(),
-            |mut coverage, direction| {
-                coverage.add(&direction);
-                coverage
-            },
-        );
+        let (middle, _) = extent(readings, sane);
+        let mut seen = Coverage::default();
+        for reading in readings.iter().filter(|m| sane(m)) {
+            seen.add(&(reading - middle));
+        }
         if seen.share() < LEAST_COVERAGE {
             EllipsoidError::Coverage {
                 share: seen.share(),
@@ -151,8 +151,8 @@ pub fn fit(readings: &[Vector3<f64>]) -> Result<Ellipsoid, EllipsoidError> {
         }
     };
     let (mut correction, mut strength) =
-        sphere(readings, |_| true).ok_or_else(|| refuse(EllipsoidError::NoEllipsoid))?;
-    let first = deviation(readings, &correction, strength, |_| true);
+        sphere(readings, sane).ok_or_else(|| refuse(EllipsoidError::NoEllipsoid))?;
+    let first = deviation(readings, &correction, strength, sane);
     let rough = (correction, strength);
     let near = |m: &Vector3<f64>| {
         (rough.0.apply(m).norm() - rough.1).abs() <= OUTLIER * first.max(f64::MIN_POSITIVE)
@@ -241,15 +241,19 @@ fn dip_sine(rotation: &Rotation3<f64>, (up, field): &(Vector3<f64>, Vector3<f64>
     -up.normalize().dot(&(rotation * field.normalize()))
 }
 
-/// The middle of the readings' ranges.
-fn middle(readings: &[Vector3<f64>]) -> Vector3<f64> {
-    let Some(first) = readings.first() else {
-        return Vector3::zeros();
+/// The middle of the ranges of the readings that are `wanted`, and the largest distance from it.
+fn extent(
+    readings: &[Vector3<f64>],
+    wanted: impl Fn(&Vector3<f64>) -> bool,
+) -> (Vector3<f64>, f64) {
+    let wanted = || readings.iter().filter(|m| wanted(m));
+    let Some(first) = wanted().next() else {
+        return (Vector3::zeros(), 0.0);
     };
-    let (low, high) = readings
-        .iter()
-        .fold((*first, *first), |(low, high), m| (low.inf(m), high.sup(m)));
-    (low + high) / 2.0
+    let (low, high) = wanted().fold((*first, *first), |(low, high), m| (low.inf(m), high.sup(m)));
+    let middle = (low + high) / 2.0;
+    let size = wanted().map(|m| (m - middle).norm()).fold(0.0, f64::max);
+    (middle, size)
 }
 
 /// The ellipsoid through the readings that are `wanted`: its correction and its mean radius.
@@ -258,11 +262,7 @@ fn sphere(
     wanted: impl Fn(&Vector3<f64>) -> bool,
 ) -> Option<(Correction, f64)> {
     // About their middle, and in units of their size, so that the equations are of the same size.
-    let middle = middle(readings);
-    let size = readings
-        .iter()
-        .map(|m| (m - middle).norm())
-        .fold(0.0, f64::max);
+    let (middle, size) = extent(readings, &wanted);
     let (mut normal, mut right) = (Matrix9::zeros(), Vector9::zeros());
     for reading in readings.iter().filter(|m| wanted(m)) {
         let m = (reading - middle) / size;

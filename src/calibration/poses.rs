@@ -201,7 +201,7 @@ mod tests {
         assert!(why(&shaken).contains("contradict"), "{}", why(&shaken));
         let far: Vec<_> = six()
             .iter()
-            .map(|r| r + Vector3::new(3.0, 0.0, 0.0))
+            .map(|r| r + Vector3::new(-2.5, 0.0, 0.0))
             .collect();
         assert!(why(&far).contains("larger than"), "{}", why(&far));
     }
