@@ -323,7 +323,10 @@ impl<F: Filter> Estimator<F> {
                 .compass
                 .heading(&products, &down, mag, self.sums.tick());
             let samples = self.mag_samples.min(MOST_MAG_SAMPLES);
-            turn = (((sine * self.mag_gain) >> 15) * samples).clamp(-self.mag_most, self.mag_most);
+            // Not `clamp`, which would panic were the limit negative.
+            turn = (((sine * self.mag_gain) >> 15) * samples)
+                .min(self.mag_most)
+                .max(-self.mag_most);
             self.mag_samples = 0;
         }
         let tilt = self.filter.tilt(
