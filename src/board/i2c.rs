@@ -94,7 +94,7 @@ struct Active {
 struct Master {
     /// The slave's address, shifted as it goes on the wire.
     address: u8,
-    /// What the next tick starts.
+    /// What every tick starts.
     armed: Option<Transfer>,
     active: Option<Active>,
     received: [u8; READ_MAX],
@@ -257,7 +257,7 @@ impl Bus {
         }
     }
 
-    /// Have the next tick start `transfer`; `None` has it start nothing.
+    /// Have every tick start `transfer`; `None` has them start nothing.
     pub(super) fn arm(&mut self, transfer: Option<Transfer>) {
         with_master(|master| master.armed = transfer);
     }
@@ -334,12 +334,14 @@ impl Bus {
     }
 }
 
-/// Start the armed transfer, from the tick's interrupt, unless the bus is busy.
+/// Start the armed transfer, from the tick's interrupt, unless the bus is busy. A burst that is over and that the main
+/// loop has not collected, because it is late, is overtaken: the next is worth more.
 pub(super) fn start_burst(time: Micros) {
     with_master(|master| {
-        if master.active.is_none()
-            && let Some(transfer) = master.armed.take()
-        {
+        let free = master.active.is_none_or(|active| {
+            active.origin == Origin::Tick && matches!(active.step, Step::Done(Ok(())))
+        });
+        if free && let Some(transfer) = master.armed.take() {
             master.start(transfer, Origin::Tick, time);
         }
     });

@@ -52,6 +52,10 @@ enum Found {
 impl Parser {
     /// Take one byte. Follow with [`Parser::next_message`] until it gives nothing.
     pub(super) fn push(&mut self, byte: u8) {
+        // Noise between frames costs nothing.
+        if self.buffer.is_empty() && !matches!(byte, START_V1 | START_V2) {
+            return;
+        }
         if self.buffer.push(byte).is_err() {
             // Cannot happen while every frame taken fits: start over rather than lose step.
             self.buffer.clear();
