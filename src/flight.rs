@@ -125,6 +125,10 @@ impl Flight {
             return Err(ParamError::Armed { name: info.name });
         }
         self.params.set(name, value)?;
+        // Nothing that may change in flight concerns navigation, whose sines would cost a sample.
+        if info.change == Change::Disarmed {
+            self.navigation.configure(&self.params);
+        }
         self.configure();
         Ok(info)
     }
@@ -138,6 +142,7 @@ impl Flight {
             return Err(ParamError::ArmedAll);
         }
         self.params = params;
+        self.navigation.configure(&self.params);
         self.configure();
         Ok(())
     }
@@ -209,9 +214,8 @@ impl Flight {
         }
     }
 
-    /// Hand the parameters to the parts that they belong to.
+    /// Hand the parameters to the parts that they belong to; navigation has its own.
     fn configure(&mut self) {
-        self.navigation.configure(&self.params);
         self.servo.configure(&self.params);
         self.controller
             .configure(&self.params, self.servo.travel_rad());
