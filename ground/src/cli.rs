@@ -16,6 +16,7 @@ mod param;
 mod rig;
 mod test;
 mod watch;
+mod web;
 
 pub use calibrate::{Calibrate, Day, Place, Sensor};
 pub use cycles::{Cycles, Optimise};
@@ -32,6 +33,7 @@ pub use param::{Param, ParamAction, ParamPort};
 pub use rig::Rig;
 pub use test::{Manoeuvre, Test};
 pub use watch::{Forward, Monitor, Record};
+pub use web::Web;
 
 use clap::{Parser, Subcommand};
 
@@ -85,6 +87,8 @@ pub enum Command {
     Report(Report),
     /// Fly a manoeuvre on the tether and measure it.
     Test(Test),
+    /// Watch, tune and stop the vehicle from a page in the browser.
+    Web(Web),
 }
 
 #[cfg(test)]

@@ -28,6 +28,7 @@ mod status;
 mod stop;
 mod uf2;
 mod virtual_rig;
+mod web;
 
 use std::process::ExitCode;
 
@@ -67,6 +68,7 @@ fn run(command: Command) -> anyhow::Result<Verdict> {
         Command::Replay(options) => replay::run(&options),
         Command::Report(options) => report::run(&options),
         Command::Test(options) => manoeuvre::run(&options),
+        Command::Web(options) => web::run(&options),
     }
 }
 

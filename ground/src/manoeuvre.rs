@@ -17,9 +17,9 @@ use crate::report::{conclude, sweep};
 use crate::stop;
 
 /// How long the vehicle may take until it lets itself be armed: self-test, and the gyro's offset at rest.
-const ARM_PATIENCE: Duration = Duration::from_secs(20);
+pub const ARM_PATIENCE: Duration = Duration::from_secs(20);
 /// Between two attempts.
-const ARM_RETRY: Duration = Duration::from_millis(500);
+pub const ARM_RETRY: Duration = Duration::from_millis(500);
 /// Upright before the set point begins to swing.
 const SETTLE: Duration = Duration::from_secs(3);
 /// Between two set points.

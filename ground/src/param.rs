@@ -19,8 +19,9 @@ use crate::output::write_whole;
 
 /// A parameter with all that is known of it.
 #[derive(Debug, Serialize)]
-struct Row {
-    name: String,
+pub struct Row {
+    /// Name.
+    pub name: String,
     value: f32,
     default: Option<f32>,
     unit: &'static str,
@@ -29,7 +30,8 @@ struct Row {
 }
 
 impl Row {
-    fn of(parameter: &Parameter) -> Self {
+    /// What this tool's own table says of a parameter.
+    pub fn of(parameter: &Parameter) -> Self {
         let index = Params::index_of(&parameter.name);
         let info = index.and_then(|index| Params::default().by_index(index).map(|(info, _)| info));
         let description = index.and_then(|index| DESCRIPTIONS.get(index));

@@ -141,7 +141,8 @@ pub fn conclude(flight: &Flight, log: &Path, page: Option<&Path>, json: bool) ->
     })
 }
 
-fn servo(params: &Params) -> ServoChoice {
+/// The servo that the parameters are for.
+pub fn servo(params: &Params) -> ServoChoice {
     if params.srv_rate_hz() >= DIGITAL_HZ {
         ServoChoice::Digital
     } else {

@@ -158,6 +158,11 @@ impl Tracker {
         }
     }
 
+    /// The newest values as they are; texts and rate go on.
+    pub fn peek(&self) -> &Status {
+        &self.status
+    }
+
     /// The present object; texts and rate begin anew.
     pub fn next(&mut self, standing: &Standing, counts: LinkCounts) -> Status {
         let status = &mut self.status;

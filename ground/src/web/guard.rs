@@ -1,0 +1,88 @@
+//! Who may command: whoever has the token of this start, at an address that no foreign name leads to.
+
+use std::net::IpAddr;
+
+use anyhow::{Result, anyhow};
+
+/// Bytes of a token.
+const LENGTH: usize = 16;
+
+/// The secret of one start of the program.
+pub struct Token(String);
+
+impl Token {
+    /// A new one, from the system's random numbers.
+    ///
+    /// # Errors
+    /// The system has none.
+    pub fn new() -> Result<Self> {
+        let mut bytes = [0; LENGTH];
+        getrandom::fill(&mut bytes).map_err(|error| anyhow!("making a token: {error}"))?;
+        Ok(Self(
+            bytes.iter().map(|byte| format!("{byte:02x}")).collect(),
+        ))
+    }
+
+    /// As hexadecimal digits.
+    pub fn text(&self) -> &str {
+        &self.0
+    }
+
+    /// Whether `given` is this token; how long that takes does not tell how much of it is right.
+    pub fn is(&self, given: &str) -> bool {
+        let difference = self
+            .0
+            .bytes()
+            .zip(given.bytes())
+            .fold(0, |sum, (ours, theirs)| sum | (ours ^ theirs));
+        given.len() == self.0.len() && difference == 0
+    }
+}
+
+/// Whether a request's `Host` is this computer by number or as `localhost`. A name may belong to a foreign page that
+/// has pointed it here (DNS rebinding); a number cannot.
+pub fn is_own_host(host: &str) -> bool {
+    let name = match host.strip_prefix('[') {
+        Some(rest) => rest.split(']').next().unwrap_or_default(),
+        None => host.split(':').next().unwrap_or_default(),
+    };
+    name.eq_ignore_ascii_case("localhost") || name.parse::<IpAddr>().is_ok()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_the_whole_token_will_do() {
+        let (token, other) = (Token::new().unwrap(), Token::new().unwrap());
+        assert_eq!(token.text().len(), 2 * LENGTH);
+        assert!(token.is(token.text()));
+        assert!(!token.is(other.text()));
+        assert!(!token.is(""));
+        assert!(!token.is(&token.text()[1..]));
+        assert!(!token.is(&format!("{}0", token.text())));
+    }
+
+    #[test]
+    fn a_foreign_name_is_no_host_of_ours() {
+        for host in [
+            "127.0.0.1:8650",
+            "127.0.0.1",
+            "localhost:8650",
+            "[::1]:8650",
+            "192.168.1.7:80",
+        ] {
+            assert!(is_own_host(host), "{host}");
+        }
+        for host in [
+            "",
+            "evil.example:8650",
+            "127.0.0.1.evil.example",
+            "[evil]",
+            "localhost.evil",
+        ] {
+            assert!(!is_own_host(host), "{host}");
+        }
+    }
+}

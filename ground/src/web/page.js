@@ -1,0 +1,228 @@
+// The page of `tvc web`: what comes by the stream of events is shown, what is pressed is sent.
+
+import { Strip, drawTrace } from "./chart.js";
+import { Parameters } from "./parameters.js";
+
+const token = document.querySelector("meta[name=token]").content;
+const at = (id) => document.getElementById(id);
+/** Texts in sight. */
+const TEXTS = 100;
+/** Between two drawings of the charts, ms. */
+const DRAW = 40;
+/** Silence of the program after which the page says so, ms. */
+const SILENCE = 1500;
+
+let frame = null;
+let shown = 0;
+let condition = {};
+let trial = {};
+let heard = performance.now();
+let drawn = 0;
+
+// Orders
+
+/** Sends an order; gives the reason if it is refused. */
+async function send(order, body) {
+  try {
+    const response = await fetch(`/${order}`, {
+      method: "POST",
+      headers: { "X-Token": token },
+      body: body === undefined ? "" : JSON.stringify(body),
+    });
+    if (response.ok) return null;
+    const text = await response.text();
+    try { return JSON.parse(text).error; } catch { return text; }
+  } catch {
+    return "tvc web does not answer: is it still running?";
+  }
+}
+
+/** Sends a button's order and tells how it went. */
+async function press(order, words) {
+  const refusal = await send(order);
+  const answer = at("answer");
+  answer.textContent = refusal ?? `${words}: done`;
+  answer.classList.toggle("done", refusal === null);
+  clearTimeout(press.timer);
+  press.timer = setTimeout(() => { answer.textContent = ""; }, refusal === null ? 2000 : 8000);
+}
+
+at("stop").addEventListener("pointerdown", () => press("stop", "STOP"));
+at("stop").addEventListener("click", (event) => {
+  // By keyboard; the pointer has been heard already.
+  if (event.detail === 0) press("stop", "STOP");
+});
+document.addEventListener("keydown", (event) => {
+  if (event.key === "Escape" && !event.repeat) press("stop", "STOP");
+});
+for (const button of document.querySelectorAll("[data-order]")) {
+  button.addEventListener("click", () => press(button.dataset.order, button.textContent));
+}
+at("step").addEventListener("click", () => press("step", "step test begun"));
+at("record").addEventListener("click", () => (
+  condition.recording ? press("end-record", "recording ended") : press("record", "recording begun")
+));
+
+// Parameters
+
+const parameters = new Parameters(at("parameters"), (name, value) => send("set", { name, value }));
+let revision = 0;
+
+async function fetchParameters(wanted) {
+  revision = wanted;
+  try {
+    const response = await fetch(`/parameters?token=${token}`);
+    if (!response.ok) throw new Error(response.statusText);
+    parameters.show(await response.json());
+  } catch {
+    revision = 0;
+  }
+}
+
+// Charts
+
+const strips = [
+  [new Strip(at("charts"), "pitch", "deg", [["pitch", "blue"], ["set point", "green"]], [-2, 2], 1), (f) => [f.attitude_deg[1], f.set_deg]],
+  [new Strip(at("charts"), "pitch rate", "deg/s", [["rate", "teal"]], [-5, 5], 1), (f) => [f.rate_deg_s]],
+  [new Strip(at("charts"), "rudder servo", "deg", [["servo", "violet"]], [-5, 5], 1), (f) => [f.servo_deg]],
+  [new Strip(at("charts"), "sample to control step", "ms", [["age", "amber"]], [0, 5], 2), (f) => [f.latency_ms]],
+  [new Strip(at("charts"), "processor load", "%", [["load", "slate"]], [0, 40], 1), (f) => [f.load_pct]],
+];
+
+for (const deg of [-30, -15, 0, 15, 30]) {
+  const mark = document.createElementNS("http://www.w3.org/2000/svg", "path");
+  mark.setAttribute("d", "M0 -170V-163");
+  mark.setAttribute("class", "mark");
+  mark.setAttribute("transform", `rotate(${deg})`);
+  at("marks").append(mark);
+}
+
+/** Shows the newest frame. Seen from the drone's right side its nose is to the right: up is anticlockwise. */
+function paint(now) {
+  requestAnimationFrame(paint);
+  const silent = performance.now() - heard > SILENCE;
+  document.body.classList.toggle("stale", silent || !condition.connected);
+  if (silent) at("problem").textContent = "tvc web does not answer: is it still running? This page tries again by itself.";
+  if (!frame || now - drawn < DRAW) return;
+  drawn = now;
+  const [roll, pitch, yaw] = frame.attitude_deg;
+  at("body").setAttribute("transform", `rotate(${-pitch})`);
+  at("setpoint").setAttribute("transform", `rotate(${-frame.set_deg})`);
+  at("rudder").setAttribute("transform", `rotate(${-frame.servo_deg})`);
+  for (const [id, value] of [["pitch", pitch], ["roll", roll], ["yaw", yaw], ["servo", frame.servo_deg]]) {
+    at(id).textContent = value.toFixed(1);
+  }
+  for (const [strip] of strips) strip.draw();
+}
+requestAnimationFrame(paint);
+
+// Conditions
+
+function figures(list, rows) {
+  list.replaceChildren(...rows.map(([name, value]) => {
+    const [row, dt, dd] = ["div", "dt", "dd"].map((tag) => document.createElement(tag));
+    dt.textContent = name;
+    dd.textContent = value;
+    row.append(dt, dd);
+    return row;
+  }));
+}
+
+function showCondition(now) {
+  condition = now;
+  at("state").textContent = now.state;
+  at("state").className = `pill ${now.state.split(" ")[0]}`;
+  at("reason").textContent = now.reason === now.state ? "" : now.reason;
+  at("port").textContent = now.port;
+  at("problem").textContent = now.connected ? "" : `${now.problem} — the page goes on by itself when it is back.`;
+  const armed = ["armed", "active", "failsafe"].includes(now.state);
+  for (const button of document.querySelectorAll("[data-order], #step, #record")) button.disabled = !now.connected;
+  const busy = trial.running;
+  document.querySelector("[data-order=arm]").disabled ||= armed || busy;
+  document.querySelector("[data-order=release]").disabled ||= now.state !== "armed" || busy;
+  document.querySelector("[data-order=calibrate]").disabled ||= armed || busy;
+  at("step").disabled ||= armed || busy || now.recording !== null;
+  at("record").disabled ||= busy;
+  at("record").textContent = now.recording && !busy ? "End recording" : "Record";
+  at("record").classList.toggle("on", now.recording !== null);
+  at("recording").textContent = now.recording ? `recording to ${now.recording}` : "";
+  at("health").textContent = !now.connected ? "unknown"
+    : now.unhealthy.length ? `not healthy: ${now.unhealthy.join(", ")}` : "everything enabled is healthy";
+  const count = (value) => value.toLocaleString("en");
+  figures(at("link"), [
+    ["attitudes", `${now.attitude_hz.toFixed(1)} /s`],
+    ["round trip", now.round_trip_ms === null ? "–" : `${now.round_trip_ms.toFixed(1)} ms`],
+    ["messages", count(now.messages)],
+    ["lost", count(now.lost)],
+    ["damaged", count(now.crc_errors)],
+    ["dropped aboard", count(now.dropped)],
+    ["samples missed", count(now.missed)],
+    ["bus errors", count(now.bus_errors)],
+  ]);
+  if (now.parameters !== revision) fetchParameters(now.parameters);
+}
+
+function showTrial(now) {
+  trial = now;
+  at("trial").hidden = !now.running && !now.stage && !now.result;
+  const result = now.result;
+  const met = result && result.missed.length === 0;
+  at("stage").textContent = now.running ? now.stage || "begins" : result ? (met ? `every requirement met; ${now.log}` : now.log) : now.stage;
+  at("stage").classList.toggle("met", Boolean(met));
+  at("trace").hidden = !result || result.trace.length < 2;
+  const seconds = (value) => (value === null ? "never" : `${value.toFixed(3)} s`);
+  const run = result?.run;
+  figures(at("figures"), !run ? [] : [
+    ["tilt at release", `${(run.start_rad * 180 / Math.PI).toFixed(1)} deg`],
+    ["rise", seconds(run.rise_s)],
+    ["overshoot", `${run.overshoot_pct.toFixed(1)} %`],
+    ["settling to 5 %", seconds(run.settling_5pct_s)],
+    ["final error", `${(run.final_error_rad * 180 / Math.PI).toFixed(2)} deg`],
+    ["stayed in control", run.stayed_active ? "yes" : "no"],
+    ["loop jitter", `${result.loop.jitter_us_max.toFixed(0)} us`],
+    ["messages lost", String(result.telemetry.lost)],
+  ]);
+  at("missed").replaceChildren(...(result?.missed ?? []).map((line) => {
+    const item = document.createElement("li");
+    item.textContent = line;
+    return item;
+  }));
+  if (!at("trace").hidden) drawTrace(at("trace"), result.trace, ["blue", "violet"]);
+  if (condition.state) showCondition(condition);
+}
+
+function showText(text) {
+  const list = at("texts");
+  const [item, time, words] = ["li", "time", "span"].map((tag) => document.createElement(tag));
+  time.textContent = `${text.time_s.toFixed(2)} s`;
+  words.textContent = text.text;
+  words.className = text.severity <= 3 ? "bad" : text.severity === 4 ? "warning" : "";
+  item.append(time, words);
+  list.prepend(item);
+  while (list.childElementCount > TEXTS) list.lastElementChild.remove();
+}
+
+// The stream
+
+const stream = new EventSource(`/events?token=${token}`);
+const on = (name, show) => stream.addEventListener(name, (event) => {
+  heard = performance.now();
+  show(JSON.parse(event.data));
+});
+// A page that begins anew is told every text again.
+stream.addEventListener("open", () => at("texts").replaceChildren());
+on("condition", showCondition);
+on("trial", showTrial);
+on("text", showText);
+on("frame", (now) => {
+  frame = now;
+  shown += 1;
+  document.body.dataset.frames = String(shown);
+  if (now.count === on.count) return;
+  on.count = now.count;
+  for (const [strip, values] of strips) strip.push(now.time_s, values(now));
+});
+// After a restart of the program the token is another one; only a new page has it.
+stream.addEventListener("error", () => {
+  if (stream.readyState === EventSource.CLOSED) setTimeout(() => location.reload(), 1000);
+});

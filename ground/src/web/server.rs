@@ -1,0 +1,329 @@
+//! HTTP: the page, its stream of events, and the requests of its buttons.
+//!
+//! | request | answer |
+//! |---|---|
+//! | `GET /` and the files that it names | the page |
+//! | `GET /events?token=` | Server-Sent Events: a frame 50 times a second, `condition`, `trial` and `text` when there is one |
+//! | `GET /parameters?token=` | every parameter |
+//! | `POST /stop`, `/arm`, `/release`, `/calibrate`, `/save`, `/reload`, `/reset` | the order is given |
+//! | `POST /set` `{"name", "value"}` | a parameter is set |
+//! | `POST /record`, `/end-record`, `/step` | a log begins, ends; a step test begins |
+//!
+//! A POST needs the token in `X-Token`, which no foreign page can send. Answers are JSON: `{"ok": true}`, or
+//! `{"error": reason}` with status 409 if the vehicle refuses.
+
+use std::io::{Read, Write};
+use std::net::TcpListener;
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::time::{Duration, Instant};
+
+use anyhow::{Result, anyhow};
+use rig::request;
+use serde::{Deserialize, Serialize};
+use serde_json::json;
+use tiny_http::{Header, Method, Request, Response, StatusCode};
+
+use super::guard::{Token, is_own_host};
+use super::shared::{Shared, State, Told};
+use super::station::{Answer, Station, What, is_armed};
+use super::{logs, trial};
+
+/// Between two frames.
+const PERIOD: Duration = Duration::from_millis(20);
+/// How long the program may take to notice that it shall end.
+const LOOK: Duration = Duration::from_millis(100);
+/// Longest body of a request, bytes.
+const BODY: u64 = 4096;
+/// Most pages at the same time.
+const PAGES: usize = 16;
+
+/// What the page is made of: path, kind, content.
+const FILES: [(&str, &str, &str); 4] = [
+    ("/page.css", "text/css", include_str!("page.css")),
+    ("/page.js", "text/javascript", include_str!("page.js")),
+    ("/chart.js", "text/javascript", include_str!("chart.js")),
+    (
+        "/parameters.js",
+        "text/javascript",
+        include_str!("parameters.js"),
+    ),
+];
+const PAGE: &str = include_str!("page.html");
+/// Where the page has the token.
+const TOKEN: &str = "{{token}}";
+
+/// Sent with every answer: nothing is loaded from elsewhere, no foreign page may show this one in a frame.
+const HEADERS: [(&str, &str); 5] = [
+    (
+        "Content-Security-Policy",
+        "default-src 'none'; script-src 'self'; style-src 'self'; img-src data:; connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'",
+    ),
+    ("X-Content-Type-Options", "nosniff"),
+    ("Referrer-Policy", "no-referrer"),
+    ("Cross-Origin-Resource-Policy", "same-origin"),
+    ("Cache-Control", "no-store"),
+];
+
+/// What every request needs.
+pub struct Server {
+    /// Who has it may command.
+    pub token: Token,
+    /// The page gives the token to whoever can reach it: this computer alone.
+    pub open: bool,
+    /// The vehicle.
+    pub station: Station,
+    /// What is known of it.
+    pub shared: Arc<Shared>,
+    /// Folder for recordings.
+    pub logs: PathBuf,
+    /// Ends the step test under way.
+    pub trial_stop: Arc<AtomicBool>,
+    /// Pages that listen.
+    pub pages: Arc<AtomicUsize>,
+}
+
+/// Why a request gets no answer of its own: status, reason.
+type Refusal = (u16, String);
+
+/// Answers requests until `ended`, each in a thread of its own: one may wait seconds for the vehicle.
+///
+/// # Errors
+/// The socket fails.
+pub fn serve(
+    listener: TcpListener,
+    server: &Arc<Server>,
+    ended: &mut dyn FnMut() -> bool,
+) -> Result<()> {
+    let http = tiny_http::Server::from_listener(listener, None)
+        .map_err(|error| anyhow!("serving the page: {error}"))?;
+    while !ended() {
+        if let Some(request) = http.recv_timeout(LOOK)? {
+            let server = server.clone();
+            std::thread::spawn(move || server.answer(request));
+        }
+    }
+    Ok(())
+}
+
+#[derive(Deserialize)]
+struct Setting {
+    name: String,
+    value: f32,
+}
+
+impl Server {
+    fn answer(&self, mut request: Request) {
+        if let Err((status, reason)) = self.admit(&request) {
+            return respond(request, status, "text/plain", &reason);
+        }
+        let url = request.url().to_owned();
+        let path = url.split('?').next().unwrap_or_default();
+        match (request.method().clone(), path) {
+            (Method::Get, "/") => {
+                let page = PAGE.replace(TOKEN, self.token.text());
+                respond(request, 200, "text/html", &page);
+            }
+            (Method::Get, "/events") => self.stream(request),
+            (Method::Get, "/parameters") => {
+                let text = serde_json::to_string(&self.shared.lock().parameters);
+                respond_json(request, text.map_err(|error| (500, error.to_string())));
+            }
+            (Method::Get, _) => match FILES.iter().find(|(name, ..)| *name == path) {
+                Some((_, kind, content)) => respond(request, 200, kind, content),
+                None => respond(request, 404, "text/plain", "there is no such page\n"),
+            },
+            (Method::Post, _) => {
+                let mut body = String::new();
+                let read = request.as_reader().take(BODY).read_to_string(&mut body);
+                let result = read
+                    .map_err(|error| (400, format!("a body that is no text: {error}")))
+                    .and_then(|_| self.order(path, &body))
+                    .map(|()| json!({ "ok": true }).to_string());
+                respond_json(request, result);
+            }
+            _ => respond(request, 405, "text/plain", "GET and POST only\n"),
+        }
+    }
+
+    /// Whether a request may be answered at all.
+    fn admit(&self, request: &Request) -> Result<(), Refusal> {
+        if !header(request, "Host").is_some_and(is_own_host) {
+            return Err((
+                403,
+                "open this page by its number, as tvc web printed it, or as localhost\n".into(),
+            ));
+        }
+        let url = request.url();
+        let (path, query) = url.split_once('?').unwrap_or((url, ""));
+        let given = match request.method() {
+            Method::Post => header(request, "X-Token"),
+            _ => query
+                .split('&')
+                .find_map(|pair| pair.strip_prefix("token=")),
+        };
+        let free = *request.method() == Method::Get
+            && (FILES.iter().any(|(name, ..)| *name == path) || (path == "/" && self.open));
+        if free || given.is_some_and(|given| self.token.is(given)) {
+            return Ok(());
+        }
+        Err((
+            403,
+            "no valid token: open the address that tvc web printed\n".into(),
+        ))
+    }
+
+    /// Does what a button asks for.
+    fn order(&self, path: &str, body: &str) -> Result<(), Refusal> {
+        let refused = |answer: Answer| answer.map_err(|reason| (409, reason));
+        let order = |name, order| refused(self.station.ask(What::Order(name, order)));
+        match path {
+            "/stop" => {
+                self.trial_stop.store(true, Ordering::SeqCst);
+                order("stop", request::DISARM)
+            }
+            "/arm" => order("arm", request::ARM),
+            "/release" => order("release", request::RELEASE),
+            "/calibrate" => order("calibrate", request::CALIBRATE),
+            "/save" => order("save", request::SAVE),
+            "/reload" => order("reload", request::RELOAD),
+            "/reset" => order("reset", request::RESET),
+            "/set" => {
+                let setting: Setting = serde_json::from_str(body)
+                    .map_err(|error| (400, format!("a name and a value are needed: {error}")))?;
+                refused(self.station.ask(What::Set(setting.name, setting.value)))
+            }
+            "/record" => self.record(),
+            "/end-record" => refused(self.station.ask(What::EndRecord)),
+            "/step" => self.step(),
+            _ => Err((404, "there is no such order".into())),
+        }
+    }
+
+    fn record(&self) -> Result<(), Refusal> {
+        idle(&self.shared.lock())?;
+        let (writer, path) =
+            logs::create(&self.logs, "flight").map_err(|error| (409, format!("{error:#}")))?;
+        let begun = self.station.ask(What::Record(writer, path));
+        begun.map_err(|reason| (409, reason))?;
+        if is_armed(&self.shared.lock().condition().state) {
+            return Ok(());
+        }
+        // The estimate begins anew, so that a replay knows its past; a refusal is among the vehicle's texts.
+        let _ = self
+            .station
+            .ask(What::Order("calibrate", request::CALIBRATE));
+        Ok(())
+    }
+
+    /// Begins a step test.
+    fn step(&self) -> Result<(), Refusal> {
+        let mut state = self.shared.lock();
+        idle(&state)?;
+        if is_armed(&state.condition().state) || !state.condition().connected {
+            return Err((409, "the vehicle is not in standby: disarm first".into()));
+        }
+        let mut trial = state.trial().clone();
+        trial.running = true;
+        state.set_trial(trial);
+        drop(state);
+        self.trial_stop.store(false, Ordering::SeqCst);
+        let (station, shared) = (self.station.clone(), self.shared.clone());
+        let (folder, stop) = (self.logs.clone(), self.trial_stop.clone());
+        std::thread::spawn(move || trial::run(&station, &shared, &folder, &stop));
+        Ok(())
+    }
+
+    /// Tells a page everything, until it goes away.
+    fn stream(&self, request: Request) {
+        if self.pages.fetch_add(1, Ordering::SeqCst) < PAGES {
+            let mut out = request.into_writer();
+            // That the page has gone is no error.
+            let _ = self.tell(&mut out);
+        } else {
+            respond(request, 503, "text/plain", "too many pages are open\n");
+        }
+        self.pages.fetch_sub(1, Ordering::SeqCst);
+    }
+
+    fn tell(&self, out: &mut dyn Write) -> std::io::Result<()> {
+        let mut head = String::from(
+            "HTTP/1.1 200 OK\r\nContent-Type: text/event-stream\r\nConnection: close\r\n",
+        );
+        for (name, value) in HEADERS {
+            head += &format!("{name}: {value}\r\n");
+        }
+        out.write_all((head + "\r\n").as_bytes())?;
+        let mut told = Told::default();
+        let mut due = Instant::now();
+        loop {
+            let news = self.shared.lock().news(&mut told);
+            let mut events = String::new();
+            if let Some(condition) = &news.condition {
+                event(&mut events, "condition", condition)?;
+            }
+            if let Some(trial) = &news.trial {
+                event(&mut events, "trial", trial)?;
+            }
+            for text in &news.texts {
+                event(&mut events, "text", text)?;
+            }
+            event(&mut events, "frame", &news.frame)?;
+            out.write_all(events.as_bytes())?;
+            out.flush()?;
+            due += PERIOD;
+            let now = Instant::now();
+            match due.checked_duration_since(now) {
+                Some(rest) => std::thread::sleep(rest),
+                // What was slept through is not caught up on.
+                None => due = now,
+            }
+        }
+    }
+}
+
+/// Nothing is being recorded or tested.
+fn idle(state: &State) -> Result<(), Refusal> {
+    if state.trial().running {
+        return Err((409, "a step test is under way".into()));
+    }
+    match &state.condition().recording {
+        Some(path) => Err((409, format!("{path} is being recorded: end it first"))),
+        None => Ok(()),
+    }
+}
+
+fn event(events: &mut String, name: &str, data: &impl Serialize) -> std::io::Result<()> {
+    let data = serde_json::to_string(data)?;
+    *events += &format!("event: {name}\ndata: {data}\n\n");
+    Ok(())
+}
+
+fn header<'a>(request: &'a Request, name: &'static str) -> Option<&'a str> {
+    let found = request.headers().iter().find(|h| h.field.equiv(name))?;
+    Some(found.value.as_str())
+}
+
+fn respond_json(request: Request, result: Result<String, Refusal>) {
+    match result {
+        Ok(text) => respond(request, 200, "application/json", &text),
+        Err((status, reason)) => {
+            let text = json!({ "error": reason }).to_string();
+            respond(request, status, "application/json", &text);
+        }
+    }
+}
+
+fn respond(request: Request, status: u16, kind: &str, content: &str) {
+    let mut response = Response::from_string(content).with_status_code(StatusCode(status));
+    let kind = format!("{kind}; charset=utf-8");
+    let fixed = HEADERS.iter().copied();
+    for (name, value) in fixed.chain([("Content-Type", kind.as_str())]) {
+        if let Ok(header) = Header::from_bytes(name, value) {
+            response.add_header(header);
+        }
+    }
+    // Who asked may be gone.
+    let _ = request.respond(response);
+}

@@ -1,0 +1,243 @@
+#!/usr/bin/env python3
+"""The page of `tvc web` in a real headless Chromium, against the virtual rig: load time, fifty updates a
+second for a minute without growing memory, STOP, a parameter, a step test, screenshots.
+
+    pip install websockets
+    cargo build -p ground
+    python tools/web_check.py --tvc target/debug/tvc --shots shots
+
+Needs Chromium. Prints one JSON object; exit status 1 if a requirement is missed.
+"""
+
+import argparse
+import base64
+import itertools
+import json
+import pathlib
+import re
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+
+from websockets.sync.client import connect
+
+PATIENCE_S = 60
+STOPS = 10
+
+
+class Browser:
+    """One page, driven over the DevTools protocol."""
+
+    def __init__(self, program, folder):
+        self.process = subprocess.Popen(
+            [program, "--headless", "--no-sandbox", "--remote-debugging-port=0", "--window-size=1280,1100",
+             f"--user-data-dir={folder}", "about:blank"],
+            stderr=subprocess.PIPE, text=True)
+        found = next(filter(None, (re.search(r"ws://([^/]+)/", line) for line in self.process.stderr)))
+        self.ids = itertools.count(1)
+        self.socket = connect(found.string[found.start():].strip(), max_size=None)
+        target = self.send("Target.createTarget", url="about:blank")["targetId"]
+        self.session = None
+        self.session = self.send("Target.attachToTarget", targetId=target, flatten=True)["sessionId"]
+        for domain in ("Page", "Runtime", "Performance"):
+            self.send(f"{domain}.enable")
+
+    session = None
+
+    def send(self, method, **params):
+        number = next(self.ids)
+        message = {"id": number, "method": method, "params": params}
+        if self.session:
+            message["sessionId"] = self.session
+        self.socket.send(json.dumps(message))
+        while True:
+            answer = json.loads(self.socket.recv(timeout=PATIENCE_S))
+            if answer.get("id") == number:
+                if "error" in answer:
+                    raise RuntimeError(f"{method}: {answer['error']}")
+                return answer["result"]
+
+    def value(self, expression):
+        answer = self.send("Runtime.evaluate", expression=expression, returnByValue=True, awaitPromise=True)
+        if "exceptionDetails" in answer:
+            raise RuntimeError(answer["exceptionDetails"])
+        return answer["result"].get("value")
+
+    def wait(self, expression, seconds=PATIENCE_S):
+        end = time.monotonic() + seconds
+        while not self.value(expression):
+            if time.monotonic() > end:
+                raise TimeoutError(expression)
+            time.sleep(0.05)
+
+    def memory(self):
+        """Bytes in use after a collection, and nodes of the page."""
+        self.send("HeapProfiler.collectGarbage")
+        metrics = {m["name"]: m["value"] for m in self.send("Performance.getMetrics")["metrics"]}
+        return {"heap_bytes": int(metrics["JSHeapUsedSize"]), "nodes": int(metrics["Nodes"])}
+
+    def click(self, selector):
+        box = self.value(f"(() => {{ const b = document.querySelector({selector!r}); b.scrollIntoView({{block: 'center'}});"
+                         "const r = b.getBoundingClientRect(); return [r.x + r.width / 2, r.y + r.height / 2]; })()")
+        for kind in ("mousePressed", "mouseReleased"):
+            self.send("Input.dispatchMouseEvent", type=kind, x=box[0], y=box[1], button="left", clickCount=1)
+
+    def shot(self, path):
+        data = self.send("Page.captureScreenshot", format="png", captureBeyondViewport=True)["data"]
+        path.write_bytes(base64.b64decode(data))
+
+    def end(self):
+        self.socket.close()
+        self.process.terminate()
+        self.process.wait()
+
+
+def start(*command):
+    """A program of ours, and the first line that it prints."""
+    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
+    return process, process.stdout.readline().strip()
+
+
+def state(name):
+    return f"document.getElementById('state').textContent === '{name}'"
+
+
+def resident(process):
+    pages = pathlib.Path(f"/proc/{process.pid}/statm").read_text().split()[1]
+    return int(pages) * 4096
+
+
+def load(browser, url):
+    browser.send("Page.navigate", url=url)
+    browser.wait("document.readyState === 'complete' && Number(document.body?.dataset.frames) > 0")
+    return browser.value("performance.getEntriesByType('navigation')[0].loadEventEnd")
+
+
+def updates(browser, web, seconds):
+    time.sleep(25)  # The charts fill up first.
+    count = "[Number(document.body.dataset.frames), performance.now()]"
+    before, resident_before = browser.memory(), resident(web)
+    first, begun = browser.value(count)
+    time.sleep(seconds)
+    last, ended = browser.value(count)
+    after = browser.memory()
+    return {
+        "updates_hz": (last - first) / (ended - begun) * 1e3,
+        "seconds": (ended - begun) * 1e-3,
+        "page_before": before, "page_after": after,
+        "program_bytes_before": resident_before, "program_bytes_after": resident(web),
+    }
+
+
+def stops(browser):
+    """From the press to the state on the page, ms."""
+    browser.value("""
+        window.pressed = 0; window.stopped = 0;
+        document.addEventListener('pointerdown', (e) => { if (e.target.id === 'stop') { pressed = performance.now(); stopped = 0; } }, true);
+        document.addEventListener('keydown', (e) => { if (e.key === 'Escape') { pressed = performance.now(); stopped = 0; } }, true);
+        new MutationObserver(() => { if (document.getElementById('state').textContent === 'standby') stopped ||= performance.now(); })
+            .observe(document.getElementById('state'), { childList: true, characterData: true, subtree: true });""")
+    times = []
+    for turn in range(STOPS):
+        browser.wait("!document.querySelector('[data-order=arm]').disabled")
+        browser.click("[data-order=arm]")
+        browser.wait(state("armed"))
+        time.sleep(0.3)
+        browser.value("window.stopped = 0")
+        if turn % 2:
+            for kind in ("keyDown", "keyUp"):
+                browser.send("Input.dispatchKeyEvent", type=kind, key="Escape", code="Escape", windowsVirtualKeyCode=27)
+        else:
+            browser.click("#stop")
+        browser.wait("window.stopped > 0")
+        times.append(browser.value("stopped - pressed"))
+    return times
+
+
+def set_parameter(browser, name, value):
+    """What the page shows after a change: value and refusal."""
+    field = f"document.querySelector('[aria-label={name}]')"
+    browser.value(f"{field}.value = '{value}'; {field}.dispatchEvent(new Event('change'))")
+    time.sleep(1)
+    return browser.value(f"[Number({field}.value), {field}.nextSibling.textContent]")
+
+
+def main():
+    options = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    options.add_argument("--tvc", default="target/debug/tvc")
+    options.add_argument("--chromium", default="chromium")
+    options.add_argument("--seconds", type=float, default=60)
+    options.add_argument("--shots", type=pathlib.Path, help="folder for screenshots")
+    options = options.parse_args()
+    shots = options.shots
+    if shots:
+        shots.mkdir(parents=True, exist_ok=True)
+    running = []
+    with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
+        port = f"{folder}/nano"
+        browser = None
+        try:
+            running.append(start(options.tvc, "rig", "--pty", "--tilt", "0.3", "--link", port)[0])
+            web, url = start(options.tvc, "web", "--port", port, "--listen", "127.0.0.1:0", "--logs", folder)
+            running.append(web)
+            browser = Browser(options.chromium, f"{folder}/profile")
+            result = {"load_ms": [load(browser, url) for _ in range(5)]}
+            browser.wait(state("standby"))
+            browser.wait("document.querySelector('[aria-label=PID_KP]') !== null")
+            result |= updates(browser, web, options.seconds)
+            result["stop_ms"] = stops(browser)
+            result["set"] = set_parameter(browser, "PID_KP", 1.25)
+            result["refused"] = set_parameter(browser, "PID_KP", 11)
+            set_parameter(browser, "PID_KP", 1)
+            browser.wait("!document.getElementById('step').disabled")
+            browser.click("#step")
+            browser.wait("document.querySelectorAll('#figures div').length > 0")
+            result["step"] = browser.value("document.getElementById('figures').innerText.replace(/\\n/g, ' ')")
+            if shots:
+                browser.value("scrollTo(0, 0)")
+                browser.shot(shots / "light.png")
+                browser.send("Emulation.setEmulatedMedia", features=[{"name": "prefers-color-scheme", "value": "dark"}])
+                time.sleep(0.5)
+                browser.shot(shots / "dark.png")
+                browser.send("Emulation.setDeviceMetricsOverride", width=390, height=844, deviceScaleFactor=2, mobile=True)
+                time.sleep(0.5)
+                browser.shot(shots / "phone.png")
+            set_parameter(browser, "PID_KP", 1.25)
+            running[0].terminate()
+            browser.wait("document.getElementById('problem').textContent !== ''")
+            result["vanished"] = browser.value("document.getElementById('problem').textContent")
+            if shots:
+                browser.send("Emulation.clearDeviceMetricsOverride")
+                browser.shot(shots / "vanished.png")
+            running.append(start(options.tvc, "rig", "--pty", "--tilt", "0.3", "--link", port)[0])
+            browser.wait(state("standby"))
+            set_parameter(browser, "PID_KP", 1.5)
+            web.terminate()
+            web.wait()
+            got = subprocess.run([options.tvc, "param", "get", "PID_KP", "--json", "--port", port],
+                                 capture_output=True, text=True, check=True)
+            result["image_has"] = json.loads(got.stdout)["parameters"][0]["value"]
+        finally:
+            if browser:
+                browser.end()
+            for process in running:
+                process.terminate()
+                process.wait()
+    growth = result["page_after"]["heap_bytes"] - result["page_before"]["heap_bytes"]
+    result["met"] = {
+        "loads in under a second": max(result["load_ms"]) < 1000,
+        "50 updates a second": result["updates_hz"] > 49,
+        "memory does not grow": growth < 200_000 and result["page_after"]["nodes"] <= result["page_before"]["nodes"] + 50,
+        "STOP within 100 ms": max(result["stop_ms"]) < 100,
+        "a parameter reaches the image": result["set"] == [1.25, ""] and result["image_has"] == 1.5,
+        "a refusal is shown": result["refused"][0] == 1.25 and "must be 0 to 10" in result["refused"][1],
+    }
+    result["stop_ms_median"] = statistics.median(result["stop_ms"])
+    print(json.dumps(result, indent=2))
+    return 0 if all(result["met"].values()) else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())
