@@ -118,7 +118,7 @@ impl Page {
         assert_eq!((status, &answer["ok"]), (200, &json!(true)), "{answer}");
     }
 
-    /// Arms as soon as the vehicle has learned its gyro's offset.
+    /// Arms as soon as the vehicle lets itself be armed: its gyro has an offset to learn, its attitude to settle.
     fn arm(&self) {
         let begun = Instant::now();
         loop {
@@ -127,7 +127,7 @@ impl Page {
                 return self.wait_for("armed");
             }
             let said = answer["error"].as_str().unwrap();
-            assert!(said.contains("hold still"), "{said}");
+            assert!(said.contains("arm refused"), "{said}");
             assert!(begun.elapsed() < PATIENCE, "{said}");
             std::thread::sleep(Duration::from_millis(200));
         }
