@@ -334,13 +334,13 @@ impl Bus {
     }
 }
 
-/// Start the armed transfer, from the tick's interrupt, unless the bus is busy. A burst that is over and that the main
-/// loop has not collected, because it is late, is overtaken: the next is worth more.
+/// Start the armed transfer, from the tick's interrupt, unless the bus is busy. A transfer that went well and that the
+/// main loop, being late, has not collected is overtaken: the burst is worth more, and the driver asks again.
 pub(super) fn start_burst(time: Micros) {
     with_master(|master| {
-        let free = master.active.is_none_or(|active| {
-            active.origin == Origin::Tick && matches!(active.step, Step::Done(Ok(())))
-        });
+        let free = master
+            .active
+            .is_none_or(|active| matches!(active.step, Step::Done(Ok(()))));
         if free && let Some(transfer) = master.armed.take() {
             master.start(transfer, Origin::Tick, time);
         }
