@@ -47,14 +47,16 @@ impl Controller {
 }
 
 fn law(params: &Params, travel_rad: f32) -> PredictiveConfig {
+    let period_s = params.control_period_us() as f32 * 1.0e-6;
     PredictiveConfig {
-        period_s: params.control_period_us() as f32 * 1.0e-6,
+        period_s,
         kp: params.pid_kp(),
         kd: params.pid_kd(),
         knee: params.pid_knee_rad(),
         far_slope: params.pid_far(),
         plant_gain: params.pitch_gain(),
         horizon_s: params.pid_ahead_s(),
+        actuator_delay_s: params.srv_delay_s().min(period_s),
         actuator_s: params.srv_lag_s(),
         actuator_rate: params.srv_rad_s(),
         trim_rad_s: params.pid_trim_rad_s(),

@@ -196,21 +196,23 @@ macro_rules! parameters {
 }
 
 parameters! {
-    pid_kp: "PID_KP", "rad/rad", Range::Between(0.0, 10.0), 1.0, Live,
+    pid_kp: "PID_KP", "rad/rad", Range::Between(0.0, 10.0), 2.0, Live,
         "servo angle per pitch error, near the setpoint";
-    pid_kd: "PID_KD", "s", Range::Between(0.0, 3.0), 0.30, Live,
+    pid_kd: "PID_KD", "s", Range::Between(0.0, 3.0), 0.435, Live,
         "servo angle per pitch rate";
-    pid_knee_rad: "PID_KNEE_RAD", "rad", Range::Between(0.0, 2.0), 0.25, Live,
+    pid_knee_rad: "PID_KNEE_RAD", "rad", Range::Between(0.0, 2.0), 0.31, Live,
         "pitch error beyond which the braking curve is flatter";
-    pid_far: "PID_FAR", "", Range::Between(0.0, 1.0), 1.0, Live,
+    pid_far: "PID_FAR", "", Range::Between(0.0, 1.0), 0.3, Live,
         "slope of the braking curve beyond the knee, as a share of that before";
-    pid_ahead_s: "PID_AHEAD_S", "s", Range::Between(0.0, 0.1), 0.0, Live,
+    pid_ahead_s: "PID_AHEAD_S", "s", Range::Between(0.0, 0.1), 0.0144, Live,
         "how far ahead pitch and rate are predicted";
-    pid_trim_rad_s: "PID_TRIM_RAD_S", "rad/s", Range::Between(0.0, 20.0), 0.0, Live,
+    pid_trim_rad_s: "PID_TRIM_RAD_S", "rad/s", Range::Between(0.0, 20.0), 4.6, Live,
         "bandwidth of the observer that trims a lateral offset of the mass away; 0 is no trim";
     pitch_gain: "PITCH_GAIN", "1/s2", Range::Between(1.0, 1000.0), 31.6, Live,
         "pitch acceleration per servo angle at zero rudder";
-    srv_lag_s: "SRV_LAG_S", "s", Range::Between(0.0, 1.0), 0.05, Live,
+    srv_delay_s: "SRV_DELAY_S", "s", Range::Between(0.0, 0.01), 0.0094, Live,
+        "time for which the servo still follows the command before the last, at most one sample";
+    srv_lag_s: "SRV_LAG_S", "s", Range::Between(0.0, 1.0), 0.033, Live,
         "time constant with which the servo closes a small gap, frame included";
     srv_rad_s: "SRV_RAD_S", "rad/s", Range::Between(0.1, 100.0), 5.5, Live,
         "greatest speed of the servo";
@@ -425,7 +427,7 @@ mod tests {
         let mut params = Params::default();
         let refused = params.set("PID_KP", 10.5).unwrap_err();
         assert_eq!(refused.to_string(), "PID_KP must be 0 to 10");
-        assert_eq!(params.pid_kp(), 1.0);
+        assert_eq!(params.pid_kp(), 2.0);
         assert!(params.set("PID_KP", f32::NAN).is_err());
         assert!(params.set("PID_KP", f32::INFINITY).is_err());
         assert!(params.set("PID_KP", 10.0).is_ok());

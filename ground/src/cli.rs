@@ -8,13 +8,16 @@ mod faults;
 mod flash;
 mod fly;
 mod fuse;
+mod identify;
 mod link;
 mod log;
 mod model;
+mod montecarlo;
 mod operate;
 mod param;
 mod rig;
 mod test;
+mod tune;
 mod watch;
 mod web;
 
@@ -25,13 +28,16 @@ pub use faults::Faults;
 pub use flash::Flash;
 pub use fly::{Fly, ServoChoice};
 pub use fuse::{FilterName, Fuse, Mode, Scalar, Setting, said};
+pub use identify::Identify;
 pub use link::Port;
 pub use log::{Replay, Report};
 pub use model::{Linear, Model, ModelCommand, Rocket, Simulate, Validate};
+pub use montecarlo::{Merge, MonteCarlo, MonteCarloCommand, ReplayRun};
 pub use operate::{Operate, Ports};
 pub use param::{Param, ParamAction, ParamPort};
 pub use rig::Rig;
 pub use test::{Manoeuvre, Test};
+pub use tune::Tune;
 pub use watch::{Forward, Monitor, Record};
 pub use web::Web;
 
@@ -59,6 +65,13 @@ pub enum Command {
     Flash(Flash),
     /// The drone's physics: simulate it, make it linear, validate it, scale it to a rocket.
     Model(Model),
+    /// Find thrust, inertia, servo speed and delay from a recorded run.
+    Identify(Identify),
+    /// Find gains for a drone and servo from requirements.
+    Tune(Tune),
+    /// Fly many dispersed drones on the model and say how many pass.
+    #[command(name = "montecarlo")]
+    MonteCarlo(MonteCarlo),
     /// Run the virtual rig in real time, its port behind a pseudo-terminal.
     Rig(Rig),
     /// List the serial ports.

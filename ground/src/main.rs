@@ -10,11 +10,14 @@ mod flash;
 mod fly;
 mod forward;
 mod fuse;
+mod identify;
+mod law;
 mod link;
 mod log;
 mod manoeuvre;
 mod model;
 mod monitor;
+mod montecarlo;
 mod operate;
 mod output;
 mod page;
@@ -26,6 +29,7 @@ mod replay;
 mod report;
 mod status;
 mod stop;
+mod tune;
 mod uf2;
 mod virtual_rig;
 mod web;
@@ -54,6 +58,9 @@ fn run(command: Command) -> anyhow::Result<Verdict> {
         Command::Experiment(options) => experiment::run(&options),
         Command::Flash(options) => flash::run(&options),
         Command::Model(options) => model::run(&options),
+        Command::Identify(options) => identify::run(&options),
+        Command::Tune(options) => tune::run(&options),
+        Command::MonteCarlo(options) => montecarlo::run(&options),
         Command::Rig(options) => virtual_rig::run(&options),
         Command::Ports(options) => port::list(&options),
         Command::Param(options) => param::run(&options),

@@ -21,6 +21,8 @@ pub struct PredictiveConfig {
     pub plant_gain: f32,
     /// How far ahead the plant is predicted, s: the loop's delay from measurement to effect. 0 is no prediction.
     pub horizon_s: f32,
+    /// Time from a sample until the actuator begins to follow its output, s, up to one period.
+    pub actuator_delay_s: f32,
     /// Lag of the actuator, s: it closes a small gap with this time constant.
     pub actuator_s: f32,
     /// Greatest rate of the actuator, output per s.
@@ -46,7 +48,7 @@ pub struct PredictiveConfig {
 /// - **Trim.** An [`Observer`] tells what else pushes the plant, and the output takes it away.
 ///
 /// ```text
-/// a' = actuator model                       where the actuator stands
+/// a' = actuator model                       where the actuator stands: delay, lag, greatest rate
 /// d  = observer(rate, a)                    what else pushes
 /// acceleration = gain (a' + d)
 /// e' = setpoint - measured - T rate - T^2/2 acceleration
@@ -66,8 +68,9 @@ pub struct PredictivePd<T> {
     observer: Observer<T>,
     /// Where the actuator stands by its model.
     actuator: T,
-    /// What it was told last.
+    /// What it was told last, and before that.
     output: T,
+    earlier: T,
 }
 
 #[derive(Clone, Copy, Debug, Default)]
@@ -82,6 +85,8 @@ struct Coefficients<T> {
     /// Share of a small gap that the actuator closes in a sample, and the most that it moves.
     closing: T,
     step: T,
+    /// Share of a sample for which it still follows the earlier output.
+    delay: T,
     limit: T,
 }
 
@@ -96,6 +101,7 @@ impl<T: Scalar> PredictivePd<T> {
             observer: Observer::new(&observer(config))?,
             actuator: T::ZERO,
             output: T::ZERO,
+            earlier: T::ZERO,
         })
     }
 
@@ -118,12 +124,14 @@ impl<T: Scalar> PredictivePd<T> {
         }
         let c = &self.coefficients;
         let disturbance = self.observer.update(rate, self.actuator);
-        let gap = c.closing * (self.output - self.actuator);
+        let told = self.output + c.delay * (self.earlier - self.output);
+        let gap = c.closing * (told - self.actuator);
         self.actuator = self.actuator + gap.clamped(-c.step, c.step);
 
         let change = c.horizon * c.gain * (self.actuator + disturbance);
         let error = error - c.horizon * rate - c.half_horizon * change;
         let output = c.kp * c.bend(error) - c.kd * (rate + change) - disturbance;
+        self.earlier = self.output;
         self.output = output.clamped(-c.limit, c.limit);
         self.output
     }
@@ -132,6 +140,7 @@ impl<T: Scalar> PredictivePd<T> {
     pub fn reset(&mut self) {
         self.actuator = T::ZERO;
         self.output = T::ZERO;
+        self.earlier = T::ZERO;
         self.observer.reset();
     }
 
@@ -153,6 +162,7 @@ impl<T: Scalar> Coefficients<T> {
             (config.far_slope, 1.0, "far_slope"),
             (config.plant_gain, LARGEST, "plant_gain"),
             (config.horizon_s, 1.0, "horizon_s"),
+            (config.actuator_delay_s, period, "actuator_delay_s"),
             (config.actuator_s, 1000.0, "actuator_s"),
             (config.actuator_rate, LARGEST, "actuator_rate"),
             (config.limit, LARGEST, "limit"),
@@ -169,6 +179,7 @@ impl<T: Scalar> Coefficients<T> {
             half_horizon: (0.5 * config.horizon_s).into(),
             closing: (period / (period + config.actuator_s)).into(),
             step: (period * config.actuator_rate).into(),
+            delay: (config.actuator_delay_s / period).into(),
             limit: config.limit.into(),
         })
     }
@@ -207,6 +218,7 @@ mod tests {
             far_slope: 0.5,
             plant_gain: 31.6,
             horizon_s: 0.018,
+            actuator_delay_s: 0.0,
             actuator_s: 0.05,
             actuator_rate: 5.5,
             trim_rad_s: 5.0,

@@ -61,11 +61,11 @@ impl Timing {
         ..Self::ANALOGUE
     };
 
-    /// The firmware with an analogue servo: samples at 100 Hz locked to the 50 Hz frame, every
-    /// second one carried by a pulse 6.8 ms later. The sensor's own 100 Hz run free, so that what
+    /// The firmware with an analogue servo: samples at 150 Hz locked to the 50 Hz frame, every
+    /// third one carried by a pulse 6.8 ms later. The sensor's own 100 Hz run free, so that what
     /// it shows is 0 to 10 ms old; its gyroscope's 116 Hz filter adds 1.4 ms.
     pub const NANO_50HZ: Self = Self {
-        control_s: 10e-3,
+        control_s: 20e-3 / 3.0,
         delay_s: 1.4e-3,
         lead_s: Some(6.8e-3),
         refresh_s: Some(10e-3),

@@ -91,10 +91,18 @@ impl Setup {
     /// # Errors
     /// See [`SetupError`].
     pub fn parse(text: &str) -> Result<Self, SetupError> {
+        Self::parse_over(text, &Self::default())
+    }
+
+    /// Reads a parameter file; what it leaves out is as in `base`.
+    ///
+    /// # Errors
+    /// See [`SetupError`].
+    pub fn parse_over(text: &str, base: &Self) -> Result<Self, SetupError> {
         let mut file: Table = text
             .parse()
             .map_err(|error: toml::de::Error| SetupError::Syntax(error.to_string()))?;
-        let setup = Self::take(&mut file)?;
+        let setup = Self::take_over(&mut file, base)?;
         match file.keys().next() {
             Some(name) => Err(SetupError::UnknownTable(name.clone())),
             None => Ok(setup),
@@ -103,25 +111,29 @@ impl Setup {
 
     /// Takes the tables of a setup out of a larger file.
     pub(crate) fn take(file: &mut Table) -> Result<Self, SetupError> {
+        Self::take_over(file, &Self::default())
+    }
+
+    fn take_over(file: &mut Table, base: &Self) -> Result<Self, SetupError> {
         let setup = Self {
             drone: section(
                 file.remove("drone"),
                 "drone",
-                Parameters::PHYS,
+                base.drone,
                 Parameters::preset,
                 "PHYS, THESIS_TABLE, THESIS_TEXT",
             )?,
             servo: section(
                 file.remove("servo"),
                 "servo",
-                ServoModel::S3003,
+                base.servo,
                 ServoModel::preset,
                 "S3003, S3003_5V, DIGITAL",
             )?,
             timing: section(
                 file.remove("timing"),
                 "timing",
-                Timing::ANALOGUE,
+                base.timing,
                 Timing::preset,
                 "ANALOGUE, DIGITAL, NANO_50HZ, NANO_300HZ",
             )?,

@@ -42,12 +42,23 @@ impl ServoKind {
         }
     }
 
-    /// Gains that suit it: of 72 flights (12 seeds, both servos, from 0.2, 0.4 and 0.8 rad) none overshot by more than
-    /// 5 %, and all settled (5 %) within 0.75 s with the analog servo and 0.55 s with the digital one.
-    pub fn gains(self) -> Gains {
+    /// What the image is told of it, as `tvc tune` found it. The image's own defaults are those for
+    /// the analog servo.
+    pub fn parameters(self) -> &'static [(&'static str, f32)] {
         match self {
-            Self::S3003 => Gains { kp: 1.1, kd: 0.30 },
-            Self::Digital => Gains { kp: 1.7, kd: 0.36 },
+            Self::S3003 => &[("SRV_RATE_HZ", 50.0)],
+            Self::Digital => &[
+                ("SRV_RATE_HZ", 300.0),
+                ("PID_KP", 4.6),
+                ("PID_KD", 0.645),
+                ("PID_KNEE_RAD", 0.154),
+                ("PID_FAR", 0.485),
+                ("PID_AHEAD_S", 0.0082),
+                ("PID_TRIM_RAD_S", 2.95),
+                ("SRV_DELAY_S", 0.0),
+                ("SRV_LAG_S", 0.0175),
+                ("SRV_RAD_S", 8.73),
+            ],
         }
     }
 
@@ -76,7 +87,7 @@ pub struct Setup {
     pub rig: RigConfig,
     /// The servo.
     pub servo: ServoKind,
-    /// Gains sent to the image, the servo's own where there are none.
+    /// Gains sent to the image in place of the servo's own.
     pub gains: Option<Gains>,
     /// More parameters sent to the image, by name.
     pub parameters: Vec<(String, f32)>,
@@ -209,10 +220,13 @@ pub fn prepare(
     };
     let Ready { rig, operator, .. } = &mut ready;
     operator.connect(rig)?;
-    let gains = setup.gains.unwrap_or(setup.servo.gains());
-    operator.set_parameter(rig, "SRV_RATE_HZ", setup.servo.frame_hz())?;
-    operator.set_parameter(rig, "PID_KP", gains.kp)?;
-    operator.set_parameter(rig, "PID_KD", gains.kd)?;
+    for (name, value) in setup.servo.parameters() {
+        operator.set_parameter(rig, name, *value)?;
+    }
+    if let Some(gains) = setup.gains {
+        operator.set_parameter(rig, "PID_KP", gains.kp)?;
+        operator.set_parameter(rig, "PID_KD", gains.kd)?;
+    }
     for (name, value) in &setup.parameters {
         operator.set_parameter(rig, name, *value)?;
     }

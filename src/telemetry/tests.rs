@@ -250,7 +250,7 @@ fn the_clock_is_told_byte_for_byte() {
 }
 
 /// From pymavlink: `MAVLink_param_set_message(1, 1, b"PID_KP", 1.6, 9)` and, sequence 5, the answer
-/// `MAVLink_param_value_message(b"PID_KP", 1.6, 9, 44, 0)`.
+/// `MAVLink_param_value_message(b"PID_KP", 1.6, 9, 45, 0)`.
 #[test]
 fn a_parameter_set_is_echoed_byte_for_byte() {
     let mut link = Link::new(Desk::in_standby(0.1));
@@ -258,7 +258,7 @@ fn a_parameter_set_is_echoed_byte_for_byte() {
     let request = "fd17000009ffbe170000cdcccc3f01015049445f4b5000000000000000000000095e4e";
     link.telemetry
         .receive(Micros(0), &hex(request), &mut link.desk.flight);
-    let answer = "fd190000050101160000cdcccc3f2c0000005049445f4b500000000000000000000009fead";
+    let answer = "fd190000050101160000cdcccc3f2d0000005049445f4b500000000000000000000009a304";
     assert_eq!(link.telemetry.pending(), hex(answer));
     assert_eq!(link.desk.flight.params().pid_kp(), 1.6);
 }
@@ -422,7 +422,7 @@ fn a_parameter_out_of_range_is_refused_in_words_and_the_old_value_told() {
     let mut link = Link::new(Desk::in_standby(0.1));
     let answer = link.tell(&set("PID_KP", 11.0));
     assert_eq!(texts(&answer), ["PID_KP must be 0 to 10"]);
-    assert_eq!(values(&answer), [("PID_KP".to_string(), 1.0)]);
+    assert_eq!(values(&answer), [("PID_KP".to_string(), 2.0)]);
     let answer = link.tell(&set("NO_SUCH_NAME_AT_A", 1.0));
     assert_eq!(texts(&answer), ["no such parameter"]);
     link.tell(&order(MavCmd::MAV_CMD_COMPONENT_ARM_DISARM, 1.0, 0.0));
@@ -446,7 +446,7 @@ fn a_parameter_is_read_by_name_or_index() {
     assert_eq!(values(&link.tell(&read(-1, "SRV_RATE_HZ"))), [rate]);
     assert_eq!(
         values(&link.tell(&read(0, ""))),
-        [("PID_KP".to_string(), 1.0)]
+        [("PID_KP".to_string(), 2.0)]
     );
     assert_eq!(texts(&link.tell(&read(99, ""))), ["no such parameter"]);
     assert_eq!(

@@ -136,6 +136,12 @@ impl Campaign {
         }
     }
 
+    /// Numbers of the shard's runs, in order.
+    pub fn indices(&self) -> impl Iterator<Item = u64> {
+        let (shard, of) = (self.shard.0, self.shard.1.max(1));
+        (shard..self.runs).step_by(of.try_into().unwrap_or(usize::MAX))
+    }
+
     /// What run `index` is made of. The first draws do not depend on the ranges, so that campaigns
     /// with and without an offset fly the same drones otherwise.
     pub fn draw(&self, index: u64) -> Draw {
@@ -167,7 +173,8 @@ impl Campaign {
             backlash,
             delay_s,
             phase,
-            noise_seed: rng.random(),
+            // Within what a TOML file can hold.
+            noise_seed: rng.random::<u64>() >> 1,
         }
     }
 }
@@ -332,8 +339,7 @@ pub fn fly<L>(
 where
     L: FnMut(Measurement) -> f64,
 {
-    let (shard, of) = (campaign.shard.0, campaign.shard.1.max(1));
-    let indices: Vec<u64> = (0..campaign.runs).filter(|i| i % of == shard).collect();
+    let indices: Vec<u64> = campaign.indices().collect();
     indices
         .into_par_iter()
         .map(|index| {

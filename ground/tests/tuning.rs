@@ -1,0 +1,201 @@
+//! Gains, campaigns and identification from the command line.
+
+use std::path::Path;
+use std::process::{Command, Output};
+
+use plant::linkage::Linkage;
+use plant::pitch_loop::{Pd, PitchLoop, Timing};
+use plant::{Parameters, ServoModel};
+use serde_json::Value;
+
+fn tvc(folder: &Path, arguments: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_tvc"))
+        .current_dir(folder)
+        .args(arguments)
+        .output()
+        .unwrap()
+}
+
+fn json(folder: &Path, arguments: &[&str]) -> Value {
+    let output = tvc(folder, arguments);
+    assert!(
+        output.status.success(),
+        "{}",
+        String::from_utf8_lossy(&output.stderr)
+    );
+    serde_json::from_slice(&output.stdout).unwrap()
+}
+
+fn assert_refused(arguments: &[&str], part: &str) {
+    let folder = tempfile::tempdir().unwrap();
+    let output = tvc(folder.path(), arguments);
+    let said = String::from_utf8(output.stderr).unwrap();
+    assert_eq!(output.status.code(), Some(2), "{arguments:?}: {said}");
+    assert!(
+        output.stdout.is_empty() && said.lines().count() == 1,
+        "{said}"
+    );
+    assert!(said.contains(part), "{arguments:?}: {said}");
+}
+
+#[test]
+fn unusable_input_is_refused_in_one_line() {
+    assert_refused(&["montecarlo", "-n", "0"], "0");
+    assert_refused(&["montecarlo", "--shard", "5/4"], "I/N");
+    assert_refused(&["montecarlo", "--lateral-mm", "-5"], "0 to 40 mm");
+    assert_refused(&["montecarlo", "--gains", "none.param"], "none.param");
+    assert_refused(&["montecarlo", "merge", "none.csv"], "none.csv");
+    assert_refused(&["montecarlo", "replay", "none.toml"], "none.toml");
+    assert_refused(&["tune", "--params", "none.toml"], "none.toml");
+    assert_refused(&["tune", "--overshoot", "0"], "above zero");
+    assert_refused(&["identify", "none.csv"], "none.csv");
+}
+
+/// Whatever the number of threads and shards, a seed gives the same runs; the worst fly again as they were.
+#[test]
+fn campaigns_are_the_same_in_one_piece_and_in_shards() {
+    let folder = tempfile::tempdir().unwrap();
+    let here = folder.path();
+    let campaign = [
+        "montecarlo",
+        "-n",
+        "20",
+        "--seed",
+        "3",
+        "--lateral-mm",
+        "5",
+        "--json",
+    ];
+    let with = |more: &[&'static str]| json(here, &[&campaign[..], more].concat());
+    let whole = with(&["--jobs", "1", "--out", "whole.csv"]);
+    with(&[
+        "--jobs", "3", "--shard", "1/2", "--out", "one.csv", "--worst", "one",
+    ]);
+    with(&[
+        "--jobs", "2", "--shard", "2/2", "--out", "two.csv", "--worst", "two",
+    ]);
+    let merged = json(
+        here,
+        &[
+            "montecarlo",
+            "merge",
+            "two.csv",
+            "one.csv",
+            "--out",
+            "merged.csv",
+            "--json",
+        ],
+    );
+    let read = |name: &str| std::fs::read_to_string(here.join(name)).unwrap();
+    assert_eq!(read("merged.csv"), read("whole.csv"));
+    assert_eq!(read("whole.csv").lines().count(), 21);
+    for key in [
+        "runs",
+        "pass_rate",
+        "pass_rate_low",
+        "pass_rate_high",
+        "overshoot_p95_pct",
+    ] {
+        assert_eq!(merged[key], whole[key], "{key}");
+    }
+    let (low, rate, high) = (
+        &whole["pass_rate_low"],
+        &whole["pass_rate"],
+        &whole["pass_rate_high"],
+    );
+    assert!(low.as_f64() <= rate.as_f64() && rate.as_f64() <= high.as_f64());
+
+    let worst = &whole["worst"][0];
+    let again = json(
+        here,
+        &[
+            "montecarlo",
+            "replay",
+            worst["file"].as_str().unwrap(),
+            "--json",
+        ],
+    );
+    for key in ["run", "overshoot_pct", "settling_5pct_s"] {
+        assert_eq!(again[key], worst[key], "{key}");
+    }
+    std::fs::write(
+        here.join("other.csv"),
+        read("one.csv").replace("\n3,s3003", "\n4,s3003"),
+    )
+    .unwrap();
+    let mixed = tvc(here, &["montecarlo", "merge", "one.csv", "other.csv"]);
+    assert_eq!(mixed.status.code(), Some(2));
+}
+
+/// The analytic start alone, whose figures need no search, as a file that a campaign takes.
+#[test]
+fn gains_go_from_a_parameter_file_to_a_file_that_campaigns_take() {
+    let folder = tempfile::tempdir().unwrap();
+    let here = folder.path();
+    std::fs::write(
+        here.join("heavy.toml"),
+        "[drone]\nbody_inertia_kg_m2 = 0.12\n",
+    )
+    .unwrap();
+    let output = tvc(
+        here,
+        &[
+            "tune",
+            "--params",
+            "heavy.toml",
+            "--generations",
+            "0",
+            "--out",
+            "g.param",
+            "--json",
+        ],
+    );
+    let report: Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!(report["gains"], report["analytic"]);
+    assert!(report["gains"]["PITCH_GAIN"].as_f64().unwrap() < 28.0);
+    assert_eq!(report["runs"].as_array().unwrap().len(), 3);
+    assert!(report["margins"]["phase_deg"].as_f64().unwrap() > 0.0);
+    assert_eq!(output.status.success(), report["met"].as_bool().unwrap());
+    json(
+        here,
+        &["montecarlo", "-n", "3", "--gains", "g.param", "--json"],
+    );
+}
+
+/// A drone with 20 % less thrust, flown by the model, is found again.
+#[test]
+fn a_recorded_release_tells_the_pitch_gain() {
+    let folder = tempfile::tempdir().unwrap();
+    let drone = Parameters {
+        thrust_n: 24.0,
+        ..Parameters::PHYS
+    };
+    let timing = Timing::NANO_50HZ;
+    let mut law = Pd::new(1.0, 0.3, &Linkage::new(&drone), timing.control_s);
+    let mut flight = PitchLoop::new(&drone, ServoModel::S3003, timing, 0.4, 0.2).unwrap();
+    let mut text = String::from("time_s,pitch_rad,rate_rad_s,pulse_us\n");
+    for step in 0..2000 {
+        let begin_s = 0.5e-3 * f64::from(step);
+        let sample = flight.step(|measurement| law.update(measurement));
+        // The frame begins with a pulse; readings come 3 ms late.
+        if step % 40 == 0 {
+            let width = ServoModel::S3003.width_for_crank(sample.command_rad);
+            text += &format!("{begin_s},,,{width}\n");
+        }
+        if step % 20 == 0 {
+            let (time_s, pitch, rate) = (sample.time_s + 3e-3, sample.pitch_rad, sample.rate_rad_s);
+            text += &format!("{time_s},{pitch},{rate},\n");
+        }
+    }
+    std::fs::write(folder.path().join("log.csv"), text).unwrap();
+    let found = json(
+        folder.path(),
+        &["identify", "log.csv", "--out", "found.toml", "--json"],
+    );
+    let gain = |key: &str| found["pitch_gain"][key].as_f64().unwrap();
+    let truth = 0.8 * gain("nominal");
+    assert!((gain("value") / truth - 1.0).abs() < 0.05, "{found}");
+    assert!(gain("deviation") > 0.0 && gain("deviation") < gain("prior"));
+    let file = std::fs::read_to_string(folder.path().join("found.toml")).unwrap();
+    assert!(plant::Setup::parse(&file).is_ok());
+}
