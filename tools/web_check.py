@@ -11,6 +11,7 @@ Needs Chromium. Prints one JSON object; exit status 1 if a requirement is missed
 
 import argparse
 import base64
+import contextlib
 import itertools
 import json
 import pathlib
@@ -32,14 +33,14 @@ class Browser:
 
     def __init__(self, program, folder):
         self.process = subprocess.Popen(
-            [program, "--headless", "--no-sandbox", "--remote-debugging-port=0", "--window-size=1280,1100",
+            [program, "--headless", "--no-sandbox", "--remote-debugging-port=0", "--window-size=1280,1300",
              f"--user-data-dir={folder}", "about:blank"],
             stderr=subprocess.PIPE, text=True)
         found = next(filter(None, (re.search(r"ws://([^/]+)/", line) for line in self.process.stderr)))
         self.ids = itertools.count(1)
-        self.socket = connect(found.string[found.start():].strip(), max_size=None)
+        self.stack = contextlib.ExitStack()
+        self.socket = self.stack.enter_context(connect(found.string[found.start():].strip(), max_size=None))
         target = self.send("Target.createTarget", url="about:blank")["targetId"]
-        self.session = None
         self.session = self.send("Target.attachToTarget", targetId=target, flatten=True)["sessionId"]
         for domain in ("Page", "Runtime", "Performance"):
             self.send(f"{domain}.enable")
@@ -85,11 +86,11 @@ class Browser:
             self.send("Input.dispatchMouseEvent", type=kind, x=box[0], y=box[1], button="left", clickCount=1)
 
     def shot(self, path):
-        data = self.send("Page.captureScreenshot", format="png", captureBeyondViewport=True)["data"]
+        data = self.send("Page.captureScreenshot", format="png")["data"]
         path.write_bytes(base64.b64decode(data))
 
     def end(self):
-        self.socket.close()
+        self.stack.close()
         self.process.terminate()
         self.process.wait()
 
@@ -116,7 +117,7 @@ def load(browser, url):
 
 
 def updates(browser, web, seconds):
-    time.sleep(25)  # The charts fill up first.
+    time.sleep(25)  # The charts' buffers fill up first.
     count = "[Number(document.body.dataset.frames), performance.now()]"
     before, resident_before = browser.memory(), resident(web)
     first, begun = browser.value(count)

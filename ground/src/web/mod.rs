@@ -55,6 +55,12 @@ pub fn run(options: &Web) -> Result<Verdict> {
         eprintln!(
             "warning: whoever has this address can arm the vehicle from the network; leave --listen out to keep it on this computer"
         );
+        if address.ip().is_unspecified() {
+            eprintln!(
+                "on other computers put this one's own address in the place of {}",
+                address.ip()
+            );
+        }
     }
     eprintln!("the page is served until Ctrl-C");
     if options.open {

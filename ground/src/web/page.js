@@ -162,6 +162,13 @@ function showCondition(now) {
   if (now.parameters !== revision) fetchParameters(now.parameters);
 }
 
+/** A trace stays until the next test, whatever becomes of the window. */
+function drawResult() {
+  if (!at("trace").hidden) drawTrace(at("trace"), trial.result.trace, ["blue", "violet"]);
+}
+addEventListener("resize", drawResult);
+matchMedia("(prefers-color-scheme: dark)").addEventListener("change", drawResult);
+
 function showTrial(now) {
   trial = now;
   at("trial").hidden = !now.running && !now.stage && !now.result;
@@ -169,7 +176,9 @@ function showTrial(now) {
   const met = result && result.missed.length === 0;
   at("stage").textContent = now.running ? now.stage || "begins" : result ? (met ? `every requirement met; ${now.log}` : now.log) : now.stage;
   at("stage").classList.toggle("met", Boolean(met));
-  at("trace").hidden = !result || result.trace.length < 2;
+  const traced = result && result.trace.length > 1;
+  at("trace").hidden = !traced;
+  at("legend").hidden = !traced;
   const seconds = (value) => (value === null ? "never" : `${value.toFixed(3)} s`);
   const run = result?.run;
   figures(at("figures"), !run ? [] : [
@@ -187,7 +196,7 @@ function showTrial(now) {
     item.textContent = line;
     return item;
   }));
-  if (!at("trace").hidden) drawTrace(at("trace"), result.trace, ["blue", "violet"]);
+  drawResult();
   if (condition.state) showCondition(condition);
 }
 

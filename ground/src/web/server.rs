@@ -327,3 +327,38 @@ fn respond(request: Request, status: u16, kind: &str, content: &str) {
     // Who asked may be gone.
     let _ = request.respond(response);
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use tiny_http::TestRequest;
+
+    fn server(open: bool) -> Server {
+        Server {
+            token: Token::new().unwrap(),
+            open,
+            station: Station::new().0,
+            shared: Arc::default(),
+            logs: PathBuf::new(),
+            trial_stop: Arc::default(),
+            pages: Arc::default(),
+        }
+    }
+
+    fn get(path: &str) -> Request {
+        let host = Header::from_bytes("Host", "192.168.1.7:8650").unwrap();
+        TestRequest::new().with_path(path).with_header(host).into()
+    }
+
+    #[test]
+    fn the_page_gives_its_token_to_this_computer_alone() {
+        assert!(server(true).admit(&get("/")).is_ok());
+        let server = server(false);
+        assert!(server.admit(&get("/")).is_err());
+        assert!(server.admit(&get("/?token=00")).is_err());
+        let path = format!("/?token={}", server.token.text());
+        assert!(server.admit(&get(&path)).is_ok());
+        // What holds no secret needs none.
+        assert!(server.admit(&get("/page.js")).is_ok());
+    }
+}
