@@ -224,11 +224,12 @@ impl Server {
         if is_armed(&state.condition().state) || !state.condition().connected {
             return Err((409, "the vehicle is not in standby: disarm first".into()));
         }
+        // Before the test is seen to run: a STOP from then on stands.
+        self.trial_stop.store(false, Ordering::SeqCst);
         let mut trial = state.trial().clone();
         trial.running = true;
         state.set_trial(trial);
         drop(state);
-        self.trial_stop.store(false, Ordering::SeqCst);
         let (station, shared) = (self.station.clone(), self.shared.clone());
         let (folder, stop) = (self.logs.clone(), self.trial_stop.clone());
         std::thread::spawn(move || trial::run(&station, &shared, &folder, &stop));
