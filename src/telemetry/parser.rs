@@ -52,7 +52,10 @@ enum Found {
 impl Parser {
     /// Take one byte. Follow with [`Parser::next_message`] until it gives nothing.
     pub(super) fn push(&mut self, byte: u8) {
-        // Noise between frames costs nothing.
+        // Noise costs next to nothing: neither what lies between frames, nor a length that no message of interest has.
+        if self.buffer.len() == 1 && usize::from(byte) > MAX_PAYLOAD {
+            self.buffer.clear();
+        }
         if self.buffer.is_empty() && !matches!(byte, START_V1 | START_V2) {
             return;
         }
