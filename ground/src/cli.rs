@@ -3,6 +3,7 @@
 
 mod calibrate;
 mod cycles;
+mod disturbance;
 mod experiment;
 mod faults;
 mod flash;
@@ -23,6 +24,7 @@ mod web;
 
 pub use calibrate::{Calibrate, Day, Place, Sensor};
 pub use cycles::{Cycles, Optimise};
+pub use disturbance::Disturb;
 pub use experiment::{Experiment, ExperimentCommand, GyroBias, Sensing};
 pub use faults::Faults;
 pub use flash::Flash;

@@ -29,6 +29,7 @@ pub fn run(options: &Rig) -> Result<Verdict> {
     };
     config.bench.servo = options.servo.kind().model();
     config.bench.start_rad = options.tilt;
+    config.bench.disturbances = options.disturb.all();
     let rig = rig::Rig::new(&image, &config)?;
     let pty = Pty::open().context("making a pseudo-terminal")?;
     if let Some(link) = &link {

@@ -35,6 +35,14 @@ fn unusable_input_is_refused_in_one_line() {
     assert_refused(&["fly", "--gains", "1.0"], "two numbers");
     assert_refused(&["fly", "--gains", "11,0.3"], "PID_KP must be 0 to 10");
     assert_refused(&["fly", "--servo", "s9999"], "s9999");
+    assert_refused(&["fly", "--vibration", "5"], "m/s2 and Hz");
+    assert_refused(&["fly", "--vibration", "5,900"], "1 to 400 Hz");
+    assert_refused(&["fly", "--servo-supply", "12"], "3 to 7.4 V");
+    assert_refused(&["fly", "--thrust-ramp", "140,1"], "0 to 100 %");
+    assert_refused(
+        &["fly", "--replay", "x.imuq", "--vibration", "5,180"],
+        "--vibration",
+    );
     assert_refused(
         &["fly", "--replay", "no/such/file.imuq"],
         "no/such/file.imuq",
@@ -97,6 +105,34 @@ fn help_has_examples_and_goes_to_standard_output() {
             "{text}"
         );
     }
+}
+
+/// A drone that pitches under a growing thrust rises later; one that shakes stays in control.
+#[test]
+fn a_disturbed_flight_says_what_disturbed_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let report = folder.path().join("fly.html");
+    let fly = |options: &[&str]| -> serde_json::Value {
+        let path = report.to_str().unwrap();
+        let common = ["fly", "--json", "--start", "0.4", "--report", path];
+        let output = tvc(&[&common, options].concat());
+        let said = String::from_utf8_lossy(&output.stderr).into_owned();
+        serde_json::from_slice(&output.stdout).unwrap_or_else(|error| panic!("{error}: {said}"))
+    };
+    let (calm, shaken) = (
+        fly(&[]),
+        fly(&["--vibration", "5,180", "--thrust-ramp", "40,0.5"]),
+    );
+    assert!(calm.get("disturbances").is_none());
+    let said = &shaken["disturbances"];
+    assert_eq!(said["vibration"]["frequency_hz"], 180.0);
+    assert_eq!(said["thrust_ramp"]["from_pct"], 40.0);
+    assert!(said.get("servo_supply").is_none());
+    let rise_s = |flight: &serde_json::Value| flight["runs"][0]["rise_s"].as_f64().unwrap();
+    assert!(rise_s(&shaken) > rise_s(&calm) + 0.03);
+    assert_eq!(shaken["runs"][0]["stayed_active"], true);
+    let page = std::fs::read_to_string(&report).unwrap();
+    assert!(page.contains("propeller vibration"));
 }
 
 #[test]

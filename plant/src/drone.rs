@@ -95,6 +95,14 @@ impl Drone {
         }
     }
 
+    /// Changes the thrust (N) from now on; motion stays as it is.
+    pub fn set_thrust(&mut self, thrust_n: f64) {
+        if thrust_n != self.mechanism.parameters().thrust_n {
+            self.mechanism = self.mechanism.with_thrust(thrust_n);
+            self.at = self.mechanism.configuration(self.crank.angle_rad);
+        }
+    }
+
     /// Places the crank without moving the drone, as when the servo is fitted at the start.
     pub fn place_crank(&mut self, angle_rad: f64) {
         let rate = self.rate_rad_s();

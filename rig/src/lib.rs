@@ -18,6 +18,7 @@
 //! | [`Rig`] | chip, world and bootloader together |
 //! | [`world`] | sensor, servo, drone, clamp |
 //! | [`bno055`] | the sensor at register level, with its faults |
+//! | [`disturbance`] | vibration, sagging servo supply, slow thrust |
 //! | [`truth`], [`measure`] | what really happened, and timing figures of it |
 //! | [`link`], [`request`], [`operator`] | the MAVLink client at the USB port |
 //! | `real_time`, `pty`, [`hand`] | on the clock on the wall, behind a pseudo-terminal (Unix) |
@@ -27,6 +28,7 @@
 //! | [`recording`], [`replay`], [`score`] | real recordings through the image |
 
 pub mod bno055;
+pub mod disturbance;
 pub mod faults;
 pub mod flight;
 pub mod hand;

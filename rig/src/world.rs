@@ -12,6 +12,7 @@
 //! accelerometer feels gravity alone.
 
 use crate::bno055::{self, Bno055, Fault, Stimulus};
+use crate::disturbance::Disturbances;
 use crate::tap::{Registers, Tap};
 use crate::truth::{Motion, Truth};
 use plant::{Drone, ParameterError, Parameters, Servo, ServoModel};
@@ -75,6 +76,8 @@ pub struct Bench {
     pub heading_rad: f64,
     /// The magnetic field.
     pub field: EarthField,
+    /// What disturbs the flight.
+    pub disturbances: Disturbances,
 }
 
 impl Default for Bench {
@@ -87,6 +90,7 @@ impl Default for Bench {
             start_rad: 0.0,
             heading_rad: 0.5,
             field: EarthField::COPENHAGEN,
+            disturbances: Disturbances::default(),
         }
     }
 }
@@ -99,8 +103,13 @@ pub struct World {
     sensor: Bno055,
     heading_rad: f64,
     field: EarthField,
+    disturbances: Disturbances,
+    /// Thrust when it is all there, N.
+    thrust_n: f64,
     /// Steps of the physics so far.
     steps: u64,
+    /// When the clamp opened last, unless it holds.
+    released: Option<Ticks>,
     /// Pitch to which the clamp is being moved, rad.
     clamp_rad: f64,
     tap: Tap,
@@ -125,7 +134,10 @@ impl World {
             sensor: Bno055::new(bench.sensor.clone()),
             heading_rad: bench.heading_rad,
             field: bench.field,
+            disturbances: bench.disturbances,
+            thrust_n: bench.parameters.thrust_n,
             steps: 0,
+            released: None,
             clamp_rad: bench.start_rad,
             tap: Tap::default(),
             truth: Truth::default(),
@@ -187,12 +199,14 @@ impl World {
     /// Opens the clamp; the drone leaves it with a rate, rad/s.
     pub fn release(&mut self, rate_rad_s: f64) {
         self.drone.release(rate_rad_s);
+        self.released.get_or_insert(STEP * self.steps);
     }
 
     /// Catches the drone where it is.
     pub fn catch(&mut self) {
         self.clamp_rad = self.drone.pitch_rad();
         self.drone.clamp(self.clamp_rad);
+        self.released = None;
     }
 
     /// Switches a fault of the sensor or its cable on.
@@ -216,6 +230,7 @@ impl World {
         self.steps += 1;
         let now = STEP * self.steps;
         let dt_s = STEP.as_secs_f64();
+        self.disturb(now);
         let load = self.drone.hinge_torque_n_m();
         let crank = self.servo.advance(now.as_secs_f64(), load);
         let hands_rad_s = if self.drone.held() {
@@ -226,8 +241,8 @@ impl World {
         self.drone.step(dt_s, crank);
         let rate_rad_s = self.drone.rate_rad_s() + hands_rad_s;
         let pitch_rad = self.drone.pitch_rad();
-        self.sensor
-            .sense(now, &self.stimulus(pitch_rad, rate_rad_s));
+        let stimulus = self.shaken(now, self.stimulus(pitch_rad, rate_rad_s));
+        self.sensor.sense(now, &stimulus);
         if self.steps.is_multiple_of(MOTION_EVERY) {
             self.truth.motion.push(Motion {
                 time: now,
@@ -238,6 +253,35 @@ impl World {
                 target_rad: self.servo.target_rad(),
             });
         }
+    }
+
+    /// Supply of the servo and thrust, as they are now.
+    fn disturb(&mut self, now: Ticks) {
+        let since_s = self
+            .released
+            .map(|released| now.saturating_sub(released).as_secs_f64());
+        if let Some(sag) = self.disturbances.supply {
+            let share = since_s.map_or(1.0, |since_s| sag.share(since_s));
+            self.servo.set_supply(share);
+        }
+        if let Some(ramp) = self.disturbances.thrust {
+            let share = ramp.share(since_s.unwrap_or(0.0));
+            self.drone.set_thrust(share * self.thrust_n);
+        }
+    }
+
+    /// The stimulus with the propeller's vibration, while the drone is free.
+    fn shaken(&self, now: Ticks, mut stimulus: Stimulus) -> Stimulus {
+        if let Some(vibration) = self.disturbances.vibration
+            && self.released.is_some()
+        {
+            let (force, rate) = vibration.at(now.as_secs_f64());
+            for axis in 0..3 {
+                stimulus.specific_force_m_s2[axis] += force[axis];
+                stimulus.rate_rad_s[axis] += rate[axis];
+            }
+        }
+        stimulus
     }
 
     /// Moves the clamp towards where it is wanted; the rate of that, rad/s.

@@ -6,6 +6,8 @@ use ::rig::ServoKind;
 use clap::{Args, ValueEnum};
 use tvc_nano::Params;
 
+use super::Disturb;
+
 /// Options of `tvc fly`.
 #[derive(Debug, Args)]
 #[command(after_help = "\
@@ -14,6 +16,8 @@ Examples:
   cargo fly --servo digital --start 0.4    one start, a fast servo at a 300 Hz frame
   cargo fly --gains 0.9,0.25 --seed 7      other gains, other noise and frame phase
   cargo fly --json > flight.json           figures for a script, nothing else on standard output
+  cargo fly --vibration 5,180 --servo-supply 4.8 --thrust-ramp 40,0.5
+                                           an unbalanced propeller, a weak battery, a slow motor
   cargo fly --replay walk.imuq             feed a real recording to the emulated BNO055
 
 Exit status: 0 every requirement met, 1 one missed or something failed, 2 unusable input.")]
@@ -36,8 +40,12 @@ pub struct Fly {
 
     /// Play a recording (IMUQ16v1) through the emulated BNO055 instead of flying, and score the
     /// attitude that arrives over USB against the recording's optical truth.
-    #[arg(long, value_name = "FILE.imuq", conflicts_with_all = ["start", "gains"])]
+    #[arg(long, value_name = "FILE.imuq", conflicts_with_all = ["start", "gains", "Disturb"])]
     pub replay: Option<PathBuf>,
+
+    /// What disturbs the flight.
+    #[command(flatten)]
+    pub disturb: Disturb,
 
     /// Print one JSON object on standard output and nothing else there.
     #[arg(long)]

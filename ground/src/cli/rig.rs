@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 
+use super::Disturb;
 use super::fly::{ServoChoice, start_angle};
 use super::link::seconds;
 
@@ -15,6 +16,7 @@ Examples:
   cargo tvc rig --pty --link ./nano              and makes ./nano a link to it
   cargo tvc monitor --port ./nano                in a second terminal: every command works there
   cargo tvc test step --port ./nano              arms, releases, prints the figures
+  cargo tvc rig --pty --vibration 5,180          with an unbalanced propeller, see --help
   mavproxy.py --master ./nano                    any MAVLink client does
 
 The clamp opens when the firmware goes to active and closes when it is disarmed.
@@ -35,6 +37,10 @@ pub struct Rig {
     /// Tilt at which the clamp holds the drone, in rad (0 to 0.87).
     #[arg(long, value_name = "RAD", default_value_t = 0.4, allow_negative_numbers = true, value_parser = start_angle)]
     pub tilt: f64,
+
+    /// What disturbs a flight.
+    #[command(flatten)]
+    pub disturb: Disturb,
 
     /// Make this path a symbolic link to the pseudo-terminal, removed at the end.
     #[arg(long, value_name = "PATH")]

@@ -6,6 +6,7 @@ use comfy_table::presets::NOTHING;
 use comfy_table::{CellAlignment, Table};
 use serde::Serialize;
 
+use super::disturbance::DisturbanceFigures;
 use crate::cli::ServoChoice;
 
 /// Everything that `tvc fly --json` prints, as one object.
@@ -24,6 +25,9 @@ pub struct Figures {
     pub telemetry: TelemetryFigures,
     /// One entry a flight; empty for a replay.
     pub runs: Vec<RunFigures>,
+    /// What disturbed the flights, when something did.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub disturbances: Option<DisturbanceFigures>,
     /// How fast the emulation was.
     pub emulation: EmulationFigures,
     /// Scores of a replayed recording.
@@ -375,6 +379,9 @@ impl Figures {
             ),
             "none lost",
         );
+        for (what, how) in self.disturbances.iter().flat_map(DisturbanceFigures::rows) {
+            row(what, how, "");
+        }
         let emulation = &self.emulation;
         row(
             "emulation",
@@ -474,6 +481,7 @@ mod tests {
                 final_error_rad: 0.001,
                 stayed_active: true,
             }],
+            disturbances: None,
             emulation: EmulationFigures {
                 simulated_s: 20.0,
                 wall_s: 2.0,

@@ -6,6 +6,7 @@ use rig::operator::FlightState;
 use rig::{Image, ServoKind, prepare};
 use samd21::WaitStates;
 
+use super::disturbance::DisturbanceFigures;
 use super::figures::{Figures, RunFigures, TelemetryFigures};
 use super::live::Live;
 use super::report::Page;
@@ -69,7 +70,7 @@ pub fn fly(image: &Image, setup: &Setup, options: &Fly) -> Result<(Figures, Page
     watch.add(unhindered.simulated_s, unhindered.busy_s);
     live.end();
 
-    let figures = figures(image, &records, &unhindered, &watch);
+    let figures = figures(image, setup, &records, &unhindered, &watch);
     Ok((figures, Page::flights(servo, options.seed, records)))
 }
 
@@ -82,6 +83,7 @@ fn with_wait_states(setup: &Setup, states: u8) -> rig::RigConfig {
 
 fn figures(
     image: &Image,
+    setup: &Setup,
     records: &[FlightRecord],
     unhindered: &FlightRecord,
     watch: &Stopwatch,
@@ -107,6 +109,7 @@ fn figures(
                 crc_errors: sum.crc_errors + one.crc_errors,
             }),
         runs: records.iter().map(run).collect(),
+        disturbances: DisturbanceFigures::of(&setup.rig.bench.disturbances),
         emulation: watch.figures(),
         replay: None,
     }

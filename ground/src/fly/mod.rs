@@ -1,6 +1,7 @@
 //! `tvc fly`: the image, on the virtual rig, brings the drone upright, or estimates attitude from a
 //! recording.
 
+pub mod disturbance;
 pub mod figures;
 mod flights;
 mod live;
@@ -53,10 +54,12 @@ fn setup(options: &Fly) -> Setup {
         kp: gains.kp,
         kd: gains.kd,
     });
-    Setup {
+    let mut setup = Setup {
         gains,
         ..Setup::new(options.servo.kind(), options.seed)
-    }
+    };
+    setup.rig.bench.disturbances = options.disturb.all();
+    setup
 }
 
 /// Wall time and simulated time of everything that was run.
