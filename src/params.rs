@@ -196,7 +196,7 @@ macro_rules! parameters {
 }
 
 parameters! {
-    pid_kp: "PID_KP", "rad/rad", Range::Between(0.0, 10.0), 2.0, Live,
+    pid_kp: "PID_KP", "rad/rad", Range::Between(0.0, 10.0), 1.9, Live,
         "servo angle per pitch error, near the setpoint";
     pid_kd: "PID_KD", "s", Range::Between(0.0, 3.0), 0.435, Live,
         "servo angle per pitch rate";
@@ -427,7 +427,7 @@ mod tests {
         let mut params = Params::default();
         let refused = params.set("PID_KP", 10.5).unwrap_err();
         assert_eq!(refused.to_string(), "PID_KP must be 0 to 10");
-        assert_eq!(params.pid_kp(), 2.0);
+        assert_eq!(params.pid_kp(), Params::default().pid_kp());
         assert!(params.set("PID_KP", f32::NAN).is_err());
         assert!(params.set("PID_KP", f32::INFINITY).is_err());
         assert!(params.set("PID_KP", 10.0).is_ok());

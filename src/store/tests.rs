@@ -145,9 +145,9 @@ fn the_layout_is_as_documented() {
     let mut flash = Mock::new();
     save(&mut flash, &Params::default()).unwrap();
     assert_eq!(half(&flash.bytes, 12), Params::count() as u16);
-    // FNV-1a of "PID_KP", and its default, 2.0.
+    // FNV-1a of "PID_KP", and its default.
     assert_eq!(word(&flash.bytes, 16), hash_of("PID_KP"));
-    assert_eq!(word(&flash.bytes, 20), 2.0_f32.to_bits());
+    assert_eq!(word(&flash.bytes, 20), Params::default().pid_kp().to_bits());
     let end = 16 + 8 * Params::count();
     // CRC-32 of IEEE 802.3, bit by bit.
     let mut crc = u32::MAX;

@@ -422,7 +422,10 @@ fn a_parameter_out_of_range_is_refused_in_words_and_the_old_value_told() {
     let mut link = Link::new(Desk::in_standby(0.1));
     let answer = link.tell(&set("PID_KP", 11.0));
     assert_eq!(texts(&answer), ["PID_KP must be 0 to 10"]);
-    assert_eq!(values(&answer), [("PID_KP".to_string(), 2.0)]);
+    assert_eq!(
+        values(&answer),
+        [("PID_KP".to_string(), Params::default().pid_kp())]
+    );
     let answer = link.tell(&set("NO_SUCH_NAME_AT_A", 1.0));
     assert_eq!(texts(&answer), ["no such parameter"]);
     link.tell(&order(MavCmd::MAV_CMD_COMPONENT_ARM_DISARM, 1.0, 0.0));
@@ -446,7 +449,7 @@ fn a_parameter_is_read_by_name_or_index() {
     assert_eq!(values(&link.tell(&read(-1, "SRV_RATE_HZ"))), [rate]);
     assert_eq!(
         values(&link.tell(&read(0, ""))),
-        [("PID_KP".to_string(), 2.0)]
+        [("PID_KP".to_string(), Params::default().pid_kp())]
     );
     assert_eq!(texts(&link.tell(&read(99, ""))), ["no such parameter"]);
     assert_eq!(
