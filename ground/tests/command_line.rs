@@ -107,6 +107,33 @@ fn help_has_examples_and_goes_to_standard_output() {
     }
 }
 
+/// A sensor that resets at 1.2 s ends in failsafe; the same flight stays active without that.
+#[test]
+fn faults_come_from_a_file_and_are_refused_by_name() {
+    let folder = tempfile::tempdir().unwrap();
+    let (report, file) = (folder.path().join("fly.html"), folder.path().join("f.toml"));
+    let (report, file) = (report.to_str().unwrap(), file.to_str().unwrap());
+    let write = |kind: &str, at_s: f64| {
+        let text = format!("[[fault]]\nkind = \"{kind}\"\nat_s = {at_s}\nfor_s = 5.0\n");
+        std::fs::write(file, text).unwrap();
+    };
+    write("gremlins", 1.0);
+    assert_refused(&["fly", "--faults", file], "there is no fault gremlins");
+    write("unplugged", 9.0);
+    assert_refused(&["fly", "--faults", file], "at_s must be");
+    assert_refused(&["fly", "--faults", "no/such.toml"], "no/such.toml");
+    let shipped = Path::new(env!("CARGO_MANIFEST_DIR")).join("../scenarios/faults.toml");
+    let shipped = shipped.to_str().unwrap();
+    let output = tvc(&[
+        "fly", "--json", "--start", "0.4", "--faults", shipped, "--report", report,
+    ]);
+    assert_eq!(output.status.code(), Some(1));
+    let flight: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!(flight["runs"][0]["stayed_active"], false);
+    assert_eq!(flight["faults"][1]["kind"], "config-reset");
+    assert_eq!(flight["faults"][1]["at_s"], 1.2);
+}
+
 /// A drone that pitches under a growing thrust rises later; one that shakes stays in control.
 #[test]
 fn a_disturbed_flight_says_what_disturbed_it() {

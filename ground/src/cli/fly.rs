@@ -18,6 +18,7 @@ Examples:
   cargo fly --json > flight.json           figures for a script, nothing else on standard output
   cargo fly --vibration 5,180 --servo-supply 4.8 --thrust-ramp 40,0.5
                                            an unbalanced propeller, a weak battery, a slow motor
+  cargo fly --faults scenarios/faults.toml faults of the sensor at times of the flight
   cargo fly --replay walk.imuq             feed a real recording to the emulated BNO055
 
 Exit status: 0 every requirement met, 1 one missed or something failed, 2 unusable input.")]
@@ -42,6 +43,11 @@ pub struct Fly {
     /// attitude that arrives over USB against the recording's optical truth.
     #[arg(long, value_name = "FILE.imuq", conflicts_with_all = ["start", "gains", "Disturb"])]
     pub replay: Option<PathBuf>,
+
+    /// Faults of sensor and cable by time, from a file of `[[fault]]` with `kind` (as in `tvc faults`),
+    /// `at_s` after the release and `for_s`; how hard they strike comes from the seed.
+    #[arg(long, value_name = "FILE.toml", conflicts_with = "replay")]
+    pub faults: Option<PathBuf>,
 
     /// What disturbs the flight.
     #[command(flatten)]

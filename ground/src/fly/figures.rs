@@ -7,6 +7,7 @@ use comfy_table::{CellAlignment, Table};
 use serde::Serialize;
 
 use super::disturbance::DisturbanceFigures;
+use super::faults::FaultEntry;
 use crate::cli::ServoChoice;
 
 /// Everything that `tvc fly --json` prints, as one object.
@@ -25,6 +26,9 @@ pub struct Figures {
     pub telemetry: TelemetryFigures,
     /// One entry a flight; empty for a replay.
     pub runs: Vec<RunFigures>,
+    /// The faults that were switched on in every flight, when there were any.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub faults: Vec<FaultEntry>,
     /// What disturbed the flights, when something did.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub disturbances: Option<DisturbanceFigures>,
@@ -382,6 +386,10 @@ impl Figures {
         for (what, how) in self.disturbances.iter().flat_map(DisturbanceFigures::rows) {
             row(what, how, "");
         }
+        for fault in &self.faults {
+            let when = format!("at {} s for {} s", fault.at_s, fault.for_s);
+            row(&format!("fault {}", fault.kind), when, "");
+        }
         let emulation = &self.emulation;
         row(
             "emulation",
@@ -481,6 +489,7 @@ mod tests {
                 final_error_rad: 0.001,
                 stayed_active: true,
             }],
+            faults: Vec::new(),
             disturbances: None,
             emulation: EmulationFigures {
                 simulated_s: 20.0,

@@ -7,6 +7,7 @@ use rig::{Image, ServoKind, prepare};
 use samd21::WaitStates;
 
 use super::disturbance::DisturbanceFigures;
+use super::faults::FaultEntry;
 use super::figures::{Figures, RunFigures, TelemetryFigures};
 use super::live::Live;
 use super::report::Page;
@@ -18,14 +19,19 @@ const STARTS_RAD: [f64; 3] = [0.2, 0.4, 0.8];
 /// Pitch rate at release, rad/s.
 const START_RATE_RAD_S: f64 = 0.2;
 /// Length of a flight, s.
-const FLIGHT_S: f64 = 3.0;
+pub const FLIGHT_S: f64 = 3.0;
 /// Length of the flight without wait states, which only gives cycles, s.
 const CYCLES_S: f64 = 1.0;
 /// Settling band, share of the start.
 const BAND: f64 = 0.05;
 
 /// Flies every start at the chip's own wait state, and one more without for its cycles.
-pub fn fly(image: &Image, setup: &Setup, options: &Fly) -> Result<(Figures, Page)> {
+pub fn fly(
+    image: &Image,
+    setup: &Setup,
+    faults: Vec<FaultEntry>,
+    options: &Fly,
+) -> Result<(Figures, Page)> {
     let starts = options
         .start
         .map_or(STARTS_RAD.to_vec(), |start| vec![start]);
@@ -60,6 +66,7 @@ pub fn fly(image: &Image, setup: &Setup, options: &Fly) -> Result<(Figures, Page
     let live = Live::begin("cycles without wait states".into());
     let zero = Setup {
         rig: with_wait_states(setup, 0),
+        faults: Vec::new(),
         ..setup.clone()
     };
     let ready = prepare(image, &zero, &mut |progress| live.flight(progress))?;
@@ -70,7 +77,7 @@ pub fn fly(image: &Image, setup: &Setup, options: &Fly) -> Result<(Figures, Page
     watch.add(unhindered.simulated_s, unhindered.busy_s);
     live.end();
 
-    let figures = figures(image, setup, &records, &unhindered, &watch);
+    let figures = figures(image, setup, faults, &records, &unhindered, &watch);
     Ok((figures, Page::flights(servo, options.seed, records)))
 }
 
@@ -84,6 +91,7 @@ fn with_wait_states(setup: &Setup, states: u8) -> rig::RigConfig {
 fn figures(
     image: &Image,
     setup: &Setup,
+    faults: Vec<FaultEntry>,
     records: &[FlightRecord],
     unhindered: &FlightRecord,
     watch: &Stopwatch,
@@ -109,6 +117,7 @@ fn figures(
                 crc_errors: sum.crc_errors + one.crc_errors,
             }),
         runs: records.iter().map(run).collect(),
+        faults,
         disturbances: DisturbanceFigures::of(&setup.rig.bench.disturbances),
         emulation: watch.figures(),
         replay: None,

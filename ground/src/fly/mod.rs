@@ -2,6 +2,7 @@
 //! recording.
 
 pub mod disturbance;
+pub mod faults;
 pub mod figures;
 mod flights;
 mod live;
@@ -25,11 +26,17 @@ pub use live::gauge;
 pub fn run(options: &Fly) -> Result<Verdict> {
     // An unreadable recording is said before minutes of building.
     let recording = options.replay.as_deref().map(recording::open).transpose()?;
+    let faults = options.faults.as_deref();
+    let faults = faults
+        .map(|path| faults::read(path, options.seed))
+        .transpose()?;
+    let (faults, timed) = faults.unwrap_or_default().into_iter().unzip();
     let image = rig::image::build(&mut |line| eprintln!("{line}")).context("the image")?;
-    let setup = setup(options);
+    let mut setup = setup(options);
+    setup.faults = timed;
     let (figures, page) = match recording {
         Some(recording) => recording::play(&image, &recording, &setup)?,
-        None => flights::fly(&image, &setup, options)?,
+        None => flights::fly(&image, &setup, faults, options)?,
     };
     let missed = figures.missed(options.servo);
     write_whole(&options.report, page.render(&figures, &missed)?.as_bytes())?;

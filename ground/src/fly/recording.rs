@@ -58,6 +58,7 @@ pub fn play(image: &Image, recording: &Arc<Recording>, setup: &Setup) -> Result<
             crc_errors: record.link.crc_errors,
         },
         runs: Vec::new(),
+        faults: Vec::new(),
         disturbances: None,
         emulation: watch.figures(),
         replay: Some(ReplayFigures {
