@@ -148,12 +148,12 @@ fn a_disturbed_flight_says_what_disturbed_it() {
     };
     let (calm, shaken) = (
         fly(&[]),
-        fly(&["--vibration", "5,180", "--thrust-ramp", "40,0.5"]),
+        fly(&["--vibration", "5,180", "--thrust-ramp", "10,0.5"]),
     );
     assert!(calm.get("disturbances").is_none());
     let said = &shaken["disturbances"];
     assert_eq!(said["vibration"]["frequency_hz"], 180.0);
-    assert_eq!(said["thrust_ramp"]["from_pct"], 40.0);
+    assert_eq!(said["thrust_ramp"]["from_pct"], 10.0);
     assert!(said.get("servo_supply").is_none());
     let rise_s = |flight: &serde_json::Value| flight["runs"][0]["rise_s"].as_f64().unwrap();
     assert!(rise_s(&shaken) > rise_s(&calm) + 0.03);
