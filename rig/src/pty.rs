@@ -68,7 +68,7 @@ impl Pty {
         Some(tcgetattr(self.master.as_fd()).ok()?.output_speed())
     }
 
-    /// What the program has written, at most [`CHUNK`] bytes; empty if there is nothing, or nobody.
+    /// What the program has written, a piece of it at a time; empty if there is nothing, or nobody.
     ///
     /// # Errors
     /// What the system says.

@@ -63,7 +63,7 @@ count the sensor's delay, the rate's filter, half a control period, the hold of 
 pulse and the servo's lag. Deadband, backlash and the speed limit have no linear part.
 Exit status: 0 done, 1 something failed, 2 unusable input.")]
 pub struct Linear {
-    /// A parameter file with [drone], [servo] and [timing], each optional.
+    /// A parameter file with the tables `drone`, `servo` and `timing`, each optional.
     #[arg(long, value_name = "FILE.toml")]
     pub params: Option<PathBuf>,
 
