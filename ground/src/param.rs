@@ -247,7 +247,8 @@ mod tests {
 
     #[test]
     fn differences_are_to_the_file_or_to_the_defaults() {
-        let have = [row("PID_KP", 1.5), row("PID_KD", 0.3), row("NEW", 7.0)];
+        let kd = Params::default().pid_kd();
+        let have = [row("PID_KP", 1.5), row("PID_KD", kd), row("NEW", 7.0)];
         let names = |differences: Vec<Difference>| -> Vec<(String, f32)> {
             let pairs = differences.into_iter().map(|row| (row.name, row.other));
             pairs.collect()

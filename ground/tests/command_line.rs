@@ -163,6 +163,34 @@ fn a_disturbed_flight_says_what_disturbed_it() {
 }
 
 #[test]
+fn gains_and_drone_come_from_files_and_are_refused_before_anything_is_built() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = |name: &str, text: &str| -> String {
+        let path = folder.path().join(name);
+        std::fs::write(&path, text).unwrap();
+        path.to_str().unwrap().to_owned()
+    };
+    let report = file("fly.html", "");
+    let fly = |options: &[&str]| -> (f64, f64) {
+        let common = ["fly", "--json", "--start", "0.4", "--report", &report];
+        let output = tvc(&[&common, options].concat());
+        let flight: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+        let run = &flight["runs"][0];
+        let figure = |name: &str| run[name].as_f64().unwrap();
+        (figure("rise_s"), figure("overshoot_pct"))
+    };
+    let (rise_s, overshoot_pct) = fly(&[]);
+    let calm = file("calm.param", "PID_KP 1.2\nPID_KD 0.4\n");
+    assert!(fly(&["--params", &calm]).0 > rise_s + 0.05);
+    let heavy = file("heavy.toml", "[drone]\nbody_inertia_kg_m2 = 0.2\n");
+    assert!(fly(&["--drone", &heavy]).1 > overshoot_pct + 10.0);
+    let bad = file("bad.param", "PID_KP 99\n");
+    assert_refused(&["fly", "--params", &bad], "PID_KP must be 0 to 10");
+    let bad = file("bad.toml", "[drone]\nmass = 1\n");
+    assert_refused(&["fly", "--drone", &bad], "mass");
+}
+
+#[test]
 fn a_flight_as_json_is_one_object_and_the_same_seed_gives_the_same_flight() {
     let folder = tempfile::tempdir().unwrap();
     let report = folder.path().join("fly.html");

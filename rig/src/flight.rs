@@ -8,6 +8,7 @@ use crate::operator::{FlightState, Operator, OperatorError, Received};
 use crate::random::{Stream, generator};
 use crate::rig::{Rig, RigConfig, RigError};
 use crate::truth::{Motion, Pulse};
+use crate::world::Bench;
 use plant::ServoModel;
 use plant::response::{ResponseError, StepResponse};
 use rand::Rng;
@@ -84,9 +85,9 @@ pub struct Gains {
 /// What is flown, and on what.
 #[derive(Clone, Debug)]
 pub struct Setup {
-    /// The rig; its bench's servo is replaced by `servo`.
+    /// The rig, with the servo's physics on its bench.
     pub rig: RigConfig,
-    /// The servo.
+    /// The servo, by what the image must be told about it.
     pub servo: ServoKind,
     /// Gains sent to the image in place of the servo's own.
     pub gains: Option<Gains>,
@@ -110,9 +111,14 @@ pub struct TimedFault {
 impl Setup {
     /// A default rig with `servo` and everything random from `seed`.
     pub fn new(servo: ServoKind, seed: u64) -> Self {
+        let bench = Bench {
+            servo: servo.model(),
+            ..Bench::default()
+        };
         Self {
             rig: RigConfig {
                 seed,
+                bench,
                 ..RigConfig::default()
             },
             servo,
@@ -227,12 +233,10 @@ pub fn prepare(
     setup: &Setup,
     progress: &mut dyn FnMut(&Progress),
 ) -> Result<Ready, FlightError> {
-    let mut config = setup.rig.clone();
-    config.bench.servo = setup.servo.model();
     let mut ready = Ready {
-        rig: Rig::new(image, &config)?,
+        rig: Rig::new(image, &setup.rig)?,
         operator: Operator::new(),
-        seed: config.seed,
+        seed: setup.rig.seed,
         faults: setup.faults.clone(),
     };
     let Ready { rig, operator, .. } = &mut ready;

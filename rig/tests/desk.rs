@@ -35,6 +35,8 @@ fn standby(seed: u64) -> Desk {
 /// Armed and released from a tilt.
 fn released(seed: u64, start_rad: f64) -> Desk {
     let mut desk = standby(seed);
+    // Rest, in which the gyro's offset is learned: arming waits for it.
+    desk.run(3000, |_, _| {});
     desk.world.tilt_clamp(start_rad);
     desk.run(3000, |_, _| {});
     let now = tvc_nano::Micros(desk.now.as_us());

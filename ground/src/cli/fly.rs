@@ -15,6 +15,8 @@ Examples:
   cargo fly                                fly from 0.2, 0.4 and 0.8 rad, write report/fly.html
   cargo fly --servo digital --start 0.4    one start, a fast servo at a 300 Hz frame
   cargo fly --gains 0.9,0.25 --seed 7      other gains, other noise and frame phase
+  cargo fly --params tuned.param           what `tvc tune` found
+  cargo fly --drone heavy.toml             another drone, another servo
   cargo fly --json > flight.json           figures for a script, nothing else on standard output
   cargo fly --vibration 5,180 --servo-supply 4.8 --thrust-ramp 40,0.5
                                            an unbalanced propeller, a weak battery, a slow motor
@@ -39,9 +41,18 @@ pub struct Fly {
     #[arg(long, value_name = "KP,KD", allow_negative_numbers = true, value_parser = gains)]
     pub gains: Option<Gains>,
 
+    /// Firmware parameters, a name and a value a line, as `tvc tune` and `tvc param dump` write them.
+    #[arg(long, value_name = "FILE.param", conflicts_with = "gains")]
+    pub params: Option<PathBuf>,
+
+    /// Drone and servo where they differ from the servo's preset (docs/model.md), as `tvc identify`
+    /// writes them.
+    #[arg(long, value_name = "FILE.toml")]
+    pub drone: Option<PathBuf>,
+
     /// Play a recording (IMUQ16v1) through the emulated BNO055 instead of flying, and score the
     /// attitude that arrives over USB against the recording's optical truth.
-    #[arg(long, value_name = "FILE.imuq", conflicts_with_all = ["start", "gains", "Disturb"])]
+    #[arg(long, value_name = "FILE.imuq", conflicts_with_all = ["start", "gains", "params", "drone", "Disturb"])]
     pub replay: Option<PathBuf>,
 
     /// Faults of sensor and cable by time, from a file of `[[fault]]` with `kind` (as in `tvc faults`),

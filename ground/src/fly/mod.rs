@@ -18,6 +18,7 @@ use samd21::board::Ticks;
 
 use crate::cli::Fly;
 use crate::failure::Verdict;
+use crate::law;
 use crate::output::write_whole;
 use figures::{ImageFigures, LoopFigures, Spread};
 pub use live::gauge;
@@ -31,8 +32,8 @@ pub fn run(options: &Fly) -> Result<Verdict> {
         .map(|path| faults::read(path, options.seed))
         .transpose()?;
     let (faults, timed) = faults.unwrap_or_default().into_iter().unzip();
+    let mut setup = setup(options)?;
     let image = rig::image::build(&mut |line| eprintln!("{line}")).context("the image")?;
-    let mut setup = setup(options);
     setup.faults = timed;
     let (figures, page) = match recording {
         Some(recording) => recording::play(&image, &recording, &setup)?,
@@ -56,7 +57,7 @@ pub fn run(options: &Fly) -> Result<Verdict> {
     })
 }
 
-fn setup(options: &Fly) -> Setup {
+fn setup(options: &Fly) -> Result<Setup> {
     let gains = options.gains.map(|gains| rig::flight::Gains {
         kp: gains.kp,
         kd: gains.kd,
@@ -65,8 +66,20 @@ fn setup(options: &Fly) -> Setup {
         gains,
         ..Setup::new(options.servo.kind(), options.seed)
     };
+    if let Some(path) = &options.params {
+        let own = law::parameters(options.servo, None)?;
+        let wanted = law::parameters(options.servo, Some(path))?;
+        let changed = own.iter().zip(wanted.iter());
+        setup.parameters = changed
+            .filter(|((_, own), (_, wanted))| own != wanted)
+            .map(|(_, (info, value))| (info.name.to_owned(), value))
+            .collect();
+    }
+    let physics = law::setup(options.servo, options.drone.as_deref())?;
+    setup.rig.bench.parameters = physics.drone;
+    setup.rig.bench.servo = physics.servo;
     setup.rig.bench.disturbances = options.disturb.all();
-    setup
+    Ok(setup)
 }
 
 /// Wall time and simulated time of everything that was run.
