@@ -179,6 +179,26 @@ fn starts_at_any_attitude<S: Subject>() {
     }
 }
 
+/// With a field in every fifth sample, wherever the body points.
+fn starts_with_a_slow_magnetometer<S: Subject>() {
+    for first in 0..5 {
+        for heading in -9..9 {
+            let yaw = f64::from(heading) * 20.0 * DEG;
+            let truth = UnitQuaternion::from_euler_angles(0.1, -0.2, yaw);
+            let mut subject = S::start();
+            for k in 0..300 {
+                let sample = sample(&truth, Vector3::zeros(), k % 5 == first);
+                let attitude = subject.step(i64::from(DT_US), &sample);
+                let error = error_deg(&attitude.orientation, &truth);
+                assert!(
+                    k < 100 || error < 2.0,
+                    "{error} deg after {k} samples at {yaw} rad"
+                );
+            }
+        }
+    }
+}
+
 fn follows_a_motion<S: Subject>() {
     let mut subject = S::start();
     let start = UnitQuaternion::from_euler_angles(0.1, -0.2, 0.3);
@@ -416,6 +436,7 @@ macro_rules! suite {
 
             suite!(@tests $subject:
                 starts_at_any_attitude,
+                starts_with_a_slow_magnetometer,
                 follows_a_motion,
                 is_equivariant,
                 a_magnet_turns_neither_roll_nor_pitch,

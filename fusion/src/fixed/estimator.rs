@@ -55,8 +55,8 @@ const COARSE: u8 = 3;
 /// Largest count of a gyroscope, rad/s: 2150 deg/s at full scale.
 const MOST_GYR_RAD_S: f32 = 0.001_15;
 
-/// Most samples between two of the magnetometer for which a correction makes up, and the largest correction
-/// of a sample that fits, Q15 with `mag_cut` more bits.
+/// Most samples between two of the magnetometer for which a correction makes up, unless fewer make the whole
+/// error already; and the largest correction of a sample that fits, Q15 with `mag_cut` more bits.
 const MOST_MAG_SAMPLES: i32 = 255;
 const MOST_TURN: i32 = 60_000;
 
@@ -98,8 +98,9 @@ pub struct Estimator<F> {
     mag_gain: i32,
     /// Largest correction of a sample, in the same unit.
     mag_most: i32,
-    /// Samples since the last field.
+    /// Samples since the last field, and as many as a correction makes up for.
     mag_samples: i32,
+    most_mag_samples: i32,
     compass: Compass,
     sums: Sums,
     filter: F,
@@ -206,6 +207,7 @@ impl<F: Filter> Estimator<F> {
             mag_gain,
             mag_most: 0,
             mag_samples: 0,
+            most_mag_samples: 0,
             sums,
             compass: Compass::new(scale, period_s),
             filter: F::new(&config.gains, period_s)?,
@@ -322,7 +324,7 @@ impl<F: Filter> Estimator<F> {
             let sine = self
                 .compass
                 .heading(&products, &down, mag, self.sums.tick());
-            let samples = self.mag_samples.min(MOST_MAG_SAMPLES);
+            let samples = self.mag_samples.min(self.most_mag_samples);
             // Not `clamp`, which would panic were the limit negative.
             turn = (((sine * self.mag_gain) >> 15) * samples)
                 .min(self.mag_most)
@@ -351,7 +353,9 @@ impl<F: Filter> Estimator<F> {
     /// One of the small jobs that come now and then.
     #[inline(never)]
     fn keep_house(&mut self, due: u16, counts: &Counts) {
-        if due < rest::SETTLE {
+        if due < rest::SETTLE && self.blocks <= self.settling.first_blocks.into() {
+            self.compass.align(due, &mut self.rotation);
+        } else if due < rest::SETTLE {
             self.rest
                 .close(due, &mut self.sums, &mut self.rotation.bias);
         } else if due == rest::SETTLE {
@@ -394,7 +398,14 @@ impl<F: Filter> Estimator<F> {
             cut: u32::from(s.acc_cut - less),
         };
         self.mag_cut = s.mag_cut - s.boost.saturating_sub(s.mag_less);
-        self.mag_most = (EIGHTH << self.mag_cut).min(MOST_TURN);
+        // Until the first alignment is over nothing else turns the heading: what it knows stays right.
+        self.mag_most = if self.blocks <= s.first_blocks.into() {
+            0
+        } else {
+            (EIGHTH << self.mag_cut).min(MOST_TURN)
+        };
+        // A sample's share is at most half of one with `mag_cut` bits less: more than the error would overshoot.
+        self.most_mag_samples = (2 << self.mag_cut).min(MOST_MAG_SAMPLES);
         self.settled = s.boost == 0;
     }
 
