@@ -4,6 +4,8 @@ use std::vec::Vec;
 
 use proptest::prelude::*;
 
+mod states;
+
 use super::*;
 use crate::failsafe::{Crash, Latch, Reason};
 
@@ -191,74 +193,6 @@ fn up_to_thirty_milliseconds_without_samples_hold_the_last_command() {
 }
 
 #[test]
-fn every_sensor_fault_commands_neutral_in_time_and_leads_back_only_to_standby() {
-    for fault in [
-        SensorFault::Nak,
-        SensorFault::Timeout,
-        SensorFault::Stuck,
-        SensorFault::Arbitration,
-        SensorFault::Protocol,
-        SensorFault::Reset,
-        SensorFault::AllOnes,
-        SensorFault::Frozen,
-        SensorFault::Implausible,
-        SensorFault::Torn,
-        SensorFault::Late,
-        SensorFault::Booting,
-        SensorFault::Doubt,
-    ] {
-        let mut desk = Desk::active(0.4);
-        desk.run(5);
-        let since = desk.now_us;
-        while desk.step_with(Err(fault)).pulse != NEUTRAL {
-            assert!(desk.now_us - since <= 60_000, "{fault:?}");
-        }
-        let reason = Reason::Sensor(fault);
-        assert_eq!(desk.flight.state(), State::Failsafe(reason));
-        assert_eq!(
-            desk.command(Command::Release),
-            Err(Refusal::WrongState(desk.flight.state()))
-        );
-        assert_eq!(
-            desk.command(Command::Arm),
-            Err(Refusal::WrongState(desk.flight.state()))
-        );
-        assert_eq!(
-            desk.command(Command::Disarm),
-            Err(Refusal::FaultPersists(reason))
-        );
-
-        desk.free = false;
-        (desk.pitch, desk.rate) = (0.3, 0.0);
-        assert_eq!(desk.run(4).pulse, NEUTRAL);
-        assert_eq!(
-            desk.command(Command::Disarm),
-            Err(Refusal::FaultPersists(reason))
-        );
-        desk.run(1);
-        assert_eq!(
-            desk.flight.state(),
-            State::Failsafe(reason),
-            "never by itself"
-        );
-        desk.command(Command::Disarm).unwrap();
-        assert_eq!(desk.flight.state(), State::Standby);
-    }
-}
-
-/// A wrong bit in a register that is read to look after the sensor is no reason to give up.
-#[test]
-fn a_register_in_doubt_costs_samples_and_not_the_flight() {
-    let mut desk = Desk::active(0.4);
-    desk.run(5);
-    for _ in 0..3 {
-        desk.step_with(Err(SensorFault::Doubt));
-    }
-    desk.run(1);
-    assert!(desk.flight.state().is_active());
-}
-
-#[test]
 fn what_turned_while_samples_were_missed_is_made_good() {
     for missed in 1..=3 {
         let mut desk = Desk::in_standby(0.0);
@@ -324,144 +258,6 @@ fn a_sample_that_is_too_old_when_it_comes_is_as_bad_as_none() {
     let old = reading(desk.now_us - 60_000, desk.pitch, desk.rate);
     assert_eq!(desk.step_with(Ok(old)).pulse, NEUTRAL);
     assert_eq!(desk.flight.state(), State::Failsafe(Reason::StaleData));
-}
-
-#[test]
-fn tilt_ends_control_after_a_tenth_of_a_second_but_not_while_held() {
-    let mut desk = Desk::in_standby(0.8);
-    desk.command(Command::Arm).unwrap();
-    desk.pitch = 1.15;
-    desk.run(300);
-    assert_eq!(desk.flight.state(), State::Armed);
-    assert_eq!(desk.command(Command::Release), Err(Refusal::Tilt));
-
-    let mut desk = Desk::active(0.8);
-    desk.free = false;
-    // Thrown over at 5 rad/s, faster than any filter's accelerometer correction.
-    desk.rate = 5.0;
-    let mut over_since = None;
-    while desk.flight.state().is_active() {
-        desk.pitch = (desk.pitch + 0.05).min(1.2);
-        desk.rate = if desk.pitch < 1.2 { 5.0 } else { 0.0 };
-        let attitude = desk.step().snapshot.attitude.orientation;
-        if attitude.pitch() > 60.0_f32.to_radians() {
-            over_since.get_or_insert(desk.now_us);
-        }
-        assert!(desk.now_us < 7_000_000);
-    }
-    assert_eq!(desk.now_us - over_since.unwrap(), 100_000);
-    assert_eq!(desk.flight.state(), State::Failsafe(Reason::Tilt));
-    assert_eq!(
-        desk.command(Command::Disarm),
-        Err(Refusal::FaultPersists(Reason::Tilt))
-    );
-}
-
-#[test]
-fn arming_asks_for_less_than_fifty_degrees() {
-    let mut desk = Desk::in_standby(51.0_f64.to_radians());
-    assert_eq!(desk.command(Command::Arm), Err(Refusal::Tilt));
-    let mut desk = Desk::in_standby(-49.0_f64.to_radians());
-    assert_eq!(desk.command(Command::Arm), Ok(()));
-}
-
-#[test]
-fn commands_out_of_order_are_refused_and_repeated_ones_are_not() {
-    let mut desk = Desk::new(0.1);
-    assert_eq!(
-        desk.command(Command::Arm),
-        Err(Refusal::WrongState(State::Boot))
-    );
-    desk.run(REST);
-    assert_eq!(
-        desk.command(Command::Release),
-        Err(Refusal::WrongState(State::Standby))
-    );
-    for command in [
-        Command::Arm,
-        Command::Arm,
-        Command::Release,
-        Command::Release,
-    ] {
-        desk.command(command).unwrap();
-    }
-    assert!(desk.flight.state().is_active());
-    desk.command(Command::Disarm).unwrap();
-    assert_eq!(desk.step().pulse, NEUTRAL);
-    desk.command(Command::Disarm).unwrap();
-    assert_eq!(desk.flight.state(), State::Standby);
-}
-
-#[test]
-fn a_bad_end_of_the_last_run_must_be_acknowledged() {
-    for crash in [
-        Crash::Watchdog,
-        Crash::BrownOut,
-        Crash::Panic {
-            callers: [0x2100, 0x2200, 0],
-        },
-        Crash::HardFault { pc: 0x2100 },
-    ] {
-        let report = BootReport {
-            crash: Some(crash),
-            ..BootReport::default()
-        };
-        let mut desk = Desk::with(0.1, params(), report);
-        desk.run(300);
-        assert_eq!(desk.flight.state(), State::Latched(Latch::Crash(crash)));
-        assert_eq!(
-            desk.command(Command::Arm),
-            Err(Refusal::WrongState(State::Latched(Latch::Crash(crash))))
-        );
-        desk.command(Command::Disarm).unwrap();
-        desk.run(110);
-        assert_eq!(desk.flight.state(), State::Standby);
-    }
-}
-
-#[test]
-fn lost_parameters_are_acknowledged_after_the_crash_that_came_with_them() {
-    let report = BootReport {
-        crash: Some(Crash::BrownOut),
-        stored: Loaded::Corrupt,
-    };
-    let mut desk = Desk::with(0.1, Params::default(), report);
-    for latch in [Latch::Crash(Crash::BrownOut), Latch::ParametersLost] {
-        assert_eq!(desk.flight.state(), State::Latched(latch));
-        assert!(desk.command(Command::Arm).is_err());
-        desk.command(Command::Disarm).unwrap();
-    }
-    assert_eq!(desk.flight.state(), State::Boot);
-}
-
-#[test]
-fn losing_the_sensor_during_the_self_test_starts_it_again() {
-    let mut desk = Desk::new(0.1);
-    desk.run(90);
-    for _ in 0..6 {
-        desk.step_with(Err(SensorFault::Nak));
-    }
-    assert_eq!(desk.flight.state(), State::Boot);
-    desk.run(90);
-    assert!(matches!(desk.flight.state(), State::SelfTest(_)));
-    desk.run(15);
-    assert_eq!(desk.flight.state(), State::Standby);
-}
-
-#[test]
-fn silence_of_the_host_is_a_failsafe_only_where_it_is_asked_for() {
-    let mut desk = Desk::in_standby(0.1);
-    desk.flight.set_param("FS_HOST", 1.0).unwrap();
-    assert_eq!(desk.command(Command::Arm), Err(Refusal::HostSilent));
-    desk.flight.host_heard(Micros(desk.now_us));
-    desk.command(Command::Arm).unwrap();
-    desk.run(300);
-    assert_eq!(desk.flight.state(), State::Armed);
-    desk.run(2);
-    assert_eq!(desk.flight.state(), State::Failsafe(Reason::HostSilent));
-    assert!(desk.command(Command::Disarm).is_err());
-    desk.flight.host_heard(Micros(desk.now_us));
-    desk.command(Command::Disarm).unwrap();
 }
 
 #[test]
@@ -592,20 +388,6 @@ fn only_unit_quaternions_of_numbers_are_rotations() {
     assert!(!accepted(1.0, 0.0, 0.0, f32::INFINITY));
     assert!(!accepted(0.9, 0.9, 0.0, 0.0));
     assert!(!accepted(0.1, 0.1, 0.1, 0.1));
-}
-
-#[test]
-fn arming_waits_for_the_gyros_offset_to_be_learned() {
-    let mut desk = Desk::new(0.3);
-    desk.run(250);
-    assert_eq!(desk.flight.state(), State::Standby);
-    assert_eq!(desk.command(Command::Arm), Err(Refusal::BiasUnknown));
-    let mut steps = 250;
-    while desk.command(Command::Arm).is_err() {
-        desk.run(1);
-        steps += 1;
-    }
-    assert!(steps < REST, "{steps}");
 }
 
 /// An offset of 1 deg/s is off the rate when arming is allowed.

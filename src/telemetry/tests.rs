@@ -1,5 +1,9 @@
 //! Frames against pymavlink 2.4.50 byte by byte, and conversations against the `mavlink` crate's own parser.
 
+mod golden;
+mod noise;
+mod parameters;
+
 use std::string::{String, ToString};
 use std::vec::Vec;
 
@@ -62,18 +66,6 @@ fn acks(messages: &[MavMessage]) -> Vec<(MavCmd, MavResult)> {
         .iter()
         .filter_map(|message| match message {
             MavMessage::COMMAND_ACK(ack) => Some((ack.command, ack.result)),
-            _ => None,
-        })
-        .collect()
-}
-
-fn values(messages: &[MavMessage]) -> Vec<(String, f32)> {
-    messages
-        .iter()
-        .filter_map(|message| match message {
-            MavMessage::PARAM_VALUE(p) => {
-                Some((p.param_id.to_str().unwrap().to_string(), p.param_value))
-            }
             _ => None,
         })
         .collect()
@@ -155,112 +147,6 @@ impl Link {
         self.telemetry.receive(now, bytes, &mut self.desk.flight);
         take(&mut self.telemetry)
     }
-}
-
-/// The snapshot that the golden frames show.
-fn golden_snapshot() -> Snapshot {
-    Snapshot {
-        now: Micros(1_240_001),
-        sample: Some(RawSample {
-            time: Micros(1_234_567),
-            acc: [1, -2, -981],
-            gyr: [16, -32, 48],
-            mag: [800, -16, 0x1234],
-        }),
-        attitude: Attitude {
-            orientation: Quaternion {
-                w: 0.5,
-                x: -0.5,
-                y: 0.5,
-                z: -0.5,
-            },
-            rate: Vector3::new(0.25, -1.5, 0.125),
-            bias: Vector3::zeros(),
-            flags: Flags {
-                initialised: true,
-                ..Flags::default()
-            },
-        },
-        crank_rad: -0.375,
-        pulse: PulseUs(1524),
-        state: State::Active {
-            over_tilt_since: None,
-        },
-        fault: None,
-        sensor_healthy: true,
-        missed: 5,
-    }
-}
-
-#[test]
-fn a_step_is_byte_for_byte_what_pymavlink_sends() {
-    let flight = Flight::new(Params::default(), BootReport::default()).unwrap();
-    let mut telemetry = Telemetry::new();
-    let board = BoardStatus {
-        load_permille: 123,
-        bus_errors: 6,
-        bus_recoveries: 7,
-    };
-    telemetry.record(&golden_snapshot(), &flight, &board);
-    let expected = [
-        "heartbeat_active",
-        "statustext",
-        "attitude_quaternion",
-        "servo_output_raw",
-        "raw_imu",
-        "named_value_float",
-        "heartbeat_again",
-        "sys_status",
-    ];
-    assert_eq!(telemetry.pending(), expected.map(golden).concat());
-}
-
-#[test]
-fn arms_by_either_version_of_the_protocol_signed_or_not() {
-    for frame in ["arm_v2", "arm_v1", "arm_signed"] {
-        let mut link = Link::new(Desk::in_standby(0.1));
-        let answer = link.tell(&golden(frame));
-        let accepted = (
-            MavCmd::MAV_CMD_COMPONENT_ARM_DISARM,
-            MavResult::MAV_RESULT_ACCEPTED,
-        );
-        assert_eq!(acks(&answer), [accepted], "{frame}");
-        assert_eq!(texts(&answer), ["armed"]);
-        assert_eq!(link.desk.flight.state(), State::Armed);
-    }
-}
-
-#[test]
-fn an_unheard_of_command_is_answered_with_its_own_number() {
-    let mut link = Link::new(Desk::in_standby(0.1));
-    link.telemetry.sequence = 5;
-    link.telemetry
-        .receive(Micros(0), &golden("unknown_command"), &mut link.desk.flight);
-    assert_eq!(link.telemetry.pending(), golden("unknown_command_ack"));
-}
-
-#[test]
-fn the_clock_is_told_byte_for_byte() {
-    let mut link = Link::new(Desk::in_standby(0.1));
-    link.telemetry.sequence = 5;
-    let now = Micros(1_500_000);
-    link.telemetry
-        .receive(now, &golden("timesync_request"), &mut link.desk.flight);
-    assert_eq!(link.telemetry.pending(), golden("timesync_answer"));
-}
-
-/// From pymavlink: `MAVLink_param_set_message(1, 1, b"PID_KP", 1.6, 9)` and, sequence 5, the answer
-/// `MAVLink_param_value_message(b"PID_KP", 1.6, 9, 45, 0)`.
-#[test]
-fn a_parameter_set_is_echoed_byte_for_byte() {
-    let mut link = Link::new(Desk::in_standby(0.1));
-    link.telemetry.sequence = 5;
-    let request = "fd17000009ffbe170000cdcccc3f01015049445f4b5000000000000000000000095e4e";
-    link.telemetry
-        .receive(Micros(0), &hex(request), &mut link.desk.flight);
-    let answer = "fd190000050101160000cdcccc3f2d0000005049445f4b500000000000000000000009a304";
-    assert_eq!(link.telemetry.pending(), hex(answer));
-    assert_eq!(link.desk.flight.params().pid_kp(), 1.6);
 }
 
 #[test]
@@ -392,70 +278,6 @@ fn a_message_for_another_vehicle_is_not_ours() {
         assert_eq!(link.tell(&frame).is_empty(), !ours);
     }
     assert_eq!(link.desk.flight.state(), State::Armed);
-}
-
-#[test]
-fn the_parameter_list_comes_complete_in_order_and_one_a_step() {
-    let mut link = Link::new(Desk::in_standby(0.1));
-    let request = from_host(&PARAM_REQUEST_LIST_DATA {
-        target_system: 1,
-        target_component: 1,
-    });
-    assert!(link.tell(&request).is_empty());
-    let mut seen = Vec::new();
-    for _ in 0..Params::count() + 5 {
-        link.record_step();
-        let found = values(&take(&mut link.telemetry));
-        assert!(found.len() <= 1);
-        seen.extend(found);
-    }
-    let params = link.desk.flight.params();
-    let expected: Vec<_> = (0..Params::count())
-        .filter_map(|index| params.by_index(index))
-        .map(|(info, value)| (info.name.to_string(), value))
-        .collect();
-    assert_eq!(seen, expected);
-}
-
-#[test]
-fn a_parameter_out_of_range_is_refused_in_words_and_the_old_value_told() {
-    let mut link = Link::new(Desk::in_standby(0.1));
-    let answer = link.tell(&set("PID_KP", 11.0));
-    assert_eq!(texts(&answer), ["PID_KP must be 0 to 10"]);
-    assert_eq!(
-        values(&answer),
-        [("PID_KP".to_string(), Params::default().pid_kp())]
-    );
-    let answer = link.tell(&set("NO_SUCH_NAME_AT_A", 1.0));
-    assert_eq!(texts(&answer), ["no such parameter"]);
-    link.tell(&order(MavCmd::MAV_CMD_COMPONENT_ARM_DISARM, 1.0, 0.0));
-    let answer = link.tell(&set("SRV_RATE_HZ", 100.0));
-    assert_eq!(texts(&answer), ["SRV_RATE_HZ: disarm first"]);
-    assert_eq!(values(&answer), [("SRV_RATE_HZ".to_string(), 50.0)]);
-}
-
-#[test]
-fn a_parameter_is_read_by_name_or_index() {
-    let mut link = Link::new(Desk::in_standby(0.1));
-    let read = |param_index, name: &str| {
-        from_host(&PARAM_REQUEST_READ_DATA {
-            param_index,
-            target_system: 1,
-            target_component: 1,
-            param_id: name.into(),
-        })
-    };
-    let rate = ("SRV_RATE_HZ".to_string(), 50.0);
-    assert_eq!(values(&link.tell(&read(-1, "SRV_RATE_HZ"))), [rate]);
-    assert_eq!(
-        values(&link.tell(&read(0, ""))),
-        [("PID_KP".to_string(), Params::default().pid_kp())]
-    );
-    assert_eq!(texts(&link.tell(&read(99, ""))), ["no such parameter"]);
-    assert_eq!(
-        texts(&link.tell(&read(-1, "PID_KQ"))),
-        ["no such parameter"]
-    );
 }
 
 #[test]
@@ -605,58 +427,6 @@ fn a_heartbeat_of_the_host_counts() {
     assert_eq!(texts(&link.tell(&arm)), ["armed"]);
 }
 
-#[test]
-fn a_corrupt_frame_is_counted_and_does_nothing() {
-    let mut link = Link::new(Desk::in_standby(0.1));
-    let mut frame = golden("arm_v2");
-    frame[12] ^= 0x40;
-    assert!(link.tell(&frame).is_empty());
-    assert_eq!(link.telemetry.parser.crc_errors(), 1);
-    assert_eq!(texts(&link.tell(&golden("arm_v2"))), ["armed"]);
-}
-
-proptest! {
-    #![proptest_config(ProptestConfig::with_cases(128))]
-
-    /// No noise can hide a command for longer than the longest frame that noise may pretend to begin, and nothing panics.
-    #[test]
-    fn a_command_gets_through_any_noise(
-        noise in prop::collection::vec(prop_oneof![any::<u8>(), Just(0xFD), Just(0xFE)], 0..300),
-        pieces in prop::collection::vec(1_usize..40, 1..40),
-    ) {
-        let mut link = Link::new(Desk::in_standby(0.1));
-        let mut bytes = noise;
-        bytes.extend(golden("arm_v2"));
-        bytes.extend([0; 80]);
-        let mut rest = &bytes[..];
-        for piece in pieces.into_iter().cycle() {
-            let (now, later) = rest.split_at(piece.min(rest.len()));
-            link.tell(now);
-            rest = later;
-            if rest.is_empty() {
-                break;
-            }
-        }
-        prop_assert_eq!(link.desk.flight.state(), State::Armed);
-    }
-
-    /// Any message of interest with any payload is harmless.
-    #[test]
-    fn any_payload_is_harmless(
-        id in prop_oneof![Just(0_u32), Just(20), Just(21), Just(23), Just(76), Just(111)],
-        payload in prop::collection::vec(any::<u8>(), 0..40),
-    ) {
-        let mut link = Link::new(Desk::in_standby(0.1));
-        let extra = <MavMessage as mavlink::Message>::extra_crc(id);
-        let mut frame = std::vec![0xFD, payload.len() as u8, 0, 0, 0, 255, 190, id as u8, 0, 0];
-        frame.extend(&payload);
-        let crc = mavlink::calculate_crc(&frame[1..], extra);
-        frame.extend(crc.to_le_bytes());
-        link.tell(&frame);
-        prop_assert!(link.telemetry.parser.crc_errors() == 0);
-    }
-}
-
 proptest::proptest! {
     /// By hand or by the compiler, over the clock's whole range.
     #[test]
@@ -746,64 +516,4 @@ fn a_reset_is_for_the_board_and_refused_while_armed() {
     let answer = link.tell(&order(reboot, 1.0, 0.0));
     assert_eq!(texts(&answer), ["reboot refused: in armed"]);
     assert_eq!(link.telemetry.take_reset(), None);
-}
-
-/// Ten million bytes of half frames, damaged frames and noise: `cargo test -p tvc-nano --lib -- --ignored fuzz` runs all,
-/// the test among the others a hundredth.
-fn fuzz(total: usize) {
-    let frames = [
-        "arm_v2",
-        "arm_v1",
-        "arm_signed",
-        "unknown_command",
-        "raw_imu",
-    ]
-    .map(golden);
-    let mut random = 0x9E37_79B9_7F4A_7C15_u64;
-    let mut next = || {
-        // xorshift64, Marsaglia 2003.
-        random ^= random << 13;
-        random ^= random >> 7;
-        random ^= random << 17;
-        random
-    };
-    let mut link = Link::new(Desk::new(0.1));
-    let before = link.desk.flight.state();
-    let mut fed = 0;
-    while fed < total {
-        let mut bytes = frames[(next() % 5) as usize].clone();
-        match next() % 4 {
-            0 => bytes.truncate((next() % bytes.len() as u64) as usize),
-            1 => {
-                let at = (next() % bytes.len() as u64) as usize;
-                bytes[at] ^= (next() % 255 + 1) as u8;
-            }
-            2 => bytes = (0..next() % 300).map(|_| next() as u8).collect(),
-            _ => bytes.insert(1, next() as u8),
-        }
-        fed += bytes.len();
-        link.telemetry
-            .receive(Micros(0), &bytes, &mut link.desk.flight);
-        let waiting = link.telemetry.pending().len();
-        link.telemetry.sent(waiting);
-    }
-    // What came through whole was refused; the next good frame is understood.
-    assert_eq!(link.desk.flight.state(), before);
-    link.telemetry
-        .receive(Micros(0), &[0; 300], &mut link.desk.flight);
-    let waiting = link.telemetry.pending().len();
-    link.telemetry.sent(waiting);
-    let answer = link.tell(&golden("arm_v2"));
-    assert_eq!(acks(&answer).len(), 1);
-}
-
-#[test]
-fn noise_neither_panics_nor_acts() {
-    fuzz(100_000);
-}
-
-#[test]
-#[ignore = "takes a while; run it by name"]
-fn fuzz_ten_million_bytes() {
-    fuzz(10_000_000);
 }

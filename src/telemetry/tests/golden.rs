@@ -1,0 +1,109 @@
+//! Frames against pymavlink 2.4.50, byte by byte.
+
+use super::*;
+
+/// The snapshot that the golden frames show.
+fn golden_snapshot() -> Snapshot {
+    Snapshot {
+        now: Micros(1_240_001),
+        sample: Some(RawSample {
+            time: Micros(1_234_567),
+            acc: [1, -2, -981],
+            gyr: [16, -32, 48],
+            mag: [800, -16, 0x1234],
+        }),
+        attitude: Attitude {
+            orientation: Quaternion {
+                w: 0.5,
+                x: -0.5,
+                y: 0.5,
+                z: -0.5,
+            },
+            rate: Vector3::new(0.25, -1.5, 0.125),
+            bias: Vector3::zeros(),
+            flags: Flags {
+                initialised: true,
+                ..Flags::default()
+            },
+        },
+        crank_rad: -0.375,
+        pulse: PulseUs(1524),
+        state: State::Active {
+            over_tilt_since: None,
+        },
+        fault: None,
+        sensor_healthy: true,
+        missed: 5,
+    }
+}
+
+#[test]
+fn a_step_is_byte_for_byte_what_pymavlink_sends() {
+    let flight = Flight::new(Params::default(), BootReport::default()).unwrap();
+    let mut telemetry = Telemetry::new();
+    let board = BoardStatus {
+        load_permille: 123,
+        bus_errors: 6,
+        bus_recoveries: 7,
+    };
+    telemetry.record(&golden_snapshot(), &flight, &board);
+    let expected = [
+        "heartbeat_active",
+        "statustext",
+        "attitude_quaternion",
+        "servo_output_raw",
+        "raw_imu",
+        "named_value_float",
+        "heartbeat_again",
+        "sys_status",
+    ];
+    assert_eq!(telemetry.pending(), expected.map(golden).concat());
+}
+
+#[test]
+fn arms_by_either_version_of_the_protocol_signed_or_not() {
+    for frame in ["arm_v2", "arm_v1", "arm_signed"] {
+        let mut link = Link::new(Desk::in_standby(0.1));
+        let answer = link.tell(&golden(frame));
+        let accepted = (
+            MavCmd::MAV_CMD_COMPONENT_ARM_DISARM,
+            MavResult::MAV_RESULT_ACCEPTED,
+        );
+        assert_eq!(acks(&answer), [accepted], "{frame}");
+        assert_eq!(texts(&answer), ["armed"]);
+        assert_eq!(link.desk.flight.state(), State::Armed);
+    }
+}
+
+#[test]
+fn an_unheard_of_command_is_answered_with_its_own_number() {
+    let mut link = Link::new(Desk::in_standby(0.1));
+    link.telemetry.sequence = 5;
+    link.telemetry
+        .receive(Micros(0), &golden("unknown_command"), &mut link.desk.flight);
+    assert_eq!(link.telemetry.pending(), golden("unknown_command_ack"));
+}
+
+#[test]
+fn the_clock_is_told_byte_for_byte() {
+    let mut link = Link::new(Desk::in_standby(0.1));
+    link.telemetry.sequence = 5;
+    let now = Micros(1_500_000);
+    link.telemetry
+        .receive(now, &golden("timesync_request"), &mut link.desk.flight);
+    assert_eq!(link.telemetry.pending(), golden("timesync_answer"));
+}
+
+/// From pymavlink: `MAVLink_param_set_message(1, 1, b"PID_KP", 1.6, 9)` and, sequence 5, the answer
+/// `MAVLink_param_value_message(b"PID_KP", 1.6, 9, 45, 0)`.
+#[test]
+fn a_parameter_set_is_echoed_byte_for_byte() {
+    let mut link = Link::new(Desk::in_standby(0.1));
+    link.telemetry.sequence = 5;
+    let request = "fd17000009ffbe170000cdcccc3f01015049445f4b5000000000000000000000095e4e";
+    link.telemetry
+        .receive(Micros(0), &hex(request), &mut link.desk.flight);
+    let answer = "fd190000050101160000cdcccc3f2d0000005049445f4b500000000000000000000009a304";
+    assert_eq!(link.telemetry.pending(), hex(answer));
+    assert_eq!(link.desk.flight.params().pid_kp(), 1.6);
+}

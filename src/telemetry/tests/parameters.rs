@@ -1,0 +1,79 @@
+//! The parameter protocol.
+
+use super::*;
+
+fn values(messages: &[MavMessage]) -> Vec<(String, f32)> {
+    messages
+        .iter()
+        .filter_map(|message| match message {
+            MavMessage::PARAM_VALUE(p) => {
+                Some((p.param_id.to_str().unwrap().to_string(), p.param_value))
+            }
+            _ => None,
+        })
+        .collect()
+}
+
+#[test]
+fn the_parameter_list_comes_complete_in_order_and_one_a_step() {
+    let mut link = Link::new(Desk::in_standby(0.1));
+    let request = from_host(&PARAM_REQUEST_LIST_DATA {
+        target_system: 1,
+        target_component: 1,
+    });
+    assert!(link.tell(&request).is_empty());
+    let mut seen = Vec::new();
+    for _ in 0..Params::count() + 5 {
+        link.record_step();
+        let found = values(&take(&mut link.telemetry));
+        assert!(found.len() <= 1);
+        seen.extend(found);
+    }
+    let params = link.desk.flight.params();
+    let expected: Vec<_> = (0..Params::count())
+        .filter_map(|index| params.by_index(index))
+        .map(|(info, value)| (info.name.to_string(), value))
+        .collect();
+    assert_eq!(seen, expected);
+}
+
+#[test]
+fn a_parameter_out_of_range_is_refused_in_words_and_the_old_value_told() {
+    let mut link = Link::new(Desk::in_standby(0.1));
+    let answer = link.tell(&set("PID_KP", 11.0));
+    assert_eq!(texts(&answer), ["PID_KP must be 0 to 10"]);
+    assert_eq!(
+        values(&answer),
+        [("PID_KP".to_string(), Params::default().pid_kp())]
+    );
+    let answer = link.tell(&set("NO_SUCH_NAME_AT_A", 1.0));
+    assert_eq!(texts(&answer), ["no such parameter"]);
+    link.tell(&order(MavCmd::MAV_CMD_COMPONENT_ARM_DISARM, 1.0, 0.0));
+    let answer = link.tell(&set("SRV_RATE_HZ", 100.0));
+    assert_eq!(texts(&answer), ["SRV_RATE_HZ: disarm first"]);
+    assert_eq!(values(&answer), [("SRV_RATE_HZ".to_string(), 50.0)]);
+}
+
+#[test]
+fn a_parameter_is_read_by_name_or_index() {
+    let mut link = Link::new(Desk::in_standby(0.1));
+    let read = |param_index, name: &str| {
+        from_host(&PARAM_REQUEST_READ_DATA {
+            param_index,
+            target_system: 1,
+            target_component: 1,
+            param_id: name.into(),
+        })
+    };
+    let rate = ("SRV_RATE_HZ".to_string(), 50.0);
+    assert_eq!(values(&link.tell(&read(-1, "SRV_RATE_HZ"))), [rate]);
+    assert_eq!(
+        values(&link.tell(&read(0, ""))),
+        [("PID_KP".to_string(), Params::default().pid_kp())]
+    );
+    assert_eq!(texts(&link.tell(&read(99, ""))), ["no such parameter"]);
+    assert_eq!(
+        texts(&link.tell(&read(-1, "PID_KQ"))),
+        ["no such parameter"]
+    );
+}
