@@ -48,6 +48,8 @@ mod firmware {
         }
 
         /// Once round the loop: wait for the tick, read, step, write, send.
+        // A function of its own: what `main` holds for ever in registers is then not in its way. 3.4 KB less flash.
+        #[inline(never)]
         fn turn(&mut self) {
             let (now, event) = self.board.wait();
             let reading = match event {
