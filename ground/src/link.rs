@@ -94,6 +94,7 @@ impl Link {
             for frame in &frames {
                 log.write(&frame.bytes)?;
             }
+            log.flush()?;
         }
         Ok(frames)
     }

@@ -75,14 +75,22 @@ impl Writer {
             .with_context(|| format!("writing {}", self.path.display()))
     }
 
+    /// Hands what was kept so far to the system, so that it outlives whatever ends this program.
+    ///
+    /// # Errors
+    /// The file cannot be written.
+    pub fn flush(&mut self) -> Result<()> {
+        self.file
+            .flush()
+            .with_context(|| format!("writing {}", self.path.display()))
+    }
+
     /// Ends the log.
     ///
     /// # Errors
     /// The file cannot be written.
     pub fn end(mut self) -> Result<()> {
-        self.file
-            .flush()
-            .with_context(|| format!("writing {}", self.path.display()))
+        self.flush()
     }
 }
 

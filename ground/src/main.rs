@@ -43,6 +43,9 @@ use cli::{Cli, Command};
 use failure::{BadInput, Verdict};
 
 fn main() -> ExitCode {
+    // `tvc ... | head`: nobody reads any more, and that is no error.
+    #[cfg(unix)]
+    sigpipe::reset();
     let cli = match Cli::try_parse() {
         Ok(cli) => cli,
         Err(error) if !error.use_stderr() => error.exit(),

@@ -57,10 +57,11 @@ struct Difference {
 
 /// Does what `options` say.
 pub fn run(options: &Param) -> Result<Verdict> {
-    // A file that cannot be used is said before the vehicle is asked.
+    // What cannot be used is said before the vehicle is asked.
     let wanted = match &options.action {
         ParamAction::Diff { file } => file.as_deref().map(file::read).transpose()?,
         ParamAction::Load { file } => Some(file::read(file)?),
+        ParamAction::Reset { names, .. } => Some(defaults(names)?),
         _ => None,
     };
     let mut vehicle = Vehicle::connect(&options.port.port())?;
@@ -92,6 +93,9 @@ pub fn run(options: &Param) -> Result<Verdict> {
         ParamAction::Save => {
             vehicle.command("save parameters", request::SAVE)?;
             done(json, &serde_json::json!({ "saved": true }), "saved")
+        }
+        ParamAction::Reset { stored, .. } => {
+            reset(&mut vehicle, &wanted.unwrap_or_default(), *stored, json)
         }
         ParamAction::Diff { .. } => diff(&vehicle.parameters()?, wanted.as_deref(), json),
         ParamAction::Load { .. } => load(&mut vehicle, &wanted.unwrap_or_default(), json),
@@ -215,6 +219,44 @@ fn load(vehicle: &mut Vehicle, wanted: &[Parameter], json: bool) -> Result<Verdi
         json,
         &serde_json::json!({ "changed": count, "differences": changes }),
         &format!("{count} of {} changed", wanted.len()),
+    )
+}
+
+/// The defaults of some.
+fn defaults(names: &[String]) -> Result<Vec<Parameter>> {
+    let default = |name: &String| match Params::default().value(name) {
+        Some(value) => Ok(Parameter {
+            name: name.clone(),
+            value,
+        }),
+        None => Err(BadInput::new(format!(
+            "this tool knows no parameter {name}; `tvc param list` shows them"
+        ))
+        .into()),
+    };
+    names.iter().map(default).collect()
+}
+
+/// Back to the defaults of some, or of all, or to what is stored.
+fn reset(vehicle: &mut Vehicle, some: &[Parameter], stored: bool, json: bool) -> Result<Verdict> {
+    let before = vehicle.parameters()?;
+    if stored {
+        vehicle.command("load the stored parameters", request::RELOAD)?;
+    } else if some.is_empty() {
+        vehicle.command("reset the parameters", request::RESET)?;
+    }
+    for row in some {
+        vehicle.set_parameter(&row.name, row.value)?;
+    }
+    let changes = differences(&before, Some(&vehicle.parameters()?));
+    for change in &changes {
+        eprintln!("{}: {} -> {}", change.name, change.vehicle, change.other);
+    }
+    let count = changes.len();
+    done(
+        json,
+        &serde_json::json!({ "changed": count, "differences": changes }),
+        &format!("{count} changed; `tvc param save` keeps them over a loss of power"),
     )
 }
 

@@ -292,3 +292,27 @@ fn faults_as_json_are_one_object_that_adds_up() {
         assert!((0.0..=150.0).contains(&worst), "{row}");
     }
 }
+
+#[cfg(unix)]
+#[test]
+fn a_reader_who_leaves_is_no_error() {
+    use std::io::{BufRead, BufReader};
+    use std::process::Stdio;
+
+    let scenario =
+        Path::new(env!("CARGO_MANIFEST_DIR")).join("../scenarios/gravity_only_pendulum.toml");
+    let mut process = Command::new(env!("CARGO_BIN_EXE_tvc"))
+        .args(["model", "simulate", scenario.to_str().unwrap()])
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let mut first = String::new();
+    let mut out = BufReader::with_capacity(64, process.stdout.take().unwrap());
+    out.read_line(&mut first).unwrap();
+    drop(out);
+    let end = process.wait_with_output().unwrap();
+    assert!(first.contains(','), "{first}");
+    assert_eq!(String::from_utf8_lossy(&end.stderr), "");
+    assert!(end.status.code().is_none(), "{}", end.status);
+}

@@ -150,6 +150,18 @@ fn parameters_are_listed_set_refused_compared_and_loaded() {
 
     assert_eq!(rig.json(&["param", "save"])["saved"], true);
 
+    rig.ok(&["param", "set", "PID_KD", "0.4"]);
+    let reset = rig.json(&["param", "reset", "PID_KD"]);
+    assert_eq!(reset["changed"], 1, "{reset}");
+    assert_eq!(rig.tvc(&["param", "diff"]).status.code(), Some(1));
+    assert_eq!(rig.json(&["param", "reset"])["changed"], 1);
+    rig.ok(&["param", "diff"]);
+    assert_eq!(rig.json(&["param", "reset", "--stored"])["changed"], 1);
+    rig.ok(&["param", "diff", &file]);
+    let said = rig.refused(2, &["param", "reset", "NO_SUCH"]);
+    assert!(said.contains("NO_SUCH"), "{said}");
+    rig.refused(2, &["param", "reset", "PID_KP", "--stored"]);
+
     let bad = rig.path("bad.parm");
     std::fs::write(&bad, "PID_KD 0.1\nPID_KP 99\n").unwrap();
     let said = rig.refused(2, &["param", "load", &bad]);
@@ -186,6 +198,33 @@ fn it_arms_disarms_is_watched_and_recorded() {
     assert!(std::fs::metadata(&log).unwrap().len() > 5_000);
     let said = rig.refused(2, &["record", &log, "--seconds", "1"]);
     assert!(said.contains("is there already"), "{said}");
+}
+
+#[test]
+fn a_reader_who_leaves_ends_the_monitor_quietly() {
+    let rig = Rig::start(&[]);
+    let log = rig.path("watched.tlog");
+    let mut monitor = Command::new(env!("CARGO_BIN_EXE_tvc"))
+        .args(["monitor", "--json", "--every", "0.2", "--log", &log])
+        .args(["--port", &rig.path("nano")])
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let mut line = String::new();
+    BufReader::new(monitor.stdout.take().unwrap())
+        .read_line(&mut line)
+        .unwrap();
+    let status: Value = serde_json::from_str(&line).unwrap();
+    let end = monitor.wait_with_output().unwrap();
+    assert_eq!(String::from_utf8_lossy(&end.stderr), "");
+    assert!(end.status.code().is_none(), "{}", end.status);
+    // What was heard until then is in the log.
+    let logged = std::fs::metadata(&log).unwrap().len();
+    assert!(
+        logged > 20 * status["messages"].as_u64().unwrap(),
+        "{logged}"
+    );
 }
 
 /// A command without a vehicle.

@@ -12,6 +12,8 @@ use super::Port;
 Examples:
   cargo tvc param list                     every parameter: value, unit, range, meaning
   cargo tvc param set PID_KP 1.2           live, also in flight; out of range is refused
+  cargo tvc param reset PID_KP PID_KD      these to their defaults; without names, every one
+  cargo tvc param reset --stored           every one to what was saved last
   cargo tvc param dump > gains.parm        as a file that MAVProxy and QGroundControl read
   cargo tvc param diff gains.parm          what differs from a file (without one: from the defaults)
   cargo tvc param load gains.parm          sets what differs
@@ -71,6 +73,15 @@ pub enum ParamAction {
     },
     /// Keep the present values over a loss of power.
     Save,
+    /// Go back to the defaults, of some or of all; what is stored stays until the next save.
+    Reset {
+        /// Their names [default: all].
+        #[arg(value_name = "NAME", conflicts_with = "stored")]
+        names: Vec<String>,
+        /// Go back to what is stored instead.
+        #[arg(long)]
+        stored: bool,
+    },
     /// Show what differs from a file, or from the defaults.
     Diff {
         /// The file.
