@@ -1,5 +1,20 @@
 //! What is fixed when the image is built, and why. What an operator may change is in [`crate::params`].
 
+use bno055_driver::config::{GyrRange, Sensors};
+
+/// The sensor's settings: the driver's defaults, but half the gyroscope's range. 1000 deg/s is three times the 6 rad/s of
+/// a fall, and a rate whose highest bit was flipped on the cable lies outside of it whatever the rate was: the driver
+/// never takes one for a turn, not even two on end.
+pub fn sensor() -> bno055_driver::Config {
+    bno055_driver::Config {
+        sensors: Sensors {
+            gyr_range: GyrRange::Dps1000,
+            ..Sensors::default()
+        },
+        ..bno055_driver::Config::default()
+    }
+}
+
 /// Largest disturbance that control trims away, rad of servo: what 3 cm of lateral offset of the centre of mass ask for.
 pub const TRIM_LIMIT_RAD: f32 = 0.25;
 

@@ -8,7 +8,7 @@ mod board;
 
 #[cfg(target_os = "none")]
 mod firmware {
-    use bno055_driver::{Config, Driver};
+    use bno055_driver::Driver;
     use cortex_m::singleton;
     use cortex_m_rt::entry;
     #[cfg(feature = "probe")]
@@ -36,7 +36,7 @@ mod firmware {
 
     impl Firmware {
         fn start() -> Self {
-            let config = Config::default();
+            let config = tvc_nano::config::sensor();
             let (board, params, report) = Board::start(config.address.value());
             let flight = Flight::new(params, report).expect("parameters in range are possible");
             Self {

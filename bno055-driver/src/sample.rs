@@ -514,4 +514,31 @@ mod tests {
         };
         assert_eq!(verdicts(&off, &[REST, spike, REST]), [None; 3]);
     }
+
+    /// Two spikes on end look like a real jump. 2000 deg/s are nearly the whole word, half of which is spare at 1000 deg/s, which
+    /// leaves no rate whose highest bit could flip without being noticed.
+    #[test]
+    fn with_half_the_range_no_flipped_highest_bit_is_taken_for_a_rate() {
+        let config = Config {
+            sensors: Sensors {
+                gyr_range: GyrRange::Dps1000,
+                ..Sensors::default()
+            },
+            ..Config::default()
+        };
+        for rate in (-16_000..=16_000).step_by(50) {
+            let good = with(&[(7, rate)]);
+            let flipped = with(&[(7, rate ^ i16::MIN)]);
+            let again = with(&[(0, 9), (7, (rate + 7) ^ i16::MIN)]);
+            assert_eq!(
+                verdicts(&config, &[good, flipped, again]),
+                [
+                    None,
+                    Some(SensorFault::Implausible),
+                    Some(SensorFault::Implausible)
+                ],
+                "{rate}"
+            );
+        }
+    }
 }

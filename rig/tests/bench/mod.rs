@@ -1,9 +1,10 @@
 //! The flight library and the sensor's driver at the world's pins, without a chip in between: a
 //! bus master with ideal timing, ticks every 10 ms locked to a servo frame of 20 ms.
 
-use bno055_driver::{BusError, Config, Driver, Micros, Next, TRANSFER_DEADLINE_US, Transfer};
+use bno055_driver::{BusError, Driver, Micros, Next, TRANSFER_DEADLINE_US, Transfer};
 use rig::world::{Bench, SERVO_PIN, World};
 use samd21::board::{Board, I2cEvent, Ticks};
+use tvc_nano::config::sensor;
 use tvc_nano::failsafe::BootReport;
 use tvc_nano::{Flight, Params, RawSample, SensorFault, Snapshot};
 
@@ -32,7 +33,7 @@ impl Desk {
     pub(crate) fn new(bench: &Bench, params: Params) -> Self {
         Self {
             world: World::new(bench).unwrap(),
-            driver: Driver::new(Config::default()),
+            driver: Driver::new(sensor()),
             flight: Flight::new(params, BootReport::default()).unwrap(),
             now: Ticks::ZERO,
             samples: Vec::new(),
