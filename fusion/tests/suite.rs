@@ -303,6 +303,15 @@ fn time_that_stands_still_turns_nothing<S: Subject>() {
     );
 }
 
+/// Rests for `seconds` and is within a degree of the truth, if it is a filter that corrects.
+fn comes_back<S: Subject>(subject: &mut S, truth: &UnitQuaternion<f64>, seconds: f64) {
+    let attitude = rest(subject, truth, Vector3::zeros(), true, seconds);
+    let error = error_deg(&attitude.orientation, truth);
+    if S::CORRECTS {
+        assert!(error < 1.0 + S::RESOLUTION_DEG, "{error}");
+    }
+}
+
 fn a_gap_is_bridged<S: Subject>() {
     let truth = UnitQuaternion::from_euler_angles(0.4, -0.6, 1.0);
     let mut subject = S::start();
@@ -310,13 +319,7 @@ fn a_gap_is_bridged<S: Subject>() {
     let turned = truth * UnitQuaternion::from_euler_angles(0.5, 0.3, 1.5);
     let attitude = subject.step(3_000_000, &sample(&turned, Vector3::zeros(), true));
     assert!(attitude.flags.gap);
-    let error = error_deg(
-        &rest(&mut subject, &turned, Vector3::zeros(), true, 30.0).orientation,
-        &turned,
-    );
-    if S::CORRECTS {
-        assert!(error < 1.0 + S::RESOLUTION_DEG, "{error}");
-    }
+    comes_back::<S>(&mut subject, &turned, 30.0);
 }
 
 fn free_fall_and_saturation_do_no_harm<S: Subject>() {
@@ -348,13 +351,7 @@ fn free_fall_and_saturation_do_no_harm<S: Subject>() {
     for _ in 0..200 {
         subject.step(i64::from(DT_US), &sample(&truth, spin, true));
     }
-    let error = error_deg(
-        &rest(&mut subject, &truth, Vector3::zeros(), true, 120.0).orientation,
-        &truth,
-    );
-    if S::CORRECTS {
-        assert!(error < 1.0 + S::RESOLUTION_DEG, "{error}");
-    }
+    comes_back::<S>(&mut subject, &truth, 120.0);
 }
 
 /// Hours of coning, the motion that no axis shows in its mean: norm and attitude stay.

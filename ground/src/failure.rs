@@ -38,6 +38,21 @@ pub enum Verdict {
     Missed,
 }
 
+impl Verdict {
+    /// Met if `met` holds.
+    pub fn of(met: bool) -> Self {
+        if met { Self::Met } else { Self::Missed }
+    }
+
+    /// Met if nothing was missed; names what was on standard error.
+    pub fn naming(missed: &[String]) -> Self {
+        for line in missed {
+            eprintln!("missed: {line}");
+        }
+        Self::of(missed.is_empty())
+    }
+}
+
 /// Prints the error, if any, as one line on standard error and gives the exit status.
 pub fn exit_code(result: anyhow::Result<Verdict>) -> ExitCode {
     match result {

@@ -10,7 +10,7 @@ use plant::identify::{Identification, IdentifyError, Reading, Record, identify};
 use crate::cli::Identify;
 use crate::failure::{BadInput, Verdict};
 use crate::law;
-use crate::output::write_whole;
+use crate::output::{print_json, write_whole};
 
 /// Identifies as `options` say, prints the estimates and writes them.
 pub fn run(options: &Identify) -> Result<Verdict> {
@@ -25,7 +25,7 @@ pub fn run(options: &Identify) -> Result<Verdict> {
         eprintln!("parameters: {}", out.display());
     }
     if options.json {
-        println!("{}", serde_json::to_string(&found)?);
+        print_json(&found)?;
     } else {
         print(&found);
     }

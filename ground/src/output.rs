@@ -1,11 +1,32 @@
-//! Files that are there whole or not at all.
+//! What a command hands over: figures on standard output, and files that are there whole or not at all.
 
 use std::fs::{self, File};
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result};
+use serde::Serialize;
 use tempfile::NamedTempFile;
+
+/// Prints `figures` on standard output: as JSON, or as the `text` for people, which brings its own line ends.
+pub fn print_figures<F: Serialize>(
+    figures: &F,
+    json: bool,
+    text: impl FnOnce(&F) -> String,
+) -> Result<()> {
+    if json {
+        print_json(figures)?;
+    } else {
+        print!("{}", text(figures));
+    }
+    Ok(())
+}
+
+/// Prints `value` on standard output as one line of JSON.
+pub fn print_json(value: &impl Serialize) -> Result<()> {
+    println!("{}", serde_json::to_string(value)?);
+    Ok(())
+}
 
 /// Writes `bytes` to `path`, whole or not at all. Creates the folder.
 pub fn write_whole(path: &Path, bytes: &[u8]) -> Result<()> {

@@ -41,6 +41,17 @@ pub fn verdict(met: bool, text: &str) -> Markup {
     html! { p class=(if met { "met" } else { "missed" }) { (text) } }
 }
 
+/// Whether every requirement holds, or which do not.
+pub fn verdicts(missed: &[String]) -> Markup {
+    html! {
+        @if missed.is_empty() {
+            (verdict(true, "Every requirement is met."))
+        } @else {
+            @for line in missed { (verdict(false, line)) }
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

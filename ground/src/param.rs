@@ -15,7 +15,7 @@ use tvc_nano::params::DESCRIPTIONS;
 use crate::cli::{Param, ParamAction};
 use crate::failure::{BadInput, Verdict};
 use crate::link::{Parameter, Vehicle};
-use crate::output::write_whole;
+use crate::output::{print_json, write_whole};
 
 /// A parameter with all that is known of it.
 #[derive(Debug, Serialize)]
@@ -114,10 +114,7 @@ fn done(json: bool, object: &serde_json::Value, words: &str) -> Result<Verdict> 
 
 fn show(rows: &[Row], json: bool) -> Result<Verdict> {
     if json {
-        println!(
-            "{}",
-            serde_json::to_string(&serde_json::json!({ "parameters": rows }))?
-        );
+        print_json(&serde_json::json!({ "parameters": rows }))?;
         return Ok(Verdict::Met);
     }
     let mut table = Table::new();
@@ -173,10 +170,7 @@ fn diff(have: &[Parameter], wanted: Option<&[Parameter]>, json: bool) -> Result<
     let differences = differences(have, wanted);
     let other = if wanted.is_some() { "file" } else { "default" };
     if json {
-        println!(
-            "{}",
-            serde_json::to_string(&serde_json::json!({ "differences": differences }))?
-        );
+        print_json(&serde_json::json!({ "differences": differences }))?;
     } else {
         for row in &differences {
             println!(
@@ -190,11 +184,7 @@ fn diff(have: &[Parameter], wanted: Option<&[Parameter]>, json: bool) -> Result<
             eprintln!("{} is in the file and not in the vehicle", row.name);
         }
     }
-    Ok(if differences.is_empty() {
-        Verdict::Met
-    } else {
-        Verdict::Missed
-    })
+    Ok(Verdict::of(differences.is_empty()))
 }
 
 fn load(vehicle: &mut Vehicle, wanted: &[Parameter], json: bool) -> Result<Verdict> {

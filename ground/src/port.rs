@@ -10,6 +10,7 @@ use serialport::{ClearBuffer, SerialPort, SerialPortInfo, SerialPortType};
 
 use crate::cli::Ports;
 use crate::failure::{BadInput, Verdict};
+use crate::output::print_json;
 
 /// USB vendor of the Nano 33 IoT, in firmware and in bootloader.
 const VENDOR: u16 = 0x2341;
@@ -33,10 +34,7 @@ struct Listed {
 pub fn list(options: &Ports) -> Result<Verdict> {
     let ports: Vec<Listed> = available()?.iter().map(listed).collect();
     if options.json {
-        println!(
-            "{}",
-            serde_json::to_string(&serde_json::json!({ "ports": ports }))?
-        );
+        print_json(&serde_json::json!({ "ports": ports }))?;
         return Ok(Verdict::Met);
     }
     if ports.is_empty() {

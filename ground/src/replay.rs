@@ -18,7 +18,7 @@ use tvc_nano::{BootReport, Command, Flight, Micros, Params, SensorFault};
 use crate::cli::Replay;
 use crate::failure::{BadInput, Verdict};
 use crate::log::{self, Event, Log, Step, write_csv};
-use crate::output::write_whole;
+use crate::output::{print_json, write_whole};
 
 /// What HEARTBEAT's `custom_mode` gives as the reason of a failsafe: the sensor, the host's silence.
 const REASON_SENSOR: u32 = 1;
@@ -95,18 +95,14 @@ pub fn run(options: &Replay) -> Result<Verdict> {
         eprintln!("report: {}", path.display());
     }
     if options.json {
-        println!("{}", serde_json::to_string(&figures)?);
+        print_json(&figures)?;
     } else {
         for line in words(&figures) {
             println!("{line}");
         }
     }
     let as_logged = figures.compared > 0 && figures.equal == figures.compared;
-    Ok(if as_logged || !figures.changed.is_empty() {
-        Verdict::Met
-    } else {
-        Verdict::Missed
-    })
+    Ok(Verdict::of(as_logged || !figures.changed.is_empty()))
 }
 
 /// The figures, a line each.

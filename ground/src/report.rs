@@ -20,7 +20,7 @@ use crate::fly::figures::{
     settling_limit_s,
 };
 use crate::log::{Event, Flight, Log, Step};
-use crate::output::write_whole;
+use crate::output::{print_figures, write_whole};
 use crate::replay::parameters;
 use crate::status::ServoMap;
 use sweep::Sweep;
@@ -123,22 +123,11 @@ pub fn conclude(flight: &Flight, log: &Path, page: Option<&Path>, json: bool) ->
         let text = page::render(log, flight, &figures, &missed)?;
         write_whole(path, text.as_bytes())?;
     }
-    if json {
-        println!("{}", serde_json::to_string(&figures)?);
-    } else {
-        print!("{}", figures.text());
-    }
+    print_figures(&figures, json, Figures::text)?;
     if let Some(path) = page {
         eprintln!("report: {}", path.display());
     }
-    for line in &missed {
-        eprintln!("missed: {line}");
-    }
-    Ok(if missed.is_empty() {
-        Verdict::Met
-    } else {
-        Verdict::Missed
-    })
+    Ok(Verdict::naming(&missed))
 }
 
 /// The servo that the parameters are for.

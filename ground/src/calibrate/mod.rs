@@ -18,7 +18,7 @@ use world_magnetic_model::uom::si::length::meter;
 use crate::cli::{Calibrate, Day, Place};
 use crate::failure::{BadInput, Verdict};
 use crate::link::Parameter;
-use crate::output::write_whole;
+use crate::output::{print_figures, write_whole};
 use crate::param::file;
 use fit::Found;
 
@@ -78,11 +78,7 @@ pub fn run(options: &Calibrate) -> Result<Verdict> {
     let figures = Figures::new(&readings, &found, declination_deg, &rows);
     let page = report::page(&readings, &found, &figures, options)?;
     write_whole(&options.report, page.as_bytes())?;
-    if options.json {
-        println!("{}", serde_json::to_string(&figures)?);
-    } else {
-        print!("{}", figures.text());
-    }
+    print_figures(&figures, options.json, Figures::text)?;
     eprintln!("report: {}", options.report.display());
     for why in &found.refused {
         eprintln!("refused: {why}");

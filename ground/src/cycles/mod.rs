@@ -21,6 +21,7 @@ use rig::recording::Recording;
 
 use crate::cli::{Cycles, Optimise};
 use crate::failure::{BadInput, Verdict};
+use crate::output::print_json;
 use bench::Bench;
 use candidates::{Candidate, Scalar};
 use figures::{Figures, Report};
@@ -70,7 +71,7 @@ pub fn run(options: &Cycles) -> Result<Verdict> {
     progress.end();
     let report = Report::new(options.optimise, filters);
     if options.json {
-        println!("{}", serde_json::to_string(&report)?);
+        print_json(&report)?;
     } else {
         print!("{}", report.table(options.markdown));
     }

@@ -13,7 +13,7 @@ use anyhow::Result;
 use crate::cli::{Experiment, ExperimentCommand};
 use crate::failure::Verdict;
 use crate::fuse::Progress;
-use crate::output::write_whole;
+use crate::output::{print_figures, write_whole};
 use contestants::CONTESTANTS;
 use figures::Figures;
 use truth::Kind;
@@ -47,18 +47,7 @@ pub fn run(options: &Experiment) -> Result<Verdict> {
         .unwrap_or_else(|| PathBuf::from(format!("report/experiment-{}.html", kind.name())));
     let page = report::render(kind, &figures, &moments, &estimates)?;
     write_whole(&path, page.as_bytes())?;
-    if sensing.json {
-        println!("{}", serde_json::to_string(&figures)?);
-    } else {
-        print!("{}", figures.text());
-    }
+    print_figures(&figures, sensing.json, Figures::text)?;
     eprintln!("report: {}", path.display());
-    for line in &figures.missed {
-        eprintln!("missed: {line}");
-    }
-    Ok(if figures.met {
-        Verdict::Met
-    } else {
-        Verdict::Missed
-    })
+    Ok(Verdict::naming(&figures.missed))
 }

@@ -13,6 +13,7 @@ use serde::Serialize;
 
 use crate::cli::Faults;
 use crate::failure::Verdict;
+use crate::output::print_json;
 
 /// Everything that `tvc faults --json` prints, as one object.
 #[derive(Debug, Serialize)]
@@ -67,7 +68,7 @@ pub fn run(options: &Faults) -> Result<Verdict> {
         wall_s: begun.elapsed().as_secs_f64(),
     };
     if options.json {
-        println!("{}", serde_json::to_string(&figures)?);
+        print_json(&figures)?;
     } else {
         println!("{}", figures.table());
     }

@@ -19,7 +19,7 @@ use samd21::board::Ticks;
 use crate::cli::Fly;
 use crate::failure::Verdict;
 use crate::law;
-use crate::output::write_whole;
+use crate::output::{print_json, write_whole};
 use figures::{ImageFigures, LoopFigures, Spread};
 pub use live::gauge;
 
@@ -42,19 +42,12 @@ pub fn run(options: &Fly) -> Result<Verdict> {
     let missed = figures.missed(options.servo);
     write_whole(&options.report, page.render(&figures, &missed)?.as_bytes())?;
     if options.json {
-        println!("{}", serde_json::to_string(&figures)?);
+        print_json(&figures)?;
     } else {
         print!("{}", figures.text(options.servo));
     }
     eprintln!("report: {}", options.report.display());
-    for line in &missed {
-        eprintln!("missed: {line}");
-    }
-    Ok(if missed.is_empty() {
-        Verdict::Met
-    } else {
-        Verdict::Missed
-    })
+    Ok(Verdict::naming(&missed))
 }
 
 fn setup(options: &Fly) -> Result<Setup> {

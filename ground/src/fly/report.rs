@@ -8,7 +8,7 @@ use rig::recording::Recording;
 use rig::replay::ReplayRecord;
 
 use super::figures::{Figures, ROW_COLUMNS, RUN_COLUMNS, run_rows};
-use crate::page::{figure, page, table, verdict};
+use crate::page::{figure, page, table, verdicts};
 use crate::plot::{Line, Plot};
 
 /// Settling band, share of the start, as drawn.
@@ -70,11 +70,7 @@ impl Page {
             }
         };
         let body = html! {
-            @if missed.is_empty() {
-                (verdict(true, "Every requirement is met."))
-            } @else {
-                @for line in missed { (verdict(false, line)) }
-            }
+            (verdicts(missed))
             @if !figures.runs.is_empty() {
                 h2 { "Step responses" }
                 p { "Figures of the drone's true pitch, released with 0.2 rad/s." }

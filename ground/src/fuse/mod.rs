@@ -16,7 +16,7 @@ use rig::score::{Scorer, enu_from_ned};
 
 use crate::cli::Fuse;
 use crate::failure::Verdict;
-use crate::output::WholeFile;
+use crate::output::{WholeFile, print_json};
 pub use estimate::{Choice, Estimate};
 use figures::{Figures, FileFigures};
 pub use progress::Progress;
@@ -63,7 +63,7 @@ pub fn run(options: &Fuse) -> Result<Verdict> {
         eprintln!("{note}");
     }
     if options.json {
-        println!("{}", serde_json::to_string(&figures)?);
+        print_json(&figures)?;
     } else if options.score {
         print!("{}", figures.text());
     }

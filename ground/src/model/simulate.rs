@@ -12,7 +12,7 @@ use serde::Serialize;
 use super::read;
 use crate::cli::Simulate;
 use crate::failure::{BadInput, Verdict};
-use crate::output::write_whole;
+use crate::output::{print_json, write_whole};
 
 /// What a run was and where it went.
 #[derive(Serialize)]
@@ -54,7 +54,7 @@ pub fn run(options: &Simulate) -> Result<Verdict> {
             least: extremes(&rows, f64::min),
             most: extremes(&rows, f64::max),
         };
-        println!("{}", serde_json::to_string(&figures)?);
+        print_json(&figures)?;
     }
     Ok(Verdict::Met)
 }

@@ -17,7 +17,7 @@ use super::table::Row;
 use crate::cli::ReplayRun;
 use crate::failure::{BadInput, Verdict};
 use crate::law::Law;
-use crate::output::write_whole;
+use crate::output::{print_json, write_whole};
 
 /// All that a run is made of.
 #[derive(Debug, PartialEq, Serialize, Deserialize)]
@@ -147,7 +147,7 @@ pub fn replay(options: &ReplayRun) -> Result<Verdict> {
         final_error_rad: response.final_error(),
     };
     if options.json {
-        println!("{}", serde_json::to_string(&replayed)?);
+        print_json(&replayed)?;
     } else {
         println!(
             "run {} from {:+.1} rad: overshoot {:.2} %, settled {}",

@@ -5,6 +5,7 @@ use plant::dispersion::{self, Outcome};
 use serde::Serialize;
 
 use super::table::Row;
+use crate::output::print_json;
 
 /// Figures of a campaign.
 #[derive(Debug, Serialize)]
@@ -84,7 +85,7 @@ impl Summary {
     /// Prints it, as text or JSON.
     pub fn print(&self, json: bool) -> Result<()> {
         if json {
-            println!("{}", serde_json::to_string(self)?);
+            print_json(self)?;
             return Ok(());
         }
         let seconds = |value: Option<f64>| value.map_or("never".into(), |s| format!("{s:.3} s"));

@@ -10,7 +10,7 @@ use super::{Figures, Release, releases, servo_map};
 use crate::fly::figures::{RUN_COLUMNS, run_rows};
 use crate::fly::report::settling_band_deg;
 use crate::log::{Flight, Step};
-use crate::page::{figure, page, table, verdict};
+use crate::page::{figure, page, table, verdicts};
 use crate::plot::{Line, Plot};
 use crate::replay::parameters;
 use crate::status::ServoMap;
@@ -26,11 +26,7 @@ pub fn render(log: &Path, flight: &Flight, figures: &Figures, missed: &[String])
         }
     }
     let body = html! {
-        @if missed.is_empty() {
-            (verdict(true, "Every requirement is met."))
-        } @else {
-            @for line in missed { (verdict(false, line)) }
-        }
+        (verdicts(missed))
         @if !figures.runs.is_empty() {
             h2 { "Step responses" }
             p { "Figures of the pitch that the vehicle estimated." }

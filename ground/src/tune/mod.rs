@@ -15,7 +15,7 @@ use crate::cli::{ServoChoice, Tune};
 use crate::failure::Verdict;
 use crate::law;
 use crate::link::Parameter;
-use crate::output::write_whole;
+use crate::output::{print_json, write_whole};
 use crate::param;
 use design::{Gains, Grid, NAMES, Problem, Requirements, RunFigures};
 use margins::Margins;
@@ -68,18 +68,11 @@ pub fn run(options: &Tune) -> Result<Verdict> {
         eprintln!("gains: {}", out.display());
     }
     if options.json {
-        println!("{}", serde_json::to_string(&report)?);
+        print_json(&report)?;
     } else {
         print(&report);
     }
-    for line in missed(&report, &required) {
-        eprintln!("missed: {line}");
-    }
-    Ok(if report.met {
-        Verdict::Met
-    } else {
-        Verdict::Missed
-    })
+    Ok(Verdict::naming(&missed(&report, &required)))
 }
 
 fn search(

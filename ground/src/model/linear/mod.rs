@@ -13,7 +13,7 @@ use plant::{Mechanism, Parameters, ServoModel, Setup};
 use super::read;
 use crate::cli::{Linear, ServoChoice};
 use crate::failure::{BadInput, Verdict};
-use crate::output::write_whole;
+use crate::output::{print_figures, write_whole};
 use figures::Figures;
 
 /// Frames shorter than this (s) belong to a digital servo, whose gains are higher.
@@ -42,11 +42,7 @@ pub fn run(options: &Linear) -> Result<Verdict> {
     let figures = Figures::new(&analysis);
     let page = report::render(&analysis, &figures)?;
     write_whole(&options.report, page.as_bytes())?;
-    if options.json {
-        println!("{}", serde_json::to_string(&figures)?);
-    } else {
-        print!("{}", figures.text());
-    }
+    print_figures(&figures, options.json, Figures::text)?;
     if !figures.point.equilibrium {
         eprintln!("note: {}", figures.point.note());
     }

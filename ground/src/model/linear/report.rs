@@ -101,20 +101,19 @@ fn reach(values: &[Complex<f64>]) -> f64 {
     1.15 * values.iter().map(|z| z.norm()).fold(1.0, f64::max)
 }
 
+/// A plane that holds all of them, marked.
+fn poles_and_zeros(poles: &[Complex<f64>], zeros: &[Complex<f64>]) -> Look<'static> {
+    let all: Vec<_> = poles.iter().chain(zeros).copied().collect();
+    let crosses = marks("poles", 5, Shape::Cross, poles);
+    let circles = marks("zeros", 0, Shape::Circle, zeros);
+    plane(reach(&all), 0.5, vec![crosses, circles])
+}
+
 fn pole_zero_map(analysis: &Analysis) -> Result<Markup> {
     let (poles, zeros) = (analysis.model.poles(), analysis.model.zeros());
-    let all: Vec<_> = poles.iter().chain(&zeros).copied().collect();
-    let look = plane(
-        reach(&all),
-        0.5,
-        vec![
-            marks("poles", 5, Shape::Cross, &poles),
-            marks("zeros", 0, Shape::Circle, &zeros),
-        ],
-    );
     Ok(figure(
         "Poles and zeros from the servo's torque to pitch.",
-        s_plane(Vec::new()).svg_as(&look)?,
+        s_plane(Vec::new()).svg_as(&poles_and_zeros(&poles, &zeros))?,
     ))
 }
 
@@ -180,22 +179,13 @@ fn named_once(mut lines: Vec<Line<'_>>) -> Vec<Line<'_>> {
 fn torque_locus(analysis: &Analysis) -> Result<Markup> {
     let open = analysis.model.transfer_function();
     let (poles, zeros) = (open.poles(), open.zeros());
-    let all: Vec<_> = poles.iter().chain(&zeros).copied().collect();
     let mut lines = named_once(locus_lines(&open, "torque = -k pitch, k > 0", 0, 1.0));
     lines.extend(named_once(locus_lines(&open, "k < 0", 1, -1.0)));
-    let look = plane(
-        reach(&all),
-        0.5,
-        vec![
-            marks("poles", 5, Shape::Cross, &poles),
-            marks("zeros", 0, Shape::Circle, &zeros),
-        ],
-    );
     Ok(figure(
         "Root locus of a torque in proportion to pitch, gains of 0.001 to 1000 N m/rad of either \
          sign. A branch in the right half plane is a drone that runs away: pitch alone does not \
          tell a torque where the crank is.",
-        s_plane(lines).svg_as(&look)?,
+        s_plane(lines).svg_as(&poles_and_zeros(&poles, &zeros))?,
     ))
 }
 

@@ -9,7 +9,7 @@ use serde::Serialize;
 
 use crate::cli;
 use crate::failure::Verdict;
-use crate::output::write_whole;
+use crate::output::{print_figures, write_whole};
 use flights::{Airframe, ScheduleRow};
 
 /// Specific impulse that oxygen and ethanol reach, in s.
@@ -90,17 +90,9 @@ pub fn run(options: &cli::Rocket) -> Result<Verdict> {
         implied: Implied::new(&stable),
     };
     write_whole(&options.report, report::render(&figures)?.as_bytes())?;
-    if options.json {
-        println!("{}", serde_json::to_string(&figures)?);
-    } else {
-        print!("{}", figures.text());
-    }
+    print_figures(&figures, options.json, Figures::text)?;
     eprintln!("report: {}", options.report.display());
-    Ok(if figures.passed {
-        Verdict::Met
-    } else {
-        Verdict::Missed
-    })
+    Ok(Verdict::of(figures.passed))
 }
 
 /// Columns of the schedule's table.

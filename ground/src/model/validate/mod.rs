@@ -12,7 +12,7 @@ use serde::Serialize;
 
 use crate::cli::Validate;
 use crate::failure::Verdict;
-use crate::output::write_whole;
+use crate::output::{print_figures, write_whole};
 use checks::Check;
 use runs::Runs;
 
@@ -93,20 +93,12 @@ pub fn run(options: &Validate) -> Result<Verdict> {
     };
     let page = report::render(&runs, &figures)?;
     write_whole(&options.report, page.as_bytes())?;
-    if options.json {
-        println!("{}", serde_json::to_string(&figures)?);
-    } else {
-        print!("{}", figures.text());
-    }
+    print_figures(&figures, options.json, Figures::text)?;
     eprintln!("report: {}", options.report.display());
     for check in figures.checks.iter().filter(|check| !check.passed) {
         eprintln!("failed: {}", check.said());
     }
-    Ok(if figures.passed {
-        Verdict::Met
-    } else {
-        Verdict::Missed
-    })
+    Ok(Verdict::of(figures.passed))
 }
 
 impl Figures {
