@@ -19,6 +19,7 @@
 //! HEARTBEAT carries [`State::code`](crate::State::code) as `custom_mode`.
 
 mod answers;
+mod checksum;
 mod parser;
 mod queue;
 mod rates;
@@ -39,6 +40,7 @@ use mavlink::types::CharArray;
 use crate::config::{COMPONENT_ID, HEARTBEAT_PERIOD_US, SYSTEM_ID};
 use crate::failsafe::State;
 use crate::flight::{Flight, Snapshot};
+use checksum::checksum;
 use parser::Parser;
 use queue::{Priority, Queue};
 use rates::{Rates, Stream};
@@ -327,7 +329,7 @@ impl Telemetry {
         let filled =
             frame.extend_from_slice(&header).is_ok() && frame.extend_from_slice(payload).is_ok();
         let summed = frame.get(1..).unwrap_or_default();
-        let crc = mavlink::calculate_crc(summed, extra_crc).to_le_bytes();
+        let crc = checksum(summed, extra_crc).to_le_bytes();
         if filled && frame.extend_from_slice(&crc).is_ok() {
             self.queue.push(&frame, priority);
         }

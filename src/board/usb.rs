@@ -51,6 +51,7 @@ pub(super) struct Port {
 
 impl Port {
     /// Attach to the bus.
+    #[inline(never)]
     pub(super) fn start(
         clock: &UsbClock,
         pm: &mut pac::Pm,

@@ -11,6 +11,8 @@ use mavlink::dialects::common::{
     PARAM_SET_DATA, TIMESYNC_DATA,
 };
 
+use super::checksum::checksum;
+
 /// Longest payload taken: COMMAND_LONG has 33 bytes; the rest allows for fields that a later revision may append.
 const MAX_PAYLOAD: usize = 40;
 const SIGNATURE: usize = 13;
@@ -139,7 +141,7 @@ fn examine(bytes: &[u8]) -> Found {
     ) else {
         return Found::Part;
     };
-    if mavlink::calculate_crc(summed, extra_crc) != u16::from_le_bytes([crc0, crc1]) {
+    if checksum(summed, extra_crc) != u16::from_le_bytes([crc0, crc1]) {
         return Found::Corrupt;
     }
     let total = end + 2 + signature;
