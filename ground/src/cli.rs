@@ -32,7 +32,7 @@ pub use fly::{Fly, ServoChoice};
 pub use fuse::{FilterName, Fuse, Mode, Scalar, Setting, said};
 pub use identify::Identify;
 pub use link::Port;
-pub use log::{Replay, Report};
+pub use log::{Convert, Replay, Report};
 pub use model::{Linear, Model, ModelCommand, Rocket, Simulate, Validate};
 pub use montecarlo::{Merge, MonteCarlo, MonteCarloCommand, ReplayRun};
 pub use operate::{Operate, Ports};
@@ -98,6 +98,8 @@ pub enum Command {
     Faults(Faults),
     /// Run the firmware's library on a log, bit for bit or with something changed.
     Replay(Replay),
+    /// Write a log in another form: for Foxglove, for QGroundControl, as a table.
+    Convert(Convert),
     /// Make an HTML report of a log.
     Report(Report),
     /// Fly a manoeuvre on the tether and measure it.

@@ -1,6 +1,8 @@
-//! Telemetry logs (`.tlog`): eight bytes of time (microseconds since 1970, big endian) before every MAVLink frame, as
-//! pymavlink, MAVProxy and QGroundControl write and read them.
+//! Telemetry logs: every MAVLink frame, both ways, with its time. A file's name says its form: `.tlog`, eight bytes of
+//! time (microseconds since 1970, big endian) before every frame, as pymavlink, MAVProxy and QGroundControl write and
+//! read them, or `.mcap` for Foxglove and PlotJuggler, which holds the same frames and what they say.
 
+mod mcap;
 mod steps;
 mod table;
 
@@ -27,8 +29,13 @@ const SYSTEM_AT: usize = 5;
 
 /// A log that is being written.
 pub struct Writer {
-    file: BufWriter<File>,
+    form: Form,
     path: PathBuf,
+}
+
+enum Form {
+    Tlog(BufWriter<File>),
+    Mcap(Box<mcap::Writer>),
 }
 
 impl Writer {
@@ -48,8 +55,15 @@ impl Writer {
                 _ => format!("cannot write {}: {error}", path.display()),
             })
         })?;
+        let form = if has_extension(path, "mcap") {
+            Form::Mcap(Box::new(
+                mcap::Writer::new(file).with_context(|| format!("writing {}", path.display()))?,
+            ))
+        } else {
+            Form::Tlog(BufWriter::new(file))
+        };
         Ok(Self {
-            file: BufWriter::new(file),
+            form,
             path: path.to_owned(),
         })
     }
@@ -69,20 +83,28 @@ impl Writer {
     /// # Errors
     /// The file cannot be written.
     pub fn write_at(&mut self, time_us: u64, frame: &[u8]) -> Result<()> {
-        self.file
-            .write_all(&time_us.to_be_bytes())
-            .and_then(|()| self.file.write_all(frame))
-            .with_context(|| format!("writing {}", self.path.display()))
+        let written = match &mut self.form {
+            Form::Tlog(file) => file
+                .write_all(&time_us.to_be_bytes())
+                .and_then(|()| file.write_all(frame))
+                .map_err(anyhow::Error::from),
+            Form::Mcap(file) => file.write(time_us, frame).map_err(anyhow::Error::from),
+        };
+        written.with_context(|| format!("writing {}", self.path.display()))
     }
 
-    /// Hands what was kept so far to the system, so that it outlives whatever ends this program.
+    /// Hands what was kept so far to the system, so that it outlives whatever ends this program. MCAP keeps back the
+    /// block that it is filling.
     ///
     /// # Errors
     /// The file cannot be written.
     pub fn flush(&mut self) -> Result<()> {
-        self.file
-            .flush()
-            .with_context(|| format!("writing {}", self.path.display()))
+        match &mut self.form {
+            Form::Tlog(file) => file
+                .flush()
+                .with_context(|| format!("writing {}", self.path.display())),
+            Form::Mcap(_) => Ok(()),
+        }
     }
 
     /// Ends the log.
@@ -90,7 +112,13 @@ impl Writer {
     /// # Errors
     /// The file cannot be written.
     pub fn end(mut self) -> Result<()> {
-        self.flush()
+        self.flush()?;
+        match self.form {
+            Form::Tlog(_) => Ok(()),
+            Form::Mcap(file) => file
+                .end()
+                .with_context(|| format!("writing {}", self.path.display())),
+        }
     }
 }
 
@@ -122,12 +150,14 @@ impl Log {
     /// # Errors
     /// [`BadInput`] if the file cannot be read or holds no messages of a vehicle.
     pub fn read(path: &Path) -> Result<Self> {
-        let bytes = std::fs::read(path)
-            .map_err(|error| BadInput::new(format!("cannot read {}: {error}", path.display())))?;
-        let log = Self::parse(&bytes);
+        Self::of(&tlog(path)?, path)
+    }
+
+    fn of(bytes: &[u8], path: &Path) -> Result<Self> {
+        let log = Self::parse(bytes);
         if log.counts.messages == 0 {
             return Err(BadInput::new(format!(
-                "{} is no telemetry log (.tlog) of this firmware",
+                "{} is no telemetry log (.tlog, .mcap) of this firmware",
                 path.display()
             ))
             .into());
@@ -136,35 +166,108 @@ impl Log {
     }
 
     /// The messages in the bytes of a log. A frame that is cut short or damaged is counted and passed over.
-    pub fn parse(mut bytes: &[u8]) -> Self {
+    pub fn parse(bytes: &[u8]) -> Self {
         let mut log = Self::default();
         // Every system counts its own frames.
         let mut links: BTreeMap<u8, Link> = BTreeMap::new();
-        while let Some((stamp, rest)) = bytes.split_first_chunk::<STAMP>() {
-            let Some(length) = Link::frame_length(rest) else {
-                // Not at a frame: look for the next one.
-                bytes = &bytes[1..];
-                log.counts.stray_bytes += u64::from(!rest.is_empty());
-                continue;
-            };
-            let (frame, rest) = rest.split_at(length);
+        let mut frames = Frames {
+            bytes,
+            stray_bytes: 0,
+        };
+        for (time_us, frame) in &mut frames {
             let link = links.entry(frame[SYSTEM_AT]).or_default();
             let lost = link.counts().lost;
             for received in link.receive_frames(frame) {
                 log.entries.push(Entry {
-                    time_us: u64::from_be_bytes(*stamp),
-                    from_vehicle: frame[SYSTEM_AT] == SYSTEM_ID,
+                    time_us,
+                    from_vehicle: is_from_vehicle(frame),
                     message: received.message,
                     lost_before: link.counts().lost - lost,
                 });
             }
-            bytes = rest;
         }
-        let stray_bytes = log.counts.stray_bytes;
         log.counts = links.get(&SYSTEM_ID).map(Link::counts).unwrap_or_default();
-        log.counts.stray_bytes += stray_bytes;
+        log.counts.stray_bytes += frames.stray_bytes;
         log
     }
+}
+
+/// Writes a log in another form, or its control steps as a table, as the new file's name says.
+///
+/// # Errors
+/// [`BadInput`] if `from` is no log, or `to` is there already as a log or has no such form.
+pub fn convert(from: &Path, to: &Path) -> Result<()> {
+    let table = has_extension(to, "csv");
+    if !table && !has_extension(to, "tlog") && !has_extension(to, "mcap") {
+        return Err(BadInput::new(format!(
+            "{}: a log becomes a .tlog, .mcap or .csv",
+            to.display()
+        ))
+        .into());
+    }
+    let bytes = tlog(from)?;
+    let log = Log::of(&bytes, from)?;
+    if table {
+        return write_csv(&Flight::of(&log), to);
+    }
+    let mut writer = Writer::create(to)?;
+    let frames = Frames {
+        bytes: &bytes,
+        stray_bytes: 0,
+    };
+    for (time_us, frame) in frames {
+        writer.write_at(time_us, frame)?;
+    }
+    writer.end()
+}
+
+/// The bytes of a log as a `.tlog` has them.
+fn tlog(path: &Path) -> Result<Vec<u8>> {
+    let unreadable =
+        |error: anyhow::Error| BadInput::new(format!("cannot read {}: {error:#}", path.display()));
+    let bytes = std::fs::read(path).map_err(|error| unreadable(error.into()))?;
+    if !bytes.starts_with(mcap::MAGIC) {
+        return Ok(bytes);
+    }
+    let (bytes, cut) = mcap::frames(&bytes).map_err(unreadable)?;
+    if let Some(error) = cut {
+        eprintln!("{} is read as far as it goes: {error}", path.display());
+    }
+    Ok(bytes)
+}
+
+/// Times, us since 1970, and frames in the bytes of a `.tlog`.
+struct Frames<'a> {
+    bytes: &'a [u8],
+    /// Bytes that belong to none.
+    stray_bytes: u64,
+}
+
+impl<'a> Iterator for Frames<'a> {
+    type Item = (u64, &'a [u8]);
+
+    fn next(&mut self) -> Option<Self::Item> {
+        while let Some((stamp, rest)) = self.bytes.split_first_chunk::<STAMP>() {
+            if let Some(length) = Link::frame_length(rest) {
+                let (frame, rest) = rest.split_at(length);
+                self.bytes = rest;
+                return Some((u64::from_be_bytes(*stamp), frame));
+            }
+            // Not at a frame: look for the next one.
+            self.bytes = &self.bytes[1..];
+            self.stray_bytes += u64::from(!rest.is_empty());
+        }
+        None
+    }
+}
+
+fn is_from_vehicle(frame: &[u8]) -> bool {
+    frame.get(SYSTEM_AT) == Some(&SYSTEM_ID)
+}
+
+fn has_extension(path: &Path, extension: &str) -> bool {
+    path.extension()
+        .is_some_and(|found| found.eq_ignore_ascii_case(extension))
 }
 
 #[cfg(test)]
@@ -193,5 +296,35 @@ mod tests {
         assert_eq!(Log::parse(&bytes[..bytes.len() - 3]).entries.len(), 1);
         assert!(Log::read(&path).is_err(), "no vehicle in it");
         assert!(Writer::create(&path).is_err(), "not overwritten");
+    }
+
+    #[test]
+    fn a_log_is_the_same_in_both_forms() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = |name| folder.path().join(name);
+        let mut writer = Writer::create(&path("a.tlog")).unwrap();
+        let header = mavlink::MavHeader {
+            system_id: SYSTEM_ID.into(),
+            ..mavlink::MavHeader::default()
+        };
+        let mut beat = mavlink::MAVLinkV2MessageRaw::new();
+        beat.serialize_message(header, &request::heartbeat());
+        let mut station = Link::default();
+        for time in [5, 1_000_000] {
+            writer.write_at(time, beat.raw_bytes()).unwrap();
+            let order = station.frame(&request::ARM.message());
+            writer.write_at(time + 1, &order).unwrap();
+        }
+        writer.end().unwrap();
+        convert(&path("a.tlog"), &path("b.MCAP")).unwrap();
+        convert(&path("b.MCAP"), &path("c.tlog")).unwrap();
+        let read = |name| std::fs::read(path(name)).unwrap();
+        assert!(read("b.MCAP").starts_with(mcap::MAGIC));
+        assert_eq!(read("a.tlog"), read("c.tlog"));
+        assert_eq!(Log::read(&path("b.MCAP")).unwrap().entries.len(), 4);
+        assert!(convert(&path("a.tlog"), &path("c.tlog")).is_err());
+        assert!(convert(&path("a.tlog"), &path("d.txt")).is_err());
+        convert(&path("a.tlog"), &path("d.csv")).unwrap();
+        assert!(read("d.csv").starts_with(b"time_us,"));
     }
 }

@@ -2,6 +2,7 @@
 
 mod calibrate;
 mod cli;
+mod convert;
 mod cycles;
 mod experiment;
 mod failure;
@@ -76,6 +77,7 @@ fn run(command: Command) -> anyhow::Result<Verdict> {
         Command::Calibrate(options) => calibrate::run(&options),
         Command::Faults(options) => faults::run(&options),
         Command::Replay(options) => replay::run(&options),
+        Command::Convert(options) => convert::run(&options),
         Command::Report(options) => report::run(&options),
         Command::Test(options) => manoeuvre::run(&options),
         Command::Web(options) => web::run(&options),

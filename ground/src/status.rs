@@ -184,7 +184,7 @@ impl Tracker {
 }
 
 /// Roll, pitch and yaw of `[w, x, y, z]`, body to earth, rad.
-fn angles([w, x, y, z]: [f64; 4]) -> [f64; 3] {
+pub fn angles([w, x, y, z]: [f64; 4]) -> [f64; 3] {
     [
         (2.0 * (w * x + y * z)).atan2(1.0 - 2.0 * (x * x + y * y)),
         (2.0 * (w * y - x * z)).clamp(-1.0, 1.0).asin(),

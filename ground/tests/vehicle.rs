@@ -273,6 +273,13 @@ fn a_release_is_measured_reported_and_replayed_bit_for_bit() {
     assert_eq!(replay["equal"], replay["compared"]);
     assert_eq!(replay["refused"], serde_json::json!([]));
 
+    // In the form for Foxglove and PlotJuggler it is the same log.
+    let other_form = rig.path("step.mcap");
+    assert_eq!(tvc(&["convert", &log, &other_form]).0, Some(0));
+    let (status, text) = tvc(&["replay", &other_form, "--json"]);
+    assert_eq!(status, Some(0), "{text}");
+    assert_eq!(serde_json::from_str::<Value>(&text).unwrap(), replay);
+
     let (status, text) = tvc(&["replay", &log, "--param", "PID_KD=0.1", "--json"]);
     assert_eq!(status, Some(0), "{text}");
     let other: Value = serde_json::from_str(&text).unwrap();

@@ -1,4 +1,4 @@
-//! What can be said to `tvc replay` and `tvc report`.
+//! What can be said to `tvc replay`, `tvc report` and `tvc convert`.
 
 use std::path::PathBuf;
 
@@ -19,8 +19,8 @@ Examples:
 The motion is the log's: it does not answer to what is changed.
 Exit status: 0 equal wherever it can be compared, 1 a difference or nothing to compare, 2 unusable input.")]
 pub struct Replay {
-    /// A telemetry log.
-    #[arg(value_name = "LOG.tlog")]
+    /// A telemetry log (.tlog, .mcap).
+    #[arg(value_name = "LOG")]
     pub log: PathBuf,
 
     /// Run with another value of a parameter; may be given more than once.
@@ -54,8 +54,8 @@ Examples:
 
 Exit status: 0 every requirement met, 1 one missed or something failed, 2 unusable input.")]
 pub struct Report {
-    /// A telemetry log.
-    #[arg(value_name = "LOG.tlog")]
+    /// A telemetry log (.tlog, .mcap).
+    #[arg(value_name = "LOG")]
     pub log: PathBuf,
 
     /// Where to write the page [default: the log's name with .html].
@@ -65,6 +65,26 @@ pub struct Report {
     /// Print one JSON object on standard output and nothing else there.
     #[arg(long)]
     pub json: bool,
+}
+
+/// Options of `tvc convert`.
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  cargo tvc convert flight.tlog flight.mcap    for Foxglove and PlotJuggler
+  cargo tvc convert flight.mcap flight.tlog    for MAVProxy, QGroundControl, pymavlink
+  cargo tvc convert flight.tlog flight.csv     the control steps as a table
+
+A .tlog and an .mcap hold the same frames; a table cannot be made a log again.
+Exit status: 0 written, 1 something failed, 2 unusable input.")]
+pub struct Convert {
+    /// A telemetry log (.tlog, .mcap).
+    #[arg(value_name = "LOG")]
+    pub log: PathBuf,
+
+    /// The file to write (.tlog, .mcap, .csv); a log must not be there yet.
+    #[arg(value_name = "FILE")]
+    pub file: PathBuf,
 }
 
 fn parameter(text: &str) -> Result<(String, f32), String> {

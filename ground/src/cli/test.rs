@@ -28,7 +28,7 @@ pub struct Test {
     pub port: ParamPort,
 
     /// Keep every frame in a new telemetry log.
-    #[arg(long, value_name = "FILE.tlog", global = true)]
+    #[arg(long, value_name = "FILE", global = true)]
     pub log: Option<PathBuf>,
 
     /// Write an HTML report.

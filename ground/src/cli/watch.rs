@@ -34,8 +34,8 @@ pub struct Monitor {
     #[arg(long, value_name = "S", value_parser = seconds)]
     pub seconds: Option<f64>,
 
-    /// Keep every frame in a new telemetry log.
-    #[arg(long, value_name = "FILE.tlog")]
+    /// Keep every frame in a new telemetry log (.tlog, .mcap).
+    #[arg(long, value_name = "FILE")]
     pub log: Option<PathBuf>,
 }
 
@@ -44,6 +44,7 @@ pub struct Monitor {
 #[command(after_help = "\
 Examples:
   cargo tvc record flight.tlog             until Ctrl-C; opens in MAVProxy, QGroundControl, pymavlink
+  cargo tvc record flight.mcap             opens in Foxglove and PlotJuggler; `tvc convert` makes one of the other
   cargo tvc record flight.tlog --csv flight.csv --seconds 60
   cargo tvc report flight.tlog             what came of it
 
@@ -51,8 +52,8 @@ At its beginning the parameters are asked for and, unless the vehicle is armed, 
 anew (hold it still for three seconds), so that `tvc replay` reproduces the flight bit for bit.
 Exit status: 0 ended, 1 the vehicle went away or something failed, 2 unusable input.")]
 pub struct Record {
-    /// The log to write; it must not be there yet.
-    #[arg(value_name = "FILE.tlog")]
+    /// The log to write (.tlog, .mcap); it must not be there yet.
+    #[arg(value_name = "FILE")]
     pub log: PathBuf,
 
     /// Where the vehicle is.
@@ -95,7 +96,7 @@ pub struct Forward {
     #[arg(long, value_name = "S", value_parser = seconds)]
     pub seconds: Option<f64>,
 
-    /// Keep every frame, both ways, in a new telemetry log.
-    #[arg(long, value_name = "FILE.tlog")]
+    /// Keep every frame, both ways, in a new telemetry log (.tlog, .mcap).
+    #[arg(long, value_name = "FILE")]
     pub log: Option<PathBuf>,
 }
