@@ -31,15 +31,9 @@ impl Bno055 {
         match address {
             page0::GYR_ID if gyro_dead => 0,
             page0::ST_RESULT if gyro_dead => stored & !0x04,
-            page0::TEMP => {
-                if self.get(page0::UNIT_SEL) & unit::TEMP_F == 0 {
-                    27
-                } else {
-                    // 80.6 F in steps of 2 F.
-                    40
-                }
-            }
-            page0::CALIB_STAT => self.calibration_status(now),
+            page0::TEMP => self.temperature(),
+            page0::CALIB_STAT if self.mode.is_fusion() => self.calibration.register(self.mode),
+            page0::CALIB_STAT => 0,
             page0::SYS_CLK_STATUS => u8::from(now < self.clock_busy_until),
             page0::SYS_STATUS => self.system_status(now),
             page0::SYS_ERR => self.system_error(),
@@ -71,16 +65,15 @@ impl Bno055 {
         }
     }
 
-    fn calibration_status(&self, now: Ticks) -> u8 {
-        if !self.mode.is_fusion() {
-            return 0;
-        }
-        let seconds = now.saturating_sub(self.running_since).as_secs_f64() as u64;
-        // Gyroscope, accelerometer, magnetometer, system.
-        [(1, 0x30), (2, 0x0C), (3, 0x03), (4, 0xC0)]
-            .iter()
-            .filter(|(after, _)| seconds >= *after)
-            .fold(0, |bits, (_, done)| bits | done)
+    /// In steps of 1 C or of 2 F.
+    fn temperature(&self) -> u8 {
+        let celsius = self.signals.temperature_c();
+        let steps = if self.get(page0::UNIT_SEL) & unit::TEMP_F == 0 {
+            celsius
+        } else {
+            (celsius * 1.8 + 32.0) / 2.0
+        };
+        (steps.round() as i8).cast_unsigned()
     }
 
     pub(super) fn write(&mut self, now: Ticks, address: u8, value: u8) {

@@ -12,6 +12,10 @@ impl Bno055 {
     /// The bus master does `event`.
     pub fn i2c(&mut self, now: Ticks, event: I2cEvent) -> I2cReply {
         self.run(now);
+        if self.loses_acknowledge(event) {
+            self.transfer = Transfer::default();
+            return I2cReply::NAK;
+        }
         let reply = match event {
             I2cEvent::Start { address, read } => {
                 let selected = address == self.config.address && self.answers(now);
@@ -77,14 +81,18 @@ impl Bno055 {
     pub fn held_low(&self, now: Ticks) -> Lines {
         let stuck =
             self.faults.has(Fault::SdaStuck) || self.faults.has(Fault::SdaHeld { clocks: 0 });
+        let inside_a_byte = self.faults.has(Fault::ClockHang) && self.power != Power::Hung;
         Lines {
-            sda: stuck || now < self.foreign_until,
+            sda: stuck || inside_a_byte || now < self.foreign_until,
             scl: self.faults.has(Fault::SclStuck),
         }
     }
 
     /// The master clocks the bus by hand: one rising edge of SCL.
     pub fn clocked(&mut self) {
+        if self.faults.has(Fault::ClockHang) {
+            self.power = Power::Hung;
+        }
         let mut done = false;
         for fault in self.faults.iter_mut() {
             if let Fault::SdaHeld { clocks } = fault {
@@ -95,6 +103,20 @@ impl Bno055 {
         if done {
             self.faults.clear(Fault::SdaHeld { clocks: 0 });
         }
+    }
+
+    /// A bad contact takes the acknowledge of an address or of a byte written.
+    fn loses_acknowledge(&mut self, event: I2cEvent) -> bool {
+        let acknowledged = match event {
+            I2cEvent::Start { address, .. } => address == self.config.address,
+            I2cEvent::Write(_) => self.transfer.selected,
+            I2cEvent::Read | I2cEvent::Stop => false,
+        };
+        acknowledged
+            && self.faults.iter().any(|fault| match *fault {
+                Fault::Naks { probability } => self.bus_noise.random_bool(probability),
+                _ => false,
+            })
     }
 
     fn answers(&self, now: Ticks) -> bool {
@@ -148,12 +170,26 @@ impl Bno055 {
         let value = self.read(now, address);
         let is_data = (page0::ACC_DATA..page0::TEMP).contains(&address);
         if self.page == 0 && is_data && address.is_multiple_of(2) && self.power == Power::On {
-            let word = i16::from_le_bytes([value, self.get(address + 1)]);
-            let [low, high] = self.disturb(word).to_le_bytes();
+            let high = if self.tears() {
+                self.older[usize::from(address + 1 - page0::ACC_DATA)]
+            } else {
+                self.get(address + 1)
+            };
+            let [low, high] = self
+                .disturb(i16::from_le_bytes([value, high]))
+                .to_le_bytes();
             self.transfer.shadow = Some((address + 1, high));
             return low;
         }
         value
+    }
+
+    /// The shadowing of a word fails.
+    fn tears(&mut self) -> bool {
+        self.faults.iter().any(|fault| match *fault {
+            Fault::TornWords { probability } => self.bus_noise.random_bool(probability),
+            _ => false,
+        })
     }
 
     /// What a bad cable makes of a byte.

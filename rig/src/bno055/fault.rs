@@ -20,6 +20,9 @@ pub enum Fault {
         /// Pulses until it lets go, 1 to 9.
         clocks: u8,
     },
+    /// The chip was interrupted inside a byte, and clocks that it did not expect hang it: the data line is
+    /// free then, and nothing acknowledges. Clearing cuts its power if it hangs, and it boots.
+    ClockHang,
     /// At once: every register at its reset value, mode CONFIG, no boot time. Nothing to clear.
     ConfigReset,
     /// At once: the supply dips and the chip boots again. Nothing to clear.
@@ -34,6 +37,11 @@ pub enum Fault {
         /// Share of bytes with a wrong bit, 0 to 1.
         probability: f64,
     },
+    /// The acknowledge of an address or of a byte written gets lost.
+    Naks {
+        /// Share of those bytes, 0 to 1.
+        probability: f64,
+    },
     /// A START or STOP lies inside some bytes: the master sees a bus error.
     BusErrors {
         /// Share of bytes, 0 to 1.
@@ -46,6 +54,11 @@ pub enum Fault {
     },
     /// Single words of the data registers read 0xFFFF.
     CorruptWords {
+        /// Share of words, 0 to 1.
+        probability: f64,
+    },
+    /// The high byte of single data words is that of the refresh before: the shadowing fails.
+    TornWords {
         /// Share of words, 0 to 1.
         probability: f64,
     },

@@ -9,8 +9,8 @@
 //! | 07 PAGE_ID | 0 or 1, anything else is ignored; same on both pages | DS-53 |
 //! | 08-19 ACC, MAG, GYR | refreshed by the chip's own clock (100 Hz +-1 %, free phase), zero in CONFIG and for sensors that the mode leaves off; MSB shadowed while its LSB is read in the same transfer | DS-22, DS-37 |
 //! | 1A-33 EUL, QUA, LIA, GRV | fusion modes only; from the true attitude | DS-22 |
-//! | 34 TEMP | 27 C, unit by UNIT_SEL | DS-37 |
-//! | 35 CALIB_STAT | 0 without fusion; with it gyroscope 3 after 1 s, then accelerometer, magnetometer, system, a second each | estimate |
+//! | 34 TEMP | the chip's temperature, 27 C unless it warms up ([`WarmUp`]); unit by UNIT_SEL, the same from either source | DS-37 |
+//! | 35 CALIB_STAT | 0 without fusion; with it the levels of `calibration`, from rest, poses and motion | DS 3.11; forum reports |
 //! | 36 ST_RESULT | 0x0F, gyroscope's bit 0 with the fault | DS-65 |
 //! | 37 INT_STA | 0 | |
 //! | 38 SYS_CLK_STATUS | 1 for 600 ms after a change of CLK_SEL | MicroPython driver's note |
@@ -19,7 +19,7 @@
 //! | 3D OPR_MODE | any time; shows the new mode after 7 ms (from CONFIG) or 19 ms (to CONFIG); between two running modes it is ignored | DS-21; CircuitPython note |
 //! | 3F SYS_TRIGGER | reads 0; RST_SYS boots, SELF_TEST (in CONFIG) takes 400 ms, CLK_SEL in CONFIG | DS-70 |
 //! | 43-54 SIC matrix | stored, not applied | DS-51 |
-//! | 55-6A offsets, radii | writable in CONFIG; a group counts when its last byte is written; outside its range the group reads 0 and spoils the next fusion mode; offsets are subtracted in fusion modes only | DS-31..34; forum reports |
+//! | 55-6A offsets, radii | writable in CONFIG; a group counts when its last byte is written; outside its range the group reads 0 and spoils the next fusion mode; offsets are subtracted in fusion modes only, where the chip overwrites them with what it has learned; the radii stay what was written | DS-31..34; forum reports |
 //! | page 1 08-0D | sensor settings, writable in CONFIG only; ranges that do not exist are ignored; fusion keeps only the accelerometer's range | DS-27 |
 //! | page 1 0F, 10 | stored, any mode; 11-1F in CONFIG | DS-22 |
 //! | page 1 50-5F | unique id out of the seed | |
@@ -28,16 +28,21 @@
 //! every byte, the address included, is stretched by about 180 us; the register pointer counts on
 //! by itself and survives a STOP.
 //!
-//! Left out: the chip's own fusion and calibration algorithms (the truth stands in for them),
-//! interrupts (no board wires INT), low power mode (as normal), the soft-iron matrix, HID-I2C and
-//! UART, the START directly followed by a STOP that the chip does not recognise, temperature
-//! drift.
+//! The gyroscope's bias and the accelerometer's offset drift with the chip's temperature, if
+//! [`ImuErrors`] says so.
+//!
+//! Left out: the chip's own fusion and calibration algorithms (the truth stands in for what they
+//! find), interrupts (no board wires INT, and it has been seen not to fire), low power mode (as
+//! normal), the soft-iron matrix, HID-I2C and UART, the START directly followed by a STOP that the
+//! chip does not recognise. Slow edges of the bus are not modelled as such: what they do to the data
+//! is [`Fault::BitFlips`].
 //!
 //! Faults that can be switched on and off while it runs are the variants of [`Fault`]; what each
 //! does to registers or lines stands there.
 
 mod access;
 mod bus;
+mod calibration;
 mod fault;
 mod registers;
 mod replay;
@@ -51,10 +56,11 @@ mod tests;
 pub use fault::{Fault, Faults};
 pub use registers::Mode;
 pub use sensors::{Reading, Sensors};
-pub use signal::{ImuErrors, Stimulus};
+pub use signal::{ImuErrors, Stimulus, WarmUp};
 
 use crate::random::{Stream, generator};
 use crate::recording::Recording;
+use calibration::{Calibration, Learner};
 use rand::{Rng, RngCore};
 use rand_chacha::ChaCha8Rng;
 use registers::{
@@ -65,7 +71,7 @@ use samd21::board::Ticks;
 use signal::{Sample, Settings, SignalChain};
 use std::ops::RangeInclusive;
 use std::sync::Arc;
-use words::{FusionWords, Words};
+use words::{FusionWords, Words, acc_per_m_s2, gyr_per_rad_s, mag_per_ut};
 
 /// What is fixed about one sensor and its place on the bus.
 #[derive(Clone, Debug)]
@@ -151,7 +157,7 @@ pub struct Bno055 {
     staged: [u8; 22],
     refused: [bool; GROUPS.len()],
     mode: Mode,
-    running_since: Ticks,
+    calibration: Calibration,
     switching: Option<(Mode, Ticks)>,
     self_test_until: Ticks,
     clock_busy_until: Ticks,
@@ -160,6 +166,8 @@ pub struct Bno055 {
     /// The line that another master holds low, until then.
     foreign_until: Ticks,
     faults: Faults,
+    /// The data registers as they were before the last refresh.
+    older: [u8; DATA],
     output: Output,
     sound: [i16; 9],
 }
@@ -171,6 +179,9 @@ struct Output {
     map: u8,
     sign: u8,
 }
+
+/// Length of the data registers.
+const DATA: usize = (page0::TEMP - page0::ACC_DATA) as usize;
 
 /// The groups of calibration registers: first byte in the block of 22, number of words.
 const GROUPS: [(usize, usize); 5] = [(0, 3), (6, 3), (12, 3), (18, 1), (20, 1)];
@@ -197,7 +208,7 @@ impl Bno055 {
             staged: [0; 22],
             refused: [false; GROUPS.len()],
             mode: Mode::Config,
-            running_since: Ticks::ZERO,
+            calibration: Calibration::default(),
             switching: None,
             self_test_until: Ticks::ZERO,
             clock_busy_until: Ticks::ZERO,
@@ -205,6 +216,7 @@ impl Bno055 {
             transfer: Transfer::default(),
             foreign_until: Ticks::ZERO,
             faults: Faults::default(),
+            older: [0; DATA],
             output: Output {
                 units: UNIT_SEL_RESET,
                 map: AXIS_MAP_RESET,
@@ -298,7 +310,8 @@ impl Bno055 {
         self.run(now);
         let was_on = self.faults.has(fault);
         self.faults.clear(fault);
-        if was_on && matches!(fault, Fault::Unplugged | Fault::Hung) {
+        let cuts_power = matches!(fault, Fault::Unplugged | Fault::Hung | Fault::ClockHang);
+        if was_on && cuts_power && matches!(self.power, Power::Off | Power::Hung) {
             self.boot(now);
         }
     }
@@ -354,7 +367,7 @@ impl Bno055 {
     fn enter(&mut self, mode: Mode, at: Ticks) {
         self.switching = None;
         self.mode = mode;
-        self.running_since = at;
+        self.calibration = Calibration::new([0, 1, 2].map(|group| self.is_set(group)));
         self.output = self.output();
         self.clear_data();
         self.signals.restart();
@@ -387,11 +400,38 @@ impl Bno055 {
             if self.mode == Mode::Config || suspended || spoiled {
                 continue;
             }
+            if self.mode.is_fusion() {
+                self.calibrate(&sample);
+            }
             self.sound = self.words(&sample, &settings, self.output);
             if !stopped {
                 self.show(at, &sample, &settings);
             }
         }
+    }
+
+    /// Lets the chip's own calibration see a sample; what it learns goes into the profile.
+    fn calibrate(&mut self, sample: &Sample) {
+        let hard_iron = self.signals.hard_iron_ut();
+        let field = [0, 1, 2].map(|axis| sample.mag_ut[axis] - hard_iron[axis]);
+        let dt_s = self.refresh_period().as_secs_f64();
+        let units = self.get(page0::UNIT_SEL);
+        for learner in self.calibration.update(self.mode, sample, field, dt_s) {
+            let (offset, scale) = match learner {
+                Learner::Accelerometer => (self.signals.acc_offset_m_s2(), acc_per_m_s2(units)),
+                Learner::Magnetometer => (hard_iron, mag_per_ut()),
+                Learner::Gyroscope => (self.signals.gyro_bias_rad_s(), gyr_per_rad_s(units)),
+            };
+            let (first, _) = GROUPS[learner as usize];
+            let words = offset.map(|value| (value * scale).round() as i16);
+            self.set_words(page0::ACC_OFFSET + first as u8, &words);
+        }
+    }
+
+    /// The group of the profile is not zero.
+    fn is_set(&self, group: usize) -> bool {
+        let (first, words) = GROUPS[group];
+        (0..2 * words).any(|byte| self.get(page0::ACC_OFFSET + (first + byte) as u8) != 0)
     }
 
     fn settings(&self) -> Settings {
@@ -410,6 +450,8 @@ impl Bno055 {
             at,
             recorded: self.signals.playback().map(Playback::shown),
         };
+        let data = usize::from(page0::ACC_DATA)..usize::from(page0::TEMP);
+        self.older.copy_from_slice(&self.pages[0][data]);
         let output = self.output();
         let mut words = self.words(sample, settings, output);
         if self.faults.has(Fault::GyroDead) {

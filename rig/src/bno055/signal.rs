@@ -10,6 +10,8 @@ use samd21::board::Ticks;
 
 /// Standard gravity, m/s^2: what the chip means by 1 g.
 pub(super) const STANDARD_GRAVITY_M_S2: f64 = 9.80665;
+/// Temperature at which the offsets are those of [`ImuErrors`], deg C (data sheet table 0-2).
+const REFERENCE_C: f64 = 25.0;
 /// Correlation time of the gyroscope's bias instability, s (estimate).
 const BIAS_CORRELATION_S: f64 = 100.0;
 /// What the magnetometer can show in x, y and z, uT (data sheet table 0-2).
@@ -39,6 +41,32 @@ impl Stimulus {
     };
 }
 
+/// The chip's temperature: it nears its end as a body does that is warmed evenly.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct WarmUp {
+    /// At power-on, deg C.
+    pub from_c: f64,
+    /// In the end, deg C.
+    pub to_c: f64,
+    /// Time in which the distance to the end shrinks to 37 %, s; above 0.
+    pub time_constant_s: f64,
+}
+
+impl WarmUp {
+    /// 27 deg C for ever.
+    pub const NONE: Self = Self {
+        from_c: 27.0,
+        to_c: 27.0,
+        time_constant_s: 60.0,
+    };
+
+    /// Temperature at a time after power-on, deg C.
+    pub fn at(&self, now: Ticks) -> f64 {
+        let left = (-now.as_secs_f64() / self.time_constant_s).exp();
+        self.to_c + (self.from_c - self.to_c) * left
+    }
+}
+
 /// Imperfections of one sensor.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ImuErrors {
@@ -50,10 +78,15 @@ pub struct ImuErrors {
     pub gyro_instability_rad_s: f64,
     /// Relative scale error of each axis of the gyroscope.
     pub gyro_scale: [f64; 3],
+    /// Change of the gyroscope's bias with temperature, rad/s/K from 25 deg C; the data sheet has 0.015 deg/s/K
+    /// typically and 0.03 at most.
+    pub gyro_drift_rad_s_k: [f64; 3],
     /// Accelerometer noise, m/s^2/sqrt(Hz).
     pub acc_noise_density: f64,
     /// Accelerometer offset, m/s^2.
     pub acc_offset_m_s2: [f64; 3],
+    /// Change of the accelerometer's offset with temperature, m/s^2/K from 25 deg C; 1 mg/K typically.
+    pub acc_drift_m_s2_k: [f64; 3],
     /// Relative scale error of each axis of the accelerometer.
     pub acc_scale: [f64; 3],
     /// Magnetometer noise, uT rms a sample.
@@ -62,6 +95,8 @@ pub struct ImuErrors {
     pub hard_iron_ut: [f64; 3],
     /// Soft iron: the matrix that the field goes through, row by row.
     pub soft_iron: [[f64; 3]; 3],
+    /// The chip's temperature.
+    pub warm_up: WarmUp,
 }
 
 const IDENTITY: [[f64; 3]; 3] = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
@@ -73,12 +108,15 @@ impl ImuErrors {
         gyro_noise_density: 0.0,
         gyro_instability_rad_s: 0.0,
         gyro_scale: [0.0; 3],
+        gyro_drift_rad_s_k: [0.0; 3],
         acc_noise_density: 0.0,
         acc_offset_m_s2: [0.0; 3],
+        acc_drift_m_s2_k: [0.0; 3],
         acc_scale: [0.0; 3],
         mag_noise_ut: 0.0,
         hard_iron_ut: [0.0; 3],
         soft_iron: IDENTITY,
+        warm_up: WarmUp::NONE,
     };
 }
 
@@ -178,9 +216,32 @@ impl SignalChain {
         }
     }
 
+    /// The chip's temperature, deg C.
+    pub(super) fn temperature_c(&self) -> f64 {
+        self.errors.warm_up.at(self.last_sense)
+    }
+
     /// The gyroscope's bias now, rad/s.
     pub(super) fn gyro_bias_rad_s(&self) -> [f64; 3] {
-        add(self.turn_on_bias_rad_s, self.wandering_rad_s)
+        let drift = self.drift(self.errors.gyro_drift_rad_s_k);
+        add(add(self.turn_on_bias_rad_s, self.wandering_rad_s), drift)
+    }
+
+    /// The accelerometer's offset now, m/s^2.
+    pub(super) fn acc_offset_m_s2(&self) -> [f64; 3] {
+        let drift = self.drift(self.errors.acc_drift_m_s2_k);
+        add(self.errors.acc_offset_m_s2, drift)
+    }
+
+    /// The field that turns with the sensor, uT.
+    pub(super) fn hard_iron_ut(&self) -> [f64; 3] {
+        self.errors.hard_iron_ut
+    }
+
+    /// What the temperature makes of a change per K.
+    fn drift(&self, per_k: [f64; 3]) -> [f64; 3] {
+        let above = self.temperature_c() - REFERENCE_C;
+        per_k.map(|change| change * above)
     }
 
     pub(super) fn play(&mut self, playback: Playback) {
@@ -209,7 +270,7 @@ impl SignalChain {
         let root = (0.5 / dt).sqrt();
         let gyr_range = settings.gyr_range_dps.to_radians();
         let acc_range = settings.acc_range_g * STANDARD_GRAVITY_M_S2;
-        let bias = self.gyro_bias_rad_s();
+        let (bias, offset) = (self.gyro_bias_rad_s(), self.acc_offset_m_s2());
         let gyr_rad_s = [0, 1, 2].map(|axis| {
             let noise = root * e.gyro_noise_density * self.normal(e.gyro_noise_density);
             let rate = truth.rate_rad_s[axis] * (1.0 + e.gyro_scale[axis]) + bias[axis] + noise;
@@ -218,7 +279,7 @@ impl SignalChain {
         let acc_m_s2 = [0, 1, 2].map(|axis| {
             let noise = root * e.acc_noise_density * self.normal(e.acc_noise_density);
             let force = truth.specific_force_m_s2[axis] * (1.0 + e.acc_scale[axis]);
-            (force + e.acc_offset_m_s2[axis] + noise).clamp(-acc_range, acc_range)
+            (force + offset[axis] + noise).clamp(-acc_range, acc_range)
         });
         let input = Sample {
             acc_m_s2,
@@ -350,6 +411,40 @@ mod tests {
         }
         let sample = chain.refresh(Ticks::from_us(5500), &settings).unwrap();
         assert!((sample.gyr_rad_s[1] - 0.634_05).abs() < 1e-4, "{sample:?}");
+    }
+
+    /// 20 K in the end at 0.015 deg/s/K: 0.3 deg/s, of which 63 % come within the time constant.
+    #[test]
+    fn a_chip_that_warms_up_drifts() {
+        let mut chain = chain(ImuErrors {
+            gyro_drift_rad_s_k: [0.015_f64.to_radians(), 0.0, 0.0],
+            acc_drift_m_s2_k: [0.0, 0.0, -0.01],
+            warm_up: WarmUp {
+                from_c: 25.0,
+                to_c: 45.0,
+                time_constant_s: 10.0,
+            },
+            ..ImuErrors::NONE
+        });
+        let settings = reset_settings();
+        let mut shown = |seconds: u64| {
+            for ms in 0..1000 {
+                let now = Ticks::from_ms(1000 * seconds + ms);
+                chain.sense(now, &Stimulus::REST, &settings);
+            }
+            let sample = chain.refresh(Ticks::from_ms(1000 * seconds + 999), &settings);
+            let sample = sample.unwrap();
+            let rate_dps = sample.gyr_rad_s[0].to_degrees();
+            (rate_dps, sample.acc_m_s2[2] - 9.81, chain.temperature_c())
+        };
+        let close = |a: f64, b: f64| assert!((a - b).abs() < 2e-3, "{a} {b}");
+        let (rate, force, celsius) = shown(9);
+        close(rate, 0.3 * 0.632);
+        close(force, -0.2 * 0.632);
+        assert!((celsius - 37.64).abs() < 0.01, "{celsius}");
+        let (rate, _, celsius) = shown(100);
+        close(rate, 0.3);
+        assert!((celsius - 45.0).abs() < 0.01, "{celsius}");
     }
 
     #[test]

@@ -1,5 +1,6 @@
 //! The chip as a bus master sees it.
 
+mod calibration;
 mod faults;
 
 use super::registers::{status, trigger, unit};
@@ -306,13 +307,37 @@ fn offsets_correct_in_fusion_only() {
 }
 
 #[test]
-fn fusion_shows_attitude_and_calibration() {
+fn fusion_shows_attitude() {
     let mut bus = Bus::running(Mode::Ndof);
     assert_eq!(bus.byte(page0::SYS_STATUS), status::FUSION);
-    assert_eq!(bus.byte(page0::CALIB_STAT), 0);
     assert_eq!(bus.read::<2>(page0::QUA_DATA), [0x00, 0x40]);
-    bus.wait_ms(5000);
-    assert_eq!(bus.byte(page0::CALIB_STAT), 0xFF);
+}
+
+#[test]
+fn temperature_in_either_unit() {
+    let warm_up = WarmUp {
+        from_c: -10.0,
+        to_c: 50.0,
+        time_constant_s: 1.0,
+    };
+    for (units, then, later) in [(0x80, 20.0, 50.0), (0x90, 34.0, 61.0)] {
+        let errors = ImuErrors {
+            warm_up,
+            ..ImuErrors::NONE
+        };
+        let mut bus = Bus::new(Config {
+            errors,
+            ..Config::default()
+        });
+        bus.wait_ms(700);
+        bus.write(page0::UNIT_SEL, &[units]);
+        // 50 C less 60 C times exp(-0.7).
+        let read = f64::from(bus.byte(page0::TEMP).cast_signed());
+        assert!((read - then).abs() <= 1.0, "{read} for {then}");
+        bus.wait_ms(10_000);
+        assert_eq!(f64::from(bus.byte(page0::TEMP).cast_signed()), later);
+    }
+    assert_eq!(Bus::started().byte(page0::TEMP), 27);
 }
 
 #[test]

@@ -24,7 +24,7 @@ impl Words {
             acc: sample
                 .acc_m_s2
                 .map(|a| word(a.clamp(-acc_range, acc_range) * acc_per_m_s2(units))),
-            mag: sample.mag_ut.map(|m| word(m * 16.0)),
+            mag: sample.mag_ut.map(|m| word(m * mag_per_ut())),
             gyr: sample
                 .gyr_rad_s
                 .map(|w| word(w.clamp(-gyr_range, gyr_range) * gyr_lsb)),
@@ -39,6 +39,11 @@ pub(super) fn acc_per_m_s2(units: u8) -> f64 {
     } else {
         1000.0 / STANDARD_GRAVITY_M_S2
     }
+}
+
+/// Counts of magnetic field for 1 uT.
+pub(super) fn mag_per_ut() -> f64 {
+    16.0
 }
 
 /// Counts of rate for 1 rad/s.

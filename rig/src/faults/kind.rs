@@ -31,11 +31,14 @@ pub enum Kind {
     SwappedAxes,
     RevertedUnits,
     FixedPattern,
+    Naks,
+    TornWords,
+    ClockHang,
 }
 
 impl Kind {
     /// All of them.
-    pub const ALL: [Self; 21] = [
+    pub const ALL: [Self; 24] = [
         Self::Unplugged,
         Self::Hung,
         Self::SdaStuck,
@@ -57,6 +60,9 @@ impl Kind {
         Self::SwappedAxes,
         Self::RevertedUnits,
         Self::FixedPattern,
+        Self::Naks,
+        Self::TornWords,
+        Self::ClockHang,
     ];
 
     /// Its name on the command line, in files and in tables.
@@ -83,6 +89,9 @@ impl Kind {
             Self::SwappedAxes => "swapped-axes",
             Self::RevertedUnits => "reverted-units",
             Self::FixedPattern => "fixed-pattern",
+            Self::Naks => "naks",
+            Self::TornWords => "torn-words",
+            Self::ClockHang => "clock-hang",
         }
     }
 
@@ -118,6 +127,9 @@ impl Kind {
             Self::SwappedAxes => Fault::SwappedAxes,
             Self::RevertedUnits => Fault::RevertedUnits,
             Self::FixedPattern => Fault::FixedPattern,
+            Self::Naks => Fault::Naks { probability: share },
+            Self::TornWords => Fault::TornWords { probability: share },
+            Self::ClockHang => Fault::ClockHang,
         }
     }
 }

@@ -154,3 +154,56 @@ fn bus_errors_and_other_masters_strike_when_a_byte_begins() {
     bus.chip.clear(now, other);
     assert!(!bus.chip.held_low(now + Ticks::from_ms(1)).sda);
 }
+
+#[test]
+fn lost_acknowledges_end_a_transfer() {
+    let mut bus = Bus::running(Mode::Amg);
+    bus.chip.inject(bus.now, Fault::Naks { probability: 1.0 });
+    assert!(!bus.start(false));
+    assert!(!bus.event(I2cEvent::Write(page0::CHIP_ID)).ack);
+    bus.chip.clear(bus.now, Fault::Naks { probability: 1.0 });
+    assert!(bus.start(false));
+    bus.chip.inject(bus.now, Fault::Naks { probability: 1.0 });
+    assert!(!bus.event(I2cEvent::Write(page0::CHIP_ID)).ack);
+    bus.chip.clear(bus.now, Fault::Naks { probability: 1.0 });
+    assert_eq!(bus.byte(page0::CHIP_ID), 0xA0);
+}
+
+#[test]
+fn a_torn_word_has_the_high_byte_of_the_refresh_before() {
+    let mut bus = Bus::running(Mode::Amg);
+    bus.truth.specific_force_m_s2[2] = 2.55;
+    bus.wait_ms(200);
+    bus.truth.specific_force_m_s2[2] = 10.24;
+    let fault = Fault::TornWords { probability: 1.0 };
+    bus.chip.inject(bus.now, fault);
+    let z = |chip: &Bno055| chip.sound_words()[2].to_le_bytes();
+    let [_, old] = z(&bus.chip);
+    while z(&bus.chip)[1] == old {
+        bus.now += Ticks::from_us(500);
+        bus.sense();
+    }
+    let [low, _] = z(&bus.chip);
+    assert_eq!(bus.words(page0::ACC_DATA)[2].to_le_bytes(), [low, old]);
+    bus.wait_ms(500);
+    assert_eq!(bus.words(page0::ACC_DATA)[2], 1024, "at rest none shows");
+}
+
+#[test]
+fn clocks_by_hand_free_the_line_and_hang_the_chip() {
+    let mut bus = Bus::running(Mode::Amg);
+    bus.chip.inject(bus.now, Fault::ClockHang);
+    assert!(bus.chip.held_low(bus.now).sda);
+    bus.chip.clocked();
+    assert!(!bus.chip.held_low(bus.now).sda);
+    assert!(!bus.write(page0::CHIP_ID, &[]));
+    bus.chip.clear(bus.now, Fault::ClockHang);
+    bus.wait_ms(700);
+    assert_eq!(bus.byte(page0::CHIP_ID), 0xA0);
+    assert_eq!(bus.byte(page0::OPR_MODE), 0, "its power was cut");
+    // Unless nobody clocked it.
+    let mut bus = Bus::running(Mode::Amg);
+    bus.chip.inject(bus.now, Fault::ClockHang);
+    bus.chip.clear(bus.now, Fault::ClockHang);
+    assert_eq!(bus.byte(page0::OPR_MODE), Mode::Amg as u8);
+}

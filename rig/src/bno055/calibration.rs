@@ -1,0 +1,186 @@
+//! How the chip calibrates itself in its fusion modes: what CALIB_STAT shows, and when it overwrites the profile.
+//!
+//! Bosch does not publish the algorithm; this is what is told of it. The durations and angles are estimates.
+//!
+//! | | reaches 3 | source |
+//! |---|---|---|
+//! | gyroscope | after 2 s of rest, 1 and 2 on the way; every later rest learns the bias anew | DS 3.11; "a few seconds" by Bosch's forum |
+//! | accelerometer | after six poses held for a second and at least 45 deg apart; 1 at two, 2 at four | DS 3.11 |
+//! | magnetometer | after the field has come from nine directions at least 30 deg apart, fifteen where there is no fast calibration (all modes but NDOF); 1 and 2 on the way | DS 3.11; Bosch's forum |
+//! | system | as the lower of gyroscope and magnetometer where the mode has both; the accelerometer does not count | Bosch's forum |
+//!
+//! A group of the profile that is not zero when fusion starts counts as restored: gyroscope and accelerometer show 3 at
+//! once, the magnetometer 0 until the first motion, though the system takes it for calibrated (a user's report).
+//!
+//! Left out: that the levels of real chips fall again under violent motion.
+
+use super::registers::Mode;
+use super::signal::{STANDARD_GRAVITY_M_S2, Sample};
+
+/// Rest is a rate within this of its own mean, rad/s, and a force within that of 1 g, m/s^2.
+const STILL_RAD_S: f64 = 1.0 / 57.3;
+const STILL_M_S2: f64 = 0.5;
+/// Over this time the mean rate is taken, s.
+const MEAN_S: f64 = 0.5;
+/// Faster than this is no rest, however even, rad/s.
+const SLOW_RAD_S: f64 = 5.0 / 57.3;
+/// Rest after which the gyroscope shows 1, 2 and 3, s.
+const RESTS_S: [f64; 3] = [0.5, 1.0, 2.0];
+/// Poses after which the accelerometer shows 1, 2 and 3, how long each is held, s, and how far apart they are, as a cosine.
+const POSES: [usize; 3] = [2, 4, 6];
+const POSE_S: f64 = 1.0;
+const COS_POSES: f64 = std::f64::consts::FRAC_1_SQRT_2;
+/// Directions of the field after which the magnetometer shows 1, 2 and 3, and how far apart they are, as a cosine.
+const FIELDS_FAST: [usize; 3] = [3, 6, 9];
+const FIELDS: [usize; 3] = [5, 10, 15];
+const COS_FIELDS: f64 = 0.866;
+
+/// A sensor that calibrates itself; in the order of the profile's groups.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Learner {
+    Accelerometer = 0,
+    Magnetometer = 1,
+    Gyroscope = 2,
+}
+
+/// The state of calibration since fusion has started.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Calibration {
+    /// Which groups came from the profile.
+    restored: [bool; 3],
+    mean_rad_s: Option<[f64; 3]>,
+    rest_s: f64,
+    longest_rest_s: f64,
+    poses: Vec<[f64; 3]>,
+    fields: Vec<[f64; 3]>,
+}
+
+impl Calibration {
+    /// At the start of fusion, with the groups of the profile that are set.
+    pub(super) fn new(restored: [bool; 3]) -> Self {
+        Self {
+            restored,
+            ..Self::default()
+        }
+    }
+
+    /// Takes a refresh, `dt_s` after the one before, whose field without the hard iron is `field_ut`; tells who has
+    /// learned its offset in it.
+    pub(super) fn update(
+        &mut self,
+        mode: Mode,
+        sample: &Sample,
+        field_ut: [f64; 3],
+        dt_s: f64,
+    ) -> Vec<Learner> {
+        let mut learned = Vec::new();
+        let rested = self.rest_s;
+        self.rest_s = if self.is_still(mode, sample, dt_s) {
+            rested + dt_s
+        } else {
+            0.0
+        };
+        self.longest_rest_s = self.longest_rest_s.max(self.rest_s);
+        let [_, _, enough_s] = RESTS_S;
+        if mode.has_gyr() && rested < enough_s && self.rest_s >= enough_s {
+            learned.push(Learner::Gyroscope);
+        }
+        if mode.has_acc()
+            && self.rest_s >= POSE_S
+            && add_direction(&mut self.poses, sample.acc_m_s2, COS_POSES, POSES)
+        {
+            learned.push(Learner::Accelerometer);
+        }
+        if mode.has_mag() && add_direction(&mut self.fields, field_ut, COS_FIELDS, fields(mode)) {
+            learned.push(Learner::Magnetometer);
+        }
+        learned
+    }
+
+    /// The value of CALIB_STAT.
+    pub(super) fn register(&self, mode: Mode) -> u8 {
+        let [acc_restored, mag_restored, gyr_restored] = self.restored;
+        let gyr = if gyr_restored {
+            3
+        } else {
+            level(RESTS_S, self.longest_rest_s)
+        };
+        let acc = if acc_restored {
+            3
+        } else {
+            level(POSES, self.poses.len())
+        };
+        let mag = match self.fields.len() {
+            0 | 1 => 0,
+            _ if mag_restored => 3,
+            directions => level(fields(mode), directions),
+        };
+        let mag_for_system = if mag_restored { 3 } else { mag };
+        let on = |has: bool, level: u8| if has { level } else { 0 };
+        let system = [(mode.has_gyr(), gyr), (mode.has_mag(), mag_for_system)]
+            .into_iter()
+            .filter_map(|(has, level)| has.then_some(level))
+            .min()
+            .unwrap_or(0);
+        system << 6
+            | on(mode.has_gyr(), gyr) << 4
+            | on(mode.has_acc(), acc) << 2
+            | on(mode.has_mag(), mag)
+    }
+
+    fn is_still(&mut self, mode: Mode, sample: &Sample, dt_s: f64) -> bool {
+        let even = (norm(sample.acc_m_s2) - STANDARD_GRAVITY_M_S2).abs() < STILL_M_S2;
+        if !mode.has_gyr() {
+            return even;
+        }
+        let rate = sample.gyr_rad_s;
+        let mean = self.mean_rad_s.get_or_insert(rate);
+        for axis in 0..3 {
+            mean[axis] += (rate[axis] - mean[axis]) * (dt_s / MEAN_S).min(1.0);
+        }
+        let mean = *mean;
+        even && (0..3).all(|axis| (rate[axis] - mean[axis]).abs() < STILL_RAD_S)
+            && norm(mean) < SLOW_RAD_S
+    }
+}
+
+/// Directions of the field that the mode asks for.
+fn fields(mode: Mode) -> [usize; 3] {
+    if mode == Mode::Ndof {
+        FIELDS_FAST
+    } else {
+        FIELDS
+    }
+}
+
+/// 0 to 3: how many of the thresholds are reached.
+fn level<T: PartialOrd>(thresholds: [T; 3], reached: T) -> u8 {
+    thresholds.iter().filter(|t| reached >= **t).count() as u8
+}
+
+/// Keeps the direction of `vector` if it is new, up to the last of `enough`; whether that made them enough.
+fn add_direction(
+    directions: &mut Vec<[f64; 3]>,
+    vector: [f64; 3],
+    cos_apart: f64,
+    enough: [usize; 3],
+) -> bool {
+    let [_, _, enough] = enough;
+    let length = norm(vector);
+    if directions.len() == enough || length == 0.0 {
+        return false;
+    }
+    let direction = vector.map(|v| v / length);
+    let is_new = directions.iter().all(|other| {
+        let cos: f64 = other.iter().zip(direction).map(|(a, b)| a * b).sum();
+        cos < cos_apart
+    });
+    if is_new {
+        directions.push(direction);
+    }
+    is_new && directions.len() == enough
+}
+
+fn norm(v: [f64; 3]) -> f64 {
+    v.iter().map(|x| x * x).sum::<f64>().sqrt()
+}
