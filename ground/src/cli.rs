@@ -22,7 +22,7 @@ mod tune;
 mod watch;
 mod web;
 
-pub use calibrate::{Calibrate, Day, Place, Sensor};
+pub use calibrate::{Calibrate, Day, Place, Sensor, place};
 pub use cycles::{Cycles, Optimise};
 pub use disturbance::Disturb;
 pub use experiment::{Experiment, ExperimentCommand, GyroBias, Sensing};
@@ -92,7 +92,7 @@ pub enum Command {
     Forward(Forward),
     /// Measure what one update of every filter costs on the chip, beside the crates of the field.
     Cycles(Cycles),
-    /// Calibrate the sensors from a recording.
+    /// Calibrate the sensors, guided at a vehicle or from a recording.
     Calibrate(Calibrate),
     /// Fail sensor and cable at random instants of a flight, and count how it ends.
     Faults(Faults),

@@ -28,6 +28,7 @@ pub fn run(options: &Rig) -> Result<Verdict> {
         ..rig::RigConfig::default()
     };
     config.bench.servo = options.servo.kind().model();
+    config.bench.sensor.errors = options.sensor.errors();
     config.bench.start_rad = options.tilt;
     config.bench.disturbances = options.disturb.all();
     let rig = rig::Rig::new(&image, &config)?;
@@ -43,9 +44,10 @@ pub fn run(options: &Rig) -> Result<Verdict> {
         options.seed,
         options.tilt
     );
-    let hand = Hand::new(options.tilt, RELEASE_RATE_RAD_S);
+    let hand = Hand::new(options.tilt, RELEASE_RATE_RAD_S).with_manner(options.hand.manner());
     let longest = options.seconds.map(Duration::from_secs_f64);
     let summary = RealTime::new(rig, hand, pty)
+        .at_speed(options.speed)
         .run(longest, stop, &mut |at_s, line| {
             eprintln!("{at_s:9.3} s  {line}");
         })

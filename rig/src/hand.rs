@@ -1,15 +1,40 @@
 //! The hand at the clamp: it lets the drone go when the firmware says that it is in control, and takes it back to its
-//! start when the firmware says that it is no longer.
+//! start when the firmware says that it is no longer. It reads along what the program at the port sends, too, and does with
+//! sensor and drone what a calibration asks for.
 
+use crate::handling::{Movement, resting};
+use crate::instruction::{Instruction, Tilt};
 use crate::link::Link;
 use crate::operator::FlightState;
 use crate::rig::Rig;
 use mavlink::dialects::common::MavMessage;
+use nalgebra::UnitQuaternion;
+
+/// How far the drone is tilted to see its rudder answer, rad.
+const TILT_RAD: f64 = 0.35;
+/// How long the sensor takes from one pose to the next, s.
+const TURN_S: f64 = 1.5;
+/// Amplitude of a hand that trembles, rad/s.
+const TREMBLE_RAD_S: f64 = 0.08;
+
+/// How well the hand does what a calibration asks for.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Manner {
+    /// As it is asked.
+    #[default]
+    Steady,
+    /// Never lets go of the sensor where it should lie still.
+    Trembling,
+    /// Turns the sensor about one axis where it should turn it through all directions.
+    Lazy,
+}
 
 /// Holds the clamp and reads what the image sends, as the person at the rig does.
 #[derive(Clone, Debug)]
 pub struct Hand {
     link: Link,
+    station: Link,
+    manner: Manner,
     start_rad: f64,
     rate_rad_s: f64,
     state: Option<FlightState>,
@@ -20,9 +45,53 @@ impl Hand {
     pub fn new(start_rad: f64, rate_rad_s: f64) -> Self {
         Self {
             link: Link::default(),
+            station: Link::default(),
+            manner: Manner::default(),
             start_rad,
             rate_rad_s,
             state: None,
+        }
+    }
+
+    /// Does what a calibration asks for in this manner.
+    pub fn with_manner(mut self, manner: Manner) -> Self {
+        self.manner = manner;
+        self
+    }
+
+    /// Takes in what the program at the port has sent, and does what it asks of a person.
+    pub fn hear(&mut self, rig: &mut Rig, sent: &[u8]) {
+        for message in self.station.receive(sent) {
+            if let Some(instruction) = Instruction::of(&message) {
+                self.obey(rig, instruction);
+            }
+        }
+    }
+
+    fn obey(&self, rig: &mut Rig, instruction: Instruction) {
+        let world = rig.world_mut();
+        match instruction {
+            Instruction::Rest if self.manner == Manner::Trembling => {
+                world.handle(Movement::Tremble(TREMBLE_RAD_S));
+            }
+            Instruction::Rest => world.handle(Movement::Rest),
+            Instruction::Pose(face) => world.handle(Movement::To(resting(face), TURN_S)),
+            Instruction::Turn if self.manner == Manner::Lazy => world.handle(Movement::Spin),
+            Instruction::Turn => world.handle(Movement::Turn),
+            Instruction::Level => {
+                let (_, _, heading) = world.mounted().euler_angles();
+                let level = UnitQuaternion::from_euler_angles(0.0, 0.0, heading);
+                world.handle(Movement::To(level, TURN_S));
+            }
+            Instruction::Tilt(tilt) => world.tilt_clamp(match tilt {
+                Tilt::NoseUp => TILT_RAD,
+                Tilt::NoseDown => -TILT_RAD,
+                Tilt::Upright => 0.0,
+            }),
+            Instruction::Done => {
+                world.put_back();
+                world.tilt_clamp(self.start_rad);
+            }
         }
     }
 

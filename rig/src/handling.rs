@@ -8,6 +8,7 @@ use crate::world::EarthField;
 use bno055_driver::config::Sensors;
 use nalgebra::{UnitQuaternion, Vector3};
 use samd21::board::{I2cEvent, Ticks};
+use tvc_nano::calibration::poses::Face;
 
 /// Registers of the chip that are written and read here.
 const ACC_DATA: u8 = 0x08;
@@ -65,75 +66,156 @@ pub struct Sample {
     pub gyr: [i16; 3],
 }
 
-/// Sensor to north-east-down, of a sensor that lies on one of its faces with that axis down.
-fn faces() -> [UnitQuaternion<f64>; 6] {
+/// What the hand does with the sensor.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Movement {
+    /// Lets it lie.
+    Rest,
+    /// Cannot keep it still: amplitude of the rate, rad/s.
+    Tremble(f64),
+    /// Turns it the shortest way to this attitude, sensor to north-east-down, in so many seconds, and rests there.
+    To(UnitQuaternion<f64>, f64),
+    /// Through all directions.
+    Turn,
+    /// About its z alone.
+    Spin,
+}
+
+impl Movement {
+    /// Rate about the sensor's axes, rad/s, `since_s` after the movement began.
+    fn rate(&self, since_s: f64, attitude: &UnitQuaternion<f64>) -> Vector3<f64> {
+        match *self {
+            Self::Rest => Vector3::zeros(),
+            Self::Tremble(rate) => {
+                let phase = since_s * 9.0;
+                Vector3::new(phase.sin(), (phase * 0.7).cos(), 0.0) * rate
+            }
+            Self::To(to, seconds) => {
+                let left = seconds - since_s;
+                if left <= 0.0 {
+                    return Vector3::zeros();
+                }
+                (attitude.inverse() * to).scaled_axis() / left.max(STEP.as_secs_f64())
+            }
+            Self::Turn => Vector3::new(
+                1.1 * (0.31 * since_s).sin(),
+                0.9 * (0.23 * since_s).cos(),
+                0.7 * (0.17 * since_s + 1.0).sin(),
+            ),
+            Self::Spin => Vector3::new(0.0, 0.0, 1.0),
+        }
+    }
+}
+
+/// A sensor that somebody holds.
+#[derive(Clone, Debug)]
+pub struct Grip {
+    attitude: UnitQuaternion<f64>,
+    movement: Movement,
+    since_s: f64,
+}
+
+impl Grip {
+    /// Held still at an attitude, sensor to north-east-down.
+    pub fn new(attitude: UnitQuaternion<f64>) -> Self {
+        Self {
+            attitude,
+            movement: Movement::Rest,
+            since_s: 0.0,
+        }
+    }
+
+    /// Begins to move it.
+    pub fn begin(&mut self, movement: Movement) {
+        self.movement = movement;
+        self.since_s = 0.0;
+    }
+
+    /// A step of the movement; the rate in it, rad/s about the sensor's axes.
+    pub fn advance(&mut self, dt_s: f64) -> Vector3<f64> {
+        let rate = self.movement.rate(self.since_s, &self.attitude);
+        self.since_s += dt_s;
+        self.attitude *= UnitQuaternion::from_scaled_axis(rate * dt_s);
+        rate
+    }
+
+    /// Sensor to north-east-down.
+    pub fn attitude(&self) -> UnitQuaternion<f64> {
+        self.attitude
+    }
+
+    /// It has arrived where it was to go.
+    pub fn has_arrived(&self) -> bool {
+        matches!(self.movement, Movement::To(_, seconds) if self.since_s >= seconds)
+    }
+}
+
+/// What a sensor feels that turns at `rate` (rad/s) in place, with `gravity` in m/s2.
+pub fn stimulus(
+    attitude: &UnitQuaternion<f64>,
+    rate: Vector3<f64>,
+    field: &EarthField,
+    gravity: f64,
+) -> Stimulus {
+    let to_sensor = attitude.inverse();
+    Stimulus {
+        specific_force_m_s2: (to_sensor * Vector3::new(0.0, 0.0, -gravity)).into(),
+        rate_rad_s: rate.into(),
+        field_ut: (to_sensor * Vector3::from(field.north_east_down())).into(),
+        // Only the fusion modes show it.
+        attitude: [1.0, 0.0, 0.0, 0.0],
+    }
+}
+
+/// Sensor to north-east-down, of a sensor that rests on a face.
+pub fn resting(face: Face) -> UnitQuaternion<f64> {
     use std::f64::consts::{FRAC_PI_2, PI};
-    [
-        (0.0, 0.0),
-        (PI, 0.0),
-        (FRAC_PI_2, 0.0),
-        (-FRAC_PI_2, 0.0),
-        (0.0, FRAC_PI_2),
-        (0.0, -FRAC_PI_2),
-    ]
-    .map(|(roll, pitch)| UnitQuaternion::from_euler_angles(roll, pitch, 0.3))
+    let (roll, pitch) = match face {
+        Face::TopUp => (0.0, 0.0),
+        Face::BottomUp => (PI, 0.0),
+        Face::LeftUp => (FRAC_PI_2, 0.0),
+        Face::RightUp => (-FRAC_PI_2, 0.0),
+        Face::NoseUp => (0.0, FRAC_PI_2),
+        Face::NoseDown => (0.0, -FRAC_PI_2),
+    };
+    UnitQuaternion::from_euler_angles(roll, pitch, 0.3)
 }
 
 /// Records the procedure: rest, six faces, a slow turn through all directions.
 pub fn record(sensor: bno055::Config, hand: &Hand) -> Vec<Sample> {
-    let (mut attitude, mut now) = (faces()[0], START);
-    let mut chip = start(sensor, &hand.stimulus(&attitude, Vector3::zeros()));
+    let mut grip = Grip::new(resting(Face::TopUp));
+    let mut now = START;
+    let feel = |grip: &Grip, rate| stimulus(&grip.attitude, rate, &hand.field, hand.gravity_m_s2);
+    let mut chip = start(sensor, &feel(&grip, Vector3::zeros()));
     let mut samples = Vec::new();
-    let faces_s = 6.0 * (FACE_S + BETWEEN_S);
-    let end = START + Ticks::from_secs_f64(REST_S + faces_s + hand.turning_s);
-    while now < end {
-        let time_s = (now - START).as_secs_f64();
-        let rate = hand.rate(time_s, &attitude);
-        now += STEP;
-        attitude *= UnitQuaternion::from_scaled_axis(rate * STEP.as_secs_f64());
-        chip.sense(now, &hand.stimulus(&attitude, rate));
-        if (now.0 - START.0).is_multiple_of(PERIOD.0) {
-            samples.push(read(&mut chip, now));
+    for (movement, seconds) in hand.plan() {
+        grip.begin(movement);
+        let end = now + Ticks::from_secs_f64(seconds);
+        while now < end {
+            let rate = grip.advance(STEP.as_secs_f64());
+            now += STEP;
+            chip.sense(now, &feel(&grip, rate));
+            if (now - START).0.is_multiple_of(PERIOD.0) {
+                samples.push(read(&mut chip, now));
+            }
         }
     }
     samples
 }
 
 impl Hand {
-    /// Rate about the sensor's axes, rad/s.
-    fn rate(&self, time_s: f64, attitude: &UnitQuaternion<f64>) -> Vector3<f64> {
-        if time_s < REST_S {
-            let phase = time_s * 9.0;
-            return Vector3::new(phase.sin(), (phase * 0.7).cos(), 0.0) * self.tremble_rad_s;
-        }
-        let since = time_s - REST_S;
-        let face = (since / (FACE_S + BETWEEN_S)) as usize;
-        match faces().get(face) {
-            Some(to) => {
-                let left = BETWEEN_S - since % (FACE_S + BETWEEN_S);
-                if left <= 0.0 {
-                    return Vector3::zeros();
-                }
-                (attitude.inverse() * to).scaled_axis() / left.max(STEP.as_secs_f64())
-            }
-            None => Vector3::new(
-                1.1 * (0.31 * since).sin(),
-                0.9 * (0.23 * since).cos(),
-                0.7 * (0.17 * since + 1.0).sin(),
-            ),
-        }
-    }
-
-    fn stimulus(&self, attitude: &UnitQuaternion<f64>, rate: Vector3<f64>) -> Stimulus {
-        let to_sensor = attitude.inverse();
-        let up = Vector3::new(0.0, 0.0, -self.gravity_m_s2);
-        Stimulus {
-            specific_force_m_s2: (to_sensor * up).into(),
-            rate_rad_s: rate.into(),
-            field_ut: (to_sensor * Vector3::from(self.field.north_east_down())).into(),
-            // Only the fusion modes show it.
-            attitude: [1.0, 0.0, 0.0, 0.0],
-        }
+    /// The movements, with the length of each, s.
+    fn plan(&self) -> Vec<(Movement, f64)> {
+        let first = match self.tremble_rad_s {
+            0.0 => Movement::Rest,
+            rate => Movement::Tremble(rate),
+        };
+        let mut plan = vec![(first, REST_S)];
+        plan.extend(
+            Face::ALL.map(|face| (Movement::To(resting(face), BETWEEN_S), BETWEEN_S + FACE_S)),
+        );
+        plan.push((Movement::Turn, self.turning_s));
+        plan
     }
 }
 

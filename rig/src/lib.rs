@@ -24,7 +24,7 @@
 //! | `real_time`, `pty`, [`hand`] | on the clock on the wall, behind a pseudo-terminal (Unix) |
 //! | [`flight`] | boot once, fork, let go, measure |
 //! | [`faults`] | the same flight with everything that a sensor does wrong, at random instants |
-//! | [`handling`] | a sensor in the hand: what calibration is recorded from |
+//! | [`handling`], [`instruction`] | a sensor in the hand, and what `tvc calibrate` asks of whoever holds it |
 //! | [`recording`], [`replay`], [`score`] | real recordings through the image |
 
 pub mod bno055;
@@ -34,6 +34,7 @@ pub mod flight;
 pub mod hand;
 pub mod handling;
 pub mod image;
+pub mod instruction;
 pub mod link;
 pub mod measure;
 pub mod operator;

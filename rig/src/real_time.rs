@@ -60,6 +60,7 @@ pub struct RealTime {
     outgoing: Vec<u8>,
     page: Ticks,
     bootloader: Option<Ticks>,
+    speed: f64,
     summary: Summary,
 }
 
@@ -76,8 +77,15 @@ impl RealTime {
             baud: None,
             outgoing: Vec::new(),
             bootloader: None,
+            speed: 1.0,
             summary: Summary::default(),
         }
+    }
+
+    /// Lets the rig's clock run so many times as fast as the one on the wall.
+    pub fn at_speed(mut self, speed: f64) -> Self {
+        self.speed = speed;
+        self
     }
 
     /// Runs until `stop` is set or `longest` is over; `tell` gets the time and a line now and then.
@@ -94,7 +102,7 @@ impl RealTime {
         let mut due = begun;
         while !stop.load(Ordering::Relaxed) && longest.is_none_or(|most| begun.elapsed() < most) {
             self.slice(tell)?;
-            due += Duration::from_micros(SLICE.as_us());
+            due += Duration::from_micros(SLICE.as_us()).div_f64(self.speed);
             match due.checked_duration_since(Instant::now()) {
                 Some(early) => std::thread::sleep(early),
                 None if due.elapsed() > MOST_LAG => {
@@ -114,6 +122,7 @@ impl RealTime {
         if self.open {
             let typed = self.pty.read()?;
             self.rig.usb_write(&typed);
+            self.hand.hear(&mut self.rig, &typed);
         }
         self.rig.run_for(SLICE)?;
         let sent = self.rig.usb_read();

@@ -13,8 +13,10 @@
 
 use crate::bno055::{self, Bno055, Fault, Stimulus};
 use crate::disturbance::Disturbances;
+use crate::handling::{self, Grip, Movement};
 use crate::tap::{Registers, Tap};
 use crate::truth::{Motion, Truth};
+use nalgebra::UnitQuaternion;
 use plant::{Drone, ParameterError, Parameters, Servo, ServoModel};
 use samd21::board::{Board, I2cEvent, I2cReply, Lines, Pin, Ticks};
 use std::f64::consts::FRAC_1_SQRT_2;
@@ -32,6 +34,8 @@ const STEP: Ticks = Ticks::from_us(500);
 const MOTION_EVERY: u64 = 2;
 /// Rate at which hands tilt the clamped drone, rad/s.
 const TILT_RATE_RAD_S: f64 = 0.5;
+/// How long a hand takes to put the sensor back on the drone, s.
+const BACK_S: f64 = 1.5;
 
 /// Earth's magnetic field where the rig stands.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -112,6 +116,8 @@ pub struct World {
     released: Option<Ticks>,
     /// Pitch to which the clamp is being moved, rad.
     clamp_rad: f64,
+    /// The sensor off the drone, and whether it is on its way back.
+    hand: Option<(Grip, bool)>,
     tap: Tap,
     truth: Truth,
 }
@@ -139,6 +145,7 @@ impl World {
             steps: 0,
             released: None,
             clamp_rad: bench.start_rad,
+            hand: None,
             tap: Tap::default(),
             truth: Truth::default(),
         })
@@ -209,6 +216,27 @@ impl World {
         self.released = None;
     }
 
+    /// Moves the sensor by hand, off the drone.
+    pub fn handle(&mut self, movement: Movement) {
+        let (grip, back) = self.hand.get_or_insert((Grip::new(self.mounted()), false));
+        grip.begin(movement);
+        *back = false;
+    }
+
+    /// Puts the sensor back on the drone, if it is off.
+    pub fn put_back(&mut self) {
+        let home = self.mounted();
+        if let Some((grip, back)) = &mut self.hand {
+            grip.begin(Movement::To(home, BACK_S));
+            *back = true;
+        }
+    }
+
+    /// Attitude of the sensor on the drone, to north-east-down.
+    pub fn mounted(&self) -> UnitQuaternion<f64> {
+        UnitQuaternion::from_euler_angles(0.0, self.drone.pitch_rad(), self.heading_rad)
+    }
+
     /// Switches a fault of the sensor or its cable on.
     pub fn inject(&mut self, now: Ticks, fault: Fault) {
         self.advance(now);
@@ -241,7 +269,10 @@ impl World {
         self.drone.step(dt_s, crank);
         let rate_rad_s = self.drone.rate_rad_s() + hands_rad_s;
         let pitch_rad = self.drone.pitch_rad();
-        let stimulus = self.shaken(now, self.stimulus(pitch_rad, rate_rad_s));
+        let stimulus = match self.handled(dt_s) {
+            Some(handled) => handled,
+            None => self.shaken(now, self.stimulus(pitch_rad, rate_rad_s)),
+        };
         self.sensor.sense(now, &stimulus);
         if self.steps.is_multiple_of(MOTION_EVERY) {
             self.truth.motion.push(Motion {
@@ -253,6 +284,18 @@ impl World {
                 target_rad: self.servo.target_rad(),
             });
         }
+    }
+
+    /// What the sensor feels while it is off the drone.
+    fn handled(&mut self, dt_s: f64) -> Option<Stimulus> {
+        let (grip, back) = self.hand.as_mut()?;
+        let rate = grip.advance(dt_s);
+        let g = self.drone.mechanism().parameters().gravity_m_s2;
+        let felt = handling::stimulus(&grip.attitude(), rate, &self.field, g);
+        if *back && grip.has_arrived() {
+            self.hand = None;
+        }
+        Some(felt)
     }
 
     /// Supply of the servo and thrust, as they are now.
@@ -372,6 +415,8 @@ impl Board for World {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use nalgebra::Vector3;
+    use tvc_nano::calibration::poses::Face;
 
     fn world(bench: Bench) -> World {
         World::new(&bench).unwrap()
@@ -449,6 +494,36 @@ mod tests {
         world.release(0.2);
         world.advance(Ticks::from_ms(1010));
         assert!((world.drone().pitch_rad() - 0.402).abs() < 1e-3);
+    }
+
+    #[test]
+    fn the_sensor_is_taken_off_turned_and_put_back() {
+        let mut world = world(Bench {
+            start_rad: 0.3,
+            ..Bench::default()
+        });
+        world.advance(Ticks::from_ms(100));
+        let on_the_drone = world.stimulus(0.3, 0.0);
+        world.handle(Movement::To(handling::resting(Face::NoseUp), 0.5));
+        world.advance(Ticks::from_ms(300));
+        let (grip, _) = world.hand.as_ref().unwrap();
+        assert!(!grip.has_arrived());
+        world.advance(Ticks::from_ms(700));
+        let (grip, _) = world.hand.as_ref().unwrap();
+        let felt = handling::stimulus(&grip.attitude(), Vector3::zeros(), &world.field, 9.81);
+        for (axis, expected) in [9.81, 0.0, 0.0].into_iter().enumerate() {
+            assert!((felt.specific_force_m_s2[axis] - expected).abs() < 1e-6);
+        }
+        world.put_back();
+        world.advance(Ticks::from_ms(2100));
+        let (grip, _) = world.hand.as_ref().unwrap();
+        let felt = handling::stimulus(&grip.attitude(), Vector3::zeros(), &world.field, 9.81);
+        for axis in 0..3 {
+            let off = felt.field_ut[axis] - on_the_drone.field_ut[axis];
+            assert!(off.abs() < 0.5, "{off}");
+        }
+        world.advance(Ticks::from_ms(2300));
+        assert!(world.hand.is_none());
     }
 
     #[test]

@@ -20,11 +20,69 @@ const LARGEST_OFFSET: f64 = 0.16;
 /// Largest deviation of a scale from one.
 const LARGEST_SCALE: f64 = 0.1;
 
-const FACES: [(&str, &str); 3] = [
-    ("nose up", "nose down"),
-    ("right side up", "left side up"),
-    ("bottom up", "top up"),
-];
+/// Least cosine between a reading and the direction of the face that it counts for.
+const FACE_COS: f64 = 0.9;
+
+/// How the sensor rests, by what points up; the nose is x, the right side y, the bottom z.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Face {
+    /// x up.
+    NoseUp,
+    /// x down.
+    NoseDown,
+    /// y up.
+    RightUp,
+    /// y down.
+    LeftUp,
+    /// z up.
+    BottomUp,
+    /// z down, as the body stands.
+    TopUp,
+}
+
+impl Face {
+    /// All six.
+    pub const ALL: [Self; 6] = [
+        Self::TopUp,
+        Self::BottomUp,
+        Self::NoseUp,
+        Self::NoseDown,
+        Self::RightUp,
+        Self::LeftUp,
+    ];
+
+    /// In words.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::NoseUp => "nose up",
+            Self::NoseDown => "nose down",
+            Self::RightUp => "right side up",
+            Self::LeftUp => "left side up",
+            Self::BottomUp => "bottom up",
+            Self::TopUp => "top up",
+        }
+    }
+
+    /// What points up then, along the sensor's axes: where an accelerometer reads gravity.
+    pub fn up(self) -> Vector3<f64> {
+        match self {
+            Self::NoseUp => Vector3::x(),
+            Self::NoseDown => -Vector3::x(),
+            Self::RightUp => Vector3::y(),
+            Self::LeftUp => -Vector3::y(),
+            Self::BottomUp => Vector3::z(),
+            Self::TopUp => -Vector3::z(),
+        }
+    }
+
+    /// The face on which a sensor rests that reads this force, if it is near one.
+    pub fn of(force: &Vector3<f64>) -> Option<Self> {
+        let least = FACE_COS * force.norm();
+        Self::ALL
+            .into_iter()
+            .find(|face| least > 0.0 && face.up().dot(force) >= least)
+    }
+}
 
 /// What the poses give.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -33,6 +91,8 @@ pub struct Poses {
     pub correction: Correction,
     /// Root of the mean squared deviation of the corrected poses from gravity, m/s2.
     pub residual: f64,
+    /// The same of the poses as they were read, m/s2.
+    pub before: f64,
     /// How many there were.
     pub count: usize,
 }
@@ -48,7 +108,7 @@ pub enum PosesError {
     /// No pose shows gravity on this end of an axis.
     Missing {
         /// The pose to add.
-        face: &'static str,
+        face: Face,
     },
     /// The poses do not agree with any offset and scale.
     Residual {
@@ -68,7 +128,8 @@ impl fmt::Display for PosesError {
             ),
             Self::Missing { face } => write!(
                 f,
-                "the accelerometer was never at rest with its {face}: rest it on all six faces, two seconds each"
+                "the accelerometer was never at rest with its {}: rest it on all six faces, two seconds each",
+                face.name()
             ),
             Self::Residual { residual } => write!(
                 f,
@@ -92,14 +153,11 @@ pub fn fit(readings: &[Vector3<f64>], gravity: f64) -> Result<Poses, PosesError>
     if count < 6 {
         return Err(PosesError::Few { count });
     }
-    for (axis, (up, down)) in FACES.iter().enumerate() {
-        let along = || readings.iter().filter_map(|reading| reading.get(axis));
-        let least = LEAST_SHARE * gravity;
-        if !along().any(|&value| value > least) {
-            return Err(PosesError::Missing { face: up });
-        }
-        if !along().any(|&value| value < -least) {
-            return Err(PosesError::Missing { face: down });
+    let least = LEAST_SHARE * gravity;
+    for face in Face::ALL {
+        let up = face.up();
+        if !readings.iter().any(|reading| up.dot(reading) > least) {
+            return Err(PosesError::Missing { face });
         }
     }
     // In units of gravity, so that the equations are of the same size.
@@ -131,20 +189,26 @@ pub fn fit(readings: &[Vector3<f64>], gravity: f64) -> Result<Poses, PosesError>
         offset: offset * gravity,
         matrix: Matrix3::from_diagonal(&scale),
     };
-    let squared: f64 = readings
-        .iter()
-        .map(|reading| correction.apply(reading).norm() - gravity)
-        .map(|off| off * off)
-        .sum();
-    let residual = libm::sqrt(squared / count as f64);
+    let residual = off_gravity(readings, &correction, gravity);
     if residual > LARGEST_RESIDUAL * gravity {
         return Err(PosesError::Residual { residual });
     }
     Ok(Poses {
         correction,
         residual,
+        before: off_gravity(readings, &Correction::NONE, gravity),
         count,
     })
+}
+
+/// Root of the mean squared deviation from gravity, m/s2.
+fn off_gravity(readings: &[Vector3<f64>], correction: &Correction, gravity: f64) -> f64 {
+    let squared: f64 = readings
+        .iter()
+        .map(|reading| correction.apply(reading).norm() - gravity)
+        .map(|off| off * off)
+        .sum();
+    libm::sqrt(squared / readings.len() as f64)
 }
 
 #[cfg(test)]
@@ -179,6 +243,22 @@ mod tests {
         assert!((poses.correction.offset - OFFSET).norm() < 1e-9);
         assert!((poses.correction.matrix.diagonal() - SCALE).norm() < 1e-9);
         assert!(poses.residual < 1e-9);
+    }
+
+    #[test]
+    fn a_face_is_known_by_the_force_even_where_the_offset_is_large() {
+        for (reading, face) in six().iter().zip([
+            Face::NoseUp,
+            Face::NoseDown,
+            Face::RightUp,
+            Face::LeftUp,
+            Face::BottomUp,
+            Face::TopUp,
+        ]) {
+            assert_eq!(Face::of(reading), Some(face));
+        }
+        assert_eq!(Face::of(&Vector3::new(6.9, 6.9, 0.0)), None);
+        assert_eq!(Face::of(&Vector3::zeros()), None);
     }
 
     #[test]

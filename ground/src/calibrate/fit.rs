@@ -1,5 +1,7 @@
 //! The fits, one after another: each uses what the one before has found.
 
+use std::ops::Range;
+
 use nalgebra::{Matrix3, Vector3};
 use tvc_nano::calibration::alignment::{self, Turn};
 use tvc_nano::calibration::ellipsoid::{self, Ellipsoid};
@@ -79,36 +81,56 @@ pub fn fit(readings: &Readings, options: &Calibrate) -> Found {
         Err(_) => {}
     }
     if wants(Sensor::Acc) {
-        let forces: Vec<Vector3<f64>> = rests
-            .iter()
-            .filter_map(|range| Some(spread(moments[range.clone()].iter().map(|m| &m.acc))?.0))
-            .collect();
-        match poses::fit(&forces, options.gravity) {
+        match poses::fit(&rests::forces(moments, &rests), options.gravity) {
             Ok(poses) => found.poses = Some(poses),
             Err(why) => found.refused.push(why.to_string()),
         }
     }
     if wants(Sensor::Mag) {
-        let fields: Vec<Vector3<f64>> = readings.fresh.iter().map(|i| moments[*i].mag).collect();
-        match ellipsoid::fit(&fields) {
+        match ellipsoid::fit(&readings.fields()) {
             Ok(ellipsoid) => found.ellipsoid = Some(ellipsoid),
             Err(why) => found.refused.push(why.to_string()),
         }
     }
     turn_by_gravity(&mut found, readings, options.gravity);
     check_polarity(&mut found, readings, options.gravity);
-    if let Some(at_s) = options.level {
-        let range = rests.iter().find(|range| {
-            moments[range.start].time_s <= at_s && at_s <= moments[range.end - 1].time_s
-        });
-        match range.and_then(|range| spread(moments[range.clone()].iter().map(|m| &m.acc))) {
-            Some((force, _)) => found.mount = Some(level::mount(&found.acc().apply(&force))),
-            None => found.refused.push(format!(
-                "the sensor was not at rest at {at_s} s: --level needs the time of a rest of {POSE_S} s"
-            )),
+    if let Some(level) = level_rest(readings, &rests, options) {
+        match level {
+            Ok(force) => found.mount = Some(level::mount(&found.acc().apply(&force))),
+            Err(why) => found.refused.push(why),
         }
     }
     found
+}
+
+/// The force with the body level: in the rest that the command line names, or in the last one after a person was asked to stand
+/// it so. `None` where nobody wants it.
+fn level_rest(
+    readings: &Readings,
+    rests: &[Range<usize>],
+    options: &Calibrate,
+) -> Option<Result<Vector3<f64>, String>> {
+    let moments = &readings.moments;
+    let wanted = options.only.is_empty() || options.only.contains(&Sensor::Level);
+    let (range, why) = match (options.level, readings.level_from_s.filter(|_| wanted)) {
+        (Some(at_s), _) => (
+            rests.iter().find(|range| {
+                moments[range.start].time_s <= at_s && at_s <= moments[range.end - 1].time_s
+            }),
+            format!(
+                "the sensor was not at rest at {at_s} s: --level needs the time of a rest of {POSE_S} s"
+            ),
+        ),
+        (None, Some(from_s)) => (
+            rests
+                .iter()
+                .rfind(|range| moments[range.start].time_s >= from_s),
+            "the body did not rest when it was to stand level".to_owned(),
+        ),
+        (None, None) => return None,
+    };
+    let force = range.and_then(|range| spread(moments[range.clone()].iter().map(|m| &m.acc)));
+    Some(force.map(|(mean, _)| mean).ok_or(why))
 }
 
 /// The bias out of the longest rest; where there is none, the recording's beginning tells why.

@@ -5,7 +5,9 @@ use std::path::Path;
 use anyhow::Result;
 use mavlink::dialects::common::MavMessage;
 use nalgebra::Vector3;
+use rig::instruction::Instruction;
 use tvc_nano::calibration::rest::Moment;
+use tvc_nano::calibration::spread;
 
 use crate::failure::BadInput;
 use crate::fuse::source::Source;
@@ -19,11 +21,16 @@ pub const ACC_M_S2: f64 = 0.01;
 pub const MAG_UT: f64 = 1.0 / 16.0;
 
 /// A recording.
+#[derive(Default)]
 pub struct Readings {
     /// Its samples; where there was no new field the last one is repeated.
     pub moments: Vec<Moment>,
     /// Which of them have a new field.
     pub fresh: Vec<usize>,
+    /// When the body was asked to be stood level, s.
+    pub level_from_s: Option<f64>,
+    /// Time of the first sample, as it came.
+    begun_s: f64,
 }
 
 /// Columns of a log of counts.
@@ -40,14 +47,13 @@ pub fn read(path: &Path) -> Result<Readings> {
     let telemetry = path
         .extension()
         .is_some_and(|extension| extension.eq_ignore_ascii_case("tlog"));
-    let rows = if telemetry {
+    let readings = if telemetry {
         of_log(&Log::read(path)?)
     } else if let Some(rows) = of_counts(path)? {
-        rows
+        Readings::of(rows)
     } else {
-        of_source(Source::open(path)?)?
+        Readings::of(of_source(Source::open(path)?)?)
     };
-    let readings = Readings::new(rows);
     if readings.moments.len() < 100 {
         return Err(BadInput::new(format!(
             "{} has {} samples with all of gyroscope and accelerometer, which is less than a second",
@@ -63,48 +69,84 @@ pub fn read(path: &Path) -> Result<Readings> {
 type Row = (f64, Vector3<f64>, Vector3<f64>, Option<Vector3<f64>>);
 
 impl Readings {
-    fn new(rows: Vec<Row>) -> Self {
-        let begun = rows.first().map_or(0.0, |row| row.0);
-        let (mut moments, mut fresh) = (Vec::with_capacity(rows.len()), Vec::new());
-        let mut field: Option<Vector3<f64>> = None;
-        for (time_s, gyr, acc, mag) in rows {
-            if !(time_s.is_finite() && gyr.norm().is_finite() && acc.norm().is_finite()) {
-                continue;
-            }
-            if let Some(mag) = mag.filter(|mag| mag.norm().is_finite() && Some(*mag) != field) {
-                field = Some(mag);
-                fresh.push(moments.len());
-            }
-            moments.push(Moment {
-                time_s: time_s - begun,
-                gyr,
-                acc,
-                mag: field.unwrap_or_default(),
-            });
+    fn of(rows: Vec<Row>) -> Self {
+        let mut readings = Self::default();
+        for row in rows {
+            readings.push(row);
         }
-        // Before the first field the sensor lay as it did when that was measured.
-        if let Some(first) = fresh.first().copied() {
-            let mag = moments[first].mag;
-            moments[..first]
-                .iter_mut()
-                .for_each(|m: &mut Moment| m.mag = mag);
+        readings
+    }
+
+    /// Takes in a message of the vehicle, or an instruction to whoever holds it.
+    pub fn take(&mut self, message: &MavMessage) {
+        match message {
+            MavMessage::RAW_IMU(m) => self.push(row(
+                m.time_usec as f64 * 1e-6,
+                [
+                    m.xgyro, m.ygyro, m.zgyro, m.xacc, m.yacc, m.zacc, m.xmag, m.ymag, m.zmag,
+                ]
+                .map(f64::from),
+            )),
+            _ if Instruction::of(message) == Some(Instruction::Level) => {
+                self.level_from_s = Some(self.length_s());
+            }
+            _ => {}
         }
-        Self { moments, fresh }
+    }
+
+    /// From the first sample to the last, s.
+    pub fn length_s(&self) -> f64 {
+        self.moments.last().map_or(0.0, |moment| moment.time_s)
+    }
+
+    /// Every new field, uT.
+    pub fn fields(&self) -> Vec<Vector3<f64>> {
+        self.fresh.iter().map(|i| self.moments[*i].mag).collect()
+    }
+
+    /// Standard deviation of the field's strength as it was read, uT.
+    pub fn field_spread_ut(&self) -> f64 {
+        let strengths: Vec<Vector3<f64>> = self
+            .fields()
+            .iter()
+            .map(|field| Vector3::new(field.norm(), 0.0, 0.0))
+            .collect();
+        spread(strengths.iter()).map_or(0.0, |(_, deviation)| deviation.x)
+    }
+
+    fn push(&mut self, (time_s, gyr, acc, mag): Row) {
+        if !(time_s.is_finite() && gyr.norm().is_finite() && acc.norm().is_finite()) {
+            return;
+        }
+        if self.moments.is_empty() {
+            self.begun_s = time_s;
+        }
+        let known = self.fresh.last().map(|i| self.moments[*i].mag);
+        let new = mag.filter(|mag| mag.norm().is_finite() && Some(*mag) != known);
+        if let Some(mag) = new {
+            if self.fresh.is_empty() {
+                // Before the first field the sensor lay as it did when that was measured.
+                self.moments.iter_mut().for_each(|m| m.mag = mag);
+            }
+            self.fresh.push(self.moments.len());
+        }
+        self.moments.push(Moment {
+            time_s: time_s - self.begun_s,
+            gyr,
+            acc,
+            mag: new.or(known).unwrap_or_default(),
+        });
     }
 }
 
-fn of_log(log: &Log) -> Vec<Row> {
-    let rows = log.entries.iter().filter_map(|entry| match &entry.message {
-        MavMessage::RAW_IMU(m) if entry.from_vehicle => Some(row(
-            m.time_usec as f64 * 1e-6,
-            [
-                m.xgyro, m.ygyro, m.zgyro, m.xacc, m.yacc, m.zacc, m.xmag, m.ymag, m.zmag,
-            ]
-            .map(f64::from),
-        )),
-        _ => None,
-    });
-    rows.collect()
+fn of_log(log: &Log) -> Readings {
+    let mut readings = Readings::default();
+    for entry in &log.entries {
+        if entry.from_vehicle || Instruction::of(&entry.message).is_some() {
+            readings.take(&entry.message);
+        }
+    }
+    readings
 }
 
 /// The rows of a CSV file of counts; `None` of any other file.

@@ -1,14 +1,15 @@
 //! The HTML report: each sensor before and after, and the directions that were seen.
 
+use std::path::Path;
+
 use anyhow::Result;
 use maud::{Markup, PreEscaped, html};
 use nalgebra::Vector3;
 use tvc_nano::calibration::coverage::{AROUND, BANDS, Coverage};
 
-use super::Figures;
+use super::figures::Figures;
 use super::fit::Found;
 use super::readings::Readings;
-use crate::cli::Calibrate;
 use crate::page;
 use crate::plot::{Line, Look, Marks, Plot, Shape};
 
@@ -18,12 +19,7 @@ const MOST_POINTS: usize = 600;
 const CELL: usize = 44;
 
 /// The whole page.
-pub fn page(
-    readings: &Readings,
-    found: &Found,
-    figures: &Figures,
-    options: &Calibrate,
-) -> Result<String> {
+pub fn page(log: &Path, readings: &Readings, found: &Found, figures: &Figures) -> Result<String> {
     let rows: Vec<Vec<String>> = figures.lines().iter().map(|l| l.to_vec()).collect();
     let verdict = if found.refused.is_empty() {
         page::verdict(true, "Every sensor is calibrated.")
@@ -31,7 +27,7 @@ pub fn page(
         html! { @for why in &found.refused { (page::verdict(false, why)) } }
     };
     let mut body = html! {
-        p { (figures.samples) " samples of " (options.from.display()) }
+        p { (figures.samples) " samples of " (log.display()) }
         (verdict)
         (page::table(&["", "found"], &rows))
     };
@@ -58,7 +54,7 @@ pub fn page(
             found.rest.map(|_| norm(&|i| gyr.apply(&moments[i].gyr).norm().to_degrees())),
         )?)
     };
-    let fields: Vec<Vector3<f64>> = readings.fresh.iter().map(|i| moments[*i].mag).collect();
+    let fields = readings.fields();
     if !fields.is_empty() {
         let corrected: Vec<Vector3<f64>> = fields.iter().map(|m| mag.apply(m)).collect();
         let strength = |fields: &[Vector3<f64>]| -> Vec<(f64, f64)> {
@@ -157,7 +153,8 @@ fn cells(coverage: &Coverage) -> String {
     let most = f64::from(most.copied().unwrap_or(0).max(1));
     let (width, height) = (AROUND * CELL, BANDS * CELL);
     let svg: Markup = html! {
-        svg xmlns="http://www.w3.org/2000/svg" viewBox=(format!("0 0 {width} {height}")) {
+        svg xmlns="http://www.w3.org/2000/svg" viewBox=(format!("0 0 {width} {height}"))
+            style=(format!("max-width:{}px", 2 * width)) {
             @for (band, cells) in coverage.counts().iter().enumerate() {
                 @for (around, count) in cells.iter().enumerate() {
                     rect x=(around * CELL) y=((BANDS - 1 - band) * CELL) width=(CELL) height=(CELL)

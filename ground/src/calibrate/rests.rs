@@ -2,6 +2,7 @@
 
 use std::ops::Range;
 
+use nalgebra::Vector3;
 use tvc_nano::calibration::rest::Moment;
 use tvc_nano::calibration::spread;
 
@@ -18,7 +19,7 @@ const ACC_STEP: f64 = 0.1;
 /// was still near.
 pub fn find(moments: &[Moment], least_s: f64) -> Vec<Range<usize>> {
     let mut found = Vec::new();
-    let mut current: Option<(Range<usize>, nalgebra::Vector3<f64>)> = None;
+    let mut current: Option<(Range<usize>, Vector3<f64>)> = None;
     for window in windows(moments) {
         let force = still(&moments[window.clone()]);
         current = match (current, force) {
@@ -37,6 +38,18 @@ pub fn find(moments: &[Moment], least_s: f64) -> Vec<Range<usize>> {
         .filter_map(|range| inner(moments, range))
         .filter(|range| length_s(moments, range) >= least_s)
         .collect()
+}
+
+/// Mean force of each rest.
+pub fn forces(moments: &[Moment], rests: &[Range<usize>]) -> Vec<Vector3<f64>> {
+    let force = |range: &Range<usize>| spread(moments[range.clone()].iter().map(|m| &m.acc));
+    let forces = rests.iter().filter_map(force);
+    forces.map(|(mean, _)| mean).collect()
+}
+
+/// Whether the sensor lies still.
+pub fn is_still(moments: &[Moment]) -> bool {
+    still(moments).is_some()
 }
 
 /// Length of a range, s.
@@ -60,7 +73,7 @@ fn windows(moments: &[Moment]) -> Vec<Range<usize>> {
 }
 
 /// Mean force of a window that is still.
-fn still(window: &[Moment]) -> Option<nalgebra::Vector3<f64>> {
+fn still(window: &[Moment]) -> Option<Vector3<f64>> {
     let (rate, rate_noise) = spread(window.iter().map(|m| &m.gyr))?;
     let (force, force_noise) = spread(window.iter().map(|m| &m.acc))?;
     let quiet =
@@ -81,7 +94,6 @@ fn inner(moments: &[Moment], range: Range<usize>) -> Option<Range<usize>> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use nalgebra::Vector3;
 
     #[test]
     fn rests_are_found_between_turns() {

@@ -4,32 +4,56 @@ use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
 
+use super::ParamPort;
+
 /// Options of `tvc calibrate`.
 #[derive(Debug, Args)]
 #[command(after_help = "\
-How to record: lay the sensor down and leave it alone for ten seconds; rest it on all six faces, two
-seconds each; then turn it slowly through all directions for a minute, away from iron.
+Without --from it leads through the procedure at a vehicle: lay the sensor down and leave it alone for
+ten seconds; rest it on all six faces, two seconds each; turn it slowly through all directions, away
+from iron; stand the body level. Then it shows what it has found and, if you agree, writes it to the
+vehicle and into its flash, and reads it back. It is kept as a recording, which gives the same again.
 
 Examples:
-  cargo tvc calibrate --from walk.tlog                         all three sensors
+  cargo tvc calibrate --place 55.79,12.52                      the only Nano, guided
+  cargo tvc calibrate --port ./nano --yes                      a given port, without a question
+  cargo tvc calibrate --only mag,level                         some of the steps
+  cargo tvc calibrate --from walk.tlog                         out of a recording
   cargo tvc calibrate --from log.csv --place 55.79,12.52       declination from the world magnetic model
   cargo tvc calibrate --from log.csv --only gyr,acc --level 5  mount from the rest at 5 s, body level
   cargo tvc param load report/calibration.parm                 and onto the vehicle
+  cargo tvc rig --pty --link ./nano --sensor worst             a virtual rig to try it at
 
 Exit status: 0 calibrated, 1 the data do not allow it (standard error says why), 2 unusable input.")]
 pub struct Calibrate {
     /// The recording: a telemetry log (.tlog), a CSV file with counts (acc_x ... mag_z) or in SI units
     /// (gx_rad_s, ax_m_s2, mx_ut ...), or IMUQ16v1.
-    #[arg(long, value_name = "LOG")]
-    pub from: PathBuf,
+    #[arg(long, value_name = "LOG", conflicts_with_all = ["port", "yes", "record"])]
+    pub from: Option<PathBuf>,
 
-    /// Only these sensors [default: all].
+    /// The vehicle, and the form of the answer.
+    #[command(flatten)]
+    pub port: ParamPort,
+
+    /// Yes to every question: write what was found to the vehicle.
+    #[arg(long)]
+    pub yes: bool,
+
+    /// Where to keep the recording of a guided calibration.
+    #[arg(
+        long,
+        value_name = "FILE.tlog",
+        default_value = "report/calibration.tlog"
+    )]
+    pub record: PathBuf,
+
+    /// Only these steps [default: all].
     #[arg(long, value_enum, value_delimiter = ',', value_name = "SENSOR")]
     pub only: Vec<Sensor>,
 
     /// At this time of the recording, in s from its start, the body was at rest and level: gives the
     /// mount's roll and pitch.
-    #[arg(long, value_name = "S")]
+    #[arg(long, value_name = "S", requires = "from")]
     pub level: Option<f64>,
 
     /// Magnetic declination, in deg, east positive.
@@ -47,10 +71,6 @@ pub struct Calibrate {
     /// Gravity where it was recorded, m/s^2.
     #[arg(long, value_name = "M_S2", default_value_t = 9.80665, value_parser = gravity)]
     pub gravity: f64,
-
-    /// Print one JSON object on standard output and nothing else there.
-    #[arg(long)]
-    pub json: bool,
 
     /// Where to write the firmware's parameters.
     #[arg(
@@ -78,6 +98,8 @@ pub enum Sensor {
     Acc,
     /// Magnetometer: hard and soft iron.
     Mag,
+    /// Mount: roll and pitch, with the body level.
+    Level,
 }
 
 /// A place on earth, deg.
@@ -114,7 +136,8 @@ fn gravity(text: &str) -> Result<f64, String> {
     }
 }
 
-fn place(text: &str) -> Result<Place, String> {
+/// Latitude and longitude, deg.
+pub fn place(text: &str) -> Result<Place, String> {
     let parsed = text
         .split_once(',')
         .and_then(|(lat, lon)| Some((lat.trim().parse().ok()?, lon.trim().parse().ok()?)));

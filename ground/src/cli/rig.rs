@@ -2,7 +2,9 @@
 
 use std::path::PathBuf;
 
-use clap::Args;
+use ::rig::bno055::ImuErrors;
+use ::rig::hand::Manner;
+use clap::{Args, ValueEnum};
 
 use super::Disturb;
 use super::fly::{ServoChoice, start_angle};
@@ -18,8 +20,10 @@ Examples:
   cargo tvc test step --port ./nano              arms, releases, prints the figures
   cargo tvc rig --pty --vibration 5,180          with an unbalanced propeller, see --help
   mavproxy.py --master ./nano                    any MAVLink client does
+  cargo tvc rig --pty --link ./nano --sensor worst   something to calibrate, with
+  cargo tvc calibrate --port ./nano                  in a second terminal
 
-The clamp opens when the firmware goes to active and closes when it is disarmed.
+The hand at the rig does with sensor and drone what `tvc calibrate` asks for. The clamp opens when the firmware goes to active and closes when it is disarmed.
 Exit status: 0 ended, 1 something failed, 2 unusable input.")]
 pub struct Rig {
     /// Put the rig's USB port behind a pseudo-terminal, in real time.
@@ -38,6 +42,18 @@ pub struct Rig {
     #[arg(long, value_name = "RAD", default_value_t = 0.4, allow_negative_numbers = true, value_parser = start_angle)]
     pub tilt: f64,
 
+    /// The sensor on the rig.
+    #[arg(long, value_enum, default_value_t = SensorChoice::Typical)]
+    pub sensor: SensorChoice,
+
+    /// How well the hand does what `tvc calibrate` asks for.
+    #[arg(long, value_enum, default_value_t = HandChoice::Steady)]
+    pub hand: HandChoice,
+
+    /// How many times as fast as the clock on the wall (0.1 to 20).
+    #[arg(long, value_name = "TIMES", default_value_t = 1.0, value_parser = speed)]
+    pub speed: f64,
+
     /// What disturbs a flight.
     #[command(flatten)]
     pub disturb: Disturb,
@@ -49,4 +65,52 @@ pub struct Rig {
     /// End by itself after this many seconds.
     #[arg(long, value_name = "S", value_parser = seconds)]
     pub seconds: Option<f64>,
+}
+
+/// A sensor.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum SensorChoice {
+    /// Noise and a gyroscope's bias of up to 1 deg/s.
+    Typical,
+    /// The largest errors of a healthy one: 80 mg, 3 deg/s, 40 uT, soft iron with 20 % of skew.
+    Worst,
+}
+
+impl SensorChoice {
+    /// Its errors.
+    pub fn errors(self) -> ImuErrors {
+        match self {
+            Self::Typical => ImuErrors::TYPICAL,
+            Self::Worst => ImuErrors::LARGEST,
+        }
+    }
+}
+
+/// A hand.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum HandChoice {
+    /// Does what it is asked.
+    Steady,
+    /// Never lets go of the sensor.
+    Trembling,
+    /// Turns the sensor about one axis alone.
+    Lazy,
+}
+
+impl HandChoice {
+    /// Its manner.
+    pub fn manner(self) -> Manner {
+        match self {
+            Self::Steady => Manner::Steady,
+            Self::Trembling => Manner::Trembling,
+            Self::Lazy => Manner::Lazy,
+        }
+    }
+}
+
+fn speed(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(times) if (0.1..=20.0).contains(&times) => Ok(times),
+        _ => Err("a speed is 0.1 to 20 times the clock on the wall".into()),
+    }
 }

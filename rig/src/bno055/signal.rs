@@ -14,6 +14,8 @@ pub(super) const STANDARD_GRAVITY_M_S2: f64 = 9.80665;
 const REFERENCE_C: f64 = 25.0;
 /// Correlation time of the gyroscope's bias instability, s (estimate).
 const BIAS_CORRELATION_S: f64 = 100.0;
+/// A degree, rad.
+const RAD: f64 = std::f64::consts::PI / 180.0;
 /// What the magnetometer can show in x, y and z, uT (data sheet table 0-2).
 const MAG_RANGE_UT: [f64; 3] = [1300.0, 1300.0, 2500.0];
 
@@ -118,20 +120,39 @@ impl ImuErrors {
         soft_iron: IDENTITY,
         warm_up: WarmUp::NONE,
     };
+
+    /// The largest errors that a healthy chip has, in iron that bends the field: 80 mg, 3 deg/s, 40 uT, soft iron with
+    /// 20 % of skew, 2 % of scale; noise as it is, 0.6 uT of the field.
+    pub const LARGEST: Self = Self {
+        gyro_bias_rad_s: Some([3.0 * RAD, -3.0 * RAD, 3.0 * RAD]),
+        acc_offset_m_s2: [
+            0.08 * STANDARD_GRAVITY_M_S2,
+            -0.08 * STANDARD_GRAVITY_M_S2,
+            0.08 * STANDARD_GRAVITY_M_S2,
+        ],
+        acc_scale: [0.02, -0.02, 0.01],
+        mag_noise_ut: 0.6,
+        hard_iron_ut: [40.0, -40.0, 40.0],
+        soft_iron: [[1.1, 0.2, 0.05], [0.2, 0.9, -0.1], [0.05, -0.1, 1.0]],
+        ..Self::TYPICAL
+    };
+
+    /// Noise of a typical chip and the bias that is drawn: 0.014 deg/s/sqrt(Hz), +-1 deg/s, 6.5 deg/h instability,
+    /// 150 ug/sqrt(Hz), 0.5 uT; offsets, scale errors and iron are zero.
+    pub const TYPICAL: Self = Self {
+        gyro_bias_rad_s: None,
+        gyro_noise_density: 0.014 * RAD,
+        gyro_instability_rad_s: 6.5 / 3600.0 * RAD,
+        acc_noise_density: 150e-6 * STANDARD_GRAVITY_M_S2,
+        mag_noise_ut: 0.5,
+        ..Self::NONE
+    };
 }
 
 impl Default for ImuErrors {
-    /// Noise and gyroscope bias of a typical chip: 0.014 deg/s/sqrt(Hz), +-1 deg/s, 6.5 deg/h
-    /// instability, 150 ug/sqrt(Hz), 0.5 uT; offsets, scale errors and iron are zero.
+    /// [`ImuErrors::TYPICAL`].
     fn default() -> Self {
-        Self {
-            gyro_bias_rad_s: None,
-            gyro_noise_density: 0.014_f64.to_radians(),
-            gyro_instability_rad_s: (6.5_f64 / 3600.0).to_radians(),
-            acc_noise_density: 150e-6 * STANDARD_GRAVITY_M_S2,
-            mag_noise_ut: 0.5,
-            ..Self::NONE
-        }
+        Self::TYPICAL
     }
 }
 

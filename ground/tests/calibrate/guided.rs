@@ -1,0 +1,172 @@
+//! The guided calibration at the virtual rig: image, emulated sensor and the hand that does what it is asked.
+
+use std::io::{BufRead, BufReader, Write};
+use std::process::{Child, Command, Output, Stdio};
+use std::sync::{Mutex, MutexGuard, PoisonError};
+
+use rig::bno055::ImuErrors;
+use serde_json::Value;
+
+use super::truth;
+
+/// One rig at a time: several would be slower than the clock on the wall.
+static TURN: Mutex<()> = Mutex::new(());
+
+/// `tvc rig --pty`, faster than the clock on the wall, ended with the test.
+struct Rig {
+    process: Child,
+    folder: tempfile::TempDir,
+    _turn: MutexGuard<'static, ()>,
+}
+
+impl Rig {
+    fn start(options: &[&str]) -> Self {
+        let turn = TURN.lock().unwrap_or_else(PoisonError::into_inner);
+        let folder = tempfile::tempdir().unwrap();
+        let mut process = Command::new(env!("CARGO_BIN_EXE_tvc"))
+            .args(["rig", "--pty", "--seconds", "600", "--speed", "5", "--link"])
+            .arg(folder.path().join("nano"))
+            .args(options)
+            .stdout(Stdio::piped())
+            .stderr(Stdio::null())
+            .spawn()
+            .unwrap();
+        let mut first = String::new();
+        let mut out = BufReader::new(process.stdout.take().unwrap());
+        out.read_line(&mut first).unwrap();
+        assert!(first.starts_with("/dev/"), "{first}");
+        Self {
+            process,
+            folder,
+            _turn: turn,
+        }
+    }
+
+    fn path(&self, name: &str) -> String {
+        self.folder.path().join(name).to_str().unwrap().to_owned()
+    }
+
+    fn tvc(&self, arguments: &[&str]) -> Output {
+        self.typing("", arguments)
+    }
+
+    /// A command at the rig, with somebody at the keyboard.
+    fn typing(&self, keys: &str, arguments: &[&str]) -> Output {
+        let mut tvc = Command::new(env!("CARGO_BIN_EXE_tvc"))
+            .args(arguments)
+            .args(["--port", &self.path("nano"), "--json"])
+            .current_dir(self.folder.path())
+            .stdin(Stdio::piped())
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped())
+            .spawn()
+            .unwrap();
+        let mut keyboard = tvc.stdin.take().unwrap();
+        keyboard.write_all(keys.as_bytes()).unwrap();
+        drop(keyboard);
+        tvc.wait_with_output().unwrap()
+    }
+
+    fn json(&self, arguments: &[&str]) -> Value {
+        let output = self.tvc(arguments);
+        json(&output)
+    }
+
+    /// Every parameter by its name.
+    fn parameters(&self) -> Value {
+        let list = self.json(&["param", "list"]);
+        let rows = list["parameters"].as_array().unwrap().iter();
+        rows.map(|row| {
+            (
+                row["name"].as_str().unwrap().to_owned(),
+                row["value"].clone(),
+            )
+        })
+        .collect::<serde_json::Map<_, _>>()
+        .into()
+    }
+}
+
+impl Drop for Rig {
+    fn drop(&mut self) {
+        let _ = self.process.kill();
+        let _ = self.process.wait();
+    }
+}
+
+fn said(output: &Output) -> String {
+    String::from_utf8_lossy(&output.stderr).into_owned()
+}
+
+fn json(output: &Output) -> Value {
+    assert_eq!(output.status.code(), Some(0), "{}", said(output));
+    serde_json::from_slice(&output.stdout).unwrap()
+}
+
+#[test]
+fn a_sensor_with_the_largest_errors_is_calibrated_at_the_port_and_out_of_the_recording_alike() {
+    let rig = Rig::start(&["--sensor", "worst", "--seed", "5"]);
+    let output = rig.tvc(&["calibrate", "--yes", "--place", "55.79,12.52"]);
+    let found = json(&output);
+    assert_eq!(found["written"], true);
+    let words = said(&output);
+    for step in ["1/4", "2/4", "3/4", "4/4", "read back from the flash"] {
+        assert!(words.contains(step), "{words}");
+    }
+    // What the vehicle has, its power cut in between, is what was found and what is true.
+    let has = rig.parameters();
+    truth::assert_near(&ImuErrors::LARGEST, &has);
+    for (name, value) in found["parameters"].as_object().unwrap() {
+        assert_eq!(&has[name], value, "{name}");
+    }
+    assert!(has["DECLINATION_DEG"].as_f64().unwrap() > 4.0);
+
+    let again = Command::new(env!("CARGO_BIN_EXE_tvc"))
+        .args(["calibrate", "--json", "--place", "55.79,12.52", "--from"])
+        .arg(rig.path("report/calibration.tlog"))
+        .current_dir(rig.folder.path())
+        .output()
+        .unwrap();
+    let again = json(&again);
+    assert_eq!(again["parameters"], found["parameters"]);
+    assert_eq!(again["written"], false);
+    let page = std::fs::read_to_string(rig.path("report/calibrate.html")).unwrap();
+    assert!(page.contains("Directions of the field") && page.contains("before"));
+}
+
+/// Status 1 and the reason; the vehicle keeps what it has.
+fn assert_refused(hand: &str, only: &str, reason: &str) {
+    let rig = Rig::start(&["--sensor", "worst", "--hand", hand]);
+    let before = rig.parameters();
+    let output = rig.tvc(&["calibrate", "--yes", "--only", only]);
+    let words = said(&output);
+    assert_eq!(output.status.code(), Some(1), "{words}");
+    assert!(words.contains(&format!("refused: {reason}")), "{words}");
+    let figures: Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!(figures["written"], false);
+    assert!(figures["refused"][0].as_str().unwrap().starts_with(reason));
+    assert_eq!(rig.parameters(), before);
+}
+
+#[test]
+fn a_hand_that_trembles_is_refused_with_the_reason() {
+    assert_refused("trembling", "gyr", "it moved during the rest");
+}
+
+#[test]
+fn a_turn_about_one_axis_is_refused_with_the_reason() {
+    assert_refused("lazy", "mag", "the magnetometer has seen");
+}
+
+#[test]
+fn who_does_not_agree_keeps_the_vehicle_as_it_is() {
+    let rig = Rig::start(&[]);
+    let before = rig.parameters();
+    let output = rig.typing("n\n", &["calibrate", "--only", "gyr"]);
+    assert_eq!(json(&output)["written"], false);
+    assert!(said(&output).contains("the vehicle is as it was"));
+    assert_eq!(rig.parameters(), before);
+    let output = rig.typing("y\n", &["calibrate", "--only", "gyr"]);
+    assert_eq!(json(&output)["written"], true);
+    assert_ne!(rig.parameters(), before);
+}
