@@ -54,58 +54,58 @@ pub struct Cli {
     pub command: Command,
 }
 
-/// The commands of the tool.
+/// The commands of the tool, in the order of the help: the rig, the vehicle, its logs, the physics, the filters.
 #[derive(Debug, Subcommand)]
 pub enum Command {
     /// Build the image, boot it on the virtual rig and let it bring the drone upright.
     Fly(Fly),
-    /// Run an attitude filter on recordings, and score it against their references.
-    Fuse(Fuse),
-    /// Repeat the thesis' two navigation experiments with simulated sensors.
-    Experiment(Experiment),
+    /// Fail sensor and cable at random instants of a flight, and count how it ends.
+    Faults(Faults),
+    /// Run the virtual rig in real time, its port behind a pseudo-terminal.
+    Rig(Rig),
+    /// List the serial ports.
+    Ports(Ports),
     /// Build the image and put it on a Nano, or write it as a file.
     Flash(Flash),
-    /// The drone's physics: simulate it, make it linear, validate it, scale it to a rocket.
-    Model(Model),
+    /// Calibrate the sensors, guided at a vehicle or from a recording.
+    Calibrate(Calibrate),
+    /// Show, change, compare, load and keep parameters.
+    Param(Param),
+    /// Watch the vehicle live.
+    Monitor(Monitor),
+    /// Watch, tune and stop the vehicle from a page in the browser.
+    Web(Web),
+    /// Keep everything that the vehicle sends in a log.
+    Record(Record),
+    /// Pass everything on to QGroundControl and PlotJuggler.
+    Forward(Forward),
+    /// Arm the vehicle.
+    Arm(Operate),
+    /// Disarm the vehicle: rudder to neutral.
+    Disarm(Operate),
+    /// Fly a manoeuvre on the tether and measure it.
+    Test(Test),
+    /// Make an HTML report of a log.
+    Report(Report),
+    /// Run the firmware's library on a log, bit for bit or with something changed.
+    Replay(Replay),
+    /// Write a log in another form: for Foxglove, for QGroundControl, as a table.
+    Convert(Convert),
     /// Find thrust, inertia, servo speed and delay from a recorded run.
     Identify(Identify),
+    /// The drone's physics: simulate it, make it linear, validate it, scale it to a rocket.
+    Model(Model),
     /// Find gains for a drone and servo from requirements.
     Tune(Tune),
     /// Fly many dispersed drones on the model and say how many pass.
     #[command(name = "montecarlo")]
     MonteCarlo(MonteCarlo),
-    /// Run the virtual rig in real time, its port behind a pseudo-terminal.
-    Rig(Rig),
-    /// List the serial ports.
-    Ports(Ports),
-    /// Show, change, compare, load and keep parameters.
-    Param(Param),
-    /// Arm the vehicle.
-    Arm(Operate),
-    /// Disarm the vehicle: rudder to neutral.
-    Disarm(Operate),
-    /// Watch the vehicle live.
-    Monitor(Monitor),
-    /// Keep everything that the vehicle sends in a log.
-    Record(Record),
-    /// Pass everything on to QGroundControl and PlotJuggler.
-    Forward(Forward),
+    /// Run an attitude filter on recordings, and score it against their references.
+    Fuse(Fuse),
+    /// Repeat the thesis' two navigation experiments with simulated sensors.
+    Experiment(Experiment),
     /// Measure what one update of every filter costs on the chip, beside the crates of the field.
     Cycles(Cycles),
-    /// Calibrate the sensors, guided at a vehicle or from a recording.
-    Calibrate(Calibrate),
-    /// Fail sensor and cable at random instants of a flight, and count how it ends.
-    Faults(Faults),
-    /// Run the firmware's library on a log, bit for bit or with something changed.
-    Replay(Replay),
-    /// Write a log in another form: for Foxglove, for QGroundControl, as a table.
-    Convert(Convert),
-    /// Make an HTML report of a log.
-    Report(Report),
-    /// Fly a manoeuvre on the tether and measure it.
-    Test(Test),
-    /// Watch, tune and stop the vehicle from a page in the browser.
-    Web(Web),
 }
 
 #[cfg(test)]

@@ -84,6 +84,14 @@ pub struct MonteCarlo {
     #[arg(long, value_name = "FOLDER", default_value = "report/montecarlo")]
     pub worst: PathBuf,
 
+    /// Where to write the HTML report: dots and curves of all runs, and what they depend on.
+    #[arg(
+        long,
+        value_name = "FILE.html",
+        default_value = "report/montecarlo.html"
+    )]
+    pub report: PathBuf,
+
     /// Pass rate below which the command fails, 0 to 1.
     #[arg(long, value_name = "SHARE", value_parser = share)]
     pub require: Option<f64>,
@@ -112,6 +120,14 @@ pub struct Merge {
     /// Where to write all rows, in the order of the runs.
     #[arg(long, value_name = "FILE.csv")]
     pub out: Option<PathBuf>,
+
+    /// Where to write the HTML report.
+    #[arg(
+        long,
+        value_name = "FILE.html",
+        default_value = "report/montecarlo.html"
+    )]
+    pub report: PathBuf,
 
     /// Print one JSON object on standard output and nothing else there.
     #[arg(long)]

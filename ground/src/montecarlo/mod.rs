@@ -1,6 +1,7 @@
 //! `tvc montecarlo`: many dispersed drones under the image's own control law, on the model.
 
 mod case;
+mod report;
 mod summary;
 mod table;
 
@@ -14,6 +15,7 @@ use plant::dispersion::{self, Campaign, Ranges};
 use crate::cli::{Merge, MonteCarlo, MonteCarloCommand};
 use crate::failure::Verdict;
 use crate::law::{self, Law};
+use crate::output::write_whole;
 use case::Case;
 use summary::Summary;
 use table::Row;
@@ -79,6 +81,7 @@ fn fly(options: &MonteCarlo) -> Result<Verdict> {
         worst.file = Some(path.display().to_string());
     }
     summary.print(options.json)?;
+    write_report(&options.report, &summary, &rows)?;
     Ok(match options.require {
         Some(required) if summary.pass_rate < required => {
             eprintln!(
@@ -97,8 +100,16 @@ fn merge(options: &Merge) -> Result<Verdict> {
     if let Some(out) = &options.out {
         table::write(out, &rows)?;
     }
-    Summary::of(&rows, WORST).print(options.json)?;
+    let summary = Summary::of(&rows, WORST);
+    summary.print(options.json)?;
+    write_report(&options.report, &summary, &rows)?;
     Ok(Verdict::Met)
+}
+
+fn write_report(path: &Path, summary: &Summary, rows: &[Row]) -> Result<()> {
+    write_whole(path, report::render(summary, rows)?.as_bytes())?;
+    eprintln!("report: {}", path.display());
+    Ok(())
 }
 
 fn progress(runs: u64) -> ProgressBar {

@@ -82,34 +82,51 @@ impl Summary {
         }
     }
 
+    /// The figures that sum it up: name and value.
+    pub fn rows(&self) -> Vec<Vec<String>> {
+        let percent = |value: Option<f64>| value.map_or("none".into(), |p| format!("{p:.1} %"));
+        let row = |name: &str, value: String| vec![name.to_owned(), value];
+        vec![
+            row(
+                "passed",
+                format!(
+                    "{:.2} % (95 %: {:.2} to {:.2} %)",
+                    100.0 * self.pass_rate,
+                    100.0 * self.pass_rate_low,
+                    100.0 * self.pass_rate_high
+                ),
+            ),
+            row(
+                "overshoot",
+                format!(
+                    "95 % within {}, worst {}",
+                    percent(self.overshoot_p95_pct),
+                    percent(self.overshoot_max_pct)
+                ),
+            ),
+            row(
+                "5 % settled",
+                format!(
+                    "median {}, 95 % within {}",
+                    seconds(self.settling_5pct_median_s),
+                    seconds(self.settling_5pct_p95_s)
+                ),
+            ),
+        ]
+    }
+
     /// Prints it, as text or JSON.
     pub fn print(&self, json: bool) -> Result<()> {
         if json {
-            print_json(self)?;
-            return Ok(());
+            return print_json(self);
         }
-        let seconds = |value: Option<f64>| value.map_or("never".into(), |s| format!("{s:.3} s"));
-        let percent = |value: Option<f64>| value.map_or("none".into(), |p| format!("{p:.1} %"));
         println!(
             "{} runs, servo {}, seed {}, lateral offset +-{} mm",
             self.runs, self.servo, self.seed, self.lateral_mm
         );
-        println!(
-            "passed      {:.2} % (95 %: {:.2} to {:.2} %)",
-            100.0 * self.pass_rate,
-            100.0 * self.pass_rate_low,
-            100.0 * self.pass_rate_high
-        );
-        println!(
-            "overshoot   95 % within {}, worst {}",
-            percent(self.overshoot_p95_pct),
-            percent(self.overshoot_max_pct)
-        );
-        println!(
-            "5 % settled median {}, 95 % within {}",
-            seconds(self.settling_5pct_median_s),
-            seconds(self.settling_5pct_p95_s)
-        );
+        for row in self.rows() {
+            println!("{:<11} {}", row[0], row[1]);
+        }
         println!("worst runs:");
         for worst in &self.worst {
             println!(
@@ -126,4 +143,8 @@ impl Summary {
         }
         Ok(())
     }
+}
+
+fn seconds(value: Option<f64>) -> String {
+    value.map_or("never".into(), |s| format!("{s:.3} s"))
 }
