@@ -134,6 +134,37 @@ fn faults_come_from_a_file_and_are_refused_by_name() {
     assert_eq!(flight["faults"][1]["at_s"], 1.2);
 }
 
+/// Faults with their strengths, and disturbances; an option counts before the file.
+#[test]
+fn a_rough_flight_comes_from_a_file_and_stays_in_control() {
+    let folder = tempfile::tempdir().unwrap();
+    let report = folder.path().join("fly.html");
+    let shipped = Path::new(env!("CARGO_MANIFEST_DIR")).join("../scenarios/rough_flight.toml");
+    let output = tvc(&[
+        "fly",
+        "--json",
+        "--start",
+        "0.4",
+        "--servo-supply",
+        "4.8",
+        "--faults",
+        shipped.to_str().unwrap(),
+        "--report",
+        report.to_str().unwrap(),
+    ]);
+    let said = String::from_utf8_lossy(&output.stderr);
+    let flight: serde_json::Value =
+        serde_json::from_slice(&output.stdout).unwrap_or_else(|error| panic!("{error}: {said}"));
+    assert_eq!(flight["runs"][0]["stayed_active"], true, "{said}");
+    assert_eq!(flight["faults"][0]["probability"], 0.003);
+    assert_eq!(flight["faults"][1]["stretch_ms"], 2.0);
+    let disturbances = &flight["disturbances"];
+    assert_eq!(disturbances["servo_supply"]["volts"], 4.8);
+    assert_eq!(disturbances["vibration"]["acc_m_s2"], 2.0);
+    assert_eq!(disturbances["temperature"]["to_c"], 40.0);
+    assert_eq!(disturbances["thrust_ramp"]["seconds"], 0.3);
+}
+
 /// A drone that pitches under a growing thrust rises later; one that shakes stays in control.
 #[test]
 fn a_disturbed_flight_says_what_disturbed_it() {

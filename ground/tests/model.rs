@@ -73,7 +73,7 @@ fn every_shipped_scenario_runs() {
     let mut count = 0;
     for entry in std::fs::read_dir(at_root("scenarios")).unwrap() {
         let path = entry.unwrap().path();
-        if path.ends_with("faults.toml") {
+        if path.ends_with("faults.toml") || path.ends_with("rough_flight.toml") {
             // For `tvc fly --faults`, flown in the tests of the command line.
             continue;
         }

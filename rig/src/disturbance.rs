@@ -1,7 +1,9 @@
-//! What disturbs a flight besides the sensor: the propeller shakes, the servo's supply sags, the
-//! thrust comes up slowly. All of it counts from the moment that the clamp opens.
+//! What disturbs a flight besides faults of the sensor: the propeller shakes, the servo's supply sags, the
+//! thrust comes up slowly, the sensor warms up. All but the last counts from the moment that the clamp opens.
 
 use std::f64::consts::TAU;
+
+use crate::bno055::{ImuErrors, WarmUp};
 
 /// Supply at which the figures of the rig's servos hold, V.
 pub const RATED_SUPPLY_V: f64 = 6.0;
@@ -17,6 +19,8 @@ pub struct Disturbances {
     pub supply: Option<SupplySag>,
     /// The thrust is not there at once.
     pub thrust: Option<ThrustRamp>,
+    /// The sensor is not at its temperature yet.
+    pub temperature: Option<Temperature>,
 }
 
 /// An unbalanced propeller at a constant speed. Its force turns in the plane of the propeller, across
@@ -103,6 +107,29 @@ impl ThrustRamp {
     }
 }
 
+/// The sensor warms up from power-on, and its offsets drift on every axis alike.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Temperature {
+    /// The chip's temperature.
+    pub warm_up: WarmUp,
+    /// Drift of the gyroscope's bias, rad/s/K.
+    pub gyro_rad_s_k: f64,
+    /// Drift of the accelerometer's offset, m/s^2/K.
+    pub acc_m_s2_k: f64,
+}
+
+impl Temperature {
+    /// The imperfections of a sensor with these.
+    pub(crate) fn of(&self, errors: ImuErrors) -> ImuErrors {
+        ImuErrors {
+            warm_up: self.warm_up,
+            gyro_drift_rad_s_k: [self.gyro_rad_s_k; 3],
+            acc_drift_m_s2_k: [self.acc_m_s2_k; 3],
+            ..errors
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -159,6 +186,32 @@ mod tests {
         let (full, low) = (slew_rad_s(None), slew_rad_s(Some(4.8)));
         assert!((0.75..=0.82).contains(&(low / full)), "{low} of {full}");
         assert_eq!(slew_rad_s(Some(RATED_SUPPLY_V)), full);
+    }
+
+    /// 30 K in the end at 0.03 deg/s/K; nothing of it changes the sensor's noise or bias at 25 deg C.
+    #[test]
+    fn a_sensor_that_warms_up_drifts_from_power_on() {
+        let bias_after = |temperature, ms| {
+            let mut world = world(Disturbances {
+                temperature,
+                ..Disturbances::default()
+            });
+            world.advance(Ticks::from_ms(ms));
+            world.sensor().gyro_bias_rad_s()[1].to_degrees()
+        };
+        let temperature = Temperature {
+            warm_up: WarmUp {
+                from_c: 25.0,
+                to_c: 55.0,
+                time_constant_s: 1.0,
+            },
+            gyro_rad_s_k: 0.03_f64.to_radians(),
+            acc_m_s2_k: 0.0,
+        };
+        for (ms, share) in [(1, 0.001), (1000, 0.632), (8000, 0.9997)] {
+            let drift = bias_after(Some(temperature), ms) - bias_after(None, ms);
+            assert!((drift - 0.9 * share).abs() < 1e-3, "{ms} ms: {drift}");
+        }
     }
 
     #[test]

@@ -134,10 +134,14 @@ impl World {
         let model = bench
             .servo
             .fitted(ZERO_RUDDER_US, zero_rad, bench.horn_error_rad);
+        let mut sensor = bench.sensor.clone();
+        if let Some(temperature) = &bench.disturbances.temperature {
+            sensor.errors = temperature.of(sensor.errors);
+        }
         Ok(Self {
             drone,
             servo: Servo::new(model, zero_rad, 0.0),
-            sensor: Bno055::new(bench.sensor.clone()),
+            sensor: Bno055::new(sensor),
             heading_rad: bench.heading_rad,
             field: bench.field,
             disturbances: bench.disturbances,

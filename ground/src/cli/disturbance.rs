@@ -1,7 +1,11 @@
 //! What can be said about disturbances of the rig.
 
-use ::rig::disturbance::{Disturbances, SupplySag, ThrustRamp, Vibration};
+use ::rig::disturbance::{Disturbances, SupplySag, Temperature, ThrustRamp, Vibration};
 use clap::Args;
+
+use crate::fly::disturbance::{
+    RampEntry, SupplyEntry, TemperatureEntry, VibrationEntry, typical_gyro_dps_k,
+};
 
 /// Disturbances of a flight, off unless they are asked for.
 #[derive(Debug, Clone, Copy, PartialEq, Args)]
@@ -22,15 +26,27 @@ pub struct Disturb {
     /// seconds (above 0, at most 10): 40,0.5.
     #[arg(long, value_name = "PCT,S", allow_negative_numbers = true, value_parser = thrust_ramp)]
     pub thrust_ramp: Option<ThrustRamp>,
+
+    /// Temperature of the sensor's chip at power-on and in the end in C (-40 to 85), the time constant
+    /// between them in s and, if it is not the typical 0.015, the drift of the gyroscope's bias in
+    /// deg/s/K: 20,45,60 or 20,45,60,0.03.
+    #[arg(long, value_name = "C,C,S[,DPS_K]", allow_negative_numbers = true, value_parser = temperature)]
+    pub temperature: Option<Temperature>,
 }
 
 impl Disturb {
     /// As the rig takes them.
     pub fn all(&self) -> Disturbances {
+        self.over(Disturbances::default())
+    }
+
+    /// As the rig takes them, those of a scenario where there is no option.
+    pub fn over(&self, scenario: Disturbances) -> Disturbances {
         Disturbances {
-            vibration: self.vibration,
-            supply: self.servo_supply,
-            thrust: self.thrust_ramp,
+            vibration: self.vibration.or(scenario.vibration),
+            supply: self.servo_supply.or(scenario.supply),
+            thrust: self.thrust_ramp.or(scenario.thrust),
+            temperature: self.temperature.or(scenario.temperature),
         }
     }
 }
@@ -41,62 +57,54 @@ fn numbers(text: &str) -> Option<Vec<f64>> {
 }
 
 fn vibration(text: &str) -> Result<Vibration, String> {
-    let (force_m_s2, frequency_hz, rate) = match numbers(text).as_deref() {
+    let (acc_m_s2, frequency_hz, rate_dps) = match numbers(text).as_deref() {
         Some(&[force, hz]) => (force, hz, None),
         Some(&[force, hz, rate]) => (force, hz, Some(rate)),
         _ => return Err("a vibration is m/s2 and Hz, such as 5,180".into()),
     };
-    if !(0.0..=40.0).contains(&force_m_s2) {
-        return Err("a vibration is 0 to 40 m/s2".into());
-    }
-    if !(1.0..=Vibration::HIGHEST_HZ).contains(&frequency_hz) {
-        return Err(format!("a vibration has 1 to {} Hz", Vibration::HIGHEST_HZ));
-    }
-    let vibration = Vibration::new(force_m_s2, frequency_hz);
-    match rate {
-        None => Ok(vibration),
-        Some(rate) if (0.0..=500.0).contains(&rate) => Ok(Vibration {
-            rate_rad_s: rate.to_radians(),
-            ..vibration
-        }),
-        Some(_) => Err("the angular rate of a vibration is 0 to 500 deg/s".into()),
-    }
+    let entry = VibrationEntry {
+        acc_m_s2,
+        rate_dps,
+        frequency_hz,
+    };
+    entry.try_into()
 }
 
 fn supply(text: &str) -> Result<SupplySag, String> {
     let (volts, from_s, until_s) = match numbers(text).as_deref() {
-        Some(&[volts]) => (volts, 0.0, f64::INFINITY),
-        Some(&[volts, from_s, until_s]) => (volts, from_s, until_s),
+        Some(&[volts]) => (volts, 0.0, None),
+        Some(&[volts, from_s, until_s]) => (volts, from_s, Some(until_s)),
         _ => return Err("a supply is V, or V and two times in s, such as 4.5,0.2,0.6".into()),
     };
-    if !(3.0..=7.4).contains(&volts) {
-        return Err("the supply of a servo is 3 to 7.4 V".into());
-    }
-    if from_s >= 0.0 && until_s > from_s {
-        Ok(SupplySag {
-            volts,
-            from_s,
-            until_s,
-        })
-    } else {
-        Err("a sag begins at 0 s or later and ends after it began".into())
-    }
+    let entry = SupplyEntry {
+        volts,
+        from_s,
+        until_s,
+    };
+    entry.try_into()
 }
 
 fn thrust_ramp(text: &str) -> Result<ThrustRamp, String> {
-    let Some(&[percent, seconds]) = numbers(text).as_deref() else {
+    let Some(&[from_pct, seconds]) = numbers(text).as_deref() else {
         return Err("a thrust ramp is % at release and s, such as 40,0.5".into());
     };
-    if !(0.0..=100.0).contains(&percent) {
-        return Err("the thrust at release is 0 to 100 %".into());
-    }
-    if !(seconds > 0.0 && seconds <= 10.0) {
-        return Err("a thrust ramp takes more than 0 and at most 10 s".into());
-    }
-    Ok(ThrustRamp {
-        from_share: percent / 100.0,
-        seconds,
-    })
+    RampEntry { from_pct, seconds }.try_into()
+}
+
+fn temperature(text: &str) -> Result<Temperature, String> {
+    let (from_c, to_c, time_constant_s, gyro_dps_k) = match numbers(text).as_deref() {
+        Some(&[from, to, seconds]) => (from, to, seconds, typical_gyro_dps_k()),
+        Some(&[from, to, seconds, drift]) => (from, to, seconds, drift),
+        _ => return Err("a temperature is two in C and a time in s, such as 20,45,60".into()),
+    };
+    let entry = TemperatureEntry {
+        from_c,
+        to_c,
+        time_constant_s,
+        gyro_dps_k,
+        acc_mg_k: 0.0,
+    };
+    entry.try_into()
 }
 
 #[cfg(test)]
@@ -114,6 +122,14 @@ mod tests {
         assert_eq!((sag.volts, sag.from_s, sag.until_s), (4.5, 0.2, 0.6));
         let ramp = thrust_ramp("40,0.5").unwrap();
         assert_eq!((ramp.from_share, ramp.seconds), (0.4, 0.5));
+        let warm = temperature("20,45,60").unwrap();
+        assert_eq!((warm.warm_up.from_c, warm.warm_up.to_c), (20.0, 45.0));
+        assert!((warm.gyro_rad_s_k.to_degrees() - 0.015).abs() < 1e-12);
+        let drift = temperature("20,45,60,-0.03").unwrap().gyro_rad_s_k;
+        assert!((drift.to_degrees() + 0.03).abs() < 1e-12);
+        for bad in ["20,45", "20,200,60", "20,45,0", "20,45,60,NaN", "NaN,45,60"] {
+            assert!(temperature(bad).is_err(), "{bad}");
+        }
         for bad in ["5", "5,0", "5,500", "-1,180", "5,NaN", "5,180,-1", "a,b"] {
             assert!(vibration(bad).is_err(), "{bad}");
         }

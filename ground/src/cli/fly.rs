@@ -55,8 +55,10 @@ pub struct Fly {
     #[arg(long, value_name = "FILE.imuq", conflicts_with_all = ["start", "gains", "params", "drone", "Disturb"])]
     pub replay: Option<PathBuf>,
 
-    /// Faults of sensor and cable by time, from a file of `[[fault]]` with `kind` (as in `tvc faults`),
-    /// `at_s` after the release and `for_s`; how hard they strike comes from the seed.
+    /// A scenario: faults of sensor and cable by time, `[[fault]]` with `kind` (as in `tvc faults`), `at_s`
+    /// after the release, `for_s`, and how hard it strikes (docs/faults.md; from the seed if left out);
+    /// `[vibration]`, `[servo_supply]`, `[thrust_ramp]` and `[temperature]` as the options of their names,
+    /// which come first.
     #[arg(long, value_name = "FILE.toml", conflicts_with = "replay")]
     pub faults: Option<PathBuf>,
 

@@ -387,8 +387,10 @@ impl Figures {
             row(what, how, "");
         }
         for fault in &self.faults {
+            let share = fault.probability.map(|p| format!(", share {p:.4}"));
             let when = format!("at {} s for {} s", fault.at_s, fault.for_s);
-            row(&format!("fault {}", fault.kind), when, "");
+            let how = when + &share.unwrap_or_default();
+            row(&format!("fault {}", fault.kind), how, "");
         }
         let emulation = &self.emulation;
         row(

@@ -27,17 +27,18 @@ pub use live::gauge;
 pub fn run(options: &Fly) -> Result<Verdict> {
     // An unreadable recording is said before minutes of building.
     let recording = options.replay.as_deref().map(recording::open).transpose()?;
-    let faults = options.faults.as_deref();
-    let faults = faults
+    let scenario = options.faults.as_deref();
+    let scenario = scenario
         .map(|path| faults::read(path, options.seed))
-        .transpose()?;
-    let (faults, timed) = faults.unwrap_or_default().into_iter().unzip();
+        .transpose()?
+        .unwrap_or_default();
     let mut setup = setup(options)?;
     let image = rig::image::build(&mut |line| eprintln!("{line}")).context("the image")?;
-    setup.faults = timed;
+    setup.faults = scenario.faults;
+    setup.rig.bench.disturbances = options.disturb.over(scenario.disturbances);
     let (figures, page) = match recording {
         Some(recording) => recording::play(&image, &recording, &setup)?,
-        None => flights::fly(&image, &setup, faults, options)?,
+        None => flights::fly(&image, &setup, scenario.entries, options)?,
     };
     let missed = figures.missed(options.servo);
     write_whole(&options.report, page.render(&figures, &missed)?.as_bytes())?;
@@ -71,7 +72,6 @@ fn setup(options: &Fly) -> Result<Setup> {
     let physics = law::setup(options.servo, options.drone.as_deref())?;
     setup.rig.bench.parameters = physics.drone;
     setup.rig.bench.servo = physics.servo;
-    setup.rig.bench.disturbances = options.disturb.all();
     Ok(setup)
 }
 

@@ -89,6 +89,23 @@ pub enum Fault {
     FixedPattern,
 }
 
+impl Fault {
+    /// The share of words or bytes that it strikes, where it strikes some only.
+    pub fn probability_mut(&mut self) -> Option<&mut f64> {
+        match self {
+            Self::BitFlips { probability }
+            | Self::Naks { probability }
+            | Self::BusErrors { probability }
+            | Self::ArbitrationLosses { probability }
+            | Self::CorruptWords { probability }
+            | Self::TornWords { probability }
+            | Self::LongStretch { probability, .. }
+            | Self::Spikes { probability } => Some(probability),
+            _ => None,
+        }
+    }
+}
+
 /// The faults that are on.
 #[derive(Clone, Debug, Default)]
 pub struct Faults(Vec<Fault>);
