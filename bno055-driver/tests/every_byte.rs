@@ -3,7 +3,7 @@
 mod fake;
 
 use bno055_driver::config::{AxisMap, Mode};
-use bno055_driver::{Answer, BusError, Config, Profile, Request, SoftIron};
+use bno055_driver::{Answer, BusError, Config, Micros, Next, Profile, Request, SoftIron};
 use fake::{Chip, Rig, Spoiler};
 
 const ERRORS: [BusError; 5] = [
@@ -137,5 +137,51 @@ fn of_suspend_and_resume() {
         assert_eq!(rig.chip.pages[0][0x3E], 2);
         rig.driver.resume();
         rig.run_until_sampling(1_000_000);
+    });
+}
+
+#[test]
+fn of_a_calibration_status_and_a_soft_iron_matrix() {
+    spoil_every_byte(config(), sampling, |rig| {
+        rig.chip.pages[0][0x35] = 0b11_10_01_00;
+        rig.driver.request(Request::CalibrationStatus);
+        rig.bursts(3);
+        let answer = rig.driver.answer();
+        assert!(matches!(answer, Some(Answer::CalibrationStatus(status)) if status.gyr == 2));
+        let matrix = config().soft_iron.unwrap();
+        rig.driver.request(Request::SoftIron);
+        rig.run_until_sampling(2_000_000);
+        assert_eq!(rig.driver.answer(), Some(Answer::SoftIron(matrix)));
+    });
+}
+
+/// To another mode, axis map and profile, and back.
+#[test]
+fn of_reconfigurations() {
+    spoil_every_byte(Config::default(), sampling, |rig| {
+        rig.driver.reconfigure(config());
+        rig.run_until_sampling(2_000_000);
+        assert!(rig.chip.holds(&config()));
+        rig.driver.reconfigure(Config::default());
+        rig.run_until_sampling(2_000_000);
+    });
+}
+
+#[test]
+fn of_fusion_outputs() {
+    spoil_every_byte(config(), sampling, |rig| {
+        for _ in 0..10 {
+            let (start, burst) = (rig.chip.now, rig.driver.fusion_burst());
+            let outcome = rig.chip.perform(&burst);
+            let fusion = rig
+                .driver
+                .fusion(Micros(start), outcome.as_deref().map_err(|error| *error));
+            if let Ok(fusion) = fusion {
+                assert_eq!(fusion.quaternion(), [1.0, 0.0, 0.0, 0.0]);
+            }
+            while matches!(rig.driver.next(Micros(rig.chip.now)), Next::Transfer(_)) {
+                rig.turn();
+            }
+        }
     });
 }

@@ -123,6 +123,60 @@ fn every_setting_reaches_the_chip() {
     assert!(log[clock + 2..].contains(&write(0x3D, [0x0C])));
 }
 
+/// Every setting that there is, each written and read back.
+#[test]
+fn a_set_up_with_everything_is_exactly_this() {
+    let matrix = SoftIron([[0x4000, 1, 2], [3, 0x4100, 4], [5, 6, 0x3F00]]);
+    let config = Config {
+        mode: Mode::Ndof,
+        power: bno055_driver::config::Power::Low,
+        axes: AxisMap::PLACEMENTS[0],
+        external_crystal: true,
+        profile: Some(PROFILE),
+        soft_iron: Some(matrix),
+        ..Config::default()
+    };
+    let rig = Rig::sampling(config);
+    // The clock and the fresh bursts are waited for.
+    let mut log = answered(&rig);
+    log.dedup();
+    let [map, sign] = config.axes.registers();
+    assert_eq!(
+        log,
+        [
+            write(0x07, [0]),
+            read(0x00, 8),
+            write(0x3D, [0]),
+            read(0x3D, 1),
+            read(0x36, 5),
+            read(0x38, 1),
+            write(0x3F, [0x80]),
+            read(0x38, 1),
+            write(0x3E, [1]),
+            read(0x3E, 1),
+            write(0x3B, [0]),
+            read(0x3B, 1),
+            write(0x41, [map, sign]),
+            read(0x41, 2),
+            write(0x43, matrix.registers()),
+            read(0x43, 18),
+            write(0x55, PROFILE.registers()),
+            read(0x55, 22),
+            write(0x07, [1]),
+            read(0x07, 1),
+            write(0x08, [0x0E, 0x0F, 0x10, 0x00]),
+            read(0x08, 4),
+            read(0x50, 16),
+            write(0x07, [0]),
+            read(0x07, 1),
+            write(0x3D, [0x0C]),
+            read(0x3D, 1),
+            read(0x39, 2),
+            read(0x08, 18),
+        ]
+    );
+}
+
 #[test]
 fn a_chip_that_boots_slowly_is_no_fault_until_it_is_late() {
     let mut driver = Driver::new(Config::default());

@@ -59,6 +59,28 @@ fn every_sensor_fault_commands_neutral_in_time_and_leads_back_only_to_standby() 
 }
 
 /// A wrong bit in a register that is read to look after the sensor is no reason to give up.
+/// Of a sample that the driver found bad nothing gets into the estimate: not its counts, not even its time.
+#[test]
+fn a_bad_sample_never_reaches_the_filter() {
+    let mut desk = Desk::active(0.4);
+    desk.run(20);
+    let before = desk.flight.attitude();
+    for fault in [
+        SensorFault::Implausible,
+        SensorFault::Torn,
+        SensorFault::AllOnes,
+        SensorFault::Reset,
+        SensorFault::Frozen,
+        SensorFault::Unreliable,
+        SensorFault::Doubt,
+        SensorFault::Nak,
+    ] {
+        let snapshot = desk.step_with(Err(fault)).snapshot;
+        assert_eq!(snapshot.sample, None);
+        assert_eq!(desk.flight.attitude(), before, "{fault:?}");
+    }
+}
+
 #[test]
 fn a_register_in_doubt_costs_samples_and_not_the_flight() {
     let mut desk = Desk::active(0.4);
