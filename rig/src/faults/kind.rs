@@ -169,6 +169,14 @@ mod tests {
     }
 
     #[test]
+    fn the_manual_has_every_kind() {
+        let manual = include_str!("../../../docs/faults.md");
+        for kind in Kind::ALL {
+            assert!(manual.contains(&format!("| `{kind}` |")), "{kind}");
+        }
+    }
+
+    #[test]
     fn shares_and_stretches_lie_in_their_ranges() {
         let mut dice = generator(1, Stream::Campaign);
         for _ in 0..1000 {
