@@ -21,8 +21,8 @@ pub struct Config<G> {
     /// The gyroscope's full scale, rad/s: larger rates have clipped and are clamped. A lower limit shows
     /// itself in the data.
     pub gyro_range_rad_s: f32,
-    /// How fast the attitude is found again when clipping or a gap has made it uncertain, rad^2 s: the
-    /// noise of the vertical that the accelerometer shows in motion, as a density (0.28 rad for 0.25 s).
+    /// How fast the accelerometer finds the attitude again when clipping or a gap has made it uncertain, rad^2 s:
+    /// the noise of the vertical that it shows in motion, as a density (0.28 rad for 0.25 s).
     pub recovery_rad2_s: f32,
     /// Two samples further apart than this are a gap: the motion between is unknown (s).
     pub gap_s: f32,

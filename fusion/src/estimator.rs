@@ -5,8 +5,9 @@ use nalgebra::Vector3;
 use crate::config::{Config, ConfigError, in_range, positive};
 use crate::field::{Field, HeadingError, plausible};
 use crate::quaternion::{HalfRows, Quaternion, dot};
-use crate::range::Range;
+use crate::range::{Hidden, Range};
 use crate::real::Real;
+use crate::recovery::{Recovery, Seen};
 use crate::rest::Rest;
 
 /// Standard gravity, m/s^2.
@@ -111,6 +112,9 @@ pub trait Filter: Sized {
     /// Its gains, in SI units.
     type Gains: Copy;
 
+    /// Other sensors correct it after start-up.
+    const CORRECTS: bool = true;
+
     /// Build the coefficients.
     fn new(gains: &Self::Gains) -> Result<Self, ConfigError>;
 
@@ -130,6 +134,7 @@ pub struct Estimator<F: Filter> {
     field: Field<F::Real>,
     rest: Rest<F::Real>,
     range: Range<F::Real>,
+    recovery: Recovery<F::Real>,
     orientation: Quaternion<F::Real>,
     steps: u8,
     /// Correction found in the last update, applied with the next integration (half rotation vector).
@@ -183,6 +188,7 @@ impl<F: Filter> Estimator<F> {
             field: Field::new(&config.field, config.declination_rad)?,
             rest: Rest::new(&config.rest)?,
             range: Range::new(config.gyro_range_rad_s),
+            recovery: Recovery::new(real(config.recovery_rad2_s)),
             orientation: Quaternion::IDENTITY,
             steps: 0,
             pending: zero(),
@@ -239,8 +245,9 @@ impl<F: Filter> Estimator<F> {
         };
 
         let mut gyr = sample.gyr.map(real);
+        let mut hidden = None;
         if !self.range.is_quiet(&gyr) {
-            self.examine(dt, &mut gyr);
+            hidden = Some(self.range.examine(dt, &mut gyr));
         }
         let acc = sample.acc.map(real);
         let acc_valid = all_within(&sample.acc, MOST_ACC);
@@ -290,6 +297,9 @@ impl<F: Filter> Estimator<F> {
             starting: !self.flags.initialised,
         };
         self.pending = self.filter.correction(&view, &mut self.bias);
+        if hidden.is_some() || self.recovery.is_active() {
+            self.recover(&view, hidden, sample);
+        }
     }
 
     /// Half the time step, which mostly is what it was: without an FPU comparing is cheaper.
@@ -350,31 +360,33 @@ impl<F: Filter> Estimator<F> {
         self.age = self.age * self.acc_density * (self.acc_density + self.age * variance).recip();
     }
 
-    /// A rate may have clipped.
+    /// A rate may have clipped, or has so lately.
     #[cold]
-    fn examine(&mut self, dt: F::Real, gyr: &mut Vector3<F::Real>) {
-        let (clipped, lost) = self.range.examine(dt, gyr, &self.orientation);
-        self.flags.over_range |= clipped;
-        if clipped {
-            self.phase = if self.phase == Phase::Running {
-                self.age = F::Real::from_f32(SETTLED_S);
-                Phase::Settling
-            } else {
-                self.phase
-            };
+    fn recover(
+        &mut self,
+        view: &View<F::Real>,
+        hidden: Option<[Hidden<F::Real>; 3]>,
+        sample: &Sample,
+    ) {
+        let mag = sample.mag.map(|mag| mag.map(F::Real::from_f32));
+        let seen = Seen {
+            acc: view.acc.filter(|_| F::CORRECTS),
+            field: mag
+                .filter(|mag| F::CORRECTS && plausible(mag))
+                .zip(self.field.expected()),
+            field_dt: view.mag_dt,
+            rate: self.rate,
+        };
+        let hidden = hidden.unwrap_or([Hidden::Nothing; 3]);
+        let (half_angle, heading_variance) =
+            self.recovery.step(view.dt, &view.rows, &hidden, &seen);
+        self.pending.x += half_angle.x;
+        self.pending.y += half_angle.y;
+        self.pending.z += half_angle.z;
+        if heading_variance > F::Real::ZERO {
+            self.unsettle(heading_variance);
         }
-        if let Some(lost) = lost {
-            let rows = self.orientation.half_rows();
-            let earth = lost.half_angle_earth;
-            let body = |n: F::Real, e: F::Real, d: F::Real| {
-                let half = n * earth.x + e * earth.y + d * earth.z;
-                half + half
-            };
-            self.pending.x += body(rows.north.x, rows.east.x, rows.down.x);
-            self.pending.y += body(rows.north.y, rows.east.y, rows.down.y);
-            self.pending.z += body(rows.north.z, rows.east.z, rows.down.z);
-            self.unsettle(lost.variance);
-        }
+        self.flags.over_range = self.recovery.is_active();
     }
 
     #[inline(always)]
@@ -430,7 +442,6 @@ impl<F: Filter> Estimator<F> {
         }
         if !self.age.within(F::Real::from_f32(SETTLED_S)) {
             self.phase = Phase::Running;
-            self.flags.over_range = false;
         }
         self.age.recip()
     }

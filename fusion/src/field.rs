@@ -215,6 +215,21 @@ impl<T: Real> Field<T> {
         self.reference.is_some()
     }
 
+    /// The reference in the earth frame, uT.
+    pub(crate) fn expected(&self) -> Option<Vector3<T>> {
+        let Parts {
+            horizontal2,
+            vertical,
+        } = self.reference.as_ref()?.parts;
+        let half = horizontal2.sqrt();
+        let horizontal = half + half;
+        let (north, east) = match self.declination {
+            None => (horizontal, T::ZERO),
+            Some(Declination { sin, cos, .. }) => (horizontal * cos, horizontal * sin),
+        };
+        Some(Vector3::new(north, east, vertical + vertical))
+    }
+
     /// Declination in rad, `None` when it is zero.
     pub(crate) fn declination_rad(&self) -> Option<T> {
         self.declination.map(|declination| declination.rad)

@@ -20,6 +20,7 @@ pub struct NoGains;
 impl<T: Real> Filter for Gyro<T> {
     type Real = T;
     type Gains = NoGains;
+    const CORRECTS: bool = false;
 
     fn new(_: &NoGains) -> Result<Self, ConfigError> {
         // With gains of zero all that is left of it is the running mean.

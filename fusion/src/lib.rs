@@ -25,6 +25,7 @@ mod mahony;
 mod quaternion;
 mod range;
 mod real;
+mod recovery;
 mod rest;
 pub mod signal;
 mod vqf;

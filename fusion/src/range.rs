@@ -2,20 +2,19 @@
 //!
 //! A rate that stays at its limit hides part of the rotation. Between the crossings of the limit the true
 //! rate is taken for the cubic that has the slopes seen before and after: with slopes `s0` and `s1` (rad/s^2)
-//! and a duration `T`, its area above the limit is `(s0 - s1) T^2 / 12`. That angle is given back when the
-//! clipping has ended, about the axis as it stood meanwhile, and its size says how uncertain the attitude
-//! has become.
+//! and a duration `T`, its area above the limit is `(s0 - s1) T^2 / 12`. How well that is known depends on
+//! the duration above all. What follows from it is for the [recovery](crate::recovery).
 //!
 //! The limit need not be known, and may differ between the axes and between the two senses of each. Near the
 //! largest rate ever seen in a sense, two signs show one: a rate that stays the same to the count for three
 //! samples after it had changed fast, and, because factory calibration mixes a little of the other axes into a clipped one, one that
 //! hardly changes. A smooth motion has neither: around the peak of
-//! a sine the steps are as 5, 3, 1, -1. Should a steady spin pass for clipping all the same, it lasts too
-//! long for anything to be given back.
+//! a sine the steps are as 5, 3, 1, -1. A steady spin may show both all the same. Until it has been met again, or
+//! in another sense or axis, a limit is only supposed: peaks up to half a second that it cuts are made good for,
+//! and nothing else.
 
 use nalgebra::Vector3;
 
-use crate::quaternion::{Quaternion, dot};
 use crate::real::Real;
 
 /// Slowest rate that can be a limit, rad/s: no gyroscope ends below 115 deg/s.
@@ -47,20 +46,35 @@ const QUIET: f32 = 0.85;
 /// A rate further beyond a limit than this disproves it.
 const BEYOND: f32 = 1.04;
 
-/// Clipping that lasts longer than this is no peak that two slopes describe, s; what is lost then is not
-/// given back.
+/// Two limits that are as close as this are one range of the sensor.
+const AGREE: f32 = 0.05;
+
+/// Clipping that lasts longer than this is no peak that two slopes describe, s.
 const LONGEST_S: f32 = 0.5;
 
-/// Uncertainty of the angle given back: this fraction of it, and this times its square (rad).
-const SIGMA: (f32, f32) = (0.2, 0.3);
+/// Largest part of the angle at the limit that is taken for lost beyond it: the slopes of a hit say little
+/// about a long saturation.
+const MOST: f32 = 0.6;
 
-/// What was lost on all axes, where clipping has just ended.
-#[derive(Clone, Debug)]
-pub(crate) struct Lost<T> {
-    /// Rotation vector to be given back, earth frame, at half length (rad).
-    pub(crate) half_angle_earth: Vector3<T>,
-    /// Variance that the attitude has gained, rad^2.
-    pub(crate) variance: T,
+/// Deviation of that angle, as a fraction of the angle at the limit: this, and this more per second. Found by
+/// clipping recordings of hands, arms and hits at many limits.
+const SIGMA: (f32, f32) = (0.04, 1.0);
+
+/// The same where the limit is only supposed, as a fraction of the angle itself.
+const SUPPOSED_SIGMA: f32 = 0.3;
+
+/// Largest deviation, rad: nothing is known then.
+const MOST_SIGMA: f32 = 1.0;
+
+/// What an axis hides.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Hidden<T> {
+    /// Nothing.
+    Nothing,
+    /// The rate is beyond this limit, rad/s.
+    Rate(T),
+    /// Clipping has ended: the angle that was lost and its standard deviation, rad.
+    Angle(T, T),
 }
 
 #[derive(Clone, Debug)]
@@ -75,6 +89,10 @@ pub(crate) struct Range<T> {
 struct Axis<T> {
     /// Rates beyond this have clipped, rad/s: configured or found; for positive and for negative rates.
     limits: [T; 2],
+    /// They are more than supposed.
+    sure: [bool; 2],
+    /// One of them was found in the clipping under way.
+    fresh: bool,
     /// Rates up to this are not worth a look.
     quiet: T,
     largest: T,
@@ -85,8 +103,6 @@ struct Axis<T> {
     /// The last two rates, newest first, as far as they were looked at.
     last: [Option<T>; 2],
     state: State<T>,
-    /// Sum of the axis' directions in the earth frame while clipped.
-    direction: Vector3<T>,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -122,45 +138,36 @@ impl<T: Real> Range<T> {
         !self.busy && gyr.x.within(x.quiet) && gyr.y.within(y.quiet) && gyr.z.within(z.quiet)
     }
 
-    /// Rates that are not quiet: clamp them to the configured limit, and say whether they are clipped, and what
-    /// was lost.
+    /// Rates that are not quiet: clamp them to the configured limit, and say what each axis hides.
     #[cold]
     #[inline(never)]
-    pub(crate) fn examine(
-        &mut self,
-        dt: T,
-        gyr: &mut Vector3<T>,
-        orientation: &Quaternion<T>,
-    ) -> (bool, Option<Lost<T>>) {
-        let mut clipped = false;
-        let mut total: Option<Lost<T>> = None;
-        let mut busy = false;
-        for (i, (axis, rate)) in self.axes.iter_mut().zip(gyr.iter_mut()).enumerate() {
+    pub(crate) fn examine(&mut self, dt: T, gyr: &mut Vector3<T>) -> [Hidden<T>; 3] {
+        let mut hidden = [Hidden::Nothing; 3];
+        self.busy = false;
+        for ((axis, rate), hidden) in self.axes.iter_mut().zip(gyr.iter_mut()).zip(&mut hidden) {
             *rate = clamped(*rate, self.configured);
-            let lost = axis.examine(dt, *rate, self.configured, || {
-                let rows = orientation.half_rows();
-                [rows.north, rows.east, rows.down].map(|row| match i {
-                    0 => row.x,
-                    1 => row.y,
-                    _ => row.z,
-                })
-            });
-            clipped |= axis.state != State::Clear;
+            *hidden = axis.examine(dt, *rate, self.configured);
             // What an axis remembers must be forgotten when the next sample is not looked at.
-            busy |= axis.last[0].is_some();
-            if let Some(lost) = lost {
-                let sum = total.get_or_insert(Lost {
-                    half_angle_earth: Vector3::new(T::ZERO, T::ZERO, T::ZERO),
-                    variance: T::ZERO,
-                });
-                sum.half_angle_earth.x += lost.half_angle_earth.x;
-                sum.half_angle_earth.y += lost.half_angle_earth.y;
-                sum.half_angle_earth.z += lost.half_angle_earth.z;
-                sum.variance += lost.variance;
+            self.busy |= axis.last[0].is_some();
+        }
+        if self.axes.iter().any(|axis| axis.fresh) {
+            self.compare();
+        }
+        hidden
+    }
+
+    /// A limit has been found: another like it makes both sure.
+    fn compare(&mut self) {
+        let configured = self.configured;
+        let mut all = self.axes.iter().flat_map(|axis| axis.limits);
+        let limits: [T; 6] = core::array::from_fn(|_| all.next().unwrap_or(configured));
+        for axis in &mut self.axes {
+            for (limit, sure) in axis.limits.iter().zip(&mut axis.sure) {
+                let near = |other: &&T| (**other - *limit).within(*limit * T::from_f32(AGREE));
+                // It is like itself.
+                *sure |= *limit < configured && limits.iter().filter(near).count() > 1;
             }
         }
-        self.busy = busy;
-        (clipped, total)
     }
 }
 
@@ -168,6 +175,8 @@ impl<T: Real> Axis<T> {
     fn new(limit: T) -> Self {
         Self {
             limits: [limit; 2],
+            sure: [true; 2],
+            fresh: false,
             quiet: T::from_f32(LEAST_LIMIT),
             largest: T::ZERO,
             small: 0,
@@ -175,7 +184,6 @@ impl<T: Real> Axis<T> {
             arrival: T::ZERO,
             last: [None; 2],
             state: State::Clear,
-            direction: Vector3::new(T::ZERO, T::ZERO, T::ZERO),
         }
     }
 
@@ -184,24 +192,26 @@ impl<T: Real> Axis<T> {
         if negative { below } else { positive }
     }
 
-    /// `direction` is that of the axis in the earth frame, at half length.
-    fn examine(
-        &mut self,
-        dt: T,
-        rate: T,
-        configured: T,
-        direction: impl FnOnce() -> [T; 3],
-    ) -> Option<Lost<T>> {
+    fn examine(&mut self, dt: T, rate: T, configured: T) -> Hidden<T> {
         if rate.within(self.quiet) && self.state == State::Clear {
             self.last = [None; 2];
             (self.small, self.equal) = (0, 0);
-            return None;
+            return Hidden::Nothing;
+        }
+        if rate.abs() > self.limit(rate.is_negative()) * T::from_f32(BEYOND) {
+            return self.disprove(rate, configured);
         }
         let found = self.find_limit(dt, rate, configured);
         let limit = self.limit(rate.is_negative());
         let clipped = !rate.within(limit);
         let [last, before] = self.last;
-        let mut lost = None;
+        let [positive, below] = self.sure;
+        let sure = if rate.is_negative() { below } else { positive };
+        let mut hidden = if clipped && sure {
+            Hidden::Rate(limit)
+        } else {
+            Hidden::Nothing
+        };
         self.state = match self.state {
             State::Clear if clipped => {
                 let signed = if rate.is_negative() { -limit } else { limit };
@@ -236,8 +246,8 @@ impl<T: Real> Axis<T> {
                 let limit = self.limit(negative);
                 let signed = if negative { -limit } else { limit };
                 let time_s = time_s + dt - crossing(first - signed, after, dt);
-                lost = Some(self.give_back(slope.unwrap_or(-after), after, time_s, negative));
-                self.direction = Vector3::new(T::ZERO, T::ZERO, T::ZERO);
+                hidden = self.lost(slope.unwrap_or(-after), after, time_s, negative);
+                self.fresh = false;
                 if clipped {
                     State::Clipped {
                         slope: Some(after),
@@ -248,25 +258,31 @@ impl<T: Real> Axis<T> {
                 }
             }
         };
-        if clipped {
-            let [north, east, down] = direction();
-            self.direction.x += north;
-            self.direction.y += east;
-            self.direction.z += down;
-        }
         self.last = [Some(rate), last];
-        lost
+        hidden
     }
 
-    /// Learn the limit from rates that stay, and forget it when a rate is beyond it; true where it has just
-    /// been learned.
+    /// A rate is beyond what was taken for its limit: that was no clipping.
+    fn disprove(&mut self, rate: T, configured: T) -> Hidden<T> {
+        let [positive, below] = &mut self.limits;
+        *(if rate.is_negative() { below } else { positive }) = configured;
+        let [positive, below] = &mut self.sure;
+        let sure = core::mem::replace(if rate.is_negative() { below } else { positive }, true);
+        let state = core::mem::replace(&mut self.state, State::Clear);
+        self.fresh = false;
+        self.last = [Some(rate), self.last[0]];
+        if sure && state != State::Clear {
+            Hidden::Angle(T::ZERO, T::from_f32(MOST_SIGMA))
+        } else {
+            Hidden::Nothing
+        }
+    }
+
+    /// Learn the limit from rates that stay; true where it has just been learned.
     fn find_limit(&mut self, dt: T, rate: T, configured: T) -> bool {
         let size = rate.abs();
         let limit = self.limit(rate.is_negative());
         let mut found = None;
-        if size > limit * T::from_f32(BEYOND) {
-            found = Some(configured);
-        }
         if size > self.largest {
             self.largest = size;
         }
@@ -281,7 +297,8 @@ impl<T: Real> Axis<T> {
         } else {
             0
         };
-        if below(SMALL_STEP) && step < self.arrival * T::from_f32(SMALLER) {
+        let first = self.last[0].is_none();
+        if !first && below(SMALL_STEP) && step < self.arrival * T::from_f32(SMALLER) {
             self.small = self.small.saturating_add(1);
         } else {
             self.small = 0;
@@ -304,13 +321,18 @@ impl<T: Real> Axis<T> {
             // What is exact replaces what is not.
             let sharper = self.equal == FLAT_STEPS && supposed.within(limit * T::from_f32(BEYOND));
             if supposed < limit || sharper {
-                found = Some(supposed);
                 learned = limit == configured;
+                self.fresh |= learned;
+                found = Some((supposed, !self.fresh));
+            } else if supposed < T::from_f32(f32::INFINITY) && limit < configured && !self.fresh {
+                found = Some((limit, true));
             }
         }
-        if let Some(limit) = found {
+        if let Some((limit, sure)) = found {
             let [positive, below] = &mut self.limits;
             *(if rate.is_negative() { below } else { positive }) = limit;
+            let [positive, below] = &mut self.sure;
+            *(if rate.is_negative() { below } else { positive }) = sure;
         }
         let quiet = self.largest * T::from_f32(QUIET);
         if quiet > self.quiet {
@@ -319,35 +341,32 @@ impl<T: Real> Axis<T> {
         learned
     }
 
-    fn give_back(&self, before: T, after: T, time_s: T, negative: bool) -> Lost<T> {
+    fn lost(&self, before: T, after: T, time_s: T, negative: bool) -> Hidden<T> {
         let area = (before - after) * time_s * time_s * T::from_f32(1.0 / 12.0);
-        // At most as much as was measured: slopes of a hit say little about a long saturation.
-        let most = self.limit(negative) * time_s;
+        let at_limit = self.limit(negative) * time_s;
+        let most = at_limit * T::from_f32(MOST);
         let size = if area.within(most) { area.abs() } else { most };
         // An area on the wrong side of the limit is not clipping but noise at it.
-        let outward = (area < T::ZERO) == negative;
-        let size = if outward { size } else { T::ZERO };
-        let sigma = size * (T::from_f32(SIGMA.0) + T::from_f32(SIGMA.1) * size);
-        let (size, sigma) = match time_s.within(T::from_f32(LONGEST_S)) {
-            true => (size, sigma),
-            false if sigma.within(T::ONE) => (T::ZERO, sigma),
-            false => (T::ZERO, T::ONE),
-        };
-        let length2 = dot(&self.direction, &self.direction);
-        let unit = if length2 > T::ZERO {
-            length2.sqrt().recip()
-        } else {
-            T::ZERO
-        };
-        let half = T::HALF * unit * if negative { -size } else { size };
-        Lost {
-            half_angle_earth: Vector3::new(
-                self.direction.x * half,
-                self.direction.y * half,
-                self.direction.z * half,
-            ),
-            variance: sigma * sigma,
+        let short = time_s.within(T::from_f32(LONGEST_S));
+        let peak = short && (area < T::ZERO) == negative;
+        let size = if peak { size } else { T::ZERO };
+        let signed = if negative { -size } else { size };
+        let [positive, below] = self.sure;
+        if !(if negative { below } else { positive }) {
+            return if peak {
+                Hidden::Angle(signed, size * T::from_f32(SUPPOSED_SIGMA))
+            } else {
+                Hidden::Nothing
+            };
         }
+        let sigma = at_limit * (T::from_f32(SIGMA.0) + T::from_f32(SIGMA.1) * time_s);
+        let most_sigma = T::from_f32(MOST_SIGMA);
+        let sigma = if sigma.within(most_sigma) {
+            sigma
+        } else {
+            most_sigma
+        };
+        Hidden::Angle(signed, sigma)
     }
 }
 
@@ -380,9 +399,9 @@ mod tests {
             let rate = 10.0 * (f64::from(k) * dt * 4.0).sin();
             let mut gyr = Vector3::new(0.0, rate.clamp(-clip, clip), 0.0);
             if !range.is_quiet(&gyr)
-                && let (_, Some(lost)) = range.examine(dt, &mut gyr, &Quaternion::IDENTITY)
+                && let Hidden::Angle(angle, _) = range.examine(dt, &mut gyr)[1]
             {
-                given += 2.0 * lost.half_angle_earth.y;
+                given += angle;
                 times += 1;
             }
         }
@@ -423,9 +442,9 @@ mod tests {
             let rate = (10.0 * (4.0 * t).sin()).clamp(-7.8, 8.0);
             let mut gyr = Vector3::new(0.0, rate + 0.08 * (40.0 * t).cos(), 0.0);
             if !range.is_quiet(&gyr)
-                && let (_, Some(lost)) = range.examine(dt, &mut gyr, &Quaternion::IDENTITY)
+                && let Hidden::Angle(angle, _) = range.examine(dt, &mut gyr)[1]
             {
-                given += lost.half_angle_earth.y.abs();
+                given += angle.abs();
             }
         }
         let [positive, negative] = range.axes[1].limits;
@@ -441,9 +460,9 @@ mod tests {
             let t = f64::from(k) * 0.0025;
             let mut gyr = Vector3::new(0.0, (10.0 * t).min(20.0 * (10.0 - t)).min(5.0), 0.0);
             if !range.is_quiet(&gyr)
-                && let (_, Some(lost)) = range.examine(0.0025, &mut gyr, &Quaternion::IDENTITY)
+                && let Hidden::Angle(angle, _) = range.examine(0.0025, &mut gyr)[1]
             {
-                assert_eq!(lost.half_angle_earth.y, 0.0);
+                assert_eq!(angle, 0.0);
             }
         }
     }
@@ -461,5 +480,23 @@ mod tests {
     fn a_smooth_motion_below_the_limit_loses_nothing() {
         let (given, times) = run(&mut Range::new(34.0), 20.0, 60.0);
         assert_eq!((given, times), (0.0, 0));
+    }
+
+    #[test]
+    fn a_limit_is_sure_when_it_is_met_again() {
+        let mut range = Range::new(34.0);
+        // Half periods of pi/4 s, upwards and downwards in turn.
+        let mut clipped = [false; 3];
+        for k in 0..920 {
+            let t = f64::from(k) * 0.0025;
+            let mut gyr = Vector3::new(0.0, (10.0 * (4.0 * t).sin()).clamp(-8.0, 8.0), 0.0);
+            if !range.is_quiet(&gyr)
+                && range.examine(0.0025, &mut gyr)[1]
+                    == Hidden::Rate(range.axes[1].limit(gyr.y < 0.0))
+            {
+                clipped[(t / core::f64::consts::FRAC_PI_4) as usize] = true;
+            }
+        }
+        assert_eq!(clipped, [false, true, true]);
     }
 }
