@@ -1,7 +1,7 @@
 //! Who may move the rudder: the states of the flight, and what leads from one to another.
 //!
 //! The firmware cannot cut the motors, so the safe output is the neutral pulse. Every state but [`State::Active`]
-//! commands it.
+//! commands it, unless the operator sets up a servo that is [idle](State::is_idle).
 
 use core::fmt;
 
@@ -60,6 +60,11 @@ impl State {
     /// Whether the drone counts as armed: parameters that would make the rudder jump are refused.
     pub fn is_armed(&self) -> bool {
         matches!(self, State::Armed | State::Active { .. })
+    }
+
+    /// Whether nobody needs the rudder: before arming, and with nothing to acknowledge.
+    pub fn is_idle(&self) -> bool {
+        matches!(self, State::Boot | State::SelfTest(_) | State::Standby)
     }
 
     /// State (low byte) and reason (second byte) as one number, as HEARTBEAT's `custom_mode` carries it. States count
@@ -271,6 +276,8 @@ pub enum Refusal {
     Sensor,
     /// The attitude has not settled since start-up or the last gap.
     Settling,
+    /// Nobody has seen the rudder answer a tilt the right way, with the servo's direction and the mount as they are.
+    Polarity,
     /// The gyro's offset has not been learned since then, which takes some seconds of rest.
     BiasUnknown,
     /// The host's heartbeat is missing, and `FS_HOST` asks for it.
@@ -286,6 +293,7 @@ impl fmt::Display for Refusal {
             Refusal::Tilt => f.write_str("tilt beyond 50 deg"),
             Refusal::Sensor => f.write_str("sensor not ready"),
             Refusal::Settling => f.write_str("attitude still settling"),
+            Refusal::Polarity => f.write_str("run tvc calibrate polarity first"),
             Refusal::BiasUnknown => f.write_str("gyro offset unknown: hold still"),
             Refusal::HostSilent => f.write_str("no host heartbeat"),
             Refusal::FaultPersists(reason) => reason.fmt(f),
@@ -385,7 +393,7 @@ impl Supervisor {
         self.good_run == RECOVERY_SAMPLES
     }
 
-    /// A step with a sample, and the attitude after it.
+    /// A step with a sample, calibrated, and the attitude after it.
     pub fn sample(&mut self, now: Micros, raw: &RawSample, health: Health) {
         self.health = health;
         self.fresh = Some(raw.time);

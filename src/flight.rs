@@ -6,11 +6,11 @@
 use bno055_driver::{Micros, RawSample, SensorFault};
 use tvc_fusion::{Attitude, ConfigError, Quaternion};
 
-use crate::config::UNIT_TOLERANCE;
+use crate::config::{TRIAL_US, UNIT_TOLERANCE};
 use crate::controller::Controller;
 use crate::failsafe::{BootReport, Command, Health, Refusal, State, Supervisor};
 use crate::navigation::Navigation;
-use crate::params::{Change, Info, ParamError, Params};
+use crate::params::{Change, Info, ParamError, Params, Polarity};
 use crate::servo::{PulseUs, Servo};
 use crate::store::Loaded;
 
@@ -54,6 +54,8 @@ pub struct Flight {
     controller: Controller,
     crank_rad: f32,
     servo: Servo,
+    /// The pulse that is tried, and since when.
+    trial: Option<(PulseUs, Micros)>,
     supervisor: Supervisor,
 }
 
@@ -69,6 +71,7 @@ impl Flight {
             controller: Controller::new(&params, servo.travel_rad()),
             crank_rad: 0.0,
             servo,
+            trial: None,
             supervisor: Supervisor::new(report),
             params,
         };
@@ -83,15 +86,16 @@ impl Flight {
             Ok((raw, dt_us)) => {
                 let attitude = self.navigation.attitude();
                 let health = self.health(&attitude);
-                self.supervisor.sample(now, &raw, health);
-                self.control(attitude.rate.y, dt_us as f32 * 1.0e-6);
+                let body = self.navigation.in_body(&raw);
+                self.supervisor.sample(now, &body, health);
+                self.control(now, attitude.rate.y, dt_us as f32 * 1.0e-6);
                 if !health.valid {
                     self.navigation.restart();
                 }
             }
             Err(fault) => {
                 self.supervisor.miss(now, fault);
-                self.hold();
+                self.hold(now);
             }
         }
         self.outputs(now, reading.ok().map(|(raw, _)| raw))
@@ -102,7 +106,23 @@ impl Flight {
     /// # Errors
     /// The [`Refusal`]; nothing changes.
     pub fn command(&mut self, now: Micros, command: Command) -> Result<(), Refusal> {
+        let checked = self.params.polarity() == Polarity::Checked;
+        if command == Command::Arm && matches!(self.state(), State::Standby) && !checked {
+            return Err(Refusal::Polarity);
+        }
         self.supervisor.command(now, command)
+    }
+
+    /// Hold a pulse for the servo's set-up, for [`TRIAL_US`], unless something more important comes.
+    ///
+    /// # Errors
+    /// The [`Refusal`] where the rudder is not free for it.
+    pub fn try_pulse(&mut self, now: Micros, pulse: PulseUs) -> Result<(), Refusal> {
+        if !self.state().is_idle() {
+            return Err(Refusal::WrongState(self.state()));
+        }
+        self.trial = Some((pulse, now));
+        Ok(())
     }
 
     /// Begin anew as after power-on: self-test, and the gyro's offset learned at rest.
@@ -121,12 +141,16 @@ impl Flight {
     /// [`ParamError`]; the old value stays.
     pub fn set_param(&mut self, name: &str, value: f32) -> Result<&'static Info, ParamError> {
         let info = Params::info(name).ok_or(ParamError::Unknown)?;
-        if info.change == Change::Disarmed && self.state().is_armed() {
+        if info.change != Change::Live && self.state().is_armed() {
             return Err(ParamError::Armed { name: info.name });
         }
+        let before = self.params.value(name);
         self.params.set(name, value)?;
+        if info.change == Change::Turning && before != Some(value) {
+            self.params.forget_polarity();
+        }
         // Nothing that may change in flight concerns navigation, whose sines would cost a sample.
-        if info.change == Change::Disarmed {
+        if info.change != Change::Live {
             self.navigation.configure(&self.params);
         }
         self.configure();
@@ -174,9 +198,9 @@ impl Flight {
 
     /// The control law, where the state lets it move the rudder. Positive crank angles pitch the nose down, so the
     /// crank follows pitch and its rate with positive sign: `crank = kp (pitch - setpoint) + kd rate`.
-    fn control(&mut self, rate_rad_s: f32, dt_s: f32) {
-        if !self.state().is_active() {
-            return self.rest();
+    fn control(&mut self, now: Micros, rate_rad_s: f32, dt_s: f32) {
+        if !self.answers() {
+            return self.rest(now);
         }
         let pitch_rad = self.navigation.pitch_rad();
         self.crank_rad = self.controller.update(pitch_rad, rate_rad_s);
@@ -184,16 +208,33 @@ impl Flight {
     }
 
     /// Without a sample the last command stays, for as long as the supervisor lets it.
-    fn hold(&mut self) {
-        if !self.state().is_active() {
-            self.rest();
+    fn hold(&mut self, now: Micros) {
+        if !self.answers() {
+            self.rest(now);
         }
     }
 
-    fn rest(&mut self) {
+    /// Whether the rudder answers the tilt: under control, or in standby where somebody looks at its polarity.
+    fn answers(&self) -> bool {
+        match self.state() {
+            State::Active { .. } => true,
+            State::Standby => self.params.polarity() == Polarity::Watched,
+            _ => false,
+        }
+    }
+
+    fn rest(&mut self, now: Micros) {
         self.crank_rad = 0.0;
         self.controller.reset();
-        self.servo.neutral();
+        match self.trial {
+            Some((pulse, since)) if self.state().is_idle() && now.since(since) < TRIAL_US => {
+                self.servo.set(pulse)
+            }
+            _ => {
+                self.trial = None;
+                self.servo.neutral()
+            }
+        };
     }
 
     fn outputs(&self, now: Micros, sample: Option<RawSample>) -> Outputs {

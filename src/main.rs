@@ -100,7 +100,7 @@ fn main() {
     for (info, description) in TABLE.iter().zip(DESCRIPTIONS) {
         let change = match info.change {
             Change::Live => "live",
-            Change::Disarmed => "disarmed",
+            Change::Disarmed | Change::Turning => "disarmed",
         };
         println!(
             "{:<16} {:>9} {:<8} {:<26} {:<9} {}",

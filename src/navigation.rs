@@ -84,6 +84,15 @@ impl Navigation {
         Ok(dt_us)
     }
 
+    /// The newest sample with calibration and mount applied, at the time of `raw` and with its field.
+    pub fn in_body(&self, raw: &RawSample) -> RawSample {
+        RawSample {
+            acc: self.counts.acc,
+            gyr: self.counts.gyr,
+            ..*raw
+        }
+    }
+
     /// The newest attitude.
     pub fn attitude(&self) -> Attitude {
         self.estimator.attitude(&self.counts)

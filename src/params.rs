@@ -59,6 +59,20 @@ pub enum Change {
     Live,
     /// Not while the drone is armed or under control: the change would make the rudder jump or stop a bus.
     Disarmed,
+    /// As [`Change::Disarmed`], and the rudder may answer the other way afterwards: a changed value takes
+    /// [`Polarity::Checked`] back.
+    Turning,
+}
+
+/// What is known of the way in which the rudder answers, by `SRV_POLARITY`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Polarity {
+    /// Nobody has seen it: the drone is not armed.
+    Unchecked,
+    /// Somebody has seen that it answers a tilt the right way.
+    Checked,
+    /// Somebody looks: in standby the rudder answers the tilt.
+    Watched,
 }
 
 /// One row of the table.
@@ -220,7 +234,9 @@ parameters! {
         "pitch to hold, nose up positive";
     srv_centre_us: "SRV_CENTRE_US", "us", Range::Between(1420.0, 1620.0), 1523.6, Live,
         "pulse at which the rudder has no effect";
-    srv_dir: "SRV_DIR", "", Range::OneOf(&[-1.0, 1.0]), 1.0, Disarmed,
+    srv_hold_deg: "SRV_HOLD_DEG", "deg", Range::Between(-10.0, 10.0), 0.0, Disarmed,
+        "servo angle that holds against a lateral offset of the mass: the rudder rests there";
+    srv_dir: "SRV_DIR", "", Range::OneOf(&[-1.0, 1.0]), 1.0, Turning,
         "+1: a longer pulse turns the crank to positive angles; -1: reversed servo";
     srv_us_per_deg: "SRV_US_PER_DEG", "us/deg", Range::Between(5.0, 20.0), 10.0, Disarmed,
         "pulse change per real degree of the servo shaft";
@@ -234,11 +250,11 @@ parameters! {
         "servo frame rate; above 50 only for digital servos, an analog one burns out";
     i2c_khz: "I2C_KHZ", "kHz", Range::OneOf(&[100.0, 400.0]), 400.0, Disarmed,
         "speed of the sensor bus; 100 for a cable of more than 1 m";
-    mnt_roll_deg: "MNT_ROLL_DEG", "deg", Range::Between(-180.0, 180.0), 0.0, Disarmed,
+    mnt_roll_deg: "MNT_ROLL_DEG", "deg", Range::Between(-180.0, 180.0), 0.0, Turning,
         "sensor's roll in the body, applied first";
-    mnt_pitch_deg: "MNT_PITCH_DEG", "deg", Range::Between(-180.0, 180.0), 0.0, Disarmed,
+    mnt_pitch_deg: "MNT_PITCH_DEG", "deg", Range::Between(-180.0, 180.0), 0.0, Turning,
         "sensor's pitch in the body, applied second";
-    mnt_yaw_deg: "MNT_YAW_DEG", "deg", Range::Between(-180.0, 180.0), 0.0, Disarmed,
+    mnt_yaw_deg: "MNT_YAW_DEG", "deg", Range::Between(-180.0, 180.0), 0.0, Turning,
         "sensor's yaw in the body, applied last";
     declination_deg: "DECLINATION_DEG", "deg", Range::Between(-180.0, 180.0), 0.0, Disarmed,
         "magnetic declination, east positive: 4.37 in Copenhagen";
@@ -286,6 +302,8 @@ parameters! {
         "soft iron: how much of the magnetometer's z goes to z";
     fs_host: "FS_HOST", "", Range::OneOf(&[0.0, 1.0]), 0.0, Live,
         "1: three seconds without a host's heartbeat are a failsafe";
+    srv_polarity: "SRV_POLARITY", "", Range::OneOf(&[0.0, 1.0, 2.0]), 0.0, Disarmed,
+        "1: the rudder was seen to answer a tilt the right way, without which nothing is armed; 2: it answers in standby, to be seen";
 }
 
 /// The value of every parameter. Always within range.
@@ -322,6 +340,24 @@ impl Params {
             [self.cal_mag_yx(), self.cal_mag_yy(), self.cal_mag_yz()],
             [self.cal_mag_zx(), self.cal_mag_zy(), self.cal_mag_zz()],
         ]
+    }
+
+    /// What is known of the way in which the rudder answers.
+    pub fn polarity(&self) -> Polarity {
+        match self.srv_polarity() {
+            1.0 => Polarity::Checked,
+            2.0 => Polarity::Watched,
+            _ => Polarity::Unchecked,
+        }
+    }
+
+    /// Index of `SRV_POLARITY`.
+    pub const POLARITY: usize = Place::srv_polarity as usize;
+
+    /// The rudder may answer another way now.
+    #[allow(clippy::indexing_slicing, reason = "there is a value for every place")]
+    pub(crate) fn forget_polarity(&mut self) {
+        self.values[Self::POLARITY] = 0.0;
     }
 
     /// Number of parameters.

@@ -1,6 +1,6 @@
 //! Crank angle to servo pulse.
 //!
-//! `pulse = centre + direction * us_per_degree * angle`, clamped to the command limits, its change limited by the
+//! `pulse = centre + direction * us_per_degree * (hold + angle)`, clamped to the command limits, its change limited by the
 //! slew rate. Positive crank angles turn the rudder to positive angles, which pitch the nose down.
 
 use core::f32::consts::PI;
@@ -32,18 +32,21 @@ impl Servo {
             min_us: 0.0,
             max_us: 0.0,
             slew_us_s: 0.0,
-            last_us: params.srv_centre_us(),
+            last_us: 0.0,
         };
         servo.configure(params);
+        servo.neutral();
         servo
     }
 
     /// Take over changed parameters. The last pulse stays, so that the next one still obeys the slew rate.
     pub fn configure(&mut self, params: &Params) {
-        self.centre_us = params.srv_centre_us();
-        self.us_per_rad = params.srv_dir() * params.srv_us_per_deg() * (180.0 / PI);
+        let us_per_deg = params.srv_dir() * params.srv_us_per_deg();
+        self.us_per_rad = us_per_deg * (180.0 / PI);
         self.min_us = params.srv_min_us().max(PULSE_MIN_US);
         self.max_us = params.srv_max_us().min(PULSE_MAX_US);
+        let rest_us = params.srv_centre_us() + us_per_deg * params.srv_hold_deg();
+        self.centre_us = rest_us.clamp(self.min_us, self.max_us);
         self.slew_us_s = params.srv_slew_us_s();
     }
 
@@ -62,9 +65,15 @@ impl Servo {
         self.pulse()
     }
 
-    /// Zero rudder at once, without slew: the safe output.
+    /// Neutral rudder at once, without slew: the safe output.
     pub fn neutral(&mut self) -> PulseUs {
         self.last_us = self.centre_us;
+        self.pulse()
+    }
+
+    /// A pulse at once, without slew and beyond the command limits: for those who look for them.
+    pub fn set(&mut self, pulse: PulseUs) -> PulseUs {
+        self.last_us = pulse.0.into();
         self.pulse()
     }
 
@@ -96,6 +105,35 @@ mod tests {
     fn neutral_is_the_trimmed_centre() {
         assert_eq!(servo(&[]).neutral(), PulseUs(1524));
         assert_eq!(servo(&[("SRV_CENTRE_US", 1500.2)]).neutral(), PulseUs(1500));
+    }
+
+    #[test]
+    fn neutral_is_where_the_drone_is_held_against_its_lateral_offset() {
+        assert_eq!(servo(&[("SRV_HOLD_DEG", 3.0)]).neutral(), PulseUs(1554));
+        let mut reversed = servo(&[("SRV_HOLD_DEG", 3.0), ("SRV_DIR", -1.0)]);
+        assert_eq!(reversed.neutral(), PulseUs(1494));
+        assert_eq!(reversed.command(0.0, 1.0), PulseUs(1494));
+        assert_eq!(reversed.command(10.0_f32.to_radians(), 1.0), PulseUs(1394));
+    }
+
+    #[test]
+    fn no_holding_angle_leaves_the_limits() {
+        for hold in [-10.0, 10.0] {
+            let mut servo = servo(&[
+                ("SRV_HOLD_DEG", hold),
+                ("SRV_US_PER_DEG", 20.0),
+                ("SRV_MIN_US", 1400.0),
+                ("SRV_MAX_US", 1640.0),
+            ]);
+            assert!((1400..=1640).contains(&servo.neutral().0));
+            assert!(servo.travel_rad() >= 0.0);
+        }
+    }
+
+    #[test]
+    fn a_pulse_that_is_tried_passes_the_command_limits_and_no_others() {
+        assert_eq!(servo(&[]).set(PulseUs(900)), PulseUs(900));
+        assert_eq!(servo(&[]).set(PulseUs(500)), PulseUs(853));
     }
 
     #[test]

@@ -182,6 +182,13 @@ pub fn save<F: NorFlash>(flash: &mut F, params: &Params) -> Result<u32, SaveErro
     }
 }
 
+/// What a first save of `params` leaves at the start of an empty store.
+pub fn first_slot(params: &Params) -> [u8; SLOT_BYTES] {
+    let mut bytes = [0; SLOT_BYTES];
+    compose(params, 1, &mut bytes);
+    bytes
+}
+
 /// Erases the slot and writes it, the page with the mark last.
 fn write<F: NorFlash>(flash: &mut F, slot: Slot, bytes: &[u8; SLOT_BYTES]) -> Result<(), F::Error> {
     let start = slot.offset();

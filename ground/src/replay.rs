@@ -157,6 +157,8 @@ fn words(figures: &Figures) -> Vec<String> {
 /// The parameters that the flight began with: the first value that is told of each.
 pub fn parameters(flight: &log::Flight) -> Params {
     let mut params = Params::default();
+    // A vehicle that knew nothing of this check was armed without it.
+    let _ = params.set("SRV_POLARITY", 1.0);
     for event in flight.events.iter().rev() {
         if let Event::Parameter(name, value) = event {
             // One that this version does not know, or not with that value, stays at its default.

@@ -25,6 +25,7 @@ pub fn run(options: &Rig) -> Result<Verdict> {
     let image = rig::image::build(&mut |line| eprintln!("{line}")).context("the image")?;
     let mut config = rig::RigConfig {
         seed: options.seed,
+        stored: (!options.blank).then(rig::RigConfig::set_up),
         ..rig::RigConfig::default()
     };
     config.bench.servo = options.servo.kind().model();

@@ -115,7 +115,7 @@ impl Drop for Rig {
 
 #[test]
 fn parameters_are_listed_set_refused_compared_and_loaded() {
-    let rig = Rig::start(&[]);
+    let rig = Rig::start(&["--blank"]);
     let list = rig.json(&["param", "list"]);
     let rows = list["parameters"].as_array().unwrap();
     assert_eq!(rows.len(), tvc_nano::Params::count());
@@ -170,6 +170,17 @@ fn parameters_are_listed_set_refused_compared_and_loaded() {
         rig.json(&["param", "get", "PID_KD"])["parameters"][0]["value"],
         0.1
     );
+}
+
+#[test]
+fn a_vehicle_out_of_the_box_says_what_to_do_before_it_is_armed() {
+    let rig = Rig::start(&["--blank"]);
+    rig.wait_for("standby");
+    let said = rig.refused(1, &["arm"]);
+    assert!(said.contains("run tvc calibrate polarity first"), "{said}");
+    // Any MAVLink client can say that it was done.
+    rig.ok(&["param", "set", "SRV_POLARITY", "1"]);
+    assert_eq!(rig.arm()["state"], "armed");
 }
 
 #[test]

@@ -109,7 +109,7 @@ pub struct TimedFault {
 }
 
 impl Setup {
-    /// A default rig with `servo` and everything random from `seed`.
+    /// A default rig with `servo` and everything random from `seed`; somebody has checked its polarity before.
     pub fn new(servo: ServoKind, seed: u64) -> Self {
         let bench = Bench {
             servo: servo.model(),
@@ -119,6 +119,7 @@ impl Setup {
             rig: RigConfig {
                 seed,
                 bench,
+                stored: Some(RigConfig::set_up()),
                 ..RigConfig::default()
             },
             servo,

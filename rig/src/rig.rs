@@ -12,6 +12,7 @@ use samd21::usb_host::Host;
 use samd21::{Chip, Options, SyncHold, WaitStates};
 use std::sync::Arc;
 use thiserror::Error;
+use tvc_nano::{Params, store};
 
 /// How long the bootloader waits for a second tap.
 const TAP_WINDOW: Ticks = Ticks::from_ms(500);
@@ -22,6 +23,9 @@ const TAP_ADDRESS: usize = 0x7FFC;
 const BOOTLOADER_VARIABLES: std::ops::Range<usize> = 0..0x800;
 const BOOTLOADER_STACK: std::ops::Range<usize> = 0x7A00..TAP_ADDRESS;
 const BOOTLOADER_RUBBISH: u8 = 0xB0;
+
+/// Where the image keeps its parameters: the end of the flash.
+const STORE_ADDRESS: u32 = 0x0004_0000 - store::STORE_BYTES as u32;
 
 const RAM_START: u32 = 0x2000_0000;
 
@@ -36,6 +40,8 @@ pub struct RigConfig {
     pub wait_states: WaitStates,
     /// How long registers stay in synchronisation.
     pub syncbusy_hold: SyncHold,
+    /// What somebody has saved in the image's flash before; nobody has on a new Nano.
+    pub stored: Option<Params>,
 }
 
 impl Default for RigConfig {
@@ -45,7 +51,19 @@ impl Default for RigConfig {
             bench: Bench::default(),
             wait_states: WaitStates::AsConfigured,
             syncbusy_hold: SyncHold::Instant,
+            stored: None,
         }
+    }
+}
+
+impl RigConfig {
+    /// What is stored in a vehicle that somebody has set up: the rudder was seen to answer the right way, which on this rig it
+    /// does. All else are defaults.
+    pub fn set_up() -> Params {
+        let mut params = Params::default();
+        let row = params.set("SRV_POLARITY", 1.0);
+        debug_assert!(row.is_ok(), "{row:?}");
+        params
     }
 }
 
@@ -103,6 +121,9 @@ impl Rig {
             ..Options::default()
         });
         chip.load_flash(image.address(), image.bytes());
+        if let Some(params) = &config.stored {
+            chip.load_flash(STORE_ADDRESS, &store::first_slot(params));
+        }
         // The bootloader passes a power-on through.
         chip.boot(IMAGE_ADDRESS);
         Ok(Self {

@@ -22,6 +22,7 @@ fn bench(seed: u64) -> Bench {
 fn params() -> Params {
     let mut params = Params::default();
     params.set("DECLINATION_DEG", 4.37).unwrap();
+    params.set("SRV_POLARITY", 1.0).unwrap();
     params
 }
 

@@ -35,6 +35,7 @@ pub(crate) fn reading(time_us: u64, pitch_rad: f64, rate_rad_s: f64) -> RawSampl
 pub(crate) fn params() -> Params {
     let mut params = Params::default();
     params.set("I2C_KHZ", 100.0).unwrap();
+    params.set("SRV_POLARITY", 1.0).unwrap();
     params
 }
 

@@ -12,10 +12,11 @@ use mavlink::{MavlinkVersion, MessageData};
 use super::parser::Message;
 use super::queue::Priority;
 use super::{Reset, Telemetry};
-use crate::config::{COMPONENT_ID, SYSTEM_ID};
+use crate::config::{COMPONENT_ID, PULSE_MAX_US, PULSE_MIN_US, SYSTEM_ID};
 use crate::failsafe::{Command, Refusal, State};
 use crate::flight::Flight;
-use crate::params::{Info, ParamError, Params, TABLE};
+use crate::params::{Change, Info, ParamError, Params, TABLE};
+use crate::servo::PulseUs;
 
 /// MAV_CMD_DO_GRIPPER's second parameter: let go (GRIPPER_ACTION_RELEASE).
 const GRIPPER_RELEASE: f32 = 0.0;
@@ -91,8 +92,8 @@ impl Telemetry {
         // A negative index asks by name.
         let index = usize::try_from(request.param_index).ok();
         let index = index.or_else(|| Some(find(&request.param_id)?.0));
-        match index.and_then(|index| Some((index, params.by_index(index)?))) {
-            Some((index, (info, value))) => self.param_value(index, info, value),
+        match index.filter(|index| *index < Params::count()) {
+            Some(index) => self.tell_param(index, params),
             None => self.refuse_param(&ParamError::Unknown),
         }
     }
@@ -108,7 +109,14 @@ impl Telemetry {
         if let Err(error) = flight.set_param(info.name, request.param_value) {
             self.refuse_param(&error);
         }
-        if let Some((info, value)) = flight.params().by_index(index) {
+        self.tell_param(index, flight.params());
+        if info.change == Change::Turning {
+            self.tell_param(Params::POLARITY, flight.params());
+        }
+    }
+
+    fn tell_param(&mut self, index: usize, params: &Params) {
+        if let Some((info, value)) = params.by_index(index) {
             self.param_value(index, info, value);
         }
     }
@@ -142,6 +150,7 @@ impl Telemetry {
         const CAPABILITIES: u16 = 520;
         const REBOOT: u16 = MavCmd::MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN as u16;
         const CALIBRATION: u16 = MavCmd::MAV_CMD_PREFLIGHT_CALIBRATION as u16;
+        const SERVO: u16 = MavCmd::MAV_CMD_DO_SET_SERVO as u16;
         const STORAGE: u16 = MavCmd::MAV_CMD_PREFLIGHT_STORAGE as u16;
         const REQUEST_MESSAGE: u16 = MavCmd::MAV_CMD_REQUEST_MESSAGE as u16;
         let result = match order.command {
@@ -149,6 +158,11 @@ impl Telemetry {
             ARM_DISARM if order.param1 == 0.0 => self.order(now, Command::Disarm, flight),
             GRIPPER if order.param2 == GRIPPER_RELEASE => self.order(now, Command::Release, flight),
             CALIBRATION if order.param1 == 1.0 => self.calibrate(flight),
+            SERVO
+                if order.param1 == 1.0 && (PULSE_MIN_US..=PULSE_MAX_US).contains(&order.param2) =>
+            {
+                self.try_pulse(now, PulseUs(order.param2 as u16), flight)
+            }
             // Answered when it is done.
             STORAGE => return self.order_storage(order.param1, flight),
             REBOOT if order.param1 == 1.0 => self.reset(Reset::Restart, flight.state()),
@@ -162,7 +176,9 @@ impl Telemetry {
             {
                 MavResult::MAV_RESULT_ACCEPTED
             }
-            ARM_DISARM | GRIPPER | CALIBRATION | REBOOT | INTERVAL => MavResult::MAV_RESULT_DENIED,
+            ARM_DISARM | GRIPPER | CALIBRATION | SERVO | REBOOT | INTERVAL => {
+                MavResult::MAV_RESULT_DENIED
+            }
             CAPABILITIES => self.version(),
             REQUEST_MESSAGE if order.param1 == AUTOPILOT_VERSION_DATA::ID as f32 => self.version(),
             _ => MavResult::MAV_RESULT_UNSUPPORTED,
@@ -188,6 +204,14 @@ impl Telemetry {
                 MavResult::MAV_RESULT_ACCEPTED
             }
             Err(refusal) => self.refuse(format_args!("calibration refused: {refusal}")),
+        }
+    }
+
+    /// A pulse for the servo's set-up.
+    fn try_pulse(&mut self, now: Micros, pulse: PulseUs, flight: &mut Flight) -> MavResult {
+        match flight.try_pulse(now, pulse) {
+            Ok(()) => MavResult::MAV_RESULT_ACCEPTED,
+            Err(refusal) => self.refuse(format_args!("pulse refused: {refusal}")),
         }
     }
 

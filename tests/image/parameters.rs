@@ -6,6 +6,7 @@ use crate::ready;
 use rig::faults::NEUTRAL_US;
 use rig::operator::{FlightState, Operator, OperatorError};
 use rig::{Ready, Rig};
+use tvc_nano::store::SLOT_BYTES;
 
 /// Where the image keeps them.
 const STORE: std::ops::Range<usize> = 0x3FC00..0x40000;
@@ -84,9 +85,11 @@ fn a_power_cut_at_any_instant_of_a_save_leaves_the_old_set_or_the_new_one() {
 fn corrupt_rows_are_told_and_nothing_is_armed_until_the_operator_has_seen_it() {
     let mut bench = saved(1.75);
     let Ready { rig, operator, .. } = &mut bench;
-    let address = STORE.start + 20;
-    let worn = rig.chip().flash()[address] ^ 4;
-    rig.chip_mut().load_flash(address as u32, &[worn]);
+    for slot in [0, SLOT_BYTES] {
+        let address = STORE.start + slot + 20;
+        let worn = rig.chip().flash()[address] ^ 4;
+        rig.chip_mut().load_flash(address as u32, &[worn]);
+    }
     let default = tvc_nano::Params::default().pid_kp();
     assert_eq!(gain_after_power_cut(rig, operator), default);
     operator

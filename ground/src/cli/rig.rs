@@ -20,7 +20,7 @@ Examples:
   cargo tvc test step --port ./nano              arms, releases, prints the figures
   cargo tvc rig --pty --vibration 5,180          with an unbalanced propeller, see --help
   mavproxy.py --master ./nano                    any MAVLink client does
-  cargo tvc rig --pty --link ./nano --sensor worst   something to calibrate, with
+  cargo tvc rig --pty --link ./nano --blank --sensor worst   something to calibrate, with
   cargo tvc calibrate --port ./nano                  in a second terminal
 
 The hand at the rig does with sensor and drone what `tvc calibrate` asks for. The clamp opens when the firmware goes to active and closes when it is disarmed.
@@ -41,6 +41,10 @@ pub struct Rig {
     /// Tilt at which the clamp holds the drone, in rad (0 to 0.87).
     #[arg(long, value_name = "RAD", default_value_t = 0.4, allow_negative_numbers = true, value_parser = start_angle)]
     pub tilt: f64,
+
+    /// A Nano fresh from its box: nothing in its flash, polarity unchecked, so that it cannot be armed yet.
+    #[arg(long)]
+    pub blank: bool,
 
     /// The sensor on the rig.
     #[arg(long, value_enum, default_value_t = SensorChoice::Typical)]

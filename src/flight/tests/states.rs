@@ -243,3 +243,86 @@ fn arming_waits_for_the_gyros_offset_to_be_learned() {
     }
     assert!(steps < REST, "{steps}");
 }
+
+#[test]
+fn nobody_arms_before_the_rudder_was_seen_to_answer_and_a_turned_servo_or_mount_asks_for_it_again()
+{
+    for (name, value) in [
+        ("SRV_DIR", -1.0),
+        ("MNT_ROLL_DEG", 180.0),
+        ("MNT_PITCH_DEG", 1.0),
+        ("MNT_YAW_DEG", 90.0),
+    ] {
+        let mut desk = Desk::in_standby(0.0);
+        let same = desk.flight.params().value(name).unwrap();
+        desk.flight.set_param(name, same).unwrap();
+        assert_eq!(desk.flight.params().polarity(), Polarity::Checked);
+        desk.flight.set_param(name, value).unwrap();
+        assert_eq!(desk.flight.params().polarity(), Polarity::Unchecked);
+        assert_eq!(desk.command(Command::Arm), Err(Refusal::Polarity), "{name}");
+        desk.flight.set_param(name, same).unwrap();
+        assert_eq!(desk.command(Command::Arm), Err(Refusal::Polarity), "{name}");
+        desk.flight.set_param("SRV_POLARITY", 1.0).unwrap();
+        assert_eq!(desk.command(Command::Arm), Ok(()));
+    }
+}
+
+/// Turns the held drone to `to` at 0.5 rad/s and rests there for half a second.
+fn tilt(desk: &mut Desk, to: f64) -> Outputs {
+    desk.rate = 0.5_f64.copysign(to - desk.pitch);
+    while (to - desk.pitch) * desk.rate > 0.0 {
+        desk.pitch += desk.rate * 0.01;
+        desk.step();
+    }
+    desk.rate = 0.0;
+    desk.run(50)
+}
+
+#[test]
+fn the_rudder_answers_the_tilt_in_standby_while_somebody_looks_and_nothing_is_armed_then() {
+    let mut desk = Desk::in_standby(0.0);
+    desk.flight.set_param("SRV_POLARITY", 2.0).unwrap();
+    let up = tilt(&mut desk, 0.3).pulse;
+    // Nose up asks for positive crank angles, which are longer pulses.
+    assert!(up > PulseUs(1600), "{up:?}");
+    assert_eq!(desk.command(Command::Arm), Err(Refusal::Polarity));
+    let down = tilt(&mut desk, -0.3).pulse;
+    assert!(down < PulseUs(1450), "{down:?}");
+    desk.flight.set_param("SRV_DIR", -1.0).unwrap();
+    assert_eq!(desk.run(1).pulse, NEUTRAL);
+    desk.flight.set_param("SRV_POLARITY", 1.0).unwrap();
+    assert_eq!(desk.run(50).pulse, NEUTRAL);
+}
+
+#[test]
+fn a_pulse_is_tried_for_two_seconds_where_nobody_needs_the_rudder() {
+    let mut desk = Desk::in_standby(0.0);
+    let low = PulseUs(900);
+    let try_pulse = |desk: &mut Desk| desk.flight.try_pulse(Micros(desk.now_us), low);
+    try_pulse(&mut desk).unwrap();
+    assert_eq!(desk.run(199).pulse, low);
+    assert_eq!(desk.run(2).pulse, NEUTRAL);
+    try_pulse(&mut desk).unwrap();
+    assert_eq!(desk.run(1).pulse, low);
+    desk.command(Command::Arm).unwrap();
+    assert_eq!(desk.run(1).pulse, NEUTRAL);
+    assert_eq!(try_pulse(&mut desk), Err(Refusal::WrongState(State::Armed)));
+    desk.command(Command::Disarm).unwrap();
+    assert_eq!(desk.run(1).pulse, NEUTRAL);
+}
+
+/// 80 mg on z leave 0.92 g: no healthy sensor, until the offset is known.
+#[test]
+fn a_sensor_with_a_large_offset_passes_its_self_test_once_it_is_calibrated() {
+    let mut params = params();
+    params.set("CAL_ACC_OZ", 0.785).unwrap();
+    for (params, expected) in [(super::params(), false), (params, true)] {
+        let mut desk = Desk::with(0.0, params, BootReport::default());
+        for _ in 0..REST {
+            let mut sample = reading(desk.now_us, 0.0, 0.0);
+            sample.acc[2] += 79;
+            desk.step_with(Ok(sample));
+        }
+        assert_eq!(desk.flight.state() == State::Standby, expected);
+    }
+}

@@ -95,7 +95,7 @@ fn the_clock_is_told_byte_for_byte() {
 }
 
 /// From pymavlink: `MAVLink_param_set_message(1, 1, b"PID_KP", 1.6, 9)` and, sequence 5, the answer
-/// `MAVLink_param_value_message(b"PID_KP", 1.6, 9, 45, 0)`.
+/// `MAVLink_param_value_message(b"PID_KP", 1.6, 9, 47, 0)`.
 #[test]
 fn a_parameter_set_is_echoed_byte_for_byte() {
     let mut link = Link::new(Desk::in_standby(0.1));
@@ -103,7 +103,7 @@ fn a_parameter_set_is_echoed_byte_for_byte() {
     let request = "fd17000009ffbe170000cdcccc3f01015049445f4b5000000000000000000000095e4e";
     link.telemetry
         .receive(Micros(0), &hex(request), &mut link.desk.flight);
-    let answer = "fd190000050101160000cdcccc3f2d0000005049445f4b500000000000000000000009a304";
+    let answer = "fd190000050101160000cdcccc3f2f0000005049445f4b500000000000000000000009085e";
     assert_eq!(link.telemetry.pending(), hex(answer));
     assert_eq!(link.desk.flight.params().pid_kp(), 1.6);
 }

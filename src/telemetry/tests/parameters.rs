@@ -55,6 +55,37 @@ fn a_parameter_out_of_range_is_refused_in_words_and_the_old_value_told() {
 }
 
 #[test]
+fn a_turned_servo_or_mount_is_told_with_the_polarity_that_it_takes_back() {
+    let mut link = Link::new(Desk::in_standby(0.1));
+    let answer = values(&link.tell(&set("SRV_DIR", -1.0)));
+    let expected = [("SRV_DIR", -1.0), ("SRV_POLARITY", 0.0)];
+    assert_eq!(
+        answer,
+        expected.map(|(name, value)| (name.to_string(), value))
+    );
+}
+
+#[test]
+fn a_pulse_is_tried_within_the_hard_range_and_not_while_armed() {
+    let mut link = Link::new(Desk::in_standby(0.1));
+    let result = |link: &mut Link, servo, us| {
+        acks(&link.tell(&order(MavCmd::MAV_CMD_DO_SET_SERVO, servo, us)))[0].1
+    };
+    for (servo, us) in [(1.0, 852.0), (1.0, 2194.0), (1.0, f32::NAN), (2.0, 1500.0)] {
+        let refused = result(&mut link, servo, us);
+        assert_eq!(refused, MavResult::MAV_RESULT_DENIED, "{servo} {us}");
+    }
+    assert_eq!(
+        result(&mut link, 1.0, 1700.0),
+        MavResult::MAV_RESULT_ACCEPTED
+    );
+    assert_eq!(link.desk.step().pulse.0, 1700);
+    link.tell(&order(MavCmd::MAV_CMD_COMPONENT_ARM_DISARM, 1.0, 0.0));
+    let answer = link.tell(&order(MavCmd::MAV_CMD_DO_SET_SERVO, 1.0, 1700.0));
+    assert_eq!(texts(&answer), ["pulse refused: in armed"]);
+}
+
+#[test]
 fn a_parameter_is_read_by_name_or_index() {
     let mut link = Link::new(Desk::in_standby(0.1));
     let read = |param_index, name: &str| {
