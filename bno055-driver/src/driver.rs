@@ -148,11 +148,14 @@ impl Driver {
             Phase::Sampling(sampling) => match sampling.outstanding.take() {
                 Some(Errand::Verify) => self.verified(now, outcome),
                 Some(Errand::Ask(request)) => match outcome {
-                    Ok(&[byte]) => {
-                        self.answer = request.decode(byte);
-                        self.request = None;
+                    Ok(bytes) => {
+                        self.answer = request.decode(bytes);
+                        if self.answer.is_some() {
+                            self.request = None;
+                        } else {
+                            self.bus_error(now, SensorFault::Protocol);
+                        }
                     }
-                    Ok(_) => self.bus_error(now, SensorFault::Protocol),
                     Err(error) => self.bus_error(now, error.into()),
                 },
                 None => {}

@@ -32,7 +32,7 @@ macro_rules! front_end {
         use crate::profile::{Profile, SoftIron};
         use crate::request::{Answer, Request};
         use crate::sample::RawSample;
-        use crate::status::{CalibrationStatus, SelfTest};
+        use crate::status::{CalibrationStatus, SelfTest, SystemError, SystemStatus};
         use crate::transfer::{BusError, Micros, READ_MAX, Transfer, WRITE_MAX};
 
         /// A BNO055 on a bus.
@@ -108,6 +108,17 @@ macro_rules! front_end {
             pub $($async)? fn calibration_status(&mut self) -> Result<CalibrationStatus, SensorFault> {
                 match self.ask(Request::CalibrationStatus) $($await)*? {
                     Answer::CalibrationStatus(status) => Ok(status),
+                    _ => Err(SensorFault::Protocol),
+                }
+            }
+
+            /// Reads what the chip does and, if that is [`SystemStatus::Error`], which error it has.
+            ///
+            /// # Errors
+            /// Why the chip does not answer.
+            pub $($async)? fn system_status(&mut self) -> Result<(SystemStatus, SystemError), SensorFault> {
+                match self.ask(Request::SystemStatus) $($await)*? {
+                    Answer::SystemStatus(status, error) => Ok((status, error)),
                     _ => Err(SensorFault::Protocol),
                 }
             }

@@ -2,7 +2,7 @@
 
 use crate::profile::{Profile, SoftIron};
 use crate::registers as reg;
-use crate::status::{CalibrationStatus, SelfTest};
+use crate::status::{CalibrationStatus, SelfTest, SystemError, SystemStatus};
 use crate::transfer::Transfer;
 
 /// A question, for [`Driver::request`](crate::Driver::request).
@@ -12,6 +12,8 @@ pub enum Request {
     Temperature,
     /// Calibration status of the chip's fusion; between two samples.
     CalibrationStatus,
+    /// System status and error; between two samples.
+    SystemStatus,
     /// Calibration profile; interrupts sampling, because it can only be read in CONFIG mode.
     Profile,
     /// Soft-iron matrix; interrupts sampling.
@@ -26,18 +28,23 @@ impl Request {
         match self {
             Self::Temperature => Some(Transfer::read(reg::TEMP, 1)),
             Self::CalibrationStatus => Some(Transfer::read(reg::CALIB_STAT, 1)),
+            Self::SystemStatus => Some(Transfer::read(reg::SYS_STATUS, 2)),
             Self::Profile | Self::SoftIron | Self::SelfTest => None,
         }
     }
 
-    /// The answer in the byte that the transfer read.
-    pub(crate) const fn decode(self, byte: u8) -> Option<Answer> {
-        match self {
-            Self::Temperature => Some(Answer::Temperature(byte as i8)),
-            Self::CalibrationStatus => Some(Answer::CalibrationStatus(
+    /// The answer in the bytes that the transfer read; `None` if their number is wrong.
+    pub(crate) const fn decode(self, bytes: &[u8]) -> Option<Answer> {
+        match (self, bytes) {
+            (Self::Temperature, &[byte]) => Some(Answer::Temperature(byte as i8)),
+            (Self::CalibrationStatus, &[byte]) => Some(Answer::CalibrationStatus(
                 CalibrationStatus::from_register(byte),
             )),
-            Self::Profile | Self::SoftIron | Self::SelfTest => None,
+            (Self::SystemStatus, &[status, error]) => Some(Answer::SystemStatus(
+                SystemStatus::from_register(status),
+                SystemError::from_register(error),
+            )),
+            _ => None,
         }
     }
 }
@@ -49,6 +56,8 @@ pub enum Answer {
     Temperature(i8),
     /// Calibration status.
     CalibrationStatus(CalibrationStatus),
+    /// System status, and the error that it means if it is one.
+    SystemStatus(SystemStatus, SystemError),
     /// Calibration profile.
     Profile(Profile),
     /// Soft-iron matrix.

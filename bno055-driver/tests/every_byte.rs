@@ -3,7 +3,9 @@
 mod fake;
 
 use bno055_driver::config::{AxisMap, Mode};
-use bno055_driver::{Answer, BusError, Config, Micros, Next, Profile, Request, SoftIron};
+use bno055_driver::{
+    Answer, BusError, Config, Micros, Next, Profile, Request, SoftIron, SystemError, SystemStatus,
+};
 use fake::{Chip, Rig, Spoiler};
 
 const ERRORS: [BusError; 5] = [
@@ -108,8 +110,12 @@ fn of_bursts_and_verifications() {
 }
 
 #[test]
-fn of_a_temperature() {
+fn of_a_temperature_and_a_system_status() {
     spoil_every_byte(Config::default(), sampling, |rig| {
+        rig.driver.request(Request::SystemStatus);
+        rig.bursts(3);
+        let running = Answer::SystemStatus(SystemStatus::NoFusion, SystemError::None);
+        assert_eq!(rig.driver.answer(), Some(running));
         rig.driver.request(Request::Temperature);
         rig.bursts(3);
         assert_eq!(rig.driver.answer(), Some(Answer::Temperature(25)));

@@ -8,7 +8,8 @@ use std::task::{Context, Poll, Waker};
 
 use bno055_driver::config::{Address, Mode};
 use bno055_driver::{
-    Config, Micros, Profile, SensorFault, SoftIron, SystemError, asynchronous, blocking,
+    Config, Micros, Profile, SensorFault, SoftIron, SystemError, SystemStatus, asynchronous,
+    blocking,
 };
 use embedded_hal::i2c::{ErrorKind, NoAcknowledgeSource};
 use embedded_hal_mock::eh1::i2c::{Mock, Transaction};
@@ -264,16 +265,22 @@ fn a_lost_chip_is_set_up_again_from_within_sample() {
 }
 
 #[test]
-fn temperature_and_calibration_status() {
+fn temperature_calibration_and_system_status() {
     let script = Script::new()
         .set_up()
         .read(0x34, &[0xF6])
-        .read(0x35, &[0b11_10_01_00]);
+        .read(0x35, &[0b11_10_01_00])
+        .read(0x39, &[6, 0])
+        .read(0x39, &[1, 9]);
     both!(Config::default(), script.1, |imu, _time| [
         go!(imu.start()).unwrap();
         assert_eq!(go!(imu.temperature()), Ok(-10.0));
         let status = go!(imu.calibration_status()).unwrap();
         assert_eq!((status.system, status.gyr, status.acc, status.mag), (3, 2, 1, 0));
+        let none = (SystemStatus::NoFusion, SystemError::None);
+        assert_eq!(go!(imu.system_status()), Ok(none));
+        let failed = (SystemStatus::Error, SystemError::Fusion);
+        assert_eq!(go!(imu.system_status()), Ok(failed));
     ]);
 }
 
