@@ -1,5 +1,7 @@
 //! What can be said to `tvc faults`.
 
+use std::path::PathBuf;
+
 use clap::Args;
 use rig::faults::Kind;
 
@@ -33,6 +35,10 @@ pub struct Faults {
     /// Runs at a time [default: one for each processor core].
     #[arg(long, value_name = "J", value_parser = clap::value_parser!(u16).range(1..=256))]
     pub jobs: Option<u16>,
+
+    /// Where to write the HTML report: every run, how it ended and how long it was blind.
+    #[arg(long, value_name = "FILE.html", default_value = "report/faults.html")]
+    pub report: PathBuf,
 
     /// Print one JSON object on standard output and nothing else there.
     #[arg(long)]

@@ -1,5 +1,7 @@
 //! `tvc faults`: everything that a sensor and its cable do wrong, at random instants of a flight.
 
+mod report;
+
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result};
@@ -13,7 +15,7 @@ use serde::Serialize;
 
 use crate::cli::Faults;
 use crate::failure::Verdict;
-use crate::output::print_json;
+use crate::output::{print_figures, write_whole};
 
 /// Everything that `tvc faults --json` prints, as one object.
 #[derive(Debug, Serialize)]
@@ -36,6 +38,16 @@ struct KindFigures {
     /// The longest that a rudder was off neutral without sound data, ms.
     worst_ms: f64,
 }
+
+/// What the columns of the table are.
+const COLUMNS: [&str; 6] = [
+    "fault",
+    "runs",
+    "recovered",
+    "neutral",
+    "unsafe",
+    "worst, ms",
+];
 
 /// Carries out the campaign, prints its table, and tells every unsafe run.
 pub fn run(options: &Faults) -> Result<Verdict> {
@@ -67,11 +79,12 @@ pub fn run(options: &Faults) -> Result<Verdict> {
             .collect(),
         wall_s: begun.elapsed().as_secs_f64(),
     };
-    if options.json {
-        print_json(&figures)?;
-    } else {
-        println!("{}", figures.table());
-    }
+    let page = report::render(&figures, &outcomes)?;
+    write_whole(&options.report, page.as_bytes())?;
+    print_figures(&figures, options.json, |figures| {
+        format!("{}\n", figures.table())
+    })?;
+    eprintln!("report: {}", options.report.display());
     let mut verdict = Verdict::Met;
     for outcome in &outcomes {
         if let Ending::Unsafe(why) = outcome.ending {
@@ -126,27 +139,26 @@ impl KindFigures {
 }
 
 impl Figures {
-    fn table(&self) -> Table {
-        let mut table = Table::new();
-        table.load_style(NOTHING);
-        table.set_header([
-            "fault",
-            "runs",
-            "recovered",
-            "neutral",
-            "unsafe",
-            "worst, ms",
-        ]);
-        for row in &self.faults {
-            table.add_row([
+    /// The table's rows, in the order of [`COLUMNS`].
+    fn rows(&self) -> Vec<Vec<String>> {
+        let row = |row: &KindFigures| {
+            vec![
                 row.kind.to_owned(),
                 row.runs.to_string(),
                 row.recovered.to_string(),
                 row.neutral.to_string(),
                 row.unsafe_runs.to_string(),
                 format!("{:.1}", row.worst_ms),
-            ]);
-        }
+            ]
+        };
+        self.faults.iter().map(row).collect()
+    }
+
+    fn table(&self) -> Table {
+        let mut table = Table::new();
+        table.load_style(NOTHING);
+        table.set_header(COLUMNS);
+        table.add_rows(self.rows());
         for column in table.column_iter_mut().skip(1) {
             column.set_cell_alignment(CellAlignment::Right);
         }
