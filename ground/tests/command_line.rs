@@ -292,6 +292,8 @@ fn a_flight_as_json_is_one_object_and_the_same_seed_gives_the_same_flight() {
 
 #[test]
 fn faults_as_json_are_one_object_that_adds_up() {
+    let folder = tempfile::tempdir().unwrap();
+    let report = folder.path().join("faults.html");
     let output = tvc(&[
         "faults",
         "--json",
@@ -303,6 +305,8 @@ fn faults_as_json_are_one_object_that_adds_up() {
         "spikes",
         "--jobs",
         "2",
+        "--report",
+        report.to_str().unwrap(),
     ]);
     let said = String::from_utf8_lossy(&output.stderr).into_owned();
     assert_eq!(output.status.code(), Some(0), "{said}");
@@ -322,6 +326,8 @@ fn faults_as_json_are_one_object_that_adds_up() {
         let worst = row["worst_ms"].as_f64().unwrap();
         assert!((0.0..=150.0).contains(&worst), "{row}");
     }
+    let page = std::fs::read_to_string(&report).unwrap();
+    assert!(page.contains("Every run recovered") && page.contains("unplugged run "));
 }
 
 #[cfg(unix)]
