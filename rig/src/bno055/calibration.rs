@@ -12,7 +12,8 @@
 //! A group of the profile that is not zero when fusion starts counts as restored: gyroscope and accelerometer show 3 at
 //! once, the magnetometer 0 until the first motion, though the system takes it for calibrated (a user's report).
 //!
-//! Left out: that the levels of real chips fall again under violent motion.
+//! Levels fall again, as the thesis saw under motion (6.1): a second of forces far from 1 g takes the accelerometer back
+//! to 2, a second in a field of another strength lets the magnetometer begin anew.
 
 use super::registers::Mode;
 use super::signal::{STANDARD_GRAVITY_M_S2, Sample};
@@ -34,6 +35,20 @@ const COS_POSES: f64 = std::f64::consts::FRAC_1_SQRT_2;
 const FIELDS_FAST: [usize; 3] = [3, 6, 9];
 const FIELDS: [usize; 3] = [5, 10, 15];
 const COS_FIELDS: f64 = 0.866;
+/// A force that far from 1 g, m/s^2, and a field whose strength differs by that share from the usual disturb the
+/// calibration once they have lasted for this long, s.
+const SHAKEN_M_S2: f64 = 2.0;
+const DISTURBED_FIELD: f64 = 0.2;
+const DISTURBED_S: f64 = 1.0;
+/// Six poses, for an accelerometer that need not find them.
+const FACES: [[f64; 3]; 6] = [
+    [1.0, 0.0, 0.0],
+    [-1.0, 0.0, 0.0],
+    [0.0, 1.0, 0.0],
+    [0.0, -1.0, 0.0],
+    [0.0, 0.0, 1.0],
+    [0.0, 0.0, -1.0],
+];
 
 /// A sensor that calibrates itself; in the order of the profile's groups.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -46,20 +61,28 @@ pub(super) enum Learner {
 /// The state of calibration since fusion has started.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Calibration {
-    /// Which groups came from the profile.
-    restored: [bool; 3],
+    /// Which of magnetometer and gyroscope came from the profile.
+    mag_restored: bool,
+    gyr_restored: bool,
     mean_rad_s: Option<[f64; 3]>,
     rest_s: f64,
     longest_rest_s: f64,
     poses: Vec<[f64; 3]>,
     fields: Vec<[f64; 3]>,
+    /// Strength of the field in which the magnetometer learns, uT.
+    learned_in_ut: Option<f64>,
+    /// How long force and field have been far from what they should be.
+    shaken_s: f64,
+    disturbed_s: f64,
 }
 
 impl Calibration {
     /// At the start of fusion, with the groups of the profile that are set.
-    pub(super) fn new(restored: [bool; 3]) -> Self {
+    pub(super) fn new([acc, mag, gyr]: [bool; 3]) -> Self {
         Self {
-            restored,
+            mag_restored: mag,
+            gyr_restored: gyr,
+            poses: if acc { FACES.to_vec() } else { Vec::new() },
             ..Self::default()
         }
     }
@@ -81,6 +104,7 @@ impl Calibration {
             0.0
         };
         self.longest_rest_s = self.longest_rest_s.max(self.rest_s);
+        self.forget(sample, field_ut, dt_s);
         let [_, _, enough_s] = RESTS_S;
         if mode.has_gyr() && rested < enough_s && self.rest_s >= enough_s {
             learned.push(Learner::Gyroscope);
@@ -99,23 +123,18 @@ impl Calibration {
 
     /// The value of CALIB_STAT.
     pub(super) fn register(&self, mode: Mode) -> u8 {
-        let [acc_restored, mag_restored, gyr_restored] = self.restored;
-        let gyr = if gyr_restored {
+        let gyr = if self.gyr_restored {
             3
         } else {
             level(RESTS_S, self.longest_rest_s)
         };
-        let acc = if acc_restored {
-            3
-        } else {
-            level(POSES, self.poses.len())
-        };
+        let acc = level(POSES, self.poses.len());
         let mag = match self.fields.len() {
             0 | 1 => 0,
-            _ if mag_restored => 3,
+            _ if self.mag_restored => 3,
             directions => level(fields(mode), directions),
         };
-        let mag_for_system = if mag_restored { 3 } else { mag };
+        let mag_for_system = if self.mag_restored { 3 } else { mag };
         let on = |has: bool, level: u8| if has { level } else { 0 };
         let system = [(mode.has_gyr(), gyr), (mode.has_mag(), mag_for_system)]
             .into_iter()
@@ -126,6 +145,29 @@ impl Calibration {
             | on(mode.has_gyr(), gyr) << 4
             | on(mode.has_acc(), acc) << 2
             | on(mode.has_mag(), mag)
+    }
+
+    /// Lets the levels fall where force or field have been disturbed for too long.
+    fn forget(&mut self, sample: &Sample, field_ut: [f64; 3], dt_s: f64) {
+        let shaken = (norm(sample.acc_m_s2) - STANDARD_GRAVITY_M_S2).abs() > SHAKEN_M_S2;
+        self.shaken_s = if shaken { self.shaken_s + dt_s } else { 0.0 };
+        if self.shaken_s >= DISTURBED_S {
+            let [_, some, _] = POSES;
+            self.poses.truncate(some);
+        }
+        let strength = norm(field_ut);
+        let usual = *self.learned_in_ut.get_or_insert(strength);
+        let disturbed = (strength - usual).abs() > DISTURBED_FIELD * usual;
+        self.disturbed_s = if disturbed {
+            self.disturbed_s + dt_s
+        } else {
+            0.0
+        };
+        if self.disturbed_s >= DISTURBED_S {
+            self.fields.clear();
+            self.mag_restored = false;
+            self.learned_in_ut = Some(strength);
+        }
     }
 
     fn is_still(&mut self, mode: Mode, sample: &Sample, dt_s: f64) -> bool {

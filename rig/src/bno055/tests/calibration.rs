@@ -144,6 +144,34 @@ fn a_restored_profile_counts_and_is_overwritten() {
     assert_eq!(bus.words(GYR_OFFSET), [0, 32, 0], "rest teaches it better");
 }
 
+/// As the thesis found: under motion accelerometer and magnetometer lose their calibration, and regain it.
+#[test]
+fn shaking_and_iron_cost_levels() {
+    let mut bus = fusing(Mode::Ndof, &[]);
+    for (up, north) in poses() {
+        pose(&mut bus, up, north);
+        bus.wait_ms(2500);
+    }
+    assert_eq!(levels(&mut bus), [3, 3, 3, 3]);
+    let (up, north) = poses().next().unwrap();
+    pose(&mut bus, up, north);
+    bus.truth.specific_force_m_s2[0] += 5.0;
+    bus.wait_ms(500);
+    assert_eq!(levels(&mut bus)[2], 3, "a knock is nothing");
+    bus.wait_ms(1000);
+    assert_eq!(levels(&mut bus), [3, 3, 2, 3]);
+    pose(&mut bus, up, north);
+    bus.truth.field_ut = bus.truth.field_ut.map(|f| 1.5 * f);
+    bus.wait_ms(1500);
+    assert_eq!(levels(&mut bus), [0, 3, 2, 0], "beside iron");
+    for (up, north) in poses() {
+        pose(&mut bus, up, north);
+        bus.truth.field_ut = bus.truth.field_ut.map(|f| 1.5 * f);
+        bus.wait_ms(2500);
+    }
+    assert_eq!(levels(&mut bus), [3, 3, 3, 3], "learned again");
+}
+
 #[test]
 fn a_refused_profile_calibrates_nothing() {
     let out_of_range = [(MAG_OFFSET, [0, 0, 0, 0, 0x8C, 0x21])];
