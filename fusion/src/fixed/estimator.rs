@@ -2,7 +2,7 @@
 
 use nalgebra::Vector3;
 
-use super::field::{self, Compass, Field};
+use super::field::{self, Compass, size};
 use super::filters::{Filter, Gain, View};
 use super::orientation::{Angles, Orientation};
 use super::rest::{self, Rest, Sums};
@@ -45,9 +45,8 @@ impl Scale {
 /// Longest time step, us: more is a gap.
 const MOST_DT_US: u32 = 30_000;
 
-/// Largest half angle of a long step, about an axis, rad: about three axes and with the corrections it must
-/// stay below 0.9.
-const MOST_HALF_ANGLE: f32 = 0.22;
+/// Largest half angle of a long step, rad, the sum of three axes.
+const MOST_HALF_ANGLE: f32 = 0.38;
 
 /// Most bits that are given up in a step longer than 1.25 periods, so that one of up to ten periods fits.
 const COARSE: u8 = 3;
@@ -75,6 +74,10 @@ const FIRST_SHARE: u8 = 2;
 /// Two to this many samples have it: from any attitude to the one that is seen.
 const FIRST_SAMPLES: u8 = 6;
 
+/// Sum of the sizes of an acceleration's components beyond which it is passed over in the beginning, g: in whatever
+/// direction, gravity has at most 1.73.
+const MODERATE_G: f32 = 1.9;
+
 /// An attitude estimator in fixed point.
 ///
 /// Fields in the order of use: what every step touches lies within reach of the core's short offsets.
@@ -87,64 +90,77 @@ pub struct Estimator<F> {
     per_us: u32,
     fine_dt_us: u32,
     dt_rest: u32,
-    dt_cut: u8,
-    turn_cut: u8,
-    mag_cut: u8,
-    settled: bool,
-    /// The gains are so large that an acceleration must be looked at.
-    fragile: bool,
-    gain: Gain,
-    /// Share of the heading error per sample, Q15 with `mag_cut` more bits.
-    mag_gain: i32,
-    /// Largest correction of a sample, in the same unit.
-    mag_most: i32,
-    /// Samples since the last field, and as many as a correction makes up for.
+    dt_cut: u32,
+    turn_cut: u32,
+    shares: Shares,
+    /// Samples since the last field.
     mag_samples: i32,
-    most_mag_samples: i32,
     compass: Compass,
     sums: Sums,
     filter: F,
     rest: Rest,
-    field: Field,
     settling: Settling,
-    /// Largest acceleration while settling, counts.
-    acc_limit: i32,
-    /// Blocks of samples so far, and those that make the start-up.
-    blocks: u32,
+    /// The last field of the beginning.
+    mag: Option<[i16; 3]>,
     start_up_blocks: u32,
     gap: bool,
     most_dt_us: u32,
-    /// Largest product of a long step and a rate, us and counts.
+    /// Largest product of a long step and a sum of rates, us and counts.
     most_turn: u32,
     /// Bits that are given up in a long step.
-    coarse: u8,
+    coarse: u32,
     /// Cosine and sine of half the declination, Q15, unless it is zero.
     declination: Option<(i32, i32)>,
     gyr_rad_s: f32,
 }
 
+/// Shares of the errors that a sample takes away.
+#[derive(Clone, Debug)]
+#[repr(C)]
+struct Shares {
+    tilt: Gain,
+    /// Of the heading error, Q15 with `heading_cut` more bits.
+    heading: i32,
+    heading_cut: u32,
+    /// Largest correction of a sample, in the same unit.
+    most_turn: i32,
+    /// As many samples without a field as a correction makes up for.
+    most_samples: i32,
+    /// While the share of the tilt is so large that a product might not fit, the largest acceleration that is taken,
+    /// sum of the sizes of its components, counts; else 0.
+    moderate: u32,
+    /// The shares are the filter's own.
+    settled: bool,
+}
+
 /// The running mean with which an estimate begins, or begins anew: at least 64 samples have shares of
 /// 1/4, then all have one over the number of samples so far, halved as that doubles, down to the filter's own.
 #[derive(Clone, Debug)]
+#[repr(C)]
 struct Settling {
+    /// Blocks of samples so far, and those of the first shares.
+    blocks: u32,
+    first_blocks: u32,
+    /// After how many the shares fall next, and how many later again.
+    fall_at: u32,
+    span: u32,
     /// How much larger the shares are now, as a power of two, for the one of tilt and heading that has the
     /// smaller share of its own; and by how much less that of the other is larger.
-    boost: u8,
-    acc_less: u8,
-    mag_less: u8,
+    boost: i32,
+    tilt_less: i32,
+    heading_less: i32,
     /// By how much the boost falls next.
-    fall: u8,
-    /// Blocks that are left of this boost after the present one, and that the next lasts.
-    left: u8,
-    next: u8,
+    fall: i32,
+    /// The filter's own gains, and by how much the tilt's cut may become less.
+    tilt_factor: i32,
+    tilt_cut: u32,
+    tilt_most: i32,
+    heading_cut: u32,
+    /// The largest acceleration while it does not suffice.
+    moderate: u32,
     /// Where it all begins.
-    most: u8,
-    first_blocks: u8,
-    first_fall: u8,
-    /// The filter's own gains.
-    acc_factor: i32,
-    acc_cut: u8,
-    mag_cut: u8,
+    most: i32,
+    first_fall: i32,
 }
 
 impl<F: Filter> Estimator<F> {
@@ -187,53 +203,57 @@ impl<F: Filter> Estimator<F> {
         let dt_cut = bits_above(per_us as f32 * fine_dt_us as f32, 32_768.0);
         let coarse = COARSE.min(bits - dt_cut);
         let (sums, rest) = Rest::new(&rest::Limits::new(&config.rest, scale, period_s)?);
-        let (acc_boost, mag_boost) = (boost(acc_share), boost(mag_share));
-        let most = acc_boost.max(mag_boost);
+        let field = field::Limits::new(&config.field, scale, period_s)?;
+        let (tilt_boost, heading_boost) = (boost(acc_share), boost(mag_share));
+        let most = tilt_boost.max(heading_boost);
         let first = FIRST_SAMPLES.max(sums.log2_block());
-        let first_blocks = 1u8 << (first - sums.log2_block());
-        let first_fall = first - FIRST_SHARE;
+        let first_blocks = 1 << (first - sums.log2_block());
+        let moderate = (MODERATE_G * per_g) as u32;
         let block_s = period_s * f32::from(1u16 << sums.log2_block());
         Ok(Self {
             rotation: Rotation::new(),
             per_us: per_us as u32,
             fine_dt_us,
             dt_rest: 0,
-            dt_cut,
-            turn_cut: bits - dt_cut,
-            mag_cut,
-            settled: false,
-            fragile: true,
-            gain: Gain { factor: 0, cut: 2 },
-            mag_gain,
-            mag_most: 0,
+            dt_cut: dt_cut.into(),
+            turn_cut: u32::from(bits - dt_cut),
+            shares: Shares {
+                tilt: Gain { factor: 0, cut: 2 },
+                heading: mag_gain,
+                heading_cut: mag_cut.into(),
+                most_turn: 0,
+                most_samples: 0,
+                moderate,
+                settled: false,
+            },
             mag_samples: 0,
-            most_mag_samples: 0,
+            compass: Compass::new(&field, period_s),
             sums,
-            compass: Compass::new(scale, period_s),
             filter: F::new(&config.gains, period_s)?,
             rest,
-            field: Field::new(&field::Limits::new(&config.field, scale, period_s)?),
             settling: Settling {
-                boost: most,
-                acc_less: most - acc_boost,
-                mag_less: most - mag_boost,
-                fall: first_fall,
-                left: first_blocks,
-                next: first_blocks,
-                most,
+                blocks: 0,
                 first_blocks,
-                first_fall,
-                acc_factor,
-                acc_cut,
-                mag_cut,
+                fall_at: first_blocks + 1,
+                span: first_blocks,
+                boost: most.into(),
+                tilt_less: (most - tilt_boost).into(),
+                heading_less: (most - heading_boost).into(),
+                fall: (first - FIRST_SHARE).into(),
+                tilt_factor: acc_factor,
+                tilt_cut: acc_cut.into(),
+                tilt_most: (acc_cut - LEAST_CUT).into(),
+                heading_cut: mag_cut.into(),
+                moderate,
+                most: most.into(),
+                first_fall: (first - FIRST_SHARE).into(),
             },
-            acc_limit: (1.25 * per_g) as i32,
-            blocks: 0,
-            start_up_blocks: ((config.start_up_s / block_s + 0.5) as u32).max(first_blocks.into()),
+            mag: None,
+            start_up_blocks: ((config.start_up_s / block_s + 0.5) as u32).max(first_blocks),
             gap: false,
             most_dt_us: MOST_DT_US.min(fine_dt_us << coarse),
             most_turn: (MOST_HALF_ANGLE * 2e6 / scale.gyr_rad_s) as u32,
-            coarse,
+            coarse: coarse.into(),
             declination: half_declination(config.declination_rad)?,
             gyr_rad_s: scale.gyr_rad_s,
         })
@@ -272,7 +292,7 @@ impl<F: Filter> Estimator<F> {
     /// accelerometer is never passed over, and clipping not noticed.
     pub fn flags(&self) -> Flags {
         Flags {
-            initialised: self.blocks > self.start_up_blocks,
+            initialised: self.settling.blocks > self.start_up_blocks,
             at_rest: self.rest.is_at_rest(),
             mag_disturbed: self.compass.is_disturbed(),
             gap: self.gap,
@@ -280,14 +300,14 @@ impl<F: Filter> Estimator<F> {
         }
     }
 
-    /// Take one sample, `dt_us` microseconds after the one before (at most ten periods or
-    /// 30,000: more is a gap, and
+    /// Take one sample, `dt_us` microseconds after the one before (at most ten periods or 30,000: more is a gap, and
     /// nothing happens at 0).
     #[inline]
     pub fn update(&mut self, dt_us: u32, counts: &Counts) {
+        let Counts { gyr, acc, mut mag } = *counts;
         let long = dt_us > self.fine_dt_us;
         let step = if long {
-            self.long_step(dt_us, &counts.gyr)
+            self.long_step(dt_us, &gyr)
         } else {
             // What is cut is made good by the next step.
             let product = dt_us * self.per_us + self.dt_rest;
@@ -295,40 +315,49 @@ impl<F: Filter> Estimator<F> {
             self.dt_rest = product - (per_count << (self.dt_cut & 31));
             Step {
                 per_count: per_count as i32,
-                cut: u32::from(self.turn_cut),
+                cut: self.turn_cut,
             }
         };
-        self.rotation.turn(&counts.gyr, step);
+        self.rotation.turn(&gyr, step);
 
-        // A step that keeps house, or is long, leaves the compass alone: no step pays for both.
-        let mut acc = counts.acc.map(i32::from);
-        // The large gains of the beginning are for moderate accelerations.
-        if self.fragile && acc.iter().any(|a| a.abs() > self.acc_limit) {
-            acc = [0; 3];
+        let mut acc = acc.map(i32::from);
+        let beginning = self.shares.moderate != 0;
+        if beginning {
+            let size: u32 = acc.iter().map(|a| a.unsigned_abs()).sum();
+            if size > self.shares.moderate {
+                acc = [0; 3];
+            }
+            // The heading may be off by any angle: the last field stands for those that a slow magnetometer leaves out.
+            mag = mag.or(self.mag);
+            self.mag = mag;
         }
         let due = if long {
             rest::NOTHING
-        } else if self.fragile {
+        } else if beginning {
             self.sums.pass()
         } else {
-            self.sums.add(&counts.gyr, &counts.acc)
+            self.sums.add(&gyr, &acc)
         };
-        let busy = long || due <= rest::SHARE || self.compass.pending;
+        // A step that keeps house, or is long, leaves the compass alone: no step pays for both.
+        let busy = long || due <= rest::SETTLE || self.compass.is_due();
+        if busy {
+            self.keep_house(due, &gyr, acc[2]);
+        }
         let products = self.rotation.products();
         let down = products.down();
         let mut turn = 0;
         self.mag_samples = self.mag_samples.wrapping_add(1);
-        if let Some(mag) = &counts.mag
+        if let Some(mag) = &mag
             && !busy
         {
             let sine = self
                 .compass
                 .heading(&products, &down, mag, self.sums.tick());
-            let samples = self.mag_samples.min(self.most_mag_samples);
-            // Not `clamp`, which would panic were the limit negative.
-            turn = (((sine * self.mag_gain) >> 15) * samples)
-                .min(self.mag_most)
-                .max(-self.mag_most);
+            let samples = self.mag_samples.min(self.shares.most_samples);
+            let most = self.shares.most_turn;
+            turn = (((sine * self.shares.heading) >> 15) * samples)
+                .min(most)
+                .max(-most);
             self.mag_samples = 0;
         }
         let tilt = self.filter.tilt(
@@ -336,77 +365,36 @@ impl<F: Filter> Estimator<F> {
                 products: &products,
                 down: &down,
                 acc: &acc,
-                settling: !self.settled,
+                settling: !self.shares.settled,
             },
-            self.gain,
+            self.shares.tilt,
         );
-        let cut = self.mag_cut & 31;
+        let cut = self.shares.heading_cut & 31;
         let pending = &mut self.rotation.pending;
         pending[0] += tilt[0] + ((turn * down[0]) >> cut);
         pending[1] += tilt[1] + ((turn * down[1]) >> cut);
         pending[2] += tilt[2] + ((turn * down[2]) >> cut);
-        if busy {
-            self.keep_house(due, counts);
-        }
     }
 
     /// One of the small jobs that come now and then.
     #[inline(never)]
-    fn keep_house(&mut self, due: u16, counts: &Counts) {
-        if due < rest::SETTLE && self.blocks <= self.settling.first_blocks.into() {
-            self.compass.align(due, &mut self.rotation);
-        } else if due < rest::SETTLE {
+    fn keep_house(&mut self, due: u32, gyr: &[i16; 3], acc_z: i32) {
+        if due < rest::SETTLE {
             self.rest
                 .close(due, &mut self.sums, &mut self.rotation.bias);
         } else if due == rest::SETTLE {
-            self.settle(&counts.acc);
-        } else if due == rest::SHARE {
-            self.share();
+            if self.settling.blocks == 0 {
+                self.rotation.start(acc_z > 0);
+            }
+            self.gap = false;
+            self.settling.settle(&mut self.shares);
+            if self.shares.moderate != 0 {
+                // Nothing is added up yet.
+                self.rest.interrupt();
+            }
         } else if due != rest::NOTHING {
-            self.field.judge(&mut self.compass, &counts.gyr);
+            self.compass.judge(gyr);
         }
-    }
-
-    /// Once a block: the next share of the running mean.
-    #[inline(never)]
-    fn settle(&mut self, acc: &[i16; 3]) {
-        if self.blocks == 0 {
-            self.rotation.start(acc[2] > 0);
-        }
-        self.blocks += 1;
-        self.gap = false;
-        let s = &mut self.settling;
-        if s.left != 0 {
-            s.left -= 1;
-            return;
-        }
-        s.left = s.next - 1;
-        s.next = s.next.saturating_mul(2);
-        s.boost = s.boost.saturating_sub(s.fall);
-        s.fall = 1;
-    }
-
-    /// With the sample after: the gains of that share.
-    #[inline(never)]
-    fn share(&mut self) {
-        let s = &self.settling;
-        let boost = s.boost.saturating_sub(s.acc_less);
-        let less = boost.min(s.acc_cut - LEAST_CUT);
-        self.fragile = boost > less;
-        self.gain = Gain {
-            factor: s.acc_factor << (boost - less),
-            cut: u32::from(s.acc_cut - less),
-        };
-        self.mag_cut = s.mag_cut - s.boost.saturating_sub(s.mag_less);
-        // Until the first alignment is over nothing else turns the heading: what it knows stays right.
-        self.mag_most = if self.blocks <= s.first_blocks.into() {
-            0
-        } else {
-            (EIGHTH << self.mag_cut).min(MOST_TURN)
-        };
-        // A sample's share is at most half of one with `mag_cut` bits less: more than the error would overshoot.
-        self.most_mag_samples = (2 << self.mag_cut).min(MOST_MAG_SAMPLES);
-        self.settled = s.boost == 0;
     }
 
     /// A step of more than 1.25 periods; of many more, samples are missing.
@@ -414,22 +402,55 @@ impl<F: Filter> Estimator<F> {
     #[inline(never)]
     fn long_step(&mut self, dt_us: u32, gyr: &[i16; 3]) -> Step {
         self.gap = true;
+        let mut dt_us = dt_us;
         if dt_us > self.most_dt_us {
+            dt_us = self.most_dt_us;
             self.rest.interrupt();
-            self.settled = false;
-            let s = &mut self.settling;
-            (s.boost, s.fall, s.left, s.next) =
-                (s.most, s.first_fall, s.first_blocks, s.first_blocks);
+            self.settling.restart();
+            self.shares.moderate = self.settling.moderate;
         }
-        let mut dt_us = dt_us.min(self.most_dt_us);
-        let [x, y, z] = gyr.map(|rate| u32::from(rate.unsigned_abs()));
-        while dt_us * x.max(y).max(z) > self.most_turn {
-            dt_us /= 2;
+        if dt_us * size(gyr) > self.most_turn {
+            dt_us = self.fine_dt_us;
         }
         Step {
-            per_count: ((dt_us * self.per_us) >> (self.dt_cut + self.coarse)) as i32,
-            cut: u32::from(self.turn_cut - self.coarse),
+            per_count: ((dt_us * self.per_us) >> ((self.dt_cut + self.coarse) & 31)) as i32,
+            cut: self.turn_cut - self.coarse,
         }
+    }
+}
+
+impl Settling {
+    /// Begin anew with the next block.
+    fn restart(&mut self) {
+        self.boost = self.most;
+        self.fall = self.first_fall;
+        self.span = self.first_blocks;
+        self.fall_at = self.blocks + self.span + 1;
+    }
+
+    /// Once a block: the next shares of the running mean.
+    #[inline(never)]
+    fn settle(&mut self, shares: &mut Shares) {
+        let positive = |value: i32| value & !(value >> 31);
+        self.blocks += 1;
+        if self.blocks == self.fall_at {
+            self.boost = positive(self.boost - self.fall);
+            self.fall = 1;
+            self.fall_at += self.span;
+            self.span <<= 1;
+        }
+        shares.settled = self.boost == 0;
+        let boost = positive(self.boost - self.tilt_less);
+        // What the cut has no bits for goes into the factor.
+        let more = positive(boost - self.tilt_most);
+        shares.moderate = if more == 0 { 0 } else { self.moderate };
+        shares.tilt.factor = self.tilt_factor << (more & 31);
+        shares.tilt.cut = self.tilt_cut - (boost - more) as u32;
+        let cut = self.heading_cut - positive(self.boost - self.heading_less) as u32;
+        shares.heading_cut = cut;
+        shares.most_turn = (EIGHTH << (cut & 31)).min(MOST_TURN);
+        // A sample's share is at most half of one with `heading_cut` bits less: more than the error would overshoot.
+        shares.most_samples = (2 << (cut & 31)).min(MOST_MAG_SAMPLES);
     }
 }
 

@@ -15,17 +15,16 @@ const FINER_BITS: u32 = 7;
 #[derive(Clone, Debug)]
 #[repr(C)]
 pub(super) struct Sums {
-    tick: u16,
+    tick: u32,
     /// Samples of a block less one: a power of two less one.
-    mask: u16,
-    /// Gyroscope x, accelerometer x, gyroscope y and so on: in the order of their closing.
-    axes: [Axis; 6],
+    mask: u32,
+    /// Sums of the gyroscope's axes and the accelerometer's, counts.
+    sums: [i32; 6],
 }
 
 #[derive(Clone, Copy, Debug, Default)]
 #[repr(C)]
 struct Axis {
-    sum: i32,
     /// Mean over the block that the others are compared with, counts.
     reference: i32,
     /// Mean over the newest block, counts with `BIAS_BITS`. The offset learns from it when the next block
@@ -37,7 +36,10 @@ struct Axis {
 
 /// What is touched when a block ends.
 #[derive(Clone, Debug)]
+#[repr(C)]
 pub(super) struct Rest {
+    /// The gyroscope's and the accelerometer's.
+    axes: [Axis; 6],
     rate_limit: i32,
     acc_limit: i32,
     most_bias: i32,
@@ -52,13 +54,12 @@ pub(super) struct Rest {
     memory: u8,
 }
 
-/// The first samples of a block have something to do: six close the axes, the seventh concludes, and the
-/// eighth and ninth, these, do the estimator's own jobs.
-pub(super) const SETTLE: u16 = 7;
-pub(super) const SHARE: u16 = 8;
+/// The first samples of a block have something to do: six close the axes, the seventh concludes, and this one has the
+/// estimator's own job.
+pub(super) const SETTLE: u32 = 7;
 
 /// No job, and no judgement either.
-pub(super) const NOTHING: u16 = u16::MAX;
+pub(super) const NOTHING: u32 = u32::MAX;
 
 /// Limits in counts, times in samples.
 pub(super) struct Limits {
@@ -76,27 +77,26 @@ pub(super) struct Limits {
 impl Sums {
     /// One sample; which job of a block is due.
     #[inline(always)]
-    pub(super) fn add(&mut self, gyr: &[i16; 3], acc: &[i16; 3]) -> u16 {
-        self.tick = self.tick.wrapping_add(1);
-        let [gx, ax, gy, ay, gz, az] = &mut self.axes;
-        gx.sum += i32::from(gyr[0]);
-        gy.sum += i32::from(gyr[1]);
-        gz.sum += i32::from(gyr[2]);
-        ax.sum += i32::from(acc[0]);
-        ay.sum += i32::from(acc[1]);
-        az.sum += i32::from(acc[2]);
-        self.tick & self.mask
+    pub(super) fn add(&mut self, gyr: &[i16; 3], acc: &[i32; 3]) -> u32 {
+        let [gx, gy, gz, ax, ay, az] = &mut self.sums;
+        *gx += i32::from(gyr[0]);
+        *gy += i32::from(gyr[1]);
+        *gz += i32::from(gyr[2]);
+        *ax += acc[0];
+        *ay += acc[1];
+        *az += acc[2];
+        self.pass()
     }
 
     /// A sample that is not added.
     #[inline(always)]
-    pub(super) fn pass(&mut self) -> u16 {
+    pub(super) fn pass(&mut self) -> u32 {
         self.tick = self.tick.wrapping_add(1);
         self.tick & self.mask
     }
 
-    /// Samples so far, modulo 2^16.
-    pub(super) fn tick(&self) -> u16 {
+    /// Samples so far, modulo 2^32.
+    pub(super) fn tick(&self) -> u32 {
         self.tick
     }
 
@@ -136,9 +136,10 @@ impl Rest {
         let sums = Sums {
             tick: SETTLE - 1,
             mask: (1 << limits.log2_block) - 1,
-            axes: [Axis::default(); 6],
+            sums: [0; 6],
         };
         let rest = Self {
+            axes: [Axis::default(); 6],
             rate_limit: limits.rate,
             acc_limit: limits.acc,
             most_bias: limits.most_bias,
@@ -164,32 +165,32 @@ impl Rest {
 
     /// Close the block of an axis, or conclude.
     #[inline(never)]
-    pub(super) fn close(&mut self, due: u16, sums: &mut Sums, bias: &mut [i32; 3]) {
-        let Some(axis) = sums.axes.get_mut(usize::from(due)) else {
+    pub(super) fn close(&mut self, due: u32, sums: &mut Sums, bias: &mut [i32; 3]) {
+        let due = due as usize;
+        let (Some(sum), Some(axis)) = (sums.sums.get_mut(due), self.axes.get_mut(due)) else {
             self.conclude();
             return;
         };
-        let mean = axis.sum >> self.shift;
-        let known = self.blocks != 0;
+        let mean = *sum >> (self.shift & 31);
+        // Wraps where the body turns; then it is not used.
+        let newest = (*sum << BIAS_BITS) >> (self.shift & 31);
+        *sum = 0;
+        let before = core::mem::replace(&mut axis.newest, newest);
+        let bias = bias.get_mut(due);
         let mut limit = self.acc_limit;
-        if due & 1 == 0 {
+        if bias.is_some() {
+            limit = self.rate_limit;
             self.moved |= mean.abs() > self.most_bias;
-            // Once an offset is known, what passes for rest is held to a quarter of the limit.
-            limit = self.rate_limit >> (2 * u32::from(known));
         }
         if (mean - axis.reference).abs() > limit {
             axis.reference = mean;
             self.moved = true;
         } else if self.still == self.needed
-            && let Some(bias) = bias.get_mut(usize::from(due >> 1))
-            && due & 1 == 0
+            && let Some(bias) = bias
         {
-            axis.offset += ((axis.newest << FINER_BITS) - axis.offset) >> self.learned;
+            axis.offset += ((before << FINER_BITS) - axis.offset) >> (self.learned & 31);
             *bias = (axis.offset + (1 << (FINER_BITS - 1))) >> FINER_BITS;
         }
-        // Wraps where the body turns; then it is not used.
-        axis.newest = (axis.sum << BIAS_BITS) >> self.shift;
-        axis.sum = 0;
     }
 
     fn conclude(&mut self) {
@@ -198,8 +199,12 @@ impl Rest {
         } else if self.still < self.needed {
             self.still += 1;
         } else {
+            if self.blocks == 0 {
+                // Once an offset is known, what passes for rest is held to a quarter of the limit.
+                self.rate_limit >>= 2;
+            }
             self.blocks += 1;
-            if self.blocks >> self.learned != 0 && self.learned < self.memory {
+            if self.blocks >> (self.learned & 31) != 0 && self.learned < self.memory {
                 self.learned += 1;
             }
         }

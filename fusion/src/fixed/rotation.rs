@@ -112,12 +112,6 @@ impl Rotation {
         self.q.map(|c| c - HALF)
     }
 
-    /// Turn about the earth's down by cosine and sine of half the angle, Q15.
-    pub(super) fn turn_about_down(&mut self, c: i32, s: i32) {
-        let [w, x, y, z] = self.q.map(|component| component >> 15);
-        self.q = [c * w - s * z, c * x - s * y, c * y + s * x, c * z + s * w].map(|q| q + HALF);
-    }
-
     /// Turn by the counts of a step, less the offset, and by what is pending.
     ///
     /// With `s = |h|^2`, the rotation by half angle `h` is `(1 - s/2 + s^2/24, h (1 - s/6))`; the factor of `h`
