@@ -4,6 +4,7 @@
 //! same counts and times gives the same bits on the chip, on the rig and on a laptop.
 
 use bno055_driver::{Micros, RawSample, SensorFault};
+use tvc_fusion::fixed::{Angles, Orientation};
 use tvc_fusion::{Attitude, ConfigError, Quaternion};
 
 use crate::config::{TRIAL_US, UNIT_TOLERANCE};
@@ -194,6 +195,17 @@ impl Flight {
     /// The newest attitude.
     pub fn attitude(&self) -> Attitude {
         self.navigation.attitude()
+    }
+
+    /// The newest attitude in fixed point, as it is estimated.
+    pub fn orientation(&self) -> Orientation {
+        self.navigation.orientation()
+    }
+
+    /// Roll, pitch and yaw of the newest attitude, rad: yaw, pitch, roll in turn, from north, nose up positive.
+    pub fn angles_rad(&self) -> [f32; 3] {
+        let angles = self.orientation().angles();
+        [angles.roll, angles.pitch, angles.yaw].map(Angles::to_rad)
     }
 
     /// The control law, where the state lets it move the rudder. Positive crank angles pitch the nose down, so the

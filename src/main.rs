@@ -14,6 +14,7 @@ mod firmware {
     #[cfg(feature = "probe")]
     use defmt_rtt as _;
     use tvc_nano::flight::Flight;
+    use tvc_nano::recorder::Recorder;
     use tvc_nano::telemetry::Telemetry;
 
     use crate::board::{Board, Event};
@@ -24,18 +25,23 @@ mod firmware {
         driver: &'static mut Driver,
         flight: &'static mut Flight,
         telemetry: &'static mut Telemetry,
+        recorder: &'static mut Recorder,
     }
 
     #[entry]
     fn main() -> ! {
-        let mut firmware = Firmware::start();
+        // In its place from the start: on its way there it would not fit the stack.
+        static mut RECORDER: Recorder = Recorder::new();
+        let mut firmware = Firmware::start(RECORDER);
         loop {
             firmware.turn();
         }
     }
 
     impl Firmware {
-        fn start() -> Self {
+        // A function of its own: what it builds on the stack is gone when the loop begins.
+        #[inline(never)]
+        fn start(recorder: &'static mut Recorder) -> Self {
             let config = tvc_nano::config::sensor();
             let (board, params, report) = Board::start(config.address.value());
             let flight = Flight::new(params, report).expect("parameters in range are possible");
@@ -44,6 +50,7 @@ mod firmware {
                 driver: singleton!(: Driver = Driver::new(config)).expect("started once"),
                 flight: singleton!(: Flight = flight).expect("started once"),
                 telemetry: singleton!(: Telemetry = Telemetry::new()).expect("started once"),
+                recorder,
             }
         }
 
@@ -76,6 +83,8 @@ mod firmware {
                     .step_ends(outputs.pulse, self.flight.params(), &snapshot.state);
                 self.telemetry
                     .record(snapshot, self.flight, &self.board.status());
+                self.recorder.record(snapshot, self.flight);
+                self.telemetry.serve_recorder(self.recorder);
             }
             self.board.exchange(now, self.telemetry, self.flight);
         }

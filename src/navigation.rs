@@ -3,7 +3,7 @@
 use core::f32::consts::PI;
 
 use bno055_driver::{Micros, RawSample, SensorFault};
-use tvc_fusion::fixed::{Angles, Counts, Estimator, Scale, Vqf};
+use tvc_fusion::fixed::{Angles, Counts, Estimator, Orientation, Scale, Vqf};
 use tvc_fusion::{Attitude, Config, ConfigError};
 
 use crate::config::{BIAS_REST_US, DATA_AGE_LIMIT_US, ESTIMATOR_GAP_US, FIELD_REPEAT_US};
@@ -101,6 +101,11 @@ impl Navigation {
     /// Pitch, rad, -pi/2 to pi/2, nose up positive.
     pub fn pitch_rad(&self) -> f32 {
         Angles::to_rad(self.estimator.orientation().angles().pitch)
+    }
+
+    /// The newest attitude in fixed point.
+    pub fn orientation(&self) -> Orientation {
+        self.estimator.orientation()
     }
 
     /// Whether the gyroscope's offset has been learned, which takes a rest of some two and a half seconds.

@@ -11,15 +11,19 @@
 //! | ATTITUDE_QUATERNION, SERVO_OUTPUT_RAW | every step |
 //! | RAW_IMU | every step that had a sample: its untouched counts, stamped with its own time |
 //! | NAMED_VALUE_FLOAT `crank_rad` | every step: the crank angle that control asked for, before limits |
+//! | ATTITUDE | not by itself: at the interval that the host asks for |
 //! | PARAM_VALUE, COMMAND_ACK, TIMESYNC, AUTOPILOT_VERSION | on request; the parameter list one a step |
+//! | LOG_ENTRY, LOG_DATA | on request: what the [`Recorder`](crate::Recorder) holds, a part a step |
 //!
 //! What comes every step comes less often if the host asks for that (MAV_CMD_SET_MESSAGE_INTERVAL), until it opens the
-//! port again.
+//! port again. ATTITUDE tells what ATTITUDE_QUATERNION tells, for clients that take only angles (MAVSDK's Euler angles,
+//! MAVProxy's horizon); QGroundControl takes the quaternion.
 //!
 //! HEARTBEAT carries [`State::code`](crate::State::code) as `custom_mode`.
 
 mod answers;
 mod checksum;
+mod download;
 mod parser;
 mod queue;
 mod rates;
@@ -31,9 +35,9 @@ use bno055_driver::Micros;
 use heapless::Vec;
 use mavlink::MessageData;
 use mavlink::dialects::common::{
-    ATTITUDE_QUATERNION_DATA, HEARTBEAT_DATA, MavAutopilot, MavModeFlag, MavSeverity, MavState,
-    MavSysStatusSensor, MavType, NAMED_VALUE_FLOAT_DATA, RAW_IMU_DATA, SERVO_OUTPUT_RAW_DATA,
-    STATUSTEXT_DATA, SYS_STATUS_DATA,
+    ATTITUDE_DATA, ATTITUDE_QUATERNION_DATA, HEARTBEAT_DATA, LOG_DATA_DATA, MavAutopilot,
+    MavModeFlag, MavSeverity, MavState, MavSysStatusSensor, MavType, NAMED_VALUE_FLOAT_DATA,
+    RAW_IMU_DATA, SERVO_OUTPUT_RAW_DATA, STATUSTEXT_DATA, SYS_STATUS_DATA,
 };
 use mavlink::types::CharArray;
 
@@ -41,14 +45,18 @@ use crate::config::{COMPONENT_ID, HEARTBEAT_PERIOD_US, SYSTEM_ID};
 use crate::failsafe::State;
 use crate::flight::{Flight, Snapshot};
 use checksum::checksum;
+use download::Download;
 use parser::Parser;
 use queue::{Priority, Queue};
 use rates::{Rates, Stream};
 use storage::StorageOrder;
 
-/// Longest payload sent: AUTOPILOT_VERSION's.
+/// Longest payload of a message that is sent as the dialect encodes it: AUTOPILOT_VERSION's.
 const MAX_PAYLOAD: usize = 60;
-const MAX_FRAME: usize = 10 + MAX_PAYLOAD + 2;
+/// Header and checksum.
+const OVERHEAD: usize = 10 + 2;
+/// Longest frame sent: LOG_DATA's.
+const MAX_FRAME: usize = OVERHEAD + LOG_DATA_DATA::ENCODED_LEN;
 
 /// What only the board knows, for SYS_STATUS.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -71,7 +79,7 @@ pub enum Reset {
 }
 
 /// Both directions of the link, and what waits for the host.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug)]
 pub struct Telemetry {
     queue: Queue,
     parser: Parser,
@@ -83,14 +91,49 @@ pub struct Telemetry {
     list: Option<usize>,
     /// What the host wants done with stored parameters.
     storage: Option<StorageOrder>,
+    download: Download,
     rates: Rates,
     reset: Option<Reset>,
 }
 
 impl Telemetry {
     /// Nothing sent, nothing heard.
-    pub fn new() -> Self {
-        Self::default()
+    pub const fn new() -> Self {
+        Self {
+            queue: Queue::new(),
+            parser: Parser::new(),
+            sequence: 0,
+            announced: None,
+            heartbeat_at: None,
+            list: None,
+            storage: None,
+            download: Download::new(),
+            rates: Rates::new(),
+            reset: None,
+        }
+    }
+
+    /// As new, for a new listener. In place: on its way there a new one would take 2 KB of stack.
+    pub fn restart(&mut self) {
+        let Self {
+            queue,
+            parser,
+            sequence,
+            announced,
+            heartbeat_at,
+            list,
+            storage,
+            download,
+            rates,
+            reset,
+        } = self;
+        queue.restart();
+        *parser = Parser::new();
+        *download = Download::new();
+        *rates = Rates::new();
+        *sequence = 0;
+        (*announced, *heartbeat_at, *list) = (None, None, None);
+        (*storage, *reset) = (None, None);
     }
 
     /// Put a step into messages.
@@ -99,7 +142,7 @@ impl Telemetry {
             self.tell_stored(flight.stored());
         }
         self.announce(&snapshot.state);
-        self.stream(snapshot);
+        self.stream(snapshot, flight);
         let due = self
             .heartbeat_at
             .is_none_or(|last| snapshot.now.0.saturating_sub(last.0) >= HEARTBEAT_PERIOD_US);
@@ -161,7 +204,7 @@ impl Telemetry {
         self.say(severity, format_args!("{state}"));
     }
 
-    fn stream(&mut self, snapshot: &Snapshot) {
+    fn stream(&mut self, snapshot: &Snapshot, flight: &Flight) {
         let attitude = &snapshot.attitude;
         let time = snapshot.sample.map_or(snapshot.now, |sample| sample.time);
         let time_boot_ms = milliseconds(time);
@@ -218,6 +261,21 @@ impl Telemetry {
                     time_boot_ms,
                     value: snapshot.crank_rad,
                     name: CharArray::new(*b"crank_rad\0"),
+                },
+            );
+        }
+        if self.rates.due(Stream::Angles) {
+            let [roll, pitch, yaw] = flight.angles_rad();
+            self.send(
+                Priority::Stream,
+                &ATTITUDE_DATA {
+                    time_boot_ms,
+                    roll,
+                    pitch,
+                    yaw,
+                    rollspeed: attitude.rate.x,
+                    pitchspeed: attitude.rate.y,
+                    yawspeed: attitude.rate.z,
                 },
             );
         }
@@ -333,6 +391,12 @@ impl Telemetry {
         if filled && frame.extend_from_slice(&crc).is_ok() {
             self.queue.push(&frame, priority);
         }
+    }
+}
+
+impl Default for Telemetry {
+    fn default() -> Self {
+        Self::new()
     }
 }
 

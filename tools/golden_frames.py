@@ -55,6 +55,8 @@ def frames():
     ]
     for sequence, (name, message) in enumerate(step):
         yield name, frame(message, sequence)
+    yield "attitude", frame(mavlink.MAVLink_attitude_message(1234, 0.5, -0.25, 3.0, 0.25, -1.5, 0.125), 5)
+    yield "log_entry", frame(mavlink.MAVLink_log_entry_message(0, 1, 0, 0, 10400), 5)
     yield "timesync_answer", frame(mavlink.MAVLink_timesync_message(1_500_000_000, 77), 5)
     yield "unknown_command_ack", frame(mavlink.MAVLink_command_ack_message(31999, 3), 5)
     host = (255, 190)
@@ -62,6 +64,9 @@ def frames():
     yield "arm_v1", frame(arm(mavlink1), 7, host, mavlink1)
     yield "arm_signed", frame(arm(mavlink), 7, host, key=bytes(range(32)))
     yield "timesync_request", frame(mavlink.MAVLink_timesync_message(0, 77), 7, host)
+    yield "log_request_list", frame(mavlink.MAVLink_log_request_list_message(1, 1, 0, 0xFFFF), 8, host)
+    yield "log_request_data", frame(mavlink.MAVLink_log_request_data_message(1, 1, 0, 90, 100), 9, host)
+    yield "log_request_end", frame(mavlink.MAVLink_log_request_end_message(1, 1), 10, host)
     yield "unknown_command", frame(
         mavlink.MAVLink_command_long_message(1, 1, 31999, 0, 1, 0, 0, 0, 0, 0, 0), 12, host
     )

@@ -14,6 +14,8 @@ const SLICE: Ticks = Ticks::from_ms(1);
 const HEARTBEAT: Ticks = Ticks::from_ms(1000);
 /// How long an answer may take.
 const PATIENCE: Ticks = Ticks::from_ms(1000);
+/// How long the recorder's content may take.
+const FETCH_PATIENCE: Ticks = Ticks::from_ms(2000);
 /// How long the image may take until its first heartbeat.
 const BOOT_PATIENCE: Ticks = Ticks::from_ms(5000);
 
@@ -274,6 +276,27 @@ impl Operator {
     /// As [`Operator::arm`].
     pub fn reset_parameters(&mut self, rig: &mut Rig) -> Result<(), OperatorError> {
         self.command(rig, "reset", request::RESET)
+    }
+
+    /// Fetches the recorder's bytes: none if it holds no release.
+    ///
+    /// # Errors
+    /// Silence, or the rig stopped.
+    pub fn fetch_recording(&mut self, rig: &mut Rig) -> Result<Vec<u8>, OperatorError> {
+        self.received.recorded = None;
+        self.received.recording.clear();
+        self.send(rig, &request::list_logs());
+        self.wait(rig, PATIENCE, "size of the recording", |received| {
+            received.recorded.is_some()
+        })?;
+        let size = self.received.recorded.unwrap_or(0);
+        self.send(rig, &request::log_data(0, size));
+        let mut bytes = Vec::new();
+        self.wait(rig, FETCH_PATIENCE, "whole recording", |received| {
+            bytes = received.recording.values().flatten().copied().collect();
+            bytes.len() >= size as usize
+        })?;
+        Ok(bytes)
     }
 
     /// Sends a message.

@@ -136,6 +136,10 @@ pub struct Received {
     pub parameter_count: Option<u16>,
     /// Answers to commands: when, which, how.
     pub acks: Vec<(Ticks, MavCmd, MavResult)>,
+    /// Bytes that the recorder holds, as last told.
+    pub recorded: Option<u32>,
+    /// Bytes of the recorder by their offset.
+    pub recording: BTreeMap<u32, Vec<u8>>,
 }
 
 impl Received {
@@ -180,6 +184,11 @@ impl Received {
                 self.parameter_count = Some(m.param_count);
             }
             MavMessage::COMMAND_ACK(m) => self.acks.push((at, m.command, m.result)),
+            MavMessage::LOG_ENTRY(m) => self.recorded = Some(m.size),
+            MavMessage::LOG_DATA(m) => {
+                let bytes = m.data.get(..m.count.into()).unwrap_or(&m.data);
+                self.recording.insert(m.ofs, bytes.to_vec());
+            }
             _ => {}
         }
     }

@@ -1,9 +1,9 @@
 //! What a ground station says to the vehicle, as messages: on the rig and on a real port alike.
 
 use mavlink::dialects::common::{
-    COMMAND_LONG_DATA, HEARTBEAT_DATA, MavAutopilot, MavCmd, MavMessage, MavModeFlag, MavParamType,
-    MavState, MavType, PARAM_REQUEST_LIST_DATA, PARAM_REQUEST_READ_DATA, PARAM_SET_DATA,
-    TIMESYNC_DATA,
+    COMMAND_LONG_DATA, HEARTBEAT_DATA, LOG_REQUEST_DATA_DATA, LOG_REQUEST_LIST_DATA, MavAutopilot,
+    MavCmd, MavMessage, MavModeFlag, MavParamType, MavState, MavType, PARAM_REQUEST_LIST_DATA,
+    PARAM_REQUEST_READ_DATA, PARAM_SET_DATA, TIMESYNC_DATA,
 };
 use mavlink::types::CharArray;
 use tvc_nano::config::{COMPONENT_ID, SYSTEM_ID};
@@ -106,6 +106,27 @@ pub fn read_parameter(name: &str) -> MavMessage {
 /// PARAM_REQUEST_LIST.
 pub fn list_parameters() -> MavMessage {
     MavMessage::PARAM_REQUEST_LIST(PARAM_REQUEST_LIST_DATA {
+        target_system: SYSTEM_ID,
+        target_component: COMPONENT_ID,
+    })
+}
+
+/// LOG_REQUEST_LIST: whether the recorder holds a release.
+pub fn list_logs() -> MavMessage {
+    MavMessage::LOG_REQUEST_LIST(LOG_REQUEST_LIST_DATA {
+        start: 0,
+        end: u16::MAX,
+        target_system: SYSTEM_ID,
+        target_component: COMPONENT_ID,
+    })
+}
+
+/// LOG_REQUEST_DATA: the recorder's bytes from `offset` on.
+pub fn log_data(offset: u32, count: u32) -> MavMessage {
+    MavMessage::LOG_REQUEST_DATA(LOG_REQUEST_DATA_DATA {
+        ofs: offset,
+        count,
+        id: 0,
         target_system: SYSTEM_ID,
         target_component: COMPONENT_ID,
     })

@@ -275,7 +275,7 @@ impl Board {
         }
         if !was_open {
             // A new listener hears the state again.
-            *telemetry = Telemetry::new();
+            telemetry.restart();
         }
         let mut packet = [0; usb::PACKET_BYTES as usize];
         telemetry.receive(now, self.port.read(&mut packet), flight);

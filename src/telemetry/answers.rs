@@ -2,8 +2,9 @@
 
 use bno055_driver::Micros;
 use mavlink::dialects::common::{
-    AUTOPILOT_VERSION_DATA, COMMAND_ACK_DATA, COMMAND_LONG_DATA, HEARTBEAT_DATA, MavCmd,
-    MavParamType, MavProtocolCapability, MavResult, MavSeverity, PARAM_REQUEST_LIST_DATA,
+    AUTOPILOT_VERSION_DATA, COMMAND_ACK_DATA, COMMAND_LONG_DATA, HEARTBEAT_DATA,
+    LOG_REQUEST_DATA_DATA, LOG_REQUEST_END_DATA, LOG_REQUEST_LIST_DATA, MavCmd, MavParamType,
+    MavProtocolCapability, MavResult, MavSeverity, PARAM_REQUEST_LIST_DATA,
     PARAM_REQUEST_READ_DATA, PARAM_SET_DATA, PARAM_VALUE_DATA, TIMESYNC_DATA,
 };
 use mavlink::types::CharArray;
@@ -11,7 +12,7 @@ use mavlink::{MavlinkVersion, MessageData};
 
 use super::parser::Message;
 use super::queue::Priority;
-use super::{Reset, Telemetry};
+use super::{OVERHEAD, Reset, Telemetry};
 use crate::config::{COMPONENT_ID, PULSE_MAX_US, PULSE_MIN_US, SYSTEM_ID};
 use crate::failsafe::{Command, Refusal, State};
 use crate::flight::Flight;
@@ -31,7 +32,7 @@ const BUILD_ID: [u8; 8] = match option_env!("TVC_BUILD_ID") {
 };
 
 /// A PARAM_VALUE frame's length.
-const PARAM_VALUE_FRAME: usize = 10 + PARAM_VALUE_DATA::ENCODED_LEN + 2;
+const PARAM_VALUE_FRAME: usize = OVERHEAD + PARAM_VALUE_DATA::ENCODED_LEN;
 
 impl Telemetry {
     pub(super) fn answer(&mut self, now: Micros, message: &Message, flight: &mut Flight) {
@@ -59,6 +60,17 @@ impl Telemetry {
                 }
             }
             COMMAND_LONG_DATA::ID => self.command(now, message, flight),
+            LOG_REQUEST_LIST_DATA::ID => {
+                if let Some(request) = decode(message) {
+                    self.order_log_list(&request);
+                }
+            }
+            LOG_REQUEST_DATA_DATA::ID => {
+                if let Some(request) = decode(message) {
+                    self.order_log_data(&request);
+                }
+            }
+            LOG_REQUEST_END_DATA::ID => self.end_log_data(),
             _ => {}
         }
     }
@@ -293,7 +305,7 @@ fn find(id: &[u8; 16]) -> Option<(usize, &'static Info)> {
 }
 
 /// Addressed to this vehicle, or to all.
-fn is_for_us(system: u8, component: u8) -> bool {
+pub(super) fn is_for_us(system: u8, component: u8) -> bool {
     (system == SYSTEM_ID || system == 0) && (component == COMPONENT_ID || component == 0)
 }
 

@@ -7,8 +7,9 @@
 use heapless::Vec;
 use mavlink::MessageData;
 use mavlink::dialects::common::{
-    COMMAND_LONG_DATA, HEARTBEAT_DATA, PARAM_REQUEST_LIST_DATA, PARAM_REQUEST_READ_DATA,
-    PARAM_SET_DATA, TIMESYNC_DATA,
+    COMMAND_LONG_DATA, HEARTBEAT_DATA, LOG_REQUEST_DATA_DATA, LOG_REQUEST_END_DATA,
+    LOG_REQUEST_LIST_DATA, PARAM_REQUEST_LIST_DATA, PARAM_REQUEST_READ_DATA, PARAM_SET_DATA,
+    TIMESYNC_DATA,
 };
 
 use super::checksum::checksum;
@@ -33,7 +34,7 @@ pub(super) struct Message {
 }
 
 /// Collects bytes until they make a message.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug)]
 pub(super) struct Parser {
     buffer: Vec<u8, MAX_FRAME>,
     crc_errors: u16,
@@ -52,6 +53,13 @@ enum Found {
 }
 
 impl Parser {
+    pub(super) const fn new() -> Self {
+        Self {
+            buffer: Vec::new(),
+            crc_errors: 0,
+        }
+    }
+
     /// Take one byte. Follow with [`Parser::next_message`] until it gives nothing.
     pub(super) fn push(&mut self, byte: u8) {
         // Noise costs next to nothing: neither what lies between frames, nor a length that no message of interest has.
@@ -108,6 +116,9 @@ fn extra_crc(id: u32) -> Option<u8> {
         PARAM_SET_DATA::ID => PARAM_SET_DATA::EXTRA_CRC,
         COMMAND_LONG_DATA::ID => COMMAND_LONG_DATA::EXTRA_CRC,
         TIMESYNC_DATA::ID => TIMESYNC_DATA::EXTRA_CRC,
+        LOG_REQUEST_LIST_DATA::ID => LOG_REQUEST_LIST_DATA::EXTRA_CRC,
+        LOG_REQUEST_DATA_DATA::ID => LOG_REQUEST_DATA_DATA::EXTRA_CRC,
+        LOG_REQUEST_END_DATA::ID => LOG_REQUEST_END_DATA::EXTRA_CRC,
         _ => return None,
     })
 }

@@ -14,7 +14,7 @@ pub(super) enum Priority {
 }
 
 /// A queue that never blocks. A frame is taken whole or dropped whole, and drops are counted.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug)]
 pub(super) struct Queue {
     bytes: Vec<u8, QUEUE_BYTES>,
     /// Bytes at the front that the host has already taken.
@@ -23,6 +23,20 @@ pub(super) struct Queue {
 }
 
 impl Queue {
+    pub(super) const fn new() -> Self {
+        Self {
+            bytes: Vec::new(),
+            sent: 0,
+            dropped: 0,
+        }
+    }
+
+    /// As new, in place.
+    pub(super) fn restart(&mut self) {
+        self.bytes.clear();
+        (self.sent, self.dropped) = (0, 0);
+    }
+
     /// Append a frame, or drop and count it. Says whether it was taken.
     pub(super) fn push(&mut self, frame: &[u8], priority: Priority) -> bool {
         if !self.has_room(frame.len(), priority) {
@@ -90,7 +104,7 @@ mod tests {
 
     #[test]
     fn a_full_queue_drops_whole_frames_and_counts_them() {
-        let mut queue = Queue::default();
+        let mut queue = Queue::new();
         let frame = [7; 100];
         while queue.push(&frame, Priority::Stream) {}
         assert_eq!(queue.pending().len(), 1500);
@@ -106,7 +120,7 @@ mod tests {
 
     #[test]
     fn taking_more_than_there_is_empties_the_queue() {
-        let mut queue = Queue::default();
+        let mut queue = Queue::new();
         queue.push(&[1, 2, 3], Priority::Event);
         queue.sent(10);
         assert!(queue.pending().is_empty());
@@ -118,7 +132,7 @@ mod tests {
         fn the_host_sees_exactly_the_frames_that_were_taken(
             steps in prop::collection::vec((1_usize..120, 0_usize..300, any::<bool>()), 1..400)
         ) {
-            let mut queue = Queue::default();
+            let mut queue = Queue::new();
             let (mut accepted, mut seen) = (std::vec::Vec::new(), std::vec::Vec::new());
             for (index, (len, take, event)) in steps.into_iter().enumerate() {
                 let frame = std::vec![index as u8; len];

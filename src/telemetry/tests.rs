@@ -1,5 +1,6 @@
 //! Frames against pymavlink 2.4.50 byte by byte, and conversations against the `mavlink` crate's own parser.
 
+mod download;
 mod golden;
 mod noise;
 mod parameters;
@@ -181,6 +182,29 @@ fn every_step_gives_one_attitude_one_servo_and_with_a_sample_one_raw_message() {
     assert_eq!(count(&messages, ATTITUDE_QUATERNION_DATA::ID), 1);
     assert_eq!(count(&messages, SERVO_OUTPUT_RAW_DATA::ID), 1);
     assert_eq!(count(&messages, RAW_IMU_DATA::ID), 0);
+}
+
+#[test]
+fn angles_come_on_request_and_are_those_of_the_quaternion() {
+    let mut link = Link::new(Desk::in_standby(0.3));
+    link.record_step();
+    assert_eq!(count(&take(&mut link.telemetry), ATTITUDE_DATA::ID), 0);
+    let interval = MavCmd::MAV_CMD_SET_MESSAGE_INTERVAL;
+    let answer = link.tell(&order(interval, 30.0, 1.0));
+    assert_eq!(acks(&answer), [(interval, MavResult::MAV_RESULT_ACCEPTED)]);
+    link.record_step();
+    let angles = take(&mut link.telemetry)
+        .into_iter()
+        .find_map(|message| match message {
+            MavMessage::ATTITUDE(m) => Some([m.roll, m.pitch, m.yaw]),
+            _ => None,
+        });
+    let expected = link.desk.flight.attitude().orientation.euler();
+    let expected = [expected.roll_rad, expected.pitch_rad, expected.yaw_rad];
+    for (angle, expected) in angles.unwrap().into_iter().zip(expected) {
+        assert!((angle - expected).abs() < 2e-4, "{angles:?} {expected:?}");
+    }
+    assert!((angles.unwrap()[1] - 0.3).abs() < 0.02, "{angles:?}");
 }
 
 #[test]

@@ -146,7 +146,7 @@ const LATENCY_US: f64 = 8000.0;
 /// Largest image, bytes.
 const FLASH_BYTES: u64 = 64 * 1024;
 /// Most static RAM, bytes.
-const STATIC_RAM_BYTES: u64 = 12 * 1024;
+const STATIC_RAM_BYTES: u64 = 24 * 1024;
 /// Least speed of the emulation.
 const REAL_TIME_FACTOR: f64 = 3.0;
 /// Largest inclination error of a replay, deg.
@@ -521,7 +521,7 @@ mod tests {
             |f| f.telemetry.lost = 1,
             |f| f.telemetry.crc_errors = 1,
             |f| f.image.flash_bytes = 65_537,
-            |f| f.image.static_ram_bytes = 12_289,
+            |f| f.image.static_ram_bytes = 24_577,
             |f| f.emulation.real_time_factor = 2.9,
         ];
         for (index, spoil) in spoil.iter().enumerate() {

@@ -61,6 +61,25 @@ fn a_step_is_byte_for_byte_what_pymavlink_sends() {
 }
 
 #[test]
+fn angles_are_byte_for_byte_what_pymavlink_sends() {
+    let mut telemetry = Telemetry::new();
+    telemetry.sequence = 5;
+    telemetry.send(
+        Priority::Stream,
+        &ATTITUDE_DATA {
+            time_boot_ms: 1234,
+            roll: 0.5,
+            pitch: -0.25,
+            yaw: 3.0,
+            rollspeed: 0.25,
+            pitchspeed: -1.5,
+            yawspeed: 0.125,
+        },
+    );
+    assert_eq!(telemetry.pending(), golden("attitude"));
+}
+
+#[test]
 fn arms_by_either_version_of_the_protocol_signed_or_not() {
     for frame in ["arm_v2", "arm_v1", "arm_signed"] {
         let mut link = Link::new(Desk::in_standby(0.1));
