@@ -1,6 +1,7 @@
 //! The command line: what can be said, with examples; a file for each command. Commands are carried
 //! out elsewhere, by the module of the same name.
 
+mod burst;
 mod calibrate;
 mod cycles;
 mod disturbance;
@@ -22,6 +23,7 @@ mod tune;
 mod watch;
 mod web;
 
+pub use burst::Burst;
 pub use calibrate::{Calibrate, Day, Place, Sensor, place};
 pub use cycles::{Cycles, Optimise};
 pub use disturbance::Disturb;
@@ -85,6 +87,8 @@ pub enum Command {
     Disarm(Operate),
     /// Fly a manoeuvre on the tether and measure it.
     Test(Test),
+    /// Fetch the steps around the last release from the vehicle's own memory.
+    Burst(Burst),
     /// Make an HTML report of a log.
     Report(Report),
     /// Run the firmware's library on a log, bit for bit or with something changed.

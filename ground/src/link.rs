@@ -21,6 +21,8 @@ const CONNECT: Duration = Duration::from_secs(5);
 const ANSWER: Duration = Duration::from_secs(5);
 /// Silence in a list of parameters after which those that are missing are asked for again.
 const LIST_SILENCE: Duration = Duration::from_secs(1);
+/// How long a release under way takes until it is recorded.
+const RECORDING: Duration = Duration::from_millis(1_500);
 /// How often we say that we are there.
 const HEARTBEAT: Duration = Duration::from_secs(1);
 /// What the vehicle says to a parameter's name that it does not know.
@@ -312,6 +314,49 @@ impl Vehicle {
             }
         }
         Err(self.silence("the list of parameters"))
+    }
+
+    /// What the vehicle's recorder holds of the last release; nothing if it holds none.
+    ///
+    /// # Errors
+    /// Silence.
+    pub fn recording(&mut self) -> Result<Vec<u8>> {
+        let whole = Instant::now() + RECORDING;
+        let size = loop {
+            self.link.send(&request::list_logs())?;
+            let size = self.wait(ANSWER, |message| match message {
+                MavMessage::LOG_ENTRY(entry) => Some(entry.size as usize),
+                _ => None,
+            })?;
+            match size {
+                None => return Err(self.silence("the recording")),
+                Some(0) if Instant::now() < whole => {
+                    self.wait(RECORDING / 10, |_| None::<()>)?;
+                }
+                Some(size) => break size,
+            }
+        };
+        let mut bytes = Vec::with_capacity(size);
+        let end = Instant::now() + ANSWER;
+        while bytes.len() < size {
+            if Instant::now() >= end {
+                return Err(self.silence("the recording"));
+            }
+            // From the first byte that is missing.
+            let from = bytes.len();
+            self.link
+                .send(&request::log_data(from as u32, (size - from) as u32))?;
+            self.wait(LIST_SILENCE, |message| {
+                let MavMessage::LOG_DATA(part) = message else {
+                    return None;
+                };
+                if part.ofs as usize == bytes.len() {
+                    bytes.extend(part.data.iter().take(part.count.into()));
+                }
+                (bytes.len() >= size || part.ofs as usize > bytes.len()).then_some(())
+            })?;
+        }
+        Ok(bytes)
     }
 
     fn silence(&self, what: &str) -> anyhow::Error {

@@ -14,8 +14,9 @@ use std::time::{SystemTime, UNIX_EPOCH};
 
 use anyhow::{Context, Result};
 use mavlink::dialects::common::MavMessage;
+use mavlink::{MAVLinkV2MessageRaw, MavHeader};
 use rig::link::{Link, LinkCounts};
-use tvc_nano::config::SYSTEM_ID;
+use tvc_nano::config::{COMPONENT_ID, SYSTEM_ID};
 
 use crate::failure::BadInput;
 
@@ -73,9 +74,7 @@ impl Writer {
     /// # Errors
     /// The file cannot be written.
     pub fn write(&mut self, frame: &[u8]) -> Result<()> {
-        let now = SystemTime::now().duration_since(UNIX_EPOCH);
-        let now_us = now.map_or(0, |since| since.as_micros() as u64);
-        self.write_at(now_us, frame)
+        self.write_at(now_us(), frame)
     }
 
     /// Keeps a frame with a time, us since 1970.
@@ -197,17 +196,10 @@ impl Log {
 /// # Errors
 /// [`BadInput`] if `from` is no log, or `to` is there already as a log or has no such form.
 pub fn convert(from: &Path, to: &Path) -> Result<()> {
-    let table = has_extension(to, "csv");
-    if !table && !has_extension(to, "tlog") && !has_extension(to, "mcap") {
-        return Err(BadInput::new(format!(
-            "{}: a log becomes a .tlog, .mcap or .csv",
-            to.display()
-        ))
-        .into());
-    }
+    let form = Output::of(to)?;
     let bytes = tlog(from)?;
     let log = Log::of(&bytes, from)?;
-    if table {
+    if form == Output::Table {
         return write_csv(&Flight::of(&log), to);
     }
     let mut writer = Writer::create(to)?;
@@ -219,6 +211,68 @@ pub fn convert(from: &Path, to: &Path) -> Result<()> {
         writer.write_at(time_us, frame)?;
     }
     writer.end()
+}
+
+/// Writes a flight that has not come over the link as a log, as if it ended now, or as a table.
+///
+/// # Errors
+/// As [`convert`].
+pub fn write_flight(flight: &Flight, to: &Path) -> Result<()> {
+    if Output::of(to)? == Output::Table {
+        return write_csv(flight, to);
+    }
+    let header = MavHeader {
+        system_id: SYSTEM_ID.into(),
+        component_id: COMPONENT_ID,
+        sequence: 0,
+    };
+    let time_us = |step: Option<&Step>| step.map_or(0, |step| step.now_us);
+    let begin_us = now_us().saturating_sub(time_us(flight.steps().last()));
+    let mut writer = Writer::create(to)?;
+    // What was before the first step is told at its time.
+    let mut at_us = time_us(flight.steps().next());
+    let mut sequence = 0;
+    for event in &flight.events {
+        if let Event::Step(step) = event {
+            at_us = step.now_us;
+        }
+        for message in event.messages() {
+            let mut raw = MAVLinkV2MessageRaw::new();
+            raw.serialize_message(MavHeader { sequence, ..header }, &message);
+            sequence = sequence.wrapping_add(1);
+            writer.write_at(begin_us + at_us, raw.raw_bytes())?;
+        }
+    }
+    writer.end()
+}
+
+/// What a file's name asks for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Output {
+    Log,
+    Table,
+}
+
+impl Output {
+    fn of(path: &Path) -> Result<Self> {
+        if has_extension(path, "csv") {
+            Ok(Self::Table)
+        } else if has_extension(path, "tlog") || has_extension(path, "mcap") {
+            Ok(Self::Log)
+        } else {
+            Err(BadInput::new(format!(
+                "{}: the file's name must end in .tlog, .mcap or .csv",
+                path.display()
+            ))
+            .into())
+        }
+    }
+}
+
+/// Us since 1970.
+fn now_us() -> u64 {
+    let now = SystemTime::now().duration_since(UNIX_EPOCH);
+    now.map_or(0, |since| since.as_micros() as u64)
 }
 
 /// The bytes of a log as a `.tlog` has them.

@@ -1,5 +1,6 @@
 //! `tvc`: the ground tool. Messages for people go to standard error, data to standard output.
 
+mod burst;
 mod calibrate;
 mod cli;
 mod convert;
@@ -72,6 +73,7 @@ fn run(command: Command) -> anyhow::Result<Verdict> {
         Command::Disarm(options) => operate::disarm(&options),
         Command::Monitor(options) => monitor::run(&options),
         Command::Record(options) => record::run(&options),
+        Command::Burst(options) => burst::run(&options),
         Command::Forward(options) => forward::run(&options),
         Command::Cycles(options) => cycles::run(&options),
         Command::Calibrate(options) => calibrate::run(&options),

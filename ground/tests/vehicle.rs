@@ -254,6 +254,8 @@ fn tvc(arguments: &[&str]) -> (Option<i32>, String) {
 fn a_release_is_measured_reported_and_replayed_bit_for_bit() {
     let rig = Rig::start(&["--tilt", "0.3"]);
     rig.wait_for("standby");
+    let said = rig.refused(2, &["burst", &rig.path("early.csv")]);
+    assert!(said.contains("no release"), "{said}");
     let (log, page) = (rig.path("step.tlog"), rig.path("step.html"));
     let output = rig.tvc(&[
         "test",
@@ -276,6 +278,8 @@ fn a_release_is_measured_reported_and_replayed_bit_for_bit() {
     assert_eq!(figures["telemetry"]["lost"], 0);
     assert!(figures["loop"]["jitter_us_max"].as_f64().unwrap() < 100.0);
     assert!(std::fs::read_to_string(&page).unwrap().contains("<svg"));
+
+    recorded_as_streamed(&rig, &log);
 
     let (status, text) = tvc(&["replay", &log, "--json"]);
     assert_eq!(status, Some(0), "{text}");
@@ -312,6 +316,47 @@ fn a_release_is_measured_reported_and_replayed_bit_for_bit() {
         "{cut}"
     );
     assert_eq!(cut["equal"], cut["compared"]);
+}
+
+/// What the vehicle kept of the release is what it sent.
+fn recorded_as_streamed(rig: &Rig, log: &str) {
+    let [kept, streamed, again] =
+        ["burst.csv", "streamed.csv", "burst.tlog"].map(|name| rig.path(name));
+    // A machine that is busy runs the rig slowly: the second that is recorded may not be over.
+    let begun = Instant::now();
+    while !rig.tvc(&["burst", &kept]).status.success() {
+        assert!(begun.elapsed() < PATIENCE);
+    }
+    let told = rig.json(&["burst", &kept]);
+    // A release in the same breath as the arming has nothing before it.
+    let steps = told["steps"].as_u64().unwrap();
+    assert!((170..=200).contains(&steps), "{told}");
+    assert_eq!(told["before_release"], steps - 170);
+    assert_eq!(tvc(&["convert", log, &streamed]).0, Some(0));
+    let rows = |path: &str| -> Vec<Vec<String>> {
+        let text = std::fs::read_to_string(path).unwrap();
+        let rows = text.lines().skip(1);
+        rows.map(|row| row.split(',').map(str::to_owned).collect())
+            .collect()
+    };
+    let streamed = rows(&streamed);
+    let kept = rows(&kept);
+    assert_eq!(kept.len() as u64, steps);
+    for row in &kept {
+        let same = streamed.iter().find(|other| other[0] == row[0]);
+        let other = same.unwrap_or_else(|| panic!("{row:?} was not streamed"));
+        assert_eq!(row[3..13], other[3..13], "counts");
+        assert_eq!(row[17..], other[17..], "rates, command and pulse");
+        for (kept, told) in row[13..17].iter().zip(&other[13..17]) {
+            let [kept, told] = [kept, told].map(|text| text.parse::<f32>().unwrap());
+            assert!((kept - told).abs() < 2e-4, "{kept} {told}");
+        }
+    }
+    rig.ok(&["burst", &again]);
+    let (_, text) = tvc(&["report", &again, "--json"]);
+    let figures: Value = serde_json::from_str(&text).unwrap();
+    assert_eq!(figures["runs"].as_array().unwrap().len(), 1, "{text}");
+    assert_eq!(figures["loop"]["steps"], steps);
 }
 
 #[test]

@@ -4,11 +4,18 @@
 //! command, one behind the other; answers and events lie between two steps as they lay in the firmware. A step without RAW_IMU missed its sample, unless frames
 //! are missing there.
 
-use mavlink::dialects::common::{MavCmd, MavMessage, MavResult, MavSeverity, SYS_STATUS_DATA};
+use mavlink::dialects::common::{
+    ATTITUDE_QUATERNION_DATA, COMMAND_ACK_DATA, HEARTBEAT_DATA, MavAutopilot, MavCmd, MavMessage,
+    MavParamType, MavResult, MavSeverity, MavType, NAMED_VALUE_FLOAT_DATA, PARAM_VALUE_DATA,
+    RAW_IMU_DATA, SERVO_OUTPUT_RAW_DATA, STATUSTEXT_DATA, SYS_STATUS_DATA,
+};
 use rig::link::LinkCounts;
 use tvc_nano::{Micros, RawSample};
 
 use super::{Entry, Log};
+
+/// Name of the message that tells the command.
+const CRANK: &str = "crank_rad";
 
 /// Angles of a step's attitude are those of `[w, x, y, z]`, body to north-east-down.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -38,6 +45,55 @@ impl Step {
         let [w, x, y, z] = self.quaternion.map(f64::from);
         (2.0 * (w * y - x * z)).clamp(-1.0, 1.0).asin()
     }
+
+    /// The messages by which the vehicle tells of it, in its order.
+    fn messages(&self) -> Vec<MavMessage> {
+        let [q1, q2, q3, q4] = self.quaternion;
+        let [rollspeed, pitchspeed, yawspeed] = self.rate_rad_s;
+        let time_us = self.sample.map_or(self.now_us, |sample| sample.time.0);
+        let time_boot_ms = (time_us / 1000) as u32;
+        let mut messages = vec![
+            MavMessage::ATTITUDE_QUATERNION(ATTITUDE_QUATERNION_DATA {
+                time_boot_ms,
+                q1,
+                q2,
+                q3,
+                q4,
+                rollspeed,
+                pitchspeed,
+                yawspeed,
+            }),
+            MavMessage::SERVO_OUTPUT_RAW(SERVO_OUTPUT_RAW_DATA {
+                time_usec: self.now_us as u32,
+                servo1_raw: self.pulse_us,
+                ..SERVO_OUTPUT_RAW_DATA::default()
+            }),
+        ];
+        if let Some(sample) = &self.sample {
+            let ([xacc, yacc, zacc], [xgyro, ygyro, zgyro], [xmag, ymag, zmag]) =
+                (sample.acc, sample.gyr, sample.mag);
+            messages.push(MavMessage::RAW_IMU(RAW_IMU_DATA {
+                time_usec: sample.time.0,
+                xacc,
+                yacc,
+                zacc,
+                xgyro,
+                ygyro,
+                zgyro,
+                xmag,
+                ymag,
+                zmag,
+            }));
+        }
+        if let Some(value) = self.crank_rad {
+            messages.push(MavMessage::NAMED_VALUE_FLOAT(NAMED_VALUE_FLOAT_DATA {
+                time_boot_ms,
+                value,
+                name: CRANK.into(),
+            }));
+        }
+        messages
+    }
 }
 
 /// What a log tells, in order.
@@ -57,6 +113,38 @@ pub enum Event {
     Status(SYS_STATUS_DATA),
     /// An answer to a command.
     Answer(MavCmd, MavResult),
+}
+
+impl Event {
+    /// The messages by which the vehicle tells of it; none for a gap.
+    pub fn messages(&self) -> Vec<MavMessage> {
+        match self {
+            Self::Step(step) => step.messages(),
+            Self::Gap(_) => Vec::new(),
+            Self::State(custom_mode) => vec![MavMessage::HEARTBEAT(HEARTBEAT_DATA {
+                custom_mode: *custom_mode,
+                mavtype: MavType::MAV_TYPE_ROCKET,
+                autopilot: MavAutopilot::MAV_AUTOPILOT_GENERIC,
+                mavlink_version: 3,
+                ..HEARTBEAT_DATA::default()
+            })],
+            Self::Said(severity, text) => vec![MavMessage::STATUSTEXT(STATUSTEXT_DATA {
+                severity: *severity,
+                text: text.as_str().into(),
+            })],
+            Self::Parameter(name, value) => vec![MavMessage::PARAM_VALUE(PARAM_VALUE_DATA {
+                param_id: name.as_str().into(),
+                param_value: *value,
+                param_type: MavParamType::MAV_PARAM_TYPE_REAL32,
+                ..PARAM_VALUE_DATA::default()
+            })],
+            Self::Status(status) => vec![MavMessage::SYS_STATUS(status.clone())],
+            Self::Answer(command, result) => vec![MavMessage::COMMAND_ACK(COMMAND_ACK_DATA {
+                command: *command,
+                result: *result,
+            })],
+        }
+    }
 }
 
 /// A log as a flight.
@@ -141,7 +229,7 @@ impl Flight {
             }
             MavMessage::NAMED_VALUE_FLOAT(m) => {
                 if let Some(part) = part
-                    && m.name.to_str() == Ok("crank_rad")
+                    && m.name.to_str() == Ok(CRANK)
                 {
                     part.crank_rad = Some(m.value);
                 }
@@ -214,9 +302,6 @@ impl Clock {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use mavlink::dialects::common::{
-        ATTITUDE_QUATERNION_DATA, HEARTBEAT_DATA, RAW_IMU_DATA, SERVO_OUTPUT_RAW_DATA,
-    };
 
     fn attitude() -> MavMessage {
         MavMessage::ATTITUDE_QUATERNION(ATTITUDE_QUATERNION_DATA {
@@ -280,6 +365,41 @@ mod tests {
         assert_eq!(steps, [(5_000, true), (15_000, false), (55_000, true)]);
         assert_eq!((flight.missed(), flight.lost()), (1, 4));
         assert_eq!(flight.events[2], Event::State(3));
+    }
+
+    #[test]
+    fn a_flight_told_in_messages_is_the_same_flight() {
+        let step = Step {
+            now_us: 9_500,
+            sample: Some(RawSample {
+                time: Micros(5_000),
+                acc: [1, 2, -981],
+                gyr: [4, 5, 6],
+                mag: [7, 8, -9],
+            }),
+            quaternion: [0.5, -0.5, 0.5, 0.5],
+            rate_rad_s: [0.1, 0.2, 0.3],
+            crank_rad: Some(0.25),
+            pulse_us: 1_600,
+        };
+        let missed = Step {
+            now_us: 16_167,
+            sample: None,
+            ..step
+        };
+        let events = vec![
+            Event::Parameter("PID_KP".into(), 1.5),
+            Event::State(4),
+            Event::Step(step),
+            Event::Step(missed),
+            Event::Said(MavSeverity::MAV_SEVERITY_INFO, "active".into()),
+            Event::Answer(MavCmd::MAV_CMD_DO_GRIPPER, MavResult::MAV_RESULT_ACCEPTED),
+            Event::Status(SYS_STATUS_DATA::default()),
+        ];
+        let messages = events.iter().flat_map(Event::messages);
+        let told = flight(messages.map(|message| (message, 0)).collect());
+        assert_eq!(told.events, events);
+        assert!(Event::Gap(3).messages().is_empty());
     }
 
     #[test]
