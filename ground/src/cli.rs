@@ -24,7 +24,7 @@ mod watch;
 mod web;
 
 pub use burst::Burst;
-pub use calibrate::{Calibrate, Day, Place, Sensor, place};
+pub use calibrate::{Calibrate, Day, Place, Sensor, Servo, SetUp, place};
 pub use cycles::{Cycles, Optimise};
 pub use disturbance::Disturb;
 pub use experiment::{Experiment, ExperimentCommand, GyroBias, Sensing};
@@ -69,7 +69,7 @@ pub enum Command {
     Ports(Ports),
     /// Build the image and put it on a Nano, or write it as a file.
     Flash(Flash),
-    /// Calibrate the sensors, guided at a vehicle or from a recording.
+    /// Calibrate the sensors, guided at a vehicle or from a recording, and set up the servo.
     Calibrate(Calibrate),
     /// Show, change, compare, load and keep parameters.
     Param(Param),

@@ -93,7 +93,10 @@ fn fly(vehicle: &mut Vehicle, manoeuvre: Manoeuvre, stop: &AtomicBool) -> Result
 }
 
 /// Arms as soon as the vehicle lets itself be armed.
-fn arm(vehicle: &mut Vehicle, stop: &AtomicBool) -> Result<()> {
+///
+/// # Errors
+/// It does not for [`ARM_PATIENCE`], with its last reason.
+pub fn arm(vehicle: &mut Vehicle, stop: &AtomicBool) -> Result<()> {
     let progress = spinner("hold the drone still");
     let begun = Instant::now();
     loop {

@@ -31,6 +31,8 @@ pub fn run(options: &Rig) -> Result<Verdict> {
     config.bench.servo = options.servo.kind().model();
     config.bench.sensor.errors = options.sensor.errors();
     config.bench.start_rad = options.tilt;
+    let drone = config.bench.parameters;
+    config.bench.parameters = drone.with_lateral_offset(options.cm_offset * 1e-3);
     config.bench.disturbances = options.disturb.all();
     let rig = rig::Rig::new(&image, &config)?;
     let pty = Pty::open().context("making a pseudo-terminal")?;

@@ -171,6 +171,12 @@ impl Parameters {
         self.body_mass_kg + self.crank_mass_kg + self.link_mass_kg + self.rudder_mass_kg
     }
 
+    /// The drone with its whole mass so far to +x, m; body 0 carries the offset.
+    pub fn with_lateral_offset(mut self, offset_m: f64) -> Self {
+        self.body_cm_m[0] += offset_m * self.total_mass_kg() / self.body_mass_kg;
+        self
+    }
+
     /// Checks that every value is finite and in range and that the linkage closes over the
     /// servo's travel.
     ///

@@ -9,6 +9,8 @@ use crate::operator::FlightState;
 use crate::rig::Rig;
 use mavlink::dialects::common::MavMessage;
 use nalgebra::UnitQuaternion;
+use plant::Drone;
+use samd21::board::Ticks;
 
 /// How far the drone is tilted to see its rudder answer, rad.
 const TILT_RAD: f64 = 0.35;
@@ -16,6 +18,9 @@ const TILT_RAD: f64 = 0.35;
 const TURN_S: f64 = 1.5;
 /// Amplitude of a hand that trembles, rad/s.
 const TREMBLE_RAD_S: f64 = 0.08;
+
+/// From the wish to tilt the drone until its rudder rests.
+const GLANCE: Ticks = Ticks::from_ms(2500);
 
 /// How well the hand does what a calibration asks for.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -38,6 +43,8 @@ pub struct Hand {
     start_rad: f64,
     rate_rad_s: f64,
     state: Option<FlightState>,
+    /// When to look at the rudder of the tilted drone.
+    glance: Option<Ticks>,
 }
 
 impl Hand {
@@ -50,6 +57,7 @@ impl Hand {
             start_rad,
             rate_rad_s,
             state: None,
+            glance: None,
         }
     }
 
@@ -68,7 +76,10 @@ impl Hand {
         }
     }
 
-    fn obey(&self, rig: &mut Rig, instruction: Instruction) {
+    fn obey(&mut self, rig: &mut Rig, instruction: Instruction) {
+        if let Instruction::Tilt(Tilt::NoseUp | Tilt::NoseDown) = instruction {
+            self.glance = Some(rig.now() + GLANCE);
+        }
         let world = rig.world_mut();
         match instruction {
             Instruction::Rest if self.manner == Manner::Trembling => {
@@ -107,6 +118,10 @@ impl Hand {
                 _ => {}
             }
         }
+        if self.glance.is_some_and(|due| rig.now() >= due) {
+            self.glance = None;
+            news.push(describe(rig.world().drone()));
+        }
         news
     }
 
@@ -129,4 +144,19 @@ impl Hand {
     pub fn state(&self) -> Option<FlightState> {
         self.state
     }
+}
+
+/// What the rudder does about the tilt, as a person beside the drone sees it.
+fn describe(drone: &Drone) -> String {
+    let nose = |up: bool| if up { "up" } else { "down" };
+    let (pitch, rudder) = (drone.pitch_rad(), drone.rudder_rad());
+    // A rudder at a positive angle pushes the nose down.
+    let verdict = match rudder {
+        _ if rudder.abs() < 0.02 => "does not answer".to_owned(),
+        _ if (pitch > 0.0) == (rudder > 0.0) => {
+            format!("pushes it {}, as it should", nose(pitch < 0.0))
+        }
+        _ => format!("pushes it further {}: the wrong way", nose(pitch > 0.0)),
+    };
+    format!("the nose is {}; the rudder {verdict}", nose(pitch > 0.0))
 }

@@ -41,6 +41,14 @@ pub const CALIBRATE: Order = Order {
     params: [1.0, 0.0],
 };
 
+/// A pulse for the servo's set-up, us; the firmware holds it for two seconds.
+pub fn servo(pulse_us: f32) -> Order {
+    Order {
+        command: MavCmd::MAV_CMD_DO_SET_SERVO,
+        params: [1.0, pulse_us],
+    }
+}
+
 /// Stores the parameters as they are.
 pub const SAVE: Order = storage(1.0);
 /// Back to the stored parameters.

@@ -113,6 +113,9 @@ fn finish(
             rows.len()
         );
         figures.written = true;
+        if session.vehicle.parameter("SRV_POLARITY")? != 1.0 {
+            eprintln!("next: tvc calibrate polarity, without which nothing is armed");
+        }
         // The estimate begins anew with the new calibration; a vehicle that waits for something else tells so by itself.
         let _ = session.vehicle.command("calibrate", request::CALIBRATE);
     } else {

@@ -4,11 +4,14 @@ mod declination;
 mod figures;
 mod fit;
 mod guided;
+mod hold;
 mod keyboard;
 mod picture;
+mod polarity;
 mod readings;
 mod report;
 mod rests;
+mod servo;
 mod session;
 mod write;
 
@@ -18,7 +21,7 @@ use anyhow::{Context, Result, anyhow};
 use nalgebra::Vector3;
 use tvc_nano::Params;
 
-use crate::cli::Calibrate;
+use crate::cli::{Calibrate, SetUp};
 use crate::failure::Verdict;
 use crate::link::Parameter;
 use crate::output::{print_figures, write_whole};
@@ -29,9 +32,12 @@ use readings::Readings;
 
 /// Calibrates as `options` say, prints the figures, writes the parameters and the report.
 pub fn run(options: &Calibrate) -> Result<Verdict> {
-    match &options.from {
-        None => guided::run(options),
-        Some(log) => {
+    match (&options.step, &options.from) {
+        (Some(SetUp::Servo(servo)), _) => servo::run(servo, options),
+        (Some(SetUp::Polarity), _) => polarity::run(options),
+        (Some(SetUp::Hold { seconds }), _) => hold::run(*seconds, options),
+        (None, None) => guided::run(options),
+        (None, Some(log)) => {
             let declination_deg = asked_declination(options)?;
             let readings = readings::read(log)?;
             let found = fit::fit(&readings, options);

@@ -5,6 +5,7 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Result, bail};
 use indicatif::{ProgressBar, ProgressStyle};
+use mavlink::dialects::common::MavMessage;
 use rig::instruction::Instruction;
 use rig::operator::FlightState;
 use tvc_nano::calibration::rest::Moment;
@@ -12,17 +13,46 @@ use tvc_nano::calibration::rest::Moment;
 use super::keyboard::{Keyboard, Typed};
 use super::readings::Readings;
 use crate::link::Vehicle;
+use crate::status::angles;
 
 /// How much of the vehicle's time passes between two looks at its samples, s.
 const LOOK_S: f64 = 0.2;
 /// Silence of the sensor after which there is no use in waiting.
 const SILENCE: Duration = Duration::from_secs(10);
 
+/// How long the vehicle may take to standby.
+const STANDBY: Duration = Duration::from_secs(20);
+
+/// What the vehicle tells of tilt and rudder.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Seen {
+    /// Right side down, rad.
+    pub roll_rad: f64,
+    /// Nose up, rad.
+    pub pitch_rad: f64,
+    /// Pulse, us.
+    pub pulse_us: u16,
+}
+
+impl Seen {
+    fn take(&mut self, message: &MavMessage) {
+        match message {
+            MavMessage::ATTITUDE_QUATERNION(q) => {
+                let [roll, pitch, _] = angles([q.q1, q.q2, q.q3, q.q4].map(f64::from));
+                (self.roll_rad, self.pitch_rad) = (roll, pitch);
+            }
+            MavMessage::SERVO_OUTPUT_RAW(servo) => self.pulse_us = servo.servo1_raw,
+            _ => {}
+        }
+    }
+}
+
 /// A calibration under way.
 pub struct Session<'a> {
     /// The vehicle.
     pub vehicle: Vehicle,
     readings: Readings,
+    seen: Seen,
     keyboard: Option<Keyboard>,
     bar: ProgressBar,
     stop: &'a AtomicBool,
@@ -44,6 +74,7 @@ impl<'a> Session<'a> {
         Ok(Self {
             vehicle,
             readings: Readings::default(),
+            seen: Seen::default(),
             keyboard: None,
             bar,
             stop,
@@ -58,6 +89,29 @@ impl<'a> Session<'a> {
     /// Their moments.
     pub fn moments(&self) -> &[Moment] {
         &self.readings.moments
+    }
+
+    /// Waits until the vehicle has passed its self-test.
+    ///
+    /// # Errors
+    /// It does not, with what it waits for.
+    pub fn await_standby(&mut self) -> Result<()> {
+        let begun = Instant::now();
+        while self.vehicle.state() != FlightState::Standby {
+            self.pump()?;
+            if begun.elapsed() > STANDBY {
+                bail!(
+                    "the vehicle does not come to standby: {}",
+                    self.vehicle.standing().reason()
+                );
+            }
+        }
+        Ok(())
+    }
+
+    /// Roll and pitch, rad, and the pulse, us, as the vehicle told them last.
+    pub fn seen(&self) -> Seen {
+        self.seen
     }
 
     /// Asks the person for a step, on the screen and down the link.
@@ -118,7 +172,16 @@ impl<'a> Session<'a> {
     pub fn pump(&mut self) -> Result<()> {
         for frame in self.vehicle.receive()? {
             self.readings.take(&frame.message);
+            self.seen.take(&frame.message);
         }
+        self.go_on()
+    }
+
+    /// Whether the person has not had enough.
+    ///
+    /// # Errors
+    /// They have.
+    pub fn go_on(&self) -> Result<()> {
         if self.stop.load(Ordering::Relaxed) {
             self.end();
             bail!("stopped by the operator; nothing was changed");

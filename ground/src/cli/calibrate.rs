@@ -2,9 +2,10 @@
 
 use std::path::PathBuf;
 
-use clap::{Args, ValueEnum};
+use clap::{Args, Subcommand, ValueEnum};
 
 use super::ParamPort;
+use super::link::seconds;
 
 /// Options of `tvc calibrate`.
 #[derive(Debug, Args)]
@@ -22,10 +23,18 @@ Examples:
   cargo tvc calibrate --from log.csv --place 55.79,12.52       declination from the world magnetic model
   cargo tvc calibrate --from log.csv --only gyr,acc --level 5  mount from the rest at 5 s, body level
   cargo tvc param load report/calibration.parm                 and onto the vehicle
-  cargo tvc rig --pty --link ./nano --sensor worst             a virtual rig to try it at
+  cargo tvc calibrate servo                                    then centre, angle, direction, ends
+  cargo tvc calibrate polarity                                 then see the rudder answer a tilt
+  cargo tvc calibrate hold                                     then, on the tether, the lateral offset
+  cargo tvc rig --pty --link ./nano --blank --sensor worst     a virtual rig to try it at
 
 Exit status: 0 calibrated, 1 the data do not allow it (standard error says why), 2 unusable input.")]
+#[command(args_conflicts_with_subcommands = true)]
 pub struct Calibrate {
+    /// What else is set up.
+    #[command(subcommand)]
+    pub step: Option<SetUp>,
+
     /// The recording: a telemetry log (.tlog), a CSV file with counts (acc_x ... mag_z) or in SI units
     /// (gx_rad_s, ax_m_s2, mx_ut ...), or IMUQ16v1.
     #[arg(long, value_name = "LOG", conflicts_with_all = ["port", "yes", "record"])]
@@ -36,7 +45,7 @@ pub struct Calibrate {
     pub port: ParamPort,
 
     /// Yes to every question: write what was found to the vehicle.
-    #[arg(long)]
+    #[arg(long, global = true)]
     pub yes: bool,
 
     /// Where to keep the recording of a guided calibration.
@@ -87,6 +96,48 @@ pub struct Calibrate {
         default_value = "report/calibrate.html"
     )]
     pub report: PathBuf,
+}
+
+/// What is set up besides the sensors.
+#[derive(Debug, Subcommand)]
+pub enum SetUp {
+    /// The servo: centre, us per degree, direction, travel ends, each given here or found with the servo
+    /// in sight. Turn thrust off.
+    Servo(Servo),
+    /// Tilt the vehicle by hand and see the rudder answer the right way, without which nothing is armed.
+    /// Turn thrust off.
+    Polarity,
+    /// Fly upright for a while and take the servo angle that holds the drone against a lateral offset of
+    /// its mass, so that the rudder rests there before the next release. Thrust on, on the tether.
+    Hold {
+        /// How long it is measured, after three seconds of settling.
+        #[arg(long, value_name = "S", default_value_t = 8.0, value_parser = seconds)]
+        seconds: f64,
+    },
+}
+
+/// Options of `tvc calibrate servo`. What is not given is asked for, or stays with --yes.
+#[derive(Debug, Args)]
+pub struct Servo {
+    /// Pulse at which the rudder has no effect, us.
+    #[arg(long, value_name = "US")]
+    pub centre: Option<f32>,
+
+    /// Change of the pulse for a degree of the servo's horn, us.
+    #[arg(long, value_name = "US")]
+    pub us_per_deg: Option<f32>,
+
+    /// 1 where a longer pulse pushes the nose down, -1 where it lifts it.
+    #[arg(long, value_name = "SIGN", allow_negative_numbers = true)]
+    pub direction: Option<f32>,
+
+    /// Shortest pulse at which nothing touches, us.
+    #[arg(long, value_name = "US")]
+    pub min: Option<f32>,
+
+    /// Longest pulse at which nothing touches, us.
+    #[arg(long, value_name = "US")]
+    pub max: Option<f32>,
 }
 
 /// A sensor to calibrate.

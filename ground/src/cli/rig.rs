@@ -58,6 +58,10 @@ pub struct Rig {
     #[arg(long, value_name = "TIMES", default_value_t = 1.0, value_parser = speed)]
     pub speed: f64,
 
+    /// Lateral offset of the drone's mass, forward, in mm (-30 to 30).
+    #[arg(long, value_name = "MM", default_value_t = 0.0, allow_negative_numbers = true, value_parser = offset)]
+    pub cm_offset: f64,
+
     /// What disturbs a flight.
     #[command(flatten)]
     pub disturb: Disturb,
@@ -116,5 +120,12 @@ fn speed(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
         Ok(times) if (0.1..=20.0).contains(&times) => Ok(times),
         _ => Err("a speed is 0.1 to 20 times the clock on the wall".into()),
+    }
+}
+
+fn offset(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(mm) if mm.abs() <= 30.0 => Ok(mm),
+        _ => Err("an offset of the mass is -30 to 30 mm".into()),
     }
 }

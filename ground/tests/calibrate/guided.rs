@@ -170,3 +170,80 @@ fn who_does_not_agree_keeps_the_vehicle_as_it_is() {
     assert_eq!(json(&output)["written"], true);
     assert_ne!(rig.parameters(), before);
 }
+
+#[test]
+fn a_nano_out_of_its_box_is_armed_after_its_rudder_was_seen_and_again_after_its_servo_was_turned() {
+    let rig = Rig::start(&["--blank"]);
+    let seen = rig.json(&["calibrate", "polarity", "--yes"]);
+    assert_eq!(seen["checked"], true, "{seen}");
+    let pulse = |name: &str| seen[name].as_i64().unwrap();
+    assert!(pulse("nose_up_us") > pulse("upright_us") + 40, "{seen}");
+    assert!(pulse("nose_down_us") < pulse("upright_us") - 40, "{seen}");
+    assert_eq!(rig.parameters()["SRV_POLARITY"], 1.0);
+
+    rig.json(&["param", "set", "SRV_DIR", "-1"]);
+    assert_eq!(rig.parameters()["SRV_POLARITY"], 0.0);
+    let output = rig.typing("y\nn\n", &["calibrate", "polarity"]);
+    assert_eq!(output.status.code(), Some(1), "{}", said(&output));
+    let refused = "refused: the rudder answers the wrong way: set SRV_DIR to 1";
+    assert!(said(&output).contains(refused), "{}", said(&output));
+    assert_eq!(rig.parameters()["SRV_POLARITY"], 0.0);
+    let refused = rig.tvc(&["arm"]);
+    assert!(said(&refused).contains("run tvc calibrate polarity first"));
+}
+
+#[test]
+fn a_servo_is_set_up_by_what_is_given_or_by_what_a_person_sees() {
+    let rig = Rig::start(&[]);
+    let given = rig.json(&[
+        "calibrate",
+        "servo",
+        "--centre",
+        "1510",
+        "--us-per-deg",
+        "9.5",
+        "--min",
+        "950",
+        "--max",
+        "2100",
+        "--yes",
+    ]);
+    assert_eq!(
+        (&given["written"], &given["changed"]),
+        (&true.into(), &4.into())
+    );
+    assert_eq!(given["polarity_checked"], true);
+    // Centre 1530 and a nudge up; 29 and 31 deg; wrong way round; ends.
+    let keys = "1530\n+\n\n29\n31\nn\n900\n\n2150\n--\n\ny\n";
+    let found = json(&rig.typing(keys, &["calibrate", "servo"]));
+    for (name, value) in [
+        ("SRV_CENTRE_US", 1535.0),
+        ("SRV_US_PER_DEG", 10.0),
+        ("SRV_DIR", -1.0),
+        ("SRV_MIN_US", 900.0),
+        ("SRV_MAX_US", 2140.0),
+    ] {
+        assert_eq!(found["parameters"][name], value, "{name}");
+        assert_eq!(rig.parameters()[name], value, "{name}");
+    }
+    assert_eq!(found["polarity_checked"], false);
+    let bad = rig.tvc(&["calibrate", "servo", "--centre", "1700", "--yes"]);
+    assert_eq!(bad.status.code(), Some(2));
+    assert!(said(&bad).contains("--centre 1700"), "{}", said(&bad));
+}
+
+/// 5 mm forward lower the nose: 0.040 rad of servo hold it.
+#[test]
+fn a_lateral_offset_of_the_mass_is_measured_in_flight_and_held_before_the_next() {
+    let rig = Rig::start(&["--cm-offset", "5"]);
+    let first = rig.json(&["calibrate", "hold", "--seconds", "2", "--yes"]);
+    let hold_deg = first["hold_deg"].as_f64().unwrap();
+    assert!((hold_deg.abs() - 2.3).abs() < 0.4, "{first}");
+    assert_eq!(first["written"], true);
+    let second = rig.json(&["calibrate", "hold", "--seconds", "2", "--yes"]);
+    assert!(
+        second["crank_deg"].as_f64().unwrap().abs() < 0.4,
+        "{second}"
+    );
+    assert!((second["hold_deg"].as_f64().unwrap() - hold_deg).abs() < 0.4);
+}

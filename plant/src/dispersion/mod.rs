@@ -219,7 +219,7 @@ impl Draw {
         drone.body_inertia_kg_m2 *= self.inertia;
         // The offset is that of the whole drone; body 0 carries it.
         let share = drone.total_mass_kg() / drone.body_mass_kg;
-        drone.body_cm_m[0] += self.cm_lateral_m * share;
+        *drone = drone.with_lateral_offset(self.cm_lateral_m);
         drone.body_cm_m[1] += self.cm_vertical_m * share;
         setup.servo.speed_rad_s *= self.servo_speed * self.supply;
         setup.servo.stall_n_m *= self.stall * self.supply;
