@@ -137,7 +137,8 @@ impl Recording {
         magnetometer: bool,
     ) -> Result<Score, Box<dyn Error>> {
         let period_us = (self.dt_s * 1e6).round() as u32;
-        let mut estimator = fixed::Estimator::<F>::new(config, &self.scale, period_us)?;
+        let mut estimator =
+            fixed::Estimator::<F, fixed::Recovered>::with_recovery(config, &self.scale, period_us)?;
         Ok(self.score(|i| {
             let counts = self.counts[i];
             let mag = counts.mag.filter(|_| magnetometer);

@@ -6,7 +6,7 @@ use crate::config::{Config, ConfigError, in_range, positive};
 use crate::field::{Field, HeadingError, plausible};
 use crate::quaternion::{HalfRows, Quaternion, dot};
 use crate::range::{Hidden, Range};
-use crate::real::Real;
+use crate::real::{Number, Real};
 use crate::recovery::{Recovery, Seen};
 use crate::rest::Rest;
 

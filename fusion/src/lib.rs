@@ -39,6 +39,6 @@ pub use madgwick::{Madgwick, MadgwickGains};
 pub use mahony::{Mahony, MahonyGains};
 pub use nalgebra::Vector3;
 pub use quaternion::{Euler, HalfRows, Quaternion};
-pub use real::Real;
+pub use real::{Number, Real};
 pub use rest::RestConfig;
 pub use vqf::{Vqf, VqfGains};

@@ -1,6 +1,6 @@
 //! Unit quaternions and the rotation matrix they stand for.
 
-use crate::real::Real;
+use crate::real::{Number, Real};
 use nalgebra::Vector3;
 
 /// An orientation: a unit quaternion, Hamilton's convention, body to earth: `v_earth = q v_body q*`.
@@ -312,13 +312,13 @@ impl<T: Real> Default for Quaternion<T> {
 
 /// Scalar product, summed from x to z.
 #[inline(always)]
-pub(crate) fn dot<T: Real>(a: &Vector3<T>, b: &Vector3<T>) -> T {
+pub(crate) fn dot<T: Number>(a: &Vector3<T>, b: &Vector3<T>) -> T {
     a.x * b.x + a.y * b.y + a.z * b.z
 }
 
 /// Vector product.
 #[inline(always)]
-pub(crate) fn cross<T: Real>(a: &Vector3<T>, b: &Vector3<T>) -> Vector3<T> {
+pub(crate) fn cross<T: Number>(a: &Vector3<T>, b: &Vector3<T>) -> Vector3<T> {
     Vector3::new(
         a.y * b.z - a.z * b.y,
         a.z * b.x - a.x * b.z,

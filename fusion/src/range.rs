@@ -15,7 +15,7 @@
 
 use nalgebra::Vector3;
 
-use crate::real::Real;
+use crate::real::Number;
 
 /// Slowest rate that can be a limit, rad/s: no gyroscope ends below 115 deg/s.
 const LEAST_LIMIT: f32 = 2.0;
@@ -121,7 +121,7 @@ enum State<T> {
     },
 }
 
-impl<T: Real> Range<T> {
+impl<T: Number> Range<T> {
     pub(crate) fn new(limit_rad_s: f32) -> Self {
         let configured = T::from_f32(limit_rad_s);
         Self {
@@ -171,7 +171,7 @@ impl<T: Real> Range<T> {
     }
 }
 
-impl<T: Real> Axis<T> {
+impl<T: Number> Axis<T> {
     fn new(limit: T) -> Self {
         Self {
             limits: [limit; 2],
@@ -371,7 +371,7 @@ impl<T: Real> Axis<T> {
 }
 
 /// Time, within 0..`dt`, in which a rate that changes by `slope` makes up `distance`.
-fn crossing<T: Real>(distance: T, slope: T, dt: T) -> T {
+fn crossing<T: Number>(distance: T, slope: T, dt: T) -> T {
     let time_s = distance * slope.recip();
     if time_s > T::ZERO && time_s.within(dt) {
         time_s
@@ -380,7 +380,7 @@ fn crossing<T: Real>(distance: T, slope: T, dt: T) -> T {
     }
 }
 
-fn clamped<T: Real>(rate: T, limit: T) -> T {
+fn clamped<T: Number>(rate: T, limit: T) -> T {
     match (rate.within(limit), rate < T::ZERO) {
         (true, _) => rate,
         (false, true) => -limit,

@@ -2,15 +2,14 @@
 
 use core::ops::{Add, AddAssign, Mul, Neg, Sub};
 
-mod sealed {
+pub(crate) mod sealed {
     pub trait Sealed {}
     impl Sealed for f32 {}
     impl Sealed for f64 {}
 }
 
-/// `f32` or `f64`. Every operation is correctly rounded IEEE arithmetic or a `libm` function in pure
-/// integer and float operations, so that the same input gives the same bits with and without an FPU.
-pub trait Real:
+/// What the parts that every arithmetic shares compute with: `f32`, `f64`, and fixed point.
+pub trait Number:
     sealed::Sealed
     + nalgebra::Scalar
     + Copy
@@ -29,11 +28,9 @@ pub trait Real:
     /// 1.
     const ONE: Self;
 
-    /// The nearest value to an `f32` (exact).
+    /// The nearest value to an `f32`.
     fn from_f32(value: f32) -> Self;
-    /// The nearest `f32`.
-    fn to_f32(self) -> f32;
-    /// Square root; of a negative number NaN.
+    /// Square root; of a negative number NaN, where there is such a thing.
     fn sqrt(self) -> Self;
     /// `1 / self`.
     fn recip(self) -> Self;
@@ -42,8 +39,15 @@ pub trait Real:
     /// `|self| <= limit` for `limit >= 0`, false for NaN. Without an FPU a comparison of bits, ten times
     /// cheaper than a float comparison.
     fn within(self, limit: Self) -> bool;
-    /// The sign bit.
+    /// Below zero, or the float's zero with a sign.
     fn is_negative(self) -> bool;
+}
+
+/// `f32` or `f64`. Every operation is correctly rounded IEEE arithmetic or a `libm` function in pure
+/// integer and float operations, so that the same input gives the same bits with and without an FPU.
+pub trait Real: Number {
+    /// The nearest `f32`.
+    fn to_f32(self) -> f32;
     /// In units of `2^-bits`, towards zero and saturated: for sums that are cheaper in integers.
     fn to_fixed(self, bits: u8) -> i32;
     /// Angle of the point `(x, self)`, rad.
@@ -54,7 +58,7 @@ pub trait Real:
     fn sin_cos(self) -> (Self, Self);
 }
 
-impl Real for f32 {
+impl Number for f32 {
     const ZERO: Self = 0.0;
     const HALF: Self = 0.5;
     const ONE: Self = 1.0;
@@ -62,10 +66,6 @@ impl Real for f32 {
     #[inline(always)]
     fn from_f32(value: f32) -> Self {
         value
-    }
-    #[inline(always)]
-    fn to_f32(self) -> f32 {
-        self
     }
     #[inline]
     fn sqrt(self) -> Self {
@@ -87,6 +87,13 @@ impl Real for f32 {
     #[inline(always)]
     fn is_negative(self) -> bool {
         self.is_sign_negative()
+    }
+}
+
+impl Real for f32 {
+    #[inline(always)]
+    fn to_f32(self) -> f32 {
+        self
     }
     #[inline(always)]
     fn to_fixed(self, bits: u8) -> i32 {
@@ -114,16 +121,13 @@ impl Real for f32 {
     }
 }
 
-impl Real for f64 {
+impl Number for f64 {
     const ZERO: Self = 0.0;
     const HALF: Self = 0.5;
     const ONE: Self = 1.0;
 
     fn from_f32(value: f32) -> Self {
         Self::from(value)
-    }
-    fn to_f32(self) -> f32 {
-        self as f32
     }
     fn sqrt(self) -> Self {
         libm::sqrt(self)
@@ -139,6 +143,12 @@ impl Real for f64 {
     }
     fn is_negative(self) -> bool {
         self.is_sign_negative()
+    }
+}
+
+impl Real for f64 {
+    fn to_f32(self) -> f32 {
+        self as f32
     }
     fn to_fixed(self, bits: u8) -> i32 {
         (self * Self::from(1u32 << (bits & 31))) as i32
@@ -184,7 +194,7 @@ fn sin_cos(angle: f32) -> (f32, f32) {
 
 #[cfg(test)]
 mod tests {
-    use super::Real;
+    use super::{Number, Real};
 
     #[test]
     fn sine_and_cosine_agree_with_double_precision() {

@@ -14,7 +14,7 @@ use nalgebra::Vector3;
 use crate::estimator::GRAVITY;
 use crate::quaternion::{HalfRows, cross, dot};
 use crate::range::Hidden;
-use crate::real::Real;
+use crate::real::Number;
 
 /// The rate beyond the limit, in parts of it and as a density: half of it, correlated for 0.1 s, `2 * 0.5^2 * 0.1`.
 const EXCESS_S: f32 = 0.05;
@@ -62,7 +62,7 @@ pub(crate) struct Recovery<T> {
     acc_density: T,
 }
 
-impl<T: Real> Recovery<T> {
+impl<T: Number> Recovery<T> {
     /// `acc_density`: of the vertical that the accelerometer shows, rad^2 s.
     pub(crate) fn new(acc_density: T) -> Self {
         let zero = Vector3::new(T::ZERO, T::ZERO, T::ZERO);
@@ -226,7 +226,7 @@ impl<T: Real> Recovery<T> {
 }
 
 /// The body's axes in the earth frame.
-fn columns<T: Real>(rows: &HalfRows<T>) -> [Vector3<T>; 3] {
+fn columns<T: Number>(rows: &HalfRows<T>) -> [Vector3<T>; 3] {
     let twice = |n: T, e: T, d: T| Vector3::new(n + n, e + e, d + d);
     let HalfRows { north, east, down } = rows;
     [
@@ -237,7 +237,7 @@ fn columns<T: Real>(rows: &HalfRows<T>) -> [Vector3<T>; 3] {
 }
 
 /// From the body into the earth frame.
-fn earth<T: Real>(rows: &HalfRows<T>, v: &Vector3<T>) -> Vector3<T> {
+fn earth<T: Number>(rows: &HalfRows<T>, v: &Vector3<T>) -> Vector3<T> {
     let twice = |row: &Vector3<T>| {
         let half = dot(row, v);
         half + half

@@ -59,24 +59,32 @@ fn counts(sample: &Sample) -> fixed::Counts {
     }
 }
 
-impl<F: fixed::Filter + Clone> Subject for fixed::Estimator<F>
-where
-    F::Gains: Default,
-{
-    // A count of the magnetometer is 0.2 deg of heading.
-    const RESOLUTION_DEG: f64 = 0.4;
+/// In fixed point, with what a clipped gyroscope hides made good for or not.
+macro_rules! fixed_subject {
+    ($over_range:ty, $new:ident) => {
+        impl<F: fixed::Filter + Clone> Subject for fixed::Estimator<F, $over_range>
+        where
+            F::Gains: Default,
+        {
+            // A count of the magnetometer is 0.2 deg of heading.
+            const RESOLUTION_DEG: f64 = 0.4;
 
-    fn start() -> Self {
-        fixed::Estimator::new(&Config::default(), &fixed::Scale::BNO055, DT_US)
-            .expect("the defaults are valid")
-    }
+            fn start() -> Self {
+                fixed::Estimator::$new(&Config::default(), &fixed::Scale::BNO055, DT_US)
+                    .expect("the defaults are valid")
+            }
 
-    fn step(&mut self, dt_us: i64, sample: &Sample) -> Attitude {
-        let counts = counts(sample);
-        self.update(dt_us as u32, &counts);
-        self.attitude(&counts)
-    }
+            fn step(&mut self, dt_us: i64, sample: &Sample) -> Attitude {
+                let counts = counts(sample);
+                self.update(dt_us as u32, &counts);
+                self.attitude(&counts)
+            }
+        }
+    };
 }
+
+fixed_subject!(fixed::Ignored, new);
+fixed_subject!(fixed::Recovered, with_recovery);
 
 /// Field of Copenhagen: 50 uT, dip 70 deg, in north, east, down.
 fn field_ned() -> Vector3<f64> {
@@ -472,6 +480,7 @@ suite! {
     vqf_f32: Estimator<Vqf<f32>>,
     vqf_f64: Estimator<Vqf<f64>>,
     vqf_fixed: fixed::Estimator<fixed::Vqf>,
+    vqf_fixed_recovered: fixed::Estimator<fixed::Vqf, fixed::Recovered>,
 }
 
 /// Integrated rates only start and propagate.

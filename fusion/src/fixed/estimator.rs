@@ -5,6 +5,7 @@ use nalgebra::Vector3;
 use super::field::{self, Compass, size};
 use super::filters::{Filter, Gain, View};
 use super::orientation::{Angles, Orientation};
+use super::over_range::{Ignored, OverRange, Recovered, Step as Seen};
 use super::rest::{self, Rest, Sums};
 use super::rotation::{Rotation, Step};
 use crate::config::{Config, ConfigError, in_range};
@@ -78,12 +79,12 @@ const FIRST_SAMPLES: u8 = 6;
 /// direction, gravity has at most 1.73.
 const MODERATE_G: f32 = 1.9;
 
-/// An attitude estimator in fixed point.
+/// An attitude estimator in fixed point. `R` is what it does when rates clip.
 ///
 /// Fields in the order of use: what every step touches lies within reach of the core's short offsets.
 #[derive(Clone, Debug)]
 #[repr(C)]
-pub struct Estimator<F> {
+pub struct Estimator<F, R = Ignored> {
     rotation: Rotation,
     /// Half angle per count and us; and by how much the product with a time step is cut to 15 bits, and a
     /// product with counts to Q31.
@@ -112,6 +113,7 @@ pub struct Estimator<F> {
     /// Cosine and sine of half the declination, Q15, unless it is zero.
     declination: Option<(i32, i32)>,
     gyr_rad_s: f32,
+    over_range: R,
 }
 
 /// Shares of the errors that a sample takes away.
@@ -174,6 +176,45 @@ impl<F: Filter> Estimator<F> {
         config: &Config<F::Gains>,
         scale: &Scale,
         period_us: u32,
+    ) -> Result<Self, ConfigError> {
+        Self::build(config, scale, period_us, Ignored)
+    }
+}
+
+impl<F: Filter> Estimator<F, Recovered> {
+    /// The same with what the float filters do about clipped rates: more code, and in a step that is over range
+    /// several times the cycles of another.
+    pub fn with_recovery(
+        config: &Config<F::Gains>,
+        scale: &Scale,
+        period_us: u32,
+    ) -> Result<Self, ConfigError> {
+        if !(500..=10_500).contains(&period_us) {
+            return Err(ConfigError::OutOfRange("period_us"));
+        }
+        in_range(config.gyro_range_rad_s, 0.1, 200.0, "gyro_range_rad_s")?;
+        in_range(config.recovery_rad2_s, 1e-4, 10.0, "recovery_rad2_s")?;
+        let (acc_rate, mag_rate) = F::rates(&config.gains);
+        let period_s = period_us as f32 * 1e-6;
+        let block_s = period_s * f32::from(1u16 << rest::log2_block(period_s));
+        let recovered = Recovered::new(
+            scale,
+            config.gyro_range_rad_s,
+            config.recovery_rad2_s,
+            acc_rate.min(mag_rate),
+            block_s,
+        );
+        Self::build(config, scale, period_us, recovered)
+    }
+}
+
+impl<F: Filter, R: OverRange> Estimator<F, R> {
+    #[inline(always)]
+    fn build(
+        config: &Config<F::Gains>,
+        scale: &Scale,
+        period_us: u32,
+        over_range: R,
     ) -> Result<Self, ConfigError> {
         if !(500..=10_500).contains(&period_us) {
             return Err(ConfigError::OutOfRange("period_us"));
@@ -256,6 +297,7 @@ impl<F: Filter> Estimator<F> {
             coarse: coarse.into(),
             declination: half_declination(config.declination_rad)?,
             gyr_rad_s: scale.gyr_rad_s,
+            over_range,
         })
     }
 
@@ -289,13 +331,14 @@ impl<F: Filter> Estimator<F> {
     }
 
     /// Health of the estimate. A gap is a step of more than 1.25 periods in the last quarter of a second; the
-    /// accelerometer is never passed over, and clipping not noticed.
+    /// accelerometer is never passed over.
     pub fn flags(&self) -> Flags {
         Flags {
             initialised: self.settling.blocks > self.start_up_blocks,
             at_rest: self.rest.is_at_rest(),
             mag_disturbed: self.compass.is_disturbed(),
             gap: self.gap,
+            over_range: self.over_range.is_active(),
             ..Flags::default()
         }
     }
@@ -369,11 +412,23 @@ impl<F: Filter> Estimator<F> {
             },
             self.shares.tilt,
         );
+        let found = self.over_range.step(&Seen {
+            dt_us,
+            counts,
+            products: &products,
+            bias: &self.rotation.bias,
+            field: self.compass.reference(),
+            boost: self.settling.boost,
+        });
+        if let Some((boost, blocks)) = found.settle {
+            self.settling.resume(boost, blocks);
+        }
+        let [rx, ry, rz] = found.correction;
         let cut = self.shares.heading_cut & 31;
         let pending = &mut self.rotation.pending;
-        pending[0] += tilt[0] + ((turn * down[0]) >> cut);
-        pending[1] += tilt[1] + ((turn * down[1]) >> cut);
-        pending[2] += tilt[2] + ((turn * down[2]) >> cut);
+        pending[0] += tilt[0] + ((turn * down[0]) >> cut) + rx;
+        pending[1] += tilt[1] + ((turn * down[1]) >> cut) + ry;
+        pending[2] += tilt[2] + ((turn * down[2]) >> cut) + rz;
     }
 
     /// One of the small jobs that come now and then.
@@ -426,6 +481,15 @@ impl Settling {
         self.fall = self.first_fall;
         self.span = self.first_blocks;
         self.fall_at = self.blocks + self.span + 1;
+    }
+
+    /// The attitude has become uncertain: a boost for so many blocks, and half of it for twice as many.
+    #[cold]
+    fn resume(&mut self, boost: i32, blocks: u32) {
+        self.boost = boost.min(self.most);
+        self.fall = 1;
+        self.span = 2 * blocks;
+        self.fall_at = self.blocks + blocks + 1;
     }
 
     /// Once a block: the next shares of the running mean.

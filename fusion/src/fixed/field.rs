@@ -139,6 +139,12 @@ impl Compass {
         self.due != 0
     }
 
+    /// The reference, north and down in counts, once it is one.
+    #[inline(always)]
+    pub(super) fn reference(&self) -> Option<[i32; 2]> {
+        (self.judged > LEARNING).then(|| self.reference.map(|part| part >> BITS))
+    }
+
     /// Sine of the heading error, Q15, of a field in counts, as far as it is to be believed.
     #[inline(always)]
     pub(super) fn heading(

@@ -4,13 +4,16 @@
 mod estimator;
 mod field;
 mod filters;
+mod number;
 mod orientation;
+mod over_range;
 mod rest;
 mod rotation;
 
 pub use estimator::{Counts, Estimator, Scale};
 pub use filters::{Filter, Gain, Mahony, View, Vqf};
 pub use orientation::{Angles, Orientation};
+pub use over_range::{Ignored, OverRange, Recovered};
 
 /// The power of two that is nearest to a value of 1 or more.
 fn nearest_log2(value: f32) -> u8 {

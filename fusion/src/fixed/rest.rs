@@ -74,6 +74,12 @@ pub(super) struct Limits {
     log2_memory: u8,
 }
 
+/// Two to this many samples make a block.
+#[inline(always)]
+pub(super) fn log2_block(period_s: f32) -> u8 {
+    nearest_log2(BLOCK_S / period_s).clamp(4, 12)
+}
+
 impl Sums {
     /// One sample; which job of a block is due.
     #[inline(always)]
@@ -118,7 +124,7 @@ impl Limits {
         in_range(config.time_s, 0.1, 20.0, "rest.time_s")?;
         in_range(config.max_bias_rad_s, 0.001, 0.5, "rest.max_bias_rad_s")?;
         in_range(config.tau_s, 0.25, 1e4, "rest.tau_s")?;
-        let log2_block = nearest_log2(BLOCK_S / period_s).clamp(4, 12);
+        let log2_block = log2_block(period_s);
         let blocks = |time_s: f32| time_s / (period_s * f32::from(1u16 << log2_block));
         Ok(Self {
             rate: (config.rate_rad_s / scale.gyr_rad_s) as i32,

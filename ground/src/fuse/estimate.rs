@@ -13,7 +13,7 @@ use crate::failure::BadInput;
 
 /// Longest sampling period of the fixed-point estimators, us; a longer one is divided.
 const MOST_PERIOD_US: f64 = 10_500.0;
-/// What they take a count for at least and at most: `tvc_fusion::fixed::Estimator::new`.
+/// What they take a count for at least and at most: `tvc_fusion::fixed::Estimator::with_recovery`.
 const GYR_RAD_S: (f32, f32) = (1e-5, 0.001_15);
 const ACC_M_S2: (f32, f32) = (5e-4, 0.05);
 const MAG_UT: (f32, f32) = (1e-3, 1.0);
@@ -116,8 +116,9 @@ where
     let period_us = facts.period_s * 1e6;
     let parts = (period_us / MOST_PERIOD_US).ceil().max(1.0);
     let step_us = (period_us / parts).round() as u32;
-    let estimator = fixed::Estimator::<F>::new(&config, &scale, step_us)
-        .map_err(|error| refused(choice, error))?;
+    let estimator =
+        fixed::Estimator::<F, fixed::Recovered>::with_recovery(&config, &scale, step_us)
+            .map_err(|error| refused(choice, error))?;
     Ok(Box::new(Counted {
         estimator,
         scale,
@@ -174,7 +175,7 @@ fn double<T: Real>(value: T) -> f64 {
 
 /// An estimator that counts: SI values are brought back to the counts that they came from.
 struct Counted<F> {
-    estimator: fixed::Estimator<F>,
+    estimator: fixed::Estimator<F, fixed::Recovered>,
     scale: fixed::Scale,
     /// Equal steps that a sampling period is divided into.
     parts: u32,
