@@ -4,6 +4,8 @@
 //! The interrupt masks itself and so wakes the main loop, which polls the stack when nothing more urgent is left and
 //! unmasks it again. Nothing waits for the host: what it does not fetch stays in the caller's queue.
 
+mod bus;
+
 use core::sync::atomic::{AtomicBool, Ordering};
 
 use atsamd_hal::clock::UsbClock;
@@ -11,7 +13,7 @@ use atsamd_hal::gpio::{AnyPin, PA24, PA25};
 use atsamd_hal::pac;
 use atsamd_hal::pac::{NVIC, interrupt};
 use atsamd_hal::serial_number;
-use atsamd_hal::usb::UsbBus;
+use atsamd_hal::usb;
 use bno055_driver::Micros;
 use cortex_m::peripheral::SCB;
 use cortex_m::singleton;
@@ -21,6 +23,8 @@ use usb_device::device::{
     StringDescriptors, UsbDevice, UsbDeviceBuilder, UsbDeviceState, UsbVidPid,
 };
 use usbd_serial::CdcAcmClass;
+
+use bus::UsbBus;
 
 use super::nano33iot::{BOOTLOADER_MAGIC, BOOTLOADER_WORD, USB_PRODUCT, USB_VENDOR};
 
@@ -57,10 +61,10 @@ impl Port {
         pm: &mut pac::Pm,
         minus: impl AnyPin<Id = PA24>,
         plus: impl AnyPin<Id = PA25>,
-        usb: pac::Usb,
+        controller: pac::Usb,
     ) -> Self {
         let allocator: &'static UsbBusAllocator<UsbBus> = singleton!(
-            : UsbBusAllocator<UsbBus> = UsbBusAllocator::new(UsbBus::new(clock, pm, minus, plus, usb))
+            : UsbBusAllocator<UsbBus> = UsbBusAllocator::new(UsbBus(usb::UsbBus::new(clock, pm, minus, plus, controller)))
         )
         .expect("started once");
         let serial = CdcAcmClass::new(allocator, PACKET_BYTES);

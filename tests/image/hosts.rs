@@ -138,3 +138,21 @@ fn one_that_is_unplugged_in_mid_frame() {
         _ => {}
     });
 }
+
+/// Enumeration is nine requests, each of which the image must hear, whatever it is doing when it comes.
+#[test]
+fn one_that_comes_back_is_served_at_once_whenever_it_went() {
+    let flight = in_flight();
+    for instant in 0..60 {
+        let mut fork = flight.clone();
+        let Ready { rig, operator, .. } = &mut fork;
+        operator.run(rig, Ticks::from_us(instant * 333)).unwrap();
+        rig.usb_host_mut().detach();
+        operator.run(rig, ms(97)).unwrap();
+        rig.usb_host_mut().attach();
+        operator.begin_page();
+        operator.run(rig, ms(400)).unwrap();
+        let attitudes = operator.received().attitudes.len();
+        assert!(attitudes > 10, "{attitudes} when unplugged at {instant}");
+    }
+}
