@@ -51,10 +51,10 @@ pub struct HeadingError<T> {
     pub undisturbed: bool,
 }
 
-/// Horizontal part squared and vertical part of the field, both taken with half rows (uT^2/4, uT/2).
+/// Horizontal and vertical part of the field, both taken with half rows (uT/2).
 #[derive(Clone, Copy, Debug)]
 struct Parts<T> {
-    horizontal2: T,
+    horizontal: T,
     vertical: T,
 }
 
@@ -69,7 +69,8 @@ struct Declination<T> {
 #[derive(Clone, Debug)]
 pub(crate) struct Field<T> {
     gate: T,
-    tau_s: T,
+    /// `1 / tau_s`.
+    per_tau: T,
     adopt_s: T,
     adopt_rate: T,
     reject_s: T,
@@ -81,6 +82,7 @@ pub(crate) struct Field<T> {
     rejected_s: T,
     since_refresh_s: T,
     since_judged_s: T,
+    unjudged: u8,
     /// What the last judgement found.
     weight: T,
     disturbed: bool,
@@ -91,17 +93,20 @@ pub(crate) struct Field<T> {
 #[derive(Clone, Copy, Debug)]
 struct Reference<T> {
     parts: Parts<T>,
-    /// One over the largest deviation of the two parts.
-    inverse_tolerance: Parts<T>,
+    /// One over the largest deviation.
+    inverse_tolerance: T,
     /// One over the horizontal part.
     inverse_horizontal: T,
 }
 
-/// Interval at which the reference follows the field, s: it is slow, and costs a root and a division.
+/// Interval at which what follows from the reference is found anew, s: it costs a root and two divisions.
 const REFRESH_S: f32 = 0.25;
 
-/// Interval at which the field is judged, s: 25 times a second are enough.
-pub(crate) const JUDGE_S: f32 = 0.035;
+/// Interval at which the field is judged, s: 25 to 35 times a second are enough.
+pub(crate) const JUDGE_S: f32 = 0.027;
+
+/// Fewest field samples between two judgements: in fixed point those that work on one leave the heading alone.
+pub(crate) const JUDGE_SAMPLES: u8 = 8;
 
 /// Horizontal field below which a compass has no direction, uT.
 const LEAST_HORIZONTAL_UT: f32 = 1.0;
@@ -118,45 +123,40 @@ const AVERAGED: u32 = 16;
 
 impl<T: Real> Reference<T> {
     fn new(parts: Parts<T>, gate: T) -> Option<Self> {
-        let least = T::from_f32(0.5 * LEAST_HORIZONTAL_UT);
-        if parts.horizontal2.within(least * least) {
+        let Parts {
+            horizontal,
+            vertical,
+        } = parts;
+        if horizontal.within(T::from_f32(0.5 * LEAST_HORIZONTAL_UT)) {
             return None;
         }
-        let inverse_horizontal = parts.horizontal2.sqrt().recip();
-        let total = (parts.horizontal2 + parts.vertical * parts.vertical).sqrt();
-        let inverse = (gate * total).recip();
+        let total = (horizontal * horizontal + vertical * vertical).sqrt();
         Some(Self {
             parts,
-            // d(h^2) = 2 h dh
-            inverse_tolerance: Parts {
-                horizontal2: inverse * inverse_horizontal * T::HALF,
-                vertical: inverse,
-            },
-            inverse_horizontal,
+            inverse_tolerance: (gate * total).recip(),
+            inverse_horizontal: horizontal.recip(),
         })
     }
 
     /// How far a field is to be believed: 1 where it is like the reference, falling to 0 at the gate.
     fn weight(&self, parts: &Parts<T>) -> T {
-        let (own, inverse) = (&self.parts, &self.inverse_tolerance);
-        let horizontal = ((parts.horizontal2 - own.horizontal2) * inverse.horizontal2).abs();
-        let vertical = ((parts.vertical - own.vertical) * inverse.vertical).abs();
-        let deviation = horizontal + vertical;
+        let own = &self.parts;
+        let horizontal = (parts.horizontal - own.horizontal).abs();
+        let vertical = (parts.vertical - own.vertical).abs();
+        let deviation = (horizontal + vertical) * self.inverse_tolerance;
         STEPS
             .iter()
             .find(|(limit, _)| deviation.within(T::from_f32(*limit)))
             .map_or(T::ZERO, |(_, weight)| T::from_f32(*weight))
     }
 
-    fn moved(&self, parts: &Parts<T>, share: T, gate: T) -> Option<Self> {
+    /// Parts that are nearer to others by a share.
+    fn moved(&self, parts: &Parts<T>, share: T) -> Parts<T> {
         let own = &self.parts;
-        Self::new(
-            Parts {
-                horizontal2: own.horizontal2 + (parts.horizontal2 - own.horizontal2) * share,
-                vertical: own.vertical + (parts.vertical - own.vertical) * share,
-            },
-            gate,
-        )
+        Parts {
+            horizontal: own.horizontal + (parts.horizontal - own.horizontal) * share,
+            vertical: own.vertical + (parts.vertical - own.vertical) * share,
+        }
     }
 }
 
@@ -183,7 +183,7 @@ impl<T: Real> Field<T> {
         Ok(Self {
             // Infinity times zero would be NaN: a gate a million times the field is as good as none.
             gate: T::from_f32(config.gate.min(1e6)),
-            tau_s: T::from_f32(config.tau_s),
+            per_tau: T::from_f32(1.0 / config.tau_s),
             adopt_s: T::from_f32(config.adopt_s),
             adopt_rate: T::from_f32(config.adopt_rate_rad_s),
             reject_s: T::from_f32(config.reject_s),
@@ -204,6 +204,7 @@ impl<T: Real> Field<T> {
             rejected_s: T::ZERO,
             since_refresh_s: T::ZERO,
             since_judged_s: T::ZERO,
+            unjudged: 0,
             weight: T::ONE,
             disturbed: false,
             weighted_inverse: T::ZERO,
@@ -218,11 +219,10 @@ impl<T: Real> Field<T> {
     /// The reference in the earth frame, uT.
     pub(crate) fn expected(&self) -> Option<Vector3<T>> {
         let Parts {
-            horizontal2,
+            horizontal,
             vertical,
         } = self.reference.as_ref()?.parts;
-        let half = horizontal2.sqrt();
-        let horizontal = half + half;
+        let horizontal = horizontal + horizontal;
         let (north, east) = match self.declination {
             None => (horizontal, T::ZERO),
             Some(Declination { sin, cos, .. }) => (horizontal * cos, horizontal * sin),
@@ -248,15 +248,15 @@ impl<T: Real> Field<T> {
     ) -> Option<HeadingError<T>> {
         let (north, east) = (dot(&rows.north, mag), dot(&rows.east, mag));
         self.since_judged_s += dt;
-        if !self.since_judged_s.within(T::from_f32(JUDGE_S)) {
-            let horizontal2 = north * north + east * east;
+        self.unjudged = self.unjudged.saturating_add(1);
+        if self.unjudged >= JUDGE_SAMPLES && !self.since_judged_s.within(T::from_f32(JUDGE_S)) {
             let parts = Parts {
-                horizontal2,
+                horizontal: (north * north + east * east).sqrt(),
                 vertical: dot(&rows.down, mag),
             };
             self.judge(&parts, rate);
             self.weigh();
-            self.since_judged_s = T::ZERO;
+            (self.since_judged_s, self.unjudged) = (T::ZERO, 0);
         }
         if self.weight.within(T::ZERO) {
             return None;
@@ -273,7 +273,7 @@ impl<T: Real> Field<T> {
     pub(crate) fn begin(&mut self, rows: &HalfRows<T>, mag: &Vector3<T>) {
         let (north, east) = (dot(&rows.north, mag), dot(&rows.east, mag));
         let parts = Parts {
-            horizontal2: north * north + east * east,
+            horizontal: (north * north + east * east).sqrt(),
             vertical: dot(&rows.down, mag),
         };
         self.reference = Reference::new(parts, self.gate);
@@ -292,13 +292,14 @@ impl<T: Real> Field<T> {
 
     #[inline(never)]
     fn judge(&mut self, parts: &Parts<T>, rate: &Vector3<T>) {
-        let Some(reference) = self.reference else {
+        let Some(reference) = &mut self.reference else {
             return;
         };
         if self.averaged < AVERAGED {
             self.averaged += 1;
             let share = T::from_f32(self.averaged as f32).recip();
-            self.reference = reference.moved(parts, share, self.gate);
+            let moved = reference.moved(parts, share);
+            *reference = Reference::new(moved, self.gate).unwrap_or(*reference);
             return;
         }
         self.weight = reference.weight(parts);
@@ -306,27 +307,22 @@ impl<T: Real> Field<T> {
         if !self.disturbed {
             self.candidate = None;
             self.rejected_s = T::ZERO;
+            let share = self.since_judged_s * self.per_tau;
+            if share.within(T::ONE) {
+                reference.parts = reference.moved(parts, share);
+            }
             self.since_refresh_s += self.since_judged_s;
             if !self.since_refresh_s.within(T::from_f32(REFRESH_S)) {
-                self.follow(&reference, parts);
+                self.since_refresh_s = T::ZERO;
+                *reference = Reference::new(reference.parts, self.gate).unwrap_or(*reference);
             }
             return;
         }
         self.rejected_s += self.since_judged_s;
         self.consider(parts, rate);
-        let compass = !parts.horizontal2.within(T::from_f32(0.25));
+        let compass = !parts.horizontal.within(T::HALF);
         if compass && !self.rejected_s.within(self.reject_s) {
             self.weight = T::HALF;
-        }
-    }
-
-    #[cold]
-    #[inline(never)]
-    fn follow(&mut self, reference: &Reference<T>, parts: &Parts<T>) {
-        let share = self.since_refresh_s * (self.tau_s + self.since_refresh_s).recip();
-        self.since_refresh_s = T::ZERO;
-        if let Some(moved) = reference.moved(parts, share, self.gate) {
-            self.reference = Some(moved);
         }
     }
 

@@ -4,7 +4,7 @@ use super::estimator::Scale;
 use super::nearest_log2;
 use super::rotation::{Products, dot};
 use crate::config::{ConfigError, in_range};
-use crate::field::{FieldConfig, JUDGE_S};
+use crate::field::{FieldConfig, JUDGE_S, JUDGE_SAMPLES};
 
 /// Fractional bits of the reference.
 const BITS: u32 = 8;
@@ -21,9 +21,6 @@ const ANYTHING: i32 = 1 << 29;
 /// Two to this many field samples are the reference, then as many have half of it each, and so on: a running mean
 /// that forgets those from before tilt and heading were found.
 const SHARE_FALLS: u32 = 3;
-
-/// Fewest samples between judgements: those that work on one leave the heading alone.
-const LEAST_INTERVAL: u32 = 8;
 
 /// What a field that was seen is due for: to be compared, to be concluded from, then another part of a division.
 const COMPARE: u32 = 3;
@@ -103,7 +100,7 @@ impl Compass {
             inverse: i32::MAX / limits.least,
             limit: limits.least >> (BITS - 4),
             weight: FULL,
-            interval: LEAST_INTERVAL.max((JUDGE_S / period_s) as u32 + 1),
+            interval: u32::from(JUDGE_SAMPLES).max((JUDGE_S / period_s) as u32 + 1),
             last: 0,
             due: 0,
             seen: [0; 3],
