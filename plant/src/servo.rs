@@ -197,6 +197,7 @@ pub struct Servo {
     target_rad: f64,
     gear_rad: f64,
     speed_rad_s: f64,
+    load_n_m: f64,
     crank: Crank,
 }
 
@@ -213,6 +214,7 @@ impl Servo {
             target_rad: crank_rad,
             gear_rad: crank_rad,
             speed_rad_s: 0.0,
+            load_n_m: 0.0,
             crank: Crank {
                 angle_rad: crank_rad,
                 rate_rad_s: 0.0,
@@ -240,6 +242,7 @@ impl Servo {
     /// Advances to `until_s` under a load on the crank (N m, positive counter-clockwise, see
     /// [`Drone::hinge_torque_n_m`](crate::Drone::hinge_torque_n_m)) and tells where the crank is.
     pub fn advance(&mut self, until_s: f64, load_n_m: f64) -> Crank {
+        self.load_n_m = load_n_m;
         while self.now_s < until_s {
             self.latch();
             let mut end = until_s;
@@ -262,6 +265,14 @@ impl Servo {
     /// Sets the supply from now on, as a share (above zero) of the voltage that the model is for.
     pub fn set_supply(&mut self, share: f64) {
         self.supply = share;
+    }
+
+    /// The motor's current as a share of what it draws when it stalls at the voltage that the model is for: that of a DC
+    /// motor, proportional to the torque with which it holds the load and, over its lag, reaches the speed asked for.
+    pub fn current_share(&self) -> f64 {
+        let catching_up = self.speed_asked(self.load_n_m) - self.speed_rad_s;
+        let torque = catching_up / self.model.speed_rad_s - self.load_n_m / self.model.stall_n_m;
+        torque.abs()
     }
 
     /// The crank as it stands.
@@ -426,6 +437,23 @@ mod tests {
             servo.crank().angle_rad - from
         };
         assert!((turned(0.8) / turned(1.0) - 0.8).abs() < 1e-3);
+    }
+
+    /// All of it at the start of a fast move, none in an idle one, and the load's share where it holds one.
+    #[test]
+    fn current_follows_the_motors_torque() {
+        let mut servo = Servo::new(ServoModel::S3003, -0.7, 0.0);
+        assert_eq!(servo.current_share(), 0.0);
+        servo.pulse(0.0, 2170.0);
+        servo.advance(0.00218, 0.0);
+        assert!((servo.current_share() - 1.0).abs() < 0.01);
+        servo.advance(0.1, 0.0);
+        assert!(servo.current_share() < 0.01, "at full speed");
+        servo.advance(2.0, 0.0);
+        servo.advance(2.1, 0.1);
+        assert!((servo.current_share() - 0.25).abs() < 0.01);
+        servo.advance(2.2, -0.1);
+        assert!((servo.current_share() - 0.25).abs() < 0.01);
     }
 
     #[test]

@@ -62,14 +62,16 @@ impl Vibration {
     }
 }
 
-/// The servo's supply is at `volts` for a while, and at 6 V otherwise.
+/// The servo's supply is at `volts` for a while, and at 6 V otherwise; meanwhile it gives way to the servo's current.
 ///
 /// Speed without load and stall torque follow the supply in proportion: the data sheet's step from
-/// 6 V to 5 V, 0.19 to 0.22 s and 0.40 to 0.33 N m, is that to within 4 %.
+/// 6 V to 5 V, 0.19 to 0.22 s and 0.40 to 0.33 N m, is that to within 4 %. The current is that of a DC motor.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SupplySag {
-    /// Supply meanwhile, V.
+    /// Supply meanwhile without current, V.
     pub volts: f64,
+    /// Supply meanwhile at the current that the servo draws when it stalls at 6 V, V; `volts` for a stiff one.
+    pub stall_volts: f64,
     /// Begin after the release, s.
     pub from_s: f64,
     /// End after the release, s; infinite for the rest of the flight.
@@ -77,10 +79,12 @@ pub struct SupplySag {
 }
 
 impl SupplySag {
-    /// The supply as a share of the rated one at a time after the release, s.
-    pub(crate) fn share(&self, since_release_s: f64) -> f64 {
+    /// The supply as a share of the rated one at a time after the release, s, while the servo draws this share of its
+    /// stall current.
+    pub(crate) fn share(&self, since_release_s: f64, current_share: f64) -> f64 {
         if (self.from_s..self.until_s).contains(&since_release_s) {
-            self.volts / RATED_SUPPLY_V
+            let drop = (self.volts - self.stall_volts) * current_share.min(1.0);
+            (self.volts - drop) / RATED_SUPPLY_V
         } else {
             1.0
         }
@@ -163,19 +167,25 @@ mod tests {
         motion[at].crank_rad
     }
 
-    fn slew_rad_s(volts: Option<f64>) -> f64 {
-        let supply = volts.map(|volts| SupplySag {
+    fn stiff(volts: f64) -> SupplySag {
+        SupplySag {
             volts,
+            stall_volts: volts,
             from_s: 0.0,
             until_s: f64::INFINITY,
-        });
-        let world = steered(
-            world(Disturbances {
-                supply,
-                ..Disturbances::default()
-            }),
-            2150,
-        );
+        }
+    }
+
+    fn steered_on(supply: Option<SupplySag>) -> World {
+        let disturbances = Disturbances {
+            supply,
+            ..Disturbances::default()
+        };
+        steered(world(disturbances), 2150)
+    }
+
+    fn slew_rad_s(supply: Option<SupplySag>) -> f64 {
+        let world = steered_on(supply);
         (crank_at(&world, 100) - crank_at(&world, 60)) / 0.040
     }
 
@@ -183,9 +193,28 @@ mod tests {
     /// of the voltages.
     #[test]
     fn a_servo_at_4_8_v_slews_at_four_fifths_of_its_speed() {
-        let (full, low) = (slew_rad_s(None), slew_rad_s(Some(4.8)));
+        let (full, low) = (slew_rad_s(None), slew_rad_s(Some(stiff(4.8))));
         assert!((0.75..=0.82).contains(&(low / full)), "{low} of {full}");
-        assert_eq!(slew_rad_s(Some(RATED_SUPPLY_V)), full);
+        assert_eq!(slew_rad_s(Some(stiff(RATED_SUPPLY_V))), full);
+    }
+
+    /// A motor that starts draws its stall current, and one that turns little: a weak supply costs the start of a move
+    /// most, and at full speed only what the load of the wash asks for.
+    #[test]
+    fn a_weak_supply_gives_way_to_the_servos_current() {
+        let weak = SupplySag {
+            stall_volts: 3.0,
+            ..stiff(6.0)
+        };
+        // The first pulse ends at 2.15 ms.
+        let start = |supply| {
+            let world = steered_on(Some(supply));
+            crank_at(&world, 12) - crank_at(&world, 1)
+        };
+        let begun = start(weak) / start(stiff(6.0));
+        assert!((0.5..0.8).contains(&begun), "{begun}");
+        let fast = slew_rad_s(Some(weak)) / slew_rad_s(None);
+        assert!((0.85..0.99).contains(&fast), "{fast}");
     }
 
     /// 30 K in the end at 0.03 deg/s/K; nothing of it changes the sensor's noise or bias at 25 deg C.
@@ -218,11 +247,14 @@ mod tests {
     fn a_sag_begins_and_ends() {
         let sag = SupplySag {
             volts: 4.5,
+            stall_volts: 3.0,
             from_s: 0.1,
             until_s: 0.3,
         };
-        let shares = [0.0, 0.1, 0.299, 0.3].map(|s| sag.share(s));
+        let shares = [0.0, 0.1, 0.299, 0.3].map(|s| sag.share(s, 0.0));
         assert_eq!(shares, [1.0, 0.75, 0.75, 1.0]);
+        let shares = [0.0, 0.5, 1.0, 2.0].map(|current| sag.share(0.2, current));
+        assert_eq!(shares, [0.75, 0.625, 0.5, 0.5]);
     }
 
     /// The rudder's moment is proportional to the thrust: a drone whose rudder is over gains half the

@@ -308,7 +308,8 @@ impl World {
             .released
             .map(|released| now.saturating_sub(released).as_secs_f64());
         if let Some(sag) = self.disturbances.supply {
-            let share = since_s.map_or(1.0, |since_s| sag.share(since_s));
+            let current = self.servo.current_share();
+            let share = since_s.map_or(1.0, |since_s| sag.share(since_s, current));
             self.servo.set_supply(share);
         }
         if let Some(ramp) = self.disturbances.thrust {

@@ -17,9 +17,10 @@ pub struct Disturb {
     #[arg(long, value_name = "ACC,HZ[,RATE]", allow_negative_numbers = true, value_parser = vibration)]
     pub vibration: Option<Vibration>,
 
-    /// Supply of the servo in V (3 to 7.4, whole at 6) and, if not for the whole flight, from when and
-    /// until when after the release, in s: 4.8 or 4.5,0.2,0.6. Speed and stall torque follow it.
-    #[arg(long, value_name = "V[,FROM,UNTIL]", allow_negative_numbers = true, value_parser = supply)]
+    /// Supply of the servo in V (3 to 7.4, whole at 6), if not for the whole flight from when and until
+    /// when after the release, in s, and what is left of it while the servo stalls, if it is a weak one: 4.8,
+    /// 4.5,0.2,0.6 or 6,0,3,4. Speed and stall torque follow it.
+    #[arg(long, value_name = "V[,FROM,UNTIL[,V]]", allow_negative_numbers = true, value_parser = supply)]
     pub servo_supply: Option<SupplySag>,
 
     /// Thrust that grows from this share at release, in % (0 to 100), to the whole after so many
@@ -71,13 +72,15 @@ fn vibration(text: &str) -> Result<Vibration, String> {
 }
 
 fn supply(text: &str) -> Result<SupplySag, String> {
-    let (volts, from_s, until_s) = match numbers(text).as_deref() {
-        Some(&[volts]) => (volts, 0.0, None),
-        Some(&[volts, from_s, until_s]) => (volts, from_s, Some(until_s)),
+    let (volts, from_s, until_s, stall_volts) = match numbers(text).as_deref() {
+        Some(&[volts]) => (volts, 0.0, None, None),
+        Some(&[volts, from, until]) => (volts, from, Some(until), None),
+        Some(&[volts, from, until, stall]) => (volts, from, Some(until), Some(stall)),
         _ => return Err("a supply is V, or V and two times in s, such as 4.5,0.2,0.6".into()),
     };
     let entry = SupplyEntry {
         volts,
+        stall_volts,
         from_s,
         until_s,
     };
@@ -120,6 +123,8 @@ mod tests {
         assert_eq!(supply("4.8").unwrap().until_s, f64::INFINITY);
         let sag = supply("4.5,0.2,0.6").unwrap();
         assert_eq!((sag.volts, sag.from_s, sag.until_s), (4.5, 0.2, 0.6));
+        assert_eq!(sag.stall_volts, 4.5);
+        assert_eq!(supply("6,0,3,4").unwrap().stall_volts, 4.0);
         let ramp = thrust_ramp("40,0.5").unwrap();
         assert_eq!((ramp.from_share, ramp.seconds), (0.4, 0.5));
         let warm = temperature("20,45,60").unwrap();
@@ -141,6 +146,9 @@ mod tests {
             "4.5,0.6,0.2",
             "4.5,-1,2",
             "4.5,0,NaN",
+            "4.5,0,1,5",
+            "4.5,0,1,0.5",
+            "4.5,0,1,NaN",
         ] {
             assert!(supply(bad).is_err(), "{bad}");
         }

@@ -34,12 +34,14 @@ pub struct VibrationEntry {
     pub frequency_hz: f64,
 }
 
-/// Voltage of a sag and when; without an end it lasts.
+/// Voltage of a sag without current and at the servo's stall current (the same if it is left out), and when; without an
+/// end it lasts.
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 #[allow(missing_docs, reason = "the units are in the names")]
 pub struct SupplyEntry {
     pub volts: f64,
+    pub stall_volts: Option<f64>,
     #[serde(default)]
     pub from_s: f64,
     pub until_s: Option<f64>,
@@ -99,7 +101,10 @@ impl DisturbanceFigures {
                 Some(until_s) => format!("from {} to {until_s} s", s.from_s),
                 None => format!("from {} s on", s.from_s),
             };
-            ("servo supply", format!("{} V {when}", s.volts))
+            let weak = s.stall_volts.filter(|stall| *stall < s.volts);
+            let weak = weak.map(|stall| format!(", {stall} V at stall"));
+            let weak = weak.unwrap_or_default();
+            ("servo supply", format!("{} V{weak} {when}", s.volts))
         });
         let ramp = self.thrust_ramp.as_ref().map(|r| {
             let how = format!("{} to 100 % in {} s", r.from_pct, r.seconds);
@@ -155,6 +160,7 @@ impl From<SupplySag> for SupplyEntry {
     fn from(sag: SupplySag) -> Self {
         Self {
             volts: sag.volts,
+            stall_volts: Some(sag.stall_volts),
             from_s: sag.from_s,
             until_s: sag.until_s.is_finite().then_some(sag.until_s),
         }
@@ -168,10 +174,15 @@ impl TryFrom<SupplyEntry> for SupplySag {
         if !(3.0..=7.4).contains(&entry.volts) {
             return Err("the supply of a servo is 3 to 7.4 V".into());
         }
+        let stall_volts = entry.stall_volts.unwrap_or(entry.volts);
+        if !(1.0..=entry.volts).contains(&stall_volts) {
+            return Err("the supply at stall is 1 V to the one without current".into());
+        }
         let until_s = entry.until_s.unwrap_or(f64::INFINITY);
         if entry.from_s >= 0.0 && until_s > entry.from_s {
             Ok(Self {
                 volts: entry.volts,
+                stall_volts,
                 from_s: entry.from_s,
                 until_s,
             })
