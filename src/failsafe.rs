@@ -13,6 +13,7 @@ use crate::config::{
 };
 use crate::format::Hex;
 use crate::self_test::{Failure, SelfTest, Verdict};
+use crate::servo::PulseUs;
 use crate::store::Loaded;
 
 /// Where the flight stands.
@@ -253,6 +254,8 @@ pub enum Command {
     Release,
     /// Back to standby from anywhere; acknowledges a failsafe or latched fault whose cause is gone.
     Disarm,
+    /// Hold a pulse for the servo's set-up, for a while, where nobody needs the rudder.
+    Try(PulseUs),
 }
 
 impl fmt::Display for Command {
@@ -261,6 +264,7 @@ impl fmt::Display for Command {
             Command::Arm => "arm",
             Command::Release => "release",
             Command::Disarm => "disarm",
+            Command::Try(_) => "pulse",
         })
     }
 }
@@ -467,6 +471,7 @@ impl Supervisor {
                 self.report.acknowledge(latch);
                 self.report.state()
             }
+            (Command::Try(_), state) if state.is_idle() => state,
             (Command::Arm, State::Armed)
             | (Command::Release, State::Active { .. })
             | (Command::Disarm, State::Boot | State::SelfTest(_) | State::Standby) => self.state,

@@ -15,6 +15,9 @@ use crate::params::{Change, Info, ParamError, Params, Polarity};
 use crate::servo::{PulseUs, Servo};
 use crate::store::Loaded;
 
+/// Nothing is tried: its time is over.
+const NO_TRIAL: (PulseUs, Micros) = (PulseUs(0), Micros(0));
+
 /// Everything that a step gives.
 #[derive(Clone, Copy, Debug)]
 pub struct Outputs {
@@ -55,8 +58,8 @@ pub struct Flight {
     controller: Controller,
     crank_rad: f32,
     servo: Servo,
-    /// The pulse that is tried, and since when.
-    trial: Option<(PulseUs, Micros)>,
+    /// The pulse that is tried, and until when.
+    trial: (PulseUs, Micros),
     supervisor: Supervisor,
 }
 
@@ -72,7 +75,7 @@ impl Flight {
             controller: Controller::new(&params, servo.travel_rad()),
             crank_rad: 0.0,
             servo,
-            trial: None,
+            trial: NO_TRIAL,
             supervisor: Supervisor::new(report),
             params,
         };
@@ -107,22 +110,15 @@ impl Flight {
     /// # Errors
     /// The [`Refusal`]; nothing changes.
     pub fn command(&mut self, now: Micros, command: Command) -> Result<(), Refusal> {
-        let checked = self.params.polarity() == Polarity::Checked;
-        if command == Command::Arm && matches!(self.state(), State::Standby) && !checked {
+        let unchecked = self.params.polarity() != Polarity::Checked;
+        if unchecked && matches!((command, self.state()), (Command::Arm, State::Standby)) {
             return Err(Refusal::Polarity);
         }
-        self.supervisor.command(now, command)
-    }
-
-    /// Hold a pulse for the servo's set-up, for [`TRIAL_US`], unless something more important comes.
-    ///
-    /// # Errors
-    /// The [`Refusal`] where the rudder is not free for it.
-    pub fn try_pulse(&mut self, now: Micros, pulse: PulseUs) -> Result<(), Refusal> {
-        if !self.state().is_idle() {
-            return Err(Refusal::WrongState(self.state()));
-        }
-        self.trial = Some((pulse, now));
+        self.supervisor.command(now, command)?;
+        self.trial = match command {
+            Command::Try(pulse) => (pulse, Micros(now.0 + TRIAL_US)),
+            _ => NO_TRIAL,
+        };
         Ok(())
     }
 
@@ -141,13 +137,13 @@ impl Flight {
     /// # Errors
     /// [`ParamError`]; the old value stays.
     pub fn set_param(&mut self, name: &str, value: f32) -> Result<&'static Info, ParamError> {
-        let info = Params::info(name).ok_or(ParamError::Unknown)?;
+        let index = Params::index_of(name).ok_or(ParamError::Unknown)?;
+        let (info, before) = self.params.by_index(index).ok_or(ParamError::Unknown)?;
         if info.change != Change::Live && self.state().is_armed() {
             return Err(ParamError::Armed { name: info.name });
         }
-        let before = self.params.value(name);
-        self.params.set(name, value)?;
-        if info.change == Change::Turning && before != Some(value) {
+        self.params.set_by_id(info.id, value)?;
+        if info.change == Change::Turning && before != value {
             self.params.forget_polarity();
         }
         // Nothing that may change in flight concerns navigation, whose sines would cost a sample.
@@ -238,15 +234,12 @@ impl Flight {
     fn rest(&mut self, now: Micros) {
         self.crank_rad = 0.0;
         self.controller.reset();
-        match self.trial {
-            Some((pulse, since)) if self.state().is_idle() && now.since(since) < TRIAL_US => {
-                self.servo.set(pulse)
-            }
-            _ => {
-                self.trial = None;
-                self.servo.neutral()
-            }
-        };
+        let (pulse, until) = self.trial;
+        if now < until && self.state().is_idle() {
+            self.servo.set(pulse);
+        } else {
+            self.servo.neutral();
+        }
     }
 
     fn outputs(&self, now: Micros, sample: Option<RawSample>) -> Outputs {

@@ -344,9 +344,12 @@ impl Params {
 
     /// What is known of the way in which the rudder answers.
     pub fn polarity(&self) -> Polarity {
-        match self.srv_polarity() {
-            1.0 => Polarity::Checked,
-            2.0 => Polarity::Watched,
+        // By their bits: one comparison of words each, where floats take a call.
+        const CHECKED: u32 = 1.0_f32.to_bits();
+        const WATCHED: u32 = 2.0_f32.to_bits();
+        match self.srv_polarity().to_bits() {
+            CHECKED => Polarity::Checked,
+            WATCHED => Polarity::Watched,
             _ => Polarity::Unchecked,
         }
     }

@@ -319,7 +319,8 @@ fn is_from_vehicle(frame: &[u8]) -> bool {
     frame.get(SYSTEM_AT) == Some(&SYSTEM_ID)
 }
 
-fn has_extension(path: &Path, extension: &str) -> bool {
+/// Whether the file's name ends so, in small letters or large.
+pub fn has_extension(path: &Path, extension: &str) -> bool {
     path.extension()
         .is_some_and(|found| found.eq_ignore_ascii_case(extension))
 }

@@ -20,7 +20,7 @@ const TURN_S: f64 = 1.5;
 const TREMBLE_RAD_S: f64 = 0.08;
 
 /// From the wish to tilt the drone until its rudder rests.
-const GLANCE: Ticks = Ticks::from_ms(2500);
+const GLANCE: Ticks = Ticks::from_ms(1300);
 
 /// How well the hand does what a calibration asks for.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

@@ -173,7 +173,7 @@ impl Telemetry {
             SERVO
                 if order.param1 == 1.0 && (PULSE_MIN_US..=PULSE_MAX_US).contains(&order.param2) =>
             {
-                self.try_pulse(now, PulseUs(order.param2 as u16), flight)
+                self.order(now, Command::Try(PulseUs(order.param2 as u16)), flight)
             }
             // Answered when it is done.
             STORAGE => return self.order_storage(order.param1, flight),
@@ -216,14 +216,6 @@ impl Telemetry {
                 MavResult::MAV_RESULT_ACCEPTED
             }
             Err(refusal) => self.refuse(format_args!("calibration refused: {refusal}")),
-        }
-    }
-
-    /// A pulse for the servo's set-up.
-    fn try_pulse(&mut self, now: Micros, pulse: PulseUs, flight: &mut Flight) -> MavResult {
-        match flight.try_pulse(now, pulse) {
-            Ok(()) => MavResult::MAV_RESULT_ACCEPTED,
-            Err(refusal) => self.refuse(format_args!("pulse refused: {refusal}")),
         }
     }
 

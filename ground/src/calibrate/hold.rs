@@ -93,7 +93,9 @@ pub fn run(seconds: f64, options: &Calibrate) -> Result<Verdict> {
             name: NAME.into(),
             value: figures.hold_deg,
         };
-        eprint!("{}", figures.text());
+        if !options.yes {
+            eprint!("{}", figures.text());
+        }
         if options.yes || session.agrees("Write this to the vehicle, and into its flash?")? {
             write(&mut session.vehicle, &[row])?;
             figures.written = true;

@@ -11,7 +11,7 @@ use tvc_nano::calibration::spread;
 
 use crate::failure::BadInput;
 use crate::fuse::source::Source;
-use crate::log::Log;
+use crate::log::{Log, has_extension};
 
 /// What a count of the firmware's sensor is worth: rad/s, m/s2, uT.
 pub const GYR_RAD_S: f64 = std::f64::consts::PI / 180.0 / 16.0;
@@ -44,10 +44,7 @@ const COUNTS: [&str; 9] = [
 /// # Errors
 /// [`BadInput`] naming the file and what is wrong with it.
 pub fn read(path: &Path) -> Result<Readings> {
-    let telemetry = path
-        .extension()
-        .is_some_and(|extension| extension.eq_ignore_ascii_case("tlog"));
-    let readings = if telemetry {
+    let readings = if has_extension(path, "tlog") || has_extension(path, "mcap") {
         of_log(&Log::read(path)?)
     } else if let Some(rows) = of_counts(path)? {
         Readings::of(rows)

@@ -34,10 +34,10 @@ struct Figures {
 
 impl Figures {
     fn text(&self) -> String {
-        let rows = self.parameters.iter();
-        let mut text: String = rows
-            .map(|(name, value)| format!("{name:<16} {value}\n"))
-            .collect();
+        let mut text = match self.written {
+            true => format!("{} parameters changed, in the flash too\n", self.changed),
+            false => "the vehicle is as it was\n".to_owned(),
+        };
         if self.written && !self.polarity_checked {
             text += "next: tvc calibrate polarity, without which nothing is armed\n";
         }

@@ -119,9 +119,9 @@ impl<'a> Session<'a> {
     /// # Errors
     /// The port went away.
     pub fn ask(&mut self, instruction: Instruction, words: &str) -> Result<()> {
-        self.bar.set_prefix(words.to_owned());
-        self.bar.set_position(0);
         self.bar.set_message("");
+        self.bar.set_position(0);
+        self.bar.set_prefix(words.to_owned());
         if self.bar.is_hidden() {
             eprintln!("{words}");
         }

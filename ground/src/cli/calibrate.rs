@@ -35,7 +35,7 @@ pub struct Calibrate {
     #[command(subcommand)]
     pub step: Option<SetUp>,
 
-    /// The recording: a telemetry log (.tlog), a CSV file with counts (acc_x ... mag_z) or in SI units
+    /// The recording: a telemetry log (.tlog, .mcap), a CSV file with counts (acc_x ... mag_z) or in SI units
     /// (gx_rad_s, ax_m_s2, mx_ut ...), or IMUQ16v1.
     #[arg(long, value_name = "LOG", conflicts_with_all = ["port", "yes", "record"])]
     pub from: Option<PathBuf>,

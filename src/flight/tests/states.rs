@@ -298,7 +298,7 @@ fn the_rudder_answers_the_tilt_in_standby_while_somebody_looks_and_nothing_is_ar
 fn a_pulse_is_tried_for_two_seconds_where_nobody_needs_the_rudder() {
     let mut desk = Desk::in_standby(0.0);
     let low = PulseUs(900);
-    let try_pulse = |desk: &mut Desk| desk.flight.try_pulse(Micros(desk.now_us), low);
+    let try_pulse = |desk: &mut Desk| desk.command(Command::Try(low));
     try_pulse(&mut desk).unwrap();
     assert_eq!(desk.run(199).pulse, low);
     assert_eq!(desk.run(2).pulse, NEUTRAL);
