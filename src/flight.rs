@@ -210,6 +210,10 @@ impl Flight {
         if !self.answers() {
             return self.rest(now);
         }
+        if !self.state().is_active() {
+            // The drone is held: that it does not follow its rudder is no disturbance.
+            self.controller.reset();
+        }
         let pitch_rad = self.navigation.pitch_rad();
         self.crank_rad = self.controller.update(pitch_rad, rate_rad_s);
         self.servo.command(self.crank_rad, dt_s);

@@ -288,6 +288,8 @@ fn the_rudder_answers_the_tilt_in_standby_while_somebody_looks_and_nothing_is_ar
     assert_eq!(desk.command(Command::Arm), Err(Refusal::Polarity));
     let down = tilt(&mut desk, -0.3).pulse;
     assert!(down < PulseUs(1450), "{down:?}");
+    let upright = tilt(&mut desk, 0.0).pulse;
+    assert!(upright.0.abs_diff(NEUTRAL.0) < 30, "{upright:?}");
     desk.flight.set_param("SRV_DIR", -1.0).unwrap();
     assert_eq!(desk.run(1).pulse, NEUTRAL);
     desk.flight.set_param("SRV_POLARITY", 1.0).unwrap();
