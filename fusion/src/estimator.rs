@@ -36,8 +36,8 @@ pub struct Sample {
     /// Specific force, m/s^2: at rest 9.81 along the axis that points up, so (0, 0, -9.81) in a level
     /// forward-right-down frame.
     pub acc: Vector3<f32>,
-    /// Magnetic field, uT, when there is a fresh one; `None` for 6D operation and between the samples of a
-    /// slower magnetometer.
+    /// Magnetic field, uT (or any unit that makes the earth's larger than 0.1), when there is a fresh one; `None` for
+    /// 6D operation and between the samples of a slower magnetometer.
     pub mag: Option<Vector3<f32>>,
 }
 

@@ -108,8 +108,9 @@ pub(crate) const JUDGE_S: f32 = 0.027;
 /// Fewest field samples between two judgements: in fixed point those that work on one leave the heading alone.
 pub(crate) const JUDGE_SAMPLES: u8 = 8;
 
-/// Horizontal field below which a compass has no direction, uT.
-const LEAST_HORIZONTAL_UT: f32 = 1.0;
+/// Horizontal field below which a compass has no direction, uT. So small that a field in gauss, or in parts of the
+/// earth's, serves as well.
+pub(crate) const LEAST_HORIZONTAL_UT: f32 = 0.03;
 
 /// Largest field component taken for one, uT: a thousand times the earth's.
 const MOST_UT: f32 = 50_000.0;
@@ -320,7 +321,9 @@ impl<T: Real> Field<T> {
         }
         self.rejected_s += self.since_judged_s;
         self.consider(parts, rate);
-        let compass = !parts.horizontal.within(T::HALF);
+        let compass = !parts
+            .horizontal
+            .within(T::from_f32(0.5 * LEAST_HORIZONTAL_UT));
         if compass && !self.rejected_s.within(self.reject_s) {
             self.weight = T::HALF;
         }

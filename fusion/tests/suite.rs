@@ -604,3 +604,31 @@ fn impossible_configurations_are_refused_by_name() {
         .expect_err("no period");
     assert_eq!(error.to_string(), "period_us is out of range");
 }
+
+#[test]
+fn a_field_in_parts_of_the_earths_is_a_compass() {
+    let truth = UnitQuaternion::from_euler_angles(0.2, -0.3, 2.0);
+    let mut plain = sample(&truth, Vector3::zeros(), true);
+    plain.mag = plain.mag.map(|mag| mag / 50.0);
+    let scale = fixed::Scale {
+        mag_ut: 1e-3,
+        ..fixed::Scale::BNO055
+    };
+    let mut float = Estimator::<Vqf>::start();
+    let mut fixed =
+        fixed::Estimator::<fixed::Vqf>::new(&Config::default(), &scale, DT_US).expect("valid");
+    let counts = fixed::Counts {
+        mag: plain
+            .mag
+            .map(|mag| [mag.x, mag.y, mag.z].map(|v| (v / scale.mag_ut).round() as i16)),
+        ..counts(&plain)
+    };
+    for _ in 0..300 {
+        float.update(0.01, &plain);
+        fixed.update(DT_US, &counts);
+    }
+    let error = error_deg(&float.attitude().orientation, &truth);
+    assert!(error < 0.05, "{error}");
+    let error = error_deg(&fixed.attitude(&counts).orientation, &truth);
+    assert!(error < 0.4, "{error}");
+}

@@ -4,7 +4,7 @@ use super::estimator::Scale;
 use super::nearest_log2;
 use super::rotation::{Products, dot};
 use crate::config::{ConfigError, in_range};
-use crate::field::{FieldConfig, JUDGE_S, JUDGE_SAMPLES};
+use crate::field::{FieldConfig, JUDGE_S, JUDGE_SAMPLES, LEAST_HORIZONTAL_UT};
 
 /// Fractional bits of the reference.
 const BITS: u32 = 8;
@@ -185,7 +185,7 @@ impl Limits {
         let samples = |time_s: f32| (time_s / period_s) as u32;
         Ok(Self {
             // Below 32 counts a reciprocal would not fit.
-            least: ((1.0 / scale.mag_ut) as i32).max(32) << BITS,
+            least: ((LEAST_HORIZONTAL_UT / scale.mag_ut) as i32).max(32) << BITS,
             gate_q8: (config.gate.min(64.0) * 256.0) as i32,
             log2_follow: nearest_log2(config.tau_s / JUDGE_S).min(15),
             reject: samples(config.reject_s),
