@@ -1,5 +1,7 @@
 //! Faults of the sensor and its cable that can be switched on and off while it runs.
 
+use super::registers::{AXIS_MAP_RESET, AXIS_MAP_SWAPPED, UNIT_SEL_RESET, error, page0};
+use super::{Bno055, Power};
 use samd21::board::Ticks;
 
 /// A fault of the sensor, its supply or its cable (`Bno055::inject`, `Bno055::clear`).
@@ -137,5 +139,55 @@ impl Faults {
     /// The faults that are on, to change their parameters.
     pub fn iter_mut(&mut self) -> impl Iterator<Item = &mut Fault> {
         self.0.iter_mut()
+    }
+}
+
+impl Bno055 {
+    /// Switches a fault on.
+    pub fn inject(&mut self, now: Ticks, fault: Fault) {
+        self.run(now);
+        match fault {
+            Fault::ConfigReset => {
+                self.reset_registers();
+                self.power = Power::On;
+            }
+            Fault::PowerDip => self.boot(now),
+            Fault::RevertedAxisMap => {
+                self.set(page0::AXIS_MAP_CONFIG, AXIS_MAP_RESET);
+                self.set(page0::AXIS_MAP_SIGN, 0);
+                self.set(page0::SYS_ERR, error::SYSTEM_INIT);
+            }
+            Fault::AllZero => {
+                self.clear_data();
+                self.faults.set(fault);
+            }
+            Fault::SwappedAxes => self.set(page0::AXIS_MAP_CONFIG, AXIS_MAP_SWAPPED),
+            Fault::RevertedUnits => self.set(page0::UNIT_SEL, UNIT_SEL_RESET),
+            Fault::Unplugged => {
+                self.power = Power::Off;
+                self.faults.set(fault);
+            }
+            Fault::Hung => {
+                self.power = Power::Hung;
+                self.faults.set(fault);
+            }
+            _ => self.faults.set(fault),
+        }
+    }
+
+    /// Switches a fault off, whatever its parameters.
+    pub fn clear(&mut self, now: Ticks, fault: Fault) {
+        self.run(now);
+        let was_on = self.faults.has(fault);
+        self.faults.clear(fault);
+        let cuts_power = matches!(fault, Fault::Unplugged | Fault::Hung | Fault::ClockHang);
+        if was_on && cuts_power && matches!(self.power, Power::Off | Power::Hung) {
+            self.boot(now);
+        }
+    }
+
+    /// The faults that are on.
+    pub fn faults(&self) -> &Faults {
+        &self.faults
     }
 }

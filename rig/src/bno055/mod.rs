@@ -44,6 +44,7 @@ mod access;
 mod bus;
 mod calibration;
 mod fault;
+mod imperfections;
 mod registers;
 mod replay;
 mod sensors;
@@ -54,18 +55,17 @@ mod words;
 mod tests;
 
 pub use fault::{Fault, Faults};
+pub use imperfections::{ImuErrors, WarmUp};
 pub use registers::Mode;
 pub use sensors::{Reading, Sensors};
-pub use signal::{ImuErrors, Stimulus, WarmUp};
+pub use signal::Stimulus;
 
 use crate::random::{Stream, generator};
 use crate::recording::Recording;
 use calibration::{Calibration, Learner};
 use rand::{Rng, RngCore};
 use rand_chacha::ChaCha8Rng;
-use registers::{
-    AXIS_MAP_RESET, AXIS_MAP_SWAPPED, UNIT_SEL_RESET, error, page0, page1, reset_pages,
-};
+use registers::{AXIS_MAP_RESET, UNIT_SEL_RESET, error, page0, page1, reset_pages};
 use replay::Playback;
 use samd21::board::Ticks;
 use signal::{Sample, Settings, SignalChain};
@@ -271,54 +271,6 @@ impl Bno055 {
         self.run(now);
         let settings = self.settings();
         self.signals.sense(now, truth, &settings);
-    }
-
-    /// Switches a fault on.
-    pub fn inject(&mut self, now: Ticks, fault: Fault) {
-        self.run(now);
-        match fault {
-            Fault::ConfigReset => {
-                self.reset_registers();
-                self.power = Power::On;
-            }
-            Fault::PowerDip => self.boot(now),
-            Fault::RevertedAxisMap => {
-                self.set(page0::AXIS_MAP_CONFIG, AXIS_MAP_RESET);
-                self.set(page0::AXIS_MAP_SIGN, 0);
-                self.set(page0::SYS_ERR, error::SYSTEM_INIT);
-            }
-            Fault::AllZero => {
-                self.clear_data();
-                self.faults.set(fault);
-            }
-            Fault::SwappedAxes => self.set(page0::AXIS_MAP_CONFIG, AXIS_MAP_SWAPPED),
-            Fault::RevertedUnits => self.set(page0::UNIT_SEL, UNIT_SEL_RESET),
-            Fault::Unplugged => {
-                self.power = Power::Off;
-                self.faults.set(fault);
-            }
-            Fault::Hung => {
-                self.power = Power::Hung;
-                self.faults.set(fault);
-            }
-            _ => self.faults.set(fault),
-        }
-    }
-
-    /// Switches a fault off, whatever its parameters.
-    pub fn clear(&mut self, now: Ticks, fault: Fault) {
-        self.run(now);
-        let was_on = self.faults.has(fault);
-        self.faults.clear(fault);
-        let cuts_power = matches!(fault, Fault::Unplugged | Fault::Hung | Fault::ClockHang);
-        if was_on && cuts_power && matches!(self.power, Power::Off | Power::Hung) {
-            self.boot(now);
-        }
-    }
-
-    /// The faults that are on.
-    pub fn faults(&self) -> &Faults {
-        &self.faults
     }
 
     fn boot(&mut self, now: Ticks) {

@@ -1,8 +1,9 @@
 //! The chip's three sensors without its bus: what its registers would show, for whoever wants the
 //! signals and not the chip.
 
+use super::imperfections::ImuErrors;
 use super::registers::Mode;
-use super::signal::{ImuErrors, Settings, SignalChain, Stimulus};
+use super::signal::{Settings, SignalChain, Stimulus};
 use super::words::Words;
 use crate::random::{Stream, generator};
 use samd21::board::Ticks;
