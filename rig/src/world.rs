@@ -520,7 +520,7 @@ mod tests {
             assert!((felt.specific_force_m_s2[axis] - expected).abs() < 1e-6);
         }
         world.put_back();
-        world.advance(Ticks::from_ms(2100));
+        world.advance(Ticks::from_ms(2190));
         let (grip, _) = world.hand.as_ref().unwrap();
         let felt = handling::stimulus(&grip.attitude(), Vector3::zeros(), &world.field, 9.81);
         for axis in 0..3 {
