@@ -20,6 +20,8 @@ use crate::stop;
 pub const ARM_PATIENCE: Duration = Duration::from_secs(20);
 /// Between two attempts.
 pub const ARM_RETRY: Duration = Duration::from_millis(500);
+/// Armed before the release, so that the vehicle's own memory holds what was before it.
+const ARMED: Duration = Duration::from_millis(250);
 /// Upright before the set point begins to swing.
 const SETTLE: Duration = Duration::from_secs(3);
 /// Between two set points.
@@ -59,6 +61,10 @@ pub fn run(options: &Test) -> Result<Verdict> {
 
 fn fly(vehicle: &mut Vehicle, manoeuvre: Manoeuvre, stop: &AtomicBool) -> Result<()> {
     arm(vehicle, stop)?;
+    let release = Instant::now() + ARMED;
+    while Instant::now() < release {
+        vehicle.receive()?;
+    }
     vehicle.command("release", request::RELEASE)?;
     match manoeuvre {
         Manoeuvre::Step { seconds } | Manoeuvre::Hold { seconds } => watch(

@@ -13,7 +13,9 @@ Examples:
   cargo tvc flash --uf2 /media/NANO/f.uf2  copy onto the drive of a UF2 bootloader
   cargo tvc flash --bin firmware.bin       only write the raw image, for other programmers
 
-The image is linked at 0x2000, above the bootloader; never write it to 0x0.
+The image is linked at 0x2000, above the bootloader; never write it to 0x0. bossac erases everything
+above the bootloader (-e), stored parameters too: `tvc param dump FILE` first, `tvc param load FILE`
+and `tvc param save` afterwards.
 Exit status: 0 written, 1 something failed, 2 unusable input.")]
 pub struct Flash {
     /// Serial port of the Nano [default: the only SAMD21 that is connected].

@@ -1,0 +1,138 @@
+#!/usr/bin/env python3
+"""The unmodified MAVProxy and MAVSDK against a vehicle: `tools/stations_check.py PORT [mavproxy|mavsdk ...]`.
+
+PORT is what `tvc rig --pty` prints, or a board's port; the drone must be at rest, its polarity checked. Needs
+`pip install MAVProxy 'mavsdk>=4'` (tried with 1.8.75 and 4.1.0); `tools/client_check.py` does the same with pymavlink.
+Each connects, fetches every parameter, sets each to its own value and one to another, asks for angles, arms and disarms.
+Ends with status 1 if anything is not as it should be.
+"""
+
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+
+PATIENCE_S = 30
+
+
+def check(holds, what):
+    print(("ok      " if holds else "FAILED  ") + what, flush=True)
+    if not holds:
+        sys.exit(1)
+
+
+class Console:
+    """MAVProxy with its standard streams."""
+
+    def __init__(self, port):
+        self.folder = tempfile.TemporaryDirectory()
+        program = shutil.which("mavproxy.py") or os.path.join(os.path.dirname(sys.executable), "mavproxy.py")
+        self.process = subprocess.Popen(
+            [sys.executable, program, f"--master={port}", "--baudrate=115200",
+             f"--state-basedir={self.folder.name}", "--default-modules=param,arm,cmdlong"],
+            stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, cwd=self.folder.name,
+        )
+        self.said = ""
+        threading.Thread(target=self.listen, daemon=True).start()
+
+    def listen(self):
+        while block := os.read(self.process.stdout.fileno(), 4096):
+            self.said += block.decode(errors="replace")
+
+    def ask(self, line, *parts):
+        """Types a line, if any; whether all parts are said then in time."""
+        if line is not None:
+            self.said = ""
+            self.process.stdin.write((line + "\n").encode())
+            self.process.stdin.flush()
+        end = time.time() + PATIENCE_S
+        while time.time() < end:
+            if all(part in self.said for part in parts):
+                return True
+            time.sleep(0.05)
+        print(self.said)
+        return False
+
+    def file(self, name):
+        with open(os.path.join(self.folder.name, name), encoding="utf-8") as file:
+            return file.read()
+
+    def end(self):
+        self.process.kill()
+        self.process.wait()
+
+
+def mavproxy(port):
+    console = Console(port)
+    try:
+        check(console.ask(None, "Saved", "parameters to"), "MAVProxy: heartbeat, every parameter fetched")
+        rows = [line.split() for line in console.file("mav.parm").splitlines()]
+        for name, value in rows:
+            console.ask(f"param set {name} {value}")
+            check(console.ask(f"param show {name}", name), f"MAVProxy: {name} set to {value}")
+        console.ask("param set PID_KP 0.5")
+        check(console.ask("param show PID_KP", "0.5"), "MAVProxy: PID_KP set to 0.5")
+        console.ask(f"param set PID_KP {dict(rows)['PID_KP']}")
+        check(console.ask("long SET_MESSAGE_INTERVAL 30 50000", "ACCEPTED"), "MAVProxy: ATTITUDE at 20 Hz")
+        check(console.ask("status ATTITUDE", "pitch :"), "MAVProxy: angles")
+        check(console.ask("arm throttle", "ARMED", "COMPONENT_ARM_DISARM: ACCEPTED"), "MAVProxy: armed")
+        check(console.ask("disarm", "DISARMED", "COMPONENT_ARM_DISARM: ACCEPTED"), "MAVProxy: disarmed")
+    finally:
+        console.end()
+
+
+def mavsdk(port):
+    from mavsdk import ComponentType, Configuration, Mavsdk
+    from mavsdk.plugins.action import Action
+    from mavsdk.plugins.param import Param
+    from mavsdk.plugins.telemetry import Telemetry
+
+    sdk = Mavsdk(Configuration.create_with_component_type(ComponentType.GROUND_STATION))
+    sdk.add_any_connection(f"serial://{os.path.realpath(port)}:115200")
+    system = sdk.first_autopilot(PATIENCE_S)
+    check(system is not None, "MAVSDK: heartbeat")
+    param = Param(system)
+    rows = param.get_all_params().float_params
+    check(len(rows) > 40, f"MAVSDK: {len(rows)} parameters fetched")
+    kept = {row.name: row.value for row in rows}
+    for name, value in kept.items():
+        param.set_param_float(name, value)
+        check(param.get_param_float(name) == value, f"MAVSDK: {name} set to {value:g}")
+    param.set_param_float("PID_KP", 0.5)
+    check(param.get_param_float("PID_KP") == 0.5, "MAVSDK: PID_KP set to 0.5")
+    param.set_param_float("PID_KP", kept["PID_KP"])
+    telemetry = Telemetry(system)
+    telemetry.set_rate_attitude_euler(20.0)
+    time.sleep(1)
+    angles, turned = telemetry.attitude_euler(), telemetry.attitude_quaternion()
+    check(abs(angles.pitch_deg) < 90, f"MAVSDK: pitch {angles.pitch_deg:.1f} deg")
+    check(abs(turned.w) <= 1, "MAVSDK: quaternion")
+    action = Action(system)
+    action.arm()
+    check(telemetry.armed() or wait(telemetry.armed), "MAVSDK: armed")
+    action.disarm()
+    check(wait(lambda: not telemetry.armed()), "MAVSDK: disarmed")
+
+
+def wait(condition):
+    end = time.time() + PATIENCE_S
+    while time.time() < end:
+        if condition():
+            return True
+        time.sleep(0.05)
+    return False
+
+
+def main():
+    if len(sys.argv) < 2:
+        sys.exit(__doc__)
+    checks = {"mavproxy": mavproxy, "mavsdk": mavsdk}
+    for name in sys.argv[2:] or checks:
+        checks[name](sys.argv[1])
+
+
+if __name__ == "__main__":
+    main()
