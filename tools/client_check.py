@@ -1,7 +1,8 @@
 #!/usr/bin/env python3
 """The unmodified pymavlink against a vehicle: `tools/client_check.py PORT [SECONDS]`.
 
-PORT is what `tvc rig --pty` prints, or a board's port; the drone must be at rest. Needs `pip install pymavlink pyserial`.
+PORT is what `tvc rig --pty` prints, or a board's port; the drone must be at rest, its polarity checked (SRV_POLARITY 1).
+Needs `pip install pymavlink pyserial`.
 Connects, fetches every parameter, sets each to its own and to another value, asks for the version, synchronises clocks,
 arms, disarms, then counts attitudes, one for every control step, for SECONDS (600). Ends with status 1 if anything is not
 as it should be.
