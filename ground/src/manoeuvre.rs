@@ -8,6 +8,7 @@ use anyhow::{Context, Result, bail};
 use indicatif::{ProgressBar, ProgressStyle};
 use rig::operator::FlightState;
 use rig::request;
+use tvc_nano::Refusal;
 
 use crate::cli::{Manoeuvre, Test};
 use crate::failure::Verdict;
@@ -98,17 +99,26 @@ fn fly(vehicle: &mut Vehicle, manoeuvre: Manoeuvre, stop: &AtomicBool) -> Result
     }
 }
 
+/// Whether the vehicle may let itself be armed a little later: not where somebody must see its rudder answer first.
+pub fn is_worth_waiting(refusal: &str) -> bool {
+    !refusal.contains(&Refusal::Polarity.to_string())
+}
+
 /// Arms as soon as the vehicle lets itself be armed.
 ///
 /// # Errors
-/// It does not for [`ARM_PATIENCE`], with its last reason.
+/// It does not for [`ARM_PATIENCE`], with its last reason, or waiting would not help.
 pub fn arm(vehicle: &mut Vehicle, stop: &AtomicBool) -> Result<()> {
     let progress = spinner("hold the drone still");
     let begun = Instant::now();
     loop {
         match vehicle.command("arm", request::ARM) {
             Ok(()) => break,
-            Err(refusal) if begun.elapsed() > ARM_PATIENCE || stop.load(Ordering::Relaxed) => {
+            Err(refusal)
+                if begun.elapsed() > ARM_PATIENCE
+                    || stop.load(Ordering::Relaxed)
+                    || !is_worth_waiting(&refusal.to_string()) =>
+            {
                 return Err(refusal);
             }
             Err(refusal) => progress.set_message(refusal.to_string()),

@@ -178,6 +178,8 @@ fn a_vehicle_out_of_the_box_says_what_to_do_before_it_is_armed() {
     rig.wait_for("standby");
     let said = rig.refused(1, &["arm"]);
     assert!(said.contains("run tvc calibrate polarity first"), "{said}");
+    let said = rig.refused(1, &["test", "step"]);
+    assert!(said.contains("run tvc calibrate polarity first"), "{said}");
     // Any MAVLink client can say that it was done.
     rig.ok(&["param", "set", "SRV_POLARITY", "1"]);
     assert_eq!(rig.arm()["state"], "armed");

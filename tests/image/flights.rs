@@ -64,6 +64,23 @@ fn flies_with_a_digital_servo() {
     flies(ServoKind::Digital, 0.55);
 }
 
+/// 5 mm of lateral offset ask for 2.3 deg of servo. The observer finds them in flight; a rudder that rests there has nothing
+/// to find, and the drone settles as one without an offset.
+#[test]
+fn a_rudder_that_holds_the_offset_before_the_release_settles_sooner() {
+    let settling_s = |hold_deg: f32| {
+        let mut setup = Setup::new(ServoKind::S3003, 1);
+        let drone = setup.rig.bench.parameters;
+        setup.rig.bench.parameters = drone.with_lateral_offset(5e-3);
+        setup.parameters.push(("SRV_HOLD_DEG".into(), hold_deg));
+        let ready = prepare(firmware(), &setup, &mut |_| {}).unwrap();
+        let flight = ready.fly(0.2, 0.2, 3.0, &mut |_| {}).unwrap();
+        flight.response.settling_s(0.05).unwrap()
+    };
+    let (found, held) = (settling_s(0.0), settling_s(-2.29));
+    assert!(found <= 1.0 && held <= 0.55, "{found} {held}");
+}
+
 /// A long cable needs a slow bus: fewer samples, a longer burst, and the same promises.
 #[test]
 fn flies_with_the_slow_bus_of_a_long_cable() {

@@ -12,7 +12,7 @@ use super::shared::{Shared, Trial};
 use super::station::{Answer, Station, What};
 use super::{logs, shared::State};
 use crate::log::{Flight, Log, Step};
-use crate::manoeuvre::{ARM_PATIENCE, ARM_RETRY};
+use crate::manoeuvre::{ARM_PATIENCE, ARM_RETRY, is_worth_waiting};
 use crate::replay::parameters;
 use crate::report;
 
@@ -46,7 +46,10 @@ fn fly(station: &Station, shared: &Shared, log: &str, stop: &Arc<AtomicBool>) ->
     order("calibrate", request::CALIBRATE)?;
     let begun = Instant::now();
     while let Err(refusal) = order("arm", request::ARM) {
-        if begun.elapsed() > ARM_PATIENCE || stop.load(Ordering::SeqCst) {
+        if begun.elapsed() > ARM_PATIENCE
+            || stop.load(Ordering::SeqCst)
+            || !is_worth_waiting(&refusal)
+        {
             return Err(refusal);
         }
         stage(shared, log, &format!("hold the drone still: {refusal}"));
