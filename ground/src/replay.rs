@@ -6,6 +6,7 @@
 
 mod filter;
 mod page;
+mod table;
 
 use std::collections::BTreeMap;
 
@@ -17,7 +18,7 @@ use tvc_nano::{BootReport, Command, Flight, Micros, Params, SensorFault};
 
 use crate::cli::Replay;
 use crate::failure::{BadInput, Verdict};
-use crate::log::{self, Event, Log, Step, write_csv};
+use crate::log::{self, Event, Log, Step};
 use crate::output::{print_json, write_whole};
 
 /// What HEARTBEAT's `custom_mode` gives as the reason of a failsafe: the sensor, the host's silence.
@@ -86,7 +87,7 @@ pub fn run(options: &Replay) -> Result<Verdict> {
         figures.filter_difference_rad_rms = Some(filter::difference_rms(other, &flight));
     }
     if let Some(path) = &options.csv {
-        write_csv(&flight, path)?;
+        write_whole(path, table::text(&pairs, other.as_deref()).as_bytes())?;
         eprintln!("wrote {}", path.display());
     }
     if let Some(path) = &options.report {
@@ -340,3 +341,6 @@ fn same(a: &Step, b: &Step) -> bool {
         && a.crank_rad.map(f32::to_bits) == b.crank_rad.map(f32::to_bits)
         && a.pulse_us == b.pulse_us
 }
+
+#[cfg(test)]
+mod tests;

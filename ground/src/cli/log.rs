@@ -14,7 +14,7 @@ Examples:
   cargo tvc replay flight.tlog                 the firmware's library on the log's counts, bit for bit
   cargo tvc replay flight.tlog --param PID_KD=0.2    what other gains would have commanded
   cargo tvc replay flight.tlog --filter madgwick     another filter's pitch beside the firmware's
-  cargo tvc replay flight.tlog --csv steps.csv       the log's steps as a table
+  cargo tvc replay flight.tlog --csv both.csv        both runs as a table, side by side
 
 The motion is the log's: it does not answer to what is changed.
 Exit status: 0 equal wherever it can be compared, 1 a difference or nothing to compare, 2 unusable input.")]
@@ -35,7 +35,7 @@ pub struct Replay {
     #[arg(long)]
     pub json: bool,
 
-    /// Write the log's steps as a table.
+    /// Write both runs as a table, side by side; `tvc convert` writes the log's own steps.
     #[arg(long, value_name = "FILE.csv")]
     pub csv: Option<PathBuf>,
 
