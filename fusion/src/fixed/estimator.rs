@@ -6,7 +6,7 @@ use super::field::{self, Compass, size};
 use super::filters::{Filter, Gain, View};
 use super::orientation::{Angles, Orientation};
 use super::over_range::{Ignored, OverRange, Recovered, Step as Seen};
-use super::rest::{self, Rest, Sums};
+use super::rest::{self, Rest};
 use super::rotation::{Rotation, Step};
 use crate::config::{Config, ConfigError, in_range};
 use crate::estimator::{Attitude, Flags, GRAVITY};
@@ -49,19 +49,19 @@ const MOST_DT_US: u32 = 30_000;
 /// Largest half angle of a long step, rad, the sum of three axes.
 const MOST_HALF_ANGLE: f32 = 0.38;
 
+/// Bits below those of a half angle per count that the product with a time step has.
+const DT_BITS: u32 = 16;
+
 /// Most bits that are given up in a step longer than 1.25 periods, so that one of up to ten periods fits.
 const COARSE: u8 = 3;
 
 /// Largest count of a gyroscope, rad/s: 2150 deg/s at full scale.
 const MOST_GYR_RAD_S: f32 = 0.001_15;
 
-/// Most samples between two of the magnetometer for which a correction makes up, unless fewer make the whole
-/// error already; and the largest correction of a sample that fits, Q15 with `mag_cut` more bits.
-const MOST_MAG_SAMPLES: i32 = 255;
-const MOST_TURN: i32 = 60_000;
-
-/// A correction of an eighth of a radian, half angle, that is not cut.
+/// Largest correction of the heading: an eighth of a radian, half angle, Q15; and the largest that fits, with
+/// `heading_cut` more bits.
 const EIGHTH: i32 = 1 << 13;
+const MOST_TURN: i32 = 7 << 13;
 
 /// Largest gain for which a product with any acceleration fits 32 bits.
 const MOST_FACTOR: u16 = 2_300;
@@ -86,30 +86,28 @@ const MODERATE_G: f32 = 1.9;
 #[repr(C)]
 pub struct Estimator<F, R = Ignored> {
     rotation: Rotation,
-    /// Half angle per count and us; and by how much the product with a time step is cut to 15 bits, and a
-    /// product with counts to Q31.
+    /// Half angle per count and us, so that the product with a time step is 15 bits and `DT_BITS`; what was cut from
+    /// the last; and by how much a product with counts is then cut to Q31.
     per_us: u32,
     fine_dt_us: u32,
     dt_rest: u32,
-    dt_cut: u32,
     turn_cut: u32,
     shares: Shares,
-    /// Samples since the last field.
-    mag_samples: i32,
-    compass: Compass,
-    sums: Sums,
-    filter: F,
     rest: Rest,
+    /// When the last field was taken.
+    field_at: u32,
+    compass: Compass,
+    filter: F,
     settling: Settling,
-    /// The last field of the beginning.
-    mag: Option<[i16; 3]>,
-    start_up_blocks: u32,
-    gap: bool,
     most_dt_us: u32,
     /// Largest product of a long step and a sum of rates, us and counts.
     most_turn: u32,
     /// Bits that are given up in a long step.
     coarse: u32,
+    gap: bool,
+    start_up_blocks: u32,
+    /// The last field of the beginning.
+    mag: Option<[i32; 3]>,
     /// Cosine and sine of half the declination, Q15, unless it is zero.
     declination: Option<(i32, i32)>,
     gyr_rad_s: f32,
@@ -124,13 +122,9 @@ struct Shares {
     /// Of the heading error, Q15 with `heading_cut` more bits.
     heading: i32,
     heading_cut: u32,
-    /// Largest correction of a sample, in the same unit.
-    most_turn: i32,
-    /// As many samples without a field as a correction makes up for.
-    most_samples: i32,
     /// While the share of the tilt is so large that a product might not fit, the largest acceleration that is taken,
     /// sum of the sizes of its components, counts; else 0.
-    moderate: u32,
+    moderate: i32,
     /// The shares are the filter's own.
     settled: bool,
 }
@@ -159,7 +153,7 @@ struct Settling {
     tilt_most: i32,
     heading_cut: u32,
     /// The largest acceleration while it does not suffice.
-    moderate: u32,
+    moderate: i32,
     /// Where it all begins.
     most: i32,
     first_fall: i32,
@@ -238,40 +232,38 @@ impl<F: Filter, R: OverRange> Estimator<F, R> {
         )?;
         let (acc_factor, acc_cut) = scaled(acc_gain, f32::from(MOST_FACTOR));
         in_range(mag_share, 1e-5, 0.1, "heading gain")?;
-        let (mag_gain, mag_cut) = scaled(mag_share * 32_768.0, 16_384.0);
-        let (per_us, bits) = scaled(scale.gyr_rad_s * 0.5e-6 * 2_147_483_648.0, 65_536.0);
+        let (mag_gain, mag_cut) = scaled(mag_share * 32_768.0, 8_192.0);
         let fine_dt_us = period_us + period_us / 4;
-        let dt_cut = bits_above(per_us as f32 * fine_dt_us as f32, 32_768.0);
-        let coarse = COARSE.min(bits - dt_cut);
-        let (sums, rest) = Rest::new(&rest::Limits::new(&config.rest, scale, period_s)?);
+        // Q31 of the half angle.
+        let per_us = scale.gyr_rad_s * 0.5e-6 * 2_147_483_648.0;
+        let (_, turn_cut) = scaled(per_us * fine_dt_us as f32, 32_768.0);
+        let per_us = per_us * f32::from(1u16 << turn_cut) * (1u32 << DT_BITS) as f32;
+        let coarse = COARSE.min(turn_cut);
+        let rest = Rest::new(&rest::Limits::new(&config.rest, scale, period_s)?);
         let field = field::Limits::new(&config.field, scale, period_s)?;
         let (tilt_boost, heading_boost) = (boost(acc_share), boost(mag_share));
         let most = tilt_boost.max(heading_boost);
-        let first = FIRST_SAMPLES.max(sums.log2_block());
-        let first_blocks = 1 << (first - sums.log2_block());
-        let moderate = (MODERATE_G * per_g) as u32;
-        let block_s = period_s * f32::from(1u16 << sums.log2_block());
+        let first = FIRST_SAMPLES.max(rest.log2_block());
+        let first_blocks = 1 << (first - rest.log2_block());
+        let moderate = (MODERATE_G * per_g) as i32;
+        let block_s = period_s * f32::from(1u16 << rest.log2_block());
         Ok(Self {
             rotation: Rotation::new(),
             per_us: per_us as u32,
             fine_dt_us,
             dt_rest: 0,
-            dt_cut: dt_cut.into(),
-            turn_cut: u32::from(bits - dt_cut),
+            turn_cut: turn_cut.into(),
             shares: Shares {
                 tilt: Gain { factor: 0, cut: 2 },
                 heading: mag_gain,
                 heading_cut: mag_cut.into(),
-                most_turn: 0,
-                most_samples: 0,
                 moderate,
                 settled: false,
             },
-            mag_samples: 0,
-            compass: Compass::new(&field, period_s),
-            sums,
-            filter: F::new(&config.gains, period_s)?,
+            field_at: 0,
             rest,
+            compass: Compass::new(&field, period_s),
+            filter: F::new(&config.gains, period_s)?,
             settling: Settling {
                 blocks: 0,
                 first_blocks,
@@ -347,40 +339,39 @@ impl<F: Filter, R: OverRange> Estimator<F, R> {
     /// nothing happens at 0).
     #[inline]
     pub fn update(&mut self, dt_us: u32, counts: &Counts) {
-        let Counts { gyr, acc, mut mag } = *counts;
+        let gyr = counts.gyr;
+        let mut acc = counts.acc.map(i32::from);
+        let mut mag = counts.mag.map(|mag| mag.map(i32::from));
         let long = dt_us > self.fine_dt_us;
-        let step = if long {
-            self.long_step(dt_us, &gyr)
-        } else {
-            // What is cut is made good by the next step.
-            let product = dt_us * self.per_us + self.dt_rest;
-            let per_count = product >> (self.dt_cut & 31);
-            self.dt_rest = product - (per_count << (self.dt_cut & 31));
-            Step {
-                per_count: per_count as i32,
-                cut: self.turn_cut,
-            }
-        };
-        self.rotation.turn(&gyr, step);
-
-        let mut acc = acc.map(i32::from);
         let beginning = self.shares.moderate != 0;
         if beginning {
-            let size: u32 = acc.iter().map(|a| a.unsigned_abs()).sum();
-            if size > self.shares.moderate {
-                acc = [0; 3];
-            }
+            // All bits or none, as the core has no conditional move.
+            let size = acc[0].abs() + acc[1].abs() + acc[2].abs();
+            let moderate = (size - self.shares.moderate) >> 31;
+            acc = acc.map(|acc| acc & moderate);
             // The heading may be off by any angle: the last field stands for those that a slow magnetometer leaves out.
-            mag = mag.or(self.mag);
-            self.mag = mag;
+            match mag {
+                Some(_) => self.mag = mag,
+                None => mag = self.mag,
+            }
         }
         let due = if long {
             rest::NOTHING
         } else if beginning {
-            self.sums.pass()
+            self.rest.pass()
         } else {
-            self.sums.add(&gyr, &acc)
+            self.rest.add(&gyr, &acc)
         };
+        let (mut step_us, mut cut) = (dt_us, self.turn_cut);
+        if long {
+            (step_us, cut) = self.long_step(dt_us, &gyr);
+        }
+        // What is cut is made good by the next step.
+        let product = step_us * self.per_us + self.dt_rest;
+        self.dt_rest = product & ((1 << DT_BITS) - 1);
+        let per_count = (product >> DT_BITS) as i32;
+        self.rotation.turn(&gyr, Step { per_count, cut });
+
         // A step that keeps house, or is long, leaves the compass alone: no step pays for both.
         let busy = long || due <= rest::SETTLE || self.compass.is_due();
         if busy {
@@ -388,20 +379,20 @@ impl<F: Filter, R: OverRange> Estimator<F, R> {
         }
         let products = self.rotation.products();
         let down = products.down();
+        let cut = self.shares.heading_cut & 31;
         let mut turn = 0;
-        self.mag_samples = self.mag_samples.wrapping_add(1);
         if let Some(mag) = &mag
             && !busy
         {
-            let sine = self
-                .compass
-                .heading(&products, &down, mag, self.sums.tick());
-            let samples = self.mag_samples.min(self.shares.most_samples);
-            let most = self.shares.most_turn;
-            turn = (((sine * self.shares.heading) >> 15) * samples)
-                .min(most)
-                .max(-most);
-            self.mag_samples = 0;
+            let tick = self.rest.tick();
+            // At most those whose shares make the whole error.
+            let samples = tick.wrapping_sub(self.field_at).min(4 << cut) as i32;
+            self.field_at = tick;
+            let sine = self.compass.heading(&products, &down, mag, tick);
+            let most = (EIGHTH << cut).min(MOST_TURN);
+            turn = ((sine * self.shares.heading) >> 15) * samples;
+            // Not `clamp`, which would panic were the limit negative.
+            turn = turn.min(most).max(-most);
         }
         let tilt = self.filter.tilt(
             &View {
@@ -424,7 +415,6 @@ impl<F: Filter, R: OverRange> Estimator<F, R> {
             self.settling.resume(boost, blocks);
         }
         let [rx, ry, rz] = found.correction;
-        let cut = self.shares.heading_cut & 31;
         let pending = &mut self.rotation.pending;
         pending[0] += tilt[0] + ((turn * down[0]) >> cut) + rx;
         pending[1] += tilt[1] + ((turn * down[1]) >> cut) + ry;
@@ -435,42 +425,38 @@ impl<F: Filter, R: OverRange> Estimator<F, R> {
     #[inline(never)]
     fn keep_house(&mut self, due: u32, gyr: &[i16; 3], acc_z: i32) {
         if due < rest::SETTLE {
-            self.rest
-                .close(due, &mut self.sums, &mut self.rotation.bias);
+            self.rest.close(due, &mut self.rotation.bias);
         } else if due == rest::SETTLE {
-            if self.settling.blocks == 0 {
-                self.rotation.start(acc_z > 0);
+            if self.settling.blocks == 0 && acc_z > 0 {
+                self.rotation.turn_over();
             }
             self.gap = false;
             self.settling.settle(&mut self.shares);
             if self.shares.moderate != 0 {
                 // Nothing is added up yet.
-                self.rest.interrupt();
+                self.rest.moved = true;
             }
         } else if due != rest::NOTHING {
             self.compass.judge(gyr);
         }
     }
 
-    /// A step of more than 1.25 periods; of many more, samples are missing.
+    /// A step of more than 1.25 periods, of many more samples are missing: time and bits that stand for it.
     #[cold]
     #[inline(never)]
-    fn long_step(&mut self, dt_us: u32, gyr: &[i16; 3]) -> Step {
+    fn long_step(&mut self, dt_us: u32, gyr: &[i16; 3]) -> (u32, u32) {
         self.gap = true;
         let mut dt_us = dt_us;
         if dt_us > self.most_dt_us {
             dt_us = self.most_dt_us;
-            self.rest.interrupt();
+            self.rest.moved = true;
             self.settling.restart();
             self.shares.moderate = self.settling.moderate;
         }
         if dt_us * size(gyr) > self.most_turn {
             dt_us = self.fine_dt_us;
         }
-        Step {
-            per_count: ((dt_us * self.per_us) >> ((self.dt_cut + self.coarse) & 31)) as i32,
-            cut: self.turn_cut - self.coarse,
-        }
+        (dt_us >> (self.coarse & 31), self.turn_cut - self.coarse)
     }
 }
 
@@ -507,14 +493,12 @@ impl Settling {
         let boost = positive(self.boost - self.tilt_less);
         // What the cut has no bits for goes into the factor.
         let more = positive(boost - self.tilt_most);
-        shares.moderate = if more == 0 { 0 } else { self.moderate };
+        // All bits or none.
+        shares.moderate = self.moderate & (-more >> 31);
         shares.tilt.factor = self.tilt_factor << (more & 31);
         shares.tilt.cut = self.tilt_cut - (boost - more) as u32;
         let cut = self.heading_cut - positive(self.boost - self.heading_less) as u32;
         shares.heading_cut = cut;
-        shares.most_turn = (EIGHTH << (cut & 31)).min(MOST_TURN);
-        // A sample's share is at most half of one with `heading_cut` bits less: more than the error would overshoot.
-        shares.most_samples = (2 << (cut & 31)).min(MOST_MAG_SAMPLES);
     }
 }
 
@@ -544,14 +528,4 @@ fn scaled(value: f32, below: f32) -> (i32, u8) {
         bits += 1;
     }
     ((value + 0.5) as i32, bits)
-}
-
-/// How many bits a value must be cut by to be below a limit.
-fn bits_above(value: f32, limit: f32) -> u8 {
-    let (mut value, mut bits) = (value, 0);
-    while value >= limit {
-        value *= 0.5;
-        bits += 1;
-    }
-    bits
 }

@@ -12,36 +12,30 @@ const BITS: u32 = 8;
 /// The weight of a field that is like the reference.
 const FULL: i32 = 8;
 
-/// Field samples from which the reference is learned before the gate works.
-const LEARNING: u32 = 40;
+/// Field samples that the reference is, each by itself: those from before tilt and heading were found.
+const FORGOTTEN: i32 = 24;
+
+/// Field samples from which the reference is learned, a running mean, before the gate works.
+const LEARNING: i32 = 16;
 
 /// Tolerance until then, counts in Q8: more than any field deviates.
 const ANYTHING: i32 = 1 << 29;
 
-/// Two to this many field samples are the reference, then as many have half of it each, and so on: a running mean
-/// that forgets those from before tilt and heading were found.
-const SHARE_FALLS: u32 = 3;
+/// Horizontal field with which the reciprocal begins, counts in Q4: that of middle latitudes for a BNO055.
+const FIRST: i32 = 256 << 4;
 
-/// What a field that was seen is due for: to be compared, to be concluded from, then another part of a division.
-const COMPARE: u32 = 3;
-const CONCLUDE: u32 = 2;
-
-/// Bits of the quotient that each of the division's four parts gives.
-const PART_BITS: u32 = 5;
-const BEGUN: i32 = 1 << PART_BITS;
-const DONE: i32 = 1 << (4 * PART_BITS);
-
-/// What is left before the first part: less than any divisor, and two to that is 2^31.
-const DIVIDEND: i32 = 1 << (31 - 4 * PART_BITS);
+/// What a field that was seen is due for: to be compared, then to be concluded from.
+const COMPARE: u32 = 2;
 
 /// The magnetometer as a compass, and the reference that it is held to. First what is touched with every field
 /// sample.
 #[derive(Clone, Debug)]
 #[repr(C)]
 pub(super) struct Compass {
-    /// `2^23 / horizontal` with the horizontal in counts.
+    /// `2^27 / limit`.
     inverse: i32,
-    /// The horizontal that it is for, counts in Q4: the largest part across that has a sine.
+    /// The horizontal part of the reference that the reciprocal has come to, counts in Q4: the largest part across
+    /// that has a sine.
     limit: i32,
     /// How far the field is to be believed, in parts of `FULL`.
     weight: i32,
@@ -64,9 +58,11 @@ pub(super) struct Compass {
     gate: i32,
     /// Horizontal field below which a compass has no direction, counts in Q8.
     least: i32,
-    /// Field samples judged so far, up to those after which the share falls no more.
-    judged: u32,
-    most_judged: u32,
+    /// Field samples that the reference stands on, as long as it is learned; the share of the next, as a negative
+    /// power of two, and the last.
+    judged: i32,
+    share: u32,
+    follow: u32,
     /// When the sample before was seen.
     before: u32,
     /// Samples while another field was there: all, and those while turning; and the limits of both.
@@ -76,12 +72,6 @@ pub(super) struct Compass {
     adopt: u32,
     /// Sum of the rates beyond which the body turns, counts.
     adopt_rate: u32,
-    /// Of the division under way: by what, a one and the bits of the quotient so far, what is left, and what the
-    /// quotient does not reach in this part.
-    divisor: i32,
-    quotient: i32,
-    remainder: i32,
-    whole: i32,
 }
 
 /// Limits in counts, times in samples.
@@ -97,8 +87,8 @@ pub(super) struct Limits {
 impl Compass {
     pub(super) fn new(limits: &Limits, period_s: f32) -> Self {
         Self {
-            inverse: i32::MAX / limits.least,
-            limit: limits.least >> (BITS - 4),
+            inverse: (1 << 27) / FIRST,
+            limit: FIRST,
             weight: FULL,
             interval: u32::from(JUDGE_SAMPLES).max((JUDGE_S / period_s) as u32 + 1),
             last: 0,
@@ -111,18 +101,15 @@ impl Compass {
             margin: 0,
             gate: limits.gate_q8,
             least: limits.least,
-            judged: 0,
-            most_judged: u32::from(limits.log2_follow) << SHARE_FALLS,
+            judged: -FORGOTTEN,
+            share: 0,
+            follow: limits.log2_follow.into(),
             before: 0,
             rejected: 0,
             turned: 0,
             reject: limits.reject,
             adopt: limits.adopt,
             adopt_rate: limits.adopt_rate,
-            divisor: limits.least,
-            quotient: 1,
-            remainder: DIVIDEND,
-            whole: BEGUN,
         }
     }
 
@@ -139,7 +126,7 @@ impl Compass {
     /// The reference, north and down in counts, once it is one.
     #[inline(always)]
     pub(super) fn reference(&self) -> Option<[i32; 2]> {
-        (self.judged > LEARNING).then(|| self.reference.map(|part| part >> BITS))
+        (self.judged == LEARNING).then(|| self.reference.map(|part| part >> BITS))
     }
 
     /// Sine of the heading error, Q15, of a field in counts, as far as it is to be believed.
@@ -148,24 +135,26 @@ impl Compass {
         &mut self,
         p: &Products,
         down: &[i32; 3],
-        mag: &[i16; 3],
+        mag: &[i32; 3],
         tick: u32,
     ) -> i32 {
-        let mag = &mag.map(i32::from);
         let (north, east) = (dot(&p.north(), mag), dot(&p.east(), mag));
         if tick.wrapping_sub(self.last) >= self.interval {
             self.last = tick;
             self.due = COMPARE;
             self.seen = [north, east, dot(down, mag)].map(|q15| q15 >> (15 - BITS));
         }
-        // Beyond a right angle all of it is across.
+        let sign = east >> 31;
+        let most = (self.limit ^ sign) - sign;
+        let across = east >> 11;
+        // Beyond a right angle all of it is across, and twice that: back sooner.
         let across = if north < 0 {
-            i32::MAX ^ (east >> 31)
+            2 * most
+        } else if (across ^ sign) > (most ^ sign) {
+            most
         } else {
-            east >> 11
+            across
         };
-        // Not `clamp`, which would panic were the limit negative.
-        let across = across.min(self.limit).max(-self.limit);
         -((((across * self.inverse) >> 12) * self.weight) >> 3)
     }
 }
@@ -199,12 +188,12 @@ impl Compass {
     /// Judge the field that was seen, one job with each sample until all is done.
     #[inline(never)]
     pub(super) fn judge(&mut self, gyr: &[i16; 3]) {
-        match self.due {
-            COMPARE => self.compare(),
-            CONCLUDE => self.conclude(gyr),
-            _ => self.divide(),
-        }
         self.due -= 1;
+        if self.due == COMPARE - 1 {
+            self.compare();
+        } else {
+            self.conclude(gyr);
+        }
     }
 
     fn compare(&mut self) {
@@ -216,10 +205,11 @@ impl Compass {
         );
         self.margin = self.tolerance - dh.abs() - dv.abs();
         if self.margin >= 0 {
-            let share = (self.judged >> SHARE_FALLS) & 31;
+            let share = self.share & 31;
             self.reference[0] += dh >> share;
             self.reference[1] += dv >> share;
         }
+        self.invert();
     }
 
     fn conclude(&mut self, gyr: &[i16; 3]) {
@@ -228,10 +218,11 @@ impl Compass {
         if self.margin >= 0 {
             self.rejected = 0;
             self.turned = 0;
-            if self.judged < self.most_judged {
+            if self.judged < LEARNING {
                 self.judged += 1;
-            }
-            if self.judged > LEARNING {
+                self.share += u32::from((self.judged >> 1) >> (self.share & 31) > 0);
+            } else {
+                self.share = self.follow;
                 // A part of the whole in parts of `FULL`, rounded up to quarters: a sign is -1.
                 let quarter = self.tolerance >> 2;
                 let sign = |value: i32| value >> 31;
@@ -264,24 +255,12 @@ impl Compass {
         }
     }
 
-    /// A quarter of what `2^31 / horizontal` takes: a bit of the quotient is a shift, a subtraction, and an addition
-    /// where that was too much.
-    fn divide(&mut self) {
-        let (divisor, whole) = (self.divisor, self.whole);
-        let (mut quotient, mut remainder) = (self.quotient, self.remainder);
-        while quotient < whole {
-            let left = 2 * remainder - divisor;
-            let too_much = left >> 31;
-            remainder = left + (divisor & too_much);
-            quotient = 2 * quotient + 1 + too_much;
-        }
-        (self.quotient, self.remainder, self.whole) = (quotient, remainder, whole << PART_BITS);
-        if whole == DONE {
-            self.inverse = quotient - whole;
-            self.limit = divisor >> (BITS - 4);
-            self.divisor = self.reference[0];
-            (self.quotient, self.remainder, self.whole) = (1, DIVIDEND, BEGUN);
-        }
+    /// The reciprocal follows the reference: a Newton step. It converges from any that is less than twice too large,
+    /// so that the reference is followed upwards by halves.
+    fn invert(&mut self) {
+        self.limit = (self.reference[0] >> (BITS - 4)).min(self.limit + (self.limit >> 1));
+        let error = (1 << 27) - self.limit * self.inverse;
+        self.inverse += ((self.inverse >> 3) * (error >> 12)) >> 12;
     }
 }
 

@@ -11,17 +11,6 @@ use crate::rest::{BLOCK_S, RestConfig};
 /// Bits that the offset has beyond `BIAS_BITS` while it is learned.
 const FINER_BITS: u32 = 7;
 
-/// What is touched with every sample.
-#[derive(Clone, Debug)]
-#[repr(C)]
-pub(super) struct Sums {
-    tick: u32,
-    /// Samples of a block less one: a power of two less one.
-    mask: u32,
-    /// Sums of the gyroscope's axes and the accelerometer's, counts.
-    sums: [i32; 6],
-}
-
 #[derive(Clone, Copy, Debug, Default)]
 #[repr(C)]
 struct Axis {
@@ -34,24 +23,30 @@ struct Axis {
     offset: i32,
 }
 
-/// What is touched when a block ends.
+/// Sums over the block under way, which are touched with every sample, and what is when a block ends.
 #[derive(Clone, Debug)]
 #[repr(C)]
 pub(super) struct Rest {
-    /// The gyroscope's and the accelerometer's.
-    axes: [Axis; 6],
+    /// The block under way is no rest.
+    pub(super) moved: bool,
+    /// Blocks that make a rest, and how many of them are still to come.
+    needed: u8,
+    missing: u8,
+    memory: u8,
+    tick: u32,
+    /// Samples of a block less one: a power of two less one.
+    mask: u32,
+    /// Sums of the gyroscope's axes and the accelerometer's, counts.
+    sums: [i32; 6],
+    /// A block's sum of an axis holds two to this.
+    shift: u32,
+    /// Blocks that the offset stands on, and the share of the next as a power of two.
+    blocks: u32,
+    learned: u32,
     rate_limit: i32,
     acc_limit: i32,
     most_bias: i32,
-    /// A block's sum of an axis holds two to this.
-    shift: u8,
-    moved: bool,
-    still: u8,
-    needed: u8,
-    /// Blocks that the offset stands on, and the share of the next as a power of two.
-    blocks: u32,
-    learned: u8,
-    memory: u8,
+    axes: [Axis; 6],
 }
 
 /// The first samples of a block have something to do: six close the axes, the seventh concludes, and this one has the
@@ -80,7 +75,51 @@ pub(super) fn log2_block(period_s: f32) -> u8 {
     nearest_log2(BLOCK_S / period_s).clamp(4, 12)
 }
 
-impl Sums {
+impl Limits {
+    #[inline(always)]
+    pub(super) fn new(
+        config: &RestConfig,
+        scale: &Scale,
+        period_s: f32,
+    ) -> Result<Self, ConfigError> {
+        in_range(config.rate_rad_s, 0.0, 1.0, "rest.rate_rad_s")?;
+        in_range(config.acc_m_s2, 0.01, 100.0, "rest.acc_m_s2")?;
+        in_range(config.time_s, 0.1, 20.0, "rest.time_s")?;
+        in_range(config.max_bias_rad_s, 0.001, 0.5, "rest.max_bias_rad_s")?;
+        in_range(config.tau_s, 0.25, 1e4, "rest.tau_s")?;
+        let log2_block = log2_block(period_s);
+        let blocks = |time_s: f32| time_s / (period_s * f32::from(1u16 << log2_block));
+        Ok(Self {
+            rate: (config.rate_rad_s / scale.gyr_rad_s) as i32,
+            acc: (config.acc_m_s2 / scale.acc_m_s2) as i32,
+            most_bias: (config.max_bias_rad_s / scale.gyr_rad_s) as i32,
+            log2_block,
+            needed: (blocks(config.time_s) + 0.5) as u8,
+            log2_memory: nearest_log2(blocks(config.tau_s)).min(7),
+        })
+    }
+}
+
+impl Rest {
+    pub(super) fn new(limits: &Limits) -> Self {
+        Self {
+            moved: true,
+            needed: limits.needed,
+            missing: limits.needed,
+            memory: limits.log2_memory,
+            tick: SETTLE - 1,
+            mask: (1 << limits.log2_block) - 1,
+            sums: [0; 6],
+            shift: limits.log2_block.into(),
+            blocks: 0,
+            learned: 0,
+            rate_limit: limits.rate,
+            acc_limit: limits.acc,
+            most_bias: limits.most_bias,
+            axes: [Axis::default(); 6],
+        }
+    }
+
     /// One sample; which job of a block is due.
     #[inline(always)]
     pub(super) fn add(&mut self, gyr: &[i16; 3], acc: &[i32; 3]) -> u32 {
@@ -110,70 +149,16 @@ impl Sums {
     pub(super) fn log2_block(&self) -> u8 {
         self.mask.count_ones() as u8
     }
-}
-
-impl Limits {
-    #[inline(always)]
-    pub(super) fn new(
-        config: &RestConfig,
-        scale: &Scale,
-        period_s: f32,
-    ) -> Result<Self, ConfigError> {
-        in_range(config.rate_rad_s, 0.0, 1.0, "rest.rate_rad_s")?;
-        in_range(config.acc_m_s2, 0.01, 100.0, "rest.acc_m_s2")?;
-        in_range(config.time_s, 0.1, 20.0, "rest.time_s")?;
-        in_range(config.max_bias_rad_s, 0.001, 0.5, "rest.max_bias_rad_s")?;
-        in_range(config.tau_s, 0.25, 1e4, "rest.tau_s")?;
-        let log2_block = log2_block(period_s);
-        let blocks = |time_s: f32| time_s / (period_s * f32::from(1u16 << log2_block));
-        Ok(Self {
-            rate: (config.rate_rad_s / scale.gyr_rad_s) as i32,
-            acc: (config.acc_m_s2 / scale.acc_m_s2) as i32,
-            most_bias: (config.max_bias_rad_s / scale.gyr_rad_s) as i32,
-            log2_block,
-            needed: (blocks(config.time_s) + 0.5) as u8,
-            log2_memory: nearest_log2(blocks(config.tau_s)).min(7),
-        })
-    }
-}
-
-impl Rest {
-    pub(super) fn new(limits: &Limits) -> (Sums, Self) {
-        let sums = Sums {
-            tick: SETTLE - 1,
-            mask: (1 << limits.log2_block) - 1,
-            sums: [0; 6],
-        };
-        let rest = Self {
-            axes: [Axis::default(); 6],
-            rate_limit: limits.rate,
-            acc_limit: limits.acc,
-            most_bias: limits.most_bias,
-            shift: limits.log2_block,
-            moved: true,
-            still: 0,
-            needed: limits.needed,
-            blocks: 0,
-            learned: 0,
-            memory: limits.log2_memory,
-        };
-        (sums, rest)
-    }
 
     pub(super) fn is_at_rest(&self) -> bool {
-        self.still >= self.needed
-    }
-
-    /// Forget the rest under way: samples are missing.
-    pub(super) fn interrupt(&mut self) {
-        self.moved = true;
+        self.missing == 0
     }
 
     /// Close the block of an axis, or conclude.
     #[inline(never)]
-    pub(super) fn close(&mut self, due: u32, sums: &mut Sums, bias: &mut [i32; 3]) {
+    pub(super) fn close(&mut self, due: u32, bias: &mut [i32; 3]) {
         let due = due as usize;
-        let (Some(sum), Some(axis)) = (sums.sums.get_mut(due), self.axes.get_mut(due)) else {
+        let (Some(sum), Some(axis)) = (self.sums.get_mut(due), self.axes.get_mut(due)) else {
             self.conclude();
             return;
         };
@@ -182,17 +167,18 @@ impl Rest {
         let newest = (*sum << BIAS_BITS) >> (self.shift & 31);
         *sum = 0;
         let before = core::mem::replace(&mut axis.newest, newest);
-        let bias = bias.get_mut(due);
+        let apart = (mean - axis.reference).abs();
         let mut limit = self.acc_limit;
-        if bias.is_some() {
+        if due < 3 {
             limit = self.rate_limit;
+            // No offset is as large: a motion.
             self.moved |= mean.abs() > self.most_bias;
         }
-        if (mean - axis.reference).abs() > limit {
+        if apart > limit {
             axis.reference = mean;
             self.moved = true;
-        } else if self.still == self.needed
-            && let Some(bias) = bias
+        } else if self.missing == 0
+            && let Some(bias) = bias.get_mut(due)
         {
             axis.offset += ((before << FINER_BITS) - axis.offset) >> (self.learned & 31);
             *bias = (axis.offset + (1 << (FINER_BITS - 1))) >> FINER_BITS;
@@ -201,16 +187,16 @@ impl Rest {
 
     fn conclude(&mut self) {
         if self.moved {
-            self.still = 0;
-        } else if self.still < self.needed {
-            self.still += 1;
+            self.missing = self.needed;
+        } else if self.missing != 0 {
+            self.missing -= 1;
         } else {
             if self.blocks == 0 {
                 // Once an offset is known, what passes for rest is held to a quarter of the limit.
                 self.rate_limit >>= 2;
             }
             self.blocks += 1;
-            if self.blocks >> (self.learned & 31) != 0 && self.learned < self.memory {
+            if self.blocks >> (self.learned & 31) != 0 && self.learned < self.memory.into() {
                 self.learned += 1;
             }
         }

@@ -98,13 +98,9 @@ impl Rotation {
         }
     }
 
-    /// Start level, or upside down: on the same side as the accelerometer, from where any attitude is found.
-    pub(super) fn start(&mut self, upside_down: bool) {
-        self.q = if upside_down {
-            [HALF, ONE + HALF, HALF, HALF]
-        } else {
-            [ONE + HALF, HALF, HALF, HALF]
-        };
+    /// At the start, level: upside down, on the same side as the accelerometer, from where any attitude is found.
+    pub(super) fn turn_over(&mut self) {
+        self.q.swap(0, 1);
     }
 
     /// w, x, y, z in Q30.
