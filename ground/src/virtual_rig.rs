@@ -9,6 +9,10 @@ use crate::failure::Verdict;
 #[cfg(unix)]
 const RELEASE_RATE_RAD_S: f64 = 0.2;
 
+/// Faults may begin until then after a release, s.
+#[cfg(unix)]
+const LONGEST_S: f64 = 3600.0;
+
 /// Runs the rig until it is told to end.
 #[cfg(unix)]
 pub fn run(options: &Rig) -> Result<Verdict> {
@@ -20,6 +24,11 @@ pub fn run(options: &Rig) -> Result<Verdict> {
     use rig::pty::Pty;
     use rig::real_time::RealTime;
 
+    let scenario = options.faults.as_deref();
+    let scenario = scenario
+        .map(|path| crate::fly::faults::read(path, options.seed, LONGEST_S))
+        .transpose()?
+        .unwrap_or_default();
     let stop = crate::stop::on_signal()?;
     let link = options.link.as_deref().map(Link::claim).transpose()?;
     let image = rig::image::build(&mut |line| eprintln!("{line}")).context("the image")?;
@@ -33,7 +42,8 @@ pub fn run(options: &Rig) -> Result<Verdict> {
     config.bench.start_rad = options.tilt;
     let drone = config.bench.parameters;
     config.bench.parameters = drone.with_lateral_offset(options.cm_offset * 1e-3);
-    config.bench.disturbances = options.disturb.all();
+    config.bench.disturbances = options.disturb.over(scenario.disturbances);
+    config.bench.faults = scenario.faults;
     let rig = rig::Rig::new(&image, &config)?;
     let pty = Pty::open().context("making a pseudo-terminal")?;
     if let Some(link) = &link {

@@ -1,6 +1,5 @@
 //! Flights: boot once, fork for every start, let go, and keep what happened.
 
-use crate::bno055::Fault;
 use crate::image::Image;
 use crate::link::LinkCounts;
 use crate::measure::{LoopTiming, events_without};
@@ -93,19 +92,6 @@ pub struct Setup {
     pub gains: Option<Gains>,
     /// More parameters sent to the image, by name.
     pub parameters: Vec<(String, f32)>,
-    /// Faults of the sensor and its cable in the flight.
-    pub faults: Vec<TimedFault>,
-}
-
-/// A fault of the sensor or its cable for a time in a flight.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct TimedFault {
-    /// What fails.
-    pub fault: Fault,
-    /// When it begins, after the release.
-    pub at: Ticks,
-    /// When it ends, after the release.
-    pub until: Ticks,
 }
 
 impl Setup {
@@ -125,7 +111,6 @@ impl Setup {
             servo,
             gains: None,
             parameters: Vec::new(),
-            faults: Vec::new(),
         }
     }
 }
@@ -178,7 +163,6 @@ pub struct Ready {
     /// The operator at it.
     pub operator: Operator,
     seed: u64,
-    faults: Vec<TimedFault>,
 }
 
 /// Messages that should have come with every control step and did not.
@@ -238,7 +222,6 @@ pub fn prepare(
         rig: Rig::new(image, &setup.rig)?,
         operator: Operator::new(),
         seed: setup.rig.seed,
-        faults: setup.faults.clone(),
     };
     let Ready { rig, operator, .. } = &mut ready;
     operator.connect(rig)?;
@@ -290,7 +273,7 @@ impl Ready {
         fork.operator.begin_page();
         let mark = Mark::of(&fork.rig);
         let length = Ticks::from_secs_f64(seconds);
-        fork.fly_on(released, length, progress)?;
+        fork.watch_until(Stage::Flight, released, released + length, progress)?;
         fork.record(start_rad, released..released + length, begun, mark)
     }
 
@@ -304,31 +287,6 @@ impl Ready {
             self.watch(Stage::Tilt, PROGRESS, progress)?;
         }
         self.watch(Stage::Tilt, REST, progress)
-    }
-
-    /// The flight, with its faults switched on and off in their order.
-    fn fly_on(
-        &mut self,
-        released: Ticks,
-        length: Ticks,
-        progress: &mut dyn FnMut(&Progress),
-    ) -> Result<(), FlightError> {
-        let mut switches: Vec<(Ticks, Fault, bool)> = self
-            .faults
-            .iter()
-            .flat_map(|f| [(f.at, f.fault, true), (f.until, f.fault, false)])
-            .filter(|(at, ..)| *at < length)
-            .collect();
-        switches.sort_by_key(|(at, ..)| *at);
-        for (at, fault, on) in switches {
-            self.watch_until(Stage::Flight, released, released + at, progress)?;
-            if on {
-                self.rig.inject(fault);
-            } else {
-                self.rig.clear(fault);
-            }
-        }
-        self.watch_until(Stage::Flight, released, released + length, progress)
     }
 
     fn watch(

@@ -50,6 +50,7 @@ pub mod request;
 mod rig;
 pub mod score;
 mod tap;
+pub mod timed_fault;
 pub mod truth;
 pub mod world;
 

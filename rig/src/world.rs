@@ -15,6 +15,7 @@ use crate::bno055::{self, Bno055, Fault, Stimulus};
 use crate::disturbance::Disturbances;
 use crate::handling::{self, Grip, Movement};
 use crate::tap::{Registers, Tap};
+use crate::timed_fault::TimedFault;
 use crate::truth::{Motion, Truth};
 use nalgebra::UnitQuaternion;
 use plant::{Drone, ParameterError, Parameters, Servo, ServoModel};
@@ -82,6 +83,8 @@ pub struct Bench {
     pub field: EarthField,
     /// What disturbs the flight.
     pub disturbances: Disturbances,
+    /// Faults of the sensor and its cable after each release.
+    pub faults: Vec<TimedFault>,
 }
 
 impl Default for Bench {
@@ -95,6 +98,7 @@ impl Default for Bench {
             heading_rad: 0.5,
             field: EarthField::COPENHAGEN,
             disturbances: Disturbances::default(),
+            faults: Vec::new(),
         }
     }
 }
@@ -108,6 +112,7 @@ pub struct World {
     heading_rad: f64,
     field: EarthField,
     disturbances: Disturbances,
+    faults: Vec<TimedFault>,
     /// Thrust when it is all there, N.
     thrust_n: f64,
     /// Steps of the physics so far.
@@ -145,6 +150,7 @@ impl World {
             heading_rad: bench.heading_rad,
             field: bench.field,
             disturbances: bench.disturbances,
+            faults: bench.faults.clone(),
             thrust_n: bench.parameters.thrust_n,
             steps: 0,
             released: None,
@@ -213,8 +219,12 @@ impl World {
         self.released.get_or_insert(STEP * self.steps);
     }
 
-    /// Catches the drone where it is.
+    /// Catches the drone where it is; the faults of its flight are over.
     pub fn catch(&mut self) {
+        let now = STEP * self.steps;
+        for timed in &self.faults {
+            self.sensor.clear(now, timed.fault);
+        }
         self.clamp_rad = self.drone.pitch_rad();
         self.drone.clamp(self.clamp_rad);
         self.released = None;
@@ -263,6 +273,7 @@ impl World {
         let now = STEP * self.steps;
         let dt_s = STEP.as_secs_f64();
         self.disturb(now);
+        self.switch_faults(now);
         let load = self.drone.hinge_torque_n_m();
         let crank = self.servo.advance(now.as_secs_f64(), load);
         let hands_rad_s = if self.drone.held() {
@@ -315,6 +326,21 @@ impl World {
         if let Some(ramp) = self.disturbances.thrust {
             let share = ramp.share(since_s.unwrap_or(0.0));
             self.drone.set_thrust(share * self.thrust_n);
+        }
+    }
+
+    /// The faults that begin or end between the last step and this one.
+    fn switch_faults(&mut self, now: Ticks) {
+        let Some(released) = self.released else {
+            return;
+        };
+        let since = now.saturating_sub(released);
+        for timed in &self.faults {
+            match timed.switched(since.saturating_sub(STEP), since) {
+                Some(true) => self.sensor.inject(now, timed.fault),
+                Some(false) => self.sensor.clear(now, timed.fault),
+                None => {}
+            }
         }
     }
 
@@ -529,6 +555,33 @@ mod tests {
         }
         world.advance(Ticks::from_ms(2300));
         assert!(world.hand.is_none());
+    }
+
+    /// From 20 to 50 ms after each release, and over when the drone is caught.
+    #[test]
+    fn faults_come_and_go_after_each_release() {
+        let mut world = world(Bench {
+            faults: vec![TimedFault {
+                fault: Fault::SclStuck,
+                at: Ticks::from_ms(20),
+                until: Ticks::from_ms(50),
+            }],
+            ..Bench::default()
+        });
+        let stuck = |world: &mut World, ms: u64| {
+            world.advance(Ticks::from_ms(ms));
+            world.sensor().held_low(Ticks::from_ms(ms)).scl
+        };
+        assert!(!stuck(&mut world, 100), "in the clamp nothing happens");
+        world.release(0.0);
+        let seen = [119, 121, 149, 151].map(|ms| stuck(&mut world, ms));
+        assert_eq!(seen, [false, true, true, false]);
+        world.catch();
+        assert!(!stuck(&mut world, 300));
+        world.release(0.0);
+        assert!(stuck(&mut world, 330));
+        world.catch();
+        assert!(!stuck(&mut world, 331));
     }
 
     #[test]

@@ -36,11 +36,6 @@ pub struct Disturb {
 }
 
 impl Disturb {
-    /// As the rig takes them.
-    pub fn all(&self) -> Disturbances {
-        self.over(Disturbances::default())
-    }
-
     /// As the rig takes them, those of a scenario where there is no option.
     pub fn over(&self, scenario: Disturbances) -> Disturbances {
         Disturbances {

@@ -19,6 +19,7 @@ Examples:
   cargo tvc monitor --port ./nano                in a second terminal: every command works there
   cargo tvc test step --port ./nano              arms, releases, prints the figures
   cargo tvc rig --pty --vibration 5,180          with an unbalanced propeller, see --help
+  cargo tvc rig --pty --faults scenarios/faults.toml   with faults of the sensor in every flight
   mavproxy.py --master ./nano                    any MAVLink client does
   cargo tvc rig --pty --link ./nano --blank --sensor worst   something to calibrate, with
   cargo tvc calibrate --port ./nano                  in a second terminal
@@ -61,6 +62,10 @@ pub struct Rig {
     /// Lateral offset of the drone's mass, forward, in mm (-30 to 30).
     #[arg(long, value_name = "MM", default_value_t = 0.0, allow_negative_numbers = true, value_parser = offset)]
     pub cm_offset: f64,
+
+    /// A scenario that begins with every release, as for `tvc fly --faults` (docs/faults.md).
+    #[arg(long, value_name = "FILE.toml")]
+    pub faults: Option<PathBuf>,
 
     /// What disturbs a flight.
     #[command(flatten)]

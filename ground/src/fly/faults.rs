@@ -18,12 +18,11 @@ use rig::Ticks;
 use rig::bno055::Fault;
 use rig::disturbance::Disturbances;
 use rig::faults::Kind;
-use rig::flight::TimedFault;
 use rig::random::{Stream, generator};
+use rig::timed_fault::TimedFault;
 use serde::{Deserialize, Serialize};
 
 use super::disturbance::{RampEntry, SupplyEntry, TemperatureEntry, VibrationEntry};
-use super::flights::FLIGHT_S;
 use crate::failure::BadInput;
 
 /// One fault of the file; also what the figures tell.
@@ -69,18 +68,18 @@ struct File {
     temperature: Option<TemperatureEntry>,
 }
 
-/// Reads the file and draws from `seed` how hard each fault strikes that does not say it.
+/// Reads the file for flights of `length_s` and draws from `seed` how hard each fault strikes that does not say it.
 ///
 /// # Errors
 /// The file cannot be read, is not of this form, or has a value out of its range.
-pub fn read(path: &Path, seed: u64) -> Result<Scenario, BadInput> {
+pub fn read(path: &Path, seed: u64, length_s: f64) -> Result<Scenario, BadInput> {
     let refuse = |why: String| BadInput::new(format!("{}: {why}", path.display()));
     let text = std::fs::read_to_string(path).map_err(|error| refuse(error.to_string()))?;
     let file: File = toml::from_str(&text).map_err(|error| refuse(error.to_string()))?;
-    scenario(file, seed).map_err(refuse)
+    scenario(file, seed, length_s).map_err(refuse)
 }
 
-fn scenario(file: File, seed: u64) -> Result<Scenario, String> {
+fn scenario(file: File, seed: u64, length_s: f64) -> Result<Scenario, String> {
     let disturbances = Disturbances {
         vibration: file.vibration.map(TryInto::try_into).transpose()?,
         supply: file.servo_supply.map(TryInto::try_into).transpose()?,
@@ -93,8 +92,8 @@ fn scenario(file: File, seed: u64) -> Result<Scenario, String> {
         .iter_mut()
         .map(|entry| {
             let kind: Kind = entry.kind.parse()?;
-            if !(0.0..FLIGHT_S).contains(&entry.at_s) {
-                return Err(format!("at_s must be 0 to below {FLIGHT_S}"));
+            if !(0.0..length_s).contains(&entry.at_s) {
+                return Err(format!("at_s must be 0 to below {length_s}"));
             }
             if !(entry.for_s > 0.0 && entry.for_s <= 3600.0) {
                 return Err("for_s must be above 0 and at most 3600".into());
@@ -156,7 +155,7 @@ mod tests {
 
     fn parsed(text: &str) -> Result<Scenario, String> {
         let file = toml::from_str(text).map_err(|error| error.to_string())?;
-        scenario(file, 1)
+        scenario(file, 1, 3.0)
     }
 
     fn fault(rest: &str) -> Result<Scenario, String> {

@@ -64,11 +64,11 @@ pub fn fly(
     }
 
     let live = Live::begin("cycles without wait states".into());
-    let zero = Setup {
+    let mut zero = Setup {
         rig: with_wait_states(setup, 0),
-        faults: Vec::new(),
         ..setup.clone()
     };
+    zero.rig.bench.faults.clear();
     let ready = prepare(image, &zero, &mut |progress| live.flight(progress))?;
     watch.boot(&ready.rig);
     let unhindered = ready.fly(starts[0], START_RATE_RAD_S, CYCLES_S, &mut |progress| {

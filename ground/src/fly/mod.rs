@@ -29,12 +29,12 @@ pub fn run(options: &Fly) -> Result<Verdict> {
     let recording = options.replay.as_deref().map(recording::open).transpose()?;
     let scenario = options.faults.as_deref();
     let scenario = scenario
-        .map(|path| faults::read(path, options.seed))
+        .map(|path| faults::read(path, options.seed, flights::FLIGHT_S))
         .transpose()?
         .unwrap_or_default();
     let mut setup = setup(options)?;
     let image = rig::image::build(&mut |line| eprintln!("{line}")).context("the image")?;
-    setup.faults = scenario.faults;
+    setup.rig.bench.faults = scenario.faults;
     setup.rig.bench.disturbances = options.disturb.over(scenario.disturbances);
     let (figures, page) = match recording {
         Some(recording) => recording::play(&image, &recording, &setup)?,
