@@ -26,7 +26,7 @@ const FIELD_S: f32 = 0.05;
 /// What the lag of a magnetometer leaves unknown, s, and the lag that is made good for, s: it shows the mean
 /// field of its conversion time.
 const LAG_DEVIATION_S: f32 = 0.02;
-const LAG_S: f32 = 0.01;
+const LAG_S: f32 = 0.012;
 
 /// A field whose strength is further off than this is disturbed, as a fraction of the reference.
 const STRENGTH: f32 = 0.15;
@@ -36,7 +36,7 @@ const LASTING_S: f32 = 2.0;
 
 /// The part of a heading's variance that the field does not take away within that time, because its errors
 /// are the same for longer.
-const LEFT: f32 = 0.25;
+const LEFT: f32 = 0.35;
 
 /// What the other sensors show.
 pub(crate) struct Seen<T> {

@@ -79,7 +79,7 @@ pub struct Recovered {
     /// What the steps so far were too short for, half an angle about the body's axes in Q31.
     owed: [i32; 3],
     per_density: Q20,
-    /// The smaller one of the filter's gains, 1/s, times the square root of two: where the next power is nearer.
+    /// Twice the smaller one of the filter's gains, 1/s: where the next power of two begins.
     slow_per_s: Q20,
     blocks_per_s: Q20,
 }
@@ -104,7 +104,7 @@ impl Recovered {
             field_dt: Q20::ZERO,
             owed: [0; 3],
             per_density: Q20::from_f32(1.0 / recovery_rad2_s),
-            slow_per_s: Q20::from_f32(slow_per_s * core::f32::consts::SQRT_2),
+            slow_per_s: Q20::from_f32(slow_per_s * 2.0),
             blocks_per_s: Q20::from_f32(1.0 / block_s),
         }
     }
@@ -116,7 +116,7 @@ impl Recovered {
         let now = if boost == 0 {
             Q20::from_f32(SETTLED_PER_S)
         } else {
-            Q20((slow.0 << (boost & 7)) / 3 * 2)
+            Q20((slow.0 << (boost & 7)) >> 1)
         };
         let rate = now + variance * self.per_density;
         let mut larger = 0;
