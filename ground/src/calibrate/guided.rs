@@ -18,12 +18,12 @@ use super::keyboard::is_attended;
 use super::picture::picture;
 use super::session::Session;
 use super::write::write;
-use super::{asked_declination, declination, keep, parameters, readings, rests, show};
+use super::{asked_declination, declination, keep, parameters, readings, rests, show, tell};
 use crate::cli::{Calibrate, Sensor, place};
 use crate::failure::Verdict;
 use crate::link::Vehicle;
 use crate::log::Writer;
-use crate::output::{print_figures, write_whole};
+use crate::output::{print_figures, print_json, write_whole};
 use crate::stop;
 
 /// Length of the tombstone test, s.
@@ -103,9 +103,7 @@ fn finish(
         return Ok(Verdict::Missed);
     }
     keep(&rows, options)?;
-    if !options.yes {
-        eprint!("{}", figures.text());
-    }
+    tell(&figures.text(), options.port.json);
     if options.yes || session.agrees("Write this to the vehicle, and into its flash?")? {
         let changed = write(&mut session.vehicle, &rows)?;
         eprintln!(
@@ -124,7 +122,9 @@ fn finish(
             options.out.display()
         );
     }
-    print_figures(&figures, options.port.json, Figures::text)?;
+    if options.port.json {
+        print_json(&figures)?;
+    }
     Ok(Verdict::Met)
 }
 

@@ -15,12 +15,13 @@ use tvc_nano::Params;
 use tvc_nano::calibration::spread;
 
 use super::session::Session;
+use super::tell;
 use super::write::write;
 use crate::cli::Calibrate;
 use crate::failure::Verdict;
 use crate::link::{Parameter, Vehicle};
 use crate::manoeuvre::arm;
-use crate::output::print_figures;
+use crate::output::print_json;
 use crate::status::angles;
 use crate::stop;
 
@@ -88,20 +89,20 @@ pub fn run(seconds: f64, options: &Calibrate) -> Result<Verdict> {
         refused: None,
     };
     figures.refused = refusal(&figures, set_deg);
-    if figures.refused.is_none() {
+    tell(&figures.text(), options.port.json);
+    if figures.refused.is_none()
+        && (options.yes || session.agrees("Write this to the vehicle, and into its flash?")?)
+    {
         let row = Parameter {
             name: NAME.into(),
             value: figures.hold_deg,
         };
-        if !options.yes {
-            eprint!("{}", figures.text());
-        }
-        if options.yes || session.agrees("Write this to the vehicle, and into its flash?")? {
-            write(&mut session.vehicle, &[row])?;
-            figures.written = true;
-        }
+        write(&mut session.vehicle, &[row])?;
+        figures.written = true;
     }
-    print_figures(&figures, options.port.json, Figures::text)?;
+    if options.port.json {
+        print_json(&figures)?;
+    }
     Ok(match &figures.refused {
         None => Verdict::Met,
         Some(why) => {

@@ -79,6 +79,15 @@ fn show(
     Ok(())
 }
 
+/// Shows figures to whoever is asked about them next: on standard output, unless that is kept for JSON.
+fn tell(text: &str, json: bool) {
+    if json {
+        eprint!("{text}");
+    } else {
+        print!("{text}");
+    }
+}
+
 /// Writes the parameters into their file.
 fn keep(rows: &[Parameter], options: &Calibrate) -> Result<()> {
     write_whole(&options.out, file::text(rows).as_bytes())?;
