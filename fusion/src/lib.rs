@@ -18,6 +18,7 @@ mod complementary;
 mod config;
 mod estimator;
 mod field;
+#[cfg(feature = "fixed")]
 pub mod fixed;
 mod gyro;
 mod madgwick;
@@ -27,6 +28,7 @@ mod range;
 mod real;
 mod recovery;
 mod rest;
+#[cfg(feature = "signal")]
 pub mod signal;
 mod vqf;
 

@@ -428,7 +428,8 @@ fn any_steps() -> impl Strategy<Value = Vec<(i64, [f32; 9], bool)>> {
 }
 
 /// 64, or as many as `PROPTEST_CASES` says. A case has 240 updates on average, so that 4,500 of them over all
-/// subjects are ten million: `PROPTEST_CASES=4500 cargo test -p tvc-fusion --test suite survives_anything`.
+/// subjects are twelve million, in a minute of processor time:
+/// `PROPTEST_CASES=4500 cargo test -p tvc-fusion --test suite survives_anything`.
 /// Cases that once failed are kept in `suite.proptest-regressions` and come first.
 fn cases() -> u32 {
     std::env::var("PROPTEST_CASES").map_or(64, |cases| cases.parse().expect("a number of cases"))
