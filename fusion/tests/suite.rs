@@ -481,6 +481,7 @@ suite! {
     vqf_f32: Estimator<Vqf<f32>>,
     vqf_f64: Estimator<Vqf<f64>>,
     vqf_fixed: fixed::Estimator<fixed::Vqf>,
+    mahony_fixed_recovered: fixed::Estimator<fixed::Mahony, fixed::Recovered>,
     vqf_fixed_recovered: fixed::Estimator<fixed::Vqf, fixed::Recovered>,
 }
 

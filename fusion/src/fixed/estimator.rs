@@ -413,6 +413,7 @@ impl<F: Filter, R: OverRange> Estimator<F, R> {
         });
         if let Some((boost, blocks)) = found.settle {
             self.settling.resume(boost, blocks);
+            self.expect_boost();
         }
         let [rx, ry, rz] = found.correction;
         let pending = &mut self.rotation.pending;
@@ -441,6 +442,14 @@ impl<F: Filter, R: OverRange> Estimator<F, R> {
         }
     }
 
+    /// The next shares may be so large that accelerations must be moderate when they come; until then nothing is added
+    /// up either.
+    #[inline(always)]
+    fn expect_boost(&mut self) {
+        self.shares.moderate = self.settling.moderate;
+        self.rest.moved = true;
+    }
+
     /// A step of more than 1.25 periods, of many more samples are missing: time and bits that stand for it.
     #[cold]
     #[inline(never)]
@@ -449,9 +458,8 @@ impl<F: Filter, R: OverRange> Estimator<F, R> {
         let mut dt_us = dt_us;
         if dt_us > self.most_dt_us {
             dt_us = self.most_dt_us;
-            self.rest.moved = true;
             self.settling.restart();
-            self.shares.moderate = self.settling.moderate;
+            self.expect_boost();
         }
         if dt_us * size(gyr) > self.most_turn {
             dt_us = self.fine_dt_us;
