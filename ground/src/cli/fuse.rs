@@ -39,6 +39,7 @@ Scores
 Fixed point
   mahony and vqf, up to 2000 samples a second, on 16-bit counts: those of an IMUQ16v1 file as they
   are; of a CSV file, values rounded to 2000/32767 deg/s, 16/32767 g and 0.05 uT, and saturated.
+  Below 95 samples a second clipped rates are not made good for.
 
 Keys of --set
   every filter   preset=default|thesis, acc_gate, gyro_range_rad_s, recovery_rad2_s, gap_s,

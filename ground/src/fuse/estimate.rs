@@ -114,17 +114,19 @@ where
         mag_ut: within(facts.scale.mag_ut, MAG_UT),
     };
     let period_us = facts.period_s * 1e6;
-    let parts = (period_us / MOST_PERIOD_US).ceil().max(1.0);
+    // Half a microsecond is what a rate in single precision may be off.
+    let parts = ((period_us - 0.5) / MOST_PERIOD_US).ceil().max(1.0);
     let step_us = (period_us / parts).round() as u32;
+    let refused = |error| refused(choice, error);
+    if parts > 1.0 {
+        // A rate that is repeated looks like one that is clipped.
+        let estimator = fixed::Estimator::<F>::new(&config, &scale, step_us).map_err(refused)?;
+        return Ok(Counted::boxed(estimator, scale, parts as u32));
+    }
     let estimator =
         fixed::Estimator::<F, fixed::Recovered>::with_recovery(&config, &scale, step_us)
-            .map_err(|error| refused(choice, error))?;
-    Ok(Box::new(Counted {
-        estimator,
-        scale,
-        parts: parts as u32,
-        owed_us: 0.0,
-    }))
+            .map_err(refused)?;
+    Ok(Counted::boxed(estimator, scale, 1))
 }
 
 fn config<G: Gains>(choice: &Choice, facts: &Facts) -> Result<Config<G>, BadInput> {
@@ -174,8 +176,8 @@ fn double<T: Real>(value: T) -> f64 {
 }
 
 /// An estimator that counts: SI values are brought back to the counts that they came from.
-struct Counted<F> {
-    estimator: fixed::Estimator<F, fixed::Recovered>,
+struct Counted<F, R> {
+    estimator: fixed::Estimator<F, R>,
     scale: fixed::Scale,
     /// Equal steps that a sampling period is divided into.
     parts: u32,
@@ -183,7 +185,22 @@ struct Counted<F> {
     owed_us: f64,
 }
 
-impl<F: fixed::Filter> Engine for Counted<F> {
+impl<F: fixed::Filter + 'static, R: fixed::OverRange + 'static> Counted<F, R> {
+    fn boxed(
+        estimator: fixed::Estimator<F, R>,
+        scale: fixed::Scale,
+        parts: u32,
+    ) -> Box<dyn Engine> {
+        Box::new(Self {
+            estimator,
+            scale,
+            parts,
+            owed_us: 0.0,
+        })
+    }
+}
+
+impl<F: fixed::Filter, R: fixed::OverRange> Engine for Counted<F, R> {
     fn update(&mut self, dt_s: f64, row: &Row, mag_ut: Option<[f64; 3]>) -> [f64; 4] {
         // NaN becomes zero, as does time that goes backwards.
         let counts = |v: [f64; 3], unit: f32| v.map(|c| (c / f64::from(unit)).round() as i16);
