@@ -15,10 +15,10 @@ use crate::verify::Check;
 const BUS_ERRORS_MAX: u8 = 3;
 const BAD_SAMPLES_MAX: u8 = 5;
 /// Every bad sample weighs this, every good one takes off 1; at the limit so many are bad that the good ones are not to be
-/// believed either: flips too small to be noticed come with those that are. Beyond one bad in three it fills in time,
+/// believed either: flips too small to be noticed come with those that are. Beyond one bad in four it fills in time,
 /// at nine bad in ten within 60 ms.
-const UNRELIABLE_WEIGHT: u8 = 2;
-const UNRELIABLE_MAX: u8 = 10;
+const UNRELIABLE_WEIGHT: u8 = 3;
+const UNRELIABLE_MAX: u8 = 15;
 
 /// What the owner of the bus is to do.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
