@@ -31,7 +31,7 @@ mod storage;
 
 use core::fmt::{self, Write};
 
-use bno055_driver::Micros;
+use bno055_driver::{Micros, RawSample};
 use heapless::Vec;
 use mavlink::MessageData;
 use mavlink::dialects::common::{
@@ -236,23 +236,7 @@ impl Telemetry {
         if self.rates.due(Stream::Raw)
             && let Some(sample) = &snapshot.sample
         {
-            let ([xacc, yacc, zacc], [xgyro, ygyro, zgyro], [xmag, ymag, zmag]) =
-                (sample.acc, sample.gyr, sample.mag);
-            self.send(
-                Priority::Stream,
-                &RAW_IMU_DATA {
-                    time_usec: sample.time.0,
-                    xacc,
-                    yacc,
-                    zacc,
-                    xgyro,
-                    ygyro,
-                    zgyro,
-                    xmag,
-                    ymag,
-                    zmag,
-                },
-            );
+            self.send(Priority::Stream, &raw_imu(sample));
         }
         if self.rates.due(Stream::Crank) {
             self.send(
@@ -435,6 +419,25 @@ impl Write for Line {
             self.len += 1;
         }
         Ok(())
+    }
+}
+
+/// RAW_IMU as the vehicle sends it: untouched counts and their own time, us.
+#[inline]
+pub fn raw_imu(sample: &RawSample) -> RAW_IMU_DATA {
+    let ([xacc, yacc, zacc], [xgyro, ygyro, zgyro], [xmag, ymag, zmag]) =
+        (sample.acc, sample.gyr, sample.mag);
+    RAW_IMU_DATA {
+        time_usec: sample.time.0,
+        xacc,
+        yacc,
+        zacc,
+        xgyro,
+        ygyro,
+        zgyro,
+        xmag,
+        ymag,
+        zmag,
     }
 }
 

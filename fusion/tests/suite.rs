@@ -1,150 +1,15 @@
 //! One suite over every filter and scalar: what any attitude estimator must do.
 
+#[path = "suite/subject.rs"]
+mod subject;
+
 use nalgebra::{UnitQuaternion, Vector3};
 use proptest::prelude::*;
+use subject::{DEG, DT_US, Subject, counts, error_deg, motion, norm, oracle, rest, sample};
 use tvc_fusion::{
     Attitude, Complementary, Config, Estimator, Filter, GRAVITY, Gyro, Madgwick, Mahony,
-    Quaternion, Real, Sample, Vqf, fixed,
+    Quaternion, Sample, Vqf, fixed,
 };
-
-const DEG: f64 = core::f64::consts::PI / 180.0;
-const DT_US: u32 = 10_000;
-
-/// Whatever turns samples into attitudes.
-trait Subject: Clone {
-    /// Degrees within which it agrees with the truth where the sensors are perfect: quantisation.
-    const RESOLUTION_DEG: f64;
-    /// It corrects heading and tilt after start-up.
-    const CORRECTS: bool = true;
-
-    fn start() -> Self;
-    fn step(&mut self, dt_us: i64, sample: &Sample) -> Attitude;
-}
-
-impl<F: Filter + Clone> Subject for Estimator<F>
-where
-    F::Gains: Default,
-{
-    const RESOLUTION_DEG: f64 = 0.02;
-
-    fn start() -> Self {
-        Estimator::new(&Config::default()).expect("the defaults are valid")
-    }
-
-    fn step(&mut self, dt_us: i64, sample: &Sample) -> Attitude {
-        let attitude = self.update(dt_us as f32 * 1e-6, sample);
-        let q = attitude.orientation;
-        Attitude {
-            orientation: Quaternion {
-                w: q.w.to_f32(),
-                x: q.x.to_f32(),
-                y: q.y.to_f32(),
-                z: q.z.to_f32(),
-            },
-            rate: attitude.rate.map(Real::to_f32),
-            bias: attitude.bias.map(Real::to_f32),
-            flags: attitude.flags,
-        }
-    }
-}
-
-/// Counts of a BNO055: a sensor that cannot say "not a number" and ends at 16 bits.
-fn counts(sample: &Sample) -> fixed::Counts {
-    let scale = fixed::Scale::BNO055;
-    let count = |v: Vector3<f32>, unit: f32| [v.x, v.y, v.z].map(|v| (v / unit).round() as i16);
-    fixed::Counts {
-        gyr: count(sample.gyr, scale.gyr_rad_s),
-        acc: count(sample.acc, scale.acc_m_s2),
-        mag: sample.mag.map(|mag| count(mag, scale.mag_ut)),
-    }
-}
-
-/// In fixed point, with what a clipped gyroscope hides made good for or not.
-macro_rules! fixed_subject {
-    ($over_range:ty, $new:ident) => {
-        impl<F: fixed::Filter + Clone> Subject for fixed::Estimator<F, $over_range>
-        where
-            F::Gains: Default,
-        {
-            // A count of the magnetometer is 0.2 deg of heading.
-            const RESOLUTION_DEG: f64 = 0.4;
-
-            fn start() -> Self {
-                fixed::Estimator::$new(&Config::default(), &fixed::Scale::BNO055, DT_US)
-                    .expect("the defaults are valid")
-            }
-
-            fn step(&mut self, dt_us: i64, sample: &Sample) -> Attitude {
-                let counts = counts(sample);
-                self.update(dt_us as u32, &counts);
-                self.attitude(&counts)
-            }
-        }
-    };
-}
-
-fixed_subject!(fixed::Ignored, new);
-fixed_subject!(fixed::Recovered, with_recovery);
-
-/// Field of Copenhagen: 50 uT, dip 70 deg, in north, east, down.
-fn field_ned() -> Vector3<f64> {
-    Vector3::new(50.0 * (70.0 * DEG).cos(), 0.0, 50.0 * (70.0 * DEG).sin())
-}
-
-fn sample(truth: &UnitQuaternion<f64>, rate: Vector3<f64>, mag: bool) -> Sample {
-    let back = truth.inverse();
-    Sample {
-        gyr: rate.cast(),
-        acc: (back * Vector3::new(0.0, 0.0, -f64::from(GRAVITY))).cast(),
-        mag: mag.then(|| (back * field_ned()).cast()),
-    }
-}
-
-fn oracle(q: &Quaternion) -> UnitQuaternion<f64> {
-    let [w, x, y, z] = [q.w, q.x, q.y, q.z].map(f64::from);
-    UnitQuaternion::from_quaternion(nalgebra::Quaternion::new(w, x, y, z))
-}
-
-fn error_deg(estimate: &Quaternion, truth: &UnitQuaternion<f64>) -> f64 {
-    oracle(estimate).angle_to(truth) / DEG
-}
-
-fn norm(q: &Quaternion) -> f32 {
-    (q.w * q.w + q.x * q.x + q.y * q.y + q.z * q.z).sqrt()
-}
-
-/// Rest for `seconds` with an offset on the gyroscope, rad/s.
-fn rest<S: Subject>(
-    subject: &mut S,
-    truth: &UnitQuaternion<f64>,
-    bias: Vector3<f64>,
-    mag: bool,
-    seconds: f64,
-) -> Attitude {
-    let sample = sample(truth, bias, mag);
-    (0..(seconds * 100.0) as u32)
-        .map(|_| subject.step(i64::from(DT_US), &sample))
-        .last()
-        .expect("some samples")
-}
-
-/// A lively motion: mean rates over the step, and the attitude at its end.
-fn motion(
-    start: UnitQuaternion<f64>,
-    steps: u32,
-) -> impl Iterator<Item = (Vector3<f64>, UnitQuaternion<f64>)> {
-    let mut truth = start;
-    (0..steps).map(move |k| {
-        let t = f64::from(k) * 0.01;
-        let rate = Vector3::new(
-            2.0 * (1.3 * t).sin(),
-            1.5 * (0.7 * t).cos(),
-            3.0 * (0.9 * t).sin(),
-        );
-        truth *= UnitQuaternion::from_scaled_axis(rate * 0.01);
-        (rate, truth)
-    })
-}
 
 fn starts_at_any_attitude<S: Subject>() {
     for (roll, pitch, yaw) in [

@@ -1,40 +1,43 @@
 //! Every command that talks to a vehicle, against the virtual rig behind its pseudo-terminal.
 #![cfg(unix)]
 
+mod running;
+
 use std::io::{BufRead, BufReader};
 use std::net::UdpSocket;
 use std::path::PathBuf;
-use std::process::{Child, Command, Output, Stdio};
+use std::process::{Command, Output, Stdio};
 use std::time::{Duration, Instant};
 
 use mavlink::dialects::common::MavMessage;
 use serde_json::Value;
+
+use running::Running;
 
 /// A machine that is busy with other tests runs the rig slower than real time.
 const PATIENCE: Duration = Duration::from_secs(120);
 
 /// `tvc rig --pty`, ended with the test.
 struct Rig {
-    process: Child,
+    running: Running,
     folder: tempfile::TempDir,
 }
 
 impl Rig {
     fn start(options: &[&str]) -> Self {
         let folder = tempfile::tempdir().unwrap();
-        let mut process = Command::new(env!("CARGO_BIN_EXE_tvc"))
-            .args(["rig", "--pty", "--seconds", "600", "--link"])
-            .arg(folder.path().join("nano"))
-            .args(options)
-            .stdout(Stdio::piped())
-            .stderr(Stdio::null())
-            .spawn()
-            .unwrap();
-        let mut first = String::new();
-        let mut out = BufReader::new(process.stdout.take().unwrap());
-        out.read_line(&mut first).unwrap();
-        assert!(first.starts_with("/dev/"), "{first}");
-        Self { process, folder }
+        let link = folder.path().join("nano");
+        let fixed = [
+            "rig",
+            "--pty",
+            "--seconds",
+            "600",
+            "--link",
+            link.to_str().unwrap(),
+        ];
+        let (running, port) = Running::start(&[&fixed, options].concat());
+        assert!(port.starts_with("/dev/"), "{port}");
+        Self { running, folder }
     }
 
     fn path(&self, name: &str) -> String {
@@ -101,15 +104,8 @@ impl Rig {
     }
 
     fn terminate(&mut self) {
-        let id = self.process.id().to_string();
+        let id = self.running.0.id().to_string();
         assert!(Command::new("kill").arg(id).status().unwrap().success());
-    }
-}
-
-impl Drop for Rig {
-    fn drop(&mut self) {
-        let _ = self.process.kill();
-        let _ = self.process.wait();
     }
 }
 
@@ -438,7 +434,7 @@ fn a_rig_that_is_told_to_end_leaves_nothing_behind_and_who_listens_is_told() {
         .unwrap();
     std::thread::sleep(Duration::from_secs(2));
     rig.terminate();
-    assert_eq!(rig.process.wait().unwrap().code(), Some(0));
+    assert_eq!(rig.running.0.wait().unwrap().code(), Some(0));
     assert!(!PathBuf::from(rig.path("nano")).is_symlink());
     let output = monitor.wait_with_output().unwrap();
     let said = String::from_utf8(output.stderr).unwrap();

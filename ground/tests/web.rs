@@ -1,47 +1,26 @@
 //! `tvc web` against the virtual rig: its HTTP interface as the page uses it, and as a foreign page would.
 #![cfg(unix)]
 
+mod running;
+
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::TcpStream;
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command, Output, Stdio};
+use std::process::{Command, Output};
 use std::time::{Duration, Instant};
 
 use serde_json::{Value, json};
 
+use running::Running;
+
 /// A machine that is busy with other tests runs the rig slower than real time.
 const PATIENCE: Duration = Duration::from_secs(120);
 
-/// A program of ours, ended with the test.
-struct Running(Child);
-
 impl Running {
-    /// Starts it and waits for the first line that it prints.
-    fn start(arguments: &[&str]) -> (Self, String) {
-        let mut process = tvc()
-            .args(arguments)
-            .stdout(Stdio::piped())
-            .stderr(Stdio::null())
-            .spawn()
-            .unwrap();
-        let mut line = String::new();
-        let out = process.stdout.take().unwrap();
-        BufReader::new(out).read_line(&mut line).unwrap();
-        assert!(!line.is_empty(), "{arguments:?} ended");
-        (Self(process), line.trim().to_owned())
-    }
-
     fn end(mut self) {
         let id = self.0.id().to_string();
         assert!(Command::new("kill").arg(id).status().unwrap().success());
         assert_eq!(self.0.wait().unwrap().code(), Some(0));
-    }
-}
-
-impl Drop for Running {
-    fn drop(&mut self) {
-        let _ = self.0.kill();
-        let _ = self.0.wait();
     }
 }
 

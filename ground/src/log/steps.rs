@@ -7,9 +7,10 @@
 use mavlink::dialects::common::{
     ATTITUDE_QUATERNION_DATA, COMMAND_ACK_DATA, HEARTBEAT_DATA, MavAutopilot, MavCmd, MavMessage,
     MavParamType, MavResult, MavSeverity, MavType, NAMED_VALUE_FLOAT_DATA, PARAM_VALUE_DATA,
-    RAW_IMU_DATA, SERVO_OUTPUT_RAW_DATA, STATUSTEXT_DATA, SYS_STATUS_DATA,
+    SERVO_OUTPUT_RAW_DATA, STATUSTEXT_DATA, SYS_STATUS_DATA,
 };
 use rig::link::LinkCounts;
+use tvc_nano::telemetry::raw_imu;
 use tvc_nano::{Micros, RawSample};
 
 use super::{Entry, Log};
@@ -70,20 +71,7 @@ impl Step {
             }),
         ];
         if let Some(sample) = &self.sample {
-            let ([xacc, yacc, zacc], [xgyro, ygyro, zgyro], [xmag, ymag, zmag]) =
-                (sample.acc, sample.gyr, sample.mag);
-            messages.push(MavMessage::RAW_IMU(RAW_IMU_DATA {
-                time_usec: sample.time.0,
-                xacc,
-                yacc,
-                zacc,
-                xgyro,
-                ygyro,
-                zgyro,
-                xmag,
-                ymag,
-                zmag,
-            }));
+            messages.push(MavMessage::RAW_IMU(raw_imu(sample)));
         }
         if let Some(value) = self.crank_rad {
             messages.push(MavMessage::NAMED_VALUE_FLOAT(NAMED_VALUE_FLOAT_DATA {
@@ -302,6 +290,7 @@ impl Clock {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use mavlink::dialects::common::RAW_IMU_DATA;
 
     fn attitude() -> MavMessage {
         MavMessage::ATTITUDE_QUATERNION(ATTITUDE_QUATERNION_DATA {

@@ -1,12 +1,13 @@
 //! The guided calibration at the virtual rig: image, emulated sensor and the hand that does what it is asked.
 
-use std::io::{BufRead, BufReader, Write};
-use std::process::{Child, Command, Output, Stdio};
+use std::io::Write;
+use std::process::{Command, Output, Stdio};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use rig::bno055::ImuErrors;
 use serde_json::Value;
 
+use super::running::Running;
 use super::truth;
 
 /// One rig at a time: several would be slower than the clock on the wall.
@@ -14,7 +15,7 @@ static TURN: Mutex<()> = Mutex::new(());
 
 /// `tvc rig --pty`, faster than the clock on the wall, ended with the test.
 struct Rig {
-    process: Child,
+    _running: Running,
     folder: tempfile::TempDir,
     _turn: MutexGuard<'static, ()>,
 }
@@ -23,20 +24,22 @@ impl Rig {
     fn start(options: &[&str]) -> Self {
         let turn = TURN.lock().unwrap_or_else(PoisonError::into_inner);
         let folder = tempfile::tempdir().unwrap();
-        let mut process = Command::new(env!("CARGO_BIN_EXE_tvc"))
-            .args(["rig", "--pty", "--seconds", "600", "--speed", "5", "--link"])
-            .arg(folder.path().join("nano"))
-            .args(options)
-            .stdout(Stdio::piped())
-            .stderr(Stdio::null())
-            .spawn()
-            .unwrap();
-        let mut first = String::new();
-        let mut out = BufReader::new(process.stdout.take().unwrap());
-        out.read_line(&mut first).unwrap();
-        assert!(first.starts_with("/dev/"), "{first}");
+        let link = folder.path().join("nano");
+        let link = link.to_str().unwrap();
+        let fixed = [
+            "rig",
+            "--pty",
+            "--seconds",
+            "600",
+            "--speed",
+            "5",
+            "--link",
+            link,
+        ];
+        let (running, port) = Running::start(&[&fixed, options].concat());
+        assert!(port.starts_with("/dev/"), "{port}");
         Self {
-            process,
+            _running: running,
             folder,
             _turn: turn,
         }
@@ -84,13 +87,6 @@ impl Rig {
         })
         .collect::<serde_json::Map<_, _>>()
         .into()
-    }
-}
-
-impl Drop for Rig {
-    fn drop(&mut self) {
-        let _ = self.process.kill();
-        let _ = self.process.wait();
     }
 }
 

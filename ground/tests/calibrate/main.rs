@@ -10,6 +10,8 @@ use serde_json::Value;
 
 #[cfg(unix)]
 mod guided;
+#[path = "../running/mod.rs"]
+mod running;
 mod truth;
 
 fn errors(soft_iron: [[f64; 3]; 3]) -> ImuErrors {
