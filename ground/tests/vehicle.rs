@@ -89,7 +89,7 @@ impl Rig {
         }
     }
 
-    /// Arms as soon as the gyro's offset has been learned at rest.
+    /// Arms as soon as the attitude has settled and the gyro's offset has been learned at rest.
     fn arm(&self) -> Value {
         let begun = Instant::now();
         loop {
@@ -98,7 +98,8 @@ impl Rig {
                 return serde_json::from_slice(&output.stdout).unwrap();
             }
             let said = String::from_utf8_lossy(&output.stderr);
-            assert!(said.contains("gyro offset unknown"), "{said}");
+            let waits = ["attitude still settling", "gyro offset unknown"];
+            assert!(waits.iter().any(|why| said.contains(why)), "{said}");
             assert!(begun.elapsed() < PATIENCE, "{said}");
         }
     }
