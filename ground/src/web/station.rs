@@ -259,13 +259,14 @@ impl<'a> Session<'a> {
                 self.recording = Some(path);
                 // So that the log can be replayed.
                 self.link.send(&request::list_parameters())?;
-                self.condition_due = Instant::now();
+                // Whoever is answered finds it in the condition.
+                self.tell_condition();
                 let _ = ask.reply.send(Ok(()));
             }
             What::EndRecord => {
                 let ended = self.link.end_log().map_err(|error| format!("{error:#}"));
                 self.recording = None;
-                self.condition_due = Instant::now();
+                self.tell_condition();
                 let _ = ask.reply.send(ended);
             }
         }
