@@ -363,12 +363,12 @@ impl Figures {
         row(
             "flash",
             format!("{} bytes", self.image.flash_bytes),
-            "at most 65536",
+            &format!("at most {FLASH_BYTES}"),
         );
         row(
             "static RAM",
             format!("{} bytes", self.image.static_ram_bytes),
-            "at most 12288",
+            &format!("at most {STATIC_RAM_BYTES}"),
         );
         row(
             "stack, deepest",
