@@ -1,8 +1,8 @@
 //! The control steps of a log, and what happened between them, in the vehicle's own order.
 //!
 //! Every step sends ATTITUDE_QUATERNION, SERVO_OUTPUT_RAW, RAW_IMU if it had a sample, and NAMED_VALUE_FLOAT with the
-//! command, one behind the other; answers and events lie between two steps as they lay in the firmware. A step without RAW_IMU missed its sample, unless frames
-//! are missing there.
+//! command, one behind the other; answers and events lie between two steps as they lay in the firmware. A step without
+//! RAW_IMU missed its sample, unless frames are missing there.
 
 use mavlink::dialects::common::{
     ATTITUDE_QUATERNION_DATA, COMMAND_ACK_DATA, HEARTBEAT_DATA, MavAutopilot, MavCmd, MavMessage,
