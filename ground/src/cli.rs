@@ -1,51 +1,23 @@
-//! The command line: what can be said, with examples; a file for each command. Commands are carried
-//! out elsewhere, by the module of the same name.
-
-mod burst;
-mod calibrate;
-mod cycles;
-mod disturbance;
-mod experiment;
-mod faults;
-mod flash;
-mod fly;
-mod fuse;
-mod identify;
-mod link;
-mod log;
-mod model;
-mod montecarlo;
-mod operate;
-mod param;
-mod rig;
-mod test;
-mod tune;
-mod watch;
-mod web;
-
-pub use burst::Burst;
-pub use calibrate::{Calibrate, Day, Place, Sensor, Servo, SetUp, place};
-pub use cycles::{Cycles, Optimise};
-pub use disturbance::Disturb;
-pub use experiment::{Experiment, ExperimentCommand, GyroBias, Sensing};
-pub use faults::Faults;
-pub use flash::Flash;
-pub use fly::{Fly, ServoChoice};
-pub use fuse::{FilterName, Fuse, Mode, Scalar, Setting, said};
-pub use identify::Identify;
-pub use link::Port;
-pub use log::{Convert, Replay, Report};
-pub use model::{Linear, Model, ModelCommand, Rocket, Simulate, Validate};
-pub use montecarlo::{Merge, MonteCarlo, MonteCarloCommand, ReplayRun};
-pub use operate::{Operate, Ports};
-pub use param::{Param, ParamAction, ParamPort};
-pub use rig::Rig;
-pub use test::{Manoeuvre, Test};
-pub use tune::Tune;
-pub use watch::{Forward, Monitor, Record};
-pub use web::Web;
+//! The command line: every command with what it does, in the order of the help. Options and code of
+//! a command stand in the module of its name.
 
 use clap::{Parser, Subcommand};
+
+use crate::filters::{cycles::Cycles, experiment::Experiment, fuse::Fuse};
+use crate::flight::{faults::Faults, fly::Fly, rig::Rig};
+use crate::logs::{convert::Convert, replay::Replay, report::Report};
+use crate::model::{Model, identify::Identify, montecarlo::MonteCarlo, tune::Tune};
+use crate::vehicle::arm::Operate;
+use crate::vehicle::calibrate::Calibrate;
+use crate::vehicle::flash::Flash;
+use crate::vehicle::forward::Forward;
+use crate::vehicle::monitor::Monitor;
+use crate::vehicle::param::Param;
+use crate::vehicle::port::Ports;
+use crate::vehicle::record::Record;
+use crate::vehicle::recorder::Burst;
+use crate::vehicle::test::Test;
+use crate::vehicle::web::Web;
 
 /// Fly thrust-vector-control firmware on a virtual rig, and put it on the real one.
 #[derive(Debug, Parser)]

@@ -1,40 +1,13 @@
 //! `tvc`: the ground tool. Messages for people go to standard error, data to standard output.
 
-mod burst;
-mod calibrate;
 mod cli;
-mod convert;
-mod cycles;
-mod experiment;
-mod failure;
-mod faults;
-mod flash;
-mod fly;
-mod forward;
-mod fuse;
-mod identify;
-mod law;
-mod link;
-mod log;
-mod manoeuvre;
+mod filters;
+mod flight;
+mod logs;
 mod model;
-mod monitor;
-mod montecarlo;
-mod operate;
-mod output;
-mod page;
-mod param;
-mod plot;
-mod port;
-mod record;
-mod replay;
-mod report;
-mod status;
-mod stop;
-mod tune;
-mod uf2;
-mod virtual_rig;
-mod web;
+mod out;
+mod signals;
+mod vehicle;
 
 use std::process::ExitCode;
 
@@ -42,7 +15,7 @@ use clap::Parser;
 use clap::error::ErrorKind;
 
 use cli::{Cli, Command};
-use failure::{BadInput, Verdict};
+use out::exit::{BadInput, Verdict};
 
 fn main() -> ExitCode {
     // `tvc ... | head`: nobody reads any more, and that is no error.
@@ -51,38 +24,38 @@ fn main() -> ExitCode {
     let cli = match Cli::try_parse() {
         Ok(cli) => cli,
         Err(error) if !error.use_stderr() => error.exit(),
-        Err(error) => return failure::exit_code(Err(usage(&error).into())),
+        Err(error) => return out::exit::exit_code(Err(usage(&error).into())),
     };
-    failure::exit_code(run(cli.command))
+    out::exit::exit_code(run(cli.command))
 }
 
 fn run(command: Command) -> anyhow::Result<Verdict> {
     match command {
-        Command::Fly(options) => fly::run(&options),
-        Command::Fuse(options) => fuse::run(&options),
-        Command::Experiment(options) => experiment::run(&options),
-        Command::Flash(options) => flash::run(&options),
+        Command::Fly(options) => flight::fly::run(&options),
+        Command::Fuse(options) => filters::fuse::run(&options),
+        Command::Experiment(options) => filters::experiment::run(&options),
+        Command::Flash(options) => vehicle::flash::run(&options),
         Command::Model(options) => model::run(&options),
-        Command::Identify(options) => identify::run(&options),
-        Command::Tune(options) => tune::run(&options),
-        Command::MonteCarlo(options) => montecarlo::run(&options),
-        Command::Rig(options) => virtual_rig::run(&options),
-        Command::Ports(options) => port::list(&options),
-        Command::Param(options) => param::run(&options),
-        Command::Arm(options) => operate::arm(&options),
-        Command::Disarm(options) => operate::disarm(&options),
-        Command::Monitor(options) => monitor::run(&options),
-        Command::Record(options) => record::run(&options),
-        Command::Burst(options) => burst::run(&options),
-        Command::Forward(options) => forward::run(&options),
-        Command::Cycles(options) => cycles::run(&options),
-        Command::Calibrate(options) => calibrate::run(&options),
-        Command::Faults(options) => faults::run(&options),
-        Command::Replay(options) => replay::run(&options),
-        Command::Convert(options) => convert::run(&options),
-        Command::Report(options) => report::run(&options),
-        Command::Test(options) => manoeuvre::run(&options),
-        Command::Web(options) => web::run(&options),
+        Command::Identify(options) => model::identify::run(&options),
+        Command::Tune(options) => model::tune::run(&options),
+        Command::MonteCarlo(options) => model::montecarlo::run(&options),
+        Command::Rig(options) => flight::rig::run(&options),
+        Command::Ports(options) => vehicle::port::list(&options),
+        Command::Param(options) => vehicle::param::run(&options),
+        Command::Arm(options) => vehicle::arm::arm(&options),
+        Command::Disarm(options) => vehicle::arm::disarm(&options),
+        Command::Monitor(options) => vehicle::monitor::run(&options),
+        Command::Record(options) => vehicle::record::run(&options),
+        Command::Burst(options) => vehicle::recorder::run(&options),
+        Command::Forward(options) => vehicle::forward::run(&options),
+        Command::Cycles(options) => filters::cycles::run(&options),
+        Command::Calibrate(options) => vehicle::calibrate::run(&options),
+        Command::Faults(options) => flight::faults::run(&options),
+        Command::Replay(options) => logs::replay::run(&options),
+        Command::Convert(options) => logs::convert::run(&options),
+        Command::Report(options) => logs::report::run(&options),
+        Command::Test(options) => vehicle::test::run(&options),
+        Command::Web(options) => vehicle::web::run(&options),
     }
 }
 

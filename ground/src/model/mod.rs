@@ -1,15 +1,20 @@
 //! `tvc model`: the drone's physics, simulated, validated and made linear.
 
+pub mod control_law;
+pub mod identify;
 mod linear;
+pub mod montecarlo;
+mod options;
 mod rocket;
 mod simulate;
+pub mod tune;
 mod validate;
 
 use std::fs;
 use std::path::Path;
 
-use crate::cli::{Model, ModelCommand};
-use crate::failure::{BadInput, Verdict};
+use crate::out::exit::{BadInput, Verdict};
+pub use options::{Linear, Model, ModelCommand, Simulate, Validate};
 
 /// Carries out what `options` say.
 pub fn run(options: &Model) -> anyhow::Result<Verdict> {

@@ -10,9 +10,9 @@ use plant::scenario::{Row, Scenario, ScenarioError};
 use serde::Serialize;
 
 use super::read;
-use crate::cli::Simulate;
-use crate::failure::{BadInput, Verdict};
-use crate::output::{print_json, write_whole};
+use crate::model::Simulate;
+use crate::out::exit::{BadInput, Verdict};
+use crate::out::file::{print_json, write_whole};
 
 /// What a run was and where it went.
 #[derive(Serialize)]

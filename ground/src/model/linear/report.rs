@@ -8,8 +8,8 @@ use plant::linear::transfer::{LocusPoint, TransferFunction};
 
 use super::Analysis;
 use super::figures::Figures;
-use crate::page::{figure, page, table, verdict};
-use crate::plot::{Line, Look, Marks, Plot, Shape};
+use crate::out::page::{figure, page, table, verdict};
+use crate::out::plot::{Line, Look, Marks, Plot, Shape};
 
 /// Frequencies of the Bode plots, in rad/s.
 const BODE: (f64, f64) = (0.1, 300.0);

@@ -7,9 +7,9 @@ use anyhow::Result;
 use plant::rocket::{Rocket, RocketParameters};
 use serde::Serialize;
 
-use crate::cli;
-use crate::failure::Verdict;
-use crate::output::{print_figures, write_whole};
+use super::options::Rocket as Options;
+use crate::out::exit::Verdict;
+use crate::out::file::{print_figures, write_whole};
 use flights::{Airframe, ScheduleRow};
 
 /// Specific impulse that oxygen and ethanol reach, in s.
@@ -76,7 +76,7 @@ struct Figures {
 }
 
 /// Flies, prints the figures and writes the report.
-pub fn run(options: &cli::Rocket) -> Result<Verdict> {
+pub fn run(options: &Options) -> Result<Verdict> {
     let stable = Rocket::new(&RocketParameters::SPICA)?;
     let unstable = Rocket::new(&RocketParameters::SPICA_UNSTABLE)?;
     let airframes = vec![

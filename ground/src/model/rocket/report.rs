@@ -6,8 +6,8 @@ use plant::rocket::RocketSample;
 
 use super::flights::{Airframe, ScheduleRow, Step};
 use super::{Figures, REQUIRED, RESPONSE_COLUMNS, SCHEDULE_COLUMNS};
-use crate::page::{figure, page, table, verdict};
-use crate::plot::{Line, Plot};
+use crate::out::page::{figure, page, table, verdict};
+use crate::out::plot::{Line, Plot};
 
 /// The whole page as HTML.
 pub fn render(figures: &Figures) -> Result<String> {

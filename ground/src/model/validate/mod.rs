@@ -10,9 +10,9 @@ use plant::thesis::{self, Deviation};
 use plant::{Mechanism, Parameters};
 use serde::Serialize;
 
-use crate::cli::Validate;
-use crate::failure::Verdict;
-use crate::output::{print_figures, write_whole};
+use crate::model::Validate;
+use crate::out::exit::Verdict;
+use crate::out::file::{print_figures, write_whole};
 use checks::Check;
 use runs::Runs;
 

@@ -7,8 +7,8 @@ use plant::scenario::Row;
 use super::Figures;
 use super::checks::Check;
 use super::runs::{Instant, Runs};
-use crate::page::{figure, page, table, verdict};
-use crate::plot::{Line, Plot};
+use crate::out::page::{figure, page, table, verdict};
+use crate::out::plot::{Line, Plot};
 
 /// Pitch acceleration of the artefact that figure 5.12 shows, in rad/s2: 0.038 N m on the inertia
 /// of body and rudder that equation (5.30) has.

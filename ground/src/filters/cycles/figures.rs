@@ -1,0 +1,174 @@
+//! The figures, as JSON and as a table.
+
+use std::collections::BTreeSet;
+
+use comfy_table::presets::{ASCII_MARKDOWN, NOTHING};
+use comfy_table::{CellAlignment, Table};
+use rig::Image;
+use serde::Serialize;
+
+use super::Run;
+use super::candidates::{Candidate, Mode, OWN, Scalar};
+use crate::filters::cycles::Optimise;
+
+/// What one update of one filter costs.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Figures {
+    filter: String,
+    library: &'static str,
+    mode: Mode,
+    scalar: Scalar,
+    /// Over the recording, cycles, no flash wait states.
+    cycles_mean: f64,
+    /// Of all updates, cycles.
+    cycles_max: u64,
+    /// The sort of input that took most.
+    cycles_max_input: &'static str,
+    /// The same with one flash wait state.
+    cycles_mean_1ws: f64,
+    cycles_max_1ws: u64,
+    /// Flash of the update and what it calls, bytes.
+    code_bytes: u32,
+    /// The filter's state, bytes.
+    ram_bytes: u32,
+    /// Depth of the stack from the call, bytes.
+    stack_bytes: u32,
+    /// Arithmetic of the compiler's support library that the update links: soft float, division and what has 64 bits.
+    support_routines: BTreeSet<String>,
+    /// Distance from true up over the movement of the recording, RMS, deg; proof that the filter was fed rightly.
+    tilt_deg: Option<f64>,
+}
+
+impl Figures {
+    /// From what running has shown without and with a wait state, and from the images of the update and of none.
+    pub fn new(candidate: &Candidate, runs: &[Run; 2], update: &Image, empty: &Image) -> Self {
+        let [ideal, waiting] = runs;
+        let (sizes, none) = (update.sizes(), empty.sizes());
+        let tenths = |value: f64| (value * 10.0).round() / 10.0;
+        Self {
+            filter: candidate.filter.clone(),
+            library: candidate.library,
+            mode: candidate.mode,
+            scalar: candidate.scalar,
+            cycles_mean: tenths(ideal.mean),
+            cycles_max: ideal.max,
+            cycles_max_input: ideal.max_input,
+            cycles_mean_1ws: tenths(waiting.mean),
+            cycles_max_1ws: waiting.max,
+            code_bytes: sizes.flash - none.flash,
+            ram_bytes: sizes.static_ram - none.static_ram,
+            stack_bytes: ideal.stack_bytes.max(waiting.stack_bytes),
+            support_routines: update
+                .symbols()
+                .map(|(name, _)| name)
+                .filter(|name| name.starts_with("__aeabi_") && !name.starts_with("__aeabi_mem"))
+                .map(str::to_owned)
+                .collect(),
+            tilt_deg: ideal.tilt_deg.map(tenths),
+        }
+    }
+
+    fn row(&self) -> [String; 10] {
+        let whole = |value: f64| thousands(value.round() as u64);
+        let name = match self.library {
+            OWN => self.filter.clone(),
+            _ => format!("`{}`", self.filter),
+        };
+        [
+            name,
+            self.mode.to_string(),
+            self.scalar.to_string(),
+            whole(self.cycles_mean),
+            thousands(self.cycles_max),
+            whole(self.cycles_mean_1ws),
+            thousands(self.cycles_max_1ws),
+            thousands(self.code_bytes.into()),
+            thousands(self.ram_bytes.into()),
+            thousands(self.stack_bytes.into()),
+        ]
+    }
+}
+
+/// All figures of a run.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct Report {
+    /// How all images were built.
+    build: String,
+    filters: Vec<Figures>,
+}
+
+const COLUMNS: [&str; 10] = [
+    "filter",
+    "mode",
+    "scalar",
+    "mean",
+    "max",
+    "mean, 1 WS",
+    "max, 1 WS",
+    "code",
+    "RAM",
+    "stack",
+];
+
+impl Report {
+    /// The figures of images that were all built in this way.
+    pub fn new(optimise: Optimise, filters: Vec<Figures>) -> Self {
+        let level = match optimise {
+            Optimise::Speed => "3",
+            Optimise::Size => "s",
+        };
+        Self {
+            build: format!("opt-level {level}, fat LTO, one codegen unit, panic abort"),
+            filters,
+        }
+    }
+
+    /// For people: plain, or as Markdown.
+    pub fn table(&self, markdown: bool) -> String {
+        let mut table = Table::new();
+        table
+            .load_style(if markdown { ASCII_MARKDOWN } else { NOTHING })
+            .set_header(COLUMNS.to_vec())
+            .add_rows(self.filters.iter().map(Figures::row));
+        for column in table.column_iter_mut().skip(3) {
+            column.set_cell_alignment(CellAlignment::Right);
+        }
+        format!(
+            "{}\n\nCycles of one update on a Cortex-M0+ at 48 MHz (48 cycles are a microsecond), WS: flash \
+             wait states; code, RAM and stack in bytes; {}.\n",
+            table.trim_fmt(),
+            self.build
+        )
+    }
+}
+
+/// With commas, as people read large numbers.
+fn thousands(value: u64) -> String {
+    let digits = value.to_string();
+    let mut text = String::new();
+    for (index, digit) in digits.chars().enumerate() {
+        if index > 0 && (digits.len() - index).is_multiple_of(3) {
+            text.push(',');
+        }
+        text.push(digit);
+    }
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn large_numbers_have_commas() {
+        let cases = [
+            (0, "0"),
+            (999, "999"),
+            (1_000, "1,000"),
+            (1_234_567, "1,234,567"),
+        ];
+        for (value, text) in cases {
+            assert_eq!(thousands(value), text);
+        }
+    }
+}

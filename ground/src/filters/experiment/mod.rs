@@ -1,0 +1,54 @@
+//! `tvc experiment`: the two navigation experiments of the thesis, all estimators side by side on the
+//! same simulated sensors.
+
+mod contestants;
+mod figures;
+mod report;
+mod truth;
+
+use std::path::PathBuf;
+
+use anyhow::Result;
+
+use crate::filters::fuse::Progress;
+use crate::out::exit::Verdict;
+use crate::out::file::{print_figures, write_whole};
+use contestants::CONTESTANTS;
+use figures::Figures;
+use truth::Kind;
+mod options;
+pub use options::{Experiment, ExperimentCommand, GyroBias, Sensing};
+
+/// Runs the experiment, prints the figures and writes the report.
+pub fn run(options: &Experiment) -> Result<Verdict> {
+    let (kind, sensing) = match &options.command {
+        ExperimentCommand::Static(sensing) => (Kind::Static, sensing),
+        ExperimentCommand::Motion(sensing) => (Kind::Motion, sensing),
+    };
+    // In simulated ms: the sensors take as long as all the estimators.
+    let length = ((kind.duration_s() + sensing.warm_up) * 1e3) as u64;
+    let share = length / CONTESTANTS.len() as u64;
+    let mut progress = Progress::new(length + share * CONTESTANTS.len() as u64);
+    let moments = truth::moments(kind, sensing, &mut |seconds| {
+        progress.at("sensors", (seconds * 1e3) as u64);
+    });
+    progress.part_done(length);
+    let mut estimates = Vec::new();
+    for contestant in &CONTESTANTS {
+        progress.at(contestant.name, 0);
+        estimates.push(contestant.estimate(kind, &moments)?);
+        progress.part_done(share);
+    }
+    progress.end();
+
+    let figures = Figures::new(kind, sensing.seed, &moments, &estimates);
+    let path = sensing
+        .report
+        .clone()
+        .unwrap_or_else(|| PathBuf::from(format!("report/experiment-{}.html", kind.name())));
+    let page = report::render(kind, &figures, &moments, &estimates)?;
+    write_whole(&path, page.as_bytes())?;
+    print_figures(&figures, sensing.json, Figures::text)?;
+    eprintln!("report: {}", path.display());
+    Ok(Verdict::naming(&figures.missed))
+}

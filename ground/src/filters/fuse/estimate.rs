@@ -1,0 +1,224 @@
+//! One way to run any filter, in any arithmetic: sample in, orientation out.
+
+use anyhow::Result;
+use tvc_fusion::{
+    Complementary, Config, ConfigError, Estimator, Filter, Gyro, Madgwick, Mahony, Quaternion,
+    Real, Sample, Vector3, Vqf, fixed,
+};
+
+use super::settings::{self, Gains};
+use super::source::{Facts, Row};
+use crate::filters::fuse::FilterName;
+use crate::filters::fuse::Mode;
+use crate::filters::fuse::Scalar;
+use crate::filters::fuse::Setting;
+use crate::filters::fuse::said;
+use crate::out::exit::BadInput;
+
+/// Longest sampling period of the fixed-point estimators, us; a longer one is divided.
+const MOST_PERIOD_US: f64 = 10_500.0;
+/// What they take a count for at least and at most: `tvc_fusion::fixed::Estimator::with_recovery`.
+const GYR_RAD_S: (f32, f32) = (1e-5, 0.001_15);
+const ACC_M_S2: (f32, f32) = (5e-4, 0.05);
+const MAG_UT: (f32, f32) = (1e-3, 1.0);
+
+/// A filter, how it computes, what it sees, and what it is set to.
+#[derive(Clone, Debug)]
+pub struct Choice {
+    /// The filter.
+    pub filter: FilterName,
+    /// Its arithmetic.
+    pub scalar: Scalar,
+    /// Whether it sees the magnetometer.
+    pub mode: Mode,
+    /// Settings other than the defaults.
+    pub settings: Vec<Setting>,
+}
+
+/// A filter at work on a recording.
+pub struct Estimate {
+    engine: Box<dyn Engine>,
+    magnetometer: bool,
+    period_s: f64,
+    last_s: Option<f64>,
+}
+
+trait Engine {
+    /// Takes a sample `dt_s` after the one before; sensor to north-east-down, `[w, x, y, z]` of any length.
+    fn update(&mut self, dt_s: f64, row: &Row, mag_ut: Option<[f64; 3]>) -> [f64; 4];
+}
+
+impl Estimate {
+    /// A filter that waits for its first sample.
+    ///
+    /// # Errors
+    /// A setting that is not there or out of range, a filter without fixed point.
+    pub fn new(choice: &Choice, facts: &Facts) -> Result<Self, BadInput> {
+        let engine = match choice.scalar {
+            Scalar::F32 => float::<f32>(choice, facts)?,
+            Scalar::F64 => float::<f64>(choice, facts)?,
+            Scalar::Fixed => match choice.filter {
+                FilterName::Mahony => in_fixed::<fixed::Mahony>(choice, facts)?,
+                FilterName::Vqf => in_fixed::<fixed::Vqf>(choice, facts)?,
+                other => {
+                    return Err(BadInput::new(format!(
+                        "{} has no fixed-point form; mahony and vqf have one",
+                        said(other)
+                    )));
+                }
+            },
+        };
+        Ok(Self {
+            engine,
+            magnetometer: choice.mode == Mode::NineD,
+            period_s: facts.period_s,
+            last_s: None,
+        })
+    }
+
+    /// Takes the next sample; the orientation, sensor to north-east-down, `[w, x, y, z]`.
+    pub fn update(&mut self, row: &Row) -> [f64; 4] {
+        let last_s = self.last_s.replace(row.time_s);
+        let dt_s = last_s.map_or(self.period_s, |last_s| row.time_s - last_s);
+        let mag_ut = row.mag_ut.filter(|_| self.magnetometer);
+        let q = self.engine.update(dt_s, row, mag_ut);
+        // Of unit length within 1e-4 (fixed point): what is written down has no need to be off.
+        let norm = q.iter().map(|c| c * c).sum::<f64>().sqrt();
+        q.map(|c| c / norm)
+    }
+}
+
+fn float<T: Real + 'static>(choice: &Choice, facts: &Facts) -> Result<Box<dyn Engine>, BadInput> {
+    match choice.filter {
+        FilterName::Gyro => in_float::<Gyro<T>>(choice, facts),
+        FilterName::Complementary => in_float::<Complementary<T>>(choice, facts),
+        FilterName::Mahony => in_float::<Mahony<T>>(choice, facts),
+        FilterName::Madgwick => in_float::<Madgwick<T>>(choice, facts),
+        FilterName::Vqf => in_float::<Vqf<T>>(choice, facts),
+    }
+}
+
+fn in_float<F>(choice: &Choice, facts: &Facts) -> Result<Box<dyn Engine>, BadInput>
+where
+    F: Filter<Gains: Gains> + 'static,
+{
+    let config = config::<F::Gains>(choice, facts)?;
+    let estimator = Estimator::<F>::new(&config).map_err(|error| refused(choice, error))?;
+    Ok(Box::new(estimator))
+}
+
+fn in_fixed<F>(choice: &Choice, facts: &Facts) -> Result<Box<dyn Engine>, BadInput>
+where
+    F: fixed::Filter<Gains: Gains> + 'static,
+{
+    let config = config::<F::Gains>(choice, facts)?;
+    let scale = fixed::Scale {
+        gyr_rad_s: within(facts.scale.gyr_rad_s, GYR_RAD_S),
+        acc_m_s2: within(facts.scale.acc_m_s2, ACC_M_S2),
+        mag_ut: within(facts.scale.mag_ut, MAG_UT),
+    };
+    let period_us = facts.period_s * 1e6;
+    // Half a microsecond is what a rate in single precision may be off.
+    let parts = ((period_us - 0.5) / MOST_PERIOD_US).ceil().max(1.0);
+    let step_us = (period_us / parts).round() as u32;
+    let refused = |error| refused(choice, error);
+    if parts > 1.0 {
+        // A rate that is repeated looks like one that is clipped.
+        let estimator = fixed::Estimator::<F>::new(&config, &scale, step_us).map_err(refused)?;
+        return Ok(Counted::boxed(estimator, scale, parts as u32));
+    }
+    let estimator =
+        fixed::Estimator::<F, fixed::Recovered>::with_recovery(&config, &scale, step_us)
+            .map_err(refused)?;
+    Ok(Counted::boxed(estimator, scale, 1))
+}
+
+fn config<G: Gains>(choice: &Choice, facts: &Facts) -> Result<Config<G>, BadInput> {
+    settings::config(
+        &said(choice.filter),
+        facts.gyro_range_rad_s,
+        &choice.settings,
+    )
+}
+
+fn refused(choice: &Choice, error: ConfigError) -> BadInput {
+    let ConfigError::OutOfRange(name) = error;
+    let set = choice.settings.iter().rev().find(|set| set.key == name);
+    let name = match set {
+        Some(set) => format!("{name}={}", set.value),
+        None if name == "period_us" => "the recording's sampling period".to_owned(),
+        None => name.to_owned(),
+    };
+    BadInput::new(format!(
+        "{name} is out of range for {} in {}",
+        said(choice.filter),
+        said(choice.scalar)
+    ))
+}
+
+fn within(value: f32, (low, high): (f32, f32)) -> f32 {
+    value.clamp(low, high)
+}
+
+impl<F: Filter> Engine for Estimator<F> {
+    fn update(&mut self, dt_s: f64, row: &Row, mag_ut: Option<[f64; 3]>) -> [f64; 4] {
+        let single = |v: [f64; 3]| Vector3::from(v.map(|c| c as f32));
+        let sample = Sample {
+            gyr: single(row.gyr_rad_s),
+            acc: single(row.acc_m_s2),
+            mag: mag_ut.map(single),
+        };
+        let Quaternion { w, x, y, z } = self.update(dt_s as f32, &sample).orientation;
+        [w, x, y, z].map(double)
+    }
+}
+
+fn double<T: Real>(value: T) -> f64 {
+    // What single precision leaves over is small, and exact in it.
+    let high = value.to_f32();
+    f64::from(high) + f64::from((value - T::from_f32(high)).to_f32())
+}
+
+/// An estimator that counts: SI values are brought back to the counts that they came from.
+struct Counted<F, R> {
+    estimator: fixed::Estimator<F, R>,
+    scale: fixed::Scale,
+    /// Equal steps that a sampling period is divided into.
+    parts: u32,
+    /// Time that whole microseconds have left over so far, us.
+    owed_us: f64,
+}
+
+impl<F: fixed::Filter + 'static, R: fixed::OverRange + 'static> Counted<F, R> {
+    fn boxed(
+        estimator: fixed::Estimator<F, R>,
+        scale: fixed::Scale,
+        parts: u32,
+    ) -> Box<dyn Engine> {
+        Box::new(Self {
+            estimator,
+            scale,
+            parts,
+            owed_us: 0.0,
+        })
+    }
+}
+
+impl<F: fixed::Filter, R: fixed::OverRange> Engine for Counted<F, R> {
+    fn update(&mut self, dt_s: f64, row: &Row, mag_ut: Option<[f64; 3]>) -> [f64; 4] {
+        // NaN becomes zero, as does time that goes backwards.
+        let counts = |v: [f64; 3], unit: f32| v.map(|c| (c / f64::from(unit)).round() as i16);
+        let gyr = counts(row.gyr_rad_s, self.scale.gyr_rad_s);
+        let acc = counts(row.acc_m_s2, self.scale.acc_m_s2);
+        let mag = mag_ut.map(|mag| counts(mag, self.scale.mag_ut));
+        for part in 1..=self.parts {
+            let mag = mag.filter(|_| part == self.parts);
+            self.owed_us += dt_s.max(0.0) * 1e6 / f64::from(self.parts);
+            let whole_us = self.owed_us.round();
+            self.owed_us -= whole_us;
+            self.estimator
+                .update(whole_us as u32, &fixed::Counts { gyr, acc, mag });
+        }
+        self.estimator.orientation().wxyz_q30.map(f64::from)
+    }
+}

@@ -1,0 +1,132 @@
+//! `tvc fuse`: any filter on any recording, estimates to a file, errors against the reference.
+
+mod estimate;
+mod figures;
+mod place;
+mod progress;
+mod settings;
+pub mod source;
+mod table;
+
+use std::io::{self, Write};
+use std::path::Path;
+
+use anyhow::{Context, Result};
+use rig::score::{Scorer, enu_from_ned};
+
+use crate::out::exit::Verdict;
+use crate::out::file::{WholeFile, print_json};
+pub use estimate::{Choice, Estimate};
+use figures::{Figures, FileFigures};
+pub use progress::Progress;
+use source::Source;
+pub use source::{Facts, Row};
+mod options;
+pub use options::{FilterName, Fuse, Mode, Scalar, Setting, said};
+
+/// Samples between two looks at the clock.
+const STRIDE: u64 = 4096;
+
+/// Runs the filter on every recording; files are put in their places when all have gone well.
+pub fn run(options: &Fuse) -> Result<Verdict> {
+    let choice = Choice {
+        filter: options.filter,
+        scalar: options.scalar,
+        mode: options.mode,
+        settings: options.settings.clone(),
+    };
+    // What is wrong with the command or the beginning of a file is said before the work.
+    let places = place::places(&options.files, options.out.as_deref())?;
+    let mut jobs = Vec::new();
+    let mut bytes = 0;
+    for (file, place) in options.files.iter().zip(places) {
+        let source = Source::open(file)?;
+        let estimate =
+            Estimate::new(&choice, source.facts()).with_context(|| source.name().to_owned())?;
+        bytes += source.bytes();
+        jobs.push((source, estimate, place));
+    }
+
+    let mut progress = Progress::new(bytes);
+    let mut figures = Figures::new(&choice);
+    let mut written = Vec::new();
+    for (mut source, mut estimate, place) in jobs {
+        let mut out = place.as_deref().map(WholeFile::create).transpose()?;
+        let file = fuse(&mut source, &mut estimate, out.as_mut(), &mut progress)?;
+        progress.part_done(source.bytes());
+        figures.add(options.mode, file.at(source.name(), place.as_deref()));
+        written.extend(out);
+    }
+    progress.end();
+    written.into_iter().try_for_each(WholeFile::keep)?;
+
+    for note in figures.notes(options.mode, options.score || options.json) {
+        eprintln!("{note}");
+    }
+    if options.json {
+        print_json(&figures)?;
+    } else if options.score {
+        print!("{}", figures.text());
+    }
+    for path in figures.written() {
+        eprintln!("estimates: {path}");
+    }
+    Ok(Verdict::Met)
+}
+
+/// What came of a recording.
+struct Outcome {
+    samples: u64,
+    magnetometer_samples: u64,
+    scorer: Scorer,
+}
+
+impl Outcome {
+    fn at(&self, name: &str, place: Option<&Path>) -> FileFigures {
+        FileFigures {
+            file: name.to_owned(),
+            out: place.map(|path| path.display().to_string()),
+            samples: self.samples,
+            magnetometer_samples: self.magnetometer_samples,
+            score: self.scorer.score().map(Into::into),
+        }
+    }
+}
+
+fn fuse(
+    source: &mut Source,
+    estimate: &mut Estimate,
+    mut out: Option<&mut WholeFile>,
+    progress: &mut Progress,
+) -> Result<Outcome> {
+    let mut outcome = Outcome {
+        samples: 0,
+        magnetometer_samples: 0,
+        scorer: Scorer::default(),
+    };
+    let writing = "writing the estimates";
+    if let Some(out) = &mut out {
+        writeln!(out, "t,w,x,y,z").context(writing)?;
+    }
+    while let Some(row) = source.next_row()? {
+        let ned = estimate.update(&row);
+        if let Some(out) = &mut out {
+            line(out, row.time_s, enu_from_ned(ned)).context(writing)?;
+        }
+        if let Some(reference) = row.reference
+            && row.movement
+        {
+            outcome.scorer.add(ned, reference);
+        }
+        outcome.magnetometer_samples += u64::from(row.mag_ut.is_some());
+        outcome.samples += 1;
+        if outcome.samples.is_multiple_of(STRIDE) {
+            progress.at(source.name(), source.bytes_read());
+        }
+    }
+    Ok(outcome)
+}
+
+fn line(out: &mut impl Write, time_s: f64, [w, x, y, z]: [f64; 4]) -> io::Result<()> {
+    writeln!(out, "{time_s},{w:.9},{x:.9},{y:.9},{z:.9}")
+}

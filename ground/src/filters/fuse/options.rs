@@ -1,0 +1,172 @@
+//! Options of `tvc fuse`.
+
+use clap::{Args, ValueEnum};
+use std::path::PathBuf;
+
+/// Options of `tvc fuse`.
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  cargo tvc fuse walk.imuq --out walk.est.csv         the best filter, with magnetometer
+  cargo tvc fuse walk.imuq --filter mahony --score    how far it is from the reference
+  cargo tvc fuse *.imuq --scalar fixed --score --json scores of each and their mean, for a script
+  cargo tvc fuse *.imuq --mode 6d --out estimates     one CSV for each recording, in a folder
+  cargo tvc fuse log.csv --filter madgwick --set preset=thesis --set rest.rate_rad_s=0 --out e.csv
+
+Recordings
+  IMUQ16v1   gyroscope, accelerometer, magnetometer, reference and flags in 16-bit counts.
+  CSV        a line of column names, then a line for each sample; any order, other columns are
+             passed over:
+               t_s, or t_ms, t_us           time
+               gx_rad_s gy_rad_s gz_rad_s   rotation rate; or gx_deg_s and so on
+               ax_m_s2 ay_m_s2 az_m_s2      specific force, +9.8 upwards at rest; or ax_g and so on
+               mx_ut my_ut mz_ut            magnetic field, optional; or mx_gauss and so on
+               ref_w ref_x ref_y ref_z      reference, sensor to east-north-up, optional
+               movement                     1 where errors count, optional (without it: everywhere)
+             An empty field or reference is a sample without it.
+
+Estimates
+  t,w,x,y,z for every sample, from the first: time in s as recorded, and the unit quaternion that
+  takes sensor axes to east-north-up (magnetic north), v_earth = q v_sensor q*. With --mode 6d, or
+  without a magnetometer, north is where the sensor's x axis pointed at the start.
+
+Scores
+  Degrees RMSE over the movement against the reference, by the definition of the BROAD benchmark:
+  total, heading, inclination; nothing is aligned. With --mode 6d only the inclination means
+  something, and only it is given. Of several recordings the mean is given too.
+
+Fixed point
+  mahony and vqf, up to 2000 samples a second, on 16-bit counts: those of an IMUQ16v1 file as they
+  are; of a CSV file, values rounded to 2000/32767 deg/s, 16/32767 g and 0.05 uT, and saturated.
+  Below 95 samples a second clipped rates are not made good for.
+
+Keys of --set
+  every filter   preset=default|thesis, acc_gate, gyro_range_rad_s, recovery_rad2_s, gap_s,
+                 start_up_s, declination_rad, rest.rate_rad_s (0: learn no offset), rest.acc_m_s2,
+                 rest.time_s, rest.max_bias_rad_s, rest.tau_s, field.gate, field.tau_s,
+                 field.adopt_s, field.adopt_rate_rad_s, field.reject_s
+  complementary  acc_tau_s, mag_tau_s
+  mahony         acc_per_s, mag_per_s, integral_per_s2
+  madgwick       beta_per_s
+  vqf            acc_tau_s, acc_smoothing_s, mag_tau_s; preset=published
+
+Exit status: 0 done, 1 something failed, 2 unusable input; then no file is written.")]
+pub struct Fuse {
+    /// Recordings to run the filter on: IMUQ16v1, or CSV with named columns.
+    #[arg(required = true, value_name = "FILE")]
+    pub files: Vec<PathBuf>,
+
+    /// The filter.
+    #[arg(long, value_enum, value_name = "NAME", default_value_t = FilterName::Vqf)]
+    pub filter: FilterName,
+
+    /// With (9d) or without (6d) the magnetometer.
+    #[arg(long, value_enum, default_value_t = Mode::NineD)]
+    pub mode: Mode,
+
+    /// The arithmetic that it runs in.
+    #[arg(long, value_enum, default_value_t = Scalar::F32)]
+    pub scalar: Scalar,
+
+    /// Another value for a setting of the filter, in SI units; may be repeated (keys below).
+    #[arg(long = "set", value_name = "KEY=VALUE", value_parser = setting)]
+    pub settings: Vec<Setting>,
+
+    /// Where to write the estimates. With several recordings a folder, and in it the recordings'
+    /// names with the ending .csv.
+    #[arg(long, value_name = "EST.csv", required_unless_present_any = ["score", "json"])]
+    pub out: Option<PathBuf>,
+
+    /// Score the estimates against the recordings' references.
+    #[arg(long)]
+    pub score: bool,
+
+    /// Print one JSON object with the scores on standard output and nothing else there.
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// The filters of `tvc-fusion`.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum FilterName {
+    /// Integrated rates, aligned at the start only.
+    Gyro,
+    /// Complementary filter, on quaternions.
+    Complementary,
+    /// Mahony's explicit complementary filter.
+    Mahony,
+    /// Madgwick's gradient-descent filter.
+    Madgwick,
+    /// VQF class: acceleration smoothed in the earth frame.
+    Vqf,
+}
+
+/// Which sensors are used.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum Mode {
+    /// Gyroscope and accelerometer.
+    #[value(name = "6d")]
+    SixD,
+    /// And magnetometer.
+    #[value(name = "9d")]
+    NineD,
+}
+
+/// What a filter computes in.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum Scalar {
+    /// Single precision.
+    F32,
+    /// Double precision.
+    F64,
+    /// Integers, on counts.
+    Fixed,
+}
+
+/// A `--set`.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Setting {
+    /// Name of what is set.
+    pub key: String,
+    /// What it is set to.
+    pub value: String,
+}
+
+fn setting(text: &str) -> Result<Setting, String> {
+    match text.split_once('=') {
+        Some((key, value)) if !key.trim().is_empty() && !value.trim().is_empty() => Ok(Setting {
+            key: key.trim().to_owned(),
+            value: value.trim().to_owned(),
+        }),
+        _ => Err("a setting is KEY=VALUE, such as mag_tau_s=6".into()),
+    }
+}
+
+/// The name that an option's value has on the command line.
+pub fn said(value: impl ValueEnum) -> String {
+    value
+        .to_possible_value()
+        .map(|value| value.get_name().to_owned())
+        .unwrap_or_default()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_setting_is_a_key_and_a_value() {
+        let set = setting(" mag_tau_s = 6").unwrap();
+        assert_eq!((set.key.as_str(), set.value.as_str()), ("mag_tau_s", "6"));
+        for bad in ["mag_tau_s", "=6", "mag_tau_s=", ""] {
+            assert!(setting(bad).is_err(), "{bad}");
+        }
+    }
+
+    #[test]
+    fn values_have_the_names_of_the_command_line() {
+        assert_eq!(said(Mode::NineD), "9d");
+        assert_eq!(said(FilterName::Madgwick), "madgwick");
+        assert_eq!(said(Scalar::Fixed), "fixed");
+    }
+}

@@ -1,0 +1,162 @@
+//! Options of `tvc fly`.
+
+use crate::flight::disturb::Disturb;
+use ::rig::ServoKind;
+use clap::{Args, ValueEnum};
+use std::path::PathBuf;
+use tvc_nano::Params;
+
+/// Options of `tvc fly`.
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  cargo fly                                fly from 0.2, 0.4 and 0.8 rad, write report/fly.html
+  cargo fly --servo digital --start 0.4    one start, a fast servo at a 300 Hz frame
+  cargo fly --gains 0.9,0.25 --seed 7      other gains, other noise and frame phase
+  cargo fly --params tuned.param           what `tvc tune` found
+  cargo fly --drone heavy.toml             another drone, another servo
+  cargo fly --json > flight.json           figures for a script, nothing else on standard output
+  cargo fly --vibration 5,180 --servo-supply 4.8 --thrust-ramp 40,0.5
+                                           an unbalanced propeller, a weak battery, a slow motor
+  cargo fly --faults scenarios/faults.toml faults of the sensor at times of the flight
+  cargo fly --replay walk.imuq             feed a real recording to the emulated BNO055
+
+Exit status: 0 every requirement met, 1 one missed or something failed, 2 unusable input.")]
+pub struct Fly {
+    /// The servo on the rig.
+    #[arg(long, value_enum, default_value_t = ServoChoice::S3003)]
+    pub servo: ServoChoice,
+
+    /// Seed of all that is random: sensor noise and bias, clock phases.
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    pub seed: u64,
+
+    /// Start from this tilt only, in rad (0 to 0.87, the 50 degrees that arming allows).
+    #[arg(long, value_name = "RAD", allow_negative_numbers = true, value_parser = start_angle)]
+    pub start: Option<f64>,
+
+    /// Gains in rad of servo per rad of pitch and per rad/s of pitch rate [default: the servo's].
+    #[arg(long, value_name = "KP,KD", allow_negative_numbers = true, value_parser = gains)]
+    pub gains: Option<Gains>,
+
+    /// Firmware parameters, a name and a value a line, as `tvc tune` and `tvc param dump` write them.
+    #[arg(long, value_name = "FILE.param", conflicts_with = "gains")]
+    pub params: Option<PathBuf>,
+
+    /// Drone and servo where they differ from the servo's preset (docs/model.md), as `tvc identify`
+    /// writes them.
+    #[arg(long, value_name = "FILE.toml")]
+    pub drone: Option<PathBuf>,
+
+    /// Play a recording (IMUQ16v1) through the emulated BNO055 instead of flying, and score the
+    /// attitude that arrives over USB against the recording's optical truth.
+    #[arg(long, value_name = "FILE.imuq", conflicts_with_all = ["start", "gains", "params", "drone", "Disturb"])]
+    pub replay: Option<PathBuf>,
+
+    /// A scenario: faults of sensor and cable by time, `[[fault]]` with `kind` (as in `tvc faults`), `at_s`
+    /// after the release, `for_s`, and how hard it strikes (docs/faults.md; from the seed if left out);
+    /// `[vibration]`, `[servo_supply]`, `[thrust_ramp]` and `[temperature]` as the options of their names,
+    /// which come first.
+    #[arg(long, value_name = "FILE.toml", conflicts_with = "replay")]
+    pub faults: Option<PathBuf>,
+
+    /// What disturbs the flight.
+    #[command(flatten)]
+    pub disturb: Disturb,
+
+    /// Print one JSON object on standard output and nothing else there.
+    #[arg(long)]
+    pub json: bool,
+
+    /// Where to write the HTML report.
+    #[arg(long, value_name = "FILE.html", default_value = "report/fly.html")]
+    pub report: PathBuf,
+}
+
+/// The servos that the rig models.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum ServoChoice {
+    /// Analog, Futaba S3003 class: 0.19 s for 60 degrees, 50 Hz frame.
+    S3003,
+    /// Digital: 0.12 s for 60 degrees, 300 Hz frame.
+    Digital,
+}
+
+impl ServoChoice {
+    /// As the rig knows it.
+    pub fn kind(self) -> ServoKind {
+        match self {
+            Self::S3003 => ServoKind::S3003,
+            Self::Digital => ServoKind::Digital,
+        }
+    }
+
+    /// As it is typed.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::S3003 => "s3003",
+            Self::Digital => "digital",
+        }
+    }
+}
+
+/// Gains of the pitch controller, from the command line.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Gains {
+    /// Servo rad per rad of pitch.
+    pub kp: f32,
+    /// Servo rad per rad/s of pitch rate (s).
+    pub kd: f32,
+}
+
+/// Largest tilt that the firmware arms at: 50 degrees, in rad, rounded down.
+const LARGEST_START_RAD: f64 = 0.87;
+
+pub fn start_angle(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(rad) if rad > 0.0 && rad <= LARGEST_START_RAD => Ok(rad),
+        Ok(_) => Err(format!(
+            "a start angle is above 0 and at most {LARGEST_START_RAD} rad"
+        )),
+        Err(_) => Err("a start angle is a number in rad, such as 0.4".into()),
+    }
+}
+
+fn gains(text: &str) -> Result<Gains, String> {
+    let parsed = text
+        .split_once(',')
+        .and_then(|(kp, kd)| Some((kp.trim().parse().ok()?, kd.trim().parse().ok()?)));
+    match parsed {
+        Some((kp, kd)) => {
+            // The firmware's own parameter table has the ranges.
+            let mut params = Params::default();
+            let set = params
+                .set("PID_KP", kp)
+                .and_then(|_| params.set("PID_KD", kd));
+            set.map_err(|error| error.to_string())?;
+            Ok(Gains { kp, kd })
+        }
+        None => Err("gains are two numbers, such as 1.0,0.3".into()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn start_angles_are_positive_and_within_what_arming_allows() {
+        assert_eq!(start_angle("0.4"), Ok(0.4));
+        for bad in ["-0.2", "0", "1.2", "NaN", "inf", "a"] {
+            assert!(start_angle(bad).is_err(), "{bad}");
+        }
+    }
+
+    #[test]
+    fn gains_are_two_numbers() {
+        assert_eq!(gains("0.9, 0.25"), Ok(Gains { kp: 0.9, kd: 0.25 }));
+        for bad in ["1", "1,", "1,x", "-1,0.3", "1,NaN", "1,2,3"] {
+            assert!(gains(bad).is_err(), "{bad}");
+        }
+    }
+}

@@ -1,0 +1,260 @@
+//! `tvc rig`: the virtual rig in real time, for every program that opens a serial port.
+
+use anyhow::Result;
+
+use crate::flight::disturb::Disturb;
+use crate::flight::fly::{ServoChoice, start_angle};
+use crate::out::exit::Verdict;
+use crate::vehicle::port::seconds;
+use ::rig::bno055::ImuErrors;
+use ::rig::hand::Manner;
+use clap::{Args, ValueEnum};
+use std::path::PathBuf;
+
+/// Options of `tvc rig`.
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  cargo tvc rig --pty                            prints the path of the port, runs until Ctrl-C
+  cargo tvc rig --pty --link ./nano              and makes ./nano a link to it
+  cargo tvc monitor --port ./nano                in a second terminal: every command works there
+  cargo tvc test step --port ./nano              arms, releases, prints the figures
+  cargo tvc rig --pty --vibration 5,180          with an unbalanced propeller, see --help
+  cargo tvc rig --pty --faults scenarios/faults.toml   with faults of the sensor in every flight
+  mavproxy.py --master ./nano                    any MAVLink client does
+  cargo tvc rig --pty --link ./nano --blank --sensor worst   something to calibrate, with
+  cargo tvc calibrate --port ./nano                  in a second terminal
+
+The hand at the rig does with sensor and drone what `tvc calibrate` asks for. The clamp opens when the firmware goes to active and closes when it is disarmed.
+Exit status: 0 ended, 1 something failed, 2 unusable input.")]
+pub struct Rig {
+    /// Put the rig's USB port behind a pseudo-terminal, in real time.
+    #[arg(long, required = true)]
+    pub pty: bool,
+
+    /// The servo on the rig; the firmware's SRV_RATE_HZ stays at 50 until it is set.
+    #[arg(long, value_enum, default_value_t = ServoChoice::S3003)]
+    pub servo: ServoChoice,
+
+    /// Seed of all that is random: sensor noise and bias, clock phases.
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    pub seed: u64,
+
+    /// Tilt at which the clamp holds the drone, in rad (0 to 0.87).
+    #[arg(long, value_name = "RAD", default_value_t = 0.4, allow_negative_numbers = true, value_parser = start_angle)]
+    pub tilt: f64,
+
+    /// A Nano fresh from its box: nothing in its flash, polarity unchecked, so that it cannot be armed yet.
+    #[arg(long)]
+    pub blank: bool,
+
+    /// The sensor on the rig.
+    #[arg(long, value_enum, default_value_t = SensorChoice::Typical)]
+    pub sensor: SensorChoice,
+
+    /// How well the hand does what `tvc calibrate` asks for.
+    #[arg(long, value_enum, default_value_t = HandChoice::Steady)]
+    pub hand: HandChoice,
+
+    /// How many times as fast as the clock on the wall (0.1 to 20).
+    #[arg(long, value_name = "TIMES", default_value_t = 1.0, value_parser = speed)]
+    pub speed: f64,
+
+    /// Lateral offset of the drone's mass, forward, in mm (-30 to 30).
+    #[arg(long, value_name = "MM", default_value_t = 0.0, allow_negative_numbers = true, value_parser = offset)]
+    pub cm_offset: f64,
+
+    /// A scenario that begins with every release, as for `tvc fly --faults` (docs/faults.md).
+    #[arg(long, value_name = "FILE.toml")]
+    pub faults: Option<PathBuf>,
+
+    /// What disturbs a flight.
+    #[command(flatten)]
+    pub disturb: Disturb,
+
+    /// Make this path a symbolic link to the pseudo-terminal, removed at the end.
+    #[arg(long, value_name = "PATH")]
+    pub link: Option<PathBuf>,
+
+    /// End by itself after this many seconds.
+    #[arg(long, value_name = "S", value_parser = seconds)]
+    pub seconds: Option<f64>,
+}
+
+/// A sensor.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum SensorChoice {
+    /// Noise and a gyroscope's bias of up to 1 deg/s.
+    Typical,
+    /// The largest errors of a healthy one: 80 mg, 3 deg/s, 40 uT, soft iron with 20 % of skew.
+    Worst,
+}
+
+impl SensorChoice {
+    /// Its errors.
+    pub fn errors(self) -> ImuErrors {
+        match self {
+            Self::Typical => ImuErrors::TYPICAL,
+            Self::Worst => ImuErrors::LARGEST,
+        }
+    }
+}
+
+/// A hand.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum HandChoice {
+    /// Does what it is asked.
+    Steady,
+    /// Never lets go of the sensor.
+    Trembling,
+    /// Turns the sensor about one axis alone.
+    Lazy,
+}
+
+impl HandChoice {
+    /// Its manner.
+    pub fn manner(self) -> Manner {
+        match self {
+            Self::Steady => Manner::Steady,
+            Self::Trembling => Manner::Trembling,
+            Self::Lazy => Manner::Lazy,
+        }
+    }
+}
+
+fn speed(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(times) if (0.1..=20.0).contains(&times) => Ok(times),
+        _ => Err("a speed is 0.1 to 20 times the clock on the wall".into()),
+    }
+}
+
+fn offset(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(mm) if mm.abs() <= 30.0 => Ok(mm),
+        _ => Err("an offset of the mass is -30 to 30 mm".into()),
+    }
+}
+
+/// Pitch rate at which the drone leaves the clamp, rad/s, as in `tvc fly`.
+#[cfg(unix)]
+const RELEASE_RATE_RAD_S: f64 = 0.2;
+
+/// Faults may begin until then after a release, s.
+#[cfg(unix)]
+const LONGEST_S: f64 = 3600.0;
+
+/// Runs the rig until it is told to end.
+#[cfg(unix)]
+pub fn run(options: &Rig) -> Result<Verdict> {
+    use std::io::Write;
+    use std::time::Duration;
+
+    use anyhow::Context;
+    use rig::hand::Hand;
+    use rig::pty::Pty;
+    use rig::real_time::RealTime;
+
+    let scenario = options.faults.as_deref();
+    let scenario = scenario
+        .map(|path| crate::flight::fly::faults::read(path, options.seed, LONGEST_S))
+        .transpose()?
+        .unwrap_or_default();
+    let stop = crate::signals::on_signal()?;
+    let link = options.link.as_deref().map(Link::claim).transpose()?;
+    let image = rig::image::build(&mut |line| eprintln!("{line}")).context("the image")?;
+    let mut config = rig::RigConfig {
+        seed: options.seed,
+        stored: (!options.blank).then(rig::RigConfig::set_up),
+        ..rig::RigConfig::default()
+    };
+    config.bench.servo = options.servo.kind().model();
+    config.bench.sensor.errors = options.sensor.errors();
+    config.bench.start_rad = options.tilt;
+    let drone = config.bench.parameters;
+    config.bench.parameters = drone.with_lateral_offset(options.cm_offset * 1e-3);
+    config.bench.disturbances = options.disturb.over(scenario.disturbances);
+    config.bench.faults = scenario.faults;
+    let rig = rig::Rig::new(&image, &config)?;
+    let pty = Pty::open().context("making a pseudo-terminal")?;
+    if let Some(link) = &link {
+        link.point_to(pty.path())?;
+    }
+    println!("{}", pty.path().display());
+    std::io::stdout().flush()?;
+    eprintln!(
+        "the rig runs in real time: servo {}, seed {}, tilt {} rad; Ctrl-C ends it",
+        options.servo.name(),
+        options.seed,
+        options.tilt
+    );
+    let hand = Hand::new(options.tilt, RELEASE_RATE_RAD_S).with_manner(options.hand.manner());
+    let longest = options.seconds.map(Duration::from_secs_f64);
+    let summary = RealTime::new(rig, hand, pty)
+        .at_speed(options.speed)
+        .run(longest, stop, &mut |at_s, line| {
+            eprintln!("{at_s:9.3} s  {line}");
+        })
+        .context("the rig")?;
+    eprintln!(
+        "ran for {:.1} s: {} control steps, control jitter at most {:.1} us",
+        summary.seconds, summary.steps, summary.jitter_us_max
+    );
+    if summary.lost_s > 0.0 {
+        eprintln!(
+            "this machine was too slow for real time: the rig's clock lost {:.1} s",
+            summary.lost_s
+        );
+    }
+    Ok(Verdict::Met)
+}
+
+/// Pseudo-terminals are Unix's.
+#[cfg(not(unix))]
+pub fn run(_options: &Rig) -> Result<Verdict> {
+    Err(crate::out::exit::BadInput::new(
+        "pseudo-terminals need Linux or macOS; `tvc fly` runs the rig everywhere",
+    )
+    .into())
+}
+
+/// A symbolic link that goes when the rig goes.
+#[cfg(unix)]
+struct Link(std::path::PathBuf);
+
+#[cfg(unix)]
+impl Link {
+    /// Takes the path for the link. Only an old link may be in its place.
+    fn claim(path: &std::path::Path) -> Result<Self> {
+        use crate::out::exit::BadInput;
+
+        match std::fs::symlink_metadata(path) {
+            Ok(there) if !there.is_symlink() => Err(BadInput::new(format!(
+                "{} is there already and is no link; give --link another path",
+                path.display()
+            ))
+            .into()),
+            _ => Ok(Self(path.to_owned())),
+        }
+    }
+
+    fn point_to(&self, target: &std::path::Path) -> Result<()> {
+        use crate::out::exit::BadInput;
+
+        let _ = std::fs::remove_file(&self.0);
+        std::os::unix::fs::symlink(target, &self.0).map_err(|error| {
+            BadInput::new(format!(
+                "cannot make the link {}: {error}",
+                self.0.display()
+            ))
+            .into()
+        })
+    }
+}
+
+#[cfg(unix)]
+impl Drop for Link {
+    fn drop(&mut self) {
+        let _ = std::fs::remove_file(&self.0);
+    }
+}

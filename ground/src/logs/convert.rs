@@ -1,0 +1,35 @@
+//! `tvc convert`: a log in another form.
+
+use anyhow::Result;
+
+use crate::logs::log::convert;
+use crate::out::exit::Verdict;
+use clap::Args;
+use std::path::PathBuf;
+
+/// Options of `tvc convert`.
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  cargo tvc convert flight.tlog flight.mcap    for Foxglove and PlotJuggler
+  cargo tvc convert flight.mcap flight.tlog    for MAVProxy, QGroundControl, pymavlink
+  cargo tvc convert flight.tlog flight.csv     the control steps as a table
+
+A .tlog and an .mcap hold the same frames; a table cannot be made a log again.
+Exit status: 0 written, 1 something failed, 2 unusable input.")]
+pub struct Convert {
+    /// A telemetry log (.tlog, .mcap).
+    #[arg(value_name = "LOG")]
+    pub log: PathBuf,
+
+    /// The file to write (.tlog, .mcap, .csv); a log must not be there yet.
+    #[arg(value_name = "FILE")]
+    pub file: PathBuf,
+}
+
+/// Writes the file that `options` ask for.
+pub fn run(options: &Convert) -> Result<Verdict> {
+    convert(&options.log, &options.file)?;
+    eprintln!("wrote {}", options.file.display());
+    Ok(Verdict::Met)
+}

@@ -1,0 +1,385 @@
+//! Telemetry logs: every MAVLink frame, both ways, with its time. A file's name says its form: `.tlog`, eight bytes of
+//! time (microseconds since 1970, big endian) before every frame, as pymavlink, MAVProxy and QGroundControl write and
+//! read them, or `.mcap` for Foxglove and PlotJuggler, which holds the same frames and what they say.
+
+mod mcap;
+mod steps;
+mod table;
+
+use std::collections::BTreeMap;
+use std::fs::File;
+use std::io::{BufWriter, Write};
+use std::path::{Path, PathBuf};
+use std::time::{SystemTime, UNIX_EPOCH};
+
+use anyhow::{Context, Result};
+use mavlink::dialects::common::MavMessage;
+use mavlink::{MAVLinkV2MessageRaw, MavHeader};
+use rig::link::{Link, LinkCounts};
+use tvc_nano::config::{COMPONENT_ID, SYSTEM_ID};
+
+use crate::out::exit::BadInput;
+
+pub use steps::{Event, Flight, Step};
+pub use table::write_csv;
+
+/// Bytes of time before a frame.
+const STAMP: usize = 8;
+/// Where a frame has the number of the system that sent it.
+const SYSTEM_AT: usize = 5;
+
+/// A log that is being written.
+pub struct Writer {
+    form: Form,
+    path: PathBuf,
+}
+
+enum Form {
+    Tlog(BufWriter<File>),
+    Mcap(Box<mcap::Writer>),
+}
+
+impl Writer {
+    /// Begins a new log; an old one is not overwritten.
+    ///
+    /// # Errors
+    /// [`BadInput`] if the file is there already or cannot be made.
+    pub fn create(path: &Path) -> Result<Self> {
+        let file = File::create_new(path).map_err(|error| {
+            BadInput::new(match error.kind() {
+                std::io::ErrorKind::AlreadyExists => {
+                    format!(
+                        "{} is there already: give the log another name",
+                        path.display()
+                    )
+                }
+                _ => format!("cannot write {}: {error}", path.display()),
+            })
+        })?;
+        let form = if has_extension(path, "mcap") {
+            Form::Mcap(Box::new(
+                mcap::Writer::new(file).with_context(|| format!("writing {}", path.display()))?,
+            ))
+        } else {
+            Form::Tlog(BufWriter::new(file))
+        };
+        Ok(Self {
+            form,
+            path: path.to_owned(),
+        })
+    }
+
+    /// Keeps a frame with the present time.
+    ///
+    /// # Errors
+    /// The file cannot be written.
+    pub fn write(&mut self, frame: &[u8]) -> Result<()> {
+        self.write_at(now_us(), frame)
+    }
+
+    /// Keeps a frame with a time, us since 1970.
+    ///
+    /// # Errors
+    /// The file cannot be written.
+    pub fn write_at(&mut self, time_us: u64, frame: &[u8]) -> Result<()> {
+        let written = match &mut self.form {
+            Form::Tlog(file) => file
+                .write_all(&time_us.to_be_bytes())
+                .and_then(|()| file.write_all(frame))
+                .map_err(anyhow::Error::from),
+            Form::Mcap(file) => file.write(time_us, frame).map_err(anyhow::Error::from),
+        };
+        written.with_context(|| format!("writing {}", self.path.display()))
+    }
+
+    /// Hands what was kept so far to the system, so that it outlives whatever ends this program. MCAP keeps back the
+    /// block that it is filling.
+    ///
+    /// # Errors
+    /// The file cannot be written.
+    pub fn flush(&mut self) -> Result<()> {
+        match &mut self.form {
+            Form::Tlog(file) => file
+                .flush()
+                .with_context(|| format!("writing {}", self.path.display())),
+            Form::Mcap(_) => Ok(()),
+        }
+    }
+
+    /// Ends the log.
+    ///
+    /// # Errors
+    /// The file cannot be written.
+    pub fn end(mut self) -> Result<()> {
+        self.flush()?;
+        match self.form {
+            Form::Tlog(_) => Ok(()),
+            Form::Mcap(file) => file
+                .end()
+                .with_context(|| format!("writing {}", self.path.display())),
+        }
+    }
+}
+
+/// A message of a log.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Entry {
+    /// When it was written, us since 1970.
+    pub time_us: u64,
+    /// Whether the vehicle sent it; else a ground station did.
+    pub from_vehicle: bool,
+    /// What it says.
+    pub message: MavMessage,
+    /// Frames of the vehicle that are missing before this one.
+    pub lost_before: u64,
+}
+
+/// A whole log.
+#[derive(Clone, Debug, Default)]
+pub struct Log {
+    /// Its messages, in order.
+    pub entries: Vec<Entry>,
+    /// What was counted on the vehicle's side.
+    pub counts: LinkCounts,
+}
+
+impl Log {
+    /// Reads a log.
+    ///
+    /// # Errors
+    /// [`BadInput`] if the file cannot be read or holds no messages of a vehicle.
+    pub fn read(path: &Path) -> Result<Self> {
+        Self::of(&tlog(path)?, path)
+    }
+
+    fn of(bytes: &[u8], path: &Path) -> Result<Self> {
+        let log = Self::parse(bytes);
+        if log.counts.messages == 0 {
+            return Err(BadInput::new(format!(
+                "{} is no telemetry log (.tlog, .mcap) of this firmware",
+                path.display()
+            ))
+            .into());
+        }
+        Ok(log)
+    }
+
+    /// The messages in the bytes of a log. A frame that is cut short or damaged is counted and passed over.
+    pub fn parse(bytes: &[u8]) -> Self {
+        let mut log = Self::default();
+        // Every system counts its own frames.
+        let mut links: BTreeMap<u8, Link> = BTreeMap::new();
+        let mut frames = Frames {
+            bytes,
+            stray_bytes: 0,
+        };
+        for (time_us, frame) in &mut frames {
+            let link = links.entry(frame[SYSTEM_AT]).or_default();
+            let lost = link.counts().lost;
+            for received in link.receive_frames(frame) {
+                log.entries.push(Entry {
+                    time_us,
+                    from_vehicle: is_from_vehicle(frame),
+                    message: received.message,
+                    lost_before: link.counts().lost - lost,
+                });
+            }
+        }
+        log.counts = links.get(&SYSTEM_ID).map(Link::counts).unwrap_or_default();
+        log.counts.stray_bytes += frames.stray_bytes;
+        log
+    }
+}
+
+/// Writes a log in another form, or its control steps as a table, as the new file's name says.
+///
+/// # Errors
+/// [`BadInput`] if `from` is no log, or `to` is there already as a log or has no such form.
+pub fn convert(from: &Path, to: &Path) -> Result<()> {
+    let form = Output::of(to)?;
+    let bytes = tlog(from)?;
+    let log = Log::of(&bytes, from)?;
+    if form == Output::Table {
+        return write_csv(&Flight::of(&log), to);
+    }
+    let mut writer = Writer::create(to)?;
+    let frames = Frames {
+        bytes: &bytes,
+        stray_bytes: 0,
+    };
+    for (time_us, frame) in frames {
+        writer.write_at(time_us, frame)?;
+    }
+    writer.end()
+}
+
+/// Writes a flight that has not come over the link as a log, as if it ended now, or as a table.
+///
+/// # Errors
+/// As [`convert`].
+pub fn write_flight(flight: &Flight, to: &Path) -> Result<()> {
+    if Output::of(to)? == Output::Table {
+        return write_csv(flight, to);
+    }
+    let header = MavHeader {
+        system_id: SYSTEM_ID.into(),
+        component_id: COMPONENT_ID,
+        sequence: 0,
+    };
+    let time_us = |step: Option<&Step>| step.map_or(0, |step| step.now_us);
+    let begin_us = now_us().saturating_sub(time_us(flight.steps().last()));
+    let mut writer = Writer::create(to)?;
+    // What was before the first step is told at its time.
+    let mut at_us = time_us(flight.steps().next());
+    let mut sequence = 0;
+    for event in &flight.events {
+        if let Event::Step(step) = event {
+            at_us = step.now_us;
+        }
+        for message in event.messages() {
+            let mut raw = MAVLinkV2MessageRaw::new();
+            raw.serialize_message(MavHeader { sequence, ..header }, &message);
+            sequence = sequence.wrapping_add(1);
+            writer.write_at(begin_us + at_us, raw.raw_bytes())?;
+        }
+    }
+    writer.end()
+}
+
+/// What a file's name asks for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Output {
+    Log,
+    Table,
+}
+
+impl Output {
+    fn of(path: &Path) -> Result<Self> {
+        if has_extension(path, "csv") {
+            Ok(Self::Table)
+        } else if has_extension(path, "tlog") || has_extension(path, "mcap") {
+            Ok(Self::Log)
+        } else {
+            Err(BadInput::new(format!(
+                "{}: the file's name must end in .tlog, .mcap or .csv",
+                path.display()
+            ))
+            .into())
+        }
+    }
+}
+
+/// Us since 1970.
+fn now_us() -> u64 {
+    let now = SystemTime::now().duration_since(UNIX_EPOCH);
+    now.map_or(0, |since| since.as_micros() as u64)
+}
+
+/// The bytes of a log as a `.tlog` has them.
+fn tlog(path: &Path) -> Result<Vec<u8>> {
+    let unreadable =
+        |error: anyhow::Error| BadInput::new(format!("cannot read {}: {error:#}", path.display()));
+    let bytes = std::fs::read(path).map_err(|error| unreadable(error.into()))?;
+    if !bytes.starts_with(mcap::MAGIC) {
+        return Ok(bytes);
+    }
+    let (bytes, cut) = mcap::frames(&bytes).map_err(unreadable)?;
+    if let Some(error) = cut {
+        eprintln!("{} is read as far as it goes: {error}", path.display());
+    }
+    Ok(bytes)
+}
+
+/// Times, us since 1970, and frames in the bytes of a `.tlog`.
+struct Frames<'a> {
+    bytes: &'a [u8],
+    /// Bytes that belong to none.
+    stray_bytes: u64,
+}
+
+impl<'a> Iterator for Frames<'a> {
+    type Item = (u64, &'a [u8]);
+
+    fn next(&mut self) -> Option<Self::Item> {
+        while let Some((stamp, rest)) = self.bytes.split_first_chunk::<STAMP>() {
+            if let Some(length) = Link::frame_length(rest) {
+                let (frame, rest) = rest.split_at(length);
+                self.bytes = rest;
+                return Some((u64::from_be_bytes(*stamp), frame));
+            }
+            // Not at a frame: look for the next one.
+            self.bytes = &self.bytes[1..];
+            self.stray_bytes += u64::from(!rest.is_empty());
+        }
+        None
+    }
+}
+
+fn is_from_vehicle(frame: &[u8]) -> bool {
+    frame.get(SYSTEM_AT) == Some(&SYSTEM_ID)
+}
+
+/// Whether the file's name ends so, in small letters or large.
+pub fn has_extension(path: &Path, extension: &str) -> bool {
+    path.extension()
+        .is_some_and(|found| found.eq_ignore_ascii_case(extension))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rig::request;
+
+    #[test]
+    fn what_is_written_is_read_and_a_cut_end_is_passed_over() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("flight.tlog");
+        let mut writer = Writer::create(&path).unwrap();
+        let mut station = Link::default();
+        for time in [5, 1_000_000] {
+            writer
+                .write_at(time, &station.frame(&request::heartbeat()))
+                .unwrap();
+        }
+        writer.end().unwrap();
+        let bytes = std::fs::read(&path).unwrap();
+        assert_eq!(bytes[..8], [0, 0, 0, 0, 0, 0, 0, 5]);
+        let log = Log::parse(&bytes);
+        let times: Vec<u64> = log.entries.iter().map(|entry| entry.time_us).collect();
+        assert_eq!(times, [5, 1_000_000]);
+        assert!(log.entries.iter().all(|entry| !entry.from_vehicle));
+        assert_eq!(Log::parse(&bytes[..bytes.len() - 3]).entries.len(), 1);
+        assert!(Log::read(&path).is_err(), "no vehicle in it");
+        assert!(Writer::create(&path).is_err(), "not overwritten");
+    }
+
+    #[test]
+    fn a_log_is_the_same_in_both_forms() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = |name| folder.path().join(name);
+        let mut writer = Writer::create(&path("a.tlog")).unwrap();
+        let header = mavlink::MavHeader {
+            system_id: SYSTEM_ID.into(),
+            ..mavlink::MavHeader::default()
+        };
+        let mut beat = mavlink::MAVLinkV2MessageRaw::new();
+        beat.serialize_message(header, &request::heartbeat());
+        let mut station = Link::default();
+        for time in [5, 1_000_000] {
+            writer.write_at(time, beat.raw_bytes()).unwrap();
+            let order = station.frame(&request::ARM.message());
+            writer.write_at(time + 1, &order).unwrap();
+        }
+        writer.end().unwrap();
+        convert(&path("a.tlog"), &path("b.MCAP")).unwrap();
+        convert(&path("b.MCAP"), &path("c.tlog")).unwrap();
+        let read = |name| std::fs::read(path(name)).unwrap();
+        assert!(read("b.MCAP").starts_with(mcap::MAGIC));
+        assert_eq!(read("a.tlog"), read("c.tlog"));
+        assert_eq!(Log::read(&path("b.MCAP")).unwrap().entries.len(), 4);
+        assert!(convert(&path("a.tlog"), &path("c.tlog")).is_err());
+        assert!(convert(&path("a.tlog"), &path("d.txt")).is_err());
+        convert(&path("a.tlog"), &path("d.csv")).unwrap();
+        assert!(read("d.csv").starts_with(b"time_us,"));
+    }
+}

@@ -1,0 +1,390 @@
+//! Logs as MCAP, which Foxglove and PlotJuggler open: the untouched frames on one topic, so that nothing is lost, and
+//! what the vehicle's frames say as JSON on others.
+//!
+//! Messages that tell the vehicle's clock are stamped by it, set once by the host's clock at the first of them; so
+//! plots do not show when the host happened to read. Frames are stamped with the time at which they came, as in a
+//! `.tlog`.
+
+use std::collections::BTreeMap;
+use std::fs::File;
+
+use anyhow::{Context, Result};
+use mavlink::dialects::common::{ATTITUDE_QUATERNION_DATA, MavMessage, MavSeverity};
+use mcap::records::MessageHeader;
+use mcap::{McapError, MessageStream, WriteOptions, read::Options};
+use nalgebra::{Quaternion, UnitQuaternion};
+use rig::operator::FlightState;
+use serde_json::{Value, json};
+
+use super::{STAMP, is_from_vehicle};
+use crate::vehicle::arm::state_name;
+use crate::vehicle::status::angles;
+
+/// How such a file begins.
+pub const MAGIC: &[u8] = mcap::MAGIC;
+
+/// Topic of the untouched frames, both ways.
+const FRAMES: &str = "/mavlink";
+/// Their encoding; MCAP has no registered name for it.
+const FRAME_ENCODING: &str = "x-mavlink2";
+/// What a kill may cost: a fifth of a second of log.
+const CHUNK_BYTES: u64 = 32 * 1024;
+/// Between two transforms for three-dimensional views, us; plots have the attitude of every step.
+const TRANSFORM_US: u64 = 30_000;
+/// Farther apart than this, the vehicle's clock has started anew, us.
+const CLOCK_STEP_US: u64 = 1_000_000;
+
+/// What is told on a topic: its name, its schema's name, its fields and their JSON types.
+struct Topic(
+    &'static str,
+    &'static str,
+    &'static [(&'static str, &'static str)],
+);
+
+const NUMBER: &str = "number";
+const INTEGER: &str = "integer";
+const STRING: &str = "string";
+const OBJECT: &str = "object";
+
+/// The topics, in the order of [`Kind`].
+const TOPICS: [Topic; 9] = [
+    Topic(
+        "/attitude",
+        "tvc.Attitude",
+        &[
+            ("q_w", NUMBER),
+            ("q_x", NUMBER),
+            ("q_y", NUMBER),
+            ("q_z", NUMBER),
+            ("roll_deg", NUMBER),
+            ("pitch_deg", NUMBER),
+            ("yaw_deg", NUMBER),
+            ("roll_rate_deg_s", NUMBER),
+            ("pitch_rate_deg_s", NUMBER),
+            ("yaw_rate_deg_s", NUMBER),
+        ],
+    ),
+    Topic("/servo", "tvc.Servo", &[("pulse_us", INTEGER)]),
+    Topic(
+        "/counts",
+        "tvc.Counts",
+        &[
+            ("acc_x", INTEGER),
+            ("acc_y", INTEGER),
+            ("acc_z", INTEGER),
+            ("gyr_x", INTEGER),
+            ("gyr_y", INTEGER),
+            ("gyr_z", INTEGER),
+            ("mag_x", INTEGER),
+            ("mag_y", INTEGER),
+            ("mag_z", INTEGER),
+        ],
+    ),
+    Topic("/command", "tvc.Command", &[("crank_deg", NUMBER)]),
+    Topic(
+        "/state",
+        "tvc.State",
+        &[("state", STRING), ("code", INTEGER)],
+    ),
+    Topic(
+        "/health",
+        "tvc.Health",
+        &[
+            ("load", NUMBER),
+            ("dropped", INTEGER),
+            ("missed", INTEGER),
+            ("bus_errors", INTEGER),
+            ("bus_recoveries", INTEGER),
+        ],
+    ),
+    Topic(
+        "/parameter",
+        "tvc.Parameter",
+        &[("name", STRING), ("value", NUMBER)],
+    ),
+    Topic(
+        "/log",
+        "foxglove.Log",
+        &[
+            ("timestamp", OBJECT),
+            ("level", INTEGER),
+            ("message", STRING),
+            ("name", STRING),
+            ("file", STRING),
+            ("line", INTEGER),
+        ],
+    ),
+    Topic(
+        "/tf",
+        "foxglove.FrameTransform",
+        &[
+            ("timestamp", OBJECT),
+            ("parent_frame_id", STRING),
+            ("child_frame_id", STRING),
+            ("translation", OBJECT),
+            ("rotation", OBJECT),
+        ],
+    ),
+];
+
+#[derive(Clone, Copy)]
+enum Kind {
+    Attitude,
+    Servo,
+    Counts,
+    Command,
+    State,
+    Health,
+    Parameter,
+    Log,
+    Transform,
+}
+
+/// A file that is being written.
+pub struct Writer {
+    file: mcap::Writer<File>,
+    frames: u16,
+    topics: [u16; TOPICS.len()],
+    vehicle: rig::link::Link,
+    clock: Clock,
+    transform_due_us: u64,
+}
+
+impl Writer {
+    /// Begins to write a file.
+    pub fn new(file: File) -> Result<Self, McapError> {
+        let options = WriteOptions::new()
+            .library(concat!("tvc ", env!("CARGO_PKG_VERSION")))
+            .chunk_size(Some(CHUNK_BYTES))
+            .disable_seeking(true);
+        let mut file = options.create(file)?;
+        let none = BTreeMap::new();
+        let frames = file.add_channel(0, FRAMES, FRAME_ENCODING, &none)?;
+        let mut topics = [0; TOPICS.len()];
+        for (id, Topic(name, schema, fields)) in topics.iter_mut().zip(TOPICS) {
+            let schema = file.add_schema(
+                schema,
+                "jsonschema",
+                describe(fields).to_string().as_bytes(),
+            )?;
+            *id = file.add_channel(schema, name, "json", &none)?;
+        }
+        Ok(Self {
+            file,
+            frames,
+            topics,
+            vehicle: rig::link::Link::default(),
+            clock: Clock::default(),
+            transform_due_us: 0,
+        })
+    }
+
+    /// Keeps a frame that came at `time_us` since 1970, and what it says.
+    pub fn write(&mut self, time_us: u64, frame: &[u8]) -> Result<(), McapError> {
+        self.put(self.frames, time_us, frame)?;
+        if !is_from_vehicle(frame) {
+            return Ok(());
+        }
+        let lost = self.vehicle.counts().lost;
+        let received = self.vehicle.receive_frames(frame);
+        let lost = self.vehicle.counts().lost - lost;
+        if lost > 0 {
+            let text = format!("{lost} frames are missing");
+            self.say(time_us, MavSeverity::MAV_SEVERITY_WARNING, &text)?;
+        }
+        for frame in received {
+            self.tell(time_us, &frame.message)?;
+        }
+        Ok(())
+    }
+
+    /// Ends the file with its index.
+    pub fn end(mut self) -> Result<(), McapError> {
+        self.file.finish().map(drop)
+    }
+
+    fn tell(&mut self, received_us: u64, message: &MavMessage) -> Result<(), McapError> {
+        let time_us = self.clock.time_us(received_us, message);
+        let (kind, value) = match message {
+            MavMessage::ATTITUDE_QUATERNION(m) => {
+                let [roll, pitch, yaw] =
+                    angles([m.q1, m.q2, m.q3, m.q4].map(f64::from)).map(f64::to_degrees);
+                let rate = [m.rollspeed, m.pitchspeed, m.yawspeed].map(f32::to_degrees);
+                if time_us >= self.transform_due_us {
+                    self.transform_due_us = time_us + TRANSFORM_US;
+                    self.json(Kind::Transform, time_us, &transform(time_us, m))?;
+                }
+                let value = json!({
+                    "q_w": m.q1, "q_x": m.q2, "q_y": m.q3, "q_z": m.q4,
+                    "roll_deg": roll, "pitch_deg": pitch, "yaw_deg": yaw,
+                    "roll_rate_deg_s": rate[0], "pitch_rate_deg_s": rate[1], "yaw_rate_deg_s": rate[2],
+                });
+                (Kind::Attitude, value)
+            }
+            MavMessage::SERVO_OUTPUT_RAW(m) => (Kind::Servo, json!({ "pulse_us": m.servo1_raw })),
+            MavMessage::RAW_IMU(m) => {
+                let value = json!({
+                    "acc_x": m.xacc, "acc_y": m.yacc, "acc_z": m.zacc,
+                    "gyr_x": m.xgyro, "gyr_y": m.ygyro, "gyr_z": m.zgyro,
+                    "mag_x": m.xmag, "mag_y": m.ymag, "mag_z": m.zmag,
+                });
+                (Kind::Counts, value)
+            }
+            MavMessage::NAMED_VALUE_FLOAT(m) if m.name.to_str() == Ok("crank_rad") => {
+                (Kind::Command, json!({ "crank_deg": m.value.to_degrees() }))
+            }
+            MavMessage::HEARTBEAT(m) => {
+                let state = state_name(FlightState::of(m.custom_mode));
+                (
+                    Kind::State,
+                    json!({ "state": state, "code": m.custom_mode }),
+                )
+            }
+            MavMessage::SYS_STATUS(m) => {
+                let value = json!({
+                    "load": f64::from(m.load) / 1000.0,
+                    "dropped": m.errors_count1, "missed": m.errors_count2,
+                    "bus_errors": m.errors_count3, "bus_recoveries": m.errors_count4,
+                });
+                (Kind::Health, value)
+            }
+            MavMessage::PARAM_VALUE(m) => {
+                let name = m.param_id.to_str().unwrap_or("(not UTF-8)");
+                (
+                    Kind::Parameter,
+                    json!({ "name": name, "value": m.param_value }),
+                )
+            }
+            MavMessage::STATUSTEXT(m) => {
+                let text = m.text.to_str().unwrap_or("(not UTF-8)");
+                return self.say(time_us, m.severity, text);
+            }
+            _ => return Ok(()),
+        };
+        self.json(kind, time_us, &value)
+    }
+
+    fn say(&mut self, time_us: u64, severity: MavSeverity, text: &str) -> Result<(), McapError> {
+        // Foxglove's levels: 2 information, 3 warning, 4 error, 5 fatal.
+        let level = match severity {
+            MavSeverity::MAV_SEVERITY_EMERGENCY | MavSeverity::MAV_SEVERITY_ALERT => 5,
+            MavSeverity::MAV_SEVERITY_CRITICAL | MavSeverity::MAV_SEVERITY_ERROR => 4,
+            MavSeverity::MAV_SEVERITY_WARNING => 3,
+            _ => 2,
+        };
+        let value = json!({
+            "timestamp": timestamp(time_us), "level": level, "message": text,
+            "name": "vehicle", "file": "", "line": 0,
+        });
+        self.json(Kind::Log, time_us, &value)
+    }
+
+    fn json(&mut self, kind: Kind, time_us: u64, value: &Value) -> Result<(), McapError> {
+        self.put(
+            self.topics[kind as usize],
+            time_us,
+            value.to_string().as_bytes(),
+        )
+    }
+
+    fn put(&mut self, channel_id: u16, time_us: u64, data: &[u8]) -> Result<(), McapError> {
+        let header = MessageHeader {
+            channel_id,
+            sequence: 0,
+            log_time: time_us * 1000,
+            publish_time: time_us * 1000,
+        };
+        self.file.write_to_known_channel(&header, data)
+    }
+}
+
+/// The frames of a file as a `.tlog` has them, and why it could not be read to its end.
+///
+/// # Errors
+/// Nothing of it can be read.
+pub fn frames(bytes: &[u8]) -> Result<(Vec<u8>, Option<McapError>)> {
+    let stream = MessageStream::new_with_options(bytes, Options::IgnoreEndMagic.into());
+    let mut log = Vec::new();
+    for message in stream.context("as MCAP")? {
+        let message = match message {
+            Ok(message) => message,
+            Err(error) if log.is_empty() => return Err(error).context("as MCAP"),
+            Err(error) => return Ok((log, Some(error))),
+        };
+        if message.channel.topic == FRAMES && message.channel.message_encoding == FRAME_ENCODING {
+            let stamp: [u8; STAMP] = (message.log_time / 1000).to_be_bytes();
+            log.extend_from_slice(&stamp);
+            log.extend_from_slice(&message.data);
+        }
+    }
+    Ok((log, None))
+}
+
+/// The vehicle's clock, set by the host's.
+#[derive(Clone, Copy, Debug, Default)]
+struct Clock {
+    /// One instant by the vehicle's clock and by the host's, us.
+    set: Option<(u64, u64)>,
+    /// The newest time of the vehicle.
+    newest_us: u64,
+}
+
+impl Clock {
+    /// When a message was made: by the vehicle's clock where it tells that, else when it came; us since 1970.
+    fn time_us(&mut self, received_us: u64, message: &MavMessage) -> u64 {
+        let vehicle_us = match message {
+            MavMessage::ATTITUDE_QUATERNION(m) => u64::from(m.time_boot_ms) * 1000,
+            MavMessage::NAMED_VALUE_FLOAT(m) => u64::from(m.time_boot_ms) * 1000,
+            MavMessage::RAW_IMU(m) => m.time_usec,
+            MavMessage::SERVO_OUTPUT_RAW(m) => {
+                // The lower 32 bits of a time near the last one.
+                let ahead = m.time_usec.wrapping_sub(self.newest_us as u32) as i32;
+                self.newest_us.wrapping_add_signed(ahead.into())
+            }
+            _ => return received_us,
+        };
+        self.newest_us = vehicle_us;
+        if let Some((vehicle, host)) = self.set {
+            let time_us = host.wrapping_add(vehicle_us).wrapping_sub(vehicle);
+            if time_us.abs_diff(received_us) < CLOCK_STEP_US {
+                return time_us;
+            }
+        }
+        self.set = Some((vehicle_us, received_us));
+        received_us
+    }
+}
+
+/// JSON schema of an object with these fields.
+fn describe(fields: &[(&str, &str)]) -> Value {
+    let properties: serde_json::Map<_, _> = fields
+        .iter()
+        .map(|(name, kind)| ((*name).to_owned(), json!({ "type": kind })))
+        .collect();
+    json!({ "type": "object", "properties": properties })
+}
+
+fn timestamp(time_us: u64) -> Value {
+    json!({ "sec": time_us / 1_000_000, "nsec": time_us % 1_000_000 * 1000 })
+}
+
+/// The body's place for viewers, whose axes are east-north-up on the earth and forward-left-up on the body (ROS
+/// REP 103).
+fn transform(time_us: u64, attitude: &ATTITUDE_QUATERNION_DATA) -> Value {
+    let half = std::f64::consts::FRAC_1_SQRT_2;
+    let east_north_up = UnitQuaternion::new_unchecked(Quaternion::new(0.0, half, half, 0.0));
+    let forward_left_up = UnitQuaternion::new_unchecked(Quaternion::new(0.0, 1.0, 0.0, 0.0));
+    let [w, x, y, z] = [attitude.q1, attitude.q2, attitude.q3, attitude.q4].map(f64::from);
+    let body = UnitQuaternion::from_quaternion(Quaternion::new(w, x, y, z));
+    let shown = east_north_up * body * forward_left_up;
+    json!({
+        "timestamp": timestamp(time_us),
+        "parent_frame_id": "earth",
+        "child_frame_id": "body",
+        "translation": { "x": 0.0, "y": 0.0, "z": 0.0 },
+        "rotation": { "x": shown.i, "y": shown.j, "z": shown.k, "w": shown.w },
+    })
+}
+
+#[cfg(test)]
+mod tests;

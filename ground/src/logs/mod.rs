@@ -1,0 +1,6 @@
+//! Logs of a vehicle: written, read, reported, replayed, converted.
+
+pub mod convert;
+pub mod log;
+pub mod replay;
+pub mod report;

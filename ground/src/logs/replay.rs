@@ -1,0 +1,396 @@
+//! `tvc replay`: the firmware's own library on the counts and times of a log.
+//!
+//! From a moment at which the firmware began its estimate anew (power-on, or the calibration that `tvc record` asks for)
+//! the library, given the same counts, times, parameters and commands, gives the same bits. Frames that were lost on the
+//! way to the log end that, until the estimate begins anew.
+
+mod filter;
+mod page;
+mod table;
+
+use std::collections::BTreeMap;
+
+use anyhow::Result;
+use mavlink::dialects::common::{MavCmd, MavResult};
+use rig::operator::FlightState;
+use serde::Serialize;
+use tvc_nano::{BootReport, Command, Flight, Micros, Params, SensorFault};
+
+use crate::filters::fuse::FilterName;
+use crate::logs::log::{self, Event, Log, Step};
+use crate::out::exit::{BadInput, Verdict};
+use crate::out::file::{print_json, write_whole};
+use clap::Args;
+use std::path::PathBuf;
+
+/// Options of `tvc replay`.
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  cargo tvc replay flight.tlog                 the firmware's library on the log's counts, bit for bit
+  cargo tvc replay flight.tlog --param PID_KD=0.2    what other gains would have commanded
+  cargo tvc replay flight.tlog --filter madgwick     another filter's pitch beside the firmware's
+  cargo tvc replay flight.tlog --csv both.csv        both runs as a table, side by side
+
+The motion is the log's: it does not answer to what is changed.
+Exit status: 0 equal wherever it can be compared, 1 a difference or nothing to compare, 2 unusable input.")]
+pub struct Replay {
+    /// A telemetry log (.tlog, .mcap).
+    #[arg(value_name = "LOG")]
+    pub log: PathBuf,
+
+    /// Run with another value of a parameter; may be given more than once.
+    #[arg(long = "param", value_name = "NAME=VALUE", value_parser = parameter)]
+    pub parameters: Vec<(String, f32)>,
+
+    /// Run another filter beside.
+    #[arg(long, value_enum)]
+    pub filter: Option<FilterName>,
+
+    /// Print one JSON object on standard output and nothing else there.
+    #[arg(long)]
+    pub json: bool,
+
+    /// Write both runs as a table, side by side; `tvc convert` writes the log's own steps.
+    #[arg(long, value_name = "FILE.csv")]
+    pub csv: Option<PathBuf>,
+
+    /// Write an HTML page with both runs.
+    #[arg(long, value_name = "FILE.html")]
+    pub report: Option<PathBuf>,
+}
+
+fn parameter(text: &str) -> Result<(String, f32), String> {
+    let (name, value) = text
+        .split_once('=')
+        .ok_or("a parameter is NAME=VALUE, such as PID_KP=1.2")?;
+    let value = value.parse().map_err(|_| format!("{value} is no number"))?;
+    Params::default()
+        .set(name, value)
+        .map_err(|error| format!("{name}: {error}"))?;
+    Ok((name.to_owned(), value))
+}
+
+/// What HEARTBEAT's `custom_mode` gives as the reason of a failsafe: the sensor, the host's silence.
+const REASON_SENSOR: u32 = 1;
+const REASON_HOST: u32 = 5;
+
+/// A step as it was and as it came out again.
+#[derive(Clone, Copy, Debug)]
+pub struct Pair {
+    /// As it was.
+    pub logged: Step,
+    /// As it came out.
+    pub again: Step,
+    /// Both should be the same.
+    pub exact: bool,
+}
+
+/// What came of a replay.
+#[derive(Debug, Default, Serialize)]
+pub struct Figures {
+    /// Control steps in the log.
+    pub steps: usize,
+    /// Steps from which the estimate's past is known.
+    pub compared: usize,
+    /// Of these, steps whose attitude, rates, command and pulse are the same, bit for bit.
+    pub equal: usize,
+    /// Time of the first that is not, by the vehicle's clock, s.
+    pub first_difference_s: Option<f64>,
+    /// Steps without a usable sample.
+    pub missed: usize,
+    /// Frames lost on the way to the log.
+    pub lost: u64,
+    /// Largest difference of pitch, rad.
+    pub pitch_difference_rad_max: f64,
+    /// Largest difference of the pulse, us.
+    pub pulse_difference_us_max: u16,
+    /// Commands of the log that the library refused.
+    pub refused: Vec<String>,
+    /// Parameters that were given other values.
+    pub changed: BTreeMap<String, f32>,
+    /// RMS difference between the other filter's pitch and the firmware's, rad.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub filter_difference_rad_rms: Option<f64>,
+}
+
+/// Replays as `options` say.
+pub fn run(options: &Replay) -> Result<Verdict> {
+    let flight = log::Flight::of(&Log::read(&options.log)?);
+    let changed: BTreeMap<String, f32> = options.parameters.iter().cloned().collect();
+    let (pairs, refused) = replay(&flight, &changed)?;
+    if pairs.is_empty() {
+        return Err(BadInput::new(format!(
+            "{} has no control steps to replay",
+            options.log.display()
+        ))
+        .into());
+    }
+    let mut figures = compare(&pairs);
+    (figures.missed, figures.lost) = (flight.missed(), flight.lost());
+    (figures.refused, figures.changed) = (refused, changed);
+    let other = match options.filter {
+        Some(choice) => Some(filter::pitches(choice, &flight, &parameters(&flight))?),
+        None => None,
+    };
+    if let Some(other) = &other {
+        figures.filter_difference_rad_rms = Some(filter::difference_rms(other, &flight));
+    }
+    if let Some(path) = &options.csv {
+        write_whole(path, table::text(&pairs, other.as_deref()).as_bytes())?;
+        eprintln!("wrote {}", path.display());
+    }
+    if let Some(path) = &options.report {
+        let page = page::render(&options.log, &figures, &pairs, other.as_deref())?;
+        write_whole(path, page.as_bytes())?;
+        eprintln!("report: {}", path.display());
+    }
+    if options.json {
+        print_json(&figures)?;
+    } else {
+        for line in words(&figures) {
+            println!("{line}");
+        }
+    }
+    let as_logged = figures.compared > 0 && figures.equal == figures.compared;
+    Ok(Verdict::of(as_logged || !figures.changed.is_empty()))
+}
+
+/// The figures, a line each.
+fn words(figures: &Figures) -> Vec<String> {
+    let mut lines = vec![format!(
+        "{} control steps, {} without a sample, {} frames lost",
+        figures.steps, figures.missed, figures.lost
+    )];
+    if figures.lost > 0 {
+        lines.push("the log has gaps: behind one the estimate's past is unknown".into());
+    }
+    if !figures.changed.is_empty() {
+        lines.push(format!(
+            "with {}: pitch differs by at most {:.4} rad, the pulse by {} us",
+            figures
+                .changed
+                .iter()
+                .map(|(name, value)| format!("{name} = {value}"))
+                .collect::<Vec<_>>()
+                .join(", "),
+            figures.pitch_difference_rad_max,
+            figures.pulse_difference_us_max
+        ));
+    } else if figures.compared == 0 {
+        lines.push(format!(
+            "nothing to compare bit for bit: the log does not hold the beginning of an estimate; \
+             pitch differs by at most {:.4} rad",
+            figures.pitch_difference_rad_max
+        ));
+    } else {
+        lines.push(format!(
+            "attitude, rates, command and pulse equal bit for bit in {} of {} steps that can be compared",
+            figures.equal, figures.compared
+        ));
+    }
+    if let Some(time) = figures
+        .first_difference_s
+        .filter(|_| figures.changed.is_empty())
+    {
+        lines.push(format!("the first difference is at {time:.3} s"));
+    }
+    if let Some(rms) = figures.filter_difference_rad_rms {
+        lines.push(format!(
+            "the other filter's pitch differs by {:.3} deg rms",
+            rms.to_degrees()
+        ));
+    }
+    lines.extend(figures.refused.iter().cloned());
+    lines
+}
+
+/// The parameters that the flight began with: the first value that is told of each.
+pub fn parameters(flight: &log::Flight) -> Params {
+    let mut params = Params::default();
+    // A vehicle that knew nothing of this check was armed without it.
+    let _ = params.set("SRV_POLARITY", 1.0);
+    for event in flight.events.iter().rev() {
+        if let Event::Parameter(name, value) = event {
+            // One that this version does not know, or not with that value, stays at its default.
+            let _ = params.set(name, *value);
+        }
+    }
+    params
+}
+
+/// Runs the library over a log, with some parameters forced to other values. Also gives what it refused.
+pub fn replay(
+    flight: &log::Flight,
+    changed: &BTreeMap<String, f32>,
+) -> Result<(Vec<Pair>, Vec<String>)> {
+    let mut params = parameters(flight);
+    for (name, value) in changed {
+        params
+            .set(name, *value)
+            .map_err(|error| BadInput::new(format!("{name}: {error}")))?;
+    }
+    let mut run = Run {
+        flight: Flight::new(params, BootReport::default())
+            .map_err(|error| BadInput::new(format!("the log's parameters: {error}")))?,
+        code: None,
+        now: Micros(0),
+        sampled: false,
+        exact: false,
+        refused: Vec::new(),
+    };
+    let mut pairs = Vec::new();
+    for event in &flight.events {
+        match event {
+            Event::Step(step) => pairs.push(run.step(step)),
+            Event::Gap(_) => run.exact = false,
+            Event::State(code) => run.follow(*code),
+            Event::Parameter(name, value) if !changed.contains_key(name) => {
+                run.set(name, *value);
+            }
+            Event::Answer(
+                MavCmd::MAV_CMD_PREFLIGHT_CALIBRATION,
+                MavResult::MAV_RESULT_ACCEPTED,
+            ) => {
+                run.exact = run.flight.calibrate().is_ok();
+            }
+            _ => {}
+        }
+    }
+    Ok((pairs, run.refused))
+}
+
+/// The library in flight.
+struct Run {
+    flight: Flight,
+    /// State and reason, as the vehicle told last.
+    code: Option<u32>,
+    now: Micros,
+    sampled: bool,
+    exact: bool,
+    refused: Vec<String>,
+}
+
+impl Run {
+    fn step(&mut self, logged: &Step) -> Pair {
+        self.now = Micros(logged.now_us);
+        let reason = self.code.unwrap_or(0) >> 8;
+        if reason != REASON_HOST {
+            self.flight.host_heard(self.now);
+        }
+        let reading = match logged.sample {
+            Some(sample) => Ok(sample),
+            // What the fault was shows in what the vehicle made of it.
+            None if self.lost_sensor() => Err(SensorFault::Reset),
+            None => Err(SensorFault::Nak),
+        };
+        self.sampled |= reading.is_ok();
+        let snapshot = self.flight.step(self.now, reading).snapshot;
+        let (q, rate) = (snapshot.attitude.orientation, snapshot.attitude.rate);
+        Pair {
+            logged: *logged,
+            again: Step {
+                quaternion: [q.w, q.x, q.y, q.z],
+                rate_rad_s: [rate.x, rate.y, rate.z],
+                crank_rad: logged.crank_rad.map(|_| snapshot.crank_rad),
+                pulse_us: snapshot.pulse.0,
+                ..*logged
+            },
+            exact: self.exact,
+        }
+    }
+
+    fn lost_sensor(&self) -> bool {
+        let code = self.code.unwrap_or(0);
+        match FlightState::of(code) {
+            FlightState::Failsafe => code >> 8 == REASON_SENSOR,
+            FlightState::Boot => self.sampled,
+            _ => false,
+        }
+    }
+
+    /// A state that only a command leads to is one that was commanded.
+    fn follow(&mut self, code: u32) {
+        let first = self.code.replace(code).is_none();
+        let state = FlightState::of(code);
+        // From power-on the whole past is in the log.
+        self.exact |= first && state == FlightState::Boot && !self.sampled;
+        let mine = FlightState::of(self.flight.state().code());
+        match state {
+            FlightState::Armed if mine != FlightState::Armed => self.command(Command::Arm),
+            FlightState::Active if mine != FlightState::Active => self.command(Command::Release),
+            FlightState::Standby
+                if matches!(
+                    mine,
+                    FlightState::Armed
+                        | FlightState::Active
+                        | FlightState::Failsafe
+                        | FlightState::Latched
+                ) =>
+            {
+                self.command(Command::Disarm);
+            }
+            _ => {}
+        }
+    }
+
+    fn command(&mut self, command: Command) {
+        if let Err(refusal) = self.flight.command(self.now, command) {
+            self.refused.push(format!(
+                "{:.3} s: the vehicle obeyed {command}, its library here refuses: {refusal}",
+                self.now.0 as f64 * 1e-6
+            ));
+        }
+    }
+
+    fn set(&mut self, name: &str, value: f32) {
+        let known = self.flight.params().value(name);
+        if known.is_some_and(|known| known != value)
+            && let Err(error) = self.flight.set_param(name, value)
+        {
+            self.refused.push(format!(
+                "{:.3} s: {name} = {value}: {error}",
+                self.now.0 as f64 * 1e-6
+            ));
+        }
+    }
+}
+
+fn compare(pairs: &[Pair]) -> Figures {
+    let mut figures = Figures {
+        steps: pairs.len(),
+        ..Figures::default()
+    };
+    // Before the first step whose past is known the two are strangers.
+    let known = pairs.iter().position(|pair| pair.exact).unwrap_or(0);
+    for Pair {
+        logged,
+        again,
+        exact,
+    } in &pairs[known..]
+    {
+        let pitch = (logged.pitch_rad() - again.pitch_rad()).abs();
+        figures.pitch_difference_rad_max = figures.pitch_difference_rad_max.max(pitch);
+        let pulse = logged.pulse_us.abs_diff(again.pulse_us);
+        figures.pulse_difference_us_max = figures.pulse_difference_us_max.max(pulse);
+        if *exact {
+            figures.compared += 1;
+            if same(logged, again) {
+                figures.equal += 1;
+            } else if figures.first_difference_s.is_none() {
+                figures.first_difference_s = Some(logged.time_s());
+            }
+        }
+    }
+    figures
+}
+
+fn same(a: &Step, b: &Step) -> bool {
+    a.quaternion.map(f32::to_bits) == b.quaternion.map(f32::to_bits)
+        && a.rate_rad_s.map(f32::to_bits) == b.rate_rad_s.map(f32::to_bits)
+        && a.crank_rad.map(f32::to_bits) == b.crank_rad.map(f32::to_bits)
+        && a.pulse_us == b.pulse_us
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,67 @@
+//! The HTML page of `tvc replay`: both runs in the same plots.
+
+use std::path::Path;
+
+use anyhow::Result;
+use maud::html;
+
+use super::{Figures, Pair, words};
+use crate::logs::log::Step;
+use crate::out::page::{figure, page};
+use crate::out::plot::{Line, Plot};
+
+/// The whole page.
+pub fn render(
+    log: &Path,
+    figures: &Figures,
+    pairs: &[Pair],
+    other: Option<&[(f64, f64)]>,
+) -> Result<String> {
+    let begin = pairs.first().map_or(0.0, |pair| pair.logged.time_s());
+    let line = |of: fn(&Pair) -> &Step, value: fn(&Step) -> f64| -> Vec<(f64, f64)> {
+        pairs
+            .iter()
+            .map(|pair| (pair.logged.time_s() - begin, value(of(pair))))
+            .collect()
+    };
+    let both = |value: fn(&Step) -> f64| {
+        vec![
+            Line {
+                name: "logged",
+                colour: 0,
+                points: line(|pair| &pair.logged, value),
+            },
+            Line {
+                name: "replayed",
+                colour: 1,
+                points: line(|pair| &pair.again, value),
+            },
+        ]
+    };
+    let mut pitch = both(|step| step.pitch_rad().to_degrees());
+    if let Some(other) = other {
+        pitch.push(Line {
+            name: "other filter",
+            colour: 2,
+            points: other
+                .iter()
+                .map(|(time, pitch)| (time - begin, pitch.to_degrees()))
+                .collect(),
+        });
+    }
+    let plot = |y, lines| Plot {
+        x: "time, s",
+        y,
+        lines,
+        band: None,
+    };
+    let pulse = both(|step| f64::from(step.pulse_us));
+    let body = html! {
+        @for line in words(figures) { p { (line) } }
+        h2 { "Pitch" }
+        (figure("Pitch as the vehicle told it and as its library gives it here.", plot("pitch, deg", pitch).svg()?))
+        h2 { "Pulse" }
+        (figure("The pulse commanded. The motion is the log's: it does not answer to what is changed.", plot("pulse, us", pulse).svg()?))
+    };
+    Ok(page(&format!("Replay of {}", log.display()), body))
+}

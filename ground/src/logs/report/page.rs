@@ -1,0 +1,129 @@
+//! The HTML page of `tvc report`.
+
+use std::path::Path;
+
+use anyhow::Result;
+use maud::{Markup, html};
+use tvc_nano::Params;
+
+use super::{Figures, Release, releases, servo_map};
+use crate::flight::fly::figures::{RUN_COLUMNS, run_rows};
+use crate::flight::fly::report::settling_band_deg;
+use crate::logs::log::{Flight, Step};
+use crate::logs::replay::parameters;
+use crate::out::page::{figure, page, table, verdicts};
+use crate::out::plot::{Line, Plot};
+use crate::vehicle::status::ServoMap;
+
+/// The whole page.
+pub fn render(log: &Path, flight: &Flight, figures: &Figures, missed: &[String]) -> Result<String> {
+    let servo = servo_map(&parameters(flight));
+    let mut parts = vec![whole(flight, &servo)?];
+    for (index, release) in releases(flight).iter().enumerate() {
+        parts.push(one(index, release, &servo)?);
+        if let Some(Some(sweep)) = figures.sweep.get(index) {
+            parts.push(sweep.markup()?);
+        }
+    }
+    let body = html! {
+        (verdicts(missed))
+        @if !figures.runs.is_empty() {
+            h2 { "Step responses" }
+            p { "Figures of the pitch that the vehicle estimated." }
+            (table(&RUN_COLUMNS, &run_rows(&figures.runs)))
+        }
+        @for part in &parts { (part) }
+        h2 { "Loop, link and health" }
+        (table(&["", "measured"], &figures.rows()))
+        h2 { "What the vehicle said" }
+        (table(&["words", "its clock, s"], &figures.events.iter().map(|(time, text)| {
+            vec![text.clone(), format!("{time:.3}")]
+        }).collect::<Vec<_>>()))
+        h2 { "Parameters" }
+        (table(&["parameter", "value", "default"], &figures.parameters.iter().map(|(name, value)| {
+            let default = Params::default().value(name);
+            vec![name.clone(), value.to_string(), default.map_or(String::new(), |d| d.to_string())]
+        }).collect::<Vec<_>>()))
+        footer {
+            "By the vehicle's own estimate and clock, from its telemetry; delays in the servo, the rudder and the \
+             air do not show here."
+        }
+    };
+    Ok(page(&format!("Report of {}", log.display()), body))
+}
+
+fn whole(flight: &Flight, servo: &ServoMap) -> Result<Markup> {
+    let begin = flight.steps().next().map_or(0.0, Step::time_s);
+    let line = |of: &dyn Fn(&Step) -> f64| -> Vec<(f64, f64)> {
+        flight
+            .steps()
+            .map(|step| (step.time_s() - begin, of(step)))
+            .collect()
+    };
+    let plot = Plot {
+        x: "time, s",
+        y: "angle, deg",
+        lines: vec![
+            Line {
+                name: "pitch",
+                colour: 0,
+                points: line(&|step| step.pitch_rad().to_degrees()),
+            },
+            Line {
+                name: "servo commanded",
+                colour: 4,
+                points: line(&|step| servo.angle_rad(step.pulse_us).to_degrees()),
+            },
+        ],
+        band: None,
+    };
+    Ok(html! {
+        h2 { "The whole log" }
+        (figure("Pitch and the servo angle commanded.", plot.svg()?))
+    })
+}
+
+fn one(index: usize, release: &Release, servo: &ServoMap) -> Result<Markup> {
+    let set: Vec<(f64, f64)> = release
+        .trace(|_| 0.0)
+        .iter()
+        .zip(&release.set_rad)
+        .map(|((time, _), set)| (*time, set.to_degrees()))
+        .collect();
+    let target = release.set_rad[0].to_degrees();
+    let start = release.steps[0].pitch_rad().to_degrees() - target;
+    let band = settling_band_deg(start.to_radians());
+    let rests = release.set_rad.iter().all(|set| *set == release.set_rad[0]);
+    let pitch = Plot {
+        x: "time since release, s",
+        y: "pitch, deg",
+        lines: vec![
+            Line {
+                name: "pitch",
+                colour: 0,
+                points: release.trace(|step| step.pitch_rad().to_degrees()),
+            },
+            Line {
+                name: "set point",
+                colour: 1,
+                points: set,
+            },
+        ],
+        band: rests.then_some((target - band, target + band)),
+    };
+    let command = Plot {
+        x: "time since release, s",
+        y: "servo commanded, deg",
+        lines: vec![Line {
+            name: "servo commanded",
+            colour: 4,
+            points: release.trace(|step| servo.angle_rad(step.pulse_us).to_degrees()),
+        }],
+        band: None,
+    };
+    Ok(html! {
+        h2 { "Release " (index + 1) }
+        (figure("Pitch, with the 5 % band that a step has to settle in.", pitch.svg()?))
+        (figure("The servo angle commanded.", command.svg()?))
+    })
+}

@@ -1,0 +1,205 @@
+//! `tvc identify`: thrust, inertia, servo speed and delay from a recorded run.
+
+use std::fmt::Write;
+use std::path::Path;
+
+use anyhow::Result;
+use csv::StringRecord;
+use plant::identify::{Identification, IdentifyError, Reading, Record, identify};
+
+use crate::flight::fly::ServoChoice;
+use crate::model::control_law;
+use crate::out::exit::{BadInput, Verdict};
+use crate::out::file::{print_json, write_whole};
+use clap::Args;
+use std::path::PathBuf;
+
+/// Options of `tvc identify`.
+#[derive(Debug, Args)]
+#[command(after_help = "\
+The log is a table of the free drone's motion from the release on, a release or a chirp, with a head:
+
+  time_s,pitch_rad,rate_rad_s,pulse_us   a pulse by its rising edge; cells may be empty, so that
+                                         readings and pulses can have rows of their own
+  the columns of `tvc record --csv`      steps of the vehicle: time_us, q_w to q_z,
+                                         pitch_rate_rad_s, pulse_us; those in the state active
+
+Standard deviations are of the record's noise, not of what the model leaves out. One that is as
+large as before the record was seen says that the record does not show the quantity.
+
+Examples:
+  tvc identify release.csv                       estimates with their uncertainty
+  tvc identify release.csv --out drone.toml      and as a parameter file
+  tvc tune --params drone.toml                   gains for that drone
+
+Exit status: 0 done, 1 no parameters explain the record, 2 unusable input.")]
+pub struct Identify {
+    /// The recorded run.
+    #[arg(value_name = "LOG.csv")]
+    pub log: PathBuf,
+
+    /// The servo, with the frame rate that suits it.
+    #[arg(long, value_enum, default_value_t = ServoChoice::S3003)]
+    pub servo: ServoChoice,
+
+    /// Nominal drone, servo and timing where they differ from the servo's preset (docs/model.md).
+    #[arg(long, value_name = "FILE.toml")]
+    pub params: Option<PathBuf>,
+
+    /// Where to write the estimates, as a parameter file.
+    #[arg(long, value_name = "FILE.toml")]
+    pub out: Option<PathBuf>,
+
+    /// Print one JSON object on standard output and nothing else there.
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// Identifies as `options` say, prints the estimates and writes them.
+pub fn run(options: &Identify) -> Result<Verdict> {
+    let record = read(&options.log)?;
+    let nominal = control_law::setup(options.servo, options.params.as_deref())?;
+    let found = identify(&nominal, &record).map_err(|error| match error {
+        IdentifyError::NoFit => anyhow::Error::new(error),
+        _ => BadInput::new(format!("{}: {error}", options.log.display())).into(),
+    })?;
+    if let Some(out) = &options.out {
+        write_whole(out, parameter_file(&found, &options.log).as_bytes())?;
+        eprintln!("parameters: {}", out.display());
+    }
+    if options.json {
+        print_json(&found)?;
+    } else {
+        print(&found);
+    }
+    Ok(Verdict::Met)
+}
+
+/// Where a table has what a record is made of.
+enum Columns {
+    /// Time, pitch, rate, pulse: in s, rad, rad/s, us.
+    Plain([usize; 4]),
+    /// Time, quaternion, rate, pulse, state: a vehicle's steps.
+    Steps([usize; 8]),
+}
+
+impl Columns {
+    fn of(head: &StringRecord) -> Result<Self, String> {
+        let place = |name: &str| head.iter().position(|column| column.trim() == name);
+        let all = |names: &[&'static str]| -> Result<Vec<usize>, &'static str> {
+            names.iter().map(|name| place(name).ok_or(*name)).collect()
+        };
+        let plain = all(&["time_s", "pitch_rad", "rate_rad_s", "pulse_us"]);
+        let steps = all(&[
+            "time_us",
+            "q_w",
+            "q_x",
+            "q_y",
+            "q_z",
+            "pitch_rate_rad_s",
+            "pulse_us",
+            "state",
+        ]);
+        match (plain, steps) {
+            (Ok(p), _) => Ok(Self::Plain([p[0], p[1], p[2], p[3]])),
+            (_, Ok(s)) => Ok(Self::Steps([
+                s[0], s[1], s[2], s[3], s[4], s[5], s[6], s[7],
+            ])),
+            (Err(missing), _) => Err(format!(
+                "no column {missing}: a log has time_s, pitch_rad, rate_rad_s, pulse_us, or what `tvc record` writes"
+            )),
+        }
+    }
+}
+
+fn read(path: &Path) -> Result<Record, BadInput> {
+    let bad = |error: &dyn std::fmt::Display| BadInput::new(format!("{}: {error}", path.display()));
+    let mut reader = csv::Reader::from_path(path).map_err(|error| bad(&error))?;
+    let columns = reader
+        .headers()
+        .map_err(|error| bad(&error))
+        .and_then(|head| Columns::of(head).map_err(|error| bad(&error)))?;
+    let mut record = Record::default();
+    for (index, row) in reader.records().enumerate() {
+        let row = row.map_err(|error| bad(&error))?;
+        take(&columns, &row, &mut record)
+            .map_err(|error| bad(&format!("row {}: {error}", index + 2)))?;
+    }
+    Ok(record)
+}
+
+/// Adds a row to the record. Empty cells are left out.
+fn take(columns: &Columns, row: &StringRecord, record: &mut Record) -> Result<(), String> {
+    let cell = |place: usize| row.get(place).unwrap_or_default().trim();
+    let number = |place: usize| -> Result<Option<f64>, String> {
+        match cell(place) {
+            "" => Ok(None),
+            text => text
+                .parse()
+                .map(Some)
+                .map_err(|_| format!("{text} is no number")),
+        }
+    };
+    let (time_s, pitch_rad, rate_rad_s, pulse_us) = match columns {
+        Columns::Plain(p) => (number(p[0])?, number(p[1])?, number(p[2])?, number(p[3])?),
+        Columns::Steps([time, w, x, y, z, rate, pulse, state]) => {
+            if cell(*state) != "active" {
+                return Ok(());
+            }
+            let q = [number(*w)?, number(*x)?, number(*y)?, number(*z)?];
+            let pitch = match q {
+                [Some(w), Some(x), Some(y), Some(z)] => {
+                    Some((2.0 * (w * y - x * z)).clamp(-1.0, 1.0).asin())
+                }
+                _ => None,
+            };
+            let time_s = number(*time)?.map(|us| 1e-6 * us);
+            (time_s, pitch, number(*rate)?, number(*pulse)?)
+        }
+    };
+    let time_s = time_s.ok_or("no time")?;
+    if let (Some(pitch_rad), Some(rate_rad_s)) = (pitch_rad, rate_rad_s) {
+        record.readings.push(Reading {
+            time_s,
+            pitch_rad,
+            rate_rad_s,
+        });
+    }
+    if let Some(width_us) = pulse_us {
+        record.pulses.push((time_s, width_us));
+    }
+    Ok(())
+}
+
+/// The whole setup, with what was found and how sure it is in front.
+fn parameter_file(found: &Identification, log: &Path) -> String {
+    let mut text = format!("# Identified from {}.\n", log.display());
+    for estimate in found.estimates.iter().chain([&found.pitch_gain]) {
+        // Writing to a string does not fail.
+        let _ = writeln!(
+            text,
+            "# {:<20} {:.6} +- {:.6} (nominal {:.6})",
+            estimate.name, estimate.value, estimate.deviation, estimate.nominal
+        );
+    }
+    text + "\n" + &found.setup.to_toml()
+}
+
+fn print(found: &Identification) {
+    println!(
+        "{:<20} {:>12} {:>12} {:>12} {:>12}",
+        "parameter", "nominal", "found", "deviation", "before"
+    );
+    for e in found.estimates.iter().chain([&found.pitch_gain]) {
+        println!(
+            "{:<20} {:>12.6} {:>12.6} {:>12.6} {:>12.6}",
+            e.name, e.nominal, e.value, e.deviation, e.prior
+        );
+    }
+    println!(
+        "misfit: pitch {:.2} mrad rms, rate {:.1} mrad/s rms, {} steps of the search",
+        1e3 * found.pitch_rms_rad,
+        1e3 * found.rate_rms_rad_s,
+        found.iterations
+    );
+}

@@ -1,0 +1,163 @@
+//! One run as a file from which it can be flown again.
+
+use std::collections::BTreeMap;
+use std::fmt::Write;
+use std::path::Path;
+
+use anyhow::Result;
+use plant::dispersion::{Campaign, Draw, Ranges};
+use plant::pitch_loop::Timing;
+use plant::response::StepResponse;
+use plant::{Parameters, ServoModel, Setup};
+use serde::{Deserialize, Serialize};
+use tvc_nano::Params;
+use tvc_nano::params::TABLE;
+
+use super::table::Row;
+use crate::model::control_law::Law;
+use crate::model::montecarlo::ReplayRun;
+use crate::out::exit::{BadInput, Verdict};
+use crate::out::file::{print_json, write_whole};
+
+/// All that a run is made of.
+#[derive(Debug, PartialEq, Serialize, Deserialize)]
+pub struct Case {
+    /// Length, s.
+    seconds: f64,
+    /// What was drawn.
+    draw: Draw,
+    /// What it was drawn from; the noise is in it.
+    ranges: Ranges,
+    /// The image's parameters, by name.
+    parameters: BTreeMap<String, f32>,
+    /// The nominal drone.
+    drone: Parameters,
+    /// The nominal servo.
+    servo: ServoModel,
+    /// The nominal timing.
+    timing: Timing,
+}
+
+impl Case {
+    /// Run `index` of a campaign.
+    pub fn new(campaign: &Campaign, index: u64, setup: &Setup, params: &Params) -> Self {
+        let parameters = TABLE
+            .iter()
+            .filter_map(|info| Some((info.name.into(), params.value(info.name)?)))
+            .collect();
+        Self {
+            seconds: campaign.seconds,
+            draw: campaign.draw(index),
+            ranges: campaign.ranges,
+            parameters,
+            drone: setup.drone,
+            servo: setup.servo,
+            timing: setup.timing,
+        }
+    }
+
+    /// Writes the file, with what became of the run as a comment.
+    ///
+    /// # Errors
+    /// The file cannot be written.
+    pub fn write(&self, path: &Path, row: &Row) -> Result<()> {
+        let settled = row
+            .settling_5pct_s
+            .map_or("never settled".into(), |s| format!("settled in {s:.3} s"));
+        let text = format!(
+            "# Run {} of seed {}: overshoot {:.2} %, {settled}.\n\
+             # Fly it again: tvc montecarlo replay FILE\n\n{}",
+            row.run,
+            row.seed,
+            row.overshoot_pct,
+            toml::to_string(self)?
+        );
+        write_whole(path, text.as_bytes())
+    }
+
+    fn read(path: &Path) -> Result<Self, BadInput> {
+        let bad =
+            |error: &dyn std::fmt::Display| BadInput::new(format!("{}: {error}", path.display()));
+        let text = std::fs::read_to_string(path).map_err(|error| bad(&error))?;
+        toml::from_str(&text).map_err(|error: toml::de::Error| bad(&error))
+    }
+}
+
+/// What a replayed run gave.
+#[derive(Serialize)]
+struct Replayed {
+    run: u64,
+    start_rad: f64,
+    overshoot_pct: f64,
+    rise_s: Option<f64>,
+    settling_5pct_s: Option<f64>,
+    final_error_rad: f64,
+}
+
+/// Flies a run again.
+pub fn replay(options: &ReplayRun) -> Result<Verdict> {
+    let case = Case::read(&options.file)?;
+    let named = |error: &dyn std::fmt::Display| {
+        BadInput::new(format!("{}: {error}", options.file.display()))
+    };
+    let mut params = Params::default();
+    for (name, value) in &case.parameters {
+        params
+            .set(name, *value)
+            .map_err(|error| named(&format!("{name}: {error}")))?;
+    }
+    let setup = Setup {
+        drone: case.drone,
+        servo: case.servo,
+        timing: case.timing,
+    };
+    setup.validate().map_err(|error| named(&error))?;
+    let mut law = Law::new(&params, &setup.drone);
+    let mut motion = Vec::new();
+    case.draw
+        .fly(
+            &setup,
+            &case.ranges,
+            case.seconds,
+            |measurement| law.update(measurement),
+            |sample| motion.push(*sample),
+        )
+        .map_err(|error| named(&error))?;
+    if let Some(out) = &options.out {
+        let mut text =
+            String::from("time_s,pitch_rad,rate_rad_s,crank_rad,rudder_rad,command_rad\n");
+        for s in &motion {
+            // Writing to a string does not fail.
+            let _ = writeln!(
+                text,
+                "{},{},{},{},{},{}",
+                s.time_s, s.pitch_rad, s.rate_rad_s, s.crank.angle_rad, s.rudder_rad, s.command_rad
+            );
+        }
+        write_whole(out, text.as_bytes())?;
+    }
+    let response = StepResponse::new(motion.iter().map(|s| (s.time_s, s.pitch_rad)), 0.0)
+        .map_err(|error| named(&error))?;
+    let replayed = Replayed {
+        run: case.draw.index,
+        start_rad: case.draw.start_rad,
+        overshoot_pct: response.overshoot_pct(),
+        rise_s: response.rise_s(),
+        settling_5pct_s: response.settling_s(0.05),
+        final_error_rad: response.final_error(),
+    };
+    if options.json {
+        print_json(&replayed)?;
+    } else {
+        println!(
+            "run {} from {:+.1} rad: overshoot {:.2} %, settled {}",
+            replayed.run,
+            replayed.start_rad,
+            replayed.overshoot_pct,
+            replayed
+                .settling_5pct_s
+                .map_or("never".into(), |s| format!("in {s:.3} s"))
+        );
+    }
+    Ok(Verdict::Met)
+}

@@ -1,0 +1,122 @@
+//! `tvc montecarlo`: many dispersed drones under the image's own control law, on the model.
+
+mod case;
+mod report;
+mod summary;
+mod table;
+
+use std::path::Path;
+use std::time::Instant;
+
+use anyhow::{Context, Result};
+use indicatif::{ProgressBar, ProgressStyle};
+use plant::dispersion::{self, Campaign, Ranges};
+
+use crate::model::control_law::{self, Law};
+use crate::out::exit::Verdict;
+use crate::out::file::write_whole;
+use case::Case;
+use summary::Summary;
+use table::Row;
+mod options;
+pub use options::{Merge, MonteCarlo, MonteCarloCommand, ReplayRun};
+
+/// Runs that are kept as files.
+const WORST: usize = 5;
+
+/// Carries out what `options` say.
+pub fn run(options: &MonteCarlo) -> Result<Verdict> {
+    match &options.command {
+        None => fly(options),
+        Some(MonteCarloCommand::Merge(options)) => merge(options),
+        Some(MonteCarloCommand::Replay(options)) => case::replay(options),
+    }
+}
+
+fn fly(options: &MonteCarlo) -> Result<Verdict> {
+    let setup = control_law::setup(options.servo, options.params.as_deref())?;
+    let params = control_law::parameters(options.servo, options.gains.as_deref())?;
+    let campaign = Campaign {
+        shard: options.shard.unwrap_or((0, 1)),
+        ranges: Ranges::WIDE.with_lateral_m(1e-3 * options.lateral_mm),
+        ..Campaign::new(options.seed, options.runs)
+    };
+    let begun = Instant::now();
+    let bar = progress(campaign.indices().count() as u64);
+    let mut pool = rayon::ThreadPoolBuilder::new();
+    if let Some(jobs) = options.jobs {
+        pool = pool.num_threads(jobs.into());
+    }
+    let outcomes = pool.build().context("threads")?.install(|| {
+        let law = || {
+            let mut law = Law::new(&params, &setup.drone);
+            move |measurement| law.update(measurement)
+        };
+        dispersion::fly(&setup, &campaign, law, || bar.inc(1))
+    })?;
+    bar.finish_and_clear();
+    let wall_s = begun.elapsed().as_secs_f64();
+    eprintln!("{} runs in {wall_s:.1} s", outcomes.len());
+
+    let rows: Vec<Row> = outcomes
+        .iter()
+        .map(|outcome| {
+            let draw = campaign.draw(outcome.index);
+            Row::new(
+                options.servo.name(),
+                options.seed,
+                options.lateral_mm,
+                &draw,
+                outcome,
+            )
+        })
+        .collect();
+    if let Some(out) = &options.out {
+        table::write(out, &rows)?;
+    }
+    let mut summary = Summary::of(&rows, WORST);
+    for (place, worst) in summary.worst.iter_mut().enumerate() {
+        let path = options.worst.join(format!("worst-{}.toml", place + 1));
+        let case = Case::new(&campaign, worst.row.run, &setup, &params);
+        case.write(&path, &worst.row)?;
+        worst.file = Some(path.display().to_string());
+    }
+    summary.print(options.json)?;
+    write_report(&options.report, &summary, &rows)?;
+    Ok(match options.require {
+        Some(required) if summary.pass_rate < required => {
+            eprintln!(
+                "missed: pass rate {:.4}, required {required}",
+                summary.pass_rate
+            );
+            Verdict::Missed
+        }
+        _ => Verdict::Met,
+    })
+}
+
+fn merge(options: &Merge) -> Result<Verdict> {
+    let files: Vec<&Path> = options.files.iter().map(AsRef::as_ref).collect();
+    let rows = table::merge(&files)?;
+    if let Some(out) = &options.out {
+        table::write(out, &rows)?;
+    }
+    let summary = Summary::of(&rows, WORST);
+    summary.print(options.json)?;
+    write_report(&options.report, &summary, &rows)?;
+    Ok(Verdict::Met)
+}
+
+fn write_report(path: &Path, summary: &Summary, rows: &[Row]) -> Result<()> {
+    write_whole(path, report::render(summary, rows)?.as_bytes())?;
+    eprintln!("report: {}", path.display());
+    Ok(())
+}
+
+fn progress(runs: u64) -> ProgressBar {
+    let bar = ProgressBar::new(runs);
+    if let Ok(style) = ProgressStyle::with_template("{bar:40} {pos}/{len} runs, {eta} left") {
+        bar.set_style(style);
+    }
+    bar
+}

@@ -1,0 +1,198 @@
+//! Options of `tvc montecarlo`.
+
+use crate::flight::fly::ServoChoice;
+use clap::{Args, Subcommand};
+use std::path::PathBuf;
+
+/// Options of `tvc montecarlo`.
+#[derive(Debug, Args)]
+#[command(
+    args_conflicts_with_subcommands = true,
+    after_help = "\
+Every run draws its own drone, from the seed and its number alone:
+
+  what                                    even within
+  thrust                                  +-30 %
+  inertia of the body                     +-30 %
+  centre of mass, vertical                +-20 mm
+  centre of mass, lateral                 +-X mm (--lateral-mm, 0 by default)
+  servo speed                             +-20 %
+  servo stall torque                      +-20 %
+  supply (speed and stall torque)         -15 % to 0
+  backlash                                +-50 %
+  sensor delay                            +-2 ms
+  frame phase                             one frame
+  start, either side, with 0.2 rad/s      0.2, 0.4, 0.8 rad in turn
+  noise of pitch and rate                 5 mrad, 20 mrad/s rms, white, at every control step
+
+A run passes with 30 % overshoot or less, and 5 % settling within 1.5 s. Bounds are Wilson's, 95 %.
+
+Examples:
+  tvc montecarlo -n 500                         the shipped gains, all cores
+  tvc montecarlo -n 500 --lateral-mm 5 --json   figures for a script
+  tvc montecarlo -n 100000 --shard 3/16 --out part3.csv
+  tvc montecarlo merge part*.csv --out all.csv  one table of many shards
+  tvc montecarlo replay report/montecarlo/worst-1.toml --out path.csv
+
+Exit status: 0 done (and --require met), 1 failed or --require missed, 2 unusable input."
+)]
+pub struct MonteCarlo {
+    /// Another use than flying a campaign.
+    #[command(subcommand)]
+    pub command: Option<MonteCarloCommand>,
+
+    /// Runs of the whole campaign.
+    #[arg(short = 'n', long = "runs", value_name = "N", default_value_t = 500,
+          value_parser = clap::value_parser!(u64).range(1..=100_000_000))]
+    pub runs: u64,
+
+    /// Threads [default: one for each core].
+    #[arg(long, value_name = "J", value_parser = clap::value_parser!(u16).range(1..=4096))]
+    pub jobs: Option<u16>,
+
+    /// Seed of everything that is drawn.
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    pub seed: u64,
+
+    /// Lateral offset of the centre of mass, to either side, in mm.
+    #[arg(long, value_name = "X", default_value_t = 0.0, allow_negative_numbers = true, value_parser = lateral)]
+    pub lateral_mm: f64,
+
+    /// The servo, with the frame rate that suits it.
+    #[arg(long, value_enum, default_value_t = ServoChoice::S3003)]
+    pub servo: ServoChoice,
+
+    /// Nominal drone, servo and timing where they differ from the servo's preset (docs/model.md).
+    #[arg(long, value_name = "FILE.toml")]
+    pub params: Option<PathBuf>,
+
+    /// Gains in place of the shipped ones: a parameter file, such as `tvc tune --out` writes.
+    #[arg(long, value_name = "FILE.param")]
+    pub gains: Option<PathBuf>,
+
+    /// Fly only part I of N of the campaign, counted from 1.
+    #[arg(long, value_name = "I/N", value_parser = shard)]
+    pub shard: Option<(u64, u64)>,
+
+    /// Where to write a row for each run.
+    #[arg(long, value_name = "FILE.csv")]
+    pub out: Option<PathBuf>,
+
+    /// Folder for the worst runs, as files that `replay` takes.
+    #[arg(long, value_name = "FOLDER", default_value = "report/montecarlo")]
+    pub worst: PathBuf,
+
+    /// Where to write the HTML report: dots and curves of all runs, and what they depend on.
+    #[arg(
+        long,
+        value_name = "FILE.html",
+        default_value = "report/montecarlo.html"
+    )]
+    pub report: PathBuf,
+
+    /// Pass rate below which the command fails, 0 to 1.
+    #[arg(long, value_name = "SHARE", value_parser = share)]
+    pub require: Option<f64>,
+
+    /// Print one JSON object on standard output and nothing else there.
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// What else can be done with campaigns.
+#[derive(Debug, Subcommand)]
+pub enum MonteCarloCommand {
+    /// Join the tables of shards and say what they add up to.
+    Merge(Merge),
+    /// Fly one run again from its file.
+    Replay(ReplayRun),
+}
+
+/// Options of `tvc montecarlo merge`.
+#[derive(Debug, Args)]
+pub struct Merge {
+    /// Tables that `--out` wrote.
+    #[arg(required = true, value_name = "FILE.csv")]
+    pub files: Vec<PathBuf>,
+
+    /// Where to write all rows, in the order of the runs.
+    #[arg(long, value_name = "FILE.csv")]
+    pub out: Option<PathBuf>,
+
+    /// Where to write the HTML report.
+    #[arg(
+        long,
+        value_name = "FILE.html",
+        default_value = "report/montecarlo.html"
+    )]
+    pub report: PathBuf,
+
+    /// Print one JSON object on standard output and nothing else there.
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// Options of `tvc montecarlo replay`.
+#[derive(Debug, Args)]
+pub struct ReplayRun {
+    /// A run, as the campaign wrote it.
+    #[arg(value_name = "FILE.toml")]
+    pub file: PathBuf,
+
+    /// Where to write the motion: time, pitch, rate, crank, rudder, command.
+    #[arg(long, value_name = "FILE.csv")]
+    pub out: Option<PathBuf>,
+
+    /// Print one JSON object on standard output and nothing else there.
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// Largest lateral offset taken, in mm: the drone is some 80 mm wide.
+const LARGEST_LATERAL_MM: f64 = 40.0;
+
+fn lateral(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(mm) if (0.0..=LARGEST_LATERAL_MM).contains(&mm) => Ok(mm),
+        _ => Err(format!("an offset is 0 to {LARGEST_LATERAL_MM} mm")),
+    }
+}
+
+fn share(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(share) if (0.0..=1.0).contains(&share) => Ok(share),
+        _ => Err("a share is 0 to 1, such as 0.99".into()),
+    }
+}
+
+/// `3/16` as index from 0 and number.
+fn shard(text: &str) -> Result<(u64, u64), String> {
+    let parsed = text
+        .split_once('/')
+        .and_then(|(i, n)| Some((i.trim().parse::<u64>().ok()?, n.trim().parse::<u64>().ok()?)));
+    match parsed {
+        Some((i, n)) if i >= 1 && i <= n => Ok((i - 1, n)),
+        _ => Err("a shard is I/N with I from 1 to N, such as 3/16".into()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn shards_count_from_one() {
+        assert_eq!(shard("1/4"), Ok((0, 4)));
+        assert_eq!(shard("4/4"), Ok((3, 4)));
+        for bad in ["0/4", "5/4", "1", "a/b", "1/0", "-1/4"] {
+            assert!(shard(bad).is_err(), "{bad}");
+        }
+    }
+
+    #[test]
+    fn offsets_and_shares_are_within_reason() {
+        assert_eq!(lateral("5"), Ok(5.0));
+        assert!(lateral("-1").is_err() && lateral("NaN").is_err() && lateral("400").is_err());
+        assert!(share("0.99").is_ok() && share("99").is_err());
+    }
+}

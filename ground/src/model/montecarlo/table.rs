@@ -1,0 +1,147 @@
+//! A row for each run, in a form that spreadsheets and scripts read, and shards joined again.
+
+use std::path::Path;
+
+use anyhow::{Context, Result};
+use plant::dispersion::{Draw, Outcome};
+use serde::{Deserialize, Serialize};
+
+use crate::out::exit::BadInput;
+use crate::out::file::write_whole;
+
+/// A run: the campaign it belongs to, what it drew, and what became of it.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Row {
+    /// Seed of the campaign.
+    pub seed: u64,
+    /// The servo, by its name on the command line.
+    pub servo: String,
+    /// Range of the lateral offset, either side, mm.
+    pub lateral_mm: f64,
+    /// Number of the run.
+    pub run: u64,
+    /// Pitch at the start, rad.
+    pub start_rad: f64,
+    /// Factor on the thrust.
+    pub thrust: f64,
+    /// Factor on the inertia.
+    pub inertia: f64,
+    /// Offset of the centre of mass, vertical, mm.
+    pub cm_vertical_mm: f64,
+    /// Offset of the centre of mass, lateral, mm.
+    pub cm_lateral_mm: f64,
+    /// Factor on the servo's speed.
+    pub servo_speed: f64,
+    /// Factor on the servo's stall torque.
+    pub stall: f64,
+    /// Supply, as a share of the nominal one.
+    pub supply: f64,
+    /// Factor on the backlash.
+    pub backlash: f64,
+    /// Change of the sensor's delay, ms.
+    pub delay_ms: f64,
+    /// Frame phase, 0 to 1.
+    pub phase: f64,
+    /// Overshoot, percent of the start.
+    pub overshoot_pct: f64,
+    /// Rise to 10 % of the start, s; empty if never.
+    pub rise_s: Option<f64>,
+    /// Settling to 5 % of the start, s; empty if never.
+    pub settling_5pct_s: Option<f64>,
+    /// Settling to 2 % of the start, s; empty if never.
+    pub settling_2pct_s: Option<f64>,
+    /// Settling to 0.02 rad, s; empty if never.
+    pub settling_20mrad_s: Option<f64>,
+    /// Mean error at the end, rad.
+    pub final_error_rad: f64,
+    /// Whether it met what is required.
+    pub pass: bool,
+}
+
+impl Row {
+    /// The row of a run.
+    pub fn new(servo: &str, seed: u64, lateral_mm: f64, draw: &Draw, outcome: &Outcome) -> Self {
+        Self {
+            seed,
+            servo: servo.into(),
+            lateral_mm,
+            run: outcome.index,
+            start_rad: outcome.start_rad,
+            thrust: draw.thrust,
+            inertia: draw.inertia,
+            cm_vertical_mm: 1e3 * draw.cm_vertical_m,
+            cm_lateral_mm: 1e3 * draw.cm_lateral_m,
+            servo_speed: draw.servo_speed,
+            stall: draw.stall,
+            supply: draw.supply,
+            backlash: draw.backlash,
+            delay_ms: 1e3 * draw.delay_s,
+            phase: draw.phase,
+            overshoot_pct: outcome.overshoot_pct,
+            rise_s: outcome.rise_s,
+            settling_5pct_s: outcome.settling_5pct_s,
+            settling_2pct_s: outcome.settling_2pct_s,
+            settling_20mrad_s: outcome.settling_20mrad_s,
+            final_error_rad: outcome.final_error_rad,
+            pass: outcome.passes(),
+        }
+    }
+
+    /// What became of the run, for statistics.
+    pub fn outcome(&self) -> Outcome {
+        Outcome {
+            index: self.run,
+            start_rad: self.start_rad,
+            overshoot_pct: self.overshoot_pct,
+            rise_s: self.rise_s,
+            settling_5pct_s: self.settling_5pct_s,
+            settling_2pct_s: self.settling_2pct_s,
+            settling_20mrad_s: self.settling_20mrad_s,
+            final_error_rad: self.final_error_rad,
+        }
+    }
+}
+
+/// Writes the rows under a heading.
+///
+/// # Errors
+/// The file cannot be written.
+pub fn write(path: &Path, rows: &[Row]) -> Result<()> {
+    let mut writer = csv::Writer::from_writer(Vec::new());
+    for row in rows {
+        writer.serialize(row)?;
+    }
+    let bytes = writer.into_inner().context("the table")?;
+    write_whole(path, &bytes)
+}
+
+/// Joins tables in the order of the runs; a run that is in several counts once.
+///
+/// # Errors
+/// A file that is no table, or tables of different campaigns.
+pub fn merge(files: &[&Path]) -> Result<Vec<Row>> {
+    let mut all: Vec<Row> = Vec::new();
+    for path in files {
+        let bad =
+            |error: &dyn std::fmt::Display| BadInput::new(format!("{}: {error}", path.display()));
+        let mut reader = csv::Reader::from_path(path).map_err(|error| bad(&error))?;
+        for row in reader.deserialize::<Row>() {
+            let row = row.map_err(|error| bad(&error))?;
+            if let Some(first) = all.first() {
+                let campaign = |row: &Row| (row.seed, row.servo.clone(), row.lateral_mm.to_bits());
+                if campaign(first) != campaign(&row) {
+                    return Err(
+                        bad(&"of another campaign: seed, servo or lateral offset differ").into(),
+                    );
+                }
+            }
+            all.push(row);
+        }
+    }
+    if all.is_empty() {
+        return Err(BadInput::new("no runs in these files").into());
+    }
+    all.sort_by_key(|row| row.run);
+    all.dedup_by_key(|row| row.run);
+    Ok(all)
+}

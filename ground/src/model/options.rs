@@ -1,0 +1,218 @@
+//! Options of `tvc model`.
+
+use crate::flight::fly::ServoChoice;
+use clap::{Args, Subcommand};
+use plant::Parameters;
+use std::path::PathBuf;
+
+/// The model: physics that can be checked, and what follows from it.
+#[derive(Debug, Args)]
+pub struct Model {
+    /// What to do with it.
+    #[command(subcommand)]
+    pub command: ModelCommand,
+}
+
+/// What can be done with the model.
+#[derive(Debug, Subcommand)]
+pub enum ModelCommand {
+    /// Simulate a scenario file and write the trajectory as CSV.
+    Simulate(Simulate),
+    /// Make the model linear: poles, zeros, ranks, and the margins of the whole loop.
+    Linear(Linear),
+    /// Repeat the thesis' validations, and the balances that it left out.
+    Validate(Validate),
+    /// Fly the rocket that the drone stands for: pitch and yaw with scheduled gains.
+    Rocket(Rocket),
+}
+
+/// Options of `tvc model simulate`.
+#[derive(Debug, Args)]
+#[command(after_help = SIMULATE_HELP)]
+pub struct Simulate {
+    /// The scenario, a TOML file (see below).
+    pub scenario: PathBuf,
+
+    /// Where to write the trajectory [default: standard output, unless --json is given].
+    #[arg(long, value_name = "FILE.csv")]
+    pub out: Option<PathBuf>,
+
+    /// Interval of the rows, in s, in place of the scenario's dt_s.
+    #[arg(long, value_name = "S", value_parser = interval)]
+    pub dt: Option<f64>,
+
+    /// Print one JSON object about the run on standard output and nothing else there.
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// Options of `tvc model linear`.
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  cargo tvc model linear                              the recommended drone, upright at zero rudder
+  cargo tvc model linear --preset THESIS_TEXT --at 0.2   where 0.2 rad of crank hold the drone
+  cargo tvc model linear --servo digital --gains 1.6,0.35 --json
+  cargo tvc model linear --params identified.toml     a file with [drone], [servo] and [timing]
+
+The state is (theta0, w0, theta1, w1): pitch, its rate, crank, its rate; the input is the servo's
+torque on the crank in N m, the output the pitch. The loop is cut at the crank command; its margins
+count the sensor's delay, the rate's filter, half a control period, the hold of the servo frame, the
+pulse and the servo's lag. Deadband, backlash and the speed limit have no linear part.
+Exit status: 0 done, 1 something failed, 2 unusable input.")]
+pub struct Linear {
+    /// A parameter file with the tables `drone`, `servo` and `timing`, each optional.
+    #[arg(long, value_name = "FILE.toml")]
+    pub params: Option<PathBuf>,
+
+    /// The drone: PHYS, THESIS_TABLE or THESIS_TEXT [default: PHYS].
+    #[arg(long, value_name = "P", conflicts_with = "params", value_parser = preset)]
+    pub preset: Option<String>,
+
+    /// Servo and frame, in place of the file's.
+    #[arg(long, value_enum)]
+    pub servo: Option<ServoChoice>,
+
+    /// Gains in rad of servo per rad of pitch and per rad/s of pitch rate [default: the servo's].
+    #[arg(long, value_name = "KP,KD", allow_negative_numbers = true, value_parser = gains)]
+    pub gains: Option<(f64, f64)>,
+
+    /// Crank angle to take the model at, in rad, with the pitch at which the drone rests there (or
+    /// upright, if its weight cannot hold it) [default: zero rudder, upright, no torque].
+    #[arg(long, value_name = "THETA1", allow_negative_numbers = true)]
+    pub at: Option<f64>,
+
+    /// Pitch to take the model at, in rad, with the crank angle that holds the drone there.
+    #[arg(
+        long,
+        value_name = "THETA0",
+        allow_negative_numbers = true,
+        conflicts_with = "at"
+    )]
+    pub pitch: Option<f64>,
+
+    /// Print one JSON object on standard output and nothing else there.
+    #[arg(long)]
+    pub json: bool,
+
+    /// Where to write the HTML report.
+    #[arg(long, value_name = "FILE.html", default_value = "report/linear.html")]
+    pub report: PathBuf,
+}
+
+/// Options of `tvc model validate`.
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  cargo tvc model validate
+  cargo tvc model validate --json > validation.json
+
+The report has a plot for each of the thesis' figures 5.8 to 5.13, the balances of energy and
+momentum, and says which figures cannot be reproduced and why.
+Exit status: 0 every check holds, 1 one does not, 2 unusable input.")]
+pub struct Validate {
+    /// Print one JSON object on standard output and nothing else there.
+    #[arg(long)]
+    pub json: bool,
+
+    /// Where to write the HTML report.
+    #[arg(long, value_name = "FILE.html", default_value = "report/validate.html")]
+    pub report: PathBuf,
+}
+
+/// Options of `tvc model rocket`.
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  cargo tvc model rocket
+  cargo tvc model rocket --json > rocket.json
+
+The controller is that of the crate tvc-pid, one on each axis, its gains interpolated in a table over
+the time since ignition.
+Exit status: 0 every step of a scheduled controller overshoots 30 % at most and settles within 1.5 s,
+1 one does not, 2 unusable input.")]
+pub struct Rocket {
+    /// Print one JSON object on standard output and nothing else there.
+    #[arg(long)]
+    pub json: bool,
+
+    /// Where to write the HTML report.
+    #[arg(long, value_name = "FILE.html", default_value = "report/rocket.html")]
+    pub report: PathBuf,
+}
+
+fn preset(name: &str) -> Result<String, String> {
+    match Parameters::preset(name) {
+        Some(_) => Ok(name.into()),
+        None => Err("the presets are PHYS, THESIS_TABLE, THESIS_TEXT".into()),
+    }
+}
+
+fn gains(text: &str) -> Result<(f64, f64), String> {
+    let number = |text: &str| text.trim().parse::<f64>().ok().filter(|x| x.is_finite());
+    text.split_once(',')
+        .and_then(|(kp, kd)| Some((number(kp)?, number(kd)?)))
+        .ok_or_else(|| "gains are two numbers, such as 1.0,0.3".into())
+}
+
+fn interval(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(seconds) if seconds > 0.0 && seconds.is_finite() => Ok(seconds),
+        _ => Err("an interval is a number of seconds above zero, such as 0.005".into()),
+    }
+}
+
+const SIMULATE_HELP: &str = "\
+The file that is written has the columns t,theta0,theta1,theta2,theta3,w0,w1,w2,w3: time in s;
+pitch of the drone, crank, link and rudder in rad; their rates in rad/s. Angles and rates 1 to 3
+are relative to body 0. Rows stand every dt from t = 0; numbers are written so that they are read
+back exactly.
+
+A scenario in full (only `seconds` must be there; docs/model.md explains every key):
+
+  seconds = 5.0                  # length of the run
+  dt_s = 0.005                   # interval of the rows; --dt takes precedence
+
+  [drone]                        # parameters of the four bodies
+  preset = \"PHYS\"                # PHYS, THESIS_TABLE or THESIS_TEXT, then any override:
+  body_mass_kg = 2.75            # numbers in the unit of the key's ending,
+  crank_length_m = \"20 mm\"       # or a text with another unit of the same kind
+  gravity_m_s2 = 0.0             # gravity off
+  thrust_n = 0.0                 # propellers off
+
+  [servo]                        # for pulse_servo: preset S3003, S3003_5V or DIGITAL, overrides
+  [timing]                       # for pulse_servo: preset ANALOGUE, DIGITAL, NANO_50HZ or
+                                 # NANO_300HZ (the firmware's), overrides
+
+  [start]                        # all zero if left out; the crank at zero rudder
+  pitch_rad = 0.2
+  crank_rad = 0.0
+  pitch_rate_rad_s = 0.2
+  crank_rate_rad_s = 0.0
+
+  [input]                        # one of these; none is a free crank without torque
+  torque_n_m = 0.1               # torque on the crank: a number, a table or a sine
+  voltage_v = 6.0                # the same through the motor constant
+  torque_law = { kp = -2, kd = -0.6, crank_kp = 2, crank_kd = 0.06 }  # torque from the state
+  crank_rad = [[0, 0], [1, 0.3]] # prescribed crank (the servo is as strong as it needs to be)
+  ideal_servo = { kp = 1, kd = 0.3, stiffness = 900, damping = 60 }   # second order, PD law
+  pulse_servo = { kp = 1, kd = 0.3 }   # the servo of [servo], its frames and delays, PD law
+
+  [loads]                        # over time: a number, a table or a sine
+  thrust_n = 30.0                # in place of the drone's
+  pitch_moment_n_m = 0.0         # an external moment on the drone
+
+  [options]
+  hold_pitch = false             # true: the drone does not turn
+  crank_stop = { angle_rad = 0.8, stiffness_n_m_rad = 50, damping_n_m_s = 0.02 }
+
+Over time, a value is a number; a table of [time in s, value] with times that increase, straight
+between points (an angle: smooth); { points = [[...]], between = \"hold\" }, or straight, or smooth;
+or a sine { offset = 0, amplitude = 0.1, period_s = 2, phase_rad = 0 }.
+
+Examples:
+  cargo tvc model simulate scenarios/pd_ideal_servo.toml --out pd.csv
+  cargo tvc model simulate scenarios/constraint_sweep.toml --out sweep.csv --dt 0.001
+  cargo tvc model simulate scenarios/gravity_only_pendulum.toml --json
+
+Exit status: 0 written, 1 the motion could not be followed to its end, 2 unusable input.";

@@ -1,0 +1,61 @@
+//! Magnetic declination of a place and a day, by the world magnetic model.
+
+use anyhow::{Context, Result};
+use world_magnetic_model::GeomagneticField;
+use world_magnetic_model::time::{Date, Month, OffsetDateTime};
+use world_magnetic_model::uom::si::angle::degree;
+use world_magnetic_model::uom::si::f32::{Angle, Length};
+use world_magnetic_model::uom::si::length::meter;
+
+use crate::out::exit::BadInput;
+use crate::vehicle::calibrate::Day;
+use crate::vehicle::calibrate::Place;
+
+fn today() -> Result<Date> {
+    let since = std::time::SystemTime::now()
+        .duration_since(std::time::UNIX_EPOCH)
+        .context("the clock of this computer")?;
+    Ok(OffsetDateTime::from_unix_timestamp(since.as_secs() as i64)?.date())
+}
+
+/// Declination at sea level, deg, east positive; `None` is today.
+///
+/// # Errors
+/// [`BadInput`] for a day that is none, or one outside of the model's years.
+pub fn declination_deg(place: Place, day: Option<Day>) -> Result<f64> {
+    let date = match day {
+        None => today()?,
+        Some(day) => Month::try_from(day.month)
+            .and_then(|month| Date::from_calendar_date(day.year, month, day.day))
+            .map_err(|error| BadInput::new(format!("--date: {error}")))?,
+    };
+    let field = GeomagneticField::new(
+        Length::new::<meter>(0.0),
+        Angle::new::<degree>(place.latitude_deg),
+        Angle::new::<degree>(place.longitude_deg),
+        date,
+    )
+    .map_err(|error| BadInput::new(format!("no declination for this place and date: {error}")))?;
+    Ok(f64::from(field.declination().get::<degree>()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn declination_of_copenhagen_as_the_model_has_it() {
+        let place = Place {
+            latitude_deg: 55.79,
+            longitude_deg: 12.52,
+        };
+        let day = |year| Day {
+            year,
+            month: 7,
+            day: 1,
+        };
+        let deg = declination_deg(place, Some(day(2026))).unwrap();
+        assert!((4.3..6.0).contains(&deg), "{deg}");
+        assert!(declination_deg(place, Some(day(1900))).is_err());
+    }
+}

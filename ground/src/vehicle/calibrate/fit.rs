@@ -1,0 +1,259 @@
+//! The fits, one after another: each uses what the one before has found.
+
+use std::ops::Range;
+
+use nalgebra::{Matrix3, Vector3};
+use tvc_nano::calibration::alignment::{self, Turn};
+use tvc_nano::calibration::ellipsoid::{self, Ellipsoid};
+use tvc_nano::calibration::poses::{self, Poses};
+use tvc_nano::calibration::rest::{self, LEAST_S, Moment, Rest};
+use tvc_nano::calibration::{Correction, level, spread};
+
+use super::readings::Readings;
+use super::rests;
+use crate::vehicle::calibrate::Calibrate;
+use crate::vehicle::calibrate::Sensor;
+
+/// Shortest rest that counts as a pose, s.
+const POSE_S: f64 = 1.0;
+/// A sample counts as a measurement of gravity's direction while it is that near to gravity, as a share.
+const QUASI_STATIC: f64 = 0.04;
+/// Fewest such samples with a new field for the rotation of the soft iron.
+const FEWEST_PAIRS: usize = 200;
+/// Time over which a turn is looked at, s, and least angle, rad.
+const TURN_S: f64 = 0.2;
+const LEAST_TURN: f64 = 0.05;
+/// Fewest turns for a verdict on polarity.
+const FEWEST_TURNS: usize = 30;
+
+/// What was found.
+#[derive(Default)]
+pub struct Found {
+    /// The rest that gave the gyroscope's bias.
+    pub rest: Option<Rest>,
+    /// The accelerometer's poses.
+    pub poses: Option<Poses>,
+    /// The magnetometer's ellipsoid, turned by gravity.
+    pub ellipsoid: Option<Ellipsoid>,
+    /// Dip of the corrected field and its deviation, rad.
+    pub dip: Option<(f64, f64)>,
+    /// What the gyroscope must be multiplied with by gravity, and by the field.
+    pub by_gravity: Option<Matrix3<f64>>,
+    /// See `by_gravity`.
+    pub by_field: Option<Matrix3<f64>>,
+    /// Roll and pitch of the mount, rad.
+    pub mount: Option<(f64, f64)>,
+    /// Why there is no more.
+    pub refused: Vec<String>,
+}
+
+impl Found {
+    /// Correction of the gyroscope.
+    pub fn gyr(&self) -> Correction {
+        Correction {
+            offset: self.rest.map_or(Vector3::zeros(), |rest| rest.bias),
+            matrix: Matrix3::identity(),
+        }
+    }
+
+    /// Correction of the accelerometer.
+    pub fn acc(&self) -> Correction {
+        self.poses
+            .map_or(Correction::NONE, |poses| poses.correction)
+    }
+
+    /// Correction of the magnetometer.
+    pub fn mag(&self) -> Correction {
+        self.ellipsoid
+            .map_or(Correction::NONE, |ellipsoid| ellipsoid.correction)
+    }
+}
+
+/// Calibrates what `options` ask for.
+pub fn fit(readings: &Readings, options: &Calibrate) -> Found {
+    let wants = |sensor| options.only.is_empty() || options.only.contains(&sensor);
+    let mut found = Found::default();
+    let moments = &readings.moments;
+    let rests = rests::find(moments, POSE_S);
+    // Without the bias the other sensors can still be calibrated, and their refusals be told with this one.
+    match tombstone(moments) {
+        Ok(rest) => found.rest = Some(rest),
+        Err(why) if wants(Sensor::Gyr) => found.refused.push(why.to_string()),
+        Err(_) => {}
+    }
+    if wants(Sensor::Acc) {
+        match poses::fit(&rests::forces(moments, &rests), options.gravity) {
+            Ok(poses) => found.poses = Some(poses),
+            Err(why) => found.refused.push(why.to_string()),
+        }
+    }
+    if wants(Sensor::Mag) {
+        match ellipsoid::fit(&readings.fields()) {
+            Ok(ellipsoid) => found.ellipsoid = Some(ellipsoid),
+            Err(why) => found.refused.push(why.to_string()),
+        }
+    }
+    turn_by_gravity(&mut found, readings, options.gravity);
+    check_polarity(&mut found, readings, options.gravity);
+    if let Some(level) = level_rest(readings, &rests, options) {
+        match level {
+            Ok(force) => found.mount = Some(level::mount(&found.acc().apply(&force))),
+            Err(why) => found.refused.push(why),
+        }
+    }
+    found
+}
+
+/// The force with the body level: in the rest that the command line names, or in the last one after a person was asked to stand
+/// it so. `None` where nobody wants it.
+fn level_rest(
+    readings: &Readings,
+    rests: &[Range<usize>],
+    options: &Calibrate,
+) -> Option<Result<Vector3<f64>, String>> {
+    let moments = &readings.moments;
+    let wanted = options.only.is_empty() || options.only.contains(&Sensor::Level);
+    let (range, why) = match (options.level, readings.level_from_s.filter(|_| wanted)) {
+        (Some(at_s), _) => (
+            rests.iter().find(|range| {
+                moments[range.start].time_s <= at_s && at_s <= moments[range.end - 1].time_s
+            }),
+            format!(
+                "the sensor was not at rest at {at_s} s: --level needs the time of a rest of {POSE_S} s"
+            ),
+        ),
+        (None, Some(from_s)) => (
+            rests
+                .iter()
+                .rfind(|range| moments[range.start].time_s >= from_s),
+            "the body did not rest when it was to stand level".to_owned(),
+        ),
+        (None, None) => return None,
+    };
+    let force = range.and_then(|range| spread(moments[range.clone()].iter().map(|m| &m.acc)));
+    Some(force.map(|(mean, _)| mean).ok_or(why))
+}
+
+/// The bias out of the longest rest; where there is none, the recording's beginning tells why.
+fn tombstone(moments: &[Moment]) -> Result<Rest, rest::RestError> {
+    let longest = rests::find(moments, 0.0)
+        .into_iter()
+        .max_by(|a, b| rests::length_s(moments, a).total_cmp(&rests::length_s(moments, b)));
+    let longest = longest.unwrap_or(0..0);
+    let short = rest::bias(&moments[longest]);
+    if let Err(rest::RestError::Short { .. }) = short {
+        let until = moments.partition_point(|m| m.time_s <= 2.0 * LEAST_S);
+        if let Err(motion @ rest::RestError::Motion { .. }) = rest::bias(&moments[..until]) {
+            return Err(motion);
+        }
+    }
+    short
+}
+
+/// Where gravity and field show the rotation that the ellipsoid cannot, it is taken.
+fn turn_by_gravity(found: &mut Found, readings: &Readings, gravity: f64) {
+    let Some(mut ellipsoid) = found.ellipsoid else {
+        return;
+    };
+    let acc = found.acc();
+    let pairs: Vec<_> = readings
+        .fresh
+        .iter()
+        .map(|i| &readings.moments[*i])
+        .map(|m| (acc.apply(&m.acc), ellipsoid.correction.apply(&m.mag)))
+        .filter(|(up, _)| (up.norm() / gravity - 1.0).abs() <= QUASI_STATIC)
+        .collect();
+    if pairs.len() < FEWEST_PAIRS {
+        return;
+    }
+    // An accelerometer reads the force that holds it up.
+    if let Some((correction, dip, deviation)) =
+        ellipsoid::align(&ellipsoid.correction, pairs.iter())
+    {
+        ellipsoid.correction = correction;
+        found.ellipsoid = Some(ellipsoid);
+        found.dip = Some((dip, deviation));
+    }
+}
+
+fn check_polarity(found: &mut Found, readings: &Readings, gravity: f64) {
+    let (gyr, acc, mag) = (found.gyr(), found.acc(), found.mag());
+    let all: Vec<usize> = (0..readings.moments.len()).collect();
+    let static_force = |m: &Moment| {
+        let force = acc.apply(&m.acc);
+        ((force.norm() / gravity - 1.0).abs() <= QUASI_STATIC).then(|| force.normalize())
+    };
+    found.by_gravity = polarity(&turns(&readings.moments, &all, &gyr, static_force));
+    if found.ellipsoid.is_some() {
+        let field = |m: &Moment| Some(mag.apply(&m.mag).normalize());
+        found.by_field = polarity(&turns(&readings.moments, &readings.fresh, &gyr, field));
+    }
+    for (what, matrix) in [
+        ("accelerometer", found.by_gravity),
+        ("magnetometer", found.by_field),
+    ] {
+        if let Some(matrix) = matrix.filter(|matrix| !alignment::agrees(matrix)) {
+            found.refused.push(format!(
+                "gyroscope and {what} disagree about the axes: {}; check the axis map",
+                disagreement(&matrix)
+            ));
+        }
+    }
+}
+
+/// The worst axis, in words.
+fn disagreement(matrix: &Matrix3<f64>) -> String {
+    const AXES: [&str; 3] = ["x", "y", "z"];
+    let off = matrix - Matrix3::identity();
+    let row = off.row_iter().map(|row| row.amax()).enumerate();
+    let (axis, _) = row.max_by(|a, b| a.1.total_cmp(&b.1)).unwrap_or_default();
+    let row = matrix.row(axis);
+    format!(
+        "a turn about {} is read as {:+.1} x {:+.1} y {:+.1} z",
+        AXES[axis], row[0], row[1], row[2]
+    )
+}
+
+fn polarity(turns: &[Turn]) -> Option<Matrix3<f64>> {
+    if turns.len() < FEWEST_TURNS {
+        return None;
+    }
+    alignment::gyro_by(turns.iter().copied())
+}
+
+/// Turns of a direction that stands still in the world, between samples of `indices`.
+fn turns(
+    moments: &[Moment],
+    indices: &[usize],
+    gyr: &Correction,
+    direction: impl Fn(&Moment) -> Option<Vector3<f64>>,
+) -> Vec<Turn> {
+    let mut turns = Vec::new();
+    let mut start = 0;
+    for (at, index) in indices.iter().enumerate() {
+        let (from, to) = (indices[start], *index);
+        if moments[to].time_s - moments[from].time_s < TURN_S {
+            continue;
+        }
+        start = at;
+        let angle: Vector3<f64> = moments[from..=to]
+            .windows(2)
+            .map(|pair| {
+                let rate = (gyr.apply(&pair[0].gyr) + gyr.apply(&pair[1].gyr)) / 2.0;
+                rate * (pair[1].time_s - pair[0].time_s)
+            })
+            .sum();
+        let (Some(before), Some(after)) = (direction(&moments[from]), direction(&moments[to]))
+        else {
+            continue;
+        };
+        if angle.norm() >= LEAST_TURN {
+            turns.push(Turn {
+                before,
+                after,
+                angle,
+            });
+        }
+    }
+    turns
+}

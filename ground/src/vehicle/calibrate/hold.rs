@@ -1,0 +1,192 @@
+//! The holding angle: what the servo does, upright and at rest, against a lateral offset of the mass.
+//!
+//! A centimetre of offset asks for 0.08 rad of servo. The controller's observer finds that in flight, but a drone that is let go
+//! begins with the rudder at neutral; with the neutral at the holding angle, there is nothing left to find.
+
+use std::time::{Duration, Instant};
+
+use anyhow::{Result, bail};
+use mavlink::dialects::common::MavMessage;
+use nalgebra::Vector3;
+use rig::operator::FlightState;
+use rig::request;
+use serde::Serialize;
+use tvc_nano::Params;
+use tvc_nano::calibration::spread;
+
+use super::session::Session;
+use super::tell;
+use super::write::write;
+use crate::out::exit::Verdict;
+use crate::out::file::print_json;
+use crate::signals;
+use crate::vehicle::calibrate::Calibrate;
+use crate::vehicle::link::{Parameter, Vehicle};
+use crate::vehicle::status::angles;
+use crate::vehicle::test::arm;
+
+const NAME: &str = "SRV_HOLD_DEG";
+/// After the release, until it is measured.
+const SETTLE: Duration = Duration::from_secs(3);
+/// Largest standard deviation of pitch that counts as held, deg.
+const STEADY_DEG: f64 = 2.0;
+/// Fewest control steps.
+const FEWEST: usize = 100;
+
+/// What `tvc calibrate hold --json` prints.
+#[derive(Debug, Serialize)]
+struct Figures {
+    /// Mean servo angle beyond the neutral, deg.
+    crank_deg: f64,
+    /// Pitch, mean and standard deviation, deg.
+    pitch_deg: [f64; 2],
+    before_deg: f32,
+    hold_deg: f32,
+    steps: usize,
+    written: bool,
+    refused: Option<String>,
+}
+
+impl Figures {
+    fn text(&self) -> String {
+        format!(
+            "held for {} steps at {:.2} deg of pitch, to {:.2} deg, with {:+.2} deg of servo\n{NAME} {} -> {}\n",
+            self.steps,
+            self.pitch_deg[0],
+            self.pitch_deg[1],
+            self.crank_deg,
+            self.before_deg,
+            self.hold_deg
+        )
+    }
+}
+
+/// Flies, measures, disarms and writes.
+pub fn run(seconds: f64, options: &Calibrate) -> Result<Verdict> {
+    let stop = signals::on_signal()?;
+    let mut session = Session::begin(Vehicle::connect(&options.port.port())?, stop)?;
+    let before_deg = session.vehicle.parameter(NAME)?;
+    let set_deg = f64::from(session.vehicle.parameter("PITCH_SET_DEG")?);
+    session.vehicle.command("calibrate", request::CALIBRATE)?;
+    let flown = arm(&mut session.vehicle, stop)
+        .and_then(|()| session.vehicle.command("release", request::RELEASE))
+        .and_then(|()| fly(&mut session, Duration::from_secs_f64(seconds)));
+    // Whatever happened: the rudder to neutral.
+    let disarmed = session.vehicle.command("disarm", request::DISARM);
+    session.end();
+    let steps = flown?;
+    disarmed?;
+    let Some((mean, deviation)) = spread(steps.iter()) else {
+        bail!("the vehicle told nothing of its rudder");
+    };
+    let mut figures = Figures {
+        crank_deg: mean.x,
+        pitch_deg: [mean.y, deviation.y],
+        before_deg,
+        hold_deg: ((f64::from(before_deg) + mean.x) * 100.0).round() as f32 / 100.0,
+        steps: steps.len(),
+        written: false,
+        refused: None,
+    };
+    figures.refused = refusal(&figures, set_deg);
+    tell(&figures.text(), options.port.json);
+    if figures.refused.is_none()
+        && (options.yes || session.agrees("Write this to the vehicle, and into its flash?")?)
+    {
+        let row = Parameter {
+            name: NAME.into(),
+            value: figures.hold_deg,
+        };
+        write(&mut session.vehicle, &[row])?;
+        figures.written = true;
+    }
+    if options.port.json {
+        print_json(&figures)?;
+    }
+    Ok(match &figures.refused {
+        None => Verdict::Met,
+        Some(why) => {
+            eprintln!("refused: {why}");
+            Verdict::Missed
+        }
+    })
+}
+
+/// Servo angle and pitch, deg, of every step after the drone has settled.
+fn fly(session: &mut Session, length: Duration) -> Result<Vec<Vector3<f64>>> {
+    let begun = Instant::now();
+    let (mut steps, mut pitch_deg) = (Vec::new(), 0.0);
+    while begun.elapsed() < SETTLE + length {
+        for frame in session.vehicle.receive()? {
+            match &frame.message {
+                MavMessage::ATTITUDE_QUATERNION(q) => {
+                    let [_, pitch, _] = angles([q.q1, q.q2, q.q3, q.q4].map(f64::from));
+                    pitch_deg = pitch.to_degrees();
+                }
+                MavMessage::NAMED_VALUE_FLOAT(value)
+                    if value.name.to_str() == Ok("crank_rad") && begun.elapsed() > SETTLE =>
+                {
+                    let crank_deg = f64::from(value.value).to_degrees();
+                    steps.push(Vector3::new(crank_deg, pitch_deg, 0.0));
+                }
+                _ => {}
+            }
+        }
+        if session.vehicle.state() == FlightState::Failsafe {
+            bail!(
+                "the vehicle gave up: {}",
+                session.vehicle.standing().reason()
+            );
+        }
+        session.go_on()?;
+        let share = begun.elapsed().as_secs_f64() / (SETTLE + length).as_secs_f64();
+        session.progress(share, format!("released, pitch {pitch_deg:+.1} deg"));
+    }
+    Ok(steps)
+}
+
+/// Why what was flown is no measurement, if it is none.
+fn refusal(figures: &Figures, set_deg: f64) -> Option<String> {
+    let [pitch, deviation] = figures.pitch_deg;
+    if figures.steps < FEWEST {
+        Some(format!(
+            "{} control steps are too few to measure",
+            figures.steps
+        ))
+    } else if deviation > STEADY_DEG || (pitch - set_deg).abs() > STEADY_DEG {
+        Some(format!(
+            "the drone was not held: pitch {pitch:.1} deg, to {deviation:.1} deg, where it was to be {set_deg:.1} deg"
+        ))
+    } else {
+        let taken = Params::default().set(NAME, figures.hold_deg).err();
+        taken.map(|why| format!("{why}, not {}: move the mass", figures.hold_deg))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_a_drone_that_was_held_says_where_its_mass_is() {
+        let figures = |pitch, deviation, hold_deg, steps| Figures {
+            crank_deg: 0.0,
+            pitch_deg: [pitch, deviation],
+            before_deg: 0.0,
+            hold_deg,
+            steps,
+            written: false,
+            refused: None,
+        };
+        assert_eq!(refusal(&figures(0.3, 0.2, 2.3, 900), 0.0), None);
+        for (bad, part) in [
+            (figures(0.3, 0.2, 2.3, 20), "too few"),
+            (figures(4.0, 0.2, 2.3, 900), "not held"),
+            (figures(0.3, 3.0, 2.3, 900), "not held"),
+            (figures(0.3, 0.2, 11.0, 900), "move the mass"),
+        ] {
+            let why = refusal(&bad, 0.0).unwrap();
+            assert!(why.contains(part), "{why}");
+        }
+    }
+}

@@ -1,0 +1,239 @@
+//! Options of `tvc calibrate`.
+
+use crate::vehicle::param::ParamPort;
+use crate::vehicle::port::seconds;
+use clap::{Args, Subcommand, ValueEnum};
+use std::path::PathBuf;
+
+/// Options of `tvc calibrate`.
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Without --from it leads through the procedure at a vehicle: lay the sensor down and leave it alone for
+ten seconds; rest it on all six faces, two seconds each; turn it slowly through all directions, away
+from iron; stand the body level. Then it shows what it has found and, if you agree, writes it to the
+vehicle and into its flash, and reads it back. It is kept as a recording, which gives the same again.
+
+Examples:
+  cargo tvc calibrate --place 55.79,12.52                      the only Nano, guided
+  cargo tvc calibrate --port ./nano --yes                      a given port, without a question
+  cargo tvc calibrate --only mag,level                         some of the steps
+  cargo tvc calibrate --from walk.tlog                         out of a recording
+  cargo tvc calibrate --from log.csv --place 55.79,12.52       declination from the world magnetic model
+  cargo tvc calibrate --from log.csv --only gyr,acc --level 5  mount from the rest at 5 s, body level
+  cargo tvc param load report/calibration.parm                 and onto the vehicle
+  cargo tvc calibrate servo                                    then centre, angle, direction, ends
+  cargo tvc calibrate polarity                                 then see the rudder answer a tilt
+  cargo tvc calibrate hold                                     then, on the tether, the lateral offset
+  cargo tvc rig --pty --link ./nano --blank --sensor worst     a virtual rig to try it at
+
+Exit status: 0 calibrated, 1 the data do not allow it (standard error says why), 2 unusable input.")]
+#[command(args_conflicts_with_subcommands = true)]
+pub struct Calibrate {
+    /// What else is set up.
+    #[command(subcommand)]
+    pub step: Option<SetUp>,
+
+    /// The recording: a telemetry log (.tlog, .mcap), a CSV file with counts (acc_x ... mag_z) or in SI units
+    /// (gx_rad_s, ax_m_s2, mx_ut ...), or IMUQ16v1.
+    #[arg(long, value_name = "LOG", conflicts_with_all = ["port", "yes", "record"])]
+    pub from: Option<PathBuf>,
+
+    /// The vehicle, and the form of the answer.
+    #[command(flatten)]
+    pub port: ParamPort,
+
+    /// Yes to every question: write what was found to the vehicle.
+    #[arg(long, global = true)]
+    pub yes: bool,
+
+    /// Where to keep the recording of a guided calibration.
+    #[arg(
+        long,
+        value_name = "FILE.tlog",
+        default_value = "report/calibration.tlog"
+    )]
+    pub record: PathBuf,
+
+    /// Only these steps [default: all].
+    #[arg(long, value_enum, value_delimiter = ',', value_name = "SENSOR")]
+    pub only: Vec<Sensor>,
+
+    /// At this time of the recording, in s from its start, the body was at rest and level: gives the
+    /// mount's roll and pitch.
+    #[arg(long, value_name = "S", requires = "from")]
+    pub level: Option<f64>,
+
+    /// Magnetic declination, in deg, east positive.
+    #[arg(long, value_name = "DEG", allow_negative_numbers = true, conflicts_with = "place", value_parser = declination)]
+    pub declination: Option<f64>,
+
+    /// Latitude and longitude, in deg, north and east positive: declination by the world magnetic model.
+    #[arg(long, value_name = "LAT,LON", allow_negative_numbers = true, value_parser = place)]
+    pub place: Option<Place>,
+
+    /// The day for --place [default: today].
+    #[arg(long, value_name = "YYYY-MM-DD", requires = "place", value_parser = day)]
+    pub date: Option<Day>,
+
+    /// Gravity where it was recorded, m/s^2.
+    #[arg(long, value_name = "M_S2", default_value_t = 9.80665, value_parser = gravity)]
+    pub gravity: f64,
+
+    /// Where to write the firmware's parameters.
+    #[arg(
+        long,
+        value_name = "FILE.parm",
+        default_value = "report/calibration.parm"
+    )]
+    pub out: PathBuf,
+
+    /// Where to write the HTML report.
+    #[arg(
+        long,
+        value_name = "FILE.html",
+        default_value = "report/calibrate.html"
+    )]
+    pub report: PathBuf,
+}
+
+/// What is set up besides the sensors.
+#[derive(Debug, Subcommand)]
+pub enum SetUp {
+    /// The servo: centre, us per degree, direction, travel ends, each given here or found with the servo
+    /// in sight. Turn thrust off.
+    Servo(Servo),
+    /// Tilt the vehicle by hand and see the rudder answer the right way, without which nothing is armed.
+    /// Turn thrust off.
+    Polarity,
+    /// Fly upright for a while and take the servo angle that holds the drone against a lateral offset of
+    /// its mass, so that the rudder rests there before the next release. Thrust on, on the tether.
+    Hold {
+        /// How long it is measured, after three seconds of settling.
+        #[arg(long, value_name = "S", default_value_t = 8.0, value_parser = seconds)]
+        seconds: f64,
+    },
+}
+
+/// Options of `tvc calibrate servo`. What is not given is asked for, or stays with --yes.
+#[derive(Debug, Args)]
+pub struct Servo {
+    /// Pulse at which the rudder has no effect, us.
+    #[arg(long, value_name = "US")]
+    pub centre: Option<f32>,
+
+    /// Change of the pulse for a degree of the servo's horn, us.
+    #[arg(long, value_name = "US")]
+    pub us_per_deg: Option<f32>,
+
+    /// 1 where a longer pulse pushes the nose down, -1 where it lifts it.
+    #[arg(long, value_name = "SIGN", allow_negative_numbers = true)]
+    pub direction: Option<f32>,
+
+    /// Shortest pulse at which nothing touches, us.
+    #[arg(long, value_name = "US")]
+    pub min: Option<f32>,
+
+    /// Longest pulse at which nothing touches, us.
+    #[arg(long, value_name = "US")]
+    pub max: Option<f32>,
+}
+
+/// A sensor to calibrate.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum Sensor {
+    /// Gyroscope: bias.
+    Gyr,
+    /// Accelerometer: offset and scale.
+    Acc,
+    /// Magnetometer: hard and soft iron.
+    Mag,
+    /// Mount: roll and pitch, with the body level.
+    Level,
+}
+
+/// A place on earth, deg.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Place {
+    /// North positive.
+    pub latitude_deg: f32,
+    /// East positive.
+    pub longitude_deg: f32,
+}
+
+/// A day of the Gregorian calendar.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Day {
+    /// Year.
+    pub year: i32,
+    /// Month, 1 to 12.
+    pub month: u8,
+    /// Day of the month.
+    pub day: u8,
+}
+
+fn declination(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(deg) if deg.abs() <= 180.0 => Ok(deg),
+        _ => Err("a declination is a number of degrees from -180 to 180, such as 4.37".into()),
+    }
+}
+
+fn gravity(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(g) if (9.7..=9.9).contains(&g) => Ok(g),
+        _ => Err("gravity on earth is 9.7 to 9.9 m/s^2".into()),
+    }
+}
+
+/// Latitude and longitude, deg.
+pub fn place(text: &str) -> Result<Place, String> {
+    let parsed = text
+        .split_once(',')
+        .and_then(|(lat, lon)| Some((lat.trim().parse().ok()?, lon.trim().parse().ok()?)));
+    match parsed {
+        Some((latitude_deg, longitude_deg))
+            if f32::abs(latitude_deg) <= 90.0 && f32::abs(longitude_deg) <= 180.0 =>
+        {
+            Ok(Place {
+                latitude_deg,
+                longitude_deg,
+            })
+        }
+        _ => Err("a place is latitude and longitude in degrees, such as 55.79,12.52".into()),
+    }
+}
+
+fn day(text: &str) -> Result<Day, String> {
+    let parts: Vec<&str> = text.split('-').collect();
+    let parsed = match parts.as_slice() {
+        [year, month, day] => (|| {
+            Some(Day {
+                year: year.parse().ok()?,
+                month: month.parse().ok()?,
+                day: day.parse().ok()?,
+            })
+        })(),
+        _ => None,
+    };
+    parsed.ok_or_else(|| "a date is year, month and day, such as 2026-05-31".into())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn places_and_dates() {
+        let place = place("55.79, 12.52").unwrap();
+        assert_eq!((place.latitude_deg, place.longitude_deg), (55.79, 12.52));
+        for bad in ["55.79", "91,0", "0,181", "a,b", "NaN,0"] {
+            assert!(super::place(bad).is_err(), "{bad}");
+        }
+        let date = day("2026-05-31").unwrap();
+        assert_eq!((date.year, date.month, date.day), (2026, 5, 31));
+        for bad in ["2026", "2026-05", "May 31", "2026-5-31-1"] {
+            assert!(day(bad).is_err(), "{bad}");
+        }
+        assert!(gravity("1").is_err() && declination("NaN").is_err());
+    }
+}

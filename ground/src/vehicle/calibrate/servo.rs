@@ -1,0 +1,268 @@
+//! The servo's set-up: pulses while nothing is armed, and a person who says where the rudder is.
+
+use std::time::{Duration, Instant};
+
+use anyhow::Result;
+use rig::request;
+use serde::Serialize;
+use tvc_nano::Params;
+
+use super::session::Session;
+use super::write::write;
+use crate::out::exit::{BadInput, Verdict};
+use crate::out::file::print_figures;
+use crate::signals;
+use crate::vehicle::calibrate::Calibrate;
+use crate::vehicle::calibrate::Servo;
+use crate::vehicle::link::{Parameter, Vehicle};
+
+/// How often a pulse is asked for again; the vehicle holds it for two seconds.
+const AGAIN: Duration = Duration::from_millis(500);
+/// Step of a nudge, us.
+const NUDGE_US: f32 = 5.0;
+/// How far from the centre the horn's angle is measured, us.
+const SPAN_US: f32 = 300.0;
+
+/// What `tvc calibrate servo --json` prints.
+#[derive(Debug, Serialize)]
+struct Figures {
+    parameters: serde_json::Map<String, serde_json::Value>,
+    changed: usize,
+    written: bool,
+    /// Another direction takes the polarity check back.
+    polarity_checked: bool,
+}
+
+impl Figures {
+    fn text(&self) -> String {
+        let mut text = match self.written {
+            true => format!("{} parameters changed, in the flash too\n", self.changed),
+            false => "the vehicle is as it was\n".to_owned(),
+        };
+        if self.written && !self.polarity_checked {
+            text += "next: tvc calibrate polarity, without which nothing is armed\n";
+        }
+        text
+    }
+}
+
+/// Sets the servo up.
+pub fn run(given: &Servo, options: &Calibrate) -> Result<Verdict> {
+    check(given)?;
+    let stop = signals::on_signal()?;
+    let mut session = Session::begin(Vehicle::connect(&options.port.port())?, stop)?;
+    let rows = find(&mut session, given, options.yes)?;
+    let mut figures = Figures {
+        parameters: rows
+            .iter()
+            .map(|row| (row.name.clone(), row.value.into()))
+            .collect(),
+        changed: 0,
+        written: false,
+        polarity_checked: false,
+    };
+    for row in &rows {
+        eprintln!("{:<16} {}", row.name, row.value);
+    }
+    if options.yes || session.agrees("Write this to the vehicle, and into its flash?")? {
+        figures.changed = write(&mut session.vehicle, &rows)?;
+        figures.written = true;
+    }
+    figures.polarity_checked = session.vehicle.parameter("SRV_POLARITY")? == 1.0;
+    print_figures(&figures, options.port.json, Figures::text)?;
+    Ok(Verdict::Met)
+}
+
+/// What is given must be what the firmware takes.
+fn check(given: &Servo) -> Result<()> {
+    let mut table = Params::default();
+    for (option, name, value) in [
+        ("--centre", "SRV_CENTRE_US", given.centre),
+        ("--us-per-deg", "SRV_US_PER_DEG", given.us_per_deg),
+        ("--direction", "SRV_DIR", given.direction),
+        ("--min", "SRV_MIN_US", given.min),
+        ("--max", "SRV_MAX_US", given.max),
+    ] {
+        if let Some(value) = value {
+            table
+                .set(name, value)
+                .map_err(|why| BadInput::new(format!("{option} {value}: {why}")))?;
+        }
+    }
+    Ok(())
+}
+
+/// What is given, what the person finds, or what the vehicle has.
+fn find(session: &mut Session, given: &Servo, yes: bool) -> Result<Vec<Parameter>> {
+    let mut has = |name: &str| session.vehicle.parameter(name);
+    let (centre, us_per_deg, sign) = (
+        has("SRV_CENTRE_US")?,
+        has("SRV_US_PER_DEG")?,
+        has("SRV_DIR")?,
+    );
+    let (min, max) = (has("SRV_MIN_US")?, has("SRV_MAX_US")?);
+    let centre = match given.centre {
+        Some(us) => us,
+        None if yes => centre,
+        None => nudge(
+            session,
+            "Thrust off. Centre: the rudder hangs straight down",
+            centre,
+        )?,
+    };
+    let us_per_deg = match given.us_per_deg {
+        Some(us) => us,
+        None if yes => us_per_deg,
+        None => scale(session, centre)?.unwrap_or(us_per_deg),
+    };
+    let direction = match given.direction {
+        Some(sign) => sign,
+        None if yes => sign,
+        None => direction(session, centre)?.unwrap_or(sign),
+    };
+    let min = match given.min {
+        Some(us) => us,
+        None if yes => min,
+        None => nudge(session, "Shortest pulse at which nothing touches", min)?,
+    };
+    let max = match given.max {
+        Some(us) => us,
+        None if yes => max,
+        None => nudge(session, "Longest pulse at which nothing touches", max)?,
+    };
+    // Rounded as a person would write it, so that files and vehicles agree.
+    let row = |name: &str, value: f32| Parameter {
+        name: name.into(),
+        value: (value * 1000.0).round() / 1000.0,
+    };
+    let rows = vec![
+        row("SRV_CENTRE_US", centre),
+        row("SRV_US_PER_DEG", us_per_deg),
+        row("SRV_DIR", direction),
+        row("SRV_MIN_US", min),
+        row("SRV_MAX_US", max),
+    ];
+    let mut table = Params::default();
+    for row in &rows {
+        table
+            .set(&row.name, row.value)
+            .map_err(|why| BadInput::new(format!("{} {}: {why}", row.name, row.value)))?;
+    }
+    Ok(rows)
+}
+
+/// Asks while the servo holds a pulse.
+fn ask_at(session: &mut Session, pulse_us: f32, words: &str) -> Result<Option<String>> {
+    let mut due = Instant::now();
+    session.question(words, &mut |vehicle| {
+        if Instant::now() >= due {
+            due = Instant::now() + AGAIN;
+            vehicle.command("hold a pulse", request::servo(pulse_us))?;
+        }
+        Ok(())
+    })
+}
+
+/// Moves the servo until the person is content.
+fn nudge(session: &mut Session, what: &str, from_us: f32) -> Result<f32> {
+    let mut pulse_us = from_us;
+    loop {
+        let words = format!(
+            "{what}: now {pulse_us} us. A pulse in us, + or - for 5 us (++ for 10), Enter when it is so:"
+        );
+        let Some(answer) = ask_at(session, pulse_us, &words)? else {
+            return Ok(pulse_us);
+        };
+        if answer.is_empty() {
+            return Ok(pulse_us);
+        }
+        match nudged(pulse_us, &answer) {
+            Some(us) => pulse_us = us,
+            None => eprintln!("{answer} is neither a pulse from 853 to 2193 us nor a nudge"),
+        }
+    }
+}
+
+/// A pulse after an answer, if it is one that a servo gets.
+fn nudged(pulse_us: f32, answer: &str) -> Option<f32> {
+    let us = if answer.bytes().all(|b| b == b'+') {
+        pulse_us + NUDGE_US * answer.len() as f32
+    } else if answer.bytes().all(|b| b == b'-') {
+        pulse_us - NUDGE_US * answer.len() as f32
+    } else {
+        answer.parse().ok()?
+    };
+    (tvc_nano::config::PULSE_MIN_US..=tvc_nano::config::PULSE_MAX_US)
+        .contains(&us)
+        .then_some(us)
+}
+
+/// us per degree, out of the horn's angle a span away on both sides.
+fn scale(session: &mut Session, centre_us: f32) -> Result<Option<f32>> {
+    let mut degrees = 0.0;
+    for pulse_us in [centre_us + SPAN_US, centre_us - SPAN_US] {
+        loop {
+            let words = format!(
+                "Horn at {pulse_us} us: how many deg from the centre, either way (Enter: leave the scale as it is)?"
+            );
+            match ask_at(session, pulse_us, &words)? {
+                Some(answer) if !answer.is_empty() => match answer.parse::<f32>() {
+                    Ok(deg) if (5.0..=90.0).contains(&deg.abs()) => {
+                        degrees += deg.abs();
+                        break;
+                    }
+                    _ => eprintln!("{answer} is no angle from 5 to 90 deg"),
+                },
+                _ => return Ok(None),
+            }
+        }
+    }
+    Ok(Some(2.0 * SPAN_US / degrees))
+}
+
+/// Which way a longer pulse turns the rudder.
+fn direction(session: &mut Session, centre_us: f32) -> Result<Option<f32>> {
+    loop {
+        let words = "A longer pulse: does the rudder's lower edge point forward, to the nose [y/n] (Enter: leave it as it is)?";
+        match ask_at(session, centre_us + SPAN_US, words)?.as_deref() {
+            Some("y" | "Y" | "yes") => return Ok(Some(1.0)),
+            Some("n" | "N" | "no") => return Ok(Some(-1.0)),
+            Some("") | None => return Ok(None),
+            Some(_) => eprintln!("y or n"),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn nudges_and_pulses() {
+        assert_eq!(nudged(1500.0, "+"), Some(1505.0));
+        assert_eq!(nudged(1500.0, "---"), Some(1485.0));
+        assert_eq!(nudged(1500.0, "1523.6"), Some(1523.6));
+        for bad in ["800", "2200", "x", "+-", "NaN"] {
+            assert_eq!(nudged(1500.0, bad), None, "{bad}");
+        }
+        assert_eq!(nudged(855.0, "-"), None);
+    }
+
+    #[test]
+    fn what_the_firmware_would_not_take_is_named_by_its_option() {
+        let given = |centre, direction| Servo {
+            centre,
+            us_per_deg: None,
+            direction,
+            min: None,
+            max: None,
+        };
+        assert!(check(&given(Some(1500.0), Some(-1.0))).is_ok());
+        let why = check(&given(Some(1700.0), None)).unwrap_err().to_string();
+        assert!(
+            why.starts_with("--centre 1700: SRV_CENTRE_US must be"),
+            "{why}"
+        );
+        assert!(check(&given(None, Some(0.5))).is_err());
+    }
+}

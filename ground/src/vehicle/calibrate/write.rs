@@ -1,0 +1,37 @@
+//! Parameters into the vehicle and its flash, and back to be compared.
+
+use anyhow::{Result, bail};
+use rig::request;
+
+use crate::vehicle::link::{Parameter, Vehicle};
+
+/// Sets `rows`, saves them, reads them back out of the flash and compares; how many were changed.
+///
+/// # Errors
+/// The vehicle refuses one, does not answer, or its flash has another value.
+pub fn write(vehicle: &mut Vehicle, rows: &[Parameter]) -> Result<usize> {
+    let before = vehicle.parameters()?;
+    let mut changed = 0;
+    for row in rows {
+        if !before.contains(row) {
+            vehicle.set_parameter(&row.name, row.value)?;
+            changed += 1;
+        }
+    }
+    vehicle.command("save parameters", request::SAVE)?;
+    // What is compared comes out of the flash.
+    vehicle.command("reload parameters", request::RELOAD)?;
+    let after = vehicle.parameters()?;
+    match rows.iter().find(|row| !after.contains(row)) {
+        None => Ok(changed),
+        Some(row) => {
+            let found = after.iter().find(|other| other.name == row.name);
+            bail!(
+                "{} is {} in the vehicle's flash, not {}",
+                row.name,
+                found.map_or("missing".into(), |found| found.value.to_string()),
+                row.value
+            )
+        }
+    }
+}

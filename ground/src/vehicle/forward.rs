@@ -1,0 +1,112 @@
+//! `tvc forward`: a bridge by UDP, MAVLink to a ground station such as QGroundControl and JSON to PlotJuggler.
+
+use std::net::{Ipv4Addr, SocketAddr, UdpSocket};
+use std::time::{Duration, Instant};
+
+use anyhow::{Context, Result};
+use mavlink::dialects::common::MavMessage;
+
+use crate::logs::log::Writer;
+use crate::out::exit::Verdict;
+use crate::signals;
+use crate::vehicle::link::{Link, Vehicle};
+use crate::vehicle::monitor::servo_map;
+use crate::vehicle::port::PortOptions;
+use crate::vehicle::port::seconds;
+use crate::vehicle::status::Tracker;
+use clap::Args;
+use std::path::PathBuf;
+
+/// Options of `tvc forward`.
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  cargo tvc forward                        QGroundControl and PlotJuggler on this computer find it
+  cargo tvc forward --to 192.168.1.20:14550    a ground station elsewhere
+  cargo tvc forward --log flight.tlog      and keep every frame, both ways
+
+What comes back from the ground station goes to the vehicle.
+Exit status: 0 ended, 1 the vehicle went away or something failed, 2 unusable input.")]
+pub struct Forward {
+    /// Where the vehicle is.
+    #[command(flatten)]
+    pub port: PortOptions,
+
+    /// Where MAVLink goes, by UDP.
+    #[arg(long, value_name = "ADDRESS", default_value = "127.0.0.1:14550")]
+    pub to: SocketAddr,
+
+    /// Where JSON for PlotJuggler goes, by UDP.
+    #[arg(long, value_name = "ADDRESS", default_value = "127.0.0.1:9870")]
+    pub plot: SocketAddr,
+
+    /// End by itself after this many seconds.
+    #[arg(long, value_name = "S", value_parser = seconds)]
+    pub seconds: Option<f64>,
+
+    /// Keep every frame, both ways, in a new telemetry log (.tlog, .mcap).
+    #[arg(long, value_name = "FILE")]
+    pub log: Option<PathBuf>,
+}
+
+/// Largest datagram taken from a ground station.
+const DATAGRAM: usize = 2048;
+
+/// Bridges until Ctrl-C.
+pub fn run(options: &Forward) -> Result<Verdict> {
+    let stop = signals::on_signal()?;
+    let log = options.log.as_deref().map(Writer::create).transpose()?;
+    // The ground station's heartbeats are the ones that count.
+    let mut vehicle = Vehicle::at(Link::open(&options.port)?.without_heartbeat())?;
+    let mut tracker = Tracker::new(servo_map(&mut vehicle)?);
+    if let Some(log) = log {
+        vehicle.link().log_to(log);
+        vehicle.parameters()?;
+    }
+    let station = socket(options.to)?;
+    let plot = socket(options.plot)?;
+    eprintln!(
+        "{}: MAVLink to udp://{}, JSON to udp://{}; Ctrl-C ends it",
+        vehicle.link().name(),
+        options.to,
+        options.plot
+    );
+    let begun = Instant::now();
+    let longest = options.seconds.map(Duration::from_secs_f64);
+    let mut datagram = [0; DATAGRAM];
+    while !signals::asked(stop, begun, longest) {
+        for frame in vehicle.receive()? {
+            // That nobody listens yet is no error: somebody may later.
+            let _ = station.send_to(&frame.bytes, options.to);
+            tracker.take(&frame.message);
+            if matches!(frame.message, MavMessage::SERVO_OUTPUT_RAW(_)) {
+                let counts = vehicle.link().counts();
+                let status = tracker.next(vehicle.standing(), counts);
+                let _ = plot.send_to(serde_json::to_string(&status)?.as_bytes(), options.plot);
+            }
+        }
+        while let Ok((count, from)) = station.recv_from(&mut datagram) {
+            // Only the station that is sent to may command.
+            if from.ip() == options.to.ip() {
+                vehicle.link().send_bytes(&datagram[..count])?;
+            }
+        }
+    }
+    vehicle.link().end_log()?;
+    Ok(Verdict::Met)
+}
+
+/// A socket that reaches `to` and is not waited for; one to this computer cannot be reached from others.
+fn socket(to: SocketAddr) -> Result<UdpSocket> {
+    let local: SocketAddr = match to {
+        SocketAddr::V4(to) if to.ip().is_loopback() => (Ipv4Addr::LOCALHOST, 0).into(),
+        SocketAddr::V4(_) => (Ipv4Addr::UNSPECIFIED, 0).into(),
+        SocketAddr::V6(to) if to.ip().is_loopback() => (std::net::Ipv6Addr::LOCALHOST, 0).into(),
+        SocketAddr::V6(_) => (std::net::Ipv6Addr::UNSPECIFIED, 0).into(),
+    };
+    let socket = UdpSocket::bind(local).with_context(|| format!("opening a socket for {to}"))?;
+    socket
+        .set_nonblocking(true)
+        .context("setting up a socket")?;
+    Ok(socket)
+}

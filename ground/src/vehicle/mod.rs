@@ -1,0 +1,16 @@
+//! Commands that talk to a vehicle over its port, the real one or the virtual rig's.
+
+pub mod arm;
+pub mod calibrate;
+pub mod flash;
+pub mod forward;
+pub mod link;
+pub mod monitor;
+pub mod param;
+pub mod port;
+pub mod record;
+pub mod recorder;
+pub mod status;
+pub mod test;
+pub mod uf2;
+pub mod web;

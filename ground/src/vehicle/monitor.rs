@@ -1,0 +1,187 @@
+//! `tvc monitor`: the vehicle, live. On a terminal a few lines that stay in place, else a line now and then.
+
+use std::io::{IsTerminal, Write};
+use std::time::{Duration, Instant};
+
+use anyhow::Result;
+use indicatif::{MultiProgress, ProgressBar, ProgressDrawTarget, ProgressStyle};
+
+use crate::flight::fly::gauge;
+use crate::logs::log::Writer;
+use crate::out::exit::Verdict;
+use crate::signals;
+use crate::vehicle::link::Vehicle;
+use crate::vehicle::port::PortOptions;
+use crate::vehicle::port::seconds;
+use crate::vehicle::status::{ServoMap, Status, Tracker};
+use clap::Args;
+use std::path::PathBuf;
+
+/// Options of `tvc monitor`.
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  cargo tvc monitor                        attitude, servo, state, losses, live; Ctrl-C ends it
+  cargo tvc monitor --json | jq .state     one JSON object a line
+  cargo tvc monitor --seconds 10 --log f.tlog    and keep everything
+
+Exit status: 0 ended, 1 the vehicle went away or something failed, 2 unusable input.")]
+pub struct Monitor {
+    /// Where the vehicle is.
+    #[command(flatten)]
+    pub port: PortOptions,
+
+    /// Print JSON objects on standard output, one a line, and nothing else there.
+    #[arg(long)]
+    pub json: bool,
+
+    /// Time between two lines [default: 0.1 on a terminal, else 1].
+    #[arg(long, value_name = "S", value_parser = seconds)]
+    pub every: Option<f64>,
+
+    /// End by itself after this many seconds.
+    #[arg(long, value_name = "S", value_parser = seconds)]
+    pub seconds: Option<f64>,
+
+    /// Keep every frame in a new telemetry log (.tlog, .mcap).
+    #[arg(long, value_name = "FILE")]
+    pub log: Option<PathBuf>,
+}
+
+/// Texts that stay in sight.
+const TEXTS: usize = 4;
+
+/// Shows the vehicle until Ctrl-C.
+pub fn run(options: &Monitor) -> Result<Verdict> {
+    let stop = signals::on_signal()?;
+    let log = options.log.as_deref().map(Writer::create).transpose()?;
+    let mut vehicle = Vehicle::connect(&options.port)?;
+    let mut tracker = Tracker::new(servo_map(&mut vehicle)?);
+    if let Some(log) = log {
+        vehicle.link().log_to(log);
+        // So that the log can be replayed.
+        vehicle.parameters()?;
+    }
+    let terminal = std::io::stdout().is_terminal() && !options.json;
+    let mut screen = terminal.then(Screen::new);
+    let every = options.every.unwrap_or(if terminal { 0.1 } else { 1.0 });
+    let every = Duration::from_secs_f64(every);
+    let begun = Instant::now();
+    let longest = options.seconds.map(Duration::from_secs_f64);
+    let mut due = begun + every;
+    while !signals::asked(stop, begun, longest) {
+        for frame in vehicle.receive()? {
+            tracker.take(&frame.message);
+        }
+        if Instant::now() < due {
+            continue;
+        }
+        due += every;
+        let counts = vehicle.link().counts();
+        let status = tracker.next(vehicle.standing(), counts);
+        match &mut screen {
+            Some(screen) => screen.show(&status),
+            None => print(&status, options.json)?,
+        }
+    }
+    vehicle.link().end_log()?;
+    Ok(Verdict::Met)
+}
+
+/// The vehicle's map from servo angle to pulse.
+pub fn servo_map(vehicle: &mut Vehicle) -> Result<ServoMap> {
+    let mut value = |name| vehicle.parameter(name);
+    Ok(ServoMap::new(
+        value("SRV_CENTRE_US")?,
+        value("SRV_US_PER_DEG")?,
+        value("SRV_DIR")?,
+    ))
+}
+
+/// A line, flushed: whoever reads it wants it now.
+fn print(status: &Status, json: bool) -> Result<()> {
+    let mut out = std::io::stdout().lock();
+    if json {
+        writeln!(out, "{}", serde_json::to_string(status)?)?;
+    } else {
+        for text in &status.texts {
+            writeln!(out, "{:10.3} s  {text}", status.timestamp)?;
+        }
+        writeln!(out, "{}", lines(status).join("  "))?;
+    }
+    out.flush()?;
+    Ok(())
+}
+
+/// A status in words.
+fn lines(status: &Status) -> [String; 3] {
+    let [roll, pitch, yaw] = status.attitude_rad.map(f64::to_degrees);
+    let rate = f64::from(status.rate_rad_s[1]).to_degrees();
+    [
+        format!("{:10.3} s  {}", status.timestamp, status.state),
+        format!(
+            "pitch {pitch:+6.1} deg ({rate:+7.1} deg/s)  roll {roll:+6.1}  yaw {yaw:+6.1}  servo {:+5.1} deg ({} us)",
+            status.servo_rad.to_degrees(),
+            status.pulse_us
+        ),
+        format!(
+            "{:5.1} attitudes/s  lost {}  damaged {}  dropped {}  missed {}  bus errors {}  load {:.0} %{}",
+            status.attitude_hz,
+            status.lost,
+            status.crc_errors,
+            status.dropped,
+            status.missed,
+            status.bus_errors,
+            100.0 * status.load,
+            if status.healthy { "" } else { "  UNHEALTHY" }
+        ),
+    ]
+}
+
+/// Lines that stay in place.
+struct Screen {
+    _all: MultiProgress,
+    bars: Vec<ProgressBar>,
+    texts: Vec<String>,
+}
+
+impl Screen {
+    fn new() -> Self {
+        let all = MultiProgress::with_draw_target(ProgressDrawTarget::stdout());
+        let bar = || {
+            let bar = all.add(ProgressBar::new_spinner());
+            if let Ok(style) = ProgressStyle::with_template("{wide_msg}") {
+                bar.set_style(style);
+            }
+            bar
+        };
+        let bars = (0..5 + TEXTS).map(|_| bar()).collect();
+        Self {
+            _all: all,
+            bars,
+            texts: Vec::new(),
+        }
+    }
+
+    fn show(&mut self, status: &Status) {
+        for text in &status.texts {
+            self.texts
+                .push(format!("{:10.3} s  {text}", status.timestamp));
+        }
+        let old = self.texts.len().saturating_sub(TEXTS);
+        self.texts.drain(..old);
+        let [state, attitude, link] = lines(status);
+        let pitch = status.attitude_rad[1].to_degrees();
+        let servo = status.servo_rad.to_degrees();
+        let shown = [
+            format!("{state}: {}", status.reason),
+            attitude,
+            format!("pitch {}  servo {}", gauge(pitch), gauge(servo)),
+            link,
+            "Ctrl-C ends the monitor; `tvc disarm` stops the vehicle".to_owned(),
+        ];
+        for (bar, line) in self.bars.iter().zip(shown.iter().chain(&self.texts)) {
+            bar.set_message(line.clone());
+        }
+    }
+}

@@ -1,0 +1,309 @@
+//! `tvc param`: the vehicle's parameters, with the meaning that this tool's own table gives them.
+
+pub mod file;
+
+use std::path::Path;
+
+use anyhow::Result;
+use comfy_table::Table;
+use comfy_table::presets::NOTHING;
+use rig::request;
+use serde::Serialize;
+use tvc_nano::Params;
+use tvc_nano::params::DESCRIPTIONS;
+
+use crate::out::exit::{BadInput, Verdict};
+use crate::out::file::{print_json, write_whole};
+use crate::vehicle::link::{Parameter, Vehicle};
+mod options;
+pub use options::{Param, ParamAction, ParamPort};
+
+/// A parameter with all that is known of it.
+#[derive(Debug, Serialize)]
+pub struct Row {
+    /// Name.
+    pub name: String,
+    value: f32,
+    default: Option<f32>,
+    unit: &'static str,
+    range: String,
+    meaning: &'static str,
+}
+
+impl Row {
+    /// What this tool's own table says of a parameter.
+    pub fn of(parameter: &Parameter) -> Self {
+        let index = Params::index_of(&parameter.name);
+        let info = index.and_then(|index| Params::default().by_index(index).map(|(info, _)| info));
+        let description = index.and_then(|index| DESCRIPTIONS.get(index));
+        Self {
+            name: parameter.name.clone(),
+            value: parameter.value,
+            default: info.map(|info| info.default),
+            unit: description.map_or("", |description| description.unit),
+            range: info.map_or(String::new(), |info| info.range.to_string()),
+            meaning: description
+                .map_or("(unknown to this tool)", |description| description.meaning),
+        }
+    }
+}
+
+/// A value that is one thing here and another there.
+#[derive(Debug, Serialize)]
+struct Difference {
+    name: String,
+    vehicle: f32,
+    other: f32,
+}
+
+/// Does what `options` say.
+pub fn run(options: &Param) -> Result<Verdict> {
+    // What cannot be used is said before the vehicle is asked.
+    let wanted = match &options.action {
+        ParamAction::Diff { file } => file.as_deref().map(file::read).transpose()?,
+        ParamAction::Load { file } => Some(file::read(file)?),
+        ParamAction::Reset { names, .. } => Some(defaults(names)?),
+        _ => None,
+    };
+    let mut vehicle = Vehicle::connect(&options.port.port())?;
+    let json = options.port.json;
+    match &options.action {
+        ParamAction::List => {
+            let rows: Vec<Row> = vehicle.parameters()?.iter().map(Row::of).collect();
+            show(&rows, json)
+        }
+        ParamAction::Get { names } => {
+            let mut rows = Vec::new();
+            for name in names {
+                let value = vehicle.parameter(name)?;
+                rows.push(Row::of(&Parameter {
+                    name: name.clone(),
+                    value,
+                }));
+            }
+            show(&rows, json)
+        }
+        ParamAction::Set { name, value } => {
+            vehicle.set_parameter(name, *value)?;
+            done(
+                json,
+                &serde_json::json!({ "set": { name: value } }),
+                &format!("{name} = {value}"),
+            )
+        }
+        ParamAction::Save => {
+            vehicle.command("save parameters", request::SAVE)?;
+            done(json, &serde_json::json!({ "saved": true }), "saved")
+        }
+        ParamAction::Reset { stored, .. } => {
+            reset(&mut vehicle, &wanted.unwrap_or_default(), *stored, json)
+        }
+        ParamAction::Diff { .. } => diff(&vehicle.parameters()?, wanted.as_deref(), json),
+        ParamAction::Load { .. } => load(&mut vehicle, &wanted.unwrap_or_default(), json),
+        ParamAction::Dump { file } => dump(&vehicle.parameters()?, file.as_deref(), json),
+    }
+}
+
+fn done(json: bool, object: &serde_json::Value, words: &str) -> Result<Verdict> {
+    if json {
+        println!("{object}");
+    } else {
+        println!("{words}");
+    }
+    Ok(Verdict::Met)
+}
+
+fn show(rows: &[Row], json: bool) -> Result<Verdict> {
+    if json {
+        print_json(&serde_json::json!({ "parameters": rows }))?;
+        return Ok(Verdict::Met);
+    }
+    let mut table = Table::new();
+    table.load_style(NOTHING).set_header([
+        "parameter",
+        "value",
+        "unit",
+        "range",
+        "default",
+        "meaning",
+    ]);
+    for row in rows {
+        let default = match row.default {
+            Some(default) if default == row.value => "same".to_owned(),
+            Some(default) => default.to_string(),
+            None => String::new(),
+        };
+        table.add_row([
+            &row.name,
+            &row.value.to_string(),
+            row.unit,
+            &row.range,
+            &default,
+            row.meaning,
+        ]);
+    }
+    println!("{}", table.trim_fmt());
+    Ok(Verdict::Met)
+}
+
+/// What differs between the vehicle and a file, or the defaults.
+fn differences(have: &[Parameter], wanted: Option<&[Parameter]>) -> Vec<Difference> {
+    let defaults = Params::default();
+    let other = |name: &str| match wanted {
+        Some(file) => file
+            .iter()
+            .find(|row| row.name == name)
+            .map(|row| row.value),
+        None => defaults.value(name),
+    };
+    let difference = |row: &Parameter| {
+        let other = other(&row.name).filter(|other| *other != row.value)?;
+        Some(Difference {
+            name: row.name.clone(),
+            vehicle: row.value,
+            other,
+        })
+    };
+    have.iter().filter_map(difference).collect()
+}
+
+fn diff(have: &[Parameter], wanted: Option<&[Parameter]>, json: bool) -> Result<Verdict> {
+    let differences = differences(have, wanted);
+    let other = if wanted.is_some() { "file" } else { "default" };
+    if json {
+        print_json(&serde_json::json!({ "differences": differences }))?;
+    } else {
+        for row in &differences {
+            println!(
+                "{:<16} vehicle {:<12} {other} {}",
+                row.name, row.vehicle, row.other
+            );
+        }
+    }
+    for row in wanted.unwrap_or_default() {
+        if !have.iter().any(|other| other.name == row.name) {
+            eprintln!("{} is in the file and not in the vehicle", row.name);
+        }
+    }
+    Ok(Verdict::of(differences.is_empty()))
+}
+
+fn load(vehicle: &mut Vehicle, wanted: &[Parameter], json: bool) -> Result<Verdict> {
+    let have = vehicle.parameters()?;
+    if let Some(unknown) = wanted
+        .iter()
+        .find(|row| !have.iter().any(|h| h.name == row.name))
+    {
+        return Err(BadInput::new(format!(
+            "the vehicle has no parameter {}; nothing was changed",
+            unknown.name
+        ))
+        .into());
+    }
+    let changes = differences(&have, Some(wanted));
+    for change in &changes {
+        vehicle.set_parameter(&change.name, change.other)?;
+        eprintln!("{}: {} -> {}", change.name, change.vehicle, change.other);
+    }
+    let count = changes.len();
+    done(
+        json,
+        &serde_json::json!({ "changed": count, "differences": changes }),
+        &format!("{count} of {} changed", wanted.len()),
+    )
+}
+
+/// The defaults of some.
+fn defaults(names: &[String]) -> Result<Vec<Parameter>> {
+    let default = |name: &String| match Params::default().value(name) {
+        Some(value) => Ok(Parameter {
+            name: name.clone(),
+            value,
+        }),
+        None => Err(BadInput::new(format!(
+            "this tool knows no parameter {name}; `tvc param list` shows them"
+        ))
+        .into()),
+    };
+    names.iter().map(default).collect()
+}
+
+/// Back to the defaults of some, or of all, or to what is stored.
+fn reset(vehicle: &mut Vehicle, some: &[Parameter], stored: bool, json: bool) -> Result<Verdict> {
+    let before = vehicle.parameters()?;
+    if stored {
+        vehicle.command("load the stored parameters", request::RELOAD)?;
+    } else if some.is_empty() {
+        vehicle.command("reset the parameters", request::RESET)?;
+    }
+    for row in some {
+        vehicle.set_parameter(&row.name, row.value)?;
+    }
+    let changes = differences(&before, Some(&vehicle.parameters()?));
+    for change in &changes {
+        eprintln!("{}: {} -> {}", change.name, change.vehicle, change.other);
+    }
+    let count = changes.len();
+    done(
+        json,
+        &serde_json::json!({ "changed": count, "differences": changes }),
+        &format!("{count} changed; `tvc param save` keeps them over a loss of power"),
+    )
+}
+
+fn dump(have: &[Parameter], path: Option<&Path>, json: bool) -> Result<Verdict> {
+    if json {
+        let rows: Vec<Row> = have.iter().map(Row::of).collect();
+        return show(&rows, true);
+    }
+    let text = file::text(have);
+    match path {
+        Some(path) => {
+            write_whole(path, text.as_bytes())?;
+            eprintln!("wrote {}", path.display());
+        }
+        None => print!("{text}"),
+    }
+    Ok(Verdict::Met)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn row(name: &str, value: f32) -> Parameter {
+        Parameter {
+            name: name.into(),
+            value,
+        }
+    }
+
+    #[test]
+    fn differences_are_to_the_file_or_to_the_defaults() {
+        let kd = Params::default().pid_kd();
+        let have = [row("PID_KP", 1.5), row("PID_KD", kd), row("NEW", 7.0)];
+        let names = |differences: Vec<Difference>| -> Vec<(String, f32)> {
+            let pairs = differences.into_iter().map(|row| (row.name, row.other));
+            pairs.collect()
+        };
+        let default = Params::default().pid_kp();
+        assert_eq!(
+            names(differences(&have, None)),
+            [("PID_KP".to_owned(), default)]
+        );
+        let file = [row("PID_KD", 0.2), row("PID_KP", 1.5)];
+        assert_eq!(
+            names(differences(&have, Some(&file))),
+            [("PID_KD".to_owned(), 0.2)]
+        );
+    }
+
+    #[test]
+    fn every_parameter_of_the_firmware_is_explained() {
+        for info in tvc_nano::params::TABLE {
+            let row = Row::of(&row(info.name, info.default));
+            assert_eq!(row.default, Some(info.default));
+            assert!(!row.meaning.is_empty() && !row.range.is_empty());
+        }
+    }
+}

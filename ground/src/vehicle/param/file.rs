@@ -1,0 +1,101 @@
+//! Files of parameters: a name and a value a line, as MAVProxy writes them, or QGroundControl's five columns. `#` begins
+//! a comment.
+
+use std::fmt::Write;
+use std::path::Path;
+
+use anyhow::Result;
+use tvc_nano::Params;
+
+use crate::out::exit::BadInput;
+use crate::vehicle::link::Parameter;
+
+/// Reads a file. Every value is checked against this tool's own table, so that a bad file changes nothing.
+///
+/// # Errors
+/// [`BadInput`] naming file and line.
+pub fn read(path: &Path) -> Result<Vec<Parameter>> {
+    let text = std::fs::read_to_string(path)
+        .map_err(|error| BadInput::new(format!("cannot read {}: {error}", path.display())))?;
+    parse(&text).map_err(|why| BadInput::new(format!("{}: {why}", path.display())).into())
+}
+
+fn parse(text: &str) -> Result<Vec<Parameter>, String> {
+    let mut rows = Vec::new();
+    for (index, line) in text.lines().enumerate() {
+        let line = line.split('#').next().unwrap_or_default();
+        let words: Vec<&str> = line
+            .split(|c: char| c.is_whitespace() || c == ',' || c == '=')
+            .filter(|word| !word.is_empty())
+            .collect();
+        let (name, value) = match words.as_slice() {
+            [] => continue,
+            [name, value] | [_, _, name, value, _] => (*name, *value),
+            _ => return Err(format!("line {}: not a name and a value", index + 1)),
+        };
+        let value = value
+            .parse()
+            .map_err(|_| format!("line {}: {value} is no number", index + 1))?;
+        if Params::info(name).is_some() {
+            Params::default()
+                .set(name, value)
+                .map_err(|error| format!("line {}: {error}", index + 1))?;
+        }
+        rows.push(Parameter {
+            name: name.to_owned(),
+            value,
+        });
+    }
+    if rows.is_empty() {
+        return Err("no parameters in it".into());
+    }
+    Ok(rows)
+}
+
+/// The text of a file.
+pub fn text(rows: &[Parameter]) -> String {
+    let mut text = String::new();
+    for row in rows {
+        // Writing to a string does not fail.
+        let _ = writeln!(text, "{:<16} {}", row.name, row.value);
+    }
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_written_is_read() {
+        let rows = [("PID_KP", 1.1), ("SRV_CENTRE_US", 1523.6)].map(|(name, value)| Parameter {
+            name: name.into(),
+            value,
+        });
+        assert_eq!(parse(&text(&rows)).unwrap(), rows);
+    }
+
+    #[test]
+    fn the_forms_of_other_programs_are_read() {
+        let text = "# Vehicle-Id Component-Id Name Value Type\n1\t1\tPID_KP\t1.2\t9\n\nPID_KD,0.25\nNEW = 3\n";
+        let rows = parse(text).unwrap();
+        let pairs: Vec<_> = rows
+            .iter()
+            .map(|row| (row.name.as_str(), row.value))
+            .collect();
+        assert_eq!(pairs, [("PID_KP", 1.2), ("PID_KD", 0.25), ("NEW", 3.0)]);
+    }
+
+    #[test]
+    fn a_bad_line_is_named() {
+        for (text, part) in [
+            ("PID_KP 1\nPID_KD", "line 2"),
+            ("PID_KP one", "one is no number"),
+            ("PID_KP 11", "PID_KP must be 0 to 10"),
+            ("PID_KP NaN", "PID_KP must be"),
+            ("# nothing", "no parameters"),
+        ] {
+            assert!(parse(text).unwrap_err().contains(part), "{text}");
+        }
+    }
+}

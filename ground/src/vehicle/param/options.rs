@@ -1,0 +1,101 @@
+//! Options of `tvc param`.
+
+use crate::vehicle::port::PortOptions;
+use clap::{Args, Subcommand};
+use std::path::PathBuf;
+
+/// Options of `tvc param`.
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  cargo tvc param list                     every parameter: value, unit, range, meaning
+  cargo tvc param set PID_KP 1.2           live, also in flight; out of range is refused
+  cargo tvc param reset PID_KP PID_KD      these to their defaults; without names, every one
+  cargo tvc param reset --stored           every one to what was saved last
+  cargo tvc param dump > gains.parm        as a file that MAVProxy and QGroundControl read
+  cargo tvc param diff gains.parm          what differs from a file (without one: from the defaults)
+  cargo tvc param load gains.parm          sets what differs
+
+Exit status: 0 done (diff: no difference), 1 something failed (diff: a difference), 2 unusable input.")]
+pub struct Param {
+    /// What to do.
+    #[command(subcommand)]
+    pub action: ParamAction,
+
+    /// Where the vehicle is.
+    #[command(flatten)]
+    pub port: ParamPort,
+}
+
+/// The port and the form of the answer, also behind the action.
+#[derive(Debug, Args)]
+pub struct ParamPort {
+    /// Serial port of the Nano, or the path that `tvc rig --pty` prints [default: the only SAMD21
+    /// that is connected].
+    #[arg(long, value_name = "PORT", global = true)]
+    pub port: Option<String>,
+
+    /// Print one JSON object on standard output and nothing else there.
+    #[arg(long, global = true)]
+    pub json: bool,
+}
+
+impl ParamPort {
+    /// As every other command has it.
+    pub fn port(&self) -> PortOptions {
+        PortOptions {
+            port: self.port.clone(),
+        }
+    }
+}
+
+/// What to do with parameters.
+#[derive(Debug, Subcommand)]
+pub enum ParamAction {
+    /// Show every parameter.
+    List,
+    /// Show the values of some.
+    Get {
+        /// Their names.
+        #[arg(required = true, value_name = "NAME")]
+        names: Vec<String>,
+    },
+    /// Change one.
+    Set {
+        /// Its name.
+        #[arg(value_name = "NAME")]
+        name: String,
+        /// Its new value.
+        #[arg(value_name = "VALUE", allow_negative_numbers = true)]
+        value: f32,
+    },
+    /// Keep the present values over a loss of power.
+    Save,
+    /// Go back to the defaults, of some or of all; what is stored stays until the next save.
+    Reset {
+        /// Their names [default: all].
+        #[arg(value_name = "NAME", conflicts_with = "stored")]
+        names: Vec<String>,
+        /// Go back to what is stored instead.
+        #[arg(long)]
+        stored: bool,
+    },
+    /// Show what differs from a file, or from the defaults.
+    Diff {
+        /// The file.
+        #[arg(value_name = "FILE")]
+        file: Option<PathBuf>,
+    },
+    /// Set every parameter of a file that differs.
+    Load {
+        /// The file: a name and a value a line, or QGroundControl's form.
+        #[arg(value_name = "FILE")]
+        file: PathBuf,
+    },
+    /// Print every name and value, or write them to a file.
+    Dump {
+        /// The file.
+        #[arg(value_name = "FILE")]
+        file: Option<PathBuf>,
+    },
+}

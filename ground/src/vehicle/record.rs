@@ -1,0 +1,95 @@
+//! `tvc record`: everything that passes, into a telemetry log.
+
+use std::time::{Duration, Instant};
+
+use anyhow::Result;
+use indicatif::{ProgressBar, ProgressStyle};
+use rig::request;
+
+use crate::logs::log::{Flight, Log, Writer, write_csv};
+use crate::out::exit::Verdict;
+use crate::signals;
+use crate::vehicle::link::Vehicle;
+use crate::vehicle::port::PortOptions;
+use crate::vehicle::port::seconds;
+use clap::Args;
+use std::path::PathBuf;
+
+/// Options of `tvc record`.
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  cargo tvc record flight.tlog             until Ctrl-C; opens in MAVProxy, QGroundControl, pymavlink
+  cargo tvc record flight.mcap             opens in Foxglove and PlotJuggler; `tvc convert` makes one of the other
+  cargo tvc record flight.tlog --csv flight.csv --seconds 60
+  cargo tvc report flight.tlog             what came of it
+
+At its beginning the parameters are asked for and, unless the vehicle is armed, its estimate begins
+anew (hold it still for three seconds), so that `tvc replay` reproduces the flight bit for bit.
+Exit status: 0 ended, 1 the vehicle went away or something failed, 2 unusable input.")]
+pub struct Record {
+    /// The log to write (.tlog, .mcap); it must not be there yet.
+    #[arg(value_name = "FILE")]
+    pub log: PathBuf,
+
+    /// Where the vehicle is.
+    #[command(flatten)]
+    pub port: PortOptions,
+
+    /// Write the control steps as a table, too, when the recording ends.
+    #[arg(long, value_name = "FILE.csv")]
+    pub csv: Option<PathBuf>,
+
+    /// End by itself after this many seconds.
+    #[arg(long, value_name = "S", value_parser = seconds)]
+    pub seconds: Option<f64>,
+}
+
+/// Records until Ctrl-C.
+pub fn run(options: &Record) -> Result<Verdict> {
+    let stop = signals::on_signal()?;
+    let log = Writer::create(&options.log)?;
+    let mut vehicle = Vehicle::connect(&options.port)?;
+    vehicle.link().log_to(log);
+    vehicle.parameters()?;
+    if let Err(refusal) = vehicle.command("calibrate", request::CALIBRATE) {
+        eprintln!(
+            "the log begins in mid-flight, a replay cannot be compared bit for bit: {refusal}"
+        );
+    }
+    let bar = ProgressBar::new_spinner();
+    if let Ok(style) = ProgressStyle::with_template("{spinner} recording {elapsed}  {msg}") {
+        bar.set_style(style);
+    }
+    let begun = Instant::now();
+    let longest = options.seconds.map(Duration::from_secs_f64);
+    let mut gone = None;
+    while !signals::asked(stop, begun, longest) {
+        if let Err(error) = vehicle.receive() {
+            // What has been recorded is worth keeping.
+            gone = Some(error);
+            break;
+        }
+        let counts = vehicle.link().counts();
+        bar.set_message(format!(
+            "{} messages, {} lost",
+            counts.messages, counts.lost
+        ));
+        bar.tick();
+    }
+    bar.finish_and_clear();
+    vehicle.link().end_log()?;
+    let flight = Flight::of(&Log::read(&options.log)?);
+    eprintln!(
+        "wrote {}: {} control steps, {} samples missed, {} frames lost",
+        options.log.display(),
+        flight.steps().count(),
+        flight.missed(),
+        flight.lost()
+    );
+    if let Some(path) = &options.csv {
+        write_csv(&flight, path)?;
+        eprintln!("wrote {}", path.display());
+    }
+    gone.map_or(Ok(Verdict::Met), Err)
+}

@@ -1,0 +1,147 @@
+//! `tvc burst`: the steps around the last release, out of the vehicle's own memory.
+
+use anyhow::{Result, bail};
+use rig::operator::FlightState;
+use tvc_nano::recorder::{self, STEP_BYTES};
+use tvc_nano::{Micros, RawSample};
+
+use crate::logs::log::{Event, Flight, Step, write_flight};
+use crate::out::exit::{BadInput, Verdict};
+use crate::vehicle::link::{Parameter, Vehicle};
+use crate::vehicle::port::PortOptions;
+use clap::Args;
+use std::path::PathBuf;
+
+/// Options of `tvc burst`.
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  cargo tvc burst release.csv              every step around the last release as a table
+  cargo tvc burst release.tlog             as a log, for `tvc report`, MAVProxy, QGroundControl
+  cargo tvc burst release.mcap             for Foxglove and PlotJuggler
+
+The vehicle keeps 30 steps before a release and 170 from it on in its own memory, whatever the link
+loses, until it is armed again or loses power. Other ground stations download the same as log 0.
+Exit status: 0 written, 1 something failed, 2 unusable input or nothing to fetch.")]
+pub struct Burst {
+    /// The file to write (.csv, .tlog, .mcap); a log must not be there yet.
+    #[arg(value_name = "FILE")]
+    pub file: PathBuf,
+
+    /// Where the vehicle is.
+    #[command(flatten)]
+    pub port: PortOptions,
+
+    /// Print one JSON object on standard output and nothing else there.
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// Fetches and writes.
+pub fn run(options: &Burst) -> Result<Verdict> {
+    let mut vehicle = Vehicle::connect(&options.port)?;
+    let bytes = vehicle.recording()?;
+    if bytes.is_empty() {
+        return Err(BadInput::new(
+            "the vehicle holds no release: it keeps one from a second after it until it is armed again or loses power",
+        )
+        .into());
+    }
+    let flight = flight(&bytes, vehicle.parameters()?)?;
+    write_flight(&flight, &options.file)?;
+    let (steps, missed) = (flight.steps().count(), flight.missed());
+    let before = flight
+        .events
+        .iter()
+        .take_while(|event| !matches!(event, Event::State(code) if FlightState::of(*code) == FlightState::Active))
+        .filter(|event| matches!(event, Event::Step(_)))
+        .count();
+    if options.json {
+        println!(
+            "{}",
+            serde_json::json!({ "steps": steps, "before_release": before, "missed": missed })
+        );
+    }
+    eprintln!(
+        "wrote {}: {steps} control steps, {before} of them before the release, {missed} without a sample",
+        options.file.display()
+    );
+    Ok(Verdict::Met)
+}
+
+/// The recorder's bytes as a flight, with the vehicle's present parameters.
+fn flight(bytes: &[u8], parameters: Vec<Parameter>) -> Result<Flight> {
+    let (steps, rest) = bytes.as_chunks::<STEP_BYTES>();
+    if !rest.is_empty() {
+        bail!(
+            "the recording has {} bytes, which are no whole steps: is this tool as old as the firmware?",
+            bytes.len()
+        );
+    }
+    let mut flight = Flight::default();
+    let told = parameters.into_iter();
+    flight
+        .events
+        .extend(told.map(|row| Event::Parameter(row.name, row.value)));
+    let (mut code, mut now_us) = (None, None);
+    for step in steps.iter().map(recorder::Step::decode) {
+        if code.replace(step.code) != Some(step.code) {
+            flight.events.push(Event::State(step.code.into()));
+        }
+        // Only the lower half of the clock is kept.
+        let low_us = step.now.0 as u32;
+        let last_us = now_us.unwrap_or(step.now.0);
+        let time_us = last_us + u64::from(low_us.wrapping_sub(last_us as u32));
+        now_us = Some(time_us);
+        let aged = |sample: RawSample| RawSample {
+            time: Micros(time_us - u64::from(low_us.wrapping_sub(sample.time.0 as u32))),
+            ..sample
+        };
+        let (q, rate) = (step.orientation, step.rate);
+        flight.events.push(Event::Step(Step {
+            now_us: time_us,
+            sample: step.sample.map(aged),
+            quaternion: [q.w, q.x, q.y, q.z],
+            rate_rad_s: [rate.x, rate.y, rate.z],
+            crank_rad: Some(step.crank_rad),
+            pulse_us: step.pulse.0,
+        }));
+    }
+    Ok(flight)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A step at a time of the short clock, 4 ms after its sample, in a state.
+    fn step(now_us: u32, code: u8) -> Vec<u8> {
+        let mut bytes = vec![0; STEP_BYTES];
+        bytes[..4].copy_from_slice(&now_us.to_le_bytes());
+        bytes[4..6].copy_from_slice(&4_000_u16.to_le_bytes());
+        bytes[50] = code;
+        bytes
+    }
+
+    #[test]
+    fn the_clock_goes_on_where_its_lower_half_begins_anew() {
+        let bytes = [step(u32::MAX - 999, 3), step(5_667, 4)].concat();
+        let flight = flight(&bytes, Vec::new()).unwrap();
+        let times: Vec<_> = flight
+            .steps()
+            .map(|step| (step.now_us, step.sample.unwrap().time.0))
+            .collect();
+        let begin = u64::from(u32::MAX) - 999;
+        assert_eq!(
+            times,
+            [(begin, begin - 4_000), (begin + 6_667, begin + 2_667)]
+        );
+        assert_eq!(flight.events[0], Event::State(3));
+        assert_eq!(flight.events[2], Event::State(4));
+    }
+
+    #[test]
+    fn half_a_step_is_no_recording() {
+        assert!(flight(&step(1, 3)[1..], Vec::new()).is_err());
+    }
+}

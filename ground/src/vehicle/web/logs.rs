@@ -1,0 +1,38 @@
+//! Names for recordings: the next free number.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::Result;
+
+use crate::logs::log::Writer;
+use crate::out::exit::BadInput;
+
+/// Most recordings of a kind in one folder.
+const MOST: u32 = 9999;
+
+/// A new log in `folder`, and its path.
+///
+/// # Errors
+/// The folder takes no files, or is full.
+pub fn create(folder: &Path, kind: &str) -> Result<(Writer, PathBuf)> {
+    let names = (1..=MOST).map(|number| folder.join(format!("{kind}-{number:03}.tlog")));
+    match names.into_iter().find(|path| !path.exists()) {
+        Some(path) => Ok((Writer::create(&path)?, path)),
+        None => Err(BadInput::new(format!("{} is full of logs", folder.display())).into()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn no_log_is_written_over() {
+        let folder = tempfile::tempdir().unwrap();
+        let name = |kind| create(folder.path(), kind).unwrap().1;
+        assert!(name("step").ends_with("step-001.tlog"));
+        assert!(name("step").ends_with("step-002.tlog"));
+        assert!(name("flight").ends_with("flight-001.tlog"));
+        assert!(create(&folder.path().join("none"), "step").is_err());
+    }
+}
