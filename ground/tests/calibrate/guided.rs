@@ -1,13 +1,13 @@
 //! The guided calibration at the virtual rig: image, emulated sensor and the hand that does what it is asked.
 
 use std::io::Write;
-use std::process::{Command, Output, Stdio};
+use std::process::{Output, Stdio};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use rig::bno055::ImuErrors;
 use serde_json::Value;
 
-use super::running::Running;
+use super::running::{self, Running, json, said};
 use super::truth;
 
 /// One rig at a time: several would be slower than the clock on the wall.
@@ -55,8 +55,7 @@ impl Rig {
 
     /// A command at the rig, with somebody at the keyboard.
     fn typing(&self, keys: &str, arguments: &[&str]) -> Output {
-        let mut tvc = Command::new(env!("CARGO_BIN_EXE_tvc"))
-            .args(arguments)
+        let mut tvc = running::command(arguments)
             .args(["--port", &self.path("nano"), "--json"])
             .current_dir(self.folder.path())
             .stdin(Stdio::piped())
@@ -90,15 +89,6 @@ impl Rig {
     }
 }
 
-fn said(output: &Output) -> String {
-    String::from_utf8_lossy(&output.stderr).into_owned()
-}
-
-fn json(output: &Output) -> Value {
-    assert_eq!(output.status.code(), Some(0), "{}", said(output));
-    serde_json::from_slice(&output.stdout).unwrap()
-}
-
 #[test]
 fn a_sensor_with_the_largest_errors_is_calibrated_at_the_port_and_out_of_the_recording_alike() {
     let rig = Rig::start(&["--sensor", "worst", "--seed", "5"]);
@@ -117,8 +107,7 @@ fn a_sensor_with_the_largest_errors_is_calibrated_at_the_port_and_out_of_the_rec
     }
     assert!(has["DECLINATION_DEG"].as_f64().unwrap() > 4.0);
 
-    let again = Command::new(env!("CARGO_BIN_EXE_tvc"))
-        .args(["calibrate", "--json", "--place", "55.79,12.52", "--from"])
+    let again = running::command(&["calibrate", "--json", "--place", "55.79,12.52", "--from"])
         .arg(rig.path("report/calibration.tlog"))
         .current_dir(rig.folder.path())
         .output()
