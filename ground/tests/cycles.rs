@@ -6,6 +6,7 @@ use std::collections::BTreeSet;
 
 use serde::Deserialize;
 
+use running::keys::assert_keys;
 use running::{assert_refused, tvc};
 
 #[derive(Deserialize)]
@@ -32,7 +33,9 @@ fn measure(arguments: &[&str]) -> Report {
     let output = tvc(&[&["cycles"], arguments, &["--json"]].concat());
     let said = String::from_utf8_lossy(&output.stderr);
     assert!(output.status.success(), "{said}");
-    serde_json::from_slice(&output.stdout).unwrap()
+    let object = serde_json::from_slice(&output.stdout).unwrap();
+    assert_keys("cycles", &object);
+    serde_json::from_value(object).unwrap()
 }
 
 impl Report {

@@ -4,6 +4,7 @@ mod running;
 
 use std::fs;
 
+use running::keys::assert_keys;
 use running::{assert_refused, tvc};
 
 /// The object that is printed, with the status that goes with it, and the report.
@@ -38,6 +39,7 @@ fn combined(object: &serde_json::Value, name: &str) -> f64 {
 #[test]
 fn at_rest_ours_stay_and_an_uncorrected_offset_drifts_as_in_the_thesis() {
     let (object, status, report) = run(&["static"]);
+    assert_keys("experiment-static", &object);
     assert_eq!(
         (status, &object["met"]),
         (Some(0), &true.into()),

@@ -2,6 +2,8 @@
 //! `tvc rig --pty`.
 #![allow(dead_code, reason = "every test file takes what it needs")]
 
+pub mod keys;
+
 use std::io::{BufRead, BufReader};
 use std::process::{Child, Command, Output, Stdio};
 
