@@ -2,7 +2,7 @@
 
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
+use std::process::Output;
 
 use rig::bno055::{Config, ImuErrors};
 use rig::handling::{Hand, Sample, record};
@@ -45,8 +45,7 @@ fn write(folder: &Path, samples: &[Sample]) -> PathBuf {
 }
 
 fn calibrate(folder: &Path, log: &Path, more: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_tvc"))
-        .args(["calibrate", "--json", "--from"])
+    running::command(&["calibrate", "--json", "--from"])
         .arg(log)
         .arg("--out")
         .arg(folder.join("out.parm"))
