@@ -1,20 +1,20 @@
 //! Driver and flight library at the emulated sensor and drone, without a chip in between.
 
-mod bench;
+mod host_loop;
 
-use bench::Desk;
+use host_loop::HostLoop;
 use plant::response::StepResponse;
+use rig::bench::BenchConfig;
 use rig::bno055::Fault;
 use rig::recording::Recording;
 use rig::score::Scorer;
-use rig::world::Bench;
 use samd21::board::Ticks;
 use std::path::Path;
 use std::sync::Arc;
 use tvc_nano::{Command, Params, State};
 
-fn bench(seed: u64) -> Bench {
-    let mut bench = Bench::default();
+fn bench(seed: u64) -> BenchConfig {
+    let mut bench = BenchConfig::default();
     bench.sensor.seed = seed;
     bench
 }
@@ -26,35 +26,35 @@ fn params() -> Params {
     params
 }
 
-fn standby(seed: u64) -> Desk {
-    let mut desk = Desk::new(&bench(seed), params());
-    desk.run(4000, |_, _| {});
-    assert_eq!(desk.flight.state(), State::Standby, "seed {seed}");
-    desk
+fn standby(seed: u64) -> HostLoop {
+    let mut host = HostLoop::new(&bench(seed), params());
+    host.run(4000, |_, _| {});
+    assert_eq!(host.flight.state(), State::Standby, "seed {seed}");
+    host
 }
 
 /// Armed and released from a tilt.
-fn released(seed: u64, start_rad: f64) -> Desk {
-    let mut desk = standby(seed);
+fn released(seed: u64, start_rad: f64) -> HostLoop {
+    let mut host = standby(seed);
     // Rest, in which the gyro's offset is learned: arming waits for it.
-    desk.run(3000, |_, _| {});
-    desk.world.tilt_clamp(start_rad);
-    desk.run(3000, |_, _| {});
-    let now = tvc_nano::Micros(desk.now.as_us());
-    desk.flight.command(now, Command::Arm).unwrap();
-    desk.flight.command(now, Command::Release).unwrap();
-    desk.world.release(0.2);
-    desk
+    host.run(3000, |_, _| {});
+    host.environment.tilt_clamp(start_rad);
+    host.run(3000, |_, _| {});
+    let now = tvc_nano::Micros(host.now.as_us());
+    host.flight.command(now, Command::Arm).unwrap();
+    host.flight.command(now, Command::Release).unwrap();
+    host.environment.release(0.2);
+    host
 }
 
 #[test]
 fn the_driver_brings_the_sensor_up_and_reads_what_is_true() {
     for seed in 0..5 {
-        let desk = standby(seed);
-        let sample = desk.samples.last().unwrap();
+        let host = standby(seed);
+        let sample = host.samples.last().unwrap();
         let z = f64::from(sample.acc[2]) * 0.01;
         assert!((z + 9.81).abs() < 0.1, "{sample:?}");
-        let bias = desk.world.sensor().gyro_bias_rad_s();
+        let bias = host.environment.sensor().gyro_bias_rad_s();
         for (counts, bias) in sample.gyr.iter().zip(bias) {
             let rate = f64::from(*counts) / 16.0;
             assert!((rate - bias.to_degrees()).abs() < 1.0, "{sample:?}");
@@ -65,10 +65,10 @@ fn the_driver_brings_the_sensor_up_and_reads_what_is_true() {
 #[test]
 fn the_loop_brings_the_drone_upright() {
     for (seed, start_rad) in [(1, 0.2), (2, 0.4), (3, 0.8), (4, -0.4)] {
-        let mut desk = released(seed, start_rad);
-        let begin = desk.now;
-        desk.run(3000, |_, _| {});
-        let truth = desk.world.truth().motion_since(begin);
+        let mut host = released(seed, start_rad);
+        let begin = host.now;
+        host.run(3000, |_, _| {});
+        let truth = host.environment.truth().motion_since(begin);
         let response = StepResponse::new(
             truth.iter().map(|m| (m.time.as_secs_f64(), m.pitch_rad)),
             0.0,
@@ -95,36 +95,36 @@ fn faults_in_flight_lead_to_neutral_in_time_and_back_to_standby() {
         Fault::RevertedAxisMap,
         Fault::FixedPattern,
     ] {
-        let mut desk = released(1, 0.3);
-        desk.run(200, |_, _| {});
-        assert!(desk.flight.state().is_active());
-        desk.world.inject(desk.now, fault);
-        let at = desk.now;
+        let mut host = released(1, 0.3);
+        host.run(200, |_, _| {});
+        assert!(host.flight.state().is_active());
+        host.environment.inject(host.now, fault);
+        let at = host.now;
         let mut neutral: Option<Ticks> = None;
-        desk.run(1500, |world, snapshot| {
+        host.run(1500, |environment, snapshot| {
             if !snapshot.state.is_active() && neutral.is_none() {
-                neutral = Some(world.truth().motion.last().unwrap().time);
+                neutral = Some(environment.truth().motion.last().unwrap().time);
             }
         });
         let delay = neutral.map(|time| time.saturating_sub(at).as_us() / 1000);
         println!(
             "{fault:?}: failsafe after {delay:?} ms, {:?}",
-            desk.flight.state()
+            host.flight.state()
         );
         assert!(
-            matches!(desk.flight.state(), State::Failsafe(_)),
+            matches!(host.flight.state(), State::Failsafe(_)),
             "{fault:?}"
         );
         // A gyroscope that reads zero differs from one at rest only by its missing noise.
         let allowed = if fault == Fault::GyroDead { 500 } else { 150 };
         assert!(delay.unwrap() <= allowed, "{fault:?}: {delay:?} ms");
-        desk.world.clear(desk.now, fault);
-        desk.world.catch();
-        desk.world.tilt_clamp(0.0);
-        desk.run(8000, |_, _| {});
-        let now = tvc_nano::Micros(desk.now.as_us());
-        desk.flight.command(now, Command::Disarm).unwrap();
-        assert_eq!(desk.flight.state(), State::Standby, "{fault:?}");
+        host.environment.clear(host.now, fault);
+        host.environment.catch();
+        host.environment.tilt_clamp(0.0);
+        host.run(8000, |_, _| {});
+        let now = tvc_nano::Micros(host.now.as_us());
+        host.flight.command(now, Command::Disarm).unwrap();
+        assert_eq!(host.flight.state(), State::Standby, "{fault:?}");
     }
 }
 
@@ -134,16 +134,19 @@ fn spikes_and_corrupt_words_are_ridden_out() {
         Fault::CorruptWords { probability: 0.01 },
         Fault::Spikes { probability: 0.005 },
     ] {
-        let mut desk = released(1, 0.3);
-        desk.world.inject(desk.now, fault);
-        desk.run(3000, |_, _| {});
+        let mut host = released(1, 0.3);
+        host.environment.inject(host.now, fault);
+        host.run(3000, |_, _| {});
         assert!(
-            desk.flight.state().is_active(),
+            host.flight.state().is_active(),
             "{fault:?}: {}",
-            desk.flight.state()
+            host.flight.state()
         );
-        assert!(desk.world.drone().pitch_rad().abs() < 0.05, "{fault:?}");
-        assert!(!desk.faults.is_empty(), "{fault:?}");
+        assert!(
+            host.environment.drone().pitch_rad().abs() < 0.05,
+            "{fault:?}"
+        );
+        assert!(!host.faults.is_empty(), "{fault:?}");
     }
 }
 
@@ -151,16 +154,18 @@ fn spikes_and_corrupt_words_are_ridden_out() {
 fn a_recording_comes_through_the_sensor() {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/data/broad_11_cut.imuq");
     let recording = Arc::new(Recording::open(&path).unwrap());
-    let mut desk = Desk::new(&bench(1), Params::default());
-    desk.world.sensor_mut().play(recording.clone(), Ticks::ZERO);
+    let mut host = HostLoop::new(&bench(1), Params::default());
+    host.environment
+        .sensor_mut()
+        .play(recording.clone(), Ticks::ZERO);
     let mut scorer = Scorer::default();
     let mut worst = 0.0_f32;
     let length = (recording.duration_s() * 1000.0) as u64;
-    desk.run(length, |world, snapshot| {
+    host.run(length, |environment, snapshot| {
         let q = snapshot.attitude.orientation;
         let norm = (q.w * q.w + q.x * q.x + q.y * q.y + q.z * q.z).sqrt();
         worst = worst.max((norm - 1.0).abs());
-        let shown = world.sensor().refreshed().recorded;
+        let shown = environment.sensor().refreshed().recorded;
         if let Some(truth) = shown.map(|i| recording.samples()[i])
             && truth.movement
             && let Some(reference) = truth.reference

@@ -1,6 +1,6 @@
 //! What can fail, by name, and how hard.
 
-use crate::bno055::Fault;
+use super::Fault;
 use rand::Rng;
 use samd21::board::Ticks;
 use std::fmt;
@@ -9,7 +9,7 @@ use std::str::FromStr;
 /// A kind of fault; how hard it strikes is drawn for every run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 #[allow(missing_docs, reason = "each is the fault of the same name")]
-pub enum Kind {
+pub enum FaultKind {
     Unplugged,
     Hung,
     SdaStuck,
@@ -36,7 +36,7 @@ pub enum Kind {
     ClockHang,
 }
 
-impl Kind {
+impl FaultKind {
     /// All of them.
     pub const ALL: [Self; 24] = [
         Self::Unplugged,
@@ -134,13 +134,13 @@ impl Kind {
     }
 }
 
-impl fmt::Display for Kind {
+impl fmt::Display for FaultKind {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(self.name())
     }
 }
 
-impl FromStr for Kind {
+impl FromStr for FaultKind {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
@@ -161,17 +161,22 @@ mod tests {
 
     #[test]
     fn every_kind_has_a_name_of_its_own_and_is_found_by_it() {
-        for (index, kind) in Kind::ALL.into_iter().enumerate() {
+        for (index, kind) in FaultKind::ALL.into_iter().enumerate() {
             assert_eq!(kind as usize, index);
             assert_eq!(kind.name().parse(), Ok(kind));
         }
-        assert!("gremlins".parse::<Kind>().unwrap_err().contains("sda-held"));
+        assert!(
+            "gremlins"
+                .parse::<FaultKind>()
+                .unwrap_err()
+                .contains("sda-held")
+        );
     }
 
     #[test]
     fn the_manual_has_every_kind() {
         let manual = include_str!("../../../docs/faults.md");
-        for kind in Kind::ALL {
+        for kind in FaultKind::ALL {
             assert!(manual.contains(&format!("| `{kind}` |")), "{kind}");
         }
     }
@@ -180,7 +185,7 @@ mod tests {
     fn shares_and_stretches_lie_in_their_ranges() {
         let mut dice = generator(1, Stream::Campaign);
         for _ in 0..1000 {
-            match Kind::LongStretch.draw(&mut dice) {
+            match FaultKind::LongStretch.draw(&mut dice) {
                 Fault::LongStretch {
                     stretch,
                     probability,

@@ -11,12 +11,12 @@
 //! plant's counter-clockwise `theta0` seen from the right. The pivot does not move, so that the
 //! accelerometer feels gravity alone.
 
+use super::{EarthField, TimedFault};
+use crate::bench::disturbance::Disturbances;
+use crate::bench::sensor_motion::{self, HeldSensor, SensorMotion};
 use crate::bno055::{self, Bno055, Fault, Stimulus};
-use crate::disturbance::Disturbances;
-use crate::handling::{self, Grip, Movement};
-use crate::tap::{Registers, Tap};
-use crate::timed_fault::TimedFault;
-use crate::truth::{Motion, Truth};
+use crate::observe::ground_truth::{GroundTruth, Motion};
+use crate::observe::logic_analyzer::{LogicAnalyzer, Registers};
 use nalgebra::UnitQuaternion;
 use plant::{Drone, ParameterError, Parameters, Servo, ServoModel};
 use samd21::board::{Board, I2cEvent, I2cReply, Lines, Pin, Ticks};
@@ -38,35 +38,9 @@ const TILT_RATE_RAD_S: f64 = 0.5;
 /// How long a hand takes to put the sensor back on the drone, s.
 const BACK_S: f64 = 1.5;
 
-/// Earth's magnetic field where the rig stands.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct EarthField {
-    /// Strength, uT.
-    pub strength_ut: f64,
-    /// Angle below the horizon, rad.
-    pub dip_rad: f64,
-    /// Magnetic north from true north, east positive, rad.
-    pub declination_rad: f64,
-}
-
-impl EarthField {
-    /// Copenhagen: 50 uT, 70 deg down, 4.37 deg east.
-    pub const COPENHAGEN: Self = Self {
-        strength_ut: 50.0,
-        dip_rad: 70.0 * std::f64::consts::PI / 180.0,
-        declination_rad: 4.37 * std::f64::consts::PI / 180.0,
-    };
-
-    pub(crate) fn north_east_down(&self) -> [f64; 3] {
-        let (sin_dip, cos_dip) = self.dip_rad.sin_cos();
-        let (sin_decl, cos_decl) = self.declination_rad.sin_cos();
-        [cos_dip * cos_decl, cos_dip * sin_decl, sin_dip].map(|c| c * self.strength_ut)
-    }
-}
-
 /// What stands on the bench.
 #[derive(Clone, Debug)]
-pub struct Bench {
+pub struct BenchConfig {
     /// The sensor.
     pub sensor: bno055::Config,
     /// The servo, before its horn is fitted to zero rudder at [`ZERO_RUDDER_US`].
@@ -87,7 +61,7 @@ pub struct Bench {
     pub faults: Vec<TimedFault>,
 }
 
-impl Default for Bench {
+impl Default for BenchConfig {
     fn default() -> Self {
         Self {
             sensor: bno055::Config::default(),
@@ -103,9 +77,9 @@ impl Default for Bench {
     }
 }
 
-/// The world round the chip. It runs up to the time of whatever the chip does to it.
+/// The environment round the chip. It runs up to the time of whatever the chip does to it.
 #[derive(Clone, Debug)]
-pub struct World {
+pub struct Environment {
     drone: Drone,
     servo: Servo,
     sensor: Bno055,
@@ -122,17 +96,17 @@ pub struct World {
     /// Pitch to which the clamp is being moved, rad.
     clamp_rad: f64,
     /// The sensor off the drone, and whether it is on its way back.
-    hand: Option<(Grip, bool)>,
-    tap: Tap,
-    truth: Truth,
+    hand: Option<(HeldSensor, bool)>,
+    tap: LogicAnalyzer,
+    truth: GroundTruth,
 }
 
-impl World {
+impl Environment {
     /// Power-on: the clamp holds the drone at its start, the rudder is at zero.
     ///
     /// # Errors
     /// Impossible parameters of the drone.
-    pub fn new(bench: &Bench) -> Result<Self, ParameterError> {
+    pub fn new(bench: &BenchConfig) -> Result<Self, ParameterError> {
         let mut drone = Drone::new(&bench.parameters, bench.start_rad, 0.0)?;
         drone.clamp(bench.start_rad);
         let zero_rad = drone.crank().angle_rad;
@@ -156,8 +130,8 @@ impl World {
             released: None,
             clamp_rad: bench.start_rad,
             hand: None,
-            tap: Tap::default(),
-            truth: Truth::default(),
+            tap: LogicAnalyzer::default(),
+            truth: GroundTruth::default(),
         })
     }
 
@@ -194,12 +168,12 @@ impl World {
     }
 
     /// What has happened.
-    pub fn truth(&self) -> &Truth {
+    pub fn truth(&self) -> &GroundTruth {
         &self.truth
     }
 
     /// What has happened, to begin a new page.
-    pub fn truth_mut(&mut self) -> &mut Truth {
+    pub fn truth_mut(&mut self) -> &mut GroundTruth {
         &mut self.truth
     }
 
@@ -231,8 +205,10 @@ impl World {
     }
 
     /// Moves the sensor by hand, off the drone.
-    pub fn handle(&mut self, movement: Movement) {
-        let (grip, back) = self.hand.get_or_insert((Grip::new(self.mounted()), false));
+    pub fn handle(&mut self, movement: SensorMotion) {
+        let (grip, back) = self
+            .hand
+            .get_or_insert((HeldSensor::new(self.mounted()), false));
         grip.begin(movement);
         *back = false;
     }
@@ -241,7 +217,7 @@ impl World {
     pub fn put_back(&mut self) {
         let home = self.mounted();
         if let Some((grip, back)) = &mut self.hand {
-            grip.begin(Movement::To(home, BACK_S));
+            grip.begin(SensorMotion::To(home, BACK_S));
             *back = true;
         }
     }
@@ -306,7 +282,7 @@ impl World {
         let (grip, back) = self.hand.as_mut()?;
         let rate = grip.advance(dt_s);
         let g = self.drone.mechanism().parameters().gravity_m_s2;
-        let felt = handling::stimulus(&grip.attitude(), rate, &self.field, g);
+        let felt = sensor_motion::stimulus(&grip.attitude(), rate, &self.field, g);
         if *back && grip.has_arrived() {
             self.hand = None;
         }
@@ -403,7 +379,7 @@ impl World {
     }
 }
 
-impl Board for World {
+impl Board for Environment {
     fn i2c(&mut self, now: Ticks, event: I2cEvent) -> I2cReply {
         self.advance(now);
         let reply = self.sensor.i2c(now, event);

@@ -1,13 +1,13 @@
 //! Flights: boot once, fork for every start, let go, and keep what happened.
 
+use crate::bench::BenchConfig;
 use crate::image::Image;
 use crate::link::LinkCounts;
-use crate::measure::{LoopTiming, events_without};
+use crate::observe::ground_truth::{Motion, Pulse};
+use crate::observe::measure::{LoopTiming, events_without};
 use crate::operator::{FlightState, Operator, OperatorError, Received};
 use crate::random::{Stream, generator};
 use crate::rig::{Rig, RigConfig, RigError};
-use crate::truth::{Motion, Pulse};
-use crate::world::Bench;
 use plant::ServoModel;
 use plant::response::{ResponseError, StepResponse};
 use rand::Rng;
@@ -97,9 +97,9 @@ pub struct Setup {
 impl Setup {
     /// A default rig with `servo` and everything random from `seed`; somebody has checked its polarity before.
     pub fn new(servo: ServoKind, seed: u64) -> Self {
-        let bench = Bench {
+        let bench = BenchConfig {
             servo: servo.model(),
-            ..Bench::default()
+            ..BenchConfig::default()
         };
         Self {
             rig: RigConfig {
@@ -282,8 +282,8 @@ impl Ready {
         start_rad: f64,
         progress: &mut dyn FnMut(&Progress),
     ) -> Result<(), FlightError> {
-        self.rig.world_mut().tilt_clamp(start_rad);
-        while !self.rig.world().clamp_rests() {
+        self.rig.environment_mut().tilt_clamp(start_rad);
+        while !self.rig.environment().clamp_rests() {
             self.watch(Stage::Tilt, PROGRESS, progress)?;
         }
         self.watch(Stage::Tilt, REST, progress)
@@ -316,7 +316,7 @@ impl Ready {
     }
 
     fn progress(&self, stage: Stage, time: Ticks) -> Progress {
-        let drone = self.rig.world().drone();
+        let drone = self.rig.environment().drone();
         Progress {
             stage,
             time_s: time.as_secs_f64(),

@@ -2,8 +2,8 @@
 
 use super::{Case, DEADLINE};
 use crate::bno055::Fault;
+use crate::observe::ground_truth::{GroundTruth, Motion, Pulse};
 use crate::operator::{FlightState, Heartbeat};
-use crate::truth::{Motion, Pulse, Truth};
 use samd21::board::Ticks;
 use std::fmt;
 use std::ops::RangeInclusive;
@@ -94,7 +94,7 @@ pub(super) struct Run<'a> {
     /// The last pulse before the fault.
     pub(super) before: Option<Pulse>,
     /// From the fault on.
-    pub(super) truth: &'a Truth,
+    pub(super) truth: &'a GroundTruth,
     /// The flight without the fault.
     pub(super) reference: &'a [Motion],
     pub(super) heartbeats: &'a [Heartbeat],
@@ -212,7 +212,7 @@ fn is_neutral(pulse: &Pulse) -> bool {
 mod tests {
     use super::*;
     use crate::bno055::Refresh;
-    use crate::truth::{Burst, Step};
+    use crate::observe::ground_truth::{Burst, Step};
 
     const ACTIVE: f64 = 1600.0;
     const NEUTRAL: f64 = 1523.6;
@@ -223,8 +223,8 @@ mod tests {
 
     /// A second of flight after a fault at 0: a step every 10 ms on a burst that is sound or not, a
     /// pulse every 20 ms.
-    fn truth(sound: impl Fn(u64) -> bool, width_us: impl Fn(u64) -> f64) -> Truth {
-        let mut truth = Truth::default();
+    fn truth(sound: impl Fn(u64) -> bool, width_us: impl Fn(u64) -> f64) -> GroundTruth {
+        let mut truth = GroundTruth::default();
         for time in (10..1000).step_by(10) {
             truth.bursts.push(Burst {
                 start: ms(time - 5),
@@ -272,7 +272,7 @@ mod tests {
         }
     }
 
-    fn judged(truth: &Truth, heartbeats: &[Heartbeat]) -> (Ending, u64) {
+    fn judged(truth: &GroundTruth, heartbeats: &[Heartbeat]) -> (Ending, u64) {
         let rise = Ticks::ZERO;
         let (ending, blind) = judge(&Run {
             injected: Ticks::ZERO,

@@ -137,32 +137,32 @@ impl Temperature {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::world::{Bench, SERVO_PIN, World};
+    use crate::bench::{BenchConfig, Environment, SERVO_PIN};
     use samd21::board::{Board, Ticks};
 
-    fn world(disturbances: Disturbances) -> World {
-        World::new(&Bench {
+    fn environment(disturbances: Disturbances) -> Environment {
+        Environment::new(&BenchConfig {
             disturbances,
-            ..Bench::default()
+            ..BenchConfig::default()
         })
         .unwrap()
     }
 
     /// Pulses of `width_us` for 200 ms from the release on.
-    fn steered(mut world: World, width_us: u64) -> World {
-        world.release(0.0);
+    fn steered(mut environment: Environment, width_us: u64) -> Environment {
+        environment.release(0.0);
         for frame in 0..10 {
             let rise = Ticks::from_ms(20 * frame);
-            world.pin(rise, SERVO_PIN, true);
-            world.pin(rise + Ticks::from_us(width_us), SERVO_PIN, false);
+            environment.pin(rise, SERVO_PIN, true);
+            environment.pin(rise + Ticks::from_us(width_us), SERVO_PIN, false);
         }
-        world.advance(Ticks::from_ms(200));
-        world
+        environment.advance(Ticks::from_ms(200));
+        environment
     }
 
     /// Crank angle, rad, `ms` after the power came on.
-    fn crank_at(world: &World, ms: u64) -> f64 {
-        let motion = &world.truth().motion;
+    fn crank_at(environment: &Environment, ms: u64) -> f64 {
+        let motion = &environment.truth().motion;
         let at = motion.partition_point(|m| m.time < Ticks::from_ms(ms));
         motion[at].crank_rad
     }
@@ -176,17 +176,17 @@ mod tests {
         }
     }
 
-    fn steered_on(supply: Option<SupplySag>) -> World {
+    fn steered_on(supply: Option<SupplySag>) -> Environment {
         let disturbances = Disturbances {
             supply,
             ..Disturbances::default()
         };
-        steered(world(disturbances), 2150)
+        steered(environment(disturbances), 2150)
     }
 
     fn slew_rad_s(supply: Option<SupplySag>) -> f64 {
-        let world = steered_on(supply);
-        (crank_at(&world, 100) - crank_at(&world, 60)) / 0.040
+        let environment = steered_on(supply);
+        (crank_at(&environment, 100) - crank_at(&environment, 60)) / 0.040
     }
 
     /// The load of the wash takes its part of the speed at either supply, hence more than the ratio
@@ -208,8 +208,8 @@ mod tests {
         };
         // The first pulse ends at 2.15 ms.
         let start = |supply| {
-            let world = steered_on(Some(supply));
-            crank_at(&world, 12) - crank_at(&world, 1)
+            let environment = steered_on(Some(supply));
+            crank_at(&environment, 12) - crank_at(&environment, 1)
         };
         let begun = start(weak) / start(stiff(6.0));
         assert!((0.5..0.8).contains(&begun), "{begun}");
@@ -221,12 +221,12 @@ mod tests {
     #[test]
     fn a_sensor_that_warms_up_drifts_from_power_on() {
         let bias_after = |temperature, ms| {
-            let mut world = world(Disturbances {
+            let mut environment = environment(Disturbances {
                 temperature,
                 ..Disturbances::default()
             });
-            world.advance(Ticks::from_ms(ms));
-            world.sensor().gyro_bias_rad_s()[1].to_degrees()
+            environment.advance(Ticks::from_ms(ms));
+            environment.sensor().gyro_bias_rad_s()[1].to_degrees()
         };
         let temperature = Temperature {
             warm_up: WarmUp {
@@ -262,11 +262,11 @@ mod tests {
     #[test]
     fn half_the_thrust_turns_the_drone_half_as_fast() {
         let rate_after = |thrust: Option<ThrustRamp>| {
-            let mut bench = Bench::default();
+            let mut bench = BenchConfig::default();
             bench.parameters.gravity_m_s2 = 0.0;
             bench.disturbances.thrust = thrust;
-            let world = steered(World::new(&bench).unwrap(), 1600);
-            let last = world.truth().motion.last().unwrap();
+            let environment = steered(Environment::new(&bench).unwrap(), 1600);
+            let last = environment.truth().motion.last().unwrap();
             (last.rate_rad_s, last.rudder_rad)
         };
         let (whole, rudder) = rate_after(None);

@@ -1,7 +1,7 @@
 //! Logic analyser on the sensor's bus and the probe pin: picks out bursts, steps and pulses.
 
 use crate::bno055::Refresh;
-use crate::truth::{Burst, Pulse, Step, Truth};
+use crate::observe::ground_truth::{Burst, GroundTruth, Pulse, Step};
 use samd21::board::{I2cEvent, I2cReply, Ticks};
 
 /// First register of the sensor's data, and how many bytes a full burst reads.
@@ -34,13 +34,13 @@ struct Transaction {
 
 /// What the analyser is in the middle of.
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Tap {
+pub(crate) struct LogicAnalyzer {
     transaction: Option<Transaction>,
     pulse_rise: Option<Ticks>,
     step_start: Option<Ticks>,
 }
 
-impl Tap {
+impl LogicAnalyzer {
     /// An event on the bus and the sensor's reply to it, with what its registers hold.
     pub(crate) fn i2c(
         &mut self,
@@ -48,7 +48,7 @@ impl Tap {
         event: I2cEvent,
         reply: I2cReply,
         registers: Registers,
-        truth: &mut Truth,
+        truth: &mut GroundTruth,
     ) {
         match (event, &mut self.transaction) {
             (I2cEvent::Start { read: false, .. }, _) => {
@@ -106,7 +106,12 @@ impl Tap {
     }
 
     /// An edge at the servo's pin; the pulse that it ends.
-    pub(crate) fn servo(&mut self, now: Ticks, level: bool, truth: &mut Truth) -> Option<Pulse> {
+    pub(crate) fn servo(
+        &mut self,
+        now: Ticks,
+        level: bool,
+        truth: &mut GroundTruth,
+    ) -> Option<Pulse> {
         if level {
             self.pulse_rise = Some(now);
             return None;
@@ -120,7 +125,7 @@ impl Tap {
     }
 
     /// An edge at the probe pin.
-    pub(crate) fn probe(&mut self, now: Ticks, level: bool, truth: &mut Truth) {
+    pub(crate) fn probe(&mut self, now: Ticks, level: bool, truth: &mut GroundTruth) {
         if level {
             self.step_start = Some(now);
         } else if let Some(start) = self.step_start.take() {
@@ -147,7 +152,13 @@ fn close(words: [i16; FULL / 2], should_be: [i16; FULL / 2]) -> bool {
 mod tests {
     use super::*;
 
-    fn event(tap: &mut Tap, truth: &mut Truth, us: u64, event: I2cEvent, reply: I2cReply) {
+    fn event(
+        tap: &mut LogicAnalyzer,
+        truth: &mut GroundTruth,
+        us: u64,
+        event: I2cEvent,
+        reply: I2cReply,
+    ) {
         let registers = Registers {
             refresh: Refresh {
                 at: Ticks::from_us(500),
@@ -162,7 +173,7 @@ mod tests {
 
     #[test]
     fn a_burst_starts_one_byte_before_its_address_is_acknowledged() {
-        let (mut tap, mut truth) = (Tap::default(), Truth::default());
+        let (mut tap, mut truth) = (LogicAnalyzer::default(), GroundTruth::default());
         let start = |read| I2cEvent::Start {
             address: 0x28,
             read,
@@ -201,7 +212,7 @@ mod tests {
 
     #[test]
     fn other_reads_and_broken_bursts_do_not_count() {
-        let (mut tap, mut truth) = (Tap::default(), Truth::default());
+        let (mut tap, mut truth) = (LogicAnalyzer::default(), GroundTruth::default());
         let start = I2cEvent::Start {
             address: 0x28,
             read: false,
@@ -227,7 +238,7 @@ mod tests {
 
     #[test]
     fn pulses_and_steps_need_both_edges() {
-        let (mut tap, mut truth) = (Tap::default(), Truth::default());
+        let (mut tap, mut truth) = (LogicAnalyzer::default(), GroundTruth::default());
         assert_eq!(tap.servo(Ticks::from_us(5), false, &mut truth), None);
         tap.servo(Ticks::from_us(10), true, &mut truth);
         let pulse = tap.servo(Ticks::from_us(1533), false, &mut truth).unwrap();

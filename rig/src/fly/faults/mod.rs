@@ -21,15 +21,14 @@
 //! noticed or not.
 
 mod judge;
-mod kind;
 
 pub use judge::{Ending, NEUTRAL_US, Outcome, Unsafe};
-pub use kind::Kind;
 
-use crate::flight::{FlightError, Ready};
+use crate::bno055::FaultKind;
+use crate::fly::flight::{FlightError, Ready};
+use crate::observe::ground_truth::{Motion, Pulse};
 use crate::operator::FlightState;
 use crate::random::{Stream, generator};
-use crate::truth::{Motion, Pulse};
 use judge::{Run, judge};
 use rand::Rng;
 use samd21::board::Ticks;
@@ -67,7 +66,7 @@ pub struct Campaign {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Case {
     /// What fails.
-    pub kind: Kind,
+    pub kind: FaultKind,
     /// Which of this kind's runs.
     pub number: u32,
 }
@@ -81,13 +80,13 @@ impl Campaign {
     pub fn new(ready: &Ready, frame_hz: f64, seed: u64) -> Result<Self, FlightError> {
         let mut base = ready.clone();
         let Ready { rig, operator, .. } = &mut base;
-        rig.world_mut().tilt_clamp(START_RAD);
-        while !rig.world().clamp_rests() {
+        rig.environment_mut().tilt_clamp(START_RAD);
+        while !rig.environment().clamp_rests() {
             operator.run(rig, Ticks::from_ms(20))?;
         }
         operator.run(rig, REST)?;
         operator.arm(rig)?;
-        rig.world_mut().truth_mut().clear();
+        rig.environment_mut().truth_mut().clear();
         operator.release(rig, START_RATE_RAD_S)?;
         operator.begin_page();
         let released = rig.now();
@@ -133,7 +132,7 @@ impl Campaign {
         operator.run(rig, at.saturating_sub(rig.now()))?;
         let before: Vec<Pulse> = rig.truth().pulses.last().copied().into_iter().collect();
         let resets = rig.resets().len();
-        rig.world_mut().truth_mut().clear();
+        rig.environment_mut().truth_mut().clear();
         let injected = rig.now();
         rig.inject(fault);
         operator.run(rig, lasted)?;

@@ -1,6 +1,6 @@
 //! What the chip did, measured from outside: on the bus, on the servo's pin and on the probe pin.
 
-use crate::truth::{Burst, Pulse, Truth};
+use crate::observe::ground_truth::{Burst, GroundTruth, Pulse};
 use samd21::board::Ticks;
 use std::ops::Range;
 
@@ -55,7 +55,7 @@ pub struct LoopTiming {
 
 impl LoopTiming {
     /// Measures over `window`; pulses that rise after it do not count.
-    pub fn over(truth: &Truth, window: Range<Ticks>) -> Self {
+    pub fn over(truth: &GroundTruth, window: Range<Ticks>) -> Self {
         let within = |time: Ticks| window.contains(&time);
         let bursts: Vec<&Burst> = truth
             .bursts
@@ -101,7 +101,7 @@ impl LoopTiming {
 /// A pulse carries the newest step that had ended when it rose; a step works on the newest burst
 /// that had ended when it began. Of several pulses from one step the first counts, and a step
 /// that no pulse rose after before the next step counts for none.
-pub fn carried(truth: &Truth) -> impl Iterator<Item = (&Burst, &Pulse)> {
+pub fn carried(truth: &GroundTruth) -> impl Iterator<Item = (&Burst, &Pulse)> {
     let mut last = None;
     truth.pulses.iter().filter_map(move |pulse| {
         let step = truth.steps.partition_point(|s| s.end <= pulse.rise);
@@ -134,11 +134,11 @@ pub(crate) fn events_without(events: &[f64], messages: impl Iterator<Item = f64>
 mod tests {
     use super::*;
     use crate::bno055::Refresh;
-    use crate::truth::Step;
+    use crate::observe::ground_truth::Step;
 
     /// Two steps in a frame of 20 ms; only the second reaches a pulse.
-    fn frames(count: u64) -> Truth {
-        let mut truth = Truth::default();
+    fn frames(count: u64) -> GroundTruth {
+        let mut truth = GroundTruth::default();
         let us = Ticks::from_us;
         for frame in 0..count {
             let overflow = 20_000 * (frame + 1);
@@ -209,7 +209,7 @@ mod tests {
 
     #[test]
     fn nothing_measured_is_zero() {
-        let timing = LoopTiming::over(&Truth::default(), Ticks::ZERO..Ticks::from_ms(1));
+        let timing = LoopTiming::over(&GroundTruth::default(), Ticks::ZERO..Ticks::from_ms(1));
         assert_eq!(timing, LoopTiming::default());
     }
 }

@@ -2,7 +2,7 @@
 //! start when the firmware says that it is no longer. It reads along what the program at the port sends, too, and does with
 //! sensor and drone what a calibration asks for.
 
-use crate::handling::{Movement, resting};
+use crate::bench::sensor_motion::{SensorMotion, resting};
 use crate::instruction::{Instruction, Tilt};
 use crate::link::Link;
 use crate::operator::FlightState;
@@ -36,7 +36,7 @@ pub enum Manner {
 
 /// Holds the clamp and reads what the image sends, as the person at the rig does.
 #[derive(Clone, Debug)]
-pub struct Hand {
+pub struct Pilot {
     link: Link,
     station: Link,
     manner: Manner,
@@ -47,7 +47,7 @@ pub struct Hand {
     glance: Option<Ticks>,
 }
 
-impl Hand {
+impl Pilot {
     /// Lets go from the tilt `start_rad`, with a rate of `rate_rad_s`.
     pub fn new(start_rad: f64, rate_rad_s: f64) -> Self {
         Self {
@@ -80,28 +80,30 @@ impl Hand {
         if let Instruction::Tilt(Tilt::NoseUp | Tilt::NoseDown) = instruction {
             self.glance = Some(rig.now() + GLANCE);
         }
-        let world = rig.world_mut();
+        let environment = rig.environment_mut();
         match instruction {
             Instruction::Rest if self.manner == Manner::Trembling => {
-                world.handle(Movement::Tremble(TREMBLE_RAD_S));
+                environment.handle(SensorMotion::Tremble(TREMBLE_RAD_S));
             }
-            Instruction::Rest => world.handle(Movement::Rest),
-            Instruction::Pose(face) => world.handle(Movement::To(resting(face), TURN_S)),
-            Instruction::Turn if self.manner == Manner::Lazy => world.handle(Movement::Spin),
-            Instruction::Turn => world.handle(Movement::Turn),
+            Instruction::Rest => environment.handle(SensorMotion::Rest),
+            Instruction::Pose(face) => environment.handle(SensorMotion::To(resting(face), TURN_S)),
+            Instruction::Turn if self.manner == Manner::Lazy => {
+                environment.handle(SensorMotion::Spin)
+            }
+            Instruction::Turn => environment.handle(SensorMotion::Turn),
             Instruction::Level => {
-                let (_, _, heading) = world.mounted().euler_angles();
+                let (_, _, heading) = environment.mounted().euler_angles();
                 let level = UnitQuaternion::from_euler_angles(0.0, 0.0, heading);
-                world.handle(Movement::To(level, TURN_S));
+                environment.handle(SensorMotion::To(level, TURN_S));
             }
-            Instruction::Tilt(tilt) => world.tilt_clamp(match tilt {
+            Instruction::Tilt(tilt) => environment.tilt_clamp(match tilt {
                 Tilt::NoseUp => TILT_RAD,
                 Tilt::NoseDown => -TILT_RAD,
                 Tilt::Upright => 0.0,
             }),
             Instruction::Done => {
-                world.put_back();
-                world.tilt_clamp(self.start_rad);
+                environment.put_back();
+                environment.tilt_clamp(self.start_rad);
             }
         }
     }
@@ -120,7 +122,7 @@ impl Hand {
         }
         if self.glance.is_some_and(|due| rig.now() >= due) {
             self.glance = None;
-            news.push(describe(rig.world().drone()));
+            news.push(describe(rig.environment().drone()));
         }
         news
     }
@@ -128,13 +130,13 @@ impl Hand {
     /// A failsafe does not bring the hand back: the drone falls as it would.
     fn follow(&mut self, rig: &mut Rig, state: FlightState) {
         self.state = Some(state);
-        let held = rig.world().drone().held();
+        let held = rig.environment().drone().held();
         match state {
             FlightState::Active if held => rig.release(self.rate_rad_s),
             FlightState::Active | FlightState::Failsafe => {}
             _ if !held => {
-                rig.world_mut().catch();
-                rig.world_mut().tilt_clamp(self.start_rad);
+                rig.environment_mut().catch();
+                rig.environment_mut().tilt_clamp(self.start_rad);
             }
             _ => {}
         }

@@ -1,8 +1,8 @@
-//! The flight library and the sensor's driver at the world's pins, without a chip in between: a
+//! The flight library and the sensor's driver at the environment's pins, without a chip in between: a
 //! bus master with ideal timing, ticks every 10 ms locked to a servo frame of 20 ms.
 
 use bno055_driver::{BusError, Driver, Micros, Next, TRANSFER_DEADLINE_US, Transfer};
-use rig::world::{Bench, SERVO_PIN, World};
+use rig::bench::{BenchConfig, Environment, SERVO_PIN};
 use samd21::board::{Board, I2cEvent, Ticks};
 use tvc_nano::config::sensor;
 use tvc_nano::failsafe::BootReport;
@@ -16,9 +16,9 @@ const FRAME_US: u64 = 20_000;
 /// The tick before the overflow leads it by this much.
 const LEAD_US: u64 = 6_500;
 
-/// Driver and flight in front of the world.
-pub(crate) struct Desk {
-    pub(crate) world: World,
+/// Driver and flight in front of the environment.
+pub(crate) struct HostLoop {
+    pub(crate) environment: Environment,
     pub(crate) driver: Driver,
     pub(crate) flight: Flight,
     pub(crate) now: Ticks,
@@ -29,10 +29,10 @@ pub(crate) struct Desk {
     pulse_us: u16,
 }
 
-impl Desk {
-    pub(crate) fn new(bench: &Bench, params: Params) -> Self {
+impl HostLoop {
+    pub(crate) fn new(bench: &BenchConfig, params: Params) -> Self {
         Self {
-            world: World::new(bench).unwrap(),
+            environment: Environment::new(bench).unwrap(),
             driver: Driver::new(sensor()),
             flight: Flight::new(params, BootReport::default()).unwrap(),
             now: Ticks::ZERO,
@@ -49,7 +49,7 @@ impl Desk {
     }
 
     /// Runs for a while; the snapshot of every step goes to `watch`.
-    pub(crate) fn run(&mut self, ms: u64, mut watch: impl FnMut(&World, &Snapshot)) {
+    pub(crate) fn run(&mut self, ms: u64, mut watch: impl FnMut(&Environment, &Snapshot)) {
         let end = self.now + Ticks::from_ms(ms);
         while self.now < end {
             self.between_ticks();
@@ -76,8 +76,8 @@ impl Desk {
             let outputs = self.flight.step(self.micros(), reading);
             self.pulse_us = outputs.pulse.0;
             self.frames();
-            self.world.advance(self.now);
-            watch(&self.world, &outputs.snapshot);
+            self.environment.advance(self.now);
+            watch(&self.environment, &outputs.snapshot);
         }
     }
 
@@ -102,22 +102,22 @@ impl Desk {
         while self.next_frame_us <= self.now.as_us() {
             let rise = Ticks::from_us(self.next_frame_us);
             self.next_frame_us += FRAME_US;
-            self.world.pin(rise, SERVO_PIN, true);
+            self.environment.pin(rise, SERVO_PIN, true);
             let fall = rise + Ticks::from_us(u64::from(self.pulse_us));
-            self.world.pin(fall, SERVO_PIN, false);
+            self.environment.pin(fall, SERVO_PIN, false);
         }
     }
 
     fn event(&mut self, event: I2cEvent) -> (bool, u8) {
         self.now += BYTE;
-        let reply = self.world.i2c(self.now, event);
+        let reply = self.environment.i2c(self.now, event);
         self.now += reply.stretch;
         (reply.ack, reply.data)
     }
 
     fn transfer(&mut self, transfer: Transfer) -> Result<Vec<u8>, BusError> {
         let begin = self.now;
-        let held = self.world.i2c_held_low(self.now);
+        let held = self.environment.i2c_held_low(self.now);
         if held.sda || held.scl {
             self.now += Ticks::from_us(TRANSFER_DEADLINE_US);
             return Err(BusError::Stuck);

@@ -8,9 +8,9 @@ use std::io;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-use crate::hand::Hand;
-use crate::measure::LoopTiming;
-use crate::pty::Pty;
+use crate::fly::pilot::Pilot;
+use crate::fly::pty::Pty;
+use crate::observe::measure::LoopTiming;
 use crate::rig::{Rig, RigError};
 use samd21::board::Ticks;
 use thiserror::Error;
@@ -53,7 +53,7 @@ pub struct Summary {
 /// A rig, the hand at its clamp and the pseudo-terminal at its port.
 pub struct RealTime {
     rig: Rig,
-    hand: Hand,
+    hand: Pilot,
     pty: Pty,
     open: bool,
     baud: Option<u32>,
@@ -66,7 +66,7 @@ pub struct RealTime {
 
 impl RealTime {
     /// Nobody is at the port yet.
-    pub fn new(mut rig: Rig, hand: Hand, pty: Pty) -> Self {
+    pub fn new(mut rig: Rig, hand: Pilot, pty: Pty) -> Self {
         rig.usb_host_mut().set_dtr(false);
         Self {
             page: rig.now(),
@@ -186,6 +186,6 @@ impl RealTime {
             self.summary.jitter_us_max = self.summary.jitter_us_max.max(timing.jitter_us_max);
         }
         self.page = self.rig.now();
-        self.rig.world_mut().truth_mut().clear();
+        self.rig.environment_mut().truth_mut().clear();
     }
 }

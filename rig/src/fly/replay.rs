@@ -1,10 +1,10 @@
 //! A recording through the whole image: the emulated BNO055 shows it, the image estimates attitude
 //! from it, and what arrives over USB is scored and compared with the host's library.
 
-use crate::flight::{FlightError, Mark};
+use crate::fly::flight::{FlightError, Mark};
 use crate::image::Image;
 use crate::link::LinkCounts;
-use crate::measure::LoopTiming;
+use crate::observe::measure::LoopTiming;
 use crate::operator::{Attitude, FlightState, Operator, RawImu, Received};
 use crate::recording::Recording;
 use crate::rig::{Rig, RigConfig};
@@ -66,7 +66,7 @@ pub fn replay(
     progress: &mut dyn FnMut(f64),
 ) -> Result<ReplayRecord, FlightError> {
     let mut rig = Rig::new(image, config)?;
-    rig.world_mut()
+    rig.environment_mut()
         .sensor_mut()
         .play(recording.clone(), Ticks::ZERO);
     let mut operator = Operator::new();

@@ -3,8 +3,8 @@
 //! The emulated BNO055 is read register by register, without a firmware: what comes out are its counts, errors and noise
 //! included.
 
+use super::EarthField;
 use crate::bno055::{self, Bno055, Mode, Stimulus};
-use crate::world::EarthField;
 use bno055_driver::config::Sensors;
 use nalgebra::{UnitQuaternion, Vector3};
 use samd21::board::{I2cEvent, Ticks};
@@ -30,7 +30,7 @@ const BETWEEN_S: f64 = 1.5;
 
 /// What the hand does.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Hand {
+pub struct MotionPlan {
     /// Where it stands.
     pub field: EarthField,
     /// Gravity there, m/s2.
@@ -41,7 +41,7 @@ pub struct Hand {
     pub tremble_rad_s: f64,
 }
 
-impl Default for Hand {
+impl Default for MotionPlan {
     /// In Copenhagen, a minute, and a steady table.
     fn default() -> Self {
         Self {
@@ -68,7 +68,7 @@ pub struct Sample {
 
 /// What the hand does with the sensor.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Movement {
+pub enum SensorMotion {
     /// Lets it lie.
     Rest,
     /// Cannot keep it still: amplitude of the rate, rad/s.
@@ -81,7 +81,7 @@ pub enum Movement {
     Spin,
 }
 
-impl Movement {
+impl SensorMotion {
     /// Rate about the sensor's axes, rad/s, `since_s` after the movement began.
     fn rate(&self, since_s: f64, attitude: &UnitQuaternion<f64>) -> Vector3<f64> {
         match *self {
@@ -109,24 +109,24 @@ impl Movement {
 
 /// A sensor that somebody holds.
 #[derive(Clone, Debug)]
-pub struct Grip {
+pub struct HeldSensor {
     attitude: UnitQuaternion<f64>,
-    movement: Movement,
+    movement: SensorMotion,
     since_s: f64,
 }
 
-impl Grip {
+impl HeldSensor {
     /// Held still at an attitude, sensor to north-east-down.
     pub fn new(attitude: UnitQuaternion<f64>) -> Self {
         Self {
             attitude,
-            movement: Movement::Rest,
+            movement: SensorMotion::Rest,
             since_s: 0.0,
         }
     }
 
     /// Begins to move it.
-    pub fn begin(&mut self, movement: Movement) {
+    pub fn begin(&mut self, movement: SensorMotion) {
         self.movement = movement;
         self.since_s = 0.0;
     }
@@ -146,7 +146,7 @@ impl Grip {
 
     /// It has arrived where it was to go.
     pub fn has_arrived(&self) -> bool {
-        matches!(self.movement, Movement::To(_, seconds) if self.since_s >= seconds)
+        matches!(self.movement, SensorMotion::To(_, seconds) if self.since_s >= seconds)
     }
 }
 
@@ -182,10 +182,11 @@ pub fn resting(face: Face) -> UnitQuaternion<f64> {
 }
 
 /// Records the procedure: rest, six faces, a slow turn through all directions.
-pub fn record(sensor: bno055::Config, hand: &Hand) -> Vec<Sample> {
-    let mut grip = Grip::new(resting(Face::TopUp));
+pub fn record(sensor: bno055::Config, hand: &MotionPlan) -> Vec<Sample> {
+    let mut grip = HeldSensor::new(resting(Face::TopUp));
     let mut now = START;
-    let feel = |grip: &Grip, rate| stimulus(&grip.attitude, rate, &hand.field, hand.gravity_m_s2);
+    let feel =
+        |grip: &HeldSensor, rate| stimulus(&grip.attitude, rate, &hand.field, hand.gravity_m_s2);
     let mut chip = start(sensor, &feel(&grip, Vector3::zeros()));
     let mut samples = Vec::new();
     for (movement, seconds) in hand.plan() {
@@ -203,18 +204,21 @@ pub fn record(sensor: bno055::Config, hand: &Hand) -> Vec<Sample> {
     samples
 }
 
-impl Hand {
+impl MotionPlan {
     /// The movements, with the length of each, s.
-    fn plan(&self) -> Vec<(Movement, f64)> {
+    fn plan(&self) -> Vec<(SensorMotion, f64)> {
         let first = match self.tremble_rad_s {
-            0.0 => Movement::Rest,
-            rate => Movement::Tremble(rate),
+            0.0 => SensorMotion::Rest,
+            rate => SensorMotion::Tremble(rate),
         };
         let mut plan = vec![(first, REST_S)];
-        plan.extend(
-            Face::ALL.map(|face| (Movement::To(resting(face), BETWEEN_S), BETWEEN_S + FACE_S)),
-        );
-        plan.push((Movement::Turn, self.turning_s));
+        plan.extend(Face::ALL.map(|face| {
+            (
+                SensorMotion::To(resting(face), BETWEEN_S),
+                BETWEEN_S + FACE_S,
+            )
+        }));
+        plan.push((SensorMotion::Turn, self.turning_s));
         plan
     }
 }
@@ -290,9 +294,9 @@ mod tests {
             errors: ImuErrors::NONE,
             ..bno055::Config::default()
         };
-        let hand = Hand {
+        let hand = MotionPlan {
             turning_s: 5.0,
-            ..Hand::default()
+            ..MotionPlan::default()
         };
         let samples = record(sensor, &hand);
         assert_eq!(samples.len(), 4400);

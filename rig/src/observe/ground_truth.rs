@@ -66,7 +66,7 @@ pub struct Step {
 
 /// Everything that was recorded, in the order of time.
 #[derive(Clone, Debug, Default)]
-pub struct Truth {
+pub struct GroundTruth {
     /// The motion, once a millisecond.
     pub motion: Vec<Motion>,
     /// Finished servo pulses.
@@ -77,7 +77,7 @@ pub struct Truth {
     pub steps: Vec<Step>,
 }
 
-impl Truth {
+impl GroundTruth {
     /// Forgets everything, as at the start of a measurement.
     pub fn clear(&mut self) {
         self.motion.clear();
