@@ -1,8 +1,9 @@
-//! Golden runs of the command line: every help text, and every line with which bad input is refused.
+//! Golden runs of the command line: every help text, and every line with which bad input is
+//! refused.
 //!
-//! `golden/help/` and `golden/refused/` hold a file for each command: what is typed, the exit status
-//! unless it is 0, and all that is printed, standard output and standard error together. What depends on
-//! the machine stands there as `[..]`.
+//! `golden/help/` and `golden/refused/` hold a file for each command: what is typed, the exit
+//! status unless it is 0, and all that is printed, standard output and standard error together.
+//! What depends on the machine stands there as `[..]`.
 //!
 //! A change of these texts that is meant is taken over with
 //! `TRYCMD=overwrite cargo test -p ground --test golden`, and read as a difference before it is

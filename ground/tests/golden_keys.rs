@@ -1,11 +1,12 @@
-//! Golden keys of `--json`: every command prints the keys that are stored in `golden/keys/`. How a change
-//! is taken over stands in `running/keys.rs`.
+//! Golden keys of `--json`: every command prints the keys that are stored in `golden/keys/`. How a
+//! change is taken over stands in `running/keys.rs`.
 #![cfg(unix)]
 
 mod running;
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
+use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 use serde_json::Value;
@@ -64,24 +65,24 @@ const AT_A_VEHICLE: &[(&str, &str)] = &[
     ("param-save", "param save"),
     ("arm", "arm"),
     ("disarm", "disarm"),
-    // Long enough that on a slow machine, too, the vehicle's own clock sees two seconds.
-    ("test-step", "test step --seconds 4 --log step.tlog"),
+    // Together they have a release, a hold and a sweep.
+    ("test", "test step --seconds 1 --log step.tlog"),
     ("burst", "burst burst.csv"),
-    ("test-hold", "test hold --seconds 4"),
-    ("test-chirp", "test chirp --seconds 6"),
-    ("", "test step --seconds 1 --log brief.tlog"),
+    // Long enough that on a slow machine, too, the vehicle's own clock sees two seconds.
+    ("test", "test hold --seconds 12 --log hold.tlog"),
+    ("test", "test chirp --seconds 6"),
 ];
 
 /// What is run on the logs of the vehicle.
 const ON_ITS_LOGS: &[(&str, &str)] = &[
-    ("report", "report step.tlog"),
+    ("report", "report hold.tlog"),
     ("replay", "replay step.tlog"),
     (
         "replay-changed",
         "replay step.tlog --param PID_KD=0.1 --filter madgwick",
     ),
-    ("", "convert brief.tlog brief.csv"),
-    ("identify", "identify brief.csv --out drone.toml"),
+    ("", "convert step.tlog step.csv"),
+    ("identify", "identify step.csv --out drone.toml"),
 ];
 
 /// What is compared by a test of its own, mostly one that runs it for other reasons.
@@ -96,8 +97,9 @@ const ELSEWHERE: &[(&str, &str)] = &[
     ("calibrate-hold", "calibrate hold"),
 ];
 
-/// Runs a command until it prints JSON (a vehicle has to settle before it is armed), and compares its keys.
-fn check(folder: &Path, name: &str, arguments: &[&str]) -> Option<String> {
+/// The objects of a command, which is run until it prints some: a vehicle has to settle before it
+/// is armed.
+fn objects(folder: &Path, name: &str, arguments: &[&str]) -> Vec<Value> {
     let begun = Instant::now();
     let output = loop {
         let output = command(arguments).current_dir(folder).output().unwrap();
@@ -106,7 +108,7 @@ fn check(folder: &Path, name: &str, arguments: &[&str]) -> Option<String> {
             // Status 1 is a figure that misses its requirement.
             let status = output.status.code();
             assert!(matches!(status, Some(0 | 1)), "{arguments:?}: {said}");
-            return None;
+            return Vec::new();
         }
         if !output.stdout.is_empty() {
             break output;
@@ -117,24 +119,33 @@ fn check(folder: &Path, name: &str, arguments: &[&str]) -> Option<String> {
     };
     eprintln!("{name}: {:.1} s", begun.elapsed().as_secs_f64());
     // `tvc monitor` prints an object a line.
-    let objects: Vec<Value> = serde_json::Deserializer::from_slice(&output.stdout)
+    serde_json::Deserializer::from_slice(&output.stdout)
         .into_iter()
         .collect::<Result<_, _>>()
-        .unwrap_or_else(|error| panic!("{arguments:?}: {error}"));
-    difference(name, &objects)
+        .unwrap_or_else(|error| panic!("{arguments:?}: {error}"))
 }
 
-/// Runs all of `runs`; every difference is told, not only the first.
+/// Runs all of `runs`; every difference is told, not only the first. Runs of the same name count
+/// together.
 fn check_all(folder: &Path, runs: &[(&str, &str)], more: &[&str]) -> Vec<String> {
-    let differences = runs.iter().filter_map(|(name, arguments)| {
+    let mut found: BTreeMap<&str, Vec<Value>> = BTreeMap::new();
+    for (name, arguments) in runs {
         let mut arguments: Vec<&str> = arguments.split(' ').collect();
         if !name.is_empty() {
             arguments.push("--json");
         }
-        check(folder, name, &[&arguments[..], more].concat())
-    });
-    differences.collect()
+        let objects = objects(folder, name, &[&arguments[..], more].concat());
+        found.entry(name).or_default().extend(objects);
+    }
+    found.remove("");
+    found
+        .iter()
+        .filter_map(|(name, objects)| difference(name, objects))
+        .collect()
 }
+
+/// One at a time: an image in the making would slow the rig down.
+static TURN: Mutex<()> = Mutex::new(());
 
 #[test]
 fn no_command_with_json_is_without_its_keys() {
@@ -180,6 +191,7 @@ fn write_short_recording(to: &Path) {
 
 #[test]
 fn what_is_run_without_a_vehicle_keeps_its_keys() {
+    let _turn = TURN.lock().unwrap_or_else(PoisonError::into_inner);
     let folder = tempfile::tempdir().unwrap();
     let scenarios = Path::new(env!("CARGO_MANIFEST_DIR")).join("../scenarios");
     for (from, to) in [
@@ -195,6 +207,7 @@ fn what_is_run_without_a_vehicle_keeps_its_keys() {
 
 #[test]
 fn what_is_run_at_a_vehicle_and_on_its_logs_keeps_its_keys() {
+    let _turn = TURN.lock().unwrap_or_else(PoisonError::into_inner);
     let folder = tempfile::tempdir().unwrap();
     let port = folder.path().join("nano");
     let port = port.to_str().unwrap();

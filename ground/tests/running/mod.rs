@@ -33,7 +33,8 @@ pub fn json(output: &Output) -> Value {
         .unwrap_or_else(|error| panic!("{error}: {}", said(output)))
 }
 
-/// The one line on standard error of a command with unusable input: status 2, nothing on standard output.
+/// The one line on standard error of a command with unusable input: status 2, nothing on standard
+/// output.
 pub fn refused(arguments: &[&str]) -> String {
     let output = tvc(arguments);
     let said = said(&output);
