@@ -147,15 +147,11 @@ impl Driver {
             }
             Phase::Sampling(sampling) => match sampling.outstanding.take() {
                 Some(Errand::Verify) => self.verified(now, outcome),
-                Some(Errand::Ask(request)) => match outcome {
-                    Ok(bytes) => {
-                        self.answer = request.decode(bytes);
-                        if self.answer.is_some() {
-                            self.request = None;
-                        } else {
-                            self.bus_error(now, SensorFault::Protocol);
-                        }
-                    }
+                Some(Errand::Ask(asked)) => match outcome.map(|bytes| asked.decode(bytes)) {
+                    // The owner may have asked for something else, or for nothing, meanwhile.
+                    Ok(Some(_)) if self.request != Some(asked) => {}
+                    Ok(Some(answer)) => self.answered(answer),
+                    Ok(None) => self.bus_error(now, SensorFault::Protocol),
                     Err(error) => self.bus_error(now, error.into()),
                 },
                 None => {}
@@ -234,6 +230,7 @@ impl Driver {
     /// Asks the chip something; [`answer`](Self::answer) has the answer in time. A newer request replaces an older one,
     /// and a suspended chip is resumed.
     pub fn request(&mut self, request: Request) {
+        self.cancel();
         self.request = Some(request);
         self.answer = None;
         if request.transfer().is_none() || matches!(self.phase, Phase::Suspended) {
@@ -241,7 +238,7 @@ impl Driver {
         }
     }
 
-    /// Drops the request that has no answer yet.
+    /// Drops the request that has no answer yet; an answer that is already on its way is discarded.
     pub fn cancel(&mut self) {
         self.request = None;
         if let Phase::Startup(startup) = &mut self.phase {
@@ -314,6 +311,11 @@ impl Driver {
         self.fault.unwrap_or(SensorFault::Booting)
     }
 
+    fn answered(&mut self, answer: Answer) {
+        self.answer = Some(answer);
+        self.request = None;
+    }
+
     fn request_in_config(&self) -> Option<Request> {
         self.request.filter(|request| request.transfer().is_none())
     }
@@ -324,10 +326,7 @@ impl Driver {
         };
         match progress {
             Progress::Going => {}
-            Progress::Answered(answer) => {
-                self.answer = Some(answer);
-                self.request = None;
-            }
+            Progress::Answered(answer) => self.answered(answer),
             Progress::Failed(fault) => {
                 if !fault.is_bus() {
                     self.health.failed_setups = self.health.failed_setups.wrapping_add(1);

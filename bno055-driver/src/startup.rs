@@ -134,7 +134,7 @@ impl Startup {
         }
     }
 
-    /// Asks nothing on the way.
+    /// Asks nothing more on the way, and discards an answer that is still to come.
     pub(crate) fn cancel(&mut self) {
         self.request = None;
     }
@@ -225,10 +225,12 @@ impl Startup {
                 self.not_before = now.after(pause_us);
             }
             Verdict::Answer(answer, step) => {
-                self.request = None;
                 self.step = step;
                 self.step_since = now;
-                return Progress::Answered(answer);
+                // Whoever asked may have cancelled meanwhile.
+                if self.request.take().is_some() {
+                    return Progress::Answered(answer);
+                }
             }
             Verdict::Again {
                 pause_us,
