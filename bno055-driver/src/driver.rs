@@ -116,12 +116,9 @@ impl Driver {
                 Err(until) => Next::Wait(until),
             },
             Phase::Sampling(sampling) => {
-                if let Some((request, transfer)) = self
-                    .request
-                    .and_then(|request| Some((request, request.transfer()?)))
-                {
+                if let Some(request) = self.request.filter(|request| !request.needs_config()) {
                     sampling.outstanding = Some(Errand::Ask(request));
-                    Next::Transfer(transfer)
+                    Next::Transfer(request.read())
                 } else if sampling.due {
                     sampling.outstanding = Some(Errand::Verify);
                     Next::Transfer(sampling.check.transfer())
@@ -233,7 +230,7 @@ impl Driver {
         self.cancel();
         self.request = Some(request);
         self.answer = None;
-        if request.transfer().is_none() || matches!(self.phase, Phase::Suspended) {
+        if request.needs_config() || matches!(self.phase, Phase::Suspended) {
             self.resume();
         }
     }
@@ -317,7 +314,7 @@ impl Driver {
     }
 
     fn request_in_config(&self) -> Option<Request> {
-        self.request.filter(|request| request.transfer().is_none())
+        self.request.filter(|request| request.needs_config())
     }
 
     fn advance(&mut self, now: Micros, progress: Progress) {

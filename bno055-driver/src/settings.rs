@@ -61,6 +61,14 @@ impl Setting {
         }
     }
 
+    /// The transfer that reads it back.
+    pub(crate) fn read(self, config: &Config) -> Transfer {
+        match self.write(config) {
+            Transfer::Write { register, bytes } => Transfer::read(register, bytes.len() as u8),
+            read @ Transfer::Read { .. } => read,
+        }
+    }
+
     /// Bits of a byte that must read as written; the others are reserved or the chip's own business.
     pub(crate) fn mask(self, config: &Config, offset: usize) -> u8 {
         match (self, offset) {
