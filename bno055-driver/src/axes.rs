@@ -17,7 +17,7 @@ pub enum Axis {
 pub struct Signed {
     /// The chip's axis.
     pub axis: Axis,
-    /// Whether it is turned round.
+    /// Whether the output shows the opposite direction.
     pub negative: bool,
 }
 
@@ -39,10 +39,10 @@ impl Signed {
     }
 }
 
-/// Why an axis map is none.
+/// Why three axes make no axis map.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum AxisMapError {
-    /// Two outputs show the same axis: the chip would ignore the map without a word.
+    /// Two outputs show the same axis: the chip would silently ignore the map.
     Repeated,
     /// The map turns a right-handed frame into a left-handed one, in which rates have the wrong sign.
     Mirrored,

@@ -1,4 +1,4 @@
-//! Everything the chip can be told, typed: modes, ranges, bandwidths, units, axis map, power.
+//! Everything that the chip can be set to: modes, ranges, bandwidths, units, axis map, power.
 
 use core::num::NonZeroU8;
 
@@ -37,11 +37,11 @@ pub enum ResetPolicy {
     /// Rewrite every register instead.
     #[default]
     Never,
-    /// Reset when so many attempts in a row to set up an answering chip have failed.
+    /// Reset after this many failed attempts in a row to set up a chip that answers.
     AfterFailures(NonZeroU8),
 }
 
-/// What the chip is to be, and how the driver judges it.
+/// The chip's settings, and the limits by which the driver judges its data.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Config {
     /// I2C address.
@@ -64,7 +64,7 @@ pub struct Config {
     pub soft_iron: Option<SoftIron>,
     /// Whether the chip may be reset.
     pub reset: ResetPolicy,
-    /// So many equal bursts in a row are a frozen chip. The chip refreshes at its own 100 Hz, so that two equal ones
+    /// Number of equal bursts in a row that shows a frozen chip. The chip refreshes at its own 100 Hz, so that two equal ones
     /// are normal at a 100 Hz tick; allow more if you sample faster or with little bandwidth.
     pub frozen_after: NonZeroU8,
     /// A word that moves by more counts than this within [`STEP_AGE_US`](crate::STEP_AGE_US), and does not stay there,

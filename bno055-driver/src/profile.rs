@@ -1,7 +1,7 @@
 //! The chip's own calibration: offsets, radii and soft iron, for its fusion modes.
 //!
-//! In the non-fusion modes the outputs are uncompensated (data sheet section 3.11.4), so that a host that runs its own
-//! filter calibrates on its own side and needs none of this.
+//! In the non-fusion modes the outputs are uncompensated (data sheet section 3.11.4): a host that
+//! runs its own filter calibrates on its own side and needs none of this.
 
 use core::fmt;
 
@@ -12,8 +12,9 @@ use crate::words;
 
 /// Calibration profile: what fusion has learnt, or is to start from.
 ///
-/// The chip drops values out of range without a word and then refuses to run fusion, so that [`Profile::check`] comes first
-/// and every byte is read back. A chip that calibrates itself overwrites the profile with time.
+/// The chip silently drops values out of range and then refuses to run fusion. Therefore
+/// [`Profile::check`] comes first, and every byte is read back. A chip that calibrates itself
+/// overwrites the profile with time.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Profile {
     /// Accelerometer offsets, counts: 1 mg, at most the sensor's range.
@@ -28,7 +29,7 @@ pub struct Profile {
     pub mag_radius: i16,
 }
 
-/// Why stored bytes or values are no profile.
+/// Why stored bytes are no profile, or a profile cannot be written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum ProfileError {
     /// Too short, or not a profile at all.
@@ -172,7 +173,7 @@ impl Profile {
     }
 }
 
-/// CRC-32 of IEEE 802.3, a bit at a time: 26 bytes do not deserve a table.
+/// CRC-32 of IEEE 802.3, bit by bit: for 26 bytes a table would not pay.
 fn crc32(bytes: &[u8]) -> u32 {
     let mut crc = u32::MAX;
     for &byte in bytes {

@@ -5,7 +5,7 @@ use crate::registers as reg;
 use crate::status::{CalibrationStatus, SelfTest, SystemError, SystemStatus};
 use crate::transfer::Transfer;
 
-/// A question, for [`Driver::request`](crate::Driver::request).
+/// A question to the chip, for [`Driver::request`](crate::Driver::request).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Request {
     /// Temperature; between two samples.

@@ -125,7 +125,8 @@ impl GyrRange {
     }
 }
 
-/// Settings of the three sensors (page 1). In fusion modes the chip minds only the accelerometer's.
+/// Settings of the three sensors (page 1). In fusion modes only the
+/// accelerometer's range counts; the chip chooses the rest itself.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Sensors {
     /// Accelerometer range.

@@ -69,7 +69,7 @@ impl Setting {
         }
     }
 
-    /// Bits of a byte that must read as written; the others are reserved or the chip's own business.
+    /// Bits of a byte that must read as written; the others are reserved or set by the chip itself.
     pub(crate) fn mask(self, config: &Config, offset: usize) -> u8 {
         match (self, offset) {
             (Self::Power, _) => 0x03,

@@ -26,7 +26,7 @@ const FROM_CONFIG_US: u64 = 7_000;
 const RESET_US: u64 = 650_000;
 /// The built-in self-test takes about 0.4 s (data sheet section 3.9.2).
 const SELF_TEST_US: u64 = 400_000;
-/// The clock status must not be read before this after a change of clock, or it is still the old clock's.
+/// Until this time after a change of clock, the clock status is still that of the old clock.
 const CLOCK_SWITCH_US: u64 = 10_000;
 
 /// PWR_MODE: everything off but the registers (data sheet section 3.2.3).
@@ -135,7 +135,7 @@ impl Verdict {
     }
 }
 
-/// What the driver learns from a completed step.
+/// What a completed step means to the driver.
 pub(crate) enum Progress {
     Going,
     /// The request has its answer; the set-up goes on.
@@ -190,12 +190,12 @@ impl Startup {
         self.request = None;
     }
 
-    /// Once sampling: the judge, who has seen the first bursts.
+    /// Once sampling: the judge that has seen the first bursts.
     pub(crate) fn inspector(&self) -> &Inspector {
         &self.inspector
     }
 
-    /// Once sampling: who the chip is.
+    /// Once sampling: the chip's identity.
     pub(crate) fn identity(&self) -> &Identity {
         &self.identity
     }
@@ -330,8 +330,9 @@ impl Startup {
         Progress::Going
     }
 
-    /// Starts over. A chip that cannot be reached is polled at a steady pace and reported only when it is late;
-    /// one that answers and yet is not as it should be is reported at once and left more and more in peace.
+    /// Starts over. A chip that cannot be reached is polled at a steady pace, and reported only when
+    /// it is late. One that answers, but not as it should, is reported at once and tried again after
+    /// ever longer pauses.
     fn fail(&mut self, now: Micros, fault: SensorFault, config: &Config) -> Progress {
         let unreached = fault.is_bus() || self.step == SetupStep::Identify;
         let mut next = SetupStep::Call;

@@ -1,4 +1,4 @@
-//! What the chip says about itself, typed.
+//! What the chip reports about itself.
 
 use core::fmt;
 
@@ -25,7 +25,7 @@ register_enums! {
         _ => Unknown
     }
 
-    /// System error (SYS_ERR), of meaning while the status is [`SystemStatus::Error`].
+    /// System error (SYS_ERR), meaningful while the status is [`SystemStatus::Error`].
     pub enum SystemError {
         /// No error.
         None = 0,
@@ -83,14 +83,14 @@ impl fmt::Display for SystemError {
     }
 }
 
-/// Who the chip is.
+/// What identifies the chip.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub struct Identity {
     /// Firmware revision, as 0x0311 for 3.11.
     pub software: u16,
     /// Bootloader revision.
     pub bootloader: u8,
-    /// Unique identification of this very chip.
+    /// Unique identification of the individual chip.
     pub unique_id: [u8; 16],
 }
 
@@ -137,7 +137,8 @@ impl SelfTest {
 
 /// How far fusion has calibrated itself (CALIB_STAT): 0 not at all, 3 fully.
 ///
-/// The figures fall under motion, and the system's can be 3 while the magnetometer's is 0: gate nothing on the system's.
+/// The figures fall during motion, and the system's can be 3 while the magnetometer's is 0: let no
+/// decision depend on the system's alone.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct CalibrationStatus {
     /// The whole.

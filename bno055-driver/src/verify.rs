@@ -1,4 +1,5 @@
-//! Verification: chips reset themselves and come back with defaults, so that what was written is read again and again.
+//! Verification while sampling: a chip that resets itself comes back with its defaults, so that its
+//! settings are read back again and again.
 
 use crate::config::Config;
 use crate::fault::SensorFault;
