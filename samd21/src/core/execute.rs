@@ -19,7 +19,8 @@
 
 use super::decode::Operation;
 use super::exception::RETURN_CYCLES;
-use super::{Bus, Core, LR, Outcome, SP, Sleep, Trap};
+use super::{Core, LR, Outcome, SP, Sleep, Trap};
+use crate::bus::Bus;
 use crate::fault::FaultKind;
 
 const PC: usize = 15;

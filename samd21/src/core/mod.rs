@@ -15,15 +15,18 @@ mod execute;
 mod nvic;
 mod system_control;
 mod systick;
+mod view;
+
+pub use self::view::{Counters, Registers, Stop};
 
 use self::nvic::Nvic;
 use self::systick::SysTick;
-use crate::board::{Board, Ticks};
-use crate::chip::{Counters, Registers, Stop};
+use crate::board::Ticks;
+use crate::bus::Bus;
 use crate::fault::{Fault, FaultKind};
 use crate::memory::Memory;
 use crate::options::WaitStates;
-use crate::peripherals::{Peripherals, ResetCause};
+use crate::peripherals::ResetCause;
 
 const SP: usize = 13;
 const LR: usize = 14;
@@ -32,13 +35,6 @@ const LR: usize = 14;
 const TRAIL: usize = 32;
 /// Lines of the flash controller's cache, 8 bytes each.
 const FLASH_LINES: usize = 8;
-
-/// Everything outside of the core.
-pub(crate) struct Bus<'a> {
-    pub(crate) memory: &'a mut Memory,
-    pub(crate) peripherals: &'a mut Peripherals,
-    pub(crate) board: &'a mut dyn Board,
-}
 
 /// Why an instruction did not complete.
 enum Trap {
@@ -275,8 +271,7 @@ impl Core {
 
     /// Brings peripherals, SysTick and interrupt lines to the present.
     fn catch_up(&mut self, bus: &mut Bus<'_>) {
-        bus.peripherals
-            .advance(Ticks(self.now), bus.memory, bus.board);
+        bus.advance(Ticks(self.now));
         let ticks_per_cycle = u64::from(bus.peripherals.ticks_per_cycle());
         if ticks_per_cycle != self.ticks_per_cycle {
             self.counters = self.counters();
@@ -304,9 +299,7 @@ impl Core {
 
     /// When something next happens by itself, `until` at the latest.
     fn next_event(&self, bus: &Bus<'_>, until: u64) -> u64 {
-        until
-            .min(bus.peripherals.next_event().0)
-            .min(self.systick.next_event())
+        until.min(bus.next_event().0).min(self.systick.next_event())
     }
 
     fn sleep_until(&mut self, at: u64) {

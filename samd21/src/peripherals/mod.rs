@@ -38,8 +38,6 @@ mod sysctrl;
 mod tc;
 mod tcc;
 #[cfg(test)]
-pub(crate) mod testing;
-#[cfg(test)]
 mod tests;
 pub(crate) mod usb;
 mod violations;
@@ -51,7 +49,6 @@ pub use violations::{Violation, Violations};
 use crate::Options;
 use crate::board::{Board, Ticks};
 use crate::memory::{FLASH_SIZE, Memory};
-use crate::usb_host::Host;
 use access::{Bus, Lanes, Refusal};
 use gclk::id::{DFLL48, EIC, SERCOM_SLOW, SERCOM0_CORE, TC4_TC5, TCC0_TCC1, TCC2_TC3, USB, WDT};
 use map::{Block, Bridge, Mapping, map};
@@ -72,7 +69,6 @@ pub struct Peripherals {
     tcc: [tcc::Tcc; 3],
     usb: usb::Usb,
     wdt: wdt::Wdt,
-    usb_host: Host,
     violations: Violations,
     ticks_per_cycle: u32,
     /// The flash is read faster than it can be.
@@ -85,7 +81,7 @@ pub struct Peripherals {
 
 impl Peripherals {
     /// As after power-on.
-    pub fn new(options: &Options) -> Self {
+    pub(crate) fn new(options: &Options) -> Self {
         let mut peripherals = Self {
             options: options.clone(),
             pac: pac::Pac::new(),
@@ -101,7 +97,6 @@ impl Peripherals {
             tcc: [0, 1, 2].map(|index| tcc::Tcc::new(index, options.syncbusy_hold)),
             usb: usb::Usb::new(options.syncbusy_hold),
             wdt: wdt::Wdt::new(),
-            usb_host: Host::new(),
             violations: Violations::default(),
             ticks_per_cycle: 48,
             flash_overrun: false,
@@ -117,13 +112,12 @@ impl Peripherals {
 
     /// All registers as after a reset for this reason. The board sees the pins let go when time
     /// goes on.
-    pub fn reset(&mut self, now: Ticks, cause: ResetCause) {
+    pub(crate) fn reset(&mut self, now: Ticks, cause: ResetCause) {
         self.port.reset();
         let fresh = Self::new(&self.options);
         *self = Self {
             pm: pm::Pm::new(cause),
             port: self.port.clone(),
-            usb_host: self.usb_host.clone(),
             violations: self.violations.clone(),
             last: now,
             ..fresh
@@ -136,7 +130,7 @@ impl Peripherals {
 
     /// Reads a register, or a word of the auxiliary flash rows. Flash, SRAM and the core's own
     /// registers are not reached this way.
-    pub fn read(
+    pub(crate) fn read(
         &mut self,
         now: Ticks,
         addr: u32,
@@ -185,7 +179,7 @@ impl Peripherals {
 
     /// Writes a register, or, in the address range of the flash, the page buffer. Gives how long
     /// the bus stalls the CPU beyond the access itself.
-    pub fn write(
+    pub(crate) fn write(
         &mut self,
         now: Ticks,
         addr: u32,
@@ -197,7 +191,6 @@ impl Peripherals {
         if !addr.is_multiple_of(width.bytes()) {
             return Err(BusError::Misaligned { addr });
         }
-        self.advance(now, memory, board);
         let lanes = Lanes::new(value, addr & 3, width.bytes());
         let bus = &mut Bus {
             now,
@@ -290,23 +283,30 @@ impl Peripherals {
     }
 
     /// The earliest time at which something changes by itself: cheap, worked out beforehand.
-    pub fn next_event(&self) -> Ticks {
-        self.next.min(self.usb_host.next())
+    pub(crate) fn next_event(&self) -> Ticks {
+        self.next
     }
 
-    /// Runs everything that is due up to `now`, in the order of time.
-    pub fn advance(&mut self, now: Ticks, memory: &mut Memory, board: &mut dyn Board) {
-        while self.next_event() <= now {
-            // A host that was just plugged in is due since ever.
-            self.last = self.next_event().max(self.last);
-            self.run(self.last, memory, board);
-            self.refresh(self.last);
-        }
+    /// Nothing is due before `now` any more.
+    pub(crate) fn set_time(&mut self, now: Ticks) {
         self.last = now;
     }
 
-    /// Runs what is due at `now`.
-    fn run(&mut self, now: Ticks, memory: &mut Memory, board: &mut dyn Board) {
+    /// The USB controller, for the host at the other end of the cable.
+    pub(crate) fn usb(&mut self) -> &mut usb::Usb {
+        &mut self.usb
+    }
+
+    /// The USB host's start-of-frame packet arrives, which the DFLL may lock to.
+    pub(crate) fn start_of_frame(&mut self, now: Ticks) {
+        self.sysctrl.start_of_frame(now);
+    }
+
+    /// Runs what is due at `due`, or at the last event's time if that was later. Returns the time
+    /// at which it ran.
+    pub(crate) fn run(&mut self, due: Ticks, board: &mut dyn Board) -> Ticks {
+        let now = due.max(self.last);
+        self.last = now;
         self.port.publish_pending(now, board);
         if self.sysctrl.next(now.saturating_sub(Ticks(1))) == now {
             self.sysctrl.latch_flags(now);
@@ -340,9 +340,7 @@ impl Peripherals {
         if self.wdt.next() <= now {
             self.wdt.advance(now);
         }
-        if self.usb_host.next() <= now && self.usb_host.advance(now, &mut self.usb, memory) {
-            self.sysctrl.start_of_frame(now);
-        }
+        now
     }
 
     /// Interrupt requests, bit n for IRQ n, as levels.
@@ -361,18 +359,8 @@ impl Peripherals {
     }
 
     /// Takes a reset that a peripheral asks for.
-    pub fn take_reset(&mut self) -> Option<ResetCause> {
+    pub(crate) fn take_reset(&mut self) -> Option<ResetCause> {
         self.pending_reset.take()
-    }
-
-    /// The USB host at the other end of the cable.
-    pub fn usb_host(&self) -> &Host {
-        &self.usb_host
-    }
-
-    /// The USB host at the other end of the cable.
-    pub fn usb_host_mut(&mut self) -> &mut Host {
-        &mut self.usb_host
     }
 
     /// Misuse since power-on that the real chip would have swallowed.
@@ -415,8 +403,7 @@ impl Peripherals {
     }
 
     /// Works out what `next_event` and `irq_lines` tell.
-    fn refresh(&mut self, now: Ticks) {
-        self.usb_host.observe(now, &self.usb);
+    pub(crate) fn refresh(&mut self, now: Ticks) {
         if self.wdt.take_bite() {
             self.pending_reset = Some(ResetCause::Watchdog);
         }

@@ -1,7 +1,7 @@
-use super::testing::*;
 use super::*;
 use crate::SyncHold;
 use crate::board::{I2cEvent, I2cReply, Lines, Pin, Unconnected};
+use crate::testing::*;
 
 const TCC0: u32 = 0x4200_2000;
 const SERCOM4: u32 = 0x4200_1800;
@@ -319,16 +319,12 @@ fn the_flash_interrupts_when_it_is_ready_again() {
     bench.w32(NVMCTRL + 0x1C, 0x4000 / 2);
     bench.w8(NVMCTRL + 0x10, 1);
     assert_eq!(bench.peripherals.irq_lines(), 1 << 5);
-    let Bench {
-        peripherals,
-        memory,
-        board,
-        now,
-    } = &mut bench;
-    let command = peripherals.write(*now, NVMCTRL, Width::Half, 0xA502, memory, board);
+    let now = bench.now;
+    let command = bench.bus().write(now, NVMCTRL, Width::Half, 0xA502);
     assert_eq!(command, Ok(Ticks::from_us(6000)));
-    assert_eq!(peripherals.irq_lines(), 0);
-    assert_eq!(peripherals.next_event(), *now + Ticks::from_us(6000));
+    assert_eq!(bench.peripherals.irq_lines(), 0);
+    let end = now + Ticks::from_us(6000);
+    assert_eq!(bench.peripherals.next_event(), end);
     bench.pass(Ticks::from_us(6000));
     assert_eq!(bench.peripherals.irq_lines(), 1 << 5);
 }
