@@ -17,6 +17,35 @@ pub(crate) struct Bus<'a> {
     pub(crate) violations: &'a mut Violations,
 }
 
+impl Bus<'_> {
+    /// Notes misuse of a peripheral.
+    pub(crate) fn note(&mut self, peripheral: &'static str, what: &'static str) {
+        self.violations.note(self.now, peripheral, what);
+    }
+
+    /// Writes all but ENABLE of the CTRLA of a timer or SERCOM. Its fields, `modelled`, are
+    /// protected while ENABLE is set.
+    pub(crate) fn write_ctrla(
+        &mut self,
+        peripheral: &'static str,
+        ctrla: &mut u32,
+        value: u32,
+        modelled: u32,
+    ) {
+        if *ctrla & ENABLE != 0 && (*ctrla ^ value) & modelled != 0 {
+            let what = "enable-protected CTRLA written while enabled: discarded";
+            self.note(peripheral, what);
+        } else {
+            *ctrla = value & modelled | *ctrla & ENABLE;
+        }
+    }
+}
+
+/// CTRLA.SWRST of timers and SERCOMs.
+pub(crate) const SWRST: u32 = 1 << 0;
+/// CTRLA.ENABLE of timers and SERCOMs.
+pub(crate) const ENABLE: u32 = 1 << 1;
+
 /// Why a peripheral refuses an access; the router adds address and name.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Refusal {

@@ -17,7 +17,7 @@
 //! | sources XOSC, GCLKIN, XOSC32K, DPLL | nothing soldered or modelled: such a generator stands still |
 //! | duty cycle (IDC), RUNSTDBY | no model depends on them |
 
-use super::access::{Bus, DONE, Lanes, RESERVED, Read, Refusal, Write};
+use super::access::{Bus, Lanes, RESERVED, Read, Refusal, Write};
 use super::clock::{Rate, SyncFlags};
 use super::sysctrl::Sysctrl;
 use crate::SyncHold;
@@ -30,27 +30,10 @@ const DIVSEL: u32 = 1 << 20;
 const CLKEN: u16 = 1 << 14;
 const WRTLOCK: u16 = 1 << 15;
 
-/// Clock identities used by the models (CLKCTRL.ID).
-pub(crate) mod id {
-    /// Reference of the DFLL.
-    pub(crate) const DFLL48: usize = 0x00;
-    /// Watchdog.
-    pub(crate) const WDT: usize = 0x03;
-    /// External interrupts.
-    pub(crate) const EIC: usize = 0x05;
-    /// USB.
-    pub(crate) const USB: usize = 0x06;
-    /// Slow clock of all SERCOMs: time-outs.
-    pub(crate) const SERCOM_SLOW: usize = 0x13;
-    /// SERCOM0; the others follow.
-    pub(crate) const SERCOM0_CORE: usize = 0x14;
-    /// TCC0 and TCC1.
-    pub(crate) const TCC0_TCC1: usize = 0x1A;
-    /// TCC2 and TC3.
-    pub(crate) const TCC2_TC3: usize = 0x1B;
-    /// TC4 and TC5.
-    pub(crate) const TC4_TC5: usize = 0x1C;
-}
+/// CLKCTRL.ID of the watchdog's clock, which runs from reset.
+const WDT: usize = 0x03;
+/// CLKCTRL.ID of the slow clock of all SERCOMs: time-outs.
+pub(crate) const SERCOM_SLOW: usize = 0x13;
 
 #[derive(Clone, Debug)]
 pub(crate) struct Gclk {
@@ -72,8 +55,10 @@ struct Selected {
 
 impl Gclk {
     pub(crate) fn new(hold: SyncHold) -> Self {
+        let mut sync = SyncFlags::new(hold);
+        sync.set_clocked(Ticks::ZERO, true);
         let mut gclk = Self {
-            sync: SyncFlags::new(hold),
+            sync,
             control: [0; GENERATORS],
             divisor: [0; GENERATORS],
             clocks: [0; CLOCKS],
@@ -92,7 +77,7 @@ impl Gclk {
         self.divisor = [0; GENERATORS];
         self.divisor[2] = 32 << 8;
         self.clocks = [0; CLOCKS];
-        self.clocks[id::WDT] = 2 << 8;
+        self.clocks[WDT] = 2 << 8;
         self.selected = Selected::default();
     }
 
@@ -211,7 +196,7 @@ impl Gclk {
             }
             _ => return Err(RESERVED),
         }
-        if stall > Ticks::ZERO { Ok(stall) } else { DONE }
+        Ok(stall)
     }
 }
 
@@ -249,7 +234,7 @@ mod tests {
         let mut gclk = Gclk::new(SyncHold::Instant);
         gclk.resolve(Ticks::ZERO, &Sysctrl::new());
         assert_eq!(hz(gclk.main()), 1e6);
-        assert_eq!(gclk.clock(id::SERCOM0_CORE), None);
+        assert_eq!(gclk.clock(0x14), None);
     }
 
     #[test]
@@ -269,7 +254,7 @@ mod tests {
         );
         route(&mut gclk, 0x03, 3);
         gclk.resolve(Ticks::ZERO, &Sysctrl::new());
-        assert_eq!(hz(gclk.clock(id::WDT)), 1024.0);
+        assert_eq!(hz(gclk.clock(WDT)), 1024.0);
         // The same with DIVSEL: 2^(4+1).
         write(&mut gclk, Ticks::ZERO, 0x08, Lanes::word(3 | 4 << 8));
         write(
@@ -279,7 +264,7 @@ mod tests {
             Lanes::word(3 | 3 << 8 | GENEN | DIVSEL),
         );
         gclk.resolve(Ticks::ZERO, &Sysctrl::new());
-        assert_eq!(hz(gclk.clock(id::WDT)), 1024.0);
+        assert_eq!(hz(gclk.clock(WDT)), 1024.0);
     }
 
     #[test]

@@ -28,7 +28,9 @@ mod dsu;
 mod eic;
 mod error;
 mod gclk;
+mod interrupts;
 mod map;
+mod multiplexer;
 mod nvmctrl;
 mod pac;
 mod pm;
@@ -50,8 +52,8 @@ use crate::Options;
 use crate::board::{Board, Ticks};
 use crate::memory::{FLASH_SIZE, Memory};
 use access::{Bus, Lanes, Refusal};
-use gclk::id::{DFLL48, EIC, SERCOM_SLOW, SERCOM0_CORE, TC4_TC5, TCC0_TCC1, TCC2_TC3, USB, WDT};
-use map::{Block, Bridge, Mapping, map};
+use gclk::SERCOM_SLOW;
+use map::{Block, Bridge, Entry};
 
 /// All peripherals of one chip.
 #[derive(Clone, Debug)]
@@ -156,9 +158,9 @@ impl Peripherals {
                 .read_auxiliary(addr)
                 .ok_or(BusError::Unmapped { addr });
         }
-        let mapping = self.locate(addr)?;
-        let offset = addr - mapping.base;
-        match mapping.block {
+        let entry = self.locate(addr)?;
+        let offset = entry.offset(addr);
+        match entry.block {
             Block::Pac(index) => self.pac.read(index, offset),
             Block::Pm => self.pm.read(offset),
             Block::Sysctrl => self.sysctrl.read(now, offset),
@@ -174,7 +176,7 @@ impl Peripherals {
             Block::Wdt => self.wdt.read(offset),
             Block::Unmodelled => Err(Refusal::Unmodelled("the whole peripheral")),
         }
-        .map_err(|refusal| refuse(refusal, addr, mapping.name))
+        .map_err(|refusal| refuse(refusal, addr, entry.name))
     }
 
     /// Writes a register, or, in the address range of the flash, the page buffer. Gives how long
@@ -203,14 +205,9 @@ impl Peripherals {
                 .load_page_buffer(bus, addr, width.bytes(), value, memory)
                 .map_err(|refusal| refuse(refusal, addr, "NVMCTRL"));
         }
-        let Mapping {
-            base,
-            bridge,
-            index,
-            name,
-            block,
-        } = self.locate(addr)?;
-        if self.pac.protects(bridge, index) {
+        let entry = self.locate(addr)?;
+        let (name, block) = (entry.name, entry.block);
+        if self.pac.protects(entry.bridge, entry.index) {
             return Err(BusError::Protected {
                 addr,
                 peripheral: name,
@@ -221,12 +218,12 @@ impl Peripherals {
             board,
             violations: &mut self.violations,
         };
-        let offset = (addr & !3) - base;
+        let offset = entry.offset(addr & !3);
         let stall = match block {
             Block::Pac(index) => self.pac.write(index, offset, lanes),
             Block::Pm => self.pm.write(offset, lanes),
             Block::Sysctrl => {
-                let reference = self.gclk.clock(DFLL48).is_some();
+                let reference = entry.clock.and_then(|id| self.gclk.clock(id)).is_some();
                 self.sysctrl.write(bus, offset, lanes, reference)
             }
             Block::Gclk => self.gclk.write(bus, offset, lanes),
@@ -242,14 +239,16 @@ impl Peripherals {
             Block::Unmodelled => Err(Refusal::Unmodelled("the whole peripheral")),
         }
         .map_err(|refusal| refuse(refusal, addr, name))?;
-        if matches!(block, Block::Pm | Block::Sysctrl | Block::Gclk) && !self.retime(now) {
-            return Err(BusError::Forbidden {
-                addr,
-                peripheral: name,
-                why: "generator 0, the CPU's clock, stands still",
-            });
-        }
         match block {
+            Block::Pm | Block::Sysctrl | Block::Gclk => {
+                if !self.retime(now) {
+                    return Err(BusError::Forbidden {
+                        addr,
+                        peripheral: name,
+                        why: "generator 0, the CPU's clock, stands still",
+                    });
+                }
+            }
             Block::Tcc(index) => {
                 let outputs = self.tcc[index].outputs();
                 self.port.drive(now, index as u8, outputs, board);
@@ -258,10 +257,7 @@ impl Peripherals {
                 let pair = self.tc[1].is_32_bits();
                 self.tc[2].set_slave(pair);
             }
-            Block::Port => {
-                self.sercom[4].set_connected(self.port.i2c_routed());
-                self.usb.set_pads(self.port.usb_routed());
-            }
+            Block::Port => self.connect_pads(board),
             _ => {}
         }
         self.check_flash(now);
@@ -269,17 +265,28 @@ impl Peripherals {
         Ok(stall)
     }
 
-    /// The block at `addr`, if its bus clock runs.
-    fn locate(&self, addr: u32) -> Result<Mapping, BusError> {
-        let mapping = map(addr).ok_or(BusError::Unmapped { addr })?;
-        if mapping.block != Block::Unmodelled && !self.pm.is_clocked(mapping.bridge, mapping.index)
-        {
+    /// The peripheral at `addr`, if its bus clock runs.
+    fn locate(&self, addr: u32) -> Result<&'static Entry, BusError> {
+        let entry = map::find(addr).ok_or(BusError::Unmapped { addr })?;
+        if entry.block != Block::Unmodelled && !self.pm.is_clocked(entry.bridge, entry.index) {
             return Err(BusError::Unclocked {
                 addr,
-                peripheral: mapping.name,
+                peripheral: entry.name,
             });
         }
-        Ok(mapping)
+        Ok(entry)
+    }
+
+    /// The multiplexers of pins may have changed: the SERCOM that they connect to the board's I2C
+    /// bus, and whether USB has its pads.
+    fn connect_pads(&mut self, board: &dyn Board) {
+        let master = board
+            .i2c_pins()
+            .and_then(|lines| self.port.i2c_master(lines));
+        for (index, sercom) in self.sercom.iter_mut().enumerate() {
+            sercom.set_connected(master == Some(index));
+        }
+        self.usb.set_pads(self.port.usb_routed());
     }
 
     /// The earliest time at which something changes by itself: cheap, worked out beforehand.
@@ -376,18 +383,19 @@ impl Peripherals {
         };
         let cycle = main.divided(self.pm.cpu_divisor()).duration(1);
         let slow = self.gclk.clock(SERCOM_SLOW).is_some();
-        for (index, sercom) in self.sercom.iter_mut().enumerate() {
-            sercom.set_clocks(now, self.gclk.clock(SERCOM0_CORE + index), slow);
+        for entry in &map::ENTRIES {
+            let Some(id) = entry.clock else { continue };
+            let clock = self.gclk.clock(id);
+            match entry.block {
+                Block::Sercom(index) => self.sercom[index].set_clocks(now, clock, slow),
+                Block::Tcc(index) => self.tcc[index].set_clock(now, clock),
+                Block::Tc(index) => self.tc[index].set_clock(now, clock),
+                Block::Eic => self.eic.set_clock(now, clock.is_some()),
+                Block::Usb => self.usb.set_clock(now, clock),
+                Block::Wdt => self.wdt.set_clock(clock),
+                _ => {}
+            }
         }
-        for (index, id) in [(0, TCC0_TCC1), (1, TCC0_TCC1), (2, TCC2_TC3)] {
-            self.tcc[index].set_clock(now, self.gclk.clock(id));
-        }
-        for (index, id) in [(0, TCC2_TC3), (1, TC4_TC5), (2, TC4_TC5)] {
-            self.tc[index].set_clock(now, self.gclk.clock(id));
-        }
-        self.eic.set_clock(now, self.gclk.clock(EIC).is_some());
-        self.usb.set_clock(self.gclk.clock(USB));
-        self.wdt.set_clock(self.gclk.clock(WDT));
         self.ticks_per_cycle = u32::try_from(cycle.0).unwrap_or(u32::MAX);
         true
     }
@@ -416,21 +424,15 @@ impl Peripherals {
             .chain([self.eic.next(), self.usb.next(), self.wdt.next()])
             .chain([self.nvmctrl.next(now)])
             .fold(self.sysctrl.next(now), Ticks::min);
-        self.irq_lines = u32::from(self.pm.irq())
-            | u32::from(self.sysctrl.irq()) << 1
-            | u32::from(self.wdt.irq()) << 2
-            | u32::from(self.eic.irq()) << 4
-            | u32::from(self.nvmctrl.irq(now)) << 5
-            | u32::from(self.usb.irq()) << 7;
-        for (index, sercom) in self.sercom.iter().enumerate() {
-            self.irq_lines |= u32::from(sercom.irq()) << (9 + index);
-        }
-        for (index, tcc) in self.tcc.iter().enumerate() {
-            self.irq_lines |= u32::from(tcc.irq()) << (15 + index);
-        }
-        for (index, tc) in self.tc.iter().enumerate() {
-            self.irq_lines |= u32::from(tc.irq()) << (18 + index);
-        }
+        self.irq_lines = self
+            .sercom
+            .iter()
+            .map(sercom::Sercom::irq)
+            .chain(self.tcc.iter().map(tcc::Tcc::irq))
+            .chain(self.tc.iter().map(tc::Tc::irq))
+            .chain([self.pm.irq(), self.sysctrl.irq(), self.wdt.irq()])
+            .chain([self.eic.irq(), self.nvmctrl.irq(now), self.usb.irq()])
+            .fold(0, |lines, line| lines | line);
     }
 }
 
