@@ -18,7 +18,7 @@ use crate::board::Ticks;
 use crate::bus::Bus;
 use crate::fault::FaultKind;
 use crate::memory::RAM_BASE;
-use crate::peripherals::{BusError, Width};
+use crate::peripherals::{BusError, Refusal, Width};
 
 impl Core {
     /// The half-word at `pc`.
@@ -146,9 +146,9 @@ fn word(bytes: &[u8]) -> u32 {
 
 /// Where nothing answers the core takes a HardFault; anything else is a limit of the models.
 fn refused(error: BusError, unmapped: FaultKind) -> Box<Trap> {
-    match error {
-        BusError::Unmapped { .. } => Trap::Fault(unmapped).into(),
-        error => Trap::Unmodelled(FaultKind::Peripheral(error)).into(),
+    match error.refusal {
+        Refusal::Unmapped => Trap::Fault(unmapped).into(),
+        _ => Trap::Unmodelled(FaultKind::Peripheral(error)).into(),
     }
 }
 

@@ -55,7 +55,7 @@ enum Sleep {
     ForEvent,
 }
 
-#[derive(Clone)]
+#[derive(Clone, Default)]
 pub(crate) struct Core {
     /// R0 to R12, the stack pointer in use, LR. The last is not used: see `pc`.
     r: [u32; 16],
@@ -116,43 +116,13 @@ impl Core {
     /// A core at power-on, before it has fetched a vector.
     pub(crate) fn new(wait_states: WaitStates, ticks_per_cycle: u32) -> Self {
         Self {
-            r: [0; 16],
-            pc: 0,
-            n: false,
-            z: false,
-            c: false,
-            v: false,
-            thumb: false,
-            ipsr: 0,
-            primask: false,
-            spsel: false,
-            other_sp: 0,
-            nvic: Nvic::new(),
-            systick: SysTick::new(),
-            vtor: 0,
-            sleep_on_exit: false,
-            deep_sleep: false,
-            event_on_pend: false,
-            event: false,
-            sleep: None,
-            lockup: None,
-            lockup_told: false,
-            reset_request: None,
-            now: 0,
-            deadline: 0,
             ticks_per_cycle: u64::from(ticks_per_cycle),
             forced_wait_states: match wait_states {
                 WaitStates::AsConfigured => None,
                 WaitStates::Forced(n) => Some(n),
             },
-            wait_states: 0,
             flash_lines: [u32::MAX; FLASH_LINES],
-            counters: Counters::default(),
-            cycles_counted_at: 0,
-            lowest_sp: 0,
-            last_hard_fault: None,
-            trail: [(0, 0); TRAIL],
-            branches: 0,
+            ..Self::default()
         }
     }
 

@@ -4,6 +4,7 @@
 //! it; a write tells by [`Lanes`] which bytes of the word it drives, so that byte and half-word
 //! writes reach the registers that they name and no others.
 
+pub(crate) use super::error::Refusal;
 use super::violations::Violations;
 use crate::board::{Board, Ticks};
 
@@ -45,15 +46,6 @@ impl Bus<'_> {
 pub(crate) const SWRST: u32 = 1 << 0;
 /// CTRLA.ENABLE of timers and SERCOMs.
 pub(crate) const ENABLE: u32 = 1 << 1;
-
-/// Why a peripheral refuses an access; the router adds address and name.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Refusal {
-    /// The named register, or this value of the named field, is in no model.
-    Unmodelled(&'static str),
-    /// The access would hang or damage the real chip, for this reason.
-    Forbidden(&'static str),
-}
 
 /// The value of the word read.
 pub(crate) type Read = Result<u32, Refusal>;

@@ -32,7 +32,7 @@ const ENABLE: u8 = 1 << 1;
 const LINES: u32 = 0xFFFF;
 const SAMPLE: Ticks = Ticks::from_us(100);
 
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub(crate) struct Eic {
     sync: SyncFlags<1>,
     enabled: bool,
@@ -47,12 +47,9 @@ impl Eic {
     pub(crate) fn new(hold: SyncHold) -> Self {
         Self {
             sync: SyncFlags::new(hold),
-            enabled: false,
             interrupts: Interrupts::of(Block::Eic),
-            wakeup: 0,
-            config: [0; 2],
-            levels: 0,
             next_sample: Ticks::NEVER,
+            ..Self::default()
         }
     }
 

@@ -45,13 +45,13 @@ pub(crate) mod usb;
 mod violations;
 mod wdt;
 
-pub use error::{BusError, ResetCause, Width};
+pub use error::{BusError, Refusal, ResetCause, Width};
 pub use violations::{Violation, Violations};
 
 use crate::Options;
 use crate::board::{Board, Ticks};
 use crate::memory::{FLASH_SIZE, Memory};
-use access::{Bus, Lanes, Refusal};
+use access::{Bus, Lanes, Read, Write};
 use gclk::SERCOM_SLOW;
 use map::{Block, Bridge, Entry};
 
@@ -137,13 +137,14 @@ impl Peripherals {
         now: Ticks,
         addr: u32,
         width: Width,
-        board: &mut dyn Board,
+        board: &dyn Board,
     ) -> Result<u32, BusError> {
-        if !addr.is_multiple_of(width.bytes()) {
-            return Err(BusError::Misaligned { addr });
-        }
-        let word = self.read_word(now, addr & !3, board)?;
-        let shifted = word >> (8 * (addr & 3));
+        let word = if addr.is_multiple_of(width.bytes()) {
+            self.read_word(now, addr & !3, board)
+        } else {
+            Err(Refusal::Misaligned)
+        };
+        let shifted = word.map_err(|refusal| refused(addr, refusal))? >> (8 * (addr & 3));
         Ok(match width {
             Width::Byte => shifted & 0xFF,
             Width::Half => shifted & 0xFFFF,
@@ -151,12 +152,9 @@ impl Peripherals {
         })
     }
 
-    fn read_word(&mut self, now: Ticks, addr: u32, board: &mut dyn Board) -> Result<u32, BusError> {
+    fn read_word(&mut self, now: Ticks, addr: u32, board: &dyn Board) -> Read {
         if (0x0080_0000..0x0100_0000).contains(&addr) {
-            return self
-                .nvmctrl
-                .read_auxiliary(addr)
-                .ok_or(BusError::Unmapped { addr });
+            return self.nvmctrl.read_auxiliary(addr).ok_or(Refusal::Unmapped);
         }
         let entry = self.locate(addr)?;
         let offset = entry.offset(addr);
@@ -176,11 +174,10 @@ impl Peripherals {
             Block::Wdt => self.wdt.read(offset),
             Block::Unmodelled => Err(Refusal::Unmodelled("the whole peripheral")),
         }
-        .map_err(|refusal| refuse(refusal, addr, entry.name))
     }
 
-    /// Writes a register, or, in the address range of the flash, the page buffer. Gives how long
-    /// the bus stalls the CPU beyond the access itself.
+    /// Writes a register, or, in the address range of the flash, the page buffer. Returns how long
+    /// the bus stalls the CPU beyond the access itself. What was due until `now` has run.
     pub(crate) fn write(
         &mut self,
         now: Ticks,
@@ -190,41 +187,47 @@ impl Peripherals {
         memory: &mut Memory,
         board: &mut dyn Board,
     ) -> Result<Ticks, BusError> {
-        if !addr.is_multiple_of(width.bytes()) {
-            return Err(BusError::Misaligned { addr });
-        }
-        let lanes = Lanes::new(value, addr & 3, width.bytes());
         let bus = &mut Bus {
             now,
             board,
             violations: &mut self.violations,
         };
-        if addr < FLASH_SIZE {
-            return self
-                .nvmctrl
+        let stall = if !addr.is_multiple_of(width.bytes()) {
+            Err(Refusal::Misaligned)
+        } else if addr < FLASH_SIZE {
+            self.nvmctrl
                 .load_page_buffer(bus, addr, width.bytes(), value, memory)
-                .map_err(|refusal| refuse(refusal, addr, "NVMCTRL"));
-        }
+        } else {
+            let lanes = Lanes::new(value, addr & 3, width.bytes());
+            self.write_word(now, addr & !3, lanes, memory, board)
+        };
+        stall.map_err(|refusal| refused(addr, refusal))
+    }
+
+    fn write_word(
+        &mut self,
+        now: Ticks,
+        addr: u32,
+        lanes: Lanes,
+        memory: &mut Memory,
+        board: &mut dyn Board,
+    ) -> Write {
         let entry = self.locate(addr)?;
-        let (name, block) = (entry.name, entry.block);
         if self.pac.protects(entry.bridge, entry.index) {
-            return Err(BusError::Protected {
-                addr,
-                peripheral: name,
-            });
+            return Err(Refusal::Protected);
         }
         let bus = &mut Bus {
             now,
             board,
             violations: &mut self.violations,
         };
-        let offset = entry.offset(addr & !3);
-        let stall = match block {
+        let offset = entry.offset(addr);
+        let stall = match entry.block {
             Block::Pac(index) => self.pac.write(index, offset, lanes),
             Block::Pm => self.pm.write(offset, lanes),
             Block::Sysctrl => {
-                let reference = entry.clock.and_then(|id| self.gclk.clock(id)).is_some();
-                self.sysctrl.write(bus, offset, lanes, reference)
+                let reference = entry.clock.and_then(|id| self.gclk.clock(id));
+                self.sysctrl.write(bus, offset, lanes, reference.is_some())
             }
             Block::Gclk => self.gclk.write(bus, offset, lanes),
             Block::Dsu => Err(Refusal::Unmodelled("writing to it")),
@@ -237,16 +240,12 @@ impl Peripherals {
             Block::Usb => self.usb.write(bus, offset, lanes),
             Block::Wdt => self.wdt.write(bus, offset, lanes),
             Block::Unmodelled => Err(Refusal::Unmodelled("the whole peripheral")),
-        }
-        .map_err(|refusal| refuse(refusal, addr, name))?;
-        match block {
+        }?;
+        match entry.block {
             Block::Pm | Block::Sysctrl | Block::Gclk => {
                 if !self.retime(now) {
-                    return Err(BusError::Forbidden {
-                        addr,
-                        peripheral: name,
-                        why: "generator 0, the CPU's clock, stands still",
-                    });
+                    let why = "generator 0, the CPU's clock, stands still";
+                    return Err(Refusal::Forbidden(why));
                 }
             }
             Block::Tcc(index) => {
@@ -266,13 +265,10 @@ impl Peripherals {
     }
 
     /// The peripheral at `addr`, if its bus clock runs.
-    fn locate(&self, addr: u32) -> Result<&'static Entry, BusError> {
-        let entry = map::find(addr).ok_or(BusError::Unmapped { addr })?;
+    fn locate(&self, addr: u32) -> Result<&'static Entry, Refusal> {
+        let entry = map::find(addr).ok_or(Refusal::Unmapped)?;
         if entry.block != Block::Unmodelled && !self.pm.is_clocked(entry.bridge, entry.index) {
-            return Err(BusError::Unclocked {
-                addr,
-                peripheral: entry.name,
-            });
+            return Err(Refusal::Unclocked);
         }
         Ok(entry)
     }
@@ -436,17 +432,17 @@ impl Peripherals {
     }
 }
 
-fn refuse(refusal: Refusal, addr: u32, peripheral: &'static str) -> BusError {
-    match refusal {
-        Refusal::Unmodelled(register) => BusError::Unmodelled {
-            addr,
-            peripheral,
-            register,
-        },
-        Refusal::Forbidden(why) => BusError::Forbidden {
-            addr,
-            peripheral,
-            why,
-        },
+/// Adds to a refusal where it was.
+#[cold]
+fn refused(addr: u32, refusal: Refusal) -> BusError {
+    let peripheral = if addr < FLASH_SIZE {
+        "NVMCTRL"
+    } else {
+        map::find(addr).map_or("", |entry| entry.name)
+    };
+    BusError {
+        addr,
+        peripheral,
+        refusal,
     }
 }

@@ -52,7 +52,7 @@ const RECOVERY_FRAMES: u8 = 8;
 /// OSC32K.STARTUP to cycles of the oscillator.
 const OSC32K_STARTUP: [u64; 8] = [3, 4, 6, 10, 18, 34, 66, 130];
 
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub(crate) struct Sysctrl {
     interrupts: Interrupts<{ u32::MAX }>,
     xosc32k: u32,
@@ -80,15 +80,11 @@ impl Sysctrl {
             osculp32k: 0x1F,
             osc8m: 0x8707_0382,
             dfllctrl: 0x80,
-            dfllval: 0,
-            dfllmul: 0,
-            bod33: 0,
-            vreg: 0,
-            vref: 0,
             osc32k_ready: Ticks::NEVER,
             dfll_ready: Ticks::NEVER,
             dfll_locked: Ticks::NEVER,
             frames_until_lock: RECOVERY_FRAMES,
+            ..Self::default()
         }
     }
 

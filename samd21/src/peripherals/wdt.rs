@@ -41,7 +41,7 @@ enum Arrival {
     Clear,
 }
 
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub(crate) struct Wdt {
     clock: Option<Rate>,
     ctrl: u8,
@@ -57,15 +57,12 @@ pub(crate) struct Wdt {
 impl Wdt {
     pub(crate) fn new() -> Self {
         Self {
-            clock: None,
-            ctrl: 0,
             config: 0xBB,
             ewctrl: 0x0B,
             interrupts: Interrupts::of(Block::Wdt),
-            arriving: None,
             early_warning: Ticks::NEVER,
             timeout: Ticks::NEVER,
-            bites: false,
+            ..Self::default()
         }
     }
 

@@ -1,6 +1,7 @@
 //! Control transfers (USB 2.0, 8.5.3): SETUP, data, status.
 
 use super::enumeration::Request;
+use super::transaction::Pipe;
 use super::{FRAME, Host, HostError, RETRY};
 use crate::board::Ticks;
 use crate::memory::Memory;
@@ -81,7 +82,7 @@ enum Outcome {
 impl Host {
     /// The transaction on endpoint 0 ends.
     pub(super) fn advance_control(&mut self, now: Ticks, usb: &mut Usb, memory: &mut Memory) {
-        let Some(mut transfer) = self.transfer.take() else {
+        let Some(mut transfer) = self.session.transfer.take() else {
             return;
         };
         let outcome = self.transact(&mut transfer, usb, memory);
@@ -92,7 +93,7 @@ impl Host {
                 return;
             }
             Outcome::Later => {
-                self.transfer = Some(transfer);
+                self.session.transfer = Some(transfer);
                 self.delay_control(now);
                 return;
             }
@@ -102,20 +103,20 @@ impl Host {
                     self.fail(now, HostError::NoAnswer(transfer.request.name()));
                     return;
                 }
-                self.control_ready = now + FRAME;
+                self.pipe(Pipe::Control).ready = now + FRAME;
             }
             Outcome::Failed(error) => {
                 self.refused(now, transfer.request, error);
                 return;
             }
         }
-        self.transfer = Some(transfer);
+        self.session.transfer = Some(transfer);
     }
 
     /// Endpoint 0 answered NAK: later again, but not for ever.
     pub(super) fn delay_control(&mut self, now: Ticks) {
-        self.control_ready = now + RETRY;
-        if let Some(transfer) = &self.transfer
+        self.pipe(Pipe::Control).ready = now + RETRY;
+        if let Some(transfer) = &self.session.transfer
             && now >= transfer.deadline
         {
             let error = HostError::NoAnswer(transfer.request.name());
@@ -124,7 +125,7 @@ impl Host {
     }
 
     fn transact(&self, transfer: &mut Transfer, usb: &mut Usb, memory: &mut Memory) -> Outcome {
-        let address = self.address;
+        let address = self.session.address;
         let refused = HostError::Refused(transfer.request.name());
         match transfer.stage {
             Stage::Setup => match usb.setup(address, 0, transfer.setup, memory) {
@@ -142,8 +143,8 @@ impl Host {
                 Packet::Silence => Outcome::Silent,
             },
             Stage::DataOut => {
-                let end =
-                    (transfer.sent + usize::from(self.control_packet)).min(transfer.data.len());
+                let end = (transfer.sent + usize::from(self.enumeration.control_packet))
+                    .min(transfer.data.len());
                 let chunk = &transfer.data[transfer.sent..end];
                 match usb.output(address, 0, transfer.toggle, chunk, memory) {
                     Handshake::Ack => {
@@ -183,7 +184,7 @@ impl Host {
         }
         transfer.toggle = !toggle;
         transfer.data.extend_from_slice(bytes);
-        let size = usize::from(self.control_packet);
+        let size = usize::from(self.enumeration.control_packet);
         if bytes.len() > size || transfer.data.len() > transfer.length() {
             return Outcome::Failed(HostError::TooLong);
         }
