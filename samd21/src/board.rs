@@ -4,8 +4,7 @@
 //! little before the CPU's own time (hardware acts between instructions) but never goes back.
 
 use core::fmt;
-use core::iter::Sum;
-use core::ops::{Add, AddAssign, Div, Mul, Rem, Sub, SubAssign};
+use core::ops::{Add, AddAssign, Div, Mul, Sub};
 
 /// A time or a duration in 1/48 us: one cycle of a 48 MHz clock. Times count from power-on.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -82,12 +81,6 @@ impl Sub for Ticks {
     }
 }
 
-impl SubAssign for Ticks {
-    fn sub_assign(&mut self, other: Self) {
-        self.0 -= other.0;
-    }
-}
-
 impl Mul<u64> for Ticks {
     type Output = Self;
     fn mul(self, factor: u64) -> Self {
@@ -99,19 +92,6 @@ impl Div<u64> for Ticks {
     type Output = Self;
     fn div(self, divisor: u64) -> Self {
         Self(self.0 / divisor)
-    }
-}
-
-impl Rem for Ticks {
-    type Output = Self;
-    fn rem(self, period: Self) -> Self {
-        Self(self.0 % period.0)
-    }
-}
-
-impl Sum for Ticks {
-    fn sum<I: Iterator<Item = Self>>(parts: I) -> Self {
-        Self(parts.map(|part| part.0).sum())
     }
 }
 

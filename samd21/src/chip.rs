@@ -97,12 +97,12 @@ impl Chip {
 
     /// The lowest value that MSP has had since it was booted.
     pub fn lowest_sp(&self) -> u32 {
-        self.core.lowest_sp()
+        self.core.lowest_sp
     }
 
     /// Address of the next instruction.
     pub fn pc(&self) -> u32 {
-        self.core.pc()
+        self.core.pc
     }
 
     /// Whether the core sleeps in WFI or WFE.
@@ -123,13 +123,13 @@ impl Chip {
 
     /// What led to the last HardFault since power-on.
     pub fn last_hard_fault(&self) -> Option<&Fault> {
-        self.core.last_hard_fault()
+        self.core.last_hard_fault.as_ref()
     }
 
     /// The fault in which the core has locked up: one that could not be taken. What led to the
     /// handler in which it happened is [`Chip::last_hard_fault`].
     pub fn lockup(&self) -> Option<&Fault> {
-        self.core.lockup()
+        self.core.lockup.as_ref()
     }
 
     /// The last taken branches, from and to, oldest first: how the core got here.

@@ -13,8 +13,10 @@ mod decode;
 mod exception;
 mod execute;
 mod nvic;
+mod special;
 mod system_control;
 mod systick;
+mod transfer;
 mod view;
 
 pub use self::view::{Counters, Registers, Stop};
@@ -60,7 +62,7 @@ pub(crate) struct Core {
     /// R0 to R12, the stack pointer in use, LR. The last is not used: see `pc`.
     r: [u32; 16],
     /// Address of the next instruction (between instructions: of the one to be executed).
-    pc: u32,
+    pub(crate) pc: u32,
     n: bool,
     z: bool,
     c: bool,
@@ -86,7 +88,7 @@ pub(crate) struct Core {
     event: bool,
     sleep: Option<Sleep>,
     /// The fault in which the core has locked up.
-    lockup: Option<Fault>,
+    pub(crate) lockup: Option<Fault>,
     lockup_told: bool,
     reset_request: Option<ResetCause>,
 
@@ -105,8 +107,8 @@ pub(crate) struct Core {
     counters: Counters,
     /// `awake_ticks` then.
     cycles_counted_at: u64,
-    lowest_sp: u32,
-    last_hard_fault: Option<Fault>,
+    pub(crate) lowest_sp: u32,
+    pub(crate) last_hard_fault: Option<Fault>,
     /// Ring of taken branches, from and to.
     trail: [(u32, u32); TRAIL],
     branches: usize,
@@ -367,10 +369,6 @@ impl Core {
         Ticks(self.now)
     }
 
-    pub(crate) fn pc(&self) -> u32 {
-        self.pc
-    }
-
     /// Cycles are not counted one by one: they follow from the time spent awake at one clock.
     pub(crate) fn counters(&self) -> Counters {
         let awake = self.awake_ticks() - self.cycles_counted_at;
@@ -384,20 +382,8 @@ impl Core {
         self.now - self.counters.sleep_ticks - self.counters.stall_ticks
     }
 
-    pub(crate) fn lowest_sp(&self) -> u32 {
-        self.lowest_sp
-    }
-
     pub(crate) fn is_asleep(&self) -> bool {
         self.sleep.is_some()
-    }
-
-    pub(crate) fn last_hard_fault(&self) -> Option<&Fault> {
-        self.last_hard_fault.as_ref()
-    }
-
-    pub(crate) fn lockup(&self) -> Option<&Fault> {
-        self.lockup.as_ref()
     }
 
     /// Taken branches, oldest first.

@@ -68,6 +68,43 @@ impl Transfer {
             (false, _) => Stage::DataOut,
         }
     }
+
+    /// The device has acknowledged SETUP, data up to `end`, or the status stage.
+    fn acknowledged(&mut self, end: usize) -> Outcome {
+        match self.stage {
+            Stage::Setup => self.stage = self.after_setup(),
+            Stage::DataOut => {
+                self.toggle = !self.toggle;
+                self.sent = end;
+                if end == self.data.len() {
+                    self.stage = Stage::StatusIn;
+                }
+            }
+            Stage::DataIn | Stage::StatusIn | Stage::StatusOut => return Outcome::Done,
+        }
+        Outcome::Progress
+    }
+
+    /// A packet of an IN data stage, of `size` bytes at most, or of an IN status stage.
+    fn take(&mut self, bytes: &[u8], toggle: bool, size: usize) -> Outcome {
+        let is_status = self.stage == Stage::StatusIn;
+        if toggle != (is_status || self.toggle) {
+            return Outcome::Failed(HostError::WrongToggle);
+        }
+        let limit = if is_status { 0 } else { size };
+        self.toggle = !toggle;
+        self.data.extend_from_slice(bytes);
+        if bytes.len() > limit || (!is_status && self.data.len() > self.length()) {
+            return Outcome::Failed(HostError::TooLong);
+        }
+        if is_status {
+            return Outcome::Done;
+        }
+        if bytes.len() < size || self.data.len() == self.length() {
+            self.stage = Stage::StatusOut;
+        }
+        Outcome::Progress
+    }
 }
 
 /// What one transaction did to the transfer.
@@ -126,71 +163,27 @@ impl Host {
 
     fn transact(&self, transfer: &mut Transfer, usb: &mut Usb, memory: &mut Memory) -> Outcome {
         let address = self.session.address;
-        let refused = HostError::Refused(transfer.request.name());
-        match transfer.stage {
-            Stage::Setup => match usb.setup(address, 0, transfer.setup, memory) {
-                Handshake::Ack => {
-                    transfer.stage = transfer.after_setup();
-                    Outcome::Progress
-                }
-                Handshake::Stall => Outcome::Failed(refused),
-                Handshake::Nak | Handshake::Silence => Outcome::Silent,
-            },
-            Stage::DataIn => match usb.input(address, 0, memory) {
-                Packet::Data(bytes, toggle) => self.take(transfer, &bytes, toggle),
-                Packet::Nak => Outcome::Later,
-                Packet::Stall => Outcome::Failed(refused),
-                Packet::Silence => Outcome::Silent,
-            },
-            Stage::DataOut => {
-                let end = (transfer.sent + usize::from(self.enumeration.control_packet))
-                    .min(transfer.data.len());
-                let chunk = &transfer.data[transfer.sent..end];
-                match usb.output(address, 0, transfer.toggle, chunk, memory) {
-                    Handshake::Ack => {
-                        transfer.toggle = !transfer.toggle;
-                        transfer.sent = end;
-                        if end == transfer.data.len() {
-                            transfer.stage = Stage::StatusIn;
-                        }
-                        Outcome::Progress
-                    }
-                    Handshake::Nak => Outcome::Later,
-                    Handshake::Stall => Outcome::Failed(refused),
-                    Handshake::Silence => Outcome::Silent,
-                }
-            }
-            Stage::StatusIn => match usb.input(address, 0, memory) {
-                Packet::Data(bytes, true) if bytes.is_empty() => Outcome::Done,
-                Packet::Data(_, true) => Outcome::Failed(HostError::TooLong),
-                Packet::Data(_, false) => Outcome::Failed(HostError::WrongToggle),
-                Packet::Nak => Outcome::Later,
-                Packet::Stall => Outcome::Failed(refused),
-                Packet::Silence => Outcome::Silent,
-            },
-            Stage::StatusOut => match usb.output(address, 0, true, &[], memory) {
-                Handshake::Ack => Outcome::Done,
-                Handshake::Nak => Outcome::Later,
-                Handshake::Stall => Outcome::Failed(refused),
-                Handshake::Silence => Outcome::Silent,
-            },
-        }
-    }
-
-    /// A packet of an IN data stage.
-    fn take(&self, transfer: &mut Transfer, bytes: &[u8], toggle: bool) -> Outcome {
-        if toggle != transfer.toggle {
-            return Outcome::Failed(HostError::WrongToggle);
-        }
-        transfer.toggle = !toggle;
-        transfer.data.extend_from_slice(bytes);
         let size = usize::from(self.enumeration.control_packet);
-        if bytes.len() > size || transfer.data.len() > transfer.length() {
-            return Outcome::Failed(HostError::TooLong);
+        let end = (transfer.sent + size).min(transfer.data.len());
+        let handshake = match transfer.stage {
+            Stage::Setup => usb.setup(address, 0, transfer.setup, memory),
+            Stage::DataOut => {
+                let chunk = &transfer.data[transfer.sent..end];
+                usb.output(address, 0, transfer.toggle, chunk, memory)
+            }
+            Stage::StatusOut => usb.output(address, 0, true, &[], memory),
+            Stage::DataIn | Stage::StatusIn => match usb.input(address, 0, memory) {
+                Packet::Data(bytes, toggle) => return transfer.take(&bytes, toggle, size),
+                Packet::Nak => Handshake::Nak,
+                Packet::Stall => Handshake::Stall,
+                Packet::Silence => Handshake::Silence,
+            },
+        };
+        match handshake {
+            Handshake::Ack => transfer.acknowledged(end),
+            Handshake::Nak => Outcome::Later,
+            Handshake::Stall => Outcome::Failed(HostError::Refused(transfer.request.name())),
+            Handshake::Silence => Outcome::Silent,
         }
-        if bytes.len() < size || transfer.data.len() == transfer.length() {
-            transfer.stage = Stage::StatusOut;
-        }
-        Outcome::Progress
     }
 }
