@@ -278,12 +278,12 @@ impl Rig {
 
     /// The laptop at the other end of the USB cable.
     pub fn usb_host(&self) -> &Host {
-        self.chip.peripherals().usb_host()
+        self.chip.usb_host()
     }
 
     /// The laptop at the other end of the USB cable, to unplug it or to stop it from reading.
     pub fn usb_host_mut(&mut self) -> &mut Host {
-        self.chip.peripherals_mut().usb_host_mut()
+        self.chip.usb_host_mut()
     }
 
     /// The environment round the chip.

@@ -19,7 +19,7 @@ use crate::observe::ground_truth::{GroundTruth, Motion};
 use crate::observe::logic_analyzer::{LogicAnalyzer, Registers};
 use nalgebra::UnitQuaternion;
 use plant::{Drone, ParameterError, Parameters, Servo, ServoModel};
-use samd21::board::{Board, I2cEvent, I2cReply, Lines, Pin, Ticks};
+use samd21::board::{Board, I2cEvent, I2cPins, I2cReply, Lines, Pin, Ticks};
 use std::f64::consts::FRAC_1_SQRT_2;
 
 /// Pulse width at which the horn is mounted for zero rudder, us.
@@ -28,6 +28,11 @@ pub const ZERO_RUDDER_US: f64 = 1523.6;
 pub const SERVO_PIN: Pin = Pin::b(11);
 /// The probe pin, D4.
 pub const PROBE_PIN: Pin = Pin::a(7);
+/// The sensor's bus, A4 (SDA) and A5 (SCL): SERCOM4 reaches them with function D.
+pub const I2C_PINS: I2cPins = I2cPins {
+    sda: Pin::b(8),
+    scl: Pin::b(9),
+};
 
 /// Step of the physics.
 const STEP: Ticks = Ticks::from_us(500);
@@ -380,6 +385,10 @@ impl Environment {
 }
 
 impl Board for Environment {
+    fn i2c_pins(&self) -> Option<I2cPins> {
+        Some(I2C_PINS)
+    }
+
     fn i2c(&mut self, now: Ticks, event: I2cEvent) -> I2cReply {
         self.advance(now);
         let reply = self.sensor.i2c(now, event);
@@ -409,7 +418,7 @@ impl Board for Environment {
                 }
             }
             PROBE_PIN => self.tap.probe(now, level, &mut self.truth),
-            Pin::I2C_SCL if level => self.sensor.clocked(),
+            pin if pin == I2C_PINS.scl && level => self.sensor.clocked(),
             _ => {}
         }
     }

@@ -1,8 +1,10 @@
 //! The peripherals driven by addresses, as firmware does: for tests.
 
-use super::{BusError, Peripherals, Width};
 use crate::board::{Board, Ticks, Unconnected};
+use crate::bus::Bus;
 use crate::memory::Memory;
+use crate::peripherals::{BusError, Peripherals, Width};
+use crate::usb_host::Host;
 use crate::{Options, SyncHold};
 
 pub(crate) const PM_APBCMASK: u32 = 0x4000_0420;
@@ -11,10 +13,12 @@ pub(crate) const GCLK: u32 = 0x4000_0C00;
 pub(crate) const NVMCTRL: u32 = 0x4100_4000;
 pub(crate) const PORT: u32 = 0x4100_4400;
 
-/// Peripherals, memory and time.
+/// Peripherals, memory, USB host, board and time.
+#[derive(Clone)]
 pub(crate) struct Bench<B: Board = Unconnected> {
     pub(crate) peripherals: Peripherals,
     pub(crate) memory: Memory,
+    pub(crate) usb_host: Host,
     pub(crate) board: B,
     pub(crate) now: Ticks,
 }
@@ -28,15 +32,25 @@ impl<B: Board> Bench<B> {
         Self {
             peripherals: Peripherals::new(&options),
             memory: Memory::new(1),
+            usb_host: Host::new(),
             board,
             now: Ticks::ZERO,
         }
     }
 
+    pub(crate) fn bus(&mut self) -> Bus<'_> {
+        Bus {
+            memory: &mut self.memory,
+            peripherals: &mut self.peripherals,
+            usb_host: &mut self.usb_host,
+            board: &mut self.board,
+        }
+    }
+
     pub(crate) fn try_read(&mut self, addr: u32, width: Width) -> Result<u32, BusError> {
         self.pass(Ticks(2));
-        self.peripherals
-            .read(self.now, addr, width, &mut self.board)
+        let now = self.now;
+        self.bus().read(now, addr, width)
     }
 
     pub(crate) fn try_write(
@@ -46,13 +60,8 @@ impl<B: Board> Bench<B> {
         value: u32,
     ) -> Result<Ticks, BusError> {
         self.pass(Ticks(2));
-        let Self {
-            peripherals,
-            memory,
-            board,
-            now,
-        } = self;
-        let stall = peripherals.write(*now, addr, width, value, memory, board)?;
+        let now = self.now;
+        let stall = self.bus().write(now, addr, width, value)?;
         self.pass(stall);
         Ok(stall)
     }
@@ -84,8 +93,8 @@ impl<B: Board> Bench<B> {
     /// Lets time pass.
     pub(crate) fn pass(&mut self, time: Ticks) {
         self.now += time;
-        self.peripherals
-            .advance(self.now, &mut self.memory, &mut self.board);
+        let now = self.now;
+        self.bus().advance(now);
     }
 
     /// Polls a register until all bits of `mask` are as `set` says.

@@ -4,13 +4,12 @@
 //! To store them anew, from the repository's root:
 //! `python3 samd21/tools/differential.py --sequences 320 --seed 7 --vectors samd21/tests/vectors/unicorn.bin`
 
-#[path = "../tools/case.rs"]
 #[allow(unreachable_pub)]
 mod case;
 
 use case::{Case, chip, take, words};
 
-const STORED: &[u8] = include_bytes!("vectors/unicorn.bin");
+const STORED: &[u8] = include_bytes!("unicorn.bin");
 
 #[test]
 fn the_core_agrees_with_an_independent_one() {
