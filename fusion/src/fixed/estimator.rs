@@ -8,8 +8,9 @@ use super::orientation::{Angles, Orientation};
 use super::over_range::{Ignored, OverRange, Recovered, Step as Seen};
 use super::rest::{self, Rest};
 use super::rotation::{Rotation, Step};
-use crate::config::{Config, ConfigError, in_range};
-use crate::estimator::{Attitude, Flags, GRAVITY};
+use crate::config::{Config, GRAVITY};
+use crate::error::{ConfigError, in_range};
+use crate::estimator::{Attitude, Flags};
 
 /// One sample as the sensors give it, in body axes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -3,7 +3,7 @@
 use super::estimator::Scale;
 use super::nearest_log2;
 use super::rotation::{Products, dot};
-use crate::config::{ConfigError, in_range};
+use crate::error::{ConfigError, in_range};
 use crate::field::{FieldConfig, JUDGE_S, JUDGE_SAMPLES, LEAST_HORIZONTAL_UT};
 
 /// Fractional bits of the reference.

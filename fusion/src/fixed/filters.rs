@@ -1,7 +1,7 @@
 //! The corrections: [`Mahony`] and [`Vqf`].
 
 use super::rotation::{Products, dot};
-use crate::config::{ConfigError, in_range, positive};
+use crate::error::{ConfigError, in_range, positive};
 use crate::mahony::MahonyGains;
 use crate::vqf::VqfGains;
 

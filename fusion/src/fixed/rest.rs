@@ -5,7 +5,7 @@
 use super::estimator::Scale;
 use super::nearest_log2;
 use super::rotation::BIAS_BITS;
-use crate::config::{ConfigError, in_range};
+use crate::error::{ConfigError, in_range};
 use crate::rest::{BLOCK_S, RestConfig};
 
 /// Bits that the offset has beyond `BIAS_BITS` while it is learned.
