@@ -110,7 +110,9 @@ where
     };
     let period_us = facts.period_s * 1e6;
     // Half a microsecond is what a rate in single precision may be off.
-    let parts = ((period_us - 0.5) / f64::from(*fixed::PERIOD_US.end())).ceil().max(1.0);
+    let parts = ((period_us - 0.5) / f64::from(*fixed::PERIOD_US.end()))
+        .ceil()
+        .max(1.0);
     let step_us = (period_us / parts).round() as u32;
     let refused = |error| refused(choice, error);
     if parts > 1.0 {
