@@ -178,6 +178,11 @@ impl Flight {
         self.supervisor.host_heard(now);
     }
 
+    /// The neutral pulse of the parameters in use.
+    pub fn neutral(&self) -> PulseUs {
+        self.servo.neutral_pulse()
+    }
+
     /// Where the flight stands.
     pub fn state(&self) -> State {
         self.supervisor.state()

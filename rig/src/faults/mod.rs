@@ -23,7 +23,7 @@
 mod judge;
 mod kind;
 
-pub use judge::{Ending, NEUTRAL_US, Outcome, Unsafe};
+pub use judge::{Ending, Outcome, Unsafe, neutral_us};
 pub use kind::Kind;
 
 use crate::flight::{FlightError, Ready};
@@ -33,6 +33,8 @@ use crate::truth::{Motion, Pulse};
 use judge::{Run, judge};
 use rand::Rng;
 use samd21::board::Ticks;
+use std::ops::RangeInclusive;
+use tvc_nano::Params;
 
 /// The longest that a rudder may be off neutral without sound data.
 pub const DEADLINE: Ticks = Ticks::from_ms(150);
@@ -57,6 +59,8 @@ const WATCHED: Ticks = Ticks::from_ms(700);
 pub struct Campaign {
     seed: u64,
     frame: Ticks,
+    /// Widths of the vehicle's neutral pulse, us.
+    neutral_us: RangeInclusive<f64>,
     released: Ticks,
     snapshots: Vec<Ready>,
     /// The true motion of the whole flight.
@@ -79,6 +83,7 @@ impl Campaign {
     /// # Errors
     /// The rig stopped, or the image refuses.
     pub fn new(ready: &Ready, frame_hz: f64, seed: u64) -> Result<Self, FlightError> {
+        let neutral_us = neutral_us(&reported_parameters(ready)?);
         let mut base = ready.clone();
         let Ready { rig, operator, .. } = &mut base;
         rig.world_mut().tilt_clamp(START_RAD);
@@ -107,6 +112,7 @@ impl Campaign {
         Ok(Self {
             seed,
             frame: Ticks::from_secs_f64(1.0 / frame_hz),
+            neutral_us,
             released,
             snapshots,
             motion: base.rig.truth().motion.clone(),
@@ -144,6 +150,7 @@ impl Campaign {
         let (ending, blind) = judge(&Run {
             injected,
             frame: self.frame,
+            neutral_us: self.neutral_us.clone(),
             before: before.first().copied(),
             truth,
             reference: &self.motion,
@@ -160,4 +167,16 @@ impl Campaign {
             said: operator.last_text().unwrap_or_default().to_owned(),
         })
     }
+}
+
+/// The parameters that the image reports. A fork is asked, so that `ready` itself stays as it is.
+fn reported_parameters(ready: &Ready) -> Result<Params, FlightError> {
+    let mut fork = ready.clone();
+    fork.operator.list_parameters(&mut fork.rig)?;
+    let mut params = Params::default();
+    for (name, value) in &fork.operator.received().parameters {
+        let known = params.set(name, *value);
+        debug_assert!(known.is_ok(), "{known:?}");
+    }
+    Ok(params)
 }
