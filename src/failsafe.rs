@@ -437,11 +437,20 @@ impl Supervisor {
         match self.state {
             State::Boot | State::SelfTest(_) | State::Standby => {
                 self.state = State::Boot;
-                self.health = Health::UNKNOWN;
+                self.attitude_lost();
                 Ok(())
             }
             state => Err(Refusal::WrongState(state)),
         }
+    }
+
+    /// The estimate starts over: nothing is armed, and no failsafe of the sensor acknowledged, until it has settled and
+    /// the gyro's offset is known. Only the tilt stays as it was last seen.
+    pub fn attitude_lost(&mut self) {
+        self.health = Health {
+            cos_tilt: self.health.cos_tilt,
+            ..Health::UNKNOWN
+        };
     }
 
     /// Obey the operator, or say why not.

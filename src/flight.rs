@@ -79,7 +79,7 @@ impl Flight {
             supervisor: Supervisor::new(report),
             params,
         };
-        flight.configure();
+        flight.configure(Change::Live);
         Ok(flight)
     }
 
@@ -146,11 +146,7 @@ impl Flight {
         if info.change == Change::Turning && before != value {
             self.params.forget_polarity();
         }
-        // Nothing that may change in flight concerns navigation, whose sines would cost a sample.
-        if info.change != Change::Live {
-            self.navigation.configure(&self.params);
-        }
-        self.configure();
+        self.configure(info.change);
         Ok(info)
     }
 
@@ -163,8 +159,7 @@ impl Flight {
             return Err(ParamError::ArmedAll);
         }
         self.params = params;
-        self.navigation.configure(&self.params);
-        self.configure();
+        self.configure(Change::Disarmed);
         Ok(())
     }
 
@@ -269,8 +264,13 @@ impl Flight {
         }
     }
 
-    /// Hand the parameters to the parts that they belong to; navigation has its own.
-    fn configure(&mut self) {
+    /// Hand the parameters to the parts that they belong to, after one with this rule of change. What alters the meaning
+    /// of the samples starts the estimate over, and arming waits for it.
+    fn configure(&mut self, change: Change) {
+        // Nothing that may change in flight concerns navigation, whose sines would cost a sample.
+        if change != Change::Live && self.navigation.configure(&self.params) {
+            self.supervisor.attitude_lost();
+        }
         self.servo.configure(&self.params);
         self.controller
             .configure(&self.params, self.servo.travel_rad());
