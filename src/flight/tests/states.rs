@@ -300,15 +300,18 @@ fn the_rudder_answers_the_tilt_in_standby_while_somebody_looks_and_nothing_is_ar
 fn a_pulse_is_tried_for_two_seconds_where_nobody_needs_the_rudder() {
     let mut desk = Desk::in_standby(0.0);
     let low = PulseUs(900);
-    let try_pulse = |desk: &mut Desk| desk.command(Command::Try(low));
-    try_pulse(&mut desk).unwrap();
+    let test_pulse = |desk: &mut Desk| desk.command(Command::TestPulse(low));
+    test_pulse(&mut desk).unwrap();
     assert_eq!(desk.run(199).pulse, low);
     assert_eq!(desk.run(2).pulse, NEUTRAL);
-    try_pulse(&mut desk).unwrap();
+    test_pulse(&mut desk).unwrap();
     assert_eq!(desk.run(1).pulse, low);
     desk.command(Command::Arm).unwrap();
     assert_eq!(desk.run(1).pulse, NEUTRAL);
-    assert_eq!(try_pulse(&mut desk), Err(Refusal::WrongState(State::Armed)));
+    assert_eq!(
+        test_pulse(&mut desk),
+        Err(Refusal::WrongState(State::Armed))
+    );
     desk.command(Command::Disarm).unwrap();
     assert_eq!(desk.run(1).pulse, NEUTRAL);
 }
@@ -384,6 +387,26 @@ fn calibration_and_mount_stay_as_they_are_while_armed() {
         Err(ParamError::ArmedAll)
     );
     assert!(desk.run(1).snapshot.state.is_active());
+}
+
+#[test]
+fn a_test_pulse_is_refused_while_the_rudder_answers_the_tilt_and_ends_when_it_begins_to() {
+    let pulse = Command::TestPulse(PulseUs(1900));
+    let mut desk = Desk::in_standby(0.0);
+    desk.flight.set_param("SRV_POLARITY", 2.0).unwrap();
+    assert_eq!(desk.command(pulse), Err(Refusal::RudderAnswers));
+    assert_eq!(desk.run(1).pulse, NEUTRAL);
+    desk.flight.set_param("SRV_POLARITY", 1.0).unwrap();
+    desk.command(pulse).unwrap();
+    assert_eq!(desk.run(1).pulse, PulseUs(1900));
+    desk.flight.set_param("SRV_POLARITY", 2.0).unwrap();
+    assert!(desk.run(50).pulse.0.abs_diff(NEUTRAL.0) < 30);
+    desk.flight.set_param("SRV_POLARITY", 1.0).unwrap();
+    assert_eq!(
+        desk.run(1).pulse,
+        NEUTRAL,
+        "what was ended does not come back"
+    );
 }
 
 /// 80 mg on z leave 0.92 g: no healthy sensor, until the offset is known.
