@@ -363,7 +363,8 @@ fn hang_panic_and_hard_fault_command_the_held_neutral() {
         assert_eq!(rig.resets().len(), 1, "{end}");
         let (reset, _) = rig.resets()[0];
         let pulses = rig.truth().pulses_since(at);
-        let (before, after): (Vec<_>, Vec<_>) = pulses.iter().partition(|p| p.fall < reset);
+        let (before, after): (Vec<&Pulse>, Vec<&Pulse>) =
+            pulses.iter().partition(|p| p.fall < reset);
         let last = before.last().unwrap().width_us();
         assert!(neutral.contains(&last), "{end}: {last} before the reset");
         assert!(after.len() > 10, "{end}: {} pulses after", after.len());
