@@ -77,8 +77,8 @@ pub const PULSE_MIN_US: f32 = 853.0;
 /// See [`PULSE_MIN_US`].
 pub const PULSE_MAX_US: f32 = 2193.0;
 
-/// How long a pulse that is tried for the servo's set-up is held: a host that is gone does not leave the servo at its stop.
-pub const TRIAL_US: u64 = 2_000_000;
+/// How long a test pulse is held: a host that is gone does not leave the servo at its stop.
+pub const TEST_PULSE_US: u64 = 2_000_000;
 
 /// MAVLink system id of this vehicle and component id of an autopilot.
 pub const SYSTEM_ID: u8 = 1;

@@ -255,7 +255,7 @@ pub enum Command {
     /// Back to standby from anywhere; acknowledges a failsafe or latched fault whose cause is gone.
     Disarm,
     /// Hold a pulse for the servo's set-up, for a while, where nobody needs the rudder.
-    Try(PulseUs),
+    TestPulse(PulseUs),
 }
 
 impl fmt::Display for Command {
@@ -264,7 +264,7 @@ impl fmt::Display for Command {
             Command::Arm => "arm",
             Command::Release => "release",
             Command::Disarm => "disarm",
-            Command::Try(_) => "pulse",
+            Command::TestPulse(_) => "pulse",
         })
     }
 }
@@ -282,6 +282,8 @@ pub enum Refusal {
     Settling,
     /// Nobody has seen the rudder answer a tilt the right way, with the servo's direction and the mount as they are.
     Polarity,
+    /// The rudder answers the tilt, for somebody who looks at its polarity (`SRV_POLARITY` = 2).
+    RudderAnswers,
     /// The gyro's offset has not been learned since then, which takes some seconds of rest.
     BiasUnknown,
     /// The host's heartbeat is missing, and `FS_HOST` asks for it.
@@ -298,6 +300,7 @@ impl fmt::Display for Refusal {
             Refusal::Sensor => f.write_str("sensor not ready"),
             Refusal::Settling => f.write_str("attitude still settling"),
             Refusal::Polarity => f.write_str("run tvc calibrate polarity first"),
+            Refusal::RudderAnswers => f.write_str("rudder answers tilt: SRV_POLARITY 2"),
             Refusal::BiasUnknown => f.write_str("gyro offset unknown: hold still"),
             Refusal::HostSilent => f.write_str("no host heartbeat"),
             Refusal::FaultPersists(reason) => reason.fmt(f),
@@ -437,11 +440,20 @@ impl Supervisor {
         match self.state {
             State::Boot | State::SelfTest(_) | State::Standby => {
                 self.state = State::Boot;
-                self.health = Health::UNKNOWN;
+                self.attitude_lost();
                 Ok(())
             }
             state => Err(Refusal::WrongState(state)),
         }
+    }
+
+    /// The estimate starts over: nothing is armed, and no failsafe of the sensor acknowledged, until it has settled and
+    /// the gyro's offset is known. Only the tilt stays as it was last seen.
+    pub fn attitude_lost(&mut self) {
+        self.health = Health {
+            cos_tilt: self.health.cos_tilt,
+            ..Health::UNKNOWN
+        };
     }
 
     /// Obey the operator, or say why not.
@@ -471,7 +483,7 @@ impl Supervisor {
                 self.report.acknowledge(latch);
                 self.report.state()
             }
-            (Command::Try(_), state) if state.is_idle() => state,
+            (Command::TestPulse(_), state) if state.is_idle() => state,
             (Command::Arm, State::Armed)
             | (Command::Release, State::Active { .. })
             | (Command::Disarm, State::Boot | State::SelfTest(_) | State::Standby) => self.state,

@@ -79,8 +79,7 @@ mod firmware {
                 self.board.step_begins();
                 let outputs = self.flight.step(now, reading);
                 let snapshot = &outputs.snapshot;
-                self.board
-                    .step_ends(outputs.pulse, self.flight.params(), &snapshot.state);
+                self.board.step_ends(outputs.pulse, self.flight);
                 self.telemetry
                     .record(snapshot, self.flight, &self.board.status());
                 self.recorder.record(snapshot, self.flight);

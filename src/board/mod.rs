@@ -58,7 +58,7 @@ const LOAD_PERIOD_US: u64 = 1_000_000;
 
 /// What the board wakes up for.
 pub(crate) enum Event {
-    /// The tick's burst is over, and in time for its step.
+    /// The tick's burst is over, before the tick was given up: its step has not been taken yet.
     Burst(Outcome),
     /// The tick has no burst, or not in time: the step goes without a sample.
     Missed,
@@ -127,7 +127,12 @@ impl Board {
         time::start(&mut core.SYST);
         nano33iot::enable_bus_clocks(&mut chip.pm);
         let (frame_hz, i2c_khz) = params.rates();
-        let servo = servo::Servo::start(&clocks.servo, neutral(&params), frame_hz, i2c_khz);
+        let servo = servo::Servo::start(
+            &clocks.servo,
+            tvc_nano::servo::neutral(&params),
+            frame_hz,
+            i2c_khz,
+        );
         RADIO_RESET.low();
         LED.low();
         PROBE.low();
@@ -218,27 +223,28 @@ impl Board {
     }
 
     /// Send the step's pulse with the next frame, and take over what else it may have changed.
-    pub(crate) fn step_ends(&mut self, pulse: PulseUs, params: &Params, state: &State) {
+    pub(crate) fn step_ends(&mut self, pulse: PulseUs, flight: &Flight) {
         // A step that comes just before every edge would never let the loop see the buffer empty.
         self.supervisor.pulse_sent(self.servo.is_sent());
         let taken = self.servo.write(pulse);
         PROBE.low();
         self.supervisor.step_done(taken);
-        self.configure(params);
+        self.configure(flight);
+        let state = flight.state();
         if core::mem::replace(&mut self.state_code, state.code()) != state.code() {
-            log::state(state);
+            log::state(&state);
         }
-        if lit(state, self.ticked) {
+        if lit(&state, self.ticked) {
             LED.high();
         } else {
             LED.low();
         }
     }
 
-    /// Neutral pulse and timing. The flight changes the rates only while disarmed.
-    fn configure(&mut self, params: &Params) {
-        servo::set_neutral(neutral(params));
-        let (frame_hz, i2c_khz) = params.rates();
+    /// Take over the neutral pulse and the timing. The flight changes the rates only while disarmed.
+    fn configure(&mut self, flight: &Flight) {
+        servo::set_neutral(flight.neutral());
+        let (frame_hz, i2c_khz) = flight.params().rates();
         // Where the timer does not take it, the next step tries again.
         let _ = self.servo.retime(frame_hz, i2c_khz);
     }
@@ -316,10 +322,6 @@ impl Load {
             (self.since, self.asleep_us) = (now, 0);
         }
     }
-}
-
-fn neutral(params: &Params) -> PulseUs {
-    PulseUs((params.srv_centre_us() + 0.5) as u16)
 }
 
 /// So long may `transfer` take.

@@ -173,7 +173,11 @@ impl Telemetry {
             SERVO
                 if order.param1 == 1.0 && (PULSE_MIN_US..=PULSE_MAX_US).contains(&order.param2) =>
             {
-                self.order(now, Command::Try(PulseUs(order.param2 as u16)), flight)
+                self.order(
+                    now,
+                    Command::TestPulse(PulseUs(order.param2 as u16)),
+                    flight,
+                )
             }
             // Answered when it is done.
             STORAGE => return self.order_storage(order.param1, flight),
@@ -229,7 +233,7 @@ impl Telemetry {
         MavResult::MAV_RESULT_ACCEPTED
     }
 
-    fn refuse(&mut self, why: core::fmt::Arguments<'_>) -> MavResult {
+    pub(super) fn refuse(&mut self, why: core::fmt::Arguments<'_>) -> MavResult {
         self.say(MavSeverity::MAV_SEVERITY_WARNING, why);
         MavResult::MAV_RESULT_TEMPORARILY_REJECTED
     }
@@ -301,19 +305,60 @@ pub(super) fn is_for_us(system: u8, component: u8) -> bool {
     (system == SYSTEM_ID || system == 0) && (component == COMPONENT_ID || component == 0)
 }
 
-/// `major.minor.patch` as `flight_sw_version` has it: a byte each from the top, release type official (255) below.
+/// `major.minor.patch` as `flight_sw_version` has it: a byte each from the top, and below the release type that a
+/// pre-release names (MAVLink's FIRMWARE_VERSION_TYPE). Build metadata is ignored.
 const fn version_number(version: &str) -> u32 {
     let mut number: u32 = 0;
     let mut part: u32 = 0;
+    let mut release_type = OFFICIAL;
     let mut bytes = version.as_bytes();
     while let [byte, rest @ ..] = bytes {
-        if *byte == b'.' {
-            number = number << 8 | part;
-            part = 0;
-        } else {
-            part = part * 10 + (*byte - b'0') as u32;
+        match *byte {
+            b'.' => {
+                number = number << 8 | part;
+                part = 0;
+            }
+            digit @ b'0'..=b'9' => part = part * 10 + (digit - b'0') as u32,
+            b'-' => {
+                release_type = pre_release_type(rest);
+                break;
+            }
+            _ => break,
         }
         bytes = rest;
     }
-    (number << 8 | part) << 8 | 255
+    (number << 8 | part) << 8 | release_type
+}
+
+/// FIRMWARE_VERSION_TYPE_OFFICIAL.
+const OFFICIAL: u32 = 255;
+
+/// The type of a pre-release by the word that it begins with: one for development where it is none of MAVLink's.
+const fn pre_release_type(name: &[u8]) -> u32 {
+    match name {
+        [b'a', b'l', b'p', b'h', b'a', ..] => 64,
+        [b'b', b'e', b't', b'a', ..] => 128,
+        [b'r', b'c', ..] => 192,
+        _ => 0,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::version_number;
+
+    #[test]
+    fn a_version_is_a_byte_a_part_and_its_release_type() {
+        for (version, word) in [
+            ("0.1.0", 0x0001_00FF),
+            ("1.22.255", 0x0116_FFFF),
+            ("0.2.0-rc.1", 0x0002_00C0),
+            ("0.2.0-beta", 0x0002_0080),
+            ("0.2.0-alpha.3+5f2", 0x0002_0040),
+            ("0.2.0-dev", 0x0002_0000),
+            ("0.2.0+20261122", 0x0002_00FF),
+        ] {
+            assert_eq!(version_number(version), word, "{version}");
+        }
+    }
 }

@@ -2,18 +2,29 @@
 
 use crate::{firmware, ready};
 use rig::bno055::Fault;
-use rig::faults::NEUTRAL_US;
+use rig::faults::neutral_us;
 use rig::ground_truth::Pulse;
 use rig::operator::{FlightState, OperatorError};
-use rig::{Ready, ResetCause, Ticks};
+use rig::{Ready, ResetCause, ServoKind, Setup, Ticks, prepare};
+use std::ops::RangeInclusive;
+use tvc_nano::Params;
 
 pub(crate) fn ms(ms: u64) -> Ticks {
     Ticks::from_ms(ms)
 }
 
+/// The neutral pulse of the default parameters, us.
+pub(crate) fn default_neutral_us() -> RangeInclusive<f64> {
+    neutral_us(&Params::default())
+}
+
 /// Released from a tilt, and flying for long enough that the rudder is off neutral.
 fn in_flight() -> Ready {
-    let mut flight = ready();
+    released(ready(), &default_neutral_us())
+}
+
+/// Lets go of the drone of `flight`, whose neutral pulse is `neutral_us`.
+fn released(mut flight: Ready, neutral_us: &RangeInclusive<f64>) -> Ready {
     let Ready { rig, operator, .. } = &mut flight;
     rig.environment_mut().tilt_clamp(0.4);
     operator.run(rig, ms(2000)).unwrap();
@@ -22,7 +33,7 @@ fn in_flight() -> Ready {
     operator.run(rig, ms(150)).unwrap();
     let last = rig.truth().pulses.last().unwrap();
     assert!(
-        !NEUTRAL_US.contains(&last.width_us()),
+        !neutral_us.contains(&last.width_us()),
         "{}",
         last.width_us()
     );
@@ -62,7 +73,7 @@ fn neutral_in_time_and_back_by_the_operator(fault: Fault, word: &str) {
     assert_pulses_went_on(pulses, ms(1000));
     for pulse in pulses.iter().filter(|p| p.rise >= at + ms(150)) {
         assert!(
-            NEUTRAL_US.contains(&pulse.width_us()),
+            default_neutral_us().contains(&pulse.width_us()),
             "{fault:?}: {}",
             pulse.width_us()
         );
@@ -200,12 +211,16 @@ fn a_hung_loop_is_reset_and_told() {
     // Its early warning had put the rudder to neutral before.
     let last = rig.truth().pulses.last().unwrap();
     assert!(last.fall < fired && fired - at < ms(400));
-    assert!(NEUTRAL_US.contains(&last.width_us()), "{}", last.width_us());
+    assert!(
+        default_neutral_us().contains(&last.width_us()),
+        "{}",
+        last.width_us()
+    );
     // The bootloader costs half a second, then pulses are back and the reason is told.
     operator.run(rig, ms(600)).unwrap();
     let back = rig.truth().pulses_since(fired)[0];
     assert!(back.rise - fired < ms(600), "{}", back.rise - fired);
-    assert!(NEUTRAL_US.contains(&back.width_us()));
+    assert!(default_neutral_us().contains(&back.width_us()));
     operator.connect(rig).unwrap();
     operator
         .wait_for_state(rig, ms(2000), FlightState::Latched)
@@ -253,7 +268,7 @@ fn a_hard_fault_is_told_after_the_reset() {
     let (reset, _) = rig.resets()[0];
     let before = rig.truth().pulses.iter().rfind(|p| p.fall < reset).unwrap();
     assert!(
-        reset - at < ms(20) || NEUTRAL_US.contains(&before.width_us()),
+        reset - at < ms(20) || default_neutral_us().contains(&before.width_us()),
         "{} us for {}",
         before.width_us(),
         reset - at
@@ -292,7 +307,7 @@ fn a_panic_is_told_after_the_reset() {
     operator.run(rig, ms(1200)).unwrap();
     let (reset, _) = rig.resets()[0];
     let last = rig.truth().pulses.iter().rfind(|p| p.fall < reset).unwrap();
-    assert!(NEUTRAL_US.contains(&last.width_us()) && reset - at < ms(400));
+    assert!(default_neutral_us().contains(&last.width_us()) && reset - at < ms(400));
     operator
         .wait_for_state(rig, ms(3000), FlightState::Latched)
         .unwrap();
@@ -303,6 +318,61 @@ fn a_panic_is_told_after_the_reset() {
             .any(|t| t.text.contains("latched fault: panic") && t.text.contains(&place)),
         "{place}: {told:?}"
     );
+}
+
+/// A drone whose mass is off its axis, with a rudder that is held against it.
+fn held() -> (Ready, RangeInclusive<f64>) {
+    const HOLD_DEG: f32 = -10.0;
+    let mut params = Params::default();
+    params.set("SRV_HOLD_DEG", HOLD_DEG).unwrap();
+    let mut setup = Setup::new(ServoKind::S3003, 1);
+    setup.parameters.push(("SRV_HOLD_DEG".into(), HOLD_DEG));
+    let mut ready = prepare(firmware(), &setup, &mut |_| {}).unwrap();
+    // Stored, so that the run after a reset knows it as well.
+    ready.operator.save_parameters(&mut ready.rig).unwrap();
+    (ready, neutral_us(&params))
+}
+
+/// However a run ends, the rudder goes to where it holds the drone, and stays there after the reset.
+#[test]
+fn hang_panic_and_hard_fault_command_the_held_neutral() {
+    let (ready, neutral) = held();
+    assert!(neutral.contains(&1424.0) && !default_neutral_us().contains(&1424.0));
+    let panic = firmware()
+        .symbols()
+        .find(|(name, _)| name.contains("panic_bounds_check"))
+        .unwrap()
+        .1;
+    let hang = |rig: &mut rig::Rig| drop(divert(rig, 0xE7FE));
+    let fault = |rig: &mut rig::Rig| drop(divert(rig, 0xDE00));
+    let panic = move |rig: &mut rig::Rig| {
+        let mut registers = rig.chip().registers();
+        (registers.r[14], registers.r[15]) = (registers.r[15] | 1, panic & !1);
+        registers.primask = false;
+        rig.chip_mut().set_registers(&registers);
+    };
+    let flight = released(ready, &neutral);
+    let ends: [(&str, &dyn Fn(&mut rig::Rig)); 3] =
+        [("hang", &hang), ("hard fault", &fault), ("panic", &panic)];
+    for (end, provoke) in ends {
+        let mut flight = flight.clone();
+        let Ready { rig, operator, .. } = &mut flight;
+        let at = rig.now();
+        provoke(rig);
+        operator.run(rig, ms(1200)).unwrap();
+        assert_eq!(rig.resets().len(), 1, "{end}");
+        let (reset, _) = rig.resets()[0];
+        let pulses = rig.truth().pulses_since(at);
+        let (before, after): (Vec<&Pulse>, Vec<&Pulse>) =
+            pulses.iter().partition(|p| p.fall < reset);
+        let last = before.last().unwrap().width_us();
+        assert!(neutral.contains(&last), "{end}: {last} before the reset");
+        assert!(after.len() > 10, "{end}: {} pulses after", after.len());
+        for pulse in after {
+            let width = pulse.width_us();
+            assert!(neutral.contains(&width), "{end}: {width} after the reset");
+        }
+    }
 }
 
 #[test]

@@ -7,9 +7,15 @@ use crate::operator::{FlightState, Heartbeat};
 use samd21::board::Ticks;
 use std::fmt;
 use std::ops::RangeInclusive;
+use tvc_nano::{Params, servo};
 
-/// Width of the neutral pulse, us, as far as whole microseconds go.
-pub const NEUTRAL_US: RangeInclusive<f64> = 1523.0..=1524.5;
+/// Width of the neutral pulse of a vehicle with these parameters, us, as far as whole microseconds
+/// go.
+pub fn neutral_us(params: &Params) -> RangeInclusive<f64> {
+    let pulse = f64::from(servo::neutral(params).0);
+    pulse - 1.0..=pulse + 0.5
+}
+
 /// Widths that the servo answers to, us; anything else is a runt or a glitch.
 const TRAVEL_US: RangeInclusive<f64> = 853.0..=2193.5;
 /// From the end of a burst to the step that works on it, at most.
@@ -91,6 +97,8 @@ pub struct Outcome {
 pub(super) struct Run<'a> {
     pub(super) injected: Ticks,
     pub(super) frame: Ticks,
+    /// Widths of the neutral pulse, us.
+    pub(super) neutral_us: RangeInclusive<f64>,
     /// The last pulse before the fault.
     pub(super) before: Option<Pulse>,
     /// From the fault on.
@@ -134,7 +142,7 @@ impl Run<'_> {
         let mut longest = Ticks::ZERO;
         let mut sound = self.sound_steps().peekable();
         let mut last_sound = self.injected;
-        let mut off_neutral = self.before.is_some_and(|pulse| !is_neutral(&pulse));
+        let mut off_neutral = self.before.is_some_and(|pulse| !self.is_neutral(&pulse));
         for pulse in &self.truth.pulses {
             while let Some(step) = sound.next_if(|step| *step <= pulse.rise) {
                 if off_neutral {
@@ -145,7 +153,7 @@ impl Run<'_> {
             if off_neutral {
                 longest = longest.max(pulse.rise.saturating_sub(last_sound));
             }
-            off_neutral = !is_neutral(pulse);
+            off_neutral = !self.is_neutral(pulse);
         }
         longest
     }
@@ -179,7 +187,7 @@ impl Run<'_> {
             }
             // The heartbeat may come before the frame that its step belongs to.
             let told = failsafe.is_some_and(|beat| pulse.rise > beat.at + self.frame);
-            if told && !is_neutral(pulse) {
+            if told && !self.is_neutral(pulse) {
                 return Some(Unsafe::PulseInFailsafe(width));
             }
         }
@@ -202,10 +210,10 @@ impl Run<'_> {
             })
             .fold(0.0, f64::max)
     }
-}
 
-fn is_neutral(pulse: &Pulse) -> bool {
-    NEUTRAL_US.contains(&pulse.width_us())
+    fn is_neutral(&self, pulse: &Pulse) -> bool {
+        self.neutral_us.contains(&pulse.width_us())
+    }
 }
 
 #[cfg(test)]
@@ -277,6 +285,7 @@ mod tests {
         let (ending, blind) = judge(&Run {
             injected: Ticks::ZERO,
             frame: ms(20),
+            neutral_us: neutral_us(&Params::default()),
             before: Some(Pulse {
                 rise,
                 fall: rise + Ticks::from_us(1600),

@@ -22,7 +22,7 @@
 
 mod judge;
 
-pub use judge::{Ending, NEUTRAL_US, Outcome, Unsafe};
+pub use judge::{Ending, Outcome, Unsafe, neutral_us};
 
 use crate::bno055::FaultKind;
 use crate::fly::flight::{FlightError, Ready};
@@ -32,6 +32,8 @@ use crate::random::{Stream, generator};
 use judge::{Run, judge};
 use rand::Rng;
 use samd21::board::Ticks;
+use std::ops::RangeInclusive;
+use tvc_nano::Params;
 
 /// The longest that a rudder may be off neutral without sound data.
 pub const DEADLINE: Ticks = Ticks::from_ms(150);
@@ -56,6 +58,8 @@ const WATCHED: Ticks = Ticks::from_ms(700);
 pub struct Campaign {
     seed: u64,
     frame: Ticks,
+    /// Widths of the vehicle's neutral pulse, us.
+    neutral_us: RangeInclusive<f64>,
     released: Ticks,
     snapshots: Vec<Ready>,
     /// The true motion of the whole flight.
@@ -78,6 +82,7 @@ impl Campaign {
     /// # Errors
     /// The rig stopped, or the image refuses.
     pub fn new(ready: &Ready, frame_hz: f64, seed: u64) -> Result<Self, FlightError> {
+        let neutral_us = neutral_us(&reported_parameters(ready)?);
         let mut base = ready.clone();
         let Ready { rig, operator, .. } = &mut base;
         rig.environment_mut().tilt_clamp(START_RAD);
@@ -106,6 +111,7 @@ impl Campaign {
         Ok(Self {
             seed,
             frame: Ticks::from_secs_f64(1.0 / frame_hz),
+            neutral_us,
             released,
             snapshots,
             motion: base.rig.truth().motion.clone(),
@@ -143,6 +149,7 @@ impl Campaign {
         let (ending, blind) = judge(&Run {
             injected,
             frame: self.frame,
+            neutral_us: self.neutral_us.clone(),
             before: before.first().copied(),
             truth,
             reference: &self.motion,
@@ -159,4 +166,16 @@ impl Campaign {
             said: operator.last_text().unwrap_or_default().to_owned(),
         })
     }
+}
+
+/// The parameters that the image reports. A fork is asked, so that `ready` itself stays as it is.
+fn reported_parameters(ready: &Ready) -> Result<Params, FlightError> {
+    let mut fork = ready.clone();
+    fork.operator.list_parameters(&mut fork.rig)?;
+    let mut params = Params::default();
+    for (name, value) in &fork.operator.received().parameters {
+        let known = params.set(name, *value);
+        debug_assert!(known.is_ok(), "{known:?}");
+    }
+    Ok(params)
 }
