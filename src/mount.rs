@@ -43,8 +43,6 @@ impl Calibration {
 struct Matrix([[i16; 3]; 3]);
 
 impl Matrix {
-    const IDENTITY: Self = Self([[ONE, 0, 0], [0, ONE, 0], [0, 0, ONE]]);
-
     /// `self * vector + sum`, with [`BITS`]. What is too large stays at the end of the range.
     fn add(&self, vector: [i16; 3], mut sum: [i32; 3]) -> [i32; 3] {
         for (column, component) in self.0.iter().zip(vector) {

@@ -1,5 +1,7 @@
 //! What the host asks, and what it gets.
 
+use core::fmt;
+
 use bno055_driver::Micros;
 use mavlink::dialects::common::{
     AUTOPILOT_VERSION_DATA, COMMAND_ACK_DATA, COMMAND_LONG_DATA, HEARTBEAT_DATA,
@@ -14,7 +16,7 @@ use super::parser::Message;
 use super::queue::Priority;
 use super::{OVERHEAD, Reset, Telemetry};
 use crate::config::{COMPONENT_ID, PULSE_MAX_US, PULSE_MIN_US, SYSTEM_ID};
-use crate::failsafe::{Command, Refusal, State};
+use crate::failsafe::{Command, Refusal, RefusalKind, State};
 use crate::flight::Flight;
 use crate::params::{Change, Info, ParamError, Params, TABLE};
 use crate::servo::PulseUs;
@@ -165,7 +167,7 @@ impl Telemetry {
         const SERVO: u16 = MavCmd::MAV_CMD_DO_SET_SERVO as u16;
         const STORAGE: u16 = MavCmd::MAV_CMD_PREFLIGHT_STORAGE as u16;
         const REQUEST_MESSAGE: u16 = MavCmd::MAV_CMD_REQUEST_MESSAGE as u16;
-        let result = match order.command {
+        let answer = match order.command {
             ARM_DISARM if order.param1 == 1.0 => self.order(now, Command::Arm, flight),
             ARM_DISARM if order.param1 == 0.0 => self.order(now, Command::Disarm, flight),
             GRIPPER if order.param2 == GRIPPER_RELEASE => self.order(now, Command::Release, flight),
@@ -181,8 +183,8 @@ impl Telemetry {
             }
             // Answered when it is done.
             STORAGE => return self.order_storage(order.param1, flight),
-            REBOOT if order.param1 == 1.0 => self.reset(Reset::Restart, flight.state()),
-            REBOOT if order.param1 == 3.0 => self.reset(Reset::Bootloader, flight.state()),
+            REBOOT if order.param1 == 1.0 => self.reset(Reset::Restart, flight),
+            REBOOT if order.param1 == 3.0 => self.reset(Reset::Bootloader, flight),
             INTERVAL
                 if self.rates.set(
                     order.param1,
@@ -190,55 +192,65 @@ impl Telemetry {
                     flight.params().control_period_us(),
                 ) =>
             {
-                MavResult::MAV_RESULT_ACCEPTED
+                Ok(())
             }
             ARM_DISARM | GRIPPER | CALIBRATION | SERVO | REBOOT | INTERVAL => {
-                MavResult::MAV_RESULT_DENIED
+                return self.acknowledge(order.command, MavResult::MAV_RESULT_DENIED);
             }
             CAPABILITIES => self.version(),
             REQUEST_MESSAGE if order.param1 == AUTOPILOT_VERSION_DATA::ID as f32 => self.version(),
-            _ => MavResult::MAV_RESULT_UNSUPPORTED,
+            _ => return self.acknowledge(order.command, MavResult::MAV_RESULT_UNSUPPORTED),
         };
-        self.acknowledge(order.command, result);
+        match answer {
+            Ok(()) => self.acknowledge(order.command, MavResult::MAV_RESULT_ACCEPTED),
+            Err(refusal) => self.acknowledge_refusal(order.command, refusal),
+        }
     }
 
-    fn order(&mut self, now: Micros, command: Command, flight: &mut Flight) -> MavResult {
-        match flight.command(now, command) {
-            Ok(()) => {
-                self.announce(&flight.state());
-                MavResult::MAV_RESULT_ACCEPTED
-            }
-            Err(refusal) => self.refuse(format_args!("{command} refused: {refusal}")),
-        }
+    fn order(&mut self, now: Micros, command: Command, flight: &mut Flight) -> Answer {
+        let answer = flight.command(now, command);
+        self.tell_answer(&command, answer, flight)
     }
 
     /// Gyro calibration: back to the self-test, the estimate begins anew.
-    fn calibrate(&mut self, flight: &mut Flight) -> MavResult {
-        match flight.calibrate() {
-            Ok(()) => {
-                self.announce(&flight.state());
-                MavResult::MAV_RESULT_ACCEPTED
-            }
-            Err(refusal) => self.refuse(format_args!("calibration refused: {refusal}")),
-        }
+    fn calibrate(&mut self, flight: &mut Flight) -> Answer {
+        let answer = flight.calibrate();
+        self.tell_answer(&"calibration", answer, flight)
     }
 
     /// A reset stops the pulses for half a second: not while they may be needed.
-    fn reset(&mut self, reset: Reset, state: State) -> MavResult {
+    fn reset(&mut self, reset: Reset, flight: &Flight) -> Answer {
+        let state = flight.state();
         if state.is_armed() || matches!(state, State::Failsafe(_)) {
-            let refusal = Refusal::WrongState(state);
-            return self.refuse(format_args!("reboot refused: {refusal}"));
+            return self.tell_answer(&"reboot", Err(Refusal::WrongState(state)), flight);
         }
         self.reset = Some(reset);
-        MavResult::MAV_RESULT_ACCEPTED
+        Ok(())
     }
 
-    pub(super) fn refuse(&mut self, why: core::fmt::Arguments<'_>) -> MavResult {
-        self.say(MavSeverity::MAV_SEVERITY_WARNING, why);
-        MavResult::MAV_RESULT_TEMPORARILY_REJECTED
+    /// Tells the state that an order led to, or why it was refused.
+    fn tell_answer(
+        &mut self,
+        order: &dyn fmt::Display,
+        answer: Result<(), Refusal>,
+        flight: &Flight,
+    ) -> Answer {
+        match answer {
+            Ok(()) => {
+                self.announce(&flight.state());
+                Ok(())
+            }
+            Err(refusal) => {
+                self.say(
+                    MavSeverity::MAV_SEVERITY_WARNING,
+                    format_args!("{order} refused: {refusal}"),
+                );
+                Err(refusal.kind())
+            }
+        }
     }
 
-    fn version(&mut self) -> MavResult {
+    fn version(&mut self) -> Answer {
         self.send(
             Priority::Event,
             &AUTOPILOT_VERSION_DATA {
@@ -249,7 +261,7 @@ impl Telemetry {
                 ..AUTOPILOT_VERSION_DATA::DEFAULT
             },
         );
-        MavResult::MAV_RESULT_ACCEPTED
+        Ok(())
     }
 
     /// COMMAND_ACK by the command's number: the dialect's type cannot carry one that it does not know.
@@ -262,7 +274,22 @@ impl Telemetry {
             &[low, high, result as u8],
         );
     }
+
+    /// COMMAND_ACK with the kind of the refusal as `result_param1`, an extension that clients without it ignore.
+    fn acknowledge_refusal(&mut self, command: u16, refusal: RefusalKind) {
+        let [low, high] = command.to_le_bytes();
+        let result = MavResult::MAV_RESULT_TEMPORARILY_REJECTED as u8;
+        self.send_payload(
+            Priority::Event,
+            COMMAND_ACK_DATA::ID,
+            COMMAND_ACK_DATA::EXTRA_CRC,
+            &[low, high, result, refusal.code()],
+        );
+    }
 }
+
+/// What becomes of an order that was understood.
+type Answer = Result<(), RefusalKind>;
 
 /// What counts of a COMMAND_LONG. The dialect's own decoder is of no use: it knows each of its 160 commands by a name,
 /// which takes 2 KB, and gives up on any other, which is yet to be answered.

@@ -41,8 +41,11 @@ impl Telemetry {
             // A host that asks again has not been heard twice: one order, one answer.
             order if self.storage.is_none() || self.storage == order => self.storage = order,
             Some(_) => {
-                let result = self.refuse(format_args!("storage order refused: busy with another"));
-                self.acknowledge(STORAGE, result);
+                self.say(
+                    MavSeverity::MAV_SEVERITY_WARNING,
+                    format_args!("storage order refused: busy with another"),
+                );
+                self.acknowledge(STORAGE, MavResult::MAV_RESULT_TEMPORARILY_REJECTED);
             }
         }
     }

@@ -157,6 +157,36 @@ fn frozen() {
     neutral_in_time_and_back_by_the_operator(Fault::Frozen, "frozen");
 }
 
+/// A silent bus wakes nobody: the loop must see by itself that the burst is too late for its step, and step before the
+/// edge that the pulse is for.
+#[test]
+fn the_step_of_a_missed_sample_comes_before_its_edge() {
+    let flight = in_flight();
+    let mut missed = 0;
+    // From any instant of a frame, for as long as the first transfer hangs.
+    for instant in 0..20 {
+        let mut flight = flight.clone();
+        let Ready { rig, operator, .. } = &mut flight;
+        operator.run(rig, ms(instant)).unwrap();
+        let at = rig.now();
+        rig.inject(Fault::SclStuck);
+        operator.run(rig, ms(14)).unwrap();
+        let until = rig.now();
+        operator.run(rig, ms(20)).unwrap();
+        let truth = rig.truth();
+        let steps = truth.steps.iter().filter(|s| s.start >= at && s.end < until);
+        for step in steps {
+            let after = truth.pulses.iter().find(|p| p.rise > step.start).unwrap();
+            let to_edge = after.rise - step.start;
+            // No tick's step is due in the first two milliseconds of a frame.
+            assert!(to_edge < ms(18), "{instant}: {to_edge} before the next edge");
+            assert!(step.end < after.rise, "{instant}: over the edge");
+            missed += 1;
+        }
+    }
+    assert!(missed > 20, "{missed}");
+}
+
 /// A slave that hangs inside a byte lets go after a few clocks: the image gives them.
 #[test]
 fn a_slave_inside_a_byte_is_clocked_free() {
