@@ -2,8 +2,8 @@
 //!
 //! ```text
 //!            +----------------- Rig ------------------------------------------+
-//!  Operator  |  Chip (samd21)                World                             |
-//!  MAVLink <-USB-> image         <-I2C->  Bno055  <- pitch, rate, field -+     |
+//!  Ground    |  Chip (samd21)                World                             |
+//!  station <-USB-> image         <-I2C->  Bno055  <- pitch, rate, field -+     |
 //!            |                   -D3---->  servo -> crank -> rudder -> drone   |
 //!            |                   -D4---->  Truth: bursts, steps, pulses, motion|
 //!            +------------------------------------------------------------------+
@@ -20,7 +20,7 @@
 //! | [`bno055`] | the sensor at register level, with its faults |
 //! | [`disturbance`] | vibration, sagging servo supply, slow thrust |
 //! | [`truth`], [`measure`] | what really happened, and timing figures of it |
-//! | [`link`], [`request`], [`operator`] | the MAVLink client at the USB port |
+//! | [`ground_station`] | the MAVLink client at the USB port |
 //! | `real_time`, `pty`, [`hand`] | on the clock on the wall, behind a pseudo-terminal (Unix) |
 //! | [`flight`] | boot once, fork, let go, measure |
 //! | [`faults`] | the same flight with everything that a sensor does wrong, at random instants |
@@ -31,13 +31,12 @@ pub mod bno055;
 pub mod disturbance;
 pub mod faults;
 pub mod flight;
+pub mod ground_station;
 pub mod hand;
 pub mod handling;
 pub mod image;
 pub mod instruction;
-pub mod link;
 pub mod measure;
-pub mod operator;
 #[cfg(unix)]
 pub mod pty;
 pub mod random;
@@ -46,7 +45,6 @@ pub mod real_time;
 mod received;
 pub mod recording;
 pub mod replay;
-pub mod request;
 mod rig;
 pub mod score;
 mod tap;
@@ -55,8 +53,8 @@ pub mod truth;
 pub mod world;
 
 pub use flight::{FlightRecord, Ready, ServoKind, Setup, prepare};
+pub use ground_station::GroundStation;
 pub use image::Image;
-pub use operator::Operator;
 pub use rig::{Rig, RigConfig, RigError};
 
 pub use samd21::board::Ticks;

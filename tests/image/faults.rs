@@ -1,9 +1,10 @@
 //! The image on the rig with a sensor or a cable that fails in mid-flight.
 
 use crate::{firmware, ready};
+use client::{Failure, FlightState};
 use rig::bno055::Fault;
 use rig::faults::NEUTRAL_US;
-use rig::operator::{FlightState, OperatorError};
+use rig::ground_station::GroundStationError;
 use rig::truth::Pulse;
 use rig::{Ready, ResetCause, Ticks};
 
@@ -81,12 +82,18 @@ fn neutral_in_time_and_back_by_the_operator(fault: Fault, word: &str) {
     // While the fault lasts there is no way out, and never one straight to active.
     assert!(matches!(
         operator.arm(rig),
-        Err(OperatorError::Refused { .. })
+        Err(GroundStationError::Request {
+            failure: Failure::Refused { .. },
+            ..
+        })
     ));
     if fault != Fault::ConfigReset {
         assert!(matches!(
             operator.disarm(rig),
-            Err(OperatorError::Refused { .. })
+            Err(GroundStationError::Request {
+                failure: Failure::Refused { .. },
+                ..
+            })
         ));
     }
 
@@ -102,11 +109,17 @@ fn neutral_in_time_and_back_by_the_operator(fault: Fault, word: &str) {
     );
     assert!(matches!(
         operator.release(rig, 0.0),
-        Err(OperatorError::Refused { .. })
+        Err(GroundStationError::Request {
+            failure: Failure::Refused { .. },
+            ..
+        })
     ));
     assert!(matches!(
         operator.arm(rig),
-        Err(OperatorError::Refused { .. })
+        Err(GroundStationError::Request {
+            failure: Failure::Refused { .. },
+            ..
+        })
     ));
     operator.disarm(rig).unwrap();
     operator
@@ -218,7 +231,10 @@ fn a_hung_loop_is_reset_and_told() {
     );
     assert!(matches!(
         operator.arm(rig),
-        Err(OperatorError::Refused { .. })
+        Err(GroundStationError::Request {
+            failure: Failure::Refused { .. },
+            ..
+        })
     ));
     rig.world_mut().catch();
     rig.world_mut().tilt_clamp(0.0);

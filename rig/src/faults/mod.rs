@@ -27,9 +27,9 @@ pub use judge::{Ending, NEUTRAL_US, Outcome, Unsafe};
 pub use kind::Kind;
 
 use crate::flight::{FlightError, Ready};
-use crate::operator::FlightState;
 use crate::random::{Stream, generator};
 use crate::truth::{Motion, Pulse};
+use client::FlightState;
 use judge::{Run, judge};
 use rand::Rng;
 use samd21::board::Ticks;
