@@ -81,7 +81,7 @@ impl Instruction {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::request;
+    use client::request;
 
     #[test]
     fn every_instruction_is_understood_and_nothing_else() {

@@ -2,8 +2,8 @@
 //!
 //! ```text
 //!            +----------------- Rig ------------------------------------------+
-//!  Operator  |  Chip (samd21)                Environment                             |
-//!  MAVLink <-USB-> image         <-I2C->  Bno055  <- pitch, rate, field -+     |
+//!  Ground    |  Chip (samd21)                Environment                       |
+//!  station <-USB-> image         <-I2C->  Bno055  <- pitch, rate, field -+     |
 //!            |                   -D3---->  servo -> crank -> rudder -> drone   |
 //!            |                   -D4---->  GroundTruth: bursts, steps, pulses, motion|
 //!            +------------------------------------------------------------------+
@@ -20,7 +20,7 @@
 //! | [`bno055`] | the sensor at register level, with its faults |
 //! | [`disturbance`] | vibration, sagging servo supply, slow thrust |
 //! | [`truth`], [`measure`] | what really happened, and timing figures of it |
-//! | [`link`], [`request`], [`operator`] | the MAVLink client at the USB port |
+//! | [`ground_station`] | the MAVLink client at the USB port |
 //! | `real_time`, `pty`, [`hand`] | on the clock on the wall, behind a pseudo-terminal (Unix) |
 //! | [`flight`] | boot once, fork, let go, measure |
 //! | [`faults`] | the same flight with everything that a sensor does wrong, at random instants |
@@ -30,15 +30,13 @@
 pub mod bench;
 pub mod bno055;
 pub mod fly;
+pub mod ground_station;
 pub mod image;
 pub mod instruction;
-pub mod link;
 pub mod observe;
-pub mod operator;
 pub mod random;
 mod received;
 pub mod recording;
-pub mod request;
 mod rig;
 pub mod score;
 
@@ -47,9 +45,9 @@ pub use fly::flight::{FlightRecord, Ready, ServoKind, Setup, prepare};
 pub use fly::{faults, flight, pilot, replay};
 #[cfg(unix)]
 pub use fly::{pty, real_time};
+pub use ground_station::GroundStation;
 pub use image::Image;
 pub use observe::{ground_truth, measure};
-pub use operator::Operator;
 pub use rig::{Rig, RigConfig, RigError};
 
 pub use samd21::board::Ticks;

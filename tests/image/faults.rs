@@ -1,10 +1,11 @@
 //! The image on the rig with a sensor or a cable that fails in mid-flight.
 
 use crate::{firmware, ready};
+use client::{Failure, FlightState};
 use rig::bno055::Fault;
 use rig::faults::neutral_us;
+use rig::ground_station::GroundStationError;
 use rig::ground_truth::Pulse;
-use rig::operator::{FlightState, OperatorError};
 use rig::{Ready, ResetCause, ServoKind, Setup, Ticks, prepare};
 use std::ops::RangeInclusive;
 use tvc_nano::Params;
@@ -92,12 +93,18 @@ fn neutral_in_time_and_back_by_the_operator(fault: Fault, word: &str) {
     // While the fault lasts there is no way out, and never one straight to active.
     assert!(matches!(
         operator.arm(rig),
-        Err(OperatorError::Refused { .. })
+        Err(GroundStationError::Request {
+            failure: Failure::Refused { .. },
+            ..
+        })
     ));
     if fault != Fault::ConfigReset {
         assert!(matches!(
             operator.disarm(rig),
-            Err(OperatorError::Refused { .. })
+            Err(GroundStationError::Request {
+                failure: Failure::Refused { .. },
+                ..
+            })
         ));
     }
 
@@ -113,11 +120,17 @@ fn neutral_in_time_and_back_by_the_operator(fault: Fault, word: &str) {
     );
     assert!(matches!(
         operator.release(rig, 0.0),
-        Err(OperatorError::Refused { .. })
+        Err(GroundStationError::Request {
+            failure: Failure::Refused { .. },
+            ..
+        })
     ));
     assert!(matches!(
         operator.arm(rig),
-        Err(OperatorError::Refused { .. })
+        Err(GroundStationError::Request {
+            failure: Failure::Refused { .. },
+            ..
+        })
     ));
     operator.disarm(rig).unwrap();
     operator
@@ -174,12 +187,18 @@ fn the_step_of_a_missed_sample_comes_before_its_edge() {
         let until = rig.now();
         operator.run(rig, ms(20)).unwrap();
         let truth = rig.truth();
-        let steps = truth.steps.iter().filter(|s| s.start >= at && s.end < until);
+        let steps = truth
+            .steps
+            .iter()
+            .filter(|s| s.start >= at && s.end < until);
         for step in steps {
             let after = truth.pulses.iter().find(|p| p.rise > step.start).unwrap();
             let to_edge = after.rise - step.start;
             // No tick's step is due in the first two milliseconds of a frame.
-            assert!(to_edge < ms(18), "{instant}: {to_edge} before the next edge");
+            assert!(
+                to_edge < ms(18),
+                "{instant}: {to_edge} before the next edge"
+            );
             assert!(step.end < after.rise, "{instant}: over the edge");
             missed += 1;
         }
@@ -263,7 +282,10 @@ fn a_hung_loop_is_reset_and_told() {
     );
     assert!(matches!(
         operator.arm(rig),
-        Err(OperatorError::Refused { .. })
+        Err(GroundStationError::Request {
+            failure: Failure::Refused { .. },
+            ..
+        })
     ));
     rig.environment_mut().catch();
     rig.environment_mut().tilt_clamp(0.0);
@@ -373,8 +395,12 @@ fn hang_panic_and_hard_fault_command_the_held_neutral() {
         .find(|(name, _)| name.contains("panic_bounds_check"))
         .unwrap()
         .1;
-    let hang = |rig: &mut rig::Rig| drop(divert(rig, 0xE7FE));
-    let fault = |rig: &mut rig::Rig| drop(divert(rig, 0xDE00));
+    let hang = |rig: &mut rig::Rig| {
+        divert(rig, 0xE7FE);
+    };
+    let fault = |rig: &mut rig::Rig| {
+        divert(rig, 0xDE00);
+    };
     let panic = move |rig: &mut rig::Rig| {
         let mut registers = rig.chip().registers();
         (registers.r[14], registers.r[15]) = (registers.r[15] | 1, panic & !1);

@@ -1,7 +1,8 @@
 //! The very image that flies, on the virtual rig: what it is held to.
 
 use crate::{firmware, ready};
-use rig::operator::{FlightState, OperatorError};
+use client::{Failure, FlightState, Parameter};
+use rig::ground_station::GroundStationError;
 use rig::replay::{pair, parity};
 use rig::{Ready, ServoKind, Setup, SyncHold, Ticks, WaitStates, prepare};
 
@@ -171,7 +172,16 @@ fn parameters_are_told_changed_and_refused() {
     operator.set_parameter(rig, "PID_KP", 1.5).unwrap();
     let error = operator.set_parameter(rig, "PID_KP", 99.0).unwrap_err();
     assert!(
-        matches!(error, OperatorError::Parameter { found: 1.5, .. }),
+        matches!(
+            error,
+            GroundStationError::Request {
+                failure: Failure::Kept {
+                    kept: Parameter { value: 1.5, .. },
+                    ..
+                },
+                ..
+            }
+        ),
         "{error}"
     );
     assert!(operator.last_text().unwrap().contains("PID_KP"));
@@ -179,7 +189,16 @@ fn parameters_are_told_changed_and_refused() {
     let error = operator
         .set_parameter(rig, "SRV_RATE_HZ", 300.0)
         .unwrap_err();
-    assert!(matches!(error, OperatorError::Parameter { .. }), "{error}");
+    assert!(
+        matches!(
+            error,
+            GroundStationError::Request {
+                failure: Failure::Kept { .. },
+                ..
+            }
+        ),
+        "{error}"
+    );
 }
 
 #[test]

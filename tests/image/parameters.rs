@@ -3,7 +3,8 @@
 
 use crate::faults::{assert_pulses_went_on, default_neutral_us, ms};
 use crate::ready;
-use rig::operator::{FlightState, Operator, OperatorError};
+use client::{Failure, FlightState};
+use rig::ground_station::{GroundStation, GroundStationError};
 use rig::{Ready, Rig};
 use tvc_nano::store::SLOT_BYTES;
 
@@ -11,7 +12,7 @@ use tvc_nano::store::SLOT_BYTES;
 const STORE: std::ops::Range<usize> = 0x3FC00..0x40000;
 
 /// Cuts the power, waits for the image and asks what it has.
-fn gain_after_power_cut(rig: &mut Rig, operator: &mut Operator) -> f32 {
+fn gain_after_power_cut(rig: &mut Rig, operator: &mut GroundStation) -> f32 {
     rig.power_cycle();
     operator.connect(rig).unwrap();
     operator.list_parameters(rig).unwrap();
@@ -104,7 +105,10 @@ fn corrupt_rows_are_told_and_nothing_is_armed_until_the_operator_has_seen_it() {
     );
     assert!(matches!(
         operator.arm(rig),
-        Err(OperatorError::Refused { .. })
+        Err(GroundStationError::Request {
+            failure: Failure::Refused { .. },
+            ..
+        })
     ));
     operator.disarm(rig).unwrap();
     operator
@@ -120,7 +124,13 @@ fn nothing_is_saved_while_armed() {
     let before = rig.chip().flash()[STORE].to_vec();
     let refused = operator.save_parameters(rig);
     assert!(
-        matches!(refused, Err(OperatorError::Refused { .. })),
+        matches!(
+            refused,
+            Err(GroundStationError::Request {
+                failure: Failure::Refused { .. },
+                ..
+            })
+        ),
         "{refused:?}"
     );
     assert_eq!(rig.chip().flash()[STORE], before);

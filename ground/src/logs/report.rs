@@ -7,9 +7,9 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use anyhow::Result;
+use client::FlightState;
 use plant::response::StepResponse;
 use rig::measure::Spread as Measured;
-use rig::operator::FlightState;
 use serde::Serialize;
 
 use crate::flight::fly::ServoChoice;
@@ -21,7 +21,6 @@ use crate::logs::log::{Event, Flight, Log, Step};
 use crate::logs::replay::parameters;
 use crate::out::exit::Verdict;
 use crate::out::file::{print_figures, write_whole};
-use crate::vehicle::status::ServoMap;
 use clap::Args;
 use std::path::PathBuf;
 use sweep::Sweep;
@@ -162,15 +161,6 @@ pub fn servo(params: &Params) -> ServoChoice {
     } else {
         ServoChoice::S3003
     }
-}
-
-/// The map from pulse back to servo angle.
-pub fn servo_map(params: &Params) -> ServoMap {
-    ServoMap::new(
-        params.srv_centre_us(),
-        params.srv_us_per_deg(),
-        params.srv_dir(),
-    )
 }
 
 /// The figures of a log.

@@ -2,5 +2,6 @@
 
 pub mod exit;
 pub mod file;
+pub mod gauge;
 pub mod page;
 pub mod plot;

@@ -1,13 +1,13 @@
 //! Flights: boot once, fork for every start, let go, and keep what happened.
 
 use crate::bench::BenchConfig;
+use crate::ground_station::{GroundStation, GroundStationError, Received};
 use crate::image::Image;
-use crate::link::LinkCounts;
 use crate::observe::ground_truth::{Motion, Pulse};
 use crate::observe::measure::{LoopTiming, events_without};
-use crate::operator::{FlightState, Operator, OperatorError, Received};
 use crate::random::{Stream, generator};
 use crate::rig::{Rig, RigConfig, RigError};
+use client::{FlightState, LinkCounts};
 use plant::ServoModel;
 use plant::response::{ResponseError, StepResponse};
 use rand::Rng;
@@ -123,7 +123,7 @@ pub enum FlightError {
     Rig(#[from] RigError),
     /// The image did not answer as it should.
     #[error(transparent)]
-    Operator(#[from] OperatorError),
+    GroundStation(#[from] GroundStationError),
     /// The flight gives no figures.
     #[error("no response to measure: {0}")]
     Response(#[from] ResponseError),
@@ -160,8 +160,8 @@ pub struct Progress {
 pub struct Ready {
     /// The rig.
     pub rig: Rig,
-    /// The operator at it.
-    pub operator: Operator,
+    /// The ground station at its port.
+    pub operator: GroundStation,
     seed: u64,
 }
 
@@ -220,7 +220,7 @@ pub fn prepare(
 ) -> Result<Ready, FlightError> {
     let mut ready = Ready {
         rig: Rig::new(image, &setup.rig)?,
-        operator: Operator::new(),
+        operator: GroundStation::new(),
         seed: setup.rig.seed,
     };
     let Ready { rig, operator, .. } = &mut ready;

@@ -4,9 +4,8 @@
 
 use crate::bench::sensor_motion::{SensorMotion, resting};
 use crate::instruction::{Instruction, Tilt};
-use crate::link::Link;
-use crate::operator::FlightState;
 use crate::rig::Rig;
+use client::{FlightState, Wire, text};
 use mavlink::dialects::common::MavMessage;
 use nalgebra::UnitQuaternion;
 use plant::Drone;
@@ -37,8 +36,8 @@ pub enum Manner {
 /// Holds the clamp and reads what the image sends, as the person at the rig does.
 #[derive(Clone, Debug)]
 pub struct Pilot {
-    link: Link,
-    station: Link,
+    link: Wire,
+    station: Wire,
     manner: Manner,
     start_rad: f64,
     rate_rad_s: f64,
@@ -51,8 +50,8 @@ impl Pilot {
     /// Lets go from the tilt `start_rad`, with a rate of `rate_rad_s`.
     pub fn new(start_rad: f64, rate_rad_s: f64) -> Self {
         Self {
-            link: Link::default(),
-            station: Link::default(),
+            link: Wire::default(),
+            station: Wire::default(),
             manner: Manner::default(),
             start_rad,
             rate_rad_s,
@@ -114,8 +113,8 @@ impl Pilot {
         for message in self.link.receive(sent) {
             match message {
                 MavMessage::HEARTBEAT(beat) => self.follow(rig, FlightState::of(beat.custom_mode)),
-                MavMessage::STATUSTEXT(text) => {
-                    news.push(text.text.to_str().unwrap_or("(not UTF-8)").to_owned());
+                MavMessage::STATUSTEXT(said) => {
+                    news.push(text(&said.text).to_owned());
                 }
                 _ => {}
             }

@@ -2,13 +2,13 @@
 //! from it, and what arrives over USB is scored and compared with the host's library.
 
 use crate::fly::flight::{FlightError, Mark};
+use crate::ground_station::{Attitude, GroundStation, RawImu, Received};
 use crate::image::Image;
-use crate::link::LinkCounts;
 use crate::observe::measure::LoopTiming;
-use crate::operator::{Attitude, FlightState, Operator, RawImu, Received};
 use crate::recording::Recording;
 use crate::rig::{Rig, RigConfig};
 use crate::score::{Score, Scorer};
+use client::{FlightState, LinkCounts};
 use samd21::board::Ticks;
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -69,7 +69,7 @@ pub fn replay(
     rig.environment_mut()
         .sensor_mut()
         .play(recording.clone(), Ticks::ZERO);
-    let mut operator = Operator::new();
+    let mut operator = GroundStation::new();
     let begin = Mark::of(&rig);
     let end = Ticks::from_secs_f64(recording.duration_s().min(longest_s));
     operator.connect(&mut rig)?;

@@ -1,8 +1,8 @@
 //! Flights from one or several tilts: boot once, fork for each start.
 
 use anyhow::{Context, Result};
+use client::FlightState;
 use rig::flight::{FlightRecord, Setup};
-use rig::operator::FlightState;
 use rig::{Image, ServoKind, prepare};
 use samd21::WaitStates;
 

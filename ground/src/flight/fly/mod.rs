@@ -20,7 +20,6 @@ use crate::model::control_law;
 use crate::out::exit::Verdict;
 use crate::out::file::{print_json, write_whole};
 use figures::{ImageFigures, LoopFigures, Spread};
-pub use live::gauge;
 mod options;
 pub use options::{Fly, ServoChoice, start_angle};
 

@@ -159,8 +159,8 @@ fn flights(records: &[FlightRecord]) -> anyhow::Result<Markup> {
 }
 
 fn played(record: &ReplayRecord) -> anyhow::Result<Markup> {
-    let seconds = |a: &rig::operator::Attitude| f64::from(a.time_ms) / 1e3;
-    let angle = |of: fn(&rig::operator::Attitude) -> f64| -> Vec<(f64, f64)> {
+    let seconds = |a: &rig::ground_station::Attitude| f64::from(a.time_ms) / 1e3;
+    let angle = |of: fn(&rig::ground_station::Attitude) -> f64| -> Vec<(f64, f64)> {
         record
             .received
             .attitudes
@@ -175,7 +175,7 @@ fn played(record: &ReplayRecord) -> anyhow::Result<Markup> {
             Line {
                 name: "pitch",
                 colour: 0,
-                points: angle(rig::operator::Attitude::pitch_rad),
+                points: angle(rig::ground_station::Attitude::pitch_rad),
             },
             Line {
                 name: "tilt",
@@ -192,7 +192,7 @@ fn played(record: &ReplayRecord) -> anyhow::Result<Markup> {
 }
 
 /// Angle between the body's z axis and the vertical, rad.
-fn tilt_rad(attitude: &rig::operator::Attitude) -> f64 {
+fn tilt_rad(attitude: &rig::ground_station::Attitude) -> f64 {
     let [_, x, y, _] = attitude.quaternion.map(f64::from);
     (1.0 - 2.0 * (x * x + y * y)).clamp(-1.0, 1.0).acos()
 }

@@ -5,7 +5,7 @@ use serde::Serialize;
 
 use super::fit::Found;
 use super::readings::Readings;
-use crate::vehicle::link::Parameter;
+use client::Parameter;
 
 /// Everything that `tvc calibrate --json` prints, as one object.
 #[derive(Debug, Serialize)]

@@ -4,9 +4,9 @@
 use std::path::Path;
 
 use anyhow::{Context, Result};
+use client::request;
 use nalgebra::Vector3;
 use rig::instruction::Instruction;
-use rig::request;
 use tvc_nano::calibration::coverage::Coverage;
 use tvc_nano::calibration::ellipsoid::{self, LEAST_COVERAGE};
 use tvc_nano::calibration::poses::{self, Face};
@@ -117,7 +117,7 @@ fn finish(
             eprintln!("next: tvc calibrate polarity, without which nothing is armed");
         }
         // The estimate begins anew with the new calibration; a vehicle that waits for something else tells so by itself.
-        let _ = session.vehicle.command("calibrate", request::CALIBRATE);
+        let _ = session.vehicle.command(request::CALIBRATE);
     } else {
         eprintln!(
             "the vehicle is as it was; `tvc param load {}` writes it later",

@@ -6,10 +6,10 @@
 use std::time::{Duration, Instant};
 
 use anyhow::{Result, bail};
+use client::status::angles;
+use client::{FlightState, Parameter, request};
 use mavlink::dialects::common::MavMessage;
 use nalgebra::Vector3;
-use rig::operator::FlightState;
-use rig::request;
 use serde::Serialize;
 use tvc_nano::Params;
 use tvc_nano::calibration::spread;
@@ -21,8 +21,7 @@ use crate::out::exit::Verdict;
 use crate::out::file::print_json;
 use crate::signals;
 use crate::vehicle::calibrate::Calibrate;
-use crate::vehicle::link::{Parameter, Vehicle};
-use crate::vehicle::status::angles;
+use crate::vehicle::link::Vehicle;
 use crate::vehicle::test::arm;
 
 const NAME: &str = "SRV_HOLD_DEG";
@@ -67,12 +66,12 @@ pub fn run(seconds: f64, options: &Calibrate) -> Result<Verdict> {
     let mut session = Session::begin(Vehicle::connect(&options.port.port())?, stop)?;
     let before_deg = session.vehicle.parameter(NAME)?;
     let set_deg = f64::from(session.vehicle.parameter("PITCH_SET_DEG")?);
-    session.vehicle.command("calibrate", request::CALIBRATE)?;
+    session.vehicle.command(request::CALIBRATE)?;
     let flown = arm(&mut session.vehicle, stop)
-        .and_then(|()| session.vehicle.command("release", request::RELEASE))
+        .and_then(|()| session.vehicle.command(request::RELEASE))
         .and_then(|()| fly(&mut session, Duration::from_secs_f64(seconds)));
     // Whatever happened: the rudder to neutral.
-    let disarmed = session.vehicle.command("disarm", request::DISARM);
+    let disarmed = session.vehicle.command(request::DISARM);
     session.end();
     let steps = flown?;
     disarmed?;
@@ -133,10 +132,7 @@ fn fly(session: &mut Session, length: Duration) -> Result<Vec<Vector3<f64>>> {
             }
         }
         if session.vehicle.state() == FlightState::Failsafe {
-            bail!(
-                "the vehicle gave up: {}",
-                session.vehicle.standing().reason()
-            );
+            bail!("the vehicle gave up: {}", session.vehicle.reason());
         }
         session.go_on()?;
         let share = begun.elapsed().as_secs_f64() / (SETTLE + length).as_secs_f64();

@@ -23,8 +23,8 @@ use tvc_nano::Params;
 
 use crate::out::exit::Verdict;
 use crate::out::file::{print_figures, write_whole};
-use crate::vehicle::link::Parameter;
 use crate::vehicle::param::file;
+use client::Parameter;
 use figures::Figures;
 use fit::Found;
 use readings::Readings;

@@ -13,7 +13,8 @@ use crate::out::exit::Verdict;
 use crate::out::file::print_figures;
 use crate::signals;
 use crate::vehicle::calibrate::Calibrate;
-use crate::vehicle::link::{Parameter, Vehicle};
+use crate::vehicle::link::Vehicle;
+use client::Parameter;
 
 const NAME: &str = "SRV_POLARITY";
 /// Its values: nobody has seen it, somebody has, somebody looks.

@@ -3,7 +3,7 @@
 use std::time::{Duration, Instant};
 
 use anyhow::Result;
-use rig::request;
+use client::{Parameter, request};
 use serde::Serialize;
 use tvc_nano::Params;
 
@@ -14,7 +14,7 @@ use crate::out::file::print_figures;
 use crate::signals;
 use crate::vehicle::calibrate::Calibrate;
 use crate::vehicle::calibrate::Servo;
-use crate::vehicle::link::{Parameter, Vehicle};
+use crate::vehicle::link::Vehicle;
 
 /// How often a pulse is asked for again; the vehicle holds it for two seconds.
 const AGAIN: Duration = Duration::from_millis(500);
@@ -157,7 +157,7 @@ fn ask_at(session: &mut Session, pulse_us: f32, words: &str) -> Result<Option<St
     session.question(words, &mut |vehicle| {
         if Instant::now() >= due {
             due = Instant::now() + AGAIN;
-            vehicle.command("hold a pulse", request::servo(pulse_us))?;
+            vehicle.command(request::servo(pulse_us))?;
         }
         Ok(())
     })

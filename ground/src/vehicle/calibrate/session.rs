@@ -4,16 +4,16 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use anyhow::{Result, bail};
+use client::FlightState;
+use client::status::angles;
 use indicatif::{ProgressBar, ProgressStyle};
 use mavlink::dialects::common::MavMessage;
 use rig::instruction::Instruction;
-use rig::operator::FlightState;
 use tvc_nano::calibration::rest::Moment;
 
 use super::keyboard::{Keyboard, Typed};
 use super::readings::Readings;
 use crate::vehicle::link::Vehicle;
-use crate::vehicle::status::angles;
 
 /// How much of the vehicle's time passes between two looks at its samples, s.
 const LOOK_S: f64 = 0.2;
@@ -64,7 +64,7 @@ impl<'a> Session<'a> {
     /// # Errors
     /// It is armed.
     pub fn begin(vehicle: Vehicle, stop: &'a AtomicBool) -> Result<Self> {
-        if matches!(vehicle.state(), FlightState::Armed | FlightState::Active) {
+        if vehicle.state().is_armed() {
             bail!("the vehicle is armed: `tvc disarm` first");
         }
         let bar = ProgressBar::new(1000);
@@ -102,7 +102,7 @@ impl<'a> Session<'a> {
             if begun.elapsed() > STANDBY {
                 bail!(
                     "the vehicle does not come to standby: {}",
-                    self.vehicle.standing().reason()
+                    self.vehicle.reason()
                 );
             }
         }
@@ -156,10 +156,7 @@ impl<'a> Session<'a> {
         while self.readings.length_s() - from_s < LOOK_S {
             self.pump()?;
             if begun.elapsed() > SILENCE {
-                bail!(
-                    "no samples from the sensor: {}",
-                    self.vehicle.standing().reason()
-                );
+                bail!("no samples from the sensor: {}", self.vehicle.reason());
             }
         }
         Ok(())

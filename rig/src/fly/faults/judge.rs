@@ -2,8 +2,9 @@
 
 use super::{Case, DEADLINE};
 use crate::bno055::Fault;
+use crate::ground_station::Heartbeat;
 use crate::observe::ground_truth::{GroundTruth, Motion, Pulse};
-use crate::operator::{FlightState, Heartbeat};
+use client::FlightState;
 use samd21::board::Ticks;
 use std::fmt;
 use std::ops::RangeInclusive;

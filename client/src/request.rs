@@ -1,4 +1,4 @@
-//! What a ground station says to the vehicle, as messages: on the rig and on a real port alike.
+//! What a ground station says to the vehicle, as messages.
 
 use mavlink::dialects::common::{
     COMMAND_LONG_DATA, HEARTBEAT_DATA, LOG_REQUEST_DATA_DATA, LOG_REQUEST_LIST_DATA, MavAutopilot,
@@ -11,6 +11,8 @@ use tvc_nano::config::{COMPONENT_ID, SYSTEM_ID};
 /// A command with its first parameters; the others are zero.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Order {
+    /// What a person calls it.
+    pub name: &'static str,
     /// The command.
     pub command: MavCmd,
     /// Its first two parameters.
@@ -19,24 +21,28 @@ pub struct Order {
 
 /// Standby to armed.
 pub const ARM: Order = Order {
+    name: "arm",
     command: MavCmd::MAV_CMD_COMPONENT_ARM_DISARM,
     params: [1.0, 0.0],
 };
 
 /// Back to standby; acknowledges a failsafe or a latched fault.
 pub const DISARM: Order = Order {
+    name: "disarm",
     command: MavCmd::MAV_CMD_COMPONENT_ARM_DISARM,
     params: [0.0, 0.0],
 };
 
 /// Armed to active: gripper 1, action 0 (release).
 pub const RELEASE: Order = Order {
+    name: "release",
     command: MavCmd::MAV_CMD_DO_GRIPPER,
     params: [1.0, 0.0],
 };
 
 /// Begin the estimate anew: gyro calibration.
 pub const CALIBRATE: Order = Order {
+    name: "calibrate",
     command: MavCmd::MAV_CMD_PREFLIGHT_CALIBRATION,
     params: [1.0, 0.0],
 };
@@ -44,20 +50,32 @@ pub const CALIBRATE: Order = Order {
 /// A pulse for the servo's set-up, us; the firmware holds it for two seconds.
 pub fn servo(pulse_us: f32) -> Order {
     Order {
+        name: "hold a pulse",
         command: MavCmd::MAV_CMD_DO_SET_SERVO,
         params: [1.0, pulse_us],
     }
 }
 
-/// Stores the parameters as they are.
-pub const SAVE: Order = storage(1.0);
-/// Back to the stored parameters.
-pub const RELOAD: Order = storage(0.0);
-/// Back to the default parameters; what is stored stays until the next save.
-pub const RESET: Order = storage(2.0);
-
-const fn storage(action: f32) -> Order {
+/// Another time between two messages of the kind `id`, us: 0 for the vehicle's own, -1 for none at all. It lasts until
+/// the port is opened again.
+pub fn message_interval(id: u32, interval_us: f32) -> Order {
     Order {
+        name: "change a message's rate",
+        command: MavCmd::MAV_CMD_SET_MESSAGE_INTERVAL,
+        params: [id as f32, interval_us],
+    }
+}
+
+/// Stores the parameters as they are.
+pub const SAVE: Order = storage("save the parameters", 1.0);
+/// Back to the stored parameters.
+pub const RELOAD: Order = storage("reload the parameters", 0.0);
+/// Back to the default parameters; what is stored stays until the next save.
+pub const RESET: Order = storage("reset the parameters", 2.0);
+
+const fn storage(name: &'static str, action: f32) -> Order {
+    Order {
+        name,
         command: MavCmd::MAV_CMD_PREFLIGHT_STORAGE,
         params: [action, 0.0],
     }
@@ -103,8 +121,17 @@ pub fn set_parameter(name: &str, value: f32) -> MavMessage {
 
 /// PARAM_REQUEST_READ by name.
 pub fn read_parameter(name: &str) -> MavMessage {
+    read(-1, name)
+}
+
+/// PARAM_REQUEST_READ by index in the vehicle's list.
+pub fn read_parameter_at(index: u16) -> MavMessage {
+    read(index as i16, "")
+}
+
+fn read(param_index: i16, name: &str) -> MavMessage {
     MavMessage::PARAM_REQUEST_READ(PARAM_REQUEST_READ_DATA {
-        param_index: -1,
+        param_index,
         target_system: SYSTEM_ID,
         target_component: COMPONENT_ID,
         param_id: CharArray::from(name),

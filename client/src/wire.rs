@@ -9,7 +9,7 @@ const CHECKSUM: usize = 2;
 const SIGNATURE: usize = 13;
 const SIGNED: u8 = 1;
 
-/// What has been counted on a link.
+/// What has been counted on a wire.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct LinkCounts {
     /// Frames that arrived whole.
@@ -33,14 +33,14 @@ pub struct Frame {
 
 /// Takes messages out of received bytes and puts messages into bytes to send.
 #[derive(Clone, Debug, Default)]
-pub struct Link {
+pub struct Wire {
     buffer: Vec<u8>,
     sequence: Option<u8>,
     sent: u8,
     counts: LinkCounts,
 }
 
-impl Link {
+impl Wire {
     /// What has been counted.
     pub fn counts(&self) -> LinkCounts {
         self.counts
@@ -49,12 +49,6 @@ impl Link {
     /// Starts counting anew; frames under way are kept.
     pub fn reset_counts(&mut self) {
         self.counts = LinkCounts::default();
-    }
-
-    /// Forgets sequence and half frames, as when the other side starts anew.
-    pub fn restart(&mut self) {
-        self.buffer.clear();
-        self.sequence = None;
     }
 
     /// Takes in received bytes; the messages that are complete now.
@@ -154,14 +148,14 @@ mod tests {
 
     #[test]
     fn frames_survive_being_cut_anywhere() {
-        let mut sender = Link::default();
+        let mut sender = Wire::default();
         let bytes: Vec<u8> = (0..5).flat_map(|i| sender.frame(&heartbeat(i))).collect();
         for size in 1..bytes.len() {
-            let mut link = Link::default();
-            let messages: Vec<_> = bytes.chunks(size).flat_map(|c| link.receive(c)).collect();
+            let mut wire = Wire::default();
+            let messages: Vec<_> = bytes.chunks(size).flat_map(|c| wire.receive(c)).collect();
             assert_eq!(messages, (0..5).map(heartbeat).collect::<Vec<_>>());
             assert_eq!(
-                link.counts(),
+                wire.counts(),
                 LinkCounts {
                     messages: 5,
                     ..LinkCounts::default()
@@ -172,29 +166,29 @@ mod tests {
 
     #[test]
     fn gaps_damage_and_noise_are_counted() {
-        let mut sender = Link::default();
+        let mut sender = Wire::default();
         let frames: Vec<_> = (0..4).map(|i| sender.frame(&heartbeat(i))).collect();
         let mut damaged = frames[1].clone();
         damaged[12] ^= 0x10;
-        let mut link = Link::default();
-        let mut messages = link.receive(b"noise");
-        messages.extend(link.receive(&frames[0]));
-        messages.extend(link.receive(&damaged));
-        messages.extend(link.receive(&frames[3]));
+        let mut wire = Wire::default();
+        let mut messages = wire.receive(b"noise");
+        messages.extend(wire.receive(&frames[0]));
+        messages.extend(wire.receive(&damaged));
+        messages.extend(wire.receive(&frames[3]));
         assert_eq!(messages, [heartbeat(0), heartbeat(3)]);
-        let counts = link.counts();
+        let counts = wire.counts();
         assert_eq!((counts.messages, counts.lost, counts.crc_errors), (2, 2, 1));
         assert!(counts.stray_bytes >= 5);
     }
 
     #[test]
     fn sequence_numbers_wrap() {
-        let mut sender = Link::default();
-        let mut link = Link::default();
+        let mut sender = Wire::default();
+        let mut wire = Wire::default();
         for i in 0..600 {
             let frame = sender.frame(&heartbeat(i));
-            assert_eq!(link.receive(&frame).len(), 1);
+            assert_eq!(wire.receive(&frame).len(), 1);
         }
-        assert_eq!(link.counts().lost, 0);
+        assert_eq!(wire.counts().lost, 0);
     }
 }

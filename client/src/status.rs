@@ -1,11 +1,10 @@
 //! What a vehicle tells of itself, as one object: for the monitor and for programs that plot.
 
 use mavlink::dialects::common::MavMessage;
-use rig::link::LinkCounts;
-use rig::operator::FlightState;
 use serde::Serialize;
+use tvc_nano::Params;
 
-use crate::vehicle::arm::state_name;
+use crate::Client;
 
 /// The newest of everything. Serialized, it is a line of `tvc monitor --json` and a datagram of `tvc forward`.
 #[derive(Clone, Debug, Default, Serialize)]
@@ -48,44 +47,9 @@ pub struct Status {
     pub healthy: bool,
 }
 
-/// Where the flight stands, and why.
-#[derive(Clone, Debug, Default)]
-pub struct Standing {
-    code: Option<u32>,
-    reason: String,
-    /// The next text explains the newest state.
-    explains: bool,
-}
-
-impl Standing {
-    /// Takes in a message of the vehicle: a new state is followed by a text that explains it.
-    pub fn take(&mut self, message: &MavMessage) {
-        match message {
-            MavMessage::HEARTBEAT(beat) => {
-                self.explains = self.code.replace(beat.custom_mode) != Some(beat.custom_mode);
-            }
-            MavMessage::STATUSTEXT(text) if std::mem::take(&mut self.explains) => {
-                self.reason = text.text.to_str().unwrap_or("(not UTF-8)").to_owned();
-            }
-            _ => {}
-        }
-    }
-
-    /// What the vehicle said of it; empty before it did.
-    pub fn reason(&self) -> &str {
-        &self.reason
-    }
-
-    /// The state.
-    pub fn state(&self) -> FlightState {
-        self.code
-            .map_or(FlightState::Unknown(u8::MAX), FlightState::of)
-    }
-}
-
 /// Keeps a [`Status`] up to date.
 #[derive(Clone, Debug)]
-pub struct Tracker {
+pub struct StatusTracker {
     status: Status,
     servo: ServoMap,
     /// First and last attitude since the last object, ms, and their number.
@@ -101,6 +65,15 @@ pub struct ServoMap {
 
 impl ServoMap {
     /// By the vehicle's parameters.
+    pub fn of(params: &Params) -> Self {
+        Self::new(
+            params.srv_centre_us(),
+            params.srv_us_per_deg(),
+            params.srv_dir(),
+        )
+    }
+
+    /// By the pulse at the centre, us, the pulse for a degree, us, and the direction, 1 or -1.
     pub fn new(centre_us: f32, us_per_deg: f32, direction: f32) -> Self {
         Self {
             centre_us: centre_us.into(),
@@ -114,7 +87,7 @@ impl ServoMap {
     }
 }
 
-impl Tracker {
+impl StatusTracker {
     /// Nothing heard yet.
     pub fn new(servo: ServoMap) -> Self {
         Self {
@@ -129,8 +102,7 @@ impl Tracker {
         let status = &mut self.status;
         match message {
             MavMessage::STATUSTEXT(text) => {
-                let text = text.text.to_str().unwrap_or("(not UTF-8)");
-                status.texts.push(text.to_owned());
+                status.texts.push(crate::text(&text.text).to_owned());
             }
             MavMessage::ATTITUDE_QUATERNION(m) => {
                 status.timestamp = f64::from(m.time_boot_ms) * 1e-3;
@@ -164,11 +136,11 @@ impl Tracker {
     }
 
     /// The present object; texts and rate begin anew.
-    pub fn next(&mut self, standing: &Standing, counts: LinkCounts) -> Status {
-        let status = &mut self.status;
-        status.state = state_name(standing.state());
-        status.reason = standing.reason.clone();
-        status.armed = matches!(standing.state(), FlightState::Armed | FlightState::Active);
+    pub fn next(&mut self, client: &Client) -> Status {
+        let (status, counts) = (&mut self.status, client.counts());
+        status.state = client.state().to_string();
+        status.reason = client.reason().to_owned();
+        status.armed = client.state().is_armed();
         (status.messages, status.lost, status.crc_errors) =
             (counts.messages, counts.lost, counts.crc_errors);
         if let Some((first, last, count)) = self.window
@@ -195,7 +167,7 @@ pub fn angles([w, x, y, z]: [f64; 4]) -> [f64; 3] {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use mavlink::dialects::common::{ATTITUDE_QUATERNION_DATA, HEARTBEAT_DATA, STATUSTEXT_DATA};
+    use mavlink::dialects::common::{ATTITUDE_QUATERNION_DATA, STATUSTEXT_DATA};
 
     #[test]
     fn angles_are_those_of_an_independent_library() {
@@ -204,27 +176,6 @@ mod tests {
         for (angle, expected) in [(roll, 0.3), (pitch, -0.7), (yaw, 2.1)] {
             assert!((angle - expected).abs() < 1e-12);
         }
-    }
-
-    #[test]
-    fn the_text_behind_a_new_state_is_its_reason() {
-        let mut standing = Standing::default();
-        assert_eq!(standing.state(), FlightState::Unknown(255));
-        let beat = MavMessage::HEARTBEAT(HEARTBEAT_DATA {
-            custom_mode: 5 | 4 << 8,
-            ..HEARTBEAT_DATA::default()
-        });
-        for message in [
-            &beat,
-            &text("failsafe: tilt beyond 60 deg"),
-            &text("arm refused: in failsafe"),
-            &beat,
-            &text("something else"),
-        ] {
-            standing.take(message);
-        }
-        assert_eq!(standing.state(), FlightState::Failsafe);
-        assert_eq!(standing.reason, "failsafe: tilt beyond 60 deg");
     }
 
     fn text(text: &str) -> MavMessage {
@@ -236,7 +187,7 @@ mod tests {
 
     #[test]
     fn the_rate_is_that_of_the_vehicles_clock() {
-        let mut tracker = Tracker::new(ServoMap::new(1523.6, 10.0, 1.0));
+        let mut tracker = StatusTracker::new(ServoMap::new(1523.6, 10.0, 1.0));
         tracker.take(&text("armed"));
         for step in 0..=50 {
             tracker.take(&MavMessage::ATTITUDE_QUATERNION(ATTITUDE_QUATERNION_DATA {
@@ -245,7 +196,7 @@ mod tests {
                 ..ATTITUDE_QUATERNION_DATA::default()
             }));
         }
-        let mut next = || tracker.next(&Standing::default(), LinkCounts::default());
+        let mut next = || tracker.next(&Client::default());
         let status = next();
         assert!((status.attitude_hz - 100.0).abs() < 1e-9);
         assert_eq!(status.texts, ["armed"]);

@@ -5,12 +5,12 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-use rig::request::{self, Order};
+use anyhow::{Result, bail};
+use client::{FlightState, ServoMap, request};
 use serde_json::{Value, json};
 
-use super::shared::{Shared, Trial};
-use super::station::{Answer, Station, What};
-use super::{logs, shared::State};
+use super::model::{Model, StepTest};
+use super::vehicle_thread::Handle;
 use crate::logs::log::{Flight, Log, Step};
 use crate::logs::replay::parameters;
 use crate::logs::report;
@@ -18,65 +18,62 @@ use crate::vehicle::test::{ARM_PATIENCE, ARM_RETRY, is_worth_waiting};
 
 /// Length after the release.
 const LENGTH: Duration = Duration::from_secs(3);
-/// Between two looks at the vehicle's state.
+/// Time between two looks at the vehicle's state.
 const LOOK: Duration = Duration::from_millis(20);
 /// Points of a trace that the page draws.
 const POINTS: usize = 300;
 
-/// Arms, releases, disarms, and leaves the figures in `shared`.
-pub fn run(station: &Station, shared: &Shared, folder: &Path, stop: &Arc<AtomicBool>) {
-    let (writer, path) = match logs::create(folder, "step") {
-        Ok(log) => log,
-        Err(error) => return end(shared, "", &Err(format!("{error:#}"))),
+/// Arms, releases, disarms, and leaves the figures in `model`.
+pub fn run(vehicle: &Handle, model: &Model, stop: &Arc<AtomicBool>) {
+    let path = match vehicle.record("step") {
+        Ok(path) => path,
+        Err(error) => return end(model, "", &Err(error)),
     };
     let log = path.display().to_string();
-    stage(shared, &log, "hold the drone still");
-    let flown = station
-        .ask(What::Record(writer, path.clone()))
-        .and_then(|()| fly(station, shared, &log, stop));
+    stage(model, &log, "hold the drone still");
+    let flown = fly(vehicle, model, &log, stop);
     // Whatever happened: the rudder to neutral.
-    let disarmed = station.ask(What::Order("disarm", request::DISARM));
-    let ended = station.ask(What::EndRecord);
+    let disarmed = vehicle.order(request::DISARM);
+    let ended = vehicle.end_recording();
     let result = flown.and(disarmed).and(ended).and_then(|()| figures(&path));
-    end(shared, &log, &result);
+    end(model, &log, &result);
 }
 
-fn fly(station: &Station, shared: &Shared, log: &str, stop: &Arc<AtomicBool>) -> Answer {
-    let order = |name, order: Order| station.ask(What::Unless(stop.clone(), name, order));
-    order("calibrate", request::CALIBRATE)?;
+fn fly(vehicle: &Handle, model: &Model, log: &str, stop: &Arc<AtomicBool>) -> Result<()> {
+    vehicle.guarded(stop, request::CALIBRATE)?;
     let begun = Instant::now();
-    while let Err(refusal) = order("arm", request::ARM) {
+    while let Err(refusal) = vehicle.guarded(stop, request::ARM) {
         if begun.elapsed() > ARM_PATIENCE
             || stop.load(Ordering::SeqCst)
             || !is_worth_waiting(&refusal)
         {
             return Err(refusal);
         }
-        stage(shared, log, &format!("hold the drone still: {refusal}"));
+        stage(model, log, &format!("hold the drone still: {refusal}"));
         std::thread::sleep(ARM_RETRY);
     }
-    order("release", request::RELEASE)?;
-    stage(shared, log, "released");
+    vehicle.guarded(stop, request::RELEASE)?;
+    stage(model, log, "released");
     let begun = Instant::now();
     while begun.elapsed() < LENGTH {
         std::thread::sleep(LOOK);
         if stop.load(Ordering::SeqCst) {
-            return Err("stopped by the operator".into());
+            bail!("stopped by the operator");
         }
-        let state = shared.lock();
-        let condition = state.condition();
-        if !condition.connected {
-            return Err(condition.problem.clone());
+        let state = model.lock();
+        let status = state.status();
+        if !status.connected {
+            bail!("{}", status.problem);
         }
-        if condition.state == "failsafe" {
-            return Err(format!("the vehicle gave up: {}", condition.reason));
+        if status.flight == Some(FlightState::Failsafe) {
+            bail!("the vehicle gave up: {}", status.reason);
         }
     }
     Ok(())
 }
 
-fn stage(shared: &Shared, log: &str, stage: &str) {
-    shared.lock().set_trial(Trial {
+fn stage(model: &Model, log: &str, stage: &str) {
+    model.lock().set_step_test(StepTest {
         running: true,
         stage: stage.to_owned(),
         log: log.to_owned(),
@@ -84,23 +81,22 @@ fn stage(shared: &Shared, log: &str, stage: &str) {
     });
 }
 
-fn end(shared: &Shared, log: &str, result: &Result<Value, String>) {
-    let state: &mut State = &mut shared.lock();
-    state.set_trial(Trial {
+fn end(model: &Model, log: &str, result: &Result<Value>) {
+    let problem = |error: &anyhow::Error| format!("{error:#}");
+    model.lock().set_step_test(StepTest {
         running: false,
-        stage: result.as_ref().err().cloned().unwrap_or_default(),
+        stage: result.as_ref().err().map(problem).unwrap_or_default(),
         log: log.to_owned(),
-        result: result.as_ref().cloned().unwrap_or_default(),
+        result: result.as_ref().ok().cloned().unwrap_or_default(),
     });
 }
 
 /// The figures of the log's release, its trace to draw, and what was missed.
-fn figures(path: &Path) -> Result<Value, String> {
-    let log = Log::read(path).map_err(|error| format!("{error:#}"))?;
-    let flight = Flight::of(&log);
+fn figures(path: &Path) -> Result<Value> {
+    let flight = Flight::of(&Log::read(path)?);
     let params = parameters(&flight);
     let figures = report::figures(&flight);
-    let servo = report::servo_map(&params);
+    let servo = ServoMap::of(&params);
     let trace: Vec<[f64; 3]> = report::releases(&flight)
         .first()
         .map_or(Vec::new(), |release| {
