@@ -150,7 +150,7 @@ impl Host {
         self.session.transfer = Some(transfer);
     }
 
-    /// Endpoint 0 answered NAK: later again, but not for ever.
+    /// Endpoint 0 answered NAK: it is tried again later, up to the deadline.
     pub(super) fn delay_control(&mut self, now: Ticks) {
         self.pipe(Pipe::Control).ready = now + RETRY;
         if let Some(transfer) = &self.session.transfer

@@ -9,9 +9,9 @@ use crate::board::Ticks;
 const ADDRESS: u8 = 1;
 /// Time for the device to take its address: 2 ms by USB 2.0, 9.2.6.3; hosts give 10 ms.
 const ADDRESS_RECOVERY: Ticks = Ticks::from_ms(10);
-/// From the end of one request to the next: a host's driver hears of the end by an interrupt and queues the next
-/// request for the following frame. Devices count on it: one that takes a status packet from its endpoint's buffer
-/// would lose a SETUP that overwrote it in that moment.
+/// From the end of one request to the next: an interrupt reports the end to the host's driver, which
+/// queues the next request for the following frame. Devices rely on it: one that takes a status
+/// packet from its endpoint's buffer would lose a SETUP that overwrote it in that moment.
 const TURNAROUND: Ticks = Ticks::from_ms(1);
 /// US English.
 const LANGUAGE: u16 = 0x0409;
@@ -67,7 +67,7 @@ pub struct Strings {
 }
 
 impl Host {
-    /// Asks the device for all that it has; endpoint 0 may be used from `ready` on.
+    /// Begins with the first request; endpoint 0 is used from `ready` on.
     pub(super) fn begin_enumeration(&mut self, ready: Ticks) {
         self.session = Session::default();
         self.pipe(Pipe::Control).ready = ready;
@@ -216,7 +216,8 @@ impl Host {
         }
     }
 
-    /// The device has answered a request wrongly. Strings and lines are not worth a new start.
+    /// The device has answered a request wrongly. It works without strings and line state; any other
+    /// request starts enumeration again.
     pub(super) fn refused(&mut self, now: Ticks, request: Request, error: HostError) {
         match request {
             Request::Languages

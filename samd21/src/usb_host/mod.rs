@@ -5,9 +5,9 @@
 //! | sees the pull-up | DETACH = 0 |
 //! | debounce | 100 ms (USB 2.0, 7.1.7.3) |
 //! | bus reset | 10 ms; then 10 ms recovery with start-of-frame packets each 1 ms |
-//! | enumeration | device descriptor 8, SET_ADDRESS, 18, configuration 9 and whole, strings, SET_CONFIGURATION |
+//! | enumeration | device descriptor, SET_ADDRESS, configuration, strings, SET_CONFIGURATION |
 //! | opens the port | SET_LINE_CODING, SET_CONTROL_LINE_STATE (DTR, RTS) |
-//! | traffic | bulk OUT when there is something to send, bulk IN all the time, interrupt IN at its interval |
+//! | traffic | bulk OUT when it has bytes, bulk IN all the time, interrupt IN at its interval |
 //!
 //! A frame carries as many transactions as fit: a 64-byte packet takes 53 us with its token and
 //! handshake (13 bytes of overhead at 12 Mbit/s, USB 2.0 5.8.4, and 2 us between transactions). A
@@ -17,7 +17,7 @@
 //!
 //! | left out | why |
 //! |---|---|
-//! | suspend, remote wake-up, power | the rig's host is awake while the cable is in |
+//! | suspend, remote wake-up, power | the host is awake while the cable is in |
 //! | bit errors | the cable is good |
 //! | other classes, isochronous endpoints, hubs | the device has one serial port |
 
@@ -125,7 +125,7 @@ pub struct Host {
     statistics: Statistics,
 }
 
-/// What goes on with the device, from a bus reset to the next.
+/// The state that lasts from one bus reset to the next.
 #[derive(Clone, Debug, Default)]
 struct Session {
     transaction: Option<Transaction>,
@@ -138,7 +138,7 @@ struct Session {
     pipes: [PipeState; 4],
 }
 
-/// What the device has said of itself; kept until it is asked again.
+/// What the device has reported of itself; kept until the next enumeration.
 #[derive(Clone, Debug, Default)]
 struct Enumeration {
     /// Packet size of endpoint 0.
@@ -197,8 +197,8 @@ impl Host {
         std::mem::take(&mut self.received)
     }
 
-    /// Sets the line coding: `baud`, 8 data bits, no parity, one stop bit. A device takes 1200 with DTR
-    /// dropped as the request to enter its bootloader.
+    /// Sets the line coding: `baud`, 8 data bits, no parity, one stop bit. An Arduino board takes
+    /// 1200 with DTR dropped as the request to enter its bootloader.
     pub fn set_line_coding(&mut self, baud: u32) {
         self.baud = baud;
         if self.session.configured {
