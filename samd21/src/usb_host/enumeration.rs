@@ -1,7 +1,8 @@
 //! What the host asks of the device, and in which order.
 
 use super::control::Transfer;
-use super::transaction::{Pipe, PipeState};
+use super::pipe::{Pipe, PipeState};
+use super::request::{Request, Text};
 use super::{ATTEMPTS, Enumeration, Host, HostError, SerialPort, Session};
 use crate::board::Ticks;
 
@@ -15,45 +16,6 @@ const ADDRESS_RECOVERY: Ticks = Ticks::from_ms(10);
 const TURNAROUND: Ticks = Ticks::from_ms(1);
 /// US English.
 const LANGUAGE: u16 = 0x0409;
-
-/// A request on endpoint 0.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Request {
-    DeviceHead,
-    SetAddress,
-    Device,
-    ConfigurationHead,
-    Configuration,
-    Languages,
-    Text(Text),
-    SetConfiguration,
-    LineCoding,
-    ControlLines { dtr: bool },
-    ClearHalt(u8),
-}
-
-/// A string of the device descriptor; the value is the offset of its index there.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Text {
-    Manufacturer = 14,
-    Product = 15,
-    SerialNumber = 16,
-}
-
-impl Request {
-    pub(super) fn name(self) -> &'static str {
-        match self {
-            Self::DeviceHead | Self::Device => "GET_DESCRIPTOR device",
-            Self::SetAddress => "SET_ADDRESS",
-            Self::ConfigurationHead | Self::Configuration => "GET_DESCRIPTOR configuration",
-            Self::Languages | Self::Text(_) => "GET_DESCRIPTOR string",
-            Self::SetConfiguration => "SET_CONFIGURATION",
-            Self::LineCoding => "SET_LINE_CODING",
-            Self::ControlLines { .. } => "SET_CONTROL_LINE_STATE",
-            Self::ClearHalt(_) => "CLEAR_FEATURE ENDPOINT_HALT",
-        }
-    }
-}
 
 /// The device's strings, empty where it has none.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]

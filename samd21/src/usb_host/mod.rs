@@ -24,6 +24,8 @@
 mod control;
 mod descriptors;
 mod enumeration;
+mod pipe;
+mod request;
 #[cfg(test)]
 mod tests;
 mod transaction;
@@ -35,10 +37,11 @@ use crate::board::Ticks;
 use crate::memory::Memory;
 use crate::peripherals::usb::Usb;
 use control::Transfer;
-use enumeration::Request;
+use pipe::PipeState;
+use request::Request;
 use std::collections::VecDeque;
 use std::fmt;
-use transaction::{PipeState, Transaction};
+use transaction::Transaction;
 
 const FRAME: Ticks = Ticks::from_ms(1);
 const DEBOUNCE: Ticks = Ticks::from_ms(100);
@@ -134,7 +137,7 @@ struct Session {
     address: u8,
     port: Option<SerialPort>,
     configured: bool,
-    /// By [`Pipe`](transaction::Pipe).
+    /// By [`Pipe`](pipe::Pipe).
     pipes: [PipeState; 4],
 }
 
