@@ -160,7 +160,7 @@ pub enum I2cEvent {
     Write(u8),
     /// The master clocks a byte out of the addressed slave; called at the first clock.
     Read,
-    /// STOP. Its reply is not looked at.
+    /// STOP. The reply to it is ignored.
     Stop,
 }
 
@@ -204,7 +204,7 @@ impl I2cReply {
     }
 }
 
-/// Which lines of the I2C bus are meant.
+/// A set of I2C lines: true for each line in it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Lines {
     /// Data.
@@ -246,8 +246,8 @@ pub trait Board {
     /// takes it, else low.
     fn pin(&mut self, _now: Ticks, _pin: Pin, _level: bool) {}
 
-    /// The level that something outside drives onto `pin`, `None` if it floats: then the chip's pull
-    /// resistor decides, and without one it is low. Not asked for the I2C lines.
+    /// The level that something outside drives onto `pin`, `None` if it floats: then the chip's
+    /// pull resistor decides, and without one it is low. Not asked for the I2C lines.
     fn input(&self, _now: Ticks, _pin: Pin) -> Option<bool> {
         None
     }

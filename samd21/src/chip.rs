@@ -1,8 +1,8 @@
 //! The chip: core, memories and peripherals together, and how to run it.
 //!
-//! Left out, on purpose: the bootloader. [`Chip::boot`] does what it does at the end; what a reset
-//! does to the image (half a second without it, a double tap) is for whoever owns that model, who
-//! gets [`Stop::Reset`], lets time pass with [`Chip::hold_until`] and boots again.
+//! The bootloader is left out. [`Chip::boot`] does what a bootloader does last. Whoever models one
+//! (half a second after each reset, a double tap of the button) waits for [`Stop::Reset`], lets its
+//! time pass with [`Chip::hold_until`] and boots again.
 
 use crate::board::{Board, Ticks};
 use crate::bus::Bus;
@@ -50,9 +50,9 @@ impl Chip {
         self.memory.flash_mut()[range].copy_from_slice(bytes);
     }
 
-    /// Starts what lies at `vector_table`: stack pointer from its first word, entry point from its
-    /// second, VTOR there. It is what a bootloader does last, and with 0 what the core does after a
-    /// reset.
+    /// Starts the image at `vector_table`: its first word is the stack pointer, its second the entry
+    /// point, and VTOR points to it. A bootloader does this last; after a reset the core does it
+    /// with address 0.
     pub fn boot(&mut self, vector_table: u32) {
         self.core.boot(vector_table, &self.memory);
     }

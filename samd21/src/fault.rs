@@ -1,4 +1,4 @@
-//! What goes wrong in the core, printed as one clear line.
+//! What goes wrong in the core; each fault prints as one line.
 
 use std::fmt;
 
@@ -51,7 +51,7 @@ pub enum FaultKind {
         /// The encoding; of a 32-bit one the first half-word is above.
         encoding: u32,
     },
-    /// A branch or a vector to an address with bit 0 clear (ARM state, which this core has not):
+    /// A branch or a vector to an address with bit 0 clear (ARM state, which this core does not have):
     /// HardFault.
     NotThumb,
     /// An exception return with a value, a state or a stacked xPSR that does not fit: HardFault.

@@ -1,7 +1,7 @@
 //! From a half-word to the operation it stands for (ARM DDI 0419, A5.2).
 //!
-//! The upper 10 bits decide it, up to the few operations that look at more themselves: CPS, hints
-//! and the 32-bit encodings. The table has one byte for each value of these bits.
+//! The upper 10 bits decide it, but for a few operations that look at further bits themselves:
+//! CPS, hints and the 32-bit encodings. The table has one byte for each value of these bits.
 
 /// Defines the operations with the half-words' bits 15:6 that stand for them.
 macro_rules! operations {
@@ -114,3 +114,9 @@ static TABLE: [Operation; 1024] = {
     }
     table
 };
+
+/// A low register's number, at bit `shift`.
+#[inline(always)]
+pub(super) fn field(op: u16, shift: u32) -> usize {
+    usize::from(op >> shift & 7)
+}

@@ -1,5 +1,6 @@
 //! Every instruction of ARMv6-M (ARM DDI 0419, A5 and A6), with the Cortex-M0+ cycle counts (ARM
-//! DDI 0484, 3.3; single-cycle multiplier).
+//! DDI 0484, 3.3; single-cycle multiplier). Block transfers are in `transfer`; hints, 32-bit
+//! encodings and special registers in `special`.
 //!
 //! | instruction | cycles |
 //! |---|---|
@@ -17,16 +18,13 @@
 //! mistake (MSR to an unknown register, an empty register list), and as the obvious thing
 //! elsewhere (CMP of two low registers in the high-register form).
 
-use super::decode::Operation;
+use super::decode::{Operation, field};
 use super::exception::RETURN_CYCLES;
-use super::{Core, LR, Outcome, SP, Trap};
+use super::{Core, LR, Outcome, PC, SP, Trap, undefined};
 use crate::bus::Bus;
-use crate::fault::FaultKind;
-
-pub(super) const PC: usize = 15;
 
 impl Core {
-    /// Executes the instruction at `pc`; its cycles.
+    /// Executes the instruction at `pc` and returns its cycles.
     #[inline(always)]
     pub(super) fn instruction(&mut self, bus: &mut Bus<'_>, pc: u32) -> Outcome<u32> {
         let op = self.fetch(bus, pc)?;
@@ -230,7 +228,7 @@ impl Core {
         }
     }
 
-    /// Writes any register; the cycles of the instruction that does.
+    /// Writes any register and returns the cycles of the instruction that does.
     #[inline(always)]
     fn set_any(&mut self, register: usize, value: u32, pc: u32) -> u32 {
         match register {
@@ -282,8 +280,8 @@ impl Core {
         self.note_branch(pc);
     }
 
-    /// BX and POP to PC: a branch, in a handler perhaps an exception return, and then the cycles
-    /// beyond the branch.
+    /// BX and POP to PC: a branch, or in a handler perhaps an exception return. Returns the cycles
+    /// beyond those of the branch.
     pub(super) fn branch_exchange(
         &mut self,
         bus: &mut Bus<'_>,
@@ -299,12 +297,6 @@ impl Core {
         self.note_branch(pc);
         Ok(0)
     }
-}
-
-/// A low register's number, at bit `shift`.
-#[inline(always)]
-pub(super) fn field(op: u16, shift: u32) -> usize {
-    usize::from(op >> shift & 7)
 }
 
 /// Rd or Rn (bits 7, 2:0) and Rm (bits 6:3) of the high-register forms.
@@ -332,12 +324,4 @@ fn asr(value: u32, by: u32) -> (u32, bool) {
 fn ror(value: u32, by: u32) -> (u32, bool) {
     let result = value.rotate_right(by & 31);
     (result, result >> 31 != 0)
-}
-
-#[cold]
-pub(super) fn undefined(op: u16) -> Box<Trap> {
-    Trap::Fault(FaultKind::Undefined {
-        encoding: u32::from(op),
-    })
-    .into()
 }

@@ -32,6 +32,7 @@ use crate::peripherals::ResetCause;
 
 const SP: usize = 13;
 const LR: usize = 14;
+const PC: usize = 15;
 
 /// Taken branches that are remembered.
 const TRAIL: usize = 32;
@@ -50,6 +51,14 @@ enum Trap {
 
 /// Boxed, so that what nearly always succeeds returns in registers.
 type Outcome<T> = Result<T, Box<Trap>>;
+
+#[cold]
+fn undefined(op: u16) -> Box<Trap> {
+    Trap::Fault(FaultKind::Undefined {
+        encoding: u32::from(op),
+    })
+    .into()
+}
 
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Sleep {
@@ -89,7 +98,7 @@ pub(crate) struct Core {
     sleep: Option<Sleep>,
     /// The fault in which the core has locked up.
     pub(crate) lockup: Option<Fault>,
-    lockup_told: bool,
+    lockup_reported: bool,
     reset_request: Option<ResetCause>,
 
     /// Ticks since power-on.
@@ -103,9 +112,9 @@ pub(crate) struct Core {
     /// Which 8 bytes of flash (address / 8) each line of the cache holds.
     flash_lines: [u32; FLASH_LINES],
 
-    /// `cycles` in it are those before the clock was last changed.
+    /// Its `cycles` are those before the clock was last changed.
     counters: Counters,
-    /// `awake_ticks` then.
+    /// `awake_ticks` when the clock was last changed.
     cycles_counted_at: u64,
     pub(crate) lowest_sp: u32,
     pub(crate) last_hard_fault: Option<Fault>,
@@ -197,8 +206,8 @@ impl Core {
         }
     }
 
-    /// What is not a plain instruction: events that are due, resets, exceptions, sleep. Sets the
-    /// next deadline.
+    /// Handles what is not a plain instruction: events that are due, resets, exceptions, sleep.
+    /// Sets the next deadline.
     #[cold]
     #[inline(never)]
     fn attend(&mut self, bus: &mut Bus<'_>, until: u64) -> Option<Stop> {
@@ -211,7 +220,7 @@ impl Core {
                 return Some(Stop::Reached);
             }
             if self.lockup.is_some() {
-                if !std::mem::replace(&mut self.lockup_told, true) {
+                if !std::mem::replace(&mut self.lockup_reported, true) {
                     return Some(Stop::Lockup);
                 }
                 self.sleep_until(self.next_event(bus, until));
@@ -241,7 +250,7 @@ impl Core {
         }
     }
 
-    /// Brings peripherals, SysTick and interrupt lines to the present.
+    /// Brings peripherals, SysTick and interrupt lines to the core's time.
     fn catch_up(&mut self, bus: &mut Bus<'_>) {
         bus.advance(Ticks(self.now));
         let ticks_per_cycle = u64::from(bus.peripherals.ticks_per_cycle());
@@ -298,7 +307,7 @@ impl Core {
         self.now += u64::from(cycles) * self.ticks_per_cycle;
     }
 
-    /// Has `attend` called before the next instruction.
+    /// Makes `run` call `attend` before the next instruction.
     #[inline(always)]
     fn ask_attention(&mut self) {
         self.deadline = 0;

@@ -1,7 +1,6 @@
 //! Hints, the 32-bit encodings and the special registers.
 
-use super::execute::{PC, undefined};
-use super::{Core, LR, Outcome, SP, Sleep, Trap};
+use super::{Core, LR, Outcome, PC, SP, Sleep, Trap, undefined};
 use crate::bus::Bus;
 use crate::fault::FaultKind;
 

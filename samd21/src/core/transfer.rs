@@ -1,7 +1,7 @@
 //! Block transfers: PUSH, POP, STM and LDM.
 
-use super::execute::{field, undefined};
-use super::{Core, LR, Outcome, SP};
+use super::decode::field;
+use super::{Core, LR, Outcome, SP, undefined};
 use crate::bus::Bus;
 
 impl Core {

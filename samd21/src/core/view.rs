@@ -10,14 +10,16 @@ use crate::peripherals::ResetCause;
 pub enum Stop {
     /// The time asked for is reached.
     Reached,
-    /// Firmware or a watchdog asks for a reset. The chip waits for [`Chip::reset`](crate::Chip::reset).
+    /// Firmware or a watchdog asks for a reset. The chip waits for
+    /// [`Chip::reset`](crate::Chip::reset).
     Reset(ResetCause),
     /// An access or a state that no model covers. The chip stands before the instruction.
     Fault(Fault),
     /// A BKPT instruction. The chip stands before it.
     Breakpoint,
-    /// A fault inside of HardFault or NMI: the core stands still, which a watchdog may end. Told
-    /// once; [`Chip::lockup`](crate::Chip::lockup) and [`Chip::last_hard_fault`](crate::Chip::last_hard_fault) say what happened.
+    /// A fault inside of HardFault or NMI: the core stands still until it is reset, by a watchdog
+    /// perhaps. Reported once; [`Chip::lockup`](crate::Chip::lockup) and
+    /// [`Chip::last_hard_fault`](crate::Chip::last_hard_fault) hold what happened.
     Lockup,
 }
 

@@ -1,7 +1,7 @@
 //! One access of the bus, as a peripheral sees it.
 //!
 //! Registers are grouped by 32-bit words. A read gives the whole word and the bus takes its part of
-//! it; a write tells by [`Lanes`] which bytes of the word it drives, so that byte and half-word
+//! it; in a write [`Lanes`] say which bytes of the word it drives, so that byte and half-word
 //! writes reach the registers that they name and no others.
 
 pub(crate) use super::error::Refusal;
@@ -14,7 +14,7 @@ pub(crate) struct Bus<'a> {
     pub(crate) now: Ticks,
     /// What is soldered round the chip.
     pub(crate) board: &'a mut dyn Board,
-    /// Where misuse that the chip only swallows is noted.
+    /// Where misuse that the chip silently ignores is noted.
     pub(crate) violations: &'a mut Violations,
 }
 
@@ -56,7 +56,7 @@ pub(crate) type Write = Result<Ticks, Refusal>;
 /// A write that takes no longer than the bus itself.
 pub(crate) const DONE: Write = Ok(Ticks::ZERO);
 
-/// A reserved offset or a register without a name worth telling.
+/// A reserved offset.
 pub(crate) const RESERVED: Refusal = Refusal::Unmodelled("a reserved offset");
 
 /// The bytes of a word that a write drives.

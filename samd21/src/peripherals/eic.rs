@@ -14,9 +14,9 @@
 //!
 //! | left out | why |
 //! |---|---|
-//! | pulses shorter than 100 us | switches and an IMU's interrupt are slower; looking oftener costs time |
+//! | pulses shorter than 100 us | looking more often would slow the emulation |
 //! | NMI, events | not used: setting one faults |
-//! | the filter | pins here do not bounce within a sample |
+//! | the filter | a board has no noise on its pins |
 
 use super::access::{Bus, Lanes, RESERVED, Read, Refusal, Write};
 use super::clock::SyncFlags;

@@ -83,17 +83,14 @@ impl fmt::Display for BusError {
         let Self {
             addr, peripheral, ..
         } = self;
+        let place = format!("{peripheral} at {addr:#010x}");
         match self.refusal {
-            Refusal::Unmapped => return write!(f, "nothing at {addr:#010x}"),
-            Refusal::Misaligned => return write!(f, "misaligned access at {addr:#010x}"),
-            _ => write!(f, "{peripheral} at {addr:#010x}: ")?,
-        }
-        match self.refusal {
-            Refusal::Unclocked => write!(f, "its bus clock is masked"),
-            Refusal::Protected => write!(f, "write-protected by the PAC"),
-            Refusal::Unmodelled(register) => write!(f, "{register} is not modelled"),
-            Refusal::Forbidden(why) => write!(f, "{why}"),
-            Refusal::Unmapped | Refusal::Misaligned => Ok(()),
+            Refusal::Unmapped => write!(f, "nothing at {addr:#010x}"),
+            Refusal::Misaligned => write!(f, "misaligned access at {addr:#010x}"),
+            Refusal::Unclocked => write!(f, "{place}: its bus clock is masked"),
+            Refusal::Protected => write!(f, "{place}: write-protected by the PAC"),
+            Refusal::Unmodelled(register) => write!(f, "{place}: {register} is not modelled"),
+            Refusal::Forbidden(why) => write!(f, "{place}: {why}"),
         }
     }
 }

@@ -13,8 +13,8 @@
 //!
 //! | left out | why |
 //! |---|---|
-//! | clock output on pins (OE) | nothing of ours listens; OE is stored |
-//! | sources XOSC, GCLKIN, XOSC32K, DPLL | nothing soldered or modelled: such a generator stands still |
+//! | clock output on pins (OE) | no board looks at it; OE is stored |
+//! | sources XOSC, GCLKIN, XOSC32K, DPLL | not modelled: such a generator stands still |
 //! | duty cycle (IDC), RUNSTDBY | no model depends on them |
 
 use super::access::{Bus, Lanes, RESERVED, Read, Refusal, Write};

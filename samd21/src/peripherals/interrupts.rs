@@ -71,7 +71,7 @@ impl<const FLAGS: u32> Interrupts<FLAGS> {
 
     /// Reads the triple where each register is a byte, INTENCLR in byte 0 of the word.
     pub(super) fn read_bytes(&self) -> u32 {
-        self.enabled * 0x0101 | self.flags << 16
+        (self.enabled * 0x0101) | self.flags << 16
     }
 
     /// Writes the triple where each register is a byte, INTENCLR in byte 0 of the word.

@@ -2,7 +2,7 @@
 //!
 //! Each file opens with the registers that it models and what it leaves out. An access that no
 //! model covers stops the chip with an error that names peripheral and register; misuse that the
-//! real chip swallows is noted in [`Violations`].
+//! real chip silently ignores is noted in [`Violations`].
 //!
 //! D21-nnn is page nnn of the SAM D21 data sheet, DS40001882D.
 //!
@@ -12,14 +12,17 @@
 //! | `nvmctrl` | flash programming, factory rows |
 //! | `port` | pins and their multiplexers |
 //! | `sercom` | I2C masters |
-//! | `tcc` | TCC0-TCC2: the servo's waveform |
+//! | `tcc` | TCC0-TCC2: waveforms |
 //! | `tc` | TC3-TC5: time bases |
-//! | `usb` | USB device controller; the host at the other end of the cable is [`usb_host`](crate::usb_host) |
+//! | `usb` | USB device controller; [`usb_host`](crate::usb_host) is the other end of the cable |
 //! | `eic` | external interrupts |
 //! | `wdt` | watchdog |
 //! | `pac`, `dsu` | write protection, device identity |
 //!
-//! RTC, DMAC, MTB, HMATRIX, EVSYS, ADC, AC, DAC, PTC, I2S, TC6 and TC7 are not modelled: an access faults.
+//! `map` has their addresses, interrupt lines and clocks, `multiplexer` what the pins lead to.
+//!
+//! RTC, DMAC, MTB, HMATRIX, EVSYS, ADC, AC, DAC, PTC, I2S, TC6 and TC7 are not modelled: an access
+//! faults.
 
 mod access;
 mod clock;
@@ -92,7 +95,7 @@ impl Peripherals {
             gclk: gclk::Gclk::new(options.syncbusy_hold),
             eic: eic::Eic::new(options.syncbusy_hold),
             nvmctrl: nvmctrl::Nvmctrl::new(options.serial_number),
-            port: port::Port::new(),
+            port: port::Port::default(),
             sercom: [0, 1, 2, 3, 4, 5]
                 .map(|index| sercom::Sercom::new(index, options.syncbusy_hold)),
             tc: [0, 1, 2].map(|index| tc::Tc::new(index, options.syncbusy_hold)),
@@ -112,8 +115,8 @@ impl Peripherals {
         peripherals
     }
 
-    /// All registers as after a reset for this reason. The board sees the pins let go when time
-    /// goes on.
+    /// All registers as after a reset for this reason. The board learns of the released pins when
+    /// time goes on.
     pub(crate) fn reset(&mut self, now: Ticks, cause: ResetCause) {
         self.port.reset();
         let fresh = Self::new(&self.options);
@@ -126,7 +129,7 @@ impl Peripherals {
         };
         self.retime(now);
         self.refresh(now);
-        // The released pins are to be told.
+        // The board is to learn of the released pins.
         self.next = now;
     }
 
@@ -241,13 +244,12 @@ impl Peripherals {
             Block::Wdt => self.wdt.write(bus, offset, lanes),
             Block::Unmodelled => Err(Refusal::Unmodelled("the whole peripheral")),
         }?;
+        let has_clocks = matches!(entry.block, Block::Pm | Block::Sysctrl | Block::Gclk);
+        if has_clocks && !self.retime(now) {
+            let why = "generator 0, the CPU's clock, stands still";
+            return Err(Refusal::Forbidden(why));
+        }
         match entry.block {
-            Block::Pm | Block::Sysctrl | Block::Gclk => {
-                if !self.retime(now) {
-                    let why = "generator 0, the CPU's clock, stands still";
-                    return Err(Refusal::Forbidden(why));
-                }
-            }
             Block::Tcc(index) => {
                 let outputs = self.tcc[index].outputs();
                 self.port.drive(now, index as u8, outputs, board);
@@ -396,7 +398,8 @@ impl Peripherals {
         true
     }
 
-    /// Notes when the CPU begins to outrun the flash: above 24 MHz it needs a wait state (at 3.3 V).
+    /// Notes when the CPU begins to outrun the flash, which needs a wait state above 24 MHz (at
+    /// 3.3 V).
     fn check_flash(&mut self, now: Ticks) {
         let overrun = self.ticks_per_cycle < 2 && self.nvmctrl.wait_states() == 0;
         if overrun && !self.flash_overrun {
@@ -406,7 +409,7 @@ impl Peripherals {
         self.flash_overrun = overrun;
     }
 
-    /// Works out what `next_event` and `irq_lines` tell.
+    /// Computes what `next_event` and `irq_lines` return.
     pub(crate) fn refresh(&mut self, now: Ticks) {
         if self.wdt.take_bite() {
             self.pending_reset = Some(ResetCause::Watchdog);

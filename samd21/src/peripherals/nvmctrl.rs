@@ -21,7 +21,7 @@
 //! |---|---|
 //! | EAR, WAP (auxiliary rows), lock bits, security bit | not for an application: such a command faults |
 //! | RWWEE | not on the D21A |
-//! | running on from RAM during a command | our firmware runs from flash |
+//! | running on from RAM during a command | the CPU stands still, as it does with code in flash |
 //! | cache and power modes | timing of fetches is the core's |
 
 use super::access::{Bus, Lanes, RESERVED, Read, Refusal, Write};
@@ -45,8 +45,8 @@ const MANW: u32 = 1 << 7;
 /// Factory user row (data sheet, NVM user row): watchdog off, BOD33 on, no bootloader protection.
 const USER_ROW: [u32; 2] = [0xD8E0_C7FF, 0xFFFF_FC5D];
 
-/// 0x0080_6020 (data sheet, NVM software calibration area): ADC linearity 0x80 and bias 2, OSC32K 0x2E, USB TRANSN 5, TRANSP 29,
-/// TRIM 3, DFLL48M coarse 0x1F.
+/// 0x0080_6020 (data sheet, NVM software calibration area): ADC linearity 0x80 and bias 2, OSC32K
+/// 0x2E, USB TRANSN 5, TRANSP 29, TRIM 3, DFLL48M coarse 0x1F.
 const CALIBRATION: u64 =
     0x80 << 27 | 2 << 35 | 0x2E << 38 | 5 << 45 | 29 << 50 | 3 << 55 | 0x1F << 58 | 0x7FF_FFFF;
 

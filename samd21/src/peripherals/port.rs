@@ -1,4 +1,4 @@
-//! PORT: pins, their multiplexers, and the lines of the I2C bus.
+//! PORT: pins, their multiplexers, and the lines of the board's I2C bus.
 //!
 //! Two groups, A at 00 and B at 80; the same registers at 0x6000_0000 (IOBUS).
 //!
@@ -20,7 +20,7 @@
 //! | left out | why |
 //! |---|---|
 //! | input synchroniser and its two cycles | far below what firmware can see |
-//! | TC waveforms | our timers TC3-TC5 are time bases: routing one to a pin faults |
+//! | TC waveforms | TC3 to TC5 are modelled as time bases: routing one to a pin faults |
 //! | analogue functions, drive strength, continuous sampling | no model depends on them |
 
 use super::access::{Bus, DONE, Lanes, RESERVED, Read, Refusal, Write};
@@ -31,46 +31,29 @@ const PMUXEN: u8 = 1 << 0;
 const INEN: u8 = 1 << 1;
 const PULLEN: u8 = 1 << 2;
 
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 struct Group {
     dir: u32,
     out: u32,
     ctrl: u32,
     pmux: [u8; 16],
     pincfg: [u8; 32],
-    /// Pins whose level, as the board was last told, is not their level at power-on.
-    changed: u32,
 }
 
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub(crate) struct Port {
     groups: [Group; 2],
     /// Levels of each TCC's outputs, `None` while it drives none.
     waveforms: [Option<u8>; 3],
     /// Where each TCC's outputs are routed: changes with the multiplexers.
     routes: Vec<(Pin, u8)>,
+    /// Pins whose level, as the board knows it, is not their level at power-on; of each group.
+    changed: [u32; 2],
     /// A reset has changed levels that the board does not know of.
     unpublished: bool,
 }
 
 impl Port {
-    pub(crate) fn new() -> Self {
-        let group = Group {
-            dir: 0,
-            out: 0,
-            ctrl: 0,
-            pmux: [0; 16],
-            pincfg: [0; 32],
-            changed: 0,
-        };
-        Self {
-            groups: [group.clone(), group],
-            waveforms: [None; 3],
-            routes: Vec::new(),
-            unpublished: false,
-        }
-    }
-
     /// All pins.
     pub(crate) fn pins() -> impl Iterator<Item = Pin> {
         (0..64).map(|number| Pin {
@@ -81,12 +64,11 @@ impl Port {
 
     /// Registers as after a reset; the board is yet to learn of the pins that thereby change.
     pub(crate) fn reset(&mut self) {
-        let changed = [self.groups[0].changed, self.groups[1].changed];
-        *self = Self::new();
-        for (group, changed) in self.groups.iter_mut().zip(changed) {
-            group.changed = changed;
-        }
-        self.unpublished = true;
+        *self = Self {
+            changed: self.changed,
+            unpublished: true,
+            ..Self::default()
+        };
     }
 
     /// Tells the board what a reset has changed.
@@ -183,12 +165,12 @@ impl Port {
             None if i2c => true,
             None => self.pull(pin).unwrap_or(false),
         };
-        let group = &mut self.groups[usize::from(pin.group)];
+        let changed = &mut self.changed[usize::from(pin.group)];
         let mask = 1 << pin.index;
         // At power-on the I2C lines are high and all others low.
-        let told = (group.changed & mask != 0) != i2c;
-        if told != level {
-            group.changed ^= mask;
+        let known = (*changed & mask != 0) != i2c;
+        if known != level {
+            *changed ^= mask;
             board.pin(now, pin, level);
         }
     }

@@ -4,7 +4,7 @@
 //! |---|---|---|
 //! | 00, 04, 08 | INTENCLR, INTENSET, INTFLAG | enables stored; flags of ready oscillators are set |
 //! | 0C | PCLKSR | XOSC32KRDY never; OSC32KRDY after STARTUP; OSC8MRDY; DFLLRDY; locks; BOD33RDY |
-//! | 14 | XOSC32K | stored; no crystal is soldered to this board, so it is never ready |
+//! | 14 | XOSC32K | stored; no crystal is modelled, so it is never ready |
 //! | 18 | OSC32K | 32,768 Hz, ready STARTUP cycles after it is enabled |
 //! | 1C | OSCULP32K | 32,768 Hz, always on |
 //! | 20 | OSC8M | 8 MHz / 2^PRESC, on from reset |
@@ -19,7 +19,7 @@
 //!
 //! | left out | why |
 //! |---|---|
-//! | XOSC, DPLL | not on this board, not used: an access faults |
+//! | XOSC, DPLL | not modelled: an access faults |
 //! | frequency errors and drift | the chip's clock is the time base of the whole emulation |
 //! | brown-out | supply voltage is not modelled |
 //! | ONDEMAND, RUNSTDBY | clocks that nobody asks for cost nothing here |
@@ -151,7 +151,7 @@ impl Sysctrl {
         status
     }
 
-    /// Flags rise with what they tell of.
+    /// Sets the flags of the oscillators that are ready.
     pub(crate) fn latch_flags(&mut self, now: Ticks) {
         self.interrupts.flags |= self.status(now) & 0x3F;
     }
@@ -175,7 +175,7 @@ impl Sysctrl {
         })
     }
 
-    /// `reference` tells whether GCLK 0, the DFLL's reference, is routed.
+    /// `reference`: whether GCLK 0, the DFLL's reference, is routed.
     pub(crate) fn write(
         &mut self,
         bus: &mut Bus<'_>,
@@ -319,7 +319,7 @@ mod tests {
     }
 
     #[test]
-    fn the_errata_of_an_undemanded_dfll_is_loud() {
+    fn writing_an_undemanded_dfll_is_refused() {
         let mut sysctrl = Sysctrl::new();
         assert!(matches!(
             write(&mut sysctrl, 0, 0x28, 0),

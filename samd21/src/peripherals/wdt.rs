@@ -7,12 +7,12 @@
 //! | 02 | EWCTRL | EWOFFSET: early warning after 8 << EWOFFSET clocks; only while disabled |
 //! | 04, 05, 06 | INTENCLR, INTENSET, INTFLAG | EW |
 //! | 07 | STATUS | SYNCBUSY |
-//! | 08 | CLEAR | 0xA5 starts the time anew, slowly synchronised; anything else resets the chip at once |
+//! | 08 | CLEAR | 0xA5 restarts the timeout, slowly synchronised; else the chip is reset at once |
 //!
 //! CTRL and CLEAR reach the watchdog's own clock (1,024 Hz as a rule) after its next edge and five
-//! periods: 4.9 to 5.9 ms, and take effect only then. A second write to one of them meanwhile stalls
-//! the bus until the first has arrived (data sheet, register synchronisation): the CPU and all interrupts stand still. With no
-//! clock it would stall for ever: that faults.
+//! periods: 4.9 to 5.9 ms, and take effect only then. A second write to one of them meanwhile
+//! stalls the bus until the first has arrived (data sheet, register synchronisation): the CPU and
+//! all interrupts stand still. With no clock it would stall for ever: that faults.
 //!
 //! | left out | why |
 //! |---|---|
@@ -34,7 +34,7 @@ const KEY: u8 = 0xA5;
 /// Clock periods from the first edge until a write has arrived.
 const SYNC_PERIODS: u64 = 5;
 
-/// A write on its way.
+/// The register whose write is being synchronised.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Arrival {
     Control,
@@ -74,7 +74,7 @@ impl Wdt {
         self.interrupts.irq()
     }
 
-    /// Takes the watchdog's demand to reset the chip.
+    /// Whether the watchdog has reset the chip since this was last asked.
     pub(crate) fn take_bite(&mut self) -> bool {
         std::mem::take(&mut self.bites)
     }
@@ -106,7 +106,7 @@ impl Wdt {
         }
     }
 
-    /// The time runs anew.
+    /// Restarts timeout and early warning.
     fn start(&mut self, now: Ticks) {
         let Some(clock) = self.clock else { return };
         let edge = clock.cycles_in(now);
@@ -189,7 +189,7 @@ impl Wdt {
         open
     }
 
-    /// Sends a write to the watchdog's clock; gives the stall due to the one before.
+    /// Starts the synchronisation of a write; returns the stall that the one before it causes.
     fn send(&mut self, bus: &mut Bus<'_>, arrival: Arrival) -> Write {
         let Some(clock) = self.clock else {
             return Err(Refusal::Forbidden(
@@ -339,7 +339,7 @@ mod tests {
     }
 
     #[test]
-    fn without_a_clock_it_is_loud() {
+    fn without_a_clock_a_write_is_refused() {
         let mut rig = Rig::running();
         rig.wdt.set_clock(None);
         let mut bus = Bus {

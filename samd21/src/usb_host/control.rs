@@ -1,7 +1,7 @@
 //! Control transfers (USB 2.0, 8.5.3): SETUP, data, status.
 
-use super::enumeration::Request;
-use super::transaction::Pipe;
+use super::pipe::Pipe;
+use super::request::Request;
 use super::{FRAME, Host, HostError, RETRY};
 use crate::board::Ticks;
 use crate::memory::Memory;
@@ -150,7 +150,7 @@ impl Host {
         self.session.transfer = Some(transfer);
     }
 
-    /// Endpoint 0 answered NAK: later again, but not for ever.
+    /// Endpoint 0 answered NAK: it is tried again later, up to the deadline.
     pub(super) fn delay_control(&mut self, now: Ticks) {
         self.pipe(Pipe::Control).ready = now + RETRY;
         if let Some(transfer) = &self.session.transfer

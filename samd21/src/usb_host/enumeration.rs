@@ -1,7 +1,8 @@
 //! What the host asks of the device, and in which order.
 
 use super::control::Transfer;
-use super::transaction::{Pipe, PipeState};
+use super::pipe::{Pipe, PipeState};
+use super::request::{Request, Text};
 use super::{ATTEMPTS, Enumeration, Host, HostError, SerialPort, Session};
 use crate::board::Ticks;
 
@@ -9,51 +10,12 @@ use crate::board::Ticks;
 const ADDRESS: u8 = 1;
 /// Time for the device to take its address: 2 ms by USB 2.0, 9.2.6.3; hosts give 10 ms.
 const ADDRESS_RECOVERY: Ticks = Ticks::from_ms(10);
-/// From the end of one request to the next: a host's driver hears of the end by an interrupt and queues the next
-/// request for the following frame. Devices count on it: one that takes a status packet from its endpoint's buffer
-/// would lose a SETUP that overwrote it in that moment.
+/// From the end of one request to the next: an interrupt reports the end to the host's driver, which
+/// queues the next request for the following frame. Devices rely on it: one that takes a status
+/// packet from its endpoint's buffer would lose a SETUP that overwrote it in that moment.
 const TURNAROUND: Ticks = Ticks::from_ms(1);
 /// US English.
 const LANGUAGE: u16 = 0x0409;
-
-/// A request on endpoint 0.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Request {
-    DeviceHead,
-    SetAddress,
-    Device,
-    ConfigurationHead,
-    Configuration,
-    Languages,
-    Text(Text),
-    SetConfiguration,
-    LineCoding,
-    ControlLines { dtr: bool },
-    ClearHalt(u8),
-}
-
-/// A string of the device descriptor; the value is the offset of its index there.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Text {
-    Manufacturer = 14,
-    Product = 15,
-    SerialNumber = 16,
-}
-
-impl Request {
-    pub(super) fn name(self) -> &'static str {
-        match self {
-            Self::DeviceHead | Self::Device => "GET_DESCRIPTOR device",
-            Self::SetAddress => "SET_ADDRESS",
-            Self::ConfigurationHead | Self::Configuration => "GET_DESCRIPTOR configuration",
-            Self::Languages | Self::Text(_) => "GET_DESCRIPTOR string",
-            Self::SetConfiguration => "SET_CONFIGURATION",
-            Self::LineCoding => "SET_LINE_CODING",
-            Self::ControlLines { .. } => "SET_CONTROL_LINE_STATE",
-            Self::ClearHalt(_) => "CLEAR_FEATURE ENDPOINT_HALT",
-        }
-    }
-}
 
 /// The device's strings, empty where it has none.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -67,7 +29,7 @@ pub struct Strings {
 }
 
 impl Host {
-    /// Asks the device for all that it has; endpoint 0 may be used from `ready` on.
+    /// Begins with the first request; endpoint 0 is used from `ready` on.
     pub(super) fn begin_enumeration(&mut self, ready: Ticks) {
         self.session = Session::default();
         self.pipe(Pipe::Control).ready = ready;
@@ -216,7 +178,8 @@ impl Host {
         }
     }
 
-    /// The device has answered a request wrongly. Strings and lines are not worth a new start.
+    /// The device has answered a request wrongly. It works without strings and line state; any other
+    /// request starts enumeration again.
     pub(super) fn refused(&mut self, now: Ticks, request: Request, error: HostError) {
         match request {
             Request::Languages

@@ -5,9 +5,9 @@
 //! | sees the pull-up | DETACH = 0 |
 //! | debounce | 100 ms (USB 2.0, 7.1.7.3) |
 //! | bus reset | 10 ms; then 10 ms recovery with start-of-frame packets each 1 ms |
-//! | enumeration | device descriptor 8, SET_ADDRESS, 18, configuration 9 and whole, strings, SET_CONFIGURATION |
+//! | enumeration | device descriptor, SET_ADDRESS, configuration, strings, SET_CONFIGURATION |
 //! | opens the port | SET_LINE_CODING, SET_CONTROL_LINE_STATE (DTR, RTS) |
-//! | traffic | bulk OUT when there is something to send, bulk IN all the time, interrupt IN at its interval |
+//! | traffic | bulk OUT when it has bytes, bulk IN all the time, interrupt IN at its interval |
 //!
 //! A frame carries as many transactions as fit: a 64-byte packet takes 53 us with its token and
 //! handshake (13 bytes of overhead at 12 Mbit/s, USB 2.0 5.8.4, and 2 us between transactions). A
@@ -17,13 +17,15 @@
 //!
 //! | left out | why |
 //! |---|---|
-//! | suspend, remote wake-up, power | the rig's host is awake while the cable is in |
+//! | suspend, remote wake-up, power | the host is awake while the cable is in |
 //! | bit errors | the cable is good |
 //! | other classes, isochronous endpoints, hubs | the device has one serial port |
 
 mod control;
 mod descriptors;
 mod enumeration;
+mod pipe;
+mod request;
 #[cfg(test)]
 mod tests;
 mod transaction;
@@ -35,10 +37,11 @@ use crate::board::Ticks;
 use crate::memory::Memory;
 use crate::peripherals::usb::Usb;
 use control::Transfer;
-use enumeration::Request;
+use pipe::PipeState;
+use request::Request;
 use std::collections::VecDeque;
 use std::fmt;
-use transaction::{PipeState, Transaction};
+use transaction::Transaction;
 
 const FRAME: Ticks = Ticks::from_ms(1);
 const DEBOUNCE: Ticks = Ticks::from_ms(100);
@@ -125,7 +128,7 @@ pub struct Host {
     statistics: Statistics,
 }
 
-/// What goes on with the device, from a bus reset to the next.
+/// The state that lasts from one bus reset to the next.
 #[derive(Clone, Debug, Default)]
 struct Session {
     transaction: Option<Transaction>,
@@ -134,11 +137,11 @@ struct Session {
     address: u8,
     port: Option<SerialPort>,
     configured: bool,
-    /// By [`Pipe`](transaction::Pipe).
+    /// By [`Pipe`](pipe::Pipe).
     pipes: [PipeState; 4],
 }
 
-/// What the device has said of itself; kept until it is asked again.
+/// What the device has reported of itself; kept until the next enumeration.
 #[derive(Clone, Debug, Default)]
 struct Enumeration {
     /// Packet size of endpoint 0.
@@ -197,8 +200,8 @@ impl Host {
         std::mem::take(&mut self.received)
     }
 
-    /// Sets the line coding: `baud`, 8 data bits, no parity, one stop bit. A device takes 1200 with DTR
-    /// dropped as the request to enter its bootloader.
+    /// Sets the line coding: `baud`, 8 data bits, no parity, one stop bit. An Arduino board takes
+    /// 1200 with DTR dropped as the request to enter its bootloader.
     pub fn set_line_coding(&mut self, baud: u32) {
         self.baud = baud;
         if self.session.configured {

@@ -1,7 +1,8 @@
 //! Transactions (USB 2.0, 8.5): which pipe has the bus next, and what comes of it.
 
 use super::control::Transfer;
-use super::enumeration::Request;
+use super::pipe::{Pipe, PipeState};
+use super::request::Request;
 use super::{BYTE, Host, HostError, RETRY};
 use crate::board::Ticks;
 use crate::memory::Memory;
@@ -12,14 +13,6 @@ const OVERHEAD: u64 = 13;
 /// A token and a NAK.
 const NAK_TIME: Ticks = Ticks(8 * BYTE.0);
 
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Pipe {
-    Control,
-    BulkIn,
-    BulkOut,
-    Interrupt,
-}
-
 /// A transaction on the wire.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Transaction {
@@ -28,14 +21,6 @@ pub(super) struct Transaction {
     bytes: Vec<u8>,
     /// The device answers with NAK.
     is_nak: bool,
-}
-
-/// State of one pipe: toggle of its next packet, and when it is tried again. That of the control
-/// pipe has its toggle in the transfer.
-#[derive(Clone, Copy, Debug, Default)]
-pub(super) struct PipeState {
-    pub(super) toggle: bool,
-    pub(super) ready: Ticks,
 }
 
 impl Host {

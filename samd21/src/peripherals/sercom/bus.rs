@@ -7,14 +7,14 @@
 //! CMD 1 ─▶ repeated START, address      CMD 3 ─▶ (N)ACK, STOP ─▶ IDLE
 //! ```
 //!
-//! A bit takes (10 + 2 BAUD) / f, or (10 + BAUD + BAUDLOW) / f with BAUDLOW, plus the rise time of SCL
-//! (data sheet, SERCOM I2C, BAUD). The slave is asked at the ninth clock of what it receives and at the first clock of
-//! what it sends; its stretching lengthens that byte.
+//! A bit takes (10 + 2 BAUD) / f, or (10 + BAUD + BAUDLOW) / f with BAUDLOW, plus the rise time of
+//! SCL (data sheet, SERCOM I2C, BAUD). The slave is asked at the ninth clock of a byte that it
+//! receives and at the first clock of one that it sends; its stretching lengthens that byte.
 //!
-//! SCL held low by others stops everything before the next clock: MB never comes. SDA held low makes
-//! the master lose arbitration at the first 1 that it sends, and a STOP impossible; then the bus is
-//! BUSY until SDA is let go, which is a STOP. SDA falling while the bus is IDLE is a START of
-//! somebody else: BUSY.
+//! SCL held low by others stops everything before the next clock: MB never comes. SDA held low
+//! makes the master lose arbitration at the first 1 that it sends, and a STOP impossible; then the
+//! bus is BUSY until SDA is released, which is a STOP. SDA falling while the bus is IDLE is a START
+//! of another master: BUSY.
 //!
 //! With GCLK_SERCOM_SLOW running, LOWTOUTEN ends 30 ms of low SCL (25 to 35 on the chip) with
 //! LOWTOUT, BUSERR and a STOP, and INACTOUT makes a BUSY bus IDLE after its time.
@@ -94,17 +94,17 @@ impl Sercom {
         }
     }
 
-    /// Goes on with what is due at `bus.now`.
+    /// Does what is due at `bus.now`.
     pub(crate) fn advance(&mut self, bus: &mut Bus<'_>) {
         if self.low_timeout() <= bus.now {
             self.time_out(bus);
         } else if self.due <= bus.now {
-            self.go_on(bus);
+            self.proceed(bus);
         }
     }
 
     /// ENABLE has changed: the lines are released, nobody knows the bus.
-    pub(super) fn let_go(&mut self, bus: &mut Bus<'_>) {
+    pub(super) fn release_lines(&mut self, bus: &mut Bus<'_>) {
         self.state = BusState::Unknown;
         self.held = None;
         self.rest();
@@ -209,7 +209,7 @@ impl Sercom {
         }
     }
 
-    fn go_on(&mut self, bus: &mut Bus<'_>) {
+    fn proceed(&mut self, bus: &mut Bus<'_>) {
         let now = bus.now;
         match self.motion {
             Motion::None => self.rest(),
@@ -360,21 +360,21 @@ impl Sercom {
         self.release(now, Motion::First(Byte::Address), acknowledge + self.bit());
     }
 
-    /// Somebody else has the bus, or seems to.
+    /// Another master has the bus, or seems to.
     fn lose_bus(&mut self, now: Ticks) {
         self.state = BusState::Busy;
         self.busy_since = now;
         self.held = None;
     }
 
-    /// Holds SCL low until told what comes next.
+    /// Holds SCL low until the next command.
     fn hold(&mut self, now: Ticks, direction: Direction) {
         self.rest();
         self.held = Some(direction);
         self.scl_low_since = Some(now);
     }
 
-    /// Lets SCL go for what comes next.
+    /// Releases SCL for what comes next.
     fn release(&mut self, now: Ticks, motion: Motion, after: Ticks) {
         self.held = None;
         self.scl_low_since = None;

@@ -1,5 +1,6 @@
-//! SERCOM0 to SERCOM5 as I2C masters. Only SERCOM4 reaches the board's bus, through PB08 and PB09 with
-//! function D.
+//! SERCOM0 to SERCOM5 as I2C masters. The one whose pads 0 and 1 the pin multiplexers connect to
+//! the board's I2C lines reaches its bus; the data sheet's list of pins that support I2C is not
+//! checked.
 //!
 //! | offset | register | behaviour |
 //! |---|---|---|
@@ -19,7 +20,7 @@
 //! | left out | why |
 //! |---|---|
 //! | USART, SPI, I2C slave | not used: setting MODE to one faults |
-//! | smart mode, quick command, LENEN, 10 bits, high speed, PINOUT, MEXT and SEXT time-outs | our master needs none: setting one faults |
+//! | smart mode, quick command, LENEN, 10 bits, high speed, PINOUT, MEXT and SEXT time-outs | not modelled: setting one faults |
 //! | DMA | DMAC is not modelled |
 
 mod bus;
@@ -79,7 +80,7 @@ pub(crate) struct Sercom {
     busy_since: Ticks,
     address: u8,
     data: u8,
-    /// The master holds SCL low until it is told what to do after a byte of this direction.
+    /// The master holds SCL low, after a byte of this direction, until it gets a command.
     held: Option<Direction>,
     motion: Motion,
     /// When the motion goes on.
@@ -212,7 +213,7 @@ impl Sercom {
             }
             self.sync.begin(bus.now, busy::ENABLE);
             self.ctrla ^= ENABLE;
-            self.let_go(bus);
+            self.release_lines(bus);
         }
         DONE
     }

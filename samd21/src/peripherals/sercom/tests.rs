@@ -190,7 +190,7 @@ fn registers_are_read_by_repeated_start_as_the_data_sheet_asks() {
     assert_eq!(rig.flags(), 0);
     assert_eq!(rig.wait(), Ticks(bit * 9));
     // As the HAL does: clear the flags, then the repeated START.
-    rig.access(0x18, Lanes::new(u32::from(MB), 0, 1)).unwrap();
+    rig.access(0x18, Lanes::new(MB, 0, 1)).unwrap();
     rig.write(0x24, 0x29 << 1 | 1);
     assert_eq!(rig.wait(), Ticks(bit * (10 + 8)));
     assert_eq!(rig.flags(), SB);
@@ -405,13 +405,12 @@ fn a_second_operation_while_sysop_synchronises_is_discarded() {
 #[test]
 fn interrupts_follow_flags_and_enables() {
     let mut rig = Rig::ready();
-    rig.access(0x14, Lanes::new(u32::from(MB | SB | ERROR), 2, 1))
-        .unwrap();
+    rig.access(0x14, Lanes::new(MB | SB | ERROR, 2, 1)).unwrap();
     rig.write(0x24, 0x29 << 1);
     assert_eq!(rig.sercom.irq(), 0);
     rig.wait();
     assert_eq!(rig.sercom.irq(), 1 << 13);
-    rig.access(0x14, Lanes::new(u32::from(MB), 0, 1)).unwrap();
+    rig.access(0x14, Lanes::new(MB, 0, 1)).unwrap();
     assert_eq!(rig.sercom.irq(), 0);
 }
 

@@ -12,14 +12,14 @@
 //! | 40, 44-50 | PER, CCx | take effect at once |
 //! | 6C, 70-7C | PERB, CCBx | copied to PER and CCx at overflow unless LUPD |
 //!
-//! TCC0 and TCC1 count 24 bits, TCC2 16; TCC0 has four channels, the others two; WO\[n\] follows channel n
-//! modulo that number. The output is match-driven (D21-717): it rises at overflow and falls
-//! when COUNT meets CC. So a CC written below COUNT while the pin is high finds no match: the pin
-//! stays high for the rest of the frame and for the whole next pulse.
+//! TCC0 and TCC1 count 24 bits, TCC2 16; TCC0 has four channels, the others two; WO\[n\] follows
+//! channel n modulo that number. The output is match-driven (D21-717): it rises at overflow and
+//! falls when COUNT meets CC. So a CC written below COUNT while the pin is high finds no match: the
+//! pin stays high for the rest of the cycle and until the match in the next.
 //!
 //! | left out | why |
 //! |---|---|
-//! | other waveforms, down-counting, ramps, dithering, dead time, swap, pattern, capture | a servo pulse needs none: setting one faults |
+//! | other waveforms, down-counting, ramps, dithering, dead time, swap, pattern, capture | not modelled: setting one faults |
 //! | recoverable and non-recoverable faults, events, DMA | no event system is modelled |
 //! | CNT interrupt, STATUS.CMPx, STATUS.IDX | belong to what is left out |
 

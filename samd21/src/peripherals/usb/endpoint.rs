@@ -11,7 +11,8 @@
 //! | OUT, IN | STALLRQ is set | STALL and its flag |
 //!
 //! With MULTI_PACKET_SIZE, OUT gathers packets until that many bytes or a short packet have come;
-//! BYTE_COUNT above SIZE sends several IN packets while MULTI_PACKET_SIZE counts (D21-801); SETUP: D21-798.
+//! BYTE_COUNT above SIZE sends several IN packets while MULTI_PACKET_SIZE counts (D21-801); SETUP:
+//! D21-798.
 
 use super::{ENDPOINTS, RAMACER, Usb};
 use crate::memory::Memory;
@@ -172,8 +173,8 @@ impl Bank {
 }
 
 impl Usb {
-    /// Whether a token for this endpoint will be answered with NAK, so that the host may reckon
-    /// with a short transaction. Direction is the host's.
+    /// Whether a token for this endpoint will be answered with NAK, so that the host can
+    /// plan a short transaction. Direction is the host's.
     pub(crate) fn would_nak(&self, number: u8, is_in: bool) -> bool {
         let endpoint = self.endpoints[usize::from(number)];
         if is_in {
