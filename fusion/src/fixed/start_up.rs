@@ -248,9 +248,9 @@ mod tests {
         let first = 1.0 / 8.0;
         for (blocks, expected) in [
             (2, first),
-            (2, first / 8.0),
-            (4, first / 16.0),
-            (8, first / 32.0),
+            (2, first / 16.0),
+            (4, first / 32.0),
+            (8, first / 64.0),
         ] {
             for _ in 0..blocks {
                 assert_eq!(tilt_gain(), (expected, false));
