@@ -31,6 +31,7 @@ mod recovery;
 mod rest;
 #[cfg(feature = "signal")]
 pub mod signal;
+mod vector;
 mod vqf;
 
 pub use complementary::{Complementary, ComplementaryGains};

@@ -10,8 +10,8 @@ pub struct ObserverConfig {
     pub period_s: f32,
     /// Acceleration per unit of command, with its sign.
     pub plant_gain: f32,
-    /// How fast the estimate follows, rad/s: both poles of the observer. Keep it below the actuator's bandwidth; with 0 the
-    /// disturbance stays 0.
+    /// How fast the estimate follows, rad/s: both poles of the observer. Keep it below the
+    /// actuator's bandwidth; with 0 the disturbance stays 0.
     pub bandwidth_rad_s: f32,
     /// Lag of the actuator, s, between command and effect.
     pub actuator_s: f32,
@@ -19,10 +19,10 @@ pub struct ObserverConfig {
     pub limit: f32,
 }
 
-/// Estimates a constant or slow disturbance `d` of a plant `rate' = gain (u + d)` from its measured rate and its
-/// commands `u`. Add `-d` to the command, and an off-centre mass or a bent rudder is trimmed away
-/// faster than any integral could without overshoot: the observer sees an acceleration, not an error that has already
-/// grown.
+/// Estimates a constant or slow disturbance `d` of a plant `rate' = gain (u + d)` from its measured
+/// rate and its commands `u`. Add `-d` to the command, and an off-centre mass or a bent rudder is
+/// trimmed away faster than any integral could without overshoot: the observer sees an
+/// acceleration, not an error that has already grown.
 ///
 /// ```text
 /// u = u + T / (T + actuator) (command - u)  the command as it arrives
@@ -86,8 +86,8 @@ impl<T: Scalar> Observer<T> {
         })
     }
 
-    /// One sample: the rate measured now and the command given after the sample before. Returns the disturbance in
-    /// units of the command.
+    /// One sample: the rate measured now and the command given after the sample before. Returns the
+    /// disturbance in units of the command.
     pub fn update(&mut self, rate: T, command: T) -> T {
         if !(rate.is_usable() && command.is_usable()) {
             return self.disturbance;
@@ -155,7 +155,8 @@ mod tests {
         }
     }
 
-    /// `rate' = -31.6 (u + 0.1)` from rest under no command: how much of the disturbance is seen after each sample.
+    /// `rate' = -31.6 (u + 0.1)` from rest under no command: how much of the disturbance is seen
+    /// after each sample.
     fn seen<T: Scalar>(samples: usize) -> f64 {
         let mut observer = Observer::<T>::new(&config()).unwrap();
         let mut rate = 0.0_f64;

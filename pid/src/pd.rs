@@ -4,8 +4,8 @@ use crate::scalar::Scalar;
 
 /// Proportional-derivative control with the derivative on the measured rate.
 ///
-/// `u = kp * (setpoint - measured) - kd * rate`. There is no kick when the setpoint moves, and no difference of noisy
-/// angles is taken.
+/// `u = kp * (setpoint - measured) - kd * rate`. There is no kick when the setpoint moves, and no
+/// difference of noisy angles is taken.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Pd<T = f32> {
     /// Output per error.

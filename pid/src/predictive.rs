@@ -4,7 +4,8 @@ use crate::config::{ConfigError, LARGEST, PERIOD_S, in_range};
 use crate::observer::{Observer, ObserverConfig};
 use crate::scalar::Scalar;
 
-/// Configuration of a [`PredictivePd`]. "Output" is the unit of its output, "value" that of what it controls.
+/// Configuration of a [`PredictivePd`]. "Output" is the unit of its output, "value" that of what it
+/// controls.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PredictiveConfig {
     /// Sample period, s.
@@ -15,11 +16,13 @@ pub struct PredictiveConfig {
     pub kd: f32,
     /// Error beyond which the braking curve is flatter.
     pub knee: f32,
-    /// Slope of the braking curve beyond the knee, as a share of its slope before, 0 to 1. 1 is a plain line.
+    /// Slope of the braking curve beyond the knee, as a share of its slope before, 0 to 1. 1 is a
+    /// plain line.
     pub far_slope: f32,
     /// Acceleration of the value per output, 1/s2, positive.
     pub plant_gain: f32,
-    /// How far ahead the plant is predicted, s: the loop's delay from measurement to effect. 0 is no prediction.
+    /// How far ahead the plant is predicted, s: the loop's delay from measurement to effect. 0 is
+    /// no prediction.
     pub horizon_s: f32,
     /// Time from a sample until the actuator begins to follow its output, s, up to one period.
     pub actuator_delay_s: f32,
@@ -35,16 +38,17 @@ pub struct PredictiveConfig {
     pub limit: f32,
 }
 
-/// Proportional-derivative control of a plant `value'' = gain (output + disturbance)` whose actuator is slow and whose
-/// loop has a delay, with the three things that these ask for:
+/// Proportional-derivative control of a plant `value'' = gain (output + disturbance)` whose
+/// actuator is slow and whose loop has a delay, with the three things that these ask for:
 ///
-/// - **Prediction.** A model of the actuator (delay, lag and greatest rate) gives its position, and with it the value and
-///   the rate that the output will meet a horizon ahead: that compensates the phase lag of the delay.
-/// - **A braking curve.** `-kp bend(error) / kd` is the rate at which the value should approach. The rate from which an
-///   actuator of limited speed can still stop grows less than the distance, so that the line bends at a knee: gains may
-///   be high near the setpoint without overshoot from afar. (Time-optimal servos use `sqrt`; two lines are as good over
-///   a decade and need neither root nor division. M. L. Workman, Adaptive Proximate Time-Optimal Servomechanisms,
-///   1987.)
+/// - **Prediction.** A model of the actuator (delay, lag and greatest rate) gives its position, and
+///   with it the value and the rate that the output will meet a horizon ahead: that compensates the
+///   phase lag of the delay.
+/// - **A braking curve.** `-kp bend(error) / kd` is the rate at which the value should approach.
+///   The rate from which an actuator of limited speed can still stop grows less than the distance,
+///   so that the line bends at a knee: gains may be high near the setpoint without overshoot from
+///   afar. (Time-optimal servos use `sqrt`; two lines are as good over a decade and need neither
+///   root nor division. M. L. Workman, Adaptive Proximate Time-Optimal Servomechanisms, 1987.)
 /// - **Trim.** An [`Observer`] estimates the disturbance, and the output cancels it.
 ///
 /// ```text
@@ -56,8 +60,9 @@ pub struct PredictiveConfig {
 /// u  = kp bend(e') - kd r' - d              within +-limit
 /// ```
 ///
-/// Use the prediction with the trim: without it, the prediction takes the output that holds against a disturbance for the
-/// beginning of a motion, and the error that is left is larger by the factor `1 + gain T kd`.
+/// Use the prediction with the trim: without it, the prediction takes the output that holds against
+/// a disturbance for the beginning of a motion, and the error that is left is larger by the factor
+/// `1 + gain T kd`.
 ///
 /// With `horizon_s`, `trim_rad_s` 0 and `far_slope` 1 it is [`Pd`](crate::Pd) with a limit.
 ///
@@ -118,7 +123,8 @@ impl<T: Scalar> PredictivePd<T> {
         Ok(())
     }
 
-    /// One sample: setpoint, measured value and its measured rate. Inputs that are not numbers change nothing.
+    /// One sample: setpoint, measured value and its measured rate. Inputs that are not numbers
+    /// change nothing.
     pub fn update(&mut self, setpoint: T, measured: T, rate: T) -> T {
         let error = setpoint - measured;
         if !(error.is_usable() && rate.is_usable()) {
@@ -241,8 +247,8 @@ mod tests {
         }
     }
 
-    /// Flies `value'' = 31.6 (actuator + push)` from `start`: the values, sample by sample. The actuator is limited in
-    /// rate, and each output reaches it a sample late.
+    /// Flies `value'' = 31.6 (actuator + push)` from `start`: the values, sample by sample. The
+    /// actuator is limited in rate, and each output reaches it a sample late.
     fn fly<T: Scalar>(config: &PredictiveConfig, start: f64, push: f64) -> std::vec::Vec<f64> {
         let mut controller = PredictivePd::<T>::new(config).unwrap();
         let (mut value, mut rate, mut actuator, mut late) = (start, 0.0_f64, 0.0_f64, 0.0_f64);
@@ -318,7 +324,8 @@ mod tests {
         assert!((controller.actuator - before - 0.01).abs() < 1e-6);
     }
 
-    /// From 0.2 and 0.8 without overshoot worth the name, faster than any proportional-derivative gains do it.
+    /// From 0.2 and 0.8 without overshoot worth the name, faster than any proportional-derivative
+    /// gains do it.
     #[test]
     fn arrives_soon_and_without_overshoot_from_near_and_far() {
         for start in [0.2, 0.8, -0.8] {
@@ -344,8 +351,8 @@ mod tests {
             };
             fly::<f32>(&config, 0.2, 0.08)[299].abs()
         };
-        // Without the observer, the prediction takes the actuator's position for the beginning of a motion:
-        // a (1 + gain T kd + gain T^2/2 kp) = kp error.
+        // Without the observer, the prediction takes the actuator's position for the beginning of a
+        // motion: a (1 + gain T kd + gain T^2/2 kp) = kp error.
         let stiff = 2.4 / (1.0 + 31.6 * (0.018 * 0.45 + 0.5 * 0.018 * 0.018 * 2.4));
         assert!((droop(0.0) - 0.08 / stiff).abs() < 2e-3);
         assert!(droop(5.0) < 1e-3);

@@ -1,8 +1,10 @@
 //! The flight on a desk: a rigid body on a pivot, a servo with a lag, and a sensor that says what it should.
 
+use std::boxed::Box;
 use std::vec::Vec;
 
 use proptest::prelude::*;
+use proptest::test_runner::FileFailurePersistence::WithSource;
 
 mod states;
 
@@ -348,7 +350,12 @@ fn event() -> impl Strategy<Value = Event> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(64))]
+    #![proptest_config(ProptestConfig {
+        cases: 64,
+        // Cases that once failed are kept beside this file and come first.
+        failure_persistence: Some(Box::new(WithSource("proptest-regressions"))),
+        ..ProptestConfig::default()
+    })]
 
     /// Whatever comes, the pulse stays in the hard range, is neutral unless control is active or an idle servo is set up, and
     /// the attitude is finite.

@@ -4,8 +4,8 @@ use core::ops::RangeInclusive;
 
 use crate::error::{ConfigError, in_range};
 
-/// Sampling periods that the estimators take, us. Longer ones would let a step of 1.25 periods turn by more than the
-/// quarter of a radian an axis that the rotation has room for.
+/// Sampling periods that the estimators take, us. Longer ones would let a step of 1.25 periods turn
+/// by more than the quarter of a radian an axis that the rotation has room for.
 pub const PERIOD_US: RangeInclusive<u32> = 500..=10_500;
 
 /// One sample as the sensors give it, in body axes.
@@ -31,8 +31,8 @@ pub struct Scale {
 }
 
 impl Scale {
-    /// BNO055 with its default units (data sheet tables 3-17, 3-19, 3-22): 16 counts per deg/s, 100 per
-    /// m/s^2, 16 per uT.
+    /// BNO055 with its default units (data sheet tables 3-17, 3-19, 3-22): 16 counts per deg/s, 100
+    /// per m/s^2, 16 per uT.
     pub const BNO055: Self = Self {
         gyr_rad_s: 0.001_090_830_8,
         acc_m_s2: 0.01,

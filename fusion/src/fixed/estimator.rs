@@ -1,8 +1,8 @@
 //! One step: from counts to orientation.
 //!
 //! # The equations
-//! With the measured rates `g`, their offset `b`, the time step `dt`, the correction `c` that the step before has found,
-//! the specific force `a` and the field `m`:
+//! With the measured rates `g`, their offset `b`, the time step `dt`, the correction `c` that the
+//! step before has found, the specific force `a` and the field `m`:
 //!
 //! ```text
 //! h = (g - b) dt / 2 + c                  half the rotation vector of the step, body frame
@@ -36,19 +36,20 @@
 //! | sine of the heading error | Q15 | 1, and 2 beyond a right angle |
 //! | heading correction | Q(16 + `heading_shift`) rad | `MAX_HEADING_TURN`: times a row it fits |
 //!
-//! **Time.** `turn_shift` is chosen so that a count turns by `2^14` to `2^15` units in the longest short step, of 1.25
-//! periods: all the bits that the product with a rate leaves. What the product with the time step has below a unit is
-//! carried into the next step, so that no time is lost. A longer step divides its time by `2^coarse_shift` and gives up
-//! as many bits of `turn_shift`.
+//! **Time.** `turn_shift` is chosen so that a count turns by `2^14` to `2^15` units in the longest
+//! short step, of 1.25 periods: all the bits that the product with a rate leaves. What the product
+//! with the time step has below a unit is carried into the next step, so that no time is lost. A
+//! longer step divides its time by `2^coarse_shift` and gives up as many bits of `turn_shift`.
 //!
-//! **Heading.** An error of `x` in Q15 is a half angle of `x` in Q16, which spares a shift. The gain's factor is below
-//! `2^13`, the sine at most `2^16`: below `2^29`, then cut by 15. One correction stands for all samples since the last
-//! field, at most for as many as make the whole error, `4 << heading_shift`.
+//! **Heading.** An error of `x` in Q15 is a half angle of `x` in Q16, which spares a shift. The
+//! gain's factor is below `2^13`, the sine at most `2^16`: below `2^29`, then cut by 15. One
+//! correction stands for all samples since the last field, at most for as many as make the whole
+//! error, `4 << heading_shift`.
 //!
 //! # Which step does what
-//! Judging the field, closing the blocks of the rest detection and changing the gains are spread over steps of their own
-//! ([`Estimator::housekeeping`]), and such a step skips the heading correction. The worst case is so little more than
-//! the mean.
+//! Judging the field, closing the blocks of the rest detection and changing the gains are spread
+//! over steps of their own ([`Estimator::housekeeping`]), and such a step skips the heading
+//! correction. The worst case is so little more than the mean.
 
 use nalgebra::Vector3;
 
@@ -74,7 +75,8 @@ const MAX_HALF_ANGLE: f32 = 0.38;
 /// Fractional bits of the half angle per count and us below those of the half angle per count.
 const DT_BITS: u32 = 16;
 
-/// Most bits that are given up in a step longer than 1.25 periods: eight times that are ten periods.
+/// Most bits that are given up in a step longer than 1.25 periods: eight times that are ten
+/// periods.
 const MAX_COARSE_SHIFT: u8 = 3;
 
 /// Largest correction of the heading, half an angle: an eighth of a radian in Q16.
@@ -85,7 +87,8 @@ const MAX_HEADING_TURN: i32 = 7 << 13;
 
 /// An attitude estimator in fixed point. `R` is what it does when rates clip.
 ///
-/// Fields in the order of use: what every step touches lies within reach of the core's short offsets.
+/// Fields in the order of use: what every step touches lies within reach of the core's short
+/// offsets.
 #[derive(Clone, Debug)]
 #[repr(C)]
 pub struct Estimator<F, R = Ignored> {
@@ -94,7 +97,8 @@ pub struct Estimator<F, R = Ignored> {
     per_count_us: u32,
     /// Longest step that is taken at full resolution, us: 1.25 periods.
     max_short_dt_us: u32,
-    /// What the half angle per count was cut by in the last step, its low `DT_BITS` bits: added in the next.
+    /// What the half angle per count was cut by in the last step, its low `DT_BITS` bits: added in
+    /// the next.
     dt_remainder: u32,
     /// Right shift that brings the product of a half angle per count and a rate to Q31.
     turn_shift: u32,
@@ -107,7 +111,8 @@ pub struct Estimator<F, R = Ignored> {
     start_up: StartUpGains,
     /// Longest step that is integrated, us; a longer one is a gap, and integrated as this.
     max_dt_us: u32,
-    /// Largest product of a long step, us, and the sum of the rates' sizes, counts: [`MAX_HALF_ANGLE`].
+    /// Largest product of a long step, us, and the sum of the rates' sizes, counts:
+    /// [`MAX_HALF_ANGLE`].
     max_rotation: u32,
     /// Bits of the time step and of `turn_shift` that are given up in a long step.
     coarse_shift: u32,
@@ -115,7 +120,8 @@ pub struct Estimator<F, R = Ignored> {
     gap: bool,
     /// Blocks after which the estimate counts as initialised.
     start_up_blocks: u32,
-    /// The last field while accelerations are limited: it stands for those that a slow magnetometer leaves out.
+    /// The last field while accelerations are limited: it stands for those that a slow magnetometer
+    /// leaves out.
     last_mag: Option<[i32; 3]>,
     /// Cosine and sine of half the declination, unless it is zero.
     half_declination: Option<(Q15, Q15)>,
@@ -125,13 +131,16 @@ pub struct Estimator<F, R = Ignored> {
 }
 
 impl<F: Filter> Estimator<F> {
-    /// An estimator for samples of about every `period_us` microseconds, in [`PERIOD_US`]. The gains of the correction
-    /// are per sample, the rates are integrated over the time steps as they are.
+    /// An estimator for samples of about every `period_us` microseconds, in [`PERIOD_US`]. The
+    /// gains of the correction are per sample, the rates are integrated over the time steps as they
+    /// are.
     ///
     /// # Errors
-    /// A parameter, a gain, the period or the scale of a sensor out of range, by name. The accelerometer's gate and
-    /// Mahony's integral gain do not exist in fixed point and are refused too.
-    // Inlined with all that it calls, a configuration that is constant leaves constants: 2 KB of soft float less.
+    /// A parameter, a gain, the period or the scale of a sensor out of range, by name. The
+    /// accelerometer's gate and Mahony's integral gain do not exist in fixed point and are refused
+    /// too.
+    // Inlined with all that it calls, a configuration that is constant leaves constants: 2 KB of
+    // soft float less.
     #[inline(always)]
     pub fn new(
         config: &Config<F::Gains>,
@@ -143,8 +152,8 @@ impl<F: Filter> Estimator<F> {
 }
 
 impl<F: Filter> Estimator<F, Recovered> {
-    /// As [`Estimator::new`], with what the float filters do about clipped rates: more code, and in a step that is over
-    /// range several times the cycles of another.
+    /// As [`Estimator::new`], with what the float filters do about clipped rates: more code, and in
+    /// a step that is over range several times the cycles of another.
     ///
     /// # Errors
     /// As [`Estimator::new`]; the gyroscope's range and the noise of the recovery are checked too.
@@ -244,7 +253,8 @@ impl<F: Filter, R: OverRange> Estimator<F, R> {
         self.rotation.bias
     }
 
-    /// The whole estimate in float, with the rate of the sample given: for whoever does not count cycles.
+    /// The whole estimate in float, with the rate of the sample given: for whoever does not count
+    /// cycles.
     pub fn attitude(&self, counts: &Counts) -> Attitude {
         let bias =
             Vector3::from(self.rotation.bias).map(|bias| bias as f32 / 512.0 * self.gyr_rad_s);
@@ -257,8 +267,8 @@ impl<F: Filter, R: OverRange> Estimator<F, R> {
         }
     }
 
-    /// Health of the estimate. A gap is a step of more than 1.25 periods in the last quarter of a second; the
-    /// accelerometer is never rejected.
+    /// Health of the estimate. A gap is a step of more than 1.25 periods in the last quarter of a
+    /// second; the accelerometer is never rejected.
     pub fn flags(&self) -> Flags {
         Flags {
             initialised: self.start_up.blocks > self.start_up_blocks,
@@ -270,9 +280,9 @@ impl<F: Filter, R: OverRange> Estimator<F, R> {
         }
     }
 
-    /// Take one sample, `dt_us` microseconds after the one before; with 0, nothing turns. More than 30,000, or than 2.5 to
-    /// 10 periods (as period and scale leave room), is a gap: only that much is integrated, and the gains are those of a
-    /// running mean again.
+    /// Take one sample, `dt_us` microseconds after the one before; with 0, nothing turns. More than
+    /// 30,000, or than 2.5 to 10 periods (as period and scale leave room), is a gap: only that much
+    /// is integrated, and the gains are those of a running mean again.
     #[inline]
     pub fn update(&mut self, dt_us: u32, counts: &Counts) {
         let gyr = counts.gyr;
@@ -285,7 +295,8 @@ impl<F: Filter, R: OverRange> Estimator<F, R> {
             let size = acc[0].abs() + acc[1].abs() + acc[2].abs();
             let within = (size - self.gains.acc_limit) >> 31;
             acc = acc.map(|acc| acc & within);
-            // The heading may be off by any angle: the last field stands for those that a slow magnetometer leaves out.
+            // The heading may be off by any angle: the last field stands for those that a slow
+            // magnetometer leaves out.
             match mag {
                 Some(_) => self.last_mag = mag,
                 None => mag = self.last_mag,
@@ -307,7 +318,8 @@ impl<F: Filter, R: OverRange> Estimator<F, R> {
         let half_angle = (product >> DT_BITS) as i32;
         self.rotation.turn(&gyr, PerCount { half_angle, shift });
 
-        // Heading correction is skipped in steps that are long or run housekeeping, to bound the worst-case cycles.
+        // Heading correction is skipped in steps that are long or run housekeeping, to bound the
+        // worst-case cycles.
         let busy = long || job <= rest::START_UP || self.compass.is_due();
         if busy {
             self.housekeeping(job, &gyr, acc[2]);
@@ -356,7 +368,8 @@ impl<F: Filter, R: OverRange> Estimator<F, R> {
         pending[2] += tilt[2] + ((turn * down[2]) >> shift) + rz;
     }
 
-    /// Runs the job of the rest detection or of the gains that is due, else that of the compass. Not in a long step.
+    /// Runs the job of the rest detection or of the gains that is due, else that of the compass.
+    /// Not in a long step.
     #[inline(never)]
     fn housekeeping(&mut self, job: u32, gyr: &[i16; 3], acc_z: i32) {
         if job < rest::START_UP {
@@ -382,8 +395,9 @@ impl<F: Filter, R: OverRange> Estimator<F, R> {
         self.rest.moved = true;
     }
 
-    /// A step of more than 1.25 periods: the time that is integrated, divided by `2^coarse_shift`, and the shift that
-    /// goes with it. Where the body turns so fast that the whole time would be too large a rotation, it is 1.25 periods.
+    /// A step of more than 1.25 periods: the time that is integrated, divided by `2^coarse_shift`,
+    /// and the shift that goes with it. Where the body turns so fast that the whole time would be
+    /// too large a rotation, it is 1.25 periods.
     #[cold]
     #[inline(never)]
     fn long_step(&mut self, dt_us: u32, gyr: &[i16; 3]) -> (u32, u32) {

@@ -1,38 +1,41 @@
 //! The compass in counts: see [`crate::FieldConfig`].
 //!
 //! # The heading error
-//! North and east of the field in the earth frame are scalar products with rows: Q15 counts. The field should have no
-//! part to the east; with the reference's horizontal part `limit`, the sine of the error is `-east / limit`. The core has no
-//! division, so the reciprocal is kept:
+//! North and east of the field in the earth frame are scalar products with rows: Q15 counts. The
+//! field should have no part to the east; with the reference's horizontal part `limit`, the sine of
+//! the error is `-east / limit`. The core has no division, so the reciprocal is kept:
 //!
 //! ```text
 //! inverse = 2^27 / limit            limit in Q4, from 32 counts up: inverse <= 2^18
 //! sine = east inverse / 2^12        east in Q4, at most limit: the product is at most 2^27, the sine Q15
 //! ```
 //!
-//! It follows the reference by Newton's step `inverse += inverse (1 - limit inverse / 2^27)`, once a judgement. `inverse`
-//! is cut by 3 bits and the error by 12 for that, so that both have 15. The step converges from any value that is less
-//! than twice too large: the limit grows by halves at most.
+//! It follows the reference by Newton's step `inverse += inverse (1 - limit inverse / 2^27)`, once
+//! a judgement. `inverse` is cut by 3 bits and the error by 12 for that, so that both have 15. The
+//! step converges from any value that is less than twice too large: the limit grows by halves at
+//! most.
 //!
 //! # The judgement
-//! About thirty times a second a field is kept in Q8 and compared with the reference: `|dh| + |dv|` of the horizontal and
-//! the vertical part must be within `gate` times the reference's length. The weight falls in four steps towards that limit.
-//! Lengths are those of [`length`], without a root: exact enough for a gate. The gate is at most 64, so that its product in
-//! Q8 with a length in whole counts fits.
+//! About thirty times a second a field is kept in Q8 and compared with the reference: `|dh| + |dv|`
+//! of the horizontal and the vertical part must be within `gate` times the reference's length. The
+//! weight falls in four steps towards that limit. Lengths are those of [`length`], without a root:
+//! exact enough for a gate. The gate is at most 64, so that its product in Q8 with a length in
+//! whole counts fits.
 //!
-//! The reference is first taken from single fields, as tilt and heading are not found yet, then averaged over 16, then
-//! followed by a power of two of the difference.
+//! The reference is first taken from single fields, as tilt and heading are not found yet, then
+//! averaged over 16, then followed by a power of two of the difference.
 
 use super::counts::Scale;
 use super::format::{Q4, Q8, Q15, nearest_log2, positive};
 use super::rotation::{Products, dot};
 use crate::error::{ConfigError, in_range};
-use crate::field::{FieldConfig, JUDGE_S, JUDGE_SAMPLES, LEAST_HORIZONTAL_UT};
+use crate::field::{FieldConfig, JUDGE_S, JUDGE_SAMPLES, MIN_HORIZONTAL_UT};
 
 /// Fractional bits of the reference.
 const BITS: u32 = 8;
 
-/// Weight of a field that is like the reference: a power of two, for steps of a quarter and the half.
+/// Weight of a field that is like the reference: a power of two, for steps of a quarter and the
+/// half.
 const FULL: i32 = 8;
 
 /// Judged fields of which each replaces the reference: tilt and heading are not found yet.
@@ -44,22 +47,24 @@ const LEARNING: i32 = 16;
 /// Tolerance until then, counts: more than any field deviates.
 const ANYTHING: Q8 = 1 << 29;
 
-/// Horizontal field with which the reciprocal begins, counts: that of middle latitudes for a BNO055.
+/// Horizontal field with which the reciprocal begins, counts: that of middle latitudes for a
+/// BNO055.
 const FIRST: Q4 = 256 << 4;
 
 /// `Compass::due` of a field that is to be compared; that of one to be decided on is one less.
 const COMPARE: u32 = 2;
 
-/// The magnetometer as a compass, and the reference that it is held to. First what every field sample touches.
+/// The magnetometer as a compass, and the reference that it is held to. First what every field
+/// sample touches.
 #[derive(Clone, Debug)]
 #[repr(C)]
 pub(super) struct Compass {
     /// `2^27 / limit`.
     inverse: i32,
-    /// The horizontal part of the reference that the reciprocal has come to, counts: the largest part across that has a
-    /// sine.
+    /// The horizontal part of the reference that the reciprocal has come to, counts: the largest
+    /// part across that has a sine.
     limit: Q4,
-    /// How far the field is to be believed, in parts of `FULL`.
+    /// Weight of the field, in parts of `FULL`.
     weight: i32,
     /// Samples between judgements.
     interval: u32,
@@ -204,7 +209,7 @@ impl Limits {
         let samples = |time_s: f32| (time_s / period_s) as u32;
         Ok(Self {
             // Below 32 counts the reciprocal would not fit.
-            min_horizontal: ((LEAST_HORIZONTAL_UT / scale.mag_ut) as i32).max(32) << BITS,
+            min_horizontal: ((MIN_HORIZONTAL_UT / scale.mag_ut) as i32).max(32) << BITS,
             gate: (config.gate.min(64.0) * 256.0) as i32,
             log2_follow: nearest_log2(config.tau_s / JUDGE_S).min(15),
             max_rejected: samples(config.reject_s),

@@ -1,13 +1,14 @@
 //! The tilt corrections: [`Mahony`] and [`Vqf`].
 //!
 //! # The error
-//! With the rows `n`, `e`, `d` of the rotation matrix (Q15) and the specific force `a` (counts), which is `-g d` at rest,
-//! the tilt error times `g` is `d x a` in the body frame, and `(-e a, n a)` about north and east in the earth frame. Both
-//! are Q15 counts, at most `2^15 * 2^15 sqrt(3) < 2^31`.
+//! With the rows `n`, `e`, `d` of the rotation matrix (Q15) and the specific force `a` (counts),
+//! which is `-g d` at rest, the tilt error times `g` is `d x a` in the body frame, and
+//! `(-e a, n a)` about north and east in the earth frame. Both are Q15 counts, at most
+//! `2^15 * 2^15 sqrt(3) < 2^31`.
 //!
 //! # The gain
-//! [`Gain`] takes such an error to half an angle in Q31. It is cut by 11 bits first, so that a factor of 11 to 12 bits
-//! has room; for a gain of `k` per sample,
+//! [`Gain`] takes such an error to half an angle in Q31. It is cut by 11 bits first, so that a
+//! factor of 11 to 12 bits has room; for a gain of `k` per sample,
 //!
 //! ```text
 //! factor / 2^shift = k 2^30 / (2^15 per_g / 2^11) = k 2^26 / per_g
@@ -17,14 +18,18 @@
 //! `c = k d x a / (2 g)`: three products.
 //!
 //! # VQF
-//! The error is smoothed where gravity stands still, in the earth frame: `z' = (error - z) / T`, `c = k z`. Nothing of it
-//! may be lost, as the corrections of a slow filter are smaller than the last bits:
+//! The error is smoothed where gravity stands still, in the earth frame: `z' = (error - z) / T`,
+//! `c = k z`. Nothing of it may be lost, as the corrections of a slow filter are smaller than the
+//! last bits:
 //!
-//! - `z` is Q8 (25 bits with sign). The difference is cut to Q1, rounded, and multiplied by the share `period / T` in Q16,
-//!   at most `2^13`: Q17, of which 9 bits are kept for the next sample and the others added to `z`.
-//! - The correction about north and east is added up in Q31. Its upper bits, Q18, are taken into the body frame with rows
-//!   in Q15; that is Q33, cut by two bits. The lower 13 bits are kept for the next step.
-//! - While the gains are those of a running mean, that is smooth enough: the error is taken as it is, and `z` stays 0.
+//! - `z` is Q8 (25 bits with sign). The difference is cut to Q1, rounded, and multiplied by the
+//!   share `period / T` in Q16, at most `2^13`: Q17, of which 9 bits are kept for the next sample
+//!   and the others added to `z`.
+//! - The correction about north and east is added up in Q31. Its upper bits, Q18, are taken into
+//!   the body frame with rows in Q15; that is Q33, cut by two bits. The lower 13 bits are kept for
+//!   the next step.
+//! - While the gains are those of a running mean, that is smooth enough: the error is taken as it
+//!   is, and `z` stays 0.
 
 use super::format::{Q8, Q15, Q16, Q31};
 use super::rotation::{Products, dot};

@@ -1,14 +1,14 @@
 //! The number formats, and how coefficients are brought into them.
 //!
-//! `Qn` is an `i32` that stands for itself divided by `2^n`. The names tell a reader what a number is; to the compiler
-//! all of them are `i32`, and the shifts are written out where they happen, because most formats last for one
-//! expression only. The rules are those of any fixed point:
+//! `Qn` is an `i32` that stands for itself divided by `2^n`. The names tell a reader what a number
+//! is; to the compiler all of them are `i32`, and the shifts are written out where they happen,
+//! because most formats last for one expression only. The rules are those of any fixed point:
 //!
 //! - A product of Qa and Qb is Q(a + b). `>> n` takes n fractional bits off, and rounds down.
-//! - A product must fit 31 bits and a sign. The core multiplies 32 x 32 -> 32 bits in one cycle; a product of 64 bits
-//!   would be a library call of 78. So factors are cut to 16 bits first.
-//! - A coefficient that spans decades is kept in 13 to 15 significant bits, with the shift that brings its product
-//!   back: see [`normalised`].
+//! - A product must fit 31 bits and a sign. The core multiplies 32 x 32 -> 32 bits in one cycle; a
+//!   product of 64 bits would be a library call of 78. So factors are cut to 16 bits first.
+//! - A coefficient that spans decades is kept in 13 to 15 significant bits, with the shift that
+//!   brings its product back: see [`normalised`].
 
 /// Fractional bits 4: the horizontal field, counts.
 pub(super) type Q4 = i32;
@@ -41,8 +41,8 @@ pub(super) fn nearest_log2(value: f32) -> u8 {
     log2
 }
 
-/// A positive coefficient below `limit` as an integer from `limit / 2` up to `limit`, and the right shift that its
-/// products then need.
+/// A positive coefficient below `limit` as an integer from `limit / 2` up to `limit`, and the right
+/// shift that its products then need.
 pub(super) fn normalised(value: f32, limit: f32) -> (i32, u8) {
     let (mut value, mut shift) = (value, 0);
     while value < limit / 2.0 {

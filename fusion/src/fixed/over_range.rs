@@ -83,7 +83,8 @@ pub struct Recovered {
     field: i32,
     /// Time since the last field, s.
     field_dt: Q20,
-    /// The part of the corrections that is still to be applied, half an angle about each body axis, rad.
+    /// The part of the corrections that is still to be applied, half an angle about each body axis,
+    /// rad.
     owed: [Q31; 3],
     /// One over the accelerometer's noise density, 1/(rad^2 s).
     per_density: Q20,
@@ -118,8 +119,8 @@ impl Recovered {
         }
     }
 
-    /// The attitude's variance has grown, rad^2: the gain increase of a running mean whose variance is as large, and how
-    /// long it lasts, unless the gains are larger already.
+    /// The attitude's variance has grown, rad^2: the gain increase of a running mean whose variance
+    /// is as large, and how long it lasts, unless the gains are larger already.
     #[cold]
     fn unsettle(&self, variance: Q20, gain_log2: i32) -> Option<(i32, u32)> {
         let mut slow = self.slow_per_s;
@@ -138,7 +139,8 @@ impl Recovered {
         (raised != 0 && raised >= gain_log2).then_some((raised, blocks.clamp(1, 100) as u32))
     }
 
-    /// One step of the recovery: what the axes hide and the other sensors show becomes a correction that is owed.
+    /// One step of the recovery: what the axes hide and the other sensors show becomes a correction
+    /// that is owed.
     #[inline(never)]
     fn recover(
         &mut self,

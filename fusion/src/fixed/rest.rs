@@ -1,21 +1,22 @@
 //! Rest and gyroscope offset in counts: see [`crate::RestConfig`].
 //!
 //! # The method
-//! The gyroscope's three axes and the accelerometer's are summed over blocks of about a quarter of a second. A block whose
-//! means are near those of the reference block is still; enough of them in a row are rest. From then on the mean of each
-//! still block, but the newest, moves the offset: the k-th by 1/k of the difference, with k rounded up to a power of two,
-//! until that is the memory.
+//! The gyroscope's three axes and the accelerometer's are summed over blocks of about a quarter of
+//! a second. A block whose means are near those of the reference block is still; enough of them in
+//! a row are rest. From then on the mean of each still block, but the newest, moves the offset: the
+//! k-th by 1/k of the difference, with k rounded up to a power of two, until that is the memory.
 //!
 //! # The work
-//! A block has `2^shift` samples, so that its means are shifts. Its work is spread over the first samples of the next, so
-//! that none pays for more than one job: see [`START_UP`].
+//! A block has `2^shift` samples, so that its means are shifts. Its work is spread over the first
+//! samples of the next, so that none pays for more than one job: see [`START_UP`].
 //!
 //! # The formats
-//! - Sums: at most `2^12` samples of `2^15` counts. The mean in Q9 needs 9 bits more than 32 have where a rate is far from
-//!   zero; it wraps then, and is not used, as such a mean is a motion.
-//! - The offset is learned in Q16, where the smallest share, `2^-7`, of a bit of Q9 is not lost, and rounded to Q9 for the
-//!   integration.
-//! - The integration multiplies the offset in Q9 by a half angle per count below `2^15`: it holds up to 127 counts.
+//! - Sums: at most `2^12` samples of `2^15` counts. The mean in Q9 needs 9 bits more than 32 have
+//!   where a rate is far from zero; it wraps then, and is not used, as such a mean is a motion.
+//! - The offset is learned in Q16, where the smallest share, `2^-7`, of a bit of Q9 is not lost,
+//!   and rounded to Q9 for the integration.
+//! - The integration multiplies the offset in Q9 by a half angle per count below `2^15`: it holds
+//!   up to 127 counts.
 
 use super::counts::Scale;
 use super::format::{Q9, Q16, nearest_log2};
@@ -23,7 +24,8 @@ use super::rotation::BIAS_BITS;
 use crate::error::{ConfigError, in_range};
 use crate::rest::{BLOCK_S, RestConfig};
 
-/// Bits that the offset has beyond `BIAS_BITS` while it is learned, and the largest memory: `2^7` blocks.
+/// Bits that the offset has beyond `BIAS_BITS` while it is learned, and the largest memory: `2^7`
+/// blocks.
 const FINER_BITS: u32 = 7;
 
 /// One axis of a sensor.
@@ -32,14 +34,15 @@ const FINER_BITS: u32 = 7;
 struct Axis {
     /// Mean over the block that the others are compared with, counts.
     reference: i32,
-    /// Mean over the newest block, counts. The offset learns from it when the next block is still too: a motion may have
-    /// begun in it.
+    /// Mean over the newest block, counts. The offset learns from it when the next block is still
+    /// too: a motion may have begun in it.
     newest: Q9,
     /// Offset of the axis, counts.
     offset: Q16,
 }
 
-/// The rest detection. First the sums of the block under way, which every sample touches, then what a block's end needs.
+/// The rest detection. First the sums of the block under way, which every sample touches, then what
+/// a block's end needs.
 #[derive(Clone, Debug)]
 #[repr(C)]
 pub(super) struct Rest {
@@ -72,8 +75,8 @@ pub(super) struct Rest {
     axes: [Axis; 6],
 }
 
-/// Work is spread over a block: samples 0 to 5 close one axis each, 6 decides on rest, and 7 (this) updates the start-up
-/// gains, which is the estimator's job.
+/// Work is spread over a block: samples 0 to 5 close one axis each, 6 decides on rest, and 7 (this)
+/// updates the start-up gains, which is the estimator's job.
 pub(super) const START_UP: u32 = 7;
 
 /// Neither one of these jobs nor one of the compass.

@@ -1,32 +1,36 @@
 //! The orientation in 32 bits, and its integration.
 //!
-//! The quaternion is kept in Q30 and cut to Q15 wherever it is a factor, so that every product is of two
-//! 16-bit numbers and fits 32 bits: one cycle each, where a 32 x 32 -> 64 multiplication would be a library
-//! call of 78. Nothing is lost by it: rotation increments are Q31, what their rounding to 2^-16 leaves is
-//! carried into the next step, and the rounding of the factors only scales an increment by 1e-5.
+//! The quaternion is kept in Q30 and cut to Q15 wherever it is a factor, so that every product is
+//! of two 16-bit numbers and fits 32 bits: one cycle each, where a 32 x 32 -> 64 multiplication
+//! would be a library call of 78. Nothing is lost by it: rotation increments are Q31, what their
+//! rounding to 2^-16 leaves is carried into the next step, and the rounding of the factors only
+//! scales an increment by 1e-5.
 //!
-//! Quaternion and pending rotation carry an offset of half a bit of what they are cut to, so that cutting rounds.
+//! Quaternion and pending rotation carry an offset of half a bit of what they are cut to, so that
+//! cutting rounds.
 //!
 //! # The integration
-//! With `s = |h|^2`, the rotation by half angle `h` is `(1 - s/2 + s^2/24, h (1 - s/6))`. The factor `1 - s/6` is that
-//! of the step before: it changes slowly. In terms of the shortened `h' = h (1 - s/6)` and its `s'`, the first component
-//! is `1 - c` with `c = s'/2 + s'^2/8`. So
+//! With `s = |h|^2`, the rotation by half angle `h` is `(1 - s/2 + s^2/24, h (1 - s/6))`. The
+//! factor `1 - s/6` is that of the step before: it changes slowly. In terms of the shortened
+//! `h' = h (1 - s/6)` and its `s'`, the first component is `1 - c` with `c = s'/2 + s'^2/8`. So
 //!
 //! ```text
 //! w = w - (w c + x hx + y hy + z hz)
 //! x = x + (w hx - x c + y hz - z hy)      and so on
 //! ```
 //!
-//! - `h` is Q31, and Q16 where it is a factor. For `s` it is cut to Q14, so that three squares fit for components up to
-//!   1 rad; they are Q28, and `s` is Q16.
-//! - `s^2` in Q32 must fit 31 bits: `s < 0.707`, `|h| < 0.84 rad`. What makes up `h` has been given its part of that: the
-//!   rates a quarter of a radian an axis, 0.43 in all (`Scale::GYR_RAD_S`, `PERIOD_US`); tilt and heading, at right
-//!   angles, 0.25 and 0.125; recovery a sixteenth an axis, 0.11.
-//! - The products with the quaternion are Q15 times Q16. Their sums fit because `|q| = 1` and `c^2 + |h|^2 < 1`.
+//! - `h` is Q31, and Q16 where it is a factor. For `s` it is cut to Q14, so that three squares fit
+//!   for components up to 1 rad; they are Q28, and `s` is Q16.
+//! - `s^2` in Q32 must fit 31 bits: `s < 0.707`, `|h| < 0.84 rad`. What makes up `h` has been given
+//!   its part of that: the rates a quarter of a radian an axis, 0.43 in all (`Scale::GYR_RAD_S`,
+//!   `PERIOD_US`); tilt and heading, at right angles, 0.25 and 0.125; recovery a sixteenth an axis,
+//!   0.11.
+//! - The products with the quaternion are Q15 times Q16. Their sums fit because `|q| = 1` and
+//!   `c^2 + |h|^2 < 1`.
 //!
 //! # The norm
-//! `|q|^2 - 1 = e` means that the length is off by `e / 2`. A quarter of `e` is added to `c`, which takes half of it away
-//! with every step.
+//! `|q|^2 - 1 = e` means that the length is off by `e / 2`. A quarter of `e` is added to `c`, which
+//! takes half of it away with every step.
 
 use super::format::{Q9, Q15, Q16, Q30, Q31};
 
@@ -123,8 +127,8 @@ impl Rotation {
         }
     }
 
-    /// Turn the level attitude of the start upside down. A body whose accelerometer shows that side is then less than half
-    /// a turn away, from where any attitude is found.
+    /// Turn the level attitude of the start upside down. A body whose accelerometer shows that side
+    /// is then less than half a turn away, from where any attitude is found.
     pub(super) fn turn_over(&mut self) {
         self.q.swap(0, 1);
     }
@@ -167,7 +171,8 @@ impl Rotation {
         ];
     }
 
-    /// The products of the components. Their squares show the excess of the norm, for the next step.
+    /// The products of the components. Their squares show the excess of the norm, for the next
+    /// step.
     #[inline(always)]
     pub(super) fn products(&mut self) -> Products {
         let [w, x, y, z] = self.q.map(|c| c >> 15);

@@ -1,34 +1,40 @@
 //! The gains of a running mean, with which an estimate begins, or begins anew.
 //!
 //! # The schedule
-//! The gain of a channel (tilt or heading) is the share of its error that one sample takes away. A mean over `n` samples
-//! has the gain `1 / n`; the filter's own is smaller. Here every gain is the filter's own times a power of two:
+//! The gain of a channel (tilt or heading) is the share of its error that one sample takes away. A
+//! mean over `n` samples has the gain `1 / n`; the filter's own is smaller. Here every gain is the
+//! filter's own times a power of two:
 //!
 //! ```text
 //! gain = own gain * 2^max(gain_log2 - subtract, 0)
 //! ```
 //!
-//! `gain_log2` begins where the slower channel has a first gain from 1/8 up to 1/4; `subtract` is what the other channel,
-//! whose own gain is larger, needs less for that, and 0 for the slower one. At least 64 samples have the first gain: that
-//! turns the estimate from any attitude to the one that is seen. A mean over `2^6` samples then has the gain `2^-6`, so
-//! `gain_log2` drops by `6 - 2` at once, and after that by 1 whenever the number of samples has doubled, until it is 0.
-//! Time is counted in the blocks of [`Rest`](super::rest::Rest), which have a power of two of samples.
+//! `gain_log2` begins where the slower channel has a first gain from 1/8 up to 1/4; `subtract` is
+//! what the other channel, whose own gain is larger, needs less for that, and 0 for the slower one.
+//! At least 64 samples, and at least a block, have the first gain: that turns the estimate from any
+//! attitude to the one that is seen. A mean over `2^6` samples then has the gain `2^-6`, so
+//! `gain_log2` drops by `6 - 2` at once, and after that by 1 whenever the number of samples has
+//! doubled, until it is 0. Time is counted in the blocks of [`Rest`](super::rest::Rest), which have
+//! a power of two of samples.
 //!
 //! # The formats
-//! The tilt gain is a factor and a right shift ([`Gain`]): `2^k` times the gain is `k` less in the shift. The product
-//! with the error of any acceleration must fit 31 bits, and what it is shifted to must stay below a quarter of a radian.
-//! With the error `|d x a| <= 2^15 * 2^15 sqrt(3)` (Q15 and counts), cut by 11 bits:
+//! The tilt gain is a factor and a right shift ([`Gain`]): `2^k` times the gain is `k` less in the
+//! shift. The product with the error of any acceleration must fit 31 bits, and what it is shifted
+//! to must stay below a quarter of a radian. With the error `|d x a| <= 2^15 * 2^15 sqrt(3)` (Q15
+//! and counts), cut by 11 bits:
 //!
 //! ```text
 //! factor <= 2^31 / (2^19 sqrt(3)) = 2364        MAX_FACTOR
 //! 2^31 / 2^MIN_TILT_SHIFT = 2^29                a quarter of a radian in Q31
 //! ```
 //!
-//! So the shift never falls below 2. What is then still missing to `2^k` multiplies the factor instead, and the
-//! acceleration is limited to 1.9 g (sum of the components' sizes) meanwhile: with the largest first gain
-//! `2^-2 * 2^26 / per_g * 2^MIN_TILT_SHIFT = 2^26 / per_g`, the product is at most `2^26 * 1.9 * 2^4 < 2^31`.
+//! So the shift never falls below 2. What is then still missing to `2^k` multiplies the factor
+//! instead, and the acceleration is limited to 1.9 g (sum of the components' sizes) meanwhile: with
+//! the largest first gain `2^-2 * 2^26 / per_g * 2^MIN_TILT_SHIFT = 2^26 / per_g`, the product is
+//! at most `2^26 * 1.9 * 2^4 < 2^31`.
 //!
-//! The heading gain is a factor below `2^13` and a shift too; there the limits of the correction bound the product.
+//! The heading gain is a factor below `2^13` and a shift too; there the limits of the correction
+//! bound the product.
 
 use super::filters::Gain;
 use super::format::{normalised, positive};
@@ -46,8 +52,8 @@ const FIRST_GAIN_LOG2: u8 = 2;
 /// Base-2 logarithm of the fewest samples that have it.
 const FIRST_SAMPLES_LOG2: u8 = 6;
 
-/// Largest sum of the sizes of an acceleration's components, g, while the factor is beyond [`MAX_FACTOR`]. Gravity alone
-/// has at most 1.73, in whatever direction.
+/// Largest sum of the sizes of an acceleration's components, g, while the factor is beyond
+/// [`MAX_FACTOR`]. Gravity alone has at most 1.73, in whatever direction.
 const ACC_LIMIT_G: f32 = 1.9;
 
 /// The gains of a step.
@@ -60,8 +66,8 @@ pub(super) struct Gains {
     pub(super) heading: i32,
     /// Right shift that brings a product with `heading` back.
     pub(super) heading_shift: u32,
-    /// Largest sum of the sizes of an acceleration's components, counts, while the tilt factor is beyond
-    /// [`MAX_FACTOR`]; else 0. A larger acceleration is ignored.
+    /// Largest sum of the sizes of an acceleration's components, counts, while the tilt factor is
+    /// beyond [`MAX_FACTOR`]; else 0. A larger acceleration is ignored.
     pub(super) acc_limit: i32,
     /// The gains are the filter's own.
     pub(super) settled: bool,
@@ -104,8 +110,8 @@ pub(super) struct StartUpGains {
 }
 
 impl StartUpGains {
-    /// The schedule, and the gains until its first block, which correct nothing. `tilt` and `heading` are the filter's
-    /// own gains per sample, `per_g` the counts of standard gravity.
+    /// The schedule, and the gains until its first block, which correct nothing. `tilt` and
+    /// `heading` are the filter's own gains per sample, `per_g` the counts of standard gravity.
     #[inline(always)]
     pub(super) fn new(
         tilt: f32,
@@ -164,8 +170,8 @@ impl StartUpGains {
         self.drop_at = self.blocks + self.drop_interval + 1;
     }
 
-    /// The attitude has become uncertain: from the next block on a gain `2^gain_log2` times the filter's own for so many
-    /// blocks, half of it for twice as many, and so on.
+    /// The attitude has become uncertain: from the next block on a gain `2^gain_log2` times the
+    /// filter's own for so many blocks, half of it for twice as many, and so on.
     #[cold]
     pub(super) fn raise(&mut self, gain_log2: i32, blocks: u32) {
         self.gain_log2 = gain_log2.min(self.first_gain_log2);
@@ -229,7 +235,8 @@ mod tests {
 
     #[test]
     fn gains_fall_to_the_filters_own_as_those_of_a_running_mean() {
-        // Own gains: 1/512 and 1/1024, so 2^6 and 2^7 times less than the first, 1/8. Blocks of 32 samples.
+        // Own gains: 1/512 and 1/1024, so 2^6 and 2^7 times less than the first, 1/8. Blocks of 32
+        // samples.
         let (mut start_up, mut gains) =
             StartUpGains::new(1.0 / 512.0, 1.0 / 1_024.0, 1_024.0, 5).expect("in range");
         let mut tilt_gain = || {
@@ -241,9 +248,9 @@ mod tests {
         let first = 1.0 / 8.0;
         for (blocks, expected) in [
             (2, first),
-            (2, first / 8.0),
-            (4, first / 16.0),
-            (8, first / 32.0),
+            (2, first / 16.0),
+            (4, first / 32.0),
+            (8, first / 64.0),
         ] {
             for _ in 0..blocks {
                 assert_eq!(tilt_gain(), (expected, false));
