@@ -157,8 +157,8 @@ fn frozen() {
     neutral_in_time_and_back_by_the_operator(Fault::Frozen, "frozen");
 }
 
-/// A silent bus wakes nobody: the loop must see by itself that the burst is too late for its step, and step before the
-/// edge that the pulse is for.
+/// A silent bus wakes nobody: the loop must see by itself that the burst is too late for its step,
+/// and step before the edge that the pulse is for.
 #[test]
 fn the_step_of_a_missed_sample_comes_before_its_edge() {
     let flight = in_flight();
@@ -174,12 +174,18 @@ fn the_step_of_a_missed_sample_comes_before_its_edge() {
         let until = rig.now();
         operator.run(rig, ms(20)).unwrap();
         let truth = rig.truth();
-        let steps = truth.steps.iter().filter(|s| s.start >= at && s.end < until);
+        let steps = truth
+            .steps
+            .iter()
+            .filter(|s| s.start >= at && s.end < until);
         for step in steps {
             let after = truth.pulses.iter().find(|p| p.rise > step.start).unwrap();
             let to_edge = after.rise - step.start;
             // No tick's step is due in the first two milliseconds of a frame.
-            assert!(to_edge < ms(18), "{instant}: {to_edge} before the next edge");
+            assert!(
+                to_edge < ms(18),
+                "{instant}: {to_edge} before the next edge"
+            );
             assert!(step.end < after.rise, "{instant}: over the edge");
             missed += 1;
         }
@@ -363,7 +369,8 @@ fn held() -> (Ready, RangeInclusive<f64>) {
     (ready, neutral_us(&params))
 }
 
-/// However a run ends, the rudder goes to where it holds the drone, and stays there after the reset.
+/// However a run ends, the rudder goes to where it holds the drone, and stays there after the
+/// reset.
 #[test]
 fn hang_panic_and_hard_fault_command_the_held_neutral() {
     let (ready, neutral) = held();
