@@ -209,20 +209,24 @@ impl Telemetry {
 
     fn order(&mut self, now: Micros, command: Command, flight: &mut Flight) -> Answer {
         let answer = flight.command(now, command);
-        self.report_answer(&command, answer, flight)
+        self.report_answer(format_args!("{command}"), answer, flight)
     }
 
     /// Gyro calibration: back to the self-test, the estimate begins anew.
     fn calibrate(&mut self, flight: &mut Flight) -> Answer {
         let answer = flight.calibrate();
-        self.report_answer(&"calibration", answer, flight)
+        self.report_answer(format_args!("calibration"), answer, flight)
     }
 
     /// A reset stops the pulses for half a second: not while they may be needed.
     fn reset(&mut self, reset: Reset, flight: &Flight) -> Answer {
         let state = flight.state();
         if state.is_armed() || matches!(state, State::Failsafe(_)) {
-            return self.report_answer(&"reboot", Err(Refusal::WrongState(state)), flight);
+            return self.report_answer(
+                format_args!("reboot"),
+                Err(Refusal::WrongState(state)),
+                flight,
+            );
         }
         self.reset = Some(reset);
         Ok(())
@@ -231,7 +235,7 @@ impl Telemetry {
     /// Tells the state that an order led to, or why it was refused.
     fn report_answer(
         &mut self,
-        order: &dyn fmt::Display,
+        order: fmt::Arguments<'_>,
         answer: Result<(), Refusal>,
         flight: &Flight,
     ) -> Answer {
