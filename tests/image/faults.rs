@@ -380,8 +380,12 @@ fn hang_panic_and_hard_fault_command_the_held_neutral() {
         .find(|(name, _)| name.contains("panic_bounds_check"))
         .unwrap()
         .1;
-    let hang = |rig: &mut rig::Rig| drop(divert(rig, 0xE7FE));
-    let fault = |rig: &mut rig::Rig| drop(divert(rig, 0xDE00));
+    let hang = |rig: &mut rig::Rig| {
+        divert(rig, 0xE7FE);
+    };
+    let fault = |rig: &mut rig::Rig| {
+        divert(rig, 0xDE00);
+    };
     let panic = move |rig: &mut rig::Rig| {
         let mut registers = rig.chip().registers();
         (registers.r[14], registers.r[15]) = (registers.r[15] | 1, panic & !1);
