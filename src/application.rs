@@ -1,7 +1,8 @@
-//! The application: what the main loop does with each event, apart from the hardware that it does it with.
+//! The application: what the main loop does with each event, apart from the hardware that it does
+//! it with.
 //!
-//! [`Application::turn`] joins the sensor's driver, [`Flight`], [`Telemetry`] and [`Recorder`]. The chip's board and the
-//! tests' stand in for [`Board`].
+//! [`Application::turn`] joins the sensor's driver, [`Flight`], [`Telemetry`] and [`Recorder`]. The
+//! chip's board and the tests' stand in for [`Board`].
 
 use core::ops::Deref;
 
@@ -94,7 +95,8 @@ pub trait Board {
     /// What SYS_STATUS tells of the board.
     fn status(&self) -> BoardStatus;
 
-    /// Look after the port to the host. A vehicle that is `armed` is not reset. Says whether a program has the port open.
+    /// Look after the port to the host. A vehicle that is `armed` is not reset. Says whether a
+    /// program has the port open.
     fn poll_port(&mut self, now: Micros, armed: bool) -> bool;
 
     /// The host's next packet, empty if there is none.
@@ -138,7 +140,8 @@ impl<'a> Application<'a> {
     }
 
     /// Once round the loop: read, step, write, send.
-    // A function of its own: what `main` holds for ever in registers is then not in its way. 3.4 KB less flash.
+    // A function of its own: what `main` holds for ever in registers is then not in its way. 3.4 KB
+    // less flash.
     #[inline(never)]
     pub fn turn<A: Deref<Target = [u8]>>(
         &mut self,
@@ -147,7 +150,8 @@ impl<'a> Application<'a> {
         board: &mut impl Board,
     ) {
         let reading = self.take(now, event);
-        // First, so that what the sensor is asked between two bursts goes over the wire during the step.
+        // First, so that what the sensor is asked between two bursts goes over the wire during the
+        // step.
         self.serve_sensor(now, board);
         if let Some(reading) = reading {
             board.step_begins();
@@ -162,7 +166,8 @@ impl<'a> Application<'a> {
         self.exchange(now, board);
     }
 
-    /// What the event means to the flight: a sample or the reason why there is none, where a step is due.
+    /// What the event means to the flight: a sample or the reason why there is none, where a step
+    /// is due.
     fn take<A: Deref<Target = [u8]>>(
         &mut self,
         now: Micros,
@@ -184,7 +189,8 @@ impl<'a> Application<'a> {
         }
     }
 
-    /// Give the sensor's driver what it asks for next. While the sensor is sampled, that goes between two bursts.
+    /// Give the sensor's driver what it asks for next. While the sensor is sampled, that goes
+    /// between two bursts.
     fn serve_sensor(&mut self, now: Micros, board: &mut impl Board) {
         let sampling = self.driver.is_sampling();
         board.arm(sampling.then(|| self.driver.burst()));

@@ -1,7 +1,7 @@
 //! Who may move the rudder: the states of the flight, and what leads from one to another.
 //!
-//! The firmware cannot cut the motors, so the safe output is the neutral pulse. Every state but [`State::Active`]
-//! commands it, but for an [idle](State::is_idle) servo that the operator sets up.
+//! The firmware cannot cut the motors, so the safe output is the neutral pulse. Every state but
+//! [`State::Active`] commands it, except while the operator sets up an [idle](State::is_idle) servo.
 
 mod code;
 mod command;
@@ -21,7 +21,7 @@ pub use code::{LatchKind, ReasonKind, RefusalKind, StateCode, StateKind, Unknown
 pub use command::{Command, Refusal};
 pub use state::{BootReport, Crash, Latch, Reason, State};
 
-/// What the supervisor is told of the attitude.
+/// What the supervisor needs to know of the attitude.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Health {
     /// It is a rotation.
@@ -44,7 +44,7 @@ impl Health {
     };
 }
 
-/// Keeps the state, and changes it by what happens and by what the operator asks.
+/// Keeps the state, and changes it with samples, faults, time and commands.
 #[derive(Clone, Debug)]
 pub struct Supervisor {
     state: State,
@@ -160,8 +160,9 @@ impl Supervisor {
         }
     }
 
-    /// The estimate starts over: nothing is armed, and no failsafe of the sensor acknowledged, until it has settled and
-    /// the gyro's offset is known. Only the tilt stays as it was last seen.
+    /// The estimate starts over: nothing is armed, and no failsafe of the sensor acknowledged,
+    /// until it has settled and the gyro's offset is known. Only the tilt stays as it was last
+    /// seen.
     pub fn attitude_lost(&mut self) {
         self.health = Health {
             cos_tilt: self.health.cos_tilt,
@@ -205,7 +206,7 @@ impl Supervisor {
         Ok(())
     }
 
-    /// What arming and release ask for.
+    /// The conditions of arming and release.
     fn ready(&self, now: Micros) -> Result<(), Refusal> {
         if !self.sensor_is_healthy() {
             Err(Refusal::Sensor)
@@ -242,7 +243,7 @@ impl Supervisor {
                 .is_none_or(|seen| now.0.saturating_sub(seen.0) > HOST_SILENCE_US)
     }
 
-    /// What time alone can bring about.
+    /// Faults that come with time alone: data too old, a silent host, a tilt for too long.
     fn watch(&mut self, now: Micros) {
         let age_us = self.fresh.map_or(0, |fresh| now.0.saturating_sub(fresh.0));
         if age_us > DATA_AGE_LIMIT_US {

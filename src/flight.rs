@@ -29,7 +29,7 @@ enum Rudder {
     Neutral,
 }
 
-/// Everything that a step gives.
+/// What a step results in.
 #[derive(Clone, Copy, Debug)]
 pub struct Outputs {
     /// The pulse for the next servo frame.
@@ -38,7 +38,7 @@ pub struct Outputs {
     pub snapshot: Snapshot,
 }
 
-/// A step, for whoever watches.
+/// A step as telemetry and recorder take it.
 #[derive(Clone, Copy, Debug)]
 pub struct Snapshot {
     /// Time of the step.
@@ -61,7 +61,7 @@ pub struct Snapshot {
     pub missed: u32,
 }
 
-/// Attitude, control, servo and failsafe: all that flies.
+/// Attitude, control, servo and failsafe.
 #[derive(Clone, Debug)]
 pub struct Flight {
     params: Params,
@@ -242,8 +242,8 @@ impl Flight {
         }
     }
 
-    /// Who moves the rudder: control while it is active, or in standby while somebody looks at the polarity; a test pulse
-    /// where nobody needs the rudder; nobody else.
+    /// Who moves the rudder: control while it is active, or in standby while somebody looks at the
+    /// polarity; a test pulse where nobody needs the rudder; nobody else.
     fn rudder(&self, now: Micros) -> Rudder {
         let (pulse, until) = self.test_pulse;
         match (self.state(), self.params.polarity()) {
@@ -280,8 +280,8 @@ impl Flight {
         }
     }
 
-    /// Hand the parameters to the parts that they belong to, after one with this rule of change. What alters the meaning
-    /// of the samples starts the estimate over, and arming waits for it.
+    /// Hand the parameters to the parts that they belong to, after one with this rule of change.
+    /// What alters the meaning of the samples starts the estimate over, and arming waits for it.
     fn configure(&mut self, change: Change) {
         // Nothing that may change in flight concerns navigation, whose sines would cost a sample.
         if change != Change::Live && self.navigation.configure(&self.params) {

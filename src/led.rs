@@ -4,8 +4,8 @@ use bno055_driver::Micros;
 
 use crate::failsafe::StateKind;
 
-/// Whether the LED is lit: always while armed or active, slowly blinking in standby, fast in a fault, in short flashes
-/// before that.
+/// Whether the LED is lit: always while armed or active, slowly blinking in standby, fast in a
+/// fault, in short flashes before that.
 pub fn is_lit(state: StateKind, now: Micros) -> bool {
     // Units of 8 ms.
     let phase = (now.0 >> 13) as u32 % 128;

@@ -31,7 +31,8 @@ mod firmware {
         }
     }
 
-    /// Puts all that lives as long as the firmware into statics, so that the stack holds only what comes and goes.
+    /// Puts all that lives as long as the firmware into statics, so that the stack holds only what
+    /// comes and goes.
     // A function of its own: what it builds on the stack is gone when the loop begins.
     #[inline(never)]
     fn start(recorder: &'static mut Recorder) -> (&'static mut Board, Application<'static>) {

@@ -102,7 +102,8 @@ impl Mount {
         Self::calibrated(&calibrations(params), params)
     }
 
-    /// A sensor with these calibrations of the accelerometer, gyro and magnetometer, turned as the `MNT_` parameters say.
+    /// A sensor with these calibrations of the accelerometer, gyro and magnetometer, turned as the
+    /// `MNT_` parameters say.
     fn calibrated(calibrations: &[Calibration; 3], params: &Params) -> Self {
         let rotation = rotation(params);
         Self {

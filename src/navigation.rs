@@ -47,8 +47,9 @@ impl Navigation {
         })
     }
 
-    /// Take over changed parameters. Another calibration, mount, declination or sampling rate starts the estimate over:
-    /// what has been learned belongs to the samples as they were. Says whether it did.
+    /// Take over changed parameters. Another calibration, mount, declination or sampling rate
+    /// starts the estimate over: what has been learned belongs to the samples as they were. Says
+    /// whether it did.
     #[must_use]
     pub fn configure(&mut self, params: &Params) -> bool {
         let settings = Settings::of(params);
@@ -114,7 +115,8 @@ impl Navigation {
         self.bias_known
     }
 
-    /// Forget the attitude, the gyroscope's offset and the samples so far: what follows depends on what follows only.
+    /// Forget the attitude, the gyroscope's offset and the samples so far: the estimate depends on
+    /// later samples only.
     pub fn restart(&mut self) {
         self.last = None;
         // The settings are within their parameters' ranges.

@@ -48,9 +48,9 @@ impl fmt::Display for Failure {
 pub enum Verdict {
     /// Not a second yet.
     Running,
-    /// All is well.
+    /// Every check passed.
     Passed,
-    /// This is not.
+    /// This check failed.
     Failed(Failure),
 }
 

@@ -14,7 +14,8 @@ pub struct PulseUs(pub u16);
 
 /// The pulse of a rudder at rest: the centre and the holding angle, within the command limits.
 ///
-/// This is the one safe output. Control falls back to it, and so do the watchdog, a panic and a fault.
+/// This is the one safe output. Control falls back to it, and so do the watchdog, a panic and a
+/// fault.
 pub fn neutral(params: &Params) -> PulseUs {
     Servo::new(params).pulse()
 }
@@ -133,7 +134,8 @@ mod tests {
         assert_eq!(reversed.command(10.0_f32.to_radians(), 1.0), PulseUs(1394));
     }
 
-    /// The pulse of a crash and of the time before the first step is the one that the flight rests at.
+    /// The pulse of a crash and of the time before the first step is the one that the flight rests
+    /// at.
     #[test]
     fn there_is_one_neutral_pulse() {
         for (hold, expected) in [(-10.0, 1424), (0.0, 1524), (3.0, 1554)] {

@@ -1,10 +1,12 @@
 //! When the sensor is sampled: ticks that are locked to the servo frame.
 //!
-//! The BNO055 refreshes its registers by a clock of its own, at about 100 Hz. Sampling it at 100 Hz beats: about once a
-//! second a refresh is read twice or not at all, and with it goes the rotation of 10 ms, up to 20 mrad of attitude in a
-//! flight from 0.8 rad. At 150 Hz every refresh is read, some twice, and the errors of the time steps cancel.
+//! The BNO055 refreshes its registers by a clock of its own, at about 100 Hz. Sampling it at 100 Hz
+//! beats: about once a second a refresh is read twice or not at all, and with it goes the rotation
+//! of 10 ms, up to 20 mrad of attitude in a flight from 0.8 rad. At 150 Hz every refresh is read,
+//! some twice, and the errors of the time steps cancel.
 //!
-//! The last tick of a frame comes [`lead_us`] before the edge of the pulse that is to carry its sample:
+//! The last tick of a frame comes [`lead_us`] before the edge of the pulse that is to carry its
+//! sample:
 //!
 //! ```text
 //!  tick ── burst ── reserve ── burst due ── step ── edge
@@ -14,27 +16,29 @@
 
 use bno055_driver::{Micros, Transfer};
 
-/// From the last moment at which a burst may be over to the edge of its pulse, us: the step, with a reserve.
+/// From the last moment at which a burst may be over to the edge of its pulse, us: the step, with a
+/// reserve.
 pub const STEP_BUDGET_US: u32 = 1_200;
 
 /// Reserve for a burst that takes longer than [`burst_us`], us.
 const BURST_RESERVE_US: u32 = 1_000;
 
-/// Clock stretching of a byte that is allowed for when a short transfer is put between two bursts, us. A healthy chip
-/// needs 180 us; should it take longer for once, the next tick goes without its burst.
+/// Clock stretching of a byte that is allowed for when a short transfer is put between two bursts,
+/// us. A healthy chip needs 180 us; should it take longer for once, the next tick goes without its
+/// burst.
 const STRETCH_US: u64 = 250;
 
 /// Slowest and fastest servo frame, Hz.
 const RATES_HZ: (u32, u32) = (50, 333);
 
-/// Shortest time between two ticks, us: the burst, a short transfer to look after the sensor, and some reserve. The bus
-/// at 100 kHz takes 1.4 ms longer for both.
+/// Shortest time between two ticks, us: the burst, a short transfer to look after the sensor, and
+/// some reserve. The bus at 100 kHz takes 1.4 ms longer for both.
 const fn shortest_us(i2c_khz: u32) -> u32 {
     if is_slow(i2c_khz) { 9_000 } else { 6_500 }
 }
 
-/// Duration of a burst, us. Its 18 bytes with their two addresses and the register are 192 bit times; the BNO055
-/// stretches the clock by about 180 us in each of the 21 bytes.
+/// Duration of a burst, us. Its 18 bytes with their two addresses and the register are 192 bit
+/// times; the BNO055 stretches the clock by about 180 us in each of the 21 bytes.
 const fn burst_us(i2c_khz: u32) -> u32 {
     if is_slow(i2c_khz) { 5_700 } else { 4_300 }
 }
@@ -103,7 +107,8 @@ pub struct TimerPlan {
     pub plan: TickPlan,
     /// Timer counts in a frame.
     pub period: u32,
-    /// Counts from the start of the frame to its ticks, the last first; those that there are not repeat it.
+    /// Counts from the start of the frame to its ticks, the last first; those that there are not
+    /// repeat it.
     pub ticks: [u32; TickPlan::MOST_TICKS as usize],
     /// Time from tick to tick, us, rounded down.
     pub tick_period_us: u32,

@@ -35,12 +35,14 @@ impl Work {
         self.step |= taken;
     }
 
-    /// `sent` says whether the servo timer has nothing left in its buffer. That counts once a step has filled it.
+    /// `sent` says whether the servo timer has nothing left in its buffer. That counts once a step
+    /// has filled it.
     pub fn pulse_sent(&mut self, sent: bool) {
         self.pulse |= sent && self.step;
     }
 
-    /// Whether the loop has ticked, stepped and had a pulse go out since the last feed, which is long enough ago.
+    /// Whether the loop has ticked, stepped and had a pulse go out since the last feed, which is
+    /// long enough ago.
     pub fn is_done(&self, now: Micros) -> bool {
         self.tick && self.step && self.pulse && now.since(self.fed) >= FEED_PERIOD_US
     }

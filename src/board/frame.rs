@@ -1,12 +1,13 @@
 //! The servo frame: pulses, and the ticks that are locked to them, from one timer.
 //!
-//! A TCC counts up at 3 MHz. Its overflow is the rising edge of the pulse, the compare channel of the servo's pin the
-//! falling edge (normal PWM, data sheet 31.6.2.5). Pulses are written to the channel's buffer register and take effect
-//! at the next overflow: the compare register itself, written while the pin is high, would make one pulse last a whole
-//! frame. The other compare channels have no pin; their interrupts are the ticks of the [`TickPlan`].
+//! A TCC counts up at 3 MHz. Its overflow is the rising edge of the pulse, the compare channel of
+//! the servo's pin the falling edge (normal PWM, data sheet 31.6.2.5). Pulses are written to the
+//! channel's buffer register and take effect at the next overflow: the compare register itself,
+//! written while the pin is high, would make one pulse last a whole frame. The other compare
+//! channels have no pin; their interrupts are the ticks of the [`TickPlan`].
 //!
-//! A register that is still synchronising with the timer's clock discards a second write (data sheet 14.3): every write
-//! here waits for its flag, for a bounded time.
+//! A register that is still synchronising with the timer's clock discards a second write (data
+//! sheet 14.3): every write here waits for its flag, for a bounded time.
 
 use core::cell::Cell;
 use core::sync::atomic::{AtomicBool, AtomicU8, AtomicU32, Ordering};
@@ -31,7 +32,8 @@ const BUFFER_IS_FULL: u32 = 1 << (16 + SERVO_CHANNEL);
 /// See [`BUFFER_IS_FULL`].
 const BUFFER_SYNCHRONISES: u32 = 1 << (19 + SERVO_CHANNEL);
 
-/// The pulse that [`force_neutral`] sends, in counts; 0 until the firmware has said what neutral is.
+/// The pulse that [`force_neutral`] sends, in counts; 0 until the firmware has said what neutral
+/// is.
 static NEUTRAL: AtomicU32 = AtomicU32::new(0);
 /// The frame has begun to run and the timer may be touched from anywhere.
 static RUNNING: AtomicBool = AtomicBool::new(false);
@@ -97,7 +99,8 @@ impl Frame {
         RUNNING.store(true, Ordering::Release);
         ready &= write_buffer(COUNTS_PER_US * u32::from(neutral.0));
         if !ready {
-            // Without its timer the board can do nothing for the servo; the reset counts as a crash and is reported.
+            // Without its timer the board can do nothing for the servo; the reset counts as a crash
+            // and is reported.
             panic!("servo timer does not synchronise");
         }
         Self {
@@ -128,8 +131,8 @@ impl Frame {
         self.tick_period_us
     }
 
-    /// Change frame rate and tick lead from the next frame on, all at once, so that no pulse is cut short. `false` if
-    /// the timer did not take it.
+    /// Change frame rate and tick lead from the next frame on, all at once, so that no pulse is cut
+    /// short. `false` if the timer did not take it.
     #[must_use]
     pub(super) fn retime(&mut self, frame_hz: u32, i2c_khz: u32) -> bool {
         if (frame_hz, i2c_khz) == (self.frame_hz, self.i2c_khz) {

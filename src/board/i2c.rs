@@ -110,7 +110,7 @@ static MASTER: Mutex<RefCell<Master>> = Mutex::new(RefCell::new(Master {
     broken: true,
 }));
 
-/// Look at it, or change it, with interrupts held off.
+/// Access the shared state with interrupts held off.
 fn with_master<R>(action: impl FnOnce(&mut Master) -> R) -> R {
     critical_section::with(|cs| action(&mut MASTER.borrow_ref_mut(cs)))
 }
@@ -226,7 +226,7 @@ fn send(bytes: &[u8], sent: usize) -> Result<Step, NotSynchronised> {
     }
 }
 
-/// The main loop's end of the bus.
+/// The bus as the main loop uses it.
 pub(super) struct Bus {
     khz: u32,
     /// When a broken bus is looked at next.
@@ -291,7 +291,8 @@ impl Bus {
         })
     }
 
-    /// The transfer that is over, once; ends one that has reached its deadline, and repairs the bus.
+    /// The transfer that is over, once; ends one that has reached its deadline, and repairs the
+    /// bus.
     pub(super) fn poll(&mut self, now: Micros) -> Option<Completion> {
         if self.deadline().is_some_and(|deadline| now >= deadline) {
             let lines_free = SDA.is_high() && SCL.is_high();
@@ -310,7 +311,7 @@ impl Bus {
         completion
     }
 
-    /// End what is under way. The peripheral is useless until it is repaired.
+    /// End the transfer under way. The peripheral is of no use until it is repaired.
     fn abort(&mut self, error: BusError) {
         with_master(|master| {
             sercom::silence();

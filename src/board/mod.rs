@@ -45,8 +45,8 @@ use tvc_nano::ticks::NewestTick;
 
 use nano33iot::{FRAME_INTERRUPT, I2C_INTERRUPT, LED, PROBE, RADIO_RESET};
 
-/// The loop turns this often at least, us, give or take one period of SysTick: the sensor's driver and the host's port
-/// have deadlines of their own that are not so strict.
+/// The loop turns this often at least, us, give or take one period of SysTick: the sensor's driver
+/// and the host's port have deadlines of their own that are not so strict.
 const TURN_PERIOD_US: u64 = 1_000;
 
 /// The running board.
@@ -124,13 +124,15 @@ impl Board {
         (now, self.event(now))
     }
 
-    /// When the tick's burst is too late for its step, or a transfer is given up, whichever comes first.
+    /// When the tick's burst is too late for its step, or a transfer is given up, whichever comes
+    /// first.
     fn deadline(&self) -> Option<Micros> {
         let both = [self.tick.burst_due(), self.bus.deadline()];
         both.into_iter().flatten().min()
     }
 
-    /// Sleep until the next interrupt, unless that may come too late. Says whether there is something to do.
+    /// Sleep until the next interrupt, unless that may come too late. Says whether there is
+    /// something to do.
     fn nap(&mut self, turn: Micros, deadline: Option<Micros>) -> bool {
         critical_section::with(|cs| {
             let began = time::now();
@@ -143,7 +145,8 @@ impl Board {
                 return true;
             }
             if may_sleep(began, deadline) {
-                // Wakes at any interrupt, which runs when this section ends: none can slip in before the sleep.
+                // Wakes at any interrupt, which runs when this section ends: none can slip in
+                // before the sleep.
                 cortex_m::asm::wfi();
                 self.load.slept(time::now().since(began));
             }

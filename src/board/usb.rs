@@ -1,8 +1,9 @@
 //! The USB serial port: the HAL's device controller, `usb-device`, and the packet level of `usbd-serial`, polled from the
 //! main loop.
 //!
-//! The interrupt masks itself and so wakes the main loop, which polls the stack when nothing more urgent is left and
-//! unmasks it again. Nothing waits for the host: what it does not fetch stays in the caller's queue.
+//! The interrupt masks itself and wakes the main loop, which polls the stack once nothing more
+//! urgent is left, and then unmasks the interrupt. Nothing waits for the host: what it does not
+//! fetch stays in the caller's queue.
 
 mod bus;
 
@@ -39,7 +40,7 @@ const TOUCH_BAUD: u32 = 1_200;
 /// From the host's request to the reset, so that it is answered first.
 const RESET_DELAY_US: u64 = 100_000;
 
-/// The controller has something to say and is masked until it has been heard.
+/// The controller has interrupted, and is masked until the stack has been polled.
 static PENDING: AtomicBool = AtomicBool::new(false);
 
 /// The serial port.
@@ -87,7 +88,8 @@ impl Port {
         }
     }
 
-    /// Hear the controller if it has something to say. `armed` refuses a reset.
+    /// Poll the stack if the controller has interrupted, or some time has passed. `armed` refuses a
+    /// reset.
     pub(super) fn poll(&mut self, now: Micros, armed: bool) {
         if is_pending() || now.since(self.polled) >= POLL_PERIOD_US {
             self.polled = now;
@@ -165,7 +167,7 @@ fn serial_number_text() -> &'static str {
     core::str::from_utf8(text).unwrap_or("")
 }
 
-/// Whether the controller waits to be heard.
+/// Whether the controller has interrupted since the stack was polled.
 pub(super) fn is_pending() -> bool {
     PENDING.load(Ordering::Relaxed)
 }

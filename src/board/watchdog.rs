@@ -4,9 +4,9 @@
 //! interrupts, and the servo is sent to neutral: a hung program would otherwise hold the last rudder angle, and the
 //! bootloader then leaves the servo without pulses for half a second.
 //!
-//! Clearing it takes some 5 ms to reach its slow clock, and a second clear in that time would stall the whole chip until
-//! the first has arrived. So it is fed no more often than
-//! [`Work`] allows, and only when nothing is on its way.
+//! Clearing it takes some 5 ms to reach its slow clock, and a second clear in that time would stall
+//! the whole chip until the first has arrived. So it is fed no more often than [`Work`] allows, and
+//! only when nothing is on its way.
 
 use atsamd_hal::pac;
 use atsamd_hal::pac::interrupt;
@@ -51,7 +51,8 @@ impl WatchdogGuard {
         guard
     }
 
-    /// Feed the watchdog if the loop has done its work, and the stack has not grown into the statics.
+    /// Feed the watchdog if the loop has done its work, and the stack has not grown into the
+    /// statics.
     pub(super) fn check(&mut self, now: Micros) {
         if self.work.is_done(now) && !self.is_synchronising() {
             stack::check();

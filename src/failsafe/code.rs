@@ -1,7 +1,9 @@
-//! States, reasons and refusals as numbers, for whoever is told of them: one vocabulary for the vehicle and its hosts.
+//! States, reasons and refusals as numbers, for whoever is told of them: one vocabulary for the
+//! vehicle and its hosts.
 //!
-//! HEARTBEAT's `custom_mode` carries a [`StateCode`], COMMAND_ACK's `result_param1` a [`RefusalKind`]. Each number has a
-//! type that it is read into (`TryFrom`) and words for it (`Display`).
+//! HEARTBEAT's `custom_mode` carries a [`StateCode`], COMMAND_ACK's `result_param1` a
+//! [`RefusalKind`]. Each number has a type that it is read into (`TryFrom`) and words for it
+//! (`Display`).
 
 use core::fmt;
 
@@ -206,8 +208,8 @@ fn write_tilt(f: &mut fmt::Formatter<'_>, limit_deg: u32) -> fmt::Result {
     write!(f, "tilt beyond {} deg", Whole(limit_deg))
 }
 
-/// A state and the reason for it, as HEARTBEAT's `custom_mode` carries them: the [`StateKind`] in the low byte, in the
-/// second one the kind of reason, 0 for none.
+/// A state and the reason for it, as HEARTBEAT's `custom_mode` carries them: the [`StateKind`] in
+/// the low byte, in the second one the kind of reason, 0 for none.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum StateCode {
     /// [`State::Boot`].

@@ -15,8 +15,8 @@ pub enum Command {
     Release,
     /// Back to standby from anywhere; acknowledges a failsafe or latched fault whose cause is gone.
     Disarm,
-    /// Hold a pulse for [`TEST_PULSE_US`](crate::config::TEST_PULSE_US), to set the servo up, where nobody needs the
-    /// rudder.
+    /// Hold a pulse for [`TEST_PULSE_US`](crate::config::TEST_PULSE_US), to set the servo up, where
+    /// nobody needs the rudder.
     TestPulse(PulseUs),
 }
 
@@ -42,11 +42,13 @@ pub enum Refusal {
     Sensor,
     /// The attitude has not settled since start-up or the last gap.
     Settling,
-    /// Nobody has seen the rudder answer a tilt the right way, with the servo's direction and the mount as they are.
+    /// Nobody has seen the rudder answer a tilt the right way, with the servo's direction and the
+    /// mount as they are.
     Polarity,
     /// The rudder answers the tilt, for somebody who looks at its polarity (`SRV_POLARITY` = 2).
     RudderAnswers,
-    /// The gyro's offset has not been learned since start-up or the last gap, which takes some seconds of rest.
+    /// The gyro's offset has not been learned since start-up or the last gap, which takes some
+    /// seconds of rest.
     BiasUnknown,
     /// The host's heartbeat is missing, and `FS_HOST` asks for it.
     HostSilent,

@@ -170,8 +170,8 @@ pub enum Crash {
     BrownOut,
     /// The program panicked.
     Panic {
-        /// Return addresses, innermost first, the first or two in the core library; `addr2line` makes function, file
-        /// and line of them.
+        /// Return addresses, innermost first, the first or two in the core library; `addr2line`
+        /// makes function, file and line of them.
         callers: [u32; 3],
     },
     /// The processor met an instruction or access it cannot do.
@@ -209,7 +209,8 @@ impl fmt::Display for Crash {
 /// What the board found at start-up.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct BootReport {
-    /// Why the last run ended, if it ended badly: the crash record where there is one, else the reset cause.
+    /// Why the last run ended, if it ended badly: the crash record where there is one, else the
+    /// reset cause.
     pub crash: Option<Crash>,
     /// What was found of stored parameters.
     pub stored: Loaded,

@@ -1,4 +1,5 @@
-//! The table: one entry a parameter, from which accessors, defaults, checks and what hosts are told are made.
+//! The table: one entry a parameter, from which accessors, defaults, checks and what hosts are told
+//! are made.
 
 use core::fmt;
 
@@ -54,10 +55,11 @@ impl fmt::Display for Range {
 pub enum Change {
     /// At any time: that is how gains are tuned on the tether.
     Live,
-    /// Not while the drone is armed or under control: the change would make the rudder jump or stop a bus.
+    /// Not while the drone is armed or under control: the change would make the rudder jump or stop
+    /// a bus.
     Disarmed,
-    /// As [`Change::Disarmed`], and the rudder may answer the other way afterwards: a changed value takes
-    /// [`Polarity::Checked`] back.
+    /// As [`Change::Disarmed`], and the rudder may answer the other way afterwards: a changed value
+    /// takes [`Polarity::Checked`] back.
     Turning,
 }
 
@@ -76,7 +78,8 @@ pub struct Info {
     pub change: Change,
 }
 
-/// What a person wants to know of a row besides; apart from it, so that the chip need not carry the words.
+/// What people want to know of a row besides. It is kept apart, so that the image does not carry
+/// the words.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Description {
     /// Unit, empty for a pure number.

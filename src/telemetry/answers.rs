@@ -107,7 +107,7 @@ impl Telemetry {
         let index = usize::try_from(request.param_index).ok();
         let index = index.or_else(|| Some(find(&request.param_id)?.0));
         match index.filter(|index| *index < Params::count()) {
-            Some(index) => self.tell_param(index, params),
+            Some(index) => self.report_param(index, params),
             None => self.refuse_param(&ParamError::Unknown),
         }
     }
@@ -123,20 +123,20 @@ impl Telemetry {
         if let Err(error) = flight.set_param(info.name, request.param_value) {
             self.refuse_param(&error);
         }
-        self.tell_param(index, flight.params());
+        self.report_param(index, flight.params());
         if info.change == Change::Turning {
-            self.tell_param(Params::POLARITY, flight.params());
+            self.report_param(Params::POLARITY, flight.params());
         }
     }
 
-    fn tell_param(&mut self, index: usize, params: &Params) {
+    fn report_param(&mut self, index: usize, params: &Params) {
         if let Some((info, value)) = params.by_index(index) {
             self.param_value(index, info, value);
         }
     }
 
     pub(super) fn refuse_param(&mut self, error: &ParamError) {
-        self.say(MavSeverity::MAV_SEVERITY_WARNING, format_args!("{error}"));
+        self.status_text(MavSeverity::MAV_SEVERITY_WARNING, format_args!("{error}"));
     }
 
     fn param_value(&mut self, index: usize, info: &Info, value: f32) {
@@ -209,29 +209,33 @@ impl Telemetry {
 
     fn order(&mut self, now: Micros, command: Command, flight: &mut Flight) -> Answer {
         let answer = flight.command(now, command);
-        self.tell_answer(&command, answer, flight)
+        self.report_answer(format_args!("{command}"), answer, flight)
     }
 
     /// Gyro calibration: back to the self-test, the estimate begins anew.
     fn calibrate(&mut self, flight: &mut Flight) -> Answer {
         let answer = flight.calibrate();
-        self.tell_answer(&"calibration", answer, flight)
+        self.report_answer(format_args!("calibration"), answer, flight)
     }
 
     /// A reset stops the pulses for half a second: not while they may be needed.
     fn reset(&mut self, reset: Reset, flight: &Flight) -> Answer {
         let state = flight.state();
         if state.is_armed() || matches!(state, State::Failsafe(_)) {
-            return self.tell_answer(&"reboot", Err(Refusal::WrongState(state)), flight);
+            return self.report_answer(
+                format_args!("reboot"),
+                Err(Refusal::WrongState(state)),
+                flight,
+            );
         }
         self.reset = Some(reset);
         Ok(())
     }
 
     /// Tells the state that an order led to, or why it was refused.
-    fn tell_answer(
+    fn report_answer(
         &mut self,
-        order: &dyn fmt::Display,
+        order: fmt::Arguments<'_>,
         answer: Result<(), Refusal>,
         flight: &Flight,
     ) -> Answer {
@@ -241,7 +245,7 @@ impl Telemetry {
                 Ok(())
             }
             Err(refusal) => {
-                self.say(
+                self.status_text(
                     MavSeverity::MAV_SEVERITY_WARNING,
                     format_args!("{order} refused: {refusal}"),
                 );
@@ -275,7 +279,8 @@ impl Telemetry {
         );
     }
 
-    /// COMMAND_ACK with the kind of the refusal as `result_param1`, an extension that clients without it ignore.
+    /// COMMAND_ACK with the kind of the refusal as `result_param1`, an extension that clients
+    /// without it ignore.
     fn acknowledge_refusal(&mut self, command: u16, refusal: RefusalKind) {
         let [low, high] = command.to_le_bytes();
         let result = MavResult::MAV_RESULT_TEMPORARILY_REJECTED as u8;
@@ -332,8 +337,9 @@ pub(super) fn is_for_us(system: u8, component: u8) -> bool {
     (system == SYSTEM_ID || system == 0) && (component == COMPONENT_ID || component == 0)
 }
 
-/// `major.minor.patch` as `flight_sw_version` has it: a byte each from the top, and below the release type that a
-/// pre-release names (MAVLink's FIRMWARE_VERSION_TYPE). Build metadata is ignored.
+/// `major.minor.patch` as `flight_sw_version` has it: a byte each from the top, and below the
+/// release type that a pre-release names (MAVLink's FIRMWARE_VERSION_TYPE). Build metadata is
+/// ignored.
 const fn version_number(version: &str) -> u32 {
     let mut number: u32 = 0;
     let mut part: u32 = 0;
@@ -360,7 +366,8 @@ const fn version_number(version: &str) -> u32 {
 /// FIRMWARE_VERSION_TYPE_OFFICIAL.
 const OFFICIAL: u32 = 255;
 
-/// The type of a pre-release by the word that it begins with: one for development where it is none of MAVLink's.
+/// The type of a pre-release by the word that it begins with: one for development where it is none
+/// of MAVLink's.
 const fn pre_release_type(name: &[u8]) -> u32 {
     match name {
         [b'a', b'l', b'p', b'h', b'a', ..] => 64,

@@ -170,8 +170,8 @@ fn frozen() {
     neutral_in_time_and_back_by_the_operator(Fault::Frozen, "frozen");
 }
 
-/// A silent bus wakes nobody: the loop must see by itself that the burst is too late for its step, and step before the
-/// edge that the pulse is for.
+/// A silent bus wakes nobody: the loop must see by itself that the burst is too late for its step,
+/// and step before the edge that the pulse is for.
 #[test]
 fn the_step_of_a_missed_sample_comes_before_its_edge() {
     let flight = in_flight();
@@ -385,7 +385,8 @@ fn held() -> (Ready, RangeInclusive<f64>) {
     (ready, neutral_us(&params))
 }
 
-/// However a run ends, the rudder goes to where it holds the drone, and stays there after the reset.
+/// However a run ends, the rudder goes to where it holds the drone, and stays there after the
+/// reset.
 #[test]
 fn hang_panic_and_hard_fault_command_the_held_neutral() {
     let (ready, neutral) = held();

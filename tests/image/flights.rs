@@ -1,4 +1,4 @@
-//! The very image that flies, on the virtual rig: what it is held to.
+//! Flights of the firmware image on the virtual rig, held to the requirements.
 
 use crate::{firmware, ready};
 use client::{Failure, FlightState, Parameter};

@@ -1,4 +1,4 @@
-//! The image in flight, with a host that behaves badly at the other end of its cable.
+//! The image in flight while the host misbehaves.
 
 use crate::ready;
 use client::{FlightState, Wire, request};

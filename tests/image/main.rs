@@ -1,5 +1,5 @@
-//! The very image that flies, on the virtual rig: its flights, its behaviour when something fails, and its attitude
-//! from a real recording. One test binary, so that the image is built and booted once.
+//! The firmware image on the virtual rig: its flights, its behaviour when something fails, and its
+//! attitude from a real recording. One test binary, so that the image is built and booted once.
 
 mod campaign;
 mod faults;

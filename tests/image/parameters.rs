@@ -1,5 +1,5 @@
-//! Parameters in the chip's own flash: saved, read back after a power cut, and never half of one set and half of
-//! another.
+//! Parameters in the chip's flash: saved, read back after a power cut, and never half of one set
+//! and half of another.
 
 use crate::faults::{assert_pulses_went_on, default_neutral_us, ms};
 use crate::ready;

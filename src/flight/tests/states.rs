@@ -58,7 +58,6 @@ fn every_sensor_fault_commands_neutral_in_time_and_leads_back_only_to_standby() 
     }
 }
 
-/// A wrong bit in a register that is read to look after the sensor is no reason to give up.
 /// Of a sample that the driver found bad nothing gets into the estimate: not its counts, not even its time.
 #[test]
 fn a_bad_sample_never_reaches_the_filter() {
@@ -81,6 +80,7 @@ fn a_bad_sample_never_reaches_the_filter() {
     }
 }
 
+/// A wrong bit in a register that is read to look after the sensor is no reason to give up.
 #[test]
 fn a_register_in_doubt_costs_samples_and_not_the_flight() {
     let mut desk = Desk::active(0.4);
