@@ -18,7 +18,7 @@ fn the_image_is_small() {
 }
 
 fn flies(servo: ServoKind, settling_s: f64) {
-    let ready = prepare(firmware(), &Setup::new(servo, 1), &mut |_| {}).unwrap();
+    let ready = prepare(firmware(), &Setup::with_polarity(servo, 1), &mut |_| {}).unwrap();
     for start_rad in [0.2, 0.4, 0.8] {
         let flight = ready.fly(start_rad, 0.2, 3.0, &mut |_| {}).unwrap();
         let overshoot = flight.response.overshoot_pct();
@@ -70,7 +70,7 @@ fn flies_with_a_digital_servo() {
 #[test]
 fn a_rudder_that_holds_the_offset_before_the_release_settles_sooner() {
     let settling_s = |hold_deg: f32| {
-        let mut setup = Setup::new(ServoKind::S3003, 1);
+        let mut setup = Setup::with_polarity(ServoKind::S3003, 1);
         let drone = setup.rig.bench.parameters;
         setup.rig.bench.parameters = drone.with_lateral_offset(5e-3);
         setup.parameters.push(("SRV_HOLD_DEG".into(), hold_deg));
@@ -85,7 +85,7 @@ fn a_rudder_that_holds_the_offset_before_the_release_settles_sooner() {
 /// A long cable needs a slow bus: fewer samples, a longer burst, and the same promises.
 #[test]
 fn flies_with_the_slow_bus_of_a_long_cable() {
-    let mut setup = Setup::new(ServoKind::S3003, 3);
+    let mut setup = Setup::with_polarity(ServoKind::S3003, 3);
     setup.parameters.push(("I2C_KHZ".into(), 100.0));
     let ready = prepare(firmware(), &setup, &mut |_| {}).unwrap();
     let flight = ready.fly(0.4, 0.2, 3.0, &mut |_| {}).unwrap();
@@ -100,7 +100,7 @@ fn flies_with_the_slow_bus_of_a_long_cable() {
 /// Registers that stay in synchronisation swallow writes that do not wait.
 #[test]
 fn flies_with_synchronisation_held() {
-    let mut setup = Setup::new(ServoKind::S3003, 2);
+    let mut setup = Setup::with_polarity(ServoKind::S3003, 2);
     setup.rig.syncbusy_hold = SyncHold::For(Ticks::from_us(10));
     let ready = prepare(firmware(), &setup, &mut |_| {}).unwrap();
     let flight = ready.fly(0.4, 0.2, 3.0, &mut |_| {}).unwrap();
@@ -113,7 +113,7 @@ fn flies_with_synchronisation_held() {
 fn wait_states_cost_cycles_and_change_nothing_else() {
     let mut cycles = Vec::new();
     for states in [0, 1] {
-        let mut setup = Setup::new(ServoKind::S3003, 1);
+        let mut setup = Setup::with_polarity(ServoKind::S3003, 1);
         setup.rig.wait_states = WaitStates::Forced(states);
         let ready = prepare(firmware(), &setup, &mut |_| {}).unwrap();
         let flight = ready.fly(0.4, 0.2, 2.0, &mut |_| {}).unwrap();
@@ -139,7 +139,12 @@ fn the_same_seed_gives_the_same_bytes() {
     let once = listen(ready());
     assert!(once.len() > 4000, "{} bytes in half a second", once.len());
     assert!(once == listen(ready()), "two forks differ");
-    let again = prepare(firmware(), &Setup::new(ServoKind::S3003, 1), &mut |_| {}).unwrap();
+    let again = prepare(
+        firmware(),
+        &Setup::with_polarity(ServoKind::S3003, 1),
+        &mut |_| {},
+    )
+    .unwrap();
     assert!(once == listen(again), "two boots differ");
 }
 

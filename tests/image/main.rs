@@ -26,6 +26,13 @@ fn firmware() -> &'static Image {
 fn ready() -> Ready {
     static READY: OnceLock<Ready> = OnceLock::new();
     READY
-        .get_or_init(|| prepare(firmware(), &Setup::new(ServoKind::S3003, 1), &mut |_| {}).unwrap())
+        .get_or_init(|| {
+            prepare(
+                firmware(),
+                &Setup::with_polarity(ServoKind::S3003, 1),
+                &mut |_| {},
+            )
+            .unwrap()
+        })
         .clone()
 }

@@ -12,7 +12,6 @@ use plant::response::StepResponse;
 use rig::measure::Spread as Measured;
 use serde::Serialize;
 
-use crate::flight::fly::ServoChoice;
 use crate::flight::fly::figures::{
     OVERSHOOT_PCT, RUN_COLUMNS, RunFigures, Spread, TelemetryFigures, aligned, run_rows,
     settling_limit_s,
@@ -22,6 +21,7 @@ use crate::logs::replay::parameters;
 use crate::out::exit::Verdict;
 use crate::out::file::{print_figures, write_whole};
 use clap::Args;
+use rig::ServoKind;
 use std::path::PathBuf;
 use sweep::Sweep;
 use tvc_nano::Params;
@@ -155,11 +155,11 @@ pub fn conclude(flight: &Flight, log: &Path, page: Option<&Path>, json: bool) ->
 }
 
 /// The servo that the parameters are for.
-pub fn servo(params: &Params) -> ServoChoice {
+pub fn servo(params: &Params) -> ServoKind {
     if params.srv_rate_hz() >= DIGITAL_HZ {
-        ServoChoice::Digital
+        ServoKind::Digital
     } else {
-        ServoChoice::S3003
+        ServoKind::S3003
     }
 }
 
@@ -358,7 +358,7 @@ fn events(flight: &Flight) -> Vec<(f64, String)> {
 
 impl Figures {
     /// Every requirement that was missed, a sentence each.
-    pub fn missed(&self, servo: ServoChoice) -> Vec<String> {
+    pub fn missed(&self, servo: ServoKind) -> Vec<String> {
         let mut missed = crate::flight::fly::figures::missed_by_runs(&self.runs, servo);
         if self.control.jitter_us_max >= JITTER_US {
             missed.push(format!(
@@ -438,8 +438,8 @@ impl Figures {
             text += &aligned(&RUN_COLUMNS, &run_rows(&self.runs), CellAlignment::Right);
             text += &format!(
                 "\n\nrequired: overshoot <= {OVERSHOOT_PCT} %, 5 % settling <= {} s (s3003) or {} s (digital)\n\n",
-                settling_limit_s(ServoChoice::S3003),
-                settling_limit_s(ServoChoice::Digital)
+                settling_limit_s(ServoKind::S3003),
+                settling_limit_s(ServoKind::Digital)
             );
         }
         text += &aligned(&["", "measured"], &self.rows(), CellAlignment::Left);

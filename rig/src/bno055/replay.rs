@@ -1,11 +1,11 @@
-//! A recording in place of the sensors: averages over the intervals between refreshes.
+//! A recording in place of the sensors: each refresh shows the average since the one before.
 
 use super::signal::Sample;
 use crate::recording::{RecordedSample, Recording};
 use samd21::board::Ticks;
 use std::sync::Arc;
 
-/// The longest interval that is averaged for the accelerometer and the gyroscope: the chip
+/// The longest interval that is averaged for the accelerometer and the gyroscope, s: the chip
 /// integrates over one refresh, also after a pause.
 const LONGEST: f64 = 0.0125;
 

@@ -15,7 +15,7 @@ use std::sync::Arc;
 use tvc_nano::failsafe::BootReport;
 use tvc_nano::{Flight, Micros, Params, RawSample};
 
-/// How often progress is told.
+/// How often progress is reported.
 const PROGRESS: Ticks = Ticks::from_ms(100);
 
 /// How the image's quaternions compare with the host library's on the same counts and times.
@@ -98,8 +98,8 @@ pub fn replay(
     })
 }
 
-/// When the image came to standby, from which on its timing counts: before, the sensor starts up. Power-on if it never
-/// did.
+/// When the image came to standby, from which on its timing counts: before, the sensor starts up.
+/// Power-on if it never did.
 fn standby(received: &Received) -> Ticks {
     let mut heartbeats = received.heartbeats.iter();
     heartbeats
@@ -107,8 +107,8 @@ fn standby(received: &Received) -> Ticks {
         .map_or(Ticks::ZERO, |heartbeat| heartbeat.at)
 }
 
-/// Every raw sample that came over USB with the attitude of the same step: the last of its millisecond, for a step
-/// without a sample may have ended just before the burst began.
+/// Every raw sample that came over USB with the attitude of the same step. That is the last attitude
+/// of its millisecond, for a step without a sample may have ended just before the burst began.
 pub fn pair(received: &Received) -> Vec<(RawImu, Attitude)> {
     let mut attitudes = received.attitudes.iter().peekable();
     received

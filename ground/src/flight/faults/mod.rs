@@ -96,7 +96,7 @@ pub fn run(options: &Faults) -> Result<Verdict> {
     let begun = Instant::now();
     let image = rig::image::build(&mut |line| eprintln!("{line}")).context("the image")?;
     let bar = spinner("boot and flight without a fault");
-    let setup = Setup::new(ServoKind::S3003, options.seed);
+    let setup = Setup::with_polarity(ServoKind::S3003, options.seed);
     let ready = prepare(&image, &setup, &mut |_| {})?;
     let frame_hz = f64::from(setup.servo.frame_hz());
     let campaign = Campaign::new(&ready, frame_hz, options.seed)
@@ -175,7 +175,7 @@ impl KindFigures {
             recovered: count(|ending| matches!(ending, Ending::Recovered)),
             neutral: count(|ending| matches!(ending, Ending::Neutral)),
             unsafe_runs: count(|ending| matches!(ending, Ending::Unsafe(_))),
-            worst_ms: runs().map(|run| run.blind_ms).fold(0.0, f64::max),
+            worst_ms: runs().map(|run| run.unguarded_ms).fold(0.0, f64::max),
         }
     }
 }

@@ -6,9 +6,9 @@ use comfy_table::presets::NOTHING;
 use comfy_table::{CellAlignment, Table};
 use serde::Serialize;
 
-use super::disturbance::DisturbanceFigures;
-use super::faults::FaultEntry;
-use crate::flight::fly::ServoChoice;
+use rig::ServoKind;
+use rig::bench::FaultEntry;
+use rig::disturbance::Disturbances;
 
 /// Everything that `tvc fly --json` prints, as one object.
 #[derive(Debug, Serialize)]
@@ -31,7 +31,7 @@ pub struct Figures {
     pub faults: Vec<FaultEntry>,
     /// What disturbed the flights, when something did.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub disturbances: Option<DisturbanceFigures>,
+    pub disturbances: Option<Disturbances>,
     /// How fast the emulation was.
     pub emulation: EmulationFigures,
     /// Scores of a replayed recording.
@@ -153,15 +153,15 @@ const REAL_TIME_FACTOR: f64 = 3.0;
 const INCLINATION_DEG: f64 = 5.0;
 
 /// Longest 5 % settling time with `servo`, s.
-pub fn settling_limit_s(servo: ServoChoice) -> f64 {
+pub fn settling_limit_s(servo: ServoKind) -> f64 {
     match servo {
-        ServoChoice::S3003 => 0.75,
-        ServoChoice::Digital => 0.55,
+        ServoKind::S3003 => 0.75,
+        ServoKind::Digital => 0.55,
     }
 }
 
 /// The requirements that flights missed, a sentence each.
-pub fn missed_by_runs(runs: &[RunFigures], servo: ServoChoice) -> Vec<String> {
+pub fn missed_by_runs(runs: &[RunFigures], servo: ServoKind) -> Vec<String> {
     let mut missed = Vec::new();
     let mut require = |met: bool, text: String| {
         if !met {
@@ -192,7 +192,7 @@ pub fn missed_by_runs(runs: &[RunFigures], servo: ServoChoice) -> Vec<String> {
 
 impl Figures {
     /// Every requirement that was missed, a sentence each.
-    pub fn missed(&self, servo: ServoChoice) -> Vec<String> {
+    pub fn missed(&self, servo: ServoKind) -> Vec<String> {
         let mut missed = missed_by_runs(&self.runs, servo);
         let mut require = |met: bool, text: String| {
             if !met {
@@ -383,7 +383,7 @@ impl Figures {
             ),
             "none lost",
         );
-        for (what, how) in self.disturbances.iter().flat_map(DisturbanceFigures::rows) {
+        for (what, how) in self.disturbances.iter().flat_map(Disturbances::rows) {
             row(what, how, "");
         }
         for fault in &self.faults {
@@ -410,7 +410,7 @@ impl Figures {
     }
 
     /// Everything as text for a terminal.
-    pub fn text(&self, servo: ServoChoice) -> String {
+    pub fn text(&self, servo: ServoKind) -> String {
         let mut text = String::new();
         if !self.runs.is_empty() {
             let limit = settling_limit_s(servo);
@@ -505,7 +505,7 @@ mod tests {
 
     #[test]
     fn figures_within_the_requirements_miss_nothing() {
-        assert_eq!(good().missed(ServoChoice::S3003), Vec::<String>::new());
+        assert_eq!(good().missed(ServoKind::S3003), Vec::<String>::new());
     }
 
     #[test]
@@ -528,7 +528,7 @@ mod tests {
             let mut figures = good();
             spoil(&mut figures);
             assert_eq!(
-                figures.missed(ServoChoice::S3003).len(),
+                figures.missed(ServoKind::S3003).len(),
                 1,
                 "requirement {index}"
             );
@@ -537,12 +537,12 @@ mod tests {
 
     #[test]
     fn a_fast_servo_is_held_to_less_time() {
-        assert_eq!(good().missed(ServoChoice::Digital).len(), 1);
+        assert_eq!(good().missed(ServoKind::Digital).len(), 1);
     }
 
     #[test]
     fn the_text_names_every_row() {
-        let text = good().text(ServoChoice::S3003);
+        let text = good().text(ServoKind::S3003);
         for part in ["0.20", "0.600", "jitter", "10.0 x real time", "900 / 0 / 0"] {
             assert!(text.contains(part), "{part} is not in\n{text}");
         }

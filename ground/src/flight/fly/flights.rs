@@ -2,12 +2,11 @@
 
 use anyhow::{Context, Result};
 use client::FlightState;
+use rig::bench::FaultEntry;
 use rig::flight::{FlightRecord, Setup};
-use rig::{Image, ServoKind, prepare};
+use rig::{Image, prepare};
 use samd21::WaitStates;
 
-use super::disturbance::DisturbanceFigures;
-use super::faults::FaultEntry;
 use super::figures::{Figures, RunFigures, TelemetryFigures};
 use super::live::Live;
 use super::report::Page;
@@ -36,10 +35,7 @@ pub fn fly(
         .start
         .map_or(STARTS_RAD.to_vec(), |start| vec![start]);
     let mut watch = Stopwatch::start();
-    let servo = match setup.servo {
-        ServoKind::S3003 => "s3003",
-        ServoKind::Digital => "digital",
-    };
+    let servo = setup.servo.name();
 
     let live = Live::begin(format!("boot, servo {servo}, seed {}", options.seed));
     let one = Setup {
@@ -118,7 +114,7 @@ fn figures(
             }),
         runs: records.iter().map(run).collect(),
         faults,
-        disturbances: DisturbanceFigures::of(&setup.rig.bench.disturbances),
+        disturbances: setup.rig.bench.disturbances.report(),
         emulation: watch.figures(),
         replay: None,
     }

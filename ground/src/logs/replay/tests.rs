@@ -24,7 +24,7 @@ struct Bench {
 impl Bench {
     fn new() -> Self {
         let config = RigConfig {
-            stored: Some(RigConfig::set_up()),
+            stored: Some(RigConfig::polarity_set()),
             ..RigConfig::default()
         };
         Self {

@@ -3,22 +3,22 @@
 //!
 //! One flight is flown without a fault; snapshots of the whole rig are kept along it. Every run forks
 //! one of them, flies on to its own instant, switches its fault on for 5 to 500 ms, and watches for
-//! 0.7 s more. What counts is what a bystander sees: the pulses on the servo's wire, the drone's true
-//! pitch, and the state that the firmware tells. How a run ends:
+//! 0.7 s more. A run is judged by what can be seen from outside: the pulses on the servo's wire, the
+//! drone's true pitch, and the state that the firmware reports. How a run ends:
 //!
 //! | ending | means |
 //! |---|---|
 //! | recovered | control is still active at the end, and the drone's true pitch is within 0.1 rad of where the flight without the fault had it, over the last 100 ms |
 //! | neutral | the firmware is in failsafe, and no pulse after it said so was off neutral |
-//! | unsafe | anything else; and either of the above with a pulse missing, a pulse outside the travel, a reset of the chip, or a rudder that was off neutral without sound data for more than 150 ms |
+//! | unsafe | anything else; and either of the above with a pulse missing, a pulse outside the travel, a reset of the chip, or a rudder that was off neutral without valid data for more than 150 ms |
 //!
-//! A rudder is *without sound data* from the last control step that worked on a sound burst, or from
-//! the fault's beginning where there has been none since. A burst is sound if it brought, complete,
+//! A rudder is *without valid data* from the last control step that worked on a valid burst, or from
+//! the fault's beginning where there has been none since. A burst is valid if it brought, complete,
 //! the words that a faultless sensor and cable would have given at that moment, to within 2 m/s^2,
-//! 5 uT and 4 deg/s: a sample as wrong as that moves the rudder by less than 2 degrees, once. The time ends with the
-//! rising edge of the first neutral pulse, or with the next such step: for a fault that stays it is the
-//! time from the fault to the neutral pulse. Data that are wrong count against the firmware whether it
-//! noticed or not.
+//! 5 uT and 4 deg/s: a sample as wrong as that moves the rudder by less than 2 degrees, once. The
+//! time ends with the rising edge of the first neutral pulse, or with the next such step: for a fault that
+//! stays it is the time from the fault to the neutral pulse. It counts whether or not the firmware
+//! noticed that its data were wrong.
 
 mod judge;
 
@@ -35,9 +35,9 @@ use samd21::board::Ticks;
 use std::ops::RangeInclusive;
 use tvc_nano::Params;
 
-/// The longest that a rudder may be off neutral without sound data.
+/// The longest that a rudder may be off neutral without valid data.
 pub const DEADLINE: Ticks = Ticks::from_ms(150);
-/// Tilt from which the flight begins, rad, and the rate at which the hand lets go, rad/s.
+/// Tilt from which the flight begins, rad, and the rate at release, rad/s.
 const START_RAD: f64 = 0.4;
 const START_RATE_RAD_S: f64 = 0.2;
 /// Rest after the tilt, so that the estimator has settled.
@@ -118,7 +118,7 @@ impl Campaign {
         })
     }
 
-    /// Carries out a run; the same case of the same campaign always ends the same.
+    /// Carries out a run. The same case of the same campaign always ends in the same way.
     ///
     /// # Errors
     /// The rig stopped: the chip did something that its model does not cover.
@@ -146,7 +146,7 @@ impl Campaign {
         operator.run(rig, WATCHED)?;
 
         let truth = rig.truth();
-        let (ending, blind) = judge(&Run {
+        let (ending, unguarded) = judge(&Run {
             injected,
             frame: self.frame,
             neutral_us: self.neutral_us.clone(),
@@ -162,7 +162,7 @@ impl Campaign {
             lasted_s: lasted.as_secs_f64(),
             fault,
             ending,
-            blind_ms: blind.as_us_f64() / 1e3,
+            unguarded_ms: unguarded.as_us_f64() / 1e3,
             said: operator.last_text().unwrap_or_default().to_owned(),
         })
     }
