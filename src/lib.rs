@@ -21,7 +21,6 @@
 #[cfg(test)]
 extern crate std;
 
-pub mod calibration;
 pub mod config;
 pub mod controller;
 pub mod failsafe;

@@ -3,10 +3,11 @@
 //! sensor and drone what a calibration asks for.
 
 use crate::handling::{Movement, resting};
-use crate::instruction::{Instruction, Tilt};
 use crate::link::Link;
 use crate::operator::FlightState;
+use crate::request;
 use crate::rig::Rig;
+use calibration::prompt::{Prompt, Tilt};
 use mavlink::dialects::common::MavMessage;
 use nalgebra::UnitQuaternion;
 use plant::Drone;
@@ -70,36 +71,36 @@ impl Hand {
     /// Takes in what the program at the port has sent, and does what it asks of a person.
     pub fn hear(&mut self, rig: &mut Rig, sent: &[u8]) {
         for message in self.station.receive(sent) {
-            if let Some(instruction) = Instruction::of(&message) {
-                self.obey(rig, instruction);
+            if let Some(prompt) = request::text_of(&message).and_then(Prompt::from_text) {
+                self.obey(rig, prompt);
             }
         }
     }
 
-    fn obey(&mut self, rig: &mut Rig, instruction: Instruction) {
-        if let Instruction::Tilt(Tilt::NoseUp | Tilt::NoseDown) = instruction {
+    fn obey(&mut self, rig: &mut Rig, prompt: Prompt) {
+        if let Prompt::Tilt(Tilt::NoseUp | Tilt::NoseDown) = prompt {
             self.glance = Some(rig.now() + GLANCE);
         }
         let world = rig.world_mut();
-        match instruction {
-            Instruction::Rest if self.manner == Manner::Trembling => {
+        match prompt {
+            Prompt::Rest if self.manner == Manner::Trembling => {
                 world.handle(Movement::Tremble(TREMBLE_RAD_S));
             }
-            Instruction::Rest => world.handle(Movement::Rest),
-            Instruction::Pose(face) => world.handle(Movement::To(resting(face), TURN_S)),
-            Instruction::Turn if self.manner == Manner::Lazy => world.handle(Movement::Spin),
-            Instruction::Turn => world.handle(Movement::Turn),
-            Instruction::Level => {
+            Prompt::Rest => world.handle(Movement::Rest),
+            Prompt::Pose(face) => world.handle(Movement::To(resting(face), TURN_S)),
+            Prompt::Turn if self.manner == Manner::Lazy => world.handle(Movement::Spin),
+            Prompt::Turn => world.handle(Movement::Turn),
+            Prompt::Level => {
                 let (_, _, heading) = world.mounted().euler_angles();
                 let level = UnitQuaternion::from_euler_angles(0.0, 0.0, heading);
                 world.handle(Movement::To(level, TURN_S));
             }
-            Instruction::Tilt(tilt) => world.tilt_clamp(match tilt {
+            Prompt::Tilt(tilt) => world.tilt_clamp(match tilt {
                 Tilt::NoseUp => TILT_RAD,
                 Tilt::NoseDown => -TILT_RAD,
                 Tilt::Upright => 0.0,
             }),
-            Instruction::Done => {
+            Prompt::Done => {
                 world.put_back();
                 world.tilt_clamp(self.start_rad);
             }

@@ -24,8 +24,8 @@
 //! | `real_time`, `pty`, [`hand`] | on the clock on the wall, behind a pseudo-terminal (Unix) |
 //! | [`flight`] | boot once, fork, let go, measure |
 //! | [`faults`] | the same flight with everything that a sensor does wrong, at random instants |
-//! | [`handling`], [`instruction`] | a sensor in the hand, and what `tvc calibrate` asks of whoever holds it |
-//! | [`recording`], [`replay`], [`score`] | real recordings through the image |
+//! | [`handling`] | a sensor in the hand, and what `tvc calibrate` asks of whoever holds it |
+//! | [`replay`] | real recordings through the image |
 
 pub mod bno055;
 pub mod disturbance;
@@ -34,7 +34,6 @@ pub mod flight;
 pub mod hand;
 pub mod handling;
 pub mod image;
-pub mod instruction;
 pub mod link;
 pub mod measure;
 pub mod operator;
@@ -44,11 +43,9 @@ pub mod random;
 #[cfg(unix)]
 pub mod real_time;
 mod received;
-pub mod recording;
 pub mod replay;
 pub mod request;
 mod rig;
-pub mod score;
 mod tap;
 pub mod timed_fault;
 pub mod truth;

@@ -4,9 +4,8 @@ mod bench;
 
 use bench::Desk;
 use plant::response::StepResponse;
+use recordings::{Recording, Scorer};
 use rig::bno055::Fault;
-use rig::recording::Recording;
-use rig::score::Scorer;
 use rig::world::Bench;
 use samd21::board::Ticks;
 use std::path::Path;

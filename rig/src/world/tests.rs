@@ -1,8 +1,8 @@
 //! The world by hand: what the sensor feels, the clamp, the servo.
 
 use super::*;
+use calibration::poses::Face;
 use nalgebra::Vector3;
-use tvc_nano::calibration::poses::Face;
 
 fn world(bench: Bench) -> World {
     World::new(&bench).unwrap()

@@ -8,7 +8,7 @@ use rig::Image;
 use serde::Serialize;
 
 use super::Run;
-use super::candidates::{Candidate, Mode, OWN, Scalar};
+use super::candidates::{Candidate, OWN};
 use crate::filters::cycles::Optimise;
 
 /// What one update of one filter costs.
@@ -16,8 +16,8 @@ use crate::filters::cycles::Optimise;
 pub struct Figures {
     filter: String,
     library: &'static str,
-    mode: Mode,
-    scalar: Scalar,
+    mode: String,
+    scalar: String,
     /// Over the recording, cycles, no flash wait states.
     cycles_mean: f64,
     /// Of all updates, cycles.
@@ -48,8 +48,8 @@ impl Figures {
         Self {
             filter: candidate.filter.clone(),
             library: candidate.library,
-            mode: candidate.mode,
-            scalar: candidate.scalar,
+            mode: candidate.mode.to_string(),
+            scalar: candidate.scalar.to_string(),
             cycles_mean: tenths(ideal.mean),
             cycles_max: ideal.max,
             cycles_max_input: ideal.max_input,
@@ -76,8 +76,8 @@ impl Figures {
         };
         [
             name,
-            self.mode.to_string(),
-            self.scalar.to_string(),
+            self.mode.clone(),
+            self.scalar.clone(),
             whole(self.cycles_mean),
             thousands(self.cycles_max),
             whole(self.cycles_mean_1ws),

@@ -5,11 +5,11 @@
 use anyhow::{Result, ensure};
 use rand::rngs::StdRng;
 use rand::{Rng, SeedableRng};
-use rig::recording::Recording;
+use recordings::{Recording, Scalar};
 use tvc_fusion::GRAVITY;
 use tvc_fusion::fixed::Scale;
 
-use super::candidates::{Input, Scalar};
+use super::candidates::Input;
 
 /// Time between two samples, us, for which the images set their filters up.
 const PERIOD_US: u32 = 10_500;
@@ -91,8 +91,8 @@ impl Moment {
         };
         let mut words = [0; WORDS];
         words[..4].copy_from_slice(&q.map(|c| match scalar {
-            Scalar::F32 => (c as f32).to_bits(),
             Scalar::Fixed => (c * f64::from(1 << 30)).round() as i32 as u32,
+            _ => (c as f32).to_bits(),
         }));
         words
     }
@@ -125,7 +125,12 @@ pub fn recorded(recording: &Recording) -> Result<Vec<Moment>> {
                 dt_us: PERIOD_US,
                 gyr: axes.map(|i| mean(samples.map(|s| s.gyr_rad_s[i]), scale.gyr_rad_s)),
                 acc: axes.map(|i| mean(samples.map(|s| s.acc_m_s2[i]), scale.acc_m_s2)),
-                mag: axes.map(|i| mean(samples.map(|s| s.mag_ut[i]), scale.mag_ut)),
+                mag: axes.map(|i| {
+                    mean(
+                        samples.map(|s| s.mag_ut.unwrap_or_default()[i]),
+                        scale.mag_ut,
+                    )
+                }),
                 reference: newest.reference.filter(|_| newest.movement),
             }
         })

@@ -15,14 +15,14 @@ use std::thread;
 
 use anyhow::{Context, Result, bail};
 use indicatif::{ProgressBar, ProgressStyle};
+use recordings::{Recording, Scalar};
 use rig::Image;
 use rig::image::{Builder, Source};
-use rig::recording::Recording;
 
 use crate::out::exit::{BadInput, Verdict};
 use crate::out::file::print_json;
 use bench::Bench;
-use candidates::{Candidate, Scalar};
+use candidates::Candidate;
 use clap::{Args, ValueEnum};
 use figures::{Figures, Report};
 use inputs::{Hard, Moment};
@@ -205,8 +205,8 @@ struct Run {
 /// Runs an image without and with a flash wait state.
 fn measure(candidate: &Candidate, image: &Image, recorded: &[Moment]) -> Result<[Run; 2]> {
     let length = match candidate.scalar {
-        Scalar::F32 => HARD_SAMPLES,
         Scalar::Fixed => HARD_SAMPLES_FIXED,
+        _ => HARD_SAMPLES,
     };
     let hard = inputs::hard(recorded, length);
     let run = |wait_states| run_image(candidate, image, wait_states, recorded, &hard);

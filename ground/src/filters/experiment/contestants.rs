@@ -1,14 +1,10 @@
 //! The estimators that are compared, and what each makes of an experiment.
 
 use anyhow::{Context, Result};
+use recordings::{Choice, Estimate, Facts, FilterName, Mode, RecordedSample, Scalar, Setting};
 use tvc_fusion::{Quaternion, fixed};
 
 use super::truth::{Angles, Kind, Moment};
-use crate::filters::fuse::FilterName;
-use crate::filters::fuse::Mode;
-use crate::filters::fuse::Scalar;
-use crate::filters::fuse::Setting;
-use crate::filters::fuse::{Choice, Estimate, Facts, Row};
 
 /// Time between two samples, s.
 const PERIOD_S: f64 = 0.01;
@@ -125,7 +121,7 @@ impl Contestant {
             .map(|moment| {
                 started |= moment.time_s >= 0.0 && moment.reading.mag.is_some();
                 if started {
-                    angles_deg(estimate.update(&self.row(moment)), kind.heading_deg())
+                    angles_deg(estimate.update(&self.sample(moment)), kind.heading_deg())
                 } else {
                     [f64::NAN; 3]
                 }
@@ -133,12 +129,12 @@ impl Contestant {
             .collect())
     }
 
-    fn row(&self, moment: &Moment) -> Row {
+    fn sample(&self, moment: &Moment) -> RecordedSample {
         let unit = fixed::Scale::BNO055;
         let si = |counts: [i16; 3], unit: f32| counts.map(|c| f64::from(c) * f64::from(unit));
         let reading = &moment.reading;
         let compass = !self.gyro_heading || moment.time_s <= ALIGNMENT_S;
-        Row {
+        RecordedSample {
             time_s: moment.time_s,
             gyr_rad_s: si(reading.gyr, unit.gyr_rad_s),
             acc_m_s2: si(reading.acc, unit.acc_m_s2),

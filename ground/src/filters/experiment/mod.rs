@@ -10,7 +10,7 @@ use std::path::PathBuf;
 
 use anyhow::Result;
 
-use crate::filters::fuse::Progress;
+use super::progress::Progress;
 use crate::out::exit::Verdict;
 use crate::out::file::{print_figures, write_whole};
 use contestants::CONTESTANTS;

@@ -2,12 +2,8 @@
 
 use std::fmt::Write;
 
-use rig::score::Score;
+use recordings::{Choice, Mode, Score};
 use serde::Serialize;
-
-use super::Choice;
-use crate::filters::fuse::Mode;
-use crate::filters::fuse::said;
 
 /// Everything, as printed by `--json`.
 #[derive(Debug, Serialize)]
@@ -63,9 +59,9 @@ impl Figures {
     /// Nothing yet.
     pub fn new(choice: &Choice) -> Self {
         Self {
-            filter: said(choice.filter),
-            mode: said(choice.mode),
-            scalar: said(choice.scalar),
+            filter: choice.filter.to_string(),
+            mode: choice.mode.to_string(),
+            scalar: choice.scalar.to_string(),
             files: Vec::new(),
             mean: None,
         }
@@ -157,8 +153,7 @@ impl Figures {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::filters::fuse::FilterName;
-    use crate::filters::fuse::Scalar;
+    use recordings::{FilterName, Scalar};
 
     fn figures(mode: Mode, inclinations: &[Option<f64>]) -> Figures {
         let mut figures = Figures::new(&Choice {

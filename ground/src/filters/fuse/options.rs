@@ -1,7 +1,9 @@
 //! Options of `tvc fuse`.
 
-use clap::{Args, ValueEnum};
 use std::path::PathBuf;
+
+use clap::Args;
+use recordings::{FilterName, Mode, Scalar, Setting};
 
 /// Options of `tvc fuse`.
 #[derive(Debug, Args)]
@@ -69,7 +71,7 @@ pub struct Fuse {
     pub scalar: Scalar,
 
     /// Another value for a setting of the filter, in SI units; may be repeated (keys below).
-    #[arg(long = "set", value_name = "KEY=VALUE", value_parser = setting)]
+    #[arg(long = "set", value_name = "KEY=VALUE")]
     pub settings: Vec<Setting>,
 
     /// Where to write the estimates. With several recordings a folder, and in it the recordings'
@@ -84,89 +86,4 @@ pub struct Fuse {
     /// Print one JSON object with the scores on standard output and nothing else there.
     #[arg(long)]
     pub json: bool,
-}
-
-/// The filters of `tvc-fusion`.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub enum FilterName {
-    /// Integrated rates, aligned at the start only.
-    Gyro,
-    /// Complementary filter, on quaternions.
-    Complementary,
-    /// Mahony's explicit complementary filter.
-    Mahony,
-    /// Madgwick's gradient-descent filter.
-    Madgwick,
-    /// VQF class: acceleration smoothed in the earth frame.
-    Vqf,
-}
-
-/// Which sensors are used.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub enum Mode {
-    /// Gyroscope and accelerometer.
-    #[value(name = "6d")]
-    SixD,
-    /// And magnetometer.
-    #[value(name = "9d")]
-    NineD,
-}
-
-/// What a filter computes in.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub enum Scalar {
-    /// Single precision.
-    F32,
-    /// Double precision.
-    F64,
-    /// Integers, on counts.
-    Fixed,
-}
-
-/// A `--set`.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Setting {
-    /// Name of what is set.
-    pub key: String,
-    /// What it is set to.
-    pub value: String,
-}
-
-fn setting(text: &str) -> Result<Setting, String> {
-    match text.split_once('=') {
-        Some((key, value)) if !key.trim().is_empty() && !value.trim().is_empty() => Ok(Setting {
-            key: key.trim().to_owned(),
-            value: value.trim().to_owned(),
-        }),
-        _ => Err("a setting is KEY=VALUE, such as mag_tau_s=6".into()),
-    }
-}
-
-/// The name that an option's value has on the command line.
-pub fn said(value: impl ValueEnum) -> String {
-    value
-        .to_possible_value()
-        .map(|value| value.get_name().to_owned())
-        .unwrap_or_default()
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_setting_is_a_key_and_a_value() {
-        let set = setting(" mag_tau_s = 6").unwrap();
-        assert_eq!((set.key.as_str(), set.value.as_str()), ("mag_tau_s", "6"));
-        for bad in ["mag_tau_s", "=6", "mag_tau_s=", ""] {
-            assert!(setting(bad).is_err(), "{bad}");
-        }
-    }
-
-    #[test]
-    fn values_have_the_names_of_the_command_line() {
-        assert_eq!(said(Mode::NineD), "9d");
-        assert_eq!(said(FilterName::Madgwick), "madgwick");
-        assert_eq!(said(Scalar::Fixed), "fixed");
-    }
 }

@@ -1,10 +1,9 @@
 //! What `tvc calibrate` has found, as figures.
 
+use calibration::{Found, Readings, STANDARD_GRAVITY};
 use nalgebra::Matrix3;
 use serde::Serialize;
 
-use super::fit::Found;
-use super::readings::Readings;
 use crate::vehicle::link::Parameter;
 
 /// Everything that `tvc calibrate --json` prints, as one object.
@@ -69,9 +68,9 @@ impl Figures {
         declination_deg: Option<f64>,
         rows: &[Parameter],
     ) -> Self {
-        let mg = 1000.0 / tvc_nano::calibration::STANDARD_GRAVITY;
+        let mg = 1000.0 / STANDARD_GRAVITY;
         Self {
-            samples: readings.moments.len(),
+            samples: readings.samples.len(),
             gyr: found.rest.map(|rest| Gyr {
                 offset_deg_s: rest.bias.map(f64::to_degrees).into(),
                 noise_deg_s: rest.noise.map(f64::to_degrees).into(),

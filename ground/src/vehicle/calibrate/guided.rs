@@ -4,27 +4,25 @@
 use std::path::Path;
 
 use anyhow::{Context, Result};
+use calibration::coverage::Coverage;
+use calibration::ellipsoid::{self, LEAST_COVERAGE};
+use calibration::poses::{self, Face};
+use calibration::prompt::Prompt;
+use calibration::{Found, Sensor, fit, rest, stillness};
 use nalgebra::Vector3;
-use rig::instruction::Instruction;
 use rig::request;
-use tvc_nano::calibration::coverage::Coverage;
-use tvc_nano::calibration::ellipsoid::{self, LEAST_COVERAGE};
-use tvc_nano::calibration::poses::{self, Face};
-use tvc_nano::calibration::rest;
 
 use super::figures::Figures;
-use super::fit::{self, Found};
 use super::keyboard::is_attended;
 use super::picture::picture;
 use super::session::Session;
 use super::write::write;
-use super::{asked_declination, declination, keep, parameters, readings, rests, show, tell};
+use super::{asked_declination, declination, keep, parameters, readings, show, tell};
 use crate::logs::log::Writer;
 use crate::out::exit::Verdict;
 use crate::out::file::{print_figures, print_json, write_whole};
 use crate::signals;
 use crate::vehicle::calibrate::Calibrate;
-use crate::vehicle::calibrate::Sensor;
 use crate::vehicle::calibrate::place;
 use crate::vehicle::link::Vehicle;
 
@@ -62,7 +60,10 @@ pub fn run(options: &Calibrate) -> Result<Verdict> {
     };
     let led = lead(&mut session, options);
     session.end();
-    let told = session.vehicle.link().send(&Instruction::Done.message());
+    let told = session
+        .vehicle
+        .link()
+        .send(&request::status_text(&Prompt::Done.text()));
     session.vehicle.link().end_log()?;
     write_whole(&options.record, &std::fs::read(&log)?)?;
     eprintln!("recording: {}", options.record.display());
@@ -96,7 +97,7 @@ fn finish(
 ) -> Result<Verdict> {
     // Out of the recording, so that it gives the same later.
     let readings = readings::read(log)?;
-    let found = fit::fit(&readings, options);
+    let found = fit::fit(&readings, &options.wanted());
     let rows = parameters(&found, declination_deg)?;
     let mut figures = Figures::new(&readings, &found, declination_deg, &rows);
     show(&options.record, &readings, &found, &figures, options)?;
@@ -176,23 +177,23 @@ fn ask_declination(session: &mut Session) -> Result<Option<f64>> {
 /// The tombstone test.
 fn lay_down(session: &mut Session) -> Result<Refused> {
     session.ask(
-        Instruction::Rest,
+        Prompt::Rest,
         "1/4  Lay the sensor down and leave it alone, the table too.",
     )?;
-    let (begun_s, mut start) = (session.readings().length_s(), session.moments().len());
+    let (begun_s, mut start) = (session.readings().length_s(), session.samples().len());
     let mut why = None;
     loop {
         session.look()?;
         let now_s = session.readings().length_s();
         let recent = session
-            .moments()
+            .samples()
             .partition_point(|m| m.time_s < now_s - NOW_S);
-        if !rests::is_still(&session.moments()[recent..]) {
-            start = session.moments().len();
+        if !stillness::is_still(&session.samples()[recent..]) {
+            start = session.samples().len();
             session.progress(0.0, "it moves".into());
         }
-        let rest = &session.moments()[start..];
-        let still_s = rests::length_s(session.moments(), &(start..session.moments().len()));
+        let rest = &session.samples()[start..];
+        let still_s = stillness::length_s(session.samples(), &(start..session.samples().len()));
         if still_s >= REST_S {
             match rest::bias(rest) {
                 Ok(_) => {
@@ -202,7 +203,7 @@ fn lay_down(session: &mut Session) -> Result<Refused> {
                 Err(moved) => {
                     session.say(&format!("again: {moved}"));
                     why = Some(moved);
-                    start = session.moments().len();
+                    start = session.samples().len();
                 }
             }
         } else if still_s > 0.0 {
@@ -210,9 +211,9 @@ fn lay_down(session: &mut Session) -> Result<Refused> {
         }
         if now_s - begun_s > PATIENCE_S {
             let end = session
-                .moments()
+                .samples()
                 .partition_point(|m| m.time_s < now_s - REST_S);
-            let moved = why.or(rest::bias(&session.moments()[end..]).err());
+            let moved = why.or(rest::bias(&session.samples()[end..]).err());
             return Ok(Some(moved.map_or_else(
                 || "it never lay still for 10 s".into(),
                 |moved| moved.to_string(),
@@ -227,9 +228,9 @@ fn pose(session: &mut Session, gravity: f64) -> Result<Refused> {
     let mut asked = None;
     let mut news_s = session.readings().length_s();
     loop {
-        let moments = session.moments();
-        let found = rests::find(moments, POSE_S);
-        let forces = rests::forces(moments, &found);
+        let samples = session.samples();
+        let found = stillness::find(samples, POSE_S);
+        let forces = stillness::forces(samples, &found);
         for face in forces.iter().filter_map(Face::of) {
             if !done.contains(&face) {
                 done.push(face);
@@ -246,7 +247,7 @@ fn pose(session: &mut Session, gravity: f64) -> Result<Refused> {
                 "2/4  Rest the sensor with its {} (x is the nose, y the right side, z the bottom).",
                 next.name()
             );
-            session.ask(Instruction::Pose(next), &words)?;
+            session.ask(Prompt::Pose(next), &words)?;
         }
         let count = done.len();
         session.progress(count as f64 / 6.0, format!("{count} of 6 faces"));
@@ -264,7 +265,7 @@ fn pose(session: &mut Session, gravity: f64) -> Result<Refused> {
 /// The magnetometer, turned through all directions.
 fn turn(session: &mut Session) -> Result<Refused> {
     session.ask(
-        Instruction::Turn,
+        Prompt::Turn,
         "3/4  Turn the sensor slowly through all directions, upside down too, away from iron.",
     )?;
     let (begun_s, begun) = (
@@ -322,17 +323,17 @@ fn about_middle(fields: &[Vector3<f64>]) -> Coverage {
 /// The mount, with the body level.
 fn level(session: &mut Session, options: &Calibrate) -> Result<Refused> {
     session.ask(
-        Instruction::Level,
+        Prompt::Level,
         "4/4  Mount the sensor, stand the body level, and leave it.",
     )?;
     if is_attended() && !options.yes {
         session.question("Enter when it stands level:", &mut |_| Ok(()))?;
     }
-    let (begun_s, begun) = (session.readings().length_s(), session.moments().len());
+    let (begun_s, begun) = (session.readings().length_s(), session.samples().len());
     loop {
         session.look()?;
         let now_s = session.readings().length_s();
-        let found = rests::find(&session.moments()[begun..], POSE_S);
+        let found = stillness::find(&session.samples()[begun..], POSE_S);
         if !found.is_empty() {
             session.say("mount: level seen");
             return Ok(None);

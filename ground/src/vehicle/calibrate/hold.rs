@@ -6,13 +6,13 @@
 use std::time::{Duration, Instant};
 
 use anyhow::{Result, bail};
+use calibration::spread;
 use mavlink::dialects::common::MavMessage;
 use nalgebra::Vector3;
 use rig::operator::FlightState;
 use rig::request;
 use serde::Serialize;
 use tvc_nano::Params;
-use tvc_nano::calibration::spread;
 
 use super::session::Session;
 use super::tell;

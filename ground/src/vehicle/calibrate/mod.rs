@@ -2,7 +2,6 @@
 
 mod declination;
 mod figures;
-mod fit;
 mod guided;
 mod hold;
 mod keyboard;
@@ -10,7 +9,6 @@ mod picture;
 mod polarity;
 mod readings;
 mod report;
-mod rests;
 mod servo;
 mod session;
 mod write;
@@ -18,6 +16,7 @@ mod write;
 use std::path::Path;
 
 use anyhow::{Context, Result, anyhow};
+use calibration::{Found, Readings, fit};
 use nalgebra::Vector3;
 use tvc_nano::Params;
 
@@ -26,10 +25,8 @@ use crate::out::file::{print_figures, write_whole};
 use crate::vehicle::link::Parameter;
 use crate::vehicle::param::file;
 use figures::Figures;
-use fit::Found;
-use readings::Readings;
 mod options;
-pub use options::{Calibrate, Day, Place, Sensor, Servo, SetUp, place};
+pub use options::{Calibrate, Day, Place, Servo, SetUp, place};
 
 /// Calibrates as `options` say, prints the figures, writes the parameters and the report.
 pub fn run(options: &Calibrate) -> Result<Verdict> {
@@ -41,7 +38,7 @@ pub fn run(options: &Calibrate) -> Result<Verdict> {
         (None, Some(log)) => {
             let declination_deg = asked_declination(options)?;
             let readings = readings::read(log)?;
-            let found = fit::fit(&readings, options);
+            let found = fit::fit(&readings, &options.wanted());
             let rows = parameters(&found, declination_deg)?;
             let figures = Figures::new(&readings, &found, declination_deg, &rows);
             show(log, &readings, &found, &figures, options)?;

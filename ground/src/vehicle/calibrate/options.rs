@@ -2,7 +2,8 @@
 
 use crate::vehicle::param::ParamPort;
 use crate::vehicle::port::seconds;
-use clap::{Args, Subcommand, ValueEnum};
+use calibration::{Sensor, Wanted};
+use clap::{Args, Subcommand};
 use std::path::PathBuf;
 
 /// Options of `tvc calibrate`.
@@ -138,17 +139,15 @@ pub struct Servo {
     pub max: Option<f32>,
 }
 
-/// A sensor to calibrate.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub enum Sensor {
-    /// Gyroscope: bias.
-    Gyr,
-    /// Accelerometer: offset and scale.
-    Acc,
-    /// Magnetometer: hard and soft iron.
-    Mag,
-    /// Mount: roll and pitch, with the body level.
-    Level,
+impl Calibrate {
+    /// What the fits are asked for.
+    pub fn wanted(&self) -> Wanted {
+        Wanted {
+            only: self.only.clone(),
+            gravity: self.gravity,
+            level_s: self.level,
+        }
+    }
 }
 
 /// A place on earth, deg.

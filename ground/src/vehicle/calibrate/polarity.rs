@@ -4,7 +4,8 @@
 //! really swings only a person sees.
 
 use anyhow::{Result, bail};
-use rig::instruction::{Instruction, Tilt};
+use calibration::prompt::{Prompt, Tilt};
+use rig::request::status_text;
 use serde::Serialize;
 
 use super::session::{Seen, Session};
@@ -63,7 +64,10 @@ pub fn run(options: &Calibrate) -> Result<Verdict> {
     session.vehicle.set_parameter(NAME, WATCHED)?;
     let looked = look(&mut session, options.yes);
     session.end();
-    let told = session.vehicle.link().send(&Instruction::Done.message());
+    let told = session
+        .vehicle
+        .link()
+        .send(&status_text(&Prompt::Done.text()));
     if !matches!(&looked, Ok(Figures { refused: None, .. })) {
         session.vehicle.set_parameter(NAME, UNCHECKED)?;
     }
@@ -148,7 +152,7 @@ fn look(session: &mut Session, yes: bool) -> Result<Figures> {
 
 /// Waits until the vehicle is tilted and its rudder rests.
 fn tilt(session: &mut Session, way: Tilt, words: &str) -> Result<Seen> {
-    session.ask(Instruction::Tilt(way), words)?;
+    session.ask(Prompt::Tilt(way), words)?;
     let begun_s = session.readings().length_s();
     let (mut so, mut last) = (0, session.seen());
     while so < LOOKS {

@@ -4,14 +4,15 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use anyhow::{Result, bail};
+use calibration::prompt::Prompt;
+use calibration::{Readings, Sample};
 use indicatif::{ProgressBar, ProgressStyle};
 use mavlink::dialects::common::MavMessage;
-use rig::instruction::Instruction;
 use rig::operator::FlightState;
-use tvc_nano::calibration::rest::Moment;
+use rig::request::status_text;
 
 use super::keyboard::{Keyboard, Typed};
-use super::readings::Readings;
+use super::readings;
 use crate::vehicle::link::Vehicle;
 use crate::vehicle::status::angles;
 
@@ -86,9 +87,9 @@ impl<'a> Session<'a> {
         &self.readings
     }
 
-    /// Their moments.
-    pub fn moments(&self) -> &[Moment] {
-        &self.readings.moments
+    /// The samples so far.
+    pub fn samples(&self) -> &[Sample] {
+        &self.readings.samples
     }
 
     /// Waits until the vehicle has passed its self-test.
@@ -118,15 +119,15 @@ impl<'a> Session<'a> {
     ///
     /// # Errors
     /// The port went away.
-    pub fn ask(&mut self, instruction: Instruction, words: &str) -> Result<()> {
+    pub fn ask(&mut self, prompt: Prompt, words: &str) -> Result<()> {
         self.bar.set_message("");
         self.bar.set_position(0);
         self.bar.set_prefix(words.to_owned());
         if self.bar.is_hidden() {
             eprintln!("{words}");
         }
-        let message = instruction.message();
-        self.readings.take(&message);
+        let message = status_text(&prompt.text());
+        readings::take(&mut self.readings, &message);
         self.vehicle.link().send(&message)
     }
 
@@ -171,7 +172,7 @@ impl<'a> Session<'a> {
     /// The port went away, or the person has had enough.
     pub fn pump(&mut self) -> Result<()> {
         for frame in self.vehicle.receive()? {
-            self.readings.take(&frame.message);
+            readings::take(&mut self.readings, &frame.message);
             self.seen.take(&frame.message);
         }
         self.go_on()

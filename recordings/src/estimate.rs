@@ -1,19 +1,12 @@
 //! One way to run any filter, in any arithmetic: sample in, orientation out.
 
-use anyhow::Result;
 use tvc_fusion::{
     Complementary, Config, ConfigError, Estimator, Filter, Gyro, Madgwick, Mahony, Quaternion,
     Real, Sample, Vector3, Vqf, fixed,
 };
 
-use super::settings::{self, Gains};
-use super::source::{Facts, Row};
-use crate::filters::fuse::FilterName;
-use crate::filters::fuse::Mode;
-use crate::filters::fuse::Scalar;
-use crate::filters::fuse::Setting;
-use crate::filters::fuse::said;
-use crate::out::exit::BadInput;
+use crate::settings::{self, Gains};
+use crate::{Choice, ChoiceError, Facts, FilterName, Mode, RecordedSample, Scalar};
 
 /// Longest sampling period of the fixed-point estimators, us; a longer one is divided.
 const MOST_PERIOD_US: f64 = 10_500.0;
@@ -21,19 +14,6 @@ const MOST_PERIOD_US: f64 = 10_500.0;
 const GYR_RAD_S: (f32, f32) = (1e-5, 0.001_15);
 const ACC_M_S2: (f32, f32) = (5e-4, 0.05);
 const MAG_UT: (f32, f32) = (1e-3, 1.0);
-
-/// A filter, how it computes, what it sees, and what it is set to.
-#[derive(Clone, Debug)]
-pub struct Choice {
-    /// The filter.
-    pub filter: FilterName,
-    /// Its arithmetic.
-    pub scalar: Scalar,
-    /// Whether it sees the magnetometer.
-    pub mode: Mode,
-    /// Settings other than the defaults.
-    pub settings: Vec<Setting>,
-}
 
 /// A filter at work on a recording.
 pub struct Estimate {
@@ -44,8 +24,9 @@ pub struct Estimate {
 }
 
 trait Engine {
-    /// Takes a sample `dt_s` after the one before; sensor to north-east-down, `[w, x, y, z]` of any length.
-    fn update(&mut self, dt_s: f64, row: &Row, mag_ut: Option<[f64; 3]>) -> [f64; 4];
+    /// Takes a sample `dt_s` after the one before; sensor to north-east-down, `[w, x, y, z]`, of unit
+    /// length within 1e-4.
+    fn update(&mut self, dt_s: f64, sample: &RecordedSample, mag_ut: Option<[f64; 3]>) -> [f64; 4];
 }
 
 impl Estimate {
@@ -53,20 +34,13 @@ impl Estimate {
     ///
     /// # Errors
     /// A setting that is not there or out of range, a filter without fixed point.
-    pub fn new(choice: &Choice, facts: &Facts) -> Result<Self, BadInput> {
-        let engine = match choice.scalar {
-            Scalar::F32 => float::<f32>(choice, facts)?,
-            Scalar::F64 => float::<f64>(choice, facts)?,
-            Scalar::Fixed => match choice.filter {
-                FilterName::Mahony => in_fixed::<fixed::Mahony>(choice, facts)?,
-                FilterName::Vqf => in_fixed::<fixed::Vqf>(choice, facts)?,
-                other => {
-                    return Err(BadInput::new(format!(
-                        "{} has no fixed-point form; mahony and vqf have one",
-                        said(other)
-                    )));
-                }
-            },
+    pub fn new(choice: &Choice, facts: &Facts) -> Result<Self, ChoiceError> {
+        let engine = match (choice.scalar, choice.filter) {
+            (Scalar::F32, _) => float::<f32>(choice, facts)?,
+            (Scalar::F64, _) => float::<f64>(choice, facts)?,
+            (Scalar::Fixed, FilterName::Mahony) => in_fixed::<fixed::Mahony>(choice, facts)?,
+            (Scalar::Fixed, FilterName::Vqf) => in_fixed::<fixed::Vqf>(choice, facts)?,
+            (Scalar::Fixed, other) => return Err(ChoiceError::NoFixedPoint(other)),
         };
         Ok(Self {
             engine,
@@ -76,19 +50,28 @@ impl Estimate {
         })
     }
 
-    /// Takes the next sample; the orientation, sensor to north-east-down, `[w, x, y, z]`.
-    pub fn update(&mut self, row: &Row) -> [f64; 4] {
-        let last_s = self.last_s.replace(row.time_s);
-        let dt_s = last_s.map_or(self.period_s, |last_s| row.time_s - last_s);
-        let mag_ut = row.mag_ut.filter(|_| self.magnetometer);
-        let q = self.engine.update(dt_s, row, mag_ut);
-        // Of unit length within 1e-4 (fixed point): what is written down has no need to be off.
+    /// Takes the next sample; the orientation, sensor to north-east-down, `[w, x, y, z]`, of unit
+    /// length. The time step is the difference of the samples' times.
+    pub fn update(&mut self, sample: &RecordedSample) -> [f64; 4] {
+        let last_s = self.last_s.replace(sample.time_s);
+        let dt_s = last_s.map_or(self.period_s, |last_s| sample.time_s - last_s);
+        let q = self.step(dt_s, sample);
         let norm = q.iter().map(|c| c * c).sum::<f64>().sqrt();
         q.map(|c| c / norm)
     }
+
+    /// Takes a sample `dt_s` after the one before; the orientation, sensor to north-east-down,
+    /// `[w, x, y, z]`, just as the filter has it: of unit length within 1e-4 in fixed point.
+    pub fn step(&mut self, dt_s: f64, sample: &RecordedSample) -> [f64; 4] {
+        let mag_ut = sample.mag_ut.filter(|_| self.magnetometer);
+        self.engine.update(dt_s, sample, mag_ut)
+    }
 }
 
-fn float<T: Real + 'static>(choice: &Choice, facts: &Facts) -> Result<Box<dyn Engine>, BadInput> {
+fn float<T: Real + 'static>(
+    choice: &Choice,
+    facts: &Facts,
+) -> Result<Box<dyn Engine>, ChoiceError> {
     match choice.filter {
         FilterName::Gyro => in_float::<Gyro<T>>(choice, facts),
         FilterName::Complementary => in_float::<Complementary<T>>(choice, facts),
@@ -98,7 +81,7 @@ fn float<T: Real + 'static>(choice: &Choice, facts: &Facts) -> Result<Box<dyn En
     }
 }
 
-fn in_float<F>(choice: &Choice, facts: &Facts) -> Result<Box<dyn Engine>, BadInput>
+fn in_float<F>(choice: &Choice, facts: &Facts) -> Result<Box<dyn Engine>, ChoiceError>
 where
     F: Filter<Gains: Gains> + 'static,
 {
@@ -107,7 +90,7 @@ where
     Ok(Box::new(estimator))
 }
 
-fn in_fixed<F>(choice: &Choice, facts: &Facts) -> Result<Box<dyn Engine>, BadInput>
+fn in_fixed<F>(choice: &Choice, facts: &Facts) -> Result<Box<dyn Engine>, ChoiceError>
 where
     F: fixed::Filter<Gains: Gains> + 'static,
 {
@@ -133,27 +116,19 @@ where
     Ok(Counted::boxed(estimator, scale, 1))
 }
 
-fn config<G: Gains>(choice: &Choice, facts: &Facts) -> Result<Config<G>, BadInput> {
-    settings::config(
-        &said(choice.filter),
-        facts.gyro_range_rad_s,
-        &choice.settings,
-    )
+fn config<G: Gains>(choice: &Choice, facts: &Facts) -> Result<Config<G>, ChoiceError> {
+    settings::config(choice.filter, facts.gyro_range_rad_s, &choice.settings)
 }
 
-fn refused(choice: &Choice, error: ConfigError) -> BadInput {
+fn refused(choice: &Choice, error: ConfigError) -> ChoiceError {
     let ConfigError::OutOfRange(name) = error;
     let set = choice.settings.iter().rev().find(|set| set.key == name);
-    let name = match set {
-        Some(set) => format!("{name}={}", set.value),
+    let what = match set {
+        Some(set) => set.to_string(),
         None if name == "period_us" => "the recording's sampling period".to_owned(),
         None => name.to_owned(),
     };
-    BadInput::new(format!(
-        "{name} is out of range for {} in {}",
-        said(choice.filter),
-        said(choice.scalar)
-    ))
+    ChoiceError::OutOfRange(what, choice.filter, choice.scalar)
 }
 
 fn within(value: f32, (low, high): (f32, f32)) -> f32 {
@@ -161,11 +136,11 @@ fn within(value: f32, (low, high): (f32, f32)) -> f32 {
 }
 
 impl<F: Filter> Engine for Estimator<F> {
-    fn update(&mut self, dt_s: f64, row: &Row, mag_ut: Option<[f64; 3]>) -> [f64; 4] {
+    fn update(&mut self, dt_s: f64, sample: &RecordedSample, mag_ut: Option<[f64; 3]>) -> [f64; 4] {
         let single = |v: [f64; 3]| Vector3::from(v.map(|c| c as f32));
         let sample = Sample {
-            gyr: single(row.gyr_rad_s),
-            acc: single(row.acc_m_s2),
+            gyr: single(sample.gyr_rad_s),
+            acc: single(sample.acc_m_s2),
             mag: mag_ut.map(single),
         };
         let Quaternion { w, x, y, z } = self.update(dt_s as f32, &sample).orientation;
@@ -205,11 +180,11 @@ impl<F: fixed::Filter + 'static, R: fixed::OverRange + 'static> Counted<F, R> {
 }
 
 impl<F: fixed::Filter, R: fixed::OverRange> Engine for Counted<F, R> {
-    fn update(&mut self, dt_s: f64, row: &Row, mag_ut: Option<[f64; 3]>) -> [f64; 4] {
+    fn update(&mut self, dt_s: f64, sample: &RecordedSample, mag_ut: Option<[f64; 3]>) -> [f64; 4] {
         // NaN becomes zero, as does time that goes backwards.
         let counts = |v: [f64; 3], unit: f32| v.map(|c| (c / f64::from(unit)).round() as i16);
-        let gyr = counts(row.gyr_rad_s, self.scale.gyr_rad_s);
-        let acc = counts(row.acc_m_s2, self.scale.acc_m_s2);
+        let gyr = counts(sample.gyr_rad_s, self.scale.gyr_rad_s);
+        let acc = counts(sample.acc_m_s2, self.scale.acc_m_s2);
         let mag = mag_ut.map(|mag| counts(mag, self.scale.mag_ut));
         for part in 1..=self.parts {
             let mag = mag.filter(|_| part == self.parts);

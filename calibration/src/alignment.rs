@@ -52,7 +52,6 @@ pub fn agrees(matrix: &Matrix3<f64>) -> bool {
 mod tests {
     use super::*;
     use nalgebra::Rotation3;
-    use std::vec::Vec;
 
     /// Turns about changing axes, read by a gyroscope whose axes are `wrong`.
     fn turns(wrong: Matrix3<f64>) -> Vec<Turn> {

@@ -8,12 +8,13 @@
 //! D. Li and H. Griffiths give the fit (*Geometric Modeling and Processing* 2004); noise biases it by the square of its share of the
 //! field, 0.01 % at 0.6 of 50 uT.
 
-use core::fmt;
+use std::ops::RangeInclusive;
 
 use nalgebra::{Matrix3, Matrix4, Rotation3, SMatrix, SVector, Vector3, Vector4};
+use thiserror::Error;
 
-use super::coverage::Coverage;
-use super::{Correction, spread};
+use crate::coverage::Coverage;
+use crate::{Correction, spread};
 
 /// Least share of all directions that must have been seen.
 pub const LEAST_COVERAGE: f64 = 0.6;
@@ -26,7 +27,7 @@ const OUTLIER: f64 = 4.0;
 /// Largest ratio of the ellipsoid's axes.
 const LARGEST_RATIO: f64 = 3.0;
 /// Earth's field, uT, with a good margin.
-const EARTH_UT: core::ops::RangeInclusive<f64> = 15.0..=100.0;
+const EARTH_UT: RangeInclusive<f64> = 15.0..=100.0;
 /// Rounds of the search for the rotation; it converges quadratically.
 const ROUNDS: usize = 10;
 
@@ -51,76 +52,62 @@ pub struct Ellipsoid {
 }
 
 /// Why the readings are refused.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Error)]
 pub enum EllipsoidError {
     /// Too few.
+    #[error("{count} magnetometer readings are too few, {FEWEST} are needed: turn it for a minute")]
     Few {
         /// How many different ones.
         count: usize,
     },
     /// Too little of the sphere.
+    #[error(
+        "the magnetometer has seen {:.0} % of all directions, {:.0} % are needed: \
+         turn it slowly about every axis, upside down too",
+        .share * 100.0,
+        LEAST_COVERAGE * 100.0
+    )]
     Coverage {
         /// Share, 0 to 1.
         share: f64,
     },
     /// No ellipsoid fits them.
+    #[error(
+        "the magnetometer's readings lie on no ellipsoid: \
+         too few directions, or iron or currents that move"
+    )]
     NoEllipsoid,
     /// One does, but badly.
+    #[error(
+        "the magnetometer's readings lie {:.1} % off any ellipsoid, {:.0} % may be: \
+         iron or currents move beside it",
+        .share * 100.0,
+        LARGEST_RESIDUAL * 100.0
+    )]
     Residual {
         /// Root mean square deviation, share of the strength.
         share: f64,
     },
     /// It is longer one way than iron nearby makes it.
+    #[error(
+        "the field is {ratio:.1} times stronger one way than another, {LARGEST_RATIO} may be: \
+         take iron away from the sensor"
+    )]
     Distorted {
         /// Ratio of its axes.
         ratio: f64,
     },
     /// The field is not the earth's.
+    #[error(
+        "a field of {ut:.0} uT is not the earth's ({:.0} to {:.0} uT): move away from magnets",
+        EARTH_UT.start(),
+        EARTH_UT.end()
+    )]
     Strength {
         /// Its strength, uT.
         ut: f64,
     },
 }
-
-impl fmt::Display for EllipsoidError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Few { count } => write!(
-                f,
-                "{count} magnetometer readings are too few, {FEWEST} are needed: turn it for a minute"
-            ),
-            Self::Coverage { share } => write!(
-                f,
-                "the magnetometer has seen {:.0} % of all directions, {:.0} % are needed: turn it slowly about every axis, \
-                 upside down too",
-                share * 100.0,
-                LEAST_COVERAGE * 100.0
-            ),
-            Self::NoEllipsoid => f.write_str(
-                "the magnetometer's readings lie on no ellipsoid: too few directions, or iron or currents that move",
-            ),
-            Self::Residual { share } => write!(
-                f,
-                "the magnetometer's readings lie {:.1} % off any ellipsoid, {:.0} % may be: iron or currents move beside it",
-                share * 100.0,
-                LARGEST_RESIDUAL * 100.0
-            ),
-            Self::Distorted { ratio } => write!(
-                f,
-                "the field is {ratio:.1} times stronger one way than another, {LARGEST_RATIO} may be: take iron away from the \
-                 sensor"
-            ),
-            Self::Strength { ut } => write!(
-                f,
-                "a field of {ut:.0} uT is not the earth's ({:.0} to {:.0} uT): move away from magnets",
-                EARTH_UT.start(),
-                EARTH_UT.end()
-            ),
-        }
-    }
-}
-
-impl core::error::Error for EllipsoidError {}
 
 /// Hard and soft iron out of readings, uT, each of which is a measurement of its own (no repeats).
 ///
@@ -319,8 +306,6 @@ fn deviation(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use std::string::ToString;
-    use std::vec::Vec;
 
     const HARD: Vector3<f64> = Vector3::new(40.0, -40.0, 30.0);
 

@@ -22,7 +22,7 @@ impl Coverage {
         }
         let cell = |share: f64, of: usize| ((share * of as f64) as usize).min(of - 1);
         let band = cell((direction.z / norm + 1.0) / 2.0, BANDS);
-        let turn = libm::atan2(direction.y, direction.x) / core::f64::consts::TAU + 0.5;
+        let turn = libm::atan2(direction.y, direction.x) / std::f64::consts::TAU + 0.5;
         let count = self
             .counts
             .get_mut(band)
@@ -57,7 +57,6 @@ impl<'a> FromIterator<&'a Vector3<f64>> for Coverage {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use std::vec::Vec;
 
     #[test]
     fn cells_have_equal_areas() {
