@@ -2,21 +2,21 @@
 //!
 //! ```text
 //!            +----------------- Rig ------------------------------------------+
-//!  Operator  |  Chip (samd21)                World                             |
+//!  Operator  |  Chip (samd21)                Environment                             |
 //!  MAVLink <-USB-> image         <-I2C->  Bno055  <- pitch, rate, field -+     |
 //!            |                   -D3---->  servo -> crank -> rudder -> drone   |
-//!            |                   -D4---->  Truth: bursts, steps, pulses, motion|
+//!            |                   -D4---->  GroundTruth: bursts, steps, pulses, motion|
 //!            +------------------------------------------------------------------+
 //! ```
 //!
 //! Everything runs on one clock ([`Ticks`] since power-on) and out of one
-//! seed: the same seed gives the same bytes. A [`Rig`] is a plain value: clone it to fork the world.
+//! seed: the same seed gives the same bytes. A [`Rig`] is a plain value: clone it to fork the environment.
 //!
 //! | module | what |
 //! |---|---|
 //! | [`image`] | builds the firmware and reads its ELF file |
-//! | [`Rig`] | chip, world and bootloader together |
-//! | [`world`] | sensor, servo, drone, clamp |
+//! | [`Rig`] | chip, environment and bootloader together |
+//! | [`environment`] | sensor, servo, drone, clamp |
 //! | [`bno055`] | the sensor at register level, with its faults |
 //! | [`disturbance`] | vibration, sagging servo supply, slow thrust |
 //! | [`truth`], [`measure`] | what really happened, and timing figures of it |
@@ -27,32 +27,25 @@
 //! | [`handling`] | a sensor in the hand, and what `tvc calibrate` asks of whoever holds it |
 //! | [`replay`] | real recordings through the image |
 
+pub mod bench;
 pub mod bno055;
-pub mod disturbance;
-pub mod faults;
-pub mod flight;
-pub mod hand;
-pub mod handling;
+pub mod fly;
 pub mod image;
 pub mod link;
-pub mod measure;
+pub mod observe;
 pub mod operator;
-#[cfg(unix)]
-pub mod pty;
 pub mod random;
-#[cfg(unix)]
-pub mod real_time;
 mod received;
-pub mod replay;
 pub mod request;
 mod rig;
-mod tap;
-pub mod timed_fault;
-pub mod truth;
-pub mod world;
 
-pub use flight::{FlightRecord, Ready, ServoKind, Setup, prepare};
+pub use bench::{disturbance, sensor_motion};
+pub use fly::flight::{FlightRecord, Ready, ServoKind, Setup, prepare};
+pub use fly::{faults, flight, pilot, replay};
+#[cfg(unix)]
+pub use fly::{pty, real_time};
 pub use image::Image;
+pub use observe::{ground_truth, measure};
 pub use operator::Operator;
 pub use rig::{Rig, RigConfig, RigError};
 

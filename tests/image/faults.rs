@@ -3,8 +3,8 @@
 use crate::{firmware, ready};
 use rig::bno055::Fault;
 use rig::faults::NEUTRAL_US;
+use rig::ground_truth::Pulse;
 use rig::operator::{FlightState, OperatorError};
-use rig::truth::Pulse;
 use rig::{Ready, ResetCause, Ticks};
 
 pub(crate) fn ms(ms: u64) -> Ticks {
@@ -15,7 +15,7 @@ pub(crate) fn ms(ms: u64) -> Ticks {
 fn in_flight() -> Ready {
     let mut flight = ready();
     let Ready { rig, operator, .. } = &mut flight;
-    rig.world_mut().tilt_clamp(0.4);
+    rig.environment_mut().tilt_clamp(0.4);
     operator.run(rig, ms(2000)).unwrap();
     operator.arm(rig).unwrap();
     operator.release(rig, 0.2).unwrap();
@@ -91,8 +91,8 @@ fn neutral_in_time_and_back_by_the_operator(fault: Fault, word: &str) {
     }
 
     rig.clear(fault);
-    rig.world_mut().catch();
-    rig.world_mut().tilt_clamp(0.0);
+    rig.environment_mut().catch();
+    rig.environment_mut().tilt_clamp(0.0);
     // The attitude and the gyro offset are found anew.
     operator.run(rig, ms(8000)).unwrap();
     assert_eq!(
@@ -153,7 +153,7 @@ fn a_slave_inside_a_byte_is_clocked_free() {
     let Ready { rig, operator, .. } = &mut flight;
     rig.inject(Fault::SdaHeld { clocks: 7 });
     operator.run(rig, ms(500)).unwrap();
-    assert!(!rig.world().sensor().held_low(rig.now()).sda);
+    assert!(!rig.environment().sensor().held_low(rig.now()).sda);
     let last = rig.truth().bursts.last().unwrap();
     assert!(rig.now() - last.end < ms(20), "bursts go on");
 }
@@ -171,7 +171,7 @@ fn spikes_are_ridden_out() {
         "{:?}",
         operator.last_text()
     );
-    let pitch = rig.world().drone().pitch_rad();
+    let pitch = rig.environment().drone().pitch_rad();
     assert!(pitch.abs() < 0.05, "{pitch}");
 }
 
@@ -220,8 +220,8 @@ fn a_hung_loop_is_reset_and_told() {
         operator.arm(rig),
         Err(OperatorError::Refused { .. })
     ));
-    rig.world_mut().catch();
-    rig.world_mut().tilt_clamp(0.0);
+    rig.environment_mut().catch();
+    rig.environment_mut().tilt_clamp(0.0);
     operator.disarm(rig).unwrap();
     operator
         .wait_for_state(rig, ms(6000), FlightState::Standby)
@@ -265,8 +265,8 @@ fn a_hard_fault_is_told_after_the_reset() {
     let told = &operator.received().texts;
     assert!(told.iter().any(|t| t.text.contains(&reason)), "{told:?}");
 
-    rig.world_mut().catch();
-    rig.world_mut().tilt_clamp(0.0);
+    rig.environment_mut().catch();
+    rig.environment_mut().tilt_clamp(0.0);
     rig.power_cycle();
     operator.connect(rig).unwrap();
     operator
@@ -318,7 +318,7 @@ fn a_laptop_that_stops_reading_or_goes_away_disturbs_nothing() {
     rig.usb_host_mut().attach();
     operator.run(rig, ms(1000)).unwrap();
     assert_pulses_went_on(rig.truth().pulses_since(at), ms(3000));
-    let pitch = rig.world().drone().pitch_rad();
+    let pitch = rig.environment().drone().pitch_rad();
     assert!(pitch.abs() < 0.03, "{pitch}");
     let steps = rig.truth().steps.iter().filter(|s| s.start >= at).count();
     assert!((449..=451).contains(&steps), "{steps} steps in 3 s");

@@ -17,7 +17,7 @@ fn every_sensor_fault_commands_neutral_in_time_and_leads_back_only_to_standby() 
         SensorFault::Torn,
         SensorFault::Late,
         SensorFault::Booting,
-        SensorFault::Doubt,
+        SensorFault::RegisterMismatch,
     ] {
         let mut desk = Desk::active(0.4);
         desk.run(5);
@@ -72,7 +72,7 @@ fn a_bad_sample_never_reaches_the_filter() {
         SensorFault::Reset,
         SensorFault::Frozen,
         SensorFault::Unreliable,
-        SensorFault::Doubt,
+        SensorFault::RegisterMismatch,
         SensorFault::Nak,
     ] {
         let snapshot = desk.step_with(Err(fault)).snapshot;
@@ -86,7 +86,7 @@ fn a_register_in_doubt_costs_samples_and_not_the_flight() {
     let mut desk = Desk::active(0.4);
     desk.run(5);
     for _ in 0..3 {
-        desk.step_with(Err(SensorFault::Doubt));
+        desk.step_with(Err(SensorFault::RegisterMismatch));
     }
     desk.run(1);
     assert!(desk.flight.state().is_active());
