@@ -7,14 +7,11 @@ use rig::request;
 use serde::Serialize;
 use tvc_nano::Params;
 
-use super::session::Session;
-use super::write::write;
+use super::options::{Calibrate, Servo};
+use super::session::{NEXT_IS_POLARITY, Session};
 use crate::out::exit::{BadInput, Verdict};
 use crate::out::file::print_figures;
-use crate::signals;
-use crate::vehicle::calibrate::Calibrate;
-use crate::vehicle::calibrate::Servo;
-use crate::vehicle::link::{Parameter, Vehicle};
+use crate::vehicle::link::Parameter;
 
 /// How often a pulse is asked for again; the vehicle holds it for two seconds.
 const AGAIN: Duration = Duration::from_millis(500);
@@ -40,7 +37,8 @@ impl Figures {
             false => "the vehicle is as it was\n".to_owned(),
         };
         if self.written && !self.polarity_checked {
-            text += "next: tvc calibrate polarity, without which nothing is armed\n";
+            text += NEXT_IS_POLARITY;
+            text.push('\n');
         }
         text
     }
@@ -49,8 +47,7 @@ impl Figures {
 /// Sets the servo up.
 pub fn run(given: &Servo, options: &Calibrate) -> Result<Verdict> {
     check(given)?;
-    let stop = signals::on_signal()?;
-    let mut session = Session::begin(Vehicle::connect(&options.port.port())?, stop)?;
+    let mut session = Session::connect(options)?;
     let rows = find(&mut session, given, options.yes)?;
     let mut figures = Figures {
         parameters: rows
@@ -64,16 +61,15 @@ pub fn run(given: &Servo, options: &Calibrate) -> Result<Verdict> {
     for row in &rows {
         eprintln!("{:<16} {}", row.name, row.value);
     }
-    if options.yes || session.agrees("Write this to the vehicle, and into its flash?")? {
-        figures.changed = write(&mut session.vehicle, &rows)?;
-        figures.written = true;
+    if let Some(changed) = session.write_if_agreed(&rows)? {
+        (figures.changed, figures.written) = (changed, true);
     }
-    figures.polarity_checked = session.vehicle.parameter("SRV_POLARITY")? == 1.0;
+    figures.polarity_checked = session.is_polarity_checked()?;
     print_figures(&figures, options.port.json, Figures::text)?;
     Ok(Verdict::Met)
 }
 
-/// What is given must be what the firmware takes.
+/// Checks that the firmware takes what is given.
 fn check(given: &Servo) -> Result<()> {
     let mut table = Params::default();
     for (option, name, value) in [
@@ -94,42 +90,30 @@ fn check(given: &Servo) -> Result<()> {
 
 /// What is given, what the person finds, or what the vehicle has.
 fn find(session: &mut Session, given: &Servo, yes: bool) -> Result<Vec<Parameter>> {
-    let mut has = |name: &str| session.vehicle.parameter(name);
-    let (centre, us_per_deg, sign) = (
-        has("SRV_CENTRE_US")?,
-        has("SRV_US_PER_DEG")?,
-        has("SRV_DIR")?,
-    );
-    let (min, max) = (has("SRV_MIN_US")?, has("SRV_MAX_US")?);
-    let centre = match given.centre {
-        Some(us) => us,
-        None if yes => centre,
-        None => nudge(
-            session,
-            "Thrust off. Centre: the rudder hangs straight down",
-            centre,
-        )?,
+    type Ask<'a> = &'a dyn Fn(&mut Session, f32) -> Result<f32>;
+    let mut value = |name: &str, given: Option<f32>, ask: Ask<'_>| match given {
+        Some(value) => Ok(value),
+        None => {
+            let has = session.vehicle.parameter(name)?;
+            if yes { Ok(has) } else { ask(session, has) }
+        }
     };
-    let us_per_deg = match given.us_per_deg {
-        Some(us) => us,
-        None if yes => us_per_deg,
-        None => scale(session, centre)?.unwrap_or(us_per_deg),
-    };
-    let direction = match given.direction {
-        Some(sign) => sign,
-        None if yes => sign,
-        None => direction(session, centre)?.unwrap_or(sign),
-    };
-    let min = match given.min {
-        Some(us) => us,
-        None if yes => min,
-        None => nudge(session, "Shortest pulse at which nothing touches", min)?,
-    };
-    let max = match given.max {
-        Some(us) => us,
-        None if yes => max,
-        None => nudge(session, "Longest pulse at which nothing touches", max)?,
-    };
+    let centre = value("SRV_CENTRE_US", given.centre, &|session, has| {
+        let what = "Thrust off. Centre: the rudder hangs straight down";
+        nudge(session, what, has)
+    })?;
+    let us_per_deg = value("SRV_US_PER_DEG", given.us_per_deg, &|session, has| {
+        Ok(scale(session, centre)?.unwrap_or(has))
+    })?;
+    let direction = value("SRV_DIR", given.direction, &|session, has| {
+        Ok(direction(session, centre)?.unwrap_or(has))
+    })?;
+    let min = value("SRV_MIN_US", given.min, &|session, has| {
+        nudge(session, "Shortest pulse at which nothing touches", has)
+    })?;
+    let max = value("SRV_MAX_US", given.max, &|session, has| {
+        nudge(session, "Longest pulse at which nothing touches", has)
+    })?;
     // Rounded as a person would write it, so that files and vehicles agree.
     let row = |name: &str, value: f32| Parameter {
         name: name.into(),

@@ -12,15 +12,18 @@ use rig::operator::FlightState;
 use rig::request::status_text;
 
 use super::keyboard::{Keyboard, Typed};
+use super::options::Calibrate;
 use super::readings;
-use crate::vehicle::link::Vehicle;
+use super::write::write;
+use crate::out::exit::Verdict;
+use crate::signals;
+use crate::vehicle::link::{Parameter, Vehicle};
 use crate::vehicle::status::angles;
 
 /// How much of the vehicle's time passes between two looks at its samples, s.
 const LOOK_S: f64 = 0.2;
-/// Silence of the sensor after which there is no use in waiting.
+/// Silence of the sensor after which waiting has no use.
 const SILENCE: Duration = Duration::from_secs(10);
-
 /// How long the vehicle may take to standby.
 const STANDBY: Duration = Duration::from_secs(20);
 
@@ -48,23 +51,29 @@ impl Seen {
     }
 }
 
-/// A calibration under way.
-pub struct Session<'a> {
+/// A calibration, or another step of the set-up, under way: begun with [`Session::connect`], and at
+/// its end what was found is written with [`Session::write_if_agreed`].
+pub struct Session {
     /// The vehicle.
     pub vehicle: Vehicle,
+    /// Set when the person pressed Ctrl-C.
+    pub stop: &'static AtomicBool,
     readings: Readings,
     seen: Seen,
     keyboard: Option<Keyboard>,
     bar: ProgressBar,
-    stop: &'a AtomicBool,
+    /// Yes to every question.
+    yes: bool,
 }
 
-impl<'a> Session<'a> {
-    /// At a vehicle that is not flying.
+impl Session {
+    /// Connects to the vehicle that the options name.
     ///
     /// # Errors
-    /// It is armed.
-    pub fn begin(vehicle: Vehicle, stop: &'a AtomicBool) -> Result<Self> {
+    /// It does not answer, or it is armed.
+    pub fn connect(options: &Calibrate) -> Result<Self> {
+        let stop = signals::on_signal()?;
+        let vehicle = Vehicle::connect(&options.port.port())?;
         if matches!(vehicle.state(), FlightState::Armed | FlightState::Active) {
             bail!("the vehicle is armed: `tvc disarm` first");
         }
@@ -74,17 +83,23 @@ impl<'a> Session<'a> {
         }
         Ok(Self {
             vehicle,
+            stop,
             readings: Readings::default(),
             seen: Seen::default(),
             keyboard: None,
             bar,
-            stop,
+            yes: options.yes,
         })
     }
 
     /// Samples so far.
     pub fn readings(&self) -> &Readings {
         &self.readings
+    }
+
+    /// The vehicle's time, s since the first sample.
+    pub fn now_s(&self) -> f64 {
+        self.readings.length_s()
     }
 
     /// The samples so far.
@@ -143,15 +158,25 @@ impl<'a> Session<'a> {
         self.bar.suspend(|| eprintln!("{words}"));
     }
 
-    /// Nothing more is shown.
+    /// Takes the progress bar off the screen.
     pub fn end(&self) {
         self.bar.finish_and_clear();
+    }
+
+    /// The same, and says down the link that nothing more is asked of the person.
+    ///
+    /// # Errors
+    /// The port went away.
+    pub fn done(&mut self) -> Result<()> {
+        self.end();
+        let message = status_text(&Prompt::Done.text());
+        self.vehicle.link().send(&message)
     }
 
     /// Reads along until the vehicle's clock is a bit further.
     ///
     /// # Errors
-    /// The port went away, the sensor is silent, or the person has had enough.
+    /// The port went away, the sensor is silent, or Ctrl-C was pressed.
     pub fn look(&mut self) -> Result<()> {
         let (begun, from_s) = (Instant::now(), self.readings.length_s());
         while self.readings.length_s() - from_s < LOOK_S {
@@ -169,7 +194,7 @@ impl<'a> Session<'a> {
     /// Reads what has come.
     ///
     /// # Errors
-    /// The port went away, or the person has had enough.
+    /// The port went away, or Ctrl-C was pressed.
     pub fn pump(&mut self) -> Result<()> {
         for frame in self.vehicle.receive()? {
             readings::take(&mut self.readings, &frame.message);
@@ -178,10 +203,10 @@ impl<'a> Session<'a> {
         self.go_on()
     }
 
-    /// Whether the person has not had enough.
+    /// Fails once Ctrl-C was pressed.
     ///
     /// # Errors
-    /// They have.
+    /// Ctrl-C was pressed.
     pub fn go_on(&self) -> Result<()> {
         if self.stop.load(Ordering::Relaxed) {
             self.end();
@@ -216,12 +241,60 @@ impl<'a> Session<'a> {
         })
     }
 
-    /// Whether the person agrees; nobody there is a no.
+    /// Whether the person agrees; nobody there is a no. Not asked if the options have said yes.
     ///
     /// # Errors
     /// As [`Self::pump`].
     pub fn agrees(&mut self, words: &str) -> Result<bool> {
+        if self.yes {
+            return Ok(true);
+        }
         let answer = self.question(&format!("{words} [y/N]"), &mut |_| Ok(()))?;
         Ok(answer.is_some_and(|answer| matches!(answer.to_lowercase().as_str(), "y" | "yes")))
+    }
+
+    /// Writes the parameters into the vehicle and its flash, if the person agrees; how many were
+    /// changed, `None` if nothing was written.
+    ///
+    /// # Errors
+    /// As [`Self::pump`] and [`write`].
+    pub fn write_if_agreed(&mut self, rows: &[Parameter]) -> Result<Option<usize>> {
+        if self.agrees("Write this to the vehicle, and into its flash?")? {
+            write(&mut self.vehicle, rows).map(Some)
+        } else {
+            Ok(None)
+        }
+    }
+
+    /// Whether a person has seen the rudder answer the right way, by the vehicle's parameter.
+    ///
+    /// # Errors
+    /// The vehicle does not answer.
+    pub fn is_polarity_checked(&mut self) -> Result<bool> {
+        Ok(self.vehicle.parameter("SRV_POLARITY")? == 1.0)
+    }
+}
+
+/// What to do before anything can be armed, as long as nobody has checked the polarity.
+pub const NEXT_IS_POLARITY: &str = "next: tvc calibrate polarity, without which nothing is armed";
+
+/// Prints figures that the person is asked about next: on standard output, unless that is kept for
+/// JSON.
+pub fn print_before_question(text: &str, json: bool) {
+    if json {
+        eprint!("{text}");
+    } else {
+        print!("{text}");
+    }
+}
+
+/// How a step ends that may have been refused, and why it was on standard error.
+pub fn verdict(refused: Option<&str>) -> Verdict {
+    match refused {
+        None => Verdict::Met,
+        Some(why) => {
+            eprintln!("refused: {why}");
+            Verdict::Missed
+        }
     }
 }
