@@ -1,4 +1,4 @@
-//! How much of the sphere of directions a recording has seen.
+//! How much of the sphere of directions a recording covers.
 
 use nalgebra::Vector3;
 
@@ -14,7 +14,7 @@ pub struct Coverage {
 }
 
 impl Coverage {
-    /// Notes a direction; its length does not matter, and a zero one is nothing.
+    /// Counts a direction; its length does not matter, and a zero one is ignored.
     pub fn add(&mut self, direction: &Vector3<f64>) {
         let norm = direction.norm();
         if norm.is_nan() || norm <= 0.0 {

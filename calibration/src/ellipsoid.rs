@@ -1,12 +1,14 @@
-//! Magnetometer hard and soft iron: in a uniform field, a sensor turned through all directions reads an ellipsoid.
+//! Magnetometer hard and soft iron: in a uniform field, the readings of a sensor turned through all
+//! directions lie on an ellipsoid.
 //!
-//! With `d(m) = [x2, y2, z2, 2yz, 2xz, 2xy, 2x, 2y, 2z]` the ellipsoid is `d(m) . p = 1`, linear in nine unknowns. With
-//! `Q` and `u` out of `p`, its centre is `-Q^-1 u` (the hard iron), and the symmetric root of `Q`, scaled, turns it into a sphere
-//! (the soft iron). A rotation more would leave the sphere a sphere: where the soft iron is not symmetric, gravity finds it, because
-//! the angle between gravity and field, the dip, is the same in every pose.
+//! With `d(m) = [x2, y2, z2, 2yz, 2xz, 2xy, 2x, 2y, 2z]` the ellipsoid is `d(m) . p = 1`, linear in
+//! nine unknowns. With `Q` and `u` out of `p`, its centre is `-Q^-1 u` (the hard iron), and the
+//! symmetric root of `Q`, scaled, turns it into a sphere (the soft iron). Any rotation leaves the sphere
+//! a sphere; where the soft iron is not symmetric, gravity determines the rotation, because the angle
+//! between gravity and field, the dip, is the same in every pose.
 //!
-//! D. Li and H. Griffiths give the fit (*Geometric Modeling and Processing* 2004); noise biases it by the square of its share of the
-//! field, 0.01 % at 0.6 of 50 uT.
+//! D. Li and H. Griffiths give the fit (*Geometric Modeling and Processing* 2004); noise biases it by
+//! the square of its share of the field, 0.01 % at 0.6 of 50 uT.
 
 use std::ops::RangeInclusive;
 
@@ -22,7 +24,7 @@ pub const LEAST_COVERAGE: f64 = 0.6;
 const FEWEST: usize = 200;
 /// Largest root mean square deviation from the sphere, as a share of its radius.
 const LARGEST_RESIDUAL: f64 = 0.05;
-/// A reading farther off than so many deviations is not used.
+/// A reading that is more standard deviations off is not used.
 const OUTLIER: f64 = 4.0;
 /// Largest ratio of the ellipsoid's axes.
 const LARGEST_RATIO: f64 = 3.0;
@@ -123,7 +125,7 @@ pub fn fit(readings: &[Vector3<f64>]) -> Result<Ellipsoid, EllipsoidError> {
     let (mean, deviation_ut) = spread(readings.iter()).ok_or(EllipsoidError::NoEllipsoid)?;
     let sane = |m: &Vector3<f64>| (m - mean).norm() <= OUTLIER * deviation_ut.norm();
     let refuse = |why: EllipsoidError| {
-        // Most often the cause is that it was not turned enough, and that can be mended.
+        // The usual cause is that it was not turned enough, and a person can do better.
         let (middle, _) = extent(readings, sane);
         let mut seen = Coverage::default();
         for reading in readings.iter().filter(|m| sane(m)) {
@@ -181,9 +183,10 @@ pub fn fit(readings: &[Vector3<f64>]) -> Result<Ellipsoid, EllipsoidError> {
     })
 }
 
-/// Turns the correction so that the angle between gravity and field is the same in every pose, as it is where the soft iron is
-/// not symmetric. `pairs` are directions up (the corrected accelerometer) and corrected fields. Gives the correction, the dip in
-/// rad, and the root mean square deviation of the dip in rad; `None` where the pairs do not determine the rotation.
+/// Rotates the correction so that the angle between gravity and field is the same in every pose, which
+/// matters where the soft iron is not symmetric. `pairs` are directions up (the corrected
+/// accelerometer) and corrected fields. Gives the correction, the dip in rad, and the root mean square
+/// deviation of the dip in rad; `None` where the pairs do not determine the rotation.
 pub fn align<'a>(
     correction: &Correction,
     pairs: impl Iterator<Item = &'a (Vector3<f64>, Vector3<f64>)> + Clone,
@@ -219,7 +222,7 @@ pub fn align<'a>(
         offset: correction.offset,
         matrix: rotation.matrix() * correction.matrix,
     };
-    // A large turn is no soft iron, but a solution of nothing.
+    // Soft iron makes a small rotation only: a large one means that the equations have no solution.
     (deviation.is_finite() && rotation.angle() < 0.5).then_some((turned, dip, deviation))
 }
 

@@ -12,11 +12,11 @@ use crate::{AXES, Correction, Readings, Sample, Sensor, level, spread, stillness
 
 /// Shortest rest that counts as a pose, s.
 const POSE_S: f64 = 1.0;
-/// A sample counts as a measurement of gravity's direction while it is that near to gravity, as a share.
+/// A sample measures the direction of gravity if its strength is within this share of gravity.
 const QUASI_STATIC: f64 = 0.04;
 /// Fewest such samples with a new field for the rotation of the soft iron.
 const FEWEST_PAIRS: usize = 200;
-/// Time over which a turn is looked at, s, and least angle, rad.
+/// Time between the ends of a turn, s, and its least angle, rad.
 const TURN_S: f64 = 0.2;
 const LEAST_TURN: f64 = 0.05;
 /// Fewest turns for a verdict on polarity.
@@ -58,7 +58,7 @@ pub struct Found {
     pub by_field: Option<Matrix3<f64>>,
     /// Roll and pitch of the mount, rad.
     pub mount: Option<(f64, f64)>,
-    /// Why there is no more.
+    /// Why something could not be calibrated.
     pub refused: Vec<String>,
 }
 
@@ -89,7 +89,7 @@ pub fn fit(readings: &Readings, wanted: &Wanted) -> Found {
     let mut found = Found::default();
     let samples = &readings.samples;
     let rests = stillness::find(samples, POSE_S);
-    // Without the bias the other sensors can still be calibrated, and their refusals be told with this one.
+    // Without the bias the other sensors can still be calibrated, and all refusals be said at once.
     match tombstone(samples) {
         Ok(rest) => found.rest = Some(rest),
         Err(why) if wanted.has(Sensor::Gyr) => found.refused.push(why.to_string()),
@@ -118,8 +118,8 @@ pub fn fit(readings: &Readings, wanted: &Wanted) -> Found {
     found
 }
 
-/// The force with the body level: in the rest that the command line names, or in the last one after a person was asked to stand
-/// it so. `None` where nobody wants it.
+/// The force with the body level: in the rest that is named, or in the last one after a person was
+/// asked to stand it level. `None` if it is not wanted.
 fn level_rest(
     readings: &Readings,
     rests: &[Range<usize>],
@@ -148,7 +148,7 @@ fn level_rest(
     Some(force.map(|(mean, _)| mean).ok_or(why))
 }
 
-/// The bias out of the longest rest; where there is none, the recording's beginning tells why.
+/// The bias out of the longest rest; where there is none, the reason in the recording's beginning.
 fn tombstone(samples: &[Sample]) -> Result<Rest, rest::RestError> {
     let longest = stillness::find(samples, 0.0)
         .into_iter()
@@ -164,7 +164,7 @@ fn tombstone(samples: &[Sample]) -> Result<Rest, rest::RestError> {
     short
 }
 
-/// Where gravity and field show the rotation that the ellipsoid cannot, it is taken.
+/// Adds the rotation that the ellipsoid alone does not show, where gravity and field determine it.
 fn turn_by_gravity(found: &mut Found, readings: &Readings, gravity: f64) {
     let Some(mut ellipsoid) = found.ellipsoid else {
         return;

@@ -1,8 +1,10 @@
 //! Accelerometer offset and scale: at rest it reads gravity, whichever way it lies.
 //!
-//! With reading `a`, offset `o` and scale `s`, every pose says `sum of (s_i (a_i - o_i))^2 = g^2`. Multiplied out that is linear
-//! in `A_i = s_i^2 / k` and `B_i = -A_i o_i`: `sum of A_i a_i^2 + 2 B_i a_i = 1`, six unknowns and an equation a pose, with
-//! `k = g^2 - sum of s_i^2 o_i^2` found afterwards. Six poses on the six faces are enough; more directions average the noise.
+//! With reading `a`, offset `o` and scale `s`, every pose says `sum of (s_i (a_i - o_i))^2 = g^2`.
+//! Multiplied out that is linear in `A_i = s_i^2 / k` and `B_i = -A_i o_i`:
+//! `sum of A_i a_i^2 + 2 B_i a_i = 1`, six unknowns and an equation a pose, with
+//! `k = g^2 - sum of s_i^2 o_i^2` found afterwards. Six poses on the six faces are enough; more
+//! directions average the noise.
 
 use nalgebra::{Matrix3, Matrix6, Vector3, Vector6};
 use thiserror::Error;
@@ -11,8 +13,7 @@ use crate::Correction;
 
 /// Least share of gravity that some pose must show on every axis, up and down.
 const LEAST_SHARE: f64 = 0.7;
-/// Largest deviation of a corrected pose from gravity, as a share of it: one and a half times what 80 mg of offset
-/// forgotten would leave.
+/// Largest rms deviation of the corrected poses from gravity, as a share of it.
 const LARGEST_RESIDUAL: f64 = 0.01;
 /// Largest offset, as a share of gravity: the data sheet's 80 mg at most, and as much for soldering.
 const LARGEST_OFFSET: f64 = 0.16;
@@ -135,7 +136,7 @@ pub enum PosesError {
     Implausible,
 }
 
-/// Offset and scale out of the mean readings of poses at rest; `gravity` in m/s2.
+/// Offset and scale out of the mean readings of poses at rest, m/s2; `gravity` in m/s2.
 ///
 /// # Errors
 /// [`PosesError`], where the poses do not determine them.

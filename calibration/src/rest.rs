@@ -1,4 +1,5 @@
-//! The tombstone test: a sensor that does not move shows its gyroscope's bias, if it really does not move.
+//! The tombstone test: the rate that a sensor at rest reads is its gyroscope's bias, if it really is at
+//! rest.
 
 use nalgebra::Vector3;
 use thiserror::Error;
@@ -15,8 +16,8 @@ const ACC_NOISE: f64 = 0.15;
 const RATE_DRIFT: f64 = 0.002;
 /// How far the mean acceleration of a quarter may lie from that of the whole, m/s2: a tilt of 0.2 deg.
 const ACC_DRIFT: f64 = 0.035;
-/// How far the mean field of a quarter may lie from that of the whole, uT: a turn of 3 deg where it is 17 uT, and
-/// five times the noise of a chip that measures ten times a second.
+/// How far the mean field of a quarter may lie from that of the whole, uT: a turn of 3 deg where it is
+/// 17 uT, and five times the noise of a chip that measures ten times a second.
 const FIELD_DRIFT: f64 = 0.9;
 /// Largest bias, rad/s: the data sheet's 3 deg/s at most, and as much for temperature.
 const LARGEST_BIAS: f64 = 0.105;

@@ -1,4 +1,4 @@
-//! One way to run any filter, in any arithmetic: sample in, orientation out.
+//! Runs any filter in any arithmetic: a sample in, an orientation out.
 
 use tvc_fusion::{
     Complementary, Config, ConfigError, Estimator, Filter, Gyro, Madgwick, Mahony, Quaternion,
@@ -10,12 +10,12 @@ use crate::{Choice, ChoiceError, Facts, FilterName, Mode, RecordedSample, Scalar
 
 /// Longest sampling period of the fixed-point estimators, us; a longer one is divided.
 const MOST_PERIOD_US: f64 = 10_500.0;
-/// What they take a count for at least and at most: `tvc_fusion::fixed::Estimator::with_recovery`.
+/// Smallest and largest value of a count that `tvc_fusion::fixed::Estimator::with_recovery` takes.
 const GYR_RAD_S: (f32, f32) = (1e-5, 0.001_15);
 const ACC_M_S2: (f32, f32) = (5e-4, 0.05);
 const MAG_UT: (f32, f32) = (1e-3, 1.0);
 
-/// A filter at work on a recording.
+/// A filter that runs on a recording.
 pub struct Estimate {
     engine: Box<dyn Engine>,
     magnetometer: bool,
@@ -101,12 +101,12 @@ where
         mag_ut: within(facts.scale.mag_ut, MAG_UT),
     };
     let period_us = facts.period_s * 1e6;
-    // Half a microsecond is what a rate in single precision may be off.
+    // A rate in single precision may make the period half a microsecond too long.
     let parts = ((period_us - 0.5) / MOST_PERIOD_US).ceil().max(1.0);
     let step_us = (period_us / parts).round() as u32;
     let refused = |error| refused(choice, error);
     if parts > 1.0 {
-        // A rate that is repeated looks like one that is clipped.
+        // Without recovery from clipping: a rate that is repeated looks like one that is clipped.
         let estimator = fixed::Estimator::<F>::new(&config, &scale, step_us).map_err(refused)?;
         return Ok(Counted::boxed(estimator, scale, parts as u32));
     }
@@ -149,18 +149,18 @@ impl<F: Filter> Engine for Estimator<F> {
 }
 
 fn double<T: Real>(value: T) -> f64 {
-    // What single precision leaves over is small, and exact in it.
+    // The remainder of the conversion to single precision fits into single precision again.
     let high = value.to_f32();
     f64::from(high) + f64::from((value - T::from_f32(high)).to_f32())
 }
 
-/// An estimator that counts: SI values are brought back to the counts that they came from.
+/// An estimator in fixed point: SI values are turned back into the counts that they came from.
 struct Counted<F, R> {
     estimator: fixed::Estimator<F, R>,
     scale: fixed::Scale,
-    /// Equal steps that a sampling period is divided into.
+    /// Number of equal steps that a sampling period is divided into.
     parts: u32,
-    /// Time that whole microseconds have left over so far, us.
+    /// Time that is left over because steps are whole microseconds, us.
     owed_us: f64,
 }
 

@@ -16,7 +16,7 @@ const MAGIC: &[u8; 8] = b"IMUQ16v1";
 const MOVEMENT: i16 = 1;
 const VALID: i16 = 2;
 
-/// What a file says of itself before its samples: enough to read them one by one.
+/// The header of a file: enough to read its samples one by one.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Header {
     /// The recording's own name.

@@ -4,10 +4,10 @@ use tvc_fusion::{ComplementaryGains, Config, MadgwickGains, MahonyGains, NoGains
 
 use crate::{ChoiceError, FilterName, Setting};
 
-/// A setting and where it is.
+/// Name of a setting, and its field.
 type Key<T> = (&'static str, fn(&mut T) -> &mut f32);
 
-/// A set of gains.
+/// Name of a set of gains, and the function that makes it.
 type Preset<T> = (&'static str, fn() -> T);
 
 /// Gains that can be set by name.

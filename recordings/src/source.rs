@@ -1,4 +1,4 @@
-//! Recordings, sample by sample: a file is never held in memory.
+//! Recordings read sample by sample, so that a file is never held in memory.
 
 use std::collections::VecDeque;
 use std::fs::File;
@@ -13,13 +13,13 @@ use crate::{RecordedSample, RecordingError};
 
 /// Size of the read buffer.
 const BUFFER: usize = 1 << 16;
-/// Samples that a CSV file is looked ahead for its sampling period.
+/// Samples of a CSV file that are read ahead to find its sampling period.
 const LOOK_AHEAD: usize = 257;
 /// Sampling period of a recording of one sample, s.
 const LONE_PERIOD_S: f64 = 0.01;
 
-/// Counts that a value in SI units is rounded to for fixed point, where the recording has no counts of
-/// its own: 2000 deg/s and 16 g at full scale, and 1638 uT.
+/// Values of a count for fixed point, where the recording is in SI units: 2000 deg/s, 16 g and 1638 uT
+/// at full scale.
 const COUNTS: fixed::Scale = fixed::Scale {
     gyr_rad_s: 34.906_586 / 32_767.0,
     acc_m_s2: 156.906_4 / 32_767.0,
@@ -154,7 +154,7 @@ impl Source {
         &self.name
     }
 
-    /// What a filter has to know.
+    /// What a filter has to know before its first sample.
     pub fn facts(&self) -> &Facts {
         &self.facts
     }

@@ -1,4 +1,4 @@
-//! What is measured: every filter of this project, and those of the field.
+//! What is measured: every filter of this project, and those of other libraries.
 
 use std::fmt;
 
@@ -16,7 +16,7 @@ pub enum Input {
     Degrees,
     /// A BNO055's counts.
     Counts,
-    /// A quaternion, for what follows a filter.
+    /// A quaternion: what is measured follows a filter.
     Quaternion(Scalar),
 }
 
@@ -29,7 +29,7 @@ pub struct Candidate {
     pub library: &'static str,
     /// With or without a magnetometer.
     pub mode: Mode,
-    /// What it counts in.
+    /// What it computes in.
     pub scalar: Scalar,
     /// What an update is given.
     pub input: Input,
@@ -45,7 +45,7 @@ impl Candidate {
         }
     }
 
-    /// It estimates where up is.
+    /// Whether it estimates where up is.
     pub fn has_tilt(&self) -> bool {
         !matches!(self.input, Input::Quaternion(_))
     }

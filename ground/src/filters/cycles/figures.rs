@@ -18,11 +18,11 @@ pub struct Figures {
     library: &'static str,
     mode: String,
     scalar: String,
-    /// Over the recording, cycles, no flash wait states.
+    /// Mean over the recording without flash wait states, cycles.
     cycles_mean: f64,
-    /// Of all updates, cycles.
+    /// Largest of all updates, cycles.
     cycles_max: u64,
-    /// The sort of input that took most.
+    /// The sort of input that took that many.
     cycles_max_input: &'static str,
     /// The same with one flash wait state.
     cycles_mean_1ws: f64,
@@ -33,14 +33,16 @@ pub struct Figures {
     ram_bytes: u32,
     /// Depth of the stack from the call, bytes.
     stack_bytes: u32,
-    /// Arithmetic of the compiler's support library that the update links: soft float, division and what has 64 bits.
+    /// Routines of the compiler's support library that the update links: soft float, division and
+    /// 64-bit arithmetic.
     support_routines: BTreeSet<String>,
-    /// Distance from true up over the movement of the recording, RMS, deg; proof that the filter was fed rightly.
+    /// Angle to true up over the movement of the recording, RMS, deg; it shows that the filter was
+    /// given what it expects.
     tilt_deg: Option<f64>,
 }
 
 impl Figures {
-    /// From what running has shown without and with a wait state, and from the images of the update and of none.
+    /// Out of the runs without and with a wait state, and of the images with the update and without it.
     pub fn new(candidate: &Candidate, runs: &[Run; 2], update: &Image, empty: &Image) -> Self {
         let [ideal, waiting] = runs;
         let (sizes, none) = (update.sizes(), empty.sizes());

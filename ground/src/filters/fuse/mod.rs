@@ -16,10 +16,13 @@ use crate::out::file::{WholeFile, print_json};
 use figures::{Figures, FileFigures};
 pub use options::Fuse;
 
-/// Samples between two looks at the clock.
+/// Samples between two reports of progress.
 const STRIDE: u64 = 4096;
 
-/// Runs the filter on every recording; files are put in their places when all have gone well.
+/// Runs the filter on every recording; no file is written unless all of them can be read to the end.
+///
+/// # Errors
+/// A recording or a setting is unusable, or an estimate cannot be written.
 pub fn run(options: &Fuse) -> Result<Verdict> {
     let choice = Choice {
         filter: options.filter,
@@ -27,7 +30,7 @@ pub fn run(options: &Fuse) -> Result<Verdict> {
         mode: options.mode,
         settings: options.settings.clone(),
     };
-    // What is wrong with the command or the beginning of a file is said before the work.
+    // Errors in the command and at the beginning of a file are found before the work begins.
     let places = place::places(&options.files, options.out.as_deref())?;
     let mut jobs = Vec::new();
     let mut bytes = 0;
@@ -66,7 +69,7 @@ pub fn run(options: &Fuse) -> Result<Verdict> {
     Ok(Verdict::Met)
 }
 
-/// What came of a recording.
+/// What was counted and scored in a recording.
 struct Outcome {
     samples: u64,
     magnetometer_samples: u64,

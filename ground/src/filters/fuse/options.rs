@@ -18,13 +18,15 @@ Examples:
 Recordings
   IMUQ16v1   gyroscope, accelerometer, magnetometer, reference and flags in 16-bit counts.
   CSV        a line of column names, then a line for each sample; any order, other columns are
-             passed over:
+             ignored:
                t_s, or t_ms, t_us           time
                gx_rad_s gy_rad_s gz_rad_s   rotation rate; or gx_deg_s and so on
                ax_m_s2 ay_m_s2 az_m_s2      specific force, +9.8 upwards at rest; or ax_g and so on
                mx_ut my_ut mz_ut            magnetic field, optional; or mx_gauss and so on
                ref_w ref_x ref_y ref_z      reference, sensor to east-north-up, optional
                movement                     1 where errors count, optional (without it: everywhere)
+             or the counts of a BNO055, time in sample_time_us or time_us, as `tvc convert` writes
+             them: gyr_x acc_x mag_x and so on
              An empty field or reference is a sample without it.
 
 Estimates
@@ -39,8 +41,8 @@ Scores
 
 Fixed point
   mahony and vqf, up to 2000 samples a second, on 16-bit counts: those of an IMUQ16v1 file as they
-  are; of a CSV file, values rounded to 2000/32767 deg/s, 16/32767 g and 0.05 uT, and saturated.
-  Below 95 samples a second clipped rates are not made good for.
+  are; of a CSV file in SI units, values rounded to 2000/32767 deg/s, 16/32767 g and 0.05 uT, and
+  saturated. Below 95 samples a second clipped rates are not made good for.
 
 Keys of --set
   every filter   preset=default|thesis, acc_gate, gyro_range_rad_s, recovery_rad2_s, gap_s,

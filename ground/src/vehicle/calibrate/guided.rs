@@ -23,14 +23,15 @@ use crate::vehicle::calibrate::figures::Figures;
 
 /// Length of the tombstone test, s.
 const REST_S: f64 = 10.0;
-/// Shortest rest that is taken for a pose, s: more than the fit asks for.
+/// Shortest rest that counts as a pose, s: more than the fit needs.
 const POSE_S: f64 = 1.5;
-/// End of the samples that says whether the sensor moves now, s.
+/// Length of the latest samples that show whether the sensor moves now, s.
 const NOW_S: f64 = 0.5;
-/// Share of all directions that ends the turn at once; after [`LONG_S`] the least share that is enough does.
+/// Share of all directions that ends the turn at once; after [`LONG_S`] the least share that the fit
+/// accepts ends it.
 const GOOD_COVERAGE: f64 = 0.85;
 const LONG_S: f64 = 60.0;
-/// New fields that the turn must have given.
+/// Fewest new fields that the turn must give.
 const FIELDS: usize = 300;
 /// How long a step may make no progress, s of the vehicle's time.
 const PATIENCE_S: f64 = 60.0;
@@ -40,6 +41,9 @@ const TURN_PATIENCE_S: f64 = 90.0;
 type Refused = Option<String>;
 
 /// Calibrates the vehicle at a port.
+///
+/// # Errors
+/// The vehicle does not answer or is armed, Ctrl-C was pressed, or a file cannot be written.
 pub fn run(options: &Calibrate) -> Result<Verdict> {
     let asked_deg = declination::asked_deg(options)?;
     let folder = tempfile::tempdir().context("making a temporary folder")?;
@@ -67,7 +71,7 @@ pub fn run(options: &Calibrate) -> Result<Verdict> {
             Outcome::report(&options.record, session.readings(), &found, None, options)?
         }
         None => {
-            // Out of the recording, so that it gives the same later.
+            // From the recording, so that `--from` it gives the same later.
             let readings = readings::read(&log)?;
             let found = fit::fit(&readings, &options.wanted());
             Outcome::report(&options.record, &readings, &found, declination_deg, options)?
@@ -76,7 +80,7 @@ pub fn run(options: &Calibrate) -> Result<Verdict> {
     finish(&mut session, outcome, options)
 }
 
-/// Shows, asks and writes.
+/// Prints what was found, asks, and writes it.
 fn finish(session: &mut Session, mut outcome: Outcome, options: &Calibrate) -> Result<Verdict> {
     let json = options.port.json;
     if outcome.is_refused() {
@@ -127,7 +131,7 @@ fn lead(session: &mut Session, options: &Calibrate) -> Result<Refused> {
     Ok(None)
 }
 
-/// Degrees, or a place.
+/// Asks for the declination, as degrees or as a place.
 fn ask_declination(session: &mut Session) -> Result<Option<f64>> {
     loop {
         let answer = session.question(
@@ -146,7 +150,7 @@ fn ask_declination(session: &mut Session) -> Result<Option<f64>> {
     }
 }
 
-/// The tombstone test.
+/// The tombstone test: the sensor lies still for [`REST_S`].
 fn lay_down(session: &mut Session, _: &Calibrate) -> Result<Refused> {
     session.ask(
         Prompt::Rest,
@@ -277,7 +281,7 @@ fn turn(session: &mut Session, _: &Calibrate) -> Result<Refused> {
     }
 }
 
-/// Directions about the middle of what was read, while there is no ellipsoid yet.
+/// Directions from the middle of the readings, as long as no ellipsoid fits them.
 fn about_middle(fields: &[Vector3<f64>]) -> Coverage {
     let (low, high) = fields.iter().fold((None, None), |(low, high), field| {
         let low = low.map_or(*field, |low: Vector3<f64>| low.inf(field));

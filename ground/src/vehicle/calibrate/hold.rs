@@ -60,6 +60,9 @@ impl Figures {
 }
 
 /// Flies, measures, disarms and writes.
+///
+/// # Errors
+/// The vehicle refuses a command or goes to failsafe, or Ctrl-C was pressed.
 pub fn run(seconds: f64, options: &Calibrate) -> Result<Verdict> {
     let mut session = Session::connect(options)?;
     let before_deg = session.vehicle.parameter(NAME)?;

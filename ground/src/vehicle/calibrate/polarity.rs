@@ -20,7 +20,7 @@ const UNCHECKED: f32 = 0.0;
 const CHECKED: f32 = 1.0;
 const WATCHED: f32 = 2.0;
 
-/// A tilt that counts, and what counts as upright, rad.
+/// Least pitch of a tilt, and largest pitch that counts as upright, rad.
 const TILTED_RAD: f64 = 0.25;
 const UPRIGHT_RAD: f64 = 0.1;
 /// How many looks in a row must find it so.
@@ -55,6 +55,9 @@ impl Figures {
 }
 
 /// Leads through the check.
+///
+/// # Errors
+/// The vehicle does not answer or does not see the tilt, or Ctrl-C was pressed.
 pub fn run(options: &Calibrate) -> Result<Verdict> {
     let mut session = Session::connect(options)?;
     session.await_standby()?;
@@ -78,7 +81,7 @@ pub fn run(options: &Calibrate) -> Result<Verdict> {
     Ok(verdict(figures.refused.as_deref()))
 }
 
-/// Tilts, and asks what the person sees.
+/// Has the vehicle tilted both ways, and asks what the person sees.
 fn look(session: &mut Session) -> Result<Figures> {
     let direction = session.vehicle.parameter("SRV_DIR")?;
     let mut figures = Figures {
@@ -179,7 +182,6 @@ fn astray(way: Tilt, seen: Seen) -> String {
     why
 }
 
-/// The firmware's own refusal names this check; it is repeated here so that both are changed together.
 #[cfg(test)]
 mod tests {
     use super::*;

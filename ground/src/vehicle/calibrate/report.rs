@@ -12,12 +12,15 @@ use super::figures::Figures;
 use crate::out::page;
 use crate::out::plot::{Line, Look, Marks, Plot, Shape};
 
-/// Points drawn of a cloud at most.
+/// Largest number of points that are drawn of a cloud.
 const MOST_POINTS: usize = 600;
 /// Size of a cell of the coverage picture, SVG units.
 const CELL: usize = 44;
 
 /// The whole page.
+///
+/// # Errors
+/// A plot cannot be drawn.
 pub fn page(log: &Path, readings: &Readings, found: &Found, figures: &Figures) -> Result<String> {
     let rows: Vec<Vec<String>> = figures.lines().iter().map(|l| l.to_vec()).collect();
     let verdict = if found.refused.is_empty() {

@@ -13,7 +13,7 @@ use crate::out::exit::{BadInput, Verdict};
 use crate::out::file::print_figures;
 use crate::vehicle::link::Parameter;
 
-/// How often a pulse is asked for again; the vehicle holds it for two seconds.
+/// How often a pulse is commanded again; the vehicle holds it for two seconds.
 const AGAIN: Duration = Duration::from_millis(500);
 /// Step of a nudge, us.
 const NUDGE_US: f32 = 5.0;
@@ -26,7 +26,7 @@ struct Figures {
     parameters: serde_json::Map<String, serde_json::Value>,
     changed: usize,
     written: bool,
-    /// Another direction takes the polarity check back.
+    /// Whether the polarity is checked; another direction undoes the check.
     polarity_checked: bool,
 }
 
@@ -45,6 +45,9 @@ impl Figures {
 }
 
 /// Sets the servo up.
+///
+/// # Errors
+/// A value that the firmware does not take, a vehicle that does not answer, or Ctrl-C.
 pub fn run(given: &Servo, options: &Calibrate) -> Result<Verdict> {
     check(given)?;
     let mut session = Session::connect(options)?;
@@ -135,7 +138,7 @@ fn find(session: &mut Session, given: &Servo, yes: bool) -> Result<Vec<Parameter
     Ok(rows)
 }
 
-/// Asks while the servo holds a pulse.
+/// Asks a question while the servo holds a pulse.
 fn ask_at(session: &mut Session, pulse_us: f32, words: &str) -> Result<Option<String>> {
     let mut due = Instant::now();
     session.question(words, &mut |vehicle| {
@@ -167,7 +170,7 @@ fn nudge(session: &mut Session, what: &str, from_us: f32) -> Result<f32> {
     }
 }
 
-/// A pulse after an answer, if it is one that a servo gets.
+/// The pulse after an answer, if it is within the limits of all servos.
 fn nudged(pulse_us: f32, answer: &str) -> Option<f32> {
     let us = if answer.bytes().all(|b| b == b'+') {
         pulse_us + NUDGE_US * answer.len() as f32
@@ -181,7 +184,7 @@ fn nudged(pulse_us: f32, answer: &str) -> Option<f32> {
         .then_some(us)
 }
 
-/// us per degree, out of the horn's angle a span away on both sides.
+/// us per degree, out of the horn's angle at [`SPAN_US`] to both sides.
 fn scale(session: &mut Session, centre_us: f32) -> Result<Option<f32>> {
     let mut degrees = 0.0;
     for pulse_us in [centre_us + SPAN_US, centre_us - SPAN_US] {

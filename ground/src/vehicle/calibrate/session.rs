@@ -1,4 +1,4 @@
-//! A vehicle at its port and the person who holds it: what is asked, what comes, what is shown.
+//! A vehicle at its port and the person who holds it: prompts, samples, progress, questions.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
@@ -27,7 +27,7 @@ const SILENCE: Duration = Duration::from_secs(10);
 /// How long the vehicle may take to standby.
 const STANDBY: Duration = Duration::from_secs(20);
 
-/// What the vehicle tells of tilt and rudder.
+/// What the vehicle last reported of its tilt and rudder.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Seen {
     /// Right side down, rad.
@@ -110,7 +110,7 @@ impl Session {
     /// Waits until the vehicle has passed its self-test.
     ///
     /// # Errors
-    /// It does not, with what it waits for.
+    /// It does not; the error says what it waits for.
     pub fn await_standby(&mut self) -> Result<()> {
         let begun = Instant::now();
         while self.vehicle.state() != FlightState::Standby {
@@ -125,7 +125,7 @@ impl Session {
         Ok(())
     }
 
-    /// Roll and pitch, rad, and the pulse, us, as the vehicle told them last.
+    /// Roll and pitch, rad, and the pulse, us, as the vehicle reported them last.
     pub fn seen(&self) -> Seen {
         self.seen
     }
@@ -146,14 +146,14 @@ impl Session {
         self.vehicle.link().send(&message)
     }
 
-    /// How far the step is, 0 to 1, and in words.
+    /// Shows how far the step is, 0 to 1, and in words.
     pub fn progress(&self, share: f64, words: String) {
         self.bar
             .set_position((share.clamp(0.0, 1.0) * 1000.0) as u64);
         self.bar.set_message(words);
     }
 
-    /// Something that stays on the screen.
+    /// Prints a line that stays on the screen.
     pub fn say(&self, words: &str) {
         self.bar.suspend(|| eprintln!("{words}"));
     }
@@ -173,7 +173,7 @@ impl Session {
         self.vehicle.link().send(&message)
     }
 
-    /// Reads along until the vehicle's clock is a bit further.
+    /// Takes in messages until the vehicle's clock has advanced by [`LOOK_S`].
     ///
     /// # Errors
     /// The port went away, the sensor is silent, or Ctrl-C was pressed.
@@ -191,7 +191,7 @@ impl Session {
         Ok(())
     }
 
-    /// Reads what has come.
+    /// Takes in the messages that have arrived.
     ///
     /// # Errors
     /// The port went away, or Ctrl-C was pressed.
@@ -215,8 +215,8 @@ impl Session {
         Ok(())
     }
 
-    /// What the person types next; the vehicle is listened to meanwhile, and `each` runs every now and then. `None` where
-    /// nobody answers.
+    /// What the person types next; until then messages are taken in, and `each` runs again and again.
+    /// `None` where nobody answers.
     ///
     /// # Errors
     /// As [`Self::pump`], or those of `each`.
