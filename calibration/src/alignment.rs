@@ -1,17 +1,18 @@
 //! Polarity and alignment of gyroscope, accelerometer and magnetometer against each other.
 //!
-//! A direction that is fixed in the world turns in the body by `dv = v x (M theta)`, with `theta` the
-//! integral of the rate as read and `M` the matrix that corrects the reading. Gravity and field each
-//! give `M` by least squares, nine unknowns out of all turns; three sensors that agree give the
-//! identity.
+//! A direction that is fixed in the world turns in the body by `dv = v x (M theta)`, with `theta`
+//! the integral of the rate as read and `M` the matrix that corrects the reading. Gravity and field
+//! each give `M` by least squares, nine unknowns out of all turns; three sensors that agree give
+//! the identity.
 
 use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 
-/// Largest difference of an element to that of the identity; turns by hand are measured late and with
-/// noise.
+/// Largest difference of an element to that of the identity; turns by hand are measured late and
+/// with noise.
 pub const TOLERANCE: f64 = 0.3;
 
-/// A small turn: a direction before and after it, and the integral of the rate, rad, between the two.
+/// A small turn: a direction before and after it, and the integral of the rate, rad, between the
+/// two.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Turn {
     /// Unit direction before.
@@ -22,8 +23,8 @@ pub struct Turn {
     pub angle: Vector3<f64>,
 }
 
-/// The matrix that the gyroscope's readings must be multiplied with to explain the turns; `None` where
-/// the turns do not determine it.
+/// The matrix that the gyroscope's readings must be multiplied with to explain the turns; `None`
+/// where the turns do not determine it.
 pub fn gyro_by(turns: impl Iterator<Item = Turn>) -> Option<Matrix3<f64>> {
     let mut normal = SMatrix::<f64, 9, 9>::zeros();
     let mut right = SVector::<f64, 9>::zeros();

@@ -4,7 +4,8 @@ use nalgebra::Vector3;
 
 /// Cells round the vertical axis.
 pub const AROUND: usize = 8;
-/// Bands from the lowest to the highest direction, of equal area: equal steps of the sine of elevation.
+/// Bands from the lowest to the highest direction, of equal area: equal steps of the sine of
+/// elevation.
 pub const BANDS: usize = 6;
 
 /// How often each cell of the sphere was seen; all cells have the same area.

@@ -3,12 +3,12 @@
 //!
 //! With `d(m) = [x2, y2, z2, 2yz, 2xz, 2xy, 2x, 2y, 2z]` the ellipsoid is `d(m) . p = 1`, linear in
 //! nine unknowns. With `Q` and `u` out of `p`, its centre is `-Q^-1 u` (the hard iron), and the
-//! symmetric root of `Q`, scaled, turns it into a sphere (the soft iron). Any rotation leaves the sphere
-//! a sphere; where the soft iron is not symmetric, gravity determines the rotation, because the angle
-//! between gravity and field, the dip, is the same in every pose.
+//! symmetric root of `Q`, scaled, turns it into a sphere (the soft iron). Any rotation leaves the
+//! sphere a sphere; where the soft iron is not symmetric, gravity determines the rotation, because
+//! the angle between gravity and field, the dip, is the same in every pose.
 //!
-//! D. Li and H. Griffiths give the fit (*Geometric Modeling and Processing* 2004); noise biases it by
-//! the square of its share of the field, 0.01 % at 0.6 of 50 uT.
+//! D. Li and H. Griffiths give the fit (*Geometric Modeling and Processing* 2004); noise biases it
+//! by the square of its share of the field, 0.01 % at 0.6 of 50 uT.
 
 use std::ops::RangeInclusive;
 
@@ -183,10 +183,10 @@ pub fn fit(readings: &[Vector3<f64>]) -> Result<Ellipsoid, EllipsoidError> {
     })
 }
 
-/// Rotates the correction so that the angle between gravity and field is the same in every pose, which
-/// matters where the soft iron is not symmetric. `pairs` are directions up (the corrected
-/// accelerometer) and corrected fields. Gives the correction, the dip in rad, and the root mean square
-/// deviation of the dip in rad; `None` where the pairs do not determine the rotation.
+/// Rotates the correction so that the angle between gravity and field is the same in every pose,
+/// which matters where the soft iron is not symmetric. `pairs` are directions up (the corrected
+/// accelerometer) and corrected fields. Gives the correction, the dip in rad, and the root mean
+/// square deviation of the dip in rad; `None` where the pairs do not determine the rotation.
 pub fn align<'a>(
     correction: &Correction,
     pairs: impl Iterator<Item = &'a (Vector3<f64>, Vector3<f64>)> + Clone,
@@ -281,7 +281,8 @@ fn sphere(
         return None;
     }
     let roots = Matrix3::from_diagonal(&eigen.eigenvalues.map(libm::sqrt));
-    // Maps the ellipsoid onto the unit sphere; scaled so that it keeps volumes, and so the mean strength.
+    // Maps the ellipsoid onto the unit sphere; scaled so that it keeps volumes, and so the mean
+    // strength.
     let root = eigen.eigenvectors * roots * eigen.eigenvectors.transpose();
     let radius = 1.0 / libm::cbrt(root.determinant());
     let correction = Correction {

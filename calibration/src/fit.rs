@@ -29,8 +29,8 @@ pub struct Wanted {
     pub only: Vec<Sensor>,
     /// Gravity where it was recorded, m/s2.
     pub gravity: f64,
-    /// A time at which the body was at rest and level, s since the first sample; otherwise it was after
-    /// [`Readings::level_from_s`].
+    /// A time at which the body was at rest and level, s since the first sample; otherwise it was
+    /// after [`Readings::level_from_s`].
     pub level_s: Option<f64>,
 }
 
@@ -84,7 +84,8 @@ impl Found {
     }
 }
 
-/// Calibrates what is wanted, as far as the readings allow it; [`Found::refused`] says what they do not.
+/// Calibrates what is wanted, as far as the readings allow it; [`Found::refused`] says what they do
+/// not.
 pub fn fit(readings: &Readings, wanted: &Wanted) -> Found {
     let mut found = Found::default();
     let samples = &readings.samples;

@@ -11,8 +11,8 @@
 //! | [`alignment`] | the same turn | polarity and alignment of the sensors against each other |
 //! | [`level`] | rest with the body level | mount rotation |
 //!
-//! [`fit`] does them all, one after another, on [`Readings`]; [`stillness`] finds the rests in them.
-//! [`prompt`] is what a person is asked to do so that there is something to fit.
+//! [`fit`] does them all, one after another, on [`Readings`]; [`stillness`] finds the rests in
+//! them. [`prompt`] is what a person is asked to do so that there is something to fit.
 #![forbid(unsafe_code)]
 
 pub mod alignment;

@@ -15,7 +15,8 @@ use crate::Correction;
 const LEAST_SHARE: f64 = 0.7;
 /// Largest rms deviation of the corrected poses from gravity, as a share of it.
 const LARGEST_RESIDUAL: f64 = 0.01;
-/// Largest offset, as a share of gravity: the data sheet's 80 mg at most, and as much for soldering.
+/// Largest offset, as a share of gravity: the data sheet's 80 mg at most, and as much for
+/// soldering.
 const LARGEST_OFFSET: f64 = 0.16;
 /// Largest deviation of a scale from one.
 const LARGEST_SCALE: f64 = 0.1;

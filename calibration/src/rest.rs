@@ -1,23 +1,26 @@
-//! The tombstone test: the rate that a sensor at rest reads is its gyroscope's bias, if it really is at
-//! rest.
+//! The tombstone test: the rate that a sensor at rest reads is its gyroscope's bias, if it really
+//! is at rest.
 
 use nalgebra::Vector3;
 use thiserror::Error;
 
 use crate::{AXES, Sample, spread};
 
-/// Least length of the test, s: the mean of a gyroscope with 0.014 deg/s/sqrt(Hz) is then good to 0.005 deg/s.
+/// Least length of the test, s: the mean of a gyroscope with 0.014 deg/s/sqrt(Hz) is then good to
+/// 0.005 deg/s.
 pub const LEAST_S: f64 = 5.0;
-/// Largest standard deviation of the rate, rad/s: three times the noise of the chip at 116 Hz bandwidth.
+/// Largest standard deviation of the rate, rad/s: three times the noise of the chip at 116 Hz
+/// bandwidth.
 const RATE_NOISE: f64 = 0.01;
 /// Largest standard deviation of the acceleration, m/s2.
 const ACC_NOISE: f64 = 0.15;
 /// How far the mean rate of a quarter may lie from that of the whole, rad/s: 0.12 deg/s.
 const RATE_DRIFT: f64 = 0.002;
-/// How far the mean acceleration of a quarter may lie from that of the whole, m/s2: a tilt of 0.2 deg.
+/// How far the mean acceleration of a quarter may lie from that of the whole, m/s2: a tilt of 0.2
+/// deg.
 const ACC_DRIFT: f64 = 0.035;
-/// How far the mean field of a quarter may lie from that of the whole, uT: a turn of 3 deg where it is
-/// 17 uT, and five times the noise of a chip that measures ten times a second.
+/// How far the mean field of a quarter may lie from that of the whole, uT: a turn of 3 deg where it
+/// is 17 uT, and five times the noise of a chip that measures ten times a second.
 const FIELD_DRIFT: f64 = 0.9;
 /// Largest bias, rad/s: the data sheet's 3 deg/s at most, and as much for temperature.
 const LARGEST_BIAS: f64 = 0.105;

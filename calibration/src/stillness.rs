@@ -8,15 +8,16 @@ use crate::{Sample, spread};
 
 /// Length of the windows that are judged, s.
 const WINDOW_S: f64 = 0.2;
-/// A window is still up to these limits: standard deviation of rate (rad/s) and force (m/s2), mean rate
-/// (rad/s), which may be all bias, and change of the mean force since the window before (m/s2).
+/// A window is still up to these limits: standard deviation of rate (rad/s) and force (m/s2), mean
+/// rate (rad/s), which may be all bias, and change of the mean force since the window before
+/// (m/s2).
 const RATE_NOISE: f64 = 0.012;
 const ACC_NOISE: f64 = 0.15;
 const RATE: f64 = 0.105;
 const ACC_STEP: f64 = 0.1;
 
-/// The stretches of rest of at least `least_s`, as ranges of indices. Their first and last window are
-/// left out: the hand may have touched the sensor in them.
+/// The stretches of rest of at least `least_s`, as ranges of indices. Their first and last window
+/// are left out: the hand may have touched the sensor in them.
 pub fn find(samples: &[Sample], least_s: f64) -> Vec<Range<usize>> {
     let mut found = Vec::new();
     let mut current: Option<(Range<usize>, Vector3<f64>)> = None;

@@ -6,8 +6,8 @@ use thiserror::Error;
 
 use crate::{FilterName, Scalar, Setting};
 
-/// Why a file is not a recording that can be played. The first field is the file, or what stands for
-/// it.
+/// Why a file is not a recording that can be played. The first field is the file, or what stands
+/// for it.
 #[derive(Debug, Error)]
 pub enum RecordingError {
     /// The file cannot be read.

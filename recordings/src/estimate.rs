@@ -24,8 +24,8 @@ pub struct Estimate {
 }
 
 trait Engine {
-    /// Takes a sample `dt_s` after the one before; sensor to north-east-down, `[w, x, y, z]`, of unit
-    /// length within 1e-4.
+    /// Takes a sample `dt_s` after the one before; sensor to north-east-down, `[w, x, y, z]`, of
+    /// unit length within 1e-4.
     fn update(&mut self, dt_s: f64, sample: &RecordedSample, mag_ut: Option<[f64; 3]>) -> [f64; 4];
 }
 

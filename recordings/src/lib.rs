@@ -2,13 +2,13 @@
 //!
 //! | | |
 //! |---|---|
-//! | [`Source`] | reads a recording sample by sample: `IMUQ16v1` ([`imuq`]), CSV in SI units or counts |
+//! | [`Source`] | reads `IMUQ16v1` ([`imuq`]) or CSV (SI units, or counts), sample by sample |
 //! | [`Recording`] | a whole recording in the format `IMUQ16v1` |
 //! | [`Estimate`] | runs a filter, chosen by [`Choice`], in any arithmetic |
 //! | [`Scorer`] | errors against the recording's reference, as the BROAD benchmark defines them |
 //!
-//! Vectors are along the axes of the recorded sensor. References take them to east-north-up, estimates
-//! to north-east-down; [`enu_from_ned`] converts.
+//! Vectors are along the axes of the recorded sensor. References take them to east-north-up,
+//! estimates to north-east-down; [`enu_from_ned`] converts.
 #![forbid(unsafe_code)]
 
 mod choice;
@@ -48,8 +48,8 @@ pub struct RecordedSample {
     pub acc_m_s2: [f64; 3],
     /// Magnetic field, uT; `None` without a magnetometer, or where it has not measured anew.
     pub mag_ut: Option<[f64; 3]>,
-    /// Optical reference `[w, x, y, z]`, sensor to east-north-up with magnetic north; `None` without
-    /// one, or where the cameras lost it.
+    /// Optical reference `[w, x, y, z]`, sensor to east-north-up with magnetic north; `None`
+    /// without one, or where the cameras lost it.
     pub reference: Option<[f64; 4]>,
     /// The sample belongs to the movement, over which errors are taken.
     pub movement: bool,

@@ -18,8 +18,8 @@ const LOOK_AHEAD: usize = 257;
 /// Sampling period of a recording of one sample, s.
 const LONE_PERIOD_S: f64 = 0.01;
 
-/// Values of a count for fixed point, where the recording is in SI units: 2000 deg/s, 16 g and 1638 uT
-/// at full scale.
+/// Values of a count for fixed point, where the recording is in SI units: 2000 deg/s, 16 g and 1638
+/// uT at full scale.
 const COUNTS: fixed::Scale = fixed::Scale {
     gyr_rad_s: 34.906_586 / 32_767.0,
     acc_m_s2: 156.906_4 / 32_767.0,

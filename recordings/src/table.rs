@@ -1,4 +1,5 @@
-//! Recordings as CSV: columns by name, units in the names; or, without units, the counts of a BNO055.
+//! Recordings as CSV: columns by name, units in the names; or, without units, the counts of a
+//! BNO055.
 
 use std::io::{Chain, Cursor, Read};
 

@@ -1,4 +1,5 @@
-//! Progress of long work on standard error: a bar on a terminal, elsewhere a line every two seconds.
+//! Progress of long work on standard error: a bar on a terminal, elsewhere a line every two
+//! seconds.
 
 use std::io::IsTerminal;
 use std::time::{Duration, Instant};

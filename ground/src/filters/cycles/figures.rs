@@ -42,7 +42,8 @@ pub struct Figures {
 }
 
 impl Figures {
-    /// Out of the runs without and with a wait state, and of the images with the update and without it.
+    /// Out of the runs without and with a wait state, and of the images with the update and without
+    /// it.
     pub fn new(candidate: &Candidate, runs: &[Run; 2], update: &Image, empty: &Image) -> Self {
         let [ideal, waiting] = runs;
         let (sizes, none) = (update.sizes(), empty.sizes());

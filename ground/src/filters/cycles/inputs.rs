@@ -1,6 +1,7 @@
 //! The input of the filters: a recording of real sensors, and samples that are hard on them.
 //!
-//! Every library gets the same samples, in its own units: those that a BNO055 would give, as counts.
+//! Every library gets the same samples, in its own units: those that a BNO055 would give, as
+//! counts.
 
 use anyhow::{Result, ensure};
 use rand::rngs::StdRng;
@@ -186,8 +187,8 @@ const HARD: [(&str, Change); 15] = [
     }),
 ];
 
-/// All sorts of hard input, `length` samples of each, and eight times as many of random sorts. They are
-/// made of the `plain` samples, of which there must be at least one.
+/// All sorts of hard input, `length` samples of each, and eight times as many of random sorts. They
+/// are made of the `plain` samples, of which there must be at least one.
 pub fn hard(plain: &[Sample], length: usize) -> Vec<Hard> {
     let rng = &mut StdRng::seed_from_u64(1);
     let sample = |index: usize, change: Change, rng: &mut StdRng| {

@@ -79,8 +79,8 @@ pub enum Optimise {
     Size,
 }
 
-/// Samples of each sort of hard input. Fixed point has more of them: it runs faster, and it has a limit
-/// of cycles to keep.
+/// Samples of each sort of hard input. Fixed point has more of them: it runs faster, and it has a
+/// limit of cycles to keep.
 const HARD_SAMPLES: usize = 32;
 const HARD_SAMPLES_FIXED: usize = 512;
 
@@ -93,7 +93,8 @@ const TILT_EVERY: usize = 8;
 /// Measures what `options` name and prints the figures.
 ///
 /// # Errors
-/// A name that matches nothing, an image that cannot be built, or one that does not run as it should.
+/// A name that matches nothing, an image that cannot be built, or one that does not run as it
+/// should.
 pub fn run(options: &Cycles) -> Result<Verdict> {
     let chosen = choose(options)?;
     let workspace = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");

@@ -32,8 +32,8 @@ pub struct Candidate {
     filter: FilterName,
     scalar: Scalar,
     settings: &'static [(&'static str, &'static str)],
-    /// The heading is the gyroscope's alone: the estimator starts with the experiment's first field, and
-    /// sees the compass for a second.
+    /// The heading is the gyroscope's alone: the estimator starts with the experiment's first
+    /// field, and sees the compass for a second.
     gyro_heading: bool,
 }
 
@@ -96,8 +96,8 @@ pub const CANDIDATES: [Candidate; 10] = [
 ];
 
 impl Candidate {
-    /// Roll, pitch and yaw at each sample, NaN before the estimator has started; yaw within half a turn
-    /// of the true heading.
+    /// Roll, pitch and yaw at each sample, NaN before the estimator has started; yaw within half a
+    /// turn of the true heading.
     pub fn estimate(&self, kind: Kind, samples: &[TimedSample]) -> Result<Vec<Angles>> {
         let settings = self.settings.iter().map(|(key, value)| Setting {
             key: (*key).into(),

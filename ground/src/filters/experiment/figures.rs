@@ -54,8 +54,8 @@ pub struct Row {
     pub thesis: Option<Published>,
 }
 
-/// Figures of an axis. The first three are of the error, estimate less reference; the last two are of the
-/// estimate itself, as in the thesis' tables 6.1 and 6.2.
+/// Figures of an axis. The first three are of the error, estimate less reference; the last two are
+/// of the estimate itself, as in the thesis' tables 6.1 and 6.2.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Axis {
     /// Mean error, deg.
@@ -269,8 +269,8 @@ impl Figures {
         self.estimators.iter().map(row).collect()
     }
 
-    /// Mean and deviation of the estimates as in the thesis' tables 6.1 and 6.2, below each the thesis'
-    /// own row where there is one.
+    /// Mean and deviation of the estimates as in the thesis' tables 6.1 and 6.2, below each the
+    /// thesis' own row where there is one.
     pub fn signal_rows(&self) -> Vec<Vec<String>> {
         let mut rows = Vec::new();
         for row in &self.estimators {

@@ -1,5 +1,5 @@
-//! `tvc experiment`: the two navigation experiments of the thesis, all estimators side by side on the
-//! same simulated sensors.
+//! `tvc experiment`: the two navigation experiments of the thesis, all estimators side by side on
+//! the same simulated sensors.
 
 mod candidates;
 mod figures;

@@ -1,5 +1,5 @@
-//! The HTML report of `tvc experiment`: tables as 6.1 to 6.3 of the thesis, plots as its figures 6.4,
-//! 6.5 and A.4 to A.23.
+//! The HTML report of `tvc experiment`: tables as 6.1 to 6.3 of the thesis, plots as its figures
+//! 6.4, 6.5 and A.4 to A.23.
 
 use anyhow::Result;
 use maud::{Markup, html};
@@ -141,7 +141,8 @@ impl Traces<'_> {
         plot.svg()
     }
 
-    /// A plot for each axis, with the estimators of the thesis, and one with ours (figures 6.4, 6.5, A.12, A.13, A.22, A.23).
+    /// A plot for each axis, with the estimators of the thesis, and one with ours (figures 6.4,
+    /// 6.5, A.12, A.13, A.22, A.23).
     fn combined(&self) -> Result<Markup> {
         let mut figures = Vec::new();
         // Pitch first, the axis that the drone turns about.
@@ -194,7 +195,8 @@ impl Traces<'_> {
         Ok(html! { @for figure in &figures { (figure) } })
     }
 
-    /// A row of tiles for each axis, with a tile for each estimator (figures A.9 to A.11, A.19 to A.21).
+    /// A row of tiles for each axis, with a tile for each estimator (figures A.9 to A.11, A.19 to
+    /// A.21).
     fn tiled(&self) -> Result<Markup> {
         let mut rows = Vec::new();
         for (axis, name) in AXES.iter().enumerate() {

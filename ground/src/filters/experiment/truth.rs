@@ -11,7 +11,8 @@ use crate::filters::experiment::Sensing;
 
 /// The field at Copenhagen: horizontal and downward part, uT (50 uT, 70 deg dip).
 const FIELD_UT: (f64, f64) = (17.101, 46.985);
-/// Frequency of the vibration, Hz: it passes the accelerometer's filter, and is no divisor of the rate.
+/// Frequency of the vibration, Hz: it passes the accelerometer's filter, and is no divisor of the
+/// rate.
 const VIBRATION_HZ: f64 = 40.3;
 /// Time between two samples, ms; the simulated sensor follows the motion every ms.
 const SAMPLE_MS: u64 = 10;
@@ -63,7 +64,8 @@ impl Kind {
         }
     }
 
-    /// Whether errors count at a time: after the warm-up, and in the motion experiment while it moves.
+    /// Whether errors count at a time: after the warm-up, and in the motion experiment while it
+    /// moves.
     pub fn counts(self, time_s: f64) -> bool {
         match self {
             Self::Static => time_s >= 0.0,

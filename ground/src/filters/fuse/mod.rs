@@ -19,7 +19,8 @@ pub use options::Fuse;
 /// Samples between two reports of progress.
 const STRIDE: u64 = 4096;
 
-/// Runs the filter on every recording; no file is written unless all of them can be read to the end.
+/// Runs the filter on every recording; no file is written unless all of them can be read to the
+/// end.
 ///
 /// # Errors
 /// A recording or a setting is unusable, or an estimate cannot be written.

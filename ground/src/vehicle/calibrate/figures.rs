@@ -16,7 +16,8 @@ pub struct Figures {
     mag: Option<Mag>,
     declination_deg: Option<f64>,
     mount_deg: Option<[f64; 2]>,
-    /// The matrix that makes the gyroscope agree with the accelerometer; below, with the magnetometer.
+    /// The matrix that makes the gyroscope agree with the accelerometer; below, with the
+    /// magnetometer.
     gyr_by_acc: Option<[[f64; 3]; 3]>,
     gyr_by_mag: Option<[[f64; 3]; 3]>,
     parameters: serde_json::Map<String, serde_json::Value>,

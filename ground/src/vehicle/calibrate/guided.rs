@@ -1,5 +1,5 @@
-//! The guided calibration: a person is led through rest, six faces, a turn and a level stand. Each is
-//! watched while it goes on, and refused with the reason where it does not serve.
+//! The guided calibration: a person is led through rest, six faces, a turn and a level stand. Each
+//! is watched while it goes on, and refused with the reason where it does not serve.
 
 use anyhow::{Context, Result};
 use calibration::coverage::Coverage;
@@ -27,8 +27,8 @@ const REST_S: f64 = 10.0;
 const POSE_S: f64 = 1.5;
 /// Length of the latest samples that show whether the sensor moves now, s.
 const NOW_S: f64 = 0.5;
-/// Share of all directions that ends the turn at once; after [`LONG_S`] the least share that the fit
-/// accepts ends it.
+/// Share of all directions that ends the turn at once; after [`LONG_S`] the least share that the
+/// fit accepts ends it.
 const GOOD_COVERAGE: f64 = 0.85;
 const LONG_S: f64 = 60.0;
 /// Fewest new fields that the turn must give.

@@ -1,8 +1,9 @@
-//! The holding angle: the servo angle that holds the drone upright against a lateral offset of its mass.
+//! The holding angle: the servo angle that holds the drone upright against a lateral offset of its
+//! mass.
 //!
-//! A centimetre of offset takes 0.08 rad of servo. The controller's observer finds that in flight, but
-//! a released drone begins with the rudder at neutral; with the neutral at the holding angle, nothing
-//! is left to find.
+//! A centimetre of offset takes 0.08 rad of servo. The controller's observer finds that in flight,
+//! but a released drone begins with the rudder at neutral; with the neutral at the holding angle,
+//! nothing is left to find.
 
 use std::time::{Duration, Instant};
 

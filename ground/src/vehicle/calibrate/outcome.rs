@@ -23,8 +23,8 @@ pub struct Outcome {
 }
 
 impl Outcome {
-    /// Out of what was found in the readings of `log`; writes the report, and says on standard error
-    /// what was refused.
+    /// Out of what was found in the readings of `log`; writes the report, and says on standard
+    /// error what was refused.
     ///
     /// # Errors
     /// The firmware does not take a parameter, or the report cannot be written.

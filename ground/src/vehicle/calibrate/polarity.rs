@@ -1,7 +1,8 @@
-//! The polarity check: somebody tilts the vehicle and looks whether the rudder answers the right way.
+//! The polarity check: somebody tilts the vehicle and looks whether the rudder answers the right
+//! way.
 //!
-//! What the vehicle can know of it (which way it was tilted, that it commands the rudder) is measured;
-//! which way the rudder really swings only a person sees.
+//! What the vehicle can know of it (which way it was tilted, that it commands the rudder) is
+//! measured; which way the rudder really swings only a person sees.
 
 use anyhow::{Result, bail};
 use calibration::prompt::{Prompt, Tilt};

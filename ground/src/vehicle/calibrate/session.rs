@@ -215,8 +215,8 @@ impl Session {
         Ok(())
     }
 
-    /// What the person types next; until then messages are taken in, and `each` runs again and again.
-    /// `None` where nobody answers.
+    /// What the person types next; until then messages are taken in, and `each` runs again and
+    /// again. `None` where nobody answers.
     ///
     /// # Errors
     /// As [`Self::pump`], or those of `each`.
