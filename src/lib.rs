@@ -22,7 +22,6 @@
 extern crate std;
 
 pub mod application;
-pub mod calibration;
 pub mod config;
 pub mod controller;
 pub mod failsafe;

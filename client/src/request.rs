@@ -2,8 +2,9 @@
 
 use mavlink::dialects::common::{
     COMMAND_LONG_DATA, HEARTBEAT_DATA, LOG_REQUEST_DATA_DATA, LOG_REQUEST_LIST_DATA, MavAutopilot,
-    MavCmd, MavMessage, MavModeFlag, MavParamType, MavState, MavType, PARAM_REQUEST_LIST_DATA,
-    PARAM_REQUEST_READ_DATA, PARAM_SET_DATA, TIMESYNC_DATA,
+    MavCmd, MavMessage, MavModeFlag, MavParamType, MavSeverity, MavState, MavType,
+    PARAM_REQUEST_LIST_DATA, PARAM_REQUEST_READ_DATA, PARAM_SET_DATA, STATUSTEXT_DATA,
+    TIMESYNC_DATA,
 };
 use mavlink::types::CharArray;
 use tvc_nano::config::{COMPONENT_ID, SYSTEM_ID};
@@ -173,4 +174,20 @@ pub fn time(ts1_ns: i64) -> MavMessage {
         tc1: 0,
         ts1: ts1_ns,
     })
+}
+
+/// STATUSTEXT of at most 50 characters, which the firmware ignores: for whoever reads the link along.
+pub fn status_text(text: &str) -> MavMessage {
+    MavMessage::STATUSTEXT(STATUSTEXT_DATA {
+        severity: MavSeverity::MAV_SEVERITY_NOTICE,
+        text: CharArray::from(text),
+    })
+}
+
+/// The text of a STATUSTEXT; `None` of any other message, and where it is no UTF-8.
+pub fn text_of(message: &MavMessage) -> Option<&str> {
+    match message {
+        MavMessage::STATUSTEXT(status) => status.text.to_str().ok(),
+        _ => None,
+    }
 }

@@ -21,21 +21,17 @@
 //! | [`bno055`] | the sensor at register level, with its faults |
 //! | [`observe`] | what really happened ([`ground_truth`]), and timing figures of it ([`measure`]) |
 //! | [`fly`] | flights ([`flight`]), campaigns of faults ([`faults`]), recordings through the image ([`replay`]), the person at the rig ([`pilot`]), and on Unix real time behind a pseudo-terminal (`real_time`, `pty`) |
-//! | [`ground_station`], [`instruction`] | the MAVLink client at the USB port, and what it asks of a person |
-//! | [`recording`], [`score`] | real recordings, and errors against their reference |
+//! | [`ground_station`] | the MAVLink client at the USB port |
 
 pub mod bench;
 pub mod bno055;
 pub mod fly;
 pub mod ground_station;
 pub mod image;
-pub mod instruction;
 pub mod observe;
 pub mod random;
 mod received;
-pub mod recording;
 mod rig;
-pub mod score;
 
 pub use bench::{disturbance, sensor_motion};
 pub use fly::flight::{FlightRecord, Ready, ServoKind, Setup, prepare};

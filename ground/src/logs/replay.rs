@@ -13,10 +13,10 @@ use std::collections::BTreeMap;
 use anyhow::Result;
 use client::{Cause, FlightState};
 use mavlink::dialects::common::{MavCmd, MavResult};
+use recordings::FilterName;
 use serde::Serialize;
 use tvc_nano::{BootReport, Command, Flight, Micros, Params, SensorFault};
 
-use crate::filters::fuse::FilterName;
 use crate::logs::log::{self, Event, Log, Step};
 use crate::out::exit::{BadInput, Verdict};
 use crate::out::file::{print_json, write_whole};

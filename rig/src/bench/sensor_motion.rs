@@ -7,9 +7,9 @@
 use super::{EarthField, stimulus};
 use crate::bno055::{self, Bno055, Mode, Stimulus};
 use bno055_driver::config::Sensors;
+use calibration::poses::Face;
 use nalgebra::{UnitQuaternion, Vector3};
 use samd21::board::{I2cEvent, Ticks};
-use tvc_nano::calibration::poses::Face;
 
 /// Registers of the chip that are written and read here.
 const ACC_DATA: u8 = 0x08;

@@ -64,10 +64,10 @@ pub(crate) use signal::STANDARD_GRAVITY_M_S2;
 pub use signal::Stimulus;
 
 use crate::random::{Stream, generator};
-use crate::recording::Recording;
 use calibration::{Calibration, Learner};
 use rand::{Rng, RngCore};
 use rand_chacha::ChaCha8Rng;
+use recordings::Recording;
 use registers::{AXIS_MAP_RESET, UNIT_SEL_RESET, error, page0, page1, reset_pages};
 use replay::Playback;
 use samd21::board::Ticks;

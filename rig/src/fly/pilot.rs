@@ -4,9 +4,9 @@
 //! for.
 
 use crate::bench::sensor_motion::{SensorMotion, resting};
-use crate::instruction::{Instruction, Tilt};
 use crate::rig::Rig;
-use client::{FlightState, Wire, text};
+use calibration::prompt::{Prompt, Tilt};
+use client::{FlightState, Wire, request, text};
 use mavlink::dialects::common::MavMessage;
 use nalgebra::UnitQuaternion;
 use plant::Drone;
@@ -70,40 +70,38 @@ impl Pilot {
     /// Takes in what the program at the port has sent, and follows its instructions.
     pub fn on_station_bytes(&mut self, rig: &mut Rig, sent: &[u8]) {
         for message in self.station.receive(sent) {
-            if let Some(instruction) = Instruction::of(&message) {
-                self.follow_instruction(rig, instruction);
+            if let Some(prompt) = request::text_of(&message).and_then(Prompt::from_text) {
+                self.follow_prompt(rig, prompt);
             }
         }
     }
 
-    fn follow_instruction(&mut self, rig: &mut Rig, instruction: Instruction) {
-        if let Instruction::Tilt(Tilt::NoseUp | Tilt::NoseDown) = instruction {
+    fn follow_prompt(&mut self, rig: &mut Rig, prompt: Prompt) {
+        if let Prompt::Tilt(Tilt::NoseUp | Tilt::NoseDown) = prompt {
             self.check_rudder_at = Some(rig.now() + RUDDER_RESTS);
         }
         let environment = rig.environment_mut();
-        match instruction {
-            Instruction::Rest if self.manner == Manner::Trembling => {
+        match prompt {
+            Prompt::Rest if self.manner == Manner::Trembling => {
                 environment.move_sensor(SensorMotion::Tremble(TREMBLE_RAD_S));
             }
-            Instruction::Rest => environment.move_sensor(SensorMotion::Rest),
-            Instruction::Pose(face) => {
-                environment.move_sensor(SensorMotion::To(resting(face), TURN_S))
-            }
-            Instruction::Turn if self.manner == Manner::Lazy => {
+            Prompt::Rest => environment.move_sensor(SensorMotion::Rest),
+            Prompt::Pose(face) => environment.move_sensor(SensorMotion::To(resting(face), TURN_S)),
+            Prompt::Turn if self.manner == Manner::Lazy => {
                 environment.move_sensor(SensorMotion::Spin)
             }
-            Instruction::Turn => environment.move_sensor(SensorMotion::Turn),
-            Instruction::Level => {
+            Prompt::Turn => environment.move_sensor(SensorMotion::Turn),
+            Prompt::Level => {
                 let (_, _, heading) = environment.mounted().euler_angles();
                 let level = UnitQuaternion::from_euler_angles(0.0, 0.0, heading);
                 environment.move_sensor(SensorMotion::To(level, TURN_S));
             }
-            Instruction::Tilt(tilt) => environment.tilt_clamp(match tilt {
+            Prompt::Tilt(tilt) => environment.tilt_clamp(match tilt {
                 Tilt::NoseUp => TILT_RAD,
                 Tilt::NoseDown => -TILT_RAD,
                 Tilt::Upright => 0.0,
             }),
-            Instruction::Done => {
+            Prompt::Done => {
                 environment.put_back();
                 environment.tilt_clamp(self.start_rad);
             }

@@ -4,9 +4,9 @@ use std::path::Path;
 use std::sync::Arc;
 
 use anyhow::{Context, Result};
+use recordings::Recording;
 use rig::Image;
 use rig::flight::Setup;
-use rig::recording::Recording;
 use rig::replay::{ReplayRecord, replay};
 use samd21::WaitStates;
 

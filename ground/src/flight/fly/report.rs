@@ -3,8 +3,8 @@
 use std::sync::Arc;
 
 use maud::{Markup, html};
+use recordings::Recording;
 use rig::flight::FlightRecord;
-use rig::recording::Recording;
 use rig::replay::ReplayRecord;
 
 use super::figures::{Figures, ROW_COLUMNS, RUN_COLUMNS, run_rows};

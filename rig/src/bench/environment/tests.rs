@@ -2,8 +2,8 @@
 
 use super::*;
 use crate::bench::sensor_motion::resting;
+use calibration::poses::Face;
 use nalgebra::Vector3;
-use tvc_nano::calibration::poses::Face;
 
 fn environment(bench: BenchConfig) -> Environment {
     Environment::new(&bench).unwrap()

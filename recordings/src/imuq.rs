@@ -1,4 +1,4 @@
-//! Recordings of a real IMU with optical ground truth: the container `IMUQ16v1`.
+//! Recordings of a real IMU with optical ground truth: the format `IMUQ16v1`.
 //!
 //! Little endian. A header of 64 bytes: magic `IMUQ16v1`, `u32` number of samples, `f32` sampling
 //! rate in Hz, `f32` scales of gyroscope (rad/s a count), accelerometer (m/s^2 a count),
@@ -8,66 +8,15 @@
 //! that there is no magnetometer, or no reference.
 
 use std::fs;
-use std::path::{Path, PathBuf};
-use thiserror::Error;
+use std::path::Path;
+
+use crate::{RecordedSample, RecordingError};
 
 const MAGIC: &[u8; 8] = b"IMUQ16v1";
 const MOVEMENT: i16 = 1;
 const VALID: i16 = 2;
 
-/// Why a file is not a recording that can be played.
-#[derive(Debug, Error)]
-pub enum RecordingError {
-    /// The file cannot be read.
-    #[error("cannot read the recording {}: {source}", path.display())]
-    Read {
-        /// The file asked for.
-        path: PathBuf,
-        /// What the system said.
-        source: std::io::Error,
-    },
-    /// Not the container at all.
-    #[error("{name} is not an IMUQ16v1 recording: {reason}")]
-    Format {
-        /// The file, or what stands for it.
-        name: String,
-        /// What is wrong.
-        reason: String,
-    },
-    /// The file ends before the samples that its header promises, or goes on after them.
-    #[error(
-        "the recording {name} is damaged: its header promises {promised} samples \
-         ({expected} bytes), the file has {found} bytes"
-    )]
-    Length {
-        /// The file, or what stands for it.
-        name: String,
-        /// Number of samples in the header.
-        promised: u32,
-        /// Size that this makes.
-        expected: u64,
-        /// Size of the file.
-        found: u64,
-    },
-}
-
-/// A moment of a recording in SI units, along the axes of the recorded sensor.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct RecordedSample {
-    /// Angular rate, rad/s.
-    pub gyr_rad_s: [f64; 3],
-    /// Specific force, m/s^2.
-    pub acc_m_s2: [f64; 3],
-    /// Magnetic field, uT.
-    pub mag_ut: [f64; 3],
-    /// Optical reference `[w, x, y, z]`, sensor to east-north-up with magnetic north; `None` where
-    /// the cameras lost it.
-    pub reference: Option<[f64; 4]>,
-    /// The sample belongs to the movement phase, over which errors are taken.
-    pub movement: bool,
-}
-
-/// What a file says of itself before its samples: enough to read them one by one.
+/// The header of a file: enough to read its samples one by one.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Header {
     /// The recording's own name.
@@ -98,11 +47,11 @@ impl Header {
     }
 
     /// Parses the beginning of a file; `name` stands for it in errors.
+    ///
+    /// # Errors
+    /// [`RecordingError::Header`].
     pub fn parse(name: &str, bytes: &[u8]) -> Result<Self, RecordingError> {
-        let format = |reason: String| RecordingError::Format {
-            name: name.to_owned(),
-            reason,
-        };
+        let format = |reason: String| RecordingError::Header(name.to_owned(), reason);
         if !Self::is_magic(bytes) {
             return Err(format("it does not begin with IMUQ16v1".to_owned()));
         }
@@ -155,7 +104,10 @@ impl Header {
         Ok(parsed)
     }
 
-    /// Whether a file of `found` bytes holds just the samples that were promised.
+    /// Checks that a file of `found` bytes holds just the samples that were promised.
+    ///
+    /// # Errors
+    /// [`RecordingError::Length`].
     pub fn check_length(&self, name: &str, found: u64) -> Result<(), RecordingError> {
         let expected = u64::from(self.samples) * Self::RECORD_BYTES as u64 + Self::BYTES as u64;
         if found == expected {
@@ -169,15 +121,18 @@ impl Header {
         })
     }
 
-    /// A sample in SI units.
-    pub fn sample(&self, record: &[u8; Self::RECORD_BYTES]) -> RecordedSample {
+    /// The sample number `index`, from 0. Zero in all axes is no field: there is no magnetometer.
+    pub fn sample(&self, index: u32, record: &[u8; Self::RECORD_BYTES]) -> RecordedSample {
         let raw = |i: usize| i16::from_le_bytes([record[2 * i], record[2 * i + 1]]);
         let vector = |i: usize, scale: f64| [0, 1, 2].map(|k| f64::from(raw(i + k)) * scale);
         let flags = raw(13);
+        let mag_ut = vector(6, self.mag_ut);
         RecordedSample {
+            // Rounded to ns: the header has the rate in single precision.
+            time_s: (f64::from(index) / self.rate_hz * 1e9).round() / 1e9,
             gyr_rad_s: vector(0, self.gyr_rad_s),
             acc_m_s2: vector(3, self.acc_m_s2),
-            mag_ut: vector(6, self.mag_ut),
+            mag_ut: (mag_ut != [0.0; 3]).then_some(mag_ut),
             reference: (flags & VALID != 0 && self.quaternion > 0.0)
                 .then(|| [9, 10, 11, 12].map(|i| f64::from(raw(i)) * self.quaternion)),
             movement: flags & MOVEMENT != 0,
@@ -195,15 +150,20 @@ pub struct Recording {
 
 impl Recording {
     /// Reads a file.
+    ///
+    /// # Errors
+    /// The file cannot be read, is not of this format or not whole.
     pub fn open(path: &Path) -> Result<Self, RecordingError> {
-        let bytes = fs::read(path).map_err(|source| RecordingError::Read {
-            path: path.to_path_buf(),
-            source,
-        })?;
-        Self::parse(&path.display().to_string(), &bytes)
+        let name = path.display().to_string();
+        let bytes = fs::read(path)
+            .map_err(|source| RecordingError::Read(format!("the recording {name}"), source))?;
+        Self::parse(&name, &bytes)
     }
 
     /// Parses the bytes of a file; `name` stands for it in errors.
+    ///
+    /// # Errors
+    /// They are not of this format or not whole.
     pub fn parse(name: &str, bytes: &[u8]) -> Result<Self, RecordingError> {
         let header = Header::parse(name, bytes)?;
         header.check_length(name, bytes.len() as u64)?;
@@ -211,7 +171,8 @@ impl Recording {
             .as_chunks::<{ Header::RECORD_BYTES }>()
             .0
             .iter()
-            .map(|record| header.sample(record))
+            .zip(0..)
+            .map(|(record, index)| header.sample(index, record))
             .collect();
         Ok(Self {
             name: header.name,
@@ -271,11 +232,13 @@ mod tests {
         assert!((sample.gyr_rad_s[0] - 1.0).abs() < 1e-6);
         assert!((sample.gyr_rad_s[2] + 0.001).abs() < 1e-9);
         assert!((sample.acc_m_s2[2] - 9.81).abs() < 1e-6);
-        assert_eq!(sample.mag_ut, [50.0, 0.0, 0.0]);
+        assert_eq!(sample.mag_ut, Some([50.0, 0.0, 0.0]));
         let w = sample.reference.unwrap()[0];
         assert!((w - 1.0).abs() < 1e-6, "{w}");
         assert!(sample.movement);
-        assert_eq!(recording.samples()[1].reference, None);
+        let second = recording.samples()[1];
+        assert_eq!((second.reference, second.mag_ut), (None, None));
+        assert_eq!((sample.time_s, second.time_s), (0.0, 0.01));
     }
 
     #[test]

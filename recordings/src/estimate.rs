@@ -1,36 +1,16 @@
-//! One way to run any filter, in any arithmetic: sample in, orientation out.
+//! Runs any filter in any arithmetic: a sample in, an orientation out.
 
 use std::ops::RangeInclusive;
 
-use anyhow::Result;
 use tvc_fusion::{
     Complementary, Config, ConfigError, Estimator, Filter, Gyro, Madgwick, Mahony, Quaternion,
     Real, Sample, Vector3, Vqf, fixed,
 };
 
-use super::settings::{self, Gains};
-use super::source::{Facts, Row};
-use crate::filters::fuse::FilterName;
-use crate::filters::fuse::Mode;
-use crate::filters::fuse::Scalar;
-use crate::filters::fuse::Setting;
-use crate::filters::fuse::said;
-use crate::out::exit::BadInput;
+use crate::settings::{self, Gains};
+use crate::{Choice, ChoiceError, Facts, FilterName, Mode, RecordedSample, Scalar};
 
-/// A filter, how it computes, what it sees, and what it is set to.
-#[derive(Clone, Debug)]
-pub struct Choice {
-    /// The filter.
-    pub filter: FilterName,
-    /// Its arithmetic.
-    pub scalar: Scalar,
-    /// Whether it sees the magnetometer.
-    pub mode: Mode,
-    /// Settings other than the defaults.
-    pub settings: Vec<Setting>,
-}
-
-/// A filter at work on a recording.
+/// A filter that runs on a recording.
 pub struct Estimate {
     engine: Box<dyn Engine>,
     magnetometer: bool,
@@ -39,8 +19,9 @@ pub struct Estimate {
 }
 
 trait Engine {
-    /// Takes a sample `dt_s` after the one before; sensor to north-east-down, `[w, x, y, z]` of any length.
-    fn update(&mut self, dt_s: f64, row: &Row, mag_ut: Option<[f64; 3]>) -> [f64; 4];
+    /// Takes a sample `dt_s` after the one before; sensor to north-east-down, `[w, x, y, z]`, of
+    /// unit length within 1e-4.
+    fn update(&mut self, dt_s: f64, sample: &RecordedSample, mag_ut: Option<[f64; 3]>) -> [f64; 4];
 }
 
 impl Estimate {
@@ -48,20 +29,13 @@ impl Estimate {
     ///
     /// # Errors
     /// A setting that is not there or out of range, a filter without fixed point.
-    pub fn new(choice: &Choice, facts: &Facts) -> Result<Self, BadInput> {
-        let engine = match choice.scalar {
-            Scalar::F32 => float::<f32>(choice, facts)?,
-            Scalar::F64 => float::<f64>(choice, facts)?,
-            Scalar::Fixed => match choice.filter {
-                FilterName::Mahony => in_fixed::<fixed::Mahony>(choice, facts)?,
-                FilterName::Vqf => in_fixed::<fixed::Vqf>(choice, facts)?,
-                other => {
-                    return Err(BadInput::new(format!(
-                        "{} has no fixed-point form; mahony and vqf have one",
-                        said(other)
-                    )));
-                }
-            },
+    pub fn new(choice: &Choice, facts: &Facts) -> Result<Self, ChoiceError> {
+        let engine = match (choice.scalar, choice.filter) {
+            (Scalar::F32, _) => float::<f32>(choice, facts)?,
+            (Scalar::F64, _) => float::<f64>(choice, facts)?,
+            (Scalar::Fixed, FilterName::Mahony) => in_fixed::<fixed::Mahony>(choice, facts)?,
+            (Scalar::Fixed, FilterName::Vqf) => in_fixed::<fixed::Vqf>(choice, facts)?,
+            (Scalar::Fixed, other) => return Err(ChoiceError::NoFixedPoint(other)),
         };
         Ok(Self {
             engine,
@@ -71,19 +45,28 @@ impl Estimate {
         })
     }
 
-    /// Takes the next sample; the orientation, sensor to north-east-down, `[w, x, y, z]`.
-    pub fn update(&mut self, row: &Row) -> [f64; 4] {
-        let last_s = self.last_s.replace(row.time_s);
-        let dt_s = last_s.map_or(self.period_s, |last_s| row.time_s - last_s);
-        let mag_ut = row.mag_ut.filter(|_| self.magnetometer);
-        let q = self.engine.update(dt_s, row, mag_ut);
-        // Of unit length within 1e-4 (fixed point): what is written down has no need to be off.
+    /// Takes the next sample; the orientation, sensor to north-east-down, `[w, x, y, z]`, of unit
+    /// length. The time step is the difference of the samples' times.
+    pub fn update(&mut self, sample: &RecordedSample) -> [f64; 4] {
+        let last_s = self.last_s.replace(sample.time_s);
+        let dt_s = last_s.map_or(self.period_s, |last_s| sample.time_s - last_s);
+        let q = self.step(dt_s, sample);
         let norm = q.iter().map(|c| c * c).sum::<f64>().sqrt();
         q.map(|c| c / norm)
     }
+
+    /// Takes a sample `dt_s` after the one before; the orientation, sensor to north-east-down,
+    /// `[w, x, y, z]`, just as the filter has it: of unit length within 1e-4 in fixed point.
+    pub fn step(&mut self, dt_s: f64, sample: &RecordedSample) -> [f64; 4] {
+        let mag_ut = sample.mag_ut.filter(|_| self.magnetometer);
+        self.engine.update(dt_s, sample, mag_ut)
+    }
 }
 
-fn float<T: Real + 'static>(choice: &Choice, facts: &Facts) -> Result<Box<dyn Engine>, BadInput> {
+fn float<T: Real + 'static>(
+    choice: &Choice,
+    facts: &Facts,
+) -> Result<Box<dyn Engine>, ChoiceError> {
     match choice.filter {
         FilterName::Gyro => in_float::<Gyro<T>>(choice, facts),
         FilterName::Complementary => in_float::<Complementary<T>>(choice, facts),
@@ -93,7 +76,7 @@ fn float<T: Real + 'static>(choice: &Choice, facts: &Facts) -> Result<Box<dyn En
     }
 }
 
-fn in_float<F>(choice: &Choice, facts: &Facts) -> Result<Box<dyn Engine>, BadInput>
+fn in_float<F>(choice: &Choice, facts: &Facts) -> Result<Box<dyn Engine>, ChoiceError>
 where
     F: Filter<Gains: Gains> + 'static,
 {
@@ -102,7 +85,7 @@ where
     Ok(Box::new(estimator))
 }
 
-fn in_fixed<F>(choice: &Choice, facts: &Facts) -> Result<Box<dyn Engine>, BadInput>
+fn in_fixed<F>(choice: &Choice, facts: &Facts) -> Result<Box<dyn Engine>, ChoiceError>
 where
     F: fixed::Filter<Gains: Gains> + 'static,
 {
@@ -113,14 +96,14 @@ where
         mag_ut: within(facts.scale.mag_ut, &fixed::Scale::MAG_UT),
     };
     let period_us = facts.period_s * 1e6;
-    // Half a microsecond is what a rate in single precision may be off.
+    // A rate in single precision may make the period half a microsecond too long.
     let parts = ((period_us - 0.5) / f64::from(*fixed::PERIOD_US.end()))
         .ceil()
         .max(1.0);
     let step_us = (period_us / parts).round() as u32;
     let refused = |error| refused(choice, error);
     if parts > 1.0 {
-        // A rate that is repeated looks like one that is clipped.
+        // Without recovery from clipping: a rate that is repeated looks like one that is clipped.
         let estimator = fixed::Estimator::<F>::new(&config, &scale, step_us).map_err(refused)?;
         return Ok(Counted::boxed(estimator, scale, parts as u32));
     }
@@ -130,27 +113,19 @@ where
     Ok(Counted::boxed(estimator, scale, 1))
 }
 
-fn config<G: Gains>(choice: &Choice, facts: &Facts) -> Result<Config<G>, BadInput> {
-    settings::config(
-        &said(choice.filter),
-        facts.gyro_range_rad_s,
-        &choice.settings,
-    )
+fn config<G: Gains>(choice: &Choice, facts: &Facts) -> Result<Config<G>, ChoiceError> {
+    settings::config(choice.filter, facts.gyro_range_rad_s, &choice.settings)
 }
 
-fn refused(choice: &Choice, error: ConfigError) -> BadInput {
+fn refused(choice: &Choice, error: ConfigError) -> ChoiceError {
     let ConfigError::OutOfRange(name) = error;
     let set = choice.settings.iter().rev().find(|set| set.key == name);
-    let name = match set {
-        Some(set) => format!("{name}={}", set.value),
+    let what = match set {
+        Some(set) => set.to_string(),
         None if name == "period_us" => "the recording's sampling period".to_owned(),
         None => name.to_owned(),
     };
-    BadInput::new(format!(
-        "{name} is out of range for {} in {}",
-        said(choice.filter),
-        said(choice.scalar)
-    ))
+    ChoiceError::OutOfRange(what, choice.filter, choice.scalar)
 }
 
 fn within(value: f32, range: &RangeInclusive<f32>) -> f32 {
@@ -158,11 +133,11 @@ fn within(value: f32, range: &RangeInclusive<f32>) -> f32 {
 }
 
 impl<F: Filter> Engine for Estimator<F> {
-    fn update(&mut self, dt_s: f64, row: &Row, mag_ut: Option<[f64; 3]>) -> [f64; 4] {
+    fn update(&mut self, dt_s: f64, sample: &RecordedSample, mag_ut: Option<[f64; 3]>) -> [f64; 4] {
         let single = |v: [f64; 3]| Vector3::from(v.map(|c| c as f32));
         let sample = Sample {
-            gyr: single(row.gyr_rad_s),
-            acc: single(row.acc_m_s2),
+            gyr: single(sample.gyr_rad_s),
+            acc: single(sample.acc_m_s2),
             mag: mag_ut.map(single),
         };
         let Quaternion { w, x, y, z } = self.update(dt_s as f32, &sample).orientation;
@@ -171,18 +146,18 @@ impl<F: Filter> Engine for Estimator<F> {
 }
 
 fn double<T: Real>(value: T) -> f64 {
-    // What single precision leaves over is small, and exact in it.
+    // The remainder of the conversion to single precision fits into single precision again.
     let high = value.to_f32();
     f64::from(high) + f64::from((value - T::from_f32(high)).to_f32())
 }
 
-/// An estimator that counts: SI values are brought back to the counts that they came from.
+/// An estimator in fixed point: SI values are turned back into the counts that they came from.
 struct Counted<F, R> {
     estimator: fixed::Estimator<F, R>,
     scale: fixed::Scale,
-    /// Equal steps that a sampling period is divided into.
+    /// Number of equal steps that a sampling period is divided into.
     parts: u32,
-    /// Time that whole microseconds have left over so far, us.
+    /// Time that is left over because steps are whole microseconds, us.
     owed_us: f64,
 }
 
@@ -202,11 +177,11 @@ impl<F: fixed::Filter + 'static, R: fixed::OverRange + 'static> Counted<F, R> {
 }
 
 impl<F: fixed::Filter, R: fixed::OverRange> Engine for Counted<F, R> {
-    fn update(&mut self, dt_s: f64, row: &Row, mag_ut: Option<[f64; 3]>) -> [f64; 4] {
+    fn update(&mut self, dt_s: f64, sample: &RecordedSample, mag_ut: Option<[f64; 3]>) -> [f64; 4] {
         // NaN becomes zero, as does time that goes backwards.
         let counts = |v: [f64; 3], unit: f32| v.map(|c| (c / f64::from(unit)).round() as i16);
-        let gyr = counts(row.gyr_rad_s, self.scale.gyr_rad_s);
-        let acc = counts(row.acc_m_s2, self.scale.acc_m_s2);
+        let gyr = counts(sample.gyr_rad_s, self.scale.gyr_rad_s);
+        let acc = counts(sample.acc_m_s2, self.scale.acc_m_s2);
         let mag = mag_ut.map(|mag| counts(mag, self.scale.mag_ut));
         for part in 1..=self.parts {
             let mag = mag.filter(|_| part == self.parts);

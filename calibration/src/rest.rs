@@ -1,41 +1,29 @@
-//! The tombstone test: a sensor that does not move shows its gyroscope's bias, if it really does not move.
-
-use core::fmt;
+//! The tombstone test: the rate that a sensor at rest reads is its gyroscope's bias, if it really
+//! is at rest.
 
 use nalgebra::Vector3;
+use thiserror::Error;
 
-use super::spread;
+use crate::{AXES, Sample, spread};
 
-/// Least length of the test, s: the mean of a gyroscope with 0.014 deg/s/sqrt(Hz) is then good to 0.005 deg/s.
+/// Least length of the test, s: the mean of a gyroscope with 0.014 deg/s/sqrt(Hz) is then good to
+/// 0.005 deg/s.
 pub const LEAST_S: f64 = 5.0;
-/// Largest standard deviation of the rate, rad/s: three times the noise of the chip at 116 Hz bandwidth.
+/// Largest standard deviation of the rate, rad/s: three times the noise of the chip at 116 Hz
+/// bandwidth.
 const RATE_NOISE: f64 = 0.01;
 /// Largest standard deviation of the acceleration, m/s2.
 const ACC_NOISE: f64 = 0.15;
 /// How far the mean rate of a quarter may lie from that of the whole, rad/s: 0.12 deg/s.
 const RATE_DRIFT: f64 = 0.002;
-/// How far the mean acceleration of a quarter may lie from that of the whole, m/s2: a tilt of 0.2 deg.
+/// How far the mean acceleration of a quarter may lie from that of the whole, m/s2: a tilt of 0.2
+/// deg.
 const ACC_DRIFT: f64 = 0.035;
-/// How far the mean field of a quarter may lie from that of the whole, uT: a turn of 3 deg where it is 17 uT, and
-/// five times the noise of a chip that measures ten times a second.
+/// How far the mean field of a quarter may lie from that of the whole, uT: a turn of 3 deg where it
+/// is 17 uT, and five times the noise of a chip that measures ten times a second.
 const FIELD_DRIFT: f64 = 0.9;
 /// Largest bias, rad/s: the data sheet's 3 deg/s at most, and as much for temperature.
 const LARGEST_BIAS: f64 = 0.105;
-
-const AXES: [&str; 3] = ["x", "y", "z"];
-
-/// A moment of the test.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Moment {
-    /// Time, s.
-    pub time_s: f64,
-    /// Rate as read, rad/s.
-    pub gyr: Vector3<f64>,
-    /// Specific force as read, m/s2.
-    pub acc: Vector3<f64>,
-    /// Field as read, uT.
-    pub mag: Vector3<f64>,
-}
 
 /// What the test shows.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -51,84 +39,66 @@ pub struct Rest {
 }
 
 /// Why the test is refused.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Error)]
 pub enum RestError {
     /// Shorter than [`LEAST_S`].
+    #[error(
+        "a rest of {seconds:.1} s is too short for the gyroscope's bias, which takes {LEAST_S} s"
+    )]
     Short {
         /// Its length, s.
         seconds: f64,
     },
     /// The sensor moved or shook.
+    #[error(
+        "it moved during the rest: {sensor} {axis} by {by:.3} {unit}, where {limit:.3} may be; \
+         lay the sensor down and do not touch the table"
+    )]
     Motion {
         /// Which sensor shows it.
         sensor: &'static str,
         /// Along which axis.
         axis: &'static str,
-        /// By how much.
+        /// By how much, in `unit`.
         by: f64,
-        /// How much may be.
+        /// How much may be, in `unit`.
         limit: f64,
         /// The unit of both.
         unit: &'static str,
     },
     /// Steady, but more than a bias can be: it turns.
+    #[error(
+        "a rate of {deg_s:.1} deg/s is more than a bias can be: it turns, or the gyroscope is broken"
+    )]
     Turning {
         /// Rate, deg/s.
         deg_s: f64,
     },
 }
 
-impl fmt::Display for RestError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Short { seconds } => write!(
-                f,
-                "a rest of {seconds:.1} s is too short for the gyroscope's bias, which takes {LEAST_S} s"
-            ),
-            Self::Motion {
-                sensor,
-                axis,
-                by,
-                limit,
-                unit,
-            } => write!(
-                f,
-                "it moved during the rest: {sensor} {axis} by {by:.3} {unit}, where {limit:.3} may be; \
-                 lay the sensor down and do not touch the table"
-            ),
-            Self::Turning { deg_s } => write!(
-                f,
-                "a rate of {deg_s:.1} deg/s is more than a bias can be: it turns, or the gyroscope is broken"
-            ),
-        }
-    }
-}
-
-impl core::error::Error for RestError {}
-
 /// The gyroscope's bias out of a rest.
 ///
 /// # Errors
 /// [`RestError`], where it was no rest.
-pub fn bias(moments: &[Moment]) -> Result<Rest, RestError> {
-    let seconds = match (moments.first(), moments.last()) {
+pub fn bias(samples: &[Sample]) -> Result<Rest, RestError> {
+    let seconds = match (samples.first(), samples.last()) {
         (Some(first), Some(last)) => last.time_s - first.time_s,
         _ => 0.0,
     };
-    let means = |moments: &[Moment]| {
+    let means = |samples: &[Sample]| {
         Some((
-            spread(moments.iter().map(|m| &m.gyr))?,
-            spread(moments.iter().map(|m| &m.acc))?,
-            spread(moments.iter().map(|m| &m.mag))?,
+            spread(samples.iter().map(|m| &m.gyr))?,
+            spread(samples.iter().map(|m| &m.acc))?,
+            spread(samples.iter().map(|m| &m.mag))?,
         ))
     };
-    let (gyr, acc, mag) = match means(moments) {
+    let (gyr, acc, mag) = match means(samples) {
         Some(means) if seconds >= LEAST_S => means,
         _ => return Err(RestError::Short { seconds }),
     };
     within("gyroscope", gyr.1, RATE_NOISE, "rad/s")?;
     within("accelerometer", acc.1, ACC_NOISE, "m/s2")?;
-    for quarter in moments.chunks(moments.len().div_ceil(4)) {
+    for quarter in samples.chunks(samples.len().div_ceil(4)) {
         if let Some((rate, force, field)) = means(quarter) {
             within("gyroscope", rate.0 - gyr.0, RATE_DRIFT, "rad/s")?;
             within("accelerometer", force.0 - acc.0, ACC_DRIFT, "m/s2")?;
@@ -173,15 +143,13 @@ fn within(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use std::string::ToString;
-    use std::vec::Vec;
 
     /// Ten seconds of rest with a little noise that repeats.
-    fn still() -> Vec<Moment> {
+    fn still() -> Vec<Sample> {
         (0..1000)
             .map(|i| {
                 let noise = [0.004, -0.003, 0.001, -0.002][i % 4];
-                Moment {
+                Sample {
                     time_s: i as f64 * 0.01,
                     gyr: Vector3::new(0.02 + noise, -0.01, noise),
                     acc: Vector3::new(0.1, noise, -9.8),
@@ -198,12 +166,12 @@ mod tests {
         assert!((rest.seconds - 9.99).abs() < 1e-9);
     }
 
-    fn refused(change: fn(usize, &mut Moment), part: &str) {
-        let mut moments = still();
-        for (index, moment) in moments.iter_mut().enumerate() {
-            change(index, moment);
+    fn refused(change: fn(usize, &mut Sample), part: &str) {
+        let mut samples = still();
+        for (index, sample) in samples.iter_mut().enumerate() {
+            change(index, sample);
         }
-        let why = bias(&moments).unwrap_err().to_string();
+        let why = bias(&samples).unwrap_err().to_string();
         assert!(why.contains(part), "{why}");
     }
 

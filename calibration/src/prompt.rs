@@ -1,15 +1,14 @@
 //! What a person is asked to do with the vehicle, step by step, while it is calibrated.
 //!
-//! `tvc calibrate` shows an instruction on the screen and sends it down the link as STATUSTEXT, where the firmware passes it
-//! over: a log of the link says what was asked for and when, and the virtual rig's [`Pilot`](crate::pilot::Pilot) obeys it.
+//! `tvc calibrate` shows a prompt on the screen and sends its text down the link as STATUSTEXT,
+//! which the firmware ignores: so a log of the link says what was asked for and when, and the
+//! virtual rig does what a person would do.
 
-use mavlink::dialects::common::{MavMessage, MavSeverity, STATUSTEXT_DATA};
-use mavlink::types::CharArray;
-use tvc_nano::calibration::poses::Face;
+use crate::poses::Face;
 
 /// A step.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Instruction {
+pub enum Prompt {
     /// Lay the sensor down and leave it.
     Rest,
     /// Rest it on a face.
@@ -35,8 +34,8 @@ pub enum Tilt {
     Upright,
 }
 
-impl Instruction {
-    /// Every instruction.
+impl Prompt {
+    /// Every prompt.
     pub fn all() -> impl Iterator<Item = Self> {
         let poses = Face::ALL.into_iter().map(Self::Pose);
         let tilts = [Tilt::NoseUp, Tilt::NoseDown, Tilt::Upright].map(Self::Tilt);
@@ -60,36 +59,23 @@ impl Instruction {
         }
     }
 
-    /// As a message.
-    pub fn message(self) -> MavMessage {
-        MavMessage::STATUSTEXT(STATUSTEXT_DATA {
-            severity: MavSeverity::MAV_SEVERITY_NOTICE,
-            text: CharArray::from(self.text().as_str()),
-        })
-    }
-
-    /// The instruction in a message, if there is one.
-    pub fn of(message: &MavMessage) -> Option<Self> {
-        let MavMessage::STATUSTEXT(said) = message else {
-            return None;
-        };
-        let said = said.text.to_str().ok()?;
-        Self::all().find(|instruction| instruction.text() == said)
+    /// The prompt with this text, if there is one.
+    pub fn from_text(text: &str) -> Option<Self> {
+        Self::all().find(|prompt| prompt.text() == text)
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use client::request;
 
     #[test]
-    fn every_instruction_is_understood_and_nothing_else() {
-        assert_eq!(Instruction::all().count(), 13);
-        for instruction in Instruction::all() {
-            assert!(instruction.text().len() <= 50, "{}", instruction.text());
-            assert_eq!(Instruction::of(&instruction.message()), Some(instruction));
+    fn every_prompt_is_understood_and_nothing_else() {
+        assert_eq!(Prompt::all().count(), 13);
+        for prompt in Prompt::all() {
+            assert!(prompt.text().len() <= 50, "{}", prompt.text());
+            assert_eq!(Prompt::from_text(&prompt.text()), Some(prompt));
         }
-        assert_eq!(Instruction::of(&request::heartbeat()), None);
+        assert_eq!(Prompt::from_text("calibration"), None);
     }
 }

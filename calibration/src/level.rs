@@ -2,8 +2,9 @@
 
 use nalgebra::Vector3;
 
-/// Roll and pitch of the mount, rad, out of the corrected accelerometer's reading, m/s2, with the body level: the angles of
-/// `R = Rz(yaw) Ry(pitch) Rx(roll)`, sensor to body, that turn what is down in the sensor to the body's z. Yaw cannot be seen.
+/// Roll and pitch of the mount, rad, out of the corrected accelerometer's reading, m/s2, with the
+/// body level: the angles of `R = Rz(yaw) Ry(pitch) Rx(roll)`, sensor to body, that turn the
+/// sensor's down to the body's z. Gravity does not show the yaw.
 pub fn mount(acc: &Vector3<f64>) -> (f64, f64) {
     let down = -acc;
     let roll = libm::atan2(down.y, down.z);

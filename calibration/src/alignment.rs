@@ -1,15 +1,18 @@
 //! Polarity and alignment of gyroscope, accelerometer and magnetometer against each other.
 //!
-//! A direction that stands still in the world turns in the body by `dv = v x (M theta)`, with `theta` the integral of the rate as
-//! read and `M` what the reading must be multiplied with. Gravity and field each give `M` by least squares, nine unknowns out of
-//! every turn; three sensors that agree give the identity.
+//! A direction that is fixed in the world turns in the body by `dv = v x (M theta)`, with `theta`
+//! the integral of the rate as read and `M` the matrix that corrects the reading. Gravity and field
+//! each give `M` by least squares, nine unknowns out of all turns; three sensors that agree give
+//! the identity.
 
 use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 
-/// How far an element of the matrix may be from that of the identity: slow turns by hand, measured late and with noise.
+/// Largest difference of an element to that of the identity; turns by hand are measured late and
+/// with noise.
 pub const TOLERANCE: f64 = 0.3;
 
-/// A small turn: a direction before and after it, and the integral of the rate, rad, between the two.
+/// A small turn: a direction before and after it, and the integral of the rate, rad, between the
+/// two.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Turn {
     /// Unit direction before.
@@ -20,13 +23,13 @@ pub struct Turn {
     pub angle: Vector3<f64>,
 }
 
-/// What the gyroscope's readings must be multiplied with so that they explain the turns; `None` where the turns do not
-/// determine it.
+/// The matrix that the gyroscope's readings must be multiplied with to explain the turns; `None`
+/// where the turns do not determine it.
 pub fn gyro_by(turns: impl Iterator<Item = Turn>) -> Option<Matrix3<f64>> {
     let mut normal = SMatrix::<f64, 9, 9>::zeros();
     let mut right = SVector::<f64, 9>::zeros();
     for turn in turns {
-        // Halfway, so that the error is of third order.
+        // The middle of the turn, so that the error is of third order.
         let middle = (turn.before + turn.after) / 2.0;
         let cross = middle.cross_matrix();
         let change = turn.after - turn.before;
@@ -43,7 +46,7 @@ pub fn gyro_by(turns: impl Iterator<Item = Turn>) -> Option<Matrix3<f64>> {
     Some(Matrix3::from_column_slice(solution.as_slice()))
 }
 
-/// Whether the matrix is the identity, as far as such a measurement goes.
+/// Whether the matrix is the identity within [`TOLERANCE`].
 pub fn agrees(matrix: &Matrix3<f64>) -> bool {
     (matrix - Matrix3::identity()).amax() <= TOLERANCE
 }
@@ -52,7 +55,6 @@ pub fn agrees(matrix: &Matrix3<f64>) -> bool {
 mod tests {
     use super::*;
     use nalgebra::Rotation3;
-    use std::vec::Vec;
 
     /// Turns about changing axes, read by a gyroscope whose axes are `wrong`.
     fn turns(wrong: Matrix3<f64>) -> Vec<Turn> {

@@ -1,57 +1,53 @@
-//! The estimators that are compared, and what each makes of an experiment.
+//! The estimators that are compared, and what each estimates in an experiment.
 
 use anyhow::{Context, Result};
+use recordings::{Choice, Estimate, Facts, FilterName, Mode, RecordedSample, Scalar, Setting};
 use tvc_fusion::{Quaternion, fixed};
 
-use super::truth::{Angles, Kind, Moment};
-use crate::filters::fuse::FilterName;
-use crate::filters::fuse::Mode;
-use crate::filters::fuse::Scalar;
-use crate::filters::fuse::Setting;
-use crate::filters::fuse::{Choice, Estimate, Facts, Row};
+use super::truth::{Angles, Kind, TimedSample};
 
 /// Time between two samples, s.
 const PERIOD_S: f64 = 0.01;
-/// Time at the start in which such an estimator sees the compass, s.
+/// Time at the start in which an estimator whose heading is the gyroscope's sees the compass, s.
 const ALIGNMENT_S: f64 = 1.0;
 
-/// Whose estimator, and so what it is compared with or held to.
+/// Where an estimator comes from, and so what it is compared with or held to.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Whose {
+pub enum Origin {
     /// As set in the thesis.
     Thesis,
     /// Ours, for comparison.
     Ours,
-    /// Ours, and to be relied on: it has to meet the requirements.
+    /// Ours, and it has to meet the requirements.
     Required,
 }
 
 /// An estimator in an experiment.
 #[derive(Debug)]
-pub struct Contestant {
-    /// What to call it.
+pub struct Candidate {
+    /// Its name in tables and plots.
     pub name: &'static str,
-    /// Whose it is.
-    pub whose: Whose,
+    /// Where it comes from.
+    pub origin: Origin,
     filter: FilterName,
     scalar: Scalar,
     settings: &'static [(&'static str, &'static str)],
-    /// The heading is the gyroscope's alone: the estimator starts with the experiment's first field, and
-    /// sees the compass for a second.
+    /// The heading is the gyroscope's alone: the estimator starts with the experiment's first
+    /// field, and sees the compass for a second.
     gyro_heading: bool,
 }
 
-/// No offset is learned at rest, and every field believed: as the libraries of the thesis do.
+/// As in the libraries of the thesis: no offset is learned at rest, and no field is rejected.
 const PLAIN: &[(&str, &str)] = &[
     ("preset", "thesis"),
     ("rest.rate_rad_s", "0"),
     ("field.gate", "inf"),
 ];
 
-const fn thesis(name: &'static str, filter: FilterName) -> Contestant {
-    Contestant {
+const fn thesis(name: &'static str, filter: FilterName) -> Candidate {
+    Candidate {
         name,
-        whose: Whose::Thesis,
+        origin: Origin::Thesis,
         filter,
         scalar: Scalar::F32,
         settings: PLAIN,
@@ -59,10 +55,10 @@ const fn thesis(name: &'static str, filter: FilterName) -> Contestant {
     }
 }
 
-const fn ours(name: &'static str, whose: Whose, filter: FilterName, scalar: Scalar) -> Contestant {
-    Contestant {
+const fn ours(name: &'static str, origin: Origin, filter: FilterName, scalar: Scalar) -> Candidate {
+    Candidate {
         name,
-        whose,
+        origin,
         filter,
         scalar,
         settings: &[],
@@ -70,39 +66,39 @@ const fn ours(name: &'static str, whose: Whose, filter: FilterName, scalar: Scal
     }
 }
 
-/// All of them. The thesis' four come first, in the order of its tables.
-pub const CONTESTANTS: [Contestant; 10] = [
+/// All candidates. The thesis' four come first, in the order of its tables.
+pub const CANDIDATES: [Candidate; 10] = [
     thesis("integrated gyro", FilterName::Gyro),
     thesis("complementary, thesis", FilterName::Complementary),
     thesis("Mahony, thesis", FilterName::Mahony),
     thesis("Madgwick, thesis", FilterName::Madgwick),
-    ours("Mahony", Whose::Required, FilterName::Mahony, Scalar::F32),
+    ours("Mahony", Origin::Required, FilterName::Mahony, Scalar::F32),
     ours(
         "Mahony, fixed point",
-        Whose::Required,
+        Origin::Required,
         FilterName::Mahony,
         Scalar::Fixed,
     ),
-    ours("VQF class", Whose::Required, FilterName::Vqf, Scalar::F32),
+    ours("VQF class", Origin::Required, FilterName::Vqf, Scalar::F32),
     ours(
         "VQF class, fixed point",
-        Whose::Required,
+        Origin::Required,
         FilterName::Vqf,
         Scalar::Fixed,
     ),
-    ours("Madgwick", Whose::Ours, FilterName::Madgwick, Scalar::F32),
+    ours("Madgwick", Origin::Ours, FilterName::Madgwick, Scalar::F32),
     ours(
         "complementary",
-        Whose::Ours,
+        Origin::Ours,
         FilterName::Complementary,
         Scalar::F32,
     ),
 ];
 
-impl Contestant {
-    /// Roll, pitch and yaw at each moment, NaN before the estimator has started; yaw within half a turn
-    /// of the true heading.
-    pub fn estimate(&self, kind: Kind, moments: &[Moment]) -> Result<Vec<Angles>> {
+impl Candidate {
+    /// Roll, pitch and yaw at each sample, NaN before the estimator has started; yaw within half a
+    /// turn of the true heading.
+    pub fn estimate(&self, kind: Kind, samples: &[TimedSample]) -> Result<Vec<Angles>> {
         let settings = self.settings.iter().map(|(key, value)| Setting {
             key: (*key).into(),
             value: (*value).into(),
@@ -120,12 +116,12 @@ impl Contestant {
         };
         let mut estimate = Estimate::new(&choice, &facts).context(self.name)?;
         let mut started = !self.gyro_heading;
-        Ok(moments
+        Ok(samples
             .iter()
-            .map(|moment| {
-                started |= moment.time_s >= 0.0 && moment.reading.mag.is_some();
+            .map(|sample| {
+                started |= sample.time_s >= 0.0 && sample.reading.mag.is_some();
                 if started {
-                    angles_deg(estimate.update(&self.row(moment)), kind.heading_deg())
+                    angles_deg(estimate.update(&self.sample(sample)), kind.heading_deg())
                 } else {
                     [f64::NAN; 3]
                 }
@@ -133,13 +129,13 @@ impl Contestant {
             .collect())
     }
 
-    fn row(&self, moment: &Moment) -> Row {
+    fn sample(&self, sample: &TimedSample) -> RecordedSample {
         let unit = fixed::Scale::BNO055;
         let si = |counts: [i16; 3], unit: f32| counts.map(|c| f64::from(c) * f64::from(unit));
-        let reading = &moment.reading;
-        let compass = !self.gyro_heading || moment.time_s <= ALIGNMENT_S;
-        Row {
-            time_s: moment.time_s,
+        let reading = &sample.reading;
+        let compass = !self.gyro_heading || sample.time_s <= ALIGNMENT_S;
+        RecordedSample {
+            time_s: sample.time_s,
             gyr_rad_s: si(reading.gyr, unit.gyr_rad_s),
             acc_m_s2: si(reading.acc, unit.acc_m_s2),
             mag_ut: reading

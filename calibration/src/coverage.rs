@@ -1,10 +1,11 @@
-//! How much of the sphere of directions a recording has seen.
+//! How much of the sphere of directions a recording covers.
 
 use nalgebra::Vector3;
 
 /// Cells round the vertical axis.
 pub const AROUND: usize = 8;
-/// Bands from the lowest to the highest direction, of equal area: equal steps of the sine of elevation.
+/// Bands from the lowest to the highest direction, of equal area: equal steps of the sine of
+/// elevation.
 pub const BANDS: usize = 6;
 
 /// How often each cell of the sphere was seen; all cells have the same area.
@@ -14,7 +15,7 @@ pub struct Coverage {
 }
 
 impl Coverage {
-    /// Notes a direction; its length does not matter, and a zero one is nothing.
+    /// Counts a direction; its length does not matter, and a zero one is ignored.
     pub fn add(&mut self, direction: &Vector3<f64>) {
         let norm = direction.norm();
         if norm.is_nan() || norm <= 0.0 {
@@ -22,7 +23,7 @@ impl Coverage {
         }
         let cell = |share: f64, of: usize| ((share * of as f64) as usize).min(of - 1);
         let band = cell((direction.z / norm + 1.0) / 2.0, BANDS);
-        let turn = libm::atan2(direction.y, direction.x) / core::f64::consts::TAU + 0.5;
+        let turn = libm::atan2(direction.y, direction.x) / std::f64::consts::TAU + 0.5;
         let count = self
             .counts
             .get_mut(band)
@@ -57,7 +58,6 @@ impl<'a> FromIterator<&'a Vector3<f64>> for Coverage {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use std::vec::Vec;
 
     #[test]
     fn cells_have_equal_areas() {

@@ -1,11 +1,12 @@
-//! How far long work is: a bar on a terminal, elsewhere a line now and then.
+//! Progress of long work on standard error: a bar on a terminal, elsewhere a line every two
+//! seconds.
 
 use std::io::IsTerminal;
 use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressStyle};
 
-/// Work that is shorter than this says nothing where there is no terminal, and longer work speaks as often.
+/// Time between two lines where there is no terminal; shorter work prints none.
 const INTERVAL: Duration = Duration::from_secs(2);
 
 /// Progress over work in several parts, in bytes or any other unit.
@@ -18,7 +19,7 @@ pub struct Progress {
 }
 
 impl Progress {
-    /// For work of this much.
+    /// Begins, for so much work.
     pub fn new(whole: u64) -> Self {
         let terminal = std::io::stderr().is_terminal();
         let bar = if terminal {
@@ -37,7 +38,7 @@ impl Progress {
         }
     }
 
-    /// So much of the part `name` is done.
+    /// Reports that so much of the part `name` is done.
     pub fn at(&mut self, name: &str, done: u64) {
         let position = self.done + done;
         match self.due {
@@ -54,12 +55,12 @@ impl Progress {
         }
     }
 
-    /// A part of this much is done.
+    /// Reports that a part of this size is done.
     pub fn part_done(&mut self, part: u64) {
         self.done += part;
     }
 
-    /// All is done.
+    /// Takes the bar away: all is done.
     pub fn end(self) {
         self.bar.finish_and_clear();
     }

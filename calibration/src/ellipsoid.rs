@@ -1,19 +1,22 @@
-//! Magnetometer hard and soft iron: in a uniform field, a sensor turned through all directions reads an ellipsoid.
+//! Magnetometer hard and soft iron: in a uniform field, the readings of a sensor turned through all
+//! directions lie on an ellipsoid.
 //!
-//! With `d(m) = [x2, y2, z2, 2yz, 2xz, 2xy, 2x, 2y, 2z]` the ellipsoid is `d(m) . p = 1`, linear in nine unknowns. With
-//! `Q` and `u` out of `p`, its centre is `-Q^-1 u` (the hard iron), and the symmetric root of `Q`, scaled, turns it into a sphere
-//! (the soft iron). A rotation more would leave the sphere a sphere: where the soft iron is not symmetric, gravity finds it, because
+//! With `d(m) = [x2, y2, z2, 2yz, 2xz, 2xy, 2x, 2y, 2z]` the ellipsoid is `d(m) . p = 1`, linear in
+//! nine unknowns. With `Q` and `u` out of `p`, its centre is `-Q^-1 u` (the hard iron), and the
+//! symmetric root of `Q`, scaled, turns it into a sphere (the soft iron). Any rotation leaves the
+//! sphere a sphere; where the soft iron is not symmetric, gravity determines the rotation, because
 //! the angle between gravity and field, the dip, is the same in every pose.
 //!
-//! D. Li and H. Griffiths give the fit (*Geometric Modeling and Processing* 2004); noise biases it by the square of its share of the
-//! field, 0.01 % at 0.6 of 50 uT.
+//! D. Li and H. Griffiths give the fit (*Geometric Modeling and Processing* 2004); noise biases it
+//! by the square of its share of the field, 0.01 % at 0.6 of 50 uT.
 
-use core::fmt;
+use std::ops::RangeInclusive;
 
 use nalgebra::{Matrix3, Matrix4, Rotation3, SMatrix, SVector, Vector3, Vector4};
+use thiserror::Error;
 
-use super::coverage::Coverage;
-use super::{Correction, spread};
+use crate::coverage::Coverage;
+use crate::{Correction, spread};
 
 /// Least share of all directions that must have been seen.
 pub const LEAST_COVERAGE: f64 = 0.6;
@@ -21,12 +24,12 @@ pub const LEAST_COVERAGE: f64 = 0.6;
 const FEWEST: usize = 200;
 /// Largest root mean square deviation from the sphere, as a share of its radius.
 const LARGEST_RESIDUAL: f64 = 0.05;
-/// A reading farther off than so many deviations is not used.
+/// A reading that is more standard deviations off is not used.
 const OUTLIER: f64 = 4.0;
 /// Largest ratio of the ellipsoid's axes.
 const LARGEST_RATIO: f64 = 3.0;
 /// Earth's field, uT, with a good margin.
-const EARTH_UT: core::ops::RangeInclusive<f64> = 15.0..=100.0;
+const EARTH_UT: RangeInclusive<f64> = 15.0..=100.0;
 /// Rounds of the search for the rotation; it converges quadratically.
 const ROUNDS: usize = 10;
 
@@ -51,76 +54,62 @@ pub struct Ellipsoid {
 }
 
 /// Why the readings are refused.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Error)]
 pub enum EllipsoidError {
     /// Too few.
+    #[error("{count} magnetometer readings are too few, {FEWEST} are needed: turn it for a minute")]
     Few {
         /// How many different ones.
         count: usize,
     },
     /// Too little of the sphere.
+    #[error(
+        "the magnetometer has seen {:.0} % of all directions, {:.0} % are needed: \
+         turn it slowly about every axis, upside down too",
+        .share * 100.0,
+        LEAST_COVERAGE * 100.0
+    )]
     Coverage {
         /// Share, 0 to 1.
         share: f64,
     },
     /// No ellipsoid fits them.
+    #[error(
+        "the magnetometer's readings lie on no ellipsoid: \
+         too few directions, or iron or currents that move"
+    )]
     NoEllipsoid,
     /// One does, but badly.
+    #[error(
+        "the magnetometer's readings lie {:.1} % off any ellipsoid, {:.0} % may be: \
+         iron or currents move beside it",
+        .share * 100.0,
+        LARGEST_RESIDUAL * 100.0
+    )]
     Residual {
         /// Root mean square deviation, share of the strength.
         share: f64,
     },
     /// It is longer one way than iron nearby makes it.
+    #[error(
+        "the field is {ratio:.1} times stronger one way than another, {LARGEST_RATIO} may be: \
+         take iron away from the sensor"
+    )]
     Distorted {
         /// Ratio of its axes.
         ratio: f64,
     },
     /// The field is not the earth's.
+    #[error(
+        "a field of {ut:.0} uT is not the earth's ({:.0} to {:.0} uT): move away from magnets",
+        EARTH_UT.start(),
+        EARTH_UT.end()
+    )]
     Strength {
         /// Its strength, uT.
         ut: f64,
     },
 }
-
-impl fmt::Display for EllipsoidError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Few { count } => write!(
-                f,
-                "{count} magnetometer readings are too few, {FEWEST} are needed: turn it for a minute"
-            ),
-            Self::Coverage { share } => write!(
-                f,
-                "the magnetometer has seen {:.0} % of all directions, {:.0} % are needed: turn it slowly about every axis, \
-                 upside down too",
-                share * 100.0,
-                LEAST_COVERAGE * 100.0
-            ),
-            Self::NoEllipsoid => f.write_str(
-                "the magnetometer's readings lie on no ellipsoid: too few directions, or iron or currents that move",
-            ),
-            Self::Residual { share } => write!(
-                f,
-                "the magnetometer's readings lie {:.1} % off any ellipsoid, {:.0} % may be: iron or currents move beside it",
-                share * 100.0,
-                LARGEST_RESIDUAL * 100.0
-            ),
-            Self::Distorted { ratio } => write!(
-                f,
-                "the field is {ratio:.1} times stronger one way than another, {LARGEST_RATIO} may be: take iron away from the \
-                 sensor"
-            ),
-            Self::Strength { ut } => write!(
-                f,
-                "a field of {ut:.0} uT is not the earth's ({:.0} to {:.0} uT): move away from magnets",
-                EARTH_UT.start(),
-                EARTH_UT.end()
-            ),
-        }
-    }
-}
-
-impl core::error::Error for EllipsoidError {}
 
 /// Hard and soft iron out of readings, uT, each of which is a measurement of its own (no repeats).
 ///
@@ -136,7 +125,7 @@ pub fn fit(readings: &[Vector3<f64>]) -> Result<Ellipsoid, EllipsoidError> {
     let (mean, deviation_ut) = spread(readings.iter()).ok_or(EllipsoidError::NoEllipsoid)?;
     let sane = |m: &Vector3<f64>| (m - mean).norm() <= OUTLIER * deviation_ut.norm();
     let refuse = |why: EllipsoidError| {
-        // Most often the cause is that it was not turned enough, and that can be mended.
+        // The usual cause is that it was not turned enough, and a person can do better.
         let (middle, _) = extent(readings, sane);
         let mut seen = Coverage::default();
         for reading in readings.iter().filter(|m| sane(m)) {
@@ -194,9 +183,10 @@ pub fn fit(readings: &[Vector3<f64>]) -> Result<Ellipsoid, EllipsoidError> {
     })
 }
 
-/// Turns the correction so that the angle between gravity and field is the same in every pose, as it is where the soft iron is
-/// not symmetric. `pairs` are directions up (the corrected accelerometer) and corrected fields. Gives the correction, the dip in
-/// rad, and the root mean square deviation of the dip in rad; `None` where the pairs do not determine the rotation.
+/// Rotates the correction so that the angle between gravity and field is the same in every pose,
+/// which matters where the soft iron is not symmetric. `pairs` are directions up (the corrected
+/// accelerometer) and corrected fields. Gives the correction, the dip in rad, and the root mean
+/// square deviation of the dip in rad; `None` where the pairs do not determine the rotation.
 pub fn align<'a>(
     correction: &Correction,
     pairs: impl Iterator<Item = &'a (Vector3<f64>, Vector3<f64>)> + Clone,
@@ -232,7 +222,7 @@ pub fn align<'a>(
         offset: correction.offset,
         matrix: rotation.matrix() * correction.matrix,
     };
-    // A large turn is no soft iron, but a solution of nothing.
+    // Soft iron makes a small rotation only: a large one means that the equations have no solution.
     (deviation.is_finite() && rotation.angle() < 0.5).then_some((turned, dip, deviation))
 }
 
@@ -291,7 +281,8 @@ fn sphere(
         return None;
     }
     let roots = Matrix3::from_diagonal(&eigen.eigenvalues.map(libm::sqrt));
-    // Maps the ellipsoid onto the unit sphere; scaled so that it keeps volumes, and so the mean strength.
+    // Maps the ellipsoid onto the unit sphere; scaled so that it keeps volumes, and so the mean
+    // strength.
     let root = eigen.eigenvectors * roots * eigen.eigenvectors.transpose();
     let radius = 1.0 / libm::cbrt(root.determinant());
     let correction = Correction {
@@ -319,8 +310,6 @@ fn deviation(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use std::string::ToString;
-    use std::vec::Vec;
 
     const HARD: Vector3<f64> = Vector3::new(40.0, -40.0, 30.0);
 

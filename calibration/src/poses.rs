@@ -1,21 +1,22 @@
 //! Accelerometer offset and scale: at rest it reads gravity, whichever way it lies.
 //!
-//! With reading `a`, offset `o` and scale `s`, every pose says `sum of (s_i (a_i - o_i))^2 = g^2`. Multiplied out that is linear
-//! in `A_i = s_i^2 / k` and `B_i = -A_i o_i`: `sum of A_i a_i^2 + 2 B_i a_i = 1`, six unknowns and an equation a pose, with
-//! `k = g^2 - sum of s_i^2 o_i^2` found afterwards. Six poses on the six faces are enough; more directions average the noise.
-
-use core::fmt;
+//! With reading `a`, offset `o` and scale `s`, every pose says `sum of (s_i (a_i - o_i))^2 = g^2`.
+//! Multiplied out that is linear in `A_i = s_i^2 / k` and `B_i = -A_i o_i`:
+//! `sum of A_i a_i^2 + 2 B_i a_i = 1`, six unknowns and an equation a pose, with
+//! `k = g^2 - sum of s_i^2 o_i^2` found afterwards. Six poses on the six faces are enough; more
+//! directions average the noise.
 
 use nalgebra::{Matrix3, Matrix6, Vector3, Vector6};
+use thiserror::Error;
 
-use super::Correction;
+use crate::Correction;
 
 /// Least share of gravity that some pose must show on every axis, up and down.
 const LEAST_SHARE: f64 = 0.7;
-/// Largest deviation of a corrected pose from gravity, as a share of it: one and a half times what 80 mg of offset
-/// forgotten would leave.
+/// Largest rms deviation of the corrected poses from gravity, as a share of it.
 const LARGEST_RESIDUAL: f64 = 0.01;
-/// Largest offset, as a share of gravity: the data sheet's 80 mg at most, and as much for soldering.
+/// Largest offset, as a share of gravity: the data sheet's 80 mg at most, and as much for
+/// soldering.
 const LARGEST_OFFSET: f64 = 0.16;
 /// Largest deviation of a scale from one.
 const LARGEST_SCALE: f64 = 0.1;
@@ -98,53 +99,45 @@ pub struct Poses {
 }
 
 /// Why the poses are refused.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Error)]
 pub enum PosesError {
     /// Too few.
+    #[error(
+        "{count} poses at rest are too few for the accelerometer: \
+         rest it on all six faces, two seconds each"
+    )]
     Few {
         /// How many.
         count: usize,
     },
     /// No pose shows gravity on this end of an axis.
+    #[error(
+        "the accelerometer was never at rest with its {}: \
+         rest it on all six faces, two seconds each",
+        .face.name()
+    )]
     Missing {
         /// The pose to add.
         face: Face,
     },
     /// The poses do not agree with any offset and scale.
+    #[error(
+        "the accelerometer's poses contradict each other by {residual:.2} m/s2: \
+         it moved in one of them, or it is broken"
+    )]
     Residual {
         /// How far off, m/s2.
         residual: f64,
     },
     /// They agree with an offset or scale that no such sensor has.
+    #[error(
+        "the accelerometer's offset or scale comes out larger than such a sensor has: \
+         the poses are not rests"
+    )]
     Implausible,
 }
 
-impl fmt::Display for PosesError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Few { count } => write!(
-                f,
-                "{count} poses at rest are too few for the accelerometer: rest it on all six faces, two seconds each"
-            ),
-            Self::Missing { face } => write!(
-                f,
-                "the accelerometer was never at rest with its {}: rest it on all six faces, two seconds each",
-                face.name()
-            ),
-            Self::Residual { residual } => write!(
-                f,
-                "the accelerometer's poses contradict each other by {residual:.2} m/s2: it moved in one of them, or it is broken"
-            ),
-            Self::Implausible => f.write_str(
-                "the accelerometer's offset or scale comes out larger than such a sensor has: the poses are not rests",
-            ),
-        }
-    }
-}
-
-impl core::error::Error for PosesError {}
-
-/// Offset and scale out of the mean readings of poses at rest; `gravity` in m/s2.
+/// Offset and scale out of the mean readings of poses at rest, m/s2; `gravity` in m/s2.
 ///
 /// # Errors
 /// [`PosesError`], where the poses do not determine them.
@@ -213,10 +206,8 @@ fn off_gravity(readings: &[Vector3<f64>], correction: &Correction, gravity: f64)
 
 #[cfg(test)]
 mod tests {
-    use super::super::STANDARD_GRAVITY;
     use super::*;
-    use std::string::ToString;
-    use std::vec::Vec;
+    use crate::STANDARD_GRAVITY;
 
     const OFFSET: Vector3<f64> = Vector3::new(0.78, -0.5, 0.3);
     const SCALE: Vector3<f64> = Vector3::new(1.02, 0.97, 1.01);

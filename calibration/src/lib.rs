@@ -1,27 +1,55 @@
 //! Calibration: from recorded samples to offsets, scales and soft iron, or to the reason why not.
 //!
-//! The fits run on the host, in `f64` and without allocation; the firmware applies what they give
-//! ([`crate::mount`]). Vectors are along the sensor's axes, in m/s2, rad/s and uT.
+//! It runs on the host, in `f64`; the firmware applies the result (its module `mount`). Vectors are
+//! along the sensor's axes, in m/s2, rad/s and uT.
 //!
 //! | fit | from | gives |
 //! |---|---|---|
 //! | [`rest`] | ten seconds without any motion (the tombstone test) | gyroscope bias |
 //! | [`poses`] | rest on six faces, or in more directions | accelerometer offset and scale |
 //! | [`ellipsoid`] | a turn through all directions | magnetometer hard and soft iron |
-//! | [`alignment`] | the same turn | polarity and alignment of the three sensors against each other |
+//! | [`alignment`] | the same turn | polarity and alignment of the sensors against each other |
 //! | [`level`] | rest with the body level | mount rotation |
+//!
+//! [`fit`] does them all, one after another, on [`Readings`]; [`stillness`] finds the rests in
+//! them. [`prompt`] is what a person is asked to do so that there is something to fit.
+#![forbid(unsafe_code)]
 
 pub mod alignment;
 pub mod coverage;
 pub mod ellipsoid;
+pub mod fit;
 pub mod level;
 pub mod poses;
+pub mod prompt;
+mod readings;
 pub mod rest;
+pub mod stillness;
+
+pub use fit::{Found, Wanted};
+pub use readings::{Reading, Readings, Sample};
 
 use nalgebra::{Matrix3, Vector3};
 
+/// Names of the axes.
+const AXES: [&str; 3] = ["x", "y", "z"];
+
 /// Standard gravity, m/s2.
 pub const STANDARD_GRAVITY: f64 = 9.806_65;
+
+/// What is calibrated.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
+pub enum Sensor {
+    /// Gyroscope: bias.
+    Gyr,
+    /// Accelerometer: offset and scale.
+    Acc,
+    /// Magnetometer: hard and soft iron.
+    Mag,
+    /// Mount: roll and pitch, with the body level.
+    Level,
+}
 
 /// What a sensor should have read: `matrix * (reading - offset)`.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -1,27 +1,28 @@
-//! Where in a recording the sensor lay still.
+//! The stretches of a recording in which the sensor lay still.
 
 use std::ops::Range;
 
 use nalgebra::Vector3;
-use tvc_nano::calibration::rest::Moment;
-use tvc_nano::calibration::spread;
+
+use crate::{Sample, spread};
 
 /// Length of the windows that are judged, s.
 const WINDOW_S: f64 = 0.2;
-/// A window is still below these: standard deviation of rate (rad/s) and force (m/s2), mean rate, which may be
-/// all bias, and how far the mean force may lie from that of the window before.
+/// A window is still up to these limits: standard deviation of rate (rad/s) and force (m/s2), mean
+/// rate (rad/s), which may be all bias, and change of the mean force since the window before
+/// (m/s2).
 const RATE_NOISE: f64 = 0.012;
 const ACC_NOISE: f64 = 0.15;
 const RATE: f64 = 0.105;
 const ACC_STEP: f64 = 0.1;
 
-/// The stretches of rest of at least `least_s`, as ranges of indices; their first and last window is left away, where the hand
-/// was still near.
-pub fn find(moments: &[Moment], least_s: f64) -> Vec<Range<usize>> {
+/// The stretches of rest of at least `least_s`, as ranges of indices. Their first and last window
+/// are left out: the hand may have touched the sensor in them.
+pub fn find(samples: &[Sample], least_s: f64) -> Vec<Range<usize>> {
     let mut found = Vec::new();
     let mut current: Option<(Range<usize>, Vector3<f64>)> = None;
-    for window in windows(moments) {
-        let force = still(&moments[window.clone()]);
+    for window in windows(samples) {
+        let force = still(&samples[window.clone()]);
         current = match (current, force) {
             (Some((range, before)), Some(force)) if (force - before).norm() <= ACC_STEP => {
                 Some((range.start..window.end, force))
@@ -35,36 +36,36 @@ pub fn find(moments: &[Moment], least_s: f64) -> Vec<Range<usize>> {
     found.extend(current.map(|(range, _)| range));
     found
         .into_iter()
-        .filter_map(|range| inner(moments, range))
-        .filter(|range| length_s(moments, range) >= least_s)
+        .filter_map(|range| inner(samples, range))
+        .filter(|range| length_s(samples, range) >= least_s)
         .collect()
 }
 
 /// Mean force of each rest.
-pub fn forces(moments: &[Moment], rests: &[Range<usize>]) -> Vec<Vector3<f64>> {
-    let force = |range: &Range<usize>| spread(moments[range.clone()].iter().map(|m| &m.acc));
+pub fn forces(samples: &[Sample], rests: &[Range<usize>]) -> Vec<Vector3<f64>> {
+    let force = |range: &Range<usize>| spread(samples[range.clone()].iter().map(|m| &m.acc));
     let forces = rests.iter().filter_map(force);
     forces.map(|(mean, _)| mean).collect()
 }
 
 /// Whether the sensor lies still.
-pub fn is_still(moments: &[Moment]) -> bool {
-    still(moments).is_some()
+pub fn is_still(samples: &[Sample]) -> bool {
+    still(samples).is_some()
 }
 
 /// Length of a range, s.
-pub fn length_s(moments: &[Moment], range: &Range<usize>) -> f64 {
-    match moments[range.clone()] {
+pub fn length_s(samples: &[Sample], range: &Range<usize>) -> f64 {
+    match samples[range.clone()] {
         [first, .., last] => last.time_s - first.time_s,
         _ => 0.0,
     }
 }
 
 /// Ranges of [`WINDOW_S`] each.
-fn windows(moments: &[Moment]) -> Vec<Range<usize>> {
+fn windows(samples: &[Sample]) -> Vec<Range<usize>> {
     let (mut windows, mut start) = (Vec::new(), 0);
-    for (index, moment) in moments.iter().enumerate() {
-        if moment.time_s - moments[start].time_s >= WINDOW_S {
+    for (index, sample) in samples.iter().enumerate() {
+        if sample.time_s - samples[start].time_s >= WINDOW_S {
             windows.push(start..index);
             start = index;
         }
@@ -73,7 +74,7 @@ fn windows(moments: &[Moment]) -> Vec<Range<usize>> {
 }
 
 /// Mean force of a window that is still.
-fn still(window: &[Moment]) -> Option<Vector3<f64>> {
+fn still(window: &[Sample]) -> Option<Vector3<f64>> {
     let (rate, rate_noise) = spread(window.iter().map(|m| &m.gyr))?;
     let (force, force_noise) = spread(window.iter().map(|m| &m.acc))?;
     let quiet =
@@ -81,13 +82,13 @@ fn still(window: &[Moment]) -> Option<Vector3<f64>> {
     quiet.then_some(force)
 }
 
-fn inner(moments: &[Moment], range: Range<usize>) -> Option<Range<usize>> {
+fn inner(samples: &[Sample], range: Range<usize>) -> Option<Range<usize>> {
     let (from, to) = (
-        moments[range.start].time_s + WINDOW_S,
-        moments[range.end - 1].time_s - WINDOW_S,
+        samples[range.start].time_s + WINDOW_S,
+        samples[range.end - 1].time_s - WINDOW_S,
     );
-    let start = moments.partition_point(|m| m.time_s < from);
-    let end = moments.partition_point(|m| m.time_s <= to);
+    let start = samples.partition_point(|m| m.time_s < from);
+    let end = samples.partition_point(|m| m.time_s <= to);
     (end > start).then_some(start..end)
 }
 
@@ -97,11 +98,11 @@ mod tests {
 
     #[test]
     fn rests_are_found_between_turns() {
-        let moments: Vec<Moment> = (0..1000)
+        let samples: Vec<Sample> = (0..1000)
             .map(|i| {
                 let time_s = f64::from(i) * 0.01;
                 let turning = (300..500).contains(&i);
-                Moment {
+                Sample {
                     time_s,
                     gyr: Vector3::new(if turning { 0.5 } else { 0.02 }, 0.0, 0.0),
                     acc: Vector3::new(0.0, 0.0, if i < 400 { -9.8 } else { 9.8 }),
@@ -109,10 +110,10 @@ mod tests {
                 }
             })
             .collect();
-        let rests = find(&moments, 1.0);
+        let rests = find(&samples, 1.0);
         assert_eq!(rests.len(), 2, "{rests:?}");
         assert!(rests[0].start >= 19 && rests[0].end <= 300);
-        assert!(rests[1].start >= 500 && length_s(&moments, &rests[1]) > 4.0);
-        assert!(find(&moments, 6.0).is_empty());
+        assert!(rests[1].start >= 500 && length_s(&samples, &rests[1]) > 4.0);
+        assert!(find(&samples, 6.0).is_empty());
     }
 }

@@ -2,13 +2,12 @@
 
 use tvc_fusion::{ComplementaryGains, Config, MadgwickGains, MahonyGains, NoGains, VqfGains};
 
-use crate::filters::fuse::Setting;
-use crate::out::exit::BadInput;
+use crate::{ChoiceError, FilterName, Setting};
 
-/// A setting and where it is.
+/// Name of a setting, and its field.
 type Key<T> = (&'static str, fn(&mut T) -> &mut f32);
 
-/// A set of gains.
+/// Name of a set of gains, and the function that makes it.
 type Preset<T> = (&'static str, fn() -> T);
 
 /// Gains that can be set by name.
@@ -89,32 +88,31 @@ fn shared<G>() -> [Key<Config<G>>; 16] {
 /// The configuration that `settings` make of the defaults. Presets come first, wherever they stand.
 ///
 /// # Errors
-/// A key that the filter has not, with those that it has; a value that is no number.
+/// A preset or key that the filter has not, with those that it has; a value that is no number.
 pub fn config<G: Gains>(
-    filter: &str,
+    filter: FilterName,
     gyro_range_rad_s: Option<f32>,
     settings: &[Setting],
-) -> Result<Config<G>, BadInput> {
+) -> Result<Config<G>, ChoiceError> {
     let mut config = Config::with_gains(G::default());
     if let Some(range) = gyro_range_rad_s {
         config.gyro_range_rad_s = config.gyro_range_rad_s.min(range);
     }
-    for setting in settings.iter().filter(|setting| setting.key == "preset") {
+    let (presets, others): (Vec<_>, Vec<_>) =
+        settings.iter().partition(|setting| setting.key == "preset");
+    for setting in presets {
         let preset = G::PRESETS.iter().find(|(name, _)| *name == setting.value);
         let (_, gains) = preset.ok_or_else(|| {
-            let names: Vec<_> = G::PRESETS.iter().map(|(name, _)| *name).collect();
-            BadInput::new(format!(
-                "{filter} has no preset {}; its presets are {}",
-                setting.value,
-                names.join(", ")
-            ))
+            let known = joined(G::PRESETS.iter().map(|(name, _)| *name));
+            ChoiceError::Preset(filter, setting.value.clone(), known)
         })?;
         config.gains = gains();
     }
-    for setting in settings.iter().filter(|setting| setting.key != "preset") {
-        let value = setting.value.parse::<f32>().map_err(|_| {
-            BadInput::new(format!("{}={} is not a number", setting.key, setting.value))
-        })?;
+    for setting in others {
+        let value = setting
+            .value
+            .parse::<f32>()
+            .map_err(|_| ChoiceError::NotANumber(setting.clone()))?;
         *field(&mut config, &setting.key).ok_or_else(|| unknown::<G>(filter, &setting.key))? =
             value;
     }
@@ -130,16 +128,16 @@ fn field<'a, G: Gains>(config: &'a mut Config<G>, key: &str) -> Option<&'a mut f
     Some(of(&mut config.gains))
 }
 
-fn unknown<G: Gains>(filter: &str, key: &str) -> BadInput {
+fn unknown<G: Gains>(filter: FilterName, key: &str) -> ChoiceError {
+    let own = G::KEYS.iter().map(|(name, _)| *name);
     let shared = shared::<G>();
-    let keys: Vec<_> = std::iter::once("preset")
-        .chain(G::KEYS.iter().map(|(name, _)| *name))
-        .chain(shared.iter().map(|(name, _)| *name))
-        .collect();
-    BadInput::new(format!(
-        "{filter} has no setting {key}; its settings are {}",
-        keys.join(", ")
-    ))
+    let shared = shared.iter().map(|(name, _)| *name);
+    let known = joined(std::iter::once("preset").chain(own).chain(shared));
+    ChoiceError::Setting(filter, key.to_owned(), known)
+}
+
+fn joined<'a>(names: impl Iterator<Item = &'a str>) -> String {
+    names.collect::<Vec<_>>().join(", ")
 }
 
 #[cfg(test)]
@@ -147,14 +145,7 @@ mod tests {
     use super::*;
 
     fn set(text: &[&str]) -> Vec<Setting> {
-        let pair = |text: &&str| {
-            let (key, value) = text.split_once('=').unwrap();
-            Setting {
-                key: key.into(),
-                value: value.into(),
-            }
-        };
-        text.iter().map(pair).collect()
+        text.iter().map(|text| text.parse().unwrap()).collect()
     }
 
     #[test]
@@ -183,7 +174,7 @@ mod tests {
     #[test]
     fn a_preset_gives_way_to_what_is_set_wherever_it_stands() {
         let settings = set(&["mag_per_s=0.3", "preset=thesis", "field.gate=inf"]);
-        let config = config::<MahonyGains>("mahony", None, &settings).unwrap();
+        let config = config::<MahonyGains>(FilterName::Mahony, None, &settings).unwrap();
         assert_eq!(config.gains.acc_per_s, 0.5);
         assert_eq!(config.gains.mag_per_s, 0.3);
         assert_eq!(config.field.gate, f32::INFINITY);
@@ -192,7 +183,7 @@ mod tests {
     #[test]
     fn the_recordings_range_narrows_the_default_but_not_what_is_set() {
         let of = |range, settings: &[&str]| {
-            config::<VqfGains>("vqf", range, &set(settings))
+            config::<VqfGains>(FilterName::Vqf, range, &set(settings))
                 .unwrap()
                 .gyro_range_rad_s
         };
@@ -204,7 +195,7 @@ mod tests {
     #[test]
     fn errors_name_what_there_is() {
         let said = |settings: &[&str]| {
-            config::<MadgwickGains>("madgwick", None, &set(settings))
+            config::<MadgwickGains>(FilterName::Madgwick, None, &set(settings))
                 .unwrap_err()
                 .to_string()
         };
