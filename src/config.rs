@@ -40,14 +40,19 @@ pub const BIAS_REST_US: u32 = 340_000;
 /// How far the squared norm of a quaternion may be from 1 before it counts as no rotation.
 pub const UNIT_TOLERANCE: f32 = 0.01;
 
-/// Cosine of the tilt up to which the drone may be armed and released, 50 deg: the largest test start, 0.8 rad =
-/// 45.8 deg, must pass. A cosine, because that is what a quaternion gives without trigonometry.
+/// Tilt up to which the drone may be armed and released, deg. The largest test start, 0.8 rad = 45.8 deg, must pass.
+pub const ARM_TILT_DEG: u32 = 50;
+
+/// Cosine of [`ARM_TILT_DEG`]: that is what a quaternion gives without trigonometry.
 pub const COS_ARM_TILT: f32 = 0.642_787_6;
 
-/// Cosine of the tilt beyond which control gives up, 60 deg, inside the tether stops at 1.2 rad = 68.8 deg.
+/// Tilt beyond which control gives up, deg, inside the tether's stops at 1.2 rad = 68.8 deg.
+pub const FAILSAFE_TILT_DEG: u32 = 60;
+
+/// Cosine of [`FAILSAFE_TILT_DEG`].
 pub const COS_FAILSAFE_TILT: f32 = 0.5;
 
-/// How long [`COS_FAILSAFE_TILT`] must be exceeded, so that no single bad sample ends a flight.
+/// How long the tilt must be beyond [`FAILSAFE_TILT_DEG`], so that no single bad sample ends a flight.
 pub const FAILSAFE_TILT_US: u64 = 100_000;
 
 /// Silence of the host that is a failsafe where `FS_HOST` is on: three heartbeats of a client that sends one a second.
@@ -77,8 +82,8 @@ pub const PULSE_MIN_US: f32 = 853.0;
 /// See [`PULSE_MIN_US`].
 pub const PULSE_MAX_US: f32 = 2193.0;
 
-/// How long a pulse that is tried for the servo's set-up is held: a host that is gone does not leave the servo at its stop.
-pub const TRIAL_US: u64 = 2_000_000;
+/// How long a test pulse is held: a host that is gone does not leave the servo at its stop.
+pub const TEST_PULSE_US: u64 = 2_000_000;
 
 /// MAVLink system id of this vehicle and component id of an autopilot.
 pub const SYSTEM_ID: u8 = 1;
@@ -88,8 +93,25 @@ pub const COMPONENT_ID: u8 = 1;
 /// Period of HEARTBEAT and SYS_STATUS.
 pub const HEARTBEAT_PERIOD_US: u64 = 1_000_000;
 
-/// Bytes of telemetry that wait for the host: a step writes about 150, so this bridges 100 ms of silence.
+/// Bytes of telemetry that wait for the host. The stream may fill all but [`QUEUE_RESERVE_BYTES`]; a step writes about 130
+/// bytes, so that this bridges 80 ms of a host's silence at 150 Hz.
 pub const QUEUE_BYTES: usize = 2048;
 
 /// Part of the queue that the periodic stream leaves free for answers and events.
 pub const QUEUE_RESERVE_BYTES: usize = 512;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn cosines_are_those_of_the_limits_in_degrees() {
+        for (limit_deg, cos) in [
+            (ARM_TILT_DEG, COS_ARM_TILT),
+            (FAILSAFE_TILT_DEG, COS_FAILSAFE_TILT),
+        ] {
+            let expected = (limit_deg as f32).to_radians().cos();
+            assert!((cos - expected).abs() < 1e-6, "{limit_deg} deg");
+        }
+    }
+}

@@ -442,4 +442,4 @@ pub fn raw_imu(sample: &RawSample) -> RAW_IMU_DATA {
 }
 
 #[cfg(test)]
-mod tests;
+pub(crate) mod tests;

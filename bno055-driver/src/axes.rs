@@ -17,34 +17,32 @@ pub enum Axis {
 pub struct Signed {
     /// The chip's axis.
     pub axis: Axis,
-    /// Whether it is turned round.
+    /// Whether the output shows the opposite direction.
     pub negative: bool,
 }
 
 impl Signed {
+    const fn new(axis: Axis, negative: bool) -> Self {
+        Self { axis, negative }
+    }
+
     /// Along the chip's axis.
     #[must_use]
     pub const fn plus(axis: Axis) -> Self {
-        Self {
-            axis,
-            negative: false,
-        }
+        Self::new(axis, false)
     }
 
     /// Against the chip's axis.
     #[must_use]
     pub const fn minus(axis: Axis) -> Self {
-        Self {
-            axis,
-            negative: true,
-        }
+        Self::new(axis, true)
     }
 }
 
-/// Why an axis map is none.
+/// Why three axes make no axis map.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum AxisMapError {
-    /// Two outputs show the same axis: the chip would ignore the map without a word.
+    /// Two outputs show the same axis: the chip would silently ignore the map.
     Repeated,
     /// The map turns a right-handed frame into a left-handed one, in which rates have the wrong sign.
     Mirrored,
@@ -71,42 +69,22 @@ pub struct AxisMap {
 impl AxisMap {
     /// Placements P0 to P7 of the data sheet; P1 is the chip's default.
     pub const PLACEMENTS: [Self; 8] = [
-        Self {
-            config: 0x21,
-            sign: 0x04,
-        },
+        Self::from_registers(0x21, 0x04),
         Self::IDENTITY,
-        Self {
-            config: 0x24,
-            sign: 0x06,
-        },
-        Self {
-            config: 0x21,
-            sign: 0x02,
-        },
-        Self {
-            config: 0x24,
-            sign: 0x03,
-        },
-        Self {
-            config: 0x21,
-            sign: 0x01,
-        },
-        Self {
-            config: 0x21,
-            sign: 0x07,
-        },
-        Self {
-            config: 0x24,
-            sign: 0x05,
-        },
+        Self::from_registers(0x24, 0x06),
+        Self::from_registers(0x21, 0x02),
+        Self::from_registers(0x24, 0x03),
+        Self::from_registers(0x21, 0x01),
+        Self::from_registers(0x21, 0x07),
+        Self::from_registers(0x24, 0x05),
     ];
 
     /// Outputs as printed on the chip (P1, the default).
-    pub const IDENTITY: Self = Self {
-        config: 0x24,
-        sign: 0x00,
-    };
+    pub const IDENTITY: Self = Self::from_registers(0x24, 0x00);
+
+    const fn from_registers(config: u8, sign: u8) -> Self {
+        Self { config, sign }
+    }
 
     /// The map that shows `x`, `y` and `z` on the output axes of these names.
     ///

@@ -1,8 +1,9 @@
-//! Everything the chip can be told, typed: modes, ranges, bandwidths, units, axis map, power.
+//! Everything that the chip can be set to: modes, ranges, bandwidths, units, axis map, power.
 
 use core::num::NonZeroU8;
 
 pub use crate::axes::{Axis, AxisMap, AxisMapError, Signed};
+pub use crate::mode::{Mode, Power};
 use crate::profile::{Profile, SoftIron};
 pub use crate::sensors::{
     AccBandwidth, AccRange, GyrBandwidth, GyrRange, MagEffort, MagRate, Sensors,
@@ -11,98 +12,21 @@ pub use crate::units::{AccUnit, AngleUnit, GyrUnit, MAG_UT, Orientation, Tempera
 
 /// The chip's I2C address, chosen by its COM3 pin (data sheet section 4.6).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+#[repr(u8)]
 pub enum Address {
     /// 0x28: COM3 low, as on most breakout boards.
     #[default]
-    Low,
+    Low = 0x28,
     /// 0x29: COM3 high.
-    High,
+    High = 0x29,
 }
 
 impl Address {
     /// The 7-bit address.
     #[must_use]
     pub const fn value(self) -> u8 {
-        match self {
-            Self::Low => 0x28,
-            Self::High => 0x29,
-        }
+        self as u8
     }
-}
-
-/// Operating mode (data sheet section 3.3); CONFIG is not among them, the driver passes through it.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
-#[repr(u8)]
-pub enum Mode {
-    /// Accelerometer only.
-    AccOnly = 0x1,
-    /// Magnetometer only.
-    MagOnly = 0x2,
-    /// Gyroscope only.
-    GyrOnly = 0x3,
-    /// Accelerometer and magnetometer.
-    AccMag = 0x4,
-    /// Accelerometer and gyroscope.
-    AccGyr = 0x5,
-    /// Magnetometer and gyroscope.
-    MagGyr = 0x6,
-    /// All three sensors, uncompensated, no fusion: for those who run their own filter.
-    #[default]
-    Amg = 0x7,
-    /// Fusion of accelerometer and gyroscope: relative heading.
-    Imu = 0x8,
-    /// Fusion of accelerometer and magnetometer: heading.
-    Compass = 0x9,
-    /// Like [`Mode::Imu`] with the magnetometer in the gyroscope's place.
-    M4g = 0xA,
-    /// Nine-axis fusion without fast magnetometer calibration.
-    NdofFmcOff = 0xB,
-    /// Nine-axis fusion.
-    Ndof = 0xC,
-}
-
-impl Mode {
-    /// Whether the chip's own fusion runs: its outputs are then live, and it sets the sensors itself
-    /// (all but the accelerometer's range).
-    #[must_use]
-    pub const fn is_fusion(self) -> bool {
-        self as u8 >= Self::Imu as u8
-    }
-
-    /// Whether accelerometer data are live.
-    #[must_use]
-    pub const fn has_acc(self) -> bool {
-        !matches!(self, Self::MagOnly | Self::GyrOnly | Self::MagGyr)
-    }
-
-    /// Whether magnetometer data are live.
-    #[must_use]
-    pub const fn has_mag(self) -> bool {
-        !matches!(
-            self,
-            Self::AccOnly | Self::GyrOnly | Self::AccGyr | Self::Imu
-        )
-    }
-
-    /// Whether gyroscope data are live.
-    #[must_use]
-    pub const fn has_gyr(self) -> bool {
-        !matches!(
-            self,
-            Self::AccOnly | Self::MagOnly | Self::AccMag | Self::Compass | Self::M4g
-        )
-    }
-}
-
-/// Power mode while sampling (data sheet section 3.2); see [`Driver::suspend`](crate::Driver::suspend) for the third.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
-#[repr(u8)]
-pub enum Power {
-    /// All sensors of the mode run.
-    #[default]
-    Normal = 0,
-    /// All but the accelerometer sleep after 5 s without motion: their data then stand still.
-    Low = 1,
 }
 
 /// Whether the driver may reset the chip by command.
@@ -113,11 +37,11 @@ pub enum ResetPolicy {
     /// Rewrite every register instead.
     #[default]
     Never,
-    /// Reset when so many attempts in a row to set up an answering chip have failed.
+    /// Reset after this many failed attempts in a row to set up a chip that answers.
     AfterFailures(NonZeroU8),
 }
 
-/// What the chip is to be, and how the driver judges it.
+/// The chip's settings, and the limits by which the driver judges its data.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Config {
     /// I2C address.
@@ -140,7 +64,7 @@ pub struct Config {
     pub soft_iron: Option<SoftIron>,
     /// Whether the chip may be reset.
     pub reset: ResetPolicy,
-    /// So many equal bursts in a row are a frozen chip. The chip refreshes at its own 100 Hz, so that two equal ones
+    /// Number of equal bursts in a row that shows a frozen chip. The chip refreshes at its own 100 Hz, so that two equal ones
     /// are normal at a 100 Hz tick; allow more if you sample faster or with little bandwidth.
     pub frozen_after: NonZeroU8,
     /// A word that moves by more counts than this within [`STEP_AGE_US`](crate::STEP_AGE_US), and does not stay there,

@@ -1,4 +1,4 @@
-//! The driver: which transfer comes next, and what its outcome means.
+//! The driver: which transfer comes next, and what follows from its outcome.
 
 use crate::config::Config;
 use crate::fault::SensorFault;
@@ -11,13 +11,15 @@ use crate::status::Identity;
 use crate::transfer::{BusError, Micros, Transfer};
 use crate::verify::Check;
 
-/// So many bursts or verifications in a row that fail on the bus, or so many bad samples, and the chip is set up anew.
+/// After this many bursts or verifications in a row that fail on the bus, the chip is set up anew.
 const BUS_ERRORS_MAX: u8 = 3;
+/// After this many bad samples in a row, the chip is set up anew.
 const BAD_SAMPLES_MAX: u8 = 5;
-/// Every bad sample weighs this, every good one takes off 1; at the limit so many are bad that the good ones are not to be
-/// believed either: flips too small to be noticed come with those that are. Beyond one bad in four it fills in time,
-/// at nine bad in ten within 60 ms.
+/// What a bad sample adds to a leaky bucket, from which a good one takes 1.
 const UNRELIABLE_WEIGHT: u8 = 3;
+/// At this level of the bucket the chip is set up anew: more than one sample in four was bad, and
+/// the good ones are not to be believed either, because flipped bits that are too small to be
+/// noticed come with those that are. With nine bad in ten it is reached within 60 ms.
 const UNRELIABLE_MAX: u8 = 15;
 
 /// What the owner of the bus is to do.
@@ -35,11 +37,12 @@ pub enum Next {
 #[derive(Clone, Debug)]
 struct Sampling {
     check: Check,
-    /// A verification may follow this burst.
+    /// A burst has been judged since the last verification, which may follow now.
     due: bool,
+    /// The transfer that [`Driver::next`] gave out and that has not been completed.
     outstanding: Option<Errand>,
     /// A register read wrong once: samples are withheld until it has been read again.
-    doubt: bool,
+    mismatched: bool,
     bus_errors: u8,
     bad_samples: u8,
     unreliable: u8,
@@ -59,7 +62,7 @@ impl Sampling {
             check: Check::Mode,
             due: false,
             outstanding: None,
-            doubt: false,
+            mismatched: false,
             bus_errors: 0,
             bad_samples: 0,
             unreliable: 0,
@@ -81,7 +84,7 @@ enum Phase {
 /// transfer at a time. Once that says [`Next::Sample`], a timer of the owner's may start the same [`burst`](Self::burst) at
 /// every tick, whose outcome goes to [`sample`](Self::sample); after each, `next` has at most one short verification
 /// to do (two if a register read wrong). The driver brings the chip up, judges every sample, notices when the chip resets
-/// itself or loses its settings, and sets it up again, all by itself and for ever.
+/// itself or loses its settings, and then sets it up again, as often as it takes.
 #[derive(Clone, Debug)]
 pub struct Driver {
     config: Config,
@@ -94,7 +97,7 @@ pub struct Driver {
 }
 
 impl Driver {
-    /// A driver that will make the chip what `config` says.
+    /// A driver that will set the chip up as `config` says.
     #[must_use]
     pub fn new(config: Config) -> Self {
         Self {
@@ -116,12 +119,9 @@ impl Driver {
                 Err(until) => Next::Wait(until),
             },
             Phase::Sampling(sampling) => {
-                if let Some((request, transfer)) = self
-                    .request
-                    .and_then(|request| Some((request, request.transfer()?)))
-                {
+                if let Some(request) = self.request.filter(|request| !request.needs_config()) {
                     sampling.outstanding = Some(Errand::Ask(request));
-                    Next::Transfer(transfer)
+                    Next::Transfer(request.read())
                 } else if sampling.due {
                     sampling.outstanding = Some(Errand::Verify);
                     Next::Transfer(sampling.check.transfer())
@@ -135,7 +135,8 @@ impl Driver {
 
     /// Takes the outcome of the transfer that [`next`](Self::next) gave out: the bytes read, none for a write.
     ///
-    /// An outcome that nobody waits for, such as of a verification during which a burst showed a reset, is ignored.
+    /// An outcome that the driver no longer waits for is ignored, for example that of a verification
+    /// during which a burst showed a reset.
     pub fn complete(&mut self, now: Micros, outcome: Result<&[u8], BusError>) {
         match &mut self.phase {
             Phase::Startup(startup) => {
@@ -147,15 +148,11 @@ impl Driver {
             }
             Phase::Sampling(sampling) => match sampling.outstanding.take() {
                 Some(Errand::Verify) => self.verified(now, outcome),
-                Some(Errand::Ask(request)) => match outcome {
-                    Ok(bytes) => {
-                        self.answer = request.decode(bytes);
-                        if self.answer.is_some() {
-                            self.request = None;
-                        } else {
-                            self.bus_error(now, SensorFault::Protocol);
-                        }
-                    }
+                Some(Errand::Ask(asked)) => match outcome.map(|bytes| asked.decode(bytes)) {
+                    // The owner may have asked for something else, or for nothing, meanwhile.
+                    Ok(Some(_)) if self.request != Some(asked) => {}
+                    Ok(Some(answer)) => self.answered(answer),
+                    Ok(None) => self.bus_error(now, SensorFault::Protocol),
                     Err(error) => self.bus_error(now, error.into()),
                 },
                 None => {}
@@ -173,7 +170,8 @@ impl Driver {
     /// Takes the outcome of a burst that started at `time`.
     ///
     /// # Errors
-    /// Whatever keeps the data from being believed. The driver goes on by itself; the owner has nothing to repair.
+    /// The fault for which the data are not to be used. The driver recovers by itself; the owner has
+    /// nothing to do.
     pub fn sample(
         &mut self,
         time: Micros,
@@ -203,7 +201,8 @@ impl Driver {
     /// Takes the outcome of a burst of fusion outputs that started at `time`.
     ///
     /// # Errors
-    /// Whatever keeps the data from being believed, as of [`sample`](Self::sample); frozen data, however, show only there.
+    /// The fault for which the data are not to be used, as for [`sample`](Self::sample). Frozen data,
+    /// however, are found by `sample` only.
     pub fn fusion(
         &mut self,
         time: Micros,
@@ -231,17 +230,18 @@ impl Driver {
         self.resume();
     }
 
-    /// Asks the chip something; [`answer`](Self::answer) has the answer in time. A newer request replaces an older one,
-    /// and a suspended chip is resumed.
+    /// Asks the chip something; [`answer`](Self::answer) has the answer once it has come. A newer
+    /// request replaces an older one, and a suspended chip is resumed.
     pub fn request(&mut self, request: Request) {
+        self.cancel();
         self.request = Some(request);
         self.answer = None;
-        if request.transfer().is_none() || matches!(self.phase, Phase::Suspended) {
+        if request.needs_config() || matches!(self.phase, Phase::Suspended) {
             self.resume();
         }
     }
 
-    /// Drops the request that has no answer yet.
+    /// Drops the request that has no answer yet; an answer that is already on its way is discarded.
     pub fn cancel(&mut self) {
         self.request = None;
         if let Phase::Startup(startup) = &mut self.phase {
@@ -292,7 +292,7 @@ impl Driver {
         &self.health
     }
 
-    /// Whether the chip is set up and bursts are welcome.
+    /// Whether the chip is set up and gives samples.
     #[must_use]
     pub fn is_sampling(&self) -> bool {
         matches!(self.phase, Phase::Sampling(_))
@@ -314,8 +314,13 @@ impl Driver {
         self.fault.unwrap_or(SensorFault::Booting)
     }
 
+    fn answered(&mut self, answer: Answer) {
+        self.answer = Some(answer);
+        self.request = None;
+    }
+
     fn request_in_config(&self) -> Option<Request> {
-        self.request.filter(|request| request.transfer().is_none())
+        self.request.filter(|request| request.needs_config())
     }
 
     fn advance(&mut self, now: Micros, progress: Progress) {
@@ -324,10 +329,7 @@ impl Driver {
         };
         match progress {
             Progress::Going => {}
-            Progress::Answered(answer) => {
-                self.answer = Some(answer);
-                self.request = None;
-            }
+            Progress::Answered(answer) => self.answered(answer),
             Progress::Failed(fault) => {
                 if !fault.is_bus() {
                     self.health.failed_setups = self.health.failed_setups.wrapping_add(1);
@@ -360,7 +362,7 @@ impl Driver {
             Ok(()) => {
                 self.health.verified = self.health.verified.wrapping_add(1);
                 sampling.check = sampling.check.next();
-                sampling.doubt = false;
+                sampling.mismatched = false;
                 sampling.due = false;
             }
             Err(fault) if fault.is_bus() => {
@@ -369,15 +371,16 @@ impl Driver {
             }
             Err(fault) => {
                 self.health.mismatched = self.health.mismatched.wrapping_add(1);
-                // A wrong bit on the wire looks the same: read it again, and believe the second answer.
-                if core::mem::replace(&mut sampling.doubt, true) {
+                // A wrong bit on the wire looks the same: the register is read again, and the second
+                // answer is believed.
+                if core::mem::replace(&mut sampling.mismatched, true) {
                     self.restart(now, fault);
                 }
             }
         }
     }
 
-    /// What a burst's verdict means for the chip; withholds the data while a register is in doubt.
+    /// Draws the conclusions from a judged burst; withholds good data while a register is mismatched.
     fn conclude<T>(
         &mut self,
         time: Micros,
@@ -392,14 +395,14 @@ impl Driver {
                 sampling.bus_errors = 0;
                 sampling.bad_samples = 0;
                 sampling.unreliable = sampling.unreliable.saturating_sub(1);
-                if !sampling.doubt {
+                if !sampling.mismatched {
                     self.health.good = self.health.good.wrapping_add(1);
                     self.health.last_good = Some(time);
                     self.fault = None;
                     return Ok(data);
                 }
                 self.health.withheld = self.health.withheld.wrapping_add(1);
-                SensorFault::Doubt
+                SensorFault::RegisterMismatch
             }
             Err(fault) if fault.is_bus() => {
                 self.bus_error(time, fault);
@@ -414,14 +417,15 @@ impl Driver {
         Err(fault)
     }
 
-    /// One transfer lost proves nothing, but the next verification looks at the mode first: the chip may have reset.
+    /// Counts a lost transfer. One alone proves nothing, but the next verification reads the mode
+    /// first, because the chip may have reset.
     fn bus_error(&mut self, now: Micros, fault: SensorFault) {
         self.health.count(fault);
         self.fault = Some(fault);
         let Phase::Sampling(sampling) = &mut self.phase else {
             return;
         };
-        if !sampling.doubt {
+        if !sampling.mismatched {
             sampling.check = Check::Mode;
         }
         sampling.bus_errors = sampling.bus_errors.saturating_add(1);
@@ -430,18 +434,19 @@ impl Driver {
         }
     }
 
-    /// What to report for a bad sample, which may be one too many.
+    /// The fault to report for a bad sample; sets the chip up anew if it was one too many.
     fn bad_sample(&mut self, now: Micros, fault: SensorFault) -> SensorFault {
         let Phase::Sampling(sampling) = &mut self.phase else {
             return fault;
         };
         sampling.bad_samples = sampling.bad_samples.saturating_add(1);
         sampling.unreliable = sampling.unreliable.saturating_add(UNRELIABLE_WEIGHT);
-        if fault == SensorFault::Reset && !sampling.doubt {
+        if fault == SensorFault::Reset && !sampling.mismatched {
             sampling.check = Check::Mode;
         }
         let enough = match fault {
-            // Two bursts of zeros, and the mode need not be asked.
+            // Zeros right after another bad sample, whatever was wrong with that, are no chance: the
+            // mode need not be read first.
             SensorFault::Reset => 2,
             SensorFault::Frozen => 1,
             _ => BAD_SAMPLES_MAX,

@@ -1,4 +1,4 @@
-//! What can be wrong with the sensor.
+//! The faults of the sensor, its data and its bus.
 
 use core::fmt;
 
@@ -12,15 +12,15 @@ use crate::transfer::BusError;
 /// `Display` gives at most 40 characters, so that a fault with a prefix fits a MAVLink STATUSTEXT.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum SensorFault {
-    /// Not yet set up, and not yet late.
+    /// Being set up, and not yet late: see [`BOOT_DEADLINE_US`](crate::BOOT_DEADLINE_US).
     Booting,
-    /// Does not acknowledge: unplugged, booting, or lost after a reset.
+    /// The chip does not acknowledge: it is unplugged, booting, or lost after a reset.
     Nak,
     /// A transfer missed its deadline.
     Timeout,
     /// A bus line is held low.
     Stuck,
-    /// Another master or noise on the bus.
+    /// Another master, or noise, won the bus.
     Arbitration,
     /// The bus misbehaved, or an answer had the wrong length.
     Protocol,
@@ -29,10 +29,9 @@ pub enum SensorFault {
         /// What it read.
         found: u8,
     },
-    /// The chip answers, but one of its sensors does not identify itself (its register: 1 accelerometer,
-    /// 2 magnetometer, 3 gyroscope).
+    /// The chip answers, but one of its sensors does not identify itself.
     DeadSensor {
-        /// Register of the identification.
+        /// Register of the identification: 1 accelerometer, 2 magnetometer, 3 gyroscope.
         register: u8,
         /// What it read.
         found: u8,
@@ -61,9 +60,9 @@ pub enum SensorFault {
     },
     /// The external crystal does not start.
     Clock,
-    /// Found in CONFIG mode or all zero: it has reset itself.
+    /// The chip is in CONFIG mode or its outputs are all zero: it has reset itself.
     Reset,
-    /// Words of 0xFFFF: nobody drove the data line.
+    /// Words of 0xFFFF: the chip did not drive the data line.
     AllOnes,
     /// The same data again and again, or a gyroscope without noise.
     Frozen,
@@ -75,14 +74,16 @@ pub enum SensorFault {
     Late,
     /// Suspended by request.
     Suspended,
-    /// So many bad samples of late that the others are not to be believed either.
+    /// So many recent samples were bad that the good ones are not to be believed either.
     Unreliable,
-    /// A register read wrong once; it is being read again, because a wrong bit on the wire looks the same.
-    Doubt,
+    /// A register did not read as written once. It is read again before it is believed, because a
+    /// wrong bit on the wire looks the same.
+    RegisterMismatch,
 }
 
 impl SensorFault {
-    /// Stable number: the kind in the high byte, its detail (register, identification, result or error) in the low one.
+    /// Stable number: the kind in the high byte, and in the low one its detail (register,
+    /// identification, result or error), 0 if it has none.
     #[must_use]
     pub const fn code(&self) -> u16 {
         let (kind, detail) = match *self {
@@ -107,7 +108,7 @@ impl SensorFault {
             Self::Suspended => (19, 0),
             Self::Profile { register } => (20, register),
             Self::Unreliable => (21, 0),
-            Self::Doubt => (22, 0),
+            Self::RegisterMismatch => (22, 0),
         };
         (kind as u16) << 8 | detail as u16
     }
@@ -173,7 +174,7 @@ impl fmt::Display for SensorFault {
             Self::Late => f.write_str("IMU sample late"),
             Self::Suspended => f.write_str("IMU suspended"),
             Self::Unreliable => f.write_str("IMU data unreliable"),
-            Self::Doubt => f.write_str("IMU register in doubt"),
+            Self::RegisterMismatch => f.write_str("IMU register in doubt"),
         }
     }
 }
@@ -216,7 +217,7 @@ mod tests {
             SensorFault::Late,
             SensorFault::Suspended,
             SensorFault::Unreliable,
-            SensorFault::Doubt,
+            SensorFault::RegisterMismatch,
         ]
         .to_vec();
         all.extend((1..=3).map(|register| SensorFault::DeadSensor {

@@ -1,4 +1,4 @@
-//! The two front ends, which differ in nothing but `.await`: one text for both.
+//! The source of both front ends, which differ in nothing but `.await`.
 
 use crate::driver::Next;
 use crate::transfer::Micros;
@@ -50,7 +50,7 @@ macro_rules! front_end {
         }
 
         impl<I2C: I2c, D: DelayNs, C: FnMut() -> Micros> Bno055<I2C, D, C> {
-            /// A driver that will make the chip what `config` says; nothing happens on the bus yet.
+            /// A driver that will set the chip up as `config` says; nothing happens on the bus yet.
             pub fn new(i2c: I2C, delay: D, clock: C, config: Config) -> Self {
                 Self { i2c, delay, clock, driver: Driver::new(config), bus_error: None }
             }
@@ -58,7 +58,7 @@ macro_rules! front_end {
             /// Waits until the chip samples: about 0.1 s for one that is up, 0.8 s after power-on.
             ///
             /// # Errors
-            /// What is wrong, once that is certain. The next call, or [`sample`](Self::sample), goes on trying.
+            /// The fault, once it is certain. The next call, or [`sample`](Self::sample), tries again.
             pub $($async)? fn start(&mut self) -> Result<(), SensorFault> {
                 self.drive(Driver::is_sampling) $($await)*
             }
@@ -66,8 +66,8 @@ macro_rules! front_end {
             /// Takes a sample, and verifies one register after it.
             ///
             /// # Errors
-            /// Why there is no good sample. A chip that was lost is set up again a piece at a call, without waiting: go on
-            /// calling at your own pace.
+            /// Why there is no good sample. A chip that was lost is set up again in parts, one at each
+            /// call and without waiting: go on calling at your own pace.
             pub $($async)? fn sample(&mut self) -> Result<RawSample, SensorFault> {
                 self.errands() $($await)*;
                 let mut buffer = [0; READ_MAX];
@@ -183,17 +183,17 @@ macro_rules! front_end {
                 self.start() $($await)*
             }
 
-            /// The driver behind: its fault, counters, settings and the chip's identity.
+            /// The driver underneath: its fault, counters, settings and the chip's identity.
             pub fn driver(&self) -> &Driver {
                 &self.driver
             }
 
-            /// The bus' own words on the last transfer that failed, once.
+            /// The bus' own error of the last transfer that failed; given once.
             pub fn bus_error(&mut self) -> Option<I2C::Error> {
                 self.bus_error.take()
             }
 
-            /// Gives bus, delay and clock back; the chip goes on as it is.
+            /// Gives bus, delay and clock back; the chip keeps running as it is.
             pub fn release(self) -> (I2C, D, C) {
                 (self.i2c, self.delay, self.clock)
             }
@@ -290,7 +290,7 @@ macro_rules! front_end {
                         ErrorKind::ArbitrationLoss => BusError::Arbitration,
                         ErrorKind::Bus => BusError::Stuck,
                         ErrorKind::Overrun => BusError::Protocol,
-                        // Masters have no other word for a transfer that they gave up.
+                        // Masters have no kind of their own for a transfer that they gave up.
                         _ => BusError::Timeout,
                     };
                     self.bus_error = Some(error);

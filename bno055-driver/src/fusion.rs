@@ -4,6 +4,7 @@ use crate::config::Units;
 use crate::fault::SensorFault;
 use crate::registers as reg;
 use crate::transfer::{Micros, Transfer};
+use crate::words;
 
 /// The burst that reads every fusion output: 26 bytes.
 pub(crate) const BURST: Transfer = Transfer::read(reg::EUL_DATA, 26);
@@ -43,9 +44,7 @@ impl FusionSample {
     pub(crate) fn judge(time: Micros, bytes: &[u8]) -> Result<Self, SensorFault> {
         let bytes: &[u8; 26] = bytes.try_into().map_err(|_| SensorFault::Protocol)?;
         let mut words = [0; 13];
-        for (to, pair) in words.iter_mut().zip(bytes.as_chunks::<2>().0) {
-            *to = i16::from_le_bytes(*pair);
-        }
+        words::decode(&mut words, bytes);
         let [heading, roll, pitch, w, x, y, z, lx, ly, lz, gx, gy, gz] = words;
         let quaternion = [w, x, y, z];
         if quaternion == [0; 4] {

@@ -1,9 +1,9 @@
-//! Counters: how the sensor and its cable are doing.
+//! Counters of samples, faults and set-ups.
 
 use crate::fault::SensorFault;
 use crate::transfer::Micros;
 
-/// Everything countable since the driver was made; counters wrap.
+/// What has happened since the driver was made; counters wrap.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Health {
     /// Good samples.
@@ -28,7 +28,7 @@ pub struct Health {
     pub implausible: u32,
     /// Samples with an unconfirmed jump.
     pub torn: u32,
-    /// Samples withheld because a register was in doubt.
+    /// Good samples withheld because a register did not read as written.
     pub withheld: u32,
     /// Ticks without a burst.
     pub late: u32,

@@ -24,7 +24,9 @@ mod front;
 mod fusion;
 mod health;
 mod hex;
+mod mode;
 mod profile;
+mod register_enums;
 pub mod registers;
 mod request;
 mod sample;
@@ -35,6 +37,7 @@ mod status;
 mod transfer;
 mod units;
 mod verify;
+mod words;
 
 pub use config::Config;
 pub use driver::{Driver, Next};

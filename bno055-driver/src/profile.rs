@@ -1,17 +1,20 @@
 //! The chip's own calibration: offsets, radii and soft iron, for its fusion modes.
 //!
-//! In the non-fusion modes the outputs are uncompensated (data sheet section 3.11.4), so that a host that runs its own
-//! filter calibrates on its own side and needs none of this.
+//! In the non-fusion modes the outputs are uncompensated (data sheet section 3.11.4): a host that
+//! runs its own filter calibrates on its own side and needs none of this.
 
 use core::fmt;
 
-use crate::config::{AccRange, GyrRange, Mode, Sensors};
+use crate::mode::Mode;
 use crate::registers;
+use crate::sensors::Sensors;
+use crate::words;
 
 /// Calibration profile: what fusion has learnt, or is to start from.
 ///
-/// The chip drops values out of range without a word and then refuses to run fusion, so that [`Profile::check`] comes first
-/// and every byte is read back. A chip that calibrates itself overwrites the profile with time.
+/// The chip silently drops values out of range and then refuses to run fusion. Therefore
+/// [`Profile::check`] comes first, and every byte is read back. A chip that calibrates itself
+/// overwrites the profile with time.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Profile {
     /// Accelerometer offsets, counts: 1 mg, at most the sensor's range.
@@ -26,7 +29,7 @@ pub struct Profile {
     pub mag_radius: i16,
 }
 
-/// Why stored bytes or values are no profile.
+/// Why stored bytes are no profile, or a profile cannot be written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum ProfileError {
     /// Too short, or not a profile at all.
@@ -67,46 +70,35 @@ impl Profile {
     const MAGIC: [u8; 3] = *b"BNO";
     const VERSION: u8 = 1;
 
-    fn words(&self) -> [i16; 11] {
-        let ([ax, ay, az], [mx, my, mz], [gx, gy, gz]) =
-            (self.acc_offset, self.mag_offset, self.gyr_offset);
-        [
-            ax,
-            ay,
-            az,
-            mx,
-            my,
-            mz,
-            gx,
-            gy,
-            gz,
-            self.acc_radius,
-            self.mag_radius,
-        ]
+    /// The eleven values in the order of their registers, and a word that fills the array.
+    fn words(&self) -> [[i16; 3]; 4] {
+        let radii = [self.acc_radius, self.mag_radius, 0];
+        [self.acc_offset, self.mag_offset, self.gyr_offset, radii]
     }
 
     /// The block of registers 0x55 to 0x6A.
     #[must_use]
     pub fn registers(&self) -> [u8; Self::REGISTERS_LEN] {
-        let mut bytes = [0; Self::REGISTERS_LEN];
-        for (to, word) in bytes.as_chunks_mut::<2>().0.iter_mut().zip(self.words()) {
-            *to = word.to_le_bytes();
-        }
-        bytes
+        let mut registers = [0; Self::REGISTERS_LEN];
+        words::encode(&mut registers, self.words().as_flattened());
+        registers
     }
 
     /// The profile in a block of registers 0x55 to 0x6A.
     #[must_use]
     pub fn from_registers(bytes: &[u8; Self::REGISTERS_LEN]) -> Self {
-        let mut words = [0; 11];
-        for (to, pair) in words.iter_mut().zip(bytes.as_chunks::<2>().0) {
-            *to = i16::from_le_bytes(*pair);
-        }
-        let [ax, ay, az, mx, my, mz, gx, gy, gz, acc_radius, mag_radius] = words;
+        let mut words = [[0; 3]; 4];
+        words::decode(words.as_flattened_mut(), bytes);
+        let [
+            acc_offset,
+            mag_offset,
+            gyr_offset,
+            [acc_radius, mag_radius, _],
+        ] = words;
         Self {
-            acc_offset: [ax, ay, az],
-            mag_offset: [mx, my, mz],
-            gyr_offset: [gx, gy, gz],
+            acc_offset,
+            mag_offset,
+            gyr_offset,
             acc_radius,
             mag_radius,
         }
@@ -117,23 +109,17 @@ impl Profile {
     /// # Errors
     /// The first value out of range. Fusion modes set the gyroscope's range themselves, to the widest.
     pub fn check(&self, mode: Mode, sensors: &Sensors) -> Result<(), ProfileError> {
-        let acc = match sensors.acc_range {
-            AccRange::G2 => 2000,
-            AccRange::G4 => 4000,
-            AccRange::G8 => 8000,
-            AccRange::G16 => 16000,
-        };
-        let gyr = match sensors.gyr_range {
-            _ if mode.is_fusion() => 32000,
-            GyrRange::Dps2000 => 32000,
-            GyrRange::Dps1000 => 16000,
-            GyrRange::Dps500 => 8000,
-            GyrRange::Dps250 => 4000,
-            GyrRange::Dps125 => 2000,
-        };
+        let acc = 1000 * u16::from(sensors.acc_range.g());
+        let gyr = 16 * sensors.gyr_range_in(mode).dps();
         let limits: [u16; 11] = [acc, acc, acc, 6400, 6400, 6400, gyr, gyr, gyr, 1000, 960];
         let registers = (registers::ACC_OFFSET..).step_by(2);
-        for ((value, limit), register) in self.words().into_iter().zip(limits).zip(registers) {
+        for ((&value, limit), register) in self
+            .words()
+            .as_flattened()
+            .iter()
+            .zip(limits)
+            .zip(registers)
+        {
             if value.unsigned_abs() > limit {
                 return Err(ProfileError::Range { register, value });
             }
@@ -187,7 +173,7 @@ impl Profile {
     }
 }
 
-/// CRC-32 of IEEE 802.3, a bit at a time: 26 bytes do not deserve a table.
+/// CRC-32 of IEEE 802.3, bit by bit: for 26 bytes a table would not pay.
 fn crc32(bytes: &[u8]) -> u32 {
     let mut crc = u32::MAX;
     for &byte in bytes {
@@ -218,29 +204,16 @@ impl SoftIron {
     /// The block of registers 0x43 to 0x54.
     #[must_use]
     pub fn registers(&self) -> [u8; Self::REGISTERS_LEN] {
-        let mut bytes = [0; Self::REGISTERS_LEN];
-        for (to, word) in bytes
-            .as_chunks_mut::<2>()
-            .0
-            .iter_mut()
-            .zip(self.0.as_flattened())
-        {
-            *to = word.to_le_bytes();
-        }
-        bytes
+        let mut registers = [0; Self::REGISTERS_LEN];
+        words::encode(&mut registers, self.0.as_flattened());
+        registers
     }
 
     /// The matrix in a block of registers 0x43 to 0x54.
     #[must_use]
     pub fn from_registers(bytes: &[u8; Self::REGISTERS_LEN]) -> Self {
         let mut matrix = [[0; 3]; 3];
-        for (to, pair) in matrix
-            .as_flattened_mut()
-            .iter_mut()
-            .zip(bytes.as_chunks::<2>().0)
-        {
-            *to = i16::from_le_bytes(*pair);
-        }
+        words::decode(matrix.as_flattened_mut(), bytes);
         Self(matrix)
     }
 }
@@ -254,6 +227,7 @@ impl Default for SoftIron {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::sensors::{AccRange, GyrRange};
 
     const PROFILE: Profile = Profile {
         acc_offset: [-24, 13, 5],

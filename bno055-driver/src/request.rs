@@ -5,7 +5,7 @@ use crate::registers as reg;
 use crate::status::{CalibrationStatus, SelfTest, SystemError, SystemStatus};
 use crate::transfer::Transfer;
 
-/// A question, for [`Driver::request`](crate::Driver::request).
+/// A question to the chip, for [`Driver::request`](crate::Driver::request).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Request {
     /// Temperature; between two samples.
@@ -23,29 +23,46 @@ pub enum Request {
 }
 
 impl Request {
-    /// The transfer that asks while sampling; `None` for what needs CONFIG mode.
-    pub(crate) const fn transfer(self) -> Option<Transfer> {
+    /// Whether the chip answers in CONFIG mode only.
+    pub(crate) const fn needs_config(self) -> bool {
+        matches!(self, Self::Profile | Self::SoftIron | Self::SelfTest)
+    }
+
+    /// The read that gets the answer.
+    pub(crate) const fn read(self) -> Transfer {
         match self {
-            Self::Temperature => Some(Transfer::read(reg::TEMP, 1)),
-            Self::CalibrationStatus => Some(Transfer::read(reg::CALIB_STAT, 1)),
-            Self::SystemStatus => Some(Transfer::read(reg::SYS_STATUS, 2)),
-            Self::Profile | Self::SoftIron | Self::SelfTest => None,
+            Self::Temperature => Transfer::read(reg::TEMP, 1),
+            Self::CalibrationStatus => Transfer::read(reg::CALIB_STAT, 1),
+            Self::SystemStatus => Transfer::read(reg::SYS_STATUS, 2),
+            Self::Profile => Transfer::read(reg::ACC_OFFSET, Profile::REGISTERS_LEN as u8),
+            Self::SoftIron => Transfer::read(reg::SIC_MATRIX, SoftIron::REGISTERS_LEN as u8),
+            Self::SelfTest => Transfer::read(reg::ST_RESULT, 5),
         }
     }
 
-    /// The answer in the bytes that the transfer read; `None` if their number is wrong.
-    pub(crate) const fn decode(self, bytes: &[u8]) -> Option<Answer> {
-        match (self, bytes) {
-            (Self::Temperature, &[byte]) => Some(Answer::Temperature(byte as i8)),
-            (Self::CalibrationStatus, &[byte]) => Some(Answer::CalibrationStatus(
-                CalibrationStatus::from_register(byte),
-            )),
-            (Self::SystemStatus, &[status, error]) => Some(Answer::SystemStatus(
+    /// The answer in the bytes that were read; `None` if their number is wrong.
+    pub(crate) fn decode(self, bytes: &[u8]) -> Option<Answer> {
+        Some(match (self, bytes) {
+            (Self::Temperature, &[byte]) => Answer::Temperature(byte as i8),
+            (Self::CalibrationStatus, &[byte]) => {
+                Answer::CalibrationStatus(CalibrationStatus::from_register(byte))
+            }
+            (Self::SystemStatus, &[status, error]) => Answer::SystemStatus(
                 SystemStatus::from_register(status),
                 SystemError::from_register(error),
-            )),
-            _ => None,
-        }
+            ),
+            (Self::Profile, block) => {
+                Answer::Profile(Profile::from_registers(block.try_into().ok()?))
+            }
+            (Self::SoftIron, block) => {
+                Answer::SoftIron(SoftIron::from_registers(block.try_into().ok()?))
+            }
+            (Self::SelfTest, &[result, _, _, _, error]) => Answer::SelfTest(SelfTest {
+                result,
+                error: SystemError::from_register(error),
+            }),
+            _ => return None,
+        })
     }
 }
 

@@ -4,6 +4,7 @@ use crate::config::{AccUnit, Config, MAG_UT, Mode, Power, Units};
 use crate::fault::SensorFault;
 use crate::registers;
 use crate::transfer::{Micros, Transfer};
+use crate::words;
 
 /// One sample as the chip gave it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -63,61 +64,64 @@ pub(crate) const fn burst(mode: Mode) -> Transfer {
     Transfer::read(first, len)
 }
 
-/// Accelerometer, magnetometer and gyroscope words of a burst; `None` if its length is wrong.
-fn words(mode: Mode, bytes: &[u8]) -> Option<[[i16; 3]; 3]> {
+/// Accelerometer, magnetometer and gyroscope words of a burst.
+type Words = [[i16; 3]; 3];
+
+/// The words of a burst, zero for sensors that `mode` does not run; `None` if its length is wrong.
+fn words(mode: Mode, bytes: &[u8]) -> Option<Words> {
     let (first, len) = span(mode);
     if bytes.len() != usize::from(len) {
         return None;
     }
     let mut words = [[0; 3]; 3];
     let skipped = usize::from(first - registers::ACC_DATA) / 2;
-    for (to, pair) in words
-        .as_flattened_mut()
-        .iter_mut()
-        .skip(skipped)
-        .zip(bytes.as_chunks::<2>().0)
-    {
-        *to = i16::from_le_bytes(*pair);
-    }
+    words::decode(words.as_flattened_mut().get_mut(skipped..)?, bytes);
     Some(words)
 }
 
-/// A jump is judged against a good sample not older than this; after a longer gap anything may have happened.
+/// A burst is compared with the last good one only up to this age; after a longer gap anything may
+/// have happened.
 pub const STEP_AGE_US: u64 = 35_000;
 
-/// So many different bursts in a row with the very same angular rates are a dead gyroscope: its noise moves the last bit
-/// all the time. Kept apart from the frozen chip because the other sensors go on (hardware reports of a gyroscope at zero
-/// for ever). The quietest gyroscope, at 12 Hz bandwidth, has one count of noise an axis, so that all three rates stay in
-/// one of 23 samples and in seven on end once in 10^9: a false alarm a year, and none at wider bandwidths.
+/// So many different bursts in a row with the very same angular rates show a dead gyroscope: a live
+/// one's noise moves the last bit all the time.
+///
+/// This is a rule of its own because the other sensors go on (users report gyroscopes that stay at
+/// zero for ever). The quietest gyroscope, at 12 Hz bandwidth, has one count of noise on each axis:
+/// all three rates stay the same in one of 23 samples, and in seven in a row once in 10^9, which is
+/// a false alarm a year. At wider bandwidths there is none.
 const GYR_STILL_MAX: u8 = 8;
 
-/// A word of -1 that lay farther than this from -1 in the last good sample is not believed:
-/// 2 m/s^2 or 0.2 g, 5 uT, 4 deg/s (counts are alike in all units).
+/// A word of -1 is not believed if the last good sample was farther than this from -1:
+/// 2 m/s^2 or 0.2 g, 5 uT, 4 deg/s (about the same counts in all units).
 const ONES_JUMP: [u16; 3] = [200, 80, 64];
 
 /// More than this many words of -1 in a sample are never chance.
 ///
-/// At rest and level, five of the nine words (two of acceleration, three of rate) hover round zero and are -1 one time in
-/// five, so that three at once are common and even a rate of (-1, -1, -1) comes every few seconds.
+/// At rest and level, five of the nine words (two of acceleration, three of rate) lie near zero and
+/// are -1 one time in five: three at once are common, and even a rate of (-1, -1, -1) comes every
+/// few seconds.
 const ONES_MAX: usize = 5;
 
-/// Magnetic field that no sensor axis measures, counts: 1300 uT and a sixty-fourth.
+/// Largest magnetic field that an axis of the sensor measures, counts: 1300 uT and a sixty-fourth.
 const MAG_MAX: u16 = 21_125;
 
 /// Acceleration and field that chips were seen to show around crashes (m/s^2 units).
 const CRASH_PATTERN: [[i16; 3]; 2] = [[1962, 568, 0], [0, 5120, 3843]];
 
-/// The judge of bursts: remembers as much of the past as it needs.
+/// The judge of bursts, with what it remembers of those before.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Inspector {
-    /// Last burst, good or bad, and how often it and its rates came in a row.
-    last: Option<[[i16; 3]; 3]>,
+    /// Last burst, good or bad.
+    last: Option<Words>,
+    /// How many bursts in a row were equal to the last one.
     equal: u8,
+    /// How many different bursts in a row had the last one's angular rates.
     gyr_still: u8,
     /// Last good sample.
-    good: Option<(Micros, [[i16; 3]; 3])>,
-    /// Last sample, if it was held back for a jump that the next one may confirm.
-    jumped: Option<[[i16; 3]; 3]>,
+    good: Option<(Micros, Words)>,
+    /// Last burst, if it was held back for a jump that the next one may confirm.
+    jumped: Option<Words>,
 }
 
 /// A burst that was believed.
@@ -129,23 +133,58 @@ pub(crate) struct Judged {
 }
 
 impl Inspector {
-    /// The sample in a burst, or why it is none.
+    /// The sample in a burst, or the fault of the first rule that the burst breaks.
     pub(crate) fn judge(
         &mut self,
         config: &Config,
         time: Micros,
         bytes: &[u8],
     ) -> Result<Judged, SensorFault> {
-        let mode = config.mode;
-        let now = words(mode, bytes).ok_or(SensorFault::Protocol)?;
-        let [acc, mag, gyr] = now;
+        let now = words(config.mode, bytes).ok_or(SensorFault::Protocol)?;
+        let fresh = self.count_repeats(now);
+        // Only the very next burst can confirm a jump.
+        let jumped = self.jumped.take();
 
+        if all_zero(config.mode, &now) {
+            return Err(SensorFault::Reset);
+        }
+        if self.all_ones(time, &now) {
+            return Err(SensorFault::AllOnes);
+        }
+        if self.frozen(config) {
+            return Err(SensorFault::Frozen);
+        }
+        if out_of_range(config, &now) || crash_pattern(config, &now) {
+            return Err(SensorFault::Implausible);
+        }
+        if let Some(limit) = config.step_limit
+            && self.recent(time).is_some_and(|good| moved(good, &now, limit))
+            // A second burst at the new place, and not merely the same bytes again, shows a real jump.
+            && !(fresh && jumped.is_some_and(|jumped| !moved(&jumped, &now, limit)))
+        {
+            self.jumped = Some(now);
+            return Err(SensorFault::Torn);
+        }
+        self.good = Some((time, now));
+        let [acc, mag, gyr] = now;
+        let sample = RawSample {
+            time,
+            acc,
+            mag,
+            gyr,
+        };
+        Ok(Judged { sample, fresh })
+    }
+
+    /// Counts how often the burst and its rates have come in a row; whether it differs from the last.
+    fn count_repeats(&mut self, now: Words) -> bool {
         let fresh = self.last != Some(now);
         self.equal = if fresh {
             1
         } else {
             self.equal.saturating_add(1)
         };
+        let [_, _, gyr] = now;
         let same_rates = self.last.is_some_and(|[_, _, last]| last == gyr);
         self.gyr_still = match (same_rates, fresh) {
             (false, _) => 1,
@@ -154,71 +193,24 @@ impl Inspector {
             (true, false) => self.gyr_still,
         };
         self.last = Some(now);
-        let jumped = self.jumped.take();
-
-        if all_zero(mode, &now) {
-            return Err(SensorFault::Reset);
-        }
-        if self.all_ones(time, &now) {
-            return Err(SensorFault::AllOnes);
-        }
-        let noisy_gyr = mode.has_gyr() && !mode.is_fusion() && config.power == Power::Normal;
-        if self.equal >= config.frozen_after.get() || noisy_gyr && self.gyr_still >= GYR_STILL_MAX {
-            return Err(SensorFault::Frozen);
-        }
-        if out_of_range(config, &now) {
-            return Err(SensorFault::Implausible);
-        }
-        if config.units.acc == AccUnit::MetrePerSecondSquared && [acc, mag] == CRASH_PATTERN {
-            return Err(SensorFault::Implausible);
-        }
-        if let Some(limit) = config.step_limit
-            && let Some((then, good)) = self.good
-            && time.since(then) <= STEP_AGE_US
-            && moved(&good, &now, limit)
-        {
-            // A second burst at the new place, and not merely the same bytes again, shows a real jump.
-            let confirmed = fresh && jumped.is_some_and(|jumped| !moved(&jumped, &now, limit));
-            if !confirmed {
-                self.jumped = Some(now);
-                return Err(SensorFault::Torn);
-            }
-        }
-        self.good = Some((time, now));
-        Ok(Judged {
-            sample: RawSample {
-                time,
-                acc,
-                mag,
-                gyr,
-            },
-            fresh,
-        })
+        fresh
     }
 
-    /// Words of 0xFFFF that are not chance (see [`ONES_JUMP`] and [`ONES_MAX`]).
+    /// Whether there are words of -1 (0xFFFF on the wire) that are not chance: see [`ONES_JUMP`]
+    /// and [`ONES_MAX`].
     ///
     /// Gravity and the earth's field cannot both be -1 count on all their axes; an angular rate can.
-    fn all_ones(&self, time: Micros, now: &[[i16; 3]; 3]) -> bool {
+    fn all_ones(&self, time: Micros, now: &Words) -> bool {
         let [acc, mag, _] = now;
         if *acc == [-1; 3] || *mag == [-1; 3] {
             return true;
         }
-        if now
-            .as_flattened()
-            .iter()
-            .filter(|&&word| word == -1)
-            .count()
-            > ONES_MAX
-        {
+        let ones = now.as_flattened().iter().filter(|&&word| word == -1);
+        if ones.count() > ONES_MAX {
             return true;
         }
-        let Some((then, good)) = &self.good else {
-            return false;
-        };
-        time.since(*then) <= STEP_AGE_US
-            && now
-                .iter()
+        self.recent(time).is_some_and(|good| {
+            now.iter()
                 .zip(good)
                 .zip(ONES_JUMP)
                 .any(|((now, good), jump)| {
@@ -226,29 +218,43 @@ impl Inspector {
                         .zip(good)
                         .any(|(&now, &good)| now == -1 && good.abs_diff(-1) > jump)
                 })
+        })
+    }
+
+    /// Whether the same burst has come too often, or the same rates from a gyroscope whose noise
+    /// shows: fusion removes it, and a sleeping sensor has none.
+    fn frozen(&self, config: &Config) -> bool {
+        let mode = config.mode;
+        let noisy_gyr = mode.has_gyr() && !mode.is_fusion() && config.power == Power::Normal;
+        self.equal >= config.frozen_after.get() || noisy_gyr && self.gyr_still >= GYR_STILL_MAX
+    }
+
+    /// The last good sample, if it is recent enough to be compared with one of `time`.
+    fn recent(&self, time: Micros) -> Option<&Words> {
+        let (then, good) = self.good.as_ref()?;
+        (time.since(*then) <= STEP_AGE_US).then_some(good)
     }
 }
 
-/// The signature of CONFIG mode: all outputs are zero. A field of zero may also be a magnetometer that has not yet measured,
-/// so that acceleration and rate suffice where both are live.
-fn all_zero(mode: Mode, [acc, mag, gyr]: &[[i16; 3]; 3]) -> bool {
+/// Whether the burst shows CONFIG mode, in which all outputs are zero.
+///
+/// A field of zero may also be a magnetometer that has not yet measured: where acceleration and
+/// rate are both live, they suffice.
+fn all_zero(mode: Mode, [acc, mag, gyr]: &Words) -> bool {
     let both = mode.has_acc() && mode.has_gyr();
     *acc == [0; 3] && *gyr == [0; 3] && (both || *mag == [0; 3])
 }
 
-/// Beyond the configured ranges and a sixty-fourth (sensors clip at their range, offsets come on top), or no magnetic field at all.
-fn out_of_range(config: &Config, [acc, mag, gyr]: &[[i16; 3]; 3]) -> bool {
+/// Whether a word is beyond the configured range and a sixty-fourth of it (sensors clip at their
+/// range, offsets come on top), or there is no magnetic field at all.
+fn out_of_range(config: &Config, [acc, mag, gyr]: &Words) -> bool {
     let g = match config.units.acc {
         AccUnit::MetrePerSecondSquared => 981,
         AccUnit::MilliG => 1000,
     };
     let acc_range = u16::from(config.sensors.acc_range.g()) * g;
-    // 16 counts for 1 deg/s; 900 for 1 rad/s are 2 % fewer. Fusion modes choose the range themselves.
-    let gyr_range = if config.mode.is_fusion() {
-        32_000
-    } else {
-        config.sensors.gyr_range.dps() * 16
-    };
+    // 16 counts for 1 deg/s; 900 for 1 rad/s are 2 % fewer.
+    let gyr_range = config.sensors.gyr_range_in(config.mode).dps() * 16;
     let beyond =
         |words: &[i16; 3], limit: u16| words.iter().any(|word| word.unsigned_abs() > limit);
     beyond(acc, acc_range + acc_range / 64)
@@ -257,8 +263,13 @@ fn out_of_range(config: &Config, [acc, mag, gyr]: &[[i16; 3]; 3]) -> bool {
         || config.mode.has_mag() && *mag == [0; 3]
 }
 
+/// Whether the burst is [`CRASH_PATTERN`].
+fn crash_pattern(config: &Config, &[acc, mag, _]: &Words) -> bool {
+    config.units.acc == AccUnit::MetrePerSecondSquared && [acc, mag] == CRASH_PATTERN
+}
+
 /// Whether any word moved by more than `limit`.
-fn moved(from: &[[i16; 3]; 3], to: &[[i16; 3]; 3], limit: u16) -> bool {
+fn moved(from: &Words, to: &Words, limit: u16) -> bool {
     from.as_flattened()
         .iter()
         .zip(to.as_flattened())

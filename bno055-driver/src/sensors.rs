@@ -1,18 +1,112 @@
 //! Ranges and bandwidths of the three sensors (page 1).
 
-/// Accelerometer range.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
-#[repr(u8)]
-pub enum AccRange {
-    /// +-2 g.
-    G2 = 0,
-    /// +-4 g (the chip's default).
-    G4 = 1,
-    /// +-8 g.
-    #[default]
-    G8 = 2,
-    /// +-16 g.
-    G16 = 3,
+use crate::mode::Mode;
+use crate::register_enums::register_enums;
+
+register_enums! {
+    /// Accelerometer range.
+    pub enum AccRange {
+        /// +-2 g.
+        G2 = 0,
+        /// +-4 g (the chip's default).
+        G4 = 1,
+        /// +-8 g.
+        #[default]
+        G8 = 2,
+        /// +-16 g.
+        G16 = 3,
+    }
+
+    /// Accelerometer bandwidth; the sensor updates at twice that rate.
+    pub enum AccBandwidth {
+        /// 7.81 Hz.
+        Hz7_81 = 0,
+        /// 15.63 Hz.
+        Hz15_63 = 1,
+        /// 31.25 Hz.
+        Hz31_25 = 2,
+        /// 62.5 Hz (the chip's default).
+        #[default]
+        Hz62_5 = 3,
+        /// 125 Hz.
+        Hz125 = 4,
+        /// 250 Hz.
+        Hz250 = 5,
+        /// 500 Hz.
+        Hz500 = 6,
+        /// 1000 Hz.
+        Hz1000 = 7,
+    }
+
+    /// Gyroscope range.
+    pub enum GyrRange {
+        /// +-2000 deg/s (the chip's default).
+        #[default]
+        Dps2000 = 0,
+        /// +-1000 deg/s.
+        Dps1000 = 1,
+        /// +-500 deg/s.
+        Dps500 = 2,
+        /// +-250 deg/s.
+        Dps250 = 3,
+        /// +-125 deg/s.
+        Dps125 = 4,
+    }
+
+    /// Gyroscope bandwidth.
+    pub enum GyrBandwidth {
+        /// 523 Hz.
+        Hz523 = 0,
+        /// 230 Hz.
+        Hz230 = 1,
+        /// 116 Hz: about 1.4 ms of delay, against 5 ms at the chip's default of 32 Hz.
+        #[default]
+        Hz116 = 2,
+        /// 47 Hz.
+        Hz47 = 3,
+        /// 23 Hz.
+        Hz23 = 4,
+        /// 12 Hz.
+        Hz12 = 5,
+        /// 64 Hz.
+        Hz64 = 6,
+        /// 32 Hz (the chip's default).
+        Hz32 = 7,
+    }
+
+    /// Magnetometer output rate.
+    pub enum MagRate {
+        /// 2 Hz.
+        Hz2 = 0,
+        /// 6 Hz.
+        Hz6 = 1,
+        /// 8 Hz.
+        Hz8 = 2,
+        /// 10 Hz.
+        Hz10 = 3,
+        /// 15 Hz.
+        Hz15 = 4,
+        /// 20 Hz.
+        Hz20 = 5,
+        /// 25 Hz.
+        Hz25 = 6,
+        /// 30 Hz.
+        #[default]
+        Hz30 = 7,
+    }
+
+    /// How often the magnetometer measures for one output: noise against current.
+    pub enum MagEffort {
+        /// Fewest repetitions.
+        LowPower = 0,
+        /// The usual compromise.
+        #[default]
+        Regular = 1,
+        /// More repetitions.
+        EnhancedRegular = 2,
+        /// Most repetitions.
+        HighAccuracy = 3,
+    }
 }
 
 impl AccRange {
@@ -23,46 +117,6 @@ impl AccRange {
     }
 }
 
-/// Accelerometer bandwidth; the sensor updates at twice that rate.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
-#[repr(u8)]
-pub enum AccBandwidth {
-    /// 7.81 Hz.
-    Hz7_81 = 0,
-    /// 15.63 Hz.
-    Hz15_63 = 1,
-    /// 31.25 Hz.
-    Hz31_25 = 2,
-    /// 62.5 Hz (the chip's default).
-    #[default]
-    Hz62_5 = 3,
-    /// 125 Hz.
-    Hz125 = 4,
-    /// 250 Hz.
-    Hz250 = 5,
-    /// 500 Hz.
-    Hz500 = 6,
-    /// 1000 Hz.
-    Hz1000 = 7,
-}
-
-/// Gyroscope range.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
-#[repr(u8)]
-pub enum GyrRange {
-    /// +-2000 deg/s (the chip's default).
-    #[default]
-    Dps2000 = 0,
-    /// +-1000 deg/s.
-    Dps1000 = 1,
-    /// +-500 deg/s.
-    Dps500 = 2,
-    /// +-250 deg/s.
-    Dps250 = 3,
-    /// +-125 deg/s.
-    Dps125 = 4,
-}
-
 impl GyrRange {
     /// Full scale in deg/s.
     #[must_use]
@@ -71,68 +125,8 @@ impl GyrRange {
     }
 }
 
-/// Gyroscope bandwidth.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
-#[repr(u8)]
-pub enum GyrBandwidth {
-    /// 523 Hz.
-    Hz523 = 0,
-    /// 230 Hz.
-    Hz230 = 1,
-    /// 116 Hz: about 1.4 ms of delay, against 5 ms at the chip's default of 32 Hz.
-    #[default]
-    Hz116 = 2,
-    /// 47 Hz.
-    Hz47 = 3,
-    /// 23 Hz.
-    Hz23 = 4,
-    /// 12 Hz.
-    Hz12 = 5,
-    /// 64 Hz.
-    Hz64 = 6,
-    /// 32 Hz (the chip's default).
-    Hz32 = 7,
-}
-
-/// Magnetometer output rate.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
-#[repr(u8)]
-pub enum MagRate {
-    /// 2 Hz.
-    Hz2 = 0,
-    /// 6 Hz.
-    Hz6 = 1,
-    /// 8 Hz.
-    Hz8 = 2,
-    /// 10 Hz.
-    Hz10 = 3,
-    /// 15 Hz.
-    Hz15 = 4,
-    /// 20 Hz.
-    Hz20 = 5,
-    /// 25 Hz.
-    Hz25 = 6,
-    /// 30 Hz.
-    #[default]
-    Hz30 = 7,
-}
-
-/// How often the magnetometer measures for one output: noise against current.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
-#[repr(u8)]
-pub enum MagEffort {
-    /// Fewest repetitions.
-    LowPower = 0,
-    /// The usual compromise.
-    #[default]
-    Regular = 1,
-    /// More repetitions.
-    EnhancedRegular = 2,
-    /// Most repetitions.
-    HighAccuracy = 3,
-}
-
-/// Settings of the three sensors (page 1). In fusion modes the chip minds only the accelerometer's.
+/// Settings of the three sensors (page 1). In fusion modes only the
+/// accelerometer's range counts; the chip chooses the rest itself.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Sensors {
     /// Accelerometer range.
@@ -150,6 +144,15 @@ pub struct Sensors {
 }
 
 impl Sensors {
+    /// The gyroscope's range in effect: fusion modes set the widest themselves.
+    pub(crate) const fn gyr_range_in(&self, mode: Mode) -> GyrRange {
+        if mode.is_fusion() {
+            GyrRange::Dps2000
+        } else {
+            self.gyr_range
+        }
+    }
+
     /// ACC_CONFIG, MAG_CONFIG, GYR_CONFIG_0, GYR_CONFIG_1, all three sensors in their normal power mode
     /// (data sheet sections 3.5.2 to 3.5.4).
     #[must_use]

@@ -61,7 +61,15 @@ impl Setting {
         }
     }
 
-    /// Bits of a byte that must read as written; the others are reserved or the chip's own business.
+    /// The transfer that reads it back.
+    pub(crate) fn read(self, config: &Config) -> Transfer {
+        match self.write(config) {
+            Transfer::Write { register, bytes } => Transfer::read(register, bytes.len() as u8),
+            read @ Transfer::Read { .. } => read,
+        }
+    }
+
+    /// Bits of a byte that must read as written; the others are reserved or set by the chip itself.
     pub(crate) fn mask(self, config: &Config, offset: usize) -> u8 {
         match (self, offset) {
             (Self::Power, _) => 0x03,

@@ -2,12 +2,11 @@
 
 use crate::config::{Config, ResetPolicy};
 use crate::fault::SensorFault;
-use crate::profile::{Profile, SoftIron};
 use crate::registers::{self as reg, IDS};
 use crate::request::{Answer, Request};
 use crate::sample::{self, Inspector};
 use crate::settings::Setting;
-use crate::status::{Identity, SelfTest, SystemError, SystemStatus};
+use crate::status::{Identity, SystemError, SystemStatus};
 use crate::transfer::{BusError, Micros, Transfer};
 
 /// How long a chip may take to answer and identify itself before that is reported as a fault: 850 ms are common,
@@ -27,23 +26,23 @@ const FROM_CONFIG_US: u64 = 7_000;
 const RESET_US: u64 = 650_000;
 /// The built-in self-test takes about 0.4 s (data sheet section 3.9.2).
 const SELF_TEST_US: u64 = 400_000;
-/// The clock status must not be read before this after a change of clock, or it is still the old clock's.
+/// Until this time after a change of clock, the clock status is still that of the old clock.
 const CLOCK_SWITCH_US: u64 = 10_000;
 
 /// PWR_MODE: everything off but the registers (data sheet section 3.2.3).
 const SUSPEND: u8 = 2;
 
-/// What the set-up does next.
+/// A step of the set-up; [`Startup::row`] has the transfer of each and what follows it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Step {
-    /// Page 0: also asks whether anybody is there.
+enum SetupStep {
+    /// Selects page 0, and so learns whether the chip answers.
     Call,
     Identify,
     /// Only under [`ResetPolicy::AfterFailures`].
     Reset,
     EnterConfig,
     AwaitConfig,
-    /// What can only be asked in CONFIG mode.
+    /// A request that the chip answers in CONFIG mode only.
     Ask(Request),
     AwaitSelfTest,
     /// Self-test result, system status and error.
@@ -68,11 +67,53 @@ pub(crate) enum Goal {
     Suspended,
 }
 
+/// What a step asks of the bus.
+enum Access {
+    Read(u8, u8),
+    Write(u8, u8),
+    Ask(Request),
+    Setting(Setting),
+    ReadBack(Setting),
+    Burst,
+}
+
+impl Access {
+    fn transfer(self, config: &Config) -> Transfer {
+        match self {
+            Self::Read(register, len) => Transfer::read(register, len),
+            Self::Write(register, value) => Transfer::write(register, [value]),
+            Self::Ask(request) => request.read(),
+            Self::Setting(setting) => setting.write(config),
+            Self::ReadBack(setting) => setting.read(config),
+            Self::Burst => sample::burst(config.mode),
+        }
+    }
+}
+
+/// How the answer to a step's transfer is judged.
+enum Judge {
+    /// There is nothing to judge: the step follows after so many microseconds.
+    Then(SetupStep, u64),
+    Identity,
+    /// This operating mode has been reached; then the step follows.
+    Mode(u8, SetupStep),
+    Answer(Request),
+    SelfTest,
+    Diagnosis,
+    Written(Setting),
+    /// The clock source may be changed; the step follows. The patience is in microseconds.
+    ClockIdle(SetupStep, u64),
+    Running,
+    LiveData,
+    Suspended,
+}
+
 /// Where a step leads.
 enum Verdict {
     /// To the next step, after so many microseconds.
-    Go(Step, u64),
-    /// Once more after so many microseconds, until the step's patience (also microseconds) ends with this fault.
+    Go(SetupStep, u64),
+    /// Once more after so many microseconds, until the step's patience (also microseconds) ends with
+    /// this fault.
     Again {
         pause_us: u64,
         patience_us: u64,
@@ -80,11 +121,21 @@ enum Verdict {
     },
     Fail(SensorFault),
     /// To the next step, with an answer.
-    Answer(Answer, Step),
+    Answer(Answer, SetupStep),
     Reached,
 }
 
-/// What the driver learns from a completed step.
+impl Verdict {
+    const fn again(pause_us: u64, patience_us: u64, fault: SensorFault) -> Self {
+        Self::Again {
+            pause_us,
+            patience_us,
+            fault,
+        }
+    }
+}
+
+/// What a completed step means to the driver.
 pub(crate) enum Progress {
     Going,
     /// The request has its answer; the set-up goes on.
@@ -101,7 +152,7 @@ pub(crate) struct Startup {
     goal: Goal,
     /// To be asked on the way.
     request: Option<Request>,
-    step: Step,
+    step: SetupStep,
     step_since: Micros,
     not_before: Micros,
     /// When this set-up began; known at the first look at the clock.
@@ -122,7 +173,7 @@ impl Startup {
         Self {
             goal,
             request,
-            step: Step::Call,
+            step: SetupStep::Call,
             step_since: now,
             not_before: now,
             began,
@@ -134,17 +185,17 @@ impl Startup {
         }
     }
 
-    /// Asks nothing on the way.
+    /// Asks nothing more on the way, and discards an answer that is still to come.
     pub(crate) fn cancel(&mut self) {
         self.request = None;
     }
 
-    /// Once sampling: the judge, who has seen the first bursts.
+    /// Once sampling: the judge that has seen the first bursts.
     pub(crate) fn inspector(&self) -> &Inspector {
         &self.inspector
     }
 
-    /// Once sampling: who the chip is.
+    /// Once sampling: the chip's identity.
     pub(crate) fn identity(&self) -> &Identity {
         &self.identity
     }
@@ -161,42 +212,73 @@ impl Startup {
             return Err(self.not_before);
         }
         self.outstanding = true;
-        Ok(self.transfer(config))
+        let (access, _) = self.row(config);
+        Ok(access.transfer(config))
     }
 
-    fn transfer(&self, config: &Config) -> Transfer {
+    /// The table of the set-up: what each step asks of the bus, and how the answer is judged.
+    fn row(&self, config: &Config) -> (Access, Judge) {
+        use SetupStep as Step;
         match self.step {
-            Step::Call => Transfer::write(reg::PAGE_ID, [0]),
-            Step::Identify => Transfer::read(reg::CHIP_ID, 8),
-            Step::Reset => Transfer::write(reg::SYS_TRIGGER, [reg::RST_SYS]),
-            Step::EnterConfig => Transfer::write(reg::OPR_MODE, [0]),
-            Step::AwaitConfig | Step::AwaitMode => Transfer::read(reg::OPR_MODE, 1),
-            Step::Ask(Request::Profile) => {
-                Transfer::read(reg::ACC_OFFSET, Profile::REGISTERS_LEN as u8)
+            Step::Call => (
+                Access::Write(reg::PAGE_ID, 0),
+                Judge::Then(Step::Identify, 0),
+            ),
+            Step::Identify => (Access::Read(reg::CHIP_ID, 8), Judge::Identity),
+            Step::Reset => (
+                Access::Write(reg::SYS_TRIGGER, reg::RST_SYS),
+                Judge::Then(Step::Call, RESET_US),
+            ),
+            Step::EnterConfig => (
+                Access::Write(reg::OPR_MODE, 0),
+                Judge::Then(Step::AwaitConfig, TO_CONFIG_US),
+            ),
+            Step::AwaitConfig => {
+                let next = self.request.map_or(self.purpose(), Step::Ask);
+                (Access::Read(reg::OPR_MODE, 1), Judge::Mode(0, next))
             }
-            Step::Ask(Request::SoftIron) => {
-                Transfer::read(reg::SIC_MATRIX, SoftIron::REGISTERS_LEN as u8)
-            }
-            Step::Ask(_) => {
+            Step::Ask(Request::SelfTest) => {
                 let clock = if config.external_crystal {
                     reg::CLK_SEL
                 } else {
                     0
                 };
-                Transfer::write(reg::SYS_TRIGGER, [reg::SELF_TEST | clock])
+                (
+                    Access::Write(reg::SYS_TRIGGER, reg::SELF_TEST | clock),
+                    Judge::Then(Step::AwaitSelfTest, SELF_TEST_US),
+                )
             }
-            Step::AwaitSelfTest | Step::Diagnose => Transfer::read(reg::ST_RESULT, 5),
-            Step::Write(setting) => setting.write(config),
-            Step::Confirm(setting) => match setting.write(config) {
-                Transfer::Write { register, bytes } => Transfer::read(register, bytes.len() as u8),
-                read @ Transfer::Read { .. } => read,
-            },
-            Step::AwaitClock | Step::ConfirmClock => Transfer::read(reg::SYS_CLK_STATUS, 1),
-            Step::SelectClock => Transfer::write(reg::SYS_TRIGGER, [reg::CLK_SEL]),
-            Step::EnterMode => Transfer::write(reg::OPR_MODE, [config.mode as u8]),
-            Step::AwaitRunning => Transfer::read(reg::SYS_STATUS, 2),
-            Step::AwaitData => sample::burst(config.mode),
-            Step::Suspend => Transfer::write(reg::PWR_MODE, [SUSPEND]),
+            Step::Ask(request) => (Access::Ask(request), Judge::Answer(request)),
+            Step::AwaitSelfTest => (Access::Ask(Request::SelfTest), Judge::SelfTest),
+            Step::Diagnose => (Access::Read(reg::ST_RESULT, 5), Judge::Diagnosis),
+            Step::Write(setting) => (
+                Access::Setting(setting),
+                Judge::Then(Step::Confirm(setting), 0),
+            ),
+            Step::Confirm(setting) => (Access::ReadBack(setting), Judge::Written(setting)),
+            Step::AwaitClock => (
+                Access::Read(reg::SYS_CLK_STATUS, 1),
+                Judge::ClockIdle(Step::SelectClock, 500_000),
+            ),
+            Step::SelectClock => (
+                Access::Write(reg::SYS_TRIGGER, reg::CLK_SEL),
+                Judge::Then(Step::ConfirmClock, CLOCK_SWITCH_US),
+            ),
+            Step::ConfirmClock => (
+                Access::Read(reg::SYS_CLK_STATUS, 1),
+                Judge::ClockIdle(Step::EnterMode, 1_200_000),
+            ),
+            Step::EnterMode => (
+                Access::Write(reg::OPR_MODE, config.mode as u8),
+                Judge::Then(Step::AwaitMode, FROM_CONFIG_US),
+            ),
+            Step::AwaitMode => (
+                Access::Read(reg::OPR_MODE, 1),
+                Judge::Mode(config.mode as u8, Step::AwaitRunning),
+            ),
+            Step::AwaitRunning => (Access::Read(reg::SYS_STATUS, 2), Judge::Running),
+            Step::AwaitData => (Access::Burst, Judge::LiveData),
+            Step::Suspend => (Access::Write(reg::PWR_MODE, SUSPEND), Judge::Suspended),
         }
     }
 
@@ -210,12 +292,13 @@ impl Startup {
         if !core::mem::take(&mut self.outstanding) {
             return Progress::Going;
         }
+        let (access, judge) = self.row(config);
         let verdict = match outcome {
             Err(error) => Verdict::Fail(error.into()),
-            Ok(bytes) if bytes.len() != self.transfer(config).answer_len() => {
+            Ok(bytes) if bytes.len() != access.transfer(config).answer_len() => {
                 Verdict::Fail(SensorFault::Protocol)
             }
-            Ok(bytes) => self.judge(now, bytes, config),
+            Ok(bytes) => self.judge(judge, now, bytes, config),
         };
         match verdict {
             Verdict::Reached => return Progress::Reached(self.goal),
@@ -225,10 +308,12 @@ impl Startup {
                 self.not_before = now.after(pause_us);
             }
             Verdict::Answer(answer, step) => {
-                self.request = None;
                 self.step = step;
                 self.step_since = now;
-                return Progress::Answered(answer);
+                // Whoever asked may have cancelled meanwhile.
+                if self.request.take().is_some() {
+                    return Progress::Answered(answer);
+                }
             }
             Verdict::Again {
                 pause_us,
@@ -245,11 +330,12 @@ impl Startup {
         Progress::Going
     }
 
-    /// Starts over. A chip that cannot be reached is polled at a steady pace and reported only when it is late;
-    /// one that answers and yet is not as it should be is reported at once and left more and more in peace.
+    /// Starts over. A chip that cannot be reached is polled at a steady pace, and reported only when
+    /// it is late. One that answers, but not as it should, is reported at once and tried again after
+    /// ever longer pauses.
     fn fail(&mut self, now: Micros, fault: SensorFault, config: &Config) -> Progress {
-        let unreached = fault.is_bus() || self.step == Step::Identify;
-        let mut next = Step::Call;
+        let unreached = fault.is_bus() || self.step == SetupStep::Identify;
+        let mut next = SetupStep::Call;
         let pause_us = if unreached {
             POLL_US
         } else {
@@ -259,7 +345,7 @@ impl Startup {
                 && self.failures >= limit.get()
             {
                 self.failures = 0;
-                next = Step::Reset;
+                next = SetupStep::Reset;
             }
             pause_us
         };
@@ -275,69 +361,37 @@ impl Startup {
     }
 
     /// The step after CONFIG mode is reached and the request answered.
-    fn purpose(&self) -> Step {
+    fn purpose(&self) -> SetupStep {
         match self.goal {
-            Goal::Sampling => Step::Diagnose,
-            Goal::Suspended => Step::Suspend,
+            Goal::Sampling => SetupStep::Diagnose,
+            Goal::Suspended => SetupStep::Suspend,
         }
     }
 
-    fn judge(&mut self, now: Micros, bytes: &[u8], config: &Config) -> Verdict {
-        match self.step {
-            Step::Call => Verdict::Go(Step::Identify, 0),
-            Step::Identify => identify(bytes, &mut self.identity),
-            Step::Reset => Verdict::Go(Step::Call, RESET_US),
-            Step::EnterConfig => Verdict::Go(Step::AwaitConfig, TO_CONFIG_US),
-            Step::AwaitConfig => {
-                await_mode(bytes, 0, self.request.map_or(self.purpose(), Step::Ask))
-            }
-            Step::Ask(Request::Profile) => answer(
-                Profile::from_registers,
-                Answer::Profile,
-                bytes,
-                self.purpose(),
-            ),
-            Step::Ask(Request::SoftIron) => answer(
-                SoftIron::from_registers,
-                Answer::SoftIron,
-                bytes,
-                self.purpose(),
-            ),
-            Step::Ask(_) => Verdict::Go(Step::AwaitSelfTest, SELF_TEST_US),
-            Step::AwaitSelfTest => await_self_test(bytes, self.purpose()),
-            Step::Diagnose => diagnose(bytes, config),
-            Step::Suspend => Verdict::Reached,
-            Step::Write(setting) => Verdict::Go(Step::Confirm(setting), 0),
-            Step::Confirm(setting) => confirm(setting, bytes, config, &mut self.identity),
-            Step::AwaitClock => match bytes {
+    fn judge(&mut self, judge: Judge, now: Micros, bytes: &[u8], config: &Config) -> Verdict {
+        match judge {
+            Judge::Then(next, pause_us) => Verdict::Go(next, pause_us),
+            Judge::Suspended => Verdict::Reached,
+            Judge::Identity => identify(bytes, &mut self.identity),
+            Judge::Mode(mode, next) => await_mode(bytes, mode, next),
+            Judge::Answer(request) => answer(request, bytes, self.purpose()),
+            Judge::SelfTest => await_self_test(bytes, self.purpose()),
+            Judge::Diagnosis => diagnose(bytes, config),
+            Judge::Written(setting) => confirm(setting, bytes, config, &mut self.identity),
+            Judge::ClockIdle(next, patience_us) => match bytes {
                 // Bit 0 set: the clock is being configured and must be left alone.
-                [status] if status & 1 == 0 => Verdict::Go(Step::SelectClock, 0),
-                _ => Verdict::Again {
-                    pause_us: 10_000,
-                    patience_us: 500_000,
-                    fault: SensorFault::Clock,
-                },
+                [status] if status & 1 == 0 => Verdict::Go(next, 0),
+                _ => Verdict::again(10_000, patience_us, SensorFault::Clock),
             },
-            Step::SelectClock => Verdict::Go(Step::ConfirmClock, CLOCK_SWITCH_US),
-            Step::ConfirmClock => match bytes {
-                [status] if status & 1 == 0 => Verdict::Go(Step::EnterMode, 0),
-                _ => Verdict::Again {
-                    pause_us: 10_000,
-                    patience_us: 1_200_000,
-                    fault: SensorFault::Clock,
-                },
-            },
-            Step::EnterMode => Verdict::Go(Step::AwaitMode, FROM_CONFIG_US),
-            Step::AwaitMode => await_mode(bytes, config.mode as u8, Step::AwaitRunning),
-            Step::AwaitRunning => {
+            Judge::Running => {
                 let verdict = await_running(bytes, config);
-                if let Verdict::Go(Step::AwaitData, _) = verdict {
+                if let Verdict::Go(..) = verdict {
                     self.inspector = Inspector::default();
                     self.live = 0;
                 }
                 verdict
             }
-            Step::AwaitData => {
+            Judge::LiveData => {
                 let fault = match self.inspector.judge(config, now, bytes) {
                     Ok(judged) => {
                         self.live += u8::from(judged.fresh);
@@ -349,11 +403,7 @@ impl Startup {
                     }
                     Err(fault) => fault,
                 };
-                Verdict::Again {
-                    pause_us: 10_000,
-                    patience_us: 1_000_000,
-                    fault,
-                }
+                Verdict::again(10_000, 1_000_000, fault)
             }
         }
     }
@@ -393,10 +443,10 @@ fn identify(bytes: &[u8], identity: &mut Identity) -> Verdict {
     }
     identity.software = u16::from_le_bytes([software_low, software_high]);
     identity.bootloader = bootloader;
-    Verdict::Go(Step::EnterConfig, 0)
+    Verdict::Go(SetupStep::EnterConfig, 0)
 }
 
-fn await_mode(bytes: &[u8], mode: u8, next: Step) -> Verdict {
+fn await_mode(bytes: &[u8], mode: u8, next: SetupStep) -> Verdict {
     let found = bytes.first().map_or(u8::MAX, |found| found & 0x0F);
     if found == mode {
         return Verdict::Go(next, 0);
@@ -405,39 +455,24 @@ fn await_mode(bytes: &[u8], mode: u8, next: Step) -> Verdict {
         register: reg::OPR_MODE,
         found,
     };
-    Verdict::Again {
-        pause_us: 5_000,
-        patience_us: 100_000,
-        fault,
-    }
+    Verdict::again(5_000, 100_000, fault)
 }
 
-/// An answer out of a register block.
-fn answer<const N: usize, T>(
-    decode: fn(&[u8; N]) -> T,
-    wrap: fn(T) -> Answer,
-    bytes: &[u8],
-    next: Step,
-) -> Verdict {
-    match bytes.try_into() {
-        Ok(block) => Verdict::Answer(wrap(decode(block)), next),
-        Err(_) => Verdict::Fail(SensorFault::Protocol),
-    }
+fn answer(request: Request, bytes: &[u8], next: SetupStep) -> Verdict {
+    request
+        .decode(bytes)
+        .map_or(Verdict::Fail(SensorFault::Protocol), |answer| {
+            Verdict::Answer(answer, next)
+        })
 }
 
-fn await_self_test(bytes: &[u8], next: Step) -> Verdict {
-    let &[result, _, _, status, error] = bytes else {
-        return Verdict::Fail(SensorFault::Protocol);
-    };
-    if SystemStatus::from_register(status).is_starting() {
-        return Verdict::Again {
-            pause_us: 10_000,
-            patience_us: 1_000_000,
-            fault: SensorFault::SelfTest { result },
-        };
+fn await_self_test(bytes: &[u8], next: SetupStep) -> Verdict {
+    match *bytes {
+        [result, _, _, status, _] if SystemStatus::from_register(status).is_starting() => {
+            Verdict::again(10_000, 1_000_000, SensorFault::SelfTest { result })
+        }
+        _ => answer(Request::SelfTest, bytes, next),
     }
-    let error = SystemError::from_register(error);
-    Verdict::Answer(Answer::SelfTest(SelfTest { result, error }), next)
 }
 
 fn diagnose(bytes: &[u8], config: &Config) -> Verdict {
@@ -448,11 +483,7 @@ fn diagnose(bytes: &[u8], config: &Config) -> Verdict {
     match SystemStatus::from_register(status) {
         SystemStatus::Error => return Verdict::Fail(SensorFault::System { error }),
         status if status.is_starting() => {
-            return Verdict::Again {
-                pause_us: 10_000,
-                patience_us: 600_000,
-                fault: SensorFault::System { error },
-            };
+            return Verdict::again(10_000, 600_000, SensorFault::System { error });
         }
         _ => {}
     }
@@ -465,7 +496,7 @@ fn diagnose(bytes: &[u8], config: &Config) -> Verdict {
     {
         return Verdict::Fail(SensorFault::Profile { register });
     }
-    Verdict::Go(Step::Write(Setting::Power), 0)
+    Verdict::Go(SetupStep::Write(Setting::Power), 0)
 }
 
 fn confirm(setting: Setting, bytes: &[u8], config: &Config, identity: &mut Identity) -> Verdict {
@@ -489,10 +520,10 @@ fn confirm(setting: Setting, bytes: &[u8], config: &Config, identity: &mut Ident
     }
     match setting.next(config) {
         // What is only read needs no writing first.
-        Some(next @ Setting::UniqueId) => Verdict::Go(Step::Confirm(next), 0),
-        Some(next) => Verdict::Go(Step::Write(next), 0),
-        None if config.external_crystal => Verdict::Go(Step::AwaitClock, 0),
-        None => Verdict::Go(Step::EnterMode, 0),
+        Some(next @ Setting::UniqueId) => Verdict::Go(SetupStep::Confirm(next), 0),
+        Some(next) => Verdict::Go(SetupStep::Write(next), 0),
+        None if config.external_crystal => Verdict::Go(SetupStep::AwaitClock, 0),
+        None => Verdict::Go(SetupStep::EnterMode, 0),
     }
 }
 
@@ -505,12 +536,8 @@ fn await_running(bytes: &[u8], config: &Config) -> Verdict {
     };
     match SystemStatus::from_register(status) {
         SystemStatus::Error => Verdict::Fail(fault),
-        SystemStatus::Fusion if config.mode.is_fusion() => Verdict::Go(Step::AwaitData, 0),
-        SystemStatus::NoFusion if !config.mode.is_fusion() => Verdict::Go(Step::AwaitData, 0),
-        _ => Verdict::Again {
-            pause_us: 5_000,
-            patience_us: 500_000,
-            fault,
-        },
+        SystemStatus::Fusion if config.mode.is_fusion() => Verdict::Go(SetupStep::AwaitData, 0),
+        SystemStatus::NoFusion if !config.mode.is_fusion() => Verdict::Go(SetupStep::AwaitData, 0),
+        _ => Verdict::again(5_000, 500_000, fault),
     }
 }

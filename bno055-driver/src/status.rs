@@ -1,46 +1,59 @@
-//! What the chip says about itself, typed.
+//! What the chip reports about itself.
 
 use core::fmt;
 
 use crate::hex::Hex;
+use crate::register_enums::register_enums;
 
-/// System status (SYS_STATUS).
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum SystemStatus {
-    /// Idle: CONFIG mode.
-    Idle,
-    /// Error: see [`SystemError`].
-    Error,
-    /// Initialising peripherals.
-    InitPeripherals,
-    /// Initialising the system.
-    InitSystem,
-    /// Running the self-test.
-    SelfTest,
-    /// Running with fusion.
-    Fusion,
-    /// Running without fusion.
-    NoFusion,
-    /// A value that the data sheet does not name.
-    Unknown(u8),
+register_enums! {
+    /// System status (SYS_STATUS).
+    pub enum SystemStatus {
+        /// Idle: CONFIG mode.
+        Idle = 0,
+        /// Error: see [`SystemError`].
+        Error = 1,
+        /// Initialising peripherals.
+        InitPeripherals = 2,
+        /// Initialising the system.
+        InitSystem = 3,
+        /// Running the self-test.
+        SelfTest = 4,
+        /// Running with fusion.
+        Fusion = 5,
+        /// Running without fusion.
+        NoFusion = 6,
+        _ => Unknown
+    }
+
+    /// System error (SYS_ERR), meaningful while the status is [`SystemStatus::Error`].
+    pub enum SystemError {
+        /// No error.
+        None = 0,
+        /// Peripheral initialisation.
+        Peripherals = 1,
+        /// System initialisation.
+        System = 2,
+        /// Self-test failed.
+        SelfTest = 3,
+        /// A register was written with a value out of range.
+        Value = 4,
+        /// A register's address out of range.
+        Address = 5,
+        /// A register could not be written.
+        Write = 6,
+        /// Low-power mode not available in the operating mode.
+        LowPower = 7,
+        /// Accelerometer power mode not available.
+        AccPower = 8,
+        /// Fusion configuration.
+        Fusion = 9,
+        /// Sensor configuration.
+        Sensor = 10,
+        _ => Unknown
+    }
 }
 
 impl SystemStatus {
-    /// The status of SYS_STATUS' value.
-    #[must_use]
-    pub const fn from_register(value: u8) -> Self {
-        match value {
-            0 => Self::Idle,
-            1 => Self::Error,
-            2 => Self::InitPeripherals,
-            3 => Self::InitSystem,
-            4 => Self::SelfTest,
-            5 => Self::Fusion,
-            6 => Self::NoFusion,
-            other => Self::Unknown(other),
-        }
-    }
-
     /// Whether the chip is on its way to being ready.
     #[must_use]
     pub const fn is_starting(self) -> bool {
@@ -48,75 +61,6 @@ impl SystemStatus {
             self,
             Self::InitPeripherals | Self::InitSystem | Self::SelfTest
         )
-    }
-}
-
-/// System error (SYS_ERR), of meaning while the status is [`SystemStatus::Error`].
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum SystemError {
-    /// No error.
-    None,
-    /// Peripheral initialisation.
-    Peripherals,
-    /// System initialisation.
-    System,
-    /// Self-test failed.
-    SelfTest,
-    /// A register was written with a value out of range.
-    Value,
-    /// A register's address out of range.
-    Address,
-    /// A register could not be written.
-    Write,
-    /// Low-power mode not available in the operating mode.
-    LowPower,
-    /// Accelerometer power mode not available.
-    AccPower,
-    /// Fusion configuration.
-    Fusion,
-    /// Sensor configuration.
-    Sensor,
-    /// A value that the data sheet does not name.
-    Unknown(u8),
-}
-
-impl SystemError {
-    /// The error of SYS_ERR's value.
-    #[must_use]
-    pub const fn from_register(value: u8) -> Self {
-        match value {
-            0 => Self::None,
-            1 => Self::Peripherals,
-            2 => Self::System,
-            3 => Self::SelfTest,
-            4 => Self::Value,
-            5 => Self::Address,
-            6 => Self::Write,
-            7 => Self::LowPower,
-            8 => Self::AccPower,
-            9 => Self::Fusion,
-            10 => Self::Sensor,
-            other => Self::Unknown(other),
-        }
-    }
-
-    /// SYS_ERR's value.
-    #[must_use]
-    pub const fn code(self) -> u8 {
-        match self {
-            Self::None => 0,
-            Self::Peripherals => 1,
-            Self::System => 2,
-            Self::SelfTest => 3,
-            Self::Value => 4,
-            Self::Address => 5,
-            Self::Write => 6,
-            Self::LowPower => 7,
-            Self::AccPower => 8,
-            Self::Fusion => 9,
-            Self::Sensor => 10,
-            Self::Unknown(other) => other,
-        }
     }
 }
 
@@ -139,14 +83,14 @@ impl fmt::Display for SystemError {
     }
 }
 
-/// Who the chip is.
+/// What identifies the chip.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub struct Identity {
     /// Firmware revision, as 0x0311 for 3.11.
     pub software: u16,
     /// Bootloader revision.
     pub bootloader: u8,
-    /// Unique identification of this very chip.
+    /// Unique identification of the individual chip.
     pub unique_id: [u8; 16],
 }
 
@@ -193,7 +137,8 @@ impl SelfTest {
 
 /// How far fusion has calibrated itself (CALIB_STAT): 0 not at all, 3 fully.
 ///
-/// The figures fall under motion, and the system's can be 3 while the magnetometer's is 0: gate nothing on the system's.
+/// The figures fall during motion, and the system's can be 3 while the magnetometer's is 0: let no
+/// decision depend on the system's alone.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct CalibrationStatus {
     /// The whole.

@@ -1,4 +1,4 @@
-//! What crosses the border between the driver and whoever owns the bus: time, transfers, outcomes.
+//! What the driver and the owner of the bus exchange: times, transfers and their outcomes.
 
 /// A moment, in microseconds since the owner's clock started; never wraps in practice.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -21,7 +21,7 @@ impl Micros {
 /// How long the owner of the bus should let one transfer take before it reports [`BusError::Timeout`].
 ///
 /// The longest transfer of the driver, 32 bytes at 100 kHz with 0.2 ms of clock stretching a byte,
-/// takes about 9 ms; the chip has been seen to stretch for longer, but not to come back usefully.
+/// takes about 9 ms. The chip has been seen to stretch for longer, but gave no useful answer then.
 pub const TRANSFER_DEADLINE_US: u64 = 15_000;
 
 /// Longest payload of a write: the calibration profile.

@@ -1,53 +1,52 @@
 //! Units of the chip's outputs, and what one count of each is.
 
-/// Unit of acceleration, linear acceleration and gravity.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
-pub enum AccUnit {
-    /// 100 counts for 1 m/s^2.
-    #[default]
-    MetrePerSecondSquared,
-    /// 1 count for 1 mg.
-    MilliG,
-}
+use crate::register_enums::register_enums;
 
-/// Unit of angular rate.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
-pub enum GyrUnit {
-    /// 16 counts for 1 deg/s.
-    #[default]
-    DegreePerSecond,
-    /// 900 counts for 1 rad/s.
-    RadianPerSecond,
-}
+register_enums! {
+    /// Unit of acceleration, linear acceleration and gravity.
+    pub enum AccUnit {
+        /// 100 counts for 1 m/s^2.
+        #[default]
+        MetrePerSecondSquared = 0,
+        /// 1 count for 1 mg.
+        MilliG = 1,
+    }
 
-/// Unit of the Euler angles.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
-pub enum AngleUnit {
-    /// 16 counts for 1 deg.
-    #[default]
-    Degree,
-    /// 900 counts for 1 rad.
-    Radian,
-}
+    /// Unit of angular rate.
+    pub enum GyrUnit {
+        /// 16 counts for 1 deg/s.
+        #[default]
+        DegreePerSecond = 0,
+        /// 900 counts for 1 rad/s.
+        RadianPerSecond = 1,
+    }
 
-/// Unit of temperature.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
-pub enum TemperatureUnit {
-    /// 1 count for 1 degree Celsius.
-    #[default]
-    Celsius,
-    /// 1 count for 2 degrees Fahrenheit.
-    Fahrenheit,
-}
+    /// Unit of the Euler angles.
+    pub enum AngleUnit {
+        /// 16 counts for 1 deg.
+        #[default]
+        Degree = 0,
+        /// 900 counts for 1 rad.
+        Radian = 1,
+    }
 
-/// Sign convention of the Euler pitch.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
-pub enum Orientation {
-    /// Pitch turns clockwise increasing, -180 to +180 deg.
-    #[default]
-    Windows,
-    /// Pitch turns clockwise decreasing, +180 to -180 deg.
-    Android,
+    /// Unit of temperature.
+    pub enum TemperatureUnit {
+        /// 1 count for 1 degree Celsius.
+        #[default]
+        Celsius = 0,
+        /// 1 count for 2 degrees Fahrenheit.
+        Fahrenheit = 1,
+    }
+
+    /// Sign convention of the Euler pitch.
+    pub enum Orientation {
+        /// Pitch turns clockwise increasing, -180 to +180 deg.
+        #[default]
+        Windows = 0,
+        /// Pitch turns clockwise decreasing, +180 to -180 deg.
+        Android = 1,
+    }
 }
 
 /// Units that the chip's outputs are in (UNIT_SEL, data sheet section 3.6.1).

@@ -1,4 +1,5 @@
-//! Verification: chips reset themselves and come back with defaults, so that what was written is read again and again.
+//! Verification while sampling: a chip that resets itself comes back with its defaults, so that its
+//! settings are read back again and again.
 
 use crate::config::Config;
 use crate::fault::SensorFault;
@@ -6,20 +7,21 @@ use crate::registers as reg;
 use crate::status::{SystemError, SystemStatus};
 use crate::transfer::Transfer;
 
-/// The registers that must go on holding what was written, looked at in turn.
+/// The registers that must go on holding what was written; each check's value is its register.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u8)]
 pub(crate) enum Check {
-    Mode,
-    Page,
-    Units,
-    AxisMap,
-    AxisSign,
-    System,
-    Power,
+    Mode = reg::OPR_MODE,
+    Page = reg::PAGE_ID,
+    Units = reg::UNIT_SEL,
+    AxisMap = reg::AXIS_MAP_CONFIG,
+    AxisSign = reg::AXIS_MAP_SIGN,
+    System = reg::SYS_STATUS,
+    Power = reg::PWR_MODE,
 }
 
 impl Check {
-    /// The register after this one, in a circle.
+    /// The check after this one, round and round.
     pub(crate) const fn next(self) -> Self {
         match self {
             Self::Mode => Self::Page,
@@ -32,17 +34,9 @@ impl Check {
         }
     }
 
-    /// The registers are read one by one so that the transfer fits between two bursts; status and error go together.
+    /// The read that fits between two bursts: one register, but status and error together.
     pub(crate) const fn transfer(self) -> Transfer {
-        match self {
-            Self::Mode => Transfer::read(reg::OPR_MODE, 1),
-            Self::Page => Transfer::read(reg::PAGE_ID, 1),
-            Self::Units => Transfer::read(reg::UNIT_SEL, 1),
-            Self::AxisMap => Transfer::read(reg::AXIS_MAP_CONFIG, 1),
-            Self::AxisSign => Transfer::read(reg::AXIS_MAP_SIGN, 1),
-            Self::System => Transfer::read(reg::SYS_STATUS, 2),
-            Self::Power => Transfer::read(reg::PWR_MODE, 1),
-        }
+        Transfer::read(self as u8, if matches!(self, Self::System) { 2 } else { 1 })
     }
 
     /// What is wrong with the answer, if anything is.
@@ -52,13 +46,13 @@ impl Check {
             return Err(SensorFault::AllOnes);
         }
         let [map, sign] = config.axes.registers();
-        let (register, mask, expected) = match self {
-            Self::Mode => (reg::OPR_MODE, 0x0F, config.mode as u8),
-            Self::Page => (reg::PAGE_ID, 0xFF, 0),
-            Self::Units => (reg::UNIT_SEL, 0x97, config.units.register()),
-            Self::AxisMap => (reg::AXIS_MAP_CONFIG, 0x3F, map),
-            Self::AxisSign => (reg::AXIS_MAP_SIGN, 0x07, sign),
-            Self::Power => (reg::PWR_MODE, 0x03, config.power as u8),
+        let (mask, expected) = match self {
+            Self::Mode => (0x0F, config.mode as u8),
+            Self::Page => (0xFF, 0),
+            Self::Units => (0x97, config.units.register()),
+            Self::AxisMap => (0x3F, map),
+            Self::AxisSign => (0x07, sign),
+            Self::Power => (0x03, config.power as u8),
             Self::System => {
                 let &[status, error] = bytes else {
                     return Err(SensorFault::Protocol);
@@ -79,7 +73,10 @@ impl Check {
         match found & mask {
             found if found == expected => Ok(()),
             0 if self == Self::Mode => Err(SensorFault::Reset),
-            _ => Err(SensorFault::Configuration { register, found }),
+            _ => Err(SensorFault::Configuration {
+                register: self as u8,
+                found,
+            }),
         }
     }
 }

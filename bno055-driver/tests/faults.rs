@@ -173,6 +173,27 @@ fn zeros_with_an_error_are_a_reset_at_once_and_the_error_once_it_is_read() {
     recovers(&mut rig);
 }
 
+/// One burst of zeros is only reported; right after another bad sample, whatever its fault, it also restarts the chip.
+#[test]
+fn zeros_after_another_bad_sample_set_the_chip_up_at_once() {
+    for (first, fault, sampling) in [
+        (None, SensorFault::Reset, true),
+        (Some(vec![0; 18]), SensorFault::Reset, false),
+        (Some(vec![0xFF; 18]), SensorFault::AllOnes, false),
+        (Some(vec![0x7F; 18]), SensorFault::Implausible, false),
+    ] {
+        let mut rig = flying(Config::default());
+        let now = Micros(rig.chip.now);
+        if let Some(bytes) = &first {
+            assert_eq!(rig.driver.sample(now, Ok(bytes)), Err(fault));
+            assert!(rig.driver.is_sampling());
+        }
+        let zeros = rig.driver.sample(now, Ok(&[0; 18]));
+        assert_eq!(zeros, Err(SensorFault::Reset));
+        assert_eq!(rig.driver.is_sampling(), sampling, "{first:?}");
+    }
+}
+
 #[test]
 fn frozen_data_are_seen_at_the_fifth_equal_burst() {
     let mut rig = flying(Config::default());
@@ -294,7 +315,7 @@ fn samples_are_withheld_while_a_register_is_in_doubt() {
         .collect();
     assert_eq!(
         rig.driver.sample(Micros(rig.chip.now), Ok(&bytes)),
-        Err(SensorFault::Doubt)
+        Err(SensorFault::RegisterMismatch)
     );
     assert_eq!(rig.driver.health().withheld, 1);
     while rig.driver.is_sampling() {

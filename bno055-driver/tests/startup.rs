@@ -6,8 +6,8 @@ use std::num::NonZeroU8;
 
 use bno055_driver::config::{AccRange, Axis, AxisMap, Mode, ResetPolicy, Sensors, Signed, Units};
 use bno055_driver::{
-    Answer, BOOT_DEADLINE_US, BusError, Bytes, Config, Driver, Micros, Next, Profile, Request,
-    SensorFault, SoftIron, SystemError, Transfer,
+    BOOT_DEADLINE_US, BusError, Bytes, Config, Driver, Micros, Next, Profile, SensorFault,
+    SoftIron, SystemError, Transfer,
 };
 use fake::{BOOT_US, Rig};
 
@@ -405,61 +405,6 @@ fn stuck_zero_or_frozen_data_never_start_sampling() {
     assert!(!rig.driver.is_sampling());
     rig.chip.frozen = false;
     rig.run_until_sampling(2_000_000);
-}
-
-#[test]
-fn requests_in_config_mode_are_answered_and_sampling_resumes() {
-    let config = Config {
-        mode: Mode::Ndof,
-        profile: Some(PROFILE),
-        ..Config::default()
-    };
-    let mut rig = Rig::sampling(config);
-    let ask = |rig: &mut Rig, request| {
-        rig.driver.request(request);
-        assert!(!rig.driver.is_sampling());
-        rig.run_until_sampling(1_500_000);
-        let answer = rig.driver.answer();
-        assert_eq!(rig.driver.answer(), None, "given once");
-        assert!(rig.chip.holds(&config));
-        answer
-    };
-    assert_eq!(
-        ask(&mut rig, Request::Profile),
-        Some(Answer::Profile(PROFILE))
-    );
-    assert_eq!(
-        ask(&mut rig, Request::SoftIron),
-        Some(Answer::SoftIron(SoftIron::IDENTITY))
-    );
-    let before = rig.chip.now;
-    let Some(Answer::SelfTest(result)) = ask(&mut rig, Request::SelfTest) else {
-        panic!("no result")
-    };
-    assert!(result.passed() && result.acc() && result.mag() && result.gyr() && result.controller());
-    assert_eq!(result.error, SystemError::None);
-    assert!(rig.chip.now - before > 400_000);
-    assert!(rig.chip.log.contains(&write(0x3F, [0x01])));
-}
-
-#[test]
-fn requests_between_samples_do_not_disturb_them() {
-    let mut rig = Rig::sampling(Config::default());
-    rig.chip.pages[0][0x35] = 0b11_10_01_00;
-    rig.driver.request(Request::Temperature);
-    rig.turn();
-    assert_eq!(rig.driver.answer(), Some(Answer::Temperature(25)));
-    rig.driver.request(Request::CalibrationStatus);
-    rig.turn();
-    let Some(Answer::CalibrationStatus(status)) = rig.driver.answer() else {
-        panic!("no status")
-    };
-    assert_eq!(
-        (status.system, status.gyr, status.acc, status.mag),
-        (3, 2, 1, 0)
-    );
-    assert!(rig.driver.is_sampling());
-    assert!(rig.bursts(20).iter().all(Result::is_ok));
 }
 
 #[test]

@@ -8,7 +8,7 @@
 
 use nalgebra::Vector3;
 
-use crate::config::{ConfigError, in_range};
+use crate::error::{ConfigError, in_range};
 use crate::estimator::{Filter, View};
 use crate::quaternion::{cross, dot};
 use crate::real::Real;

@@ -2,16 +2,14 @@
 
 use nalgebra::Vector3;
 
-use crate::config::{Config, ConfigError, in_range, positive};
+use crate::config::{Config, GRAVITY};
+use crate::error::{ConfigError, in_range, positive};
 use crate::field::{Field, HeadingError, plausible};
 use crate::quaternion::{HalfRows, Quaternion, dot};
 use crate::range::{Hidden, Range};
 use crate::real::{Number, Real};
 use crate::recovery::{Recovery, Seen};
 use crate::rest::Rest;
-
-/// Standard gravity, m/s^2.
-pub const GRAVITY: f32 = 9.806_65;
 
 /// Largest component of an acceleration without a direction, m/s^2: free fall, or an absent sensor.
 const LEAST_ACC: f32 = 0.5;

@@ -7,7 +7,7 @@
 //! place has changed, and it becomes the reference) or it has lasted so long that the drift of the heading
 //! would be worse than the field's error.
 
-use crate::config::{ConfigError, in_range, positive};
+use crate::error::{ConfigError, in_range, positive};
 use crate::quaternion::{HalfRows, Quaternion, dot};
 use crate::real::Real;
 use nalgebra::Vector3;

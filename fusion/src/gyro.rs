@@ -2,7 +2,7 @@
 
 use nalgebra::Vector3;
 
-use crate::config::ConfigError;
+use crate::error::ConfigError;
 use crate::estimator::{Filter, View};
 use crate::mahony::{Mahony, MahonyGains};
 use crate::real::Real;

@@ -9,8 +9,9 @@
 
 use nalgebra::Vector3;
 
-use crate::config::{ConfigError, in_range};
-use crate::estimator::{Filter, GRAVITY, View};
+use crate::config::GRAVITY;
+use crate::error::{ConfigError, in_range};
+use crate::estimator::{Filter, View};
 use crate::quaternion::cross;
 use crate::real::Real;
 

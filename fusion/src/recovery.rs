@@ -11,7 +11,7 @@
 
 use nalgebra::Vector3;
 
-use crate::estimator::GRAVITY;
+use crate::config::GRAVITY;
 use crate::quaternion::{HalfRows, cross, dot};
 use crate::range::Hidden;
 use crate::real::Number;

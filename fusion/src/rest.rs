@@ -4,7 +4,7 @@
 //! close to the first of them for long enough, the body is at rest, and what the gyroscope then shows is
 //! offset. Block averages cost little and see through vibration, whose mean is zero.
 
-use crate::config::{ConfigError, positive};
+use crate::error::{ConfigError, positive};
 use crate::real::Real;
 use nalgebra::Vector3;
 

@@ -19,8 +19,9 @@
 
 use nalgebra::Vector3;
 
-use crate::config::{ConfigError, in_range, positive};
-use crate::estimator::{Filter, GRAVITY, View};
+use crate::config::GRAVITY;
+use crate::error::{ConfigError, in_range, positive};
+use crate::estimator::{Filter, View};
 use crate::quaternion::dot;
 use crate::real::Real;
 

@@ -1,30 +1,13 @@
 //! The tool as scripts and people meet it: exit status, one line for what was wrong, data apart from messages.
 
-use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
+mod running;
 
-fn tvc(arguments: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_tvc"))
-        .args(arguments)
-        .output()
-        .unwrap()
-}
+use std::path::{Path, PathBuf};
+
+use running::{assert_refused, tvc};
 
 fn recording() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/data/broad_11_cut.imuq")
-}
-
-/// Status 2, nothing on standard output, one line on standard error with `part` in it.
-fn assert_refused(arguments: &[&str], part: &str) {
-    let output = tvc(arguments);
-    let said = String::from_utf8(output.stderr).unwrap();
-    assert_eq!(output.status.code(), Some(2), "{arguments:?}: {said}");
-    assert!(output.stdout.is_empty(), "{arguments:?}");
-    assert_eq!(said.lines().count(), 1, "{arguments:?}: {said}");
-    assert!(
-        said.starts_with("error: ") && said.contains(part),
-        "{arguments:?}: {said}"
-    );
 }
 
 #[test]
@@ -338,8 +321,7 @@ fn a_reader_who_leaves_is_no_error() {
 
     let scenario =
         Path::new(env!("CARGO_MANIFEST_DIR")).join("../scenarios/gravity_only_pendulum.toml");
-    let mut process = Command::new(env!("CARGO_BIN_EXE_tvc"))
-        .args(["model", "simulate", scenario.to_str().unwrap()])
+    let mut process = running::command(&["model", "simulate", scenario.to_str().unwrap()])
         .stdout(Stdio::piped())
         .stderr(Stdio::piped())
         .spawn()

@@ -1,40 +1,26 @@
 //! `tvc fuse` on a piece of a real recording, read back by an oracle of its own.
 
+mod running;
+
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
 
 /// An IMUQ16v1 file: 64 bytes of header, 28 bytes a sample.
 const HEADER: usize = 64;
 const RECORD: usize = 28;
-
-fn tvc(arguments: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_tvc"))
-        .arg("fuse")
-        .args(arguments)
-        .output()
-        .unwrap()
-}
 
 fn recording() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/data/broad_11_cut.imuq")
 }
 
 fn json(arguments: &[&str]) -> serde_json::Value {
-    let output = tvc(arguments);
-    let said = String::from_utf8_lossy(&output.stderr).into_owned();
-    assert_eq!(output.status.code(), Some(0), "{arguments:?}: {said}");
-    serde_json::from_slice(&output.stdout).unwrap_or_else(|error| panic!("{error}: {said}"))
+    running::json(&running::tvc(&[&["fuse"], arguments].concat()))
 }
 
-/// Status 2 and one line on standard error with all of `parts` in it; nothing is written to `folder`.
+/// One line on standard error with all of `parts` in it; nothing is written to `folder`.
 fn assert_refused(folder: &Path, arguments: &[&str], parts: &[&str]) {
     let before = fs::read_dir(folder).unwrap().count();
-    let output = tvc(arguments);
-    let said = String::from_utf8(output.stderr).unwrap();
-    assert_eq!(output.status.code(), Some(2), "{arguments:?}: {said}");
-    assert!(output.stdout.is_empty(), "{arguments:?}");
-    assert_eq!(said.lines().count(), 1, "{arguments:?}: {said}");
+    let said = running::refused(&[&["fuse"], arguments].concat());
     for part in parts {
         assert!(said.contains(part), "{arguments:?}: {part} in {said}");
     }

@@ -1,14 +1,16 @@
 //! `tvc model` as scripts and people meet it.
 
+mod running;
+
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
+use std::process::Output;
 
 fn tvc(arguments: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_tvc"))
-        .arg("model")
-        .args(arguments)
-        .output()
-        .unwrap()
+    running::tvc(&[&["model"], arguments].concat())
+}
+
+fn assert_refused(arguments: &[&str], part: &str) {
+    running::assert_refused(&[&["model"], arguments].concat(), part);
 }
 
 fn at_root(path: &str) -> PathBuf {
@@ -127,15 +129,9 @@ fn mistakes_name_the_key_and_the_file_and_write_nothing() {
         ("seconds = ", "line 1"),
     ] {
         std::fs::write(&path, scenario).unwrap();
-        let output = tvc(&["simulate", text(&path), "--out", text(&out)]);
-        let said = String::from_utf8(output.stderr).unwrap();
-        assert_eq!(output.status.code(), Some(2), "{scenario}: {said}");
-        assert!(output.stdout.is_empty());
-        assert_eq!(said.lines().count(), 1, "{said}");
-        assert!(
-            said.contains("mistake.toml") && said.contains(key),
-            "{said}"
-        );
+        let arguments = ["simulate", text(&path), "--out", text(&out)];
+        assert_refused(&arguments, "mistake.toml");
+        assert_refused(&arguments, key);
         assert!(!out.exists());
     }
     for (arguments, part) in [
@@ -143,10 +139,7 @@ fn mistakes_name_the_key_and_the_file_and_write_nothing() {
         (&["simulate", "x.toml", "--dt", "0"], "above zero"),
         (&["simulate", "x.toml", "--dt", "fast"], "--dt"),
     ] {
-        let output = tvc(arguments);
-        let said = String::from_utf8(output.stderr).unwrap();
-        assert_eq!(output.status.code(), Some(2), "{said}");
-        assert!(said.contains(part) && said.lines().count() == 1, "{said}");
+        assert_refused(arguments, part);
     }
 }
 
@@ -254,10 +247,7 @@ fn linear_takes_servo_gains_point_and_parameter_file() {
         (&["linear", "--preset", "MAPLE"], "THESIS_TABLE"),
         (&["linear", "--gains", "1"], "two numbers"),
     ] {
-        let output = tvc(arguments);
-        let said = String::from_utf8(output.stderr).unwrap();
-        assert_eq!(output.status.code(), Some(2), "{said}");
-        assert!(said.contains(part) && said.lines().count() == 1, "{said}");
+        assert_refused(arguments, part);
     }
 }
 

@@ -1,41 +1,24 @@
 //! Gains, campaigns and identification from the command line.
 
+mod running;
+
 use std::path::Path;
-use std::process::{Command, Output};
+use std::process::Output;
 
 use plant::linkage::Linkage;
 use plant::pitch_loop::{Pd, PitchLoop, Timing};
 use plant::{Parameters, ServoModel};
 use serde_json::Value;
 
+use running::assert_refused;
+
 fn tvc(folder: &Path, arguments: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_tvc"))
-        .current_dir(folder)
-        .args(arguments)
-        .output()
-        .unwrap()
+    let mut command = running::command(arguments);
+    command.current_dir(folder).output().unwrap()
 }
 
 fn json(folder: &Path, arguments: &[&str]) -> Value {
-    let output = tvc(folder, arguments);
-    assert!(
-        output.status.success(),
-        "{}",
-        String::from_utf8_lossy(&output.stderr)
-    );
-    serde_json::from_slice(&output.stdout).unwrap()
-}
-
-fn assert_refused(arguments: &[&str], part: &str) {
-    let folder = tempfile::tempdir().unwrap();
-    let output = tvc(folder.path(), arguments);
-    let said = String::from_utf8(output.stderr).unwrap();
-    assert_eq!(output.status.code(), Some(2), "{arguments:?}: {said}");
-    assert!(
-        output.stdout.is_empty() && said.lines().count() == 1,
-        "{said}"
-    );
-    assert!(said.contains(part), "{arguments:?}: {said}");
+    running::json(&tvc(folder, arguments))
 }
 
 #[test]

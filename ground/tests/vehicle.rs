@@ -45,11 +45,7 @@ impl Rig {
     }
 
     fn tvc(&self, arguments: &[&str]) -> Output {
-        Command::new(env!("CARGO_BIN_EXE_tvc"))
-            .args(arguments)
-            .args(["--port", &self.path("nano")])
-            .output()
-            .unwrap()
+        running::tvc(&[arguments, &["--port", &self.path("nano")]].concat())
     }
 
     /// Standard output of a command that must succeed.
@@ -61,8 +57,7 @@ impl Rig {
     }
 
     fn json(&self, arguments: &[&str]) -> Value {
-        let text = self.ok(&[arguments, &["--json"]].concat());
-        serde_json::from_str(&text).unwrap_or_else(|error| panic!("{error}: {text}"))
+        running::json(&self.tvc(&[arguments, &["--json"]].concat()))
     }
 
     /// The error of a command that must fail with `status`, in one line.
@@ -214,8 +209,7 @@ fn it_arms_disarms_is_watched_and_recorded() {
 fn a_reader_who_leaves_ends_the_monitor_quietly() {
     let rig = Rig::start(&[]);
     let log = rig.path("watched.tlog");
-    let mut monitor = Command::new(env!("CARGO_BIN_EXE_tvc"))
-        .args(["monitor", "--json", "--every", "0.2", "--log", &log])
+    let mut monitor = running::command(&["monitor", "--json", "--every", "0.2", "--log", &log])
         .args(["--port", &rig.path("nano")])
         .stdout(Stdio::piped())
         .stderr(Stdio::piped())
@@ -237,12 +231,9 @@ fn a_reader_who_leaves_ends_the_monitor_quietly() {
     );
 }
 
-/// A command without a vehicle.
+/// Status and standard output of a command without a vehicle.
 fn tvc(arguments: &[&str]) -> (Option<i32>, String) {
-    let output = Command::new(env!("CARGO_BIN_EXE_tvc"))
-        .args(arguments)
-        .output()
-        .unwrap();
+    let output = running::tvc(arguments);
     (
         output.status.code(),
         String::from_utf8(output.stdout).unwrap(),
@@ -369,8 +360,7 @@ fn everything_is_forwarded_and_the_station_is_heard() {
         socket
     };
     let (station, plot) = (socket(), socket());
-    let mut bridge = Command::new(env!("CARGO_BIN_EXE_tvc"))
-        .args(["forward", "--port", &rig.path("nano")])
+    let mut bridge = running::command(&["forward", "--port", &rig.path("nano")])
         .args(["--to", &station.local_addr().unwrap().to_string()])
         .args(["--plot", &plot.local_addr().unwrap().to_string()])
         .stderr(Stdio::null())
@@ -420,15 +410,8 @@ fn what_is_no_log_is_refused() {
 #[test]
 fn a_rig_that_is_told_to_end_leaves_nothing_behind_and_who_listens_is_told() {
     let mut rig = Rig::start(&[]);
-    let monitor = Command::new(env!("CARGO_BIN_EXE_tvc"))
-        .args([
-            "monitor",
-            "--json",
-            "--every",
-            "0.1",
-            "--port",
-            &rig.path("nano"),
-        ])
+    let port = rig.path("nano");
+    let monitor = running::command(&["monitor", "--json", "--every", "0.1", "--port", &port])
         .stdout(Stdio::piped())
         .stderr(Stdio::piped())
         .spawn()
@@ -448,11 +431,8 @@ fn a_rig_that_is_told_to_end_leaves_nothing_behind_and_who_listens_is_told() {
 #[test]
 fn a_port_without_a_vehicle_is_said_to_be_one() {
     let pty = rig::pty::Pty::open().unwrap();
-    let output = Command::new(env!("CARGO_BIN_EXE_tvc"))
-        .args(["param", "list", "--port", pty.path().to_str().unwrap()])
-        .output()
-        .unwrap();
-    let said = String::from_utf8(output.stderr).unwrap();
+    let output = running::tvc(&["param", "list", "--port", pty.path().to_str().unwrap()]);
+    let said = running::said(&output);
     assert_eq!(output.status.code(), Some(1), "{said}");
     assert!(
         said.contains("no heartbeat on") && said.contains("tvc ports"),

@@ -6,12 +6,12 @@ mod running;
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::TcpStream;
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
+use std::process::Command;
 use std::time::{Duration, Instant};
 
 use serde_json::{Value, json};
 
-use running::Running;
+use running::{Running, refused};
 
 /// A machine that is busy with other tests runs the rig slower than real time.
 const PATIENCE: Duration = Duration::from_secs(120);
@@ -22,10 +22,6 @@ impl Running {
         assert!(Command::new("kill").arg(id).status().unwrap().success());
         assert_eq!(self.0.wait().unwrap().code(), Some(0));
     }
-}
-
-fn tvc() -> Command {
-    Command::new(env!("CARGO_BIN_EXE_tvc"))
 }
 
 fn rig(port: &Path) -> Running {
@@ -249,7 +245,7 @@ fn the_page_shows_arms_stops_and_tunes_and_a_foreign_page_cannot() {
     // The image has it, as another client finds once the port is free.
     page.web.end();
     let port = port.to_str().unwrap();
-    let output = run(&["param", "get", "PID_KP", "--json", "--port", port]);
+    let output = running::tvc(&["param", "get", "PID_KP", "--json", "--port", port]);
     let got: Value = serde_json::from_slice(&output.stdout).unwrap();
     assert_eq!(got["parameters"][0]["value"], 1.25);
 }
@@ -308,20 +304,6 @@ fn a_port_that_went_away_is_said_and_found_again() {
     let _second = rig(&port);
     page.wait_for("standby");
     page.arm();
-}
-
-fn run(arguments: &[&str]) -> Output {
-    tvc().args(arguments).output().unwrap()
-}
-
-/// The error of a command with unusable input, in one line.
-fn refused(arguments: &[&str]) -> String {
-    let output = run(arguments);
-    let said = String::from_utf8(output.stderr).unwrap();
-    assert_eq!(output.status.code(), Some(2), "{said}");
-    assert_eq!(said.lines().count(), 1, "{said}");
-    assert!(output.stdout.is_empty());
-    said
 }
 
 #[test]

@@ -17,9 +17,9 @@ pub struct Shaped<T> {
 #[derive(Clone, Debug)]
 pub struct Reference<T> {
     period: T,
-    /// Distance to rate.
+    /// Gain from the distance to the change of the rate in a sample.
     pull: T,
-    /// Rate to rate.
+    /// Gain from the rate to its decrease in a sample.
     brake: T,
     rate_limit: T,
     state: Shaped<T>,

@@ -1,7 +1,7 @@
 //! What a person is asked to do with the vehicle, step by step, while it is calibrated.
 //!
 //! `tvc calibrate` shows an instruction on the screen and sends it down the link as STATUSTEXT, where the firmware passes it
-//! over: a log of the link says what was asked for and when, and the virtual rig's [`Hand`](crate::hand::Hand) obeys it.
+//! over: a log of the link says what was asked for and when, and the virtual rig's [`Pilot`](crate::pilot::Pilot) obeys it.
 
 use mavlink::dialects::common::{MavMessage, MavSeverity, STATUSTEXT_DATA};
 use mavlink::types::CharArray;

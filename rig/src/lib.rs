@@ -2,21 +2,21 @@
 //!
 //! ```text
 //!            +----------------- Rig ------------------------------------------+
-//!  Ground    |  Chip (samd21)                World                             |
+//!  Ground    |  Chip (samd21)                Environment                       |
 //!  station <-USB-> image         <-I2C->  Bno055  <- pitch, rate, field -+     |
 //!            |                   -D3---->  servo -> crank -> rudder -> drone   |
-//!            |                   -D4---->  Truth: bursts, steps, pulses, motion|
+//!            |                   -D4---->  GroundTruth: bursts, steps, pulses, motion|
 //!            +------------------------------------------------------------------+
 //! ```
 //!
 //! Everything runs on one clock ([`Ticks`] since power-on) and out of one
-//! seed: the same seed gives the same bytes. A [`Rig`] is a plain value: clone it to fork the world.
+//! seed: the same seed gives the same bytes. A [`Rig`] is a plain value: clone it to fork the environment.
 //!
 //! | module | what |
 //! |---|---|
 //! | [`image`] | builds the firmware and reads its ELF file |
-//! | [`Rig`] | chip, world and bootloader together |
-//! | [`world`] | sensor, servo, drone, clamp |
+//! | [`Rig`] | chip, environment and bootloader together |
+//! | [`environment`] | sensor, servo, drone, clamp |
 //! | [`bno055`] | the sensor at register level, with its faults |
 //! | [`disturbance`] | vibration, sagging servo supply, slow thrust |
 //! | [`truth`], [`measure`] | what really happened, and timing figures of it |
@@ -27,34 +27,27 @@
 //! | [`handling`], [`instruction`] | a sensor in the hand, and what `tvc calibrate` asks of whoever holds it |
 //! | [`recording`], [`replay`], [`score`] | real recordings through the image |
 
+pub mod bench;
 pub mod bno055;
-pub mod disturbance;
-pub mod faults;
-pub mod flight;
+pub mod fly;
 pub mod ground_station;
-pub mod hand;
-pub mod handling;
 pub mod image;
 pub mod instruction;
-pub mod measure;
-#[cfg(unix)]
-pub mod pty;
+pub mod observe;
 pub mod random;
-#[cfg(unix)]
-pub mod real_time;
 mod received;
 pub mod recording;
-pub mod replay;
 mod rig;
 pub mod score;
-mod tap;
-pub mod timed_fault;
-pub mod truth;
-pub mod world;
 
-pub use flight::{FlightRecord, Ready, ServoKind, Setup, prepare};
+pub use bench::{disturbance, sensor_motion};
+pub use fly::flight::{FlightRecord, Ready, ServoKind, Setup, prepare};
+pub use fly::{faults, flight, pilot, replay};
+#[cfg(unix)]
+pub use fly::{pty, real_time};
 pub use ground_station::GroundStation;
 pub use image::Image;
+pub use observe::{ground_truth, measure};
 pub use rig::{Rig, RigConfig, RigError};
 
 pub use samd21::board::Ticks;

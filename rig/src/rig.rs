@@ -1,9 +1,9 @@
-//! The rig: chip and world on one clock, and the bootloader between a reset and the image.
+//! The rig: chip and environment on one clock, and the bootloader between a reset and the image.
 
+use crate::bench::{BenchConfig, Environment};
 use crate::bno055::Fault;
 use crate::image::{IMAGE_ADDRESS, Image};
-use crate::truth::Truth;
-use crate::world::{Bench, World};
+use crate::observe::ground_truth::GroundTruth;
 use plant::ParameterError;
 use samd21::board::Ticks;
 use samd21::chip::{Counters, Stop};
@@ -35,7 +35,7 @@ pub struct RigConfig {
     /// Seed of everything random: the sensor, its bus, the noise in RAM at power-on.
     pub seed: u64,
     /// What stands on the bench; its sensor's seed is replaced by `seed`.
-    pub bench: Bench,
+    pub bench: BenchConfig,
     /// Flash wait states.
     pub wait_states: WaitStates,
     /// How long registers stay in synchronisation.
@@ -48,7 +48,7 @@ impl Default for RigConfig {
     fn default() -> Self {
         Self {
             seed: 1,
-            bench: Bench::default(),
+            bench: BenchConfig::default(),
             wait_states: WaitStates::AsConfigured,
             syncbusy_hold: SyncHold::Instant,
             stored: None,
@@ -95,11 +95,11 @@ enum Running {
     Bootloader,
 }
 
-/// A firmware image on the virtual rig. Clone it to fork the whole world.
+/// A firmware image on the virtual rig. Clone it to fork the whole environment.
 #[derive(Clone)]
 pub struct Rig {
     chip: Chip,
-    world: World,
+    environment: Environment,
     image: Arc<Image>,
     running: Running,
     resets: Vec<(Ticks, ResetCause)>,
@@ -128,7 +128,7 @@ impl Rig {
         chip.boot(IMAGE_ADDRESS);
         Ok(Self {
             chip,
-            world: World::new(&bench)?,
+            environment: Environment::new(&bench)?,
             lowest_sp: image.stack_top(),
             image: Arc::new(image.clone()),
             running: Running::Image,
@@ -169,25 +169,25 @@ impl Rig {
                 }
             }
         }
-        self.world.advance(self.now());
+        self.environment.advance(self.now());
         Ok(())
     }
 
     fn run_some(&mut self, until: Ticks) -> Stop {
         match self.running {
             Running::Image => {
-                let stop = self.chip.run_until(until, &mut self.world);
+                let stop = self.chip.run_until(until, &mut self.environment);
                 self.lowest_sp = self.lowest_sp.min(self.chip.lowest_sp());
                 stop
             }
             Running::Tap(end) => {
-                let stop = self.chip.hold_until(until.min(end), &mut self.world);
+                let stop = self.chip.hold_until(until.min(end), &mut self.environment);
                 if stop == Stop::Reached && self.now() >= end {
                     self.leave_bootloader();
                 }
                 stop
             }
-            Running::Bootloader => self.chip.hold_until(until, &mut self.world),
+            Running::Bootloader => self.chip.hold_until(until, &mut self.environment),
         }
     }
 
@@ -197,7 +197,7 @@ impl Rig {
         let now = self.now();
         self.resets.push((now, cause));
         self.chip.reset(cause);
-        self.world.chip_reset();
+        self.environment.chip_reset();
         let ram = self.chip.ram_mut();
         ram[BOOTLOADER_VARIABLES].fill(BOOTLOADER_RUBBISH);
         ram[BOOTLOADER_STACK].fill(BOOTLOADER_RUBBISH);
@@ -232,8 +232,8 @@ impl Rig {
         let now = self.now();
         self.resets.push((now, ResetCause::PowerOn));
         self.chip.reset(ResetCause::PowerOn);
-        self.world.chip_reset();
-        self.world.inject(now, Fault::PowerDip);
+        self.environment.chip_reset();
+        self.environment.inject(now, Fault::PowerDip);
         for (index, byte) in self.chip.ram_mut().iter_mut().enumerate() {
             *byte = (index as u8).wrapping_mul(167) ^ 0x5A;
         }
@@ -253,17 +253,17 @@ impl Rig {
 
     /// Opens the clamp; the drone leaves it with a rate, rad/s.
     pub fn release(&mut self, rate_rad_s: f64) {
-        self.world.release(rate_rad_s);
+        self.environment.release(rate_rad_s);
     }
 
     /// Switches a fault of the sensor or its cable on.
     pub fn inject(&mut self, fault: Fault) {
-        self.world.inject(self.chip.now(), fault);
+        self.environment.inject(self.chip.now(), fault);
     }
 
     /// Switches it off.
     pub fn clear(&mut self, fault: Fault) {
-        self.world.clear(self.chip.now(), fault);
+        self.environment.clear(self.chip.now(), fault);
     }
 
     /// Sends bytes to the image over USB.
@@ -278,27 +278,27 @@ impl Rig {
 
     /// The laptop at the other end of the USB cable.
     pub fn usb_host(&self) -> &Host {
-        self.chip.peripherals().usb_host()
+        self.chip.usb_host()
     }
 
     /// The laptop at the other end of the USB cable, to unplug it or to stop it from reading.
     pub fn usb_host_mut(&mut self) -> &mut Host {
-        self.chip.peripherals_mut().usb_host_mut()
+        self.chip.usb_host_mut()
     }
 
-    /// The world round the chip.
-    pub fn world(&self) -> &World {
-        &self.world
+    /// The environment round the chip.
+    pub fn environment(&self) -> &Environment {
+        &self.environment
     }
 
-    /// The world round the chip, to act on it.
-    pub fn world_mut(&mut self) -> &mut World {
-        &mut self.world
+    /// The environment round the chip, to act on it.
+    pub fn environment_mut(&mut self) -> &mut Environment {
+        &mut self.environment
     }
 
     /// What really happened.
-    pub fn truth(&self) -> &Truth {
-        self.world.truth()
+    pub fn truth(&self) -> &GroundTruth {
+        self.environment.truth()
     }
 
     /// The chip.
@@ -423,7 +423,7 @@ mod tests {
         fork.release(0.5);
         fork.run_for(ms(100)).unwrap();
         rig.run_for(ms(100)).unwrap();
-        assert!(fork.world().drone().pitch_rad() > 0.04);
-        assert_eq!(rig.world().drone().pitch_rad(), 0.0);
+        assert!(fork.environment().drone().pitch_rad() > 0.04);
+        assert_eq!(rig.environment().drone().pitch_rad(), 0.0);
     }
 }

@@ -26,12 +26,15 @@
 //! each file begins.
 
 pub mod board;
+mod bus;
 pub mod chip;
 mod core;
 pub mod fault;
 pub mod memory;
 mod options;
 pub mod peripherals;
+#[cfg(test)]
+mod testing;
 pub mod usb_host;
 
 pub use chip::Chip;

@@ -26,9 +26,10 @@ use core::ops::Deref;
 
 use bno055_driver::{BusError, Micros, READ_MAX, TRANSFER_DEADLINE_US, Transfer};
 use critical_section::Mutex;
+use tvc_nano::application::Outcome;
 
 use super::log;
-use super::nano33iot::{I2C_FUNCTION, SCL, SDA, i2c_registers};
+use super::nano33iot::{I2C_FUNCTION, SCL, SDA, i2c_registers, on_i2c_interrupt};
 use super::time::now;
 use sercom::{Command, NotSynchronised};
 
@@ -40,7 +41,7 @@ const REPAIR_PERIOD_US: u64 = 10_000;
 
 /// What a read gave.
 #[derive(Clone, Copy)]
-pub(super) struct Answer {
+pub(crate) struct Answer {
     bytes: [u8; READ_MAX],
     len: usize,
 }
@@ -64,8 +65,7 @@ pub(super) enum Origin {
 /// A transfer that is over.
 pub(super) struct Completion {
     pub(super) origin: Origin,
-    pub(super) started: Micros,
-    pub(super) outcome: Result<Answer, BusError>,
+    pub(super) outcome: Outcome<Answer>,
 }
 
 #[derive(Clone, Copy)]
@@ -137,7 +137,7 @@ impl Master {
         self.active = Some(active);
     }
 
-    /// The interrupt: the wire has done what it was told.
+    /// Take the next step of the transfer under way.
     fn advance(&mut self) {
         let registers = i2c_registers();
         let flags = registers.intflag().read();
@@ -282,15 +282,18 @@ impl Bus {
         with_master(|master| master.active.is_none())
     }
 
-    /// The transfer that is over, once; ends one that has passed its deadline, and repairs the bus.
+    /// When the transfer under way, if there is one, is given up.
+    pub(super) fn deadline(&self) -> Option<Micros> {
+        with_master(|master| {
+            let active = master.active?;
+            let under_way = !matches!(active.step, Step::Done(_));
+            under_way.then(|| active.started.after(TRANSFER_DEADLINE_US))
+        })
+    }
+
+    /// The transfer that is over, once; ends one that has reached its deadline, and repairs the bus.
     pub(super) fn poll(&mut self, now: Micros) -> Option<Completion> {
-        let late = with_master(|master| {
-            master.active.is_some_and(|active| {
-                !matches!(active.step, Step::Done(_))
-                    && now.since(active.started) > TRANSFER_DEADLINE_US
-            })
-        });
-        if late {
+        if self.deadline().is_some_and(|deadline| now >= deadline) {
             let lines_free = SDA.is_high() && SCL.is_high();
             self.abort(if lines_free {
                 BusError::Timeout
@@ -356,8 +359,10 @@ pub(super) fn outcome_waits() -> bool {
     })
 }
 
-/// The SERCOM's interrupt.
-pub(super) fn interrupt() {
+on_i2c_interrupt!(wire_ready);
+
+/// The wire has done what it was told.
+fn wire_ready() {
     with_master(Master::advance);
 }
 
@@ -374,8 +379,10 @@ fn collect() -> Option<Completion> {
         };
         Some(Completion {
             origin: active.origin,
-            started: active.started,
-            outcome: outcome.map(|()| answer),
+            outcome: Outcome {
+                started: active.started,
+                answer: outcome.map(|()| answer),
+            },
         })
     })
 }

@@ -17,6 +17,7 @@ use atsamd_hal::usb;
 use bno055_driver::Micros;
 use cortex_m::peripheral::SCB;
 use cortex_m::singleton;
+use tvc_nano::application::PACKET_BYTES;
 use tvc_nano::telemetry::Reset;
 use usb_device::bus::UsbBusAllocator;
 use usb_device::device::{
@@ -28,10 +29,8 @@ use bus::UsbBus;
 
 use super::nano33iot::{BOOTLOADER_MAGIC, BOOTLOADER_WORD, USB_PRODUCT, USB_VENDOR};
 
-/// Packet size of the bulk endpoints.
-pub(super) const PACKET_BYTES: u16 = 64;
 /// No packet sent is full: the host takes a full one to have a continuation, and waits for it.
-const SHORT_PACKET_BYTES: usize = PACKET_BYTES as usize - 1;
+const SHORT_PACKET_BYTES: usize = PACKET_BYTES - 1;
 
 /// The stack is polled so often at least, whether or not the controller asks for it.
 const POLL_PERIOD_US: u64 = 10_000;
@@ -67,7 +66,7 @@ impl Port {
             : UsbBusAllocator<UsbBus> = UsbBusAllocator::new(UsbBus(usb::UsbBus::new(clock, pm, minus, plus, controller)))
         )
         .expect("started once");
-        let serial = CdcAcmClass::new(allocator, PACKET_BYTES);
+        let serial = CdcAcmClass::new(allocator, PACKET_BYTES as u16);
         let strings = StringDescriptors::default()
             .manufacturer("tvc-nano")
             .product("tvc-nano thrust-vector control")
@@ -117,7 +116,7 @@ impl Port {
     }
 
     /// The host's next packet, empty if there is none.
-    pub(super) fn read<'a>(&mut self, buffer: &'a mut [u8; PACKET_BYTES as usize]) -> &'a [u8] {
+    pub(super) fn read<'a>(&mut self, buffer: &'a mut [u8; PACKET_BYTES]) -> &'a [u8] {
         let count = self.serial.read_packet(buffer).unwrap_or(0);
         buffer.get(..count).unwrap_or(&[])
     }

@@ -341,7 +341,7 @@ fn event() -> impl Strategy<Value = Event> {
             Just(Command::Arm),
             Just(Command::Release),
             Just(Command::Disarm),
-            any::<u16>().prop_map(|us| Command::Try(PulseUs(us))),
+            any::<u16>().prop_map(|us| Command::TestPulse(PulseUs(us))),
         ].prop_map(Event::Order),
         1 => (0..Params::count(), prop::num::f32::ANY).prop_map(|(index, value)| Event::Set(index, value)),
     ]
@@ -355,7 +355,7 @@ proptest! {
     #[test]
     fn nothing_leaves_the_envelope(events in prop::collection::vec(event(), 1..300)) {
         let mut desk = Desk::in_standby(0.3);
-        let mut tried_until = 0;
+        let mut tested_until = 0;
         for event in events {
             let outputs = match event {
                 Event::Sample { dt_us, acc, gyr, mag } => {
@@ -365,8 +365,8 @@ proptest! {
                 Event::Honest => desk.step(),
                 Event::Miss(fault) => desk.step_with(Err(fault)),
                 Event::Order(command) => {
-                    if desk.command(command).is_ok() && matches!(command, Command::Try(_)) {
-                        tried_until = desk.now_us + TRIAL_US;
+                    if desk.command(command).is_ok() && matches!(command, Command::TestPulse(_)) {
+                        tested_until = desk.now_us + TEST_PULSE_US;
                     }
                     continue;
                 }
@@ -380,7 +380,7 @@ proptest! {
             prop_assert!((853..=2193).contains(&outputs.pulse.0));
             let params = desk.flight.params();
             let set_up = snapshot.state.is_idle()
-                && (params.polarity() == Polarity::Watched || desk.now_us <= tried_until);
+                && (params.polarity() == Polarity::Watched || desk.now_us <= tested_until);
             if !snapshot.state.is_active() && !set_up {
                 prop_assert_eq!(outputs.pulse, Servo::new(params).neutral());
             }

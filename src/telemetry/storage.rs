@@ -38,7 +38,15 @@ impl Telemetry {
         match StorageOrder::decode(param1) {
             None => self.acknowledge(STORAGE, MavResult::MAV_RESULT_DENIED),
             Some(_) if flight.state().is_armed() => self.refuse_storage(),
-            order => self.storage = order,
+            // A host that asks again has not been heard twice: one order, one answer.
+            order if self.storage.is_none() || self.storage == order => self.storage = order,
+            Some(_) => {
+                self.say(
+                    MavSeverity::MAV_SEVERITY_WARNING,
+                    format_args!("storage order refused: busy with another"),
+                );
+                self.acknowledge(STORAGE, MavResult::MAV_RESULT_TEMPORARILY_REJECTED);
+            }
         }
     }
 

@@ -1,8 +1,9 @@
 //! A sample of the campaign of faults; `tvc faults` carries out the whole of it.
 
-use crate::ready;
-use rig::ServoKind;
-use rig::faults::{Campaign, Case, Ending, Kind};
+use crate::{firmware, ready};
+use rig::bno055::FaultKind;
+use rig::faults::{Campaign, Case, Ending};
+use rig::{ServoKind, Setup, prepare};
 
 /// Of every kind this many runs.
 const RUNS: u32 = 2;
@@ -12,12 +13,12 @@ fn faults_at_random_instants_end_recovered_or_neutral() {
     let frame_hz = f64::from(ServoKind::S3003.frame_hz());
     let campaign = Campaign::new(&ready(), frame_hz, 1).unwrap();
     let (mut recovered, mut neutral) = (0, 0);
-    let sample = Kind::ALL
+    let sample = FaultKind::ALL
         .into_iter()
         .flat_map(|kind| (0..RUNS).map(move |number| Case { kind, number }));
     // In these two a rate has its highest bit flipped in two bursts on end, which looks like a turn.
     let twice = [7, 27].map(|number| Case {
-        kind: Kind::Spikes,
+        kind: FaultKind::Spikes,
         number,
     });
     for case in sample.chain(twice) {
@@ -32,18 +33,46 @@ fn faults_at_random_instants_end_recovered_or_neutral() {
     assert!(recovered >= 5 && neutral >= 5, "{recovered}, {neutral}");
 }
 
+/// A rudder that is held off its centre is at neutral there, and nowhere else.
+#[test]
+fn faults_of_a_vehicle_whose_rudder_is_held_off_its_centre_end_so_too() {
+    let mut setup = Setup::new(ServoKind::S3003, 1);
+    setup.rig.bench.parameters = setup.rig.bench.parameters.with_lateral_offset(5e-3);
+    setup.parameters.push(("SRV_HOLD_DEG".into(), -2.29));
+    let ready = prepare(firmware(), &setup, &mut |_| {}).unwrap();
+    let frame_hz = f64::from(ServoKind::S3003.frame_hz());
+    let campaign = Campaign::new(&ready, frame_hz, 1).unwrap();
+    let mut neutral = 0;
+    for kind in [
+        FaultKind::Unplugged,
+        FaultKind::SdaStuck,
+        FaultKind::ConfigReset,
+        FaultKind::Frozen,
+    ] {
+        for number in 0..2 {
+            let outcome = campaign.run(Case { kind, number }).unwrap();
+            match outcome.ending {
+                Ending::Recovered => {}
+                Ending::Neutral => neutral += 1,
+                Ending::Unsafe(why) => panic!("{why}: {outcome:?}"),
+            }
+        }
+    }
+    assert!(neutral >= 4, "{neutral}");
+}
+
 /// The same case of the same campaign is the same run, whatever was run before it.
 #[test]
 fn a_run_can_be_repeated() {
     let frame_hz = f64::from(ServoKind::S3003.frame_hz());
     let campaign = || Campaign::new(&ready(), frame_hz, 7).unwrap();
     let case = Case {
-        kind: Kind::BitFlips,
+        kind: FaultKind::BitFlips,
         number: 3,
     };
     let (one, two) = (campaign(), campaign());
     let _ = two.run(Case {
-        kind: Kind::Spikes,
+        kind: FaultKind::Spikes,
         number: 0,
     });
     let (one, two) = (one.run(case).unwrap(), two.run(case).unwrap());

@@ -149,7 +149,7 @@ fn the_host_library_agrees_bit_for_bit() {
     let mut ready = ready();
     let Ready { rig, operator, .. } = &mut ready;
     operator.list_parameters(rig).unwrap();
-    rig.world_mut().tilt_clamp(0.6);
+    rig.environment_mut().tilt_clamp(0.6);
     operator.run(rig, ms(2000)).unwrap();
     operator.arm(rig).unwrap();
     operator.release(rig, 0.2).unwrap();

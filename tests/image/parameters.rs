@@ -1,10 +1,9 @@
 //! Parameters in the chip's own flash: saved, read back after a power cut, and never half of one set and half of
 //! another.
 
-use crate::faults::{assert_pulses_went_on, ms};
+use crate::faults::{assert_pulses_went_on, default_neutral_us, ms};
 use crate::ready;
 use client::{Failure, FlightState};
-use rig::faults::NEUTRAL_US;
 use rig::ground_station::{GroundStation, GroundStationError};
 use rig::{Ready, Rig};
 use tvc_nano::store::SLOT_BYTES;
@@ -38,7 +37,8 @@ fn saved_parameters_outlive_the_power_and_the_pulses_go_on_meanwhile() {
     operator.run(rig, ms(300)).unwrap();
     let pulses = rig.truth().pulses_since(at);
     assert_pulses_went_on(pulses, rig.now() - at);
-    assert!(pulses.iter().all(|p| NEUTRAL_US.contains(&p.width_us())));
+    let neutral = default_neutral_us();
+    assert!(pulses.iter().all(|p| neutral.contains(&p.width_us())));
     assert_eq!(operator.state(), Some(FlightState::Standby));
     assert_eq!(gain_after_power_cut(rig, operator), 1.75);
     operator

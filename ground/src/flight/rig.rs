@@ -7,7 +7,7 @@ use crate::flight::fly::{ServoChoice, start_angle};
 use crate::out::exit::Verdict;
 use crate::vehicle::port::seconds;
 use ::rig::bno055::ImuErrors;
-use ::rig::hand::Manner;
+use ::rig::pilot::Manner;
 use clap::{Args, ValueEnum};
 use std::path::PathBuf;
 
@@ -151,7 +151,7 @@ pub fn run(options: &Rig) -> Result<Verdict> {
     use std::time::Duration;
 
     use anyhow::Context;
-    use rig::hand::Hand;
+    use rig::pilot::Pilot;
     use rig::pty::Pty;
     use rig::real_time::RealTime;
 
@@ -188,9 +188,9 @@ pub fn run(options: &Rig) -> Result<Verdict> {
         options.seed,
         options.tilt
     );
-    let hand = Hand::new(options.tilt, RELEASE_RATE_RAD_S).with_manner(options.hand.manner());
+    let pilot = Pilot::new(options.tilt, RELEASE_RATE_RAD_S).with_manner(options.hand.manner());
     let longest = options.seconds.map(Duration::from_secs_f64);
-    let summary = RealTime::new(rig, hand, pty)
+    let summary = RealTime::new(rig, pilot, pty)
         .at_speed(options.speed)
         .run(longest, stop, &mut |at_s, line| {
             eprintln!("{at_s:9.3} s  {line}");

@@ -1,13 +1,14 @@
 //! The guided calibration at the virtual rig: image, emulated sensor and the hand that does what it is asked.
 
 use std::io::Write;
-use std::process::{Command, Output, Stdio};
+use std::process::{Output, Stdio};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use rig::bno055::ImuErrors;
 use serde_json::Value;
 
-use super::running::Running;
+use super::running::keys::assert_keys;
+use super::running::{self, Running, json, said};
 use super::truth;
 
 /// One rig at a time: several would be slower than the clock on the wall.
@@ -55,8 +56,7 @@ impl Rig {
 
     /// A command at the rig, with somebody at the keyboard.
     fn typing(&self, keys: &str, arguments: &[&str]) -> Output {
-        let mut tvc = Command::new(env!("CARGO_BIN_EXE_tvc"))
-            .args(arguments)
+        let mut tvc = running::command(arguments)
             .args(["--port", &self.path("nano"), "--json"])
             .current_dir(self.folder.path())
             .stdin(Stdio::piped())
@@ -90,20 +90,12 @@ impl Rig {
     }
 }
 
-fn said(output: &Output) -> String {
-    String::from_utf8_lossy(&output.stderr).into_owned()
-}
-
-fn json(output: &Output) -> Value {
-    assert_eq!(output.status.code(), Some(0), "{}", said(output));
-    serde_json::from_slice(&output.stdout).unwrap()
-}
-
 #[test]
 fn a_sensor_with_the_largest_errors_is_calibrated_at_the_port_and_out_of_the_recording_alike() {
     let rig = Rig::start(&["--sensor", "worst", "--seed", "5"]);
     let output = rig.tvc(&["calibrate", "--yes", "--place", "55.79,12.52"]);
     let found = json(&output);
+    assert_keys("calibrate", &found);
     assert_eq!(found["written"], true);
     let words = said(&output);
     for step in ["1/4", "2/4", "3/4", "4/4", "read back from the flash"] {
@@ -117,13 +109,13 @@ fn a_sensor_with_the_largest_errors_is_calibrated_at_the_port_and_out_of_the_rec
     }
     assert!(has["DECLINATION_DEG"].as_f64().unwrap() > 4.0);
 
-    let again = Command::new(env!("CARGO_BIN_EXE_tvc"))
-        .args(["calibrate", "--json", "--place", "55.79,12.52", "--from"])
+    let again = running::command(&["calibrate", "--json", "--place", "55.79,12.52", "--from"])
         .arg(rig.path("report/calibration.tlog"))
         .current_dir(rig.folder.path())
         .output()
         .unwrap();
     let again = json(&again);
+    assert_keys("calibrate-from", &again);
     assert_eq!(again["parameters"], found["parameters"]);
     assert_eq!(again["written"], false);
     let page = std::fs::read_to_string(rig.path("report/calibrate.html")).unwrap();
@@ -171,6 +163,7 @@ fn who_does_not_agree_keeps_the_vehicle_as_it_is() {
 fn a_nano_out_of_its_box_is_armed_after_its_rudder_was_seen_and_again_after_its_servo_was_turned() {
     let rig = Rig::start(&["--blank"]);
     let seen = rig.json(&["calibrate", "polarity", "--yes"]);
+    assert_keys("calibrate-polarity", &seen);
     assert_eq!(seen["checked"], true, "{seen}");
     let pulse = |name: &str| seen[name].as_i64().unwrap();
     assert!(pulse("nose_up_us") > pulse("upright_us") + 40, "{seen}");
@@ -208,6 +201,7 @@ fn a_servo_is_set_up_by_what_is_given_or_by_what_a_person_sees() {
         (&given["written"], &given["changed"]),
         (&true.into(), &4.into())
     );
+    assert_keys("calibrate-servo", &given);
     assert_eq!(given["polarity_checked"], true);
     // Centre 1530 and a nudge up; 29 and 31 deg; wrong way round; ends.
     let keys = "1530\n+\n\n29\n31\nn\n900\n\n2150\n--\n\ny\n";
@@ -235,6 +229,7 @@ fn a_lateral_offset_of_the_mass_is_measured_in_flight_and_held_before_the_next()
     let first = rig.json(&["calibrate", "hold", "--seconds", "2", "--yes"]);
     let hold_deg = first["hold_deg"].as_f64().unwrap();
     assert!((hold_deg.abs() - 2.3).abs() < 0.4, "{first}");
+    assert_keys("calibrate-hold", &first);
     assert_eq!(first["written"], true);
     let second = rig.json(&["calibrate", "hold", "--seconds", "2", "--yes"]);
     assert!(

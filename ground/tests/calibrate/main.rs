@@ -2,10 +2,10 @@
 
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
+use std::process::Output;
 
 use rig::bno055::{Config, ImuErrors};
-use rig::handling::{Hand, Sample, record};
+use rig::sensor_motion::{MotionPlan, Sample, record};
 use serde_json::Value;
 
 #[cfg(unix)]
@@ -45,8 +45,7 @@ fn write(folder: &Path, samples: &[Sample]) -> PathBuf {
 }
 
 fn calibrate(folder: &Path, log: &Path, more: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_tvc"))
-        .args(["calibrate", "--json", "--from"])
+    running::command(&["calibrate", "--json", "--from"])
         .arg(log)
         .arg("--out")
         .arg(folder.join("out.parm"))
@@ -62,7 +61,7 @@ fn assert_calibrated(soft_iron: [[f64; 3]; 3], seed: u64) {
     let errors = errors(soft_iron);
     let log = write(
         folder.path(),
-        &record(sensor(errors, seed), &Hand::default()),
+        &record(sensor(errors, seed), &MotionPlan::default()),
     );
     let output = calibrate(
         folder.path(),
@@ -126,14 +125,14 @@ fn assert_refused(samples: &[Sample], more: &[&str], part: &str) {
 
 #[test]
 fn poor_data_are_refused_with_the_reason() {
-    let hand = Hand {
+    let hand = MotionPlan {
         turning_s: 2.0,
-        ..Hand::default()
+        ..MotionPlan::default()
     };
     let short = record(sensor(errors(SYMMETRIC), 4), &hand);
     assert_refused(&short, &[], "of all directions");
     assert_refused(&short[..1200], &["--only", "acc"], "all six faces");
-    let trembling = Hand {
+    let trembling = MotionPlan {
         tremble_rad_s: 0.08,
         ..hand
     };

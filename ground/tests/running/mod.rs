@@ -1,7 +1,85 @@
-//! A command that goes on beside the test, such as `tvc rig --pty`.
+//! The tool as a process: a command that ends, and one that goes on beside the test, such as
+//! `tvc rig --pty`.
+#![allow(dead_code, reason = "every test file takes what it needs")]
+
+pub mod keys;
 
 use std::io::{BufRead, BufReader};
-use std::process::{Child, Command, Stdio};
+use std::process::{Child, Command, Output, Stdio};
+
+use serde_json::Value;
+
+/// `tvc` with these arguments, still to be run.
+pub fn command(arguments: &[&str]) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_tvc"));
+    command.args(arguments);
+    command
+}
+
+/// What `tvc` with these arguments prints, and its status.
+pub fn tvc(arguments: &[&str]) -> Output {
+    command(arguments).output().unwrap()
+}
+
+/// Standard error.
+pub fn said(output: &Output) -> String {
+    String::from_utf8_lossy(&output.stderr).into_owned()
+}
+
+/// The object on standard output of a command that must succeed.
+pub fn json(output: &Output) -> Value {
+    assert_eq!(output.status.code(), Some(0), "{}", said(output));
+    serde_json::from_slice(&output.stdout)
+        .unwrap_or_else(|error| panic!("{error}: {}", said(output)))
+}
+
+/// The one line on standard error of a command with unusable input: status 2, nothing on standard
+/// output.
+pub fn refused(arguments: &[&str]) -> String {
+    let output = tvc(arguments);
+    let said = said(&output);
+    assert_eq!(output.status.code(), Some(2), "{arguments:?}: {said}");
+    assert!(output.stdout.is_empty(), "{arguments:?}");
+    assert_eq!(said.lines().count(), 1, "{arguments:?}: {said}");
+    assert!(said.starts_with("error: "), "{arguments:?}: {said}");
+    said
+}
+
+/// The command is [`refused`] with `part` in the line.
+pub fn assert_refused(arguments: &[&str], part: &str) {
+    let said = refused(arguments);
+    assert!(said.contains(part), "{arguments:?}: {part} in {said}");
+}
+
+/// Every command below `parents`, by what their help lists, and its own help.
+pub fn commands_below(parents: &[String]) -> Vec<(Vec<String>, String)> {
+    let help = help_of(parents);
+    let listed = help
+        .lines()
+        .skip_while(|line| *line != "Commands:")
+        .skip(1)
+        .take_while(|line| !line.is_empty())
+        // A description that goes on in the next line stands further in.
+        .filter(|line| !line.starts_with("   "))
+        .filter_map(|line| line.split_whitespace().next())
+        .filter(|name| *name != "help");
+    listed
+        .flat_map(|name| {
+            let command = [parents, &[name.to_owned()]].concat();
+            let mut all = vec![(command.clone(), help_of(&command))];
+            all.extend(commands_below(&command));
+            all
+        })
+        .collect()
+}
+
+fn help_of(command: &[String]) -> String {
+    let mut arguments: Vec<&str> = command.iter().map(String::as_str).collect();
+    arguments.push("--help");
+    let output = tvc(&arguments);
+    assert!(output.status.success(), "{command:?}");
+    String::from_utf8(output.stdout).unwrap()
+}
 
 /// A `tvc` of ours, ended with the test.
 pub struct Running(pub Child);
@@ -9,8 +87,7 @@ pub struct Running(pub Child);
 impl Running {
     /// Starts it and waits for the first line that it prints.
     pub fn start(arguments: &[&str]) -> (Self, String) {
-        let mut process = Command::new(env!("CARGO_BIN_EXE_tvc"))
-            .args(arguments)
+        let mut process = command(arguments)
             .stdout(Stdio::piped())
             .stderr(Stdio::null())
             .spawn()

@@ -44,6 +44,7 @@ mod access;
 mod bus;
 mod calibration;
 mod fault;
+mod fault_kind;
 mod imperfections;
 mod registers;
 mod replay;
@@ -55,6 +56,7 @@ mod words;
 mod tests;
 
 pub use fault::{Fault, Faults};
+pub use fault_kind::FaultKind;
 pub use imperfections::{ImuErrors, WarmUp};
 pub use registers::Mode;
 pub use sensors::{Reading, Sensors};

@@ -7,8 +7,9 @@
 //! unpredictable (an EXC_RETURN that fits neither nesting nor stacked xPSR) raises HardFault.
 
 use super::nvic::{HARD_FAULT, SVCALL};
-use super::{Bus, Core, LR, Outcome, SP, Sleep, Trap};
-use crate::chip::Stop;
+use super::view::Stop;
+use super::{Core, LR, Outcome, SP, Sleep, Trap};
+use crate::bus::Bus;
 use crate::fault::{Fault, FaultKind};
 
 const ENTRY_CYCLES: u32 = 15;

@@ -1,5 +1,7 @@
 //! One way to run any filter, in any arithmetic: sample in, orientation out.
 
+use std::ops::RangeInclusive;
+
 use anyhow::Result;
 use tvc_fusion::{
     Complementary, Config, ConfigError, Estimator, Filter, Gyro, Madgwick, Mahony, Quaternion,
@@ -14,13 +16,6 @@ use crate::filters::fuse::Scalar;
 use crate::filters::fuse::Setting;
 use crate::filters::fuse::said;
 use crate::out::exit::BadInput;
-
-/// Longest sampling period of the fixed-point estimators, us; a longer one is divided.
-const MOST_PERIOD_US: f64 = 10_500.0;
-/// What they take a count for at least and at most: `tvc_fusion::fixed::Estimator::with_recovery`.
-const GYR_RAD_S: (f32, f32) = (1e-5, 0.001_15);
-const ACC_M_S2: (f32, f32) = (5e-4, 0.05);
-const MAG_UT: (f32, f32) = (1e-3, 1.0);
 
 /// A filter, how it computes, what it sees, and what it is set to.
 #[derive(Clone, Debug)]
@@ -113,13 +108,15 @@ where
 {
     let config = config::<F::Gains>(choice, facts)?;
     let scale = fixed::Scale {
-        gyr_rad_s: within(facts.scale.gyr_rad_s, GYR_RAD_S),
-        acc_m_s2: within(facts.scale.acc_m_s2, ACC_M_S2),
-        mag_ut: within(facts.scale.mag_ut, MAG_UT),
+        gyr_rad_s: within(facts.scale.gyr_rad_s, &fixed::Scale::GYR_RAD_S),
+        acc_m_s2: within(facts.scale.acc_m_s2, &fixed::Scale::ACC_M_S2),
+        mag_ut: within(facts.scale.mag_ut, &fixed::Scale::MAG_UT),
     };
     let period_us = facts.period_s * 1e6;
     // Half a microsecond is what a rate in single precision may be off.
-    let parts = ((period_us - 0.5) / MOST_PERIOD_US).ceil().max(1.0);
+    let parts = ((period_us - 0.5) / f64::from(*fixed::PERIOD_US.end()))
+        .ceil()
+        .max(1.0);
     let step_us = (period_us / parts).round() as u32;
     let refused = |error| refused(choice, error);
     if parts > 1.0 {
@@ -156,8 +153,8 @@ fn refused(choice: &Choice, error: ConfigError) -> BadInput {
     ))
 }
 
-fn within(value: f32, (low, high): (f32, f32)) -> f32 {
-    value.clamp(low, high)
+fn within(value: f32, range: &RangeInclusive<f32>) -> f32 {
+    value.clamp(*range.start(), *range.end())
 }
 
 impl<F: Filter> Engine for Estimator<F> {

@@ -9,7 +9,8 @@ use comfy_table::presets::NOTHING;
 use comfy_table::{CellAlignment, Table};
 use indicatif::{ProgressBar, ProgressStyle};
 use rayon::prelude::*;
-use rig::faults::{Campaign, Case, DEADLINE, Ending, Kind, Outcome};
+use rig::bno055::FaultKind;
+use rig::faults::{Campaign, Case, DEADLINE, Ending, Outcome};
 use rig::{ServoKind, Setup, prepare};
 use serde::Serialize;
 
@@ -39,7 +40,7 @@ pub struct Faults {
 
     /// Only this fault; can be given several times [default: all].
     #[arg(long, value_name = "KIND", num_args = 1..)]
-    pub kind: Vec<Kind>,
+    pub kind: Vec<FaultKind>,
 
     /// Seed of all that is random: the sensor, and every run's instant, length and strength.
     #[arg(long, value_name = "N", default_value_t = 1)]
@@ -103,9 +104,9 @@ pub fn run(options: &Faults) -> Result<Verdict> {
     bar.finish_and_clear();
 
     let kinds = if options.kind.is_empty() {
-        Kind::ALL.to_vec()
+        FaultKind::ALL.to_vec()
     } else {
-        Kind::ALL
+        FaultKind::ALL
             .into_iter()
             .filter(|kind| options.kind.contains(kind))
             .collect()
@@ -136,7 +137,7 @@ pub fn run(options: &Faults) -> Result<Verdict> {
     Ok(verdict)
 }
 
-fn carry_out(campaign: &Campaign, kinds: &[Kind], options: &Faults) -> Result<Vec<Outcome>> {
+fn carry_out(campaign: &Campaign, kinds: &[FaultKind], options: &Faults) -> Result<Vec<Outcome>> {
     let cases: Vec<Case> = kinds
         .iter()
         .flat_map(|&kind| (0..options.runs).map(move |number| Case { kind, number }))
@@ -165,7 +166,7 @@ fn carry_out(campaign: &Campaign, kinds: &[Kind], options: &Faults) -> Result<Ve
 }
 
 impl KindFigures {
-    fn of(kind: Kind, outcomes: &[Outcome]) -> Self {
+    fn of(kind: FaultKind, outcomes: &[Outcome]) -> Self {
         let runs = || outcomes.iter().filter(|outcome| outcome.case.kind == kind);
         let count = |ends: fn(&Ending) -> bool| runs().filter(|run| ends(&run.ending)).count();
         Self {

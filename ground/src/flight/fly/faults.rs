@@ -15,11 +15,11 @@
 use std::path::Path;
 
 use rig::Ticks;
+use rig::bench::TimedFault;
 use rig::bno055::Fault;
+use rig::bno055::FaultKind;
 use rig::disturbance::Disturbances;
-use rig::faults::Kind;
 use rig::random::{Stream, generator};
-use rig::timed_fault::TimedFault;
 use serde::{Deserialize, Serialize};
 
 use super::disturbance::{RampEntry, SupplyEntry, TemperatureEntry, VibrationEntry};
@@ -91,7 +91,7 @@ fn scenario(file: File, seed: u64, length_s: f64) -> Result<Scenario, String> {
     let faults = entries
         .iter_mut()
         .map(|entry| {
-            let kind: Kind = entry.kind.parse()?;
+            let kind: FaultKind = entry.kind.parse()?;
             if !(0.0..length_s).contains(&entry.at_s) {
                 return Err(format!("at_s must be 0 to below {length_s}"));
             }
@@ -165,7 +165,7 @@ mod tests {
     /// Every kind can be named; those with a strength take it, and the figures tell what was drawn.
     #[test]
     fn each_fault_has_its_strength() {
-        for kind in Kind::ALL {
+        for kind in FaultKind::ALL {
             let drawn = fault(&format!("kind = \"{kind}\"")).unwrap();
             let mut same = kind.draw(&mut generator(1, Stream::Campaign));
             assert_eq!(drawn.faults[0].fault, same, "left to the seed");

@@ -98,7 +98,7 @@ fn flights(records: &[FlightRecord]) -> anyhow::Result<Markup> {
     let mut parts = Vec::new();
     for record in records {
         let seconds = |at: samd21::board::Ticks| at.saturating_sub(record.released).as_secs_f64();
-        let motion = |of: fn(&rig::truth::Motion) -> f64| -> Vec<(f64, f64)> {
+        let motion = |of: fn(&rig::ground_truth::Motion) -> f64| -> Vec<(f64, f64)> {
             record
                 .motion
                 .iter()

@@ -1,0 +1,176 @@
+//! The environment by hand: what the sensor feels, the clamp, the servo.
+
+use super::*;
+use nalgebra::Vector3;
+use tvc_nano::calibration::poses::Face;
+
+fn environment(bench: BenchConfig) -> Environment {
+    Environment::new(&bench).unwrap()
+}
+
+fn near(a: [f64; 3], b: [f64; 3]) {
+    for (a, b) in a.iter().zip(b) {
+        assert!((a - b).abs() < 1e-9, "{a} instead of {b}");
+    }
+}
+
+#[test]
+fn nose_up_the_sensor_feels_what_holds_it() {
+    let environment = environment(BenchConfig::default());
+    let level = environment.stimulus(0.0, 0.0);
+    near(level.specific_force_m_s2, [0.0, 0.0, -9.81]);
+    let up = environment.stimulus(std::f64::consts::FRAC_PI_6, 0.2);
+    near(
+        up.specific_force_m_s2,
+        [4.905, 0.0, -9.81 * 0.75_f64.sqrt()],
+    );
+    near(up.rate_rad_s, [0.0, 0.2, 0.0]);
+}
+
+#[test]
+fn the_field_is_that_of_copenhagen() {
+    let north = environment(BenchConfig {
+        heading_rad: EarthField::COPENHAGEN.declination_rad,
+        ..BenchConfig::default()
+    });
+    // Nose to magnetic north, level: nothing to the right, 17.1 uT ahead, 47 uT down.
+    near(
+        north.stimulus(0.0, 0.0).field_ut,
+        [17.101_007_166, 0.0, 46.984_631_039],
+    );
+    // Nose straight up along -down: the strong part lies on -x.
+    let up = north.stimulus(std::f64::consts::FRAC_PI_2, 0.0);
+    near(up.field_ut, [-46.984_631_039, 0.0, 17.101_007_166]);
+}
+
+/// The attitude takes what the sensor feels back to the earth.
+#[test]
+fn attitude_agrees_with_the_vectors() {
+    let environment = environment(BenchConfig::default());
+    for pitch in [-1.0, 0.0, 0.3, 0.8] {
+        let felt = environment.stimulus(pitch, 0.0);
+        near(
+            rotate(felt.attitude, felt.specific_force_m_s2),
+            [0.0, 0.0, 9.81],
+        );
+        near(
+            rotate(felt.attitude, felt.field_ut),
+            [0.0, 17.101_007_166, -46.984_631_039],
+        );
+    }
+}
+
+fn rotate([w, x, y, z]: [f64; 4], v: [f64; 3]) -> [f64; 3] {
+    let q = nalgebra::Quaternion::new(w, x, y, z);
+    let r = q * nalgebra::Quaternion::new(0.0, v[0], v[1], v[2]) * q.conjugate();
+    [r.i, r.j, r.k]
+}
+
+#[test]
+fn the_clamp_holds_tilts_and_lets_go() {
+    let mut environment = environment(BenchConfig::default());
+    environment.advance(Ticks::from_ms(100));
+    assert_eq!(environment.drone().pitch_rad(), 0.0);
+    environment.tilt_clamp(0.4);
+    environment.advance(Ticks::from_ms(500));
+    assert!((environment.truth().motion.last().unwrap().rate_rad_s - 0.5).abs() < 1e-9);
+    environment.advance(Ticks::from_ms(1000));
+    assert!(environment.clamp_rests());
+    assert_eq!(environment.drone().pitch_rad(), 0.4);
+    environment.release(0.2);
+    environment.advance(Ticks::from_ms(1010));
+    assert!((environment.drone().pitch_rad() - 0.402).abs() < 1e-3);
+}
+
+#[test]
+fn the_sensor_is_taken_off_turned_and_put_back() {
+    let mut environment = environment(BenchConfig {
+        start_rad: 0.3,
+        ..BenchConfig::default()
+    });
+    environment.advance(Ticks::from_ms(100));
+    let on_the_drone = environment.stimulus(0.3, 0.0);
+    environment.handle(SensorMotion::To(sensor_motion::resting(Face::NoseUp), 0.5));
+    environment.advance(Ticks::from_ms(300));
+    let (grip, _) = environment.hand.as_ref().unwrap();
+    assert!(!grip.has_arrived());
+    environment.advance(Ticks::from_ms(700));
+    let (grip, _) = environment.hand.as_ref().unwrap();
+    let felt =
+        sensor_motion::stimulus(&grip.attitude(), Vector3::zeros(), &environment.field, 9.81);
+    for (axis, expected) in [9.81, 0.0, 0.0].into_iter().enumerate() {
+        assert!((felt.specific_force_m_s2[axis] - expected).abs() < 1e-6);
+    }
+    environment.put_back();
+    environment.advance(Ticks::from_ms(2190));
+    let (grip, _) = environment.hand.as_ref().unwrap();
+    let felt =
+        sensor_motion::stimulus(&grip.attitude(), Vector3::zeros(), &environment.field, 9.81);
+    for axis in 0..3 {
+        let off = felt.field_ut[axis] - on_the_drone.field_ut[axis];
+        assert!(off.abs() < 0.5, "{off}");
+    }
+    environment.advance(Ticks::from_ms(2300));
+    assert!(environment.hand.is_none());
+}
+
+/// From 20 to 50 ms after each release, and over when the drone is caught.
+#[test]
+fn faults_come_and_go_after_each_release() {
+    let mut environment = environment(BenchConfig {
+        faults: vec![TimedFault {
+            fault: Fault::SclStuck,
+            at: Ticks::from_ms(20),
+            until: Ticks::from_ms(50),
+        }],
+        ..BenchConfig::default()
+    });
+    let stuck = |environment: &mut Environment, ms: u64| {
+        environment.advance(Ticks::from_ms(ms));
+        environment.sensor().held_low(Ticks::from_ms(ms)).scl
+    };
+    assert!(
+        !stuck(&mut environment, 100),
+        "in the clamp nothing happens"
+    );
+    environment.release(0.0);
+    let seen = [119, 121, 149, 151].map(|ms| stuck(&mut environment, ms));
+    assert_eq!(seen, [false, true, true, false]);
+    environment.catch();
+    assert!(!stuck(&mut environment, 300));
+    environment.release(0.0);
+    assert!(stuck(&mut environment, 330));
+    environment.catch();
+    assert!(!stuck(&mut environment, 331));
+}
+
+#[test]
+fn a_pulse_turns_the_servo_and_pitches_the_drone() {
+    let mut environment = environment(BenchConfig::default());
+    environment.release(0.0);
+    for frame in 0..25 {
+        let rise = Ticks::from_ms(20 * frame);
+        environment.pin(rise, SERVO_PIN, true);
+        environment.pin(rise + Ticks::from_us(1723), SERVO_PIN, false);
+    }
+    environment.advance(Ticks::from_ms(500));
+    assert!(
+        (environment.servo().crank().angle_rad - environment.servo().target_rad()).abs() < 0.01
+    );
+    assert!(environment.drone().rudder_rad() > 0.15);
+    // Positive rudder, nose down.
+    assert!(environment.drone().pitch_rad() < -0.1);
+    assert_eq!(environment.truth().pulses.len(), 25);
+}
+
+#[test]
+fn the_horn_is_fitted_at_1523_6() {
+    let mut environment = environment(BenchConfig::default());
+    environment.release(0.0);
+    let rise = Ticks::from_ms(1);
+    environment.pin(rise, SERVO_PIN, true);
+    environment.pin(rise + Ticks(73_133), SERVO_PIN, false);
+    environment.advance(Ticks::from_ms(400));
+    // The servo counts whole microseconds: 1524 us, 0.04 deg off, inside its deadband.
+    assert!(environment.drone().rudder_rad().abs() < 1e-3);
+}

@@ -1,0 +1,329 @@
+//! A sensor in the hand: laid down, rested on its six faces, and turned through all directions, as calibration asks for.
+//!
+//! The emulated BNO055 is read register by register, without a firmware: what comes out are its counts, errors and noise
+//! included.
+
+use super::EarthField;
+use crate::bno055::{self, Bno055, Mode, Stimulus};
+use bno055_driver::config::Sensors;
+use nalgebra::{UnitQuaternion, Vector3};
+use samd21::board::{I2cEvent, Ticks};
+use tvc_nano::calibration::poses::Face;
+
+/// Registers of the chip that are written and read here.
+const ACC_DATA: u8 = 0x08;
+const UNIT_SEL: u8 = 0x3B;
+const OPR_MODE: u8 = 0x3D;
+const PAGE_ID: u8 = 0x07;
+const ACC_CONFIG: u8 = 0x08;
+
+/// Step in which the sensor feels, and period in which it is read.
+const STEP: Ticks = Ticks::from_us(500);
+const PERIOD: Ticks = Ticks::from_ms(10);
+/// When the chip has booted for certain, and when it runs in its mode.
+const BOOTED: Ticks = Ticks::from_ms(750);
+const START: Ticks = Ticks::from_ms(900);
+/// Rest at the beginning, on each face, and time of a turn between two of them, s.
+const REST_S: f64 = 12.0;
+const FACE_S: f64 = 3.0;
+const BETWEEN_S: f64 = 1.5;
+
+/// What the hand does.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct MotionPlan {
+    /// Where it stands.
+    pub field: EarthField,
+    /// Gravity there, m/s2.
+    pub gravity_m_s2: f64,
+    /// How long it turns the sensor through all directions at the end, s.
+    pub turning_s: f64,
+    /// How much it trembles in the first rest, rad/s.
+    pub tremble_rad_s: f64,
+}
+
+impl Default for MotionPlan {
+    /// In Copenhagen, a minute, and a steady table.
+    fn default() -> Self {
+        Self {
+            field: EarthField::COPENHAGEN,
+            gravity_m_s2: 9.80665,
+            turning_s: 60.0,
+            tremble_rad_s: 0.0,
+        }
+    }
+}
+
+/// A sample: time, us, and the words of accelerometer, magnetometer and gyroscope.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Sample {
+    /// Since the recording began.
+    pub time_us: u64,
+    /// Accelerometer, counts of 0.01 m/s2.
+    pub acc: [i16; 3],
+    /// Magnetometer, counts of 1/16 uT.
+    pub mag: [i16; 3],
+    /// Gyroscope, counts of 1/16 deg/s.
+    pub gyr: [i16; 3],
+}
+
+/// What the hand does with the sensor.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum SensorMotion {
+    /// Lets it lie.
+    Rest,
+    /// Cannot keep it still: amplitude of the rate, rad/s.
+    Tremble(f64),
+    /// Turns it the shortest way to this attitude, sensor to north-east-down, in so many seconds, and rests there.
+    To(UnitQuaternion<f64>, f64),
+    /// Through all directions.
+    Turn,
+    /// About its z alone.
+    Spin,
+}
+
+impl SensorMotion {
+    /// Rate about the sensor's axes, rad/s, `since_s` after the movement began.
+    fn rate(&self, since_s: f64, attitude: &UnitQuaternion<f64>) -> Vector3<f64> {
+        match *self {
+            Self::Rest => Vector3::zeros(),
+            Self::Tremble(rate) => {
+                let phase = since_s * 9.0;
+                Vector3::new(phase.sin(), (phase * 0.7).cos(), 0.0) * rate
+            }
+            Self::To(to, seconds) => {
+                let left = seconds - since_s;
+                if left <= 0.0 {
+                    return Vector3::zeros();
+                }
+                (attitude.inverse() * to).scaled_axis() / left.max(STEP.as_secs_f64())
+            }
+            Self::Turn => Vector3::new(
+                1.1 * (0.31 * since_s).sin(),
+                0.9 * (0.23 * since_s).cos(),
+                0.7 * (0.17 * since_s + 1.0).sin(),
+            ),
+            Self::Spin => Vector3::new(0.0, 0.0, 1.0),
+        }
+    }
+}
+
+/// A sensor that somebody holds.
+#[derive(Clone, Debug)]
+pub struct HeldSensor {
+    attitude: UnitQuaternion<f64>,
+    movement: SensorMotion,
+    since_s: f64,
+}
+
+impl HeldSensor {
+    /// Held still at an attitude, sensor to north-east-down.
+    pub fn new(attitude: UnitQuaternion<f64>) -> Self {
+        Self {
+            attitude,
+            movement: SensorMotion::Rest,
+            since_s: 0.0,
+        }
+    }
+
+    /// Begins to move it.
+    pub fn begin(&mut self, movement: SensorMotion) {
+        self.movement = movement;
+        self.since_s = 0.0;
+    }
+
+    /// A step of the movement; the rate in it, rad/s about the sensor's axes.
+    pub fn advance(&mut self, dt_s: f64) -> Vector3<f64> {
+        let rate = self.movement.rate(self.since_s, &self.attitude);
+        self.since_s += dt_s;
+        self.attitude *= UnitQuaternion::from_scaled_axis(rate * dt_s);
+        rate
+    }
+
+    /// Sensor to north-east-down.
+    pub fn attitude(&self) -> UnitQuaternion<f64> {
+        self.attitude
+    }
+
+    /// It has arrived where it was to go.
+    pub fn has_arrived(&self) -> bool {
+        matches!(self.movement, SensorMotion::To(_, seconds) if self.since_s >= seconds)
+    }
+}
+
+/// What a sensor feels that turns at `rate` (rad/s) in place, with `gravity` in m/s2.
+pub fn stimulus(
+    attitude: &UnitQuaternion<f64>,
+    rate: Vector3<f64>,
+    field: &EarthField,
+    gravity: f64,
+) -> Stimulus {
+    let to_sensor = attitude.inverse();
+    Stimulus {
+        specific_force_m_s2: (to_sensor * Vector3::new(0.0, 0.0, -gravity)).into(),
+        rate_rad_s: rate.into(),
+        field_ut: (to_sensor * Vector3::from(field.north_east_down())).into(),
+        // Only the fusion modes show it.
+        attitude: [1.0, 0.0, 0.0, 0.0],
+    }
+}
+
+/// Sensor to north-east-down, of a sensor that rests on a face.
+pub fn resting(face: Face) -> UnitQuaternion<f64> {
+    use std::f64::consts::{FRAC_PI_2, PI};
+    let (roll, pitch) = match face {
+        Face::TopUp => (0.0, 0.0),
+        Face::BottomUp => (PI, 0.0),
+        Face::LeftUp => (FRAC_PI_2, 0.0),
+        Face::RightUp => (-FRAC_PI_2, 0.0),
+        Face::NoseUp => (0.0, FRAC_PI_2),
+        Face::NoseDown => (0.0, -FRAC_PI_2),
+    };
+    UnitQuaternion::from_euler_angles(roll, pitch, 0.3)
+}
+
+/// Records the procedure: rest, six faces, a slow turn through all directions.
+pub fn record(sensor: bno055::Config, hand: &MotionPlan) -> Vec<Sample> {
+    let mut grip = HeldSensor::new(resting(Face::TopUp));
+    let mut now = START;
+    let feel =
+        |grip: &HeldSensor, rate| stimulus(&grip.attitude, rate, &hand.field, hand.gravity_m_s2);
+    let mut chip = start(sensor, &feel(&grip, Vector3::zeros()));
+    let mut samples = Vec::new();
+    for (movement, seconds) in hand.plan() {
+        grip.begin(movement);
+        let end = now + Ticks::from_secs_f64(seconds);
+        while now < end {
+            let rate = grip.advance(STEP.as_secs_f64());
+            now += STEP;
+            chip.sense(now, &feel(&grip, rate));
+            if (now - START).0.is_multiple_of(PERIOD.0) {
+                samples.push(read(&mut chip, now));
+            }
+        }
+    }
+    samples
+}
+
+impl MotionPlan {
+    /// The movements, with the length of each, s.
+    fn plan(&self) -> Vec<(SensorMotion, f64)> {
+        let first = match self.tremble_rad_s {
+            0.0 => SensorMotion::Rest,
+            rate => SensorMotion::Tremble(rate),
+        };
+        let mut plan = vec![(first, REST_S)];
+        plan.extend(Face::ALL.map(|face| {
+            (
+                SensorMotion::To(resting(face), BETWEEN_S),
+                BETWEEN_S + FACE_S,
+            )
+        }));
+        plan.push((SensorMotion::Turn, self.turning_s));
+        plan
+    }
+}
+
+/// A chip in AMG mode with the driver's ranges and bandwidths; it lies still meanwhile.
+fn start(sensor: bno055::Config, still: &Stimulus) -> Bno055 {
+    let mut chip = Bno055::new(sensor);
+    let lie = |chip: &mut Bno055, from: Ticks, to: Ticks| {
+        for step in 1..=(to - from).0 / STEP.0 {
+            chip.sense(from + STEP * step, still);
+        }
+    };
+    lie(&mut chip, Ticks::ZERO, BOOTED);
+    write(&mut chip, UNIT_SEL, &[0]);
+    write(&mut chip, PAGE_ID, &[1]);
+    write(&mut chip, ACC_CONFIG, &Sensors::default().registers());
+    write(&mut chip, PAGE_ID, &[0]);
+    write(&mut chip, OPR_MODE, &[Mode::Amg as u8]);
+    lie(&mut chip, BOOTED, START);
+    chip
+}
+
+/// Writes registers as soon as the chip has booted.
+fn write(chip: &mut Bno055, register: u8, values: &[u8]) {
+    let start = I2cEvent::Start {
+        address: chip.address(),
+        read: false,
+    };
+    chip.i2c(BOOTED, start);
+    chip.i2c(BOOTED, I2cEvent::Write(register));
+    for value in values {
+        chip.i2c(BOOTED, I2cEvent::Write(*value));
+    }
+    chip.i2c(BOOTED, I2cEvent::Stop);
+}
+
+fn read(chip: &mut Bno055, now: Ticks) -> Sample {
+    let address = chip.address();
+    let mut event = |event| chip.i2c(now, event).data;
+    for step in [
+        I2cEvent::Start {
+            address,
+            read: false,
+        },
+        I2cEvent::Write(ACC_DATA),
+        I2cEvent::Start {
+            address,
+            read: true,
+        },
+    ] {
+        event(step);
+    }
+    let words =
+        [(); 9].map(|()| i16::from_le_bytes([event(I2cEvent::Read), event(I2cEvent::Read)]));
+    event(I2cEvent::Stop);
+    let [ax, ay, az, mx, my, mz, gx, gy, gz] = words;
+    Sample {
+        time_us: (now - START).as_us(),
+        acc: [ax, ay, az],
+        mag: [mx, my, mz],
+        gyr: [gx, gy, gz],
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::bno055::ImuErrors;
+
+    #[test]
+    fn the_procedure_rests_on_every_face_and_then_turns() {
+        let sensor = bno055::Config {
+            errors: ImuErrors::NONE,
+            ..bno055::Config::default()
+        };
+        let hand = MotionPlan {
+            turning_s: 5.0,
+            ..MotionPlan::default()
+        };
+        let samples = record(sensor, &hand);
+        assert_eq!(samples.len(), 4400);
+        let at = |s: f64| samples[(s * 100.0) as usize];
+        assert_eq!((at(6.0).acc, at(6.0).gyr), ([0, 0, -981], [0; 3]));
+        let mut seen: Vec<[i16; 3]> = (0..6)
+            .map(|face| at(15.0 + 4.5 * f64::from(face)).acc)
+            .collect();
+        seen.sort();
+        let mut faces = vec![
+            [0, 0, -981],
+            [0, 0, 981],
+            [0, -981, 0],
+            [0, 981, 0],
+            [981, 0, 0],
+            [-981, 0, 0],
+        ];
+        faces.sort();
+        assert_eq!(seen, faces);
+        assert!(at(43.0).gyr.iter().any(|w| w.abs() > 400));
+        let strength = |s: &Sample| {
+            s.mag
+                .iter()
+                .map(|m| f64::from(*m).powi(2))
+                .sum::<f64>()
+                .sqrt()
+        };
+        assert!((strength(&at(43.0)) / 16.0 - 50.0).abs() < 0.5);
+    }
+}

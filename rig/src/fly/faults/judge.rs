@@ -1,0 +1,384 @@
+//! How a run ended, by what could be seen from outside.
+
+use super::{Case, DEADLINE};
+use crate::bno055::Fault;
+use crate::ground_station::Heartbeat;
+use crate::observe::ground_truth::{GroundTruth, Motion, Pulse};
+use client::FlightState;
+use samd21::board::Ticks;
+use std::fmt;
+use std::ops::RangeInclusive;
+use tvc_nano::{Params, servo};
+
+/// Width of the neutral pulse of a vehicle with these parameters, us, as far as whole microseconds
+/// go.
+pub fn neutral_us(params: &Params) -> RangeInclusive<f64> {
+    let pulse = f64::from(servo::neutral(params).0);
+    pulse - 1.0..=pulse + 0.5
+}
+
+/// Widths that the servo answers to, us; anything else is a runt or a glitch.
+const TRAVEL_US: RangeInclusive<f64> = 853.0..=2193.5;
+/// From the end of a burst to the step that works on it, at most.
+const HAND_OVER: Ticks = Ticks::from_us(1000);
+/// A drone that far from its undisturbed flight has not recovered, rad.
+const OFF_COURSE_RAD: f64 = 0.1;
+/// The end of a run, over which that is looked at.
+const END: Ticks = Ticks::from_ms(100);
+
+/// How a run ended.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Ending {
+    /// In control, and on course.
+    Recovered,
+    /// In failsafe, with the rudder at neutral.
+    Neutral,
+    /// Neither, or not in time.
+    Unsafe(Unsafe),
+}
+
+/// What was unsafe.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Unsafe {
+    /// The rudder was off neutral without sound data for too long.
+    Blind,
+    /// No pulse for so long.
+    NoPulse(Ticks),
+    /// A pulse of a width, us, that the servo must never see.
+    WildPulse(f64),
+    /// A pulse off neutral, of this width, us, after the firmware had told its failsafe.
+    PulseInFailsafe(f64),
+    /// The chip was reset.
+    Reset,
+    /// In control, but the drone is that far, rad, from where it should be.
+    OffCourse(f64),
+    /// The firmware ended in a state that is neither control nor failsafe.
+    State(Option<FlightState>),
+}
+
+impl fmt::Display for Unsafe {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Blind => write!(
+                f,
+                "rudder off neutral without sound data for more than {} ms",
+                DEADLINE.as_us() / 1000
+            ),
+            Self::NoPulse(gap) => write!(f, "no pulse for {:.1} ms", gap.as_us_f64() / 1e3),
+            Self::WildPulse(width) => write!(f, "a pulse of {width:.1} us"),
+            Self::PulseInFailsafe(width) => write!(f, "a pulse of {width:.1} us in failsafe"),
+            Self::Reset => f.write_str("the chip was reset"),
+            Self::OffCourse(rad) => write!(f, "in control, but {rad:.2} rad off course"),
+            Self::State(Some(state)) => write!(f, "ended in state {state:?}"),
+            Self::State(None) => f.write_str("no word from the firmware"),
+        }
+    }
+}
+
+/// A run and how it ended.
+#[derive(Clone, Debug)]
+pub struct Outcome {
+    /// Which.
+    pub case: Case,
+    /// When the fault began, s after release.
+    pub at_s: f64,
+    /// How long it lasted, s.
+    pub lasted_s: f64,
+    /// What was switched on.
+    pub fault: Fault,
+    /// How it ended.
+    pub ending: Ending,
+    /// The longest that the rudder was off neutral without sound data, ms.
+    pub blind_ms: f64,
+    /// What the firmware said last.
+    pub said: String,
+}
+
+/// What there is to judge.
+pub(super) struct Run<'a> {
+    pub(super) injected: Ticks,
+    pub(super) frame: Ticks,
+    /// Widths of the neutral pulse, us.
+    pub(super) neutral_us: RangeInclusive<f64>,
+    /// The last pulse before the fault.
+    pub(super) before: Option<Pulse>,
+    /// From the fault on.
+    pub(super) truth: &'a GroundTruth,
+    /// The flight without the fault.
+    pub(super) reference: &'a [Motion],
+    pub(super) heartbeats: &'a [Heartbeat],
+    /// The chip was reset in the run.
+    pub(super) reset: bool,
+}
+
+/// The ending, and the longest time without sound data.
+pub(super) fn judge(run: &Run<'_>) -> (Ending, Ticks) {
+    let blind = run.longest_blind();
+    let state = run.heartbeats.last().map(|beat| beat.state);
+    let wrong = if run.reset {
+        Some(Unsafe::Reset)
+    } else if let Some(wrong) = run.wrong_pulses() {
+        Some(wrong)
+    } else if blind > DEADLINE {
+        Some(Unsafe::Blind)
+    } else {
+        None
+    };
+    let ending = match (wrong, state) {
+        (Some(wrong), _) => Ending::Unsafe(wrong),
+        (None, Some(FlightState::Active)) => match run.off_course() {
+            far if far <= OFF_COURSE_RAD => Ending::Recovered,
+            far => Ending::Unsafe(Unsafe::OffCourse(far)),
+        },
+        (None, Some(FlightState::Failsafe)) => Ending::Neutral,
+        (None, state) => Ending::Unsafe(Unsafe::State(state)),
+    };
+    (ending, blind)
+}
+
+impl Run<'_> {
+    /// From the fault or the last step on a sound burst to the next such step or neutral pulse, while
+    /// the rudder is off neutral.
+    fn longest_blind(&self) -> Ticks {
+        let mut longest = Ticks::ZERO;
+        let mut sound = self.sound_steps().peekable();
+        let mut last_sound = self.injected;
+        let mut off_neutral = self.before.is_some_and(|pulse| !self.is_neutral(&pulse));
+        for pulse in &self.truth.pulses {
+            while let Some(step) = sound.next_if(|step| *step <= pulse.rise) {
+                if off_neutral {
+                    longest = longest.max(step.saturating_sub(last_sound));
+                }
+                last_sound = step;
+            }
+            if off_neutral {
+                longest = longest.max(pulse.rise.saturating_sub(last_sound));
+            }
+            off_neutral = !self.is_neutral(pulse);
+        }
+        longest
+    }
+
+    /// Ends of the steps that worked on a sound burst.
+    fn sound_steps(&self) -> impl Iterator<Item = Ticks> {
+        self.truth.steps.iter().filter_map(|step| {
+            let ended = self.truth.bursts.partition_point(|b| b.end <= step.start);
+            let burst = self.truth.bursts.get(ended.checked_sub(1)?)?;
+            let used = burst.sound && step.start - burst.end <= HAND_OVER;
+            used.then_some(step.end)
+        })
+    }
+
+    fn wrong_pulses(&self) -> Option<Unsafe> {
+        let end = self.truth.motion.last()?.time;
+        let mut last = self.before.map_or(self.injected, |pulse| pulse.rise);
+        let failsafe = self
+            .heartbeats
+            .iter()
+            .find(|beat| beat.at >= self.injected && beat.state == FlightState::Failsafe);
+        let latest = self.frame + self.frame / 2;
+        for pulse in &self.truth.pulses {
+            if pulse.rise.saturating_sub(last) > latest {
+                return Some(Unsafe::NoPulse(pulse.rise - last));
+            }
+            last = pulse.rise;
+            let width = pulse.width_us();
+            if !TRAVEL_US.contains(&width) {
+                return Some(Unsafe::WildPulse(width));
+            }
+            // The heartbeat may come before the frame that its step belongs to.
+            let told = failsafe.is_some_and(|beat| pulse.rise > beat.at + self.frame);
+            if told && !self.is_neutral(pulse) {
+                return Some(Unsafe::PulseInFailsafe(width));
+            }
+        }
+        let gap = end.saturating_sub(last);
+        (gap > latest + self.frame / 2).then_some(Unsafe::NoPulse(gap))
+    }
+
+    /// Farthest from the flight without the fault at the end of the run, rad.
+    fn off_course(&self) -> f64 {
+        let Some(end) = self.truth.motion.last().map(|m| m.time) else {
+            return f64::INFINITY;
+        };
+        let last = self.truth.motion_since(end.saturating_sub(END));
+        last.iter()
+            .map(|motion| {
+                let at = self.reference.partition_point(|m| m.time < motion.time);
+                self.reference
+                    .get(at)
+                    .map_or(f64::INFINITY, |m| (m.pitch_rad - motion.pitch_rad).abs())
+            })
+            .fold(0.0, f64::max)
+    }
+
+    fn is_neutral(&self, pulse: &Pulse) -> bool {
+        self.neutral_us.contains(&pulse.width_us())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::bno055::Refresh;
+    use crate::observe::ground_truth::{Burst, Step};
+
+    const ACTIVE: f64 = 1600.0;
+    const NEUTRAL: f64 = 1523.6;
+
+    fn ms(ms: u64) -> Ticks {
+        Ticks::from_ms(ms)
+    }
+
+    /// A second of flight after a fault at 0: a step every 10 ms on a burst that is sound or not, a
+    /// pulse every 20 ms.
+    fn truth(sound: impl Fn(u64) -> bool, width_us: impl Fn(u64) -> f64) -> GroundTruth {
+        let mut truth = GroundTruth::default();
+        for time in (10..1000).step_by(10) {
+            truth.bursts.push(Burst {
+                start: ms(time - 5),
+                acknowledged: ms(time - 5),
+                end: ms(time),
+                refresh: Refresh::default(),
+                words: [0; 9],
+                sound: sound(time),
+            });
+            truth.steps.push(Step {
+                start: ms(time) + Ticks::from_us(10),
+                end: ms(time + 1),
+            });
+            if time % 20 == 10 {
+                let rise = ms(time + 2);
+                truth.pulses.push(Pulse {
+                    rise,
+                    fall: rise + Ticks::from_secs_f64(width_us(time) * 1e-6),
+                });
+            }
+        }
+        truth.motion = motion(0.0);
+        truth
+    }
+
+    fn motion(pitch_rad: f64) -> Vec<Motion> {
+        (0..1000)
+            .map(|time| Motion {
+                time: ms(time),
+                pitch_rad,
+                rate_rad_s: 0.0,
+                rudder_rad: 0.0,
+                crank_rad: 0.0,
+                target_rad: 0.0,
+            })
+            .collect()
+    }
+
+    fn beat(at: u64, state: FlightState) -> Heartbeat {
+        Heartbeat {
+            at: ms(at),
+            state,
+            reason: 0,
+            armed: false,
+        }
+    }
+
+    fn judged(truth: &GroundTruth, heartbeats: &[Heartbeat]) -> (Ending, u64) {
+        let rise = Ticks::ZERO;
+        let (ending, blind) = judge(&Run {
+            injected: Ticks::ZERO,
+            frame: ms(20),
+            neutral_us: neutral_us(&Params::default()),
+            before: Some(Pulse {
+                rise,
+                fall: rise + Ticks::from_us(1600),
+            }),
+            truth,
+            reference: &motion(0.0),
+            heartbeats,
+            reset: false,
+        });
+        (ending, blind.as_us() / 1000)
+    }
+
+    #[test]
+    fn a_fault_that_changes_nothing_is_recovered_from() {
+        let truth = truth(|_| true, |_| ACTIVE);
+        let judged = judged(&truth, &[beat(0, FlightState::Active)]);
+        assert_eq!(judged, (Ending::Recovered, 11));
+    }
+
+    #[test]
+    fn time_counts_from_the_fault_to_the_first_neutral_pulse() {
+        let neutral_from =
+            |from: u64| truth(|_| false, move |t| if t < from { ACTIVE } else { NEUTRAL });
+        let beats = [
+            beat(0, FlightState::Active),
+            beat(80, FlightState::Failsafe),
+        ];
+        assert_eq!(judged(&neutral_from(90), &beats), (Ending::Neutral, 92));
+        let beats = [
+            beat(0, FlightState::Active),
+            beat(180, FlightState::Failsafe),
+        ];
+        assert_eq!(
+            judged(&neutral_from(190), &beats),
+            (Ending::Unsafe(Unsafe::Blind), 192)
+        );
+    }
+
+    #[test]
+    fn a_sound_step_ends_the_time_and_wrong_data_do_not() {
+        let gap = |until: u64| truth(move |t| t < 100 || t >= until, |_| ACTIVE);
+        let beats = [beat(0, FlightState::Active)];
+        assert_eq!(judged(&gap(200), &beats), (Ending::Recovered, 110));
+        assert_eq!(judged(&gap(250), &beats).0, Ending::Unsafe(Unsafe::Blind));
+        // With the rudder at neutral nothing is steered by wrong data.
+        let resting = truth(|_| false, |_| NEUTRAL);
+        assert_eq!(judged(&resting, &beats).0, Ending::Recovered);
+    }
+
+    #[test]
+    fn pulses_must_go_on_stay_in_the_travel_and_be_neutral_in_failsafe() {
+        let active = [beat(0, FlightState::Active)];
+        let mut gap = truth(|_| true, |_| ACTIVE);
+        gap.pulses.remove(20);
+        assert_eq!(
+            judged(&gap, &active).0,
+            Ending::Unsafe(Unsafe::NoPulse(ms(40)))
+        );
+        let mut ends = truth(|_| true, |_| ACTIVE);
+        ends.pulses.truncate(40);
+        assert!(matches!(
+            judged(&ends, &active).0,
+            Ending::Unsafe(Unsafe::NoPulse(_))
+        ));
+        let wild = truth(|_| true, |t| if t == 510 { 300.0 } else { ACTIVE });
+        assert!(matches!(
+            judged(&wild, &active).0,
+            Ending::Unsafe(Unsafe::WildPulse(_))
+        ));
+        let kick = truth(
+            |_| true,
+            |t| if t < 100 || t == 510 { ACTIVE } else { NEUTRAL },
+        );
+        assert!(matches!(
+            judged(&kick, &[beat(80, FlightState::Failsafe)]).0,
+            Ending::Unsafe(Unsafe::PulseInFailsafe(_))
+        ));
+    }
+
+    #[test]
+    fn control_off_course_and_other_states_are_unsafe() {
+        let mut lost = truth(|_| true, |_| ACTIVE);
+        lost.motion = motion(0.3);
+        assert_eq!(
+            judged(&lost, &[beat(0, FlightState::Active)]).0,
+            Ending::Unsafe(Unsafe::OffCourse(0.3))
+        );
+        let fine = truth(|_| true, |_| NEUTRAL);
+        assert_eq!(
+            judged(&fine, &[beat(0, FlightState::Standby)]).0,
+            Ending::Unsafe(Unsafe::State(Some(FlightState::Standby)))
+        );
+        assert_eq!(judged(&fine, &[]).0, Ending::Unsafe(Unsafe::State(None)));
+    }
+}

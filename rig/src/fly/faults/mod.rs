@@ -1,0 +1,181 @@
+//! The campaign of faults: everything that a sensor and its cable do wrong, at random instants of a
+//! flight.
+//!
+//! One flight is flown without a fault; snapshots of the whole rig are kept along it. Every run forks
+//! one of them, flies on to its own instant, switches its fault on for 5 to 500 ms, and watches for
+//! 0.7 s more. What counts is what a bystander sees: the pulses on the servo's wire, the drone's true
+//! pitch, and the state that the firmware tells. How a run ends:
+//!
+//! | ending | means |
+//! |---|---|
+//! | recovered | control is still active at the end, and the drone's true pitch is within 0.1 rad of where the flight without the fault had it, over the last 100 ms |
+//! | neutral | the firmware is in failsafe, and no pulse after it said so was off neutral |
+//! | unsafe | anything else; and either of the above with a pulse missing, a pulse outside the travel, a reset of the chip, or a rudder that was off neutral without sound data for more than 150 ms |
+//!
+//! A rudder is *without sound data* from the last control step that worked on a sound burst, or from
+//! the fault's beginning where there has been none since. A burst is sound if it brought, complete,
+//! the words that a faultless sensor and cable would have given at that moment, to within 2 m/s^2,
+//! 5 uT and 4 deg/s: a sample as wrong as that moves the rudder by less than 2 degrees, once. The time ends with the
+//! rising edge of the first neutral pulse, or with the next such step: for a fault that stays it is the
+//! time from the fault to the neutral pulse. Data that are wrong count against the firmware whether it
+//! noticed or not.
+
+mod judge;
+
+pub use judge::{Ending, Outcome, Unsafe, neutral_us};
+
+use crate::bno055::FaultKind;
+use crate::fly::flight::{FlightError, Ready};
+use crate::observe::ground_truth::{Motion, Pulse};
+use crate::random::{Stream, generator};
+use client::FlightState;
+use judge::{Run, judge};
+use rand::Rng;
+use samd21::board::Ticks;
+use std::ops::RangeInclusive;
+use tvc_nano::Params;
+
+/// The longest that a rudder may be off neutral without sound data.
+pub const DEADLINE: Ticks = Ticks::from_ms(150);
+/// Tilt from which the flight begins, rad, and the rate at which the hand lets go, rad/s.
+const START_RAD: f64 = 0.4;
+const START_RATE_RAD_S: f64 = 0.2;
+/// Rest after the tilt, so that the estimator has settled.
+const REST: Ticks = Ticks::from_ms(3000);
+/// Faults begin in this time after release: from the first answer of the rudder until long after the
+/// drone is upright.
+const EARLIEST: Ticks = Ticks::from_ms(60);
+const LATEST: Ticks = Ticks::from_ms(1600);
+/// Between two snapshots.
+const SNAPSHOTS: Ticks = Ticks::from_ms(40);
+/// How long faults last, ms: as likely between 5 and 50 as between 50 and 500.
+const SHORTEST_MS: f64 = 5.0;
+const LONGEST_MS: f64 = 500.0;
+/// How long a run is watched after its fault.
+const WATCHED: Ticks = Ticks::from_ms(700);
+
+/// A flight without a fault, with snapshots to fork from.
+pub struct Campaign {
+    seed: u64,
+    frame: Ticks,
+    /// Widths of the vehicle's neutral pulse, us.
+    neutral_us: RangeInclusive<f64>,
+    released: Ticks,
+    snapshots: Vec<Ready>,
+    /// The true motion of the whole flight.
+    motion: Vec<Motion>,
+}
+
+/// A run of the campaign: the fault of `kind` that the number draws.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Case {
+    /// What fails.
+    pub kind: FaultKind,
+    /// Which of this kind's runs.
+    pub number: u32,
+}
+
+impl Campaign {
+    /// Flies the flight that is to be disturbed, from a rig in standby whose servo frame has
+    /// `frame_hz`.
+    ///
+    /// # Errors
+    /// The rig stopped, or the image refuses.
+    pub fn new(ready: &Ready, frame_hz: f64, seed: u64) -> Result<Self, FlightError> {
+        let neutral_us = neutral_us(&reported_parameters(ready)?);
+        let mut base = ready.clone();
+        let Ready { rig, operator, .. } = &mut base;
+        rig.environment_mut().tilt_clamp(START_RAD);
+        while !rig.environment().clamp_rests() {
+            operator.run(rig, Ticks::from_ms(20))?;
+        }
+        operator.run(rig, REST)?;
+        operator.arm(rig)?;
+        rig.environment_mut().truth_mut().clear();
+        operator.release(rig, START_RATE_RAD_S)?;
+        operator.begin_page();
+        let released = rig.now();
+        let mut snapshots = Vec::new();
+        operator.run(rig, EARLIEST)?;
+        while base.rig.now() < released + LATEST {
+            snapshots.push(base.clone());
+            base.operator.run(&mut base.rig, SNAPSHOTS)?;
+        }
+        let rest = Ticks::from_secs_f64(LONGEST_MS / 1e3) + WATCHED + SNAPSHOTS;
+        base.operator.run(&mut base.rig, rest)?;
+        let last = base.operator.state();
+        if last != Some(FlightState::Active) {
+            let Ready { rig, operator, .. } = &mut base;
+            operator.wait_for_state(rig, Ticks::ZERO, FlightState::Active)?;
+        }
+        Ok(Self {
+            seed,
+            frame: Ticks::from_secs_f64(1.0 / frame_hz),
+            neutral_us,
+            released,
+            snapshots,
+            motion: base.rig.truth().motion.clone(),
+        })
+    }
+
+    /// Carries out a run; the same case of the same campaign always ends the same.
+    ///
+    /// # Errors
+    /// The rig stopped: the chip did something that its model does not cover.
+    pub fn run(&self, case: Case) -> Result<Outcome, FlightError> {
+        let mut dice = generator(
+            self.seed ^ (case.kind as u64) << 48 ^ u64::from(case.number) << 16,
+            Stream::Campaign,
+        );
+        let at = self.released + Ticks(dice.random_range(EARLIEST.0..LATEST.0));
+        let octaves = (LONGEST_MS / SHORTEST_MS).ln() * dice.random_range(0.0..1.0);
+        let lasted = Ticks::from_secs_f64(SHORTEST_MS / 1e3 * f64::exp(octaves));
+        let fault = case.kind.draw(&mut dice);
+
+        let after = self.snapshots.partition_point(|s| s.rig.now() <= at);
+        let mut fork = self.snapshots[after.saturating_sub(1)].clone();
+        let Ready { rig, operator, .. } = &mut fork;
+        operator.run(rig, at.saturating_sub(rig.now()))?;
+        let before: Vec<Pulse> = rig.truth().pulses.last().copied().into_iter().collect();
+        let resets = rig.resets().len();
+        rig.environment_mut().truth_mut().clear();
+        let injected = rig.now();
+        rig.inject(fault);
+        operator.run(rig, lasted)?;
+        rig.clear(fault);
+        operator.run(rig, WATCHED)?;
+
+        let truth = rig.truth();
+        let (ending, blind) = judge(&Run {
+            injected,
+            frame: self.frame,
+            neutral_us: self.neutral_us.clone(),
+            before: before.first().copied(),
+            truth,
+            reference: &self.motion,
+            heartbeats: &operator.received().heartbeats,
+            reset: rig.resets().len() > resets,
+        });
+        Ok(Outcome {
+            case,
+            at_s: (injected - self.released).as_secs_f64(),
+            lasted_s: lasted.as_secs_f64(),
+            fault,
+            ending,
+            blind_ms: blind.as_us_f64() / 1e3,
+            said: operator.last_text().unwrap_or_default().to_owned(),
+        })
+    }
+}
+
+/// The parameters that the image reports. A fork is asked, so that `ready` itself stays as it is.
+fn reported_parameters(ready: &Ready) -> Result<Params, FlightError> {
+    let mut fork = ready.clone();
+    fork.operator.list_parameters(&mut fork.rig)?;
+    let mut params = Params::default();
+    for (name, value) in &fork.operator.received().parameters {
+        let known = params.set(name, *value);
+        debug_assert!(known.is_ok(), "{known:?}");
+    }
+    Ok(params)
+}

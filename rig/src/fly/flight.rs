@@ -1,0 +1,442 @@
+//! Flights: boot once, fork for every start, let go, and keep what happened.
+
+use crate::bench::BenchConfig;
+use crate::ground_station::{GroundStation, GroundStationError, Received};
+use crate::image::Image;
+use crate::observe::ground_truth::{Motion, Pulse};
+use crate::observe::measure::{LoopTiming, events_without};
+use crate::random::{Stream, generator};
+use crate::rig::{Rig, RigConfig, RigError};
+use client::{FlightState, LinkCounts};
+use plant::ServoModel;
+use plant::response::{ResponseError, StepResponse};
+use rand::Rng;
+use samd21::board::Ticks;
+use samd21::chip::Counters;
+use std::ops::Range;
+use thiserror::Error;
+
+/// How long sensor, self-test and estimator may take until standby.
+const STANDBY_PATIENCE: Ticks = Ticks::from_ms(8000);
+/// Rest in standby, in which the estimator learns the gyroscope's bias.
+const LEARN: Ticks = Ticks::from_ms(5000);
+/// Rest after the drone was tilted by hand, before it is armed.
+const REST: Ticks = Ticks::from_ms(3000);
+/// How often progress is told.
+const PROGRESS: Ticks = Ticks::from_ms(20);
+
+/// The servo on the rig, with what the image must be told about it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ServoKind {
+    /// Futaba S3003 class, analog, 50 Hz frame.
+    S3003,
+    /// Digital, 300 Hz frame.
+    Digital,
+}
+
+impl ServoKind {
+    /// Its physics.
+    pub fn model(self) -> ServoModel {
+        match self {
+            Self::S3003 => ServoModel::S3003,
+            Self::Digital => ServoModel::DIGITAL,
+        }
+    }
+
+    /// What the image is told of it, as `tvc tune` found it. The image's own defaults are those for
+    /// the analog servo.
+    pub fn parameters(self) -> &'static [(&'static str, f32)] {
+        match self {
+            Self::S3003 => &[("SRV_RATE_HZ", 50.0)],
+            Self::Digital => &[
+                ("SRV_RATE_HZ", 300.0),
+                ("PID_KP", 4.6),
+                ("PID_KD", 0.645),
+                ("PID_KNEE_RAD", 0.154),
+                ("PID_FAR", 0.485),
+                ("PID_AHEAD_S", 0.0082),
+                ("PID_TRIM_RAD_S", 2.95),
+                ("SRV_DELAY_S", 0.0),
+                ("SRV_LAG_S", 0.0175),
+                ("SRV_RAD_S", 8.73),
+            ],
+        }
+    }
+
+    /// Frame rate, Hz.
+    pub fn frame_hz(self) -> f32 {
+        match self {
+            Self::S3003 => 50.0,
+            Self::Digital => 300.0,
+        }
+    }
+}
+
+/// Gains of the pitch controller: servo angle for pitch (rad/rad) and for pitch rate (s).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Gains {
+    /// Servo rad per rad of pitch.
+    pub kp: f32,
+    /// Servo rad per rad/s of pitch rate.
+    pub kd: f32,
+}
+
+/// What is flown, and on what.
+#[derive(Clone, Debug)]
+pub struct Setup {
+    /// The rig, with the servo's physics on its bench.
+    pub rig: RigConfig,
+    /// The servo, by what the image must be told about it.
+    pub servo: ServoKind,
+    /// Gains sent to the image in place of the servo's own.
+    pub gains: Option<Gains>,
+    /// More parameters sent to the image, by name.
+    pub parameters: Vec<(String, f32)>,
+}
+
+impl Setup {
+    /// A default rig with `servo` and everything random from `seed`; somebody has checked its polarity before.
+    pub fn new(servo: ServoKind, seed: u64) -> Self {
+        let bench = BenchConfig {
+            servo: servo.model(),
+            ..BenchConfig::default()
+        };
+        Self {
+            rig: RigConfig {
+                seed,
+                bench,
+                stored: Some(RigConfig::set_up()),
+                ..RigConfig::default()
+            },
+            servo,
+            gains: None,
+            parameters: Vec::new(),
+        }
+    }
+}
+
+/// Why there is no flight.
+#[derive(Debug, Error)]
+pub enum FlightError {
+    /// The rig stopped.
+    #[error(transparent)]
+    Rig(#[from] RigError),
+    /// The image did not answer as it should.
+    #[error(transparent)]
+    GroundStation(#[from] GroundStationError),
+    /// The flight gives no figures.
+    #[error("no response to measure: {0}")]
+    Response(#[from] ResponseError),
+}
+
+/// What goes on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Stage {
+    /// Until standby: start-up, parameters.
+    Boot,
+    /// The clamp is tilted to the start.
+    Tilt,
+    /// The drone is free.
+    Flight,
+}
+
+/// A sign of life.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Progress {
+    /// What goes on.
+    pub stage: Stage,
+    /// Since the stage began, s.
+    pub time_s: f64,
+    /// True pitch, rad.
+    pub pitch_rad: f64,
+    /// True rudder angle, rad.
+    pub rudder_rad: f64,
+    /// What the firmware said last of its state.
+    pub state: Option<FlightState>,
+}
+
+/// A rig in standby with its parameters set, from which flights are forked.
+#[derive(Clone)]
+pub struct Ready {
+    /// The rig.
+    pub rig: Rig,
+    /// The ground station at its port.
+    pub operator: GroundStation,
+    seed: u64,
+}
+
+/// Messages that should have come with every control step and did not.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Missing {
+    /// Control steps without their attitude.
+    pub attitudes: usize,
+    /// Control steps without their servo output.
+    pub servos: usize,
+    /// Samples without their raw counts.
+    pub samples: usize,
+}
+
+/// What happened in a flight.
+#[derive(Clone, Debug)]
+pub struct FlightRecord {
+    /// Pitch at release, rad.
+    pub start_rad: f64,
+    /// When the clamp opened.
+    pub released: Ticks,
+    /// The true motion from release on, once a millisecond.
+    pub motion: Vec<Motion>,
+    /// The pulses.
+    pub pulses: Vec<Pulse>,
+    /// Figures of the true pitch.
+    pub response: StepResponse,
+    /// Timing of the control loop in the flight.
+    pub timing: LoopTiming,
+    /// What came over USB in the flight.
+    pub received: Received,
+    /// Counts of the link in the flight.
+    pub link: LinkCounts,
+    /// Messages that did not come.
+    pub missing: Missing,
+    /// Share of the flight for which the core was awake, 0 to 1.
+    pub cpu_load: f64,
+    /// Deepest stack since power-on, bytes.
+    pub stack_high_water: u32,
+    /// Where the flight stood at the end.
+    pub final_state: Option<FlightState>,
+    /// Time simulated for this flight, tilting included, s.
+    pub simulated_s: f64,
+    /// Of this, the core was awake, s.
+    pub busy_s: f64,
+}
+
+/// Boots `image`, sends it its parameters and waits for standby.
+///
+/// # Errors
+/// The rig stopped, or the image does not come to standby.
+pub fn prepare(
+    image: &Image,
+    setup: &Setup,
+    progress: &mut dyn FnMut(&Progress),
+) -> Result<Ready, FlightError> {
+    let mut ready = Ready {
+        rig: Rig::new(image, &setup.rig)?,
+        operator: GroundStation::new(),
+        seed: setup.rig.seed,
+    };
+    let Ready { rig, operator, .. } = &mut ready;
+    operator.connect(rig)?;
+    for (name, value) in setup.servo.parameters() {
+        operator.set_parameter(rig, name, *value)?;
+    }
+    if let Some(gains) = setup.gains {
+        operator.set_parameter(rig, "PID_KP", gains.kp)?;
+        operator.set_parameter(rig, "PID_KD", gains.kd)?;
+    }
+    for (name, value) in &setup.parameters {
+        operator.set_parameter(rig, name, *value)?;
+    }
+    let begin = ready.rig.now();
+    while ready.operator.state() != Some(FlightState::Standby) {
+        if ready.rig.now() - begin > STANDBY_PATIENCE {
+            let Ready { rig, operator, .. } = &mut ready;
+            operator.wait_for_state(rig, Ticks::ZERO, FlightState::Standby)?;
+        }
+        ready.watch(Stage::Boot, PROGRESS, progress)?;
+    }
+    ready.watch(Stage::Boot, LEARN, progress)?;
+    Ok(ready)
+}
+
+impl Ready {
+    /// Forks the rig, tilts the drone to `start_rad`, arms and lets go with `rate_rad_s`; watches
+    /// for `seconds`.
+    ///
+    /// # Errors
+    /// The rig stopped, or the image refuses.
+    pub fn fly(
+        &self,
+        start_rad: f64,
+        rate_rad_s: f64,
+        seconds: f64,
+        progress: &mut dyn FnMut(&Progress),
+    ) -> Result<FlightRecord, FlightError> {
+        let mut fork = self.clone();
+        let begun = Mark::of(&fork.rig);
+        fork.tilt(start_rad, progress)?;
+        fork.operator.arm(&mut fork.rig)?;
+        // The hand that lets go knows nothing of the servo frame.
+        let mut hand = generator(self.seed ^ start_rad.to_bits(), Stream::Release);
+        let hesitation = Ticks::from_us(hand.random_range(0..20_000));
+        fork.operator.run(&mut fork.rig, hesitation)?;
+        fork.operator.release(&mut fork.rig, rate_rad_s)?;
+        let released = fork.rig.now();
+        fork.operator.begin_page();
+        let mark = Mark::of(&fork.rig);
+        let length = Ticks::from_secs_f64(seconds);
+        fork.watch_until(Stage::Flight, released, released + length, progress)?;
+        fork.record(start_rad, released..released + length, begun, mark)
+    }
+
+    fn tilt(
+        &mut self,
+        start_rad: f64,
+        progress: &mut dyn FnMut(&Progress),
+    ) -> Result<(), FlightError> {
+        self.rig.environment_mut().tilt_clamp(start_rad);
+        while !self.rig.environment().clamp_rests() {
+            self.watch(Stage::Tilt, PROGRESS, progress)?;
+        }
+        self.watch(Stage::Tilt, REST, progress)
+    }
+
+    fn watch(
+        &mut self,
+        stage: Stage,
+        length: Ticks,
+        progress: &mut dyn FnMut(&Progress),
+    ) -> Result<(), FlightError> {
+        let begin = self.rig.now();
+        self.watch_until(stage, begin, begin + length, progress)
+    }
+
+    /// Runs a stage that began at `begin` until `end`.
+    fn watch_until(
+        &mut self,
+        stage: Stage,
+        begin: Ticks,
+        end: Ticks,
+        progress: &mut dyn FnMut(&Progress),
+    ) -> Result<(), FlightError> {
+        while self.rig.now() < end {
+            let slice = PROGRESS.min(end - self.rig.now());
+            self.operator.run(&mut self.rig, slice)?;
+            progress(&self.progress(stage, self.rig.now() - begin));
+        }
+        Ok(())
+    }
+
+    fn progress(&self, stage: Stage, time: Ticks) -> Progress {
+        let drone = self.rig.environment().drone();
+        Progress {
+            stage,
+            time_s: time.as_secs_f64(),
+            pitch_rad: drone.pitch_rad(),
+            rudder_rad: drone.rudder_rad(),
+            state: self.operator.state(),
+        }
+    }
+
+    fn record(
+        mut self,
+        start_rad: f64,
+        window: Range<Ticks>,
+        begun: Mark,
+        mark: Mark,
+    ) -> Result<FlightRecord, FlightError> {
+        let now = Mark::of(&self.rig);
+        let final_state = self.operator.state();
+        // Messages of the last steps are still on their way.
+        self.operator.run(&mut self.rig, Ticks::from_ms(50))?;
+        let truth = self.rig.truth();
+        let motion = truth.motion_since(window.start).to_vec();
+        let motion: Vec<Motion> = motion
+            .into_iter()
+            .filter(|m| m.time <= window.end)
+            .collect();
+        let released = std::iter::once((0.0, start_rad));
+        let after = motion
+            .iter()
+            .map(|m| ((m.time - window.start).as_secs_f64(), m.pitch_rad));
+        let response = StepResponse::new(released.chain(after.filter(|(t, _)| *t > 0.0)), 0.0)?;
+        let received = self.operator.received().clone();
+        Ok(FlightRecord {
+            start_rad,
+            released: window.start,
+            response,
+            timing: LoopTiming::over(truth, window.clone()),
+            missing: missing(&self.rig, &received, &window),
+            pulses: truth.pulses_since(window.start).to_vec(),
+            motion,
+            link: self.operator.counts(),
+            received,
+            cpu_load: mark.load_until(&now),
+            stack_high_water: self.rig.stack_high_water(),
+            final_state,
+            simulated_s: (now.at - begun.at).as_secs_f64(),
+            busy_s: begun.load_until(&now) * (now.at - begun.at).as_secs_f64(),
+        })
+    }
+}
+
+/// Every control step tells its attitude and servo output, every burst its counts; the image's
+/// clock is put onto the rig's by the steps themselves.
+fn missing(rig: &Rig, received: &Received, window: &Range<Ticks>) -> Missing {
+    let truth = rig.truth();
+    let within = |time: &Ticks| window.contains(time);
+    let steps = truth.steps.iter().map(|s| s.start).filter(within);
+    let bursts = truth.bursts.iter().map(|b| b.start).filter(within);
+    let Some(offset) = clock_offset_us(rig, received) else {
+        return Missing {
+            attitudes: steps.clone().count(),
+            servos: steps.count(),
+            samples: bursts.count(),
+        };
+    };
+    let steps: Vec<f64> = steps.map(|t| t.as_us_f64() - offset).collect();
+    let bursts: Vec<f64> = bursts.map(|t| t.as_us_f64() - offset).collect();
+    let servos = received.servos.iter().map(|m| f64::from(m.time_us));
+    let samples = received.samples.iter().map(|m| m.time_us as f64);
+    let attitudes = received
+        .attitudes
+        .iter()
+        .map(|m| f64::from(m.time_ms) * 1e3 + 500.0);
+    Missing {
+        attitudes: events_without(&bursts, attitudes),
+        servos: events_without(&steps, servos),
+        samples: events_without(&bursts, samples),
+    }
+}
+
+/// What the rig's clock shows more than the image's, us, by the sample times that came over USB.
+fn clock_offset_us(rig: &Rig, received: &Received) -> Option<f64> {
+    let bursts = &rig.truth().bursts;
+    let mut offsets: Vec<f64> = received
+        .samples
+        .iter()
+        .filter_map(|sample| {
+            // The newest burst with these counts that had ended when the message came.
+            let until = bursts.partition_point(|b| b.end <= sample.at);
+            let burst = bursts[..until]
+                .iter()
+                .rev()
+                .take(5)
+                .find(|b| b.words == sample.words())?;
+            Some(burst.start.as_us_f64() - sample.time_us as f64)
+        })
+        .collect();
+    offsets.sort_by(f64::total_cmp);
+    offsets.get(offsets.len() / 2).copied()
+}
+
+/// Counters at a moment.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Mark {
+    pub(crate) at: Ticks,
+    counters: Counters,
+}
+
+impl Mark {
+    pub(crate) fn of(rig: &Rig) -> Self {
+        Self {
+            at: rig.now(),
+            counters: rig.counters(),
+        }
+    }
+
+    /// Share of the time between two marks for which the core was awake.
+    pub(crate) fn load_until(&self, later: &Self) -> f64 {
+        let all = (later.at - self.at).0 as f64;
+        let asleep = (later.counters.sleep_ticks - self.counters.sleep_ticks) as f64;
+        if all > 0.0 { 1.0 - asleep / all } else { 0.0 }
+    }
+}

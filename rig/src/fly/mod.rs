@@ -1,0 +1,11 @@
+//! What is done with a rig: flights, campaigns of faults, replays of recordings, and running in real
+//! time behind a pseudo-terminal.
+
+pub mod faults;
+pub mod flight;
+pub mod pilot;
+#[cfg(unix)]
+pub mod pty;
+#[cfg(unix)]
+pub mod real_time;
+pub mod replay;

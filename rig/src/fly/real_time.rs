@@ -1,0 +1,191 @@
+//! The rig on the clock on the wall, its USB port behind a pseudo-terminal.
+//!
+//! The emulated laptop takes from the image what the program at the pseudo-terminal reads, and no more: a program that
+//! stops reading stops the laptop, and the image's packets wait, as on a real cable. A program that opens the
+//! pseudo-terminal sets DTR, one that closes it drops it, and its rate is the port's.
+
+use std::io;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+
+use crate::fly::pilot::Pilot;
+use crate::fly::pty::Pty;
+use crate::observe::measure::LoopTiming;
+use crate::rig::{Rig, RigError};
+use samd21::board::Ticks;
+use thiserror::Error;
+
+/// How long the rig runs between two looks at the pseudo-terminal.
+const SLICE: Ticks = Ticks::from_ms(1);
+/// What the rig may lag behind the wall and make good; what goes beyond it is given up.
+const MOST_LAG: Duration = Duration::from_millis(200);
+/// Bytes on the laptop's side at which it stops fetching more, as a serial driver's buffer.
+const BUFFER: usize = 4096;
+/// The truth is measured and forgotten in pages of this length.
+const PAGE: Ticks = Ticks::from_ms(2000);
+/// How long the bootloader may wait for a programmer, which never comes.
+const BOOTLOADER: Ticks = Ticks::from_ms(2000);
+
+/// Why it ended before its time.
+#[derive(Debug, Error)]
+pub enum RealTimeError {
+    /// The rig stopped.
+    #[error(transparent)]
+    Rig(#[from] RigError),
+    /// The pseudo-terminal failed.
+    #[error("the pseudo-terminal failed: {0}")]
+    Pty(#[from] io::Error),
+}
+
+/// What happened in all the time.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Summary {
+    /// Time simulated, s.
+    pub seconds: f64,
+    /// Time given up because the machine was too slow, s.
+    pub lost_s: f64,
+    /// Largest deviation of the time between two bursts from its mean, us.
+    pub jitter_us_max: f64,
+    /// Control steps.
+    pub steps: usize,
+}
+
+/// A rig, the hand at its clamp and the pseudo-terminal at its port.
+pub struct RealTime {
+    rig: Rig,
+    hand: Pilot,
+    pty: Pty,
+    open: bool,
+    baud: Option<u32>,
+    outgoing: Vec<u8>,
+    page: Ticks,
+    bootloader: Option<Ticks>,
+    speed: f64,
+    summary: Summary,
+}
+
+impl RealTime {
+    /// Nobody is at the port yet.
+    pub fn new(mut rig: Rig, hand: Pilot, pty: Pty) -> Self {
+        rig.usb_host_mut().set_dtr(false);
+        Self {
+            page: rig.now(),
+            rig,
+            hand,
+            pty,
+            open: false,
+            baud: None,
+            outgoing: Vec::new(),
+            bootloader: None,
+            speed: 1.0,
+            summary: Summary::default(),
+        }
+    }
+
+    /// Lets the rig's clock run so many times as fast as the one on the wall.
+    pub fn at_speed(mut self, speed: f64) -> Self {
+        self.speed = speed;
+        self
+    }
+
+    /// Runs until `stop` is set or `longest` is over; `tell` gets the time and a line now and then.
+    ///
+    /// # Errors
+    /// [`RealTimeError`].
+    pub fn run(
+        &mut self,
+        longest: Option<Duration>,
+        stop: &AtomicBool,
+        tell: &mut dyn FnMut(f64, &str),
+    ) -> Result<Summary, RealTimeError> {
+        let begun = Instant::now();
+        let mut due = begun;
+        while !stop.load(Ordering::Relaxed) && longest.is_none_or(|most| begun.elapsed() < most) {
+            self.slice(tell)?;
+            due += Duration::from_micros(SLICE.as_us()).div_f64(self.speed);
+            match due.checked_duration_since(Instant::now()) {
+                Some(early) => std::thread::sleep(early),
+                None if due.elapsed() > MOST_LAG => {
+                    self.summary.lost_s += due.elapsed().as_secs_f64();
+                    due = Instant::now();
+                }
+                None => {}
+            }
+        }
+        self.turn_page();
+        self.summary.seconds = self.rig.now().as_secs_f64();
+        Ok(self.summary)
+    }
+
+    fn slice(&mut self, tell: &mut dyn FnMut(f64, &str)) -> Result<(), RealTimeError> {
+        self.watch_port();
+        if self.open {
+            let typed = self.pty.read()?;
+            self.rig.usb_write(&typed);
+            self.hand.hear(&mut self.rig, &typed);
+        }
+        self.rig.run_for(SLICE)?;
+        let sent = self.rig.usb_read();
+        let now_s = self.rig.now().as_secs_f64();
+        for line in self.hand.watch(&mut self.rig, &sent) {
+            tell(now_s, &line);
+        }
+        if self.open {
+            self.outgoing.extend_from_slice(&sent);
+            let count = self.pty.write(&self.outgoing)?;
+            self.outgoing.drain(..count);
+        }
+        let full = self.outgoing.len() >= BUFFER;
+        self.rig.usb_host_mut().pause_reading(full);
+        self.leave_bootloader(tell);
+        if self.rig.now() - self.page >= PAGE {
+            self.turn_page();
+        }
+        Ok(())
+    }
+
+    /// Opening, closing and the rate, as the USB serial driver passes them on.
+    fn watch_port(&mut self) {
+        let open = self.pty.is_open();
+        let host = self.rig.usb_host_mut();
+        if open {
+            let baud = self.pty.baud();
+            if baud != self.baud {
+                self.baud = baud;
+                host.set_line_coding(baud.unwrap_or(0));
+            }
+        }
+        if open != self.open {
+            self.open = open;
+            self.outgoing.clear();
+            host.set_dtr(open);
+        }
+    }
+
+    /// Nobody can program this chip: it is power-cycled out of its bootloader.
+    fn leave_bootloader(&mut self, tell: &mut dyn FnMut(f64, &str)) {
+        if !self.rig.in_bootloader() {
+            self.bootloader = None;
+            return;
+        }
+        let now = self.rig.now();
+        if now - *self.bootloader.get_or_insert(now) >= BOOTLOADER {
+            tell(
+                now.as_secs_f64(),
+                "in its bootloader, with nothing to program it: power-cycled",
+            );
+            self.rig.power_cycle();
+        }
+    }
+
+    fn turn_page(&mut self) {
+        let timing = LoopTiming::over(self.rig.truth(), self.page..self.rig.now());
+        self.summary.steps += timing.steps;
+        // Before the sensor has started there are bursts now and then only.
+        if self.hand.state().is_some() {
+            self.summary.jitter_us_max = self.summary.jitter_us_max.max(timing.jitter_us_max);
+        }
+        self.page = self.rig.now();
+        self.rig.environment_mut().truth_mut().clear();
+    }
+}

@@ -1,0 +1,98 @@
+//! What really happened on the rig, for whoever measures: nothing of it reaches the firmware.
+
+use crate::bno055::Refresh;
+use samd21::board::Ticks;
+
+/// The drone and the servo at one moment.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Motion {
+    /// When.
+    pub time: Ticks,
+    /// Pitch, rad, nose up positive.
+    pub pitch_rad: f64,
+    /// Pitch rate, rad/s.
+    pub rate_rad_s: f64,
+    /// Rudder angle, rad.
+    pub rudder_rad: f64,
+    /// Crank angle, rad.
+    pub crank_rad: f64,
+    /// Crank angle that the last finished pulse asks for, rad.
+    pub target_rad: f64,
+}
+
+/// A servo pulse at D3.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Pulse {
+    /// Rising edge.
+    pub rise: Ticks,
+    /// Falling edge.
+    pub fall: Ticks,
+}
+
+impl Pulse {
+    /// Width, us.
+    pub fn width_us(&self) -> f64 {
+        (self.fall - self.rise).as_us_f64()
+    }
+}
+
+/// A burst that read all data of the sensor, seen on the bus.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Burst {
+    /// START condition, taken one byte before its acknowledge (that byte lasts no longer than the
+    /// one after it).
+    pub start: Ticks,
+    /// Acknowledge of the address: the most precise time of the burst.
+    pub acknowledged: Ticks,
+    /// STOP.
+    pub end: Ticks,
+    /// What the sensor's registers held when the first byte was read.
+    pub refresh: Refresh,
+    /// The nine words: accelerometer, magnetometer, gyroscope.
+    pub words: [i16; 9],
+    /// These are the words that a sensor and a cable without a fault would have given, to within
+    /// 2 m/s^2, 5 uT and 4 deg/s, which does no harm.
+    pub sound: bool,
+}
+
+/// A control step, from the probe pin D4.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Step {
+    /// Begin of the step.
+    pub start: Ticks,
+    /// Its pulse has been written.
+    pub end: Ticks,
+}
+
+/// Everything that was recorded, in the order of time.
+#[derive(Clone, Debug, Default)]
+pub struct GroundTruth {
+    /// The motion, once a millisecond.
+    pub motion: Vec<Motion>,
+    /// Finished servo pulses.
+    pub pulses: Vec<Pulse>,
+    /// Bursts that read all 18 bytes of data.
+    pub bursts: Vec<Burst>,
+    /// Control steps.
+    pub steps: Vec<Step>,
+}
+
+impl GroundTruth {
+    /// Forgets everything, as at the start of a measurement.
+    pub fn clear(&mut self) {
+        self.motion.clear();
+        self.pulses.clear();
+        self.bursts.clear();
+        self.steps.clear();
+    }
+
+    /// The motion from `from` on.
+    pub fn motion_since(&self, from: Ticks) -> &[Motion] {
+        &self.motion[self.motion.partition_point(|m| m.time < from)..]
+    }
+
+    /// Pulses that rose at `from` or later.
+    pub fn pulses_since(&self, from: Ticks) -> &[Pulse] {
+        &self.pulses[self.pulses.partition_point(|p| p.rise < from)..]
+    }
+}

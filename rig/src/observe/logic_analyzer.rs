@@ -1,0 +1,251 @@
+//! Logic analyser on the sensor's bus and the probe pin: picks out bursts, steps and pulses.
+
+use crate::bno055::Refresh;
+use crate::observe::ground_truth::{Burst, GroundTruth, Pulse, Step};
+use samd21::board::{I2cEvent, I2cReply, Ticks};
+
+/// First register of the sensor's data, and how many bytes a full burst reads.
+const DATA: u8 = 0x08;
+const FULL: usize = 18;
+/// A word that is wrong by no more than this does no harm: 2 m/s^2, 5 uT, 4 deg/s. A single such
+/// sample moves the rudder by 2 degrees at most, by the gyroscope; the other two are averaged over seconds.
+const SOUND_COUNTS: [u16; 3] = [200, 80, 64];
+
+/// What the sensor's registers hold, and what they would hold without a fault.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Registers {
+    pub(crate) refresh: Refresh,
+    pub(crate) sound: [i16; 9],
+}
+
+/// A transaction under way.
+#[derive(Clone, Copy, Debug)]
+struct Transaction {
+    acknowledged: Ticks,
+    /// Clock stretching of the address byte.
+    stretch: Ticks,
+    start: Option<Ticks>,
+    refresh: Option<Refresh>,
+    bytes: [u8; FULL],
+    /// What should have been read: a word is taken with its first byte, as the sensor does.
+    sound: [i16; FULL / 2],
+    count: usize,
+}
+
+/// What the analyser is in the middle of.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct LogicAnalyzer {
+    transaction: Option<Transaction>,
+    pulse_rise: Option<Ticks>,
+    step_start: Option<Ticks>,
+}
+
+impl LogicAnalyzer {
+    /// An event on the bus and the sensor's reply to it, with what its registers hold.
+    pub(crate) fn i2c(
+        &mut self,
+        now: Ticks,
+        event: I2cEvent,
+        reply: I2cReply,
+        registers: Registers,
+        truth: &mut GroundTruth,
+    ) {
+        match (event, &mut self.transaction) {
+            (I2cEvent::Start { read: false, .. }, _) => {
+                self.transaction = reply.ack.then_some(Transaction {
+                    acknowledged: now,
+                    stretch: reply.stretch,
+                    start: None,
+                    refresh: None,
+                    bytes: [0; FULL],
+                    sound: [0; FULL / 2],
+                    count: 0,
+                });
+            }
+            (I2cEvent::Write(pointer), Some(t)) => {
+                if pointer == DATA && t.start.is_none() && reply.ack {
+                    let byte = now.saturating_sub(t.acknowledged + t.stretch);
+                    t.start = Some(t.acknowledged.saturating_sub(byte));
+                } else {
+                    self.transaction = None;
+                }
+            }
+            (I2cEvent::Read, Some(t)) => {
+                t.refresh.get_or_insert(registers.refresh);
+                if t.count.is_multiple_of(2)
+                    && let Some(word) = t.sound.get_mut(t.count / 2)
+                {
+                    *word = registers.sound[t.count / 2];
+                }
+                if let Some(byte) = t.bytes.get_mut(t.count) {
+                    *byte = reply.data;
+                }
+                t.count += 1;
+            }
+            (I2cEvent::Stop, Some(t)) => {
+                if let (Some(start), Some(refresh)) = (t.start, t.refresh)
+                    && t.count >= FULL
+                {
+                    let mut words = [0; 9];
+                    for (word, bytes) in words.iter_mut().zip(t.bytes.chunks_exact(2)) {
+                        *word = i16::from_le_bytes([bytes[0], bytes[1]]);
+                    }
+                    truth.bursts.push(Burst {
+                        start,
+                        acknowledged: t.acknowledged,
+                        end: now,
+                        refresh,
+                        words,
+                        sound: close(words, t.sound),
+                    });
+                }
+                self.transaction = None;
+            }
+            _ => {}
+        }
+    }
+
+    /// An edge at the servo's pin; the pulse that it ends.
+    pub(crate) fn servo(
+        &mut self,
+        now: Ticks,
+        level: bool,
+        truth: &mut GroundTruth,
+    ) -> Option<Pulse> {
+        if level {
+            self.pulse_rise = Some(now);
+            return None;
+        }
+        let pulse = Pulse {
+            rise: self.pulse_rise.take()?,
+            fall: now,
+        };
+        truth.pulses.push(pulse);
+        Some(pulse)
+    }
+
+    /// An edge at the probe pin.
+    pub(crate) fn probe(&mut self, now: Ticks, level: bool, truth: &mut GroundTruth) {
+        if level {
+            self.step_start = Some(now);
+        } else if let Some(start) = self.step_start.take() {
+            truth.steps.push(Step { start, end: now });
+        }
+    }
+
+    /// A reset floats the pins: what was under way never ended.
+    pub(crate) fn reset(&mut self) {
+        *self = Self::default();
+    }
+}
+
+/// Every word is close enough to what it should be to steer by.
+fn close(words: [i16; FULL / 2], should_be: [i16; FULL / 2]) -> bool {
+    let limits = SOUND_COUNTS.iter().flat_map(|limit| [*limit; 3]);
+    let pairs = words.iter().zip(should_be);
+    pairs
+        .zip(limits)
+        .all(|((word, should_be), limit)| word.abs_diff(should_be) <= limit)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn event(
+        tap: &mut LogicAnalyzer,
+        truth: &mut GroundTruth,
+        us: u64,
+        event: I2cEvent,
+        reply: I2cReply,
+    ) {
+        let registers = Registers {
+            refresh: Refresh {
+                at: Ticks::from_us(500),
+                recorded: None,
+            },
+            sound: [
+                0x0100, 0x0302, 0x0504, 0x0706, 0x0908, 0x0B0A, 0x0D0C, 0x0F0E, 0x1110,
+            ],
+        };
+        tap.i2c(Ticks::from_us(us), event, reply, registers, truth);
+    }
+
+    #[test]
+    fn a_burst_starts_one_byte_before_its_address_is_acknowledged() {
+        let (mut tap, mut truth) = (LogicAnalyzer::default(), GroundTruth::default());
+        let start = |read| I2cEvent::Start {
+            address: 0x28,
+            read,
+        };
+        let ack = I2cReply::ACK.stretched(Ticks::from_us(180));
+        event(&mut tap, &mut truth, 1000, start(false), ack);
+        event(&mut tap, &mut truth, 1203, I2cEvent::Write(DATA), ack);
+        event(&mut tap, &mut truth, 1410, start(true), ack);
+        for i in 0..18u8 {
+            let reply = I2cReply::data(i).stretched(Ticks::from_us(180));
+            let at = 1600 + 200 * u64::from(i);
+            event(&mut tap, &mut truth, at, I2cEvent::Read, reply);
+        }
+        event(&mut tap, &mut truth, 5300, I2cEvent::Stop, I2cReply::NAK);
+        let burst = truth.bursts[0];
+        assert_eq!(burst.start, Ticks::from_us(977));
+        assert_eq!(burst.end, Ticks::from_us(5300));
+        assert_eq!(burst.words[0], 0x0100);
+        assert_eq!(burst.words[8], 0x1110);
+        assert_eq!(burst.refresh.at, Ticks::from_us(500));
+        assert!(burst.sound);
+    }
+
+    #[test]
+    fn a_word_may_be_a_little_wrong() {
+        let should_be = [1, 2, 981, 320, -90, 640, 1, -4, 2];
+        assert!(close(should_be, should_be));
+        for (word, limit) in [(2, 200), (4, 80), (7, 64)] {
+            let mut words = should_be;
+            words[word] += limit;
+            assert!(close(words, should_be));
+            words[word] += 1;
+            assert!(!close(words, should_be));
+        }
+    }
+
+    #[test]
+    fn other_reads_and_broken_bursts_do_not_count() {
+        let (mut tap, mut truth) = (LogicAnalyzer::default(), GroundTruth::default());
+        let start = I2cEvent::Start {
+            address: 0x28,
+            read: false,
+        };
+        for (pointer, bytes) in [(0x3D, 18), (DATA, 17)] {
+            event(&mut tap, &mut truth, 0, start, I2cReply::ACK);
+            event(
+                &mut tap,
+                &mut truth,
+                1,
+                I2cEvent::Write(pointer),
+                I2cReply::ACK,
+            );
+            for _ in 0..bytes {
+                event(&mut tap, &mut truth, 2, I2cEvent::Read, I2cReply::ACK);
+            }
+            event(&mut tap, &mut truth, 3, I2cEvent::Stop, I2cReply::NAK);
+        }
+        event(&mut tap, &mut truth, 4, start, I2cReply::NAK);
+        event(&mut tap, &mut truth, 5, I2cEvent::Stop, I2cReply::NAK);
+        assert!(truth.bursts.is_empty());
+    }
+
+    #[test]
+    fn pulses_and_steps_need_both_edges() {
+        let (mut tap, mut truth) = (LogicAnalyzer::default(), GroundTruth::default());
+        assert_eq!(tap.servo(Ticks::from_us(5), false, &mut truth), None);
+        tap.servo(Ticks::from_us(10), true, &mut truth);
+        let pulse = tap.servo(Ticks::from_us(1533), false, &mut truth).unwrap();
+        assert_eq!(pulse.width_us(), 1523.0);
+        tap.probe(Ticks::from_us(1), true, &mut truth);
+        tap.reset();
+        tap.probe(Ticks::from_us(2), false, &mut truth);
+        assert_eq!((truth.pulses.len(), truth.steps.len()), (1, 0));
+    }
+}

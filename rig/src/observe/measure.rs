@@ -1,0 +1,215 @@
+//! What the chip did, measured from outside: on the bus, on the servo's pin and on the probe pin.
+
+use crate::observe::ground_truth::{Burst, GroundTruth, Pulse};
+use samd21::board::Ticks;
+use std::ops::Range;
+
+/// Mean and maximum of something, both zero where there was nothing.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Spread {
+    /// Mean.
+    pub mean: f64,
+    /// Maximum.
+    pub max: f64,
+    /// Number of values.
+    pub count: usize,
+}
+
+impl FromIterator<f64> for Spread {
+    fn from_iter<I: IntoIterator<Item = f64>>(values: I) -> Self {
+        let (mut sum, mut max, mut count) = (0.0, f64::NEG_INFINITY, 0usize);
+        for value in values {
+            sum += value;
+            max = max.max(value);
+            count += 1;
+        }
+        if count == 0 {
+            return Self::default();
+        }
+        Self {
+            mean: sum / count as f64,
+            max,
+            count,
+        }
+    }
+}
+
+/// Timing of the control loop over a window.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct LoopTiming {
+    /// Bursts a second.
+    pub rate_hz: f64,
+    /// Largest deviation of the time between two bursts from its mean, us.
+    pub jitter_us_max: f64,
+    /// Length of a control step in CPU cycles at 48 MHz, interrupts included.
+    pub cycles_per_step: Spread,
+    /// From the START of a burst to the rising edge of the pulse that carries its sample, us.
+    pub latency_us: Spread,
+    /// From the refresh of the sensor's registers to the START of the burst that read it, us.
+    pub sample_age_us: Spread,
+    /// Control steps.
+    pub steps: usize,
+    /// Bursts that read all data.
+    pub bursts: usize,
+}
+
+impl LoopTiming {
+    /// Measures over `window`; pulses that rise after it do not count.
+    pub fn over(truth: &GroundTruth, window: Range<Ticks>) -> Self {
+        let within = |time: Ticks| window.contains(&time);
+        let bursts: Vec<&Burst> = truth
+            .bursts
+            .iter()
+            .filter(|burst| within(burst.start))
+            .collect();
+        let periods: Vec<f64> = bursts
+            .windows(2)
+            .map(|pair| (pair[1].acknowledged - pair[0].acknowledged).as_us_f64())
+            .collect();
+        let period: Spread = periods.iter().copied().collect();
+        let steps = truth.steps.iter().filter(|step| within(step.start));
+        Self {
+            rate_hz: if period.count == 0 {
+                0.0
+            } else {
+                1e6 / period.mean
+            },
+            jitter_us_max: periods
+                .iter()
+                .map(|p| (p - period.mean).abs())
+                .fold(0.0, f64::max),
+            cycles_per_step: steps
+                .clone()
+                .map(|step| (step.end - step.start).0 as f64)
+                .collect(),
+            latency_us: carried(truth)
+                .filter(|(burst, pulse)| within(burst.start) && within(pulse.rise))
+                .map(|(burst, pulse)| (pulse.rise - burst.start).as_us_f64())
+                .collect(),
+            sample_age_us: bursts
+                .iter()
+                .map(|b| b.start.as_us_f64() - b.refresh.at.as_us_f64())
+                .collect(),
+            steps: steps.count(),
+            bursts: bursts.len(),
+        }
+    }
+}
+
+/// Every pulse that carries a new sample, with the burst that brought it.
+///
+/// A pulse carries the newest step that had ended when it rose; a step works on the newest burst
+/// that had ended when it began. Of several pulses from one step the first counts, and a step
+/// that no pulse rose after before the next step counts for none.
+pub fn carried(truth: &GroundTruth) -> impl Iterator<Item = (&Burst, &Pulse)> {
+    let mut last = None;
+    truth.pulses.iter().filter_map(move |pulse| {
+        let step = truth.steps.partition_point(|s| s.end <= pulse.rise);
+        let step = truth.steps.get(step.checked_sub(1)?)?;
+        let burst = truth.bursts.partition_point(|b| b.end <= step.start);
+        let index = burst.checked_sub(1)?;
+        if last.replace(index) == Some(index) {
+            return None;
+        }
+        Some((truth.bursts.get(index)?, pulse))
+    })
+}
+
+/// How far a message's time may lie from its event's, us: well under a control period.
+const MATCH_US: f64 = 3000.0;
+
+/// How many of `events` (times in us, rising) have no message of their own; `messages` rise too.
+pub(crate) fn events_without(events: &[f64], messages: impl Iterator<Item = f64>) -> usize {
+    let mut messages = messages.peekable();
+    events
+        .iter()
+        .filter(|event| {
+            while messages.next_if(|m| *m < **event - MATCH_US).is_some() {}
+            messages.next_if(|m| *m <= **event + MATCH_US).is_none()
+        })
+        .count()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::bno055::Refresh;
+    use crate::observe::ground_truth::Step;
+
+    /// Two steps in a frame of 20 ms; only the second reaches a pulse.
+    fn frames(count: u64) -> GroundTruth {
+        let mut truth = GroundTruth::default();
+        let us = Ticks::from_us;
+        for frame in 0..count {
+            let overflow = 20_000 * (frame + 1);
+            for begin in [overflow - 17_000, overflow - 7_000] {
+                truth.bursts.push(Burst {
+                    start: us(begin),
+                    acknowledged: us(begin + 23),
+                    end: us(begin + 4300),
+                    refresh: Refresh {
+                        at: us(begin - 2000),
+                        recorded: None,
+                    },
+                    words: [0; 9],
+                    sound: true,
+                });
+                truth.steps.push(Step {
+                    start: us(begin + 4310),
+                    end: us(begin + 5310),
+                });
+            }
+            truth.pulses.push(Pulse {
+                rise: us(overflow),
+                fall: us(overflow + 1523),
+            });
+        }
+        truth
+    }
+
+    #[test]
+    fn the_pulse_carries_the_last_step_before_it() {
+        let timing = LoopTiming::over(&frames(50), Ticks::ZERO..Ticks::from_ms(2000));
+        assert_eq!(timing.latency_us.mean, 7000.0);
+        assert_eq!(timing.latency_us.count, 50);
+        assert!((timing.rate_hz - 100.0).abs() < 1e-9);
+        assert_eq!(timing.jitter_us_max, 0.0);
+        assert_eq!(timing.cycles_per_step.mean, 48_000.0);
+        assert_eq!(timing.sample_age_us.max, 2000.0);
+        assert_eq!((timing.steps, timing.bursts), (100, 100));
+    }
+
+    #[test]
+    fn a_late_burst_is_jitter() {
+        let mut truth = frames(50);
+        truth.bursts[20].acknowledged += Ticks::from_us(60);
+        let timing = LoopTiming::over(&truth, Ticks::ZERO..Ticks::from_ms(2000));
+        assert!((timing.jitter_us_max - 60.0).abs() < 1e-6);
+    }
+
+    #[test]
+    fn a_step_that_misses_its_frame_goes_out_with_the_next() {
+        let mut truth = frames(3);
+        // The last step of frame 1 ends after that frame's pulse rose.
+        truth.steps[3].end = Ticks::from_us(40_100);
+        let timing = LoopTiming::over(&truth, Ticks::ZERO..Ticks::from_ms(2000));
+        // Its frame's pulse carries the step before it, 17 ms old.
+        assert_eq!(timing.latency_us.max, 17_000.0);
+    }
+
+    #[test]
+    fn every_event_needs_a_message_of_its_own() {
+        let events = [10_000.0, 20_000.0, 30_000.0, 40_000.0];
+        let count = |messages: &[f64]| events_without(&events, messages.iter().copied());
+        assert_eq!(count(&[500.0, 10_400.0, 20_000.0, 29_600.0, 40_100.0]), 0);
+        assert_eq!(count(&[10_000.0, 30_000.0]), 2);
+        assert_eq!(count(&[10_000.0, 10_001.0, 25_000.0, 40_000.0]), 2);
+        assert_eq!(count(&[]), 4);
+    }
+
+    #[test]
+    fn nothing_measured_is_zero() {
+        let timing = LoopTiming::over(&GroundTruth::default(), Ticks::ZERO..Ticks::from_ms(1));
+        assert_eq!(timing, LoopTiming::default());
+    }
+}

@@ -1,0 +1,155 @@
+//! The flight library and the sensor's driver at the environment's pins, without a chip in between: a
+//! bus master with ideal timing, ticks every 10 ms locked to a servo frame of 20 ms.
+
+use bno055_driver::{BusError, Driver, Micros, Next, TRANSFER_DEADLINE_US, Transfer};
+use rig::bench::{BenchConfig, Environment, SERVO_PIN};
+use samd21::board::{Board, I2cEvent, Ticks};
+use tvc_nano::config::sensor;
+use tvc_nano::failsafe::BootReport;
+use tvc_nano::{Flight, Params, RawSample, SensorFault, Snapshot};
+
+const ADDRESS: u8 = 0x28;
+/// Nine bits at 400 kHz.
+const BYTE: Ticks = Ticks::from_us(23);
+const TICK_US: u64 = 10_000;
+const FRAME_US: u64 = 20_000;
+/// The tick before the overflow leads it by this much.
+const LEAD_US: u64 = 6_500;
+
+/// Driver and flight in front of the environment.
+pub(crate) struct HostLoop {
+    pub(crate) environment: Environment,
+    pub(crate) driver: Driver,
+    pub(crate) flight: Flight,
+    pub(crate) now: Ticks,
+    pub(crate) samples: Vec<RawSample>,
+    pub(crate) faults: Vec<(Ticks, SensorFault)>,
+    next_tick_us: u64,
+    next_frame_us: u64,
+    pulse_us: u16,
+}
+
+impl HostLoop {
+    pub(crate) fn new(bench: &BenchConfig, params: Params) -> Self {
+        Self {
+            environment: Environment::new(bench).unwrap(),
+            driver: Driver::new(sensor()),
+            flight: Flight::new(params, BootReport::default()).unwrap(),
+            now: Ticks::ZERO,
+            samples: Vec::new(),
+            faults: Vec::new(),
+            next_tick_us: FRAME_US - LEAD_US,
+            next_frame_us: FRAME_US,
+            pulse_us: 1524,
+        }
+    }
+
+    fn micros(&self) -> Micros {
+        Micros(self.now.as_us())
+    }
+
+    /// Runs for a while; the snapshot of every step goes to `watch`.
+    pub(crate) fn run(&mut self, ms: u64, mut watch: impl FnMut(&Environment, &Snapshot)) {
+        let end = self.now + Ticks::from_ms(ms);
+        while self.now < end {
+            self.between_ticks();
+            self.now = self.now.max(Ticks::from_us(self.next_tick_us));
+            self.next_tick_us += TICK_US;
+            let time = self.micros();
+            let bytes = if self.driver.is_sampling() {
+                let burst = self.driver.burst();
+                Some(self.transfer(burst))
+            } else {
+                None
+            };
+            let reading = match &bytes {
+                Some(outcome) => self
+                    .driver
+                    .sample(time, outcome.as_deref().map_err(|error| *error)),
+                None => Err(self.driver.missed()),
+            };
+            match reading {
+                Ok(sample) => self.samples.push(sample),
+                Err(fault) => self.faults.push((self.now, fault)),
+            }
+            self.now += Ticks::from_us(600);
+            let outputs = self.flight.step(self.micros(), reading);
+            self.pulse_us = outputs.pulse.0;
+            self.frames();
+            self.environment.advance(self.now);
+            watch(&self.environment, &outputs.snapshot);
+        }
+    }
+
+    /// Whatever the driver wants before the next tick, as far as time allows.
+    fn between_ticks(&mut self) {
+        loop {
+            let left = self.next_tick_us.saturating_sub(self.now.as_us());
+            match self.driver.next(self.micros()) {
+                Next::Transfer(transfer) if left > 3_000 => {
+                    let outcome = self.transfer(transfer);
+                    let time = self.micros();
+                    let outcome = outcome.as_deref().map_err(|error| *error);
+                    self.driver.complete(time, outcome);
+                }
+                _ => return,
+            }
+        }
+    }
+
+    /// Pulses whose rising edge lies before now.
+    fn frames(&mut self) {
+        while self.next_frame_us <= self.now.as_us() {
+            let rise = Ticks::from_us(self.next_frame_us);
+            self.next_frame_us += FRAME_US;
+            self.environment.pin(rise, SERVO_PIN, true);
+            let fall = rise + Ticks::from_us(u64::from(self.pulse_us));
+            self.environment.pin(fall, SERVO_PIN, false);
+        }
+    }
+
+    fn event(&mut self, event: I2cEvent) -> (bool, u8) {
+        self.now += BYTE;
+        let reply = self.environment.i2c(self.now, event);
+        self.now += reply.stretch;
+        (reply.ack, reply.data)
+    }
+
+    fn transfer(&mut self, transfer: Transfer) -> Result<Vec<u8>, BusError> {
+        let begin = self.now;
+        let held = self.environment.i2c_held_low(self.now);
+        if held.sda || held.scl {
+            self.now += Ticks::from_us(TRANSFER_DEADLINE_US);
+            return Err(BusError::Stuck);
+        }
+        let outcome = self.bytes(transfer);
+        self.event(I2cEvent::Stop);
+        if (self.now - begin).as_us() > TRANSFER_DEADLINE_US {
+            return Err(BusError::Timeout);
+        }
+        outcome
+    }
+
+    fn bytes(&mut self, transfer: Transfer) -> Result<Vec<u8>, BusError> {
+        let start = |read| I2cEvent::Start {
+            address: ADDRESS,
+            read,
+        };
+        let check = |ack: bool| if ack { Ok(()) } else { Err(BusError::Nak) };
+        check(self.event(start(false)).0)?;
+        match transfer {
+            Transfer::Read { register, len } => {
+                check(self.event(I2cEvent::Write(register)).0)?;
+                check(self.event(start(true)).0)?;
+                Ok((0..len).map(|_| self.event(I2cEvent::Read).1).collect())
+            }
+            Transfer::Write { register, bytes } => {
+                check(self.event(I2cEvent::Write(register)).0)?;
+                for &byte in bytes.as_slice() {
+                    check(self.event(I2cEvent::Write(byte)).0)?;
+                }
+                Ok(Vec::new())
+            }
+        }
+    }
+}

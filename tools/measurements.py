@@ -1,0 +1,190 @@
+#!/usr/bin/env python3
+"""Write docs/measurements.md anew: every figure comes from a command of the ground tool run with --json.
+
+    python3 tools/measurements.py --broad FOLDER     all sections; takes about a quarter of an hour
+    python3 tools/measurements.py --without-broad    leaves out the scores on the BROAD recordings, and says so
+
+FOLDER holds IMUQ16v1 recordings (.imuq) of the BROAD data set. The commands run through `cargo tvc`, so the tool
+and the image are built from this checkout. Run it on an idle machine: the speed of the emulation is a time.
+Exit status: 0 written, 1 a command failed (the old page stays).
+"""
+
+import argparse
+import json
+import os
+import pathlib
+import subprocess
+import sys
+import tempfile
+
+ROOT = pathlib.Path(__file__).resolve().parent.parent
+PAGE = ROOT / "docs" / "measurements.md"
+SEEDS = range(1, 13)
+SERVOS = {"s3003": "S3003 class, 50 Hz frame", "digital": "digital, 300 Hz frame"}
+FILTERS = [("vqf", "f32"), ("vqf", "fixed"), ("mahony", "f32"), ("mahony", "fixed"), ("madgwick", "f32")]
+
+
+class Failed(Exception):
+    """A command that gave no figures."""
+
+
+def tvc(*arguments):
+    """The JSON object that `tvc ARGUMENTS --json` prints. Status 1 is a missed requirement and still has figures."""
+    command = ["cargo", "tvc", *map(str, arguments), "--json"]
+    print(" ".join(command), file=sys.stderr, flush=True)
+    result = subprocess.run(command, cwd=ROOT, stdout=subprocess.PIPE, text=True)
+    if result.returncode not in (0, 1) or not result.stdout.strip():
+        raise Failed(f"`{' '.join(command)}` ended with status {result.returncode}")
+    return json.loads(result.stdout)
+
+
+def table(head, rows):
+    """A Markdown table."""
+    lines = [head, ["---"] * len(head), *rows]
+    return "".join(f"| {' | '.join(map(str, line))} |\n" for line in lines)
+
+
+def by_start(flights, figure, worst, form):
+    """The worst of a figure over all flights, for each start, as `a / b / c`."""
+    starts = range(len(flights[0]["runs"]))
+    values = [[flight["runs"][start][figure] for flight in flights] for start in starts]
+    if any(value is None for column in values for value in column):
+        return "a flight did not settle"
+    return " / ".join(form.format(worst(column)) for column in values)
+
+
+def flights(scratch):
+    """Step responses of the image on the rig, and the loop's own figures."""
+    rows, loop = [], None
+    for servo, name in SERVOS.items():
+        flown = [tvc("fly", "--servo", servo, "--seed", seed, "--report", scratch / "fly.html") for seed in SEEDS]
+        limits = [run["limit_s"] for run in tvc("tune", "--servo", servo, "--generations", 0)["runs"]]
+        slowest = [max(flight["runs"][start]["settling_5pct_s"] or float("inf") for flight in flown)
+                   for start in range(len(limits))]
+        rows.append([
+            name,
+            by_start(flown, "overshoot_pct", max, "{:.1f}") + " %",
+            by_start(flown, "settling_5pct_s", max, "{:.3f}") + " s",
+            " / ".join(f"{time / limit:.2f}" for time, limit in zip(slowest, limits)),
+        ])
+        loop = loop or (flown[0], max(flight["loop"]["jitter_us_max"] for flight in flown))
+    head = ["from 0.2 / 0.4 / 0.8 rad with 0.2 rad/s, worst of 12 seeds", "overshoot", "5 % settling",
+            "times the time-optimal limit"]
+    text = "## Flights\n`cargo tvc fly --servo SERVO --seed N --json`, N from 1 to 12. Required: 5 % and 0.75 s (S3003), " \
+           "0.55 s (digital). The limit is bang-bang control with the rudder's rate limited, without delay and lag.\n\n"
+    return text + table(head, rows) + "\n" + the_loop(*loop)
+
+
+def the_loop(flight, jitter_us):
+    """The control loop's timing and memory, of one flight."""
+    loop, image, speed = flight["loop"], flight["image"], flight["emulation"]
+    rows = [
+        ["control rate", f"{loop['rate_hz']:.1f} Hz", "100 Hz"],
+        ["worst jitter, 12 seeds", f"{jitter_us:.1f} us", "100 us"],
+        ["burst start to the edge of its pulse, mean", f"{flight['latency_us']['mean'] / 1e3:.2f} ms", "8 ms"],
+        ["age of the sample when its burst begins, mean", f"{flight['sample_age_us']['mean'] / 1e3:.2f} ms", ""],
+        ["cycles a step, 0 wait states, mean / worst",
+         f"{loop['cycles_per_step_mean']:,.0f} / {loop['cycles_per_step_max']:,}", ""],
+        ["cycles a step, 1 wait state, mean / worst",
+         f"{loop['cycles_per_step_mean_1ws']:,.0f} / {loop['cycles_per_step_max_1ws']:,}", ""],
+        ["core awake, 1 wait state", f"{100 * loop['cpu_load']:.0f} %", ""],
+        ["flash", f"{image['flash_bytes']:,} bytes", "65,536 bytes"],
+        ["static RAM", f"{image['static_ram_bytes']:,} bytes", "24,576 bytes"],
+        ["deepest stack seen", f"{image['stack_high_water_bytes']:,} bytes", ""],
+        ["messages lost", f"{flight['telemetry']['lost']} of {flight['telemetry']['messages']:,}", "0"],
+        [f"emulation on a machine with {os.cpu_count()} cores",
+         f"{speed['real_time_factor']:.1f} x real time; {speed['busy_real_time_factor']:.1f} x while the core is awake",
+         "3 x"],
+    ]
+    return "## The loop\n`cargo tvc fly --seed 1 --json`, S3003.\n\n" + table(["", "measured", "required"], rows)
+
+
+def monte_carlo(scratch):
+    """Dispersed drones on the model."""
+    rows = []
+    for servo, name in SERVOS.items():
+        for lateral_mm in (0, 5):
+            runs = tvc("montecarlo", "-n", 500, "--servo", servo, "--lateral-mm", lateral_mm,
+                       "--report", scratch / "montecarlo.html")
+            share = [f"{100 * runs[key]:.2f} %" for key in ("pass_rate", "pass_rate_low", "pass_rate_high")]
+            rows.append([f"{name}, mass up to {lateral_mm} mm off to the side", share[0], f"{share[1]} to {share[2]}"])
+    head = ["500 dispersed drones", "within 30 % and 1.5 s", "95 % bounds"]
+    return "## Monte Carlo\n`cargo tvc montecarlo -n 500 --servo SERVO --lateral-mm MM --json`.\n\n" + table(head, rows)
+
+
+def faults(scratch):
+    """Faults in mid-flight."""
+    campaign = tvc("faults", "--report", scratch / "faults.html")
+    kinds = campaign["faults"]
+    total = {key: sum(kind[key] for kind in kinds) for key in ("runs", "recovered", "neutral", "unsafe")}
+    slowest = max(kinds, key=lambda kind: kind["worst_ms"])
+    return (f"## Faults\n`cargo tvc faults --json`: {total['runs']:,} faults of {len(kinds)} kinds in mid-flight. "
+            f"{total['recovered']:,} recovered, {total['neutral']:,} ended with the neutral pulse commanded, "
+            f"{total['unsafe']:,} were unsafe. The slowest took {slowest['worst_ms']:.0f} ms "
+            f"(`{slowest['kind']}`); {campaign['deadline_ms']:.0f} ms are allowed.\n")
+
+
+def replays(scratch, broad):
+    """Recordings through the whole image."""
+    files = [ROOT / "tests" / "data" / "broad_11_cut.imuq"]
+    files += sorted(path for name in ("broad_03*", "broad_11*") for path in broad.glob(name)) if broad else []
+    rows = []
+    for path in files:
+        score = tvc("fly", "--replay", path, "--report", scratch / "replay.html")["replay"]
+        rows.append([f"`{path.stem}`", f"{score['total_deg']:.2f} deg", f"{score['heading_deg']:.2f} deg",
+                     f"{score['inclination_deg']:.2f} deg",
+                     f"{score['steps_equal']:,} of {score['steps_compared']:,}"])
+    head = ["recording", "total", "heading", "inclination", "quaternions equal to the host library's, bit for bit"]
+    return "## Recordings through the image\n`cargo tvc fly --replay FILE --json`.\n\n" + table(head, rows)
+
+
+def filters(broad):
+    """Scores on recordings and cycles on the chip."""
+    costs = {(cost["filter"].lower(), cost["scalar"]): cost
+             for cost in tvc("cycles", "--library", "tvc-fusion")["filters"] if cost["mode"] == "9d"}
+    rows = []
+    for name, scalar in FILTERS:
+        cost = costs[(name, scalar)]
+        row = [f"{name}, {scalar}", f"{cost['cycles_mean']:,.0f} / {cost['cycles_max']:,}",
+               f"{cost['code_bytes']:,}"]
+        if broad:
+            score = tvc("fuse", *sorted(broad.glob("*.imuq")), "--filter", name, "--scalar", scalar, "--score")["mean"]
+            row += [f"{score[key]:.2f} deg" for key in ("total_deg", "heading_deg", "inclination_deg")]
+        rows.append(row)
+    head = ["filter, 9D", "cycles an update, mean / worst", "code, bytes"]
+    text = "## Filters\nCycles of `cargo tvc cycles --json` (opt-level 3, no wait states)"
+    if broad:
+        head += ["total", "heading", "inclination"]
+        text += ("; scores are means of `cargo tvc fuse FILES --score --json` over "
+                 f"{len(list(broad.glob('*.imuq')))} BROAD recordings, which were also used to choose the defaults")
+    else:
+        text += "; the scores on BROAD recordings were left out of this run"
+    return text + ".\n\n" + table(head, rows)
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    source = parser.add_mutually_exclusive_group(required=True)
+    source.add_argument("--broad", type=pathlib.Path, metavar="FOLDER", help="BROAD recordings (.imuq)")
+    source.add_argument("--without-broad", action="store_true", help="leave out the scores on BROAD recordings")
+    options = parser.parse_args()
+    if options.broad and not list(options.broad.glob("*.imuq")):
+        parser.error(f"{options.broad} holds no .imuq file")
+    broad = options.broad.resolve() if options.broad else None
+    head = ("# Measurements\nWritten by `python3 tools/measurements.py`, which runs the commands named below; do not "
+            "edit by hand. Everything was measured on the virtual rig. Nothing has run on a board yet.\n")
+    try:
+        with tempfile.TemporaryDirectory() as folder:
+            scratch = pathlib.Path(folder)
+            sections = [flights(scratch), monte_carlo(scratch), faults(scratch), replays(scratch, broad),
+                        filters(broad)]
+    except Failed as error:
+        sys.exit(f"error: {error}; {PAGE.relative_to(ROOT)} is as it was")
+    fresh = PAGE.with_suffix(".new")
+    fresh.write_text("\n".join([head, *sections]), encoding="utf-8")
+    fresh.replace(PAGE)
+    print(PAGE.relative_to(ROOT))
+
+
+if __name__ == "__main__":
+    main()
