@@ -3,6 +3,7 @@
 use mavlink::dialects::common::MavMessage;
 use serde::Serialize;
 use tvc_nano::Params;
+use tvc_nano::failsafe::StateKind;
 
 use crate::Client;
 
@@ -138,9 +139,9 @@ impl StatusTracker {
     /// The present object; texts and rate begin anew.
     pub fn next(&mut self, client: &Client) -> Status {
         let (status, counts) = (&mut self.status, client.counts());
-        status.state = client.state().to_string();
+        status.state = client.state_name();
         status.reason = client.reason().to_owned();
-        status.armed = client.state().is_armed();
+        status.armed = client.state().is_some_and(StateKind::is_armed);
         (status.messages, status.lost, status.crc_errors) =
             (counts.messages, counts.lost, counts.crc_errors);
         if let Some((first, last, count)) = self.window

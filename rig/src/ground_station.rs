@@ -3,7 +3,7 @@
 use crate::rig::{Rig, RigError};
 use client::client::ANSWER;
 use client::request::{self, Order};
-use client::{Client, Failure, FlightState, LinkCounts, Parameter, Request};
+use client::{Client, Failure, LinkCounts, Parameter, Request, StateKind};
 use samd21::board::Ticks;
 use std::time::Duration;
 use thiserror::Error;
@@ -73,8 +73,8 @@ impl GroundStation {
     }
 
     /// The state of the flight by the last heartbeat.
-    pub fn state(&self) -> Option<FlightState> {
-        self.received.heartbeats.last().map(|beat| beat.state)
+    pub fn state(&self) -> Option<StateKind> {
+        self.received.heartbeats.last()?.state
     }
 
     /// The last text.
@@ -152,13 +152,13 @@ impl GroundStation {
         &mut self,
         rig: &mut Rig,
         patience: Ticks,
-        state: FlightState,
+        state: StateKind,
     ) -> Result<(), GroundStationError> {
         self.wait(rig, patience, &format!("state {state:?}"), |received| {
             let mut heartbeats = received.heartbeats.iter();
             heartbeats
                 .next_back()
-                .is_some_and(|beat| beat.state == state)
+                .is_some_and(|beat| beat.state == Some(state))
         })
     }
 

@@ -1,7 +1,7 @@
 //! The image on the rig with a sensor or a cable that fails in mid-flight.
 
 use crate::{firmware, ready};
-use client::{Failure, FlightState};
+use client::{Failure, StateKind};
 use rig::bno055::Fault;
 use rig::faults::neutral_us;
 use rig::ground_station::GroundStationError;
@@ -80,7 +80,7 @@ fn neutral_in_time_and_back_by_the_operator(fault: Fault, word: &str) {
         );
     }
     // State and reason have arrived.
-    assert_eq!(operator.state(), Some(FlightState::Failsafe), "{fault:?}");
+    assert_eq!(operator.state(), Some(StateKind::Failsafe), "{fault:?}");
     let told = &operator.received().texts[texts..];
     let reason = told.iter().find(|t| t.text.starts_with("failsafe"));
     let reason = reason.unwrap_or_else(|| panic!("{fault:?}: {told:?}"));
@@ -115,7 +115,7 @@ fn neutral_in_time_and_back_by_the_operator(fault: Fault, word: &str) {
     operator.run(rig, ms(8000)).unwrap();
     assert_eq!(
         operator.state(),
-        Some(FlightState::Failsafe),
+        Some(StateKind::Failsafe),
         "{fault:?}: only the operator ends it"
     );
     assert!(matches!(
@@ -134,7 +134,7 @@ fn neutral_in_time_and_back_by_the_operator(fault: Fault, word: &str) {
     ));
     operator.disarm(rig).unwrap();
     operator
-        .wait_for_state(rig, ms(500), FlightState::Standby)
+        .wait_for_state(rig, ms(500), StateKind::Standby)
         .unwrap();
     operator.arm(rig).unwrap();
     assert!(rig.resets().is_empty());
@@ -227,7 +227,7 @@ fn spikes_are_ridden_out() {
     operator.run(rig, ms(3000)).unwrap();
     assert_eq!(
         operator.state(),
-        Some(FlightState::Active),
+        Some(StateKind::Active),
         "{:?}",
         operator.last_text()
     );
@@ -272,7 +272,7 @@ fn a_hung_loop_is_reset_and_told() {
     assert!(default_neutral_us().contains(&back.width_us()));
     operator.connect(rig).unwrap();
     operator
-        .wait_for_state(rig, ms(2000), FlightState::Latched)
+        .wait_for_state(rig, ms(2000), StateKind::Latched)
         .unwrap();
     let told = operator.received().texts.iter();
     assert!(
@@ -291,7 +291,7 @@ fn a_hung_loop_is_reset_and_told() {
     rig.environment_mut().tilt_clamp(0.0);
     operator.disarm(rig).unwrap();
     operator
-        .wait_for_state(rig, ms(6000), FlightState::Standby)
+        .wait_for_state(rig, ms(6000), StateKind::Standby)
         .unwrap();
 }
 
@@ -303,7 +303,7 @@ fn a_brown_out_is_latched() {
     operator.run(rig, ms(700)).unwrap();
     operator.connect(rig).unwrap();
     operator
-        .wait_for_state(rig, ms(2000), FlightState::Latched)
+        .wait_for_state(rig, ms(2000), StateKind::Latched)
         .unwrap();
     assert!(operator.last_text().unwrap().contains("brown-out"));
 }
@@ -326,7 +326,7 @@ fn a_hard_fault_is_told_after_the_reset() {
         reset - at
     );
     operator
-        .wait_for_state(rig, ms(3000), FlightState::Latched)
+        .wait_for_state(rig, ms(3000), StateKind::Latched)
         .unwrap();
     let reason = format!("hard fault at {pc:#010x}");
     let told = &operator.received().texts;
@@ -337,7 +337,7 @@ fn a_hard_fault_is_told_after_the_reset() {
     rig.power_cycle();
     operator.connect(rig).unwrap();
     operator
-        .wait_for_state(rig, ms(8000), FlightState::Standby)
+        .wait_for_state(rig, ms(8000), StateKind::Standby)
         .unwrap();
 }
 
@@ -361,7 +361,7 @@ fn a_panic_is_told_after_the_reset() {
     let last = rig.truth().pulses.iter().rfind(|p| p.fall < reset).unwrap();
     assert!(default_neutral_us().contains(&last.width_us()) && reset - at < ms(400));
     operator
-        .wait_for_state(rig, ms(3000), FlightState::Latched)
+        .wait_for_state(rig, ms(3000), StateKind::Latched)
         .unwrap();
     let told = &operator.received().texts;
     let place = format!(" {from:#x}");
@@ -451,5 +451,5 @@ fn a_laptop_that_stops_reading_or_goes_away_disturbs_nothing() {
     let before = operator.received().heartbeats.len();
     operator.run(rig, ms(2000)).unwrap();
     assert!(operator.received().heartbeats.len() > before);
-    assert_eq!(operator.state(), Some(FlightState::Active));
+    assert_eq!(operator.state(), Some(StateKind::Active));
 }

@@ -1,7 +1,7 @@
 //! The very image that flies, on the virtual rig: what it is held to.
 
 use crate::{firmware, ready};
-use client::{Failure, FlightState, Parameter};
+use client::{Failure, Parameter, StateKind};
 use rig::ground_station::GroundStationError;
 use rig::replay::{pair, parity};
 use rig::{Ready, ServoKind, Setup, SyncHold, Ticks, WaitStates, prepare};
@@ -31,7 +31,7 @@ fn flies(servo: ServoKind, settling_s: f64) {
             settled.is_some_and(|s| s <= settling_s),
             "{servo:?} from {start_rad}: {settled:?}"
         );
-        assert_eq!(flight.final_state, Some(FlightState::Active));
+        assert_eq!(flight.final_state, Some(StateKind::Active));
 
         // The loop: on time, fresh, and nothing of it lost on the way to the laptop.
         let timing = flight.timing;

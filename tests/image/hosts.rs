@@ -1,7 +1,7 @@
 //! The image in flight, with a host that behaves badly at the other end of its cable.
 
 use crate::ready;
-use client::{FlightState, Wire, request};
+use client::{StateKind, Wire, request};
 use rig::measure::LoopTiming;
 use rig::{Ready, Ticks};
 
@@ -48,7 +48,7 @@ fn assert_undisturbed(mut host: impl FnMut(u64, &mut rig::Rig)) {
     rig.usb_host_mut().pause_reading(false);
     rig.usb_host_mut().attach();
     operator.run(rig, ms(1500)).unwrap();
-    assert_eq!(operator.state(), Some(FlightState::Active));
+    assert_eq!(operator.state(), Some(StateKind::Active));
     operator.list_parameters(rig).unwrap();
     assert_eq!(operator.received().parameters, before);
 }

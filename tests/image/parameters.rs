@@ -3,7 +3,7 @@
 
 use crate::faults::{assert_pulses_went_on, default_neutral_us, ms};
 use crate::ready;
-use client::{Failure, FlightState};
+use client::{Failure, StateKind};
 use rig::ground_station::{GroundStation, GroundStationError};
 use rig::{Ready, Rig};
 use tvc_nano::store::SLOT_BYTES;
@@ -39,10 +39,10 @@ fn saved_parameters_outlive_the_power_and_the_pulses_go_on_meanwhile() {
     assert_pulses_went_on(pulses, rig.now() - at);
     let neutral = default_neutral_us();
     assert!(pulses.iter().all(|p| neutral.contains(&p.width_us())));
-    assert_eq!(operator.state(), Some(FlightState::Standby));
+    assert_eq!(operator.state(), Some(StateKind::Standby));
     assert_eq!(gain_after_power_cut(rig, operator), 1.75);
     operator
-        .wait_for_state(rig, ms(8000), FlightState::Standby)
+        .wait_for_state(rig, ms(8000), StateKind::Standby)
         .unwrap();
 }
 
@@ -94,7 +94,7 @@ fn corrupt_rows_are_told_and_nothing_is_armed_until_the_operator_has_seen_it() {
     let default = tvc_nano::Params::default().pid_kp();
     assert_eq!(gain_after_power_cut(rig, operator), default);
     operator
-        .wait_for_state(rig, ms(2000), FlightState::Latched)
+        .wait_for_state(rig, ms(2000), StateKind::Latched)
         .unwrap();
     let texts = operator.received().texts.iter();
     assert!(
@@ -112,7 +112,7 @@ fn corrupt_rows_are_told_and_nothing_is_armed_until_the_operator_has_seen_it() {
     ));
     operator.disarm(rig).unwrap();
     operator
-        .wait_for_state(rig, ms(8000), FlightState::Standby)
+        .wait_for_state(rig, ms(8000), StateKind::Standby)
         .unwrap();
 }
 
@@ -134,5 +134,5 @@ fn nothing_is_saved_while_armed() {
         "{refused:?}"
     );
     assert_eq!(rig.chip().flash()[STORE], before);
-    assert_eq!(operator.state(), Some(FlightState::Armed));
+    assert_eq!(operator.state(), Some(StateKind::Armed));
 }

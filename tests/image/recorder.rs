@@ -2,7 +2,7 @@
 
 use crate::faults::ms;
 use crate::ready;
-use client::FlightState;
+use client::StateKind;
 use rig::Ready;
 use tvc_nano::recorder::{STEP_BYTES, STEPS, STEPS_AFTER, STEPS_BEFORE, Step};
 
@@ -29,7 +29,7 @@ fn a_release_is_fetched_as_it_was_streamed() {
     operator.run(rig, ms(1000)).unwrap();
     // Fetched while control goes on, and nothing else is lost by it.
     let steps = steps(&operator.fetch_recording(rig).unwrap());
-    assert_eq!(operator.state(), Some(FlightState::Active));
+    assert_eq!(operator.state(), Some(StateKind::Active));
     assert_eq!(operator.counts().lost, 0);
     assert_eq!(steps.len(), STEPS);
 

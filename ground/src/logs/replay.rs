@@ -11,7 +11,8 @@ mod table;
 use std::collections::BTreeMap;
 
 use anyhow::Result;
-use client::{Cause, FlightState};
+use client::state::{is_in_operation, reason_of, state_of};
+use client::{ReasonKind, StateKind};
 use mavlink::dialects::common::{MavCmd, MavResult};
 use serde::Serialize;
 use tvc_nano::{BootReport, Command, Flight, Micros, Params, SensorFault};
@@ -270,7 +271,7 @@ struct Run {
 impl Run {
     fn step(&mut self, logged: &Step) -> Pair {
         self.now = Micros(logged.now_us);
-        if self.code.and_then(Cause::of) != Some(Cause::HostSilent) {
+        if self.code.and_then(reason_of) != Some(ReasonKind::HostSilent) {
             self.flight.host_heard(self.now);
         }
         let reading = match logged.sample {
@@ -299,23 +300,23 @@ impl Run {
         let Some(code) = self.code else {
             return self.sampled;
         };
-        match FlightState::of(code) {
-            FlightState::Boot => self.sampled,
-            _ => Cause::of(code) == Some(Cause::Sensor),
+        match state_of(code) {
+            Some(StateKind::Boot) => self.sampled,
+            _ => reason_of(code) == Some(ReasonKind::Sensor),
         }
     }
 
     /// A state that only a command leads to is one that was commanded.
     fn follow(&mut self, code: u32) {
         let first = self.code.replace(code).is_none();
-        let state = FlightState::of(code);
+        let state = state_of(code);
         // From power-on the whole past is in the log.
-        self.exact |= first && state == FlightState::Boot && !self.sampled;
-        let mine = FlightState::of(self.flight.state().code());
+        self.exact |= first && state == Some(StateKind::Boot) && !self.sampled;
+        let mine = self.flight.state().kind();
         match state {
-            FlightState::Armed if mine != FlightState::Armed => self.command(Command::Arm),
-            FlightState::Active if mine != FlightState::Active => self.command(Command::Release),
-            FlightState::Standby if mine.is_in_operation() || mine == FlightState::Latched => {
+            Some(StateKind::Armed) if mine != StateKind::Armed => self.command(Command::Arm),
+            Some(StateKind::Active) if mine != StateKind::Active => self.command(Command::Release),
+            Some(StateKind::Standby) if is_in_operation(mine) || mine == StateKind::Latched => {
                 self.command(Command::Disarm);
             }
             _ => {}

@@ -7,7 +7,8 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use anyhow::Result;
-use client::FlightState;
+use client::StateKind;
+use client::state::state_of;
 use plant::response::StepResponse;
 use rig::measure::Spread as Measured;
 use serde::Serialize;
@@ -190,8 +191,8 @@ pub fn releases(flight: &Flight) -> Vec<Release<'_>> {
     for event in &flight.events {
         match event {
             Event::State(code) => {
-                let state = FlightState::of(*code);
-                match (active, state == FlightState::Active) {
+                let state = state_of(*code);
+                match (active, state == Some(StateKind::Active)) {
                     (false, true) => releases.push(Release {
                         steps: Vec::new(),
                         set_rad: Vec::new(),
@@ -200,12 +201,12 @@ pub fn releases(flight: &Flight) -> Vec<Release<'_>> {
                     (true, false) => {
                         if let Some(release) = releases.last_mut() {
                             // Standby is the operator's doing; anything else is not.
-                            release.stayed = state == FlightState::Standby;
+                            release.stayed = state == Some(StateKind::Standby);
                         }
                     }
                     _ => {}
                 }
-                active = state == FlightState::Active;
+                active = state == Some(StateKind::Active);
             }
             Event::Parameter(name, value) if name == "PITCH_SET_DEG" => {
                 set_rad = f64::from(*value).to_radians();
@@ -312,10 +313,7 @@ fn health(flight: &Flight) -> HealthFigures {
     for event in &flight.events {
         match event {
             Event::State(code) => {
-                starting = matches!(
-                    FlightState::of(*code),
-                    FlightState::Boot | FlightState::SelfTest
-                );
+                starting = matches!(state_of(*code), Some(StateKind::Boot | StateKind::SelfTest));
             }
             Event::Status(status) => {
                 let first = first.get_or_insert(status);

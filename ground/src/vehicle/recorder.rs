@@ -4,7 +4,8 @@ use std::path::PathBuf;
 
 use anyhow::{Result, bail};
 use clap::Args;
-use client::{FlightState, Parameter};
+use client::state::state_of;
+use client::{Parameter, StateKind};
 use tvc_nano::recorder::{self, STEP_BYTES};
 use tvc_nano::{Micros, RawSample};
 
@@ -54,7 +55,7 @@ pub fn run(options: &Burst) -> Result<Verdict> {
     let before = flight
         .events
         .iter()
-        .take_while(|event| !matches!(event, Event::State(code) if FlightState::of(*code) == FlightState::Active))
+        .take_while(|event| !matches!(event, Event::State(code) if state_of(*code) == Some(StateKind::Active)))
         .filter(|event| matches!(event, Event::Step(_)))
         .count();
     if options.json {

@@ -6,9 +6,9 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Context, Error, Result, bail};
 use clap::{Args, Subcommand};
-use client::{Failure, FlightState, request};
+use client::state::is_in_operation;
+use client::{Failure, RefusalKind, StateKind, request};
 use indicatif::{ProgressBar, ProgressStyle};
-use tvc_nano::Refusal;
 
 use crate::logs::log::{Flight, Log, Writer};
 use crate::logs::report::{conclude, sweep};
@@ -110,7 +110,7 @@ pub fn run(options: &Test) -> Result<Verdict> {
     let mut vehicle = Vehicle::connect(&options.port())?;
     vehicle.link().log_to(writer);
     vehicle.parameters()?;
-    if vehicle.state().is_in_operation() {
+    if vehicle.state().is_some_and(is_in_operation) {
         bail!("the vehicle is not in standby: `tvc disarm` first");
     }
     vehicle.command(request::CALIBRATE)?;
@@ -169,7 +169,7 @@ fn fly(vehicle: &mut Vehicle, manoeuvre: Manoeuvre, stop: &AtomicBool) -> Result
 /// Whether the vehicle may let itself be armed a little later: not where somebody must see its rudder answer first.
 pub fn is_worth_waiting(refusal: &Error) -> bool {
     let failure = refusal.downcast_ref::<Failure>();
-    failure.and_then(Failure::refusal) != Some(Refusal::Polarity)
+    failure.and_then(Failure::refusal) != Some(RefusalKind::Polarity)
 }
 
 /// Arms as soon as the vehicle lets itself be armed.
@@ -218,7 +218,7 @@ fn watch(
             begun.elapsed().as_secs_f64(),
             length.as_secs_f64()
         ));
-        if vehicle.state() == FlightState::Failsafe {
+        if vehicle.state() == Some(StateKind::Failsafe) {
             bail!("the vehicle gave up: {}", vehicle.reason());
         }
         if stop.load(Ordering::Relaxed) {

@@ -7,7 +7,7 @@ use crate::observe::ground_truth::{Motion, Pulse};
 use crate::observe::measure::{LoopTiming, events_without};
 use crate::random::{Stream, generator};
 use crate::rig::{Rig, RigConfig, RigError};
-use client::{FlightState, LinkCounts};
+use client::{LinkCounts, StateKind};
 use plant::ServoModel;
 use plant::response::{ResponseError, StepResponse};
 use rand::Rng;
@@ -152,7 +152,7 @@ pub struct Progress {
     /// True rudder angle, rad.
     pub rudder_rad: f64,
     /// What the firmware said last of its state.
-    pub state: Option<FlightState>,
+    pub state: Option<StateKind>,
 }
 
 /// A rig in standby with its parameters set, from which flights are forked.
@@ -202,7 +202,7 @@ pub struct FlightRecord {
     /// Deepest stack since power-on, bytes.
     pub stack_high_water: u32,
     /// Where the flight stood at the end.
-    pub final_state: Option<FlightState>,
+    pub final_state: Option<StateKind>,
     /// Time simulated for this flight, tilting included, s.
     pub simulated_s: f64,
     /// Of this, the core was awake, s.
@@ -236,10 +236,10 @@ pub fn prepare(
         operator.set_parameter(rig, name, *value)?;
     }
     let begin = ready.rig.now();
-    while ready.operator.state() != Some(FlightState::Standby) {
+    while ready.operator.state() != Some(StateKind::Standby) {
         if ready.rig.now() - begin > STANDBY_PATIENCE {
             let Ready { rig, operator, .. } = &mut ready;
-            operator.wait_for_state(rig, Ticks::ZERO, FlightState::Standby)?;
+            operator.wait_for_state(rig, Ticks::ZERO, StateKind::Standby)?;
         }
         ready.watch(Stage::Boot, PROGRESS, progress)?;
     }

@@ -5,7 +5,8 @@
 use crate::bench::sensor_motion::{SensorMotion, resting};
 use crate::instruction::{Instruction, Tilt};
 use crate::rig::Rig;
-use client::{FlightState, Wire, text};
+use client::state::state_of;
+use client::{StateKind, Wire, text};
 use mavlink::dialects::common::MavMessage;
 use nalgebra::UnitQuaternion;
 use plant::Drone;
@@ -41,7 +42,7 @@ pub struct Pilot {
     manner: Manner,
     start_rad: f64,
     rate_rad_s: f64,
-    state: Option<FlightState>,
+    state: Option<StateKind>,
     /// When to look at the rudder of the tilted drone.
     glance: Option<Ticks>,
 }
@@ -112,7 +113,11 @@ impl Pilot {
         let mut news = Vec::new();
         for message in self.link.receive(sent) {
             match message {
-                MavMessage::HEARTBEAT(beat) => self.follow(rig, FlightState::of(beat.custom_mode)),
+                MavMessage::HEARTBEAT(beat) => {
+                    if let Some(state) = state_of(beat.custom_mode) {
+                        self.follow(rig, state);
+                    }
+                }
                 MavMessage::STATUSTEXT(said) => {
                     news.push(text(&said.text).to_owned());
                 }
@@ -127,12 +132,12 @@ impl Pilot {
     }
 
     /// A failsafe does not bring the hand back: the drone falls as it would.
-    fn follow(&mut self, rig: &mut Rig, state: FlightState) {
+    fn follow(&mut self, rig: &mut Rig, state: StateKind) {
         self.state = Some(state);
         let held = rig.environment().drone().held();
         match state {
-            FlightState::Active if held => rig.release(self.rate_rad_s),
-            FlightState::Active | FlightState::Failsafe => {}
+            StateKind::Active if held => rig.release(self.rate_rad_s),
+            StateKind::Active | StateKind::Failsafe => {}
             _ if !held => {
                 rig.environment_mut().catch();
                 rig.environment_mut().tilt_clamp(self.start_rad);
@@ -142,7 +147,7 @@ impl Pilot {
     }
 
     /// Where the flight stands, by the last heartbeat.
-    pub fn state(&self) -> Option<FlightState> {
+    pub fn state(&self) -> Option<StateKind> {
         self.state
     }
 }

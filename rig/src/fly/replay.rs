@@ -8,7 +8,7 @@ use crate::observe::measure::LoopTiming;
 use crate::recording::Recording;
 use crate::rig::{Rig, RigConfig};
 use crate::score::{Score, Scorer};
-use client::{FlightState, LinkCounts};
+use client::{LinkCounts, StateKind};
 use samd21::board::Ticks;
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -103,7 +103,7 @@ pub fn replay(
 fn standby(received: &Received) -> Ticks {
     let mut heartbeats = received.heartbeats.iter();
     heartbeats
-        .find(|heartbeat| heartbeat.state == FlightState::Standby)
+        .find(|heartbeat| heartbeat.state == Some(StateKind::Standby))
         .map_or(Ticks::ZERO, |heartbeat| heartbeat.at)
 }
 

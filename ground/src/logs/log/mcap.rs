@@ -9,8 +9,9 @@ use std::collections::BTreeMap;
 use std::fs::File;
 
 use anyhow::{Context, Result};
+use client::state::state_name;
 use client::status::angles;
-use client::{FlightState, Wire, text};
+use client::{Wire, text};
 use mavlink::dialects::common::{ATTITUDE_QUATERNION_DATA, MavMessage, MavSeverity};
 use mcap::records::MessageHeader;
 use mcap::{McapError, MessageStream, WriteOptions, read::Options};
@@ -234,7 +235,7 @@ impl Writer {
                 (Kind::Command, json!({ "crank_deg": m.value.to_degrees() }))
             }
             MavMessage::HEARTBEAT(m) => {
-                let state = FlightState::of(m.custom_mode).to_string();
+                let state = state_name(m.custom_mode);
                 (
                     Kind::State,
                     json!({ "state": state, "code": m.custom_mode }),

@@ -4,7 +4,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use anyhow::{Result, bail};
-use client::FlightState;
+use client::StateKind;
 use client::status::angles;
 use indicatif::{ProgressBar, ProgressStyle};
 use mavlink::dialects::common::MavMessage;
@@ -64,7 +64,7 @@ impl<'a> Session<'a> {
     /// # Errors
     /// It is armed.
     pub fn begin(vehicle: Vehicle, stop: &'a AtomicBool) -> Result<Self> {
-        if vehicle.state().is_armed() {
+        if vehicle.state().is_some_and(StateKind::is_armed) {
             bail!("the vehicle is armed: `tvc disarm` first");
         }
         let bar = ProgressBar::new(1000);
@@ -97,7 +97,7 @@ impl<'a> Session<'a> {
     /// It does not, with what it waits for.
     pub fn await_standby(&mut self) -> Result<()> {
         let begun = Instant::now();
-        while self.vehicle.state() != FlightState::Standby {
+        while self.vehicle.state() != Some(StateKind::Standby) {
             self.pump()?;
             if begun.elapsed() > STANDBY {
                 bail!(

@@ -3,7 +3,7 @@
 use std::collections::VecDeque;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
-use client::{FlightState, Parameter};
+use client::{Parameter, StateKind};
 use serde::Serialize;
 use serde_json::Value;
 use tvc_nano::Params;
@@ -48,7 +48,7 @@ pub struct VehicleStatus {
     pub problem: String,
     /// The state of the flight, where a vehicle has been heard.
     #[serde(skip)]
-    pub flight: Option<FlightState>,
+    pub flight: Option<StateKind>,
     /// The state in words.
     pub state: String,
     /// The vehicle's words about it.

@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use anyhow::{Result, bail};
-use client::{FlightState, ServoMap, request};
+use client::{ServoMap, StateKind, request};
 use serde_json::{Value, json};
 
 use super::model::{Model, StepTest};
@@ -65,7 +65,7 @@ fn fly(vehicle: &Handle, model: &Model, log: &str, stop: &Arc<AtomicBool>) -> Re
         if !status.connected {
             bail!("{}", status.problem);
         }
-        if status.flight == Some(FlightState::Failsafe) {
+        if status.flight == Some(StateKind::Failsafe) {
             bail!("the vehicle gave up: {}", status.reason);
         }
     }

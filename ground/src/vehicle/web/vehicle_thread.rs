@@ -9,7 +9,8 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Error, Result, anyhow, bail};
 use client::request::{self, Order};
-use client::{FlightState, Frame, Parameter, Request, ServoMap, StatusTracker, Ticket, text};
+use client::state::is_in_operation;
+use client::{Frame, Parameter, Request, ServoMap, StateKind, StatusTracker, Ticket, text};
 use mavlink::dialects::common::{MavMessage, SYS_STATUS_DATA};
 use tvc_nano::Params;
 
@@ -168,7 +169,7 @@ struct Session<'a> {
     model: &'a Model,
     logs: &'a Path,
     tracker: StatusTracker,
-    state: FlightState,
+    state: Option<StateKind>,
     /// Attitudes that have come.
     attitudes: u64,
     health: SYS_STATUS_DATA,
@@ -417,12 +418,12 @@ impl<'a> Session<'a> {
             port: self.link.name().to_owned(),
             connected: problem.is_empty(),
             problem,
-            flight: Some(flight),
+            flight,
             state: status.state,
             reason: status.reason,
             armed: status.armed,
-            in_operation: flight.is_in_operation(),
-            can_release: flight == FlightState::Armed,
+            in_operation: flight.is_some_and(is_in_operation),
+            can_release: flight == Some(StateKind::Armed),
             unhealthy: unhealthy(&self.health),
             attitude_hz: rounded(status.attitude_hz),
             messages: status.messages,

@@ -28,7 +28,7 @@ use crate::bno055::FaultKind;
 use crate::fly::flight::{FlightError, Ready};
 use crate::observe::ground_truth::{Motion, Pulse};
 use crate::random::{Stream, generator};
-use client::FlightState;
+use client::StateKind;
 use judge::{Run, judge};
 use rand::Rng;
 use samd21::board::Ticks;
@@ -104,9 +104,9 @@ impl Campaign {
         let rest = Ticks::from_secs_f64(LONGEST_MS / 1e3) + WATCHED + SNAPSHOTS;
         base.operator.run(&mut base.rig, rest)?;
         let last = base.operator.state();
-        if last != Some(FlightState::Active) {
+        if last != Some(StateKind::Active) {
             let Ready { rig, operator, .. } = &mut base;
-            operator.wait_for_state(rig, Ticks::ZERO, FlightState::Active)?;
+            operator.wait_for_state(rig, Ticks::ZERO, StateKind::Active)?;
         }
         Ok(Self {
             seed,
