@@ -23,7 +23,7 @@ pub mod wire;
 
 pub use client::{Client, Failure, Parameter, Request, Ticket};
 pub use request::Order;
-pub use status::{ServoMap, Status, StatusTracker};
+pub use status::{LinkHealth, ServoMap, Status, StatusTracker};
 pub use tvc_nano::failsafe::{ReasonKind, RefusalKind, StateKind};
 pub use wire::{Frame, LinkCounts, Wire};
 

@@ -212,34 +212,10 @@ impl GroundStation {
         Ok(())
     }
 
-    /// Stores the parameters.
-    ///
-    /// # Errors
-    /// As [`GroundStation::arm`].
-    pub fn save_parameters(&mut self, rig: &mut Rig) -> Result<(), GroundStationError> {
-        self.order(rig, request::SAVE)
-    }
-
     /// Asks for the parameters to be stored, and does not wait.
     pub fn request_save(&mut self, rig: &mut Rig) {
         self.client.send(&request::SAVE.message());
         self.flush(rig);
-    }
-
-    /// Goes back to the stored parameters.
-    ///
-    /// # Errors
-    /// As [`GroundStation::arm`].
-    pub fn reload_parameters(&mut self, rig: &mut Rig) -> Result<(), GroundStationError> {
-        self.order(rig, request::RELOAD)
-    }
-
-    /// Goes back to the defaults.
-    ///
-    /// # Errors
-    /// As [`GroundStation::arm`].
-    pub fn reset_parameters(&mut self, rig: &mut Rig) -> Result<(), GroundStationError> {
-        self.order(rig, request::RESET)
     }
 
     /// Fetches the recorder's bytes: none if it holds no release.
@@ -251,7 +227,11 @@ impl GroundStation {
         Ok(self.client.recording().to_vec())
     }
 
-    fn order(&mut self, rig: &mut Rig, order: Order) -> Result<(), GroundStationError> {
+    /// Gives an order and waits until it is obeyed.
+    ///
+    /// # Errors
+    /// As [`GroundStation::arm`].
+    pub fn order(&mut self, rig: &mut Rig, order: Order) -> Result<(), GroundStationError> {
         self.request(rig, Request::Order(order))
     }
 

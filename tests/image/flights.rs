@@ -147,14 +147,14 @@ fn the_same_seed_gives_the_same_bytes() {
 #[test]
 fn the_host_library_agrees_bit_for_bit() {
     let mut ready = ready();
-    let Ready { rig, operator, .. } = &mut ready;
-    operator.list_parameters(rig).unwrap();
+    let Ready { rig, station, .. } = &mut ready;
+    station.list_parameters(rig).unwrap();
     rig.environment_mut().tilt_clamp(0.6);
-    operator.run(rig, ms(2000)).unwrap();
-    operator.arm(rig).unwrap();
-    operator.release(rig, 0.2).unwrap();
-    operator.run(rig, ms(3000)).unwrap();
-    let received = operator.received();
+    station.run(rig, ms(2000)).unwrap();
+    station.arm(rig).unwrap();
+    station.release(rig, 0.2).unwrap();
+    station.run(rig, ms(3000)).unwrap();
+    let received = station.received();
     let pairs = pair(received);
     assert_eq!(pairs.len(), received.samples.len());
     let parity = parity(&received.parameters, &pairs);
@@ -165,12 +165,12 @@ fn the_host_library_agrees_bit_for_bit() {
 #[test]
 fn parameters_are_told_changed_and_refused() {
     let mut ready = ready();
-    let Ready { rig, operator, .. } = &mut ready;
-    operator.list_parameters(rig).unwrap();
-    let count = operator.received().parameters.len();
+    let Ready { rig, station, .. } = &mut ready;
+    station.list_parameters(rig).unwrap();
+    let count = station.received().parameters.len();
     assert_eq!(count, tvc_nano::Params::count());
-    operator.set_parameter(rig, "PID_KP", 1.5).unwrap();
-    let error = operator.set_parameter(rig, "PID_KP", 99.0).unwrap_err();
+    station.set_parameter(rig, "PID_KP", 1.5).unwrap();
+    let error = station.set_parameter(rig, "PID_KP", 99.0).unwrap_err();
     assert!(
         matches!(
             error,
@@ -184,9 +184,9 @@ fn parameters_are_told_changed_and_refused() {
         ),
         "{error}"
     );
-    assert!(operator.last_text().unwrap().contains("PID_KP"));
-    operator.arm(rig).unwrap();
-    let error = operator
+    assert!(station.last_text().unwrap().contains("PID_KP"));
+    station.arm(rig).unwrap();
+    let error = station
         .set_parameter(rig, "SRV_RATE_HZ", 300.0)
         .unwrap_err();
     assert!(
@@ -204,8 +204,8 @@ fn parameters_are_told_changed_and_refused() {
 #[test]
 fn the_stack_keeps_away_from_the_statics() {
     let mut ready = ready();
-    let Ready { rig, operator, .. } = &mut ready;
-    operator.run(rig, ms(1000)).unwrap();
+    let Ready { rig, station, .. } = &mut ready;
+    station.run(rig, ms(1000)).unwrap();
     let (used, free) = (rig.stack_high_water(), rig.stack_free());
     assert!(used > 256 && used <= free, "{used} bytes used, {free} free");
 }

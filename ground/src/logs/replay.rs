@@ -72,18 +72,18 @@ fn parameter(text: &str) -> Result<(String, f32), String> {
     Ok((name.to_owned(), value))
 }
 
-/// A step as it was and as it came out again.
+/// A step as logged and as replayed.
 #[derive(Clone, Copy, Debug)]
 pub struct Pair {
-    /// As it was.
+    /// As logged.
     pub logged: Step,
-    /// As it came out.
+    /// As replayed.
     pub again: Step,
-    /// Both should be the same.
+    /// The estimate's past is known: both must be equal bit for bit.
     pub exact: bool,
 }
 
-/// What came of a replay.
+/// The figures of a replay.
 #[derive(Debug, Default, Serialize)]
 pub struct Figures {
     /// Control steps in the log.
@@ -202,21 +202,24 @@ fn words(figures: &Figures) -> Vec<String> {
     lines
 }
 
-/// The parameters that the flight began with: the first value that is told of each.
+/// The parameters at the start of the flight: the first value of each in the log.
 pub fn parameters(flight: &log::Flight) -> Params {
     let mut params = Params::default();
-    // A vehicle that knew nothing of this check was armed without it.
+    // A firmware without the polarity check armed without it.
     let _ = params.set("SRV_POLARITY", 1.0);
     for event in flight.events.iter().rev() {
         if let Event::Parameter(name, value) = event {
-            // One that this version does not know, or not with that value, stays at its default.
+            // A parameter or value that this version does not know stays at its default.
             let _ = params.set(name, *value);
         }
     }
     params
 }
 
-/// Runs the library over a log, with some parameters forced to other values. Also gives what it refused.
+/// Runs the library over a log, with some parameters forced to other values. Also gives the refusals.
+///
+/// # Errors
+/// A forced value out of its range, or parameters of the log that make no flight.
 pub fn replay(
     flight: &log::Flight,
     changed: &BTreeMap<String, f32>,
@@ -257,10 +260,10 @@ pub fn replay(
     Ok((pairs, run.refused))
 }
 
-/// The library in flight.
+/// A replay under way.
 struct Run {
     flight: Flight,
-    /// State and reason, as the vehicle told last.
+    /// The last `custom_mode` of the log.
     code: Option<u32>,
     now: Micros,
     sampled: bool,
@@ -276,7 +279,7 @@ impl Run {
         }
         let reading = match logged.sample {
             Some(sample) => Ok(sample),
-            // What the fault was shows in what the vehicle made of it.
+            // The log has no faults: the vehicle's state tells whether the sensor was lost.
             None if self.lost_sensor() => Err(SensorFault::Reset),
             None => Err(SensorFault::Nak),
         };
@@ -306,7 +309,7 @@ impl Run {
         }
     }
 
-    /// A state that only a command leads to is one that was commanded.
+    /// Gives the command that a change of state implies.
     fn follow(&mut self, code: u32) {
         let first = self.code.replace(code).is_none();
         let state = state_of(code);
@@ -350,7 +353,7 @@ fn compare(pairs: &[Pair]) -> Figures {
         steps: pairs.len(),
         ..Figures::default()
     };
-    // Before the first step whose past is known the two are strangers.
+    // Before the first step whose past is known there is nothing to compare.
     let known = pairs.iter().position(|pair| pair.exact).unwrap_or(0);
     for Pair {
         logged,

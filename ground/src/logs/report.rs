@@ -1,4 +1,4 @@
-//! `tvc report`: what a log shows, as figures and as a page. The same for a real run and for one of the rig.
+//! `tvc report`: a log as figures and as a page; a log of the rig is treated as one of a real vehicle.
 
 mod page;
 pub mod sweep;
@@ -52,7 +52,7 @@ pub struct Report {
 
 /// Settling band, share of the start.
 const BAND: f64 = 0.05;
-/// What a flight begins with: the drone swings upright. It does not count for how well it is held, s.
+/// Time after the release in which the drone swings upright, s: it does not count for how well it is held.
 const SWING_S: f64 = 2.0;
 /// Least frame rate of a digital servo, Hz.
 const DIGITAL_HZ: f32 = 300.0;
@@ -66,7 +66,7 @@ pub struct Figures {
     pub runs: Vec<RunFigures>,
     /// How well each was held after its first two seconds; none for a shorter one.
     pub hold: Vec<Option<HoldFigures>>,
-    /// What each showed of a swinging set point, if it did swing.
+    /// The frequency response of each release whose set point swings.
     pub sweep: Vec<Option<Sweep>>,
     /// The control loop.
     #[serde(rename = "loop")]
@@ -77,7 +77,7 @@ pub struct Figures {
     pub health: HealthFigures,
     /// Parameters at the end of the log.
     pub parameters: BTreeMap<String, f32>,
-    /// What the vehicle said: its clock in s, the words.
+    /// The vehicle's texts with its clock, s.
     pub events: Vec<(f64, String)>,
 }
 
@@ -126,7 +126,7 @@ pub struct Release<'a> {
     pub steps: Vec<&'a Step>,
     /// The set point at each, rad.
     pub set_rad: Vec<f64>,
-    /// Control was still on when the log or the operator ended it.
+    /// Control was on until the log or the operator ended it.
     pub stayed: bool,
 }
 
@@ -200,7 +200,7 @@ pub fn releases(flight: &Flight) -> Vec<Release<'_>> {
                     }),
                     (true, false) => {
                         if let Some(release) = releases.last_mut() {
-                            // Standby is the operator's doing; anything else is not.
+                            // Only the operator leads from control to standby.
                             release.stayed = state == Some(StateKind::Standby);
                         }
                     }

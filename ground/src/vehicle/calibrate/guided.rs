@@ -94,7 +94,7 @@ fn finish(
     declination_deg: Option<f64>,
     options: &Calibrate,
 ) -> Result<Verdict> {
-    // Out of the recording, so that it gives the same later.
+    // Fitted from the recording, so that the file gives the same result later.
     let readings = readings::read(log)?;
     let found = fit::fit(&readings, options);
     let rows = parameters(&found, declination_deg)?;
@@ -130,7 +130,7 @@ fn finish(
     Ok(Verdict::Met)
 }
 
-/// Step by step.
+/// Takes the steps one after the other.
 fn lead(session: &mut Session, options: &Calibrate) -> Result<Refused> {
     let wants = |sensor| options.only.is_empty() || options.only.contains(&sensor);
     if wants(Sensor::Gyr)

@@ -25,7 +25,7 @@ use crate::vehicle::link::Vehicle;
 use crate::vehicle::test::arm;
 
 const NAME: &str = "SRV_HOLD_DEG";
-/// After the release, until it is measured.
+/// Time from the release until the measurement begins.
 const SETTLE: Duration = Duration::from_secs(3);
 /// Largest standard deviation of pitch that counts as held, deg.
 const STEADY_DEG: f64 = 2.0;
@@ -70,7 +70,7 @@ pub fn run(seconds: f64, options: &Calibrate) -> Result<Verdict> {
     let flown = arm(&mut session.vehicle, stop)
         .and_then(|()| session.vehicle.command(request::RELEASE))
         .and_then(|()| fly(&mut session, Duration::from_secs_f64(seconds)));
-    // Whatever happened: the rudder to neutral.
+    // Disarm whatever happened: the rudder goes to neutral.
     let disarmed = session.vehicle.command(request::DISARM);
     session.end();
     let steps = flown?;
@@ -141,7 +141,7 @@ fn fly(session: &mut Session, length: Duration) -> Result<Vec<Vector3<f64>>> {
     Ok(steps)
 }
 
-/// Why what was flown is no measurement, if it is none.
+/// Why the flight is no measurement, if it is none.
 fn refusal(figures: &Figures, set_deg: f64) -> Option<String> {
     let [pitch, deviation] = figures.pitch_deg;
     if figures.steps < FEWEST {

@@ -1,4 +1,4 @@
-//! Lines that a person types while something else goes on.
+//! Lines from standard input, read without waiting.
 
 use std::io::{self, BufRead, IsTerminal};
 use std::sync::mpsc::{Receiver, TryRecvError, channel};
@@ -11,7 +11,7 @@ pub enum Typed {
     Nothing,
     /// A line, without blanks at its ends.
     Line(String),
-    /// Nobody will type anything.
+    /// Standard input has ended.
     Nobody,
 }
 
@@ -45,7 +45,7 @@ impl Keyboard {
     }
 }
 
-/// Whether a person sits there, who can be asked.
+/// Whether standard input is a terminal, so that a person can be asked.
 pub fn is_attended() -> bool {
     io::stdin().is_terminal() && io::stderr().is_terminal()
 }

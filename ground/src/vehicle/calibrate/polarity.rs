@@ -1,4 +1,4 @@
-//! The polarity check: somebody tilts the vehicle and looks whether the rudder answers the right way.
+//! The polarity check: a person tilts the vehicle and reports whether the rudder answers the right way.
 //!
 //! What the vehicle can know of it (which way it was tilted, that it commands the rudder) is measured; which way the rudder
 //! really swings only a person sees.
@@ -17,12 +17,12 @@ use crate::vehicle::link::Vehicle;
 use client::Parameter;
 
 const NAME: &str = "SRV_POLARITY";
-/// Its values: nobody has seen it, somebody has, somebody looks.
+/// Values of the parameter: not checked, checked, being checked.
 const UNCHECKED: f32 = 0.0;
 const CHECKED: f32 = 1.0;
 const WATCHED: f32 = 2.0;
 
-/// A tilt that counts, and what counts as upright, rad.
+/// Least tilt that counts as one, and largest that counts as upright, rad.
 const TILTED_RAD: f64 = 0.25;
 const UPRIGHT_RAD: f64 = 0.1;
 /// Looks in a row for which it must be so.
@@ -56,7 +56,7 @@ impl Figures {
     }
 }
 
-/// Leads through the check.
+/// Guides the person through the check.
 pub fn run(options: &Calibrate) -> Result<Verdict> {
     let stop = signals::on_signal()?;
     let mut session = Session::begin(Vehicle::connect(&options.port.port())?, stop)?;

@@ -1,4 +1,4 @@
-//! The servo's set-up: pulses while nothing is armed, and a person who says where the rudder is.
+//! The servo's set-up: the vehicle holds pulses while disarmed, and a person reports where the rudder is.
 
 use std::time::{Duration, Instant};
 
@@ -73,7 +73,7 @@ pub fn run(given: &Servo, options: &Calibrate) -> Result<Verdict> {
     Ok(Verdict::Met)
 }
 
-/// What is given must be what the firmware takes.
+/// Checks given values against the firmware's ranges.
 fn check(given: &Servo) -> Result<()> {
     let mut table = Params::default();
     for (option, name, value) in [
@@ -92,7 +92,7 @@ fn check(given: &Servo) -> Result<()> {
     Ok(())
 }
 
-/// What is given, what the person finds, or what the vehicle has.
+/// Each value as given on the command line, else as the person finds it, else as the vehicle has it.
 fn find(session: &mut Session, given: &Servo, yes: bool) -> Result<Vec<Parameter>> {
     let mut has = |name: &str| session.vehicle.parameter(name);
     let (centre, us_per_deg, sign) = (
@@ -163,7 +163,7 @@ fn ask_at(session: &mut Session, pulse_us: f32, words: &str) -> Result<Option<St
     })
 }
 
-/// Moves the servo until the person is content.
+/// Moves the servo until the person accepts the pulse.
 fn nudge(session: &mut Session, what: &str, from_us: f32) -> Result<f32> {
     let mut pulse_us = from_us;
     loop {
@@ -183,7 +183,7 @@ fn nudge(session: &mut Session, what: &str, from_us: f32) -> Result<f32> {
     }
 }
 
-/// A pulse after an answer, if it is one that a servo gets.
+/// The pulse that an answer asks for, if it is in the firmware's range.
 fn nudged(pulse_us: f32, answer: &str) -> Option<f32> {
     let us = if answer.bytes().all(|b| b == b'+') {
         pulse_us + NUDGE_US * answer.len() as f32
@@ -197,7 +197,7 @@ fn nudged(pulse_us: f32, answer: &str) -> Option<f32> {
         .then_some(us)
 }
 
-/// us per degree, out of the horn's angle a span away on both sides.
+/// us per degree, from the horn's angles at a span on both sides of the centre.
 fn scale(session: &mut Session, centre_us: f32) -> Result<Option<f32>> {
     let mut degrees = 0.0;
     for pulse_us in [centre_us + SPAN_US, centre_us - SPAN_US] {

@@ -32,7 +32,7 @@ pub fn run(vehicle: &Handle, model: &Model, stop: &Arc<AtomicBool>) {
     let log = path.display().to_string();
     stage(model, &log, "hold the drone still");
     let flown = fly(vehicle, model, &log, stop);
-    // Whatever happened: the rudder to neutral.
+    // Disarm whatever happened: the rudder goes to neutral.
     let disarmed = vehicle.order(request::DISARM);
     let ended = vehicle.end_recording();
     let result = flown.and(disarmed).and(ended).and_then(|()| figures(&path));

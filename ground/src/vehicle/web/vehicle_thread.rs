@@ -174,7 +174,7 @@ struct Session<'a> {
     attitudes: u64,
     health: SYS_STATUS_DATA,
     latency_ms: f64,
-    /// The control step that the newest pulse belongs to, us, low half.
+    /// Time of the newest pulse's control step, us, low 32 bits.
     step_us: u32,
     params: Params,
     /// The parameters that the page has.
@@ -395,7 +395,7 @@ impl<'a> Session<'a> {
             pulse_us: status.pulse_us,
             set_deg: f64::from(self.params.pitch_set_deg()),
             latency_ms: rounded(self.latency_ms),
-            load_pct: rounded(100.0 * status.load),
+            load_pct: rounded(100.0 * status.health.load),
         }
     }
 
@@ -425,13 +425,7 @@ impl<'a> Session<'a> {
             in_operation: flight.is_some_and(is_in_operation),
             can_release: flight == Some(StateKind::Armed),
             unhealthy: unhealthy(&self.health),
-            attitude_hz: rounded(status.attitude_hz),
-            messages: status.messages,
-            lost: status.lost,
-            crc_errors: status.crc_errors,
-            dropped: status.dropped,
-            missed: status.missed,
-            bus_errors: status.bus_errors,
+            health: status.health,
             round_trip_ms: self.round_trip_ms,
             recording: self
                 .recording
