@@ -1,4 +1,4 @@
-//! `tvc report`: what a log shows, as figures and as a page. The same for a real run and for one of the rig.
+//! `tvc report`: a log as figures and as a page; a log of the rig is treated as one of a real vehicle.
 
 mod page;
 pub mod sweep;
@@ -7,7 +7,8 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use anyhow::Result;
-use client::FlightState;
+use client::StateKind;
+use client::state::state_of;
 use plant::response::StepResponse;
 use rig::measure::Spread as Measured;
 use serde::Serialize;
@@ -51,7 +52,7 @@ pub struct Report {
 
 /// Settling band, share of the start.
 const BAND: f64 = 0.05;
-/// What a flight begins with: the drone swings upright. It does not count for how well it is held, s.
+/// Time after the release in which the drone swings upright, s: it does not count for how well it is held.
 const SWING_S: f64 = 2.0;
 /// Least frame rate of a digital servo, Hz.
 const DIGITAL_HZ: f32 = 300.0;
@@ -65,7 +66,7 @@ pub struct Figures {
     pub runs: Vec<RunFigures>,
     /// How well each was held after its first two seconds; none for a shorter one.
     pub hold: Vec<Option<HoldFigures>>,
-    /// What each showed of a swinging set point, if it did swing.
+    /// The frequency response of each release whose set point swings.
     pub sweep: Vec<Option<Sweep>>,
     /// The control loop.
     #[serde(rename = "loop")]
@@ -76,7 +77,7 @@ pub struct Figures {
     pub health: HealthFigures,
     /// Parameters at the end of the log.
     pub parameters: BTreeMap<String, f32>,
-    /// What the vehicle said: its clock in s, the words.
+    /// The vehicle's texts with its clock, s.
     pub events: Vec<(f64, String)>,
 }
 
@@ -125,7 +126,7 @@ pub struct Release<'a> {
     pub steps: Vec<&'a Step>,
     /// The set point at each, rad.
     pub set_rad: Vec<f64>,
-    /// Control was still on when the log or the operator ended it.
+    /// Control was on until the log or the operator ended it.
     pub stayed: bool,
 }
 
@@ -190,8 +191,8 @@ pub fn releases(flight: &Flight) -> Vec<Release<'_>> {
     for event in &flight.events {
         match event {
             Event::State(code) => {
-                let state = FlightState::of(*code);
-                match (active, state == FlightState::Active) {
+                let state = state_of(*code);
+                match (active, state == Some(StateKind::Active)) {
                     (false, true) => releases.push(Release {
                         steps: Vec::new(),
                         set_rad: Vec::new(),
@@ -199,13 +200,13 @@ pub fn releases(flight: &Flight) -> Vec<Release<'_>> {
                     }),
                     (true, false) => {
                         if let Some(release) = releases.last_mut() {
-                            // Standby is the operator's doing; anything else is not.
-                            release.stayed = state == FlightState::Standby;
+                            // Only the operator leads from control to standby.
+                            release.stayed = state == Some(StateKind::Standby);
                         }
                     }
                     _ => {}
                 }
-                active = state == FlightState::Active;
+                active = state == Some(StateKind::Active);
             }
             Event::Parameter(name, value) if name == "PITCH_SET_DEG" => {
                 set_rad = f64::from(*value).to_radians();
@@ -312,10 +313,7 @@ fn health(flight: &Flight) -> HealthFigures {
     for event in &flight.events {
         match event {
             Event::State(code) => {
-                starting = matches!(
-                    FlightState::of(*code),
-                    FlightState::Boot | FlightState::SelfTest
-                );
+                starting = matches!(state_of(*code), Some(StateKind::Boot | StateKind::SelfTest));
             }
             Event::Status(status) => {
                 let first = first.get_or_insert(status);

@@ -1,7 +1,7 @@
 //! Flights from one or several tilts: boot once, fork for each start.
 
 use anyhow::{Context, Result};
-use client::FlightState;
+use client::StateKind;
 use rig::bench::FaultEntry;
 use rig::flight::{FlightRecord, Setup};
 use rig::{Image, prepare};
@@ -138,7 +138,7 @@ fn run(record: &FlightRecord) -> RunFigures {
         rise_s: record.response.rise_s(),
         settling_5pct_s: record.response.settling_s(BAND),
         final_error_rad: record.response.final_error(),
-        stayed_active: record.final_state == Some(FlightState::Active),
+        stayed_active: record.final_state == Some(StateKind::Active),
     }
 }
 
