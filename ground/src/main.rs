@@ -6,6 +6,7 @@ mod flight;
 mod logs;
 mod model;
 mod out;
+mod servo;
 mod signals;
 mod vehicle;
 

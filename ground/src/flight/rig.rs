@@ -3,8 +3,9 @@
 use anyhow::Result;
 
 use crate::flight::disturb::Disturb;
-use crate::flight::fly::{ServoChoice, start_angle};
+use crate::flight::fly::start_angle;
 use crate::out::exit::Verdict;
+use crate::servo::ServoChoice;
 use crate::vehicle::port::seconds;
 use ::rig::bno055::ImuErrors;
 use ::rig::pilot::Manner;

@@ -8,8 +8,8 @@ use plant::pitch_loop::{COMMAND_LIMIT_RAD, Measurement, Timing};
 use plant::{Parameters, ServoModel, Setup};
 use tvc_nano::{Controller, Params};
 
-use crate::flight::fly::ServoChoice;
 use crate::out::exit::BadInput;
+use crate::servo::ServoChoice;
 use crate::vehicle::param;
 
 /// The image's controller round a drone's linkage.

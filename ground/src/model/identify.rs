@@ -7,10 +7,10 @@ use anyhow::Result;
 use csv::StringRecord;
 use plant::identify::{Identification, IdentifyError, Reading, Record, identify};
 
-use crate::flight::fly::ServoChoice;
 use crate::model::control_law;
 use crate::out::exit::{BadInput, Verdict};
 use crate::out::file::{print_json, write_whole};
+use crate::servo::ServoChoice;
 use clap::Args;
 use std::path::PathBuf;
 

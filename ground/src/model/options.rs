@@ -1,6 +1,6 @@
 //! Options of `tvc model`.
 
-use crate::flight::fly::ServoChoice;
+use crate::servo::ServoChoice;
 use clap::{Args, Subcommand};
 use plant::Parameters;
 use std::path::PathBuf;

@@ -1,4 +1,4 @@
-//! What is to be seen while it flies: a line on a terminal that moves, plain lines elsewhere.
+//! Progress of a flight: one line that is redrawn on a terminal, plain lines elsewhere.
 
 use std::io::IsTerminal;
 use std::time::Duration;
@@ -6,10 +6,7 @@ use std::time::Duration;
 use indicatif::{ProgressBar, ProgressStyle};
 use rig::flight::{Progress, Stage};
 
-/// Half the width of the pitch gauge, characters.
-const HALF_GAUGE: i32 = 15;
-/// Pitch at the end of the gauge, deg.
-const GAUGE_DEG: f64 = 60.0;
+use crate::out::gauge::gauge;
 
 /// A live line on standard error.
 pub struct Live {
@@ -17,7 +14,7 @@ pub struct Live {
 }
 
 impl Live {
-    /// Begins a line for `what`; where standard error is no terminal it is said once.
+    /// Begins a line for `what`; where standard error is no terminal, `what` is printed once.
     pub fn begin(what: String) -> Self {
         if !std::io::stderr().is_terminal() {
             eprintln!("{what}");
@@ -57,32 +54,5 @@ impl Live {
     /// Ends the line.
     pub fn end(self) {
         self.bar.finish_and_clear();
-    }
-}
-
-/// An angle as a mark on a scale with zero in the middle.
-pub fn gauge(angle_deg: f64) -> String {
-    let at = (angle_deg / GAUGE_DEG * f64::from(HALF_GAUGE)).round() as i32;
-    let at = at.clamp(-HALF_GAUGE, HALF_GAUGE);
-    (-HALF_GAUGE..=HALF_GAUGE)
-        .map(|i| match i {
-            i if i == at => '#',
-            0 => '|',
-            _ => '.',
-        })
-        .collect()
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_gauge_has_its_mark_where_pitch_is_and_stays_its_width() {
-        assert_eq!(gauge(0.0).find('#'), Some(15));
-        assert_eq!(gauge(60.0).find('#'), Some(30));
-        assert_eq!(gauge(-500.0).find('#'), Some(0));
-        assert!(gauge(30.0).contains('|'));
-        assert_eq!(gauge(f64::NAN).len(), 31);
     }
 }

@@ -1,8 +1,8 @@
 //! Options of `tvc fly`.
 
 use crate::flight::disturb::Disturb;
-use ::rig::ServoKind;
-use clap::{Args, ValueEnum};
+use crate::servo::ServoChoice;
+use clap::Args;
 use std::path::PathBuf;
 use tvc_nano::Params;
 
@@ -71,33 +71,6 @@ pub struct Fly {
     /// Where to write the HTML report.
     #[arg(long, value_name = "FILE.html", default_value = "report/fly.html")]
     pub report: PathBuf,
-}
-
-/// The servos that the rig models.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub enum ServoChoice {
-    /// Analog, Futaba S3003 class: 0.19 s for 60 degrees, 50 Hz frame.
-    S3003,
-    /// Digital: 0.12 s for 60 degrees, 300 Hz frame.
-    Digital,
-}
-
-impl ServoChoice {
-    /// As the rig knows it.
-    pub fn kind(self) -> ServoKind {
-        match self {
-            Self::S3003 => ServoKind::S3003,
-            Self::Digital => ServoKind::Digital,
-        }
-    }
-
-    /// As it is typed.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::S3003 => "s3003",
-            Self::Digital => "digital",
-        }
-    }
 }
 
 /// Gains of the pitch controller, from the command line.

@@ -11,10 +11,10 @@ use plant::pitch_loop::Timing;
 use plant::{Mechanism, Parameters, ServoModel, Setup};
 
 use super::read;
-use crate::flight::fly::ServoChoice;
 use crate::model::Linear;
 use crate::out::exit::{BadInput, Verdict};
 use crate::out::file::{print_figures, write_whole};
+use crate::servo::ServoChoice;
 use figures::Figures;
 
 /// Frames shorter than this (s) belong to a digital servo, whose gains are higher.

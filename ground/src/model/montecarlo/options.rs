@@ -1,6 +1,6 @@
 //! Options of `tvc montecarlo`.
 
-use crate::flight::fly::ServoChoice;
+use crate::servo::ServoChoice;
 use clap::{Args, Subcommand};
 use std::path::PathBuf;
 

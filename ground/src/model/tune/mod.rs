@@ -11,10 +11,10 @@ use indicatif::{ProgressBar, ProgressStyle};
 use serde::Serialize;
 use tvc_nano::Params;
 
-use crate::flight::fly::ServoChoice;
 use crate::model::control_law;
 use crate::out::exit::Verdict;
 use crate::out::file::{print_json, write_whole};
+use crate::servo::ServoChoice;
 use crate::vehicle::link::Parameter;
 use crate::vehicle::param;
 use clap::Args;

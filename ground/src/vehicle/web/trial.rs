@@ -113,11 +113,12 @@ fn figures(path: &Path) -> Result<Value, String> {
             })
             .collect()
         });
+    let object = json!(figures);
     Ok(json!({
-        "run": figures.runs.first(),
-        "loop": figures.control,
-        "telemetry": figures.telemetry,
-        "missed": figures.missed(report::servo(&params)),
+        "run": object["runs"][0],
+        "loop": object["loop"],
+        "telemetry": object["telemetry"],
+        "missed": figures.missed(),
         "trace": trace,
     }))
 }
