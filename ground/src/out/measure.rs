@@ -23,7 +23,7 @@ use super::file::{print_json, write_whole};
 use super::table::Table;
 
 /// What `--json` prints for a figure.
-#[derive(Debug, Serialize)]
+#[derive(Debug, Clone, Serialize)]
 #[serde(untagged)]
 pub enum Value {
     /// A measured number.
@@ -101,8 +101,6 @@ pub enum Limit {
     AtLeast(f64),
     /// Strictly below.
     Below(f64),
-    /// Exactly this.
-    Equal(f64),
     /// An expected value and how far from it is near enough.
     Near(f64, f64),
     /// From the first to the second, both allowed.
@@ -111,15 +109,14 @@ pub enum Limit {
     Set,
 }
 
-use Limit::{AtLeast, AtMost, Below, Equal, Near, Set, Within};
+use Limit::{AtLeast, AtMost, Below, Near, Set, Within};
 
 impl Limit {
     /// The least and the greatest value that meet it.
-    pub fn range(self) -> (f64, f64) {
+    fn range(self) -> (f64, f64) {
         match self {
             AtMost(most) | Below(most) => (f64::NEG_INFINITY, most),
             AtLeast(least) => (least, f64::INFINITY),
-            Equal(value) => (value, value),
             Near(value, tolerance) => (value - tolerance, value + tolerance),
             Within(low, high) => (low, high),
             Set => (1.0, 1.0),
@@ -143,8 +140,9 @@ impl Limit {
             AtMost(most) => format!("at most {}", number(most)),
             AtLeast(least) => format!("at least {}", number(least)),
             Below(most) => format!("below {}", number(most)),
-            Equal(value) => format!("exactly {}", number(value)),
             Near(value, tolerance) => format!("{} ± {:e}", number(value), tolerance * scale),
+            Within(low, high) if low == high => format!("exactly {}", number(low)),
+            Within(0.0, high) => format!("at most {}", number(high)),
             Within(low, high) => format!("{} to {}", number(low), number(high)),
             Set => "yes".into(),
         }
@@ -152,7 +150,7 @@ impl Limit {
 }
 
 /// A value under a key of `--json`, with what the tables say of it and what it is held to.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub struct Figure {
     /// Empty for a line of the tables that is no member of the object.
     key: &'static str,
@@ -266,8 +264,21 @@ impl Figure {
         }
     }
 
+    /// What the tables call it.
+    pub fn label(&self) -> &str {
+        &self.label
+    }
+
+    /// The least and the greatest value within the limit.
+    pub fn range(&self) -> (f64, f64) {
+        let limit = self
+            .limit
+            .unwrap_or(Within(f64::NEG_INFINITY, f64::INFINITY));
+        limit.range()
+    }
+
     /// The limit in words; empty without one.
-    fn required(&self) -> String {
+    pub fn required(&self) -> String {
         let words = self.limit.map(|limit| limit.words(self.scale));
         words.unwrap_or_default()
     }
@@ -304,14 +315,35 @@ impl Figure {
         leaves.filter(|leaves| !leaves.is_empty())
     }
 
-    fn missed(&self) -> Vec<String> {
+    /// The table of a figure that has rows: a row each, limits in the head. Without rows it is empty.
+    pub fn table(&self) -> Table {
+        let rows: Vec<Vec<&Self>> = self.table_rows().collect();
+        let head = rows.first().into_iter().flatten().enumerate();
+        let head = head.map(|(column, first)| {
+            let mut limits = rows.iter().filter_map(|row| row.get(column)?.limit);
+            let one = limits.next();
+            let limit = one.filter(|one| limits.all(|limit| limit == *one));
+            let limit = limit.map(|limit| format!(" ({})", limit.words(first.scale)));
+            let comma = if first.unit.is_empty() { "" } else { ", " };
+            format!(
+                "{}{comma}{}{}",
+                first.label,
+                first.unit,
+                limit.unwrap_or_default()
+            )
+        });
+        let cells = |row: &Vec<&Self>| row.iter().map(|figure| figure.cell()).collect();
+        Table::new(head, rows.iter().map(cells)).right_aligned()
+    }
+
+    /// A sentence for each limit in it that was missed; the first column names a row.
+    pub fn missed(&self) -> Vec<String> {
         let sentences = |leaves: Vec<&Self>| -> Vec<String> {
             let missed = leaves.into_iter().filter(|leaf| !leaf.is_met());
             missed.map(Self::sentence).collect()
         };
         let mut all = sentences(self.leaves(false));
         for row in self.table_rows() {
-            // The first column names the row.
             let name = format!("{} {}", row[0].label, row[0].amount());
             let missed = sentences(row).into_iter();
             all.extend(missed.map(|sentence| format!("{name}: {sentence}")));
@@ -342,12 +374,12 @@ impl Figures {
         lines(self.0.iter().flat_map(|figure| figure.leaves(false)))
     }
 
-    /// The table under a key, a row each; limits stand in the head. Without rows it has no head.
+    /// The table under a key.
     pub fn table(&self, key: &str) -> Table {
         self.0
             .iter()
             .find(|figure| figure.key == key)
-            .map_or_else(Table::default, table)
+            .map_or_else(Table::default, Figure::table)
     }
 
     /// A sentence for each limit that was missed.
@@ -357,7 +389,7 @@ impl Figures {
 
     /// Everything for a terminal: the tables, then the lines.
     pub fn text(&self) -> String {
-        let tables = self.0.iter().map(table).chain([self.lines()]);
+        let tables = self.0.iter().map(Figure::table).chain([self.lines()]);
         let texts = tables.filter(|table| !table.is_empty());
         let texts: Vec<String> = texts.map(|table| table.text()).collect();
         texts.join("\n")
@@ -402,22 +434,4 @@ pub fn lines<'a>(figures: impl IntoIterator<Item = &'a Figure>) -> Table {
         &["", "measured"]
     };
     Table::new(head.iter().copied(), figures.iter().map(row))
-}
-
-fn table(figure: &Figure) -> Table {
-    let rows: Vec<Vec<&Figure>> = figure.table_rows().collect();
-    let head = rows.first().into_iter().flatten().enumerate();
-    let head = head.map(|(column, first)| {
-        let limit = rows.iter().filter_map(|row| row.get(column)?.limit).next();
-        let limit = limit.map(|limit| format!(" ({})", limit.words(first.scale)));
-        let comma = if first.unit.is_empty() { "" } else { ", " };
-        format!(
-            "{}{comma}{}{}",
-            first.label,
-            first.unit,
-            limit.unwrap_or_default()
-        )
-    });
-    let cells = |row: &Vec<&Figure>| row.iter().map(|figure| figure.cell()).collect();
-    Table::new(head, rows.iter().map(cells)).right_aligned()
 }
