@@ -214,6 +214,11 @@ impl Figure {
         self
     }
 
+    /// The same in `--json`; the tables leave it out.
+    pub fn unseen(self) -> Self {
+        data(self.key, &self.value)
+    }
+
     /// The tables multiply the value, and its limit, by `scale`.
     pub fn scaled(mut self, scale: f64) -> Self {
         self.scale = scale;
@@ -378,7 +383,7 @@ impl Figures {
     pub fn table(&self, key: &str) -> Table {
         self.0
             .iter()
-            .find(|figure| figure.key == key)
+            .find(|figure| figure.key == key && matches!(figure.value, Value::Rows(_)))
             .map_or_else(Table::default, Figure::table)
     }
 

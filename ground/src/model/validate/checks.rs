@@ -6,7 +6,7 @@ use plant::{Linkage, Parameters};
 
 use super::runs::{Instant, Runs};
 use crate::out::measure::Limit::{self, Near, Within};
-use crate::out::measure::{Figure, figure, shown};
+use crate::out::measure::{Figure, figure};
 
 /// A number that must lie in a range, and the thesis' figure that it belongs to, if any.
 pub type Check = (Option<&'static str>, Figure);
