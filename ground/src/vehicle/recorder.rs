@@ -1,4 +1,4 @@
-//! `tvc burst`: the steps around the last release, out of the vehicle's own memory.
+//! `tvc recorder`: the steps around the last release, out of the vehicle's own memory.
 
 use anyhow::{Result, bail};
 use rig::operator::FlightState;
@@ -12,18 +12,18 @@ use crate::vehicle::port::PortOptions;
 use clap::Args;
 use std::path::PathBuf;
 
-/// Options of `tvc burst`.
+/// Options of `tvc recorder`.
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Examples:
-  cargo tvc burst release.csv              every step around the last release as a table
-  cargo tvc burst release.tlog             as a log, for `tvc report`, MAVProxy, QGroundControl
-  cargo tvc burst release.mcap             for Foxglove and PlotJuggler
+  cargo tvc recorder release.csv              every step around the last release as a table
+  cargo tvc recorder release.tlog             as a log, for `tvc report`, MAVProxy, QGroundControl
+  cargo tvc recorder release.mcap             for Foxglove and PlotJuggler
 
 The vehicle keeps 30 steps before a release and 170 from it on in its own memory, whatever the link
 loses, until it is armed again or loses power. Other ground stations download the same as log 0.
 Exit status: 0 written, 1 something failed, 2 unusable input or nothing to fetch.")]
-pub struct Burst {
+pub struct Recorder {
     /// The file to write (.csv, .tlog, .mcap); a log must not be there yet.
     #[arg(value_name = "FILE")]
     pub file: PathBuf,
@@ -38,7 +38,7 @@ pub struct Burst {
 }
 
 /// Fetches and writes.
-pub fn run(options: &Burst) -> Result<Verdict> {
+pub fn run(options: &Recorder) -> Result<Verdict> {
     let mut vehicle = Vehicle::connect(&options.port)?;
     let bytes = vehicle.recording()?;
     if bytes.is_empty() {

@@ -27,7 +27,7 @@ Examples:
 
 A run is safe if the drone is back on course with control active (recovered), or if the firmware is
 in failsafe (neutral); in both cases without a missing or wild pulse, without a reset, and with the
-rudder never off neutral for more than 150 ms without sound data. Everything else is unsafe. The
+rudder never off neutral for more than 150 ms without valid data. Everything else is unsafe. The
 same seed gives the same runs.
 
 Exit status: 0 no unsafe run, 1 at least one or something failed, 2 unusable input.")]
