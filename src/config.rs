@@ -2,9 +2,10 @@
 
 use bno055_driver::config::{GyrRange, Sensors};
 
-/// The sensor's settings: the driver's defaults, but half the gyroscope's range. 1000 deg/s is three times the 6 rad/s of
-/// a fall, and a rate whose highest bit was flipped on the cable lies outside of it whatever the rate was: the driver
-/// never takes one for a turn, not even two on end.
+/// The sensor's settings: the driver's defaults, but half the gyroscope's range. 1000 deg/s is
+/// three times the 6 rad/s of a fall, and a rate whose highest bit was flipped on the cable lies
+/// outside of it whatever the rate was: the driver never takes one for a rotation, not even two in
+/// a row.
 pub fn sensor() -> bno055_driver::Config {
     bno055_driver::Config {
         sensors: Sensors {
@@ -15,7 +16,8 @@ pub fn sensor() -> bno055_driver::Config {
     }
 }
 
-/// Largest disturbance that control trims away, rad of servo: what 3 cm of lateral offset of the centre of mass ask for.
+/// Largest disturbance that control trims away, rad of servo: it holds against 3 cm of lateral
+/// offset of the centre of mass.
 pub const TRIM_LIMIT_RAD: f32 = 0.25;
 
 /// Age of the newest sample beyond which the attitude is no longer trusted: five of the sensor's own periods. At the
@@ -40,14 +42,21 @@ pub const BIAS_REST_US: u32 = 340_000;
 /// How far the squared norm of a quaternion may be from 1 before it counts as no rotation.
 pub const UNIT_TOLERANCE: f32 = 0.01;
 
-/// Cosine of the tilt up to which the drone may be armed and released, 50 deg: the largest test start, 0.8 rad =
-/// 45.8 deg, must pass. A cosine, because that is what a quaternion gives without trigonometry.
+/// Tilt up to which the drone may be armed and released, deg. The largest test start, 0.8 rad =
+/// 45.8 deg, must pass.
+pub const ARM_TILT_DEG: u32 = 50;
+
+/// Cosine of [`ARM_TILT_DEG`]: that is what a quaternion gives without trigonometry.
 pub const COS_ARM_TILT: f32 = 0.642_787_6;
 
-/// Cosine of the tilt beyond which control gives up, 60 deg, inside the tether stops at 1.2 rad = 68.8 deg.
+/// Tilt beyond which control gives up, deg, inside the tether's stops at 1.2 rad = 68.8 deg.
+pub const FAILSAFE_TILT_DEG: u32 = 60;
+
+/// Cosine of [`FAILSAFE_TILT_DEG`].
 pub const COS_FAILSAFE_TILT: f32 = 0.5;
 
-/// How long [`COS_FAILSAFE_TILT`] must be exceeded, so that no single bad sample ends a flight.
+/// How long the tilt must be beyond [`FAILSAFE_TILT_DEG`], so that no single bad sample ends a
+/// flight.
 pub const FAILSAFE_TILT_US: u64 = 100_000;
 
 /// Silence of the host that is a failsafe where `FS_HOST` is on: three heartbeats of a client that sends one a second.
@@ -77,8 +86,8 @@ pub const PULSE_MIN_US: f32 = 853.0;
 /// See [`PULSE_MIN_US`].
 pub const PULSE_MAX_US: f32 = 2193.0;
 
-/// How long a pulse that is tried for the servo's set-up is held: a host that is gone does not leave the servo at its stop.
-pub const TRIAL_US: u64 = 2_000_000;
+/// How long a test pulse is held: a host that is gone does not leave the servo at its stop.
+pub const TEST_PULSE_US: u64 = 2_000_000;
 
 /// MAVLink system id of this vehicle and component id of an autopilot.
 pub const SYSTEM_ID: u8 = 1;
@@ -88,8 +97,25 @@ pub const COMPONENT_ID: u8 = 1;
 /// Period of HEARTBEAT and SYS_STATUS.
 pub const HEARTBEAT_PERIOD_US: u64 = 1_000_000;
 
-/// Bytes of telemetry that wait for the host: a step writes about 150, so this bridges 100 ms of silence.
+/// Bytes of telemetry that wait for the host. The stream may fill all but [`QUEUE_RESERVE_BYTES`];
+/// a step writes about 130 bytes, so that this bridges 80 ms of a host's silence at 150 Hz.
 pub const QUEUE_BYTES: usize = 2048;
 
 /// Part of the queue that the periodic stream leaves free for answers and events.
 pub const QUEUE_RESERVE_BYTES: usize = 512;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn cosines_are_those_of_the_limits_in_degrees() {
+        for (limit_deg, cos) in [
+            (ARM_TILT_DEG, COS_ARM_TILT),
+            (FAILSAFE_TILT_DEG, COS_FAILSAFE_TILT),
+        ] {
+            let expected = (limit_deg as f32).to_radians().cos();
+            assert!((cos - expected).abs() < 1e-6, "{limit_deg} deg");
+        }
+    }
+}

@@ -1,9 +1,11 @@
 //! Who may move the rudder: the states of the flight, and what leads from one to another.
 //!
-//! The firmware cannot cut the motors, so the safe output is the neutral pulse. Every state but [`State::Active`]
-//! commands it, unless the operator sets up a servo that is [idle](State::is_idle).
+//! The firmware cannot cut the motors, so the safe output is the neutral pulse. Every state but
+//! [`State::Active`] commands it, except while the operator sets up an [idle](State::is_idle) servo.
 
-use core::fmt;
+mod code;
+mod command;
+mod state;
 
 use bno055_driver::{Micros, RawSample, SensorFault};
 
@@ -11,301 +13,15 @@ use crate::config::{
     COS_ARM_TILT, COS_FAILSAFE_TILT, DATA_AGE_LIMIT_US, FAILSAFE_TILT_US, HOST_SILENCE_US,
     RECOVERY_SAMPLES,
 };
-use crate::format::Hex;
-use crate::self_test::{Failure, SelfTest, Verdict};
-use crate::servo::PulseUs;
+use crate::self_test::{SelfTest, Verdict};
 use crate::store::Loaded;
 
-/// Where the flight stands.
-///
-/// ```text
-///  clean reset ──▶ Boot ──first sample──▶ SelfTest ──a still second──▶ Standby
-///                  ▲  ▲                      │                          │   ▲
-///                  │  └──────sensor lost─────┘                       arm│   │disarm
-///  disarm          │                                                    ▼   │
-///  (acknowledge)   │                                                   Armed ───release──▶ Active
-///                  │                                                    │   ▲                │
-///  reset after ──▶ Latched                          disarm leads from Active to Standby too ─┘
-///  watchdog, brown-out, crash,
-///  or with its parameters lost
-///
-///  Standby, Armed, Active ──fault──▶ Failsafe ──disarm, once the fault is gone──▶ Standby
-/// ```
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum State {
-    /// No sample yet.
-    Boot,
-    /// Waiting for a second of rest.
-    SelfTest(SelfTest),
-    /// Ready to be armed.
-    Standby,
-    /// Held in hand or clamp; released next.
-    Armed,
-    /// The rudder is under control.
-    Active {
-        /// Since when the tilt has been beyond the limit.
-        over_tilt_since: Option<Micros>,
-    },
-    /// A fault in operation. The operator leads out of it.
-    Failsafe(Reason),
-    /// Something that the operator must have seen before anything is armed.
-    Latched(Latch),
-}
+pub(crate) use code::numbered;
+pub use code::{LatchKind, ReasonKind, RefusalKind, StateCode, StateKind, UnknownCode};
+pub use command::{Command, Refusal};
+pub use state::{BootReport, Crash, Latch, Reason, State};
 
-impl State {
-    /// Whether the controller moves the rudder.
-    pub fn is_active(&self) -> bool {
-        matches!(self, State::Active { .. })
-    }
-
-    /// Whether the drone counts as armed: parameters that would make the rudder jump are refused.
-    pub fn is_armed(&self) -> bool {
-        matches!(self, State::Armed | State::Active { .. })
-    }
-
-    /// Whether nobody needs the rudder: before arming, and with nothing to acknowledge.
-    pub fn is_idle(&self) -> bool {
-        matches!(self, State::Boot | State::SelfTest(_) | State::Standby)
-    }
-
-    /// State (low byte) and reason (second byte) as one number, as HEARTBEAT's `custom_mode` carries it. States count
-    /// from 0 in the order of the enum; reason 0 is none.
-    pub fn code(&self) -> u32 {
-        let (state, reason) = match self {
-            State::Boot => (0, 0),
-            State::SelfTest(test) => (1, test.failure.map_or(0, |failure| 1 + failure as u32)),
-            State::Standby => (2, 0),
-            State::Armed => (3, 0),
-            State::Active { .. } => (4, 0),
-            State::Failsafe(reason) => (5, reason.code()),
-            State::Latched(latch) => (6, latch.code()),
-        };
-        state | reason << 8
-    }
-}
-
-impl fmt::Display for State {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            State::Boot => f.write_str("boot: waiting for the sensor"),
-            State::SelfTest(test) => match test.failure {
-                None => f.write_str("self-test: hold still"),
-                Some(Failure::Moving) => f.write_str("self-test: gyro moves"),
-                Some(Failure::Gravity) => f.write_str("self-test: acceleration is not 1 g"),
-                Some(Failure::Slow) => f.write_str("self-test: too few samples"),
-            },
-            State::Standby => f.write_str("standby"),
-            State::Armed => f.write_str("armed"),
-            State::Active { .. } => f.write_str("active"),
-            State::Failsafe(reason) => write!(f, "failsafe: {reason}"),
-            State::Latched(latch) => write!(f, "latched fault: {latch}"),
-        }
-    }
-}
-
-/// Why control was given up.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Reason {
-    /// The sensor gave nothing usable for too long, or lost its configuration.
-    Sensor(SensorFault),
-    /// Steps came without samples being asked for, or samples too old to use.
-    StaleData,
-    /// The attitude is not a rotation: not a number, or not of unit length.
-    InvalidAttitude,
-    /// Tilted beyond the limit.
-    Tilt,
-    /// The host fell silent, where `FS_HOST` asks for it.
-    HostSilent,
-}
-
-impl Reason {
-    fn code(&self) -> u32 {
-        match self {
-            Reason::Sensor(_) => 1,
-            Reason::StaleData => 2,
-            Reason::InvalidAttitude => 3,
-            Reason::Tilt => 4,
-            Reason::HostSilent => 5,
-        }
-    }
-}
-
-impl fmt::Display for Reason {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Reason::Sensor(fault) => fault.fmt(f),
-            Reason::StaleData => f.write_str("sensor data too old"),
-            Reason::InvalidAttitude => f.write_str("attitude invalid"),
-            Reason::Tilt => f.write_str("tilt beyond 60 deg"),
-            Reason::HostSilent => f.write_str("host silent for 3 s"),
-        }
-    }
-}
-
-/// What the operator must acknowledge at start-up.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Latch {
-    /// The last run ended badly.
-    Crash(Crash),
-    /// The stored parameters cannot be read: they have their defaults.
-    ParametersLost,
-}
-
-impl Latch {
-    fn code(&self) -> u32 {
-        match self {
-            Latch::Crash(crash) => crash.code(),
-            Latch::ParametersLost => 5,
-        }
-    }
-}
-
-impl fmt::Display for Latch {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Latch::Crash(crash) => crash.fmt(f),
-            Latch::ParametersLost => f.write_str("stored parameters lost"),
-        }
-    }
-}
-
-/// How the last run ended, where it ended badly.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Crash {
-    /// The watchdog fired: the loop hung.
-    Watchdog,
-    /// The supply dipped.
-    BrownOut,
-    /// The program panicked.
-    Panic {
-        /// Return addresses, innermost first, the first or two in the core library; `addr2line` makes function, file
-        /// and line of them.
-        callers: [u32; 3],
-    },
-    /// The processor met an instruction or access it cannot do.
-    HardFault {
-        /// Address of the instruction.
-        pc: u32,
-    },
-}
-
-impl Crash {
-    fn code(&self) -> u32 {
-        match self {
-            Crash::Watchdog => 1,
-            Crash::BrownOut => 2,
-            Crash::Panic { .. } => 3,
-            Crash::HardFault { .. } => 4,
-        }
-    }
-}
-
-impl fmt::Display for Crash {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Crash::Watchdog => f.write_str("watchdog reset"),
-            Crash::BrownOut => f.write_str("brown-out reset"),
-            Crash::Panic { callers: [a, b, c] } => {
-                write!(f, "panic {} {} {}", Hex(*a), Hex(*b), Hex(*c))
-            }
-            Crash::HardFault { pc } => write!(f, "hard fault at {}", Hex(*pc)),
-        }
-    }
-}
-
-/// What the board found at start-up.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct BootReport {
-    /// Why the last run ended, if it ended badly: the crash record where there is one, else the reset cause.
-    pub crash: Option<Crash>,
-    /// What was found of stored parameters.
-    pub stored: Loaded,
-}
-
-impl BootReport {
-    /// What is to be acknowledged first.
-    fn latch(&self) -> Option<Latch> {
-        match self.crash {
-            Some(crash) => Some(Latch::Crash(crash)),
-            None => (self.stored == Loaded::Corrupt).then_some(Latch::ParametersLost),
-        }
-    }
-
-    /// What is left when that is acknowledged.
-    fn acknowledge(&mut self, latch: Latch) {
-        match latch {
-            Latch::Crash(_) => self.crash = None,
-            Latch::ParametersLost => self.stored = Loaded::Nothing,
-        }
-    }
-
-    /// The state to be in.
-    fn state(&self) -> State {
-        self.latch().map_or(State::Boot, State::Latched)
-    }
-}
-
-/// What an operator may ask for.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Command {
-    /// Standby to armed.
-    Arm,
-    /// Armed to active: the drone is let go.
-    Release,
-    /// Back to standby from anywhere; acknowledges a failsafe or latched fault whose cause is gone.
-    Disarm,
-    /// Hold a pulse for the servo's set-up, for a while, where nobody needs the rudder.
-    Try(PulseUs),
-}
-
-impl fmt::Display for Command {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Command::Arm => "arm",
-            Command::Release => "release",
-            Command::Disarm => "disarm",
-            Command::Try(_) => "pulse",
-        })
-    }
-}
-
-/// Why a command was not obeyed.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Refusal {
-    /// The command does not apply in this state.
-    WrongState(State),
-    /// Tilted more than 50 deg.
-    Tilt,
-    /// The sensor is not delivering.
-    Sensor,
-    /// The attitude has not settled since start-up or the last gap.
-    Settling,
-    /// Nobody has seen the rudder answer a tilt the right way, with the servo's direction and the mount as they are.
-    Polarity,
-    /// The gyro's offset has not been learned since then, which takes some seconds of rest.
-    BiasUnknown,
-    /// The host's heartbeat is missing, and `FS_HOST` asks for it.
-    HostSilent,
-    /// The fault is still there.
-    FaultPersists(Reason),
-}
-
-impl fmt::Display for Refusal {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Refusal::WrongState(state) => write!(f, "in {state}"),
-            Refusal::Tilt => f.write_str("tilt beyond 50 deg"),
-            Refusal::Sensor => f.write_str("sensor not ready"),
-            Refusal::Settling => f.write_str("attitude still settling"),
-            Refusal::Polarity => f.write_str("run tvc calibrate polarity first"),
-            Refusal::BiasUnknown => f.write_str("gyro offset unknown: hold still"),
-            Refusal::HostSilent => f.write_str("no host heartbeat"),
-            Refusal::FaultPersists(reason) => reason.fmt(f),
-        }
-    }
-}
-
-/// What the supervisor is told of the attitude.
+/// What the supervisor needs to know of the attitude.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Health {
     /// It is a rotation.
@@ -328,7 +44,7 @@ impl Health {
     };
 }
 
-/// Keeps the state, and changes it by what happens and by what the operator asks.
+/// Keeps the state, and changes it with samples, faults, time and commands.
 #[derive(Clone, Debug)]
 pub struct Supervisor {
     state: State,
@@ -437,11 +153,21 @@ impl Supervisor {
         match self.state {
             State::Boot | State::SelfTest(_) | State::Standby => {
                 self.state = State::Boot;
-                self.health = Health::UNKNOWN;
+                self.attitude_lost();
                 Ok(())
             }
             state => Err(Refusal::WrongState(state)),
         }
+    }
+
+    /// The estimate starts over: nothing is armed, and no failsafe of the sensor acknowledged,
+    /// until it has settled and the gyro's offset is known. Only the tilt stays as it was last
+    /// seen.
+    pub fn attitude_lost(&mut self) {
+        self.health = Health {
+            cos_tilt: self.health.cos_tilt,
+            ..Health::UNKNOWN
+        };
     }
 
     /// Obey the operator, or say why not.
@@ -471,7 +197,7 @@ impl Supervisor {
                 self.report.acknowledge(latch);
                 self.report.state()
             }
-            (Command::Try(_), state) if state.is_idle() => state,
+            (Command::TestPulse(_), state) if state.is_idle() => state,
             (Command::Arm, State::Armed)
             | (Command::Release, State::Active { .. })
             | (Command::Disarm, State::Boot | State::SelfTest(_) | State::Standby) => self.state,
@@ -480,7 +206,7 @@ impl Supervisor {
         Ok(())
     }
 
-    /// What arming and release ask for.
+    /// The conditions of arming and release.
     fn ready(&self, now: Micros) -> Result<(), Refusal> {
         if !self.sensor_is_healthy() {
             Err(Refusal::Sensor)
@@ -517,7 +243,7 @@ impl Supervisor {
                 .is_none_or(|seen| now.0.saturating_sub(seen.0) > HOST_SILENCE_US)
     }
 
-    /// What time alone can bring about.
+    /// Faults that come with time alone: data too old, a silent host, a tilt for too long.
     fn watch(&mut self, now: Micros) {
         let age_us = self.fresh.map_or(0, |fresh| now.0.saturating_sub(fresh.0));
         if age_us > DATA_AGE_LIMIT_US {

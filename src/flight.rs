@@ -7,7 +7,7 @@ use bno055_driver::{Micros, RawSample, SensorFault};
 use tvc_fusion::fixed::{Angles, Orientation};
 use tvc_fusion::{Attitude, ConfigError, Quaternion};
 
-use crate::config::{TRIAL_US, UNIT_TOLERANCE};
+use crate::config::{TEST_PULSE_US, UNIT_TOLERANCE};
 use crate::controller::Controller;
 use crate::failsafe::{BootReport, Command, Health, Refusal, State, Supervisor};
 use crate::navigation::Navigation;
@@ -15,10 +15,21 @@ use crate::params::{Change, Info, ParamError, Params, Polarity};
 use crate::servo::{PulseUs, Servo};
 use crate::store::Loaded;
 
-/// Nothing is tried: its time is over.
-const NO_TRIAL: (PulseUs, Micros) = (PulseUs(0), Micros(0));
+/// No test pulse: it expired at time 0.
+const NO_TEST_PULSE: (PulseUs, Micros) = (PulseUs(0), Micros(0));
 
-/// Everything that a step gives.
+/// Who moves the rudder.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Rudder {
+    /// The control law.
+    Controlled,
+    /// The operator, by a test pulse.
+    Tested(PulseUs),
+    /// Nobody.
+    Neutral,
+}
+
+/// What a step results in.
 #[derive(Clone, Copy, Debug)]
 pub struct Outputs {
     /// The pulse for the next servo frame.
@@ -27,7 +38,7 @@ pub struct Outputs {
     pub snapshot: Snapshot,
 }
 
-/// A step, for whoever watches.
+/// A step as telemetry and recorder take it.
 #[derive(Clone, Copy, Debug)]
 pub struct Snapshot {
     /// Time of the step.
@@ -50,7 +61,7 @@ pub struct Snapshot {
     pub missed: u32,
 }
 
-/// Attitude, control, servo and failsafe: all that flies.
+/// Attitude, control, servo and failsafe.
 #[derive(Clone, Debug)]
 pub struct Flight {
     params: Params,
@@ -58,8 +69,8 @@ pub struct Flight {
     controller: Controller,
     crank_rad: f32,
     servo: Servo,
-    /// The pulse that is tried, and until when.
-    trial: (PulseUs, Micros),
+    /// The test pulse, and when it expires.
+    test_pulse: (PulseUs, Micros),
     supervisor: Supervisor,
 }
 
@@ -75,11 +86,11 @@ impl Flight {
             controller: Controller::new(&params, servo.travel_rad()),
             crank_rad: 0.0,
             servo,
-            trial: NO_TRIAL,
+            test_pulse: NO_TEST_PULSE,
             supervisor: Supervisor::new(report),
             params,
         };
-        flight.configure();
+        flight.configure(Change::Live);
         Ok(flight)
     }
 
@@ -110,14 +121,19 @@ impl Flight {
     /// # Errors
     /// The [`Refusal`]; nothing changes.
     pub fn command(&mut self, now: Micros, command: Command) -> Result<(), Refusal> {
-        let unchecked = self.params.polarity() != Polarity::Checked;
-        if unchecked && matches!((command, self.state()), (Command::Arm, State::Standby)) {
-            return Err(Refusal::Polarity);
+        match (command, self.state(), self.params.polarity()) {
+            (Command::Arm, State::Standby, Polarity::Unchecked | Polarity::Watched) => {
+                return Err(Refusal::Polarity);
+            }
+            (Command::TestPulse(_), state, Polarity::Watched) if state.is_idle() => {
+                return Err(Refusal::RudderAnswers);
+            }
+            _ => {}
         }
         self.supervisor.command(now, command)?;
-        self.trial = match command {
-            Command::Try(pulse) => (pulse, Micros(now.0 + TRIAL_US)),
-            _ => NO_TRIAL,
+        self.test_pulse = match command {
+            Command::TestPulse(pulse) => (pulse, now.after(TEST_PULSE_US)),
+            _ => NO_TEST_PULSE,
         };
         Ok(())
     }
@@ -146,11 +162,7 @@ impl Flight {
         if info.change == Change::Turning && before != value {
             self.params.forget_polarity();
         }
-        // Nothing that may change in flight concerns navigation, whose sines would cost a sample.
-        if info.change != Change::Live {
-            self.navigation.configure(&self.params);
-        }
-        self.configure();
+        self.configure(info.change);
         Ok(info)
     }
 
@@ -163,8 +175,7 @@ impl Flight {
             return Err(ParamError::ArmedAll);
         }
         self.params = params;
-        self.navigation.configure(&self.params);
-        self.configure();
+        self.configure(Change::Disarmed);
         Ok(())
     }
 
@@ -176,6 +187,11 @@ impl Flight {
     /// A ground station's heartbeat has arrived.
     pub fn host_heard(&mut self, now: Micros) {
         self.supervisor.host_heard(now);
+    }
+
+    /// The neutral pulse of the parameters in use.
+    pub fn neutral(&self) -> PulseUs {
+        self.servo.neutral_pulse()
     }
 
     /// Where the flight stands.
@@ -207,7 +223,7 @@ impl Flight {
     /// The control law, where the state lets it move the rudder. Positive crank angles pitch the nose down, so the
     /// crank follows pitch and its rate with positive sign: `crank = kp (pitch - setpoint) + kd rate`.
     fn control(&mut self, now: Micros, rate_rad_s: f32, dt_s: f32) {
-        if !self.answers() {
+        if self.rudder(now) != Rudder::Controlled {
             return self.rest(now);
         }
         if !self.state().is_active() {
@@ -221,29 +237,29 @@ impl Flight {
 
     /// Without a sample the last command stays, for as long as the supervisor lets it.
     fn hold(&mut self, now: Micros) {
-        if !self.answers() {
+        if self.rudder(now) != Rudder::Controlled {
             self.rest(now);
         }
     }
 
-    /// Whether the rudder answers the tilt: under control, or in standby where somebody looks at its polarity.
-    fn answers(&self) -> bool {
-        match self.state() {
-            State::Active { .. } => true,
-            State::Standby => self.params.polarity() == Polarity::Watched,
-            _ => false,
+    /// Who moves the rudder: control while it is active, or in standby while somebody looks at the
+    /// polarity; a test pulse where nobody needs the rudder; nobody else.
+    fn rudder(&self, now: Micros) -> Rudder {
+        let (pulse, until) = self.test_pulse;
+        match (self.state(), self.params.polarity()) {
+            (State::Active { .. }, _) | (State::Standby, Polarity::Watched) => Rudder::Controlled,
+            (state, _) if state.is_idle() && now < until => Rudder::Tested(pulse),
+            _ => Rudder::Neutral,
         }
     }
 
     fn rest(&mut self, now: Micros) {
         self.crank_rad = 0.0;
         self.controller.reset();
-        let (pulse, until) = self.trial;
-        if now < until && self.state().is_idle() {
-            self.servo.set(pulse);
-        } else {
-            self.servo.neutral();
-        }
+        match self.rudder(now) {
+            Rudder::Tested(pulse) => self.servo.set(pulse),
+            Rudder::Controlled | Rudder::Neutral => self.servo.neutral(),
+        };
     }
 
     fn outputs(&self, now: Micros, sample: Option<RawSample>) -> Outputs {
@@ -264,8 +280,16 @@ impl Flight {
         }
     }
 
-    /// Hand the parameters to the parts that they belong to; navigation has its own.
-    fn configure(&mut self) {
+    /// Hand the parameters to the parts that they belong to, after one with this rule of change.
+    /// What alters the meaning of the samples starts the estimate over, and arming waits for it.
+    fn configure(&mut self, change: Change) {
+        // Nothing that may change in flight concerns navigation, whose sines would cost a sample.
+        if change != Change::Live && self.navigation.configure(&self.params) {
+            self.supervisor.attitude_lost();
+        }
+        if self.params.polarity() == Polarity::Watched {
+            self.test_pulse = NO_TEST_PULSE;
+        }
         self.servo.configure(&self.params);
         self.controller
             .configure(&self.params, self.servo.travel_rad());

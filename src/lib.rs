@@ -21,25 +21,28 @@
 #[cfg(test)]
 extern crate std;
 
-pub mod calibration;
+pub mod application;
 pub mod config;
 pub mod controller;
 pub mod failsafe;
 pub mod flight;
 mod format;
+pub mod led;
 pub mod mount;
 pub mod navigation;
 pub mod params;
 pub mod recorder;
-pub mod schedule;
 pub mod self_test;
 pub mod servo;
+pub mod sleep;
 pub mod store;
 pub mod telemetry;
+pub mod ticks;
+pub mod watchdog;
 
 pub use bno055_driver::{Micros, RawSample, SensorFault};
 pub use controller::Controller;
-pub use failsafe::{BootReport, Command, Crash, Latch, Refusal, State};
+pub use failsafe::{BootReport, Command, Crash, Latch, Refusal, State, StateCode, StateKind};
 pub use flight::{Flight, Outputs, Snapshot};
 pub use params::Params;
 pub use recorder::Recorder;

@@ -43,8 +43,6 @@ impl Calibration {
 struct Matrix([[i16; 3]; 3]);
 
 impl Matrix {
-    const IDENTITY: Self = Self([[ONE, 0, 0], [0, ONE, 0], [0, 0, ONE]]);
-
     /// `self * vector + sum`, with [`BITS`]. What is too large stays at the end of the range.
     fn add(&self, vector: [i16; 3], mut sum: [i32; 3]) -> [i32; 3] {
         for (column, component) in self.0.iter().zip(vector) {
@@ -76,11 +74,6 @@ struct Correction {
 }
 
 impl Correction {
-    const NONE: Self = Self {
-        matrix: Matrix::IDENTITY,
-        shift: HALF,
-    };
-
     fn new(mount: &Matrix, calibration: &Calibration) -> Self {
         let matrix = mount.times(&calibration.to_matrix());
         let quarters = calibration.offset.map(|counts| nearest(counts * -4.0));
@@ -97,7 +90,7 @@ impl Correction {
 }
 
 /// How the sensor sits in the body, and its calibration.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Mount {
     /// Accelerometer, gyro, magnetometer.
     corrections: [Correction; 3],
@@ -106,22 +99,18 @@ pub struct Mount {
 impl Mount {
     /// A sensor calibrated as the `CAL_` and turned as the `MNT_` parameters say.
     pub fn new(params: &Params) -> Self {
-        let mut mount = Self {
-            corrections: [Correction::NONE; 3],
-        };
-        mount.configure(params);
-        mount
+        Self::calibrated(&calibrations(params), params)
     }
 
-    /// Take over changed `CAL_` and `MNT_` parameters.
-    pub fn configure(&mut self, params: &Params) {
-        self.calibrate(calibrations(params), params);
-    }
-
-    /// The calibration of the accelerometer, gyro and magnetometer, in this order.
-    fn calibrate(&mut self, calibrations: [Calibration; 3], params: &Params) {
+    /// A sensor with these calibrations of the accelerometer, gyro and magnetometer, turned as the
+    /// `MNT_` parameters say.
+    fn calibrated(calibrations: &[Calibration; 3], params: &Params) -> Self {
         let rotation = rotation(params);
-        self.corrections = calibrations.map(|calibration| Correction::new(&rotation, &calibration));
+        Self {
+            corrections: calibrations
+                .each_ref()
+                .map(|calibration| Correction::new(&rotation, calibration)),
+        }
     }
 
     /// Counts along the body's axes. The field counts as fresh.
@@ -259,13 +248,12 @@ mod tests {
     #[test]
     fn calibration_takes_off_the_offset_and_scales() {
         let params = Params::default();
-        let mut mount = Mount::new(&params);
         let acc = Calibration {
             offset: [10.4, 0.0, -3.0],
             matrix: [[1.5, 0.0, 0.0], [0.0, 1.0, 0.5], [0.0, 0.0, -1.0]],
         };
         let [gyr, mag] = [Calibration::NOMINAL; 2];
-        mount.calibrate([acc, gyr, mag], &params);
+        let mount = Mount::calibrated(&[acc, gyr, mag], &params);
         // 1.5 * 99.6 = 149.4; 100 + 0.5 * 43 = 121.5; -43.
         assert_acc(&mount, [110, 100, 40], [149, 122, -43]);
         let sample = raw([0; 3], [7, 8, 9], [0; 3]);
@@ -303,8 +291,7 @@ mod tests {
         ) {
             let mut params = Params::default();
             params.set("MNT_ROLL_DEG", roll).unwrap();
-            let mut mount = Mount::new(&params);
-            mount.calibrate([Calibration { offset, matrix }; 3], &params);
+            let mount = Mount::calibrated(&[Calibration { offset, matrix }; 3], &params);
             let found = mount.convert(&raw(counts, counts, counts)).gyr;
             let turn = nalgebra::Rotation3::from_euler_angles(f64::from(roll).to_radians(), 0.0, 0.0);
             let matrix = turn.matrix() * nalgebra::Matrix3::from_fn(|r, c| f64::from(matrix[r][c]));

@@ -13,7 +13,6 @@ use crate::params::Params;
 /// The attitude, and all that it is made from.
 #[derive(Clone, Debug)]
 pub struct Navigation {
-    mount: Mount,
     estimator: Estimator<Vqf>,
     settings: Settings,
     /// The newest sample used, as it came and in body axes.
@@ -34,7 +33,6 @@ impl Navigation {
     pub fn new(params: &Params) -> Result<Self, ConfigError> {
         let settings = Settings::of(params);
         Ok(Self {
-            mount: Mount::new(params),
             estimator: settings.estimator()?,
             settings,
             last: None,
@@ -49,14 +47,18 @@ impl Navigation {
         })
     }
 
-    /// Take over changed parameters. Another declination or sampling rate starts the estimate over.
-    pub fn configure(&mut self, params: &Params) {
-        self.mount.configure(params);
+    /// Take over changed parameters. Another calibration, mount, declination or sampling rate
+    /// starts the estimate over: what has been learned belongs to the samples as they were. Says
+    /// whether it did.
+    #[must_use]
+    pub fn configure(&mut self, params: &Params) -> bool {
         let settings = Settings::of(params);
-        if self.settings != settings {
+        let changed = self.settings != settings;
+        if changed {
             self.settings = settings;
             self.restart();
         }
+        changed
     }
 
     /// Take the next sample; how long it is after the one before, us.
@@ -73,7 +75,7 @@ impl Navigation {
             self.restart();
         }
         let dt_us = dt_us.min(ESTIMATOR_GAP_US) as u32;
-        let mut counts = self.mount.convert(raw);
+        let mut counts = self.settings.mount.convert(raw);
         if !self.field_is_fresh(raw) {
             counts.mag = None;
         }
@@ -113,7 +115,8 @@ impl Navigation {
         self.bias_known
     }
 
-    /// Forget the attitude, the gyroscope's offset and the samples so far: what follows depends on what follows only.
+    /// Forget the attitude, the gyroscope's offset and the samples so far: the estimate depends on
+    /// later samples only.
     pub fn restart(&mut self) {
         self.last = None;
         // The settings are within their parameters' ranges.
@@ -167,9 +170,10 @@ impl Navigation {
     }
 }
 
-/// What the estimator is made for.
-#[derive(Clone, Copy, Debug, PartialEq)]
+/// What the estimate depends on besides the samples.
+#[derive(Clone, Debug, PartialEq)]
 struct Settings {
+    mount: Mount,
     declination_deg: f32,
     period_us: u32,
 }
@@ -177,6 +181,7 @@ struct Settings {
 impl Settings {
     fn of(params: &Params) -> Self {
         Self {
+            mount: Mount::new(params),
             declination_deg: params.declination_deg(),
             period_us: params.control_period_us(),
         }

@@ -1,68 +1,17 @@
 //! The parameters: one table of name, unit, range, default and meaning, from which everything else is made.
 //!
-//! A parameter is added by one entry of the `parameters!` call below. Names are at most 16 characters (the width of
-//! MAVLink's `param_id`), values are `f32`. A shipped default outside its own range does not compile.
+//! A parameter is added by one entry of the `parameters!` call in `params/table.rs`. Names are at
+//! most 16 characters (the width of MAVLink's `param_id`), values are `f32`. A shipped default
+//! outside its own range does not compile.
+
+mod table;
 
 use core::fmt;
 
-use crate::config::{PULSE_MAX_US, PULSE_MIN_US};
-use crate::format::Decimal;
-use crate::schedule::Schedule;
+use crate::ticks::TickPlan;
 
-/// The values that a parameter may take.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Range {
-    /// Any finite value from the first to the second, both included.
-    Between(f32, f32),
-    /// One of these.
-    OneOf(&'static [f32]),
-}
-
-impl Range {
-    /// Whether `value` is allowed. Never true of a NaN.
-    pub const fn contains(&self, value: f32) -> bool {
-        match self {
-            Range::Between(low, high) => value >= *low && value <= *high,
-            &Range::OneOf(mut allowed) => {
-                while let [first, rest @ ..] = allowed {
-                    if *first == value {
-                        return true;
-                    }
-                    allowed = rest;
-                }
-                false
-            }
-        }
-    }
-}
-
-impl fmt::Display for Range {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Range::Between(low, high) => write!(f, "{} to {}", Decimal(*low), Decimal(*high)),
-            Range::OneOf(allowed) => {
-                for (index, value) in allowed.iter().enumerate() {
-                    let separator = if index == 0 { "" } else { ", " };
-                    f.write_str(separator)?;
-                    Decimal(*value).fmt(f)?;
-                }
-                Ok(())
-            }
-        }
-    }
-}
-
-/// When a parameter may be changed.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Change {
-    /// At any time: that is how gains are tuned on the tether.
-    Live,
-    /// Not while the drone is armed or under control: the change would make the rudder jump or stop a bus.
-    Disarmed,
-    /// As [`Change::Disarmed`], and the rudder may answer the other way afterwards: a changed value takes
-    /// [`Polarity::Checked`] back.
-    Turning,
-}
+use table::{COUNT, Place};
+pub use table::{Change, DESCRIPTIONS, Description, Info, Range, TABLE};
 
 /// What is known of the way in which the rudder answers, by `SRV_POLARITY`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -73,30 +22,6 @@ pub enum Polarity {
     Checked,
     /// Somebody looks: in standby the rudder answers the tilt.
     Watched,
-}
-
-/// One row of the table.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Info {
-    /// Name, at most 16 ASCII characters.
-    pub name: &'static str,
-    /// Hash of the name, by which a value goes where parameters are stored.
-    pub id: u32,
-    /// Allowed values.
-    pub range: Range,
-    /// Value after a reset.
-    pub default: f32,
-    /// When it may be changed.
-    pub change: Change,
-}
-
-/// What a person wants to know of a row besides; apart from it, so that the chip need not carry the words.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Description {
-    /// Unit, empty for a pure number.
-    pub unit: &'static str,
-    /// What the parameter does, in one line.
-    pub meaning: &'static str,
 }
 
 /// Why a parameter keeps its old value.
@@ -135,175 +60,6 @@ impl fmt::Display for ParamError {
             ParamError::ArmedAll => f.write_str("parameters: disarm first"),
         }
     }
-}
-
-/// FNV-1a, 32 bits wide.
-const fn hash(name: &str) -> u32 {
-    let mut hash: u32 = 0x811C_9DC5;
-    let mut bytes = name.as_bytes();
-    while let [byte, rest @ ..] = bytes {
-        hash = (hash ^ *byte as u32).wrapping_mul(0x0100_0193);
-        bytes = rest;
-    }
-    hash
-}
-
-const fn all_differ(mut ids: &[u32]) -> bool {
-    while let [first, rest @ ..] = ids {
-        let mut others = rest;
-        while let [other, further @ ..] = others {
-            if *first == *other {
-                return false;
-            }
-            others = further;
-        }
-        ids = rest;
-    }
-    true
-}
-
-macro_rules! parameters {
-    ($($field:ident: $name:literal, $unit:literal, $range:expr, $default:expr, $change:ident, $meaning:literal;)+) => {
-        /// Every parameter, in the order of its index on the wire.
-        pub static TABLE: &[Info] = &[$(Info {
-            name: $name,
-            id: hash($name),
-            range: $range,
-            default: $default,
-            change: Change::$change,
-        },)+];
-
-        /// The rows' descriptions, in the same order.
-        pub static DESCRIPTIONS: &[Description] = &[$(Description { unit: $unit, meaning: $meaning },)+];
-
-        /// Where a parameter has its value.
-        #[allow(non_camel_case_types)]
-        enum Place { $($field,)+ }
-
-        const COUNT: usize = [$(Place::$field,)+].len();
-
-        // A stored value must find one row only.
-        const _: () = assert!(all_differ(&[$(hash($name),)+]), "two names have the same hash");
-
-        impl Default for Params {
-            fn default() -> Self {
-                Self { values: const { [$({
-                    let value: f32 = $default;
-                    assert!($range.contains(value), "default out of range");
-                    assert!($name.len() <= 16, "name too long for MAVLink");
-                    value
-                },)+] } }
-            }
-        }
-
-        impl Params {
-            $(
-                #[doc = concat!("`", $name, "` (", $unit, "): ", $meaning)]
-                #[inline]
-                #[allow(clippy::indexing_slicing, reason = "there is a value for every place")]
-                pub fn $field(&self) -> f32 {
-                    self.values[Place::$field as usize]
-                }
-            )+
-        }
-    };
-}
-
-parameters! {
-    pid_kp: "PID_KP", "rad/rad", Range::Between(0.0, 10.0), 1.9, Live,
-        "servo angle per pitch error, near the setpoint";
-    pid_kd: "PID_KD", "s", Range::Between(0.0, 3.0), 0.435, Live,
-        "servo angle per pitch rate";
-    pid_knee_rad: "PID_KNEE_RAD", "rad", Range::Between(0.0, 2.0), 0.31, Live,
-        "pitch error beyond which the braking curve is flatter";
-    pid_far: "PID_FAR", "", Range::Between(0.0, 1.0), 0.3, Live,
-        "slope of the braking curve beyond the knee, as a share of that before";
-    pid_ahead_s: "PID_AHEAD_S", "s", Range::Between(0.0, 0.1), 0.0144, Live,
-        "how far ahead pitch and rate are predicted";
-    pid_trim_rad_s: "PID_TRIM_RAD_S", "rad/s", Range::Between(0.0, 20.0), 4.6, Live,
-        "bandwidth of the observer that trims a lateral offset of the mass away; 0 is no trim";
-    pitch_gain: "PITCH_GAIN", "1/s2", Range::Between(1.0, 1000.0), 31.6, Live,
-        "pitch acceleration per servo angle at zero rudder";
-    srv_delay_s: "SRV_DELAY_S", "s", Range::Between(0.0, 0.01), 0.0094, Live,
-        "time for which the servo still follows the command before the last, at most one sample";
-    srv_lag_s: "SRV_LAG_S", "s", Range::Between(0.0, 1.0), 0.033, Live,
-        "time constant with which the servo closes a small gap, frame included";
-    srv_rad_s: "SRV_RAD_S", "rad/s", Range::Between(0.1, 100.0), 5.5, Live,
-        "greatest speed of the servo";
-    pitch_set_deg: "PITCH_SET_DEG", "deg", Range::Between(-30.0, 30.0), 0.0, Live,
-        "pitch to hold, nose up positive";
-    srv_centre_us: "SRV_CENTRE_US", "us", Range::Between(1420.0, 1620.0), 1523.6, Live,
-        "pulse at which the rudder has no effect";
-    srv_hold_deg: "SRV_HOLD_DEG", "deg", Range::Between(-10.0, 10.0), 0.0, Disarmed,
-        "servo angle that holds against a lateral offset of the mass: the rudder rests there";
-    srv_dir: "SRV_DIR", "", Range::OneOf(&[-1.0, 1.0]), 1.0, Turning,
-        "+1: a longer pulse turns the crank to positive angles; -1: reversed servo";
-    srv_us_per_deg: "SRV_US_PER_DEG", "us/deg", Range::Between(5.0, 20.0), 10.0, Disarmed,
-        "pulse change per real degree of the servo shaft";
-    srv_min_us: "SRV_MIN_US", "us", Range::Between(PULSE_MIN_US, 1400.0), 923.6, Live,
-        "shortest pulse that control commands";
-    srv_max_us: "SRV_MAX_US", "us", Range::Between(1640.0, PULSE_MAX_US), 2123.6, Live,
-        "longest pulse that control commands";
-    srv_slew_us_s: "SRV_SLEW_US_S", "us/s", Range::Between(500.0, 100_000.0), 10_000.0, Live,
-        "fastest change of the pulse";
-    srv_rate_hz: "SRV_RATE_HZ", "Hz", Range::OneOf(&[50.0, 100.0, 200.0, 300.0, 333.0]), 50.0, Disarmed,
-        "servo frame rate; above 50 only for digital servos, an analog one burns out";
-    i2c_khz: "I2C_KHZ", "kHz", Range::OneOf(&[100.0, 400.0]), 400.0, Disarmed,
-        "speed of the sensor bus; 100 for a cable of more than 1 m";
-    mnt_roll_deg: "MNT_ROLL_DEG", "deg", Range::Between(-180.0, 180.0), 0.0, Turning,
-        "sensor's roll in the body, applied first";
-    mnt_pitch_deg: "MNT_PITCH_DEG", "deg", Range::Between(-180.0, 180.0), 0.0, Turning,
-        "sensor's pitch in the body, applied second";
-    mnt_yaw_deg: "MNT_YAW_DEG", "deg", Range::Between(-180.0, 180.0), 0.0, Turning,
-        "sensor's yaw in the body, applied last";
-    declination_deg: "DECLINATION_DEG", "deg", Range::Between(-180.0, 180.0), 0.0, Disarmed,
-        "magnetic declination, east positive: 4.37 in Copenhagen";
-    cal_acc_ox: "CAL_ACC_OX", "m/s2", Range::Between(-2.0, 2.0), 0.0, Disarmed,
-        "accelerometer offset along its x";
-    cal_acc_oy: "CAL_ACC_OY", "m/s2", Range::Between(-2.0, 2.0), 0.0, Disarmed,
-        "accelerometer offset along its y";
-    cal_acc_oz: "CAL_ACC_OZ", "m/s2", Range::Between(-2.0, 2.0), 0.0, Disarmed,
-        "accelerometer offset along its z";
-    cal_acc_sx: "CAL_ACC_SX", "", Range::Between(0.8, 1.2), 1.0, Disarmed,
-        "accelerometer scale along its x, applied after the offset";
-    cal_acc_sy: "CAL_ACC_SY", "", Range::Between(0.8, 1.2), 1.0, Disarmed,
-        "accelerometer scale along its y, applied after the offset";
-    cal_acc_sz: "CAL_ACC_SZ", "", Range::Between(0.8, 1.2), 1.0, Disarmed,
-        "accelerometer scale along its z, applied after the offset";
-    cal_gyr_ox: "CAL_GYR_OX", "deg/s", Range::Between(-10.0, 10.0), 0.0, Disarmed,
-        "gyroscope offset about its x";
-    cal_gyr_oy: "CAL_GYR_OY", "deg/s", Range::Between(-10.0, 10.0), 0.0, Disarmed,
-        "gyroscope offset about its y";
-    cal_gyr_oz: "CAL_GYR_OZ", "deg/s", Range::Between(-10.0, 10.0), 0.0, Disarmed,
-        "gyroscope offset about its z";
-    cal_mag_ox: "CAL_MAG_OX", "uT", Range::Between(-500.0, 500.0), 0.0, Disarmed,
-        "hard iron along the magnetometer's x";
-    cal_mag_oy: "CAL_MAG_OY", "uT", Range::Between(-500.0, 500.0), 0.0, Disarmed,
-        "hard iron along the magnetometer's y";
-    cal_mag_oz: "CAL_MAG_OZ", "uT", Range::Between(-500.0, 500.0), 0.0, Disarmed,
-        "hard iron along the magnetometer's z";
-    cal_mag_xx: "CAL_MAG_XX", "", Range::Between(-1.99, 1.99), 1.0, Disarmed,
-        "soft iron: how much of the magnetometer's x goes to x";
-    cal_mag_xy: "CAL_MAG_XY", "", Range::Between(-1.99, 1.99), 0.0, Disarmed,
-        "soft iron: how much of the magnetometer's y goes to x";
-    cal_mag_xz: "CAL_MAG_XZ", "", Range::Between(-1.99, 1.99), 0.0, Disarmed,
-        "soft iron: how much of the magnetometer's z goes to x";
-    cal_mag_yx: "CAL_MAG_YX", "", Range::Between(-1.99, 1.99), 0.0, Disarmed,
-        "soft iron: how much of the magnetometer's x goes to y";
-    cal_mag_yy: "CAL_MAG_YY", "", Range::Between(-1.99, 1.99), 1.0, Disarmed,
-        "soft iron: how much of the magnetometer's y goes to y";
-    cal_mag_yz: "CAL_MAG_YZ", "", Range::Between(-1.99, 1.99), 0.0, Disarmed,
-        "soft iron: how much of the magnetometer's z goes to y";
-    cal_mag_zx: "CAL_MAG_ZX", "", Range::Between(-1.99, 1.99), 0.0, Disarmed,
-        "soft iron: how much of the magnetometer's x goes to z";
-    cal_mag_zy: "CAL_MAG_ZY", "", Range::Between(-1.99, 1.99), 0.0, Disarmed,
-        "soft iron: how much of the magnetometer's y goes to z";
-    cal_mag_zz: "CAL_MAG_ZZ", "", Range::Between(-1.99, 1.99), 1.0, Disarmed,
-        "soft iron: how much of the magnetometer's z goes to z";
-    fs_host: "FS_HOST", "", Range::OneOf(&[0.0, 1.0]), 0.0, Live,
-        "1: three seconds without a host's heartbeat are a failsafe";
-    srv_polarity: "SRV_POLARITY", "", Range::OneOf(&[0.0, 1.0, 2.0]), 0.0, Disarmed,
-        "1: the rudder was seen to answer a tilt the right way, without which nothing is armed; 2: it answers in standby, to be seen";
 }
 
 /// The value of every parameter. Always within range.
@@ -381,7 +137,7 @@ impl Params {
     /// Time from one control step to the next, us, rounded down.
     pub fn control_period_us(&self) -> u32 {
         let (frame_hz, i2c_khz) = self.rates();
-        Schedule::new(frame_hz, i2c_khz).period_us(frame_hz)
+        TickPlan::new(frame_hz, i2c_khz).period_us(frame_hz)
     }
 
     /// Value by name.

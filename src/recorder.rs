@@ -1,7 +1,9 @@
-//! The steps around the last release, kept in memory: whatever the link loses, they can be fetched afterwards.
+//! The steps around the last release, kept in memory: what the link loses can be fetched
+//! afterwards.
 //!
-//! Arming begins a recording that runs in a circle, so that it holds the last [`STEPS_BEFORE`] steps when the release
-//! comes. [`STEPS_AFTER`] steps later it is whole and stays until the vehicle is armed again.
+//! Arming begins a recording in a ring buffer, which holds the last [`STEPS_BEFORE`] steps when the
+//! release comes. [`STEPS_AFTER`] steps later it is whole, and it stays until the vehicle is armed
+//! again.
 //!
 //! A step takes [`STEP_BYTES`], little endian, oldest step first:
 //!
@@ -29,7 +31,7 @@ pub const STEP_BYTES: usize = 2 * STEP_WORDS;
 pub const STEPS_BEFORE: usize = STEPS - STEPS_AFTER;
 /// Steps from the release on: 1.1 s at 150 Hz, in which every servo has brought the drone upright.
 pub const STEPS_AFTER: usize = 170;
-/// All of them.
+/// Steps of a whole recording.
 pub const STEPS: usize = 200;
 /// The age that stands for no sample.
 pub const NO_SAMPLE: u16 = u16::MAX;
@@ -42,15 +44,15 @@ const WORDS: usize = STEPS * STEP_WORDS;
 enum Phase {
     /// Nothing to record.
     Idle,
-    /// Armed: the past of a release that may come.
+    /// Armed: the steps before a release that may come.
     Waiting,
     /// Released: so many steps are still to come.
     Running(usize),
-    /// There to be fetched.
+    /// Complete, and ready to be fetched.
     Whole,
 }
 
-/// The memory.
+/// The ring buffer and how far its recording is.
 #[derive(Clone, Debug)]
 pub struct Recorder {
     words: [u16; WORDS],

@@ -4,12 +4,15 @@
 //! It works on calibrated counts in integers, before any filter could hide what the sensor did: a sensor whose offset takes it
 //! out of the limits is calibrated first.
 
+use core::fmt;
+
 use bno055_driver::{Micros, RawSample};
 
 use crate::config::{
     GRAVITY_COUNTS, SELF_TEST_GRAVITY_TOLERANCE, SELF_TEST_GYRO_LIMIT, SELF_TEST_GYRO_SPAN,
     SELF_TEST_RATE_HZ, SELF_TEST_US,
 };
+use crate::failsafe::numbered;
 
 /// Bounds of the mean squared acceleration, counts squared.
 const GRAVITY_SQUARED: (u64, u64) = {
@@ -18,15 +21,26 @@ const GRAVITY_SQUARED: (u64, u64) = {
     ((low * low) as u64, (high * high) as u64)
 };
 
-/// What a failed self-test found.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Failure {
-    /// The gyro moved, or reads more at rest than any healthy one.
-    Moving,
-    /// The mean acceleration is not 1 g within 5 %.
-    Gravity,
-    /// Samples come too slowly.
-    Slow,
+numbered! {
+    /// What a failed self-test found.
+    Failure {
+        /// The gyro moved, or reads more at rest than any healthy one.
+        Moving = 1,
+        /// The mean acceleration is not 1 g within [`SELF_TEST_GRAVITY_TOLERANCE`].
+        Gravity = 2,
+        /// Samples come too slowly.
+        Slow = 3,
+    }
+}
+
+impl fmt::Display for Failure {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Failure::Moving => "gyro moves",
+            Failure::Gravity => "acceleration is not 1 g",
+            Failure::Slow => "too few samples",
+        })
+    }
 }
 
 /// What is known after a sample.
@@ -34,9 +48,9 @@ pub enum Failure {
 pub enum Verdict {
     /// Not a second yet.
     Running,
-    /// All is well.
+    /// Every check passed.
     Passed,
-    /// This is not.
+    /// This check failed.
     Failed(Failure),
 }
 

@@ -12,10 +12,18 @@ use crate::params::Params;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct PulseUs(pub u16);
 
+/// The pulse of a rudder at rest: the centre and the holding angle, within the command limits.
+///
+/// This is the one safe output. Control falls back to it, and so do the watchdog, a panic and a
+/// fault.
+pub fn neutral(params: &Params) -> PulseUs {
+    Servo::new(params).pulse()
+}
+
 /// The map from crank angle to pulse, and the pulse it commanded last.
 #[derive(Clone, Debug)]
 pub struct Servo {
-    centre_us: f32,
+    neutral_us: f32,
     us_per_rad: f32,
     min_us: f32,
     max_us: f32,
@@ -27,7 +35,7 @@ impl Servo {
     /// A servo at rest in its centre.
     pub fn new(params: &Params) -> Self {
         let mut servo = Self {
-            centre_us: 0.0,
+            neutral_us: 0.0,
             us_per_rad: 0.0,
             min_us: 0.0,
             max_us: 0.0,
@@ -45,15 +53,16 @@ impl Servo {
         self.us_per_rad = us_per_deg * (180.0 / PI);
         self.min_us = params.srv_min_us().max(PULSE_MIN_US);
         self.max_us = params.srv_max_us().min(PULSE_MAX_US);
-        let rest_us = params.srv_centre_us() + us_per_deg * params.srv_hold_deg();
-        self.centre_us = rest_us.clamp(self.min_us, self.max_us);
+        let neutral_us = params.srv_centre_us() + us_per_deg * params.srv_hold_deg();
+        self.neutral_us = neutral_us.clamp(self.min_us, self.max_us);
         self.slew_us_s = params.srv_slew_us_s();
     }
 
     /// The pulse for a crank angle, `dt_s` after the last one. An angle that is not a number counts as zero.
     pub fn command(&mut self, crank_rad: f32, dt_s: f32) -> PulseUs {
         let crank_rad = if crank_rad.is_nan() { 0.0 } else { crank_rad };
-        let wanted = (self.centre_us + self.us_per_rad * crank_rad).clamp(self.min_us, self.max_us);
+        let wanted =
+            (self.neutral_us + self.us_per_rad * crank_rad).clamp(self.min_us, self.max_us);
         let step = self.slew_us_s * dt_s;
         self.last_us = if wanted > self.last_us + step {
             self.last_us + step
@@ -67,7 +76,7 @@ impl Servo {
 
     /// Neutral rudder at once, without slew: the safe output.
     pub fn neutral(&mut self) -> PulseUs {
-        self.last_us = self.centre_us;
+        self.last_us = self.neutral_us;
         self.pulse()
     }
 
@@ -79,13 +88,22 @@ impl Servo {
 
     /// The pulse commanded last, rounded to the microsecond and inside the hard range whatever came before.
     pub fn pulse(&self) -> PulseUs {
-        PulseUs((self.last_us.clamp(PULSE_MIN_US, PULSE_MAX_US) + 0.5) as u16)
+        rounded(self.last_us)
+    }
+
+    /// What [`neutral`] gives for the parameters in use.
+    pub fn neutral_pulse(&self) -> PulseUs {
+        rounded(self.neutral_us)
     }
 
     /// The crank angle at which the command limit cuts in, the nearer of the two sides.
     pub fn travel_rad(&self) -> f32 {
-        (self.max_us - self.centre_us).min(self.centre_us - self.min_us) / self.us_per_rad.abs()
+        (self.max_us - self.neutral_us).min(self.neutral_us - self.min_us) / self.us_per_rad.abs()
     }
+}
+
+fn rounded(us: f32) -> PulseUs {
+    PulseUs((us.clamp(PULSE_MIN_US, PULSE_MAX_US) + 0.5) as u16)
 }
 
 #[cfg(test)]
@@ -114,6 +132,21 @@ mod tests {
         assert_eq!(reversed.neutral(), PulseUs(1494));
         assert_eq!(reversed.command(0.0, 1.0), PulseUs(1494));
         assert_eq!(reversed.command(10.0_f32.to_radians(), 1.0), PulseUs(1394));
+    }
+
+    /// The pulse of a crash and of the time before the first step is the one that the flight rests
+    /// at.
+    #[test]
+    fn there_is_one_neutral_pulse() {
+        for (hold, expected) in [(-10.0, 1424), (0.0, 1524), (3.0, 1554)] {
+            let mut params = Params::default();
+            params.set("SRV_HOLD_DEG", hold).unwrap();
+            let mut servo = Servo::new(&params);
+            servo.command(0.3, 1.0);
+            assert_eq!(neutral(&params), PulseUs(expected));
+            assert_eq!(servo.neutral_pulse(), PulseUs(expected));
+            assert_eq!(servo.neutral(), PulseUs(expected));
+        }
     }
 
     #[test]

@@ -289,4 +289,4 @@ fn half(bytes: &[u8], at: usize) -> u16 {
 }
 
 #[cfg(test)]
-mod tests;
+pub(crate) mod tests;

@@ -1,4 +1,4 @@
-//! MAVLink 2: the flight as the host sees it, and the operator as the flight hears him.
+//! MAVLink 2: what the host is told of the flight, and what it orders.
 //!
 //! Nothing here waits. Frames go into a queue from which the board sends what the host takes ([`Telemetry::pending`],
 //! [`Telemetry::sent`]); when the host lags, whole frames are dropped and counted, and their sequence numbers are
@@ -15,9 +15,10 @@
 //! | PARAM_VALUE, COMMAND_ACK, TIMESYNC, AUTOPILOT_VERSION | on request; the parameter list one a step |
 //! | LOG_ENTRY, LOG_DATA | on request: what the [`Recorder`](crate::Recorder) holds, a part a step |
 //!
-//! What comes every step comes less often if the host asks for that (MAV_CMD_SET_MESSAGE_INTERVAL), until it opens the
-//! port again. ATTITUDE tells what ATTITUDE_QUATERNION tells, for clients that take only angles (MAVSDK's Euler angles,
-//! MAVProxy's horizon); QGroundControl takes the quaternion.
+//! What comes every step comes less often if the host asks for that (MAV_CMD_SET_MESSAGE_INTERVAL),
+//! until it opens the port again. ATTITUDE carries the same attitude as ATTITUDE_QUATERNION, for
+//! clients that take only angles (MAVSDK's Euler angles, MAVProxy's horizon); QGroundControl takes
+//! the quaternion.
 //!
 //! HEARTBEAT carries [`State::code`](crate::State::code) as `custom_mode`.
 
@@ -69,7 +70,7 @@ pub struct BoardStatus {
     pub bus_recoveries: u16,
 }
 
-/// What the host may ask the board for.
+/// The resets that the host may ask for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Reset {
     /// Start anew.
@@ -97,7 +98,7 @@ pub struct Telemetry {
 }
 
 impl Telemetry {
-    /// Nothing sent, nothing heard.
+    /// Nothing sent, nothing received.
     pub const fn new() -> Self {
         Self {
             queue: Queue::new(),
@@ -113,7 +114,7 @@ impl Telemetry {
         }
     }
 
-    /// As new, for a new listener. In place: on its way there a new one would take 2 KB of stack.
+    /// As new, for a new listener. In place: a new value would take 2 KB of stack on its way here.
     pub fn restart(&mut self) {
         let Self {
             queue,
@@ -136,10 +137,10 @@ impl Telemetry {
         (*storage, *reset) = (None, None);
     }
 
-    /// Put a step into messages.
+    /// Queue the messages of a step.
     pub fn record(&mut self, snapshot: &Snapshot, flight: &Flight, board: &BoardStatus) {
         if self.announced.is_none() {
-            self.tell_stored(flight.stored());
+            self.report_stored(flight.stored());
         }
         self.announce(&snapshot.state);
         self.stream(snapshot, flight);
@@ -151,7 +152,7 @@ impl Telemetry {
             self.heartbeat(&snapshot.state);
             self.system_status(snapshot, board);
             if let (State::Boot, Some(fault)) = (&snapshot.state, snapshot.fault) {
-                self.say(MavSeverity::MAV_SEVERITY_WARNING, format_args!("{fault}"));
+                self.status_text(MavSeverity::MAV_SEVERITY_WARNING, format_args!("{fault}"));
             }
         }
         self.continue_list(flight.params());
@@ -172,7 +173,8 @@ impl Telemetry {
         self.queue.dropped()
     }
 
-    /// Take bytes from the host, in pieces of any size, and obey what they say. Rubbish is passed over.
+    /// Take bytes from the host, in pieces of any size, and obey the messages in them. Bytes that
+    /// make no message are ignored.
     pub fn receive(&mut self, now: Micros, bytes: &[u8], flight: &mut Flight) {
         for &byte in bytes {
             self.parser.push(byte);
@@ -201,7 +203,7 @@ impl Telemetry {
             State::SelfTest(test) if test.failure.is_some() => MavSeverity::MAV_SEVERITY_WARNING,
             _ => MavSeverity::MAV_SEVERITY_INFO,
         };
-        self.say(severity, format_args!("{state}"));
+        self.status_text(severity, format_args!("{state}"));
     }
 
     fn stream(&mut self, snapshot: &Snapshot, flight: &Flight) {
@@ -331,8 +333,8 @@ impl Telemetry {
         );
     }
 
-    /// A line for people, cut to the 50 characters that STATUSTEXT holds.
-    fn say(&mut self, severity: MavSeverity, text: fmt::Arguments<'_>) {
+    /// A STATUSTEXT, cut to the 50 characters that STATUSTEXT holds.
+    fn status_text(&mut self, severity: MavSeverity, text: fmt::Arguments<'_>) {
         let mut line = Line::default();
         // A line that is cut reports an error; what fits is sent.
         let _ = line.write_fmt(text);
@@ -442,4 +444,4 @@ pub fn raw_imu(sample: &RawSample) -> RAW_IMU_DATA {
 }
 
 #[cfg(test)]
-mod tests;
+pub(crate) mod tests;

@@ -1,17 +1,17 @@
 //! The complementary filter, on quaternions.
 //!
-//! The rates are high-passed and the directions of gravity and of the horizontal field low-passed with the
-//! same time constant: at each sample the estimate moves the share `dt / (tau + dt)` of the way to the
-//! attitude that accelerometer and magnetometer show. Written as a rotation, that has no singularity. In
-//! the usual form with weights `w` for the gyroscope and `1 - w` for the other sensors,
-//! `tau = dt w / (1 - w)`: see [`ComplementaryGains::from_weight`].
+//! The rates are high-passed and the directions of gravity and of the horizontal field low-passed
+//! with the same time constant: at each sample the estimate moves the share `dt / (tau + dt)` of
+//! the way to the attitude that accelerometer and magnetometer show. Written as a rotation, that
+//! has no singularity. In the usual form with weights `w` for the gyroscope and `1 - w` for the
+//! other sensors, `tau = dt w / (1 - w)`: see [`ComplementaryGains::from_weight`].
 
 use nalgebra::Vector3;
 
-use crate::config::{ConfigError, in_range};
+use crate::error::{ConfigError, in_range};
 use crate::estimator::{Filter, View};
-use crate::quaternion::{cross, dot};
 use crate::real::Real;
+use crate::vector::{add_scaled, cross, dot, scaled, zero};
 
 /// Time constants of [`Complementary`].
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -77,18 +77,15 @@ impl<T: Real> Filter for Complementary<T> {
 
     #[inline(always)]
     fn correction(&mut self, view: &View<T>, _bias: &mut Vector3<T>) -> Vector3<T> {
-        let mut half_angle = Vector3::new(T::ZERO, T::ZERO, T::ZERO);
+        let mut half_angle = zero();
         let down = &view.rows.down;
         if let Some(acc) = view.acc {
-            let turn = cross(down, &acc);
             let k = Self::share(view, self.acc_tau_s, view.dt) * dot(&acc, &acc).sqrt().recip();
-            half_angle = Vector3::new(turn.x * k, turn.y * k, turn.z * k);
+            half_angle = scaled(&cross(down, &acc), k);
         }
         if let Some(heading) = &view.heading {
             let k = Self::share(view, self.mag_tau_s, view.mag_dt) * heading.sin;
-            half_angle.x += down.x * k;
-            half_angle.y += down.y * k;
-            half_angle.z += down.z * k;
+            add_scaled(&mut half_angle, down, k);
         }
         half_angle
     }

@@ -1,11 +1,13 @@
-//! What can be set, in SI units, and what is refused.
-
-use core::fmt;
+//! What can be set, in SI units.
 
 use crate::field::FieldConfig;
 use crate::rest::RestConfig;
 
-/// Configuration of an [`Estimator`](crate::Estimator): the filter's own gains, and what all filters share.
+/// Standard gravity, m/s^2.
+pub const GRAVITY: f32 = 9.806_65;
+
+/// Configuration of an [`Estimator`](crate::Estimator): the filter's own gains, and what all
+/// filters share.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Config<G> {
     /// The filter's gains.
@@ -14,15 +16,17 @@ pub struct Config<G> {
     pub rest: RestConfig,
     /// Magnetic field: gate and reference.
     pub field: FieldConfig,
-    /// The accelerometer is passed over while its magnitude is further than this from standard gravity,
-    /// as a fraction of it; `f32::INFINITY`, the default, lets everything pass but free fall. A narrow gate
-    /// harms filters that average the acceleration as a vector: what it lets pass has no mean of zero.
+    /// The accelerometer is ignored while its magnitude is further than this from standard gravity,
+    /// as a fraction of it; `f32::INFINITY`, the default, lets everything pass but free fall. A
+    /// narrow gate harms filters that average the acceleration as a vector: what it lets pass has
+    /// no mean of zero.
     pub acc_gate: f32,
-    /// The gyroscope's full scale, rad/s: larger rates have clipped and are clamped. A lower limit shows
-    /// itself in the data.
+    /// The gyroscope's full scale, rad/s: larger rates have clipped and are clamped. A lower limit
+    /// shows itself in the data.
     pub gyro_range_rad_s: f32,
-    /// How fast the accelerometer finds the attitude again when clipping or a gap has made it uncertain, rad^2 s:
-    /// the noise of the vertical that it shows in motion, as a density (0.28 rad for 0.25 s).
+    /// How fast the accelerometer finds the attitude again when clipping or a gap has made it
+    /// uncertain, rad^2 s: the noise of the vertical that it shows in motion, as a density (0.28
+    /// rad for 0.25 s).
     pub recovery_rad2_s: f32,
     /// Two samples further apart than this are a gap: the motion between is unknown (s).
     pub gap_s: f32,
@@ -52,47 +56,5 @@ impl<G> Config<G> {
             start_up_s: 1.0,
             declination_rad: 0.0,
         }
-    }
-}
-
-/// A configuration that cannot work.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum ConfigError {
-    /// The named parameter is not finite or outside its range.
-    OutOfRange(&'static str),
-}
-
-impl fmt::Display for ConfigError {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::OutOfRange(name) => write!(f, "{name} is out of range"),
-        }
-    }
-}
-
-impl core::error::Error for ConfigError {}
-
-/// `value` is finite and above 0.
-#[inline(always)]
-pub(crate) fn positive(value: f32, name: &'static str) -> Result<(), ConfigError> {
-    if value > 0.0 && value.is_finite() {
-        Ok(())
-    } else {
-        Err(ConfigError::OutOfRange(name))
-    }
-}
-
-/// `value` is in `low..=high`.
-#[inline(always)]
-pub(crate) fn in_range(
-    value: f32,
-    low: f32,
-    high: f32,
-    name: &'static str,
-) -> Result<(), ConfigError> {
-    if (low..=high).contains(&value) {
-        Ok(())
-    } else {
-        Err(ConfigError::OutOfRange(name))
     }
 }

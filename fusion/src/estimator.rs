@@ -2,22 +2,22 @@
 
 use nalgebra::Vector3;
 
-use crate::config::{Config, ConfigError, in_range, positive};
+use crate::config::{Config, GRAVITY};
+use crate::error::{ConfigError, in_range, positive};
 use crate::field::{Field, HeadingError, plausible};
-use crate::quaternion::{HalfRows, Quaternion, dot};
+use crate::quaternion::{HalfRows, Quaternion};
 use crate::range::{Hidden, Range};
 use crate::real::{Number, Real};
 use crate::recovery::{Recovery, Seen};
 use crate::rest::Rest;
+use crate::vector::{add_scaled, difference, dot, within, zero};
 
-/// Standard gravity, m/s^2.
-pub const GRAVITY: f32 = 9.806_65;
+/// An acceleration whose components are all below this, m/s^2, shows no vertical: free fall, or an
+/// absent sensor.
+const MIN_ACC: f32 = 0.5;
 
-/// Largest component of an acceleration without a direction, m/s^2: free fall, or an absent sensor.
-const LEAST_ACC: f32 = 0.5;
-
-/// Largest acceleration component taken for one, m/s^2: a thousand g.
-const MOST_ACC: f32 = 10_000.0;
+/// Largest plausible acceleration component, m/s^2: a thousand g.
+const MAX_ACC: f32 = 10_000.0;
 
 /// Uncertainty of the attitude after a gap in the samples, rad.
 const GAP_SIGMA: f32 = 0.5;
@@ -31,41 +31,44 @@ const SETTLED_S: f32 = 10.0;
 /// One sample of the sensors, all in the same body axes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sample {
-    /// Rotation rate, rad/s: mean over the time since the last sample, right-handed about each axis.
+    /// Rotation rate, rad/s: mean over the time since the last sample, right-handed about each
+    /// axis.
     pub gyr: Vector3<f32>,
-    /// Specific force, m/s^2: at rest 9.81 along the axis that points up, so (0, 0, -9.81) in a level
-    /// forward-right-down frame.
+    /// Specific force, m/s^2: at rest 9.81 along the axis that points up, so (0, 0, -9.81) in a
+    /// level forward-right-down frame.
     pub acc: Vector3<f32>,
-    /// Magnetic field, uT (or any unit that makes the earth's larger than 0.1), when there is a fresh one; `None` for
-    /// 6D operation and between the samples of a slower magnetometer.
+    /// Magnetic field, uT (or any unit that makes the earth's larger than 0.1), when there is a
+    /// fresh one; `None` for 6D operation and between the samples of a slower magnetometer.
     pub mag: Option<Vector3<f32>>,
 }
 
 /// The estimate.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Attitude<T = f32> {
-    /// Body to earth (north, east, down); without a magnetometer north is where the estimate started.
+    /// Body to earth (north, east, down); without a magnetometer north is where the estimate
+    /// started.
     pub orientation: Quaternion<T>,
     /// Rotation rate less the offset, body frame, rad/s.
     pub rate: Vector3<T>,
     /// Gyroscope offset, rad/s.
     pub bias: Vector3<T>,
-    /// How far the estimate is to be believed.
+    /// Health of the estimate.
     pub flags: Flags,
 }
 
-/// Health of an estimate. Each speaks of the last update, unless said.
+/// Health of an estimate. Each flag is about the last update, unless stated otherwise.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Flags {
     /// Gravity (and, with a magnetometer, the field) has been averaged for the start-up time, once.
     pub initialised: bool,
     /// The body is at rest; its gyroscope offset is being learned.
     pub at_rest: bool,
-    /// The accelerometer was passed over: free fall, outside the gate, or not a number.
+    /// The accelerometer was ignored: free fall, outside the gate, or not a number.
     pub acc_rejected: bool,
     /// The last field sample was disturbed, or not a number.
     pub mag_disturbed: bool,
-    /// A rate is clipped, or was so lately that corrections are still faster, and errors larger, than usual.
+    /// A rate is clipped, or was within the last seconds: corrections are faster, and errors
+    /// larger, than usual.
     pub over_range: bool,
     /// The time step was not positive, or a rate not a number: the update was skipped.
     pub skipped: bool,
@@ -73,7 +76,7 @@ pub struct Flags {
     pub gap: bool,
 }
 
-/// What a filter sees after the rates have been integrated up to the present sample.
+/// The input of a filter, after the rates have been integrated up to the present sample.
 #[derive(Clone, Debug)]
 pub struct View<T> {
     /// Time step, s.
@@ -86,7 +89,8 @@ pub struct View<T> {
     pub heading: Option<HeadingError<T>>,
     /// Time since the last field sample, s.
     pub mag_dt: T,
-    /// Least correction rate, 1/s: that of a running mean while starting up and after trouble, else 0.
+    /// Least correction rate, 1/s: that of a running mean while starting up and after trouble, else
+    /// 0.
     pub floor: T,
     /// The first averaging is not over yet.
     pub starting: bool,
@@ -104,22 +108,25 @@ impl<T: Real> View<T> {
     }
 }
 
-/// A filter is its answer to one question: by how much is the estimate to be turned, given what is seen?
-/// Integration, start-up, gates, offset at rest and recovery are the [`Estimator`]'s.
+/// A filter computes the correction of the estimate from what the sensors show. Integration,
+/// start-up, gates, offset at rest and recovery are the [`Estimator`]'s.
 pub trait Filter: Sized {
     /// The scalar it runs on.
     type Real: Real;
     /// Its gains, in SI units.
     type Gains: Copy;
 
-    /// Other sensors correct it after start-up.
+    /// Accelerometer and magnetometer correct the estimate after start-up.
     const CORRECTS: bool = true;
 
     /// Build the coefficients.
+    ///
+    /// # Errors
+    /// A gain out of range, by name.
     fn new(gains: &Self::Gains) -> Result<Self, ConfigError>;
 
-    /// The correction, a rotation vector in the body frame **at half its length** (rad). A filter that
-    /// estimates the gyroscope's offset (rad/s) corrects it.
+    /// The correction, a rotation vector in the body frame **at half its length** (rad). A filter
+    /// that estimates the gyroscope's offset (rad/s) corrects it.
     fn correction(
         &mut self,
         view: &View<Self::Real>,
@@ -137,14 +144,15 @@ pub struct Estimator<F: Filter> {
     recovery: Recovery<F::Real>,
     orientation: Quaternion<F::Real>,
     steps: u8,
-    /// Correction found in the last update, applied with the next integration (half rotation vector).
+    /// Correction found in the last update, applied with the next integration (half rotation
+    /// vector).
     pending: Vector3<F::Real>,
     rate: Vector3<F::Real>,
     bias: Vector3<F::Real>,
     flags: Flags,
     phase: Phase,
-    /// Time, s, that the corrections have been averaging for. A running mean's gain is `1 / age`; in the
-    /// words of a Kalman filter, `age` is measurement noise density over variance.
+    /// Time, s, that the corrections have been averaging for. A running mean's gain is `1 / age`;
+    /// in the words of a Kalman filter, `age` is measurement noise density over variance.
     age: F::Real,
     mag_dt: F::Real,
     /// The last time step and its half.
@@ -159,7 +167,7 @@ pub struct Estimator<F: Filter> {
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Phase {
-    /// Nothing seen yet.
+    /// No sample with a vertical yet.
     Blank,
     /// The corrections are a running mean.
     Settling,
@@ -169,6 +177,9 @@ enum Phase {
 
 impl<F: Filter> Estimator<F> {
     /// An estimator that waits for its first sample.
+    ///
+    /// # Errors
+    /// A parameter that is not finite or out of its range, by name.
     pub fn new(config: &Config<F::Gains>) -> Result<Self, ConfigError> {
         if config.acc_gate.is_nan() || config.acc_gate <= 0.0 {
             return Err(ConfigError::OutOfRange("acc_gate"));
@@ -180,7 +191,7 @@ impl<F: Filter> Estimator<F> {
         let real = F::Real::from_f32;
         let acc_gate2 = config.acc_gate.is_finite().then(|| {
             let low = (GRAVITY * (1.0 - config.acc_gate)).max(0.0);
-            let high = (GRAVITY * (1.0 + config.acc_gate)).min(2.0 * MOST_ACC);
+            let high = (GRAVITY * (1.0 + config.acc_gate)).min(2.0 * MAX_ACC);
             (real(low * low), real(high * high))
         });
         Ok(Self {
@@ -219,14 +230,13 @@ impl<F: Filter> Estimator<F> {
 
     /// Take one sample, `dt_s` seconds after the one before (with the first, any number does).
     ///
-    /// Never fails: what cannot be used is left out, and the flags say so. With a `dt_s` that is zero,
-    /// negative or not finite, or a rate that is not finite, nothing but the flags changes.
+    /// Never fails: what cannot be used is left out, and the flags say so. With a `dt_s` that is
+    /// zero, negative or not finite, or a rate that is not finite, nothing but the flags changes.
     #[inline]
     pub fn update(&mut self, dt_s: f32, sample: &Sample) -> Attitude<F::Real> {
         self.flags.gap = false;
-        self.flags.skipped = !all_within(&sample.gyr, f32::MAX)
-            || dt_s.to_bits() as i32 <= 0
-            || !dt_s.within(f32::MAX);
+        self.flags.skipped =
+            !within(&sample.gyr, f32::MAX) || dt_s.to_bits() as i32 <= 0 || !dt_s.within(f32::MAX);
         if self.phase == Phase::Blank {
             self.start(sample);
         } else if !self.flags.skipped {
@@ -250,7 +260,7 @@ impl<F: Filter> Estimator<F> {
             hidden = Some(self.range.examine(dt, &mut gyr));
         }
         let acc = sample.acc.map(real);
-        let acc_valid = all_within(&sample.acc, MOST_ACC);
+        let acc_valid = within(&sample.acc, MAX_ACC);
         if acc_valid {
             self.rest.update(dt, &gyr, &acc, &mut self.bias);
         } else {
@@ -258,17 +268,10 @@ impl<F: Filter> Estimator<F> {
         }
         self.flags.at_rest = self.rest.is_at_rest();
 
-        self.rate = Vector3::new(
-            gyr.x - self.bias.x,
-            gyr.y - self.bias.y,
-            gyr.z - self.bias.z,
-        );
+        self.rate = difference(&gyr, &self.bias);
         let half_dt = self.half(dt);
-        let half_angle = Vector3::new(
-            self.rate.x * half_dt + self.pending.x,
-            self.rate.y * half_dt + self.pending.y,
-            self.rate.z * half_dt + self.pending.z,
-        );
+        let mut half_angle = self.pending;
+        add_scaled(&mut half_angle, &self.rate, half_dt);
         self.orientation.turn(&half_angle);
         self.steps = self.steps.wrapping_add(1);
         if self.steps.is_multiple_of(NORM_STEPS) {
@@ -312,20 +315,19 @@ impl<F: Filter> Estimator<F> {
         self.half_dt
     }
 
-    /// The first sample: tilt and heading as they are seen.
+    /// The first sample: tilt and heading are taken from it as they are.
     #[cold]
     fn start(&mut self, sample: &Sample) {
         let real = F::Real::from_f32;
         let mag = sample.mag.map(|mag| mag.map(real)).filter(plausible);
-        let seen =
-            all_within(&sample.acc, MOST_ACC) && self.align(&sample.acc.map(real), mag.as_ref());
+        let seen = within(&sample.acc, MAX_ACC) && self.align(&sample.acc.map(real), mag.as_ref());
         self.flags.acc_rejected = !seen;
         if seen {
             self.phase = Phase::Settling;
         }
     }
 
-    /// Set the orientation to what is seen now; false when there is no vertical to be seen.
+    /// Set the orientation to what the sensors show now; false if they show no vertical.
     fn align(&mut self, up: &Vector3<F::Real>, mag: Option<&Vector3<F::Real>>) -> bool {
         let Some(magnetic) = Quaternion::from_up_and_north(up, mag) else {
             return false;
@@ -340,7 +342,8 @@ impl<F: Filter> Estimator<F> {
         true
     }
 
-    /// Samples are missing: what happened meanwhile is unknown. The time that is integrated over.
+    /// Samples are missing, so that the attitude is uncertain. Returns the time to integrate over,
+    /// s.
     #[cold]
     fn gap(&mut self) -> F::Real {
         self.flags.gap = true;
@@ -360,7 +363,8 @@ impl<F: Filter> Estimator<F> {
         self.age = self.age * self.acc_density * (self.acc_density + self.age * variance).recip();
     }
 
-    /// A rate may have clipped, or has so lately.
+    /// A rate is clipped, or was within the last seconds: add what the recovery finds to the
+    /// correction.
     #[cold]
     fn recover(
         &mut self,
@@ -391,12 +395,12 @@ impl<F: Filter> Estimator<F> {
 
     #[inline(always)]
     fn passes(&self, acc: &Vector3<F::Real>) -> bool {
-        let least = F::Real::from_f32(LEAST_ACC);
-        let felt = !(acc.x.within(least) && acc.y.within(least) && acc.z.within(least));
-        felt && self.acc_gate2.is_none_or(|(low, high)| {
-            let n = dot(acc, acc);
-            n.within(high) && !n.within(low)
-        })
+        let min = F::Real::from_f32(MIN_ACC);
+        !within(acc, min)
+            && self.acc_gate2.is_none_or(|(low, high)| {
+                let n = dot(acc, acc);
+                n.within(high) && !n.within(low)
+            })
     }
 
     #[inline(always)]
@@ -445,13 +449,4 @@ impl<F: Filter> Estimator<F> {
         }
         self.age.recip()
     }
-}
-
-fn zero<T: Real>() -> Vector3<T> {
-    Vector3::new(T::ZERO, T::ZERO, T::ZERO)
-}
-
-#[inline(always)]
-fn all_within(v: &Vector3<f32>, most: f32) -> bool {
-    v.x.within(most) && v.y.within(most) && v.z.within(most)
 }

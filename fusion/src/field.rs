@@ -1,30 +1,34 @@
-//! The magnetic field as a compass: when to believe it, and how far the heading is off.
+//! The magnetic field as a compass: when to trust it, and how far the heading is off.
 //!
-//! Only the heading is ever taken from the magnetometer, so that no disturbance reaches roll or pitch. The
-//! field is split, in the estimated earth frame, into its horizontal and its vertical part; both are
-//! compared with a reference that is averaged at start-up and followed slowly. A field that differs is a
-//! disturbance and is passed over, until either it has stayed the same while the body turned (then the
-//! place has changed, and it becomes the reference) or it has lasted so long that the drift of the heading
-//! would be worse than the field's error.
+//! Only the heading is ever taken from the magnetometer, so that no disturbance reaches roll or
+//! pitch. The field is split, in the estimated earth frame, into its horizontal and its vertical
+//! part; both are compared with a reference that is averaged at start-up and followed slowly. A
+//! field that differs is a disturbance and is ignored, until either it has stayed the same while
+//! the body turned (then the place has changed, and it becomes the reference) or it has lasted so
+//! long that the drift of the heading would be worse than the field's error.
 
-use crate::config::{ConfigError, in_range, positive};
-use crate::quaternion::{HalfRows, Quaternion, dot};
+use crate::error::{ConfigError, in_range, positive};
+use crate::quaternion::{HalfRows, Quaternion};
 use crate::real::Real;
+use crate::vector::{dot, within};
 use nalgebra::Vector3;
 
 /// Handling of the magnetometer.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FieldConfig {
-    /// A field that is further than this from the reference, horizontally or vertically, is disturbed: as
-    /// a fraction of the reference's magnitude. `f32::INFINITY` lets every field pass.
+    /// A field that is further than this from the reference, horizontally or vertically, is
+    /// disturbed: as a fraction of the reference's magnitude. `f32::INFINITY` lets every field
+    /// pass.
     pub gate: f32,
     /// Time constant with which the reference follows an undisturbed field, s.
     pub tau_s: f32,
-    /// A different field becomes the reference when it has stayed the same for this long while turning, s.
+    /// A different field becomes the reference when it has stayed the same for this long while
+    /// turning, s.
     pub adopt_s: f32,
     /// Slowest turning that counts for adopting, rad/s.
     pub adopt_rate_rad_s: f32,
-    /// A disturbance is passed over for at most this long, s; after it the heading follows at half the gain.
+    /// A disturbance is ignored for at most this long, s; after it the heading follows at half the
+    /// gain.
     pub reject_s: f32,
 }
 
@@ -40,12 +44,12 @@ impl Default for FieldConfig {
     }
 }
 
-/// How far the heading is off: the angle from the estimated direction of the horizontal field to where it
-/// should be, positive from north to east.
+/// How far the heading is off: the angle from the estimated direction of the horizontal field to
+/// where it should be, positive from north to east.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct HeadingError<T> {
-    /// Sine of the angle for a field as strong as the reference, at most 1 in size; +-1 beyond a right
-    /// angle. Halved when the field is disturbed and has been for too long to be passed over.
+    /// Sine of the angle for a field as strong as the reference, at most 1 in size; +-1 beyond a
+    /// right angle. Halved when the field is disturbed and has been for too long to be ignored.
     pub sin: T,
     /// The field is like the reference.
     pub undisturbed: bool,
@@ -56,6 +60,17 @@ pub struct HeadingError<T> {
 struct Parts<T> {
     horizontal: T,
     vertical: T,
+}
+
+impl<T: Real> Parts<T> {
+    /// Of a field with these components in the earth frame, at half size.
+    #[inline(always)]
+    fn new(north: T, east: T, down: T) -> Self {
+        Self {
+            horizontal: (north * north + east * east).sqrt(),
+            vertical: down,
+        }
+    }
 }
 
 /// Declination other than zero.
@@ -78,13 +93,18 @@ pub(crate) struct Field<T> {
     reference: Option<Reference<T>>,
     /// Samples that the reference stands on, while it is being averaged.
     averaged: u32,
+    /// A field unlike the reference, and for how long it has stayed the same while the body turned,
+    /// s.
     candidate: Option<(Reference<T>, T)>,
+    /// Time for which the field has been disturbed, s.
     rejected_s: T,
     since_refresh_s: T,
     since_judged_s: T,
+    /// Field samples since the last judgement.
     unjudged: u8,
-    /// What the last judgement found.
+    /// Weight of the field, from the last judgement.
     weight: T,
+    /// The last judgement found the field unlike the reference.
     disturbed: bool,
     /// The weight over the reference's horizontal part.
     weighted_inverse: T,
@@ -99,24 +119,26 @@ struct Reference<T> {
     inverse_horizontal: T,
 }
 
-/// Interval at which what follows from the reference is found anew, s: it costs a root and two divisions.
+/// Interval at which the reference's reciprocals are computed again, s: that costs a root and two
+/// divisions.
 const REFRESH_S: f32 = 0.25;
 
 /// Interval at which the field is judged, s: 25 to 35 times a second are enough.
 pub(crate) const JUDGE_S: f32 = 0.027;
 
-/// Fewest field samples between two judgements: in fixed point those that work on one leave the heading alone.
+/// Fewest field samples between two judgements: in fixed point those that work on one leave the
+/// heading alone.
 pub(crate) const JUDGE_SAMPLES: u8 = 8;
 
-/// Horizontal field below which a compass has no direction, uT. So small that a field in gauss, or in parts of the
-/// earth's, serves as well.
-pub(crate) const LEAST_HORIZONTAL_UT: f32 = 0.03;
+/// Horizontal field below which a compass has no direction, uT. So small that a field in gauss, or
+/// in parts of the earth's, serves as well.
+pub(crate) const MIN_HORIZONTAL_UT: f32 = 0.03;
 
-/// Largest field component taken for one, uT: a thousand times the earth's.
-const MOST_UT: f32 = 50_000.0;
+/// Largest plausible field component, uT: a thousand times the earth's.
+const MAX_UT: f32 = 50_000.0;
 
-/// How far a field is believed, up to a deviation in parts of the gate: in steps, so that fixed point does the
-/// same without a division.
+/// The weight of a field up to a deviation in parts of the gate: in steps, so that fixed point does
+/// the same without a division.
 const STEPS: [(f32, f32); 4] = [(0.25, 1.0), (0.5, 0.75), (0.75, 0.5), (1.0, 0.25)];
 
 /// Judged samples averaged into the reference before the gate works.
@@ -128,7 +150,7 @@ impl<T: Real> Reference<T> {
             horizontal,
             vertical,
         } = parts;
-        if horizontal.within(T::from_f32(0.5 * LEAST_HORIZONTAL_UT)) {
+        if horizontal.within(T::from_f32(0.5 * MIN_HORIZONTAL_UT)) {
             return None;
         }
         let total = (horizontal * horizontal + vertical * vertical).sqrt();
@@ -139,7 +161,7 @@ impl<T: Real> Reference<T> {
         })
     }
 
-    /// How far a field is to be believed: 1 where it is like the reference, falling to 0 at the gate.
+    /// The weight of a field: 1 where it is like the reference, falling to 0 at the gate.
     fn weight(&self, parts: &Parts<T>) -> T {
         let own = &self.parts;
         let horizontal = (parts.horizontal - own.horizontal).abs();
@@ -151,7 +173,7 @@ impl<T: Real> Reference<T> {
             .map_or(T::ZERO, |(_, weight)| T::from_f32(*weight))
     }
 
-    /// Parts that are nearer to others by a share.
+    /// Linear interpolation from `self` towards `parts` by `share`.
     fn moved(&self, parts: &Parts<T>, share: T) -> Parts<T> {
         let own = &self.parts;
         Parts {
@@ -182,7 +204,8 @@ impl<T: Real> Field<T> {
             "declination_rad",
         )?;
         Ok(Self {
-            // Infinity times zero would be NaN: a gate a million times the field is as good as none.
+            // Infinity times zero would be NaN: a gate a million times the field is as good as
+            // none.
             gate: T::from_f32(config.gate.min(1e6)),
             per_tau: T::from_f32(1.0 / config.tau_s),
             adopt_s: T::from_f32(config.adopt_s),
@@ -190,7 +213,8 @@ impl<T: Real> Field<T> {
             reject_s: T::from_f32(config.reject_s),
             declination: (declination_rad != 0.0).then(|| {
                 let rad = T::from_f32(declination_rad);
-                // The sine and the cosine of the whole angle, from half of it, without a table of either.
+                // The sine and the cosine of the whole angle, from half of it, without a table of
+                // either.
                 let half = Quaternion::from_rotation_vector(&Vector3::new(T::ZERO, T::ZERO, rad));
                 let (sin, cos) = (half.w * half.z, T::HALF - half.z * half.z);
                 Declination {
@@ -236,9 +260,9 @@ impl<T: Real> Field<T> {
         self.declination.map(|declination| declination.rad)
     }
 
-    /// The heading error that one field sample shows (uT, body frame), with the earth's axes at half
-    /// length, `dt` the time since the last field sample and `rate` the rotation rate now (rad/s).
-    /// `None`: disturbed, or not known yet.
+    /// The heading error that one field sample shows (uT, body frame), with the earth's axes at
+    /// half length, `dt` the time since the last field sample and `rate` the rotation rate now
+    /// (rad/s). `None`: disturbed, or not known yet.
     #[inline(always)]
     pub(crate) fn heading(
         &mut self,
@@ -251,10 +275,7 @@ impl<T: Real> Field<T> {
         self.since_judged_s += dt;
         self.unjudged = self.unjudged.saturating_add(1);
         if self.unjudged >= JUDGE_SAMPLES && !self.since_judged_s.within(T::from_f32(JUDGE_S)) {
-            let parts = Parts {
-                horizontal: (north * north + east * east).sqrt(),
-                vertical: dot(&rows.down, mag),
-            };
+            let parts = Parts::new(north, east, dot(&rows.down, mag));
             self.judge(&parts, rate);
             self.weigh();
             (self.since_judged_s, self.unjudged) = (T::ZERO, 0);
@@ -273,16 +294,13 @@ impl<T: Real> Field<T> {
     #[cold]
     pub(crate) fn begin(&mut self, rows: &HalfRows<T>, mag: &Vector3<T>) {
         let (north, east) = (dot(&rows.north, mag), dot(&rows.east, mag));
-        let parts = Parts {
-            horizontal: (north * north + east * east).sqrt(),
-            vertical: dot(&rows.down, mag),
-        };
+        let parts = Parts::new(north, east, dot(&rows.down, mag));
         self.reference = Reference::new(parts, self.gate);
         self.averaged = 1;
         self.weigh();
     }
 
-    /// What the weight and the reference make of a part across.
+    /// The factor from the field's part across to the weighted sine of the heading error.
     fn weigh(&mut self) {
         let inverse = self
             .reference
@@ -323,7 +341,7 @@ impl<T: Real> Field<T> {
         self.consider(parts, rate);
         let compass = !parts
             .horizontal
-            .within(T::from_f32(0.5 * LEAST_HORIZONTAL_UT));
+            .within(T::from_f32(0.5 * MIN_HORIZONTAL_UT));
         if compass && !self.rejected_s.within(self.reject_s) {
             self.weight = T::HALF;
         }
@@ -335,10 +353,7 @@ impl<T: Real> Field<T> {
     fn consider(&mut self, parts: &Parts<T>, rate: &Vector3<T>) {
         match &mut self.candidate {
             Some((candidate, turned_s)) if candidate.weight(parts) > T::ZERO => {
-                if !(rate.x.within(self.adopt_rate)
-                    && rate.y.within(self.adopt_rate)
-                    && rate.z.within(self.adopt_rate))
-                {
+                if !within(rate, self.adopt_rate) {
                     *turned_s += self.since_judged_s;
                 }
                 if !turned_s.within(self.adopt_s) {
@@ -353,8 +368,8 @@ impl<T: Real> Field<T> {
         }
     }
 
-    /// Sine of the angle from the field to where it should be, times the weight; +-1 times the weight beyond
-    /// a right angle.
+    /// Sine of the angle from the field to where it should be, times the weight; +-1 times the
+    /// weight beyond a right angle.
     #[inline(always)]
     fn weighted_sine(&self, north: T, east: T) -> T {
         let (along, across) = match self.declination {
@@ -374,9 +389,8 @@ impl<T: Real> Field<T> {
     }
 }
 
-/// Whether a magnetometer sample can be used at all: finite, not zero, and of a size that the earth, a
-/// magnet or a motor can have.
+/// Whether a magnetometer sample can be used at all: finite, not zero, and no larger than a magnet
+/// or a motor makes it.
 pub(crate) fn plausible<T: Real>(mag: &Vector3<T>) -> bool {
-    let all_within = |size: T| mag.x.within(size) && mag.y.within(size) && mag.z.within(size);
-    all_within(T::from_f32(MOST_UT)) && !all_within(T::from_f32(LEAST_HORIZONTAL_UT))
+    within(mag, T::from_f32(MAX_UT)) && !within(mag, T::from_f32(MIN_HORIZONTAL_UT))
 }

@@ -2,10 +2,11 @@
 
 use nalgebra::Vector3;
 
-use crate::config::ConfigError;
+use crate::error::ConfigError;
 use crate::estimator::{Filter, View};
 use crate::mahony::{Mahony, MahonyGains};
 use crate::real::Real;
+use crate::vector::zero;
 
 /// No correction but the averaging at start-up.
 #[derive(Clone, Debug)]
@@ -23,7 +24,7 @@ impl<T: Real> Filter for Gyro<T> {
     const CORRECTS: bool = false;
 
     fn new(_: &NoGains) -> Result<Self, ConfigError> {
-        // With gains of zero all that is left of it is the running mean.
+        // With gains of zero it corrects by the running mean of the start-up alone.
         let gains = MahonyGains {
             acc_per_s: 0.0,
             mag_per_s: 0.0,
@@ -39,7 +40,7 @@ impl<T: Real> Filter for Gyro<T> {
         if view.starting {
             self.alignment.correction(view, bias)
         } else {
-            Vector3::new(T::ZERO, T::ZERO, T::ZERO)
+            zero()
         }
     }
 }

@@ -16,6 +16,7 @@ extern crate std;
 
 mod complementary;
 mod config;
+mod error;
 mod estimator;
 mod field;
 #[cfg(feature = "fixed")]
@@ -30,11 +31,13 @@ mod recovery;
 mod rest;
 #[cfg(feature = "signal")]
 pub mod signal;
+mod vector;
 mod vqf;
 
 pub use complementary::{Complementary, ComplementaryGains};
-pub use config::{Config, ConfigError};
-pub use estimator::{Attitude, Estimator, Filter, Flags, GRAVITY, Sample, View};
+pub use config::{Config, GRAVITY};
+pub use error::ConfigError;
+pub use estimator::{Attitude, Estimator, Filter, Flags, Sample, View};
 pub use field::{FieldConfig, HeadingError};
 pub use gyro::{Gyro, NoGains};
 pub use madgwick::{Madgwick, MadgwickGains};

@@ -1,19 +1,20 @@
 //! Madgwick's gradient-descent filter.
 //!
-//! S. Madgwick, A. Harrison, R. Vaidyanathan, "Estimation of IMU and MARG orientation using a gradient
-//! descent algorithm", IEEE ICORR 2011, equations 25 to 44: each second the estimate moves `beta` along the
-//! normalised gradient of the misfit between the measured and the predicted directions. On the unit sphere
-//! that gradient is the rotation `a x v` that takes the predicted direction onto the measured one, so the
-//! step is written as a rotation. The field's reference is horizontal (the paper's compensation with
-//! `b = (1, 0, 0)`, after which the field turns the heading only), and a step never passes the minimum: at
-//! zero misfit there is no direction to normalise.
+//! S. Madgwick, A. Harrison, R. Vaidyanathan, "Estimation of IMU and MARG orientation using a
+//! gradient descent algorithm", IEEE ICORR 2011, equations 25 to 44: each second the estimate moves
+//! `beta` along the normalised gradient of the misfit between the measured and the predicted
+//! directions. On the unit sphere that gradient is the rotation `a x v` that takes the predicted
+//! direction onto the measured one, so the step is written as a rotation. The field's reference is
+//! horizontal (the paper's compensation with `b = (1, 0, 0)`, after which the field turns the
+//! heading only), and a step never passes the minimum: at zero misfit there is no direction to
+//! normalise.
 
 use nalgebra::Vector3;
 
-use crate::config::{ConfigError, in_range};
+use crate::error::{ConfigError, in_range};
 use crate::estimator::{Filter, View};
-use crate::quaternion::{cross, dot};
 use crate::real::Real;
+use crate::vector::{add_scaled, cross, dot, scaled, zero};
 
 /// Gain of [`Madgwick`].
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -42,7 +43,7 @@ pub struct Madgwick<T = f32> {
 }
 
 /// Misfit, as half the sine of the angle, below which the estimate is left alone.
-const LEAST_MISFIT: f32 = 1e-7;
+const MIN_MISFIT: f32 = 1e-7;
 
 impl<T: Real> Filter for Madgwick<T> {
     type Real = T;
@@ -58,25 +59,21 @@ impl<T: Real> Filter for Madgwick<T> {
     #[inline(always)]
     fn correction(&mut self, view: &View<T>, _bias: &mut Vector3<T>) -> Vector3<T> {
         // Half of the rotation that would take the prediction onto the measurement, |e| <= 1/2.
-        let mut e = Vector3::new(T::ZERO, T::ZERO, T::ZERO);
+        let mut e = zero();
         let down = &view.rows.down;
         if let Some(acc) = view.acc {
             let k = dot(&acc, &acc).sqrt().recip();
-            let turn = cross(down, &acc);
-            e = Vector3::new(turn.x * k, turn.y * k, turn.z * k);
+            e = scaled(&cross(down, &acc), k);
         }
         if let Some(heading) = &view.heading {
-            let k = heading.sin;
-            e.x += down.x * k;
-            e.y += down.y * k;
-            e.z += down.z * k;
+            add_scaled(&mut e, down, heading.sin);
         }
         let misfit = dot(&e, &e).sqrt();
-        if misfit.within(T::from_f32(LEAST_MISFIT)) {
-            return Vector3::new(T::ZERO, T::ZERO, T::ZERO);
+        if misfit.within(T::from_f32(MIN_MISFIT)) {
+            return zero();
         }
         let share = view.gain(self.beta * misfit.recip(), T::ONE) * view.dt;
         let share = if share.within(T::ONE) { share } else { T::ONE };
-        Vector3::new(e.x * share, e.y * share, e.z * share)
+        scaled(&e, share)
     }
 }

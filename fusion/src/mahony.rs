@@ -1,18 +1,20 @@
 //! Mahony's explicit complementary filter.
 //!
-//! R. Mahony, T. Hamel, J.-M. Pflimlin, "Nonlinear complementary filters on the special orthogonal group",
-//! IEEE Trans. Automatic Control 53(5), 2008, equations 32 and 48: the rotation that would take the
-//! predicted vertical onto the measured one, `a x v`, is fed back in proportion; its integral is gyroscope
-//! offset. Against the paper, the magnetometer turns the estimate about the vertical only, with a gain of
-//! its own, and the accelerometer is scaled by standard gravity and not normalised: the acceleration of a
-//! motion has a mean of zero as a vector, but not as a direction.
+//! R. Mahony, T. Hamel, J.-M. Pflimlin, "Nonlinear complementary filters on the special orthogonal
+//! group", IEEE Trans. Automatic Control 53(5), 2008, equations 32 and 48: the rotation that would
+//! take the predicted vertical onto the measured one, `a x v`, is fed back in proportion; its
+//! integral is gyroscope offset. Against the paper, the magnetometer turns the estimate about the
+//! vertical only, with a gain of its own, and the accelerometer is scaled by standard gravity and
+//! not normalised: the acceleration of a motion has a mean of zero as a vector, but not as a
+//! direction.
 
 use nalgebra::Vector3;
 
-use crate::config::{ConfigError, in_range};
-use crate::estimator::{Filter, GRAVITY, View};
-use crate::quaternion::cross;
+use crate::config::GRAVITY;
+use crate::error::{ConfigError, in_range};
+use crate::estimator::{Filter, View};
 use crate::real::Real;
+use crate::vector::{add_scaled, cross, scaled, zero};
 
 /// Gains of [`Mahony`].
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -21,7 +23,8 @@ pub struct MahonyGains {
     pub acc_per_s: f32,
     /// Rate at which heading follows the magnetometer, 1/s.
     pub mag_per_s: f32,
-    /// Integral gain: offset learned from the tilt error, 1/s^2. 0 where offsets are learned at rest.
+    /// Integral gain: offset learned from the tilt error, 1/s^2. 0 where offsets are learned at
+    /// rest.
     pub integral_per_s2: f32,
 }
 
@@ -75,24 +78,19 @@ impl<T: Real> Filter for Mahony<T> {
 
     #[inline(always)]
     fn correction(&mut self, view: &View<T>, bias: &mut Vector3<T>) -> Vector3<T> {
-        let mut half_angle = Vector3::new(T::ZERO, T::ZERO, T::ZERO);
+        let mut half_angle = zero();
         let down = &view.rows.down;
         if let Some(acc) = view.acc {
             let half_error = cross(down, &acc);
             if let Some(integral) = self.integral {
-                let k = integral * view.dt;
-                bias.x = bias.x - half_error.x * k;
-                bias.y = bias.y - half_error.y * k;
-                bias.z = bias.z - half_error.z * k;
+                add_scaled(bias, &half_error, -(integral * view.dt));
             }
             let k = view.gain(self.acc, self.acc_per_gain) * view.dt;
-            half_angle = Vector3::new(half_error.x * k, half_error.y * k, half_error.z * k);
+            half_angle = scaled(&half_error, k);
         }
         if let Some(heading) = &view.heading {
             let k = view.gain(self.mag, T::ONE) * view.mag_dt * heading.sin;
-            half_angle.x += down.x * k;
-            half_angle.y += down.y * k;
-            half_angle.z += down.z * k;
+            add_scaled(&mut half_angle, down, k);
         }
         half_angle
     }

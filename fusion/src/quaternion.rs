@@ -1,11 +1,14 @@
 //! Unit quaternions and the rotation matrix they stand for.
 
 use crate::real::{Number, Real};
+use crate::vector::{cross, dot, scaled, unit};
 use nalgebra::Vector3;
 
-/// An orientation: a unit quaternion, Hamilton's convention, body to earth: `v_earth = q v_body q*`.
+/// An orientation: a unit quaternion, Hamilton's convention, body to earth:
+/// `v_earth = q v_body q*`.
 ///
-/// Earth axes are north, east, down. A default quaternion is the identity: body x north, y east, z down.
+/// Earth axes are north, east, down. A default quaternion is the identity: body x north, y east, z
+/// down.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Quaternion<T = f32> {
     /// Scalar part, cosine of half the angle.
@@ -23,15 +26,15 @@ pub struct Quaternion<T = f32> {
 pub struct Euler<T = f32> {
     /// -pi..pi.
     pub roll_rad: T,
-    /// -pi/2..pi/2. At +-pi/2 roll and yaw turn about the same axis and only their difference or sum is
-    /// defined; near it they are noisy although the quaternion is not.
+    /// -pi/2..pi/2. At +-pi/2 roll and yaw turn about the same axis and only their difference or
+    /// sum is defined; near it they are noisy although the quaternion is not.
     pub pitch_rad: T,
     /// -pi..pi, positive from north to east.
     pub yaw_rad: T,
 }
 
-/// Half of the rotation matrix body to earth, row by row: each row is an earth axis seen from the body, at
-/// half its length (which spares the doublings).
+/// Half of the rotation matrix body to earth, row by row: each row is an earth axis seen from the
+/// body, at half its length (which spares the doublings).
 #[derive(Clone, Copy, Debug)]
 pub struct HalfRows<T> {
     /// Half of the unit vector north, body frame.
@@ -40,6 +43,17 @@ pub struct HalfRows<T> {
     pub east: Vector3<T>,
     /// Half of the unit vector down, body frame.
     pub down: Vector3<T>,
+}
+
+impl<T: Number> HalfRows<T> {
+    /// A body vector in the earth frame.
+    pub(crate) fn rotate(&self, v: &Vector3<T>) -> Vector3<T> {
+        let twice = |half_row: &Vector3<T>| {
+            let half = dot(half_row, v);
+            half + half
+        };
+        Vector3::new(twice(&self.north), twice(&self.east), twice(&self.down))
+    }
 }
 
 impl<T: Real> Quaternion<T> {
@@ -73,11 +87,7 @@ impl<T: Real> Quaternion<T> {
     /// The rotation by the length of `angle` (rad) about its direction.
     pub fn from_rotation_vector(angle: &Vector3<T>) -> Self {
         let mut q = Self::IDENTITY;
-        q.advance(&Vector3::new(
-            angle.x * T::HALF,
-            angle.y * T::HALF,
-            angle.z * T::HALF,
-        ));
+        q.advance(&scaled(angle, T::HALF));
         q
     }
 
@@ -94,9 +104,10 @@ impl<T: Real> Quaternion<T> {
         }
     }
 
-    /// The orientation at which the body sees up along `up_body` and the horizontal part of `north_body` to
-    /// the north. Without `north_body`, or with one along up, the heading is that of body x (of body y when
-    /// x is vertical). `None` when `up_body` is too short to have a direction.
+    /// The orientation at which the body sees up along `up_body` and the horizontal part of
+    /// `north_body` to the north. Without `north_body`, or with one along up, the heading is that
+    /// of body x (of body y when x is vertical). `None` when `up_body` is too short to have a
+    /// direction.
     pub fn from_up_and_north(
         up_body: &Vector3<T>,
         north_body: Option<&Vector3<T>>,
@@ -111,8 +122,8 @@ impl<T: Real> Quaternion<T> {
         Some(Self::from_rows(&north, &east, &down))
     }
 
-    /// From the rows of the rotation matrix: the earth's axes in the body frame (Shepperd's method: the
-    /// largest component first, so that no root is taken of a small difference).
+    /// From the rows of the rotation matrix: the earth's axes in the body frame (Shepperd's method:
+    /// the largest component first, so that no root is taken of a small difference).
     fn from_rows(n: &Vector3<T>, e: &Vector3<T>, d: &Vector3<T>) -> Self {
         let trace = n.x + e.y + d.z;
         let (w, x, y, z) = if trace >= n.x && trace >= e.y && trace >= d.z {
@@ -151,13 +162,7 @@ impl<T: Real> Quaternion<T> {
 
     /// A body vector in the earth frame.
     pub fn rotate(&self, v: &Vector3<T>) -> Vector3<T> {
-        let rows = self.half_rows();
-        let twice = |a: T| a + a;
-        Vector3::new(
-            twice(dot(&rows.north, v)),
-            twice(dot(&rows.east, v)),
-            twice(dot(&rows.down, v)),
-        )
+        self.half_rows().rotate(v)
     }
 
     /// Up (against gravity) in the body frame, a unit vector.
@@ -228,11 +233,12 @@ impl<T: Real> Quaternion<T> {
         self.restore_norm();
     }
 
-    /// [`Quaternion::advance`] without correcting the norm, which it leaves within 2e-7 of what it was.
+    /// [`Quaternion::advance`] without correcting the norm, which it leaves within 2e-7 of what it
+    /// was.
     ///
-    /// The rotation of half angle `h` is `(cos |h|, h sin|h|/|h|)`. Both factors are series in `s = |h|^2`,
-    /// cut where f32 no longer sees the next term; vectors beyond `s = 1/16` are halved into that range and
-    /// the result is squared back.
+    /// The rotation of half angle `h` is `(cos |h|, h sin|h|/|h|)`. Both factors are series in
+    /// `s = |h|^2`, cut where f32 no longer sees the next term; vectors beyond `s = 1/16` are
+    /// halved into that range and the result is squared back.
     #[inline(always)]
     pub(crate) fn turn(&mut self, h: &Vector3<T>) {
         // A rate of 3 deg/s at 100 Hz: 1 - cos|h| < 2e-7.
@@ -282,7 +288,7 @@ impl<T: Real> Quaternion<T> {
         let mut halvings = 0;
         // 2^10 turns are beyond any gyro and step; the bound makes the loop's end evident.
         while !s.within(T::from_f32(1.0 / 16.0)) && halvings < 16 {
-            h = Vector3::new(h.x * T::HALF, h.y * T::HALF, h.z * T::HALF);
+            h = scaled(&h, T::HALF);
             s = s * quarter;
             halvings += 1;
         }
@@ -308,32 +314,6 @@ impl<T: Real> Default for Quaternion<T> {
     fn default() -> Self {
         Self::IDENTITY
     }
-}
-
-/// Scalar product, summed from x to z.
-#[inline(always)]
-pub(crate) fn dot<T: Number>(a: &Vector3<T>, b: &Vector3<T>) -> T {
-    a.x * b.x + a.y * b.y + a.z * b.z
-}
-
-/// Vector product.
-#[inline(always)]
-pub(crate) fn cross<T: Number>(a: &Vector3<T>, b: &Vector3<T>) -> Vector3<T> {
-    Vector3::new(
-        a.y * b.z - a.z * b.y,
-        a.z * b.x - a.x * b.z,
-        a.x * b.y - a.y * b.x,
-    )
-}
-
-/// Direction of a vector; `None` below a length of 1e-6 (of numbers around 1) or beyond 1e15.
-fn unit<T: Real>(v: &Vector3<T>) -> Option<Vector3<T>> {
-    let n = dot(v, v);
-    if !(T::from_f32(1e-12)..T::from_f32(1e30)).contains(&n) {
-        return None;
-    }
-    let k = n.sqrt().recip();
-    Some(Vector3::new(v.x * k, v.y * k, v.z * k))
 }
 
 #[cfg(test)]

@@ -1,24 +1,25 @@
-//! Clipping of the gyroscope: noticing it, and making good for what was lost.
+//! Clipping of the gyroscope: detecting it, and estimating the rotation that it hid.
 //!
-//! A rate that stays at its limit hides part of the rotation. Between the crossings of the limit the true
-//! rate is taken for the cubic that has the slopes seen before and after: with slopes `s0` and `s1` (rad/s^2)
-//! and a duration `T`, its area above the limit is `(s0 - s1) T^2 / 12`. How well that is known depends on
-//! the duration above all. What follows from it is for the [recovery](crate::recovery).
+//! A rate that stays at its limit hides part of the rotation. Between the crossings of the limit
+//! the true rate is assumed to be the cubic that has the slopes seen before and after: with slopes
+//! `s0` and `s1` (rad/s^2) and a duration `T`, its area above the limit is `(s0 - s1) T^2 / 12`.
+//! How well that is known depends on the duration above all. The [recovery](crate::recovery)
+//! corrects the attitude by it.
 //!
-//! The limit need not be known, and may differ between the axes and between the two senses of each. Near the
-//! largest rate ever seen in a sense, two signs show one: a rate that stays the same to the count for three
-//! samples after it had changed fast, and, because factory calibration mixes a little of the other axes into a clipped one, one that
-//! hardly changes. A smooth motion has neither: around the peak of
-//! a sine the steps are as 5, 3, 1, -1. A steady spin may show both all the same. Until it has been met again, or
-//! in another sense or axis, a limit is only supposed: peaks up to half a second that it cuts are made good for,
-//! and nothing else.
+//! The limit need not be known, and may differ between the axes and between the two senses of each.
+//! Near the largest rate seen so far on an axis, two signs show one: a rate that stays the same to
+//! the count for three samples after it had changed fast; and, because factory calibration mixes a
+//! little of the other axes into a clipped one, a rate that hardly changes. A smooth motion has
+//! neither: around the peak of a sine the steps are as 5, 3, 1, -1. A steady spin may show both all
+//! the same. Until it has been met again, or in another sense or axis, a limit is only supposed:
+//! the peaks of up to half a second that it cuts are compensated, and nothing else.
 
 use nalgebra::Vector3;
 
 use crate::real::Number;
 
 /// Slowest rate that can be a limit, rad/s: no gyroscope ends below 115 deg/s.
-const LEAST_LIMIT: f32 = 2.0;
+const MIN_LIMIT: f32 = 2.0;
 
 /// How equal two rates must be to be at a limit, as a fraction: one count of 16 bits.
 const EQUAL: f32 = 4e-5;
@@ -29,18 +30,23 @@ const FLAT_STEPS: u8 = 2;
 /// They must take this long together, s: noise makes shorter ones.
 const FLAT_S: f32 = 0.006;
 
-/// Small steps: as a fraction of the largest rate, and of the step that came before them. That one must show
-/// at least this angular acceleration, rad/s^2: slower, the counts of a smooth motion stay the same too.
+/// A step is small up to this fraction of the largest rate.
 const SMALL_STEP: f32 = 0.003;
+
+/// It is also below this fraction of the last step that was not small.
 const SMALLER: f32 = 0.25;
+
+/// That one must show at least this angular acceleration, rad/s^2: slower, the counts of a smooth
+/// motion stay the same too.
 const ARRIVAL_RAD_S2: f32 = 5.0;
 
-/// Only within this fraction of the largest rate is a limit looked for, and this is how much below what was
-/// seen it is put where other axes are mixed in.
+/// A limit is looked for from this fraction of the largest rate on.
 const NEAR: f32 = 0.97;
+
+/// A limit that other axes are mixed into is this fraction of the rate that was seen there.
 const MIXED: f32 = 0.985;
 
-/// Rates up to this fraction of the largest are not looked at.
+/// Rates up to this fraction of the largest are not examined.
 const QUIET: f32 = 0.85;
 
 /// A rate further beyond a limit than this disproves it.
@@ -49,22 +55,22 @@ const BEYOND: f32 = 1.04;
 /// Two limits that are as close as this are one range of the sensor.
 const AGREE: f32 = 0.05;
 
-/// Clipping that lasts longer than this is no peak that two slopes describe, s.
+/// Longest clipping that the slopes before and after describe, s.
 const LONGEST_S: f32 = 0.5;
 
-/// Largest part of the angle at the limit that is taken for lost beyond it: the slopes of a hit say little
-/// about a long saturation.
-const MOST: f32 = 0.6;
+/// Largest angle beyond the limit, as a fraction of the angle at the limit: the slopes of a hit say
+/// little about a long saturation.
+const MAX_HIDDEN: f32 = 0.6;
 
-/// Deviation of that angle, as a fraction of the angle at the limit: this, and this more per second. Found by
-/// clipping recordings of hands, arms and hits at many limits.
+/// Deviation of that angle, as a fraction of the angle at the limit: this, and this more per
+/// second. Found by clipping recordings of hands, arms and hits at many limits.
 const SIGMA: (f32, f32) = (0.04, 1.0);
 
 /// The same where the limit is only supposed, as a fraction of the angle itself.
 const SUPPOSED_SIGMA: f32 = 0.3;
 
-/// Largest deviation, rad: nothing is known then.
-const MOST_SIGMA: f32 = 1.0;
+/// Largest deviation, rad: the angle is unknown then.
+const MAX_SIGMA: f32 = 1.0;
 
 /// What an axis hides.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -87,22 +93,32 @@ pub(crate) struct Range<T> {
 
 #[derive(Clone, Debug)]
 struct Axis<T> {
-    /// Rates beyond this have clipped, rad/s: configured or found; for positive and for negative rates.
-    limits: [T; 2],
-    /// They are more than supposed.
-    sure: [bool; 2],
+    /// Limits of positive and of negative rates.
+    limits: [Limit<T>; 2],
     /// One of them was found in the clipping under way.
     fresh: bool,
-    /// Rates up to this are not worth a look.
+    /// Sizes up to this are not examined, rad/s.
     quiet: T,
+    /// The largest size so far, rad/s.
     largest: T,
-    /// Steps in a row that were small, and that were none; the step that came before them.
+    /// Steps in a row that were small.
     small: u8,
+    /// Steps in a row that changed nothing.
     equal: u8,
+    /// The last step that was not small, rad/s.
     arrival: T,
-    /// The last two rates, newest first, as far as they were looked at.
+    /// The last two rates, newest first; `None` where one was not examined.
     last: [Option<T>; 2],
     state: State<T>,
+}
+
+/// The limit of an axis in one sense.
+#[derive(Clone, Copy, Debug)]
+struct Limit<T> {
+    /// Rates of a larger size have clipped, rad/s: configured or found.
+    size: T,
+    /// It is more than supposed.
+    sure: bool,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -131,7 +147,7 @@ impl<T: Number> Range<T> {
         }
     }
 
-    /// Whether there is nothing to be looked at, which is nearly always and costs no arithmetic.
+    /// Whether there is nothing to examine, which is nearly always so and costs no arithmetic.
     #[inline(always)]
     pub(crate) fn is_quiet(&self, gyr: &Vector3<T>) -> bool {
         let [x, y, z] = &self.axes;
@@ -147,7 +163,7 @@ impl<T: Number> Range<T> {
         for ((axis, rate), hidden) in self.axes.iter_mut().zip(gyr.iter_mut()).zip(&mut hidden) {
             *rate = clamped(*rate, self.configured);
             *hidden = axis.examine(dt, *rate, self.configured);
-            // What an axis remembers must be forgotten when the next sample is not looked at.
+            // What an axis remembers must be forgotten when the next sample is not examined.
             self.busy |= axis.last[0].is_some();
         }
         if self.axes.iter().any(|axis| axis.fresh) {
@@ -160,13 +176,13 @@ impl<T: Number> Range<T> {
     fn compare(&mut self) {
         let configured = self.configured;
         let mut all = self.axes.iter().flat_map(|axis| axis.limits);
-        let limits: [T; 6] = core::array::from_fn(|_| all.next().unwrap_or(configured));
-        for axis in &mut self.axes {
-            for (limit, sure) in axis.limits.iter().zip(&mut axis.sure) {
-                let near = |other: &&T| (**other - *limit).within(*limit * T::from_f32(AGREE));
-                // It is like itself.
-                *sure |= *limit < configured && limits.iter().filter(near).count() > 1;
-            }
+        let sizes: [T; 6] =
+            core::array::from_fn(|_| all.next().map_or(configured, |limit| limit.size));
+        for limit in self.axes.iter_mut().flat_map(|axis| &mut axis.limits) {
+            let size = limit.size;
+            let near = |other: &&T| (**other - size).within(size * T::from_f32(AGREE));
+            // It is like itself.
+            limit.sure |= size < configured && sizes.iter().filter(near).count() > 1;
         }
     }
 }
@@ -174,10 +190,12 @@ impl<T: Number> Range<T> {
 impl<T: Number> Axis<T> {
     fn new(limit: T) -> Self {
         Self {
-            limits: [limit; 2],
-            sure: [true; 2],
+            limits: [Limit {
+                size: limit,
+                sure: true,
+            }; 2],
             fresh: false,
-            quiet: T::from_f32(LEAST_LIMIT),
+            quiet: T::from_f32(MIN_LIMIT),
             largest: T::ZERO,
             small: 0,
             equal: 0,
@@ -187,9 +205,14 @@ impl<T: Number> Axis<T> {
         }
     }
 
-    fn limit(&self, negative: bool) -> T {
-        let [positive, below] = self.limits;
-        if negative { below } else { positive }
+    fn limit(&self, negative: bool) -> Limit<T> {
+        let [above, below] = self.limits;
+        if negative { below } else { above }
+    }
+
+    fn limit_mut(&mut self, negative: bool) -> &mut Limit<T> {
+        let [above, below] = &mut self.limits;
+        if negative { below } else { above }
     }
 
     fn examine(&mut self, dt: T, rate: T, configured: T) -> Hidden<T> {
@@ -198,15 +221,13 @@ impl<T: Number> Axis<T> {
             (self.small, self.equal) = (0, 0);
             return Hidden::Nothing;
         }
-        if rate.abs() > self.limit(rate.is_negative()) * T::from_f32(BEYOND) {
+        if rate.abs() > self.limit(rate.is_negative()).size * T::from_f32(BEYOND) {
             return self.disprove(rate, configured);
         }
         let found = self.find_limit(dt, rate, configured);
-        let limit = self.limit(rate.is_negative());
+        let Limit { size: limit, sure } = self.limit(rate.is_negative());
         let clipped = !rate.within(limit);
         let [last, before] = self.last;
-        let [positive, below] = self.sure;
-        let sure = if rate.is_negative() { below } else { positive };
         let mut hidden = if clipped && sure {
             Hidden::Rate(limit)
         } else {
@@ -243,7 +264,7 @@ impl<T: Number> Axis<T> {
             } => {
                 let after = (rate - first) * dt.recip();
                 let negative = first.is_negative();
-                let limit = self.limit(negative);
+                let limit = self.limit(negative).size;
                 let signed = if negative { -limit } else { limit };
                 let time_s = time_s + dt - crossing(first - signed, after, dt);
                 hidden = self.lost(slope.unwrap_or(-after), after, time_s, negative);
@@ -262,31 +283,32 @@ impl<T: Number> Axis<T> {
         hidden
     }
 
-    /// A rate is beyond what was taken for its limit: that was no clipping.
+    /// A rate is beyond the supposed limit, so that there was no clipping.
     fn disprove(&mut self, rate: T, configured: T) -> Hidden<T> {
-        let [positive, below] = &mut self.limits;
-        *(if rate.is_negative() { below } else { positive }) = configured;
-        let [positive, below] = &mut self.sure;
-        let sure = core::mem::replace(if rate.is_negative() { below } else { positive }, true);
+        let unlimited = Limit {
+            size: configured,
+            sure: true,
+        };
+        let sure = core::mem::replace(self.limit_mut(rate.is_negative()), unlimited).sure;
         let state = core::mem::replace(&mut self.state, State::Clear);
         self.fresh = false;
         self.last = [Some(rate), self.last[0]];
         if sure && state != State::Clear {
-            Hidden::Angle(T::ZERO, T::from_f32(MOST_SIGMA))
+            Hidden::Angle(T::ZERO, T::from_f32(MAX_SIGMA))
         } else {
             Hidden::Nothing
         }
     }
 
-    /// Learn the limit from rates that stay; true where it has just been learned.
+    /// Learn the limit from rates that stay the same; true if it has just been learned.
     fn find_limit(&mut self, dt: T, rate: T, configured: T) -> bool {
         let size = rate.abs();
-        let limit = self.limit(rate.is_negative());
+        let limit = self.limit(rate.is_negative()).size;
         let mut found = None;
         if size > self.largest {
             self.largest = size;
         }
-        // What was not looked at was below `quiet`.
+        // A rate that was not examined was below `quiet`.
         let step = match self.last[0] {
             Some(last) => (rate - last).abs(),
             None => size - self.quiet,
@@ -328,11 +350,8 @@ impl<T: Number> Axis<T> {
                 found = Some((limit, true));
             }
         }
-        if let Some((limit, sure)) = found {
-            let [positive, below] = &mut self.limits;
-            *(if rate.is_negative() { below } else { positive }) = limit;
-            let [positive, below] = &mut self.sure;
-            *(if rate.is_negative() { below } else { positive }) = sure;
+        if let Some((size, sure)) = found {
+            *self.limit_mut(rate.is_negative()) = Limit { size, sure };
         }
         let quiet = self.largest * T::from_f32(QUIET);
         if quiet > self.quiet {
@@ -341,18 +360,19 @@ impl<T: Number> Axis<T> {
         learned
     }
 
+    /// The angle that clipping of this duration has hidden, from the slopes before and after it.
     fn lost(&self, before: T, after: T, time_s: T, negative: bool) -> Hidden<T> {
         let area = (before - after) * time_s * time_s * T::from_f32(1.0 / 12.0);
-        let at_limit = self.limit(negative) * time_s;
-        let most = at_limit * T::from_f32(MOST);
-        let size = if area.within(most) { area.abs() } else { most };
+        let limit = self.limit(negative);
+        let at_limit = limit.size * time_s;
+        let max = at_limit * T::from_f32(MAX_HIDDEN);
+        let size = if area.within(max) { area.abs() } else { max };
         // An area on the wrong side of the limit is not clipping but noise at it.
         let short = time_s.within(T::from_f32(LONGEST_S));
         let peak = short && (area < T::ZERO) == negative;
         let size = if peak { size } else { T::ZERO };
         let signed = if negative { -size } else { size };
-        let [positive, below] = self.sure;
-        if !(if negative { below } else { positive }) {
+        if !limit.sure {
             return if peak {
                 Hidden::Angle(signed, size * T::from_f32(SUPPOSED_SIGMA))
             } else {
@@ -360,11 +380,11 @@ impl<T: Number> Axis<T> {
             };
         }
         let sigma = at_limit * (T::from_f32(SIGMA.0) + T::from_f32(SIGMA.1) * time_s);
-        let most_sigma = T::from_f32(MOST_SIGMA);
-        let sigma = if sigma.within(most_sigma) {
+        let max_sigma = T::from_f32(MAX_SIGMA);
+        let sigma = if sigma.within(max_sigma) {
             sigma
         } else {
-            most_sigma
+            max_sigma
         };
         Hidden::Angle(signed, sigma)
     }
@@ -410,8 +430,8 @@ mod tests {
 
     #[test]
     fn the_hidden_angle_is_given_back() {
-        // Half a period from 0 to pi/4 s: of the area above 8 rad/s, 10/4 * 2 cos(a) - 8 * 2 b / 4 with
-        // a = asin(0.8), b = pi/2 - a.
+        // Half a period from 0 to pi/4 s: of the area above 8 rad/s, 10/4 * 2 cos(a) - 8 * 2 b / 4
+        // with a = asin(0.8), b = pi/2 - a.
         let b = (0.8f64).acos();
         let hidden = 10.0 / 2.0 * b.sin() - 8.0 * b / 2.0;
         let (given, times) = run(&mut Range::new(7.999), 8.0, 0.78);
@@ -427,7 +447,7 @@ mod tests {
         let mut range = Range::new(34.0);
         let (_, times) = run(&mut range, 8.0, 1.58);
         assert_eq!(times, 2);
-        assert!((range.axes[1].limits[0] - 8.0).abs() < 0.01);
+        assert!((range.axes[1].limits[0].size - 8.0).abs() < 0.01);
         let (given, _) = run(&mut range, 8.0, 7.9);
         assert!(given.abs() < 0.2, "{given}");
     }
@@ -447,7 +467,7 @@ mod tests {
                 given += angle.abs();
             }
         }
-        let [positive, negative] = range.axes[1].limits;
+        let [positive, negative] = range.axes[1].limits.map(|limit| limit.size);
         assert!((7.7..8.1).contains(&positive), "{positive}");
         assert!((7.5..7.9).contains(&negative), "{negative}");
         assert!(given > 0.5, "{given}");
@@ -471,9 +491,9 @@ mod tests {
     fn a_rate_beyond_a_supposed_limit_disproves_it() {
         let mut range = Range::new(34.0);
         run(&mut range, 6.0, 1.58);
-        assert!(range.axes[1].limits[0] < 6.0);
+        assert!(range.axes[1].limits[0].size < 6.0);
         run(&mut range, 20.0, 1.58);
-        assert_eq!(range.axes[1].limits[0], 34.0);
+        assert_eq!(range.axes[1].limits[0].size, 34.0);
     }
 
     #[test]
@@ -492,7 +512,7 @@ mod tests {
             let mut gyr = Vector3::new(0.0, (10.0 * (4.0 * t).sin()).clamp(-8.0, 8.0), 0.0);
             if !range.is_quiet(&gyr)
                 && range.examine(0.0025, &mut gyr)[1]
-                    == Hidden::Rate(range.axes[1].limit(gyr.y < 0.0))
+                    == Hidden::Rate(range.axes[1].limit(gyr.y < 0.0).size)
             {
                 clipped[(t / core::f64::consts::FRAC_PI_4) as usize] = true;
             }

@@ -36,15 +36,16 @@ pub trait Number:
     fn recip(self) -> Self;
     /// Magnitude.
     fn abs(self) -> Self;
-    /// `|self| <= limit` for `limit >= 0`, false for NaN. Without an FPU a comparison of bits, ten times
-    /// cheaper than a float comparison.
+    /// `|self| <= limit` for `limit >= 0`, false for NaN. Without an FPU a comparison of bits, ten
+    /// times cheaper than a float comparison.
     fn within(self, limit: Self) -> bool;
     /// Below zero, or the float's zero with a sign.
     fn is_negative(self) -> bool;
 }
 
-/// `f32` or `f64`. Every operation is correctly rounded IEEE arithmetic or a `libm` function in pure
-/// integer and float operations, so that the same input gives the same bits with and without an FPU.
+/// `f32` or `f64`. Every operation is correctly rounded IEEE arithmetic or a `libm` function in
+/// pure integer and float operations, so that the same input gives the same bits with and without
+/// an FPU.
 pub trait Real: Number {
     /// The nearest `f32`.
     fn to_f32(self) -> f32;
@@ -164,11 +165,13 @@ impl Real for f64 {
     }
 }
 
-/// Sine and cosine in single precision throughout: libm's reduce the angle in double precision, 6 KB of it on a chip
-/// without. Within 2e-7 up to 1,000 rad, then the angle's own spacing tells; NaN for what is no angle.
+/// Sine and cosine in single precision throughout: libm's reduce the angle in double precision, 6
+/// KB of it on a chip without. Within 2e-7 up to 1,000 rad, then within the angle's own spacing;
+/// NaN for NaN and beyond 1e6.
 ///
-/// The angle is brought into a quarter turn about zero by whole multiples of pi/2, subtracted in three parts of which
-/// the first two have so few bits that their products are exact (Cody and Waite); polynomials from Cephes' `sinf`.
+/// The angle is brought into a quarter turn about zero by whole multiples of pi/2, subtracted in
+/// three parts of which the first two have so few bits that their products are exact (Cody and
+/// Waite); polynomials from Cephes' `sinf`.
 fn sin_cos(angle: f32) -> (f32, f32) {
     /// pi / 2 in three parts.
     const PARTS: [f32; 3] = [1.570_312_5, 4.837_513e-4, 7.549_79e-8];

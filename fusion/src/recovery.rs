@@ -1,44 +1,50 @@
 //! Finding the attitude again after the gyroscope has clipped.
 //!
-//! While a rate is clipped the rotation about that axis is unknown, and about no other: the covariance of the
-//! attitude's error grows along one direction only. Accelerometer and magnetometer each show two of the three
-//! components of the error, and the slopes before and after the clipping show the angle about the axis. A
-//! Kalman filter weighs them. Its state is the error as a rotation vector in the earth frame, where it stands
-//! still once the clipping is over; it is given to the attitude with every step and so is always zero again.
+//! While a rate is clipped the rotation about that axis is unknown, and about no other: the
+//! covariance of the attitude's error grows along one direction only. Accelerometer and
+//! magnetometer each show two of the three components of the error, and the slopes before and after
+//! the clipping show the angle about the axis. A Kalman filter weighs them. Its state is the error
+//! as a rotation vector in the earth frame, where it stands still once the clipping is over; it is
+//! given to the attitude with every step and so is always zero again.
 //!
-//! Only here does the field's whole direction turn the estimate, roll and pitch included: for seconds, from an
-//! attitude that is off by far more than an ordinary disturbance of the field makes it.
+//! Only here does the field's whole direction turn the estimate, roll and pitch included: for
+//! seconds, from an attitude that is off by far more than an ordinary disturbance of the field
+//! makes it.
 
 use nalgebra::Vector3;
 
-use crate::estimator::GRAVITY;
-use crate::quaternion::{HalfRows, cross, dot};
+use crate::config::GRAVITY;
+use crate::quaternion::HalfRows;
 use crate::range::Hidden;
 use crate::real::Number;
+use crate::vector::{add_scaled, cross, dot, scaled, zero};
 
-/// The rate beyond the limit, in parts of it and as a density: half of it, correlated for 0.1 s, `2 * 0.5^2 * 0.1`.
+/// The rate beyond the limit, in parts of it and as a density: half of it, correlated for 0.1 s,
+/// `2 * 0.5^2 * 0.1`.
 const EXCESS_S: f32 = 0.05;
 
 /// Deviation of the field's direction, rad; its time of correlation, s, makes it a density.
 const FIELD: f32 = 0.1;
 const FIELD_S: f32 = 0.05;
 
-/// What the lag of a magnetometer leaves unknown, s, and the lag that is made good for, s: it shows the mean
-/// field of its conversion time.
+/// Standard deviation of a magnetometer's lag, s.
 const LAG_DEVIATION_S: f32 = 0.02;
+
+/// Lag of a magnetometer that is compensated, s: it shows the mean field of its conversion time.
 const LAG_S: f32 = 0.012;
 
 /// A field whose strength is further off than this is disturbed, as a fraction of the reference.
 const STRENGTH: f32 = 0.15;
 
-/// Time after the last clipping, s; what is left then is for the filter's own gains.
+/// Time for which the recovery works after the last clipping, s; the filter's own gains take away
+/// what is left.
 const LASTING_S: f32 = 2.0;
 
-/// The part of a heading's variance that the field does not take away within that time, because its errors
-/// are the same for longer.
+/// The part of a heading's variance that the field does not take away within that time, because its
+/// errors are the same for longer.
 const LEFT: f32 = 0.35;
 
-/// What the other sensors show.
+/// What accelerometer and magnetometer show.
 pub(crate) struct Seen<T> {
     /// Specific force, m/s^2.
     pub(crate) acc: Option<Vector3<T>>,
@@ -56,7 +62,7 @@ pub(crate) struct Recovery<T> {
     covariance: [Vector3<T>; 3],
     /// The error found in this step, rad.
     error: Vector3<T>,
-    /// The angle about each axis that is clipped that was given back so far, rad.
+    /// The angle by which the attitude was corrected so far about each axis that is clipped, rad.
     given: [Option<T>; 3],
     left_s: T,
     acc_density: T,
@@ -65,24 +71,24 @@ pub(crate) struct Recovery<T> {
 impl<T: Number> Recovery<T> {
     /// `acc_density`: of the vertical that the accelerometer shows, rad^2 s.
     pub(crate) fn new(acc_density: T) -> Self {
-        let zero = Vector3::new(T::ZERO, T::ZERO, T::ZERO);
         Self {
-            covariance: [zero; 3],
-            error: zero,
+            covariance: [zero(); 3],
+            error: zero(),
             given: [None; 3],
             left_s: T::ZERO,
             acc_density,
         }
     }
 
-    /// Whether there is anything to be found.
+    /// Whether a rate is clipped, or was within [`LASTING_S`].
     #[inline(always)]
     pub(crate) fn is_active(&self) -> bool {
         self.left_s > T::ZERO
     }
 
-    /// One step: what the axes hide and what is seen, with the earth's axes at half length. The correction,
-    /// half a rotation vector in the body frame (rad), and the variance that the heading has gained (rad^2).
+    /// One step: what the axes hide and what is seen, with the earth's axes at half length. The
+    /// correction, half a rotation vector in the body frame (rad), and the variance that the
+    /// heading has gained (rad^2).
     #[cold]
     #[inline(never)]
     pub(crate) fn step(
@@ -92,11 +98,10 @@ impl<T: Number> Recovery<T> {
         hidden: &[Hidden<T>; 3],
         seen: &Seen<T>,
     ) -> (Vector3<T>, T) {
-        let zero = Vector3::new(T::ZERO, T::ZERO, T::ZERO);
         if !self.is_active() {
-            (self.covariance, self.given) = ([zero; 3], [None; 3]);
+            (self.covariance, self.given) = ([zero(); 3], [None; 3]);
         }
-        self.error = zero;
+        self.error = zero();
         self.left_s = self.left_s - dt;
         let axes = columns(rows);
         let mut heading_variance = T::ZERO;
@@ -104,10 +109,10 @@ impl<T: Number> Recovery<T> {
             heading_variance += self.axis(dt, axis, *hidden, given);
         }
         if !self.is_active() {
-            return (zero, heading_variance);
+            return (zero(), heading_variance);
         }
         if let Some(acc) = seen.acc {
-            let up = earth(rows, &acc).map(|a| a * T::from_f32(1.0 / GRAVITY));
+            let up = scaled(&rows.rotate(&acc), T::from_f32(1.0 / GRAVITY));
             let expected = Vector3::new(T::ZERO, T::ZERO, -T::ONE);
             self.observe(&up, &expected, self.acc_density * dt.recip());
         }
@@ -142,7 +147,7 @@ impl<T: Number> Recovery<T> {
                 let left = match given.take() {
                     Some(given) => angle - given,
                     None => {
-                        // A limit that was only supposed: nothing was given back yet, or expected.
+                        // The limit was only supposed: nothing was corrected yet.
                         self.left_s = T::from_f32(LASTING_S);
                         self.widen(axis, T::ONE);
                         angle
@@ -157,10 +162,7 @@ impl<T: Number> Recovery<T> {
     /// The error about an axis has gained a variance, rad^2.
     fn widen(&mut self, axis: &Vector3<T>, variance: T) {
         for (row, part) in self.covariance.iter_mut().zip(axis.iter()) {
-            let part = *part * variance;
-            row.x += part * axis.x;
-            row.y += part * axis.y;
-            row.z += part * axis.z;
+            add_scaled(row, axis, *part * variance);
         }
     }
 
@@ -189,33 +191,34 @@ impl<T: Number> Recovery<T> {
             // More samples in a time of correlation say no more than one.
             let samples = T::from_f32(FIELD_S) * seen.field_dt.recip();
             let samples = if samples > T::ONE { samples } else { T::ONE };
-            let expected = expected.map(|part| part * scale);
-            self.observe(&earth(rows, &field), &expected, noise * samples);
+            self.observe(
+                &rows.rotate(&field),
+                &scaled(expected, scale),
+                noise * samples,
+            );
         }
     }
 
     /// A direction is seen in the earth frame where another is expected, about as long as one;
     /// `expected - seen = error x seen`.
     fn observe(&mut self, seen: &Vector3<T>, expected: &Vector3<T>, variance: T) {
-        let (s, zero) = (seen, T::ZERO);
+        let s = seen;
         for (row, difference) in [
-            (Vector3::new(zero, s.z, -s.y), expected.x - s.x),
-            (Vector3::new(-s.z, zero, s.x), expected.y - s.y),
-            (Vector3::new(s.y, -s.x, zero), expected.z - s.z),
+            (Vector3::new(T::ZERO, s.z, -s.y), expected.x - s.x),
+            (Vector3::new(-s.z, T::ZERO, s.x), expected.y - s.y),
+            (Vector3::new(s.y, -s.x, T::ZERO), expected.z - s.z),
         ] {
             let left = difference - dot(&row, &self.error);
             self.update(&row, left, variance);
         }
     }
 
-    /// The Kalman filter's update: the error along `row` is by `left` larger than what was found of it.
+    /// The Kalman filter's update: the error along `row` is by `left` larger than what was found of
+    /// it.
     fn update(&mut self, row: &Vector3<T>, left: T, variance: T) {
         let along = Vector3::from(self.covariance.each_ref().map(|c| dot(c, row)));
         let inverse = (dot(row, &along) + variance).recip();
-        let share = left * inverse;
-        self.error.x += along.x * share;
-        self.error.y += along.y * share;
-        self.error.z += along.z * share;
+        add_scaled(&mut self.error, &along, left * inverse);
         for (row, part) in self.covariance.iter_mut().zip(along.iter()) {
             let part = *part * inverse;
             row.x = row.x - part * along.x;
@@ -234,13 +237,4 @@ fn columns<T: Number>(rows: &HalfRows<T>) -> [Vector3<T>; 3] {
         twice(north.y, east.y, down.y),
         twice(north.z, east.z, down.z),
     ]
-}
-
-/// From the body into the earth frame.
-fn earth<T: Number>(rows: &HalfRows<T>, v: &Vector3<T>) -> Vector3<T> {
-    let twice = |row: &Vector3<T>| {
-        let half = dot(row, v);
-        half + half
-    };
-    Vector3::new(twice(&rows.north), twice(&rows.east), twice(&rows.down))
 }

@@ -1,11 +1,13 @@
 //! Rest detection, and the gyroscope's zero-rate offset learned there.
 //!
-//! Gyroscope and accelerometer are averaged over short blocks. When the averages of consecutive blocks stay
-//! close to the first of them for long enough, the body is at rest, and what the gyroscope then shows is
-//! offset. Block averages cost little and see through vibration, whose mean is zero.
+//! Gyroscope and accelerometer are averaged over short blocks. When the averages of consecutive
+//! blocks stay close to the first of them for long enough, the body is at rest, and what the
+//! gyroscope then shows is offset. Block averages cost little and see through vibration, whose mean
+//! is zero.
 
-use crate::config::{ConfigError, positive};
+use crate::error::{ConfigError, positive};
 use crate::real::Real;
+use crate::vector::{difference, within, zero};
 use nalgebra::Vector3;
 
 /// When the body counts as at rest, and what is learned from it.
@@ -40,11 +42,12 @@ const DEG: f32 = core::f32::consts::PI / 180.0;
 /// Length of a block, s.
 pub(crate) const BLOCK_S: f32 = 0.25;
 
-/// Once an offset is known, what passes for rest is held to this fraction of the limit.
+/// Once an offset is known, the limit for rest is this fraction of the configured one.
 const TIGHT: f32 = 0.25;
 
-/// Fractional bits of the sums, whose rates (rad/s) and accelerations (m/s^2) are added in integers: without
-/// an FPU that is a fifth of the price. They wrap where the body is not at rest, which then is of no interest.
+/// Fractional bits of the sums, whose rates (rad/s) and accelerations (m/s^2) are added in
+/// integers: without an FPU that is a fifth of the cycles. They wrap only where the body is not at
+/// rest, and are not used then.
 const GYR_BITS: u8 = 22;
 const ACC_BITS: u8 = 16;
 
@@ -62,8 +65,8 @@ pub(crate) struct Rest<T> {
     reference: Option<(Vector3<T>, Vector3<T>)>,
     /// Consecutive blocks at rest.
     still: u32,
-    /// Mean rate of the blocks at rest that the offset has not learned yet. The newest is always held back
-    /// until the next is at rest too: a motion may have begun in it.
+    /// Mean rate of the blocks at rest that the offset has not learned yet. The newest is always
+    /// held back until the next is at rest too: a motion may have begun in it.
     mean: Vector3<T>,
     /// Their number.
     held: u32,
@@ -110,7 +113,7 @@ impl<T: Real> Rest<T> {
             block: Block::empty(),
             reference: None,
             still: 0,
-            mean: Vector3::new(T::ZERO, T::ZERO, T::ZERO),
+            mean: zero(),
             held: 0,
             learned: 0,
         })
@@ -121,15 +124,15 @@ impl<T: Real> Rest<T> {
         self.still >= self.needed
     }
 
-    /// Forget the rest under way, not what was learned: samples are missing.
+    /// Samples are missing: end the rest under way, but keep what was learned.
     pub(crate) fn interrupt(&mut self) {
         self.block = Block::empty();
         self.reference = None;
         self.still = 0;
     }
 
-    /// One sample: rotation rate as measured (rad/s) and specific force (m/s^2). `bias` is corrected when
-    /// a block of rest is complete.
+    /// One sample: rotation rate as measured (rad/s) and specific force (m/s^2). `bias` is
+    /// corrected when a block of rest is complete.
     #[inline(always)]
     pub(crate) fn update(
         &mut self,
@@ -166,11 +169,11 @@ impl<T: Real> Rest<T> {
         let still = self.reference.as_ref().is_some_and(|(gyr_ref, acc_ref)| {
             near(&gyr, gyr_ref, self.rate_limit * tight)
                 && near(&acc, acc_ref, self.acc_limit)
-                && gyr.iter().all(|rate| rate.within(self.max_bias))
+                && within(&gyr, self.max_bias)
         });
         if !still {
-            // This block may itself hold the end of a motion: it is what the next is compared with, and
-            // not part of the mean.
+            // This block may itself hold the end of a motion: it is what the next is compared with,
+            // and not part of the mean.
             self.reference = Some((gyr, acc));
             self.still = 0;
             return;
@@ -202,7 +205,7 @@ fn add<T: Real>(sum: &mut Vector3<i32>, v: &Vector3<T>, bits: u8) {
 }
 
 fn near<T: Real>(a: &Vector3<T>, b: &Vector3<T>, limit: T) -> bool {
-    (a.x - b.x).within(limit) && (a.y - b.y).within(limit) && (a.z - b.z).within(limit)
+    within(&difference(a, b), limit)
 }
 
 /// `from += (to - from) share`

@@ -8,8 +8,9 @@
 //! | [`Median`] | `(N - 1) / 2` for a ramp | single outliers, which it removes altogether |
 //! | [`SavitzkyGolay`] | `(N - 1) / 2` | keeping the height of peaks: it follows a parabola exactly |
 //!
-//! Until a window is full, each filter works on what it has: the first output is the first input. A value
-//! that is not a number stays in a window for `N` samples and in [`Exponential`] for ever; keep it out.
+//! Until a window is full, each filter works on what it has: the first output is the first input. A
+//! value that is not a number stays in a window for `N` samples and in [`Exponential`] for ever;
+//! keep it out.
 
 use core::array;
 
@@ -66,7 +67,8 @@ impl<const N: usize> MovingAverage<N> {
         }
     }
 
-    /// Take a sample, give the mean. Summed anew each time: a running sum would keep its rounding for ever.
+    /// Take a sample, give the mean. Summed anew each time: a running sum would keep its rounding
+    /// for ever.
     pub fn update(&mut self, sample: f32) -> f32 {
         self.window.push(sample);
         self.window.in_order().sum::<f32>() / self.window.count as f32
@@ -79,8 +81,8 @@ impl<const N: usize> Default for MovingAverage<N> {
     }
 }
 
-/// Exponential moving average: `y += (1 - w)(x - y)`. Delay `w / (1 - w)` samples for signals that are slow
-/// beside it; noise falls to `sqrt((1 - w) / (1 + w))`.
+/// Exponential moving average: `y += (1 - w)(x - y)`. Delay `w / (1 - w)` samples for signals that
+/// are slow beside it; noise falls to `sqrt((1 - w) / (1 + w))`.
 #[derive(Clone, Debug)]
 pub struct Exponential {
     weight: f32,
@@ -88,8 +90,8 @@ pub struct Exponential {
 }
 
 impl Exponential {
-    /// With the weight of the past, clamped to 0..=1; the thesis' figure has 0.9. A weight that is not a
-    /// number counts as 0: no filter.
+    /// With the weight of the past, clamped to 0..=1; the thesis' figure has 0.9. A weight that is
+    /// not a number counts as 0: no filter.
     pub const fn new(weight: f32) -> Self {
         let weight = if weight > 1.0 { 1.0 } else { weight };
         Self {
@@ -107,8 +109,8 @@ impl Exponential {
     }
 }
 
-/// The weighted mean of the last `N` samples. Delay: the weights' centre, so `(N - 1) / 3` samples for
-/// [`Weighted::linear`].
+/// The weighted mean of the last `N` samples. Delay: the weights' centre, so `(N - 1) / 3` samples
+/// for [`Weighted::linear`].
 #[derive(Clone, Debug)]
 pub struct Weighted<const N: usize> {
     window: Window<N>,
@@ -117,8 +119,8 @@ pub struct Weighted<const N: usize> {
 }
 
 impl<const N: usize> Weighted<N> {
-    /// With weights for the newest sample, the one before and so on. `None` if one is negative or not
-    /// finite, or that of the newest is 0.
+    /// With weights for the newest sample, the one before and so on. `None` if one is negative or
+    /// not finite, or that of the newest is 0.
     pub fn new(weights: [f32; N]) -> Option<Self> {
         let valid = weights
             .iter()
@@ -148,8 +150,8 @@ impl<const N: usize> Weighted<N> {
     }
 }
 
-/// The median of the last `N` samples (the mean of the middle two for an even number). Removes outliers of
-/// up to `(N - 1) / 2` samples altogether; a ramp comes out `(N - 1) / 2` samples late.
+/// The median of the last `N` samples (the mean of the middle two for an even number). Removes
+/// outliers of up to `(N - 1) / 2` samples altogether; a ramp comes out `(N - 1) / 2` samples late.
 #[derive(Clone, Debug)]
 pub struct Median<const N: usize> {
     window: Window<N>,
@@ -170,7 +172,7 @@ impl<const N: usize> Median<N> {
         for (place, sample) in sorted.iter_mut().zip(self.window.in_order()) {
             *place = sample;
         }
-        // What is not there yet sorts to the end; so do numbers that are none.
+        // Places that are still empty sort to the end; so does NaN.
         sorted.sort_unstable_by(f32::total_cmp);
         let at = |i: usize| sorted.get(i).copied().unwrap_or_default();
         let count = self.window.count;
@@ -190,10 +192,10 @@ impl<const N: usize> Default for Median<N> {
 
 /// Savitzky-Golay smoothing: the middle of the parabola that fits the last `N` samples best.
 ///
-/// A. Savitzky, M. Golay, "Smoothing and differentiation of data by simplified least squares procedures",
-/// Analytical Chemistry 36(8), 1964. Delay `(N - 1) / 2` samples at every frequency; parabolas pass
-/// unchanged, and so do the outliers that a mean would flatten. `N` is odd and at least 3; until the window
-/// is full the output is the mean of what there is.
+/// A. Savitzky, M. Golay, "Smoothing and differentiation of data by simplified least squares
+/// procedures", Analytical Chemistry 36(8), 1964. Delay `(N - 1) / 2` samples at every frequency;
+/// parabolas pass unchanged, and so do the outliers that a mean would flatten. `N` is odd and at
+/// least 3; until the window is full the output is the mean of what there is.
 #[derive(Clone, Debug)]
 pub struct SavitzkyGolay<const N: usize> {
     window: Window<N>,

@@ -1,9 +1,11 @@
-//! A filter of the VQF class: the acceleration is averaged where it is nearly constant, in the earth frame.
+//! A filter of the VQF class: the acceleration is averaged where it is nearly constant, in the
+//! earth frame.
 //!
-//! D. Laidig, T. Seel, "VQF: Highly accurate IMU orientation estimation with bias estimation and magnetic
-//! disturbance rejection", Information Fusion 91, 2023, section 3: in a frame that turns with the drift of
-//! the gyroscope only, gravity stands still and the acceleration of a motion has a mean of zero, so that a
-//! second-order low pass separates them. There the low-passed acceleration gives the inclination at once.
+//! D. Laidig, T. Seel, "VQF: Highly accurate IMU orientation estimation with bias estimation and
+//! magnetic disturbance rejection", Information Fusion 91, 2023, section 3: in a frame that turns
+//! with the drift of the gyroscope only, gravity stands still and the acceleration of a motion has
+//! a mean of zero, so that a second-order low pass separates them. There the low-passed
+//! acceleration gives the inclination at once.
 //!
 //! Here the same low pass closes a loop. With the tilt error `e` seen in the earth frame,
 //!
@@ -12,17 +14,19 @@
 //! correction rate = z / tau
 //! ```
 //!
-//! has the response `1 / (tau T s^2 + tau s + 1)` from what the accelerometer shows to what the estimate
-//! follows: of second order, Butterworth for `T = tau / 2`, and then with VQF's time constant `tau`. It
-//! takes two numbers of state and no trigonometry. A smaller `tau` and a larger `T` (damping 0.58 instead
-//! of 0.71) follow gyroscope errors sooner at the same smoothing. Heading follows at its own time constant.
+//! has the response `1 / (tau T s^2 + tau s + 1)` from what the accelerometer shows to what the
+//! estimate follows: of second order, Butterworth for `T = tau / 2`, and then with VQF's time
+//! constant `tau`. It takes two numbers of state and no trigonometry. A smaller `tau` and a larger
+//! `T` (damping 0.58 instead of 0.71) follow gyroscope errors sooner at the same smoothing. Heading
+//! follows at its own time constant.
 
 use nalgebra::Vector3;
 
-use crate::config::{ConfigError, in_range, positive};
-use crate::estimator::{Filter, GRAVITY, View};
-use crate::quaternion::dot;
+use crate::config::GRAVITY;
+use crate::error::{ConfigError, in_range, positive};
+use crate::estimator::{Filter, View};
 use crate::real::Real;
+use crate::vector::dot;
 
 /// Time constants of [`Vqf`].
 #[derive(Clone, Copy, Debug, PartialEq)]

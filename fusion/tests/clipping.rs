@@ -14,8 +14,9 @@ fn field() -> Vector3<f64> {
     Vector3::new(17.0, 0.0, 47.0)
 }
 
-/// What an estimator is wrong by, deg RMS, over a minute of swinging with the rates clipped at `limit`: in all
-/// with a magnetometer, in inclination without. And for which part of the time it says that it is over range.
+/// What an estimator is wrong by, deg RMS, over a minute of swinging with the rates clipped at
+/// `limit`: in all with a magnetometer, in inclination without. And for which part of the time it
+/// says that it is over range.
 fn swing(limit: f64, mag: bool, mut step: impl FnMut(&Sample) -> Attitude) -> (f64, f64) {
     let mut truth = UnitQuaternion::from_euler_angles(0.1, -0.2, 0.3);
     // A magnetometer's conversion takes time: the field is that of two samples ago.
@@ -100,8 +101,8 @@ where
 }
 
 fn stays_close<S: FnMut(&Sample) -> Attitude>(subject: impl Fn() -> S) {
-    // Not clipped, a fifth of the time clipped, and a third of it; without what is done against it the errors
-    // are 10 and 24 deg and more.
+    // Not clipped, a fifth of the time clipped, and a third of it; without what is done against it
+    // the errors are 10 and 24 deg and more.
     for (limit, most_deg) in [(2.0 * PEAK, 1.2), (7.4, 8.0), (6.0, 15.0)] {
         for mag in [true, false] {
             let (rms_deg, over) = swing(limit, mag, subject());

@@ -13,8 +13,9 @@ fn oracle<T: Real>(q: &Quaternion<T>) -> UnitQuaternion<f64> {
     UnitQuaternion::from_quaternion(nalgebra::Quaternion::new(w, x, y, z))
 }
 
-/// Ten minutes at 1 kHz as a BNO055 would give them: rest, then hand motion with up to 300 deg/s and half a
-/// g, in counts. The field has its own noise, seeded, so that its counts are no staircase.
+/// Ten minutes at 1 kHz as a BNO055 would give them: rest, then hand motion with up to 300 deg/s
+/// and half a g, in counts. The field has its own noise, seeded, so that its counts are no
+/// staircase.
 fn recording() -> impl Iterator<Item = fixed::Counts> {
     let mut truth = UnitQuaternion::from_euler_angles(0.1, 0.2, 0.3);
     let mut seed = 1u32;
@@ -56,8 +57,8 @@ fn sample(counts: &fixed::Counts) -> Sample {
     }
 }
 
-/// RMS and largest angle, in degrees, from the f64 filter, after the first minute: the beginning, a running mean,
-/// is a staircase in fixed point.
+/// RMS and largest angle, in degrees, from the f64 filter, after the first minute: the beginning, a
+/// running mean, is a staircase in fixed point.
 fn compare<F>(mut step: impl FnMut(&fixed::Counts) -> UnitQuaternion<f64>) -> (f64, f64)
 where
     F: Filter<Real = f64>,

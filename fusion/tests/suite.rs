@@ -5,6 +5,7 @@ mod subject;
 
 use nalgebra::{UnitQuaternion, Vector3};
 use proptest::prelude::*;
+use proptest::test_runner::FileFailurePersistence::WithSource;
 use subject::{DEG, DT_US, Subject, counts, error_deg, motion, norm, oracle, rest, sample};
 use tvc_fusion::{
     Attitude, Complementary, Config, Estimator, Filter, GRAVITY, Gyro, Madgwick, Mahony,
@@ -22,8 +23,8 @@ fn starts_at_any_attitude<S: Subject>() {
     ] {
         let truth = UnitQuaternion::from_euler_angles(roll, pitch, yaw);
         let bias = Vector3::new(0.02, -0.01, 0.03);
-        // The unknown offset of 2.1 deg/s tilts the mean of the first second by about a degree, and the
-        // steep field turns that into a heading error tan(dip) times as large.
+        // The unknown offset of 2.1 deg/s tilts the mean of the first second by about a degree, and
+        // the steep field turns that into a heading error tan(dip) times as large.
         let mut subject = S::start();
         let attitude = rest(&mut subject, &truth, bias, true, 1.5);
         assert!(attitude.flags.initialised);
@@ -219,7 +220,8 @@ fn free_fall_and_saturation_do_no_harm<S: Subject>() {
         assert!((norm(&attitude.orientation) - 1.0).abs() < 1e-5);
         assert!(attitude.rate.iter().all(|r| r.is_finite()));
     }
-    // Two seconds of spinning at full scale, and a vertical field, and it is still a compass afterwards.
+    // Two seconds of spinning at full scale, and a vertical field, and it is still a compass
+    // afterwards.
     let spin = Vector3::new(34.9, 0.0, 0.0);
     for _ in 0..200 {
         subject.step(i64::from(DT_US), &sample(&truth, spin, true));
@@ -292,10 +294,10 @@ fn any_steps() -> impl Strategy<Value = Vec<(i64, [f32; 9], bool)>> {
     )
 }
 
-/// 64, or as many as `PROPTEST_CASES` says. A case has 240 updates on average, so that 4,500 of them over all
-/// subjects are twelve million, in a minute of processor time:
-/// `PROPTEST_CASES=4500 cargo test -p tvc-fusion --test suite survives_anything`.
-/// Cases that once failed are kept in `suite.proptest-regressions` and come first.
+/// 64, or as many as `PROPTEST_CASES` says. A case has 240 updates on average, so that 4,500 of
+/// them over all subjects are twelve million, in a minute of processor time:
+/// `PROPTEST_CASES=4500 cargo test -p tvc-fusion --test suite survives_anything`. Cases that once
+/// failed are kept in `suite.proptest-regressions` and come first.
 fn cases() -> u32 {
     std::env::var("PROPTEST_CASES").map_or(64, |cases| cases.parse().expect("a number of cases"))
 }
@@ -319,7 +321,11 @@ macro_rules! suite {
             );
 
             proptest! {
-                #![proptest_config(ProptestConfig { cases: cases(), ..ProptestConfig::default() })]
+                #![proptest_config(ProptestConfig {
+                    cases: cases(),
+                    failure_persistence: Some(Box::new(WithSource("proptest-regressions"))),
+                    ..ProptestConfig::default()
+                })]
                 #[test]
                 fn survives_anything(steps in any_steps()) {
                     survives::<$subject>(&steps);

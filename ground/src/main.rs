@@ -6,7 +6,6 @@ mod flight;
 mod logs;
 mod model;
 mod out;
-mod servo;
 mod signals;
 mod vehicle;
 

@@ -351,7 +351,7 @@ fn recorded_as_streamed(rig: &Rig, log: &str) {
 
 #[test]
 fn everything_is_forwarded_and_the_station_is_heard() {
-    use rig::link::Link;
+    use client::Wire;
 
     let rig = Rig::start(&[]);
     let socket = || {
@@ -366,14 +366,14 @@ fn everything_is_forwarded_and_the_station_is_heard() {
         .stderr(Stdio::null())
         .spawn()
         .unwrap();
-    let mut link = Link::default();
+    let mut link = Wire::default();
     let mut datagram = [0; 2048];
-    let mut heard = |link: &mut Link| {
+    let mut heard = |link: &mut Wire| {
         let (count, from) = station.recv_from(&mut datagram).unwrap();
         (link.receive(&datagram[..count]), from)
     };
     let (_, vehicle) = heard(&mut link);
-    let set = link.frame(&rig::request::set_parameter("PID_KP", 1.75));
+    let set = link.frame(&client::request::set_parameter("PID_KP", 1.75));
     station.send_to(&set, vehicle).unwrap();
     let begun = Instant::now();
     let echoed = |messages: Vec<MavMessage>| {

@@ -15,8 +15,8 @@ pub struct CascadeConfig {
     pub rate: Config,
 }
 
-/// Outer loop: angle error to a limited rate command. Inner loop: a [`Pid`] on the rate. The limit bounds the speed at
-/// which large errors are taken back, which a single loop cannot.
+/// Outer loop: angle error to a limited rate command. Inner loop: a [`Pid`] on the rate. The limit
+/// bounds the speed at which large errors are taken back, which a single loop cannot.
 #[derive(Clone, Debug)]
 pub struct Cascade<T> {
     angle_gain: T,
@@ -39,7 +39,8 @@ impl<T: Scalar> Cascade<T> {
         })
     }
 
-    /// One sample: angle wanted, angle, its rate and, where the rate loop wants it, the angular acceleration.
+    /// One sample: angle wanted, angle, its rate and, where the rate loop wants it, the angular
+    /// acceleration.
     pub fn update(&mut self, setpoint: T, angle: T, rate: T, acceleration: T) -> T {
         let wanted = self.angle_gain * (setpoint - angle);
         let wanted = wanted.clamped(-self.rate_limit, self.rate_limit);

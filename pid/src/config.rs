@@ -33,7 +33,8 @@ pub enum Derivative {
 pub enum AntiWindup {
     /// The integral is drawn back by what the limits cut off, with this time constant (s).
     BackCalculation {
-        /// Tracking time, s, at least the sample period. Around `sqrt(kd / ki)` or `kp / ki` is usual.
+        /// Tracking time, s, at least the sample period. Around `sqrt(kd / ki)` or `kp / ki` is
+        /// usual.
         time_s: f32,
     },
     /// The integral stands still while the output is limited and the error would drive it further.
@@ -51,8 +52,8 @@ pub struct Config {
     pub derivative: Derivative,
     /// Time constant of the derivative's low-pass filter, s; 0 is no filter.
     pub derivative_filter_s: f32,
-    /// Share of the setpoint in the proportional action, 0 to 1: less than 1 takes overshoot from steps of the setpoint
-    /// without touching the response to disturbances.
+    /// Share of the setpoint in the proportional action, 0 to 1: less than 1 takes overshoot from
+    /// steps of the setpoint without touching the response to disturbances.
     pub setpoint_weight: f32,
     /// Least and greatest output.
     pub limit: RangeInclusive<f32>,
@@ -63,7 +64,8 @@ pub struct Config {
 }
 
 impl Config {
-    /// No gains, output limited to -1..1 without slew limit, derivative of a measured rate without filter.
+    /// No gains, output limited to -1..1 without slew limit, derivative of a measured rate without
+    /// filter.
     pub fn new(period_s: f32) -> Self {
         Self {
             period_s,
@@ -115,8 +117,9 @@ pub(crate) const LARGEST: f32 = 32_000.0;
 /// Shortest and longest sample period, s.
 pub(crate) const PERIOD_S: RangeInclusive<f32> = 1e-5..=10.0;
 
-/// Gains of a double integrator's two states for both poles at `z = 1 / (1 + w T)`, which is stable at any bandwidth:
-/// `1 - z^2` for the first state and `(1 - z)^2` for the second, as the characteristic polynomial `(x - z)^2` asks.
+/// Gains of a double integrator's two states for both poles at `z = 1 / (1 + w T)`, which is stable
+/// at any bandwidth: `1 - z^2` for the first state and `(1 - z)^2` for the second, as the
+/// characteristic polynomial `(x - z)^2` asks.
 pub(crate) fn double_pole(bandwidth_rad_s: f32, period_s: f32) -> (f32, f32) {
     let z = 1.0 / (1.0 + bandwidth_rad_s * period_s);
     (1.0 - z * z, (1.0 - z) * (1.0 - z))

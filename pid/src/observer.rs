@@ -1,4 +1,4 @@
-//! What pushes the plant and is not the controller.
+//! The disturbance observer.
 
 use crate::config::{ConfigError, LARGEST, PERIOD_S, double_pole, in_range};
 use crate::scalar::Scalar;
@@ -9,20 +9,20 @@ pub struct ObserverConfig {
     /// Sample period, s.
     pub period_s: f32,
     /// Acceleration per unit of command, with its sign.
-    pub gain: f32,
-    /// How fast the estimate follows, rad/s: both poles of the observer. Keep it below the actuator's bandwidth; 0 sees
-    /// nothing.
+    pub plant_gain: f32,
+    /// How fast the estimate follows, rad/s: both poles of the observer. Keep it below the
+    /// actuator's bandwidth; with 0 the disturbance stays 0.
     pub bandwidth_rad_s: f32,
     /// Lag of the actuator, s, between command and effect.
     pub actuator_s: f32,
-    /// Largest disturbance believed, in units of the command.
+    /// Largest disturbance that is estimated, in units of the command.
     pub limit: f32,
 }
 
-/// Estimates a constant or slow disturbance `d` of a plant `rate' = gain (u + d)` from its measured rate and the
-/// commands `u` that it was given. Add `-d` to the command, and an off-centre mass or a bent rudder is trimmed away
-/// faster than any integral could without overshoot: the observer sees an acceleration, not an error that has already
-/// grown.
+/// Estimates a constant or slow disturbance `d` of a plant `rate' = gain (u + d)` from its measured
+/// rate and its commands `u`. Add `-d` to the command, and an off-centre mass or a bent rudder is
+/// trimmed away faster than any integral could without overshoot: the observer sees an
+/// acceleration, not an error that has already grown.
 ///
 /// ```text
 /// u = u + T / (T + actuator) (command - u)  the command as it arrives
@@ -32,32 +32,39 @@ pub struct ObserverConfig {
 /// d = d + (1 - z)^2 / (T gain) e            both poles of the error at z = 1 / (1 + w T)
 /// ```
 ///
-/// The default sees nothing until it is [retuned](Self::retune).
+/// The default estimates nothing until it is [retuned](Self::retune).
 #[derive(Clone, Debug, Default)]
 pub struct Observer<T> {
-    /// `T gain`.
-    step: T,
+    /// Change of the rate in a sample per unit of command: `T gain`.
+    rate_step: T,
+    /// Gain from the error of the rate to the rate.
     rate_gain: T,
+    /// Gain from the error of the rate to the disturbance.
     disturbance_gain: T,
-    /// Share of the way that the actuator goes in a sample.
-    response: T,
+    /// Share of the way to the command that the actuator goes in a sample: `T / (T + lag)`.
+    lag_gain: T,
     limit: T,
     /// The command as it arrives at the plant.
     arrived: T,
-    /// Nothing before the first sample.
+    /// The estimated rate; nothing before the first sample.
     rate: Option<T>,
     disturbance: T,
 }
 
 impl<T: Scalar> Observer<T> {
-    /// An observer that believes in no disturbance yet.
+    /// An observer whose disturbance is 0.
     ///
     /// # Errors
     /// A parameter out of its range, by name.
     pub fn new(config: &ObserverConfig) -> Result<Self, ConfigError> {
         let period = config.period_s;
         in_range(period, *PERIOD_S.start(), *PERIOD_S.end(), "period_s")?;
-        in_range((period * config.gain).abs(), 1e-3, LARGEST, "gain")?;
+        in_range(
+            (period * config.plant_gain).abs(),
+            1e-3,
+            LARGEST,
+            "plant_gain",
+        )?;
         in_range(
             config.bandwidth_rad_s * period,
             0.0,
@@ -68,10 +75,10 @@ impl<T: Scalar> Observer<T> {
         in_range(config.limit, 0.0, LARGEST, "limit")?;
         let (rate_gain, disturbance_gain) = double_pole(config.bandwidth_rad_s, period);
         Ok(Self {
-            step: (period * config.gain).into(),
+            rate_step: (period * config.plant_gain).into(),
             rate_gain: rate_gain.into(),
-            disturbance_gain: (disturbance_gain / (period * config.gain)).into(),
-            response: (period / (period + config.actuator_s)).into(),
+            disturbance_gain: (disturbance_gain / (period * config.plant_gain)).into(),
+            lag_gain: (period / (period + config.actuator_s)).into(),
             limit: config.limit.into(),
             arrived: T::ZERO,
             rate: None,
@@ -79,15 +86,15 @@ impl<T: Scalar> Observer<T> {
         })
     }
 
-    /// One sample: the rate measured now and the command given after the sample before. Returns the disturbance in
-    /// units of the command.
+    /// One sample: the rate measured now and the command given after the sample before. Returns the
+    /// disturbance in units of the command.
     pub fn update(&mut self, rate: T, command: T) -> T {
         if !(rate.is_usable() && command.is_usable()) {
             return self.disturbance;
         }
-        self.arrived = self.arrived + self.response * (command - self.arrived);
+        self.arrived = self.arrived + self.lag_gain * (command - self.arrived);
         let expected = match self.rate {
-            Some(before) => before + self.step * (self.arrived + self.disturbance),
+            Some(before) => before + self.rate_step * (self.arrived + self.disturbance),
             None => rate,
         };
         let error = rate - expected;
@@ -97,7 +104,7 @@ impl<T: Scalar> Observer<T> {
         self.disturbance
     }
 
-    /// Take other parameters; what is known stays.
+    /// Take other parameters; the estimates stay.
     ///
     /// # Errors
     /// A parameter out of its range, by name; nothing changes.
@@ -141,14 +148,15 @@ mod tests {
     fn config() -> ObserverConfig {
         ObserverConfig {
             period_s: PERIOD as f32,
-            gain: -31.6,
+            plant_gain: -31.6,
             bandwidth_rad_s: 5.0,
             actuator_s: 0.0,
             limit: 0.5,
         }
     }
 
-    /// `rate' = -31.6 (u + 0.1)` from rest under no command: how much of the disturbance is seen after each sample.
+    /// `rate' = -31.6 (u + 0.1)` from rest under no command: how much of the disturbance is seen
+    /// after each sample.
     fn seen<T: Scalar>(samples: usize) -> f64 {
         let mut observer = Observer::<T>::new(&config()).unwrap();
         let mut rate = 0.0_f64;
@@ -238,10 +246,10 @@ mod tests {
         let name = |name| Some(ConfigError::OutOfRange(name));
         assert_eq!(
             refused(ObserverConfig {
-                gain: 0.0,
+                plant_gain: 0.0,
                 ..config()
             }),
-            name("gain")
+            name("plant_gain")
         );
         assert_eq!(
             refused(ObserverConfig {

@@ -1,34 +1,50 @@
 //! Proportional and derivative action, and nothing else.
 
+use crate::scalar::Scalar;
+
 /// Proportional-derivative control with the derivative on the measured rate.
 ///
-/// `u = kp * (setpoint - measured) - kd * rate`. There is no kick when the setpoint moves, and no difference of noisy
-/// angles is taken.
+/// `u = kp * (setpoint - measured) - kd * rate`. There is no kick when the setpoint moves, and no
+/// difference of noisy angles is taken.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Pd {
+pub struct Pd<T = f32> {
     /// Output per error.
-    pub kp: f32,
+    pub kp: T,
     /// Output per rate.
-    pub kd: f32,
+    pub kd: T,
 }
 
-impl Pd {
+impl<T: Scalar> Pd<T> {
     /// The output for a measured value and its rate of change.
     #[inline]
-    pub fn update(&self, setpoint: f32, measured: f32, rate: f32) -> f32 {
+    pub fn update(&self, setpoint: T, measured: T, rate: T) -> T {
         self.kp * (setpoint - measured) - self.kd * rate
     }
 }
 
 #[cfg(test)]
 mod tests {
-    use super::Pd;
+    use super::*;
+    use crate::Q16;
+
+    fn acts_against_the_motion<T: Scalar>() {
+        let pd = Pd::<T> {
+            kp: 2.0.into(),
+            kd: 0.5.into(),
+        };
+        for ([setpoint, measured, rate], expected) in [
+            ([0.0, 0.0, 0.0], 0.0),
+            ([0.0, 0.5, 0.0], -1.0),
+            ([0.25, 0.5, -1.0], 0.0),
+        ] {
+            let output = pd.update(setpoint.into(), measured.into(), rate.into());
+            assert_eq!(output.into(), expected);
+        }
+    }
 
     #[test]
     fn error_and_rate_act_against_the_motion() {
-        let pd = Pd { kp: 2.0, kd: 0.5 };
-        assert_eq!(pd.update(0.0, 0.0, 0.0), 0.0);
-        assert_eq!(pd.update(0.0, 0.5, 0.0), -1.0);
-        assert_eq!(pd.update(0.25, 0.5, -1.0), 0.0);
+        acts_against_the_motion::<f32>();
+        acts_against_the_motion::<Q16>();
     }
 }

@@ -3,7 +3,8 @@
 use crate::config::{AntiWindup, Config, ConfigError, Derivative, LARGEST, PERIOD_S, in_range};
 use crate::scalar::Scalar;
 
-/// Gains as the loop uses them, for one sample period. They can be interpolated ([`crate::Schedule`]).
+/// Gains as the loop uses them, for one sample period. They can be interpolated
+/// ([`crate::Schedule`]).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Coefficients<T> {
     /// Proportional gain.
@@ -83,8 +84,8 @@ impl<T: Scalar> Coefficients<T> {
 struct Limits<T> {
     low: T,
     high: T,
-    /// Largest change a sample; `None` is none.
-    step: Option<T>,
+    /// Largest change a sample; `None` without a slew limit.
+    max_step: Option<T>,
 }
 
 impl<T: Scalar> Limits<T> {
@@ -98,17 +99,17 @@ impl<T: Scalar> Limits<T> {
             f32::INFINITY,
             "slew_per_s",
         )?;
-        let step = config.slew_per_s * config.period_s;
+        let max_step = config.slew_per_s * config.period_s;
         Ok(Self {
             low: low.into(),
             high: high.into(),
-            step: (step < high - low).then(|| step.into()),
+            max_step: (max_step < high - low).then(|| max_step.into()),
         })
     }
 
     fn apply(&self, wanted: T, last: T) -> T {
         let wanted = wanted.clamped(self.low, self.high);
-        match self.step {
+        match self.max_step {
             Some(step) => wanted.clamped(last - step, last + step),
             None => wanted,
         }
@@ -123,7 +124,7 @@ struct Inputs<T> {
     slope: T,
 }
 
-/// A PID controller with everything around it that a real actuator needs. The crate's page has the law.
+/// A PID controller with output limits, slew limit and anti-windup. The crate's page has the law.
 #[derive(Clone, Debug)]
 pub struct Pid<T> {
     coefficients: Coefficients<T>,
@@ -134,7 +135,8 @@ pub struct Pid<T> {
     integral: T,
     /// Derivative action after its filter, gain included.
     derivative: T,
-    /// What the derivative takes differences of, last time. Nothing before the first sample: no kick.
+    /// What the derivative takes differences of, in the last sample. Nothing before the first: no
+    /// kick.
     previous: Option<T>,
     last: Option<Inputs<T>>,
     output: T,
@@ -159,7 +161,8 @@ impl<T: Scalar> Pid<T> {
         })
     }
 
-    /// One sample: setpoint, measurement and its rate to output. The rate counts only with [`Derivative::Rate`].
+    /// One sample: setpoint, measurement and its rate to output. The rate counts only with
+    /// [`Derivative::Rate`].
     ///
     /// Inputs that are not numbers leave everything as it was.
     #[inline]
@@ -193,9 +196,9 @@ impl<T: Scalar> Pid<T> {
         self.output
     }
 
-    /// Change the configuration without moving the output: the integral takes up what the other gains would change.
-    /// Without integral gain nothing takes it up, and only the slew limit softens the change; an integral gain set to
-    /// zero leaves the integral where it stands.
+    /// Change the configuration without moving the output: the integral absorbs what the other
+    /// gains would change. Without integral gain nothing absorbs it, and only the slew limit
+    /// softens the change; an integral gain set to zero leaves the integral as it is.
     ///
     /// # Errors
     /// A parameter out of its range, by name; everything stays as it was.
@@ -223,14 +226,14 @@ impl<T: Scalar> Pid<T> {
         Ok(())
     }
 
-    /// Change the gains to prepared ones, as a schedule does every sample. Nothing is taken up by the integral: a
-    /// schedule's steps are small, and meant.
+    /// Change the gains to prepared ones, as a schedule does every sample. The integral absorbs
+    /// nothing: a schedule's steps are small, and intended.
     pub fn set_coefficients(&mut self, coefficients: Coefficients<T>) {
         self.coefficients = coefficients;
     }
 
-    /// Start afresh from a known output, as when control is handed over: with integral action the next output is that
-    /// one, whatever the error then is.
+    /// Start again from a known output, as when control is handed over: with integral action the
+    /// next output is that one, whatever the error then is.
     pub fn reset(&mut self, output: T, setpoint: T, measured: T) {
         self.output = output.clamped(self.limits.low, self.limits.high);
         self.derivative = T::ZERO;
@@ -253,7 +256,8 @@ impl<T: Scalar> Pid<T> {
         self.integral
     }
 
-    /// What the derivative gain multiplies, with its sign: a rate, or a difference since the last sample.
+    /// What the derivative gain multiplies, with its sign: a rate, or a difference since the last
+    /// sample.
     fn slope(&mut self, setpoint: T, measured: T, rate: T) -> T {
         match self.derivative_weight {
             None => -rate,

@@ -4,7 +4,8 @@ use crate::config::{ConfigError, LARGEST, PERIOD_S, in_range};
 use crate::observer::{Observer, ObserverConfig};
 use crate::scalar::Scalar;
 
-/// Configuration of a [`PredictivePd`]. "Output" is the unit of its output, "value" that of what it controls.
+/// Configuration of a [`PredictivePd`]. "Output" is the unit of its output, "value" that of what it
+/// controls.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PredictiveConfig {
     /// Sample period, s.
@@ -13,17 +14,19 @@ pub struct PredictiveConfig {
     pub kp: f32,
     /// Output per rate, s.
     pub kd: f32,
-    /// Error from which on the braking curve is flatter.
+    /// Error beyond which the braking curve is flatter.
     pub knee: f32,
-    /// Slope of the braking curve beyond the knee, as a share of its slope before, 0 to 1. 1 is a plain line.
+    /// Slope of the braking curve beyond the knee, as a share of its slope before, 0 to 1. 1 is a
+    /// plain line.
     pub far_slope: f32,
     /// Acceleration of the value per output, 1/s2, positive.
     pub plant_gain: f32,
-    /// How far ahead the plant is predicted, s: the loop's delay from measurement to effect. 0 is no prediction.
+    /// How far ahead the plant is predicted, s: the loop's delay from measurement to effect. 0 is
+    /// no prediction.
     pub horizon_s: f32,
     /// Time from a sample until the actuator begins to follow its output, s, up to one period.
     pub actuator_delay_s: f32,
-    /// Lag of the actuator, s: it closes a small gap with this time constant.
+    /// Lag of the actuator, s: the time constant with which it follows a small step.
     pub actuator_s: f32,
     /// Greatest rate of the actuator, output per s.
     pub actuator_rate: f32,
@@ -35,29 +38,31 @@ pub struct PredictiveConfig {
     pub limit: f32,
 }
 
-/// Proportional-derivative control of a plant `value'' = gain (output + disturbance)` whose actuator is slow and whose
-/// loop has a delay, with the three things that these ask for:
+/// Proportional-derivative control of a plant `value'' = gain (output + disturbance)` whose
+/// actuator is slow and whose loop has a delay, with the three things that these ask for:
 ///
-/// - **Prediction.** The actuator is followed by a model (lag and greatest rate), so that value and rate are known a
-///   horizon ahead, where the output meets them: the phase that the delay takes is given back.
-/// - **A braking curve.** `-kp bend(error) / kd` is the rate at which the value should approach. The rate from which an
-///   actuator of limited speed can still stop grows less than the distance, so that the line bends at a knee: gains may
-///   be high near the setpoint without overshoot from afar. (Time-optimal servos use `sqrt`; two lines are as good over
-///   a decade and need neither root nor division. M. L. Workman, Adaptive Proximate Time-Optimal Servomechanisms,
-///   1987.)
-/// - **Trim.** An [`Observer`] tells what else pushes the plant, and the output takes it away.
+/// - **Prediction.** A model of the actuator (delay, lag and greatest rate) gives its position, and
+///   with it the value and the rate that the output will meet a horizon ahead: that compensates the
+///   phase lag of the delay.
+/// - **A braking curve.** `-kp bend(error) / kd` is the rate at which the value should approach.
+///   The rate from which an actuator of limited speed can still stop grows less than the distance,
+///   so that the line bends at a knee: gains may be high near the setpoint without overshoot from
+///   afar. (Time-optimal servos use `sqrt`; two lines are as good over a decade and need neither
+///   root nor division. M. L. Workman, Adaptive Proximate Time-Optimal Servomechanisms, 1987.)
+/// - **Trim.** An [`Observer`] estimates the disturbance, and the output cancels it.
 ///
 /// ```text
-/// a' = actuator model                       where the actuator stands: delay, lag, greatest rate
-/// d  = observer(rate, a)                    what else pushes
+/// a' = actuator model                       position of the actuator
+/// d  = observer(rate, a)                    disturbance
 /// acceleration = gain (a' + d)
 /// e' = setpoint - measured - T rate - T^2/2 acceleration
 /// r' = rate + T acceleration
 /// u  = kp bend(e') - kd r' - d              within +-limit
 /// ```
 ///
-/// Trim and prediction belong together: where the disturbance is not told, the prediction takes the output that holds
-/// against it for motion to come, and the error that is left grows by `1 + gain T kd`.
+/// Use the prediction with the trim: without it, the prediction takes the output that holds against
+/// a disturbance for the beginning of a motion, and the error that is left is larger by the factor
+/// `1 + gain T kd`.
 ///
 /// With `horizon_s`, `trim_rad_s` 0 and `far_slope` 1 it is [`Pd`](crate::Pd) with a limit.
 ///
@@ -66,11 +71,12 @@ pub struct PredictiveConfig {
 pub struct PredictivePd<T> {
     coefficients: Coefficients<T>,
     observer: Observer<T>,
-    /// Where the actuator stands by its model.
+    /// Position of the actuator by its model, in units of the output.
     actuator: T,
-    /// What it was told last, and before that.
+    /// Output of the last sample.
     output: T,
-    earlier: T,
+    /// Output of the sample before that.
+    earlier_output: T,
 }
 
 #[derive(Clone, Copy, Debug, Default)]
@@ -79,13 +85,14 @@ struct Coefficients<T> {
     kd: T,
     knee: T,
     far_slope: T,
-    gain: T,
+    plant_gain: T,
     horizon: T,
     half_horizon: T,
-    /// Share of a small gap that the actuator closes in a sample, and the most that it moves.
-    closing: T,
-    step: T,
-    /// Share of a sample for which it still follows the earlier output.
+    /// Share of the way to its input that the actuator goes in a sample: `T / (T + lag)`.
+    lag_gain: T,
+    /// The most that the actuator moves in a sample.
+    max_step: T,
+    /// Share of a sample for which the actuator still follows the earlier output.
     delay: T,
     limit: T,
 }
@@ -101,11 +108,11 @@ impl<T: Scalar> PredictivePd<T> {
             observer: Observer::new(&observer(config))?,
             actuator: T::ZERO,
             output: T::ZERO,
-            earlier: T::ZERO,
+            earlier_output: T::ZERO,
         })
     }
 
-    /// Takes other parameters without a bump: actuator and disturbance stay where they are.
+    /// Take other parameters without a bump: actuator and disturbance keep their values.
     ///
     /// # Errors
     /// A parameter out of its range, by name; nothing changes.
@@ -116,7 +123,8 @@ impl<T: Scalar> PredictivePd<T> {
         Ok(())
     }
 
-    /// One sample: setpoint, measured value and its measured rate. What is no number changes nothing.
+    /// One sample: setpoint, measured value and its measured rate. Inputs that are not numbers
+    /// change nothing.
     pub fn update(&mut self, setpoint: T, measured: T, rate: T) -> T {
         let error = setpoint - measured;
         if !(error.is_usable() && rate.is_usable()) {
@@ -124,27 +132,27 @@ impl<T: Scalar> PredictivePd<T> {
         }
         let c = &self.coefficients;
         let disturbance = self.observer.update(rate, self.actuator);
-        let told = self.output + c.delay * (self.earlier - self.output);
-        let gap = c.closing * (told - self.actuator);
-        self.actuator = self.actuator + gap.clamped(-c.step, c.step);
+        let delayed_output = self.output + c.delay * (self.earlier_output - self.output);
+        let step = c.lag_gain * (delayed_output - self.actuator);
+        self.actuator = self.actuator + step.clamped(-c.max_step, c.max_step);
 
-        let change = c.horizon * c.gain * (self.actuator + disturbance);
+        let change = c.horizon * c.plant_gain * (self.actuator + disturbance);
         let error = error - c.horizon * rate - c.half_horizon * change;
         let output = c.kp * c.bend(error) - c.kd * (rate + change) - disturbance;
-        self.earlier = self.output;
+        self.earlier_output = self.output;
         self.output = output.clamped(-c.limit, c.limit);
         self.output
     }
 
-    /// Forgets everything, as when the plant is held: the actuator goes to 0.
+    /// Forget everything, as when the plant is held: the actuator goes to 0.
     pub fn reset(&mut self) {
         self.actuator = T::ZERO;
         self.output = T::ZERO;
-        self.earlier = T::ZERO;
+        self.earlier_output = T::ZERO;
         self.observer.reset();
     }
 
-    /// What is trimmed away, in units of the output.
+    /// The disturbance that the trim cancels, in units of the output.
     pub fn disturbance(&self) -> T {
         self.observer.disturbance()
     }
@@ -165,6 +173,8 @@ impl<T: Scalar> Coefficients<T> {
             (config.actuator_delay_s, period, "actuator_delay_s"),
             (config.actuator_s, 1000.0, "actuator_s"),
             (config.actuator_rate, LARGEST, "actuator_rate"),
+            (config.trim_rad_s * period, 1000.0, "trim_rad_s"),
+            (config.trim_limit, LARGEST, "trim_limit"),
             (config.limit, LARGEST, "limit"),
         ] {
             in_range(value, 0.0, most, name)?;
@@ -174,17 +184,17 @@ impl<T: Scalar> Coefficients<T> {
             kd: config.kd.into(),
             knee: config.knee.into(),
             far_slope: config.far_slope.into(),
-            gain: config.plant_gain.into(),
+            plant_gain: config.plant_gain.into(),
             horizon: config.horizon_s.into(),
             half_horizon: (0.5 * config.horizon_s).into(),
-            closing: (period / (period + config.actuator_s)).into(),
-            step: (period * config.actuator_rate).into(),
+            lag_gain: (period / (period + config.actuator_s)).into(),
+            max_step: (period * config.actuator_rate).into(),
             delay: (config.actuator_delay_s / period).into(),
             limit: config.limit.into(),
         })
     }
 
-    /// The braking curve over the error, in errors of its first line.
+    /// The braking curve over the error, in units of the error near the setpoint.
     fn bend(&self, error: T) -> T {
         let near = error.clamped(-self.knee, self.knee);
         near + self.far_slope * (error - near)
@@ -194,9 +204,9 @@ impl<T: Scalar> Coefficients<T> {
 fn observer(config: &PredictiveConfig) -> ObserverConfig {
     ObserverConfig {
         period_s: config.period_s,
-        gain: config.plant_gain,
+        plant_gain: config.plant_gain,
         bandwidth_rad_s: config.trim_rad_s,
-        // What the observer is told is the actuator itself.
+        // Its command is the position of the actuator, which has the lag already.
         actuator_s: 0.0,
         limit: config.trim_limit,
     }
@@ -237,8 +247,8 @@ mod tests {
         }
     }
 
-    /// Flies `value'' = 31.6 (actuator + push)` from `start`: the values, sample by sample. The actuator is limited in
-    /// rate, and each output reaches it a sample late.
+    /// Flies `value'' = 31.6 (actuator + push)` from `start`: the values, sample by sample. The
+    /// actuator is limited in rate, and each output reaches it a sample late.
     fn fly<T: Scalar>(config: &PredictiveConfig, start: f64, push: f64) -> std::vec::Vec<f64> {
         let mut controller = PredictivePd::<T>::new(config).unwrap();
         let (mut value, mut rate, mut actuator, mut late) = (start, 0.0_f64, 0.0_f64, 0.0_f64);
@@ -314,7 +324,8 @@ mod tests {
         assert!((controller.actuator - before - 0.01).abs() < 1e-6);
     }
 
-    /// From 0.2 and 0.8 without overshoot worth the name, faster than any proportional-derivative gains do it.
+    /// From 0.2 and 0.8 without overshoot worth the name, faster than any proportional-derivative
+    /// gains do it.
     #[test]
     fn arrives_soon_and_without_overshoot_from_near_and_far() {
         for start in [0.2, 0.8, -0.8] {
@@ -340,8 +351,8 @@ mod tests {
             };
             fly::<f32>(&config, 0.2, 0.08)[299].abs()
         };
-        // Untold of the push, the prediction takes the actuator's stand for motion to come:
-        // a (1 + gain T kd + gain T^2/2 kp) = kp error.
+        // Without the observer, the prediction takes the actuator's position for the beginning of a
+        // motion: a (1 + gain T kd + gain T^2/2 kp) = kp error.
         let stiff = 2.4 / (1.0 + 31.6 * (0.018 * 0.45 + 0.5 * 0.018 * 0.018 * 2.4));
         assert!((droop(0.0) - 0.08 / stiff).abs() < 2e-3);
         assert!(droop(5.0) < 1e-3);
@@ -398,7 +409,21 @@ mod tests {
                     plant_gain: 0.0,
                     ..config()
                 },
-                "gain",
+                "plant_gain",
+            ),
+            (
+                PredictiveConfig {
+                    trim_rad_s: -1.0,
+                    ..config()
+                },
+                "trim_rad_s",
+            ),
+            (
+                PredictiveConfig {
+                    trim_limit: f32::NAN,
+                    ..config()
+                },
+                "trim_limit",
             ),
             (
                 PredictiveConfig {

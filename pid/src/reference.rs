@@ -12,14 +12,15 @@ pub struct Shaped<T> {
     pub rate: T,
 }
 
-/// The second half of two-degree-of-freedom control: steps of the setpoint become the critically damped path
-/// `w^2 / (s + w)^2` with limited rate, so that the feedback can be tuned for disturbances alone.
+/// The second half of two-degree-of-freedom control: steps of the setpoint become the critically
+/// damped path `w^2 / (s + w)^2` with limited rate, so that the feedback can be tuned for
+/// disturbances alone.
 #[derive(Clone, Debug)]
 pub struct Reference<T> {
     period: T,
-    /// Distance to rate.
+    /// Gain from the distance to the change of the rate in a sample.
     pull: T,
-    /// Rate to rate.
+    /// Gain from the rate to its decrease in a sample.
     brake: T,
     rate_limit: T,
     state: Shaped<T>,

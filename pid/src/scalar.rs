@@ -53,7 +53,8 @@ impl Scalar for f32 {
     }
 }
 
-/// Fixed point: 1 sign, 15 integer and 16 fraction bits, -32768 to 32767.99998 in steps of 1.5e-5. Arithmetic saturates.
+/// Fixed point: 1 sign, 15 integer and 16 fraction bits, -32768 to 32767.99998 in steps of 1.5e-5.
+/// Arithmetic saturates.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Q16(i32);
 

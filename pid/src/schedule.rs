@@ -12,19 +12,21 @@ struct Point<T> {
     coefficients: Coefficients<T>,
 }
 
-/// Gains at `N` values of a variable (time, thrust, inertia), linear in between, constant beyond the ends.
+/// Gains at `N` values of a variable (time, thrust, inertia), linear in between, constant beyond
+/// the ends.
 #[derive(Clone, Debug)]
 pub struct Schedule<T, const N: usize> {
     points: [Point<T>; N],
 }
 
 impl<T: Scalar, const N: usize> Schedule<T, N> {
-    /// From values of the variable in rising order, each with its configuration. Only what [`Coefficients`] hold is
-    /// scheduled: gains, derivative filter, setpoint weight, tracking time.
+    /// From values of the variable in rising order, each with its configuration. Only what
+    /// [`Coefficients`] hold is scheduled: gains, derivative filter, setpoint weight, tracking
+    /// time.
     ///
     /// # Errors
-    /// A parameter out of its range by name; `schedule` where the values do not rise by at least 1/1000, or there are
-    /// none.
+    /// A parameter out of its range by name; `schedule` where the values do not rise by at least
+    /// 1/1000, or there are none.
     pub fn new(table: &[(f32, Config); N]) -> Result<Self, ConfigError> {
         let (first_at, first) = table.first().ok_or(ConfigError::OutOfRange("schedule"))?;
         let mut points = [Point {

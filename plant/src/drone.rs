@@ -27,6 +27,21 @@ pub struct Crank {
     pub rate_rad_s: f64,
 }
 
+impl Crank {
+    /// A crank at an angle (rad) that turns at a rate (rad/s).
+    pub fn new(angle_rad: f64, rate_rad_s: f64) -> Self {
+        Self {
+            angle_rad,
+            rate_rad_s,
+        }
+    }
+
+    /// A crank that stands still at an angle (rad).
+    pub fn at_rest(angle_rad: f64) -> Self {
+        Self::new(angle_rad, 0.0)
+    }
+}
+
 /// The drone on its pivot.
 #[derive(Clone, Debug)]
 pub struct Drone {
@@ -51,10 +66,7 @@ impl Drone {
         rate_rad_s: f64,
     ) -> Result<Self, ParameterError> {
         let mechanism = Mechanism::new(parameters)?;
-        let crank = Crank {
-            angle_rad: mechanism.linkage().zero_rudder_crank_rad(),
-            rate_rad_s: 0.0,
-        };
+        let crank = Crank::at_rest(mechanism.linkage().zero_rudder_crank_rad());
         let at = mechanism.configuration(crank.angle_rad);
         Ok(Self {
             mechanism,
@@ -106,10 +118,7 @@ impl Drone {
     /// Places the crank without moving the drone, as when the servo is fitted at the start.
     pub fn place_crank(&mut self, angle_rad: f64) {
         let rate = self.rate_rad_s();
-        self.crank = Crank {
-            angle_rad,
-            rate_rad_s: 0.0,
-        };
+        self.crank = Crank::at_rest(angle_rad);
         self.crank_acc_rad_s2 = 0.0;
         self.at = self.mechanism.configuration(angle_rad);
         self.set_rate(rate);
@@ -192,11 +201,6 @@ impl Drone {
         self.at.linkage.rudder_rad
     }
 
-    /// Rudder rate, in rad/s.
-    pub fn rudder_rate_rad_s(&self) -> f64 {
-        self.at.linkage.rudder_ratio * self.crank.rate_rad_s
-    }
-
     /// Torque of wash and gravity on the crank, in N m: the load that the servo works against.
     pub fn hinge_torque_n_m(&self) -> f64 {
         self.mechanism.hinge_torque(&self.at, self.pitch_rad)
@@ -238,13 +242,7 @@ mod tests {
         drone.clamp(0.4);
         for i in 1..200 {
             let angle_rad = 1e-3 * f64::from(i);
-            drone.step(
-                DT_S,
-                Crank {
-                    angle_rad,
-                    rate_rad_s: 2.0,
-                },
-            );
+            drone.step(DT_S, Crank::new(angle_rad, 2.0));
             assert_eq!(drone.pitch_rad(), 0.4);
             assert!(drone.rate_rad_s().abs() < 1e-15);
         }
@@ -264,13 +262,7 @@ mod tests {
         assert_eq!(drone.rate_rad_s(), 0.0);
         assert!((drone.acceleration_rad_s2() / 0.01 + 56.7).abs() < 0.1);
         for _ in 0..20 {
-            drone.step(
-                DT_S,
-                Crank {
-                    angle_rad: crank,
-                    rate_rad_s: 0.0,
-                },
-            );
+            drone.step(DT_S, Crank::at_rest(crank));
         }
         assert!((drone.rate_rad_s() / (0.01 * 20.0 * DT_S) + 56.7).abs() < 0.1);
     }
@@ -288,13 +280,7 @@ mod tests {
         assert!(caught);
         assert!(drone.rate_rad_s().abs() < 0.01);
         for _ in 0..100 {
-            drone.step(
-                DT_S,
-                Crank {
-                    angle_rad: 0.4,
-                    rate_rad_s: 0.0,
-                },
-            );
+            drone.step(DT_S, Crank::at_rest(0.4));
         }
         assert!(drone.pitch_rad() < 1.19);
     }
@@ -315,24 +301,12 @@ mod tests {
             let phase = std::f64::consts::PI * f64::from(i) / 400.0;
             let angle_rad = home + 0.8 * phase.sin();
             let rate_rad_s = 0.8 * phase.cos() * std::f64::consts::PI / 0.2;
-            drone.step(
-                DT_S,
-                Crank {
-                    angle_rad,
-                    rate_rad_s,
-                },
-            );
+            drone.step(DT_S, Crank::new(angle_rad, rate_rad_s));
             lowest = lowest.min(drone.pitch_rad());
         }
         assert!(lowest < 0.2955, "the reaction is real: {lowest}");
         assert!((drone.pitch_rad() - 0.3).abs() < 1e-9);
-        drone.step(
-            DT_S,
-            Crank {
-                angle_rad: home,
-                rate_rad_s: 0.0,
-            },
-        );
+        drone.step(DT_S, Crank::at_rest(home));
         assert!(drone.rate_rad_s().abs() < 1e-12);
     }
 

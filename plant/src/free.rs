@@ -7,7 +7,7 @@
 //! [M01 M11] [th1''] = [ Q1 + tau - M11' v1^2 / 2 + M00' w0^2 / 2   ]
 //! ```
 
-use crate::mechanism::Mechanism;
+use crate::mechanism::{Configuration, Mechanism};
 
 /// Pitch and crank with their rates.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -61,13 +61,9 @@ impl Mechanism {
         pitch_moment_n_m: f64,
     ) -> [f64; 2] {
         let at = self.configuration(state.crank_rad);
-        let (w0, v1) = (state.pitch_rate_rad_s, state.crank_rate_rad_s);
-        let pitch = self.pitch_load(&at, state.pitch_rad, w0) + pitch_moment_n_m
-            - at.m00_slope * w0 * v1
-            - at.m01_slope * v1 * v1;
-        let crank = self.crank_load(&at, state.pitch_rad, v1) + torque_n_m
-            - 0.5 * at.m11_slope * v1 * v1
-            + 0.5 * at.m00_slope * w0 * w0;
+        let w0 = state.pitch_rate_rad_s;
+        let pitch = self.pitch_drive(&at, state, pitch_moment_n_m);
+        let crank = self.crank_drive(&at, state, torque_n_m) + 0.5 * at.m00_slope * w0 * w0;
         let det = at.m00 * at.m11 - at.m01 * at.m01;
         [
             (at.m11 * pitch - at.m01 * crank) / det,
@@ -84,9 +80,7 @@ impl Mechanism {
     /// Acceleration of the crank under a servo torque (N m) while body 0 is held still, in rad/s2.
     pub fn crank_acceleration_held(&self, state: &State, torque_n_m: f64) -> f64 {
         let at = self.configuration(state.crank_rad);
-        let v1 = state.crank_rate_rad_s;
-        (self.crank_load(&at, state.pitch_rad, v1) + torque_n_m - 0.5 * at.m11_slope * v1 * v1)
-            / at.m11
+        self.crank_drive(&at, state, torque_n_m) / at.m11
     }
 
     /// Acceleration of the pitch when the crank is made to accelerate by `crank_rad_s2` under an
@@ -98,12 +92,21 @@ impl Mechanism {
         pitch_moment_n_m: f64,
     ) -> f64 {
         let at = self.configuration(state.crank_rad);
+        (self.pitch_drive(&at, state, pitch_moment_n_m) - at.m01 * crank_rad_s2) / at.m00
+    }
+
+    /// Right-hand side of the pitch's equation under an external moment on body 0, in N m.
+    fn pitch_drive(&self, at: &Configuration, state: &State, pitch_moment_n_m: f64) -> f64 {
         let (w0, v1) = (state.pitch_rate_rad_s, state.crank_rate_rad_s);
-        (self.pitch_load(&at, state.pitch_rad, w0) + pitch_moment_n_m
+        self.pitch_load(at, state.pitch_rad, w0) + pitch_moment_n_m
             - at.m00_slope * w0 * v1
             - at.m01_slope * v1 * v1
-            - at.m01 * crank_rad_s2)
-            / at.m00
+    }
+
+    /// Right-hand side of the crank's equation under a servo torque with body 0 held still, in N m.
+    fn crank_drive(&self, at: &Configuration, state: &State, torque_n_m: f64) -> f64 {
+        let v1 = state.crank_rate_rad_s;
+        self.crank_load(at, state.pitch_rad, v1) + torque_n_m - 0.5 * at.m11_slope * v1 * v1
     }
 
     /// Kinetic and potential energy, in J; the potential is zero with the centre of mass at the

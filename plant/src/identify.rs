@@ -16,6 +16,7 @@ use serde::Serialize;
 
 use crate::drone::Drone;
 use crate::linear::frequency::crank_to_pitch;
+use crate::response::first_bad_sample;
 use crate::servo::Servo;
 use crate::setup::{Setup, SetupError};
 
@@ -28,7 +29,7 @@ const ITERATIONS: usize = 60;
 /// Weight of a large residual is cut beyond this many standard deviations: quantisation, play and
 /// a lost sample are not Gaussian.
 const HUBER: f64 = 3.0;
-/// Fewest samples that determine anything.
+/// Fewest samples that an identification accepts.
 const FEWEST_SAMPLES: usize = 50;
 
 /// A pitch and rate as the sensor reported them.
@@ -55,7 +56,7 @@ pub struct Record {
 /// Why a record cannot be used.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum IdentifyError {
-    /// The nominal setup is no good.
+    /// The nominal setup is not valid.
     #[error(transparent)]
     Setup(#[from] SetupError),
     /// Too little data.
@@ -92,7 +93,7 @@ pub struct Estimate {
     pub prior: f64,
 }
 
-/// What a record says.
+/// What a record has shown.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Identification {
     /// The nominal setup with the estimates in it.
@@ -195,18 +196,14 @@ impl<'a> Fit<'a> {
                 pulses: pulses.len(),
             });
         }
-        for (i, r) in readings.iter().enumerate() {
-            let finite =
-                r.time_s.is_finite() && r.pitch_rad.is_finite() && r.rate_rad_s.is_finite();
-            if !finite || (i > 0 && r.time_s <= readings[i - 1].time_s) {
-                return Err(IdentifyError::BadSample(i));
-            }
-        }
-        for (i, (edge, width)) in pulses.iter().enumerate() {
-            let ordered = i == 0 || *edge > pulses[i - 1].0;
-            if !(edge.is_finite() && width.is_finite() && ordered) {
-                return Err(IdentifyError::BadSample(i));
-            }
+        let bad = first_bad_sample(
+            readings
+                .iter()
+                .map(|r| [r.time_s, r.pitch_rad, r.rate_rad_s]),
+        )
+        .or_else(|| first_bad_sample(pulses.iter().map(|&(edge, width)| [edge, width])));
+        if let Some(index) = bad {
+            return Err(IdentifyError::BadSample(index));
         }
         let spread = |values: &mut dyn Iterator<Item = f64>| {
             let (low, high) = values.fold((f64::MAX, f64::MIN), |(l, h), v| (l.min(v), h.max(v)));
@@ -236,7 +233,7 @@ impl<'a> Fit<'a> {
         setup
     }
 
-    /// Flies the record's pulses; `None` for parameters without sense.
+    /// Flies the record's pulses; `None` for parameters that are not valid.
     fn residuals(&self, x: &Unknowns) -> Option<Residuals> {
         let setup = self.setup(x);
         setup.validate().ok()?;
@@ -301,7 +298,7 @@ impl<'a> Fit<'a> {
                 x[i] += by;
                 self.residuals(&x)
             };
-            // At the edge of what makes sense (a delay of zero), one side has to do.
+            // At the edge of the valid range (a delay of zero), one side has to suffice.
             let up = shifted(DIFFERENCE[i])?;
             let (down, width) = match shifted(-DIFFERENCE[i]) {
                 Some(down) => (down, 2.0 * DIFFERENCE[i]),

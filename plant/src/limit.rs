@@ -6,7 +6,7 @@
 //! search on the nonlinear model so that pitch and rate vanish together when the crank comes home.
 
 use crate::drone::{Crank, Drone};
-use crate::parameters::{ParameterError, Parameters, finite, positive};
+use crate::parameters::{ParameterError, Parameters, finite, named, positive};
 use crate::response::{ResponseError, StepResponse};
 use crate::root;
 
@@ -49,7 +49,7 @@ pub enum LimitError {
     /// A parameter or start is out of range.
     #[error(transparent)]
     Parameter(#[from] ParameterError),
-    /// The drone already is where it should be.
+    /// The drone already is where it should go.
     #[error(transparent)]
     Response(#[from] ResponseError),
     /// The rudder cannot bring the drone to rest with three arcs.
@@ -70,15 +70,8 @@ pub fn time_optimal(
     rate_rad_s: f64,
     goal_rad: f64,
 ) -> Result<Limit, LimitError> {
-    positive(&[
-        ("rate_rad_s", actuator.rate_rad_s),
-        ("limit_rad", actuator.limit_rad),
-    ])?;
-    finite(&[
-        ("pitch_rad", pitch_rad),
-        ("rate_rad_s", rate_rad_s),
-        ("goal_rad", goal_rad),
-    ])?;
+    positive(&named!(actuator; rate_rad_s, limit_rad))?;
+    finite(&named!(pitch_rad, rate_rad_s, goal_rad))?;
     let start = Drone::new(parameters, pitch_rad, rate_rad_s)?.with_tether_stop(f64::INFINITY);
     let chase = Chase {
         home_rad: start.crank().angle_rad,
@@ -146,6 +139,9 @@ pub fn instant_rudder_s(push: f64, brake: f64, pitch_rad: f64, rate_rad_s: f64) 
 }
 
 /// Pitch accelerations (sizes, in rad/s2) with the crank held at `+limit` and `-limit`, upright.
+///
+/// # Errors
+/// As [`Parameters::validate`].
 pub fn authority(parameters: &Parameters, limit_rad: f64) -> Result<(f64, f64), ParameterError> {
     let mut drone = Drone::new(parameters, 0.0, 0.0)?;
     let mut at = |crank: f64| {
@@ -191,7 +187,7 @@ impl Chase {
         bracketed(rate_left)
     }
 
-    /// Flies two arcs and home, telling `watch` of every step.
+    /// Flies two arcs and home; `watch` gets every step and the drone after it.
     fn fly(
         &self,
         [first, second]: [f64; 2],
@@ -205,11 +201,7 @@ impl Chase {
         let way = (self.home_rad - drone.crank().angle_rad).abs();
         let third = way / self.actuator.rate_rad_s;
         self.arc(&mut drone, self.home_rad, third, step_s, &mut watch);
-        let rest = Crank {
-            angle_rad: self.home_rad,
-            rate_rad_s: 0.0,
-        };
-        drone.step(1e-9, rest);
+        drone.step(1e-9, Crank::at_rest(self.home_rad));
         drone
     }
 
@@ -235,13 +227,7 @@ impl Chase {
             for i in 1..=steps as u32 {
                 let dt = duration / steps;
                 let angle_rad = start + rate_rad_s * dt * f64::from(i);
-                drone.step(
-                    dt,
-                    Crank {
-                        angle_rad,
-                        rate_rad_s,
-                    },
-                );
+                drone.step(dt, Crank::new(angle_rad, rate_rad_s));
                 watch((dt, drone));
             }
         }
@@ -304,13 +290,7 @@ mod tests {
             let mut last = 0.0;
             for [time, _, crank] in limit.trajectory.into_iter().skip(1) {
                 let rate_rad_s = (crank - drone.crank().angle_rad) / (time - last);
-                drone.step(
-                    time - last,
-                    Crank {
-                        angle_rad: crank,
-                        rate_rad_s,
-                    },
-                );
+                drone.step(time - last, Crank::new(crank, rate_rad_s));
                 last = time;
             }
             assert!(drone.pitch_rad().abs() < 2e-5, "{}", drone.pitch_rad());

@@ -60,8 +60,7 @@ pub struct Root {
 }
 
 impl Linkage {
-    /// The linkage of these parameters, which are taken as they come: see
-    /// [`Parameters::validate`].
+    /// The linkage of these parameters, which are not checked here: see [`Parameters::validate`].
     pub fn new(parameters: &Parameters) -> Self {
         Self {
             crank_m: parameters.crank_length_m,
@@ -209,11 +208,6 @@ impl Linkage {
             (self.arm_m * rudder.cos()).atan2(self.ground_m + self.arm_m * rudder.sin())
         };
         Some(((-quarter - arm(low), low), (quarter - arm(high), high)))
-    }
-
-    /// Lengths of crank, link, arm and ground link, in m.
-    pub fn lengths_m(&self) -> [f64; 4] {
-        [self.crank_m, self.link_m, self.arm_m, self.ground_m]
     }
 
     /// `(G2, G3)` by the closed form of Cramer's rule.

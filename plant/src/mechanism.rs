@@ -69,7 +69,7 @@ impl Mechanism {
         })
     }
 
-    /// The same mechanism under another thrust (N), which is taken as it comes.
+    /// The same mechanism under another thrust (N), which is not checked.
     pub fn with_thrust(&self, thrust_n: f64) -> Self {
         Self {
             parameters: Parameters {

@@ -159,7 +159,7 @@ impl Mechanism {
     }
 }
 
-/// The equations while they are written down.
+/// The equations under construction.
 #[derive(Default)]
 struct System {
     matrix: Matrix,

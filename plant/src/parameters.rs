@@ -148,14 +148,16 @@ impl Parameters {
         ..Self::THESIS_TABLE
     };
 
-    /// The presets by name: `PHYS`, `THESIS_TABLE`, `THESIS_TEXT`, in any case.
+    /// The presets and their names.
+    pub(crate) const PRESETS: [(&'static str, Self); 3] = [
+        ("PHYS", Self::PHYS),
+        ("THESIS_TABLE", Self::THESIS_TABLE),
+        ("THESIS_TEXT", Self::THESIS_TEXT),
+    ];
+
+    /// A preset by its name, in any case: `PHYS`, `THESIS_TABLE`, `THESIS_TEXT`.
     pub fn preset(name: &str) -> Option<Self> {
-        match name.to_ascii_uppercase().as_str() {
-            "PHYS" => Some(Self::PHYS),
-            "THESIS_TABLE" => Some(Self::THESIS_TABLE),
-            "THESIS_TEXT" => Some(Self::THESIS_TEXT),
-            _ => None,
-        }
+        by_name(&Self::PRESETS, name)
     }
 
     /// The servo axis O in the frame of body 0, in m.
@@ -181,46 +183,25 @@ impl Parameters {
     /// servo's travel.
     ///
     /// # Errors
-    /// The first parameter found wanting, by name.
+    /// The first parameter out of range, by name, or the linkage if it does not close.
     pub fn validate(&self) -> Result<(), ParameterError> {
-        positive(&[
-            ("body_mass_kg", self.body_mass_kg),
-            ("body_inertia_kg_m2", self.body_inertia_kg_m2),
-            ("crank_mass_kg", self.crank_mass_kg),
-            ("crank_inertia_kg_m2", self.crank_inertia_kg_m2),
-            ("link_mass_kg", self.link_mass_kg),
-            ("link_inertia_kg_m2", self.link_inertia_kg_m2),
-            ("rudder_mass_kg", self.rudder_mass_kg),
-            ("rudder_inertia_kg_m2", self.rudder_inertia_kg_m2),
-            ("crank_length_m", self.crank_length_m),
-            ("link_length_m", self.link_length_m),
-            ("arm_length_m", self.arm_length_m),
-            ("ground_length_m", self.ground_length_m),
-        ])?;
-        not_negative(&[
-            ("thrust_n", self.thrust_n),
-            ("gravity_m_s2", self.gravity_m_s2),
-            ("pivot_friction_n_m_s", self.pivot_friction_n_m_s),
-            ("crank_friction_n_m_s", self.crank_friction_n_m_s),
-            ("rudder_friction_n_m_s", self.rudder_friction_n_m_s),
-        ])?;
-        finite(&[
-            ("body_cm_m", self.body_cm_m[0]),
-            ("body_cm_m", self.body_cm_m[1]),
-            ("crank_cm_m", self.crank_cm_m),
-            ("rudder_cm_m", self.rudder_cm_m),
-            ("rudder_axis_m", self.rudder_axis_m[0]),
-            ("rudder_axis_m", self.rudder_axis_m[1]),
-            ("thrust_point_m", self.thrust_point_m[0]),
-            ("thrust_point_m", self.thrust_point_m[1]),
-            ("pressure_centre_m", self.pressure_centre_m),
-            ("motor_n_m_per_v", self.motor_n_m_per_v),
-        ])?;
-        check(
-            &[("wash_efficiency", self.wash_efficiency)],
-            "between 0 and 1",
-            |value| (0.0..=1.0).contains(&value),
-        )?;
+        positive(&named!(self;
+            body_mass_kg, body_inertia_kg_m2, crank_mass_kg, crank_inertia_kg_m2, link_mass_kg,
+            link_inertia_kg_m2, rudder_mass_kg, rudder_inertia_kg_m2, crank_length_m,
+            link_length_m, arm_length_m, ground_length_m,
+        ))?;
+        not_negative(&named!(self;
+            thrust_n, gravity_m_s2, pivot_friction_n_m_s, crank_friction_n_m_s,
+            rudder_friction_n_m_s,
+        ))?;
+        finite(&named!(self;
+            body_cm_m[0], body_cm_m[1], crank_cm_m, rudder_cm_m, rudder_axis_m[0],
+            rudder_axis_m[1], thrust_point_m[0], thrust_point_m[1], pressure_centre_m,
+            motor_n_m_per_v,
+        ))?;
+        check(&named!(self; wash_efficiency), "between 0 and 1", |value| {
+            (0.0..=1.0).contains(&value)
+        })?;
         let linkage = Linkage::new(self);
         // The distance that link and arm must span is monotonic in the sine of the crank angle:
         // where both ends close, so does all between.
@@ -238,8 +219,25 @@ impl Parameters {
     }
 }
 
+/// What has this name among the presets, in any case.
+pub(crate) fn by_name<T: Copy>(presets: &[(&str, T)], name: &str) -> Option<T> {
+    let found = presets
+        .iter()
+        .find(|preset| preset.0.eq_ignore_ascii_case(name))?;
+    Some(found.1)
+}
+
 /// A parameter's name and value, for a check.
 type Named = (&'static str, f64);
+
+/// Fields of a value, or variables, each with its name, for a check.
+macro_rules! named {
+    ($owner:expr; $($field:ident $([$i:literal])?),* $(,)?) => {
+        [$((stringify!($field), $owner.$field $([$i])?)),*]
+    };
+    ($($variable:ident),*) => { [$((stringify!($variable), $variable)),*] };
+}
+pub(crate) use named;
 
 /// Refuses the first value that is not finite and above zero.
 pub(crate) fn positive(values: &[Named]) -> Result<(), ParameterError> {

@@ -11,7 +11,9 @@ use serde::{Deserialize, Serialize};
 
 use crate::drone::{Crank, Drone};
 use crate::linkage::Linkage;
-use crate::parameters::{ParameterError, Parameters, finite, not_negative, positive};
+use crate::parameters::{
+    ParameterError, Parameters, by_name, finite, named, not_negative, positive,
+};
 use crate::response::{ResponseError, StepResponse};
 use crate::servo::{Servo, ServoModel};
 
@@ -79,27 +81,25 @@ impl Timing {
         ..Self::NANO_50HZ
     };
 
-    /// The presets by name: `ANALOGUE`, `DIGITAL`, `NANO_50HZ`, `NANO_300HZ`, in any case.
+    /// The presets and their names.
+    pub(crate) const PRESETS: [(&'static str, Self); 4] = [
+        ("ANALOGUE", Self::ANALOGUE),
+        ("DIGITAL", Self::DIGITAL),
+        ("NANO_50HZ", Self::NANO_50HZ),
+        ("NANO_300HZ", Self::NANO_300HZ),
+    ];
+
+    /// A preset by its name, in any case: `ANALOGUE`, `DIGITAL`, `NANO_50HZ`, `NANO_300HZ`.
     pub fn preset(name: &str) -> Option<Self> {
-        match name.to_ascii_uppercase().as_str() {
-            "ANALOGUE" => Some(Self::ANALOGUE),
-            "DIGITAL" => Some(Self::DIGITAL),
-            "NANO_50HZ" => Some(Self::NANO_50HZ),
-            "NANO_300HZ" => Some(Self::NANO_300HZ),
-            _ => None,
-        }
+        by_name(&Self::PRESETS, name)
     }
 
     /// Checks that every time is finite and in range.
     ///
     /// # Errors
-    /// The first time found wanting, by name.
+    /// The first time out of range, by name.
     pub fn validate(&self) -> Result<(), ParameterError> {
-        positive(&[
-            ("step_s", self.step_s),
-            ("control_s", self.control_s),
-            ("frame_s", self.frame_s),
-        ])?;
+        positive(&named!(self; step_s, control_s, frame_s))?;
         not_negative(&[
             ("phase_s", self.phase_s),
             ("delay_s", self.delay_s),
@@ -233,7 +233,7 @@ impl PitchLoop {
     ) -> Result<Self, ParameterError> {
         model.validate()?;
         timing.validate()?;
-        finite(&[("pitch_rad", pitch_rad), ("rate_rad_s", rate_rad_s)])?;
+        finite(&named!(pitch_rad, rate_rad_s))?;
         let drone = Drone::new(parameters, pitch_rad, rate_rad_s)?;
         let zero_rad = drone.crank().angle_rad;
         // One state a step, back to the oldest that the delay reaches.

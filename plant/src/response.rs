@@ -55,11 +55,12 @@ impl StepResponse {
             .into_iter()
             .map(|(time, value)| (time, value - target))
             .unzip();
-        for (index, (time, error)) in times.iter().zip(&errors).enumerate() {
-            let ordered = index == 0 || *time > times[index - 1];
-            if !(time.is_finite() && error.is_finite() && ordered) {
-                return Err(ResponseError::BadSample { index });
-            }
+        let samples = times
+            .iter()
+            .zip(&errors)
+            .map(|(time, error)| [*time, *error]);
+        if let Some(index) = first_bad_sample(samples) {
+            return Err(ResponseError::BadSample { index });
         }
         if times.len() < 2 {
             return Err(ResponseError::TooShort);
@@ -129,6 +130,18 @@ impl StepResponse {
         let (t0, t1) = (self.times_s[before], self.times_s[after]);
         t0 + (t1 - t0) * ((e0 - level) / (e0 - e1)).clamp(0.0, 1.0)
     }
+}
+
+/// Index of the first sample that is not finite or not later than the one before it. A sample is a
+/// time and its values.
+pub(crate) fn first_bad_sample<const N: usize>(
+    samples: impl IntoIterator<Item = [f64; N]>,
+) -> Option<usize> {
+    let mut last = f64::NEG_INFINITY;
+    samples.into_iter().position(|sample| {
+        let before = std::mem::replace(&mut last, sample[0]);
+        !(sample.iter().all(|value| value.is_finite()) && sample[0] > before)
+    })
 }
 
 #[cfg(test)]

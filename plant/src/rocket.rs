@@ -16,7 +16,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::parameters::{ParameterError, finite, positive};
+use crate::parameters::{ParameterError, finite, named, positive};
 use crate::response::{ResponseError, StepResponse};
 
 /// Density of air at sea level, in kg/m3.
@@ -98,32 +98,16 @@ impl RocketParameters {
         ..Self::SPICA
     };
 
-    /// Checks that the figures mean something.
+    /// Checks that every figure is finite and in range.
     ///
     /// # Errors
-    /// The first figure found wanting, by name.
+    /// The first figure out of range, by name.
     pub fn validate(&self) -> Result<(), ParameterError> {
-        positive(&[
-            ("thrust_n", self.thrust_n),
-            ("dry_mass_kg", self.dry_mass_kg),
-            ("propellant_kg", self.propellant_kg),
-            ("burn_s", self.burn_s),
-            ("dry_cm_m", self.dry_cm_m),
-            ("dry_inertia_kg_m2", self.dry_inertia_kg_m2),
-            ("column_m", self.column_m),
-            ("diameter_m", self.diameter_m),
-            ("scale_height_m", self.scale_height_m),
-            ("sound_m_s", self.sound_m_s),
-            ("gimbal_limit_rad", self.gimbal_limit_rad),
-            ("gimbal_rate_rad_s", self.gimbal_rate_rad_s),
-            ("gimbal_hz", self.gimbal_hz),
-        ])?;
-        finite(&[
-            ("column_base_m", self.column_base_m),
-            ("normal_force_slope", self.normal_force_slope),
-            ("static_margin", self.static_margin),
-            ("drag", self.drag),
-        ])
+        positive(&named!(self;
+            thrust_n, dry_mass_kg, propellant_kg, burn_s, dry_cm_m, dry_inertia_kg_m2, column_m,
+            diameter_m, scale_height_m, sound_m_s, gimbal_limit_rad, gimbal_rate_rad_s, gimbal_hz,
+        ))?;
+        finite(&named!(self; column_base_m, normal_force_slope, static_margin, drag))
     }
 
     /// Specific impulse that thrust, propellant and burn time imply, in s.
@@ -210,10 +194,10 @@ pub struct RocketSample {
 }
 
 impl Rocket {
-    /// Flies the ascent and keeps it.
+    /// Computes the ascent and keeps it.
     ///
     /// # Errors
-    /// A figure out of range.
+    /// As [`RocketParameters::validate`].
     pub fn new(parameters: &RocketParameters) -> Result<Self, ParameterError> {
         parameters.validate()?;
         let p = parameters;

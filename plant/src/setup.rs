@@ -22,7 +22,7 @@ use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 use toml::{Table, Value};
 
-use crate::parameters::{ParameterError, Parameters};
+use crate::parameters::{ParameterError, Parameters, by_name};
 use crate::pitch_loop::Timing;
 use crate::servo::ServoModel;
 
@@ -43,7 +43,7 @@ pub enum SetupError {
     /// Not TOML.
     #[error("not a parameter file: {0}")]
     Syntax(String),
-    /// A table that does not exist here.
+    /// A table that a parameter file does not have.
     #[error("unknown table [{0}]: a parameter file has [drone], [servo] and [timing]")]
     UnknownTable(String),
     /// A preset that does not exist.
@@ -54,7 +54,7 @@ pub enum SetupError {
         /// The name given.
         name: String,
         /// The names that exist.
-        known: &'static str,
+        known: String,
     },
     /// A key that does not exist, or a value of the wrong type.
     #[error("[{table}] {message}")]
@@ -116,27 +116,9 @@ impl Setup {
 
     fn take_over(file: &mut Table, base: &Self) -> Result<Self, SetupError> {
         let setup = Self {
-            drone: section(
-                file.remove("drone"),
-                "drone",
-                base.drone,
-                Parameters::preset,
-                "PHYS, THESIS_TABLE, THESIS_TEXT",
-            )?,
-            servo: section(
-                file.remove("servo"),
-                "servo",
-                base.servo,
-                ServoModel::preset,
-                "S3003, S3003_5V, DIGITAL",
-            )?,
-            timing: section(
-                file.remove("timing"),
-                "timing",
-                base.timing,
-                Timing::preset,
-                "ANALOGUE, DIGITAL, NANO_50HZ, NANO_300HZ",
-            )?,
+            drone: section(file, "drone", base.drone, &Parameters::PRESETS)?,
+            servo: section(file, "servo", base.servo, &ServoModel::PRESETS)?,
+            timing: section(file, "timing", base.timing, &Timing::PRESETS)?,
         };
         setup.validate()?;
         Ok(setup)
@@ -159,26 +141,26 @@ impl Setup {
     }
 }
 
-/// One table: its preset, overridden by its other keys.
-fn section<T: Serialize + DeserializeOwned>(
-    value: Option<Value>,
+/// Takes one table out of a file: its preset, overridden by its other keys.
+fn section<T: Copy + Serialize + DeserializeOwned>(
+    file: &mut Table,
     table: &'static str,
     default: T,
-    preset: fn(&str) -> Option<T>,
-    known: &'static str,
+    presets: &[(&str, T)],
 ) -> Result<T, SetupError> {
     let refuse = |message: String| SetupError::Key { table, message };
-    let mut overrides = match value {
+    let mut overrides = match file.remove(table) {
         None => return Ok(default),
         Some(Value::Table(overrides)) => overrides,
         Some(_) => return Err(refuse("must be a table".into())),
     };
     let base = match overrides.remove("preset") {
         None => default,
-        Some(Value::String(name)) => match preset(&name) {
-            Some(base) => base,
-            None => return Err(SetupError::UnknownPreset { table, name, known }),
-        },
+        Some(Value::String(name)) => by_name(presets, &name).ok_or_else(|| {
+            let known: Vec<&str> = presets.iter().map(|preset| preset.0).collect();
+            let known = known.join(", ");
+            SetupError::UnknownPreset { table, name, known }
+        })?,
         Some(_) => return Err(refuse("preset must be a name".into())),
     };
     let mut merged = Table::try_from(base).map_err(|error| refuse(error.to_string()))?;

@@ -2,54 +2,45 @@
 //!
 //! ```text
 //!            +----------------- Rig ------------------------------------------+
-//!  Operator  |  Chip (samd21)                Environment                             |
-//!  MAVLink <-USB-> image         <-I2C->  Bno055  <- pitch, rate, field -+     |
+//!  Ground    |  Chip (samd21)                Environment                       |
+//!  station <-USB-> image         <-I2C->  Bno055  <- pitch, rate, field -+     |
 //!            |                   -D3---->  servo -> crank -> rudder -> drone   |
-//!            |                   -D4---->  GroundTruth: bursts, steps, pulses, motion|
+//!            |                   -D4---->  GroundTruth: bursts, steps, pulses, |
+//!            |                             motion                              |
 //!            +------------------------------------------------------------------+
 //! ```
 //!
-//! Everything runs on one clock ([`Ticks`] since power-on) and out of one
-//! seed: the same seed gives the same bytes. A [`Rig`] is a plain value: clone it to fork the environment.
+//! Everything runs on one clock ([`Ticks`] since power-on) and out of one seed: the same seed gives
+//! the same bytes. A [`Rig`] is a plain value: clone it, and both copies go on from the same state.
 //!
 //! | module | what |
 //! |---|---|
 //! | [`image`] | builds the firmware and reads its ELF file |
 //! | [`Rig`] | chip, environment and bootloader together |
-//! | [`environment`] | sensor, servo, drone, clamp |
+//! | [`bench`] | sensor, servo, drone, clamp; what disturbs them ([`disturbance`]); the sensor moved by hand ([`sensor_motion`]) |
 //! | [`bno055`] | the sensor at register level, with its faults |
-//! | [`disturbance`] | vibration, sagging servo supply, slow thrust |
-//! | [`truth`], [`measure`] | what really happened, and timing figures of it |
-//! | [`link`], [`request`], [`operator`] | the MAVLink client at the USB port |
-//! | `real_time`, `pty`, [`hand`] | on the clock on the wall, behind a pseudo-terminal (Unix) |
-//! | [`flight`] | boot once, fork, let go, measure |
-//! | [`faults`] | the same flight with everything that a sensor does wrong, at random instants |
-//! | [`handling`], [`instruction`] | a sensor in the hand, and what `tvc calibrate` asks of whoever holds it |
-//! | [`recording`], [`replay`], [`score`] | real recordings through the image |
+//! | [`observe`] | what really happened ([`ground_truth`]), and timing figures of it ([`measure`]) |
+//! | [`fly`] | flights ([`flight`]), campaigns of faults ([`faults`]), recordings through the image ([`replay`]), the person at the rig ([`pilot`]), and on Unix real time behind a pseudo-terminal (`real_time`, `pty`) |
+//! | [`ground_station`] | the MAVLink client at the USB port |
 
 pub mod bench;
 pub mod bno055;
 pub mod fly;
+pub mod ground_station;
 pub mod image;
-pub mod instruction;
-pub mod link;
 pub mod observe;
-pub mod operator;
 pub mod random;
 mod received;
-pub mod recording;
-pub mod request;
 mod rig;
-pub mod score;
 
 pub use bench::{disturbance, sensor_motion};
 pub use fly::flight::{FlightRecord, Ready, ServoKind, Setup, prepare};
 pub use fly::{faults, flight, pilot, replay};
 #[cfg(unix)]
 pub use fly::{pty, real_time};
+pub use ground_station::GroundStation;
 pub use image::Image;
 pub use observe::{ground_truth, measure};
-pub use operator::Operator;
 pub use rig::{Rig, RigConfig, RigError};
 
 pub use samd21::board::Ticks;

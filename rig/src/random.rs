@@ -13,7 +13,7 @@ pub enum Stream {
     SensorNoise = 2,
     /// Clock stretching and disturbed bytes on the I2C bus.
     Bus = 3,
-    /// The hand that lets the drone go.
+    /// The moment at which the drone is released.
     Release = 4,
     /// What fails in a campaign, when and how hard.
     Campaign = 5,

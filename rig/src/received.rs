@@ -1,40 +1,9 @@
 //! What has arrived from the image, sorted.
 
-use mavlink::dialects::common::{
-    MavCmd, MavMessage, MavModeFlag, MavResult, MavSeverity, SYS_STATUS_DATA,
-};
+use client::{FlightState, text};
+use mavlink::dialects::common::{MavMessage, MavModeFlag, MavSeverity, SYS_STATUS_DATA};
 use samd21::board::Ticks;
 use std::collections::BTreeMap;
-
-/// Where the flight stands, by the low byte of HEARTBEAT's `custom_mode`.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[allow(missing_docs, reason = "the firmware's own names")]
-pub enum FlightState {
-    Boot,
-    SelfTest,
-    Standby,
-    Armed,
-    Active,
-    Failsafe,
-    Latched,
-    Unknown(u8),
-}
-
-impl FlightState {
-    /// The state in HEARTBEAT's `custom_mode`.
-    pub fn of(custom_mode: u32) -> Self {
-        match custom_mode as u8 {
-            0 => Self::Boot,
-            1 => Self::SelfTest,
-            2 => Self::Standby,
-            3 => Self::Armed,
-            4 => Self::Active,
-            5 => Self::Failsafe,
-            6 => Self::Latched,
-            other => Self::Unknown(other),
-        }
-    }
-}
 
 /// A HEARTBEAT.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -132,14 +101,6 @@ pub struct Received {
     pub status: Vec<(Ticks, SYS_STATUS_DATA)>,
     /// Parameters as last told.
     pub parameters: BTreeMap<String, f32>,
-    /// How many parameters there are.
-    pub parameter_count: Option<u16>,
-    /// Answers to commands: when, which, how.
-    pub acks: Vec<(Ticks, MavCmd, MavResult)>,
-    /// Bytes that the recorder holds, as last told.
-    pub recorded: Option<u32>,
-    /// Bytes of the recorder by their offset.
-    pub recording: BTreeMap<u32, Vec<u8>>,
 }
 
 impl Received {
@@ -175,19 +136,12 @@ impl Received {
             MavMessage::STATUSTEXT(m) => self.texts.push(Text {
                 at,
                 severity: m.severity,
-                text: m.text.to_str().unwrap_or("(not UTF-8)").to_owned(),
+                text: text(&m.text).to_owned(),
             }),
             MavMessage::SYS_STATUS(m) => self.status.push((at, m)),
             MavMessage::PARAM_VALUE(m) => {
-                let name = m.param_id.to_str().unwrap_or("(not UTF-8)").to_owned();
+                let name = text(&m.param_id).to_owned();
                 self.parameters.insert(name, m.param_value);
-                self.parameter_count = Some(m.param_count);
-            }
-            MavMessage::COMMAND_ACK(m) => self.acks.push((at, m.command, m.result)),
-            MavMessage::LOG_ENTRY(m) => self.recorded = Some(m.size),
-            MavMessage::LOG_DATA(m) => {
-                let bytes = m.data.get(..m.count.into()).unwrap_or(&m.data);
-                self.recording.insert(m.ofs, bytes.to_vec());
             }
             _ => {}
         }

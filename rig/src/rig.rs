@@ -1,4 +1,5 @@
-//! The rig: chip and environment on one clock, and the bootloader between a reset and the image.
+//! The rig: the chip and its environment on one clock, and the bootloader between a reset and the
+//! image.
 
 use crate::bench::{BenchConfig, Environment};
 use crate::bno055::Fault;
@@ -14,9 +15,9 @@ use std::sync::Arc;
 use thiserror::Error;
 use tvc_nano::{Params, store};
 
-/// How long the bootloader waits for a second tap.
+/// How long the bootloader waits for a second tap on the reset button.
 const TAP_WINDOW: Ticks = Ticks::from_ms(500);
-/// What it leaves in RAM meanwhile, and where.
+/// The word that it leaves in RAM meanwhile, and where.
 const TAP_WORD: u32 = 0x0773_8135;
 const TAP_ADDRESS: usize = 0x7FFC;
 /// RAM that the bootloader uses itself: its variables below, its stack above.
@@ -29,7 +30,7 @@ const STORE_ADDRESS: u32 = 0x0004_0000 - store::STORE_BYTES as u32;
 
 const RAM_START: u32 = 0x2000_0000;
 
-/// How a rig is made.
+/// The configuration of a rig.
 #[derive(Clone, Debug)]
 pub struct RigConfig {
     /// Seed of everything random: the sensor, its bus, the noise in RAM at power-on.
@@ -38,9 +39,9 @@ pub struct RigConfig {
     pub bench: BenchConfig,
     /// Flash wait states.
     pub wait_states: WaitStates,
-    /// How long registers stay in synchronisation.
+    /// How long registers stay busy synchronising.
     pub syncbusy_hold: SyncHold,
-    /// What somebody has saved in the image's flash before; nobody has on a new Nano.
+    /// Parameters stored in the image's flash before; none on a new Nano.
     pub stored: Option<Params>,
 }
 
@@ -57,9 +58,9 @@ impl Default for RigConfig {
 }
 
 impl RigConfig {
-    /// What is stored in a vehicle that somebody has set up: the rudder was seen to answer the right way, which on this rig it
-    /// does. All else are defaults.
-    pub fn set_up() -> Params {
+    /// The defaults with the servo's polarity set, as on a vehicle whose rudder has been checked: on
+    /// this rig +1 is right.
+    pub fn polarity_set() -> Params {
         let mut params = Params::default();
         let row = params.set("SRV_POLARITY", 1.0);
         debug_assert!(row.is_ok(), "{row:?}");
@@ -95,7 +96,7 @@ enum Running {
     Bootloader,
 }
 
-/// A firmware image on the virtual rig. Clone it to fork the whole environment.
+/// A firmware image on the virtual rig. A clone goes on by itself from the same state.
 #[derive(Clone)]
 pub struct Rig {
     chip: Chip,
@@ -141,7 +142,7 @@ impl Rig {
         self.chip.now()
     }
 
-    /// Runs for a while.
+    /// Runs for so long.
     ///
     /// # Errors
     /// [`RigError::Stopped`].
@@ -157,7 +158,7 @@ impl Rig {
     pub fn run_until(&mut self, until: Ticks) -> Result<(), RigError> {
         while self.now() < until {
             match self.run_some(until) {
-                // The core stands still until the watchdog resets it.
+                // In a lock-up the core stands still until the watchdog resets it.
                 Stop::Reached | Stop::Lockup => {}
                 Stop::Reset(cause) => self.enter_bootloader(cause),
                 stop => {
@@ -222,7 +223,7 @@ impl Rig {
         self.enter_bootloader(ResetCause::External);
     }
 
-    /// The supply dips below the brown-out level; the sensor, which takes less, does not notice.
+    /// The supply dips below the chip's brown-out level, which is still enough for the sensor.
     pub fn brown_out(&mut self) {
         self.enter_bootloader(ResetCause::BrownOut33);
     }
@@ -261,7 +262,7 @@ impl Rig {
         self.environment.inject(self.chip.now(), fault);
     }
 
-    /// Switches it off.
+    /// Switches a fault off.
     pub fn clear(&mut self, fault: Fault) {
         self.environment.clear(self.chip.now(), fault);
     }
@@ -278,20 +279,20 @@ impl Rig {
 
     /// The laptop at the other end of the USB cable.
     pub fn usb_host(&self) -> &Host {
-        self.chip.peripherals().usb_host()
+        self.chip.usb_host()
     }
 
     /// The laptop at the other end of the USB cable, to unplug it or to stop it from reading.
     pub fn usb_host_mut(&mut self) -> &mut Host {
-        self.chip.peripherals_mut().usb_host_mut()
+        self.chip.usb_host_mut()
     }
 
-    /// The environment round the chip.
+    /// The chip's environment.
     pub fn environment(&self) -> &Environment {
         &self.environment
     }
 
-    /// The environment round the chip, to act on it.
+    /// The chip's environment, to act on it.
     pub fn environment_mut(&mut self) -> &mut Environment {
         &mut self.environment
     }
@@ -326,7 +327,7 @@ impl Rig {
         self.image.stack_top().saturating_sub(self.lowest_sp)
     }
 
-    /// Stack that was still free then, bytes.
+    /// Stack that was free at the deepest, bytes.
     pub fn stack_free(&self) -> u32 {
         let statics = RAM_START + self.image.sizes().static_ram;
         self.lowest_sp.saturating_sub(statics)

@@ -4,10 +4,9 @@ mod host_loop;
 
 use host_loop::HostLoop;
 use plant::response::StepResponse;
+use recordings::{Recording, Scorer};
 use rig::bench::BenchConfig;
 use rig::bno055::Fault;
-use rig::recording::Recording;
-use rig::score::Scorer;
 use samd21::board::Ticks;
 use std::path::Path;
 use std::sync::Arc;

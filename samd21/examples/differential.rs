@@ -3,7 +3,8 @@
 
 use std::io::{self, Read, Write};
 
-#[path = "../tools/case.rs"]
+// The stored programs are run by the same code as the new ones.
+#[path = "../tests/vectors/case.rs"]
 #[allow(dead_code, unreachable_pub)]
 mod case;
 

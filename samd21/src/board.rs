@@ -4,8 +4,7 @@
 //! little before the CPU's own time (hardware acts between instructions) but never goes back.
 
 use core::fmt;
-use core::iter::Sum;
-use core::ops::{Add, AddAssign, Div, Mul, Rem, Sub, SubAssign};
+use core::ops::{Add, AddAssign, Div, Mul, Sub};
 
 /// A time or a duration in 1/48 us: one cycle of a 48 MHz clock. Times count from power-on.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -82,12 +81,6 @@ impl Sub for Ticks {
     }
 }
 
-impl SubAssign for Ticks {
-    fn sub_assign(&mut self, other: Self) {
-        self.0 -= other.0;
-    }
-}
-
 impl Mul<u64> for Ticks {
     type Output = Self;
     fn mul(self, factor: u64) -> Self {
@@ -99,19 +92,6 @@ impl Div<u64> for Ticks {
     type Output = Self;
     fn div(self, divisor: u64) -> Self {
         Self(self.0 / divisor)
-    }
-}
-
-impl Rem for Ticks {
-    type Output = Self;
-    fn rem(self, period: Self) -> Self {
-        Self(self.0 % period.0)
-    }
-}
-
-impl Sum for Ticks {
-    fn sum<I: Iterator<Item = Self>>(parts: I) -> Self {
-        Self(parts.map(|part| part.0).sum())
     }
 }
 
@@ -131,11 +111,6 @@ pub struct Pin {
 }
 
 impl Pin {
-    /// Data line of the board's I2C bus (A4 of the Nano 33 IoT): PB08.
-    pub const I2C_SDA: Self = Self::b(8);
-    /// Clock line of the board's I2C bus (A5 of the Nano 33 IoT): PB09.
-    pub const I2C_SCL: Self = Self::b(9);
-
     /// Pin `index` of port A.
     pub const fn a(index: u8) -> Self {
         Self { group: 0, index }
@@ -154,6 +129,22 @@ impl fmt::Display for Pin {
     }
 }
 
+/// The pins that the lines of the board's I2C bus are soldered to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct I2cPins {
+    /// Data.
+    pub sda: Pin,
+    /// Clock.
+    pub scl: Pin,
+}
+
+impl I2cPins {
+    /// Whether `pin` is one of the lines.
+    pub fn contain(&self, pin: Pin) -> bool {
+        pin == self.sda || pin == self.scl
+    }
+}
+
 /// What the bus master does, as a slave sees it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum I2cEvent {
@@ -169,7 +160,7 @@ pub enum I2cEvent {
     Write(u8),
     /// The master clocks a byte out of the addressed slave; called at the first clock.
     Read,
-    /// STOP. Its reply is not looked at.
+    /// STOP. The reply to it is ignored.
     Stop,
 }
 
@@ -213,7 +204,7 @@ impl I2cReply {
     }
 }
 
-/// Which lines of the I2C bus are meant.
+/// A set of I2C lines: true for each line in it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Lines {
     /// Data.
@@ -222,17 +213,27 @@ pub struct Lines {
     pub scl: bool,
 }
 
-/// What is soldered round the chip.
+/// What is soldered round the chip. What a board does not implement it does not have.
 ///
-/// The board has one I2C bus with pull-ups, on [`Pin::I2C_SDA`] and [`Pin::I2C_SCL`]. Calls to
-/// the methods with `&mut self` come in the order of their times.
+/// Calls to the methods with `&mut self` come in the order of their times.
 pub trait Board {
+    /// The pins of the board's I2C bus, if it has one; always the same. The bus has pull-ups, and
+    /// its master is the SERCOM that the chip's multiplexers connect to these pins, SDA being
+    /// pad 0 and SCL pad 1.
+    fn i2c_pins(&self) -> Option<I2cPins> {
+        None
+    }
+
     /// The chip, as I2C master, does `event` on the bus.
-    fn i2c(&mut self, now: Ticks, event: I2cEvent) -> I2cReply;
+    fn i2c(&mut self, _now: Ticks, _event: I2cEvent) -> I2cReply {
+        I2cReply::NAK
+    }
 
     /// Which I2C lines others than the chip hold low at `now`: stuck lines, a slave interrupted in
-    /// the middle of a byte. Clock stretching is part of [`I2cReply`] and not told here.
-    fn i2c_held_low(&self, now: Ticks) -> Lines;
+    /// the middle of a byte. Clock stretching is part of [`I2cReply`] and not reported here.
+    fn i2c_held_low(&self, _now: Ticks) -> Lines {
+        Lines::default()
+    }
 
     /// A glitch puts a START or STOP inside the byte that begins at `now`: the master sees a bus
     /// error. Asked once a byte.
@@ -240,35 +241,23 @@ pub trait Board {
         false
     }
 
-    /// The chip changes the level at a pin: PORT, TCC or TC waveform. An I2C line counts as high
+    /// The chip changes the level at a pin: PORT or a TCC's waveform. An I2C line counts as high
     /// when the chip releases it; another pin that is released goes where the chip's pull resistor
     /// takes it, else low.
-    fn pin(&mut self, now: Ticks, pin: Pin, level: bool);
-
-    /// The level that something outside drives onto `pin`, `None` if it floats: then the chip's pull
-    /// resistor decides, and without one it is low. Not asked for the I2C lines.
-    fn input(&self, now: Ticks, pin: Pin) -> Option<bool>;
-}
-
-/// Nothing is soldered round the chip: I2C is not acknowledged, inputs float.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct Unconnected;
-
-impl Board for Unconnected {
-    fn i2c(&mut self, _now: Ticks, _event: I2cEvent) -> I2cReply {
-        I2cReply::NAK
-    }
-
-    fn i2c_held_low(&self, _now: Ticks) -> Lines {
-        Lines::default()
-    }
-
     fn pin(&mut self, _now: Ticks, _pin: Pin, _level: bool) {}
 
+    /// The level that something outside drives onto `pin`, `None` if it floats: then the chip's
+    /// pull resistor decides, and without one it is low. Not asked for the I2C lines.
     fn input(&self, _now: Ticks, _pin: Pin) -> Option<bool> {
         None
     }
 }
+
+/// Nothing is soldered round the chip: there is no I2C bus, and inputs float.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Unconnected;
+
+impl Board for Unconnected {}
 
 #[cfg(test)]
 mod tests {
@@ -285,7 +274,7 @@ mod tests {
 
     #[test]
     fn pins_print_as_the_data_sheet_names_them() {
-        assert_eq!(Pin::I2C_SDA.to_string(), "PB08");
+        assert_eq!(Pin::b(8).to_string(), "PB08");
         assert_eq!(Pin::a(25).to_string(), "PA25");
     }
 }

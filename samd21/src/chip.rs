@@ -1,82 +1,18 @@
 //! The chip: core, memories and peripherals together, and how to run it.
 //!
-//! Left out, on purpose: the bootloader. [`Chip::boot`] does what it does at the end; what a reset
-//! does to the image (half a second without it, a double tap) is for whoever owns that model, who
-//! gets [`Stop::Reset`], lets time pass with [`Chip::hold_until`] and boots again.
-
-use std::fmt;
+//! The bootloader is left out. [`Chip::boot`] does what a bootloader does last. Whoever models one
+//! (half a second after each reset, a double tap of the button) waits for [`Stop::Reset`], lets its
+//! time pass with [`Chip::hold_until`] and boots again.
 
 use crate::board::{Board, Ticks};
-use crate::core::{Bus, Core};
+use crate::bus::Bus;
+use crate::core::Core;
+pub use crate::core::{Counters, Registers, Stop};
 use crate::fault::Fault;
 use crate::memory::{FLASH_SIZE, Memory, RAM_SIZE};
 use crate::options::Options;
 use crate::peripherals::{Peripherals, ResetCause};
 use crate::usb_host::Host;
-
-/// Why a run ended.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Stop {
-    /// The time asked for is reached.
-    Reached,
-    /// Firmware or a watchdog asks for a reset. The chip waits for [`Chip::reset`].
-    Reset(ResetCause),
-    /// An access or a state that no model covers. The chip stands before the instruction.
-    Fault(Fault),
-    /// A BKPT instruction. The chip stands before it.
-    Breakpoint,
-    /// A fault inside of HardFault or NMI: the core stands still, which a watchdog may end. Told
-    /// once; [`Chip::lockup`] and [`Chip::last_hard_fault`] say what happened.
-    Lockup,
-}
-
-impl fmt::Display for Stop {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Reached => write!(f, "the time asked for is reached"),
-            Self::Reset(cause) => write!(f, "reset: {cause:?}"),
-            Self::Fault(fault) => write!(f, "{fault}"),
-            Self::Breakpoint => write!(f, "breakpoint"),
-            Self::Lockup => write!(f, "lockup: a fault inside of HardFault or NMI"),
-        }
-    }
-}
-
-/// What has been counted since power-on.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Counters {
-    /// Instructions completed.
-    pub instructions: u64,
-    /// CPU cycles awake: instructions, exception entries and returns, flash wait states.
-    pub cycles: u64,
-    /// Of these, flash wait states.
-    pub flash_wait_cycles: u64,
-    /// Time for which peripherals stalled the bus, not in `cycles`.
-    pub stall_ticks: u64,
-    /// Time asleep, held or locked up.
-    pub sleep_ticks: u64,
-    /// Handlers started, by entry or by tail-chaining.
-    pub exceptions: u64,
-    /// HardFaults raised.
-    pub hard_faults: u64,
-}
-
-/// The core's registers, as a debugger shows them.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Registers {
-    /// R0 to R12, the stack pointer in use, LR, and the address of the next instruction.
-    pub r: [u32; 16],
-    /// N, Z, C, V (bits 31 to 28), T (bit 24), exception number (bits 5 to 0).
-    pub xpsr: u32,
-    /// PRIMASK.
-    pub primask: bool,
-    /// CONTROL.SPSEL: Thread mode uses PSP.
-    pub spsel: bool,
-    /// Main stack pointer.
-    pub msp: u32,
-    /// Process stack pointer.
-    pub psp: u32,
-}
 
 /// An ATSAMD21 with 256 KB of flash and 32 KB of SRAM.
 #[derive(Clone)]
@@ -84,6 +20,7 @@ pub struct Chip {
     core: Core,
     memory: Memory,
     peripherals: Peripherals,
+    usb_host: Host,
 }
 
 impl Chip {
@@ -94,6 +31,7 @@ impl Chip {
             core: Core::new(options.wait_states, peripherals.ticks_per_cycle()),
             memory: Memory::new(options.seed),
             peripherals,
+            usb_host: Host::new(),
         }
     }
 
@@ -112,9 +50,9 @@ impl Chip {
         self.memory.flash_mut()[range].copy_from_slice(bytes);
     }
 
-    /// Starts what lies at `vector_table`: stack pointer from its first word, entry point from its
-    /// second, VTOR there. It is what a bootloader does last, and with 0 what the core does after a
-    /// reset.
+    /// Starts the image at `vector_table`: its first word is the stack pointer, its second the entry
+    /// point, and VTOR points to it. A bootloader does this last; after a reset the core does it
+    /// with address 0.
     pub fn boot(&mut self, vector_table: u32) {
         self.core.boot(vector_table, &self.memory);
     }
@@ -143,6 +81,8 @@ impl Chip {
     pub fn reset(&mut self, cause: ResetCause) {
         self.core.reset();
         self.peripherals.reset(self.core.now(), cause);
+        self.usb_host
+            .observe(self.core.now(), self.peripherals.usb());
     }
 
     /// Time since power-on.
@@ -157,12 +97,12 @@ impl Chip {
 
     /// The lowest value that MSP has had since it was booted.
     pub fn lowest_sp(&self) -> u32 {
-        self.core.lowest_sp()
+        self.core.lowest_sp
     }
 
     /// Address of the next instruction.
     pub fn pc(&self) -> u32 {
-        self.core.pc()
+        self.core.pc
     }
 
     /// Whether the core sleeps in WFI or WFE.
@@ -183,13 +123,13 @@ impl Chip {
 
     /// What led to the last HardFault since power-on.
     pub fn last_hard_fault(&self) -> Option<&Fault> {
-        self.core.last_hard_fault()
+        self.core.last_hard_fault.as_ref()
     }
 
     /// The fault in which the core has locked up: one that could not be taken. What led to the
     /// handler in which it happened is [`Chip::last_hard_fault`].
     pub fn lockup(&self) -> Option<&Fault> {
-        self.core.lockup()
+        self.core.lockup.as_ref()
     }
 
     /// The last taken branches, from and to, oldest first: how the core got here.
@@ -222,19 +162,14 @@ impl Chip {
         &self.peripherals
     }
 
-    /// The peripherals, to inject faults into them.
-    pub fn peripherals_mut(&mut self) -> &mut Peripherals {
-        &mut self.peripherals
-    }
-
     /// The USB host at the other end of the cable.
     pub fn usb_host(&self) -> &Host {
-        self.peripherals.usb_host()
+        &self.usb_host
     }
 
     /// The USB host at the other end of the cable.
     pub fn usb_host_mut(&mut self) -> &mut Host {
-        self.peripherals.usb_host_mut()
+        &mut self.usb_host
     }
 
     fn parts<'a>(&'a mut self, board: &'a mut dyn Board) -> (&'a mut Core, Bus<'a>) {
@@ -243,6 +178,7 @@ impl Chip {
             Bus {
                 memory: &mut self.memory,
                 peripherals: &mut self.peripherals,
+                usb_host: &mut self.usb_host,
                 board,
             },
         )

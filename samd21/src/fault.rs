@@ -1,4 +1,4 @@
-//! What goes wrong in the core, printed as one clear line.
+//! What goes wrong in the core; each fault prints as one line.
 
 use std::fmt;
 
@@ -51,7 +51,7 @@ pub enum FaultKind {
         /// The encoding; of a 32-bit one the first half-word is above.
         encoding: u32,
     },
-    /// A branch or a vector to an address with bit 0 clear (ARM state, which this core has not):
+    /// A branch or a vector to an address with bit 0 clear (ARM state, which this core does not have):
     /// HardFault.
     NotThumb,
     /// An exception return with a value, a state or a stacked xPSR that does not fit: HardFault.
@@ -87,18 +87,10 @@ impl fmt::Display for FaultKind {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::UnalignedLoad { address, width } => {
-                write!(
-                    f,
-                    "{} load from 0x{address:08x} is not aligned",
-                    name(*width)
-                )
+                write!(f, "{width} load from 0x{address:08x} is not aligned")
             }
             Self::UnalignedStore { address, width } => {
-                write!(
-                    f,
-                    "{} store to 0x{address:08x} is not aligned",
-                    name(*width)
-                )
+                write!(f, "{width} store to 0x{address:08x} is not aligned")
             }
             Self::UnmappedLoad { address } => {
                 write!(f, "load from 0x{address:08x}, where nothing answers")
@@ -124,18 +116,9 @@ impl fmt::Display for FaultKind {
             Self::DeepSleep => write!(f, "WFI or WFE with SCR.SLEEPDEEP: not modelled"),
             Self::SystemControl { address, width } => write!(
                 f,
-                "{} access to 0x{address:08x} in the system control space: not modelled",
-                name(*width)
+                "{width} access to 0x{address:08x} in the system control space: not modelled"
             ),
             Self::Peripheral(error) => write!(f, "{error}"),
         }
-    }
-}
-
-fn name(width: Width) -> &'static str {
-    match width {
-        Width::Byte => "byte",
-        Width::Half => "half-word",
-        Width::Word => "word",
     }
 }

@@ -1,9 +1,10 @@
 //! An emulated ATSAMD21 (Cortex-M0+, 256 KB flash, 32 KB SRAM) that runs a firmware image as it is.
 //!
-//! [`Chip`] joins an ARMv6-M core with ARM's published cycle timing, the memories and the
-//! peripherals. It counts time in [`Ticks`](board::Ticks) of 1/48 us and knows nothing of what it
-//! is used for: what is soldered round it implements [`Board`](board::Board). A chip is a plain
-//! value: to snapshot it is to clone it.
+//! [`Chip`] joins an ARMv6-M core with ARM's published cycle timing, the memories, the peripherals
+//! and a USB host at the other end of the cable. It counts time in [`Ticks`](board::Ticks) of
+//! 1/48 us. It knows no board: what is soldered round the chip implements
+//! [`Board`](board::Board), which also names the pins of its I2C bus. A clone of a chip is a
+//! snapshot of it.
 //!
 //! ```
 //! use samd21::board::{Ticks, Unconnected};
@@ -19,19 +20,22 @@
 //! assert_eq!(chip.registers().r[0], 42);
 //! ```
 //!
-//! The instructions are proven against an independent core: `samd21/tools/differential.py` runs
+//! The instructions are compared with an independent core: `samd21/tools/differential.py` runs
 //! random programs on both and compares registers, flags and memory; some of its programs are
 //! stored and run with `cargo test`. Exceptions, faults, sleep and cycles, which that core does not
-//! have or does not count, are tested by hand from ARM's manuals. What is left out is said where
-//! each file begins.
+//! have or does not count, are tested against ARM's manuals, by programs written for the purpose.
+//! Each file begins with what it leaves out.
 
 pub mod board;
+mod bus;
 pub mod chip;
 mod core;
 pub mod fault;
 pub mod memory;
 mod options;
 pub mod peripherals;
+#[cfg(test)]
+mod testing;
 pub mod usb_host;
 
 pub use chip::Chip;

@@ -2,8 +2,8 @@
 //!
 //! Flash is shared between clones until one of them programs or erases it, so a snapshot of a chip
 //! copies 32 KB. Page buffer, command timing and locks belong to NVMCTRL, not to this file; the
-//! auxiliary rows (0x0080_0000 and up) as well. SRAM starts with noise, as after power-on: code
-//! that reads what it never wrote shall not be lucky.
+//! auxiliary rows (0x0080_0000 and up) as well. SRAM starts with noise, as after power-on, so
+//! that code does not get by with zeros that it never wrote.
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -119,7 +119,7 @@ impl Memory {
     }
 }
 
-/// An array on the heap without a detour over the stack.
+/// An array that is made on the heap: it is too large for a stack.
 fn filled<const N: usize>(byte: u8) -> Box<[u8; N]> {
     match vec![byte; N].into_boxed_slice().try_into() {
         Ok(array) => array,

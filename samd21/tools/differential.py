@@ -13,15 +13,15 @@ on from program to program, so a difference cannot be overwritten unseen.
 
 Every encoding (conditions taken and not taken, special registers one by one) is counted; one that
 was never executed fails the run. So does, from 10,000 programs on, a value of the upper 10 bits of a
-16-bit encoding that was never executed: they tell all 16-bit encodings apart. `--vectors FILE` stores the programs and their outcome for
-`cargo test -p samd21`.
+16-bit encoding that was never executed: these bits distinguish all 16-bit encodings.
+`--vectors FILE` stores the programs and their outcome for `cargo test -p samd21`.
 
 Not compared, but tested by hand in samd21/tests/: exceptions, SVC, BKPT, UDF, WFI, WFE, faults,
-cycles. Where Unicorn leaves the architecture, programs keep away:
+cycles. Where Unicorn differs from the architecture, programs avoid the difference:
 - it stops at YIELD, which is a NOP here: tested by hand;
-- it has the Q flag, which ARMv6-M has not: MSR to APSR gets values with bit 27 clear;
-- it has unprivileged mode and floating-point state, which this chip has not: MSR to CONTROL gets values
-  with bits 0, 2 and 3 clear;
+- it has the Q flag, which ARMv6-M does not have: MSR to APSR gets values with bit 27 clear;
+- it has unprivileged mode and floating-point state, which this chip does not have: MSR to CONTROL
+  gets values with bits 0, 2 and 3 clear;
 - it keeps bits 1:0 of stack pointers, which do not exist: they get aligned values.
 What ARM calls unpredictable is never generated.
 """

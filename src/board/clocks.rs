@@ -5,15 +5,16 @@
 //! that is left as it is. It happens before the first pulse and before the watchdog runs, and a chip whose oscillator
 //! does not start could make neither pulses nor USB whatever this code did.
 
-use atsamd_hal::clock::{ClockGenId, ClockSource, GenericClockController, Tcc0Tcc1Clock, UsbClock};
+use atsamd_hal::clock::{ClockGenId, ClockSource, GenericClockController, UsbClock};
 use atsamd_hal::pac;
 
+use super::nano33iot::{self, FrameClock};
 use super::time::within;
 
-/// Tokens of the peripherals' clocks that somebody asks for.
+/// Proof that the clocks run which USB's controller and the frame ask for.
 pub(super) struct Clocks {
     pub(super) usb: UsbClock,
-    pub(super) servo: Tcc0Tcc1Clock,
+    pub(super) frame: FrameClock,
 }
 
 /// 48 MHz for the CPU, USB, the servo timer and the sensor bus; 1,024 Hz for the watchdog.
@@ -30,10 +31,9 @@ pub(super) fn start(
         .configure_gclk_divider_and_source(ClockGenId::Gclk4, 32, ClockSource::Osculp32k, false)
         .expect("generator 4 is free");
     controller.wdt(&slow).expect("clocked once");
-    controller.sercom4_core(&main).expect("clocked once");
     Clocks {
         usb: controller.usb(&main).expect("clocked once"),
-        servo: controller.tcc0_tcc1(&main).expect("clocked once"),
+        frame: nano33iot::clock(&mut controller, &main),
     }
 }
 

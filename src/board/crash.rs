@@ -16,7 +16,7 @@ use cortex_m_rt::{ExceptionFrame, exception};
 use crc::{CRC_32_ISO_HDLC, Crc, NoTable};
 use tvc_nano::failsafe::Crash;
 
-use super::{servo, time, watchdog};
+use super::{frame, time, watchdog};
 
 /// Marks a record, and its layout's version.
 const MAGIC: u32 = 0x5456_4332;
@@ -123,7 +123,7 @@ pub(super) fn report(pm: &pac::Pm) -> Option<Crash> {
 /// Neutral, record, reset.
 fn end(record: Record) -> ! {
     cortex_m::interrupt::disable();
-    servo::force_neutral();
+    frame::force_neutral();
     record.store();
     if watchdog::is_running() {
         time::delay_us(LAST_WAIT_US);

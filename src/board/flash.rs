@@ -25,7 +25,7 @@ const LIMIT_US: u64 = 20_000;
 
 /// The flash controller refused, or did not end.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Refused(NorFlashErrorKind);
+pub(crate) struct Refused(NorFlashErrorKind);
 
 impl NorFlashError for Refused {
     fn kind(&self) -> NorFlashErrorKind {
@@ -40,7 +40,7 @@ impl From<NorFlashErrorKind> for Refused {
 }
 
 /// The rows of the store, addressed from 0 to [`STORE_BYTES`].
-pub(super) struct Flash {
+pub(crate) struct Flash {
     controller: pac::Nvmctrl,
 }
 

@@ -26,9 +26,10 @@ use core::ops::Deref;
 
 use bno055_driver::{BusError, Micros, READ_MAX, TRANSFER_DEADLINE_US, Transfer};
 use critical_section::Mutex;
+use tvc_nano::application::Outcome;
 
 use super::log;
-use super::nano33iot::{I2C_FUNCTION, SCL, SDA, i2c_registers};
+use super::nano33iot::{I2C_FUNCTION, SCL, SDA, i2c_registers, on_i2c_interrupt};
 use super::time::now;
 use sercom::{Command, NotSynchronised};
 
@@ -40,7 +41,7 @@ const REPAIR_PERIOD_US: u64 = 10_000;
 
 /// What a read gave.
 #[derive(Clone, Copy)]
-pub(super) struct Answer {
+pub(crate) struct Answer {
     bytes: [u8; READ_MAX],
     len: usize,
 }
@@ -64,8 +65,7 @@ pub(super) enum Origin {
 /// A transfer that is over.
 pub(super) struct Completion {
     pub(super) origin: Origin,
-    pub(super) started: Micros,
-    pub(super) outcome: Result<Answer, BusError>,
+    pub(super) outcome: Outcome<Answer>,
 }
 
 #[derive(Clone, Copy)]
@@ -110,7 +110,7 @@ static MASTER: Mutex<RefCell<Master>> = Mutex::new(RefCell::new(Master {
     broken: true,
 }));
 
-/// Look at it, or change it, with interrupts held off.
+/// Access the shared state with interrupts held off.
 fn with_master<R>(action: impl FnOnce(&mut Master) -> R) -> R {
     critical_section::with(|cs| action(&mut MASTER.borrow_ref_mut(cs)))
 }
@@ -137,7 +137,7 @@ impl Master {
         self.active = Some(active);
     }
 
-    /// The interrupt: the wire has done what it was told.
+    /// Take the next step of the transfer under way.
     fn advance(&mut self) {
         let registers = i2c_registers();
         let flags = registers.intflag().read();
@@ -226,7 +226,7 @@ fn send(bytes: &[u8], sent: usize) -> Result<Step, NotSynchronised> {
     }
 }
 
-/// The main loop's end of the bus.
+/// The bus as the main loop uses it.
 pub(super) struct Bus {
     khz: u32,
     /// When a broken bus is looked at next.
@@ -282,15 +282,19 @@ impl Bus {
         with_master(|master| master.active.is_none())
     }
 
-    /// The transfer that is over, once; ends one that has passed its deadline, and repairs the bus.
+    /// When the transfer under way, if there is one, is given up.
+    pub(super) fn deadline(&self) -> Option<Micros> {
+        with_master(|master| {
+            let active = master.active?;
+            let under_way = !matches!(active.step, Step::Done(_));
+            under_way.then(|| active.started.after(TRANSFER_DEADLINE_US))
+        })
+    }
+
+    /// The transfer that is over, once; ends one that has reached its deadline, and repairs the
+    /// bus.
     pub(super) fn poll(&mut self, now: Micros) -> Option<Completion> {
-        let late = with_master(|master| {
-            master.active.is_some_and(|active| {
-                !matches!(active.step, Step::Done(_))
-                    && now.since(active.started) > TRANSFER_DEADLINE_US
-            })
-        });
-        if late {
+        if self.deadline().is_some_and(|deadline| now >= deadline) {
             let lines_free = SDA.is_high() && SCL.is_high();
             self.abort(if lines_free {
                 BusError::Timeout
@@ -307,7 +311,7 @@ impl Bus {
         completion
     }
 
-    /// End what is under way. The peripheral is useless until it is repaired.
+    /// End the transfer under way. The peripheral is of no use until it is repaired.
     fn abort(&mut self, error: BusError) {
         with_master(|master| {
             sercom::silence();
@@ -356,8 +360,10 @@ pub(super) fn outcome_waits() -> bool {
     })
 }
 
-/// The SERCOM's interrupt.
-pub(super) fn interrupt() {
+on_i2c_interrupt!(wire_ready);
+
+/// The wire has done what it was told.
+fn wire_ready() {
     with_master(Master::advance);
 }
 
@@ -374,8 +380,10 @@ fn collect() -> Option<Completion> {
         };
         Some(Completion {
             origin: active.origin,
-            started: active.started,
-            outcome: outcome.map(|()| answer),
+            outcome: Outcome {
+                started: active.started,
+                answer: outcome.map(|()| answer),
+            },
         })
     })
 }

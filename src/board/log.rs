@@ -1,5 +1,5 @@
-//! What a debug probe shows (feature `probe`, `DEFMT_LOG=info` to see all of it). Without a probe there is no log, and
-//! these are nothing.
+//! What a debug probe shows (feature `probe`, `DEFMT_LOG=info` to see all of it). Without the
+//! feature these functions do nothing.
 
 use tvc_nano::failsafe::{BootReport, State};
 

@@ -20,11 +20,11 @@
 mod clocks;
 mod crash;
 mod flash;
+mod frame;
 mod i2c;
 mod log;
 mod nano33iot;
 mod pin;
-mod servo;
 mod stack;
 mod time;
 mod usb;
@@ -32,74 +32,31 @@ mod watchdog;
 
 use atsamd_hal::gpio::Pins;
 use atsamd_hal::pac;
-use bno055_driver::{BusError, Driver, Micros, Next, Transfer};
+use bno055_driver::{Micros, Transfer};
 use cortex_m::peripheral::scb::SystemHandler;
-use tvc_nano::failsafe::{BootReport, State};
-use tvc_nano::flight::Flight;
+use tvc_nano::application::{self, Event, StepEnd};
+use tvc_nano::failsafe::BootReport;
 use tvc_nano::params::Params;
-use tvc_nano::servo::PulseUs;
+use tvc_nano::servo::neutral;
+use tvc_nano::sleep::{Load, may_sleep};
 use tvc_nano::store;
-use tvc_nano::telemetry::{BoardStatus, Telemetry};
+use tvc_nano::telemetry::{BoardStatus, Reset};
+use tvc_nano::ticks::NewestTick;
 
 use nano33iot::{FRAME_INTERRUPT, I2C_INTERRUPT, LED, PROBE, RADIO_RESET};
 
-/// Between the last moment at which a burst may come home and the edge of its pulse: the step, with a reserve.
-const STEP_BUDGET_US: u32 = 1_200;
-
-/// Clock stretching of a byte that is allowed for when a short transfer is put between two bursts. A chip in health
-/// needs 180 us; should it take longer for once, the next tick goes without its burst.
-const STRETCH_US: u64 = 250;
-
-/// Longest time between two looks at the deadlines; SysTick wakes the processor often enough.
-const NAP_US: u64 = 1_000;
-
-/// Load is measured over this long.
-const LOAD_PERIOD_US: u64 = 1_000_000;
-
-/// What the board wakes up for.
-pub(crate) enum Event {
-    /// The tick's burst is over, and in time for its step.
-    Burst(Outcome),
-    /// The tick has no burst, or not in time: the step goes without a sample.
-    Missed,
-    /// A burst whose step has gone by is over.
-    Late(Outcome),
-    /// Another transfer is over.
-    Reply(Outcome),
-    /// Nothing for the flight.
-    Nothing,
-}
-
-/// How a transfer ended.
-pub(crate) struct Outcome(i2c::Completion);
-
-impl Outcome {
-    /// When it started.
-    pub(crate) fn started(&self) -> Micros {
-        self.0.started
-    }
-
-    /// What was read: nothing, for a write.
-    pub(crate) fn bytes(&self) -> Result<&[u8], BusError> {
-        match &self.0.outcome {
-            Ok(answer) => Ok(answer),
-            Err(error) => Err(*error),
-        }
-    }
-}
+/// The loop turns this often at least, us, give or take one period of SysTick: the sensor's driver
+/// and the host's port have deadlines of their own that are not so strict.
+const TURN_PERIOD_US: u64 = 1_000;
 
 /// The running board.
 pub(crate) struct Board {
-    servo: servo::Servo,
+    frame: frame::Frame,
     bus: i2c::Bus,
     port: usb::Port,
-    port_open: bool,
     flash: flash::Flash,
-    supervisor: watchdog::Supervisor,
-    /// When the newest tick came.
-    ticked: Micros,
-    /// When the tick's burst, begun or not, is too late for its step.
-    burst_due: Option<Micros>,
+    guard: watchdog::WatchdogGuard,
+    tick: NewestTick,
     /// The state that the log has told.
     state_code: u32,
     bus_errors: u16,
@@ -127,7 +84,7 @@ impl Board {
         time::start(&mut core.SYST);
         nano33iot::enable_bus_clocks(&mut chip.pm);
         let (frame_hz, i2c_khz) = params.rates();
-        let servo = servo::Servo::start(&clocks.servo, neutral(&params), frame_hz, i2c_khz);
+        let frame = frame::Frame::start(&clocks.frame, neutral(&params), frame_hz, i2c_khz);
         RADIO_RESET.low();
         LED.low();
         PROBE.low();
@@ -135,213 +92,167 @@ impl Board {
         let bus = i2c::Bus::start(address, i2c_khz);
         let pins = Pins::new(chip.port);
         let port = usb::Port::start(&clocks.usb, &mut chip.pm, pins.pa24, pins.pa25, chip.usb);
-        let supervisor = watchdog::Supervisor::start(chip.wdt);
+        let guard = watchdog::WatchdogGuard::start(chip.wdt);
         enable_interrupts(&mut core.SCB, &mut core.NVIC);
         log::started(&report);
         let now = time::now();
         let board = Self {
-            servo,
+            frame,
             bus,
             port,
-            port_open: false,
             flash,
-            supervisor,
-            ticked: now,
-            burst_due: None,
+            guard,
+            tick: NewestTick::new(now),
             state_code: u32::MAX,
             bus_errors: 0,
-            load: Load {
-                since: now,
-                asleep_us: 0,
-                permille: 0,
-            },
+            load: Load::new(now),
         };
         (board, params, report)
     }
 
-    /// Sleep until there is something to do, or [`NAP_US`] have passed: deadlines want to be looked at.
-    // A function of its own, as `exchange` and the USB port's `start` are: 0.4 KB less flash.
+    /// Sleep until there is something to do: an event, a deadline or the loop's next turn.
+    // A function of its own, as the USB port's `start` is: 0.4 KB less flash.
     #[inline(never)]
-    pub(crate) fn wait(&mut self) -> (Micros, Event) {
-        let until = time::now().after(NAP_US);
-        while self.nap() < until {}
+    pub(crate) fn wait(&mut self) -> (Micros, Event<i2c::Answer>) {
+        let turn = time::now().after(TURN_PERIOD_US);
+        let deadline = self.deadline();
+        while !self.nap(turn, deadline) {}
         let now = time::now();
         self.load.update(now);
-        self.supervisor.pulse_sent(self.servo.is_sent());
-        self.supervisor.check(now);
+        self.guard.work.pulse_sent(self.frame.is_sent());
+        self.guard.check(now);
         (now, self.event(now))
     }
 
-    /// Sleep until the next interrupt, unless there is something to do: then it is late.
-    fn nap(&mut self) -> Micros {
+    /// When the tick's burst is too late for its step, or a transfer is given up, whichever comes
+    /// first.
+    fn deadline(&self) -> Option<Micros> {
+        let both = [self.tick.burst_due(), self.bus.deadline()];
+        both.into_iter().flatten().min()
+    }
+
+    /// Sleep until the next interrupt, unless that may come too late. Says whether there is
+    /// something to do.
+    fn nap(&mut self, turn: Micros, deadline: Option<Micros>) -> bool {
         critical_section::with(|cs| {
-            if servo::tick_waits(cs) || i2c::outcome_waits() || usb::is_pending() {
-                return Micros(u64::MAX);
-            }
             let began = time::now();
-            // Wakes at any interrupt, which runs when this section ends: none can slip in before the sleep.
-            cortex_m::asm::wfi();
-            let woke = time::now();
-            self.load.asleep_us += woke.since(began);
-            woke
+            if frame::tick_waits(cs)
+                || i2c::outcome_waits()
+                || usb::is_pending()
+                || began >= turn
+                || deadline.is_some_and(|deadline| began >= deadline)
+            {
+                return true;
+            }
+            if may_sleep(began, deadline) {
+                // Wakes at any interrupt, which runs when this section ends: none can slip in
+                // before the sleep.
+                cortex_m::asm::wfi();
+                self.load.slept(time::now().since(began));
+            }
+            false
         })
     }
 
-    fn event(&mut self, now: Micros) -> Event {
-        if let Some(tick) = servo::take_tick() {
-            self.supervisor.tick_seen();
-            self.ticked = tick;
-            self.burst_due = Some(tick.after(self.servo.burst_limit_us()));
+    fn event(&mut self, now: Micros) -> Event<i2c::Answer> {
+        if let Some(tick) = frame::take_tick() {
+            self.guard.work.tick_seen();
+            self.tick.came(tick, self.frame.i2c_khz());
         }
-        if let Some(completion) = self.bus.poll(now) {
+        if let Some(i2c::Completion { origin, outcome }) = self.bus.poll(now) {
             self.bus_errors = self
                 .bus_errors
-                .saturating_add(u16::from(completion.outcome.is_err()));
-            let origin = completion.origin;
-            let outcome = Outcome(completion);
+                .saturating_add(u16::from(outcome.answer.is_err()));
             return match origin {
                 i2c::Origin::Loop => Event::Reply(outcome),
-                i2c::Origin::Tick if self.burst_due.take().is_some() => Event::Burst(outcome),
+                i2c::Origin::Tick if self.tick.burst_over() => Event::Burst(outcome),
                 i2c::Origin::Tick => Event::Late(outcome),
             };
         }
-        if self.burst_due.is_some_and(|due| now >= due) {
-            self.burst_due = None;
-            return Event::Missed;
+        if self.tick.is_missed(now) {
+            Event::Missed
+        } else {
+            Event::Nothing
         }
-        Event::Nothing
+    }
+}
+
+impl application::Board for Board {
+    type Flash = flash::Flash;
+
+    /// A bus that is free takes over a changed speed, too.
+    fn arm(&mut self, burst: Option<Transfer>) {
+        self.bus.arm(burst);
+        if self.bus.is_free() {
+            self.bus.set_speed(self.frame.i2c_khz());
+        }
     }
 
-    /// Mark the start of a step for whoever watches the probe pin.
-    pub(crate) fn step_begins(&self) {
+    fn bus_is_free(&self) -> bool {
+        self.bus.is_free()
+    }
+
+    fn has_time_for(&self, now: Micros, transfer: &Transfer) -> bool {
+        let (i2c_khz, period_us) = (self.frame.i2c_khz(), self.frame.tick_period_us());
+        self.tick.leaves_time_for(now, transfer, i2c_khz, period_us)
+    }
+
+    fn begin(&mut self, transfer: Transfer) {
+        self.bus.begin(transfer);
+    }
+
+    /// The probe pin is high during a step, for whoever measures it.
+    fn step_begins(&mut self) {
         PROBE.high();
     }
 
-    /// Send the step's pulse with the next frame, and take over what else it may have changed.
-    pub(crate) fn step_ends(&mut self, pulse: PulseUs, params: &Params, state: &State) {
+    fn step_ends(&mut self, end: &StepEnd) {
         // A step that comes just before every edge would never let the loop see the buffer empty.
-        self.supervisor.pulse_sent(self.servo.is_sent());
-        let taken = self.servo.write(pulse);
+        self.guard.work.pulse_sent(self.frame.is_sent());
+        let taken = self.frame.write(end.pulse);
         PROBE.low();
-        self.supervisor.step_done(taken);
-        self.configure(params);
-        if core::mem::replace(&mut self.state_code, state.code()) != state.code() {
-            log::state(state);
+        self.guard.work.step_done(taken);
+        frame::set_neutral(end.neutral);
+        // Where the timer does not take it, the next step tries again.
+        let _ = self.frame.retime(end.frame_hz, end.i2c_khz);
+        let code = end.state.code();
+        if core::mem::replace(&mut self.state_code, code) != code {
+            log::state(&end.state);
         }
-        if lit(state, self.ticked) {
+        if end.led {
             LED.high();
         } else {
             LED.low();
         }
     }
 
-    /// Neutral pulse and timing. The flight changes the rates only while disarmed.
-    fn configure(&mut self, params: &Params) {
-        servo::set_neutral(neutral(params));
-        let (frame_hz, i2c_khz) = params.rates();
-        // Where the timer does not take it, the next step tries again.
-        let _ = self.servo.retime(frame_hz, i2c_khz);
-    }
-
-    /// Give the sensor's driver what it asks for next, between bursts.
-    pub(crate) fn serve_sensor(&mut self, now: Micros, driver: &mut Driver) {
-        let sampling = driver.is_sampling();
-        self.bus.arm(sampling.then(|| driver.burst()));
-        if !self.bus.is_free() {
-            return;
-        }
-        self.bus.set_speed(self.servo.i2c_khz());
-        if let Next::Transfer(transfer) = driver.next(now)
-            && (!sampling
-                || now.after(duration_us(&transfer, self.servo.i2c_khz())) < self.next_tick())
-        {
-            self.bus.begin(transfer);
-        }
-    }
-
-    fn next_tick(&self) -> Micros {
-        self.ticked.after(self.servo.tick_period_us())
-    }
-
-    /// Hand over what the host sent and what it has room for.
-    #[inline(never)]
-    pub(crate) fn exchange(&mut self, now: Micros, telemetry: &mut Telemetry, flight: &mut Flight) {
-        self.port.poll(now, flight.state().is_armed());
-        let was_open = core::mem::replace(&mut self.port_open, self.port.is_open());
-        if !self.port_open {
-            // Nobody listens: whoever comes next wants the present, not the past.
-            telemetry.sent(telemetry.pending().len());
-            return;
-        }
-        if !was_open {
-            // A new listener hears the state again.
-            telemetry.restart();
-        }
-        let mut packet = [0; usb::PACKET_BYTES as usize];
-        telemetry.receive(now, self.port.read(&mut packet), flight);
-        // A burst under way would be cut in two.
-        if self.bus.is_free() {
-            telemetry.serve_storage(&mut self.flash, flight);
-        }
-        if let Some(reset) = telemetry.take_reset() {
-            self.port.reset_soon(now, reset);
-        }
-        let count = self.port.write(telemetry.pending());
-        telemetry.sent(count);
-    }
-
-    /// What SYS_STATUS tells of the board.
-    pub(crate) fn status(&self) -> BoardStatus {
+    fn status(&self) -> BoardStatus {
         BoardStatus {
-            load_permille: self.load.permille,
+            load_permille: self.load.permille(),
             bus_errors: self.bus_errors,
             bus_recoveries: self.bus.recoveries(),
         }
     }
-}
 
-/// How busy the processor is.
-struct Load {
-    since: Micros,
-    asleep_us: u64,
-    permille: u16,
-}
-
-impl Load {
-    fn update(&mut self, now: Micros) {
-        let elapsed_us = now.since(self.since);
-        if elapsed_us >= LOAD_PERIOD_US {
-            let awake_us = elapsed_us.saturating_sub(self.asleep_us);
-            self.permille = (awake_us as u32 / (elapsed_us as u32 / 1_000)) as u16;
-            (self.since, self.asleep_us) = (now, 0);
-        }
+    fn poll_port(&mut self, now: Micros, armed: bool) -> bool {
+        self.port.poll(now, armed);
+        self.port.is_open()
     }
-}
 
-fn neutral(params: &Params) -> PulseUs {
-    PulseUs((params.srv_centre_us() + 0.5) as u16)
-}
+    fn read<'a>(&mut self, packet: &'a mut [u8; application::PACKET_BYTES]) -> &'a [u8] {
+        self.port.read(packet)
+    }
 
-/// So long may `transfer` take.
-fn duration_us(transfer: &Transfer, i2c_khz: u32) -> u64 {
-    let payload = match transfer {
-        Transfer::Read { len, .. } => usize::from(*len),
-        Transfer::Write { bytes, .. } => bytes.len(),
-    };
-    // Two addresses and the register's number.
-    let bits_us = if i2c_khz < 400 { 90 } else { 23 };
-    (payload as u64 + 3) * (bits_us + STRETCH_US)
-}
+    fn write(&mut self, bytes: &[u8]) -> usize {
+        self.port.write(bytes)
+    }
 
-/// The LED: lit while armed or active, slow while all is well, fast in a fault, short flashes while starting.
-fn lit(state: &State, now: Micros) -> bool {
-    // Units of 8 ms.
-    let phase = (now.0 >> 13) as u32 % 128;
-    match state {
-        State::Armed | State::Active { .. } => true,
-        State::Standby => phase < 64,
-        State::Failsafe(_) | State::Latched(_) => phase % 16 < 8,
-        State::Boot | State::SelfTest(_) => phase < 8,
+    fn flash(&mut self) -> &mut flash::Flash {
+        &mut self.flash
+    }
+
+    fn reset_soon(&mut self, now: Micros, reset: Reset) {
+        self.port.reset_soon(now, reset);
     }
 }
 

@@ -1,10 +1,12 @@
 //! Arduino Nano 33 IoT: which pin and which peripheral does what. Another SAMD21 board is another file like this one.
+//!
+//! USB is not here: the chip has it on one pair of pads.
 
+use atsamd_hal::clock::{GClock, GenericClockController, Tcc0Tcc1Clock};
 use atsamd_hal::pac;
-use atsamd_hal::pac::interrupt;
+use tvc_nano::ticks::TickPlan;
 
 use super::pin::{Function, Pin};
-use super::{i2c, servo};
 
 /// A4: the sensor's SDA, SERCOM4 pad 0.
 pub(super) const SDA: Pin = Pin::b(8);
@@ -19,6 +21,8 @@ pub(super) const SERVO: Pin = Pin::b(11);
 pub(super) const SERVO_FUNCTION: Function = Function::F;
 /// The compare channel whose output the servo is on.
 pub(super) const SERVO_CHANNEL: usize = 1;
+/// Compare channels without a pin, for the ticks: the frame's last first.
+pub(super) const TICK_CHANNELS: [usize; TickPlan::MOST_TICKS as usize] = [3, 2, 0];
 
 /// D4: high while a step runs.
 pub(super) const PROBE: Pin = Pin::a(7);
@@ -50,7 +54,7 @@ pub(super) fn i2c_registers() -> &'static pac::sercom0::I2cm {
 
 /// The servo timer.
 pub(super) fn frame_registers() -> &'static pac::tcc0::RegisterBlock {
-    // SAFETY: the block is always mapped; only `servo` uses it.
+    // SAFETY: the block is always mapped; only `frame` uses it.
     unsafe { &*pac::Tcc0::ptr() }
 }
 
@@ -60,12 +64,41 @@ pub(super) fn enable_bus_clocks(pm: &mut pac::Pm) {
         .modify(|_, w| w.sercom4_().set_bit().tcc0_().set_bit());
 }
 
-#[interrupt]
-fn TCC0() {
-    servo::interrupt();
+/// Clock of the servo timer.
+pub(super) type FrameClock = Tcc0Tcc1Clock;
+
+/// Clock both from the generator `main`.
+pub(super) fn clock(controller: &mut GenericClockController, main: &GClock) -> FrameClock {
+    controller.sercom4_core(main).expect("clocked once");
+    controller.tcc0_tcc1(main).expect("clocked once")
 }
 
-#[interrupt]
-fn SERCOM4() {
-    i2c::interrupt();
+/// Makes a function the handler of [`FRAME_INTERRUPT`].
+macro_rules! on_frame_interrupt {
+    ($handler:path) => {
+        const _: () = {
+            use atsamd_hal::pac::interrupt;
+
+            #[interrupt]
+            fn TCC0() {
+                $handler();
+            }
+        };
+    };
 }
+
+/// Makes a function the handler of [`I2C_INTERRUPT`].
+macro_rules! on_i2c_interrupt {
+    ($handler:path) => {
+        const _: () = {
+            use atsamd_hal::pac::interrupt;
+
+            #[interrupt]
+            fn SERCOM4() {
+                $handler();
+            }
+        };
+    };
+}
+
+pub(super) use {on_frame_interrupt, on_i2c_interrupt};

@@ -1,9 +1,10 @@
 //! How deep the stack has been.
 //!
-//! The stack grows down towards the statics, and nothing in this core stops it there. So the free RAM is painted at
-//! start-up, and the supervisor looks at its lowest words before it feeds the watchdog: a stack that has reached them
-//! is a panic with a reason, within 20 ms, instead of statics that change by themselves. The paint also shows a
-//! debugger, or the emulated chip's owner, the deepest point so far.
+//! The stack grows down towards the statics, and nothing in this core stops it there. So the free
+//! RAM is painted at start-up, and the watchdog's guard looks at its lowest words before it feeds
+//! the watchdog: a stack that has reached them is a panic with a reason, within 20 ms, instead of
+//! statics that change by themselves. The paint also shows a debugger, or the emulated chip's
+//! owner, the deepest point so far.
 
 use core::ptr::addr_of_mut;
 

@@ -1,8 +1,9 @@
 //! The USB serial port: the HAL's device controller, `usb-device`, and the packet level of `usbd-serial`, polled from the
 //! main loop.
 //!
-//! The interrupt masks itself and so wakes the main loop, which polls the stack when nothing more urgent is left and
-//! unmasks it again. Nothing waits for the host: what it does not fetch stays in the caller's queue.
+//! The interrupt masks itself and wakes the main loop, which polls the stack once nothing more
+//! urgent is left, and then unmasks the interrupt. Nothing waits for the host: what it does not
+//! fetch stays in the caller's queue.
 
 mod bus;
 
@@ -17,6 +18,7 @@ use atsamd_hal::usb;
 use bno055_driver::Micros;
 use cortex_m::peripheral::SCB;
 use cortex_m::singleton;
+use tvc_nano::application::PACKET_BYTES;
 use tvc_nano::telemetry::Reset;
 use usb_device::bus::UsbBusAllocator;
 use usb_device::device::{
@@ -28,10 +30,8 @@ use bus::UsbBus;
 
 use super::nano33iot::{BOOTLOADER_MAGIC, BOOTLOADER_WORD, USB_PRODUCT, USB_VENDOR};
 
-/// Packet size of the bulk endpoints.
-pub(super) const PACKET_BYTES: u16 = 64;
 /// No packet sent is full: the host takes a full one to have a continuation, and waits for it.
-const SHORT_PACKET_BYTES: usize = PACKET_BYTES as usize - 1;
+const SHORT_PACKET_BYTES: usize = PACKET_BYTES - 1;
 
 /// The stack is polled so often at least, whether or not the controller asks for it.
 const POLL_PERIOD_US: u64 = 10_000;
@@ -40,7 +40,7 @@ const TOUCH_BAUD: u32 = 1_200;
 /// From the host's request to the reset, so that it is answered first.
 const RESET_DELAY_US: u64 = 100_000;
 
-/// The controller has something to say and is masked until it has been heard.
+/// The controller has interrupted, and is masked until the stack has been polled.
 static PENDING: AtomicBool = AtomicBool::new(false);
 
 /// The serial port.
@@ -67,7 +67,7 @@ impl Port {
             : UsbBusAllocator<UsbBus> = UsbBusAllocator::new(UsbBus(usb::UsbBus::new(clock, pm, minus, plus, controller)))
         )
         .expect("started once");
-        let serial = CdcAcmClass::new(allocator, PACKET_BYTES);
+        let serial = CdcAcmClass::new(allocator, PACKET_BYTES as u16);
         let strings = StringDescriptors::default()
             .manufacturer("tvc-nano")
             .product("tvc-nano thrust-vector control")
@@ -88,7 +88,8 @@ impl Port {
         }
     }
 
-    /// Hear the controller if it has something to say. `armed` refuses a reset.
+    /// Poll the stack if the controller has interrupted, or some time has passed. `armed` refuses a
+    /// reset.
     pub(super) fn poll(&mut self, now: Micros, armed: bool) {
         if is_pending() || now.since(self.polled) >= POLL_PERIOD_US {
             self.polled = now;
@@ -117,7 +118,7 @@ impl Port {
     }
 
     /// The host's next packet, empty if there is none.
-    pub(super) fn read<'a>(&mut self, buffer: &'a mut [u8; PACKET_BYTES as usize]) -> &'a [u8] {
+    pub(super) fn read<'a>(&mut self, buffer: &'a mut [u8; PACKET_BYTES]) -> &'a [u8] {
         let count = self.serial.read_packet(buffer).unwrap_or(0);
         buffer.get(..count).unwrap_or(&[])
     }
@@ -166,7 +167,7 @@ fn serial_number_text() -> &'static str {
     core::str::from_utf8(text).unwrap_or("")
 }
 
-/// Whether the controller waits to be heard.
+/// Whether the controller has interrupted since the stack was polled.
 pub(super) fn is_pending() -> bool {
     PENDING.load(Ordering::Relaxed)
 }

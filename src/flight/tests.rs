@@ -1,8 +1,10 @@
 //! The flight on a desk: a rigid body on a pivot, a servo with a lag, and a sensor that says what it should.
 
+use std::boxed::Box;
 use std::vec::Vec;
 
 use proptest::prelude::*;
+use proptest::test_runner::FileFailurePersistence::WithSource;
 
 mod states;
 
@@ -341,21 +343,26 @@ fn event() -> impl Strategy<Value = Event> {
             Just(Command::Arm),
             Just(Command::Release),
             Just(Command::Disarm),
-            any::<u16>().prop_map(|us| Command::Try(PulseUs(us))),
+            any::<u16>().prop_map(|us| Command::TestPulse(PulseUs(us))),
         ].prop_map(Event::Order),
         1 => (0..Params::count(), prop::num::f32::ANY).prop_map(|(index, value)| Event::Set(index, value)),
     ]
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(64))]
+    #![proptest_config(ProptestConfig {
+        cases: 64,
+        // Cases that once failed are kept beside this file and come first.
+        failure_persistence: Some(Box::new(WithSource("proptest-regressions"))),
+        ..ProptestConfig::default()
+    })]
 
     /// Whatever comes, the pulse stays in the hard range, is neutral unless control is active or an idle servo is set up, and
     /// the attitude is finite.
     #[test]
     fn nothing_leaves_the_envelope(events in prop::collection::vec(event(), 1..300)) {
         let mut desk = Desk::in_standby(0.3);
-        let mut tried_until = 0;
+        let mut tested_until = 0;
         for event in events {
             let outputs = match event {
                 Event::Sample { dt_us, acc, gyr, mag } => {
@@ -365,8 +372,8 @@ proptest! {
                 Event::Honest => desk.step(),
                 Event::Miss(fault) => desk.step_with(Err(fault)),
                 Event::Order(command) => {
-                    if desk.command(command).is_ok() && matches!(command, Command::Try(_)) {
-                        tried_until = desk.now_us + TRIAL_US;
+                    if desk.command(command).is_ok() && matches!(command, Command::TestPulse(_)) {
+                        tested_until = desk.now_us + TEST_PULSE_US;
                     }
                     continue;
                 }
@@ -380,7 +387,7 @@ proptest! {
             prop_assert!((853..=2193).contains(&outputs.pulse.0));
             let params = desk.flight.params();
             let set_up = snapshot.state.is_idle()
-                && (params.polarity() == Polarity::Watched || desk.now_us <= tried_until);
+                && (params.polarity() == Polarity::Watched || desk.now_us <= tested_until);
             if !snapshot.state.is_active() && !set_up {
                 prop_assert_eq!(outputs.pulse, Servo::new(params).neutral());
             }

@@ -8,7 +8,7 @@ const PAGE: usize = 64;
 
 /// Flash that loses its power in the middle of an operation.
 #[derive(Clone)]
-struct Mock {
+pub(crate) struct Mock {
     bytes: [u8; STORE_BYTES],
     /// Operations (rows erased, pages written) until the power fails, and how the last one ends.
     power: Option<(usize, Tear)>,
@@ -27,7 +27,7 @@ enum Tear {
 }
 
 impl Mock {
-    fn new() -> Self {
+    pub(crate) fn new() -> Self {
         Self {
             bytes: [0xFF; STORE_BYTES],
             power: None,

@@ -1,5 +1,7 @@
 //! What the host asks, and what it gets.
 
+use core::fmt;
+
 use bno055_driver::Micros;
 use mavlink::dialects::common::{
     AUTOPILOT_VERSION_DATA, COMMAND_ACK_DATA, COMMAND_LONG_DATA, HEARTBEAT_DATA,
@@ -14,7 +16,7 @@ use super::parser::Message;
 use super::queue::Priority;
 use super::{OVERHEAD, Reset, Telemetry};
 use crate::config::{COMPONENT_ID, PULSE_MAX_US, PULSE_MIN_US, SYSTEM_ID};
-use crate::failsafe::{Command, Refusal, State};
+use crate::failsafe::{Command, Refusal, RefusalKind, State};
 use crate::flight::Flight;
 use crate::params::{Change, Info, ParamError, Params, TABLE};
 use crate::servo::PulseUs;
@@ -105,7 +107,7 @@ impl Telemetry {
         let index = usize::try_from(request.param_index).ok();
         let index = index.or_else(|| Some(find(&request.param_id)?.0));
         match index.filter(|index| *index < Params::count()) {
-            Some(index) => self.tell_param(index, params),
+            Some(index) => self.report_param(index, params),
             None => self.refuse_param(&ParamError::Unknown),
         }
     }
@@ -121,20 +123,20 @@ impl Telemetry {
         if let Err(error) = flight.set_param(info.name, request.param_value) {
             self.refuse_param(&error);
         }
-        self.tell_param(index, flight.params());
+        self.report_param(index, flight.params());
         if info.change == Change::Turning {
-            self.tell_param(Params::POLARITY, flight.params());
+            self.report_param(Params::POLARITY, flight.params());
         }
     }
 
-    fn tell_param(&mut self, index: usize, params: &Params) {
+    fn report_param(&mut self, index: usize, params: &Params) {
         if let Some((info, value)) = params.by_index(index) {
             self.param_value(index, info, value);
         }
     }
 
     pub(super) fn refuse_param(&mut self, error: &ParamError) {
-        self.say(MavSeverity::MAV_SEVERITY_WARNING, format_args!("{error}"));
+        self.status_text(MavSeverity::MAV_SEVERITY_WARNING, format_args!("{error}"));
     }
 
     fn param_value(&mut self, index: usize, info: &Info, value: f32) {
@@ -165,7 +167,7 @@ impl Telemetry {
         const SERVO: u16 = MavCmd::MAV_CMD_DO_SET_SERVO as u16;
         const STORAGE: u16 = MavCmd::MAV_CMD_PREFLIGHT_STORAGE as u16;
         const REQUEST_MESSAGE: u16 = MavCmd::MAV_CMD_REQUEST_MESSAGE as u16;
-        let result = match order.command {
+        let answer = match order.command {
             ARM_DISARM if order.param1 == 1.0 => self.order(now, Command::Arm, flight),
             ARM_DISARM if order.param1 == 0.0 => self.order(now, Command::Disarm, flight),
             GRIPPER if order.param2 == GRIPPER_RELEASE => self.order(now, Command::Release, flight),
@@ -173,12 +175,16 @@ impl Telemetry {
             SERVO
                 if order.param1 == 1.0 && (PULSE_MIN_US..=PULSE_MAX_US).contains(&order.param2) =>
             {
-                self.order(now, Command::Try(PulseUs(order.param2 as u16)), flight)
+                self.order(
+                    now,
+                    Command::TestPulse(PulseUs(order.param2 as u16)),
+                    flight,
+                )
             }
             // Answered when it is done.
             STORAGE => return self.order_storage(order.param1, flight),
-            REBOOT if order.param1 == 1.0 => self.reset(Reset::Restart, flight.state()),
-            REBOOT if order.param1 == 3.0 => self.reset(Reset::Bootloader, flight.state()),
+            REBOOT if order.param1 == 1.0 => self.reset(Reset::Restart, flight),
+            REBOOT if order.param1 == 3.0 => self.reset(Reset::Bootloader, flight),
             INTERVAL
                 if self.rates.set(
                     order.param1,
@@ -186,55 +192,69 @@ impl Telemetry {
                     flight.params().control_period_us(),
                 ) =>
             {
-                MavResult::MAV_RESULT_ACCEPTED
+                Ok(())
             }
             ARM_DISARM | GRIPPER | CALIBRATION | SERVO | REBOOT | INTERVAL => {
-                MavResult::MAV_RESULT_DENIED
+                return self.acknowledge(order.command, MavResult::MAV_RESULT_DENIED);
             }
             CAPABILITIES => self.version(),
             REQUEST_MESSAGE if order.param1 == AUTOPILOT_VERSION_DATA::ID as f32 => self.version(),
-            _ => MavResult::MAV_RESULT_UNSUPPORTED,
+            _ => return self.acknowledge(order.command, MavResult::MAV_RESULT_UNSUPPORTED),
         };
-        self.acknowledge(order.command, result);
+        match answer {
+            Ok(()) => self.acknowledge(order.command, MavResult::MAV_RESULT_ACCEPTED),
+            Err(refusal) => self.acknowledge_refusal(order.command, refusal),
+        }
     }
 
-    fn order(&mut self, now: Micros, command: Command, flight: &mut Flight) -> MavResult {
-        match flight.command(now, command) {
-            Ok(()) => {
-                self.announce(&flight.state());
-                MavResult::MAV_RESULT_ACCEPTED
-            }
-            Err(refusal) => self.refuse(format_args!("{command} refused: {refusal}")),
-        }
+    fn order(&mut self, now: Micros, command: Command, flight: &mut Flight) -> Answer {
+        let answer = flight.command(now, command);
+        self.report_answer(format_args!("{command}"), answer, flight)
     }
 
     /// Gyro calibration: back to the self-test, the estimate begins anew.
-    fn calibrate(&mut self, flight: &mut Flight) -> MavResult {
-        match flight.calibrate() {
-            Ok(()) => {
-                self.announce(&flight.state());
-                MavResult::MAV_RESULT_ACCEPTED
-            }
-            Err(refusal) => self.refuse(format_args!("calibration refused: {refusal}")),
-        }
+    fn calibrate(&mut self, flight: &mut Flight) -> Answer {
+        let answer = flight.calibrate();
+        self.report_answer(format_args!("calibration"), answer, flight)
     }
 
     /// A reset stops the pulses for half a second: not while they may be needed.
-    fn reset(&mut self, reset: Reset, state: State) -> MavResult {
+    fn reset(&mut self, reset: Reset, flight: &Flight) -> Answer {
+        let state = flight.state();
         if state.is_armed() || matches!(state, State::Failsafe(_)) {
-            let refusal = Refusal::WrongState(state);
-            return self.refuse(format_args!("reboot refused: {refusal}"));
+            return self.report_answer(
+                format_args!("reboot"),
+                Err(Refusal::WrongState(state)),
+                flight,
+            );
         }
         self.reset = Some(reset);
-        MavResult::MAV_RESULT_ACCEPTED
+        Ok(())
     }
 
-    fn refuse(&mut self, why: core::fmt::Arguments<'_>) -> MavResult {
-        self.say(MavSeverity::MAV_SEVERITY_WARNING, why);
-        MavResult::MAV_RESULT_TEMPORARILY_REJECTED
+    /// Tells the state that an order led to, or why it was refused.
+    fn report_answer(
+        &mut self,
+        order: fmt::Arguments<'_>,
+        answer: Result<(), Refusal>,
+        flight: &Flight,
+    ) -> Answer {
+        match answer {
+            Ok(()) => {
+                self.announce(&flight.state());
+                Ok(())
+            }
+            Err(refusal) => {
+                self.status_text(
+                    MavSeverity::MAV_SEVERITY_WARNING,
+                    format_args!("{order} refused: {refusal}"),
+                );
+                Err(refusal.kind())
+            }
+        }
     }
 
-    fn version(&mut self) -> MavResult {
+    fn version(&mut self) -> Answer {
         self.send(
             Priority::Event,
             &AUTOPILOT_VERSION_DATA {
@@ -245,7 +265,7 @@ impl Telemetry {
                 ..AUTOPILOT_VERSION_DATA::DEFAULT
             },
         );
-        MavResult::MAV_RESULT_ACCEPTED
+        Ok(())
     }
 
     /// COMMAND_ACK by the command's number: the dialect's type cannot carry one that it does not know.
@@ -258,7 +278,23 @@ impl Telemetry {
             &[low, high, result as u8],
         );
     }
+
+    /// COMMAND_ACK with the kind of the refusal as `result_param1`, an extension that clients
+    /// without it ignore.
+    fn acknowledge_refusal(&mut self, command: u16, refusal: RefusalKind) {
+        let [low, high] = command.to_le_bytes();
+        let result = MavResult::MAV_RESULT_TEMPORARILY_REJECTED as u8;
+        self.send_payload(
+            Priority::Event,
+            COMMAND_ACK_DATA::ID,
+            COMMAND_ACK_DATA::EXTRA_CRC,
+            &[low, high, result, refusal.code()],
+        );
+    }
 }
+
+/// What becomes of an order that was understood.
+type Answer = Result<(), RefusalKind>;
 
 /// What counts of a COMMAND_LONG. The dialect's own decoder is of no use: it knows each of its 160 commands by a name,
 /// which takes 2 KB, and gives up on any other, which is yet to be answered.
@@ -301,19 +337,62 @@ pub(super) fn is_for_us(system: u8, component: u8) -> bool {
     (system == SYSTEM_ID || system == 0) && (component == COMPONENT_ID || component == 0)
 }
 
-/// `major.minor.patch` as `flight_sw_version` has it: a byte each from the top, release type official (255) below.
+/// `major.minor.patch` as `flight_sw_version` has it: a byte each from the top, and below the
+/// release type that a pre-release names (MAVLink's FIRMWARE_VERSION_TYPE). Build metadata is
+/// ignored.
 const fn version_number(version: &str) -> u32 {
     let mut number: u32 = 0;
     let mut part: u32 = 0;
+    let mut release_type = OFFICIAL;
     let mut bytes = version.as_bytes();
     while let [byte, rest @ ..] = bytes {
-        if *byte == b'.' {
-            number = number << 8 | part;
-            part = 0;
-        } else {
-            part = part * 10 + (*byte - b'0') as u32;
+        match *byte {
+            b'.' => {
+                number = number << 8 | part;
+                part = 0;
+            }
+            digit @ b'0'..=b'9' => part = part * 10 + (digit - b'0') as u32,
+            b'-' => {
+                release_type = pre_release_type(rest);
+                break;
+            }
+            _ => break,
         }
         bytes = rest;
     }
-    (number << 8 | part) << 8 | 255
+    (number << 8 | part) << 8 | release_type
+}
+
+/// FIRMWARE_VERSION_TYPE_OFFICIAL.
+const OFFICIAL: u32 = 255;
+
+/// The type of a pre-release by the word that it begins with: one for development where it is none
+/// of MAVLink's.
+const fn pre_release_type(name: &[u8]) -> u32 {
+    match name {
+        [b'a', b'l', b'p', b'h', b'a', ..] => 64,
+        [b'b', b'e', b't', b'a', ..] => 128,
+        [b'r', b'c', ..] => 192,
+        _ => 0,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::version_number;
+
+    #[test]
+    fn a_version_is_a_byte_a_part_and_its_release_type() {
+        for (version, word) in [
+            ("0.1.0", 0x0001_00FF),
+            ("1.22.255", 0x0116_FFFF),
+            ("0.2.0-rc.1", 0x0002_00C0),
+            ("0.2.0-beta", 0x0002_0080),
+            ("0.2.0-alpha.3+5f2", 0x0002_0040),
+            ("0.2.0-dev", 0x0002_0000),
+            ("0.2.0+20261122", 0x0002_00FF),
+        ] {
+            assert_eq!(version_number(version), word, "{version}");
+        }
+    }
 }

@@ -38,7 +38,15 @@ impl Telemetry {
         match StorageOrder::decode(param1) {
             None => self.acknowledge(STORAGE, MavResult::MAV_RESULT_DENIED),
             Some(_) if flight.state().is_armed() => self.refuse_storage(),
-            order => self.storage = order,
+            // A host that asks again has not been heard twice: one order, one answer.
+            order if self.storage.is_none() || self.storage == order => self.storage = order,
+            Some(_) => {
+                self.status_text(
+                    MavSeverity::MAV_SEVERITY_WARNING,
+                    format_args!("storage order refused: busy with another"),
+                );
+                self.acknowledge(STORAGE, MavResult::MAV_RESULT_TEMPORARILY_REJECTED);
+            }
         }
     }
 
@@ -55,7 +63,7 @@ impl Telemetry {
             StorageOrder::Save => match store::save(flash, flight.params()) {
                 Ok(_) => MavResult::MAV_RESULT_ACCEPTED,
                 Err(error) => {
-                    self.say(
+                    self.status_text(
                         MavSeverity::MAV_SEVERITY_ERROR,
                         format_args!("save failed: {error}"),
                     );
@@ -64,7 +72,7 @@ impl Telemetry {
             },
             StorageOrder::Reload => {
                 let (params, loaded) = store::load(flash);
-                self.tell_stored(loaded);
+                self.report_stored(loaded);
                 replace(flight, params)
             }
             StorageOrder::Reset => replace(flight, Params::default()),
@@ -78,9 +86,9 @@ impl Telemetry {
     }
 
     /// Says what the operator should know of the stored parameters.
-    pub(super) fn tell_stored(&mut self, loaded: Loaded) {
+    pub(super) fn report_stored(&mut self, loaded: Loaded) {
         if !loaded.is_as_saved() {
-            self.say(MavSeverity::MAV_SEVERITY_WARNING, format_args!("{loaded}"));
+            self.status_text(MavSeverity::MAV_SEVERITY_WARNING, format_args!("{loaded}"));
         }
     }
 }

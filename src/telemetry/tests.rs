@@ -13,7 +13,7 @@ use mavlink::{MavlinkReader, MavlinkVersion};
 use proptest::prelude::*;
 
 use super::*;
-use crate::failsafe::{BootReport, Command, Crash, Latch, Reason};
+use crate::failsafe::{BootReport, Command, Crash, Latch, Reason, RefusalKind};
 use crate::flight::Outputs;
 use crate::flight::tests::{Desk, reading};
 use crate::params::Params;
@@ -110,6 +110,16 @@ fn set(name: &str, value: f32) -> Vec<u8> {
         param_id: name.into(),
         param_type: MavParamType::MAV_PARAM_TYPE_REAL32,
     })
+}
+
+/// The host's order to start anew.
+pub(crate) fn reboot() -> Vec<u8> {
+    order(MavCmd::MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN, 1.0, 0.0)
+}
+
+/// The host's order to store the parameters.
+pub(crate) fn save() -> Vec<u8> {
+    order(MavCmd::MAV_CMD_PREFLIGHT_STORAGE, 1.0, 0.0)
 }
 
 /// A flight and its link.
@@ -248,6 +258,16 @@ fn a_refusal_says_why() {
         [(arm, MavResult::MAV_RESULT_TEMPORARILY_REJECTED)]
     );
     assert_eq!(texts(&answer), ["arm refused: tilt beyond 50 deg"]);
+    // COMMAND_ACK's fourth byte, which this crate's decoder leaves out, has it as a number.
+    let now = Micros(link.desk.now_us);
+    let bytes = order(arm, 1.0, 0.0);
+    link.telemetry.receive(now, &bytes, &mut link.desk.flight);
+    let sent = link.telemetry.pending().to_vec();
+    link.telemetry.sent(sent.len());
+    let ack = &sent[sent.len() - 16..];
+    assert_eq!((ack[1], ack[7]), (4, COMMAND_ACK_DATA::ID as u8));
+    let refusal = RefusalKind::try_from(ack[13]);
+    assert_eq!(refusal, Ok(RefusalKind::Tilt));
     let answer = link.tell(&order(MavCmd::MAV_CMD_DO_GRIPPER, 1.0, 0.0));
     assert_eq!(texts(&answer), ["release refused: in standby"]);
 }

@@ -1,9 +1,9 @@
 //! A sample of the campaign of faults; `tvc faults` carries out the whole of it.
 
-use crate::ready;
-use rig::ServoKind;
+use crate::{firmware, ready};
 use rig::bno055::FaultKind;
 use rig::faults::{Campaign, Case, Ending};
+use rig::{ServoKind, Setup, prepare};
 
 /// Of every kind this many runs.
 const RUNS: u32 = 2;
@@ -31,6 +31,34 @@ fn faults_at_random_instants_end_recovered_or_neutral() {
     }
     // The sample has faults that are ridden out and faults that end the flight.
     assert!(recovered >= 5 && neutral >= 5, "{recovered}, {neutral}");
+}
+
+/// A rudder that is held off its centre is at neutral there, and nowhere else.
+#[test]
+fn faults_of_a_vehicle_whose_rudder_is_held_off_its_centre_end_so_too() {
+    let mut setup = Setup::new(ServoKind::S3003, 1);
+    setup.rig.bench.parameters = setup.rig.bench.parameters.with_lateral_offset(5e-3);
+    setup.parameters.push(("SRV_HOLD_DEG".into(), -2.29));
+    let ready = prepare(firmware(), &setup, &mut |_| {}).unwrap();
+    let frame_hz = f64::from(ServoKind::S3003.frame_hz());
+    let campaign = Campaign::new(&ready, frame_hz, 1).unwrap();
+    let mut neutral = 0;
+    for kind in [
+        FaultKind::Unplugged,
+        FaultKind::SdaStuck,
+        FaultKind::ConfigReset,
+        FaultKind::Frozen,
+    ] {
+        for number in 0..2 {
+            let outcome = campaign.run(Case { kind, number }).unwrap();
+            match outcome.ending {
+                Ending::Recovered => {}
+                Ending::Neutral => neutral += 1,
+                Ending::Unsafe(why) => panic!("{why}: {outcome:?}"),
+            }
+        }
+    }
+    assert!(neutral >= 4, "{neutral}");
 }
 
 /// The same case of the same campaign is the same run, whatever was run before it.

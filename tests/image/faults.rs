@@ -1,19 +1,31 @@
 //! The image on the rig with a sensor or a cable that fails in mid-flight.
 
 use crate::{firmware, ready};
+use client::{Failure, FlightState};
 use rig::bno055::Fault;
-use rig::faults::NEUTRAL_US;
+use rig::faults::neutral_us;
+use rig::ground_station::GroundStationError;
 use rig::ground_truth::Pulse;
-use rig::operator::{FlightState, OperatorError};
-use rig::{Ready, ResetCause, Ticks};
+use rig::{Ready, ResetCause, ServoKind, Setup, Ticks, prepare};
+use std::ops::RangeInclusive;
+use tvc_nano::Params;
 
 pub(crate) fn ms(ms: u64) -> Ticks {
     Ticks::from_ms(ms)
 }
 
+/// The neutral pulse of the default parameters, us.
+pub(crate) fn default_neutral_us() -> RangeInclusive<f64> {
+    neutral_us(&Params::default())
+}
+
 /// Released from a tilt, and flying for long enough that the rudder is off neutral.
 fn in_flight() -> Ready {
-    let mut flight = ready();
+    released(ready(), &default_neutral_us())
+}
+
+/// Lets go of the drone of `flight`, whose neutral pulse is `neutral_us`.
+fn released(mut flight: Ready, neutral_us: &RangeInclusive<f64>) -> Ready {
     let Ready { rig, operator, .. } = &mut flight;
     rig.environment_mut().tilt_clamp(0.4);
     operator.run(rig, ms(2000)).unwrap();
@@ -22,7 +34,7 @@ fn in_flight() -> Ready {
     operator.run(rig, ms(150)).unwrap();
     let last = rig.truth().pulses.last().unwrap();
     assert!(
-        !NEUTRAL_US.contains(&last.width_us()),
+        !neutral_us.contains(&last.width_us()),
         "{}",
         last.width_us()
     );
@@ -62,7 +74,7 @@ fn neutral_in_time_and_back_by_the_operator(fault: Fault, word: &str) {
     assert_pulses_went_on(pulses, ms(1000));
     for pulse in pulses.iter().filter(|p| p.rise >= at + ms(150)) {
         assert!(
-            NEUTRAL_US.contains(&pulse.width_us()),
+            default_neutral_us().contains(&pulse.width_us()),
             "{fault:?}: {}",
             pulse.width_us()
         );
@@ -81,12 +93,18 @@ fn neutral_in_time_and_back_by_the_operator(fault: Fault, word: &str) {
     // While the fault lasts there is no way out, and never one straight to active.
     assert!(matches!(
         operator.arm(rig),
-        Err(OperatorError::Refused { .. })
+        Err(GroundStationError::Request {
+            failure: Failure::Refused { .. },
+            ..
+        })
     ));
     if fault != Fault::ConfigReset {
         assert!(matches!(
             operator.disarm(rig),
-            Err(OperatorError::Refused { .. })
+            Err(GroundStationError::Request {
+                failure: Failure::Refused { .. },
+                ..
+            })
         ));
     }
 
@@ -102,11 +120,17 @@ fn neutral_in_time_and_back_by_the_operator(fault: Fault, word: &str) {
     );
     assert!(matches!(
         operator.release(rig, 0.0),
-        Err(OperatorError::Refused { .. })
+        Err(GroundStationError::Request {
+            failure: Failure::Refused { .. },
+            ..
+        })
     ));
     assert!(matches!(
         operator.arm(rig),
-        Err(OperatorError::Refused { .. })
+        Err(GroundStationError::Request {
+            failure: Failure::Refused { .. },
+            ..
+        })
     ));
     operator.disarm(rig).unwrap();
     operator
@@ -144,6 +168,42 @@ fn all_ones() {
 #[test]
 fn frozen() {
     neutral_in_time_and_back_by_the_operator(Fault::Frozen, "frozen");
+}
+
+/// A silent bus wakes nobody: the loop must see by itself that the burst is too late for its step,
+/// and step before the edge that the pulse is for.
+#[test]
+fn the_step_of_a_missed_sample_comes_before_its_edge() {
+    let flight = in_flight();
+    let mut missed = 0;
+    // From any instant of a frame, for as long as the first transfer hangs.
+    for instant in 0..20 {
+        let mut flight = flight.clone();
+        let Ready { rig, operator, .. } = &mut flight;
+        operator.run(rig, ms(instant)).unwrap();
+        let at = rig.now();
+        rig.inject(Fault::SclStuck);
+        operator.run(rig, ms(14)).unwrap();
+        let until = rig.now();
+        operator.run(rig, ms(20)).unwrap();
+        let truth = rig.truth();
+        let steps = truth
+            .steps
+            .iter()
+            .filter(|s| s.start >= at && s.end < until);
+        for step in steps {
+            let after = truth.pulses.iter().find(|p| p.rise > step.start).unwrap();
+            let to_edge = after.rise - step.start;
+            // No tick's step is due in the first two milliseconds of a frame.
+            assert!(
+                to_edge < ms(18),
+                "{instant}: {to_edge} before the next edge"
+            );
+            assert!(step.end < after.rise, "{instant}: over the edge");
+            missed += 1;
+        }
+    }
+    assert!(missed > 20, "{missed}");
 }
 
 /// A slave that hangs inside a byte lets go after a few clocks: the image gives them.
@@ -200,12 +260,16 @@ fn a_hung_loop_is_reset_and_told() {
     // Its early warning had put the rudder to neutral before.
     let last = rig.truth().pulses.last().unwrap();
     assert!(last.fall < fired && fired - at < ms(400));
-    assert!(NEUTRAL_US.contains(&last.width_us()), "{}", last.width_us());
+    assert!(
+        default_neutral_us().contains(&last.width_us()),
+        "{}",
+        last.width_us()
+    );
     // The bootloader costs half a second, then pulses are back and the reason is told.
     operator.run(rig, ms(600)).unwrap();
     let back = rig.truth().pulses_since(fired)[0];
     assert!(back.rise - fired < ms(600), "{}", back.rise - fired);
-    assert!(NEUTRAL_US.contains(&back.width_us()));
+    assert!(default_neutral_us().contains(&back.width_us()));
     operator.connect(rig).unwrap();
     operator
         .wait_for_state(rig, ms(2000), FlightState::Latched)
@@ -218,7 +282,10 @@ fn a_hung_loop_is_reset_and_told() {
     );
     assert!(matches!(
         operator.arm(rig),
-        Err(OperatorError::Refused { .. })
+        Err(GroundStationError::Request {
+            failure: Failure::Refused { .. },
+            ..
+        })
     ));
     rig.environment_mut().catch();
     rig.environment_mut().tilt_clamp(0.0);
@@ -253,7 +320,7 @@ fn a_hard_fault_is_told_after_the_reset() {
     let (reset, _) = rig.resets()[0];
     let before = rig.truth().pulses.iter().rfind(|p| p.fall < reset).unwrap();
     assert!(
-        reset - at < ms(20) || NEUTRAL_US.contains(&before.width_us()),
+        reset - at < ms(20) || default_neutral_us().contains(&before.width_us()),
         "{} us for {}",
         before.width_us(),
         reset - at
@@ -292,7 +359,7 @@ fn a_panic_is_told_after_the_reset() {
     operator.run(rig, ms(1200)).unwrap();
     let (reset, _) = rig.resets()[0];
     let last = rig.truth().pulses.iter().rfind(|p| p.fall < reset).unwrap();
-    assert!(NEUTRAL_US.contains(&last.width_us()) && reset - at < ms(400));
+    assert!(default_neutral_us().contains(&last.width_us()) && reset - at < ms(400));
     operator
         .wait_for_state(rig, ms(3000), FlightState::Latched)
         .unwrap();
@@ -303,6 +370,66 @@ fn a_panic_is_told_after_the_reset() {
             .any(|t| t.text.contains("latched fault: panic") && t.text.contains(&place)),
         "{place}: {told:?}"
     );
+}
+
+/// A drone whose mass is off its axis, with a rudder that is held against it.
+fn held() -> (Ready, RangeInclusive<f64>) {
+    const HOLD_DEG: f32 = -10.0;
+    let mut params = Params::default();
+    params.set("SRV_HOLD_DEG", HOLD_DEG).unwrap();
+    let mut setup = Setup::new(ServoKind::S3003, 1);
+    setup.parameters.push(("SRV_HOLD_DEG".into(), HOLD_DEG));
+    let mut ready = prepare(firmware(), &setup, &mut |_| {}).unwrap();
+    // Stored, so that the run after a reset knows it as well.
+    ready.operator.save_parameters(&mut ready.rig).unwrap();
+    (ready, neutral_us(&params))
+}
+
+/// However a run ends, the rudder goes to where it holds the drone, and stays there after the
+/// reset.
+#[test]
+fn hang_panic_and_hard_fault_command_the_held_neutral() {
+    let (ready, neutral) = held();
+    assert!(neutral.contains(&1424.0) && !default_neutral_us().contains(&1424.0));
+    let panic = firmware()
+        .symbols()
+        .find(|(name, _)| name.contains("panic_bounds_check"))
+        .unwrap()
+        .1;
+    let hang = |rig: &mut rig::Rig| {
+        divert(rig, 0xE7FE);
+    };
+    let fault = |rig: &mut rig::Rig| {
+        divert(rig, 0xDE00);
+    };
+    let panic = move |rig: &mut rig::Rig| {
+        let mut registers = rig.chip().registers();
+        (registers.r[14], registers.r[15]) = (registers.r[15] | 1, panic & !1);
+        registers.primask = false;
+        rig.chip_mut().set_registers(&registers);
+    };
+    let flight = released(ready, &neutral);
+    let ends: [(&str, &dyn Fn(&mut rig::Rig)); 3] =
+        [("hang", &hang), ("hard fault", &fault), ("panic", &panic)];
+    for (end, provoke) in ends {
+        let mut flight = flight.clone();
+        let Ready { rig, operator, .. } = &mut flight;
+        let at = rig.now();
+        provoke(rig);
+        operator.run(rig, ms(1200)).unwrap();
+        assert_eq!(rig.resets().len(), 1, "{end}");
+        let (reset, _) = rig.resets()[0];
+        let pulses = rig.truth().pulses_since(at);
+        let (before, after): (Vec<&Pulse>, Vec<&Pulse>) =
+            pulses.iter().partition(|p| p.fall < reset);
+        let last = before.last().unwrap().width_us();
+        assert!(neutral.contains(&last), "{end}: {last} before the reset");
+        assert!(after.len() > 10, "{end}: {} pulses after", after.len());
+        for pulse in after {
+            let width = pulse.width_us();
+            assert!(neutral.contains(&width), "{end}: {width} after the reset");
+        }
+    }
 }
 
 #[test]

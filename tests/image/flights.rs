@@ -1,7 +1,8 @@
-//! The very image that flies, on the virtual rig: what it is held to.
+//! Flights of the firmware image on the virtual rig, held to the requirements.
 
 use crate::{firmware, ready};
-use rig::operator::{FlightState, OperatorError};
+use client::{Failure, FlightState, Parameter};
+use rig::ground_station::GroundStationError;
 use rig::replay::{pair, parity};
 use rig::{Ready, ServoKind, Setup, SyncHold, Ticks, WaitStates, prepare};
 
@@ -17,7 +18,7 @@ fn the_image_is_small() {
 }
 
 fn flies(servo: ServoKind, settling_s: f64) {
-    let ready = prepare(firmware(), &Setup::new(servo, 1), &mut |_| {}).unwrap();
+    let ready = prepare(firmware(), &Setup::with_polarity(servo, 1), &mut |_| {}).unwrap();
     for start_rad in [0.2, 0.4, 0.8] {
         let flight = ready.fly(start_rad, 0.2, 3.0, &mut |_| {}).unwrap();
         let overshoot = flight.response.overshoot_pct();
@@ -69,7 +70,7 @@ fn flies_with_a_digital_servo() {
 #[test]
 fn a_rudder_that_holds_the_offset_before_the_release_settles_sooner() {
     let settling_s = |hold_deg: f32| {
-        let mut setup = Setup::new(ServoKind::S3003, 1);
+        let mut setup = Setup::with_polarity(ServoKind::S3003, 1);
         let drone = setup.rig.bench.parameters;
         setup.rig.bench.parameters = drone.with_lateral_offset(5e-3);
         setup.parameters.push(("SRV_HOLD_DEG".into(), hold_deg));
@@ -84,7 +85,7 @@ fn a_rudder_that_holds_the_offset_before_the_release_settles_sooner() {
 /// A long cable needs a slow bus: fewer samples, a longer burst, and the same promises.
 #[test]
 fn flies_with_the_slow_bus_of_a_long_cable() {
-    let mut setup = Setup::new(ServoKind::S3003, 3);
+    let mut setup = Setup::with_polarity(ServoKind::S3003, 3);
     setup.parameters.push(("I2C_KHZ".into(), 100.0));
     let ready = prepare(firmware(), &setup, &mut |_| {}).unwrap();
     let flight = ready.fly(0.4, 0.2, 3.0, &mut |_| {}).unwrap();
@@ -99,7 +100,7 @@ fn flies_with_the_slow_bus_of_a_long_cable() {
 /// Registers that stay in synchronisation swallow writes that do not wait.
 #[test]
 fn flies_with_synchronisation_held() {
-    let mut setup = Setup::new(ServoKind::S3003, 2);
+    let mut setup = Setup::with_polarity(ServoKind::S3003, 2);
     setup.rig.syncbusy_hold = SyncHold::For(Ticks::from_us(10));
     let ready = prepare(firmware(), &setup, &mut |_| {}).unwrap();
     let flight = ready.fly(0.4, 0.2, 3.0, &mut |_| {}).unwrap();
@@ -112,7 +113,7 @@ fn flies_with_synchronisation_held() {
 fn wait_states_cost_cycles_and_change_nothing_else() {
     let mut cycles = Vec::new();
     for states in [0, 1] {
-        let mut setup = Setup::new(ServoKind::S3003, 1);
+        let mut setup = Setup::with_polarity(ServoKind::S3003, 1);
         setup.rig.wait_states = WaitStates::Forced(states);
         let ready = prepare(firmware(), &setup, &mut |_| {}).unwrap();
         let flight = ready.fly(0.4, 0.2, 2.0, &mut |_| {}).unwrap();
@@ -138,7 +139,12 @@ fn the_same_seed_gives_the_same_bytes() {
     let once = listen(ready());
     assert!(once.len() > 4000, "{} bytes in half a second", once.len());
     assert!(once == listen(ready()), "two forks differ");
-    let again = prepare(firmware(), &Setup::new(ServoKind::S3003, 1), &mut |_| {}).unwrap();
+    let again = prepare(
+        firmware(),
+        &Setup::with_polarity(ServoKind::S3003, 1),
+        &mut |_| {},
+    )
+    .unwrap();
     assert!(once == listen(again), "two boots differ");
 }
 
@@ -171,7 +177,16 @@ fn parameters_are_told_changed_and_refused() {
     operator.set_parameter(rig, "PID_KP", 1.5).unwrap();
     let error = operator.set_parameter(rig, "PID_KP", 99.0).unwrap_err();
     assert!(
-        matches!(error, OperatorError::Parameter { found: 1.5, .. }),
+        matches!(
+            error,
+            GroundStationError::Request {
+                failure: Failure::Kept {
+                    kept: Parameter { value: 1.5, .. },
+                    ..
+                },
+                ..
+            }
+        ),
         "{error}"
     );
     assert!(operator.last_text().unwrap().contains("PID_KP"));
@@ -179,7 +194,16 @@ fn parameters_are_told_changed_and_refused() {
     let error = operator
         .set_parameter(rig, "SRV_RATE_HZ", 300.0)
         .unwrap_err();
-    assert!(matches!(error, OperatorError::Parameter { .. }), "{error}");
+    assert!(
+        matches!(
+            error,
+            GroundStationError::Request {
+                failure: Failure::Kept { .. },
+                ..
+            }
+        ),
+        "{error}"
+    );
 }
 
 #[test]

@@ -1,10 +1,9 @@
-//! The image in flight, with a host that behaves badly at the other end of its cable.
+//! The image in flight while the host misbehaves.
 
 use crate::ready;
-use rig::link::Link;
+use client::{FlightState, Wire, request};
 use rig::measure::LoopTiming;
-use rig::operator::FlightState;
-use rig::{Ready, Ticks, request};
+use rig::{Ready, Ticks};
 
 /// How long each host misbehaves.
 const LENGTH: Ticks = Ticks::from_ms(1500);
@@ -94,7 +93,7 @@ fn one_that_sends_noise_as_fast_as_it_can() {
 
 #[test]
 fn one_that_sends_half_frames_wrong_sums_oversized_lengths_and_unknown_messages() {
-    let mut station = Link::default();
+    let mut station = Wire::default();
     let disarm = station.frame(&request::DISARM.message());
     let mut wrong_sum = disarm.clone();
     wrong_sum[20] ^= 1;
@@ -113,7 +112,7 @@ fn one_that_sends_half_frames_wrong_sums_oversized_lengths_and_unknown_messages(
 
 #[test]
 fn one_that_sets_parameters_out_of_range() {
-    let mut station = Link::default();
+    let mut station = Wire::default();
     let mut messages = Vec::new();
     for value in [f32::NAN, f32::INFINITY, -1e9, 1e9] {
         for name in ["PID_KP", "PID_KD", "SRV_CENTRE_US", "SRV_DIR", "NO_SUCH"] {
@@ -129,7 +128,7 @@ fn one_that_sets_parameters_out_of_range() {
 
 #[test]
 fn one_that_is_unplugged_in_mid_frame() {
-    let mut station = Link::default();
+    let mut station = Wire::default();
     let frame = station.frame(&request::DISARM.message());
     assert_undisturbed(|millisecond, rig| match millisecond % 500 {
         0 => rig.usb_write(&frame[..17]),

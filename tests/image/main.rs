@@ -1,5 +1,5 @@
-//! The very image that flies, on the virtual rig: its flights, its behaviour when something fails, and its attitude
-//! from a real recording. One test binary, so that the image is built and booted once.
+//! The firmware image on the virtual rig: its flights, its behaviour when something fails, and its
+//! attitude from a real recording. One test binary, so that the image is built and booted once.
 
 mod campaign;
 mod faults;
@@ -26,6 +26,13 @@ fn firmware() -> &'static Image {
 fn ready() -> Ready {
     static READY: OnceLock<Ready> = OnceLock::new();
     READY
-        .get_or_init(|| prepare(firmware(), &Setup::new(ServoKind::S3003, 1), &mut |_| {}).unwrap())
+        .get_or_init(|| {
+            prepare(
+                firmware(),
+                &Setup::with_polarity(ServoKind::S3003, 1),
+                &mut |_| {},
+            )
+            .unwrap()
+        })
         .clone()
 }

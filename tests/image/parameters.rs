@@ -1,10 +1,10 @@
-//! Parameters in the chip's own flash: saved, read back after a power cut, and never half of one set and half of
-//! another.
+//! Parameters in the chip's flash: saved, read back after a power cut, and never half of one set
+//! and half of another.
 
-use crate::faults::{assert_pulses_went_on, ms};
+use crate::faults::{assert_pulses_went_on, default_neutral_us, ms};
 use crate::ready;
-use rig::faults::NEUTRAL_US;
-use rig::operator::{FlightState, Operator, OperatorError};
+use client::{Failure, FlightState};
+use rig::ground_station::{GroundStation, GroundStationError};
 use rig::{Ready, Rig};
 use tvc_nano::store::SLOT_BYTES;
 
@@ -12,7 +12,7 @@ use tvc_nano::store::SLOT_BYTES;
 const STORE: std::ops::Range<usize> = 0x3FC00..0x40000;
 
 /// Cuts the power, waits for the image and asks what it has.
-fn gain_after_power_cut(rig: &mut Rig, operator: &mut Operator) -> f32 {
+fn gain_after_power_cut(rig: &mut Rig, operator: &mut GroundStation) -> f32 {
     rig.power_cycle();
     operator.connect(rig).unwrap();
     operator.list_parameters(rig).unwrap();
@@ -37,7 +37,8 @@ fn saved_parameters_outlive_the_power_and_the_pulses_go_on_meanwhile() {
     operator.run(rig, ms(300)).unwrap();
     let pulses = rig.truth().pulses_since(at);
     assert_pulses_went_on(pulses, rig.now() - at);
-    assert!(pulses.iter().all(|p| NEUTRAL_US.contains(&p.width_us())));
+    let neutral = default_neutral_us();
+    assert!(pulses.iter().all(|p| neutral.contains(&p.width_us())));
     assert_eq!(operator.state(), Some(FlightState::Standby));
     assert_eq!(gain_after_power_cut(rig, operator), 1.75);
     operator
@@ -104,7 +105,10 @@ fn corrupt_rows_are_told_and_nothing_is_armed_until_the_operator_has_seen_it() {
     );
     assert!(matches!(
         operator.arm(rig),
-        Err(OperatorError::Refused { .. })
+        Err(GroundStationError::Request {
+            failure: Failure::Refused { .. },
+            ..
+        })
     ));
     operator.disarm(rig).unwrap();
     operator
@@ -120,7 +124,13 @@ fn nothing_is_saved_while_armed() {
     let before = rig.chip().flash()[STORE].to_vec();
     let refused = operator.save_parameters(rig);
     assert!(
-        matches!(refused, Err(OperatorError::Refused { .. })),
+        matches!(
+            refused,
+            Err(GroundStationError::Request {
+                failure: Failure::Refused { .. },
+                ..
+            })
+        ),
         "{refused:?}"
     );
     assert_eq!(rig.chip().flash()[STORE], before);

@@ -2,8 +2,8 @@
 
 use crate::faults::ms;
 use crate::ready;
+use client::FlightState;
 use rig::Ready;
-use rig::operator::FlightState;
 use tvc_nano::recorder::{STEP_BYTES, STEPS, STEPS_AFTER, STEPS_BEFORE, Step};
 
 fn steps(bytes: &[u8]) -> Vec<Step> {

@@ -1,8 +1,8 @@
 //! A real recording through the emulated sensor and the whole image.
 
 use crate::firmware;
+use recordings::Recording;
 use rig::RigConfig;
-use rig::recording::Recording;
 use rig::replay::replay;
 use std::path::Path;
 use std::sync::Arc;

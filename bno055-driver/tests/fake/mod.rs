@@ -32,6 +32,9 @@ pub struct Spoiler {
     pub error: BusError,
 }
 
+/// Changes the bytes of a read from a register.
+type Wire = Box<dyn Fn(u8, &mut [u8])>;
+
 pub struct Chip {
     pub now: u64,
     booted_at: u64,
@@ -59,8 +62,8 @@ pub struct Chip {
     pub gyro_dead: bool,
     /// Never answers again after a reset command.
     pub dies_of_reset: bool,
-    /// What the wire does to the bytes of a read.
-    pub wire: Option<fn(u8, &mut [u8])>,
+    /// What the wire does to the bytes of a read: see [`Chip::on_wire`].
+    pub wire: Option<Wire>,
     pub crystal: bool,
 }
 
@@ -321,12 +324,17 @@ impl Chip {
                     spoilt(3 + index)?;
                     self.now += BYTE_US;
                 }
-                if let Some(wire) = self.wire {
+                if let Some(wire) = &self.wire {
                     wire(*register, &mut bytes);
                 }
                 Ok(bytes)
             }
         }
+    }
+
+    /// Lets the wire change the bytes of every read from a register.
+    pub fn on_wire(&mut self, change: impl Fn(u8, &mut [u8]) + 'static) {
+        self.wire = Some(Box::new(change));
     }
 
     /// Bytes on the wire of a transfer, addresses and register included.
@@ -335,6 +343,17 @@ impl Chip {
             Transfer::Write { bytes, .. } => 2 + bytes.len(),
             Transfer::Read { len, .. } => 3 + usize::from(*len),
         }
+    }
+
+    /// The burst that the registers hold, after a change of its words.
+    pub fn burst_with(&self, change: impl FnOnce(&mut [i16])) -> Vec<u8> {
+        let mut words = [self.acc, self.mag, self.gyr];
+        change(words.as_flattened_mut());
+        words
+            .as_flattened()
+            .iter()
+            .flat_map(|word| word.to_le_bytes())
+            .collect()
     }
 
     /// The sample that the registers hold.

@@ -1,295 +1,239 @@
-//! From counts to orientation.
+//! One step: from counts to orientation.
+//!
+//! # The equations
+//! With the measured rates `g`, their offset `b`, the time step `dt`, the correction `c` that the
+//! step before has found, the specific force `a` and the field `m`:
+//!
+//! ```text
+//! h = (g - b) dt / 2 + c                  half the rotation vector of the step, body frame
+//! q = q (1 - s/2 + s^2/24, h (1 - s/6))   s = |h|^2: the orientation, body to earth
+//! n, e, d = rows of R(q)                  north, east and down in the body frame
+//! c = tilt(n, e, d, a) + gain sin(heading error of m) d / 2
+//! b = mean of g over blocks at rest
+//! ```
+//!
+//! | file | what it derives |
+//! |---|---|
+//! | this one | time step, heading correction, which step does what |
+//! | `rotation` | integration, rows, the room that a rotation has |
+//! | `filters` | the tilt correction |
+//! | `field` | the heading error and its weight |
+//! | `rest` | the offset, and the blocks that all slow work is counted in |
+//! | `start_up` | the gains, from those of a running mean to the filter's own |
+//! | `over_range` | what a clipped gyroscope has hidden |
+//!
+//! # The number formats
+//! `format` has the rules. Gyroscope, accelerometer and magnetometer stay in counts of 16 bits:
+//!
+//! | number | format | bound, and what sets it |
+//! |---|---|---|
+//! | half angle per count and us | Q(31 + `turn_shift` + 16) | below `2^31 / max_short_dt_us`: times a time step it fits |
+//! | half angle per count | Q(31 + `turn_shift`) | below `2^15`: times a rate of 16 bits it fits |
+//! | half angles, corrections | Q31 rad | each its own part of the 0.84 rad that a rotation has room for |
+//! | quaternion | Q30 | 1; Q15 where it is a factor |
+//! | rows n, e, d | Q15 | 1 |
+//! | row times counts | Q15 counts | `2^15 * 2^15 sqrt(3) < 2^31` |
+//! | sine of the heading error | Q15 | 1, and 2 beyond a right angle |
+//! | heading correction | Q(16 + `heading_shift`) rad | `MAX_HEADING_TURN`: times a row it fits |
+//!
+//! **Time.** `turn_shift` is chosen so that a count turns by `2^14` to `2^15` units in the longest
+//! short step, of 1.25 periods: all the bits that the product with a rate leaves. What the product
+//! with the time step has below a unit is carried into the next step, so that no time is lost. A
+//! longer step divides its time by `2^coarse_shift` and gives up as many bits of `turn_shift`.
+//!
+//! **Heading.** An error of `x` in Q15 is a half angle of `x` in Q16, which spares a shift. The
+//! gain's factor is below `2^13`, the sine at most `2^16`: below `2^29`, then cut by 15. One
+//! correction stands for all samples since the last field, at most for as many as make the whole
+//! error, `4 << heading_shift`.
+//!
+//! # Which step does what
+//! Judging the field, closing the blocks of the rest detection and changing the gains are spread
+//! over steps of their own ([`Estimator::housekeeping`]), and such a step skips the heading
+//! correction. The worst case is so little more than the mean.
 
 use nalgebra::Vector3;
 
+use super::counts::{Counts, PERIOD_US, Scale};
 use super::field::{self, Compass, size};
-use super::filters::{Filter, Gain, View};
+use super::filters::{Filter, View};
+use super::format::{Q15, normalised};
 use super::orientation::{Angles, Orientation};
-use super::over_range::{Ignored, OverRange, Recovered, Step as Seen};
+use super::over_range::{Ignored, OverRange, Recovered, StepEnd};
 use super::rest::{self, Rest};
-use super::rotation::{Rotation, Step};
-use crate::config::{Config, ConfigError, in_range};
-use crate::estimator::{Attitude, Flags, GRAVITY};
-
-/// One sample as the sensors give it, in body axes.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Counts {
-    /// Rotation rate.
-    pub gyr: [i16; 3],
-    /// Specific force.
-    pub acc: [i16; 3],
-    /// Magnetic field, when there is a fresh one.
-    pub mag: Option<[i16; 3]>,
-}
-
-/// What a count is worth.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Scale {
-    /// Rotation rate of a count, rad/s.
-    pub gyr_rad_s: f32,
-    /// Specific force of a count, m/s^2.
-    pub acc_m_s2: f32,
-    /// Magnetic field of a count, uT.
-    pub mag_ut: f32,
-}
-
-impl Scale {
-    /// BNO055 with its default units (data sheet tables 3-17, 3-19, 3-22): 16 counts per deg/s, 100 per
-    /// m/s^2, 16 per uT.
-    pub const BNO055: Self = Self {
-        gyr_rad_s: 0.001_090_830_8,
-        acc_m_s2: 0.01,
-        mag_ut: 0.0625,
-    };
-}
+use super::rotation::{PerCount, Rotation};
+use super::start_up::{Gains, StartUpGains};
+use crate::config::{Config, GRAVITY};
+use crate::error::{ConfigError, in_range};
+use crate::estimator::{Attitude, Flags};
 
 /// Longest time step, us: more is a gap.
-const MOST_DT_US: u32 = 30_000;
+const MAX_DT_US: u32 = 30_000;
 
 /// Largest half angle of a long step, rad, the sum of three axes.
-const MOST_HALF_ANGLE: f32 = 0.38;
+const MAX_HALF_ANGLE: f32 = 0.38;
 
-/// Bits below those of a half angle per count that the product with a time step has.
+/// Fractional bits of the half angle per count and us below those of the half angle per count.
 const DT_BITS: u32 = 16;
 
-/// Most bits that are given up in a step longer than 1.25 periods, so that one of up to ten periods fits.
-const COARSE: u8 = 3;
+/// Most bits that are given up in a step longer than 1.25 periods: eight times that are ten
+/// periods.
+const MAX_COARSE_SHIFT: u8 = 3;
 
-/// Largest count of a gyroscope, rad/s: 2150 deg/s at full scale.
-const MOST_GYR_RAD_S: f32 = 0.001_15;
-
-/// Largest correction of the heading: an eighth of a radian, half angle, Q15; and the largest that fits, with
-/// `heading_cut` more bits.
+/// Largest correction of the heading, half an angle: an eighth of a radian in Q16.
 const EIGHTH: i32 = 1 << 13;
-const MOST_TURN: i32 = 7 << 13;
 
-/// Largest gain for which a product with any acceleration fits 32 bits.
-const MOST_FACTOR: u16 = 2_300;
-
-/// Bits by which a tilt correction is cut at least.
-const LEAST_CUT: u8 = 2;
-
-/// Share that a sample has when a running mean begins, as a negative power of two.
-const FIRST_SHARE: u8 = 2;
-
-/// Two to this many samples have it: from any attitude to the one that is seen.
-const FIRST_SAMPLES: u8 = 6;
-
-/// Sum of the sizes of an acceleration's components beyond which it is passed over in the beginning, g: in whatever
-/// direction, gravity has at most 1.73.
-const MODERATE_G: f32 = 1.9;
+/// Largest correction of the heading whose product with a row in Q15 fits, Q(16 + `heading_shift`).
+const MAX_HEADING_TURN: i32 = 7 << 13;
 
 /// An attitude estimator in fixed point. `R` is what it does when rates clip.
 ///
-/// Fields in the order of use: what every step touches lies within reach of the core's short offsets.
+/// Fields in the order of use: what every step touches lies within reach of the core's short
+/// offsets.
 #[derive(Clone, Debug)]
 #[repr(C)]
 pub struct Estimator<F, R = Ignored> {
     rotation: Rotation,
-    /// Half angle per count and us, so that the product with a time step is 15 bits and `DT_BITS`; what was cut from
-    /// the last; and by how much a product with counts is then cut to Q31.
-    per_us: u32,
-    fine_dt_us: u32,
-    dt_rest: u32,
-    turn_cut: u32,
-    shares: Shares,
+    /// Half angle per count and us, Q(31 + `turn_shift` + `DT_BITS`) rad.
+    per_count_us: u32,
+    /// Longest step that is taken at full resolution, us: 1.25 periods.
+    max_short_dt_us: u32,
+    /// What the half angle per count was cut by in the last step, its low `DT_BITS` bits: added in
+    /// the next.
+    dt_remainder: u32,
+    /// Right shift that brings the product of a half angle per count and a rate to Q31.
+    turn_shift: u32,
+    gains: Gains,
     rest: Rest,
-    /// When the last field was taken.
-    field_at: u32,
+    /// Sample number of the last field that has corrected the heading.
+    heading_tick: u32,
     compass: Compass,
     filter: F,
-    settling: Settling,
-    most_dt_us: u32,
-    /// Largest product of a long step and a sum of rates, us and counts.
-    most_turn: u32,
-    /// Bits that are given up in a long step.
-    coarse: u32,
+    start_up: StartUpGains,
+    /// Longest step that is integrated, us; a longer one is a gap, and integrated as this.
+    max_dt_us: u32,
+    /// Largest product of a long step, us, and the sum of the rates' sizes, counts:
+    /// [`MAX_HALF_ANGLE`].
+    max_rotation: u32,
+    /// Bits of the time step and of `turn_shift` that are given up in a long step.
+    coarse_shift: u32,
+    /// There was a step of more than 1.25 periods since the last block began.
     gap: bool,
+    /// Blocks after which the estimate counts as initialised.
     start_up_blocks: u32,
-    /// The last field of the beginning.
-    mag: Option<[i32; 3]>,
-    /// Cosine and sine of half the declination, Q15, unless it is zero.
-    declination: Option<(i32, i32)>,
+    /// The last field while accelerations are limited: it stands for those that a slow magnetometer
+    /// leaves out.
+    last_mag: Option<[i32; 3]>,
+    /// Cosine and sine of half the declination, unless it is zero.
+    half_declination: Option<(Q15, Q15)>,
+    /// What a count of the gyroscope is worth, rad/s.
     gyr_rad_s: f32,
     over_range: R,
 }
 
-/// Shares of the errors that a sample takes away.
-#[derive(Clone, Debug)]
-#[repr(C)]
-struct Shares {
-    tilt: Gain,
-    /// Of the heading error, Q15 with `heading_cut` more bits.
-    heading: i32,
-    heading_cut: u32,
-    /// While the share of the tilt is so large that a product might not fit, the largest acceleration that is taken,
-    /// sum of the sizes of its components, counts; else 0.
-    moderate: i32,
-    /// The shares are the filter's own.
-    settled: bool,
-}
-
-/// The running mean with which an estimate begins, or begins anew: at least 64 samples have shares of
-/// 1/4, then all have one over the number of samples so far, halved as that doubles, down to the filter's own.
-#[derive(Clone, Debug)]
-#[repr(C)]
-struct Settling {
-    /// Blocks of samples so far, and those of the first shares.
-    blocks: u32,
-    first_blocks: u32,
-    /// After how many the shares fall next, and how many later again.
-    fall_at: u32,
-    span: u32,
-    /// How much larger the shares are now, as a power of two, for the one of tilt and heading that has the
-    /// smaller share of its own; and by how much less that of the other is larger.
-    boost: i32,
-    tilt_less: i32,
-    heading_less: i32,
-    /// By how much the boost falls next.
-    fall: i32,
-    /// The filter's own gains, and by how much the tilt's cut may become less.
-    tilt_factor: i32,
-    tilt_cut: u32,
-    tilt_most: i32,
-    heading_cut: u32,
-    /// The largest acceleration while it does not suffice.
-    moderate: i32,
-    /// Where it all begins.
-    most: i32,
-    first_fall: i32,
-}
-
 impl<F: Filter> Estimator<F> {
-    /// An estimator for samples of about every `period_us` microseconds, 500 to 10,500. The gains of the
-    /// correction are per sample, the rates are integrated over the time steps as they are.
+    /// An estimator for samples of about every `period_us` microseconds, in [`PERIOD_US`]. The
+    /// gains of the correction are per sample, the rates are integrated over the time steps as they
+    /// are.
     ///
-    /// The accelerometer's gate and an integral gain are not there in fixed point and refused.
-    // Inlined with all that it calls, a configuration that is constant leaves constants: 2 KB of soft float less.
+    /// # Errors
+    /// A parameter, a gain, the period or the scale of a sensor out of range, by name. The
+    /// accelerometer's gate and Mahony's integral gain do not exist in fixed point and are refused
+    /// too.
+    // Inlined with all that it calls, a configuration that is constant leaves constants: 2 KB of
+    // soft float less.
     #[inline(always)]
     pub fn new(
         config: &Config<F::Gains>,
         scale: &Scale,
         period_us: u32,
     ) -> Result<Self, ConfigError> {
-        Self::build(config, scale, period_us, Ignored)
+        Self::build(config, scale, period_us, |_| Ok(Ignored))
     }
 }
 
 impl<F: Filter> Estimator<F, Recovered> {
-    /// The same with what the float filters do about clipped rates: more code, and in a step that is over range
-    /// several times the cycles of another.
+    /// As [`Estimator::new`], with what the float filters do about clipped rates: more code, and in
+    /// a step that is over range several times the cycles of another.
+    ///
+    /// # Errors
+    /// As [`Estimator::new`]; the gyroscope's range and the noise of the recovery are checked too.
     pub fn with_recovery(
         config: &Config<F::Gains>,
         scale: &Scale,
         period_us: u32,
     ) -> Result<Self, ConfigError> {
-        if !(500..=10_500).contains(&period_us) {
-            return Err(ConfigError::OutOfRange("period_us"));
-        }
-        in_range(config.gyro_range_rad_s, 0.1, 200.0, "gyro_range_rad_s")?;
-        in_range(config.recovery_rad2_s, 1e-4, 10.0, "recovery_rad2_s")?;
-        let (acc_rate, mag_rate) = F::rates(&config.gains);
-        let period_s = period_us as f32 * 1e-6;
-        let block_s = period_s * f32::from(1u16 << rest::log2_block(period_s));
-        let recovered = Recovered::new(
-            scale,
-            config.gyro_range_rad_s,
-            config.recovery_rad2_s,
-            acc_rate.min(mag_rate),
-            block_s,
-        );
-        Self::build(config, scale, period_us, recovered)
+        Self::build(config, scale, period_us, |block_s| {
+            in_range(config.gyro_range_rad_s, 0.1, 200.0, "gyro_range_rad_s")?;
+            in_range(config.recovery_rad2_s, 1e-4, 10.0, "recovery_rad2_s")?;
+            let (acc_per_s, mag_per_s) = F::rates(&config.gains);
+            Ok(Recovered::new(
+                scale,
+                config.gyro_range_rad_s,
+                config.recovery_rad2_s,
+                acc_per_s.min(mag_per_s),
+                block_s,
+            ))
+        })
     }
 }
 
 impl<F: Filter, R: OverRange> Estimator<F, R> {
+    /// `over_range` makes what handles clipped rates from the duration of a block, s.
     #[inline(always)]
     fn build(
         config: &Config<F::Gains>,
         scale: &Scale,
         period_us: u32,
-        over_range: R,
+        over_range: impl FnOnce(f32) -> Result<R, ConfigError>,
     ) -> Result<Self, ConfigError> {
-        if !(500..=10_500).contains(&period_us) {
+        if !PERIOD_US.contains(&period_us) {
             return Err(ConfigError::OutOfRange("period_us"));
         }
         if config.acc_gate.is_finite() {
             return Err(ConfigError::OutOfRange("acc_gate"));
         }
+        scale.check()?;
         let period_s = period_us as f32 * 1e-6;
-        in_range(scale.gyr_rad_s, 1e-5, MOST_GYR_RAD_S, "gyr_rad_s")?;
-        in_range(scale.acc_m_s2, 5e-4, 0.05, "acc_m_s2")?;
-        in_range(scale.mag_ut, 1e-3, 1.0, "mag_ut")?;
-        let (acc_rate, mag_rate) = F::rates(&config.gains);
-        let (acc_share, mag_share) = (acc_rate * period_s, mag_rate * period_s);
-        let per_g = GRAVITY / scale.acc_m_s2;
-        let acc_gain = acc_share * 32_768.0 * 2_048.0 / per_g;
-        in_range(
-            acc_gain,
-            0.01,
-            f32::from(MOST_FACTOR) / f32::from(1u8 << LEAST_CUT),
-            "tilt gain",
+        let log2_block = rest::log2_block(period_s);
+        let block_s = period_s * f32::from(1u16 << log2_block);
+        let (acc_per_s, mag_per_s) = F::rates(&config.gains);
+        let (start_up, gains) = StartUpGains::new(
+            acc_per_s * period_s,
+            mag_per_s * period_s,
+            GRAVITY / scale.acc_m_s2,
+            log2_block,
         )?;
-        let (acc_factor, acc_cut) = scaled(acc_gain, f32::from(MOST_FACTOR));
-        in_range(mag_share, 1e-5, 0.1, "heading gain")?;
-        let (mag_gain, mag_cut) = scaled(mag_share * 32_768.0, 8_192.0);
-        let fine_dt_us = period_us + period_us / 4;
+        let max_short_dt_us = period_us + period_us / 4;
         // Q31 of the half angle.
-        let per_us = scale.gyr_rad_s * 0.5e-6 * 2_147_483_648.0;
-        let (_, turn_cut) = scaled(per_us * fine_dt_us as f32, 32_768.0);
-        let per_us = per_us * f32::from(1u16 << turn_cut) * (1u32 << DT_BITS) as f32;
-        let coarse = COARSE.min(turn_cut);
-        let rest = Rest::new(&rest::Limits::new(&config.rest, scale, period_s)?);
-        let field = field::Limits::new(&config.field, scale, period_s)?;
-        let (tilt_boost, heading_boost) = (boost(acc_share), boost(mag_share));
-        let most = tilt_boost.max(heading_boost);
-        let first = FIRST_SAMPLES.max(rest.log2_block());
-        let first_blocks = 1 << (first - rest.log2_block());
-        let moderate = (MODERATE_G * per_g) as i32;
-        let block_s = period_s * f32::from(1u16 << rest.log2_block());
+        let per_count_us = scale.gyr_rad_s * 0.5e-6 * 2_147_483_648.0;
+        let (_, turn_shift) = normalised(per_count_us * max_short_dt_us as f32, 32_768.0);
+        let per_count_us = per_count_us * f32::from(1u16 << turn_shift) * (1u32 << DT_BITS) as f32;
+        let coarse_shift = MAX_COARSE_SHIFT.min(turn_shift);
         Ok(Self {
             rotation: Rotation::new(),
-            per_us: per_us as u32,
-            fine_dt_us,
-            dt_rest: 0,
-            turn_cut: turn_cut.into(),
-            shares: Shares {
-                tilt: Gain { factor: 0, cut: 2 },
-                heading: mag_gain,
-                heading_cut: mag_cut.into(),
-                moderate,
-                settled: false,
-            },
-            field_at: 0,
-            rest,
-            compass: Compass::new(&field, period_s),
+            per_count_us: per_count_us as u32,
+            max_short_dt_us,
+            dt_remainder: 0,
+            turn_shift: turn_shift.into(),
+            gains,
+            rest: Rest::new(&rest::Limits::new(&config.rest, scale, period_s)?),
+            heading_tick: 0,
+            compass: Compass::new(
+                &field::Limits::new(&config.field, scale, period_s)?,
+                period_s,
+            ),
             filter: F::new(&config.gains, period_s)?,
-            settling: Settling {
-                blocks: 0,
-                first_blocks,
-                fall_at: first_blocks + 1,
-                span: first_blocks,
-                boost: most.into(),
-                tilt_less: (most - tilt_boost).into(),
-                heading_less: (most - heading_boost).into(),
-                fall: (first - FIRST_SHARE).into(),
-                tilt_factor: acc_factor,
-                tilt_cut: acc_cut.into(),
-                tilt_most: (acc_cut - LEAST_CUT).into(),
-                heading_cut: mag_cut.into(),
-                moderate,
-                most: most.into(),
-                first_fall: (first - FIRST_SHARE).into(),
-            },
-            mag: None,
-            start_up_blocks: ((config.start_up_s / block_s + 0.5) as u32).max(first_blocks),
+            start_up_blocks: ((config.start_up_s / block_s + 0.5) as u32)
+                .max(start_up.first_blocks),
+            start_up,
+            max_dt_us: MAX_DT_US.min(max_short_dt_us << coarse_shift),
+            max_rotation: (MAX_HALF_ANGLE * 2e6 / scale.gyr_rad_s) as u32,
+            coarse_shift: coarse_shift.into(),
             gap: false,
-            most_dt_us: MOST_DT_US.min(fine_dt_us << coarse),
-            most_turn: (MOST_HALF_ANGLE * 2e6 / scale.gyr_rad_s) as u32,
-            coarse: coarse.into(),
-            declination: half_declination(config.declination_rad)?,
+            last_mag: None,
+            half_declination: half_declination(config.declination_rad)?,
             gyr_rad_s: scale.gyr_rad_s,
-            over_range,
+            over_range: over_range(block_s)?,
         })
     }
 
@@ -298,7 +242,7 @@ impl<F: Filter, R: OverRange> Estimator<F, R> {
         let magnetic = Orientation {
             wxyz_q30: self.rotation.q30(),
         };
-        match self.declination {
+        match self.half_declination {
             Some(half) => magnetic.turned(half),
             None => magnetic,
         }
@@ -309,7 +253,8 @@ impl<F: Filter, R: OverRange> Estimator<F, R> {
         self.rotation.bias
     }
 
-    /// The whole estimate in float, with the rate of the sample given: for whoever does not count cycles.
+    /// The whole estimate in float, with the rate of the sample given: for whoever does not count
+    /// cycles.
     pub fn attitude(&self, counts: &Counts) -> Attitude {
         let bias =
             Vector3::from(self.rotation.bias).map(|bias| bias as f32 / 512.0 * self.gyr_rad_s);
@@ -322,11 +267,11 @@ impl<F: Filter, R: OverRange> Estimator<F, R> {
         }
     }
 
-    /// Health of the estimate. A gap is a step of more than 1.25 periods in the last quarter of a second; the
-    /// accelerometer is never passed over.
+    /// Health of the estimate. A gap is a step of more than 1.25 periods in the last quarter of a
+    /// second; the accelerometer is never rejected.
     pub fn flags(&self) -> Flags {
         Flags {
-            initialised: self.settling.blocks > self.start_up_blocks,
+            initialised: self.start_up.blocks > self.start_up_blocks,
             at_rest: self.rest.is_at_rest(),
             mag_disturbed: self.compass.is_disturbed(),
             gap: self.gap,
@@ -335,205 +280,148 @@ impl<F: Filter, R: OverRange> Estimator<F, R> {
         }
     }
 
-    /// Take one sample, `dt_us` microseconds after the one before (at most ten periods or 30,000: more is a gap, and
-    /// nothing happens at 0).
+    /// Take one sample, `dt_us` microseconds after the one before; with 0, nothing turns. More than
+    /// 30,000, or than 2.5 to 10 periods (as period and scale leave room), is a gap: only that much
+    /// is integrated, and the gains are those of a running mean again.
     #[inline]
     pub fn update(&mut self, dt_us: u32, counts: &Counts) {
         let gyr = counts.gyr;
         let mut acc = counts.acc.map(i32::from);
         let mut mag = counts.mag.map(|mag| mag.map(i32::from));
-        let long = dt_us > self.fine_dt_us;
-        let beginning = self.shares.moderate != 0;
-        if beginning {
-            // All bits or none, as the core has no conditional move.
+        let long = dt_us > self.max_short_dt_us;
+        let limited = self.gains.acc_limit != 0;
+        if limited {
+            // A mask of all bits or none, as the core has no conditional move.
             let size = acc[0].abs() + acc[1].abs() + acc[2].abs();
-            let moderate = (size - self.shares.moderate) >> 31;
-            acc = acc.map(|acc| acc & moderate);
-            // The heading may be off by any angle: the last field stands for those that a slow magnetometer leaves out.
+            let within = (size - self.gains.acc_limit) >> 31;
+            acc = acc.map(|acc| acc & within);
+            // The heading may be off by any angle: the last field stands for those that a slow
+            // magnetometer leaves out.
             match mag {
-                Some(_) => self.mag = mag,
-                None => mag = self.mag,
+                Some(_) => self.last_mag = mag,
+                None => mag = self.last_mag,
             }
         }
-        let due = if long {
-            rest::NOTHING
-        } else if beginning {
-            self.rest.pass()
+        let job = if long {
+            rest::NO_JOB
+        } else if limited {
+            self.rest.skip()
         } else {
             self.rest.add(&gyr, &acc)
         };
-        let (mut step_us, mut cut) = (dt_us, self.turn_cut);
+        let (mut step_us, mut shift) = (dt_us, self.turn_shift);
         if long {
-            (step_us, cut) = self.long_step(dt_us, &gyr);
+            (step_us, shift) = self.long_step(dt_us, &gyr);
         }
-        // What is cut is made good by the next step.
-        let product = step_us * self.per_us + self.dt_rest;
-        self.dt_rest = product & ((1 << DT_BITS) - 1);
-        let per_count = (product >> DT_BITS) as i32;
-        self.rotation.turn(&gyr, Step { per_count, cut });
+        let product = step_us * self.per_count_us + self.dt_remainder;
+        self.dt_remainder = product & ((1 << DT_BITS) - 1);
+        let half_angle = (product >> DT_BITS) as i32;
+        self.rotation.turn(&gyr, PerCount { half_angle, shift });
 
-        // A step that keeps house, or is long, leaves the compass alone: no step pays for both.
-        let busy = long || due <= rest::SETTLE || self.compass.is_due();
+        // Heading correction is skipped in steps that are long or run housekeeping, to bound the
+        // worst-case cycles.
+        let busy = long || job <= rest::START_UP || self.compass.is_due();
         if busy {
-            self.keep_house(due, &gyr, acc[2]);
+            self.housekeeping(job, &gyr, acc[2]);
         }
         let products = self.rotation.products();
         let down = products.down();
-        let cut = self.shares.heading_cut & 31;
+        let shift = self.gains.heading_shift & 31;
         let mut turn = 0;
         if let Some(mag) = &mag
             && !busy
         {
             let tick = self.rest.tick();
-            // At most those whose shares make the whole error.
-            let samples = tick.wrapping_sub(self.field_at).min(4 << cut) as i32;
-            self.field_at = tick;
+            let samples = tick.wrapping_sub(self.heading_tick).min(4 << shift) as i32;
+            self.heading_tick = tick;
             let sine = self.compass.heading(&products, &down, mag, tick);
-            let most = (EIGHTH << cut).min(MOST_TURN);
-            turn = ((sine * self.shares.heading) >> 15) * samples;
+            let max = (EIGHTH << shift).min(MAX_HEADING_TURN);
+            turn = ((sine * self.gains.heading) >> 15) * samples;
             // Not `clamp`, which would panic were the limit negative.
-            turn = turn.min(most).max(-most);
+            turn = turn.min(max).max(-max);
         }
         let tilt = self.filter.tilt(
             &View {
                 products: &products,
                 down: &down,
                 acc: &acc,
-                settling: !self.shares.settled,
+                running_mean: !self.gains.settled,
             },
-            self.shares.tilt,
+            self.gains.tilt,
         );
-        let found = self.over_range.step(&Seen {
+        let response = self.over_range.step(&StepEnd {
             dt_us,
             counts,
             products: &products,
             bias: &self.rotation.bias,
             field: self.compass.reference(),
-            boost: self.settling.boost,
+            gain_log2: self.start_up.gain_log2,
         });
-        if let Some((boost, blocks)) = found.settle {
-            self.settling.resume(boost, blocks);
-            self.expect_boost();
+        if let Some((gain_log2, blocks)) = response.raise {
+            self.start_up.raise(gain_log2, blocks);
+            self.expect_large_gains();
         }
-        let [rx, ry, rz] = found.correction;
+        let [rx, ry, rz] = response.correction;
         let pending = &mut self.rotation.pending;
-        pending[0] += tilt[0] + ((turn * down[0]) >> cut) + rx;
-        pending[1] += tilt[1] + ((turn * down[1]) >> cut) + ry;
-        pending[2] += tilt[2] + ((turn * down[2]) >> cut) + rz;
+        pending[0] += tilt[0] + ((turn * down[0]) >> shift) + rx;
+        pending[1] += tilt[1] + ((turn * down[1]) >> shift) + ry;
+        pending[2] += tilt[2] + ((turn * down[2]) >> shift) + rz;
     }
 
-    /// One of the small jobs that come now and then.
+    /// Runs the job of the rest detection or of the gains that is due, else that of the compass.
+    /// Not in a long step.
     #[inline(never)]
-    fn keep_house(&mut self, due: u32, gyr: &[i16; 3], acc_z: i32) {
-        if due < rest::SETTLE {
-            self.rest.close(due, &mut self.rotation.bias);
-        } else if due == rest::SETTLE {
-            if self.settling.blocks == 0 && acc_z > 0 {
+    fn housekeeping(&mut self, job: u32, gyr: &[i16; 3], acc_z: i32) {
+        if job < rest::START_UP {
+            self.rest.close(job, &mut self.rotation.bias);
+        } else if job == rest::START_UP {
+            if self.start_up.blocks == 0 && acc_z > 0 {
                 self.rotation.turn_over();
             }
             self.gap = false;
-            self.settling.settle(&mut self.shares);
-            if self.shares.moderate != 0 {
-                // Nothing is added up yet.
+            self.start_up.next_block(&mut self.gains);
+            if self.gains.acc_limit != 0 {
                 self.rest.moved = true;
             }
-        } else if due != rest::NOTHING {
+        } else if job != rest::NO_JOB {
             self.compass.judge(gyr);
         }
     }
 
-    /// The next shares may be so large that accelerations must be moderate when they come; until then nothing is added
-    /// up either.
+    /// Large gains could overflow: limit accelerations from now on, and pause rest detection.
     #[inline(always)]
-    fn expect_boost(&mut self) {
-        self.shares.moderate = self.settling.moderate;
+    fn expect_large_gains(&mut self) {
+        self.start_up.limit_acc(&mut self.gains);
         self.rest.moved = true;
     }
 
-    /// A step of more than 1.25 periods, of many more samples are missing: time and bits that stand for it.
+    /// A step of more than 1.25 periods: the time that is integrated, divided by `2^coarse_shift`,
+    /// and the shift that goes with it. Where the body turns so fast that the whole time would be
+    /// too large a rotation, it is 1.25 periods.
     #[cold]
     #[inline(never)]
     fn long_step(&mut self, dt_us: u32, gyr: &[i16; 3]) -> (u32, u32) {
         self.gap = true;
         let mut dt_us = dt_us;
-        if dt_us > self.most_dt_us {
-            dt_us = self.most_dt_us;
-            self.settling.restart();
-            self.expect_boost();
+        if dt_us > self.max_dt_us {
+            dt_us = self.max_dt_us;
+            self.start_up.restart();
+            self.expect_large_gains();
         }
-        if dt_us * size(gyr) > self.most_turn {
-            dt_us = self.fine_dt_us;
+        if dt_us * size(gyr) > self.max_rotation {
+            dt_us = self.max_short_dt_us;
         }
-        (dt_us >> (self.coarse & 31), self.turn_cut - self.coarse)
+        (
+            dt_us >> (self.coarse_shift & 31),
+            self.turn_shift - self.coarse_shift,
+        )
     }
 }
 
-impl Settling {
-    /// Begin anew with the next block.
-    fn restart(&mut self) {
-        self.boost = self.most;
-        self.fall = self.first_fall;
-        self.span = self.first_blocks;
-        self.fall_at = self.blocks + self.span + 1;
-    }
-
-    /// The attitude has become uncertain: a boost for so many blocks, and half of it for twice as many.
-    #[cold]
-    fn resume(&mut self, boost: i32, blocks: u32) {
-        self.boost = boost.min(self.most);
-        self.fall = 1;
-        self.span = 2 * blocks;
-        self.fall_at = self.blocks + blocks + 1;
-    }
-
-    /// Once a block: the next shares of the running mean.
-    #[inline(never)]
-    fn settle(&mut self, shares: &mut Shares) {
-        let positive = |value: i32| value & !(value >> 31);
-        self.blocks += 1;
-        if self.blocks == self.fall_at {
-            self.boost = positive(self.boost - self.fall);
-            self.fall = 1;
-            self.fall_at += self.span;
-            self.span <<= 1;
-        }
-        shares.settled = self.boost == 0;
-        let boost = positive(self.boost - self.tilt_less);
-        // What the cut has no bits for goes into the factor.
-        let more = positive(boost - self.tilt_most);
-        // All bits or none.
-        shares.moderate = self.moderate & (-more >> 31);
-        shares.tilt.factor = self.tilt_factor << (more & 31);
-        shares.tilt.cut = self.tilt_cut - (boost - more) as u32;
-        let cut = self.heading_cut - positive(self.boost - self.heading_less) as u32;
-        shares.heading_cut = cut;
-    }
-}
-
-fn half_declination(declination_rad: f32) -> Result<Option<(i32, i32)>, ConfigError> {
+/// Cosine and sine of half the declination; `None` when it is zero.
+fn half_declination(declination_rad: f32) -> Result<Option<(Q15, Q15)>, ConfigError> {
     use core::f32::consts::PI;
     in_range(declination_rad, -PI, PI, "declination_rad")?;
     let (sin, cos) = Angles::sin_cos_q30(Angles::from_rad(0.5 * declination_rad));
     Ok((declination_rad != 0.0).then_some((cos >> 15, sin >> 15)))
-}
-
-/// By which power of two the first share is larger than a filter's own.
-fn boost(share: f32) -> u8 {
-    let mut bits = 0;
-    let mut share = share;
-    while share < 1.0 / f32::from(1u8 << (FIRST_SHARE + 1)) {
-        share *= 2.0;
-        bits += 1;
-    }
-    bits
-}
-
-/// A factor in the upper half below `below`, and the bits by which it is too large.
-fn scaled(value: f32, below: f32) -> (i32, u8) {
-    let (mut value, mut bits) = (value, 0);
-    while value < below / 2.0 {
-        value *= 2.0;
-        bits += 1;
-    }
-    ((value + 0.5) as i32, bits)
 }

@@ -1,86 +1,121 @@
 //! The compass in counts: see [`crate::FieldConfig`].
+//!
+//! # The heading error
+//! North and east of the field in the earth frame are scalar products with rows: Q15 counts. The
+//! field should have no part to the east; with the reference's horizontal part `limit`, the sine of
+//! the error is `-east / limit`. The core has no division, so the reciprocal is kept:
+//!
+//! ```text
+//! inverse = 2^27 / limit            limit in Q4, from 32 counts up: inverse <= 2^18
+//! sine = east inverse / 2^12        east in Q4, at most limit: the product is at most 2^27, the sine Q15
+//! ```
+//!
+//! It follows the reference by Newton's step `inverse += inverse (1 - limit inverse / 2^27)`, once
+//! a judgement. `inverse` is cut by 3 bits and the error by 12 for that, so that both have 15. The
+//! step converges from any value that is less than twice too large: the limit grows by halves at
+//! most.
+//!
+//! # The judgement
+//! About thirty times a second a field is kept in Q8 and compared with the reference: `|dh| + |dv|`
+//! of the horizontal and the vertical part must be within `gate` times the reference's length. The
+//! weight falls in four steps towards that limit. Lengths are those of [`length`], without a root:
+//! exact enough for a gate. The gate is at most 64, so that its product in Q8 with a length in
+//! whole counts fits.
+//!
+//! The reference is first taken from single fields, as tilt and heading are not found yet, then
+//! averaged over 16, then followed by a power of two of the difference.
 
-use super::estimator::Scale;
-use super::nearest_log2;
+use super::counts::Scale;
+use super::format::{Q4, Q8, Q15, nearest_log2, positive};
 use super::rotation::{Products, dot};
-use crate::config::{ConfigError, in_range};
-use crate::field::{FieldConfig, JUDGE_S, JUDGE_SAMPLES, LEAST_HORIZONTAL_UT};
+use crate::error::{ConfigError, in_range};
+use crate::field::{FieldConfig, JUDGE_S, JUDGE_SAMPLES, MIN_HORIZONTAL_UT};
 
 /// Fractional bits of the reference.
 const BITS: u32 = 8;
 
-/// The weight of a field that is like the reference.
+/// Weight of a field that is like the reference: a power of two, for steps of a quarter and the
+/// half.
 const FULL: i32 = 8;
 
-/// Field samples that the reference is, each by itself: those from before tilt and heading were found.
+/// Judged fields of which each replaces the reference: tilt and heading are not found yet.
 const FORGOTTEN: i32 = 24;
 
-/// Field samples from which the reference is learned, a running mean, before the gate works.
+/// Judged fields that are averaged into the reference before the gate works.
 const LEARNING: i32 = 16;
 
-/// Tolerance until then, counts in Q8: more than any field deviates.
-const ANYTHING: i32 = 1 << 29;
+/// Tolerance until then, counts: more than any field deviates.
+const ANYTHING: Q8 = 1 << 29;
 
-/// Horizontal field with which the reciprocal begins, counts in Q4: that of middle latitudes for a BNO055.
-const FIRST: i32 = 256 << 4;
+/// Horizontal field with which the reciprocal begins, counts: that of middle latitudes for a
+/// BNO055.
+const FIRST: Q4 = 256 << 4;
 
-/// What a field that was seen is due for: to be compared, then to be concluded from.
+/// `Compass::due` of a field that is to be compared; that of one to be decided on is one less.
 const COMPARE: u32 = 2;
 
-/// The magnetometer as a compass, and the reference that it is held to. First what is touched with every field
-/// sample.
+/// The magnetometer as a compass, and the reference that it is held to. First what every field
+/// sample touches.
 #[derive(Clone, Debug)]
 #[repr(C)]
 pub(super) struct Compass {
     /// `2^27 / limit`.
     inverse: i32,
-    /// The horizontal part of the reference that the reciprocal has come to, counts in Q4: the largest part across
-    /// that has a sine.
-    limit: i32,
-    /// How far the field is to be believed, in parts of `FULL`.
+    /// The horizontal part of the reference that the reciprocal has come to, counts: the largest
+    /// part across that has a sine.
+    limit: Q4,
+    /// Weight of the field, in parts of `FULL`.
     weight: i32,
-    /// Samples between judgements, and when the last was.
+    /// Samples between judgements.
     interval: u32,
+    /// Sample number of the last field that was kept for a judgement.
     last: u32,
-    /// What the field that was seen is due for: `COMPARE` and down to 0, nothing.
+    /// Steps of the judgement that are to come: `COMPARE` and down to 0, none.
     due: u32,
-    /// What is to be judged: north, east and down, counts in Q8.
-    seen: [i32; 3],
-    /// The reference, horizontal and vertical; what was seen last, and another field that has been there for a while:
-    /// counts in Q8.
-    reference: [i32; 2],
-    met: [i32; 2],
-    candidate: [i32; 2],
-    /// Largest deviation from the reference, and by how much the newest was within: counts in Q8.
-    tolerance: i32,
-    margin: i32,
-    /// Gate as a fraction, Q8.
-    gate: i32,
-    /// Horizontal field below which a compass has no direction, counts in Q8.
-    least: i32,
-    /// Field samples that the reference stands on, as long as it is learned; the share of the next, as a negative
-    /// power of two, and the last.
+    /// The field that is judged: north, east and down, counts.
+    seen: [Q8; 3],
+    /// The reference, horizontal and vertical, counts.
+    reference: [Q8; 2],
+    /// The same of the field that is judged.
+    met: [Q8; 2],
+    /// The same of a field unlike the reference, against which later ones are compared.
+    candidate: [Q8; 2],
+    /// Largest deviation from the reference, counts.
+    tolerance: Q8,
+    /// By how much the newest field was within the tolerance, counts; negative beyond it.
+    margin: Q8,
+    /// Gate as a fraction of the reference's length.
+    gate: Q8,
+    /// Horizontal field below which a compass has no direction, counts.
+    min_horizontal: Q8,
+    /// Field samples that the reference stands on, while it is learned.
     judged: i32,
+    /// The share of the next field in the reference, as a negative power of two.
     share: u32,
+    /// That share once the reference is learned.
     follow: u32,
-    /// When the sample before was seen.
+    /// Sample number of the field judged before.
     before: u32,
-    /// Samples while another field was there: all, and those while turning; and the limits of both.
+    /// Samples for which another field has been there.
     rejected: u32,
+    /// Those of them in which the body turned.
     turned: u32,
-    reject: u32,
-    adopt: u32,
-    /// Sum of the rates beyond which the body turns, counts.
+    /// Limit of `rejected`: then the heading follows the field at half the gain.
+    max_rejected: u32,
+    /// Limit of `turned`: then the other field becomes the reference.
+    max_turned: u32,
+    /// Sum of the rates' sizes beyond which the body turns, counts.
     adopt_rate: u32,
 }
 
 /// Limits in counts, times in samples.
 pub(super) struct Limits {
-    least: i32,
-    gate_q8: i32,
+    min_horizontal: Q8,
+    gate: Q8,
+    /// Base-2 logarithm of the judgements in the reference's time constant.
     log2_follow: u8,
-    reject: u32,
-    adopt: u32,
+    max_rejected: u32,
+    max_turned: u32,
     adopt_rate: u32,
 }
 
@@ -94,50 +129,50 @@ impl Compass {
             last: 0,
             due: 0,
             seen: [0; 3],
-            reference: [limits.least, 0],
+            reference: [limits.min_horizontal, 0],
             met: [0; 2],
             candidate: [0; 2],
             tolerance: ANYTHING,
             margin: 0,
-            gate: limits.gate_q8,
-            least: limits.least,
+            gate: limits.gate,
+            min_horizontal: limits.min_horizontal,
             judged: -FORGOTTEN,
             share: 0,
             follow: limits.log2_follow.into(),
             before: 0,
             rejected: 0,
             turned: 0,
-            reject: limits.reject,
-            adopt: limits.adopt,
+            max_rejected: limits.max_rejected,
+            max_turned: limits.max_turned,
             adopt_rate: limits.adopt_rate,
         }
     }
 
-    /// The field that was seen last is not like the reference.
+    /// The field that was judged last is not like the reference.
     pub(super) fn is_disturbed(&self) -> bool {
         self.margin < 0
     }
 
-    /// There is a field to be judged.
+    /// A judgement is under way.
     pub(super) fn is_due(&self) -> bool {
         self.due != 0
     }
 
-    /// The reference, north and down in counts, once it is one.
+    /// The reference, north and down in counts, once it is learned.
     #[inline(always)]
     pub(super) fn reference(&self) -> Option<[i32; 2]> {
         (self.judged == LEARNING).then(|| self.reference.map(|part| part >> BITS))
     }
 
-    /// Sine of the heading error, Q15, of a field in counts, as far as it is to be believed.
+    /// Sine of the heading error that a field in counts shows, times its weight.
     #[inline(always)]
     pub(super) fn heading(
         &mut self,
         p: &Products,
-        down: &[i32; 3],
+        down: &[Q15; 3],
         mag: &[i32; 3],
         tick: u32,
-    ) -> i32 {
+    ) -> Q15 {
         let (north, east) = (dot(&p.north(), mag), dot(&p.east(), mag));
         if tick.wrapping_sub(self.last) >= self.interval {
             self.last = tick;
@@ -145,13 +180,13 @@ impl Compass {
             self.seen = [north, east, dot(down, mag)].map(|q15| q15 >> (15 - BITS));
         }
         let sign = east >> 31;
-        let most = (self.limit ^ sign) - sign;
+        let max = (self.limit ^ sign) - sign;
         let across = east >> 11;
         // Beyond a right angle all of it is across, and twice that: back sooner.
         let across = if north < 0 {
-            2 * most
-        } else if (across ^ sign) > (most ^ sign) {
-            most
+            2 * max
+        } else if (across ^ sign) > (max ^ sign) {
+            max
         } else {
             across
         };
@@ -173,32 +208,33 @@ impl Limits {
         in_range(config.adopt_rate_rad_s, 0.0, 10.0, "field.adopt_rate_rad_s")?;
         let samples = |time_s: f32| (time_s / period_s) as u32;
         Ok(Self {
-            // Below 32 counts a reciprocal would not fit.
-            least: ((LEAST_HORIZONTAL_UT / scale.mag_ut) as i32).max(32) << BITS,
-            gate_q8: (config.gate.min(64.0) * 256.0) as i32,
+            // Below 32 counts the reciprocal would not fit.
+            min_horizontal: ((MIN_HORIZONTAL_UT / scale.mag_ut) as i32).max(32) << BITS,
+            gate: (config.gate.min(64.0) * 256.0) as i32,
             log2_follow: nearest_log2(config.tau_s / JUDGE_S).min(15),
-            reject: samples(config.reject_s),
-            adopt: samples(config.adopt_s),
+            max_rejected: samples(config.reject_s),
+            max_turned: samples(config.adopt_s),
             adopt_rate: (config.adopt_rate_rad_s / scale.gyr_rad_s) as u32,
         })
     }
 }
 
 impl Compass {
-    /// Judge the field that was seen, one job with each sample until all is done.
+    /// Judge the field that was kept, in two steps: this is the next.
     #[inline(never)]
     pub(super) fn judge(&mut self, gyr: &[i16; 3]) {
         self.due -= 1;
         if self.due == COMPARE - 1 {
             self.compare();
         } else {
-            self.conclude(gyr);
+            self.decide(gyr);
         }
     }
 
+    /// How far the field is from the reference, which follows it if it is near.
     fn compare(&mut self) {
         let [north, east, down] = self.seen;
-        self.met = [length(north, east).max(self.least), down];
+        self.met = [length(north, east).max(self.min_horizontal), down];
         let (dh, dv) = (
             self.met[0] - self.reference[0],
             self.met[1] - self.reference[1],
@@ -212,7 +248,8 @@ impl Compass {
         self.invert();
     }
 
-    fn conclude(&mut self, gyr: &[i16; 3]) {
+    /// What the comparison makes of the weight, the tolerance and the candidate.
+    fn decide(&mut self, gyr: &[i16; 3]) {
         let elapsed = self.last.wrapping_sub(self.before);
         self.before = self.last;
         if self.margin >= 0 {
@@ -237,7 +274,7 @@ impl Compass {
             return;
         }
         self.rejected = self.rejected.wrapping_add(elapsed);
-        self.weight = if self.rejected > self.reject {
+        self.weight = if self.rejected > self.max_rejected {
             FULL / 2
         } else {
             0
@@ -249,14 +286,13 @@ impl Compass {
             self.turned = 0;
         } else if size(gyr) > self.adopt_rate {
             self.turned = self.turned.wrapping_add(elapsed);
-            if self.turned > self.adopt {
+            if self.turned > self.max_turned {
                 self.reference = self.candidate;
             }
         }
     }
 
-    /// The reciprocal follows the reference: a Newton step. It converges from any that is less than twice too large,
-    /// so that the reference is followed upwards by halves.
+    /// The reciprocal follows the reference by a Newton step.
     fn invert(&mut self) {
         self.limit = (self.reference[0] >> (BITS - 4)).min(self.limit + (self.limit >> 1));
         let error = (1 << 27) - self.limit * self.inverse;
@@ -275,8 +311,7 @@ pub(super) fn size(v: &[i16; 3]) -> u32 {
 #[inline(never)]
 fn length(a: i32, b: i32) -> i32 {
     let (a, b) = (a.abs(), b.abs());
-    let positive = |value: i32| value & !(value >> 31);
     let more = positive(a - b);
-    let (most, least) = (b + more, a - more);
-    most + positive((least >> 1) - (most >> 3))
+    let (larger, smaller) = (b + more, a - more);
+    larger + positive((smaller >> 1) - (larger >> 3))
 }

@@ -1,23 +1,55 @@
-//! The corrections: [`Mahony`] and [`Vqf`].
+//! The tilt corrections: [`Mahony`] and [`Vqf`].
+//!
+//! # The error
+//! With the rows `n`, `e`, `d` of the rotation matrix (Q15) and the specific force `a` (counts),
+//! which is `-g d` at rest, the tilt error times `g` is `d x a` in the body frame, and
+//! `(-e a, n a)` about north and east in the earth frame. Both are Q15 counts, at most
+//! `2^15 * 2^15 sqrt(3) < 2^31`.
+//!
+//! # The gain
+//! [`Gain`] takes such an error to half an angle in Q31. It is cut by 11 bits first, so that a
+//! factor of 11 to 12 bits has room; for a gain of `k` per sample,
+//!
+//! ```text
+//! factor / 2^shift = k 2^30 / (2^15 per_g / 2^11) = k 2^26 / per_g
+//! ```
+//!
+//! # Mahony
+//! `c = k d x a / (2 g)`: three products.
+//!
+//! # VQF
+//! The error is smoothed where gravity stands still, in the earth frame: `z' = (error - z) / T`,
+//! `c = k z`. Nothing of it may be lost, as the corrections of a slow filter are smaller than the
+//! last bits:
+//!
+//! - `z` is Q8 (25 bits with sign). The difference is cut to Q1, rounded, and multiplied by the
+//!   share `period / T` in Q16, at most `2^13`: Q17, of which 9 bits are kept for the next sample
+//!   and the others added to `z`.
+//! - The correction about north and east is added up in Q31. Its upper bits, Q18, are taken into
+//!   the body frame with rows in Q15; that is Q33, cut by two bits. The lower 13 bits are kept for
+//!   the next step.
+//! - While the gains are those of a running mean, that is smooth enough: the error is taken as it
+//!   is, and `z` stays 0.
 
+use super::format::{Q8, Q15, Q16, Q31};
 use super::rotation::{Products, dot};
-use crate::config::{ConfigError, in_range, positive};
+use crate::error::{ConfigError, in_range, positive};
 use crate::mahony::MahonyGains;
 use crate::vqf::VqfGains;
 
-/// Gain of the tilt correction: share of the error per sample, for a cross product of a Q15 row and counts
-/// that is cut by 11 bits, to half an angle in Q31.
+/// Gain of the tilt correction: from an error in Q15 counts to half an angle in Q31.
 #[derive(Clone, Copy, Debug)]
 pub struct Gain {
+    /// What the error, cut by 11 bits, is multiplied by.
     pub(super) factor: i32,
-    /// Bits by which the product is too large.
-    pub(super) cut: u32,
+    /// Right shift of the product.
+    pub(super) shift: u32,
 }
 
 impl Gain {
     #[inline(always)]
-    fn of(self, error: i32) -> i32 {
-        ((error >> 11) * self.factor) >> (self.cut & 31)
+    fn of(self, error: i32) -> Q31 {
+        ((error >> 11) * self.factor) >> (self.shift & 31)
     }
 }
 
@@ -27,6 +59,9 @@ pub trait Filter: Sized {
     type Gains: Copy;
 
     /// Build the coefficients for a sampling period.
+    ///
+    /// # Errors
+    /// A gain out of range, or one that does not exist in fixed point, by name.
     fn new(gains: &Self::Gains, period_s: f32) -> Result<Self, ConfigError>;
 
     /// Rates, 1/s, at which tilt and heading follow.
@@ -34,18 +69,19 @@ pub trait Filter: Sized {
 
     /// The tilt correction, half a rotation vector in the body frame, Q31 rad.
     #[doc(hidden)]
-    fn tilt(&mut self, view: &View<'_>, gain: Gain) -> [i32; 3];
+    fn tilt(&mut self, view: &View<'_>, gain: Gain) -> [Q31; 3];
 }
 
 /// The estimate and the accelerometer, as a filter sees them.
 pub struct View<'a> {
+    /// The orientation after the step.
     pub(super) products: &'a Products,
-    /// Down in the body frame, Q15.
-    pub(super) down: &'a [i32; 3],
+    /// Down in the body frame.
+    pub(super) down: &'a [Q15; 3],
     /// Specific force, counts.
     pub(super) acc: &'a [i32; 3],
-    /// A running mean is under way.
-    pub(super) settling: bool,
+    /// The gains are those of a running mean, larger than the filter's own.
+    pub(super) running_mean: bool,
 }
 
 /// Mahony's filter: see [`crate::Mahony`].
@@ -65,7 +101,7 @@ impl Filter for Mahony {
     }
 
     #[inline(always)]
-    fn tilt(&mut self, view: &View<'_>, gain: Gain) -> [i32; 3] {
+    fn tilt(&mut self, view: &View<'_>, gain: Gain) -> [Q31; 3] {
         let (d, a) = (view.down, view.acc);
         [
             gain.of(d[1] * a[2] - d[2] * a[1]),
@@ -78,14 +114,14 @@ impl Filter for Mahony {
 /// The VQF-class filter: see [`crate::Vqf`].
 #[derive(Clone, Debug)]
 pub struct Vqf {
-    /// Share of a sample in the smoothing, Q16.
-    share: i32,
-    /// Smoothed horizontal acceleration, north and east, counts in Q8.
-    smooth: [i32; 2],
-    /// Remainder of the smoothing, below that.
-    rest: [i32; 2],
-    /// Remainder of the correction, Q31 half angle about north and east.
-    carry: [i32; 2],
+    /// Share of a sample in the smoothing.
+    share: Q16,
+    /// Smoothed horizontal acceleration, north and east, counts.
+    smooth: [Q8; 2],
+    /// Remainder of the smoothing, Q17 counts, below a bit of `smooth`.
+    remainder: [i32; 2],
+    /// Half angle about north and east that is still to be applied.
+    carry: [Q31; 2],
 }
 
 impl Filter for Vqf {
@@ -104,7 +140,7 @@ impl Filter for Vqf {
         Ok(Self {
             share: (65_536.0 * period_s / gains.acc_smoothing_s + 0.5) as i32,
             smooth: [0; 2],
-            rest: [0; 2],
+            remainder: [0; 2],
             carry: [0; 2],
         })
     }
@@ -114,16 +150,16 @@ impl Filter for Vqf {
     }
 
     #[inline(always)]
-    fn tilt(&mut self, view: &View<'_>, gain: Gain) -> [i32; 3] {
+    fn tilt(&mut self, view: &View<'_>, gain: Gain) -> [Q31; 3] {
         let (north, east) = (view.products.north(), view.products.east());
-        // Counts in Q8: 2^15 counts and three axes make 24 bits.
         let seen = [dot(&north, view.acc) >> 7, dot(&east, view.acc) >> 7];
-        for ((smooth, rest), seen) in self.smooth.iter_mut().zip(&mut self.rest).zip(seen) {
-            let sum = ((seen - *smooth + 64) >> 7) * self.share + *rest;
+        let state = self.smooth.iter_mut().zip(&mut self.remainder);
+        for ((smooth, remainder), seen) in state.zip(seen) {
+            let sum = ((seen - *smooth + 64) >> 7) * self.share + *remainder;
             *smooth += sum >> 9;
-            *rest = sum & 0x1ff;
+            *remainder = sum & 0x1ff;
         }
-        let [n, e] = if view.settling {
+        let [n, e] = if view.running_mean {
             self.smooth = [0; 2];
             seen
         } else {

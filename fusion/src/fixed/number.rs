@@ -7,7 +7,7 @@ use crate::real::{Number, sealed};
 /// Fractional bits.
 const BITS: u32 = 20;
 
-/// From -2048 to 2048 in steps of 1e-6; what is beyond, of products from 890 on, is the last of them.
+/// From -2048 to 2048 in steps of 1e-6. It saturates there; products already may from 890 on.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) struct Q20(pub(super) i32);
 

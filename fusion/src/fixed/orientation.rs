@@ -9,9 +9,9 @@ pub struct Orientation {
     pub wxyz_q30: [i32; 4],
 }
 
-/// Roll, pitch and yaw as binary angles: 2^31 is half a turn, so that sums wrap by themselves. The sequence
-/// is yaw, pitch, roll; at a pitch of +-90 deg roll and yaw turn about the same axis and only their
-/// difference or sum means something.
+/// Roll, pitch and yaw as binary angles: 2^31 is half a turn, so that sums wrap by themselves. The
+/// sequence is yaw, pitch, roll; at a pitch of +-90 deg roll and yaw turn about the same axis and
+/// only their difference or sum means something.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Angles {
     /// Any angle.

@@ -2,7 +2,8 @@
 
 use nalgebra::Vector3;
 
-use super::estimator::{Counts, Scale};
+use super::counts::{Counts, Scale};
+use super::format::{Q9, Q31};
 use super::number::Q20;
 use super::rotation::{BIAS_BITS, Products};
 use crate::quaternion::HalfRows;
@@ -10,45 +11,48 @@ use crate::range::{Hidden, Range};
 use crate::real::{Number, sealed};
 use crate::recovery::{Recovery, Seen};
 
-/// Largest part of a correction that one step takes, half an angle in Q31: a sixteenth of a radian.
-const MOST: i32 = 1 << 27;
+/// Largest part of a correction that one step takes, half an angle: a sixteenth of a radian.
+const MAX_STEP: Q31 = 1 << 27;
 
 /// Field counts are brought to parts of this, uT: squares of the earth's field would not fit.
 const FIELD_UT: f32 = 64.0;
 
 /// What an estimator does when rates clip: [`Ignored`] or [`Recovered`].
 pub trait OverRange: sealed::Sealed {
-    /// One step.
+    /// Looks for clipped rates at the end of a step.
     #[doc(hidden)]
-    fn step(&mut self, step: &Step<'_>) -> Found;
+    fn step(&mut self, step: &StepEnd<'_>) -> Response;
 
-    /// A rate is clipped, or was so lately.
+    /// A rate is clipped, or was within the last seconds.
     fn is_active(&self) -> bool;
 }
 
 /// What an estimator knows at the end of a step.
-pub struct Step<'a> {
+pub struct StepEnd<'a> {
+    /// Time step, us.
     pub(super) dt_us: u32,
+    /// The sample.
     pub(super) counts: &'a Counts,
+    /// The orientation after the step.
     pub(super) products: &'a Products,
-    /// Offset of the gyroscope, counts with `BIAS_BITS`.
-    pub(super) bias: &'a [i32; 3],
+    /// Offset of the gyroscope, counts.
+    pub(super) bias: &'a [Q9; 3],
     /// The field's reference: north and down, counts.
     pub(super) field: Option<[i32; 2]>,
-    /// By how much the gains are larger than the filter's own, as a power of two.
-    pub(super) boost: i32,
+    /// Base-2 logarithm of the gain increase of the slower channel.
+    pub(super) gain_log2: i32,
 }
 
-/// What is to be done about it.
+/// What an estimator does about clipped rates.
 #[derive(Default)]
-pub struct Found {
-    /// A correction, half a rotation vector in the body frame, Q31 rad.
-    pub(super) correction: [i32; 3],
-    /// Gains that much larger than the filter's own, as a power of two, for so many blocks, then half of that.
-    pub(super) settle: Option<(i32, u32)>,
+pub struct Response {
+    /// A correction, half a rotation vector in the body frame, rad.
+    pub(super) correction: [Q31; 3],
+    /// Base-2 logarithm of a gain increase and the blocks that it lasts: see `StartUpGains::raise`.
+    pub(super) raise: Option<(i32, u32)>,
 }
 
-/// Clipping is not looked for: where the gyroscope measures all that the body does. It costs nothing.
+/// Clipping is not looked for, which costs nothing: for gyroscopes whose range no motion exceeds.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Ignored;
 
@@ -56,8 +60,8 @@ impl sealed::Sealed for Ignored {}
 
 impl OverRange for Ignored {
     #[inline(always)]
-    fn step(&mut self, _: &Step<'_>) -> Found {
-        Found::default()
+    fn step(&mut self, _: &StepEnd<'_>) -> Response {
+        Response::default()
     }
 
     #[inline(always)]
@@ -66,21 +70,27 @@ impl OverRange for Ignored {
     }
 }
 
-/// Clipping is found, and the rotation that it hid, by the same steps as in float.
+/// Clipping is found, and the rotation that it hid, by the same code as in float, in Q20.
 #[derive(Clone, Debug)]
 pub struct Recovered {
     range: Range<Q20>,
     recovery: Recovery<Q20>,
+    /// Bits of Q20 rad/s that a count of the gyroscope is worth.
     gyr: i32,
+    /// Bits of Q20 m/s^2 that a count of the accelerometer is worth.
     acc: i32,
+    /// Bits of Q20 that a count of the magnetometer is worth, in units of [`FIELD_UT`].
     field: i32,
-    /// Time since the last field.
+    /// Time since the last field, s.
     field_dt: Q20,
-    /// What the steps so far were too short for, half an angle about the body's axes in Q31.
-    owed: [i32; 3],
+    /// The part of the corrections that is still to be applied, half an angle about each body axis,
+    /// rad.
+    owed: [Q31; 3],
+    /// One over the accelerometer's noise density, 1/(rad^2 s).
     per_density: Q20,
     /// Twice the smaller one of the filter's gains, 1/s: where the next power of two begins.
     slow_per_s: Q20,
+    /// Blocks of the rest detection a second.
     blocks_per_s: Q20,
 }
 
@@ -109,32 +119,35 @@ impl Recovered {
         }
     }
 
-    /// The attitude's variance has grown, rad^2: gains as those of a running mean whose variance is as large.
+    /// The attitude's variance has grown, rad^2: the gain increase of a running mean whose variance
+    /// is as large, and how long it lasts, unless the gains are larger already.
     #[cold]
-    fn unsettle(&self, variance: Q20, boost: i32) -> Option<(i32, u32)> {
+    fn unsettle(&self, variance: Q20, gain_log2: i32) -> Option<(i32, u32)> {
         let mut slow = self.slow_per_s;
-        let now = if boost == 0 {
+        let now = if gain_log2 == 0 {
             Q20::from_f32(SETTLED_PER_S)
         } else {
-            Q20((slow.0 << (boost & 7)) >> 1)
+            Q20((slow.0 << (gain_log2 & 7)) >> 1)
         };
         let rate = now + variance * self.per_density;
-        let mut larger = 0;
-        while slow < rate && larger < 8 {
+        let mut raised = 0;
+        while slow < rate && raised < 8 {
             slow += slow;
-            larger += 1;
+            raised += 1;
         }
         let blocks = (self.blocks_per_s * rate.recip()).0 >> 20;
-        (larger != 0 && larger >= boost).then_some((larger, blocks.clamp(1, 100) as u32))
+        (raised != 0 && raised >= gain_log2).then_some((raised, blocks.clamp(1, 100) as u32))
     }
 
+    /// One step of the recovery: what the axes hide and the other sensors show becomes a correction
+    /// that is owed.
     #[inline(never)]
     fn recover(
         &mut self,
         dt: Q20,
         rate: &Vector3<Q20>,
         hidden: Option<[Hidden<Q20>; 3]>,
-        step: &Step<'_>,
+        step: &StepEnd<'_>,
     ) -> Option<(i32, u32)> {
         // Half a row in Q20 is a row in Q15 times 16.
         let half = |row: [i32; 3]| Vector3::from(row.map(|part| Q20(part << 4)));
@@ -171,7 +184,7 @@ impl Recovered {
             *owed = owed.saturating_add(part.0.clamp(-(1 << 19), 1 << 19) << 11);
         }
         if variance > Q20::ZERO {
-            self.unsettle(variance, step.boost)
+            self.unsettle(variance, step.gain_log2)
         } else {
             None
         }
@@ -182,8 +195,8 @@ impl sealed::Sealed for Recovered {}
 
 impl OverRange for Recovered {
     #[inline]
-    fn step(&mut self, step: &Step<'_>) -> Found {
-        let mut found = Found::default();
+    fn step(&mut self, step: &StepEnd<'_>) -> Response {
+        let mut response = Response::default();
         // us to Q20: 2^20 / 10^6 is 1 + 3183 / 2^16.
         let us = step.dt_us.min(30_000) as i32;
         let dt = Q20(us + ((us * 3_183) >> 16));
@@ -194,16 +207,16 @@ impl OverRange for Recovered {
             hidden = Some(self.range.examine(dt, &mut rate));
         }
         if hidden.is_some() || self.recovery.is_active() {
-            found.settle = self.recover(dt, &rate, hidden, step);
+            response.raise = self.recover(dt, &rate, hidden, step);
         }
         if step.counts.mag.is_some() {
             self.field_dt = Q20::ZERO;
         }
-        for (part, owed) in found.correction.iter_mut().zip(&mut self.owed) {
-            *part = (*owed).clamp(-MOST, MOST);
+        for (part, owed) in response.correction.iter_mut().zip(&mut self.owed) {
+            *part = (*owed).clamp(-MAX_STEP, MAX_STEP);
             *owed -= *part;
         }
-        found
+        response
     }
 
     fn is_active(&self) -> bool {

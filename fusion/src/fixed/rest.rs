@@ -1,75 +1,101 @@
 //! Rest and gyroscope offset in counts: see [`crate::RestConfig`].
 //!
-//! The six axes close their blocks one after the other: no sample pays for more than one of them.
+//! # The method
+//! The gyroscope's three axes and the accelerometer's are summed over blocks of about a quarter of
+//! a second. A block whose means are near those of the reference block is still; enough of them in
+//! a row are rest. From then on the mean of each still block, but the newest, moves the offset: the
+//! k-th by 1/k of the difference, with k rounded up to a power of two, until that is the memory.
+//!
+//! # The work
+//! A block has `2^shift` samples, so that its means are shifts. Its work is spread over the first
+//! samples of the next, so that none pays for more than one job: see [`START_UP`].
+//!
+//! # The formats
+//! - Sums: at most `2^12` samples of `2^15` counts. The mean in Q9 needs 9 bits more than 32 have
+//!   where a rate is far from zero; it wraps then, and is not used, as such a mean is a motion.
+//! - The offset is learned in Q16, where the smallest share, `2^-7`, of a bit of Q9 is not lost,
+//!   and rounded to Q9 for the integration.
+//! - The integration multiplies the offset in Q9 by a half angle per count below `2^15`: it holds
+//!   up to 127 counts.
 
-use super::estimator::Scale;
-use super::nearest_log2;
+use super::counts::Scale;
+use super::format::{Q9, Q16, nearest_log2};
 use super::rotation::BIAS_BITS;
-use crate::config::{ConfigError, in_range};
+use crate::error::{ConfigError, in_range};
 use crate::rest::{BLOCK_S, RestConfig};
 
-/// Bits that the offset has beyond `BIAS_BITS` while it is learned.
+/// Bits that the offset has beyond `BIAS_BITS` while it is learned, and the largest memory: `2^7`
+/// blocks.
 const FINER_BITS: u32 = 7;
 
+/// One axis of a sensor.
 #[derive(Clone, Copy, Debug, Default)]
 #[repr(C)]
 struct Axis {
     /// Mean over the block that the others are compared with, counts.
     reference: i32,
-    /// Mean over the newest block, counts with `BIAS_BITS`. The offset learns from it when the next block
-    /// is at rest too: a motion may have begun in it.
-    newest: i32,
-    /// Offset with `FINER_BITS` more: what a small share of a block adds is not lost.
-    offset: i32,
+    /// Mean over the newest block, counts. The offset learns from it when the next block is still
+    /// too: a motion may have begun in it.
+    newest: Q9,
+    /// Offset of the axis, counts.
+    offset: Q16,
 }
 
-/// Sums over the block under way, which are touched with every sample, and what is when a block ends.
+/// The rest detection. First the sums of the block under way, which every sample touches, then what
+/// a block's end needs.
 #[derive(Clone, Debug)]
 #[repr(C)]
 pub(super) struct Rest {
-    /// The block under way is no rest.
+    /// The block under way is not still.
     pub(super) moved: bool,
-    /// Blocks that make a rest, and how many of them are still to come.
+    /// Still blocks in a row that make a rest.
     needed: u8,
+    /// How many of them are still to come.
     missing: u8,
+    /// Largest `learned`.
     memory: u8,
+    /// Number of the newest sample, modulo 2^32.
     tick: u32,
     /// Samples of a block less one: a power of two less one.
     mask: u32,
     /// Sums of the gyroscope's axes and the accelerometer's, counts.
     sums: [i32; 6],
-    /// A block's sum of an axis holds two to this.
+    /// Right shift from an axis' sum over a block to its mean.
     shift: u32,
-    /// Blocks that the offset stands on, and the share of the next as a power of two.
+    /// Blocks at rest that the offset stands on.
     blocks: u32,
+    /// The share of the next block in the offset, as a negative power of two.
     learned: u32,
+    /// Largest deviation of a block's mean rate from the reference, counts.
     rate_limit: i32,
+    /// The same of the acceleration.
     acc_limit: i32,
-    most_bias: i32,
+    /// Mean rates beyond this are motion, counts.
+    max_bias: i32,
     axes: [Axis; 6],
 }
 
-/// The first samples of a block have something to do: six close the axes, the seventh concludes, and this one has the
-/// estimator's own job.
-pub(super) const SETTLE: u32 = 7;
+/// Work is spread over a block: samples 0 to 5 close one axis each, 6 decides on rest, and 7 (this)
+/// updates the start-up gains, which is the estimator's job.
+pub(super) const START_UP: u32 = 7;
 
-/// No job, and no judgement either.
-pub(super) const NOTHING: u32 = u32::MAX;
+/// Neither one of these jobs nor one of the compass.
+pub(super) const NO_JOB: u32 = u32::MAX;
 
 /// Limits in counts, times in samples.
 pub(super) struct Limits {
     rate: i32,
     acc: i32,
-    most_bias: i32,
-    /// Two to this many samples make a block.
+    max_bias: i32,
+    /// Base-2 logarithm of the samples of a block.
     log2_block: u8,
-    /// Blocks that make a rest.
+    /// Still blocks that make a rest.
     needed: u8,
-    /// Two to this many blocks are what the offset is averaged over.
+    /// Base-2 logarithm of the blocks that the offset is averaged over.
     log2_memory: u8,
 }
 
-/// Two to this many samples make a block.
+/// Base-2 logarithm of the samples of a block.
 #[inline(always)]
 pub(super) fn log2_block(period_s: f32) -> u8 {
     nearest_log2(BLOCK_S / period_s).clamp(4, 12)
@@ -92,7 +118,7 @@ impl Limits {
         Ok(Self {
             rate: (config.rate_rad_s / scale.gyr_rad_s) as i32,
             acc: (config.acc_m_s2 / scale.acc_m_s2) as i32,
-            most_bias: (config.max_bias_rad_s / scale.gyr_rad_s) as i32,
+            max_bias: (config.max_bias_rad_s / scale.gyr_rad_s) as i32,
             log2_block,
             needed: (blocks(config.time_s) + 0.5) as u8,
             log2_memory: nearest_log2(blocks(config.tau_s)).min(7),
@@ -107,7 +133,8 @@ impl Rest {
             needed: limits.needed,
             missing: limits.needed,
             memory: limits.log2_memory,
-            tick: SETTLE - 1,
+            // The first sample sets the gains.
+            tick: START_UP - 1,
             mask: (1 << limits.log2_block) - 1,
             sums: [0; 6],
             shift: limits.log2_block.into(),
@@ -115,12 +142,12 @@ impl Rest {
             learned: 0,
             rate_limit: limits.rate,
             acc_limit: limits.acc,
-            most_bias: limits.most_bias,
+            max_bias: limits.max_bias,
             axes: [Axis::default(); 6],
         }
     }
 
-    /// One sample; which job of a block is due.
+    /// One sample; the number of the job that is due.
     #[inline(always)]
     pub(super) fn add(&mut self, gyr: &[i16; 3], acc: &[i32; 3]) -> u32 {
         let [gx, gy, gz, ax, ay, az] = &mut self.sums;
@@ -130,12 +157,12 @@ impl Rest {
         *ax += acc[0];
         *ay += acc[1];
         *az += acc[2];
-        self.pass()
+        self.skip()
     }
 
-    /// A sample that is not added.
+    /// A sample that is not added up.
     #[inline(always)]
-    pub(super) fn pass(&mut self) -> u32 {
+    pub(super) fn skip(&mut self) -> u32 {
         self.tick = self.tick.wrapping_add(1);
         self.tick & self.mask
     }
@@ -145,54 +172,48 @@ impl Rest {
         self.tick
     }
 
-    /// Two to this many samples make a block.
-    pub(super) fn log2_block(&self) -> u8 {
-        self.mask.count_ones() as u8
-    }
-
     pub(super) fn is_at_rest(&self) -> bool {
         self.missing == 0
     }
 
-    /// Close the block of an axis, or conclude.
+    /// Close the block of the axis with the number of the job, or decide on rest.
     #[inline(never)]
-    pub(super) fn close(&mut self, due: u32, bias: &mut [i32; 3]) {
-        let due = due as usize;
-        let (Some(sum), Some(axis)) = (self.sums.get_mut(due), self.axes.get_mut(due)) else {
-            self.conclude();
+    pub(super) fn close(&mut self, job: u32, bias: &mut [Q9; 3]) {
+        let job = job as usize;
+        let (Some(sum), Some(axis)) = (self.sums.get_mut(job), self.axes.get_mut(job)) else {
+            self.decide();
             return;
         };
         let mean = *sum >> (self.shift & 31);
-        // Wraps where the body turns; then it is not used.
         let newest = (*sum << BIAS_BITS) >> (self.shift & 31);
         *sum = 0;
         let before = core::mem::replace(&mut axis.newest, newest);
         let apart = (mean - axis.reference).abs();
         let mut limit = self.acc_limit;
-        if due < 3 {
+        if job < 3 {
             limit = self.rate_limit;
-            // No offset is as large: a motion.
-            self.moved |= mean.abs() > self.most_bias;
+            self.moved |= mean.abs() > self.max_bias;
         }
         if apart > limit {
             axis.reference = mean;
             self.moved = true;
         } else if self.missing == 0
-            && let Some(bias) = bias.get_mut(due)
+            && let Some(bias) = bias.get_mut(job)
         {
             axis.offset += ((before << FINER_BITS) - axis.offset) >> (self.learned & 31);
             *bias = (axis.offset + (1 << (FINER_BITS - 1))) >> FINER_BITS;
         }
     }
 
-    fn conclude(&mut self) {
+    /// The block was still or not: what that makes of the rest, and of the share of the next block.
+    fn decide(&mut self) {
         if self.moved {
             self.missing = self.needed;
         } else if self.missing != 0 {
             self.missing -= 1;
         } else {
             if self.blocks == 0 {
-                // Once an offset is known, what passes for rest is held to a quarter of the limit.
+                // Once an offset is known, the limit for rest is a quarter of what it was.
                 self.rate_limit >>= 2;
             }
             self.blocks += 1;

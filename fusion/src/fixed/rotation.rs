@@ -1,53 +1,81 @@
 //! The orientation in 32 bits, and its integration.
 //!
-//! The quaternion is kept in Q30 and cut to Q15 wherever it is a factor, so that every product is of two
-//! 16-bit numbers and fits 32 bits: one cycle each, where a 32 x 32 -> 64 multiplication would be a library
-//! call of 78. Nothing is lost by it: rotation increments are Q31, what their rounding to 2^-16 leaves is
-//! carried into the next step, and the rounding of the factors only scales an increment by 1e-5.
+//! The quaternion is kept in Q30 and cut to Q15 wherever it is a factor, so that every product is
+//! of two 16-bit numbers and fits 32 bits: one cycle each, where a 32 x 32 -> 64 multiplication
+//! would be a library call of 78. Nothing is lost by it: rotation increments are Q31, what their
+//! rounding to 2^-16 leaves is carried into the next step, and the rounding of the factors only
+//! scales an increment by 1e-5.
 //!
-//! Both kinds of state carry an offset of half a bit of what they are cut to, so that cutting rounds.
+//! Quaternion and pending rotation carry an offset of half a bit of what they are cut to, so that
+//! cutting rounds.
+//!
+//! # The integration
+//! With `s = |h|^2`, the rotation by half angle `h` is `(1 - s/2 + s^2/24, h (1 - s/6))`. The
+//! factor `1 - s/6` is that of the step before: it changes slowly. In terms of the shortened
+//! `h' = h (1 - s/6)` and its `s'`, the first component is `1 - c` with `c = s'/2 + s'^2/8`. So
+//!
+//! ```text
+//! w = w - (w c + x hx + y hy + z hz)
+//! x = x + (w hx - x c + y hz - z hy)      and so on
+//! ```
+//!
+//! - `h` is Q31, and Q16 where it is a factor. For `s` it is cut to Q14, so that three squares fit
+//!   for components up to 1 rad; they are Q28, and `s` is Q16.
+//! - `s^2` in Q32 must fit 31 bits: `s < 0.707`, `|h| < 0.84 rad`. What makes up `h` has been given
+//!   its part of that: the rates a quarter of a radian an axis, 0.43 in all (`Scale::GYR_RAD_S`,
+//!   `PERIOD_US`); tilt and heading, at right angles, 0.25 and 0.125; recovery a sixteenth an axis,
+//!   0.11.
+//! - The products with the quaternion are Q15 times Q16. Their sums fit because `|q| = 1` and
+//!   `c^2 + |h|^2 < 1`.
+//!
+//! # The norm
+//! `|q|^2 - 1 = e` means that the length is off by `e / 2`. A quarter of `e` is added to `c`, which
+//! takes half of it away with every step.
 
-/// Half a bit of Q15 in Q30, and of 2^-16 in Q31.
+use super::format::{Q9, Q15, Q16, Q30, Q31};
+
+/// Half a bit of Q15 in Q30, and of Q16 in Q31.
 const HALF: i32 = 1 << 14;
 
-/// One in Q30.
-const ONE: i32 = 1 << 30;
+/// One.
+const ONE: Q30 = 1 << 30;
 
 /// A unit quaternion, body to earth, and what it needs to be turned on.
 #[derive(Clone, Debug)]
 #[repr(C)]
 pub(super) struct Rotation {
-    /// w, x, y, z in Q30, plus `HALF`.
-    q: [i32; 4],
-    /// Half rotation vector still to be applied, Q31 rad, plus `HALF`: remainders and corrections.
-    pub(super) pending: [i32; 3],
-    /// Offset of the gyroscope, counts with `BIAS_BITS`.
-    pub(super) bias: [i32; 3],
-    /// Squared norm less one, Q30.
-    excess: i32,
-    /// A sixth of the squared half angle of the last step, Q16.
-    sixth: i32,
+    /// w, x, y, z, plus `HALF`.
+    q: [Q30; 4],
+    /// Half rotation vector still to be applied, rad, plus `HALF`: remainders and corrections.
+    pub(super) pending: [Q31; 3],
+    /// Offset of the gyroscope, counts.
+    pub(super) bias: [Q9; 3],
+    /// Squared norm less one.
+    excess: Q30,
+    /// A sixth of the squared half angle of the last step, rad^2.
+    sixth: Q16,
 }
 
-/// Products of the quaternion's components, Q30: what the rotation matrix is made of.
+/// Products of the quaternion's components: what the rotation matrix is made of.
 pub(super) struct Products {
     /// `w w - 1/2`
-    base: i32,
-    xx: i32,
-    yy: i32,
-    zz: i32,
-    wx: i32,
-    wy: i32,
-    wz: i32,
-    xy: i32,
-    xz: i32,
-    yz: i32,
+    base: Q30,
+    xx: Q30,
+    yy: Q30,
+    zz: Q30,
+    wx: Q30,
+    wy: Q30,
+    wz: Q30,
+    xy: Q30,
+    xz: Q30,
+    yz: Q30,
 }
 
 impl Products {
-    /// North in the body frame, Q15.
+    /// North in the body frame.
+    // Twice the sums, so that 14 bits are cut to come to Q15.
     #[inline(always)]
-    pub(super) fn north(&self) -> [i32; 3] {
+    pub(super) fn north(&self) -> [Q15; 3] {
         [
             (self.base + self.xx) >> 14,
             (self.xy - self.wz) >> 14,
@@ -55,9 +83,9 @@ impl Products {
         ]
     }
 
-    /// East in the body frame, Q15.
+    /// East in the body frame.
     #[inline(always)]
-    pub(super) fn east(&self) -> [i32; 3] {
+    pub(super) fn east(&self) -> [Q15; 3] {
         [
             (self.xy + self.wz) >> 14,
             (self.base + self.yy) >> 14,
@@ -65,9 +93,9 @@ impl Products {
         ]
     }
 
-    /// Down in the body frame, Q15.
+    /// Down in the body frame.
     #[inline(always)]
-    pub(super) fn down(&self) -> [i32; 3] {
+    pub(super) fn down(&self) -> [Q15; 3] {
         [
             (self.xz - self.wy) >> 14,
             (self.yz + self.wx) >> 14,
@@ -78,13 +106,14 @@ impl Products {
 
 /// How far a count of the gyroscope turns in this step.
 #[derive(Clone, Copy)]
-pub(super) struct Step {
-    /// Half angle per count, Q31 with `cut` more bits; below 2^15.
-    pub(super) per_count: i32,
-    pub(super) cut: u32,
+pub(super) struct PerCount {
+    /// Half angle, Q(31 + `shift`) rad; below 2^15.
+    pub(super) half_angle: i32,
+    /// Right shift that brings its product with counts to Q31.
+    pub(super) shift: u32,
 }
 
-/// Fractional bits of the gyroscope's offset in counts.
+/// Fractional bits of the gyroscope's offset, counts.
 pub(super) const BIAS_BITS: u32 = 9;
 
 impl Rotation {
@@ -98,27 +127,24 @@ impl Rotation {
         }
     }
 
-    /// At the start, level: upside down, on the same side as the accelerometer, from where any attitude is found.
+    /// Turn the level attitude of the start upside down. A body whose accelerometer shows that side
+    /// is then less than half a turn away, from where any attitude is found.
     pub(super) fn turn_over(&mut self) {
         self.q.swap(0, 1);
     }
 
-    /// w, x, y, z in Q30.
-    pub(super) fn q30(&self) -> [i32; 4] {
+    /// w, x, y, z.
+    pub(super) fn q30(&self) -> [Q30; 4] {
         self.q.map(|c| c - HALF)
     }
 
     /// Turn by the counts of a step, less the offset, and by what is pending.
-    ///
-    /// With `s = |h|^2`, the rotation by half angle `h` is `(1 - s/2 + s^2/24, h (1 - s/6))`; the factor of `h`
-    /// is that of the step before: it changes slowly. In terms of the shortened `h` and its `s`, the first is
-    /// `1 - s/2 - s^2/8`.
     #[inline(never)]
-    pub(super) fn turn(&mut self, gyr: &[i16; 3], step: Step) {
-        let per_count = step.per_count - ((step.per_count * self.sixth) >> 16);
+    pub(super) fn turn(&mut self, gyr: &[i16; 3], step: PerCount) {
+        let per_count = step.half_angle - ((step.half_angle * self.sixth) >> 16);
         let sum = |rate: i16, bias: i32, pending: i32| {
             let offset = (bias * per_count) >> BIAS_BITS;
-            ((i32::from(rate) * per_count - offset) >> (step.cut & 15)) + pending
+            ((i32::from(rate) * per_count - offset) >> (step.shift & 15)) + pending
         };
         let ([rx, ry, rz], [bx, by, bz], [px, py, pz]) = (*gyr, self.bias, self.pending);
         let [sx, sy, sz] = [sum(rx, bx, px), sum(ry, by, py), sum(rz, bz, pz)];
@@ -126,15 +152,17 @@ impl Rotation {
         self.pending = [carry(sx), carry(sy), carry(sz)];
         let [hx, hy, hz] = [sx >> 15, sy >> 15, sz >> 15];
 
-        // Cut by two bits, so that the sum of the squares fits: s in Q28, then Q16.
+        // Q14, so that the sum of the squares fits.
         let (ux, uy, uz) = (hx >> 2, hy >> 2, hz >> 2);
         let s = (ux * ux + uy * uy + uz * uz) >> 12;
+        // 2^16 / 6.
         self.sixth = (s * 10_923) >> 16;
+        // s/2, s^2/8 from Q32, and a quarter of the excess from Q30.
         let c = (s >> 1) + ((s * s) >> 19) + (self.excess >> 16);
 
         let [qw, qx, qy, qz] = self.q;
         let (w, x, y, z) = (qw >> 15, qx >> 15, qy >> 15, qz >> 15);
-        // Q15 times 2^-16 is Q31.
+        // Q15 times Q16 is Q31.
         self.q = [
             qw - ((w * c + x * hx + y * hy + z * hz) >> 1),
             qx + ((w * hx - x * c + y * hz - z * hy) >> 1),
@@ -143,8 +171,8 @@ impl Rotation {
         ];
     }
 
-    /// The products of the components. Their squares show the excess of the norm, half of which is taken
-    /// away with the next step.
+    /// The products of the components. Their squares show the excess of the norm, for the next
+    /// step.
     #[inline(always)]
     pub(super) fn products(&mut self) -> Products {
         let [w, x, y, z] = self.q.map(|c| c >> 15);
@@ -165,8 +193,8 @@ impl Rotation {
     }
 }
 
-/// Scalar product of a Q15 row and counts.
+/// Scalar product of a row and counts: Q15 counts.
 #[inline(always)]
-pub(super) fn dot(row: &[i32; 3], v: &[i32; 3]) -> i32 {
+pub(super) fn dot(row: &[Q15; 3], v: &[i32; 3]) -> i32 {
     row[0] * v[0] + row[1] * v[1] + row[2] * v[2]
 }

@@ -3,3 +3,4 @@
 pub mod cycles;
 pub mod experiment;
 pub mod fuse;
+mod progress;

@@ -1,12 +1,12 @@
 //! Figures that a flight on the rig and the log of a vehicle have in common.
 
+use client::LinkCounts;
 use plant::StepResponse;
-use rig::link::LinkCounts;
 use rig::measure::Spread;
 
 use super::requirements;
 use crate::out::measure::{Figure, Limit, figure};
-use crate::servo::ServoChoice;
+use rig::ServoKind;
 
 /// Settling band, share of the start.
 const BAND: f64 = 0.05;
@@ -44,7 +44,7 @@ impl Run {
     }
 
     /// The figures, held to what is required with `servo`.
-    pub fn figures(&self, servo: ServoChoice) -> [Figure; 6] {
+    pub fn figures(&self, servo: ServoKind) -> [Figure; 6] {
         [
             figure("start_rad", self.start_rad).shown("start", "rad", 2),
             figure("overshoot_pct", self.overshoot_pct)

@@ -2,7 +2,7 @@
 //! what they measure.
 
 use crate::out::measure::Limit::{self, AtLeast, AtMost, Below, Set};
-use crate::servo::ServoChoice;
+use rig::ServoKind;
 
 /// Excursion past upright, percent of the start.
 pub const OVERSHOOT_PCT: Limit = AtMost(5.0);
@@ -26,9 +26,9 @@ pub const REAL_TIME_FACTOR: Limit = AtLeast(3.0);
 pub const INCLINATION_DEG: Limit = AtMost(5.0);
 
 /// Time after which pitch stays within 5 % of the start, s.
-pub fn settling_s(servo: ServoChoice) -> Limit {
+pub fn settling_s(servo: ServoKind) -> Limit {
     AtMost(match servo {
-        ServoChoice::S3003 => 0.75,
-        ServoChoice::Digital => 0.55,
+        ServoKind::S3003 => 0.75,
+        ServoKind::Digital => 0.55,
     })
 }

@@ -5,8 +5,8 @@ use anyhow::Result;
 use crate::flight::disturb::Disturb;
 use crate::flight::fly::start_angle;
 use crate::out::exit::Verdict;
-use crate::servo::ServoChoice;
 use crate::vehicle::port::seconds;
+use ::rig::ServoKind;
 use ::rig::bno055::ImuErrors;
 use ::rig::pilot::Manner;
 use clap::{Args, ValueEnum};
@@ -34,8 +34,8 @@ pub struct Rig {
     pub pty: bool,
 
     /// The servo on the rig; the firmware's SRV_RATE_HZ stays at 50 until it is set.
-    #[arg(long, value_enum, default_value_t = ServoChoice::S3003)]
-    pub servo: ServoChoice,
+    #[arg(long, value_enum, default_value_t = ServoKind::S3003)]
+    pub servo: ServoKind,
 
     /// Seed of all that is random: sensor noise and bias, clock phases.
     #[arg(long, value_name = "N", default_value_t = 1)]
@@ -54,8 +54,8 @@ pub struct Rig {
     pub sensor: SensorChoice,
 
     /// How well the hand does what `tvc calibrate` asks for.
-    #[arg(long, value_enum, default_value_t = HandChoice::Steady)]
-    pub hand: HandChoice,
+    #[arg(long, value_enum, default_value_t = Manner::Steady)]
+    pub hand: Manner,
 
     /// How many times as fast as real time (0.1 to 20).
     #[arg(long, value_name = "TIMES", default_value_t = 1.0, value_parser = speed)]
@@ -97,28 +97,6 @@ impl SensorChoice {
         match self {
             Self::Typical => ImuErrors::TYPICAL,
             Self::Worst => ImuErrors::LARGEST,
-        }
-    }
-}
-
-/// A hand.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub enum HandChoice {
-    /// Does what it is asked.
-    Steady,
-    /// Never lets go of the sensor.
-    Trembling,
-    /// Turns the sensor about one axis alone.
-    Lazy,
-}
-
-impl HandChoice {
-    /// Its manner.
-    pub fn manner(self) -> Manner {
-        match self {
-            Self::Steady => Manner::Steady,
-            Self::Trembling => Manner::Trembling,
-            Self::Lazy => Manner::Lazy,
         }
     }
 }
@@ -166,10 +144,10 @@ pub fn run(options: &Rig) -> Result<Verdict> {
     let image = rig::image::build(&mut |line| eprintln!("{line}")).context("the image")?;
     let mut config = rig::RigConfig {
         seed: options.seed,
-        stored: (!options.blank).then(rig::RigConfig::set_up),
+        stored: (!options.blank).then(rig::RigConfig::polarity_set),
         ..rig::RigConfig::default()
     };
-    config.bench.servo = options.servo.kind().model();
+    config.bench.servo = options.servo.model();
     config.bench.sensor.errors = options.sensor.errors();
     config.bench.start_rad = options.tilt;
     let drone = config.bench.parameters;
@@ -189,7 +167,7 @@ pub fn run(options: &Rig) -> Result<Verdict> {
         options.seed,
         options.tilt
     );
-    let pilot = Pilot::new(options.tilt, RELEASE_RATE_RAD_S).with_manner(options.hand.manner());
+    let pilot = Pilot::new(options.tilt, RELEASE_RATE_RAD_S).with_manner(options.hand);
     let longest = options.seconds.map(Duration::from_secs_f64);
     let summary = RealTime::new(rig, pilot, pty)
         .at_speed(options.speed)

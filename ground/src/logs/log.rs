@@ -13,9 +13,9 @@ use std::path::{Path, PathBuf};
 use std::time::{SystemTime, UNIX_EPOCH};
 
 use anyhow::{Context, Result};
+use client::{LinkCounts, Wire};
 use mavlink::dialects::common::MavMessage;
 use mavlink::{MAVLinkV2MessageRaw, MavHeader};
-use rig::link::{Link, LinkCounts};
 use tvc_nano::config::{COMPONENT_ID, SYSTEM_ID};
 
 use crate::out::exit::BadInput;
@@ -168,24 +168,24 @@ impl Log {
     pub fn parse(bytes: &[u8]) -> Self {
         let mut log = Self::default();
         // Every system counts its own frames.
-        let mut links: BTreeMap<u8, Link> = BTreeMap::new();
+        let mut wires: BTreeMap<u8, Wire> = BTreeMap::new();
         let mut frames = Frames {
             bytes,
             stray_bytes: 0,
         };
         for (time_us, frame) in &mut frames {
-            let link = links.entry(frame[SYSTEM_AT]).or_default();
-            let lost = link.counts().lost;
-            for received in link.receive_frames(frame) {
+            let wire = wires.entry(frame[SYSTEM_AT]).or_default();
+            let lost = wire.counts().lost;
+            for received in wire.receive_frames(frame) {
                 log.entries.push(Entry {
                     time_us,
                     from_vehicle: is_from_vehicle(frame),
                     message: received.message,
-                    lost_before: link.counts().lost - lost,
+                    lost_before: wire.counts().lost - lost,
                 });
             }
         }
-        log.counts = links.get(&SYSTEM_ID).map(Link::counts).unwrap_or_default();
+        log.counts = wires.get(&SYSTEM_ID).map(Wire::counts).unwrap_or_default();
         log.counts.stray_bytes += frames.stray_bytes;
         log
     }
@@ -302,7 +302,7 @@ impl<'a> Iterator for Frames<'a> {
 
     fn next(&mut self) -> Option<Self::Item> {
         while let Some((stamp, rest)) = self.bytes.split_first_chunk::<STAMP>() {
-            if let Some(length) = Link::frame_length(rest) {
+            if let Some(length) = Wire::frame_length(rest) {
                 let (frame, rest) = rest.split_at(length);
                 self.bytes = rest;
                 return Some((u64::from_be_bytes(*stamp), frame));
@@ -313,6 +313,11 @@ impl<'a> Iterator for Frames<'a> {
         }
         None
     }
+}
+
+/// The time, us, whose lower 32 bits are `low_us`: at or after `near_us` by less than 71 minutes.
+pub fn whole_us(low_us: u32, near_us: u64) -> u64 {
+    near_us + u64::from(low_us.wrapping_sub(near_us as u32))
 }
 
 fn is_from_vehicle(frame: &[u8]) -> bool {
@@ -328,14 +333,14 @@ pub fn has_extension(path: &Path, extension: &str) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use rig::request;
+    use client::request;
 
     #[test]
     fn what_is_written_is_read_and_a_cut_end_is_passed_over() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("flight.tlog");
         let mut writer = Writer::create(&path).unwrap();
-        let mut station = Link::default();
+        let mut station = Wire::default();
         for time in [5, 1_000_000] {
             writer
                 .write_at(time, &station.frame(&request::heartbeat()))
@@ -354,6 +359,14 @@ mod tests {
     }
 
     #[test]
+    fn a_short_clock_is_made_whole() {
+        let hour = 3 << 32;
+        assert_eq!(whole_us(7_000, hour + 2_000), hour + 7_000);
+        assert_eq!(whole_us(17_000, hour + 7_000), hour + 17_000);
+        assert_eq!(whole_us(3_000, (4 << 32) - 1_000), (4 << 32) + 3_000);
+    }
+
+    #[test]
     fn a_log_is_the_same_in_both_forms() {
         let folder = tempfile::tempdir().unwrap();
         let path = |name| folder.path().join(name);
@@ -364,7 +377,7 @@ mod tests {
         };
         let mut beat = mavlink::MAVLinkV2MessageRaw::new();
         beat.serialize_message(header, &request::heartbeat());
-        let mut station = Link::default();
+        let mut station = Wire::default();
         for time in [5, 1_000_000] {
             writer.write_at(time, beat.raw_bytes()).unwrap();
             let order = station.frame(&request::ARM.message());

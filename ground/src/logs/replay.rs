@@ -11,12 +11,12 @@ mod table;
 use std::collections::BTreeMap;
 
 use anyhow::Result;
+use client::{Cause, FlightState};
 use mavlink::dialects::common::{MavCmd, MavResult};
-use rig::operator::FlightState;
+use recordings::FilterName;
 use serde::Serialize;
 use tvc_nano::{BootReport, Command, Flight, Micros, Params, SensorFault};
 
-use crate::filters::fuse::FilterName;
 use crate::logs::log::{self, Event, Log, Step};
 use crate::out::exit::{BadInput, Verdict};
 use crate::out::file::{print_json, write_whole};
@@ -70,10 +70,6 @@ fn parameter(text: &str) -> Result<(String, f32), String> {
         .map_err(|error| format!("{name}: {error}"))?;
     Ok((name.to_owned(), value))
 }
-
-/// What HEARTBEAT's `custom_mode` gives as the reason of a failsafe: the sensor, the host's silence.
-const REASON_SENSOR: u32 = 1;
-const REASON_HOST: u32 = 5;
 
 /// A step as it was and as it came out again.
 #[derive(Clone, Copy, Debug)]
@@ -274,8 +270,7 @@ struct Run {
 impl Run {
     fn step(&mut self, logged: &Step) -> Pair {
         self.now = Micros(logged.now_us);
-        let reason = self.code.unwrap_or(0) >> 8;
-        if reason != REASON_HOST {
+        if self.code.and_then(Cause::of) != Some(Cause::HostSilent) {
             self.flight.host_heard(self.now);
         }
         let reading = match logged.sample {
@@ -301,11 +296,12 @@ impl Run {
     }
 
     fn lost_sensor(&self) -> bool {
-        let code = self.code.unwrap_or(0);
+        let Some(code) = self.code else {
+            return self.sampled;
+        };
         match FlightState::of(code) {
-            FlightState::Failsafe => code >> 8 == REASON_SENSOR,
             FlightState::Boot => self.sampled,
-            _ => false,
+            _ => Cause::of(code) == Some(Cause::Sensor),
         }
     }
 
@@ -319,15 +315,7 @@ impl Run {
         match state {
             FlightState::Armed if mine != FlightState::Armed => self.command(Command::Arm),
             FlightState::Active if mine != FlightState::Active => self.command(Command::Release),
-            FlightState::Standby
-                if matches!(
-                    mine,
-                    FlightState::Armed
-                        | FlightState::Active
-                        | FlightState::Failsafe
-                        | FlightState::Latched
-                ) =>
-            {
+            FlightState::Standby if mine.is_in_operation() || mine == FlightState::Latched => {
                 self.command(Command::Disarm);
             }
             _ => {}

@@ -7,10 +7,9 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use anyhow::Result;
+use client::FlightState;
 use plant::response::StepResponse;
-use rig::link::LinkCounts;
 use rig::measure::Spread;
-use rig::operator::FlightState;
 
 use crate::flight::figures::{Run, spread, telemetry};
 use crate::flight::requirements;
@@ -18,9 +17,8 @@ use crate::logs::log::{Event, Flight, Log, Step};
 use crate::logs::replay::parameters;
 use crate::out::exit::Verdict;
 use crate::out::measure::{Figure, Figures, data, figure, rows, shown};
-use crate::servo::ServoChoice;
-use crate::vehicle::status::ServoMap;
 use clap::Args;
+use rig::ServoKind;
 use std::path::PathBuf;
 use sweep::Sweep;
 use tvc_nano::Params;
@@ -103,19 +101,19 @@ pub fn conclude(flight: &Flight, log: &Path, page: Option<&Path>, json: bool) ->
     figures.conclude(json, page)
 }
 
-/// The map from pulse back to servo angle.
-pub fn servo_map(params: &Params) -> ServoMap {
-    ServoMap::new(
-        params.srv_centre_us(),
-        params.srv_us_per_deg(),
-        params.srv_dir(),
-    )
+/// The servo that firmware parameters are for, by their frame rate.
+fn servo(params: &Params) -> ServoKind {
+    if params.srv_rate_hz() >= ServoKind::Digital.frame_hz() {
+        ServoKind::Digital
+    } else {
+        ServoKind::S3003
+    }
 }
 
 /// The figures of a log.
 pub fn figures(flight: &Flight) -> Figures {
     let releases = releases(flight);
-    let servo = ServoChoice::of(&parameters(flight));
+    let servo = servo(&parameters(flight));
     let runs = releases.iter().filter_map(response);
     let sweeps: Vec<Option<Sweep>> = releases.iter().map(Sweep::of).collect();
     let hold = |(index, release)| hold_figures(index, release);
@@ -124,12 +122,7 @@ pub fn figures(flight: &Flight) -> Figures {
         rows("hold", releases.iter().enumerate().map(hold)),
         data("sweep", &sweeps),
         loop_figures(flight),
-        telemetry(LinkCounts {
-            messages: flight.counts.messages,
-            lost: flight.counts.lost,
-            crc_errors: flight.counts.crc_errors,
-            ..LinkCounts::default()
-        }),
+        telemetry(flight.counts),
         health_figures(&health(flight)),
         data("parameters", &last_parameters(flight)),
         data("events", &events(flight)),

@@ -9,8 +9,8 @@ use plant::{Parameters, ServoModel, Setup};
 use tvc_nano::{Controller, Params};
 
 use crate::out::exit::BadInput;
-use crate::servo::ServoChoice;
 use crate::vehicle::param;
+use rig::ServoKind;
 
 /// The image's controller round a drone's linkage.
 pub struct Law {
@@ -38,9 +38,9 @@ impl Law {
 ///
 /// # Errors
 /// A file that cannot be used.
-pub fn parameters(servo: ServoChoice, gains: Option<&Path>) -> Result<Params> {
+pub fn parameters(servo: ServoKind, gains: Option<&Path>) -> Result<Params> {
     let mut params = Params::default();
-    for (name, value) in servo.kind().parameters() {
+    for (name, value) in servo.parameters() {
         params
             .set(name, *value)
             .map_err(|error| anyhow::anyhow!("{error}"))?;
@@ -62,10 +62,10 @@ pub fn parameters(servo: ServoChoice, gains: Option<&Path>) -> Result<Params> {
 ///
 /// # Errors
 /// A file that cannot be used.
-pub fn setup(servo: ServoChoice, file: Option<&Path>) -> Result<Setup> {
+pub fn setup(servo: ServoKind, file: Option<&Path>) -> Result<Setup> {
     let (servo, timing) = match servo {
-        ServoChoice::S3003 => (ServoModel::S3003, Timing::NANO_50HZ),
-        ServoChoice::Digital => (ServoModel::DIGITAL, Timing::NANO_300HZ),
+        ServoKind::S3003 => (ServoModel::S3003, Timing::NANO_50HZ),
+        ServoKind::Digital => (ServoModel::DIGITAL, Timing::NANO_300HZ),
     };
     let base = Setup {
         drone: Parameters::PHYS,

@@ -11,8 +11,8 @@ use crate::model::control_law;
 use crate::out::exit::{BadInput, Verdict};
 use crate::out::file::{print_json, write_whole};
 use crate::out::measure::{Figures, figure, rows, shown};
-use crate::servo::ServoChoice;
 use clap::Args;
+use rig::ServoKind;
 use std::path::PathBuf;
 
 /// Options of `tvc identify`.
@@ -40,8 +40,8 @@ pub struct Identify {
     pub log: PathBuf,
 
     /// The servo, with the frame rate that suits it.
-    #[arg(long, value_enum, default_value_t = ServoChoice::S3003)]
-    pub servo: ServoChoice,
+    #[arg(long, value_enum, default_value_t = ServoKind::S3003)]
+    pub servo: ServoKind,
 
     /// Nominal drone, servo and timing where they differ from the servo's preset (docs/model.md).
     #[arg(long, value_name = "FILE.toml")]

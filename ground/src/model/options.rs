@@ -1,8 +1,8 @@
 //! Options of `tvc model`.
 
-use crate::servo::ServoChoice;
 use clap::{Args, Subcommand};
 use plant::Parameters;
+use rig::ServoKind;
 use std::path::PathBuf;
 
 /// The model: physics that can be checked, and what follows from it.
@@ -71,7 +71,7 @@ pub struct Linear {
 
     /// Servo and frame, in place of the file's.
     #[arg(long, value_enum)]
-    pub servo: Option<ServoChoice>,
+    pub servo: Option<ServoKind>,
 
     /// Gains in rad of servo per rad of pitch and per rad/s of pitch rate [default: the servo's].
     #[arg(long, value_name = "KP,KD", allow_negative_numbers = true, value_parser = gains)]

@@ -1,15 +1,15 @@
-//! An angle drawn with characters, for lines that move on a terminal.
+//! An angle as a line of characters.
 
-/// Half the width of the gauge, characters.
-const HALF_WIDTH: i32 = 15;
+/// Half the width of a gauge, characters.
+const HALF_GAUGE: i32 = 15;
 /// Angle at the end of the gauge, deg.
-const END_DEG: f64 = 60.0;
+const GAUGE_DEG: f64 = 60.0;
 
 /// An angle as a mark on a scale with zero in the middle.
 pub fn gauge(angle_deg: f64) -> String {
-    let at = (angle_deg / END_DEG * f64::from(HALF_WIDTH)).round() as i32;
-    let at = at.clamp(-HALF_WIDTH, HALF_WIDTH);
-    (-HALF_WIDTH..=HALF_WIDTH)
+    let at = (angle_deg / GAUGE_DEG * f64::from(HALF_GAUGE)).round() as i32;
+    let at = at.clamp(-HALF_GAUGE, HALF_GAUGE);
+    (-HALF_GAUGE..=HALF_GAUGE)
         .map(|i| match i {
             i if i == at => '#',
             0 => '|',
@@ -23,7 +23,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_gauge_has_its_mark_where_pitch_is_and_stays_its_width() {
+    fn the_gauge_has_its_mark_where_the_angle_is_and_stays_its_width() {
         assert_eq!(gauge(0.0).find('#'), Some(15));
         assert_eq!(gauge(60.0).find('#'), Some(30));
         assert_eq!(gauge(-500.0).find('#'), Some(0));

@@ -10,6 +10,7 @@
 //! figure("loop", [...])                      an object of figures
 //! rows("runs", [[...], [...]])               an array of objects: a table with a row for each
 //! shown("servo supply", "4.8 V")             a line of the tables that --json has elsewhere
+//! note("They do not fit one another.")       a paragraph on the terminal
 //! ```
 
 use std::path::Path;
@@ -199,6 +200,11 @@ pub fn data(key: &'static str, data: &impl Serialize) -> Figure {
 /// A line of the tables that is no member of the object.
 pub fn shown(label: impl Into<String>, words: impl Into<String>) -> Figure {
     figure("", Value::Missing).said(label, words)
+}
+
+/// A paragraph that stands below the tables on a terminal.
+pub fn note(words: impl Into<String>) -> Figure {
+    shown("", words)
 }
 
 impl Figure {
@@ -392,11 +398,13 @@ impl Figures {
         self.0.iter().flat_map(Figure::missed).collect()
     }
 
-    /// Everything for a terminal: the tables, then the lines.
+    /// Everything for a terminal: the tables, then the lines, then the notes.
     pub fn text(&self) -> String {
         let tables = self.0.iter().map(Figure::table).chain([self.lines()]);
         let texts = tables.filter(|table| !table.is_empty());
-        let texts: Vec<String> = texts.map(|table| table.text()).collect();
+        let notes = self.0.iter().filter(|figure| figure.label.is_empty());
+        let notes = notes.filter_map(|note| Some(format!("{}\n", note.words.as_ref()?)));
+        let texts: Vec<String> = texts.map(|table| table.text()).chain(notes).collect();
         texts.join("\n")
     }
 
@@ -439,4 +447,94 @@ pub fn lines<'a>(figures: impl IntoIterator<Item = &'a Figure>) -> Table {
         &["", "measured"]
     };
     Table::new(head.iter().copied(), figures.iter().map(row))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn figures(jitter: f64, settling: Option<f64>) -> Figures {
+        let run = [
+            figure("start_rad", 0.4).shown("start", "rad", 2),
+            figure("settling_s", settling)
+                .shown("settling", "s", 3)
+                .or("never")
+                .limit(AtMost(0.75)),
+        ];
+        Figures::from([
+            figure("seed", 7_u32),
+            figure(
+                "loop",
+                [
+                    figure("jitter_us", jitter)
+                        .shown("jitter", "us", 1)
+                        .limit(Below(100.0)),
+                    figure("load", 0.125)
+                        .shown("core awake", "%", 1)
+                        .scaled(100.0),
+                ],
+            ),
+            rows("runs", [run]),
+            data("gains", &[0.1_f32]),
+            shown("servo supply", "4.8 V"),
+            note("That is all."),
+        ])
+    }
+
+    #[test]
+    fn json_has_every_key_in_order_and_nothing_else() {
+        let json = serde_json::to_string(&figures(3.0, None)).unwrap();
+        let expected = concat!(
+            r#"{"seed":7,"loop":{"jitter_us":3.0,"load":0.125},"#,
+            r#""runs":[{"start_rad":0.4,"settling_s":null}],"gains":[0.1]}"#
+        );
+        assert_eq!(json, expected);
+    }
+
+    #[test]
+    fn the_text_has_tables_lines_and_notes() {
+        let expected = " start, rad  settling, s (at most 0.75)
+ 0.40                             0.600
+
+               measured  required
+ jitter        3.0 us    below 100
+ core awake    12.5 %
+ servo supply  4.8 V
+
+That is all.
+";
+        assert_eq!(figures(3.0, Some(0.6)).text(), expected);
+    }
+
+    #[test]
+    fn what_misses_its_limit_is_named_with_its_row() {
+        assert_eq!(figures(3.0, Some(0.6)).missed(), Vec::<String>::new());
+        assert_eq!(
+            figures(100.0, None).missed(),
+            [
+                "jitter: 100.0 us, required: below 100",
+                "start 0.40 rad: settling: never, required: at most 0.75",
+            ]
+        );
+    }
+
+    #[test]
+    fn limits_are_held_and_said_by_their_numbers() {
+        for (limit, inside, outside, words) in [
+            (AtMost(5.0), 5.0, 5.1, "at most 5"),
+            (AtMost(0.0), 0.0, 1.0, "none"),
+            (AtLeast(100.0), 100.0, 99.9, "at least 100"),
+            (Below(100.0), 99.9, 100.0, "below 100"),
+            (Near(0.8, 1e-9), 0.8, 0.81, "0.8 ± 1e-9"),
+            (Within(2.0, 100.0), 2.0, 1.9, "2 to 100"),
+            (Within(0.0, 1e-12), 0.0, 1e-11, "at most 1e-12"),
+            (Within(3.0, 3.0), 3.0, 2.0, "exactly 3"),
+        ] {
+            assert!(limit.met_by(inside) && !limit.met_by(outside), "{words}");
+            assert!(!limit.met_by(f64::NAN), "{words}");
+            assert_eq!(limit.words(1.0), words);
+        }
+        assert!(!figure("", false).limit(Set).is_met());
+        assert_eq!(AtMost(0.02).words(1e3), "at most 20");
+    }
 }

@@ -3,13 +3,13 @@
 use std::time::{Duration, Instant};
 
 use anyhow::{Result, bail};
-use rig::operator::FlightState;
-use rig::request::{self, Order};
+use clap::Args;
+use client::FlightState;
+use client::request::{self, Order};
 
 use crate::out::exit::Verdict;
 use crate::vehicle::link::Vehicle;
 use crate::vehicle::port::PortOptions;
-use clap::Args;
 
 /// Options of `tvc arm` and `tvc disarm`.
 #[derive(Debug, Args)]
@@ -34,59 +34,40 @@ pub struct Operate {
 const PATIENCE: Duration = Duration::from_secs(3);
 
 /// Arms.
+///
+/// # Errors
+/// No vehicle, its refusal, or a state that does not follow.
 pub fn arm(options: &Operate) -> Result<Verdict> {
-    order(options, "arm", request::ARM, |state| {
-        matches!(state, FlightState::Armed | FlightState::Active)
-    })
+    order(options, request::ARM, FlightState::is_armed)
 }
 
 /// Disarms.
+///
+/// # Errors
+/// As [`arm`].
 pub fn disarm(options: &Operate) -> Result<Verdict> {
-    order(options, "disarm", request::DISARM, |state| {
-        !matches!(
-            state,
-            FlightState::Armed | FlightState::Active | FlightState::Failsafe
-        )
-    })
+    order(options, request::DISARM, |state| !state.is_in_operation())
 }
 
-fn order(
-    options: &Operate,
-    name: &str,
-    order: Order,
-    obeyed: fn(FlightState) -> bool,
-) -> Result<Verdict> {
+fn order(options: &Operate, order: Order, obeyed: fn(FlightState) -> bool) -> Result<Verdict> {
     let mut vehicle = Vehicle::connect(&options.port)?;
-    vehicle.command(name, order)?;
+    vehicle.command(order)?;
     let end = Instant::now() + PATIENCE;
     while !obeyed(vehicle.state()) {
         if Instant::now() >= end {
             bail!(
-                "the vehicle said yes to {name} and is in {:?}",
+                "the vehicle accepted the order to {} and is in {:?}",
+                order.name,
                 vehicle.state()
             );
         }
         vehicle.receive()?;
     }
-    let state = state_name(vehicle.state());
+    let state = vehicle.state().to_string();
     if options.json {
         println!("{}", serde_json::json!({ "state": state }));
     } else {
         println!("{state}");
     }
     Ok(Verdict::Met)
-}
-
-/// A state in words.
-pub fn state_name(state: FlightState) -> String {
-    match state {
-        FlightState::Boot => "boot".into(),
-        FlightState::SelfTest => "self-test".into(),
-        FlightState::Standby => "standby".into(),
-        FlightState::Armed => "armed".into(),
-        FlightState::Active => "active".into(),
-        FlightState::Failsafe => "failsafe".into(),
-        FlightState::Latched => "latched fault".into(),
-        FlightState::Unknown(code) => format!("unknown ({code})"),
-    }
 }

@@ -1,9 +1,12 @@
 //! `tvc forward`: a bridge by UDP, MAVLink to a ground station such as QGroundControl and JSON to PlotJuggler.
 
 use std::net::{Ipv4Addr, SocketAddr, UdpSocket};
+use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result};
+use clap::Args;
+use client::StatusTracker;
 use mavlink::dialects::common::MavMessage;
 
 use crate::logs::log::Writer;
@@ -11,11 +14,7 @@ use crate::out::exit::Verdict;
 use crate::signals;
 use crate::vehicle::link::{Link, Vehicle};
 use crate::vehicle::monitor::servo_map;
-use crate::vehicle::port::PortOptions;
-use crate::vehicle::port::seconds;
-use crate::vehicle::status::Tracker;
-use clap::Args;
-use std::path::PathBuf;
+use crate::vehicle::port::{PortOptions, seconds};
 
 /// Options of `tvc forward`.
 #[derive(Debug, Args)]
@@ -58,7 +57,7 @@ pub fn run(options: &Forward) -> Result<Verdict> {
     let log = options.log.as_deref().map(Writer::create).transpose()?;
     // The ground station's heartbeats are the ones that count.
     let mut vehicle = Vehicle::at(Link::open(&options.port)?.without_heartbeat())?;
-    let mut tracker = Tracker::new(servo_map(&mut vehicle)?);
+    let mut tracker = StatusTracker::new(servo_map(&mut vehicle)?);
     if let Some(log) = log {
         vehicle.link().log_to(log);
         vehicle.parameters()?;
@@ -80,8 +79,7 @@ pub fn run(options: &Forward) -> Result<Verdict> {
             let _ = station.send_to(&frame.bytes, options.to);
             tracker.take(&frame.message);
             if matches!(frame.message, MavMessage::SERVO_OUTPUT_RAW(_)) {
-                let counts = vehicle.link().counts();
-                let status = tracker.next(vehicle.standing(), counts);
+                let status = tracker.next(vehicle.link().client());
                 let _ = plot.send_to(serde_json::to_string(&status)?.as_bytes(), options.plot);
             }
         }

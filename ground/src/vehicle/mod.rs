@@ -10,7 +10,6 @@ pub mod param;
 pub mod port;
 pub mod record;
 pub mod recorder;
-pub mod status;
 pub mod test;
 pub mod uf2;
 pub mod web;

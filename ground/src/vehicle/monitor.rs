@@ -1,9 +1,12 @@
 //! `tvc monitor`: the vehicle, live. On a terminal a few lines that stay in place, else a line now and then.
 
 use std::io::{IsTerminal, Write};
+use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
 use anyhow::Result;
+use clap::Args;
+use client::{ServoMap, Status, StatusTracker};
 use indicatif::{MultiProgress, ProgressBar, ProgressDrawTarget, ProgressStyle};
 
 use crate::logs::log::Writer;
@@ -11,11 +14,7 @@ use crate::out::exit::Verdict;
 use crate::out::gauge::gauge;
 use crate::signals;
 use crate::vehicle::link::Vehicle;
-use crate::vehicle::port::PortOptions;
-use crate::vehicle::port::seconds;
-use crate::vehicle::status::{ServoMap, Status, Tracker};
-use clap::Args;
-use std::path::PathBuf;
+use crate::vehicle::port::{PortOptions, seconds};
 
 /// Options of `tvc monitor`.
 #[derive(Debug, Args)]
@@ -56,7 +55,7 @@ pub fn run(options: &Monitor) -> Result<Verdict> {
     let stop = signals::on_signal()?;
     let log = options.log.as_deref().map(Writer::create).transpose()?;
     let mut vehicle = Vehicle::connect(&options.port)?;
-    let mut tracker = Tracker::new(servo_map(&mut vehicle)?);
+    let mut tracker = StatusTracker::new(servo_map(&mut vehicle)?);
     if let Some(log) = log {
         vehicle.link().log_to(log);
         // So that the log can be replayed.
@@ -77,8 +76,7 @@ pub fn run(options: &Monitor) -> Result<Verdict> {
             continue;
         }
         due += every;
-        let counts = vehicle.link().counts();
-        let status = tracker.next(vehicle.standing(), counts);
+        let status = tracker.next(vehicle.link().client());
         match &mut screen {
             Some(screen) => screen.show(&status),
             None => print(&status, options.json)?,

@@ -5,16 +5,16 @@ pub mod file;
 use std::path::Path;
 
 use anyhow::Result;
+use client::{Parameter, request};
 use comfy_table::Table;
 use comfy_table::presets::NOTHING;
-use rig::request;
 use serde::Serialize;
 use tvc_nano::Params;
 use tvc_nano::params::DESCRIPTIONS;
 
 use crate::out::exit::{BadInput, Verdict};
 use crate::out::file::{print_json, write_whole};
-use crate::vehicle::link::{Parameter, Vehicle};
+use crate::vehicle::link::Vehicle;
 mod options;
 pub use options::{Param, ParamAction, ParamPort};
 
@@ -92,7 +92,7 @@ pub fn run(options: &Param) -> Result<Verdict> {
             )
         }
         ParamAction::Save => {
-            vehicle.command("save parameters", request::SAVE)?;
+            vehicle.command(request::SAVE)?;
             done(json, &serde_json::json!({ "saved": true }), "saved")
         }
         ParamAction::Reset { stored, .. } => {
@@ -232,9 +232,9 @@ fn defaults(names: &[String]) -> Result<Vec<Parameter>> {
 fn reset(vehicle: &mut Vehicle, some: &[Parameter], stored: bool, json: bool) -> Result<Verdict> {
     let before = vehicle.parameters()?;
     if stored {
-        vehicle.command("load the stored parameters", request::RELOAD)?;
+        vehicle.command(request::RELOAD)?;
     } else if some.is_empty() {
-        vehicle.command("reset the parameters", request::RESET)?;
+        vehicle.command(request::RESET)?;
     }
     for row in some {
         vehicle.set_parameter(&row.name, row.value)?;

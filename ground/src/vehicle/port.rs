@@ -177,7 +177,12 @@ impl Port {
         })?;
         // What an earlier program left unread is of no interest.
         let _ = port.clear(ClearBuffer::Input);
-        Ok(Self { port, name })
+        Ok(Self::at(port, name))
+    }
+
+    /// A port that is open already.
+    pub fn at(port: Box<dyn SerialPort>, name: String) -> Self {
+        Self { port, name }
     }
 
     /// Its name.

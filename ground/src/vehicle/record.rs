@@ -1,19 +1,18 @@
 //! `tvc record`: everything that passes, into a telemetry log.
 
+use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
 use anyhow::Result;
+use clap::Args;
+use client::request;
 use indicatif::{ProgressBar, ProgressStyle};
-use rig::request;
 
 use crate::logs::log::{Flight, Log, Writer, write_csv};
 use crate::out::exit::Verdict;
 use crate::signals;
 use crate::vehicle::link::Vehicle;
-use crate::vehicle::port::PortOptions;
-use crate::vehicle::port::seconds;
-use clap::Args;
-use std::path::PathBuf;
+use crate::vehicle::port::{PortOptions, seconds};
 
 /// Options of `tvc record`.
 #[derive(Debug, Args)]
@@ -52,7 +51,7 @@ pub fn run(options: &Record) -> Result<Verdict> {
     let mut vehicle = Vehicle::connect(&options.port)?;
     vehicle.link().log_to(log);
     vehicle.parameters()?;
-    if let Err(refusal) = vehicle.command("calibrate", request::CALIBRATE) {
+    if let Err(refusal) = vehicle.command(request::CALIBRATE) {
         eprintln!(
             "the log begins in mid-flight, a replay cannot be compared bit for bit: {refusal}"
         );
@@ -70,7 +69,7 @@ pub fn run(options: &Record) -> Result<Verdict> {
             gone = Some(error);
             break;
         }
-        let counts = vehicle.link().counts();
+        let counts = vehicle.link().client().counts();
         bar.set_message(format!(
             "{} messages, {} lost",
             counts.messages, counts.lost

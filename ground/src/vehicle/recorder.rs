@@ -1,16 +1,17 @@
 //! `tvc recorder`: the steps around the last release, out of the vehicle's own memory.
 
+use std::path::PathBuf;
+
 use anyhow::{Result, bail};
-use rig::operator::FlightState;
+use clap::Args;
+use client::{FlightState, Parameter};
 use tvc_nano::recorder::{self, STEP_BYTES};
 use tvc_nano::{Micros, RawSample};
 
-use crate::logs::log::{Event, Flight, Step, write_flight};
+use crate::logs::log::{Event, Flight, Step, whole_us, write_flight};
 use crate::out::exit::{BadInput, Verdict};
-use crate::vehicle::link::{Parameter, Vehicle};
+use crate::vehicle::link::Vehicle;
 use crate::vehicle::port::PortOptions;
-use clap::Args;
-use std::path::PathBuf;
 
 /// Options of `tvc recorder`.
 #[derive(Debug, Args)]
@@ -90,8 +91,7 @@ fn flight(bytes: &[u8], parameters: Vec<Parameter>) -> Result<Flight> {
         }
         // Only the lower half of the clock is kept.
         let low_us = step.now.0 as u32;
-        let last_us = now_us.unwrap_or(step.now.0);
-        let time_us = last_us + u64::from(low_us.wrapping_sub(last_us as u32));
+        let time_us = whole_us(low_us, now_us.unwrap_or(step.now.0));
         now_us = Some(time_us);
         let aged = |sample: RawSample| RawSample {
             time: Micros(time_us - u64::from(low_us.wrapping_sub(sample.time.0 as u32))),

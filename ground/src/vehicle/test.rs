@@ -4,10 +4,10 @@ use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-use anyhow::{Context, Result, bail};
+use anyhow::{Context, Error, Result, bail};
+use clap::{Args, Subcommand};
+use client::{Failure, FlightState, request};
 use indicatif::{ProgressBar, ProgressStyle};
-use rig::operator::FlightState;
-use rig::request;
 use tvc_nano::Refusal;
 
 use crate::logs::log::{Flight, Log, Writer};
@@ -16,9 +16,7 @@ use crate::out::exit::Verdict;
 use crate::signals;
 use crate::vehicle::link::Vehicle;
 use crate::vehicle::param::ParamPort;
-use crate::vehicle::port::PortOptions;
-use crate::vehicle::port::seconds;
-use clap::{Args, Subcommand};
+use crate::vehicle::port::{PortOptions, seconds};
 
 /// Options of `tvc test`.
 #[derive(Debug, Args)]
@@ -112,16 +110,13 @@ pub fn run(options: &Test) -> Result<Verdict> {
     let mut vehicle = Vehicle::connect(&options.port())?;
     vehicle.link().log_to(writer);
     vehicle.parameters()?;
-    if matches!(
-        vehicle.state(),
-        FlightState::Armed | FlightState::Active | FlightState::Failsafe
-    ) {
+    if vehicle.state().is_in_operation() {
         bail!("the vehicle is not in standby: `tvc disarm` first");
     }
-    vehicle.command("calibrate", request::CALIBRATE)?;
+    vehicle.command(request::CALIBRATE)?;
     let flown = fly(&mut vehicle, options.manoeuvre, stop);
     // Whatever happened: the rudder to neutral.
-    let disarmed = vehicle.command("disarm", request::DISARM);
+    let disarmed = vehicle.command(request::DISARM);
     vehicle.link().end_log()?;
     flown?;
     disarmed?;
@@ -138,7 +133,7 @@ fn fly(vehicle: &mut Vehicle, manoeuvre: Manoeuvre, stop: &AtomicBool) -> Result
     while Instant::now() < release {
         vehicle.receive()?;
     }
-    vehicle.command("release", request::RELEASE)?;
+    vehicle.command(request::RELEASE)?;
     match manoeuvre {
         Manoeuvre::Step { seconds } | Manoeuvre::Hold { seconds } => watch(
             vehicle,
@@ -172,8 +167,9 @@ fn fly(vehicle: &mut Vehicle, manoeuvre: Manoeuvre, stop: &AtomicBool) -> Result
 }
 
 /// Whether the vehicle may let itself be armed a little later: not where somebody must see its rudder answer first.
-pub fn is_worth_waiting(refusal: &str) -> bool {
-    !refusal.contains(&Refusal::Polarity.to_string())
+pub fn is_worth_waiting(refusal: &Error) -> bool {
+    let failure = refusal.downcast_ref::<Failure>();
+    failure.and_then(Failure::refusal) != Some(Refusal::Polarity)
 }
 
 /// Arms as soon as the vehicle lets itself be armed.
@@ -184,12 +180,12 @@ pub fn arm(vehicle: &mut Vehicle, stop: &AtomicBool) -> Result<()> {
     let progress = spinner("hold the drone still");
     let begun = Instant::now();
     loop {
-        match vehicle.command("arm", request::ARM) {
+        match vehicle.command(request::ARM) {
             Ok(()) => break,
             Err(refusal)
                 if begun.elapsed() > ARM_PATIENCE
                     || stop.load(Ordering::Relaxed)
-                    || !is_worth_waiting(&refusal.to_string()) =>
+                    || !is_worth_waiting(&refusal) =>
             {
                 return Err(refusal);
             }
@@ -223,7 +219,7 @@ fn watch(
             length.as_secs_f64()
         ));
         if vehicle.state() == FlightState::Failsafe {
-            bail!("the vehicle gave up: {}", vehicle.standing().reason());
+            bail!("the vehicle gave up: {}", vehicle.reason());
         }
         if stop.load(Ordering::Relaxed) {
             bail!("stopped by the operator");

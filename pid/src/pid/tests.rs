@@ -120,7 +120,8 @@ fn output_stays_in_its_limits_and_its_slew() {
     assert_eq!(pid.output(), -0.5);
 }
 
-/// Push against the limit for 5 s, then ask for the opposite: samples until the output has left the limit.
+/// Push against the limit for 5 s, then ask for the opposite: samples until the output has left the
+/// limit.
 fn samples_to_turn_back(anti_windup: AntiWindup) -> usize {
     let mut pid = pid(Config {
         limit: -1.0..=1.0,
@@ -372,7 +373,8 @@ proptest! {
         for (setpoint, measured, rate) in inputs {
             let a = float.update(setpoint, measured, rate);
             let b = fixed.update(setpoint.into(), measured.into(), rate.into());
-            // kd over a sample of 0.01 s magnifies the last bit of the inputs up to 50 times, for each sample in the filter.
+            // kd over a sample of 0.01 s magnifies the last bit of the inputs up to 50 times, for
+            // each sample in the filter.
             prop_assert!((a - f32::from(b)).abs() < 0.03, "{a} {}", f32::from(b));
         }
     }

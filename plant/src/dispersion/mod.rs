@@ -42,9 +42,9 @@ const START_RATE_RAD_S: f64 = 0.2;
 const STARTS_RAD: [f64; 3] = [0.2, 0.4, 0.8];
 /// Fixed band of settling, in rad.
 const FIXED_BAND_RAD: f64 = 0.02;
-/// Requirements of the thesis: overshoot in percent, settling in s.
+/// Overshoot that the thesis allows, in percent.
 const REQUIRED_OVERSHOOT_PCT: f64 = 30.0;
-/// Settling time that the thesis requires, in s.
+/// Settling time to 5 % that the thesis requires, in s.
 const REQUIRED_SETTLING_S: f64 = 1.5;
 
 /// How far each quantity may lie from its nominal value.
@@ -142,37 +142,30 @@ impl Campaign {
         (shard..self.runs).step_by(of.try_into().unwrap_or(usize::MAX))
     }
 
-    /// What run `index` is made of. The first draws do not depend on the ranges, so that campaigns
-    /// with and without an offset fly the same drones otherwise.
+    /// Drone, servo, start and noise of run `index`. The random numbers do not depend on the ranges:
+    /// campaigns with and without an offset fly drones that are otherwise the same.
     pub fn draw(&self, index: u64) -> Draw {
         let mut rng = ChaCha8Rng::seed_from_u64(self.seed);
         rng.set_stream(index);
         let mut either = |half: f64| half * rng.random_range(-1.0..=1.0);
         let r = &self.ranges;
-        let thrust = 1.0 + either(r.thrust);
-        let inertia = 1.0 + either(r.inertia);
-        let cm_vertical_m = either(r.cm_vertical_m);
-        let cm_lateral_m = either(r.cm_lateral_m);
-        let servo_speed = 1.0 + either(r.servo_speed);
-        let stall = 1.0 + either(r.stall);
-        let supply = 1.0 - either(r.supply_loss).abs();
-        let backlash = 1.0 + either(r.backlash);
-        let delay_s = either(r.delay_s);
-        let phase = 0.5 * (1.0 + either(1.0));
-        let sign = if rng.random::<bool>() { 1.0 } else { -1.0 };
+        // The order of the fields is that of the draws: another one gives other runs.
         Draw {
             index,
-            start_rad: sign * STARTS_RAD[(index % STARTS_RAD.len() as u64) as usize],
-            thrust,
-            inertia,
-            cm_vertical_m,
-            cm_lateral_m,
-            servo_speed,
-            stall,
-            supply,
-            backlash,
-            delay_s,
-            phase,
+            thrust: 1.0 + either(r.thrust),
+            inertia: 1.0 + either(r.inertia),
+            cm_vertical_m: either(r.cm_vertical_m),
+            cm_lateral_m: either(r.cm_lateral_m),
+            servo_speed: 1.0 + either(r.servo_speed),
+            stall: 1.0 + either(r.stall),
+            supply: 1.0 - either(r.supply_loss).abs(),
+            backlash: 1.0 + either(r.backlash),
+            delay_s: either(r.delay_s),
+            phase: 0.5 * (1.0 + either(1.0)),
+            start_rad: {
+                let sign = if rng.random::<bool>() { 1.0 } else { -1.0 };
+                sign * STARTS_RAD[(index % STARTS_RAD.len() as u64) as usize]
+            },
             // Within what a TOML file can hold.
             noise_seed: rng.random::<u64>() >> 1,
         }
@@ -229,7 +222,7 @@ impl Draw {
         setup
     }
 
-    /// Flies the run under a law and tells of every sample.
+    /// Flies the run under a law; `watch` gets every sample.
     ///
     /// # Errors
     /// A dispersed parameter out of range.
@@ -267,7 +260,7 @@ impl Draw {
     }
 }
 
-/// What became of a run.
+/// Figures of a run's response.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Outcome {
     /// Number of the run.
@@ -313,8 +306,8 @@ impl Outcome {
             && settling_s.is_some_and(|s| s <= REQUIRED_SETTLING_S)
     }
 
-    /// How bad the run was: settling time, and overshoot counted so that the limits of both weigh
-    /// the same. A run that never settled is worse than any that did.
+    /// How bad the run was: the larger of settling time and overshoot, each as a multiple of its
+    /// limit. A run that never settled counts as 100.
     pub fn badness(&self) -> f64 {
         let settling = self
             .settling_5pct_s

@@ -1,4 +1,4 @@
-//! What the outcomes of a campaign add up to.
+//! Statistics over the outcomes of a campaign.
 
 use serde::{Deserialize, Serialize};
 
@@ -16,8 +16,8 @@ pub struct Rate {
 }
 
 impl Rate {
-    /// The share of `hits` in `runs` with Wilson's bounds, which hold near 0 and 1 too; no runs say
-    /// nothing: 0 to 1.
+    /// The share of `hits` in `runs` with Wilson's bounds, which hold near 0 and 1 too. Without
+    /// runs the bounds are 0 and 1.
     pub fn new(hits: u64, runs: u64) -> Self {
         if runs == 0 {
             return Self {

@@ -69,7 +69,7 @@ impl TransferFunction {
         roots(&self.numerator)
     }
 
-    /// One behind the other.
+    /// The two in series: this one, then `next`.
     pub fn series(&self, next: &Self) -> Self {
         Self::new(
             product(&self.numerator, &next.numerator),

@@ -1,4 +1,4 @@
-//! A simulation described by a TOML file: drone, start, input, and the trajectory it gives.
+//! Simulations described by TOML files: drone, start, input, and the trajectory that they give.
 //!
 //! ```toml
 //! seconds = 5.0
@@ -37,12 +37,12 @@ use serde::{Deserialize, Serialize};
 use toml::{Table as TomlTable, Value};
 
 use crate::integrate::IntegrationError;
-use crate::parameters::{ParameterError, finite, not_negative, positive};
+use crate::parameters::{ParameterError, finite, named, not_negative, positive};
 use crate::setup::{Setup, SetupError, in_si};
 
 pub use signal::{Between, Signal, Sine, Table};
 
-/// Most rows of a trajectory.
+/// Largest number of rows in a trajectory.
 const MOST_ROWS: f64 = 5e6;
 
 /// What drives the crank. `th1z` is the crank angle at zero rudder.
@@ -57,37 +57,43 @@ pub enum Input {
     TorqueLaw(TorqueLaw),
     /// The crank's angle, in rad.
     CrankRad(Signal),
-    /// A servo of second order round a PD law:
-    /// `th1'' = stiffness (command - th1) - damping th1'`, with the command
-    /// `th1z + kp th0 + kd w0 + command_rad`.
-    IdealServo {
-        /// Gain on pitch, rad/rad.
-        #[serde(default)]
-        kp: f64,
-        /// Gain on pitch rate, rad s/rad.
-        #[serde(default)]
-        kd: f64,
-        /// Added to the law's command, in rad.
-        #[serde(default)]
-        command_rad: Signal,
-        /// Acceleration for each radian of error, in 1/s2.
-        stiffness: f64,
-        /// Acceleration for each rad/s, in 1/s.
-        damping: f64,
-    },
-    /// The pulse-driven servo of the setup round the reference PD law of
-    /// [`pitch_loop`](crate::pitch_loop).
-    PulseServo {
-        /// Gain on pitch, rad/rad.
-        #[serde(default)]
-        kp: f64,
-        /// Gain on pitch rate, rad s/rad.
-        #[serde(default)]
-        kd: f64,
-        /// Added to the law's command, in rad.
-        #[serde(default)]
-        command_rad: Signal,
-    },
+    /// A servo of second order round a PD law.
+    IdealServo(IdealServo),
+    /// The pulse-driven servo of the setup round the reference PD law.
+    PulseServo(PulseServo),
+}
+
+/// A servo of second order round a PD law: `th1'' = stiffness (command - th1) - damping th1'`,
+/// with the command `th1z + kp th0 + kd w0 + command_rad`.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct IdealServo {
+    /// Gain on pitch, rad/rad.
+    #[serde(default)]
+    pub kp: f64,
+    /// Gain on pitch rate, rad s/rad.
+    #[serde(default)]
+    pub kd: f64,
+    /// Added to the law's command, in rad.
+    #[serde(default)]
+    pub command_rad: Signal,
+    /// Acceleration for each radian of error, in 1/s2.
+    pub stiffness: f64,
+    /// Acceleration for each rad/s, in 1/s.
+    pub damping: f64,
+}
+
+/// The pulse-driven servo of the setup round the reference PD law of
+/// [`pitch_loop`](crate::pitch_loop).
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+pub struct PulseServo {
+    /// Gain on pitch, rad/rad.
+    pub kp: f64,
+    /// Gain on pitch rate, rad s/rad.
+    pub kd: f64,
+    /// Added to the law's command, in rad.
+    pub command_rad: Signal,
 }
 
 /// `torque = -kp th0 - kd w0 - crank_kp (th1 - th1z) - crank_kd w1`, in N m.
@@ -120,7 +126,8 @@ pub struct Loads {
 pub struct Start {
     /// Pitch, in rad.
     pub pitch_rad: f64,
-    /// Crank angle, in rad; zero rudder if left out. A prescribed crank starts where it is told to.
+    /// Crank angle, in rad; zero rudder if left out. Not for a prescribed crank, which starts where
+    /// its input says.
     pub crank_rad: Option<f64>,
     /// Pitch rate, in rad/s.
     pub pitch_rate_rad_s: f64,
@@ -140,7 +147,7 @@ pub struct CrankStop {
     pub damping_n_m_s: f64,
 }
 
-/// Peculiarities of a run.
+/// Options of a run.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Options {
@@ -165,7 +172,7 @@ pub struct Scenario {
     pub input: Input,
     /// Loads.
     pub loads: Loads,
-    /// Peculiarities.
+    /// Options.
     pub options: Options,
 }
 
@@ -222,7 +229,7 @@ pub enum ScenarioError {
         /// What is wrong, naming the key.
         error: ParameterError,
     },
-    /// An input over time that is none.
+    /// An input over time that cannot be evaluated.
     #[error("{key}: {problem}")]
     Signal {
         /// The key, with its table.
@@ -255,6 +262,13 @@ pub enum ScenarioError {
     /// The motion ran away.
     #[error(transparent)]
     Integration(#[from] IntegrationError),
+}
+
+impl ScenarioError {
+    /// Says which table a parameter is in.
+    fn in_table(table: &'static str) -> impl FnOnce(ParameterError) -> Self {
+        move |error| Self::Range { table, error }
+    }
 }
 
 /// The file without drone, servo and timing.
@@ -335,7 +349,7 @@ impl Scenario {
     /// Checks everything that a run relies on.
     ///
     /// # Errors
-    /// The first thing found wanting.
+    /// The first value out of range, by name, or parts that do not go together.
     pub fn validate(&self) -> Result<(), ScenarioError> {
         self.setup.validate()?;
         let rows = self.seconds / self.dt_s;
@@ -345,39 +359,31 @@ impl Scenario {
                 dt_s: self.dt_s,
             });
         }
-        let range = |table| move |error| ScenarioError::Range { table, error };
         finite(&[
             ("pitch_rad", self.start.pitch_rad),
             ("crank_rad", self.start.crank_rad.unwrap_or(0.0)),
             ("pitch_rate_rad_s", self.start.pitch_rate_rad_s),
             ("crank_rate_rad_s", self.start.crank_rate_rad_s),
         ])
-        .map_err(range("start"))?;
+        .map_err(ScenarioError::in_table("start"))?;
         if let Some(stop) = self.options.crank_stop {
-            positive(&[
-                ("angle_rad", stop.angle_rad),
-                ("stiffness_n_m_rad", stop.stiffness_n_m_rad),
-            ])
-            .and_then(|()| not_negative(&[("damping_n_m_s", stop.damping_n_m_s)]))
-            .map_err(range("options"))?;
+            positive(&named!(stop; angle_rad, stiffness_n_m_rad))
+                .and_then(|()| not_negative(&named!(stop; damping_n_m_s)))
+                .map_err(ScenarioError::in_table("options"))?;
         }
         if let Some(thrust) = &self.loads.thrust_n {
-            sound("[loads] thrust_n", thrust)?;
+            check_signal("[loads] thrust_n", thrust)?;
         }
-        sound("[loads] pitch_moment_n_m", &self.loads.pitch_moment_n_m)?;
+        check_signal("[loads] pitch_moment_n_m", &self.loads.pitch_moment_n_m)?;
         self.validate_input()
     }
 
     fn validate_input(&self) -> Result<(), ScenarioError> {
-        let range = |error| ScenarioError::Range {
-            table: "input",
-            error,
-        };
         match &self.input {
-            Input::TorqueNM(signal) => sound("[input] torque_n_m", signal),
-            Input::VoltageV(signal) => sound("[input] voltage_v", signal),
+            Input::TorqueNM(signal) => check_signal("[input] torque_n_m", signal),
+            Input::VoltageV(signal) => check_signal("[input] voltage_v", signal),
             Input::CrankRad(signal) => {
-                sound("[input] crank_rad", signal)?;
+                check_signal("[input] crank_rad", signal)?;
                 if self.start.crank_rad.is_some() || self.start.crank_rate_rad_s != 0.0 {
                     return Err(ScenarioError::Key(
                         "[start] crank_rad and crank_rate_rad_s do not go with a prescribed crank, \
@@ -387,33 +393,18 @@ impl Scenario {
                 }
                 Ok(())
             }
-            Input::TorqueLaw(law) => finite(&[
-                ("kp", law.kp),
-                ("kd", law.kd),
-                ("crank_kp", law.crank_kp),
-                ("crank_kd", law.crank_kd),
-            ])
-            .map_err(range),
-            Input::IdealServo {
-                kp,
-                kd,
-                command_rad,
-                stiffness,
-                damping,
-            } => {
-                finite(&[("kp", *kp), ("kd", *kd)])
-                    .and_then(|()| positive(&[("stiffness", *stiffness)]))
-                    .and_then(|()| not_negative(&[("damping", *damping)]))
-                    .map_err(range)?;
-                sound("[input] ideal_servo.command_rad", command_rad)
+            Input::TorqueLaw(law) => finite(&named!(law; kp, kd, crank_kp, crank_kd))
+                .map_err(ScenarioError::in_table("input")),
+            Input::IdealServo(servo) => {
+                finite(&named!(servo; kp, kd))
+                    .and_then(|()| positive(&named!(servo; stiffness)))
+                    .and_then(|()| not_negative(&named!(servo; damping)))
+                    .map_err(ScenarioError::in_table("input"))?;
+                check_signal("[input] ideal_servo.command_rad", &servo.command_rad)
             }
-            Input::PulseServo {
-                kp,
-                kd,
-                command_rad,
-            } => {
-                finite(&[("kp", *kp), ("kd", *kd)]).map_err(range)?;
-                sound("[input] pulse_servo.command_rad", command_rad)?;
+            Input::PulseServo(servo) => {
+                finite(&named!(servo; kp, kd)).map_err(ScenarioError::in_table("input"))?;
+                check_signal("[input] pulse_servo.command_rad", &servo.command_rad)?;
                 self.validate_loop()
             }
         }
@@ -440,8 +431,8 @@ impl Scenario {
     }
 }
 
-/// Refuses a signal that is none.
-fn sound(key: &'static str, signal: &Signal) -> Result<(), ScenarioError> {
+/// Refuses a signal that cannot be evaluated.
+fn check_signal(key: &'static str, signal: &Signal) -> Result<(), ScenarioError> {
     match signal.problem() {
         None => Ok(()),
         Some(problem) => Err(ScenarioError::Signal { key, problem }),

@@ -9,22 +9,22 @@ use crate::mechanism::Mechanism;
 use crate::pitch_loop::{COMMAND_LIMIT_RAD, Pd, PitchLoop};
 
 use super::signal::Curve;
-use super::{Between, Input, Row, Scenario, ScenarioError, Signal, TorqueLaw};
+use super::{Between, Input, PulseServo, Row, Scenario, ScenarioError, Signal};
 
 /// Sine of the transmission angle below which link and rudder arm lie so nearly in line that the
-/// crank is at the end of its way: rigid bars would have to answer with any force.
+/// crank is at the end of its way: the forces in rigid bars would grow without bound.
 const LEAST_TRANSMISSION: f64 = 0.02;
 
-/// Precision of a motion: a crank that its link's weight alone drives reaches 100 rad/s, so as
-/// tight as f64 allows.
+/// Precision of a motion: as tight as f64 allows, because a crank that is driven by its link's
+/// weight alone reaches 100 rad/s.
 const TIGHT: Adaptive = Adaptive {
     relative: 1e-13,
     absolute: 1e-14,
     max_step_s: 0.02,
 };
 
-/// Precision of a motion with a stop, whose damper sets in with a jump: a step across it can be
-/// made as small as the jump's share in it asks for.
+/// Precision of a motion with a stop, whose damping sets in with a jump: the error of a step across
+/// the jump falls only in proportion to the step, so that the tolerance must leave it some length.
 const AT_A_STOP: Adaptive = Adaptive {
     relative: 1e-9,
     absolute: 1e-10,
@@ -35,7 +35,7 @@ const AT_A_STOP: Adaptive = Adaptive {
 enum Drive {
     /// A torque, in N m.
     Torque(f64),
-    /// A servo that makes it accelerate so, in rad/s2.
+    /// The acceleration that a servo gives it, in rad/s2.
     Acceleration(f64),
 }
 
@@ -66,13 +66,12 @@ impl Scenario {
     /// Runs and gives a row every `dt_s`, the start first.
     ///
     /// # Errors
-    /// As [`Scenario::validate`], a motion that runs away, or a linkage that comes apart.
+    /// As [`Scenario::validate`], a motion that grows without bound, or a crank angle at which the
+    /// linkage is open.
     pub fn run(&self) -> Result<Vec<Row>, ScenarioError> {
         self.validate()?;
-        let mechanism = Mechanism::new(&self.setup.drone).map_err(|error| {
-            let table = "drone";
-            ScenarioError::Range { table, error }
-        })?;
+        let mechanism =
+            Mechanism::new(&self.setup.drone).map_err(ScenarioError::in_table("drone"))?;
         let zero = mechanism.linkage().zero_rudder_crank_rad();
         let loaded = Loaded {
             mechanism,
@@ -84,39 +83,22 @@ impl Scenario {
             Input::VoltageV(signal) => {
                 self.run_torque(&loaded, signal, self.setup.drone.motor_n_m_per_v)
             }
-            Input::TorqueLaw(law) => {
-                let TorqueLaw {
-                    kp,
-                    kd,
-                    crank_kp,
-                    crank_kd,
-                } = *law;
-                self.run_free(&loaded, &[], |_, x| {
-                    let crank = crank_kp * (x.crank_rad - zero) + crank_kd * x.crank_rate_rad_s;
-                    Drive::Torque(-kp * x.pitch_rad - kd * x.pitch_rate_rad_s - crank)
-                })
-            }
-            Input::IdealServo {
-                kp,
-                kd,
-                command_rad,
-                stiffness,
-                damping,
-            } => {
-                let command = angle(command_rad);
+            Input::TorqueLaw(law) => self.run_free(&loaded, &[], |_, x| {
+                let crank = law.crank_kp * (x.crank_rad - zero) + law.crank_kd * x.crank_rate_rad_s;
+                Drive::Torque(-law.kp * x.pitch_rad - law.kd * x.pitch_rate_rad_s - crank)
+            }),
+            Input::IdealServo(servo) => {
+                let command = angle(&servo.command_rad);
                 let knots: Vec<f64> = command.knots().collect();
                 self.run_free(&loaded, &knots, |time, x| {
-                    let law = zero + kp * x.pitch_rad + kd * x.pitch_rate_rad_s;
+                    let law = zero + servo.kp * x.pitch_rad + servo.kd * x.pitch_rate_rad_s;
                     let error = law + command.value(time) - x.crank_rad;
-                    Drive::Acceleration(stiffness * error - damping * x.crank_rate_rad_s)
+                    let braking = servo.damping * x.crank_rate_rad_s;
+                    Drive::Acceleration(servo.stiffness * error - braking)
                 })
             }
             Input::CrankRad(signal) => self.run_prescribed(&loaded, &angle(signal)),
-            Input::PulseServo {
-                kp,
-                kd,
-                command_rad,
-            } => self.run_loop(&loaded.mechanism, *kp, *kd, &angle(command_rad)),
+            Input::PulseServo(servo) => self.run_loop(&loaded.mechanism, servo),
         }
     }
 
@@ -269,12 +251,11 @@ impl Scenario {
     fn run_loop(
         &self,
         mechanism: &Mechanism,
-        kp: f64,
-        kd: f64,
-        command: &Curve,
+        servo: &PulseServo,
     ) -> Result<Vec<Row>, ScenarioError> {
         let timing = self.setup.timing;
-        let mut law = Pd::new(kp, kd, mechanism.linkage(), timing.control_s);
+        let command = angle(&servo.command_rad);
+        let mut law = Pd::new(servo.kp, servo.kd, mechanism.linkage(), timing.control_s);
         let mut sim = PitchLoop::new(
             &self.setup.drone,
             self.setup.servo,
@@ -282,10 +263,7 @@ impl Scenario {
             self.start.pitch_rad,
             self.start.pitch_rate_rad_s,
         )
-        .map_err(|error| ScenarioError::Range {
-            table: "start",
-            error,
-        })?;
+        .map_err(ScenarioError::in_table("start"))?;
         let steps = (self.dt_s / timing.step_s).round() as usize;
         let times = self.times();
         let mut states = Vec::with_capacity(times.len());
@@ -310,7 +288,7 @@ impl Scenario {
 
 /// Whether the crank can stand at an angle (rad).
 fn closes(linkage: &Linkage, crank_rad: f64) -> bool {
-    // Where the bars do not meet, the transmission is not a number, and the comparison false.
+    // Where the bars do not meet, the transmission is not a number and the comparison is false.
     linkage.transmission(crank_rad) > LEAST_TRANSMISSION
 }
 
@@ -341,7 +319,7 @@ fn sample_with_knots<const N: usize>(
     let mut knots = knots.into_iter().peekable();
     let mut states = Vec::with_capacity(times.len());
     let mut advance = |from: f64, to: f64, state| {
-        // What the input becomes at the end is not yet part of this piece.
+        // The input's value from the end on does not belong to this piece.
         let before = to.next_down().max(from);
         let mut slope = |time: f64, x: &[f64; N]| slope(time.min(before), x);
         adaptive.advance(&mut slope, from, to, state, &mut step)

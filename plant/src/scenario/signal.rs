@@ -1,4 +1,4 @@
-//! Inputs over time: what a scenario says, and the curve that it means.
+//! Inputs over time: as a scenario writes them, and as curves that can be evaluated.
 
 use serde::{Deserialize, Deserializer, Serialize, de::Error};
 use toml::Value;
@@ -70,7 +70,7 @@ impl Default for Signal {
 }
 
 impl<'de> Deserialize<'de> for Signal {
-    /// By the value's shape, so that a mistake inside one shape is told for what it is.
+    /// Chooses by the value's shape, so that an error names the mistake inside that shape.
     fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
         let into = |error: toml::de::Error| D::Error::custom(error.message());
         match Value::deserialize(deserializer)? {
@@ -132,7 +132,7 @@ impl Signal {
         }
     }
 
-    /// The curve that it means; `between` is for a table that does not say.
+    /// The curve to evaluate; `between` serves tables that do not say how they go on.
     pub(super) fn curve(&self, between: Between) -> Curve {
         match self {
             Self::Constant(value) => Curve::Table {

@@ -1,26 +1,109 @@
-//! What disturbs a flight besides faults of the sensor: the propeller shakes, the servo's supply sags, the
-//! thrust comes up slowly, the sensor warms up. All but the last counts from the moment that the clamp opens.
+//! What disturbs a flight besides faults of the sensor: the propeller vibrates, the servo's supply
+//! sags, the thrust comes up slowly, the sensor warms up.
+//!
+//! Each disturbance is written in two ways: as a table of a scenario file (serde), and as numbers
+//! between commas on the command line ([`FromStr`]). Both have the same units and ranges. Times count
+//! from the moment that the clamp opens, those of [`Temperature`] from power-on.
 
+use crate::bno055::{ImuErrors, STANDARD_GRAVITY_M_S2, WarmUp};
+use serde::{Deserialize, Serialize};
 use std::f64::consts::TAU;
-
-use crate::bno055::{ImuErrors, WarmUp};
+use std::ops::RangeInclusive;
+use std::str::FromStr;
 
 /// Supply at which the figures of the rig's servos hold, V.
 pub const RATED_SUPPLY_V: f64 = 6.0;
-/// Arm over which a shaking mount tilts the sensor, m: half the drone's width, an estimate.
+/// Arm over which a vibrating mount tilts the sensor, m: half the drone's width, an estimate.
 const MOUNT_ARM_M: f64 = 0.1;
+/// Drift of the gyroscope's bias that the data sheet calls typical, deg/s/K.
+const TYPICAL_GYRO_DPS_K: f64 = 0.015;
 
 /// Disturbances of a flight; none by default.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Disturbances {
     /// The propeller is out of balance.
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub vibration: Option<Vibration>,
-    /// The servo's supply is not what it should be.
-    pub supply: Option<SupplySag>,
-    /// The thrust is not there at once.
-    pub thrust: Option<ThrustRamp>,
-    /// The sensor is not at its temperature yet.
+    /// The servo's supply is not at its rated voltage.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub servo_supply: Option<SupplySag>,
+    /// The thrust comes up slowly.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub thrust_ramp: Option<ThrustRamp>,
+    /// The sensor warms up.
+    #[serde(skip_serializing_if = "Option::is_none")]
     pub temperature: Option<Temperature>,
+}
+
+impl Disturbances {
+    /// Checks every value against its range.
+    ///
+    /// # Errors
+    /// The first value out of its range, with the range.
+    pub fn check(&self) -> Result<(), String> {
+        self.vibration.as_ref().map_or(Ok(()), Vibration::check)?;
+        self.servo_supply
+            .as_ref()
+            .map_or(Ok(()), SupplySag::check)?;
+        self.thrust_ramp
+            .as_ref()
+            .map_or(Ok(()), ThrustRamp::check)?;
+        self.temperature.as_ref().map_or(Ok(()), Temperature::check)
+    }
+
+    /// The same with all that was left to its default filled in, to report it; `None` if nothing
+    /// disturbs.
+    pub fn report(&self) -> Option<Self> {
+        (*self != Self::default()).then(|| Self {
+            vibration: self.vibration.map(|vibration| Vibration {
+                rate_dps: Some(vibration.rate_rad_s().to_degrees()),
+                ..vibration
+            }),
+            servo_supply: self.servo_supply.map(|sag| SupplySag {
+                stall_volts: Some(sag.stall_volts()),
+                ..sag
+            }),
+            ..*self
+        })
+    }
+
+    /// A line each for a table: what disturbs, and how.
+    pub fn rows(&self) -> Vec<(&'static str, String)> {
+        let vibration = self.vibration.map(|v| {
+            let rate_dps = v.rate_rad_s().to_degrees();
+            let acc_m_s2 = v.acc_m_s2;
+            let how = format!(
+                "{acc_m_s2} m/s2 and {rate_dps:.1} deg/s at {} Hz",
+                v.frequency_hz
+            );
+            ("propeller vibration", how)
+        });
+        let supply = self.servo_supply.map(|s| {
+            let when = match s.until_s {
+                Some(until_s) => format!("from {} to {until_s} s", s.from_s),
+                None => format!("from {} s on", s.from_s),
+            };
+            let stall = match s.stall_volts() {
+                stall if stall < s.volts => format!(", {stall} V at stall"),
+                _ => String::new(),
+            };
+            ("servo supply", format!("{} V{stall} {when}", s.volts))
+        });
+        let ramp = self.thrust_ramp.map(|r| {
+            let how = format!("{} to 100 % in {} s", r.from_pct, r.seconds);
+            ("thrust", how)
+        });
+        let temperature = self.temperature.map(|t| {
+            let (from_c, to_c, seconds) = (t.from_c, t.to_c, t.time_constant_s);
+            let drift = t.gyro_dps_k;
+            let how = format!("{from_c} to {to_c} C in {seconds} s, {drift:.3} deg/s/K");
+            ("sensor temperature", how)
+        });
+        [vibration, supply, ramp, temperature]
+            .into_iter()
+            .flatten()
+            .collect()
+    }
 }
 
 /// An unbalanced propeller at a constant speed. Its force turns in the plane of the propeller, across
@@ -28,13 +111,15 @@ pub struct Disturbances {
 ///
 /// The sensor feels it at every step of the physics, before its own filter and its own clock: what
 /// lies above half its refresh rate arrives as an alias.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
 pub struct Vibration {
-    /// Amplitude along the body's x and y, m/s^2.
-    pub force_m_s2: f64,
-    /// Amplitude of the angular rate about the body's x and y, rad/s.
-    pub rate_rad_s: f64,
-    /// Turns of the propeller a second, at most [`Vibration::HIGHEST_HZ`].
+    /// Amplitude of the acceleration along the body's x and y, m/s^2, 0 to 40.
+    pub acc_m_s2: f64,
+    /// Amplitude of the angular rate about the body's x and y, deg/s, 0 to 500. By default the mount
+    /// tilts as if it gave way over an arm of 0.1 m: the rate is the vibration's speed over that.
+    pub rate_dps: Option<f64>,
+    /// Turns of the propeller a second, 1 to [`Vibration::HIGHEST_HZ`].
     pub frequency_hz: f64,
 }
 
@@ -42,48 +127,96 @@ impl Vibration {
     /// Above this the steps of the physics, 0.5 ms, are too coarse for a sine.
     pub const HIGHEST_HZ: f64 = 400.0;
 
-    /// A vibration of `force_m_s2` whose mount tilts as if it gave way over an arm of 0.1 m:
-    /// the rate is the vibration's speed over that.
-    pub fn new(force_m_s2: f64, frequency_hz: f64) -> Self {
-        Self {
-            force_m_s2,
-            rate_rad_s: force_m_s2 / (TAU * frequency_hz) / MOUNT_ARM_M,
-            frequency_hz,
+    fn check(&self) -> Result<(), String> {
+        within(0.0..=40.0, self.acc_m_s2, "a vibration is 0 to 40 m/s2")?;
+        let hertz = format!("a vibration has 1 to {} Hz", Self::HIGHEST_HZ);
+        within(1.0..=Self::HIGHEST_HZ, self.frequency_hz, &hertz)?;
+        let why = "the angular rate of a vibration is 0 to 500 deg/s";
+        within(0.0..=500.0, self.rate_dps.unwrap_or(0.0), why)
+    }
+
+    /// Amplitude of the angular rate about the body's x and y, rad/s.
+    fn rate_rad_s(&self) -> f64 {
+        match self.rate_dps {
+            Some(rate_dps) => rate_dps.to_radians(),
+            None => self.acc_m_s2 / (TAU * self.frequency_hz) / MOUNT_ARM_M,
         }
     }
 
     /// Specific force (m/s^2) and rate (rad/s) along the body's axes at a time, s.
     pub(crate) fn at(&self, time_s: f64) -> ([f64; 3], [f64; 3]) {
         let (sin, cos) = (TAU * self.frequency_hz * time_s).sin_cos();
-        (
-            [self.force_m_s2 * cos, self.force_m_s2 * sin, 0.0],
-            [self.rate_rad_s * cos, self.rate_rad_s * sin, 0.0],
-        )
+        let turning = |amplitude: f64| [amplitude * cos, amplitude * sin, 0.0];
+        (turning(self.acc_m_s2), turning(self.rate_rad_s()))
     }
 }
 
-/// The servo's supply is at `volts` for a while, and at 6 V otherwise; meanwhile it gives way to the servo's current.
+/// `ACC,HZ[,RATE]` in m/s^2, Hz and deg/s.
+impl FromStr for Vibration {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let (acc_m_s2, frequency_hz, rate_dps) = match numbers(text).as_deref() {
+            Some(&[acc, hz]) => (acc, hz, None),
+            Some(&[acc, hz, rate]) => (acc, hz, Some(rate)),
+            _ => return Err("a vibration is m/s2 and Hz, such as 5,180".into()),
+        };
+        let vibration = Self {
+            acc_m_s2,
+            rate_dps,
+            frequency_hz,
+        };
+        vibration.check().map(|()| vibration)
+    }
+}
+
+/// The servo's supply is at `volts` for a while, and at 6 V otherwise; meanwhile it gives way to the
+/// servo's current.
 ///
 /// Speed without load and stall torque follow the supply in proportion: the data sheet's step from
-/// 6 V to 5 V, 0.19 to 0.22 s and 0.40 to 0.33 N m, is that to within 4 %. The current is that of a DC motor.
-#[derive(Clone, Copy, Debug, PartialEq)]
+/// 6 V to 5 V, 0.19 to 0.22 s and 0.40 to 0.33 N m, is that to within 4 %. The current is that of a
+/// DC motor.
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
 pub struct SupplySag {
-    /// Supply meanwhile without current, V.
+    /// Supply meanwhile without current, V, 3 to 7.4.
     pub volts: f64,
-    /// Supply meanwhile at the current that the servo draws when it stalls at 6 V, V; `volts` for a stiff one.
-    pub stall_volts: f64,
-    /// Begin after the release, s.
+    /// Supply meanwhile at the current that the servo draws when it stalls at 6 V, V, 1 to `volts`;
+    /// `volts` by default.
+    pub stall_volts: Option<f64>,
+    /// Begin after the release, s, at least 0.
+    #[serde(default)]
     pub from_s: f64,
-    /// End after the release, s; infinite for the rest of the flight.
-    pub until_s: f64,
+    /// End after the release, s, after the begin; by default it lasts for the rest of the flight.
+    pub until_s: Option<f64>,
 }
 
 impl SupplySag {
-    /// The supply as a share of the rated one at a time after the release, s, while the servo draws this share of its
-    /// stall current.
+    fn check(&self) -> Result<(), String> {
+        let why = "the supply of a servo is 3 to 7.4 V";
+        within(3.0..=7.4, self.volts, why)?;
+        let why = "the supply at stall is 1 V to the one without current";
+        within(1.0..=self.volts, self.stall_volts(), why)?;
+        if self.from_s >= 0.0 && self.until_s() > self.from_s {
+            Ok(())
+        } else {
+            Err("a sag begins at 0 s or later and ends after it began".into())
+        }
+    }
+
+    fn stall_volts(&self) -> f64 {
+        self.stall_volts.unwrap_or(self.volts)
+    }
+
+    fn until_s(&self) -> f64 {
+        self.until_s.unwrap_or(f64::INFINITY)
+    }
+
+    /// The supply as a share of the rated one at a time after the release, s, while the servo draws
+    /// this share of its stall current.
     pub(crate) fn share(&self, since_release_s: f64, current_share: f64) -> f64 {
-        if (self.from_s..self.until_s).contains(&since_release_s) {
-            let drop = (self.volts - self.stall_volts) * current_share.min(1.0);
+        if (self.from_s..self.until_s()).contains(&since_release_s) {
+            let drop = (self.volts - self.stall_volts()) * current_share.min(1.0);
             (self.volts - drop) / RATED_SUPPLY_V
         } else {
             1.0
@@ -91,245 +224,156 @@ impl SupplySag {
     }
 }
 
-/// Thrust that grows evenly to its whole from the release on; in the clamp it is at its beginning.
-#[derive(Clone, Copy, Debug, PartialEq)]
+/// `V[,FROM,UNTIL[,V]]`: supply in V, two times in s, and the supply at stall in V.
+impl FromStr for SupplySag {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let (volts, from_s, until_s, stall_volts) = match numbers(text).as_deref() {
+            Some(&[volts]) => (volts, 0.0, None, None),
+            Some(&[volts, from, until]) => (volts, from, Some(until), None),
+            Some(&[volts, from, until, stall]) => (volts, from, Some(until), Some(stall)),
+            _ => return Err("a supply is V, or V and two times in s, such as 4.5,0.2,0.6".into()),
+        };
+        let sag = Self {
+            volts,
+            stall_volts,
+            from_s,
+            until_s,
+        };
+        sag.check().map(|()| sag)
+    }
+}
+
+/// Thrust that grows evenly to its full value from the release on; in the clamp it is at its
+/// beginning.
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
 pub struct ThrustRamp {
-    /// Share of the thrust at release, 0 to 1.
-    pub from_share: f64,
-    /// Time to the whole thrust, s.
+    /// Thrust at release, % of the full one, 0 to 100.
+    pub from_pct: f64,
+    /// Time to the full thrust, s, above 0 and at most 10.
     pub seconds: f64,
 }
 
 impl ThrustRamp {
+    fn check(&self) -> Result<(), String> {
+        let why = "the thrust at release is 0 to 100 %";
+        within(0.0..=100.0, self.from_pct, why)?;
+        let why = "a thrust ramp takes more than 0 and at most 10 s";
+        within(f64::MIN_POSITIVE..=10.0, self.seconds, why)
+    }
+
     /// Share of the thrust at a time after the release, s.
     pub(crate) fn share(&self, since_release_s: f64) -> f64 {
         if since_release_s >= self.seconds {
             1.0
         } else {
-            self.from_share + (1.0 - self.from_share) * since_release_s / self.seconds
+            let from_share = self.from_pct / 100.0;
+            from_share + (1.0 - from_share) * since_release_s / self.seconds
         }
     }
 }
 
+/// `PCT,S`: thrust at release in %, time to the full thrust in s.
+impl FromStr for ThrustRamp {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let Some(&[from_pct, seconds]) = numbers(text).as_deref() else {
+            return Err("a thrust ramp is % at release and s, such as 40,0.5".into());
+        };
+        let ramp = Self { from_pct, seconds };
+        ramp.check().map(|()| ramp)
+    }
+}
+
 /// The sensor warms up from power-on, and its offsets drift on every axis alike.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
 pub struct Temperature {
-    /// The chip's temperature.
-    pub warm_up: WarmUp,
-    /// Drift of the gyroscope's bias, rad/s/K.
-    pub gyro_rad_s_k: f64,
-    /// Drift of the accelerometer's offset, m/s^2/K.
-    pub acc_m_s2_k: f64,
+    /// The chip's temperature at power-on, deg C, -40 to 85.
+    pub from_c: f64,
+    /// The chip's temperature in the end, deg C, -40 to 85.
+    pub to_c: f64,
+    /// Time in which the distance to the end shrinks to 37 %, s, above 0 and at most 3600.
+    pub time_constant_s: f64,
+    /// Drift of the gyroscope's bias, deg/s/K from 25 deg C, -1 to 1; by default the data sheet's
+    /// typical value.
+    #[serde(default = "typical_gyro_dps_k")]
+    pub gyro_dps_k: f64,
+    /// Drift of the accelerometer's offset, mg/K from 25 deg C, -20 to 20.
+    #[serde(default)]
+    pub acc_mg_k: f64,
+}
+
+const fn typical_gyro_dps_k() -> f64 {
+    TYPICAL_GYRO_DPS_K
 }
 
 impl Temperature {
+    fn check(&self) -> Result<(), String> {
+        for celsius in [self.from_c, self.to_c] {
+            within(
+                -40.0..=85.0,
+                celsius,
+                "the sensor's temperature is -40 to 85 C",
+            )?;
+        }
+        let why = "warming up takes more than 0 and at most 3600 s";
+        within(f64::MIN_POSITIVE..=3600.0, self.time_constant_s, why)?;
+        let why = "the drift is at most 1 deg/s/K and 20 mg/K";
+        within(-1.0..=1.0, self.gyro_dps_k, why)?;
+        within(-20.0..=20.0, self.acc_mg_k, why)
+    }
+
     /// The imperfections of a sensor with these.
     pub(crate) fn of(&self, errors: ImuErrors) -> ImuErrors {
         ImuErrors {
-            warm_up: self.warm_up,
-            gyro_drift_rad_s_k: [self.gyro_rad_s_k; 3],
-            acc_drift_m_s2_k: [self.acc_m_s2_k; 3],
+            warm_up: WarmUp {
+                from_c: self.from_c,
+                to_c: self.to_c,
+                time_constant_s: self.time_constant_s,
+            },
+            gyro_drift_rad_s_k: [self.gyro_dps_k.to_radians(); 3],
+            acc_drift_m_s2_k: [self.acc_mg_k * 1e-3 * STANDARD_GRAVITY_M_S2; 3],
             ..errors
         }
     }
 }
 
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::bench::{BenchConfig, Environment, SERVO_PIN};
-    use samd21::board::{Board, Ticks};
+/// `C,C,S[,DPS_K]`: two temperatures in deg C, the time constant in s, the gyroscope's drift in
+/// deg/s/K.
+impl FromStr for Temperature {
+    type Err = String;
 
-    fn environment(disturbances: Disturbances) -> Environment {
-        Environment::new(&BenchConfig {
-            disturbances,
-            ..BenchConfig::default()
-        })
-        .unwrap()
-    }
-
-    /// Pulses of `width_us` for 200 ms from the release on.
-    fn steered(mut environment: Environment, width_us: u64) -> Environment {
-        environment.release(0.0);
-        for frame in 0..10 {
-            let rise = Ticks::from_ms(20 * frame);
-            environment.pin(rise, SERVO_PIN, true);
-            environment.pin(rise + Ticks::from_us(width_us), SERVO_PIN, false);
-        }
-        environment.advance(Ticks::from_ms(200));
-        environment
-    }
-
-    /// Crank angle, rad, `ms` after the power came on.
-    fn crank_at(environment: &Environment, ms: u64) -> f64 {
-        let motion = &environment.truth().motion;
-        let at = motion.partition_point(|m| m.time < Ticks::from_ms(ms));
-        motion[at].crank_rad
-    }
-
-    fn stiff(volts: f64) -> SupplySag {
-        SupplySag {
-            volts,
-            stall_volts: volts,
-            from_s: 0.0,
-            until_s: f64::INFINITY,
-        }
-    }
-
-    fn steered_on(supply: Option<SupplySag>) -> Environment {
-        let disturbances = Disturbances {
-            supply,
-            ..Disturbances::default()
+    fn from_str(text: &str) -> Result<Self, String> {
+        let (from_c, to_c, time_constant_s, gyro_dps_k) = match numbers(text).as_deref() {
+            Some(&[from, to, seconds]) => (from, to, seconds, TYPICAL_GYRO_DPS_K),
+            Some(&[from, to, seconds, drift]) => (from, to, seconds, drift),
+            _ => return Err("a temperature is two in C and a time in s, such as 20,45,60".into()),
         };
-        steered(environment(disturbances), 2150)
-    }
-
-    fn slew_rad_s(supply: Option<SupplySag>) -> f64 {
-        let environment = steered_on(supply);
-        (crank_at(&environment, 100) - crank_at(&environment, 60)) / 0.040
-    }
-
-    /// The load of the wash takes its part of the speed at either supply, hence more than the ratio
-    /// of the voltages.
-    #[test]
-    fn a_servo_at_4_8_v_slews_at_four_fifths_of_its_speed() {
-        let (full, low) = (slew_rad_s(None), slew_rad_s(Some(stiff(4.8))));
-        assert!((0.75..=0.82).contains(&(low / full)), "{low} of {full}");
-        assert_eq!(slew_rad_s(Some(stiff(RATED_SUPPLY_V))), full);
-    }
-
-    /// A motor that starts draws its stall current, and one that turns little: a weak supply costs the start of a move
-    /// most, and at full speed only what the load of the wash asks for.
-    #[test]
-    fn a_weak_supply_gives_way_to_the_servos_current() {
-        let weak = SupplySag {
-            stall_volts: 3.0,
-            ..stiff(6.0)
+        let temperature = Self {
+            from_c,
+            to_c,
+            time_constant_s,
+            gyro_dps_k,
+            acc_mg_k: 0.0,
         };
-        // The first pulse ends at 2.15 ms.
-        let start = |supply| {
-            let environment = steered_on(Some(supply));
-            crank_at(&environment, 12) - crank_at(&environment, 1)
-        };
-        let begun = start(weak) / start(stiff(6.0));
-        assert!((0.5..0.8).contains(&begun), "{begun}");
-        let fast = slew_rad_s(Some(weak)) / slew_rad_s(None);
-        assert!((0.85..0.99).contains(&fast), "{fast}");
-    }
-
-    /// 30 K in the end at 0.03 deg/s/K; nothing of it changes the sensor's noise or bias at 25 deg C.
-    #[test]
-    fn a_sensor_that_warms_up_drifts_from_power_on() {
-        let bias_after = |temperature, ms| {
-            let mut environment = environment(Disturbances {
-                temperature,
-                ..Disturbances::default()
-            });
-            environment.advance(Ticks::from_ms(ms));
-            environment.sensor().gyro_bias_rad_s()[1].to_degrees()
-        };
-        let temperature = Temperature {
-            warm_up: WarmUp {
-                from_c: 25.0,
-                to_c: 55.0,
-                time_constant_s: 1.0,
-            },
-            gyro_rad_s_k: 0.03_f64.to_radians(),
-            acc_m_s2_k: 0.0,
-        };
-        for (ms, share) in [(1, 0.001), (1000, 0.632), (8000, 0.9997)] {
-            let drift = bias_after(Some(temperature), ms) - bias_after(None, ms);
-            assert!((drift - 0.9 * share).abs() < 1e-3, "{ms} ms: {drift}");
-        }
-    }
-
-    #[test]
-    fn a_sag_begins_and_ends() {
-        let sag = SupplySag {
-            volts: 4.5,
-            stall_volts: 3.0,
-            from_s: 0.1,
-            until_s: 0.3,
-        };
-        let shares = [0.0, 0.1, 0.299, 0.3].map(|s| sag.share(s, 0.0));
-        assert_eq!(shares, [1.0, 0.75, 0.75, 1.0]);
-        let shares = [0.0, 0.5, 1.0, 2.0].map(|current| sag.share(0.2, current));
-        assert_eq!(shares, [0.75, 0.625, 0.5, 0.5]);
-    }
-
-    /// The rudder's moment is proportional to the thrust: a drone whose rudder is over gains half the
-    /// rate under half the thrust. Gravity is off: the tilt does not matter.
-    #[test]
-    fn half_the_thrust_turns_the_drone_half_as_fast() {
-        let rate_after = |thrust: Option<ThrustRamp>| {
-            let mut bench = BenchConfig::default();
-            bench.parameters.gravity_m_s2 = 0.0;
-            bench.disturbances.thrust = thrust;
-            let environment = steered(Environment::new(&bench).unwrap(), 1600);
-            let last = environment.truth().motion.last().unwrap();
-            (last.rate_rad_s, last.rudder_rad)
-        };
-        let (whole, rudder) = rate_after(None);
-        let held = ThrustRamp {
-            from_share: 0.5,
-            seconds: 1e6,
-        };
-        let (half, same_rudder) = rate_after(Some(held));
-        assert!((rudder - same_rudder).abs() < 0.01);
-        assert!((half / whole - 0.5).abs() < 0.03, "{half} of {whole}");
-        let ramp = ThrustRamp {
-            from_share: 0.5,
-            seconds: 0.2,
-        };
-        let (between, _) = rate_after(Some(ramp));
-        assert!((0.6..0.95).contains(&(between / whole)), "{between}");
-        let at_once = ThrustRamp {
-            from_share: 1.0,
-            seconds: 1.0,
-        };
-        assert_eq!(rate_after(Some(at_once)).0, whole);
-    }
-
-    /// 180 Hz past the accelerometer's 62.5 Hz low-pass and its 100 Hz refresh come out at 20 Hz with a
-    /// third of their amplitude.
-    #[test]
-    fn what_the_sensor_is_too_slow_for_arrives_as_an_alias() {
-        use crate::bno055::{ImuErrors, Sensors, Stimulus};
-        let shaking = Vibration::new(5.0, 180.0);
-        let mut sensors = Sensors::new(ImuErrors::NONE, 1);
-        let mut sums = [[0.0; 2]; 2];
-        let refreshes = 200;
-        for step in 1..=refreshes * 20 {
-            let now = Ticks::from_us(500 * step);
-            let (force, rate_rad_s) = shaking.at(now.as_secs_f64());
-            let truth = Stimulus {
-                specific_force_m_s2: [force[0], force[1], -9.81],
-                rate_rad_s,
-                ..Stimulus::REST
-            };
-            sensors.sense(now, &truth);
-            if step % 20 == 0 {
-                let acc = f64::from(sensors.refresh(now).unwrap().acc[0]) * 0.01;
-                for (sum, hz) in sums.iter_mut().zip([20.0, 30.0]) {
-                    let (sin, cos) = (TAU * hz * now.as_secs_f64()).sin_cos();
-                    sum[0] += acc * cos;
-                    sum[1] += acc * sin;
-                }
-            }
-        }
-        let [alias, elsewhere] =
-            sums.map(|[cos, sin]| 2.0 * f64::hypot(cos, sin) / refreshes as f64);
-        let passed = 5.0 / f64::hypot(1.0, 180.0 / 62.5);
-        assert!((alias / passed - 1.0).abs() < 0.15, "{alias} of {passed}");
-        assert!(elsewhere < 0.05, "{elsewhere}");
-    }
-
-    #[test]
-    fn a_vibration_turns_in_the_propellers_plane() {
-        let shaking = Vibration::new(5.0, 180.0);
-        assert!((shaking.rate_rad_s.to_degrees() - 2.53).abs() < 0.01);
-        let (force, rate) = shaking.at(0.25 / 180.0);
-        assert!(force[0].abs() < 1e-9 && (force[1] - 5.0).abs() < 1e-9 && force[2] == 0.0);
-        assert!((rate[1] - shaking.rate_rad_s).abs() < 1e-9);
+        temperature.check().map(|()| temperature)
     }
 }
+
+/// Numbers between commas.
+fn numbers(text: &str) -> Option<Vec<f64>> {
+    text.split(',').map(|n| n.trim().parse().ok()).collect()
+}
+
+/// Refuses a value out of its range; NaN is in none.
+fn within(range: RangeInclusive<f64>, value: f64, why: &str) -> Result<(), String> {
+    let inside = range.contains(&value);
+    inside.then_some(()).ok_or_else(|| why.to_owned())
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,5 +1,5 @@
 //! Everything outside the chip: the sensor on the drone, the drone on its pivot, the servo, the
-//! clamp, and the analyser that keeps the truth.
+//! clamp, and the logic analyser that records what really happens.
 //!
 //! ```text
 //!   PB08, PB09 (I2C)  -- BNO055 at the pivot, x forward, z down
@@ -11,16 +11,16 @@
 //! plant's counter-clockwise `theta0` seen from the right. The pivot does not move, so that the
 //! accelerometer feels gravity alone.
 
-use super::{EarthField, TimedFault};
-use crate::bench::disturbance::Disturbances;
-use crate::bench::sensor_motion::{self, HeldSensor, SensorMotion};
+use super::clamp::Clamp;
+use super::disturbance::Disturbances;
+use super::sensor_motion::{HeldSensor, SensorMotion};
+use super::{EarthField, TimedFault, fault_schedule, stimulus};
 use crate::bno055::{self, Bno055, Fault, Stimulus};
 use crate::observe::ground_truth::{GroundTruth, Motion};
 use crate::observe::logic_analyzer::{LogicAnalyzer, Registers};
 use nalgebra::UnitQuaternion;
 use plant::{Drone, ParameterError, Parameters, Servo, ServoModel};
-use samd21::board::{Board, I2cEvent, I2cReply, Lines, Pin, Ticks};
-use std::f64::consts::FRAC_1_SQRT_2;
+use samd21::board::{Board, I2cEvent, I2cPins, I2cReply, Lines, Pin, Ticks};
 
 /// Pulse width at which the horn is mounted for zero rudder, us.
 pub const ZERO_RUDDER_US: f64 = 1523.6;
@@ -28,17 +28,20 @@ pub const ZERO_RUDDER_US: f64 = 1523.6;
 pub const SERVO_PIN: Pin = Pin::b(11);
 /// The probe pin, D4.
 pub const PROBE_PIN: Pin = Pin::a(7);
+/// The sensor's bus, A4 (SDA) and A5 (SCL): SERCOM4 reaches them with function D.
+pub const I2C_PINS: I2cPins = I2cPins {
+    sda: Pin::b(8),
+    scl: Pin::b(9),
+};
 
 /// Step of the physics.
 const STEP: Ticks = Ticks::from_us(500);
-/// Steps of the physics to one entry of the truth's motion.
+/// Steps of the physics to one recorded [`Motion`].
 const MOTION_EVERY: u64 = 2;
-/// Rate at which hands tilt the clamped drone, rad/s.
-const TILT_RATE_RAD_S: f64 = 0.5;
-/// How long a hand takes to put the sensor back on the drone, s.
+/// How long it takes to put the sensor back on the drone by hand, s.
 const BACK_S: f64 = 1.5;
 
-/// What stands on the bench.
+/// The configuration of the bench.
 #[derive(Clone, Debug)]
 pub struct BenchConfig {
     /// The sensor.
@@ -77,7 +80,7 @@ impl Default for BenchConfig {
     }
 }
 
-/// The environment round the chip. It runs up to the time of whatever the chip does to it.
+/// The chip's environment. It runs up to the time of whatever the chip does to it.
 #[derive(Clone, Debug)]
 pub struct Environment {
     drone: Drone,
@@ -87,17 +90,14 @@ pub struct Environment {
     field: EarthField,
     disturbances: Disturbances,
     faults: Vec<TimedFault>,
-    /// Thrust when it is all there, N.
+    /// Full thrust, N.
     thrust_n: f64,
     /// Steps of the physics so far.
     steps: u64,
-    /// When the clamp opened last, unless it holds.
-    released: Option<Ticks>,
-    /// Pitch to which the clamp is being moved, rad.
-    clamp_rad: f64,
-    /// The sensor off the drone, and whether it is on its way back.
-    hand: Option<(HeldSensor, bool)>,
-    tap: LogicAnalyzer,
+    clamp: Clamp,
+    /// The sensor while it is held off the drone, and whether it is on its way back.
+    held_sensor: Option<(HeldSensor, bool)>,
+    analyzer: LogicAnalyzer,
     truth: GroundTruth,
 }
 
@@ -108,7 +108,7 @@ impl Environment {
     /// Impossible parameters of the drone.
     pub fn new(bench: &BenchConfig) -> Result<Self, ParameterError> {
         let mut drone = Drone::new(&bench.parameters, bench.start_rad, 0.0)?;
-        drone.clamp(bench.start_rad);
+        let clamp = Clamp::closed(&mut drone, bench.start_rad);
         let zero_rad = drone.crank().angle_rad;
         let model = bench
             .servo
@@ -127,10 +127,9 @@ impl Environment {
             faults: bench.faults.clone(),
             thrust_n: bench.parameters.thrust_n,
             steps: 0,
-            released: None,
-            clamp_rad: bench.start_rad,
-            hand: None,
-            tap: LogicAnalyzer::default(),
+            clamp,
+            held_sensor: None,
+            analyzer: LogicAnalyzer::default(),
             truth: GroundTruth::default(),
         })
     }
@@ -147,7 +146,7 @@ impl Environment {
         &self.drone
     }
 
-    /// The drone, to kick it.
+    /// The drone, to disturb it.
     pub fn drone_mut(&mut self) -> &mut Drone {
         &mut self.drone
     }
@@ -167,30 +166,30 @@ impl Environment {
         &mut self.sensor
     }
 
-    /// What has happened.
+    /// What has happened since it was cleared last.
     pub fn truth(&self) -> &GroundTruth {
         &self.truth
     }
 
-    /// What has happened, to begin a new page.
+    /// What has happened, to forget it.
     pub fn truth_mut(&mut self) -> &mut GroundTruth {
         &mut self.truth
     }
 
-    /// Tilts the clamped drone by hand, at 0.5 rad/s; a free one does not care.
+    /// Tilts the clamped drone by hand to a pitch, rad, at 0.5 rad/s; without effect on a free one.
     pub fn tilt_clamp(&mut self, pitch_rad: f64) {
-        self.clamp_rad = pitch_rad;
+        self.clamp.tilt_to(pitch_rad);
     }
 
-    /// The clamp has arrived where it was tilted to.
+    /// The clamp holds the drone at the pitch to which it was tilted.
     pub fn clamp_rests(&self) -> bool {
-        self.drone.held() && self.drone.pitch_rad() == self.clamp_rad
+        self.clamp.rests(&self.drone)
     }
 
     /// Opens the clamp; the drone leaves it with a rate, rad/s.
     pub fn release(&mut self, rate_rad_s: f64) {
-        self.drone.release(rate_rad_s);
-        self.released.get_or_insert(STEP * self.steps);
+        let now = STEP * self.steps;
+        self.clamp.open(now, &mut self.drone, rate_rad_s);
     }
 
     /// Catches the drone where it is; the faults of its flight are over.
@@ -199,25 +198,24 @@ impl Environment {
         for timed in &self.faults {
             self.sensor.clear(now, timed.fault);
         }
-        self.clamp_rad = self.drone.pitch_rad();
-        self.drone.clamp(self.clamp_rad);
-        self.released = None;
+        let pitch_rad = self.drone.pitch_rad();
+        self.clamp = Clamp::closed(&mut self.drone, pitch_rad);
     }
 
     /// Moves the sensor by hand, off the drone.
-    pub fn handle(&mut self, movement: SensorMotion) {
-        let (grip, back) = self
-            .hand
-            .get_or_insert((HeldSensor::new(self.mounted()), false));
-        grip.begin(movement);
+    pub fn move_sensor(&mut self, motion: SensorMotion) {
+        let on_drone = self.mounted();
+        let held = || (HeldSensor::new(on_drone), false);
+        let (sensor, back) = self.held_sensor.get_or_insert_with(held);
+        sensor.begin(motion);
         *back = false;
     }
 
     /// Puts the sensor back on the drone, if it is off.
     pub fn put_back(&mut self) {
         let home = self.mounted();
-        if let Some((grip, back)) = &mut self.hand {
-            grip.begin(SensorMotion::To(home, BACK_S));
+        if let Some((sensor, back)) = &mut self.held_sensor {
+            sensor.begin(SensorMotion::To(home, BACK_S));
             *back = true;
         }
     }
@@ -233,7 +231,7 @@ impl Environment {
         self.sensor.inject(now, fault);
     }
 
-    /// Switches it off.
+    /// Switches a fault off.
     pub fn clear(&mut self, now: Ticks, fault: Fault) {
         self.advance(now);
         self.sensor.clear(now, fault);
@@ -241,7 +239,7 @@ impl Environment {
 
     /// The chip has been reset: its pins float.
     pub fn chip_reset(&mut self) {
-        self.tap.reset();
+        self.analyzer.reset();
     }
 
     fn step(&mut self) {
@@ -249,20 +247,19 @@ impl Environment {
         let now = STEP * self.steps;
         let dt_s = STEP.as_secs_f64();
         self.disturb(now);
-        self.switch_faults(now);
+        if let Some(since) = self.clamp.open_for(now) {
+            let interval = since.saturating_sub(STEP)..since;
+            fault_schedule::switch(&self.faults, interval, &mut self.sensor, now);
+        }
         let load = self.drone.hinge_torque_n_m();
         let crank = self.servo.advance(now.as_secs_f64(), load);
-        let hands_rad_s = if self.drone.held() {
-            self.tilt(dt_s)
-        } else {
-            0.0
-        };
+        let tilt_rad_s = self.clamp.tilt(&mut self.drone, dt_s);
         self.drone.step(dt_s, crank);
-        let rate_rad_s = self.drone.rate_rad_s() + hands_rad_s;
+        let rate_rad_s = self.drone.rate_rad_s() + tilt_rad_s;
         let pitch_rad = self.drone.pitch_rad();
-        let stimulus = match self.handled(dt_s) {
-            Some(handled) => handled,
-            None => self.shaken(now, self.stimulus(pitch_rad, rate_rad_s)),
+        let stimulus = match self.felt_in_hand(dt_s) {
+            Some(felt) => felt,
+            None => self.felt_on_drone(now, pitch_rad, rate_rad_s),
         };
         self.sensor.sense(now, &stimulus);
         if self.steps.is_multiple_of(MOTION_EVERY) {
@@ -278,116 +275,66 @@ impl Environment {
     }
 
     /// What the sensor feels while it is off the drone.
-    fn handled(&mut self, dt_s: f64) -> Option<Stimulus> {
-        let (grip, back) = self.hand.as_mut()?;
-        let rate = grip.advance(dt_s);
-        let g = self.drone.mechanism().parameters().gravity_m_s2;
-        let felt = sensor_motion::stimulus(&grip.attitude(), rate, &self.field, g);
-        if *back && grip.has_arrived() {
-            self.hand = None;
+    fn felt_in_hand(&mut self, dt_s: f64) -> Option<Stimulus> {
+        let gravity = self.gravity_m_s2();
+        let (sensor, back) = self.held_sensor.as_mut()?;
+        let rate = sensor.advance(dt_s);
+        let felt = stimulus::in_hand(&sensor.attitude(), rate, &self.field, gravity);
+        if *back && sensor.has_arrived() {
+            self.held_sensor = None;
         }
         Some(felt)
     }
 
-    /// Supply of the servo and thrust, as they are now.
+    /// What the sensor feels on the drone, with the propeller's vibration while the drone is free.
+    fn felt_on_drone(&self, now: Ticks, pitch_rad: f64, rate_rad_s: f64) -> Stimulus {
+        let (heading_rad, gravity) = (self.heading_rad, self.gravity_m_s2());
+        let mut felt = stimulus::on_drone(pitch_rad, rate_rad_s, heading_rad, &self.field, gravity);
+        if let Some(vibration) = self.disturbances.vibration
+            && self.clamp.open_for(now).is_some()
+        {
+            let (force, rate) = vibration.at(now.as_secs_f64());
+            for axis in 0..3 {
+                felt.specific_force_m_s2[axis] += force[axis];
+                felt.rate_rad_s[axis] += rate[axis];
+            }
+        }
+        felt
+    }
+
+    fn gravity_m_s2(&self) -> f64 {
+        self.drone.mechanism().parameters().gravity_m_s2
+    }
+
+    /// Sets the servo's supply and the thrust to what they are now.
     fn disturb(&mut self, now: Ticks) {
-        let since_s = self
-            .released
-            .map(|released| now.saturating_sub(released).as_secs_f64());
-        if let Some(sag) = self.disturbances.supply {
+        let since_s = self.clamp.open_for(now).map(|since| since.as_secs_f64());
+        if let Some(sag) = self.disturbances.servo_supply {
             let current = self.servo.current_share();
             let share = since_s.map_or(1.0, |since_s| sag.share(since_s, current));
             self.servo.set_supply(share);
         }
-        if let Some(ramp) = self.disturbances.thrust {
+        if let Some(ramp) = self.disturbances.thrust_ramp {
             let share = ramp.share(since_s.unwrap_or(0.0));
             self.drone.set_thrust(share * self.thrust_n);
         }
     }
-
-    /// The faults that begin or end between the last step and this one.
-    fn switch_faults(&mut self, now: Ticks) {
-        let Some(released) = self.released else {
-            return;
-        };
-        let since = now.saturating_sub(released);
-        for timed in &self.faults {
-            match timed.switched(since.saturating_sub(STEP), since) {
-                Some(true) => self.sensor.inject(now, timed.fault),
-                Some(false) => self.sensor.clear(now, timed.fault),
-                None => {}
-            }
-        }
-    }
-
-    /// The stimulus with the propeller's vibration, while the drone is free.
-    fn shaken(&self, now: Ticks, mut stimulus: Stimulus) -> Stimulus {
-        if let Some(vibration) = self.disturbances.vibration
-            && self.released.is_some()
-        {
-            let (force, rate) = vibration.at(now.as_secs_f64());
-            for axis in 0..3 {
-                stimulus.specific_force_m_s2[axis] += force[axis];
-                stimulus.rate_rad_s[axis] += rate[axis];
-            }
-        }
-        stimulus
-    }
-
-    /// Moves the clamp towards where it is wanted; the rate of that, rad/s.
-    fn tilt(&mut self, dt_s: f64) -> f64 {
-        let missing = self.clamp_rad - self.drone.pitch_rad();
-        if missing == 0.0 {
-            return 0.0;
-        }
-        let most = TILT_RATE_RAD_S * dt_s;
-        if missing.abs() <= most {
-            self.drone.clamp(self.clamp_rad);
-        } else {
-            self.drone
-                .clamp(self.drone.pitch_rad() + most.copysign(missing));
-        }
-        missing.clamp(-most, most) / dt_s
-    }
-
-    /// What the sensor feels, along its axes, which are the body's.
-    fn stimulus(&self, pitch_rad: f64, rate_rad_s: f64) -> Stimulus {
-        let g = self.drone.mechanism().parameters().gravity_m_s2;
-        let (sin_pitch, cos_pitch) = pitch_rad.sin_cos();
-        let (sin_heading, cos_heading) = self.heading_rad.sin_cos();
-        let [north, east, down] = self.field.north_east_down();
-        let ahead = cos_heading * north + sin_heading * east;
-        let right = -sin_heading * north + cos_heading * east;
-        Stimulus {
-            specific_force_m_s2: [g * sin_pitch, 0.0, -g * cos_pitch],
-            rate_rad_s: [0.0, rate_rad_s, 0.0],
-            field_ut: [
-                cos_pitch * ahead - sin_pitch * down,
-                right,
-                sin_pitch * ahead + cos_pitch * down,
-            ],
-            attitude: self.attitude(pitch_rad),
-        }
-    }
-
-    /// Body to east-north-up with magnetic north: `(i + j) / sqrt 2` takes north-east-down there.
-    fn attitude(&self, pitch_rad: f64) -> [f64; 4] {
-        let (sin_p, cos_p) = (0.5 * pitch_rad).sin_cos();
-        let (sin_h, cos_h) = (0.5 * (self.heading_rad - self.field.declination_rad)).sin_cos();
-        let [w, x, y, z] = [cos_h * cos_p, -sin_h * sin_p, cos_h * sin_p, sin_h * cos_p];
-        [-x - y, w + z, w - z, y - x].map(|c| c * FRAC_1_SQRT_2)
-    }
 }
 
 impl Board for Environment {
+    fn i2c_pins(&self) -> Option<I2cPins> {
+        Some(I2C_PINS)
+    }
+
     fn i2c(&mut self, now: Ticks, event: I2cEvent) -> I2cReply {
         self.advance(now);
         let reply = self.sensor.i2c(now, event);
         let registers = Registers {
             refresh: self.sensor.refreshed(),
-            sound: self.sensor.sound_words(),
+            faultless: self.sensor.faultless_words(),
         };
-        self.tap.i2c(now, event, reply, registers, &mut self.truth);
+        self.analyzer
+            .i2c(now, event, reply, registers, &mut self.truth);
         reply
     }
 
@@ -404,12 +351,12 @@ impl Board for Environment {
         match pin {
             SERVO_PIN => {
                 self.advance(now);
-                if let Some(pulse) = self.tap.servo(now, level, &mut self.truth) {
+                if let Some(pulse) = self.analyzer.servo(now, level, &mut self.truth) {
                     self.servo.pulse(pulse.rise.as_secs_f64(), pulse.width_us());
                 }
             }
-            PROBE_PIN => self.tap.probe(now, level, &mut self.truth),
-            Pin::I2C_SCL if level => self.sensor.clocked(),
+            PROBE_PIN => self.analyzer.probe(now, level, &mut self.truth),
+            pin if pin == I2C_PINS.scl && level => self.sensor.clocked(),
             _ => {}
         }
     }

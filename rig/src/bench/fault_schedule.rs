@@ -1,7 +1,11 @@
-//! Faults by time.
+//! Faults that begin and end at times of the flight.
 
-use crate::bno055::Fault;
+use crate::bno055::{Bno055, Fault, FaultKind};
+use rand::Rng;
 use samd21::board::Ticks;
+use serde::{Deserialize, Serialize};
+use std::fmt::Display;
+use std::ops::{Range, RangeInclusive};
 
 /// A fault of the sensor or its cable for a time after each release of the drone.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -14,14 +18,108 @@ pub struct TimedFault {
     pub until: Ticks,
 }
 
-impl TimedFault {
-    /// What becomes of it from one time after the release to the next: nothing, or whether it is on from then.
-    pub(crate) fn switched(&self, from: Ticks, to: Ticks) -> Option<bool> {
-        let within = from..to;
-        if within.contains(&self.until) {
-            Some(false)
-        } else {
-            within.contains(&self.at).then_some(true)
+/// Switches the faults of the sensor that begin or end in an `interval` of times after the release.
+pub(super) fn switch(
+    faults: &[TimedFault],
+    interval: Range<Ticks>,
+    sensor: &mut Bno055,
+    now: Ticks,
+) {
+    for timed in faults {
+        if interval.contains(&timed.until) {
+            sensor.clear(now, timed.fault);
+        } else if interval.contains(&timed.at) {
+            sensor.inject(now, timed.fault);
         }
     }
+}
+
+/// A timed fault as a scenario file says it and as the figures of a flight report it.
+#[derive(Clone, Debug, Deserialize, Serialize)]
+#[serde(deny_unknown_fields)]
+pub struct FaultEntry {
+    /// Name of its kind.
+    pub kind: String,
+    /// When it begins, s after the release.
+    pub at_s: f64,
+    /// How long it lasts, s, above 0 and at most 3600.
+    pub for_s: f64,
+    /// Share of words or bytes that it strikes, 0 to 1, for the kinds that strike some only.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub probability: Option<f64>,
+    /// How long a byte is stretched, ms, 0 to 1000, for `long-stretch`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub stretch_ms: Option<f64>,
+    /// Clocks until the line is free, 1 to 9, for `sda-held`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub clocks: Option<u8>,
+}
+
+impl FaultEntry {
+    /// The fault for flights of `length_s`. How hard it strikes is drawn from `dice` where the entry
+    /// leaves it open, and noted in the entry.
+    ///
+    /// # Errors
+    /// There is no such kind, or a value is out of its range or does not belong to the kind.
+    pub fn draw(&mut self, length_s: f64, dice: &mut impl Rng) -> Result<TimedFault, String> {
+        let kind: FaultKind = self.kind.parse()?;
+        if !(0.0..length_s).contains(&self.at_s) {
+            return Err(format!("at_s must be 0 to below {length_s}"));
+        }
+        if !(self.for_s > 0.0 && self.for_s <= 3600.0) {
+            return Err("for_s must be above 0 and at most 3600".into());
+        }
+        let mut fault = kind.draw(dice);
+        let share = fault.probability_mut();
+        settle(kind, "probability", &mut self.probability, share, 0.0..=1.0)?;
+        let mut stretch_ms = match &fault {
+            Fault::LongStretch { stretch, .. } => Some(stretch.as_us_f64() * 1e-3),
+            _ => None,
+        };
+        let told_ms = &mut self.stretch_ms;
+        settle(
+            kind,
+            "stretch_ms",
+            told_ms,
+            stretch_ms.as_mut(),
+            0.0..=1000.0,
+        )?;
+        if let (Fault::LongStretch { stretch, .. }, Some(ms)) = (&mut fault, stretch_ms) {
+            *stretch = Ticks::from_secs_f64(ms * 1e-3);
+        }
+        let clocks = match &mut fault {
+            Fault::SdaHeld { clocks } => Some(clocks),
+            _ => None,
+        };
+        settle(kind, "clocks", &mut self.clocks, clocks, 1..=9)?;
+        Ok(TimedFault {
+            fault,
+            at: Ticks::from_secs_f64(self.at_s),
+            until: Ticks::from_secs_f64(self.at_s + self.for_s),
+        })
+    }
+}
+
+/// Puts the value that was `given` in the place of the one that was drawn, or notes the drawn one.
+/// `drawn` is `None` for a kind that has no such value.
+fn settle<T: Copy + PartialOrd + Display>(
+    kind: FaultKind,
+    what: &str,
+    given: &mut Option<T>,
+    drawn: Option<&mut T>,
+    range: RangeInclusive<T>,
+) -> Result<(), String> {
+    match (*given, drawn) {
+        (Some(value), Some(drawn)) if range.contains(&value) => *drawn = value,
+        (Some(_), Some(_)) => {
+            return Err(format!(
+                "{what} must be {} to {}",
+                range.start(),
+                range.end()
+            ));
+        }
+        (Some(_), None) => return Err(format!("fault {kind} has no {what}")),
+        (None, drawn) => *given = drawn.copied(),
+    }
+    Ok(())
 }

@@ -1,11 +1,13 @@
 //! What stands on the bench round the chip: sensor, drone, servo and clamp, and what disturbs them.
 
+mod clamp;
 pub mod disturbance;
 mod earth_field;
 mod environment;
 mod fault_schedule;
 pub mod sensor_motion;
+mod stimulus;
 
 pub use earth_field::EarthField;
 pub use environment::{BenchConfig, Environment, PROBE_PIN, SERVO_PIN, ZERO_RUDDER_US};
-pub use fault_schedule::TimedFault;
+pub use fault_schedule::{FaultEntry, TimedFault};

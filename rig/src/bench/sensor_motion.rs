@@ -1,14 +1,15 @@
-//! A sensor in the hand: laid down, rested on its six faces, and turned through all directions, as calibration asks for.
+//! A sensor moved by hand: laid down, rested on its six faces, and turned through all directions, as
+//! a calibration asks for.
 //!
-//! The emulated BNO055 is read register by register, without a firmware: what comes out are its counts, errors and noise
-//! included.
+//! [`record`] reads the emulated BNO055 register by register, without a firmware: what comes out are
+//! its counts, errors and noise included.
 
-use super::EarthField;
+use super::{EarthField, stimulus};
 use crate::bno055::{self, Bno055, Mode, Stimulus};
 use bno055_driver::config::Sensors;
+use calibration::poses::Face;
 use nalgebra::{UnitQuaternion, Vector3};
 use samd21::board::{I2cEvent, Ticks};
-use tvc_nano::calibration::poses::Face;
 
 /// Registers of the chip that are written and read here.
 const ACC_DATA: u8 = 0x08;
@@ -17,7 +18,7 @@ const OPR_MODE: u8 = 0x3D;
 const PAGE_ID: u8 = 0x07;
 const ACC_CONFIG: u8 = 0x08;
 
-/// Step in which the sensor feels, and period in which it is read.
+/// Step in which the sensor is told what it feels, and period in which it is read.
 const STEP: Ticks = Ticks::from_us(500);
 const PERIOD: Ticks = Ticks::from_ms(10);
 /// When the chip has booted for certain, and when it runs in its mode.
@@ -28,21 +29,21 @@ const REST_S: f64 = 12.0;
 const FACE_S: f64 = 3.0;
 const BETWEEN_S: f64 = 1.5;
 
-/// What the hand does.
+/// The motions of a recording: a rest, six faces, a turn through all directions.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct MotionPlan {
-    /// Where it stands.
+    /// The magnetic field.
     pub field: EarthField,
-    /// Gravity there, m/s2.
+    /// Gravity, m/s2.
     pub gravity_m_s2: f64,
-    /// How long it turns the sensor through all directions at the end, s.
+    /// How long the sensor is turned through all directions at the end, s.
     pub turning_s: f64,
-    /// How much it trembles in the first rest, rad/s.
+    /// Amplitude of the rate at which the sensor trembles in the first rest, rad/s.
     pub tremble_rad_s: f64,
 }
 
 impl Default for MotionPlan {
-    /// In Copenhagen, a minute, and a steady table.
+    /// In Copenhagen, turning for a minute, on a steady table.
     fn default() -> Self {
         Self {
             field: EarthField::COPENHAGEN,
@@ -66,23 +67,24 @@ pub struct Sample {
     pub gyr: [i16; 3],
 }
 
-/// What the hand does with the sensor.
+/// How the sensor is moved.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum SensorMotion {
-    /// Lets it lie.
+    /// It lies still.
     Rest,
-    /// Cannot keep it still: amplitude of the rate, rad/s.
+    /// It is held unsteadily: amplitude of the rate, rad/s.
     Tremble(f64),
-    /// Turns it the shortest way to this attitude, sensor to north-east-down, in so many seconds, and rests there.
+    /// It turns the shortest way to this attitude, sensor to north-east-down, in so many seconds, and
+    /// rests there.
     To(UnitQuaternion<f64>, f64),
-    /// Through all directions.
+    /// It turns through all directions.
     Turn,
-    /// About its z alone.
+    /// It turns about its z alone, at 1 rad/s.
     Spin,
 }
 
 impl SensorMotion {
-    /// Rate about the sensor's axes, rad/s, `since_s` after the movement began.
+    /// Rate about the sensor's axes, rad/s, `since_s` after the motion began.
     fn rate(&self, since_s: f64, attitude: &UnitQuaternion<f64>) -> Vector3<f64> {
         match *self {
             Self::Rest => Vector3::zeros(),
@@ -107,11 +109,11 @@ impl SensorMotion {
     }
 }
 
-/// A sensor that somebody holds.
+/// A sensor held in the hand.
 #[derive(Clone, Debug)]
 pub struct HeldSensor {
     attitude: UnitQuaternion<f64>,
-    movement: SensorMotion,
+    motion: SensorMotion,
     since_s: f64,
 }
 
@@ -120,20 +122,20 @@ impl HeldSensor {
     pub fn new(attitude: UnitQuaternion<f64>) -> Self {
         Self {
             attitude,
-            movement: SensorMotion::Rest,
+            motion: SensorMotion::Rest,
             since_s: 0.0,
         }
     }
 
     /// Begins to move it.
-    pub fn begin(&mut self, movement: SensorMotion) {
-        self.movement = movement;
+    pub fn begin(&mut self, motion: SensorMotion) {
+        self.motion = motion;
         self.since_s = 0.0;
     }
 
-    /// A step of the movement; the rate in it, rad/s about the sensor's axes.
+    /// A step of the motion; the rate in it, rad/s about the sensor's axes.
     pub fn advance(&mut self, dt_s: f64) -> Vector3<f64> {
-        let rate = self.movement.rate(self.since_s, &self.attitude);
+        let rate = self.motion.rate(self.since_s, &self.attitude);
         self.since_s += dt_s;
         self.attitude *= UnitQuaternion::from_scaled_axis(rate * dt_s);
         rate
@@ -146,24 +148,7 @@ impl HeldSensor {
 
     /// It has arrived where it was to go.
     pub fn has_arrived(&self) -> bool {
-        matches!(self.movement, SensorMotion::To(_, seconds) if self.since_s >= seconds)
-    }
-}
-
-/// What a sensor feels that turns at `rate` (rad/s) in place, with `gravity` in m/s2.
-pub fn stimulus(
-    attitude: &UnitQuaternion<f64>,
-    rate: Vector3<f64>,
-    field: &EarthField,
-    gravity: f64,
-) -> Stimulus {
-    let to_sensor = attitude.inverse();
-    Stimulus {
-        specific_force_m_s2: (to_sensor * Vector3::new(0.0, 0.0, -gravity)).into(),
-        rate_rad_s: rate.into(),
-        field_ut: (to_sensor * Vector3::from(field.north_east_down())).into(),
-        // Only the fusion modes show it.
-        attitude: [1.0, 0.0, 0.0, 0.0],
+        matches!(self.motion, SensorMotion::To(_, seconds) if self.since_s >= seconds)
     }
 }
 
@@ -182,20 +167,21 @@ pub fn resting(face: Face) -> UnitQuaternion<f64> {
 }
 
 /// Records the procedure: rest, six faces, a slow turn through all directions.
-pub fn record(sensor: bno055::Config, hand: &MotionPlan) -> Vec<Sample> {
-    let mut grip = HeldSensor::new(resting(Face::TopUp));
+pub fn record(sensor: bno055::Config, plan: &MotionPlan) -> Vec<Sample> {
+    let mut held = HeldSensor::new(resting(Face::TopUp));
     let mut now = START;
-    let feel =
-        |grip: &HeldSensor, rate| stimulus(&grip.attitude, rate, &hand.field, hand.gravity_m_s2);
-    let mut chip = start(sensor, &feel(&grip, Vector3::zeros()));
+    let feel = |held: &HeldSensor, rate| {
+        stimulus::in_hand(&held.attitude, rate, &plan.field, plan.gravity_m_s2)
+    };
+    let mut chip = start(sensor, &feel(&held, Vector3::zeros()));
     let mut samples = Vec::new();
-    for (movement, seconds) in hand.plan() {
-        grip.begin(movement);
+    for (motion, seconds) in plan.steps() {
+        held.begin(motion);
         let end = now + Ticks::from_secs_f64(seconds);
         while now < end {
-            let rate = grip.advance(STEP.as_secs_f64());
+            let rate = held.advance(STEP.as_secs_f64());
             now += STEP;
-            chip.sense(now, &feel(&grip, rate));
+            chip.sense(now, &feel(&held, rate));
             if (now - START).0.is_multiple_of(PERIOD.0) {
                 samples.push(read(&mut chip, now));
             }
@@ -205,21 +191,21 @@ pub fn record(sensor: bno055::Config, hand: &MotionPlan) -> Vec<Sample> {
 }
 
 impl MotionPlan {
-    /// The movements, with the length of each, s.
-    fn plan(&self) -> Vec<(SensorMotion, f64)> {
+    /// The motions, with the length of each, s.
+    fn steps(&self) -> Vec<(SensorMotion, f64)> {
         let first = match self.tremble_rad_s {
             0.0 => SensorMotion::Rest,
             rate => SensorMotion::Tremble(rate),
         };
-        let mut plan = vec![(first, REST_S)];
-        plan.extend(Face::ALL.map(|face| {
+        let mut steps = vec![(first, REST_S)];
+        steps.extend(Face::ALL.map(|face| {
             (
                 SensorMotion::To(resting(face), BETWEEN_S),
                 BETWEEN_S + FACE_S,
             )
         }));
-        plan.push((SensorMotion::Turn, self.turning_s));
-        plan
+        steps.push((SensorMotion::Turn, self.turning_s));
+        steps
     }
 }
 
@@ -294,11 +280,11 @@ mod tests {
             errors: ImuErrors::NONE,
             ..bno055::Config::default()
         };
-        let hand = MotionPlan {
+        let plan = MotionPlan {
             turning_s: 5.0,
             ..MotionPlan::default()
         };
-        let samples = record(sensor, &hand);
+        let samples = record(sensor, &plan);
         assert_eq!(samples.len(), 4400);
         let at = |s: f64| samples[(s * 100.0) as usize];
         assert_eq!((at(6.0).acc, at(6.0).gyr), ([0, 0, -981], [0; 3]));

@@ -1,6 +1,8 @@
-//! How the chip calibrates itself in its fusion modes: what CALIB_STAT shows, and when it overwrites the profile.
+//! How the chip calibrates itself in its fusion modes: what CALIB_STAT shows, and when the chip
+//! overwrites the profile.
 //!
-//! Bosch does not publish the algorithm; this is what is told of it. The durations and angles are estimates.
+//! Bosch does not publish the algorithm; this is what data sheet and users report of it. The
+//! durations and angles are estimates.
 //!
 //! | | reaches 3 | source |
 //! |---|---|---|
@@ -9,11 +11,12 @@
 //! | magnetometer | after the field has come from nine directions at least 30 deg apart, fifteen where there is no fast calibration (all modes but NDOF); 1 and 2 on the way | DS 3.11; Bosch's forum |
 //! | system | as the lower of gyroscope and magnetometer where the mode has both; the accelerometer does not count | Bosch's forum |
 //!
-//! A group of the profile that is not zero when fusion starts counts as restored: gyroscope and accelerometer show 3 at
-//! once, the magnetometer 0 until the first motion, though the system takes it for calibrated (a user's report).
+//! A group of the profile that is not zero when fusion starts counts as restored: gyroscope and
+//! accelerometer show 3 at once, the magnetometer 0 until the first motion, though the system takes
+//! it for calibrated (a user's report).
 //!
-//! Levels fall again, as the thesis saw under motion (6.1): a second of forces far from 1 g takes the accelerometer back
-//! to 2, a second in a field of another strength lets the magnetometer begin anew.
+//! Levels fall again, as the thesis saw under motion (6.1): a second of forces far from 1 g takes the
+//! accelerometer back to 2, a second in a field of another strength restarts the magnetometer.
 
 use super::registers::Mode;
 use super::signal::{STANDARD_GRAVITY_M_S2, Sample};
@@ -21,26 +24,28 @@ use super::signal::{STANDARD_GRAVITY_M_S2, Sample};
 /// Rest is a rate within this of its own mean, rad/s, and a force within that of 1 g, m/s^2.
 const STILL_RAD_S: f64 = 1.0 / 57.3;
 const STILL_M_S2: f64 = 0.5;
-/// Over this time the mean rate is taken, s.
+/// Time constant of the mean rate, s.
 const MEAN_S: f64 = 0.5;
 /// Faster than this is no rest, however even, rad/s.
 const SLOW_RAD_S: f64 = 5.0 / 57.3;
 /// Rest after which the gyroscope shows 1, 2 and 3, s.
 const RESTS_S: [f64; 3] = [0.5, 1.0, 2.0];
-/// Poses after which the accelerometer shows 1, 2 and 3, how long each is held, s, and how far apart they are, as a cosine.
+/// Poses after which the accelerometer shows 1, 2 and 3, how long each is held, s, and how far apart
+/// they are, as a cosine.
 const POSES: [usize; 3] = [2, 4, 6];
 const POSE_S: f64 = 1.0;
 const COS_POSES: f64 = std::f64::consts::FRAC_1_SQRT_2;
-/// Directions of the field after which the magnetometer shows 1, 2 and 3, and how far apart they are, as a cosine.
+/// Directions of the field after which the magnetometer shows 1, 2 and 3, and how far apart they are,
+/// as a cosine.
 const FIELDS_FAST: [usize; 3] = [3, 6, 9];
 const FIELDS: [usize; 3] = [5, 10, 15];
 const COS_FIELDS: f64 = 0.866;
-/// A force that far from 1 g, m/s^2, and a field whose strength differs by that share from the usual disturb the
-/// calibration once they have lasted for this long, s.
+/// A force that far from 1 g, m/s^2, or a field whose strength differs by that share from the usual
+/// one disturbs the calibration once it has lasted for this long, s.
 const SHAKEN_M_S2: f64 = 2.0;
 const DISTURBED_FIELD: f64 = 0.2;
 const DISTURBED_S: f64 = 1.0;
-/// Six poses, for an accelerometer that need not find them.
+/// Six poses, for an accelerometer whose profile was restored.
 const FACES: [[f64; 3]; 6] = [
     [1.0, 0.0, 0.0],
     [-1.0, 0.0, 0.0],
@@ -71,7 +76,7 @@ pub(super) struct Calibration {
     fields: Vec<[f64; 3]>,
     /// Strength of the field in which the magnetometer learns, uT.
     learned_in_ut: Option<f64>,
-    /// How long force and field have been far from what they should be.
+    /// How long force and field have been disturbed, s.
     shaken_s: f64,
     disturbed_s: f64,
 }
@@ -87,8 +92,8 @@ impl Calibration {
         }
     }
 
-    /// Takes a refresh, `dt_s` after the one before, whose field without the hard iron is `field_ut`; tells who has
-    /// learned its offset in it.
+    /// Takes a refresh, `dt_s` after the one before, whose field without the hard iron is `field_ut`.
+    /// Returns the sensors whose offsets became known with it.
     pub(super) fn update(
         &mut self,
         mode: Mode,
@@ -200,7 +205,8 @@ fn level<T: PartialOrd>(thresholds: [T; 3], reached: T) -> u8 {
     thresholds.iter().filter(|t| reached >= **t).count() as u8
 }
 
-/// Keeps the direction of `vector` if it is new, up to the last of `enough`; whether that made them enough.
+/// Adds the direction of `vector` if it is at least `cos_apart` from those kept; true when this
+/// completes the last level.
 fn add_direction(
     directions: &mut Vec<[f64; 3]>,
     vector: [f64; 3],

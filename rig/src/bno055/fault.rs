@@ -22,12 +22,14 @@ pub enum Fault {
         /// Pulses until it lets go, 1 to 9.
         clocks: u8,
     },
-    /// The chip was interrupted inside a byte, and clocks that it did not expect hang it: the data line is
-    /// free then, and nothing acknowledges. Clearing cuts its power if it hangs, and it boots.
+    /// The chip was interrupted inside a byte, and clocks that it did not expect hang it: the data line
+    /// is free then, and nothing acknowledges. Clearing cuts the power of a chip that hangs, and it
+    /// boots.
     ClockHang,
-    /// At once: every register at its reset value, mode CONFIG, no boot time. Nothing to clear.
+    /// Every register falls back to its reset value at once, mode CONFIG, without the time of a boot.
+    /// Nothing to clear.
     ConfigReset,
-    /// At once: the supply dips and the chip boots again. Nothing to clear.
+    /// The supply dips at once and the chip boots again. Nothing to clear.
     PowerDip,
     /// Every byte reads 0xFF though the chip acknowledges.
     AllOnes,

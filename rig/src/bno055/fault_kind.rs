@@ -6,97 +6,61 @@ use samd21::board::Ticks;
 use std::fmt;
 use std::str::FromStr;
 
-/// A kind of fault; how hard it strikes is drawn for every run.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-#[allow(missing_docs, reason = "each is the fault of the same name")]
-pub enum FaultKind {
-    Unplugged,
-    Hung,
-    SdaStuck,
-    SclStuck,
-    SdaHeld,
-    ConfigReset,
-    PowerDip,
-    AllOnes,
-    AllZero,
-    CorruptWords,
-    BitFlips,
-    BusErrors,
-    ArbitrationLosses,
-    Frozen,
-    LongStretch,
-    Spikes,
-    GyroDead,
-    RevertedAxisMap,
-    SwappedAxes,
-    RevertedUnits,
-    FixedPattern,
-    Naks,
-    TornWords,
-    ClockHang,
+/// The kinds of faults, each with its name.
+macro_rules! fault_kinds {
+    ($($kind:ident = $name:literal,)*) => {
+        /// A kind of fault; how hard it strikes is drawn for every run.
+        #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+        #[allow(missing_docs, reason = "each is the fault of the same name")]
+        pub enum FaultKind {
+            $($kind,)*
+        }
+
+        impl FaultKind {
+            /// All of them.
+            pub const ALL: [Self; [$($name),*].len()] = [$(Self::$kind),*];
+
+            /// Its name on the command line, in files and in tables.
+            pub fn name(self) -> &'static str {
+                match self {
+                    $(Self::$kind => $name,)*
+                }
+            }
+        }
+    };
+}
+
+fault_kinds! {
+    Unplugged = "unplugged",
+    Hung = "hung",
+    SdaStuck = "sda-stuck",
+    SclStuck = "scl-stuck",
+    SdaHeld = "sda-held",
+    ConfigReset = "config-reset",
+    PowerDip = "power-dip",
+    AllOnes = "all-ones",
+    AllZero = "all-zero",
+    CorruptWords = "corrupt-words",
+    BitFlips = "bit-flips",
+    BusErrors = "bus-errors",
+    ArbitrationLosses = "arbitration-losses",
+    Frozen = "frozen",
+    LongStretch = "long-stretch",
+    Spikes = "spikes",
+    GyroDead = "gyro-dead",
+    RevertedAxisMap = "reverted-axis-map",
+    SwappedAxes = "swapped-axes",
+    RevertedUnits = "reverted-units",
+    FixedPattern = "fixed-pattern",
+    Naks = "naks",
+    TornWords = "torn-words",
+    ClockHang = "clock-hang",
 }
 
 impl FaultKind {
-    /// All of them.
-    pub const ALL: [Self; 24] = [
-        Self::Unplugged,
-        Self::Hung,
-        Self::SdaStuck,
-        Self::SclStuck,
-        Self::SdaHeld,
-        Self::ConfigReset,
-        Self::PowerDip,
-        Self::AllOnes,
-        Self::AllZero,
-        Self::CorruptWords,
-        Self::BitFlips,
-        Self::BusErrors,
-        Self::ArbitrationLosses,
-        Self::Frozen,
-        Self::LongStretch,
-        Self::Spikes,
-        Self::GyroDead,
-        Self::RevertedAxisMap,
-        Self::SwappedAxes,
-        Self::RevertedUnits,
-        Self::FixedPattern,
-        Self::Naks,
-        Self::TornWords,
-        Self::ClockHang,
-    ];
-
-    /// Its name on the command line, in files and in tables.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Unplugged => "unplugged",
-            Self::Hung => "hung",
-            Self::SdaStuck => "sda-stuck",
-            Self::SclStuck => "scl-stuck",
-            Self::SdaHeld => "sda-held",
-            Self::ConfigReset => "config-reset",
-            Self::PowerDip => "power-dip",
-            Self::AllOnes => "all-ones",
-            Self::AllZero => "all-zero",
-            Self::CorruptWords => "corrupt-words",
-            Self::BitFlips => "bit-flips",
-            Self::BusErrors => "bus-errors",
-            Self::ArbitrationLosses => "arbitration-losses",
-            Self::Frozen => "frozen",
-            Self::LongStretch => "long-stretch",
-            Self::Spikes => "spikes",
-            Self::GyroDead => "gyro-dead",
-            Self::RevertedAxisMap => "reverted-axis-map",
-            Self::SwappedAxes => "swapped-axes",
-            Self::RevertedUnits => "reverted-units",
-            Self::FixedPattern => "fixed-pattern",
-            Self::Naks => "naks",
-            Self::TornWords => "torn-words",
-            Self::ClockHang => "clock-hang",
-        }
-    }
-
     /// A fault of this kind. Those that strike words, bytes or bits do so with a share between one in
-    /// three thousand and one in three; a stretched byte takes 1 to 40 ms.
+    /// three thousand and one in three; a stretched byte takes 1 to 40 ms. Both are drawn evenly by
+    /// their logarithm.
     pub fn draw(self, dice: &mut impl Rng) -> Fault {
         let share = 1.0 / 3.0 * f64::exp(-dice.random_range(0.0..f64::ln(1000.0)));
         let stretch = Ticks::from_secs_f64(1e-3 * f64::exp(dice.random_range(0.0..f64::ln(40.0))));

@@ -1,4 +1,4 @@
-//! What is wrong with a sensor that has no fault.
+//! The imperfections of a sensor that has no fault: noise, offsets, scale errors, drift, iron.
 
 use super::signal::STANDARD_GRAVITY_M_S2;
 use samd21::board::Ticks;
@@ -6,7 +6,7 @@ use samd21::board::Ticks;
 /// A degree, rad.
 const RAD: f64 = std::f64::consts::PI / 180.0;
 
-/// The chip's temperature: it nears its end as a body does that is warmed evenly.
+/// The chip's temperature: it nears its end exponentially, like a body under a constant heat.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct WarmUp {
     /// At power-on, deg C.
@@ -18,7 +18,7 @@ pub struct WarmUp {
 }
 
 impl WarmUp {
-    /// 27 deg C for ever.
+    /// A constant 27 deg C.
     pub const NONE: Self = Self {
         from_c: 27.0,
         to_c: 27.0,
@@ -43,8 +43,8 @@ pub struct ImuErrors {
     pub gyro_instability_rad_s: f64,
     /// Relative scale error of each axis of the gyroscope.
     pub gyro_scale: [f64; 3],
-    /// Change of the gyroscope's bias with temperature, rad/s/K from 25 deg C; the data sheet has 0.015 deg/s/K
-    /// typically and 0.03 at most.
+    /// Change of the gyroscope's bias with temperature, rad/s/K from 25 deg C; 0.015 deg/s/K typically
+    /// and 0.03 at most by the data sheet.
     pub gyro_drift_rad_s_k: [f64; 3],
     /// Accelerometer noise, m/s^2/sqrt(Hz).
     pub acc_noise_density: f64,
@@ -84,8 +84,8 @@ impl ImuErrors {
         warm_up: WarmUp::NONE,
     };
 
-    /// The largest errors that a healthy chip has, in iron that bends the field: 80 mg, 3 deg/s, 40 uT, soft iron with
-    /// 20 % of skew, 2 % of scale; noise as it is, 0.6 uT of the field.
+    /// The largest errors of a healthy chip near iron that bends the field: 80 mg, 3 deg/s, 40 uT, soft
+    /// iron with 20 % of skew, 2 % of scale; typical noise, but 0.6 uT of the field.
     pub const LARGEST: Self = Self {
         gyro_bias_rad_s: Some([3.0 * RAD, -3.0 * RAD, 3.0 * RAD]),
         acc_offset_m_s2: [
@@ -100,8 +100,8 @@ impl ImuErrors {
         ..Self::TYPICAL
     };
 
-    /// Noise of a typical chip and the bias that is drawn: 0.014 deg/s/sqrt(Hz), +-1 deg/s, 6.5 deg/h instability,
-    /// 150 ug/sqrt(Hz), 0.5 uT; offsets, scale errors and iron are zero.
+    /// Noise of a typical chip and a bias drawn from the seed: 0.014 deg/s/sqrt(Hz), +-1 deg/s,
+    /// 6.5 deg/h instability, 150 ug/sqrt(Hz), 0.5 uT; offsets, scale errors and iron are zero.
     pub const TYPICAL: Self = Self {
         gyro_bias_rad_s: None,
         gyro_noise_density: 0.014 * RAD,

@@ -60,13 +60,14 @@ pub use fault_kind::FaultKind;
 pub use imperfections::{ImuErrors, WarmUp};
 pub use registers::Mode;
 pub use sensors::{Reading, Sensors};
+pub(crate) use signal::STANDARD_GRAVITY_M_S2;
 pub use signal::Stimulus;
 
 use crate::random::{Stream, generator};
-use crate::recording::Recording;
 use calibration::{Calibration, Learner};
 use rand::{Rng, RngCore};
 use rand_chacha::ChaCha8Rng;
+use recordings::Recording;
 use registers::{AXIS_MAP_RESET, UNIT_SEL_RESET, error, page0, page1, reset_pages};
 use replay::Playback;
 use samd21::board::Ticks;
@@ -142,7 +143,7 @@ pub struct Refresh {
 
 /// An emulated BNO055.
 ///
-/// `sense` tells it what is physically true, in steps of at most 1 ms; `i2c` is its bus. Times must
+/// `sense` is called with the physical truth in steps of at most 1 ms; `i2c` is its bus. Times must
 /// not go back. `Clone` copies the whole state, random generators included.
 #[derive(Clone, Debug)]
 pub struct Bno055 {
@@ -171,7 +172,7 @@ pub struct Bno055 {
     /// The data registers as they were before the last refresh.
     older: [u8; DATA],
     output: Output,
-    sound: [i16; 9],
+    faultless: [i16; 9],
 }
 
 /// The registers that decide how a sample becomes words.
@@ -224,7 +225,7 @@ impl Bno055 {
                 map: AXIS_MAP_RESET,
                 sign: 0,
             },
-            sound: [0; 9],
+            faultless: [0; 9],
             config,
         };
         chip.boot(Ticks::ZERO);
@@ -249,8 +250,8 @@ impl Bno055 {
     /// What the data registers would show now if the chip had no fault and were set up as its master
     /// left it at the last change of mode: accelerometer, magnetometer, gyroscope. Zero until it has
     /// sampled.
-    pub fn sound_words(&self) -> [i16; 9] {
-        self.sound
+    pub fn faultless_words(&self) -> [i16; 9] {
+        self.faultless
     }
 
     /// Its 7-bit address on the bus.
@@ -268,7 +269,7 @@ impl Bno055 {
         self.signals.gyro_bias_rad_s()
     }
 
-    /// Lets the sensors feel `truth` from the last call until `now`.
+    /// Applies `truth` to the sensors from the last call until `now`.
     pub fn sense(&mut self, now: Ticks, truth: &Stimulus) {
         self.run(now);
         let settings = self.settings();
@@ -357,14 +358,14 @@ impl Bno055 {
             if self.mode.is_fusion() {
                 self.calibrate(&sample);
             }
-            self.sound = self.words(&sample, &settings, self.output);
+            self.faultless = self.words(&sample, &settings, self.output);
             if !stopped {
                 self.show(at, &sample, &settings);
             }
         }
     }
 
-    /// Lets the chip's own calibration see a sample; what it learns goes into the profile.
+    /// Gives a sample to the chip's own calibration; the offsets that it learns go into the profile.
     fn calibrate(&mut self, sample: &Sample) {
         let hard_iron = self.signals.hard_iron_ut();
         let field = [0, 1, 2].map(|axis| sample.mag_ut[axis] - hard_iron[axis]);

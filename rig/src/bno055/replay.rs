@@ -1,11 +1,11 @@
-//! A recording in place of the sensors: averages over the intervals between refreshes.
+//! A recording in place of the sensors: each refresh shows the average since the one before.
 
 use super::signal::Sample;
-use crate::recording::{RecordedSample, Recording};
+use recordings::{RecordedSample, Recording};
 use samd21::board::Ticks;
 use std::sync::Arc;
 
-/// The longest interval that is averaged for the accelerometer and the gyroscope: the chip
+/// The longest interval that is averaged for the accelerometer and the gyroscope, s: the chip
 /// integrates over one refresh, also after a pause.
 const LONGEST: f64 = 0.0125;
 
@@ -63,7 +63,7 @@ impl Playback {
         if mag_due {
             let from = self.next_mag.min(end - 1);
             self.next_mag = end;
-            sample.mag_ut = mean(&samples[from..end], |s| s.mag_ut);
+            sample.mag_ut = mean(&samples[from..end], |s| s.mag_ut.unwrap_or_default());
         }
         sample
     }

@@ -1,5 +1,5 @@
-//! From what happens to the sensor to the words of its data registers: errors, noise, range,
-//! bandwidth, units, axis map.
+//! The sensors' signal path from the physical quantities to a sample: errors, noise, range,
+//! bandwidth.
 
 use super::imperfections::ImuErrors;
 use super::registers::Mode;
@@ -10,7 +10,7 @@ use rand_distr::StandardNormal;
 use samd21::board::Ticks;
 
 /// Standard gravity, m/s^2: what the chip means by 1 g.
-pub(super) const STANDARD_GRAVITY_M_S2: f64 = 9.80665;
+pub(crate) const STANDARD_GRAVITY_M_S2: f64 = 9.80665;
 /// Temperature at which the offsets are those of [`ImuErrors`], deg C (data sheet table 0-2).
 const REFERENCE_C: f64 = 25.0;
 /// Correlation time of the gyroscope's bias instability, s (estimate).
@@ -145,7 +145,7 @@ impl SignalChain {
         self.errors.hard_iron_ut
     }
 
-    /// What the temperature makes of a change per K.
+    /// The change at the present temperature of a quantity that changes by `per_k` for each K.
     fn drift(&self, per_k: [f64; 3]) -> [f64; 3] {
         let above = self.temperature_c() - REFERENCE_C;
         per_k.map(|change| change * above)

@@ -1,13 +1,13 @@
-//! Flights: boot once, fork for every start, let go, and keep what happened.
+//! Flights: boot once, clone the rig for every start, release the drone, and record what happens.
 
 use crate::bench::BenchConfig;
+use crate::ground_station::{GroundStation, GroundStationError, Received};
 use crate::image::Image;
-use crate::link::LinkCounts;
 use crate::observe::ground_truth::{Motion, Pulse};
 use crate::observe::measure::{LoopTiming, events_without};
-use crate::operator::{FlightState, Operator, OperatorError, Received};
 use crate::random::{Stream, generator};
 use crate::rig::{Rig, RigConfig, RigError};
+use client::{FlightState, LinkCounts};
 use plant::ServoModel;
 use plant::response::{ResponseError, StepResponse};
 use rand::Rng;
@@ -22,20 +22,29 @@ const STANDBY_PATIENCE: Ticks = Ticks::from_ms(8000);
 const LEARN: Ticks = Ticks::from_ms(5000);
 /// Rest after the drone was tilted by hand, before it is armed.
 const REST: Ticks = Ticks::from_ms(3000);
-/// How often progress is told.
+/// How often progress is reported.
 const PROGRESS: Ticks = Ticks::from_ms(20);
 
 /// The servo on the rig, with what the image must be told about it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
 pub enum ServoKind {
-    /// Futaba S3003 class, analog, 50 Hz frame.
+    /// Analog, Futaba S3003 class: 0.19 s for 60 degrees, 50 Hz frame.
     S3003,
-    /// Digital, 300 Hz frame.
+    /// Digital: 0.12 s for 60 degrees, 300 Hz frame.
     Digital,
 }
 
 impl ServoKind {
-    /// Its physics.
+    /// Its name on the command line and in reports.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::S3003 => "s3003",
+            Self::Digital => "digital",
+        }
+    }
+
+    /// Its physical model.
     pub fn model(self) -> ServoModel {
         match self {
             Self::S3003 => ServoModel::S3003,
@@ -43,8 +52,8 @@ impl ServoKind {
         }
     }
 
-    /// What the image is told of it, as `tvc tune` found it. The image's own defaults are those for
-    /// the analog servo.
+    /// The parameters that the image is sent for it, as `tvc tune` found them. The image's own
+    /// defaults are those for the analog servo.
     pub fn parameters(self) -> &'static [(&'static str, f32)] {
         match self {
             Self::S3003 => &[("SRV_RATE_HZ", 50.0)],
@@ -81,12 +90,12 @@ pub struct Gains {
     pub kd: f32,
 }
 
-/// What is flown, and on what.
+/// What is flown, and on which rig.
 #[derive(Clone, Debug)]
 pub struct Setup {
     /// The rig, with the servo's physics on its bench.
     pub rig: RigConfig,
-    /// The servo, by what the image must be told about it.
+    /// The servo, for the parameters that the image needs.
     pub servo: ServoKind,
     /// Gains sent to the image in place of the servo's own.
     pub gains: Option<Gains>,
@@ -95,7 +104,8 @@ pub struct Setup {
 }
 
 impl Setup {
-    /// A default rig with `servo` and everything random from `seed`; somebody has checked its polarity before.
+    /// A default rig with `servo` and everything random from `seed`. Nothing is stored in its flash:
+    /// the image refuses to arm until the servo's polarity is set.
     pub fn new(servo: ServoKind, seed: u64) -> Self {
         let bench = BenchConfig {
             servo: servo.model(),
@@ -105,13 +115,19 @@ impl Setup {
             rig: RigConfig {
                 seed,
                 bench,
-                stored: Some(RigConfig::set_up()),
                 ..RigConfig::default()
             },
             servo,
             gains: None,
             parameters: Vec::new(),
         }
+    }
+
+    /// As [`Setup::new`], with the servo's polarity stored in the flash, so that it can be armed.
+    pub fn with_polarity(servo: ServoKind, seed: u64) -> Self {
+        let mut setup = Self::new(servo, seed);
+        setup.rig.stored = Some(RigConfig::polarity_set());
+        setup
     }
 }
 
@@ -123,13 +139,13 @@ pub enum FlightError {
     Rig(#[from] RigError),
     /// The image did not answer as it should.
     #[error(transparent)]
-    Operator(#[from] OperatorError),
+    GroundStation(#[from] GroundStationError),
     /// The flight gives no figures.
     #[error("no response to measure: {0}")]
     Response(#[from] ResponseError),
 }
 
-/// What goes on.
+/// Stage of a flight.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Stage {
     /// Until standby: start-up, parameters.
@@ -140,10 +156,10 @@ pub enum Stage {
     Flight,
 }
 
-/// A sign of life.
+/// Progress report of a flight.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Progress {
-    /// What goes on.
+    /// The stage.
     pub stage: Stage,
     /// Since the stage began, s.
     pub time_s: f64,
@@ -151,21 +167,21 @@ pub struct Progress {
     pub pitch_rad: f64,
     /// True rudder angle, rad.
     pub rudder_rad: f64,
-    /// What the firmware said last of its state.
+    /// The state that the firmware reported last.
     pub state: Option<FlightState>,
 }
 
-/// A rig in standby with its parameters set, from which flights are forked.
+/// A rig in standby with its parameters set; each flight is flown on a clone of it.
 #[derive(Clone)]
 pub struct Ready {
     /// The rig.
     pub rig: Rig,
-    /// The operator at it.
-    pub operator: Operator,
+    /// The ground station at its port.
+    pub operator: GroundStation,
     seed: u64,
 }
 
-/// Messages that should have come with every control step and did not.
+/// Messages that should have come with every control step or sample, and did not: their numbers.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Missing {
     /// Control steps without their attitude.
@@ -201,7 +217,7 @@ pub struct FlightRecord {
     pub cpu_load: f64,
     /// Deepest stack since power-on, bytes.
     pub stack_high_water: u32,
-    /// Where the flight stood at the end.
+    /// The firmware's state at the end.
     pub final_state: Option<FlightState>,
     /// Time simulated for this flight, tilting included, s.
     pub simulated_s: f64,
@@ -220,7 +236,7 @@ pub fn prepare(
 ) -> Result<Ready, FlightError> {
     let mut ready = Ready {
         rig: Rig::new(image, &setup.rig)?,
-        operator: Operator::new(),
+        operator: GroundStation::new(),
         seed: setup.rig.seed,
     };
     let Ready { rig, operator, .. } = &mut ready;
@@ -248,8 +264,8 @@ pub fn prepare(
 }
 
 impl Ready {
-    /// Forks the rig, tilts the drone to `start_rad`, arms and lets go with `rate_rad_s`; watches
-    /// for `seconds`.
+    /// On a clone of the rig: tilts the drone to `start_rad`, arms it, releases it with `rate_rad_s`
+    /// and records the flight for `seconds`.
     ///
     /// # Errors
     /// The rig stopped, or the image refuses.
@@ -264,9 +280,9 @@ impl Ready {
         let begun = Mark::of(&fork.rig);
         fork.tilt(start_rad, progress)?;
         fork.operator.arm(&mut fork.rig)?;
-        // The hand that lets go knows nothing of the servo frame.
-        let mut hand = generator(self.seed ^ start_rad.to_bits(), Stream::Release);
-        let hesitation = Ticks::from_us(hand.random_range(0..20_000));
+        // Whoever releases the drone does so at any phase of the servo frame.
+        let mut dice = generator(self.seed ^ start_rad.to_bits(), Stream::Release);
+        let hesitation = Ticks::from_us(dice.random_range(0..20_000));
         fork.operator.run(&mut fork.rig, hesitation)?;
         fork.operator.release(&mut fork.rig, rate_rad_s)?;
         let released = fork.rig.now();
@@ -368,8 +384,8 @@ impl Ready {
     }
 }
 
-/// Every control step tells its attitude and servo output, every burst its counts; the image's
-/// clock is put onto the rig's by the steps themselves.
+/// Every control step reports its attitude and servo output, every burst its counts. The offset of
+/// the image's clock from the rig's follows from the bursts and the samples that report them.
 fn missing(rig: &Rig, received: &Received, window: &Range<Ticks>) -> Missing {
     let truth = rig.truth();
     let within = |time: &Ticks| window.contains(time);
@@ -397,7 +413,7 @@ fn missing(rig: &Rig, received: &Received, window: &Range<Ticks>) -> Missing {
     }
 }
 
-/// What the rig's clock shows more than the image's, us, by the sample times that came over USB.
+/// Offset of the rig's clock from the image's, us: the median over the samples that came over USB.
 fn clock_offset_us(rig: &Rig, received: &Received) -> Option<f64> {
     let bursts = &rig.truth().bursts;
     let mut offsets: Vec<f64> = received
@@ -418,7 +434,7 @@ fn clock_offset_us(rig: &Rig, received: &Received) -> Option<f64> {
     offsets.get(offsets.len() / 2).copied()
 }
 
-/// Counters at a moment.
+/// The chip's counters at one moment.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Mark {
     pub(crate) at: Ticks,

@@ -1,63 +1,63 @@
-//! The hand at the clamp: it lets the drone go when the firmware says that it is in control, and takes it back to its
-//! start when the firmware says that it is no longer. It reads along what the program at the port sends, too, and does with
-//! sensor and drone what a calibration asks for.
+//! The person at the rig: opens the clamp when the firmware reports that it is in control, and takes
+//! the drone back to its start when the firmware reports that it is not any longer. The pilot also
+//! reads what the program at the port sends, and does with sensor and drone what a calibration asks
+//! for.
 
 use crate::bench::sensor_motion::{SensorMotion, resting};
-use crate::instruction::{Instruction, Tilt};
-use crate::link::Link;
-use crate::operator::FlightState;
 use crate::rig::Rig;
+use calibration::prompt::{Prompt, Tilt};
+use client::{FlightState, Wire, request, text};
 use mavlink::dialects::common::MavMessage;
 use nalgebra::UnitQuaternion;
 use plant::Drone;
 use samd21::board::Ticks;
 
-/// How far the drone is tilted to see its rudder answer, rad.
+/// How far the drone is tilted to see its rudder react, rad.
 const TILT_RAD: f64 = 0.35;
 /// How long the sensor takes from one pose to the next, s.
 const TURN_S: f64 = 1.5;
-/// Amplitude of a hand that trembles, rad/s.
+/// Amplitude of the rate of a sensor that is held unsteadily, rad/s.
 const TREMBLE_RAD_S: f64 = 0.08;
+/// From the request to tilt the drone until its rudder rests.
+const RUDDER_RESTS: Ticks = Ticks::from_ms(1300);
 
-/// From the wish to tilt the drone until its rudder rests.
-const GLANCE: Ticks = Ticks::from_ms(1300);
-
-/// How well the hand does what a calibration asks for.
+/// How well the pilot does what a calibration asks for.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
 pub enum Manner {
-    /// As it is asked.
+    /// Does what it is asked.
     #[default]
     Steady,
-    /// Never lets go of the sensor where it should lie still.
+    /// Never lets go of the sensor.
     Trembling,
-    /// Turns the sensor about one axis where it should turn it through all directions.
+    /// Turns the sensor about one axis alone.
     Lazy,
 }
 
-/// Holds the clamp and reads what the image sends, as the person at the rig does.
+/// The person who holds the clamp and reads what the image and its ground station send.
 #[derive(Clone, Debug)]
 pub struct Pilot {
-    link: Link,
-    station: Link,
+    link: Wire,
+    station: Wire,
     manner: Manner,
     start_rad: f64,
     rate_rad_s: f64,
     state: Option<FlightState>,
     /// When to look at the rudder of the tilted drone.
-    glance: Option<Ticks>,
+    check_rudder_at: Option<Ticks>,
 }
 
 impl Pilot {
-    /// Lets go from the tilt `start_rad`, with a rate of `rate_rad_s`.
+    /// Releases the drone from the tilt `start_rad`, rad, with a rate of `rate_rad_s`, rad/s.
     pub fn new(start_rad: f64, rate_rad_s: f64) -> Self {
         Self {
-            link: Link::default(),
-            station: Link::default(),
+            link: Wire::default(),
+            station: Wire::default(),
             manner: Manner::default(),
             start_rad,
             rate_rad_s,
             state: None,
-            glance: None,
+            check_rudder_at: None,
         }
     }
 
@@ -67,68 +67,70 @@ impl Pilot {
         self
     }
 
-    /// Takes in what the program at the port has sent, and does what it asks of a person.
-    pub fn hear(&mut self, rig: &mut Rig, sent: &[u8]) {
+    /// Takes in what the program at the port has sent, and follows its instructions.
+    pub fn on_station_bytes(&mut self, rig: &mut Rig, sent: &[u8]) {
         for message in self.station.receive(sent) {
-            if let Some(instruction) = Instruction::of(&message) {
-                self.obey(rig, instruction);
+            if let Some(prompt) = request::text_of(&message).and_then(Prompt::from_text) {
+                self.follow_prompt(rig, prompt);
             }
         }
     }
 
-    fn obey(&mut self, rig: &mut Rig, instruction: Instruction) {
-        if let Instruction::Tilt(Tilt::NoseUp | Tilt::NoseDown) = instruction {
-            self.glance = Some(rig.now() + GLANCE);
+    fn follow_prompt(&mut self, rig: &mut Rig, prompt: Prompt) {
+        if let Prompt::Tilt(Tilt::NoseUp | Tilt::NoseDown) = prompt {
+            self.check_rudder_at = Some(rig.now() + RUDDER_RESTS);
         }
         let environment = rig.environment_mut();
-        match instruction {
-            Instruction::Rest if self.manner == Manner::Trembling => {
-                environment.handle(SensorMotion::Tremble(TREMBLE_RAD_S));
+        match prompt {
+            Prompt::Rest if self.manner == Manner::Trembling => {
+                environment.move_sensor(SensorMotion::Tremble(TREMBLE_RAD_S));
             }
-            Instruction::Rest => environment.handle(SensorMotion::Rest),
-            Instruction::Pose(face) => environment.handle(SensorMotion::To(resting(face), TURN_S)),
-            Instruction::Turn if self.manner == Manner::Lazy => {
-                environment.handle(SensorMotion::Spin)
+            Prompt::Rest => environment.move_sensor(SensorMotion::Rest),
+            Prompt::Pose(face) => environment.move_sensor(SensorMotion::To(resting(face), TURN_S)),
+            Prompt::Turn if self.manner == Manner::Lazy => {
+                environment.move_sensor(SensorMotion::Spin)
             }
-            Instruction::Turn => environment.handle(SensorMotion::Turn),
-            Instruction::Level => {
+            Prompt::Turn => environment.move_sensor(SensorMotion::Turn),
+            Prompt::Level => {
                 let (_, _, heading) = environment.mounted().euler_angles();
                 let level = UnitQuaternion::from_euler_angles(0.0, 0.0, heading);
-                environment.handle(SensorMotion::To(level, TURN_S));
+                environment.move_sensor(SensorMotion::To(level, TURN_S));
             }
-            Instruction::Tilt(tilt) => environment.tilt_clamp(match tilt {
+            Prompt::Tilt(tilt) => environment.tilt_clamp(match tilt {
                 Tilt::NoseUp => TILT_RAD,
                 Tilt::NoseDown => -TILT_RAD,
                 Tilt::Upright => 0.0,
             }),
-            Instruction::Done => {
+            Prompt::Done => {
                 environment.put_back();
                 environment.tilt_clamp(self.start_rad);
             }
         }
     }
 
-    /// Takes in what the image has sent; does what it says; gives what is worth telling a person.
-    pub fn watch(&mut self, rig: &mut Rig, sent: &[u8]) -> Vec<String> {
-        let mut news = Vec::new();
+    /// Takes in what the image has sent and acts on its state; the lines to show to a person.
+    pub fn on_image_bytes(&mut self, rig: &mut Rig, sent: &[u8]) -> Vec<String> {
+        let mut lines = Vec::new();
         for message in self.link.receive(sent) {
             match message {
-                MavMessage::HEARTBEAT(beat) => self.follow(rig, FlightState::of(beat.custom_mode)),
-                MavMessage::STATUSTEXT(text) => {
-                    news.push(text.text.to_str().unwrap_or("(not UTF-8)").to_owned());
+                MavMessage::HEARTBEAT(beat) => {
+                    self.follow_state(rig, FlightState::of(beat.custom_mode));
+                }
+                MavMessage::STATUSTEXT(said) => {
+                    lines.push(text(&said.text).to_owned());
                 }
                 _ => {}
             }
         }
-        if self.glance.is_some_and(|due| rig.now() >= due) {
-            self.glance = None;
-            news.push(describe(rig.environment().drone()));
+        if self.check_rudder_at.is_some_and(|due| rig.now() >= due) {
+            self.check_rudder_at = None;
+            lines.push(describe(rig.environment().drone()));
         }
-        news
+        lines
     }
 
-    /// A failsafe does not bring the hand back: the drone falls as it would.
-    fn follow(&mut self, rig: &mut Rig, state: FlightState) {
+    /// After a failsafe the drone is not caught: it falls as it would.
+    fn follow_state(&mut self, rig: &mut Rig, state: FlightState) {
         self.state = Some(state);
         let held = rig.environment().drone().held();
         match state {
@@ -142,7 +144,7 @@ impl Pilot {
         }
     }
 
-    /// Where the flight stands, by the last heartbeat.
+    /// The firmware's state, by the last heartbeat.
     pub fn state(&self) -> Option<FlightState> {
         self.state
     }

@@ -1,7 +1,9 @@
-//! A pseudo-terminal in the place of the USB cable: programs open its path as they open a Nano's port.
+//! A pseudo-terminal in the place of the USB cable: programs open its path as they open a Nano's
+//! port.
 //!
-//! The other side is held by whoever opens the path and by nobody else, so that opening and closing it can be told
-//! apart, as DTR tells it on a real port; the rate that the program asks for is seen, too (the 1200-baud touch).
+//! Only the program that opens the path holds the other side, so that its opening and closing show,
+//! as DTR shows them on a real port. The rate that the program asks for shows, too (the 1200-baud
+//! touch).
 
 use std::io;
 use std::os::fd::{AsFd, OwnedFd};
@@ -25,10 +27,10 @@ pub struct Pty {
 }
 
 impl Pty {
-    /// Makes one, in raw mode.
+    /// Creates a pseudo-terminal in raw mode.
     ///
     /// # Errors
-    /// What the system says.
+    /// The system refuses one.
     pub fn open() -> io::Result<Self> {
         let master = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY)?;
         grantpt(&master)?;
@@ -48,7 +50,7 @@ impl Pty {
         Ok(Self { master, path })
     }
 
-    /// What programs open.
+    /// The path that programs open.
     pub fn path(&self) -> &Path {
         &self.path
     }
@@ -68,10 +70,10 @@ impl Pty {
         Some(tcgetattr(self.master.as_fd()).ok()?.output_speed())
     }
 
-    /// What the program has written, a piece of it at a time; empty if there is nothing, or nobody.
+    /// At most 4096 bytes that the program has written; empty if there are none, or no program.
     ///
     /// # Errors
-    /// What the system says.
+    /// The system's error.
     pub fn read(&self) -> io::Result<Vec<u8>> {
         let mut bytes = vec![0; CHUNK];
         match rustix::io::read(&self.master, &mut bytes) {
@@ -84,10 +86,10 @@ impl Pty {
         }
     }
 
-    /// Hands over as much of `bytes` as there is room for, and says how many.
+    /// Writes as much of `bytes` as there is room for; the number of bytes written.
     ///
     /// # Errors
-    /// What the system says.
+    /// The system's error.
     pub fn write(&self, bytes: &[u8]) -> io::Result<usize> {
         match rustix::io::write(&self.master, bytes) {
             Ok(count) => Ok(count),

@@ -1,8 +1,9 @@
-//! The rig on the clock on the wall, its USB port behind a pseudo-terminal.
+//! The rig in real time, its USB port behind a pseudo-terminal.
 //!
-//! The emulated laptop takes from the image what the program at the pseudo-terminal reads, and no more: a program that
-//! stops reading stops the laptop, and the image's packets wait, as on a real cable. A program that opens the
-//! pseudo-terminal sets DTR, one that closes it drops it, and its rate is the port's.
+//! The emulated laptop takes from the image what the program at the pseudo-terminal reads, and no
+//! more: a program that stops reading stops the laptop, and the image's packets wait, as on a real
+//! cable. A program that opens the pseudo-terminal sets DTR, one that closes it clears DTR, and the
+//! rate that it asks for is the port's.
 
 use std::io;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -17,16 +18,16 @@ use thiserror::Error;
 
 /// How long the rig runs between two looks at the pseudo-terminal.
 const SLICE: Ticks = Ticks::from_ms(1);
-/// What the rig may lag behind the wall and make good; what goes beyond it is given up.
+/// How far the rig may lag behind real time and still catch up; a longer lag is given up.
 const MOST_LAG: Duration = Duration::from_millis(200);
-/// Bytes on the laptop's side at which it stops fetching more, as a serial driver's buffer.
+/// Bytes waiting on the laptop's side at which it stops reading, like a serial driver's buffer.
 const BUFFER: usize = 4096;
-/// The truth is measured and forgotten in pages of this length.
+/// The ground truth is measured and cleared once in this time.
 const PAGE: Ticks = Ticks::from_ms(2000);
-/// How long the bootloader may wait for a programmer, which never comes.
+/// How long the bootloader may wait for a programmer; there is none here.
 const BOOTLOADER: Ticks = Ticks::from_ms(2000);
 
-/// Why it ended before its time.
+/// Why the rig stopped early.
 #[derive(Debug, Error)]
 pub enum RealTimeError {
     /// The rig stopped.
@@ -37,12 +38,12 @@ pub enum RealTimeError {
     Pty(#[from] io::Error),
 }
 
-/// What happened in all the time.
+/// Figures of the whole run.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Summary {
     /// Time simulated, s.
     pub seconds: f64,
-    /// Time given up because the machine was too slow, s.
+    /// Real time that was skipped because the machine was too slow, s.
     pub lost_s: f64,
     /// Largest deviation of the time between two bursts from its mean, us.
     pub jitter_us_max: f64,
@@ -50,10 +51,10 @@ pub struct Summary {
     pub steps: usize,
 }
 
-/// A rig, the hand at its clamp and the pseudo-terminal at its port.
+/// A rig, its pilot and the pseudo-terminal at its port.
 pub struct RealTime {
     rig: Rig,
-    hand: Pilot,
+    pilot: Pilot,
     pty: Pty,
     open: bool,
     baud: Option<u32>,
@@ -65,13 +66,13 @@ pub struct RealTime {
 }
 
 impl RealTime {
-    /// Nobody is at the port yet.
-    pub fn new(mut rig: Rig, hand: Pilot, pty: Pty) -> Self {
+    /// With no program at the port yet.
+    pub fn new(mut rig: Rig, pilot: Pilot, pty: Pty) -> Self {
         rig.usb_host_mut().set_dtr(false);
         Self {
             page: rig.now(),
             rig,
-            hand,
+            pilot,
             pty,
             open: false,
             baud: None,
@@ -82,26 +83,27 @@ impl RealTime {
         }
     }
 
-    /// Lets the rig's clock run so many times as fast as the one on the wall.
+    /// Runs the rig's clock `speed` times as fast as real time.
     pub fn at_speed(mut self, speed: f64) -> Self {
         self.speed = speed;
         self
     }
 
-    /// Runs until `stop` is set or `longest` is over; `tell` gets the time and a line now and then.
+    /// Runs until `stop` is set or `longest` is over. `report` gets lines to show to a person, with
+    /// the rig's time, s.
     ///
     /// # Errors
-    /// [`RealTimeError`].
+    /// The rig stopped, or the pseudo-terminal failed.
     pub fn run(
         &mut self,
         longest: Option<Duration>,
         stop: &AtomicBool,
-        tell: &mut dyn FnMut(f64, &str),
+        report: &mut dyn FnMut(f64, &str),
     ) -> Result<Summary, RealTimeError> {
         let begun = Instant::now();
         let mut due = begun;
         while !stop.load(Ordering::Relaxed) && longest.is_none_or(|most| begun.elapsed() < most) {
-            self.slice(tell)?;
+            self.slice(report)?;
             due += Duration::from_micros(SLICE.as_us()).div_f64(self.speed);
             match due.checked_duration_since(Instant::now()) {
                 Some(early) => std::thread::sleep(early),
@@ -112,23 +114,23 @@ impl RealTime {
                 None => {}
             }
         }
-        self.turn_page();
+        self.measure_page();
         self.summary.seconds = self.rig.now().as_secs_f64();
         Ok(self.summary)
     }
 
-    fn slice(&mut self, tell: &mut dyn FnMut(f64, &str)) -> Result<(), RealTimeError> {
+    fn slice(&mut self, report: &mut dyn FnMut(f64, &str)) -> Result<(), RealTimeError> {
         self.watch_port();
         if self.open {
             let typed = self.pty.read()?;
             self.rig.usb_write(&typed);
-            self.hand.hear(&mut self.rig, &typed);
+            self.pilot.on_station_bytes(&mut self.rig, &typed);
         }
         self.rig.run_for(SLICE)?;
         let sent = self.rig.usb_read();
         let now_s = self.rig.now().as_secs_f64();
-        for line in self.hand.watch(&mut self.rig, &sent) {
-            tell(now_s, &line);
+        for line in self.pilot.on_image_bytes(&mut self.rig, &sent) {
+            report(now_s, &line);
         }
         if self.open {
             self.outgoing.extend_from_slice(&sent);
@@ -137,14 +139,14 @@ impl RealTime {
         }
         let full = self.outgoing.len() >= BUFFER;
         self.rig.usb_host_mut().pause_reading(full);
-        self.leave_bootloader(tell);
+        self.leave_bootloader(report);
         if self.rig.now() - self.page >= PAGE {
-            self.turn_page();
+            self.measure_page();
         }
         Ok(())
     }
 
-    /// Opening, closing and the rate, as the USB serial driver passes them on.
+    /// Passes opening, closing and the rate of the port on to the USB host, as a serial driver does.
     fn watch_port(&mut self) {
         let open = self.pty.is_open();
         let host = self.rig.usb_host_mut();
@@ -163,14 +165,14 @@ impl RealTime {
     }
 
     /// Nobody can program this chip: it is power-cycled out of its bootloader.
-    fn leave_bootloader(&mut self, tell: &mut dyn FnMut(f64, &str)) {
+    fn leave_bootloader(&mut self, report: &mut dyn FnMut(f64, &str)) {
         if !self.rig.in_bootloader() {
             self.bootloader = None;
             return;
         }
         let now = self.rig.now();
         if now - *self.bootloader.get_or_insert(now) >= BOOTLOADER {
-            tell(
+            report(
                 now.as_secs_f64(),
                 "in its bootloader, with nothing to program it: power-cycled",
             );
@@ -178,11 +180,11 @@ impl RealTime {
         }
     }
 
-    fn turn_page(&mut self) {
+    fn measure_page(&mut self) {
         let timing = LoopTiming::over(self.rig.truth(), self.page..self.rig.now());
         self.summary.steps += timing.steps;
-        // Before the sensor has started there are bursts now and then only.
-        if self.hand.state().is_some() {
+        // Until the sensor has started, bursts come irregularly.
+        if self.pilot.state().is_some() {
             self.summary.jitter_us_max = self.summary.jitter_us_max.max(timing.jitter_us_max);
         }
         self.page = self.rig.now();

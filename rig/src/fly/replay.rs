@@ -2,20 +2,19 @@
 //! from it, and what arrives over USB is scored and compared with the host's library.
 
 use crate::fly::flight::{FlightError, Mark};
+use crate::ground_station::{Attitude, GroundStation, RawImu, Received};
 use crate::image::Image;
-use crate::link::LinkCounts;
 use crate::observe::measure::LoopTiming;
-use crate::operator::{Attitude, FlightState, Operator, RawImu, Received};
-use crate::recording::Recording;
 use crate::rig::{Rig, RigConfig};
-use crate::score::{Score, Scorer};
+use client::{FlightState, LinkCounts};
+use recordings::{Recording, Score, Scorer};
 use samd21::board::Ticks;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 use tvc_nano::failsafe::BootReport;
 use tvc_nano::{Flight, Micros, Params, RawSample};
 
-/// How often progress is told.
+/// How often progress is reported.
 const PROGRESS: Ticks = Ticks::from_ms(100);
 
 /// How the image's quaternions compare with the host library's on the same counts and times.
@@ -69,7 +68,7 @@ pub fn replay(
     rig.environment_mut()
         .sensor_mut()
         .play(recording.clone(), Ticks::ZERO);
-    let mut operator = Operator::new();
+    let mut operator = GroundStation::new();
     let begin = Mark::of(&rig);
     let end = Ticks::from_secs_f64(recording.duration_s().min(longest_s));
     operator.connect(&mut rig)?;
@@ -98,8 +97,8 @@ pub fn replay(
     })
 }
 
-/// When the image came to standby, from which on its timing counts: before, the sensor starts up. Power-on if it never
-/// did.
+/// When the image came to standby, from which on its timing counts: before, the sensor starts up.
+/// Power-on if it never did.
 fn standby(received: &Received) -> Ticks {
     let mut heartbeats = received.heartbeats.iter();
     heartbeats
@@ -107,8 +106,8 @@ fn standby(received: &Received) -> Ticks {
         .map_or(Ticks::ZERO, |heartbeat| heartbeat.at)
 }
 
-/// Every raw sample that came over USB with the attitude of the same step: the last of its millisecond, for a step
-/// without a sample may have ended just before the burst began.
+/// Every raw sample that came over USB with the attitude of the same step. That is the last attitude
+/// of its millisecond, for a step without a sample may have ended just before the burst began.
 pub fn pair(received: &Received) -> Vec<(RawImu, Attitude)> {
     let mut attitudes = received.attitudes.iter().peekable();
     received

@@ -61,12 +61,12 @@ pub enum ImageError {
     },
 }
 
-/// What the image takes of the chip's memories, bytes.
+/// The image's size in the chip's memories, bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Sizes {
     /// Flash: code, constants and the initial values of variables.
     pub flash: u32,
-    /// RAM for variables that live for ever; the stack has what is left.
+    /// RAM for static variables; the stack has the rest.
     pub static_ram: u32,
 }
 
@@ -135,12 +135,12 @@ impl Image {
         IMAGE_ADDRESS
     }
 
-    /// What goes into flash, gaps as erased flash reads.
+    /// The bytes that go into flash; gaps are 0xFF, as erased flash reads.
     pub fn bytes(&self) -> &[u8] {
         &self.bytes
     }
 
-    /// What the image takes of the chip.
+    /// The image's size in the chip's memories.
     pub fn sizes(&self) -> Sizes {
         self.sizes
     }

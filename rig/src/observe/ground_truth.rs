@@ -1,4 +1,4 @@
-//! What really happened on the rig, for whoever measures: nothing of it reaches the firmware.
+//! What really happened on the rig: motion, pulses, bursts and control steps.
 
 use crate::bno055::Refresh;
 use samd21::board::Ticks;
@@ -50,9 +50,9 @@ pub struct Burst {
     pub refresh: Refresh,
     /// The nine words: accelerometer, magnetometer, gyroscope.
     pub words: [i16; 9],
-    /// These are the words that a sensor and a cable without a fault would have given, to within
+    /// The words are those that a sensor and a cable without a fault would have given, to within
     /// 2 m/s^2, 5 uT and 4 deg/s, which does no harm.
-    pub sound: bool,
+    pub valid: bool,
 }
 
 /// A control step, from the probe pin D4.
@@ -60,7 +60,7 @@ pub struct Burst {
 pub struct Step {
     /// Begin of the step.
     pub start: Ticks,
-    /// Its pulse has been written.
+    /// End of the step: its pulse has been written.
     pub end: Ticks,
 }
 

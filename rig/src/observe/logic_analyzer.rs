@@ -1,4 +1,5 @@
-//! Logic analyser on the sensor's bus and the probe pin: picks out bursts, steps and pulses.
+//! A logic analyser on the sensor's bus, the servo's pin and the probe pin: it finds bursts, steps
+//! and pulses.
 
 use crate::bno055::Refresh;
 use crate::observe::ground_truth::{Burst, GroundTruth, Pulse, Step};
@@ -8,14 +9,15 @@ use samd21::board::{I2cEvent, I2cReply, Ticks};
 const DATA: u8 = 0x08;
 const FULL: usize = 18;
 /// A word that is wrong by no more than this does no harm: 2 m/s^2, 5 uT, 4 deg/s. A single such
-/// sample moves the rudder by 2 degrees at most, by the gyroscope; the other two are averaged over seconds.
-const SOUND_COUNTS: [u16; 3] = [200, 80, 64];
+/// sample moves the rudder by 2 degrees at most, through the gyroscope; the other two are averaged
+/// over seconds.
+const VALID_COUNTS: [u16; 3] = [200, 80, 64];
 
 /// What the sensor's registers hold, and what they would hold without a fault.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Registers {
     pub(crate) refresh: Refresh,
-    pub(crate) sound: [i16; 9],
+    pub(crate) faultless: [i16; 9],
 }
 
 /// A transaction under way.
@@ -27,12 +29,13 @@ struct Transaction {
     start: Option<Ticks>,
     refresh: Option<Refresh>,
     bytes: [u8; FULL],
-    /// What should have been read: a word is taken with its first byte, as the sensor does.
-    sound: [i16; FULL / 2],
+    /// What a faultless sensor would have given: a word is latched with its first byte, as in the
+    /// sensor.
+    faultless: [i16; FULL / 2],
     count: usize,
 }
 
-/// What the analyser is in the middle of.
+/// The analyser, with what it has seen begin and not end.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct LogicAnalyzer {
     transaction: Option<Transaction>,
@@ -58,7 +61,7 @@ impl LogicAnalyzer {
                     start: None,
                     refresh: None,
                     bytes: [0; FULL],
-                    sound: [0; FULL / 2],
+                    faultless: [0; FULL / 2],
                     count: 0,
                 });
             }
@@ -73,9 +76,9 @@ impl LogicAnalyzer {
             (I2cEvent::Read, Some(t)) => {
                 t.refresh.get_or_insert(registers.refresh);
                 if t.count.is_multiple_of(2)
-                    && let Some(word) = t.sound.get_mut(t.count / 2)
+                    && let Some(word) = t.faultless.get_mut(t.count / 2)
                 {
-                    *word = registers.sound[t.count / 2];
+                    *word = registers.faultless[t.count / 2];
                 }
                 if let Some(byte) = t.bytes.get_mut(t.count) {
                     *byte = reply.data;
@@ -96,7 +99,7 @@ impl LogicAnalyzer {
                         end: now,
                         refresh,
                         words,
-                        sound: close(words, t.sound),
+                        valid: close(words, t.faultless),
                     });
                 }
                 self.transaction = None;
@@ -141,7 +144,7 @@ impl LogicAnalyzer {
 
 /// Every word is close enough to what it should be to steer by.
 fn close(words: [i16; FULL / 2], should_be: [i16; FULL / 2]) -> bool {
-    let limits = SOUND_COUNTS.iter().flat_map(|limit| [*limit; 3]);
+    let limits = VALID_COUNTS.iter().flat_map(|limit| [*limit; 3]);
     let pairs = words.iter().zip(should_be);
     pairs
         .zip(limits)
@@ -153,7 +156,7 @@ mod tests {
     use super::*;
 
     fn event(
-        tap: &mut LogicAnalyzer,
+        analyzer: &mut LogicAnalyzer,
         truth: &mut GroundTruth,
         us: u64,
         event: I2cEvent,
@@ -164,37 +167,43 @@ mod tests {
                 at: Ticks::from_us(500),
                 recorded: None,
             },
-            sound: [
+            faultless: [
                 0x0100, 0x0302, 0x0504, 0x0706, 0x0908, 0x0B0A, 0x0D0C, 0x0F0E, 0x1110,
             ],
         };
-        tap.i2c(Ticks::from_us(us), event, reply, registers, truth);
+        analyzer.i2c(Ticks::from_us(us), event, reply, registers, truth);
     }
 
     #[test]
     fn a_burst_starts_one_byte_before_its_address_is_acknowledged() {
-        let (mut tap, mut truth) = (LogicAnalyzer::default(), GroundTruth::default());
+        let (mut analyzer, mut truth) = (LogicAnalyzer::default(), GroundTruth::default());
         let start = |read| I2cEvent::Start {
             address: 0x28,
             read,
         };
         let ack = I2cReply::ACK.stretched(Ticks::from_us(180));
-        event(&mut tap, &mut truth, 1000, start(false), ack);
-        event(&mut tap, &mut truth, 1203, I2cEvent::Write(DATA), ack);
-        event(&mut tap, &mut truth, 1410, start(true), ack);
+        event(&mut analyzer, &mut truth, 1000, start(false), ack);
+        event(&mut analyzer, &mut truth, 1203, I2cEvent::Write(DATA), ack);
+        event(&mut analyzer, &mut truth, 1410, start(true), ack);
         for i in 0..18u8 {
             let reply = I2cReply::data(i).stretched(Ticks::from_us(180));
             let at = 1600 + 200 * u64::from(i);
-            event(&mut tap, &mut truth, at, I2cEvent::Read, reply);
+            event(&mut analyzer, &mut truth, at, I2cEvent::Read, reply);
         }
-        event(&mut tap, &mut truth, 5300, I2cEvent::Stop, I2cReply::NAK);
+        event(
+            &mut analyzer,
+            &mut truth,
+            5300,
+            I2cEvent::Stop,
+            I2cReply::NAK,
+        );
         let burst = truth.bursts[0];
         assert_eq!(burst.start, Ticks::from_us(977));
         assert_eq!(burst.end, Ticks::from_us(5300));
         assert_eq!(burst.words[0], 0x0100);
         assert_eq!(burst.words[8], 0x1110);
         assert_eq!(burst.refresh.at, Ticks::from_us(500));
-        assert!(burst.sound);
+        assert!(burst.valid);
     }
 
     #[test]
@@ -212,40 +221,42 @@ mod tests {
 
     #[test]
     fn other_reads_and_broken_bursts_do_not_count() {
-        let (mut tap, mut truth) = (LogicAnalyzer::default(), GroundTruth::default());
+        let (mut analyzer, mut truth) = (LogicAnalyzer::default(), GroundTruth::default());
         let start = I2cEvent::Start {
             address: 0x28,
             read: false,
         };
         for (pointer, bytes) in [(0x3D, 18), (DATA, 17)] {
-            event(&mut tap, &mut truth, 0, start, I2cReply::ACK);
+            event(&mut analyzer, &mut truth, 0, start, I2cReply::ACK);
             event(
-                &mut tap,
+                &mut analyzer,
                 &mut truth,
                 1,
                 I2cEvent::Write(pointer),
                 I2cReply::ACK,
             );
             for _ in 0..bytes {
-                event(&mut tap, &mut truth, 2, I2cEvent::Read, I2cReply::ACK);
+                event(&mut analyzer, &mut truth, 2, I2cEvent::Read, I2cReply::ACK);
             }
-            event(&mut tap, &mut truth, 3, I2cEvent::Stop, I2cReply::NAK);
+            event(&mut analyzer, &mut truth, 3, I2cEvent::Stop, I2cReply::NAK);
         }
-        event(&mut tap, &mut truth, 4, start, I2cReply::NAK);
-        event(&mut tap, &mut truth, 5, I2cEvent::Stop, I2cReply::NAK);
+        event(&mut analyzer, &mut truth, 4, start, I2cReply::NAK);
+        event(&mut analyzer, &mut truth, 5, I2cEvent::Stop, I2cReply::NAK);
         assert!(truth.bursts.is_empty());
     }
 
     #[test]
     fn pulses_and_steps_need_both_edges() {
-        let (mut tap, mut truth) = (LogicAnalyzer::default(), GroundTruth::default());
-        assert_eq!(tap.servo(Ticks::from_us(5), false, &mut truth), None);
-        tap.servo(Ticks::from_us(10), true, &mut truth);
-        let pulse = tap.servo(Ticks::from_us(1533), false, &mut truth).unwrap();
+        let (mut analyzer, mut truth) = (LogicAnalyzer::default(), GroundTruth::default());
+        assert_eq!(analyzer.servo(Ticks::from_us(5), false, &mut truth), None);
+        analyzer.servo(Ticks::from_us(10), true, &mut truth);
+        let pulse = analyzer
+            .servo(Ticks::from_us(1533), false, &mut truth)
+            .unwrap();
         assert_eq!(pulse.width_us(), 1523.0);
-        tap.probe(Ticks::from_us(1), true, &mut truth);
-        tap.reset();
-        tap.probe(Ticks::from_us(2), false, &mut truth);
+        analyzer.probe(Ticks::from_us(1), true, &mut truth);
+        analyzer.reset();
+        analyzer.probe(Ticks::from_us(2), false, &mut truth);
         assert_eq!((truth.pulses.len(), truth.steps.len()), (1, 0));
     }
 }

@@ -1,10 +1,11 @@
-//! What the chip did, measured from outside: on the bus, on the servo's pin and on the probe pin.
+//! Timing of the control loop, measured from outside the chip: on the bus, at the servo's pin and at
+//! the probe pin.
 
 use crate::observe::ground_truth::{Burst, GroundTruth, Pulse};
 use samd21::board::Ticks;
 use std::ops::Range;
 
-/// Mean and maximum of something, both zero where there was nothing.
+/// Mean and maximum of a set of values; zero for an empty set.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Spread {
     /// Mean.
@@ -99,8 +100,8 @@ impl LoopTiming {
 /// Every pulse that carries a new sample, with the burst that brought it.
 ///
 /// A pulse carries the newest step that had ended when it rose; a step works on the newest burst
-/// that had ended when it began. Of several pulses from one step the first counts, and a step
-/// that no pulse rose after before the next step counts for none.
+/// that had ended when it began. Of several pulses from one step only the first counts, and a step
+/// that is followed by another before any pulse rises has no pulse.
 pub fn carried(truth: &GroundTruth) -> impl Iterator<Item = (&Burst, &Pulse)> {
     let mut last = None;
     truth.pulses.iter().filter_map(move |pulse| {
@@ -152,7 +153,7 @@ mod tests {
                         recorded: None,
                     },
                     words: [0; 9],
-                    sound: true,
+                    valid: true,
                 });
                 truth.steps.push(Step {
                     start: us(begin + 4310),

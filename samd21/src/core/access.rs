@@ -13,11 +13,12 @@
 //! and costs the wait states. The core's own prefetch is not modelled: only instructions that are
 //! executed are fetched, a half-word each.
 
-use super::{Bus, Core, FLASH_LINES, Outcome, Trap};
+use super::{Core, FLASH_LINES, Outcome, Trap};
 use crate::board::Ticks;
+use crate::bus::Bus;
 use crate::fault::FaultKind;
 use crate::memory::RAM_BASE;
-use crate::peripherals::{BusError, Width};
+use crate::peripherals::{BusError, Refusal, Width};
 
 impl Core {
     /// The half-word at `pc`.
@@ -98,8 +99,7 @@ impl Core {
         if is_system_control(address) {
             return self.read_system_control(address, width);
         }
-        bus.peripherals
-            .read(Ticks(self.now), address, width, bus.board)
+        bus.read(Ticks(self.now), address, width)
             .map_err(|error| refused(error, FaultKind::UnmappedLoad { address }))
     }
 
@@ -117,15 +117,7 @@ impl Core {
             return self.write_system_control(address, width, value);
         }
         let stall = bus
-            .peripherals
-            .write(
-                Ticks(self.now),
-                address,
-                width,
-                value,
-                bus.memory,
-                bus.board,
-            )
+            .write(Ticks(self.now), address, width, value)
             .map_err(|error| refused(error, FaultKind::UnmappedStore { address }))?;
         self.counters.stall_ticks += stall.0;
         self.now += stall.0;
@@ -154,9 +146,9 @@ fn word(bytes: &[u8]) -> u32 {
 
 /// Where nothing answers the core takes a HardFault; anything else is a limit of the models.
 fn refused(error: BusError, unmapped: FaultKind) -> Box<Trap> {
-    match error {
-        BusError::Unmapped { .. } => Trap::Fault(unmapped).into(),
-        error => Trap::Unmodelled(FaultKind::Peripheral(error)).into(),
+    match error.refusal {
+        Refusal::Unmapped => Trap::Fault(unmapped).into(),
+        _ => Trap::Unmodelled(FaultKind::Peripheral(error)).into(),
     }
 }
 

@@ -7,8 +7,9 @@
 //! unpredictable (an EXC_RETURN that fits neither nesting nor stacked xPSR) raises HardFault.
 
 use super::nvic::{HARD_FAULT, SVCALL};
-use super::{Bus, Core, LR, Outcome, SP, Sleep, Trap};
-use crate::chip::Stop;
+use super::view::Stop;
+use super::{Core, LR, Outcome, SP, Sleep, Trap};
+use crate::bus::Bus;
 use crate::fault::{Fault, FaultKind};
 
 const ENTRY_CYCLES: u32 = 15;
@@ -42,7 +43,8 @@ impl Core {
         }
     }
 
-    /// Stacks and starts the handler of the exception that goes first once the stacking is done.
+    /// Stacks the registers, then starts the handler of the exception that has the highest priority
+    /// when that is done.
     pub(super) fn enter_exception(&mut self, bus: &mut Bus<'_>) {
         let return_value = match (self.ipsr, self.spsel) {
             (0, false) => RETURN_TO_THREAD_MSP,
@@ -164,7 +166,7 @@ impl Core {
         Ok(words)
     }
 
-    /// Deals with an instruction that did not complete; `pc` is its address.
+    /// Handles an instruction that did not complete; `pc` is its address.
     pub(super) fn take_trap(&mut self, trap: Trap) -> Option<Stop> {
         self.ask_attention();
         match trap {
@@ -201,12 +203,12 @@ impl Core {
     /// A fault that cannot be taken: the core stands still until it is reset.
     fn lock_up(&mut self, kind: FaultKind) {
         self.lockup = Some(Fault { pc: self.pc, kind });
-        self.lockup_told = false;
+        self.lockup_reported = false;
         self.ask_attention();
     }
 }
 
-/// What went wrong, of an access that stacking, unstacking or a vector needs.
+/// The fault of an access for stacking, unstacking or a vector.
 fn kind(trap: Trap) -> FaultKind {
     match trap {
         Trap::Fault(kind) | Trap::Unmodelled(kind) => kind,

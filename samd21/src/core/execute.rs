@@ -1,5 +1,6 @@
 //! Every instruction of ARMv6-M (ARM DDI 0419, A5 and A6), with the Cortex-M0+ cycle counts (ARM
-//! DDI 0484, 3.3; single-cycle multiplier).
+//! DDI 0484, 3.3; single-cycle multiplier). Block transfers are in `transfer`; hints, 32-bit
+//! encodings and special registers in `special`.
 //!
 //! | instruction | cycles |
 //! |---|---|
@@ -17,15 +18,13 @@
 //! mistake (MSR to an unknown register, an empty register list), and as the obvious thing
 //! elsewhere (CMP of two low registers in the high-register form).
 
-use super::decode::Operation;
+use super::decode::{Operation, field};
 use super::exception::RETURN_CYCLES;
-use super::{Bus, Core, LR, Outcome, SP, Sleep, Trap};
-use crate::fault::FaultKind;
-
-const PC: usize = 15;
+use super::{Core, LR, Outcome, PC, SP, Trap, undefined};
+use crate::bus::Bus;
 
 impl Core {
-    /// Executes the instruction at `pc`; its cycles.
+    /// Executes the instruction at `pc` and returns its cycles.
     #[inline(always)]
     pub(super) fn instruction(&mut self, bus: &mut Bus<'_>, pc: u32) -> Outcome<u32> {
         let op = self.fetch(bus, pc)?;
@@ -229,7 +228,7 @@ impl Core {
         }
     }
 
-    /// Writes any register; the cycles of the instruction that does.
+    /// Writes any register and returns the cycles of the instruction that does.
     #[inline(always)]
     fn set_any(&mut self, register: usize, value: u32, pc: u32) -> u32 {
         match register {
@@ -261,106 +260,6 @@ impl Core {
         Ok(Self::access_cycles(address))
     }
 
-    fn push(&mut self, bus: &mut Bus<'_>, op: u16) -> Outcome<u32> {
-        // Bit 8 stands for LR.
-        let list = op & 0x1FF;
-        let count = list.count_ones();
-        if count == 0 {
-            return Err(undefined(op));
-        }
-        let base = self.r[SP].wrapping_sub(4 * count);
-        let mut address = base;
-        for bit in bits(list) {
-            let register = if bit == 8 { LR } else { bit };
-            self.store::<4>(bus, address, self.r[register])?;
-            address = address.wrapping_add(4);
-        }
-        self.set_sp(base);
-        Ok(1 + count)
-    }
-
-    fn pop(&mut self, bus: &mut Bus<'_>, op: u16, pc: u32) -> Outcome<u32> {
-        let list = op & 0xFF;
-        let with_pc = op & 0x100 != 0;
-        let count = list.count_ones() + u32::from(with_pc);
-        if count == 0 {
-            return Err(undefined(op));
-        }
-        let mut address = self.r[SP];
-        let mut loaded = [0; 9];
-        let mut slots = loaded.iter_mut();
-        for slot in slots.by_ref().take(count as usize) {
-            *slot = self.load::<4>(bus, address)?;
-            address = address.wrapping_add(4);
-        }
-        for (register, value) in bits(list).zip(loaded) {
-            self.r[register] = value;
-        }
-        self.set_sp(address);
-        if !with_pc {
-            return Ok(1 + count);
-        }
-        let target = loaded[count as usize - 1];
-        Ok(3 + count + self.branch_exchange(bus, target, pc)?)
-    }
-
-    fn store_multiple(&mut self, bus: &mut Bus<'_>, op: u16) -> Outcome<u32> {
-        let (rn, list) = (field(op, 8), op & 0xFF);
-        if list == 0 {
-            return Err(undefined(op));
-        }
-        let mut address = self.r[rn];
-        for register in bits(list) {
-            self.store::<4>(bus, address, self.r[register])?;
-            address = address.wrapping_add(4);
-        }
-        self.r[rn] = address;
-        Ok(1 + list.count_ones())
-    }
-
-    fn load_multiple(&mut self, bus: &mut Bus<'_>, op: u16) -> Outcome<u32> {
-        let (rn, list) = (field(op, 8), op & 0xFF);
-        if list == 0 {
-            return Err(undefined(op));
-        }
-        let mut address = self.r[rn];
-        let mut loaded = [0; 8];
-        for slot in loaded.iter_mut().take(list.count_ones() as usize) {
-            *slot = self.load::<4>(bus, address)?;
-            address = address.wrapping_add(4);
-        }
-        // A base in the list gets the loaded word, any other the address behind the last.
-        self.r[rn] = address;
-        for (register, value) in bits(list).zip(loaded) {
-            self.r[register] = value;
-        }
-        Ok(1 + list.count_ones())
-    }
-
-    fn hint(&mut self, op: u16) -> Outcome<u32> {
-        match op {
-            0xBF20 | 0xBF30 if self.deep_sleep => {
-                return Err(Trap::Unmodelled(FaultKind::DeepSleep).into());
-            }
-            0xBF20 if self.event => self.event = false,
-            0xBF20 => self.fall_asleep(Sleep::ForEvent),
-            0xBF30 => self.fall_asleep(Sleep::ForInterrupt),
-            0xBF40 => {
-                self.event = true;
-                return Ok(1);
-            }
-            // NOP, YIELD and hints that are not allocated.
-            _ if op & 0xF == 0 => return Ok(1),
-            _ => return Err(undefined(op)),
-        }
-        Ok(2)
-    }
-
-    fn fall_asleep(&mut self, sleep: Sleep) {
-        self.sleep = Some(sleep);
-        self.ask_attention();
-    }
-
     #[inline(always)]
     fn condition(&self, condition: u16) -> bool {
         let holds = match condition >> 1 {
@@ -381,9 +280,14 @@ impl Core {
         self.note_branch(pc);
     }
 
-    /// BX and POP to PC: a branch, in a handler perhaps an exception return, and then the cycles
-    /// beyond the branch.
-    fn branch_exchange(&mut self, bus: &mut Bus<'_>, target: u32, pc: u32) -> Outcome<u32> {
+    /// BX and POP to PC: a branch, or in a handler perhaps an exception return. Returns the cycles
+    /// beyond those of the branch.
+    pub(super) fn branch_exchange(
+        &mut self,
+        bus: &mut Bus<'_>,
+        target: u32,
+        pc: u32,
+    ) -> Outcome<u32> {
         if self.ipsr != 0 && target >> 28 == 0xF {
             self.exception_return(bus, target)?;
             self.note_branch(pc);
@@ -393,102 +297,12 @@ impl Core {
         self.note_branch(pc);
         Ok(0)
     }
-
-    /// 32-bit encodings: BL, MRS, MSR, barriers; everything else is undefined.
-    fn wide(&mut self, bus: &mut Bus<'_>, op: u16, pc: u32) -> Outcome<u32> {
-        let second = self.fetch(bus, pc.wrapping_add(2))?;
-        let encoding = u32::from(op) << 16 | u32::from(second);
-        self.pc = pc.wrapping_add(4);
-        if encoding & 0xF800_D000 == 0xF000_D000 {
-            self.r[LR] = self.pc | 1;
-            self.pc = self.pc.wrapping_add(bl_offset(encoding));
-            self.note_branch(pc);
-            return Ok(3);
-        }
-        let undefined = || Err(Trap::Fault(FaultKind::Undefined { encoding }).into());
-        if encoding & 0xFFFF_F000 == 0xF3EF_8000 {
-            let rd = (encoding >> 8 & 15) as usize;
-            match self.special(encoding & 0xFF) {
-                Some(value) if rd != SP && rd != PC => self.r[rd] = value,
-                _ => return undefined(),
-            }
-        } else if encoding & 0xFFF0_FF00 == 0xF380_8800 {
-            let rn = (encoding >> 16 & 15) as usize;
-            if rn == SP || rn == PC || !self.set_special(encoding & 0xFF, self.r[rn]) {
-                return undefined();
-            }
-        } else if !matches!(
-            encoding & 0xFFFF_FFF0,
-            0xF3BF_8F40 | 0xF3BF_8F50 | 0xF3BF_8F60
-        ) {
-            return undefined();
-        }
-        Ok(3)
-    }
-
-    /// A special register by its SYSm number; EPSR reads as zero.
-    fn special(&self, number: u32) -> Option<u32> {
-        let (msp, psp) = self.stack_pointers();
-        Some(match number {
-            0 | 2 => self.xpsr() & 0xF000_0000,
-            1 | 3 => self.xpsr() & 0xF000_003F,
-            5 | 7 => u32::from(self.ipsr),
-            6 => 0,
-            8 => msp,
-            9 => psp,
-            16 => u32::from(self.primask),
-            20 => u32::from(self.spsel) << 1,
-            _ => return None,
-        })
-    }
-
-    /// Writes a special register; whether there is one with that number.
-    fn set_special(&mut self, number: u32, value: u32) -> bool {
-        match number {
-            0..=3 => self.set_apsr(value),
-            // IPSR and EPSR: writes are ignored.
-            5..=7 => {}
-            8 if !self.uses_psp() => self.set_sp(value),
-            9 if self.uses_psp() => self.set_sp(value),
-            8 | 9 => self.other_sp = value & !3,
-            16 => {
-                self.primask = value & 1 != 0;
-                self.ask_attention();
-            }
-            20 => {
-                // In a handler the write is ignored; nPRIV does not exist on this chip.
-                let spsel = value & 2 != 0;
-                if self.ipsr == 0 && spsel != self.spsel {
-                    std::mem::swap(&mut self.r[SP], &mut self.other_sp);
-                    self.spsel = spsel;
-                }
-            }
-            _ => return false,
-        }
-        true
-    }
-}
-
-/// A low register's number, at bit `shift`.
-#[inline(always)]
-fn field(op: u16, shift: u32) -> usize {
-    usize::from(op >> shift & 7)
 }
 
 /// Rd or Rn (bits 7, 2:0) and Rm (bits 6:3) of the high-register forms.
 #[inline(always)]
 fn high_fields(op: u16) -> (usize, usize) {
     (usize::from(op >> 4 & 8 | op & 7), usize::from(op >> 3 & 15))
-}
-
-/// The set bits' numbers, lowest first.
-#[inline(always)]
-fn bits(mut list: u16) -> impl Iterator<Item = usize> {
-    std::iter::from_fn(move || {
-        let lowest = (list != 0).then(|| list.trailing_zeros() as usize);
-        list &= list.wrapping_sub(1);
-        lowest
-    })
 }
 
 /// The shifts: result and carry, for 1 to 255 places.
@@ -510,23 +324,4 @@ fn asr(value: u32, by: u32) -> (u32, bool) {
 fn ror(value: u32, by: u32) -> (u32, bool) {
     let result = value.rotate_right(by & 31);
     (result, result >> 31 != 0)
-}
-
-/// The offset of a BL from the address behind it: S:I1:I2:imm10:imm11:0.
-fn bl_offset(encoding: u32) -> u32 {
-    let s = encoding >> 26 & 1;
-    let i1 = !(encoding >> 13 ^ s) & 1;
-    let i2 = !(encoding >> 11 ^ s) & 1;
-    let imm10 = encoding >> 16 & 0x3FF;
-    let imm11 = encoding & 0x7FF;
-    let offset = s << 24 | i1 << 23 | i2 << 22 | imm10 << 12 | imm11 << 1;
-    ((offset << 7) as i32 >> 7) as u32
-}
-
-#[cold]
-fn undefined(op: u16) -> Box<Trap> {
-    Trap::Fault(FaultKind::Undefined {
-        encoding: u32::from(op),
-    })
-    .into()
 }

@@ -13,32 +13,31 @@ mod decode;
 mod exception;
 mod execute;
 mod nvic;
+mod special;
 mod system_control;
 mod systick;
+mod transfer;
+mod view;
+
+pub use self::view::{Counters, Registers, Stop};
 
 use self::nvic::Nvic;
 use self::systick::SysTick;
-use crate::board::{Board, Ticks};
-use crate::chip::{Counters, Registers, Stop};
+use crate::board::Ticks;
+use crate::bus::Bus;
 use crate::fault::{Fault, FaultKind};
 use crate::memory::Memory;
 use crate::options::WaitStates;
-use crate::peripherals::{Peripherals, ResetCause};
+use crate::peripherals::ResetCause;
 
 const SP: usize = 13;
 const LR: usize = 14;
+const PC: usize = 15;
 
 /// Taken branches that are remembered.
 const TRAIL: usize = 32;
 /// Lines of the flash controller's cache, 8 bytes each.
 const FLASH_LINES: usize = 8;
-
-/// Everything outside of the core.
-pub(crate) struct Bus<'a> {
-    pub(crate) memory: &'a mut Memory,
-    pub(crate) peripherals: &'a mut Peripherals,
-    pub(crate) board: &'a mut dyn Board,
-}
 
 /// Why an instruction did not complete.
 enum Trap {
@@ -53,18 +52,26 @@ enum Trap {
 /// Boxed, so that what nearly always succeeds returns in registers.
 type Outcome<T> = Result<T, Box<Trap>>;
 
+#[cold]
+fn undefined(op: u16) -> Box<Trap> {
+    Trap::Fault(FaultKind::Undefined {
+        encoding: u32::from(op),
+    })
+    .into()
+}
+
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Sleep {
     ForInterrupt,
     ForEvent,
 }
 
-#[derive(Clone)]
+#[derive(Clone, Default)]
 pub(crate) struct Core {
     /// R0 to R12, the stack pointer in use, LR. The last is not used: see `pc`.
     r: [u32; 16],
     /// Address of the next instruction (between instructions: of the one to be executed).
-    pc: u32,
+    pub(crate) pc: u32,
     n: bool,
     z: bool,
     c: bool,
@@ -90,8 +97,8 @@ pub(crate) struct Core {
     event: bool,
     sleep: Option<Sleep>,
     /// The fault in which the core has locked up.
-    lockup: Option<Fault>,
-    lockup_told: bool,
+    pub(crate) lockup: Option<Fault>,
+    lockup_reported: bool,
     reset_request: Option<ResetCause>,
 
     /// Ticks since power-on.
@@ -105,12 +112,12 @@ pub(crate) struct Core {
     /// Which 8 bytes of flash (address / 8) each line of the cache holds.
     flash_lines: [u32; FLASH_LINES],
 
-    /// `cycles` in it are those before the clock was last changed.
+    /// Its `cycles` are those before the clock was last changed.
     counters: Counters,
-    /// `awake_ticks` then.
+    /// `awake_ticks` when the clock was last changed.
     cycles_counted_at: u64,
-    lowest_sp: u32,
-    last_hard_fault: Option<Fault>,
+    pub(crate) lowest_sp: u32,
+    pub(crate) last_hard_fault: Option<Fault>,
     /// Ring of taken branches, from and to.
     trail: [(u32, u32); TRAIL],
     branches: usize,
@@ -120,43 +127,13 @@ impl Core {
     /// A core at power-on, before it has fetched a vector.
     pub(crate) fn new(wait_states: WaitStates, ticks_per_cycle: u32) -> Self {
         Self {
-            r: [0; 16],
-            pc: 0,
-            n: false,
-            z: false,
-            c: false,
-            v: false,
-            thumb: false,
-            ipsr: 0,
-            primask: false,
-            spsel: false,
-            other_sp: 0,
-            nvic: Nvic::new(),
-            systick: SysTick::new(),
-            vtor: 0,
-            sleep_on_exit: false,
-            deep_sleep: false,
-            event_on_pend: false,
-            event: false,
-            sleep: None,
-            lockup: None,
-            lockup_told: false,
-            reset_request: None,
-            now: 0,
-            deadline: 0,
             ticks_per_cycle: u64::from(ticks_per_cycle),
             forced_wait_states: match wait_states {
                 WaitStates::AsConfigured => None,
                 WaitStates::Forced(n) => Some(n),
             },
-            wait_states: 0,
             flash_lines: [u32::MAX; FLASH_LINES],
-            counters: Counters::default(),
-            cycles_counted_at: 0,
-            lowest_sp: 0,
-            last_hard_fault: None,
-            trail: [(0, 0); TRAIL],
-            branches: 0,
+            ..Self::default()
         }
     }
 
@@ -229,8 +206,8 @@ impl Core {
         }
     }
 
-    /// What is not a plain instruction: events that are due, resets, exceptions, sleep. Sets the
-    /// next deadline.
+    /// Handles what is not a plain instruction: events that are due, resets, exceptions, sleep.
+    /// Sets the next deadline.
     #[cold]
     #[inline(never)]
     fn attend(&mut self, bus: &mut Bus<'_>, until: u64) -> Option<Stop> {
@@ -243,7 +220,7 @@ impl Core {
                 return Some(Stop::Reached);
             }
             if self.lockup.is_some() {
-                if !std::mem::replace(&mut self.lockup_told, true) {
+                if !std::mem::replace(&mut self.lockup_reported, true) {
                     return Some(Stop::Lockup);
                 }
                 self.sleep_until(self.next_event(bus, until));
@@ -273,10 +250,9 @@ impl Core {
         }
     }
 
-    /// Brings peripherals, SysTick and interrupt lines to the present.
+    /// Brings peripherals, SysTick and interrupt lines to the core's time.
     fn catch_up(&mut self, bus: &mut Bus<'_>) {
-        bus.peripherals
-            .advance(Ticks(self.now), bus.memory, bus.board);
+        bus.advance(Ticks(self.now));
         let ticks_per_cycle = u64::from(bus.peripherals.ticks_per_cycle());
         if ticks_per_cycle != self.ticks_per_cycle {
             self.counters = self.counters();
@@ -304,9 +280,7 @@ impl Core {
 
     /// When something next happens by itself, `until` at the latest.
     fn next_event(&self, bus: &Bus<'_>, until: u64) -> u64 {
-        until
-            .min(bus.peripherals.next_event().0)
-            .min(self.systick.next_event())
+        until.min(bus.next_event().0).min(self.systick.next_event())
     }
 
     fn sleep_until(&mut self, at: u64) {
@@ -333,7 +307,7 @@ impl Core {
         self.now += u64::from(cycles) * self.ticks_per_cycle;
     }
 
-    /// Has `attend` called before the next instruction.
+    /// Makes `run` call `attend` before the next instruction.
     #[inline(always)]
     fn ask_attention(&mut self) {
         self.deadline = 0;
@@ -404,10 +378,6 @@ impl Core {
         Ticks(self.now)
     }
 
-    pub(crate) fn pc(&self) -> u32 {
-        self.pc
-    }
-
     /// Cycles are not counted one by one: they follow from the time spent awake at one clock.
     pub(crate) fn counters(&self) -> Counters {
         let awake = self.awake_ticks() - self.cycles_counted_at;
@@ -421,20 +391,8 @@ impl Core {
         self.now - self.counters.sleep_ticks - self.counters.stall_ticks
     }
 
-    pub(crate) fn lowest_sp(&self) -> u32 {
-        self.lowest_sp
-    }
-
     pub(crate) fn is_asleep(&self) -> bool {
         self.sleep.is_some()
-    }
-
-    pub(crate) fn last_hard_fault(&self) -> Option<&Fault> {
-        self.last_hard_fault.as_ref()
-    }
-
-    pub(crate) fn lockup(&self) -> Option<&Fault> {
-        self.lockup.as_ref()
     }
 
     /// Taken branches, oldest first.

@@ -33,9 +33,9 @@ pub(super) struct Nvic {
     priorities: [i8; COUNT],
 }
 
-impl Nvic {
+impl Default for Nvic {
     /// The state after reset.
-    pub(super) fn new() -> Self {
+    fn default() -> Self {
         let mut priorities = [0; COUNT];
         priorities[usize::from(NMI)] = -2;
         priorities[usize::from(HARD_FAULT)] = -1;
@@ -47,7 +47,9 @@ impl Nvic {
             priorities,
         }
     }
+}
 
+impl Nvic {
     /// Takes the level of the 32 interrupt lines.
     pub(super) fn sample(&mut self, lines: u32) {
         let rising = lines & !self.lines;
@@ -179,7 +181,7 @@ mod tests {
 
     #[test]
     fn the_lowest_number_of_the_highest_priority_goes_first() {
-        let mut nvic = Nvic::new();
+        let mut nvic = Nvic::default();
         nvic.enable_irqs(0b111);
         nvic.set_priority_word(IRQ0, 0x0040_4080);
         nvic.pend_irqs(0b1111);
@@ -198,7 +200,7 @@ mod tests {
 
     #[test]
     fn a_level_pends_again_only_once_its_handler_is_left() {
-        let mut nvic = Nvic::new();
+        let mut nvic = Nvic::default();
         nvic.sample(1);
         nvic.activate(IRQ0);
         nvic.sample(1);
@@ -210,7 +212,7 @@ mod tests {
 
     #[test]
     fn an_edge_in_the_handler_pends_again() {
-        let mut nvic = Nvic::new();
+        let mut nvic = Nvic::default();
         nvic.sample(1);
         nvic.activate(IRQ0);
         nvic.sample(0);
@@ -221,7 +223,7 @@ mod tests {
 
     #[test]
     fn priority_registers_keep_two_bits_a_byte() {
-        let mut nvic = Nvic::new();
+        let mut nvic = Nvic::default();
         nvic.set_priority_word(IRQ0 + 28, 0xFFFF_FFFF);
         assert_eq!(nvic.priority_word(IRQ0 + 28), 0xC0C0_C0C0);
         nvic.set_priority_word(12, 0xFFFF_FFFF);

@@ -36,9 +36,9 @@ pub(super) struct SysTick {
     period: u64,
 }
 
-impl SysTick {
+impl Default for SysTick {
     /// The state after reset (the architecture leaves RVR and CVR unknown; here zero).
-    pub(super) fn new() -> Self {
+    fn default() -> Self {
         Self {
             enabled: false,
             interrupt: false,
@@ -49,7 +49,9 @@ impl SysTick {
             period: 0,
         }
     }
+}
 
+impl SysTick {
     /// When the count next reaches zero; `u64::MAX` for never.
     pub(super) fn next_event(&self) -> u64 {
         self.zero_at
@@ -156,7 +158,7 @@ mod tests {
     use super::*;
 
     fn running(reload: u32) -> SysTick {
-        let mut timer = SysTick::new();
+        let mut timer = SysTick::default();
         timer.set_reload(reload);
         timer.clear(0, 1);
         timer.write_control(ENABLE | TICKINT, 0, 1);
@@ -216,7 +218,7 @@ mod tests {
 
     #[test]
     fn a_change_of_clock_keeps_the_count() {
-        let mut timer = SysTick::new();
+        let mut timer = SysTick::default();
         timer.set_reload(99);
         timer.write_control(ENABLE, 0, 48);
         assert_eq!(timer.count(40 * 48, 48), 60);

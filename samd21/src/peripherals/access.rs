@@ -1,9 +1,10 @@
 //! One access of the bus, as a peripheral sees it.
 //!
 //! Registers are grouped by 32-bit words. A read gives the whole word and the bus takes its part of
-//! it; a write tells by [`Lanes`] which bytes of the word it drives, so that byte and half-word
+//! it; in a write [`Lanes`] say which bytes of the word it drives, so that byte and half-word
 //! writes reach the registers that they name and no others.
 
+pub(crate) use super::error::Refusal;
 use super::violations::Violations;
 use crate::board::{Board, Ticks};
 
@@ -13,18 +14,38 @@ pub(crate) struct Bus<'a> {
     pub(crate) now: Ticks,
     /// What is soldered round the chip.
     pub(crate) board: &'a mut dyn Board,
-    /// Where misuse that the chip only swallows is noted.
+    /// Where misuse that the chip silently ignores is noted.
     pub(crate) violations: &'a mut Violations,
 }
 
-/// Why a peripheral refuses an access; the router adds address and name.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Refusal {
-    /// The named register, or this value of the named field, is in no model.
-    Unmodelled(&'static str),
-    /// The access would hang or damage the real chip, for this reason.
-    Forbidden(&'static str),
+impl Bus<'_> {
+    /// Notes misuse of a peripheral.
+    pub(crate) fn note(&mut self, peripheral: &'static str, what: &'static str) {
+        self.violations.note(self.now, peripheral, what);
+    }
+
+    /// Writes all but ENABLE of the CTRLA of a timer or SERCOM. Its fields, `modelled`, are
+    /// protected while ENABLE is set.
+    pub(crate) fn write_ctrla(
+        &mut self,
+        peripheral: &'static str,
+        ctrla: &mut u32,
+        value: u32,
+        modelled: u32,
+    ) {
+        if *ctrla & ENABLE != 0 && (*ctrla ^ value) & modelled != 0 {
+            let what = "enable-protected CTRLA written while enabled: discarded";
+            self.note(peripheral, what);
+        } else {
+            *ctrla = value & modelled | *ctrla & ENABLE;
+        }
+    }
 }
+
+/// CTRLA.SWRST of timers and SERCOMs.
+pub(crate) const SWRST: u32 = 1 << 0;
+/// CTRLA.ENABLE of timers and SERCOMs.
+pub(crate) const ENABLE: u32 = 1 << 1;
 
 /// The value of the word read.
 pub(crate) type Read = Result<u32, Refusal>;
@@ -35,7 +56,7 @@ pub(crate) type Write = Result<Ticks, Refusal>;
 /// A write that takes no longer than the bus itself.
 pub(crate) const DONE: Write = Ok(Ticks::ZERO);
 
-/// A reserved offset or a register without a name worth telling.
+/// A reserved offset.
 pub(crate) const RESERVED: Refusal = Refusal::Unmodelled("a reserved offset");
 
 /// The bytes of a word that a write drives.

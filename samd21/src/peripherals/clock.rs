@@ -1,5 +1,6 @@
 //! Clock rates and synchronisation flags, exact in ticks.
 
+use super::access::{Refusal, Write};
 use crate::SyncHold;
 use crate::board::Ticks;
 
@@ -54,37 +55,54 @@ impl Rate {
 #[derive(Clone, Debug)]
 pub(crate) struct SyncFlags<const N: usize> {
     hold: Ticks,
+    clocked: bool,
     until: [Ticks; N],
 }
 
+impl<const N: usize> Default for SyncFlags<N> {
+    fn default() -> Self {
+        Self::new(SyncHold::Instant)
+    }
+}
+
 impl<const N: usize> SyncFlags<N> {
+    /// Flags of a peripheral whose generic clock does not run yet.
     pub(crate) fn new(hold: SyncHold) -> Self {
         Self {
             hold: match hold {
                 SyncHold::Instant => Ticks::ZERO,
                 SyncHold::For(ticks) => ticks,
             },
+            clocked: false,
             until: [Ticks::ZERO; N],
         }
     }
 
-    /// Sets flag `bit` for the hold time.
-    pub(crate) fn begin(&mut self, now: Ticks, bit: usize) {
-        self.until[bit] = now + self.hold;
+    /// Whether there is a clock to synchronise to.
+    pub(crate) fn is_clocked(&self) -> bool {
+        self.clocked
     }
 
-    /// Sets flag `bit` for ever: there is no clock to synchronise to.
-    pub(crate) fn hang(&mut self, bit: usize) {
-        self.until[bit] = Ticks::NEVER;
-    }
-
-    /// A clock is there again: what hung ends the hold time from now.
-    pub(crate) fn unhang(&mut self, now: Ticks) {
-        for until in &mut self.until {
-            if *until == Ticks::NEVER {
-                *until = now + self.hold;
+    /// The clock runs from now on, or no longer. When it starts, flags that hung without it end
+    /// the hold time from now.
+    pub(crate) fn set_clocked(&mut self, now: Ticks, clocked: bool) {
+        self.clocked = clocked;
+        if clocked {
+            for until in &mut self.until {
+                if *until == Ticks::NEVER {
+                    *until = now + self.hold;
+                }
             }
         }
+    }
+
+    /// Sets flag `bit` for the hold time, or without a clock for ever.
+    pub(crate) fn begin(&mut self, now: Ticks, bit: usize) {
+        self.until[bit] = if self.clocked {
+            now + self.hold
+        } else {
+            Ticks::NEVER
+        };
     }
 
     /// Whether flag `bit` is set.
@@ -92,11 +110,19 @@ impl<const N: usize> SyncFlags<N> {
         now < self.until[bit]
     }
 
-    /// How long flag `bit` stays set, [`Ticks::NEVER`] for one that hangs.
+    /// How long flag `bit` stays set.
     pub(crate) fn remaining(&self, now: Ticks, bit: usize) -> Ticks {
+        self.until[bit].saturating_sub(now)
+    }
+
+    /// How long a write stalls the bus because flag `bit` is set. Without a clock that is for
+    /// ever, and refused.
+    pub(crate) fn stall(&self, now: Ticks, bit: usize) -> Write {
         match self.until[bit] {
-            Ticks::NEVER => Ticks::NEVER,
-            until => until.saturating_sub(now),
+            Ticks::NEVER => Err(Refusal::Forbidden(
+                "no generic clock: the bus stalls for ever",
+            )),
+            _ => Ok(self.remaining(now, bit)),
         }
     }
 
@@ -131,6 +157,7 @@ mod tests {
     #[test]
     fn flags_end_one_by_one() {
         let mut flags = SyncFlags::<3>::new(SyncHold::For(Ticks(10)));
+        flags.set_clocked(Ticks(0), true);
         flags.begin(Ticks(100), 0);
         flags.begin(Ticks(105), 2);
         assert_eq!(flags.bits(Ticks(105)), 0b101);

@@ -14,69 +14,29 @@
 //!
 //! | left out | why |
 //! |---|---|
-//! | pulses shorter than 100 us | switches and an IMU's interrupt are slower; looking oftener costs time |
+//! | pulses shorter than 100 us | looking more often would slow the emulation |
 //! | NMI, events | not used: setting one faults |
-//! | the filter | pins here do not bounce within a sample |
+//! | the filter | a board has no noise on its pins |
 
 use super::access::{Bus, Lanes, RESERVED, Read, Refusal, Write};
 use super::clock::SyncFlags;
+use super::interrupts::Interrupts;
+use super::map::Block;
+use super::multiplexer::interrupt_line;
 use super::port::Port;
 use crate::SyncHold;
-use crate::board::{Pin, Ticks};
+use crate::board::Ticks;
 
 const SWRST: u8 = 1 << 0;
 const ENABLE: u8 = 1 << 1;
 const LINES: u32 = 0xFFFF;
 const SAMPLE: Ticks = Ticks::from_us(100);
 
-/// Which pins function A gives to which line (I/O multiplexing table, G variant).
-const PINS: [(Pin, u8); 37] = [
-    (Pin::a(0), 0),
-    (Pin::a(1), 1),
-    (Pin::a(2), 2),
-    (Pin::a(3), 3),
-    (Pin::a(4), 4),
-    (Pin::a(5), 5),
-    (Pin::a(6), 6),
-    (Pin::a(7), 7),
-    (Pin::a(9), 9),
-    (Pin::a(10), 10),
-    (Pin::a(11), 11),
-    (Pin::a(12), 12),
-    (Pin::a(13), 13),
-    (Pin::a(14), 14),
-    (Pin::a(15), 15),
-    (Pin::a(16), 0),
-    (Pin::a(17), 1),
-    (Pin::a(18), 2),
-    (Pin::a(19), 3),
-    (Pin::a(20), 4),
-    (Pin::a(21), 5),
-    (Pin::a(22), 6),
-    (Pin::a(23), 7),
-    (Pin::a(24), 12),
-    (Pin::a(25), 13),
-    (Pin::a(27), 15),
-    (Pin::a(28), 8),
-    (Pin::a(30), 10),
-    (Pin::a(31), 11),
-    (Pin::b(2), 2),
-    (Pin::b(3), 3),
-    (Pin::b(8), 8),
-    (Pin::b(9), 9),
-    (Pin::b(10), 10),
-    (Pin::b(11), 11),
-    (Pin::b(22), 6),
-    (Pin::b(23), 7),
-];
-
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub(crate) struct Eic {
     sync: SyncFlags<1>,
-    clocked: bool,
     enabled: bool,
-    interrupts: u32,
-    flags: u32,
+    interrupts: Interrupts<LINES>,
     wakeup: u32,
     config: [u32; 2],
     levels: u32,
@@ -87,26 +47,18 @@ impl Eic {
     pub(crate) fn new(hold: SyncHold) -> Self {
         Self {
             sync: SyncFlags::new(hold),
-            clocked: false,
-            enabled: false,
-            interrupts: 0,
-            flags: 0,
-            wakeup: 0,
-            config: [0; 2],
-            levels: 0,
+            interrupts: Interrupts::of(Block::Eic),
             next_sample: Ticks::NEVER,
+            ..Self::default()
         }
     }
 
     pub(crate) fn set_clock(&mut self, now: Ticks, clocked: bool) {
-        if clocked && !self.clocked {
-            self.sync.unhang(now);
-        }
-        self.clocked = clocked;
+        self.sync.set_clocked(now, clocked);
     }
 
-    pub(crate) fn irq(&self) -> bool {
-        self.flags & self.interrupts != 0
+    pub(crate) fn irq(&self) -> u32 {
+        self.interrupts.irq()
     }
 
     pub(crate) fn next(&self) -> Ticks {
@@ -115,18 +67,19 @@ impl Eic {
 
     pub(crate) fn advance(&mut self, bus: &mut Bus<'_>, port: &Port) {
         let before = self.levels;
+        let clocked = self.sync.is_clocked();
         self.sample(bus, port);
         for line in 0..16 {
             let (was, is) = (before >> line & 1 != 0, self.levels >> line & 1 != 0);
             let sensed = match self.sense(line) {
-                1 => self.clocked && !was && is,
-                2 => self.clocked && was && !is,
-                3 => self.clocked && was != is,
+                1 => clocked && !was && is,
+                2 => clocked && was && !is,
+                3 => clocked && was != is,
                 4 => is,
                 5 => !is,
                 _ => false,
             };
-            self.flags |= u32::from(sensed) << line;
+            self.interrupts.flags |= u32::from(sensed) << line;
         }
         self.next_sample = bus.now + SAMPLE;
     }
@@ -136,14 +89,16 @@ impl Eic {
     }
 
     fn sample(&mut self, bus: &Bus<'_>, port: &Port) {
-        self.levels = PINS
-            .iter()
-            .filter(|&&(pin, line)| {
-                self.sense(usize::from(line)) != 0
-                    && port.interrupt_routed(pin)
-                    && port.level(bus.now, pin, bus.board)
-            })
-            .fold(0, |levels, &(_, line)| levels | 1 << line);
+        self.levels = 0;
+        for pin in Port::pins() {
+            if let Some(line) = interrupt_line(pin)
+                && self.sense(usize::from(line)) != 0
+                && port.interrupt_routed(pin)
+                && port.level(bus.now, pin, bus.board)
+            {
+                self.levels |= 1 << line;
+            }
+        }
     }
 
     pub(crate) fn read(&self, now: Ticks, offset: u32) -> Read {
@@ -153,8 +108,7 @@ impl Eic {
                 u32::from(enable) | u32::from(self.sync.is_busy(now, 0)) << 15
             }
             0x04 => 0,
-            0x08 | 0x0C => self.interrupts,
-            0x10 => self.flags,
+            0x08 | 0x0C | 0x10 => self.interrupts.read_words(offset - 0x08),
             0x14 => self.wakeup,
             0x18 => self.config[0],
             0x1C => self.config[1],
@@ -176,26 +130,16 @@ impl Eic {
                     return Err(Refusal::Unmodelled("the non-maskable interrupt"));
                 }
                 if let Some(ctrl) = lanes.byte(0) {
-                    stall = self.sync.remaining(bus.now, 0);
-                    if stall == Ticks::NEVER {
-                        return Err(Refusal::Forbidden(
-                            "no generic clock: the bus stalls for ever",
-                        ));
-                    }
+                    stall = self.sync.stall(bus.now, 0)?;
                     if ctrl & SWRST != 0 {
                         *self = Self {
                             sync: self.sync.clone(),
-                            clocked: self.clocked,
                             ..Self::new(SyncHold::Instant)
                         };
                     } else {
                         self.enabled = ctrl & ENABLE != 0;
                     }
-                    if self.clocked {
-                        self.sync.begin(bus.now + stall, 0);
-                    } else {
-                        self.sync.hang(0);
-                    }
+                    self.sync.begin(bus.now + stall, 0);
                 }
             }
             0x04 => {
@@ -203,9 +147,7 @@ impl Eic {
                     return Err(Refusal::Unmodelled("EVCTRL"));
                 }
             }
-            0x08 => self.interrupts &= !lanes.bits(),
-            0x0C => self.interrupts |= lanes.bits() & LINES,
-            0x10 => self.flags &= !lanes.bits(),
+            0x08 | 0x0C | 0x10 => self.interrupts.write_words(offset - 0x08, lanes),
             0x14 => self.wakeup = lanes.merge(self.wakeup) & LINES,
             0x18 | 0x1C => {
                 let config = &mut self.config[((offset - 0x18) / 4) as usize];

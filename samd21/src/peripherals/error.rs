@@ -39,80 +39,58 @@ impl Width {
     }
 }
 
-/// An access that stops the chip.
+impl fmt::Display for Width {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Byte => "byte",
+            Self::Half => "half-word",
+            Self::Word => "word",
+        })
+    }
+}
+
+/// An access that a peripheral's model does not cover. It stops the chip, but for
+/// [`Refusal::Unmapped`], which raises HardFault.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum BusError {
+pub struct BusError {
+    /// The address.
+    pub addr: u32,
+    /// Name in the data sheet, empty where nothing is.
+    pub peripheral: &'static str,
+    /// What is wrong.
+    pub refusal: Refusal,
+}
+
+/// Why an access is refused.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Refusal {
     /// Nothing is at this address.
-    Unmapped {
-        /// The address.
-        addr: u32,
-    },
+    Unmapped,
     /// The address is no multiple of the access' size.
-    Misaligned {
-        /// The address.
-        addr: u32,
-    },
-    /// Something is there on the real chip, but no model of it here.
-    Unmodelled {
-        /// The address.
-        addr: u32,
-        /// Name in the data sheet.
-        peripheral: &'static str,
-        /// The register, or which of its values.
-        register: &'static str,
-    },
+    Misaligned,
     /// The power manager has masked the peripheral's clock.
-    Unclocked {
-        /// The address.
-        addr: u32,
-        /// Name in the data sheet.
-        peripheral: &'static str,
-    },
+    Unclocked,
     /// The peripheral access controller protects the peripheral from writes.
-    Protected {
-        /// The address.
-        addr: u32,
-        /// Name in the data sheet.
-        peripheral: &'static str,
-    },
-    /// The access would hang or damage the real chip.
-    Forbidden {
-        /// The address.
-        addr: u32,
-        /// Name in the data sheet.
-        peripheral: &'static str,
-        /// What is wrong.
-        why: &'static str,
-    },
+    Protected,
+    /// The real chip has this register, or this value of a field, but no model does.
+    Unmodelled(&'static str),
+    /// The access would hang or damage the real chip, for this reason.
+    Forbidden(&'static str),
 }
 
 impl fmt::Display for BusError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match *self {
-            Self::Unmapped { addr } => write!(f, "nothing at {addr:#010x}"),
-            Self::Misaligned { addr } => write!(f, "misaligned access at {addr:#010x}"),
-            Self::Unmodelled {
-                addr,
-                peripheral,
-                register,
-            } => write!(
-                f,
-                "{peripheral} at {addr:#010x}: {register} is not modelled"
-            ),
-            Self::Unclocked { addr, peripheral } => {
-                write!(f, "{peripheral} at {addr:#010x}: its bus clock is masked")
-            }
-            Self::Protected { addr, peripheral } => {
-                write!(
-                    f,
-                    "{peripheral} at {addr:#010x}: write-protected by the PAC"
-                )
-            }
-            Self::Forbidden {
-                addr,
-                peripheral,
-                why,
-            } => write!(f, "{peripheral} at {addr:#010x}: {why}"),
+        let Self {
+            addr, peripheral, ..
+        } = self;
+        let place = format!("{peripheral} at {addr:#010x}");
+        match self.refusal {
+            Refusal::Unmapped => write!(f, "nothing at {addr:#010x}"),
+            Refusal::Misaligned => write!(f, "misaligned access at {addr:#010x}"),
+            Refusal::Unclocked => write!(f, "{place}: its bus clock is masked"),
+            Refusal::Protected => write!(f, "{place}: write-protected by the PAC"),
+            Refusal::Unmodelled(register) => write!(f, "{place}: {register} is not modelled"),
+            Refusal::Forbidden(why) => write!(f, "{place}: {why}"),
         }
     }
 }

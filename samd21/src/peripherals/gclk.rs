@@ -13,11 +13,11 @@
 //!
 //! | left out | why |
 //! |---|---|
-//! | clock output on pins (OE) | nothing of ours listens; OE is stored |
-//! | sources XOSC, GCLKIN, XOSC32K, DPLL | nothing soldered or modelled: such a generator stands still |
+//! | clock output on pins (OE) | no board looks at it; OE is stored |
+//! | sources XOSC, GCLKIN, XOSC32K, DPLL | not modelled: such a generator stands still |
 //! | duty cycle (IDC), RUNSTDBY | no model depends on them |
 
-use super::access::{Bus, DONE, Lanes, RESERVED, Read, Refusal, Write};
+use super::access::{Bus, Lanes, RESERVED, Read, Refusal, Write};
 use super::clock::{Rate, SyncFlags};
 use super::sysctrl::Sysctrl;
 use crate::SyncHold;
@@ -30,54 +30,57 @@ const DIVSEL: u32 = 1 << 20;
 const CLKEN: u16 = 1 << 14;
 const WRTLOCK: u16 = 1 << 15;
 
-/// Clock identities used by the models (CLKCTRL.ID).
-pub(crate) mod id {
-    /// Reference of the DFLL.
-    pub(crate) const DFLL48: usize = 0x00;
-    /// Watchdog.
-    pub(crate) const WDT: usize = 0x03;
-    /// External interrupts.
-    pub(crate) const EIC: usize = 0x05;
-    /// USB.
-    pub(crate) const USB: usize = 0x06;
-    /// Slow clock of all SERCOMs: time-outs.
-    pub(crate) const SERCOM_SLOW: usize = 0x13;
-    /// SERCOM0; the others follow.
-    pub(crate) const SERCOM0_CORE: usize = 0x14;
-    /// TCC0 and TCC1.
-    pub(crate) const TCC0_TCC1: usize = 0x1A;
-    /// TCC2 and TC3.
-    pub(crate) const TCC2_TC3: usize = 0x1B;
-    /// TC4 and TC5.
-    pub(crate) const TC4_TC5: usize = 0x1C;
-}
+/// CLKCTRL.ID of the watchdog's clock, which runs from reset.
+const WDT: usize = 0x03;
+/// CLKCTRL.ID of the slow clock of all SERCOMs: time-outs.
+pub(crate) const SERCOM_SLOW: usize = 0x13;
 
 #[derive(Clone, Debug)]
 pub(crate) struct Gclk {
     sync: SyncFlags<1>,
-    control: [u32; GENERATORS],
-    divisor: [u32; GENERATORS],
+    control: Indirect,
+    divisor: Indirect,
     clocks: [u16; CLOCKS],
-    selected: Selected,
+    /// The clock that CLKCTRL reads back.
+    selected: usize,
     rates: [Option<Rate>; GENERATORS],
 }
 
-/// Which entry each indirect register reads back.
-#[derive(Clone, Copy, Debug, Default)]
-struct Selected {
-    control: usize,
-    divisor: usize,
-    clock: usize,
+/// GENCTRL or GENDIV: one register for all generators, of which ID selects one.
+#[derive(Clone, Debug, Default)]
+struct Indirect {
+    selected: usize,
+    of: [u32; GENERATORS],
+}
+
+impl Indirect {
+    fn read(&self) -> u32 {
+        self.of[self.selected] | self.selected as u32
+    }
+
+    /// Selects the generator that is written, and returns its new value unless ID is all that is
+    /// written.
+    fn select(&mut self, lanes: Lanes) -> Result<Option<u32>, Refusal> {
+        let value = lanes.merge(self.read());
+        let id = (value & 0xF) as usize;
+        if id >= GENERATORS {
+            return Err(Refusal::Unmodelled("generator ID above 8"));
+        }
+        self.selected = id;
+        Ok(lanes.touches(!0xFF).then_some(value))
+    }
 }
 
 impl Gclk {
     pub(crate) fn new(hold: SyncHold) -> Self {
+        let mut sync = SyncFlags::new(hold);
+        sync.set_clocked(Ticks::ZERO, true);
         let mut gclk = Self {
-            sync: SyncFlags::new(hold),
-            control: [0; GENERATORS],
-            divisor: [0; GENERATORS],
+            sync,
+            control: Indirect::default(),
+            divisor: Indirect::default(),
             clocks: [0; CLOCKS],
-            selected: Selected::default(),
+            selected: 0,
             rates: [None; GENERATORS],
         };
         gclk.reset();
@@ -85,15 +88,15 @@ impl Gclk {
     }
 
     fn reset(&mut self) {
-        self.control = [0; GENERATORS];
+        self.control = Indirect::default();
         // Generator 0 from OSC8M; generator 2, the watchdog's, from OSCULP32K / 32.
-        self.control[0] = 6 << 8 | GENEN;
-        self.control[2] = 3 << 8 | GENEN;
-        self.divisor = [0; GENERATORS];
-        self.divisor[2] = 32 << 8;
+        self.control.of[0] = 6 << 8 | GENEN;
+        self.control.of[2] = 3 << 8 | GENEN;
+        self.divisor = Indirect::default();
+        self.divisor.of[2] = 32 << 8;
         self.clocks = [0; CLOCKS];
-        self.clocks[id::WDT] = 2 << 8;
-        self.selected = Selected::default();
+        self.clocks[WDT] = 2 << 8;
+        self.selected = 0;
     }
 
     /// The rate of generator 0, the CPU's.
@@ -114,7 +117,7 @@ impl Gclk {
     pub(crate) fn resolve(&mut self, now: Ticks, sysctrl: &Sysctrl) {
         // Generator 1 first: it may be the source of others.
         for index in [1, 0, 2, 3, 4, 5, 6, 7, 8] {
-            let control = self.control[index];
+            let control = self.control.of[index];
             let source = match control >> 8 & 0x1F {
                 2 if index != 1 => self.rates[1],
                 3 => Some(sysctrl.osculp32k()),
@@ -135,8 +138,8 @@ impl Gclk {
             2 => 5,
             _ => 8,
         };
-        let div = u64::from(self.divisor[index] >> 8 & 0xFFFF) & ((1 << bits) - 1);
-        if self.control[index] & DIVSEL != 0 {
+        let div = u64::from(self.divisor.of[index] >> 8 & 0xFFFF) & ((1 << bits) - 1);
+        if self.control.of[index] & DIVSEL != 0 {
             1 << (div + 1).min(bits + 1)
         } else {
             div.max(1)
@@ -144,20 +147,15 @@ impl Gclk {
     }
 
     pub(crate) fn read(&self, now: Ticks, offset: u32) -> Read {
-        let Selected {
-            control,
-            divisor,
-            clock,
-        } = self.selected;
         Ok(match offset {
             0x00 => {
                 let busy = u32::from(self.sync.is_busy(now, 0));
-                let clkctrl = u32::from(self.clocks[clock]) | clock as u32;
+                let clkctrl = u32::from(self.clocks[self.selected]) | self.selected as u32;
                 // CTRL.SWRST reads 1 while the reset synchronises; it shares the one flag.
                 busy << 15 | clkctrl << 16
             }
-            0x04 => self.control[control] | control as u32,
-            0x08 => self.divisor[divisor] | divisor as u32,
+            0x04 => self.control.read(),
+            0x08 => self.divisor.read(),
             _ => return Err(RESERVED),
         })
     }
@@ -171,15 +169,13 @@ impl Gclk {
                     self.reset();
                     self.sync.begin(begin, 0);
                 }
-                if let Some(value) = lanes.half(
-                    1,
-                    self.clocks[self.selected.clock] | self.selected.clock as u16,
-                ) {
+                let selected = self.clocks[self.selected] | self.selected as u16;
+                if let Some(value) = lanes.half(1, selected) {
                     let id = usize::from(value & 0x3F);
                     if id >= CLOCKS {
                         return Err(Refusal::Unmodelled("CLKCTRL.ID"));
                     }
-                    self.selected.clock = id;
+                    self.selected = id;
                     if lanes.byte(3).is_some() && self.clocks[id] & WRTLOCK == 0 {
                         if usize::from(value >> 8 & 0xF) >= GENERATORS {
                             return Err(Refusal::Unmodelled("CLKCTRL.GEN above 8"));
@@ -189,39 +185,23 @@ impl Gclk {
                 }
             }
             0x04 => {
-                let value =
-                    lanes.merge(self.control[self.selected.control] | self.selected.control as u32);
-                self.selected.control = generator(value)?;
-                if lanes.touches(!0xFF) {
-                    if self.selected.control == 0 && value & GENEN == 0 {
+                if let Some(value) = self.control.select(lanes)? {
+                    if self.control.selected == 0 && value & GENEN == 0 {
                         return Err(Refusal::Forbidden("generator 0 drives the CPU"));
                     }
-                    self.control[self.selected.control] = value & 0x003F_1F00;
+                    self.control.of[self.control.selected] = value & 0x003F_1F00;
                     self.sync.begin(begin, 0);
                 }
             }
             0x08 => {
-                let value =
-                    lanes.merge(self.divisor[self.selected.divisor] | self.selected.divisor as u32);
-                self.selected.divisor = generator(value)?;
-                if lanes.touches(!0xFF) {
-                    self.divisor[self.selected.divisor] = value & 0x00FF_FF00;
+                if let Some(value) = self.divisor.select(lanes)? {
+                    self.divisor.of[self.divisor.selected] = value & 0x00FF_FF00;
                     self.sync.begin(begin, 0);
                 }
             }
             _ => return Err(RESERVED),
         }
-        if stall > Ticks::ZERO { Ok(stall) } else { DONE }
-    }
-}
-
-/// The generator that ID names.
-fn generator(value: u32) -> Result<usize, Refusal> {
-    let id = (value & 0xF) as usize;
-    if id < GENERATORS {
-        Ok(id)
-    } else {
-        Err(Refusal::Unmodelled("generator ID above 8"))
+        Ok(stall)
     }
 }
 
@@ -249,7 +229,7 @@ mod tests {
         let mut gclk = Gclk::new(SyncHold::Instant);
         gclk.resolve(Ticks::ZERO, &Sysctrl::new());
         assert_eq!(hz(gclk.main()), 1e6);
-        assert_eq!(gclk.clock(id::SERCOM0_CORE), None);
+        assert_eq!(gclk.clock(0x14), None);
     }
 
     #[test]
@@ -269,7 +249,7 @@ mod tests {
         );
         route(&mut gclk, 0x03, 3);
         gclk.resolve(Ticks::ZERO, &Sysctrl::new());
-        assert_eq!(hz(gclk.clock(id::WDT)), 1024.0);
+        assert_eq!(hz(gclk.clock(WDT)), 1024.0);
         // The same with DIVSEL: 2^(4+1).
         write(&mut gclk, Ticks::ZERO, 0x08, Lanes::word(3 | 4 << 8));
         write(
@@ -279,7 +259,7 @@ mod tests {
             Lanes::word(3 | 3 << 8 | GENEN | DIVSEL),
         );
         gclk.resolve(Ticks::ZERO, &Sysctrl::new());
-        assert_eq!(hz(gclk.clock(id::WDT)), 1024.0);
+        assert_eq!(hz(gclk.clock(WDT)), 1024.0);
     }
 
     #[test]

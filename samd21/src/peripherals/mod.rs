@@ -2,7 +2,7 @@
 //!
 //! Each file opens with the registers that it models and what it leaves out. An access that no
 //! model covers stops the chip with an error that names peripheral and register; misuse that the
-//! real chip swallows is noted in [`Violations`].
+//! real chip silently ignores is noted in [`Violations`].
 //!
 //! D21-nnn is page nnn of the SAM D21 data sheet, DS40001882D.
 //!
@@ -12,14 +12,17 @@
 //! | `nvmctrl` | flash programming, factory rows |
 //! | `port` | pins and their multiplexers |
 //! | `sercom` | I2C masters |
-//! | `tcc` | TCC0-TCC2: the servo's waveform |
+//! | `tcc` | TCC0-TCC2: waveforms |
 //! | `tc` | TC3-TC5: time bases |
-//! | `usb` | USB device controller; the host at the other end of the cable is [`usb_host`](crate::usb_host) |
+//! | `usb` | USB device controller; [`usb_host`](crate::usb_host) is the other end of the cable |
 //! | `eic` | external interrupts |
 //! | `wdt` | watchdog |
 //! | `pac`, `dsu` | write protection, device identity |
 //!
-//! RTC, DMAC, MTB, HMATRIX, EVSYS, ADC, AC, DAC, PTC, I2S, TC6 and TC7 are not modelled: an access faults.
+//! `map` has their addresses, interrupt lines and clocks, `multiplexer` what the pins lead to.
+//!
+//! RTC, DMAC, MTB, HMATRIX, EVSYS, ADC, AC, DAC, PTC, I2S, TC6 and TC7 are not modelled: an access
+//! faults.
 
 mod access;
 mod clock;
@@ -28,7 +31,9 @@ mod dsu;
 mod eic;
 mod error;
 mod gclk;
+mod interrupts;
 mod map;
+mod multiplexer;
 mod nvmctrl;
 mod pac;
 mod pm;
@@ -38,23 +43,20 @@ mod sysctrl;
 mod tc;
 mod tcc;
 #[cfg(test)]
-pub(crate) mod testing;
-#[cfg(test)]
 mod tests;
 pub(crate) mod usb;
 mod violations;
 mod wdt;
 
-pub use error::{BusError, ResetCause, Width};
+pub use error::{BusError, Refusal, ResetCause, Width};
 pub use violations::{Violation, Violations};
 
 use crate::Options;
 use crate::board::{Board, Ticks};
 use crate::memory::{FLASH_SIZE, Memory};
-use crate::usb_host::Host;
-use access::{Bus, Lanes, Refusal};
-use gclk::id::{DFLL48, EIC, SERCOM_SLOW, SERCOM0_CORE, TC4_TC5, TCC0_TCC1, TCC2_TC3, USB, WDT};
-use map::{Block, Bridge, Mapping, map};
+use access::{Bus, Lanes, Read, Write};
+use gclk::SERCOM_SLOW;
+use map::{Block, Bridge, Entry};
 
 /// All peripherals of one chip.
 #[derive(Clone, Debug)]
@@ -72,7 +74,6 @@ pub struct Peripherals {
     tcc: [tcc::Tcc; 3],
     usb: usb::Usb,
     wdt: wdt::Wdt,
-    usb_host: Host,
     violations: Violations,
     ticks_per_cycle: u32,
     /// The flash is read faster than it can be.
@@ -85,7 +86,7 @@ pub struct Peripherals {
 
 impl Peripherals {
     /// As after power-on.
-    pub fn new(options: &Options) -> Self {
+    pub(crate) fn new(options: &Options) -> Self {
         let mut peripherals = Self {
             options: options.clone(),
             pac: pac::Pac::new(),
@@ -94,14 +95,13 @@ impl Peripherals {
             gclk: gclk::Gclk::new(options.syncbusy_hold),
             eic: eic::Eic::new(options.syncbusy_hold),
             nvmctrl: nvmctrl::Nvmctrl::new(options.serial_number),
-            port: port::Port::new(),
+            port: port::Port::default(),
             sercom: [0, 1, 2, 3, 4, 5]
                 .map(|index| sercom::Sercom::new(index, options.syncbusy_hold)),
             tc: [0, 1, 2].map(|index| tc::Tc::new(index, options.syncbusy_hold)),
             tcc: [0, 1, 2].map(|index| tcc::Tcc::new(index, options.syncbusy_hold)),
             usb: usb::Usb::new(options.syncbusy_hold),
             wdt: wdt::Wdt::new(),
-            usb_host: Host::new(),
             violations: Violations::default(),
             ticks_per_cycle: 48,
             flash_overrun: false,
@@ -115,39 +115,39 @@ impl Peripherals {
         peripherals
     }
 
-    /// All registers as after a reset for this reason. The board sees the pins let go when time
-    /// goes on.
-    pub fn reset(&mut self, now: Ticks, cause: ResetCause) {
+    /// All registers as after a reset for this reason. The board learns of the released pins when
+    /// time goes on.
+    pub(crate) fn reset(&mut self, now: Ticks, cause: ResetCause) {
         self.port.reset();
         let fresh = Self::new(&self.options);
         *self = Self {
             pm: pm::Pm::new(cause),
             port: self.port.clone(),
-            usb_host: self.usb_host.clone(),
             violations: self.violations.clone(),
             last: now,
             ..fresh
         };
         self.retime(now);
         self.refresh(now);
-        // The released pins are to be told.
+        // The board is to learn of the released pins.
         self.next = now;
     }
 
     /// Reads a register, or a word of the auxiliary flash rows. Flash, SRAM and the core's own
     /// registers are not reached this way.
-    pub fn read(
+    pub(crate) fn read(
         &mut self,
         now: Ticks,
         addr: u32,
         width: Width,
-        board: &mut dyn Board,
+        board: &dyn Board,
     ) -> Result<u32, BusError> {
-        if !addr.is_multiple_of(width.bytes()) {
-            return Err(BusError::Misaligned { addr });
-        }
-        let word = self.read_word(now, addr & !3, board)?;
-        let shifted = word >> (8 * (addr & 3));
+        let word = if addr.is_multiple_of(width.bytes()) {
+            self.read_word(now, addr & !3, board)
+        } else {
+            Err(Refusal::Misaligned)
+        };
+        let shifted = word.map_err(|refusal| refused(addr, refusal))? >> (8 * (addr & 3));
         Ok(match width {
             Width::Byte => shifted & 0xFF,
             Width::Half => shifted & 0xFFFF,
@@ -155,16 +155,13 @@ impl Peripherals {
         })
     }
 
-    fn read_word(&mut self, now: Ticks, addr: u32, board: &mut dyn Board) -> Result<u32, BusError> {
+    fn read_word(&mut self, now: Ticks, addr: u32, board: &dyn Board) -> Read {
         if (0x0080_0000..0x0100_0000).contains(&addr) {
-            return self
-                .nvmctrl
-                .read_auxiliary(addr)
-                .ok_or(BusError::Unmapped { addr });
+            return self.nvmctrl.read_auxiliary(addr).ok_or(Refusal::Unmapped);
         }
-        let mapping = self.locate(addr)?;
-        let offset = addr - mapping.base;
-        match mapping.block {
+        let entry = self.locate(addr)?;
+        let offset = entry.offset(addr);
+        match entry.block {
             Block::Pac(index) => self.pac.read(index, offset),
             Block::Pm => self.pm.read(offset),
             Block::Sysctrl => self.sysctrl.read(now, offset),
@@ -180,12 +177,11 @@ impl Peripherals {
             Block::Wdt => self.wdt.read(offset),
             Block::Unmodelled => Err(Refusal::Unmodelled("the whole peripheral")),
         }
-        .map_err(|refusal| refuse(refusal, addr, mapping.name))
     }
 
-    /// Writes a register, or, in the address range of the flash, the page buffer. Gives how long
-    /// the bus stalls the CPU beyond the access itself.
-    pub fn write(
+    /// Writes a register, or, in the address range of the flash, the page buffer. Returns how long
+    /// the bus stalls the CPU beyond the access itself. What was due until `now` has run.
+    pub(crate) fn write(
         &mut self,
         now: Ticks,
         addr: u32,
@@ -194,47 +190,47 @@ impl Peripherals {
         memory: &mut Memory,
         board: &mut dyn Board,
     ) -> Result<Ticks, BusError> {
-        if !addr.is_multiple_of(width.bytes()) {
-            return Err(BusError::Misaligned { addr });
-        }
-        self.advance(now, memory, board);
-        let lanes = Lanes::new(value, addr & 3, width.bytes());
         let bus = &mut Bus {
             now,
             board,
             violations: &mut self.violations,
         };
-        if addr < FLASH_SIZE {
-            return self
-                .nvmctrl
+        let stall = if !addr.is_multiple_of(width.bytes()) {
+            Err(Refusal::Misaligned)
+        } else if addr < FLASH_SIZE {
+            self.nvmctrl
                 .load_page_buffer(bus, addr, width.bytes(), value, memory)
-                .map_err(|refusal| refuse(refusal, addr, "NVMCTRL"));
-        }
-        let Mapping {
-            base,
-            bridge,
-            index,
-            name,
-            block,
-        } = self.locate(addr)?;
-        if self.pac.protects(bridge, index) {
-            return Err(BusError::Protected {
-                addr,
-                peripheral: name,
-            });
+        } else {
+            let lanes = Lanes::new(value, addr & 3, width.bytes());
+            self.write_word(now, addr & !3, lanes, memory, board)
+        };
+        stall.map_err(|refusal| refused(addr, refusal))
+    }
+
+    fn write_word(
+        &mut self,
+        now: Ticks,
+        addr: u32,
+        lanes: Lanes,
+        memory: &mut Memory,
+        board: &mut dyn Board,
+    ) -> Write {
+        let entry = self.locate(addr)?;
+        if self.pac.protects(entry.bridge, entry.index) {
+            return Err(Refusal::Protected);
         }
         let bus = &mut Bus {
             now,
             board,
             violations: &mut self.violations,
         };
-        let offset = (addr & !3) - base;
-        let stall = match block {
+        let offset = entry.offset(addr);
+        let stall = match entry.block {
             Block::Pac(index) => self.pac.write(index, offset, lanes),
             Block::Pm => self.pm.write(offset, lanes),
             Block::Sysctrl => {
-                let reference = self.gclk.clock(DFLL48).is_some();
-                self.sysctrl.write(bus, offset, lanes, reference)
+                let reference = entry.clock.and_then(|id| self.gclk.clock(id));
+                self.sysctrl.write(bus, offset, lanes, reference.is_some())
             }
             Block::Gclk => self.gclk.write(bus, offset, lanes),
             Block::Dsu => Err(Refusal::Unmodelled("writing to it")),
@@ -247,16 +243,13 @@ impl Peripherals {
             Block::Usb => self.usb.write(bus, offset, lanes),
             Block::Wdt => self.wdt.write(bus, offset, lanes),
             Block::Unmodelled => Err(Refusal::Unmodelled("the whole peripheral")),
+        }?;
+        let has_clocks = matches!(entry.block, Block::Pm | Block::Sysctrl | Block::Gclk);
+        if has_clocks && !self.retime(now) {
+            let why = "generator 0, the CPU's clock, stands still";
+            return Err(Refusal::Forbidden(why));
         }
-        .map_err(|refusal| refuse(refusal, addr, name))?;
-        if matches!(block, Block::Pm | Block::Sysctrl | Block::Gclk) && !self.retime(now) {
-            return Err(BusError::Forbidden {
-                addr,
-                peripheral: name,
-                why: "generator 0, the CPU's clock, stands still",
-            });
-        }
-        match block {
+        match entry.block {
             Block::Tcc(index) => {
                 let outputs = self.tcc[index].outputs();
                 self.port.drive(now, index as u8, outputs, board);
@@ -265,10 +258,7 @@ impl Peripherals {
                 let pair = self.tc[1].is_32_bits();
                 self.tc[2].set_slave(pair);
             }
-            Block::Port => {
-                self.sercom[4].set_connected(self.port.i2c_routed());
-                self.usb.set_pads(self.port.usb_routed());
-            }
+            Block::Port => self.connect_pads(board),
             _ => {}
         }
         self.check_flash(now);
@@ -276,37 +266,52 @@ impl Peripherals {
         Ok(stall)
     }
 
-    /// The block at `addr`, if its bus clock runs.
-    fn locate(&self, addr: u32) -> Result<Mapping, BusError> {
-        let mapping = map(addr).ok_or(BusError::Unmapped { addr })?;
-        if mapping.block != Block::Unmodelled && !self.pm.is_clocked(mapping.bridge, mapping.index)
-        {
-            return Err(BusError::Unclocked {
-                addr,
-                peripheral: mapping.name,
-            });
+    /// The peripheral at `addr`, if its bus clock runs.
+    fn locate(&self, addr: u32) -> Result<&'static Entry, Refusal> {
+        let entry = map::find(addr).ok_or(Refusal::Unmapped)?;
+        if entry.block != Block::Unmodelled && !self.pm.is_clocked(entry.bridge, entry.index) {
+            return Err(Refusal::Unclocked);
         }
-        Ok(mapping)
+        Ok(entry)
+    }
+
+    /// The multiplexers of pins may have changed: the SERCOM that they connect to the board's I2C
+    /// bus, and whether USB has its pads.
+    fn connect_pads(&mut self, board: &dyn Board) {
+        let master = board
+            .i2c_pins()
+            .and_then(|lines| self.port.i2c_master(lines));
+        for (index, sercom) in self.sercom.iter_mut().enumerate() {
+            sercom.set_connected(master == Some(index));
+        }
+        self.usb.set_pads(self.port.usb_routed());
     }
 
     /// The earliest time at which something changes by itself: cheap, worked out beforehand.
-    pub fn next_event(&self) -> Ticks {
-        self.next.min(self.usb_host.next())
+    pub(crate) fn next_event(&self) -> Ticks {
+        self.next
     }
 
-    /// Runs everything that is due up to `now`, in the order of time.
-    pub fn advance(&mut self, now: Ticks, memory: &mut Memory, board: &mut dyn Board) {
-        while self.next_event() <= now {
-            // A host that was just plugged in is due since ever.
-            self.last = self.next_event().max(self.last);
-            self.run(self.last, memory, board);
-            self.refresh(self.last);
-        }
+    /// Nothing is due before `now` any more.
+    pub(crate) fn set_time(&mut self, now: Ticks) {
         self.last = now;
     }
 
-    /// Runs what is due at `now`.
-    fn run(&mut self, now: Ticks, memory: &mut Memory, board: &mut dyn Board) {
+    /// The USB controller, for the host at the other end of the cable.
+    pub(crate) fn usb(&mut self) -> &mut usb::Usb {
+        &mut self.usb
+    }
+
+    /// The USB host's start-of-frame packet arrives, which the DFLL may lock to.
+    pub(crate) fn start_of_frame(&mut self, now: Ticks) {
+        self.sysctrl.start_of_frame(now);
+    }
+
+    /// Runs what is due at `due`, or at the last event's time if that was later. Returns the time
+    /// at which it ran.
+    pub(crate) fn run(&mut self, due: Ticks, board: &mut dyn Board) -> Ticks {
+        let now = due.max(self.last);
+        self.last = now;
         self.port.publish_pending(now, board);
         if self.sysctrl.next(now.saturating_sub(Ticks(1))) == now {
             self.sysctrl.latch_flags(now);
@@ -340,9 +345,7 @@ impl Peripherals {
         if self.wdt.next() <= now {
             self.wdt.advance(now);
         }
-        if self.usb_host.next() <= now && self.usb_host.advance(now, &mut self.usb, memory) {
-            self.sysctrl.start_of_frame(now);
-        }
+        now
     }
 
     /// Interrupt requests, bit n for IRQ n, as levels.
@@ -361,18 +364,8 @@ impl Peripherals {
     }
 
     /// Takes a reset that a peripheral asks for.
-    pub fn take_reset(&mut self) -> Option<ResetCause> {
+    pub(crate) fn take_reset(&mut self) -> Option<ResetCause> {
         self.pending_reset.take()
-    }
-
-    /// The USB host at the other end of the cable.
-    pub fn usb_host(&self) -> &Host {
-        &self.usb_host
-    }
-
-    /// The USB host at the other end of the cable.
-    pub fn usb_host_mut(&mut self) -> &mut Host {
-        &mut self.usb_host
     }
 
     /// Misuse since power-on that the real chip would have swallowed.
@@ -388,23 +381,25 @@ impl Peripherals {
         };
         let cycle = main.divided(self.pm.cpu_divisor()).duration(1);
         let slow = self.gclk.clock(SERCOM_SLOW).is_some();
-        for (index, sercom) in self.sercom.iter_mut().enumerate() {
-            sercom.set_clocks(now, self.gclk.clock(SERCOM0_CORE + index), slow);
+        for entry in &map::ENTRIES {
+            let Some(id) = entry.clock else { continue };
+            let clock = self.gclk.clock(id);
+            match entry.block {
+                Block::Sercom(index) => self.sercom[index].set_clocks(now, clock, slow),
+                Block::Tcc(index) => self.tcc[index].set_clock(now, clock),
+                Block::Tc(index) => self.tc[index].set_clock(now, clock),
+                Block::Eic => self.eic.set_clock(now, clock.is_some()),
+                Block::Usb => self.usb.set_clock(now, clock),
+                Block::Wdt => self.wdt.set_clock(clock),
+                _ => {}
+            }
         }
-        for (index, id) in [(0, TCC0_TCC1), (1, TCC0_TCC1), (2, TCC2_TC3)] {
-            self.tcc[index].set_clock(now, self.gclk.clock(id));
-        }
-        for (index, id) in [(0, TCC2_TC3), (1, TC4_TC5), (2, TC4_TC5)] {
-            self.tc[index].set_clock(now, self.gclk.clock(id));
-        }
-        self.eic.set_clock(now, self.gclk.clock(EIC).is_some());
-        self.usb.set_clock(self.gclk.clock(USB));
-        self.wdt.set_clock(self.gclk.clock(WDT));
         self.ticks_per_cycle = u32::try_from(cycle.0).unwrap_or(u32::MAX);
         true
     }
 
-    /// Notes when the CPU begins to outrun the flash: above 24 MHz it needs a wait state (at 3.3 V).
+    /// Notes when the CPU begins to outrun the flash, which needs a wait state above 24 MHz (at
+    /// 3.3 V).
     fn check_flash(&mut self, now: Ticks) {
         let overrun = self.ticks_per_cycle < 2 && self.nvmctrl.wait_states() == 0;
         if overrun && !self.flash_overrun {
@@ -414,9 +409,8 @@ impl Peripherals {
         self.flash_overrun = overrun;
     }
 
-    /// Works out what `next_event` and `irq_lines` tell.
-    fn refresh(&mut self, now: Ticks) {
-        self.usb_host.observe(now, &self.usb);
+    /// Computes what `next_event` and `irq_lines` return.
+    pub(crate) fn refresh(&mut self, now: Ticks) {
         if self.wdt.take_bite() {
             self.pending_reset = Some(ResetCause::Watchdog);
         }
@@ -429,35 +423,29 @@ impl Peripherals {
             .chain([self.eic.next(), self.usb.next(), self.wdt.next()])
             .chain([self.nvmctrl.next(now)])
             .fold(self.sysctrl.next(now), Ticks::min);
-        self.irq_lines = u32::from(self.pm.irq())
-            | u32::from(self.sysctrl.irq()) << 1
-            | u32::from(self.wdt.irq()) << 2
-            | u32::from(self.eic.irq()) << 4
-            | u32::from(self.nvmctrl.irq(now)) << 5
-            | u32::from(self.usb.irq()) << 7;
-        for (index, sercom) in self.sercom.iter().enumerate() {
-            self.irq_lines |= u32::from(sercom.irq()) << (9 + index);
-        }
-        for (index, tcc) in self.tcc.iter().enumerate() {
-            self.irq_lines |= u32::from(tcc.irq()) << (15 + index);
-        }
-        for (index, tc) in self.tc.iter().enumerate() {
-            self.irq_lines |= u32::from(tc.irq()) << (18 + index);
-        }
+        self.irq_lines = self
+            .sercom
+            .iter()
+            .map(sercom::Sercom::irq)
+            .chain(self.tcc.iter().map(tcc::Tcc::irq))
+            .chain(self.tc.iter().map(tc::Tc::irq))
+            .chain([self.pm.irq(), self.sysctrl.irq(), self.wdt.irq()])
+            .chain([self.eic.irq(), self.nvmctrl.irq(now), self.usb.irq()])
+            .fold(0, |lines, line| lines | line);
     }
 }
 
-fn refuse(refusal: Refusal, addr: u32, peripheral: &'static str) -> BusError {
-    match refusal {
-        Refusal::Unmodelled(register) => BusError::Unmodelled {
-            addr,
-            peripheral,
-            register,
-        },
-        Refusal::Forbidden(why) => BusError::Forbidden {
-            addr,
-            peripheral,
-            why,
-        },
+/// Adds to a refusal where it was.
+#[cold]
+fn refused(addr: u32, refusal: Refusal) -> BusError {
+    let peripheral = if addr < FLASH_SIZE {
+        "NVMCTRL"
+    } else {
+        map::find(addr).map_or("", |entry| entry.name)
+    };
+    BusError {
+        addr,
+        peripheral,
+        refusal,
     }
 }

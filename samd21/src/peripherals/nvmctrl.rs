@@ -21,10 +21,12 @@
 //! |---|---|
 //! | EAR, WAP (auxiliary rows), lock bits, security bit | not for an application: such a command faults |
 //! | RWWEE | not on the D21A |
-//! | running on from RAM during a command | our firmware runs from flash |
+//! | running on from RAM during a command | the CPU stands still, as it does with code in flash |
 //! | cache and power modes | timing of fetches is the core's |
 
 use super::access::{Bus, Lanes, RESERVED, Read, Refusal, Write};
+use super::interrupts::Interrupts;
+use super::map::Block;
 use crate::board::Ticks;
 use crate::memory::{FLASH_SIZE, Memory};
 
@@ -33,8 +35,8 @@ const ROW: u32 = 256;
 const ROW_ERASE: Ticks = Ticks::from_us(6000);
 const PAGE_PROGRAM: Ticks = Ticks::from_us(2500);
 
-const READY: u8 = 1 << 0;
-const ERROR: u8 = 1 << 1;
+const READY: u32 = 1 << 0;
+const ERROR: u32 = 1 << 1;
 const LOAD: u16 = 1 << 1;
 const PROGE: u16 = 1 << 2;
 const NVME: u16 = 1 << 4;
@@ -43,8 +45,8 @@ const MANW: u32 = 1 << 7;
 /// Factory user row (data sheet, NVM user row): watchdog off, BOD33 on, no bootloader protection.
 const USER_ROW: [u32; 2] = [0xD8E0_C7FF, 0xFFFF_FC5D];
 
-/// 0x0080_6020 (data sheet, NVM software calibration area): ADC linearity 0x80 and bias 2, OSC32K 0x2E, USB TRANSN 5, TRANSP 29,
-/// TRIM 3, DFLL48M coarse 0x1F.
+/// 0x0080_6020 (data sheet, NVM software calibration area): ADC linearity 0x80 and bias 2, OSC32K
+/// 0x2E, USB TRANSN 5, TRANSP 29, TRIM 3, DFLL48M coarse 0x1F.
 const CALIBRATION: u64 =
     0x80 << 27 | 2 << 35 | 0x2E << 38 | 5 << 45 | 29 << 50 | 3 << 55 | 0x1F << 58 | 0x7FF_FFFF;
 
@@ -54,8 +56,8 @@ const TEMPERATURE_LOG: u64 = 25 | 85 << 12 | 0x0C00 << 40 | 0x0E66 << 52;
 #[derive(Clone, Debug)]
 pub(crate) struct Nvmctrl {
     ctrlb: u32,
-    interrupts: u8,
-    error: bool,
+    /// READY is not in its flags: that follows from the time.
+    interrupts: Interrupts<{ READY | ERROR }>,
     status: u16,
     address: u32,
     page: [u8; PAGE as usize],
@@ -67,8 +69,7 @@ impl Nvmctrl {
     pub(crate) fn new(serial_number: [u32; 4]) -> Self {
         Self {
             ctrlb: 0,
-            interrupts: 0,
-            error: false,
+            interrupts: Interrupts::of(Block::Nvmctrl),
             status: 0,
             address: 0,
             page: [0xFF; PAGE as usize],
@@ -82,8 +83,9 @@ impl Nvmctrl {
         (self.ctrlb >> 1 & 0xF) as u8
     }
 
-    pub(crate) fn irq(&self, now: Ticks) -> bool {
-        self.flags(now) & self.interrupts != 0
+    pub(crate) fn irq(&self, now: Ticks) -> u32 {
+        let requested = self.flags(now) & self.interrupts.enabled() != 0;
+        self.interrupts.irq_if(requested)
     }
 
     /// When the command going on ends.
@@ -95,10 +97,9 @@ impl Nvmctrl {
         }
     }
 
-    fn flags(&self, now: Ticks) -> u8 {
+    fn flags(&self, now: Ticks) -> u32 {
         let ready = if now >= self.busy_until { READY } else { 0 };
-        let error = if self.error { ERROR } else { 0 };
-        ready | error
+        ready | self.interrupts.flags
     }
 
     pub(crate) fn read(&self, now: Ticks, offset: u32) -> Read {
@@ -106,8 +107,8 @@ impl Nvmctrl {
             0x00 => 0,
             0x04 => self.ctrlb,
             0x08 => (3 << 16) | (FLASH_SIZE / PAGE),
-            0x0C | 0x10 => u32::from(self.interrupts),
-            0x14 => u32::from(self.flags(now)),
+            0x0C | 0x10 => self.interrupts.enabled(),
+            0x14 => self.flags(now),
             0x18 => u32::from(self.status),
             0x1C => self.address,
             0x20 => 0xFFFF,
@@ -149,9 +150,7 @@ impl Nvmctrl {
             }
             0x04 => self.ctrlb = lanes.merge(self.ctrlb) & 0x0007_039E,
             0x08 | 0x20 => {}
-            0x0C => self.interrupts &= !lanes.byte(0).unwrap_or(0),
-            0x10 => self.interrupts |= lanes.byte(0).unwrap_or(0) & (READY | ERROR),
-            0x14 => self.error &= lanes.bits() & u32::from(ERROR) == 0,
+            0x0C | 0x10 | 0x14 => self.interrupts.write_words(offset - 0x0C, lanes),
             0x18 => self.status &= !(lanes.bits() as u16),
             0x1C => self.address = lanes.merge(self.address) & 0x003F_FFFF,
             _ => return Err(RESERVED),
@@ -185,9 +184,8 @@ impl Nvmctrl {
     fn command(&mut self, bus: &mut Bus<'_>, command: u16, memory: &mut Memory) -> Write {
         if command >> 8 != 0xA5 {
             self.status |= PROGE;
-            self.error = true;
-            bus.violations
-                .note(bus.now, "NVMCTRL", "command without the key 0xA5");
+            self.interrupts.flags |= ERROR;
+            bus.note("NVMCTRL", "command without the key 0xA5");
             return Ok(Ticks::ZERO);
         }
         match command & 0x7F {
@@ -221,9 +219,8 @@ impl Nvmctrl {
 
     fn fail(&mut self, bus: &mut Bus<'_>) -> Ticks {
         self.status |= NVME;
-        self.error = true;
-        bus.violations
-            .note(bus.now, "NVMCTRL", "command with ADDR outside of flash");
+        self.interrupts.flags |= ERROR;
+        bus.note("NVMCTRL", "command with ADDR outside of flash");
         Ticks::ZERO
     }
 
@@ -287,7 +284,7 @@ mod tests {
         assert_eq!(rig.memory.read_u32(0x3F00), Some(u32::MAX));
         assert_eq!(rig.nvmctrl.read(rig.now, 0x14), Ok(0), "not ready");
         rig.now += ROW_ERASE;
-        assert_eq!(rig.nvmctrl.read(rig.now, 0x14), Ok(u32::from(READY)));
+        assert_eq!(rig.nvmctrl.read(rig.now, 0x14), Ok(READY));
 
         rig.write(0x00, 0xA544);
         rig.load(0x3F40, 4, 0x1234_5678).unwrap();

@@ -18,7 +18,11 @@
 //! | a masked AHB clock | the masks of the APB bridges catch the same mistake |
 
 use super::access::{DONE, Lanes, RESERVED, Read, Write};
+use super::interrupts::Interrupts;
+use super::map::Block;
 use super::{Bridge, ResetCause};
+
+const CKRDY: u32 = 1 << 0;
 
 #[derive(Clone, Debug)]
 pub(crate) struct Pm {
@@ -26,18 +30,20 @@ pub(crate) struct Pm {
     select: u32,
     ahb_mask: u32,
     apb_masks: [u32; 3],
-    interrupts: u8,
+    interrupts: Interrupts<CKRDY>,
     cause: ResetCause,
 }
 
 impl Pm {
     pub(crate) fn new(cause: ResetCause) -> Self {
+        let mut interrupts = Interrupts::of(Block::Pm);
+        interrupts.flags = CKRDY;
         Self {
             sleep: 0,
             select: 0,
             ahb_mask: 0x7F,
             apb_masks: [0x7F, 0x7F, 0x0001_0000],
-            interrupts: 0,
+            interrupts,
             cause,
         }
     }
@@ -60,7 +66,7 @@ impl Pm {
             0x18 => self.apb_masks[0],
             0x1C => self.apb_masks[1],
             0x20 => self.apb_masks[2],
-            0x34 => (u32::from(self.interrupts) * 0x0101) | 1 << 16,
+            0x34 => self.interrupts.read_bytes(),
             0x38 => u32::from(self.cause as u8),
             _ => return Err(RESERVED),
         })
@@ -79,12 +85,9 @@ impl Pm {
             0x1C => self.apb_masks[1] = lanes.merge(self.apb_masks[1]) & 0x7F,
             0x20 => self.apb_masks[2] = lanes.merge(self.apb_masks[2]) & 0x001F_FFFF,
             0x34 => {
-                if let Some(clear) = lanes.byte(0) {
-                    self.interrupts &= !clear & 1;
-                }
-                if let Some(set) = lanes.byte(1) {
-                    self.interrupts |= set & 1;
-                }
+                self.interrupts.write_bytes(lanes);
+                // Every clock is ready at once, always.
+                self.interrupts.flags = CKRDY;
             }
             0x38 => {}
             _ => return Err(RESERVED),
@@ -92,8 +95,8 @@ impl Pm {
         DONE
     }
 
-    pub(crate) fn irq(&self) -> bool {
-        self.interrupts != 0
+    pub(crate) fn irq(&self) -> u32 {
+        self.interrupts.irq()
     }
 }
 

@@ -1,4 +1,4 @@
-//! PORT: pins, their multiplexers, and the lines of the I2C bus.
+//! PORT: pins, their multiplexers, and the lines of the board's I2C bus.
 //!
 //! Two groups, A at 00 and B at 80; the same registers at 0x6000_0000 (IOBUS).
 //!
@@ -14,89 +14,61 @@
 //!
 //! A pin is driven by the function that its multiplexer selects (TCC waveforms), else by DIR and
 //! OUT, else it is released: then what the board drives decides, then its pull, then it is low.
-//! The I2C lines have pull-ups on the board and are wired-AND with what others hold low.
+//! The pins that the board names as its I2C lines have pull-ups there and are wired-AND with what
+//! others hold low.
 //!
 //! | left out | why |
 //! |---|---|
 //! | input synchroniser and its two cycles | far below what firmware can see |
-//! | TC waveforms | our timers TC3-TC5 are time bases: routing one to a pin faults |
+//! | TC waveforms | TC3 to TC5 are modelled as time bases: routing one to a pin faults |
 //! | analogue functions, drive strength, continuous sampling | no model depends on them |
 
 use super::access::{Bus, DONE, Lanes, RESERVED, Read, Refusal, Write};
-use crate::board::{Board, Pin, Ticks};
+use super::multiplexer::{FUNCTION_A, FUNCTION_G, Waveform, sercom_pad, waveform};
+use crate::board::{Board, I2cPins, Pin, Ticks};
 
 const PMUXEN: u8 = 1 << 0;
 const INEN: u8 = 1 << 1;
 const PULLEN: u8 = 1 << 2;
 
-/// SERCOM's second choice of pads.
-const FUNCTION_D: u8 = 3;
-/// Timer waveforms, two choices.
-const FUNCTION_E: u8 = 4;
-const FUNCTION_F: u8 = 5;
-/// USB pads.
-const FUNCTION_G: u8 = 6;
-
-/// A waveform output of a timer.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Waveform {
-    /// Output `1` of TCC `0`.
-    Tcc(u8, u8),
-    /// One of a TC's outputs.
-    Tc,
-}
-
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 struct Group {
     dir: u32,
     out: u32,
     ctrl: u32,
     pmux: [u8; 16],
     pincfg: [u8; 32],
-    /// Levels last told to the board.
-    level: u32,
 }
 
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub(crate) struct Port {
     groups: [Group; 2],
     /// Levels of each TCC's outputs, `None` while it drives none.
     waveforms: [Option<u8>; 3],
     /// Where each TCC's outputs are routed: changes with the multiplexers.
     routes: Vec<(Pin, u8)>,
+    /// Pins whose level, as the board knows it, is not their level at power-on; of each group.
+    changed: [u32; 2],
     /// A reset has changed levels that the board does not know of.
     unpublished: bool,
 }
 
 impl Port {
-    pub(crate) fn new() -> Self {
-        let group = Group {
-            dir: 0,
-            out: 0,
-            ctrl: 0,
-            pmux: [0; 16],
-            pincfg: [0; 32],
-            level: 0,
-        };
-        let mut port = Self {
-            groups: [group.clone(), group],
-            waveforms: [None; 3],
-            routes: Vec::new(),
-            unpublished: false,
-        };
-        // The board's pull-ups.
-        port.groups[1].level = 1 << Pin::I2C_SDA.index | 1 << Pin::I2C_SCL.index;
-        port
+    /// All pins.
+    pub(crate) fn pins() -> impl Iterator<Item = Pin> {
+        (0..64).map(|number| Pin {
+            group: number / 32,
+            index: number % 32,
+        })
     }
 
     /// Registers as after a reset; the board is yet to learn of the pins that thereby change.
     pub(crate) fn reset(&mut self) {
-        let levels = [self.groups[0].level, self.groups[1].level];
-        *self = Self::new();
-        for (group, level) in self.groups.iter_mut().zip(levels) {
-            group.level = level;
-        }
-        self.unpublished = true;
+        *self = Self {
+            changed: self.changed,
+            unpublished: true,
+            ..Self::default()
+        };
     }
 
     /// Tells the board what a reset has changed.
@@ -108,11 +80,13 @@ impl Port {
         }
     }
 
-    /// Whether the pads of the I2C bus belong to SERCOM4.
-    pub(crate) fn i2c_routed(&self) -> bool {
-        [Pin::I2C_SDA, Pin::I2C_SCL]
-            .iter()
-            .all(|&pin| self.function(pin) == Some(FUNCTION_D))
+    /// The SERCOM whose pads 0 (SDA) and 1 (SCL) lead to the lines of the board's I2C bus.
+    pub(crate) fn i2c_master(&self, lines: I2cPins) -> Option<usize> {
+        let pad = |pin| sercom_pad(pin, self.function(pin)?);
+        match (pad(lines.sda)?, pad(lines.scl)?) {
+            ((sercom, 0), (same, 1)) if sercom == same => Some(sercom),
+            _ => None,
+        }
     }
 
     /// Whether PA24 and PA25 belong to USB.
@@ -124,7 +98,7 @@ impl Port {
 
     /// The multiplexer's choice for external interrupts.
     pub(crate) fn interrupt_routed(&self, pin: Pin) -> bool {
-        self.function(pin) == Some(0)
+        self.function(pin) == Some(FUNCTION_A)
     }
 
     /// TCC `tcc` drives `levels` (bit n = WO\[n\]) from now on, or nothing.
@@ -143,13 +117,11 @@ impl Port {
 
     /// The level at a pin.
     pub(crate) fn level(&self, now: Ticks, pin: Pin, board: &dyn Board) -> bool {
-        if pin == Pin::I2C_SDA || pin == Pin::I2C_SCL {
+        if let Some(lines) = board.i2c_pins()
+            && lines.contain(pin)
+        {
             let held = board.i2c_held_low(now);
-            let low = if pin == Pin::I2C_SDA {
-                held.sda
-            } else {
-                held.scl
-            };
+            let low = if pin == lines.sda { held.sda } else { held.scl };
             return !low && self.driven(pin).unwrap_or(true);
         }
         self.driven(pin)
@@ -187,16 +159,18 @@ impl Port {
 
     /// Tells the board if the pin's level, as the chip makes it, has changed.
     fn publish(&mut self, now: Ticks, pin: Pin, board: &mut dyn Board) {
-        let i2c = pin == Pin::I2C_SDA || pin == Pin::I2C_SCL;
+        let i2c = board.i2c_pins().is_some_and(|lines| lines.contain(pin));
         let level = match self.driven(pin) {
             Some(level) => level,
             None if i2c => true,
             None => self.pull(pin).unwrap_or(false),
         };
-        let group = &mut self.groups[usize::from(pin.group)];
+        let changed = &mut self.changed[usize::from(pin.group)];
         let mask = 1 << pin.index;
-        if (group.level & mask != 0) != level {
-            group.level ^= mask;
+        // At power-on the I2C lines are high and all others low.
+        let known = (*changed & mask != 0) != i2c;
+        if known != level {
+            *changed ^= mask;
             board.pin(now, pin, level);
         }
     }
@@ -329,194 +303,5 @@ fn word(bytes: &[u8], start: u32) -> u32 {
     })
 }
 
-/// What functions E and F of a pin are (I/O multiplexing table, G variant).
-fn waveform(pin: Pin, function: u8) -> Option<Waveform> {
-    use Waveform::{Tc, Tcc};
-    let Pin { group, index } = pin;
-    match (function, group, index) {
-        (FUNCTION_E, 0, 0 | 1) => Some(Tcc(2, index)),
-        (FUNCTION_E, 0, 4 | 5) => Some(Tcc(0, index - 4)),
-        (FUNCTION_E, 0, 6 | 7) => Some(Tcc(1, index - 6)),
-        (FUNCTION_E, 0, 8 | 9) => Some(Tcc(0, index - 8)),
-        (FUNCTION_E, 0, 10 | 11) => Some(Tcc(1, index - 10)),
-        (FUNCTION_E, 0, 12 | 13) => Some(Tcc(2, index - 12)),
-        (FUNCTION_E, 0, 16 | 17) => Some(Tcc(2, index - 16)),
-        (FUNCTION_E, 0, 30 | 31) => Some(Tcc(1, index - 30)),
-        (FUNCTION_E, 0, 14 | 15 | 18..=25) => Some(Tc),
-        (FUNCTION_E, 1, 2 | 3 | 8..=11 | 22 | 23) => Some(Tc),
-        (FUNCTION_F, 0, 8 | 9) => Some(Tcc(1, index - 6)),
-        (FUNCTION_F, 0, 10 | 11) => Some(Tcc(0, index - 8)),
-        (FUNCTION_F, 0, 12 | 13) => Some(Tcc(0, index - 6)),
-        (FUNCTION_F, 0, 14 | 15) => Some(Tcc(0, index - 10)),
-        (FUNCTION_F, 0, 16 | 17) => Some(Tcc(0, index - 10)),
-        (FUNCTION_F, 0, 18 | 19) => Some(Tcc(0, index - 16)),
-        (FUNCTION_F, 0, 20 | 21) => Some(Tcc(0, index - 14)),
-        (FUNCTION_F, 0, 22 | 23) => Some(Tcc(0, index - 18)),
-        (FUNCTION_F, 0, 24 | 25) => Some(Tcc(1, index - 22)),
-        (FUNCTION_F, 1, 10 | 11) => Some(Tcc(0, index - 6)),
-        _ => None,
-    }
-}
-
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::board::{I2cEvent, I2cReply, Lines, Unconnected};
-    use crate::peripherals::violations::Violations;
-
-    /// Records edges; drives one pin; holds one line.
-    #[derive(Default)]
-    struct Probe {
-        edges: Vec<(u64, String, bool)>,
-        driven: Option<(Pin, bool)>,
-        held: Lines,
-    }
-
-    impl Board for Probe {
-        fn i2c(&mut self, _now: Ticks, _event: I2cEvent) -> I2cReply {
-            I2cReply::NAK
-        }
-        fn i2c_held_low(&self, _now: Ticks) -> Lines {
-            self.held
-        }
-        fn pin(&mut self, now: Ticks, pin: Pin, level: bool) {
-            self.edges.push((now.0, pin.to_string(), level));
-        }
-        fn input(&self, _now: Ticks, pin: Pin) -> Option<bool> {
-            self.driven
-                .and_then(|(driven, level)| (driven == pin).then_some(level))
-        }
-    }
-
-    fn write(port: &mut Port, probe: &mut Probe, now: u64, offset: u32, lanes: Lanes) {
-        let mut bus = Bus {
-            now: Ticks(now),
-            board: probe,
-            violations: &mut Violations::default(),
-        };
-        port.write(&mut bus, offset, lanes).unwrap();
-    }
-
-    /// WRCONFIG as the HAL writes it for one pin.
-    fn configuration(pin: u8, pmux: u32, pincfg: u32) -> Lanes {
-        let half = u32::from(pin >> 4);
-        Lanes::word(half << 31 | 1 << 30 | 1 << 28 | pmux << 24 | pincfg << 16 | 1 << (pin & 15))
-    }
-
-    #[test]
-    fn outputs_reach_the_board_as_edges() {
-        let mut port = Port::new();
-        let mut probe = Probe::default();
-        write(&mut port, &mut probe, 10, 0x18, Lanes::word(1 << 7));
-        assert_eq!(probe.edges, [], "OUT without DIR drives nothing");
-        write(&mut port, &mut probe, 20, 0x08, Lanes::word(1 << 7));
-        write(&mut port, &mut probe, 30, 0x1C, Lanes::word(1 << 7));
-        write(&mut port, &mut probe, 40, 0x18, Lanes::new(0x80, 0, 1));
-        let edge = |at, level| (at, "PA07".to_string(), level);
-        assert_eq!(
-            probe.edges,
-            [edge(20, true), edge(30, false), edge(40, true)]
-        );
-    }
-
-    #[test]
-    fn inputs_need_inen_and_see_board_then_pull() {
-        let mut port = Port::new();
-        let mut probe = Probe::default();
-        let pin = Pin::a(27);
-        probe.driven = Some((pin, true));
-        let read = |port: &Port, probe: &Probe| port.read(Ticks(0), 0x20, probe).unwrap() >> 27 & 1;
-        assert_eq!(read(&port, &probe), 0, "INEN is off");
-        write(
-            &mut port,
-            &mut probe,
-            0,
-            0x28,
-            configuration(27, 0, u32::from(INEN)),
-        );
-        assert_eq!(read(&port, &probe), 1);
-        probe.driven = None;
-        assert_eq!(read(&port, &probe), 0);
-        let pulled = u32::from(INEN | PULLEN);
-        write(&mut port, &mut probe, 0, 0x28, configuration(27, 0, pulled));
-        write(&mut port, &mut probe, 0, 0x18, Lanes::word(1 << 27));
-        assert_eq!(read(&port, &probe), 1);
-    }
-
-    #[test]
-    fn a_tcc_drives_only_the_pins_routed_to_it() {
-        let mut port = Port::new();
-        let mut probe = Probe::default();
-        port.drive(Ticks(1), 0, Some(1 << 5), &mut probe);
-        assert_eq!(probe.edges, []);
-        // PB11 to TCC0/WO[5], PB10 to TCC0/WO[4].
-        write(&mut port, &mut probe, 2, 0xA8, configuration(11, 5, 1));
-        write(&mut port, &mut probe, 3, 0xA8, configuration(10, 5, 1));
-        port.drive(Ticks(4), 0, Some(1 << 4), &mut probe);
-        port.drive(Ticks(5), 0, None, &mut probe);
-        let edge = |at, pin: &str, level| (at, pin.to_string(), level);
-        assert_eq!(
-            probe.edges,
-            [
-                edge(2, "PB11", true),
-                edge(4, "PB10", true),
-                edge(4, "PB11", false),
-                edge(5, "PB10", false)
-            ]
-        );
-        assert_eq!(port.read(Ticks(5), 0xB4, &Unconnected).unwrap() >> 8, 0x55);
-    }
-
-    #[test]
-    fn the_i2c_lines_are_wired_and() {
-        let mut port = Port::new();
-        let mut probe = Probe::default();
-        write(
-            &mut port,
-            &mut probe,
-            0,
-            0xA8,
-            configuration(8, 0, u32::from(INEN)),
-        );
-        write(
-            &mut port,
-            &mut probe,
-            0,
-            0xA8,
-            configuration(9, 0, u32::from(INEN)),
-        );
-        let read = |port: &Port, probe: &Probe| port.read(Ticks(0), 0xA0, probe).unwrap() >> 8 & 3;
-        assert_eq!(read(&port, &probe), 0b11, "the board's pull-ups");
-        probe.held.sda = true;
-        assert_eq!(read(&port, &probe), 0b10);
-        // A recovery clock: SCL low by DIR, then released.
-        write(&mut port, &mut probe, 7, 0x88, Lanes::word(1 << 9));
-        assert_eq!(read(&port, &probe), 0b00);
-        write(&mut port, &mut probe, 9, 0x84, Lanes::word(1 << 9));
-        assert_eq!(read(&port, &probe), 0b10);
-        let edge = |at, level| (at, "PB09".to_string(), level);
-        assert_eq!(probe.edges, [edge(7, false), edge(9, true)]);
-    }
-
-    #[test]
-    fn routing_a_tc_to_a_pin_is_loud() {
-        let mut port = Port::new();
-        let mut bus = Bus {
-            now: Ticks(0),
-            board: &mut Unconnected,
-            violations: &mut Violations::default(),
-        };
-        let lanes = configuration(18, 4, 1);
-        assert!(port.write(&mut bus, 0x28, lanes).is_err());
-    }
-
-    #[test]
-    fn sercom4_owns_the_bus_with_function_d_on_both_pads() {
-        let mut port = Port::new();
-        let mut probe = Probe::default();
-        write(&mut port, &mut probe, 0, 0xA8, configuration(8, 3, 1));
-        assert!(!port.i2c_routed());
-        write(&mut port, &mut probe, 0, 0xA8, configuration(9, 3, 1));
-        assert!(port.i2c_routed());
-    }
-}
+mod tests;

@@ -4,7 +4,7 @@
 //! |---|---|---|
 //! | 00, 04, 08 | INTENCLR, INTENSET, INTFLAG | enables stored; flags of ready oscillators are set |
 //! | 0C | PCLKSR | XOSC32KRDY never; OSC32KRDY after STARTUP; OSC8MRDY; DFLLRDY; locks; BOD33RDY |
-//! | 14 | XOSC32K | stored; no crystal is soldered to this board, so it is never ready |
+//! | 14 | XOSC32K | stored; no crystal is modelled, so it is never ready |
 //! | 18 | OSC32K | 32,768 Hz, ready STARTUP cycles after it is enabled |
 //! | 1C | OSCULP32K | 32,768 Hz, always on |
 //! | 20 | OSC8M | 8 MHz / 2^PRESC, on from reset |
@@ -19,13 +19,15 @@
 //!
 //! | left out | why |
 //! |---|---|
-//! | XOSC, DPLL | not on this board, not used: an access faults |
+//! | XOSC, DPLL | not modelled: an access faults |
 //! | frequency errors and drift | the chip's clock is the time base of the whole emulation |
 //! | brown-out | supply voltage is not modelled |
 //! | ONDEMAND, RUNSTDBY | clocks that nobody asks for cost nothing here |
 
 use super::access::{Bus, DONE, Lanes, RESERVED, Read, Refusal, Write};
 use super::clock::Rate;
+use super::interrupts::Interrupts;
+use super::map::Block;
 use crate::board::Ticks;
 
 const ENABLE: u32 = 1 << 1;
@@ -50,10 +52,9 @@ const RECOVERY_FRAMES: u8 = 8;
 /// OSC32K.STARTUP to cycles of the oscillator.
 const OSC32K_STARTUP: [u64; 8] = [3, 4, 6, 10, 18, 34, 66, 130];
 
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub(crate) struct Sysctrl {
-    interrupts: u32,
-    flags: u32,
+    interrupts: Interrupts<{ u32::MAX }>,
     xosc32k: u32,
     osc32k: u32,
     osculp32k: u32,
@@ -73,22 +74,17 @@ pub(crate) struct Sysctrl {
 impl Sysctrl {
     pub(crate) fn new() -> Self {
         Self {
-            interrupts: 0,
-            flags: 0,
+            interrupts: Interrupts::of(Block::Sysctrl),
             xosc32k: 0x80,
             osc32k: 0x003F_0080,
             osculp32k: 0x1F,
             osc8m: 0x8707_0382,
             dfllctrl: 0x80,
-            dfllval: 0,
-            dfllmul: 0,
-            bod33: 0,
-            vreg: 0,
-            vref: 0,
             osc32k_ready: Ticks::NEVER,
             dfll_ready: Ticks::NEVER,
             dfll_locked: Ticks::NEVER,
             frames_until_lock: RECOVERY_FRAMES,
+            ..Self::default()
         }
     }
 
@@ -155,15 +151,14 @@ impl Sysctrl {
         status
     }
 
-    /// Flags rise with what they tell of.
+    /// Sets the flags of the oscillators that are ready.
     pub(crate) fn latch_flags(&mut self, now: Ticks) {
-        self.flags |= self.status(now) & 0x3F;
+        self.interrupts.flags |= self.status(now) & 0x3F;
     }
 
     pub(crate) fn read(&self, now: Ticks, offset: u32) -> Read {
         Ok(match offset {
-            0x00 | 0x04 => self.interrupts,
-            0x08 => self.flags,
+            0x00 | 0x04 | 0x08 => self.interrupts.read_words(offset),
             0x0C => self.status(now),
             0x14 => self.xosc32k,
             0x18 => self.osc32k,
@@ -180,7 +175,7 @@ impl Sysctrl {
         })
     }
 
-    /// `reference` tells whether GCLK 0, the DFLL's reference, is routed.
+    /// `reference`: whether GCLK 0, the DFLL's reference, is routed.
     pub(crate) fn write(
         &mut self,
         bus: &mut Bus<'_>,
@@ -189,9 +184,7 @@ impl Sysctrl {
         reference: bool,
     ) -> Write {
         match offset {
-            0x00 => self.interrupts &= !lanes.bits(),
-            0x04 => self.interrupts |= lanes.bits(),
-            0x08 => self.flags &= !lanes.bits(),
+            0x00 | 0x04 | 0x08 => self.interrupts.write_words(offset, lanes),
             0x0C => {}
             0x14 => self.xosc32k = lanes.merge(self.xosc32k) & 0xFFFF,
             0x18 => self.write_osc32k(bus.now, lanes.merge(self.osc32k)),
@@ -228,8 +221,7 @@ impl Sysctrl {
 
     fn write_dfllctrl(&mut self, bus: &mut Bus<'_>, value: u32, reference: bool) {
         if self.status(bus.now) & DFLLRDY == 0 {
-            bus.violations
-                .note(bus.now, "SYSCTRL", "DFLLCTRL written while DFLLRDY is 0");
+            bus.note("SYSCTRL", "DFLLCTRL written while DFLLRDY is 0");
         }
         let was_enabled = self.dfllctrl & ENABLE != 0;
         self.dfllctrl = value;
@@ -259,8 +251,8 @@ impl Sysctrl {
         Ok(())
     }
 
-    pub(crate) fn irq(&self) -> bool {
-        self.interrupts & self.flags != 0
+    pub(crate) fn irq(&self) -> u32 {
+        self.interrupts.irq()
     }
 }
 
@@ -327,7 +319,7 @@ mod tests {
     }
 
     #[test]
-    fn the_errata_of_an_undemanded_dfll_is_loud() {
+    fn writing_an_undemanded_dfll_is_refused() {
         let mut sysctrl = Sysctrl::new();
         assert!(matches!(
             write(&mut sysctrl, 0, 0x28, 0),

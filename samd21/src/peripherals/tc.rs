@@ -11,8 +11,8 @@
 //! | 10 | COUNT | 16 or 32 bits |
 //! | 18, 1A or 1C | CC0, CC1 | 16 or 32 bits |
 //!
-//! TOP is CC0 in MFRQ and MPWM, else the counter's end. All registers share one synchroniser: a write
-//! while SYNCBUSY is set stalls the bus. COUNT read without a request gives the present count.
+//! TOP is CC0 in MFRQ and MPWM, else the counter's end. All registers share one synchroniser: a
+//! write while SYNCBUSY is set stalls the bus. COUNT read without a request gives the present count.
 //!
 //! | left out | why |
 //! |---|---|
@@ -21,14 +21,14 @@
 //! | the stall of reading COUNT without a request | reads do not stall in this bus |
 //! | TC6, TC7 | not on the SAMD21G |
 
-use super::access::{Bus, Lanes, RESERVED, Read, Refusal, Write};
+use super::access::{Bus, DONE, ENABLE, Lanes, RESERVED, Read, Refusal, SWRST, Write};
 use super::clock::{Rate, SyncFlags};
-use super::counter::{Run, prescaler};
+use super::counter::Counter;
+use super::interrupts::Interrupts;
+use super::map::{Block, entry};
 use crate::SyncHold;
 use crate::board::Ticks;
 
-const SWRST: u32 = 1 << 0;
-const ENABLE: u32 = 1 << 1;
 const MODE: u32 = 3 << 2;
 const MODE_COUNT32: u32 = 2 << 2;
 /// CTRLA: MODE, WAVEGEN, PRESCALER, RUNSTDBY, PRESCSYNC.
@@ -37,10 +37,11 @@ const CTRLA_MODELLED: u32 = MODE | 3 << 5 | 0x3F00;
 const DIR: u8 = 1 << 0;
 const ONESHOT: u8 = 1 << 2;
 
-const OVF: u8 = 1 << 0;
-const ERR: u8 = 1 << 1;
-const SYNCRDY: u8 = 1 << 3;
-const MC0: u8 = 1 << 4;
+const OVF: u32 = 1 << 0;
+const ERR: u32 = 1 << 1;
+const SYNCRDY: u32 = 1 << 3;
+const MC0: u32 = 1 << 4;
+const MC1: u32 = 1 << 5;
 
 const STOP: u8 = 1 << 3;
 const SLAVE: u8 = 1 << 4;
@@ -49,30 +50,22 @@ const SYNCBUSY: u8 = 1 << 7;
 const RCONT: u16 = 1 << 14;
 const RREQ: u16 = 1 << 15;
 
-const NAMES: [&str; 3] = ["TC3", "TC4", "TC5"];
 /// TC4: the one that may take the next as its upper half.
 const MASTER: usize = 1;
 
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub(crate) struct Tc {
     index: usize,
-    clock: Option<Rate>,
+    counter: Counter<2>,
     sync: SyncFlags<1>,
     ctrla: u32,
     ctrlb: u8,
     read_request: u16,
-    interrupts: u8,
-    flags: u8,
+    interrupts: Interrupts<{ OVF | ERR | SYNCRDY | MC0 | MC1 }>,
     cc: [u32; 2],
-    stopped: bool,
     is_slave: bool,
-    run: Option<Run>,
-    /// COUNT while the counter stands.
-    held: u32,
     /// COUNT as the last request saw it.
     requested: Option<u32>,
-    next_overflow: Ticks,
-    next_match: [Ticks; 2],
 }
 
 impl Tc {
@@ -80,34 +73,17 @@ impl Tc {
     pub(crate) fn new(index: usize, hold: SyncHold) -> Self {
         Self {
             index,
-            clock: None,
             sync: SyncFlags::new(hold),
-            ctrla: 0,
-            ctrlb: 0,
-            read_request: 0,
-            interrupts: 0,
-            flags: 0,
-            cc: [0; 2],
-            stopped: true,
-            is_slave: false,
-            run: None,
-            held: 0,
-            requested: None,
-            next_overflow: Ticks::NEVER,
-            next_match: [Ticks::NEVER; 2],
+            interrupts: Interrupts::of(Block::Tc(index)),
+            ..Self::default()
         }
     }
 
     pub(crate) fn set_clock(&mut self, now: Ticks, clock: Option<Rate>) {
-        if self.clock == clock {
-            return;
+        if self.counter.set_clock(now, clock) {
+            self.sync.set_clocked(now, clock.is_some());
+            self.resume(now);
         }
-        if clock.is_some() {
-            self.sync.unhang(now);
-        }
-        self.halt(now);
-        self.clock = clock;
-        self.resume(now);
     }
 
     /// Whether this counter has taken the next one as its upper half.
@@ -120,45 +96,34 @@ impl Tc {
         self.is_slave = is_slave;
     }
 
-    pub(crate) fn irq(&self) -> bool {
-        self.flags & self.interrupts != 0
+    pub(crate) fn irq(&self) -> u32 {
+        self.interrupts.irq()
     }
 
     pub(crate) fn next(&self) -> Ticks {
-        self.next_overflow
-            .min(self.next_match[0])
-            .min(self.next_match[1])
+        self.counter.next()
     }
 
     pub(crate) fn advance(&mut self, now: Ticks) {
-        if self.next_overflow <= now {
+        if self.counter.next_overflow <= now {
             self.overflow(now);
         }
-        for channel in 0..2 {
-            if self.next_match[channel] <= now {
-                self.flags |= MC0 << channel;
-                self.next_match[channel] = Ticks::NEVER;
+        for (channel, next) in self.counter.next_match.iter_mut().enumerate() {
+            if *next <= now {
+                *next = Ticks::NEVER;
+                self.interrupts.flags |= MC0 << channel;
             }
         }
     }
 
     fn overflow(&mut self, now: Ticks) {
-        self.flags |= OVF;
-        if let Some(run) = &mut self.run {
-            run.begin_next_cycle();
-        }
-        if self.ctrlb & ONESHOT != 0 {
-            self.halt(now);
-            self.held = 0;
-            self.stopped = true;
-            return;
-        }
-        for channel in 0..2 {
-            if self.cc[channel] == 0 {
-                self.flags |= MC0 << channel;
+        self.interrupts.flags |= OVF;
+        if self.counter.overflow(now, self.ctrlb & ONESHOT != 0) {
+            for (channel, cc) in self.cc.iter().enumerate() {
+                self.interrupts.flags |= u32::from(*cc == 0) * (MC0 << channel);
             }
+            self.schedule(now);
         }
-        self.schedule(now);
     }
 
     fn max(&self) -> u32 {
@@ -172,35 +137,14 @@ impl Tc {
         }
     }
 
-    fn count(&self, now: Ticks) -> u32 {
-        self.run.map_or(self.held, |run| run.count(now))
-    }
-
     fn schedule(&mut self, now: Ticks) {
         let (top, max) = (self.top(), self.max());
-        let Some(run) = &mut self.run else { return };
-        run.set_top(now, top, max);
-        self.next_overflow = run.end();
-        self.next_match = self.cc.map(|value| run.next_match(now, value));
-    }
-
-    fn halt(&mut self, now: Ticks) {
-        if let Some(run) = self.run.take() {
-            self.held = run.count(now);
-        }
-        self.next_overflow = Ticks::NEVER;
-        self.next_match = [Ticks::NEVER; 2];
+        self.counter.schedule(now, top, max, &self.cc);
     }
 
     fn resume(&mut self, now: Ticks) {
-        if self.ctrla & ENABLE == 0 || self.stopped {
-            return;
-        }
-        if let Some(clock) = self.clock {
-            let rate = clock.divided(prescaler(self.ctrla));
-            self.run = Some(Run::new(rate, now, self.held));
-            self.schedule(now);
-        }
+        self.counter.resume(now, self.ctrla);
+        self.schedule(now);
     }
 
     pub(crate) fn read(&self, now: Ticks, offset: u32) -> Read {
@@ -214,13 +158,11 @@ impl Tc {
             0x0C => {
                 let busy = self.sync.is_busy(now, 0);
                 let mut status = if busy { SYNCBUSY } else { 0 };
-                status |= if self.stopped { STOP } else { 0 };
+                status |= if self.counter.stopped { STOP } else { 0 };
                 status |= if self.is_slave { SLAVE } else { 0 };
-                (u32::from(self.interrupts) * 0x0101)
-                    | u32::from(self.flags) << 16
-                    | u32::from(status) << 24
+                self.interrupts.read_bytes() | u32::from(status) << 24
             }
-            0x10 => self.requested.unwrap_or_else(|| self.count(now)),
+            0x10 => self.requested.unwrap_or_else(|| self.counter.count(now)),
             0x18 if self.is_32_bits() => self.cc[0],
             0x18 => self.cc[0] | self.cc[1] << 16,
             0x1C if self.is_32_bits() => self.cc[1],
@@ -229,14 +171,13 @@ impl Tc {
     }
 
     pub(crate) fn write(&mut self, bus: &mut Bus<'_>, offset: u32, lanes: Lanes) -> Write {
-        let stall = self.sync.remaining(bus.now, 0);
-        if stall == Ticks::NEVER && offset != 0x0C {
-            return Err(Refusal::Forbidden(
-                "no generic clock: the bus stalls for ever",
-            ));
+        if offset == 0x0C {
+            self.interrupts.write_bytes(lanes);
+            return DONE;
         }
         let now = bus.now;
-        let begin = now.saturating_add(stall);
+        let stall = self.sync.stall(now, 0)?;
+        let begin = now + stall;
         match offset {
             0x00 => {
                 if let Some(value) = lanes.half(0, self.ctrla as u16) {
@@ -245,19 +186,19 @@ impl Tc {
                 if let Some(request) = lanes.half(1, 0) {
                     self.read_request = request & RCONT;
                     if request & RREQ != 0 {
-                        self.requested = (request & RCONT == 0).then(|| self.count(now));
-                        self.begin_sync(begin);
+                        self.requested = (request & RCONT == 0).then(|| self.counter.count(now));
+                        self.sync.begin(begin, 0);
                     }
                 }
             }
             0x04 => {
                 if let Some(clear) = lanes.byte(0) {
                     self.ctrlb &= !clear;
-                    self.begin_sync(begin);
+                    self.sync.begin(begin, 0);
                 }
                 if let Some(set) = lanes.byte(1) {
                     self.write_ctrlbset(now, set)?;
-                    self.begin_sync(begin);
+                    self.sync.begin(begin, 0);
                 }
                 if lanes.byte(2).unwrap_or(0) != 0 {
                     return Err(Refusal::Unmodelled("CTRLC"));
@@ -268,38 +209,26 @@ impl Tc {
                     return Err(Refusal::Unmodelled("EVCTRL"));
                 }
             }
-            0x0C => {
-                self.interrupts &= !lanes.byte(0).unwrap_or(0);
-                self.interrupts |=
-                    lanes.byte(1).unwrap_or(0) & (OVF | ERR | SYNCRDY | MC0 | MC0 << 1);
-                self.flags &= !lanes.byte(2).unwrap_or(0);
-                return Ok(Ticks::ZERO);
-            }
             0x10 => {
-                self.halt(now);
-                self.held = lanes.merge(self.held) & self.max();
+                self.counter.halt(now);
+                self.counter.held = lanes.merge(self.counter.held) & self.max();
                 self.requested = None;
                 self.resume(now);
-                self.begin_sync(begin);
+                self.sync.begin(begin, 0);
             }
             0x18 if !self.is_32_bits() => {
                 let both = lanes.merge(self.cc[0] | self.cc[1] << 16);
                 self.cc = [both & 0xFFFF, both >> 16];
                 self.schedule(now);
-                self.begin_sync(begin);
+                self.sync.begin(begin, 0);
             }
             0x18 | 0x1C if self.is_32_bits() => {
                 let channel = ((offset - 0x18) / 4) as usize;
                 self.cc[channel] = lanes.merge(self.cc[channel]);
                 self.schedule(now);
-                self.begin_sync(begin);
+                self.sync.begin(begin, 0);
             }
             _ => return Err(RESERVED),
-        }
-        if stall == Ticks::NEVER {
-            return Err(Refusal::Forbidden(
-                "no generic clock: the bus stalls for ever",
-            ));
         }
         Ok(stall)
     }
@@ -307,12 +236,12 @@ impl Tc {
     fn write_ctrla(&mut self, bus: &mut Bus<'_>, begin: Ticks, value: u32) -> Result<(), Refusal> {
         if value & SWRST != 0 {
             *self = Self {
-                clock: self.clock,
+                counter: self.counter.fresh(),
                 sync: self.sync.clone(),
                 is_slave: self.is_slave,
                 ..Self::new(self.index, SyncHold::Instant)
             };
-            self.begin_sync(begin);
+            self.sync.begin(begin, 0);
             return Ok(());
         }
         if value & !(ENABLE | CTRLA_MODELLED) != 0 {
@@ -324,18 +253,14 @@ impl Tc {
             _ => return Err(Refusal::Unmodelled("this MODE")),
         }
         let was_enabled = self.ctrla & ENABLE != 0;
-        if was_enabled && (self.ctrla ^ value) & CTRLA_MODELLED != 0 {
-            let what = "enable-protected CTRLA written while enabled: discarded";
-            bus.violations.note(bus.now, NAMES[self.index], what);
-        } else {
-            self.ctrla = value & CTRLA_MODELLED | self.ctrla & ENABLE;
-        }
+        let name = entry(Block::Tc(self.index)).name;
+        bus.write_ctrla(name, &mut self.ctrla, value, CTRLA_MODELLED);
         if was_enabled != (value & ENABLE != 0) {
-            self.halt(bus.now);
+            self.counter.halt(bus.now);
             self.ctrla ^= ENABLE;
-            self.stopped = was_enabled;
+            self.counter.stopped = was_enabled;
             self.resume(bus.now);
-            self.begin_sync(begin);
+            self.sync.begin(begin, 0);
         }
         Ok(())
     }
@@ -347,26 +272,13 @@ impl Tc {
         self.ctrlb |= set & ONESHOT;
         match set >> 6 {
             1 if self.ctrla & ENABLE != 0 => {
-                self.halt(now);
-                self.held = 0;
-                self.stopped = false;
+                self.counter.retrigger(now);
                 self.resume(now);
             }
-            2 => {
-                self.halt(now);
-                self.stopped = true;
-            }
+            2 => self.counter.stop(now),
             _ => {}
         }
         Ok(())
-    }
-
-    fn begin_sync(&mut self, begin: Ticks) {
-        if self.clock.is_some() {
-            self.sync.begin(begin, 0);
-        } else {
-            self.sync.hang(0);
-        }
     }
 }
 
@@ -419,17 +331,17 @@ mod tests {
         let mut rig = Rig::new(SyncHold::Instant);
         rig.half(0x18, 5999);
         rig.half(0x00, 1 << 5 | 3 << 8 | ENABLE);
-        rig.write(0x0C, Lanes::new(u32::from(OVF), 1, 1)).unwrap();
+        rig.write(0x0C, Lanes::new(OVF, 1, 1)).unwrap();
         rig.run_to(6000 * 8 - 1);
-        assert!(!rig.tc.irq());
+        assert_eq!(rig.tc.irq(), 0);
         assert_eq!(rig.read(0x10), 5999);
         rig.run_to(6000 * 8);
-        assert!(rig.tc.irq());
+        assert_eq!(rig.tc.irq(), 1 << 19);
         assert_eq!(rig.read(0x10), 0);
-        rig.write(0x0C, Lanes::new(u32::from(OVF), 2, 1)).unwrap();
-        assert!(!rig.tc.irq());
+        rig.write(0x0C, Lanes::new(OVF, 2, 1)).unwrap();
+        assert_eq!(rig.tc.irq(), 0);
         rig.run_to(12_000 * 8);
-        assert!(rig.tc.irq());
+        assert_eq!(rig.tc.irq(), 1 << 19);
     }
 
     #[test]
@@ -439,7 +351,7 @@ mod tests {
         rig.half(0x02, u32::from(RREQ | RCONT) | 0x10);
         rig.run_to(5_000_000_000);
         assert_eq!(rig.read(0x10), (5_000_000_000u64 - (1 << 32)) as u32);
-        assert_eq!(rig.read(0x0C) >> 16 & u32::from(OVF), 1);
+        assert_eq!(rig.read(0x0C) >> 16 & OVF, 1);
     }
 
     #[test]
@@ -475,7 +387,7 @@ mod tests {
         assert_eq!(rig.read(0x0C) >> 24, u32::from(STOP));
         assert_eq!(rig.tc.next(), Ticks::NEVER);
         rig.write(0x04, Lanes::new(1 << 6, 1, 1)).unwrap();
-        assert_eq!(rig.tc.next_overflow, Ticks(1100));
+        assert_eq!(rig.tc.counter.next_overflow, Ticks(1100));
     }
 
     #[test]

@@ -1,10 +1,10 @@
-use super::testing::*;
 use super::*;
 use crate::SyncHold;
-use crate::board::{I2cEvent, I2cReply, Lines, Pin, Unconnected};
+use crate::board::{I2cEvent, I2cPins, I2cReply, Pin, Unconnected};
+use crate::testing::*;
 
 const TCC0: u32 = 0x4200_2000;
-const SERCOM4: u32 = 0x4200_1800;
+const SERCOM3: u32 = 0x4200_1400;
 
 #[test]
 fn the_hal_starts_48_mhz_with_and_without_held_synchronisation() {
@@ -59,7 +59,7 @@ fn the_cpu_cannot_be_left_without_a_clock() {
     let error = bench
         .try_write(GCLK + 4, Width::Word, from_dfll)
         .unwrap_err();
-    assert!(matches!(error, BusError::Forbidden { .. }));
+    assert!(matches!(error.refusal, Refusal::Forbidden(_)));
 }
 
 #[test]
@@ -102,21 +102,30 @@ fn a_protected_peripheral_refuses_writes_but_not_reads() {
     assert!(bench.try_read(GCLK + 4, Width::Word).is_ok());
     assert_eq!(
         bench.try_write(GCLK + 4, Width::Word, 0),
-        Err(BusError::Protected {
+        Err(BusError {
             addr: GCLK + 4,
-            peripheral: "GCLK"
+            peripheral: "GCLK",
+            refusal: Refusal::Protected
         })
     );
 }
 
-/// Notes edges; acknowledges address 0x29.
-#[derive(Default)]
+/// Notes edges; acknowledges address 0x29 on the I2C bus at the pins `i2c`.
 struct Recorder {
+    i2c: I2cPins,
     edges: Vec<(Ticks, Pin, bool)>,
     last: Ticks,
 }
 
 impl Recorder {
+    fn new(sda: Pin, scl: Pin) -> Self {
+        Self {
+            i2c: I2cPins { sda, scl },
+            edges: Vec::new(),
+            last: Ticks::ZERO,
+        }
+    }
+
     fn order(&mut self, now: Ticks) {
         assert!(now >= self.last, "the board was called back in time");
         self.last = now;
@@ -124,6 +133,9 @@ impl Recorder {
 }
 
 impl Board for Recorder {
+    fn i2c_pins(&self) -> Option<I2cPins> {
+        Some(self.i2c)
+    }
     fn i2c(&mut self, now: Ticks, event: I2cEvent) -> I2cReply {
         self.order(now);
         match event {
@@ -131,21 +143,15 @@ impl Board for Recorder {
             _ => I2cReply::NAK,
         }
     }
-    fn i2c_held_low(&self, _now: Ticks) -> Lines {
-        Lines::default()
-    }
     fn pin(&mut self, now: Ticks, pin: Pin, level: bool) {
         self.order(now);
         self.edges.push((now, pin, level));
-    }
-    fn input(&self, _now: Ticks, _pin: Pin) -> Option<bool> {
-        None
     }
 }
 
 /// Clocks, then the servo's timer: 20 ms frames of 1.5 ms on PB11.
 fn servo_bench() -> Bench<Recorder> {
-    let mut bench = Bench::new(SyncHold::Instant, Recorder::default());
+    let mut bench = Bench::new(SyncHold::Instant, Recorder::new(Pin::b(8), Pin::b(9)));
     bench.start_clocks();
     let mask = bench.r32(PM_APBCMASK);
     bench.w32(PM_APBCMASK, mask | 1 << 8 | 1 << 6);
@@ -193,22 +199,55 @@ fn a_reset_lets_the_pins_go_and_tells_why() {
 }
 
 #[test]
-fn sercom4_interrupts_as_irq_13_and_only_through_its_pins() {
-    let mut bench = servo_bench();
-    bench.route(0x18, 0);
-    bench.multiplex(1, 8, 3);
-    bench.multiplex(1, 9, 3);
-    bench.w32(SERCOM4, 5 << 2);
-    bench.w32(SERCOM4 + 0x0C, 59);
-    bench.w32(SERCOM4, 5 << 2 | 2);
-    bench.w16(SERCOM4 + 0x1A, 1 << 4);
-    bench.w8(SERCOM4 + 0x16, 1);
-    bench.w32(SERCOM4 + 0x24, 0x29 << 1);
-    assert_eq!(bench.peripherals.irq_lines(), 0);
-    bench.pass(Ticks::from_us(40));
-    assert_eq!(bench.peripherals.irq_lines(), 1 << 13);
-    assert_eq!(bench.r16(SERCOM4 + 0x1A), 2 << 4 | 1 << 7);
-    assert_eq!(bench.peripherals.violations().first(), []);
+fn any_sercom_is_an_i2c_master_through_the_pads_that_reach_the_boards_bus() {
+    // SERCOM, SDA, SCL, multiplexer function: the Nano 33 IoT's, then those of other boards.
+    for (sercom, sda, scl, function) in [
+        (4, Pin::b(8), Pin::b(9), 3),
+        (3, Pin::a(22), Pin::a(23), 2),
+        (2, Pin::a(12), Pin::a(13), 2),
+        (2, Pin::a(8), Pin::a(9), 3),
+        (0, Pin::a(8), Pin::a(9), 2),
+    ] {
+        let base = 0x4200_0800 + 0x400 * sercom;
+        let mut bench = Bench::new(SyncHold::Instant, Recorder::new(sda, scl));
+        bench.start_clocks();
+        let mask = bench.r32(PM_APBCMASK);
+        bench.w32(PM_APBCMASK, mask | 1 << (2 + sercom));
+        bench.route(0x14 + sercom as u16, 0);
+        for pin in [sda, scl] {
+            bench.multiplex(u32::from(pin.group), u32::from(pin.index), function);
+        }
+        bench.w32(base, 5 << 2);
+        bench.w32(base + 0x0C, 59);
+        bench.w32(base, 5 << 2 | 2);
+        bench.w16(base + 0x1A, 1 << 4);
+        bench.w8(base + 0x16, 1);
+        bench.w32(base + 0x24, 0x29 << 1);
+        assert_eq!(bench.peripherals.irq_lines(), 0);
+        bench.pass(Ticks::from_us(40));
+        assert_eq!(bench.peripherals.irq_lines(), 1 << (9 + sercom));
+        assert_eq!(bench.r16(base + 0x1A), 2 << 4 | 1 << 7);
+        assert_eq!(bench.peripherals.violations().first(), []);
+    }
+}
+
+#[test]
+fn a_sercom_whose_pads_lie_elsewhere_does_not_reach_the_boards_bus() {
+    let mut bench = Bench::new(SyncHold::Instant, Recorder::new(Pin::b(8), Pin::b(9)));
+    bench.start_clocks();
+    let mask = bench.r32(PM_APBCMASK);
+    bench.w32(PM_APBCMASK, mask | 1 << 5);
+    bench.route(0x17, 0);
+    bench.multiplex(0, 22, 2);
+    bench.multiplex(0, 23, 2);
+    bench.w32(SERCOM3, 5 << 2);
+    bench.w32(SERCOM3, 5 << 2 | 2);
+    bench.w16(SERCOM3 + 0x1A, 1 << 4);
+    bench.w32(SERCOM3 + 0x24, 0x29 << 1);
+    bench.pass(Ticks::from_us(400));
+    assert_eq!(bench.r8(SERCOM3 + 0x18) & 1, 0, "MB");
+    let violations = bench.peripherals.violations().first();
+    assert_eq!(violations[0].peripheral, "SERCOM3");
 }
 
 #[test]
@@ -231,13 +270,6 @@ struct Switch {
 }
 
 impl Board for Switch {
-    fn i2c(&mut self, _now: Ticks, _event: I2cEvent) -> I2cReply {
-        I2cReply::NAK
-    }
-    fn i2c_held_low(&self, _now: Ticks) -> Lines {
-        Lines::default()
-    }
-    fn pin(&mut self, _now: Ticks, _pin: Pin, _level: bool) {}
     fn input(&self, _now: Ticks, pin: Pin) -> Option<bool> {
         (pin == Pin::a(7)).then_some(!self.closed)
     }
@@ -319,16 +351,12 @@ fn the_flash_interrupts_when_it_is_ready_again() {
     bench.w32(NVMCTRL + 0x1C, 0x4000 / 2);
     bench.w8(NVMCTRL + 0x10, 1);
     assert_eq!(bench.peripherals.irq_lines(), 1 << 5);
-    let Bench {
-        peripherals,
-        memory,
-        board,
-        now,
-    } = &mut bench;
-    let command = peripherals.write(*now, NVMCTRL, Width::Half, 0xA502, memory, board);
+    let now = bench.now;
+    let command = bench.bus().write(now, NVMCTRL, Width::Half, 0xA502);
     assert_eq!(command, Ok(Ticks::from_us(6000)));
-    assert_eq!(peripherals.irq_lines(), 0);
-    assert_eq!(peripherals.next_event(), *now + Ticks::from_us(6000));
+    assert_eq!(bench.peripherals.irq_lines(), 0);
+    let end = now + Ticks::from_us(6000);
+    assert_eq!(bench.peripherals.next_event(), end);
     bench.pass(Ticks::from_us(6000));
     assert_eq!(bench.peripherals.irq_lines(), 1 << 5);
 }

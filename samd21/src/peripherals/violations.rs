@@ -1,4 +1,4 @@
-//! Misuse that the real chip swallows without a word, noted so that tests can fail on it.
+//! Misuse that the real chip silently ignores, noted so that tests can fail on it.
 
 use crate::board::Ticks;
 use std::fmt;

@@ -7,12 +7,12 @@
 //! | 02 | EWCTRL | EWOFFSET: early warning after 8 << EWOFFSET clocks; only while disabled |
 //! | 04, 05, 06 | INTENCLR, INTENSET, INTFLAG | EW |
 //! | 07 | STATUS | SYNCBUSY |
-//! | 08 | CLEAR | 0xA5 starts the time anew, slowly synchronised; anything else resets the chip at once |
+//! | 08 | CLEAR | 0xA5 restarts the timeout, slowly synchronised; else the chip is reset at once |
 //!
 //! CTRL and CLEAR reach the watchdog's own clock (1,024 Hz as a rule) after its next edge and five
-//! periods: 4.9 to 5.9 ms, and take effect only then. A second write to one of them meanwhile stalls
-//! the bus until the first has arrived (data sheet, register synchronisation): the CPU and all interrupts stand still. With no
-//! clock it would stall for ever: that faults.
+//! periods: 4.9 to 5.9 ms, and take effect only then. A second write to one of them meanwhile
+//! stalls the bus until the first has arrived (data sheet, register synchronisation): the CPU and
+//! all interrupts stand still. With no clock it would stall for ever: that faults.
 //!
 //! | left out | why |
 //! |---|---|
@@ -21,30 +21,33 @@
 
 use super::access::{Bus, Lanes, RESERVED, Read, Refusal, Write};
 use super::clock::Rate;
+use super::interrupts::Interrupts;
+use super::map::Block;
 use crate::board::Ticks;
 
 const ENABLE: u8 = 1 << 1;
 const WEN: u8 = 1 << 2;
 const ALWAYSON: u8 = 1 << 7;
+/// Early warning, the one interrupt.
+const EW: u32 = 1 << 0;
 const KEY: u8 = 0xA5;
 /// Clock periods from the first edge until a write has arrived.
 const SYNC_PERIODS: u64 = 5;
 
-/// A write on its way.
+/// The register whose write is being synchronised.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Arrival {
     Control,
     Clear,
 }
 
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub(crate) struct Wdt {
     clock: Option<Rate>,
     ctrl: u8,
     config: u8,
     ewctrl: u8,
-    interrupt: bool,
-    flag: bool,
+    interrupts: Interrupts<EW>,
     arriving: Option<(Ticks, Arrival)>,
     early_warning: Ticks,
     timeout: Ticks,
@@ -54,16 +57,12 @@ pub(crate) struct Wdt {
 impl Wdt {
     pub(crate) fn new() -> Self {
         Self {
-            clock: None,
-            ctrl: 0,
             config: 0xBB,
             ewctrl: 0x0B,
-            interrupt: false,
-            flag: false,
-            arriving: None,
+            interrupts: Interrupts::of(Block::Wdt),
             early_warning: Ticks::NEVER,
             timeout: Ticks::NEVER,
-            bites: false,
+            ..Self::default()
         }
     }
 
@@ -71,11 +70,11 @@ impl Wdt {
         self.clock = clock;
     }
 
-    pub(crate) fn irq(&self) -> bool {
-        self.flag && self.interrupt
+    pub(crate) fn irq(&self) -> u32 {
+        self.interrupts.irq()
     }
 
-    /// Takes the watchdog's demand to reset the chip.
+    /// Whether the watchdog has reset the chip since this was last asked.
     pub(crate) fn take_bite(&mut self) -> bool {
         std::mem::take(&mut self.bites)
     }
@@ -88,7 +87,7 @@ impl Wdt {
     pub(crate) fn advance(&mut self, now: Ticks) {
         if self.early_warning <= now {
             self.early_warning = Ticks::NEVER;
-            self.flag = true;
+            self.interrupts.flags |= EW;
         }
         if self.timeout <= now {
             self.timeout = Ticks::NEVER;
@@ -107,7 +106,7 @@ impl Wdt {
         }
     }
 
-    /// The time runs anew.
+    /// Restarts timeout and early warning.
     fn start(&mut self, now: Ticks) {
         let Some(clock) = self.clock else { return };
         let edge = clock.cycles_in(now);
@@ -129,7 +128,7 @@ impl Wdt {
             }
             0x04 => {
                 let busy = u32::from(self.arriving.is_some());
-                (u32::from(self.interrupt) * 0x0101) | u32::from(self.flag) << 16 | busy << 31
+                self.interrupts.read_bytes() | busy << 31
             }
             0x08 => 0,
             _ => return Err(RESERVED),
@@ -154,16 +153,11 @@ impl Wdt {
                     self.ewctrl = ewctrl & 0xF;
                 }
             }
-            0x04 => {
-                self.interrupt &= lanes.byte(0).unwrap_or(0) & 1 == 0;
-                self.interrupt |= lanes.byte(1).unwrap_or(0) & 1 != 0;
-                self.flag &= lanes.byte(2).unwrap_or(0) & 1 == 0;
-            }
+            0x04 => self.interrupts.write_bytes(lanes),
             0x08 => match lanes.byte(0) {
                 Some(KEY) => stall = self.send(bus, Arrival::Clear)?,
                 Some(_) => {
-                    bus.violations
-                        .note(bus.now, "WDT", "CLEAR written without its key");
+                    bus.note("WDT", "CLEAR written without its key");
                     self.bites |= self.ctrl & ENABLE != 0;
                 }
                 None => {}
@@ -178,8 +172,7 @@ impl Wdt {
             return Err(Refusal::Unmodelled("window mode"));
         }
         if self.ctrl & ALWAYSON != 0 {
-            bus.violations
-                .note(bus.now, "WDT", "CTRL written with ALWAYSON set: ignored");
+            bus.note("WDT", "CTRL written with ALWAYSON set: ignored");
             return Ok(Ticks::ZERO);
         }
         let stall = self.send(bus, Arrival::Control)?;
@@ -191,13 +184,12 @@ impl Wdt {
     fn is_open(&self, bus: &mut Bus<'_>) -> bool {
         let open = self.ctrl & (ENABLE | ALWAYSON) == 0;
         if !open {
-            bus.violations
-                .note(bus.now, "WDT", "configured while enabled: discarded");
+            bus.note("WDT", "configured while enabled: discarded");
         }
         open
     }
 
-    /// Sends a write to the watchdog's clock; gives the stall due to the one before.
+    /// Starts the synchronisation of a write; returns the stall that the one before it causes.
     fn send(&mut self, bus: &mut Bus<'_>, arrival: Arrival) -> Write {
         let Some(clock) = self.clock else {
             return Err(Refusal::Forbidden(
@@ -206,11 +198,7 @@ impl Wdt {
         };
         let begin = match self.arriving {
             Some((at, _)) => {
-                bus.violations.note(
-                    bus.now,
-                    "WDT",
-                    "written while SYNCBUSY: the CPU stands still",
-                );
+                bus.note("WDT", "written while SYNCBUSY: the CPU stands still");
                 // It arrives during the stall.
                 self.advance(at);
                 at
@@ -286,9 +274,9 @@ mod tests {
         assert!(!rig.busy());
         // 64 and 128 cycles of 1024 Hz after that.
         rig.run_to(6835 + 62_500);
-        assert!(!rig.wdt.irq());
+        assert_eq!(rig.wdt.irq(), 0);
         rig.run_to(6837 + 62_500);
-        assert!(rig.wdt.irq());
+        assert_eq!(rig.wdt.irq(), 1 << 2);
         rig.run_to(6835 + 125_000);
         assert!(!rig.wdt.take_bite());
         rig.run_to(6837 + 125_000);
@@ -304,12 +292,12 @@ mod tests {
             assert_eq!(rig.clear(), Ticks::ZERO);
             assert!(rig.busy());
         }
-        assert!(!rig.wdt.flag);
+        assert_eq!(rig.wdt.interrupts.flags, 0);
         // The last clear is at 980 ms and arrives at the sixth edge after it: 985.352 ms.
         rig.run_to(985_352 + 62_498);
-        assert!(!rig.wdt.flag);
+        assert_eq!(rig.wdt.interrupts.flags, 0);
         rig.run_to(985_352 + 62_502);
-        assert!(rig.wdt.flag);
+        assert_eq!(rig.wdt.interrupts.flags, EW);
         assert!(!rig.wdt.take_bite());
     }
 
@@ -351,7 +339,7 @@ mod tests {
     }
 
     #[test]
-    fn without_a_clock_it_is_loud() {
+    fn without_a_clock_a_write_is_refused() {
         let mut rig = Rig::running();
         rig.wdt.set_clock(None);
         let mut bus = Bus {

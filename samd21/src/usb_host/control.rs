@@ -1,6 +1,7 @@
 //! Control transfers (USB 2.0, 8.5.3): SETUP, data, status.
 
-use super::enumeration::Request;
+use super::pipe::Pipe;
+use super::request::Request;
 use super::{FRAME, Host, HostError, RETRY};
 use crate::board::Ticks;
 use crate::memory::Memory;
@@ -67,6 +68,43 @@ impl Transfer {
             (false, _) => Stage::DataOut,
         }
     }
+
+    /// The device has acknowledged SETUP, data up to `end`, or the status stage.
+    fn acknowledged(&mut self, end: usize) -> Outcome {
+        match self.stage {
+            Stage::Setup => self.stage = self.after_setup(),
+            Stage::DataOut => {
+                self.toggle = !self.toggle;
+                self.sent = end;
+                if end == self.data.len() {
+                    self.stage = Stage::StatusIn;
+                }
+            }
+            Stage::DataIn | Stage::StatusIn | Stage::StatusOut => return Outcome::Done,
+        }
+        Outcome::Progress
+    }
+
+    /// A packet of an IN data stage, of `size` bytes at most, or of an IN status stage.
+    fn take(&mut self, bytes: &[u8], toggle: bool, size: usize) -> Outcome {
+        let is_status = self.stage == Stage::StatusIn;
+        if toggle != (is_status || self.toggle) {
+            return Outcome::Failed(HostError::WrongToggle);
+        }
+        let limit = if is_status { 0 } else { size };
+        self.toggle = !toggle;
+        self.data.extend_from_slice(bytes);
+        if bytes.len() > limit || (!is_status && self.data.len() > self.length()) {
+            return Outcome::Failed(HostError::TooLong);
+        }
+        if is_status {
+            return Outcome::Done;
+        }
+        if bytes.len() < size || self.data.len() == self.length() {
+            self.stage = Stage::StatusOut;
+        }
+        Outcome::Progress
+    }
 }
 
 /// What one transaction did to the transfer.
@@ -81,7 +119,7 @@ enum Outcome {
 impl Host {
     /// The transaction on endpoint 0 ends.
     pub(super) fn advance_control(&mut self, now: Ticks, usb: &mut Usb, memory: &mut Memory) {
-        let Some(mut transfer) = self.transfer.take() else {
+        let Some(mut transfer) = self.session.transfer.take() else {
             return;
         };
         let outcome = self.transact(&mut transfer, usb, memory);
@@ -92,7 +130,7 @@ impl Host {
                 return;
             }
             Outcome::Later => {
-                self.transfer = Some(transfer);
+                self.session.transfer = Some(transfer);
                 self.delay_control(now);
                 return;
             }
@@ -102,20 +140,20 @@ impl Host {
                     self.fail(now, HostError::NoAnswer(transfer.request.name()));
                     return;
                 }
-                self.control_ready = now + FRAME;
+                self.pipe(Pipe::Control).ready = now + FRAME;
             }
             Outcome::Failed(error) => {
                 self.refused(now, transfer.request, error);
                 return;
             }
         }
-        self.transfer = Some(transfer);
+        self.session.transfer = Some(transfer);
     }
 
-    /// Endpoint 0 answered NAK: later again, but not for ever.
+    /// Endpoint 0 answered NAK: it is tried again later, up to the deadline.
     pub(super) fn delay_control(&mut self, now: Ticks) {
-        self.control_ready = now + RETRY;
-        if let Some(transfer) = &self.transfer
+        self.pipe(Pipe::Control).ready = now + RETRY;
+        if let Some(transfer) = &self.session.transfer
             && now >= transfer.deadline
         {
             let error = HostError::NoAnswer(transfer.request.name());
@@ -124,72 +162,28 @@ impl Host {
     }
 
     fn transact(&self, transfer: &mut Transfer, usb: &mut Usb, memory: &mut Memory) -> Outcome {
-        let address = self.address;
-        let refused = HostError::Refused(transfer.request.name());
-        match transfer.stage {
-            Stage::Setup => match usb.setup(address, 0, transfer.setup, memory) {
-                Handshake::Ack => {
-                    transfer.stage = transfer.after_setup();
-                    Outcome::Progress
-                }
-                Handshake::Stall => Outcome::Failed(refused),
-                Handshake::Nak | Handshake::Silence => Outcome::Silent,
-            },
-            Stage::DataIn => match usb.input(address, 0, memory) {
-                Packet::Data(bytes, toggle) => self.take(transfer, &bytes, toggle),
-                Packet::Nak => Outcome::Later,
-                Packet::Stall => Outcome::Failed(refused),
-                Packet::Silence => Outcome::Silent,
-            },
+        let address = self.session.address;
+        let size = usize::from(self.enumeration.control_packet);
+        let end = (transfer.sent + size).min(transfer.data.len());
+        let handshake = match transfer.stage {
+            Stage::Setup => usb.setup(address, 0, transfer.setup, memory),
             Stage::DataOut => {
-                let end =
-                    (transfer.sent + usize::from(self.control_packet)).min(transfer.data.len());
                 let chunk = &transfer.data[transfer.sent..end];
-                match usb.output(address, 0, transfer.toggle, chunk, memory) {
-                    Handshake::Ack => {
-                        transfer.toggle = !transfer.toggle;
-                        transfer.sent = end;
-                        if end == transfer.data.len() {
-                            transfer.stage = Stage::StatusIn;
-                        }
-                        Outcome::Progress
-                    }
-                    Handshake::Nak => Outcome::Later,
-                    Handshake::Stall => Outcome::Failed(refused),
-                    Handshake::Silence => Outcome::Silent,
-                }
+                usb.output(address, 0, transfer.toggle, chunk, memory)
             }
-            Stage::StatusIn => match usb.input(address, 0, memory) {
-                Packet::Data(bytes, true) if bytes.is_empty() => Outcome::Done,
-                Packet::Data(_, true) => Outcome::Failed(HostError::TooLong),
-                Packet::Data(_, false) => Outcome::Failed(HostError::WrongToggle),
-                Packet::Nak => Outcome::Later,
-                Packet::Stall => Outcome::Failed(refused),
-                Packet::Silence => Outcome::Silent,
+            Stage::StatusOut => usb.output(address, 0, true, &[], memory),
+            Stage::DataIn | Stage::StatusIn => match usb.input(address, 0, memory) {
+                Packet::Data(bytes, toggle) => return transfer.take(&bytes, toggle, size),
+                Packet::Nak => Handshake::Nak,
+                Packet::Stall => Handshake::Stall,
+                Packet::Silence => Handshake::Silence,
             },
-            Stage::StatusOut => match usb.output(address, 0, true, &[], memory) {
-                Handshake::Ack => Outcome::Done,
-                Handshake::Nak => Outcome::Later,
-                Handshake::Stall => Outcome::Failed(refused),
-                Handshake::Silence => Outcome::Silent,
-            },
+        };
+        match handshake {
+            Handshake::Ack => transfer.acknowledged(end),
+            Handshake::Nak => Outcome::Later,
+            Handshake::Stall => Outcome::Failed(HostError::Refused(transfer.request.name())),
+            Handshake::Silence => Outcome::Silent,
         }
-    }
-
-    /// A packet of an IN data stage.
-    fn take(&self, transfer: &mut Transfer, bytes: &[u8], toggle: bool) -> Outcome {
-        if toggle != transfer.toggle {
-            return Outcome::Failed(HostError::WrongToggle);
-        }
-        transfer.toggle = !toggle;
-        transfer.data.extend_from_slice(bytes);
-        let size = usize::from(self.control_packet);
-        if bytes.len() > size || transfer.data.len() > transfer.length() {
-            return Outcome::Failed(HostError::TooLong);
-        }
-        if bytes.len() < size || transfer.data.len() == transfer.length() {
-            transfer.stage = Stage::StatusOut;
-        }
-        Outcome::Progress
     }
 }

@@ -137,14 +137,14 @@ pub(super) fn command(command: Command) -> Result<(), NotSynchronised> {
     Ok(())
 }
 
-/// Have the interrupt come.
+/// Enable the MB, SB and ERROR interrupts.
 pub(super) fn listen() {
     i2c_registers()
         .intenset()
         .write(|w| w.mb().set_bit().sb().set_bit().error().set_bit());
 }
 
-/// Have it not come.
+/// Disable them.
 pub(super) fn silence() {
     i2c_registers()
         .intenclr()

@@ -58,7 +58,6 @@ fn every_sensor_fault_commands_neutral_in_time_and_leads_back_only_to_standby() 
     }
 }
 
-/// A wrong bit in a register that is read to look after the sensor is no reason to give up.
 /// Of a sample that the driver found bad nothing gets into the estimate: not its counts, not even its time.
 #[test]
 fn a_bad_sample_never_reaches_the_filter() {
@@ -81,6 +80,7 @@ fn a_bad_sample_never_reaches_the_filter() {
     }
 }
 
+/// A wrong bit in a register that is read to look after the sensor is no reason to give up.
 #[test]
 fn a_register_in_doubt_costs_samples_and_not_the_flight() {
     let mut desk = Desk::active(0.4);
@@ -263,6 +263,8 @@ fn nobody_arms_before_the_rudder_was_seen_to_answer_and_a_turned_servo_or_mount_
         desk.flight.set_param(name, same).unwrap();
         assert_eq!(desk.command(Command::Arm), Err(Refusal::Polarity), "{name}");
         desk.flight.set_param("SRV_POLARITY", 1.0).unwrap();
+        // A turned mount has started the estimate over.
+        desk.run(REST);
         assert_eq!(desk.command(Command::Arm), Ok(()));
     }
 }
@@ -300,17 +302,113 @@ fn the_rudder_answers_the_tilt_in_standby_while_somebody_looks_and_nothing_is_ar
 fn a_pulse_is_tried_for_two_seconds_where_nobody_needs_the_rudder() {
     let mut desk = Desk::in_standby(0.0);
     let low = PulseUs(900);
-    let try_pulse = |desk: &mut Desk| desk.command(Command::Try(low));
-    try_pulse(&mut desk).unwrap();
+    let test_pulse = |desk: &mut Desk| desk.command(Command::TestPulse(low));
+    test_pulse(&mut desk).unwrap();
     assert_eq!(desk.run(199).pulse, low);
     assert_eq!(desk.run(2).pulse, NEUTRAL);
-    try_pulse(&mut desk).unwrap();
+    test_pulse(&mut desk).unwrap();
     assert_eq!(desk.run(1).pulse, low);
     desk.command(Command::Arm).unwrap();
     assert_eq!(desk.run(1).pulse, NEUTRAL);
-    assert_eq!(try_pulse(&mut desk), Err(Refusal::WrongState(State::Armed)));
+    assert_eq!(
+        test_pulse(&mut desk),
+        Err(Refusal::WrongState(State::Armed))
+    );
     desk.command(Command::Disarm).unwrap();
     assert_eq!(desk.run(1).pulse, NEUTRAL);
+}
+
+/// The estimate belongs to the samples as calibration and mount had made them.
+#[test]
+fn a_changed_calibration_or_mount_starts_the_estimate_over_and_arming_waits() {
+    for (name, value) in [
+        ("CAL_GYR_OY", 3.0),
+        ("CAL_ACC_OX", 0.2),
+        ("CAL_MAG_XX", 1.1),
+        ("MNT_PITCH_DEG", 30.0),
+        ("DECLINATION_DEG", 4.0),
+    ] {
+        let mut desk = Desk::in_standby(0.0);
+        desk.flight.set_param(name, value).unwrap();
+        desk.flight.set_param("SRV_POLARITY", 1.0).unwrap();
+        // At once, and after the first sample of the new kind.
+        assert_eq!(desk.command(Command::Arm), Err(Refusal::Settling), "{name}");
+        desk.run(1);
+        assert_eq!(desk.command(Command::Arm), Err(Refusal::Settling), "{name}");
+    }
+}
+
+#[test]
+fn the_old_offset_of_the_gyro_does_not_outlive_its_calibration() {
+    let turning = |desk: &mut Desk| {
+        let mut sample = reading(desk.now_us, 0.0, 0.0);
+        sample.gyr[1] += 3 * 16;
+        desk.step_with(Ok(sample))
+    };
+    let mut desk = Desk::new(0.0);
+    for _ in 0..REST {
+        turning(&mut desk);
+    }
+    assert_eq!(desk.flight.state(), State::Standby);
+    desk.flight.set_param("CAL_GYR_OY", 3.0).unwrap();
+    while desk.command(Command::Arm).is_err() {
+        turning(&mut desk);
+        assert!(desk.now_us < 20_000_000);
+    }
+    let attitude = turning(&mut desk).snapshot.attitude;
+    assert!(attitude.rate.y.abs() < 1e-3, "{attitude:?}");
+    assert!(attitude.orientation.pitch().abs() < 2e-3, "{attitude:?}");
+}
+
+#[test]
+fn reloaded_parameters_start_the_estimate_over_only_if_the_samples_mean_something_else() {
+    let mut desk = Desk::in_standby(0.0);
+    let mut params = params();
+    params.set("PID_KP", 1.0).unwrap();
+    desk.flight.replace_params(params.clone()).unwrap();
+    assert_eq!(desk.command(Command::Arm), Ok(()));
+    desk.command(Command::Disarm).unwrap();
+    params.set("CAL_GYR_OY", 3.0).unwrap();
+    desk.flight.replace_params(params).unwrap();
+    assert_eq!(desk.command(Command::Arm), Err(Refusal::Settling));
+    desk.run(1);
+    assert_eq!(desk.command(Command::Arm), Err(Refusal::Settling));
+}
+
+#[test]
+fn calibration_and_mount_stay_as_they_are_while_armed() {
+    let mut desk = Desk::active(0.4);
+    for name in ["CAL_GYR_OY", "MNT_PITCH_DEG"] {
+        let refused = desk.flight.set_param(name, 1.0);
+        assert_eq!(refused, Err(ParamError::Armed { name }));
+    }
+    let mut params = params();
+    params.set("CAL_GYR_OY", 3.0).unwrap();
+    assert_eq!(
+        desk.flight.replace_params(params),
+        Err(ParamError::ArmedAll)
+    );
+    assert!(desk.run(1).snapshot.state.is_active());
+}
+
+#[test]
+fn a_test_pulse_is_refused_while_the_rudder_answers_the_tilt_and_ends_when_it_begins_to() {
+    let pulse = Command::TestPulse(PulseUs(1900));
+    let mut desk = Desk::in_standby(0.0);
+    desk.flight.set_param("SRV_POLARITY", 2.0).unwrap();
+    assert_eq!(desk.command(pulse), Err(Refusal::RudderAnswers));
+    assert_eq!(desk.run(1).pulse, NEUTRAL);
+    desk.flight.set_param("SRV_POLARITY", 1.0).unwrap();
+    desk.command(pulse).unwrap();
+    assert_eq!(desk.run(1).pulse, PulseUs(1900));
+    desk.flight.set_param("SRV_POLARITY", 2.0).unwrap();
+    assert!(desk.run(50).pulse.0.abs_diff(NEUTRAL.0) < 30);
+    desk.flight.set_param("SRV_POLARITY", 1.0).unwrap();
+    assert_eq!(
+        desk.run(1).pulse,
+        NEUTRAL,
+        "what was ended does not come back"
+    );
 }
 
 /// 80 mg on z leave 0.92 g: no healthy sensor, until the offset is known.

@@ -1,6 +1,11 @@
 //! The parameter protocol.
 
 use super::*;
+use crate::store::tests::Mock;
+
+const STORAGE: MavCmd = MavCmd::MAV_CMD_PREFLIGHT_STORAGE;
+const RELOAD: f32 = 0.0;
+const SAVE: f32 = 1.0;
 
 fn values(messages: &[MavMessage]) -> Vec<(String, f32)> {
     messages
@@ -107,4 +112,51 @@ fn a_parameter_is_read_by_name_or_index() {
         texts(&link.tell(&read(-1, "PID_KQ"))),
         ["no such parameter"]
     );
+}
+
+#[test]
+fn a_storage_order_does_not_replace_another_and_each_is_answered() {
+    let mut link = Link::new(Desk::in_standby(0.1));
+    let mut flash = Mock::new();
+    link.tell(&set("PID_KP", 2.5));
+    assert!(link.tell(&order(STORAGE, SAVE, 0.0)).is_empty());
+    let answer = link.tell(&order(STORAGE, RELOAD, 0.0));
+    assert_eq!(
+        acks(&answer),
+        [(STORAGE, MavResult::MAV_RESULT_TEMPORARILY_REJECTED)]
+    );
+    assert_eq!(texts(&answer), ["storage order refused: busy with another"]);
+    // The same one again, as a host sends it that has heard nothing, is no other.
+    assert!(link.tell(&order(STORAGE, SAVE, 0.0)).is_empty());
+    link.telemetry
+        .serve_storage(&mut flash, &mut link.desk.flight);
+    let saved = acks(&take(&mut link.telemetry));
+    assert_eq!(saved, [(STORAGE, MavResult::MAV_RESULT_ACCEPTED)]);
+    assert_eq!(crate::store::load(&mut flash).0.pid_kp(), 2.5);
+    link.telemetry
+        .serve_storage(&mut flash, &mut link.desk.flight);
+    assert!(take(&mut link.telemetry).is_empty());
+    // The way is free again.
+    link.tell(&set("PID_KP", 3.0));
+    assert!(link.tell(&order(STORAGE, RELOAD, 0.0)).is_empty());
+    link.telemetry
+        .serve_storage(&mut flash, &mut link.desk.flight);
+    assert_eq!(link.desk.flight.params().pid_kp(), 2.5);
+}
+
+/// RELOAD takes the path of a parameter that is set: another calibration, another estimate.
+#[test]
+fn a_reload_that_changes_the_calibration_makes_arming_wait() {
+    let mut link = Link::new(Desk::in_standby(0.1));
+    let mut flash = Mock::new();
+    let mut stored = link.desk.flight.params().clone();
+    stored.set("CAL_GYR_OY", 3.0).unwrap();
+    crate::store::save(&mut flash, &stored).unwrap();
+    link.tell(&order(STORAGE, RELOAD, 0.0));
+    link.telemetry
+        .serve_storage(&mut flash, &mut link.desk.flight);
+    take(&mut link.telemetry);
+    let arm = order(MavCmd::MAV_CMD_COMPONENT_ARM_DISARM, 1.0, 0.0);
+    let answer = link.tell(&arm);
+    assert_eq!(texts(&answer), ["arm refused: attitude still settling"]);
 }

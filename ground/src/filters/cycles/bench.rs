@@ -9,33 +9,34 @@ use samd21::{Chip, Options, WaitStates};
 
 use super::inputs::WORDS;
 
-/// Breakpoints of the image: an update is asked for, is over; up is known; a panic.
+/// Breakpoints of the image: it waits for a sample, the update is over, UP is written, it panicked.
 const ASKED: u16 = 0xBE00;
 const OVER: u16 = 0xBE01;
 const UP_KNOWN: u16 = 0xBE02;
 const PANIC: u16 = 0xBE03;
 
-/// Longer than any update, or start, takes.
+/// Time limit of an update and of the start; both take less.
 const PATIENCE: Ticks = Ticks(20 * Ticks::PER_SECOND);
 
-/// What the stack is painted with.
+/// The byte that the stack is filled with beforehand, to see how far it was used.
 const PAINT: u8 = 0xA5;
 
-/// A chip that stands before an update.
+/// A chip that has stopped before an update.
 #[derive(Clone)]
 pub struct Bench {
     chip: Chip,
     /// Where in RAM a sample is put.
     input: usize,
-    /// Address of what the filter takes for up.
+    /// Address of the filter's direction of up.
     up: u32,
     asked: Registers,
-    /// First address of RAM that no variable has.
+    /// First address of RAM behind the variables.
     free: u32,
 }
 
 impl Bench {
-    /// Boots an image, to where it waits for its first sample, on a chip with so many flash wait states.
+    /// Boots an image on a chip with so many flash wait states, to where it waits for its first
+    /// sample.
     pub fn boot(image: &Image, wait_states: u8) -> Result<Self> {
         let mut chip = Chip::new(Options {
             wait_states: WaitStates::Forced(wait_states),
@@ -80,9 +81,9 @@ impl Bench {
         Ok(self.chip.counters().cycles - before)
     }
 
-    /// Where the filter takes up to be after the last update, in the sensor's axes.
+    /// The filter's direction of up after the last update, in the sensor's axes.
     pub fn up(&self) -> Result<[f64; 3]> {
-        // On a copy: what this takes of the stack is none of the update's.
+        // On a copy, because this uses more of the stack than the update.
         let mut chip = self.chip.clone();
         step_over(&mut chip);
         run_to(&mut chip, UP_KNOWN)?;
@@ -93,14 +94,14 @@ impl Bench {
         }
     }
 
-    /// Bytes of stack below the call that any update so far has written to.
+    /// Depth of the stack below the call that the updates so far have used, bytes.
     pub fn stack_bytes(&self) -> u32 {
         let (free, top) = (self.free - RAM_BASE, self.asked.msp - RAM_BASE);
         let painted = self.chip.ram()[free as usize..top as usize]
             .iter()
             .take_while(|byte| **byte == PAINT)
             .count() as u32;
-        // The stack is written to in words.
+        // The stack is used in words.
         (top - free - painted).next_multiple_of(4)
     }
 }

@@ -1,50 +1,11 @@
-//! What is measured: every filter of this project, and those of the field.
+//! What is measured: every filter of this project, and those of other libraries.
 
 use std::fmt;
 
-use serde::Serialize;
+use recordings::{Mode, Scalar};
 
 /// This project's own library.
 pub const OWN: &str = "tvc-fusion";
-
-/// With or without a magnetometer.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
-pub enum Mode {
-    /// Gyroscope and accelerometer.
-    #[serde(rename = "6d")]
-    Imu,
-    /// Magnetometer as well.
-    #[serde(rename = "9d")]
-    Marg,
-}
-
-impl fmt::Display for Mode {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::Imu => "6d",
-            Self::Marg => "9d",
-        })
-    }
-}
-
-/// What a filter counts in.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Scalar {
-    /// Single precision.
-    F32,
-    /// Integers.
-    Fixed,
-}
-
-impl fmt::Display for Scalar {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::F32 => "f32",
-            Self::Fixed => "fixed",
-        })
-    }
-}
 
 /// What an update is given.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -55,7 +16,7 @@ pub enum Input {
     Degrees,
     /// A BNO055's counts.
     Counts,
-    /// A quaternion, for what follows a filter.
+    /// A quaternion: what is measured follows a filter.
     Quaternion(Scalar),
 }
 
@@ -68,7 +29,7 @@ pub struct Candidate {
     pub library: &'static str,
     /// With or without a magnetometer.
     pub mode: Mode,
-    /// What it counts in.
+    /// What it computes in.
     pub scalar: Scalar,
     /// What an update is given.
     pub input: Input,
@@ -79,12 +40,12 @@ impl Candidate {
     pub fn feature(&self) -> String {
         let name = format!("{}-{}", self.filter, self.mode);
         match self.scalar {
-            Scalar::F32 => name,
             Scalar::Fixed => format!("fixed-{name}"),
+            _ => name,
         }
     }
 
-    /// It estimates where up is.
+    /// Whether it estimates where up is.
     pub fn has_tilt(&self) -> bool {
         !matches!(self.input, Input::Quaternion(_))
     }
@@ -116,7 +77,7 @@ pub fn all() -> Vec<Candidate> {
         ("uf-ahrs", "uf-ahrs-vqf", Input::Si),
         ("vqf-rs", "vqf-rs", Input::Si),
     ];
-    let modes = [Mode::Imu, Mode::Marg];
+    let modes = [Mode::SixD, Mode::NineD];
     let own_filters = own_filters.iter().flat_map(|&(filter, scalar)| {
         modes.map(|mode| Candidate {
             filter: filter.into(),
@@ -124,8 +85,8 @@ pub fn all() -> Vec<Candidate> {
             mode,
             scalar,
             input: match scalar {
-                Scalar::F32 => Input::Si,
                 Scalar::Fixed => Input::Counts,
+                _ => Input::Si,
             },
         })
     });
@@ -133,7 +94,7 @@ pub fn all() -> Vec<Candidate> {
     let angles = [Scalar::F32, Scalar::Fixed].map(|scalar| Candidate {
         filter: "roll-pitch-yaw".into(),
         library: OWN,
-        mode: Mode::Marg,
+        mode: Mode::NineD,
         scalar,
         input: Input::Quaternion(scalar),
     });

@@ -8,7 +8,7 @@ use rig::Image;
 use serde::Serialize;
 
 use super::Run;
-use super::candidates::{Candidate, Mode, OWN, Scalar};
+use super::candidates::{Candidate, OWN};
 use crate::filters::cycles::Optimise;
 
 /// What one update of one filter costs.
@@ -16,13 +16,13 @@ use crate::filters::cycles::Optimise;
 pub struct Figures {
     filter: String,
     library: &'static str,
-    mode: Mode,
-    scalar: Scalar,
-    /// Over the recording, cycles, no flash wait states.
+    mode: String,
+    scalar: String,
+    /// Mean over the recording without flash wait states, cycles.
     cycles_mean: f64,
-    /// Of all updates, cycles.
+    /// Largest of all updates, cycles.
     cycles_max: u64,
-    /// The sort of input that took most.
+    /// The sort of input that took that many.
     cycles_max_input: &'static str,
     /// The same with one flash wait state.
     cycles_mean_1ws: f64,
@@ -33,14 +33,17 @@ pub struct Figures {
     ram_bytes: u32,
     /// Depth of the stack from the call, bytes.
     stack_bytes: u32,
-    /// Arithmetic of the compiler's support library that the update links: soft float, division and what has 64 bits.
+    /// Routines of the compiler's support library that the update links: soft float, division and
+    /// 64-bit arithmetic.
     support_routines: BTreeSet<String>,
-    /// Distance from true up over the movement of the recording, RMS, deg; proof that the filter was fed rightly.
+    /// Angle to true up over the movement of the recording, RMS, deg; it shows that the filter was
+    /// given what it expects.
     tilt_deg: Option<f64>,
 }
 
 impl Figures {
-    /// From what running has shown without and with a wait state, and from the images of the update and of none.
+    /// Out of the runs without and with a wait state, and of the images with the update and without
+    /// it.
     pub fn new(candidate: &Candidate, runs: &[Run; 2], update: &Image, empty: &Image) -> Self {
         let [ideal, waiting] = runs;
         let (sizes, none) = (update.sizes(), empty.sizes());
@@ -48,8 +51,8 @@ impl Figures {
         Self {
             filter: candidate.filter.clone(),
             library: candidate.library,
-            mode: candidate.mode,
-            scalar: candidate.scalar,
+            mode: candidate.mode.to_string(),
+            scalar: candidate.scalar.to_string(),
             cycles_mean: tenths(ideal.mean),
             cycles_max: ideal.max,
             cycles_max_input: ideal.max_input,
@@ -76,8 +79,8 @@ impl Figures {
         };
         [
             name,
-            self.mode.to_string(),
-            self.scalar.to_string(),
+            self.mode.clone(),
+            self.scalar.clone(),
             whole(self.cycles_mean),
             thousands(self.cycles_max),
             whole(self.cycles_mean_1ws),

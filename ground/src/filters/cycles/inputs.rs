@@ -1,20 +1,21 @@
-//! What the filters are given: a recording of real sensors, and what is hard on them.
+//! The input of the filters: a recording of real sensors, and samples that are hard on them.
 //!
-//! Every library gets the same samples, in its own units: those that a BNO055 would give, as counts.
+//! Every library gets the same samples, in its own units: those that a BNO055 would give, as
+//! counts.
 
 use anyhow::{Result, ensure};
 use rand::rngs::StdRng;
 use rand::{Rng, SeedableRng};
-use rig::recording::Recording;
+use recordings::{Recording, Scalar};
 use tvc_fusion::GRAVITY;
 use tvc_fusion::fixed::Scale;
 
-use super::candidates::{Input, Scalar};
+use super::candidates::Input;
 
 /// Time between two samples, us, for which the images set their filters up.
 const PERIOD_US: u32 = 10_500;
 
-/// Samples of the recording that are taken together: 286 Hz become 95.
+/// Samples of the recording of which the mean is taken: 286 Hz become 95 Hz.
 const TOGETHER: usize = 3;
 
 /// How much of the recording is played: 12 s of rest and 10 s of movement.
@@ -25,8 +26,8 @@ pub const WORDS: usize = 10;
 
 /// One sample as a BNO055 gives it.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Moment {
-    /// Time since the one before.
+pub struct Sample {
+    /// Time since the sample before, us.
     pub dt_us: u32,
     gyr: [i16; 3],
     acc: [i16; 3],
@@ -35,8 +36,8 @@ pub struct Moment {
     reference: Option<[f64; 4]>,
 }
 
-impl Moment {
-    /// Up in the sensor's axes, where it is known from elsewhere.
+impl Sample {
+    /// Up in the sensor's axes, where there is a reference.
     pub fn up(&self) -> Option<[f64; 3]> {
         self.reference.map(|[w, x, y, z]| {
             [
@@ -47,7 +48,7 @@ impl Moment {
         })
     }
 
-    /// As an image takes it.
+    /// The words that an image takes for it.
     pub fn words(&self, input: Input) -> [u32; WORDS] {
         let scale = Scale::BNO055;
         match input {
@@ -91,15 +92,15 @@ impl Moment {
         };
         let mut words = [0; WORDS];
         words[..4].copy_from_slice(&q.map(|c| match scalar {
-            Scalar::F32 => (c as f32).to_bits(),
             Scalar::Fixed => (c * f64::from(1 << 30)).round() as i32 as u32,
+            _ => (c as f32).to_bits(),
         }));
         words
     }
 }
 
 /// The beginning of a recording, thinned out to the period of the images.
-pub fn recorded(recording: &Recording) -> Result<Vec<Moment>> {
+pub fn recorded(recording: &Recording) -> Result<Vec<Sample>> {
     let period_us = TOGETHER as f64 * 1e6 / recording.rate_hz();
     ensure!(
         (period_us - f64::from(PERIOD_US)).abs() < 1.0,
@@ -121,11 +122,16 @@ pub fn recorded(recording: &Recording) -> Result<Vec<Moment>> {
         .map(|samples| {
             let axes = [0, 1, 2];
             let newest = &samples[TOGETHER - 1];
-            Moment {
+            Sample {
                 dt_us: PERIOD_US,
                 gyr: axes.map(|i| mean(samples.map(|s| s.gyr_rad_s[i]), scale.gyr_rad_s)),
                 acc: axes.map(|i| mean(samples.map(|s| s.acc_m_s2[i]), scale.acc_m_s2)),
-                mag: axes.map(|i| mean(samples.map(|s| s.mag_ut[i]), scale.mag_ut)),
+                mag: axes.map(|i| {
+                    mean(
+                        samples.map(|s| s.mag_ut.unwrap_or_default()[i]),
+                        scale.mag_ut,
+                    )
+                }),
                 reference: newest.reference.filter(|_| newest.movement),
             }
         })
@@ -137,11 +143,11 @@ pub struct Hard {
     /// What it is, in words.
     pub name: &'static str,
     /// Samples, to be given one after the other.
-    pub moments: Vec<Moment>,
+    pub samples: Vec<Sample>,
 }
 
 /// What changes a plain sample into a hard one.
-type Change = fn(&mut Moment, &mut StdRng);
+type Change = fn(&mut Sample, &mut StdRng);
 
 /// The sorts of hard input.
 const HARD: [(&str, Change); 15] = [
@@ -181,22 +187,21 @@ const HARD: [(&str, Change); 15] = [
     }),
 ];
 
-/// All sorts of hard input, `length` samples of each, and eight times as many that change their sort
-/// all the time. They are `plain` samples, of which there
-/// must be some, made hard.
-pub fn hard(plain: &[Moment], length: usize) -> Vec<Hard> {
+/// All sorts of hard input, `length` samples of each, and eight times as many of random sorts. They
+/// are made of the `plain` samples, of which there must be at least one.
+pub fn hard(plain: &[Sample], length: usize) -> Vec<Hard> {
     let rng = &mut StdRng::seed_from_u64(1);
     let sample = |index: usize, change: Change, rng: &mut StdRng| {
-        let mut moment = plain[index % plain.len()];
-        moment.reference = None;
-        change(&mut moment, rng);
-        moment
+        let mut sample = plain[index % plain.len()];
+        sample.reference = None;
+        change(&mut sample, rng);
+        sample
     };
     let mut all: Vec<_> = HARD
         .iter()
         .map(|&(name, change)| Hard {
             name,
-            moments: (0..length).map(|i| sample(i, change, rng)).collect(),
+            samples: (0..length).map(|i| sample(i, change, rng)).collect(),
         })
         .collect();
     let mixed = (0..8 * length).map(|i| {
@@ -205,7 +210,7 @@ pub fn hard(plain: &[Moment], length: usize) -> Vec<Hard> {
     });
     all.push(Hard {
         name: "all sorts by turns",
-        moments: mixed.collect(),
+        samples: mixed.collect(),
     });
     all
 }

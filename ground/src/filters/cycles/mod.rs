@@ -1,7 +1,7 @@
-//! `tvc cycles`: what one update of a filter costs on the chip, beside the crates of the field.
+//! `tvc cycles`: what one update of a filter costs on the chip, beside filters of other libraries.
 //!
-//! The package `cycles` makes two images of every filter, in one build profile: one that sets the filter up, which is run,
-//! and one that holds the update alone, which is weighed.
+//! The package `cycles` makes two images of every filter, in one build profile: one that sets the
+//! filter up, which is run, and one that holds the update alone, whose size is measured.
 
 mod bench;
 mod candidates;
@@ -15,17 +15,17 @@ use std::thread;
 
 use anyhow::{Context, Result, bail};
 use indicatif::{ProgressBar, ProgressStyle};
+use recordings::{Recording, Scalar};
 use rig::Image;
 use rig::image::{Builder, Source};
-use rig::recording::Recording;
 
 use crate::out::exit::{BadInput, Verdict};
 use crate::out::file::print_json;
 use bench::Bench;
-use candidates::{Candidate, Scalar};
+use candidates::Candidate;
 use clap::{Args, ValueEnum};
 use figures::{Figures, Report};
-use inputs::{Hard, Moment};
+use inputs::{Hard, Sample};
 
 /// Options of `tvc cycles`.
 #[derive(Debug, Args)]
@@ -79,17 +79,22 @@ pub enum Optimise {
     Size,
 }
 
-/// Samples of each sort of hard input: integers are quick to run, and have the limit to keep.
+/// Samples of each sort of hard input. Fixed point has more of them: it runs faster, and it has a
+/// limit of cycles to keep.
 const HARD_SAMPLES: usize = 32;
 const HARD_SAMPLES_FIXED: usize = 512;
 
-/// Farthest that a filter may be from true up while it is measured, RMS, degrees. Beyond, it is not fed as it wants to be.
+/// Largest angle to true up, RMS, deg; a filter that is farther off was not given what it expects.
 const MOST_TILT_DEG: f64 = 15.0;
 
-/// Every so many samples up is asked for.
+/// The filter's up is read once in so many samples.
 const TILT_EVERY: usize = 8;
 
 /// Measures what `options` name and prints the figures.
+///
+/// # Errors
+/// A name that matches nothing, an image that cannot be built, or one that does not run as it
+/// should.
 pub fn run(options: &Cycles) -> Result<Verdict> {
     let chosen = choose(options)?;
     let workspace = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
@@ -130,7 +135,7 @@ pub fn run(options: &Cycles) -> Result<Verdict> {
     Ok(Verdict::Met)
 }
 
-/// The candidates that the options name; each name must be good for something.
+/// The candidates that the options name; each name must match one.
 fn choose(options: &Cycles) -> Result<Vec<Candidate>> {
     let all = candidates::all();
     let is_filter = |c: &Candidate, name: &String| c.filter.contains(name);
@@ -189,7 +194,7 @@ impl Maker {
     }
 }
 
-/// What running an image has shown.
+/// What was measured by running an image.
 #[derive(Debug, Clone, PartialEq)]
 struct Run {
     /// Mean over the recording, cycles.
@@ -198,15 +203,15 @@ struct Run {
     max: u64,
     max_input: &'static str,
     stack_bytes: u32,
-    /// Distance from true up, RMS over the movement, degrees, where there is one.
+    /// Angle to true up, RMS over the movement, deg, where it estimates up.
     tilt_deg: Option<f64>,
 }
 
 /// Runs an image without and with a flash wait state.
-fn measure(candidate: &Candidate, image: &Image, recorded: &[Moment]) -> Result<[Run; 2]> {
+fn measure(candidate: &Candidate, image: &Image, recorded: &[Sample]) -> Result<[Run; 2]> {
     let length = match candidate.scalar {
-        Scalar::F32 => HARD_SAMPLES,
         Scalar::Fixed => HARD_SAMPLES_FIXED,
+        _ => HARD_SAMPLES,
     };
     let hard = inputs::hard(recorded, length);
     let run = |wait_states| run_image(candidate, image, wait_states, recorded, &hard);
@@ -225,7 +230,7 @@ fn run_image(
     candidate: &Candidate,
     image: &Image,
     wait_states: u8,
-    recorded: &[Moment],
+    recorded: &[Sample],
     hard: &[Hard],
 ) -> Result<Run> {
     let fresh = Bench::boot(image, wait_states)?;
@@ -233,13 +238,13 @@ fn run_image(
     let mut worst = (0, "");
     let mut total = 0;
     let (mut tilt2, mut tilts) = (0.0, 0);
-    for (index, moment) in recorded.iter().enumerate() {
-        let cycles = bench.update(&moment.words(candidate.input))?;
+    for (index, sample) in recorded.iter().enumerate() {
+        let cycles = bench.update(&sample.words(candidate.input))?;
         total += cycles;
         worst = worst.max((cycles, "the recording"));
         if candidate.has_tilt()
             && index.is_multiple_of(TILT_EVERY)
-            && let Some(truth) = moment.up()
+            && let Some(truth) = sample.up()
         {
             let up = bench.up()?;
             let cos: f64 = up.iter().zip(truth).map(|(a, b)| a * b).sum();
@@ -256,12 +261,12 @@ fn run_image(
         );
     }
     let mut stack_bytes = bench.stack_bytes();
-    // From a settled estimate and from none.
+    // Hard input follows the recording, and it follows the start.
     for start in [bench, fresh] {
         for sort in hard {
             let mut bench = start.clone();
-            for moment in &sort.moments {
-                let cycles = bench.update(&moment.words(candidate.input))?;
+            for sample in &sort.samples {
+                let cycles = bench.update(&sample.words(candidate.input))?;
                 if cycles > worst.0 {
                     worst = (cycles, sort.name);
                 }
@@ -278,7 +283,7 @@ fn run_image(
     })
 }
 
-/// What is being done, on standard error: a bar on a terminal, lines elsewhere.
+/// Progress on standard error: a bar on a terminal, a line for each step elsewhere.
 struct Progress(Option<ProgressBar>);
 
 impl Progress {

@@ -1,4 +1,4 @@
-//! What an experiment found, next to what the thesis published.
+//! The errors of every estimator in an experiment, next to those that the thesis published.
 
 use std::fmt::Write;
 
@@ -6,8 +6,8 @@ use comfy_table::presets::NOTHING;
 use comfy_table::{CellAlignment, Table};
 use serde::Serialize;
 
-use super::contestants::{CONTESTANTS, Contestant, Whose};
-use super::truth::{Angles, Kind, Moment};
+use super::candidates::{CANDIDATES, Candidate, Origin};
+use super::truth::{Angles, Kind, TimedSample};
 
 /// Largest mean deviation of an axis, deg: the thesis' requirement.
 const MOST_MEAN_DEG: f64 = 1.5;
@@ -27,9 +27,9 @@ pub struct Figures {
     pub seed: u64,
     /// Samples over which errors are taken.
     pub samples: u64,
-    /// A row for each.
+    /// A row for each estimator.
     pub estimators: Vec<Row>,
-    /// Every requirement holds.
+    /// Whether every requirement holds.
     pub met: bool,
     /// What was missed, in words.
     pub missed: Vec<String>,
@@ -40,13 +40,13 @@ pub struct Figures {
 pub struct Row {
     /// Its name.
     pub name: &'static str,
-    /// It has to meet the requirements.
+    /// Whether it has to meet the requirements.
     pub required: bool,
-    /// Errors of the axes.
+    /// Errors of roll.
     pub roll: Axis,
-    /// Errors of the axes.
+    /// Errors of pitch.
     pub pitch: Axis,
-    /// Errors of the axes.
+    /// Errors of yaw.
     pub yaw: Axis,
     /// Root of the sum of the axes' mean squares.
     pub combined_rmse_deg: f64,
@@ -54,19 +54,19 @@ pub struct Row {
     pub thesis: Option<Published>,
 }
 
-/// An axis. The first three are of the error, estimate less reference; the last two are of the
-/// estimate itself, as in the thesis' tables 6.1 and 6.2.
+/// Figures of an axis. The first three are of the error, estimate less reference; the last two are
+/// of the estimate itself, as in the thesis' tables 6.1 and 6.2.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Axis {
-    /// Mean error.
+    /// Mean error, deg.
     pub mean_deg: f64,
-    /// Standard deviation of the error.
+    /// Standard deviation of the error, deg.
     pub std_deg: f64,
-    /// Root mean square of the error.
+    /// Root mean square of the error, deg.
     pub rmse_deg: f64,
-    /// Mean of the estimate.
+    /// Mean of the estimate, deg.
     pub signal_mean_deg: f64,
-    /// Standard deviation of the estimate.
+    /// Standard deviation of the estimate, deg.
     pub signal_std_deg: f64,
 }
 
@@ -74,11 +74,11 @@ pub struct Axis {
 /// RMSE (6.3), deg.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Published {
-    /// Roll, pitch, yaw.
+    /// Means of roll, pitch, yaw.
     pub signal_mean_deg: Angles,
-    /// Roll, pitch, yaw.
+    /// Standard deviations of roll, pitch, yaw.
     pub signal_std_deg: Angles,
-    /// All axes.
+    /// RMSE of all axes together.
     pub combined_rmse_deg: f64,
 }
 
@@ -90,7 +90,7 @@ const fn published(mean: Angles, std: Angles, combined: f64) -> Published {
     }
 }
 
-/// Tables 6.1 and 6.3, in the order of [`CONTESTANTS`].
+/// Tables 6.1 and 6.3, in the order of [`CANDIDATES`].
 const STATIC: [Published; 4] = [
     published([-0.191, 0.109, 197.02], [0.086, 0.100, 1.781], 3.4796),
     published([0.478, 1.311, 200.51], [0.207, 0.096, 3.128], 3.4712),
@@ -107,7 +107,7 @@ const MOTION: [Published; 4] = [
 ];
 
 impl Axis {
-    /// Of pairs of estimate and reference; NaN is where an estimator has not started.
+    /// Out of pairs of estimate and reference; an estimate is NaN until the estimator has started.
     fn of(pairs: impl Iterator<Item = (f64, f64)>) -> Self {
         let (mut n, mut error, mut signal) = (0.0, Sums::default(), Sums::default());
         for (estimate, reference) in pairs.filter(|(estimate, _)| !estimate.is_nan()) {
@@ -127,7 +127,7 @@ impl Axis {
     }
 }
 
-/// Sums of a value and its square, about the first value.
+/// Sums of the difference to the first value and of its square: exact for a small deviation.
 #[derive(Default)]
 struct Sums {
     origin: Option<f64>,
@@ -153,17 +153,17 @@ impl Row {
     fn of(
         kind: Kind,
         index: usize,
-        contestant: &Contestant,
-        moments: &[Moment],
+        candidate: &Candidate,
+        samples: &[TimedSample],
         angles: &[Angles],
     ) -> Self {
         let axis = |axis: usize| {
             Axis::of(
-                moments
+                samples
                     .iter()
                     .zip(angles)
-                    .filter(|(moment, _)| kind.counts(moment.time_s))
-                    .map(|(moment, angles)| (angles[axis], moment.reference_deg[axis])),
+                    .filter(|(sample, _)| kind.counts(sample.time_s))
+                    .map(|(sample, angles)| (angles[axis], sample.reference_deg[axis])),
             )
         };
         let [roll, pitch, yaw] = [axis(0), axis(1), axis(2)];
@@ -172,8 +172,8 @@ impl Row {
             Kind::Motion => MOTION,
         };
         Self {
-            name: contestant.name,
-            required: contestant.whose == Whose::Required,
+            name: candidate.name,
+            required: candidate.origin == Origin::Required,
             roll,
             pitch,
             yaw,
@@ -211,20 +211,20 @@ impl Row {
 }
 
 impl Figures {
-    /// From what each contestant estimated.
-    pub fn new(kind: Kind, seed: u64, moments: &[Moment], estimates: &[Vec<Angles>]) -> Self {
-        let estimators: Vec<Row> = CONTESTANTS
+    /// From what each candidate estimated.
+    pub fn new(kind: Kind, seed: u64, samples: &[TimedSample], estimates: &[Vec<Angles>]) -> Self {
+        let estimators: Vec<Row> = CANDIDATES
             .iter()
             .zip(estimates)
             .enumerate()
-            .map(|(index, (contestant, angles))| Row::of(kind, index, contestant, moments, angles))
+            .map(|(index, (candidate, angles))| Row::of(kind, index, candidate, samples, angles))
             .collect();
         let missed: Vec<String> = estimators
             .iter()
             .filter(|row| row.required)
             .flat_map(|row| row.missed(kind))
             .collect();
-        let counted = moments.iter().filter(|moment| kind.counts(moment.time_s));
+        let counted = samples.iter().filter(|sample| kind.counts(sample.time_s));
         Self {
             experiment: kind.name(),
             seed,
@@ -269,7 +269,8 @@ impl Figures {
         self.estimators.iter().map(row).collect()
     }
 
-    /// Estimates as in the thesis' tables 6.1 and 6.2: here, and there where it has such a row.
+    /// Mean and deviation of the estimates as in the thesis' tables 6.1 and 6.2, below each the
+    /// thesis' own row where there is one.
     pub fn signal_rows(&self) -> Vec<Vec<String>> {
         let mut rows = Vec::new();
         for row in &self.estimators {

@@ -1,7 +1,7 @@
-//! `tvc experiment`: the two navigation experiments of the thesis, all estimators side by side on the
-//! same simulated sensors.
+//! `tvc experiment`: the two navigation experiments of the thesis, all estimators side by side on
+//! the same simulated sensors.
 
-mod contestants;
+mod candidates;
 mod figures;
 mod report;
 mod truth;
@@ -10,43 +10,46 @@ use std::path::PathBuf;
 
 use anyhow::Result;
 
-use crate::filters::fuse::Progress;
+use super::progress::Progress;
 use crate::out::exit::Verdict;
 use crate::out::file::{print_figures, write_whole};
-use contestants::CONTESTANTS;
+use candidates::CANDIDATES;
 use figures::Figures;
 use truth::Kind;
 mod options;
 pub use options::{Experiment, ExperimentCommand, GyroBias, Sensing};
 
 /// Runs the experiment, prints the figures and writes the report.
+///
+/// # Errors
+/// An estimator cannot be set up, or the report cannot be written.
 pub fn run(options: &Experiment) -> Result<Verdict> {
     let (kind, sensing) = match &options.command {
         ExperimentCommand::Static(sensing) => (Kind::Static, sensing),
         ExperimentCommand::Motion(sensing) => (Kind::Motion, sensing),
     };
-    // In simulated ms: the sensors take as long as all the estimators.
+    // Progress is counted in simulated ms; the sensors take as long as all estimators together.
     let length = ((kind.duration_s() + sensing.warm_up) * 1e3) as u64;
-    let share = length / CONTESTANTS.len() as u64;
-    let mut progress = Progress::new(length + share * CONTESTANTS.len() as u64);
-    let moments = truth::moments(kind, sensing, &mut |seconds| {
+    let share = length / CANDIDATES.len() as u64;
+    let mut progress = Progress::new(length + share * CANDIDATES.len() as u64);
+    let samples = truth::samples(kind, sensing, &mut |seconds| {
         progress.at("sensors", (seconds * 1e3) as u64);
     });
     progress.part_done(length);
     let mut estimates = Vec::new();
-    for contestant in &CONTESTANTS {
-        progress.at(contestant.name, 0);
-        estimates.push(contestant.estimate(kind, &moments)?);
+    for candidate in &CANDIDATES {
+        progress.at(candidate.name, 0);
+        estimates.push(candidate.estimate(kind, &samples)?);
         progress.part_done(share);
     }
     progress.end();
 
-    let figures = Figures::new(kind, sensing.seed, &moments, &estimates);
+    let figures = Figures::new(kind, sensing.seed, &samples, &estimates);
     let path = sensing
         .report
         .clone()
         .unwrap_or_else(|| PathBuf::from(format!("report/experiment-{}.html", kind.name())));
-    let page = report::render(kind, &figures, &moments, &estimates)?;
+    let page = report::render(kind, &figures, &samples, &estimates)?;
     write_whole(&path, page.as_bytes())?;
     print_figures(&figures, sensing.json, Figures::text)?;
     eprintln!("report: {}", path.display());

@@ -45,8 +45,8 @@ pub struct Sensing {
     #[arg(long, value_name = "N", default_value_t = 1)]
     pub seed: u64,
 
-    /// Gyroscope offset in deg/s about the forward, right and down axes, or `typical`: drawn from +-1.
-    /// The default is what is left after the calibration in the thesis.
+    /// Gyroscope offset in deg/s about the forward, right and down axes, or `typical`: drawn from
+    /// +-1. The default is what is left after the calibration in the thesis.
     #[arg(long, value_name = "X,Y,Z", default_value = "0,0,0.0174", allow_hyphen_values = true, value_parser = gyro_bias)]
     pub gyro_bias: GyroBias,
 

@@ -1,30 +1,30 @@
-//! The HTML report of `tvc experiment`: tables as 6.1 to 6.3 of the thesis, plots as its figures 6.4,
-//! 6.5 and A.4 to A.23.
+//! The HTML report of `tvc experiment`: tables as 6.1 to 6.3 of the thesis, plots as its figures
+//! 6.4, 6.5 and A.4 to A.23.
 
 use anyhow::Result;
 use maud::{Markup, html};
 
-use super::contestants::{CONTESTANTS, Whose};
+use super::candidates::{CANDIDATES, Origin};
 use super::figures::{AXES, ERROR_COLUMNS, Figures, SIGNAL_COLUMNS};
-use super::truth::{Angles, Kind, Moment};
+use super::truth::{Angles, Kind, TimedSample};
 use crate::out::page::{figure, page, table, verdict};
 use crate::out::plot::{Line, Plot};
 
 /// Colour of the reference in every plot.
 const REFERENCE: usize = 4;
-/// Colours of what is compared with it; more lines than these in one plot nobody could tell apart.
+/// Colours of the estimates; more lines than these in one plot could not be told apart.
 const COLOURS: [usize; 5] = [0, 1, 2, 3, 5];
 
 /// The whole page.
 pub fn render(
     kind: Kind,
     figures: &Figures,
-    moments: &[Moment],
+    samples: &[TimedSample],
     estimates: &[Vec<Angles>],
 ) -> Result<String> {
     let traces = Traces {
         kind,
-        moments,
+        samples,
         estimates,
     };
     let body = html! {
@@ -84,23 +84,23 @@ fn conditions(kind: Kind) -> String {
 
 struct Traces<'a> {
     kind: Kind,
-    moments: &'a [Moment],
+    samples: &'a [TimedSample],
     estimates: &'a [Vec<Angles>],
 }
 
 impl Traces<'_> {
-    /// Time and angle; yaw is drawn from the true heading.
+    /// Time (s) and angle (deg) of a line; yaw is drawn as its difference to the true heading.
     fn points(&self, axis: usize, angles: impl Iterator<Item = Angles>) -> Vec<(f64, f64)> {
         let origin = if axis == 2 {
             self.kind.heading_deg()
         } else {
             0.0
         };
-        self.moments
+        self.samples
             .iter()
             .zip(angles)
-            .filter(|(moment, _)| moment.time_s >= 0.0)
-            .map(|(moment, angles)| (moment.time_s, angles[axis] - origin))
+            .filter(|(sample, _)| sample.time_s >= 0.0)
+            .map(|(sample, angles)| (sample.time_s, angles[axis] - origin))
             .collect()
     }
 
@@ -108,13 +108,13 @@ impl Traces<'_> {
         Line {
             name: "reference",
             colour: REFERENCE,
-            points: self.points(axis, self.moments.iter().map(|moment| moment.reference_deg)),
+            points: self.points(axis, self.samples.iter().map(|sample| sample.reference_deg)),
         }
     }
 
     fn estimate(&self, axis: usize, index: usize, colour: usize) -> Line<'_> {
         Line {
-            name: CONTESTANTS[index].name,
+            name: CANDIDATES[index].name,
             colour,
             points: self.points(axis, self.estimates[index].iter().copied()),
         }
@@ -141,7 +141,8 @@ impl Traces<'_> {
         plot.svg()
     }
 
-    /// An axis, those of the thesis or ours together (figures 6.4, 6.5, A.12, A.13, A.22, A.23).
+    /// A plot for each axis, with the estimators of the thesis, and one with ours (figures 6.4,
+    /// 6.5, A.12, A.13, A.22, A.23).
     fn combined(&self) -> Result<Markup> {
         let mut figures = Vec::new();
         // Pitch first, the axis that the drone turns about.
@@ -150,8 +151,8 @@ impl Traces<'_> {
             {
                 let mut lines = vec![self.reference(axis)];
                 let mut errors = Vec::new();
-                let chosen = (0..CONTESTANTS.len())
-                    .filter(|&index| (CONTESTANTS[index].whose == Whose::Thesis) == of_thesis);
+                let chosen = (0..CANDIDATES.len())
+                    .filter(|&index| (CANDIDATES[index].origin == Origin::Thesis) == of_thesis);
                 for (index, colour) in chosen.zip(COLOURS) {
                     lines.push(self.estimate(axis, index, colour));
                     errors.push(self.error(axis, index, colour));
@@ -167,7 +168,7 @@ impl Traces<'_> {
         Ok(html! { @for figure in &figures { (figure) } })
     }
 
-    /// An estimator, its three axes together (figures A.4 to A.8, A.14 to A.18).
+    /// A plot for each estimator, with its three axes (figures A.4 to A.8, A.14 to A.18).
     fn stacked(&self) -> Result<Markup> {
         let mut figures = Vec::new();
         let axes = || AXES.iter().enumerate().zip(COLOURS);
@@ -180,7 +181,7 @@ impl Traces<'_> {
             });
         }
         figures.push(figure("Reference.", self.plot(STACKED, lines)?));
-        for (index, contestant) in CONTESTANTS.iter().enumerate() {
+        for (index, candidate) in CANDIDATES.iter().enumerate() {
             let mut lines = Vec::new();
             for ((axis, name), colour) in axes() {
                 lines.push(Line {
@@ -188,20 +189,21 @@ impl Traces<'_> {
                     ..self.estimate(axis, index, colour)
                 });
             }
-            let caption = format!("{}.", capital(contestant.name));
+            let caption = format!("{}.", capital(candidate.name));
             figures.push(figure(&caption, self.plot(STACKED, lines)?));
         }
         Ok(html! { @for figure in &figures { (figure) } })
     }
 
-    /// An axis, a tile for each estimator (figures A.9 to A.11, A.19 to A.21).
+    /// A row of tiles for each axis, with a tile for each estimator (figures A.9 to A.11, A.19 to
+    /// A.21).
     fn tiled(&self) -> Result<Markup> {
         let mut rows = Vec::new();
         for (axis, name) in AXES.iter().enumerate() {
             let mut tiles = Vec::new();
-            for (index, contestant) in CONTESTANTS.iter().enumerate() {
+            for (index, candidate) in CANDIDATES.iter().enumerate() {
                 let lines = vec![self.reference(axis), self.estimate(axis, index, COLOURS[0])];
-                let caption = format!("{}: {}.", capital(name), contestant.name);
+                let caption = format!("{}: {}.", capital(name), candidate.name);
                 tiles.push(figure(&caption, self.plot(label(axis), lines)?));
             }
             rows.push(html! {

@@ -1,4 +1,4 @@
-//! What is true in an experiment, and what a simulated BNO055 makes of it.
+//! The true motion of an experiment, and what a simulated BNO055 measures of it.
 
 use std::f64::consts::TAU;
 
@@ -11,15 +11,16 @@ use crate::filters::experiment::Sensing;
 
 /// The field at Copenhagen: horizontal and downward part, uT (50 uT, 70 deg dip).
 const FIELD_UT: (f64, f64) = (17.101, 46.985);
-/// Frequency of the vibration, Hz: it passes the accelerometer's filter, and is no divisor of the rate.
+/// Frequency of the vibration, Hz: it passes the accelerometer's filter, and is no divisor of the
+/// rate.
 const VIBRATION_HZ: f64 = 40.3;
-/// Time between two samples, ms; what is true is told every one.
+/// Time between two samples, ms; the simulated sensor follows the motion every ms.
 const SAMPLE_MS: u64 = 10;
 /// Rest before a motion, and after it, s.
 const REST_S: f64 = 10.0;
 /// Length of a cycle, s: with a reference that is 150 ms late it makes the thesis' errors.
 const CYCLE_S: f64 = 7.0;
-/// How long the motion takes to gather speed, and to lose it, s.
+/// How long the motion takes to reach its full speed, and to end, s.
 const EASE_S: f64 = 1.0;
 /// Three cycles.
 const MOTION_S: f64 = 3.0 * CYCLE_S + EASE_S;
@@ -63,7 +64,8 @@ impl Kind {
         }
     }
 
-    /// Whether errors count at a time: after the warm-up, and in the motion experiment while it moves.
+    /// Whether errors count at a time: after the warm-up, and in the motion experiment while it
+    /// moves.
     pub fn counts(self, time_s: f64) -> bool {
         match self {
             Self::Static => time_s >= 0.0,
@@ -71,7 +73,8 @@ impl Kind {
         }
     }
 
-    /// Pitch (rad) and pitch rate (rad/s): a sine whose phase gathers speed for a second, and loses it.
+    /// Pitch (rad) and pitch rate (rad/s): a sine whose phase speeds up for a
+    /// second, and slows down for one.
     fn pitch(self, time_s: f64) -> (f64, f64) {
         let moving_s = time_s - REST_S;
         if self == Self::Static || !(0.0..=MOTION_S).contains(&moving_s) {
@@ -99,7 +102,7 @@ impl Kind {
         [0.0, self.pitch(time_s).0.to_degrees(), self.heading_deg()]
     }
 
-    /// What the sensor feels, its axes forward, right and down.
+    /// What acts on the sensor, its axes forward, right and down.
     fn stimulus(self, time_s: f64, vibration_m_s2: f64) -> Stimulus {
         let (pitch_rad, rate_rad_s) = self.pitch(time_s);
         let attitude: Quaternion<f64> = Quaternion::from_euler(&Euler {
@@ -122,23 +125,23 @@ impl Kind {
     }
 }
 
-/// A sample of the simulated sensors, and what is true then.
+/// A sample of the simulated sensors, and the reference at its time.
 #[derive(Debug, Clone, Copy)]
-pub struct Moment {
-    /// Since the experiment began, s; before it, in the warm-up, negative.
+pub struct TimedSample {
+    /// Time since the experiment began, s; negative in the warm-up before it.
     pub time_s: f64,
-    /// What the sensors show.
+    /// What the sensors read.
     pub reading: Reading,
-    /// What the reference shows, which may be late.
+    /// Roll, pitch and yaw of the reference, which may be late.
     pub reference_deg: Angles,
 }
 
 /// All samples of an experiment, the warm-up's before time 0; `done` is told how many seconds there
 /// are so far.
-pub fn moments(kind: Kind, sensing: &Sensing, done: &mut dyn FnMut(f64)) -> Vec<Moment> {
+pub fn samples(kind: Kind, sensing: &Sensing, done: &mut dyn FnMut(f64)) -> Vec<TimedSample> {
     let mut sensors = Sensors::new(errors(sensing), sensing.seed);
     let lag_s = sensing.reference_lag * 1e-3;
-    let mut moments = Vec::new();
+    let mut samples = Vec::new();
     let length_ms = ((kind.duration_s() + sensing.warm_up) * 1e3) as u64;
     for ms in 1..=length_ms {
         let (passed_s, now) = (ms as f64 * 1e-3, Ticks::from_us(1000 * ms));
@@ -147,7 +150,7 @@ pub fn moments(kind: Kind, sensing: &Sensing, done: &mut dyn FnMut(f64)) -> Vec<
         if ms.is_multiple_of(SAMPLE_MS)
             && let Some(reading) = sensors.refresh(now)
         {
-            moments.push(Moment {
+            samples.push(TimedSample {
                 time_s,
                 reading,
                 reference_deg: kind.angles_deg(time_s - lag_s),
@@ -155,7 +158,7 @@ pub fn moments(kind: Kind, sensing: &Sensing, done: &mut dyn FnMut(f64)) -> Vec<
             done(passed_s);
         }
     }
-    moments
+    samples
 }
 
 /// The errors of the sensors: a typical chip's noise, and offsets as asked for.

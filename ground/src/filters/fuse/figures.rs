@@ -2,12 +2,8 @@
 
 use std::fmt::Write;
 
-use rig::score::Score;
+use recordings::{Choice, Mode, Score};
 use serde::Serialize;
-
-use super::Choice;
-use crate::filters::fuse::Mode;
-use crate::filters::fuse::said;
 
 /// Everything, as printed by `--json`.
 #[derive(Debug, Serialize)]
@@ -25,26 +21,26 @@ pub struct Figures {
 pub struct FileFigures {
     /// Its name.
     pub file: String,
-    /// Where its estimates are.
+    /// File of its estimates, if one was asked for.
     pub out: Option<String>,
-    /// Samples, and as many estimates.
+    /// Number of samples, and of estimates.
     pub samples: u64,
-    /// Samples with a fresh magnetic field.
+    /// Number of samples with a fresh magnetic field.
     pub magnetometer_samples: u64,
-    /// Errors, unless it has no reference.
+    /// Errors; `null` without a reference.
     pub score: Option<ScoreFigures>,
 }
 
 /// Degrees RMSE over the movement.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct ScoreFigures {
-    /// Whole rotation; `null` in 6D, where there is no heading.
+    /// Error of the whole rotation; `null` in 6D, where there is no heading.
     pub total_deg: Option<f64>,
-    /// About the vertical; `null` in 6D.
+    /// Error about the vertical; `null` in 6D.
     pub heading_deg: Option<f64>,
-    /// Of the vertical.
+    /// Error of the vertical.
     pub inclination_deg: f64,
-    /// Samples that count.
+    /// Number of samples that count.
     pub samples: u64,
 }
 
@@ -60,18 +56,18 @@ impl From<Score> for ScoreFigures {
 }
 
 impl Figures {
-    /// Nothing yet.
+    /// Without a recording yet.
     pub fn new(choice: &Choice) -> Self {
         Self {
-            filter: said(choice.filter),
-            mode: said(choice.mode),
-            scalar: said(choice.scalar),
+            filter: choice.filter.to_string(),
+            mode: choice.mode.to_string(),
+            scalar: choice.scalar.to_string(),
             files: Vec::new(),
             mean: None,
         }
     }
 
-    /// One recording more.
+    /// Adds a recording.
     pub fn add(&mut self, mode: Mode, mut file: FileFigures) {
         if let Some(score) = &mut file.score
             && mode == Mode::SixD
@@ -96,7 +92,7 @@ impl Figures {
         })
     }
 
-    /// What somebody should know who expects more of a recording than it holds.
+    /// Notes on recordings that lack a magnetometer, or the reference that a score needs.
     pub fn notes(&self, mode: Mode, scored: bool) -> Vec<String> {
         let mut notes = Vec::new();
         for FileFigures { file, .. } in self
@@ -157,8 +153,7 @@ impl Figures {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::filters::fuse::FilterName;
-    use crate::filters::fuse::Scalar;
+    use recordings::{FilterName, Scalar};
 
     fn figures(mode: Mode, inclinations: &[Option<f64>]) -> Figures {
         let mut figures = Figures::new(&Choice {

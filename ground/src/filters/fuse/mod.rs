@@ -1,33 +1,29 @@
 //! `tvc fuse`: any filter on any recording, estimates to a file, errors against the reference.
 
-mod estimate;
 mod figures;
+mod options;
 mod place;
-mod progress;
-mod settings;
-pub mod source;
-mod table;
 
 use std::io::{self, Write};
 use std::path::Path;
 
 use anyhow::{Context, Result};
-use rig::score::{Scorer, enu_from_ned};
+use recordings::{Choice, Estimate, Scorer, Source, enu_from_ned};
 
-use crate::out::exit::Verdict;
+use super::progress::Progress;
+use crate::out::exit::{BadInput, Verdict};
 use crate::out::file::{WholeFile, print_json};
-pub use estimate::{Choice, Estimate};
 use figures::{Figures, FileFigures};
-pub use progress::Progress;
-use source::Source;
-pub use source::{Facts, Row};
-mod options;
-pub use options::{FilterName, Fuse, Mode, Scalar, Setting, said};
+pub use options::Fuse;
 
-/// Samples between two looks at the clock.
+/// Samples between two reports of progress.
 const STRIDE: u64 = 4096;
 
-/// Runs the filter on every recording; files are put in their places when all have gone well.
+/// Runs the filter on every recording; no file is written unless all of them can be read to the
+/// end.
+///
+/// # Errors
+/// A recording or a setting is unusable, or an estimate cannot be written.
 pub fn run(options: &Fuse) -> Result<Verdict> {
     let choice = Choice {
         filter: options.filter,
@@ -35,14 +31,14 @@ pub fn run(options: &Fuse) -> Result<Verdict> {
         mode: options.mode,
         settings: options.settings.clone(),
     };
-    // What is wrong with the command or the beginning of a file is said before the work.
+    // Errors in the command and at the beginning of a file are found before the work begins.
     let places = place::places(&options.files, options.out.as_deref())?;
     let mut jobs = Vec::new();
     let mut bytes = 0;
     for (file, place) in options.files.iter().zip(places) {
-        let source = Source::open(file)?;
-        let estimate =
-            Estimate::new(&choice, source.facts()).with_context(|| source.name().to_owned())?;
+        let source = Source::open(file).map_err(BadInput::new)?;
+        let estimate = Estimate::new(&choice, source.facts())
+            .map_err(|why| BadInput::new(format!("{}: {why}", source.name())))?;
         bytes += source.bytes();
         jobs.push((source, estimate, place));
     }
@@ -74,7 +70,7 @@ pub fn run(options: &Fuse) -> Result<Verdict> {
     Ok(Verdict::Met)
 }
 
-/// What came of a recording.
+/// What was counted and scored in a recording.
 struct Outcome {
     samples: u64,
     magnetometer_samples: u64,
@@ -108,17 +104,17 @@ fn fuse(
     if let Some(out) = &mut out {
         writeln!(out, "t,w,x,y,z").context(writing)?;
     }
-    while let Some(row) = source.next_row()? {
-        let ned = estimate.update(&row);
+    while let Some(sample) = source.next_sample().map_err(BadInput::new)? {
+        let ned = estimate.update(&sample);
         if let Some(out) = &mut out {
-            line(out, row.time_s, enu_from_ned(ned)).context(writing)?;
+            line(out, sample.time_s, enu_from_ned(ned)).context(writing)?;
         }
-        if let Some(reference) = row.reference
-            && row.movement
+        if let Some(reference) = sample.reference
+            && sample.movement
         {
             outcome.scorer.add(ned, reference);
         }
-        outcome.magnetometer_samples += u64::from(row.mag_ut.is_some());
+        outcome.magnetometer_samples += u64::from(sample.mag_ut.is_some());
         outcome.samples += 1;
         if outcome.samples.is_multiple_of(STRIDE) {
             progress.at(source.name(), source.bytes_read());

@@ -1,7 +1,9 @@
 //! Options of `tvc fuse`.
 
-use clap::{Args, ValueEnum};
 use std::path::PathBuf;
+
+use clap::Args;
+use recordings::{FilterName, Mode, Scalar, Setting};
 
 /// Options of `tvc fuse`.
 #[derive(Debug, Args)]
@@ -16,13 +18,15 @@ Examples:
 Recordings
   IMUQ16v1   gyroscope, accelerometer, magnetometer, reference and flags in 16-bit counts.
   CSV        a line of column names, then a line for each sample; any order, other columns are
-             passed over:
+             ignored:
                t_s, or t_ms, t_us           time
                gx_rad_s gy_rad_s gz_rad_s   rotation rate; or gx_deg_s and so on
                ax_m_s2 ay_m_s2 az_m_s2      specific force, +9.8 upwards at rest; or ax_g and so on
                mx_ut my_ut mz_ut            magnetic field, optional; or mx_gauss and so on
                ref_w ref_x ref_y ref_z      reference, sensor to east-north-up, optional
                movement                     1 where errors count, optional (without it: everywhere)
+             or the counts of a BNO055, time in sample_time_us or time_us, as `tvc convert` writes
+             them: gyr_x acc_x mag_x and so on
              An empty field or reference is a sample without it.
 
 Estimates
@@ -37,8 +41,8 @@ Scores
 
 Fixed point
   mahony and vqf, up to 2000 samples a second, on 16-bit counts: those of an IMUQ16v1 file as they
-  are; of a CSV file, values rounded to 2000/32767 deg/s, 16/32767 g and 0.05 uT, and saturated.
-  Below 95 samples a second clipped rates are not made good for.
+  are; of a CSV file in SI units, values rounded to 2000/32767 deg/s, 16/32767 g and 0.05 uT, and
+  saturated. Below 95 samples a second clipped rates are not made good for.
 
 Keys of --set
   every filter   preset=default|thesis, acc_gate, gyro_range_rad_s, recovery_rad2_s, gap_s,
@@ -69,7 +73,7 @@ pub struct Fuse {
     pub scalar: Scalar,
 
     /// Another value for a setting of the filter, in SI units; may be repeated (keys below).
-    #[arg(long = "set", value_name = "KEY=VALUE", value_parser = setting)]
+    #[arg(long = "set", value_name = "KEY=VALUE")]
     pub settings: Vec<Setting>,
 
     /// Where to write the estimates. With several recordings a folder, and in it the recordings'
@@ -84,89 +88,4 @@ pub struct Fuse {
     /// Print one JSON object with the scores on standard output and nothing else there.
     #[arg(long)]
     pub json: bool,
-}
-
-/// The filters of `tvc-fusion`.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub enum FilterName {
-    /// Integrated rates, aligned at the start only.
-    Gyro,
-    /// Complementary filter, on quaternions.
-    Complementary,
-    /// Mahony's explicit complementary filter.
-    Mahony,
-    /// Madgwick's gradient-descent filter.
-    Madgwick,
-    /// VQF class: acceleration smoothed in the earth frame.
-    Vqf,
-}
-
-/// Which sensors are used.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub enum Mode {
-    /// Gyroscope and accelerometer.
-    #[value(name = "6d")]
-    SixD,
-    /// And magnetometer.
-    #[value(name = "9d")]
-    NineD,
-}
-
-/// What a filter computes in.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub enum Scalar {
-    /// Single precision.
-    F32,
-    /// Double precision.
-    F64,
-    /// Integers, on counts.
-    Fixed,
-}
-
-/// A `--set`.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Setting {
-    /// Name of what is set.
-    pub key: String,
-    /// What it is set to.
-    pub value: String,
-}
-
-fn setting(text: &str) -> Result<Setting, String> {
-    match text.split_once('=') {
-        Some((key, value)) if !key.trim().is_empty() && !value.trim().is_empty() => Ok(Setting {
-            key: key.trim().to_owned(),
-            value: value.trim().to_owned(),
-        }),
-        _ => Err("a setting is KEY=VALUE, such as mag_tau_s=6".into()),
-    }
-}
-
-/// The name that an option's value has on the command line.
-pub fn said(value: impl ValueEnum) -> String {
-    value
-        .to_possible_value()
-        .map(|value| value.get_name().to_owned())
-        .unwrap_or_default()
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_setting_is_a_key_and_a_value() {
-        let set = setting(" mag_tau_s = 6").unwrap();
-        assert_eq!((set.key.as_str(), set.value.as_str()), ("mag_tau_s", "6"));
-        for bad in ["mag_tau_s", "=6", "mag_tau_s=", ""] {
-            assert!(setting(bad).is_err(), "{bad}");
-        }
-    }
-
-    #[test]
-    fn values_have_the_names_of_the_command_line() {
-        assert_eq!(said(Mode::NineD), "9d");
-        assert_eq!(said(FilterName::Madgwick), "madgwick");
-        assert_eq!(said(Scalar::Fixed), "fixed");
-    }
 }

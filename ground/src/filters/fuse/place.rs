@@ -10,7 +10,8 @@ use crate::out::exit::BadInput;
 /// folder that is there, `STEM.csv` in it.
 ///
 /// # Errors
-/// Several recordings and one file, two recordings of one name, an estimate in place of a recording.
+/// Several recordings and one file, two recordings of one name, an estimate in place of a
+/// recording.
 pub fn places(files: &[PathBuf], out: Option<&Path>) -> Result<Vec<Option<PathBuf>>, BadInput> {
     let Some(out) = out else {
         return Ok(vec![None; files.len()]);

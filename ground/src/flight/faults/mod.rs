@@ -62,7 +62,7 @@ pub fn run(options: &Faults) -> Result<Verdict> {
     let begun = Instant::now();
     let image = rig::image::build(&mut |line| eprintln!("{line}")).context("the image")?;
     let bar = spinner("boot and flight without a fault");
-    let setup = Setup::new(ServoKind::S3003, options.seed);
+    let setup = Setup::with_polarity(ServoKind::S3003, options.seed);
     let ready = prepare(&image, &setup, &mut |_| {})?;
     let frame_hz = f64::from(setup.servo.frame_hz());
     let campaign = Campaign::new(&ready, frame_hz, options.seed)
@@ -134,7 +134,7 @@ fn ended(kind: FaultKind, outcomes: &[Outcome]) -> [Figure; 6] {
         figure(key, count).shown(key, "", 0)
     };
     // The longest that a rudder was off neutral without valid data.
-    let worst_ms = runs().map(|run| run.blind_ms).fold(0.0, f64::max);
+    let worst_ms = runs().map(|run| run.unguarded_ms).fold(0.0, f64::max);
     [
         figure("kind", kind.name()).shown("fault", "", 0),
         count("runs", |_| true),

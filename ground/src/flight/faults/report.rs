@@ -20,7 +20,7 @@ pub fn render(figures: &Figures, seed: u64, outcomes: &[Outcome]) -> Result<Stri
         .filter(|outcome| matches!(outcome.ending, Ending::Unsafe(_)))
         .collect();
     let mut blindest: Vec<&Outcome> = outcomes.iter().collect();
-    blindest.sort_by(|a, b| b.blind_ms.total_cmp(&a.blind_ms));
+    blindest.sort_by(|a, b| b.unguarded_ms.total_cmp(&a.unguarded_ms));
     let body = html! {
         @if bad.is_empty() {
             (verdict(true, "Every run recovered, or ended in failsafe with the neutral pulse commanded in time."))
@@ -99,7 +99,7 @@ fn against_blindness(
 }
 
 fn blindness(outcomes: &[Outcome]) -> Result<Markup> {
-    let place = |outcome: &Outcome| (outcome.lasted_s * 1e3, outcome.blind_ms);
+    let place = |outcome: &Outcome| (outcome.lasted_s * 1e3, outcome.unguarded_ms);
     Ok(figure(
         "A dot for each run, against how long its fault lasted.",
         against_blindness("the fault lasted, ms", true, place, outcomes)?,
@@ -107,7 +107,7 @@ fn blindness(outcomes: &[Outcome]) -> Result<Markup> {
 }
 
 fn instants(outcomes: &[Outcome]) -> Result<Markup> {
-    let place = |outcome: &Outcome| (outcome.at_s, outcome.blind_ms);
+    let place = |outcome: &Outcome| (outcome.at_s, outcome.unguarded_ms);
     Ok(figure(
         "The same, against the instant of the flight at which it began.",
         against_blindness("since the release, s", false, place, outcomes)?,
@@ -120,7 +120,11 @@ fn told(outcomes: &[&Outcome]) -> Markup {
             Ending::Unsafe(why) => format!("unsafe: {why}"),
             _ => ended(outcome).to_owned(),
         };
-        vec![story(outcome), ending, format!("{:.1}", outcome.blind_ms)]
+        vec![
+            story(outcome),
+            ending,
+            format!("{:.1}", outcome.unguarded_ms),
+        ]
     });
     table(&["run", "ended", "blind, ms"], &rows.collect::<Vec<_>>())
 }

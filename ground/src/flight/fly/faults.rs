@@ -14,42 +14,17 @@
 
 use std::path::Path;
 
-use rig::Ticks;
-use rig::bench::TimedFault;
-use rig::bno055::Fault;
-use rig::bno055::FaultKind;
-use rig::disturbance::Disturbances;
+use rig::bench::{FaultEntry, TimedFault};
+use rig::disturbance::{Disturbances, SupplySag, Temperature, ThrustRamp, Vibration};
 use rig::random::{Stream, generator};
-use serde::{Deserialize, Serialize};
+use serde::Deserialize;
 
-use super::disturbance::{RampEntry, SupplyEntry, TemperatureEntry, VibrationEntry};
 use crate::out::exit::BadInput;
-
-/// One fault of the file; also what the figures tell.
-#[derive(Clone, Debug, Deserialize, Serialize)]
-#[serde(deny_unknown_fields)]
-pub struct FaultEntry {
-    /// Name of its kind.
-    pub kind: String,
-    /// When it begins, s after the release.
-    pub at_s: f64,
-    /// How long it lasts, s.
-    pub for_s: f64,
-    /// Share of words or bytes that it strikes, for the kinds that strike some only.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub probability: Option<f64>,
-    /// How long a byte is stretched, ms, for `long-stretch`.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub stretch_ms: Option<f64>,
-    /// Clocks until the line is free, for `sda-held`.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub clocks: Option<u8>,
-}
 
 /// What happens in a flight.
 #[derive(Clone, Debug, Default)]
 pub struct Scenario {
-    /// The faults as the figures tell them.
+    /// The faults as the figures report them.
     pub entries: Vec<FaultEntry>,
     /// The same as the rig takes them.
     pub faults: Vec<TimedFault>,
@@ -62,13 +37,14 @@ pub struct Scenario {
 struct File {
     #[serde(default)]
     fault: Vec<FaultEntry>,
-    vibration: Option<VibrationEntry>,
-    servo_supply: Option<SupplyEntry>,
-    thrust_ramp: Option<RampEntry>,
-    temperature: Option<TemperatureEntry>,
+    vibration: Option<Vibration>,
+    servo_supply: Option<SupplySag>,
+    thrust_ramp: Option<ThrustRamp>,
+    temperature: Option<Temperature>,
 }
 
-/// Reads the file for flights of `length_s` and draws from `seed` how hard each fault strikes that does not say it.
+/// Reads the file for flights of `length_s`. How hard a fault strikes is drawn from `seed` where the
+/// file leaves it open.
 ///
 /// # Errors
 /// The file cannot be read, is not of this form, or has a value out of its range.
@@ -81,77 +57,29 @@ pub fn read(path: &Path, seed: u64, length_s: f64) -> Result<Scenario, BadInput>
 
 fn scenario(file: File, seed: u64, length_s: f64) -> Result<Scenario, String> {
     let disturbances = Disturbances {
-        vibration: file.vibration.map(TryInto::try_into).transpose()?,
-        supply: file.servo_supply.map(TryInto::try_into).transpose()?,
-        thrust: file.thrust_ramp.map(TryInto::try_into).transpose()?,
-        temperature: file.temperature.map(TryInto::try_into).transpose()?,
+        vibration: file.vibration,
+        servo_supply: file.servo_supply,
+        thrust_ramp: file.thrust_ramp,
+        temperature: file.temperature,
     };
+    disturbances.check()?;
     let mut dice = generator(seed, Stream::Campaign);
     let mut entries = file.fault;
     let faults = entries
         .iter_mut()
-        .map(|entry| {
-            let kind: FaultKind = entry.kind.parse()?;
-            if !(0.0..length_s).contains(&entry.at_s) {
-                return Err(format!("at_s must be 0 to below {length_s}"));
-            }
-            if !(entry.for_s > 0.0 && entry.for_s <= 3600.0) {
-                return Err("for_s must be above 0 and at most 3600".into());
-            }
-            let mut fault = kind.draw(&mut dice);
-            entry.strengthen(&mut fault)?;
-            Ok(TimedFault {
-                fault,
-                at: Ticks::from_secs_f64(entry.at_s),
-                until: Ticks::from_secs_f64(entry.at_s + entry.for_s),
-            })
-        })
-        .collect::<Result<_, String>>()?;
+        .map(|entry| entry.draw(length_s, &mut dice));
     Ok(Scenario {
+        faults: faults.collect::<Result<_, _>>()?,
         entries,
-        faults,
         disturbances,
     })
-}
-
-impl FaultEntry {
-    /// Makes the fault as strong as the entry says, and notes in the entry what it leaves to the seed.
-    fn strengthen(&mut self, fault: &mut Fault) -> Result<(), String> {
-        let kind = &self.kind;
-        let none = |what: &str| Err(format!("fault {kind} has no {what}"));
-        match (&mut self.probability, fault.probability_mut()) {
-            (Some(wanted), Some(share)) if (0.0..=1.0).contains(wanted) => *share = *wanted,
-            (Some(_), Some(_)) => return Err("probability must be 0 to 1".into()),
-            (Some(_), None) => return none("probability"),
-            (told, share) => *told = share.copied(),
-        }
-        match (&mut self.stretch_ms, &mut *fault) {
-            (Some(ms), Fault::LongStretch { stretch, .. }) if (0.0..=1000.0).contains(ms) => {
-                *stretch = Ticks::from_secs_f64(*ms * 1e-3);
-            }
-            (Some(_), Fault::LongStretch { .. }) => {
-                return Err("stretch_ms must be 0 to 1000".into());
-            }
-            (Some(_), _) => return none("stretch_ms"),
-            (told, Fault::LongStretch { stretch, .. }) => *told = Some(stretch.as_us_f64() * 1e-3),
-            (None, _) => {}
-        }
-        match (&mut self.clocks, fault) {
-            (Some(wanted), Fault::SdaHeld { clocks }) if (1..=9).contains(wanted) => {
-                *clocks = *wanted;
-            }
-            (Some(_), Fault::SdaHeld { .. }) => return Err("clocks must be 1 to 9".into()),
-            (Some(_), _) => return none("clocks"),
-            (told, Fault::SdaHeld { clocks }) => *told = Some(*clocks),
-            (None, _) => {}
-        }
-        Ok(())
-    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use rig::Ticks;
+    use rig::bno055::{Fault, FaultKind};
 
     fn parsed(text: &str) -> Result<Scenario, String> {
         let file = toml::from_str(text).map_err(|error| error.to_string())?;
@@ -218,12 +146,12 @@ mod tests {
                    [thrust_ramp]\nfrom_pct = 40\nseconds = 0.5\n\
                    [temperature]\nfrom_c = 20\nto_c = 45\ntime_constant_s = 60\n";
         let disturbances = parsed(all).unwrap().disturbances;
-        assert_eq!(disturbances.supply.unwrap().volts, 4.8);
-        assert_eq!(disturbances.thrust.unwrap().from_share, 0.4);
-        let vibration = disturbances.vibration.unwrap();
-        assert!((vibration.rate_rad_s.to_degrees() - 2.53).abs() < 0.01);
+        assert_eq!(disturbances.servo_supply.unwrap().volts, 4.8);
+        assert_eq!(disturbances.thrust_ramp.unwrap().from_pct, 40.0);
+        let vibration = disturbances.report().unwrap().vibration.unwrap();
+        assert!((vibration.rate_dps.unwrap() - 2.53).abs() < 0.01);
         let temperature = disturbances.temperature.unwrap();
-        assert!((temperature.gyro_rad_s_k.to_degrees() - 0.015).abs() < 1e-12);
+        assert_eq!(temperature.gyro_dps_k, 0.015);
         for (text, word) in [
             ("[vibration]\nacc_m_s2 = 5\nfrequency_hz = 900", "Hz"),
             ("[servo_supply]\nvolts = 12", "3 to 7.4 V"),

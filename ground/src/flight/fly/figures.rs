@@ -1,15 +1,15 @@
 //! What `tvc fly` measures, as the figures that it prints and holds to the requirements.
 
+use client::LinkCounts;
 use rig::image::Sizes;
-use rig::link::LinkCounts;
 use rig::measure::LoopTiming;
 
-use super::disturbance::DisturbanceFigures;
-use super::faults::FaultEntry;
 use crate::flight::figures::{Run, spread, telemetry};
 use crate::flight::requirements;
 use crate::out::measure::{Figure, Figures, data, figure, rows, shown};
-use crate::servo::ServoChoice;
+use rig::ServoKind;
+use rig::bench::FaultEntry;
+use rig::disturbance::Disturbances;
 
 /// All that was measured, in flights or in a replay.
 #[derive(Debug)]
@@ -31,7 +31,7 @@ pub struct Measured {
     /// The faults that were switched on in every flight.
     pub faults: Vec<FaultEntry>,
     /// What disturbed the flights.
-    pub disturbances: Option<DisturbanceFigures>,
+    pub disturbances: Option<Disturbances>,
     /// Speed of the emulation.
     pub emulation: Emulation,
     /// What a replayed recording adds.
@@ -51,7 +51,7 @@ pub struct Emulation {
 
 impl Measured {
     /// The figures, held to what is required with `servo`.
-    pub fn figures(self, servo: ServoChoice) -> Figures {
+    pub fn figures(self, servo: ServoKind) -> Figures {
         let mut figures = vec![
             self.image_figures(),
             self.loop_figures(),
@@ -224,7 +224,7 @@ mod tests {
 
     #[test]
     fn figures_within_the_requirements_miss_nothing() {
-        let missed = good().figures(ServoChoice::S3003).missed();
+        let missed = good().figures(ServoKind::S3003).missed();
         assert_eq!(missed, Vec::<String>::new());
     }
 
@@ -247,21 +247,21 @@ mod tests {
         for (index, spoil) in spoil.iter().enumerate() {
             let mut measured = good();
             spoil(&mut measured);
-            let missed = measured.figures(ServoChoice::S3003).missed();
+            let missed = measured.figures(ServoKind::S3003).missed();
             assert_eq!(missed.len(), 1, "requirement {index}");
         }
     }
 
     #[test]
     fn a_fast_servo_is_held_to_less_time() {
-        let missed = good().figures(ServoChoice::Digital).missed();
+        let missed = good().figures(ServoKind::Digital).missed();
         let expected = "start 0.20 rad: 5 % settling: 0.600 s, required: at most 0.55";
         assert_eq!(missed, [expected]);
     }
 
     #[test]
     fn the_text_names_every_row() {
-        let text = good().figures(ServoChoice::S3003).text();
+        let text = good().figures(ServoKind::S3003).text();
         for part in ["0.20", "0.600", "jitter", "10.00", "900", "at least 100"] {
             assert!(text.contains(part), "{part} is not in\n{text}");
         }

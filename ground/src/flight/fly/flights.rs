@@ -1,20 +1,19 @@
 //! Flights from one or several tilts: boot once, fork for each start.
 
 use anyhow::{Context, Result};
+use client::FlightState;
+use client::LinkCounts;
 use rig::flight::{FlightRecord, Setup};
-use rig::link::LinkCounts;
-use rig::operator::FlightState;
 use rig::{Image, prepare};
 use samd21::WaitStates;
 
 use super::Stopwatch;
-use super::disturbance::DisturbanceFigures;
-use super::faults::FaultEntry;
 use super::figures::Measured;
 use super::live::Live;
 use super::report::Page;
 use crate::flight::figures::Run;
 use crate::flight::fly::Fly;
+use rig::bench::FaultEntry;
 
 /// Tilts that are flown from, rad.
 const STARTS_RAD: [f64; 3] = [0.2, 0.4, 0.8];
@@ -104,7 +103,7 @@ fn measured(
         link: link(records),
         runs: records.iter().map(run).collect(),
         faults,
-        disturbances: DisturbanceFigures::of(&setup.rig.bench.disturbances),
+        disturbances: setup.rig.bench.disturbances.report(),
         emulation: watch.stop(),
         replay: None,
     }

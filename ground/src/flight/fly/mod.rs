@@ -1,7 +1,6 @@
 //! `tvc fly`: the image, on the virtual rig, brings the drone upright, or estimates attitude from a
 //! recording.
 
-pub mod disturbance;
 pub mod faults;
 mod figures;
 mod flights;
@@ -44,13 +43,9 @@ pub fn run(options: &Fly) -> Result<Verdict> {
 }
 
 fn setup(options: &Fly) -> Result<Setup> {
-    let gains = options.gains.map(|gains| rig::flight::Gains {
-        kp: gains.kp,
-        kd: gains.kd,
-    });
     let mut setup = Setup {
-        gains,
-        ..Setup::new(options.servo.kind(), options.seed)
+        gains: options.gains,
+        ..Setup::with_polarity(options.servo, options.seed)
     };
     if let Some(path) = &options.params {
         let own = control_law::parameters(options.servo, None)?;

@@ -1,7 +1,8 @@
 //! Options of `tvc fly`.
 
 use crate::flight::disturb::Disturb;
-use crate::servo::ServoChoice;
+use ::rig::ServoKind;
+use ::rig::flight::Gains;
 use clap::Args;
 use std::path::PathBuf;
 use tvc_nano::Params;
@@ -24,8 +25,8 @@ Examples:
 Exit status: 0 every requirement met, 1 one missed or something failed, 2 unusable input.")]
 pub struct Fly {
     /// The servo on the rig.
-    #[arg(long, value_enum, default_value_t = ServoChoice::S3003)]
-    pub servo: ServoChoice,
+    #[arg(long, value_enum, default_value_t = ServoKind::S3003)]
+    pub servo: ServoKind,
 
     /// Seed of all that is random: sensor noise and bias, clock phases.
     #[arg(long, value_name = "N", default_value_t = 1)]
@@ -71,15 +72,6 @@ pub struct Fly {
     /// Where to write the HTML report.
     #[arg(long, value_name = "FILE.html", default_value = "report/fly.html")]
     pub report: PathBuf,
-}
-
-/// Gains of the pitch controller, from the command line.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Gains {
-    /// Servo rad per rad of pitch.
-    pub kp: f32,
-    /// Servo rad per rad/s of pitch rate (s).
-    pub kd: f32,
 }
 
 /// Largest tilt that the firmware arms at: 50 degrees, in rad, rounded down.

@@ -4,10 +4,10 @@ use std::path::Path;
 use std::sync::Arc;
 
 use anyhow::{Context, Result};
+use client::LinkCounts;
+use recordings::Recording;
 use rig::Image;
 use rig::flight::Setup;
-use rig::link::LinkCounts;
-use rig::recording::Recording;
 use rig::replay::{ReplayRecord, replay};
 use samd21::WaitStates;
 

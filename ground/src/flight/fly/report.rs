@@ -3,8 +3,8 @@
 use std::sync::Arc;
 
 use maud::{Markup, html};
+use recordings::Recording;
 use rig::flight::FlightRecord;
-use rig::recording::Recording;
 use rig::replay::ReplayRecord;
 
 use crate::flight::figures::settling_band_deg;
@@ -131,8 +131,8 @@ fn flights(records: &[FlightRecord]) -> anyhow::Result<Markup> {
 }
 
 fn played(record: &ReplayRecord) -> anyhow::Result<Markup> {
-    let seconds = |a: &rig::operator::Attitude| f64::from(a.time_ms) / 1e3;
-    let angle = |of: fn(&rig::operator::Attitude) -> f64| -> Vec<(f64, f64)> {
+    let seconds = |a: &rig::ground_station::Attitude| f64::from(a.time_ms) / 1e3;
+    let angle = |of: fn(&rig::ground_station::Attitude) -> f64| -> Vec<(f64, f64)> {
         record
             .received
             .attitudes
@@ -144,7 +144,7 @@ fn played(record: &ReplayRecord) -> anyhow::Result<Markup> {
         "time since power-on, s",
         "angle, deg",
         vec![
-            Line::new("pitch", 0, angle(rig::operator::Attitude::pitch_rad)),
+            Line::new("pitch", 0, angle(rig::ground_station::Attitude::pitch_rad)),
             Line::new("tilt", 2, angle(tilt_rad)),
         ],
     );
@@ -155,7 +155,7 @@ fn played(record: &ReplayRecord) -> anyhow::Result<Markup> {
 }
 
 /// Angle between the body's z axis and the vertical, rad.
-fn tilt_rad(attitude: &rig::operator::Attitude) -> f64 {
+fn tilt_rad(attitude: &rig::ground_station::Attitude) -> f64 {
     let [_, x, y, _] = attitude.quaternion.map(f64::from);
     (1.0 - 2.0 * (x * x + y * y)).clamp(-1.0, 1.0).acos()
 }

@@ -9,16 +9,16 @@ use std::collections::BTreeMap;
 use std::fs::File;
 
 use anyhow::{Context, Result};
+use client::status::angles;
+use client::{FlightState, Wire, text};
 use mavlink::dialects::common::{ATTITUDE_QUATERNION_DATA, MavMessage, MavSeverity};
 use mcap::records::MessageHeader;
 use mcap::{McapError, MessageStream, WriteOptions, read::Options};
 use nalgebra::{Quaternion, UnitQuaternion};
-use rig::operator::FlightState;
 use serde_json::{Value, json};
 
-use super::{STAMP, is_from_vehicle};
-use crate::vehicle::arm::state_name;
-use crate::vehicle::status::angles;
+use super::steps::CRANK;
+use super::{STAMP, is_from_vehicle, whole_us};
 
 /// How such a file begins.
 pub const MAGIC: &[u8] = mcap::MAGIC;
@@ -145,7 +145,7 @@ pub struct Writer {
     file: mcap::Writer<File>,
     frames: u16,
     topics: [u16; TOPICS.len()],
-    vehicle: rig::link::Link,
+    vehicle: Wire,
     clock: Clock,
     transform_due_us: u64,
 }
@@ -173,7 +173,7 @@ impl Writer {
             file,
             frames,
             topics,
-            vehicle: rig::link::Link::default(),
+            vehicle: Wire::default(),
             clock: Clock::default(),
             transform_due_us: 0,
         })
@@ -230,11 +230,11 @@ impl Writer {
                 });
                 (Kind::Counts, value)
             }
-            MavMessage::NAMED_VALUE_FLOAT(m) if m.name.to_str() == Ok("crank_rad") => {
+            MavMessage::NAMED_VALUE_FLOAT(m) if text(&m.name) == CRANK => {
                 (Kind::Command, json!({ "crank_deg": m.value.to_degrees() }))
             }
             MavMessage::HEARTBEAT(m) => {
-                let state = state_name(FlightState::of(m.custom_mode));
+                let state = FlightState::of(m.custom_mode).to_string();
                 (
                     Kind::State,
                     json!({ "state": state, "code": m.custom_mode }),
@@ -248,17 +248,11 @@ impl Writer {
                 });
                 (Kind::Health, value)
             }
-            MavMessage::PARAM_VALUE(m) => {
-                let name = m.param_id.to_str().unwrap_or("(not UTF-8)");
-                (
-                    Kind::Parameter,
-                    json!({ "name": name, "value": m.param_value }),
-                )
-            }
-            MavMessage::STATUSTEXT(m) => {
-                let text = m.text.to_str().unwrap_or("(not UTF-8)");
-                return self.say(time_us, m.severity, text);
-            }
+            MavMessage::PARAM_VALUE(m) => (
+                Kind::Parameter,
+                json!({ "name": text(&m.param_id), "value": m.param_value }),
+            ),
+            MavMessage::STATUSTEXT(m) => return self.say(time_us, m.severity, text(&m.text)),
             _ => return Ok(()),
         };
         self.json(kind, time_us, &value)
@@ -336,11 +330,7 @@ impl Clock {
             MavMessage::ATTITUDE_QUATERNION(m) => u64::from(m.time_boot_ms) * 1000,
             MavMessage::NAMED_VALUE_FLOAT(m) => u64::from(m.time_boot_ms) * 1000,
             MavMessage::RAW_IMU(m) => m.time_usec,
-            MavMessage::SERVO_OUTPUT_RAW(m) => {
-                // The lower 32 bits of a time near the last one.
-                let ahead = m.time_usec.wrapping_sub(self.newest_us as u32) as i32;
-                self.newest_us.wrapping_add_signed(ahead.into())
-            }
+            MavMessage::SERVO_OUTPUT_RAW(m) => whole_us(m.time_usec, self.newest_us),
             _ => return received_us,
         };
         self.newest_us = vehicle_us;

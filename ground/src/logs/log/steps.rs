@@ -4,28 +4,28 @@
 //! command, one behind the other; answers and events lie between two steps as they lay in the firmware. A step without
 //! RAW_IMU missed its sample, unless frames are missing there.
 
+use client::{LinkCounts, text};
 use mavlink::dialects::common::{
     ATTITUDE_QUATERNION_DATA, COMMAND_ACK_DATA, HEARTBEAT_DATA, MavAutopilot, MavCmd, MavMessage,
     MavParamType, MavResult, MavSeverity, MavType, NAMED_VALUE_FLOAT_DATA, PARAM_VALUE_DATA,
     SERVO_OUTPUT_RAW_DATA, STATUSTEXT_DATA, SYS_STATUS_DATA,
 };
-use rig::link::LinkCounts;
 use tvc_nano::telemetry::raw_imu;
 use tvc_nano::{Micros, RawSample};
 
-use super::{Entry, Log};
+use super::{Entry, Log, whole_us};
 
 /// Name of the message that tells the command.
-const CRANK: &str = "crank_rad";
+pub const CRANK: &str = "crank_rad";
 
-/// Angles of a step's attitude are those of `[w, x, y, z]`, body to north-east-down.
+/// One control step as telemetry tells it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Step {
     /// The vehicle's clock at the step, us.
     pub now_us: u64,
     /// The untouched counts with their own time, if there was a usable sample.
     pub sample: Option<RawSample>,
-    /// Attitude.
+    /// Attitude `[w, x, y, z]`, body to north-east-down.
     pub quaternion: [f32; 4],
     /// Rates about the body's axes, rad/s.
     pub rate_rad_s: [f32; 3],
@@ -162,7 +162,7 @@ impl Flight {
             ..Self::default()
         };
         let mut part = None;
-        let mut clock = Clock::default();
+        let mut clock = None;
         for entry in log.entries.iter().filter(|entry| entry.from_vehicle) {
             if entry.lost_before > 0 {
                 flight.close(part.take(), &mut clock, true);
@@ -196,7 +196,7 @@ impl Flight {
         self.steps().filter(|step| step.sample.is_none()).count()
     }
 
-    fn take(&mut self, entry: &Entry, part: &mut Option<Part>, clock: &mut Clock) {
+    fn take(&mut self, entry: &Entry, part: &mut Option<Part>, clock: &mut Option<u64>) {
         let event = match &entry.message {
             MavMessage::SERVO_OUTPUT_RAW(m) => {
                 if let Some(part) = part {
@@ -217,7 +217,7 @@ impl Flight {
             }
             MavMessage::NAMED_VALUE_FLOAT(m) => {
                 if let Some(part) = part
-                    && m.name.to_str() == Ok(CRANK)
+                    && text(&m.name) == CRANK
                 {
                     part.crank_rad = Some(m.value);
                 }
@@ -235,14 +235,10 @@ impl Flight {
                 return;
             }
             MavMessage::HEARTBEAT(m) => Event::State(m.custom_mode),
-            MavMessage::STATUSTEXT(m) => Event::Said(
-                m.severity,
-                m.text.to_str().unwrap_or("(not UTF-8)").to_owned(),
-            ),
-            MavMessage::PARAM_VALUE(m) => Event::Parameter(
-                m.param_id.to_str().unwrap_or("(not UTF-8)").to_owned(),
-                m.param_value,
-            ),
+            MavMessage::STATUSTEXT(m) => Event::Said(m.severity, text(&m.text).to_owned()),
+            MavMessage::PARAM_VALUE(m) => {
+                Event::Parameter(text(&m.param_id).to_owned(), m.param_value)
+            }
             MavMessage::SYS_STATUS(m) => Event::Status(m.clone()),
             MavMessage::COMMAND_ACK(m) => Event::Answer(m.command, m.result),
             _ => return,
@@ -252,7 +248,7 @@ impl Flight {
     }
 
     /// A step whose messages have all come. One at a gap may have lost its sample's message, and counts only with it.
-    fn close(&mut self, part: Option<Part>, clock: &mut Clock, at_gap: bool) {
+    fn close(&mut self, part: Option<Part>, clock: &mut Option<u64>, at_gap: bool) {
         let Some(part) = part else { return };
         let Some((time_us, pulse_us)) = part.servo else {
             return;
@@ -260,30 +256,17 @@ impl Flight {
         if at_gap && part.sample.is_none() {
             return;
         }
+        let sampled_us = part.sample.map(|sample| sample.time.0);
+        let now_us = whole_us(time_us, sampled_us.or(*clock).unwrap_or(0));
+        *clock = Some(now_us);
         self.events.push(Event::Step(Step {
-            now_us: clock.whole(time_us, part.sample.map(|sample| sample.time.0)),
+            now_us,
             sample: part.sample,
             quaternion: part.quaternion,
             rate_rad_s: part.rate_rad_s,
             crank_rad: part.crank_rad,
             pulse_us,
         }));
-    }
-}
-
-/// Puts the upper half back onto a time that has 32 bits.
-#[derive(Clone, Copy, Debug, Default)]
-struct Clock {
-    last: Option<u64>,
-}
-
-impl Clock {
-    /// `low` is at or after `near`, or the last time, by less than 71 minutes.
-    fn whole(&mut self, low: u32, near: Option<u64>) -> u64 {
-        let from = near.or(self.last).unwrap_or(0);
-        let whole = from + u64::from(low.wrapping_sub(from as u32));
-        self.last = Some(whole);
-        whole
     }
 }
 
@@ -389,15 +372,5 @@ mod tests {
         let told = flight(messages.map(|message| (message, 0)).collect());
         assert_eq!(told.events, events);
         assert!(Event::Gap(3).messages().is_empty());
-    }
-
-    #[test]
-    fn the_short_clock_is_made_whole() {
-        let mut clock = Clock::default();
-        let hour = 3 << 32;
-        assert_eq!(clock.whole(7_000, Some(hour + 2_000)), hour + 7_000);
-        assert_eq!(clock.whole(17_000, None), hour + 17_000);
-        let end = (4 << 32) - 1_000;
-        assert_eq!(clock.whole(3_000, Some(end)), (4 << 32) + 3_000);
     }
 }

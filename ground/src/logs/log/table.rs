@@ -3,11 +3,10 @@
 use std::path::Path;
 
 use anyhow::Result;
-use rig::operator::FlightState;
+use client::FlightState;
 
 use super::{Event, Flight};
 use crate::out::file::write_whole;
-use crate::vehicle::arm::state_name;
 
 const HEAD: &str = "time_us,state,lost_before,sample_time_us,acc_x,acc_y,acc_z,gyr_x,gyr_y,gyr_z,mag_x,mag_y,mag_z,\
                     q_w,q_x,q_y,q_z,roll_rate_rad_s,pitch_rate_rad_s,yaw_rate_rad_s,crank_rad,pulse_us\n";
@@ -25,7 +24,7 @@ fn text(flight: &Flight) -> String {
     let (mut state, mut lost) = (String::new(), 0);
     for event in &flight.events {
         match event {
-            Event::State(code) => state = state_name(FlightState::of(*code)),
+            Event::State(code) => state = FlightState::of(*code).to_string(),
             Event::Gap(frames) => lost += frames,
             Event::Step(step) => {
                 let mut row = vec![step.now_us.to_string(), state.clone(), lost.to_string()];

@@ -1,40 +1,34 @@
 //! Another filter on the counts of a log.
 
-use anyhow::{Result, anyhow};
+use anyhow::Result;
+use recordings::{Choice, Estimate, Facts, FilterName, Mode, RecordedSample, Scalar, Setting};
+use tvc_fusion::Quaternion;
 use tvc_fusion::fixed::Scale;
-use tvc_fusion::{
-    Complementary, Config, Estimator, Filter, Gyro, Madgwick, Mahony, Sample, Vector3, Vqf,
-};
 use tvc_nano::{Params, mount::Mount};
 
-use crate::filters::fuse::FilterName;
 use crate::logs::log::Flight;
+use crate::out::exit::BadInput;
 
-/// Time and pitch (rad) after every sample, by a float filter with its default gains.
-pub fn pitches(choice: FilterName, flight: &Flight, params: &Params) -> Result<Vec<(f64, f64)>> {
-    match choice {
-        FilterName::Gyro => follow::<Gyro<f32>>(flight, params),
-        FilterName::Mahony => follow::<Mahony<f32>>(flight, params),
-        FilterName::Madgwick => follow::<Madgwick<f32>>(flight, params),
-        FilterName::Complementary => follow::<Complementary<f32>>(flight, params),
-        FilterName::Vqf => follow::<Vqf<f32>>(flight, params),
-    }
-}
-
-fn follow<F: Filter<Real = f32>>(flight: &Flight, params: &Params) -> Result<Vec<(f64, f64)>>
-where
-    Config<F::Gains>: Default,
-{
-    let config = Config {
-        declination_rad: params.declination_deg().to_radians(),
-        ..Config::default()
+/// Time and pitch (rad) after every sample, by a filter in single precision with its default gains.
+pub fn pitches(filter: FilterName, flight: &Flight, params: &Params) -> Result<Vec<(f64, f64)>> {
+    let choice = Choice {
+        filter,
+        scalar: Scalar::F32,
+        mode: Mode::NineD,
+        settings: vec![Setting {
+            key: "declination_rad".into(),
+            value: params.declination_deg().to_radians().to_string(),
+        }],
     };
-    let mut estimator =
-        Estimator::<F>::new(&config).map_err(|error| anyhow!("the filter: {error}"))?;
-    let mount = Mount::new(params);
     let scale = Scale::BNO055;
-    let si =
-        |counts: [i16; 3], unit: f32| Vector3::from(counts.map(|count| f32::from(count) * unit));
+    let facts = Facts {
+        period_s: f64::from(params.control_period_us()) * 1e-6,
+        scale,
+        gyro_range_rad_s: None,
+    };
+    let mut estimate = Estimate::new(&choice, &facts).map_err(BadInput::new)?;
+    let mount = Mount::new(params);
+    let si = |counts: [i16; 3], unit: f32| counts.map(|c| f64::from(c) * f64::from(unit));
     let mut last = None;
     let mut last_field = None;
     let mut pitches = Vec::new();
@@ -46,19 +40,21 @@ where
         let counts = mount.convert(&raw);
         // The registers repeat until the magnetometer has measured again.
         let fresh = last_field.replace(raw.mag) != Some(raw.mag);
-        let sample = Sample {
-            gyr: si(counts.gyr, scale.gyr_rad_s),
-            acc: si(counts.acc, scale.acc_m_s2),
-            mag: counts
+        let sample = RecordedSample {
+            time_s: raw.time.0 as f64 * 1e-6,
+            gyr_rad_s: si(counts.gyr, scale.gyr_rad_s),
+            acc_m_s2: si(counts.acc, scale.acc_m_s2),
+            mag_ut: counts
                 .mag
                 .filter(|_| fresh)
                 .map(|mag| si(mag, scale.mag_ut)),
+            reference: None,
+            movement: true,
         };
-        let attitude = estimator.update(dt_us as f32 * 1e-6, &sample);
-        pitches.push((
-            raw.time.0 as f64 * 1e-6,
-            attitude.orientation.pitch().into(),
-        ));
+        // The time step as the firmware rounds it.
+        let q = estimate.step(f64::from(dt_us as f32 * 1e-6), &sample);
+        let [w, x, y, z] = q.map(|c| c as f32);
+        pitches.push((sample.time_s, Quaternion { w, x, y, z }.pitch().into()));
     }
     Ok(pitches)
 }

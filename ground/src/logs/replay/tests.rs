@@ -2,9 +2,9 @@
 
 use super::*;
 use crate::logs::log::{Flight as Logged, Log};
+use client::Wire;
+use client::request::{self, Order};
 use rig::bno055::Fault;
-use rig::link::Link;
-use rig::request::{self, Order};
 use rig::{Image, Rig, RigConfig, Ticks, image};
 use std::sync::OnceLock;
 
@@ -16,21 +16,21 @@ fn firmware() -> &'static Image {
 /// The rig with somebody who keeps every byte, as a `.tlog` has it.
 struct Bench {
     rig: Rig,
-    station: Link,
-    vehicle: Link,
+    station: Wire,
+    vehicle: Wire,
     log: Vec<u8>,
 }
 
 impl Bench {
     fn new() -> Self {
         let config = RigConfig {
-            stored: Some(RigConfig::set_up()),
+            stored: Some(RigConfig::polarity_set()),
             ..RigConfig::default()
         };
         Self {
             rig: Rig::new(firmware(), &config).unwrap(),
-            station: Link::default(),
-            vehicle: Link::default(),
+            station: Wire::default(),
+            vehicle: Wire::default(),
             log: Vec::new(),
         }
     }

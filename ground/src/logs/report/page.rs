@@ -3,22 +3,22 @@
 use std::path::Path;
 
 use anyhow::Result;
+use client::ServoMap;
 use maud::{Markup, html};
 use tvc_nano::Params;
 
 use super::sweep::Sweep;
-use super::{Release, events, last_parameters, releases, servo_map};
+use super::{Release, events, last_parameters, releases};
 use crate::flight::figures::settling_band_deg;
 use crate::logs::log::{Flight, Step};
 use crate::logs::replay::parameters;
 use crate::out::measure::Figures;
 use crate::out::page::{figure, page, table, verdicts};
 use crate::out::plot::{Line, Plot};
-use crate::vehicle::status::ServoMap;
 
 /// The whole page.
 pub fn render(log: &Path, flight: &Flight, figures: &Figures) -> Result<String> {
-    let servo = servo_map(&parameters(flight));
+    let servo = ServoMap::of(&parameters(flight));
     let mut parts = vec![whole(flight, &servo)?];
     for (index, release) in releases(flight).iter().enumerate() {
         parts.push(one(index, release, &servo)?);

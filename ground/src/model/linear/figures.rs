@@ -5,7 +5,7 @@ use plant::linear::Rank;
 use serde::Serialize;
 
 use super::Analysis;
-use crate::out::measure::{Figure, Figures, data, figure, rows, shown};
+use crate::out::measure::{Figure, Figures, data, figure, note, rows, shown};
 
 /// Residual pitch acceleration below which a point counts as an equilibrium, in rad/s2.
 const AT_REST_RAD_S2: f64 = 1e-2;
@@ -69,7 +69,7 @@ impl Analysis {
         let output = matrix_row("y = theta0".into(), c, model.d);
         Figures::from([
             self.point_figures(),
-            shown("point", self.place()),
+            note(self.place()),
             rows("", derivatives.chain([output])),
             data("states", &STATES),
             figure("input", "torque on the crank, N m"),

@@ -13,7 +13,7 @@ use plant::{Mechanism, Parameters, ServoModel, Setup};
 use super::read;
 use crate::model::Linear;
 use crate::out::exit::{BadInput, Verdict};
-use crate::servo::ServoChoice;
+use rig::ServoKind;
 
 /// Frames shorter than this (s) belong to a digital servo, whose gains are higher.
 const FAST_FRAME_S: f64 = 0.010;
@@ -83,10 +83,10 @@ fn setup(options: &Linear) -> Result<Setup, BadInput> {
     setup.drone = preset.unwrap_or(setup.drone);
     match options.servo {
         None => {}
-        Some(ServoChoice::S3003) => {
+        Some(ServoKind::S3003) => {
             (setup.servo, setup.timing) = (ServoModel::S3003, Timing::ANALOGUE);
         }
-        Some(ServoChoice::Digital) => {
+        Some(ServoKind::Digital) => {
             (setup.servo, setup.timing) = (ServoModel::DIGITAL, Timing::DIGITAL);
         }
     }

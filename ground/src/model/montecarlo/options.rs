@@ -1,7 +1,7 @@
 //! Options of `tvc montecarlo`.
 
-use crate::servo::ServoChoice;
 use clap::{Args, Subcommand};
+use rig::ServoKind;
 use std::path::PathBuf;
 
 /// Options of `tvc montecarlo`.
@@ -59,8 +59,8 @@ pub struct MonteCarlo {
     pub lateral_mm: f64,
 
     /// The servo, with the frame rate that suits it.
-    #[arg(long, value_enum, default_value_t = ServoChoice::S3003)]
-    pub servo: ServoChoice,
+    #[arg(long, value_enum, default_value_t = ServoKind::S3003)]
+    pub servo: ServoKind,
 
     /// Nominal drone, servo and timing where they differ from the servo's preset (docs/model.md).
     #[arg(long, value_name = "FILE.toml")]

@@ -10,7 +10,7 @@ use serde::Serialize;
 use super::options::Rocket as Options;
 use crate::out::exit::Verdict;
 use crate::out::measure::Limit::{self, AtMost};
-use crate::out::measure::{Figures, data, figure, rows};
+use crate::out::measure::{Figures, data, figure, note, rows};
 use flights::{Airframe, ScheduleRow};
 
 /// Specific impulse that oxygen and ethanol reach, in s.
@@ -85,7 +85,8 @@ pub fn run(options: &Options) -> Result<Verdict> {
         rows("schedule", schedule.iter().map(ScheduleRow::figures)),
         steps,
         rows("airframes", airframes.iter().map(Airframe::object)).unseen(),
-        data("implied", &implied).said("note", implied.words()),
+        data("implied", &implied),
+        note(implied.words()),
     ]);
     let page = report::render(&airframes, &schedule, &implied, &figures)?;
     figures.conclude(options.json, Some((&options.report, page)))

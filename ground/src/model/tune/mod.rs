@@ -14,11 +14,11 @@ use crate::model::control_law;
 use crate::out::exit::Verdict;
 use crate::out::file::write_whole;
 use crate::out::measure::{Figure, Figures, data, figure, rows};
-use crate::servo::ServoChoice;
-use crate::vehicle::link::Parameter;
 use crate::vehicle::param;
 use clap::Args;
+use client::Parameter;
 use design::{Gains, Grid, NAMES, Problem, Requirements};
+use rig::ServoKind;
 use std::path::PathBuf;
 
 /// Options of `tvc tune`.
@@ -38,8 +38,8 @@ Examples:
 Exit status: 0 every requirement met, 1 one missed, 2 unusable input.")]
 pub struct Tune {
     /// The servo, with the frame rate that suits it.
-    #[arg(long, value_enum, default_value_t = ServoChoice::S3003)]
-    pub servo: ServoChoice,
+    #[arg(long, value_enum, default_value_t = ServoKind::S3003)]
+    pub servo: ServoKind,
 
     /// Drone, servo and timing where they differ from the servo's preset (docs/model.md).
     #[arg(long, value_name = "FILE.toml")]
@@ -89,8 +89,8 @@ pub fn run(options: &Tune) -> Result<Verdict> {
     let required = Requirements {
         overshoot_pct: options.overshoot,
         ratio: options.settling.unwrap_or(match options.servo {
-            ServoChoice::S3003 => 1.7,
-            ServoChoice::Digital => 1.55,
+            ServoKind::S3003 => 1.7,
+            ServoKind::Digital => 1.55,
         }),
         phase_deg: options.margin,
     };

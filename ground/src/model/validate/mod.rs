@@ -12,7 +12,7 @@ use serde::Serialize;
 
 use crate::model::Validate;
 use crate::out::exit::Verdict;
-use crate::out::measure::{Figures, data, figure, rows, shown};
+use crate::out::measure::{Figures, data, figure, note, rows};
 use runs::Runs;
 
 /// A figure of the thesis that the right equations do not give.
@@ -58,8 +58,10 @@ pub fn run(options: &Validate) -> Result<Verdict> {
         data("printed_errors", &errors),
     ];
     figures.extend(NOT_REPRODUCED.iter().map(|missing| {
-        let label = format!("figure {} cannot be reproduced", missing.figure);
-        shown(label, format!("{}: {}", missing.printed, missing.why))
+        note(format!(
+            "Figure {} ({}) cannot be reproduced: {}",
+            missing.figure, missing.printed, missing.why
+        ))
     }));
     let figures = Figures::from(figures);
     let page = report::render(&runs, &checks, &errors, &figures.missed())?;

@@ -7,9 +7,19 @@ use world_magnetic_model::uom::si::angle::degree;
 use world_magnetic_model::uom::si::f32::{Angle, Length};
 use world_magnetic_model::uom::si::length::meter;
 
+use super::options::{Calibrate, Day, Place};
 use crate::out::exit::BadInput;
-use crate::vehicle::calibrate::Day;
-use crate::vehicle::calibrate::Place;
+
+/// The declination that the command line asks for, deg, if it asks for one.
+///
+/// # Errors
+/// As [`declination_deg`].
+pub fn asked_deg(options: &Calibrate) -> Result<Option<f64>> {
+    match options.place {
+        Some(place) => declination_deg(place, options.date).map(Some),
+        None => Ok(options.declination),
+    }
+}
 
 fn today() -> Result<Date> {
     let since = std::time::SystemTime::now()

@@ -1,29 +1,29 @@
-//! What `tvc calibrate` has found, as figures.
+//! The figures of `tvc calibrate`.
 
+use calibration::{Found, Readings, STANDARD_GRAVITY};
 use nalgebra::Matrix3;
 use serde::Serialize;
 
-use super::fit::Found;
-use super::readings::Readings;
-use crate::vehicle::link::Parameter;
+use client::Parameter;
 
 /// Everything that `tvc calibrate --json` prints, as one object.
 #[derive(Debug, Serialize)]
 pub struct Figures {
-    /// How many there were.
+    /// Number of samples.
     pub samples: usize,
     gyr: Option<Gyr>,
     acc: Option<Acc>,
     mag: Option<Mag>,
     declination_deg: Option<f64>,
     mount_deg: Option<[f64; 2]>,
-    /// What the gyroscope must be multiplied with by the accelerometer and by the magnetometer.
+    /// The matrix that makes the gyroscope agree with the accelerometer; below, with the
+    /// magnetometer.
     gyr_by_acc: Option<[[f64; 3]; 3]>,
     gyr_by_mag: Option<[[f64; 3]; 3]>,
     parameters: serde_json::Map<String, serde_json::Value>,
-    /// Why there is no more.
+    /// Why something could not be calibrated.
     pub refused: Vec<String>,
-    /// The vehicle has the parameters, and they are in its flash.
+    /// Whether the vehicle has the parameters in its flash.
     pub written: bool,
 }
 
@@ -32,7 +32,7 @@ struct Gyr {
     offset_deg_s: [f64; 3],
     noise_deg_s: [f64; 3],
     rest_s: f64,
-    /// Rate that the sensor at rest seems to turn with, before.
+    /// Rate that the uncalibrated sensor reads at rest.
     before_deg_s: f64,
 }
 
@@ -41,7 +41,7 @@ struct Acc {
     offset_mg: [f64; 3],
     scale: [f64; 3],
     residual_mg: f64,
-    /// How far the poses were from gravity before, rms.
+    /// Deviation of the uncalibrated poses from gravity, rms.
     before_mg: f64,
     poses: usize,
 }
@@ -52,7 +52,7 @@ struct Mag {
     matrix: [[f64; 3]; 3],
     strength_ut: f64,
     residual_ut: f64,
-    /// How far the strength varied before, standard deviation.
+    /// Standard deviation of the uncalibrated strength.
     before_ut: f64,
     coverage_pct: f64,
     used: usize,
@@ -69,9 +69,9 @@ impl Figures {
         declination_deg: Option<f64>,
         rows: &[Parameter],
     ) -> Self {
-        let mg = 1000.0 / tvc_nano::calibration::STANDARD_GRAVITY;
+        let mg = 1000.0 / STANDARD_GRAVITY;
         Self {
-            samples: readings.moments.len(),
+            samples: readings.samples.len(),
             gyr: found.rest.map(|rest| Gyr {
                 offset_deg_s: rest.bias.map(f64::to_degrees).into(),
                 noise_deg_s: rest.noise.map(f64::to_degrees).into(),
@@ -112,7 +112,7 @@ impl Figures {
         }
     }
 
-    /// What was found, a line each.
+    /// Name and value of every figure, for people.
     pub fn lines(&self) -> Vec<[String; 2]> {
         let vector = |v: &[f64; 3], digits: usize| {
             format!("{:.digits$}  {:.digits$}  {:.digits$}", v[0], v[1], v[2])
@@ -157,7 +157,7 @@ impl Figures {
         lines
     }
 
-    /// For people.
+    /// The same as text, a line for each.
     pub fn text(&self) -> String {
         self.lines()
             .iter()

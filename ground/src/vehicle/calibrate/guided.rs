@@ -1,43 +1,37 @@
-//! The guided calibration: a person is led through rest, six faces, a turn and a level stand, each of which is watched while it
-//! goes on and refused with the reason where it does not do.
-
-use std::path::Path;
+//! The guided calibration: a person is led through rest, six faces, a turn and a level stand. Each
+//! is watched while it goes on, and refused with the reason where it does not serve.
 
 use anyhow::{Context, Result};
+use calibration::coverage::Coverage;
+use calibration::ellipsoid::{self, LEAST_COVERAGE};
+use calibration::poses::{self, Face};
+use calibration::prompt::Prompt;
+use calibration::{Found, Sensor, fit, rest, stillness};
+use client::request;
 use nalgebra::Vector3;
-use rig::instruction::Instruction;
-use rig::request;
-use tvc_nano::calibration::coverage::Coverage;
-use tvc_nano::calibration::ellipsoid::{self, LEAST_COVERAGE};
-use tvc_nano::calibration::poses::{self, Face};
-use tvc_nano::calibration::rest;
 
-use super::figures::Figures;
-use super::fit::{self, Found};
 use super::keyboard::is_attended;
+use super::options::{Calibrate, place};
+use super::outcome::Outcome;
 use super::picture::picture;
-use super::session::Session;
-use super::write::write;
-use super::{asked_declination, declination, keep, parameters, readings, rests, show, tell};
+use super::session::{NEXT_IS_POLARITY, Session, print_before_question};
+use super::{declination, readings};
 use crate::logs::log::Writer;
 use crate::out::exit::Verdict;
 use crate::out::file::{print_figures, print_json, write_whole};
-use crate::signals;
-use crate::vehicle::calibrate::Calibrate;
-use crate::vehicle::calibrate::Sensor;
-use crate::vehicle::calibrate::place;
-use crate::vehicle::link::Vehicle;
+use crate::vehicle::calibrate::figures::Figures;
 
 /// Length of the tombstone test, s.
 const REST_S: f64 = 10.0;
-/// Shortest rest that is taken for a pose, s: more than the fit asks for.
+/// Shortest rest that counts as a pose, s: more than the fit needs.
 const POSE_S: f64 = 1.5;
-/// End of the samples that says whether the sensor moves now, s.
+/// Length of the latest samples that show whether the sensor moves now, s.
 const NOW_S: f64 = 0.5;
-/// Share of all directions that ends the turn at once; after [`LONG_S`] the least share that is enough does.
+/// Share of all directions that ends the turn at once; after [`LONG_S`] the least share that the
+/// fit accepts ends it.
 const GOOD_COVERAGE: f64 = 0.85;
 const LONG_S: f64 = 60.0;
-/// New fields that the turn must have given.
+/// Fewest new fields that the turn must give.
 const FIELDS: usize = 300;
 /// How long a step may make no progress, s of the vehicle's time.
 const PATIENCE_S: f64 = 60.0;
@@ -47,114 +41,97 @@ const TURN_PATIENCE_S: f64 = 90.0;
 type Refused = Option<String>;
 
 /// Calibrates the vehicle at a port.
+///
+/// # Errors
+/// The vehicle does not answer or is armed, Ctrl-C was pressed, or a file cannot be written.
 pub fn run(options: &Calibrate) -> Result<Verdict> {
-    let stop = signals::on_signal()?;
-    let declination_deg = asked_declination(options)?;
+    let asked_deg = declination::asked_deg(options)?;
     let folder = tempfile::tempdir().context("making a temporary folder")?;
     let log = folder.path().join("calibration.tlog");
-    let mut vehicle = Vehicle::connect(&options.port.port())?;
-    vehicle.link().log_to(Writer::create(&log)?);
-    vehicle.parameters()?;
-    let mut session = Session::begin(vehicle, stop)?;
-    let declination_deg = match declination_deg {
+    let mut session = Session::connect(options)?;
+    session.vehicle.link().log_to(Writer::create(&log)?);
+    session.vehicle.parameters()?;
+    let declination_deg = match asked_deg {
         None if is_attended() && !options.yes => ask_declination(&mut session)?,
         given => given,
     };
     let led = lead(&mut session, options);
-    session.end();
-    let told = session.vehicle.link().send(&Instruction::Done.message());
+    let told = session.done();
     session.vehicle.link().end_log()?;
     write_whole(&options.record, &std::fs::read(&log)?)?;
     eprintln!("recording: {}", options.record.display());
     let refused = led?;
     told?;
-    if let Some(why) = refused {
-        let found = Found {
-            refused: vec![why],
-            ..Found::default()
-        };
-        let figures = Figures::new(session.readings(), &found, None, &[]);
-        show(
-            &options.record,
-            session.readings(),
-            &found,
-            &figures,
-            options,
-        )?;
-        print_figures(&figures, options.port.json, Figures::text)?;
-        return Ok(Verdict::Missed);
-    }
-    finish(&mut session, &log, declination_deg, options)
+    let outcome = match refused {
+        Some(why) => {
+            let found = Found {
+                refused: vec![why],
+                ..Found::default()
+            };
+            Outcome::report(&options.record, session.readings(), &found, None, options)?
+        }
+        None => {
+            // From the recording, so that `--from` it gives the same later.
+            let readings = readings::read(&log)?;
+            let found = fit::fit(&readings, &options.wanted());
+            Outcome::report(&options.record, &readings, &found, declination_deg, options)?
+        }
+    };
+    finish(&mut session, outcome, options)
 }
 
-/// Fits, shows, asks and writes.
-fn finish(
-    session: &mut Session,
-    log: &Path,
-    declination_deg: Option<f64>,
-    options: &Calibrate,
-) -> Result<Verdict> {
-    // Out of the recording, so that it gives the same later.
-    let readings = readings::read(log)?;
-    let found = fit::fit(&readings, options);
-    let rows = parameters(&found, declination_deg)?;
-    let mut figures = Figures::new(&readings, &found, declination_deg, &rows);
-    show(&options.record, &readings, &found, &figures, options)?;
-    if !found.refused.is_empty() {
-        print_figures(&figures, options.port.json, Figures::text)?;
+/// Prints what was found, asks, and writes it.
+fn finish(session: &mut Session, mut outcome: Outcome, options: &Calibrate) -> Result<Verdict> {
+    let json = options.port.json;
+    if outcome.is_refused() {
+        print_figures(&outcome.figures, json, Figures::text)?;
         return Ok(Verdict::Missed);
     }
-    keep(&rows, options)?;
-    tell(&figures.text(), options.port.json);
-    if options.yes || session.agrees("Write this to the vehicle, and into its flash?")? {
-        let changed = write(&mut session.vehicle, &rows)?;
+    outcome.write_parameters(options)?;
+    print_before_question(&outcome.figures.text(), json);
+    if let Some(changed) = session.write_if_agreed(&outcome.rows)? {
         eprintln!(
             "{changed} parameters changed; all {} read back from the flash as they should be",
-            rows.len()
+            outcome.rows.len()
         );
-        figures.written = true;
-        if session.vehicle.parameter("SRV_POLARITY")? != 1.0 {
-            eprintln!("next: tvc calibrate polarity, without which nothing is armed");
+        outcome.figures.written = true;
+        if !session.is_polarity_checked()? {
+            eprintln!("{NEXT_IS_POLARITY}");
         }
-        // The estimate begins anew with the new calibration; a vehicle that waits for something else tells so by itself.
-        let _ = session.vehicle.command("calibrate", request::CALIBRATE);
+        // The estimate begins anew with the new calibration; a vehicle that cannot do that yet says
+        // so by itself.
+        let _ = session.vehicle.command(request::CALIBRATE);
     } else {
         eprintln!(
             "the vehicle is as it was; `tvc param load {}` writes it later",
             options.out.display()
         );
     }
-    if options.port.json {
-        print_json(&figures)?;
+    if json {
+        print_json(&outcome.figures)?;
     }
     Ok(Verdict::Met)
 }
 
-/// Step by step.
+/// Leads through the steps that are wanted, to the first that is refused.
 fn lead(session: &mut Session, options: &Calibrate) -> Result<Refused> {
-    let wants = |sensor| options.only.is_empty() || options.only.contains(&sensor);
-    if wants(Sensor::Gyr)
-        && let Some(why) = lay_down(session)?
-    {
-        return Ok(Some(why));
-    }
-    if wants(Sensor::Acc)
-        && let Some(why) = pose(session, options.gravity)?
-    {
-        return Ok(Some(why));
-    }
-    if wants(Sensor::Mag)
-        && let Some(why) = turn(session)?
-    {
-        return Ok(Some(why));
-    }
-    if wants(Sensor::Level) {
-        return level(session, options);
+    type Step = fn(&mut Session, &Calibrate) -> Result<Refused>;
+    const STEPS: [(Sensor, Step); 4] = [
+        (Sensor::Gyr, lay_down),
+        (Sensor::Acc, pose),
+        (Sensor::Mag, turn),
+        (Sensor::Level, level),
+    ];
+    let wanted = options.wanted();
+    for (_, step) in STEPS.iter().filter(|(sensor, _)| wanted.has(*sensor)) {
+        if let Some(why) = step(session, options)? {
+            return Ok(Some(why));
+        }
     }
     Ok(None)
 }
 
-/// Degrees, or a place.
+/// Asks for the declination, as degrees or as a place.
 fn ask_declination(session: &mut Session) -> Result<Option<f64>> {
     loop {
         let answer = session.question(
@@ -173,26 +150,26 @@ fn ask_declination(session: &mut Session) -> Result<Option<f64>> {
     }
 }
 
-/// The tombstone test.
-fn lay_down(session: &mut Session) -> Result<Refused> {
+/// The tombstone test: the sensor lies still for [`REST_S`].
+fn lay_down(session: &mut Session, _: &Calibrate) -> Result<Refused> {
     session.ask(
-        Instruction::Rest,
+        Prompt::Rest,
         "1/4  Lay the sensor down and leave it alone, the table too.",
     )?;
-    let (begun_s, mut start) = (session.readings().length_s(), session.moments().len());
+    let (begun_s, mut start) = (session.now_s(), session.samples().len());
     let mut why = None;
     loop {
         session.look()?;
-        let now_s = session.readings().length_s();
+        let now_s = session.now_s();
         let recent = session
-            .moments()
+            .samples()
             .partition_point(|m| m.time_s < now_s - NOW_S);
-        if !rests::is_still(&session.moments()[recent..]) {
-            start = session.moments().len();
+        if !stillness::is_still(&session.samples()[recent..]) {
+            start = session.samples().len();
             session.progress(0.0, "it moves".into());
         }
-        let rest = &session.moments()[start..];
-        let still_s = rests::length_s(session.moments(), &(start..session.moments().len()));
+        let rest = &session.samples()[start..];
+        let still_s = stillness::length_s(session.samples(), &(start..session.samples().len()));
         if still_s >= REST_S {
             match rest::bias(rest) {
                 Ok(_) => {
@@ -202,7 +179,7 @@ fn lay_down(session: &mut Session) -> Result<Refused> {
                 Err(moved) => {
                     session.say(&format!("again: {moved}"));
                     why = Some(moved);
-                    start = session.moments().len();
+                    start = session.samples().len();
                 }
             }
         } else if still_s > 0.0 {
@@ -210,9 +187,9 @@ fn lay_down(session: &mut Session) -> Result<Refused> {
         }
         if now_s - begun_s > PATIENCE_S {
             let end = session
-                .moments()
+                .samples()
                 .partition_point(|m| m.time_s < now_s - REST_S);
-            let moved = why.or(rest::bias(&session.moments()[end..]).err());
+            let moved = why.or(rest::bias(&session.samples()[end..]).err());
             return Ok(Some(moved.map_or_else(
                 || "it never lay still for 10 s".into(),
                 |moved| moved.to_string(),
@@ -222,18 +199,18 @@ fn lay_down(session: &mut Session) -> Result<Refused> {
 }
 
 /// The accelerometer's six faces, in any order.
-fn pose(session: &mut Session, gravity: f64) -> Result<Refused> {
+fn pose(session: &mut Session, options: &Calibrate) -> Result<Refused> {
     let mut done: Vec<Face> = Vec::new();
     let mut asked = None;
-    let mut news_s = session.readings().length_s();
+    let mut news_s = session.now_s();
     loop {
-        let moments = session.moments();
-        let found = rests::find(moments, POSE_S);
-        let forces = rests::forces(moments, &found);
+        let samples = session.samples();
+        let found = stillness::find(samples, POSE_S);
+        let forces = stillness::forces(samples, &found);
         for face in forces.iter().filter_map(Face::of) {
             if !done.contains(&face) {
                 done.push(face);
-                news_s = session.readings().length_s();
+                news_s = session.now_s();
                 session.say(&format!("accelerometer: {} seen", face.name()));
             }
         }
@@ -246,13 +223,13 @@ fn pose(session: &mut Session, gravity: f64) -> Result<Refused> {
                 "2/4  Rest the sensor with its {} (x is the nose, y the right side, z the bottom).",
                 next.name()
             );
-            session.ask(Instruction::Pose(next), &words)?;
+            session.ask(Prompt::Pose(next), &words)?;
         }
         let count = done.len();
         session.progress(count as f64 / 6.0, format!("{count} of 6 faces"));
         session.look()?;
-        if session.readings().length_s() - news_s > PATIENCE_S {
-            let missing = poses::fit(&forces, gravity).err();
+        if session.now_s() - news_s > PATIENCE_S {
+            let missing = poses::fit(&forces, options.gravity).err();
             return Ok(Some(missing.map_or_else(
                 || format!("the sensor was never at rest {}", next.name()),
                 |missing| missing.to_string(),
@@ -262,19 +239,16 @@ fn pose(session: &mut Session, gravity: f64) -> Result<Refused> {
 }
 
 /// The magnetometer, turned through all directions.
-fn turn(session: &mut Session) -> Result<Refused> {
+fn turn(session: &mut Session, _: &Calibrate) -> Result<Refused> {
     session.ask(
-        Instruction::Turn,
+        Prompt::Turn,
         "3/4  Turn the sensor slowly through all directions, upside down too, away from iron.",
     )?;
-    let (begun_s, begun) = (
-        session.readings().length_s(),
-        session.readings().fresh.len(),
-    );
+    let (begun_s, begun) = (session.now_s(), session.readings().fresh.len());
     loop {
         session.look()?;
         let fields = session.readings().fields();
-        let elapsed_s = session.readings().length_s() - begun_s;
+        let elapsed_s = session.now_s() - begun_s;
         let fitted = ellipsoid::fit(&fields);
         let coverage = fitted
             .as_ref()
@@ -307,7 +281,7 @@ fn turn(session: &mut Session) -> Result<Refused> {
     }
 }
 
-/// Directions about the middle of what was read, while there is no ellipsoid yet.
+/// Directions from the middle of the readings, as long as no ellipsoid fits them.
 fn about_middle(fields: &[Vector3<f64>]) -> Coverage {
     let (low, high) = fields.iter().fold((None, None), |(low, high), field| {
         let low = low.map_or(*field, |low: Vector3<f64>| low.inf(field));
@@ -322,17 +296,17 @@ fn about_middle(fields: &[Vector3<f64>]) -> Coverage {
 /// The mount, with the body level.
 fn level(session: &mut Session, options: &Calibrate) -> Result<Refused> {
     session.ask(
-        Instruction::Level,
+        Prompt::Level,
         "4/4  Mount the sensor, stand the body level, and leave it.",
     )?;
     if is_attended() && !options.yes {
         session.question("Enter when it stands level:", &mut |_| Ok(()))?;
     }
-    let (begun_s, begun) = (session.readings().length_s(), session.moments().len());
+    let (begun_s, begun) = (session.now_s(), session.samples().len());
     loop {
         session.look()?;
-        let now_s = session.readings().length_s();
-        let found = rests::find(&session.moments()[begun..], POSE_S);
+        let now_s = session.now_s();
+        let found = stillness::find(&session.samples()[begun..], POSE_S);
         if !found.is_empty() {
             session.say("mount: level seen");
             return Ok(None);

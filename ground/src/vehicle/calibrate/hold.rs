@@ -1,36 +1,33 @@
-//! The holding angle: what the servo does, upright and at rest, against a lateral offset of the mass.
+//! The holding angle: the servo angle that holds the drone upright against a lateral offset of its
+//! mass.
 //!
-//! A centimetre of offset asks for 0.08 rad of servo. The controller's observer finds that in flight, but a drone that is let go
-//! begins with the rudder at neutral; with the neutral at the holding angle, there is nothing left to find.
+//! A centimetre of offset takes 0.08 rad of servo. The controller's observer finds that in flight,
+//! but a released drone begins with the rudder at neutral; with the neutral at the holding angle,
+//! nothing is left to find.
 
 use std::time::{Duration, Instant};
 
 use anyhow::{Result, bail};
+use calibration::spread;
+use client::status::angles;
+use client::{FlightState, Parameter, request};
 use mavlink::dialects::common::MavMessage;
 use nalgebra::Vector3;
-use rig::operator::FlightState;
-use rig::request;
 use serde::Serialize;
 use tvc_nano::Params;
-use tvc_nano::calibration::spread;
 
-use super::session::Session;
-use super::tell;
-use super::write::write;
+use super::options::Calibrate;
+use super::session::{Session, print_before_question, verdict};
 use crate::out::exit::Verdict;
 use crate::out::file::print_json;
-use crate::signals;
-use crate::vehicle::calibrate::Calibrate;
-use crate::vehicle::link::{Parameter, Vehicle};
-use crate::vehicle::status::angles;
 use crate::vehicle::test::arm;
 
 const NAME: &str = "SRV_HOLD_DEG";
-/// After the release, until it is measured.
+/// Time from the release until it is measured.
 const SETTLE: Duration = Duration::from_secs(3);
 /// Largest standard deviation of pitch that counts as held, deg.
 const STEADY_DEG: f64 = 2.0;
-/// Fewest control steps.
+/// Fewest control steps for a measurement.
 const FEWEST: usize = 100;
 
 /// What `tvc calibrate hold --json` prints.
@@ -62,17 +59,19 @@ impl Figures {
 }
 
 /// Flies, measures, disarms and writes.
+///
+/// # Errors
+/// The vehicle refuses a command or goes to failsafe, or Ctrl-C was pressed.
 pub fn run(seconds: f64, options: &Calibrate) -> Result<Verdict> {
-    let stop = signals::on_signal()?;
-    let mut session = Session::begin(Vehicle::connect(&options.port.port())?, stop)?;
+    let mut session = Session::connect(options)?;
     let before_deg = session.vehicle.parameter(NAME)?;
     let set_deg = f64::from(session.vehicle.parameter("PITCH_SET_DEG")?);
-    session.vehicle.command("calibrate", request::CALIBRATE)?;
-    let flown = arm(&mut session.vehicle, stop)
-        .and_then(|()| session.vehicle.command("release", request::RELEASE))
+    session.vehicle.command(request::CALIBRATE)?;
+    let flown = arm(&mut session.vehicle, session.stop)
+        .and_then(|()| session.vehicle.command(request::RELEASE))
         .and_then(|()| fly(&mut session, Duration::from_secs_f64(seconds)));
-    // Whatever happened: the rudder to neutral.
-    let disarmed = session.vehicle.command("disarm", request::DISARM);
+    // Whatever happened, the rudder goes back to neutral.
+    let disarmed = session.vehicle.command(request::DISARM);
     session.end();
     let steps = flown?;
     disarmed?;
@@ -89,27 +88,18 @@ pub fn run(seconds: f64, options: &Calibrate) -> Result<Verdict> {
         refused: None,
     };
     figures.refused = refusal(&figures, set_deg);
-    tell(&figures.text(), options.port.json);
-    if figures.refused.is_none()
-        && (options.yes || session.agrees("Write this to the vehicle, and into its flash?")?)
-    {
+    print_before_question(&figures.text(), options.port.json);
+    if figures.refused.is_none() {
         let row = Parameter {
             name: NAME.into(),
             value: figures.hold_deg,
         };
-        write(&mut session.vehicle, &[row])?;
-        figures.written = true;
+        figures.written = session.write_if_agreed(&[row])?.is_some();
     }
     if options.port.json {
         print_json(&figures)?;
     }
-    Ok(match &figures.refused {
-        None => Verdict::Met,
-        Some(why) => {
-            eprintln!("refused: {why}");
-            Verdict::Missed
-        }
-    })
+    Ok(verdict(figures.refused.as_deref()))
 }
 
 /// Servo angle and pitch, deg, of every step after the drone has settled.
@@ -133,10 +123,7 @@ fn fly(session: &mut Session, length: Duration) -> Result<Vec<Vector3<f64>>> {
             }
         }
         if session.vehicle.state() == FlightState::Failsafe {
-            bail!(
-                "the vehicle gave up: {}",
-                session.vehicle.standing().reason()
-            );
+            bail!("the vehicle gave up: {}", session.vehicle.reason());
         }
         session.go_on()?;
         let share = begun.elapsed().as_secs_f64() / (SETTLE + length).as_secs_f64();
@@ -145,7 +132,7 @@ fn fly(session: &mut Session, length: Duration) -> Result<Vec<Vector3<f64>>> {
     Ok(steps)
 }
 
-/// Why what was flown is no measurement, if it is none.
+/// Why the flight is not a measurement, if it is none.
 fn refusal(figures: &Figures, set_deg: f64) -> Option<String> {
     let [pitch, deviation] = figures.pitch_deg;
     if figures.steps < FEWEST {

@@ -1,4 +1,4 @@
-//! Lines that a person types while something else goes on.
+//! Lines that a person types, read without waiting for them.
 
 use std::io::{self, BufRead, IsTerminal};
 use std::sync::mpsc::{Receiver, TryRecvError, channel};
@@ -11,7 +11,7 @@ pub enum Typed {
     Nothing,
     /// A line, without blanks at its ends.
     Line(String),
-    /// Nobody will type anything.
+    /// Standard input has ended.
     Nobody,
 }
 
@@ -21,7 +21,7 @@ pub struct Keyboard {
 }
 
 impl Keyboard {
-    /// Begins to listen.
+    /// Starts the thread that reads.
     pub fn listen() -> Self {
         let (sender, lines) = channel();
         thread::spawn(move || {
@@ -45,7 +45,7 @@ impl Keyboard {
     }
 }
 
-/// Whether a person sits there, who can be asked.
+/// Whether a person can be asked: standard input and standard error are terminals.
 pub fn is_attended() -> bool {
     io::stdin().is_terminal() && io::stderr().is_terminal()
 }

@@ -2,7 +2,8 @@
 
 use crate::vehicle::param::ParamPort;
 use crate::vehicle::port::seconds;
-use clap::{Args, Subcommand, ValueEnum};
+use calibration::{Sensor, Wanted};
+use clap::{Args, Subcommand};
 use std::path::PathBuf;
 
 /// Options of `tvc calibrate`.
@@ -33,8 +34,8 @@ pub struct Calibrate {
     #[command(subcommand)]
     pub step: Option<SetUp>,
 
-    /// The recording: a telemetry log (.tlog, .mcap), a CSV file with counts (acc_x ... mag_z) or in SI units
-    /// (gx_rad_s, ax_m_s2, mx_ut ...), or IMUQ16v1.
+    /// The recording: a telemetry log (.tlog, .mcap), a CSV file with counts (acc_x ... mag_z) or
+    /// in SI units (gx_rad_s, ax_m_s2, mx_ut ...), or IMUQ16v1.
     #[arg(long, value_name = "LOG", conflicts_with_all = ["port", "yes", "record"])]
     pub from: Option<PathBuf>,
 
@@ -58,8 +59,8 @@ pub struct Calibrate {
     #[arg(long, value_enum, value_delimiter = ',', value_name = "SENSOR")]
     pub only: Vec<Sensor>,
 
-    /// At this time of the recording, in s from its start, the body was at rest and level: gives the
-    /// mount's roll and pitch.
+    /// At this time of the recording, in s from its start, the body was at rest and level: gives
+    /// the mount's roll and pitch.
     #[arg(long, value_name = "S", requires = "from")]
     pub level: Option<f64>,
 
@@ -67,7 +68,8 @@ pub struct Calibrate {
     #[arg(long, value_name = "DEG", allow_negative_numbers = true, conflicts_with = "place", value_parser = declination)]
     pub declination: Option<f64>,
 
-    /// Latitude and longitude, in deg, north and east positive: declination by the world magnetic model.
+    /// Latitude and longitude, in deg, north and east positive: declination by the world magnetic
+    /// model.
     #[arg(long, value_name = "LAT,LON", allow_negative_numbers = true, value_parser = place)]
     pub place: Option<Place>,
 
@@ -99,14 +101,15 @@ pub struct Calibrate {
 /// What is set up besides the sensors.
 #[derive(Debug, Subcommand)]
 pub enum SetUp {
-    /// The servo: centre, us per degree, direction, travel ends, each given here or found with the servo
-    /// in sight. Turn thrust off.
+    /// The servo: centre, us per degree, direction, travel ends, each given here or found with the
+    /// servo in sight. Turn thrust off.
     Servo(Servo),
-    /// Tilt the vehicle by hand and see the rudder answer the right way, without which nothing is armed.
-    /// Turn thrust off.
+    /// Tilt the vehicle by hand and see the rudder answer the right way, without which nothing is
+    /// armed. Turn thrust off.
     Polarity,
-    /// Fly upright for a while and take the servo angle that holds the drone against a lateral offset of
-    /// its mass, so that the rudder rests there before the next release. Thrust on, on the tether.
+    /// Fly upright for a while and take the servo angle that holds the drone against a lateral
+    /// offset of its mass, so that the rudder rests there before the next release. Thrust on, on
+    /// the tether.
     Hold {
         /// How long it is measured, after three seconds of settling.
         #[arg(long, value_name = "S", default_value_t = 8.0, value_parser = seconds)]
@@ -138,17 +141,15 @@ pub struct Servo {
     pub max: Option<f32>,
 }
 
-/// A sensor to calibrate.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
-pub enum Sensor {
-    /// Gyroscope: bias.
-    Gyr,
-    /// Accelerometer: offset and scale.
-    Acc,
-    /// Magnetometer: hard and soft iron.
-    Mag,
-    /// Mount: roll and pitch, with the body level.
-    Level,
+impl Calibrate {
+    /// What the fits are asked for.
+    pub fn wanted(&self) -> Wanted {
+        Wanted {
+            only: self.only.clone(),
+            gravity: self.gravity,
+            level_s: self.level,
+        }
+    }
 }
 
 /// A place on earth, deg.

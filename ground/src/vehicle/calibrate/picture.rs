@@ -1,8 +1,9 @@
 //! The directions that were seen, as a picture of characters for the terminal.
 
-use tvc_nano::calibration::coverage::Coverage;
+use calibration::coverage::Coverage;
 
-/// Rows of the sphere from the top down, azimuth along each: full cells were seen often, empty ones never.
+/// Rows of the sphere from the top down, azimuth along each: full cells were seen often, empty ones
+/// never.
 pub fn picture(coverage: &Coverage) -> String {
     let rows = coverage.counts().iter().rev().map(|band| {
         let cells = band.iter().map(|count| match count {

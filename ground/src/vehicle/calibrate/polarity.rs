@@ -1,30 +1,30 @@
-//! The polarity check: somebody tilts the vehicle and looks whether the rudder answers the right way.
+//! The polarity check: somebody tilts the vehicle and looks whether the rudder answers the right
+//! way.
 //!
-//! What the vehicle can know of it (which way it was tilted, that it commands the rudder) is measured; which way the rudder
-//! really swings only a person sees.
+//! What the vehicle can know of it (which way it was tilted, that it commands the rudder) is
+//! measured; which way the rudder really swings only a person sees.
 
 use anyhow::{Result, bail};
-use rig::instruction::{Instruction, Tilt};
+use calibration::prompt::{Prompt, Tilt};
 use serde::Serialize;
 
-use super::session::{Seen, Session};
+use super::options::Calibrate;
+use super::session::{Seen, Session, verdict};
 use super::write::write;
 use crate::out::exit::Verdict;
 use crate::out::file::print_figures;
-use crate::signals;
-use crate::vehicle::calibrate::Calibrate;
-use crate::vehicle::link::{Parameter, Vehicle};
+use client::Parameter;
 
 const NAME: &str = "SRV_POLARITY";
-/// Its values: nobody has seen it, somebody has, somebody looks.
+/// Its values: nobody has checked it, somebody has, somebody is about to.
 const UNCHECKED: f32 = 0.0;
 const CHECKED: f32 = 1.0;
 const WATCHED: f32 = 2.0;
 
-/// A tilt that counts, and what counts as upright, rad.
+/// Least pitch of a tilt, and largest pitch that counts as upright, rad.
 const TILTED_RAD: f64 = 0.25;
 const UPRIGHT_RAD: f64 = 0.1;
-/// Looks in a row for which it must be so.
+/// How many looks in a row must find it so.
 const LOOKS: usize = 4;
 /// How long a step may take, s of the vehicle's time.
 const PATIENCE_S: f64 = 60.0;
@@ -56,42 +56,34 @@ impl Figures {
 }
 
 /// Leads through the check.
+///
+/// # Errors
+/// The vehicle does not answer or does not see the tilt, or Ctrl-C was pressed.
 pub fn run(options: &Calibrate) -> Result<Verdict> {
-    let stop = signals::on_signal()?;
-    let mut session = Session::begin(Vehicle::connect(&options.port.port())?, stop)?;
+    let mut session = Session::connect(options)?;
     session.await_standby()?;
     session.vehicle.set_parameter(NAME, WATCHED)?;
-    let looked = look(&mut session, options.yes);
-    session.end();
-    let told = session.vehicle.link().send(&Instruction::Done.message());
+    let looked = look(&mut session);
+    let told = session.done();
     if !matches!(&looked, Ok(Figures { refused: None, .. })) {
         session.vehicle.set_parameter(NAME, UNCHECKED)?;
     }
     let mut figures = looked?;
     told?;
     if figures.refused.is_none() {
-        let name = NAME.to_owned();
-        write(
-            &mut session.vehicle,
-            &[Parameter {
-                name,
-                value: CHECKED,
-            }],
-        )?;
+        let row = Parameter {
+            name: NAME.to_owned(),
+            value: CHECKED,
+        };
+        write(&mut session.vehicle, &[row])?;
         figures.checked = true;
     }
     print_figures(&figures, options.port.json, Figures::text)?;
-    Ok(match &figures.refused {
-        None => Verdict::Met,
-        Some(why) => {
-            eprintln!("refused: {why}");
-            Verdict::Missed
-        }
-    })
+    Ok(verdict(figures.refused.as_deref()))
 }
 
-/// Tilts, and asks what the person sees.
-fn look(session: &mut Session, yes: bool) -> Result<Figures> {
+/// Has the vehicle tilted both ways, and asks what the person sees.
+fn look(session: &mut Session) -> Result<Figures> {
     let direction = session.vehicle.parameter("SRV_DIR")?;
     let mut figures = Figures {
         checked: false,
@@ -134,7 +126,7 @@ fn look(session: &mut Session, yes: bool) -> Result<Figures> {
             ));
             return Ok(figures);
         }
-        if !yes && !session.agrees(question)? {
+        if !session.agrees(question)? {
             figures.refused = Some(format!(
                 "the rudder answers the wrong way: set SRV_DIR to {} and look again; if the vehicle takes nose up for nose \
                  down, the mount is wrong instead (MNT_YAW_DEG)",
@@ -148,8 +140,8 @@ fn look(session: &mut Session, yes: bool) -> Result<Figures> {
 
 /// Waits until the vehicle is tilted and its rudder rests.
 fn tilt(session: &mut Session, way: Tilt, words: &str) -> Result<Seen> {
-    session.ask(Instruction::Tilt(way), words)?;
-    let begun_s = session.readings().length_s();
+    session.ask(Prompt::Tilt(way), words)?;
+    let begun_s = session.now_s();
     let (mut so, mut last) = (0, session.seen());
     while so < LOOKS {
         session.look()?;
@@ -167,7 +159,7 @@ fn tilt(session: &mut Session, way: Tilt, words: &str) -> Result<Seen> {
             so as f64 / LOOKS as f64,
             format!("pitch {degrees:+.0} deg, pulse {} us", seen.pulse_us),
         );
-        if session.readings().length_s() - begun_s > PATIENCE_S {
+        if session.now_s() - begun_s > PATIENCE_S {
             bail!("{}", astray(way, seen));
         }
     }
@@ -191,7 +183,6 @@ fn astray(way: Tilt, seen: Seen) -> String {
     why
 }
 
-/// The firmware's own refusal names this check; it is repeated here so that both are changed together.
 #[cfg(test)]
 mod tests {
     use super::*;

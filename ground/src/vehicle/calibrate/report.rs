@@ -3,22 +3,24 @@
 use std::path::Path;
 
 use anyhow::Result;
+use calibration::coverage::{AROUND, BANDS, Coverage};
+use calibration::{Found, Readings};
 use maud::{Markup, PreEscaped, html};
 use nalgebra::Vector3;
-use tvc_nano::calibration::coverage::{AROUND, BANDS, Coverage};
 
 use super::figures::Figures;
-use super::fit::Found;
-use super::readings::Readings;
 use crate::out::page;
 use crate::out::plot::{Line, Look, Marks, Plot, Shape};
 
-/// Points drawn of a cloud at most.
+/// Largest number of points that are drawn of a cloud.
 const MOST_POINTS: usize = 600;
 /// Size of a cell of the coverage picture, SVG units.
 const CELL: usize = 44;
 
 /// The whole page.
+///
+/// # Errors
+/// A plot cannot be drawn.
 pub fn page(log: &Path, readings: &Readings, found: &Found, figures: &Figures) -> Result<String> {
     let rows: Vec<Vec<String>> = figures.lines().iter().map(|l| l.to_vec()).collect();
     let verdict = if found.refused.is_empty() {
@@ -31,8 +33,8 @@ pub fn page(log: &Path, readings: &Readings, found: &Found, figures: &Figures) -
         (verdict)
         (page::table(&["", "found"], &rows))
     };
-    let moments = &readings.moments;
-    let times: Vec<f64> = moments.iter().map(|m| m.time_s).collect();
+    let samples = &readings.samples;
+    let times: Vec<f64> = samples.iter().map(|m| m.time_s).collect();
     let (gyr, acc, mag) = (found.gyr(), found.acc(), found.mag());
 
     let norm = |of: &dyn Fn(usize) -> f64| -> Vec<(f64, f64)> {
@@ -43,15 +45,15 @@ pub fn page(log: &Path, readings: &Readings, found: &Found, figures: &Figures) -
         (before_and_after(
             "Strength of the specific force: a sensor at rest feels gravity, whichever way it lies.",
             "force, m/s2",
-            norm(&|i| moments[i].acc.norm()),
-            found.poses.map(|_| norm(&|i| acc.apply(&moments[i].acc).norm())),
+            norm(&|i| samples[i].acc.norm()),
+            found.poses.map(|_| norm(&|i| acc.apply(&samples[i].acc).norm())),
         )?)
         h2 { "Gyroscope" }
         (before_and_after(
             "Strength of the rate: zero at rest.",
             "rate, deg/s",
-            norm(&|i| moments[i].gyr.norm().to_degrees()),
-            found.rest.map(|_| norm(&|i| gyr.apply(&moments[i].gyr).norm().to_degrees())),
+            norm(&|i| samples[i].gyr.norm().to_degrees()),
+            found.rest.map(|_| norm(&|i| gyr.apply(&samples[i].gyr).norm().to_degrees())),
         )?)
     };
     let fields = readings.fields();

@@ -3,20 +3,16 @@
 use std::time::{Duration, Instant};
 
 use anyhow::Result;
-use rig::request;
+use client::{Parameter, request};
 use serde::Serialize;
 use tvc_nano::Params;
 
-use super::session::Session;
-use super::write::write;
+use super::options::{Calibrate, Servo};
+use super::session::{NEXT_IS_POLARITY, Session};
 use crate::out::exit::{BadInput, Verdict};
 use crate::out::file::print_figures;
-use crate::signals;
-use crate::vehicle::calibrate::Calibrate;
-use crate::vehicle::calibrate::Servo;
-use crate::vehicle::link::{Parameter, Vehicle};
 
-/// How often a pulse is asked for again; the vehicle holds it for two seconds.
+/// How often a pulse is commanded again; the vehicle holds it for two seconds.
 const AGAIN: Duration = Duration::from_millis(500);
 /// Step of a nudge, us.
 const NUDGE_US: f32 = 5.0;
@@ -29,7 +25,7 @@ struct Figures {
     parameters: serde_json::Map<String, serde_json::Value>,
     changed: usize,
     written: bool,
-    /// Another direction takes the polarity check back.
+    /// Whether the polarity is checked; another direction undoes the check.
     polarity_checked: bool,
 }
 
@@ -40,17 +36,20 @@ impl Figures {
             false => "the vehicle is as it was\n".to_owned(),
         };
         if self.written && !self.polarity_checked {
-            text += "next: tvc calibrate polarity, without which nothing is armed\n";
+            text += NEXT_IS_POLARITY;
+            text.push('\n');
         }
         text
     }
 }
 
 /// Sets the servo up.
+///
+/// # Errors
+/// A value that the firmware does not take, a vehicle that does not answer, or Ctrl-C.
 pub fn run(given: &Servo, options: &Calibrate) -> Result<Verdict> {
     check(given)?;
-    let stop = signals::on_signal()?;
-    let mut session = Session::begin(Vehicle::connect(&options.port.port())?, stop)?;
+    let mut session = Session::connect(options)?;
     let rows = find(&mut session, given, options.yes)?;
     let mut figures = Figures {
         parameters: rows
@@ -64,16 +63,15 @@ pub fn run(given: &Servo, options: &Calibrate) -> Result<Verdict> {
     for row in &rows {
         eprintln!("{:<16} {}", row.name, row.value);
     }
-    if options.yes || session.agrees("Write this to the vehicle, and into its flash?")? {
-        figures.changed = write(&mut session.vehicle, &rows)?;
-        figures.written = true;
+    if let Some(changed) = session.write_if_agreed(&rows)? {
+        (figures.changed, figures.written) = (changed, true);
     }
-    figures.polarity_checked = session.vehicle.parameter("SRV_POLARITY")? == 1.0;
+    figures.polarity_checked = session.is_polarity_checked()?;
     print_figures(&figures, options.port.json, Figures::text)?;
     Ok(Verdict::Met)
 }
 
-/// What is given must be what the firmware takes.
+/// Checks that the firmware takes what is given.
 fn check(given: &Servo) -> Result<()> {
     let mut table = Params::default();
     for (option, name, value) in [
@@ -94,42 +92,30 @@ fn check(given: &Servo) -> Result<()> {
 
 /// What is given, what the person finds, or what the vehicle has.
 fn find(session: &mut Session, given: &Servo, yes: bool) -> Result<Vec<Parameter>> {
-    let mut has = |name: &str| session.vehicle.parameter(name);
-    let (centre, us_per_deg, sign) = (
-        has("SRV_CENTRE_US")?,
-        has("SRV_US_PER_DEG")?,
-        has("SRV_DIR")?,
-    );
-    let (min, max) = (has("SRV_MIN_US")?, has("SRV_MAX_US")?);
-    let centre = match given.centre {
-        Some(us) => us,
-        None if yes => centre,
-        None => nudge(
-            session,
-            "Thrust off. Centre: the rudder hangs straight down",
-            centre,
-        )?,
+    type Ask<'a> = &'a dyn Fn(&mut Session, f32) -> Result<f32>;
+    let mut value = |name: &str, given: Option<f32>, ask: Ask<'_>| match given {
+        Some(value) => Ok(value),
+        None => {
+            let has = session.vehicle.parameter(name)?;
+            if yes { Ok(has) } else { ask(session, has) }
+        }
     };
-    let us_per_deg = match given.us_per_deg {
-        Some(us) => us,
-        None if yes => us_per_deg,
-        None => scale(session, centre)?.unwrap_or(us_per_deg),
-    };
-    let direction = match given.direction {
-        Some(sign) => sign,
-        None if yes => sign,
-        None => direction(session, centre)?.unwrap_or(sign),
-    };
-    let min = match given.min {
-        Some(us) => us,
-        None if yes => min,
-        None => nudge(session, "Shortest pulse at which nothing touches", min)?,
-    };
-    let max = match given.max {
-        Some(us) => us,
-        None if yes => max,
-        None => nudge(session, "Longest pulse at which nothing touches", max)?,
-    };
+    let centre = value("SRV_CENTRE_US", given.centre, &|session, has| {
+        let what = "Thrust off. Centre: the rudder hangs straight down";
+        nudge(session, what, has)
+    })?;
+    let us_per_deg = value("SRV_US_PER_DEG", given.us_per_deg, &|session, has| {
+        Ok(scale(session, centre)?.unwrap_or(has))
+    })?;
+    let direction = value("SRV_DIR", given.direction, &|session, has| {
+        Ok(direction(session, centre)?.unwrap_or(has))
+    })?;
+    let min = value("SRV_MIN_US", given.min, &|session, has| {
+        nudge(session, "Shortest pulse at which nothing touches", has)
+    })?;
+    let max = value("SRV_MAX_US", given.max, &|session, has| {
+        nudge(session, "Longest pulse at which nothing touches", has)
+    })?;
     // Rounded as a person would write it, so that files and vehicles agree.
     let row = |name: &str, value: f32| Parameter {
         name: name.into(),
@@ -151,13 +137,13 @@ fn find(session: &mut Session, given: &Servo, yes: bool) -> Result<Vec<Parameter
     Ok(rows)
 }
 
-/// Asks while the servo holds a pulse.
+/// Asks a question while the servo holds a pulse.
 fn ask_at(session: &mut Session, pulse_us: f32, words: &str) -> Result<Option<String>> {
     let mut due = Instant::now();
     session.question(words, &mut |vehicle| {
         if Instant::now() >= due {
             due = Instant::now() + AGAIN;
-            vehicle.command("hold a pulse", request::servo(pulse_us))?;
+            vehicle.command(request::servo(pulse_us))?;
         }
         Ok(())
     })
@@ -183,7 +169,7 @@ fn nudge(session: &mut Session, what: &str, from_us: f32) -> Result<f32> {
     }
 }
 
-/// A pulse after an answer, if it is one that a servo gets.
+/// The pulse after an answer, if it is within the limits of all servos.
 fn nudged(pulse_us: f32, answer: &str) -> Option<f32> {
     let us = if answer.bytes().all(|b| b == b'+') {
         pulse_us + NUDGE_US * answer.len() as f32
@@ -197,7 +183,7 @@ fn nudged(pulse_us: f32, answer: &str) -> Option<f32> {
         .then_some(us)
 }
 
-/// us per degree, out of the horn's angle a span away on both sides.
+/// us per degree, out of the horn's angle at [`SPAN_US`] to both sides.
 fn scale(session: &mut Session, centre_us: f32) -> Result<Option<f32>> {
     let mut degrees = 0.0;
     for pulse_us in [centre_us + SPAN_US, centre_us - SPAN_US] {

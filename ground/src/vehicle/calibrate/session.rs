@@ -1,29 +1,33 @@
-//! A vehicle at its port and the person who holds it: what is asked, what comes, what is shown.
+//! A vehicle at its port and the person who holds it: prompts, samples, progress, questions.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use anyhow::{Result, bail};
+use calibration::prompt::Prompt;
+use calibration::{Readings, Sample};
+use client::request::status_text;
+use client::status::angles;
+use client::{FlightState, Parameter};
 use indicatif::{ProgressBar, ProgressStyle};
 use mavlink::dialects::common::MavMessage;
-use rig::instruction::Instruction;
-use rig::operator::FlightState;
-use tvc_nano::calibration::rest::Moment;
 
 use super::keyboard::{Keyboard, Typed};
-use super::readings::Readings;
+use super::options::Calibrate;
+use super::readings;
+use super::write::write;
+use crate::out::exit::Verdict;
+use crate::signals;
 use crate::vehicle::link::Vehicle;
-use crate::vehicle::status::angles;
 
 /// How much of the vehicle's time passes between two looks at its samples, s.
 const LOOK_S: f64 = 0.2;
-/// Silence of the sensor after which there is no use in waiting.
+/// Silence of the sensor after which waiting has no use.
 const SILENCE: Duration = Duration::from_secs(10);
-
 /// How long the vehicle may take to standby.
 const STANDBY: Duration = Duration::from_secs(20);
 
-/// What the vehicle tells of tilt and rudder.
+/// What the vehicle last reported of its tilt and rudder.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Seen {
     /// Right side down, rad.
@@ -47,24 +51,30 @@ impl Seen {
     }
 }
 
-/// A calibration under way.
-pub struct Session<'a> {
+/// A calibration, or another step of the set-up, under way: begun with [`Session::connect`], and at
+/// its end what was found is written with [`Session::write_if_agreed`].
+pub struct Session {
     /// The vehicle.
     pub vehicle: Vehicle,
+    /// Set when the person pressed Ctrl-C.
+    pub stop: &'static AtomicBool,
     readings: Readings,
     seen: Seen,
     keyboard: Option<Keyboard>,
     bar: ProgressBar,
-    stop: &'a AtomicBool,
+    /// Yes to every question.
+    yes: bool,
 }
 
-impl<'a> Session<'a> {
-    /// At a vehicle that is not flying.
+impl Session {
+    /// Connects to the vehicle that the options name.
     ///
     /// # Errors
-    /// It is armed.
-    pub fn begin(vehicle: Vehicle, stop: &'a AtomicBool) -> Result<Self> {
-        if matches!(vehicle.state(), FlightState::Armed | FlightState::Active) {
+    /// It does not answer, or it is armed.
+    pub fn connect(options: &Calibrate) -> Result<Self> {
+        let stop = signals::on_signal()?;
+        let vehicle = Vehicle::connect(&options.port.port())?;
+        if vehicle.state().is_armed() {
             bail!("the vehicle is armed: `tvc disarm` first");
         }
         let bar = ProgressBar::new(1000);
@@ -73,11 +83,12 @@ impl<'a> Session<'a> {
         }
         Ok(Self {
             vehicle,
+            stop,
             readings: Readings::default(),
             seen: Seen::default(),
             keyboard: None,
             bar,
-            stop,
+            yes: options.yes,
         })
     }
 
@@ -86,15 +97,20 @@ impl<'a> Session<'a> {
         &self.readings
     }
 
-    /// Their moments.
-    pub fn moments(&self) -> &[Moment] {
-        &self.readings.moments
+    /// The vehicle's time, s since the first sample.
+    pub fn now_s(&self) -> f64 {
+        self.readings.length_s()
+    }
+
+    /// The samples so far.
+    pub fn samples(&self) -> &[Sample] {
+        &self.readings.samples
     }
 
     /// Waits until the vehicle has passed its self-test.
     ///
     /// # Errors
-    /// It does not, with what it waits for.
+    /// It does not; the error says what it waits for.
     pub fn await_standby(&mut self) -> Result<()> {
         let begun = Instant::now();
         while self.vehicle.state() != FlightState::Standby {
@@ -102,14 +118,14 @@ impl<'a> Session<'a> {
             if begun.elapsed() > STANDBY {
                 bail!(
                     "the vehicle does not come to standby: {}",
-                    self.vehicle.standing().reason()
+                    self.vehicle.reason()
                 );
             }
         }
         Ok(())
     }
 
-    /// Roll and pitch, rad, and the pulse, us, as the vehicle told them last.
+    /// Roll and pitch, rad, and the pulse, us, as the vehicle reported them last.
     pub fn seen(&self) -> Seen {
         self.seen
     }
@@ -118,69 +134,76 @@ impl<'a> Session<'a> {
     ///
     /// # Errors
     /// The port went away.
-    pub fn ask(&mut self, instruction: Instruction, words: &str) -> Result<()> {
+    pub fn ask(&mut self, prompt: Prompt, words: &str) -> Result<()> {
         self.bar.set_message("");
         self.bar.set_position(0);
         self.bar.set_prefix(words.to_owned());
         if self.bar.is_hidden() {
             eprintln!("{words}");
         }
-        let message = instruction.message();
-        self.readings.take(&message);
+        let message = status_text(&prompt.text());
+        readings::take(&mut self.readings, &message);
         self.vehicle.link().send(&message)
     }
 
-    /// How far the step is, 0 to 1, and in words.
+    /// Shows how far the step is, 0 to 1, and in words.
     pub fn progress(&self, share: f64, words: String) {
         self.bar
             .set_position((share.clamp(0.0, 1.0) * 1000.0) as u64);
         self.bar.set_message(words);
     }
 
-    /// Something that stays on the screen.
+    /// Prints a line that stays on the screen.
     pub fn say(&self, words: &str) {
         self.bar.suspend(|| eprintln!("{words}"));
     }
 
-    /// Nothing more is shown.
+    /// Takes the progress bar off the screen.
     pub fn end(&self) {
         self.bar.finish_and_clear();
     }
 
-    /// Reads along until the vehicle's clock is a bit further.
+    /// The same, and says down the link that nothing more is asked of the person.
     ///
     /// # Errors
-    /// The port went away, the sensor is silent, or the person has had enough.
+    /// The port went away.
+    pub fn done(&mut self) -> Result<()> {
+        self.end();
+        let message = status_text(&Prompt::Done.text());
+        self.vehicle.link().send(&message)
+    }
+
+    /// Takes in messages until the vehicle's clock has advanced by [`LOOK_S`].
+    ///
+    /// # Errors
+    /// The port went away, the sensor is silent, or Ctrl-C was pressed.
     pub fn look(&mut self) -> Result<()> {
         let (begun, from_s) = (Instant::now(), self.readings.length_s());
         while self.readings.length_s() - from_s < LOOK_S {
             self.pump()?;
             if begun.elapsed() > SILENCE {
-                bail!(
-                    "no samples from the sensor: {}",
-                    self.vehicle.standing().reason()
-                );
+                bail!("no samples from the sensor: {}", self.vehicle.reason());
             }
         }
         Ok(())
     }
 
-    /// Reads what has come.
+    /// Takes in the messages that have arrived.
     ///
     /// # Errors
-    /// The port went away, or the person has had enough.
+    /// The port went away, or Ctrl-C was pressed.
     pub fn pump(&mut self) -> Result<()> {
         for frame in self.vehicle.receive()? {
-            self.readings.take(&frame.message);
+            readings::take(&mut self.readings, &frame.message);
             self.seen.take(&frame.message);
         }
         self.go_on()
     }
 
-    /// Whether the person has not had enough.
+    /// Fails once Ctrl-C was pressed.
     ///
     /// # Errors
-    /// They have.
+    /// Ctrl-C was pressed.
     pub fn go_on(&self) -> Result<()> {
         if self.stop.load(Ordering::Relaxed) {
             self.end();
@@ -189,8 +212,8 @@ impl<'a> Session<'a> {
         Ok(())
     }
 
-    /// What the person types next; the vehicle is listened to meanwhile, and `each` runs every now and then. `None` where
-    /// nobody answers.
+    /// What the person types next; until then messages are taken in, and `each` runs again and
+    /// again. `None` where nobody answers.
     ///
     /// # Errors
     /// As [`Self::pump`], or those of `each`.
@@ -215,12 +238,60 @@ impl<'a> Session<'a> {
         })
     }
 
-    /// Whether the person agrees; nobody there is a no.
+    /// Whether the person agrees; nobody there is a no. Not asked if the options have said yes.
     ///
     /// # Errors
     /// As [`Self::pump`].
     pub fn agrees(&mut self, words: &str) -> Result<bool> {
+        if self.yes {
+            return Ok(true);
+        }
         let answer = self.question(&format!("{words} [y/N]"), &mut |_| Ok(()))?;
         Ok(answer.is_some_and(|answer| matches!(answer.to_lowercase().as_str(), "y" | "yes")))
+    }
+
+    /// Writes the parameters into the vehicle and its flash, if the person agrees; how many were
+    /// changed, `None` if nothing was written.
+    ///
+    /// # Errors
+    /// As [`Self::pump`] and [`write`].
+    pub fn write_if_agreed(&mut self, rows: &[Parameter]) -> Result<Option<usize>> {
+        if self.agrees("Write this to the vehicle, and into its flash?")? {
+            write(&mut self.vehicle, rows).map(Some)
+        } else {
+            Ok(None)
+        }
+    }
+
+    /// Whether a person has seen the rudder answer the right way, by the vehicle's parameter.
+    ///
+    /// # Errors
+    /// The vehicle does not answer.
+    pub fn is_polarity_checked(&mut self) -> Result<bool> {
+        Ok(self.vehicle.parameter("SRV_POLARITY")? == 1.0)
+    }
+}
+
+/// What to do before anything can be armed, as long as nobody has checked the polarity.
+pub const NEXT_IS_POLARITY: &str = "next: tvc calibrate polarity, without which nothing is armed";
+
+/// Prints figures that the person is asked about next: on standard output, unless that is kept for
+/// JSON.
+pub fn print_before_question(text: &str, json: bool) {
+    if json {
+        eprint!("{text}");
+    } else {
+        print!("{text}");
+    }
+}
+
+/// How a step ends that may have been refused, and why it was on standard error.
+pub fn verdict(refused: Option<&str>) -> Verdict {
+    match refused {
+        None => Verdict::Met,
+        Some(why) => {
+            eprintln!("refused: {why}");
+            Verdict::Missed
+        }
     }
 }

@@ -1,9 +1,9 @@
 //! Parameters into the vehicle and its flash, and back to be compared.
 
 use anyhow::{Result, bail};
-use rig::request;
+use client::{Parameter, request};
 
-use crate::vehicle::link::{Parameter, Vehicle};
+use crate::vehicle::link::Vehicle;
 
 /// Sets `rows`, saves them, reads them back out of the flash and compares; how many were changed.
 ///
@@ -18,9 +18,9 @@ pub fn write(vehicle: &mut Vehicle, rows: &[Parameter]) -> Result<usize> {
             changed += 1;
         }
     }
-    vehicle.command("save parameters", request::SAVE)?;
+    vehicle.command(request::SAVE)?;
     // What is compared comes out of the flash.
-    vehicle.command("reload parameters", request::RELOAD)?;
+    vehicle.command(request::RELOAD)?;
     let after = vehicle.parameters()?;
     match rows.iter().find(|row| !after.contains(row)) {
         None => Ok(changed),

@@ -5,10 +5,10 @@ use std::fmt::Write;
 use std::path::Path;
 
 use anyhow::Result;
+use client::Parameter;
 use tvc_nano::Params;
 
 use crate::out::exit::BadInput;
-use crate::vehicle::link::Parameter;
 
 /// Reads a file. Every value is checked against this tool's own table, so that a bad file changes nothing.
 ///

@@ -1,31 +1,30 @@
-//! `tvc web`: the vehicle on a page. One thread owns the port ([`station`]), one a request serves the page ([`server`]);
-//! between them stands what is known ([`shared`]).
+//! `tvc web`: the vehicle on a page. One thread owns the port ([`vehicle_thread`]), one a request serves the page
+//! ([`server`]); between them stands what is known ([`model`]).
 
-mod guard;
+mod auth;
 mod logs;
+mod model;
 mod server;
-mod shared;
-mod station;
-mod trial;
+mod step_test;
+mod vehicle_thread;
 
 use std::net::{SocketAddr, TcpListener};
+use std::path::PathBuf;
 use std::process::{Command, Stdio};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use anyhow::{Result, anyhow};
+use clap::Args;
 
 use crate::out::exit::{BadInput, Verdict};
 use crate::signals;
 use crate::vehicle::link::Link;
-use crate::vehicle::port::PortOptions;
-use crate::vehicle::port::seconds;
-use clap::Args;
-use guard::Token;
+use crate::vehicle::port::{PortOptions, seconds};
+use auth::Token;
+use model::Model;
 use server::Server;
-use shared::Shared;
-use station::Station;
-use std::path::PathBuf;
+use vehicle_thread::Handle;
 
 /// Options of `tvc web`.
 #[derive(Debug, Args)]
@@ -76,15 +75,14 @@ pub fn run(options: &Web) -> Result<Verdict> {
     let link = Link::open(&options.port)?;
     let token = Token::new()?;
     let url = url(address, &token);
-    let shared = Arc::new(Shared::default());
-    let (station, requests) = Station::new();
+    let model = Arc::new(Model::default());
+    let (handle, asks) = Handle::new();
     let server = Arc::new(Server {
         token,
         open: address.ip().is_loopback(),
-        station,
-        shared: shared.clone(),
-        logs: options.logs.clone(),
-        trial_stop: Arc::default(),
+        vehicle: handle,
+        model: model.clone(),
+        test_stop: Arc::default(),
         pages: Arc::default(),
     });
     println!("{url}");
@@ -106,7 +104,8 @@ pub fn run(options: &Web) -> Result<Verdict> {
     let begun = Instant::now();
     let longest = options.seconds.map(Duration::from_secs_f64);
     std::thread::scope(|scope| {
-        let vehicle = scope.spawn(|| station::run(link, &options.port, requests, &shared, stop));
+        let (port, logs, shown) = (&options.port, &options.logs, &*model);
+        let vehicle = scope.spawn(move || vehicle_thread::run(link, port, asks, shown, logs, stop));
         let served = server::serve(listener, &server, &mut || {
             signals::asked(stop, begun, longest)
         });

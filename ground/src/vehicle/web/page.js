@@ -135,14 +135,15 @@ function showCondition(now) {
   at("reason").textContent = now.reason === now.state ? "" : now.reason;
   at("port").textContent = now.port;
   at("problem").textContent = now.connected ? "" : `${now.problem} — the page goes on by itself when it is back.`;
-  const armed = ["armed", "active", "failsafe"].includes(now.state);
-  for (const button of document.querySelectorAll("[data-order], #step, #record")) button.disabled = !now.connected;
   const busy = trial.running;
-  document.querySelector("[data-order=arm]").disabled ||= armed || busy;
-  document.querySelector("[data-order=release]").disabled ||= now.state !== "armed" || busy;
-  document.querySelector("[data-order=calibrate]").disabled ||= armed || busy;
-  at("step").disabled ||= armed || busy || now.recording !== null;
-  at("record").disabled ||= busy;
+  const blocked = now.in_operation || busy;
+  for (const button of document.querySelectorAll("[data-order], #step")) button.disabled = !now.connected;
+  document.querySelector("[data-order=arm]").disabled ||= blocked;
+  document.querySelector("[data-order=release]").disabled ||= !now.can_release || busy;
+  document.querySelector("[data-order=calibrate]").disabled ||= blocked;
+  at("step").disabled ||= blocked || now.recording !== null;
+  // A recording can be ended though the vehicle is silent.
+  at("record").disabled = busy || (!now.connected && now.recording === null);
   at("record").textContent = now.recording && !busy ? "End recording" : "Record";
   at("record").classList.toggle("on", now.recording !== null);
   at("recording").textContent = now.recording ? `recording to ${now.recording}` : "";

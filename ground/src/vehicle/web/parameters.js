@@ -59,7 +59,10 @@ export class Parameters {
       if (said) input.value = String(row.value);
     });
     input.addEventListener("keydown", (event) => {
-      if (event.key === "Escape") input.value = String(row.value);
+      // Not by Escape, which is STOP wherever it is pressed.
+      if (event.key.toLowerCase() !== "z" || !(event.ctrlKey || event.metaKey)) return;
+      event.preventDefault();
+      input.value = String(row.value);
     });
     this.rows.set(parameter.name, row);
     return row;

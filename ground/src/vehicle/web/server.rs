@@ -14,21 +14,20 @@
 
 use std::io::{Read, Write};
 use std::net::TcpListener;
-use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::time::{Duration, Instant};
 
 use anyhow::{Result, anyhow};
-use rig::request;
+use client::{Parameter, Request as VehicleRequest, request};
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 use tiny_http::{Header, Method, Request, Response, StatusCode};
 
-use super::guard::{Token, is_own_host};
-use super::shared::{Shared, State, Told};
-use super::station::{Answer, Station, What, is_armed};
-use super::{logs, trial};
+use super::auth::{Token, is_own_host};
+use super::model::{Model, Seen, State};
+use super::step_test;
+use super::vehicle_thread::Handle;
 
 /// Between two frames.
 const PERIOD: Duration = Duration::from_millis(20);
@@ -73,13 +72,11 @@ pub struct Server {
     /// The page gives the token to whoever can reach it: this computer alone.
     pub open: bool,
     /// The vehicle.
-    pub station: Station,
+    pub vehicle: Handle,
     /// What is known of it.
-    pub shared: Arc<Shared>,
-    /// Folder for recordings.
-    pub logs: PathBuf,
+    pub model: Arc<Model>,
     /// Ends the step test under way.
-    pub trial_stop: Arc<AtomicBool>,
+    pub test_stop: Arc<AtomicBool>,
     /// Pages that listen.
     pub pages: Arc<AtomicUsize>,
 }
@@ -127,7 +124,7 @@ impl Server {
             }
             (Method::Get, "/events") => self.stream(request),
             (Method::Get, "/parameters") => {
-                let text = serde_json::to_string(&self.shared.lock().parameters);
+                let text = serde_json::to_string(&self.model.lock().parameters);
                 respond_json(request, text.map_err(|error| (500, error.to_string())));
             }
             (Method::Get, _) => match FILES.iter().find(|(name, ..)| *name == path) {
@@ -176,79 +173,74 @@ impl Server {
 
     /// Does what a button asks for.
     fn order(&self, path: &str, body: &str) -> Result<(), Refusal> {
-        let refused = |answer: Answer| answer.map_err(|reason| (409, reason));
-        let order = |name, order| refused(self.station.ask(What::Order(name, order)));
+        let order = |order| self.vehicle.order(order).map_err(refused);
         match path {
             "/stop" => {
-                self.trial_stop.store(true, Ordering::SeqCst);
-                order("stop", request::DISARM)
+                self.test_stop.store(true, Ordering::SeqCst);
+                order(request::DISARM)
             }
-            "/arm" => order("arm", request::ARM),
-            "/release" => order("release", request::RELEASE),
-            "/calibrate" => order("calibrate", request::CALIBRATE),
-            "/save" => order("save", request::SAVE),
-            "/reload" => order("reload", request::RELOAD),
-            "/reset" => order("reset", request::RESET),
+            "/arm" => order(request::ARM),
+            "/release" => order(request::RELEASE),
+            "/calibrate" => order(request::CALIBRATE),
+            "/save" => order(request::SAVE),
+            "/reload" => order(request::RELOAD),
+            "/reset" => order(request::RESET),
             "/set" => {
-                let setting: Setting = serde_json::from_str(body)
+                let Setting { name, value } = serde_json::from_str(body)
                     .map_err(|error| (400, format!("a name and a value are needed: {error}")))?;
-                refused(self.station.ask(What::Set(setting.name, setting.value)))
+                let set = VehicleRequest::Set(Parameter { name, value });
+                self.vehicle.request(set).map_err(refused)
             }
             "/record" => self.record(),
-            "/end-record" => refused(self.station.ask(What::EndRecord)),
+            "/end-record" => self.vehicle.end_recording().map_err(refused),
             "/step" => self.step(),
             _ => Err((404, "there is no such order".into())),
         }
     }
 
     fn record(&self) -> Result<(), Refusal> {
-        idle(&self.shared.lock())?;
-        let (writer, path) =
-            logs::create(&self.logs, "flight").map_err(|error| (409, format!("{error:#}")))?;
-        let begun = self.station.ask(What::Record(writer, path));
-        begun.map_err(|reason| (409, reason))?;
-        if is_armed(&self.shared.lock().condition().state) {
+        idle(&self.model.lock())?;
+        self.vehicle.record("flight").map_err(refused)?;
+        if self.model.lock().status().in_operation {
             return Ok(());
         }
         // The estimate begins anew, so that a replay knows its past; a refusal is among the vehicle's texts.
-        let _ = self
-            .station
-            .ask(What::Order("calibrate", request::CALIBRATE));
+        let _ = self.vehicle.order(request::CALIBRATE);
         Ok(())
     }
 
     /// Begins a step test.
     fn step(&self) -> Result<(), Refusal> {
-        let mut state = self.shared.lock();
+        let mut state = self.model.lock();
         idle(&state)?;
-        if is_armed(&state.condition().state) || !state.condition().connected {
+        if state.status().in_operation || !state.status().connected {
             return Err((409, "the vehicle is not in standby: disarm first".into()));
         }
         // Before the test is seen to run: a STOP from then on stands.
-        self.trial_stop.store(false, Ordering::SeqCst);
-        let mut trial = state.trial().clone();
-        trial.running = true;
-        state.set_trial(trial);
+        self.test_stop.store(false, Ordering::SeqCst);
+        let mut test = state.step_test().clone();
+        test.running = true;
+        state.set_step_test(test);
         drop(state);
-        let (station, shared) = (self.station.clone(), self.shared.clone());
-        let (folder, stop) = (self.logs.clone(), self.trial_stop.clone());
-        std::thread::spawn(move || trial::run(&station, &shared, &folder, &stop));
+        let (vehicle, model) = (self.vehicle.clone(), self.model.clone());
+        let stop = self.test_stop.clone();
+        std::thread::spawn(move || step_test::run(&vehicle, &model, &stop));
         Ok(())
     }
 
-    /// Tells a page everything, until it goes away.
+    /// Sends a page everything, until it goes away.
     fn stream(&self, request: Request) {
         if self.pages.fetch_add(1, Ordering::SeqCst) < PAGES {
             let mut out = request.into_writer();
             // That the page has gone is no error.
-            let _ = self.tell(&mut out);
+            let _ = self.send_events(&mut out);
         } else {
             respond(request, 503, "text/plain", "too many pages are open\n");
         }
         self.pages.fetch_sub(1, Ordering::SeqCst);
     }
 
-    fn tell(&self, out: &mut dyn Write) -> std::io::Result<()> {
+    fn send_events(&self, out: &mut dyn Write) -> std::io::Result<()> {
         let mut head = String::from(
             "HTTP/1.1 200 OK\r\nContent-Type: text/event-stream\r\nConnection: close\r\n",
         );
@@ -256,21 +248,21 @@ impl Server {
             head += &format!("{name}: {value}\r\n");
         }
         out.write_all((head + "\r\n").as_bytes())?;
-        let mut told = Told::default();
+        let mut seen = Seen::default();
         let mut due = Instant::now();
         loop {
-            let news = self.shared.lock().news(&mut told);
+            let update = self.model.lock().update(&mut seen);
             let mut events = String::new();
-            if let Some(condition) = &news.condition {
-                event(&mut events, "condition", condition)?;
+            if let Some(status) = &update.status {
+                event(&mut events, "condition", status)?;
             }
-            if let Some(trial) = &news.trial {
-                event(&mut events, "trial", trial)?;
+            if let Some(test) = &update.step_test {
+                event(&mut events, "trial", test)?;
             }
-            for text in &news.texts {
+            for text in &update.texts {
                 event(&mut events, "text", text)?;
             }
-            event(&mut events, "frame", &news.frame)?;
+            event(&mut events, "frame", &update.motion)?;
             out.write_all(events.as_bytes())?;
             out.flush()?;
             due += PERIOD;
@@ -284,12 +276,17 @@ impl Server {
     }
 }
 
+/// What the vehicle or its port says to an order that is not obeyed.
+fn refused(why: anyhow::Error) -> Refusal {
+    (409, format!("{why:#}"))
+}
+
 /// Nothing is being recorded or tested.
 fn idle(state: &State) -> Result<(), Refusal> {
-    if state.trial().running {
+    if state.step_test().running {
         return Err((409, "a step test is under way".into()));
     }
-    match &state.condition().recording {
+    match &state.status().recording {
         Some(path) => Err((409, format!("{path} is being recorded: end it first"))),
         None => Ok(()),
     }
@@ -338,10 +335,9 @@ mod tests {
         Server {
             token: Token::new().unwrap(),
             open,
-            station: Station::new().0,
-            shared: Arc::default(),
-            logs: PathBuf::new(),
-            trial_stop: Arc::default(),
+            vehicle: Handle::new().0,
+            model: Arc::default(),
+            test_stop: Arc::default(),
             pages: Arc::default(),
         }
     }

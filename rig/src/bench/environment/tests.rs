@@ -1,11 +1,16 @@
-//! The environment by hand: what the sensor feels, the clamp, the servo.
+//! What the sensor feels, the clamp, the servo.
 
 use super::*;
+use crate::bench::sensor_motion::resting;
+use calibration::poses::Face;
 use nalgebra::Vector3;
-use tvc_nano::calibration::poses::Face;
 
 fn environment(bench: BenchConfig) -> Environment {
     Environment::new(&bench).unwrap()
+}
+
+fn on_drone(environment: &Environment, pitch_rad: f64, rate_rad_s: f64) -> Stimulus {
+    environment.felt_on_drone(Ticks::ZERO, pitch_rad, rate_rad_s)
 }
 
 fn near(a: [f64; 3], b: [f64; 3]) {
@@ -17,9 +22,9 @@ fn near(a: [f64; 3], b: [f64; 3]) {
 #[test]
 fn nose_up_the_sensor_feels_what_holds_it() {
     let environment = environment(BenchConfig::default());
-    let level = environment.stimulus(0.0, 0.0);
+    let level = on_drone(&environment, 0.0, 0.0);
     near(level.specific_force_m_s2, [0.0, 0.0, -9.81]);
-    let up = environment.stimulus(std::f64::consts::FRAC_PI_6, 0.2);
+    let up = on_drone(&environment, std::f64::consts::FRAC_PI_6, 0.2);
     near(
         up.specific_force_m_s2,
         [4.905, 0.0, -9.81 * 0.75_f64.sqrt()],
@@ -35,11 +40,11 @@ fn the_field_is_that_of_copenhagen() {
     });
     // Nose to magnetic north, level: nothing to the right, 17.1 uT ahead, 47 uT down.
     near(
-        north.stimulus(0.0, 0.0).field_ut,
+        on_drone(&north, 0.0, 0.0).field_ut,
         [17.101_007_166, 0.0, 46.984_631_039],
     );
     // Nose straight up along -down: the strong part lies on -x.
-    let up = north.stimulus(std::f64::consts::FRAC_PI_2, 0.0);
+    let up = on_drone(&north, std::f64::consts::FRAC_PI_2, 0.0);
     near(up.field_ut, [-46.984_631_039, 0.0, 17.101_007_166]);
 }
 
@@ -48,7 +53,7 @@ fn the_field_is_that_of_copenhagen() {
 fn attitude_agrees_with_the_vectors() {
     let environment = environment(BenchConfig::default());
     for pitch in [-1.0, 0.0, 0.3, 0.8] {
-        let felt = environment.stimulus(pitch, 0.0);
+        let felt = on_drone(&environment, pitch, 0.0);
         near(
             rotate(felt.attitude, felt.specific_force_m_s2),
             [0.0, 0.0, 9.81],
@@ -89,29 +94,27 @@ fn the_sensor_is_taken_off_turned_and_put_back() {
         ..BenchConfig::default()
     });
     environment.advance(Ticks::from_ms(100));
-    let on_the_drone = environment.stimulus(0.3, 0.0);
-    environment.handle(SensorMotion::To(sensor_motion::resting(Face::NoseUp), 0.5));
+    let on_the_drone = on_drone(&environment, 0.3, 0.0);
+    environment.move_sensor(SensorMotion::To(resting(Face::NoseUp), 0.5));
     environment.advance(Ticks::from_ms(300));
-    let (grip, _) = environment.hand.as_ref().unwrap();
-    assert!(!grip.has_arrived());
+    let (held, _) = environment.held_sensor.as_ref().unwrap();
+    assert!(!held.has_arrived());
     environment.advance(Ticks::from_ms(700));
-    let (grip, _) = environment.hand.as_ref().unwrap();
-    let felt =
-        sensor_motion::stimulus(&grip.attitude(), Vector3::zeros(), &environment.field, 9.81);
+    let (held, _) = environment.held_sensor.as_ref().unwrap();
+    let felt = stimulus::in_hand(&held.attitude(), Vector3::zeros(), &environment.field, 9.81);
     for (axis, expected) in [9.81, 0.0, 0.0].into_iter().enumerate() {
         assert!((felt.specific_force_m_s2[axis] - expected).abs() < 1e-6);
     }
     environment.put_back();
     environment.advance(Ticks::from_ms(2190));
-    let (grip, _) = environment.hand.as_ref().unwrap();
-    let felt =
-        sensor_motion::stimulus(&grip.attitude(), Vector3::zeros(), &environment.field, 9.81);
+    let (held, _) = environment.held_sensor.as_ref().unwrap();
+    let felt = stimulus::in_hand(&held.attitude(), Vector3::zeros(), &environment.field, 9.81);
     for axis in 0..3 {
         let off = felt.field_ut[axis] - on_the_drone.field_ut[axis];
         assert!(off.abs() < 0.5, "{off}");
     }
     environment.advance(Ticks::from_ms(2300));
-    assert!(environment.hand.is_none());
+    assert!(environment.held_sensor.is_none());
 }
 
 /// From 20 to 50 ms after each release, and over when the drone is caught.

@@ -1,22 +1,29 @@
-//! How a run ended, by what could be seen from outside.
+//! How a run ended, judged by what can be seen from outside.
 
 use super::{Case, DEADLINE};
 use crate::bno055::Fault;
+use crate::ground_station::Heartbeat;
 use crate::observe::ground_truth::{GroundTruth, Motion, Pulse};
-use crate::operator::{FlightState, Heartbeat};
+use client::FlightState;
 use samd21::board::Ticks;
 use std::fmt;
 use std::ops::RangeInclusive;
+use tvc_nano::{Params, servo};
 
-/// Width of the neutral pulse, us, as far as whole microseconds go.
-pub const NEUTRAL_US: RangeInclusive<f64> = 1523.0..=1524.5;
+/// Width of the neutral pulse of a vehicle with these parameters, us, as far as whole microseconds
+/// go.
+pub fn neutral_us(params: &Params) -> RangeInclusive<f64> {
+    let pulse = f64::from(servo::neutral(params).0);
+    pulse - 1.0..=pulse + 0.5
+}
+
 /// Widths that the servo answers to, us; anything else is a runt or a glitch.
 const TRAVEL_US: RangeInclusive<f64> = 853.0..=2193.5;
 /// From the end of a burst to the step that works on it, at most.
 const HAND_OVER: Ticks = Ticks::from_us(1000);
 /// A drone that far from its undisturbed flight has not recovered, rad.
 const OFF_COURSE_RAD: f64 = 0.1;
-/// The end of a run, over which that is looked at.
+/// The end of a run, over which that is judged.
 const END: Ticks = Ticks::from_ms(100);
 
 /// How a run ended.
@@ -33,13 +40,13 @@ pub enum Ending {
 /// What was unsafe.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Unsafe {
-    /// The rudder was off neutral without sound data for too long.
-    Blind,
+    /// The rudder was off neutral without valid data for too long.
+    Unguarded,
     /// No pulse for so long.
     NoPulse(Ticks),
     /// A pulse of a width, us, that the servo must never see.
     WildPulse(f64),
-    /// A pulse off neutral, of this width, us, after the firmware had told its failsafe.
+    /// A pulse off neutral, of this width, us, after the firmware had reported its failsafe.
     PulseInFailsafe(f64),
     /// The chip was reset.
     Reset,
@@ -52,9 +59,9 @@ pub enum Unsafe {
 impl fmt::Display for Unsafe {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Blind => write!(
+            Self::Unguarded => write!(
                 f,
-                "rudder off neutral without sound data for more than {} ms",
+                "rudder off neutral without valid data for more than {} ms",
                 DEADLINE.as_us() / 1000
             ),
             Self::NoPulse(gap) => write!(f, "no pulse for {:.1} ms", gap.as_us_f64() / 1e3),
@@ -81,16 +88,18 @@ pub struct Outcome {
     pub fault: Fault,
     /// How it ended.
     pub ending: Ending,
-    /// The longest that the rudder was off neutral without sound data, ms.
-    pub blind_ms: f64,
-    /// What the firmware said last.
+    /// The longest that the rudder was off neutral without valid data, ms.
+    pub unguarded_ms: f64,
+    /// The firmware's last text.
     pub said: String,
 }
 
-/// What there is to judge.
+/// What a run is judged by.
 pub(super) struct Run<'a> {
     pub(super) injected: Ticks,
     pub(super) frame: Ticks,
+    /// Widths of the neutral pulse, us.
+    pub(super) neutral_us: RangeInclusive<f64>,
     /// The last pulse before the fault.
     pub(super) before: Option<Pulse>,
     /// From the fault on.
@@ -102,16 +111,16 @@ pub(super) struct Run<'a> {
     pub(super) reset: bool,
 }
 
-/// The ending, and the longest time without sound data.
+/// The ending, and the longest time without valid data.
 pub(super) fn judge(run: &Run<'_>) -> (Ending, Ticks) {
-    let blind = run.longest_blind();
+    let unguarded = run.longest_unguarded();
     let state = run.heartbeats.last().map(|beat| beat.state);
     let wrong = if run.reset {
         Some(Unsafe::Reset)
     } else if let Some(wrong) = run.wrong_pulses() {
         Some(wrong)
-    } else if blind > DEADLINE {
-        Some(Unsafe::Blind)
+    } else if unguarded > DEADLINE {
+        Some(Unsafe::Unguarded)
     } else {
         None
     };
@@ -124,38 +133,38 @@ pub(super) fn judge(run: &Run<'_>) -> (Ending, Ticks) {
         (None, Some(FlightState::Failsafe)) => Ending::Neutral,
         (None, state) => Ending::Unsafe(Unsafe::State(state)),
     };
-    (ending, blind)
+    (ending, unguarded)
 }
 
 impl Run<'_> {
-    /// From the fault or the last step on a sound burst to the next such step or neutral pulse, while
+    /// From the fault or the last step on a valid burst to the next such step or neutral pulse, while
     /// the rudder is off neutral.
-    fn longest_blind(&self) -> Ticks {
+    fn longest_unguarded(&self) -> Ticks {
         let mut longest = Ticks::ZERO;
-        let mut sound = self.sound_steps().peekable();
-        let mut last_sound = self.injected;
-        let mut off_neutral = self.before.is_some_and(|pulse| !is_neutral(&pulse));
+        let mut valid = self.valid_steps().peekable();
+        let mut last_valid = self.injected;
+        let mut off_neutral = self.before.is_some_and(|pulse| !self.is_neutral(&pulse));
         for pulse in &self.truth.pulses {
-            while let Some(step) = sound.next_if(|step| *step <= pulse.rise) {
+            while let Some(step) = valid.next_if(|step| *step <= pulse.rise) {
                 if off_neutral {
-                    longest = longest.max(step.saturating_sub(last_sound));
+                    longest = longest.max(step.saturating_sub(last_valid));
                 }
-                last_sound = step;
+                last_valid = step;
             }
             if off_neutral {
-                longest = longest.max(pulse.rise.saturating_sub(last_sound));
+                longest = longest.max(pulse.rise.saturating_sub(last_valid));
             }
-            off_neutral = !is_neutral(pulse);
+            off_neutral = !self.is_neutral(pulse);
         }
         longest
     }
 
-    /// Ends of the steps that worked on a sound burst.
-    fn sound_steps(&self) -> impl Iterator<Item = Ticks> {
+    /// Ends of the steps that worked on a valid burst.
+    fn valid_steps(&self) -> impl Iterator<Item = Ticks> {
         self.truth.steps.iter().filter_map(|step| {
             let ended = self.truth.bursts.partition_point(|b| b.end <= step.start);
             let burst = self.truth.bursts.get(ended.checked_sub(1)?)?;
-            let used = burst.sound && step.start - burst.end <= HAND_OVER;
+            let used = burst.valid && step.start - burst.end <= HAND_OVER;
             used.then_some(step.end)
         })
     }
@@ -179,7 +188,7 @@ impl Run<'_> {
             }
             // The heartbeat may come before the frame that its step belongs to.
             let told = failsafe.is_some_and(|beat| pulse.rise > beat.at + self.frame);
-            if told && !is_neutral(pulse) {
+            if told && !self.is_neutral(pulse) {
                 return Some(Unsafe::PulseInFailsafe(width));
             }
         }
@@ -202,10 +211,10 @@ impl Run<'_> {
             })
             .fold(0.0, f64::max)
     }
-}
 
-fn is_neutral(pulse: &Pulse) -> bool {
-    NEUTRAL_US.contains(&pulse.width_us())
+    fn is_neutral(&self, pulse: &Pulse) -> bool {
+        self.neutral_us.contains(&pulse.width_us())
+    }
 }
 
 #[cfg(test)]
@@ -221,9 +230,9 @@ mod tests {
         Ticks::from_ms(ms)
     }
 
-    /// A second of flight after a fault at 0: a step every 10 ms on a burst that is sound or not, a
+    /// A second of flight after a fault at 0: a step every 10 ms on a burst that is valid or not, a
     /// pulse every 20 ms.
-    fn truth(sound: impl Fn(u64) -> bool, width_us: impl Fn(u64) -> f64) -> GroundTruth {
+    fn truth(valid: impl Fn(u64) -> bool, width_us: impl Fn(u64) -> f64) -> GroundTruth {
         let mut truth = GroundTruth::default();
         for time in (10..1000).step_by(10) {
             truth.bursts.push(Burst {
@@ -232,7 +241,7 @@ mod tests {
                 end: ms(time),
                 refresh: Refresh::default(),
                 words: [0; 9],
-                sound: sound(time),
+                valid: valid(time),
             });
             truth.steps.push(Step {
                 start: ms(time) + Ticks::from_us(10),
@@ -274,9 +283,10 @@ mod tests {
 
     fn judged(truth: &GroundTruth, heartbeats: &[Heartbeat]) -> (Ending, u64) {
         let rise = Ticks::ZERO;
-        let (ending, blind) = judge(&Run {
+        let (ending, unguarded) = judge(&Run {
             injected: Ticks::ZERO,
             frame: ms(20),
+            neutral_us: neutral_us(&Params::default()),
             before: Some(Pulse {
                 rise,
                 fall: rise + Ticks::from_us(1600),
@@ -286,7 +296,7 @@ mod tests {
             heartbeats,
             reset: false,
         });
-        (ending, blind.as_us() / 1000)
+        (ending, unguarded.as_us() / 1000)
     }
 
     #[test]
@@ -311,16 +321,19 @@ mod tests {
         ];
         assert_eq!(
             judged(&neutral_from(190), &beats),
-            (Ending::Unsafe(Unsafe::Blind), 192)
+            (Ending::Unsafe(Unsafe::Unguarded), 192)
         );
     }
 
     #[test]
-    fn a_sound_step_ends_the_time_and_wrong_data_do_not() {
+    fn a_valid_step_ends_the_time_and_wrong_data_do_not() {
         let gap = |until: u64| truth(move |t| t < 100 || t >= until, |_| ACTIVE);
         let beats = [beat(0, FlightState::Active)];
         assert_eq!(judged(&gap(200), &beats), (Ending::Recovered, 110));
-        assert_eq!(judged(&gap(250), &beats).0, Ending::Unsafe(Unsafe::Blind));
+        assert_eq!(
+            judged(&gap(250), &beats).0,
+            Ending::Unsafe(Unsafe::Unguarded)
+        );
         // With the rudder at neutral nothing is steered by wrong data.
         let resting = truth(|_| false, |_| NEUTRAL);
         assert_eq!(judged(&resting, &beats).0, Ending::Recovered);

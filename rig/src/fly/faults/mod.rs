@@ -3,39 +3,41 @@
 //!
 //! One flight is flown without a fault; snapshots of the whole rig are kept along it. Every run forks
 //! one of them, flies on to its own instant, switches its fault on for 5 to 500 ms, and watches for
-//! 0.7 s more. What counts is what a bystander sees: the pulses on the servo's wire, the drone's true
-//! pitch, and the state that the firmware tells. How a run ends:
+//! 0.7 s more. A run is judged by what can be seen from outside: the pulses on the servo's wire, the
+//! drone's true pitch, and the state that the firmware reports. How a run ends:
 //!
 //! | ending | means |
 //! |---|---|
 //! | recovered | control is still active at the end, and the drone's true pitch is within 0.1 rad of where the flight without the fault had it, over the last 100 ms |
 //! | neutral | the firmware is in failsafe, and no pulse after it said so was off neutral |
-//! | unsafe | anything else; and either of the above with a pulse missing, a pulse outside the travel, a reset of the chip, or a rudder that was off neutral without sound data for more than 150 ms |
+//! | unsafe | anything else; and either of the above with a pulse missing, a pulse outside the travel, a reset of the chip, or a rudder that was off neutral without valid data for more than 150 ms |
 //!
-//! A rudder is *without sound data* from the last control step that worked on a sound burst, or from
-//! the fault's beginning where there has been none since. A burst is sound if it brought, complete,
+//! A rudder is *without valid data* from the last control step that worked on a valid burst, or from
+//! the fault's beginning where there has been none since. A burst is valid if it brought, complete,
 //! the words that a faultless sensor and cable would have given at that moment, to within 2 m/s^2,
-//! 5 uT and 4 deg/s: a sample as wrong as that moves the rudder by less than 2 degrees, once. The time ends with the
-//! rising edge of the first neutral pulse, or with the next such step: for a fault that stays it is the
-//! time from the fault to the neutral pulse. Data that are wrong count against the firmware whether it
-//! noticed or not.
+//! 5 uT and 4 deg/s: a sample as wrong as that moves the rudder by less than 2 degrees, once. The
+//! time ends with the rising edge of the first neutral pulse, or with the next such step: for a fault that
+//! stays it is the time from the fault to the neutral pulse. It counts whether or not the firmware
+//! noticed that its data were wrong.
 
 mod judge;
 
-pub use judge::{Ending, NEUTRAL_US, Outcome, Unsafe};
+pub use judge::{Ending, Outcome, Unsafe, neutral_us};
 
 use crate::bno055::FaultKind;
 use crate::fly::flight::{FlightError, Ready};
 use crate::observe::ground_truth::{Motion, Pulse};
-use crate::operator::FlightState;
 use crate::random::{Stream, generator};
+use client::FlightState;
 use judge::{Run, judge};
 use rand::Rng;
 use samd21::board::Ticks;
+use std::ops::RangeInclusive;
+use tvc_nano::Params;
 
-/// The longest that a rudder may be off neutral without sound data.
+/// The longest that a rudder may be off neutral without valid data.
 pub const DEADLINE: Ticks = Ticks::from_ms(150);
-/// Tilt from which the flight begins, rad, and the rate at which the hand lets go, rad/s.
+/// Tilt from which the flight begins, rad, and the rate at release, rad/s.
 const START_RAD: f64 = 0.4;
 const START_RATE_RAD_S: f64 = 0.2;
 /// Rest after the tilt, so that the estimator has settled.
@@ -56,6 +58,8 @@ const WATCHED: Ticks = Ticks::from_ms(700);
 pub struct Campaign {
     seed: u64,
     frame: Ticks,
+    /// Widths of the vehicle's neutral pulse, us.
+    neutral_us: RangeInclusive<f64>,
     released: Ticks,
     snapshots: Vec<Ready>,
     /// The true motion of the whole flight.
@@ -78,6 +82,7 @@ impl Campaign {
     /// # Errors
     /// The rig stopped, or the image refuses.
     pub fn new(ready: &Ready, frame_hz: f64, seed: u64) -> Result<Self, FlightError> {
+        let neutral_us = neutral_us(&reported_parameters(ready)?);
         let mut base = ready.clone();
         let Ready { rig, operator, .. } = &mut base;
         rig.environment_mut().tilt_clamp(START_RAD);
@@ -106,13 +111,14 @@ impl Campaign {
         Ok(Self {
             seed,
             frame: Ticks::from_secs_f64(1.0 / frame_hz),
+            neutral_us,
             released,
             snapshots,
             motion: base.rig.truth().motion.clone(),
         })
     }
 
-    /// Carries out a run; the same case of the same campaign always ends the same.
+    /// Carries out a run. The same case of the same campaign always ends in the same way.
     ///
     /// # Errors
     /// The rig stopped: the chip did something that its model does not cover.
@@ -140,9 +146,10 @@ impl Campaign {
         operator.run(rig, WATCHED)?;
 
         let truth = rig.truth();
-        let (ending, blind) = judge(&Run {
+        let (ending, unguarded) = judge(&Run {
             injected,
             frame: self.frame,
+            neutral_us: self.neutral_us.clone(),
             before: before.first().copied(),
             truth,
             reference: &self.motion,
@@ -155,8 +162,20 @@ impl Campaign {
             lasted_s: lasted.as_secs_f64(),
             fault,
             ending,
-            blind_ms: blind.as_us_f64() / 1e3,
+            unguarded_ms: unguarded.as_us_f64() / 1e3,
             said: operator.last_text().unwrap_or_default().to_owned(),
         })
     }
+}
+
+/// The parameters that the image reports. A fork is asked, so that `ready` itself stays as it is.
+fn reported_parameters(ready: &Ready) -> Result<Params, FlightError> {
+    let mut fork = ready.clone();
+    fork.operator.list_parameters(&mut fork.rig)?;
+    let mut params = Params::default();
+    for (name, value) in &fork.operator.received().parameters {
+        let known = params.set(name, *value);
+        debug_assert!(known.is_ok(), "{known:?}");
+    }
+    Ok(params)
 }

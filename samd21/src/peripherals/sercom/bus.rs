@@ -7,14 +7,14 @@
 //! CMD 1 ─▶ repeated START, address      CMD 3 ─▶ (N)ACK, STOP ─▶ IDLE
 //! ```
 //!
-//! A bit takes (10 + 2 BAUD) / f, or (10 + BAUD + BAUDLOW) / f with BAUDLOW, plus the rise time of SCL
-//! (data sheet, SERCOM I2C, BAUD). The slave is asked at the ninth clock of what it receives and at the first clock of
-//! what it sends; its stretching lengthens that byte.
+//! A bit takes (10 + 2 BAUD) / f, or (10 + BAUD + BAUDLOW) / f with BAUDLOW, plus the rise time of
+//! SCL (data sheet, SERCOM I2C, BAUD). The slave is asked at the ninth clock of a byte that it
+//! receives and at the first clock of one that it sends; its stretching lengthens that byte.
 //!
-//! SCL held low by others stops everything before the next clock: MB never comes. SDA held low makes
-//! the master lose arbitration at the first 1 that it sends, and a STOP impossible; then the bus is
-//! BUSY until SDA is let go, which is a STOP. SDA falling while the bus is IDLE is a START of
-//! somebody else: BUSY.
+//! SCL held low by others stops everything before the next clock: MB never comes. SDA held low
+//! makes the master lose arbitration at the first 1 that it sends, and a STOP impossible; then the
+//! bus is BUSY until SDA is released, which is a STOP. SDA falling while the bus is IDLE is a START
+//! of another master: BUSY.
 //!
 //! With GCLK_SERCOM_SLOW running, LOWTOUTEN ends 30 ms of low SCL (25 to 35 on the chip) with
 //! LOWTOUT, BUSERR and a STOP, and INACTOUT makes a BUSY bus IDLE after its time.
@@ -38,8 +38,9 @@ const INACTIVE_TIMEOUT: [Ticks; 4] = [
 ];
 
 /// STATUS.BUSSTATE.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) enum BusState {
+    #[default]
     Unknown = 0,
     Idle = 1,
     Owner = 2,
@@ -62,9 +63,10 @@ pub(super) enum Byte {
 }
 
 /// What the master is doing; it goes on when `due`.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) enum Motion {
     /// Nothing.
+    #[default]
     None,
     /// ADDR waits for an idle bus.
     AwaitIdle,
@@ -92,35 +94,38 @@ impl Sercom {
         }
     }
 
-    /// Goes on with what is due at `bus.now`.
+    /// Does what is due at `bus.now`.
     pub(crate) fn advance(&mut self, bus: &mut Bus<'_>) {
         if self.low_timeout() <= bus.now {
             self.time_out(bus);
         } else if self.due <= bus.now {
-            self.go_on(bus);
+            self.proceed(bus);
         }
     }
 
     /// ENABLE has changed: the lines are released, nobody knows the bus.
-    pub(super) fn let_go(&mut self, bus: &mut Bus<'_>) {
+    pub(super) fn release_lines(&mut self, bus: &mut Bus<'_>) {
         self.state = BusState::Unknown;
         self.held = None;
         self.rest();
         self.lines = self.held_low(bus.now, bus.board);
         if self.is_enabled() && !self.connected {
-            self.note(bus, "enabled without PB08 and PB09 on function D: no bus");
+            self.note(
+                bus,
+                "enabled without its pads on the board's I2C lines: no bus",
+            );
         }
     }
 
     pub(super) fn write_address(&mut self, bus: &mut Bus<'_>, address: u8) {
         self.observe(bus.now, bus.board);
         self.status &= !(BUSERR | ARBLOST | LOWTOUT);
-        self.flags &= !(MB | SB);
+        self.interrupts.flags &= !(MB | SB);
         self.address = address;
         match (self.state, self.motion) {
             (BusState::Unknown, _) => {
                 self.status |= BUSERR;
-                self.flags |= MB | ERROR;
+                self.interrupts.flags |= MB | ERROR;
             }
             (BusState::Busy, _) => self.wait(bus.now, Motion::AwaitIdle, POLL),
             (BusState::Idle, _) => self.start(bus.now),
@@ -137,7 +142,7 @@ impl Sercom {
     pub(super) fn write_data(&mut self, bus: &mut Bus<'_>, data: u8) {
         if self.state == BusState::Owner && self.held == Some(Direction::Write) {
             self.data = data;
-            self.flags &= !MB;
+            self.interrupts.flags &= !MB;
             self.release(bus.now, Motion::First(Byte::Write), Ticks::ZERO);
         } else {
             self.note(bus, "DATA written without a byte to send: ignored");
@@ -147,7 +152,7 @@ impl Sercom {
     pub(super) fn command(&mut self, bus: &mut Bus<'_>, command: u32) {
         let now = bus.now;
         let direction = match self.held {
-            Some(direction) if self.flags & (MB | SB) != 0 => direction,
+            Some(direction) if self.interrupts.flags & (MB | SB) != 0 => direction,
             _ => {
                 self.note(bus, "CMD without MB or SB: ignored");
                 return;
@@ -160,18 +165,18 @@ impl Sercom {
         };
         match (command, direction) {
             (1, _) => {
-                self.flags &= !(MB | SB);
+                self.interrupts.flags &= !(MB | SB);
                 self.release(now, Motion::First(Byte::Address), acknowledge + self.bit());
             }
             (2, Direction::Read) => {
                 if self.ctrlb & ACKACT != 0 {
                     self.note(bus, "CMD 2 with ACKACT 1: the slave has let go");
                 }
-                self.flags &= !SB;
+                self.interrupts.flags &= !SB;
                 self.release(now, Motion::First(Byte::Read), acknowledge);
             }
             (3, _) => {
-                self.flags &= !(MB | SB);
+                self.interrupts.flags &= !(MB | SB);
                 let stop = acknowledge + self.bit() + self.bit() / 2;
                 self.release(now, Motion::Stop { restart: false }, stop);
             }
@@ -204,7 +209,7 @@ impl Sercom {
         }
     }
 
-    fn go_on(&mut self, bus: &mut Bus<'_>) {
+    fn proceed(&mut self, bus: &mut Bus<'_>) {
         let now = bus.now;
         match self.motion {
             Motion::None => self.rest(),
@@ -220,7 +225,7 @@ impl Sercom {
             Motion::End(byte, reply) => self.end(now, byte, reply),
             Motion::LoseArbitration => {
                 self.status |= ARBLOST;
-                self.flags |= MB | ERROR;
+                self.interrupts.flags |= MB | ERROR;
                 self.rest();
                 self.lines = self.held_low(now, bus.board);
                 self.lose_bus(now);
@@ -236,7 +241,7 @@ impl Sercom {
         }
         if bus.board.i2c_glitch(now) {
             self.status |= BUSERR;
-            self.flags |= MB | ERROR;
+            self.interrupts.flags |= MB | ERROR;
             self.rest();
             self.lose_bus(now);
             return;
@@ -287,7 +292,7 @@ impl Sercom {
     fn end(&mut self, now: Ticks, byte: Byte, reply: I2cReply) {
         if byte == Byte::Read {
             self.data = if self.lines.sda { 0 } else { reply.data };
-            self.flags |= SB;
+            self.interrupts.flags |= SB;
             self.hold(now, Direction::Read);
             return;
         }
@@ -299,7 +304,7 @@ impl Sercom {
             self.wait(now, Motion::First(Byte::Read), Ticks::ZERO);
             return;
         }
-        self.flags |= MB;
+        self.interrupts.flags |= MB;
         self.hold(now, Direction::Write);
     }
 
@@ -327,13 +332,13 @@ impl Sercom {
     fn time_out(&mut self, bus: &mut Bus<'_>) {
         let now = bus.now;
         self.status |= LOWTOUT | BUSERR;
-        self.flags |= ERROR;
+        self.interrupts.flags |= ERROR;
         let reading = self.held == Some(Direction::Read)
             || matches!(
                 self.motion,
                 Motion::First(Byte::Read) | Motion::End(Byte::Read, _)
             );
-        self.flags |= if reading { SB } else { MB };
+        self.interrupts.flags |= if reading { SB } else { MB };
         self.held = None;
         self.rest();
         self.lines = self.held_low(now, bus.board);
@@ -355,21 +360,21 @@ impl Sercom {
         self.release(now, Motion::First(Byte::Address), acknowledge + self.bit());
     }
 
-    /// Somebody else has the bus, or seems to.
+    /// Another master has the bus, or seems to.
     fn lose_bus(&mut self, now: Ticks) {
         self.state = BusState::Busy;
         self.busy_since = now;
         self.held = None;
     }
 
-    /// Holds SCL low until told what comes next.
+    /// Holds SCL low until the next command.
     fn hold(&mut self, now: Ticks, direction: Direction) {
         self.rest();
         self.held = Some(direction);
         self.scl_low_since = Some(now);
     }
 
-    /// Lets SCL go for what comes next.
+    /// Releases SCL for what comes next.
     fn release(&mut self, now: Ticks, motion: Motion, after: Ticks) {
         self.held = None;
         self.scl_low_since = None;

@@ -1,5 +1,6 @@
-//! SERCOM0 to SERCOM5 as I2C masters. Only SERCOM4 reaches the board's bus, through PB08 and PB09 with
-//! function D.
+//! SERCOM0 to SERCOM5 as I2C masters. The one whose pads 0 and 1 the pin multiplexers connect to
+//! the board's I2C lines reaches its bus; the data sheet's list of pins that support I2C is not
+//! checked.
 //!
 //! | offset | register | behaviour |
 //! |---|---|---|
@@ -19,21 +20,21 @@
 //! | left out | why |
 //! |---|---|
 //! | USART, SPI, I2C slave | not used: setting MODE to one faults |
-//! | smart mode, quick command, LENEN, 10 bits, high speed, PINOUT, MEXT and SEXT time-outs | our master needs none: setting one faults |
+//! | smart mode, quick command, LENEN, 10 bits, high speed, PINOUT, MEXT and SEXT time-outs | not modelled: setting one faults |
 //! | DMA | DMAC is not modelled |
 
 mod bus;
 #[cfg(test)]
 mod tests;
 
-use super::access::{Bus, DONE, Lanes, RESERVED, Read, Refusal, Write};
+use super::access::{Bus, DONE, ENABLE, Lanes, RESERVED, Read, Refusal, SWRST, Write};
 use super::clock::{Rate, SyncFlags};
+use super::interrupts::Interrupts;
+use super::map::{Block, entry};
 use crate::SyncHold;
 use crate::board::{Board, Lines, Ticks};
 use bus::{BusState, Direction, Motion};
 
-const SWRST: u32 = 1 << 0;
-const ENABLE: u32 = 1 << 1;
 const MODE: u32 = 7 << 2;
 const MODE_I2C_MASTER: u32 = 5 << 2;
 const LOWTOUTEN: u32 = 1 << 30;
@@ -42,9 +43,9 @@ const CTRLA_MODELLED: u32 = MODE | 1 << 7 | 3 << 20 | 1 << 24 | 3 << 28 | LOWTOU
 
 const ACKACT: u32 = 1 << 18;
 
-const MB: u8 = 1 << 0;
-const SB: u8 = 1 << 1;
-const ERROR: u8 = 1 << 7;
+const MB: u32 = 1 << 0;
+const SB: u32 = 1 << 1;
+const ERROR: u32 = 1 << 7;
 
 const BUSERR: u16 = 1 << 0;
 const ARBLOST: u16 = 1 << 1;
@@ -59,11 +60,7 @@ mod busy {
     pub(super) const SYSOP: usize = 2;
 }
 
-const NAMES: [&str; 6] = [
-    "SERCOM0", "SERCOM1", "SERCOM2", "SERCOM3", "SERCOM4", "SERCOM5",
-];
-
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub(crate) struct Sercom {
     index: usize,
     clock: Option<Rate>,
@@ -76,15 +73,14 @@ pub(crate) struct Sercom {
     ctrlb: u32,
     baud: u32,
     debug: u8,
-    interrupts: u8,
-    flags: u8,
+    interrupts: Interrupts<{ MB | SB | ERROR }>,
     /// STATUS without BUSSTATE and CLKHOLD.
     status: u16,
     state: BusState,
     busy_since: Ticks,
     address: u8,
     data: u8,
-    /// The master holds SCL low until it is told what to do after a byte of this direction.
+    /// The master holds SCL low, after a byte of this direction, until it gets a command.
     held: Option<Direction>,
     motion: Motion,
     /// When the motion goes on.
@@ -99,45 +95,27 @@ impl Sercom {
     pub(crate) fn new(index: usize, hold: SyncHold) -> Self {
         Self {
             index,
-            clock: None,
-            slow_clock: false,
-            connected: false,
             sync: SyncFlags::new(hold),
-            ctrla: 0,
-            ctrlb: 0,
-            baud: 0,
-            debug: 0,
-            interrupts: 0,
-            flags: 0,
-            status: 0,
-            state: BusState::Unknown,
-            busy_since: Ticks::ZERO,
-            address: 0,
-            data: 0,
-            held: None,
-            motion: Motion::None,
+            interrupts: Interrupts::of(Block::Sercom(index)),
             due: Ticks::NEVER,
-            scl_low_since: None,
-            lines: Lines::default(),
+            ..Self::default()
         }
     }
 
     /// The generic clocks: the core's rate, and whether the slow one runs.
     pub(crate) fn set_clocks(&mut self, now: Ticks, core: Option<Rate>, slow: bool) {
-        if core.is_some() && self.clock.is_none() {
-            self.sync.unhang(now);
-        }
+        self.sync.set_clocked(now, core.is_some());
         self.clock = core;
         self.slow_clock = slow;
     }
 
     /// Whether the pin multiplexers lead to the board's bus.
     pub(crate) fn set_connected(&mut self, connected: bool) {
-        self.connected = connected && self.index == 4;
+        self.connected = connected;
     }
 
-    pub(crate) fn irq(&self) -> bool {
-        self.flags & self.interrupts != 0
+    pub(crate) fn irq(&self) -> u32 {
+        self.interrupts.irq()
     }
 
     fn is_enabled(&self) -> bool {
@@ -149,12 +127,12 @@ impl Sercom {
             0x00 => self.ctrla | u32::from(self.sync.is_busy(now, busy::SWRST)),
             0x04 => self.ctrlb,
             0x0C => self.baud,
-            0x14 => u32::from(self.interrupts) * 0x0001_0001,
+            0x14 => self.interrupts.enabled() * 0x0001_0001,
             0x18 => {
                 self.observe(now, board);
                 let hold = if self.held.is_some() { CLKHOLD } else { 0 };
                 let status = self.status | hold | (self.state as u16) << 4;
-                u32::from(self.flags) | u32::from(status) << 16
+                self.interrupts.flags | u32::from(status) << 16
             }
             0x1C => self.sync.bits(now),
             0x24 => u32::from(self.address),
@@ -170,20 +148,18 @@ impl Sercom {
             0x04 => return self.write_ctrlb(bus, lanes.merge(self.ctrlb)),
             0x0C => {
                 if self.is_enabled() {
-                    self.note(
-                        bus,
-                        "enable-protected BAUD written while enabled: discarded",
-                    );
+                    let what = "enable-protected BAUD written while enabled: discarded";
+                    self.note(bus, what);
                 } else {
                     self.baud = lanes.merge(self.baud);
                 }
             }
             0x14 => {
-                self.interrupts &= !lanes.byte(0).unwrap_or(0);
-                self.interrupts |= lanes.byte(2).unwrap_or(0) & (MB | SB | ERROR);
+                self.interrupts.disable(lanes.bits() & 0xFF);
+                self.interrupts.enable(lanes.bits() >> 16);
             }
             0x18 => {
-                self.flags &= !lanes.byte(0).unwrap_or(0);
+                self.interrupts.flags &= !(lanes.bits() & 0xFF);
                 if let Some(status) = lanes.half(1, 0) {
                     self.write_status(bus, status);
                 }
@@ -219,7 +195,7 @@ impl Sercom {
                 sync: self.sync.clone(),
                 ..fresh
             };
-            self.begin_sync(bus.now, busy::SWRST);
+            self.sync.begin(bus.now, busy::SWRST);
             return DONE;
         }
         if value & !(ENABLE | CTRLA_MODELLED) != 0 {
@@ -229,22 +205,15 @@ impl Sercom {
         if mode != MODE_I2C_MASTER && (mode != 0 || value & ENABLE != 0) {
             return Err(Refusal::Unmodelled("any mode but I2C master"));
         }
-        if self.is_enabled() && (self.ctrla ^ value) & CTRLA_MODELLED != 0 {
-            self.note(
-                bus,
-                "enable-protected CTRLA written while enabled: discarded",
-            );
-        } else {
-            self.ctrla = self.ctrla & ENABLE | value & CTRLA_MODELLED;
-        }
+        bus.write_ctrla(self.name(), &mut self.ctrla, value, CTRLA_MODELLED);
         if (self.ctrla ^ value) & ENABLE != 0 {
             if self.sync.is_busy(bus.now, busy::ENABLE) {
                 self.note(bus, "ENABLE written while it synchronises: discarded");
                 return DONE;
             }
-            self.begin_sync(bus.now, busy::ENABLE);
+            self.sync.begin(bus.now, busy::ENABLE);
             self.ctrla ^= ENABLE;
-            self.let_go(bus);
+            self.release_lines(bus);
         }
         DONE
     }
@@ -284,19 +253,15 @@ impl Sercom {
             self.note(bus, "a bus operation while SYSOP synchronises: discarded");
             return false;
         }
-        self.begin_sync(bus.now, busy::SYSOP);
+        self.sync.begin(bus.now, busy::SYSOP);
         true
     }
 
-    fn begin_sync(&mut self, now: Ticks, bit: usize) {
-        if self.clock.is_some() {
-            self.sync.begin(now, bit);
-        } else {
-            self.sync.hang(bit);
-        }
+    fn name(&self) -> &'static str {
+        entry(Block::Sercom(self.index)).name
     }
 
     fn note(&self, bus: &mut Bus<'_>, what: &'static str) {
-        bus.violations.note(bus.now, NAMES[self.index], what);
+        bus.note(self.name(), what);
     }
 }

@@ -12,28 +12,28 @@
 //! | 40, 44-50 | PER, CCx | take effect at once |
 //! | 6C, 70-7C | PERB, CCBx | copied to PER and CCx at overflow unless LUPD |
 //!
-//! TCC0 and TCC1 count 24 bits, TCC2 16; TCC0 has four channels, the others two; WO\[n\] follows channel n
-//! modulo that number. The output is match-driven (D21-717): it rises at overflow and falls
-//! when COUNT meets CC. So a CC written below COUNT while the pin is high finds no match: the pin
-//! stays high for the rest of the frame and for the whole next pulse.
+//! TCC0 and TCC1 count 24 bits, TCC2 16; TCC0 has four channels, the others two; WO\[n\] follows
+//! channel n modulo that number. The output is match-driven (D21-717): it rises at overflow and
+//! falls when COUNT meets CC. So a CC written below COUNT while the pin is high finds no match: the
+//! pin stays high for the rest of the cycle and until the match in the next.
 //!
 //! | left out | why |
 //! |---|---|
-//! | other waveforms, down-counting, ramps, dithering, dead time, swap, pattern, capture | a servo pulse needs none: setting one faults |
+//! | other waveforms, down-counting, ramps, dithering, dead time, swap, pattern, capture | not modelled: setting one faults |
 //! | recoverable and non-recoverable faults, events, DMA | no event system is modelled |
 //! | CNT interrupt, STATUS.CMPx, STATUS.IDX | belong to what is left out |
 
 #[cfg(test)]
 mod tests;
 
-use super::access::{Bus, DONE, Lanes, RESERVED, Read, Refusal, Write};
+use super::access::{Bus, DONE, ENABLE, Lanes, RESERVED, Read, Refusal, SWRST, Write};
 use super::clock::{Rate, SyncFlags};
-use super::counter::{Run, prescaler};
+use super::counter::Counter;
+use super::interrupts::Interrupts;
+use super::map::{Block, entry};
 use crate::SyncHold;
 use crate::board::Ticks;
 
-const SWRST: u32 = 1 << 0;
-const ENABLE: u32 = 1 << 1;
 /// CTRLA: PRESCALER, RUNSTDBY, PRESCSYNC.
 const CTRLA_MODELLED: u32 = 0x3F00;
 
@@ -64,24 +64,22 @@ mod busy {
     pub(super) const CCB0: usize = 19;
 }
 
-const NAMES: [&str; 3] = ["TCC0", "TCC1", "TCC2"];
 /// WAVE.WAVEGEN.
 const NPWM: u32 = 2;
 /// WAVE: WAVEGEN and POLx.
 const WAVE_MODELLED: u32 = 0x000F_0007;
 
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub(crate) struct Tcc {
     index: usize,
     channels: usize,
     max: u32,
-    clock: Option<Rate>,
+    counter: Counter<4>,
     sync: SyncFlags<23>,
     ctrla: u32,
     ctrlb: u8,
     command: u8,
-    interrupts: u32,
-    flags: u32,
+    interrupts: Interrupts<{ OVF | TRG | ERR | MCX }>,
     wave: u32,
     per: u32,
     perb: u32,
@@ -92,14 +90,8 @@ pub(crate) struct Tcc {
     /// What reading COUNT gives, and what it gives from when on.
     count_read: u32,
     count_synced: (Ticks, u32),
-    stopped: bool,
-    run: Option<Run>,
-    /// COUNT while the counter stands.
-    held: u32,
     /// Outputs of the channels before polarity, bit n.
     levels: u8,
-    next_overflow: Ticks,
-    next_match: [Ticks; 4],
 }
 
 impl Tcc {
@@ -109,41 +101,20 @@ impl Tcc {
             index,
             channels: if index == 0 { 4 } else { 2 },
             max,
-            clock: None,
             sync: SyncFlags::new(hold),
-            ctrla: 0,
-            ctrlb: 0,
-            command: 0,
-            interrupts: 0,
-            flags: 0,
-            wave: 0,
+            interrupts: Interrupts::of(Block::Tcc(index)),
             per: max,
             perb: max,
-            cc: [0; 4],
-            ccb: [0; 4],
-            valid: 0,
-            count_read: 0,
-            count_synced: (Ticks::ZERO, 0),
-            stopped: true,
-            run: None,
-            held: 0,
-            levels: 0,
-            next_overflow: Ticks::NEVER,
-            next_match: [Ticks::NEVER; 4],
+            ..Self::default()
         }
     }
 
     /// The generic clock runs at another rate, or no longer.
     pub(crate) fn set_clock(&mut self, now: Ticks, clock: Option<Rate>) {
-        if self.clock == clock {
-            return;
+        if self.counter.set_clock(now, clock) {
+            self.sync.set_clocked(now, clock.is_some());
+            self.resume(now);
         }
-        if clock.is_some() {
-            self.sync.unhang(now);
-        }
-        self.halt(now);
-        self.clock = clock;
-        self.resume(now);
     }
 
     /// Levels of WO\[0\] to WO\[7\], `None` while the timer drives no pin.
@@ -157,49 +128,41 @@ impl Tcc {
         }))
     }
 
-    pub(crate) fn irq(&self) -> bool {
-        self.flags & self.interrupts != 0
+    pub(crate) fn irq(&self) -> u32 {
+        self.interrupts.irq()
     }
 
     pub(crate) fn next(&self) -> Ticks {
-        self.next_match
-            .into_iter()
-            .fold(self.next_overflow, Ticks::min)
+        self.counter.next()
     }
 
     /// Overflow and matches that fall on `now`.
     pub(crate) fn advance(&mut self, now: Ticks) {
-        if self.next_overflow <= now {
+        if self.counter.next_overflow <= now {
             self.overflow(now);
         }
         for channel in 0..self.channels {
-            if self.next_match[channel] <= now {
-                self.next_match[channel] = Ticks::NEVER;
+            let next = &mut self.counter.next_match[channel];
+            if *next <= now {
+                *next = Ticks::NEVER;
                 self.meet(channel);
             }
         }
     }
 
     fn overflow(&mut self, now: Ticks) {
-        self.flags |= OVF;
+        self.interrupts.flags |= OVF;
         if self.ctrlb & LUPD == 0 {
             self.update();
         }
-        if let Some(run) = &mut self.run {
-            run.begin_next_cycle();
+        if self.counter.overflow(now, self.ctrlb & ONESHOT != 0) {
+            self.begin_cycle(now);
         }
-        if self.ctrlb & ONESHOT != 0 {
-            self.halt(now);
-            self.held = 0;
-            self.stopped = true;
-            return;
-        }
-        self.begin_cycle(now);
     }
 
     /// COUNT meets CC of a channel.
     fn meet(&mut self, channel: usize) {
-        self.flags |= MC0 << channel;
+        self.interrupts.flags |= MC0 << channel;
         let bit = 1 << channel;
         if self.is_npwm() {
             self.levels &= !bit;
@@ -210,7 +173,6 @@ impl Tcc {
 
     /// COUNT is 0: outputs rise.
     fn begin_cycle(&mut self, now: Ticks) {
-        self.set_length(now);
         if self.is_npwm() {
             self.levels = (1 << self.channels) - 1;
         }
@@ -218,28 +180,18 @@ impl Tcc {
             if self.cc[channel] == 0 {
                 self.meet(channel);
             }
-            self.schedule_match(now, channel);
         }
+        self.schedule(now);
     }
 
     fn is_npwm(&self) -> bool {
         self.wave & 7 == NPWM
     }
 
-    /// The cycle ends after PER, or at the counter's own end if COUNT is beyond PER already.
-    fn set_length(&mut self, now: Ticks) {
-        let Some(run) = &mut self.run else {
-            self.next_overflow = Ticks::NEVER;
-            return;
-        };
-        run.set_top(now, self.per, self.max);
-        self.next_overflow = run.end();
-    }
-
-    /// Finds the match still to come in this cycle, if there is one.
-    fn schedule_match(&mut self, now: Ticks, channel: usize) {
-        let cc = self.cc[channel];
-        self.next_match[channel] = self.run.map_or(Ticks::NEVER, |run| run.next_match(now, cc));
+    /// Finds the end of the cycle and the matches still to come in it.
+    fn schedule(&mut self, now: Ticks) {
+        let cc = &self.cc[..self.channels];
+        self.counter.schedule(now, self.per, self.max, cc);
     }
 
     /// Copies the valid buffers.
@@ -255,43 +207,22 @@ impl Tcc {
         self.valid = 0;
     }
 
-    /// Stops counting; COUNT stays.
-    fn halt(&mut self, now: Ticks) {
-        if let Some(run) = self.run.take() {
-            self.held = run.count(now);
-        }
-        self.next_overflow = Ticks::NEVER;
-        self.next_match = [Ticks::NEVER; 4];
-    }
-
     /// Counts on from where COUNT stands, if enabled, not stopped and clocked.
     fn resume(&mut self, now: Ticks) {
-        if self.ctrla & ENABLE == 0 || self.stopped {
-            return;
-        }
-        let Some(clock) = self.clock else { return };
-        let rate = clock.divided(prescaler(self.ctrla));
-        self.run = Some(Run::new(rate, now, self.held));
-        self.set_length(now);
-        for channel in 0..self.channels {
-            self.schedule_match(now, channel);
-        }
+        self.counter.resume(now, self.ctrla);
+        self.schedule(now);
     }
 
     fn enable(&mut self, now: Ticks) {
         self.ctrla |= ENABLE;
-        self.stopped = false;
+        self.counter.stopped = false;
         self.levels = 0;
         if self.is_npwm() {
             for channel in 0..self.channels {
-                self.levels |= u8::from(self.cc[channel] > self.held) << channel;
+                self.levels |= u8::from(self.cc[channel] > self.counter.held) << channel;
             }
         }
         self.resume(now);
-    }
-
-    fn count(&self, now: Ticks) -> u32 {
-        self.run.map_or(self.held, |run| run.count(now))
     }
 
     pub(crate) fn read(&self, now: Ticks, offset: u32) -> Read {
@@ -307,9 +238,8 @@ impl Tcc {
             }
             0x08 => self.sync.bits(now),
             0x0C | 0x10 | 0x14 | 0x18 | 0x1C | 0x20 | 0x38 | 0x64 | 0x68 => 0,
-            0x24 | 0x28 => self.interrupts,
-            0x2C => self.flags,
-            0x30 => self.valid | if self.stopped { STATUS_STOP } else { 0 },
+            0x24 | 0x28 | 0x2C => self.interrupts.read_words(offset - 0x24),
+            0x30 => self.valid | if self.counter.stopped { STATUS_STOP } else { 0 },
             0x34 => {
                 let (from, count) = self.count_synced;
                 if now >= from { count } else { self.count_read }
@@ -343,21 +273,17 @@ impl Tcc {
                     return Err(Refusal::Unmodelled(feature(offset)));
                 }
             }
-            0x24 => self.interrupts &= !lanes.bits(),
-            0x28 => {
-                if lanes.bits() & !(OVF | TRG | ERR | MCX) != 0 {
-                    return Err(Refusal::Unmodelled("this bit of INTENSET"));
-                }
-                self.interrupts |= lanes.bits();
+            0x28 if lanes.bits() & !(OVF | TRG | ERR | MCX) != 0 => {
+                return Err(Refusal::Unmodelled("this bit of INTENSET"));
             }
-            0x2C => self.flags &= !lanes.bits(),
+            0x24 | 0x28 | 0x2C => self.interrupts.write_words(offset - 0x24, lanes),
             0x30 => self.valid &= !lanes.bits(),
             0x34 => {
                 if self.synchronise(bus, busy::COUNT) {
-                    self.halt(now);
-                    self.held = lanes.merge(0) & self.max;
-                    self.count_read = self.held;
-                    self.count_synced = (now, self.held);
+                    self.counter.halt(now);
+                    self.counter.held = lanes.merge(0) & self.max;
+                    self.count_read = self.counter.held;
+                    self.count_synced = (now, self.counter.held);
                     self.resume(now);
                 }
             }
@@ -373,14 +299,14 @@ impl Tcc {
             0x40 => {
                 if self.synchronise(bus, busy::PER) {
                     self.per = lanes.merge(self.per) & self.max;
-                    self.set_length(now);
+                    self.counter.set_top(now, self.per, self.max);
                 }
             }
             0x44..=0x50 => {
                 let channel = self.channel(offset, 0x44)?;
                 if self.synchronise(bus, busy::CC0 + channel) {
                     self.cc[channel] = lanes.merge(self.cc[channel]) & self.max;
-                    self.schedule_match(now, channel);
+                    self.counter.set_match(now, channel, self.cc[channel]);
                 }
             }
             0x6C => {
@@ -416,18 +342,12 @@ impl Tcc {
         if was_enabled != enables && !self.synchronise(bus, busy::ENABLE) {
             return DONE;
         }
-        if was_enabled && (self.ctrla ^ value) & CTRLA_MODELLED != 0 {
-            let what = "enable-protected CTRLA written while enabled: discarded";
-            bus.violations.note(bus.now, NAMES[self.index], what);
-        } else {
-            self.ctrla = value & CTRLA_MODELLED | self.ctrla & ENABLE;
-        }
+        bus.write_ctrla(self.name(), &mut self.ctrla, value, CTRLA_MODELLED);
         match (was_enabled, enables) {
             (false, true) => self.enable(bus.now),
             (true, false) => {
-                self.halt(bus.now);
+                self.counter.stop(bus.now);
                 self.ctrla &= !ENABLE;
-                self.stopped = true;
             }
             _ => {}
         }
@@ -438,7 +358,7 @@ impl Tcc {
         let fresh = Self::new(self.index, SyncHold::Instant);
         *self = Self {
             sync: self.sync.clone(),
-            clock: self.clock,
+            counter: self.counter.fresh(),
             ..fresh
         };
     }
@@ -456,23 +376,15 @@ impl Tcc {
         self.command = command;
         match command {
             1 if self.ctrla & ENABLE != 0 => {
-                self.halt(now);
-                self.held = 0;
-                self.stopped = false;
-                self.flags |= TRG;
+                self.counter.retrigger(now);
+                self.interrupts.flags |= TRG;
                 self.resume(now);
                 self.begin_cycle(now);
             }
-            2 => {
-                self.halt(now);
-                self.stopped = true;
-            }
+            2 => self.counter.stop(now),
             3 => {
                 self.update();
-                self.set_length(now);
-                for channel in 0..self.channels {
-                    self.schedule_match(now, channel);
-                }
+                self.schedule(now);
             }
             4 => {
                 let (from, count) = self.count_synced;
@@ -480,8 +392,8 @@ impl Tcc {
                     self.count_read = count;
                 }
                 let ready = now + self.sync.remaining(now, busy::CTRLB);
-                self.count_synced = (ready, self.count(now));
-                self.begin_sync(now, busy::COUNT);
+                self.count_synced = (ready, self.counter.count(now));
+                self.sync.begin(now, busy::COUNT);
             }
             _ => {}
         }
@@ -493,19 +405,15 @@ impl Tcc {
     fn synchronise(&mut self, bus: &mut Bus<'_>, bit: usize) -> bool {
         if self.sync.is_busy(bus.now, bit) {
             let what = "a register written while it synchronises: discarded";
-            bus.violations.note(bus.now, NAMES[self.index], what);
+            bus.note(self.name(), what);
             return false;
         }
-        self.begin_sync(bus.now, bit);
+        self.sync.begin(bus.now, bit);
         true
     }
 
-    fn begin_sync(&mut self, now: Ticks, bit: usize) {
-        if self.clock.is_some() {
-            self.sync.begin(now, bit);
-        } else {
-            self.sync.hang(bit);
-        }
+    fn name(&self) -> &'static str {
+        entry(Block::Tcc(self.index)).name
     }
 
     fn channel(&self, offset: u32, base: u32) -> Result<usize, Refusal> {

@@ -11,11 +11,13 @@
 //! | OUT, IN | STALLRQ is set | STALL and its flag |
 //!
 //! With MULTI_PACKET_SIZE, OUT gathers packets until that many bytes or a short packet have come;
-//! BYTE_COUNT above SIZE sends several IN packets while MULTI_PACKET_SIZE counts (D21-801); SETUP: D21-798.
+//! BYTE_COUNT above SIZE sends several IN packets while MULTI_PACKET_SIZE counts (D21-801); SETUP:
+//! D21-798.
 
 use super::{ENDPOINTS, RAMACER, Usb};
 use crate::memory::Memory;
 use crate::peripherals::access::{DONE, Lanes, RESERVED, Read, Refusal, Write};
+use crate::peripherals::interrupts::Interrupts;
 
 const DTGLOUT: u8 = 1 << 0;
 const DTGLIN: u8 = 1 << 1;
@@ -25,13 +27,13 @@ const STALLRQ1: u8 = 1 << 5;
 const BK0RDY: u8 = 1 << 6;
 const BK1RDY: u8 = 1 << 7;
 
-const TRCPT0: u8 = 1 << 0;
-const TRCPT1: u8 = 1 << 1;
-const TRFAIL0: u8 = 1 << 2;
-const TRFAIL1: u8 = 1 << 3;
-const RXSTP: u8 = 1 << 4;
-const STALL0: u8 = 1 << 5;
-const STALL1: u8 = 1 << 6;
+const TRCPT0: u32 = 1 << 0;
+const TRCPT1: u32 = 1 << 1;
+const TRFAIL0: u32 = 1 << 2;
+const TRFAIL1: u32 = 1 << 3;
+const RXSTP: u32 = 1 << 4;
+const STALL0: u32 = 1 << 5;
+const STALL1: u32 = 1 << 6;
 
 const CONTROL: u8 = 1;
 const BYTE_COUNT: u32 = 0x3FFF;
@@ -61,19 +63,17 @@ pub(crate) enum Packet {
 pub(super) struct Endpoint {
     config: u8,
     status: u8,
-    flags: u8,
-    interrupts: u8,
+    interrupts: Interrupts<0x7F>,
 }
 
 impl Endpoint {
     pub(super) fn irq(&self) -> bool {
-        self.flags & self.interrupts != 0
+        self.interrupts.is_requested()
     }
 
     pub(super) fn bus_reset(&mut self, keeps_config: bool) {
         self.status &= !(STALLRQ0 | STALLRQ1);
-        self.flags = 0;
-        self.interrupts = 0;
+        self.interrupts = Interrupts::default();
         if !keeps_config {
             self.configure(0);
         }
@@ -96,15 +96,15 @@ impl Endpoint {
             self.status &= !DTGLIN;
         }
         if config == 0 {
-            self.interrupts = 0;
+            self.interrupts.disable(u32::MAX);
         }
     }
 
     pub(super) fn read(&self, offset: u32) -> Read {
         match offset {
             0x00 => Ok(u32::from(self.config)),
-            0x04 => Ok(u32::from(self.status) << 16 | u32::from(self.flags) << 24),
-            0x08 => Ok(u32::from(self.interrupts) * 0x0101),
+            0x04 => Ok(u32::from(self.status) << 16 | self.interrupts.flags << 24),
+            0x08 => Ok(self.interrupts.enabled() * 0x0101),
             _ => Err(RESERVED),
         }
     }
@@ -125,12 +125,12 @@ impl Endpoint {
             0x04 => {
                 self.status &= !lanes.byte(0).unwrap_or(0);
                 self.status |= lanes.byte(1).unwrap_or(0) & 0xF7;
-                self.flags &= !lanes.byte(3).unwrap_or(0);
+                self.interrupts.flags &= !(lanes.bits() >> 24);
             }
             0x08 => {
-                self.interrupts &= !lanes.byte(0).unwrap_or(0);
+                self.interrupts.disable(lanes.bits() & 0xFF);
                 if self.config != 0 {
-                    self.interrupts |= lanes.byte(1).unwrap_or(0) & 0x7F;
+                    self.interrupts.enable(lanes.bits() >> 8 & 0xFF);
                 }
             }
             _ => return Err(RESERVED),
@@ -173,8 +173,8 @@ impl Bank {
 }
 
 impl Usb {
-    /// Whether a token for this endpoint will be answered with NAK, so that the host may reckon
-    /// with a short transaction. Direction is the host's.
+    /// Whether a token for this endpoint will be answered with NAK, so that the host can
+    /// plan a short transaction. Direction is the host's.
     pub(crate) fn would_nak(&self, number: u8, is_in: bool) -> bool {
         let endpoint = self.endpoints[usize::from(number)];
         if is_in {
@@ -186,7 +186,8 @@ impl Usb {
 
     /// A token that was answered with NAK.
     pub(crate) fn nak(&mut self, number: u8, is_in: bool) {
-        self.endpoints[usize::from(number)].flags |= if is_in { TRFAIL1 } else { TRFAIL0 };
+        self.endpoints[usize::from(number)].interrupts.flags |=
+            if is_in { TRFAIL1 } else { TRFAIL0 };
     }
 
     fn is_addressed(&self, device: u8, number: u8) -> bool {
@@ -211,7 +212,7 @@ impl Usb {
                 pcksize,
             });
         if found.is_none() {
-            self.flags |= RAMACER;
+            self.interrupts.flags |= RAMACER;
         }
         found
     }
@@ -227,7 +228,7 @@ impl Usb {
         let index = usize::from(number);
         if !self.is_addressed(device, number)
             || self.endpoints[index].type_out() != CONTROL
-            || self.endpoints[index].flags & RXSTP != 0
+            || self.endpoints[index].interrupts.flags & RXSTP != 0
         {
             return Handshake::Silence;
         }
@@ -242,7 +243,7 @@ impl Usb {
         let endpoint = &mut self.endpoints[index];
         endpoint.status &= !(BK1RDY | STALLRQ0 | STALLRQ1);
         endpoint.status |= BK0RDY | DTGLOUT | DTGLIN | CURBK;
-        endpoint.flags |= RXSTP;
+        endpoint.interrupts.flags |= RXSTP;
         Handshake::Ack
     }
 
@@ -261,7 +262,7 @@ impl Usb {
         }
         let endpoint = &mut self.endpoints[index];
         if endpoint.status & STALLRQ0 != 0 {
-            endpoint.flags |= STALL0;
+            endpoint.interrupts.flags |= STALL0;
             return Handshake::Stall;
         }
         if endpoint.status & BK0RDY != 0 {
@@ -276,7 +277,7 @@ impl Usb {
         };
         let length = bytes.len() as u32;
         if length > bank.size() {
-            self.flags |= RAMACER;
+            self.interrupts.flags |= RAMACER;
             return Handshake::Silence;
         }
         let multi_packet_size = bank.multi_packet_size();
@@ -294,7 +295,7 @@ impl Usb {
         endpoint.status ^= DTGLOUT;
         if complete {
             endpoint.status |= BK0RDY;
-            endpoint.flags |= TRCPT0;
+            endpoint.interrupts.flags |= TRCPT0;
         }
         Handshake::Ack
     }
@@ -307,7 +308,7 @@ impl Usb {
         }
         let endpoint = &mut self.endpoints[index];
         if endpoint.status & STALLRQ1 != 0 {
-            endpoint.flags |= STALL1;
+            endpoint.interrupts.flags |= STALL1;
             return Packet::Stall;
         }
         if endpoint.status & BK1RDY == 0 {
@@ -321,14 +322,14 @@ impl Usb {
         let length = total.saturating_sub(sent).min(bank.size());
         let start = bank.address.wrapping_add(sent);
         let Some(bytes) = memory.bytes(start, length as usize).map(<[u8]>::to_vec) else {
-            self.flags |= RAMACER;
+            self.interrupts.flags |= RAMACER;
             return Packet::Silence;
         };
         let sent = sent + length;
         let zero_packet = length == bank.size() && bank.pcksize & AUTO_ZLP != 0;
         bank.set_counts(total, sent);
         if bank.store(memory).is_none() {
-            self.flags |= RAMACER;
+            self.interrupts.flags |= RAMACER;
             return Packet::Silence;
         }
         let endpoint = &mut self.endpoints[index];
@@ -336,7 +337,7 @@ impl Usb {
         endpoint.status ^= DTGLIN;
         if sent >= total && !zero_packet {
             endpoint.status &= !BK1RDY;
-            endpoint.flags |= TRCPT1;
+            endpoint.interrupts.flags |= TRCPT1;
         }
         Packet::Data(bytes, toggle)
     }
@@ -354,7 +355,7 @@ impl Usb {
             .map(|target| target.copy_from_slice(bytes))
             .and_then(|()| bank.store(memory));
         if done.is_none() {
-            self.flags |= RAMACER;
+            self.interrupts.flags |= RAMACER;
         }
         done
     }

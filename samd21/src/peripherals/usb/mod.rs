@@ -16,8 +16,8 @@
 //! | 104-106+20n | EPSTATUSCLR, EPSTATUSSET, EPSTATUS | toggles, STALLRQ, BKxRDY |
 //! | 107-109+20n | EPINTFLAG, EPINTENCLR, EPINTENSET | TRCPT, TRFAIL, RXSTP, STALL |
 //!
-//! What tokens do to banks and descriptors is in `endpoint`. The end of a bus reset clears EPCFG1-7,
-//! DADD, FNUM, all EPINTFLAG and EPINTEN, STALLRQ and UPRSM, but not BKxRDY. An endpoint without a
+//! What tokens do to banks and descriptors is in `endpoint`. The end of a bus reset clears
+//! EPCFG1-7, DADD, FNUM, all EPINTFLAG and EPINTEN, STALLRQ and UPRSM, but not BKxRDY. An endpoint without a
 //! type has no interrupts enabled and its toggles are clear.
 //!
 //! | left out | why |
@@ -35,6 +35,8 @@ pub(crate) use endpoint::{Handshake, Packet};
 
 use super::access::{Bus, DONE, Lanes, RESERVED, Read, Refusal, Write};
 use super::clock::{Rate, SyncFlags};
+use super::interrupts::Interrupts;
+use super::map::Block;
 use crate::SyncHold;
 use crate::board::Ticks;
 use endpoint::Endpoint;
@@ -43,22 +45,21 @@ const SWRST: u8 = 1 << 0;
 const ENABLE: u8 = 1 << 1;
 const DETACH: u16 = 1 << 0;
 
-const SUSPEND: u16 = 1 << 0;
-const SOF: u16 = 1 << 2;
-const EORST: u16 = 1 << 3;
-const WAKEUP: u16 = 1 << 4;
-const RAMACER: u16 = 1 << 7;
+const SUSPEND: u32 = 1 << 0;
+const SOF: u32 = 1 << 2;
+const EORST: u32 = 1 << 3;
+const WAKEUP: u32 = 1 << 4;
+const RAMACER: u32 = 1 << 7;
 
 /// Idle time of the bus after which a device has to suspend (USB 2.0, 7.1.7.6).
 const IDLE_LIMIT: Ticks = Ticks::from_ms(3);
 /// Endpoint numbers that the controller has.
 const ENDPOINTS: usize = 8;
 
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub(crate) struct Usb {
+    /// Clocked: GCLK_USB is there at 48 MHz.
     sync: SyncFlags<2>,
-    /// GCLK_USB is there at 48 MHz.
-    clocked: bool,
     /// PA24 and PA25 are USB's.
     pads: bool,
     ctrla: u8,
@@ -66,8 +67,7 @@ pub(crate) struct Usb {
     ctrlb: u16,
     address: u8,
     frame: u16,
-    interrupts: u16,
-    flags: u16,
+    interrupts: Interrupts<0x03FF>,
     descriptors: u32,
     padcal: u16,
     endpoints: [Endpoint; ENDPOINTS],
@@ -79,25 +79,16 @@ impl Usb {
     pub(crate) fn new(hold: SyncHold) -> Self {
         Self {
             sync: SyncFlags::new(hold),
-            clocked: false,
-            pads: false,
-            ctrla: 0,
             qos: 5,
             ctrlb: DETACH,
-            address: 0,
-            frame: 0,
-            interrupts: 0,
-            flags: 0,
-            descriptors: 0,
-            padcal: 0,
-            endpoints: [Endpoint::default(); ENDPOINTS],
-            suspended: false,
-            last_activity: Ticks::ZERO,
+            interrupts: Interrupts::of(Block::Usb),
+            ..Self::default()
         }
     }
 
-    pub(crate) fn set_clock(&mut self, clock: Option<Rate>) {
-        self.clocked = clock == Some(Rate::from_hz(48_000_000));
+    pub(crate) fn set_clock(&mut self, now: Ticks, clock: Option<Rate>) {
+        let clocked = clock == Some(Rate::from_hz(48_000_000));
+        self.sync.set_clocked(now, clocked);
     }
 
     pub(crate) fn set_pads(&mut self, pads: bool) {
@@ -106,11 +97,13 @@ impl Usb {
 
     /// Whether the pull-up on D+ shows a device, and one that can answer.
     pub(crate) fn is_attached(&self) -> bool {
-        self.ctrla & ENABLE != 0 && self.ctrlb & DETACH == 0 && self.pads && self.clocked
+        self.ctrla & ENABLE != 0 && self.ctrlb & DETACH == 0 && self.pads && self.sync.is_clocked()
     }
 
-    pub(crate) fn irq(&self) -> bool {
-        self.ctrla & ENABLE != 0 && (self.flags & self.interrupts != 0 || self.summary() != 0)
+    pub(crate) fn irq(&self) -> u32 {
+        let requested = self.interrupts.is_requested() || self.summary() != 0;
+        self.interrupts
+            .irq_if(self.ctrla & ENABLE != 0 && requested)
     }
 
     /// When the bus will have been idle for too long.
@@ -125,7 +118,7 @@ impl Usb {
     pub(crate) fn advance(&mut self, now: Ticks) {
         if self.next() <= now {
             self.suspended = true;
-            self.flags |= SUSPEND;
+            self.interrupts.flags |= SUSPEND;
         }
     }
 
@@ -138,21 +131,21 @@ impl Usb {
         for (number, endpoint) in self.endpoints.iter_mut().enumerate() {
             endpoint.bus_reset(number == 0);
         }
-        self.flags |= EORST;
+        self.interrupts.flags |= EORST;
     }
 
     /// The host has sent a start-of-frame packet.
     pub(crate) fn start_of_frame(&mut self, now: Ticks, frame: u16) {
         self.wake(now);
         self.frame = frame & 0x7FF;
-        self.flags |= SOF;
+        self.interrupts.flags |= SOF;
     }
 
     fn wake(&mut self, now: Ticks) {
         self.last_activity = now;
         if self.suspended {
             self.suspended = false;
-            self.flags |= WAKEUP;
+            self.interrupts.flags |= WAKEUP;
         }
     }
 
@@ -179,8 +172,7 @@ impl Usb {
                 0x40 | fsm << 8
             }
             0x10 => u32::from(self.frame) << 3,
-            0x14 | 0x18 => u32::from(self.interrupts),
-            0x1C => u32::from(self.flags),
+            0x14 | 0x18 | 0x1C => self.interrupts.read_words(offset - 0x14),
             0x20 => u32::from(self.summary()),
             0x24 => self.descriptors,
             0x28 => u32::from(self.padcal),
@@ -212,7 +204,7 @@ impl Usb {
                     if ctrlb & DETACH == 0 && !self.is_attached() {
                         let what =
                             "attached without being enabled, clocked at 48 MHz and on its pads";
-                        bus.violations.note(bus.now, "USB", what);
+                        bus.note("USB", what);
                     }
                 }
                 if let Some(address) = lanes.byte(2) {
@@ -220,9 +212,7 @@ impl Usb {
                 }
             }
             0x0C | 0x10 | 0x20 => {}
-            0x14 => self.interrupts &= !(lanes.bits() as u16),
-            0x18 => self.interrupts |= lanes.bits() as u16 & 0x03FF,
-            0x1C => self.flags &= !(lanes.bits() as u16),
+            0x14 | 0x18 | 0x1C => self.interrupts.write_words(offset - 0x14, lanes),
             0x24 => self.descriptors = lanes.merge(self.descriptors),
             0x28 => self.padcal = lanes.merge(u32::from(self.padcal)) as u16,
             0x100..0x200 => {
@@ -239,33 +229,23 @@ impl Usb {
             return Err(Refusal::Unmodelled("host mode"));
         }
         if self.sync.bits(bus.now) != 0 {
-            let what = "CTRLA written while it synchronises: discarded";
-            bus.violations.note(bus.now, "USB", what);
+            bus.note("USB", "CTRLA written while it synchronises: discarded");
             return Ok(());
         }
         if value & SWRST != 0 {
             *self = Self {
                 sync: self.sync.clone(),
-                clocked: self.clocked,
                 pads: self.pads,
                 ..Self::new(SyncHold::Instant)
             };
-            self.begin_sync(bus.now, 0);
+            self.sync.begin(bus.now, 0);
             return Ok(());
         }
         if (self.ctrla ^ value) & ENABLE != 0 {
-            self.begin_sync(bus.now, 1);
+            self.sync.begin(bus.now, 1);
             self.last_activity = bus.now;
         }
         self.ctrla = value & 0x06;
         Ok(())
-    }
-
-    fn begin_sync(&mut self, now: Ticks, bit: usize) {
-        if self.clocked {
-            self.sync.begin(now, bit);
-        } else {
-            self.sync.hang(bit);
-        }
     }
 }

@@ -5,7 +5,7 @@ const BASE: u32 = 0x2000_0100;
 
 fn ready() -> (Usb, Memory) {
     let mut usb = Usb::new(SyncHold::Instant);
-    usb.set_clock(Some(Rate::from_hz(48_000_000)));
+    usb.set_clock(Ticks::ZERO, Some(Rate::from_hz(48_000_000)));
     usb.set_pads(true);
     usb.ctrla = ENABLE;
     usb.ctrlb = 0;
@@ -161,7 +161,7 @@ fn a_bus_reset_clears_all_but_the_ready_bits_and_endpoint_zero() {
     assert_eq!(usb.endpoints[2].read(0), Ok(0));
     assert_eq!(status(&usb, 2), 0x40, "BK0RDY stays, the toggle goes");
     assert_eq!((usb.summary(), usb.address), (0, 0));
-    assert_eq!(usb.flags, EORST);
+    assert_eq!(usb.interrupts.flags, EORST);
     usb.endpoints[2].write(8, Lanes::new(0x03, 1, 1)).unwrap();
     assert_eq!(usb.endpoints[2].read(8), Ok(0), "no type, no interrupts");
 }
@@ -172,7 +172,7 @@ fn descriptors_outside_of_sram_are_an_access_error() {
     config(&mut usb, 0, 0x11);
     usb.descriptors = 0x3000_0000;
     assert_eq!(usb.setup(0, 0, [0; 8], &mut memory), Handshake::Silence);
-    assert_eq!(usb.flags, RAMACER);
+    assert_eq!(usb.interrupts.flags, RAMACER);
 }
 
 #[test]
@@ -181,9 +181,9 @@ fn an_idle_bus_suspends_and_a_frame_wakes() {
     usb.start_of_frame(Ticks::from_ms(1), 77);
     assert_eq!(usb.next(), Ticks::from_ms(4));
     usb.advance(Ticks::from_ms(4));
-    assert_eq!(usb.flags, SUSPEND | SOF);
+    assert_eq!(usb.interrupts.flags, SUSPEND | SOF);
     assert_eq!(usb.next(), Ticks::NEVER);
     usb.start_of_frame(Ticks::from_ms(5), 78);
-    assert_eq!(usb.flags, SUSPEND | SOF | WAKEUP);
+    assert_eq!(usb.interrupts.flags, SUSPEND | SOF | WAKEUP);
     assert_eq!(usb.read(Ticks::ZERO, 0x10), Ok(78 << 3));
 }

@@ -1,0 +1,274 @@
+use std::vec::Vec;
+
+use super::*;
+use crate::config::Sensors;
+use crate::config::{AccRange, GyrRange};
+
+const REST: [i16; 9] = [3, -2, 981, 320, -90, 640, 1, -4, 2];
+
+fn bytes(words: [i16; 9]) -> Vec<u8> {
+    words.iter().flat_map(|word| word.to_le_bytes()).collect()
+}
+
+fn with(changes: &[(usize, i16)]) -> [i16; 9] {
+    let mut words = REST;
+    for &(at, value) in changes {
+        words[at] = value;
+    }
+    words
+}
+
+/// Verdicts on a sequence of bursts, 10 ms apart.
+fn verdicts(config: &Config, bursts: &[[i16; 9]]) -> Vec<Option<SensorFault>> {
+    let mut inspector = Inspector::default();
+    (0..)
+        .map(|tick| Micros(tick * 10_000))
+        .zip(bursts)
+        .map(|(time, burst)| inspector.judge(config, time, &bytes(*burst)).err())
+        .collect()
+}
+
+fn verdict(burst: [i16; 9]) -> Option<SensorFault> {
+    verdicts(&Config::default(), &[burst])[0]
+}
+
+#[test]
+fn a_sample_by_hand() {
+    let judged = Inspector::default()
+        .judge(&Config::default(), Micros(5), &bytes(REST))
+        .unwrap();
+    assert!(judged.fresh);
+    let sample = judged.sample;
+    assert_eq!((sample.time, sample.acc), (Micros(5), [3, -2, 981]));
+    assert_eq!((sample.mag, sample.gyr), ([320, -90, 640], [1, -4, 2]));
+    let units = Units::default();
+    assert!((sample.acc_m_s2(&units)[2] - 9.81).abs() < 1e-5);
+    assert!((sample.gyr_rad_s(&units)[1] + 0.25_f32.to_radians()).abs() < 1e-6);
+    assert_eq!(sample.mag_ut(), [20.0, -5.625, 40.0]);
+}
+
+#[test]
+fn each_mode_reads_its_sensors_in_one_burst() {
+    let spans = [
+        (Mode::AccOnly, (0x08, 6)),
+        (Mode::MagOnly, (0x0E, 6)),
+        (Mode::GyrOnly, (0x14, 6)),
+        (Mode::AccMag, (0x08, 12)),
+        (Mode::AccGyr, (0x08, 18)),
+        (Mode::MagGyr, (0x0E, 12)),
+        (Mode::Amg, (0x08, 18)),
+        (Mode::Imu, (0x08, 18)),
+        (Mode::Compass, (0x08, 12)),
+        (Mode::M4g, (0x08, 12)),
+        (Mode::NdofFmcOff, (0x08, 18)),
+        (Mode::Ndof, (0x08, 18)),
+    ];
+    for (mode, expected) in spans {
+        assert_eq!(span(mode), expected, "{mode:?}");
+    }
+    let config = Config {
+        mode: Mode::MagGyr,
+        ..Config::default()
+    };
+    let judged = Inspector::default()
+        .judge(&config, Micros(0), &bytes(REST)[6..])
+        .unwrap();
+    assert_eq!(
+        (judged.sample.acc, judged.sample.mag),
+        ([0; 3], [320, -90, 640])
+    );
+    assert_eq!(
+        Inspector::default().judge(&config, Micros(0), &bytes(REST)),
+        Err(SensorFault::Protocol)
+    );
+}
+
+#[test]
+fn zeros_are_a_reset_only_where_all_is_zero() {
+    assert_eq!(verdict([0; 9]), Some(SensorFault::Reset));
+    // A magnetometer may hold its last value longer than the others.
+    assert_eq!(
+        verdict([0, 0, 0, 320, -90, 640, 0, 0, 0]),
+        Some(SensorFault::Reset)
+    );
+    assert_eq!(verdict(with(&[(6, 0), (7, 0), (8, 0)])), None);
+    assert_eq!(verdict(with(&[(0, 0), (1, 0), (2, 0)])), None, "free fall");
+    assert_eq!(
+        verdict(with(&[(3, 0), (4, 0), (5, 0)])),
+        Some(SensorFault::Implausible),
+        "no field"
+    );
+}
+
+#[test]
+fn ones_are_told_from_noise_round_zero() {
+    assert_eq!(verdict([-1; 9]), Some(SensorFault::AllOnes));
+    assert_eq!(
+        verdict(with(&[(0, -1), (1, -1), (2, -1)])),
+        Some(SensorFault::AllOnes)
+    );
+    assert_eq!(
+        verdict(with(&[(3, -1), (4, -1), (5, -1)])),
+        Some(SensorFault::AllOnes)
+    );
+    // Level and at rest, all five of these are -1 now and then.
+    let quiet = with(&[(0, -1), (1, -1), (6, -1), (7, -1), (8, -1)]);
+    assert_eq!(verdicts(&Config::default(), &[REST, quiet]), [None, None]);
+    // The same burst with a sixth is not chance.
+    assert_eq!(
+        verdict(with(&[
+            (0, -1),
+            (1, -1),
+            (3, -1),
+            (6, -1),
+            (7, -1),
+            (8, -1)
+        ])),
+        Some(SensorFault::AllOnes)
+    );
+}
+
+#[test]
+fn a_single_word_of_ones_is_believed_only_near_its_last_value() {
+    let turning = with(&[(6, 500)]);
+    let torn = with(&[(6, -1)]);
+    assert_eq!(
+        verdicts(&Config::default(), &[turning, torn, turning]),
+        [None, Some(SensorFault::AllOnes), None]
+    );
+    let slow = with(&[(6, 60)]);
+    assert_eq!(verdicts(&Config::default(), &[slow, torn]), [None, None]);
+    // After a gap the last value says nothing.
+    let mut inspector = Inspector::default();
+    inspector
+        .judge(&Config::default(), Micros(0), &bytes(turning))
+        .unwrap();
+    let later = Micros(STEP_AGE_US + 1);
+    assert!(
+        inspector
+            .judge(&Config::default(), later, &bytes(torn))
+            .is_ok()
+    );
+}
+
+#[test]
+fn equal_bursts_are_normal_until_they_are_five() {
+    let other = with(&[(0, 4)]);
+    let five = [REST, REST, REST, REST, REST];
+    assert_eq!(
+        verdicts(&Config::default(), &five),
+        [None, None, None, None, Some(SensorFault::Frozen)]
+    );
+    assert_eq!(
+        verdicts(&Config::default(), &[REST, REST, REST, REST, other, REST]),
+        [None; 6]
+    );
+    let patient = Config {
+        frozen_after: 6.try_into().unwrap(),
+        ..Config::default()
+    };
+    assert_eq!(verdicts(&patient, &five), [None; 5]);
+}
+
+#[test]
+fn a_gyroscope_without_noise_is_dead_at_the_eighth_burst() {
+    let bursts: Vec<_> = (0..8).map(|tick| with(&[(0, tick)])).collect();
+    let verdicts = verdicts(&Config::default(), &bursts);
+    assert_eq!(verdicts[..7], [None; 7]);
+    assert_eq!(verdicts[7], Some(SensorFault::Frozen));
+    // Bursts that come twice, as at a tick of twice the chip's rate, count once.
+    let twice: Vec<_> = bursts.iter().flat_map(|burst| [*burst; 2]).collect();
+    let verdicts = self::verdicts(&Config::default(), &twice);
+    assert_eq!(verdicts[..14], [None; 14]);
+    assert_eq!(verdicts[14], Some(SensorFault::Frozen));
+    // Fusion removes the bias, and a rate of zero may stand.
+    let fusion = Config {
+        mode: Mode::Ndof,
+        ..Config::default()
+    };
+    assert_eq!(self::verdicts(&fusion, &bursts), [None; 8]);
+}
+
+#[test]
+fn limits_follow_range_and_unit() {
+    let limit = |config: &Config, at: usize, inside: i16| {
+        assert_eq!(verdicts(config, &[with(&[(at, inside)])]), [None]);
+        assert_eq!(
+            verdicts(config, &[with(&[(at, inside + 1)])]),
+            [Some(SensorFault::Implausible)]
+        );
+        assert_eq!(verdicts(config, &[with(&[(at, -inside)])]), [None]);
+    };
+    // 8 g and 2000 deg/s, each and a sixty-fourth.
+    limit(&Config::default(), 2, 7970);
+    limit(&Config::default(), 7, 32_500);
+    limit(&Config::default(), 3, 21_125);
+    let narrow = Sensors {
+        acc_range: AccRange::G2,
+        gyr_range: GyrRange::Dps250,
+        ..Sensors::default()
+    };
+    let units = Units {
+        acc: AccUnit::MilliG,
+        ..Units::default()
+    };
+    let config = Config {
+        sensors: narrow,
+        units,
+        ..Config::default()
+    };
+    limit(&config, 0, 2031);
+    limit(&config, 6, 4062);
+}
+
+#[test]
+fn a_spike_is_held_back_and_a_real_jump_costs_one_sample() {
+    let spike = with(&[(8, 5000)]);
+    let near = with(&[(8, 5300)]);
+    assert_eq!(
+        verdicts(&Config::default(), &[REST, spike, REST]),
+        [None, Some(SensorFault::Torn), None]
+    );
+    assert_eq!(
+        verdicts(&Config::default(), &[REST, spike, near, near]),
+        [None, Some(SensorFault::Torn), None, None]
+    );
+    // The same bytes again are no confirmation.
+    let repeated = verdicts(&Config::default(), &[REST, spike, spike, near]);
+    assert_eq!(
+        repeated,
+        [None, Some(SensorFault::Torn), Some(SensorFault::Torn), None]
+    );
+    let off = Config {
+        step_limit: None,
+        ..Config::default()
+    };
+    assert_eq!(verdicts(&off, &[REST, spike, REST]), [None; 3]);
+}
+
+/// Two spikes in a row look like a real jump. 2000 deg/s are nearly the whole word, half of which is spare at 1000 deg/s, which
+/// leaves no rate whose highest bit could flip without being noticed.
+#[test]
+fn with_half_the_range_no_flipped_highest_bit_is_taken_for_a_rate() {
+    let config = Config {
+        sensors: Sensors {
+            gyr_range: GyrRange::Dps1000,
+            ..Sensors::default()
+        },
+        ..Config::default()
+    };
+    for rate in (-16_000..=16_000).step_by(50) {
+        let good = with(&[(7, rate)]);
+        let flipped = with(&[(7, rate ^ i16::MIN)]);
+        let again = with(&[(0, 9), (7, (rate + 7) ^ i16::MIN)]);
+        assert_eq!(
+            verdicts(&config, &[good, flipped, again]),
+            [
+                None,
+                Some(SensorFault::Implausible),
+                Some(SensorFault::Implausible)
+            ],
+            "{rate}"
+        );
+    }
+}

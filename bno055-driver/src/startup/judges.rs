@@ -1,0 +1,149 @@
+//! What the answers during the set-up must be.
+
+use super::{SetupStep, Verdict};
+use crate::config::Config;
+use crate::fault::SensorFault;
+use crate::profile::ProfileError;
+use crate::registers::{self as reg, IDS};
+use crate::request::Request;
+use crate::settings::Setting;
+use crate::status::{Identity, SystemError, SystemStatus};
+use crate::transfer::Transfer;
+
+pub(super) fn identify(bytes: &[u8], identity: &mut Identity) -> Verdict {
+    let &[
+        chip,
+        acc,
+        mag,
+        gyr,
+        software_low,
+        software_high,
+        bootloader,
+        page,
+    ] = bytes
+    else {
+        return Verdict::Fail(SensorFault::Protocol);
+    };
+    let [right_chip, right @ ..] = IDS;
+    if chip == 0xFF {
+        return Verdict::Fail(SensorFault::AllOnes);
+    }
+    if chip != right_chip {
+        return Verdict::Fail(SensorFault::WrongChip { found: chip });
+    }
+    for (register, (found, right)) in (1..).zip([acc, mag, gyr].into_iter().zip(right)) {
+        if found != right {
+            return Verdict::Fail(SensorFault::DeadSensor { register, found });
+        }
+    }
+    if page != 0 {
+        return Verdict::Fail(SensorFault::Configuration {
+            register: reg::PAGE_ID,
+            found: page,
+        });
+    }
+    identity.software = u16::from_le_bytes([software_low, software_high]);
+    identity.bootloader = bootloader;
+    Verdict::Go(SetupStep::EnterConfig, 0)
+}
+
+pub(super) fn await_mode(bytes: &[u8], mode: u8, next: SetupStep) -> Verdict {
+    let found = bytes.first().map_or(u8::MAX, |found| found & 0x0F);
+    if found == mode {
+        return Verdict::Go(next, 0);
+    }
+    let fault = SensorFault::Configuration {
+        register: reg::OPR_MODE,
+        found,
+    };
+    Verdict::again(5_000, 100_000, fault)
+}
+
+pub(super) fn answer(request: Request, bytes: &[u8], next: SetupStep) -> Verdict {
+    request
+        .decode(bytes)
+        .map_or(Verdict::Fail(SensorFault::Protocol), |answer| {
+            Verdict::Answer(answer, next)
+        })
+}
+
+pub(super) fn await_self_test(bytes: &[u8], next: SetupStep) -> Verdict {
+    match *bytes {
+        [result, _, _, status, _] if SystemStatus::from_register(status).is_starting() => {
+            Verdict::again(10_000, 1_000_000, SensorFault::SelfTest { result })
+        }
+        _ => answer(Request::SelfTest, bytes, next),
+    }
+}
+
+pub(super) fn diagnose(bytes: &[u8], config: &Config) -> Verdict {
+    let &[result, _, _, status, error] = bytes else {
+        return Verdict::Fail(SensorFault::Protocol);
+    };
+    let error = SystemError::from_register(error);
+    match SystemStatus::from_register(status) {
+        SystemStatus::Error => return Verdict::Fail(SensorFault::System { error }),
+        status if status.is_starting() => {
+            return Verdict::again(10_000, 600_000, SensorFault::System { error });
+        }
+        _ => {}
+    }
+    if result & 0x0F != 0x0F {
+        return Verdict::Fail(SensorFault::SelfTest { result });
+    }
+    if let Some(profile) = config.profile
+        && let Err(ProfileError::Range { register, .. }) =
+            profile.check(config.mode, &config.sensors)
+    {
+        return Verdict::Fail(SensorFault::Profile { register });
+    }
+    Verdict::Go(SetupStep::Write(Setting::Power), 0)
+}
+
+pub(super) fn confirm(
+    setting: Setting,
+    bytes: &[u8],
+    config: &Config,
+    identity: &mut Identity,
+) -> Verdict {
+    match setting.write(config) {
+        Transfer::Write {
+            register,
+            bytes: written,
+        } => {
+            for (offset, (&found, &written)) in bytes.iter().zip(written.as_slice()).enumerate() {
+                if (found ^ written) & setting.mask(config, offset) != 0 {
+                    let register = register.saturating_add(offset as u8);
+                    return Verdict::Fail(SensorFault::Configuration { register, found });
+                }
+            }
+        }
+        Transfer::Read { .. } => {
+            if let Ok(unique_id) = bytes.try_into() {
+                identity.unique_id = unique_id;
+            }
+        }
+    }
+    match setting.next(config) {
+        // What is only read needs no writing first.
+        Some(next @ Setting::UniqueId) => Verdict::Go(SetupStep::Confirm(next), 0),
+        Some(next) => Verdict::Go(SetupStep::Write(next), 0),
+        None if config.external_crystal => Verdict::Go(SetupStep::AwaitClock, 0),
+        None => Verdict::Go(SetupStep::EnterMode, 0),
+    }
+}
+
+pub(super) fn await_running(bytes: &[u8], config: &Config) -> Verdict {
+    let &[status, error] = bytes else {
+        return Verdict::Fail(SensorFault::Protocol);
+    };
+    let fault = SensorFault::System {
+        error: SystemError::from_register(error),
+    };
+    match SystemStatus::from_register(status) {
+        SystemStatus::Error => Verdict::Fail(fault),
+        SystemStatus::Fusion if config.mode.is_fusion() => Verdict::Go(SetupStep::AwaitData, 0),
+        SystemStatus::NoFusion if !config.mode.is_fusion() => Verdict::Go(SetupStep::AwaitData, 0),
+        _ => Verdict::again(5_000, 500_000, fault),
+    }
+}

@@ -1,0 +1,413 @@
+//! From power-on to the first good data: one step after another, every register read back.
+
+mod judges;
+
+use crate::config::{Config, ResetPolicy};
+use crate::fault::SensorFault;
+use crate::registers as reg;
+use crate::request::{Answer, Request};
+use crate::sample::{self, Inspector};
+use crate::settings::Setting;
+use crate::status::Identity;
+use crate::transfer::{BusError, Micros, Transfer};
+use judges::{answer, await_mode, await_running, await_self_test, confirm, diagnose, identify};
+
+/// How long a chip may take to answer and identify itself before that is reported as a fault: 850 ms are common,
+/// and the identification can be wrong for another second.
+pub const BOOT_DEADLINE_US: u64 = 1_850_000;
+
+/// Pause between attempts to reach a chip that does not answer.
+const POLL_US: u64 = 20_000;
+/// Pause after the first failure of a chip that answered; doubles up to [`PAUSE_MAX_US`].
+const PAUSE_US: u64 = 50_000;
+const PAUSE_MAX_US: u64 = 800_000;
+/// Any mode to CONFIG (data sheet table 3-6).
+const TO_CONFIG_US: u64 = 19_000;
+/// CONFIG to any mode (data sheet table 3-6).
+const FROM_CONFIG_US: u64 = 7_000;
+/// After a reset command (data sheet table 1-2).
+const RESET_US: u64 = 650_000;
+/// The built-in self-test takes about 0.4 s (data sheet section 3.9.2).
+const SELF_TEST_US: u64 = 400_000;
+/// Until this time after a change of clock, the clock status is still that of the old clock.
+const CLOCK_SWITCH_US: u64 = 10_000;
+
+/// PWR_MODE: everything off but the registers (data sheet section 3.2.3).
+const SUSPEND: u8 = 2;
+
+/// A step of the set-up; [`Startup::row`] has the transfer of each and what follows it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum SetupStep {
+    /// Selects page 0, and so learns whether the chip answers.
+    Call,
+    Identify,
+    /// Only under [`ResetPolicy::AfterFailures`].
+    Reset,
+    EnterConfig,
+    AwaitConfig,
+    /// A request that the chip answers in CONFIG mode only.
+    Ask(Request),
+    AwaitSelfTest,
+    /// Self-test result, system status and error.
+    Diagnose,
+    Write(Setting),
+    Confirm(Setting),
+    AwaitClock,
+    SelectClock,
+    ConfirmClock,
+    EnterMode,
+    AwaitMode,
+    AwaitRunning,
+    /// Bursts, until the data are live.
+    AwaitData,
+    Suspend,
+}
+
+/// What the set-up is for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Goal {
+    Sampling,
+    Suspended,
+}
+
+/// What a step asks of the bus.
+enum Access {
+    Read(u8, u8),
+    Write(u8, u8),
+    Ask(Request),
+    Setting(Setting),
+    ReadBack(Setting),
+    Burst,
+}
+
+impl Access {
+    fn transfer(self, config: &Config) -> Transfer {
+        match self {
+            Self::Read(register, len) => Transfer::read(register, len),
+            Self::Write(register, value) => Transfer::write(register, [value]),
+            Self::Ask(request) => request.read(),
+            Self::Setting(setting) => setting.write(config),
+            Self::ReadBack(setting) => setting.read(config),
+            Self::Burst => sample::burst(config.mode),
+        }
+    }
+}
+
+/// How the answer to a step's transfer is judged.
+enum Judge {
+    /// There is nothing to judge: the step follows after so many microseconds.
+    Then(SetupStep, u64),
+    Identity,
+    /// This operating mode has been reached; then the step follows.
+    Mode(u8, SetupStep),
+    Answer(Request),
+    SelfTest,
+    Diagnosis,
+    Written(Setting),
+    /// The clock source may be changed; the step follows. The patience is in microseconds.
+    ClockIdle(SetupStep, u64),
+    Running,
+    LiveData,
+    Suspended,
+}
+
+/// Where a step leads.
+enum Verdict {
+    /// To the next step, after so many microseconds.
+    Go(SetupStep, u64),
+    /// Once more after so many microseconds, until the step's patience (also microseconds) ends with
+    /// this fault.
+    Again {
+        pause_us: u64,
+        patience_us: u64,
+        fault: SensorFault,
+    },
+    Fail(SensorFault),
+    /// To the next step, with an answer.
+    Answer(Answer, SetupStep),
+    Reached,
+}
+
+impl Verdict {
+    const fn again(pause_us: u64, patience_us: u64, fault: SensorFault) -> Self {
+        Self::Again {
+            pause_us,
+            patience_us,
+            fault,
+        }
+    }
+}
+
+/// What a completed step means to the driver.
+pub(crate) enum Progress {
+    Going,
+    /// The request has its answer; the set-up goes on.
+    Answered(Answer),
+    /// An attempt failed; the fault is to be reported.
+    Failed(SensorFault),
+    /// The chip samples, or is suspended, as was the goal.
+    Reached(Goal),
+}
+
+/// A set-up under way.
+#[derive(Clone, Debug)]
+pub(crate) struct Startup {
+    goal: Goal,
+    /// To be asked on the way.
+    request: Option<Request>,
+    step: SetupStep,
+    step_since: Micros,
+    not_before: Micros,
+    /// When this set-up began; known at the first look at the clock.
+    began: Option<Micros>,
+    /// Failed attempts in a row of a chip that answered.
+    failures: u8,
+    outstanding: bool,
+    /// Fresh, good bursts so far while waiting for data.
+    live: u8,
+    inspector: Inspector,
+    identity: Identity,
+}
+
+impl Startup {
+    /// A set-up that began at `began`, or begins at the first look at the clock.
+    pub(crate) fn new(goal: Goal, request: Option<Request>, began: Option<Micros>) -> Self {
+        let now = began.unwrap_or_default();
+        Self {
+            goal,
+            request,
+            step: SetupStep::Call,
+            step_since: now,
+            not_before: now,
+            began,
+            failures: 0,
+            outstanding: false,
+            live: 0,
+            inspector: Inspector::default(),
+            identity: Identity::default(),
+        }
+    }
+
+    /// Asks nothing more on the way, and discards an answer that is still to come.
+    pub(crate) fn cancel(&mut self) {
+        self.request = None;
+    }
+
+    /// Once sampling: the judge that has seen the first bursts.
+    pub(crate) fn inspector(&self) -> &Inspector {
+        &self.inspector
+    }
+
+    /// Once sampling: the chip's identity.
+    pub(crate) fn identity(&self) -> &Identity {
+        &self.identity
+    }
+
+    /// When this set-up began.
+    pub(crate) fn began(&self) -> Micros {
+        self.began.unwrap_or(self.not_before)
+    }
+
+    /// The next transfer, or the moment before which there is none.
+    pub(crate) fn next(&mut self, now: Micros, config: &Config) -> Result<Transfer, Micros> {
+        self.began.get_or_insert(now);
+        if now < self.not_before {
+            return Err(self.not_before);
+        }
+        self.outstanding = true;
+        let (access, _) = self.row(config);
+        Ok(access.transfer(config))
+    }
+
+    /// The table of the set-up: what each step asks of the bus, and how the answer is judged.
+    fn row(&self, config: &Config) -> (Access, Judge) {
+        use SetupStep as Step;
+        match self.step {
+            Step::Call => (
+                Access::Write(reg::PAGE_ID, 0),
+                Judge::Then(Step::Identify, 0),
+            ),
+            Step::Identify => (Access::Read(reg::CHIP_ID, 8), Judge::Identity),
+            Step::Reset => (
+                Access::Write(reg::SYS_TRIGGER, reg::RST_SYS),
+                Judge::Then(Step::Call, RESET_US),
+            ),
+            Step::EnterConfig => (
+                Access::Write(reg::OPR_MODE, 0),
+                Judge::Then(Step::AwaitConfig, TO_CONFIG_US),
+            ),
+            Step::AwaitConfig => {
+                let next = self.request.map_or(self.purpose(), Step::Ask);
+                (Access::Read(reg::OPR_MODE, 1), Judge::Mode(0, next))
+            }
+            Step::Ask(Request::SelfTest) => {
+                let clock = if config.external_crystal {
+                    reg::CLK_SEL
+                } else {
+                    0
+                };
+                (
+                    Access::Write(reg::SYS_TRIGGER, reg::SELF_TEST | clock),
+                    Judge::Then(Step::AwaitSelfTest, SELF_TEST_US),
+                )
+            }
+            Step::Ask(request) => (Access::Ask(request), Judge::Answer(request)),
+            Step::AwaitSelfTest => (Access::Ask(Request::SelfTest), Judge::SelfTest),
+            Step::Diagnose => (Access::Read(reg::ST_RESULT, 5), Judge::Diagnosis),
+            Step::Write(setting) => (
+                Access::Setting(setting),
+                Judge::Then(Step::Confirm(setting), 0),
+            ),
+            Step::Confirm(setting) => (Access::ReadBack(setting), Judge::Written(setting)),
+            Step::AwaitClock => (
+                Access::Read(reg::SYS_CLK_STATUS, 1),
+                Judge::ClockIdle(Step::SelectClock, 500_000),
+            ),
+            Step::SelectClock => (
+                Access::Write(reg::SYS_TRIGGER, reg::CLK_SEL),
+                Judge::Then(Step::ConfirmClock, CLOCK_SWITCH_US),
+            ),
+            Step::ConfirmClock => (
+                Access::Read(reg::SYS_CLK_STATUS, 1),
+                Judge::ClockIdle(Step::EnterMode, 1_200_000),
+            ),
+            Step::EnterMode => (
+                Access::Write(reg::OPR_MODE, config.mode as u8),
+                Judge::Then(Step::AwaitMode, FROM_CONFIG_US),
+            ),
+            Step::AwaitMode => (
+                Access::Read(reg::OPR_MODE, 1),
+                Judge::Mode(config.mode as u8, Step::AwaitRunning),
+            ),
+            Step::AwaitRunning => (Access::Read(reg::SYS_STATUS, 2), Judge::Running),
+            Step::AwaitData => (Access::Burst, Judge::LiveData),
+            Step::Suspend => (Access::Write(reg::PWR_MODE, SUSPEND), Judge::Suspended),
+        }
+    }
+
+    /// Takes the outcome of the transfer that [`Startup::next`] gave out; ignores any other.
+    pub(crate) fn complete(
+        &mut self,
+        now: Micros,
+        outcome: Result<&[u8], BusError>,
+        config: &Config,
+    ) -> Progress {
+        if !core::mem::take(&mut self.outstanding) {
+            return Progress::Going;
+        }
+        let (access, judge) = self.row(config);
+        let verdict = match outcome {
+            Err(error) => Verdict::Fail(error.into()),
+            Ok(bytes) if bytes.len() != access.transfer(config).answer_len() => {
+                Verdict::Fail(SensorFault::Protocol)
+            }
+            Ok(bytes) => self.judge(judge, now, bytes, config),
+        };
+        match verdict {
+            Verdict::Reached => return Progress::Reached(self.goal),
+            Verdict::Go(step, pause_us) => {
+                self.step = step;
+                self.step_since = now;
+                self.not_before = now.after(pause_us);
+            }
+            Verdict::Answer(answer, step) => {
+                self.step = step;
+                self.step_since = now;
+                // Whoever asked may have cancelled meanwhile.
+                if self.request.take().is_some() {
+                    return Progress::Answered(answer);
+                }
+            }
+            Verdict::Again {
+                pause_us,
+                patience_us,
+                fault,
+            } => {
+                if now.since(self.step_since) >= patience_us {
+                    return self.fail(now, fault, config);
+                }
+                self.not_before = now.after(pause_us);
+            }
+            Verdict::Fail(fault) => return self.fail(now, fault, config),
+        }
+        Progress::Going
+    }
+
+    /// Starts over. A chip that cannot be reached is polled at a steady pace, and reported only when
+    /// it is late. One that answers, but not as it should, is reported at once and tried again after
+    /// ever longer pauses.
+    fn fail(&mut self, now: Micros, fault: SensorFault, config: &Config) -> Progress {
+        let unreached = fault.is_bus() || self.step == SetupStep::Identify;
+        let mut next = SetupStep::Call;
+        let pause_us = if unreached {
+            POLL_US
+        } else {
+            let pause_us = PAUSE_MAX_US.min(PAUSE_US << self.failures.min(8));
+            self.failures = self.failures.saturating_add(1);
+            if let ResetPolicy::AfterFailures(limit) = config.reset
+                && self.failures >= limit.get()
+            {
+                self.failures = 0;
+                next = SetupStep::Reset;
+            }
+            pause_us
+        };
+        self.step = next;
+        self.step_since = now;
+        self.not_before = now.after(pause_us);
+        self.live = 0;
+        if unreached && now.since(self.began()) < BOOT_DEADLINE_US {
+            Progress::Going
+        } else {
+            Progress::Failed(fault)
+        }
+    }
+
+    /// The step after CONFIG mode is reached and the request answered.
+    fn purpose(&self) -> SetupStep {
+        match self.goal {
+            Goal::Sampling => SetupStep::Diagnose,
+            Goal::Suspended => SetupStep::Suspend,
+        }
+    }
+
+    fn judge(&mut self, judge: Judge, now: Micros, bytes: &[u8], config: &Config) -> Verdict {
+        match judge {
+            Judge::Then(next, pause_us) => Verdict::Go(next, pause_us),
+            Judge::Suspended => Verdict::Reached,
+            Judge::Identity => identify(bytes, &mut self.identity),
+            Judge::Mode(mode, next) => await_mode(bytes, mode, next),
+            Judge::Answer(request) => answer(request, bytes, self.purpose()),
+            Judge::SelfTest => await_self_test(bytes, self.purpose()),
+            Judge::Diagnosis => diagnose(bytes, config),
+            Judge::Written(setting) => confirm(setting, bytes, config, &mut self.identity),
+            Judge::ClockIdle(next, patience_us) => match bytes {
+                // Bit 0 set: the clock is being configured and must be left alone.
+                [status] if status & 1 == 0 => Verdict::Go(next, 0),
+                _ => Verdict::again(10_000, patience_us, SensorFault::Clock),
+            },
+            Judge::Running => {
+                let verdict = await_running(bytes, config);
+                if let Verdict::Go(..) = verdict {
+                    self.inspector = Inspector::default();
+                    self.live = 0;
+                }
+                verdict
+            }
+            Judge::LiveData => {
+                let fault = match self.inspector.judge(config, now, bytes) {
+                    Ok(judged) => {
+                        self.live += u8::from(judged.fresh);
+                        // The second fresh burst shows that the data move.
+                        if self.live >= 2 {
+                            return Verdict::Reached;
+                        }
+                        SensorFault::Frozen
+                    }
+                    Err(fault) => fault,
+                };
+                Verdict::again(10_000, 1_000_000, fault)
+            }
+        }
+    }
+}

@@ -1,0 +1,367 @@
+//! The client against a vehicle that can be slow, silent or forgetful.
+
+use super::*;
+use crate::request::{ARM, CALIBRATE, DISARM, SAVE};
+use mavlink::dialects::common::{
+    COMMAND_LONG_DATA, HEARTBEAT_DATA, LOG_ENTRY_DATA, PARAM_REQUEST_READ_DATA, STATUSTEXT_DATA,
+};
+
+const TICK: Duration = Duration::from_millis(10);
+
+/// Both ends of a link and the time that they share.
+#[derive(Default)]
+struct Bench {
+    client: Client,
+    vehicle: Wire,
+    now: Duration,
+}
+
+impl Bench {
+    /// The client sends no heartbeats, which would only stand among what is looked for.
+    fn new() -> Self {
+        Self {
+            client: Client::without_heartbeat(),
+            ..Self::default()
+        }
+    }
+
+    /// What the client sends until so much time has gone by.
+    fn run(&mut self, time: Duration) -> Vec<MavMessage> {
+        let end = self.now + time;
+        let mut sent = Vec::new();
+        loop {
+            self.client.poll(self.now);
+            while let Some(frame) = self.client.outgoing() {
+                sent.extend(self.vehicle.receive(&frame));
+            }
+            if self.now >= end {
+                return sent;
+            }
+            self.now += TICK;
+        }
+    }
+
+    /// What it sends at once.
+    fn sent(&mut self) -> Vec<MavMessage> {
+        self.run(Duration::ZERO)
+    }
+
+    fn order(&mut self, order: Order) -> Ticket {
+        self.client.request(self.now, Request::Order(order))
+    }
+
+    fn request(&mut self, request: Request) -> Ticket {
+        self.client.request(self.now, request)
+    }
+
+    /// The vehicle says something.
+    fn say(&mut self, message: MavMessage) {
+        let frame = self.vehicle.frame(&message);
+        self.client.receive(self.now, &frame);
+    }
+
+    fn ack(&mut self, order: Order, result: MavResult) {
+        self.say(MavMessage::COMMAND_ACK(COMMAND_ACK_DATA {
+            command: order.command,
+            result,
+        }));
+    }
+
+    fn accept(&mut self, order: Order) {
+        self.ack(order, MavResult::MAV_RESULT_ACCEPTED);
+    }
+
+    fn text(&mut self, words: &str) {
+        self.say(MavMessage::STATUSTEXT(STATUSTEXT_DATA {
+            text: words.into(),
+            ..STATUSTEXT_DATA::default()
+        }));
+    }
+
+    fn value(&mut self, index: u16, count: u16) {
+        self.named_value(&format!("P{index}"), index.into(), index, count);
+    }
+
+    fn named_value(&mut self, name: &str, value: f32, index: u16, count: u16) {
+        self.say(MavMessage::PARAM_VALUE(PARAM_VALUE_DATA {
+            param_id: name.into(),
+            param_value: value,
+            param_index: index,
+            param_count: count,
+            ..PARAM_VALUE_DATA::default()
+        }));
+    }
+
+    fn answer(&mut self, ticket: Ticket) -> Option<Answer> {
+        self.client.answer(ticket)
+    }
+}
+
+/// How often an order was sent.
+fn copies(sent: &[MavMessage], order: Order) -> usize {
+    let is = |message: &&MavMessage| match message {
+        MavMessage::COMMAND_LONG(COMMAND_LONG_DATA {
+            command, param1, ..
+        }) => *command == order.command && *param1 == order.params[0],
+        _ => false,
+    };
+    sent.iter().filter(is).count()
+}
+
+fn ms(ms: u64) -> Duration {
+    Duration::from_millis(ms)
+}
+
+#[test]
+fn an_order_is_answered_by_its_acknowledgement_and_repeated_until_then() {
+    let mut bench = Bench::new();
+    let arm = bench.order(ARM);
+    assert_eq!(copies(&bench.run(ms(2_500)), ARM), 3);
+    bench.accept(CALIBRATE);
+    assert_eq!(bench.answer(arm), None);
+    bench.accept(ARM);
+    assert_eq!(bench.answer(arm), Some(Ok(())));
+    assert_eq!(bench.answer(arm), None, "told once");
+    assert!(bench.run(ms(10_000)).is_empty());
+}
+
+#[test]
+fn silence_ends_a_request() {
+    let mut bench = Bench::new();
+    let save = bench.order(SAVE);
+    bench.run(ANSWER - TICK);
+    assert_eq!(bench.answer(save), None);
+    bench.run(TICK);
+    let silence = Failure::Silence(SAVE.name.into());
+    assert_eq!(bench.answer(save), Some(Err(silence.clone())));
+    let words = "no answer about save the parameters from the vehicle within 5 s";
+    assert_eq!(silence.to_string(), words);
+}
+
+#[test]
+fn a_refusal_has_the_reason_that_stands_directly_before_it() {
+    let mut bench = Bench::new();
+    let arm = bench.order(ARM);
+    bench.text("arm refused: run tvc calibrate polarity first");
+    bench.ack(ARM, MavResult::MAV_RESULT_TEMPORARILY_REJECTED);
+    let failure = bench.answer(arm).unwrap().unwrap_err();
+    assert_eq!(failure.refusal(), Some(Refusal::Polarity));
+    assert_eq!(
+        failure.to_string(),
+        "arm refused: run tvc calibrate polarity first"
+    );
+
+    let arm = bench.order(ARM);
+    bench.text("self-test: hold still");
+    bench.say(MavMessage::HEARTBEAT(HEARTBEAT_DATA::default()));
+    bench.ack(ARM, MavResult::MAV_RESULT_DENIED);
+    let failure = bench.answer(arm).unwrap().unwrap_err();
+    assert_eq!(failure.to_string(), "arm refused (MAV_RESULT_DENIED)");
+}
+
+#[test]
+fn a_second_acknowledgement_of_an_insisted_disarm_does_not_answer_a_later_arm() {
+    let mut bench = Bench::new();
+    let disarm = bench.order(DISARM);
+    // The first acknowledgement takes longer than the pause between two copies.
+    assert_eq!(copies(&bench.run(ms(150)), DISARM), 2);
+    bench.accept(DISARM);
+    assert_eq!(bench.answer(disarm), Some(Ok(())));
+    let arm = bench.order(ARM);
+    bench.sent();
+    bench.accept(DISARM);
+    assert_eq!(bench.answer(arm), None, "that was the second copy's");
+    bench.text("arm refused: sensor not ready");
+    bench.ack(ARM, MavResult::MAV_RESULT_TEMPORARILY_REJECTED);
+    let failure = bench.answer(arm).unwrap().unwrap_err();
+    assert_eq!(failure.refusal(), Some(Refusal::Sensor));
+}
+
+#[test]
+fn a_lost_acknowledgement_delays_a_later_order_and_does_not_answer_it() {
+    let mut bench = Bench::new();
+    let disarm = bench.order(DISARM);
+    bench.run(ms(150));
+    // One of two acknowledgements is lost.
+    bench.accept(DISARM);
+    assert_eq!(bench.answer(disarm), Some(Ok(())));
+    let arm = bench.order(ARM);
+    bench.sent();
+    bench.accept(ARM);
+    assert_eq!(bench.answer(arm), None, "taken for the lost one");
+    assert_eq!(copies(&bench.run(REPEAT), ARM), 1);
+    bench.accept(ARM);
+    assert_eq!(bench.answer(arm), Some(Ok(())));
+    // After the time that an answer may take nothing is expected any more.
+    bench.run(ANSWER);
+    let arm = bench.order(ARM);
+    bench.accept(ARM);
+    assert_eq!(bench.answer(arm), Some(Ok(())));
+}
+
+#[test]
+fn nothing_that_was_ordered_before_a_disarm_is_sent_after_it() {
+    let mut bench = Bench::new();
+    let (arm, save) = (bench.order(ARM), bench.order(SAVE));
+    bench.sent();
+    let disarm = bench.order(DISARM);
+    let overtaken = Failure::Overtaken("arm".into());
+    assert_eq!(bench.answer(arm), Some(Err(overtaken)));
+    let sent = bench.run(ms(3_000));
+    assert_eq!(copies(&sent, DISARM), 31);
+    assert_eq!((copies(&sent, ARM), copies(&sent, SAVE)), (0, 0));
+    // The acknowledgement of the arming comes first and says nothing about the disarming.
+    bench.accept(ARM);
+    assert_eq!(bench.answer(disarm), None);
+    bench.accept(DISARM);
+    bench.accept(SAVE);
+    assert_eq!(bench.answer(disarm), Some(Ok(())));
+    assert_eq!(bench.answer(save), Some(Ok(())));
+}
+
+#[test]
+fn a_port_that_goes_away_ends_what_waits_and_says_so() {
+    let mut bench = Bench::new();
+    let stop = bench.order(DISARM);
+    bench.client.close();
+    let failure = bench.answer(stop).unwrap().unwrap_err();
+    assert_eq!(failure.to_string(), "disarm: the port went away");
+}
+
+#[test]
+fn a_list_that_takes_longer_than_any_silence_is_not_asked_for_again() {
+    let mut bench = Bench::new();
+    let list = bench.request(Request::List);
+    assert_eq!(bench.sent(), [request::list_parameters()]);
+    for index in 0..40 {
+        assert!(bench.run(ms(900)).is_empty(), "{index}");
+        assert_eq!(bench.answer(list), None);
+        bench.value(index, 40);
+    }
+    assert_eq!(bench.answer(list), Some(Ok(())));
+    assert_eq!(bench.client.parameters().count(), 40);
+    assert_eq!(bench.client.parameter("P7"), Some(7.0));
+}
+
+#[test]
+fn only_what_is_missing_of_a_list_is_asked_for_again() {
+    let mut bench = Bench::new();
+    let list = bench.request(Request::List);
+    bench.sent();
+    for index in (0..60).filter(|index| ![3, 41].contains(index)) {
+        bench.value(index, 60);
+    }
+    let missing = [3, 41].map(request::read_parameter_at);
+    assert_eq!(bench.run(REPEAT), missing);
+    bench.value(41, 60);
+    assert_eq!(bench.run(REPEAT), missing[..1]);
+    bench.value(3, 60);
+    assert_eq!(bench.answer(list), Some(Ok(())));
+    let names: Vec<_> = bench.client.parameters().map(|row| &row.name).collect();
+    assert_eq!(names[..4], ["P0", "P1", "P2", "P3"]);
+
+    // Of many that are missing, no more are asked for than the vehicle can answer at once.
+    bench.request(Request::List);
+    bench.sent();
+    bench.value(59, 60);
+    let asked = bench.run(REPEAT);
+    assert_eq!(asked.len(), BATCH);
+    assert!(asked.iter().all(|message| matches!(
+        message,
+        MavMessage::PARAM_REQUEST_READ(PARAM_REQUEST_READ_DATA {
+            param_index: 0..,
+            ..
+        })
+    )));
+}
+
+#[test]
+fn a_list_of_which_nothing_comes_is_asked_for_as_a_whole_and_given_up() {
+    let mut bench = Bench::new();
+    let list = bench.request(Request::List);
+    let asked = vec![request::list_parameters(); 5];
+    assert_eq!(bench.run(ANSWER), asked);
+    assert!(matches!(bench.answer(list), Some(Err(Failure::Silence(_)))));
+}
+
+#[test]
+fn a_value_is_compared_with_what_was_set() {
+    let mut bench = Bench::new();
+    let set = |value| {
+        Request::Set(Parameter {
+            name: "PID_KP".into(),
+            value,
+        })
+    };
+    let ticket = bench.request(set(1.5));
+    bench.named_value("PID_KP", 1.0, 0, 60);
+    assert_eq!(bench.answer(ticket), None, "of an earlier question");
+    bench.named_value("PID_KP", 1.5, 0, 60);
+    assert_eq!(bench.answer(ticket), Some(Ok(())));
+
+    let ticket = bench.request(set(99.0));
+    bench.text("PID_KP must be 0 to 10");
+    bench.named_value("PID_KP", 1.5, 0, 60);
+    let failure = bench.answer(ticket).unwrap().unwrap_err();
+    let words = "PID_KP stays at 1.5: PID_KP must be 0 to 10";
+    assert_eq!(failure.to_string(), words);
+
+    let ticket = bench.request(Request::Read("NO_SUCH".into()));
+    bench.text("no such parameter");
+    let unknown = Failure::UnknownParameter("NO_SUCH".into());
+    assert_eq!(bench.answer(ticket), Some(Err(unknown)));
+}
+
+#[test]
+fn a_download_goes_on_where_a_part_was_lost() {
+    let mut bench = Bench::new();
+    let content: Vec<u8> = (0..200).collect();
+    let entry = |size| {
+        MavMessage::LOG_ENTRY(LOG_ENTRY_DATA {
+            size,
+            ..LOG_ENTRY_DATA::default()
+        })
+    };
+    let part = |from: usize| {
+        let mut data = [0; 90];
+        let bytes = &content[from..(from + 90).min(200)];
+        data[..bytes.len()].copy_from_slice(bytes);
+        MavMessage::LOG_DATA(LOG_DATA_DATA {
+            ofs: from as u32,
+            count: bytes.len() as u8,
+            data,
+            ..LOG_DATA_DATA::default()
+        })
+    };
+    let ticket = bench.request(Request::Download);
+    assert_eq!(bench.sent(), [request::list_logs()]);
+    bench.say(entry(200));
+    assert_eq!(bench.sent(), [request::log_data(0, 200)]);
+    bench.say(part(0));
+    bench.say(part(180));
+    assert_eq!(bench.run(REPEAT), [request::log_data(90, 110)]);
+    bench.say(part(90));
+    bench.say(part(180));
+    assert_eq!(bench.answer(ticket), Some(Ok(())));
+    assert_eq!(bench.client.recording(), content);
+
+    let ticket = bench.request(Request::Download);
+    bench.say(entry(0));
+    assert_eq!(bench.answer(ticket), Some(Ok(())));
+    assert!(bench.client.recording().is_empty());
+}
+
+#[test]
+fn heartbeats_are_sent_every_second_and_the_vehicles_are_heard() {
+    let mut bench = Bench::default();
+    assert_eq!(bench.run(ms(2_500)), vec![request::heartbeat(); 3]);
+    bench.say(request::heartbeat());
+    assert_eq!(bench.client.heard(), None, "another ground station's");
+    bench.say(MavMessage::HEARTBEAT(HEARTBEAT_DATA {
+        autopilot: MavAutopilot::MAV_AUTOPILOT_GENERIC,
+        custom_mode: 3,
+        ..HEARTBEAT_DATA::default()
+    }));
+    assert_eq!(bench.client.heard(), Some(bench.now));
+    assert_eq!(bench.client.state(), FlightState::Armed);
+}

@@ -1,0 +1,211 @@
+//! What a vehicle tells of itself, as one object: for the monitor and for programs that plot.
+
+use mavlink::dialects::common::MavMessage;
+use serde::Serialize;
+use tvc_nano::Params;
+
+use crate::Client;
+
+/// The newest of everything. Serialized, it is a line of `tvc monitor --json` and a datagram of `tvc forward`.
+#[derive(Clone, Debug, Default, Serialize)]
+pub struct Status {
+    /// The vehicle's clock at the newest attitude, s.
+    pub timestamp: f64,
+    /// Where the flight stands.
+    pub state: String,
+    /// Why it stands there, as the vehicle said it.
+    pub reason: String,
+    /// The armed flag.
+    pub armed: bool,
+    /// Roll, pitch and yaw, rad.
+    pub attitude_rad: [f64; 3],
+    /// Rates about the body's axes, rad/s.
+    pub rate_rad_s: [f32; 3],
+    /// Pulse commanded, us.
+    pub pulse_us: u16,
+    /// Servo angle commanded, from the centre, rad.
+    pub servo_rad: f64,
+    /// Attitudes a second, by the vehicle's clock.
+    pub attitude_hz: f64,
+    /// Share of time for which the processor was awake, 0 to 1.
+    pub load: f64,
+    /// Frames that arrived whole.
+    pub messages: u64,
+    /// Frames missing by their sequence numbers.
+    pub lost: u64,
+    /// Frames with a wrong checksum.
+    pub crc_errors: u64,
+    /// Frames that the vehicle dropped because nobody took them, modulo 65,536.
+    pub dropped: u16,
+    /// Steps without a usable sample since start-up, modulo 65,536.
+    pub missed: u16,
+    /// Failed transfers on the sensor's bus.
+    pub bus_errors: u16,
+    /// Texts since the last object.
+    pub texts: Vec<String>,
+    /// Everything that is enabled is healthy.
+    pub healthy: bool,
+}
+
+/// Keeps a [`Status`] up to date.
+#[derive(Clone, Debug)]
+pub struct StatusTracker {
+    status: Status,
+    servo: ServoMap,
+    /// First and last attitude since the last object, ms, and their number.
+    window: Option<(u32, u32, u32)>,
+}
+
+/// From pulse back to angle.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ServoMap {
+    centre_us: f64,
+    us_per_rad: f64,
+}
+
+impl ServoMap {
+    /// By the vehicle's parameters.
+    pub fn of(params: &Params) -> Self {
+        Self::new(
+            params.srv_centre_us(),
+            params.srv_us_per_deg(),
+            params.srv_dir(),
+        )
+    }
+
+    /// By the pulse at the centre, us, the pulse for a degree, us, and the direction, 1 or -1.
+    pub fn new(centre_us: f32, us_per_deg: f32, direction: f32) -> Self {
+        Self {
+            centre_us: centre_us.into(),
+            us_per_rad: f64::from(direction) * f64::from(us_per_deg).to_degrees(),
+        }
+    }
+
+    /// Servo angle from the centre, rad.
+    pub fn angle_rad(&self, pulse_us: u16) -> f64 {
+        (f64::from(pulse_us) - self.centre_us) / self.us_per_rad
+    }
+}
+
+impl StatusTracker {
+    /// Nothing heard yet.
+    pub fn new(servo: ServoMap) -> Self {
+        Self {
+            status: Status::default(),
+            servo,
+            window: None,
+        }
+    }
+
+    /// Takes in a message.
+    pub fn take(&mut self, message: &MavMessage) {
+        let status = &mut self.status;
+        match message {
+            MavMessage::STATUSTEXT(text) => {
+                status.texts.push(crate::text(&text.text).to_owned());
+            }
+            MavMessage::ATTITUDE_QUATERNION(m) => {
+                status.timestamp = f64::from(m.time_boot_ms) * 1e-3;
+                status.attitude_rad = angles([m.q1, m.q2, m.q3, m.q4].map(f64::from));
+                status.rate_rad_s = [m.rollspeed, m.pitchspeed, m.yawspeed];
+                self.window = Some(match self.window {
+                    Some((first, _, count)) => (first, m.time_boot_ms, count + 1),
+                    None => (m.time_boot_ms, m.time_boot_ms, 0),
+                });
+            }
+            MavMessage::SERVO_OUTPUT_RAW(m) => {
+                status.pulse_us = m.servo1_raw;
+                status.servo_rad = self.servo.angle_rad(m.servo1_raw);
+            }
+            MavMessage::SYS_STATUS(m) => {
+                status.load = f64::from(m.load) * 1e-3;
+                status.dropped = m.errors_count1;
+                status.missed = m.errors_count2;
+                status.bus_errors = m.errors_count3;
+                status.healthy = m
+                    .onboard_control_sensors_health
+                    .contains(m.onboard_control_sensors_enabled);
+            }
+            _ => {}
+        }
+    }
+
+    /// The newest values as they are; texts and rate go on.
+    pub fn peek(&self) -> &Status {
+        &self.status
+    }
+
+    /// The present object; texts and rate begin anew.
+    pub fn next(&mut self, client: &Client) -> Status {
+        let (status, counts) = (&mut self.status, client.counts());
+        status.state = client.state().to_string();
+        status.reason = client.reason().to_owned();
+        status.armed = client.state().is_armed();
+        (status.messages, status.lost, status.crc_errors) =
+            (counts.messages, counts.lost, counts.crc_errors);
+        if let Some((first, last, count)) = self.window
+            && last > first
+        {
+            status.attitude_hz = f64::from(count) * 1e3 / f64::from(last - first);
+            self.window = Some((last, last, 0));
+        }
+        let now = status.clone();
+        status.texts.clear();
+        now
+    }
+}
+
+/// Roll, pitch and yaw of `[w, x, y, z]`, body to earth, rad.
+pub fn angles([w, x, y, z]: [f64; 4]) -> [f64; 3] {
+    [
+        (2.0 * (w * x + y * z)).atan2(1.0 - 2.0 * (x * x + y * y)),
+        (2.0 * (w * y - x * z)).clamp(-1.0, 1.0).asin(),
+        (2.0 * (w * z + x * y)).atan2(1.0 - 2.0 * (y * y + z * z)),
+    ]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use mavlink::dialects::common::{ATTITUDE_QUATERNION_DATA, STATUSTEXT_DATA};
+
+    #[test]
+    fn angles_are_those_of_an_independent_library() {
+        let q = nalgebra::UnitQuaternion::from_euler_angles(0.3, -0.7, 2.1);
+        let [roll, pitch, yaw] = angles([q.w, q.i, q.j, q.k]);
+        for (angle, expected) in [(roll, 0.3), (pitch, -0.7), (yaw, 2.1)] {
+            assert!((angle - expected).abs() < 1e-12);
+        }
+    }
+
+    fn text(text: &str) -> MavMessage {
+        MavMessage::STATUSTEXT(STATUSTEXT_DATA {
+            text: text.into(),
+            ..STATUSTEXT_DATA::default()
+        })
+    }
+
+    #[test]
+    fn the_rate_is_that_of_the_vehicles_clock() {
+        let mut tracker = StatusTracker::new(ServoMap::new(1523.6, 10.0, 1.0));
+        tracker.take(&text("armed"));
+        for step in 0..=50 {
+            tracker.take(&MavMessage::ATTITUDE_QUATERNION(ATTITUDE_QUATERNION_DATA {
+                time_boot_ms: 1000 + 10 * step,
+                q1: 1.0,
+                ..ATTITUDE_QUATERNION_DATA::default()
+            }));
+        }
+        let mut next = || tracker.next(&Client::default());
+        let status = next();
+        assert!((status.attitude_hz - 100.0).abs() < 1e-9);
+        assert_eq!(status.texts, ["armed"]);
+        assert!(next().texts.is_empty());
+    }
+
+    #[test]
+    fn a_pulse_of_ten_microseconds_is_a_degree() {
+        let map = ServoMap::new(1523.6, 10.0, -1.0);
+        assert!((map.angle_rad(1624).to_degrees() + 10.04).abs() < 1e-3);
+    }
+}

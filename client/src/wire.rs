@@ -1,0 +1,194 @@
+//! MAVLink frames on a stream of bytes, as any ground station reads and writes them.
+
+use mavlink::dialects::common::MavMessage;
+use mavlink::{MAVLinkV2MessageRaw, MavHeader, MavlinkVersion, Message};
+
+const START: u8 = 0xFD;
+const HEADER: usize = 10;
+const CHECKSUM: usize = 2;
+const SIGNATURE: usize = 13;
+const SIGNED: u8 = 1;
+
+/// What has been counted on a wire.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct LinkCounts {
+    /// Frames that arrived whole.
+    pub messages: u64,
+    /// Frames missing by their sequence numbers.
+    pub lost: u64,
+    /// Frames whose checksum was wrong or that could not be understood.
+    pub crc_errors: u64,
+    /// Bytes outside of any frame.
+    pub stray_bytes: u64,
+}
+
+/// A frame that arrived whole.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Frame {
+    /// Its bytes, from start marker to checksum or signature.
+    pub bytes: Vec<u8>,
+    /// What it says.
+    pub message: MavMessage,
+}
+
+/// Takes messages out of received bytes and puts messages into bytes to send.
+#[derive(Clone, Debug, Default)]
+pub struct Wire {
+    buffer: Vec<u8>,
+    sequence: Option<u8>,
+    sent: u8,
+    counts: LinkCounts,
+}
+
+impl Wire {
+    /// What has been counted.
+    pub fn counts(&self) -> LinkCounts {
+        self.counts
+    }
+
+    /// Starts counting anew; frames under way are kept.
+    pub fn reset_counts(&mut self) {
+        self.counts = LinkCounts::default();
+    }
+
+    /// Takes in received bytes; the messages that are complete now.
+    pub fn receive(&mut self, bytes: &[u8]) -> Vec<MavMessage> {
+        let frames = self.receive_frames(bytes);
+        frames.into_iter().map(|frame| frame.message).collect()
+    }
+
+    /// Takes in received bytes; the frames that are complete now, for whoever keeps or passes on their bytes.
+    pub fn receive_frames(&mut self, bytes: &[u8]) -> Vec<Frame> {
+        self.buffer.extend_from_slice(bytes);
+        let mut frames = Vec::new();
+        let mut at = 0;
+        while let Some(&first) = self.buffer.get(at) {
+            if first != START {
+                self.counts.stray_bytes += 1;
+                at += 1;
+                continue;
+            }
+            let Some(frame) = whole(&self.buffer[at..]) else {
+                break;
+            };
+            let length = frame.len();
+            if let Some(message) = decode(frame) {
+                let sequence = frame[4];
+                if let Some(last) = self.sequence.replace(sequence) {
+                    let missing = sequence.wrapping_sub(last).wrapping_sub(1);
+                    self.counts.lost += u64::from(missing);
+                }
+                self.counts.messages += 1;
+                frames.push(Frame {
+                    bytes: frame.to_vec(),
+                    message,
+                });
+                at += length;
+            } else {
+                // Perhaps no frame at all: look for one behind this start byte.
+                self.counts.crc_errors += 1;
+                at += 1;
+            }
+        }
+        self.buffer.drain(..at);
+        frames
+    }
+
+    /// Length of the frame that `bytes` begin with, if they do and hold all of it.
+    pub fn frame_length(bytes: &[u8]) -> Option<usize> {
+        match bytes.first() {
+            Some(&START) => whole(bytes).map(<[u8]>::len),
+            _ => None,
+        }
+    }
+
+    /// The bytes of a message from ground station 255.
+    pub fn frame(&mut self, message: &MavMessage) -> Vec<u8> {
+        let header = MavHeader {
+            system_id: 255,
+            component_id: 190,
+            sequence: self.sent,
+        };
+        self.sent = self.sent.wrapping_add(1);
+        let mut raw = MAVLinkV2MessageRaw::new();
+        raw.serialize_message(header, message);
+        raw.raw_bytes().to_vec()
+    }
+}
+
+/// The frame at the beginning of `bytes`, if it is complete by its own length.
+fn whole(bytes: &[u8]) -> Option<&[u8]> {
+    let (length, flags) = (usize::from(*bytes.get(1)?), *bytes.get(2)?);
+    let signature = if flags & SIGNED == 0 { 0 } else { SIGNATURE };
+    bytes.get(..HEADER + length + CHECKSUM + signature)
+}
+
+fn decode(frame: &[u8]) -> Option<MavMessage> {
+    let length = usize::from(frame[1]);
+    let id = u32::from_le_bytes([frame[7], frame[8], frame[9], 0]);
+    let end = HEADER + length;
+    let sum = mavlink::calculate_crc(&frame[1..end], MavMessage::extra_crc(id));
+    if sum.to_le_bytes() != frame[end..end + CHECKSUM] {
+        return None;
+    }
+    MavMessage::parse(MavlinkVersion::V2, id, &frame[HEADER..end]).ok()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use mavlink::dialects::common::HEARTBEAT_DATA;
+
+    fn heartbeat(mode: u32) -> MavMessage {
+        MavMessage::HEARTBEAT(HEARTBEAT_DATA {
+            custom_mode: mode,
+            ..HEARTBEAT_DATA::default()
+        })
+    }
+
+    #[test]
+    fn frames_survive_being_cut_anywhere() {
+        let mut sender = Wire::default();
+        let bytes: Vec<u8> = (0..5).flat_map(|i| sender.frame(&heartbeat(i))).collect();
+        for size in 1..bytes.len() {
+            let mut wire = Wire::default();
+            let messages: Vec<_> = bytes.chunks(size).flat_map(|c| wire.receive(c)).collect();
+            assert_eq!(messages, (0..5).map(heartbeat).collect::<Vec<_>>());
+            assert_eq!(
+                wire.counts(),
+                LinkCounts {
+                    messages: 5,
+                    ..LinkCounts::default()
+                }
+            );
+        }
+    }
+
+    #[test]
+    fn gaps_damage_and_noise_are_counted() {
+        let mut sender = Wire::default();
+        let frames: Vec<_> = (0..4).map(|i| sender.frame(&heartbeat(i))).collect();
+        let mut damaged = frames[1].clone();
+        damaged[12] ^= 0x10;
+        let mut wire = Wire::default();
+        let mut messages = wire.receive(b"noise");
+        messages.extend(wire.receive(&frames[0]));
+        messages.extend(wire.receive(&damaged));
+        messages.extend(wire.receive(&frames[3]));
+        assert_eq!(messages, [heartbeat(0), heartbeat(3)]);
+        let counts = wire.counts();
+        assert_eq!((counts.messages, counts.lost, counts.crc_errors), (2, 2, 1));
+        assert!(counts.stray_bytes >= 5);
+    }
+
+    #[test]
+    fn sequence_numbers_wrap() {
+        let mut sender = Wire::default();
+        let mut wire = Wire::default();
+        for i in 0..600 {
+            let frame = sender.frame(&heartbeat(i));
+            assert_eq!(wire.receive(&frame).len(), 1);
+        }
+        assert_eq!(wire.counts().lost, 0);
+    }
+}

@@ -1,0 +1,45 @@
+//! What a configuration is refused with, and the checks that refuse it.
+
+use core::fmt;
+
+/// A configuration that cannot work.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ConfigError {
+    /// The named parameter is not finite or outside its range.
+    OutOfRange(&'static str),
+}
+
+impl fmt::Display for ConfigError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::OutOfRange(name) => write!(f, "{name} is out of range"),
+        }
+    }
+}
+
+impl core::error::Error for ConfigError {}
+
+/// `value` is finite and above 0.
+#[inline(always)]
+pub(crate) fn positive(value: f32, name: &'static str) -> Result<(), ConfigError> {
+    if value > 0.0 && value.is_finite() {
+        Ok(())
+    } else {
+        Err(ConfigError::OutOfRange(name))
+    }
+}
+
+/// `value` is in `low..=high`.
+#[inline(always)]
+pub(crate) fn in_range(
+    value: f32,
+    low: f32,
+    high: f32,
+    name: &'static str,
+) -> Result<(), ConfigError> {
+    if (low..=high).contains(&value) {
+        Ok(())
+    } else {
+        Err(ConfigError::OutOfRange(name))
+    }
+}

@@ -1,0 +1,63 @@
+//! What goes in: samples as the sensors give them, and what a count of them is worth.
+
+use core::ops::RangeInclusive;
+
+use crate::error::{ConfigError, in_range};
+
+/// Sampling periods that the estimators take, us. Longer ones would let a step of 1.25 periods turn
+/// by more than the quarter of a radian an axis that the rotation has room for.
+pub const PERIOD_US: RangeInclusive<u32> = 500..=10_500;
+
+/// One sample as the sensors give it, in body axes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Counts {
+    /// Rotation rate.
+    pub gyr: [i16; 3],
+    /// Specific force.
+    pub acc: [i16; 3],
+    /// Magnetic field, when there is a fresh one.
+    pub mag: Option<[i16; 3]>,
+}
+
+/// What a count is worth.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Scale {
+    /// Rotation rate of a count, rad/s.
+    pub gyr_rad_s: f32,
+    /// Specific force of a count, m/s^2.
+    pub acc_m_s2: f32,
+    /// Magnetic field of a count, uT.
+    pub mag_ut: f32,
+}
+
+impl Scale {
+    /// BNO055 with its default units (data sheet tables 3-17, 3-19, 3-22): 16 counts per deg/s, 100
+    /// per m/s^2, 16 per uT.
+    pub const BNO055: Self = Self {
+        gyr_rad_s: 0.001_090_830_8,
+        acc_m_s2: 0.01,
+        mag_ut: 0.0625,
+    };
+
+    /// Rotation rates of a count that the estimators take, rad/s: up to 2150 deg/s at full scale.
+    pub const GYR_RAD_S: RangeInclusive<f32> = 1e-5..=0.001_15;
+
+    /// Specific forces of a count that they take, m/s^2: 1.7 g to 167 g at full scale.
+    pub const ACC_M_S2: RangeInclusive<f32> = 5e-4..=0.05;
+
+    /// Fields of a count that they take, uT.
+    pub const MAG_UT: RangeInclusive<f32> = 1e-3..=1.0;
+
+    /// Refuses a scale that the number formats are not made for.
+    #[inline(always)]
+    pub(super) fn check(&self) -> Result<(), ConfigError> {
+        for (value, range, name) in [
+            (self.gyr_rad_s, Self::GYR_RAD_S, "gyr_rad_s"),
+            (self.acc_m_s2, Self::ACC_M_S2, "acc_m_s2"),
+            (self.mag_ut, Self::MAG_UT, "mag_ut"),
+        ] {
+            in_range(value, *range.start(), *range.end(), name)?;
+        }
+        Ok(())
+    }
+}

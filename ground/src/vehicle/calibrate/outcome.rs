@@ -1,0 +1,105 @@
+//! What a calibration comes to: parameters of the firmware, figures and a report.
+
+use std::path::Path;
+
+use anyhow::{Context, Result, anyhow};
+use calibration::{Found, Readings};
+use nalgebra::Vector3;
+use tvc_nano::Params;
+
+use super::figures::Figures;
+use super::options::Calibrate;
+use super::report;
+use crate::out::file::write_whole;
+use crate::vehicle::param::file;
+use client::Parameter;
+
+/// Parameters and figures of a calibration.
+pub struct Outcome {
+    /// The firmware's parameters.
+    pub rows: Vec<Parameter>,
+    /// The same and more for people and scripts.
+    pub figures: Figures,
+}
+
+impl Outcome {
+    /// Out of what was found in the readings of `log`; writes the report, and says on standard
+    /// error what was refused.
+    ///
+    /// # Errors
+    /// The firmware does not take a parameter, or the report cannot be written.
+    pub fn report(
+        log: &Path,
+        readings: &Readings,
+        found: &Found,
+        declination_deg: Option<f64>,
+        options: &Calibrate,
+    ) -> Result<Self> {
+        let rows = parameters(found, declination_deg)?;
+        let figures = Figures::new(readings, found, declination_deg, &rows);
+        let page = report::page(log, readings, found, &figures)?;
+        write_whole(&options.report, page.as_bytes())?;
+        eprintln!("report: {}", options.report.display());
+        for why in &found.refused {
+            eprintln!("refused: {why}");
+        }
+        Ok(Self { rows, figures })
+    }
+
+    /// Whether something that was asked for could not be calibrated.
+    pub fn is_refused(&self) -> bool {
+        !self.figures.refused.is_empty()
+    }
+
+    /// Writes the parameters into their file.
+    ///
+    /// # Errors
+    /// The file cannot be written.
+    pub fn write_parameters(&self, options: &Calibrate) -> Result<()> {
+        write_whole(&options.out, file::text(&self.rows).as_bytes())?;
+        eprintln!("parameters: {}", options.out.display());
+        Ok(())
+    }
+}
+
+/// The firmware's parameters, each checked against its table.
+fn parameters(found: &Found, declination_deg: Option<f64>) -> Result<Vec<Parameter>> {
+    const AXES: [&str; 3] = ["X", "Y", "Z"];
+    let mut values: Vec<(String, f64)> = Vec::new();
+    let mut vector = |prefix: &str, vector: Vector3<f64>| {
+        let named = AXES.iter().zip(vector.iter());
+        values.extend(named.map(|(axis, value)| (format!("{prefix}{axis}"), *value)));
+    };
+    if let Some(poses) = &found.poses {
+        vector("CAL_ACC_O", poses.correction.offset);
+        vector("CAL_ACC_S", poses.correction.matrix.diagonal());
+    }
+    if let Some(rest) = &found.rest {
+        vector("CAL_GYR_O", rest.bias.map(f64::to_degrees));
+    }
+    if let Some(ellipsoid) = &found.ellipsoid {
+        vector("CAL_MAG_O", ellipsoid.correction.offset);
+        for (row, name) in ellipsoid.correction.matrix.row_iter().zip(AXES) {
+            vector(&format!("CAL_MAG_{name}"), row.transpose());
+        }
+    }
+    if let Some((roll, pitch)) = found.mount {
+        values.push(("MNT_ROLL_DEG".into(), roll.to_degrees()));
+        values.push(("MNT_PITCH_DEG".into(), pitch.to_degrees()));
+    }
+    if let Some(deg) = declination_deg {
+        values.push(("DECLINATION_DEG".into(), deg));
+    }
+    let mut table = Params::default();
+    values
+        .into_iter()
+        .map(|(name, value)| {
+            let value = value as f32;
+            table
+                .set(&name, value)
+                .map_err(|error| anyhow!("{error}, not {value}"))
+                .context("the firmware does not take this calibration")?;
+            Ok(Parameter { name, value })
+        })
+        .collect()
+}

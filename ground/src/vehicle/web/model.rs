@@ -1,0 +1,270 @@
+//! What the vehicle's thread publishes and the page's threads send. Everything here is bounded.
+
+use std::collections::VecDeque;
+use std::sync::{Mutex, MutexGuard, PoisonError};
+
+use client::{FlightState, Parameter};
+use serde::Serialize;
+use serde_json::Value;
+use tvc_nano::Params;
+use tvc_nano::params::{Change, Range};
+
+use crate::vehicle::param::Row;
+
+/// Texts that are kept.
+const TEXTS: usize = 200;
+
+/// The vehicle's motion: sent fifty times a second.
+#[derive(Clone, Debug, Default, Serialize)]
+pub struct Motion {
+    /// The vehicle's clock at the newest attitude, s.
+    pub time_s: f64,
+    /// Attitudes that have come.
+    pub count: u64,
+    /// Roll, pitch and yaw, deg.
+    pub attitude_deg: [f64; 3],
+    /// Pitch rate, deg/s.
+    pub rate_deg_s: f64,
+    /// Servo angle commanded, from the centre, deg.
+    pub servo_deg: f64,
+    /// Pulse commanded, us.
+    pub pulse_us: u16,
+    /// Pitch to hold, deg.
+    pub set_deg: f64,
+    /// From the start of the sample to its control step, ms.
+    pub latency_ms: f64,
+    /// Share of time for which the processor was awake, percent.
+    pub load_pct: f64,
+}
+
+/// The vehicle's status: sent when it changes.
+#[derive(Clone, Debug, Default, Serialize)]
+pub struct VehicleStatus {
+    /// The port's name.
+    pub port: String,
+    /// The vehicle is heard.
+    pub connected: bool,
+    /// Why it is not.
+    pub problem: String,
+    /// The state of the flight, where a vehicle has been heard.
+    #[serde(skip)]
+    pub flight: Option<FlightState>,
+    /// The state in words.
+    pub state: String,
+    /// The vehicle's words about it.
+    pub reason: String,
+    /// Armed or in control.
+    pub armed: bool,
+    /// Armed, in control or in failsafe: an order to disarm alone leads back to standby.
+    pub in_operation: bool,
+    /// Armed, and not yet in control.
+    pub can_release: bool,
+    /// What is enabled and not healthy.
+    pub unhealthy: Vec<String>,
+    /// Attitudes a second, by the vehicle's clock.
+    pub attitude_hz: f64,
+    /// Frames that arrived whole.
+    pub messages: u64,
+    /// Frames missing by their sequence numbers.
+    pub lost: u64,
+    /// Frames with a wrong checksum.
+    pub crc_errors: u64,
+    /// Frames that the vehicle dropped because nobody took them.
+    pub dropped: u16,
+    /// Steps without a usable sample since start-up.
+    pub missed: u16,
+    /// Failed transfers on the sensor's bus.
+    pub bus_errors: u16,
+    /// To the vehicle and back, ms, once known.
+    pub round_trip_ms: Option<f64>,
+    /// The log that is being written.
+    pub recording: Option<String>,
+    /// Changes with the parameters.
+    pub parameters: u64,
+}
+
+/// A text of the vehicle.
+#[derive(Clone, Debug, Serialize)]
+pub struct Text {
+    /// Counts up.
+    pub id: u64,
+    /// The vehicle's clock, s.
+    pub time_s: f64,
+    /// MAVLink's severity, 0 emergency to 7 debug.
+    pub severity: u8,
+    /// Its words.
+    pub text: String,
+}
+
+/// A parameter with all that is known of it.
+#[derive(Debug, Serialize)]
+pub struct ParameterRow {
+    /// Name, value, unit, meaning.
+    #[serde(flatten)]
+    pub row: Row,
+    /// Least and greatest value, if it has these.
+    pub between: Option<[f32; 2]>,
+    /// The values it may take, if they are few.
+    pub choices: Option<Vec<f32>>,
+    /// It can change while armed.
+    pub live: bool,
+}
+
+impl ParameterRow {
+    /// A parameter by this tool's own table.
+    pub fn of(parameter: &Parameter) -> Self {
+        let index = Params::index_of(&parameter.name);
+        let info = index.and_then(|index| tvc_nano::params::TABLE.get(index));
+        Self {
+            row: Row::of(parameter),
+            between: info.and_then(|info| match info.range {
+                Range::Between(low, high) => Some([low, high]),
+                Range::OneOf(_) => None,
+            }),
+            choices: info.and_then(|info| match info.range {
+                Range::Between(..) => None,
+                Range::OneOf(choices) => Some(choices.to_vec()),
+            }),
+            live: info.is_none_or(|info| info.change == Change::Live),
+        }
+    }
+}
+
+/// A step test: under way, or its result.
+#[derive(Clone, Debug, Default, Serialize)]
+pub struct StepTest {
+    /// It is under way.
+    pub running: bool,
+    /// What happens, or what went wrong.
+    pub stage: String,
+    /// Its log.
+    pub log: String,
+    /// What came of it.
+    pub result: Value,
+}
+
+/// All of it.
+#[derive(Debug, Default)]
+pub struct State {
+    /// The newest motion.
+    pub motion: Motion,
+    /// How often the status has changed, and the newest.
+    status: (u64, VehicleStatus),
+    step_test: (u64, StepTest),
+    texts: VecDeque<Text>,
+    last_text: u64,
+    /// The parameters.
+    pub parameters: Vec<ParameterRow>,
+}
+
+/// How much of it a page has seen.
+#[derive(Debug, Default)]
+pub struct Seen {
+    status: u64,
+    step_test: u64,
+    text: u64,
+}
+
+/// What a page has not seen yet.
+#[derive(Debug)]
+pub struct Update {
+    /// Always.
+    pub motion: Motion,
+    /// If it changed.
+    pub status: Option<VehicleStatus>,
+    /// If it changed.
+    pub step_test: Option<StepTest>,
+    /// Since the last update.
+    pub texts: Vec<Text>,
+}
+
+impl State {
+    /// The vehicle's status.
+    pub fn status(&self) -> &VehicleStatus {
+        &self.status.1
+    }
+
+    /// Replaces it.
+    pub fn set_status(&mut self, status: VehicleStatus) {
+        self.status = (self.status.0 + 1, status);
+    }
+
+    /// The last step test.
+    pub fn step_test(&self) -> &StepTest {
+        &self.step_test.1
+    }
+
+    /// Replaces it.
+    pub fn set_step_test(&mut self, step_test: StepTest) {
+        self.step_test = (self.step_test.0 + 1, step_test);
+    }
+
+    /// Keeps a text; the oldest goes.
+    pub fn add_text(&mut self, time_s: f64, severity: u8, text: String) {
+        self.last_text += 1;
+        self.texts.push_back(Text {
+            id: self.last_text,
+            time_s,
+            severity,
+            text,
+        });
+        if self.texts.len() > TEXTS {
+            self.texts.pop_front();
+        }
+    }
+
+    /// What is new since `seen`, which is brought up to date.
+    pub fn update(&self, seen: &mut Seen) -> Update {
+        // Numbered from 1, so that a new page gets everything.
+        let next = Seen {
+            status: self.status.0 + 1,
+            step_test: self.step_test.0 + 1,
+            text: self.last_text,
+        };
+        let last = std::mem::replace(seen, next);
+        let texts = self.texts.iter().filter(|text| text.id > last.text);
+        Update {
+            motion: self.motion.clone(),
+            status: (last.status != seen.status).then(|| self.status.1.clone()),
+            step_test: (last.step_test != seen.step_test).then(|| self.step_test.1.clone()),
+            texts: texts.cloned().collect(),
+        }
+    }
+}
+
+/// [`State`] for several threads.
+#[derive(Debug, Default)]
+pub struct Model(Mutex<State>);
+
+impl Model {
+    /// Looks at it, or changes it. Keep it short.
+    pub fn lock(&self) -> MutexGuard<'_, State> {
+        // Nothing is left half done: every change is one assignment.
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_page_gets_everything_once_and_texts_stay_few() {
+        let mut state = State::default();
+        for count in 0..3 * TEXTS {
+            state.add_text(0.0, 6, count.to_string());
+        }
+        let mut seen = Seen::default();
+        let update = state.update(&mut seen);
+        assert_eq!(update.texts.len(), TEXTS);
+        assert_eq!(update.texts[TEXTS - 1].text, (3 * TEXTS - 1).to_string());
+        assert!(update.status.is_some() && update.step_test.is_some());
+        let update = state.update(&mut seen);
+        assert!(update.texts.is_empty() && update.status.is_none() && update.step_test.is_none());
+        state.add_text(1.0, 4, "new".into());
+        state.set_status(VehicleStatus::default());
+        let update = state.update(&mut seen);
+        assert_eq!(update.texts.len(), 1);
+        assert!(update.status.is_some() && update.step_test.is_none());
+    }
+}

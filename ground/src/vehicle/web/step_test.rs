@@ -1,0 +1,120 @@
+//! The step test from the page: as `tvc test step`, with a STOP that ends it at any moment.
+
+use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+
+use anyhow::{Result, bail};
+use client::{FlightState, ServoMap, request};
+use serde_json::{Value, json};
+
+use super::model::{Model, StepTest};
+use super::vehicle_thread::Handle;
+use crate::logs::log::{Flight, Log, Step};
+use crate::logs::replay::parameters;
+use crate::logs::report;
+use crate::vehicle::test::{ARM_PATIENCE, ARM_RETRY, is_worth_waiting};
+
+/// Length after the release.
+const LENGTH: Duration = Duration::from_secs(3);
+/// Time between two looks at the vehicle's state.
+const LOOK: Duration = Duration::from_millis(20);
+/// Points of a trace that the page draws.
+const POINTS: usize = 300;
+
+/// Arms, releases, disarms, and leaves the figures in `model`.
+pub fn run(vehicle: &Handle, model: &Model, stop: &Arc<AtomicBool>) {
+    let path = match vehicle.record("step") {
+        Ok(path) => path,
+        Err(error) => return end(model, "", &Err(error)),
+    };
+    let log = path.display().to_string();
+    stage(model, &log, "hold the drone still");
+    let flown = fly(vehicle, model, &log, stop);
+    // Whatever happened: the rudder to neutral.
+    let disarmed = vehicle.order(request::DISARM);
+    let ended = vehicle.end_recording();
+    let result = flown.and(disarmed).and(ended).and_then(|()| figures(&path));
+    end(model, &log, &result);
+}
+
+fn fly(vehicle: &Handle, model: &Model, log: &str, stop: &Arc<AtomicBool>) -> Result<()> {
+    vehicle.guarded(stop, request::CALIBRATE)?;
+    let begun = Instant::now();
+    while let Err(refusal) = vehicle.guarded(stop, request::ARM) {
+        if begun.elapsed() > ARM_PATIENCE
+            || stop.load(Ordering::SeqCst)
+            || !is_worth_waiting(&refusal)
+        {
+            return Err(refusal);
+        }
+        stage(model, log, &format!("hold the drone still: {refusal}"));
+        std::thread::sleep(ARM_RETRY);
+    }
+    vehicle.guarded(stop, request::RELEASE)?;
+    stage(model, log, "released");
+    let begun = Instant::now();
+    while begun.elapsed() < LENGTH {
+        std::thread::sleep(LOOK);
+        if stop.load(Ordering::SeqCst) {
+            bail!("stopped by the operator");
+        }
+        let state = model.lock();
+        let status = state.status();
+        if !status.connected {
+            bail!("{}", status.problem);
+        }
+        if status.flight == Some(FlightState::Failsafe) {
+            bail!("the vehicle gave up: {}", status.reason);
+        }
+    }
+    Ok(())
+}
+
+fn stage(model: &Model, log: &str, stage: &str) {
+    model.lock().set_step_test(StepTest {
+        running: true,
+        stage: stage.to_owned(),
+        log: log.to_owned(),
+        result: Value::Null,
+    });
+}
+
+fn end(model: &Model, log: &str, result: &Result<Value>) {
+    let problem = |error: &anyhow::Error| format!("{error:#}");
+    model.lock().set_step_test(StepTest {
+        running: false,
+        stage: result.as_ref().err().map(problem).unwrap_or_default(),
+        log: log.to_owned(),
+        result: result.as_ref().ok().cloned().unwrap_or_default(),
+    });
+}
+
+/// The figures of the log's release, its trace to draw, and what was missed.
+fn figures(path: &Path) -> Result<Value> {
+    let flight = Flight::of(&Log::read(path)?);
+    let params = parameters(&flight);
+    let figures = report::figures(&flight);
+    let servo = ServoMap::of(&params);
+    let trace: Vec<[f64; 3]> = report::releases(&flight)
+        .first()
+        .map_or(Vec::new(), |release| {
+            let pitch = release.trace(Step::pitch_rad);
+            let rudder = release.trace(|step| servo.angle_rad(step.pulse_us));
+            let every = pitch.len().div_ceil(POINTS).max(1);
+            let both = pitch.iter().zip(&rudder).step_by(every);
+            both.map(|((time, pitch), (_, rudder))| {
+                [*time, pitch.to_degrees(), rudder.to_degrees()]
+            })
+            .collect()
+        });
+    let object = json!(figures);
+    Ok(json!({
+        "run": object["runs"][0],
+        "loop": object["loop"],
+        "telemetry": object["telemetry"],
+        "missed": figures.missed(),
+        "trace": trace,
+    }))
+}

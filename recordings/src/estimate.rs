@@ -1,0 +1,196 @@
+//! Runs any filter in any arithmetic: a sample in, an orientation out.
+
+use std::ops::RangeInclusive;
+
+use tvc_fusion::{
+    Complementary, Config, ConfigError, Estimator, Filter, Gyro, Madgwick, Mahony, Quaternion,
+    Real, Sample, Vector3, Vqf, fixed,
+};
+
+use crate::settings::{self, Gains};
+use crate::{Choice, ChoiceError, Facts, FilterName, Mode, RecordedSample, Scalar};
+
+/// A filter that runs on a recording.
+pub struct Estimate {
+    engine: Box<dyn Engine>,
+    magnetometer: bool,
+    period_s: f64,
+    last_s: Option<f64>,
+}
+
+trait Engine {
+    /// Takes a sample `dt_s` after the one before; sensor to north-east-down, `[w, x, y, z]`, of
+    /// unit length within 1e-4.
+    fn update(&mut self, dt_s: f64, sample: &RecordedSample, mag_ut: Option<[f64; 3]>) -> [f64; 4];
+}
+
+impl Estimate {
+    /// A filter that waits for its first sample.
+    ///
+    /// # Errors
+    /// A setting that is not there or out of range, a filter without fixed point.
+    pub fn new(choice: &Choice, facts: &Facts) -> Result<Self, ChoiceError> {
+        let engine = match (choice.scalar, choice.filter) {
+            (Scalar::F32, _) => float::<f32>(choice, facts)?,
+            (Scalar::F64, _) => float::<f64>(choice, facts)?,
+            (Scalar::Fixed, FilterName::Mahony) => in_fixed::<fixed::Mahony>(choice, facts)?,
+            (Scalar::Fixed, FilterName::Vqf) => in_fixed::<fixed::Vqf>(choice, facts)?,
+            (Scalar::Fixed, other) => return Err(ChoiceError::NoFixedPoint(other)),
+        };
+        Ok(Self {
+            engine,
+            magnetometer: choice.mode == Mode::NineD,
+            period_s: facts.period_s,
+            last_s: None,
+        })
+    }
+
+    /// Takes the next sample; the orientation, sensor to north-east-down, `[w, x, y, z]`, of unit
+    /// length. The time step is the difference of the samples' times.
+    pub fn update(&mut self, sample: &RecordedSample) -> [f64; 4] {
+        let last_s = self.last_s.replace(sample.time_s);
+        let dt_s = last_s.map_or(self.period_s, |last_s| sample.time_s - last_s);
+        let q = self.step(dt_s, sample);
+        let norm = q.iter().map(|c| c * c).sum::<f64>().sqrt();
+        q.map(|c| c / norm)
+    }
+
+    /// Takes a sample `dt_s` after the one before; the orientation, sensor to north-east-down,
+    /// `[w, x, y, z]`, just as the filter has it: of unit length within 1e-4 in fixed point.
+    pub fn step(&mut self, dt_s: f64, sample: &RecordedSample) -> [f64; 4] {
+        let mag_ut = sample.mag_ut.filter(|_| self.magnetometer);
+        self.engine.update(dt_s, sample, mag_ut)
+    }
+}
+
+fn float<T: Real + 'static>(
+    choice: &Choice,
+    facts: &Facts,
+) -> Result<Box<dyn Engine>, ChoiceError> {
+    match choice.filter {
+        FilterName::Gyro => in_float::<Gyro<T>>(choice, facts),
+        FilterName::Complementary => in_float::<Complementary<T>>(choice, facts),
+        FilterName::Mahony => in_float::<Mahony<T>>(choice, facts),
+        FilterName::Madgwick => in_float::<Madgwick<T>>(choice, facts),
+        FilterName::Vqf => in_float::<Vqf<T>>(choice, facts),
+    }
+}
+
+fn in_float<F>(choice: &Choice, facts: &Facts) -> Result<Box<dyn Engine>, ChoiceError>
+where
+    F: Filter<Gains: Gains> + 'static,
+{
+    let config = config::<F::Gains>(choice, facts)?;
+    let estimator = Estimator::<F>::new(&config).map_err(|error| refused(choice, error))?;
+    Ok(Box::new(estimator))
+}
+
+fn in_fixed<F>(choice: &Choice, facts: &Facts) -> Result<Box<dyn Engine>, ChoiceError>
+where
+    F: fixed::Filter<Gains: Gains> + 'static,
+{
+    let config = config::<F::Gains>(choice, facts)?;
+    let scale = fixed::Scale {
+        gyr_rad_s: within(facts.scale.gyr_rad_s, &fixed::Scale::GYR_RAD_S),
+        acc_m_s2: within(facts.scale.acc_m_s2, &fixed::Scale::ACC_M_S2),
+        mag_ut: within(facts.scale.mag_ut, &fixed::Scale::MAG_UT),
+    };
+    let period_us = facts.period_s * 1e6;
+    // A rate in single precision may make the period half a microsecond too long.
+    let parts = ((period_us - 0.5) / f64::from(*fixed::PERIOD_US.end()))
+        .ceil()
+        .max(1.0);
+    let step_us = (period_us / parts).round() as u32;
+    let refused = |error| refused(choice, error);
+    if parts > 1.0 {
+        // Without recovery from clipping: a rate that is repeated looks like one that is clipped.
+        let estimator = fixed::Estimator::<F>::new(&config, &scale, step_us).map_err(refused)?;
+        return Ok(Counted::boxed(estimator, scale, parts as u32));
+    }
+    let estimator =
+        fixed::Estimator::<F, fixed::Recovered>::with_recovery(&config, &scale, step_us)
+            .map_err(refused)?;
+    Ok(Counted::boxed(estimator, scale, 1))
+}
+
+fn config<G: Gains>(choice: &Choice, facts: &Facts) -> Result<Config<G>, ChoiceError> {
+    settings::config(choice.filter, facts.gyro_range_rad_s, &choice.settings)
+}
+
+fn refused(choice: &Choice, error: ConfigError) -> ChoiceError {
+    let ConfigError::OutOfRange(name) = error;
+    let set = choice.settings.iter().rev().find(|set| set.key == name);
+    let what = match set {
+        Some(set) => set.to_string(),
+        None if name == "period_us" => "the recording's sampling period".to_owned(),
+        None => name.to_owned(),
+    };
+    ChoiceError::OutOfRange(what, choice.filter, choice.scalar)
+}
+
+fn within(value: f32, range: &RangeInclusive<f32>) -> f32 {
+    value.clamp(*range.start(), *range.end())
+}
+
+impl<F: Filter> Engine for Estimator<F> {
+    fn update(&mut self, dt_s: f64, sample: &RecordedSample, mag_ut: Option<[f64; 3]>) -> [f64; 4] {
+        let single = |v: [f64; 3]| Vector3::from(v.map(|c| c as f32));
+        let sample = Sample {
+            gyr: single(sample.gyr_rad_s),
+            acc: single(sample.acc_m_s2),
+            mag: mag_ut.map(single),
+        };
+        let Quaternion { w, x, y, z } = self.update(dt_s as f32, &sample).orientation;
+        [w, x, y, z].map(double)
+    }
+}
+
+fn double<T: Real>(value: T) -> f64 {
+    // The remainder of the conversion to single precision fits into single precision again.
+    let high = value.to_f32();
+    f64::from(high) + f64::from((value - T::from_f32(high)).to_f32())
+}
+
+/// An estimator in fixed point: SI values are turned back into the counts that they came from.
+struct Counted<F, R> {
+    estimator: fixed::Estimator<F, R>,
+    scale: fixed::Scale,
+    /// Number of equal steps that a sampling period is divided into.
+    parts: u32,
+    /// Time that is left over because steps are whole microseconds, us.
+    owed_us: f64,
+}
+
+impl<F: fixed::Filter + 'static, R: fixed::OverRange + 'static> Counted<F, R> {
+    fn boxed(
+        estimator: fixed::Estimator<F, R>,
+        scale: fixed::Scale,
+        parts: u32,
+    ) -> Box<dyn Engine> {
+        Box::new(Self {
+            estimator,
+            scale,
+            parts,
+            owed_us: 0.0,
+        })
+    }
+}
+
+impl<F: fixed::Filter, R: fixed::OverRange> Engine for Counted<F, R> {
+    fn update(&mut self, dt_s: f64, sample: &RecordedSample, mag_ut: Option<[f64; 3]>) -> [f64; 4] {
+        // NaN becomes zero, as does time that goes backwards.
+        let counts = |v: [f64; 3], unit: f32| v.map(|c| (c / f64::from(unit)).round() as i16);
+        let gyr = counts(sample.gyr_rad_s, self.scale.gyr_rad_s);
+        let acc = counts(sample.acc_m_s2, self.scale.acc_m_s2);
+        let mag = mag_ut.map(|mag| counts(mag, self.scale.mag_ut));
+        for part in 1..=self.parts {
+            let mag = mag.filter(|_| part == self.parts);
+            self.owed_us += dt_s.max(0.0) * 1e6 / f64::from(self.parts);
+            let whole_us = self.owed_us.round();
+            self.owed_us -= whole_us;
+            self.estimator
+                .update(whole_us as u32, &fixed::Counts { gyr, acc, mag });
+        }
+        self.estimator.orientation().wxyz_q30.map(f64::from)
+    }
+}

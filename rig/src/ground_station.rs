@@ -1,0 +1,293 @@
+//! The ground station: the MAVLink client at the image's USB port, on the rig's clock.
+
+use crate::rig::{Rig, RigError};
+use client::client::ANSWER;
+use client::request::{self, Order};
+use client::{Client, Failure, FlightState, LinkCounts, Parameter, Request};
+use samd21::board::Ticks;
+use std::time::Duration;
+use thiserror::Error;
+
+pub use crate::received::{Attitude, Heartbeat, RawImu, Received, ServoOutput, Text};
+
+/// How often the ground station looks at the port.
+const SLICE: Ticks = Ticks::from_ms(1);
+/// How long the image may take until its first heartbeat.
+const BOOT_PATIENCE: Ticks = Ticks::from_ms(5000);
+
+/// Why the ground station gives up.
+#[derive(Debug, Error)]
+pub enum GroundStationError {
+    /// The rig stopped.
+    #[error(transparent)]
+    Rig(#[from] RigError),
+    /// Nothing came.
+    #[error("no {what} from the image within {seconds} s{last}")]
+    Silence {
+        /// What was waited for.
+        what: String,
+        /// How long.
+        seconds: f64,
+        /// The image's last text.
+        last: String,
+    },
+    /// The image did not do what it was asked for.
+    #[error("{failure}{last}")]
+    Request {
+        /// Why.
+        failure: Failure,
+        /// The image's last text.
+        last: String,
+    },
+}
+
+/// A ground station with everything that it has received.
+#[derive(Clone, Debug, Default)]
+pub struct GroundStation {
+    client: Client,
+    received: Received,
+}
+
+impl GroundStation {
+    /// A ground station that has not been heard yet.
+    pub fn new() -> Self {
+        Self::default()
+    }
+
+    /// What has arrived.
+    pub fn received(&self) -> &Received {
+        &self.received
+    }
+
+    /// Forgets attitudes, servo outputs, samples and link counts, as at the start of a measurement.
+    pub fn begin_page(&mut self) {
+        self.received.attitudes.clear();
+        self.received.servos.clear();
+        self.received.samples.clear();
+        self.client.reset_counts();
+    }
+
+    /// What has been counted on the link.
+    pub fn counts(&self) -> LinkCounts {
+        self.client.counts()
+    }
+
+    /// The state of the flight by the last heartbeat.
+    pub fn state(&self) -> Option<FlightState> {
+        self.received.heartbeats.last().map(|beat| beat.state)
+    }
+
+    /// The last text.
+    pub fn last_text(&self) -> Option<&str> {
+        self.received.texts.last().map(|text| text.text.as_str())
+    }
+
+    /// Reads what has come and sends what is due.
+    pub fn poll(&mut self, rig: &mut Rig) {
+        let now = rig.now();
+        let bytes = rig.usb_read();
+        for frame in self.client.receive(duration(now), &bytes) {
+            self.received.take(now, frame.message);
+        }
+        if rig.usb_host().is_configured() {
+            self.client.poll(duration(now));
+            self.flush(rig);
+        }
+    }
+
+    /// Lets the rig run and reads along.
+    ///
+    /// # Errors
+    /// The rig stopped.
+    pub fn run(&mut self, rig: &mut Rig, time: Ticks) -> Result<(), RigError> {
+        let end = rig.now() + time;
+        while rig.now() < end {
+            rig.run_until((rig.now() + SLICE).min(end))?;
+            self.poll(rig);
+        }
+        Ok(())
+    }
+
+    /// Lets the rig run until `done`, for at most `patience`.
+    ///
+    /// # Errors
+    /// [`GroundStationError::Silence`] naming `what`, or the rig stopped.
+    pub fn wait(
+        &mut self,
+        rig: &mut Rig,
+        patience: Ticks,
+        what: &str,
+        mut done: impl FnMut(&Received) -> bool,
+    ) -> Result<(), GroundStationError> {
+        let end = rig.now() + patience;
+        while !done(&self.received) {
+            if rig.now() >= end {
+                return Err(GroundStationError::Silence {
+                    what: what.to_owned(),
+                    seconds: patience.as_secs_f64(),
+                    last: self.last_words(),
+                });
+            }
+            self.run(rig, SLICE)?;
+        }
+        Ok(())
+    }
+
+    /// Waits for the first heartbeat.
+    ///
+    /// # Errors
+    /// Silence, or the rig stopped.
+    pub fn connect(&mut self, rig: &mut Rig) -> Result<(), GroundStationError> {
+        let before = self.received.heartbeats.len();
+        self.wait(rig, BOOT_PATIENCE, "heartbeat", |received| {
+            received.heartbeats.len() > before
+        })
+    }
+
+    /// Waits until the flight is in `state`.
+    ///
+    /// # Errors
+    /// Silence, or the rig stopped.
+    pub fn wait_for_state(
+        &mut self,
+        rig: &mut Rig,
+        patience: Ticks,
+        state: FlightState,
+    ) -> Result<(), GroundStationError> {
+        self.wait(rig, patience, &format!("state {state:?}"), |received| {
+            let mut heartbeats = received.heartbeats.iter();
+            heartbeats
+                .next_back()
+                .is_some_and(|beat| beat.state == state)
+        })
+    }
+
+    /// Sets a parameter and checks what comes back.
+    ///
+    /// # Errors
+    /// Silence, another value, or the rig stopped.
+    pub fn set_parameter(
+        &mut self,
+        rig: &mut Rig,
+        name: &str,
+        value: f32,
+    ) -> Result<(), GroundStationError> {
+        let name = name.to_owned();
+        self.request(rig, Request::Set(Parameter { name, value }))
+    }
+
+    /// Asks for all parameters; [`Received::parameters`] has them then.
+    ///
+    /// # Errors
+    /// Silence, or the rig stopped.
+    pub fn list_parameters(&mut self, rig: &mut Rig) -> Result<(), GroundStationError> {
+        self.received.parameters.clear();
+        self.request(rig, Request::List)
+    }
+
+    /// Arms.
+    ///
+    /// # Errors
+    /// Refusal with the image's reason, silence, or the rig stopped.
+    pub fn arm(&mut self, rig: &mut Rig) -> Result<(), GroundStationError> {
+        self.order(rig, request::ARM)
+    }
+
+    /// Disarms, which also acknowledges a failsafe or a latched fault.
+    ///
+    /// # Errors
+    /// As [`GroundStation::arm`].
+    pub fn disarm(&mut self, rig: &mut Rig) -> Result<(), GroundStationError> {
+        self.order(rig, request::DISARM)
+    }
+
+    /// Asks for control and, as soon as the image agrees, opens the clamp; the drone leaves it
+    /// with `rate_rad_s`.
+    ///
+    /// # Errors
+    /// As [`GroundStation::arm`]; the clamp stays closed.
+    pub fn release(&mut self, rig: &mut Rig, rate_rad_s: f64) -> Result<(), GroundStationError> {
+        self.order(rig, request::RELEASE)?;
+        rig.release(rate_rad_s);
+        Ok(())
+    }
+
+    /// Stores the parameters.
+    ///
+    /// # Errors
+    /// As [`GroundStation::arm`].
+    pub fn save_parameters(&mut self, rig: &mut Rig) -> Result<(), GroundStationError> {
+        self.order(rig, request::SAVE)
+    }
+
+    /// Asks for the parameters to be stored, and does not wait.
+    pub fn request_save(&mut self, rig: &mut Rig) {
+        self.client.send(&request::SAVE.message());
+        self.flush(rig);
+    }
+
+    /// Goes back to the stored parameters.
+    ///
+    /// # Errors
+    /// As [`GroundStation::arm`].
+    pub fn reload_parameters(&mut self, rig: &mut Rig) -> Result<(), GroundStationError> {
+        self.order(rig, request::RELOAD)
+    }
+
+    /// Goes back to the defaults.
+    ///
+    /// # Errors
+    /// As [`GroundStation::arm`].
+    pub fn reset_parameters(&mut self, rig: &mut Rig) -> Result<(), GroundStationError> {
+        self.order(rig, request::RESET)
+    }
+
+    /// Fetches the recorder's bytes: none if it holds no release.
+    ///
+    /// # Errors
+    /// Silence, or the rig stopped.
+    pub fn fetch_recording(&mut self, rig: &mut Rig) -> Result<Vec<u8>, GroundStationError> {
+        self.request(rig, Request::Download)?;
+        Ok(self.client.recording().to_vec())
+    }
+
+    fn order(&mut self, rig: &mut Rig, order: Order) -> Result<(), GroundStationError> {
+        self.request(rig, Request::Order(order))
+    }
+
+    fn request(&mut self, rig: &mut Rig, request: Request) -> Result<(), GroundStationError> {
+        let ticket = self.client.request(duration(rig.now()), request);
+        self.flush(rig);
+        let end = rig.now() + Ticks::from_us(ANSWER.as_micros() as u64);
+        loop {
+            // Without a port the client is not polled and does not run out of patience.
+            if rig.now() >= end && !rig.usb_host().is_configured() {
+                self.client.close();
+            }
+            if let Some(answer) = self.client.answer(ticket) {
+                return answer.map_err(|failure| GroundStationError::Request {
+                    failure,
+                    last: self.last_words(),
+                });
+            }
+            self.run(rig, SLICE)?;
+        }
+    }
+
+    fn flush(&mut self, rig: &mut Rig) {
+        while let Some(frame) = self.client.outgoing() {
+            rig.usb_write(&frame);
+        }
+    }
+
+    fn last_words(&self) -> String {
+        self.last_text()
+            .map_or(String::new(), |text| format!(" (it said last: {text})"))
+    }
+}
+
+/// The rig's clock as the client takes it.
+fn duration(time: Ticks) -> Duration {
+    let ns = u128::from(time.0) * 1_000_000 / u128::from(Ticks::from_ms(1).0);
+    Duration::from_nanos(ns as u64)
+}

@@ -1,0 +1,178 @@
+//! Transactions (USB 2.0, 8.5): which pipe has the bus next, and what comes of it.
+
+use super::control::Transfer;
+use super::pipe::{Pipe, PipeState};
+use super::request::Request;
+use super::{BYTE, Host, HostError, RETRY};
+use crate::board::Ticks;
+use crate::memory::Memory;
+use crate::peripherals::usb::{Handshake, Packet, Usb};
+
+/// Tokens, headers, CRC, handshake and turn-around of a transaction, in bytes.
+const OVERHEAD: u64 = 13;
+/// A token and a NAK.
+const NAK_TIME: Ticks = Ticks(8 * BYTE.0);
+
+/// A transaction on the wire.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) struct Transaction {
+    pipe: Pipe,
+    /// What goes out on the bulk OUT pipe.
+    bytes: Vec<u8>,
+    /// The device answers with NAK.
+    is_nak: bool,
+}
+
+impl Host {
+    pub(super) fn pipe(&mut self, pipe: Pipe) -> &mut PipeState {
+        &mut self.session.pipes[pipe as usize]
+    }
+
+    /// Puts the next transaction on the wire, if one is ready and fits into the frame.
+    pub(super) fn begin_transaction(&mut self, now: Ticks, usb: &Usb) {
+        self.due = self.next_frame;
+        self.next_request(now);
+        let mut candidates = [Pipe::Control, Pipe::Interrupt, Pipe::BulkOut, Pipe::BulkIn];
+        if self.frame.is_multiple_of(2) {
+            // Neither direction starves the other.
+            candidates.swap(2, 3);
+        }
+        for pipe in candidates {
+            if !self.is_wanted(pipe) {
+                continue;
+            }
+            let ready = self.pipe(pipe).ready;
+            if ready > now {
+                self.due = self.due.min(ready);
+                continue;
+            }
+            let (transaction, duration) = self.compose(pipe, usb);
+            if now + duration <= self.next_frame {
+                self.session.transaction = Some(transaction);
+                self.due = now + duration;
+                return;
+            }
+            self.due = self.next_frame;
+        }
+    }
+
+    /// Whether a pipe has something to do.
+    fn is_wanted(&self, pipe: Pipe) -> bool {
+        let session = &self.session;
+        match pipe {
+            Pipe::Control => session.transfer.is_some(),
+            Pipe::BulkOut => session.configured && !self.to_send.is_empty(),
+            Pipe::BulkIn => session.configured && self.reading,
+            Pipe::Interrupt => {
+                session.configured && session.port.is_some_and(|port| port.interrupt.is_some())
+            }
+        }
+    }
+
+    /// A pipe's endpoint number, whether it is IN now, and its packet size in bytes.
+    fn target(&self, pipe: Pipe) -> (u8, bool, u16) {
+        let port = self.session.port.unwrap_or_default();
+        let endpoint = match pipe {
+            Pipe::Control => {
+                let is_in = self.session.transfer.as_ref().is_some_and(Transfer::is_in);
+                return (0, is_in, u16::from(self.enumeration.control_packet));
+            }
+            Pipe::BulkOut => port.bulk_out,
+            Pipe::BulkIn => port.bulk_in,
+            Pipe::Interrupt => port.interrupt.unwrap_or_default(),
+        };
+        (endpoint.number, pipe != Pipe::BulkOut, endpoint.packet_size)
+    }
+
+    /// The transaction that a pipe wants, and how long it takes.
+    fn compose(&self, pipe: Pipe, usb: &Usb) -> (Transaction, Ticks) {
+        let (number, is_in, size) = self.target(pipe);
+        let transfer = self.session.transfer.as_ref();
+        let is_setup = pipe == Pipe::Control && transfer.is_some_and(Transfer::is_setup);
+        let mut transaction = Transaction {
+            pipe,
+            bytes: Vec::new(),
+            is_nak: !is_setup && usb.would_nak(number, is_in),
+        };
+        let mut length = if is_setup { 8 } else { u64::from(size) };
+        if pipe == Pipe::BulkOut {
+            let next = self.to_send.iter().take(usize::from(size));
+            transaction.bytes = next.copied().collect();
+            length = transaction.bytes.len() as u64;
+        }
+        let duration = if transaction.is_nak {
+            NAK_TIME
+        } else {
+            BYTE * (OVERHEAD + length)
+        };
+        (transaction, duration)
+    }
+
+    /// The transaction on the wire has ended.
+    pub(super) fn complete(
+        &mut self,
+        now: Ticks,
+        transaction: Transaction,
+        usb: &mut Usb,
+        memory: &mut Memory,
+    ) {
+        let Transaction { pipe, bytes, .. } = transaction;
+        let address = self.session.address;
+        let (number, is_in, size) = self.target(pipe);
+        if transaction.is_nak {
+            usb.nak(number, is_in);
+        }
+        match pipe {
+            Pipe::Control if transaction.is_nak => self.delay_control(now),
+            Pipe::Control => self.advance_control(now, usb, memory),
+            Pipe::Interrupt => {
+                if !transaction.is_nak
+                    && let Packet::Data(_, toggle) = usb.input(address, number, memory)
+                {
+                    self.pipe(pipe).toggle = !toggle;
+                }
+                let port = self.session.port.unwrap_or_default();
+                let interval_ms = port.interrupt.unwrap_or_default().interval_ms;
+                self.pipe(pipe).ready = now + Ticks::from_ms(u64::from(interval_ms));
+            }
+            Pipe::BulkIn | Pipe::BulkOut if transaction.is_nak => {
+                self.statistics.naks += 1;
+                self.pipe(pipe).ready = now + RETRY;
+            }
+            Pipe::BulkIn => match usb.input(address, number, memory) {
+                Packet::Data(bytes, toggle) => {
+                    self.statistics.packets_in += 1;
+                    if bytes.len() > usize::from(size) {
+                        self.errors.push(HostError::TooLong);
+                    } else if toggle == self.pipe(pipe).toggle {
+                        self.pipe(pipe).toggle = !toggle;
+                        self.received.extend(bytes);
+                    } else {
+                        self.errors.push(HostError::WrongToggle);
+                    }
+                }
+                Packet::Nak | Packet::Silence => self.pipe(pipe).ready = now + RETRY,
+                Packet::Stall => self.clear_halt(pipe, 0x80 | number),
+            },
+            Pipe::BulkOut => {
+                let toggle = self.pipe(pipe).toggle;
+                match usb.output(address, number, toggle, &bytes, memory) {
+                    Handshake::Ack => {
+                        self.statistics.packets_out += 1;
+                        self.pipe(pipe).toggle = !toggle;
+                        self.to_send.drain(..bytes.len());
+                    }
+                    Handshake::Nak | Handshake::Silence => self.pipe(pipe).ready = now + RETRY,
+                    Handshake::Stall => self.clear_halt(pipe, number),
+                }
+            }
+        }
+    }
+
+    /// A pipe was refused with STALL: it waits for the request that ends that.
+    fn clear_halt(&mut self, pipe: Pipe, endpoint: u8) {
+        self.pipe(pipe).ready = Ticks::NEVER;
+        let requests = &mut self.session.requests;
+        requests.push_back(Request::ClearHalt(endpoint));
+    }
+}

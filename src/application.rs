@@ -1,0 +1,248 @@
+//! The application: what the main loop does with each event, apart from the hardware that it does
+//! it with.
+//!
+//! [`Application::turn`] joins the sensor's driver, [`Flight`], [`Telemetry`] and [`Recorder`]. The
+//! chip's board and the tests' stand in for [`Board`].
+
+use core::ops::Deref;
+
+use bno055_driver::{BusError, Driver, Micros, Next, RawSample, SensorFault, Transfer};
+use embedded_storage::nor_flash::NorFlash;
+
+use crate::failsafe::State;
+use crate::flight::{Flight, Outputs};
+use crate::led;
+use crate::recorder::Recorder;
+use crate::servo::PulseUs;
+use crate::telemetry::{BoardStatus, Reset, Telemetry};
+
+/// Longest packet that the host sends, bytes.
+pub const PACKET_BYTES: usize = 64;
+
+/// What the main loop wakes up for. `A` holds the bytes of a transfer's answer.
+#[derive(Clone, Copy, Debug)]
+pub enum Event<A> {
+    /// The tick's burst is over, and its step still to come.
+    Burst(Outcome<A>),
+    /// The tick has no burst, or not in time: its step goes without a sample.
+    Missed,
+    /// A burst is over whose step has been taken without it.
+    Late(Outcome<A>),
+    /// Another transfer is over.
+    Reply(Outcome<A>),
+    /// Nothing for the flight.
+    Nothing,
+}
+
+/// How a transfer ended.
+#[derive(Clone, Copy, Debug)]
+pub struct Outcome<A> {
+    /// When it was started.
+    pub started: Micros,
+    /// What was read: nothing, for a write.
+    pub answer: Result<A, BusError>,
+}
+
+impl<A: Deref<Target = [u8]>> Outcome<A> {
+    fn bytes(&self) -> Result<&[u8], BusError> {
+        match &self.answer {
+            Ok(answer) => Ok(answer),
+            Err(error) => Err(*error),
+        }
+    }
+}
+
+/// What a step asks of the board.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct StepEnd {
+    /// The pulse of the next frame.
+    pub pulse: PulseUs,
+    /// The pulse that a crash sends.
+    pub neutral: PulseUs,
+    /// Rate of the servo frame, Hz. The flight changes it only while disarmed.
+    pub frame_hz: u32,
+    /// Speed of the sensor bus, kHz. The flight changes it only while disarmed.
+    pub i2c_khz: u32,
+    /// Where the flight stands.
+    pub state: State,
+    /// Whether the LED is lit.
+    pub led: bool,
+}
+
+/// The hardware, as far as the application uses it. Nothing here waits.
+pub trait Board {
+    /// Where parameters are stored.
+    type Flash: NorFlash;
+
+    /// Have every tick start `burst`; `None` has them start nothing.
+    fn arm(&mut self, burst: Option<Transfer>);
+
+    /// Whether no transfer is under way or waits to be collected.
+    fn bus_is_free(&self) -> bool;
+
+    /// Whether `transfer`, begun now, is over before the next tick.
+    fn has_time_for(&self, now: Micros, transfer: &Transfer) -> bool;
+
+    /// Start `transfer` on the free bus.
+    fn begin(&mut self, transfer: Transfer);
+
+    /// A control step begins.
+    fn step_begins(&mut self);
+
+    /// A control step is over.
+    fn step_ends(&mut self, end: &StepEnd);
+
+    /// What SYS_STATUS tells of the board.
+    fn status(&self) -> BoardStatus;
+
+    /// Look after the port to the host. A vehicle that is `armed` is not reset. Says whether a
+    /// program has the port open.
+    fn poll_port(&mut self, now: Micros, armed: bool) -> bool;
+
+    /// The host's next packet, empty if there is none.
+    fn read<'a>(&mut self, packet: &'a mut [u8; PACKET_BYTES]) -> &'a [u8];
+
+    /// Hand over as much of `bytes` as there is room for; says how many.
+    fn write(&mut self, bytes: &[u8]) -> usize;
+
+    /// Where parameters are stored.
+    fn flash(&mut self) -> &mut Self::Flash;
+
+    /// Reset once the host has been answered, unless the vehicle is armed by then.
+    fn reset_soon(&mut self, now: Micros, reset: Reset);
+}
+
+/// All that runs on the board.
+#[derive(Debug)]
+pub struct Application<'a> {
+    driver: &'a mut Driver,
+    flight: &'a mut Flight,
+    telemetry: &'a mut Telemetry,
+    recorder: &'a mut Recorder,
+    port_open: bool,
+}
+
+impl<'a> Application<'a> {
+    /// At start-up.
+    pub fn new(
+        driver: &'a mut Driver,
+        flight: &'a mut Flight,
+        telemetry: &'a mut Telemetry,
+        recorder: &'a mut Recorder,
+    ) -> Self {
+        Self {
+            driver,
+            flight,
+            telemetry,
+            recorder,
+            port_open: false,
+        }
+    }
+
+    /// Once round the loop: read, step, write, send.
+    // A function of its own: what `main` holds for ever in registers is then not in its way. 3.4 KB
+    // less flash.
+    #[inline(never)]
+    pub fn turn<A: Deref<Target = [u8]>>(
+        &mut self,
+        now: Micros,
+        event: &Event<A>,
+        board: &mut impl Board,
+    ) {
+        let reading = self.take(now, event);
+        // First, so that what the sensor is asked between two bursts goes over the wire during the
+        // step.
+        self.serve_sensor(now, board);
+        if let Some(reading) = reading {
+            board.step_begins();
+            let outputs = self.flight.step(now, reading);
+            board.step_ends(&self.step_end(now, &outputs));
+            let snapshot = &outputs.snapshot;
+            self.telemetry
+                .record(snapshot, self.flight, &board.status());
+            self.recorder.record(snapshot, self.flight);
+            self.telemetry.serve_recorder(self.recorder);
+        }
+        self.exchange(now, board);
+    }
+
+    /// What the event means to the flight: a sample or the reason why there is none, where a step
+    /// is due.
+    fn take<A: Deref<Target = [u8]>>(
+        &mut self,
+        now: Micros,
+        event: &Event<A>,
+    ) -> Option<Result<RawSample, SensorFault>> {
+        match event {
+            Event::Burst(burst) => Some(self.driver.sample(burst.started, burst.bytes())),
+            Event::Missed => Some(Err(self.driver.missed())),
+            Event::Late(burst) => {
+                // Too late to fly by; what it says of the sensor's health counts all the same.
+                let _ = self.driver.sample(burst.started, burst.bytes());
+                None
+            }
+            Event::Reply(reply) => {
+                self.driver.complete(now, reply.bytes());
+                None
+            }
+            Event::Nothing => None,
+        }
+    }
+
+    /// Give the sensor's driver what it asks for next. While the sensor is sampled, that goes
+    /// between two bursts.
+    fn serve_sensor(&mut self, now: Micros, board: &mut impl Board) {
+        let sampling = self.driver.is_sampling();
+        board.arm(sampling.then(|| self.driver.burst()));
+        if board.bus_is_free()
+            && let Next::Transfer(transfer) = self.driver.next(now)
+            && (!sampling || board.has_time_for(now, &transfer))
+        {
+            board.begin(transfer);
+        }
+    }
+
+    fn step_end(&self, now: Micros, outputs: &Outputs) -> StepEnd {
+        let (frame_hz, i2c_khz) = self.flight.params().rates();
+        let state = outputs.snapshot.state;
+        StepEnd {
+            pulse: outputs.pulse,
+            neutral: self.flight.neutral(),
+            frame_hz,
+            i2c_khz,
+            state,
+            led: led::is_lit(state.kind(), now),
+        }
+    }
+
+    /// Take what the host has sent, and give it what it has room for.
+    #[inline(never)]
+    fn exchange(&mut self, now: Micros, board: &mut impl Board) {
+        let open = board.poll_port(now, self.flight.state().is_armed());
+        let was_open = core::mem::replace(&mut self.port_open, open);
+        if !open {
+            // Nobody listens: whoever comes next wants the present, not the past.
+            self.telemetry.sent(self.telemetry.pending().len());
+            return;
+        }
+        if !was_open {
+            // A new listener hears the state again.
+            self.telemetry.restart();
+        }
+        let mut packet = [0; PACKET_BYTES];
+        self.telemetry
+            .receive(now, board.read(&mut packet), self.flight);
+        // The processor stands still while it writes flash: a burst under way would be cut in two.
+        if board.bus_is_free() {
+            self.telemetry.serve_storage(board.flash(), self.flight);
+        }
+        if let Some(reset) = self.telemetry.take_reset() {
+            board.reset_soon(now, reset);
+        }
+        let count = board.write(self.telemetry.pending());
+        self.telemetry.sent(count);
+    }
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,262 @@
+//! The application on a board that notes what it is asked.
+
+use std::string::String;
+use std::vec;
+use std::vec::Vec;
+
+use bno055_driver::Config;
+
+use super::*;
+use crate::failsafe::{BootReport, StateKind};
+use crate::params::Params;
+use crate::store::tests::Mock;
+
+/// What a board was asked, in turn.
+#[derive(Clone, Debug, PartialEq)]
+enum Asked {
+    Arm(bool),
+    Begin(Transfer),
+    StepBegins,
+    StepEnds(PulseUs),
+    PollPort,
+    Read,
+    Write(usize),
+}
+
+struct Notes {
+    asked: Vec<Asked>,
+    bus_free: bool,
+    time: bool,
+    open: bool,
+    packets: Vec<Vec<u8>>,
+    room: usize,
+    flash: Mock,
+    end: Option<StepEnd>,
+    reset: Option<Reset>,
+}
+
+impl Notes {
+    fn new() -> Self {
+        Self {
+            asked: vec![],
+            bus_free: true,
+            time: true,
+            open: false,
+            packets: vec![],
+            room: 0,
+            flash: Mock::new(),
+            end: None,
+            reset: None,
+        }
+    }
+
+    fn take(&mut self) -> Vec<Asked> {
+        core::mem::take(&mut self.asked)
+    }
+}
+
+impl Board for Notes {
+    type Flash = Mock;
+
+    fn arm(&mut self, burst: Option<Transfer>) {
+        self.asked.push(Asked::Arm(burst.is_some()));
+    }
+    fn bus_is_free(&self) -> bool {
+        self.bus_free
+    }
+    fn has_time_for(&self, _now: Micros, _transfer: &Transfer) -> bool {
+        self.time
+    }
+    fn begin(&mut self, transfer: Transfer) {
+        self.asked.push(Asked::Begin(transfer));
+    }
+    fn step_begins(&mut self) {
+        self.asked.push(Asked::StepBegins);
+    }
+    fn step_ends(&mut self, end: &StepEnd) {
+        self.asked.push(Asked::StepEnds(end.pulse));
+        self.end = Some(*end);
+    }
+    fn status(&self) -> BoardStatus {
+        BoardStatus::default()
+    }
+    fn poll_port(&mut self, _now: Micros, _armed: bool) -> bool {
+        self.asked.push(Asked::PollPort);
+        self.open
+    }
+    fn read<'a>(&mut self, packet: &'a mut [u8; PACKET_BYTES]) -> &'a [u8] {
+        self.asked.push(Asked::Read);
+        let bytes = self.packets.pop().unwrap_or_default();
+        packet[..bytes.len()].copy_from_slice(&bytes);
+        &packet[..bytes.len()]
+    }
+    fn write(&mut self, bytes: &[u8]) -> usize {
+        let count = bytes.len().min(self.room);
+        self.asked.push(Asked::Write(count));
+        count
+    }
+    fn flash(&mut self) -> &mut Mock {
+        &mut self.flash
+    }
+    fn reset_soon(&mut self, _now: Micros, reset: Reset) {
+        self.reset = Some(reset);
+    }
+}
+
+struct Bench {
+    driver: Driver,
+    flight: Flight,
+    telemetry: Telemetry,
+    recorder: Recorder,
+    board: Notes,
+    now: Micros,
+    port_open: bool,
+}
+
+impl Bench {
+    fn new() -> Self {
+        let mut params = Params::default();
+        params.set("SRV_HOLD_DEG", -10.0).unwrap();
+        Self {
+            driver: Driver::new(Config::default()),
+            flight: Flight::new(params, BootReport::default()).unwrap(),
+            telemetry: Telemetry::new(),
+            recorder: Recorder::new(),
+            board: Notes::new(),
+            now: Micros(1_000_000),
+            port_open: false,
+        }
+    }
+
+    /// Turns of the loop, 10 ms from one to the next.
+    fn turns(&mut self, events: Vec<Event<Vec<u8>>>) {
+        let mut application = Application::new(
+            &mut self.driver,
+            &mut self.flight,
+            &mut self.telemetry,
+            &mut self.recorder,
+        );
+        application.port_open = self.port_open;
+        for event in events {
+            self.now = self.now.after(10_000);
+            application.turn(self.now, &event, &mut self.board);
+        }
+        self.port_open = application.port_open;
+    }
+}
+
+fn reply(answer: Result<Vec<u8>, BusError>) -> Event<Vec<u8>> {
+    Event::Reply(Outcome {
+        started: Micros(1_000_000),
+        answer,
+    })
+}
+
+#[test]
+fn the_sensor_is_served_before_the_step_and_the_host_last() {
+    let mut bench = Bench::new();
+    bench.turns(vec![Event::Missed]);
+    let asked = bench.board.take();
+    assert!(matches!(asked[..2], [Asked::Arm(false), Asked::Begin(_)]));
+    assert_eq!(
+        asked[2..],
+        [
+            Asked::StepBegins,
+            Asked::StepEnds(PulseUs(1424)),
+            Asked::PollPort
+        ]
+    );
+}
+
+#[test]
+fn a_step_is_taken_for_a_burst_or_a_missed_one_and_for_nothing_else() {
+    let late = Outcome {
+        started: Micros(1_000_000),
+        answer: Err(BusError::Nak),
+    };
+    for (event, steps) in [
+        (Event::Nothing, 0),
+        (reply(Err(BusError::Nak)), 0),
+        (Event::Late(late.clone()), 0),
+        (Event::Burst(late), 1),
+        (Event::Missed, 1),
+    ] {
+        let mut bench = Bench::new();
+        bench.turns(vec![event]);
+        let begun = bench.board.take();
+        let begun = begun.iter().filter(|a| **a == Asked::StepBegins).count();
+        assert_eq!(begun, steps);
+        assert_eq!(bench.flight.state().kind(), StateKind::Boot);
+    }
+}
+
+#[test]
+fn the_sensor_waits_for_a_free_bus() {
+    let mut bench = Bench::new();
+    bench.board.bus_free = false;
+    bench.turns(vec![Event::Nothing]);
+    assert_eq!(bench.board.take(), [Asked::Arm(false), Asked::PollPort]);
+    // Before it samples there is no burst to get in the way of.
+    (bench.board.bus_free, bench.board.time) = (true, false);
+    bench.turns(vec![Event::Nothing]);
+    let asked = bench.board.take();
+    assert!(matches!(asked[1], Asked::Begin(_)), "{asked:?}");
+}
+
+#[test]
+fn a_step_tells_the_board_the_neutral_pulse_the_rates_and_the_state() {
+    let mut bench = Bench::new();
+    bench.turns(vec![Event::Missed]);
+    let end = bench.board.end.unwrap();
+    assert_eq!((end.pulse, end.neutral), (PulseUs(1424), PulseUs(1424)));
+    assert_eq!((end.frame_hz, end.i2c_khz), (50, 400));
+    assert_eq!(end.state.kind(), StateKind::Boot);
+}
+
+#[test]
+fn nothing_is_kept_for_a_host_that_does_not_listen_and_a_new_one_hears_the_state() {
+    let mut bench = Bench::new();
+    bench.turns(vec![Event::Missed, Event::Missed]);
+    assert!(bench.telemetry.pending().is_empty());
+    bench.board.open = true;
+    bench.turns(vec![Event::Nothing]);
+    bench.turns(vec![Event::Missed]);
+    let text = String::from_utf8_lossy(bench.telemetry.pending()).into_owned();
+    assert!(text.contains("boot: waiting for the sensor"), "{text:?}");
+}
+
+#[test]
+fn the_host_gets_what_it_has_room_for_and_its_orders_reach_the_board() {
+    let mut bench = Bench::new();
+    (bench.board.open, bench.board.room) = (true, 20);
+    bench.turns(vec![Event::Nothing, Event::Missed]);
+    let waiting = bench.telemetry.pending().len();
+    bench.board.take();
+    bench.turns(vec![Event::Nothing]);
+    assert!(bench.board.asked.contains(&Asked::Write(20)));
+    assert_eq!(bench.telemetry.pending().len(), waiting - 20);
+    let reboot = crate::telemetry::tests::reboot();
+    bench.board.packets = vec![reboot];
+    bench.turns(vec![Event::Nothing]);
+    assert_eq!(bench.board.reset, Some(Reset::Restart));
+}
+
+#[test]
+fn flash_is_not_written_while_a_transfer_is_under_way() {
+    let mut bench = Bench::new();
+    bench.board.open = true;
+    bench.board.bus_free = false;
+    bench.board.packets = vec![crate::telemetry::tests::save()];
+    bench.turns(vec![Event::Nothing]);
+    assert_eq!(
+        crate::store::load(&mut bench.board.flash).1,
+        crate::store::Loaded::Nothing
+    );
+    bench.board.bus_free = true;
+    bench.board.packets.clear();
+    bench.turns(vec![Event::Nothing]);
+    assert!(matches!(
+        crate::store::load(&mut bench.board.flash).1,
+        crate::store::Loaded::Set { generation: 1, .. }
+    ));
+}

@@ -1,0 +1,95 @@
+//! When the watchdog may be fed: only as long as the whole loop does its work.
+
+use bno055_driver::Micros;
+
+/// Shortest time between two feeds, us: a third of the early warning, and two steps.
+const FEED_PERIOD_US: u64 = 20_000;
+
+/// What the loop has done since the watchdog was fed.
+#[derive(Clone, Debug)]
+pub struct Work {
+    tick: bool,
+    step: bool,
+    pulse: bool,
+    fed: Micros,
+}
+
+impl Work {
+    /// Nothing yet.
+    pub const fn new(now: Micros) -> Self {
+        Self {
+            tick: false,
+            step: false,
+            pulse: false,
+            fed: now,
+        }
+    }
+
+    /// A tick has come.
+    pub fn tick_seen(&mut self) {
+        self.tick = true;
+    }
+
+    /// The flight has been stepped. `taken` says whether the servo timer took the pulse.
+    pub fn step_done(&mut self, taken: bool) {
+        self.step |= taken;
+    }
+
+    /// `sent` says whether the servo timer has nothing left in its buffer. That counts once a step
+    /// has filled it.
+    pub fn pulse_sent(&mut self, sent: bool) {
+        self.pulse |= sent && self.step;
+    }
+
+    /// Whether the loop has ticked, stepped and had a pulse go out since the last feed, which is
+    /// long enough ago.
+    pub fn is_done(&self, now: Micros) -> bool {
+        self.tick && self.step && self.pulse && now.since(self.fed) >= FEED_PERIOD_US
+    }
+
+    /// The watchdog has been fed: all work is to be done again.
+    pub fn fed(&mut self, now: Micros) {
+        *self = Self::new(now);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const LATER: Micros = Micros(FEED_PERIOD_US);
+
+    #[test]
+    fn all_of_the_work_is_asked_for_and_some_time() {
+        for left_out in 0..3 {
+            let mut work = Work::new(Micros(0));
+            if left_out != 0 {
+                work.tick_seen();
+            }
+            work.step_done(left_out != 1);
+            work.pulse_sent(left_out != 2);
+            assert!(!work.is_done(LATER), "{left_out}");
+        }
+        let mut work = Work::new(Micros(0));
+        work.tick_seen();
+        work.step_done(true);
+        work.pulse_sent(true);
+        assert!(work.is_done(LATER) && !work.is_done(Micros(FEED_PERIOD_US - 1)));
+        work.fed(LATER);
+        assert!(
+            !work.is_done(Micros(10 * FEED_PERIOD_US)),
+            "it begins again"
+        );
+    }
+
+    #[test]
+    fn an_empty_buffer_counts_only_after_a_step_has_filled_it() {
+        let mut work = Work::new(Micros(0));
+        work.tick_seen();
+        work.pulse_sent(true);
+        work.step_done(true);
+        assert!(!work.is_done(LATER));
+        work.pulse_sent(true);
+        assert!(work.is_done(LATER));
+    }
+}
