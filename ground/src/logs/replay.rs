@@ -126,7 +126,7 @@ pub fn run(options: &Replay) -> Result<Verdict> {
     (figures.missed, figures.lost) = (flight.missed(), flight.lost());
     (figures.refused, figures.changed) = (refused, changed);
     let other = match options.filter {
-        Some(choice) => Some(filter::pitches(choice, &flight, &parameters(&flight))?),
+        Some(choice) => Some(filter::pitches(choice, &flight, &flight.parameters())?),
         None => None,
     };
     if let Some(other) = &other {
@@ -201,26 +201,12 @@ fn words(figures: &Figures) -> Vec<String> {
     lines
 }
 
-/// The parameters that the flight began with: the first value that is told of each.
-pub fn parameters(flight: &log::Flight) -> Params {
-    let mut params = Params::default();
-    // A vehicle that knew nothing of this check was armed without it.
-    let _ = params.set("SRV_POLARITY", 1.0);
-    for event in flight.events.iter().rev() {
-        if let Event::Parameter(name, value) = event {
-            // One that this version does not know, or not with that value, stays at its default.
-            let _ = params.set(name, *value);
-        }
-    }
-    params
-}
-
 /// Runs the library over a log, with some parameters forced to other values. Also gives what it refused.
 pub fn replay(
     flight: &log::Flight,
     changed: &BTreeMap<String, f32>,
 ) -> Result<(Vec<Pair>, Vec<String>)> {
-    let mut params = parameters(flight);
+    let mut params = flight.parameters();
     for (name, value) in changed {
         params
             .set(name, *value)

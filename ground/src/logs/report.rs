@@ -14,7 +14,6 @@ use rig::measure::Spread;
 use crate::flight::figures::{Run, spread, telemetry};
 use crate::flight::requirements;
 use crate::logs::log::{Event, Flight, Log, Step};
-use crate::logs::replay::parameters;
 use crate::out::exit::Verdict;
 use crate::out::measure::{Figure, Figures, data, figure, rows, shown};
 use clap::Args;
@@ -113,7 +112,7 @@ fn servo(params: &Params) -> ServoKind {
 /// The figures of a log.
 pub fn figures(flight: &Flight) -> Figures {
     let releases = releases(flight);
-    let servo = servo(&parameters(flight));
+    let servo = servo(&flight.parameters());
     let runs = releases.iter().filter_map(response);
     let sweeps: Vec<Option<Sweep>> = releases.iter().map(Sweep::of).collect();
     let hold = |(index, release)| hold_figures(index, release);
@@ -136,7 +135,7 @@ pub fn figures(flight: &Flight) -> Figures {
 
 /// Every stretch of the log in which control was active.
 pub fn releases(flight: &Flight) -> Vec<Release<'_>> {
-    let mut set_rad = f64::from(parameters(flight).pitch_set_deg()).to_radians();
+    let mut set_rad = f64::from(flight.parameters().pitch_set_deg()).to_radians();
     let mut releases: Vec<Release> = Vec::new();
     let mut active = false;
     for event in &flight.events {

@@ -11,14 +11,13 @@ use super::sweep::Sweep;
 use super::{Release, events, last_parameters, releases};
 use crate::flight::figures::settling_band_deg;
 use crate::logs::log::{Flight, Step};
-use crate::logs::replay::parameters;
 use crate::out::measure::Figures;
 use crate::out::page::{figure, page, table, verdicts};
 use crate::out::plot::{Line, Plot};
 
 /// The whole page.
 pub fn render(log: &Path, flight: &Flight, figures: &Figures) -> Result<String> {
-    let servo = ServoMap::of(&parameters(flight));
+    let servo = ServoMap::of(&flight.parameters());
     let mut parts = vec![whole(flight, &servo)?];
     for (index, release) in releases(flight).iter().enumerate() {
         parts.push(one(index, release, &servo)?);
