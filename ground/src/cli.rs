@@ -15,7 +15,7 @@ use crate::vehicle::monitor::Monitor;
 use crate::vehicle::param::Param;
 use crate::vehicle::port::Ports;
 use crate::vehicle::record::Record;
-use crate::vehicle::recorder::Burst;
+use crate::vehicle::recorder::Recorder;
 use crate::vehicle::test::Test;
 use crate::vehicle::web::Web;
 
@@ -60,7 +60,8 @@ pub enum Command {
     /// Fly a manoeuvre on the tether and measure it.
     Test(Test),
     /// Fetch the steps around the last release from the vehicle's own memory.
-    Burst(Burst),
+    #[command(alias = "burst")]
+    Recorder(Recorder),
     /// Make an HTML report of a log.
     Report(Report),
     /// Run the firmware's library on a log, bit for bit or with something changed.

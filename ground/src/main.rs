@@ -48,7 +48,7 @@ fn run(command: Command) -> anyhow::Result<Verdict> {
         Command::Disarm(options) => vehicle::arm::disarm(&options),
         Command::Monitor(options) => vehicle::monitor::run(&options),
         Command::Record(options) => vehicle::record::run(&options),
-        Command::Burst(options) => vehicle::recorder::run(&options),
+        Command::Recorder(options) => vehicle::recorder::run(&options),
         Command::Forward(options) => vehicle::forward::run(&options),
         Command::Cycles(options) => filters::cycles::run(&options),
         Command::Calibrate(options) => vehicle::calibrate::run(&options),

@@ -67,7 +67,7 @@ const AT_A_VEHICLE: &[(&str, &str)] = &[
     ("disarm", "disarm"),
     // Together they have a release, a hold and a sweep.
     ("test", "test step --seconds 1 --log step.tlog"),
-    ("burst", "burst burst.csv"),
+    ("recorder", "recorder release.csv"),
     // Long enough that on a slow machine, too, the vehicle's own clock sees two seconds.
     ("test", "test hold --seconds 12 --log hold.tlog"),
     ("test", "test chirp --seconds 6"),

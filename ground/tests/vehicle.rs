@@ -244,7 +244,7 @@ fn tvc(arguments: &[&str]) -> (Option<i32>, String) {
 fn a_release_is_measured_reported_and_replayed_bit_for_bit() {
     let rig = Rig::start(&["--tilt", "0.3"]);
     rig.wait_for("standby");
-    let said = rig.refused(2, &["burst", &rig.path("early.csv")]);
+    let said = rig.refused(2, &["recorder", &rig.path("early.csv")]);
     assert!(said.contains("no release"), "{said}");
     let (log, page) = (rig.path("step.tlog"), rig.path("step.html"));
     let output = rig.tvc(&[
@@ -314,10 +314,10 @@ fn recorded_as_streamed(rig: &Rig, log: &str) {
         ["burst.csv", "streamed.csv", "burst.tlog"].map(|name| rig.path(name));
     // A machine that is busy runs the rig slowly: the second that is recorded may not be over.
     let begun = Instant::now();
-    while !rig.tvc(&["burst", &kept]).status.success() {
+    while !rig.tvc(&["recorder", &kept]).status.success() {
         assert!(begun.elapsed() < PATIENCE);
     }
-    let told = rig.json(&["burst", &kept]);
+    let told = rig.json(&["recorder", &kept]);
     // A release in the same breath as the arming has nothing before it.
     let steps = told["steps"].as_u64().unwrap();
     assert!((170..=200).contains(&steps), "{told}");
@@ -342,7 +342,7 @@ fn recorded_as_streamed(rig: &Rig, log: &str) {
             assert!((kept - told).abs() < 2e-4, "{kept} {told}");
         }
     }
-    rig.ok(&["burst", &again]);
+    rig.ok(&["recorder", &again]);
     let (_, text) = tvc(&["report", &again, "--json"]);
     let figures: Value = serde_json::from_str(&text).unwrap();
     assert_eq!(figures["runs"].as_array().unwrap().len(), 1, "{text}");

@@ -8,7 +8,7 @@ use crate::mechanism::Mechanism;
 use crate::parameters::Parameters;
 
 /// A printed term beside the right one.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct Deviation {
     /// Where the thesis prints it.
     pub place: &'static str,

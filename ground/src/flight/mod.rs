@@ -2,5 +2,7 @@
 
 pub mod disturb;
 pub mod faults;
+pub mod figures;
 pub mod fly;
+pub mod requirements;
 pub mod rig;

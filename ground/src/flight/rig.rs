@@ -57,7 +57,7 @@ pub struct Rig {
     #[arg(long, value_enum, default_value_t = Manner::Steady)]
     pub hand: Manner,
 
-    /// How many times as fast as the clock on the wall (0.1 to 20).
+    /// How many times as fast as real time (0.1 to 20).
     #[arg(long, value_name = "TIMES", default_value_t = 1.0, value_parser = speed)]
     pub speed: f64,
 
@@ -104,7 +104,7 @@ impl SensorChoice {
 fn speed(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
         Ok(times) if (0.1..=20.0).contains(&times) => Ok(times),
-        _ => Err("a speed is 0.1 to 20 times the clock on the wall".into()),
+        _ => Err("a speed is 0.1 to 20 times real time".into()),
     }
 }
 

@@ -127,7 +127,7 @@ pub fn run(options: &Replay) -> Result<Verdict> {
     (figures.missed, figures.lost) = (flight.missed(), flight.lost());
     (figures.refused, figures.changed) = (refused, changed);
     let other = match options.filter {
-        Some(choice) => Some(filter::pitches(choice, &flight, &parameters(&flight))?),
+        Some(choice) => Some(filter::pitches(choice, &flight, &flight.parameters())?),
         None => None,
     };
     if let Some(other) = &other {
@@ -202,20 +202,6 @@ fn words(figures: &Figures) -> Vec<String> {
     lines
 }
 
-/// The parameters at the start of the flight: the first value of each in the log.
-pub fn parameters(flight: &log::Flight) -> Params {
-    let mut params = Params::default();
-    // A firmware without the polarity check armed without it.
-    let _ = params.set("SRV_POLARITY", 1.0);
-    for event in flight.events.iter().rev() {
-        if let Event::Parameter(name, value) = event {
-            // A parameter or value that this version does not know stays at its default.
-            let _ = params.set(name, *value);
-        }
-    }
-    params
-}
-
 /// Runs the library over a log, with some parameters forced to other values. Also gives the refusals.
 ///
 /// # Errors
@@ -224,7 +210,7 @@ pub fn replay(
     flight: &log::Flight,
     changed: &BTreeMap<String, f32>,
 ) -> Result<(Vec<Pair>, Vec<String>)> {
-    let mut params = parameters(flight);
+    let mut params = flight.parameters();
     for (name, value) in changed {
         params
             .set(name, *value)

@@ -10,17 +10,13 @@ use anyhow::Result;
 use client::StateKind;
 use client::state::state_of;
 use plant::response::StepResponse;
-use rig::measure::Spread as Measured;
-use serde::Serialize;
+use rig::measure::Spread;
 
-use crate::flight::fly::figures::{
-    OVERSHOOT_PCT, RUN_COLUMNS, RunFigures, Spread, TelemetryFigures, aligned, run_rows,
-    settling_limit_s,
-};
+use crate::flight::figures::{Run, spread, telemetry};
+use crate::flight::requirements;
 use crate::logs::log::{Event, Flight, Log, Step};
-use crate::logs::replay::parameters;
 use crate::out::exit::Verdict;
-use crate::out::file::{print_figures, write_whole};
+use crate::out::measure::{Figure, Figures, data, figure, rows, shown};
 use clap::Args;
 use rig::ServoKind;
 use std::path::PathBuf;
@@ -50,74 +46,31 @@ pub struct Report {
     pub json: bool,
 }
 
-/// Settling band, share of the start.
-const BAND: f64 = 0.05;
-/// Time after the release in which the drone swings upright, s: it does not count for how well it is held.
+/// Time after the release in which the drone swings upright, s: it does not count for how well it
+/// is held.
 const SWING_S: f64 = 2.0;
-/// Least frame rate of a digital servo, Hz.
-const DIGITAL_HZ: f32 = 300.0;
-/// Largest deviation of a control period, us.
-const JITTER_US: f64 = 100.0;
 
-/// Everything that `tvc report --json` prints, as one object.
-#[derive(Debug, Serialize)]
-pub struct Figures {
-    /// One entry a release.
-    pub runs: Vec<RunFigures>,
-    /// How well each was held after its first two seconds; none for a shorter one.
-    pub hold: Vec<Option<HoldFigures>>,
-    /// The frequency response of each release whose set point swings.
-    pub sweep: Vec<Option<Sweep>>,
-    /// The control loop.
-    #[serde(rename = "loop")]
-    pub control: LoopFigures,
-    /// What arrived.
-    pub telemetry: TelemetryFigures,
-    /// The vehicle's health.
-    pub health: HealthFigures,
-    /// Parameters at the end of the log.
-    pub parameters: BTreeMap<String, f32>,
-    /// The vehicle's texts with its clock, s.
-    pub events: Vec<(f64, String)>,
-}
-
-/// How well pitch was held at its set point.
-#[derive(Debug, Serialize)]
-pub struct HoldFigures {
-    /// Mean error, rad.
-    pub mean_error_rad: f64,
-    /// RMS error, rad.
-    pub rms_error_rad: f64,
-    /// Largest error, rad.
-    pub max_error_rad: f64,
-}
-
-/// Timing by the vehicle's own clock.
-#[derive(Debug, Serialize)]
-pub struct LoopFigures {
-    /// Control steps.
-    pub steps: usize,
+/// Timing of the control loop by the vehicle's own clock.
+struct LoopTiming {
     /// Samples a second where none is missing.
-    pub rate_hz: f64,
-    /// Largest deviation of the time between two samples from its mean.
-    pub jitter_us_max: f64,
-    /// From the start of a sample's burst to its control step.
-    pub sample_to_step_us: Spread,
-    /// Steps without a usable sample.
-    pub missed: usize,
+    rate_hz: f64,
+    /// Largest deviation of the time between two samples from its mean, us.
+    jitter_us_max: f64,
+    /// From the start of a sample's burst to its control step, us.
+    sample_to_step_us: Spread,
 }
 
-/// Health, as the vehicle tells it once a second.
-#[derive(Debug, Default, Serialize)]
-pub struct HealthFigures {
+/// Health, as the vehicle reports it once a second.
+#[derive(Default)]
+struct Health {
     /// Largest share of time for which the processor was awake, 0 to 1.
-    pub load_max: f64,
+    load_max: f64,
     /// Failed transfers on the sensor's bus within the log.
-    pub bus_errors: u16,
+    bus_errors: u16,
     /// Frames within the log that the vehicle dropped because nobody took them.
-    pub dropped: u16,
+    dropped: u16,
     /// Seconds after the self-test in which something enabled was not healthy.
-    pub unhealthy: usize,
+    unhealthy: usize,
 }
 
 /// A release until control ended.
@@ -140,24 +93,18 @@ pub fn run(options: &Report) -> Result<Verdict> {
     conclude(&flight, &options.log, Some(&page), options.json)
 }
 
-/// Figures to standard output, the page to its file, and whether the requirements are met.
+/// Prints the figures, writes the page to its file, and names the requirements that are missed.
 pub fn conclude(flight: &Flight, log: &Path, page: Option<&Path>, json: bool) -> Result<Verdict> {
     let figures = figures(flight);
-    let missed = figures.missed(servo(&parameters(flight)));
-    if let Some(path) = page {
-        let text = page::render(log, flight, &figures, &missed)?;
-        write_whole(path, text.as_bytes())?;
-    }
-    print_figures(&figures, json, Figures::text)?;
-    if let Some(path) = page {
-        eprintln!("report: {}", path.display());
-    }
-    Ok(Verdict::naming(&missed))
+    let page = page
+        .map(|path| anyhow::Ok((path, page::render(log, flight, &figures)?)))
+        .transpose()?;
+    figures.conclude(json, page)
 }
 
-/// The servo that the parameters are for.
-pub fn servo(params: &Params) -> ServoKind {
-    if params.srv_rate_hz() >= DIGITAL_HZ {
+/// The servo that firmware parameters are for, by their frame rate.
+fn servo(params: &Params) -> ServoKind {
+    if params.srv_rate_hz() >= ServoKind::Digital.frame_hz() {
         ServoKind::Digital
     } else {
         ServoKind::S3003
@@ -167,25 +114,30 @@ pub fn servo(params: &Params) -> ServoKind {
 /// The figures of a log.
 pub fn figures(flight: &Flight) -> Figures {
     let releases = releases(flight);
-    Figures {
-        runs: releases.iter().filter_map(step_figures).collect(),
-        hold: releases.iter().map(hold_figures).collect(),
-        sweep: releases.iter().map(Sweep::of).collect(),
-        control: loop_figures(flight),
-        telemetry: TelemetryFigures {
-            messages: flight.counts.messages,
-            lost: flight.counts.lost,
-            crc_errors: flight.counts.crc_errors,
-        },
-        health: health(flight),
-        parameters: last_parameters(flight),
-        events: events(flight),
+    let servo = servo(&flight.parameters());
+    let runs = releases.iter().filter_map(response);
+    let sweeps: Vec<Option<Sweep>> = releases.iter().map(Sweep::of).collect();
+    let hold = |(index, release)| hold_figures(index, release);
+    let mut figures = vec![
+        rows("runs", runs.map(|run| run.figures(servo))),
+        rows("hold", releases.iter().enumerate().map(hold)),
+        data("sweep", &sweeps),
+        loop_figures(flight),
+        telemetry(flight.counts),
+        health_figures(&health(flight)),
+        data("parameters", &last_parameters(flight)),
+        data("events", &events(flight)),
+    ];
+    for (index, sweep) in sweeps.iter().enumerate() {
+        let label = format!("release {}: bandwidth", index + 1);
+        figures.extend(sweep.as_ref().map(|sweep| shown(label, sweep.words())));
     }
+    figures.into()
 }
 
 /// Every stretch of the log in which control was active.
 pub fn releases(flight: &Flight) -> Vec<Release<'_>> {
-    let mut set_rad = f64::from(parameters(flight).pitch_set_deg()).to_radians();
+    let mut set_rad = f64::from(flight.parameters().pitch_set_deg()).to_radians();
     let mut releases: Vec<Release> = Vec::new();
     let mut active = false;
     for event in &flight.events {
@@ -236,23 +188,21 @@ impl Release<'_> {
 }
 
 /// The response to the release, if the set point rested; one that begins on it is none.
-fn step_figures(release: &Release) -> Option<RunFigures> {
+fn response(release: &Release) -> Option<Run> {
     let target = release.set_rad[0];
     if release.set_rad.iter().any(|set| *set != target) {
         return None;
     }
     let response = StepResponse::new(release.trace(Step::pitch_rad), target).ok()?;
-    Some(RunFigures {
-        start_rad: response.initial_error(),
-        overshoot_pct: response.overshoot_pct(),
-        rise_s: response.rise_s(),
-        settling_5pct_s: response.settling_s(BAND),
-        final_error_rad: response.final_error(),
-        stayed_active: release.stayed,
-    })
+    Some(Run::new(
+        response.initial_error(),
+        &response,
+        release.stayed,
+    ))
 }
 
-fn hold_figures(release: &Release) -> Option<HoldFigures> {
+/// How well pitch was held at its set point after the swing upright; none for a shorter release.
+fn hold_figures(index: usize, release: &Release) -> Option<[Figure; 4]> {
     let trace = release.trace(Step::pitch_rad);
     let errors: Vec<f64> = trace
         .iter()
@@ -261,14 +211,58 @@ fn hold_figures(release: &Release) -> Option<HoldFigures> {
         .map(|((_, pitch), set)| pitch - set)
         .collect();
     let count = errors.len() as f64;
-    (!errors.is_empty()).then(|| HoldFigures {
-        mean_error_rad: errors.iter().sum::<f64>() / count,
-        rms_error_rad: (errors.iter().map(|e| e * e).sum::<f64>() / count).sqrt(),
-        max_error_rad: errors.iter().map(|e| e.abs()).fold(0.0, f64::max),
+    let mean = errors.iter().sum::<f64>() / count;
+    let rms = (errors.iter().map(|e| e * e).sum::<f64>() / count).sqrt();
+    let max = errors.iter().map(|e| e.abs()).fold(0.0, f64::max);
+    (!errors.is_empty()).then(|| {
+        [
+            shown("release", format!("{}, after {SWING_S} s", index + 1)),
+            figure("mean_error_rad", mean).shown("mean error", "rad", 4),
+            figure("rms_error_rad", rms).shown("rms", "rad", 4),
+            figure("max_error_rad", max).shown("worst", "rad", 4),
+        ]
     })
 }
 
-fn loop_figures(flight: &Flight) -> LoopFigures {
+fn loop_figures(flight: &Flight) -> Figure {
+    let timing = loop_timing(flight);
+    let count = |key, count: usize, label| figure(key, count).shown(label, "", 0);
+    figure(
+        "loop",
+        [
+            count("steps", flight.steps().count(), "control steps"),
+            figure("rate_hz", timing.rate_hz).shown("control rate", "Hz", 2),
+            figure("jitter_us_max", timing.jitter_us_max)
+                .shown("jitter, worst", "us", 1)
+                .limit(requirements::JITTER_US),
+            spread(
+                "sample_to_step_us",
+                timing.sample_to_step_us,
+                "burst start to step",
+                None,
+            ),
+            count("missed", flight.missed(), "control steps without a sample"),
+        ],
+    )
+}
+
+fn health_figures(health: &Health) -> Figure {
+    let count = |key, count: usize, label| figure(key, count).shown(label, "", 0);
+    let dropped = usize::from(health.dropped);
+    figure(
+        "health",
+        [
+            figure("load_max", health.load_max)
+                .shown("processor awake, most", "%", 1)
+                .scaled(100.0),
+            count("bus_errors", health.bus_errors.into(), "bus errors"),
+            count("dropped", dropped, "frames dropped by the vehicle"),
+            count("unhealthy", health.unhealthy, "seconds unhealthy"),
+        ],
+    )
+}
+
+fn loop_timing(flight: &Flight) -> LoopTiming {
     let mut periods = Vec::new();
     let mut delays = Vec::new();
     let mut last = None;
@@ -288,10 +282,8 @@ fn loop_figures(flight: &Flight) -> LoopFigures {
             _ => {}
         }
     }
-    let period: Measured = periods.iter().copied().collect();
-    let delay: Measured = delays.into_iter().collect();
-    LoopFigures {
-        steps: flight.steps().count(),
+    let period: Spread = periods.iter().copied().collect();
+    LoopTiming {
         rate_hz: if period.count > 0 {
             1e6 / period.mean
         } else {
@@ -301,13 +293,12 @@ fn loop_figures(flight: &Flight) -> LoopFigures {
             .iter()
             .map(|us| (us - period.mean).abs())
             .fold(0.0, f64::max),
-        sample_to_step_us: delay.into(),
-        missed: flight.missed(),
+        sample_to_step_us: delays.into_iter().collect(),
     }
 }
 
-fn health(flight: &Flight) -> HealthFigures {
-    let mut figures = HealthFigures::default();
+fn health(flight: &Flight) -> Health {
+    let mut health = Health::default();
     let mut first = None;
     let mut starting = true;
     for event in &flight.events {
@@ -317,18 +308,18 @@ fn health(flight: &Flight) -> HealthFigures {
             }
             Event::Status(status) => {
                 let first = first.get_or_insert(status);
-                figures.load_max = figures.load_max.max(f64::from(status.load) * 1e-3);
-                figures.bus_errors = status.errors_count3.wrapping_sub(first.errors_count3);
-                figures.dropped = status.errors_count1.wrapping_sub(first.errors_count1);
+                health.load_max = health.load_max.max(f64::from(status.load) * 1e-3);
+                health.bus_errors = status.errors_count3.wrapping_sub(first.errors_count3);
+                health.dropped = status.errors_count1.wrapping_sub(first.errors_count1);
                 let healthy = status
                     .onboard_control_sensors_health
                     .contains(status.onboard_control_sensors_enabled);
-                figures.unhealthy += usize::from(!healthy && !starting);
+                health.unhealthy += usize::from(!healthy && !starting);
             }
             _ => {}
         }
     }
-    figures
+    health
 }
 
 fn last_parameters(flight: &Flight) -> BTreeMap<String, f32> {
@@ -352,96 +343,4 @@ fn events(flight: &Flight) -> Vec<(f64, String)> {
         }
     }
     said
-}
-
-impl Figures {
-    /// Every requirement that was missed, a sentence each.
-    pub fn missed(&self, servo: ServoKind) -> Vec<String> {
-        let mut missed = crate::flight::fly::figures::missed_by_runs(&self.runs, servo);
-        if self.control.jitter_us_max >= JITTER_US {
-            missed.push(format!(
-                "jitter {:.1} us, allowed {JITTER_US}",
-                self.control.jitter_us_max
-            ));
-        }
-        if self.telemetry.lost > 0 || self.telemetry.crc_errors > 0 {
-            missed.push(format!(
-                "{} messages lost, {} damaged",
-                self.telemetry.lost, self.telemetry.crc_errors
-            ));
-        }
-        missed
-    }
-
-    /// Name and figure of all that is not about single releases.
-    pub fn rows(&self) -> Vec<Vec<String>> {
-        let (control, telemetry, health) = (&self.control, &self.telemetry, &self.health);
-        let mut rows: Vec<Vec<String>> = Vec::new();
-        let mut row = |name: &str, figure: String| rows.push(vec![name.to_owned(), figure]);
-        row(
-            "control steps / without a sample",
-            format!("{} / {}", control.steps, control.missed),
-        );
-        row("control rate", format!("{:.2} Hz", control.rate_hz));
-        row("jitter, worst", format!("{:.1} us", control.jitter_us_max));
-        row(
-            "burst start to step, mean / worst",
-            format!(
-                "{:.0} / {:.0} us",
-                control.sample_to_step_us.mean, control.sample_to_step_us.max
-            ),
-        );
-        row(
-            "messages / lost / damaged",
-            format!(
-                "{} / {} / {}",
-                telemetry.messages, telemetry.lost, telemetry.crc_errors
-            ),
-        );
-        row("frames dropped by the vehicle", health.dropped.to_string());
-        row(
-            "processor awake, most",
-            format!("{:.1} %", 100.0 * health.load_max),
-        );
-        row("bus errors", health.bus_errors.to_string());
-        row("seconds unhealthy", health.unhealthy.to_string());
-        for (index, hold) in self.hold.iter().enumerate() {
-            if let Some(hold) = hold {
-                row(
-                    &format!(
-                        "release {}: error after {SWING_S} s, mean / rms / worst",
-                        index + 1
-                    ),
-                    format!(
-                        "{:+.4} / {:.4} / {:.4} rad",
-                        hold.mean_error_rad, hold.rms_error_rad, hold.max_error_rad
-                    ),
-                );
-            }
-        }
-        for (index, sweep) in self.sweep.iter().enumerate() {
-            if let Some(sweep) = sweep {
-                row(&format!("release {}: bandwidth", index + 1), sweep.words());
-            }
-        }
-        rows
-    }
-
-    /// Everything as text for a terminal.
-    pub fn text(&self) -> String {
-        use comfy_table::CellAlignment;
-
-        let mut text = String::new();
-        if !self.runs.is_empty() {
-            text += &aligned(&RUN_COLUMNS, &run_rows(&self.runs), CellAlignment::Right);
-            text += &format!(
-                "\n\nrequired: overshoot <= {OVERSHOOT_PCT} %, 5 % settling <= {} s (s3003) or {} s (digital)\n\n",
-                settling_limit_s(ServoKind::S3003),
-                settling_limit_s(ServoKind::Digital)
-            );
-        }
-        text += &aligned(&["", "measured"], &self.rows(), CellAlignment::Left);
-        text.push('\n');
-        text
-    }
 }

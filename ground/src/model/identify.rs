@@ -10,6 +10,7 @@ use plant::identify::{Identification, IdentifyError, Reading, Record, identify};
 use crate::model::control_law;
 use crate::out::exit::{BadInput, Verdict};
 use crate::out::file::{print_json, write_whole};
+use crate::out::measure::{Figures, figure, rows, shown};
 use clap::Args;
 use rig::ServoKind;
 use std::path::PathBuf;
@@ -70,7 +71,7 @@ pub fn run(options: &Identify) -> Result<Verdict> {
     if options.json {
         print_json(&found)?;
     } else {
-        print(&found);
+        print!("{}", figures(&found).text());
     }
     Ok(Verdict::Met)
 }
@@ -185,21 +186,25 @@ fn parameter_file(found: &Identification, log: &Path) -> String {
     text + "\n" + &found.setup.to_toml()
 }
 
-fn print(found: &Identification) {
-    println!(
-        "{:<20} {:>12} {:>12} {:>12} {:>12}",
-        "parameter", "nominal", "found", "deviation", "before"
-    );
-    for e in found.estimates.iter().chain([&found.pitch_gain]) {
-        println!(
-            "{:<20} {:>12.6} {:>12.6} {:>12.6} {:>12.6}",
-            e.name, e.nominal, e.value, e.deviation, e.prior
-        );
-    }
-    println!(
-        "misfit: pitch {:.2} mrad rms, rate {:.1} mrad/s rms, {} steps of the search",
-        1e3 * found.pitch_rms_rad,
-        1e3 * found.rate_rms_rad_s,
-        found.iterations
-    );
+/// What the terminal shows of it.
+fn figures(found: &Identification) -> Figures {
+    let estimates = found.estimates.iter().chain([&found.pitch_gain]);
+    let number = |value: f64, label| figure("", value).shown(label, "", 6);
+    Figures::from([
+        rows(
+            "",
+            estimates.map(|estimate| {
+                [
+                    figure("", estimate.name).shown("parameter", "", 0),
+                    number(estimate.nominal, "nominal"),
+                    number(estimate.value, "found"),
+                    number(estimate.deviation, "deviation"),
+                    number(estimate.prior, "before"),
+                ]
+            }),
+        ),
+        figure("", 1e3 * found.pitch_rms_rad).shown("misfit of pitch, rms", "mrad", 2),
+        figure("", 1e3 * found.rate_rms_rad_s).shown("misfit of the rate, rms", "mrad/s", 1),
+        shown("steps of the search", found.iterations.to_string()),
+    ])
 }

@@ -32,6 +32,17 @@ pub struct Plot<'a> {
     pub band: Option<(f64, f64)>,
 }
 
+impl<'a> Line<'a> {
+    /// A line through points `(x, y)`, x ascending.
+    pub fn new(name: &'a str, colour: usize, points: Vec<(f64, f64)>) -> Self {
+        Self {
+            name,
+            colour,
+            points,
+        }
+    }
+}
+
 /// How a picture departs from the usual one.
 #[derive(Default)]
 pub struct Look<'a> {
@@ -83,7 +94,23 @@ const PALETTE: [RGBColor; 6] = [
 /// What the drawing library may complain of.
 type Drawn = std::result::Result<(), Box<dyn std::error::Error>>;
 
-impl Plot<'_> {
+impl<'a> Plot<'a> {
+    /// A plot without a band; axes are labelled with their units.
+    pub fn new(x: &'a str, y: &'a str, lines: Vec<Line<'a>>) -> Self {
+        Self {
+            x,
+            y,
+            lines,
+            band: None,
+        }
+    }
+
+    /// With a shaded band of y.
+    pub fn with_band(mut self, band: Option<(f64, f64)>) -> Self {
+        self.band = band;
+        self
+    }
+
     /// Draws the plot; an error means that the drawing library refused the numbers.
     pub fn svg(&self) -> Result<String> {
         self.svg_as(&Look::default())

@@ -1,4 +1,4 @@
-//! `tvc burst`: downloads the steps around the last release from the vehicle's own memory.
+//! `tvc recorder`: downloads the steps around the last release from the vehicle's own memory.
 
 use std::path::PathBuf;
 
@@ -14,18 +14,18 @@ use crate::out::exit::{BadInput, Verdict};
 use crate::vehicle::link::Vehicle;
 use crate::vehicle::port::PortOptions;
 
-/// Options of `tvc burst`.
+/// Options of `tvc recorder`.
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Examples:
-  cargo tvc burst release.csv              every step around the last release as a table
-  cargo tvc burst release.tlog             as a log, for `tvc report`, MAVProxy, QGroundControl
-  cargo tvc burst release.mcap             for Foxglove and PlotJuggler
+  cargo tvc recorder release.csv              every step around the last release as a table
+  cargo tvc recorder release.tlog             as a log, for `tvc report`, MAVProxy, QGroundControl
+  cargo tvc recorder release.mcap             for Foxglove and PlotJuggler
 
 The vehicle keeps 30 steps before a release and 170 from it on in its own memory, whatever the link
 loses, until it is armed again or loses power. Other ground stations download the same as log 0.
 Exit status: 0 written, 1 something failed, 2 unusable input or nothing to fetch.")]
-pub struct Burst {
+pub struct Recorder {
     /// The file to write (.csv, .tlog, .mcap); a log must not be there yet.
     #[arg(value_name = "FILE")]
     pub file: PathBuf,
@@ -43,7 +43,7 @@ pub struct Burst {
 ///
 /// # Errors
 /// No vehicle, no release in its memory, or a file that cannot be written.
-pub fn run(options: &Burst) -> Result<Verdict> {
+pub fn run(options: &Recorder) -> Result<Verdict> {
     let mut vehicle = Vehicle::connect(&options.port)?;
     let bytes = vehicle.recording()?;
     if bytes.is_empty() {

@@ -105,19 +105,13 @@ impl Traces<'_> {
     }
 
     fn reference(&self, axis: usize) -> Line<'_> {
-        Line {
-            name: "reference",
-            colour: REFERENCE,
-            points: self.points(axis, self.samples.iter().map(|sample| sample.reference_deg)),
-        }
+        let angles = self.samples.iter().map(|sample| sample.reference_deg);
+        Line::new("reference", REFERENCE, self.points(axis, angles))
     }
 
     fn estimate(&self, axis: usize, index: usize, colour: usize) -> Line<'_> {
-        Line {
-            name: CANDIDATES[index].name,
-            colour,
-            points: self.points(axis, self.estimates[index].iter().copied()),
-        }
+        let angles = self.estimates[index].iter().copied();
+        Line::new(CANDIDATES[index].name, colour, self.points(axis, angles))
     }
 
     /// Estimate less reference.
@@ -132,13 +126,7 @@ impl Traces<'_> {
     }
 
     fn plot<'a>(&self, y: &'a str, lines: Vec<Line<'a>>) -> Result<String> {
-        let plot = Plot {
-            x: "time, s",
-            y,
-            lines,
-            band: None,
-        };
-        plot.svg()
+        Plot::new("time, s", y, lines).svg()
     }
 
     /// A plot for each axis, with the estimators of the thesis, and one with ours (figures 6.4,

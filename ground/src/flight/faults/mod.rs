@@ -5,17 +5,15 @@ mod report;
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result};
-use comfy_table::presets::NOTHING;
-use comfy_table::{CellAlignment, Table};
 use indicatif::{ProgressBar, ProgressStyle};
 use rayon::prelude::*;
 use rig::bno055::FaultKind;
 use rig::faults::{Campaign, Case, DEADLINE, Ending, Outcome};
 use rig::{ServoKind, Setup, prepare};
-use serde::Serialize;
 
 use crate::out::exit::Verdict;
-use crate::out::file::{print_figures, write_whole};
+use crate::out::measure::Limit::AtMost;
+use crate::out::measure::{Figure, Figures, figure, rows};
 use clap::Args;
 use std::path::PathBuf;
 
@@ -29,7 +27,7 @@ Examples:
 
 A run is safe if the drone is back on course with control active (recovered), or if the firmware is
 in failsafe (neutral); in both cases without a missing or wild pulse, without a reset, and with the
-rudder never off neutral for more than 150 ms without sound data. Everything else is unsafe. The
+rudder never off neutral for more than 150 ms without valid data. Everything else is unsafe. The
 same seed gives the same runs.
 
 Exit status: 0 no unsafe run, 1 at least one or something failed, 2 unusable input.")]
@@ -59,39 +57,7 @@ pub struct Faults {
     pub json: bool,
 }
 
-/// Everything that `tvc faults --json` prints, as one object.
-#[derive(Debug, Serialize)]
-struct Figures {
-    seed: u64,
-    deadline_ms: f64,
-    faults: Vec<KindFigures>,
-    wall_s: f64,
-}
-
-/// How one kind's runs ended.
-#[derive(Debug, Serialize)]
-struct KindFigures {
-    kind: &'static str,
-    runs: usize,
-    recovered: usize,
-    neutral: usize,
-    #[serde(rename = "unsafe")]
-    unsafe_runs: usize,
-    /// The longest that a rudder was off neutral without sound data, ms.
-    worst_ms: f64,
-}
-
-/// What the columns of the table are.
-const COLUMNS: [&str; 6] = [
-    "fault",
-    "runs",
-    "recovered",
-    "neutral",
-    "unsafe",
-    "worst, ms",
-];
-
-/// Carries out the campaign, prints its table, and tells every unsafe run.
+/// Carries out the campaign, prints its table, and names every unsafe run.
 pub fn run(options: &Faults) -> Result<Verdict> {
     let begun = Instant::now();
     let image = rig::image::build(&mut |line| eprintln!("{line}")).context("the image")?;
@@ -112,25 +78,20 @@ pub fn run(options: &Faults) -> Result<Verdict> {
             .collect()
     };
     let outcomes = carry_out(&campaign, &kinds, options)?;
-    let figures = Figures {
-        seed: options.seed,
-        deadline_ms: DEADLINE.as_us_f64() / 1e3,
-        faults: kinds
-            .iter()
-            .map(|kind| KindFigures::of(*kind, &outcomes))
-            .collect(),
-        wall_s: begun.elapsed().as_secs_f64(),
-    };
-    let page = report::render(&figures, &outcomes)?;
-    write_whole(&options.report, page.as_bytes())?;
-    print_figures(&figures, options.json, |figures| {
-        format!("{}\n", figures.table())
-    })?;
-    eprintln!("report: {}", options.report.display());
-    let mut verdict = Verdict::Met;
+    let figures = Figures::from([
+        figure("seed", options.seed).shown("seed", "", 0),
+        figure("deadline_ms", DEADLINE.as_us_f64() / 1e3).shown(
+            "longest allowed off neutral without valid data",
+            "ms",
+            0,
+        ),
+        rows("faults", kinds.iter().map(|kind| ended(*kind, &outcomes))),
+        figure("wall_s", begun.elapsed().as_secs_f64()).shown("time that it took", "s", 1),
+    ]);
+    let page = report::render(&figures, options.seed, &outcomes)?;
+    let verdict = figures.conclude(options.json, Some((&options.report, page)))?;
     for outcome in &outcomes {
         if let Ending::Unsafe(why) = outcome.ending {
-            verdict = Verdict::Missed;
             eprintln!("unsafe: {}: {why}", story(outcome));
         }
     }
@@ -165,47 +126,23 @@ fn carry_out(campaign: &Campaign, kinds: &[FaultKind], options: &Faults) -> Resu
     outcomes
 }
 
-impl KindFigures {
-    fn of(kind: FaultKind, outcomes: &[Outcome]) -> Self {
-        let runs = || outcomes.iter().filter(|outcome| outcome.case.kind == kind);
-        let count = |ends: fn(&Ending) -> bool| runs().filter(|run| ends(&run.ending)).count();
-        Self {
-            kind: kind.name(),
-            runs: runs().count(),
-            recovered: count(|ending| matches!(ending, Ending::Recovered)),
-            neutral: count(|ending| matches!(ending, Ending::Neutral)),
-            unsafe_runs: count(|ending| matches!(ending, Ending::Unsafe(_))),
-            worst_ms: runs().map(|run| run.unguarded_ms).fold(0.0, f64::max),
-        }
-    }
-}
-
-impl Figures {
-    /// The table's rows, in the order of [`COLUMNS`].
-    fn rows(&self) -> Vec<Vec<String>> {
-        let row = |row: &KindFigures| {
-            vec![
-                row.kind.to_owned(),
-                row.runs.to_string(),
-                row.recovered.to_string(),
-                row.neutral.to_string(),
-                row.unsafe_runs.to_string(),
-                format!("{:.1}", row.worst_ms),
-            ]
-        };
-        self.faults.iter().map(row).collect()
-    }
-
-    fn table(&self) -> Table {
-        let mut table = Table::new();
-        table.load_style(NOTHING);
-        table.set_header(COLUMNS);
-        table.add_rows(self.rows());
-        for column in table.column_iter_mut().skip(1) {
-            column.set_cell_alignment(CellAlignment::Right);
-        }
-        table
-    }
+/// How one kind's runs ended.
+fn ended(kind: FaultKind, outcomes: &[Outcome]) -> [Figure; 6] {
+    let runs = || outcomes.iter().filter(|outcome| outcome.case.kind == kind);
+    let count = |key, ends: fn(&Ending) -> bool| {
+        let count = runs().filter(|run| ends(&run.ending)).count();
+        figure(key, count).shown(key, "", 0)
+    };
+    // The longest that a rudder was off neutral without valid data.
+    let worst_ms = runs().map(|run| run.unguarded_ms).fold(0.0, f64::max);
+    [
+        figure("kind", kind.name()).shown("fault", "", 0),
+        count("runs", |_| true),
+        count("recovered", |ending| matches!(ending, Ending::Recovered)),
+        count("neutral", |ending| matches!(ending, Ending::Neutral)),
+        count("unsafe", |ending| matches!(ending, Ending::Unsafe(_))).limit(AtMost(0.0)),
+        figure("worst_ms", worst_ms).shown("worst", "ms", 1),
+    ]
 }
 
 /// What there is to know of a run, to look at it again.

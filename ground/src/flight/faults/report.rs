@@ -4,7 +4,8 @@ use anyhow::Result;
 use maud::{Markup, html};
 use rig::faults::{DEADLINE, Ending, Outcome};
 
-use super::{COLUMNS, Figures, story};
+use super::story;
+use crate::out::measure::Figures;
 use crate::out::page::{figure, page, table, verdict};
 use crate::out::plot::{Line, Look, Marks, Plot, Shape};
 
@@ -12,12 +13,8 @@ use crate::out::plot::{Line, Look, Marks, Plot, Shape};
 const NAMED: usize = 10;
 
 /// The whole page; `outcomes` is not empty.
-pub fn render(figures: &Figures, outcomes: &[Outcome]) -> Result<String> {
-    let title = format!(
-        "Faults in flight: {} runs, seed {}",
-        outcomes.len(),
-        figures.seed
-    );
+pub fn render(figures: &Figures, seed: u64, outcomes: &[Outcome]) -> Result<String> {
+    let title = format!("Faults in flight: {} runs, seed {seed}", outcomes.len());
     let bad: Vec<&Outcome> = outcomes
         .iter()
         .filter(|outcome| matches!(outcome.ending, Ending::Unsafe(_)))
@@ -30,14 +27,15 @@ pub fn render(figures: &Figures, outcomes: &[Outcome]) -> Result<String> {
         } @else {
             (verdict(false, &format!("{} of {} runs were unsafe.", bad.len(), outcomes.len())))
         }
-        (table(&COLUMNS, &figures.rows()))
+        (figures.table("faults").markup())
+        (figures.lines().markup())
         (blindness(outcomes)?)
         (instants(outcomes)?)
         @if !bad.is_empty() {
             h2 { "Unsafe runs" }
             (told(&bad))
         }
-        h2 { "Longest off neutral without sound data" }
+        h2 { "Longest off neutral without valid data" }
         (told(&blindest[..blindest.len().min(NAMED)]))
         footer {
             "The firmware image in flight on an emulated SAMD21 and BNO055; each run forks the flight at "
@@ -73,7 +71,7 @@ fn endings(outcomes: &[Outcome], place: fn(&Outcome) -> (f64, f64)) -> Vec<Marks
     marks
 }
 
-/// A plot of dots against the time without sound data, with the deadline across it.
+/// A plot of dots against the time without valid data, with the deadline across it.
 fn against_blindness(
     x: &str,
     log_x: bool,
@@ -84,16 +82,8 @@ fn against_blindness(
     let least = all.iter().map(|p| p.0).fold(f64::INFINITY, f64::min);
     let most = all.iter().map(|p| p.0).fold(least + 1e-3, f64::max);
     let deadline = DEADLINE.as_us_f64() / 1e3;
-    let plot = Plot {
-        x,
-        y: "off neutral without sound data, ms",
-        lines: vec![Line {
-            name: "allowed",
-            colour: 4,
-            points: vec![(least, deadline), (most, deadline)],
-        }],
-        band: None,
-    };
+    let allowed = Line::new("allowed", 4, vec![(least, deadline), (most, deadline)]);
+    let plot = Plot::new(x, "off neutral without valid data, ms", vec![allowed]);
     plot.svg_as(&Look {
         log_x,
         x: Some((least, most)),

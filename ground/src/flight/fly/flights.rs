@@ -1,17 +1,18 @@
 //! Flights from one or several tilts: boot once, fork for each start.
 
 use anyhow::{Context, Result};
-use client::StateKind;
-use rig::bench::FaultEntry;
+use client::{LinkCounts, StateKind};
 use rig::flight::{FlightRecord, Setup};
 use rig::{Image, prepare};
 use samd21::WaitStates;
 
-use super::figures::{Figures, RunFigures, TelemetryFigures};
+use super::Stopwatch;
+use super::figures::Measured;
 use super::live::Live;
 use super::report::Page;
-use super::{Stopwatch, image_figures, loop_figures};
+use crate::flight::figures::Run;
 use crate::flight::fly::Fly;
+use rig::bench::FaultEntry;
 
 /// Tilts that are flown from, rad.
 const STARTS_RAD: [f64; 3] = [0.2, 0.4, 0.8];
@@ -21,8 +22,6 @@ const START_RATE_RAD_S: f64 = 0.2;
 pub const FLIGHT_S: f64 = 3.0;
 /// Length of the flight without wait states, which only gives cycles, s.
 const CYCLES_S: f64 = 1.0;
-/// Settling band, share of the start.
-const BAND: f64 = 0.05;
 
 /// Flies every start at the chip's own wait state, and one more without for its cycles.
 pub fn fly(
@@ -30,12 +29,12 @@ pub fn fly(
     setup: &Setup,
     faults: Vec<FaultEntry>,
     options: &Fly,
-) -> Result<(Figures, Page)> {
+) -> Result<(Measured, Page)> {
     let starts = options
         .start
         .map_or(STARTS_RAD.to_vec(), |start| vec![start]);
     let mut watch = Stopwatch::start();
-    let servo = setup.servo.name();
+    let servo = options.servo.name();
 
     let live = Live::begin(format!("boot, servo {servo}, seed {}", options.seed));
     let one = Setup {
@@ -73,8 +72,8 @@ pub fn fly(
     watch.add(unhindered.simulated_s, unhindered.busy_s);
     live.end();
 
-    let figures = figures(image, setup, faults, &records, &unhindered, &watch);
-    Ok((figures, Page::flights(servo, options.seed, records)))
+    let measured = measured(image, setup, faults, &records, &unhindered, &watch);
+    Ok((measured, Page::flights(servo, options.seed, records)))
 }
 
 fn with_wait_states(setup: &Setup, states: u8) -> rig::RigConfig {
@@ -84,62 +83,47 @@ fn with_wait_states(setup: &Setup, states: u8) -> rig::RigConfig {
     }
 }
 
-fn figures(
+fn measured(
     image: &Image,
     setup: &Setup,
     faults: Vec<FaultEntry>,
     records: &[FlightRecord],
     unhindered: &FlightRecord,
     watch: &Stopwatch,
-) -> Figures {
-    let stack = records
-        .iter()
-        .map(|record| record.stack_high_water)
-        .max()
-        .unwrap_or(0);
-    let timing = pooled(records);
-    let load = records.iter().map(|record| record.cpu_load).sum::<f64>() / records.len() as f64;
-    Figures {
-        image: image_figures(image, stack),
-        control: loop_figures(&unhindered.timing, &timing, load),
-        latency_us: timing.latency_us.into(),
-        sample_age_us: timing.sample_age_us.into(),
-        telemetry: records
-            .iter()
-            .map(telemetry)
-            .fold(TelemetryFigures::default(), |sum, one| TelemetryFigures {
-                messages: sum.messages + one.messages,
-                lost: sum.lost + one.lost,
-                crc_errors: sum.crc_errors + one.crc_errors,
-            }),
+) -> Measured {
+    let stacks = records.iter().map(|record| record.stack_high_water);
+    let load: f64 = records.iter().map(|record| record.cpu_load).sum();
+    Measured {
+        image: image.sizes(),
+        stack_bytes: stacks.max().unwrap_or(0),
+        unhindered: unhindered.timing,
+        timing: pooled(records),
+        cpu_load: load / records.len() as f64,
+        link: link(records),
         runs: records.iter().map(run).collect(),
         faults,
         disturbances: setup.rig.bench.disturbances.report(),
-        emulation: watch.figures(),
+        emulation: watch.stop(),
         replay: None,
     }
 }
 
-fn telemetry(record: &FlightRecord) -> TelemetryFigures {
-    let missing = record.missing;
-    let without = missing.attitudes + missing.servos + missing.samples;
-    TelemetryFigures {
-        messages: record.link.messages,
+fn link(records: &[FlightRecord]) -> LinkCounts {
+    let mut sum = LinkCounts::default();
+    for record in records {
+        let missing = record.missing;
+        let without = missing.attitudes + missing.servos + missing.samples;
+        sum.messages += record.link.messages;
         // A frame that is missing by its number is also missing at its step.
-        lost: record.link.lost.max(without as u64),
-        crc_errors: record.link.crc_errors,
+        sum.lost += record.link.lost.max(without as u64);
+        sum.crc_errors += record.link.crc_errors;
     }
+    sum
 }
 
-fn run(record: &FlightRecord) -> RunFigures {
-    RunFigures {
-        start_rad: record.start_rad,
-        overshoot_pct: record.response.overshoot_pct(),
-        rise_s: record.response.rise_s(),
-        settling_5pct_s: record.response.settling_s(BAND),
-        final_error_rad: record.response.final_error(),
-        stayed_active: record.final_state == Some(StateKind::Active),
-    }
+fn run(record: &FlightRecord) -> Run {
+    let in_control = record.final_state == Some(StateKind::Active);
+    Run::new(record.start_rad, &record.response, in_control)
 }
 
 /// Means over all flights, and the worst of each maximum.

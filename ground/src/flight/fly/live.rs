@@ -1,4 +1,4 @@
-//! What is to be seen while it flies: a line on a terminal that moves, plain lines elsewhere.
+//! Progress of a flight: one line that is redrawn on a terminal, plain lines elsewhere.
 
 use std::io::IsTerminal;
 use std::time::Duration;
@@ -14,7 +14,7 @@ pub struct Live {
 }
 
 impl Live {
-    /// Begins a line for `what`; where standard error is no terminal it is said once.
+    /// Begins a line for `what`; where standard error is no terminal, `what` is printed once.
     pub fn begin(what: String) -> Self {
         if !std::io::stderr().is_terminal() {
             eprintln!("{what}");

@@ -2,29 +2,27 @@
 //! recording.
 
 pub mod faults;
-pub mod figures;
+mod figures;
 mod flights;
 mod live;
+mod options;
 mod recording;
-pub mod report;
+mod report;
 
 use std::time::Instant;
 
 use anyhow::{Context, Result};
-use rig::Image;
 use rig::flight::Setup;
 use samd21::board::Ticks;
 
 use crate::model::control_law;
 use crate::out::exit::Verdict;
-use crate::out::file::{print_json, write_whole};
-use figures::{ImageFigures, LoopFigures, Spread};
-mod options;
+use figures::Emulation;
 pub use options::{Fly, start_angle};
 
 /// Flies as `options` say, prints the figures and writes the report.
 pub fn run(options: &Fly) -> Result<Verdict> {
-    // An unreadable recording is said before minutes of building.
+    // An unreadable recording is reported before minutes of building.
     let recording = options.replay.as_deref().map(recording::open).transpose()?;
     let scenario = options.faults.as_deref();
     let scenario = scenario
@@ -35,19 +33,13 @@ pub fn run(options: &Fly) -> Result<Verdict> {
     let image = rig::image::build(&mut |line| eprintln!("{line}")).context("the image")?;
     setup.rig.bench.faults = scenario.faults;
     setup.rig.bench.disturbances = options.disturb.over(scenario.disturbances);
-    let (figures, page) = match recording {
+    let (measured, page) = match recording {
         Some(recording) => recording::play(&image, &recording, &setup)?,
         None => flights::fly(&image, &setup, scenario.entries, options)?,
     };
-    let missed = figures.missed(options.servo);
-    write_whole(&options.report, page.render(&figures, &missed)?.as_bytes())?;
-    if options.json {
-        print_json(&figures)?;
-    } else {
-        print!("{}", figures.text(options.servo));
-    }
-    eprintln!("report: {}", options.report.display());
-    Ok(Verdict::naming(&missed))
+    let figures = measured.figures(options.servo);
+    let page = page.render(&figures)?;
+    figures.conclude(options.json, Some((&options.report, page)))
 }
 
 fn setup(options: &Fly) -> Result<Setup> {
@@ -70,7 +62,7 @@ fn setup(options: &Fly) -> Result<Setup> {
     Ok(setup)
 }
 
-/// Wall time and simulated time of everything that was run.
+/// Counts real and simulated time of everything that is run.
 struct Stopwatch {
     begun: Instant,
     simulated_s: f64,
@@ -100,49 +92,12 @@ impl Stopwatch {
         );
     }
 
-    fn figures(&self) -> figures::EmulationFigures {
-        let wall_s = self.begun.elapsed().as_secs_f64();
-        figures::EmulationFigures {
+    /// Ends the count.
+    fn stop(&self) -> Emulation {
+        Emulation {
             simulated_s: self.simulated_s,
-            wall_s,
-            real_time_factor: self.simulated_s / wall_s,
-            busy_real_time_factor: self.busy_s / wall_s,
+            busy_s: self.busy_s,
+            wall_s: self.begun.elapsed().as_secs_f64(),
         }
-    }
-}
-
-fn image_figures(image: &Image, stack_high_water: u32) -> ImageFigures {
-    let sizes = image.sizes();
-    ImageFigures {
-        flash_bytes: sizes.flash.into(),
-        static_ram_bytes: sizes.static_ram.into(),
-        stack_high_water_bytes: stack_high_water.into(),
-    }
-}
-
-impl From<rig::measure::Spread> for Spread {
-    fn from(spread: rig::measure::Spread) -> Self {
-        Self {
-            mean: spread.mean,
-            max: spread.max,
-        }
-    }
-}
-
-/// The loop's figures from the timings at 0 and at 1 flash wait state.
-fn loop_figures(
-    zero: &rig::measure::LoopTiming,
-    one: &rig::measure::LoopTiming,
-    cpu_load: f64,
-) -> LoopFigures {
-    LoopFigures {
-        // The ticks are exact; their measurement by first and last edge is not.
-        rate_hz: (one.rate_hz * 1e3).round() / 1e3,
-        jitter_us_max: one.jitter_us_max,
-        cycles_per_step_mean: zero.cycles_per_step.mean,
-        cycles_per_step_max: zero.cycles_per_step.max as u64,
-        cycles_per_step_mean_1ws: one.cycles_per_step.mean,
-        cycles_per_step_max_1ws: one.cycles_per_step.max as u64,
-        cpu_load,
     }
 }

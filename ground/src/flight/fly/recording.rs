@@ -4,17 +4,20 @@ use std::path::Path;
 use std::sync::Arc;
 
 use anyhow::{Context, Result};
+use client::LinkCounts;
 use recordings::Recording;
 use rig::Image;
 use rig::flight::Setup;
 use rig::replay::{ReplayRecord, replay};
 use samd21::WaitStates;
 
-use super::figures::{Figures, ReplayFigures, TelemetryFigures};
+use super::Stopwatch;
+use super::figures::Measured;
 use super::live::Live;
 use super::report::Page;
-use super::{Stopwatch, image_figures, loop_figures};
+use crate::flight::requirements;
 use crate::out::exit::BadInput;
+use crate::out::measure::{Limit::Within, figure};
 
 /// How much of the recording runs without wait states, which only gives cycles, s.
 const CYCLES_S: f64 = 5.0;
@@ -25,7 +28,7 @@ pub fn open(path: &Path) -> Result<Arc<Recording>> {
 }
 
 /// Plays all of `recording` at the chip's own wait state, and its beginning without.
-pub fn play(image: &Image, recording: &Arc<Recording>, setup: &Setup) -> Result<(Figures, Page)> {
+pub fn play(image: &Image, recording: &Arc<Recording>, setup: &Setup) -> Result<(Measured, Page)> {
     let mut watch = Stopwatch::start();
     let length = recording.duration_s();
     let mut pass = |what: String, wait_states: u8, seconds: f64| -> Result<ReplayRecord> {
@@ -47,27 +50,35 @@ pub fn play(image: &Image, recording: &Arc<Recording>, setup: &Setup) -> Result<
     let score = record
         .score
         .ok_or_else(|| BadInput::new(format!("{} has no movement to score", recording.name())))?;
-    let figures = Figures {
-        image: image_figures(image, record.stack_high_water),
-        control: loop_figures(&unhindered.timing, &record.timing, record.cpu_load),
-        latency_us: record.timing.latency_us.into(),
-        sample_age_us: record.timing.sample_age_us.into(),
-        telemetry: TelemetryFigures {
-            messages: record.link.messages,
+    let degrees = |key, deg: f64, label| figure(key, deg).shown(label, "deg", 2);
+    let parity = record.parity;
+    let measured = Measured {
+        image: image.sizes(),
+        stack_bytes: record.stack_high_water,
+        unhindered: unhindered.timing,
+        timing: record.timing,
+        cpu_load: record.cpu_load,
+        link: LinkCounts {
             lost: record.link.lost.max(record.unmatched as u64),
-            crc_errors: record.link.crc_errors,
+            ..record.link
         },
         runs: Vec::new(),
         faults: Vec::new(),
         disturbances: None,
-        emulation: watch.figures(),
-        replay: Some(ReplayFigures {
-            total_deg: score.total_deg,
-            heading_deg: score.heading_deg,
-            inclination_deg: score.inclination_deg,
-            steps_equal: record.parity.equal as u64,
-            steps_compared: record.parity.compared as u64,
-        }),
+        emulation: watch.stop(),
+        replay: Some(figure(
+            "replay",
+            [
+                degrees("total_deg", score.total_deg, "total RMSE"),
+                degrees("heading_deg", score.heading_deg, "heading RMSE"),
+                degrees("inclination_deg", score.inclination_deg, "inclination RMSE")
+                    .limit(requirements::INCLINATION_DEG),
+                figure("steps_equal", parity.equal)
+                    .shown("quaternions equal to the host library's", "", 0)
+                    .limit(Within(parity.compared as f64, parity.compared as f64)),
+                figure("steps_compared", parity.compared).shown("quaternions compared", "", 0),
+            ],
+        )),
     };
-    Ok((figures, Page::recording(recording.clone(), record)))
+    Ok((measured, Page::recording(recording.clone(), record)))
 }

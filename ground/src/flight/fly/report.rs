@@ -7,14 +7,10 @@ use recordings::Recording;
 use rig::flight::FlightRecord;
 use rig::replay::ReplayRecord;
 
-use super::figures::{Figures, ROW_COLUMNS, RUN_COLUMNS, run_rows};
-use crate::out::page::{figure, page, table, verdicts};
+use crate::flight::figures::settling_band_deg;
+use crate::out::measure::Figures;
+use crate::out::page::{figure, page, verdicts};
 use crate::out::plot::{Line, Plot};
-
-/// Settling band, share of the start, as drawn.
-const BAND: f64 = 0.05;
-/// Half the width that the settling band has at least in a picture, deg.
-const LEAST_BAND_DEG: f64 = 0.2;
 
 /// What is drawn; the figures come when the page is made.
 pub enum Page {
@@ -55,7 +51,7 @@ impl Page {
     }
 
     /// The whole page as HTML.
-    pub fn render(&self, figures: &Figures, missed: &[String]) -> anyhow::Result<String> {
+    pub fn render(&self, figures: &Figures) -> anyhow::Result<String> {
         let (title, plots) = match self {
             Self::Flights {
                 servo,
@@ -69,16 +65,17 @@ impl Page {
                 (format!("Replay of {}", recording.name()), played(record)?)
             }
         };
+        let runs = figures.table("runs");
         let body = html! {
-            (verdicts(missed))
-            @if !figures.runs.is_empty() {
+            (verdicts(&figures.missed()))
+            @if !runs.is_empty() {
                 h2 { "Step responses" }
                 p { "Figures of the drone's true pitch, released with 0.2 rad/s." }
-                (table(&RUN_COLUMNS, &run_rows(&figures.runs)))
+                (runs.markup())
             }
             (plots)
             h2 { "Loop, image and emulation" }
-            (table(&ROW_COLUMNS, &figures.rows()))
+            (figures.lines().markup())
             footer {
                 "The firmware image ran on an emulated SAMD21 with an emulated BNO055, servo and \
                  drone; nothing here was measured on a board. Repeat it with the same options and \
@@ -87,11 +84,6 @@ impl Page {
         };
         Ok(page(&title, body))
     }
-}
-
-/// Half the settling band as drawn, deg.
-pub fn settling_band_deg(start_rad: f64) -> f64 {
-    (BAND * start_rad.abs()).to_degrees().max(LEAST_BAND_DEG)
 }
 
 fn flights(records: &[FlightRecord]) -> anyhow::Result<Markup> {
@@ -107,48 +99,28 @@ fn flights(records: &[FlightRecord]) -> anyhow::Result<Markup> {
         };
         let band = settling_band_deg(record.start_rad);
         let estimate = record.received.attitudes.iter();
-        let pitch = Plot {
-            x: "time since release, s",
-            y: "pitch, deg",
-            lines: vec![
-                Line {
-                    name: "true",
-                    colour: 0,
-                    points: motion(|m| m.pitch_rad),
-                },
-                Line {
-                    name: "estimated, as it arrives",
-                    colour: 1,
-                    points: estimate
-                        .filter(|a| a.at >= record.released)
-                        .map(|a| (seconds(a.at), a.pitch_rad().to_degrees()))
-                        .collect(),
-                },
+        let estimated = estimate
+            .filter(|a| a.at >= record.released)
+            .map(|a| (seconds(a.at), a.pitch_rad().to_degrees()));
+        let since = "time since release, s";
+        let pitch = Plot::new(
+            since,
+            "pitch, deg",
+            vec![
+                Line::new("true", 0, motion(|m| m.pitch_rad)),
+                Line::new("estimated, as it arrives", 1, estimated.collect()),
             ],
-            band: Some((-band, band)),
-        };
-        let rudder = Plot {
-            x: "time since release, s",
-            y: "angle, deg",
-            lines: vec![
-                Line {
-                    name: "crank asked for",
-                    colour: 4,
-                    points: motion(|m| m.target_rad),
-                },
-                Line {
-                    name: "crank",
-                    colour: 2,
-                    points: motion(|m| m.crank_rad),
-                },
-                Line {
-                    name: "rudder",
-                    colour: 0,
-                    points: motion(|m| m.rudder_rad),
-                },
+        );
+        let pitch = pitch.with_band(Some((-band, band)));
+        let rudder = Plot::new(
+            since,
+            "angle, deg",
+            vec![
+                Line::new("crank commanded", 4, motion(|m| m.target_rad)),
+                Line::new("crank", 2, motion(|m| m.crank_rad)),
+                Line::new("rudder", 0, motion(|m| m.rudder_rad)),
             ],
-            band: None,
-        };
+        );
         parts.push(html! {
             h2 { "From " (record.start_rad) " rad" }
             (figure("Pitch, with the 5 % band that it has to settle in.", pitch.svg()?))
@@ -168,23 +140,14 @@ fn played(record: &ReplayRecord) -> anyhow::Result<Markup> {
             .map(|a| (seconds(a), of(a).to_degrees()))
             .collect()
     };
-    let estimate = Plot {
-        x: "time since power-on, s",
-        y: "angle, deg",
-        lines: vec![
-            Line {
-                name: "pitch",
-                colour: 0,
-                points: angle(rig::ground_station::Attitude::pitch_rad),
-            },
-            Line {
-                name: "tilt",
-                colour: 2,
-                points: angle(tilt_rad),
-            },
+    let estimate = Plot::new(
+        "time since power-on, s",
+        "angle, deg",
+        vec![
+            Line::new("pitch", 0, angle(rig::ground_station::Attitude::pitch_rad)),
+            Line::new("tilt", 2, angle(tilt_rad)),
         ],
-        band: None,
-    };
+    );
     Ok(html! {
         h2 { "Estimated attitude" }
         (figure("What the image sent over USB.", estimate.svg()?))

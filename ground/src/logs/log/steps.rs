@@ -11,7 +11,7 @@ use mavlink::dialects::common::{
     SERVO_OUTPUT_RAW_DATA, STATUSTEXT_DATA, SYS_STATUS_DATA,
 };
 use tvc_nano::telemetry::raw_imu;
-use tvc_nano::{Micros, RawSample};
+use tvc_nano::{Micros, Params, RawSample};
 
 use super::{Entry, Log, whole_us};
 
@@ -155,6 +155,20 @@ struct Part {
 }
 
 impl Flight {
+    /// The parameters that the flight began with: the first value that is reported of each.
+    pub fn parameters(&self) -> Params {
+        let mut params = Params::default();
+        // A vehicle that knew nothing of this check was armed without it.
+        let _ = params.set("SRV_POLARITY", 1.0);
+        for event in self.events.iter().rev() {
+            if let Event::Parameter(name, value) = event {
+                // One that this version does not know, or not with that value, stays at its default.
+                let _ = params.set(name, *value);
+            }
+        }
+        params
+    }
+
     /// Puts the messages of a log together.
     pub fn of(log: &Log) -> Self {
         let mut flight = Self {

@@ -26,35 +26,17 @@ pub fn render(
     };
     let both = |value: fn(&Step) -> f64| {
         vec![
-            Line {
-                name: "logged",
-                colour: 0,
-                points: line(|pair| &pair.logged, value),
-            },
-            Line {
-                name: "replayed",
-                colour: 1,
-                points: line(|pair| &pair.again, value),
-            },
+            Line::new("logged", 0, line(|pair| &pair.logged, value)),
+            Line::new("replayed", 1, line(|pair| &pair.again, value)),
         ]
     };
     let mut pitch = both(|step| step.pitch_rad().to_degrees());
     if let Some(other) = other {
-        pitch.push(Line {
-            name: "other filter",
-            colour: 2,
-            points: other
-                .iter()
-                .map(|(time, pitch)| (time - begin, pitch.to_degrees()))
-                .collect(),
-        });
+        let other = other.iter();
+        let points = other.map(|(time, pitch)| (time - begin, pitch.to_degrees()));
+        pitch.push(Line::new("other filter", 2, points.collect()));
     }
-    let plot = |y, lines| Plot {
-        x: "time, s",
-        y,
-        lines,
-        band: None,
-    };
+    let plot = |y, lines| Plot::new("time, s", y, lines);
     let pulse = both(|step| f64::from(step.pulse_us));
     let body = html! {
         @for line in words(figures) { p { (line) } }

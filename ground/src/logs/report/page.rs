@@ -7,40 +7,42 @@ use client::ServoMap;
 use maud::{Markup, html};
 use tvc_nano::Params;
 
-use super::{Figures, Release, releases};
-use crate::flight::fly::figures::{RUN_COLUMNS, run_rows};
-use crate::flight::fly::report::settling_band_deg;
+use super::sweep::Sweep;
+use super::{Release, events, last_parameters, releases};
+use crate::flight::figures::settling_band_deg;
 use crate::logs::log::{Flight, Step};
-use crate::logs::replay::parameters;
+use crate::out::measure::Figures;
 use crate::out::page::{figure, page, table, verdicts};
 use crate::out::plot::{Line, Plot};
 
 /// The whole page.
-pub fn render(log: &Path, flight: &Flight, figures: &Figures, missed: &[String]) -> Result<String> {
-    let servo = ServoMap::of(&parameters(flight));
+pub fn render(log: &Path, flight: &Flight, figures: &Figures) -> Result<String> {
+    let servo = ServoMap::of(&flight.parameters());
     let mut parts = vec![whole(flight, &servo)?];
     for (index, release) in releases(flight).iter().enumerate() {
         parts.push(one(index, release, &servo)?);
-        if let Some(Some(sweep)) = figures.sweep.get(index) {
+        if let Some(sweep) = Sweep::of(release) {
             parts.push(sweep.markup()?);
         }
     }
+    let runs = figures.table("runs");
     let body = html! {
-        (verdicts(missed))
-        @if !figures.runs.is_empty() {
+        (verdicts(&figures.missed()))
+        @if !runs.is_empty() {
             h2 { "Step responses" }
             p { "Figures of the pitch that the vehicle estimated." }
-            (table(&RUN_COLUMNS, &run_rows(&figures.runs)))
+            (runs.markup())
         }
         @for part in &parts { (part) }
         h2 { "Loop, link and health" }
-        (table(&["", "measured"], &figures.rows()))
+        (figures.table("hold").markup())
+        (figures.lines().markup())
         h2 { "What the vehicle said" }
-        (table(&["words", "its clock, s"], &figures.events.iter().map(|(time, text)| {
+        (table(&["words", "its clock, s"], &events(flight).iter().map(|(time, text)| {
             vec![text.clone(), format!("{time:.3}")]
         }).collect::<Vec<_>>()))
         h2 { "Parameters" }
-        (table(&["parameter", "value", "default"], &figures.parameters.iter().map(|(name, value)| {
+        (table(&["parameter", "value", "default"], &last_parameters(flight).iter().map(|(name, value)| {
             let default = Params::default().value(name);
             vec![name.clone(), value.to_string(), default.map_or(String::new(), |d| d.to_string())]
         }).collect::<Vec<_>>()))
@@ -60,23 +62,15 @@ fn whole(flight: &Flight, servo: &ServoMap) -> Result<Markup> {
             .map(|step| (step.time_s() - begin, of(step)))
             .collect()
     };
-    let plot = Plot {
-        x: "time, s",
-        y: "angle, deg",
-        lines: vec![
-            Line {
-                name: "pitch",
-                colour: 0,
-                points: line(&|step| step.pitch_rad().to_degrees()),
-            },
-            Line {
-                name: "servo commanded",
-                colour: 4,
-                points: line(&|step| servo.angle_rad(step.pulse_us).to_degrees()),
-            },
+    let commanded = line(&|step| servo.angle_rad(step.pulse_us).to_degrees());
+    let plot = Plot::new(
+        "time, s",
+        "angle, deg",
+        vec![
+            Line::new("pitch", 0, line(&|step| step.pitch_rad().to_degrees())),
+            Line::new("servo commanded", 4, commanded),
         ],
-        band: None,
-    };
+    );
     Ok(html! {
         h2 { "The whole log" }
         (figure("Pitch and the servo angle commanded.", plot.svg()?))
@@ -94,33 +88,21 @@ fn one(index: usize, release: &Release, servo: &ServoMap) -> Result<Markup> {
     let start = release.steps[0].pitch_rad().to_degrees() - target;
     let band = settling_band_deg(start.to_radians());
     let rests = release.set_rad.iter().all(|set| *set == release.set_rad[0]);
-    let pitch = Plot {
-        x: "time since release, s",
-        y: "pitch, deg",
-        lines: vec![
-            Line {
-                name: "pitch",
-                colour: 0,
-                points: release.trace(|step| step.pitch_rad().to_degrees()),
-            },
-            Line {
-                name: "set point",
-                colour: 1,
-                points: set,
-            },
-        ],
-        band: rests.then_some((target - band, target + band)),
-    };
-    let command = Plot {
-        x: "time since release, s",
-        y: "servo commanded, deg",
-        lines: vec![Line {
-            name: "servo commanded",
-            colour: 4,
-            points: release.trace(|step| servo.angle_rad(step.pulse_us).to_degrees()),
-        }],
-        band: None,
-    };
+    let since = "time since release, s";
+    let pitch = release.trace(|step| step.pitch_rad().to_degrees());
+    let pitch = Plot::new(
+        since,
+        "pitch, deg",
+        vec![Line::new("pitch", 0, pitch), Line::new("set point", 1, set)],
+    );
+    let pitch = pitch.with_band(rests.then_some((target - band, target + band)));
+    let commanded = release.trace(|step| servo.angle_rad(step.pulse_us).to_degrees());
+    let name = "servo commanded";
+    let command = Plot::new(
+        since,
+        "servo commanded, deg",
+        vec![Line::new(name, 4, commanded)],
+    );
     Ok(html! {
         h2 { "Release " (index + 1) }
         (figure("Pitch, with the 5 % band that a step has to settle in.", pitch.svg()?))

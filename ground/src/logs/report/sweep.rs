@@ -133,21 +133,10 @@ impl Sweep {
     /// Gain and phase drawn.
     pub fn markup(&self) -> Result<Markup> {
         let plot = |y, of: fn(&Point) -> f64, band| {
-            Plot {
-                x: "frequency, Hz",
-                y,
-                lines: vec![Line {
-                    name: y,
-                    colour: 0,
-                    points: self
-                        .points
-                        .iter()
-                        .map(|p| (p.frequency_hz, of(p)))
-                        .collect(),
-                }],
-                band,
-            }
-            .svg()
+            let points = self.points.iter().map(|p| (p.frequency_hz, of(p)));
+            let line = Line::new(y, 0, points.collect());
+            let plot = Plot::new("frequency, Hz", y, vec![line]);
+            plot.with_band(band).svg()
         };
         let gain = plot("gain, dB", |point| point.gain_db, Some((BANDWIDTH_DB, 0.0)))?;
         let phase = plot("phase, deg", |point| point.phase_deg, None)?;

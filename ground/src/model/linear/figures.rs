@@ -1,42 +1,24 @@
-//! The figures of `tvc model linear`, for scripts and for people.
+//! What `tvc model linear` prints.
 
-use std::fmt::Write;
-
+use nalgebra::Complex;
 use plant::linear::Rank;
 use serde::Serialize;
 
 use super::Analysis;
+use crate::out::measure::{Figure, Figures, data, figure, note, rows, shown};
 
 /// Residual pitch acceleration below which a point counts as an equilibrium, in rad/s2.
 const AT_REST_RAD_S2: f64 = 1e-2;
 
-/// A complex number, in rad/s.
-#[derive(Clone, Copy, Serialize)]
-pub struct Complex {
-    re: f64,
-    im: f64,
-}
+/// Names of the states, as in `plant::linear`.
+const STATES: [&str; 4] = ["theta0", "w0", "theta1", "w1"];
 
-impl From<&nalgebra::Complex<f64>> for Complex {
-    fn from(z: &nalgebra::Complex<f64>) -> Self {
-        Self { re: z.re, im: z.im }
+impl Analysis {
+    /// Whether the drone rests at the point.
+    pub fn is_equilibrium(&self) -> bool {
+        self.residual_rad_s2[0].abs() < AT_REST_RAD_S2
     }
-}
 
-/// Where the model was taken.
-#[derive(Serialize)]
-pub struct Point {
-    theta0_rad: f64,
-    theta1_rad: f64,
-    theta3_rad: f64,
-    torque_n_m: f64,
-    /// Whether the drone rests there.
-    pub equilibrium: bool,
-    /// Accelerations of pitch and crank that remain.
-    residual_rad_s2: [f64; 2],
-}
-
-impl Point {
     /// What to say about a point that is no equilibrium.
     pub fn note(&self) -> String {
         format!(
@@ -44,235 +26,172 @@ impl Point {
             self.residual_rad_s2[0]
         )
     }
-}
-
-/// A rank and what it was decided on.
-#[derive(Serialize)]
-pub struct RankFigures {
-    rank: usize,
-    singular_values: Vec<f64>,
-}
-
-impl From<Rank> for RankFigures {
-    fn from(rank: Rank) -> Self {
-        Self {
-            rank: rank.rank,
-            singular_values: rank.singular_values,
-        }
-    }
-}
-
-/// Times that the loop loses, in s.
-#[derive(Serialize)]
-pub struct Delays {
-    /// Sensor, and from the law to the pulse.
-    sensor_to_pulse: f64,
-    rate_filter: f64,
-    half_servo_frame: f64,
-    servo_loop: f64,
-    servo_lag: f64,
-}
-
-/// How far the loop is from instability; `null` where a curve never crosses.
-#[derive(Serialize)]
-pub struct MarginFigures {
-    gain_margin_db: Option<f64>,
-    gain_margin_at_rad_s: Option<f64>,
-    phase_margin_deg: Option<f64>,
-    phase_margin_at_rad_s: Option<f64>,
-    delay_margin_s: Option<f64>,
-    peak_sensitivity: f64,
-}
-
-/// The position loop.
-#[derive(Serialize)]
-pub struct LoopFigures {
-    pub kp: f64,
-    pub kd: f64,
-    delays_s: Delays,
-    margins: MarginFigures,
-    /// With every delay as Pade's approximation.
-    closed_loop_poles: Vec<Complex>,
-    pub stable: bool,
-}
-
-/// Everything that the command prints.
-#[derive(Serialize)]
-pub struct Figures {
-    pub point: Point,
-    states: [&'static str; 4],
-    input: &'static str,
-    output: &'static str,
-    #[serde(rename = "A")]
-    a: [[f64; 4]; 4],
-    #[serde(rename = "B")]
-    b: [f64; 4],
-    #[serde(rename = "C")]
-    c: [f64; 4],
-    #[serde(rename = "D")]
-    d: f64,
-    poles: Vec<Complex>,
-    zeros: Vec<Complex>,
-    controllability: RankFigures,
-    observability: RankFigures,
-    #[serde(rename = "loop")]
-    pub position_loop: LoopFigures,
-}
-
-impl Figures {
-    /// The figures of an analysis.
-    pub fn new(analysis: &Analysis) -> Self {
-        let (model, open) = (&analysis.model, &analysis.open);
-        let margins = open.margins();
-        let closed = open.rational().closed_poles(1.0);
-        Self {
-            point: Point {
-                theta0_rad: analysis.point.pitch_rad,
-                theta1_rad: analysis.point.crank_rad,
-                theta3_rad: analysis.rudder_rad,
-                torque_n_m: analysis.torque_n_m,
-                equilibrium: analysis.residual_rad_s2[0].abs() < AT_REST_RAD_S2,
-                residual_rad_s2: analysis.residual_rad_s2,
-            },
-            states: ["theta0", "w0", "theta1", "w1"],
-            input: "torque on the crank, N m",
-            output: "theta0",
-            a: std::array::from_fn(|i| std::array::from_fn(|j| model.a[(i, j)])),
-            b: model.b.into(),
-            c: std::array::from_fn(|j| model.c[j]),
-            d: model.d,
-            poles: model.poles().iter().map(Complex::from).collect(),
-            zeros: model.zeros().iter().map(Complex::from).collect(),
-            controllability: model.controllability().into(),
-            observability: model.observability().into(),
-            position_loop: LoopFigures {
-                kp: analysis.gains.0,
-                kd: analysis.gains.1,
-                delays_s: Delays {
-                    sensor_to_pulse: open.delay_s,
-                    rate_filter: 1.0 / open.rate_filter_rad_s,
-                    half_servo_frame: 0.5 * open.frame_s,
-                    servo_loop: open.servo_loop_s,
-                    servo_lag: open.servo_lag_s,
-                },
-                margins: MarginFigures {
-                    gain_margin_db: margins.gain.map(|m| m.db),
-                    gain_margin_at_rad_s: margins.gain.map(|m| m.at_rad_s),
-                    phase_margin_deg: margins.phase.map(|m| m.deg),
-                    phase_margin_at_rad_s: margins.phase.map(|m| m.at_rad_s),
-                    delay_margin_s: margins.phase.map(|m| m.delay_s),
-                    peak_sensitivity: margins.peak_sensitivity,
-                },
-                stable: closed.iter().all(|pole| pole.re < 0.0),
-                closed_loop_poles: closed.iter().map(Complex::from).collect(),
-            },
-        }
-    }
-
-    /// Rows of a table: what, and the figure.
-    pub fn rows(&self) -> Vec<Vec<String>> {
-        let row = |name: &str, value: String| vec![name.to_string(), value];
-        let margins = &self.position_loop.margins;
-        let at = |value: Option<f64>, unit: &str, place: Option<f64>| match (value, place) {
-            (Some(value), Some(place)) => format!("{value:.1} {unit} at {place:.1} rad/s"),
-            _ => "no crossing".into(),
-        };
-        let delay = margins.delay_margin_s.map(|s| format!("{:.0} ms", 1e3 * s));
-        vec![
-            row("poles, rad/s", complex_list(&self.poles)),
-            row("zeros, rad/s", complex_list(&self.zeros)),
-            row(
-                "controllability, observability",
-                format!(
-                    "rank {} of 4, rank {} of 4",
-                    self.controllability.rank, self.observability.rank
-                ),
-            ),
-            row(
-                "gains kp, kd of the loop",
-                format!("{}, {}", self.position_loop.kp, self.position_loop.kd),
-            ),
-            row(
-                "gain margin",
-                at(margins.gain_margin_db, "dB", margins.gain_margin_at_rad_s),
-            ),
-            row(
-                "phase margin",
-                at(
-                    margins.phase_margin_deg,
-                    "deg",
-                    margins.phase_margin_at_rad_s,
-                ),
-            ),
-            row("delay margin", delay.unwrap_or("no crossing".into())),
-            row(
-                "peak sensitivity",
-                format!("{:.2}", margins.peak_sensitivity),
-            ),
-            row(
-                "closed-loop poles, rad/s",
-                complex_list(&self.position_loop.closed_loop_poles),
-            ),
-        ]
-    }
-
-    /// The matrices, row by row, as texts.
-    pub fn matrix_rows(&self) -> Vec<Vec<String>> {
-        (0..4)
-            .map(|i| {
-                let mut row = vec![format!("{}'", self.states[i])];
-                row.extend(self.a[i].iter().chain([&self.b[i]]).map(|x| digits(*x)));
-                row
-            })
-            .collect()
-    }
-
-    /// The output's row, C and D.
-    pub fn output_row(&self) -> Vec<String> {
-        let mut row = vec![format!("y = {}", self.output)];
-        row.extend(self.c.iter().chain([&self.d]).map(|x| digits(*x)));
-        row
-    }
 
     /// The point in words.
     pub fn place(&self) -> String {
-        let p = &self.point;
         format!(
-            "theta0 {:.5} rad, theta1 {:.7} rad (rudder {:.3} deg), torque {:.4} N m: {}",
-            p.theta0_rad,
-            p.theta1_rad,
-            p.theta3_rad.to_degrees(),
-            p.torque_n_m,
-            if p.equilibrium {
-                "an equilibrium"
+            "theta0 {:.5} rad, theta1 {:.7} rad (rudder {:.3} deg), torque {:.4} N m: {} equilibrium",
+            self.point.pitch_rad,
+            self.point.crank_rad,
+            self.rudder_rad.to_degrees(),
+            self.torque_n_m,
+            if self.is_equilibrium() {
+                "an"
             } else {
-                "not an equilibrium"
+                "not an"
             }
         )
     }
 
-    /// Everything as text.
-    pub fn text(&self) -> String {
-        // Writing to a String cannot fail.
-        let mut text = format!("{}\n\n", self.place());
-        let head = ["", "theta0", "w0", "theta1", "w1", "B"].map(String::from);
-        for row in [head.to_vec()]
-            .iter()
-            .chain(&self.matrix_rows())
-            .chain([&self.output_row()])
-        {
-            let _ = write!(text, "{:>12}", row[0]);
-            for cell in &row[1..] {
-                let _ = write!(text, "{cell:>14}");
-            }
-            text.push('\n');
-        }
-        text.push('\n');
-        for row in self.rows() {
-            let _ = writeln!(text, "{:<32}{}", row[0], row[1]);
-        }
-        text
+    /// The poles of the loop with every delay as Pade's approximation.
+    fn closed_poles(&self) -> Vec<Complex<f64>> {
+        self.open.rational().closed_poles(1.0)
     }
+
+    /// Whether the closed loop is stable.
+    pub fn is_stable(&self) -> bool {
+        self.closed_poles().iter().all(|pole| pole.re < 0.0)
+    }
+
+    /// The figures.
+    pub fn figures(&self) -> Figures {
+        let model = &self.model;
+        let a: [[f64; 4]; 4] = std::array::from_fn(|i| std::array::from_fn(|j| model.a[(i, j)]));
+        let b: [f64; 4] = model.b.into();
+        let c: [f64; 4] = std::array::from_fn(|j| model.c[j]);
+        let matrix_row = |name: String, row: [f64; 4], input: f64| {
+            let cells = STATES.iter().chain([&"B"]).zip(row.iter().chain([&input]));
+            let cells = cells.map(|(head, value)| shown(*head, digits(*value)));
+            let row: Vec<Figure> = [shown("", name)].into_iter().chain(cells).collect();
+            row
+        };
+        let derivatives = (0..4).map(|i| matrix_row(format!("{}'", STATES[i]), a[i], b[i]));
+        let output = matrix_row("y = theta0".into(), c, model.d);
+        Figures::from([
+            self.point_figures(),
+            note(self.place()),
+            rows("", derivatives.chain([output])),
+            data("states", &STATES),
+            figure("input", "torque on the crank, N m"),
+            figure("output", "theta0"),
+            data("A", &a),
+            data("B", &b),
+            data("C", &c),
+            figure("D", model.d),
+            complex("poles", &model.poles(), "poles, rad/s"),
+            complex("zeros", &model.zeros(), "zeros, rad/s"),
+            rank("controllability", model.controllability()),
+            rank("observability", model.observability()),
+            self.loop_figures(),
+        ])
+    }
+
+    fn point_figures(&self) -> Figure {
+        figure(
+            "point",
+            [
+                figure("theta0_rad", self.point.pitch_rad),
+                figure("theta1_rad", self.point.crank_rad),
+                figure("theta3_rad", self.rudder_rad),
+                figure("torque_n_m", self.torque_n_m),
+                figure("equilibrium", self.is_equilibrium()),
+                data("residual_rad_s2", &self.residual_rad_s2),
+            ],
+        )
+    }
+
+    fn loop_figures(&self) -> Figure {
+        let open = &self.open;
+        let margins = open.margins();
+        let (gain, phase) = (margins.gain, margins.phase);
+        let margin = |key, value: Option<f64>, label, unit, decimals| {
+            let shown = figure(key, value).shown(label, unit, decimals);
+            shown.or("no crossing")
+        };
+        let delays_s = [
+            figure("sensor_to_pulse", open.delay_s),
+            figure("rate_filter", 1.0 / open.rate_filter_rad_s),
+            figure("half_servo_frame", 0.5 * open.frame_s),
+            figure("servo_loop", open.servo_loop_s),
+            figure("servo_lag", open.servo_lag_s),
+        ];
+        figure(
+            "loop",
+            [
+                data("kp", &self.gains.0).said("gain kp of the loop", self.gains.0.to_string()),
+                data("kd", &self.gains.1).said("gain kd of the loop", self.gains.1.to_string()),
+                figure("delays_s", delays_s),
+                figure(
+                    "margins",
+                    [
+                        margin("gain_margin_db", gain.map(|m| m.db), "gain margin", "dB", 1),
+                        margin(
+                            "gain_margin_at_rad_s",
+                            gain.map(|m| m.at_rad_s),
+                            "gain margin at",
+                            "rad/s",
+                            1,
+                        ),
+                        margin(
+                            "phase_margin_deg",
+                            phase.map(|m| m.deg),
+                            "phase margin",
+                            "deg",
+                            1,
+                        ),
+                        margin(
+                            "phase_margin_at_rad_s",
+                            phase.map(|m| m.at_rad_s),
+                            "phase margin at",
+                            "rad/s",
+                            1,
+                        ),
+                        margin(
+                            "delay_margin_s",
+                            phase.map(|m| m.delay_s),
+                            "delay margin",
+                            "ms",
+                            0,
+                        )
+                        .scaled(1e3),
+                        figure("peak_sensitivity", margins.peak_sensitivity).shown(
+                            "peak sensitivity",
+                            "",
+                            2,
+                        ),
+                    ],
+                ),
+                complex(
+                    "closed_loop_poles",
+                    &self.closed_poles(),
+                    "closed-loop poles, rad/s",
+                ),
+                figure("stable", self.is_stable()).shown("stable", "", 0),
+            ],
+        )
+    }
+}
+
+/// A complex number as JSON has it.
+#[derive(Serialize)]
+struct Parts {
+    re: f64,
+    im: f64,
+}
+
+fn complex(key: &'static str, values: &[Complex<f64>], label: &str) -> Figure {
+    let parts = values.iter().map(|z| Parts { re: z.re, im: z.im });
+    data(key, &parts.collect::<Vec<_>>()).said(label, complex_list(values))
+}
+
+fn rank(key: &'static str, rank: Rank) -> Figure {
+    figure(
+        key,
+        [
+            figure("rank", rank.rank).said(format!("{key}, rank of 4"), rank.rank.to_string()),
+            data("singular_values", &rank.singular_values),
+        ],
+    )
 }
 
 /// Five significant digits; what is rounding beside the model's figures is nothing.
@@ -288,7 +207,7 @@ fn digits(value: f64) -> String {
 }
 
 /// Complex numbers, conjugate pairs as one.
-fn complex_list(values: &[Complex]) -> String {
+fn complex_list(values: &[Complex<f64>]) -> String {
     let texts: Vec<String> = values
         .iter()
         .filter(|z| z.im >= 0.0)
@@ -321,7 +240,7 @@ mod tests {
         assert_eq!(digits(1485.21), "1485.2");
         assert_eq!(digits(-0.00281234), "-0.0028123");
         assert_eq!(digits(0.0), "0");
-        let z = |re, im| Complex { re, im };
+        let z = Complex::new;
         assert_eq!(
             complex_list(&[z(1e-12, 23.79), z(1e-12, -23.79), z(-2.0, 0.0)]),
             "±23.790j, -2.0000"

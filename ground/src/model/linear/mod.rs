@@ -13,8 +13,6 @@ use plant::{Mechanism, Parameters, ServoModel, Setup};
 use super::read;
 use crate::model::Linear;
 use crate::out::exit::{BadInput, Verdict};
-use crate::out::file::{print_figures, write_whole};
-use figures::Figures;
 use rig::ServoKind;
 
 /// Frames shorter than this (s) belong to a digital servo, whose gains are higher.
@@ -40,15 +38,13 @@ struct Analysis {
 /// Analyses as `options` say.
 pub fn run(options: &Linear) -> Result<Verdict> {
     let analysis = analyse(options)?;
-    let figures = Figures::new(&analysis);
-    let page = report::render(&analysis, &figures)?;
-    write_whole(&options.report, page.as_bytes())?;
-    print_figures(&figures, options.json, Figures::text)?;
-    if !figures.point.equilibrium {
-        eprintln!("note: {}", figures.point.note());
+    let page = report::render(&analysis)?;
+    if !analysis.is_equilibrium() {
+        eprintln!("note: {}", analysis.note());
     }
-    eprintln!("report: {}", options.report.display());
-    Ok(Verdict::Met)
+    analysis
+        .figures()
+        .conclude(options.json, Some((&options.report, page)))
 }
 
 fn analyse(options: &Linear) -> Result<Analysis, BadInput> {

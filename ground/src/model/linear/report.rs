@@ -7,8 +7,7 @@ use plant::linear::frequency::Response;
 use plant::linear::transfer::{LocusPoint, TransferFunction};
 
 use super::Analysis;
-use super::figures::Figures;
-use crate::out::page::{figure, page, table, verdict};
+use crate::out::page::{figure, page, verdict};
 use crate::out::plot::{Line, Look, Marks, Plot, Shape};
 
 /// Frequencies of the Bode plots, in rad/s.
@@ -20,26 +19,27 @@ const PLANE_HEIGHT: u32 = 460;
 const PLANE_RATIO: f64 = 772.0 / 406.0;
 
 /// The whole page as HTML.
-pub fn render(analysis: &Analysis, figures: &Figures) -> Result<String> {
+pub fn render(analysis: &Analysis) -> Result<String> {
+    let figures = analysis.figures();
     let body = html! {
-        p { "The model at " (figures.place()) "." }
-        @if !figures.point.equilibrium { p { (figures.point.note()) "." } }
-        @if figures.position_loop.stable {
+        p { "The model at " (analysis.place()) "." }
+        @if !analysis.is_equilibrium() { p { (analysis.note()) "." } }
+        @if analysis.is_stable() {
             (verdict(true, "The closed loop is stable."))
         } @else {
             (verdict(false, "The closed loop is unstable."))
         }
         h2 { "State space" }
         p { "x = (theta0, w0, theta1, w1), u the servo's torque on the crank in N m, y = theta0." }
-        (matrices(figures))
+        (figures.table("").markup())
         h2 { "Figures" }
-        (table(&["figure", "value"], &figures.rows()))
+        (figures.lines().markup())
         h2 { "The drone: torque to pitch" }
         (pole_zero_map(analysis)?)
         (torque_locus(analysis)?)
         h2 { "The loop: crank command to pitch, with servo and delays" }
         (loop_locus(analysis)?)
-        (bode(analysis, figures)?)
+        (bode(analysis)?)
         (nyquist(analysis)?)
         footer {
             "Deadband, backlash and the servo's speed limit have no linear part and are left out; \
@@ -49,15 +49,9 @@ pub fn render(analysis: &Analysis, figures: &Figures) -> Result<String> {
     };
     let title = format!(
         "Linear model, kp {}, kd {}",
-        figures.position_loop.kp, figures.position_loop.kd
+        analysis.gains.0, analysis.gains.1
     );
     Ok(page(&title, body))
-}
-
-fn matrices(figures: &Figures) -> Markup {
-    let mut rows = figures.matrix_rows();
-    rows.push(figures.output_row());
-    table(&["", "theta0", "w0", "theta1", "w1", "u"], &rows)
 }
 
 /// Real and imaginary parts.
@@ -88,12 +82,7 @@ fn plane(reach: f64, origin: f64, marks: Vec<Marks<'_>>) -> Look<'_> {
 }
 
 fn s_plane<'a>(lines: Vec<Line<'a>>) -> Plot<'a> {
-    Plot {
-        x: "real part, rad/s",
-        y: "imaginary part, rad/s",
-        lines,
-        band: None,
-    }
+    Plot::new("real part, rad/s", "imaginary part, rad/s", lines)
 }
 
 /// How far the poles and zeros reach, with some room.
@@ -159,11 +148,7 @@ fn locus_lines<'a>(
     let locus = open.root_locus(gains_around(gain.abs()).map(|g| g * gain.signum()));
     branches(&locus)
         .into_iter()
-        .map(|points| Line {
-            name,
-            colour,
-            points,
-        })
+        .map(|points| Line::new(name, colour, points))
         .collect()
 }
 
@@ -215,31 +200,15 @@ fn loop_locus(analysis: &Analysis) -> Result<Markup> {
     ))
 }
 
-fn bode(analysis: &Analysis, figures: &Figures) -> Result<Markup> {
+fn bode(analysis: &Analysis) -> Result<Markup> {
     let response = analysis.open.response(BODE.0, BODE.1, POINTS);
     let curve = |of: fn(&Response) -> f64| -> Vec<(f64, f64)> {
         response.iter().map(|r| (r.rad_s, of(r))).collect()
     };
-    let plot = |y, points, level: f64| Plot {
-        x: "frequency, rad/s",
-        y,
-        lines: vec![
-            Line {
-                name: "open loop",
-                colour: 0,
-                points,
-            },
-            Line {
-                name: if level == 0.0 {
-                    "unity gain"
-                } else {
-                    "-180 deg"
-                },
-                colour: 4,
-                points: vec![(BODE.0, level), (BODE.1, level)],
-            },
-        ],
-        band: None,
+    let plot = |y, points, level: f64, name| {
+        let level = vec![(BODE.0, level), (BODE.1, level)];
+        let lines = vec![Line::new("open loop", 0, points), Line::new(name, 4, level)];
+        Plot::new("frequency, rad/s", y, lines)
     };
     let margins = analysis.open.margins();
     let at = |place: Option<f64>, value: fn(&Response) -> f64| -> Vec<(f64, f64)> {
@@ -276,21 +245,17 @@ fn bode(analysis: &Analysis, figures: &Figures) -> Result<Markup> {
             ..Look::default()
         }
     };
-    let rows = figures.rows();
-    let said: Vec<String> = rows
-        .iter()
-        .filter(|row| row[0].ends_with("margin"))
-        .map(|row| format!("{} {}", row[0], row[1]))
-        .collect();
+    let gain = plot("gain, dB", curve(|r| r.gain_db), 0.0, "unity gain");
+    let phase = plot("phase, deg", curve(|r| r.phase_deg), -180.0, "-180 deg");
     Ok(html! {
         (figure(
-            &format!("Gain of the open loop: {}.", said.join(", ")),
-            plot("gain, dB", curve(|r| r.gain_db), 0.0).svg_as(&look(false))?,
+            "Gain of the open loop, with its margins.",
+            gain.svg_as(&look(false))?,
         ))
         (figure(
             "Phase of the open loop, delays included. It jumps by 180 deg at the zeros on the imaginary \
              axis, where the rudder's inertia cancels its force.",
-            plot("phase, deg", curve(|r| r.phase_deg), -180.0).svg_as(&look(true))?,
+            phase.svg_as(&look(true))?,
         ))
     })
 }
@@ -307,38 +272,15 @@ fn nyquist(analysis: &Analysis) -> Result<Markup> {
     let circle = (0..=180)
         .map(|i| f64::from(2 * i).to_radians().sin_cos())
         .collect();
-    let plot = Plot {
-        x: "real part",
-        y: "imaginary part",
-        lines: vec![
-            Line {
-                name: "open loop",
-                colour: 0,
-                points: parts(&values),
-            },
-            Line {
-                name: "at negative frequencies",
-                colour: 4,
-                points: values.iter().map(|z| (z.re, -z.im)).collect(),
-            },
-            Line {
-                name: "unit circle",
-                colour: 2,
-                points: circle,
-            },
-        ],
-        band: None,
-    };
-    let look = plane(
-        1.6,
-        0.7,
-        vec![Marks {
-            name: "-1",
-            colour: 5,
-            shape: Shape::Cross,
-            points: vec![(-1.0, 0.0)],
-        }],
-    );
+    let mirrored = values.iter().map(|z| (z.re, -z.im)).collect();
+    let lines = vec![
+        Line::new("open loop", 0, parts(&values)),
+        Line::new("at negative frequencies", 4, mirrored),
+        Line::new("unit circle", 2, circle),
+    ];
+    let plot = Plot::new("real part", "imaginary part", lines);
+    let critical = marks("-1", 5, Shape::Cross, &[Complex::new(-1.0, 0.0)]);
+    let look = plane(1.6, 0.7, vec![critical]);
     Ok(figure(
         "Nyquist's curve of the open loop. Two integrators take it to infinity at low frequency; a \
          stable loop leaves -1 on its left.",

@@ -17,7 +17,8 @@ use super::table::Row;
 use crate::model::control_law::Law;
 use crate::model::montecarlo::ReplayRun;
 use crate::out::exit::{BadInput, Verdict};
-use crate::out::file::{print_json, write_whole};
+use crate::out::file::write_whole;
+use crate::out::measure::{Figures, figure};
 
 /// All that a run is made of.
 #[derive(Debug, PartialEq, Serialize, Deserialize)]
@@ -83,17 +84,6 @@ impl Case {
     }
 }
 
-/// What a replayed run gave.
-#[derive(Serialize)]
-struct Replayed {
-    run: u64,
-    start_rad: f64,
-    overshoot_pct: f64,
-    rise_s: Option<f64>,
-    settling_5pct_s: Option<f64>,
-    final_error_rad: f64,
-}
-
 /// Flies a run again.
 pub fn replay(options: &ReplayRun) -> Result<Verdict> {
     let case = Case::read(&options.file)?;
@@ -138,26 +128,16 @@ pub fn replay(options: &ReplayRun) -> Result<Verdict> {
     }
     let response = StepResponse::new(motion.iter().map(|s| (s.time_s, s.pitch_rad)), 0.0)
         .map_err(|error| named(&error))?;
-    let replayed = Replayed {
-        run: case.draw.index,
-        start_rad: case.draw.start_rad,
-        overshoot_pct: response.overshoot_pct(),
-        rise_s: response.rise_s(),
-        settling_5pct_s: response.settling_s(0.05),
-        final_error_rad: response.final_error(),
-    };
-    if options.json {
-        print_json(&replayed)?;
-    } else {
-        println!(
-            "run {} from {:+.1} rad: overshoot {:.2} %, settled {}",
-            replayed.run,
-            replayed.start_rad,
-            replayed.overshoot_pct,
-            replayed
-                .settling_5pct_s
-                .map_or("never".into(), |s| format!("in {s:.3} s"))
-        );
-    }
-    Ok(Verdict::Met)
+    let settling = figure("settling_5pct_s", response.settling_s(0.05));
+    Figures::from([
+        figure("run", case.draw.index).shown("run", "", 0),
+        figure("start_rad", case.draw.start_rad).shown("start", "rad", 1),
+        figure("overshoot_pct", response.overshoot_pct()).shown("overshoot", "%", 2),
+        figure("rise_s", response.rise_s())
+            .shown("rise", "s", 3)
+            .or("never"),
+        settling.shown("5 % settling", "s", 3).or("never"),
+        figure("final_error_rad", response.final_error()).shown("final error", "rad", 4),
+    ])
+    .conclude(options.json, None)
 }

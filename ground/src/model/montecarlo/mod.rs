@@ -1,6 +1,7 @@
 //! `tvc montecarlo`: many dispersed drones under the image's own control law, on the model.
 
 mod case;
+mod options;
 mod report;
 mod summary;
 mod table;
@@ -14,12 +15,10 @@ use plant::dispersion::{self, Campaign, Ranges};
 
 use crate::model::control_law::{self, Law};
 use crate::out::exit::Verdict;
-use crate::out::file::write_whole;
 use case::Case;
-use summary::Summary;
-use table::Row;
-mod options;
 pub use options::{Merge, MonteCarlo, MonteCarloCommand, ReplayRun};
+use summary::Worst;
+use table::Row;
 
 /// Runs that are kept as files.
 const WORST: usize = 5;
@@ -74,25 +73,16 @@ fn fly(options: &MonteCarlo) -> Result<Verdict> {
     if let Some(out) = &options.out {
         table::write(out, &rows)?;
     }
-    let mut summary = Summary::of(&rows, WORST);
-    for (place, worst) in summary.worst.iter_mut().enumerate() {
+    let mut worst = Worst::of(&rows, WORST);
+    for (place, worst) in worst.iter_mut().enumerate() {
         let path = options.worst.join(format!("worst-{}.toml", place + 1));
         let case = Case::new(&campaign, worst.row.run, &setup, &params);
         case.write(&path, &worst.row)?;
         worst.file = Some(path.display().to_string());
     }
-    summary.print(options.json)?;
-    write_report(&options.report, &summary, &rows)?;
-    Ok(match options.require {
-        Some(required) if summary.pass_rate < required => {
-            eprintln!(
-                "missed: pass rate {:.4}, required {required}",
-                summary.pass_rate
-            );
-            Verdict::Missed
-        }
-        _ => Verdict::Met,
-    })
+    let figures = summary::figures(&rows, &worst, options.require);
+    let page = report::render(&figures, &rows)?;
+    figures.conclude(options.json, Some((&options.report, page)))
 }
 
 fn merge(options: &Merge) -> Result<Verdict> {
@@ -101,16 +91,9 @@ fn merge(options: &Merge) -> Result<Verdict> {
     if let Some(out) = &options.out {
         table::write(out, &rows)?;
     }
-    let summary = Summary::of(&rows, WORST);
-    summary.print(options.json)?;
-    write_report(&options.report, &summary, &rows)?;
-    Ok(Verdict::Met)
-}
-
-fn write_report(path: &Path, summary: &Summary, rows: &[Row]) -> Result<()> {
-    write_whole(path, report::render(summary, rows)?.as_bytes())?;
-    eprintln!("report: {}", path.display());
-    Ok(())
+    let figures = summary::figures(&rows, &Worst::of(&rows, WORST), None);
+    let page = report::render(&figures, &rows)?;
+    figures.conclude(options.json, Some((&options.report, page)))
 }
 
 fn progress(runs: u64) -> ProgressBar {

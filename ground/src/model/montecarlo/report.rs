@@ -3,8 +3,8 @@
 use anyhow::Result;
 use maud::{Markup, html};
 
-use super::summary::Summary;
 use super::table::Row;
+use crate::out::measure::Figures;
 use crate::out::page::{figure, page, table, verdict};
 use crate::out::plot::{Line, Look, Marks, Plot, Shape};
 
@@ -35,10 +35,13 @@ const DRAWN: [Drawn; 10] = [
 ];
 
 /// The whole page; `rows` is not empty.
-pub fn render(summary: &Summary, rows: &[Row]) -> Result<String> {
+pub fn render(figures: &Figures, rows: &[Row]) -> Result<String> {
+    let first = &rows[0];
     let title = format!(
         "Monte Carlo: {} drones, servo {}, seed {}",
-        summary.runs, summary.servo, summary.seed
+        rows.len(),
+        first.servo,
+        first.seed
     );
     let failed = rows.iter().filter(|row| !row.pass).count();
     let words = if failed == 0 {
@@ -48,7 +51,8 @@ pub fn render(summary: &Summary, rows: &[Row]) -> Result<String> {
     };
     let body = html! {
         (verdict(failed == 0, &words))
-        (table(&["", ""], &summary.rows()))
+        (figures.lines().markup())
+        (figures.table("").markup())
         (scatter(rows)?)
         (distribution(rows)?)
         h2 { "What it depends on" }
@@ -60,7 +64,7 @@ pub fn render(summary: &Summary, rows: &[Row]) -> Result<String> {
         footer {
             "The image's own control law on the model of the drone, each run a drone of its own: "
             "thrust and inertia within 30 %, centre of mass within 20 mm vertically and "
-            (summary.lateral_mm) " mm laterally."
+            (first.lateral_mm) " mm laterally."
         }
     };
     Ok(page(&title, body))
@@ -93,12 +97,7 @@ fn scatter(rows: &[Row]) -> Result<Markup> {
             .collect(),
         ..Look::default()
     };
-    let plot = Plot {
-        x: "5 % settling, s",
-        y: "overshoot, %",
-        lines: Vec::new(),
-        band: None,
-    };
+    let plot = Plot::new("5 % settling, s", "overshoot, %", Vec::new());
     Ok(figure(
         "A dot for each drone that settled.",
         plot.svg_as(&look)?,
@@ -113,22 +112,15 @@ fn distribution(rows: &[Row]) -> Result<Markup> {
             .collect();
         settled.sort_by(f64::total_cmp);
         let share = |place: usize| 100.0 * (place + 1) as f64 / runs;
-        Line {
-            name: start.1,
-            colour: place,
-            points: settled
-                .iter()
-                .enumerate()
-                .map(|(place, settling)| (*settling, share(place)))
-                .collect(),
-        }
+        let settled = settled.iter().enumerate();
+        let points = settled.map(|(place, settling)| (*settling, share(place)));
+        Line::new(start.1, place, points.collect())
     });
-    let plot = Plot {
-        x: "5 % settling, s",
-        y: "drones settled by then, %",
-        lines: lines.collect(),
-        band: None,
-    };
+    let plot = Plot::new(
+        "5 % settling, s",
+        "drones settled by then, %",
+        lines.collect(),
+    );
     let look = Look {
         y: Some((0.0, 100.0)),
         ..Look::default()
@@ -186,6 +178,7 @@ fn median(rows: &[&Row], of: impl Fn(&Row) -> f64) -> f64 {
 
 #[cfg(test)]
 mod tests {
+    use super::super::summary::figures;
     use super::*;
 
     fn row(run: u64, thrust: f64, settling: Option<f64>) -> Row {
@@ -233,7 +226,7 @@ mod tests {
             .collect();
         rows[0].settling_5pct_s = None;
         rows[0].pass = false;
-        let page = render(&Summary::of(&rows, 1), &rows).unwrap();
+        let page = render(&figures(&rows, &[], None), &rows).unwrap();
         assert!(page.contains("1 of 9 runs missed"), "{page}");
         // Medians of the lowest three (never, 1.25, 1.2) and of the highest three.
         assert!(page.contains("<td>thrust</td><td>1.250</td><td>0.950</td>"));

@@ -2,11 +2,11 @@
 
 use anyhow::{Result, anyhow};
 use plant::StepResponse;
-use plant::rocket::{Attitude, Rocket, RocketSample};
-use serde::Serialize;
+use plant::rocket::{self, Attitude, Flight, Rocket, RocketSample};
 use tvc_pid::{Axes, Config, Gains, Schedule};
 
-use super::REQUIRED;
+use super::{OVERSHOOT_PCT, SETTLING_S};
+use crate::out::measure::{Figure, Value, figure, rows};
 
 /// Natural frequency (rad/s) and damping that the gains are to give.
 const NATURAL_RAD_S: f64 = 3.0;
@@ -25,52 +25,29 @@ const SECONDS: f64 = 4.0;
 const PERIOD_S: f32 = 0.01;
 
 /// A row of the schedule.
-#[derive(Serialize)]
 pub struct ScheduleRow {
-    time_s: f64,
-    mass_kg: f64,
-    cm_m: f64,
-    inertia_kg_m2: f64,
-    pressure_pa: f64,
-    mu_c: f64,
-    mu_a: f64,
-    kp: f64,
-    kd: f64,
+    /// The rocket at a time.
+    pub flight: Flight,
+    /// The gains that follow.
+    pub gains: rocket::Gains,
 }
 
 impl ScheduleRow {
-    /// Time and `mu_c`.
-    pub fn control(&self) -> (f64, f64) {
-        (self.time_s, self.mu_c)
-    }
-
-    /// Time and `mu_a`.
-    pub fn air(&self) -> (f64, f64) {
-        (self.time_s, self.mu_a)
-    }
-
-    /// Time and proportional gain.
-    pub fn proportional(&self) -> (f64, f64) {
-        (self.time_s, self.kp)
-    }
-
-    /// Time and derivative gain.
-    pub fn derivative(&self) -> (f64, f64) {
-        (self.time_s, self.kd)
-    }
-
-    /// As texts.
-    pub fn cells(&self) -> Vec<String> {
-        vec![
-            format!("{:.0}", self.time_s),
-            format!("{:.0}", self.mass_kg),
-            format!("{:.2}", self.cm_m),
-            format!("{:.0}", self.inertia_kg_m2),
-            format!("{:.1}", self.pressure_pa / 1e3),
-            format!("{:.1}", self.mu_c),
-            format!("{:.2}", self.mu_a),
-            format!("{:.4}", self.kp),
-            format!("{:.4}", self.kd),
+    /// What `--json` and the table say of it.
+    pub fn figures(&self) -> [Figure; 9] {
+        let at = &self.flight;
+        [
+            figure("time_s", at.time_s).shown("time", "s", 0),
+            figure("mass_kg", at.mass_kg).shown("mass", "kg", 0),
+            figure("cm_m", at.cm_m).shown("CM", "m", 2),
+            figure("inertia_kg_m2", at.inertia_kg_m2).shown("inertia", "kg m2", 0),
+            figure("pressure_pa", at.pressure_pa)
+                .shown("q", "kPa", 1)
+                .scaled(1e-3),
+            figure("mu_c", at.mu_c).shown("mu_c", "1/s2", 1),
+            figure("mu_a", at.mu_a).shown("mu_a", "1/s2", 2),
+            figure("kp", self.gains.kp).shown("kp", "", 4),
+            figure("kd", self.gains.kd).shown("kd", "s", 4),
         ]
     }
 }
@@ -84,38 +61,67 @@ pub fn schedule_rows(rocket: &Rocket) -> Vec<ScheduleRow> {
         .into_iter()
         .map(|time_s| {
             let flight = rocket.at(time_s);
-            let gains = flight.gains(NATURAL_RAD_S, DAMPING);
             ScheduleRow {
-                time_s,
-                mass_kg: flight.mass_kg,
-                cm_m: flight.cm_m,
-                inertia_kg_m2: flight.inertia_kg_m2,
-                pressure_pa: flight.pressure_pa,
-                mu_c: flight.mu_c,
-                mu_a: flight.mu_a,
-                kp: gains.kp,
-                kd: gains.kd,
+                gains: flight.gains(NATURAL_RAD_S, DAMPING),
+                flight,
             }
         })
         .collect()
 }
 
 /// A step of both axes.
-#[derive(Serialize)]
 pub struct Step {
+    /// Time since ignition, s.
     pub time_s: f64,
+    /// With the schedule, or else with the gains of lift-off.
     pub scheduled: bool,
-    /// Pitch, then yaw; settling is `null` if the response leaves its band to the end.
-    overshoot_pct: [f64; 2],
-    settling_5pct_s: [Option<f64>; 2],
-    #[serde(skip)]
+    /// Pitch, then yaw.
+    responses: [StepResponse; 2],
+    /// The motion.
     pub samples: Vec<RocketSample>,
 }
 
+impl Step {
+    /// What `--json` and the table say of it; steps with the schedule are held to the requirements.
+    pub fn figures(&self, airframe: &str) -> [Figure; 4] {
+        let held = |limit| self.scheduled.then_some(limit);
+        let [pitch, yaw] = &self.responses;
+        let overshoot = |of: &StepResponse, label| {
+            let shown = figure("", of.overshoot_pct()).shown(label, "%", 1);
+            shown.limit(held(OVERSHOOT_PCT))
+        };
+        let settling = |of: &StepResponse, label| {
+            let shown = figure("", of.settling_s(0.05)).shown(label, "s", 2);
+            shown.or("never").limit(held(SETTLING_S))
+        };
+        let overshoots = [
+            overshoot(pitch, "pitch overshoot"),
+            overshoot(yaw, "yaw overshoot"),
+        ];
+        let settlings = [
+            settling(pitch, "pitch 5 % settling"),
+            settling(yaw, "yaw 5 % settling"),
+        ];
+        let gains = if self.scheduled {
+            "scheduled"
+        } else {
+            "of lift-off"
+        };
+        let name = format!("{airframe}, {gains}, {:.0} s", self.time_s);
+        [
+            figure("time_s", self.time_s).said("airframe, gains, time of the burn", name),
+            figure("scheduled", self.scheduled),
+            figure("overshoot_pct", Value::Rows(overshoots.into())),
+            figure("settling_5pct_s", Value::Rows(settlings.into())),
+        ]
+    }
+}
+
 /// An airframe's steps.
-#[derive(Serialize)]
 pub struct Airframe {
+    /// Its name.
     pub name: &'static str,
+    /// Steps at several times, with the schedule and without.
     pub steps: Vec<Step>,
 }
 
@@ -129,38 +135,14 @@ impl Airframe {
         Ok(Self { name, steps })
     }
 
-    /// Whether every step with the schedule is as required.
-    pub fn passed(&self) -> bool {
-        let (overshoot, settling) = REQUIRED;
-        self.steps.iter().filter(|step| step.scheduled).all(|step| {
-            step.overshoot_pct.iter().all(|pct| *pct <= overshoot)
-                && step
-                    .settling_5pct_s
-                    .iter()
-                    .all(|s| s.is_some_and(|s| s <= settling))
-        })
+    /// As a member of `--json`.
+    pub fn object(&self) -> [Figure; 2] {
+        [figure("name", self.name), rows("steps", self.figures())]
     }
 
-    /// As texts, a row a step.
-    pub fn cells(&self) -> Vec<Vec<String>> {
-        let seconds = |value: Option<f64>| value.map_or("never".into(), |s| format!("{s:.2}"));
-        self.steps
-            .iter()
-            .map(|step| {
-                let gains = if step.scheduled {
-                    "scheduled"
-                } else {
-                    "of lift-off"
-                };
-                vec![
-                    format!("{}, {gains}, {:.0} s", self.name, step.time_s),
-                    format!("{:.1}", step.overshoot_pct[0]),
-                    seconds(step.settling_5pct_s[0]),
-                    format!("{:.1}", step.overshoot_pct[1]),
-                    seconds(step.settling_5pct_s[1]),
-                ]
-            })
-            .collect()
+    /// Its steps as figures.
+    pub fn figures(&self) -> impl Iterator<Item = [Figure; 4]> {
+        self.steps.iter().map(|step| step.figures(self.name))
     }
 }
 
@@ -205,21 +187,14 @@ fn step(rocket: &Rocket, time_s: f64, scheduled: bool) -> Result<Step> {
         // A positive gimbal angle turns the rocket the other way.
         wanted.map(|angle| -f64::from(angle))
     });
-    let mut overshoot_pct = [0.0; 2];
-    let mut settling_5pct_s = [None; 2];
-    for axis in 0..2 {
-        let trace = samples
-            .iter()
-            .map(|s| (s.attitude.time_s, s.attitude.angle_rad[axis]));
-        let response = StepResponse::new(trace, 0.0)?;
-        overshoot_pct[axis] = response.overshoot_pct();
-        settling_5pct_s[axis] = response.settling_s(0.05);
-    }
+    let response = |axis: usize| {
+        let trace = samples.iter().map(|s| &s.attitude);
+        StepResponse::new(trace.map(|at| (at.time_s, at.angle_rad[axis])), 0.0)
+    };
     Ok(Step {
         time_s,
         scheduled,
-        overshoot_pct,
-        settling_5pct_s,
+        responses: [response(0)?, response(1)?],
         samples,
     })
 }

@@ -9,13 +9,15 @@ use serde::Serialize;
 
 use super::options::Rocket as Options;
 use crate::out::exit::Verdict;
-use crate::out::file::{print_figures, write_whole};
+use crate::out::measure::Limit::{self, AtMost};
+use crate::out::measure::{Figures, data, figure, note, rows};
 use flights::{Airframe, ScheduleRow};
 
 /// Specific impulse that oxygen and ethanol reach, in s.
 const ETHANOL_IMPULSE_S: f64 = 250.0;
-/// What the thesis asks of a step response: overshoot in percent, 5 % settling in s.
-const REQUIRED: (f64, f64) = (30.0, 1.5);
+/// What the thesis asks of a step response: overshoot, percent of the step, and 5 % settling, s.
+const OVERSHOOT_PCT: Limit = AtMost(30.0);
+const SETTLING_S: Limit = AtMost(1.5);
 
 /// What thrust, propellant and burn time imply, beside what is stated.
 #[derive(Serialize)]
@@ -46,8 +48,8 @@ impl Implied {
         }
     }
 
-    /// The note in words.
-    fn said(&self) -> String {
+    /// What it means.
+    fn words(&self) -> String {
         format!(
             "The stated figures do not fit one another. 100 kN from 2600 kg in 90 s are a specific \
              impulse of {:.0} s, too much for oxygen and ethanol: at {ETHANOL_IMPULSE_S:.0} s the \
@@ -66,78 +68,26 @@ impl Implied {
     }
 }
 
-/// Everything that the command prints.
-#[derive(Serialize)]
-struct Figures {
-    passed: bool,
-    schedule: Vec<ScheduleRow>,
-    airframes: Vec<Airframe>,
-    implied: Implied,
-}
-
 /// Flies, prints the figures and writes the report.
 pub fn run(options: &Options) -> Result<Verdict> {
     let stable = Rocket::new(&RocketParameters::SPICA)?;
     let unstable = Rocket::new(&RocketParameters::SPICA_UNSTABLE)?;
-    let airframes = vec![
+    let airframes = [
         Airframe::fly("stable", &stable)?,
         Airframe::fly("unstable", &unstable)?,
     ];
-    let figures = Figures {
-        passed: airframes.iter().all(Airframe::passed),
-        schedule: flights::schedule_rows(&stable),
-        airframes,
-        implied: Implied::new(&stable),
-    };
-    write_whole(&options.report, report::render(&figures)?.as_bytes())?;
-    print_figures(&figures, options.json, Figures::text)?;
-    eprintln!("report: {}", options.report.display());
-    Ok(Verdict::of(figures.passed))
-}
-
-/// Columns of the schedule's table.
-const SCHEDULE_COLUMNS: [&str; 9] = [
-    "time, s",
-    "mass, kg",
-    "CM, m",
-    "inertia, kg m2",
-    "q, kPa",
-    "mu_c, 1/s2",
-    "mu_a, 1/s2",
-    "kp",
-    "kd, s",
-];
-/// Columns of the table of responses.
-const RESPONSE_COLUMNS: [&str; 5] = [
-    "airframe, gains, time of the burn",
-    "pitch overshoot, %",
-    "pitch 5 % settling, s",
-    "yaw overshoot, %",
-    "yaw 5 % settling, s",
-];
-
-impl Figures {
-    fn schedule_cells(&self) -> Vec<Vec<String>> {
-        self.schedule.iter().map(ScheduleRow::cells).collect()
-    }
-
-    fn response_cells(&self) -> Vec<Vec<String>> {
-        self.airframes.iter().flat_map(Airframe::cells).collect()
-    }
-
-    fn text(&self) -> String {
-        let mut text = String::new();
-        for (head, rows) in [
-            (&SCHEDULE_COLUMNS[..], self.schedule_cells()),
-            (&RESPONSE_COLUMNS[..], self.response_cells()),
-        ] {
-            let mut table = comfy_table::Table::new();
-            table.load_style(comfy_table::presets::NOTHING);
-            table.set_header(head).add_rows(rows);
-            text.push_str(&format!("{table}\n\n"));
-        }
-        text.push_str(&self.implied.said());
-        text.push('\n');
-        text
-    }
+    let schedule = flights::schedule_rows(&stable);
+    let implied = Implied::new(&stable);
+    let steps = rows("", airframes.iter().flat_map(Airframe::figures));
+    let passed = steps.missed().is_empty();
+    let figures = Figures::from([
+        figure("passed", passed),
+        rows("schedule", schedule.iter().map(ScheduleRow::figures)),
+        steps,
+        rows("airframes", airframes.iter().map(Airframe::object)).unseen(),
+        data("implied", &implied),
+        note(implied.words()),
+    ]);
+    let page = report::render(&airframes, &schedule, &implied, &figures)?;
+    figures.conclude(options.json, Some((&options.report, page)))
 }

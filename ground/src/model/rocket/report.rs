@@ -4,34 +4,32 @@ use anyhow::Result;
 use maud::{Markup, html};
 use plant::rocket::RocketSample;
 
+use super::Implied;
 use super::flights::{Airframe, ScheduleRow, Step};
-use super::{Figures, REQUIRED, RESPONSE_COLUMNS, SCHEDULE_COLUMNS};
-use crate::out::page::{figure, page, table, verdict};
+use crate::out::measure::Figures;
+use crate::out::page::{figure, page, verdicts};
 use crate::out::plot::{Line, Plot};
 
 /// The whole page as HTML.
-pub fn render(figures: &Figures) -> Result<String> {
-    let (overshoot, settling) = REQUIRED;
+pub fn render(
+    airframes: &[Airframe],
+    schedule: &[ScheduleRow],
+    implied: &Implied,
+    figures: &Figures,
+) -> Result<String> {
     let body = html! {
-        (verdict(
-            figures.passed,
-            &format!(
-                "With scheduled gains {} step overshoots {overshoot:.0} % at most and settles within \
-                 {settling} s.",
-                if figures.passed { "every" } else { "not every" }
-            ),
-        ))
+        (verdicts(&figures.missed()))
         p {
             "The drone's rudder stands in for a rocket's gimbal. While roll is held, pitch and yaw are \
              two equal axes, θ'' = -μc δ - μa θ, whose coefficients change as propellant burns; the \
              gimbal turns by 5 deg at most, at 30 deg/s, with a lag of 5 Hz. The same controller flies \
              both, its gains interpolated in the table below."
         }
-        p { (figures.implied.said()) }
+        p { (implied.words()) }
         h2 { "Schedule" }
-        (table(&SCHEDULE_COLUMNS, &figures.schedule_cells()))
-        (schedule(&figures.schedule)?)
-        @for airframe in &figures.airframes {
+        (figures.table("schedule").markup())
+        (gains(schedule)?)
+        @for airframe in airframes {
             h2 { "Steps through the burn, " (airframe.name) " airframe" }
             (steps(airframe, true, "pitch, deg", "Pitch from 5 deg, gains scheduled.", |s| s.attitude.angle_rad[0])?)
             (steps(airframe, true, "yaw, deg", "Yaw from -3 deg in the same flights.", |s| s.attitude.angle_rad[1])?)
@@ -39,7 +37,8 @@ pub fn render(figures: &Figures) -> Result<String> {
             (steps(airframe, true, "gimbal, deg", "The pitch gimbal, gains scheduled.", |s| s.gimbal_rad[0])?)
         }
         h2 { "Responses" }
-        (table(&RESPONSE_COLUMNS, &figures.response_cells()))
+        p { "Steps with the schedule are held to the limits in the head." }
+        (figures.table("").markup())
         footer {
             "Structure, aerodynamics and gimbal are estimates. Left out: lateral drift and wind (the \
              angle of attack is the attitude), slosh, bending, jet damping."
@@ -48,38 +47,18 @@ pub fn render(figures: &Figures) -> Result<String> {
     Ok(page("The rocket through its burn", body))
 }
 
-fn schedule(rows: &[ScheduleRow]) -> Result<Markup> {
-    let line = |name, colour, points| Line {
-        name,
-        colour,
-        points,
+fn gains(rows: &[ScheduleRow]) -> Result<Markup> {
+    let line = |name, colour, of: fn(&ScheduleRow) -> f64| {
+        let points = rows.iter().map(|row| (row.flight.time_s, of(row)));
+        Line::new(name, colour, points.collect())
     };
-    let coefficients = Plot {
-        x: "time since ignition, s",
-        y: "1/s2",
-        lines: vec![
-            line(
-                "mu_c, control",
-                0,
-                rows.iter().map(ScheduleRow::control).collect(),
-            ),
-            line("mu_a, air", 1, rows.iter().map(ScheduleRow::air).collect()),
-        ],
-        band: None,
-    };
-    let gains = Plot {
-        x: "time since ignition, s",
-        y: "rad/rad, rad s/rad",
-        lines: vec![
-            line(
-                "kp",
-                2,
-                rows.iter().map(ScheduleRow::proportional).collect(),
-            ),
-            line("kd", 3, rows.iter().map(ScheduleRow::derivative).collect()),
-        ],
-        band: None,
-    };
+    let plot = |y, lines| Plot::new("time since ignition, s", y, lines);
+    let control = line("mu_c, control", 0, |row| row.flight.mu_c);
+    let air = line("mu_a, air", 1, |row| row.flight.mu_a);
+    let coefficients = plot("1/s2", vec![control, air]);
+    let kp = line("kp", 2, |row| row.gains.kp);
+    let kd = line("kd", 3, |row| row.gains.kd);
+    let gains = plot("rad/rad, rad s/rad", vec![kp, kd]);
     Ok(html! {
         (figure("What a radian of gimbal and of angle of attack do.", coefficients.svg()?))
         (figure("The gains that follow.", gains.svg()?))
@@ -102,21 +81,12 @@ fn steps(
     let lines = chosen
         .iter()
         .enumerate()
-        .map(|(colour, (name, step))| Line {
-            name,
-            colour,
-            points: step
-                .samples
-                .iter()
-                .map(|s| (s.attitude.time_s - step.time_s, of(s).to_degrees()))
-                .collect(),
+        .map(|(colour, (name, step))| {
+            let samples = step.samples.iter();
+            let points = samples.map(|s| (s.attitude.time_s - step.time_s, of(s).to_degrees()));
+            Line::new(name, colour, points.collect())
         })
         .collect();
-    let plot = Plot {
-        x: "time since the step, s",
-        y,
-        lines,
-        band: None,
-    };
+    let plot = Plot::new("time since the step, s", y, lines);
     Ok(figure(caption, plot.svg()?))
 }

@@ -8,12 +8,12 @@ use plant::mechanism::Mechanism;
 use plant::pitch_loop::{COMMAND_LIMIT_RAD, PitchLoop};
 use plant::{ParameterError, Setup};
 use rayon::prelude::*;
-use serde::Serialize;
 use tvc_nano::Params;
 use tvc_nano::params::Range;
 
 use super::margins::{self, Margins};
 use crate::model::control_law::Law;
+use crate::out::measure::{Figure, Limit::AtMost, figure};
 
 /// What is searched, by the firmware's names.
 pub const NAMES: [&str; 8] = [
@@ -62,18 +62,41 @@ pub struct Requirements {
 }
 
 /// The worst flights from one start.
-#[derive(Debug, Clone, Copy, Serialize)]
-pub struct RunFigures {
+#[derive(Debug, Clone, Copy)]
+pub struct Run {
     /// Pitch at the start, rad.
-    pub start_rad: f64,
+    start_rad: f64,
     /// The time-optimal limit of the 5 % settling, s.
-    pub limit_s: f64,
+    limit_s: f64,
     /// Largest overshoot, percent.
-    pub overshoot_pct: f64,
+    overshoot_pct: f64,
     /// Longest 5 % settling, s; none where a flight did not settle.
-    pub settling_5pct_s: Option<f64>,
+    settling_5pct_s: Option<f64>,
+}
+
+impl Run {
     /// Settling over limit; none where a flight did not settle.
-    pub ratio: Option<f64>,
+    fn ratio(&self) -> Option<f64> {
+        self.settling_5pct_s.map(|s| s / self.limit_s)
+    }
+
+    /// The figures, held to what is required.
+    pub fn figures(&self, required: &Requirements) -> [Figure; 5] {
+        [
+            figure("start_rad", self.start_rad).shown("start", "rad", 1),
+            figure("limit_s", self.limit_s).shown("time-optimal limit", "s", 3),
+            figure("overshoot_pct", self.overshoot_pct)
+                .shown("overshoot", "%", 2)
+                .limit(AtMost(required.overshoot_pct)),
+            figure("settling_5pct_s", self.settling_5pct_s)
+                .shown("5 % settling", "s", 3)
+                .or("never"),
+            figure("ratio", self.ratio())
+                .shown("times the limit", "", 2)
+                .or("never")
+                .limit(AtMost(required.ratio)),
+        ]
+    }
 }
 
 /// How finely frame phases and sensor ages are tried.
@@ -193,7 +216,7 @@ impl Problem {
     ///
     /// # Errors
     /// A parameter of the drone out of range.
-    pub fn figures(&self, params: &Params, grid: Grid) -> Result<Vec<RunFigures>, ParameterError> {
+    pub fn figures(&self, params: &Params, grid: Grid) -> Result<Vec<Run>, ParameterError> {
         let per_start = grid.phases * grid.ages;
         STARTS_RAD
             .into_iter()
@@ -208,12 +231,11 @@ impl Problem {
                     .iter()
                     .map(|f| f.1)
                     .try_fold(0.0_f64, |worst, s| Some(worst.max(s?)));
-                Ok(RunFigures {
+                Ok(Run {
                     start_rad,
                     limit_s,
                     overshoot_pct,
                     settling_5pct_s: settling,
-                    ratio: settling.map(|s| s / limit_s),
                 })
             })
             .collect()
@@ -271,7 +293,7 @@ impl Problem {
         let costs: Vec<f64> = runs
             .iter()
             .map(|run| {
-                let ratio = run.ratio.unwrap_or(UNSETTLED_S / run.limit_s);
+                let ratio = run.ratio().unwrap_or(UNSETTLED_S / run.limit_s);
                 ratio + 0.3 * (run.overshoot_pct - allowed).max(0.0)
             })
             .collect();

@@ -10,8 +10,9 @@ use plant::linear::frequency::{self, OpenLoop};
 use plant::mechanism::Mechanism;
 use plant::pitch_loop::COMMAND_LIMIT_RAD;
 use plant::{ParameterError, Setup};
-use serde::Serialize;
 use tvc_nano::{Controller, Params};
+
+use crate::out::measure::{Figure, Limit::AtLeast, figure};
 
 /// Width of a pulse near the middle, s: the servo acts when it has ended.
 pub const PULSE_S: f64 = 1.5e-3;
@@ -21,7 +22,7 @@ const IMPULSE: f32 = 1e-3;
 const SAMPLES: usize = 600;
 
 /// How far the loop is from instability.
-#[derive(Debug, Clone, Copy, Serialize)]
+#[derive(Debug, Clone, Copy)]
 pub struct Margins {
     /// Gain that may be added, dB.
     pub gain_db: Option<f64>,
@@ -33,6 +34,26 @@ pub struct Margins {
     pub crossover_rad_s: Option<f64>,
     /// Largest sensitivity `1 / |1 + L|`.
     pub peak_sensitivity: f64,
+}
+
+impl Margins {
+    /// The figures, the phase margin held to at least `phase_deg`.
+    pub fn figures(&self, phase_deg: f64) -> Figure {
+        figure(
+            "margins",
+            [
+                figure("gain_db", self.gain_db).shown("gain margin", "dB", 1),
+                figure("phase_deg", self.phase_deg)
+                    .shown("phase margin", "deg", 1)
+                    .limit(AtLeast(phase_deg)),
+                figure("delay_s", self.delay_s)
+                    .shown("delay margin", "ms", 1)
+                    .scaled(1e3),
+                figure("crossover_rad_s", self.crossover_rad_s).shown("crossover", "rad/s", 1),
+                figure("peak_sensitivity", self.peak_sensitivity).shown("peak sensitivity", "", 2),
+            ],
+        )
+    }
 }
 
 /// Margins near upright; `delay_s` is from what is sensed to the end of the pulse.

@@ -8,17 +8,16 @@ use std::collections::BTreeMap;
 
 use anyhow::Result;
 use indicatif::{ProgressBar, ProgressStyle};
-use serde::Serialize;
 use tvc_nano::Params;
 
 use crate::model::control_law;
 use crate::out::exit::Verdict;
-use crate::out::file::{print_json, write_whole};
+use crate::out::file::write_whole;
+use crate::out::measure::{Figure, Figures, data, figure, rows};
 use crate::vehicle::param;
 use clap::Args;
 use client::Parameter;
-use design::{Gains, Grid, NAMES, Problem, Requirements, RunFigures};
-use margins::Margins;
+use design::{Gains, Grid, NAMES, Problem, Requirements};
 use rig::ServoKind;
 use std::path::PathBuf;
 
@@ -85,21 +84,6 @@ fn positive(text: &str) -> Result<f64, String> {
 /// Parameters that describe the model, which the gains go with.
 const MODEL: [&str; 2] = ["PITCH_GAIN", "SRV_RAD_S"];
 
-/// What was found.
-#[derive(Serialize)]
-struct Report {
-    servo: &'static str,
-    seed: u64,
-    gains: BTreeMap<&'static str, f32>,
-    analytic: BTreeMap<&'static str, f32>,
-    runs: Vec<RunFigures>,
-    margins: Margins,
-    overshoot_limit_pct: f64,
-    settling_limit_ratio: f64,
-    phase_margin_limit_deg: f64,
-    met: bool,
-}
-
 /// Searches as `options` say, prints what was found and writes it.
 pub fn run(options: &Tune) -> Result<Verdict> {
     let required = Requirements {
@@ -116,25 +100,53 @@ pub fn run(options: &Tune) -> Result<Verdict> {
     let start = problem.start();
     let gains = search(&problem, start, options, &required)?;
     let params = problem.params(&gains);
-    let report = report(&problem, &params, start, options, &required)?;
+    let gains = named(&params);
     if let Some(out) = &options.out {
-        let rows: Vec<Parameter> = report
-            .gains
-            .iter()
-            .map(|(name, value)| Parameter {
-                name: (*name).into(),
-                value: *value,
-            })
-            .collect();
+        let row = |(name, value): (&&str, &f32)| Parameter {
+            name: (*name).into(),
+            value: *value,
+        };
+        let rows: Vec<Parameter> = gains.iter().map(row).collect();
         write_whole(out, param::file::text(&rows).as_bytes())?;
         eprintln!("gains: {}", out.display());
     }
-    if options.json {
-        print_json(&report)?;
-    } else {
-        print(&report);
-    }
-    Ok(Verdict::naming(&missed(&report, &required)))
+    let analytic = named(&problem.params(&start));
+    let runs = problem.figures(&params, Grid::FINE)?;
+    let mut figures = vec![
+        figure("servo", options.servo.name()),
+        figure("seed", options.seed),
+        data("gains", &gains),
+        data("analytic", &analytic),
+        rows("", gains.iter().map(|gain| gain_row(gain, &analytic))),
+        rows("runs", runs.iter().map(|run| run.figures(&required))),
+        problem.margins(&params)?.figures(required.phase_deg),
+        figure("overshoot_limit_pct", required.overshoot_pct),
+        figure("settling_limit_ratio", required.ratio),
+        figure("phase_margin_limit_deg", required.phase_deg),
+    ];
+    let met = figures.iter().all(|figure| figure.missed().is_empty());
+    figures.push(figure("met", met));
+    Figures::from(figures).conclude(options.json, None)
+}
+
+/// What was searched and what goes with it, by the firmware's names.
+fn named(params: &Params) -> BTreeMap<&'static str, f32> {
+    let names = NAMES.iter().chain(&MODEL);
+    let values = names.filter_map(|name| Some((*name, params.value(name)?)));
+    values.collect()
+}
+
+/// A parameter as it was at the start of the search and as it was found.
+fn gain_row(
+    (name, value): (&&'static str, &f32),
+    analytic: &BTreeMap<&'static str, f32>,
+) -> [Figure; 3] {
+    let gain = |value: f32, label| figure("", f64::from(value)).shown(label, "", 4);
+    [
+        figure("", *name).shown("parameter", "", 0),
+        gain(analytic[name], "analytic"),
+        gain(*value, "found"),
+    ]
 }
 
 fn search(
@@ -149,7 +161,7 @@ fn search(
     {
         bar.set_style(style);
     }
-    // A drone that cannot be flown at all is said before the search.
+    // A drone that cannot be flown at all is reported before the search.
     problem.cost(&start, required)?;
     let cost = |gains: &Gains| problem.cost(gains, required).unwrap_or(f64::INFINITY);
     let (gains, _) = search::minimise(start, options.generations, options.seed, cost, |least| {
@@ -158,97 +170,4 @@ fn search(
     });
     bar.finish_and_clear();
     Ok(gains)
-}
-
-fn report(
-    problem: &Problem,
-    params: &Params,
-    start: Gains,
-    options: &Tune,
-    required: &Requirements,
-) -> Result<Report> {
-    let named = |params: &Params| {
-        NAMES
-            .iter()
-            .chain(&MODEL)
-            .filter_map(|name| Some((*name, params.value(name)?)))
-            .collect()
-    };
-    let mut report = Report {
-        servo: options.servo.name(),
-        seed: options.seed,
-        gains: named(params),
-        analytic: named(&problem.params(&start)),
-        runs: problem.figures(params, Grid::FINE)?,
-        margins: problem.margins(params)?,
-        overshoot_limit_pct: required.overshoot_pct,
-        settling_limit_ratio: required.ratio,
-        phase_margin_limit_deg: required.phase_deg,
-        met: false,
-    };
-    report.met = missed(&report, required).is_empty();
-    Ok(report)
-}
-
-/// A line for each requirement that is not met.
-fn missed(report: &Report, required: &Requirements) -> Vec<String> {
-    let mut lines = Vec::new();
-    for run in &report.runs {
-        if run.overshoot_pct > required.overshoot_pct {
-            lines.push(format!(
-                "from {} rad: overshoot {:.2} %, allowed {} %",
-                run.start_rad, run.overshoot_pct, required.overshoot_pct
-            ));
-        }
-        if run.ratio.is_none_or(|ratio| ratio > required.ratio) {
-            lines.push(format!(
-                "from {} rad: 5 % settling {} of the limit, allowed {}",
-                run.start_rad,
-                run.ratio
-                    .map_or("never".into(), |ratio| format!("{ratio:.2}")),
-                required.ratio
-            ));
-        }
-    }
-    match report.margins.phase_deg {
-        Some(deg) if deg >= required.phase_deg => {}
-        found => lines.push(format!(
-            "phase margin {}, required {} deg",
-            found.map_or("none".into(), |deg| format!("{deg:.1} deg")),
-            required.phase_deg
-        )),
-    }
-    lines
-}
-
-fn print(report: &Report) {
-    println!("{:<16} {:>10} {:>10}", "parameter", "analytic", "found");
-    for (name, value) in &report.gains {
-        println!("{name:<16} {:>10.4} {value:>10.4}", report.analytic[name]);
-    }
-    println!();
-    println!("worst of frame phases, sensor ages and clocks:");
-    println!("start rad  overshoot %  5 % settled s  limit s  ratio");
-    for run in &report.runs {
-        println!(
-            "{:>9} {:>12.2} {:>14} {:>8.3} {:>6}",
-            run.start_rad,
-            run.overshoot_pct,
-            run.settling_5pct_s
-                .map_or("never".into(), |s| format!("{s:.3}")),
-            run.limit_s,
-            run.ratio.map_or("-".into(), |ratio| format!("{ratio:.2}")),
-        );
-    }
-    println!();
-    let or_none = |value: Option<f64>| value.map_or("none".into(), |v| format!("{v:.1}"));
-    let m = &report.margins;
-    println!(
-        "margins: gain {} dB, phase {} deg at {} rad/s, delay {} ms, peak sensitivity {:.2}",
-        or_none(m.gain_db),
-        or_none(m.phase_deg),
-        or_none(m.crossover_rad_s),
-        or_none(m.delay_s.map(|s| 1e3 * s)),
-        m.peak_sensitivity
-    );
 }

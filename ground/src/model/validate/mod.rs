@@ -6,37 +6,14 @@ mod report;
 mod runs;
 
 use anyhow::Result;
-use plant::thesis::{self, Deviation};
+use plant::thesis;
 use plant::{Mechanism, Parameters};
 use serde::Serialize;
 
 use crate::model::Validate;
 use crate::out::exit::Verdict;
-use crate::out::file::{print_figures, write_whole};
-use checks::Check;
+use crate::out::measure::{Figures, data, figure, note, rows};
 use runs::Runs;
-
-/// A printed term beside the right one.
-#[derive(Serialize)]
-struct Error {
-    place: &'static str,
-    what: &'static str,
-    quantity: &'static str,
-    printed: f64,
-    right: f64,
-}
-
-impl From<Deviation> for Error {
-    fn from(deviation: Deviation) -> Self {
-        Self {
-            place: deviation.place,
-            what: deviation.what,
-            quantity: deviation.quantity,
-            printed: deviation.printed,
-            right: deviation.right,
-        }
-    }
-}
 
 /// A figure of the thesis that the right equations do not give.
 #[derive(Serialize)]
@@ -68,52 +45,25 @@ const NOT_REPRODUCED: [NotReproduced; 2] = [
     },
 ];
 
-/// Everything that the command prints.
-#[derive(Serialize)]
-struct Figures {
-    passed: bool,
-    checks: Vec<Check>,
-    not_reproduced: &'static [NotReproduced],
-    printed_errors: Vec<Error>,
-}
-
 /// Validates, prints the checks and writes the report.
 pub fn run(options: &Validate) -> Result<Verdict> {
     let runs = Runs::new()?;
     let checks = checks::all(&runs)?;
-    let mechanism = Mechanism::new(&Parameters::PHYS)?;
-    let figures = Figures {
-        passed: checks.iter().all(|check| check.passed),
-        checks,
-        not_reproduced: &NOT_REPRODUCED,
-        printed_errors: thesis::deviations(&mechanism)
-            .into_iter()
-            .map(Error::from)
-            .collect(),
-    };
-    let page = report::render(&runs, &figures)?;
-    write_whole(&options.report, page.as_bytes())?;
-    print_figures(&figures, options.json, Figures::text)?;
-    eprintln!("report: {}", options.report.display());
-    for check in figures.checks.iter().filter(|check| !check.passed) {
-        eprintln!("failed: {}", check.said());
-    }
-    Ok(Verdict::of(figures.passed))
-}
-
-impl Figures {
-    fn text(&self) -> String {
-        let mut text = String::new();
-        for check in &self.checks {
-            let word = if check.passed { "holds " } else { "FAILS " };
-            text.push_str(&format!("{word} {}\n", check.said()));
-        }
-        for missing in self.not_reproduced {
-            text.push_str(&format!(
-                "\nFigure {} ({}) cannot be reproduced: {}\n",
-                missing.figure, missing.printed, missing.why
-            ));
-        }
-        text
-    }
+    let errors = thesis::deviations(&Mechanism::new(&Parameters::PHYS)?);
+    let passed = checks.iter().all(|(_, number)| number.is_met());
+    let mut figures = vec![
+        figure("passed", passed),
+        rows("checks", checks.iter().map(checks::figures)),
+        data("not_reproduced", &NOT_REPRODUCED),
+        data("printed_errors", &errors),
+    ];
+    figures.extend(NOT_REPRODUCED.iter().map(|missing| {
+        note(format!(
+            "Figure {} ({}) cannot be reproduced: {}",
+            missing.figure, missing.printed, missing.why
+        ))
+    }));
+    let figures = Figures::from(figures);
+    let page = report::render(&runs, &checks, &errors, &figures.missed())?;
+    figures.conclude(options.json, Some((&options.report, page)))
 }

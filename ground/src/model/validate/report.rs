@@ -3,11 +3,13 @@
 use anyhow::Result;
 use maud::{Markup, html};
 use plant::scenario::Row;
+use plant::thesis::Deviation;
 
-use super::Figures;
-use super::checks::Check;
+use super::NOT_REPRODUCED;
+use super::checks::{Check, figures};
 use super::runs::{Instant, Runs};
-use crate::out::page::{figure, page, table, verdict};
+use crate::out::measure::rows;
+use crate::out::page::{figure, page, table, verdicts};
 use crate::out::plot::{Line, Plot};
 
 /// Pitch acceleration of the artefact that figure 5.12 shows, in rad/s2: 0.038 N m on the inertia
@@ -15,15 +17,14 @@ use crate::out::plot::{Line, Plot};
 const PRINTED_FALL_RAD_S2: f64 = -0.31;
 
 /// The whole page as HTML.
-pub fn render(runs: &Runs, figures: &Figures) -> Result<String> {
+pub fn render(
+    runs: &Runs,
+    checks: &[Check],
+    errors: &[Deviation],
+    missed: &[String],
+) -> Result<String> {
     let body = html! {
-        @if figures.passed {
-            (verdict(true, "Every check holds."))
-        } @else {
-            @for check in figures.checks.iter().filter(|check| !check.passed) {
-                (verdict(false, &check.said()))
-            }
-        }
+        (verdicts(missed))
         p {
             "The thesis validates its model by six figures. Here they are again from first principles, \
              with what its printed equations make of them, and with the balances of energy and \
@@ -32,29 +33,29 @@ pub fn render(runs: &Runs, figures: &Figures) -> Result<String> {
         h2 { "Figures 5.8 to 5.10: the linkage through its range" }
         (angles(&runs.sweep, "The crank goes to 0.8 rad and back. The link moves by 2.4 deg, \"very \
                               restrained\" as the thesis has it; the rudder follows.", &LINKAGE)?)
-        (checked(figures, |figure| matches!(figure, Some("5.8" | "5.9" | "5.10" | "5.8-5.10"))))
+        (checked(checks, |figure| matches!(figure, Some("5.8" | "5.9" | "5.10" | "5.8-5.10"))))
         h2 { "Figure 5.11: no forces" }
         (angles(&runs.still, "Started at 0.3 and 0.1 rad, nothing moves.", &ALL)?)
-        (checked(figures, |figure| figure == Some("5.11")))
+        (checked(checks, |figure| figure == Some("5.11")))
         h2 { "Figure 5.12: gravity only" }
         (gravity(runs)?)
-        (checked(figures, |figure| figure == Some("5.12")))
-        (missing(figures, "5.12"))
+        (checked(checks, |figure| figure == Some("5.12")))
+        (missing("5.12"))
         h2 { "Figure 5.13: forces applied" }
         (angles(&runs.torque, "Thrust and a constant torque of 0.1 N m on the crank: pitch.", &[PITCH])?)
         (angles(&runs.torque, "Crank and rudder in the same run.", &MOVED)?)
         (angles(&runs.stopped, "Thrust and the 0.31 N m of 6 V, the crank held by a stop at 0.8 rad: \
                                 pitch.", &[PITCH])?)
         (angles(&runs.stopped, "Crank and rudder in the same run.", &MOVED)?)
-        (checked(figures, |figure| figure == Some("5.13")))
-        (missing(figures, "5.13"))
+        (checked(checks, |figure| figure == Some("5.13")))
+        (missing("5.13"))
         h2 { "Balances" }
         (energy(&runs.driven)?)
         (momentum(&runs.driven)?)
-        (checked(figures, |figure| figure.is_none()))
+        (checked(checks, |figure| figure.is_none()))
         h2 { "The printed equations" }
         p { "Terms of the thesis as printed beside the right ones, where the difference has a number." }
-        (printed(figures))
+        (printed(errors))
     };
     Ok(page("Validation of the model", body))
 }
@@ -70,36 +71,24 @@ const MOVED: [Angle; 2] = [CRANK, RUDDER];
 const ALL: [Angle; 4] = [PITCH, CRANK, LINK, RUDDER];
 
 fn over_time<'a>(y: &'a str, lines: Vec<Line<'a>>) -> Plot<'a> {
-    Plot {
-        x: "time, s",
-        y,
-        lines,
-        band: None,
-    }
+    Plot::new("time, s", y, lines)
 }
 
 fn angles(rows: &[Row], caption: &str, which: &[Angle]) -> Result<Markup> {
     let lines = which
         .iter()
-        .map(|&(name, colour, of)| Line {
-            name,
-            colour,
-            points: rows.iter().map(|r| (r.t, of(r))).collect(),
+        .map(|&(name, colour, of)| {
+            Line::new(name, colour, rows.iter().map(|r| (r.t, of(r))).collect())
         })
         .collect();
     Ok(figure(caption, over_time("angle, rad", lines).svg()?))
 }
 
 fn gravity(runs: &Runs) -> Result<Markup> {
-    let line = |name, colour, rows: &[Row]| Line {
-        name,
-        colour,
-        points: rows
-            .iter()
-            // A drone that falls turns over and over; the picture is about how it begins.
-            .take_while(|r| r.theta0.abs() < 1.6)
-            .map(|r| (r.t, r.theta0))
-            .collect(),
+    let line = |name, colour, rows: &[Row]| {
+        // A drone that falls turns over and over; the picture is about how it begins.
+        let begin = rows.iter().take_while(|r| r.theta0.abs() < 1.6);
+        Line::new(name, colour, begin.map(|r| (r.t, r.theta0)).collect())
     };
     let printed = (0..=320)
         .map(|i| f64::from(i) * 0.01)
@@ -109,11 +98,7 @@ fn gravity(runs: &Runs) -> Result<Markup> {
         line("centre of mass at the pivot", 0, &runs.balanced),
         line("body balanced at the pivot (thesis)", 2, &runs.pendulum),
         line("centre of mass 2 cm above", 1, &runs.top_heavy),
-        Line {
-            name: "as (5.30) is printed, from 0",
-            colour: 4,
-            points: printed,
-        },
+        Line::new("as (5.30) is printed, from 0", 4, printed),
     ];
     Ok(figure(
         "Pitch under gravity alone. The printed equation falls without bound whatever the drone; the \
@@ -128,11 +113,8 @@ fn curve(
     instants: &[Instant],
     of: fn(&Instant) -> f64,
 ) -> Line<'static> {
-    Line {
-        name,
-        colour,
-        points: instants.iter().map(|i| (i.time_s, of(i))).collect(),
-    }
+    let points = instants.iter().map(|i| (i.time_s, of(i))).collect();
+    Line::new(name, colour, points)
 }
 
 fn energy(instants: &[Instant]) -> Result<Markup> {
@@ -186,24 +168,14 @@ fn momentum(instants: &[Instant]) -> Result<Markup> {
     ))
 }
 
-fn checked(figures: &Figures, which: impl Fn(Option<&str>) -> bool) -> Markup {
-    let row = |check: &Check| {
-        let [value, range] = check.cells();
-        let word = if check.passed { "holds" } else { "fails" };
-        vec![check.name.to_string(), value, range, word.to_string()]
-    };
-    let rows: Vec<_> = figures
-        .checks
-        .iter()
-        .filter(|check| which(check.figure))
-        .map(row)
-        .collect();
-    table(&["check", "value", "must be", ""], &rows)
+fn checked(checks: &[Check], which: impl Fn(Option<&str>) -> bool) -> Markup {
+    let chosen = checks.iter().filter(|(place, _)| which(*place));
+    rows("", chosen.map(figures)).table().markup()
 }
 
-fn missing(figures: &Figures, which: &str) -> Markup {
+fn missing(which: &str) -> Markup {
     html! {
-        @for missing in figures.not_reproduced.iter().filter(|m| m.figure == which) {
+        @for missing in NOT_REPRODUCED.iter().filter(|m| m.figure == which) {
             p {
                 strong { "Not reproduced: " (missing.printed) ". " }
                 "Why: " (missing.why)
@@ -212,9 +184,8 @@ fn missing(figures: &Figures, which: &str) -> Markup {
     }
 }
 
-fn printed(figures: &Figures) -> Markup {
-    let rows: Vec<_> = figures
-        .printed_errors
+fn printed(errors: &[Deviation]) -> Markup {
+    let rows: Vec<_> = errors
         .iter()
         .map(|e| {
             let number = |x: f64| format!("{:.3}", if x.abs() < 5e-4 { 0.0 } else { x });

@@ -94,20 +94,9 @@ fn before_and_after(
     before: Vec<(f64, f64)>,
     after: Option<Vec<(f64, f64)>>,
 ) -> Result<Markup> {
-    let line = |name, colour, points| Line {
-        name,
-        colour,
-        points,
-    };
-    let mut lines = vec![line("before", 1, before)];
-    lines.extend(after.map(|points| line("after", 0, points)));
-    let plot = Plot {
-        x: "time, s",
-        y,
-        lines,
-        band: None,
-    };
-    Ok(page::figure(caption, plot.svg()?))
+    let mut lines = vec![Line::new("before", 1, before)];
+    lines.extend(after.map(|points| Line::new("after", 0, points)));
+    Ok(page::figure(caption, Plot::new("time, s", y, lines).svg()?))
 }
 
 fn cloud(
@@ -132,12 +121,7 @@ fn cloud(
         .map(|(x, y)| x.abs().max(y.abs()))
         .fold(1.0, f64::max)
         * 1.05;
-    let plot = Plot {
-        x,
-        y,
-        lines: Vec::new(),
-        band: None,
-    };
+    let plot = Plot::new(x, y, Vec::new());
     // The picture is as high as its x axis is long, so that a sphere is a circle.
     let look = Look {
         x: Some((-reach, reach)),

@@ -12,7 +12,6 @@ use serde_json::{Value, json};
 use super::model::{Model, StepTest};
 use super::vehicle_thread::Handle;
 use crate::logs::log::{Flight, Log, Step};
-use crate::logs::replay::parameters;
 use crate::logs::report;
 use crate::vehicle::test::{ARM_PATIENCE, ARM_RETRY, is_worth_waiting};
 
@@ -94,7 +93,7 @@ fn end(model: &Model, log: &str, result: &Result<Value>) {
 /// The figures of the log's release, its trace to draw, and what was missed.
 fn figures(path: &Path) -> Result<Value> {
     let flight = Flight::of(&Log::read(path)?);
-    let params = parameters(&flight);
+    let params = flight.parameters();
     let figures = report::figures(&flight);
     let servo = ServoMap::of(&params);
     let trace: Vec<[f64; 3]> = report::releases(&flight)
@@ -109,11 +108,12 @@ fn figures(path: &Path) -> Result<Value> {
             })
             .collect()
         });
+    let object = json!(figures);
     Ok(json!({
-        "run": figures.runs.first(),
-        "loop": figures.control,
-        "telemetry": figures.telemetry,
-        "missed": figures.missed(report::servo(&params)),
+        "run": object["runs"][0],
+        "loop": object["loop"],
+        "telemetry": object["telemetry"],
+        "missed": figures.missed(),
         "trace": trace,
     }))
 }

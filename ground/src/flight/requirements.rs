@@ -1,0 +1,34 @@
+//! What a flight must achieve: the project's requirements, to which `tvc fly` and `tvc report` hold
+//! what they measure.
+
+use crate::out::measure::Limit::{self, AtLeast, AtMost, Below, Set};
+use rig::ServoKind;
+
+/// Excursion past upright, percent of the start.
+pub const OVERSHOOT_PCT: Limit = AtMost(5.0);
+/// The firmware is in control until the end.
+pub const IN_CONTROL: Limit = Set;
+/// Control rate, Hz.
+pub const RATE_HZ: Limit = AtLeast(100.0);
+/// Largest deviation of the control period, us.
+pub const JITTER_US: Limit = Below(100.0);
+/// Mean time from the start of a sample's burst to its pulse, us.
+pub const LATENCY_US: Limit = AtMost(8000.0);
+/// Messages lost or damaged.
+pub const LOST_MESSAGES: Limit = AtMost(0.0);
+/// The image in flash, bytes.
+pub const FLASH_BYTES: Limit = AtMost(64.0 * 1024.0);
+/// Static RAM, bytes.
+pub const STATIC_RAM_BYTES: Limit = AtMost(24.0 * 1024.0);
+/// Simulated over real time.
+pub const REAL_TIME_FACTOR: Limit = AtLeast(3.0);
+/// Inclination error of a replay, deg.
+pub const INCLINATION_DEG: Limit = AtMost(5.0);
+
+/// Time after which pitch stays within 5 % of the start, s.
+pub fn settling_s(servo: ServoKind) -> Limit {
+    AtMost(match servo {
+        ServoKind::S3003 => 0.75,
+        ServoKind::Digital => 0.55,
+    })
+}

@@ -1,0 +1,65 @@
+//! Tables of texts, for a terminal and for a page.
+
+use comfy_table::presets::NOTHING;
+use comfy_table::{CellAlignment, Table as Terminal};
+use maud::{Markup, html};
+
+/// A table of texts; the first column names the row.
+#[derive(Debug, Default)]
+pub struct Table {
+    head: Vec<String>,
+    rows: Vec<Vec<String>>,
+    right_aligned: bool,
+}
+
+impl Table {
+    /// A table with this head, aligned to the left.
+    pub fn new<T: Into<String>>(
+        head: impl IntoIterator<Item = T>,
+        rows: impl IntoIterator<Item = Vec<String>>,
+    ) -> Self {
+        Self {
+            head: head.into_iter().map(Into::into).collect(),
+            rows: rows.into_iter().collect(),
+            right_aligned: false,
+        }
+    }
+
+    /// Aligns all columns but the first to the right on a terminal.
+    pub fn right_aligned(mut self) -> Self {
+        self.right_aligned = true;
+        self
+    }
+
+    /// Whether there is no row.
+    pub fn is_empty(&self) -> bool {
+        self.rows.is_empty()
+    }
+
+    /// For a terminal, with an end of line behind each row.
+    pub fn text(&self) -> String {
+        let mut table = Terminal::new();
+        table
+            .load_style(NOTHING)
+            .set_header(&self.head)
+            .add_rows(&self.rows);
+        if self.right_aligned {
+            for column in table.column_iter_mut().skip(1) {
+                column.set_cell_alignment(CellAlignment::Right);
+            }
+        }
+        table.trim_fmt() + "\n"
+    }
+
+    /// For a page; empty without rows.
+    pub fn markup(&self) -> Markup {
+        html! {
+            @if !self.is_empty() {
+                table {
+                    thead { tr { @for cell in &self.head { th { (cell) } } } }
+                    tbody { @for row in &self.rows { tr { @for cell in row { td { (cell) } } } } }
+                }
+            }
+        }
+    }
+}
