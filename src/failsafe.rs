@@ -17,9 +17,9 @@ use crate::self_test::{SelfTest, Verdict};
 use crate::store::Loaded;
 
 pub(crate) use code::numbered;
-pub use code::{LatchKind, ReasonKind, RefusalKind, StateCode, StateKind, UnknownCode};
-pub use command::{Command, Refusal};
-pub use state::{BootReport, Crash, Latch, Reason, State};
+pub use code::{LatchKind, StateCode, StateKind, UnknownCode};
+pub use command::{Command, Refusal, RefusalKind};
+pub use state::{BootReport, Crash, Latch, Reason, ReasonKind, State};
 
 /// What the supervisor needs to know of the attitude.
 #[derive(Clone, Copy, Debug, PartialEq)]
