@@ -109,7 +109,7 @@ impl fmt::Display for SaveError {
     }
 }
 
-/// The two places for a set.
+/// The two places for a set, in the order in which they lie.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Slot {
     First,
@@ -120,10 +120,7 @@ impl Slot {
     const BOTH: [Slot; 2] = [Slot::First, Slot::Second];
 
     fn offset(self) -> usize {
-        match self {
-            Slot::First => 0,
-            Slot::Second => SLOT_BYTES,
-        }
+        self as usize * SLOT_BYTES
     }
 
     fn other(self) -> Slot {
@@ -223,19 +220,16 @@ fn examine(flash: &mut impl ReadNorFlash, slot: Slot, bytes: &mut [u8; SLOT_BYTE
 }
 
 /// The slot with the higher generation. Generations are compared as they wrap.
-fn newest([first, second]: [Content; 2]) -> Option<(Slot, u32)> {
-    match (first, second) {
-        (Content::Set { generation: a }, Content::Set { generation: b }) => {
-            if (b.wrapping_sub(a) as i32) > 0 {
-                Some((Slot::Second, b))
-            } else {
-                Some((Slot::First, a))
-            }
-        }
-        (Content::Set { generation }, _) => Some((Slot::First, generation)),
-        (_, Content::Set { generation }) => Some((Slot::Second, generation)),
-        _ => None,
-    }
+fn newest(contents: [Content; 2]) -> Option<(Slot, u32)> {
+    let slots = Slot::BOTH.into_iter().zip(contents);
+    let sets = slots.filter_map(|(slot, content)| match content {
+        Content::Set { generation } => Some((slot, generation)),
+        Content::Blank | Content::Damaged => None,
+    });
+    sets.reduce(|first, second| {
+        let ahead = second.1.wrapping_sub(first.1) as i32;
+        if ahead > 0 { second } else { first }
+    })
 }
 
 fn compose(params: &Params, generation: u32, bytes: &mut [u8; SLOT_BYTES]) {
