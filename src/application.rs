@@ -45,10 +45,7 @@ pub struct Outcome<A> {
 
 impl<A: Deref<Target = [u8]>> Outcome<A> {
     fn bytes(&self) -> Result<&[u8], BusError> {
-        match &self.answer {
-            Ok(answer) => Ok(answer),
-            Err(error) => Err(*error),
-        }
+        self.answer.as_deref().map_err(|error| *error)
     }
 }
 

@@ -86,7 +86,7 @@ impl SelfTest {
             .map(|&a| u64::from(a.unsigned_abs()) * u64::from(a.unsigned_abs()))
             .sum::<u64>();
 
-        let elapsed_us = raw.time.0.saturating_sub(self.since.0);
+        let elapsed_us = raw.time.since(self.since);
         if elapsed_us < SELF_TEST_US {
             return Verdict::Running;
         }

@@ -220,16 +220,19 @@ fn examine(flash: &mut impl ReadNorFlash, slot: Slot, bytes: &mut [u8; SLOT_BYTE
 }
 
 /// The slot with the higher generation. Generations are compared as they wrap.
-fn newest(contents: [Content; 2]) -> Option<(Slot, u32)> {
-    let slots = Slot::BOTH.into_iter().zip(contents);
-    let sets = slots.filter_map(|(slot, content)| match content {
-        Content::Set { generation } => Some((slot, generation)),
-        Content::Blank | Content::Damaged => None,
-    });
-    sets.reduce(|first, second| {
-        let ahead = second.1.wrapping_sub(first.1) as i32;
-        if ahead > 0 { second } else { first }
-    })
+fn newest([first, second]: [Content; 2]) -> Option<(Slot, u32)> {
+    match (first, second) {
+        (Content::Set { generation: a }, Content::Set { generation: b }) => {
+            if (b.wrapping_sub(a) as i32) > 0 {
+                Some((Slot::Second, b))
+            } else {
+                Some((Slot::First, a))
+            }
+        }
+        (Content::Set { generation }, _) => Some((Slot::First, generation)),
+        (_, Content::Set { generation }) => Some((Slot::Second, generation)),
+        _ => None,
+    }
 }
 
 fn compose(params: &Params, generation: u32, bytes: &mut [u8; SLOT_BYTES]) {

@@ -146,7 +146,7 @@ impl Telemetry {
         self.stream(snapshot, flight);
         let due = self
             .heartbeat_at
-            .is_none_or(|last| snapshot.now.0.saturating_sub(last.0) >= HEARTBEAT_PERIOD_US);
+            .is_none_or(|last| snapshot.now.since(last) >= HEARTBEAT_PERIOD_US);
         if due {
             self.heartbeat_at = Some(snapshot.now);
             self.heartbeat(&snapshot.state);
