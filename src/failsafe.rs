@@ -5,6 +5,7 @@
 
 mod code;
 mod command;
+mod reason;
 mod state;
 
 use bno055_driver::{Micros, RawSample, SensorFault};
@@ -16,10 +17,11 @@ use crate::config::{
 use crate::self_test::{SelfTest, Verdict};
 use crate::store::Loaded;
 
-pub(crate) use code::numbered;
-pub use code::{LatchKind, StateCode, StateKind, UnknownCode};
+pub use crate::numbered::UnknownCode;
+pub use code::{LatchKind, StateCode, StateKind};
 pub use command::{Command, Refusal, RefusalKind};
-pub use state::{BootReport, Crash, Latch, Reason, ReasonKind, State};
+pub use reason::{Reason, ReasonKind};
+pub use state::{BootReport, Crash, Latch, State};
 
 /// What the supervisor needs to know of the attitude.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -30,6 +30,7 @@ mod format;
 pub mod led;
 pub mod mount;
 pub mod navigation;
+mod numbered;
 pub mod params;
 pub mod recorder;
 pub mod self_test;

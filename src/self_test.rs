@@ -10,7 +10,7 @@ use crate::config::{
     GRAVITY_COUNTS, SELF_TEST_GRAVITY_TOLERANCE, SELF_TEST_GYRO_LIMIT, SELF_TEST_GYRO_SPAN,
     SELF_TEST_RATE_HZ, SELF_TEST_US,
 };
-use crate::failsafe::numbered;
+use crate::numbered::numbered;
 
 /// Bounds of the mean squared acceleration, counts squared.
 const GRAVITY_SQUARED: (u64, u64) = {

@@ -1,8 +1,8 @@
 //! Identification recovers a drone from records of the model's own flight, noise added.
 
+use plant::Setup;
 use plant::identify::{Estimate, IdentifyError, Reading, Record, identify};
 use plant::pitch_loop::{Measurement, Pd, PitchLoop};
-use plant::Setup;
 use rand::{Rng, SeedableRng};
 use rand_distr::StandardNormal;
 

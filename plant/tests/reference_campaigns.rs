@@ -1,8 +1,8 @@
 //! Campaigns against the reference's pass rates.
 
+use plant::Setup;
 use plant::dispersion::{Campaign, Outcome, Ranges, fly, pass_rate, quantile};
 use plant::pitch_loop::Pd;
-use plant::Setup;
 
 /// Expected pass rates with 5 %, 2 % and fixed band: analogue servo, kp 1.0, kd 0.30. The
 /// reference flew other draws, so that rates agree within their confidence only.

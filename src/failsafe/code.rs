@@ -3,101 +3,16 @@
 //!
 //! HEARTBEAT's `custom_mode` carries a [`StateCode`], COMMAND_ACK's `result_param1` a
 //! [`RefusalKind`](super::RefusalKind). Each number has a type that it is read into (`TryFrom`) and
-//! words for it (`Display`), and all of them stand once: in the lists that [`numbered!`] and
-//! [`detailed!`] take.
+//! words for it (`Display`), and all of them stand once: in the lists that
+//! [`numbered!`](crate::numbered) and `detailed!` take.
 
 use core::fmt;
 
-use super::state::ReasonKind;
+use super::reason::ReasonKind;
 #[cfg(doc)]
 use super::{Latch, State};
-use crate::config::{ARM_TILT_DEG, FAILSAFE_TILT_DEG, HOST_SILENCE_US};
-use crate::format::Whole;
+use crate::numbered::{UnknownCode, detailed, numbered};
 use crate::self_test::Failure;
-
-/// A number that stands for nothing in this version.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct UnknownCode(pub u32);
-
-impl fmt::Display for UnknownCode {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "unknown code {}", Whole(self.0))
-    }
-}
-
-impl core::error::Error for UnknownCode {}
-
-// The words of tilts and of a silent host name these limits.
-const _: () =
-    assert!(ARM_TILT_DEG == 50 && FAILSAFE_TILT_DEG == 60 && HOST_SILENCE_US == 3_000_000);
-
-/// An enum whose variants are numbers with words: `ALL`, `code`, `TryFrom<u8>` and `Display`.
-macro_rules! numbered {
-    (
-        $(#[$meta:meta])*
-        $name:ident { $($(#[$doc:meta])* $variant:ident = $number:literal, $words:literal;)+ }
-    ) => {
-        $(#[$meta])*
-        #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
-        #[repr(u8)]
-        pub enum $name { $($(#[$doc])* $variant = $number,)+ }
-
-        impl $name {
-            /// All of them, by number.
-            pub const ALL: &'static [Self] = &[$(Self::$variant,)+];
-
-            /// Its number.
-            pub const fn code(self) -> u8 {
-                self as u8
-            }
-        }
-
-        impl TryFrom<u8> for $name {
-            type Error = $crate::failsafe::UnknownCode;
-
-            fn try_from(code: u8) -> Result<Self, Self::Error> {
-                match code {
-                    $($number => Ok(Self::$variant),)+
-                    _ => Err($crate::failsafe::UnknownCode(code.into())),
-                }
-            }
-        }
-
-        impl core::fmt::Display for $name {
-            fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
-                f.write_str(match self { $(Self::$variant => $words,)+ })
-            }
-        }
-    };
-}
-
-/// An enum whose variants may hold details, and its kind: the [`numbered!`] enum without them.
-macro_rules! detailed {
-    (
-        $(#[$meta:meta])*
-        $name:ident, $(#[$kind_meta:meta])* $kind:ident {
-            $($(#[$doc:meta])* $variant:ident $(($detail:ty))? = $number:literal, $words:literal;)+
-        }
-    ) => {
-        $(#[$meta])*
-        #[derive(Clone, Copy, Debug, PartialEq)]
-        pub enum $name { $($(#[$doc])* $variant $(($detail))?,)+ }
-
-        impl $name {
-            /// Without the details.
-            pub const fn kind(&self) -> $kind {
-                match self { $(Self::$variant { .. } => $kind::$variant,)+ }
-            }
-        }
-
-        $crate::failsafe::numbered! {
-            $(#[$kind_meta])*
-            $kind { $($(#[$doc])* $variant = $number, $words;)+ }
-        }
-    };
-}
-
-pub(crate) use {detailed, numbered};
 
 numbered! {
     /// A [`Latch`] without its details.

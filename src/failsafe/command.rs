@@ -2,8 +2,10 @@
 
 use core::fmt;
 
-use super::code::detailed;
-use super::state::{Reason, State};
+use super::reason::Reason;
+use super::state::State;
+use crate::config::ARM_TILT_DEG;
+use crate::numbered::detailed;
 use crate::servo::PulseUs;
 
 /// What an operator may ask for.
@@ -31,6 +33,9 @@ impl fmt::Display for Command {
     }
 }
 
+// The words name this limit.
+const _: () = assert!(ARM_TILT_DEG == 50);
+
 detailed! {
     /// Why a command was not obeyed.
     Refusal,
@@ -38,7 +43,7 @@ detailed! {
     RefusalKind {
         /// The command does not apply in this state.
         WrongState(State) = 1, "not in this state";
-        /// Tilted more than [`ARM_TILT_DEG`](crate::config::ARM_TILT_DEG).
+        /// Tilted more than [`ARM_TILT_DEG`].
         Tilt = 2, "tilt beyond 50 deg";
         /// The sensor is not delivering.
         Sensor = 3, "sensor not ready";

@@ -2,9 +2,10 @@
 
 use core::fmt;
 
-use bno055_driver::{Micros, SensorFault};
+use bno055_driver::Micros;
 
-use super::code::{LatchKind, StateCode, StateKind, detailed};
+use super::code::{LatchKind, StateCode, StateKind};
+use super::reason::Reason;
 use crate::format::Hex;
 use crate::self_test::SelfTest;
 use crate::store::Loaded;
@@ -92,33 +93,6 @@ impl fmt::Display for State {
             State::Failsafe(reason) => write!(f, "{}: {reason}", StateKind::Failsafe),
             State::Latched(latch) => write!(f, "{}: {latch}", StateKind::Latched),
             _ => self.summary().fmt(f),
-        }
-    }
-}
-
-detailed! {
-    /// Why control was given up.
-    Reason,
-    /// A [`Reason`] without its details.
-    ReasonKind {
-        /// The sensor gave nothing usable for too long, or lost its configuration.
-        Sensor(SensorFault) = 1, "sensor fault";
-        /// Steps came without samples being asked for, or samples too old to use.
-        StaleData = 2, "sensor data too old";
-        /// The attitude is not a rotation: not a number, or not of unit length.
-        InvalidAttitude = 3, "attitude invalid";
-        /// Tilted beyond the limit.
-        Tilt = 4, "tilt beyond 60 deg";
-        /// The host fell silent, where `FS_HOST` asks for it.
-        HostSilent = 5, "host silent for 3 s";
-    }
-}
-
-impl fmt::Display for Reason {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Reason::Sensor(fault) => fault.fmt(f),
-            _ => self.kind().fmt(f),
         }
     }
 }

@@ -388,6 +388,9 @@ fn held() -> (Ready, RangeInclusive<f64>) {
     (ready, neutral_us(&params))
 }
 
+/// What ends a run of the firmware.
+type End<'a> = &'a dyn Fn(&mut rig::Rig);
+
 /// However a run ends, the rudder goes to where it holds the drone, and stays there after the
 /// reset.
 #[test]
@@ -412,8 +415,7 @@ fn hang_panic_and_hard_fault_command_the_held_neutral() {
         rig.chip_mut().set_registers(&registers);
     };
     let flight = released(ready, &neutral);
-    let ends: [(&str, &dyn Fn(&mut rig::Rig)); 3] =
-        [("hang", &hang), ("hard fault", &fault), ("panic", &panic)];
+    let ends: [(&str, End<'_>); 3] = [("hang", &hang), ("hard fault", &fault), ("panic", &panic)];
     for (end, provoke) in ends {
         let mut flight = flight.clone();
         let Ready { rig, station, .. } = &mut flight;

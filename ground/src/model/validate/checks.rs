@@ -1,8 +1,8 @@
 //! The checks: numbers and the ranges that they must lie in.
 
 use anyhow::{Context, Result};
-use plant::scenario::Row;
 use plant::Parameters;
+use plant::scenario::Row;
 
 use super::runs::{Instant, Runs};
 use crate::out::measure::Limit::{self, Near, Within};
