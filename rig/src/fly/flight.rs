@@ -286,7 +286,7 @@ impl Ready {
         fork.station.run(&mut fork.rig, hesitation)?;
         fork.station.release(&mut fork.rig, rate_rad_s)?;
         let released = fork.rig.now();
-        fork.station.begin_page();
+        fork.station.begin_measurement();
         let mark = Mark::of(&fork.rig);
         let length = Ticks::from_secs_f64(seconds);
         fork.watch_until(Stage::Flight, released, released + length, progress)?;

@@ -9,10 +9,10 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use thiserror::Error;
 
-/// Where the image begins: above the bootloader.
+/// Address at which the image begins: above the bootloader.
 pub const IMAGE_ADDRESS: u32 = 0x2000;
 
-/// Flash that is left for it; the last rows are for stored parameters.
+/// Flash that is left for the image, bytes; stored parameters have the last rows.
 const FLASH_BYTES: usize = 0x3DC00;
 
 /// Why there is no image.
@@ -37,10 +37,10 @@ pub enum ImageError {
         /// What the system said.
         source: std::io::Error,
     },
-    /// The compiler refused.
+    /// The build failed.
     #[error("the image does not build:\n{output}")]
     Build {
-        /// What it wrote.
+        /// What cargo wrote.
         output: String,
     },
     /// The file cannot be read.
@@ -54,7 +54,7 @@ pub enum ImageError {
     /// The file is not an image for this chip.
     #[error("{name} is not an image for this chip: {reason}")]
     Format {
-        /// The file, or what stands for it.
+        /// The file's path, or the name that was given for its bytes.
         name: String,
         /// What is wrong.
         reason: String,
@@ -104,7 +104,7 @@ impl Image {
     }
 
     /// Takes the bare bytes that belong at [`IMAGE_ADDRESS`]; `name` stands for them in errors.
-    /// There are no symbols then, and no static RAM is known of.
+    /// Such an image has no symbols, and its static RAM counts as zero.
     ///
     /// # Errors
     /// [`ImageError::Format`].
@@ -145,7 +145,7 @@ impl Image {
         self.sizes
     }
 
-    /// Where the stack begins and grows down from.
+    /// The address from which the stack grows down.
     pub fn stack_top(&self) -> u32 {
         self.stack_top
     }
@@ -162,7 +162,7 @@ impl Image {
             .map(|(name, address)| (name.as_str(), *address))
     }
 
-    /// The symbol that an address of code belongs to.
+    /// The symbol at or before an address of code.
     pub fn symbol_at(&self, address: u32) -> Option<&str> {
         self.symbols
             .iter()

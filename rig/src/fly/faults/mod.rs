@@ -93,7 +93,7 @@ impl Campaign {
         station.arm(rig)?;
         rig.environment_mut().truth_mut().clear();
         station.release(rig, START_RATE_RAD_S)?;
-        station.begin_page();
+        station.begin_measurement();
         let released = rig.now();
         let mut snapshots = Vec::new();
         station.run(rig, EARLIEST)?;
