@@ -41,14 +41,10 @@ impl Disturbances {
     /// # Errors
     /// The first value out of its range, with the range.
     pub fn check(&self) -> Result<(), String> {
-        self.vibration.as_ref().map_or(Ok(()), Vibration::check)?;
-        self.servo_supply
-            .as_ref()
-            .map_or(Ok(()), SupplySag::check)?;
-        self.thrust_ramp
-            .as_ref()
-            .map_or(Ok(()), ThrustRamp::check)?;
-        self.temperature.as_ref().map_or(Ok(()), Temperature::check)
+        self.vibration.map_or(Ok(()), |it| it.check())?;
+        self.servo_supply.map_or(Ok(()), |it| it.check())?;
+        self.thrust_ramp.map_or(Ok(()), |it| it.check())?;
+        self.temperature.map_or(Ok(()), |it| it.check())
     }
 
     /// The same with all that was left to its default filled in, to report it; `None` if nothing
