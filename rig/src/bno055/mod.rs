@@ -47,7 +47,7 @@ mod fault;
 mod fault_kind;
 mod imperfections;
 mod refresh;
-mod registers;
+pub(crate) mod registers;
 mod replay;
 mod sensors;
 mod signal;

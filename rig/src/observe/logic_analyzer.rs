@@ -2,11 +2,11 @@
 //! and pulses.
 
 use crate::bno055::Refresh;
+use crate::bno055::registers::page0::ACC_DATA;
 use crate::observe::ground_truth::{Burst, GroundTruth, Pulse, Step};
 use samd21::board::{I2cEvent, I2cReply, Ticks};
 
-/// First register of the sensor's data, and how many bytes a full burst reads.
-const DATA: u8 = 0x08;
+/// Bytes that a full burst reads.
 const FULL: usize = 18;
 /// Largest harmless errors of a word of accelerometer, magnetometer and gyroscope, counts: 2 m/s^2,
 /// 5 uT, 4 deg/s. A single such sample moves the rudder by at most 2 degrees, through the gyroscope;
@@ -66,7 +66,7 @@ impl LogicAnalyzer {
                 });
             }
             (I2cEvent::Write(pointer), Some(t)) => {
-                if pointer == DATA && t.start.is_none() && reply.ack {
+                if pointer == ACC_DATA && t.start.is_none() && reply.ack {
                     let byte = now.saturating_sub(t.acknowledged + t.stretch);
                     t.start = Some(t.acknowledged.saturating_sub(byte));
                 } else {
@@ -183,7 +183,13 @@ mod tests {
         };
         let ack = I2cReply::ACK.stretched(Ticks::from_us(180));
         event(&mut analyzer, &mut truth, 1000, start(false), ack);
-        event(&mut analyzer, &mut truth, 1203, I2cEvent::Write(DATA), ack);
+        event(
+            &mut analyzer,
+            &mut truth,
+            1203,
+            I2cEvent::Write(ACC_DATA),
+            ack,
+        );
         event(&mut analyzer, &mut truth, 1410, start(true), ack);
         for i in 0..18u8 {
             let reply = I2cReply::data(i).stretched(Ticks::from_us(180));
@@ -226,7 +232,7 @@ mod tests {
             address: 0x28,
             read: false,
         };
-        for (pointer, bytes) in [(0x3D, 18), (DATA, 17)] {
+        for (pointer, bytes) in [(0x3D, 18), (ACC_DATA, 17)] {
             event(&mut analyzer, &mut truth, 0, start, I2cReply::ACK);
             event(
                 &mut analyzer,
