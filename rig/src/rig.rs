@@ -312,11 +312,6 @@ impl Rig {
         &mut self.chip
     }
 
-    /// The image that runs.
-    pub fn image(&self) -> &Image {
-        &self.image
-    }
-
     /// What the chip has counted.
     pub fn counters(&self) -> Counters {
         self.chip.counters()

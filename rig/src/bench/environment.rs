@@ -146,11 +146,6 @@ impl Environment {
         &self.drone
     }
 
-    /// The drone, to disturb it.
-    pub fn drone_mut(&mut self) -> &mut Drone {
-        &mut self.drone
-    }
-
     /// The servo.
     pub fn servo(&self) -> &Servo {
         &self.servo

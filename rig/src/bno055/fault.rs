@@ -198,9 +198,4 @@ impl Bno055 {
             self.boot(now);
         }
     }
-
-    /// The faults that are on.
-    pub fn faults(&self) -> &Faults {
-        &self.faults
-    }
 }

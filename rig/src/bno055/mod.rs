@@ -230,11 +230,6 @@ impl Bno055 {
         self.signals.play(Playback::new(recording, start));
     }
 
-    /// True when the recording that plays has come to its end.
-    pub fn playback_finished(&self) -> bool {
-        self.signals.playback().is_some_and(Playback::finished)
-    }
-
     /// When the data registers were refreshed last, and from what.
     pub fn refreshed(&self) -> Refresh {
         self.refresh
@@ -250,11 +245,6 @@ impl Bno055 {
     /// The chip's 7-bit address on the bus.
     pub fn address(&self) -> u8 {
         self.config.address
-    }
-
-    /// The mode in force.
-    pub fn mode(&self) -> Mode {
-        self.mode
     }
 
     /// The gyroscope's true bias now, rad/s along the package axes.

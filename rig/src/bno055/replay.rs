@@ -38,11 +38,6 @@ impl Playback {
         self.next.saturating_sub(1)
     }
 
-    /// True when the last sample has been shown.
-    pub(super) fn finished(&self) -> bool {
-        self.next == self.recording.samples().len()
-    }
-
     /// The mean of the samples since the last refresh; after the end the last sample stays.
     pub(super) fn refresh(&mut self, at: Ticks, mag_due: bool) -> Sample {
         let samples = self.recording.samples();
@@ -121,7 +116,7 @@ mod tests {
     fn the_end_holds() {
         let mut playback = Playback::new(ramp(), Ticks::ZERO);
         let end = playback.refresh(Ticks::from_ms(1000), true);
-        assert!(playback.finished());
+        assert_eq!(playback.shown(), 39);
         assert_eq!(end.gyr_rad_s[0], 37.0);
         let after = playback.refresh(Ticks::from_ms(1010), true);
         assert_eq!(after.gyr_rad_s[0], 39.0);

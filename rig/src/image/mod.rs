@@ -12,9 +12,6 @@ use thiserror::Error;
 /// Address at which the image begins: above the bootloader.
 pub const IMAGE_ADDRESS: u32 = 0x2000;
 
-/// Flash that is left for the image, bytes; stored parameters have the last rows.
-const FLASH_BYTES: usize = 0x3DC00;
-
 /// Why there is no image.
 #[derive(Debug, Error)]
 pub enum ImageError {
@@ -103,33 +100,6 @@ impl Image {
         })
     }
 
-    /// Takes the bare bytes that belong at [`IMAGE_ADDRESS`]; `name` stands for them in errors.
-    /// Such an image has no symbols, and its static RAM counts as zero.
-    ///
-    /// # Errors
-    /// [`ImageError::Format`].
-    pub fn from_raw(name: &str, bytes: Vec<u8>) -> Result<Self, ImageError> {
-        let format = |reason: String| ImageError::Format {
-            name: name.to_owned(),
-            reason,
-        };
-        if bytes.len() > FLASH_BYTES {
-            return Err(format(format!(
-                "{} bytes do not fit into {FLASH_BYTES}",
-                bytes.len()
-            )));
-        }
-        Ok(Self {
-            stack_top: elf::stack_top(&bytes).map_err(format)?,
-            symbols: BTreeMap::new(),
-            sizes: Sizes {
-                flash: bytes.len() as u32,
-                static_ram: 0,
-            },
-            bytes,
-        })
-    }
-
     /// Address of the first byte.
     pub fn address(&self) -> u32 {
         IMAGE_ADDRESS
@@ -169,5 +139,24 @@ impl Image {
             .filter(|(_, at)| **at & !1 <= address)
             .max_by_key(|(_, at)| **at & !1)
             .map(|(name, _)| name.as_str())
+    }
+}
+
+#[cfg(test)]
+impl Image {
+    /// An image of the bare bytes that belong at [`IMAGE_ADDRESS`], without symbols.
+    pub(crate) fn from_raw(name: &str, bytes: Vec<u8>) -> Result<Self, ImageError> {
+        Ok(Self {
+            stack_top: elf::stack_top(&bytes).map_err(|reason| ImageError::Format {
+                name: name.to_owned(),
+                reason,
+            })?,
+            symbols: BTreeMap::new(),
+            sizes: Sizes {
+                flash: bytes.len() as u32,
+                static_ram: 0,
+            },
+            bytes,
+        })
     }
 }
