@@ -21,17 +21,17 @@ pub enum GroundStationError {
     /// The rig stopped.
     #[error(transparent)]
     Rig(#[from] RigError),
-    /// Nothing came.
+    /// What was waited for did not arrive in time.
     #[error("no {what} from the image within {seconds} s{last}")]
     Silence {
         /// What was waited for.
         what: String,
-        /// How long.
+        /// How long it was waited for, s.
         seconds: f64,
         /// The image's last text.
         last: String,
     },
-    /// The image did not do what it was asked for.
+    /// The image refused a request or did not answer it.
     #[error("{failure}{last}")]
     Request {
         /// Why.
@@ -49,7 +49,7 @@ pub struct GroundStation {
 }
 
 impl GroundStation {
-    /// A ground station that has not been heard yet.
+    /// A ground station that has neither sent nor received anything.
     pub fn new() -> Self {
         Self::default()
     }
@@ -59,15 +59,15 @@ impl GroundStation {
         &self.received
     }
 
-    /// Forgets attitudes, servo outputs, samples and link counts, as at the start of a measurement.
-    pub fn begin_page(&mut self) {
+    /// Starts a measurement: forgets attitudes, servo outputs, samples and link counts.
+    pub fn begin_measurement(&mut self) {
         self.received.attitudes.clear();
         self.received.servos.clear();
         self.received.samples.clear();
         self.client.reset_counts();
     }
 
-    /// What has been counted on the link.
+    /// Frames and errors counted on the link.
     pub fn counts(&self) -> LinkCounts {
         self.client.counts()
     }
@@ -82,7 +82,7 @@ impl GroundStation {
         self.received.texts.last().map(|text| text.text.as_str())
     }
 
-    /// Reads what has come and sends what is due.
+    /// Reads what has arrived and sends what is due.
     pub fn poll(&mut self, rig: &mut Rig) {
         let now = rig.now();
         let bytes = rig.usb_read();
@@ -95,7 +95,7 @@ impl GroundStation {
         }
     }
 
-    /// Lets the rig run and reads along.
+    /// Lets the rig run for `time` and reads what arrives.
     ///
     /// # Errors
     /// The rig stopped.
@@ -125,7 +125,7 @@ impl GroundStation {
                 return Err(GroundStationError::Silence {
                     what: what.to_owned(),
                     seconds: patience.as_secs_f64(),
-                    last: self.last_words(),
+                    last: self.last_text_note(),
                 });
             }
             self.run(rig, SLICE)?;
@@ -162,7 +162,7 @@ impl GroundStation {
         })
     }
 
-    /// Sets a parameter and checks what comes back.
+    /// Sets a parameter and checks the value that the image reports back.
     ///
     /// # Errors
     /// Silence, another value, or the rig stopped.
@@ -176,7 +176,7 @@ impl GroundStation {
         self.request(rig, Request::Set(Parameter { name, value }))
     }
 
-    /// Asks for all parameters; [`Received::parameters`] has them then.
+    /// Asks for all parameters, which are in [`Received::parameters`] afterwards.
     ///
     /// # Errors
     /// Silence, or the rig stopped.
@@ -193,7 +193,7 @@ impl GroundStation {
         self.order(rig, request::ARM)
     }
 
-    /// Disarms, which also acknowledges a failsafe or a latched fault.
+    /// Disarms, which also ends a failsafe and acknowledges a latched fault.
     ///
     /// # Errors
     /// As [`GroundStation::arm`].
@@ -205,14 +205,14 @@ impl GroundStation {
     /// with `rate_rad_s`.
     ///
     /// # Errors
-    /// As [`GroundStation::arm`]; the clamp stays closed.
+    /// As [`GroundStation::arm`]; the clamp stays closed then.
     pub fn release(&mut self, rig: &mut Rig, rate_rad_s: f64) -> Result<(), GroundStationError> {
         self.order(rig, request::RELEASE)?;
         rig.release(rate_rad_s);
         Ok(())
     }
 
-    /// Asks for the parameters to be stored, and does not wait.
+    /// Asks for the parameters to be stored, without waiting for the answer.
     pub fn request_save(&mut self, rig: &mut Rig) {
         self.client.send(&request::SAVE.message());
         self.flush(rig);
@@ -227,7 +227,7 @@ impl GroundStation {
         Ok(self.client.recording().to_vec())
     }
 
-    /// Gives an order and waits until it is obeyed.
+    /// Sends an order and waits until it is acknowledged.
     ///
     /// # Errors
     /// As [`GroundStation::arm`].
@@ -240,14 +240,14 @@ impl GroundStation {
         self.flush(rig);
         let end = rig.now() + Ticks::from_us(ANSWER.as_micros() as u64);
         loop {
-            // Without a port the client is not polled and does not run out of patience.
+            // Without a port `poll` does not poll the client, whose time limit would never end then.
             if rig.now() >= end && !rig.usb_host().is_configured() {
                 self.client.close();
             }
             if let Some(answer) = self.client.answer(ticket) {
                 return answer.map_err(|failure| GroundStationError::Request {
                     failure,
-                    last: self.last_words(),
+                    last: self.last_text_note(),
                 });
             }
             self.run(rig, SLICE)?;
@@ -260,7 +260,8 @@ impl GroundStation {
         }
     }
 
-    fn last_words(&self) -> String {
+    /// The image's last text, to be appended to an error.
+    fn last_text_note(&self) -> String {
         self.last_text()
             .map_or(String::new(), |text| format!(" (it said last: {text})"))
     }

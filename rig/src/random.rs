@@ -15,7 +15,7 @@ pub enum Stream {
     Bus = 3,
     /// The moment at which the drone is released.
     Release = 4,
-    /// What fails in a campaign, when and how hard.
+    /// What fails in a campaign, when, and how severely.
     Campaign = 5,
 }
 

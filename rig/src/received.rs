@@ -1,4 +1,4 @@
-//! What has arrived from the image, sorted.
+//! What has arrived from the image, by kind of message.
 
 use client::state::state_of;
 use client::{StateKind, text};
@@ -11,9 +11,9 @@ use std::collections::BTreeMap;
 pub struct Heartbeat {
     /// When it arrived.
     pub at: Ticks,
-    /// Where the flight stands.
+    /// State of the flight; `None` for a number that is no state.
     pub state: Option<StateKind>,
-    /// Why, 0 for no reason.
+    /// Code of the reason for the state, 0 for none.
     pub reason: u8,
     /// The armed flag.
     pub armed: bool,
@@ -51,18 +51,18 @@ pub struct ServoOutput {
     pub pulse_us: u16,
 }
 
-/// A RAW_IMU: the sensor's untouched counts.
+/// A RAW_IMU: the sensor's counts as they were read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct RawImu {
     /// When it arrived.
     pub at: Ticks,
     /// The image's clock at the start of the burst, us.
     pub time_us: u64,
-    /// Accelerometer.
+    /// Accelerometer, sensor axes.
     pub acc: [i16; 3],
-    /// Gyroscope.
+    /// Gyroscope, sensor axes.
     pub gyr: [i16; 3],
-    /// Magnetometer.
+    /// Magnetometer, sensor axes.
     pub mag: [i16; 3],
 }
 
@@ -79,9 +79,9 @@ impl RawImu {
 pub struct Text {
     /// When it arrived.
     pub at: Ticks,
-    /// How bad it is.
+    /// Severity.
     pub severity: MavSeverity,
-    /// What it says.
+    /// The text.
     pub text: String,
 }
 
@@ -100,12 +100,12 @@ pub struct Received {
     pub texts: Vec<Text>,
     /// System states with the time they arrived.
     pub status: Vec<(Ticks, SYS_STATUS_DATA)>,
-    /// Parameters as last told.
+    /// Parameters by name, as reported last.
     pub parameters: BTreeMap<String, f32>,
 }
 
 impl Received {
-    /// Sorts a message in.
+    /// Adds a message to those of its kind; other kinds are dropped.
     pub(crate) fn take(&mut self, at: Ticks, message: MavMessage) {
         match message {
             MavMessage::HEARTBEAT(m) => self.heartbeats.push(Heartbeat {

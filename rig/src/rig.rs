@@ -17,7 +17,7 @@ use tvc_nano::{Params, store};
 
 /// How long the bootloader waits for a second tap on the reset button.
 const TAP_WINDOW: Ticks = Ticks::from_ms(500);
-/// The word that it leaves in RAM meanwhile, and where.
+/// The word that it leaves in RAM meanwhile, and its offset there.
 const TAP_WORD: u32 = 0x0773_8135;
 const TAP_ADDRESS: usize = 0x7FFC;
 /// RAM that the bootloader uses itself: its variables below, its stack above.
@@ -90,13 +90,13 @@ pub enum RigError {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Running {
     Image,
-    /// The bootloader waits for a second tap until then.
+    /// The bootloader waits until this time for a second tap.
     Tap(Ticks),
-    /// Tapped twice: the bootloader serves its programmer until the power is cut.
+    /// Tapped twice: the bootloader waits for a programmer until the power is cut.
     Bootloader,
 }
 
-/// A firmware image on the virtual rig. A clone goes on by itself from the same state.
+/// A firmware image on the virtual rig. A clone starts from the same state and runs independently.
 #[derive(Clone)]
 pub struct Rig {
     chip: Chip,
@@ -111,7 +111,7 @@ impl Rig {
     /// Power-on, at time zero.
     ///
     /// # Errors
-    /// Impossible parameters of the drone.
+    /// [`RigError::Parameters`].
     pub fn new(image: &Image, config: &RigConfig) -> Result<Self, RigError> {
         let mut bench = config.bench.clone();
         bench.sensor.seed = config.seed;
@@ -125,7 +125,7 @@ impl Rig {
         if let Some(params) = &config.stored {
             chip.load_flash(STORE_ADDRESS, &store::first_slot(params));
         }
-        // The bootloader passes a power-on through.
+        // After a power-on the bootloader starts the image at once.
         chip.boot(IMAGE_ADDRESS);
         Ok(Self {
             chip,
@@ -142,7 +142,7 @@ impl Rig {
         self.chip.now()
     }
 
-    /// Runs for so long.
+    /// Runs for this time.
     ///
     /// # Errors
     /// [`RigError::Stopped`].
@@ -150,15 +150,15 @@ impl Rig {
         self.run_until(self.now() + time)
     }
 
-    /// Runs until `until`, through resets and the bootloader; the last instruction may end some
-    /// cycles later.
+    /// Runs until `until`, through resets and the bootloader. The last instruction may end some cycles
+    /// later.
     ///
     /// # Errors
     /// [`RigError::Stopped`].
     pub fn run_until(&mut self, until: Ticks) -> Result<(), RigError> {
         while self.now() < until {
             match self.run_some(until) {
-                // In a lock-up the core stands still until the watchdog resets it.
+                // A core in lock-up stands still until the watchdog resets it.
                 Stop::Reached | Stop::Lockup => {}
                 Stop::Reset(cause) => self.enter_bootloader(cause),
                 stop => {
@@ -184,7 +184,8 @@ impl Rig {
             Running::Tap(end) => {
                 let stop = self.chip.hold_until(until.min(end), &mut self.environment);
                 if stop == Stop::Reached && self.now() >= end {
-                    self.leave_bootloader();
+                    self.chip.ram_mut()[TAP_ADDRESS..TAP_ADDRESS + 4].fill(0);
+                    self.start_image();
                 }
                 stop
             }
@@ -192,13 +193,11 @@ impl Rig {
         }
     }
 
-    /// What the Nano 33 IoT's bootloader does after any reset that is not a power-on: the first
-    /// tap leaves a word in RAM and waits, a second one within that time stays.
+    /// What the Nano 33 IoT's bootloader does after any reset that is not a power-on: at the first it
+    /// leaves a word in RAM and waits; at a second one within that time it stays in control.
     fn enter_bootloader(&mut self, cause: ResetCause) {
-        let now = self.now();
-        self.resets.push((now, cause));
-        self.chip.reset(cause);
-        self.environment.chip_reset();
+        self.reset(cause);
+        let end = self.now() + TAP_WINDOW;
         let ram = self.chip.ram_mut();
         ram[BOOTLOADER_VARIABLES].fill(BOOTLOADER_RUBBISH);
         ram[BOOTLOADER_STACK].fill(BOOTLOADER_RUBBISH);
@@ -208,12 +207,17 @@ impl Rig {
             self.running = Running::Bootloader;
         } else {
             word.copy_from_slice(&TAP_WORD.to_le_bytes());
-            self.running = Running::Tap(now + TAP_WINDOW);
+            self.running = Running::Tap(end);
         }
     }
 
-    fn leave_bootloader(&mut self) {
-        self.chip.ram_mut()[TAP_ADDRESS..TAP_ADDRESS + 4].fill(0);
+    fn reset(&mut self, cause: ResetCause) {
+        self.resets.push((self.now(), cause));
+        self.chip.reset(cause);
+        self.environment.chip_reset();
+    }
+
+    fn start_image(&mut self) {
         self.chip.boot(IMAGE_ADDRESS);
         self.running = Running::Image;
     }
@@ -228,21 +232,17 @@ impl Rig {
         self.enter_bootloader(ResetCause::BrownOut33);
     }
 
-    /// Cuts the power of chip and sensor for a moment. Flash stays, RAM does not.
+    /// Cuts the power of chip and sensor for a moment. Flash keeps its contents, RAM does not.
     pub fn power_cycle(&mut self) {
-        let now = self.now();
-        self.resets.push((now, ResetCause::PowerOn));
-        self.chip.reset(ResetCause::PowerOn);
-        self.environment.chip_reset();
-        self.environment.inject(now, Fault::PowerDip);
+        self.reset(ResetCause::PowerOn);
+        self.inject(Fault::PowerDip);
         for (index, byte) in self.chip.ram_mut().iter_mut().enumerate() {
             *byte = (index as u8).wrapping_mul(167) ^ 0x5A;
         }
-        self.chip.boot(IMAGE_ADDRESS);
-        self.running = Running::Image;
+        self.start_image();
     }
 
-    /// The bootloader runs, not the image.
+    /// True while the bootloader runs instead of the image.
     pub fn in_bootloader(&self) -> bool {
         self.running != Running::Image
     }
@@ -312,11 +312,6 @@ impl Rig {
         &mut self.chip
     }
 
-    /// The image that runs.
-    pub fn image(&self) -> &Image {
-        &self.image
-    }
-
     /// What the chip has counted.
     pub fn counters(&self) -> Counters {
         self.chip.counters()
@@ -327,7 +322,7 @@ impl Rig {
         self.image.stack_top().saturating_sub(self.lowest_sp)
     }
 
-    /// Stack that was free at the deepest, bytes.
+    /// RAM that was left between the statics and the deepest stack since power-on, bytes.
     pub fn stack_free(&self) -> u32 {
         let statics = RAM_START + self.image.sizes().static_ram;
         self.lowest_sp.saturating_sub(statics)

@@ -149,7 +149,7 @@ fn one_that_comes_back_is_served_at_once_whenever_it_went() {
         rig.usb_host_mut().detach();
         station.run(rig, ms(97)).unwrap();
         rig.usb_host_mut().attach();
-        station.begin_page();
+        station.begin_measurement();
         station.run(rig, ms(400)).unwrap();
         let attitudes = station.received().attitudes.len();
         assert!(attitudes > 10, "{attitudes} when unplugged at {instant}");

@@ -17,7 +17,7 @@ fn a_release_is_fetched_as_it_was_streamed() {
     let mut bench = ready();
     let Ready { rig, station, .. } = &mut bench;
     assert!(station.fetch_recording(rig).unwrap().is_empty());
-    station.begin_page();
+    station.begin_measurement();
     station.arm(rig).unwrap();
     station.run(rig, ms(400)).unwrap();
     station.release(rig, 0.2).unwrap();

@@ -1,4 +1,4 @@
-//! The clamp that holds the drone by its body: it tilts it, lets it go and catches it.
+//! The clamp that holds the drone by its body, tilts it, releases it and catches it.
 
 use plant::Drone;
 use samd21::board::Ticks;
@@ -11,7 +11,7 @@ const TILT_RATE_RAD_S: f64 = 0.5;
 pub(super) struct Clamp {
     /// Pitch to which a held drone is being tilted, rad.
     wanted_rad: f64,
-    /// When it opened last, unless it holds.
+    /// When it opened; `None` while it holds.
     released: Option<Ticks>,
 }
 
@@ -30,7 +30,7 @@ impl Clamp {
         self.wanted_rad = pitch_rad;
     }
 
-    /// It holds the drone, and at the pitch to which it was to tilt it.
+    /// True when it holds the drone at the pitch to which it was to tilt it.
     pub(super) fn rests(&self, drone: &Drone) -> bool {
         drone.held() && drone.pitch_rad() == self.wanted_rad
     }
@@ -41,12 +41,12 @@ impl Clamp {
         self.released.get_or_insert(now);
     }
 
-    /// Time since it opened, unless it holds.
+    /// Time since it opened; `None` while it holds.
     pub(super) fn open_for(&self, now: Ticks) -> Option<Ticks> {
         self.released.map(|released| now.saturating_sub(released))
     }
 
-    /// Moves a held drone towards the pitch that is wanted; the rate of that, rad/s.
+    /// Moves a held drone towards the wanted pitch; returns the rate of this motion, rad/s.
     pub(super) fn tilt(&self, drone: &mut Drone, dt_s: f64) -> f64 {
         let missing = self.wanted_rad - drone.pitch_rad();
         if missing == 0.0 || !drone.held() {

@@ -1,9 +1,9 @@
-//! What disturbs a flight besides faults of the sensor: the propeller vibrates, the servo's supply
-//! sags, the thrust comes up slowly, the sensor warms up.
+//! Disturbances of a flight other than faults of the sensor: the propeller vibrates, the servo's
+//! supply sags, the thrust rises slowly, the sensor warms up.
 //!
-//! Each disturbance is written in two ways: as a table of a scenario file (serde), and as numbers
-//! between commas on the command line ([`FromStr`]). Both have the same units and ranges. Times count
-//! from the moment that the clamp opens, those of [`Temperature`] from power-on.
+//! Each disturbance can be written in two ways: as a table of a scenario file (serde), and as numbers
+//! with commas between them on the command line ([`FromStr`]). Both have the same units and ranges.
+//! Times count from the release, those of [`Temperature`] from power-on.
 
 use crate::bno055::{ImuErrors, STANDARD_GRAVITY_M_S2, WarmUp};
 use serde::{Deserialize, Serialize};
@@ -27,7 +27,7 @@ pub struct Disturbances {
     /// The servo's supply is not at its rated voltage.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub servo_supply: Option<SupplySag>,
-    /// The thrust comes up slowly.
+    /// The thrust rises slowly.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub thrust_ramp: Option<ThrustRamp>,
     /// The sensor warms up.
@@ -41,18 +41,13 @@ impl Disturbances {
     /// # Errors
     /// The first value out of its range, with the range.
     pub fn check(&self) -> Result<(), String> {
-        self.vibration.as_ref().map_or(Ok(()), Vibration::check)?;
-        self.servo_supply
-            .as_ref()
-            .map_or(Ok(()), SupplySag::check)?;
-        self.thrust_ramp
-            .as_ref()
-            .map_or(Ok(()), ThrustRamp::check)?;
-        self.temperature.as_ref().map_or(Ok(()), Temperature::check)
+        self.vibration.map_or(Ok(()), |it| it.check())?;
+        self.servo_supply.map_or(Ok(()), |it| it.check())?;
+        self.thrust_ramp.map_or(Ok(()), |it| it.check())?;
+        self.temperature.map_or(Ok(()), |it| it.check())
     }
 
-    /// The same with all that was left to its default filled in, to report it; `None` if nothing
-    /// disturbs.
+    /// These disturbances with every default filled in, to report them; `None` if there are none.
     pub fn report(&self) -> Option<Self> {
         (*self != Self::default()).then(|| Self {
             vibration: self.vibration.map(|vibration| Vibration {
@@ -67,7 +62,7 @@ impl Disturbances {
         })
     }
 
-    /// A line each for a table: what disturbs, and how.
+    /// Rows of a table: the name of each disturbance and its values.
     pub fn rows(&self) -> Vec<(&'static str, String)> {
         let vibration = self.vibration.map(|v| {
             let rate_dps = v.rate_rad_s().to_degrees();
@@ -106,25 +101,25 @@ impl Disturbances {
     }
 }
 
-/// An unbalanced propeller at a constant speed. Its force turns in the plane of the propeller, across
-/// the body's z axis; the mount yields, and tilts the sensor at the same frequency.
+/// An unbalanced propeller at a constant speed. Its force turns in the plane of the propeller,
+/// perpendicular to the body's z axis; the mount yields and tilts the sensor at the same frequency.
 ///
-/// The sensor feels it at every step of the physics, before its own filter and its own clock: what
-/// lies above half its refresh rate arrives as an alias.
+/// It acts on the sensor at every step of the physics, before the sensor's filter and sampling, so
+/// that frequencies above half the refresh rate are aliased.
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct Vibration {
     /// Amplitude of the acceleration along the body's x and y, m/s^2, 0 to 40.
     pub acc_m_s2: f64,
     /// Amplitude of the angular rate about the body's x and y, deg/s, 0 to 500. By default the mount
-    /// tilts as if it gave way over an arm of 0.1 m: the rate is the vibration's speed over that.
+    /// yields over an arm of 0.1 m: the rate is the vibration's speed divided by that.
     pub rate_dps: Option<f64>,
     /// Turns of the propeller a second, 1 to [`Vibration::HIGHEST_HZ`].
     pub frequency_hz: f64,
 }
 
 impl Vibration {
-    /// Above this the steps of the physics, 0.5 ms, are too coarse for a sine.
+    /// Highest frequency that the steps of the physics, 0.5 ms, still resolve, Hz.
     pub const HIGHEST_HZ: f64 = 400.0;
 
     fn check(&self) -> Result<(), String> {
@@ -170,19 +165,19 @@ impl FromStr for Vibration {
     }
 }
 
-/// The servo's supply is at `volts` for a while, and at 6 V otherwise; meanwhile it gives way to the
-/// servo's current.
+/// The servo's supply drops to `volts` for a while, and further with the servo's current; at other
+/// times it is at 6 V.
 ///
-/// Speed without load and stall torque follow the supply in proportion: the data sheet's step from
-/// 6 V to 5 V, 0.19 to 0.22 s and 0.40 to 0.33 N m, is that to within 4 %. The current is that of a
-/// DC motor.
+/// Speed without load and stall torque are proportional to the supply: the data sheet's figures for
+/// 6 V and 5 V, 0.19 and 0.22 s, 0.40 and 0.33 N m, agree with that to within 4 %. The current is
+/// that of a DC motor.
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct SupplySag {
-    /// Supply meanwhile without current, V, 3 to 7.4.
+    /// Supply during the sag without current, V, 3 to 7.4.
     pub volts: f64,
-    /// Supply meanwhile at the current that the servo draws when it stalls at 6 V, V, 1 to `volts`;
-    /// `volts` by default.
+    /// Supply during the sag at the current that the servo draws when it stalls at 6 V, V, 1 to
+    /// `volts`; `volts` by default.
     pub stall_volts: Option<f64>,
     /// Begin after the release, s, at least 0.
     #[serde(default)]
@@ -245,8 +240,8 @@ impl FromStr for SupplySag {
     }
 }
 
-/// Thrust that grows evenly to its full value from the release on; in the clamp it is at its
-/// beginning.
+/// Thrust that rises linearly to its full value from the release on; before, it has its initial
+/// value.
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct ThrustRamp {
@@ -294,9 +289,9 @@ impl FromStr for ThrustRamp {
 pub struct Temperature {
     /// The chip's temperature at power-on, deg C, -40 to 85.
     pub from_c: f64,
-    /// The chip's temperature in the end, deg C, -40 to 85.
+    /// The chip's final temperature, deg C, -40 to 85.
     pub to_c: f64,
-    /// Time in which the distance to the end shrinks to 37 %, s, above 0 and at most 3600.
+    /// Time in which the difference to that shrinks to 37 %, s, above 0 and at most 3600.
     pub time_constant_s: f64,
     /// Drift of the gyroscope's bias, deg/s/K from 25 deg C, -1 to 1; by default the data sheet's
     /// typical value.
@@ -327,7 +322,7 @@ impl Temperature {
         within(-20.0..=20.0, self.acc_mg_k, why)
     }
 
-    /// The imperfections of a sensor with these.
+    /// `errors` with this warm-up and drift.
     pub(crate) fn of(&self, errors: ImuErrors) -> ImuErrors {
         ImuErrors {
             warm_up: WarmUp {
@@ -369,7 +364,7 @@ fn numbers(text: &str) -> Option<Vec<f64>> {
     text.split(',').map(|n| n.trim().parse().ok()).collect()
 }
 
-/// Refuses a value out of its range; NaN is in none.
+/// Refuses a value out of its range; NaN is out of every range.
 fn within(range: RangeInclusive<f64>, value: f64, why: &str) -> Result<(), String> {
     let inside = range.contains(&value);
     inside.then_some(()).ok_or_else(|| why.to_owned())

@@ -48,7 +48,7 @@ pub struct BenchConfig {
     pub sensor: bno055::Config,
     /// The servo, before its horn is fitted to zero rudder at [`ZERO_RUDDER_US`].
     pub servo: ServoModel,
-    /// How far off the horn sits on its spline, rad.
+    /// Angle by which the horn is mounted off its place on the spline, rad.
     pub horn_error_rad: f64,
     /// Masses, lengths and loads of the drone.
     pub parameters: Parameters,
@@ -80,7 +80,7 @@ impl Default for BenchConfig {
     }
 }
 
-/// The chip's environment. It runs up to the time of whatever the chip does to it.
+/// The chip's environment. Whatever the chip does at its pins first advances it to that time.
 #[derive(Clone, Debug)]
 pub struct Environment {
     drone: Drone,
@@ -146,11 +146,6 @@ impl Environment {
         &self.drone
     }
 
-    /// The drone, to disturb it.
-    pub fn drone_mut(&mut self) -> &mut Drone {
-        &mut self.drone
-    }
-
     /// The servo.
     pub fn servo(&self) -> &Servo {
         &self.servo
@@ -181,7 +176,7 @@ impl Environment {
         self.clamp.tilt_to(pitch_rad);
     }
 
-    /// The clamp holds the drone at the pitch to which it was tilted.
+    /// True when the clamp holds the drone at the pitch to which it was to tilt it.
     pub fn clamp_rests(&self) -> bool {
         self.clamp.rests(&self.drone)
     }
@@ -192,7 +187,7 @@ impl Environment {
         self.clamp.open(now, &mut self.drone, rate_rad_s);
     }
 
-    /// Catches the drone where it is; the faults of its flight are over.
+    /// Closes the clamp on the drone where it is; the faults of its flight end.
     pub fn catch(&mut self) {
         let now = STEP * self.steps;
         for timed in &self.faults {

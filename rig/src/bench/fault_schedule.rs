@@ -34,7 +34,7 @@ pub(super) fn switch(
     }
 }
 
-/// A timed fault as a scenario file says it and as the figures of a flight report it.
+/// A timed fault as it stands in a scenario file and in the figures of a flight.
 #[derive(Clone, Debug, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct FaultEntry {
@@ -56,8 +56,8 @@ pub struct FaultEntry {
 }
 
 impl FaultEntry {
-    /// The fault for flights of `length_s`. How hard it strikes is drawn from `dice` where the entry
-    /// leaves it open, and noted in the entry.
+    /// The fault for flights of `length_s`. Parameters that the entry leaves out are drawn from `dice`
+    /// and filled in.
     ///
     /// # Errors
     /// There is no such kind, or a value is out of its range or does not belong to the kind.
@@ -71,16 +71,16 @@ impl FaultEntry {
         }
         let mut fault = kind.draw(dice);
         let share = fault.probability_mut();
-        settle(kind, "probability", &mut self.probability, share, 0.0..=1.0)?;
+        reconcile(kind, "probability", &mut self.probability, share, 0.0..=1.0)?;
         let mut stretch_ms = match &fault {
             Fault::LongStretch { stretch, .. } => Some(stretch.as_us_f64() * 1e-3),
             _ => None,
         };
-        let told_ms = &mut self.stretch_ms;
-        settle(
+        let given_ms = &mut self.stretch_ms;
+        reconcile(
             kind,
             "stretch_ms",
-            told_ms,
+            given_ms,
             stretch_ms.as_mut(),
             0.0..=1000.0,
         )?;
@@ -91,7 +91,7 @@ impl FaultEntry {
             Fault::SdaHeld { clocks } => Some(clocks),
             _ => None,
         };
-        settle(kind, "clocks", &mut self.clocks, clocks, 1..=9)?;
+        reconcile(kind, "clocks", &mut self.clocks, clocks, 1..=9)?;
         Ok(TimedFault {
             fault,
             at: Ticks::from_secs_f64(self.at_s),
@@ -100,9 +100,9 @@ impl FaultEntry {
     }
 }
 
-/// Puts the value that was `given` in the place of the one that was drawn, or notes the drawn one.
-/// `drawn` is `None` for a kind that has no such value.
-fn settle<T: Copy + PartialOrd + Display>(
+/// Replaces the drawn value by the `given` one, or fills `given` in with the drawn one. `drawn` is
+/// `None` for a kind that has no such value.
+fn reconcile<T: Copy + PartialOrd + Display>(
     kind: FaultKind,
     what: &str,
     given: &mut Option<T>,

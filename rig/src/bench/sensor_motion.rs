@@ -1,30 +1,24 @@
 //! A sensor moved by hand: laid down, rested on its six faces, and turned through all directions, as
 //! a calibration asks for.
 //!
-//! [`record`] reads the emulated BNO055 register by register, without a firmware: what comes out are
-//! its counts, errors and noise included.
+//! [`record`] reads the emulated BNO055 by its registers, without a firmware, and returns its counts
+//! with their errors and noise.
 
 use super::{EarthField, stimulus};
+use crate::bno055::registers::{page0, page1};
 use crate::bno055::{self, Bno055, Mode, Stimulus};
 use bno055_driver::config::Sensors;
 use calibration::poses::Face;
 use nalgebra::{UnitQuaternion, Vector3};
 use samd21::board::{I2cEvent, Ticks};
 
-/// Registers of the chip that are written and read here.
-const ACC_DATA: u8 = 0x08;
-const UNIT_SEL: u8 = 0x3B;
-const OPR_MODE: u8 = 0x3D;
-const PAGE_ID: u8 = 0x07;
-const ACC_CONFIG: u8 = 0x08;
-
-/// Step in which the sensor is told what it feels, and period in which it is read.
+/// Step in which the sensor is moved, and period in which it is read.
 const STEP: Ticks = Ticks::from_us(500);
 const PERIOD: Ticks = Ticks::from_ms(10);
-/// When the chip has booted for certain, and when it runs in its mode.
+/// Times at which the chip has booted for certain and at which it runs in its mode.
 const BOOTED: Ticks = Ticks::from_ms(750);
 const START: Ticks = Ticks::from_ms(900);
-/// Rest at the beginning, on each face, and time of a turn between two of them, s.
+/// Rest at the beginning, rest on each face, and time of a turn between two faces, s.
 const REST_S: f64 = 12.0;
 const FACE_S: f64 = 3.0;
 const BETWEEN_S: f64 = 1.5;
@@ -209,7 +203,7 @@ impl MotionPlan {
     }
 }
 
-/// A chip in AMG mode with the driver's ranges and bandwidths; it lies still meanwhile.
+/// A chip in AMG mode with the driver's ranges and bandwidths, at rest while it starts.
 fn start(sensor: bno055::Config, still: &Stimulus) -> Bno055 {
     let mut chip = Bno055::new(sensor);
     let lie = |chip: &mut Bno055, from: Ticks, to: Ticks| {
@@ -218,11 +212,15 @@ fn start(sensor: bno055::Config, still: &Stimulus) -> Bno055 {
         }
     };
     lie(&mut chip, Ticks::ZERO, BOOTED);
-    write(&mut chip, UNIT_SEL, &[0]);
-    write(&mut chip, PAGE_ID, &[1]);
-    write(&mut chip, ACC_CONFIG, &Sensors::default().registers());
-    write(&mut chip, PAGE_ID, &[0]);
-    write(&mut chip, OPR_MODE, &[Mode::Amg as u8]);
+    write(&mut chip, page0::UNIT_SEL, &[0]);
+    write(&mut chip, page0::PAGE_ID, &[1]);
+    write(
+        &mut chip,
+        page1::ACC_CONFIG,
+        &Sensors::default().registers(),
+    );
+    write(&mut chip, page0::PAGE_ID, &[0]);
+    write(&mut chip, page0::OPR_MODE, &[Mode::Amg as u8]);
     lie(&mut chip, BOOTED, START);
     chip
 }
@@ -243,18 +241,9 @@ fn write(chip: &mut Bno055, register: u8, values: &[u8]) {
 
 fn read(chip: &mut Bno055, now: Ticks) -> Sample {
     let address = chip.address();
+    let start = |read| I2cEvent::Start { address, read };
     let mut event = |event| chip.i2c(now, event).data;
-    for step in [
-        I2cEvent::Start {
-            address,
-            read: false,
-        },
-        I2cEvent::Write(ACC_DATA),
-        I2cEvent::Start {
-            address,
-            read: true,
-        },
-    ] {
+    for step in [start(false), I2cEvent::Write(page0::ACC_DATA), start(true)] {
         event(step);
     }
     let words =

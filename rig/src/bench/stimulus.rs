@@ -1,12 +1,12 @@
-//! What a sensor feels of gravity, of its own motion and of the magnetic field.
+//! The physical quantities at a sensor, from gravity, its motion and the magnetic field.
 
 use super::EarthField;
 use crate::bno055::Stimulus;
 use nalgebra::{UnitQuaternion, Vector3};
 use std::f64::consts::FRAC_1_SQRT_2;
 
-/// At the pivot of a drone with its nose at `heading_rad` from true north; along the sensor's axes,
-/// which are the body's. `gravity` in m/s^2.
+/// For a sensor at the pivot of a drone whose nose points to `heading_rad` from true north, along the
+/// sensor's axes, which are the body's. `gravity` in m/s^2.
 pub(super) fn on_drone(
     pitch_rad: f64,
     rate_rad_s: f64,
@@ -39,8 +39,8 @@ fn attitude(pitch_rad: f64, magnetic_heading_rad: f64) -> [f64; 4] {
     [-x - y, w + z, w - z, y - x].map(|c| c * FRAC_1_SQRT_2)
 }
 
-/// In the hand: turning in place at `rate` (rad/s, sensor axes). `attitude` takes the sensor's axes
-/// to north-east-down; `gravity` in m/s^2.
+/// For a sensor in a hand that turns in place at `rate` (rad/s, sensor axes). `attitude` takes the
+/// sensor's axes to north-east-down; `gravity` in m/s^2.
 pub(super) fn in_hand(
     attitude: &UnitQuaternion<f64>,
     rate: Vector3<f64>,

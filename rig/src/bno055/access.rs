@@ -4,6 +4,8 @@ use super::registers::{Mode, error, page0, page1, status, trigger, unit};
 use super::{Bno055, Fault, GROUPS, Power, Transfer};
 use samd21::board::Ticks;
 
+// How long it takes to leave CONFIG and to return to it (data sheet page 21), to test itself, and to
+// change the clock source.
 const TO_RUNNING: Ticks = Ticks::from_ms(7);
 const TO_CONFIG: Ticks = Ticks::from_ms(19);
 const SELF_TEST: Ticks = Ticks::from_ms(400);
@@ -12,7 +14,7 @@ const CLOCK_CHANGE: Ticks = Ticks::from_ms(600);
 impl Bno055 {
     pub(super) fn read(&self, now: Ticks, address: u8) -> u8 {
         if let Power::Booting { answers, ready } = self.power {
-            // Not yet itself: only SYS_STATUS tells how far it is.
+            // Before it is ready every register reads zero but SYS_STATUS.
             let half = answers + (ready - answers) / 2;
             return match address {
                 page0::SYS_STATUS if now < half => status::INIT_PERIPHERALS,
@@ -65,7 +67,7 @@ impl Bno055 {
         }
     }
 
-    /// In steps of 1 C or of 2 F.
+    /// TEMP, in steps of 1 C or of 2 F.
     fn temperature(&self) -> u8 {
         let celsius = self.signals.temperature_c();
         let steps = if self.get(page0::UNIT_SEL) & unit::TEMP_F == 0 {
@@ -167,7 +169,7 @@ impl Bno055 {
         }
     }
 
-    /// Takes a byte of the calibration profile; a group counts when its last byte comes.
+    /// Takes a byte of the calibration profile; a group takes effect when its last byte is written.
     fn stage(&mut self, address: u8, value: u8) {
         let byte = usize::from(address - page0::ACC_OFFSET);
         self.staged[byte] = value;
@@ -206,14 +208,14 @@ impl Bno055 {
             }
             1 => 6400,
             2 => (settings.gyr_range_dps * 16.0) as i32,
-            // The data sheet says up to 1000; a user's 1000 was refused.
+            // The data sheet allows 1000; a user reports that 1000 was refused.
             3 => 999,
             _ => 960,
         }
     }
 }
 
-/// Each sensor axis appears once.
+/// True if each sensor axis appears once.
 fn is_axis_map(value: u8) -> bool {
     let axes = [value & 3, value >> 2 & 3, value >> 4 & 3];
     (0..3).all(|axis| axes.contains(&axis))

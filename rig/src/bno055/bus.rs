@@ -1,15 +1,15 @@
-//! The chip as a slave on the I2C bus: transfers, clock stretching, what a bad cable makes of it.
+//! The chip as a slave on the I2C bus: transfers, clock stretching, and faults of the cable.
 
 use super::registers::page0;
 use super::{Bno055, Fault, Power, Transfer};
 use rand::Rng;
 use samd21::board::{I2cEvent, I2cReply, Lines, Ticks};
 
-/// How long another master holds the data line low, a byte at 50 kHz.
+/// How long another master holds the data line low: a byte at 50 kHz.
 const FOREIGN_BYTE: Ticks = Ticks::from_us(180);
 
 impl Bno055 {
-    /// The bus master does `event`.
+    /// The chip's reply to an event of the bus master.
     pub fn i2c(&mut self, now: Ticks, event: I2cEvent) -> I2cReply {
         self.run(now);
         if self.loses_acknowledge(event) {
@@ -57,8 +57,8 @@ impl Bno055 {
         }
     }
 
-    /// A byte begins at `now`: whether a START or STOP lies inside it. Another master may take the
-    /// bus here too.
+    /// True if a START or STOP lies inside the byte that begins at `now`. Another master may take the
+    /// bus at this moment too.
     pub fn glitch(&mut self, now: Ticks) -> bool {
         let mut glitch = false;
         for fault in self.faults.iter() {
@@ -77,7 +77,7 @@ impl Bno055 {
         glitch
     }
 
-    /// The lines that the sensor, a fault of its cable or another master holds low.
+    /// The lines that the chip, a fault of its cable or another master holds low.
     pub fn held_low(&self, now: Ticks) -> Lines {
         let stuck =
             self.faults.has(Fault::SdaStuck) || self.faults.has(Fault::SdaHeld { clocks: 0 });
@@ -88,7 +88,7 @@ impl Bno055 {
         }
     }
 
-    /// The master clocks the bus by hand: one rising edge of SCL.
+    /// A rising edge of SCL outside of a transfer: the master clocks a held data line free.
     pub fn clocked(&mut self) {
         if self.faults.has(Fault::ClockHang) {
             self.power = Power::Hung;
@@ -105,18 +105,20 @@ impl Bno055 {
         }
     }
 
-    /// A bad contact takes the acknowledge of an address or of a byte written.
+    /// True if a bad contact loses the acknowledge of this address or byte written.
     fn loses_acknowledge(&mut self, event: I2cEvent) -> bool {
         let acknowledged = match event {
             I2cEvent::Start { address, .. } => address == self.config.address,
             I2cEvent::Write(_) => self.transfer.selected,
             I2cEvent::Read | I2cEvent::Stop => false,
         };
-        acknowledged
-            && self.faults.iter().any(|fault| match *fault {
-                Fault::Naks { probability } => self.bus_noise.random_bool(probability),
-                _ => false,
-            })
+        acknowledged && self.strikes(Fault::Naks { probability: 0.0 })
+    }
+
+    /// True if the fault of this kind is on and strikes now, which its probability decides.
+    fn strikes(&mut self, kind: Fault) -> bool {
+        let probability = self.faults.get(kind).and_then(Fault::probability);
+        probability.is_some_and(|probability| self.bus_noise.random_bool(probability))
     }
 
     fn answers(&self, now: Ticks) -> bool {
@@ -170,7 +172,7 @@ impl Bno055 {
         let value = self.read(now, address);
         let is_data = (page0::ACC_DATA..page0::TEMP).contains(&address);
         if self.page == 0 && is_data && address.is_multiple_of(2) && self.power == Power::On {
-            let high = if self.tears() {
+            let high = if self.strikes(Fault::TornWords { probability: 0.0 }) {
                 self.older[usize::from(address + 1 - page0::ACC_DATA)]
             } else {
                 self.get(address + 1)
@@ -184,28 +186,16 @@ impl Bno055 {
         value
     }
 
-    /// The shadowing of a word fails.
-    fn tears(&mut self) -> bool {
-        self.faults.iter().any(|fault| match *fault {
-            Fault::TornWords { probability } => self.bus_noise.random_bool(probability),
-            _ => false,
-        })
-    }
-
-    /// What a bad cable makes of a byte.
+    /// A byte after [`Fault::BitFlips`].
     fn flip(&mut self, byte: u8) -> u8 {
-        let mut flipped = byte;
-        for fault in self.faults.iter() {
-            if let Fault::BitFlips { probability } = *fault
-                && self.bus_noise.random_bool(probability)
-            {
-                flipped ^= 1 << self.bus_noise.random_range(0..8);
-            }
+        if self.strikes(Fault::BitFlips { probability: 0.0 }) {
+            byte ^ 1 << self.bus_noise.random_range(0..8)
+        } else {
+            byte
         }
-        flipped
     }
 
-    /// What a bad cable makes of a data word.
+    /// A data word after [`Fault::CorruptWords`] and [`Fault::Spikes`].
     fn disturb(&mut self, mut word: i16) -> i16 {
         for fault in self.faults.iter() {
             match *fault {

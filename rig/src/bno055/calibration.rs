@@ -1,7 +1,7 @@
 //! How the chip calibrates itself in its fusion modes: what CALIB_STAT shows, and when the chip
 //! overwrites the profile.
 //!
-//! Bosch does not publish the algorithm; this is what data sheet and users report of it. The
+//! Bosch does not publish the algorithm; this is what the data sheet and users report of it. The
 //! durations and angles are estimates.
 //!
 //! | | reaches 3 | source |
@@ -15,18 +15,18 @@
 //! accelerometer show 3 at once, the magnetometer 0 until the first motion, though the system takes
 //! it for calibrated (a user's report).
 //!
-//! Levels fall again, as the thesis saw under motion (6.1): a second of forces far from 1 g takes the
-//! accelerometer back to 2, a second in a field of another strength restarts the magnetometer.
+//! Levels fall again, as the thesis saw under motion (6.1): a second of forces far from 1 g sets the
+//! accelerometer back to 2, and a second in a field of another strength restarts the magnetometer.
 
 use super::registers::Mode;
 use super::signal::{STANDARD_GRAVITY_M_S2, Sample};
 
-/// Rest is a rate within this of its own mean, rad/s, and a force within that of 1 g, m/s^2.
+/// At rest the rate is within this of its own mean, rad/s, and the force within this of 1 g, m/s^2.
 const STILL_RAD_S: f64 = 1.0 / 57.3;
 const STILL_M_S2: f64 = 0.5;
 /// Time constant of the mean rate, s.
 const MEAN_S: f64 = 0.5;
-/// Faster than this is no rest, however even, rad/s.
+/// A mean rate above this is not rest, however even it is, rad/s.
 const SLOW_RAD_S: f64 = 5.0 / 57.3;
 /// Rest after which the gyroscope shows 1, 2 and 3, s.
 const RESTS_S: [f64; 3] = [0.5, 1.0, 2.0];
@@ -45,7 +45,7 @@ const COS_FIELDS: f64 = 0.866;
 const SHAKEN_M_S2: f64 = 2.0;
 const DISTURBED_FIELD: f64 = 0.2;
 const DISTURBED_S: f64 = 1.0;
-/// Six poses, for an accelerometer whose profile was restored.
+/// The poses that a restored accelerometer counts as seen.
 const FACES: [[f64; 3]; 6] = [
     [1.0, 0.0, 0.0],
     [-1.0, 0.0, 0.0],
@@ -66,7 +66,7 @@ pub(super) enum Learner {
 /// The state of calibration since fusion has started.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Calibration {
-    /// Which of magnetometer and gyroscope came from the profile.
+    /// The magnetometer's, the gyroscope's group came from the profile.
     mag_restored: bool,
     gyr_restored: bool,
     mean_rad_s: Option<[f64; 3]>,
@@ -92,8 +92,8 @@ impl Calibration {
         }
     }
 
-    /// Takes a refresh, `dt_s` after the one before, whose field without the hard iron is `field_ut`.
-    /// Returns the sensors whose offsets became known with it.
+    /// Takes a sample, `dt_s` after the one before; `field_ut` is its field without the hard iron.
+    /// Returns the sensors whose offsets became known with this sample.
     pub(super) fn update(
         &mut self,
         mode: Mode,
@@ -152,7 +152,7 @@ impl Calibration {
             | on(mode.has_mag(), mag)
     }
 
-    /// Lets the levels fall where force or field have been disturbed for too long.
+    /// Lowers the levels where force or field have been disturbed for too long.
     fn forget(&mut self, sample: &Sample, field_ut: [f64; 3], dt_s: f64) {
         let shaken = (norm(sample.acc_m_s2) - STANDARD_GRAVITY_M_S2).abs() > SHAKEN_M_S2;
         self.shaken_s = if shaken { self.shaken_s + dt_s } else { 0.0 };
@@ -191,7 +191,7 @@ impl Calibration {
     }
 }
 
-/// Directions of the field that the mode asks for.
+/// Numbers of field directions after which the magnetometer shows 1, 2 and 3 in this mode.
 fn fields(mode: Mode) -> [usize; 3] {
     if mode == Mode::Ndof {
         FIELDS_FAST

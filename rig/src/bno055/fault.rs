@@ -4,13 +4,13 @@ use super::registers::{AXIS_MAP_RESET, AXIS_MAP_SWAPPED, UNIT_SEL_RESET, error, 
 use super::{Bno055, Power};
 use samd21::board::Ticks;
 
-/// A fault of the sensor, its supply or its cable (`Bno055::inject`, `Bno055::clear`).
+/// A fault of the sensor, its supply or its cable ([`Bno055::inject`], [`Bno055::clear`]).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Fault {
     /// The cable is off: no power, no acknowledge. Clearing plugs it in again, and the chip boots.
     Unplugged,
-    /// The chip does not acknowledge any more though it has power, as some do after a reset by
-    /// command or after clocks that it did not expect. Clearing cuts its power, and it boots.
+    /// The chip has power and does not acknowledge, as some do after a reset by command or after
+    /// unexpected clocks. Clearing cuts its power, and it boots.
     Hung,
     /// Something holds the data line low.
     SdaStuck,
@@ -22,26 +22,26 @@ pub enum Fault {
         /// Pulses until it lets go, 1 to 9.
         clocks: u8,
     },
-    /// The chip was interrupted inside a byte, and clocks that it did not expect hang it: the data line
-    /// is free then, and nothing acknowledges. Clearing cuts the power of a chip that hangs, and it
-    /// boots.
+    /// The chip was interrupted inside a byte and holds the data line; the first clock pulse hangs it:
+    /// the line is free then, and nothing acknowledges. Clearing cuts the power of a chip that hangs,
+    /// and it boots.
     ClockHang,
-    /// Every register falls back to its reset value at once, mode CONFIG, without the time of a boot.
-    /// Nothing to clear.
+    /// At once: every register returns to its reset value, mode CONFIG, without the time of a boot.
+    /// There is nothing to clear.
     ConfigReset,
-    /// The supply dips at once and the chip boots again. Nothing to clear.
+    /// At once: the supply dips, and the chip boots again. There is nothing to clear.
     PowerDip,
     /// Every byte reads 0xFF though the chip acknowledges.
     AllOnes,
-    /// The data registers read zero though the mode is kept, SYS_STATUS tells 1 and SYS_ERR 1, as
-    /// with a grounded BL_IND pin.
+    /// The data registers read zero in a mode that is kept; SYS_STATUS and SYS_ERR read 1, as with a
+    /// grounded BL_IND pin.
     AllZero,
-    /// Single bits of the bytes read are inverted.
+    /// A single bit of some bytes read is inverted.
     BitFlips {
         /// Share of bytes with a wrong bit, 0 to 1.
         probability: f64,
     },
-    /// The acknowledge of an address or of a byte written gets lost.
+    /// The acknowledge of some addresses and bytes written is lost.
     Naks {
         /// Share of those bytes, 0 to 1.
         probability: f64,
@@ -56,12 +56,12 @@ pub enum Fault {
         /// Share of bytes, 0 to 1.
         probability: f64,
     },
-    /// Single words of the data registers read 0xFFFF.
+    /// Some words of the data registers read 0xFFFF.
     CorruptWords {
         /// Share of words, 0 to 1.
         probability: f64,
     },
-    /// The high byte of single data words is that of the refresh before: the shadowing fails.
+    /// The high byte of some data words is that of the refresh before: the shadowing fails.
     TornWords {
         /// Share of words, 0 to 1.
         probability: f64,
@@ -75,26 +75,31 @@ pub enum Fault {
         /// Share of bytes, 0 to 1.
         probability: f64,
     },
-    /// The most significant bit of single data words is inverted.
+    /// The most significant bit of some data words is inverted.
     Spikes {
         /// Share of words, 0 to 1.
         probability: f64,
     },
-    /// The gyroscope reads zero, its id too, its self-test fails.
+    /// The gyroscope and its id read zero, and its self-test fails.
     GyroDead,
-    /// At once: the axis map falls back to its reset value and SYS_ERR tells 2. Nothing to clear.
+    /// At once: the axis map returns to its reset value, and SYS_ERR reads 2. There is nothing to clear.
     RevertedAxisMap,
-    /// At once: the axis map shows Y as x and X as y, a valid map that nobody wrote. Nothing to clear.
+    /// At once: the axis map swaps X and Y, a valid map that nobody wrote. There is nothing to clear.
     SwappedAxes,
-    /// At once: UNIT_SEL falls back to its reset value. Nothing to clear.
+    /// At once: UNIT_SEL returns to its reset value. There is nothing to clear.
     RevertedUnits,
-    /// The pattern seen around crashes: acceleration 19.62, 5.68, 0 m/s^2; field 0, 320, 240.19 uT;
-    /// rate zero.
+    /// The data that users saw around crashes: acceleration 19.62, 5.68, 0 m/s^2; field 0, 320,
+    /// 240.19 uT; rate zero.
     FixedPattern,
 }
 
 impl Fault {
-    /// The share of words or bytes that it strikes, where it strikes some only.
+    /// Share of words or bytes that it strikes, 0 to 1; `None` for a fault that strikes all.
+    pub fn probability(mut self) -> Option<f64> {
+        self.probability_mut().copied()
+    }
+
+    /// Share of words or bytes that it strikes, to change it.
     pub fn probability_mut(&mut self) -> Option<&mut f64> {
         match self {
             Self::BitFlips { probability }
@@ -115,22 +120,28 @@ impl Fault {
 pub struct Faults(Vec<Fault>);
 
 impl Faults {
-    /// Switches a fault on, in place of one of its kind.
+    /// Switches a fault on; one of its kind that was on ends.
     pub fn set(&mut self, fault: Fault) {
         self.clear(fault);
         self.0.push(fault);
     }
 
-    /// Switches off whatever is of the kind of `fault`.
+    /// Switches off the fault of the kind of `fault`, whatever its parameters.
     pub fn clear(&mut self, fault: Fault) {
         let kind = core::mem::discriminant(&fault);
         self.0.retain(|on| core::mem::discriminant(on) != kind);
     }
 
-    /// A fault of the kind of `fault` is on.
-    pub fn has(&self, fault: Fault) -> bool {
+    /// The fault that is on of the kind of `fault`, whatever the parameters of either.
+    pub fn get(&self, fault: Fault) -> Option<Fault> {
         let kind = core::mem::discriminant(&fault);
-        self.0.iter().any(|on| core::mem::discriminant(on) == kind)
+        let mut faults = self.0.iter().copied();
+        faults.find(|on| core::mem::discriminant(on) == kind)
+    }
+
+    /// True if a fault of the kind of `fault` is on.
+    pub fn has(&self, fault: Fault) -> bool {
+        self.get(fault).is_some()
     }
 
     /// The faults that are on.
@@ -186,10 +197,5 @@ impl Bno055 {
         if was_on && cuts_power && matches!(self.power, Power::Off | Power::Hung) {
             self.boot(now);
         }
-    }
-
-    /// The faults that are on.
-    pub fn faults(&self) -> &Faults {
-        &self.faults
     }
 }

@@ -1,4 +1,4 @@
-//! What can fail, by name, and how hard.
+//! The kinds of faults by name, and how their severity is drawn.
 
 use super::Fault;
 use rand::Rng;
@@ -6,10 +6,10 @@ use samd21::board::Ticks;
 use std::fmt;
 use std::str::FromStr;
 
-/// The kinds of faults, each with its name.
+/// The kinds of faults, each with its name and the parameters that are drawn for it.
 macro_rules! fault_kinds {
-    ($($kind:ident = $name:literal,)*) => {
-        /// A kind of fault; how hard it strikes is drawn for every run.
+    ($($kind:ident = $name:literal $({ $($parameter:ident),* })?,)*) => {
+        /// A kind of fault; its severity is drawn for every run.
         #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
         #[allow(missing_docs, reason = "each is the fault of the same name")]
         pub enum FaultKind {
@@ -26,6 +26,14 @@ macro_rules! fault_kinds {
                     $(Self::$kind => $name,)*
                 }
             }
+
+            fn with(self, drawn: &Drawn) -> Fault {
+                match self {
+                    $(Self::$kind => Fault::$kind $({
+                        $($parameter: drawn.$parameter),*
+                    })?,)*
+                }
+            }
         }
     };
 }
@@ -35,67 +43,52 @@ fault_kinds! {
     Hung = "hung",
     SdaStuck = "sda-stuck",
     SclStuck = "scl-stuck",
-    SdaHeld = "sda-held",
+    SdaHeld = "sda-held" { clocks },
     ConfigReset = "config-reset",
     PowerDip = "power-dip",
     AllOnes = "all-ones",
     AllZero = "all-zero",
-    CorruptWords = "corrupt-words",
-    BitFlips = "bit-flips",
-    BusErrors = "bus-errors",
-    ArbitrationLosses = "arbitration-losses",
+    CorruptWords = "corrupt-words" { probability },
+    BitFlips = "bit-flips" { probability },
+    BusErrors = "bus-errors" { probability },
+    ArbitrationLosses = "arbitration-losses" { probability },
     Frozen = "frozen",
-    LongStretch = "long-stretch",
-    Spikes = "spikes",
+    LongStretch = "long-stretch" { stretch, probability },
+    Spikes = "spikes" { probability },
     GyroDead = "gyro-dead",
     RevertedAxisMap = "reverted-axis-map",
     SwappedAxes = "swapped-axes",
     RevertedUnits = "reverted-units",
     FixedPattern = "fixed-pattern",
-    Naks = "naks",
-    TornWords = "torn-words",
+    Naks = "naks" { probability },
+    TornWords = "torn-words" { probability },
     ClockHang = "clock-hang",
 }
 
 impl FaultKind {
-    /// A fault of this kind. Those that strike words, bytes or bits do so with a share between one in
-    /// three thousand and one in three; a stretched byte takes 1 to 40 ms. Both are drawn evenly by
-    /// their logarithm.
+    /// Draws a fault of this kind. Kinds that strike words or bytes get a share between one in three
+    /// thousand and one in three; a stretched byte takes 1 to 40 ms. The logarithm of either is drawn
+    /// uniformly.
     pub fn draw(self, dice: &mut impl Rng) -> Fault {
-        let share = 1.0 / 3.0 * f64::exp(-dice.random_range(0.0..f64::ln(1000.0)));
-        let stretch = Ticks::from_secs_f64(1e-3 * f64::exp(dice.random_range(0.0..f64::ln(40.0))));
-        match self {
-            Self::Unplugged => Fault::Unplugged,
-            Self::Hung => Fault::Hung,
-            Self::SdaStuck => Fault::SdaStuck,
-            Self::SclStuck => Fault::SclStuck,
-            Self::SdaHeld => Fault::SdaHeld {
-                clocks: dice.random_range(1..=9),
+        let decay = dice.random_range(0.0..f64::ln(1000.0));
+        let stretch_ms = f64::exp(dice.random_range(0.0..f64::ln(40.0)));
+        self.with(&Drawn {
+            probability: 1.0 / 3.0 * f64::exp(-decay),
+            stretch: Ticks::from_secs_f64(1e-3 * stretch_ms),
+            // Drawn for its own kind only, so that it shifts no other kind's numbers.
+            clocks: match self {
+                Self::SdaHeld => dice.random_range(1..=9),
+                _ => 0,
             },
-            Self::ConfigReset => Fault::ConfigReset,
-            Self::PowerDip => Fault::PowerDip,
-            Self::AllOnes => Fault::AllOnes,
-            Self::AllZero => Fault::AllZero,
-            Self::CorruptWords => Fault::CorruptWords { probability: share },
-            Self::BitFlips => Fault::BitFlips { probability: share },
-            Self::BusErrors => Fault::BusErrors { probability: share },
-            Self::ArbitrationLosses => Fault::ArbitrationLosses { probability: share },
-            Self::Frozen => Fault::Frozen,
-            Self::LongStretch => Fault::LongStretch {
-                stretch,
-                probability: share,
-            },
-            Self::Spikes => Fault::Spikes { probability: share },
-            Self::GyroDead => Fault::GyroDead,
-            Self::RevertedAxisMap => Fault::RevertedAxisMap,
-            Self::SwappedAxes => Fault::SwappedAxes,
-            Self::RevertedUnits => Fault::RevertedUnits,
-            Self::FixedPattern => Fault::FixedPattern,
-            Self::Naks => Fault::Naks { probability: share },
-            Self::TornWords => Fault::TornWords { probability: share },
-            Self::ClockHang => Fault::ClockHang,
-        }
+        })
     }
+}
+
+/// Parameters of a fault; each kind takes those that it has.
+struct Drawn {
+    probability: f64,
+    stretch: Ticks,
+    clocks: u8,
 }
 
 impl fmt::Display for FaultKind {

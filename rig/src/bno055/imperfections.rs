@@ -1,4 +1,4 @@
-//! The imperfections of a sensor that has no fault: noise, offsets, scale errors, drift, iron.
+//! The imperfections of a healthy sensor: noise, offsets, scale errors, drift, iron.
 
 use super::signal::STANDARD_GRAVITY_M_S2;
 use samd21::board::Ticks;
@@ -6,14 +6,14 @@ use samd21::board::Ticks;
 /// A degree, rad.
 const RAD: f64 = std::f64::consts::PI / 180.0;
 
-/// The chip's temperature: it nears its end exponentially, like a body under a constant heat.
+/// The chip's temperature: it approaches its final value exponentially.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct WarmUp {
     /// At power-on, deg C.
     pub from_c: f64,
-    /// In the end, deg C.
+    /// Final, deg C.
     pub to_c: f64,
-    /// Time in which the distance to the end shrinks to 37 %, s; above 0.
+    /// Time in which the difference to the final value shrinks to 37 %, s; above 0.
     pub time_constant_s: f64,
 }
 

@@ -19,26 +19,26 @@
 //! | 3D OPR_MODE | any time; shows the new mode after 7 ms (from CONFIG) or 19 ms (to CONFIG); between two running modes it is ignored | DS-21; CircuitPython note |
 //! | 3F SYS_TRIGGER | reads 0; RST_SYS boots, SELF_TEST (in CONFIG) takes 400 ms, CLK_SEL in CONFIG | DS-70 |
 //! | 43-54 SIC matrix | stored, not applied | DS-51 |
-//! | 55-6A offsets, radii | writable in CONFIG; a group counts when its last byte is written; outside its range the group reads 0 and spoils the next fusion mode; offsets are subtracted in fusion modes only, where the chip overwrites them with what it has learned; the radii stay what was written | DS-31..34; forum reports |
+//! | 55-6A offsets, radii | writable in CONFIG; a group takes effect when its last byte is written; a group out of its range reads 0, and the next fusion mode does not start; offsets are subtracted in fusion modes only, where the chip overwrites them with what it has learned; the radii stay what was written | DS-31..34; forum reports |
 //! | page 1 08-0D | sensor settings, writable in CONFIG only; ranges that do not exist are ignored; fusion keeps only the accelerometer's range | DS-27 |
 //! | page 1 0F, 10 | stored, any mode; 11-1F in CONFIG | DS-22 |
 //! | page 1 50-5F | unique id out of the seed | |
 //!
 //! On the bus: address 0x28 or 0x29; no acknowledge for 400-650 ms after power-on and reset;
-//! every byte, the address included, is stretched by about 180 us; the register pointer counts on
-//! by itself and survives a STOP.
+//! every byte, the address included, is stretched by about 180 us; the register pointer increments
+//! by itself and is kept over a STOP.
 //!
 //! The gyroscope's bias and the accelerometer's offset drift with the chip's temperature, if
 //! [`ImuErrors`] says so.
 //!
-//! Left out: the chip's own fusion and calibration algorithms (the truth stands in for what they
-//! find), interrupts (no board wires INT, and it has been seen not to fire), low power mode (as
-//! normal), the soft-iron matrix, HID-I2C and UART, the START directly followed by a STOP that the
-//! chip does not recognise. Slow edges of the bus are not modelled as such: what they do to the data
-//! is [`Fault::BitFlips`].
+//! Left out: the chip's own fusion and calibration algorithms (their results are taken from the
+//! truth), interrupts (no board wires INT, and it has been seen not to fire), low power mode (it is
+//! treated as normal), the soft-iron matrix, HID-I2C and UART, and that the chip misses a START which
+//! a STOP follows directly. Slow edges on the bus are not modelled; what they do to the data is
+//! [`Fault::BitFlips`].
 //!
-//! Faults that can be switched on and off while it runs are the variants of [`Fault`]; what each
-//! does to registers or lines stands there.
+//! [`Fault`] lists the faults that can be switched on and off while it runs, and what each does to
+//! registers or lines.
 
 mod access;
 mod bus;
@@ -46,7 +46,8 @@ mod calibration;
 mod fault;
 mod fault_kind;
 mod imperfections;
-mod registers;
+mod refresh;
+pub(crate) mod registers;
 mod replay;
 mod sensors;
 mod signal;
@@ -64,17 +65,17 @@ pub(crate) use signal::STANDARD_GRAVITY_M_S2;
 pub use signal::Stimulus;
 
 use crate::random::{Stream, generator};
-use calibration::{Calibration, Learner};
+use calibration::Calibration;
 use rand::{Rng, RngCore};
 use rand_chacha::ChaCha8Rng;
 use recordings::Recording;
-use registers::{AXIS_MAP_RESET, UNIT_SEL_RESET, error, page0, page1, reset_pages};
+use refresh::Output;
+use registers::{AXIS_MAP_RESET, UNIT_SEL_RESET, error, page0, reset_pages};
 use replay::Playback;
 use samd21::board::Ticks;
-use signal::{Sample, Settings, SignalChain};
+use signal::SignalChain;
 use std::ops::RangeInclusive;
 use std::sync::Arc;
-use words::{FusionWords, Words, acc_per_m_s2, gyr_per_rad_s, mag_per_ut};
 
 /// What is fixed about one sensor and its place on the bus.
 #[derive(Clone, Debug)]
@@ -91,7 +92,7 @@ pub struct Config {
     pub stretch_us: RangeInclusive<u64>,
     /// Largest deviation of the chip's clock, relative; drawn uniformly.
     pub clock_error: f64,
-    /// A reset by command leaves the chip dead until its power is cut, as some units do.
+    /// A reset by command hangs the chip until its power is cut, as happens to some units.
     pub reset_hangs: bool,
 }
 
@@ -123,28 +124,28 @@ enum Power {
     On,
 }
 
-/// Where in a transfer the bus is.
+/// How far the transfer on the bus has come.
 #[derive(Clone, Copy, Debug, Default)]
 struct Transfer {
     selected: bool,
     expects_pointer: bool,
-    /// The most significant byte that belongs to the least significant one read last, and where.
+    /// Register and value of the high byte that was latched when its low byte was read.
     shadow: Option<(u8, u8)>,
 }
 
-/// A refresh of the data registers.
+/// The last refresh of the data registers.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Refresh {
-    /// When the registers took it.
+    /// When the registers were written.
     pub at: Ticks,
-    /// The newest sample of the recording in it, when one plays.
+    /// Index of the newest recorded sample that they show, while a recording plays.
     pub recorded: Option<usize>,
 }
 
 /// An emulated BNO055.
 ///
-/// `sense` is called with the physical truth in steps of at most 1 ms; `i2c` is its bus. Times must
-/// not go back. `Clone` copies the whole state, random generators included.
+/// Call [`Bno055::sense`] with the physical truth in steps of at most 1 ms; [`Bno055::i2c`] is its bus.
+/// Times must not go back. A clone has the whole state, random generators included.
 #[derive(Clone, Debug)]
 pub struct Bno055 {
     config: Config,
@@ -166,7 +167,7 @@ pub struct Bno055 {
     clock_busy_until: Ticks,
     pointer: u8,
     transfer: Transfer,
-    /// The line that another master holds low, until then.
+    /// Until when another master holds the data line low.
     foreign_until: Ticks,
     faults: Faults,
     /// The data registers as they were before the last refresh.
@@ -175,18 +176,10 @@ pub struct Bno055 {
     faultless: [i16; 9],
 }
 
-/// The registers that decide how a sample becomes words.
-#[derive(Clone, Copy, Debug)]
-struct Output {
-    units: u8,
-    map: u8,
-    sign: u8,
-}
-
 /// Length of the data registers.
 const DATA: usize = (page0::TEMP - page0::ACC_DATA) as usize;
 
-/// The groups of calibration registers: first byte in the block of 22, number of words.
+/// The groups of the calibration profile: first byte in its block of 22, number of words.
 const GROUPS: [(usize, usize); 5] = [(0, 3), (6, 3), (12, 3), (18, 1), (20, 1)];
 
 impl Bno055 {
@@ -237,31 +230,21 @@ impl Bno055 {
         self.signals.play(Playback::new(recording, start));
     }
 
-    /// The recording that plays has come to its end.
-    pub fn playback_finished(&self) -> bool {
-        self.signals.playback().is_some_and(Playback::finished)
-    }
-
-    /// What the data registers show now.
+    /// When the data registers were refreshed last, and from what.
     pub fn refreshed(&self) -> Refresh {
         self.refresh
     }
 
-    /// What the data registers would show now if the chip had no fault and were set up as its master
-    /// left it at the last change of mode: accelerometer, magnetometer, gyroscope. Zero until it has
-    /// sampled.
+    /// The words that the data registers would show now without a fault, with the units and axes that
+    /// were in force at the last change of mode: accelerometer, magnetometer, gyroscope. All zero
+    /// before the first sample.
     pub fn faultless_words(&self) -> [i16; 9] {
         self.faultless
     }
 
-    /// Its 7-bit address on the bus.
+    /// The chip's 7-bit address on the bus.
     pub fn address(&self) -> u8 {
         self.config.address
-    }
-
-    /// The mode in force.
-    pub fn mode(&self) -> Mode {
-        self.mode
     }
 
     /// The gyroscope's true bias now, rad/s along the package axes.
@@ -269,7 +252,7 @@ impl Bno055 {
         self.signals.gyro_bias_rad_s()
     }
 
-    /// Applies `truth` to the sensors from the last call until `now`.
+    /// Exposes the sensors to `truth` from the last call until `now`.
     pub fn sense(&mut self, now: Ticks, truth: &Stimulus) {
         self.run(now);
         let settings = self.settings();
@@ -298,7 +281,7 @@ impl Bno055 {
         self.signals.restart();
     }
 
-    /// Everything the chip does by itself up to `now`.
+    /// Does what the chip does by itself up to `now`: boot, change its mode, refresh.
     fn run(&mut self, now: Ticks) {
         if let Power::Booting { ready, .. } = self.power {
             if now < ready {
@@ -319,6 +302,7 @@ impl Bno055 {
         self.refresh_until(now);
     }
 
+    /// Completes a change of mode.
     fn enter(&mut self, mode: Mode, at: Ticks) {
         self.switching = None;
         self.mode = mode;
@@ -326,139 +310,14 @@ impl Bno055 {
         self.output = self.output();
         self.clear_data();
         self.signals.restart();
-        // A profile that was refused lets no fusion start; any other error is over.
-        let spoiled = mode.is_fusion() && self.refused.contains(&true);
-        let error = if spoiled { error::FUSION_CONFIG } else { 0 };
+        // Fusion does not start on a profile that was refused; a mode change clears any other error.
+        let refused = mode.is_fusion() && self.refused.contains(&true);
+        let error = if refused { error::FUSION_CONFIG } else { 0 };
         self.set(page0::SYS_ERR, error);
-        // The refresh goes on at its own phase, which the first one after a start-up sets.
+        // Refreshes keep the phase that they have had since start-up.
         let period = self.refresh_period();
         while self.next_refresh <= at {
             self.next_refresh += period;
-        }
-    }
-
-    fn refresh_period(&self) -> Ticks {
-        Ticks::from_secs_f64(self.refresh_period_s * 100.0 / self.mode.refresh_hz())
-    }
-
-    fn refresh_until(&mut self, now: Ticks) {
-        while self.next_refresh <= now {
-            let at = self.next_refresh;
-            self.next_refresh += self.refresh_period();
-            let settings = self.settings();
-            // The sensors convert on, whether or not the registers follow.
-            let sample = self.signals.refresh(at, &settings);
-            let suspended = self.get(page0::PWR_MODE) == 2;
-            let spoiled = self.get(page0::SYS_ERR) == error::FUSION_CONFIG;
-            let stopped = self.faults.has(Fault::Frozen) || self.faults.has(Fault::AllZero);
-            let Some(sample) = sample else { continue };
-            if self.mode == Mode::Config || suspended || spoiled {
-                continue;
-            }
-            if self.mode.is_fusion() {
-                self.calibrate(&sample);
-            }
-            self.faultless = self.words(&sample, &settings, self.output);
-            if !stopped {
-                self.show(at, &sample, &settings);
-            }
-        }
-    }
-
-    /// Gives a sample to the chip's own calibration; the offsets that it learns go into the profile.
-    fn calibrate(&mut self, sample: &Sample) {
-        let hard_iron = self.signals.hard_iron_ut();
-        let field = [0, 1, 2].map(|axis| sample.mag_ut[axis] - hard_iron[axis]);
-        let dt_s = self.refresh_period().as_secs_f64();
-        let units = self.get(page0::UNIT_SEL);
-        for learner in self.calibration.update(self.mode, sample, field, dt_s) {
-            let (offset, scale) = match learner {
-                Learner::Accelerometer => (self.signals.acc_offset_m_s2(), acc_per_m_s2(units)),
-                Learner::Magnetometer => (hard_iron, mag_per_ut()),
-                Learner::Gyroscope => (self.signals.gyro_bias_rad_s(), gyr_per_rad_s(units)),
-            };
-            let (first, _) = GROUPS[learner as usize];
-            let words = offset.map(|value| (value * scale).round() as i16);
-            self.set_words(page0::ACC_OFFSET + first as u8, &words);
-        }
-    }
-
-    /// The group of the profile is not zero.
-    fn is_set(&self, group: usize) -> bool {
-        let (first, words) = GROUPS[group];
-        (0..2 * words).any(|byte| self.get(page0::ACC_OFFSET + (first + byte) as u8) != 0)
-    }
-
-    fn settings(&self) -> Settings {
-        let page = &self.pages[1];
-        Settings::decode(
-            self.mode,
-            page[usize::from(page1::ACC_CONFIG)],
-            page[usize::from(page1::MAG_CONFIG)],
-            page[usize::from(page1::GYR_CONFIG_0)],
-        )
-    }
-
-    /// Writes a sample into the data registers.
-    fn show(&mut self, at: Ticks, sample: &Sample, settings: &Settings) {
-        self.refresh = Refresh {
-            at,
-            recorded: self.signals.playback().map(Playback::shown),
-        };
-        let data = usize::from(page0::ACC_DATA)..usize::from(page0::TEMP);
-        self.older.copy_from_slice(&self.pages[0][data]);
-        let output = self.output();
-        let mut words = self.words(sample, settings, output);
-        if self.faults.has(Fault::GyroDead) {
-            words[6..].fill(0);
-        }
-        self.set_words(page0::ACC_DATA, &words);
-        if self.mode.is_fusion() {
-            let fusion = FusionWords::of(sample, output.units);
-            self.set_words(page0::EUL_DATA, &fusion.euler);
-            self.set_words(page0::QUA_DATA, &fusion.quaternion);
-            self.set_words(page0::LIA_DATA, &output.remap(fusion.linear));
-            self.set_words(page0::GRV_DATA, &output.remap(fusion.gravity));
-        }
-        if self.faults.has(Fault::FixedPattern) {
-            self.set_words(page0::ACC_DATA, &[1962, 568, 0]);
-            self.set_words(page0::MAG_DATA, &[0, 5120, 3843]);
-            self.set_words(page0::GYR_DATA, &[0; 3]);
-        }
-    }
-
-    /// The nine words of a sample: accelerometer, magnetometer, gyroscope, zero where the mode leaves
-    /// the sensor off.
-    fn words(&self, sample: &Sample, settings: &Settings, output: Output) -> [i16; 9] {
-        let mut words = Words::of(sample, output.units, settings);
-        if self.mode.is_fusion() {
-            let offset = |group: usize| {
-                let first = page0::ACC_OFFSET + GROUPS[group].0 as u8;
-                [0, 2, 4].map(|i| self.word(first + i))
-            };
-            words.acc = subtract(words.acc, offset(0));
-            words.mag = subtract(words.mag, offset(1));
-            words.gyr = subtract(words.gyr, offset(2));
-        }
-        let mode = self.mode;
-        let mut out = [0; 9];
-        for (to, (on, from)) in out.chunks_exact_mut(3).zip([
-            (mode.has_acc(), words.acc),
-            (mode.has_mag(), words.mag),
-            (mode.has_gyr(), words.gyr),
-        ]) {
-            if on {
-                to.copy_from_slice(&output.remap(from));
-            }
-        }
-        out
-    }
-
-    fn output(&self) -> Output {
-        Output {
-            units: self.get(page0::UNIT_SEL),
-            map: self.get(page0::AXIS_MAP_CONFIG),
-            sign: self.get(page0::AXIS_MAP_SIGN),
         }
     }
 
@@ -484,22 +343,4 @@ impl Bno055 {
             self.set(at, byte);
         }
     }
-}
-
-impl Output {
-    /// Output axes out of package axes (data sheet 3.4).
-    fn remap(&self, v: [i16; 3]) -> [i16; 3] {
-        [0u8, 1, 2].map(|axis| {
-            let value = v[usize::from(self.map >> (2 * axis) & 3)];
-            if self.sign >> (2 - axis) & 1 == 1 {
-                value.saturating_neg()
-            } else {
-                value
-            }
-        })
-    }
-}
-
-fn subtract(a: [i16; 3], b: [i16; 3]) -> [i16; 3] {
-    [0, 1, 2].map(|i| a[i].saturating_sub(b[i]))
 }

@@ -1,149 +1,149 @@
 //! Addresses, reset values and codes of the BNO055's register map (data sheet rev. 1.4, 4.2-4.4).
 
 /// Register addresses of page 0.
-pub(super) mod page0 {
+pub(crate) mod page0 {
     /// Chip id, 0xA0.
-    pub(in crate::bno055) const CHIP_ID: u8 = 0x00;
+    pub(crate) const CHIP_ID: u8 = 0x00;
     /// Accelerometer id, 0xFB.
-    pub(in crate::bno055) const ACC_ID: u8 = 0x01;
+    pub(crate) const ACC_ID: u8 = 0x01;
     /// Magnetometer id, 0x32.
-    pub(in crate::bno055) const MAG_ID: u8 = 0x02;
+    pub(crate) const MAG_ID: u8 = 0x02;
     /// Gyroscope id, 0x0F.
-    pub(in crate::bno055) const GYR_ID: u8 = 0x03;
+    pub(crate) const GYR_ID: u8 = 0x03;
     /// Firmware revision, low byte first.
-    pub(in crate::bno055) const SW_REV_ID: u8 = 0x04;
+    pub(crate) const SW_REV_ID: u8 = 0x04;
     /// Bootloader revision.
-    pub(in crate::bno055) const BL_REV_ID: u8 = 0x06;
+    pub(crate) const BL_REV_ID: u8 = 0x06;
     /// Page select, on both pages.
-    pub(in crate::bno055) const PAGE_ID: u8 = 0x07;
+    pub(crate) const PAGE_ID: u8 = 0x07;
     /// First byte of the accelerometer's three words; all data words are little endian.
-    pub(in crate::bno055) const ACC_DATA: u8 = 0x08;
+    pub(crate) const ACC_DATA: u8 = 0x08;
     /// Magnetometer, three words.
-    pub(in crate::bno055) const MAG_DATA: u8 = 0x0E;
+    pub(crate) const MAG_DATA: u8 = 0x0E;
     /// Gyroscope, three words.
-    pub(in crate::bno055) const GYR_DATA: u8 = 0x14;
+    pub(crate) const GYR_DATA: u8 = 0x14;
     /// Heading, roll, pitch.
-    pub(in crate::bno055) const EUL_DATA: u8 = 0x1A;
+    pub(crate) const EUL_DATA: u8 = 0x1A;
     /// Quaternion w, x, y, z.
-    pub(in crate::bno055) const QUA_DATA: u8 = 0x20;
+    pub(crate) const QUA_DATA: u8 = 0x20;
     /// Linear acceleration, three words.
-    pub(in crate::bno055) const LIA_DATA: u8 = 0x28;
+    pub(crate) const LIA_DATA: u8 = 0x28;
     /// Gravity, three words.
-    pub(in crate::bno055) const GRV_DATA: u8 = 0x2E;
+    pub(crate) const GRV_DATA: u8 = 0x2E;
     /// Temperature, i8.
-    pub(in crate::bno055) const TEMP: u8 = 0x34;
+    pub(crate) const TEMP: u8 = 0x34;
     /// Calibration status: system, gyroscope, accelerometer, magnetometer, two bits each.
-    pub(in crate::bno055) const CALIB_STAT: u8 = 0x35;
+    pub(crate) const CALIB_STAT: u8 = 0x35;
     /// Self-test result.
-    pub(in crate::bno055) const ST_RESULT: u8 = 0x36;
+    pub(crate) const ST_RESULT: u8 = 0x36;
     /// Interrupt status.
-    pub(in crate::bno055) const INT_STA: u8 = 0x37;
+    pub(crate) const INT_STA: u8 = 0x37;
     /// Bit 0: the clock source must not be changed now.
-    pub(in crate::bno055) const SYS_CLK_STATUS: u8 = 0x38;
+    pub(crate) const SYS_CLK_STATUS: u8 = 0x38;
     /// System status code.
-    pub(in crate::bno055) const SYS_STATUS: u8 = 0x39;
+    pub(crate) const SYS_STATUS: u8 = 0x39;
     /// System error code.
-    pub(in crate::bno055) const SYS_ERR: u8 = 0x3A;
+    pub(crate) const SYS_ERR: u8 = 0x3A;
     /// Units of the outputs.
-    pub(in crate::bno055) const UNIT_SEL: u8 = 0x3B;
+    pub(crate) const UNIT_SEL: u8 = 0x3B;
     /// Operating mode.
-    pub(in crate::bno055) const OPR_MODE: u8 = 0x3D;
+    pub(crate) const OPR_MODE: u8 = 0x3D;
     /// Power mode.
-    pub(in crate::bno055) const PWR_MODE: u8 = 0x3E;
+    pub(crate) const PWR_MODE: u8 = 0x3E;
     /// Self-test, resets, clock source.
-    pub(in crate::bno055) const SYS_TRIGGER: u8 = 0x3F;
+    pub(crate) const SYS_TRIGGER: u8 = 0x3F;
     /// Source of the temperature.
-    pub(in crate::bno055) const TEMP_SOURCE: u8 = 0x40;
+    pub(crate) const TEMP_SOURCE: u8 = 0x40;
     /// Which sensor axis each output axis shows.
-    pub(in crate::bno055) const AXIS_MAP_CONFIG: u8 = 0x41;
+    pub(crate) const AXIS_MAP_CONFIG: u8 = 0x41;
     /// Sign of each output axis.
-    pub(in crate::bno055) const AXIS_MAP_SIGN: u8 = 0x42;
+    pub(crate) const AXIS_MAP_SIGN: u8 = 0x42;
     /// Soft-iron matrix, nine words.
-    pub(in crate::bno055) const SIC_MATRIX: u8 = 0x43;
+    pub(crate) const SIC_MATRIX: u8 = 0x43;
     /// First byte of the 22 bytes of offsets and radii.
-    pub(in crate::bno055) const ACC_OFFSET: u8 = 0x55;
+    pub(crate) const ACC_OFFSET: u8 = 0x55;
     /// Last register of the page.
-    pub(in crate::bno055) const MAG_RADIUS_MSB: u8 = 0x6A;
+    pub(crate) const MAG_RADIUS_MSB: u8 = 0x6A;
 }
 
 /// Register addresses of page 1.
-pub(super) mod page1 {
+pub(crate) mod page1 {
     /// Accelerometer range, bandwidth, power.
-    pub(in crate::bno055) const ACC_CONFIG: u8 = 0x08;
+    pub(crate) const ACC_CONFIG: u8 = 0x08;
     /// Magnetometer rate, operation, power.
-    pub(in crate::bno055) const MAG_CONFIG: u8 = 0x09;
+    pub(crate) const MAG_CONFIG: u8 = 0x09;
     /// Gyroscope range and bandwidth.
-    pub(in crate::bno055) const GYR_CONFIG_0: u8 = 0x0A;
+    pub(crate) const GYR_CONFIG_0: u8 = 0x0A;
     /// Gyroscope power.
-    pub(in crate::bno055) const GYR_CONFIG_1: u8 = 0x0B;
+    pub(crate) const GYR_CONFIG_1: u8 = 0x0B;
     /// Accelerometer sleep.
-    pub(in crate::bno055) const ACC_SLEEP_CONFIG: u8 = 0x0C;
+    pub(crate) const ACC_SLEEP_CONFIG: u8 = 0x0C;
     /// Gyroscope sleep.
-    pub(in crate::bno055) const GYR_SLEEP_CONFIG: u8 = 0x0D;
+    pub(crate) const GYR_SLEEP_CONFIG: u8 = 0x0D;
     /// Interrupt mask.
-    pub(in crate::bno055) const INT_MSK: u8 = 0x0F;
+    pub(crate) const INT_MSK: u8 = 0x0F;
     /// Interrupt enable.
-    pub(in crate::bno055) const INT_EN: u8 = 0x10;
+    pub(crate) const INT_EN: u8 = 0x10;
     /// Last of the interrupt settings.
-    pub(in crate::bno055) const GYR_AM_SET: u8 = 0x1F;
+    pub(crate) const GYR_AM_SET: u8 = 0x1F;
     /// First of the 16 bytes of the unique id.
-    pub(in crate::bno055) const UNIQUE_ID: u8 = 0x50;
+    pub(crate) const UNIQUE_ID: u8 = 0x50;
 }
 
 /// Values of SYS_STATUS.
-pub(super) mod status {
+pub(crate) mod status {
     /// Idle, in CONFIG.
-    pub(in crate::bno055) const IDLE: u8 = 0;
+    pub(crate) const IDLE: u8 = 0;
     /// Error, see SYS_ERR.
-    pub(in crate::bno055) const ERROR: u8 = 1;
+    pub(crate) const ERROR: u8 = 1;
     /// Bringing up peripherals.
-    pub(in crate::bno055) const INIT_PERIPHERALS: u8 = 2;
+    pub(crate) const INIT_PERIPHERALS: u8 = 2;
     /// Bringing up the system.
-    pub(in crate::bno055) const INIT_SYSTEM: u8 = 3;
+    pub(crate) const INIT_SYSTEM: u8 = 3;
     /// Self-test running.
-    pub(in crate::bno055) const SELF_TEST: u8 = 4;
+    pub(crate) const SELF_TEST: u8 = 4;
     /// Running with fusion.
-    pub(in crate::bno055) const FUSION: u8 = 5;
+    pub(crate) const FUSION: u8 = 5;
     /// Running without fusion.
-    pub(in crate::bno055) const NO_FUSION: u8 = 6;
+    pub(crate) const NO_FUSION: u8 = 6;
 }
 
 /// Values of SYS_ERR.
-pub(super) mod error {
+pub(crate) mod error {
     /// Peripheral initialisation error.
-    pub(in crate::bno055) const PERIPHERAL_INIT: u8 = 1;
+    pub(crate) const PERIPHERAL_INIT: u8 = 1;
     /// System initialisation error.
-    pub(in crate::bno055) const SYSTEM_INIT: u8 = 2;
+    pub(crate) const SYSTEM_INIT: u8 = 2;
     /// Fusion configuration error.
-    pub(in crate::bno055) const FUSION_CONFIG: u8 = 9;
+    pub(crate) const FUSION_CONFIG: u8 = 9;
 }
 
 /// Bits of UNIT_SEL.
-pub(super) mod unit {
+pub(crate) mod unit {
     /// Acceleration in mg instead of m/s^2.
-    pub(in crate::bno055) const ACC_MG: u8 = 0x01;
+    pub(crate) const ACC_MG: u8 = 0x01;
     /// Rate in rad/s instead of deg/s.
-    pub(in crate::bno055) const GYR_RPS: u8 = 0x02;
+    pub(crate) const GYR_RPS: u8 = 0x02;
     /// Euler angles in rad instead of degrees.
-    pub(in crate::bno055) const EUL_RAD: u8 = 0x04;
+    pub(crate) const EUL_RAD: u8 = 0x04;
     /// Temperature in Fahrenheit.
-    pub(in crate::bno055) const TEMP_F: u8 = 0x10;
+    pub(crate) const TEMP_F: u8 = 0x10;
     /// Android's sign of pitch.
-    pub(in crate::bno055) const ANDROID: u8 = 0x80;
+    pub(crate) const ANDROID: u8 = 0x80;
     /// The bits that exist.
-    pub(in crate::bno055) const MASK: u8 = ACC_MG | GYR_RPS | EUL_RAD | TEMP_F | ANDROID;
+    pub(crate) const MASK: u8 = ACC_MG | GYR_RPS | EUL_RAD | TEMP_F | ANDROID;
 }
 
 /// Bits of SYS_TRIGGER.
-pub(super) mod trigger {
+pub(crate) mod trigger {
     /// Start the self-test.
-    pub(in crate::bno055) const SELF_TEST: u8 = 0x01;
+    pub(crate) const SELF_TEST: u8 = 0x01;
     /// Reset the chip.
-    pub(in crate::bno055) const RST_SYS: u8 = 0x20;
+    pub(crate) const RST_SYS: u8 = 0x20;
     /// Reset the interrupt status.
-    pub(in crate::bno055) const RST_INT: u8 = 0x40;
+    pub(crate) const RST_INT: u8 = 0x40;
     /// Take the external crystal.
-    pub(in crate::bno055) const CLK_SEL: u8 = 0x80;
+    pub(crate) const CLK_SEL: u8 = 0x80;
 }
 
 /// Axis map after reset: X, Y, Z.

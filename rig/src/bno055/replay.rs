@@ -1,4 +1,5 @@
-//! A recording in place of the sensors: each refresh shows the average since the one before.
+//! A recording in place of the sensors: each refresh shows the mean of the recorded samples since the
+//! refresh before.
 
 use super::signal::Sample;
 use recordings::{RecordedSample, Recording};
@@ -9,7 +10,7 @@ use std::sync::Arc;
 /// integrates over one refresh, also after a pause.
 const LONGEST: f64 = 0.0125;
 
-/// A recording that plays since a certain time.
+/// A recording and how far it has been played.
 #[derive(Clone, Debug)]
 pub(super) struct Playback {
     recording: Arc<Recording>,
@@ -37,12 +38,7 @@ impl Playback {
         self.next.saturating_sub(1)
     }
 
-    /// The last sample has been shown.
-    pub(super) fn finished(&self) -> bool {
-        self.next == self.recording.samples().len()
-    }
-
-    /// Averages everything recorded since the last refresh; after the end the last sample stays.
+    /// The mean of the samples since the last refresh; after the end the last sample stays.
     pub(super) fn refresh(&mut self, at: Ticks, mag_due: bool) -> Sample {
         let samples = self.recording.samples();
         let position = at.saturating_sub(self.start).as_secs_f64() * self.recording.rate_hz();
@@ -120,7 +116,7 @@ mod tests {
     fn the_end_holds() {
         let mut playback = Playback::new(ramp(), Ticks::ZERO);
         let end = playback.refresh(Ticks::from_ms(1000), true);
-        assert!(playback.finished());
+        assert_eq!(playback.shown(), 39);
         assert_eq!(end.gyr_rad_s[0], 37.0);
         let after = playback.refresh(Ticks::from_ms(1010), true);
         assert_eq!(after.gyr_rad_s[0], 39.0);

@@ -1,5 +1,4 @@
-//! The chip's three sensors without its bus: what its registers would show, for whoever wants the
-//! signals and not the chip.
+//! The chip's three sensors without its registers and bus, for users who need the samples only.
 
 use super::imperfections::ImuErrors;
 use super::registers::Mode;
@@ -8,8 +7,8 @@ use super::words::Words;
 use crate::random::{Stream, generator};
 use samd21::board::Ticks;
 
-/// ACC_CONFIG, MAG_CONFIG, GYR_CONFIG_0 as after a reset, with the 20 Hz of the magnetometer that the
-/// fusion modes have: 4 g at 62.5 Hz, 2000 deg/s at 32 Hz.
+/// ACC_CONFIG, MAG_CONFIG, GYR_CONFIG_0: 4 g at 62.5 Hz and 2000 deg/s at 32 Hz, as after a reset, and
+/// 20 Hz of the magnetometer, as in the fusion modes.
 const CONFIGURATION: [u8; 3] = [0x0D, 0x0D, 0x38];
 
 /// UNIT_SEL for m/s^2 and deg/s.
@@ -34,7 +33,7 @@ pub struct Reading {
 }
 
 impl Sensors {
-    /// The sensors of one chip; `seed` makes the chip and its noise.
+    /// The sensors of one chip; the chip's offsets and its noise are drawn from `seed`.
     pub fn new(errors: ImuErrors, seed: u64) -> Self {
         let [acc, mag, gyr] = CONFIGURATION;
         Self {
@@ -47,12 +46,12 @@ impl Sensors {
         }
     }
 
-    /// Tells what has been true since the last call, in steps of at most 1 ms.
+    /// Exposes the sensors to `truth` since the last call, in steps of at most 1 ms.
     pub fn sense(&mut self, now: Ticks, truth: &Stimulus) {
         self.signals.sense(now, truth, &self.settings);
     }
 
-    /// What the registers show from now on; `None` before anything was sensed.
+    /// Refreshes: the counts from now on; `None` before anything was sensed.
     pub fn refresh(&mut self, now: Ticks) -> Option<Reading> {
         let fresh = self.signals.mag_is_due(now);
         let sample = self.signals.refresh(now, &self.settings)?;

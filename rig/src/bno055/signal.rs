@@ -1,4 +1,4 @@
-//! The sensors' signal path from the physical quantities to a sample: errors, noise, range,
+//! The signal path of the sensors from physical quantities to a sample: errors, noise, range,
 //! bandwidth.
 
 use super::imperfections::ImuErrors;
@@ -9,16 +9,16 @@ use rand_chacha::ChaCha8Rng;
 use rand_distr::StandardNormal;
 use samd21::board::Ticks;
 
-/// Standard gravity, m/s^2: what the chip means by 1 g.
+/// Standard gravity, m/s^2: the chip's 1 g.
 pub(crate) const STANDARD_GRAVITY_M_S2: f64 = 9.80665;
-/// Temperature at which the offsets are those of [`ImuErrors`], deg C (data sheet table 0-2).
+/// Temperature at which [`ImuErrors`] gives the offsets, deg C (data sheet table 0-2).
 const REFERENCE_C: f64 = 25.0;
 /// Correlation time of the gyroscope's bias instability, s (estimate).
 const BIAS_CORRELATION_S: f64 = 100.0;
-/// What the magnetometer can show in x, y and z, uT (data sheet table 0-2).
+/// Range of the magnetometer in x, y and z, uT (data sheet table 0-2).
 const MAG_RANGE_UT: [f64; 3] = [1300.0, 1300.0, 2500.0];
 
-/// What happens to the sensor, along the axes printed on its package.
+/// The physical quantities at the sensor, along the axes printed on its package.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Stimulus {
     /// Specific force, m/s^2: at rest 9.81 along the axis that points up.
@@ -27,8 +27,8 @@ pub struct Stimulus {
     pub rate_rad_s: [f64; 3],
     /// Magnetic field, uT.
     pub field_ut: [f64; 3],
-    /// Attitude `[w, x, y, z]`, sensor to east-north-up with magnetic north; the fusion modes show
-    /// it.
+    /// Attitude `[w, x, y, z]`, sensor to east-north-up with magnetic north; only the fusion modes
+    /// show it.
     pub attitude: [f64; 4],
 }
 
@@ -42,7 +42,7 @@ impl Stimulus {
     };
 }
 
-/// Ranges and bandwidths in force, decoded from page 1 or chosen by the fusion.
+/// Ranges and bandwidths in force, decoded from page 1 or chosen by the chip's fusion.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Settings {
     pub(super) acc_range_g: f64,
@@ -53,8 +53,8 @@ pub(super) struct Settings {
 }
 
 impl Settings {
-    /// What the configuration registers say; the fusion modes take the accelerometer's range from
-    /// them and choose the rest themselves (20 Hz magnetometer, data sheet table 3-14).
+    /// Decodes the three configuration registers. The fusion modes take the accelerometer's range
+    /// from them and choose the rest themselves (20 Hz magnetometer, data sheet table 3-14).
     pub(super) fn decode(mode: Mode, acc: u8, mag: u8, gyr: u8) -> Self {
         const ACC_BANDWIDTH_HZ: [f64; 8] = [7.81, 15.63, 31.25, 62.5, 125.0, 250.0, 500.0, 1000.0];
         const GYR_RANGE_DPS: [f64; 8] =
@@ -159,13 +159,13 @@ impl SignalChain {
         self.playback.as_ref()
     }
 
-    /// Forgets the filters, as a mode change does; the bias stays.
+    /// Forgets the filters' state, as a change of mode does; the bias stays.
     pub(super) fn restart(&mut self) {
         self.filtered = None;
         self.mag_latched = None;
     }
 
-    /// Feeds the converters with what has been true since the last call.
+    /// Feeds the converters with the truth since the last call.
     pub(super) fn sense(&mut self, now: Ticks, truth: &Stimulus, settings: &Settings) {
         let dt = now.saturating_sub(self.last_sense).as_secs_f64();
         self.last_sense = now;
@@ -214,13 +214,13 @@ impl SignalChain {
         filtered.attitude = input.attitude;
     }
 
-    /// Whether a refresh then collects a new conversion of the magnetometer; its clock is the chip's,
-    /// its phase is its own.
+    /// True if a refresh at this time collects a new conversion of the magnetometer, which has the
+    /// chip's clock and a phase of its own.
     pub(super) fn mag_is_due(&self, at: Ticks) -> bool {
         at.as_secs_f64() >= self.next_mag || self.mag_latched.is_none()
     }
 
-    /// What the chip's processor collects at a refresh; `None` before anything was sensed.
+    /// The sample that the chip's processor collects at a refresh; `None` before anything was sensed.
     pub(super) fn refresh(&mut self, at: Ticks, settings: &Settings) -> Option<Sample> {
         let seconds = at.as_secs_f64();
         let mag_due = self.mag_is_due(at);
@@ -249,7 +249,7 @@ impl SignalChain {
         Some(sample)
     }
 
-    /// First-order Gauss-Markov wandering of the gyroscope's bias.
+    /// Lets the gyroscope's bias wander: a first-order Gauss-Markov process.
     fn wander(&mut self, dt: f64) {
         let sigma = self.errors.gyro_instability_rad_s;
         if sigma == 0.0 {
@@ -262,7 +262,7 @@ impl SignalChain {
             .map(|old| keep * old + kick * self.normal(sigma));
     }
 
-    /// A standard normal number, none drawn where its factor is zero.
+    /// A standard normal number; zero, and none drawn, where the factor it is for is zero.
     fn normal(&mut self, factor: f64) -> f64 {
         if factor == 0.0 {
             0.0

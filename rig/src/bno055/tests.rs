@@ -3,7 +3,7 @@
 mod calibration;
 mod faults;
 
-use super::registers::{status, trigger, unit};
+use super::registers::{page1, status, trigger, unit};
 use super::*;
 use samd21::board::{I2cEvent, I2cReply};
 
@@ -283,7 +283,7 @@ fn profile_groups_count_with_their_last_byte() {
     assert_eq!(bus.read::<6>(page0::ACC_OFFSET), [0; 6]);
     bus.write(page0::ACC_OFFSET + 5, &[0]);
     assert_eq!(bus.read::<6>(page0::ACC_OFFSET), [10, 0, 20, 0, 30, 0]);
-    // A magnetometer offset out of range is dropped and spoils fusion.
+    // A magnetometer offset out of range is dropped, and fusion does not start.
     bus.write(0x5B, &[1, 0, 2, 0, 0x8C, 0x21]);
     assert_eq!(bus.read::<6>(0x5B), [0; 6]);
     bus.write(page0::OPR_MODE, &[Mode::Ndof as u8]);

@@ -3,7 +3,7 @@
 use super::registers::unit;
 use super::signal::{STANDARD_GRAVITY_M_S2, Sample, Settings};
 
-/// The nearest word, saturated.
+/// The word nearest to `value`, saturated.
 fn word(value: f64) -> i16 {
     value.round() as i16
 }
@@ -48,14 +48,19 @@ pub(super) fn mag_per_ut() -> f64 {
 
 /// Counts of rate for 1 rad/s.
 pub(super) fn gyr_per_rad_s(units: u8) -> f64 {
-    if units & unit::GYR_RPS == 0 {
-        16.0 * 180.0 / core::f64::consts::PI
-    } else {
+    per_rad(units & unit::GYR_RPS != 0)
+}
+
+/// Counts for 1 rad or 1 rad/s, with the output in radians or in degrees.
+fn per_rad(in_radians: bool) -> f64 {
+    if in_radians {
         900.0
+    } else {
+        16.0 * 180.0 / core::f64::consts::PI
     }
 }
 
-/// What the fusion modes show besides: Euler angles, quaternion, linear acceleration, gravity.
+/// The further outputs of the fusion modes: Euler angles, quaternion, linear acceleration, gravity.
 ///
 /// The chip's fusion itself is not modelled: the attitude is the true one.
 pub(super) struct FusionWords {
@@ -83,11 +88,7 @@ impl FusionWords {
         } else {
             -pitch
         };
-        let angle = if units & unit::EUL_RAD == 0 {
-            16.0 * 180.0 / core::f64::consts::PI
-        } else {
-            900.0
-        };
+        let angle = per_rad(units & unit::EUL_RAD != 0);
         let lsb = acc_per_m_s2(units);
         Self {
             euler: [heading, roll, pitch].map(|a| word(a * angle)),

@@ -90,7 +90,7 @@ pub struct Gains {
     pub kd: f32,
 }
 
-/// What is flown, and on which rig.
+/// The configuration of a flight: rig, servo and parameters.
 #[derive(Clone, Debug)]
 pub struct Setup {
     /// The rig, with the servo's physics on its bench.
@@ -131,7 +131,7 @@ impl Setup {
     }
 }
 
-/// Why there is no flight.
+/// Why a flight failed.
 #[derive(Debug, Error)]
 pub enum FlightError {
     /// The rig stopped.
@@ -161,7 +161,7 @@ pub enum Stage {
 pub struct Progress {
     /// The stage.
     pub stage: Stage,
-    /// Since the stage began, s.
+    /// Time since the stage began, s.
     pub time_s: f64,
     /// True pitch, rad.
     pub pitch_rad: f64,
@@ -181,7 +181,7 @@ pub struct Ready {
     seed: u64,
 }
 
-/// Messages that should have come with every control step or sample, and did not: their numbers.
+/// Numbers of the messages that should have come with every control step or sample and did not.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Missing {
     /// Control steps without their attitude.
@@ -221,7 +221,7 @@ pub struct FlightRecord {
     pub final_state: Option<StateKind>,
     /// Time simulated for this flight, tilting included, s.
     pub simulated_s: f64,
-    /// Of this, the core was awake, s.
+    /// Part of this for which the core was awake, s.
     pub busy_s: f64,
 }
 
@@ -280,13 +280,13 @@ impl Ready {
         let begun = Mark::of(&fork.rig);
         fork.tilt(start_rad, progress)?;
         fork.station.arm(&mut fork.rig)?;
-        // Whoever releases the drone does so at any phase of the servo frame.
+        // A person releases the drone at a random phase of the servo frame.
         let mut dice = generator(self.seed ^ start_rad.to_bits(), Stream::Release);
         let hesitation = Ticks::from_us(dice.random_range(0..20_000));
         fork.station.run(&mut fork.rig, hesitation)?;
         fork.station.release(&mut fork.rig, rate_rad_s)?;
         let released = fork.rig.now();
-        fork.station.begin_page();
+        fork.station.begin_measurement();
         let mark = Mark::of(&fork.rig);
         let length = Ticks::from_secs_f64(seconds);
         fork.watch_until(Stage::Flight, released, released + length, progress)?;
@@ -354,11 +354,8 @@ impl Ready {
         // Messages of the last steps are still on their way.
         self.station.run(&mut self.rig, Ticks::from_ms(50))?;
         let truth = self.rig.truth();
-        let motion = truth.motion_since(window.start).to_vec();
-        let motion: Vec<Motion> = motion
-            .into_iter()
-            .filter(|m| m.time <= window.end)
-            .collect();
+        let mut motion = truth.motion_since(window.start).to_vec();
+        motion.retain(|m| m.time <= window.end);
         let released = std::iter::once((0.0, start_rad));
         let after = motion
             .iter()

@@ -1,7 +1,6 @@
-//! The person at the rig: opens the clamp when the firmware reports that it is in control, and takes
-//! the drone back to its start when the firmware reports that it is not any longer. The pilot also
-//! reads what the program at the port sends, and does with sensor and drone what a calibration asks
-//! for.
+//! The person at the rig, who opens the clamp when the firmware reports that it is in control and
+//! takes the drone back to its start when that ends. The pilot also reads what the program at the port
+//! sends, and moves sensor and drone as a calibration asks for.
 
 use crate::bench::sensor_motion::{SensorMotion, resting};
 use crate::rig::Rig;
@@ -68,7 +67,7 @@ impl Pilot {
         self
     }
 
-    /// Takes in what the program at the port has sent, and follows its instructions.
+    /// Reads what the program at the port has sent, and follows its prompts.
     pub fn on_station_bytes(&mut self, rig: &mut Rig, sent: &[u8]) {
         for message in self.station.receive(sent) {
             if let Some(prompt) = request::text_of(&message).and_then(Prompt::from_text) {
@@ -109,7 +108,7 @@ impl Pilot {
         }
     }
 
-    /// Takes in what the image has sent and acts on its state; the lines to show to a person.
+    /// Reads what the image has sent and acts on its state; returns the lines to show to a person.
     pub fn on_image_bytes(&mut self, rig: &mut Rig, sent: &[u8]) -> Vec<String> {
         let mut lines = Vec::new();
         for message in self.link.receive(sent) {
@@ -153,7 +152,7 @@ impl Pilot {
     }
 }
 
-/// What the rudder does about the tilt, as a person beside the drone sees it.
+/// How the rudder answers the tilt, as a person beside the drone sees it.
 fn describe(drone: &Drone) -> String {
     let nose = |up: bool| if up { "up" } else { "down" };
     let (pitch, rudder) = (drone.pitch_rad(), drone.rudder_rad());

@@ -1,9 +1,8 @@
 //! A pseudo-terminal in the place of the USB cable: programs open its path as they open a Nano's
 //! port.
 //!
-//! Only the program that opens the path holds the other side, so that its opening and closing show,
-//! as DTR shows them on a real port. The rate that the program asks for shows, too (the 1200-baud
-//! touch).
+//! Only the program that opens the path holds the other side, so that its opening and closing can be
+//! seen, as by DTR on a real port; so can the rate that it asks for (the 1200-baud touch).
 
 use std::io;
 use std::os::fd::{AsFd, OwnedFd};
@@ -30,14 +29,14 @@ impl Pty {
     /// Creates a pseudo-terminal in raw mode.
     ///
     /// # Errors
-    /// The system refuses one.
+    /// The system's error.
     pub fn open() -> io::Result<Self> {
         let master = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY)?;
         grantpt(&master)?;
         unlockpt(&master)?;
         rustix::io::ioctl_fionbio(&master, true)?;
         let name = ptsname(&master, Vec::new())?;
-        // Opened and closed once: from now on it shows whether a program has it open. The mode stays.
+        // Once it has been opened and closed, HUP tells whether a program has it open. The mode stays.
         let other = open(
             name.as_c_str(),
             OFlags::RDWR | OFlags::NOCTTY,
@@ -55,7 +54,7 @@ impl Pty {
         &self.path
     }
 
-    /// Whether a program has it open.
+    /// True while a program has it open.
     pub fn is_open(&self) -> bool {
         let mut asked = [PollFd::new(&self.master, PollFlags::IN)];
         let at_once = Timespec::default();

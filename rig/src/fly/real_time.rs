@@ -1,7 +1,7 @@
 //! The rig in real time, its USB port behind a pseudo-terminal.
 //!
-//! The emulated laptop takes from the image what the program at the pseudo-terminal reads, and no
-//! more: a program that stops reading stops the laptop, and the image's packets wait, as on a real
+//! The emulated laptop takes from the image only what the program at the pseudo-terminal reads: a
+//! program that stops reading stops the laptop, and the image's packets wait, as on a real
 //! cable. A program that opens the pseudo-terminal sets DTR, one that closes it clears DTR, and the
 //! rate that it asks for is the port's.
 
@@ -22,8 +22,8 @@ const SLICE: Ticks = Ticks::from_ms(1);
 const MOST_LAG: Duration = Duration::from_millis(200);
 /// Bytes waiting on the laptop's side at which it stops reading, like a serial driver's buffer.
 const BUFFER: usize = 4096;
-/// The ground truth is measured and cleared once in this time.
-const PAGE: Ticks = Ticks::from_ms(2000);
+/// Timing is measured over windows of this length; the ground truth is cleared after each.
+const WINDOW: Ticks = Ticks::from_ms(2000);
 /// How long the bootloader may wait for a programmer; there is none here.
 const BOOTLOADER: Ticks = Ticks::from_ms(2000);
 
@@ -59,18 +59,19 @@ pub struct RealTime {
     open: bool,
     baud: Option<u32>,
     outgoing: Vec<u8>,
-    page: Ticks,
+    /// When the window that is measured next began.
+    window_start: Ticks,
     bootloader: Option<Ticks>,
     speed: f64,
     summary: Summary,
 }
 
 impl RealTime {
-    /// With no program at the port yet.
+    /// A rig whose port no program has opened yet.
     pub fn new(mut rig: Rig, pilot: Pilot, pty: Pty) -> Self {
         rig.usb_host_mut().set_dtr(false);
         Self {
-            page: rig.now(),
+            window_start: rig.now(),
             rig,
             pilot,
             pty,
@@ -114,7 +115,7 @@ impl RealTime {
                 None => {}
             }
         }
-        self.measure_page();
+        self.measure_window();
         self.summary.seconds = self.rig.now().as_secs_f64();
         Ok(self.summary)
     }
@@ -140,8 +141,8 @@ impl RealTime {
         let full = self.outgoing.len() >= BUFFER;
         self.rig.usb_host_mut().pause_reading(full);
         self.leave_bootloader(report);
-        if self.rig.now() - self.page >= PAGE {
-            self.measure_page();
+        if self.rig.now() - self.window_start >= WINDOW {
+            self.measure_window();
         }
         Ok(())
     }
@@ -180,14 +181,14 @@ impl RealTime {
         }
     }
 
-    fn measure_page(&mut self) {
-        let timing = LoopTiming::over(self.rig.truth(), self.page..self.rig.now());
+    fn measure_window(&mut self) {
+        let timing = LoopTiming::over(self.rig.truth(), self.window_start..self.rig.now());
         self.summary.steps += timing.steps;
         // Until the sensor has started, bursts come irregularly.
         if self.pilot.state().is_some() {
             self.summary.jitter_us_max = self.summary.jitter_us_max.max(timing.jitter_us_max);
         }
-        self.page = self.rig.now();
+        self.window_start = self.rig.now();
         self.rig.environment_mut().truth_mut().clear();
     }
 }

@@ -1,4 +1,4 @@
-//! A recording through the whole image: the emulated BNO055 shows it, the image estimates attitude
+//! A recording through the whole image: the emulated BNO055 plays it, the image estimates the attitude
 //! from it, and what arrives over USB is scored and compared with the host's library.
 
 use crate::fly::flight::{FlightError, Mark};
@@ -39,7 +39,7 @@ pub struct ReplayRecord {
     pub link: LinkCounts,
     /// What came over USB.
     pub received: Received,
-    /// Attitudes that belong to no burst on the bus: none, unless messages were lost.
+    /// Number of attitudes that belong to no burst on the bus; 0 unless messages were lost.
     pub unmatched: usize,
     /// Share of the time for which the core was awake.
     pub cpu_load: f64,
@@ -47,7 +47,7 @@ pub struct ReplayRecord {
     pub stack_high_water: u32,
     /// Time simulated, s.
     pub simulated_s: f64,
-    /// Of this, the core was awake, s.
+    /// Part of this for which the core was awake, s.
     pub busy_s: f64,
 }
 
@@ -97,8 +97,8 @@ pub fn replay(
     })
 }
 
-/// When the image came to standby, from which on its timing counts: before, the sensor starts up.
-/// Power-on if it never did.
+/// When the image reached standby, or power-on if it never did. Its timing is measured from then on:
+/// before, the sensor starts up.
 fn standby(received: &Received) -> Ticks {
     let mut heartbeats = received.heartbeats.iter();
     heartbeats
@@ -106,8 +106,8 @@ fn standby(received: &Received) -> Ticks {
         .map_or(Ticks::ZERO, |heartbeat| heartbeat.at)
 }
 
-/// Every raw sample that came over USB with the attitude of the same step. That is the last attitude
-/// of its millisecond, for a step without a sample may have ended just before the burst began.
+/// Every raw sample that came over USB, with the attitude of the same step: the last attitude of its
+/// millisecond, because a step without a sample may have ended just before the burst began.
 pub fn pair(received: &Received) -> Vec<(RawImu, Attitude)> {
     let mut attitudes = received.attitudes.iter().peekable();
     received
@@ -122,7 +122,8 @@ pub fn pair(received: &Received) -> Vec<(RawImu, Attitude)> {
         .collect()
 }
 
-/// Scores attitudes against the reference of the very sample that their burst read.
+/// Scores attitudes against the reference of the sample that their burst read; also returns the number
+/// of those that belong to no burst.
 fn score(rig: &Rig, recording: &Recording, pairs: &[(RawImu, Attitude)]) -> (Option<Score>, usize) {
     let mut bursts = rig.truth().bursts.iter();
     let mut scorer = Scorer::default();

@@ -1,5 +1,5 @@
-//! Builds what runs on the chip: the firmware out of the workspace that this crate belongs to, and
-//! other images in the same way.
+//! Builds what runs on the chip: the firmware of the workspace that this crate belongs to, and other
+//! images in the same way.
 
 use super::{Image, ImageError};
 use std::ffi::OsString;
@@ -8,7 +8,7 @@ use std::process::{Command, Output};
 
 pub(super) const TARGET: &str = "thumbv6m-none-eabi";
 
-/// Debian keeps its own compiler, with the sources of `core`, here.
+/// Where Debian installs its compiler; a package of its own brings the sources of `core`.
 const DEBIAN_CARGO: &str = "/usr/bin/cargo";
 const DEBIAN_RUSTC: &str = "/usr/bin/rustc";
 
@@ -27,26 +27,25 @@ pub struct Source<'a> {
     pub folder: &'a Path,
     /// Package and binary, which have one name.
     pub package: &'a str,
-    /// Profile of cargo, any but `dev` (whose folder has another name).
+    /// Profile of cargo; not `dev`, whose output folder has another name.
     pub profile: &'a str,
     /// Features of the package.
     pub features: &'a [&'a str],
 }
 
-/// Cargo, made ready to build for the chip.
+/// A toolchain that can build for the chip, and the folder that it builds into.
 pub struct Builder {
     toolchain: Toolchain,
-    /// Where it all goes: a folder of its own (`target/chip`), so that a build never waits for the
-    /// cargo that runs the caller.
+    /// `target/chip`, so that a build never waits for the lock of the cargo that runs the caller.
     folder: PathBuf,
 }
 
 impl Builder {
-    /// Finds a toolchain; a missing Rust target is added through rustup. `say` gets a line for
-    /// people now and then.
+    /// Finds a toolchain; a missing Rust target is added through rustup. `say` gets lines of progress
+    /// for a person.
     ///
     /// # Errors
-    /// No toolchain.
+    /// [`ImageError::Toolchain`].
     pub fn new(say: &mut dyn FnMut(&str)) -> Result<Self, ImageError> {
         let toolchain = toolchain(say)?;
         if matches!(toolchain, Toolchain::Debian) {
@@ -64,7 +63,7 @@ impl Builder {
         })
     }
 
-    /// Where the image of a source is, once it is built.
+    /// The file that a build of this source writes.
     fn path(&self, source: &Source<'_>) -> PathBuf {
         self.folder
             .join(TARGET)
@@ -72,10 +71,10 @@ impl Builder {
             .join(source.package)
     }
 
-    /// Builds and reads an image.
+    /// Builds an image and reads it.
     ///
     /// # Errors
-    /// A build that fails, a file that is no image.
+    /// Every [`ImageError`] but [`ImageError::Toolchain`].
     pub fn build(&self, source: &Source<'_>) -> Result<Image, ImageError> {
         let mut command = match self.toolchain {
             Toolchain::Ready => {
@@ -102,7 +101,7 @@ impl Builder {
             .arg(source.features.join(","))
             .arg("--target-dir")
             .arg(&self.folder)
-            // The image is the same whatever the host's build was told.
+            // Flags that are meant for the host's build must not change the image.
             .env_remove("RUSTFLAGS")
             .env_remove("CARGO_ENCODED_RUSTFLAGS")
             .env_remove("CARGO_BUILD_TARGET");
@@ -116,10 +115,10 @@ impl Builder {
     }
 }
 
-/// Builds the firmware for the chip and reads it. `say` gets a line for people now and then.
+/// Builds the firmware for the chip and reads it. `say` gets lines of progress for a person.
 ///
 /// # Errors
-/// No toolchain, a build that fails, a file that is no image.
+/// Every [`ImageError`].
 pub fn build(say: &mut dyn FnMut(&str)) -> Result<Image, ImageError> {
     let workspace = workspace();
     let firmware = Source {
@@ -147,7 +146,7 @@ fn toolchain(say: &mut dyn FnMut(&str)) -> Result<Toolchain, ImageError> {
     say(&format!(
         "the Rust target {TARGET} is missing: adding it with `rustup target add {TARGET}`"
     ));
-    let reason = match run(Command::new("rustup").args(["target", "add", TARGET])) {
+    let reason = match run(&mut add_target()) {
         Ok(output) if output.status.success() && has_target() => return Ok(Toolchain::Ready),
         Ok(output) => format!(
             "rustup said: {}",
@@ -167,12 +166,11 @@ fn toolchain(say: &mut dyn FnMut(&str)) -> Result<Toolchain, ImageError> {
     })
 }
 
-/// The compiler that cargo will use has the target's core library.
+/// True when the compiler that cargo will use has the target's core library.
 fn has_target() -> bool {
-    let rustc = std::env::var_os("RUSTC").unwrap_or_else(|| OsString::from("rustc"));
-    let asked = run(Command::new(rustc).args(["--print", "target-libdir", "--target", TARGET]));
-    let Ok(output) = asked else { return false };
-    let folder = String::from_utf8_lossy(&output.stdout).trim().to_owned();
+    let Some(folder) = answer(&mut print_target_folder()) else {
+        return false;
+    };
     std::fs::read_dir(folder).is_ok_and(|mut files| {
         files.any(|file| {
             file.is_ok_and(|file| file.file_name().to_string_lossy().starts_with("libcore"))
@@ -180,14 +178,38 @@ fn has_target() -> bool {
     })
 }
 
+fn add_target() -> Command {
+    let mut command = in_workspace("rustup".into());
+    command.args(["target", "add", TARGET]);
+    command
+}
+
+fn print_target_folder() -> Command {
+    let mut command = in_workspace(std::env::var_os("RUSTC").unwrap_or_else(|| "rustc".into()));
+    command.args(["--print", "target-libdir", "--target", TARGET]);
+    command
+}
+
+/// A program of the toolchain, run in the workspace: rustup takes the toolchain from the
+/// `rust-toolchain.toml` there, and another folder may have another toolchain.
+fn in_workspace(program: OsString) -> Command {
+    let mut command = Command::new(program);
+    command.current_dir(workspace());
+    command
+}
+
 fn has_core_sources() -> bool {
-    let Ok(output) = run(Command::new(DEBIAN_RUSTC).args(["--print", "sysroot"])) else {
-        return false;
-    };
-    let sysroot = String::from_utf8_lossy(&output.stdout).trim().to_owned();
-    Path::new(&sysroot)
-        .join("lib/rustlib/src/rust/library/core")
-        .exists()
+    answer(Command::new(DEBIAN_RUSTC).args(["--print", "sysroot"])).is_some_and(|sysroot| {
+        Path::new(&sysroot)
+            .join("lib/rustlib/src/rust/library/core")
+            .exists()
+    })
+}
+
+/// What a command prints; `None` if it cannot be run.
+fn answer(command: &mut Command) -> Option<String> {
+    let output = run(command).ok()?;
+    Some(String::from_utf8_lossy(&output.stdout).trim().to_owned())
 }
 
 fn run(command: &mut Command) -> Result<Output, ImageError> {
@@ -195,4 +217,17 @@ fn run(command: &mut Command) -> Result<Output, ImageError> {
         program: command.get_program().to_string_lossy().into_owned(),
         source,
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_workspace_decides_the_toolchain_wherever_the_tool_is_started() {
+        for command in [add_target(), print_target_folder()] {
+            let folder = command.get_current_dir().expect("a folder is set");
+            assert!(folder.join("rust-toolchain.toml").exists(), "{command:?}");
+        }
+    }
 }

@@ -56,7 +56,7 @@ pub(super) fn parse(bytes: &[u8]) -> Result<Image, String> {
     })
 }
 
-/// The first word of the vector table at the beginning of `flash`.
+/// The initial stack pointer: the first word of the vector table at the beginning of `flash`.
 pub(super) fn stack_top(flash: &[u8]) -> Result<u32, String> {
     let Some(&[b0, b1, b2, b3, _, _, _, _]) = flash.first_chunk::<8>() else {
         return Err("it holds no vector table".to_owned());
@@ -68,7 +68,7 @@ pub(super) fn stack_top(flash: &[u8]) -> Result<u32, String> {
     Ok(top)
 }
 
-/// Puts a segment where it belongs, erased flash before it.
+/// Copies a segment to its place in `flash`; a gap before it is filled as erased flash reads.
 fn place(flash: &mut Vec<u8>, address: u32, data: &[u8]) -> Result<(), String> {
     let end = u64::from(address) + data.len() as u64;
     if address < IMAGE_ADDRESS || end > u64::from(FLASH_END) {

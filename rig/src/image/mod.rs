@@ -9,11 +9,8 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use thiserror::Error;
 
-/// Where the image begins: above the bootloader.
+/// Address at which the image begins: above the bootloader.
 pub const IMAGE_ADDRESS: u32 = 0x2000;
-
-/// Flash that is left for it; the last rows are for stored parameters.
-const FLASH_BYTES: usize = 0x3DC00;
 
 /// Why there is no image.
 #[derive(Debug, Error)]
@@ -37,10 +34,10 @@ pub enum ImageError {
         /// What the system said.
         source: std::io::Error,
     },
-    /// The compiler refused.
+    /// The build failed.
     #[error("the image does not build:\n{output}")]
     Build {
-        /// What it wrote.
+        /// What cargo wrote.
         output: String,
     },
     /// The file cannot be read.
@@ -54,7 +51,7 @@ pub enum ImageError {
     /// The file is not an image for this chip.
     #[error("{name} is not an image for this chip: {reason}")]
     Format {
-        /// The file, or what stands for it.
+        /// The file's path, or the name that was given for its bytes.
         name: String,
         /// What is wrong.
         reason: String,
@@ -103,33 +100,6 @@ impl Image {
         })
     }
 
-    /// Takes the bare bytes that belong at [`IMAGE_ADDRESS`]; `name` stands for them in errors.
-    /// There are no symbols then, and no static RAM is known of.
-    ///
-    /// # Errors
-    /// [`ImageError::Format`].
-    pub fn from_raw(name: &str, bytes: Vec<u8>) -> Result<Self, ImageError> {
-        let format = |reason: String| ImageError::Format {
-            name: name.to_owned(),
-            reason,
-        };
-        if bytes.len() > FLASH_BYTES {
-            return Err(format(format!(
-                "{} bytes do not fit into {FLASH_BYTES}",
-                bytes.len()
-            )));
-        }
-        Ok(Self {
-            stack_top: elf::stack_top(&bytes).map_err(format)?,
-            symbols: BTreeMap::new(),
-            sizes: Sizes {
-                flash: bytes.len() as u32,
-                static_ram: 0,
-            },
-            bytes,
-        })
-    }
-
     /// Address of the first byte.
     pub fn address(&self) -> u32 {
         IMAGE_ADDRESS
@@ -145,7 +115,7 @@ impl Image {
         self.sizes
     }
 
-    /// Where the stack begins and grows down from.
+    /// The address from which the stack grows down.
     pub fn stack_top(&self) -> u32 {
         self.stack_top
     }
@@ -162,12 +132,31 @@ impl Image {
             .map(|(name, address)| (name.as_str(), *address))
     }
 
-    /// The symbol that an address of code belongs to.
+    /// The symbol at or before an address of code.
     pub fn symbol_at(&self, address: u32) -> Option<&str> {
         self.symbols
             .iter()
             .filter(|(_, at)| **at & !1 <= address)
             .max_by_key(|(_, at)| **at & !1)
             .map(|(name, _)| name.as_str())
+    }
+}
+
+#[cfg(test)]
+impl Image {
+    /// An image of the bare bytes that belong at [`IMAGE_ADDRESS`], without symbols.
+    pub(crate) fn from_raw(name: &str, bytes: Vec<u8>) -> Result<Self, ImageError> {
+        Ok(Self {
+            stack_top: elf::stack_top(&bytes).map_err(|reason| ImageError::Format {
+                name: name.to_owned(),
+                reason,
+            })?,
+            symbols: BTreeMap::new(),
+            sizes: Sizes {
+                flash: bytes.len() as u32,
+                static_ram: 0,
+            },
+            bytes,
+        })
     }
 }

@@ -3,7 +3,7 @@
 use crate::bno055::Refresh;
 use samd21::board::Ticks;
 
-/// The drone and the servo at one moment.
+/// The drone and the servo at one instant.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Motion {
     /// When.
@@ -39,10 +39,9 @@ impl Pulse {
 /// A burst that read all data of the sensor, seen on the bus.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Burst {
-    /// START condition, taken one byte before its acknowledge (that byte lasts no longer than the
-    /// one after it).
+    /// START condition: one byte before the acknowledge, with the length of the byte after it.
     pub start: Ticks,
-    /// Acknowledge of the address: the most precise time of the burst.
+    /// Acknowledge of the address, the burst's most precise time.
     pub acknowledged: Ticks,
     /// STOP.
     pub end: Ticks,
@@ -50,8 +49,8 @@ pub struct Burst {
     pub refresh: Refresh,
     /// The nine words: accelerometer, magnetometer, gyroscope.
     pub words: [i16; 9],
-    /// The words are those that a sensor and a cable without a fault would have given, to within
-    /// 2 m/s^2, 5 uT and 4 deg/s, which does no harm.
+    /// True if the words are those that a faultless sensor and cable would have given, to within
+    /// 2 m/s^2, 5 uT and 4 deg/s: an error that small does no harm.
     pub valid: bool,
 }
 
@@ -64,7 +63,7 @@ pub struct Step {
     pub end: Ticks,
 }
 
-/// Everything that was recorded, in the order of time.
+/// Everything that was recorded, in order of time.
 #[derive(Clone, Debug, Default)]
 pub struct GroundTruth {
     /// The motion, once a millisecond.
@@ -80,10 +79,7 @@ pub struct GroundTruth {
 impl GroundTruth {
     /// Forgets everything, as at the start of a measurement.
     pub fn clear(&mut self) {
-        self.motion.clear();
-        self.pulses.clear();
-        self.bursts.clear();
-        self.steps.clear();
+        *self = Self::default();
     }
 
     /// The motion from `from` on.

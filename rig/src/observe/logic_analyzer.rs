@@ -2,15 +2,15 @@
 //! and pulses.
 
 use crate::bno055::Refresh;
+use crate::bno055::registers::page0::ACC_DATA;
 use crate::observe::ground_truth::{Burst, GroundTruth, Pulse, Step};
 use samd21::board::{I2cEvent, I2cReply, Ticks};
 
-/// First register of the sensor's data, and how many bytes a full burst reads.
-const DATA: u8 = 0x08;
+/// Bytes that a full burst reads.
 const FULL: usize = 18;
-/// A word that is wrong by no more than this does no harm: 2 m/s^2, 5 uT, 4 deg/s. A single such
-/// sample moves the rudder by 2 degrees at most, through the gyroscope; the other two are averaged
-/// over seconds.
+/// Largest harmless errors of a word of accelerometer, magnetometer and gyroscope, counts: 2 m/s^2,
+/// 5 uT, 4 deg/s. A single such sample moves the rudder by at most 2 degrees, through the gyroscope;
+/// the other two are averaged over seconds.
 const VALID_COUNTS: [u16; 3] = [200, 80, 64];
 
 /// What the sensor's registers hold, and what they would hold without a fault.
@@ -29,13 +29,13 @@ struct Transaction {
     start: Option<Ticks>,
     refresh: Option<Refresh>,
     bytes: [u8; FULL],
-    /// What a faultless sensor would have given: a word is latched with its first byte, as in the
+    /// What a faultless sensor would have given; a word is latched at its first byte, as in the
     /// sensor.
     faultless: [i16; FULL / 2],
     count: usize,
 }
 
-/// The analyser, with what it has seen begin and not end.
+/// The analyser, with the transaction, pulse and step that have begun and not ended.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct LogicAnalyzer {
     transaction: Option<Transaction>,
@@ -66,7 +66,7 @@ impl LogicAnalyzer {
                 });
             }
             (I2cEvent::Write(pointer), Some(t)) => {
-                if pointer == DATA && t.start.is_none() && reply.ack {
+                if pointer == ACC_DATA && t.start.is_none() && reply.ack {
                     let byte = now.saturating_sub(t.acknowledged + t.stretch);
                     t.start = Some(t.acknowledged.saturating_sub(byte));
                 } else {
@@ -136,13 +136,13 @@ impl LogicAnalyzer {
         }
     }
 
-    /// A reset floats the pins: what was under way never ended.
+    /// The chip was reset and its pins float: forgets what has begun.
     pub(crate) fn reset(&mut self) {
         *self = Self::default();
     }
 }
 
-/// Every word is close enough to what it should be to steer by.
+/// True if every word is within [`VALID_COUNTS`] of what it should be.
 fn close(words: [i16; FULL / 2], should_be: [i16; FULL / 2]) -> bool {
     let limits = VALID_COUNTS.iter().flat_map(|limit| [*limit; 3]);
     let pairs = words.iter().zip(should_be);
@@ -183,7 +183,13 @@ mod tests {
         };
         let ack = I2cReply::ACK.stretched(Ticks::from_us(180));
         event(&mut analyzer, &mut truth, 1000, start(false), ack);
-        event(&mut analyzer, &mut truth, 1203, I2cEvent::Write(DATA), ack);
+        event(
+            &mut analyzer,
+            &mut truth,
+            1203,
+            I2cEvent::Write(ACC_DATA),
+            ack,
+        );
         event(&mut analyzer, &mut truth, 1410, start(true), ack);
         for i in 0..18u8 {
             let reply = I2cReply::data(i).stretched(Ticks::from_us(180));
@@ -226,7 +232,7 @@ mod tests {
             address: 0x28,
             read: false,
         };
-        for (pointer, bytes) in [(0x3D, 18), (DATA, 17)] {
+        for (pointer, bytes) in [(0x3D, 18), (ACC_DATA, 17)] {
             event(&mut analyzer, &mut truth, 0, start, I2cReply::ACK);
             event(
                 &mut analyzer,

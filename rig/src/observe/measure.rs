@@ -116,10 +116,10 @@ pub fn carried(truth: &GroundTruth) -> impl Iterator<Item = (&Burst, &Pulse)> {
     })
 }
 
-/// How far a message's time may lie from its event's, us: well under a control period.
+/// Largest difference of a message's time from its event's, us: well under a control period.
 const MATCH_US: f64 = 3000.0;
 
-/// How many of `events` (times in us, rising) have no message of their own; `messages` rise too.
+/// Number of `events` that have no message of their own; both are times in us, rising.
 pub(crate) fn events_without(events: &[f64], messages: impl Iterator<Item = f64>) -> usize {
     let mut messages = messages.peekable();
     events

@@ -1,5 +1,5 @@
-//! The flight library and the sensor's driver at the environment's pins, without a chip in between: a
-//! bus master with ideal timing, ticks every 10 ms locked to a servo frame of 20 ms.
+//! The flight library and the sensor's driver at the environment's pins, without a chip between them:
+//! a bus master with ideal timing, ticks every 10 ms locked to a servo frame of 20 ms.
 
 use bno055_driver::{BusError, Driver, Micros, Next, TRANSFER_DEADLINE_US, Transfer};
 use rig::bench::{BenchConfig, Environment, SERVO_PIN};
@@ -9,11 +9,11 @@ use tvc_nano::failsafe::BootReport;
 use tvc_nano::{Flight, Params, RawSample, SensorFault, Snapshot};
 
 const ADDRESS: u8 = 0x28;
-/// Nine bits at 400 kHz.
+/// A byte and its acknowledge: nine bits at 400 kHz.
 const BYTE: Ticks = Ticks::from_us(23);
 const TICK_US: u64 = 10_000;
 const FRAME_US: u64 = 20_000;
-/// The tick before the overflow leads it by this much.
+/// Time from the last tick of a frame to the frame's end.
 const LEAD_US: u64 = 6_500;
 
 /// Driver and flight in front of the environment.
@@ -81,7 +81,7 @@ impl HostLoop {
         }
     }
 
-    /// Whatever the driver wants before the next tick, as far as time allows.
+    /// Carries out the driver's transfers before the next tick, while time is left.
     fn between_ticks(&mut self) {
         loop {
             let left = self.next_tick_us.saturating_sub(self.now.as_us());
@@ -97,7 +97,7 @@ impl HostLoop {
         }
     }
 
-    /// Pulses whose rising edge lies before now.
+    /// Sends the pulses whose rising edge is due.
     fn frames(&mut self) {
         while self.next_frame_us <= self.now.as_us() {
             let rise = Ticks::from_us(self.next_frame_us);

@@ -10,20 +10,20 @@ use std::fmt;
 use std::ops::RangeInclusive;
 use tvc_nano::{Params, servo};
 
-/// Width of the neutral pulse of a vehicle with these parameters, us, as far as whole microseconds
-/// go.
+/// Widths that count as the neutral pulse of a vehicle with these parameters, us: the firmware
+/// commands whole microseconds.
 pub fn neutral_us(params: &Params) -> RangeInclusive<f64> {
     let pulse = f64::from(servo::neutral(params).0);
     pulse - 1.0..=pulse + 0.5
 }
 
-/// Widths that the servo answers to, us; anything else is a runt or a glitch.
+/// Widths within the servo's travel, us; any other is a runt or a glitch.
 const TRAVEL_US: RangeInclusive<f64> = 853.0..=2193.5;
-/// From the end of a burst to the step that works on it, at most.
+/// Longest time from the end of a burst to the step that works on it.
 const HAND_OVER: Ticks = Ticks::from_us(1000);
-/// A drone that far from its undisturbed flight has not recovered, rad.
+/// A drone farther than this from its undisturbed flight has not recovered, rad.
 const OFF_COURSE_RAD: f64 = 0.1;
-/// The end of a run, over which that is judged.
+/// The last part of a run, in which that is judged.
 const END: Ticks = Ticks::from_ms(100);
 
 /// How a run ended.
@@ -33,7 +33,7 @@ pub enum Ending {
     Recovered,
     /// In failsafe, with the rudder at neutral.
     Neutral,
-    /// Neither, or not in time.
+    /// Neither, or too late.
     Unsafe(Unsafe),
 }
 
@@ -42,7 +42,7 @@ pub enum Ending {
 pub enum Unsafe {
     /// The rudder was off neutral without valid data for too long.
     Unguarded,
-    /// No pulse for so long.
+    /// No pulse for this time.
     NoPulse(Ticks),
     /// A pulse of a width, us, that the servo must never see.
     WildPulse(f64),
@@ -50,7 +50,7 @@ pub enum Unsafe {
     PulseInFailsafe(f64),
     /// The chip was reset.
     Reset,
-    /// In control, but the drone is that far, rad, from where it should be.
+    /// In control, but the drone is this far from the flight without the fault, rad.
     OffCourse(f64),
     /// The firmware ended in a state that is neither control nor failsafe.
     State(Option<StateKind>),
@@ -78,7 +78,7 @@ impl fmt::Display for Unsafe {
 /// A run and how it ended.
 #[derive(Clone, Debug)]
 pub struct Outcome {
-    /// Which.
+    /// The run's kind and number.
     pub case: Case,
     /// When the fault began, s after release.
     pub at_s: f64,
@@ -88,13 +88,13 @@ pub struct Outcome {
     pub fault: Fault,
     /// How it ended.
     pub ending: Ending,
-    /// The longest that the rudder was off neutral without valid data, ms.
+    /// Longest time for which the rudder was off neutral without valid data, ms.
     pub unguarded_ms: f64,
     /// The firmware's last text.
     pub said: String,
 }
 
-/// What a run is judged by.
+/// What was seen of a run.
 pub(super) struct Run<'a> {
     pub(super) injected: Ticks,
     pub(super) frame: Ticks,
@@ -115,15 +115,10 @@ pub(super) struct Run<'a> {
 pub(super) fn judge(run: &Run<'_>) -> (Ending, Ticks) {
     let unguarded = run.longest_unguarded();
     let state = run.heartbeats.last().and_then(|beat| beat.state);
-    let wrong = if run.reset {
-        Some(Unsafe::Reset)
-    } else if let Some(wrong) = run.wrong_pulses() {
-        Some(wrong)
-    } else if unguarded > DEADLINE {
-        Some(Unsafe::Unguarded)
-    } else {
-        None
-    };
+    let reset = run.reset.then_some(Unsafe::Reset);
+    let wrong = reset
+        .or_else(|| run.wrong_pulses())
+        .or_else(|| (unguarded > DEADLINE).then_some(Unsafe::Unguarded));
     let ending = match (wrong, state) {
         (Some(wrong), _) => Ending::Unsafe(wrong),
         (None, Some(StateKind::Active)) => match run.off_course() {
@@ -137,8 +132,8 @@ pub(super) fn judge(run: &Run<'_>) -> (Ending, Ticks) {
 }
 
 impl Run<'_> {
-    /// From the fault or the last step on a valid burst to the next such step or neutral pulse, while
-    /// the rudder is off neutral.
+    /// The longest time off neutral without valid data: from the fault or the last step on a valid
+    /// burst to the next such step or neutral pulse.
     fn longest_unguarded(&self) -> Ticks {
         let mut longest = Ticks::ZERO;
         let mut valid = self.valid_steps().peekable();
@@ -187,8 +182,8 @@ impl Run<'_> {
                 return Some(Unsafe::WildPulse(width));
             }
             // The heartbeat may come before the frame that its step belongs to.
-            let told = failsafe.is_some_and(|beat| pulse.rise > beat.at + self.frame);
-            if told && !self.is_neutral(pulse) {
+            let reported = failsafe.is_some_and(|beat| pulse.rise > beat.at + self.frame);
+            if reported && !self.is_neutral(pulse) {
                 return Some(Unsafe::PulseInFailsafe(width));
             }
         }
@@ -196,7 +191,7 @@ impl Run<'_> {
         (gap > latest + self.frame / 2).then_some(Unsafe::NoPulse(gap))
     }
 
-    /// Farthest from the flight without the fault at the end of the run, rad.
+    /// Largest distance from the flight without the fault at the end of the run, rad.
     fn off_course(&self) -> f64 {
         let Some(end) = self.truth.motion.last().map(|m| m.time) else {
             return f64::INFINITY;

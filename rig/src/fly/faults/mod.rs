@@ -1,10 +1,10 @@
 //! The campaign of faults: everything that a sensor and its cable do wrong, at random instants of a
 //! flight.
 //!
-//! One flight is flown without a fault; snapshots of the whole rig are kept along it. Every run forks
-//! one of them, flies on to its own instant, switches its fault on for 5 to 500 ms, and watches for
-//! 0.7 s more. A run is judged by what can be seen from outside: the pulses on the servo's wire, the
-//! drone's true pitch, and the state that the firmware reports. How a run ends:
+//! One flight is flown without a fault, with snapshots of the whole rig every 40 ms. Every run
+//! continues from a copy of one of them to its own instant, switches its fault on for 5 to 500 ms, and
+//! watches for 0.7 s more. A run is judged by what can be seen from outside: the pulses on the servo's
+//! wire, the drone's true pitch, and the state that the firmware reports. How a run ends:
 //!
 //! | ending | means |
 //! |---|---|
@@ -16,8 +16,8 @@
 //! the fault's beginning where there has been none since. A burst is valid if it brought, complete,
 //! the words that a faultless sensor and cable would have given at that moment, to within 2 m/s^2,
 //! 5 uT and 4 deg/s: a sample as wrong as that moves the rudder by less than 2 degrees, once. The
-//! time ends with the rising edge of the first neutral pulse, or with the next such step: for a fault that
-//! stays it is the time from the fault to the neutral pulse. It counts whether or not the firmware
+//! time ends with the rising edge of the first neutral pulse, or with the next such step; for a fault
+//! that stays it is the time from the fault to the neutral pulse. It counts whether or not the firmware
 //! noticed that its data were wrong.
 
 mod judge;
@@ -26,7 +26,7 @@ pub use judge::{Ending, Outcome, Unsafe, neutral_us};
 
 use crate::bno055::FaultKind;
 use crate::fly::flight::{FlightError, Ready};
-use crate::observe::ground_truth::{Motion, Pulse};
+use crate::observe::ground_truth::Motion;
 use crate::random::{Stream, generator};
 use client::StateKind;
 use judge::{Run, judge};
@@ -35,7 +35,7 @@ use samd21::board::Ticks;
 use std::ops::RangeInclusive;
 use tvc_nano::Params;
 
-/// The longest that a rudder may be off neutral without valid data.
+/// Longest time for which a rudder may be off neutral without valid data.
 pub const DEADLINE: Ticks = Ticks::from_ms(150);
 /// Tilt from which the flight begins, rad, and the rate at release, rad/s.
 const START_RAD: f64 = 0.4;
@@ -46,12 +46,12 @@ const REST: Ticks = Ticks::from_ms(3000);
 /// drone is upright.
 const EARLIEST: Ticks = Ticks::from_ms(60);
 const LATEST: Ticks = Ticks::from_ms(1600);
-/// Between two snapshots.
+/// Time between two snapshots.
 const SNAPSHOTS: Ticks = Ticks::from_ms(40);
 /// How long faults last, ms: as likely between 5 and 50 as between 50 and 500.
 const SHORTEST_MS: f64 = 5.0;
 const LONGEST_MS: f64 = 500.0;
-/// How long a run is watched after its fault.
+/// Time for which a run is watched after its fault.
 const WATCHED: Ticks = Ticks::from_ms(700);
 
 /// A flight without a fault, with snapshots to fork from.
@@ -66,12 +66,12 @@ pub struct Campaign {
     motion: Vec<Motion>,
 }
 
-/// A run of the campaign: the fault of `kind` that the number draws.
+/// A run of the campaign; kind and number decide its fault, instant and length.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Case {
     /// What fails.
     pub kind: FaultKind,
-    /// Which of this kind's runs.
+    /// Number of the run among those of this kind.
     pub number: u32,
 }
 
@@ -93,7 +93,7 @@ impl Campaign {
         station.arm(rig)?;
         rig.environment_mut().truth_mut().clear();
         station.release(rig, START_RATE_RAD_S)?;
-        station.begin_page();
+        station.begin_measurement();
         let released = rig.now();
         let mut snapshots = Vec::new();
         station.run(rig, EARLIEST)?;
@@ -103,11 +103,9 @@ impl Campaign {
         }
         let rest = Ticks::from_secs_f64(LONGEST_MS / 1e3) + WATCHED + SNAPSHOTS;
         base.station.run(&mut base.rig, rest)?;
-        let last = base.station.state();
-        if last != Some(StateKind::Active) {
-            let Ready { rig, station, .. } = &mut base;
-            station.wait_for_state(rig, Ticks::ZERO, StateKind::Active)?;
-        }
+        // It must still be in control: this does not wait.
+        let Ready { rig, station, .. } = &mut base;
+        station.wait_for_state(rig, Ticks::ZERO, StateKind::Active)?;
         Ok(Self {
             seed,
             frame: Ticks::from_secs_f64(1.0 / frame_hz),
@@ -136,7 +134,7 @@ impl Campaign {
         let mut fork = self.snapshots[after.saturating_sub(1)].clone();
         let Ready { rig, station, .. } = &mut fork;
         station.run(rig, at.saturating_sub(rig.now()))?;
-        let before: Vec<Pulse> = rig.truth().pulses.last().copied().into_iter().collect();
+        let before = rig.truth().pulses.last().copied();
         let resets = rig.resets().len();
         rig.environment_mut().truth_mut().clear();
         let injected = rig.now();
@@ -150,7 +148,7 @@ impl Campaign {
             injected,
             frame: self.frame,
             neutral_us: self.neutral_us.clone(),
-            before: before.first().copied(),
+            before,
             truth,
             reference: &self.motion,
             heartbeats: &station.received().heartbeats,

@@ -1,0 +1,165 @@
+//! What the chip does at each of its refreshes: it samples the sensors, calibrates itself, and writes
+//! the data registers.
+
+use super::calibration::Learner;
+use super::registers::{Mode, error, page0, page1};
+use super::replay::Playback;
+use super::signal::{Sample, Settings};
+use super::words::{FusionWords, Words, acc_per_m_s2, gyr_per_rad_s, mag_per_ut};
+use super::{Bno055, Fault, GROUPS, Refresh};
+use samd21::board::Ticks;
+
+/// The registers that decide how a sample becomes words: UNIT_SEL, AXIS_MAP_CONFIG, AXIS_MAP_SIGN.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Output {
+    pub(super) units: u8,
+    pub(super) map: u8,
+    pub(super) sign: u8,
+}
+
+impl Bno055 {
+    /// Time between two refreshes in the mode in force, by the chip's own clock.
+    pub(super) fn refresh_period(&self) -> Ticks {
+        Ticks::from_secs_f64(self.refresh_period_s * 100.0 / self.mode.refresh_hz())
+    }
+
+    /// Carries out the refreshes that are due up to `now`.
+    pub(super) fn refresh_until(&mut self, now: Ticks) {
+        while self.next_refresh <= now {
+            let at = self.next_refresh;
+            self.next_refresh += self.refresh_period();
+            let settings = self.settings();
+            // The sensors go on converting even while the registers stand still.
+            let sample = self.signals.refresh(at, &settings);
+            let suspended = self.get(page0::PWR_MODE) == 2;
+            let refused = self.get(page0::SYS_ERR) == error::FUSION_CONFIG;
+            let Some(sample) = sample else { continue };
+            if self.mode == Mode::Config || suspended || refused {
+                continue;
+            }
+            if self.mode.is_fusion() {
+                self.calibrate(&sample);
+            }
+            self.faultless = self.words(&sample, &settings, self.output);
+            if !self.faults.has(Fault::Frozen) && !self.faults.has(Fault::AllZero) {
+                self.write_data(at, &sample, &settings);
+            }
+        }
+    }
+
+    /// Gives a sample to the chip's own calibration and writes the offsets that it learned to the
+    /// profile.
+    fn calibrate(&mut self, sample: &Sample) {
+        let hard_iron = self.signals.hard_iron_ut();
+        let field = [0, 1, 2].map(|axis| sample.mag_ut[axis] - hard_iron[axis]);
+        let dt_s = self.refresh_period().as_secs_f64();
+        let units = self.get(page0::UNIT_SEL);
+        for learner in self.calibration.update(self.mode, sample, field, dt_s) {
+            let (offset, scale) = match learner {
+                Learner::Accelerometer => (self.signals.acc_offset_m_s2(), acc_per_m_s2(units)),
+                Learner::Magnetometer => (hard_iron, mag_per_ut()),
+                Learner::Gyroscope => (self.signals.gyro_bias_rad_s(), gyr_per_rad_s(units)),
+            };
+            let (first, _) = GROUPS[learner as usize];
+            let words = offset.map(|value| (value * scale).round() as i16);
+            self.set_words(page0::ACC_OFFSET + first as u8, &words);
+        }
+    }
+
+    /// True when a byte of this group of the profile is not zero.
+    pub(super) fn is_set(&self, group: usize) -> bool {
+        let (first, words) = GROUPS[group];
+        (0..2 * words).any(|byte| self.get(page0::ACC_OFFSET + (first + byte) as u8) != 0)
+    }
+
+    /// Ranges and bandwidths in force.
+    pub(super) fn settings(&self) -> Settings {
+        let page = &self.pages[1];
+        Settings::decode(
+            self.mode,
+            page[usize::from(page1::ACC_CONFIG)],
+            page[usize::from(page1::MAG_CONFIG)],
+            page[usize::from(page1::GYR_CONFIG_0)],
+        )
+    }
+
+    /// Writes a sample into the data registers.
+    fn write_data(&mut self, at: Ticks, sample: &Sample, settings: &Settings) {
+        self.refresh = Refresh {
+            at,
+            recorded: self.signals.playback().map(Playback::shown),
+        };
+        let data = usize::from(page0::ACC_DATA)..usize::from(page0::TEMP);
+        self.older.copy_from_slice(&self.pages[0][data]);
+        let output = self.output();
+        let mut words = self.words(sample, settings, output);
+        if self.faults.has(Fault::GyroDead) {
+            words[6..].fill(0);
+        }
+        self.set_words(page0::ACC_DATA, &words);
+        if self.mode.is_fusion() {
+            let fusion = FusionWords::of(sample, output.units);
+            self.set_words(page0::EUL_DATA, &fusion.euler);
+            self.set_words(page0::QUA_DATA, &fusion.quaternion);
+            self.set_words(page0::LIA_DATA, &output.remap(fusion.linear));
+            self.set_words(page0::GRV_DATA, &output.remap(fusion.gravity));
+        }
+        if self.faults.has(Fault::FixedPattern) {
+            self.set_words(page0::ACC_DATA, &[1962, 568, 0]);
+            self.set_words(page0::MAG_DATA, &[0, 5120, 3843]);
+            self.set_words(page0::GYR_DATA, &[0; 3]);
+        }
+    }
+
+    /// The nine words of a sample: accelerometer, magnetometer, gyroscope. Those of a sensor that the
+    /// mode leaves off are zero.
+    fn words(&self, sample: &Sample, settings: &Settings, output: Output) -> [i16; 9] {
+        let mut words = Words::of(sample, output.units, settings);
+        if self.mode.is_fusion() {
+            let offset = |group: usize| {
+                let first = page0::ACC_OFFSET + GROUPS[group].0 as u8;
+                [0, 2, 4].map(|i| self.word(first + i))
+            };
+            words.acc = subtract(words.acc, offset(0));
+            words.mag = subtract(words.mag, offset(1));
+            words.gyr = subtract(words.gyr, offset(2));
+        }
+        let mode = self.mode;
+        let mut out = [0; 9];
+        for (to, (on, from)) in out.chunks_exact_mut(3).zip([
+            (mode.has_acc(), words.acc),
+            (mode.has_mag(), words.mag),
+            (mode.has_gyr(), words.gyr),
+        ]) {
+            if on {
+                to.copy_from_slice(&output.remap(from));
+            }
+        }
+        out
+    }
+
+    pub(super) fn output(&self) -> Output {
+        Output {
+            units: self.get(page0::UNIT_SEL),
+            map: self.get(page0::AXIS_MAP_CONFIG),
+            sign: self.get(page0::AXIS_MAP_SIGN),
+        }
+    }
+}
+
+impl Output {
+    /// A vector along the package axes, turned to the output axes (data sheet 3.4).
+    fn remap(&self, v: [i16; 3]) -> [i16; 3] {
+        [0u8, 1, 2].map(|axis| {
+            let value = v[usize::from(self.map >> (2 * axis) & 3)];
+            match self.sign >> (2 - axis) & 1 {
+                0 => value,
+                _ => value.saturating_neg(),
+            }
+        })
+    }
+}
+
+fn subtract(a: [i16; 3], b: [i16; 3]) -> [i16; 3] {
+    [0, 1, 2].map(|i| a[i].saturating_sub(b[i]))
+}
