@@ -115,7 +115,8 @@ fn link(records: &[FlightRecord]) -> LinkCounts {
         let missing = record.missing;
         let without = missing.attitudes + missing.servos + missing.samples;
         sum.messages += record.link.messages;
-        // A frame that is missing by its number is also missing at its step.
+        // A frame that is missing by its sequence number is also missing at its step: the larger
+        // of both counts is the number of frames lost.
         sum.lost += record.link.lost.max(without as u64);
         sum.crc_errors += record.link.crc_errors;
     }
