@@ -17,11 +17,11 @@ use mavlink::dialects::common::{
     COMMAND_ACK_DATA, LOG_DATA_DATA, MavAutopilot, MavCmd, MavMessage, MavResult, PARAM_VALUE_DATA,
 };
 use thiserror::Error;
-use tvc_nano::failsafe::Refusal;
+use tvc_nano::failsafe::{RefusalKind, StateKind};
 use tvc_nano::params::ParamError;
 
 use crate::request::{self, Order};
-use crate::state::{self, FlightState, StateTracker};
+use crate::state::StateTracker;
 use crate::text;
 use crate::wire::{Frame, LinkCounts, Wire};
 
@@ -95,6 +95,8 @@ pub enum Failure {
         order: String,
         /// Its answer.
         result: MavResult,
+        /// Why, where it is one of the firmware's refusals.
+        refusal: Option<RefusalKind>,
         /// Its words, if it said any.
         reason: String,
     },
@@ -121,10 +123,10 @@ pub enum Failure {
 }
 
 impl Failure {
-    /// The firmware's refusal, where the vehicle's words are one.
-    pub fn refusal(&self) -> Option<Refusal> {
+    /// The firmware's refusal, if it is one.
+    pub fn refusal(&self) -> Option<RefusalKind> {
         match self {
-            Self::Refused { reason, .. } => state::refusal(reason),
+            Self::Refused { refusal, .. } => *refusal,
             _ => None,
         }
     }
@@ -206,7 +208,7 @@ impl Client {
     pub fn receive(&mut self, now: Duration, bytes: &[u8]) -> Vec<Frame> {
         let frames = self.wire.receive_frames(bytes);
         for frame in &frames {
-            self.take(now, &frame.message);
+            self.take(now, frame);
         }
         frames
     }
@@ -281,9 +283,14 @@ impl Client {
         self.answer_all(|pending| Some(Err(Failure::Gone(pending.request.name().to_owned()))));
     }
 
-    /// The state of the flight by the last heartbeat.
-    pub fn state(&self) -> FlightState {
+    /// The state of the flight by the last heartbeat; `None` before it, or for an unknown one.
+    pub fn state(&self) -> Option<StateKind> {
         self.state.state()
+    }
+
+    /// The state in words.
+    pub fn state_name(&self) -> String {
+        self.state.name()
     }
 
     /// The vehicle's words about its state; empty before it said any.
@@ -378,7 +385,8 @@ impl Client {
         }
     }
 
-    fn take(&mut self, now: Duration, message: &MavMessage) {
+    fn take(&mut self, now: Duration, frame: &Frame) {
+        let message = &frame.message;
         self.state.take(message);
         let words = mem::take(&mut self.words);
         match message {
@@ -399,7 +407,11 @@ impl Client {
                 }
                 self.words = Some(words.to_owned());
             }
-            MavMessage::COMMAND_ACK(ack) => self.take_ack(ack, words),
+            MavMessage::COMMAND_ACK(ack) => {
+                // COMMAND_ACK's first extension: in a refusal, its kind.
+                let kind = frame.payload().get(3).copied().map(RefusalKind::try_from);
+                self.take_ack(ack, kind.and_then(Result::ok), words.unwrap_or_default());
+            }
             MavMessage::PARAM_VALUE(row) => self.take_parameter(now, row, words),
             MavMessage::LOG_ENTRY(entry) => {
                 self.recording_size.get_or_insert(entry.size as usize);
@@ -411,7 +423,7 @@ impl Client {
     }
 
     /// A refusal's reason stands directly before it.
-    fn take_ack(&mut self, ack: &COMMAND_ACK_DATA, reason: Option<String>) {
+    fn take_ack(&mut self, ack: &COMMAND_ACK_DATA, refusal: Option<RefusalKind>, reason: String) {
         let mut copies = self.copies.iter();
         let Some(index) = copies.position(|copy| copy.command == ack.command) else {
             return;
@@ -423,7 +435,8 @@ impl Client {
                 result => Err(Failure::Refused {
                     order: order.name.to_owned(),
                     result,
-                    reason: reason.clone().unwrap_or_default(),
+                    refusal,
+                    reason: reason.clone(),
                 }),
             }),
             _ => None,

@@ -10,7 +10,7 @@
 //! | [`wire`] | frames in a stream of bytes, and what was lost |
 //! | [`request`] | the messages that a ground station sends |
 //! | [`client`] | requests with their answers, repeats and time limits; parameters; the recorder's download |
-//! | [`state`] | the firmware's states, causes and refusals as they come over the link |
+//! | [`state`] | the firmware's states and reasons as they come over the link |
 //! | [`status`] | the newest of everything that the vehicle tells, as one object |
 
 #![forbid(unsafe_code)]
@@ -23,8 +23,8 @@ pub mod wire;
 
 pub use client::{Client, Failure, Parameter, Request, Ticket};
 pub use request::Order;
-pub use state::{Cause, FlightState};
-pub use status::{ServoMap, Status, StatusTracker};
+pub use status::{LinkHealth, ServoMap, Status, StatusTracker};
+pub use tvc_nano::failsafe::{ReasonKind, RefusalKind, StateKind};
 pub use wire::{Frame, LinkCounts, Wire};
 
 use mavlink::types::CharArray;

@@ -1,132 +1,34 @@
-//! The firmware's states, causes and refusals as they come over the link.
-//!
-//! HEARTBEAT's `custom_mode` carries [`State::code`]; a refusal comes as STATUSTEXT before its COMMAND_ACK. Both are
-//! read by what the firmware's own types give, so no number and no text stands here a second time.
-
-use core::fmt;
+//! The firmware's states and reasons as they come over the link: HEARTBEAT's `custom_mode` is a [`StateCode`].
 
 use mavlink::dialects::common::MavMessage;
-use tvc_nano::failsafe::{Crash, Latch, Reason, Refusal, State};
-use tvc_nano::self_test::SelfTest;
-use tvc_nano::{Micros, RawSample, SensorFault};
+use tvc_nano::failsafe::{ReasonKind, StateCode, StateKind};
 
 use crate::text;
 
-/// A state of the flight: [`State`] without what the link does not tell.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[allow(missing_docs, reason = "the firmware's own names")]
-pub enum FlightState {
-    Boot,
-    SelfTest,
-    Standby,
-    Armed,
-    Active,
-    Failsafe,
-    Latched,
-    Unknown(u8),
+/// The state in a `custom_mode`; `None` for one that this version of the firmware's library does not have.
+pub fn state_of(custom_mode: u32) -> Option<StateKind> {
+    StateKind::try_from(custom_mode as u8).ok()
 }
 
-impl FlightState {
-    /// The state in HEARTBEAT's `custom_mode`.
-    pub fn of(custom_mode: u32) -> Self {
-        let sample = RawSample {
-            time: Micros(0),
-            acc: [0; 3],
-            gyr: [0; 3],
-            mag: [0; 3],
-        };
-        let known = [
-            (State::Boot, Self::Boot),
-            (
-                State::SelfTest(SelfTest::new(&sample, None)),
-                Self::SelfTest,
-            ),
-            (State::Standby, Self::Standby),
-            (State::Armed, Self::Armed),
-            (
-                State::Active {
-                    over_tilt_since: None,
-                },
-                Self::Active,
-            ),
-            (State::Failsafe(Reason::Tilt), Self::Failsafe),
-            (State::Latched(Latch::Crash(Crash::Watchdog)), Self::Latched),
-        ];
-        let code = custom_mode as u8;
-        known
-            .iter()
-            .find(|(state, _)| state.code() as u8 == code)
-            .map_or(Self::Unknown(code), |(_, state)| *state)
-    }
-
-    /// Armed or in control: what HEARTBEAT's armed flag says.
-    pub fn is_armed(self) -> bool {
-        matches!(self, Self::Armed | Self::Active)
-    }
-
-    /// Armed, in control or in failsafe: back to standby by an order to disarm alone.
-    pub fn is_in_operation(self) -> bool {
-        self.is_armed() || self == Self::Failsafe
+/// The reason of the failsafe in a `custom_mode`; `None` in any other state.
+pub fn reason_of(custom_mode: u32) -> Option<ReasonKind> {
+    match StateCode::try_from(custom_mode) {
+        Ok(StateCode::Failsafe(reason)) => Some(reason),
+        _ => None,
     }
 }
 
-impl fmt::Display for FlightState {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::Boot => "boot",
-            Self::SelfTest => "self-test",
-            Self::Standby => "standby",
-            Self::Armed => "armed",
-            Self::Active => "active",
-            Self::Failsafe => "failsafe",
-            Self::Latched => "latched fault",
-            Self::Unknown(code) => return write!(f, "unknown ({code})"),
-        })
-    }
+/// The state in a `custom_mode` in words.
+pub fn state_name(custom_mode: u32) -> String {
+    state_of(custom_mode).map_or_else(
+        || format!("unknown ({})", custom_mode as u8),
+        |state| state.to_string(),
+    )
 }
 
-/// Why control was given up: [`Reason`] without the sensor's fault, which the link does not tell.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[allow(missing_docs, reason = "the firmware's own names")]
-pub enum Cause {
-    Sensor,
-    StaleData,
-    InvalidAttitude,
-    Tilt,
-    HostSilent,
-}
-
-impl Cause {
-    /// The cause of the failsafe in HEARTBEAT's `custom_mode`; `None` in any other state.
-    pub fn of(custom_mode: u32) -> Option<Self> {
-        let known = [
-            (Reason::Sensor(SensorFault::Nak), Self::Sensor),
-            (Reason::StaleData, Self::StaleData),
-            (Reason::InvalidAttitude, Self::InvalidAttitude),
-            (Reason::Tilt, Self::Tilt),
-            (Reason::HostSilent, Self::HostSilent),
-        ];
-        let mut known = known.into_iter();
-        known
-            .find(|(reason, _)| State::Failsafe(*reason).code() == custom_mode)
-            .map(|(_, cause)| cause)
-    }
-}
-
-/// The refusal in the words that the vehicle sends with it, cut to the length of a STATUSTEXT. `None` for one that says
-/// more than its kind: the wrong state, or a fault that persists.
-pub fn refusal(words: &str) -> Option<Refusal> {
-    let (_, why) = words.split_once(" refused: ")?;
-    [
-        Refusal::Tilt,
-        Refusal::Sensor,
-        Refusal::Settling,
-        Refusal::Polarity,
-        Refusal::BiasUnknown,
-        Refusal::HostSilent,
-    ]
-    .into_iter()
-    .find(|refusal| !why.is_empty() && refusal.to_string().starts_with(why))
+/// Armed, in control or in failsafe: only an order to disarm leads back to standby.
+pub fn is_in_operation(state: StateKind) -> bool {
+    state.is_armed() || state == StateKind::Failsafe
 }
 
 /// The state and the vehicle's words about it.
@@ -152,15 +54,19 @@ impl StateTracker {
         }
     }
 
-    /// What the vehicle said about its state; empty before it did.
+    /// The vehicle's words about its state; empty before it said any.
     pub fn reason(&self) -> &str {
         &self.reason
     }
 
-    /// The state; unknown before the first heartbeat.
-    pub fn state(&self) -> FlightState {
-        self.code
-            .map_or(FlightState::Unknown(u8::MAX), FlightState::of)
+    /// The state; `None` before the first heartbeat, or for an unknown one.
+    pub fn state(&self) -> Option<StateKind> {
+        self.code.and_then(state_of)
+    }
+
+    /// The state in words.
+    pub fn name(&self) -> String {
+        state_name(self.code.unwrap_or(u32::MAX))
     }
 }
 
@@ -170,44 +76,23 @@ mod tests {
     use mavlink::dialects::common::{HEARTBEAT_DATA, STATUSTEXT_DATA};
 
     #[test]
-    fn states_and_causes_are_those_of_the_firmware() {
-        let failsafe = State::Failsafe(Reason::HostSilent).code();
-        assert_eq!(FlightState::of(failsafe), FlightState::Failsafe);
-        assert_eq!(Cause::of(failsafe), Some(Cause::HostSilent));
-        let sensor = State::Failsafe(Reason::Sensor(SensorFault::Frozen)).code();
-        assert_eq!(Cause::of(sensor), Some(Cause::Sensor));
-        let latched = State::Latched(Latch::ParametersLost).code();
-        assert_eq!(FlightState::of(latched), FlightState::Latched);
-        assert_eq!(Cause::of(latched), None);
-        assert_eq!(FlightState::of(200), FlightState::Unknown(200));
-        assert_eq!(FlightState::of(200).to_string(), "unknown (200)");
-    }
-
-    #[test]
-    fn a_refusal_is_known_by_its_words_even_where_they_are_cut() {
-        for (words, known) in [
-            (
-                "arm refused: run tvc calibrate polarity first",
-                Some(Refusal::Polarity),
-            ),
-            (
-                "release refused: gyro offset unknown: hold sti",
-                Some(Refusal::BiasUnknown),
-            ),
-            ("arm refused: in failsafe: tilt beyond 60 deg", None),
-            ("arm refused: ", None),
-            ("standby", None),
-        ] {
-            assert_eq!(refusal(words), known, "{words}");
-        }
+    fn states_and_reasons_are_those_of_the_firmware() {
+        let failsafe = StateCode::Failsafe(ReasonKind::HostSilent).number();
+        assert_eq!(state_of(failsafe), Some(StateKind::Failsafe));
+        assert_eq!(reason_of(failsafe), Some(ReasonKind::HostSilent));
+        assert_eq!(reason_of(StateCode::Armed.number()), None);
+        assert_eq!(state_name(StateCode::SelfTest(None).number()), "self-test");
+        assert_eq!(state_of(200), None);
+        assert_eq!(state_name(200), "unknown (200)");
     }
 
     #[test]
     fn the_text_behind_a_new_state_is_its_reason() {
         let mut tracker = StateTracker::default();
-        assert_eq!(tracker.state(), FlightState::Unknown(255));
+        assert_eq!(tracker.state(), None);
+        assert_eq!(tracker.name(), "unknown (255)");
         let beat = MavMessage::HEARTBEAT(HEARTBEAT_DATA {
-            custom_mode: State::Failsafe(Reason::Tilt).code(),
+            custom_mode: StateCode::Failsafe(ReasonKind::Tilt).number(),
             ..HEARTBEAT_DATA::default()
         });
         for message in [
@@ -219,7 +104,7 @@ mod tests {
         ] {
             tracker.take(message);
         }
-        assert_eq!(tracker.state(), FlightState::Failsafe);
+        assert_eq!(tracker.state(), Some(StateKind::Failsafe));
         assert_eq!(tracker.reason(), "failsafe: tilt beyond 60 deg");
     }
 

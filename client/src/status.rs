@@ -3,6 +3,7 @@
 use mavlink::dialects::common::MavMessage;
 use serde::Serialize;
 use tvc_nano::Params;
+use tvc_nano::failsafe::StateKind;
 
 use crate::Client;
 
@@ -25,6 +26,18 @@ pub struct Status {
     pub pulse_us: u16,
     /// Servo angle commanded, from the centre, rad.
     pub servo_rad: f64,
+    /// Rates, losses and load.
+    #[serde(flatten)]
+    pub health: LinkHealth,
+    /// Texts since the last object.
+    pub texts: Vec<String>,
+    /// Everything that is enabled is healthy.
+    pub healthy: bool,
+}
+
+/// How well sensor, processor and link do.
+#[derive(Clone, Debug, Default, Serialize)]
+pub struct LinkHealth {
     /// Attitudes a second, by the vehicle's clock.
     pub attitude_hz: f64,
     /// Share of time for which the processor was awake, 0 to 1.
@@ -41,10 +54,6 @@ pub struct Status {
     pub missed: u16,
     /// Failed transfers on the sensor's bus.
     pub bus_errors: u16,
-    /// Texts since the last object.
-    pub texts: Vec<String>,
-    /// Everything that is enabled is healthy.
-    pub healthy: bool,
 }
 
 /// Keeps a [`Status`] up to date.
@@ -118,10 +127,10 @@ impl StatusTracker {
                 status.servo_rad = self.servo.angle_rad(m.servo1_raw);
             }
             MavMessage::SYS_STATUS(m) => {
-                status.load = f64::from(m.load) * 1e-3;
-                status.dropped = m.errors_count1;
-                status.missed = m.errors_count2;
-                status.bus_errors = m.errors_count3;
+                status.health.load = f64::from(m.load) * 1e-3;
+                status.health.dropped = m.errors_count1;
+                status.health.missed = m.errors_count2;
+                status.health.bus_errors = m.errors_count3;
                 status.healthy = m
                     .onboard_control_sensors_health
                     .contains(m.onboard_control_sensors_enabled);
@@ -138,15 +147,17 @@ impl StatusTracker {
     /// The present object; texts and rate begin anew.
     pub fn next(&mut self, client: &Client) -> Status {
         let (status, counts) = (&mut self.status, client.counts());
-        status.state = client.state().to_string();
+        status.state = client.state_name();
         status.reason = client.reason().to_owned();
-        status.armed = client.state().is_armed();
-        (status.messages, status.lost, status.crc_errors) =
-            (counts.messages, counts.lost, counts.crc_errors);
+        status.armed = client.state().is_some_and(StateKind::is_armed);
+        let health = &mut status.health;
+        health.messages = counts.messages;
+        health.lost = counts.lost;
+        health.crc_errors = counts.crc_errors;
         if let Some((first, last, count)) = self.window
             && last > first
         {
-            status.attitude_hz = f64::from(count) * 1e3 / f64::from(last - first);
+            health.attitude_hz = f64::from(count) * 1e3 / f64::from(last - first);
             self.window = Some((last, last, 0));
         }
         let now = status.clone();
@@ -198,7 +209,7 @@ mod tests {
         }
         let mut next = || tracker.next(&Client::default());
         let status = next();
-        assert!((status.attitude_hz - 100.0).abs() < 1e-9);
+        assert!((status.health.attitude_hz - 100.0).abs() < 1e-9);
         assert_eq!(status.texts, ["armed"]);
         assert!(next().texts.is_empty());
     }

@@ -31,6 +31,13 @@ pub struct Frame {
     pub message: MavMessage,
 }
 
+impl Frame {
+    /// Its payload as it came: without trailing zeros, with extensions that the dialect's types do not have.
+    pub fn payload(&self) -> &[u8] {
+        &self.bytes[HEADER..HEADER + usize::from(self.bytes[1])]
+    }
+}
+
 /// Takes messages out of received bytes and puts messages into bytes to send.
 #[derive(Clone, Debug, Default)]
 pub struct Wire {

@@ -1,5 +1,7 @@
 //! `tvc`: the ground tool. Messages for people go to standard error, data to standard output.
 
+#![forbid(unsafe_code)]
+
 mod cli;
 mod filters;
 mod flight;

@@ -3,7 +3,7 @@
 use crate::rig::{Rig, RigError};
 use client::client::ANSWER;
 use client::request::{self, Order};
-use client::{Client, Failure, FlightState, LinkCounts, Parameter, Request};
+use client::{Client, Failure, LinkCounts, Parameter, Request, StateKind};
 use samd21::board::Ticks;
 use std::time::Duration;
 use thiserror::Error;
@@ -73,8 +73,8 @@ impl GroundStation {
     }
 
     /// The state of the flight by the last heartbeat.
-    pub fn state(&self) -> Option<FlightState> {
-        self.received.heartbeats.last().map(|beat| beat.state)
+    pub fn state(&self) -> Option<StateKind> {
+        self.received.heartbeats.last()?.state
     }
 
     /// The last text.
@@ -152,13 +152,13 @@ impl GroundStation {
         &mut self,
         rig: &mut Rig,
         patience: Ticks,
-        state: FlightState,
+        state: StateKind,
     ) -> Result<(), GroundStationError> {
         self.wait(rig, patience, &format!("state {state:?}"), |received| {
             let mut heartbeats = received.heartbeats.iter();
             heartbeats
                 .next_back()
-                .is_some_and(|beat| beat.state == state)
+                .is_some_and(|beat| beat.state == Some(state))
         })
     }
 
@@ -212,34 +212,10 @@ impl GroundStation {
         Ok(())
     }
 
-    /// Stores the parameters.
-    ///
-    /// # Errors
-    /// As [`GroundStation::arm`].
-    pub fn save_parameters(&mut self, rig: &mut Rig) -> Result<(), GroundStationError> {
-        self.order(rig, request::SAVE)
-    }
-
     /// Asks for the parameters to be stored, and does not wait.
     pub fn request_save(&mut self, rig: &mut Rig) {
         self.client.send(&request::SAVE.message());
         self.flush(rig);
-    }
-
-    /// Goes back to the stored parameters.
-    ///
-    /// # Errors
-    /// As [`GroundStation::arm`].
-    pub fn reload_parameters(&mut self, rig: &mut Rig) -> Result<(), GroundStationError> {
-        self.order(rig, request::RELOAD)
-    }
-
-    /// Goes back to the defaults.
-    ///
-    /// # Errors
-    /// As [`GroundStation::arm`].
-    pub fn reset_parameters(&mut self, rig: &mut Rig) -> Result<(), GroundStationError> {
-        self.order(rig, request::RESET)
     }
 
     /// Fetches the recorder's bytes: none if it holds no release.
@@ -251,7 +227,11 @@ impl GroundStation {
         Ok(self.client.recording().to_vec())
     }
 
-    fn order(&mut self, rig: &mut Rig, order: Order) -> Result<(), GroundStationError> {
+    /// Gives an order and waits until it is obeyed.
+    ///
+    /// # Errors
+    /// As [`GroundStation::arm`].
+    pub fn order(&mut self, rig: &mut Rig, order: Order) -> Result<(), GroundStationError> {
         self.request(rig, Request::Order(order))
     }
 

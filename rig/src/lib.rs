@@ -23,6 +23,8 @@
 //! | [`fly`] | flights ([`flight`]), campaigns of faults ([`faults`]), recordings through the image ([`replay`]), the person at the rig ([`pilot`]), and on Unix real time behind a pseudo-terminal (`real_time`, `pty`) |
 //! | [`ground_station`] | the MAVLink client at the USB port |
 
+#![forbid(unsafe_code)]
+
 pub mod bench;
 pub mod bno055;
 pub mod fly;

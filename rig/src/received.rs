@@ -1,6 +1,7 @@
 //! What has arrived from the image, sorted.
 
-use client::{FlightState, text};
+use client::state::state_of;
+use client::{StateKind, text};
 use mavlink::dialects::common::{MavMessage, MavModeFlag, MavSeverity, SYS_STATUS_DATA};
 use samd21::board::Ticks;
 use std::collections::BTreeMap;
@@ -11,7 +12,7 @@ pub struct Heartbeat {
     /// When it arrived.
     pub at: Ticks,
     /// Where the flight stands.
-    pub state: FlightState,
+    pub state: Option<StateKind>,
     /// Why, 0 for no reason.
     pub reason: u8,
     /// The armed flag.
@@ -109,7 +110,7 @@ impl Received {
         match message {
             MavMessage::HEARTBEAT(m) => self.heartbeats.push(Heartbeat {
                 at,
-                state: FlightState::of(m.custom_mode),
+                state: state_of(m.custom_mode),
                 reason: (m.custom_mode >> 8) as u8,
                 armed: m
                     .base_mode

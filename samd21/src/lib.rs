@@ -26,6 +26,8 @@
 //! have or does not count, are tested against ARM's manuals, by programs written for the purpose.
 //! Each file begins with what it leaves out.
 
+#![forbid(unsafe_code)]
+
 pub mod board;
 mod bus;
 pub mod chip;

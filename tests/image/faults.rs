@@ -1,7 +1,7 @@
 //! The image on the rig with a sensor or a cable that fails in mid-flight.
 
 use crate::{firmware, ready};
-use client::{Failure, FlightState};
+use client::{Failure, StateKind};
 use rig::bno055::Fault;
 use rig::faults::neutral_us;
 use rig::ground_station::GroundStationError;
@@ -26,12 +26,12 @@ fn in_flight() -> Ready {
 
 /// Lets go of the drone of `flight`, whose neutral pulse is `neutral_us`.
 fn released(mut flight: Ready, neutral_us: &RangeInclusive<f64>) -> Ready {
-    let Ready { rig, operator, .. } = &mut flight;
+    let Ready { rig, station, .. } = &mut flight;
     rig.environment_mut().tilt_clamp(0.4);
-    operator.run(rig, ms(2000)).unwrap();
-    operator.arm(rig).unwrap();
-    operator.release(rig, 0.2).unwrap();
-    operator.run(rig, ms(150)).unwrap();
+    station.run(rig, ms(2000)).unwrap();
+    station.arm(rig).unwrap();
+    station.release(rig, 0.2).unwrap();
+    station.run(rig, ms(150)).unwrap();
     let last = rig.truth().pulses.last().unwrap();
     assert!(
         !neutral_us.contains(&last.width_us()),
@@ -63,11 +63,11 @@ pub(crate) fn assert_pulses_went_on(pulses: &[Pulse], length: Ticks) {
 
 fn neutral_in_time_and_back_by_the_operator(fault: Fault, word: &str) {
     let mut flight = in_flight();
-    let Ready { rig, operator, .. } = &mut flight;
-    let texts = operator.received().texts.len();
+    let Ready { rig, station, .. } = &mut flight;
+    let texts = station.received().texts.len();
     let at = rig.now();
     rig.inject(fault);
-    operator.run(rig, ms(1000)).unwrap();
+    station.run(rig, ms(1000)).unwrap();
 
     // From 150 ms on, every pulse is neutral.
     let pulses = rig.truth().pulses_since(at);
@@ -80,8 +80,8 @@ fn neutral_in_time_and_back_by_the_operator(fault: Fault, word: &str) {
         );
     }
     // State and reason have arrived.
-    assert_eq!(operator.state(), Some(FlightState::Failsafe), "{fault:?}");
-    let told = &operator.received().texts[texts..];
+    assert_eq!(station.state(), Some(StateKind::Failsafe), "{fault:?}");
+    let told = &station.received().texts[texts..];
     let reason = told.iter().find(|t| t.text.starts_with("failsafe"));
     let reason = reason.unwrap_or_else(|| panic!("{fault:?}: {told:?}"));
     assert!(reason.text.contains(word), "{fault:?}: {}", reason.text);
@@ -92,7 +92,7 @@ fn neutral_in_time_and_back_by_the_operator(fault: Fault, word: &str) {
     );
     // While the fault lasts there is no way out, and never one straight to active.
     assert!(matches!(
-        operator.arm(rig),
+        station.arm(rig),
         Err(GroundStationError::Request {
             failure: Failure::Refused { .. },
             ..
@@ -100,7 +100,7 @@ fn neutral_in_time_and_back_by_the_operator(fault: Fault, word: &str) {
     ));
     if fault != Fault::ConfigReset {
         assert!(matches!(
-            operator.disarm(rig),
+            station.disarm(rig),
             Err(GroundStationError::Request {
                 failure: Failure::Refused { .. },
                 ..
@@ -112,31 +112,31 @@ fn neutral_in_time_and_back_by_the_operator(fault: Fault, word: &str) {
     rig.environment_mut().catch();
     rig.environment_mut().tilt_clamp(0.0);
     // The attitude and the gyro offset are found anew.
-    operator.run(rig, ms(8000)).unwrap();
+    station.run(rig, ms(8000)).unwrap();
     assert_eq!(
-        operator.state(),
-        Some(FlightState::Failsafe),
+        station.state(),
+        Some(StateKind::Failsafe),
         "{fault:?}: only the operator ends it"
     );
     assert!(matches!(
-        operator.release(rig, 0.0),
+        station.release(rig, 0.0),
         Err(GroundStationError::Request {
             failure: Failure::Refused { .. },
             ..
         })
     ));
     assert!(matches!(
-        operator.arm(rig),
+        station.arm(rig),
         Err(GroundStationError::Request {
             failure: Failure::Refused { .. },
             ..
         })
     ));
-    operator.disarm(rig).unwrap();
-    operator
-        .wait_for_state(rig, ms(500), FlightState::Standby)
+    station.disarm(rig).unwrap();
+    station
+        .wait_for_state(rig, ms(500), StateKind::Standby)
         .unwrap();
-    operator.arm(rig).unwrap();
+    station.arm(rig).unwrap();
     assert!(rig.resets().is_empty());
 }
 
@@ -179,13 +179,13 @@ fn the_step_of_a_missed_sample_comes_before_its_edge() {
     // From any instant of a frame, for as long as the first transfer hangs.
     for instant in 0..20 {
         let mut flight = flight.clone();
-        let Ready { rig, operator, .. } = &mut flight;
-        operator.run(rig, ms(instant)).unwrap();
+        let Ready { rig, station, .. } = &mut flight;
+        station.run(rig, ms(instant)).unwrap();
         let at = rig.now();
         rig.inject(Fault::SclStuck);
-        operator.run(rig, ms(14)).unwrap();
+        station.run(rig, ms(14)).unwrap();
         let until = rig.now();
-        operator.run(rig, ms(20)).unwrap();
+        station.run(rig, ms(20)).unwrap();
         let truth = rig.truth();
         let steps = truth
             .steps
@@ -210,9 +210,9 @@ fn the_step_of_a_missed_sample_comes_before_its_edge() {
 #[test]
 fn a_slave_inside_a_byte_is_clocked_free() {
     let mut flight = in_flight();
-    let Ready { rig, operator, .. } = &mut flight;
+    let Ready { rig, station, .. } = &mut flight;
     rig.inject(Fault::SdaHeld { clocks: 7 });
-    operator.run(rig, ms(500)).unwrap();
+    station.run(rig, ms(500)).unwrap();
     assert!(!rig.environment().sensor().held_low(rig.now()).sda);
     let last = rig.truth().bursts.last().unwrap();
     assert!(rig.now() - last.end < ms(20), "bursts go on");
@@ -221,15 +221,15 @@ fn a_slave_inside_a_byte_is_clocked_free() {
 #[test]
 fn spikes_are_ridden_out() {
     let mut flight = in_flight();
-    let Ready { rig, operator, .. } = &mut flight;
+    let Ready { rig, station, .. } = &mut flight;
     rig.inject(Fault::Spikes { probability: 0.003 });
     rig.inject(Fault::CorruptWords { probability: 0.003 });
-    operator.run(rig, ms(3000)).unwrap();
+    station.run(rig, ms(3000)).unwrap();
     assert_eq!(
-        operator.state(),
-        Some(FlightState::Active),
+        station.state(),
+        Some(StateKind::Active),
         "{:?}",
-        operator.last_text()
+        station.last_text()
     );
     let pitch = rig.environment().drone().pitch_rad();
     assert!(pitch.abs() < 0.05, "{pitch}");
@@ -249,11 +249,11 @@ fn divert(rig: &mut rig::Rig, instruction: u16) -> u32 {
 #[test]
 fn a_hung_loop_is_reset_and_told() {
     let mut flight = in_flight();
-    let Ready { rig, operator, .. } = &mut flight;
+    let Ready { rig, station, .. } = &mut flight;
     let at = rig.now();
     // The main loop never comes back: a branch to itself.
     divert(rig, 0xE7FE);
-    operator.run(rig, ms(450)).unwrap();
+    station.run(rig, ms(450)).unwrap();
     assert_eq!(rig.resets().len(), 1, "the watchdog fires");
     let (fired, cause) = rig.resets()[0];
     assert_eq!(cause, ResetCause::Watchdog);
@@ -266,22 +266,22 @@ fn a_hung_loop_is_reset_and_told() {
         last.width_us()
     );
     // The bootloader costs half a second, then pulses are back and the reason is told.
-    operator.run(rig, ms(600)).unwrap();
+    station.run(rig, ms(600)).unwrap();
     let back = rig.truth().pulses_since(fired)[0];
     assert!(back.rise - fired < ms(600), "{}", back.rise - fired);
     assert!(default_neutral_us().contains(&back.width_us()));
-    operator.connect(rig).unwrap();
-    operator
-        .wait_for_state(rig, ms(2000), FlightState::Latched)
+    station.connect(rig).unwrap();
+    station
+        .wait_for_state(rig, ms(2000), StateKind::Latched)
         .unwrap();
-    let told = operator.received().texts.iter();
+    let told = station.received().texts.iter();
     assert!(
         told.clone()
             .any(|t| t.at > fired && t.text.contains("latched fault")),
         "{told:?}"
     );
     assert!(matches!(
-        operator.arm(rig),
+        station.arm(rig),
         Err(GroundStationError::Request {
             failure: Failure::Refused { .. },
             ..
@@ -289,33 +289,33 @@ fn a_hung_loop_is_reset_and_told() {
     ));
     rig.environment_mut().catch();
     rig.environment_mut().tilt_clamp(0.0);
-    operator.disarm(rig).unwrap();
-    operator
-        .wait_for_state(rig, ms(6000), FlightState::Standby)
+    station.disarm(rig).unwrap();
+    station
+        .wait_for_state(rig, ms(6000), StateKind::Standby)
         .unwrap();
 }
 
 #[test]
 fn a_brown_out_is_latched() {
     let mut flight = ready();
-    let Ready { rig, operator, .. } = &mut flight;
+    let Ready { rig, station, .. } = &mut flight;
     rig.brown_out();
-    operator.run(rig, ms(700)).unwrap();
-    operator.connect(rig).unwrap();
-    operator
-        .wait_for_state(rig, ms(2000), FlightState::Latched)
+    station.run(rig, ms(700)).unwrap();
+    station.connect(rig).unwrap();
+    station
+        .wait_for_state(rig, ms(2000), StateKind::Latched)
         .unwrap();
-    assert!(operator.last_text().unwrap().contains("brown-out"));
+    assert!(station.last_text().unwrap().contains("brown-out"));
 }
 
 /// The record of a crash outlives the bootloader, which uses RAM of its own, and not the power.
 #[test]
 fn a_hard_fault_is_told_after_the_reset() {
     let mut flight = in_flight();
-    let Ready { rig, operator, .. } = &mut flight;
+    let Ready { rig, station, .. } = &mut flight;
     let at = rig.now();
     let pc = divert(rig, 0xDE00);
-    operator.run(rig, ms(1200)).unwrap();
+    station.run(rig, ms(1200)).unwrap();
     assert_eq!(rig.resets().len(), 1);
     let (reset, _) = rig.resets()[0];
     let before = rig.truth().pulses.iter().rfind(|p| p.fall < reset).unwrap();
@@ -325,19 +325,19 @@ fn a_hard_fault_is_told_after_the_reset() {
         before.width_us(),
         reset - at
     );
-    operator
-        .wait_for_state(rig, ms(3000), FlightState::Latched)
+    station
+        .wait_for_state(rig, ms(3000), StateKind::Latched)
         .unwrap();
     let reason = format!("hard fault at {pc:#010x}");
-    let told = &operator.received().texts;
+    let told = &station.received().texts;
     assert!(told.iter().any(|t| t.text.contains(&reason)), "{told:?}");
 
     rig.environment_mut().catch();
     rig.environment_mut().tilt_clamp(0.0);
     rig.power_cycle();
-    operator.connect(rig).unwrap();
-    operator
-        .wait_for_state(rig, ms(8000), FlightState::Standby)
+    station.connect(rig).unwrap();
+    station
+        .wait_for_state(rig, ms(8000), StateKind::Standby)
         .unwrap();
 }
 
@@ -345,7 +345,7 @@ fn a_hard_fault_is_told_after_the_reset() {
 #[test]
 fn a_panic_is_told_after_the_reset() {
     let mut flight = in_flight();
-    let Ready { rig, operator, .. } = &mut flight;
+    let Ready { rig, station, .. } = &mut flight;
     let panic = firmware()
         .symbols()
         .find(|(name, _)| name.contains("panic_bounds_check"));
@@ -356,14 +356,14 @@ fn a_panic_is_told_after_the_reset() {
     registers.primask = false;
     rig.chip_mut().set_registers(&registers);
     let at = rig.now();
-    operator.run(rig, ms(1200)).unwrap();
+    station.run(rig, ms(1200)).unwrap();
     let (reset, _) = rig.resets()[0];
     let last = rig.truth().pulses.iter().rfind(|p| p.fall < reset).unwrap();
     assert!(default_neutral_us().contains(&last.width_us()) && reset - at < ms(400));
-    operator
-        .wait_for_state(rig, ms(3000), FlightState::Latched)
+    station
+        .wait_for_state(rig, ms(3000), StateKind::Latched)
         .unwrap();
-    let told = &operator.received().texts;
+    let told = &station.received().texts;
     let place = format!(" {from:#x}");
     assert!(
         told.iter()
@@ -381,7 +381,10 @@ fn held() -> (Ready, RangeInclusive<f64>) {
     setup.parameters.push(("SRV_HOLD_DEG".into(), HOLD_DEG));
     let mut ready = prepare(firmware(), &setup, &mut |_| {}).unwrap();
     // Stored, so that the run after a reset knows it as well.
-    ready.operator.save_parameters(&mut ready.rig).unwrap();
+    ready
+        .station
+        .order(&mut ready.rig, client::request::SAVE)
+        .unwrap();
     (ready, neutral_us(&params))
 }
 
@@ -413,10 +416,10 @@ fn hang_panic_and_hard_fault_command_the_held_neutral() {
         [("hang", &hang), ("hard fault", &fault), ("panic", &panic)];
     for (end, provoke) in ends {
         let mut flight = flight.clone();
-        let Ready { rig, operator, .. } = &mut flight;
+        let Ready { rig, station, .. } = &mut flight;
         let at = rig.now();
         provoke(rig);
-        operator.run(rig, ms(1200)).unwrap();
+        station.run(rig, ms(1200)).unwrap();
         assert_eq!(rig.resets().len(), 1, "{end}");
         let (reset, _) = rig.resets()[0];
         let pulses = rig.truth().pulses_since(at);
@@ -435,22 +438,22 @@ fn hang_panic_and_hard_fault_command_the_held_neutral() {
 #[test]
 fn a_laptop_that_stops_reading_or_goes_away_disturbs_nothing() {
     let mut flight = in_flight();
-    let Ready { rig, operator, .. } = &mut flight;
+    let Ready { rig, station, .. } = &mut flight;
     let at = rig.now();
     rig.usb_host_mut().pause_reading(true);
-    operator.run(rig, ms(1000)).unwrap();
+    station.run(rig, ms(1000)).unwrap();
     rig.usb_host_mut().pause_reading(false);
     rig.usb_host_mut().detach();
-    operator.run(rig, ms(1000)).unwrap();
+    station.run(rig, ms(1000)).unwrap();
     rig.usb_host_mut().attach();
-    operator.run(rig, ms(1000)).unwrap();
+    station.run(rig, ms(1000)).unwrap();
     assert_pulses_went_on(rig.truth().pulses_since(at), ms(3000));
     let pitch = rig.environment().drone().pitch_rad();
     assert!(pitch.abs() < 0.03, "{pitch}");
     let steps = rig.truth().steps.iter().filter(|s| s.start >= at).count();
     assert!((449..=451).contains(&steps), "{steps} steps in 3 s");
-    let before = operator.received().heartbeats.len();
-    operator.run(rig, ms(2000)).unwrap();
-    assert!(operator.received().heartbeats.len() > before);
-    assert_eq!(operator.state(), Some(FlightState::Active));
+    let before = station.received().heartbeats.len();
+    station.run(rig, ms(2000)).unwrap();
+    assert!(station.received().heartbeats.len() > before);
+    assert_eq!(station.state(), Some(StateKind::Active));
 }

@@ -1,7 +1,7 @@
 //! Flights of the firmware image on the virtual rig, held to the requirements.
 
 use crate::{firmware, ready};
-use client::{Failure, FlightState, Parameter};
+use client::{Failure, Parameter, StateKind};
 use rig::ground_station::GroundStationError;
 use rig::replay::{pair, parity};
 use rig::{Ready, ServoKind, Setup, SyncHold, Ticks, WaitStates, prepare};
@@ -31,7 +31,7 @@ fn flies(servo: ServoKind, settling_s: f64) {
             settled.is_some_and(|s| s <= settling_s),
             "{servo:?} from {start_rad}: {settled:?}"
         );
-        assert_eq!(flight.final_state, Some(FlightState::Active));
+        assert_eq!(flight.final_state, Some(StateKind::Active));
 
         // The loop: on time, fresh, and nothing of it lost on the way to the laptop.
         let timing = flight.timing;
@@ -152,14 +152,14 @@ fn the_same_seed_gives_the_same_bytes() {
 #[test]
 fn the_host_library_agrees_bit_for_bit() {
     let mut ready = ready();
-    let Ready { rig, operator, .. } = &mut ready;
-    operator.list_parameters(rig).unwrap();
+    let Ready { rig, station, .. } = &mut ready;
+    station.list_parameters(rig).unwrap();
     rig.environment_mut().tilt_clamp(0.6);
-    operator.run(rig, ms(2000)).unwrap();
-    operator.arm(rig).unwrap();
-    operator.release(rig, 0.2).unwrap();
-    operator.run(rig, ms(3000)).unwrap();
-    let received = operator.received();
+    station.run(rig, ms(2000)).unwrap();
+    station.arm(rig).unwrap();
+    station.release(rig, 0.2).unwrap();
+    station.run(rig, ms(3000)).unwrap();
+    let received = station.received();
     let pairs = pair(received);
     assert_eq!(pairs.len(), received.samples.len());
     let parity = parity(&received.parameters, &pairs);
@@ -170,12 +170,12 @@ fn the_host_library_agrees_bit_for_bit() {
 #[test]
 fn parameters_are_told_changed_and_refused() {
     let mut ready = ready();
-    let Ready { rig, operator, .. } = &mut ready;
-    operator.list_parameters(rig).unwrap();
-    let count = operator.received().parameters.len();
+    let Ready { rig, station, .. } = &mut ready;
+    station.list_parameters(rig).unwrap();
+    let count = station.received().parameters.len();
     assert_eq!(count, tvc_nano::Params::count());
-    operator.set_parameter(rig, "PID_KP", 1.5).unwrap();
-    let error = operator.set_parameter(rig, "PID_KP", 99.0).unwrap_err();
+    station.set_parameter(rig, "PID_KP", 1.5).unwrap();
+    let error = station.set_parameter(rig, "PID_KP", 99.0).unwrap_err();
     assert!(
         matches!(
             error,
@@ -189,9 +189,9 @@ fn parameters_are_told_changed_and_refused() {
         ),
         "{error}"
     );
-    assert!(operator.last_text().unwrap().contains("PID_KP"));
-    operator.arm(rig).unwrap();
-    let error = operator
+    assert!(station.last_text().unwrap().contains("PID_KP"));
+    station.arm(rig).unwrap();
+    let error = station
         .set_parameter(rig, "SRV_RATE_HZ", 300.0)
         .unwrap_err();
     assert!(
@@ -209,8 +209,8 @@ fn parameters_are_told_changed_and_refused() {
 #[test]
 fn the_stack_keeps_away_from_the_statics() {
     let mut ready = ready();
-    let Ready { rig, operator, .. } = &mut ready;
-    operator.run(rig, ms(1000)).unwrap();
+    let Ready { rig, station, .. } = &mut ready;
+    station.run(rig, ms(1000)).unwrap();
     let (used, free) = (rig.stack_high_water(), rig.stack_free());
     assert!(used > 256 && used <= free, "{used} bytes used, {free} free");
 }

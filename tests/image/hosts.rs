@@ -1,7 +1,7 @@
 //! The image in flight while the host misbehaves.
 
 use crate::ready;
-use client::{FlightState, Wire, request};
+use client::{StateKind, Wire, request};
 use rig::measure::LoopTiming;
 use rig::{Ready, Ticks};
 
@@ -17,20 +17,20 @@ fn ms(ms: u64) -> Ticks {
 /// Released and upright.
 fn in_flight() -> Ready {
     let mut flight = ready();
-    let Ready { rig, operator, .. } = &mut flight;
-    operator.run(rig, ms(1000)).unwrap();
-    operator.arm(rig).unwrap();
-    operator.release(rig, 0.1).unwrap();
-    operator.run(rig, ms(300)).unwrap();
+    let Ready { rig, station, .. } = &mut flight;
+    station.run(rig, ms(1000)).unwrap();
+    station.arm(rig).unwrap();
+    station.release(rig, 0.1).unwrap();
+    station.run(rig, ms(300)).unwrap();
     flight
 }
 
 /// Lets `host` act once a millisecond; then the loop has kept its time, the flight its state and its parameters.
 fn assert_undisturbed(mut host: impl FnMut(u64, &mut rig::Rig)) {
     let mut flight = in_flight();
-    let Ready { rig, operator, .. } = &mut flight;
-    operator.list_parameters(rig).unwrap();
-    let before = operator.received().parameters.clone();
+    let Ready { rig, station, .. } = &mut flight;
+    station.list_parameters(rig).unwrap();
+    let before = station.received().parameters.clone();
     let begin = rig.now();
     for millisecond in 0..LENGTH.as_us() / 1000 {
         host(millisecond, rig);
@@ -47,10 +47,10 @@ fn assert_undisturbed(mut host: impl FnMut(u64, &mut rig::Rig)) {
     // A host that behaves is served as before.
     rig.usb_host_mut().pause_reading(false);
     rig.usb_host_mut().attach();
-    operator.run(rig, ms(1500)).unwrap();
-    assert_eq!(operator.state(), Some(FlightState::Active));
-    operator.list_parameters(rig).unwrap();
-    assert_eq!(operator.received().parameters, before);
+    station.run(rig, ms(1500)).unwrap();
+    assert_eq!(station.state(), Some(StateKind::Active));
+    station.list_parameters(rig).unwrap();
+    assert_eq!(station.received().parameters, before);
 }
 
 /// Bytes that are different each time and the same in every run.
@@ -144,14 +144,14 @@ fn one_that_comes_back_is_served_at_once_whenever_it_went() {
     let flight = in_flight();
     for instant in 0..60 {
         let mut fork = flight.clone();
-        let Ready { rig, operator, .. } = &mut fork;
-        operator.run(rig, Ticks::from_us(instant * 333)).unwrap();
+        let Ready { rig, station, .. } = &mut fork;
+        station.run(rig, Ticks::from_us(instant * 333)).unwrap();
         rig.usb_host_mut().detach();
-        operator.run(rig, ms(97)).unwrap();
+        station.run(rig, ms(97)).unwrap();
         rig.usb_host_mut().attach();
-        operator.begin_page();
-        operator.run(rig, ms(400)).unwrap();
-        let attitudes = operator.received().attitudes.len();
+        station.begin_page();
+        station.run(rig, ms(400)).unwrap();
+        let attitudes = station.received().attitudes.len();
         assert!(attitudes > 10, "{attitudes} when unplugged at {instant}");
     }
 }

@@ -3,7 +3,7 @@
 
 use crate::faults::{assert_pulses_went_on, default_neutral_us, ms};
 use crate::ready;
-use client::{Failure, FlightState};
+use client::{Failure, StateKind, request};
 use rig::ground_station::{GroundStation, GroundStationError};
 use rig::{Ready, Rig};
 use tvc_nano::store::SLOT_BYTES;
@@ -12,53 +12,53 @@ use tvc_nano::store::SLOT_BYTES;
 const STORE: std::ops::Range<usize> = 0x3FC00..0x40000;
 
 /// Cuts the power, waits for the image and asks what it has.
-fn gain_after_power_cut(rig: &mut Rig, operator: &mut GroundStation) -> f32 {
+fn gain_after_power_cut(rig: &mut Rig, station: &mut GroundStation) -> f32 {
     rig.power_cycle();
-    operator.connect(rig).unwrap();
-    operator.list_parameters(rig).unwrap();
-    operator.received().parameters["PID_KP"]
+    station.connect(rig).unwrap();
+    station.list_parameters(rig).unwrap();
+    station.received().parameters["PID_KP"]
 }
 
 fn saved(kp: f32) -> Ready {
     let mut bench = ready();
-    let Ready { rig, operator, .. } = &mut bench;
-    operator.set_parameter(rig, "PID_KP", kp).unwrap();
-    operator.save_parameters(rig).unwrap();
+    let Ready { rig, station, .. } = &mut bench;
+    station.set_parameter(rig, "PID_KP", kp).unwrap();
+    station.order(rig, request::SAVE).unwrap();
     bench
 }
 
 #[test]
 fn saved_parameters_outlive_the_power_and_the_pulses_go_on_meanwhile() {
     let mut bench = ready();
-    let Ready { rig, operator, .. } = &mut bench;
-    operator.set_parameter(rig, "PID_KP", 1.75).unwrap();
+    let Ready { rig, station, .. } = &mut bench;
+    station.set_parameter(rig, "PID_KP", 1.75).unwrap();
     let at = rig.now();
-    operator.save_parameters(rig).unwrap();
-    operator.run(rig, ms(300)).unwrap();
+    station.order(rig, request::SAVE).unwrap();
+    station.run(rig, ms(300)).unwrap();
     let pulses = rig.truth().pulses_since(at);
     assert_pulses_went_on(pulses, rig.now() - at);
     let neutral = default_neutral_us();
     assert!(pulses.iter().all(|p| neutral.contains(&p.width_us())));
-    assert_eq!(operator.state(), Some(FlightState::Standby));
-    assert_eq!(gain_after_power_cut(rig, operator), 1.75);
-    operator
-        .wait_for_state(rig, ms(8000), FlightState::Standby)
+    assert_eq!(station.state(), Some(StateKind::Standby));
+    assert_eq!(gain_after_power_cut(rig, station), 1.75);
+    station
+        .wait_for_state(rig, ms(8000), StateKind::Standby)
         .unwrap();
 }
 
 #[test]
 fn what_was_not_saved_is_gone_and_a_reload_or_a_reset_brings_back_what_was() {
     let mut bench = saved(1.75);
-    let Ready { rig, operator, .. } = &mut bench;
-    operator.set_parameter(rig, "PID_KP", 2.5).unwrap();
-    operator.reload_parameters(rig).unwrap();
-    operator.list_parameters(rig).unwrap();
-    assert_eq!(operator.received().parameters["PID_KP"], 1.75);
-    operator.reset_parameters(rig).unwrap();
-    operator.list_parameters(rig).unwrap();
+    let Ready { rig, station, .. } = &mut bench;
+    station.set_parameter(rig, "PID_KP", 2.5).unwrap();
+    station.order(rig, request::RELOAD).unwrap();
+    station.list_parameters(rig).unwrap();
+    assert_eq!(station.received().parameters["PID_KP"], 1.75);
+    station.order(rig, request::RESET).unwrap();
+    station.list_parameters(rig).unwrap();
     let default = tvc_nano::Params::default().pid_kp();
-    assert_eq!(operator.received().parameters["PID_KP"], default);
-    assert_eq!(gain_after_power_cut(rig, operator), 1.75);
+    assert_eq!(station.received().parameters["PID_KP"], default);
+    assert_eq!(gain_after_power_cut(rig, station), 1.75);
 }
 
 /// A save is two erasures and a page for every eight parameters, and the chip stands still in each: steps of a
@@ -66,15 +66,15 @@ fn what_was_not_saved_is_gone_and_a_reload_or_a_reset_brings_back_what_was() {
 #[test]
 fn a_power_cut_at_any_instant_of_a_save_leaves_the_old_set_or_the_new_one() {
     let mut bench = saved(1.75);
-    let Ready { rig, operator, .. } = &mut bench;
-    operator.set_parameter(rig, "PID_KP", 2.5).unwrap();
+    let Ready { rig, station, .. } = &mut bench;
+    station.set_parameter(rig, "PID_KP", 2.5).unwrap();
     let before = rig.chip().flash()[STORE].to_vec();
-    operator.request_save(rig);
+    station.request_save(rig);
     let mut found = [0, 0];
     for instant in 0..30 {
-        operator.run(rig, ms(1)).unwrap();
+        station.run(rig, ms(1)).unwrap();
         let mut fork = rig.clone();
-        let kp = gain_after_power_cut(&mut fork, &mut operator.clone());
+        let kp = gain_after_power_cut(&mut fork, &mut station.clone());
         assert!(kp == 1.75 || kp == 2.5, "{instant} ms: {kp}");
         found[usize::from(kp == 2.5)] += 1;
     }
@@ -85,18 +85,18 @@ fn a_power_cut_at_any_instant_of_a_save_leaves_the_old_set_or_the_new_one() {
 #[test]
 fn corrupt_rows_are_told_and_nothing_is_armed_until_the_operator_has_seen_it() {
     let mut bench = saved(1.75);
-    let Ready { rig, operator, .. } = &mut bench;
+    let Ready { rig, station, .. } = &mut bench;
     for slot in [0, SLOT_BYTES] {
         let address = STORE.start + slot + 20;
         let worn = rig.chip().flash()[address] ^ 4;
         rig.chip_mut().load_flash(address as u32, &[worn]);
     }
     let default = tvc_nano::Params::default().pid_kp();
-    assert_eq!(gain_after_power_cut(rig, operator), default);
-    operator
-        .wait_for_state(rig, ms(2000), FlightState::Latched)
+    assert_eq!(gain_after_power_cut(rig, station), default);
+    station
+        .wait_for_state(rig, ms(2000), StateKind::Latched)
         .unwrap();
-    let texts = operator.received().texts.iter();
+    let texts = station.received().texts.iter();
     assert!(
         texts
             .clone()
@@ -104,25 +104,25 @@ fn corrupt_rows_are_told_and_nothing_is_armed_until_the_operator_has_seen_it() {
         "{texts:?}"
     );
     assert!(matches!(
-        operator.arm(rig),
+        station.arm(rig),
         Err(GroundStationError::Request {
             failure: Failure::Refused { .. },
             ..
         })
     ));
-    operator.disarm(rig).unwrap();
-    operator
-        .wait_for_state(rig, ms(8000), FlightState::Standby)
+    station.disarm(rig).unwrap();
+    station
+        .wait_for_state(rig, ms(8000), StateKind::Standby)
         .unwrap();
 }
 
 #[test]
 fn nothing_is_saved_while_armed() {
     let mut bench = ready();
-    let Ready { rig, operator, .. } = &mut bench;
-    operator.arm(rig).unwrap();
+    let Ready { rig, station, .. } = &mut bench;
+    station.arm(rig).unwrap();
     let before = rig.chip().flash()[STORE].to_vec();
-    let refused = operator.save_parameters(rig);
+    let refused = station.order(rig, request::SAVE);
     assert!(
         matches!(
             refused,
@@ -134,5 +134,5 @@ fn nothing_is_saved_while_armed() {
         "{refused:?}"
     );
     assert_eq!(rig.chip().flash()[STORE], before);
-    assert_eq!(operator.state(), Some(FlightState::Armed));
+    assert_eq!(station.state(), Some(StateKind::Armed));
 }

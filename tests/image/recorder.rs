@@ -2,7 +2,7 @@
 
 use crate::faults::ms;
 use crate::ready;
-use client::FlightState;
+use client::StateKind;
 use rig::Ready;
 use tvc_nano::recorder::{STEP_BYTES, STEPS, STEPS_AFTER, STEPS_BEFORE, Step};
 
@@ -15,25 +15,25 @@ fn steps(bytes: &[u8]) -> Vec<Step> {
 #[test]
 fn a_release_is_fetched_as_it_was_streamed() {
     let mut bench = ready();
-    let Ready { rig, operator, .. } = &mut bench;
-    assert!(operator.fetch_recording(rig).unwrap().is_empty());
-    operator.begin_page();
-    operator.arm(rig).unwrap();
-    operator.run(rig, ms(400)).unwrap();
-    operator.release(rig, 0.2).unwrap();
-    operator.run(rig, ms(500)).unwrap();
+    let Ready { rig, station, .. } = &mut bench;
+    assert!(station.fetch_recording(rig).unwrap().is_empty());
+    station.begin_page();
+    station.arm(rig).unwrap();
+    station.run(rig, ms(400)).unwrap();
+    station.release(rig, 0.2).unwrap();
+    station.run(rig, ms(500)).unwrap();
     assert!(
-        operator.fetch_recording(rig).unwrap().is_empty(),
+        station.fetch_recording(rig).unwrap().is_empty(),
         "not whole yet"
     );
-    operator.run(rig, ms(1000)).unwrap();
+    station.run(rig, ms(1000)).unwrap();
     // Fetched while control goes on, and nothing else is lost by it.
-    let steps = steps(&operator.fetch_recording(rig).unwrap());
-    assert_eq!(operator.state(), Some(FlightState::Active));
-    assert_eq!(operator.counts().lost, 0);
+    let steps = steps(&station.fetch_recording(rig).unwrap());
+    assert_eq!(station.state(), Some(StateKind::Active));
+    assert_eq!(station.counts().lost, 0);
     assert_eq!(steps.len(), STEPS);
 
-    let received = operator.received();
+    let received = station.received();
     let first = u64::from(received.servos[0].time_us);
     let mut compared = 0;
     for (index, step) in steps.iter().enumerate() {

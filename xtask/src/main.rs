@@ -1,7 +1,10 @@
 //! What `cargo fly` and `cargo tvc` start.
 //!
-//! `cargo run --quiet` alone would build the ground tool for minutes without a word the first time; without `--quiet`
-//! it would add its own lines to every message of the tool. So the first build is shown, later ones are not.
+//! `cargo run --quiet` alone would build the ground tool for minutes without a word the first time;
+//! without `--quiet` it would add its own lines to every message of the tool. So the first build is
+//! shown, later ones are not.
+
+#![forbid(unsafe_code)]
 
 use std::env;
 use std::ffi::{OsStr, OsString};
@@ -9,7 +12,10 @@ use std::path::PathBuf;
 use std::process::{Command, ExitCode};
 
 /// The ground tool, as cargo names it.
-const TOOL: [&str; 5] = ["--release", "--package", "ground", "--bin", "tvc"];
+const TOOL: [&str; 6] = ["--profile", PROFILE, "--package", "ground", "--bin", "tvc"];
+
+/// The profile that it is built with, and the folder below `target` where it then lies.
+const PROFILE: &str = "tool";
 
 fn main() -> ExitCode {
     let cargo = env::var_os("CARGO").unwrap_or_else(|| "cargo".into());
@@ -28,11 +34,11 @@ fn main() -> ExitCode {
     ))
 }
 
-/// Where the tool is once built: beside this program, in the release folder.
+/// Where the tool is once built: beside this program, in the folder of its profile.
 fn tool() -> Option<PathBuf> {
     let own = env::current_exe().ok()?;
     let name = format!("tvc{}", env::consts::EXE_SUFFIX);
-    Some(own.parent()?.parent()?.join("release").join(name))
+    Some(own.parent()?.parent()?.join(PROFILE).join(name))
 }
 
 /// Runs cargo on the tool and gives the exit status, 1 where there is none.

@@ -92,8 +92,8 @@ impl Writer {
         written.with_context(|| format!("writing {}", self.path.display()))
     }
 
-    /// Hands what was kept so far to the system, so that it outlives whatever ends this program. MCAP keeps back the
-    /// block that it is filling.
+    /// Hands what was written so far to the system, so that it survives the end of this program. An MCAP file keeps
+    /// back the chunk that it is filling.
     ///
     /// # Errors
     /// The file cannot be written.
@@ -164,7 +164,7 @@ impl Log {
         Ok(log)
     }
 
-    /// The messages in the bytes of a log. A frame that is cut short or damaged is counted and passed over.
+    /// The messages in the bytes of a log. A frame that is cut short or damaged is counted and ignored.
     pub fn parse(bytes: &[u8]) -> Self {
         let mut log = Self::default();
         // Every system counts its own frames.
@@ -213,7 +213,7 @@ pub fn convert(from: &Path, to: &Path) -> Result<()> {
     writer.end()
 }
 
-/// Writes a flight that has not come over the link as a log, as if it ended now, or as a table.
+/// Writes a flight that did not come over the link: as a log whose last step is now, or as a table.
 ///
 /// # Errors
 /// As [`convert`].
@@ -229,7 +229,7 @@ pub fn write_flight(flight: &Flight, to: &Path) -> Result<()> {
     let time_us = |step: Option<&Step>| step.map_or(0, |step| step.now_us);
     let begin_us = now_us().saturating_sub(time_us(flight.steps().last()));
     let mut writer = Writer::create(to)?;
-    // What was before the first step is told at its time.
+    // Events before the first step get the first step's time.
     let mut at_us = time_us(flight.steps().next());
     let mut sequence = 0;
     for event in &flight.events {
@@ -293,7 +293,7 @@ fn tlog(path: &Path) -> Result<Vec<u8>> {
 /// Times, us since 1970, and frames in the bytes of a `.tlog`.
 struct Frames<'a> {
     bytes: &'a [u8],
-    /// Bytes that belong to none.
+    /// Bytes that belong to no frame.
     stray_bytes: u64,
 }
 
@@ -324,7 +324,7 @@ fn is_from_vehicle(frame: &[u8]) -> bool {
     frame.get(SYSTEM_AT) == Some(&SYSTEM_ID)
 }
 
-/// Whether the file's name ends so, in small letters or large.
+/// Whether the file's name has this extension, in small letters or large.
 pub fn has_extension(path: &Path, extension: &str) -> bool {
     path.extension()
         .is_some_and(|found| found.eq_ignore_ascii_case(extension))

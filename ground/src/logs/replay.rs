@@ -11,7 +11,8 @@ mod table;
 use std::collections::BTreeMap;
 
 use anyhow::Result;
-use client::{Cause, FlightState};
+use client::state::{is_in_operation, reason_of, state_of};
+use client::{ReasonKind, StateKind};
 use mavlink::dialects::common::{MavCmd, MavResult};
 use recordings::FilterName;
 use serde::Serialize;
@@ -71,18 +72,18 @@ fn parameter(text: &str) -> Result<(String, f32), String> {
     Ok((name.to_owned(), value))
 }
 
-/// A step as it was and as it came out again.
+/// A step as logged and as replayed.
 #[derive(Clone, Copy, Debug)]
 pub struct Pair {
-    /// As it was.
+    /// As logged.
     pub logged: Step,
-    /// As it came out.
+    /// As replayed.
     pub again: Step,
-    /// Both should be the same.
+    /// The estimate's past is known: both must be equal bit for bit.
     pub exact: bool,
 }
 
-/// What came of a replay.
+/// The figures of a replay.
 #[derive(Debug, Default, Serialize)]
 pub struct Figures {
     /// Control steps in the log.
@@ -201,7 +202,10 @@ fn words(figures: &Figures) -> Vec<String> {
     lines
 }
 
-/// Runs the library over a log, with some parameters forced to other values. Also gives what it refused.
+/// Runs the library over a log, with some parameters forced to other values. Also gives the refusals.
+///
+/// # Errors
+/// A forced value out of its range, or parameters of the log that make no flight.
 pub fn replay(
     flight: &log::Flight,
     changed: &BTreeMap<String, f32>,
@@ -242,10 +246,10 @@ pub fn replay(
     Ok((pairs, run.refused))
 }
 
-/// The library in flight.
+/// A replay under way.
 struct Run {
     flight: Flight,
-    /// State and reason, as the vehicle told last.
+    /// The last `custom_mode` of the log.
     code: Option<u32>,
     now: Micros,
     sampled: bool,
@@ -256,12 +260,12 @@ struct Run {
 impl Run {
     fn step(&mut self, logged: &Step) -> Pair {
         self.now = Micros(logged.now_us);
-        if self.code.and_then(Cause::of) != Some(Cause::HostSilent) {
+        if self.code.and_then(reason_of) != Some(ReasonKind::HostSilent) {
             self.flight.host_heard(self.now);
         }
         let reading = match logged.sample {
             Some(sample) => Ok(sample),
-            // What the fault was shows in what the vehicle made of it.
+            // The log has no faults: the vehicle's state tells whether the sensor was lost.
             None if self.lost_sensor() => Err(SensorFault::Reset),
             None => Err(SensorFault::Nak),
         };
@@ -285,23 +289,23 @@ impl Run {
         let Some(code) = self.code else {
             return self.sampled;
         };
-        match FlightState::of(code) {
-            FlightState::Boot => self.sampled,
-            _ => Cause::of(code) == Some(Cause::Sensor),
+        match state_of(code) {
+            Some(StateKind::Boot) => self.sampled,
+            _ => reason_of(code) == Some(ReasonKind::Sensor),
         }
     }
 
-    /// A state that only a command leads to is one that was commanded.
+    /// Gives the command that a change of state implies.
     fn follow(&mut self, code: u32) {
         let first = self.code.replace(code).is_none();
-        let state = FlightState::of(code);
+        let state = state_of(code);
         // From power-on the whole past is in the log.
-        self.exact |= first && state == FlightState::Boot && !self.sampled;
-        let mine = FlightState::of(self.flight.state().code());
+        self.exact |= first && state == Some(StateKind::Boot) && !self.sampled;
+        let mine = self.flight.state().kind();
         match state {
-            FlightState::Armed if mine != FlightState::Armed => self.command(Command::Arm),
-            FlightState::Active if mine != FlightState::Active => self.command(Command::Release),
-            FlightState::Standby if mine.is_in_operation() || mine == FlightState::Latched => {
+            Some(StateKind::Armed) if mine != StateKind::Armed => self.command(Command::Arm),
+            Some(StateKind::Active) if mine != StateKind::Active => self.command(Command::Release),
+            Some(StateKind::Standby) if is_in_operation(mine) || mine == StateKind::Latched => {
                 self.command(Command::Disarm);
             }
             _ => {}
@@ -335,7 +339,7 @@ fn compare(pairs: &[Pair]) -> Figures {
         steps: pairs.len(),
         ..Figures::default()
     };
-    // Before the first step whose past is known the two are strangers.
+    // Before the first step whose past is known there is nothing to compare.
     let known = pairs.iter().position(|pair| pair.exact).unwrap_or(0);
     for Pair {
         logged,

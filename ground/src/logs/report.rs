@@ -1,4 +1,4 @@
-//! `tvc report`: what a log shows, as figures and as a page. The same for a real run and for one of the rig.
+//! `tvc report`: a log as figures and as a page; a log of the rig is treated as one of a real vehicle.
 
 mod page;
 pub mod sweep;
@@ -7,7 +7,8 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use anyhow::Result;
-use client::FlightState;
+use client::StateKind;
+use client::state::state_of;
 use plant::response::StepResponse;
 use rig::measure::Spread;
 
@@ -45,7 +46,8 @@ pub struct Report {
     pub json: bool,
 }
 
-/// What a flight begins with: the drone swings upright. It does not count for how well it is held, s.
+/// Time after the release in which the drone swings upright, s: it does not count for how well it is
+/// held.
 const SWING_S: f64 = 2.0;
 
 /// Timing of the control loop by the vehicle's own clock.
@@ -77,7 +79,7 @@ pub struct Release<'a> {
     pub steps: Vec<&'a Step>,
     /// The set point at each, rad.
     pub set_rad: Vec<f64>,
-    /// Control was still on when the log or the operator ended it.
+    /// Control was on until the log or the operator ended it.
     pub stayed: bool,
 }
 
@@ -141,8 +143,8 @@ pub fn releases(flight: &Flight) -> Vec<Release<'_>> {
     for event in &flight.events {
         match event {
             Event::State(code) => {
-                let state = FlightState::of(*code);
-                match (active, state == FlightState::Active) {
+                let state = state_of(*code);
+                match (active, state == Some(StateKind::Active)) {
                     (false, true) => releases.push(Release {
                         steps: Vec::new(),
                         set_rad: Vec::new(),
@@ -150,13 +152,13 @@ pub fn releases(flight: &Flight) -> Vec<Release<'_>> {
                     }),
                     (true, false) => {
                         if let Some(release) = releases.last_mut() {
-                            // Standby is the operator's doing; anything else is not.
-                            release.stayed = state == FlightState::Standby;
+                            // Only the operator leads from control to standby.
+                            release.stayed = state == Some(StateKind::Standby);
                         }
                     }
                     _ => {}
                 }
-                active = state == FlightState::Active;
+                active = state == Some(StateKind::Active);
             }
             Event::Parameter(name, value) if name == "PITCH_SET_DEG" => {
                 set_rad = f64::from(*value).to_radians();
@@ -302,10 +304,7 @@ fn health(flight: &Flight) -> Health {
     for event in &flight.events {
         match event {
             Event::State(code) => {
-                starting = matches!(
-                    FlightState::of(*code),
-                    FlightState::Boot | FlightState::SelfTest
-                );
+                starting = matches!(state_of(*code), Some(StateKind::Boot | StateKind::SelfTest));
             }
             Event::Status(status) => {
                 let first = first.get_or_insert(status);

@@ -4,8 +4,9 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Result, bail};
 use clap::Args;
-use client::FlightState;
+use client::StateKind;
 use client::request::{self, Order};
+use client::state::is_in_operation;
 
 use crate::out::exit::Verdict;
 use crate::vehicle::link::Vehicle;
@@ -38,7 +39,7 @@ const PATIENCE: Duration = Duration::from_secs(3);
 /// # Errors
 /// No vehicle, its refusal, or a state that does not follow.
 pub fn arm(options: &Operate) -> Result<Verdict> {
-    order(options, request::ARM, FlightState::is_armed)
+    order(options, request::ARM, StateKind::is_armed)
 }
 
 /// Disarms.
@@ -46,24 +47,24 @@ pub fn arm(options: &Operate) -> Result<Verdict> {
 /// # Errors
 /// As [`arm`].
 pub fn disarm(options: &Operate) -> Result<Verdict> {
-    order(options, request::DISARM, |state| !state.is_in_operation())
+    order(options, request::DISARM, |state| !is_in_operation(state))
 }
 
-fn order(options: &Operate, order: Order, obeyed: fn(FlightState) -> bool) -> Result<Verdict> {
+fn order(options: &Operate, order: Order, obeyed: fn(StateKind) -> bool) -> Result<Verdict> {
     let mut vehicle = Vehicle::connect(&options.port)?;
     vehicle.command(order)?;
     let end = Instant::now() + PATIENCE;
-    while !obeyed(vehicle.state()) {
+    while !vehicle.state().is_some_and(obeyed) {
         if Instant::now() >= end {
             bail!(
-                "the vehicle accepted the order to {} and is in {:?}",
+                "the vehicle accepted the order to {} and is in {}",
                 order.name,
-                vehicle.state()
+                vehicle.link().client().state_name()
             );
         }
         vehicle.receive()?;
     }
-    let state = vehicle.state().to_string();
+    let state = vehicle.link().client().state_name();
     if options.json {
         println!("{}", serde_json::json!({ "state": state }));
     } else {

@@ -51,7 +51,7 @@ const BOOTLOADER_PATIENCE: Duration = Duration::from_secs(8);
 
 /// Builds the image and writes it where `options` say.
 pub fn run(options: &Flash) -> Result<Verdict> {
-    // A port or a programmer that is not there is said before minutes of building.
+    // A missing port or programmer is reported before the build, which takes minutes.
     let target = match options {
         Flash {
             uf2: Some(path), ..
@@ -119,14 +119,14 @@ fn write_with_bossac(port: &str, bossac: &Path, image: &Image) -> Result<Verdict
     Ok(Verdict::Met)
 }
 
-/// Touches `port` at 1200 baud and waits for the bootloader; gives the bootloader's port.
+/// Touches `port` at 1200 baud and waits for the bootloader; returns the bootloader's port.
 fn enter_bootloader(port: &str) -> Result<String> {
     let before = port_names()?;
     let mut touch = serialport::new(port, 1200)
         .timeout(Duration::from_millis(200))
         .open()
         .with_context(|| format!("opening {port}"))?;
-    // If the board vanishes at once this write may fail: that is the touch having worked.
+    // This write may fail because the board resets at once: then the touch has worked.
     let _ = touch.write_data_terminal_ready(false);
     drop(touch);
     eprintln!("asked {port} for its bootloader (refused while the firmware is armed)");
@@ -143,7 +143,7 @@ fn enter_bootloader(port: &str) -> Result<String> {
             return Ok(port.to_string());
         }
     }
-    // A board that was in its bootloader already does not re-enumerate.
+    // A board that is in its bootloader already keeps its port.
     if port_names()?.contains(port) {
         return Ok(port.to_string());
     }

@@ -48,14 +48,17 @@ pub struct Forward {
     pub log: Option<PathBuf>,
 }
 
-/// Largest datagram taken from a ground station.
+/// Largest datagram accepted from a ground station, bytes.
 const DATAGRAM: usize = 2048;
 
 /// Bridges until Ctrl-C.
+///
+/// # Errors
+/// The log cannot be written, no socket, no vehicle, or it went away.
 pub fn run(options: &Forward) -> Result<Verdict> {
     let stop = signals::on_signal()?;
     let log = options.log.as_deref().map(Writer::create).transpose()?;
-    // The ground station's heartbeats are the ones that count.
+    // The ground station sends the heartbeats.
     let mut vehicle = Vehicle::at(Link::open(&options.port)?.without_heartbeat())?;
     let mut tracker = StatusTracker::new(servo_map(&mut vehicle)?);
     if let Some(log) = log {
@@ -75,7 +78,7 @@ pub fn run(options: &Forward) -> Result<Verdict> {
     let mut datagram = [0; DATAGRAM];
     while !signals::asked(stop, begun, longest) {
         for frame in vehicle.receive()? {
-            // That nobody listens yet is no error: somebody may later.
+            // An error here means that nobody listens yet; somebody may later.
             let _ = station.send_to(&frame.bytes, options.to);
             tracker.take(&frame.message);
             if matches!(frame.message, MavMessage::SERVO_OUTPUT_RAW(_)) {
@@ -84,7 +87,7 @@ pub fn run(options: &Forward) -> Result<Verdict> {
             }
         }
         while let Ok((count, from)) = station.recv_from(&mut datagram) {
-            // Only the station that is sent to may command.
+            // Only the ground station that frames are sent to may command.
             if from.ip() == options.to.ip() {
                 vehicle.link().send_bytes(&datagram[..count])?;
             }
@@ -94,7 +97,7 @@ pub fn run(options: &Forward) -> Result<Verdict> {
     Ok(Verdict::Met)
 }
 
-/// A socket that reaches `to` and is not waited for; one to this computer cannot be reached from others.
+/// A non-blocking socket for sending to `to`. Where that is this computer, no other one can reach the socket.
 fn socket(to: SocketAddr) -> Result<UdpSocket> {
     let local: SocketAddr = match to {
         SocketAddr::V4(to) if to.ip().is_loopback() => (Ipv4Addr::LOCALHOST, 0).into(),

@@ -4,7 +4,7 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Error, Result, anyhow, bail};
 use client::request::Order;
-use client::{Client, Failure, FlightState, Frame, Parameter, Request};
+use client::{Client, Failure, Frame, Parameter, Request, StateKind};
 use mavlink::dialects::common::MavMessage;
 
 use crate::logs::log::Writer;
@@ -164,8 +164,8 @@ impl Vehicle {
         Ok(Self { link })
     }
 
-    /// The state of the flight by the last heartbeat.
-    pub fn state(&self) -> FlightState {
+    /// The state of the flight by the last heartbeat; `None` for an unknown one.
+    pub fn state(&self) -> Option<StateKind> {
         self.link.client.state()
     }
 

@@ -1,4 +1,4 @@
-//! `tvc monitor`: the vehicle, live. On a terminal a few lines that stay in place, else a line now and then.
+//! `tvc monitor`: the vehicle's status, live: on a terminal in lines that stay in place, elsewhere a line every second.
 
 use std::io::{IsTerminal, Write};
 use std::path::PathBuf;
@@ -47,10 +47,13 @@ pub struct Monitor {
     pub log: Option<PathBuf>,
 }
 
-/// Texts that stay in sight.
+/// Texts shown on a terminal.
 const TEXTS: usize = 4;
 
 /// Shows the vehicle until Ctrl-C.
+///
+/// # Errors
+/// The log cannot be written, there is no vehicle, or it went away.
 pub fn run(options: &Monitor) -> Result<Verdict> {
     let stop = signals::on_signal()?;
     let log = options.log.as_deref().map(Writer::create).transpose()?;
@@ -87,6 +90,9 @@ pub fn run(options: &Monitor) -> Result<Verdict> {
 }
 
 /// The vehicle's map from servo angle to pulse.
+///
+/// # Errors
+/// The vehicle does not tell its parameters.
 pub fn servo_map(vehicle: &mut Vehicle) -> Result<ServoMap> {
     let mut value = |name| vehicle.parameter(name);
     Ok(ServoMap::new(
@@ -96,7 +102,7 @@ pub fn servo_map(vehicle: &mut Vehicle) -> Result<ServoMap> {
     ))
 }
 
-/// A line, flushed: whoever reads it wants it now.
+/// Prints a line and flushes it, so that a reader at a pipe gets it at once.
 fn print(status: &Status, json: bool) -> Result<()> {
     let mut out = std::io::stdout().lock();
     if json {
@@ -111,10 +117,11 @@ fn print(status: &Status, json: bool) -> Result<()> {
     Ok(())
 }
 
-/// A status in words.
+/// A status as text: time and state, attitude, link.
 fn lines(status: &Status) -> [String; 3] {
     let [roll, pitch, yaw] = status.attitude_rad.map(f64::to_degrees);
     let rate = f64::from(status.rate_rad_s[1]).to_degrees();
+    let health = &status.health;
     [
         format!("{:10.3} s  {}", status.timestamp, status.state),
         format!(
@@ -124,13 +131,13 @@ fn lines(status: &Status) -> [String; 3] {
         ),
         format!(
             "{:5.1} attitudes/s  lost {}  damaged {}  dropped {}  missed {}  bus errors {}  load {:.0} %{}",
-            status.attitude_hz,
-            status.lost,
-            status.crc_errors,
-            status.dropped,
-            status.missed,
-            status.bus_errors,
-            100.0 * status.load,
+            health.attitude_hz,
+            health.lost,
+            health.crc_errors,
+            health.dropped,
+            health.missed,
+            health.bus_errors,
+            100.0 * health.load,
             if status.healthy { "" } else { "  UNHEALTHY" }
         ),
     ]

@@ -18,7 +18,7 @@ use crate::vehicle::link::Vehicle;
 mod options;
 pub use options::{Param, ParamAction, ParamPort};
 
-/// A parameter with all that is known of it.
+/// A parameter's value on the vehicle, with this tool's own description of it.
 #[derive(Debug, Serialize)]
 pub struct Row {
     /// Name.
@@ -31,7 +31,7 @@ pub struct Row {
 }
 
 impl Row {
-    /// What this tool's own table says of a parameter.
+    /// A parameter with its description; a parameter that this tool does not know has none.
     pub fn of(parameter: &Parameter) -> Self {
         let index = Params::index_of(&parameter.name);
         let info = index.and_then(|index| Params::default().by_index(index).map(|(info, _)| info));
@@ -48,7 +48,7 @@ impl Row {
     }
 }
 
-/// A value that is one thing here and another there.
+/// A parameter whose value on the vehicle is not that of the file or the default.
 #[derive(Debug, Serialize)]
 struct Difference {
     name: String,
@@ -57,8 +57,11 @@ struct Difference {
 }
 
 /// Does what `options` say.
+///
+/// # Errors
+/// Unusable input, no vehicle, or its refusal.
 pub fn run(options: &Param) -> Result<Verdict> {
-    // What cannot be used is said before the vehicle is asked.
+    // Unusable input is reported before the vehicle is contacted.
     let wanted = match &options.action {
         ParamAction::Diff { file } => file.as_deref().map(file::read).transpose()?,
         ParamAction::Load { file } => Some(file::read(file)?),
@@ -213,7 +216,7 @@ fn load(vehicle: &mut Vehicle, wanted: &[Parameter], json: bool) -> Result<Verdi
     )
 }
 
-/// The defaults of some.
+/// The defaults of the parameters with these names.
 fn defaults(names: &[String]) -> Result<Vec<Parameter>> {
     let default = |name: &String| match Params::default().value(name) {
         Some(value) => Ok(Parameter {
@@ -228,7 +231,7 @@ fn defaults(names: &[String]) -> Result<Vec<Parameter>> {
     names.iter().map(default).collect()
 }
 
-/// Back to the defaults of some, or of all, or to what is stored.
+/// Sets the parameters in `some` to their defaults, all of them if it is empty, or loads the stored ones.
 fn reset(vehicle: &mut Vehicle, some: &[Parameter], stored: bool, json: bool) -> Result<Verdict> {
     let before = vehicle.parameters()?;
     if stored {

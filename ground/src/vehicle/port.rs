@@ -1,4 +1,4 @@
-//! Serial ports: which there are, which one is meant, and `tvc ports`.
+//! Serial ports: finding and opening one, and `tvc ports`.
 
 use std::io::{self, ErrorKind};
 use std::path::Path;
@@ -35,7 +35,10 @@ pub struct PortOptions {
     pub port: Option<String>,
 }
 
-/// A length of time in seconds, above zero.
+/// Parses a length of time, s, above 0 and at most 1e6.
+///
+/// # Errors
+/// What such a time looks like.
 pub fn seconds(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
         Ok(seconds) if seconds > 0.0 && seconds <= 1e6 => Ok(seconds),
@@ -48,7 +51,7 @@ const VENDOR: u16 = 0x2341;
 /// USB products: the running firmware, the bootloader.
 const PRODUCTS: [u16; 2] = [0x8057, 0x0057];
 
-/// The rate means nothing over USB, but 1200 asks for the bootloader.
+/// USB ignores the rate, but 1200 baud asks for the bootloader.
 const BAUD: u32 = 115_200;
 
 /// A port, as `tvc ports` lists it.
@@ -62,6 +65,9 @@ struct Listed {
 }
 
 /// Lists the serial ports.
+///
+/// # Errors
+/// The system does not list them.
 pub fn list(options: &Ports) -> Result<Verdict> {
     let ports: Vec<Listed> = available()?.iter().map(listed).collect();
     if options.json {
@@ -98,6 +104,9 @@ fn listed(port: &SerialPortInfo) -> Listed {
 }
 
 /// Every serial port of the machine.
+///
+/// # Errors
+/// The system does not list them.
 pub fn available() -> Result<Vec<SerialPortInfo>> {
     serialport::available_ports().context("listing serial ports")
 }
@@ -160,7 +169,7 @@ pub struct Port {
 }
 
 impl Port {
-    /// Opens the port that is meant.
+    /// Opens the port that [`find`] finds.
     ///
     /// # Errors
     /// [`BadInput`] for a port that is not there, is in use or is no port.
@@ -175,7 +184,7 @@ impl Port {
                 "cannot open {name}: {error}; is it a serial port that no other program uses?"
             ))
         })?;
-        // What an earlier program left unread is of no interest.
+        // Drops what an earlier program left unread.
         let _ = port.clear(ClearBuffer::Input);
         Ok(Self::at(port, name))
     }
@@ -190,7 +199,7 @@ impl Port {
         &self.name
     }
 
-    /// What has come, waiting at most `patience` for the first byte; empty if nothing did.
+    /// The bytes that have come, waiting at most `patience` for the first one; none if nothing has come.
     ///
     /// # Errors
     /// The port went away.

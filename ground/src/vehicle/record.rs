@@ -1,4 +1,4 @@
-//! `tvc record`: everything that passes, into a telemetry log.
+//! `tvc record`: every frame, both ways, into a telemetry log.
 
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
@@ -45,6 +45,9 @@ pub struct Record {
 }
 
 /// Records until Ctrl-C.
+///
+/// # Errors
+/// The log cannot be written, there is no vehicle, or it went away.
 pub fn run(options: &Record) -> Result<Verdict> {
     let stop = signals::on_signal()?;
     let log = Writer::create(&options.log)?;
@@ -65,7 +68,7 @@ pub fn run(options: &Record) -> Result<Verdict> {
     let mut gone = None;
     while !signals::asked(stop, begun, longest) {
         if let Err(error) = vehicle.receive() {
-            // What has been recorded is worth keeping.
+            // What has been recorded is kept.
             gone = Some(error);
             break;
         }

@@ -1,10 +1,11 @@
-//! `tvc recorder`: the steps around the last release, out of the vehicle's own memory.
+//! `tvc recorder`: downloads the steps around the last release from the vehicle's own memory.
 
 use std::path::PathBuf;
 
 use anyhow::{Result, bail};
 use clap::Args;
-use client::{FlightState, Parameter};
+use client::state::state_of;
+use client::{Parameter, StateKind};
 use tvc_nano::recorder::{self, STEP_BYTES};
 use tvc_nano::{Micros, RawSample};
 
@@ -38,7 +39,10 @@ pub struct Recorder {
     pub json: bool,
 }
 
-/// Fetches and writes.
+/// Downloads the recording and writes it.
+///
+/// # Errors
+/// No vehicle, no release in its memory, or a file that cannot be written.
 pub fn run(options: &Recorder) -> Result<Verdict> {
     let mut vehicle = Vehicle::connect(&options.port)?;
     let bytes = vehicle.recording()?;
@@ -54,7 +58,7 @@ pub fn run(options: &Recorder) -> Result<Verdict> {
     let before = flight
         .events
         .iter()
-        .take_while(|event| !matches!(event, Event::State(code) if FlightState::of(*code) == FlightState::Active))
+        .take_while(|event| !matches!(event, Event::State(code) if state_of(*code) == Some(StateKind::Active)))
         .filter(|event| matches!(event, Event::Step(_)))
         .count();
     if options.json {
@@ -89,7 +93,7 @@ fn flight(bytes: &[u8], parameters: Vec<Parameter>) -> Result<Flight> {
         if code.replace(step.code) != Some(step.code) {
             flight.events.push(Event::State(step.code.into()));
         }
-        // Only the lower half of the clock is kept.
+        // The recorder keeps the lower 32 bits of the clock.
         let low_us = step.now.0 as u32;
         let time_us = whole_us(low_us, now_us.unwrap_or(step.now.0));
         now_us = Some(time_us);

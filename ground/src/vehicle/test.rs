@@ -1,4 +1,4 @@
-//! `tvc test`: the vehicle armed, released, watched and disarmed, and what came of it.
+//! `tvc test`: arms and releases the vehicle, watches a manoeuvre, disarms it and prints the figures.
 
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -6,9 +6,9 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Context, Error, Result, bail};
 use clap::{Args, Subcommand};
-use client::{Failure, FlightState, request};
+use client::state::is_in_operation;
+use client::{Failure, RefusalKind, StateKind, request};
 use indicatif::{ProgressBar, ProgressStyle};
-use tvc_nano::Refusal;
 
 use crate::logs::log::{Flight, Log, Writer};
 use crate::logs::report::{conclude, sweep};
@@ -48,13 +48,13 @@ pub struct Test {
 }
 
 impl Test {
-    /// As every other command has it.
+    /// The same as [`PortOptions`].
     pub fn port(&self) -> PortOptions {
         self.port.port()
     }
 }
 
-/// What is flown.
+/// The manoeuvre.
 #[derive(Debug, Clone, Copy, Subcommand)]
 pub enum Manoeuvre {
     /// Release from the tilt at which it is held.
@@ -87,18 +87,21 @@ fn amplitude(text: &str) -> Result<f64, String> {
     }
 }
 
-/// How long the vehicle may take until it lets itself be armed: self-test, and the gyro's offset at rest.
+/// How long the vehicle may refuse to be armed: it passes its self-test and learns the gyro's offset at rest.
 pub const ARM_PATIENCE: Duration = Duration::from_secs(20);
-/// Between two attempts.
+/// Time between two attempts.
 pub const ARM_RETRY: Duration = Duration::from_millis(500);
-/// Armed before the release, so that the vehicle's own memory holds what was before it.
+/// Time between arming and release, so that the vehicle's recorder has steps from before the release.
 const ARMED: Duration = Duration::from_millis(250);
-/// Upright before the set point begins to swing.
+/// Time upright before the set point begins to swing.
 const SETTLE: Duration = Duration::from_secs(3);
-/// Between two set points.
+/// Time between two set points.
 const SET_PERIOD: Duration = Duration::from_millis(20);
 
 /// Flies the manoeuvre that `options` ask for.
+///
+/// # Errors
+/// No vehicle, its refusal, a failsafe in flight, or a log that cannot be written.
 pub fn run(options: &Test) -> Result<Verdict> {
     let stop = signals::on_signal()?;
     let folder = tempfile::tempdir().context("making a temporary folder")?;
@@ -110,12 +113,12 @@ pub fn run(options: &Test) -> Result<Verdict> {
     let mut vehicle = Vehicle::connect(&options.port())?;
     vehicle.link().log_to(writer);
     vehicle.parameters()?;
-    if vehicle.state().is_in_operation() {
+    if vehicle.state().is_some_and(is_in_operation) {
         bail!("the vehicle is not in standby: `tvc disarm` first");
     }
     vehicle.command(request::CALIBRATE)?;
     let flown = fly(&mut vehicle, options.manoeuvre, stop);
-    // Whatever happened: the rudder to neutral.
+    // Disarm whatever happened: the rudder goes to neutral.
     let disarmed = vehicle.command(request::DISARM);
     vehicle.link().end_log()?;
     flown?;
@@ -166,16 +169,16 @@ fn fly(vehicle: &mut Vehicle, manoeuvre: Manoeuvre, stop: &AtomicBool) -> Result
     }
 }
 
-/// Whether the vehicle may let itself be armed a little later: not where somebody must see its rudder answer first.
+/// Whether the vehicle may accept the same order a little later: not where the polarity check is missing.
 pub fn is_worth_waiting(refusal: &Error) -> bool {
     let failure = refusal.downcast_ref::<Failure>();
-    failure.and_then(Failure::refusal) != Some(Refusal::Polarity)
+    failure.and_then(Failure::refusal) != Some(RefusalKind::Polarity)
 }
 
-/// Arms as soon as the vehicle lets itself be armed.
+/// Repeats the order to arm until the vehicle obeys.
 ///
 /// # Errors
-/// It does not for [`ARM_PATIENCE`], with its last reason, or waiting would not help.
+/// The vehicle's last refusal, after [`ARM_PATIENCE`] or where waiting does not help.
 pub fn arm(vehicle: &mut Vehicle, stop: &AtomicBool) -> Result<()> {
     let progress = spinner("hold the drone still");
     let begun = Instant::now();
@@ -201,7 +204,10 @@ pub fn arm(vehicle: &mut Vehicle, stop: &AtomicBool) -> Result<()> {
     Ok(())
 }
 
-/// Reads along for a while, as long as control is on.
+/// Receives for a while and calls `each` with the time since the start.
+///
+/// # Errors
+/// A failsafe, Ctrl-C, or those of `each`.
 fn watch(
     vehicle: &mut Vehicle,
     length: Duration,
@@ -218,7 +224,7 @@ fn watch(
             begun.elapsed().as_secs_f64(),
             length.as_secs_f64()
         ));
-        if vehicle.state() == FlightState::Failsafe {
+        if vehicle.state() == Some(StateKind::Failsafe) {
             bail!("the vehicle gave up: {}", vehicle.reason());
         }
         if stop.load(Ordering::Relaxed) {

@@ -7,7 +7,7 @@ use crate::observe::ground_truth::{Motion, Pulse};
 use crate::observe::measure::{LoopTiming, events_without};
 use crate::random::{Stream, generator};
 use crate::rig::{Rig, RigConfig, RigError};
-use client::{FlightState, LinkCounts};
+use client::{LinkCounts, StateKind};
 use plant::ServoModel;
 use plant::response::{ResponseError, StepResponse};
 use rand::Rng;
@@ -168,7 +168,7 @@ pub struct Progress {
     /// True rudder angle, rad.
     pub rudder_rad: f64,
     /// The state that the firmware reported last.
-    pub state: Option<FlightState>,
+    pub state: Option<StateKind>,
 }
 
 /// A rig in standby with its parameters set; each flight is flown on a clone of it.
@@ -177,7 +177,7 @@ pub struct Ready {
     /// The rig.
     pub rig: Rig,
     /// The ground station at its port.
-    pub operator: GroundStation,
+    pub station: GroundStation,
     seed: u64,
 }
 
@@ -218,7 +218,7 @@ pub struct FlightRecord {
     /// Deepest stack since power-on, bytes.
     pub stack_high_water: u32,
     /// The firmware's state at the end.
-    pub final_state: Option<FlightState>,
+    pub final_state: Option<StateKind>,
     /// Time simulated for this flight, tilting included, s.
     pub simulated_s: f64,
     /// Of this, the core was awake, s.
@@ -236,26 +236,26 @@ pub fn prepare(
 ) -> Result<Ready, FlightError> {
     let mut ready = Ready {
         rig: Rig::new(image, &setup.rig)?,
-        operator: GroundStation::new(),
+        station: GroundStation::new(),
         seed: setup.rig.seed,
     };
-    let Ready { rig, operator, .. } = &mut ready;
-    operator.connect(rig)?;
+    let Ready { rig, station, .. } = &mut ready;
+    station.connect(rig)?;
     for (name, value) in setup.servo.parameters() {
-        operator.set_parameter(rig, name, *value)?;
+        station.set_parameter(rig, name, *value)?;
     }
     if let Some(gains) = setup.gains {
-        operator.set_parameter(rig, "PID_KP", gains.kp)?;
-        operator.set_parameter(rig, "PID_KD", gains.kd)?;
+        station.set_parameter(rig, "PID_KP", gains.kp)?;
+        station.set_parameter(rig, "PID_KD", gains.kd)?;
     }
     for (name, value) in &setup.parameters {
-        operator.set_parameter(rig, name, *value)?;
+        station.set_parameter(rig, name, *value)?;
     }
     let begin = ready.rig.now();
-    while ready.operator.state() != Some(FlightState::Standby) {
+    while ready.station.state() != Some(StateKind::Standby) {
         if ready.rig.now() - begin > STANDBY_PATIENCE {
-            let Ready { rig, operator, .. } = &mut ready;
-            operator.wait_for_state(rig, Ticks::ZERO, FlightState::Standby)?;
+            let Ready { rig, station, .. } = &mut ready;
+            station.wait_for_state(rig, Ticks::ZERO, StateKind::Standby)?;
         }
         ready.watch(Stage::Boot, PROGRESS, progress)?;
     }
@@ -279,14 +279,14 @@ impl Ready {
         let mut fork = self.clone();
         let begun = Mark::of(&fork.rig);
         fork.tilt(start_rad, progress)?;
-        fork.operator.arm(&mut fork.rig)?;
+        fork.station.arm(&mut fork.rig)?;
         // Whoever releases the drone does so at any phase of the servo frame.
         let mut dice = generator(self.seed ^ start_rad.to_bits(), Stream::Release);
         let hesitation = Ticks::from_us(dice.random_range(0..20_000));
-        fork.operator.run(&mut fork.rig, hesitation)?;
-        fork.operator.release(&mut fork.rig, rate_rad_s)?;
+        fork.station.run(&mut fork.rig, hesitation)?;
+        fork.station.release(&mut fork.rig, rate_rad_s)?;
         let released = fork.rig.now();
-        fork.operator.begin_page();
+        fork.station.begin_page();
         let mark = Mark::of(&fork.rig);
         let length = Ticks::from_secs_f64(seconds);
         fork.watch_until(Stage::Flight, released, released + length, progress)?;
@@ -325,7 +325,7 @@ impl Ready {
     ) -> Result<(), FlightError> {
         while self.rig.now() < end {
             let slice = PROGRESS.min(end - self.rig.now());
-            self.operator.run(&mut self.rig, slice)?;
+            self.station.run(&mut self.rig, slice)?;
             progress(&self.progress(stage, self.rig.now() - begin));
         }
         Ok(())
@@ -338,7 +338,7 @@ impl Ready {
             time_s: time.as_secs_f64(),
             pitch_rad: drone.pitch_rad(),
             rudder_rad: drone.rudder_rad(),
-            state: self.operator.state(),
+            state: self.station.state(),
         }
     }
 
@@ -350,9 +350,9 @@ impl Ready {
         mark: Mark,
     ) -> Result<FlightRecord, FlightError> {
         let now = Mark::of(&self.rig);
-        let final_state = self.operator.state();
+        let final_state = self.station.state();
         // Messages of the last steps are still on their way.
-        self.operator.run(&mut self.rig, Ticks::from_ms(50))?;
+        self.station.run(&mut self.rig, Ticks::from_ms(50))?;
         let truth = self.rig.truth();
         let motion = truth.motion_since(window.start).to_vec();
         let motion: Vec<Motion> = motion
@@ -364,7 +364,7 @@ impl Ready {
             .iter()
             .map(|m| ((m.time - window.start).as_secs_f64(), m.pitch_rad));
         let response = StepResponse::new(released.chain(after.filter(|(t, _)| *t > 0.0)), 0.0)?;
-        let received = self.operator.received().clone();
+        let received = self.station.received().clone();
         Ok(FlightRecord {
             start_rad,
             released: window.start,
@@ -373,7 +373,7 @@ impl Ready {
             missing: missing(&self.rig, &received, &window),
             pulses: truth.pulses_since(window.start).to_vec(),
             motion,
-            link: self.operator.counts(),
+            link: self.station.counts(),
             received,
             cpu_load: mark.load_until(&now),
             stack_high_water: self.rig.stack_high_water(),

@@ -6,7 +6,8 @@
 use crate::bench::sensor_motion::{SensorMotion, resting};
 use crate::rig::Rig;
 use calibration::prompt::{Prompt, Tilt};
-use client::{FlightState, Wire, request, text};
+use client::state::state_of;
+use client::{StateKind, Wire, request, text};
 use mavlink::dialects::common::MavMessage;
 use nalgebra::UnitQuaternion;
 use plant::Drone;
@@ -42,7 +43,7 @@ pub struct Pilot {
     manner: Manner,
     start_rad: f64,
     rate_rad_s: f64,
-    state: Option<FlightState>,
+    state: Option<StateKind>,
     /// When to look at the rudder of the tilted drone.
     check_rudder_at: Option<Ticks>,
 }
@@ -114,7 +115,9 @@ impl Pilot {
         for message in self.link.receive(sent) {
             match message {
                 MavMessage::HEARTBEAT(beat) => {
-                    self.follow_state(rig, FlightState::of(beat.custom_mode));
+                    if let Some(state) = state_of(beat.custom_mode) {
+                        self.follow_state(rig, state);
+                    }
                 }
                 MavMessage::STATUSTEXT(said) => {
                     lines.push(text(&said.text).to_owned());
@@ -130,12 +133,12 @@ impl Pilot {
     }
 
     /// After a failsafe the drone is not caught: it falls as it would.
-    fn follow_state(&mut self, rig: &mut Rig, state: FlightState) {
+    fn follow_state(&mut self, rig: &mut Rig, state: StateKind) {
         self.state = Some(state);
         let held = rig.environment().drone().held();
         match state {
-            FlightState::Active if held => rig.release(self.rate_rad_s),
-            FlightState::Active | FlightState::Failsafe => {}
+            StateKind::Active if held => rig.release(self.rate_rad_s),
+            StateKind::Active | StateKind::Failsafe => {}
             _ if !held => {
                 rig.environment_mut().catch();
                 rig.environment_mut().tilt_clamp(self.start_rad);
@@ -145,7 +148,7 @@ impl Pilot {
     }
 
     /// The firmware's state, by the last heartbeat.
-    pub fn state(&self) -> Option<FlightState> {
+    pub fn state(&self) -> Option<StateKind> {
         self.state
     }
 }

@@ -6,7 +6,7 @@ use crate::ground_station::{Attitude, GroundStation, RawImu, Received};
 use crate::image::Image;
 use crate::observe::measure::LoopTiming;
 use crate::rig::{Rig, RigConfig};
-use client::{FlightState, LinkCounts};
+use client::{LinkCounts, StateKind};
 use recordings::{Recording, Score, Scorer};
 use samd21::board::Ticks;
 use std::collections::BTreeMap;
@@ -68,18 +68,18 @@ pub fn replay(
     rig.environment_mut()
         .sensor_mut()
         .play(recording.clone(), Ticks::ZERO);
-    let mut operator = GroundStation::new();
+    let mut station = GroundStation::new();
     let begin = Mark::of(&rig);
     let end = Ticks::from_secs_f64(recording.duration_s().min(longest_s));
-    operator.connect(&mut rig)?;
-    operator.list_parameters(&mut rig)?;
+    station.connect(&mut rig)?;
+    station.list_parameters(&mut rig)?;
     while rig.now() < end {
         let slice = PROGRESS.min(end - rig.now());
-        operator.run(&mut rig, slice)?;
+        station.run(&mut rig, slice)?;
         progress(rig.now().as_secs_f64());
     }
     let finish = Mark::of(&rig);
-    let received = operator.received().clone();
+    let received = station.received().clone();
     let pairs = pair(&received);
     let (score, unmatched) = score(&rig, recording, &pairs);
     let parity = parity(&received.parameters, &pairs);
@@ -87,7 +87,7 @@ pub fn replay(
         score,
         parity,
         timing: LoopTiming::over(rig.truth(), standby(&received)..end),
-        link: operator.counts(),
+        link: station.counts(),
         unmatched,
         received,
         cpu_load: begin.load_until(&finish),
@@ -102,7 +102,7 @@ pub fn replay(
 fn standby(received: &Received) -> Ticks {
     let mut heartbeats = received.heartbeats.iter();
     heartbeats
-        .find(|heartbeat| heartbeat.state == FlightState::Standby)
+        .find(|heartbeat| heartbeat.state == Some(StateKind::Standby))
         .map_or(Ticks::ZERO, |heartbeat| heartbeat.at)
 }
 

@@ -1,8 +1,8 @@
 //! Flights from one or several tilts: boot once, fork for each start.
 
 use anyhow::{Context, Result};
-use client::FlightState;
-use client::LinkCounts;
+use client::{LinkCounts, StateKind};
+use rig::bench::FaultEntry;
 use rig::flight::{FlightRecord, Setup};
 use rig::{Image, prepare};
 use samd21::WaitStates;
@@ -13,7 +13,6 @@ use super::live::Live;
 use super::report::Page;
 use crate::flight::figures::Run;
 use crate::flight::fly::Fly;
-use rig::bench::FaultEntry;
 
 /// Tilts that are flown from, rad.
 const STARTS_RAD: [f64; 3] = [0.2, 0.4, 0.8];
@@ -124,7 +123,7 @@ fn link(records: &[FlightRecord]) -> LinkCounts {
 }
 
 fn run(record: &FlightRecord) -> Run {
-    let in_control = record.final_state == Some(FlightState::Active);
+    let in_control = record.final_state == Some(StateKind::Active);
     Run::new(record.start_rad, &record.response, in_control)
 }
 

@@ -1,16 +1,17 @@
 //! Logs as MCAP, which Foxglove and PlotJuggler open: the untouched frames on one topic, so that nothing is lost, and
-//! what the vehicle's frames say as JSON on others.
+//! the content of the vehicle's frames as JSON on others.
 //!
-//! Messages that tell the vehicle's clock are stamped by it, set once by the host's clock at the first of them; so
-//! plots do not show when the host happened to read. Frames are stamped with the time at which they came, as in a
+//! Messages that carry the vehicle's clock are stamped by it, offset to the host's clock at the first of them; so plots
+//! do not show the jitter of the host's reading. Frames are stamped with the time at which they came, as in a
 //! `.tlog`.
 
 use std::collections::BTreeMap;
 use std::fs::File;
 
 use anyhow::{Context, Result};
+use client::state::state_name;
 use client::status::angles;
-use client::{FlightState, Wire, text};
+use client::{Wire, text};
 use mavlink::dialects::common::{ATTITUDE_QUATERNION_DATA, MavMessage, MavSeverity};
 use mcap::records::MessageHeader;
 use mcap::{McapError, MessageStream, WriteOptions, read::Options};
@@ -27,14 +28,14 @@ pub const MAGIC: &[u8] = mcap::MAGIC;
 const FRAMES: &str = "/mavlink";
 /// Their encoding; MCAP has no registered name for it.
 const FRAME_ENCODING: &str = "x-mavlink2";
-/// What a kill may cost: a fifth of a second of log.
+/// Size of a chunk, bytes: at most this is lost if the program is killed, a fifth of a second.
 const CHUNK_BYTES: u64 = 32 * 1024;
-/// Between two transforms for three-dimensional views, us; plots have the attitude of every step.
+/// Time between two transforms for three-dimensional views, us; plots have the attitude of every step.
 const TRANSFORM_US: u64 = 30_000;
-/// Farther apart than this, the vehicle's clock has started anew, us.
+/// Difference of the clocks from which the vehicle counts as restarted, us.
 const CLOCK_STEP_US: u64 = 1_000_000;
 
-/// What is told on a topic: its name, its schema's name, its fields and their JSON types.
+/// A topic: its name, its schema's name, its fields and their JSON types.
 struct Topic(
     &'static str,
     &'static str,
@@ -179,7 +180,7 @@ impl Writer {
         })
     }
 
-    /// Keeps a frame that came at `time_us` since 1970, and what it says.
+    /// Writes a frame that came at `time_us` since 1970, and its content.
     pub fn write(&mut self, time_us: u64, frame: &[u8]) -> Result<(), McapError> {
         self.put(self.frames, time_us, frame)?;
         if !is_from_vehicle(frame) {
@@ -234,7 +235,7 @@ impl Writer {
                 (Kind::Command, json!({ "crank_deg": m.value.to_degrees() }))
             }
             MavMessage::HEARTBEAT(m) => {
-                let state = FlightState::of(m.custom_mode).to_string();
+                let state = state_name(m.custom_mode);
                 (
                     Kind::State,
                     json!({ "state": state, "code": m.custom_mode }),
@@ -314,17 +315,17 @@ pub fn frames(bytes: &[u8]) -> Result<(Vec<u8>, Option<McapError>)> {
     Ok((log, None))
 }
 
-/// The vehicle's clock, set by the host's.
+/// The vehicle's clock, offset to the host's.
 #[derive(Clone, Copy, Debug, Default)]
 struct Clock {
-    /// One instant by the vehicle's clock and by the host's, us.
+    /// The same instant by the vehicle's clock and by the host's, us.
     set: Option<(u64, u64)>,
     /// The newest time of the vehicle.
     newest_us: u64,
 }
 
 impl Clock {
-    /// When a message was made: by the vehicle's clock where it tells that, else when it came; us since 1970.
+    /// The time of a message, us since 1970: by the vehicle's clock where it carries that, else when it came.
     fn time_us(&mut self, received_us: u64, message: &MavMessage) -> u64 {
         let vehicle_us = match message {
             MavMessage::ATTITUDE_QUATERNION(m) => u64::from(m.time_boot_ms) * 1000,
@@ -358,7 +359,7 @@ fn timestamp(time_us: u64) -> Value {
     json!({ "sec": time_us / 1_000_000, "nsec": time_us % 1_000_000 * 1000 })
 }
 
-/// The body's place for viewers, whose axes are east-north-up on the earth and forward-left-up on the body (ROS
+/// The body's orientation for viewers, whose axes are east-north-up on the earth and forward-left-up on the body (ROS
 /// REP 103).
 fn transform(time_us: u64, attitude: &ATTITUDE_QUATERNION_DATA) -> Value {
     let half = std::f64::consts::FRAC_1_SQRT_2;

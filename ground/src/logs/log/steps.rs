@@ -1,7 +1,7 @@
 //! The control steps of a log, and what happened between them, in the vehicle's own order.
 //!
 //! Every step sends ATTITUDE_QUATERNION, SERVO_OUTPUT_RAW, RAW_IMU if it had a sample, and NAMED_VALUE_FLOAT with the
-//! command, one behind the other; answers and events lie between two steps as they lay in the firmware. A step without
+//! command, one behind the other; answers and events lie between two steps in the firmware's order. A step without
 //! RAW_IMU missed its sample, unless frames are missing there.
 
 use client::{LinkCounts, text};
@@ -15,7 +15,7 @@ use tvc_nano::{Micros, Params, RawSample};
 
 use super::{Entry, Log, whole_us};
 
-/// Name of the message that tells the command.
+/// Name of the NAMED_VALUE_FLOAT with the command.
 pub const CRANK: &str = "crank_rad";
 
 /// One control step as telemetry tells it.
@@ -47,7 +47,7 @@ impl Step {
         (2.0 * (w * y - x * z)).clamp(-1.0, 1.0).asin()
     }
 
-    /// The messages by which the vehicle tells of it, in its order.
+    /// The messages of the step, in the vehicle's order.
     fn messages(&self) -> Vec<MavMessage> {
         let [q1, q2, q3, q4] = self.quaternion;
         let [rollspeed, pitchspeed, yawspeed] = self.rate_rad_s;
@@ -84,7 +84,7 @@ impl Step {
     }
 }
 
-/// What a log tells, in order.
+/// An event of a log.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Event {
     /// A control step.
@@ -104,7 +104,7 @@ pub enum Event {
 }
 
 impl Event {
-    /// The messages by which the vehicle tells of it; none for a gap.
+    /// The messages that the vehicle sends for it; none for a gap.
     pub fn messages(&self) -> Vec<MavMessage> {
         match self {
             Self::Step(step) => step.messages(),
@@ -144,7 +144,7 @@ pub struct Flight {
     pub counts: LinkCounts,
 }
 
-/// What has come of a step.
+/// The messages of a step that have come so far.
 #[derive(Clone, Copy, Debug)]
 struct Part {
     quaternion: [f32; 4],

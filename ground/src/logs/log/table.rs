@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use anyhow::Result;
-use client::FlightState;
+use client::state::state_name;
 
 use super::{Event, Flight};
 use crate::out::file::write_whole;
@@ -24,7 +24,7 @@ fn text(flight: &Flight) -> String {
     let (mut state, mut lost) = (String::new(), 0);
     for event in &flight.events {
         match event {
-            Event::State(code) => state = FlightState::of(*code).to_string(),
+            Event::State(code) => state = state_name(*code),
             Event::Gap(frames) => lost += frames,
             Event::Step(step) => {
                 let mut row = vec![step.now_us.to_string(), state.clone(), lost.to_string()];

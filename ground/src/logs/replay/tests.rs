@@ -85,11 +85,11 @@ fn a_flight_with_missed_samples_and_a_failsafe_comes_out_bit_for_bit() {
         .events
         .iter()
         .filter_map(|event| match event {
-            Event::State(code) => Some(FlightState::of(*code)),
+            Event::State(code) => state_of(*code),
             _ => None,
         })
         .collect();
-    assert!(states.contains(&FlightState::Active) && states.contains(&FlightState::Failsafe));
+    assert!(states.contains(&StateKind::Active) && states.contains(&StateKind::Failsafe));
     assert_eq!(flight.lost(), 0);
     let (pairs, refused) = replay(&flight, &BTreeMap::new()).unwrap();
     assert_eq!(refused, Vec::<String>::new());

@@ -10,7 +10,7 @@ use std::time::{Duration, Instant};
 use anyhow::{Result, bail};
 use calibration::spread;
 use client::status::angles;
-use client::{FlightState, Parameter, request};
+use client::{Parameter, StateKind, request};
 use mavlink::dialects::common::MavMessage;
 use nalgebra::Vector3;
 use serde::Serialize;
@@ -122,7 +122,7 @@ fn fly(session: &mut Session, length: Duration) -> Result<Vec<Vector3<f64>>> {
                 _ => {}
             }
         }
-        if session.vehicle.state() == FlightState::Failsafe {
+        if session.vehicle.state() == Some(StateKind::Failsafe) {
             bail!("the vehicle gave up: {}", session.vehicle.reason());
         }
         session.go_on()?;

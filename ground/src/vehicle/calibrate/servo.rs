@@ -1,4 +1,4 @@
-//! The servo's set-up: pulses while nothing is armed, and a person who says where the rudder is.
+//! The servo's set-up: the vehicle holds pulses while disarmed, and a person reports where the rudder is.
 
 use std::time::{Duration, Instant};
 
@@ -90,7 +90,7 @@ fn check(given: &Servo) -> Result<()> {
     Ok(())
 }
 
-/// What is given, what the person finds, or what the vehicle has.
+/// Each value as given on the command line, else as the person finds it, else as the vehicle has it.
 fn find(session: &mut Session, given: &Servo, yes: bool) -> Result<Vec<Parameter>> {
     type Ask<'a> = &'a dyn Fn(&mut Session, f32) -> Result<f32>;
     let mut value = |name: &str, given: Option<f32>, ask: Ask<'_>| match given {
@@ -149,7 +149,7 @@ fn ask_at(session: &mut Session, pulse_us: f32, words: &str) -> Result<Option<St
     })
 }
 
-/// Moves the servo until the person is content.
+/// Moves the servo until the person accepts the pulse.
 fn nudge(session: &mut Session, what: &str, from_us: f32) -> Result<f32> {
     let mut pulse_us = from_us;
     loop {

@@ -6,9 +6,10 @@ use std::time::{Duration, Instant};
 use anyhow::{Result, bail};
 use calibration::prompt::Prompt;
 use calibration::{Readings, Sample};
+use client::Parameter;
+use client::StateKind;
 use client::request::status_text;
 use client::status::angles;
-use client::{FlightState, Parameter};
 use indicatif::{ProgressBar, ProgressStyle};
 use mavlink::dialects::common::MavMessage;
 
@@ -74,7 +75,7 @@ impl Session {
     pub fn connect(options: &Calibrate) -> Result<Self> {
         let stop = signals::on_signal()?;
         let vehicle = Vehicle::connect(&options.port.port())?;
-        if vehicle.state().is_armed() {
+        if vehicle.state().is_some_and(StateKind::is_armed) {
             bail!("the vehicle is armed: `tvc disarm` first");
         }
         let bar = ProgressBar::new(1000);
@@ -113,7 +114,7 @@ impl Session {
     /// It does not; the error says what it waits for.
     pub fn await_standby(&mut self) -> Result<()> {
         let begun = Instant::now();
-        while self.vehicle.state() != FlightState::Standby {
+        while self.vehicle.state() != Some(StateKind::Standby) {
             self.pump()?;
             if begun.elapsed() > STANDBY {
                 bail!(

@@ -1,4 +1,4 @@
-//! Parameters into the vehicle and its flash, and back to be compared.
+//! Writes parameters into the vehicle's flash and reads them back.
 
 use anyhow::{Result, bail};
 use client::{Parameter, request};
@@ -19,7 +19,7 @@ pub fn write(vehicle: &mut Vehicle, rows: &[Parameter]) -> Result<usize> {
         }
     }
     vehicle.command(request::SAVE)?;
-    // What is compared comes out of the flash.
+    // Reloaded, so that the comparison is with the flash.
     vehicle.command(request::RELOAD)?;
     let after = vehicle.parameters()?;
     match rows.iter().find(|row| !after.contains(row)) {

@@ -1,5 +1,5 @@
-//! Files of parameters: a name and a value a line, as MAVProxy writes them, or QGroundControl's five columns. `#` begins
-//! a comment.
+//! Parameter files: a name and a value a line, as MAVProxy writes them, or QGroundControl's five columns. `#` begins a
+//! comment.
 
 use std::fmt::Write;
 use std::path::Path;
@@ -10,7 +10,7 @@ use tvc_nano::Params;
 
 use crate::out::exit::BadInput;
 
-/// Reads a file. Every value is checked against this tool's own table, so that a bad file changes nothing.
+/// Reads a file. Every value is checked against this tool's own table before any is set.
 ///
 /// # Errors
 /// [`BadInput`] naming file and line.

@@ -27,7 +27,7 @@ pub struct Param {
     pub port: ParamPort,
 }
 
-/// The port and the form of the answer, also behind the action.
+/// The port and the form of the answer; both may also follow the action.
 #[derive(Debug, Args)]
 pub struct ParamPort {
     /// Serial port of the Nano, or the path that `tvc rig --pty` prints [default: the only SAMD21
@@ -41,7 +41,7 @@ pub struct ParamPort {
 }
 
 impl ParamPort {
-    /// As every other command has it.
+    /// The same as [`PortOptions`].
     pub fn port(&self) -> PortOptions {
         PortOptions {
             port: self.port.clone(),

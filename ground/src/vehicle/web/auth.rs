@@ -1,4 +1,4 @@
-//! Who may command: whoever has the token of this start, at an address that no foreign name leads to.
+//! Who may command: a request needs the token of this start, and a `Host` to which no foreign page can point.
 
 use std::net::IpAddr;
 

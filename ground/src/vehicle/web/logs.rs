@@ -1,4 +1,4 @@
-//! Names for recordings: the next free number.
+//! Files for recordings, numbered.
 
 use std::path::{Path, PathBuf};
 
@@ -10,7 +10,7 @@ use crate::out::exit::BadInput;
 /// Most recordings of a kind in one folder.
 const MOST: u32 = 9999;
 
-/// A new log in `folder`, and its path.
+/// Begins a log with the next free number in `folder`; also gives its path.
 ///
 /// # Errors
 /// The folder takes no files, or is full.

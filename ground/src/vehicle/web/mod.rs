@@ -61,6 +61,9 @@ pub struct Web {
 }
 
 /// Serves the page until Ctrl-C.
+///
+/// # Errors
+/// No port, no folder for logs, an address that is taken, or a log that cannot be ended.
 pub fn run(options: &Web) -> Result<Verdict> {
     if !options.logs.is_dir() {
         return Err(BadInput::new(format!(
@@ -109,7 +112,7 @@ pub fn run(options: &Web) -> Result<Verdict> {
         let served = server::serve(listener, &server, &mut || {
             signals::asked(stop, begun, longest)
         });
-        // A length of time that is over ends the vehicle's thread as Ctrl-C does.
+        // The vehicle's thread ends when --seconds are over, too.
         stop.store(true, std::sync::atomic::Ordering::Relaxed);
         let ended = vehicle.join();
         served?;
@@ -125,7 +128,7 @@ fn listen(address: SocketAddr) -> Result<TcpListener> {
             address.port().wrapping_add(1)
         ))
     })?;
-    // Connections inherit it; else small events wait for acknowledgements, two by two.
+    // Connections inherit this option; without it the system delays small events.
     socket2::SockRef::from(&listener).set_tcp_nodelay(true)?;
     Ok(listener)
 }

@@ -3,7 +3,7 @@
 use std::collections::VecDeque;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
-use client::{FlightState, Parameter};
+use client::{LinkHealth, Parameter, StateKind};
 use serde::Serialize;
 use serde_json::Value;
 use tvc_nano::Params;
@@ -19,7 +19,7 @@ const TEXTS: usize = 200;
 pub struct Motion {
     /// The vehicle's clock at the newest attitude, s.
     pub time_s: f64,
-    /// Attitudes that have come.
+    /// Number of attitudes that have come.
     pub count: u64,
     /// Roll, pitch and yaw, deg.
     pub attitude_deg: [f64; 3],
@@ -48,7 +48,7 @@ pub struct VehicleStatus {
     pub problem: String,
     /// The state of the flight, where a vehicle has been heard.
     #[serde(skip)]
-    pub flight: Option<FlightState>,
+    pub flight: Option<StateKind>,
     /// The state in words.
     pub state: String,
     /// The vehicle's words about it.
@@ -61,32 +61,21 @@ pub struct VehicleStatus {
     pub can_release: bool,
     /// What is enabled and not healthy.
     pub unhealthy: Vec<String>,
-    /// Attitudes a second, by the vehicle's clock.
-    pub attitude_hz: f64,
-    /// Frames that arrived whole.
-    pub messages: u64,
-    /// Frames missing by their sequence numbers.
-    pub lost: u64,
-    /// Frames with a wrong checksum.
-    pub crc_errors: u64,
-    /// Frames that the vehicle dropped because nobody took them.
-    pub dropped: u16,
-    /// Steps without a usable sample since start-up.
-    pub missed: u16,
-    /// Failed transfers on the sensor's bus.
-    pub bus_errors: u16,
-    /// To the vehicle and back, ms, once known.
+    /// Rates, losses and load.
+    #[serde(flatten)]
+    pub health: LinkHealth,
+    /// Time of a message to the vehicle and back, ms, once measured.
     pub round_trip_ms: Option<f64>,
     /// The log that is being written.
     pub recording: Option<String>,
-    /// Changes with the parameters.
+    /// Revision of the parameters: the page fetches them when it changes.
     pub parameters: u64,
 }
 
 /// A text of the vehicle.
 #[derive(Clone, Debug, Serialize)]
 pub struct Text {
-    /// Counts up.
+    /// Number of the text, from 1.
     pub id: u64,
     /// The vehicle's clock, s.
     pub time_s: f64,
@@ -96,15 +85,15 @@ pub struct Text {
     pub text: String,
 }
 
-/// A parameter with all that is known of it.
+/// A parameter as the page's table shows it.
 #[derive(Debug, Serialize)]
 pub struct ParameterRow {
     /// Name, value, unit, meaning.
     #[serde(flatten)]
     pub row: Row,
-    /// Least and greatest value, if it has these.
+    /// Least and greatest value, where it has a range.
     pub between: Option<[f32; 2]>,
-    /// The values it may take, if they are few.
+    /// The values it may take, where they are listed.
     pub choices: Option<Vec<f32>>,
     /// It can change while armed.
     pub live: bool,
@@ -135,15 +124,15 @@ impl ParameterRow {
 pub struct StepTest {
     /// It is under way.
     pub running: bool,
-    /// What happens, or what went wrong.
+    /// What it does now, or why it failed.
     pub stage: String,
     /// Its log.
     pub log: String,
-    /// What came of it.
+    /// Its figures and trace.
     pub result: Value,
 }
 
-/// All of it.
+/// Everything that the page shows.
 #[derive(Debug, Default)]
 pub struct State {
     /// The newest motion.
@@ -199,7 +188,7 @@ impl State {
         self.step_test = (self.step_test.0 + 1, step_test);
     }
 
-    /// Keeps a text; the oldest goes.
+    /// Keeps a text, and drops the oldest beyond the limit.
     pub fn add_text(&mut self, time_s: f64, severity: u8, text: String) {
         self.last_text += 1;
         self.texts.push_back(Text {
@@ -237,9 +226,9 @@ impl State {
 pub struct Model(Mutex<State>);
 
 impl Model {
-    /// Looks at it, or changes it. Keep it short.
+    /// Locks it for reading or writing, which must be short.
     pub fn lock(&self) -> MutexGuard<'_, State> {
-        // Nothing is left half done: every change is one assignment.
+        // A poisoned lock is usable: every change is one assignment.
         self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }

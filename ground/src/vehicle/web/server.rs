@@ -29,9 +29,9 @@ use super::model::{Model, Seen, State};
 use super::step_test;
 use super::vehicle_thread::Handle;
 
-/// Between two frames.
+/// Time between two frames.
 const PERIOD: Duration = Duration::from_millis(20);
-/// How long the program may take to notice that it shall end.
+/// Time between two looks at whether the program is to end.
 const LOOK: Duration = Duration::from_millis(100);
 /// Longest body of a request, bytes.
 const BODY: u64 = 4096;
@@ -50,7 +50,7 @@ const FILES: [(&str, &str, &str); 4] = [
     ),
 ];
 const PAGE: &str = include_str!("page.html");
-/// Where the page has the token.
+/// Stands for the token in the page's text.
 const TOKEN: &str = "{{token}}";
 
 /// Sent with every answer: nothing is loaded from elsewhere, no foreign page may show this one in a frame.
@@ -67,9 +67,9 @@ const HEADERS: [(&str, &str); 5] = [
 
 /// What every request needs.
 pub struct Server {
-    /// Who has it may command.
+    /// The token that a command needs.
     pub token: Token,
-    /// The page gives the token to whoever can reach it: this computer alone.
+    /// The page carries the token: only this computer can reach it.
     pub open: bool,
     /// The vehicle.
     pub vehicle: Handle,
@@ -81,7 +81,7 @@ pub struct Server {
     pub pages: Arc<AtomicUsize>,
 }
 
-/// Why a request gets no answer of its own: status, reason.
+/// Why a request is refused: status, reason.
 type Refusal = (u16, String);
 
 /// Answers requests until `ended`, each in a thread of its own: one may wait seconds for the vehicle.
@@ -144,7 +144,7 @@ impl Server {
         }
     }
 
-    /// Whether a request may be answered at all.
+    /// Checks host and token.
     fn admit(&self, request: &Request) -> Result<(), Refusal> {
         if !header(request, "Host").is_some_and(is_own_host) {
             return Err((
@@ -204,7 +204,7 @@ impl Server {
         if self.model.lock().status().in_operation {
             return Ok(());
         }
-        // The estimate begins anew, so that a replay knows its past; a refusal is among the vehicle's texts.
+        // The estimate begins anew, so that a replay knows its past. The page shows a refusal as a text.
         let _ = self.vehicle.order(request::CALIBRATE);
         Ok(())
     }
@@ -216,7 +216,7 @@ impl Server {
         if state.status().in_operation || !state.status().connected {
             return Err((409, "the vehicle is not in standby: disarm first".into()));
         }
-        // Before the test is seen to run: a STOP from then on stands.
+        // Cleared before the test is shown as running: a STOP after that counts.
         self.test_stop.store(false, Ordering::SeqCst);
         let mut test = state.step_test().clone();
         test.running = true;
@@ -269,7 +269,7 @@ impl Server {
             let now = Instant::now();
             match due.checked_duration_since(now) {
                 Some(rest) => std::thread::sleep(rest),
-                // What was slept through is not caught up on.
+                // Missed frames are not made up for.
                 None => due = now,
             }
         }
@@ -355,7 +355,7 @@ mod tests {
         assert!(server.admit(&get("/?token=00")).is_err());
         let path = format!("/?token={}", server.token.text());
         assert!(server.admit(&get(&path)).is_ok());
-        // What holds no secret needs none.
+        // Files without a secret need no token.
         assert!(server.admit(&get("/page.js")).is_ok());
     }
 }

@@ -6,7 +6,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use anyhow::{Result, bail};
-use client::{FlightState, ServoMap, request};
+use client::{ServoMap, StateKind, request};
 use serde_json::{Value, json};
 
 use super::model::{Model, StepTest};
@@ -31,7 +31,7 @@ pub fn run(vehicle: &Handle, model: &Model, stop: &Arc<AtomicBool>) {
     let log = path.display().to_string();
     stage(model, &log, "hold the drone still");
     let flown = fly(vehicle, model, &log, stop);
-    // Whatever happened: the rudder to neutral.
+    // Disarm whatever happened: the rudder goes to neutral.
     let disarmed = vehicle.order(request::DISARM);
     let ended = vehicle.end_recording();
     let result = flown.and(disarmed).and(ended).and_then(|()| figures(&path));
@@ -64,7 +64,7 @@ fn fly(vehicle: &Handle, model: &Model, log: &str, stop: &Arc<AtomicBool>) -> Re
         if !status.connected {
             bail!("{}", status.problem);
         }
-        if status.flight == Some(FlightState::Failsafe) {
+        if status.flight == Some(StateKind::Failsafe) {
             bail!("the vehicle gave up: {}", status.reason);
         }
     }

@@ -9,7 +9,8 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Error, Result, anyhow, bail};
 use client::request::{self, Order};
-use client::{FlightState, Frame, Parameter, Request, ServoMap, StatusTracker, Ticket, text};
+use client::state::is_in_operation;
+use client::{Frame, Parameter, Request, ServoMap, StateKind, StatusTracker, Ticket, text};
 use mavlink::dialects::common::{MavMessage, SYS_STATUS_DATA};
 use tvc_nano::Params;
 
@@ -168,12 +169,12 @@ struct Session<'a> {
     model: &'a Model,
     logs: &'a Path,
     tracker: StatusTracker,
-    state: FlightState,
+    state: Option<StateKind>,
     /// Attitudes that have come.
     attitudes: u64,
     health: SYS_STATUS_DATA,
     latency_ms: f64,
-    /// The control step that the newest pulse belongs to, us, low half.
+    /// Time of the newest pulse's control step, us, low 32 bits.
     step_us: u32,
     params: Params,
     /// The parameters that the page has.
@@ -394,7 +395,7 @@ impl<'a> Session<'a> {
             pulse_us: status.pulse_us,
             set_deg: f64::from(self.params.pitch_set_deg()),
             latency_ms: rounded(self.latency_ms),
-            load_pct: rounded(100.0 * status.load),
+            load_pct: rounded(100.0 * status.health.load),
         }
     }
 
@@ -417,20 +418,14 @@ impl<'a> Session<'a> {
             port: self.link.name().to_owned(),
             connected: problem.is_empty(),
             problem,
-            flight: Some(flight),
+            flight,
             state: status.state,
             reason: status.reason,
             armed: status.armed,
-            in_operation: flight.is_in_operation(),
-            can_release: flight == FlightState::Armed,
+            in_operation: flight.is_some_and(is_in_operation),
+            can_release: flight == Some(StateKind::Armed),
             unhealthy: unhealthy(&self.health),
-            attitude_hz: rounded(status.attitude_hz),
-            messages: status.messages,
-            lost: status.lost,
-            crc_errors: status.crc_errors,
-            dropped: status.dropped,
-            missed: status.missed,
-            bus_errors: status.bus_errors,
+            health: status.health,
             round_trip_ms: self.round_trip_ms,
             recording: self
                 .recording

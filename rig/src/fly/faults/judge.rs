@@ -4,7 +4,7 @@ use super::{Case, DEADLINE};
 use crate::bno055::Fault;
 use crate::ground_station::Heartbeat;
 use crate::observe::ground_truth::{GroundTruth, Motion, Pulse};
-use client::FlightState;
+use client::StateKind;
 use samd21::board::Ticks;
 use std::fmt;
 use std::ops::RangeInclusive;
@@ -53,7 +53,7 @@ pub enum Unsafe {
     /// In control, but the drone is that far, rad, from where it should be.
     OffCourse(f64),
     /// The firmware ended in a state that is neither control nor failsafe.
-    State(Option<FlightState>),
+    State(Option<StateKind>),
 }
 
 impl fmt::Display for Unsafe {
@@ -114,7 +114,7 @@ pub(super) struct Run<'a> {
 /// The ending, and the longest time without valid data.
 pub(super) fn judge(run: &Run<'_>) -> (Ending, Ticks) {
     let unguarded = run.longest_unguarded();
-    let state = run.heartbeats.last().map(|beat| beat.state);
+    let state = run.heartbeats.last().and_then(|beat| beat.state);
     let wrong = if run.reset {
         Some(Unsafe::Reset)
     } else if let Some(wrong) = run.wrong_pulses() {
@@ -126,11 +126,11 @@ pub(super) fn judge(run: &Run<'_>) -> (Ending, Ticks) {
     };
     let ending = match (wrong, state) {
         (Some(wrong), _) => Ending::Unsafe(wrong),
-        (None, Some(FlightState::Active)) => match run.off_course() {
+        (None, Some(StateKind::Active)) => match run.off_course() {
             far if far <= OFF_COURSE_RAD => Ending::Recovered,
             far => Ending::Unsafe(Unsafe::OffCourse(far)),
         },
-        (None, Some(FlightState::Failsafe)) => Ending::Neutral,
+        (None, Some(StateKind::Failsafe)) => Ending::Neutral,
         (None, state) => Ending::Unsafe(Unsafe::State(state)),
     };
     (ending, unguarded)
@@ -175,7 +175,7 @@ impl Run<'_> {
         let failsafe = self
             .heartbeats
             .iter()
-            .find(|beat| beat.at >= self.injected && beat.state == FlightState::Failsafe);
+            .find(|beat| beat.at >= self.injected && beat.state == Some(StateKind::Failsafe));
         let latest = self.frame + self.frame / 2;
         for pulse in &self.truth.pulses {
             if pulse.rise.saturating_sub(last) > latest {
@@ -272,10 +272,10 @@ mod tests {
             .collect()
     }
 
-    fn beat(at: u64, state: FlightState) -> Heartbeat {
+    fn beat(at: u64, state: StateKind) -> Heartbeat {
         Heartbeat {
             at: ms(at),
-            state,
+            state: Some(state),
             reason: 0,
             armed: false,
         }
@@ -302,7 +302,7 @@ mod tests {
     #[test]
     fn a_fault_that_changes_nothing_is_recovered_from() {
         let truth = truth(|_| true, |_| ACTIVE);
-        let judged = judged(&truth, &[beat(0, FlightState::Active)]);
+        let judged = judged(&truth, &[beat(0, StateKind::Active)]);
         assert_eq!(judged, (Ending::Recovered, 11));
     }
 
@@ -310,15 +310,9 @@ mod tests {
     fn time_counts_from_the_fault_to_the_first_neutral_pulse() {
         let neutral_from =
             |from: u64| truth(|_| false, move |t| if t < from { ACTIVE } else { NEUTRAL });
-        let beats = [
-            beat(0, FlightState::Active),
-            beat(80, FlightState::Failsafe),
-        ];
+        let beats = [beat(0, StateKind::Active), beat(80, StateKind::Failsafe)];
         assert_eq!(judged(&neutral_from(90), &beats), (Ending::Neutral, 92));
-        let beats = [
-            beat(0, FlightState::Active),
-            beat(180, FlightState::Failsafe),
-        ];
+        let beats = [beat(0, StateKind::Active), beat(180, StateKind::Failsafe)];
         assert_eq!(
             judged(&neutral_from(190), &beats),
             (Ending::Unsafe(Unsafe::Unguarded), 192)
@@ -328,7 +322,7 @@ mod tests {
     #[test]
     fn a_valid_step_ends_the_time_and_wrong_data_do_not() {
         let gap = |until: u64| truth(move |t| t < 100 || t >= until, |_| ACTIVE);
-        let beats = [beat(0, FlightState::Active)];
+        let beats = [beat(0, StateKind::Active)];
         assert_eq!(judged(&gap(200), &beats), (Ending::Recovered, 110));
         assert_eq!(
             judged(&gap(250), &beats).0,
@@ -341,7 +335,7 @@ mod tests {
 
     #[test]
     fn pulses_must_go_on_stay_in_the_travel_and_be_neutral_in_failsafe() {
-        let active = [beat(0, FlightState::Active)];
+        let active = [beat(0, StateKind::Active)];
         let mut gap = truth(|_| true, |_| ACTIVE);
         gap.pulses.remove(20);
         assert_eq!(
@@ -364,7 +358,7 @@ mod tests {
             |t| if t < 100 || t == 510 { ACTIVE } else { NEUTRAL },
         );
         assert!(matches!(
-            judged(&kick, &[beat(80, FlightState::Failsafe)]).0,
+            judged(&kick, &[beat(80, StateKind::Failsafe)]).0,
             Ending::Unsafe(Unsafe::PulseInFailsafe(_))
         ));
     }
@@ -374,13 +368,13 @@ mod tests {
         let mut lost = truth(|_| true, |_| ACTIVE);
         lost.motion = motion(0.3);
         assert_eq!(
-            judged(&lost, &[beat(0, FlightState::Active)]).0,
+            judged(&lost, &[beat(0, StateKind::Active)]).0,
             Ending::Unsafe(Unsafe::OffCourse(0.3))
         );
         let fine = truth(|_| true, |_| NEUTRAL);
         assert_eq!(
-            judged(&fine, &[beat(0, FlightState::Standby)]).0,
-            Ending::Unsafe(Unsafe::State(Some(FlightState::Standby)))
+            judged(&fine, &[beat(0, StateKind::Standby)]).0,
+            Ending::Unsafe(Unsafe::State(Some(StateKind::Standby)))
         );
         assert_eq!(judged(&fine, &[]).0, Ending::Unsafe(Unsafe::State(None)));
     }

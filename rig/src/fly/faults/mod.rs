@@ -28,7 +28,7 @@ use crate::bno055::FaultKind;
 use crate::fly::flight::{FlightError, Ready};
 use crate::observe::ground_truth::{Motion, Pulse};
 use crate::random::{Stream, generator};
-use client::FlightState;
+use client::StateKind;
 use judge::{Run, judge};
 use rand::Rng;
 use samd21::board::Ticks;
@@ -84,29 +84,29 @@ impl Campaign {
     pub fn new(ready: &Ready, frame_hz: f64, seed: u64) -> Result<Self, FlightError> {
         let neutral_us = neutral_us(&reported_parameters(ready)?);
         let mut base = ready.clone();
-        let Ready { rig, operator, .. } = &mut base;
+        let Ready { rig, station, .. } = &mut base;
         rig.environment_mut().tilt_clamp(START_RAD);
         while !rig.environment().clamp_rests() {
-            operator.run(rig, Ticks::from_ms(20))?;
+            station.run(rig, Ticks::from_ms(20))?;
         }
-        operator.run(rig, REST)?;
-        operator.arm(rig)?;
+        station.run(rig, REST)?;
+        station.arm(rig)?;
         rig.environment_mut().truth_mut().clear();
-        operator.release(rig, START_RATE_RAD_S)?;
-        operator.begin_page();
+        station.release(rig, START_RATE_RAD_S)?;
+        station.begin_page();
         let released = rig.now();
         let mut snapshots = Vec::new();
-        operator.run(rig, EARLIEST)?;
+        station.run(rig, EARLIEST)?;
         while base.rig.now() < released + LATEST {
             snapshots.push(base.clone());
-            base.operator.run(&mut base.rig, SNAPSHOTS)?;
+            base.station.run(&mut base.rig, SNAPSHOTS)?;
         }
         let rest = Ticks::from_secs_f64(LONGEST_MS / 1e3) + WATCHED + SNAPSHOTS;
-        base.operator.run(&mut base.rig, rest)?;
-        let last = base.operator.state();
-        if last != Some(FlightState::Active) {
-            let Ready { rig, operator, .. } = &mut base;
-            operator.wait_for_state(rig, Ticks::ZERO, FlightState::Active)?;
+        base.station.run(&mut base.rig, rest)?;
+        let last = base.station.state();
+        if last != Some(StateKind::Active) {
+            let Ready { rig, station, .. } = &mut base;
+            station.wait_for_state(rig, Ticks::ZERO, StateKind::Active)?;
         }
         Ok(Self {
             seed,
@@ -134,16 +134,16 @@ impl Campaign {
 
         let after = self.snapshots.partition_point(|s| s.rig.now() <= at);
         let mut fork = self.snapshots[after.saturating_sub(1)].clone();
-        let Ready { rig, operator, .. } = &mut fork;
-        operator.run(rig, at.saturating_sub(rig.now()))?;
+        let Ready { rig, station, .. } = &mut fork;
+        station.run(rig, at.saturating_sub(rig.now()))?;
         let before: Vec<Pulse> = rig.truth().pulses.last().copied().into_iter().collect();
         let resets = rig.resets().len();
         rig.environment_mut().truth_mut().clear();
         let injected = rig.now();
         rig.inject(fault);
-        operator.run(rig, lasted)?;
+        station.run(rig, lasted)?;
         rig.clear(fault);
-        operator.run(rig, WATCHED)?;
+        station.run(rig, WATCHED)?;
 
         let truth = rig.truth();
         let (ending, unguarded) = judge(&Run {
@@ -153,7 +153,7 @@ impl Campaign {
             before: before.first().copied(),
             truth,
             reference: &self.motion,
-            heartbeats: &operator.received().heartbeats,
+            heartbeats: &station.received().heartbeats,
             reset: rig.resets().len() > resets,
         });
         Ok(Outcome {
@@ -163,7 +163,7 @@ impl Campaign {
             fault,
             ending,
             unguarded_ms: unguarded.as_us_f64() / 1e3,
-            said: operator.last_text().unwrap_or_default().to_owned(),
+            said: station.last_text().unwrap_or_default().to_owned(),
         })
     }
 }
@@ -171,9 +171,9 @@ impl Campaign {
 /// The parameters that the image reports. A fork is asked, so that `ready` itself stays as it is.
 fn reported_parameters(ready: &Ready) -> Result<Params, FlightError> {
     let mut fork = ready.clone();
-    fork.operator.list_parameters(&mut fork.rig)?;
+    fork.station.list_parameters(&mut fork.rig)?;
     let mut params = Params::default();
-    for (name, value) in &fork.operator.received().parameters {
+    for (name, value) in &fork.station.received().parameters {
         let known = params.set(name, *value);
         debug_assert!(known.is_ok(), "{known:?}");
     }
