@@ -1,4 +1,5 @@
-//! `tvc report`: a log as figures and as a page; a log of the rig is treated as one of a real vehicle.
+//! `tvc report`: a log as figures and as a page; a log of the rig is treated as one of a real
+//! vehicle.
 
 mod page;
 pub mod sweep;
@@ -46,8 +47,8 @@ pub struct Report {
     pub json: bool,
 }
 
-/// Time after the release in which the drone swings upright, s: it does not count for how well it is
-/// held.
+/// Time after the release in which the drone swings upright, s: it does not count for how well it
+/// is held.
 const SWING_S: f64 = 2.0;
 
 /// Timing of the control loop by the vehicle's own clock.
