@@ -10,7 +10,7 @@ use bno055_driver::{BusError, Driver, Micros, Next, RawSample, SensorFault, Tran
 use embedded_storage::nor_flash::NorFlash;
 
 use crate::failsafe::State;
-use crate::flight::{Flight, Outputs};
+use crate::flight::{Flight, Snapshot};
 use crate::led;
 use crate::recorder::Recorder;
 use crate::servo::PulseUs;
@@ -45,10 +45,7 @@ pub struct Outcome<A> {
 
 impl<A: Deref<Target = [u8]>> Outcome<A> {
     fn bytes(&self) -> Result<&[u8], BusError> {
-        match &self.answer {
-            Ok(answer) => Ok(answer),
-            Err(error) => Err(*error),
-        }
+        self.answer.as_deref().map_err(|error| *error)
     }
 }
 
@@ -155,9 +152,8 @@ impl<'a> Application<'a> {
         self.serve_sensor(now, board);
         if let Some(reading) = reading {
             board.step_begins();
-            let outputs = self.flight.step(now, reading);
-            board.step_ends(&self.step_end(now, &outputs));
-            let snapshot = &outputs.snapshot;
+            let snapshot = &self.flight.step(now, reading);
+            board.step_ends(&self.step_end(now, snapshot));
             self.telemetry
                 .record(snapshot, self.flight, &board.status());
             self.recorder.record(snapshot, self.flight);
@@ -202,16 +198,15 @@ impl<'a> Application<'a> {
         }
     }
 
-    fn step_end(&self, now: Micros, outputs: &Outputs) -> StepEnd {
+    fn step_end(&self, now: Micros, snapshot: &Snapshot) -> StepEnd {
         let (frame_hz, i2c_khz) = self.flight.params().rates();
-        let state = outputs.snapshot.state;
         StepEnd {
-            pulse: outputs.pulse,
+            pulse: snapshot.pulse,
             neutral: self.flight.neutral(),
             frame_hz,
             i2c_khz,
-            state,
-            led: led::is_lit(state.kind(), now),
+            state: snapshot.state,
+            led: led::is_lit(snapshot.state.kind(), now),
         }
     }
 

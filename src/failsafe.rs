@@ -17,9 +17,9 @@ use crate::self_test::{SelfTest, Verdict};
 use crate::store::Loaded;
 
 pub(crate) use code::numbered;
-pub use code::{LatchKind, ReasonKind, RefusalKind, StateCode, StateKind, UnknownCode};
-pub use command::{Command, Refusal};
-pub use state::{BootReport, Crash, Latch, Reason, State};
+pub use code::{LatchKind, StateCode, StateKind, UnknownCode};
+pub use command::{Command, Refusal, RefusalKind};
+pub use state::{BootReport, Crash, Latch, Reason, ReasonKind, State};
 
 /// What the supervisor needs to know of the attitude.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -240,12 +240,12 @@ impl Supervisor {
         self.host_required
             && self
                 .host_seen
-                .is_none_or(|seen| now.0.saturating_sub(seen.0) > HOST_SILENCE_US)
+                .is_none_or(|seen| now.since(seen) > HOST_SILENCE_US)
     }
 
     /// Faults that come with time alone: data too old, a silent host, a tilt for too long.
     fn watch(&mut self, now: Micros) {
-        let age_us = self.fresh.map_or(0, |fresh| now.0.saturating_sub(fresh.0));
+        let age_us = self.fresh.map_or(0, |fresh| now.since(fresh));
         if age_us > DATA_AGE_LIMIT_US {
             self.good_run = 0;
             self.lose_sensor(self.fault.map_or(Reason::StaleData, Reason::Sensor));
@@ -258,7 +258,7 @@ impl Supervisor {
                 *over_tilt_since = None;
             } else {
                 let since = *over_tilt_since.get_or_insert(now);
-                if now.0.saturating_sub(since.0) >= FAILSAFE_TILT_US {
+                if now.since(since) >= FAILSAFE_TILT_US {
                     self.fail(Reason::Tilt);
                 }
             }

@@ -29,16 +29,7 @@ enum Rudder {
     Neutral,
 }
 
-/// What a step results in.
-#[derive(Clone, Copy, Debug)]
-pub struct Outputs {
-    /// The pulse for the next servo frame.
-    pub pulse: PulseUs,
-    /// What happened in the step, for telemetry and logs.
-    pub snapshot: Snapshot,
-}
-
-/// A step as telemetry and recorder take it.
+/// What a step results in: the pulse, and what telemetry and recorder tell of it.
 #[derive(Clone, Copy, Debug)]
 pub struct Snapshot {
     /// Time of the step.
@@ -49,7 +40,7 @@ pub struct Snapshot {
     pub attitude: Attitude,
     /// Crank angle that control asked for last, rad, before limits; zero while it is not active.
     pub crank_rad: f32,
-    /// The pulse commanded.
+    /// The pulse for the next servo frame.
     pub pulse: PulseUs,
     /// Where the flight stands after the step.
     pub state: State,
@@ -95,7 +86,7 @@ impl Flight {
     }
 
     /// One control step: a sample, or the reason why there is none, becomes the pulse of the next servo frame.
-    pub fn step(&mut self, now: Micros, reading: Result<RawSample, SensorFault>) -> Outputs {
+    pub fn step(&mut self, now: Micros, reading: Result<RawSample, SensorFault>) -> Snapshot {
         let reading = reading.and_then(|raw| Ok((raw, self.navigation.update(&raw)?)));
         match reading {
             Ok((raw, dt_us)) => {
@@ -113,7 +104,7 @@ impl Flight {
                 self.hold(now);
             }
         }
-        self.outputs(now, reading.ok().map(|(raw, _)| raw))
+        self.snapshot(now, reading.ok().map(|(raw, _)| raw))
     }
 
     /// Obey the operator, or say why not.
@@ -262,21 +253,17 @@ impl Flight {
         };
     }
 
-    fn outputs(&self, now: Micros, sample: Option<RawSample>) -> Outputs {
-        let pulse = self.servo.pulse();
-        Outputs {
-            pulse,
-            snapshot: Snapshot {
-                now,
-                sample,
-                attitude: self.attitude(),
-                crank_rad: self.crank_rad,
-                pulse,
-                state: self.state(),
-                fault: self.supervisor.fault(),
-                sensor_healthy: self.supervisor.sensor_is_healthy(),
-                missed: self.supervisor.missed(),
-            },
+    fn snapshot(&self, now: Micros, sample: Option<RawSample>) -> Snapshot {
+        Snapshot {
+            now,
+            sample,
+            attitude: self.attitude(),
+            crank_rad: self.crank_rad,
+            pulse: self.servo.pulse(),
+            state: self.state(),
+            fault: self.supervisor.fault(),
+            sensor_healthy: self.supervisor.sensor_is_healthy(),
+            missed: self.supervisor.missed(),
         }
     }
 

@@ -43,7 +43,7 @@ pub mod watchdog;
 pub use bno055_driver::{Micros, RawSample, SensorFault};
 pub use controller::Controller;
 pub use failsafe::{BootReport, Command, Crash, Latch, Refusal, State, StateCode, StateKind};
-pub use flight::{Flight, Outputs, Snapshot};
+pub use flight::{Flight, Snapshot};
 pub use params::Params;
 pub use recorder::Recorder;
 pub use servo::{PulseUs, Servo};

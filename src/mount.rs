@@ -127,16 +127,10 @@ impl Mount {
 /// What the `CAL_` parameters say of the accelerometer, gyro and magnetometer, in counts of 0.01 m/s2, 1/16 deg/s and 1/16 uT.
 fn calibrations(params: &Params) -> [Calibration; 3] {
     let counts = |offset: [f32; 3], counts: f32| offset.map(|value| value * counts);
-    let mut matrix = Calibration::NOMINAL.matrix;
-    let scales = params.cal_acc_scale();
-    for (at, (row, scale)) in matrix.iter_mut().zip(scales).enumerate() {
-        if let Some(diagonal) = row.get_mut(at) {
-            *diagonal = scale;
-        }
-    }
+    let [x, y, z] = params.cal_acc_scale();
     let acc = Calibration {
         offset: counts(params.cal_acc_offset(), 100.0),
-        matrix,
+        matrix: [[x, 0.0, 0.0], [0.0, y, 0.0], [0.0, 0.0, z]],
     };
     let gyr = Calibration {
         offset: counts(params.cal_gyr_offset(), 16.0),

@@ -29,13 +29,8 @@ pub enum Polarity {
 pub enum ParamError {
     /// No parameter has this name or index.
     Unknown,
-    /// The value is not in the parameter's range.
-    OutOfRange {
-        /// Its name.
-        name: &'static str,
-        /// What it allows.
-        range: Range,
-    },
+    /// The value is not in the range of this parameter.
+    OutOfRange(&'static Info),
     /// The parameter cannot change while the drone is armed.
     Armed {
         /// Its name.
@@ -49,9 +44,9 @@ impl fmt::Display for ParamError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             ParamError::Unknown => f.write_str("no such parameter"),
-            ParamError::OutOfRange { name, range } => {
-                f.write_str(name)?;
-                write!(f, " must be {range}")
+            ParamError::OutOfRange(info) => {
+                f.write_str(info.name)?;
+                write!(f, " must be {}", info.range)
             }
             ParamError::Armed { name } => {
                 f.write_str(name)?;
@@ -186,10 +181,7 @@ impl Params {
             .find(|(info, _)| wanted(info))
             .ok_or(ParamError::Unknown)?;
         if !info.range.contains(value) {
-            return Err(ParamError::OutOfRange {
-                name: info.name,
-                range: info.range,
-            });
+            return Err(ParamError::OutOfRange(info));
         }
         *slot = value;
         Ok(info)

@@ -175,63 +175,27 @@ pub struct Step {
 impl Step {
     /// A step out of its bytes.
     pub fn decode(bytes: &[u8; STEP_BYTES]) -> Self {
-        let [
-            now,
-            now_high,
-            age,
-            a,
-            b,
-            c,
-            d,
-            e,
-            f,
-            g,
-            h,
-            i,
-            w,
-            x,
-            y,
-            z,
-            roll,
-            roll_high,
-            pitch,
-            pitch_high,
-            yaw,
-            yaw_high,
-            crank,
-            crank_high,
-            pulse,
-            code,
-        ] = core::array::from_fn(|at| {
-            let byte = |at: usize| bytes.get(at).copied().unwrap_or(0);
-            u16::from_le_bytes([byte(2 * at), byte(2 * at + 1)])
-        });
-        let long = |low: u16, high: u16| u32::from(high) << 16 | u32::from(low);
-        let float = |low, high| f32::from_bits(long(low, high));
-        let part = |word: u16| f32::from(word.cast_signed()) / 16384.0;
-        let now = long(now, now_high);
+        let byte = |at: usize| bytes.get(at).copied().unwrap_or(0);
+        let half = |at: usize| u16::from_le_bytes([at, at + 1].map(byte));
+        let long = |at: usize| u32::from(half(at + 2)) << 16 | u32::from(half(at));
+        let float = |at: usize| f32::from_bits(long(at));
+        let signed = |at: usize| half(at).cast_signed();
+        let counts = |at: usize| [at, at + 2, at + 4].map(signed);
+        let [w, x, y, z] = [24, 26, 28, 30].map(|at| f32::from(signed(at)) / 16384.0);
+        let (now, age) = (long(0), half(4));
         Self {
             now: Micros(now.into()),
             sample: (age != NO_SAMPLE).then(|| RawSample {
                 time: Micros(now.wrapping_sub(age.into()).into()),
-                acc: [a, b, c].map(u16::cast_signed),
-                gyr: [d, e, f].map(u16::cast_signed),
-                mag: [g, h, i].map(u16::cast_signed),
+                acc: counts(6),
+                gyr: counts(12),
+                mag: counts(18),
             }),
-            orientation: Quaternion {
-                w: part(w),
-                x: part(x),
-                y: part(y),
-                z: part(z),
-            },
-            rate: Vector3::new(
-                float(roll, roll_high),
-                float(pitch, pitch_high),
-                float(yaw, yaw_high),
-            ),
-            crank_rad: float(crank, crank_high),
-            pulse: PulseUs(pulse),
-            code,
+            orientation: Quaternion { w, x, y, z },
+            rate: Vector3::new(float(32), float(36), float(40)),
+            crank_rad: float(44),
+            pulse: PulseUs(half(48)),
+            code: half(50),
         }
     }
 }
@@ -281,7 +245,7 @@ mod tests {
     fn run(recorder: &mut Recorder, desk: &mut Desk, steps: usize) -> Vec<Snapshot> {
         let snapshots: Vec<_> = (0..steps)
             .map(|_| {
-                let snapshot = desk.step().snapshot;
+                let snapshot = desk.step();
                 recorder.record(&snapshot, &desk.flight);
                 snapshot
             })
@@ -397,7 +361,7 @@ mod tests {
     #[test]
     fn a_missed_sample_is_kept_as_one() {
         let mut desk = Desk::in_standby(0.3);
-        let missed = desk.step_with(Err(SensorFault::Nak)).snapshot;
+        let missed = desk.step_with(Err(SensorFault::Nak));
         let words = words(&missed, &desk.flight);
         assert_eq!(words[2..12], [NO_SAMPLE, 0, 0, 0, 0, 0, 0, 0, 0, 0]);
         let bytes: Vec<u8> = words.iter().flat_map(|word| word.to_le_bytes()).collect();

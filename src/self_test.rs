@@ -4,8 +4,6 @@
 //! It works on calibrated counts in integers, before any filter could hide what the sensor did: a sensor whose offset takes it
 //! out of the limits is calibrated first.
 
-use core::fmt;
-
 use bno055_driver::{Micros, RawSample};
 
 use crate::config::{
@@ -25,21 +23,11 @@ numbered! {
     /// What a failed self-test found.
     Failure {
         /// The gyro moved, or reads more at rest than any healthy one.
-        Moving = 1,
+        Moving = 1, "gyro moves";
         /// The mean acceleration is not 1 g within [`SELF_TEST_GRAVITY_TOLERANCE`].
-        Gravity = 2,
+        Gravity = 2, "acceleration is not 1 g";
         /// Samples come too slowly.
-        Slow = 3,
-    }
-}
-
-impl fmt::Display for Failure {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Failure::Moving => "gyro moves",
-            Failure::Gravity => "acceleration is not 1 g",
-            Failure::Slow => "too few samples",
-        })
+        Slow = 3, "too few samples";
     }
 }
 
@@ -98,7 +86,7 @@ impl SelfTest {
             .map(|&a| u64::from(a.unsigned_abs()) * u64::from(a.unsigned_abs()))
             .sum::<u64>();
 
-        let elapsed_us = raw.time.0.saturating_sub(self.since.0);
+        let elapsed_us = raw.time.since(self.since);
         if elapsed_us < SELF_TEST_US {
             return Verdict::Running;
         }

@@ -34,28 +34,28 @@ pub struct Servo {
 impl Servo {
     /// A servo at rest in its centre.
     pub fn new(params: &Params) -> Self {
-        let mut servo = Self {
-            neutral_us: 0.0,
-            us_per_rad: 0.0,
-            min_us: 0.0,
-            max_us: 0.0,
-            slew_us_s: 0.0,
-            last_us: 0.0,
-        };
-        servo.configure(params);
-        servo.neutral();
-        servo
+        let us_per_deg = params.srv_dir() * params.srv_us_per_deg();
+        let min_us = params.srv_min_us().max(PULSE_MIN_US);
+        let max_us = params.srv_max_us().min(PULSE_MAX_US);
+        let neutral_us = params.srv_centre_us() + us_per_deg * params.srv_hold_deg();
+        let neutral_us = neutral_us.clamp(min_us, max_us);
+        Self {
+            neutral_us,
+            us_per_rad: us_per_deg * (180.0 / PI),
+            min_us,
+            max_us,
+            slew_us_s: params.srv_slew_us_s(),
+            last_us: neutral_us,
+        }
     }
 
-    /// Take over changed parameters. The last pulse stays, so that the next one still obeys the slew rate.
+    /// Take over changed parameters. The last pulse stays, so that the next one still obeys the
+    /// slew rate.
     pub fn configure(&mut self, params: &Params) {
-        let us_per_deg = params.srv_dir() * params.srv_us_per_deg();
-        self.us_per_rad = us_per_deg * (180.0 / PI);
-        self.min_us = params.srv_min_us().max(PULSE_MIN_US);
-        self.max_us = params.srv_max_us().min(PULSE_MAX_US);
-        let neutral_us = params.srv_centre_us() + us_per_deg * params.srv_hold_deg();
-        self.neutral_us = neutral_us.clamp(self.min_us, self.max_us);
-        self.slew_us_s = params.srv_slew_us_s();
+        *self = Self {
+            last_us: self.last_us,
+            ..Self::new(params)
+        };
     }
 
     /// The pulse for a crank angle, `dt_s` after the last one. An angle that is not a number counts as zero.

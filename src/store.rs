@@ -109,7 +109,7 @@ impl fmt::Display for SaveError {
     }
 }
 
-/// The two places for a set.
+/// The two places for a set, in the order in which they lie.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Slot {
     First,
@@ -120,10 +120,7 @@ impl Slot {
     const BOTH: [Slot; 2] = [Slot::First, Slot::Second];
 
     fn offset(self) -> usize {
-        match self {
-            Slot::First => 0,
-            Slot::Second => SLOT_BYTES,
-        }
+        self as usize * SLOT_BYTES
     }
 
     fn other(self) -> Slot {

@@ -146,13 +146,13 @@ impl Telemetry {
         self.stream(snapshot, flight);
         let due = self
             .heartbeat_at
-            .is_none_or(|last| snapshot.now.0.saturating_sub(last.0) >= HEARTBEAT_PERIOD_US);
+            .is_none_or(|last| snapshot.now.since(last) >= HEARTBEAT_PERIOD_US);
         if due {
             self.heartbeat_at = Some(snapshot.now);
             self.heartbeat(&snapshot.state);
             self.system_status(snapshot, board);
             if let (State::Boot, Some(fault)) = (&snapshot.state, snapshot.fault) {
-                self.status_text(MavSeverity::MAV_SEVERITY_WARNING, format_args!("{fault}"));
+                self.warn(format_args!("{fault}"));
             }
         }
         self.continue_list(flight.params());
@@ -179,7 +179,8 @@ impl Telemetry {
         for &byte in bytes {
             self.parser.push(byte);
             while let Some(message) = self.parser.next_message() {
-                self.answer(now, &message, flight);
+                // A payload that means nothing is ignored.
+                let _ = self.answer(now, &message, flight);
             }
         }
     }
@@ -211,59 +212,47 @@ impl Telemetry {
         let time = snapshot.sample.map_or(snapshot.now, |sample| sample.time);
         let time_boot_ms = milliseconds(time);
         if self.rates.due(Stream::Attitude) {
-            self.send(
-                Priority::Stream,
-                &ATTITUDE_QUATERNION_DATA {
-                    time_boot_ms,
-                    q1: attitude.orientation.w,
-                    q2: attitude.orientation.x,
-                    q3: attitude.orientation.y,
-                    q4: attitude.orientation.z,
-                    rollspeed: attitude.rate.x,
-                    pitchspeed: attitude.rate.y,
-                    yawspeed: attitude.rate.z,
-                },
-            );
+            self.send_stream(&ATTITUDE_QUATERNION_DATA {
+                time_boot_ms,
+                q1: attitude.orientation.w,
+                q2: attitude.orientation.x,
+                q3: attitude.orientation.y,
+                q4: attitude.orientation.z,
+                rollspeed: attitude.rate.x,
+                pitchspeed: attitude.rate.y,
+                yawspeed: attitude.rate.z,
+            });
         }
         if self.rates.due(Stream::Servo) {
-            self.send(
-                Priority::Stream,
-                &SERVO_OUTPUT_RAW_DATA {
-                    time_usec: snapshot.now.0 as u32,
-                    servo1_raw: snapshot.pulse.0,
-                    ..SERVO_OUTPUT_RAW_DATA::DEFAULT
-                },
-            );
+            self.send_stream(&SERVO_OUTPUT_RAW_DATA {
+                time_usec: snapshot.now.0 as u32,
+                servo1_raw: snapshot.pulse.0,
+                ..SERVO_OUTPUT_RAW_DATA::DEFAULT
+            });
         }
         if self.rates.due(Stream::Raw)
             && let Some(sample) = &snapshot.sample
         {
-            self.send(Priority::Stream, &raw_imu(sample));
+            self.send_stream(&raw_imu(sample));
         }
         if self.rates.due(Stream::Crank) {
-            self.send(
-                Priority::Stream,
-                &NAMED_VALUE_FLOAT_DATA {
-                    time_boot_ms,
-                    value: snapshot.crank_rad,
-                    name: CharArray::new(*b"crank_rad\0"),
-                },
-            );
+            self.send_stream(&NAMED_VALUE_FLOAT_DATA {
+                time_boot_ms,
+                value: snapshot.crank_rad,
+                name: CharArray::new(*b"crank_rad\0"),
+            });
         }
         if self.rates.due(Stream::Angles) {
             let [roll, pitch, yaw] = flight.angles_rad();
-            self.send(
-                Priority::Stream,
-                &ATTITUDE_DATA {
-                    time_boot_ms,
-                    roll,
-                    pitch,
-                    yaw,
-                    rollspeed: attitude.rate.x,
-                    pitchspeed: attitude.rate.y,
-                    yawspeed: attitude.rate.z,
-                },
-            );
+            self.send_stream(&ATTITUDE_DATA {
+                time_boot_ms,
+                roll,
+                pitch,
+                yaw,
+                rollspeed: attitude.rate.x,
+                pitchspeed: attitude.rate.y,
+                yawspeed: attitude.rate.z,
+            });
         }
     }
 
@@ -274,24 +263,21 @@ impl Telemetry {
             MavModeFlag::MAV_MODE_FLAG_STABILIZE_ENABLED,
             state.is_active(),
         );
-        self.send(
-            Priority::Event,
-            &HEARTBEAT_DATA {
-                custom_mode: state.code(),
-                mavtype: MavType::MAV_TYPE_ROCKET,
-                autopilot: MavAutopilot::MAV_AUTOPILOT_GENERIC,
-                base_mode,
-                system_status: match state {
-                    State::Boot => MavState::MAV_STATE_BOOT,
-                    State::SelfTest(_) => MavState::MAV_STATE_CALIBRATING,
-                    State::Standby => MavState::MAV_STATE_STANDBY,
-                    State::Armed | State::Active { .. } => MavState::MAV_STATE_ACTIVE,
-                    State::Failsafe(_) => MavState::MAV_STATE_CRITICAL,
-                    State::Latched(_) => MavState::MAV_STATE_EMERGENCY,
-                },
-                mavlink_version: 3,
+        self.send_event(&HEARTBEAT_DATA {
+            custom_mode: state.code(),
+            mavtype: MavType::MAV_TYPE_ROCKET,
+            autopilot: MavAutopilot::MAV_AUTOPILOT_GENERIC,
+            base_mode,
+            system_status: match state {
+                State::Boot => MavState::MAV_STATE_BOOT,
+                State::SelfTest(_) => MavState::MAV_STATE_CALIBRATING,
+                State::Standby => MavState::MAV_STATE_STANDBY,
+                State::Armed | State::Active { .. } => MavState::MAV_STATE_ACTIVE,
+                State::Failsafe(_) => MavState::MAV_STATE_CRITICAL,
+                State::Latched(_) => MavState::MAV_STATE_EMERGENCY,
             },
-        );
+            mavlink_version: 3,
+        });
     }
 
     /// Load and health. Sensors are present always, healthy while samples come; what is enabled but not healthy is
@@ -313,48 +299,63 @@ impl Telemetry {
             snapshot.sensor_healthy && snapshot.attitude.flags.initialised,
         );
         health.set(control, !matches!(snapshot.state, State::Failsafe(_)));
-        self.send(
-            Priority::Event,
-            &SYS_STATUS_DATA {
-                onboard_control_sensors_present: sensors | attitude | control,
-                onboard_control_sensors_enabled: sensors | attitude | enabled_control,
-                onboard_control_sensors_health: health,
-                load: board.load_permille,
-                voltage_battery: u16::MAX,
-                current_battery: -1,
-                drop_rate_comm: 0,
-                errors_comm: self.parser.crc_errors(),
-                errors_count1: self.queue.dropped() as u16,
-                errors_count2: snapshot.missed as u16,
-                errors_count3: board.bus_errors,
-                errors_count4: board.bus_recoveries,
-                battery_remaining: -1,
-            },
-        );
+        self.send_event(&SYS_STATUS_DATA {
+            onboard_control_sensors_present: sensors | attitude | control,
+            onboard_control_sensors_enabled: sensors | attitude | enabled_control,
+            onboard_control_sensors_health: health,
+            load: board.load_permille,
+            voltage_battery: u16::MAX,
+            current_battery: -1,
+            drop_rate_comm: 0,
+            errors_comm: self.parser.crc_errors(),
+            errors_count1: self.queue.dropped() as u16,
+            errors_count2: snapshot.missed as u16,
+            errors_count3: board.bus_errors,
+            errors_count4: board.bus_recoveries,
+            battery_remaining: -1,
+        });
     }
 
     /// A STATUSTEXT, cut to the 50 characters that STATUSTEXT holds.
     fn status_text(&mut self, severity: MavSeverity, text: fmt::Arguments<'_>) {
-        let mut line = Line::default();
+        let mut line = Line {
+            bytes: [0; 50],
+            len: 0,
+        };
         // A line that is cut reports an error; what fits is sent.
         let _ = line.write_fmt(text);
-        self.send(
-            Priority::Event,
-            &STATUSTEXT_DATA {
-                severity,
-                text: CharArray::new(line.bytes),
-            },
-        );
+        self.send_event(&STATUSTEXT_DATA {
+            severity,
+            text: CharArray::new(line.bytes),
+        });
+    }
+
+    /// A warning in words: a STATUSTEXT.
+    fn warn(&mut self, text: fmt::Arguments<'_>) {
+        self.status_text(MavSeverity::MAV_SEVERITY_WARNING, text);
+    }
+
+    fn send_event<D: MessageData>(&mut self, data: &D) {
+        self.send(Priority::Event, data);
+    }
+
+    fn send_stream<D: MessageData>(&mut self, data: &D) {
+        self.send(Priority::Stream, data);
     }
 
     fn send<D: MessageData>(&mut self, priority: Priority, data: &D) {
         let mut payload = [0; MAX_PAYLOAD];
         let len = data.ser(mavlink::MavlinkVersion::V2, &mut payload);
         let payload = payload.get(..len).unwrap_or_default();
-        self.send_payload(priority, D::ID, D::EXTRA_CRC, payload);
+        self.send_payload::<D>(priority, payload);
     }
 
-    fn send_payload(&mut self, priority: Priority, id: u32, extra_crc: u8, payload: &[u8]) {
+    /// A message by its payload, for those that the dialect's own encoder is not used for.
+    fn send_payload<D: MessageData>(&mut self, priority: Priority, payload: &[u8]) {
+        self.send_frame(priority, D::ID, D::EXTRA_CRC, payload);
+    }
+
+    fn send_frame(&mut self, priority: Priority, id: u32, extra_crc: u8, payload: &[u8]) {
         let [id0, id1, id2, _] = id.to_le_bytes();
         let header = [
             mavlink::MAV_STX_V2,
@@ -403,15 +404,6 @@ fn milliseconds(time: Micros) -> u32 {
 struct Line {
     bytes: [u8; 50],
     len: usize,
-}
-
-impl Default for Line {
-    fn default() -> Self {
-        Self {
-            bytes: [0; 50],
-            len: 0,
-        }
-    }
 }
 
 impl Write for Line {

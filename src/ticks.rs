@@ -28,8 +28,10 @@ const BURST_RESERVE_US: u32 = 1_000;
 /// burst.
 const STRETCH_US: u64 = 250;
 
-/// Slowest and fastest servo frame, Hz.
-const RATES_HZ: (u32, u32) = (50, 333);
+/// Slowest servo frame, Hz.
+const SLOWEST_HZ: u32 = 50;
+/// Fastest servo frame, Hz.
+const FASTEST_HZ: u32 = 333;
 
 /// Shortest time between two ticks, us: the burst, a short transfer to look after the sensor, and
 /// some reserve. The bus at 100 kHz takes 1.4 ms longer for both.
@@ -79,17 +81,11 @@ impl TickPlan {
     /// | 200 Hz | one in two frames, 100 Hz | the same |
     /// | 300 Hz | one in two frames, 150 Hz | one in three, 100 Hz |
     /// | 333 Hz | one in three frames, 111 Hz | the same |
-    pub const fn new(frame_hz: u32, i2c_khz: u32) -> Self {
+    pub fn new(frame_hz: u32, i2c_khz: u32) -> Self {
         let (frame_us, shortest_us) = (1_000_000 / frame_hz, shortest_us(i2c_khz));
-        let ticks = frame_us / shortest_us;
+        let ticks = (frame_us / shortest_us).clamp(1, Self::MOST_TICKS.into());
         Self {
-            ticks_per_frame: if ticks == 0 {
-                1
-            } else if ticks > Self::MOST_TICKS as u32 {
-                Self::MOST_TICKS
-            } else {
-                ticks as u8
-            },
+            ticks_per_frame: ticks as u8,
             frames_per_tick: shortest_us.div_ceil(frame_us) as u8,
         }
     }
@@ -116,12 +112,8 @@ pub struct TimerPlan {
 
 impl TimerPlan {
     /// For a timer with `counts_per_us`. Frame rates outside the servo's range are brought into it.
-    pub const fn new(counts_per_us: u32, frame_hz: u32, i2c_khz: u32) -> Self {
-        let frame_hz = match frame_hz {
-            hz if hz < RATES_HZ.0 => RATES_HZ.0,
-            hz if hz > RATES_HZ.1 => RATES_HZ.1,
-            hz => hz,
-        };
+    pub fn new(counts_per_us: u32, frame_hz: u32, i2c_khz: u32) -> Self {
+        let frame_hz = frame_hz.clamp(SLOWEST_HZ, FASTEST_HZ);
         let plan = TickPlan::new(frame_hz, i2c_khz);
         let period = counts_per_us * 1_000_000 / frame_hz;
         let spacing = period / plan.ticks_per_frame as u32;
@@ -181,11 +173,7 @@ impl NewestTick {
 
     /// Whether the step is to be taken without a sample now, once.
     pub fn is_missed(&mut self, now: Micros) -> bool {
-        let missed = self.burst_due.is_some_and(|due| now >= due);
-        if missed {
-            self.burst_due = None;
-        }
-        missed
+        self.burst_due.take_if(|due| now >= *due).is_some()
     }
 
     /// Whether `transfer`, begun now, is over before the next tick.

@@ -5,7 +5,6 @@ mod running;
 use std::path::Path;
 use std::process::Output;
 
-use plant::linkage::Linkage;
 use plant::pitch_loop::{Pd, PitchLoop, Timing};
 use plant::{Parameters, ServoModel};
 use serde_json::Value;
@@ -154,7 +153,7 @@ fn a_recorded_release_tells_the_pitch_gain() {
         ..Parameters::PHYS
     };
     let timing = Timing::NANO_50HZ;
-    let mut law = Pd::new(1.0, 0.3, &Linkage::new(&drone), timing.control_s);
+    let mut law = Pd::new(1.0, 0.3, &drone.linkage(), timing.control_s);
     let mut flight = PitchLoop::new(&drone, ServoModel::S3003, timing, 0.4, 0.2).unwrap();
     let mut text = String::from("time_s,pitch_rad,rate_rad_s,pulse_us\n");
     for step in 0..2000 {

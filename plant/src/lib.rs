@@ -46,10 +46,10 @@
 //!
 //! ```
 //! use plant::pitch_loop::{Pd, PitchLoop, Timing};
-//! use plant::{Linkage, Parameters, ServoModel};
+//! use plant::{Parameters, ServoModel};
 //!
 //! let (drone, timing) = (Parameters::PHYS, Timing::ANALOGUE);
-//! let mut law = Pd::new(1.0, 0.30, &Linkage::new(&drone), timing.control_s);
+//! let mut law = Pd::new(1.0, 0.30, &drone.linkage(), timing.control_s);
 //! let mut sim = PitchLoop::new(&drone, ServoModel::S3003, timing, 0.4, 0.2)?;
 //! let response = sim.respond(3.0, |measurement| law.update(measurement))?;
 //! assert!(response.overshoot_pct() < 1.0);

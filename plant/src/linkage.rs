@@ -11,19 +11,22 @@
 //! With the drone's lengths the crank is the shortest bar and `L1 + L2 < L3 + Lg`: a crank-rocker
 //! (Grashof), whose crank turns fully and whose rudder swings between two dead points.
 
-use crate::parameters::Parameters;
-
 /// Iterations after which Newton-Raphson is taken to have failed; from a neighbouring solution it
 /// needs four to six.
 const NEWTON_ITERATIONS: usize = 30;
 
-/// The linkage's four lengths.
+/// The linkage's four lengths, which are not checked here:
+/// [`Parameters::validate`](crate::Parameters::validate) does that.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Linkage {
-    crank_m: f64,
-    link_m: f64,
-    arm_m: f64,
-    ground_m: f64,
+    /// Of the servo's crank, `L1`, in m.
+    pub crank_m: f64,
+    /// Of the link between crank and rudder arm, `L2`, in m.
+    pub link_m: f64,
+    /// Of the rudder's arm, `L3`, in m.
+    pub arm_m: f64,
+    /// From the rudder's axis to the servo's, `Lg`, in m.
+    pub ground_m: f64,
 }
 
 /// The linkage at one crank angle.
@@ -60,16 +63,6 @@ pub struct Root {
 }
 
 impl Linkage {
-    /// The linkage of these parameters, which are not checked here: see [`Parameters::validate`].
-    pub fn new(parameters: &Parameters) -> Self {
-        Self {
-            crank_m: parameters.crank_length_m,
-            link_m: parameters.link_length_m,
-            arm_m: parameters.arm_length_m,
-            ground_m: parameters.ground_length_m,
-        }
-    }
-
     /// Whether link and arm can meet at this crank angle (rad).
     pub fn closes_at(&self, crank_rad: f64) -> bool {
         let (sin, cos) = crank_rad.sin_cos();
@@ -185,7 +178,7 @@ impl Linkage {
     }
 
     /// The crank angle `th1z` at which the rudder is at zero, in rad; not a number for a linkage
-    /// that [`Parameters::validate`] refuses.
+    /// that [`Parameters::validate`](crate::Parameters::validate) refuses.
     pub fn zero_rudder_crank_rad(&self) -> f64 {
         self.crank_for_rudder(0.0).unwrap_or(f64::NAN)
     }
@@ -234,10 +227,11 @@ impl Linkage {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::Parameters;
     use proptest::prelude::*;
 
     fn linkage() -> Linkage {
-        Linkage::new(&Parameters::PHYS)
+        Parameters::PHYS.linkage()
     }
 
     /// Reference: crank, link and rudder angle in deg and G3.

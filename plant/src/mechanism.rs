@@ -65,7 +65,7 @@ impl Mechanism {
         parameters.validate()?;
         Ok(Self {
             parameters: *parameters,
-            linkage: Linkage::new(parameters),
+            linkage: parameters.linkage(),
         })
     }
 

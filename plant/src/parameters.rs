@@ -179,6 +179,16 @@ impl Parameters {
         self
     }
 
+    /// The four-bar linkage between crank and rudder.
+    pub fn linkage(&self) -> Linkage {
+        Linkage {
+            crank_m: self.crank_length_m,
+            link_m: self.link_length_m,
+            arm_m: self.arm_length_m,
+            ground_m: self.ground_length_m,
+        }
+    }
+
     /// Checks that every value is finite and in range and that the linkage closes over the
     /// servo's travel.
     ///
@@ -202,7 +212,7 @@ impl Parameters {
         check(&named!(self; wash_efficiency), "between 0 and 1", |value| {
             (0.0..=1.0).contains(&value)
         })?;
-        let linkage = Linkage::new(self);
+        let linkage = self.linkage();
         // The distance that link and arm must span is monotonic in the sine of the crank angle:
         // where both ends close, so does all between.
         for crank in [-CRANK_TRAVEL_RAD, CRANK_TRAVEL_RAD] {
@@ -309,7 +319,7 @@ mod tests {
     #[test]
     fn phys_hangs_about_its_centre_of_mass() {
         let p = Parameters::PHYS;
-        let state = Linkage::new(&p).at(0.0);
+        let state = p.linkage().at(0.0);
         let [ox, oy] = p.servo_axis_m();
         let half = p.link_length_m / 2.0;
         let link = [

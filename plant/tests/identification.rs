@@ -2,7 +2,7 @@
 
 use plant::identify::{Estimate, IdentifyError, Reading, Record, identify};
 use plant::pitch_loop::{Measurement, Pd, PitchLoop};
-use plant::{Linkage, Setup};
+use plant::Setup;
 use rand::{Rng, SeedableRng};
 use rand_distr::StandardNormal;
 
@@ -22,12 +22,7 @@ fn record(setup: &Setup, start: f64, seconds: f64, seed: u64) -> Record {
     let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(seed);
     // The law knows the nominal drone only.
     let nominal = Setup::default();
-    let mut law = Pd::new(
-        1.0,
-        0.3,
-        &Linkage::new(&nominal.drone),
-        setup.timing.control_s,
-    );
+    let mut law = Pd::new(1.0, 0.3, &nominal.drone.linkage(), setup.timing.control_s);
     let mut sim = PitchLoop::new(&setup.drone, setup.servo, setup.timing, start, 0.2).unwrap();
     let mut record = Record::default();
     let mut command = nominal.servo.width_for_crank(sim.sample().crank.angle_rad);

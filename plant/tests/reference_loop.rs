@@ -1,14 +1,14 @@
 //! The pitch loop against the reference run and the reference table of responses.
 
 use plant::pitch_loop::{Pd, PitchLoop, Timing};
-use plant::{Linkage, Parameters, ServoModel};
+use plant::{Parameters, ServoModel};
 
 fn fly(model: ServoModel, timing: Timing, pitch: f64) -> PitchLoop {
     PitchLoop::new(&Parameters::PHYS, model, timing, pitch, 0.2).unwrap()
 }
 
 fn pd(kp: f64, kd: f64, timing: Timing) -> Pd {
-    Pd::new(kp, kd, &Linkage::new(&Parameters::PHYS), timing.control_s)
+    Pd::new(kp, kd, &Parameters::PHYS.linkage(), timing.control_s)
 }
 
 /// `pd_nominal_S3003_02.csv`: servo A, kp 1.0, kd 0.30, from 0.2 rad, frame phase 10 ms.

@@ -218,7 +218,7 @@ fn places(p: &Parameters, pitch: f64, crank: f64) -> Places {
         [cos * x - sin * y, sin * x + cos * y]
     };
     let add = |a: [f64; 2], b: [f64; 2]| [a[0] + b[0], a[1] + b[1]];
-    let (link, rudder) = plant::Linkage::new(p).angles(crank);
+    let (link, rudder) = p.linkage().angles(crank);
     let servo = p.servo_axis_m();
     let crank_cm = add(servo, turn([0.0, p.crank_cm_m], crank));
     let end = add(servo, turn([0.0, p.crank_length_m], crank));

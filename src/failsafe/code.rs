@@ -2,13 +2,15 @@
 //! vehicle and its hosts.
 //!
 //! HEARTBEAT's `custom_mode` carries a [`StateCode`], COMMAND_ACK's `result_param1` a
-//! [`RefusalKind`]. Each number has a type that it is read into (`TryFrom`) and words for it
-//! (`Display`).
+//! [`RefusalKind`](super::RefusalKind). Each number has a type that it is read into (`TryFrom`) and
+//! words for it (`Display`), and all of them stand once: in the lists that [`numbered!`] and
+//! [`detailed!`] take.
 
 use core::fmt;
 
+use super::state::ReasonKind;
 #[cfg(doc)]
-use super::{Latch, Reason, Refusal, State};
+use super::{Latch, State};
 use crate::config::{ARM_TILT_DEG, FAILSAFE_TILT_DEG, HOST_SILENCE_US};
 use crate::format::Whole;
 use crate::self_test::Failure;
@@ -25,11 +27,15 @@ impl fmt::Display for UnknownCode {
 
 impl core::error::Error for UnknownCode {}
 
-/// An enum whose variants are numbers: `TryFrom<u8>`, and all of them in `ALL`.
+// The words of tilts and of a silent host name these limits.
+const _: () =
+    assert!(ARM_TILT_DEG == 50 && FAILSAFE_TILT_DEG == 60 && HOST_SILENCE_US == 3_000_000);
+
+/// An enum whose variants are numbers with words: `ALL`, `code`, `TryFrom<u8>` and `Display`.
 macro_rules! numbered {
     (
         $(#[$meta:meta])*
-        $name:ident { $($(#[$doc:meta])* $variant:ident = $number:literal,)+ }
+        $name:ident { $($(#[$doc:meta])* $variant:ident = $number:literal, $words:literal;)+ }
     ) => {
         $(#[$meta])*
         #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -56,84 +62,79 @@ macro_rules! numbered {
                 }
             }
         }
+
+        impl core::fmt::Display for $name {
+            fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+                f.write_str(match self { $(Self::$variant => $words,)+ })
+            }
+        }
     };
 }
 
-pub(crate) use numbered;
+/// An enum whose variants may hold details, and its kind: the [`numbered!`] enum without them.
+macro_rules! detailed {
+    (
+        $(#[$meta:meta])*
+        $name:ident, $(#[$kind_meta:meta])* $kind:ident {
+            $($(#[$doc:meta])* $variant:ident $(($detail:ty))? = $number:literal, $words:literal;)+
+        }
+    ) => {
+        $(#[$meta])*
+        #[derive(Clone, Copy, Debug, PartialEq)]
+        pub enum $name { $($(#[$doc])* $variant $(($detail))?,)+ }
 
-numbered! {
-    /// A [`State`] without its details.
-    StateKind {
-        /// No sample yet.
-        Boot = 0,
-        /// Waiting for a second of rest.
-        SelfTest = 1,
-        /// Ready to be armed.
-        Standby = 2,
-        /// Held in hand or clamp.
-        Armed = 3,
-        /// The rudder is under control.
-        Active = 4,
-        /// A fault in operation.
-        Failsafe = 5,
-        /// Something to acknowledge at start-up.
-        Latched = 6,
-    }
+        impl $name {
+            /// Without the details.
+            pub const fn kind(&self) -> $kind {
+                match self { $(Self::$variant { .. } => $kind::$variant,)+ }
+            }
+        }
+
+        $crate::failsafe::numbered! {
+            $(#[$kind_meta])*
+            $kind { $($(#[$doc])* $variant = $number, $words;)+ }
+        }
+    };
 }
 
-numbered! {
-    /// A [`Reason`] without its details.
-    ReasonKind {
-        /// The sensor gave nothing usable for too long, or lost its configuration.
-        Sensor = 1,
-        /// Samples did not come, or were too old.
-        StaleData = 2,
-        /// The attitude is not a rotation.
-        InvalidAttitude = 3,
-        /// Tilted beyond the limit.
-        Tilt = 4,
-        /// The host fell silent.
-        HostSilent = 5,
-    }
-}
+pub(crate) use {detailed, numbered};
 
 numbered! {
     /// A [`Latch`] without its details.
     LatchKind {
         /// The watchdog fired.
-        Watchdog = 1,
+        Watchdog = 1, "watchdog reset";
         /// The supply dipped.
-        BrownOut = 2,
+        BrownOut = 2, "brown-out reset";
         /// The program panicked.
-        Panic = 3,
+        Panic = 3, "panic";
         /// The processor met an instruction or access it cannot do.
-        HardFault = 4,
+        HardFault = 4, "hard fault";
         /// The stored parameters cannot be read.
-        ParametersLost = 5,
+        ParametersLost = 5, "stored parameters lost";
     }
 }
 
-numbered! {
-    /// A [`Refusal`] without its details.
-    RefusalKind {
-        /// The command does not apply in this state.
-        WrongState = 1,
-        /// Tilted too much to be armed.
-        Tilt = 2,
-        /// The sensor is not delivering.
-        Sensor = 3,
-        /// The attitude has not settled.
-        Settling = 4,
-        /// The rudder's polarity has not been checked.
-        Polarity = 5,
-        /// The rudder answers the tilt.
-        RudderAnswers = 6,
-        /// The gyro's offset has not been learned.
-        BiasUnknown = 7,
-        /// The host's heartbeat is missing.
-        HostSilent = 8,
-        /// The fault is still there.
-        FaultPersists = 9,
+detailed! {
+    /// A state and the kind of reason for it, as HEARTBEAT's `custom_mode` carries them: the
+    /// [`StateKind`] in the low byte, in the second one the reason, 0 for none.
+    StateCode,
+    /// A [`State`] without its details.
+    StateKind {
+        /// No sample yet.
+        Boot = 0, "boot";
+        /// Waiting for a second of rest, after a failed attempt or the first time.
+        SelfTest(Option<Failure>) = 1, "self-test";
+        /// Ready to be armed.
+        Standby = 2, "standby";
+        /// Held in hand or clamp.
+        Armed = 3, "armed";
+        /// The rudder is under control.
+        Active = 4, "active";
+        /// A fault in operation.
+        Failsafe(ReasonKind) = 5, "failsafe";
+        /// Something to acknowledge at start-up.
+        Latched(LatchKind) = 6, "latched fault";
     }
 }
 
@@ -144,102 +145,25 @@ impl StateKind {
     }
 }
 
-impl fmt::Display for StateKind {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::Boot => "boot",
-            Self::SelfTest => "self-test",
-            Self::Standby => "standby",
-            Self::Armed => "armed",
-            Self::Active => "active",
-            Self::Failsafe => "failsafe",
-            Self::Latched => "latched fault",
-        })
-    }
-}
-
-impl fmt::Display for ReasonKind {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Sensor => f.write_str("sensor fault"),
-            Self::StaleData => f.write_str("sensor data too old"),
-            Self::InvalidAttitude => f.write_str("attitude invalid"),
-            Self::Tilt => write_tilt(f, FAILSAFE_TILT_DEG),
-            Self::HostSilent => {
-                write!(
-                    f,
-                    "host silent for {} s",
-                    Whole((HOST_SILENCE_US / 1_000_000) as u32)
-                )
-            }
-        }
-    }
-}
-
-impl fmt::Display for LatchKind {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::Watchdog => "watchdog reset",
-            Self::BrownOut => "brown-out reset",
-            Self::Panic => "panic",
-            Self::HardFault => "hard fault",
-            Self::ParametersLost => "stored parameters lost",
-        })
-    }
-}
-
-impl fmt::Display for RefusalKind {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::WrongState => "not in this state",
-            Self::Tilt => return write_tilt(f, ARM_TILT_DEG),
-            Self::Sensor => "sensor not ready",
-            Self::Settling => "attitude still settling",
-            Self::Polarity => "run tvc calibrate polarity first",
-            Self::RudderAnswers => "rudder answers tilt: SRV_POLARITY 2",
-            Self::BiasUnknown => "gyro offset unknown: hold still",
-            Self::HostSilent => "no host heartbeat",
-            Self::FaultPersists => "the fault is still there",
-        })
-    }
-}
-
-fn write_tilt(f: &mut fmt::Formatter<'_>, limit_deg: u32) -> fmt::Result {
-    write!(f, "tilt beyond {} deg", Whole(limit_deg))
-}
-
-/// A state and the reason for it, as HEARTBEAT's `custom_mode` carries them: the [`StateKind`] in
-/// the low byte, in the second one the kind of reason, 0 for none.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum StateCode {
-    /// [`State::Boot`].
-    Boot,
-    /// [`State::SelfTest`], and what ended the attempt before this one.
-    SelfTest(Option<Failure>),
-    /// [`State::Standby`].
-    Standby,
-    /// [`State::Armed`].
-    Armed,
-    /// [`State::Active`].
-    Active,
-    /// [`State::Failsafe`].
-    Failsafe(ReasonKind),
-    /// [`State::Latched`].
-    Latched(LatchKind),
-}
-
 impl StateCode {
-    /// The state alone.
-    pub const fn kind(self) -> StateKind {
-        match self {
-            Self::Boot => StateKind::Boot,
-            Self::SelfTest(_) => StateKind::SelfTest,
-            Self::Standby => StateKind::Standby,
-            Self::Armed => StateKind::Armed,
-            Self::Active => StateKind::Active,
-            Self::Failsafe(_) => StateKind::Failsafe,
-            Self::Latched(_) => StateKind::Latched,
-        }
+    /// Every state with every reason that it can have.
+    pub fn all() -> impl Iterator<Item = Self> {
+        let failures = Failure::ALL
+            .iter()
+            .map(|failure| Self::SelfTest(Some(*failure)));
+        let reasons = ReasonKind::ALL.iter().map(|reason| Self::Failsafe(*reason));
+        let latches = LatchKind::ALL.iter().map(|latch| Self::Latched(*latch));
+        [
+            Self::Boot,
+            Self::SelfTest(None),
+            Self::Standby,
+            Self::Armed,
+            Self::Active,
+        ]
+        .into_iter()
+        .chain(failures)
+        .chain(reasons)
+        .chain(latches)
     }
 
     /// As `custom_mode` has it.
@@ -258,29 +182,9 @@ impl TryFrom<u32> for StateCode {
     type Error = UnknownCode;
 
     fn try_from(number: u32) -> Result<Self, UnknownCode> {
-        let [state, reason, high @ ..] = number.to_le_bytes();
-        let unknown = |_| UnknownCode(number);
-        if high != [0; 2] {
-            return Err(UnknownCode(number));
-        }
-        let code = match StateKind::try_from(state).map_err(unknown)? {
-            StateKind::Boot => Self::Boot,
-            StateKind::SelfTest if reason == 0 => Self::SelfTest(None),
-            StateKind::SelfTest => {
-                Self::SelfTest(Some(Failure::try_from(reason).map_err(unknown)?))
-            }
-            StateKind::Standby => Self::Standby,
-            StateKind::Armed => Self::Armed,
-            StateKind::Active => Self::Active,
-            StateKind::Failsafe => Self::Failsafe(ReasonKind::try_from(reason).map_err(unknown)?),
-            StateKind::Latched => Self::Latched(LatchKind::try_from(reason).map_err(unknown)?),
-        };
-        // A reason where there can be none is no code of this version.
-        if code.number() == number {
-            Ok(code)
-        } else {
-            Err(UnknownCode(number))
-        }
+        Self::all()
+            .find(|code| code.number() == number)
+            .ok_or(UnknownCode(number))
     }
 }
 
@@ -302,26 +206,13 @@ impl fmt::Display for StateCode {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::failsafe::RefusalKind;
     use std::string::ToString;
     use std::vec::Vec;
 
-    fn all_codes() -> Vec<StateCode> {
-        let mut codes = std::vec![
-            StateCode::Boot,
-            StateCode::SelfTest(None),
-            StateCode::Standby,
-            StateCode::Armed,
-            StateCode::Active,
-        ];
-        codes.extend(Failure::ALL.iter().map(|f| StateCode::SelfTest(Some(*f))));
-        codes.extend(ReasonKind::ALL.iter().map(|r| StateCode::Failsafe(*r)));
-        codes.extend(LatchKind::ALL.iter().map(|l| StateCode::Latched(*l)));
-        codes
-    }
-
     #[test]
     fn every_state_and_reason_comes_back_from_its_number_and_no_other_number_means_one() {
-        let codes = all_codes();
+        let codes: Vec<_> = StateCode::all().collect();
         let mut known = 0;
         for number in (0..0x1_0000).chain([0x1_0000, 0x0100_0002, u32::MAX]) {
             if let Ok(code) = StateCode::try_from(number) {
@@ -357,7 +248,7 @@ mod tests {
         );
         assert_eq!(ReasonKind::HostSilent.to_string(), "host silent for 3 s");
         assert_eq!(RefusalKind::Tilt.to_string(), "tilt beyond 50 deg");
-        for code in all_codes() {
+        for code in StateCode::all() {
             assert!(code.to_string().len() <= 50, "{code}");
         }
         for refusal in RefusalKind::ALL {

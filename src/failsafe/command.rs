@@ -2,7 +2,7 @@
 
 use core::fmt;
 
-use super::code::RefusalKind;
+use super::code::detailed;
 use super::state::{Reason, State};
 use crate::servo::PulseUs;
 
@@ -31,45 +31,32 @@ impl fmt::Display for Command {
     }
 }
 
-/// Why a command was not obeyed.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Refusal {
-    /// The command does not apply in this state.
-    WrongState(State),
-    /// Tilted more than [`ARM_TILT_DEG`](crate::config::ARM_TILT_DEG).
-    Tilt,
-    /// The sensor is not delivering.
-    Sensor,
-    /// The attitude has not settled since start-up or the last gap.
-    Settling,
-    /// Nobody has seen the rudder answer a tilt the right way, with the servo's direction and the
-    /// mount as they are.
-    Polarity,
-    /// The rudder answers the tilt, for somebody who looks at its polarity (`SRV_POLARITY` = 2).
-    RudderAnswers,
-    /// The gyro's offset has not been learned since start-up or the last gap, which takes some
-    /// seconds of rest.
-    BiasUnknown,
-    /// The host's heartbeat is missing, and `FS_HOST` asks for it.
-    HostSilent,
-    /// The fault is still there.
-    FaultPersists(Reason),
-}
-
-impl Refusal {
-    /// The refusal without its details.
-    pub fn kind(&self) -> RefusalKind {
-        match self {
-            Refusal::WrongState(_) => RefusalKind::WrongState,
-            Refusal::Tilt => RefusalKind::Tilt,
-            Refusal::Sensor => RefusalKind::Sensor,
-            Refusal::Settling => RefusalKind::Settling,
-            Refusal::Polarity => RefusalKind::Polarity,
-            Refusal::RudderAnswers => RefusalKind::RudderAnswers,
-            Refusal::BiasUnknown => RefusalKind::BiasUnknown,
-            Refusal::HostSilent => RefusalKind::HostSilent,
-            Refusal::FaultPersists(_) => RefusalKind::FaultPersists,
-        }
+detailed! {
+    /// Why a command was not obeyed.
+    Refusal,
+    /// A [`Refusal`] without its details.
+    RefusalKind {
+        /// The command does not apply in this state.
+        WrongState(State) = 1, "not in this state";
+        /// Tilted more than [`ARM_TILT_DEG`](crate::config::ARM_TILT_DEG).
+        Tilt = 2, "tilt beyond 50 deg";
+        /// The sensor is not delivering.
+        Sensor = 3, "sensor not ready";
+        /// The attitude has not settled since start-up or the last gap.
+        Settling = 4, "attitude still settling";
+        /// Nobody has seen the rudder answer a tilt the right way, with the servo's direction and
+        /// the mount as they are.
+        Polarity = 5, "run tvc calibrate polarity first";
+        /// The rudder answers the tilt, for somebody who looks at its polarity (`SRV_POLARITY` =
+        /// 2).
+        RudderAnswers = 6, "rudder answers tilt: SRV_POLARITY 2";
+        /// The gyro's offset has not been learned since start-up or the last gap, which takes some
+        /// seconds of rest.
+        BiasUnknown = 7, "gyro offset unknown: hold still";
+        /// The host's heartbeat is missing, and `FS_HOST` asks for it.
+        HostSilent = 8, "no host heartbeat";
+        /// The fault is still there.
+        FaultPersists(Reason) = 9, "the fault is still there";
     }
 }
 

@@ -4,7 +4,7 @@ use core::fmt;
 
 use bno055_driver::{Micros, SensorFault};
 
-use super::code::{LatchKind, ReasonKind, StateCode, StateKind};
+use super::code::{LatchKind, StateCode, StateKind, detailed};
 use crate::format::Hex;
 use crate::self_test::SelfTest;
 use crate::store::Loaded;
@@ -96,31 +96,21 @@ impl fmt::Display for State {
     }
 }
 
-/// Why control was given up.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Reason {
-    /// The sensor gave nothing usable for too long, or lost its configuration.
-    Sensor(SensorFault),
-    /// Steps came without samples being asked for, or samples too old to use.
-    StaleData,
-    /// The attitude is not a rotation: not a number, or not of unit length.
-    InvalidAttitude,
-    /// Tilted beyond the limit.
-    Tilt,
-    /// The host fell silent, where `FS_HOST` asks for it.
-    HostSilent,
-}
-
-impl Reason {
-    /// The reason without its details.
-    pub fn kind(&self) -> ReasonKind {
-        match self {
-            Reason::Sensor(_) => ReasonKind::Sensor,
-            Reason::StaleData => ReasonKind::StaleData,
-            Reason::InvalidAttitude => ReasonKind::InvalidAttitude,
-            Reason::Tilt => ReasonKind::Tilt,
-            Reason::HostSilent => ReasonKind::HostSilent,
-        }
+detailed! {
+    /// Why control was given up.
+    Reason,
+    /// A [`Reason`] without its details.
+    ReasonKind {
+        /// The sensor gave nothing usable for too long, or lost its configuration.
+        Sensor(SensorFault) = 1, "sensor fault";
+        /// Steps came without samples being asked for, or samples too old to use.
+        StaleData = 2, "sensor data too old";
+        /// The attitude is not a rotation: not a number, or not of unit length.
+        InvalidAttitude = 3, "attitude invalid";
+        /// Tilted beyond the limit.
+        Tilt = 4, "tilt beyond 60 deg";
+        /// The host fell silent, where `FS_HOST` asks for it.
+        HostSilent = 5, "host silent for 3 s";
     }
 }
 

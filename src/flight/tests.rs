@@ -96,19 +96,19 @@ impl Desk {
         self.flight.command(Micros(self.now_us), command)
     }
 
-    pub(crate) fn step_with(&mut self, reading: Result<RawSample, SensorFault>) -> Outputs {
+    pub(crate) fn step_with(&mut self, reading: Result<RawSample, SensorFault>) -> Snapshot {
         self.inputs.push((Micros(self.now_us), reading));
         let outputs = self.flight.step(Micros(self.now_us), reading);
         self.advance(((f64::from(outputs.pulse.0) - 1523.6) / 10.0).to_radians());
         outputs
     }
 
-    pub(crate) fn step(&mut self) -> Outputs {
+    pub(crate) fn step(&mut self) -> Snapshot {
         let sample = reading(self.now_us, self.pitch, self.rate);
         self.step_with(Ok(sample))
     }
 
-    pub(crate) fn run(&mut self, steps: usize) -> Outputs {
+    pub(crate) fn run(&mut self, steps: usize) -> Snapshot {
         (0..steps).map(|_| self.step()).last().unwrap()
     }
 
@@ -134,7 +134,7 @@ fn from_boot_to_upright() {
         for _ in 0..REST {
             let outputs = desk.step();
             assert_eq!(outputs.pulse, NEUTRAL);
-            let code = outputs.snapshot.state.code();
+            let code = outputs.state.code();
             if states.last() != Some(&code) {
                 states.push(code);
             }
@@ -161,7 +161,7 @@ fn a_positive_pitch_asks_for_a_longer_pulse() {
     let mut desk = Desk::active(0.4);
     desk.rate = 0.0;
     let outputs = desk.run(10);
-    assert!(outputs.pulse > NEUTRAL && outputs.snapshot.crank_rad > 0.2);
+    assert!(outputs.pulse > NEUTRAL && outputs.crank_rad > 0.2);
 }
 
 #[test]
@@ -189,10 +189,10 @@ fn up_to_thirty_milliseconds_without_samples_hold_the_last_command() {
     for missed in 1..=3 {
         let outputs = desk.step_with(Err(SensorFault::Timeout));
         assert_eq!(outputs.pulse, held);
-        assert!(outputs.snapshot.state.is_active() && !outputs.snapshot.sensor_healthy);
-        assert_eq!(outputs.snapshot.missed, missed);
+        assert!(outputs.state.is_active() && !outputs.sensor_healthy);
+        assert_eq!(outputs.missed, missed);
     }
-    assert!(desk.run(5).snapshot.sensor_healthy);
+    assert!(desk.run(5).sensor_healthy);
 }
 
 #[test]
@@ -226,7 +226,7 @@ fn after_a_long_loss_the_attitude_starts_over_before_arming() {
     }
     desk.free = false;
     (desk.pitch, desk.rate) = (-0.5, 0.0);
-    let pitch = desk.run(60).snapshot.attitude.orientation.pitch();
+    let pitch = desk.run(60).attitude.orientation.pitch();
     assert!((pitch + 0.5).abs() < 0.02, "{pitch}");
     assert!(desk.command(Command::Disarm).is_err(), "still settling");
     desk.run(200);
@@ -240,17 +240,14 @@ fn after_a_long_loss_the_attitude_starts_over_before_arming() {
 fn a_sample_that_is_not_newer_is_late() {
     let mut desk = Desk::active(0.2);
     let sample = reading(desk.now_us, desk.pitch, desk.rate);
-    assert!(desk.step_with(Ok(sample)).snapshot.sample.is_some());
-    assert!(desk.step_with(Ok(sample)).snapshot.sample.is_none());
+    assert!(desk.step_with(Ok(sample)).sample.is_some());
+    assert!(desk.step_with(Ok(sample)).sample.is_none());
     let older = RawSample {
         time: Micros(sample.time.0 - 1),
         ..sample
     };
     let outputs = desk.step_with(Ok(older));
-    assert_eq!(
-        (outputs.snapshot.sample, outputs.snapshot.missed),
-        (None, 2)
-    );
+    assert_eq!((outputs.sample, outputs.missed), (None, 2));
 }
 
 #[test]
@@ -310,7 +307,7 @@ fn zero_gains_leave_the_rudder_alone_and_the_setpoint_moves_it() {
 fn a_declination_turns_the_heading() {
     let mut desk = Desk::in_standby(0.0);
     desk.flight.set_param("DECLINATION_DEG", 90.0).unwrap();
-    let yaw = desk.run(1000).snapshot.attitude.orientation.euler().yaw_rad;
+    let yaw = desk.run(1000).attitude.orientation.euler().yaw_rad;
     assert!((yaw - 90.0_f32.to_radians()).abs() < 0.01, "{yaw}");
 }
 
@@ -383,7 +380,7 @@ proptest! {
                     continue;
                 }
             };
-            let snapshot = outputs.snapshot;
+            let snapshot = outputs;
             prop_assert!((853..=2193).contains(&outputs.pulse.0));
             let params = desk.flight.params();
             let set_up = snapshot.state.is_idle()

@@ -3,6 +3,8 @@
 
 use core::fmt;
 
+use Range::{Between, OneOf};
+
 use super::Params;
 use crate::config::{PULSE_MAX_US, PULSE_MIN_US};
 use crate::format::Decimal;
@@ -113,8 +115,13 @@ const fn all_differ(mut ids: &[u32]) -> bool {
     true
 }
 
+/// A parameter is what it does, in one sentence, and below that its accessor, name, unit, range,
+/// default and rule of change.
 macro_rules! parameters {
-    ($($field:ident: $name:literal, $unit:literal, $range:expr, $default:expr, $change:ident, $meaning:literal;)+) => {
+    ($(
+        $(#[doc = $meaning:literal])+
+        $field:ident: $name:literal, $unit:literal, $range:expr, $default:expr, $change:ident;
+    )+) => {
         /// Every parameter, in the order of its index on the wire.
         pub static TABLE: &[Info] = &[$(Info {
             name: $name,
@@ -125,7 +132,10 @@ macro_rules! parameters {
         },)+];
 
         /// The rows' descriptions, in the same order.
-        pub static DESCRIPTIONS: &[Description] = &[$(Description { unit: $unit, meaning: $meaning },)+];
+        pub static DESCRIPTIONS: &[Description] = &[$(Description {
+            unit: $unit,
+            meaning: concat!($($meaning),+).trim_ascii(),
+        },)+];
 
         /// Where a parameter has its value.
         #[allow(non_camel_case_types)]
@@ -149,7 +159,7 @@ macro_rules! parameters {
 
         impl Params {
             $(
-                #[doc = concat!("`", $name, "` (", $unit, "): ", $meaning)]
+                #[doc = concat!("`", $name, "` (", $unit, "):", $($meaning),+)]
                 #[inline]
                 #[allow(clippy::indexing_slicing, reason = "there is a value for every place")]
                 pub fn $field(&self) -> f32 {
@@ -161,98 +171,99 @@ macro_rules! parameters {
 }
 
 parameters! {
-    pid_kp: "PID_KP", "rad/rad", Range::Between(0.0, 10.0), 1.9, Live,
-        "servo angle per pitch error, near the setpoint";
-    pid_kd: "PID_KD", "s", Range::Between(0.0, 3.0), 0.435, Live,
-        "servo angle per pitch rate";
-    pid_knee_rad: "PID_KNEE_RAD", "rad", Range::Between(0.0, 2.0), 0.31, Live,
-        "pitch error beyond which the braking curve is flatter";
-    pid_far: "PID_FAR", "", Range::Between(0.0, 1.0), 0.3, Live,
-        "slope of the braking curve beyond the knee, as a share of that before";
-    pid_ahead_s: "PID_AHEAD_S", "s", Range::Between(0.0, 0.1), 0.0144, Live,
-        "how far ahead pitch and rate are predicted";
-    pid_trim_rad_s: "PID_TRIM_RAD_S", "rad/s", Range::Between(0.0, 20.0), 4.6, Live,
-        "bandwidth of the observer that trims a lateral offset of the mass away; 0 is no trim";
-    pitch_gain: "PITCH_GAIN", "1/s2", Range::Between(1.0, 1000.0), 31.6, Live,
-        "pitch acceleration per servo angle at zero rudder";
-    srv_delay_s: "SRV_DELAY_S", "s", Range::Between(0.0, 0.01), 0.0094, Live,
-        "time for which the servo still follows the command before the last, at most one sample";
-    srv_lag_s: "SRV_LAG_S", "s", Range::Between(0.0, 1.0), 0.033, Live,
-        "time constant with which the servo closes a small gap, frame included";
-    srv_rad_s: "SRV_RAD_S", "rad/s", Range::Between(0.1, 100.0), 5.5, Live,
-        "greatest speed of the servo";
-    pitch_set_deg: "PITCH_SET_DEG", "deg", Range::Between(-30.0, 30.0), 0.0, Live,
-        "pitch to hold, nose up positive";
-    srv_centre_us: "SRV_CENTRE_US", "us", Range::Between(1420.0, 1620.0), 1523.6, Live,
-        "pulse at which the rudder has no effect";
-    srv_hold_deg: "SRV_HOLD_DEG", "deg", Range::Between(-10.0, 10.0), 0.0, Disarmed,
-        "servo angle that holds against a lateral offset of the mass: the rudder rests there";
-    srv_dir: "SRV_DIR", "", Range::OneOf(&[-1.0, 1.0]), 1.0, Turning,
-        "+1: a longer pulse turns the crank to positive angles; -1: reversed servo";
-    srv_us_per_deg: "SRV_US_PER_DEG", "us/deg", Range::Between(5.0, 20.0), 10.0, Disarmed,
-        "pulse change per real degree of the servo shaft";
-    srv_min_us: "SRV_MIN_US", "us", Range::Between(PULSE_MIN_US, 1400.0), 923.6, Live,
-        "shortest pulse that control commands";
-    srv_max_us: "SRV_MAX_US", "us", Range::Between(1640.0, PULSE_MAX_US), 2123.6, Live,
-        "longest pulse that control commands";
-    srv_slew_us_s: "SRV_SLEW_US_S", "us/s", Range::Between(500.0, 100_000.0), 10_000.0, Live,
-        "fastest change of the pulse";
-    srv_rate_hz: "SRV_RATE_HZ", "Hz", Range::OneOf(&[50.0, 100.0, 200.0, 300.0, 333.0]), 50.0, Disarmed,
-        "servo frame rate; above 50 only for digital servos, an analog one burns out";
-    i2c_khz: "I2C_KHZ", "kHz", Range::OneOf(&[100.0, 400.0]), 400.0, Disarmed,
-        "speed of the sensor bus; 100 for a cable of more than 1 m";
-    mnt_roll_deg: "MNT_ROLL_DEG", "deg", Range::Between(-180.0, 180.0), 0.0, Turning,
-        "sensor's roll in the body, applied first";
-    mnt_pitch_deg: "MNT_PITCH_DEG", "deg", Range::Between(-180.0, 180.0), 0.0, Turning,
-        "sensor's pitch in the body, applied second";
-    mnt_yaw_deg: "MNT_YAW_DEG", "deg", Range::Between(-180.0, 180.0), 0.0, Turning,
-        "sensor's yaw in the body, applied last";
-    declination_deg: "DECLINATION_DEG", "deg", Range::Between(-180.0, 180.0), 0.0, Disarmed,
-        "magnetic declination, east positive: 4.37 in Copenhagen";
-    cal_acc_ox: "CAL_ACC_OX", "m/s2", Range::Between(-2.0, 2.0), 0.0, Disarmed,
-        "accelerometer offset along its x";
-    cal_acc_oy: "CAL_ACC_OY", "m/s2", Range::Between(-2.0, 2.0), 0.0, Disarmed,
-        "accelerometer offset along its y";
-    cal_acc_oz: "CAL_ACC_OZ", "m/s2", Range::Between(-2.0, 2.0), 0.0, Disarmed,
-        "accelerometer offset along its z";
-    cal_acc_sx: "CAL_ACC_SX", "", Range::Between(0.8, 1.2), 1.0, Disarmed,
-        "accelerometer scale along its x, applied after the offset";
-    cal_acc_sy: "CAL_ACC_SY", "", Range::Between(0.8, 1.2), 1.0, Disarmed,
-        "accelerometer scale along its y, applied after the offset";
-    cal_acc_sz: "CAL_ACC_SZ", "", Range::Between(0.8, 1.2), 1.0, Disarmed,
-        "accelerometer scale along its z, applied after the offset";
-    cal_gyr_ox: "CAL_GYR_OX", "deg/s", Range::Between(-10.0, 10.0), 0.0, Disarmed,
-        "gyroscope offset about its x";
-    cal_gyr_oy: "CAL_GYR_OY", "deg/s", Range::Between(-10.0, 10.0), 0.0, Disarmed,
-        "gyroscope offset about its y";
-    cal_gyr_oz: "CAL_GYR_OZ", "deg/s", Range::Between(-10.0, 10.0), 0.0, Disarmed,
-        "gyroscope offset about its z";
-    cal_mag_ox: "CAL_MAG_OX", "uT", Range::Between(-500.0, 500.0), 0.0, Disarmed,
-        "hard iron along the magnetometer's x";
-    cal_mag_oy: "CAL_MAG_OY", "uT", Range::Between(-500.0, 500.0), 0.0, Disarmed,
-        "hard iron along the magnetometer's y";
-    cal_mag_oz: "CAL_MAG_OZ", "uT", Range::Between(-500.0, 500.0), 0.0, Disarmed,
-        "hard iron along the magnetometer's z";
-    cal_mag_xx: "CAL_MAG_XX", "", Range::Between(-1.99, 1.99), 1.0, Disarmed,
-        "soft iron: how much of the magnetometer's x goes to x";
-    cal_mag_xy: "CAL_MAG_XY", "", Range::Between(-1.99, 1.99), 0.0, Disarmed,
-        "soft iron: how much of the magnetometer's y goes to x";
-    cal_mag_xz: "CAL_MAG_XZ", "", Range::Between(-1.99, 1.99), 0.0, Disarmed,
-        "soft iron: how much of the magnetometer's z goes to x";
-    cal_mag_yx: "CAL_MAG_YX", "", Range::Between(-1.99, 1.99), 0.0, Disarmed,
-        "soft iron: how much of the magnetometer's x goes to y";
-    cal_mag_yy: "CAL_MAG_YY", "", Range::Between(-1.99, 1.99), 1.0, Disarmed,
-        "soft iron: how much of the magnetometer's y goes to y";
-    cal_mag_yz: "CAL_MAG_YZ", "", Range::Between(-1.99, 1.99), 0.0, Disarmed,
-        "soft iron: how much of the magnetometer's z goes to y";
-    cal_mag_zx: "CAL_MAG_ZX", "", Range::Between(-1.99, 1.99), 0.0, Disarmed,
-        "soft iron: how much of the magnetometer's x goes to z";
-    cal_mag_zy: "CAL_MAG_ZY", "", Range::Between(-1.99, 1.99), 0.0, Disarmed,
-        "soft iron: how much of the magnetometer's y goes to z";
-    cal_mag_zz: "CAL_MAG_ZZ", "", Range::Between(-1.99, 1.99), 1.0, Disarmed,
-        "soft iron: how much of the magnetometer's z goes to z";
-    fs_host: "FS_HOST", "", Range::OneOf(&[0.0, 1.0]), 0.0, Live,
-        "1: three seconds without a host's heartbeat are a failsafe";
-    srv_polarity: "SRV_POLARITY", "", Range::OneOf(&[0.0, 1.0, 2.0]), 0.0, Disarmed,
-        "1: the rudder was seen to answer a tilt the right way, without which nothing is armed; 2: it answers in standby, to be seen";
+    /// servo angle per pitch error, near the setpoint
+    pid_kp: "PID_KP", "rad/rad", Between(0.0, 10.0), 1.9, Live;
+    /// servo angle per pitch rate
+    pid_kd: "PID_KD", "s", Between(0.0, 3.0), 0.435, Live;
+    /// pitch error beyond which the braking curve is flatter
+    pid_knee_rad: "PID_KNEE_RAD", "rad", Between(0.0, 2.0), 0.31, Live;
+    /// slope of the braking curve beyond the knee, as a share of that before
+    pid_far: "PID_FAR", "", Between(0.0, 1.0), 0.3, Live;
+    /// how far ahead pitch and rate are predicted
+    pid_ahead_s: "PID_AHEAD_S", "s", Between(0.0, 0.1), 0.0144, Live;
+    /// bandwidth of the observer that trims a lateral offset of the mass away; 0 is no trim
+    pid_trim_rad_s: "PID_TRIM_RAD_S", "rad/s", Between(0.0, 20.0), 4.6, Live;
+    /// pitch acceleration per servo angle at zero rudder
+    pitch_gain: "PITCH_GAIN", "1/s2", Between(1.0, 1000.0), 31.6, Live;
+    /// time for which the servo still follows the command before the last, at most one sample
+    srv_delay_s: "SRV_DELAY_S", "s", Between(0.0, 0.01), 0.0094, Live;
+    /// time constant with which the servo closes a small gap, frame included
+    srv_lag_s: "SRV_LAG_S", "s", Between(0.0, 1.0), 0.033, Live;
+    /// greatest speed of the servo
+    srv_rad_s: "SRV_RAD_S", "rad/s", Between(0.1, 100.0), 5.5, Live;
+    /// pitch to hold, nose up positive
+    pitch_set_deg: "PITCH_SET_DEG", "deg", Between(-30.0, 30.0), 0.0, Live;
+    /// pulse at which the rudder has no effect
+    srv_centre_us: "SRV_CENTRE_US", "us", Between(1420.0, 1620.0), 1523.6, Live;
+    /// servo angle that holds against a lateral offset of the mass: the rudder rests there
+    srv_hold_deg: "SRV_HOLD_DEG", "deg", Between(-10.0, 10.0), 0.0, Disarmed;
+    /// +1: a longer pulse turns the crank to positive angles; -1: reversed servo
+    srv_dir: "SRV_DIR", "", OneOf(&[-1.0, 1.0]), 1.0, Turning;
+    /// pulse change per real degree of the servo shaft
+    srv_us_per_deg: "SRV_US_PER_DEG", "us/deg", Between(5.0, 20.0), 10.0, Disarmed;
+    /// shortest pulse that control commands
+    srv_min_us: "SRV_MIN_US", "us", Between(PULSE_MIN_US, 1400.0), 923.6, Live;
+    /// longest pulse that control commands
+    srv_max_us: "SRV_MAX_US", "us", Between(1640.0, PULSE_MAX_US), 2123.6, Live;
+    /// fastest change of the pulse
+    srv_slew_us_s: "SRV_SLEW_US_S", "us/s", Between(500.0, 100_000.0), 10_000.0, Live;
+    /// servo frame rate; above 50 only for digital servos, an analog one burns out
+    srv_rate_hz: "SRV_RATE_HZ", "Hz", OneOf(&[50.0, 100.0, 200.0, 300.0, 333.0]), 50.0, Disarmed;
+    /// speed of the sensor bus; 100 for a cable of more than 1 m
+    i2c_khz: "I2C_KHZ", "kHz", OneOf(&[100.0, 400.0]), 400.0, Disarmed;
+    /// sensor's roll in the body, applied first
+    mnt_roll_deg: "MNT_ROLL_DEG", "deg", Between(-180.0, 180.0), 0.0, Turning;
+    /// sensor's pitch in the body, applied second
+    mnt_pitch_deg: "MNT_PITCH_DEG", "deg", Between(-180.0, 180.0), 0.0, Turning;
+    /// sensor's yaw in the body, applied last
+    mnt_yaw_deg: "MNT_YAW_DEG", "deg", Between(-180.0, 180.0), 0.0, Turning;
+    /// magnetic declination, east positive: 4.37 in Copenhagen
+    declination_deg: "DECLINATION_DEG", "deg", Between(-180.0, 180.0), 0.0, Disarmed;
+    /// accelerometer offset along its x
+    cal_acc_ox: "CAL_ACC_OX", "m/s2", Between(-2.0, 2.0), 0.0, Disarmed;
+    /// accelerometer offset along its y
+    cal_acc_oy: "CAL_ACC_OY", "m/s2", Between(-2.0, 2.0), 0.0, Disarmed;
+    /// accelerometer offset along its z
+    cal_acc_oz: "CAL_ACC_OZ", "m/s2", Between(-2.0, 2.0), 0.0, Disarmed;
+    /// accelerometer scale along its x, applied after the offset
+    cal_acc_sx: "CAL_ACC_SX", "", Between(0.8, 1.2), 1.0, Disarmed;
+    /// accelerometer scale along its y, applied after the offset
+    cal_acc_sy: "CAL_ACC_SY", "", Between(0.8, 1.2), 1.0, Disarmed;
+    /// accelerometer scale along its z, applied after the offset
+    cal_acc_sz: "CAL_ACC_SZ", "", Between(0.8, 1.2), 1.0, Disarmed;
+    /// gyroscope offset about its x
+    cal_gyr_ox: "CAL_GYR_OX", "deg/s", Between(-10.0, 10.0), 0.0, Disarmed;
+    /// gyroscope offset about its y
+    cal_gyr_oy: "CAL_GYR_OY", "deg/s", Between(-10.0, 10.0), 0.0, Disarmed;
+    /// gyroscope offset about its z
+    cal_gyr_oz: "CAL_GYR_OZ", "deg/s", Between(-10.0, 10.0), 0.0, Disarmed;
+    /// hard iron along the magnetometer's x
+    cal_mag_ox: "CAL_MAG_OX", "uT", Between(-500.0, 500.0), 0.0, Disarmed;
+    /// hard iron along the magnetometer's y
+    cal_mag_oy: "CAL_MAG_OY", "uT", Between(-500.0, 500.0), 0.0, Disarmed;
+    /// hard iron along the magnetometer's z
+    cal_mag_oz: "CAL_MAG_OZ", "uT", Between(-500.0, 500.0), 0.0, Disarmed;
+    /// soft iron: how much of the magnetometer's x goes to x
+    cal_mag_xx: "CAL_MAG_XX", "", Between(-1.99, 1.99), 1.0, Disarmed;
+    /// soft iron: how much of the magnetometer's y goes to x
+    cal_mag_xy: "CAL_MAG_XY", "", Between(-1.99, 1.99), 0.0, Disarmed;
+    /// soft iron: how much of the magnetometer's z goes to x
+    cal_mag_xz: "CAL_MAG_XZ", "", Between(-1.99, 1.99), 0.0, Disarmed;
+    /// soft iron: how much of the magnetometer's x goes to y
+    cal_mag_yx: "CAL_MAG_YX", "", Between(-1.99, 1.99), 0.0, Disarmed;
+    /// soft iron: how much of the magnetometer's y goes to y
+    cal_mag_yy: "CAL_MAG_YY", "", Between(-1.99, 1.99), 1.0, Disarmed;
+    /// soft iron: how much of the magnetometer's z goes to y
+    cal_mag_yz: "CAL_MAG_YZ", "", Between(-1.99, 1.99), 0.0, Disarmed;
+    /// soft iron: how much of the magnetometer's x goes to z
+    cal_mag_zx: "CAL_MAG_ZX", "", Between(-1.99, 1.99), 0.0, Disarmed;
+    /// soft iron: how much of the magnetometer's y goes to z
+    cal_mag_zy: "CAL_MAG_ZY", "", Between(-1.99, 1.99), 0.0, Disarmed;
+    /// soft iron: how much of the magnetometer's z goes to z
+    cal_mag_zz: "CAL_MAG_ZZ", "", Between(-1.99, 1.99), 1.0, Disarmed;
+    /// 1: three seconds without a host's heartbeat are a failsafe
+    fs_host: "FS_HOST", "", OneOf(&[0.0, 1.0]), 0.0, Live;
+    /// 1: the rudder was seen to answer a tilt the right way, without which nothing is armed; 2: it
+    /// answers in standby, to be seen
+    srv_polarity: "SRV_POLARITY", "", OneOf(&[0.0, 1.0, 2.0]), 0.0, Disarmed;
 }

@@ -6,8 +6,8 @@ use bno055_driver::Micros;
 use mavlink::dialects::common::{
     AUTOPILOT_VERSION_DATA, COMMAND_ACK_DATA, COMMAND_LONG_DATA, HEARTBEAT_DATA,
     LOG_REQUEST_DATA_DATA, LOG_REQUEST_END_DATA, LOG_REQUEST_LIST_DATA, MavCmd, MavParamType,
-    MavProtocolCapability, MavResult, MavSeverity, PARAM_REQUEST_LIST_DATA,
-    PARAM_REQUEST_READ_DATA, PARAM_SET_DATA, PARAM_VALUE_DATA, TIMESYNC_DATA,
+    MavProtocolCapability, MavResult, PARAM_REQUEST_LIST_DATA, PARAM_REQUEST_READ_DATA,
+    PARAM_SET_DATA, PARAM_VALUE_DATA, TIMESYNC_DATA,
 };
 use mavlink::types::CharArray;
 use mavlink::{MavlinkVersion, MessageData};
@@ -37,44 +37,31 @@ const BUILD_ID: [u8; 8] = match option_env!("TVC_BUILD_ID") {
 const PARAM_VALUE_FRAME: usize = OVERHEAD + PARAM_VALUE_DATA::ENCODED_LEN;
 
 impl Telemetry {
-    pub(super) fn answer(&mut self, now: Micros, message: &Message, flight: &mut Flight) {
+    /// Do what a message asks. `None` for one whose payload means nothing.
+    pub(super) fn answer(
+        &mut self,
+        now: Micros,
+        message: &Message,
+        flight: &mut Flight,
+    ) -> Option<()> {
         match message.id {
             HEARTBEAT_DATA::ID => flight.host_heard(now),
-            TIMESYNC_DATA::ID => self.synchronise(now, decode(message)),
+            TIMESYNC_DATA::ID => self.synchronise(now, &decode(message)?),
             PARAM_REQUEST_LIST_DATA::ID => {
-                if let Some(PARAM_REQUEST_LIST_DATA {
-                    target_system,
-                    target_component,
-                }) = decode(message)
-                    && is_for_us(target_system, target_component)
-                {
+                let request: PARAM_REQUEST_LIST_DATA = decode(message)?;
+                if is_for_us(request.target_system, request.target_component) {
                     self.list = Some(0);
                 }
             }
-            PARAM_REQUEST_READ_DATA::ID => {
-                if let Some(request) = decode(message) {
-                    self.read_param(&request, flight.params());
-                }
-            }
-            PARAM_SET_DATA::ID => {
-                if let Some(request) = decode(message) {
-                    self.set_param(&request, flight);
-                }
-            }
+            PARAM_REQUEST_READ_DATA::ID => self.read_param(&decode(message)?, flight.params()),
+            PARAM_SET_DATA::ID => self.set_param(&decode(message)?, flight),
             COMMAND_LONG_DATA::ID => self.command(now, message, flight),
-            LOG_REQUEST_LIST_DATA::ID => {
-                if let Some(request) = decode(message) {
-                    self.order_log_list(&request);
-                }
-            }
-            LOG_REQUEST_DATA_DATA::ID => {
-                if let Some(request) = decode(message) {
-                    self.order_log_data(&request);
-                }
-            }
+            LOG_REQUEST_LIST_DATA::ID => self.order_log_list(&decode(message)?),
+            LOG_REQUEST_DATA_DATA::ID => self.order_log_data(&decode(message)?),
             LOG_REQUEST_END_DATA::ID => self.end_log_data(),
             _ => {}
         }
+        Some(())
     }
 
     /// Send the next parameter of a list under way, when there is room for it.
@@ -91,11 +78,11 @@ impl Telemetry {
         }
     }
 
-    fn synchronise(&mut self, now: Micros, request: Option<TIMESYNC_DATA>) {
+    fn synchronise(&mut self, now: Micros, request: &TIMESYNC_DATA) {
         // tc1 = 0 asks; anything else is somebody's answer.
-        if let Some(TIMESYNC_DATA { tc1: 0, ts1 }) = request {
+        if let TIMESYNC_DATA { tc1: 0, ts1 } = *request {
             let tc1 = now.0.wrapping_mul(1000) as i64;
-            self.send(Priority::Event, &TIMESYNC_DATA { tc1, ts1 });
+            self.send_event(&TIMESYNC_DATA { tc1, ts1 });
         }
     }
 
@@ -136,25 +123,28 @@ impl Telemetry {
     }
 
     pub(super) fn refuse_param(&mut self, error: &ParamError) {
-        self.status_text(MavSeverity::MAV_SEVERITY_WARNING, format_args!("{error}"));
+        self.warn(format_args!("{error}"));
     }
 
     fn param_value(&mut self, index: usize, info: &Info, value: f32) {
-        self.send(
-            Priority::Event,
-            &PARAM_VALUE_DATA {
-                param_value: value,
-                param_count: Params::count() as u16,
-                param_index: index as u16,
-                param_id: CharArray::from(info.name),
-                param_type: MavParamType::MAV_PARAM_TYPE_REAL32,
-            },
-        );
+        self.send_event(&PARAM_VALUE_DATA {
+            param_value: value,
+            param_count: Params::count() as u16,
+            param_index: index as u16,
+            param_id: CharArray::from(info.name),
+            param_type: MavParamType::MAV_PARAM_TYPE_REAL32,
+        });
     }
 
     fn command(&mut self, now: Micros, message: &Message, flight: &mut Flight) {
-        let order = Order::decode(&message.payload);
-        if !is_for_us(order.target_system, order.target_component) {
+        let Order {
+            param1,
+            param2,
+            command,
+            target_system,
+            target_component,
+        } = Order::decode(&message.payload);
+        if !is_for_us(target_system, target_component) {
             return;
         }
         const ARM_DISARM: u16 = MavCmd::MAV_CMD_COMPONENT_ARM_DISARM as u16;
@@ -167,43 +157,31 @@ impl Telemetry {
         const SERVO: u16 = MavCmd::MAV_CMD_DO_SET_SERVO as u16;
         const STORAGE: u16 = MavCmd::MAV_CMD_PREFLIGHT_STORAGE as u16;
         const REQUEST_MESSAGE: u16 = MavCmd::MAV_CMD_REQUEST_MESSAGE as u16;
-        let answer = match order.command {
-            ARM_DISARM if order.param1 == 1.0 => self.order(now, Command::Arm, flight),
-            ARM_DISARM if order.param1 == 0.0 => self.order(now, Command::Disarm, flight),
-            GRIPPER if order.param2 == GRIPPER_RELEASE => self.order(now, Command::Release, flight),
-            CALIBRATION if order.param1 == 1.0 => self.calibrate(flight),
-            SERVO
-                if order.param1 == 1.0 && (PULSE_MIN_US..=PULSE_MAX_US).contains(&order.param2) =>
-            {
-                self.order(
-                    now,
-                    Command::TestPulse(PulseUs(order.param2 as u16)),
-                    flight,
-                )
+        let step_us = flight.params().control_period_us();
+        let answer = match command {
+            ARM_DISARM if param1 == 1.0 => self.order(now, Command::Arm, flight),
+            ARM_DISARM if param1 == 0.0 => self.order(now, Command::Disarm, flight),
+            GRIPPER if param2 == GRIPPER_RELEASE => self.order(now, Command::Release, flight),
+            CALIBRATION if param1 == 1.0 => self.calibrate(flight),
+            SERVO if param1 == 1.0 && (PULSE_MIN_US..=PULSE_MAX_US).contains(&param2) => {
+                let pulse = PulseUs(param2 as u16);
+                self.order(now, Command::TestPulse(pulse), flight)
             }
             // Answered when it is done.
-            STORAGE => return self.order_storage(order.param1, flight),
-            REBOOT if order.param1 == 1.0 => self.reset(Reset::Restart, flight),
-            REBOOT if order.param1 == 3.0 => self.reset(Reset::Bootloader, flight),
-            INTERVAL
-                if self.rates.set(
-                    order.param1,
-                    order.param2,
-                    flight.params().control_period_us(),
-                ) =>
-            {
-                Ok(())
-            }
+            STORAGE => return self.order_storage(param1, flight),
+            REBOOT if param1 == 1.0 => self.reset(Reset::Restart, flight),
+            REBOOT if param1 == 3.0 => self.reset(Reset::Bootloader, flight),
+            INTERVAL if self.rates.set(param1, param2, step_us) => Ok(()),
             ARM_DISARM | GRIPPER | CALIBRATION | SERVO | REBOOT | INTERVAL => {
-                return self.acknowledge(order.command, MavResult::MAV_RESULT_DENIED);
+                return self.acknowledge(command, MavResult::MAV_RESULT_DENIED);
             }
             CAPABILITIES => self.version(),
-            REQUEST_MESSAGE if order.param1 == AUTOPILOT_VERSION_DATA::ID as f32 => self.version(),
-            _ => return self.acknowledge(order.command, MavResult::MAV_RESULT_UNSUPPORTED),
+            REQUEST_MESSAGE if param1 == AUTOPILOT_VERSION_DATA::ID as f32 => self.version(),
+            _ => return self.acknowledge(command, MavResult::MAV_RESULT_UNSUPPORTED),
         };
         match answer {
-            Ok(()) => self.acknowledge(order.command, MavResult::MAV_RESULT_ACCEPTED),
-            Err(refusal) => self.acknowledge_refusal(order.command, refusal),
+            Ok(()) => self.acknowledge(command, MavResult::MAV_RESULT_ACCEPTED),
+            Err(refusal) => self.acknowledge_refusal(command, refusal),
         }
     }
 
@@ -222,11 +200,8 @@ impl Telemetry {
     fn reset(&mut self, reset: Reset, flight: &Flight) -> Answer {
         let state = flight.state();
         if state.is_armed() || matches!(state, State::Failsafe(_)) {
-            return self.report_answer(
-                format_args!("reboot"),
-                Err(Refusal::WrongState(state)),
-                flight,
-            );
+            let refused = Err(Refusal::WrongState(state));
+            return self.report_answer(format_args!("reboot"), refused, flight);
         }
         self.reset = Some(reset);
         Ok(())
@@ -239,44 +214,28 @@ impl Telemetry {
         answer: Result<(), Refusal>,
         flight: &Flight,
     ) -> Answer {
-        match answer {
-            Ok(()) => {
-                self.announce(&flight.state());
-                Ok(())
-            }
-            Err(refusal) => {
-                self.status_text(
-                    MavSeverity::MAV_SEVERITY_WARNING,
-                    format_args!("{order} refused: {refusal}"),
-                );
-                Err(refusal.kind())
-            }
+        match &answer {
+            Ok(()) => self.announce(&flight.state()),
+            Err(refusal) => self.warn(format_args!("{order} refused: {refusal}")),
         }
+        answer.map_err(|refusal| refusal.kind())
     }
 
     fn version(&mut self) -> Answer {
-        self.send(
-            Priority::Event,
-            &AUTOPILOT_VERSION_DATA {
-                capabilities: MavProtocolCapability::MAV_PROTOCOL_CAPABILITY_MAVLINK2
-                    | MavProtocolCapability::MAV_PROTOCOL_CAPABILITY_PARAM_ENCODE_C_CAST,
-                flight_sw_version: version_number(env!("CARGO_PKG_VERSION")),
-                flight_custom_version: BUILD_ID,
-                ..AUTOPILOT_VERSION_DATA::DEFAULT
-            },
-        );
+        self.send_event(&AUTOPILOT_VERSION_DATA {
+            capabilities: MavProtocolCapability::MAV_PROTOCOL_CAPABILITY_MAVLINK2
+                | MavProtocolCapability::MAV_PROTOCOL_CAPABILITY_PARAM_ENCODE_C_CAST,
+            flight_sw_version: version_number(env!("CARGO_PKG_VERSION")),
+            flight_custom_version: BUILD_ID,
+            ..AUTOPILOT_VERSION_DATA::DEFAULT
+        });
         Ok(())
     }
 
     /// COMMAND_ACK by the command's number: the dialect's type cannot carry one that it does not know.
     pub(super) fn acknowledge(&mut self, command: u16, result: MavResult) {
         let [low, high] = command.to_le_bytes();
-        self.send_payload(
-            Priority::Event,
-            COMMAND_ACK_DATA::ID,
-            COMMAND_ACK_DATA::EXTRA_CRC,
-            &[low, high, result as u8],
-        );
+        self.send_payload::<COMMAND_ACK_DATA>(Priority::Event, &[low, high, result as u8]);
     }
 
     /// COMMAND_ACK with the kind of the refusal as `result_param1`, an extension that clients
@@ -284,12 +243,8 @@ impl Telemetry {
     fn acknowledge_refusal(&mut self, command: u16, refusal: RefusalKind) {
         let [low, high] = command.to_le_bytes();
         let result = MavResult::MAV_RESULT_TEMPORARILY_REJECTED as u8;
-        self.send_payload(
-            Priority::Event,
-            COMMAND_ACK_DATA::ID,
-            COMMAND_ACK_DATA::EXTRA_CRC,
-            &[low, high, result, refusal.code()],
-        );
+        let payload = [low, high, result, refusal.code()];
+        self.send_payload::<COMMAND_ACK_DATA>(Priority::Event, &payload);
     }
 }
 

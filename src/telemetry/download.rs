@@ -1,6 +1,5 @@
 //! What the recorder holds, on request: MAVLink's log protocol with at most one log, number 0.
 
-use mavlink::MessageData;
 use mavlink::dialects::common::{
     LOG_DATA_DATA, LOG_ENTRY_DATA, LOG_REQUEST_DATA_DATA, LOG_REQUEST_LIST_DATA,
 };
@@ -53,12 +52,8 @@ impl Telemetry {
             // Time, size, number, how many there are, the last one's number.
             let [a, b, c, d] = (recorder.len() as u32).to_le_bytes();
             let logs = u8::from(!recorder.is_empty());
-            self.send_payload(
-                Priority::Event,
-                LOG_ENTRY_DATA::ID,
-                LOG_ENTRY_DATA::EXTRA_CRC,
-                &[0, 0, 0, 0, a, b, c, d, 0, 0, logs],
-            );
+            let entry = [0, 0, 0, 0, a, b, c, d, 0, 0, logs];
+            self.send_payload::<LOG_ENTRY_DATA>(Priority::Event, &entry);
         }
         let Some((from, to)) = self.download.range else {
             return;
@@ -74,12 +69,7 @@ impl Telemetry {
         let most = to.saturating_sub(from).min(PART);
         let count = recorder.read(from, data.get_mut(..most).unwrap_or_default());
         head.copy_from_slice(&[0, 0, count as u8]);
-        self.send_payload(
-            Priority::Stream,
-            LOG_DATA_DATA::ID,
-            LOG_DATA_DATA::EXTRA_CRC,
-            &payload,
-        );
+        self.send_payload::<LOG_DATA_DATA>(Priority::Stream, &payload);
         let next = from + count;
         self.download.range = (count == PART && next < to).then_some((next, to));
     }

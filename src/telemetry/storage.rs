@@ -41,10 +41,7 @@ impl Telemetry {
             // A host that asks again has not been heard twice: one order, one answer.
             order if self.storage.is_none() || self.storage == order => self.storage = order,
             Some(_) => {
-                self.status_text(
-                    MavSeverity::MAV_SEVERITY_WARNING,
-                    format_args!("storage order refused: busy with another"),
-                );
+                self.warn(format_args!("storage order refused: busy with another"));
                 self.acknowledge(STORAGE, MavResult::MAV_RESULT_TEMPORARILY_REJECTED);
             }
         }
@@ -88,7 +85,7 @@ impl Telemetry {
     /// Says what the operator should know of the stored parameters.
     pub(super) fn report_stored(&mut self, loaded: Loaded) {
         if !loaded.is_as_saved() {
-            self.status_text(MavSeverity::MAV_SEVERITY_WARNING, format_args!("{loaded}"));
+            self.warn(format_args!("{loaded}"));
         }
     }
 }

@@ -14,7 +14,7 @@ use proptest::prelude::*;
 
 use super::*;
 use crate::failsafe::{BootReport, Command, Crash, Latch, Reason, RefusalKind};
-use crate::flight::Outputs;
+use crate::flight::Snapshot;
 use crate::flight::tests::{Desk, reading};
 use crate::params::Params;
 use crate::servo::PulseUs;
@@ -139,17 +139,14 @@ impl Link {
         link
     }
 
-    fn record(&mut self, outputs: &Outputs) {
-        self.telemetry.record(
-            &outputs.snapshot,
-            &self.desk.flight,
-            &BoardStatus::default(),
-        );
+    fn record(&mut self, snapshot: &Snapshot) {
+        self.telemetry
+            .record(snapshot, &self.desk.flight, &BoardStatus::default());
     }
 
     fn record_step(&mut self) {
-        let outputs = self.desk.step();
-        self.record(&outputs);
+        let snapshot = self.desk.step();
+        self.record(&snapshot);
     }
 
     /// The host says something, and gets this back at once.
@@ -186,8 +183,8 @@ fn every_step_gives_one_attitude_one_servo_and_with_a_sample_one_raw_message() {
         });
         assert_eq!(found, Some((time, expected.acc, expected.mag)));
     }
-    let outputs = link.desk.step_with(Err(SensorFault::Late));
-    link.record(&outputs);
+    let snapshot = link.desk.step_with(Err(SensorFault::Late));
+    link.record(&snapshot);
     let messages = take(&mut link.telemetry);
     assert_eq!(count(&messages, ATTITUDE_QUATERNION_DATA::ID), 1);
     assert_eq!(count(&messages, SERVO_OUTPUT_RAW_DATA::ID), 1);
@@ -336,8 +333,8 @@ fn changes_of_state_are_told_at_once_with_their_reason() {
     assert_eq!(texts(&messages), ["armed"]);
     assert_eq!(count(&messages, HEARTBEAT_DATA::ID), 1);
     for _ in 0..6 {
-        let outputs = link.desk.step_with(Err(SensorFault::Nak));
-        link.record(&outputs);
+        let snapshot = link.desk.step_with(Err(SensorFault::Nak));
+        link.record(&snapshot);
     }
     let messages = take(&mut link.telemetry);
     assert_eq!(texts(&messages), ["failsafe: IMU does not answer"]);
@@ -357,8 +354,8 @@ fn a_sensor_that_does_not_start_is_told_once_a_second() {
     let mut telemetry = Telemetry::new();
     let mut said = Vec::new();
     for _ in 0..300 {
-        let outputs = desk.step_with(Err(SensorFault::Nak));
-        telemetry.record(&outputs.snapshot, &desk.flight, &BoardStatus::default());
+        let snapshot = desk.step_with(Err(SensorFault::Nak));
+        telemetry.record(&snapshot, &desk.flight, &BoardStatus::default());
         said.extend(texts(&take(&mut telemetry)));
     }
     let fault = "IMU does not answer";

@@ -270,7 +270,7 @@ impl Run {
             None => Err(SensorFault::Nak),
         };
         self.sampled |= reading.is_ok();
-        let snapshot = self.flight.step(self.now, reading).snapshot;
+        let snapshot = self.flight.step(self.now, reading);
         let (q, rate) = (snapshot.attitude.orientation, snapshot.attitude.rate);
         Pair {
             logged: *logged,

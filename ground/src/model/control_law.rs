@@ -3,7 +3,6 @@
 use std::path::Path;
 
 use anyhow::Result;
-use plant::linkage::Linkage;
 use plant::pitch_loop::{COMMAND_LIMIT_RAD, Measurement, Timing};
 use plant::{Parameters, ServoModel, Setup};
 use tvc_nano::{Controller, Params};
@@ -23,7 +22,7 @@ impl Law {
     pub fn new(params: &Params, drone: &Parameters) -> Self {
         Self {
             controller: Controller::new(params, COMMAND_LIMIT_RAD as f32),
-            zero_rad: Linkage::new(drone).zero_rudder_crank_rad(),
+            zero_rad: drone.linkage().zero_rudder_crank_rad(),
         }
     }
 

@@ -360,7 +360,6 @@ where
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::linkage::Linkage;
     use crate::pitch_loop::Pd;
 
     fn campaign(runs: u64) -> Campaign {
@@ -368,7 +367,7 @@ mod tests {
     }
 
     fn fly_pd(setup: &Setup, campaign: &Campaign, kp: f64, kd: f64) -> Vec<Outcome> {
-        let linkage = Linkage::new(&setup.drone);
+        let linkage = setup.drone.linkage();
         let law = || {
             let mut law = Pd::new(kp, kd, &linkage, setup.timing.control_s);
             move |m| law.update(m)

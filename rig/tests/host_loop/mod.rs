@@ -77,7 +77,7 @@ impl HostLoop {
             self.pulse_us = outputs.pulse.0;
             self.frames();
             self.environment.advance(self.now);
-            watch(&self.environment, &outputs.snapshot);
+            watch(&self.environment, &outputs);
         }
     }
 

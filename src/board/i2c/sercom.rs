@@ -161,9 +161,5 @@ fn is_idle(registers: &I2cm) -> bool {
 }
 
 fn synchronised(ready: impl Fn() -> bool) -> Result<(), NotSynchronised> {
-    if soon(ready) {
-        Ok(())
-    } else {
-        Err(NotSynchronised)
-    }
+    soon(ready).then_some(()).ok_or(NotSynchronised)
 }

@@ -74,7 +74,7 @@ fn a_bad_sample_never_reaches_the_filter() {
         SensorFault::RegisterMismatch,
         SensorFault::Nak,
     ] {
-        let snapshot = desk.step_with(Err(fault)).snapshot;
+        let snapshot = desk.step_with(Err(fault));
         assert_eq!(snapshot.sample, None);
         assert_eq!(desk.flight.attitude(), before, "{fault:?}");
     }
@@ -109,7 +109,7 @@ fn tilt_ends_control_after_a_tenth_of_a_second_but_not_while_held() {
     while desk.flight.state().is_active() {
         desk.pitch = (desk.pitch + 0.05).min(1.2);
         desk.rate = if desk.pitch < 1.2 { 5.0 } else { 0.0 };
-        let attitude = desk.step().snapshot.attitude.orientation;
+        let attitude = desk.step().attitude.orientation;
         if attitude.pitch() > 60.0_f32.to_radians() {
             over_since.get_or_insert(desk.now_us);
         }
@@ -270,7 +270,7 @@ fn nobody_arms_before_the_rudder_was_seen_to_answer_and_a_turned_servo_or_mount_
 }
 
 /// Turns the held drone to `to` at 0.5 rad/s and rests there for half a second.
-fn tilt(desk: &mut Desk, to: f64) -> Outputs {
+fn tilt(desk: &mut Desk, to: f64) -> Snapshot {
     desk.rate = 0.5_f64.copysign(to - desk.pitch);
     while (to - desk.pitch) * desk.rate > 0.0 {
         desk.pitch += desk.rate * 0.01;
@@ -355,7 +355,7 @@ fn the_old_offset_of_the_gyro_does_not_outlive_its_calibration() {
         turning(&mut desk);
         assert!(desk.now_us < 20_000_000);
     }
-    let attitude = turning(&mut desk).snapshot.attitude;
+    let attitude = turning(&mut desk).attitude;
     assert!(attitude.rate.y.abs() < 1e-3, "{attitude:?}");
     assert!(attitude.orientation.pitch().abs() < 2e-3, "{attitude:?}");
 }
@@ -388,7 +388,7 @@ fn calibration_and_mount_stay_as_they_are_while_armed() {
         desk.flight.replace_params(params),
         Err(ParamError::ArmedAll)
     );
-    assert!(desk.run(1).snapshot.state.is_active());
+    assert!(desk.run(1).state.is_active());
 }
 
 #[test]

@@ -11,7 +11,7 @@ fn released() -> (Link, Recorder) {
         let now = Micros(link.desk.now_us);
         link.desk.flight.command(now, command).unwrap();
         for _ in 0..steps {
-            let snapshot = link.desk.step().snapshot;
+            let snapshot = link.desk.step();
             recorder.record(&snapshot, &link.desk.flight);
         }
     }

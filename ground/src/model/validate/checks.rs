@@ -1,8 +1,8 @@
 //! The checks: numbers and the ranges that they must lie in.
 
 use anyhow::{Context, Result};
+use plant::Parameters;
 use plant::scenario::Row;
-use plant::{Linkage, Parameters};
 
 use super::runs::{Instant, Runs};
 use crate::out::measure::Limit::{self, Near, Within};
@@ -88,7 +88,7 @@ pub fn all(runs: &Runs) -> Result<Vec<Check>> {
 }
 
 fn linkage(checks: &mut Checks, runs: &Runs) -> Result<()> {
-    let linkage = Linkage::new(&Parameters::PHYS);
+    let linkage = Parameters::PHYS.linkage();
     let (low, high) = linkage
         .dead_points()
         .context("the recommended linkage is a crank-rocker")?;

@@ -180,7 +180,7 @@ fn servos_follow_a_command() {
         let rows = run(&format!(
             "seconds = 0.6\n[drone]\nthrust_n = 0\n[input]\n{servo} command_rad = 0.3 }}"
         ));
-        let zero = Linkage::new(&crate::Parameters::PHYS).zero_rudder_crank_rad();
+        let zero = crate::Parameters::PHYS.linkage().zero_rudder_crank_rad();
         assert!((last(&rows).theta1 - zero - 0.3).abs() < 6e-3, "{servo}");
     }
 }
