@@ -1,5 +1,5 @@
-//! The command line: every command with what it does, in the order of the help. Options and code of
-//! a command stand in the module of its name.
+//! The command line: every command with what it does, in the order of the help. The options and
+//! the code of a command are in the module of its name.
 
 use clap::{Parser, Subcommand};
 
@@ -28,7 +28,8 @@ pub struct Cli {
     pub command: Command,
 }
 
-/// The commands of the tool, in the order of the help: the rig, the vehicle, its logs, the physics, the filters.
+/// The commands of the tool, in the order of the help: the rig, the vehicle, its logs, the physics,
+/// the filters.
 #[derive(Debug, Subcommand)]
 pub enum Command {
     /// Build the image, boot it on the virtual rig and let it bring the drone upright.

@@ -20,7 +20,7 @@ use cli::{Cli, Command};
 use out::exit::{BadInput, Verdict};
 
 fn main() -> ExitCode {
-    // `tvc ... | head`: nobody reads any more, and that is no error.
+    // In `tvc ... | head` the reader ends first, which is no error.
     #[cfg(unix)]
     sigpipe::reset();
     let cli = match Cli::try_parse() {
@@ -61,7 +61,8 @@ fn run(command: Command) -> anyhow::Result<Verdict> {
     }
 }
 
-/// The command line parser's complaint as one line: its first paragraph, which may list what could be said instead.
+/// The command line parser's complaint as one line: its first paragraph, which may list the values
+/// that would be accepted.
 fn usage(error: &clap::Error) -> BadInput {
     if error.kind() == ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand {
         return BadInput::new("a command is missing (see --help)");

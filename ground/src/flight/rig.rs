@@ -45,7 +45,8 @@ pub struct Rig {
     #[arg(long, value_name = "RAD", default_value_t = 0.4, allow_negative_numbers = true, value_parser = start_angle)]
     pub tilt: f64,
 
-    /// A Nano fresh from its box: nothing in its flash, polarity unchecked, so that it cannot be armed yet.
+    /// A Nano fresh from its box: nothing in its flash, polarity unchecked, so that it cannot be
+    /// armed yet.
     #[arg(long)]
     pub blank: bool,
 
@@ -119,11 +120,11 @@ fn offset(text: &str) -> Result<f64, String> {
 #[cfg(unix)]
 const RELEASE_RATE_RAD_S: f64 = 0.2;
 
-/// Faults may begin until then after a release, s.
+/// Latest start of a fault after a release, s.
 #[cfg(unix)]
 const LONGEST_S: f64 = 3600.0;
 
-/// Runs the rig until it is told to end.
+/// Runs the rig until a signal or `--seconds` ends it.
 #[cfg(unix)]
 pub fn run(options: &Rig) -> Result<Verdict> {
     use std::io::Write;
@@ -188,7 +189,7 @@ pub fn run(options: &Rig) -> Result<Verdict> {
     Ok(Verdict::Met)
 }
 
-/// Pseudo-terminals are Unix's.
+/// Only Unix has pseudo-terminals.
 #[cfg(not(unix))]
 pub fn run(_options: &Rig) -> Result<Verdict> {
     Err(crate::out::exit::BadInput::new(
@@ -197,7 +198,7 @@ pub fn run(_options: &Rig) -> Result<Verdict> {
     .into())
 }
 
-/// A symbolic link that goes when the rig goes.
+/// A symbolic link that is removed when the rig ends.
 #[cfg(unix)]
 struct Link(std::path::PathBuf);
 

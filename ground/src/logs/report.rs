@@ -1,4 +1,5 @@
-//! `tvc report`: a log as figures and as a page; a log of the rig is treated as one of a real vehicle.
+//! `tvc report`: a log as figures and as a page; a log of the rig is treated as one of a real
+//! vehicle.
 
 mod page;
 pub mod sweep;

@@ -11,7 +11,7 @@ use crate::out::exit::BadInput;
 use crate::vehicle::param;
 use rig::ServoKind;
 
-/// The image's controller round a drone's linkage.
+/// The image's controller with the linkage of a drone.
 pub struct Law {
     controller: Controller,
     zero_rad: f64,
@@ -33,7 +33,8 @@ impl Law {
     }
 }
 
-/// What the image flies a servo with: its defaults, what the rig tells it of the servo, and what a file says.
+/// The parameters that the image flies a servo with: its defaults, the rig's parameters for the
+/// servo, and those of a file.
 ///
 /// # Errors
 /// A file that cannot be used.

@@ -76,7 +76,7 @@ pub fn run(options: &Identify) -> Result<Verdict> {
     Ok(Verdict::Met)
 }
 
-/// Where a table has what a record is made of.
+/// Columns of a table that a record is made of.
 enum Columns {
     /// Time, pitch, rate, pulse: in s, rad, rad/s, us.
     Plain([usize; 4]),
@@ -172,7 +172,7 @@ fn take(columns: &Columns, row: &StringRecord, record: &mut Record) -> Result<()
     Ok(())
 }
 
-/// The whole setup, with what was found and how sure it is in front.
+/// The whole setup as a parameter file, with the estimates and their deviations as comments.
 fn parameter_file(found: &Identification, log: &Path) -> String {
     let mut text = format!("# Identified from {}.\n", log.display());
     for estimate in found.estimates.iter().chain([&found.pitch_gain]) {
@@ -186,7 +186,7 @@ fn parameter_file(found: &Identification, log: &Path) -> String {
     text + "\n" + &found.setup.to_toml()
 }
 
-/// What the terminal shows of it.
+/// The estimates as the terminal shows them.
 fn figures(found: &Identification) -> Figures {
     let estimates = found.estimates.iter().chain([&found.pitch_gain]);
     let number = |value: f64, label| figure("", value).shown(label, "", 6);

@@ -26,7 +26,7 @@ pub fn run(options: &Model) -> anyhow::Result<Verdict> {
     }
 }
 
-/// The text of a file that someone wrote for us.
+/// The text of an input file.
 fn read(path: &Path) -> Result<String, BadInput> {
     fs::read_to_string(path).map_err(|error| BadInput::new(format!("{}: {error}", path.display())))
 }

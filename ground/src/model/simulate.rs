@@ -14,7 +14,7 @@ use crate::model::Simulate;
 use crate::out::exit::{BadInput, Verdict};
 use crate::out::file::{print_json, write_whole};
 
-/// What a run was and where it went.
+/// What was run, where its rows were written, and their range.
 #[derive(Serialize)]
 struct Figures<'a> {
     scenario: &'a Path,
@@ -73,7 +73,7 @@ fn simulate(options: &Simulate) -> Result<Vec<Row>> {
     progress.finish_and_clear();
     match rows {
         Ok(rows) => Ok(rows),
-        // The numbers were sound; where they led is not the file's form.
+        // Integration failed at run time: the scenario itself was valid.
         Err(error @ ScenarioError::Integration(_)) => Err(error).with_context(name),
         Err(error) => Err(refuse(error).into()),
     }

@@ -1,5 +1,5 @@
-//! How a command ends: what a person typed wrongly is one line and exit status 2, a requirement
-//! that a flight missed is status 1, and so is everything that broke on the way.
+//! How a command ends: exit status 2 and one line for unusable input, status 1 for a requirement
+//! that was missed and for everything else that failed.
 
 use std::fmt;
 use std::process::ExitCode;
@@ -9,13 +9,12 @@ const BAD_INPUT: u8 = 2;
 /// Exit status of a command that failed, or whose result missed a requirement.
 const FAILED: u8 = 1;
 
-/// Something that the person at the keyboard can mend: a file that is not there, a value out of
-/// range, a port that does not exist.
+/// Unusable input: a file that is not there, a value out of range, a port that does not exist.
 #[derive(Debug)]
 pub struct BadInput(String);
 
 impl BadInput {
-    /// An error that says what was wrong and what would be right, in one line.
+    /// An error in one line, which says what was wrong and what would be right.
     pub fn new(what: impl fmt::Display) -> Self {
         Self(what.to_string())
     }
@@ -44,7 +43,7 @@ impl Verdict {
         if met { Self::Met } else { Self::Missed }
     }
 
-    /// Met if nothing was missed; names what was on standard error.
+    /// Met if nothing was missed; prints each sentence of `missed` on standard error.
     pub fn naming(missed: &[String]) -> Self {
         for line in missed {
             eprintln!("missed: {line}");

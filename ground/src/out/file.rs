@@ -1,4 +1,5 @@
-//! What a command hands over: figures on standard output, and files that are there whole or not at all.
+//! What a command hands over: figures on standard output, and files that are written whole or not
+//! at all.
 
 use std::fs::{self, File};
 use std::io::{self, BufWriter, Write};
@@ -8,7 +9,8 @@ use anyhow::{Context, Result};
 use serde::Serialize;
 use tempfile::NamedTempFile;
 
-/// Prints `figures` on standard output: as JSON, or as the `text` for people, which brings its own line ends.
+/// Prints `figures` on standard output: as JSON, or as the `text` for people, which ends its own
+/// lines.
 pub fn print_figures<F: Serialize>(
     figures: &F,
     json: bool,
@@ -36,17 +38,18 @@ pub fn write_whole(path: &Path, bytes: &[u8]) -> Result<()> {
     file.keep()
 }
 
-/// A file in the making: written beside its place and moved there by [`keep`](Self::keep), so that
-/// an interrupted command leaves the old file or the new one, never a half. Dropped, it leaves nothing.
+/// A file that is written beside its place and moved there by [`keep`](Self::keep), so that an
+/// interrupted command leaves the old file or the new one, never a part. Without `keep` it is
+/// removed.
 pub struct WholeFile {
     path: PathBuf,
     target: Target,
 }
 
 enum Target {
-    /// To be renamed.
+    /// A temporary file beside the target, to be renamed.
     Beside(BufWriter<NamedTempFile>),
-    /// A device or a pipe, which nothing can take the place of.
+    /// A device or a pipe, which cannot be replaced.
     Direct(BufWriter<File>),
 }
 
@@ -86,7 +89,7 @@ impl WholeFile {
             .with_context(writing)?;
         #[cfg(unix)]
         {
-            // Temporary files are private; a report is meant to be read.
+            // Temporary files can be read by their owner alone, a report by everybody.
             use std::os::unix::fs::PermissionsExt;
             file.as_file()
                 .set_permissions(fs::Permissions::from_mode(0o644))
@@ -121,7 +124,7 @@ fn folder_of(path: &Path) -> &Path {
     }
 }
 
-/// The nearest folder above that is there already.
+/// The nearest folder at or above `folder` that exists.
 fn existing(folder: &Path) -> &Path {
     folder
         .ancestors()

@@ -326,7 +326,8 @@ impl Figure {
         leaves.filter(|leaves| !leaves.is_empty())
     }
 
-    /// The table of a figure that has rows: a row each, limits in the head. Without rows it is empty.
+    /// The table of a figure that has rows, empty for another one. A limit that all rows share
+    /// stands in the head.
     pub fn table(&self) -> Table {
         let rows: Vec<Vec<&Self>> = self.table_rows().collect();
         let head = rows.first().into_iter().flatten().enumerate();

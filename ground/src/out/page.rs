@@ -36,12 +36,12 @@ pub fn table(head: &[&str], rows: &[Vec<String>]) -> Markup {
     }
 }
 
-/// Whether requirements hold, said by word and by colour.
+/// Whether requirements hold, in words and by colour.
 pub fn verdict(met: bool, text: &str) -> Markup {
     html! { p class=(if met { "met" } else { "missed" }) { (text) } }
 }
 
-/// Whether every requirement holds, or which do not.
+/// That every requirement holds, or a line for each that does not.
 pub fn verdicts(missed: &[String]) -> Markup {
     html! {
         @if missed.is_empty() {

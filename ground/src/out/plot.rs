@@ -43,7 +43,7 @@ impl<'a> Line<'a> {
     }
 }
 
-/// How a picture departs from the usual one.
+/// How a picture differs from the usual one.
 #[derive(Default)]
 pub struct Look<'a> {
     /// A logarithmic x axis; every x must be above zero.
@@ -64,13 +64,13 @@ pub struct Marks<'a> {
     pub name: &'a str,
     /// Index into the page's palette.
     pub colour: usize,
-    /// What stands at each point.
+    /// Shape of each point.
     pub shape: Shape,
     /// `(x, y)`.
     pub points: Vec<(f64, f64)>,
 }
 
-/// What stands at a single point.
+/// Shape of a single point.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub enum Shape {
     /// A cross: poles, by custom.
@@ -91,7 +91,7 @@ const PALETTE: [RGBColor; 6] = [
     RGBColor(200, 30, 60),
 ];
 
-/// What the drawing library may complain of.
+/// Result of the drawing library.
 type Drawn = std::result::Result<(), Box<dyn std::error::Error>>;
 
 impl<'a> Plot<'a> {

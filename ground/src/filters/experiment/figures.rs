@@ -1,13 +1,10 @@
 //! The errors of every estimator in an experiment, next to those that the thesis published.
 
-use std::fmt::Write;
-
-use comfy_table::presets::NOTHING;
-use comfy_table::{CellAlignment, Table};
 use serde::Serialize;
 
 use super::candidates::{CANDIDATES, Candidate, Origin};
 use super::truth::{Angles, Kind, TimedSample};
+use crate::out::table::Table;
 
 /// Largest mean deviation of an axis, deg: the thesis' requirement.
 const MOST_MEAN_DEG: f64 = 1.5;
@@ -237,23 +234,11 @@ impl Figures {
 
     /// Errors for people, a line for each estimator.
     pub fn text(&self) -> String {
-        let mut table = Table::new();
-        table.load_style(NOTHING);
-        table.set_header(ERROR_COLUMNS);
-        for row in self.error_rows() {
-            table.add_row(row);
-        }
-        for column in table.column_iter_mut().skip(1) {
-            column.set_cell_alignment(CellAlignment::Right);
-        }
-        let mut text = String::new();
-        // Writing to a string does not fail.
-        let _ = writeln!(text, "{table}");
-        text
+        self.errors().text()
     }
 
     /// Errors: mean, standard deviation and RMSE of each axis, and combined.
-    pub fn error_rows(&self) -> Vec<Vec<String>> {
+    pub fn errors(&self) -> Table {
         let row = |row: &Row| {
             let mut cells = vec![row.name.to_owned()];
             for axis in row.axes() {
@@ -266,12 +251,12 @@ impl Figures {
             );
             cells
         };
-        self.estimators.iter().map(row).collect()
+        Table::new(ERROR_COLUMNS, self.estimators.iter().map(row)).right_aligned()
     }
 
     /// Mean and deviation of the estimates as in the thesis' tables 6.1 and 6.2, below each the
     /// thesis' own row where there is one.
-    pub fn signal_rows(&self) -> Vec<Vec<String>> {
+    pub fn signals(&self) -> Table {
         let mut rows = Vec::new();
         for row in &self.estimators {
             let mut line = |name: String, mean: Angles, std: Angles| {
@@ -295,12 +280,12 @@ impl Figures {
                 );
             }
         }
-        rows
+        Table::new(SIGNAL_COLUMNS, rows)
     }
 }
 
-/// Columns of [`Figures::error_rows`].
-pub const ERROR_COLUMNS: [&str; 12] = [
+/// Columns of [`Figures::errors`].
+const ERROR_COLUMNS: [&str; 12] = [
     "error, deg",
     "roll mean",
     "std",
@@ -315,8 +300,8 @@ pub const ERROR_COLUMNS: [&str; 12] = [
     "thesis",
 ];
 
-/// Columns of [`Figures::signal_rows`].
-pub const SIGNAL_COLUMNS: [&str; 7] = [
+/// Columns of [`Figures::signals`].
+const SIGNAL_COLUMNS: [&str; 7] = [
     "estimate, deg",
     "roll mean",
     "std",

@@ -5,9 +5,9 @@ use anyhow::Result;
 use maud::{Markup, html};
 
 use super::candidates::{CANDIDATES, Origin};
-use super::figures::{AXES, ERROR_COLUMNS, Figures, SIGNAL_COLUMNS};
+use super::figures::{AXES, Figures};
 use super::truth::{Angles, Kind, TimedSample};
-use crate::out::page::{figure, page, table, verdict};
+use crate::out::page::{figure, page, verdict};
 use crate::out::plot::{Line, Plot};
 
 /// Colour of the reference in every plot.
@@ -39,10 +39,10 @@ pub fn render(
             (figures.samples) " samples."
         }
         h2 { "Errors" }
-        div style="font-size: .85rem" { (table(&ERROR_COLUMNS, &figures.error_rows())) }
+        div style="font-size: .85rem" { (figures.errors().markup()) }
         p { "Last column: the combined RMSE of the thesis, table 6.3, measured on a robot's arm." }
         h2 { "Estimates" }
-        (table(&SIGNAL_COLUMNS, &figures.signal_rows()))
+        (figures.signals().markup())
         p {
             "Mean and standard deviation of the estimates themselves, as in table "
             (if kind == Kind::Static { "6.1" } else { "6.2" }) " of the thesis."

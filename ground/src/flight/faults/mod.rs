@@ -1,4 +1,4 @@
-//! `tvc faults`: everything that a sensor and its cable do wrong, at random instants of a flight.
+//! `tvc faults`: every fault of the sensor and its cable, at random instants of a flight.
 
 mod report;
 
@@ -145,7 +145,7 @@ fn ended(kind: FaultKind, outcomes: &[Outcome]) -> [Figure; 6] {
     ]
 }
 
-/// What there is to know of a run, to look at it again.
+/// A run in words, with all that is needed to fly it again.
 fn story(outcome: &Outcome) -> String {
     format!(
         "{} run {}, {:?} at {:.3} s for {:.0} ms, said last \"{}\"",

@@ -1,4 +1,4 @@
-//! The HTML page of a campaign: how each kind of fault ended, and how long rudders went blind.
+//! The HTML page of a campaign: how runs ended, and how long rudders moved without valid data.
 
 use anyhow::Result;
 use maud::{Markup, html};
@@ -9,7 +9,7 @@ use crate::out::measure::Figures;
 use crate::out::page::{figure, page, table, verdict};
 use crate::out::plot::{Line, Look, Marks, Plot, Shape};
 
-/// Runs that the page names, the blindest first.
+/// Runs that the page names, those longest without valid data first.
 const NAMED: usize = 10;
 
 /// The whole page; `outcomes` is not empty.
@@ -19,8 +19,8 @@ pub fn render(figures: &Figures, seed: u64, outcomes: &[Outcome]) -> Result<Stri
         .iter()
         .filter(|outcome| matches!(outcome.ending, Ending::Unsafe(_)))
         .collect();
-    let mut blindest: Vec<&Outcome> = outcomes.iter().collect();
-    blindest.sort_by(|a, b| b.unguarded_ms.total_cmp(&a.unguarded_ms));
+    let mut longest: Vec<&Outcome> = outcomes.iter().collect();
+    longest.sort_by(|a, b| b.unguarded_ms.total_cmp(&a.unguarded_ms));
     let body = html! {
         @if bad.is_empty() {
             (verdict(true, "Every run recovered, or ended in failsafe with the neutral pulse commanded in time."))
@@ -33,10 +33,10 @@ pub fn render(figures: &Figures, seed: u64, outcomes: &[Outcome]) -> Result<Stri
         (instants(outcomes)?)
         @if !bad.is_empty() {
             h2 { "Unsafe runs" }
-            (told(&bad))
+            (listed(&bad))
         }
         h2 { "Longest off neutral without valid data" }
-        (told(&blindest[..blindest.len().min(NAMED)]))
+        (listed(&longest[..longest.len().min(NAMED)]))
         footer {
             "The firmware image in flight on an emulated SAMD21 and BNO055; each run forks the flight at "
             "an instant of its own. Nothing here was measured on a board."
@@ -53,7 +53,7 @@ fn ended(outcome: &Outcome) -> &'static str {
     }
 }
 
-/// Dots for each way to end.
+/// A set of dots for each ending.
 fn endings(outcomes: &[Outcome], place: fn(&Outcome) -> (f64, f64)) -> Vec<Marks<'static>> {
     let mut marks = Vec::new();
     for (name, colour) in [("recovered", 2), ("neutral", 0), ("unsafe", 5)] {
@@ -114,7 +114,8 @@ fn instants(outcomes: &[Outcome]) -> Result<Markup> {
     ))
 }
 
-fn told(outcomes: &[&Outcome]) -> Markup {
+/// Runs as a table.
+fn listed(outcomes: &[&Outcome]) -> Markup {
     let rows = outcomes.iter().map(|outcome| {
         let ending = match outcome.ending {
             Ending::Unsafe(why) => format!("unsafe: {why}"),
@@ -126,5 +127,8 @@ fn told(outcomes: &[&Outcome]) -> Markup {
             format!("{:.1}", outcome.unguarded_ms),
         ]
     });
-    table(&["run", "ended", "blind, ms"], &rows.collect::<Vec<_>>())
+    table(
+        &["run", "ended", "without valid data, ms"],
+        &rows.collect::<Vec<_>>(),
+    )
 }

@@ -2,6 +2,7 @@
 
 use anyhow::{Context, Result};
 use client::{LinkCounts, StateKind};
+use rig::bench::FaultEntry;
 use rig::flight::{FlightRecord, Setup};
 use rig::{Image, prepare};
 use samd21::WaitStates;
@@ -12,7 +13,6 @@ use super::live::Live;
 use super::report::Page;
 use crate::flight::figures::Run;
 use crate::flight::fly::Fly;
-use rig::bench::FaultEntry;
 
 /// Tilts that are flown from, rad.
 const STARTS_RAD: [f64; 3] = [0.2, 0.4, 0.8];
@@ -114,7 +114,8 @@ fn link(records: &[FlightRecord]) -> LinkCounts {
         let missing = record.missing;
         let without = missing.attitudes + missing.servos + missing.samples;
         sum.messages += record.link.messages;
-        // A frame that is missing by its number is also missing at its step.
+        // A frame that is missing by its sequence number is also missing at its step: the larger
+        // of both counts is the number of frames lost.
         sum.lost += record.link.lost.max(without as u64);
         sum.crc_errors += record.link.crc_errors;
     }

@@ -1,4 +1,5 @@
-//! A real recording through the emulated BNO055: how well the image estimates attitude from it.
+//! A real recording played through the emulated BNO055, and the errors of the attitude that the
+//! image estimates from it.
 
 use std::path::Path;
 use std::sync::Arc;

@@ -12,7 +12,7 @@ use crate::out::measure::Figures;
 use crate::out::page::{figure, page, verdicts};
 use crate::out::plot::{Line, Plot};
 
-/// What is drawn; the figures come when the page is made.
+/// What the page draws; its figures are handed to [`render`](Self::render).
 pub enum Page {
     /// Flights from one or several tilts.
     Flights {
@@ -20,14 +20,14 @@ pub enum Page {
         servo: &'static str,
         /// The seed.
         seed: u64,
-        /// A record a start.
+        /// One record for each start.
         records: Vec<FlightRecord>,
     },
     /// A replayed recording.
     Recording {
         /// What was played.
         recording: Arc<Recording>,
-        /// What came of it.
+        /// What the image made of it.
         record: Box<ReplayRecord>,
     },
 }

@@ -194,7 +194,7 @@ fn rank(key: &'static str, rank: Rank) -> Figure {
     )
 }
 
-/// Five significant digits; what is rounding beside the model's figures is nothing.
+/// A number with five significant digits; below 1e-9, which is rounding, it is 0.
 fn digits(value: f64) -> String {
     if value.abs() < 1e-9 {
         return "0".into();
@@ -212,7 +212,7 @@ fn complex_list(values: &[Complex<f64>]) -> String {
         .iter()
         .filter(|z| z.im >= 0.0)
         .map(|z| {
-            // Rounding leaves a part that is nothing beside the other.
+            // A part that is tiny beside the other is rounding.
             let size = z.re.hypot(z.im);
             let re = if z.re.abs() < 1e-6 * size { 0.0 } else { z.re };
             let im = if z.im.abs() < 1e-6 * size { 0.0 } else { z.im };

@@ -1,4 +1,4 @@
-//! `tvc model linear`: the model at a point, and the loop round it.
+//! `tvc model linear`: the linear model at a point, and the margins of the loop.
 
 mod figures;
 mod report;
@@ -112,7 +112,7 @@ fn point(options: &Linear, mechanism: &Mechanism) -> Result<(State, f64), BadInp
     let Some(crank_rad) = options.at else {
         return Ok((upright(linkage.zero_rudder_crank_rad()), 0.0));
     };
-    // Beyond the dead points the rudder turns back and the law's inverse has no meaning.
+    // Beyond the dead points the rudder turns back, and a rudder angle has no one crank angle.
     let within = match linkage.dead_points() {
         Some(((low, _), (high, _))) => (low..high).contains(&crank_rad),
         None => linkage.closes_at(crank_rad),

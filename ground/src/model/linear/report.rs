@@ -132,7 +132,7 @@ fn branches(locus: &[LocusPoint]) -> Vec<Vec<(f64, f64)>> {
     lines
 }
 
-/// Gains of a locus around `gain`, evenly spaced in the logarithm, nothing at all first.
+/// Gains of a locus around `gain`, zero first, then evenly spaced in the logarithm.
 fn gains_around(gain: f64) -> impl Iterator<Item = f64> {
     let steps = POINTS as f64;
     std::iter::once(0.0)
@@ -152,7 +152,7 @@ fn locus_lines<'a>(
         .collect()
 }
 
-/// One legend for the branches: all but the first lose their name.
+/// Gives the branches one entry in the legend: all but the first lose their name.
 fn named_once(mut lines: Vec<Line<'_>>) -> Vec<Line<'_>> {
     for line in lines.iter_mut().skip(1) {
         line.name = "";
@@ -178,7 +178,7 @@ fn loop_locus(analysis: &Analysis) -> Result<Markup> {
     let open = analysis.open.rational();
     let lines = locus_lines(&open, "", 4, 1.0);
     let closed = open.closed_poles(1.0);
-    // The delay's poles and zeros lie far out and say little.
+    // The poles and zeros of the delay lie far out: the picture leaves them out.
     let near: Vec<_> = closed
         .iter()
         .filter(|z| z.norm() < 120.0)

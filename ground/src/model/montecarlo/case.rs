@@ -20,14 +20,14 @@ use crate::out::exit::{BadInput, Verdict};
 use crate::out::file::write_whole;
 use crate::out::measure::{Figures, figure};
 
-/// All that a run is made of.
+/// All that is needed to fly a run again.
 #[derive(Debug, PartialEq, Serialize, Deserialize)]
 pub struct Case {
     /// Length, s.
     seconds: f64,
     /// What was drawn.
     draw: Draw,
-    /// What it was drawn from; the noise is in it.
+    /// The ranges that it was drawn from, and the noise.
     ranges: Ranges,
     /// The image's parameters, by name.
     parameters: BTreeMap<String, f32>,
@@ -57,7 +57,7 @@ impl Case {
         }
     }
 
-    /// Writes the file, with what became of the run as a comment.
+    /// Writes the file, with the result of the run as a comment.
     ///
     /// # Errors
     /// The file cannot be written.

@@ -20,7 +20,7 @@ pub use options::{Merge, MonteCarlo, MonteCarloCommand, ReplayRun};
 use summary::Worst;
 use table::Row;
 
-/// Runs that are kept as files.
+/// Number of the worst runs that are written as files.
 const WORST: usize = 5;
 
 /// Carries out what `options` say.

@@ -1,4 +1,4 @@
-//! What a campaign adds up to.
+//! Summary of a campaign: pass rate, quantiles and the worst runs.
 
 use plant::dispersion::{self, Outcome};
 use serde::Serialize;
@@ -7,13 +7,13 @@ use super::table::Row;
 use crate::out::measure::Limit::AtLeast;
 use crate::out::measure::{Figure, Figures, data, figure, rows, shown};
 
-/// A run that stands out.
+/// One of the worst runs.
 #[derive(Debug, Serialize)]
 pub struct Worst {
     /// The run.
     #[serde(flatten)]
     pub row: Row,
-    /// Where it is kept.
+    /// The file from which it can be flown again.
     pub file: Option<String>,
 }
 

@@ -1,4 +1,4 @@
-//! A row for each run, in a form that spreadsheets and scripts read, and shards joined again.
+//! A table with a row for each run, as CSV, and the joining of the tables of shards.
 
 use std::path::Path;
 
@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 use crate::out::exit::BadInput;
 use crate::out::file::write_whole;
 
-/// A run: the campaign it belongs to, what it drew, and what became of it.
+/// A run: the campaign that it belongs to, what it drew, and its result.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Row {
     /// Seed of the campaign.
@@ -87,7 +87,7 @@ impl Row {
         }
     }
 
-    /// What became of the run, for statistics.
+    /// The result of the run, for statistics.
     pub fn outcome(&self) -> Outcome {
         Outcome {
             index: self.run,

@@ -1,4 +1,5 @@
-//! `tvc model rocket`: the drone's controller on the rocket's two axes, its gains following the burn.
+//! `tvc model rocket`: the drone's controller on the rocket's two axes, with gains that follow the
+//! burn.
 
 mod flights;
 mod report;
@@ -48,7 +49,7 @@ impl Implied {
         }
     }
 
-    /// What it means.
+    /// The contradictions in words.
     fn words(&self) -> String {
         format!(
             "The stated figures do not fit one another. 100 kN from 2600 kg in 90 s are a specific \

@@ -1,4 +1,4 @@
-//! Gains as the search sees them, what they are worth, and where to begin.
+//! The variables of the search, the cost of gains, and the start of the search.
 
 use anyhow::Result;
 use plant::dispersion::{self, Campaign, Outcome, Ranges};
@@ -15,7 +15,7 @@ use super::margins::{self, Margins};
 use crate::model::control_law::Law;
 use crate::out::measure::{Figure, Limit::AtMost, figure};
 
-/// What is searched, by the firmware's names.
+/// Parameters that are searched, by the firmware's names.
 pub const NAMES: [&str; 8] = [
     "PID_KP",
     "PID_KD",
@@ -26,7 +26,7 @@ pub const NAMES: [&str; 8] = [
     "SRV_DELAY_S",
     "SRV_LAG_S",
 ];
-/// Values of what is searched.
+/// Their values.
 pub type Gains = [f64; NAMES.len()];
 
 /// Starts that are flown, rad, with [`START_RATE_RAD_S`] away from upright.
@@ -43,7 +43,7 @@ const UNSETTLED_S: f64 = 3.0;
 const STEP_S: f64 = 1e-3;
 /// Largest deviation of the sensor's clock.
 const CLOCK: f64 = 0.01;
-/// By how much the pitch is misjudged in the flights, either way, rad.
+/// Error of the measured pitch in the flights, either way, rad.
 const MISJUDGED_RAD: f64 = 1e-3;
 /// Dispersed drones in the cost, their length (s) and lateral offset (m).
 const DISPERSED: u64 = 90;
@@ -136,7 +136,8 @@ pub struct Problem {
 }
 
 impl Problem {
-    /// The problem of a setup; parameters that are not searched are as in `base`, those of the model are the setup's.
+    /// The problem of a setup. Parameters that are not searched are as in `base`, those of the
+    /// model are the setup's.
     ///
     /// # Errors
     /// The drone cannot be brought upright at all.
@@ -165,9 +166,9 @@ impl Problem {
         Ok(problem)
     }
 
-    /// Gains from the delays alone. With the lag of servo and frame and the delay from sample to effect,
-    /// `tau = lag + delay`: a rate loop that crosses at `0.8 / tau`, an angle loop at 0.4 of it, prediction over the
-    /// delay.
+    /// Gains from the delays alone. With `tau`, the lag of servo and frame plus the delay from
+    /// sample to effect, the rate loop crosses at `0.8 / tau` and the angle loop at 0.4 of that;
+    /// prediction covers the delay.
     pub fn start(&self) -> Gains {
         let Setup { servo, timing, .. } = &self.setup;
         let lag_s = servo.loop_s + servo.lag_s + 0.5 * timing.frame_s;
@@ -212,7 +213,7 @@ impl Problem {
         margins::of(&self.setup, params, self.delay_s())
     }
 
-    /// What the gains do from every start, at the worst of frame phases, sensor ages and clocks, on either side.
+    /// The worst flights from every start, over frame phases, sensor ages, clocks and both sides.
     ///
     /// # Errors
     /// A parameter of the drone out of range.
@@ -280,8 +281,8 @@ impl Problem {
         }))
     }
 
-    /// What a search makes small: the worst ratio, overshoot near its limit, missing phase margin, and what dispersed
-    /// drones with an offset mass come near to failing by.
+    /// The cost that the search minimises: the worst ratio, overshoot near its limit, missing phase
+    /// margin, and how near dispersed drones with an offset mass come to failing.
     ///
     /// # Errors
     /// A parameter of the drone out of range.
@@ -304,7 +305,8 @@ impl Problem {
         Ok(worst + 0.4 * mean + 0.1 * short_deg + 3.0 * self.fragility(&params)?)
     }
 
-    /// How near dispersed drones come to failing what the thesis requires, on average beyond 60 % of it.
+    /// How near dispersed drones come to failing what the thesis requires: the mean of what exceeds
+    /// 60 % of it.
     fn fragility(&self, params: &Params) -> Result<f64, ParameterError> {
         let campaign = Campaign {
             ranges: Ranges::WIDE.with_lateral_m(LATERAL_M),

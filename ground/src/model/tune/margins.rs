@@ -1,8 +1,8 @@
 //! Margins of the loop with the image's own controller in it.
 //!
-//! The controller's frequency response is taken from itself: it is given a small impulse of pitch, and one of rate, and
-//! the transform of what it answers is its response, prediction, observer and all. What the answer tends to in the end
-//! is an integrator's, whose sum goes on for ever: `tail z^-n / (1 - z^-1)`.
+//! The frequency response is that of the controller's own code, with prediction and observer: the
+//! transform of its answers to a small impulse of pitch and to one of rate. An answer tends to the
+//! constant output of an integrator, whose sum has a closed form: `tail z^-n / (1 - z^-1)`.
 
 use nalgebra::Complex;
 use plant::linear::frequency::crank_to_pitch;
@@ -93,7 +93,7 @@ pub fn of(setup: &Setup, params: &Params, delay_s: f64) -> Result<Margins, Param
 /// The crank angles that follow an impulse, per unit of it.
 fn answer(params: &Params, pitch_rad: f32, rate_rad_s: f32) -> Vec<f64> {
     let mut controller = Controller::new(params, COMMAND_LIMIT_RAD as f32);
-    // The first sample sets the observer on its way.
+    // The first sample initialises the observer.
     controller.update(0.0, 0.0);
     (0..SAMPLES)
         .map(|index| {
@@ -126,7 +126,7 @@ mod tests {
     use plant::linear::frequency::OpenLoop;
     use plant::pitch_loop::Timing;
 
-    /// Without prediction and trim the law is proportional-derivative: the margins are those of the reference's.
+    /// Without prediction and trim the law is proportional-derivative and has the reference's margins.
     #[test]
     fn a_plain_law_has_the_margins_of_the_reference() {
         let setup = Setup::default();

@@ -1,9 +1,10 @@
 //! The search for the least cost: an evolution strategy.
 //!
-//! The cost comes from flights with limits, dead bands and noise: it has steps and plateaus, so that slopes say little.
-//! A strategy of `(mu, lambda)` with a spread for each variable takes what is flown as it is, tries a whole generation
-//! side by side, and gives the same result for the same seed. (Ros and Hansen, A simple modification in CMA-ES
-//! achieving linear time and space complexity, 2008, is the family.)
+//! The cost comes from flights with limits, dead bands and noise: it has steps and plateaus, and no
+//! useful gradient. A `(mu, lambda)` strategy with a spread for each variable needs none, tries a
+//! whole generation in parallel, and gives the same result for the same seed. It is of the family
+//! of Ros and Hansen, A simple modification in CMA-ES achieving linear time and space complexity,
+//! 2008.
 
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -12,15 +13,15 @@ use rayon::prelude::*;
 
 /// Candidates in a generation.
 pub const CANDIDATES: usize = 10;
-/// Of which the best make the next one.
+/// The best of them, from which the next generation is drawn.
 const PARENTS: usize = 4;
 /// Spread of the first generation, in logarithms: a quarter either way.
 const SPREAD: f64 = 0.25;
 /// Share of a spread that a generation replaces.
 const LEARNING: f64 = 0.3;
 
-/// The point of least cost found, with its cost. Variables are positive and searched by their logarithms; `told` hears
-/// of every generation.
+/// The point of least cost found, with its cost. Variables are positive and searched by their
+/// logarithms; `told` is called with the least cost after every generation.
 pub fn minimise<const N: usize>(
     start: [f64; N],
     generations: u32,

@@ -286,7 +286,7 @@ mod tests {
         assert!(met(0.0, at_most(0.0)));
         assert_eq!(
             number("motion, rad", 2e-5).limit(at_most(0.0)).sentence(),
-            "motion, rad: 2.0e-5, required: none"
+            "motion, rad: 2.0e-5, required: exactly 0"
         );
     }
 }

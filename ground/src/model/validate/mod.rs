@@ -1,5 +1,5 @@
 //! `tvc model validate`: the thesis' validations of its model, repeated on the right equations, and
-//! the balances that tell whether equations are right.
+//! the balances of energy and momentum, which a wrong equation does not pass.
 
 mod checks;
 mod report;
@@ -23,7 +23,7 @@ struct NotReproduced {
     why: &'static str,
 }
 
-/// What of figures 5.8 to 5.13 cannot be had, and why.
+/// Which of figures 5.8 to 5.13 cannot be reproduced, and why.
 const NOT_REPRODUCED: [NotReproduced; 2] = [
     NotReproduced {
         figure: "5.12",

@@ -1,4 +1,4 @@
-//! The motions that are looked at.
+//! The motions that are checked.
 
 use anyhow::Result;
 use plant::free::State;
@@ -6,10 +6,10 @@ use plant::integrate::Adaptive;
 use plant::scenario::{Row, Scenario};
 use plant::{Mechanism, Parameters};
 
-/// Interval of what is kept, in s.
+/// Interval of the rows, in s.
 const DT_S: f64 = 5e-3;
 
-/// An instant of a motion whose energy and momentum are kept account of.
+/// An instant of a motion, with the energy and momentum for the balances.
 #[derive(Clone, Copy)]
 pub struct Instant {
     pub time_s: f64,
@@ -33,9 +33,9 @@ pub struct Runs {
     pub top_heavy: Vec<Row>,
     pub torque: Vec<Row>,
     pub stopped: Vec<Row>,
-    /// Tumbling without loads but gravity.
+    /// Tumbling under gravity alone.
     pub coasting: Vec<Instant>,
-    /// Tumbling under everything.
+    /// Tumbling under gravity, wash, thrust, friction and servo.
     pub driven: Vec<Instant>,
     /// The drone of `driven`.
     pub mechanism: Mechanism,
