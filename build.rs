@@ -1,13 +1,15 @@
-//! Tells the linker where the image goes, and the image its build id. On the host there is nothing to do.
+//! Tells the linker where the image goes, and the image its build id. On the host there is nothing
+//! to do.
 
 use std::path::{Path, PathBuf};
 use std::{env, fs};
 
-/// Above the Arduino bootloader, which takes 8 KB, and below the last 1 KB, where parameters are stored.
+/// Above the Arduino bootloader, which takes 8 KB, and below the last 1 KB, where parameters are
+/// stored.
 const ABOVE_BOOTLOADER: &str = "MEMORY { FLASH : ORIGIN = 0x2000, LENGTH = 247K }\n";
 
-/// A debug probe's flash algorithm erases 16 KB at a time and would take the bootloader with the image, so the image takes
-/// the bootloader's place.
+/// A debug probe's flash algorithm erases 16 KB at a time and would take the bootloader with the
+/// image, so the image takes the bootloader's place.
 const IN_ITS_PLACE: &str = "MEMORY { FLASH : ORIGIN = 0x0, LENGTH = 255K }\n";
 
 /// Folders of what the image is made from.
@@ -34,7 +36,8 @@ fn main() {
     );
     println!("cargo::rustc-link-search={}", out.display());
     println!("cargo::rustc-link-search={root}");
-    // Without --nmagic the linker pads segments to its page size, beyond what the flash holds at 0x2000.
+    // Without --nmagic the linker pads segments to its page size, beyond what the flash holds at
+    // 0x2000.
     println!("cargo::rustc-link-arg-bins=--nmagic");
     println!("cargo::rustc-link-arg-bins=-Tlink.x");
     if probe {

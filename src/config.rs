@@ -1,4 +1,5 @@
-//! What is fixed when the image is built, and why. What an operator may change is in [`crate::params`].
+//! What is fixed when the image is built, and why. What an operator may change is in
+//! [`crate::params`].
 
 use bno055_driver::config::{GyrRange, Sensors};
 
@@ -20,23 +21,24 @@ pub fn sensor() -> bno055_driver::Config {
 /// offset of the centre of mass.
 pub const TRIM_LIMIT_RAD: f32 = 0.25;
 
-/// Age of the newest sample beyond which the attitude is no longer trusted: five of the sensor's own periods. At the
-/// 6 rad/s of a fall that is 0.3 rad, still inside the rudder's reach.
+/// Age of the newest sample beyond which the attitude is no longer trusted: five of the sensor's
+/// own periods. At the 6 rad/s of a fall that is 0.3 rad, still inside the rudder's reach.
 pub const DATA_AGE_LIMIT_US: u64 = 50_000;
 
 /// Good samples in a row after which a sensor that was lost counts as back.
 pub const RECOVERY_SAMPLES: u8 = 5;
 
-/// A gap between samples after which the attitude starts over from accelerometer and magnetometer instead of being
-/// integrated across the gap. Longer than any gap that [`DATA_AGE_LIMIT_US`] lets pass while control is active.
+/// A gap between samples after which the attitude starts over from accelerometer and magnetometer
+/// instead of being integrated across the gap. Longer than any gap that [`DATA_AGE_LIMIT_US`] lets
+/// pass while control is active.
 pub const ESTIMATOR_GAP_US: u64 = 500_000;
 
-/// A magnetic field that has been the same for so long counts as measured again, us: the period of the BNO055's
-/// magnetometer at its reset rate.
+/// A magnetic field that has been the same for so long counts as measured again, us: the period of
+/// the BNO055's magnetometer at its reset rate.
 pub const FIELD_REPEAT_US: u64 = 100_000;
 
-/// Rest within which the estimator has learned the gyroscope's offset, us, counted from when it first takes the sensor
-/// to be at rest: its blocks last a third of a second at most.
+/// Rest within which the estimator has learned the gyroscope's offset, us, counted from when it
+/// first takes the sensor to be at rest: its blocks last a third of a second at most.
 pub const BIAS_REST_US: u32 = 340_000;
 
 /// How far the squared norm of a quaternion may be from 1 before it counts as no rotation.
@@ -59,7 +61,8 @@ pub const COS_FAILSAFE_TILT: f32 = 0.5;
 /// flight.
 pub const FAILSAFE_TILT_US: u64 = 100_000;
 
-/// Silence of the host that is a failsafe where `FS_HOST` is on: three heartbeats of a client that sends one a second.
+/// Silence of the host that is a failsafe where `FS_HOST` is on: three heartbeats of a client that
+/// sends one a second.
 pub const HOST_SILENCE_US: u64 = 3_000_000;
 
 /// Length of the self-test: the gyro must be still for this long without a break.
@@ -68,20 +71,22 @@ pub const SELF_TEST_US: u64 = 1_000_000;
 /// Least sample rate that passes the self-test. The sensor's own clock is good to 1 %.
 pub const SELF_TEST_RATE_HZ: u32 = 95;
 
-/// Largest change of a gyro axis within the self-test, in counts of 1/16 deg/s: 3 deg/s, some fifteen times the noise
-/// of the BMG160 at 116 Hz bandwidth (0.15 deg/s rms).
+/// Largest change of a gyro axis within the self-test, in counts of 1/16 deg/s: 3 deg/s, some
+/// fifteen times the noise of the BMG160 at 116 Hz bandwidth (0.15 deg/s rms).
 pub const SELF_TEST_GYRO_SPAN: i16 = 3 * 16;
 
-/// Largest gyro reading at rest, in counts: 5 deg/s. The data sheet's zero-rate offset is at most 3 deg/s.
+/// Largest gyro reading at rest, in counts: 5 deg/s. The data sheet's zero-rate offset is at most 3
+/// deg/s.
 pub const SELF_TEST_GYRO_LIMIT: i16 = 5 * 16;
 
-/// Standard gravity in accelerometer counts of 0.01 m/s2, and the tolerance of the self-test on it: 5 %.
+/// Standard gravity in accelerometer counts of 0.01 m/s2, and the tolerance of the self-test on it:
+/// 5 %.
 pub const GRAVITY_COUNTS: f32 = 980.665;
 /// See [`GRAVITY_COUNTS`].
 pub const SELF_TEST_GRAVITY_TOLERANCE: f32 = 0.05;
 
-/// The servo's hard range: Arduino's 30 to 160 deg, outside which the thesis' Futaba does not answer. No parameter
-/// widens it.
+/// The servo's hard range: Arduino's 30 to 160 deg, outside which the thesis' Futaba does not
+/// answer. No parameter widens it.
 pub const PULSE_MIN_US: f32 = 853.0;
 /// See [`PULSE_MIN_US`].
 pub const PULSE_MAX_US: f32 = 2193.0;

@@ -1,7 +1,7 @@
 //! The control law as the parameters configure it.
 //!
-//! Angles are the crank's, in servo radians from zero rudder. Positive ones pitch the nose down, so that the crank is the
-//! negative of what [`PredictivePd`] puts out.
+//! Angles are the crank's, in servo radians from zero rudder. Positive ones pitch the nose down, so
+//! that the crank is the negative of what [`PredictivePd`] puts out.
 
 use core::f32::consts::PI;
 
@@ -28,14 +28,15 @@ impl Controller {
         controller
     }
 
-    /// Take over changed parameters, without a bump. Parameters within their ranges always make a law, to which a test
-    /// holds them; did they not, the old law would stay.
+    /// Take over changed parameters, without a bump. Parameters within their ranges always make a
+    /// law, to which a test holds them; did they not, the old law would stay.
     pub fn configure(&mut self, params: &Params, travel_rad: f32) {
         self.setpoint_rad = params.pitch_set_deg() * (PI / 180.0);
         let _ = self.law.retune(&law(params, travel_rad));
     }
 
-    /// One sample: pitch (rad) and pitch rate (rad/s), nose up positive, give the crank angle (rad).
+    /// One sample: pitch (rad) and pitch rate (rad/s), nose up positive, give the crank angle
+    /// (rad).
     pub fn update(&mut self, pitch_rad: f32, rate_rad_s: f32) -> f32 {
         -self.law.update(self.setpoint_rad, pitch_rad, rate_rad_s)
     }

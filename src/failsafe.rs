@@ -1,7 +1,8 @@
 //! Who may move the rudder: the states of the flight, and what leads from one to another.
 //!
 //! The firmware cannot cut the motors, so the safe output is the neutral pulse. Every state but
-//! [`State::Active`] commands it, except while the operator sets up an [idle](State::is_idle) servo.
+//! [`State::Active`] commands it, except while the operator sets up an [idle](State::is_idle)
+//! servo.
 
 mod code;
 mod command;
@@ -65,7 +66,8 @@ pub struct Supervisor {
 }
 
 impl Supervisor {
-    /// Start in [`State::Boot`], or in [`State::Latched`] where the board reports what must be acknowledged.
+    /// Start in [`State::Boot`], or in [`State::Latched`] where the board reports what must be
+    /// acknowledged.
     pub fn new(report: BootReport) -> Self {
         Self {
             state: report.state(),

@@ -1,7 +1,8 @@
 //! The flight: a sample in, a pulse out.
 //!
-//! [`Flight::step`] is data in, data out. It takes its time step from the samples' own times, so that a replay of the
-//! same counts and times gives the same bits on the chip, on the rig and on a laptop.
+//! [`Flight::step`] is data in, data out. It takes its time step from the samples' own times, so
+//! that a replay of the same counts and times gives the same bits on the chip, on the rig and on a
+//! laptop.
 
 use bno055_driver::{Micros, RawSample, SensorFault};
 use tvc_fusion::fixed::{Angles, Orientation};
@@ -69,7 +70,8 @@ impl Flight {
     /// At start-up, with what the board found.
     ///
     /// # Errors
-    /// The estimator's configuration is impossible; no set of parameters within their ranges makes it so.
+    /// The estimator's configuration is impossible; no set of parameters within their ranges makes
+    /// it so.
     pub fn new(params: Params, report: BootReport) -> Result<Self, ConfigError> {
         let servo = Servo::new(&params);
         let mut flight = Self {
@@ -85,7 +87,8 @@ impl Flight {
         Ok(flight)
     }
 
-    /// One control step: a sample, or the reason why there is none, becomes the pulse of the next servo frame.
+    /// One control step: a sample, or the reason why there is none, becomes the pulse of the next
+    /// servo frame.
     pub fn step(&mut self, now: Micros, reading: Result<RawSample, SensorFault>) -> Snapshot {
         let reading = reading.and_then(|raw| Ok((raw, self.navigation.update(&raw)?)));
         match reading {
@@ -132,7 +135,8 @@ impl Flight {
     /// Begin anew as after power-on: self-test, and the gyro's offset learned at rest.
     ///
     /// # Errors
-    /// The [`Refusal`] where the attitude is needed or a fault is to be acknowledged; nothing changes.
+    /// The [`Refusal`] where the attitude is needed or a fault is to be acknowledged; nothing
+    /// changes.
     pub fn calibrate(&mut self) -> Result<(), Refusal> {
         self.supervisor.restart()?;
         self.navigation.restart();
@@ -205,14 +209,16 @@ impl Flight {
         self.navigation.orientation()
     }
 
-    /// Roll, pitch and yaw of the newest attitude, rad: yaw, pitch, roll in turn, from north, nose up positive.
+    /// Roll, pitch and yaw of the newest attitude, rad: yaw, pitch, roll in turn, from north, nose
+    /// up positive.
     pub fn angles_rad(&self) -> [f32; 3] {
         let angles = self.orientation().angles();
         [angles.roll, angles.pitch, angles.yaw].map(Angles::to_rad)
     }
 
-    /// The control law, where the state lets it move the rudder. Positive crank angles pitch the nose down, so the
-    /// crank follows pitch and its rate with positive sign: `crank = kp (pitch - setpoint) + kd rate`.
+    /// The control law, where the state lets it move the rudder. Positive crank angles pitch the
+    /// nose down, so the crank follows pitch and its rate with positive sign: `crank = kp (pitch -
+    /// setpoint) + kd rate`.
     fn control(&mut self, now: Micros, rate_rad_s: f32, dt_s: f32) {
         if self.rudder(now) != Rudder::Controlled {
             return self.rest(now);

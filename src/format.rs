@@ -1,5 +1,5 @@
-//! Numbers as text without the weight of the standard formatting, which pads and signs and aligns (2 KB on the chip for
-//! integers, some 10 KB for floats).
+//! Numbers as text without the weight of the standard formatting, which pads and signs and aligns
+//! (2 KB on the chip for integers, some 10 KB for floats).
 
 use core::fmt::{self, Write};
 

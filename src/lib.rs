@@ -1,11 +1,12 @@
-//! The flight of a drone (or a rocket's stand-in) steered by a rudder in its wash: attitude, control, servo, failsafe
-//! and telemetry. It decides everything and names no hardware; `src/board` knows the pins.
+//! The flight of a drone (or a rocket's stand-in) steered by a rudder in its wash: attitude,
+//! control, servo, failsafe and telemetry. It decides everything and names no hardware; `src/board`
+//! knows the pins.
 //!
-//! [`Flight::step`] is the whole of it: a sample in, a pulse out. The chip, the virtual rig and a log replay run that
-//! one function.
+//! [`Flight::step`] is the whole of it: a sample in, a pulse out. The chip, the virtual rig and a
+//! log replay run that one function.
 //!
-//! Body axes: x forward, y right, z down. Earth axes: north, east, down. Pitch is positive nose up. Angles are in rad
-//! and rates in rad/s unless a name says otherwise.
+//! Body axes: x forward, y right, z down. Earth axes: north, east, down. Pitch is positive nose up.
+//! Angles are in rad and rates in rad/s unless a name says otherwise.
 #![no_std]
 #![forbid(unsafe_code)]
 #![cfg_attr(

@@ -1,6 +1,7 @@
 //! The firmware: wait for the tick, read, step, write, send.
 //!
-//! On the host it prints its configuration: the parameters with their ranges, the rates and the limits.
+//! On the host it prints its configuration: the parameters with their ranges, the rates and the
+//! limits.
 #![cfg_attr(target_os = "none", no_std, no_main)]
 
 #[cfg(target_os = "none")]

@@ -1,7 +1,9 @@
-//! From the sensor's counts to counts along the body's axes: calibration and mount in one, in integers.
+//! From the sensor's counts to counts along the body's axes: calibration and mount in one, in
+//! integers.
 //!
-//! The body's axes are x forward, y right, z down; the default mount has the sensor's axes along them. A sensor at
-//! rest and level then reads -981 on z: an accelerometer measures the force that holds it up.
+//! The body's axes are x forward, y right, z down; the default mount has the sensor's axes along
+//! them. A sensor at rest and level then reads -981 on z: an accelerometer measures the force that
+//! holds it up.
 
 use core::f32::consts::PI;
 
@@ -19,7 +21,8 @@ const ONE: i16 = 1 << BITS;
 pub struct Calibration {
     /// Reading at zero input, counts, to a quarter; up to 8,191.
     pub offset: [f32; 3],
-    /// Scale, misalignment and, of the magnetometer, soft iron, row by row; components from -2 to 2.
+    /// Scale, misalignment and, of the magnetometer, soft iron, row by row; components from -2 to
+    /// 2.
     pub matrix: [[f32; 3]; 3],
 }
 
@@ -124,7 +127,8 @@ impl Mount {
     }
 }
 
-/// What the `CAL_` parameters say of the accelerometer, gyro and magnetometer, in counts of 0.01 m/s2, 1/16 deg/s and 1/16 uT.
+/// What the `CAL_` parameters say of the accelerometer, gyro and magnetometer, in counts of 0.01
+/// m/s2, 1/16 deg/s and 1/16 uT.
 fn calibrations(params: &Params) -> [Calibration; 3] {
     let counts = |offset: [f32; 3], counts: f32| offset.map(|value| value * counts);
     let [x, y, z] = params.cal_acc_scale();

@@ -1,4 +1,5 @@
-//! From the sensor's samples to attitude: mount, start-up, missed samples, and the estimator in fixed point.
+//! From the sensor's samples to attitude: mount, start-up, missed samples, and the estimator in
+//! fixed point.
 
 use core::f32::consts::PI;
 
@@ -29,7 +30,8 @@ impl Navigation {
     /// Nothing seen yet.
     ///
     /// # Errors
-    /// The estimator's configuration is impossible; no set of parameters within their ranges makes it so.
+    /// The estimator's configuration is impossible; no set of parameters within their ranges makes
+    /// it so.
     pub fn new(params: &Params) -> Result<Self, ConfigError> {
         let settings = Settings::of(params);
         Ok(Self {
@@ -86,7 +88,8 @@ impl Navigation {
         Ok(dt_us)
     }
 
-    /// The newest sample with calibration and mount applied, at the time of `raw` and with its field.
+    /// The newest sample with calibration and mount applied, at the time of `raw` and with its
+    /// field.
     pub fn in_body(&self, raw: &RawSample) -> RawSample {
         RawSample {
             acc: self.counts.acc,
@@ -110,7 +113,8 @@ impl Navigation {
         self.estimator.orientation()
     }
 
-    /// Whether the gyroscope's offset has been learned, which takes a rest of some two and a half seconds.
+    /// Whether the gyroscope's offset has been learned, which takes a rest of some two and a half
+    /// seconds.
     pub fn bias_is_known(&self) -> bool {
         self.bias_known
     }
@@ -127,8 +131,9 @@ impl Navigation {
         self.bias_known = false;
     }
 
-    /// A step of the estimator, and one for each sample that was missed while the attitude is still trusted: the rates
-    /// of this one stand for theirs. Beyond that the estimator takes it as a gap.
+    /// A step of the estimator, and one for each sample that was missed while the attitude is still
+    /// trusted: the rates of this one stand for theirs. Beyond that the estimator takes it as a
+    /// gap.
     fn advance(&mut self, dt_us: u32) {
         let steps = if u64::from(dt_us) <= DATA_AGE_LIMIT_US {
             // The estimator takes up to a quarter more for a single step.
@@ -148,8 +153,8 @@ impl Navigation {
             .update(dt_us - step_us * (steps - 1), &self.counts);
     }
 
-    /// The magnetometer is slower than the loop: its registers repeat until it has measured again. A field that stays
-    /// the same for long is taken as one that does not change.
+    /// The magnetometer is slower than the loop: its registers repeat until it has measured again.
+    /// A field that stays the same for long is taken as one that does not change.
     fn field_is_fresh(&mut self, raw: &RawSample) -> bool {
         let repeated = self.last.is_some_and(|last| last.mag == raw.mag);
         let fresh = !repeated || raw.time.since(self.field_at) >= FIELD_REPEAT_US;
@@ -159,7 +164,8 @@ impl Navigation {
         fresh
     }
 
-    /// The estimator learns the offset in blocks of rest, the first of which ends in [`BIAS_REST_US`].
+    /// The estimator learns the offset in blocks of rest, the first of which ends in
+    /// [`BIAS_REST_US`].
     fn watch_rest(&mut self, dt_us: u32) {
         if self.estimator.flags().at_rest {
             self.rest_us = (self.rest_us + dt_us).min(BIAS_REST_US);
@@ -192,8 +198,8 @@ impl Settings {
             declination_rad: self.declination_deg * (PI / 180.0),
             ..Config::default()
         };
-        // Constant periods, so that all but the declination is worked out by the compiler. The estimator takes each
-        // time step as it is; its gains are for about this period.
+        // Constant periods, so that all but the declination is worked out by the compiler. The
+        // estimator takes each time step as it is; its gains are for about this period.
         if self.period_us < 8_000 {
             Estimator::new(&config, &Scale::BNO055, 6_667)
         } else {

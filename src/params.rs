@@ -1,4 +1,5 @@
-//! The parameters: one table of name, unit, range, default and meaning, from which everything else is made.
+//! The parameters: one table of name, unit, range, default and meaning, from which everything else
+//! is made.
 //!
 //! A parameter is added by one entry of the `parameters!` call in `params/table.rs`. Names are at
 //! most 16 characters (the width of MAVLink's `param_id`), values are `f32`. A shipped default

@@ -1,8 +1,8 @@
-//! The self-test: a second of samples that arrive at their rate, from a gyro that does not move and an accelerometer
-//! that feels gravity and nothing else.
+//! The self-test: a second of samples that arrive at their rate, from a gyro that does not move and
+//! an accelerometer that feels gravity and nothing else.
 //!
-//! It works on calibrated counts in integers, before any filter could hide what the sensor did: a sensor whose offset takes it
-//! out of the limits is calibrated first.
+//! It works on calibrated counts in integers, before any filter could hide what the sensor did: a
+//! sensor whose offset takes it out of the limits is calibrated first.
 
 use bno055_driver::{Micros, RawSample};
 

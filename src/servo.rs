@@ -1,7 +1,8 @@
 //! Crank angle to servo pulse.
 //!
-//! `pulse = centre + direction * us_per_degree * (hold + angle)`, clamped to the command limits, its change limited by the
-//! slew rate. Positive crank angles turn the rudder to positive angles, which pitch the nose down.
+//! `pulse = centre + direction * us_per_degree * (hold + angle)`, clamped to the command limits,
+//! its change limited by the slew rate. Positive crank angles turn the rudder to positive angles,
+//! which pitch the nose down.
 
 use core::f32::consts::PI;
 
@@ -58,7 +59,8 @@ impl Servo {
         };
     }
 
-    /// The pulse for a crank angle, `dt_s` after the last one. An angle that is not a number counts as zero.
+    /// The pulse for a crank angle, `dt_s` after the last one. An angle that is not a number counts
+    /// as zero.
     pub fn command(&mut self, crank_rad: f32, dt_s: f32) -> PulseUs {
         let crank_rad = if crank_rad.is_nan() { 0.0 } else { crank_rad };
         let wanted =
@@ -86,7 +88,8 @@ impl Servo {
         self.pulse()
     }
 
-    /// The pulse commanded last, rounded to the microsecond and inside the hard range whatever came before.
+    /// The pulse commanded last, rounded to the microsecond and inside the hard range whatever came
+    /// before.
     pub fn pulse(&self) -> PulseUs {
         rounded(self.last_us)
     }

@@ -1,7 +1,8 @@
 //! Parameters that outlive the power: two slots of flash that take turns.
 //!
-//! A save erases the slot that holds the older set and writes the whole set there, so that the newer one is untouched
-//! until the new one is complete. Power may fail at any instant: afterwards the old set or the new one is there, whole.
+//! A save erases the slot that holds the older set and writes the whole set there, so that the
+//! newer one is untouched until the new one is complete. Power may fail at any instant: afterwards
+//! the old set or the new one is there, whole.
 //!
 //! ```text
 //!  byte   0       4        8            12       14         16
@@ -9,12 +10,12 @@
 //!                          '------------- covered by the CRC -------------------------'
 //! ```
 //!
-//! All numbers are little-endian, values are `f32`. The first page, with the mark, is written last. A value goes by the
-//! hash of its parameter's name ([`crate::params::Info::id`]), so that a newer image keeps what it still knows of an
-//! older image's set.
+//! All numbers are little-endian, values are `f32`. The first page, with the mark, is written last.
+//! A value goes by the hash of its parameter's name ([`crate::params::Info::id`]), so that a newer
+//! image keeps what it still knows of an older image's set.
 //!
-//! A key-value store out of a library (`sequential-storage`, 8.9 KB of code) keeps each value by itself; here all of
-//! them must change together, and the code takes a tenth of that.
+//! A key-value store out of a library (`sequential-storage`, 8.9 KB of code) keeps each value by
+//! itself; here all of them must change together, and the code takes a tenth of that.
 
 use core::fmt;
 
@@ -55,7 +56,8 @@ pub enum Loaded {
         generation: u32,
         /// The other slot is damaged, as an interrupted save leaves it.
         interrupted: bool,
-        /// Values that this image does not know, or whose range does not allow them: they have their defaults.
+        /// Values that this image does not know, or whose range does not allow them: they have
+        /// their defaults.
         unusable: u16,
     },
     /// Something was saved and none of it can be read. The parameters have their defaults.

@@ -1,8 +1,8 @@
 //! MAVLink 2: what the host is told of the flight, and what it orders.
 //!
-//! Nothing here waits. Frames go into a queue from which the board sends what the host takes ([`Telemetry::pending`],
-//! [`Telemetry::sent`]); when the host lags, whole frames are dropped and counted, and their sequence numbers are
-//! spent, so that the host counts the same losses.
+//! Nothing here waits. Frames go into a queue from which the board sends what the host takes
+//! ([`Telemetry::pending`], [`Telemetry::sent`]); when the host lags, whole frames are dropped and
+//! counted, and their sequence numbers are spent, so that the host counts the same losses.
 //!
 //! | out | when |
 //! |---|---|
@@ -280,8 +280,8 @@ impl Telemetry {
         });
     }
 
-    /// Load and health. Sensors are present always, healthy while samples come; what is enabled but not healthy is
-    /// what clients report as a fault.
+    /// Load and health. Sensors are present always, healthy while samples come; what is enabled but
+    /// not healthy is what clients report as a fault.
     fn system_status(&mut self, snapshot: &Snapshot, board: &BoardStatus) {
         let sensors = MavSysStatusSensor::MAV_SYS_STATUS_SENSOR_3D_GYRO
             | MavSysStatusSensor::MAV_SYS_STATUS_SENSOR_3D_ACCEL
@@ -389,7 +389,8 @@ impl Default for Telemetry {
 
 /// Milliseconds since start-up. Wraps after 49 days, as MAVLink's field does.
 ///
-/// Divides by hand, 16 bits at a time: the chip has no division, and a 64-bit one is slow and takes 1 KB.
+/// Divides by hand, 16 bits at a time: the chip has no division, and a 64-bit one is slow and takes
+/// 1 KB.
 fn milliseconds(time: Micros) -> u32 {
     let (mut quotient, mut remainder) = (0, 0);
     for shift in [48, 32, 16, 0] {

@@ -1,9 +1,11 @@
 //! An Arduino Nano 33 IoT that lights its LED while a BNO055 on A4 and A5 gives good samples.
 //!
-//! `cargo build --example nano --target thumbv6m-none-eabi`, linked with `-Tlink.x` and the board's `memory.x`.
+//! `cargo build --example nano --target thumbv6m-none-eabi`, linked with `-Tlink.x` and the board's
+//! `memory.x`.
 //!
-//! It uses the HAL's blocking bus master, which has no deadline: a bus that is held low stops it. Where that matters,
-//! give the driver a master of your own and use [`bno055_driver::Driver`] directly.
+//! It uses the HAL's blocking bus master, which has no deadline: a bus that is held low stops it.
+//! Where that matters, give the driver a master of your own and use [`bno055_driver::Driver`]
+//! directly.
 #![cfg_attr(target_os = "none", no_std, no_main)]
 
 #[cfg(target_os = "none")]

@@ -44,7 +44,8 @@ impl Signed {
 pub enum AxisMapError {
     /// Two outputs show the same axis: the chip would silently ignore the map.
     Repeated,
-    /// The map turns a right-handed frame into a left-handed one, in which rates have the wrong sign.
+    /// The map turns a right-handed frame into a left-handed one, in which rates have the wrong
+    /// sign.
     Mirrored,
 }
 

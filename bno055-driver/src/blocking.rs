@@ -4,7 +4,11 @@
 //! use bno055_driver::{Config, Micros, SensorFault, blocking::Bno055};
 //! use embedded_hal::{delay::DelayNs, i2c::I2c};
 //!
-//! fn watch(i2c: impl I2c, delay: impl DelayNs, clock: impl FnMut() -> Micros) -> Result<(), SensorFault> {
+//! fn watch(
+//!     i2c: impl I2c,
+//!     delay: impl DelayNs,
+//!     clock: impl FnMut() -> Micros,
+//! ) -> Result<(), SensorFault> {
 //!     let config = Config::default();
 //!     let mut imu = Bno055::new(i2c, delay, clock, config);
 //!     imu.start()?;

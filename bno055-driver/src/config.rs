@@ -31,7 +31,8 @@ impl Address {
 
 /// Whether the driver may reset the chip by command.
 ///
-/// Some parts never answer again after a soft reset until their power is cycled, so that the default is never.
+/// Some parts never answer again after a soft reset until their power is cycled, so that the
+/// default is never.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum ResetPolicy {
     /// Rewrite every register instead.
@@ -64,11 +65,13 @@ pub struct Config {
     pub soft_iron: Option<SoftIron>,
     /// Whether the chip may be reset.
     pub reset: ResetPolicy,
-    /// Number of equal bursts in a row that shows a frozen chip. The chip refreshes at its own 100 Hz, so that two equal ones
-    /// are normal at a 100 Hz tick; allow more if you sample faster or with little bandwidth.
+    /// Number of equal bursts in a row that shows a frozen chip. The chip refreshes at its own 100
+    /// Hz, so that two equal ones are normal at a 100 Hz tick; allow more if you sample faster or
+    /// with little bandwidth.
     pub frozen_after: NonZeroU8,
-    /// A word that moves by more counts than this within [`STEP_AGE_US`](crate::STEP_AGE_US), and does not stay there,
-    /// is a transmission error; `None` switches the test off. In all units 4000 counts are about 4 g, 250 deg/s or 250 uT.
+    /// A word that moves by more counts than this within [`STEP_AGE_US`](crate::STEP_AGE_US), and
+    /// does not stay there, is a transmission error; `None` switches the test off. In all units
+    /// 4000 counts are about 4 g, 250 deg/s or 250 uT.
     pub step_limit: Option<u16>,
 }
 

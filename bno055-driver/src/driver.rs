@@ -80,11 +80,12 @@ enum Phase {
 
 /// A BNO055, without its bus.
 ///
-/// The owner of the bus asks [`next`](Self::next) what to do, does it, and reports to [`complete`](Self::complete), one
-/// transfer at a time. Once that says [`Next::Sample`], a timer of the owner's may start the same [`burst`](Self::burst) at
-/// every tick, whose outcome goes to [`sample`](Self::sample); after each, `next` has at most one short verification
-/// to do (two if a register read wrong). The driver brings the chip up, judges every sample, notices when the chip resets
-/// itself or loses its settings, and then sets it up again, as often as it takes.
+/// The owner of the bus asks [`next`](Self::next) what to do, does it, and reports to
+/// [`complete`](Self::complete), one transfer at a time. Once that says [`Next::Sample`], a timer
+/// of the owner's may start the same [`burst`](Self::burst) at every tick, whose outcome goes to
+/// [`sample`](Self::sample); after each, `next` has at most one short verification to do (two if a
+/// register read wrong). The driver brings the chip up, judges every sample, notices when the chip
+/// resets itself or loses its settings, and then sets it up again, as often as it takes.
 #[derive(Clone, Debug)]
 pub struct Driver {
     config: Config,
@@ -133,10 +134,11 @@ impl Driver {
         }
     }
 
-    /// Takes the outcome of the transfer that [`next`](Self::next) gave out: the bytes read, none for a write.
+    /// Takes the outcome of the transfer that [`next`](Self::next) gave out: the bytes read, none
+    /// for a write.
     ///
-    /// An outcome that the driver no longer waits for is ignored, for example that of a verification
-    /// during which a burst showed a reset.
+    /// An outcome that the driver no longer waits for is ignored, for example that of a
+    /// verification during which a burst showed a reset.
     pub fn complete(&mut self, now: Micros, outcome: Result<&[u8], BusError>) {
         match &mut self.phase {
             Phase::Startup(startup) => {
@@ -170,8 +172,8 @@ impl Driver {
     /// Takes the outcome of a burst that started at `time`.
     ///
     /// # Errors
-    /// The fault for which the data are not to be used. The driver recovers by itself; the owner has
-    /// nothing to do.
+    /// The fault for which the data are not to be used. The driver recovers by itself; the owner
+    /// has nothing to do.
     pub fn sample(
         &mut self,
         time: Micros,
@@ -201,8 +203,8 @@ impl Driver {
     /// Takes the outcome of a burst of fusion outputs that started at `time`.
     ///
     /// # Errors
-    /// The fault for which the data are not to be used, as for [`sample`](Self::sample). Frozen data,
-    /// however, are found by `sample` only.
+    /// The fault for which the data are not to be used, as for [`sample`](Self::sample). Frozen
+    /// data, however, are found by `sample` only.
     pub fn fusion(
         &mut self,
         time: Micros,
@@ -279,8 +281,8 @@ impl Driver {
         self.fault = Some(SensorFault::Booting);
     }
 
-    /// Why there are no good samples at the moment: the first cause, until the chip samples again or turns out
-    /// to have a worse one.
+    /// Why there are no good samples at the moment: the first cause, until the chip samples again
+    /// or turns out to have a worse one.
     #[must_use]
     pub fn fault(&self) -> Option<SensorFault> {
         self.fault
@@ -371,8 +373,8 @@ impl Driver {
             }
             Err(fault) => {
                 self.health.mismatched = self.health.mismatched.wrapping_add(1);
-                // A wrong bit on the wire looks the same: the register is read again, and the second
-                // answer is believed.
+                // A wrong bit on the wire looks the same: the register is read again, and the
+                // second answer is believed.
                 if core::mem::replace(&mut sampling.mismatched, true) {
                     self.restart(now, fault);
                 }
@@ -380,7 +382,8 @@ impl Driver {
         }
     }
 
-    /// Draws the conclusions from a judged burst; withholds good data while a register is mismatched.
+    /// Draws the conclusions from a judged burst; withholds good data while a register is
+    /// mismatched.
     fn conclude<T>(
         &mut self,
         time: Micros,
@@ -445,8 +448,8 @@ impl Driver {
             sampling.check = Check::Mode;
         }
         let enough = match fault {
-            // Zeros right after another bad sample, whatever was wrong with that, are no chance: the
-            // mode need not be read first.
+            // Zeros right after another bad sample, whatever was wrong with that, are no chance:
+            // the mode need not be read first.
             SensorFault::Reset => 2,
             SensorFault::Frozen => 1,
             _ => BAD_SAMPLES_MAX,

@@ -38,7 +38,8 @@ pub enum SensorFault {
     },
     /// The power-on self-test failed.
     SelfTest {
-        /// ST_RESULT: bits 0 to 3, set for passed: accelerometer, magnetometer, gyroscope, controller.
+        /// ST_RESULT: bits 0 to 3, set for passed: accelerometer, magnetometer, gyroscope,
+        /// controller.
         result: u8,
     },
     /// The chip reports a system error.

@@ -3,7 +3,8 @@
 use crate::driver::Next;
 use crate::transfer::Micros;
 
-/// How long a front end waits for a chip that comes up or answers: the slowest boot, a crystal, a self-test and a set-up.
+/// How long a front end waits for a chip that comes up or answers: the slowest boot, a crystal, a
+/// self-test and a set-up.
 pub(crate) const PATIENCE_US: u64 = 5_000_000;
 /// No wait takes more turns than this, whatever the clock says.
 pub(crate) const TURNS_MAX: u32 = 4_000;
@@ -37,9 +38,10 @@ macro_rules! front_end {
 
         /// A BNO055 on a bus.
         ///
-        /// `clock` gives the time in microseconds; it stamps the samples and paces the set-up. The bus should give up on
-        /// a transfer by itself, best after [`TRANSFER_DEADLINE_US`](crate::TRANSFER_DEADLINE_US): a bus that waits for
-        /// ever makes this wait for ever.
+        /// `clock` gives the time in microseconds; it stamps the samples and paces the set-up. The
+        /// bus should give up on a transfer by itself, best after
+        /// [`TRANSFER_DEADLINE_US`](crate::TRANSFER_DEADLINE_US): a bus that waits for ever makes
+        /// this wait for ever.
         #[derive(Debug)]
         pub struct Bno055<I2C: I2c, D, C> {
             i2c: I2C,
@@ -58,7 +60,8 @@ macro_rules! front_end {
             /// Waits until the chip samples: about 0.1 s for one that is up, 0.8 s after power-on.
             ///
             /// # Errors
-            /// The fault, once it is certain. The next call, or [`sample`](Self::sample), tries again.
+            /// The fault, once it is certain. The next call, or [`sample`](Self::sample), tries
+            /// again.
             pub $($async)? fn start(&mut self) -> Result<(), SensorFault> {
                 self.drive(Driver::is_sampling) $($await)*
             }
@@ -66,8 +69,8 @@ macro_rules! front_end {
             /// Takes a sample, and verifies one register after it.
             ///
             /// # Errors
-            /// Why there is no good sample. A chip that was lost is set up again in parts, one at each
-            /// call and without waiting: go on calling at your own pace.
+            /// Why there is no good sample. A chip that was lost is set up again in parts, one at
+            /// each call and without waiting: go on calling at your own pace.
             pub $($async)? fn sample(&mut self) -> Result<RawSample, SensorFault> {
                 self.errands() $($await)*;
                 let mut buffer = [0; READ_MAX];
@@ -112,7 +115,8 @@ macro_rules! front_end {
                 }
             }
 
-            /// Reads what the chip does and, if that is [`SystemStatus::Error`], which error it has.
+            /// Reads what the chip does and, if that is [`SystemStatus::Error`], which error it
+            /// has.
             ///
             /// # Errors
             /// Why the chip does not answer.
@@ -209,7 +213,8 @@ macro_rules! front_end {
                 }
             }
 
-            /// Does what the driver asks for until it is `finished`, has failed for certain, or takes too long.
+            /// Does what the driver asks for until it is `finished`, has failed for certain, or
+            /// takes too long.
             $($async)? fn drive(&mut self, finished: impl Fn(&Driver) -> bool) -> Result<(), SensorFault> {
                 let failures = self.driver.health().failed_setups;
                 let begin = (self.clock)();

@@ -12,15 +12,16 @@ pub(crate) const BURST: Transfer = Transfer::read(reg::EUL_DATA, 26);
 /// One count of a quaternion element.
 pub const QUATERNION_UNIT: f32 = 1.0 / 16_384.0;
 
-/// Square of a unit quaternion's norm in counts, and the band of 5 % either way in the norm, outside of which it is no
-/// attitude but a torn or corrupted one.
+/// Square of a unit quaternion's norm in counts, and the band of 5 % either way in the norm,
+/// outside of which it is no attitude but a torn or corrupted one.
 const NORM: core::ops::RangeInclusive<i64> = {
     let one = 1_i64 << 28;
     one * 9025 / 10_000..=one * 11_025 / 10_000
 };
 
-/// More than this many words of -1 among the thirteen are never chance: Euler angles and linear accelerations hover
-/// round zero at rest, six words; the quaternion and gravity have a long axis each.
+/// More than this many words of -1 among the thirteen are never chance: Euler angles and linear
+/// accelerations hover round zero at rest, six words; the quaternion and gravity have a long axis
+/// each.
 const ONES_MAX: usize = 8;
 
 /// One reading of the fusion outputs as the chip gave it.
@@ -28,8 +29,8 @@ const ONES_MAX: usize = 8;
 pub struct FusionSample {
     /// Start of its burst.
     pub time: Micros,
-    /// Heading, roll, pitch, counts. Chips in the field have been seen to get these wrong near +-90 deg of roll or pitch:
-    /// prefer the quaternion.
+    /// Heading, roll, pitch, counts. Chips in the field have been seen to get these wrong near +-90
+    /// deg of roll or pitch: prefer the quaternion.
     pub euler: [i16; 3],
     /// Quaternion w, x, y, z, counts of 2^-14.
     pub quaternion: [i16; 4],

@@ -3,7 +3,8 @@
 use crate::register_enums::register_enums;
 
 register_enums! {
-    /// Operating mode (data sheet section 3.3); CONFIG is not among them, the driver passes through it.
+    /// Operating mode (data sheet section 3.3); CONFIG is not among them, the driver passes through
+    /// it.
     pub enum Mode {
         /// Accelerometer only.
         AccOnly = 0x1,
@@ -32,7 +33,8 @@ register_enums! {
         Ndof = 0xC,
     }
 
-    /// Power mode while sampling (data sheet section 3.2); see [`Driver::suspend`](crate::Driver::suspend) for the third.
+    /// Power mode while sampling (data sheet section 3.2); see
+    /// [`Driver::suspend`](crate::Driver::suspend) for the third.
     pub enum Power {
         /// All sensors of the mode run.
         #[default]
@@ -43,8 +45,8 @@ register_enums! {
 }
 
 impl Mode {
-    /// Whether the chip's own fusion runs: its outputs are then live, and it sets the sensors itself
-    /// (all but the accelerometer's range).
+    /// Whether the chip's own fusion runs: its outputs are then live, and it sets the sensors
+    /// itself (all but the accelerometer's range).
     #[must_use]
     pub const fn is_fusion(self) -> bool {
         self as u8 >= Self::Imu as u8

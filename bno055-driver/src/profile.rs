@@ -104,10 +104,12 @@ impl Profile {
         }
     }
 
-    /// Whether the chip will take every value (data sheet sections 3.6.4 and 3.6.5, tables 3-16 to 3-21).
+    /// Whether the chip will take every value (data sheet sections 3.6.4 and 3.6.5, tables 3-16 to
+    /// 3-21).
     ///
     /// # Errors
-    /// The first value out of range. Fusion modes set the gyroscope's range themselves, to the widest.
+    /// The first value out of range. Fusion modes set the gyroscope's range themselves, to the
+    /// widest.
     pub fn check(&self, mode: Mode, sensors: &Sensors) -> Result<(), ProfileError> {
         let acc = 1000 * u16::from(sensors.acc_range.g());
         let gyr = 16 * sensors.gyr_range_in(mode).dps();
@@ -191,7 +193,8 @@ fn crc32(bytes: &[u8]) -> u32 {
 
 /// Soft-iron matrix, row by row, as the chip holds it (registers 0x43 to 0x54).
 ///
-/// The data sheet gives no scale; chips in the field hold 0x4000 on the diagonal, that is 2^14 for one.
+/// The data sheet gives no scale; chips in the field hold 0x4000 on the diagonal, that is 2^14 for
+/// one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct SoftIron(pub [[i16; 3]; 3]);
 

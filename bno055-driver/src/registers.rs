@@ -1,6 +1,7 @@
 //! Register addresses and values (data sheet rev 1.4, section 4.2).
 
-/// First register of the identity block: CHIP_ID, ACC_ID, MAG_ID, GYR_ID, SW_REV (2), BL_REV, PAGE_ID.
+/// First register of the identity block: CHIP_ID, ACC_ID, MAG_ID, GYR_ID, SW_REV (2), BL_REV,
+/// PAGE_ID.
 pub const CHIP_ID: u8 = 0x00;
 /// Register page, on both pages.
 pub const PAGE_ID: u8 = 0x07;

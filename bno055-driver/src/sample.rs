@@ -159,7 +159,8 @@ impl Inspector {
         }
         if let Some(limit) = config.step_limit
             && self.recent(time).is_some_and(|good| moved(good, &now, limit))
-            // A second burst at the new place, and not merely the same bytes again, shows a real jump.
+            // A second burst at the new place, and not merely the same bytes again, shows a real
+            // jump.
             && !(fresh && jumped.is_some_and(|jumped| !moved(&jumped, &now, limit)))
         {
             self.jumped = Some(now);
@@ -176,7 +177,8 @@ impl Inspector {
         Ok(Judged { sample, fresh })
     }
 
-    /// Counts how often the burst and its rates have come in a row; whether it differs from the last.
+    /// Counts how often the burst and its rates have come in a row; whether it differs from the
+    /// last.
     fn count_repeats(&mut self, now: Words) -> bool {
         let fresh = self.last != Some(now);
         self.equal = if fresh {
@@ -199,7 +201,8 @@ impl Inspector {
     /// Whether there are words of -1 (0xFFFF on the wire) that are not chance: see [`ONES_JUMP`]
     /// and [`ONES_MAX`].
     ///
-    /// Gravity and the earth's field cannot both be -1 count on all their axes; an angular rate can.
+    /// Gravity and the earth's field cannot both be -1 count on all their axes; an angular rate
+    /// can.
     fn all_ones(&self, time: Micros, now: &Words) -> bool {
         let [acc, mag, _] = now;
         if *acc == [-1; 3] || *mag == [-1; 3] {

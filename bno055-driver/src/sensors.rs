@@ -153,8 +153,8 @@ impl Sensors {
         }
     }
 
-    /// ACC_CONFIG, MAG_CONFIG, GYR_CONFIG_0, GYR_CONFIG_1, all three sensors in their normal power mode
-    /// (data sheet sections 3.5.2 to 3.5.4).
+    /// ACC_CONFIG, MAG_CONFIG, GYR_CONFIG_0, GYR_CONFIG_1, all three sensors in their normal power
+    /// mode (data sheet sections 3.5.2 to 3.5.4).
     #[must_use]
     pub const fn registers(&self) -> [u8; 4] {
         [

@@ -18,7 +18,8 @@ impl Micros {
     }
 }
 
-/// How long the owner of the bus should let one transfer take before it reports [`BusError::Timeout`].
+/// How long the owner of the bus should let one transfer take before it reports
+/// [`BusError::Timeout`].
 ///
 /// The longest transfer of the driver, 32 bytes at 100 kHz with 0.2 ms of clock stretching a byte,
 /// takes about 9 ms. The chip has been seen to stretch for longer, but gave no useful answer then.

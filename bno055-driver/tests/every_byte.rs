@@ -1,4 +1,5 @@
-//! A bus error at every byte of every transfer: driver and chip agree again afterwards, and nothing false came out.
+//! A bus error at every byte of every transfer: driver and chip agree again afterwards, and nothing
+//! false came out.
 
 mod fake;
 
@@ -31,7 +32,8 @@ fn config() -> Config {
     }
 }
 
-/// Runs `act` once clean, to learn its transfers, and then once for every byte of them and every error.
+/// Runs `act` once clean, to learn its transfers, and then once for every byte of them and every
+/// error.
 fn spoil_every_byte(config: Config, start: fn(Config) -> Rig, act: fn(&mut Rig)) {
     let mut clean = start(config);
     let first = clean.chip.transfers;

@@ -1,4 +1,5 @@
-//! Faults of the field while sampling: how soon each is seen, that no bad sample comes out, and that the driver recovers.
+//! Faults of the field while sampling: how soon each is seen, that no bad sample comes out, and
+//! that the driver recovers.
 
 mod fake;
 
@@ -47,8 +48,8 @@ fn recovers(rig: &mut Rig) {
     assert_eq!(rig.driver.fault(), None);
 }
 
-/// Spoils the chip, and expects its first fault within so many bursts and microseconds, the same fault as long as the
-/// chip is spoilt, no sampling, and recovery once it is mended.
+/// Spoils the chip, and expects its first fault within so many bursts and microseconds, the same
+/// fault as long as the chip is spoilt, no sampling, and recovery once it is mended.
 fn seen_until_mended(
     spoil: impl Fn(&mut Chip),
     fault: SensorFault,
@@ -182,7 +183,8 @@ fn zeros_with_an_error_are_a_reset_at_once_and_the_error_once_it_is_read() {
     recovers(&mut rig);
 }
 
-/// One burst of zeros is only reported; right after another bad sample, whatever its fault, it also restarts the chip.
+/// One burst of zeros is only reported; right after another bad sample, whatever its fault, it also
+/// restarts the chip.
 #[test]
 fn zeros_after_another_bad_sample_set_the_chip_up_at_once() {
     for (first, fault, sampling) in [
@@ -377,7 +379,8 @@ fn spikes_never_come_out_whatever_bit_they_flip() {
     assert_eq!(rig.driver.health().starts, 1);
 }
 
-/// Two bad samples in three end trust in the third, whose small errors nobody sees; one in four is ridden out.
+/// Two bad samples in three end trust in the third, whose small errors nobody sees; one in four is
+/// ridden out.
 #[test]
 fn a_bus_that_is_mostly_wrong_is_not_believed_when_it_seems_right() {
     let verdicts = |bad: fn(usize) -> bool| {
@@ -488,8 +491,9 @@ fn a_clean_hour_of_samples_has_no_fault() {
     assert_eq!(health.verified, 359_999);
 }
 
-/// Of a hundred thousand bursts one in ten is spoilt at random, at most two in a row, in one of the ways of a long cable.
-/// Whatever comes out is what the chip held, to within what a judge of plausibility cannot tell from a motion.
+/// Of a hundred thousand bursts one in ten is spoilt at random, at most two in a row, in one of the
+/// ways of a long cable. Whatever comes out is what the chip held, to within what a judge of
+/// plausibility cannot tell from a motion.
 #[test]
 fn what_comes_out_of_a_bad_cable_is_the_chips_own_to_within_the_step_limit() {
     let mut rig = flying(Config {

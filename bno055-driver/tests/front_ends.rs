@@ -1,4 +1,5 @@
-//! The exact transactions of every call of the two front ends, the pauses between them, and bus errors on the way.
+//! The exact transactions of every call of the two front ends, the pauses between them, and bus
+//! errors on the way.
 
 use std::cell::Cell;
 use std::future::Future;
@@ -232,8 +233,9 @@ fn samples_each_with_one_verification() {
 
 #[test]
 fn a_lost_chip_is_set_up_again_from_within_sample() {
-    // The verifications between the bursts still succeed; the third burst gives the chip up, and it is set up again
-    // within that call and the following ones. The call that completes the set-up also takes a sample.
+    // The verifications between the bursts still succeed; the third burst gives the chip up, and it
+    // is set up again within that call and the following ones. The call that completes the set-up
+    // also takes a sample.
     let script = Script::new()
         .set_up()
         .nak_burst()

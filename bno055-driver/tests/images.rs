@@ -1,4 +1,5 @@
-//! Whatever the chip answers, the driver neither panics nor loops nor lets a sample out that it should not.
+//! Whatever the chip answers, the driver neither panics nor loops nor lets a sample out that it
+//! should not.
 
 mod fake;
 
@@ -58,7 +59,8 @@ impl Random {
     }
 }
 
-/// One million register images through every decoder: bursts of all modes, fusion, profiles, answers of all lengths.
+/// One million register images through every decoder: bursts of all modes, fusion, profiles,
+/// answers of all lengths.
 #[test]
 fn one_million_random_images_decode() {
     let mut random = Random(42);
@@ -115,7 +117,8 @@ fn one_million_random_images_decode() {
     assert!(believed < 200_000, "{believed}");
 }
 
-/// Random answers and errors to everything, from power-on: the driver goes on, and waits only for what is to come.
+/// Random answers and errors to everything, from power-on: the driver goes on, and waits only for
+/// what is to come.
 #[test]
 fn random_answers_never_stop_the_driver() {
     let mut random = Random(7);

@@ -130,8 +130,8 @@ fn a_lost_answer_that_nobody_waits_for_still_counts_as_a_bus_error() {
     assert!(rig.bursts(1)[0].is_ok());
 }
 
-/// The profile and the self-test are asked during a set-up, in several transfers: at each of them the request may be
-/// replaced or dropped.
+/// The profile and the self-test are asked during a set-up, in several transfers: at each of them
+/// the request may be replaced or dropped.
 #[test]
 fn a_set_up_does_not_answer_a_request_that_was_replaced_or_dropped() {
     for old in [Request::Profile, Request::SelfTest] {

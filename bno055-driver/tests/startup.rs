@@ -1,4 +1,5 @@
-//! From power-on to sampling: what goes over the bus, and what the driver says when the chip is not as it should be.
+//! From power-on to sampling: what goes over the bus, and what the driver says when the chip is not
+//! as it should be.
 
 mod fake;
 
@@ -282,7 +283,8 @@ fn each_register_that_does_not_hold_is_named() {
             soft_iron: Some(SoftIron::IDENTITY),
             ..Config::default()
         });
-        // The wire inverts the low bit of that register; the data burst starts at 8, too, but is longer.
+        // The wire inverts the low bit of that register; the data burst starts at 8, too, but is
+        // longer.
         rig.chip.on_wire(move |at, bytes| {
             if at == block && bytes.len() == len {
                 bytes[usize::from(register - block)] ^= 1;

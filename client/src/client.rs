@@ -1,13 +1,15 @@
 //! Requests and their answers over a link that loses, delays and repeats.
 //!
-//! Every request has an answer: the vehicle's, or [`Failure::Silence`] when nothing has come for [`ANSWER`]. Until then
-//! it is repeated; an order to disarm every [`INSIST`], anything else every [`REPEAT`]. What comes in parts (the list of
-//! parameters, the recorder's content) has made progress with every part, and only what is missing is asked for again.
+//! Every request has an answer: the vehicle's, or [`Failure::Silence`] when nothing has come for
+//! [`ANSWER`]. Until then it is repeated; an order to disarm every [`INSIST`], anything else every
+//! [`REPEAT`]. What comes in parts (the list of parameters, the recorder's content) has made
+//! progress with every part, and only what is missing is asked for again.
 //!
-//! COMMAND_ACK names the command and nothing else, and arming and disarming are one command. The vehicle takes commands
-//! in order, so acknowledgements of one command belong to its copies in the order in which these were sent, each to one
-//! copy. An acknowledgement of a copy whose request has been answered says nothing new. Where an acknowledgement was
-//! lost, a later one is taken for it, never the other way round; the request that still waits is then repeated.
+//! COMMAND_ACK names the command and nothing else, and arming and disarming are one command. The
+//! vehicle takes commands in order, so acknowledgements of one command belong to its copies in the
+//! order in which these were sent, each to one copy. An acknowledgement of a copy whose request has
+//! been answered says nothing new. Where an acknowledgement was lost, a later one is taken for it,
+//! never the other way round; the request that still waits is then repeated.
 
 use core::mem;
 use core::time::Duration;
@@ -213,7 +215,8 @@ impl Client {
         frames
     }
 
-    /// Does what is due: the heartbeat, repeats, and the end of patience. Call it every 20 ms or so.
+    /// Does what is due: the heartbeat, repeats, and the end of patience. Call it every 20 ms or
+    /// so.
     pub fn poll(&mut self, now: Duration) {
         if !self.silent && now >= self.heartbeat {
             self.heartbeat = now + HEARTBEAT;
@@ -232,8 +235,8 @@ impl Client {
         }
     }
 
-    /// The next frame to send. Take them until there is none after every request, [`Client::send`] and
-    /// [`Client::poll`].
+    /// The next frame to send. Take them until there is none after every request, [`Client::send`]
+    /// and [`Client::poll`].
     pub fn outgoing(&mut self) -> Option<Vec<u8>> {
         self.outgoing.pop_front()
     }
@@ -246,8 +249,8 @@ impl Client {
 
     /// Asks the vehicle; [`Client::answer`] has the answer later.
     ///
-    /// An order to disarm ends other orders of its command that wait, and the repeats of all others: nothing that was
-    /// ordered before is sent after it.
+    /// An order to disarm ends other orders of its command that wait, and the repeats of all
+    /// others: nothing that was ordered before is sent after it.
     pub fn request(&mut self, now: Duration, request: Request) -> Ticket {
         match &request {
             Request::Order(order) if *order == request::DISARM => self.overtake(*order),
@@ -451,7 +454,8 @@ impl Client {
         self.answer_first(|request| match request {
             Request::Read(name) if *name == told.name => Some(Ok(())),
             Request::Set(wanted) if *wanted == told => Some(Ok(())),
-            // The old value behind a reason is a refusal; without one it answers an earlier request.
+            // The old value behind a reason is a refusal; without one it answers an earlier
+            // request.
             Request::Set(wanted) if wanted.name == told.name => reason.clone().map(|reason| {
                 let kept = told.clone();
                 Err(Failure::Kept { kept, reason })
@@ -477,7 +481,8 @@ impl Client {
         }
     }
 
-    /// The download has made progress: it has come to its end, or goes on, at `again` by another request.
+    /// The download has made progress: it has come to its end, or goes on, at `again` by another
+    /// request.
     fn continue_download(&mut self, now: Duration, again: Option<Duration>) {
         let complete = self
             .recording_size

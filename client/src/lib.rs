@@ -1,9 +1,10 @@
 //! The vehicle as a ground station sees it: a MAVLink client without I/O.
 //!
-//! [`Client`] takes received bytes and gives messages; it takes [requests](Request) and gives bytes to send and, later,
-//! the answer to each. It opens no port, never waits and has no clock of its own: whoever drives it passes the time
-//! since the start as a [`Duration`](core::time::Duration). The virtual rig drives it by the emulated USB and clock,
-//! `tvc` by a serial port and real time, and the page of `tvc web` from the one thread that owns the port.
+//! [`Client`] takes received bytes and gives messages; it takes [requests](Request) and gives bytes
+//! to send and, later, the answer to each. It opens no port, never waits and has no clock of its
+//! own: whoever drives it passes the time since the start as a [`Duration`](core::time::Duration).
+//! The virtual rig drives it by the emulated USB and clock, `tvc` by a serial port and real time,
+//! and the page of `tvc web` from the one thread that owns the port.
 //!
 //! | module | what |
 //! |---|---|

@@ -57,8 +57,8 @@ pub fn servo(pulse_us: f32) -> Order {
     }
 }
 
-/// Another time between two messages of the kind `id`, us: 0 for the vehicle's own, -1 for none at all. It lasts until
-/// the port is opened again.
+/// Another time between two messages of the kind `id`, us: 0 for the vehicle's own, -1 for none at
+/// all. It lasts until the port is opened again.
 pub fn message_interval(id: u32, interval_us: f32) -> Order {
     Order {
         name: "change a message's rate",
@@ -176,7 +176,8 @@ pub fn time(ts1_ns: i64) -> MavMessage {
     })
 }
 
-/// STATUSTEXT of at most 50 characters, which the firmware ignores: for whoever reads the link along.
+/// STATUSTEXT of at most 50 characters, which the firmware ignores: for whoever reads the link
+/// along.
 pub fn status_text(text: &str) -> MavMessage {
     MavMessage::STATUSTEXT(STATUSTEXT_DATA {
         severity: MavSeverity::MAV_SEVERITY_NOTICE,

@@ -1,11 +1,13 @@
-//! The firmware's states and reasons as they come over the link: HEARTBEAT's `custom_mode` is a [`StateCode`].
+//! The firmware's states and reasons as they come over the link: HEARTBEAT's `custom_mode` is a
+//! [`StateCode`].
 
 use mavlink::dialects::common::MavMessage;
 use tvc_nano::failsafe::{ReasonKind, StateCode, StateKind};
 
 use crate::text;
 
-/// The state in a `custom_mode`; `None` for one that this version of the firmware's library does not have.
+/// The state in a `custom_mode`; `None` for one that this version of the firmware's library does
+/// not have.
 pub fn state_of(custom_mode: u32) -> Option<StateKind> {
     StateKind::try_from(custom_mode as u8).ok()
 }

@@ -7,7 +7,8 @@ use tvc_nano::failsafe::StateKind;
 
 use crate::Client;
 
-/// The newest of everything. Serialized, it is a line of `tvc monitor --json` and a datagram of `tvc forward`.
+/// The newest of everything. Serialized, it is a line of `tvc monitor --json` and a datagram of
+/// `tvc forward`.
 #[derive(Clone, Debug, Default, Serialize)]
 pub struct Status {
     /// The vehicle's clock at the newest attitude, s.

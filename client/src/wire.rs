@@ -32,7 +32,8 @@ pub struct Frame {
 }
 
 impl Frame {
-    /// Its payload as it came: without trailing zeros, with extensions that the dialect's types do not have.
+    /// Its payload as it came: without trailing zeros, with extensions that the dialect's types do
+    /// not have.
     pub fn payload(&self) -> &[u8] {
         &self.bytes[HEADER..HEADER + usize::from(self.bytes[1])]
     }
@@ -64,7 +65,8 @@ impl Wire {
         frames.into_iter().map(|frame| frame.message).collect()
     }
 
-    /// Takes in received bytes; the frames that are complete now, for whoever keeps or passes on their bytes.
+    /// Takes in received bytes; the frames that are complete now, for whoever keeps or passes on
+    /// their bytes.
     pub fn receive_frames(&mut self, bytes: &[u8]) -> Vec<Frame> {
         self.buffer.extend_from_slice(bytes);
         let mut frames = Vec::new();

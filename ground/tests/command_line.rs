@@ -1,4 +1,5 @@
-//! The tool as scripts and people meet it: exit status, one line for what was wrong, data apart from messages.
+//! The tool as scripts and people meet it: exit status, one line for what was wrong, data apart
+//! from messages.
 
 mod running;
 

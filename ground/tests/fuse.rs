@@ -61,7 +61,8 @@ fn angle_deg(a: [f64; 3], b: [f64; 3]) -> f64 {
     cos.clamp(-1.0, 1.0).acos().to_degrees()
 }
 
-/// RMS angles between the estimated and the true vertical, and between both easts, over the movement.
+/// RMS angles between the estimated and the true vertical, and between both easts, over the
+/// movement.
 fn errors_deg(estimates: &[[f64; 5]], bytes: &[u8]) -> (f64, f64) {
     let (mut squares, mut count) = ((0.0, 0.0), 0.0);
     for (estimate, record) in estimates.iter().zip(bytes[HEADER..].chunks_exact(RECORD)) {

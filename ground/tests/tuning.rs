@@ -33,7 +33,8 @@ fn unusable_input_is_refused_in_one_line() {
     assert_refused(&["identify", "none.csv"], "none.csv");
 }
 
-/// Whatever the number of threads and shards, a seed gives the same runs; the worst fly again as they were.
+/// Whatever the number of threads and shards, a seed gives the same runs; the worst fly again as
+/// they were.
 #[test]
 fn campaigns_are_the_same_in_one_piece_and_in_shards() {
     let folder = tempfile::tempdir().unwrap();

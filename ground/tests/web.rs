@@ -1,4 +1,5 @@
-//! `tvc web` against the virtual rig: its HTTP interface as the page uses it, and as a foreign page would.
+//! `tvc web` against the virtual rig: its HTTP interface as the page uses it, and as a foreign page
+//! would.
 #![cfg(unix)]
 
 mod running;
@@ -93,7 +94,8 @@ impl Page {
         assert_eq!((status, &answer["ok"]), (200, &json!(true)), "{answer}");
     }
 
-    /// Arms as soon as the vehicle lets itself be armed: its gyro has an offset to learn, its attitude to settle.
+    /// Arms as soon as the vehicle lets itself be armed: its gyro has an offset to learn, its
+    /// attitude to settle.
     fn arm(&self) {
         let begun = Instant::now();
         loop {

@@ -7,9 +7,10 @@
 //!
 //! Each parameter starts from the nominal setup with a prior spread. What the record says nothing
 //! about keeps its prior: a standard deviation near [`Estimate::prior`] means "not seen in this
-//! record". Above all a record shows the quotient of thrust and inertia, [`Identification::pitch_gain`];
-//! the two apart only by small effects (the crank's reaction, the servo slowed by the wash), so that
-//! their spreads are some ten times larger. Spreads count noise, not what the model leaves out.
+//! record". Above all a record shows the quotient of thrust and inertia,
+//! [`Identification::pitch_gain`]; the two apart only by small effects (the crank's reaction, the
+//! servo slowed by the wash), so that their spreads are some ten times larger. Spreads count noise,
+//! not what the model leaves out.
 
 use nalgebra::{DMatrix, DVector};
 use serde::Serialize;

@@ -169,7 +169,8 @@ mod tests {
         for sign in [1.0, -1.0] {
             let response = second_order(sign);
             assert!((response.overshoot_pct() - 16.303).abs() < 1e-3);
-            // 0.9 of the step at wn t = 2.12 (damping 0.5); 5 % band left for the last time at 5.29.
+            // 0.9 of the step at wn t = 2.12 (damping 0.5); 5 % band left for the last time at
+            // 5.29.
             assert!((response.rise_s().unwrap() - 0.2124).abs() < 2e-3);
             assert!((response.settling_s(0.05).unwrap() - 0.5288).abs() < 2e-3);
             assert!(response.final_error().abs() < 1e-6);

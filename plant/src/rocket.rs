@@ -11,8 +11,9 @@
 //! of a vertical run. Left out: lateral drift and wind, slosh, bending, jet damping.
 //!
 //! The stated figures do not fit each other: 100 kN from 2600 kg in 90 s imply a specific impulse
-//! of 353 s, too much for oxygen and ethanol (at 250 s the burn would last 64 s), and a vertical run
-//! on them ends at 2.5 km/s and 84 km where 1 km/s and 50 km are stated. They are used as stated.
+//! of 353 s, too much for oxygen and ethanol (at 250 s the burn would last 64 s), and a vertical
+//! run on them ends at 2.5 km/s and 84 km where 1 km/s and 50 km are stated. They are used as
+//! stated.
 
 use serde::{Deserialize, Serialize};
 
@@ -275,7 +276,8 @@ impl Rocket {
         Some(index as f64 * ASCENT_STEP_S)
     }
 
-    /// Flies both axes from `start` for `seconds`, the law giving gimbal commands (rad) every 10 ms.
+    /// Flies both axes from `start` for `seconds`, the law giving gimbal commands (rad) every 10
+    /// ms.
     pub fn fly(
         &self,
         start: Attitude,

@@ -240,7 +240,8 @@ impl GroundStation {
         self.flush(rig);
         let end = rig.now() + Ticks::from_us(ANSWER.as_micros() as u64);
         loop {
-            // Without a port `poll` does not poll the client, whose time limit would never end then.
+            // Without a port `poll` does not poll the client, whose time limit would never end
+            // then.
             if rig.now() >= end && !rig.usb_host().is_configured() {
                 self.client.close();
             }

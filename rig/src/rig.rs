@@ -58,8 +58,8 @@ impl Default for RigConfig {
 }
 
 impl RigConfig {
-    /// The defaults with the servo's polarity set, as on a vehicle whose rudder has been checked: on
-    /// this rig +1 is right.
+    /// The defaults with the servo's polarity set, as on a vehicle whose rudder has been checked:
+    /// on this rig +1 is right.
     pub fn polarity_set() -> Params {
         let mut params = Params::default();
         let row = params.set("SRV_POLARITY", 1.0);
@@ -150,8 +150,8 @@ impl Rig {
         self.run_until(self.now() + time)
     }
 
-    /// Runs until `until`, through resets and the bootloader. The last instruction may end some cycles
-    /// later.
+    /// Runs until `until`, through resets and the bootloader. The last instruction may end some
+    /// cycles later.
     ///
     /// # Errors
     /// [`RigError::Stopped`].
@@ -193,8 +193,8 @@ impl Rig {
         }
     }
 
-    /// What the Nano 33 IoT's bootloader does after any reset that is not a power-on: at the first it
-    /// leaves a word in RAM and waits; at a second one within that time it stays in control.
+    /// What the Nano 33 IoT's bootloader does after any reset that is not a power-on: at the first
+    /// it leaves a word in RAM and waits; at a second one within that time it stays in control.
     fn enter_bootloader(&mut self, cause: ResetCause) {
         self.reset(cause);
         let end = self.now() + TAP_WINDOW;

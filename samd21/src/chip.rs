@@ -50,9 +50,9 @@ impl Chip {
         self.memory.flash_mut()[range].copy_from_slice(bytes);
     }
 
-    /// Starts the image at `vector_table`: its first word is the stack pointer, its second the entry
-    /// point, and VTOR points to it. A bootloader does this last; after a reset the core does it
-    /// with address 0.
+    /// Starts the image at `vector_table`: its first word is the stack pointer, its second the
+    /// entry point, and VTOR points to it. A bootloader does this last; after a reset the core does
+    /// it with address 0.
     pub fn boot(&mut self, vector_table: u32) {
         self.core.boot(vector_table, &self.memory);
     }

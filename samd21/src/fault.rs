@@ -51,8 +51,8 @@ pub enum FaultKind {
         /// The encoding; of a 32-bit one the first half-word is above.
         encoding: u32,
     },
-    /// A branch or a vector to an address with bit 0 clear (ARM state, which this core does not have):
-    /// HardFault.
+    /// A branch or a vector to an address with bit 0 clear (ARM state, which this core does not
+    /// have): HardFault.
     NotThumb,
     /// An exception return with a value, a state or a stacked xPSR that does not fit: HardFault.
     ExceptionReturn {

@@ -1,9 +1,10 @@
 //! Clocks and supply supervision.
 //!
-//! The Nano 33 IoT has no crystal. The DFLL makes 48 MHz, disciplined by USB's start-of-frame where there is a host, and
-//! off by up to a few percent where there is none. The HAL sets it up and waits for its oscillators without a limit:
-//! that is left as it is. It happens before the first pulse and before the watchdog runs, and a chip whose oscillator
-//! does not start could make neither pulses nor USB whatever this code did.
+//! The Nano 33 IoT has no crystal. The DFLL makes 48 MHz, disciplined by USB's start-of-frame where
+//! there is a host, and off by up to a few percent where there is none. The HAL sets it up and
+//! waits for its oscillators without a limit: that is left as it is. It happens before the first
+//! pulse and before the watchdog runs, and a chip whose oscillator does not start could make
+//! neither pulses nor USB whatever this code did.
 
 use atsamd_hal::clock::{ClockGenId, ClockSource, GenericClockController, UsbClock};
 use atsamd_hal::pac;
@@ -37,14 +38,15 @@ pub(super) fn start(
     }
 }
 
-/// BOD33 threshold: about 2.77 V typical (data sheet table 37-22, 34 mV a step), above the 2.7 V that flash at one
-/// wait state and 48 MHz needs, with hysteresis below the 3.3 V rail's ripple.
+/// BOD33 threshold: about 2.77 V typical (data sheet table 37-22, 34 mV a step), above the 2.7 V
+/// that flash at one wait state and 48 MHz needs, with hysteresis below the 3.3 V rail's ripple.
 const BROWN_OUT_LEVEL: u8 = 37;
 
 /// Reset the chip when its supply falls too low to run right.
 ///
-/// The detector is first turned on without an action: if it sees a low supply already, resetting would go round in
-/// circles, and two resets within half a second strand the board in its bootloader.
+/// The detector is first turned on without an action: if it sees a low supply already, resetting
+/// would go round in circles, and two resets within half a second strand the board in its
+/// bootloader.
 pub(super) fn watch_supply(sysctrl: &pac::Sysctrl) {
     /// The detector runs from a 32 kHz clock: some cycles of it, many times over.
     const LIMIT_US: u64 = 2_000;

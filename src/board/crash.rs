@@ -1,12 +1,14 @@
 //! Panics and faults: the servo goes to neutral, the reason survives the reset.
 //!
-//! The record lies in RAM that neither this program's start-up nor the bootloader touches. It is sealed by a checksum,
-//! for RAM holds noise after power-on. It is read once at the next start and cleared.
+//! The record lies in RAM that neither this program's start-up nor the bootloader touches. It is
+//! sealed by a checksum, for RAM holds noise after power-on. It is read once at the next start and
+//! cleared.
 //!
-//! After the servo has been sent to neutral the chip does not reset at once: the watchdog does that, within 125 ms. Until
-//! then the timer goes on sending neutral pulses, so that the rudder gets there before the bootloader's half second
-//! without any. A processor that locks up (a fault within the fault handler, or a stack pointer outside RAM) leaves
-//! no record; the watchdog ends that too.
+//! After the servo has been sent to neutral the chip does not reset at once: the watchdog does
+//! that, within 125 ms. Until then the timer goes on sending neutral pulses, so that the rudder
+//! gets there before the bootloader's half second without any. A processor that locks up (a fault
+//! within the fault handler, or a stack pointer outside RAM) leaves no record; the watchdog ends
+//! that too.
 
 use core::ptr::addr_of_mut;
 
@@ -131,8 +133,9 @@ fn end(record: Record) -> ! {
     SCB::sys_reset()
 }
 
-/// A panic says where it is by its return addresses and not by file and line: those of every place that could panic
-/// would take 4 KB of the image. The ELF tells function, file and line of an address.
+/// A panic says where it is by its return addresses and not by file and line: those of every place
+/// that could panic would take 4 KB of the image. The ELF tells function, file and line of an
+/// address.
 #[cfg(not(feature = "probe"))]
 #[panic_handler]
 fn panic(_: &core::panic::PanicInfo) -> ! {
@@ -141,9 +144,11 @@ fn panic(_: &core::panic::PanicInfo) -> ! {
     end(Record::new(PANIC, places))
 }
 
-/// Where the functions under way return to, innermost first; 0 where the chain of their frames ends.
+/// Where the functions under way return to, innermost first; 0 where the chain of their frames
+/// ends.
 ///
-/// The target's functions keep their frame's address in r7, where the caller's frame and the return address lie.
+/// The target's functions keep their frame's address in r7, where the caller's frame and the return
+/// address lie.
 #[cfg(not(feature = "probe"))]
 #[inline(always)]
 fn return_addresses() -> [u32; 4] {

@@ -1,9 +1,10 @@
 //! The last rows of flash, where parameters are stored.
 //!
-//! Erasing a row (256 bytes) takes up to 6 ms, writing a page (64 bytes) up to 2.5 ms (data sheet, table 37-41). The
-//! processor runs from the same flash and stands still meanwhile, interrupts and all, while the timers and with them the
-//! servo's pulses go on. So nothing is written while the drone is armed; a save costs a few steps their samples, and
-//! [`super::time`], which counts SysTick's interrupts, falls behind by what was stood still.
+//! Erasing a row (256 bytes) takes up to 6 ms, writing a page (64 bytes) up to 2.5 ms (data sheet,
+//! table 37-41). The processor runs from the same flash and stands still meanwhile, interrupts and
+//! all, while the timers and with them the servo's pulses go on. So nothing is written while the
+//! drone is armed; a save costs a few steps their samples, and [`super::time`], which counts
+//! SysTick's interrupts, falls behind by what was stood still.
 
 use atsamd_hal::pac;
 use embedded_storage::nor_flash::{
@@ -52,8 +53,9 @@ enum Operation {
 }
 
 impl Flash {
-    /// Take the controller over. From here on it writes only on command: as it comes out of reset, filling the page
-    /// buffer's last word would write it, and a stray pointer would write flash (errata, 1.14.1).
+    /// Take the controller over. From here on it writes only on command: as it comes out of reset,
+    /// filling the page buffer's last word would write it, and a stray pointer would write flash
+    /// (errata, 1.14.1).
     pub(super) fn new(controller: pac::Nvmctrl) -> Self {
         controller.ctrlb().modify(|_, w| w.manw().set_bit());
         Self { controller }
@@ -103,7 +105,8 @@ impl ReadNorFlash for Flash {
         check_read(self, offset, bytes.len())?;
         let from = (START + offset as usize) as *const u8;
         for (index, byte) in bytes.iter_mut().enumerate() {
-            // SAFETY: within flash, as checked; volatile because it changes under the compiler's hands.
+            // SAFETY: within flash, as checked; volatile because it changes under the compiler's
+            // hands.
             *byte = unsafe { from.add(index).read_volatile() };
         }
         Ok(())
@@ -135,7 +138,8 @@ impl NorFlash for Flash {
             self.operate(Operation::ClearPageBuffer)?;
             for (at, word) in page.as_chunks::<4>().0.iter().enumerate() {
                 let place = (start as *mut u32).wrapping_add(at);
-                // SAFETY: a write to flash only fills the page buffer; aligned, and within flash, as checked.
+                // SAFETY: a write to flash only fills the page buffer; aligned, and within flash,
+                // as checked.
                 unsafe { place.write_volatile(u32::from_le_bytes(*word)) };
             }
             self.point_at(start - START);

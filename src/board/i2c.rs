@@ -1,21 +1,23 @@
 //! The sensor bus: an I2C master on a SERCOM that is driven by its interrupt and cannot hang.
 //!
-//! A transfer is a write to a register, or a write of its number, a repeated start and a read. Once started it runs in
-//! the SERCOM's interrupt, one byte at a time, and the main loop collects its outcome with [`Bus::poll`]. Each transfer
-//! has a deadline. Whatever fails ends with a STOP, where the master still owns the bus, or with the peripheral reset
-//! and the lines looked at; only a data line that a slave holds low is clocked free ([`recovery`]).
+//! A transfer is a write to a register, or a write of its number, a repeated start and a read. Once
+//! started it runs in the SERCOM's interrupt, one byte at a time, and the main loop collects its
+//! outcome with [`Bus::poll`]. Each transfer has a deadline. Whatever fails ends with a STOP, where
+//! the master still owns the bus, or with the peripheral reset and the lines looked at; only a data
+//! line that a slave holds low is clocked free ([`recovery`]).
 //!
 //! ```text
-//!         address+W acknowledged      register acknowledged, read          byte 1..n-1: acknowledge
-//!  start ──────────────────────▶ Register ─────────────────────▶ Reading ──┐ byte n: refuse, STOP ▶ done
-//!                                   │  register acknowledged, write        └─┘
-//!                                   └─────────────────────▶ Writing ── all acknowledged: STOP ▶ done
+//!      address+W acknowledged      register acknowledged, read    byte 1..n-1: acknowledge
+//! start ─────────────────▶ Register ───────────────────▶ Reading ─┐ byte n: refuse, STOP ▶ done
+//!                             │  register acknowledged, write     └┘
+//!                             └─────────────▶ Writing ── all acknowledged: STOP ▶ done
 //! ```
 //!
-//! What the data sheet's chapter 28 asks for and drivers have tripped over: BUSSTATE must be forced to idle after enabling;
-//! every command waits for the one before; a refused address of a read shows as MB, not SB; flags are cleared by writing
-//! ones to them; a START while the STOP before is still on the wire would be a repeated start; BAUD counts from 10 cycles
-//! and the lines' rise time, and holds one byte. Time-outs of the hardware are left off: the BNO055 stretches the clock
+//! What the data sheet's chapter 28 asks for and drivers have tripped over: BUSSTATE must be forced
+//! to idle after enabling; every command waits for the one before; a refused address of a read
+//! shows as MB, not SB; flags are cleared by writing ones to them; a START while the STOP before is
+//! still on the wire would be a repeated start; BAUD counts from 10 cycles and the lines' rise
+//! time, and holds one byte. Time-outs of the hardware are left off: the BNO055 stretches the clock
 //! for longer than they allow.
 
 mod recovery;
@@ -236,7 +238,8 @@ pub(super) struct Bus {
 }
 
 impl Bus {
-    /// Bring the bus up, clocking a slave off its data line first where a reset of this chip left it in mid-byte.
+    /// Bring the bus up, clocking a slave off its data line first where a reset of this chip left
+    /// it in mid-byte.
     pub(super) fn start(address: u8, khz: u32) -> Self {
         with_master(|master| master.address = address << 1);
         let mut bus = Self {
@@ -324,7 +327,8 @@ impl Bus {
         });
     }
 
-    /// Reset the peripheral, free the lines, set it up anew. Nothing touches it meanwhile: it is marked broken.
+    /// Reset the peripheral, free the lines, set it up anew. Nothing touches it meanwhile: it is
+    /// marked broken.
     fn repair(&mut self) {
         with_master(|master| master.broken = true);
         self.repair_at = now().after(REPAIR_PERIOD_US);
@@ -338,8 +342,9 @@ impl Bus {
     }
 }
 
-/// Start the armed transfer, from the tick's interrupt, unless the bus is busy. A transfer that went well and that the
-/// main loop, being late, has not collected is overtaken: the burst is worth more, and the driver asks again.
+/// Start the armed transfer, from the tick's interrupt, unless the bus is busy. A transfer that
+/// went well and that the main loop, being late, has not collected is overtaken: the burst is worth
+/// more, and the driver asks again.
 pub(super) fn start_burst(time: Micros) {
     with_master(|master| {
         let free = master

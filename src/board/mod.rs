@@ -1,5 +1,5 @@
-//! The board: clocks, sensor bus, servo, USB, watchdog, and what is left after a crash. The only place that names a
-//! register.
+//! The board: clocks, sensor bus, servo, USB, watchdog, and what is left after a crash. The only
+//! place that names a register.
 //!
 //! # Interrupts
 //! | priority | interrupt | does |
@@ -10,12 +10,14 @@
 //! | 1 | WDT | early warning: the servo to neutral |
 //! | 3 | USB | masks itself; wakes the main loop |
 //!
-//! Nothing above the main loop takes more than some 10 us, so a tick's burst starts within a few microseconds of its
-//! compare match. The longest that interrupts are held off is a call into the USB controller's driver, about 50 us.
+//! Nothing above the main loop takes more than some 10 us, so a tick's burst starts within a few
+//! microseconds of its compare match. The longest that interrupts are held off is a call into the
+//! USB controller's driver, about 50 us.
 //!
 //! # No endless waits
-//! Every wait for hardware is bounded but two, both at start-up before the first pulse and before the watchdog runs: the
-//! HAL's for the oscillators (see [`clocks`]) and for the USB controller's reset, which the same clocks drive.
+//! Every wait for hardware is bounded but two, both at start-up before the first pulse and before
+//! the watchdog runs: the HAL's for the oscillators (see [`clocks`]) and for the USB controller's
+//! reset, which the same clocks drive.
 
 mod clocks;
 mod crash;
@@ -64,7 +66,8 @@ pub(crate) struct Board {
 }
 
 impl Board {
-    /// Bring the board up, servo first; the stored parameters, and how the last run ended. `address` is the sensor's.
+    /// Bring the board up, servo first; the stored parameters, and how the last run ended.
+    /// `address` is the sensor's.
     pub(crate) fn start(address: u8) -> (Self, Params, BootReport) {
         let mut chip = pac::Peripherals::take().expect("started once");
         let mut core = cortex_m::Peripherals::take().expect("started once");

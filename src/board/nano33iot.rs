@@ -1,4 +1,5 @@
-//! Arduino Nano 33 IoT: which pin and which peripheral does what. Another SAMD21 board is another file like this one.
+//! Arduino Nano 33 IoT: which pin and which peripheral does what. Another SAMD21 board is another
+//! file like this one.
 //!
 //! USB is not here: the chip has it on one pair of pads.
 

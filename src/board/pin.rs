@@ -1,4 +1,5 @@
-//! A pin by port and number, at register level: the sensor bus needs its lines as GPIO and as SERCOM in turn.
+//! A pin by port and number, at register level: the sensor bus needs its lines as GPIO and as
+//! SERCOM in turn.
 
 use atsamd_hal::pac;
 
@@ -57,7 +58,8 @@ impl Pin {
         unsafe { port().dirclr(self.group).write(|w| w.bits(self.mask())) };
     }
 
-    /// Its level; needs the input buffer that [`gpio`](Self::gpio) and [`connect`](Self::connect) turn on.
+    /// Its level; needs the input buffer that [`gpio`](Self::gpio) and [`connect`](Self::connect)
+    /// turn on.
     #[inline]
     pub(super) fn is_high(self) -> bool {
         port().in_(self.group).read().bits() & self.mask() != 0
@@ -77,7 +79,8 @@ impl Pin {
         };
         let chosen = (function as u8) << shift;
         let index = self.number / 2;
-        // SAFETY: read-modify-write of a register that two pins share; only the main loop configures pins.
+        // SAFETY: read-modify-write of a register that two pins share; only the main loop
+        // configures pins.
         unsafe {
             if self.group == 0 {
                 port()

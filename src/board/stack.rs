@@ -25,7 +25,8 @@ pub(super) fn paint() {
     let mut word = addr_of_mut!(_stack_end);
     let top = (cortex_m::register::msp::read() as usize - MARGIN) as *mut u32;
     while word < top {
-        // SAFETY: between the end of the statics and the stack pointer nothing lives; aligned by the linker script.
+        // SAFETY: between the end of the statics and the stack pointer nothing lives; aligned by
+        // the linker script.
         unsafe {
             word.write_volatile(PAINT);
             word = word.add(1);

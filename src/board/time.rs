@@ -1,8 +1,9 @@
 //! Time since start-up in microseconds, 64 bits wide, from SysTick.
 //!
-//! SysTick interrupts every millisecond; between interrupts its counter gives the rest. Its interrupt has the highest
-//! priority of all, so that nobody can look at the clock while a millisecond has left the counter but not yet arrived
-//! in the sum: with interrupts held off it is either pending, which [`now`] sees, or done.
+//! SysTick interrupts every millisecond; between interrupts its counter gives the rest. Its
+//! interrupt has the highest priority of all, so that nobody can look at the clock while a
+//! millisecond has left the counter but not yet arrived in the sum: with interrupts held off it is
+//! either pending, which [`now`] sees, or done.
 
 use core::cell::Cell;
 
@@ -42,10 +43,12 @@ pub(super) fn now() -> Micros {
     })
 }
 
-/// Microseconds since SysTick last became pending. It does so as the counter reaches 0, one cycle before the reload.
+/// Microseconds since SysTick last became pending. It does so as the counter reaches 0, one cycle
+/// before the reload.
 const fn since_interrupt_us(count: u32) -> u32 {
     let cycles = if count == 0 { 0 } else { CYCLES_PER_MS - count };
-    // Division by 48 as a multiplication: 43,691 / 2^21 is 1/48 + 1.6e-7, exact for every value below 48,000.
+    // Division by 48 as a multiplication: 43,691 / 2^21 is 1/48 + 1.6e-7, exact for every value
+    // below 48,000.
     (cycles * 43_691) >> 21
 }
 
@@ -64,15 +67,16 @@ pub(super) fn delay_us(us: u32) {
 
 /// Poll `ready` for a bounded time, some 100 us at 48 MHz; says whether it came true.
 ///
-/// Synchronisation between clock domains takes about six cycles of the slower clock, here 48 MHz too; where it takes
-/// longer than this, the peripheral is broken and its user reports it.
+/// Synchronisation between clock domains takes about six cycles of the slower clock, here 48 MHz
+/// too; where it takes longer than this, the peripheral is broken and its user reports it.
 #[must_use]
 pub(super) fn soon(ready: impl Fn() -> bool) -> bool {
     const POLLS: u32 = 500;
     (0..POLLS).any(|_| ready())
 }
 
-/// Poll `ready` for `limit_us` at most, for what is slower than [`soon`]; says whether it came true.
+/// Poll `ready` for `limit_us` at most, for what is slower than [`soon`]; says whether it came
+/// true.
 #[must_use]
 pub(super) fn within(limit_us: u64, ready: impl Fn() -> bool) -> bool {
     let began = now();

@@ -1,5 +1,5 @@
-//! The USB serial port: the HAL's device controller, `usb-device`, and the packet level of `usbd-serial`, polled from the
-//! main loop.
+//! The USB serial port: the HAL's device controller, `usb-device`, and the packet level of
+//! `usbd-serial`, polled from the main loop.
 //!
 //! The interrupt masks itself and wakes the main loop, which polls the stack once nothing more
 //! urgent is left, and then unmasks the interrupt. Nothing waits for the host: what it does not

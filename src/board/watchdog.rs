@@ -1,8 +1,9 @@
 //! The watchdog and its guard, which alone may feed it.
 //!
-//! The watchdog runs from its own 1,024 Hz oscillator and resets the chip after [`TIMEOUT`]. Half way there it
-//! interrupts, and the servo is sent to neutral: a hung program would otherwise hold the last rudder angle, and the
-//! bootloader then leaves the servo without pulses for half a second.
+//! The watchdog runs from its own 1,024 Hz oscillator and resets the chip after [`TIMEOUT`]. Half
+//! way there it interrupts, and the servo is sent to neutral: a hung program would otherwise hold
+//! the last rudder angle, and the bootloader then leaves the servo without pulses for half a
+//! second.
 //!
 //! Clearing it takes some 5 ms to reach its slow clock, and a second clear in that time would stall
 //! the whole chip until the first has arrived. So it is fed no more often than [`Work`] allows, and

@@ -1,4 +1,5 @@
-//! The flight on a desk: a rigid body on a pivot, a servo with a lag, and a sensor that says what it should.
+//! The flight on a desk: a rigid body on a pivot, a servo with a lag, and a sensor that says what
+//! it should.
 
 use std::boxed::Box;
 use std::vec::Vec;
@@ -16,8 +17,8 @@ const NEUTRAL: PulseUs = PulseUs(1524);
 /// Steps of rest after which the gyro's offset is known.
 const REST: usize = 450;
 
-/// What a sensor at rest on a body pitched by `pitch_rad` reads, turning at `rate_rad_s`: gravity of 9.81 m/s2, a field of
-/// 17 uT north and 47 uT down.
+/// What a sensor at rest on a body pitched by `pitch_rad` reads, turning at `rate_rad_s`: gravity
+/// of 9.81 m/s2, a field of 17 uT north and 47 uT down.
 pub(crate) fn reading(time_us: u64, pitch_rad: f64, rate_rad_s: f64) -> RawSample {
     let (sin, cos) = pitch_rad.sin_cos();
     let counts = |value: f64| value.round() as i16;
@@ -41,7 +42,8 @@ pub(crate) fn params() -> Params {
     params
 }
 
-/// The pivot: `pitch'' = -31.6 servo` (plant.md section 2, derived), the servo a lag of 40 ms at 5.5 rad/s.
+/// The pivot: `pitch'' = -31.6 servo` (plant.md section 2, derived), the servo a lag of 40 ms at
+/// 5.5 rad/s.
 pub(crate) struct Desk {
     pub(crate) flight: Flight,
     pub(crate) now_us: u64,
@@ -354,8 +356,8 @@ proptest! {
         ..ProptestConfig::default()
     })]
 
-    /// Whatever comes, the pulse stays in the hard range, is neutral unless control is active or an idle servo is set up, and
-    /// the attitude is finite.
+    /// Whatever comes, the pulse stays in the hard range, is neutral unless control is active or an
+    /// idle servo is set up, and the attitude is finite.
     #[test]
     fn nothing_leaves_the_envelope(events in prop::collection::vec(event(), 1..300)) {
         let mut desk = Desk::in_standby(0.3);

@@ -166,7 +166,8 @@ fn hash_of(name: &str) -> u32 {
     })
 }
 
-/// Power cut in every operation of a save, in every way: the old set or the new one, whole, and the store goes on.
+/// Power cut in every operation of a save, in every way: the old set or the new one, whole, and the
+/// store goes on.
 #[test]
 fn a_cut_in_any_operation_leaves_the_old_set_or_the_new_one() {
     let old = params(2.0);

@@ -232,7 +232,8 @@ impl Telemetry {
         Ok(())
     }
 
-    /// COMMAND_ACK by the command's number: the dialect's type cannot carry one that it does not know.
+    /// COMMAND_ACK by the command's number: the dialect's type cannot carry one that it does not
+    /// know.
     pub(super) fn acknowledge(&mut self, command: u16, result: MavResult) {
         let [low, high] = command.to_le_bytes();
         self.send_payload::<COMMAND_ACK_DATA>(Priority::Event, &[low, high, result as u8]);
@@ -251,8 +252,8 @@ impl Telemetry {
 /// What becomes of an order that was understood.
 type Answer = Result<(), RefusalKind>;
 
-/// What counts of a COMMAND_LONG. The dialect's own decoder is of no use: it knows each of its 160 commands by a name,
-/// which takes 2 KB, and gives up on any other, which is yet to be answered.
+/// What counts of a COMMAND_LONG. The dialect's own decoder is of no use: it knows each of its 160
+/// commands by a name, which takes 2 KB, and gives up on any other, which is yet to be answered.
 struct Order {
     param1: f32,
     param2: f32,

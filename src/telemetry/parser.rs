@@ -1,8 +1,10 @@
-//! Frames out of a stream of bytes: MAVLink 2, and MAVLink 1 for clients that have not yet heard from us.
+//! Frames out of a stream of bytes: MAVLink 2, and MAVLink 1 for clients that have not yet heard
+//! from us.
 //!
-//! Only the messages that the flight understands are taken. Anything else is given up as soon as its header shows it,
-//! and the search goes on at the very next byte: noise that looks like a start marker cannot swallow the frames behind
-//! it, and the buffer needs to hold no more than the longest message of interest.
+//! Only the messages that the flight understands are taken. Anything else is given up as soon as
+//! its header shows it, and the search goes on at the very next byte: noise that looks like a start
+//! marker cannot swallow the frames behind it, and the buffer needs to hold no more than the
+//! longest message of interest.
 
 use heapless::Vec;
 use mavlink::MessageData;
@@ -14,7 +16,8 @@ use mavlink::dialects::common::{
 
 use super::checksum::checksum;
 
-/// Longest payload taken: COMMAND_LONG has 33 bytes; the rest allows for fields that a later revision may append.
+/// Longest payload taken: COMMAND_LONG has 33 bytes; the rest allows for fields that a later
+/// revision may append.
 const MAX_PAYLOAD: usize = 40;
 const SIGNATURE: usize = 13;
 const MAX_FRAME: usize = 10 + MAX_PAYLOAD + 2 + SIGNATURE;
@@ -62,7 +65,8 @@ impl Parser {
 
     /// Take one byte. Follow with [`Parser::next_message`] until it gives nothing.
     pub(super) fn push(&mut self, byte: u8) {
-        // Noise costs next to nothing: neither what lies between frames, nor a length that no message of interest has.
+        // Noise costs next to nothing: neither what lies between frames, nor a length that no
+        // message of interest has.
         if self.buffer.len() == 1 && usize::from(byte) > MAX_PAYLOAD {
             self.buffer.clear();
         }

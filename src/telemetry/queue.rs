@@ -77,9 +77,11 @@ impl Queue {
         self.dropped
     }
 
-    /// Move what waits to the front. Happens only when the host lags, once in about [`QUEUE_BYTES`].
+    /// Move what waits to the front. Happens only when the host lags, once in about
+    /// [`QUEUE_BYTES`].
     ///
-    /// In blocks no longer than the way they go, which do not overlap themselves: the general `memmove` takes 1.3 KB.
+    /// In blocks no longer than the way they go, which do not overlap themselves: the general
+    /// `memmove` takes 1.3 KB.
     fn compact(&mut self) {
         let gap = self.sent;
         let waiting = self.pending().len();

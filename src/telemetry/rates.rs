@@ -1,4 +1,5 @@
-//! How often the messages of a step are sent, until the host asks for another interval (MAV_CMD_SET_MESSAGE_INTERVAL).
+//! How often the messages of a step are sent, until the host asks for another interval
+//! (MAV_CMD_SET_MESSAGE_INTERVAL).
 
 use mavlink::MessageData;
 use mavlink::dialects::common::{
@@ -52,8 +53,8 @@ impl Rates {
         Self([default; STREAMS.len()])
     }
 
-    /// Another interval for the message with this number, us: 0 is the default again, -1 none at all. Says whether it
-    /// was understood. A step comes every `step_us`.
+    /// Another interval for the message with this number, us: 0 is the default again, -1 none at
+    /// all. Says whether it was understood. A step comes every `step_us`.
     pub(super) fn set(&mut self, id: f32, interval_us: f32, step_us: u32) -> bool {
         let every = if interval_us == -1.0 {
             Some(0)

@@ -47,8 +47,8 @@ impl Telemetry {
         }
     }
 
-    /// Obeys an order about stored parameters, if there is one. The processor may stand still for some 30 ms: call it
-    /// where that does no harm. While the drone is armed it is refused.
+    /// Obeys an order about stored parameters, if there is one. The processor may stand still for
+    /// some 30 ms: call it where that does no harm. While the drone is armed it is refused.
     pub fn serve_storage<F: NorFlash>(&mut self, flash: &mut F, flight: &mut Flight) {
         let Some(order) = self.storage.take() else {
             return;

@@ -1,4 +1,5 @@
-//! Frames against pymavlink 2.4.50 byte by byte, and conversations against the `mavlink` crate's own parser.
+//! Frames against pymavlink 2.4.50 byte by byte, and conversations against the `mavlink` crate's
+//! own parser.
 
 mod download;
 mod golden;
@@ -35,7 +36,8 @@ fn hex(text: &str) -> Vec<u8> {
         .collect()
 }
 
-/// Take everything that waits, as the `mavlink` crate reads it; sequence numbers must have no holes.
+/// Take everything that waits, as the `mavlink` crate reads it; sequence numbers must have no
+/// holes.
 fn take(telemetry: &mut Telemetry) -> Vec<MavMessage> {
     let bytes = telemetry.pending().to_vec();
     telemetry.sent(bytes.len());

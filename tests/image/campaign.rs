@@ -16,7 +16,8 @@ fn faults_at_random_instants_end_recovered_or_neutral() {
     let sample = FaultKind::ALL
         .into_iter()
         .flat_map(|kind| (0..RUNS).map(move |number| Case { kind, number }));
-    // In these two a rate has its highest bit flipped in two bursts on end, which looks like a turn.
+    // In these two a rate has its highest bit flipped in two bursts on end, which looks like a
+    // turn.
     let twice = [7, 27].map(|number| Case {
         kind: FaultKind::Spikes,
         number,

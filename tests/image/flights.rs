@@ -65,8 +65,8 @@ fn flies_with_a_digital_servo() {
     flies(ServoKind::Digital, 0.55);
 }
 
-/// 5 mm of lateral offset ask for 2.3 deg of servo. The observer finds them in flight; a rudder that rests there has nothing
-/// to find, and the drone settles as one without an offset.
+/// 5 mm of lateral offset ask for 2.3 deg of servo. The observer finds them in flight; a rudder
+/// that rests there has nothing to find, and the drone settles as one without an offset.
 #[test]
 fn a_rudder_that_holds_the_offset_before_the_release_settles_sooner() {
     let settling_s = |hold_deg: f32| {

@@ -25,7 +25,8 @@ fn in_flight() -> Ready {
     flight
 }
 
-/// Lets `host` act once a millisecond; then the loop has kept its time, the flight its state and its parameters.
+/// Lets `host` act once a millisecond; then the loop has kept its time, the flight its state and
+/// its parameters.
 fn assert_undisturbed(mut host: impl FnMut(u64, &mut rig::Rig)) {
     let mut flight = in_flight();
     let Ready { rig, station, .. } = &mut flight;
@@ -138,7 +139,8 @@ fn one_that_is_unplugged_in_mid_frame() {
     });
 }
 
-/// Enumeration is nine requests, each of which the image must hear, whatever it is doing when it comes.
+/// Enumeration is nine requests, each of which the image must hear, whatever it is doing when it
+/// comes.
 #[test]
 fn one_that_comes_back_is_served_at_once_whenever_it_went() {
     let flight = in_flight();

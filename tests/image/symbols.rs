@@ -1,12 +1,14 @@
-//! The filters in fixed point as they are built for the chip: no float, and no multiplication, division or shift of
-//! 64 bits. All of these are library calls there, so that the linked names show them.
+//! The filters in fixed point as they are built for the chip: no float, and no multiplication,
+//! division or shift of 64 bits. All of these are library calls there, so that the linked names
+//! show them.
 
 use std::path::Path;
 
 use rig::Image;
 use rig::image::{Builder, Source};
 
-/// The image of the package `cycles` with one update of a filter and what that calls, and nothing else.
+/// The image of the package `cycles` with one update of a filter and what that calls, and nothing
+/// else.
 fn update(filter: &str) -> Image {
     Builder::new(&mut |line| eprintln!("{line}"))
         .and_then(|builder| {
@@ -20,8 +22,8 @@ fn update(filter: &str) -> Image {
         .unwrap_or_else(|error| panic!("{error}"))
 }
 
-/// Names of the run-time library's arithmetic on floats and on 64 bits: ARM's own (run-time ABI, chapter 4) and
-/// those of the compiler's builtins.
+/// Names of the run-time library's arithmetic on floats and on 64 bits: ARM's own (run-time ABI,
+/// chapter 4) and those of the compiler's builtins.
 fn library_calls(image: &Image) -> Vec<String> {
     let arm = [
         "lmul", "ldivmod", "uldivmod", "llsl", "llsr", "lasr", "lcmp", "ulcmp",

@@ -246,8 +246,8 @@ fn a_spike_is_held_back_and_a_real_jump_costs_one_sample() {
     assert_eq!(verdicts(&off, &[REST, spike, REST]), [None; 3]);
 }
 
-/// Two spikes in a row look like a real jump. 2000 deg/s are nearly the whole word, half of which is spare at 1000 deg/s, which
-/// leaves no rate whose highest bit could flip without being noticed.
+/// Two spikes in a row look like a real jump. 2000 deg/s are nearly the whole word, half of which
+/// is spare at 1000 deg/s, which leaves no rate whose highest bit could flip without being noticed.
 #[test]
 fn with_half_the_range_no_flipped_highest_bit_is_taken_for_a_rate() {
     let config = Config {

@@ -12,8 +12,8 @@ use crate::status::Identity;
 use crate::transfer::{BusError, Micros, Transfer};
 use judges::{answer, await_mode, await_running, await_self_test, confirm, diagnose, identify};
 
-/// How long a chip may take to answer and identify itself before that is reported as a fault: 850 ms are common,
-/// and the identification can be wrong for another second.
+/// How long a chip may take to answer and identify itself before that is reported as a fault: 850
+/// ms are common, and the identification can be wrong for another second.
 pub const BOOT_DEADLINE_US: u64 = 1_850_000;
 
 /// Pause between attempts to reach a chip that does not answer.
@@ -115,8 +115,8 @@ enum Judge {
 enum Verdict {
     /// To the next step, after so many microseconds.
     Go(SetupStep, u64),
-    /// Once more after so many microseconds, until the step's patience (also microseconds) ends with
-    /// this fault.
+    /// Once more after so many microseconds, until the step's patience (also microseconds) ends
+    /// with this fault.
     Again {
         pause_us: u64,
         patience_us: u64,
@@ -333,9 +333,9 @@ impl Startup {
         Progress::Going
     }
 
-    /// Starts over. A chip that cannot be reached is polled at a steady pace, and reported only when
-    /// it is late. One that answers, but not as it should, is reported at once and tried again after
-    /// ever longer pauses.
+    /// Starts over. A chip that cannot be reached is polled at a steady pace, and reported only
+    /// when it is late. One that answers, but not as it should, is reported at once and tried again
+    /// after ever longer pauses.
     fn fail(&mut self, now: Micros, fault: SensorFault, config: &Config) -> Progress {
         let unreached = fault.is_bus() || self.step == SetupStep::Identify;
         let mut next = SetupStep::Call;

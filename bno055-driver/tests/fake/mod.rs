@@ -8,7 +8,8 @@
 //! | data refreshed every 10.03 ms with noise, the magnetometer every third time | field |
 //! | self-test 0.4 s; clock switch 0.3 s | 3.9.2, 4.3.57 |
 //!
-//! Left out: physics, fusion (a fixed attitude instead), interrupts, sleep registers: the driver does not use them.
+//! Left out: physics, fusion (a fixed attitude instead), interrupts, sleep registers: the driver
+//! does not use them.
 
 #![allow(
     dead_code,
@@ -24,7 +25,8 @@ pub const TICK_US: u64 = 10_000;
 const BYTE_US: u64 = 200;
 const REFRESH_US: u64 = 10_030;
 
-/// One transfer to spoil: its number since the chip was made, the byte (0 is the address) and the error.
+/// One transfer to spoil: its number since the chip was made, the byte (0 is the address) and the
+/// error.
 #[derive(Clone, Copy, Debug)]
 pub struct Spoiler {
     pub transfer: u64,
@@ -424,7 +426,8 @@ impl Rig {
         }
     }
 
-    /// Ticks until `count` more bursts have been judged, or the driver has no use for them; their outcomes.
+    /// Ticks until `count` more bursts have been judged, or the driver has no use for them; their
+    /// outcomes.
     pub fn bursts(&mut self, count: usize) -> Vec<Result<RawSample, SensorFault>> {
         let from = self.ticks.len();
         while self.ticks.len() < from + count && self.driver.is_sampling() {

@@ -1,4 +1,5 @@
-//! The algorithm of the crate `imu-fusion`, without the calibration that its front end adds. Deg/s and g.
+//! The algorithm of the crate `imu-fusion`, without the calibration that its front end adds. Deg/s
+//! and g.
 
 use ::imu_fusion::{FusionAhrs, FusionAhrsSettings, FusionVector};
 
@@ -12,7 +13,8 @@ impl<const MAG: bool> Subject for Filter<MAG> {
 
     fn new() -> Self {
         let mut ahrs = FusionAhrs::new();
-        // As its front end does: only this makes a range and gates of zero mean that there are none.
+        // As its front end does: only this makes a range and gates of zero mean that there are
+        // none.
         ahrs.update_settings(FusionAhrsSettings::new());
         Self(ahrs)
     }

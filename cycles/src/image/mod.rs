@@ -69,7 +69,8 @@ subject! {
 
 type Input = <Measured as Subject>::Input;
 
-/// Words of the largest input. All images have this many, so that the filter's state is what their RAM differs by.
+/// Words of the largest input. All images have this many, so that the filter's state is what their
+/// RAM differs by.
 const INPUT_WORDS: usize = 10;
 const _: () = assert!(size_of::<Input>() <= 4 * INPUT_WORDS);
 
@@ -84,7 +85,8 @@ static mut UP: [f32; 3] = [0.0; 3];
 
 static mut STATE: MaybeUninit<Measured> = MaybeUninit::uninit();
 
-/// The update that is measured. Its address is taken, so it stays a function of its own that knows nothing of the state.
+/// The update that is measured. Its address is taken, so it stays a function of its own that knows
+/// nothing of the state.
 extern "C" fn update(state: &mut Measured, input: &Input) {
     state.update(input);
 }
@@ -99,9 +101,9 @@ fn main() -> ! {
         state.write(Measured::new());
     }
     loop {
-        // SAFETY: `update` follows the C calling convention, and all that it may change is given up. Its arguments are
-        // two statics that nothing else uses meanwhile: a state that was made above (an image without one is not run),
-        // and an input that any bits make valid.
+        // SAFETY: `update` follows the C calling convention, and all that it may change is given
+        // up. Its arguments are two statics that nothing else uses meanwhile: a state that was made
+        // above (an image without one is not run), and an input that any bits make valid.
         unsafe {
             asm!(
                 "bkpt #0",

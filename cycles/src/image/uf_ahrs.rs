@@ -9,8 +9,8 @@ use super::subject::{Float, PERIOD_US, Subject, up_of};
 
 const PERIOD: Duration = Duration::from_micros(PERIOD_US as u64);
 
-/// One of its filters, with or without a magnetometer, and the orientation that an update gives: not all of them have
-/// it in their state.
+/// One of its filters, with or without a magnetometer, and the orientation that an update gives:
+/// not all of them have it in their state.
 pub struct Filter<F, const MAG: bool>(F, UnitQuaternion<f32>);
 
 /// Made with its own defaults.

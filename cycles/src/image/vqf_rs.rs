@@ -4,7 +4,8 @@ use ::vqf_rs::{Quaternion, VQF};
 
 use super::subject::{Float, PERIOD_S, Subject, up_of};
 
-/// Its one filter, with or without a magnetometer, and the orientation, which it works out when asked.
+/// Its one filter, with or without a magnetometer, and the orientation, which it works out when
+/// asked.
 pub struct Filter<const MAG: bool>(VQF, Quaternion);
 
 impl<const MAG: bool> Subject for Filter<MAG> {

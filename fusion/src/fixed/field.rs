@@ -7,7 +7,7 @@
 //!
 //! ```text
 //! inverse = 2^27 / limit            limit in Q4, from 32 counts up: inverse <= 2^18
-//! sine = east inverse / 2^12        east in Q4, at most limit: the product is at most 2^27, the sine Q15
+//! sine = east inverse / 2^12        east in Q4, at most limit: product <= 2^27, the sine in Q15
 //! ```
 //!
 //! It follows the reference by Newton's step `inverse += inverse (1 - limit inverse / 2^27)`, once

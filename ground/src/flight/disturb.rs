@@ -7,15 +7,16 @@ use clap::Args;
 #[derive(Debug, Clone, Copy, PartialEq, Args)]
 #[command(next_help_heading = "Disturbances")]
 pub struct Disturb {
-    /// Unbalanced propeller from the release on: amplitude of the acceleration in m/s2 (0 to 40), turns
-    /// in Hz (1 to 400) and, if it is not what a mount that yields over 0.1 m gives, amplitude of the
-    /// angular rate in deg/s. 5,180 reaches a sensor that refreshes at 100 Hz as 20 Hz.
+    /// Unbalanced propeller from the release on: amplitude of the acceleration in m/s2 (0 to 40),
+    /// turns in Hz (1 to 400) and, if it is not what a mount that yields over 0.1 m gives,
+    /// amplitude of the angular rate in deg/s. 5,180 reaches a sensor that refreshes at 100 Hz as
+    /// 20 Hz.
     #[arg(long, value_name = "ACC,HZ[,RATE]", allow_negative_numbers = true)]
     pub vibration: Option<Vibration>,
 
-    /// Supply of the servo in V (3 to 7.4, whole at 6), if not for the whole flight from when and until
-    /// when after the release, in s, and what is left of it while the servo stalls, if it is a weak one: 4.8,
-    /// 4.5,0.2,0.6 or 6,0,3,4. Speed and stall torque follow it.
+    /// Supply of the servo in V (3 to 7.4, whole at 6), if not for the whole flight from when and
+    /// until when after the release, in s, and what is left of it while the servo stalls, if it is
+    /// a weak one: 4.8, 4.5,0.2,0.6 or 6,0,3,4. Speed and stall torque follow it.
     #[arg(long, value_name = "V[,FROM,UNTIL[,V]]", allow_negative_numbers = true)]
     pub servo_supply: Option<SupplySag>,
 
@@ -24,9 +25,9 @@ pub struct Disturb {
     #[arg(long, value_name = "PCT,S", allow_negative_numbers = true)]
     pub thrust_ramp: Option<ThrustRamp>,
 
-    /// Temperature of the sensor's chip at power-on and in the end in C (-40 to 85), the time constant
-    /// between them in s and, if it is not the typical 0.015, the drift of the gyroscope's bias in
-    /// deg/s/K: 20,45,60 or 20,45,60,0.03.
+    /// Temperature of the sensor's chip at power-on and in the end in C (-40 to 85), the time
+    /// constant between them in s and, if it is not the typical 0.015, the drift of the gyroscope's
+    /// bias in deg/s/K: 20,45,60 or 20,45,60,0.03.
     #[arg(long, value_name = "C,C,S[,DPS_K]", allow_negative_numbers = true)]
     pub temperature: Option<Temperature>,
 }

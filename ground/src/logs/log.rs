@@ -1,6 +1,7 @@
-//! Telemetry logs: every MAVLink frame, both ways, with its time. A file's name says its form: `.tlog`, eight bytes of
-//! time (microseconds since 1970, big endian) before every frame, as pymavlink, MAVProxy and QGroundControl write and
-//! read them, or `.mcap` for Foxglove and PlotJuggler, which holds the same frames and what they say.
+//! Telemetry logs: every MAVLink frame, both ways, with its time. A file's name says its form:
+//! `.tlog`, eight bytes of time (microseconds since 1970, big endian) before every frame, as
+//! pymavlink, MAVProxy and QGroundControl write and read them, or `.mcap` for Foxglove and
+//! PlotJuggler, which holds the same frames and what they say.
 
 mod mcap;
 mod steps;
@@ -92,8 +93,8 @@ impl Writer {
         written.with_context(|| format!("writing {}", self.path.display()))
     }
 
-    /// Hands what was written so far to the system, so that it survives the end of this program. An MCAP file keeps
-    /// back the chunk that it is filling.
+    /// Hands what was written so far to the system, so that it survives the end of this program. An
+    /// MCAP file keeps back the chunk that it is filling.
     ///
     /// # Errors
     /// The file cannot be written.
@@ -164,7 +165,8 @@ impl Log {
         Ok(log)
     }
 
-    /// The messages in the bytes of a log. A frame that is cut short or damaged is counted and ignored.
+    /// The messages in the bytes of a log. A frame that is cut short or damaged is counted and
+    /// ignored.
     pub fn parse(bytes: &[u8]) -> Self {
         let mut log = Self::default();
         // Every system counts its own frames.

@@ -1,8 +1,9 @@
 //! `tvc replay`: the firmware's own library on the counts and times of a log.
 //!
-//! From a moment at which the firmware began its estimate anew (power-on, or the calibration that `tvc record` asks for)
-//! the library, given the same counts, times, parameters and commands, gives the same bits. Frames that were lost on the
-//! way to the log end that, until the estimate begins anew.
+//! From a moment at which the firmware began its estimate anew (power-on, or the calibration that
+//! `tvc record` asks for) the library, given the same counts, times, parameters and commands, gives
+//! the same bits. Frames that were lost on the way to the log end that, until the estimate begins
+//! anew.
 
 mod filter;
 mod page;
@@ -202,7 +203,8 @@ fn words(figures: &Figures) -> Vec<String> {
     lines
 }
 
-/// Runs the library over a log, with some parameters forced to other values. Also gives the refusals.
+/// Runs the library over a log, with some parameters forced to other values. Also gives the
+/// refusals.
 ///
 /// # Errors
 /// A forced value out of its range, or parameters of the log that make no flight.

@@ -1,4 +1,5 @@
-//! `tvc forward`: a bridge by UDP, MAVLink to a ground station such as QGroundControl and JSON to PlotJuggler.
+//! `tvc forward`: a bridge by UDP, MAVLink to a ground station such as QGroundControl and JSON to
+//! PlotJuggler.
 
 use std::net::{Ipv4Addr, SocketAddr, UdpSocket};
 use std::path::PathBuf;
@@ -97,7 +98,8 @@ pub fn run(options: &Forward) -> Result<Verdict> {
     Ok(Verdict::Met)
 }
 
-/// A non-blocking socket for sending to `to`. Where that is this computer, no other one can reach the socket.
+/// A non-blocking socket for sending to `to`. Where that is this computer, no other one can reach
+/// the socket.
 fn socket(to: SocketAddr) -> Result<UdpSocket> {
     let local: SocketAddr = match to {
         SocketAddr::V4(to) if to.ip().is_loopback() => (Ipv4Addr::LOCALHOST, 0).into(),

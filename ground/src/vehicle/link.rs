@@ -11,8 +11,8 @@ use crate::logs::log::Writer;
 use crate::out::exit::BadInput;
 use crate::vehicle::port::{Port, PortOptions};
 
-/// How long the vehicle may take until its first heartbeat; it sends one a second, and one at once when a port is
-/// opened.
+/// How long the vehicle may take until its first heartbeat; it sends one a second, and one at once
+/// when a port is opened.
 const CONNECT: Duration = Duration::from_secs(5);
 /// How long a release under way takes until it is recorded.
 const RECORDING: Duration = Duration::from_millis(1_500);

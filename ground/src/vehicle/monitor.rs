@@ -1,4 +1,5 @@
-//! `tvc monitor`: the vehicle's status, live: on a terminal in lines that stay in place, elsewhere a line every second.
+//! `tvc monitor`: the vehicle's status, live: on a terminal in lines that stay in place, elsewhere
+//! a line every second.
 
 use std::io::{IsTerminal, Write};
 use std::path::PathBuf;

@@ -231,7 +231,8 @@ fn defaults(names: &[String]) -> Result<Vec<Parameter>> {
     names.iter().map(default).collect()
 }
 
-/// Sets the parameters in `some` to their defaults, all of them if it is empty, or loads the stored ones.
+/// Sets the parameters in `some` to their defaults, all of them if it is empty, or loads the stored
+/// ones.
 fn reset(vehicle: &mut Vehicle, some: &[Parameter], stored: bool, json: bool) -> Result<Verdict> {
     let before = vehicle.parameters()?;
     if stored {

@@ -199,7 +199,8 @@ impl Port {
         &self.name
     }
 
-    /// The bytes that have come, waiting at most `patience` for the first one; none if nothing has come.
+    /// The bytes that have come, waiting at most `patience` for the first one; none if nothing has
+    /// come.
     ///
     /// # Errors
     /// The port went away.

@@ -1,4 +1,5 @@
-//! `tvc test`: arms and releases the vehicle, watches a manoeuvre, disarms it and prints the figures.
+//! `tvc test`: arms and releases the vehicle, watches a manoeuvre, disarms it and prints the
+//! figures.
 
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -87,11 +88,13 @@ fn amplitude(text: &str) -> Result<f64, String> {
     }
 }
 
-/// How long the vehicle may refuse to be armed: it passes its self-test and learns the gyro's offset at rest.
+/// How long the vehicle may refuse to be armed: it passes its self-test and learns the gyro's
+/// offset at rest.
 pub const ARM_PATIENCE: Duration = Duration::from_secs(20);
 /// Time between two attempts.
 pub const ARM_RETRY: Duration = Duration::from_millis(500);
-/// Time between arming and release, so that the vehicle's recorder has steps from before the release.
+/// Time between arming and release, so that the vehicle's recorder has steps from before the
+/// release.
 const ARMED: Duration = Duration::from_millis(250);
 /// Time upright before the set point begins to swing.
 const SETTLE: Duration = Duration::from_secs(3);
@@ -169,7 +172,8 @@ fn fly(vehicle: &mut Vehicle, manoeuvre: Manoeuvre, stop: &AtomicBool) -> Result
     }
 }
 
-/// Whether the vehicle may accept the same order a little later: not where the polarity check is missing.
+/// Whether the vehicle may accept the same order a little later: not where the polarity check is
+/// missing.
 pub fn is_worth_waiting(refusal: &Error) -> bool {
     let failure = refusal.downcast_ref::<Failure>();
     failure.and_then(Failure::refusal) != Some(RefusalKind::Polarity)

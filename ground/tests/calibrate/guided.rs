@@ -1,4 +1,5 @@
-//! The guided calibration at the virtual rig: image, emulated sensor and the hand that does what it is asked.
+//! The guided calibration at the virtual rig: image, emulated sensor and the hand that does what it
+//! is asked.
 
 use std::io::Write;
 use std::process::{Output, Stdio};
@@ -11,10 +12,10 @@ use super::running::keys::assert_keys;
 use super::running::{self, Running, json, said};
 use super::truth;
 
-/// One rig at a time: several would be slower than the clock on the wall.
+/// One rig at a time: several would be slower than real time.
 static TURN: Mutex<()> = Mutex::new(());
 
-/// `tvc rig --pty`, faster than the clock on the wall, ended with the test.
+/// `tvc rig --pty`, faster than real time, ended with the test.
 struct Rig {
     _running: Running,
     folder: tempfile::TempDir,

@@ -1,4 +1,5 @@
-//! `tvc calibrate` on recordings of the emulated sensor with large errors, held against what they are.
+//! `tvc calibrate` on recordings of the emulated sensor with large errors, held against what they
+//! are.
 
 use std::fmt::Write;
 use std::path::{Path, PathBuf};

@@ -142,8 +142,8 @@ impl Campaign {
         (shard..self.runs).step_by(of.try_into().unwrap_or(usize::MAX))
     }
 
-    /// Drone, servo, start and noise of run `index`. The random numbers do not depend on the ranges:
-    /// campaigns with and without an offset fly drones that are otherwise the same.
+    /// Drone, servo, start and noise of run `index`. The random numbers do not depend on the
+    /// ranges: campaigns with and without an offset fly drones that are otherwise the same.
     pub fn draw(&self, index: u64) -> Draw {
         let mut rng = ChaCha8Rng::seed_from_u64(self.seed);
         rng.set_stream(index);

@@ -169,7 +169,8 @@ impl OpenLoop {
     }
 }
 
-/// Frequency response of a loop from `from` to `to` (rad/s), `points` evenly spaced in the logarithm.
+/// Frequency response of a loop from `from` to `to` (rad/s), `points` evenly spaced in the
+/// logarithm.
 pub fn response(
     at: impl Fn(f64) -> Complex<f64>,
     from: f64,

@@ -111,8 +111,8 @@ impl Servo {
         self.supply = share;
     }
 
-    /// The motor's current as a share of what it draws when it stalls at the model's rated voltage: as
-    /// in any DC motor it is proportional to the torque, which holds the load and, over the lag,
+    /// The motor's current as a share of what it draws when it stalls at the model's rated voltage:
+    /// as in any DC motor it is proportional to the torque, which holds the load and, over the lag,
     /// brings the motor to the speed asked for.
     pub fn current_share(&self) -> f64 {
         let catching_up = self.speed_asked(self.load_n_m) - self.speed_rad_s;
@@ -277,7 +277,8 @@ mod tests {
         assert!((turned(0.8) / turned(1.0) - 0.8).abs() < 1e-3);
     }
 
-    /// All of it at the start of a fast move, none in an idle one, and the load's share where it holds one.
+    /// All of it at the start of a fast move, none in an idle one, and the load's share where it
+    /// holds one.
     #[test]
     fn current_follows_the_motors_torque() {
         let mut servo = Servo::new(ServoModel::S3003, -0.7, 0.0);

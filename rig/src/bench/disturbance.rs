@@ -1,9 +1,9 @@
 //! Disturbances of a flight other than faults of the sensor: the propeller vibrates, the servo's
 //! supply sags, the thrust rises slowly, the sensor warms up.
 //!
-//! Each disturbance can be written in two ways: as a table of a scenario file (serde), and as numbers
-//! with commas between them on the command line ([`FromStr`]). Both have the same units and ranges.
-//! Times count from the release, those of [`Temperature`] from power-on.
+//! Each disturbance can be written in two ways: as a table of a scenario file (serde), and as
+//! numbers with commas between them on the command line ([`FromStr`]). Both have the same units and
+//! ranges. Times count from the release, those of [`Temperature`] from power-on.
 
 use crate::bno055::{ImuErrors, STANDARD_GRAVITY_M_S2, WarmUp};
 use serde::{Deserialize, Serialize};
@@ -111,8 +111,8 @@ impl Disturbances {
 pub struct Vibration {
     /// Amplitude of the acceleration along the body's x and y, m/s^2, 0 to 40.
     pub acc_m_s2: f64,
-    /// Amplitude of the angular rate about the body's x and y, deg/s, 0 to 500. By default the mount
-    /// yields over an arm of 0.1 m: the rate is the vibration's speed divided by that.
+    /// Amplitude of the angular rate about the body's x and y, deg/s, 0 to 500. By default the
+    /// mount yields over an arm of 0.1 m: the rate is the vibration's speed divided by that.
     pub rate_dps: Option<f64>,
     /// Turns of the propeller a second, 1 to [`Vibration::HIGHEST_HZ`].
     pub frequency_hz: f64,

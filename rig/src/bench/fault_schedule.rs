@@ -56,8 +56,8 @@ pub struct FaultEntry {
 }
 
 impl FaultEntry {
-    /// The fault for flights of `length_s`. Parameters that the entry leaves out are drawn from `dice`
-    /// and filled in.
+    /// The fault for flights of `length_s`. Parameters that the entry leaves out are drawn from
+    /// `dice` and filled in.
     ///
     /// # Errors
     /// There is no such kind, or a value is out of its range or does not belong to the kind.

@@ -1,8 +1,8 @@
-//! A sensor moved by hand: laid down, rested on its six faces, and turned through all directions, as
-//! a calibration asks for.
+//! A sensor moved by hand: laid down, rested on its six faces, and turned through all directions,
+//! as a calibration asks for.
 //!
-//! [`record`] reads the emulated BNO055 by its registers, without a firmware, and returns its counts
-//! with their errors and noise.
+//! [`record`] reads the emulated BNO055 by its registers, without a firmware, and returns its
+//! counts with their errors and noise.
 
 use super::{EarthField, stimulus};
 use crate::bno055::registers::{page0, page1};
@@ -68,8 +68,8 @@ pub enum SensorMotion {
     Rest,
     /// It is held unsteadily: amplitude of the rate, rad/s.
     Tremble(f64),
-    /// It turns the shortest way to this attitude, sensor to north-east-down, in so many seconds, and
-    /// rests there.
+    /// It turns the shortest way to this attitude, sensor to north-east-down, in so many seconds,
+    /// and rests there.
     To(UnitQuaternion<f64>, f64),
     /// It turns through all directions.
     Turn,

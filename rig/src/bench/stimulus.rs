@@ -5,8 +5,8 @@ use crate::bno055::Stimulus;
 use nalgebra::{UnitQuaternion, Vector3};
 use std::f64::consts::FRAC_1_SQRT_2;
 
-/// For a sensor at the pivot of a drone whose nose points to `heading_rad` from true north, along the
-/// sensor's axes, which are the body's. `gravity` in m/s^2.
+/// For a sensor at the pivot of a drone whose nose points to `heading_rad` from true north, along
+/// the sensor's axes, which are the body's. `gravity` in m/s^2.
 pub(super) fn on_drone(
     pitch_rad: f64,
     rate_rad_s: f64,

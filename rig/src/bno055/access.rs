@@ -4,8 +4,8 @@ use super::registers::{Mode, error, page0, page1, status, trigger, unit};
 use super::{Bno055, Fault, GROUPS, Power, Transfer};
 use samd21::board::Ticks;
 
-// How long it takes to leave CONFIG and to return to it (data sheet page 21), to test itself, and to
-// change the clock source.
+// How long it takes to leave CONFIG and to return to it (data sheet page 21), to test itself, and
+// to change the clock source.
 const TO_RUNNING: Ticks = Ticks::from_ms(7);
 const TO_CONFIG: Ticks = Ticks::from_ms(19);
 const SELF_TEST: Ticks = Ticks::from_ms(400);

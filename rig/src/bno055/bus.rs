@@ -57,8 +57,8 @@ impl Bno055 {
         }
     }
 
-    /// True if a START or STOP lies inside the byte that begins at `now`. Another master may take the
-    /// bus at this moment too.
+    /// True if a START or STOP lies inside the byte that begins at `now`. Another master may take
+    /// the bus at this moment too.
     pub fn glitch(&mut self, now: Ticks) -> bool {
         let mut glitch = false;
         for fault in self.faults.iter() {

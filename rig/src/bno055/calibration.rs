@@ -15,11 +15,12 @@
 //! accelerometer show 3 at once, the magnetometer 0 until the first motion, though the system takes
 //! it for calibrated (a user's report).
 //!
-//! Levels fall again, as the thesis saw under motion (6.1): a second of forces far from 1 g sets the
-//! accelerometer back to 2, and a second in a field of another strength restarts the magnetometer.
+//! Levels fall again, as the thesis saw under motion (6.1): a second of forces far from 1 g sets
+//! the accelerometer back to 2, and a second in a field of another strength restarts the
+//! magnetometer.
 
 use super::registers::Mode;
-use super::signal::{STANDARD_GRAVITY_M_S2, Sample};
+use super::sample::{STANDARD_GRAVITY_M_S2, Sample};
 
 /// At rest the rate is within this of its own mean, rad/s, and the force within this of 1 g, m/s^2.
 const STILL_RAD_S: f64 = 1.0 / 57.3;
@@ -30,13 +31,13 @@ const MEAN_S: f64 = 0.5;
 const SLOW_RAD_S: f64 = 5.0 / 57.3;
 /// Rest after which the gyroscope shows 1, 2 and 3, s.
 const RESTS_S: [f64; 3] = [0.5, 1.0, 2.0];
-/// Poses after which the accelerometer shows 1, 2 and 3, how long each is held, s, and how far apart
-/// they are, as a cosine.
+/// Poses after which the accelerometer shows 1, 2 and 3, how long each is held, s, and how far
+/// apart they are, as a cosine.
 const POSES: [usize; 3] = [2, 4, 6];
 const POSE_S: f64 = 1.0;
 const COS_POSES: f64 = std::f64::consts::FRAC_1_SQRT_2;
-/// Directions of the field after which the magnetometer shows 1, 2 and 3, and how far apart they are,
-/// as a cosine.
+/// Directions of the field after which the magnetometer shows 1, 2 and 3, and how far apart they
+/// are, as a cosine.
 const FIELDS_FAST: [usize; 3] = [3, 6, 9];
 const FIELDS: [usize; 3] = [5, 10, 15];
 const COS_FIELDS: f64 = 0.866;

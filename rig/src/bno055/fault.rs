@@ -22,9 +22,9 @@ pub enum Fault {
         /// Pulses until it lets go, 1 to 9.
         clocks: u8,
     },
-    /// The chip was interrupted inside a byte and holds the data line; the first clock pulse hangs it:
-    /// the line is free then, and nothing acknowledges. Clearing cuts the power of a chip that hangs,
-    /// and it boots.
+    /// The chip was interrupted inside a byte and holds the data line; the first clock pulse hangs
+    /// it: the line is free then, and nothing acknowledges. Clearing cuts the power of a chip that
+    /// hangs, and it boots.
     ClockHang,
     /// At once: every register returns to its reset value, mode CONFIG, without the time of a boot.
     /// There is nothing to clear.
@@ -33,8 +33,8 @@ pub enum Fault {
     PowerDip,
     /// Every byte reads 0xFF though the chip acknowledges.
     AllOnes,
-    /// The data registers read zero in a mode that is kept; SYS_STATUS and SYS_ERR read 1, as with a
-    /// grounded BL_IND pin.
+    /// The data registers read zero in a mode that is kept; SYS_STATUS and SYS_ERR read 1, as with
+    /// a grounded BL_IND pin.
     AllZero,
     /// A single bit of some bytes read is inverted.
     BitFlips {
@@ -82,9 +82,11 @@ pub enum Fault {
     },
     /// The gyroscope and its id read zero, and its self-test fails.
     GyroDead,
-    /// At once: the axis map returns to its reset value, and SYS_ERR reads 2. There is nothing to clear.
+    /// At once: the axis map returns to its reset value, and SYS_ERR reads 2. There is nothing to
+    /// clear.
     RevertedAxisMap,
-    /// At once: the axis map swaps X and Y, a valid map that nobody wrote. There is nothing to clear.
+    /// At once: the axis map swaps X and Y, a valid map that nobody wrote. There is nothing to
+    /// clear.
     SwappedAxes,
     /// At once: UNIT_SEL returns to its reset value. There is nothing to clear.
     RevertedUnits,

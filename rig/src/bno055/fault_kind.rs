@@ -66,9 +66,9 @@ fault_kinds! {
 }
 
 impl FaultKind {
-    /// Draws a fault of this kind. Kinds that strike words or bytes get a share between one in three
-    /// thousand and one in three; a stretched byte takes 1 to 40 ms. The logarithm of either is drawn
-    /// uniformly.
+    /// Draws a fault of this kind. Kinds that strike words or bytes get a share between one in
+    /// three thousand and one in three; a stretched byte takes 1 to 40 ms. The logarithm of either
+    /// is drawn uniformly.
     pub fn draw(self, dice: &mut impl Rng) -> Fault {
         let decay = dice.random_range(0.0..f64::ln(1000.0));
         let stretch_ms = f64::exp(dice.random_range(0.0..f64::ln(40.0)));

@@ -1,6 +1,6 @@
 //! The imperfections of a healthy sensor: noise, offsets, scale errors, drift, iron.
 
-use super::signal::STANDARD_GRAVITY_M_S2;
+use super::sample::STANDARD_GRAVITY_M_S2;
 use samd21::board::Ticks;
 
 /// A degree, rad.
@@ -43,14 +43,15 @@ pub struct ImuErrors {
     pub gyro_instability_rad_s: f64,
     /// Relative scale error of each axis of the gyroscope.
     pub gyro_scale: [f64; 3],
-    /// Change of the gyroscope's bias with temperature, rad/s/K from 25 deg C; 0.015 deg/s/K typically
-    /// and 0.03 at most by the data sheet.
+    /// Change of the gyroscope's bias with temperature, rad/s/K from 25 deg C; 0.015 deg/s/K
+    /// typically and 0.03 at most by the data sheet.
     pub gyro_drift_rad_s_k: [f64; 3],
     /// Accelerometer noise, m/s^2/sqrt(Hz).
     pub acc_noise_density: f64,
     /// Accelerometer offset, m/s^2.
     pub acc_offset_m_s2: [f64; 3],
-    /// Change of the accelerometer's offset with temperature, m/s^2/K from 25 deg C; 1 mg/K typically.
+    /// Change of the accelerometer's offset with temperature, m/s^2/K from 25 deg C; 1 mg/K
+    /// typically.
     pub acc_drift_m_s2_k: [f64; 3],
     /// Relative scale error of each axis of the accelerometer.
     pub acc_scale: [f64; 3],
@@ -84,8 +85,8 @@ impl ImuErrors {
         warm_up: WarmUp::NONE,
     };
 
-    /// The largest errors of a healthy chip near iron that bends the field: 80 mg, 3 deg/s, 40 uT, soft
-    /// iron with 20 % of skew, 2 % of scale; typical noise, but 0.6 uT of the field.
+    /// The largest errors of a healthy chip near iron that bends the field: 80 mg, 3 deg/s, 40 uT,
+    /// soft iron with 20 % of skew, 2 % of scale; typical noise, but 0.6 uT of the field.
     pub const LARGEST: Self = Self {
         gyro_bias_rad_s: Some([3.0 * RAD, -3.0 * RAD, 3.0 * RAD]),
         acc_offset_m_s2: [

@@ -33,9 +33,9 @@
 //!
 //! Left out: the chip's own fusion and calibration algorithms (their results are taken from the
 //! truth), interrupts (no board wires INT, and it has been seen not to fire), low power mode (it is
-//! treated as normal), the soft-iron matrix, HID-I2C and UART, and that the chip misses a START which
-//! a STOP follows directly. Slow edges on the bus are not modelled; what they do to the data is
-//! [`Fault::BitFlips`].
+//! treated as normal), the soft-iron matrix, HID-I2C and UART, and that the chip misses a START
+//! which a STOP follows directly. Slow edges on the bus are not modelled; what they do to the data
+//! is [`Fault::BitFlips`].
 //!
 //! [`Fault`] lists the faults that can be switched on and off while it runs, and what each does to
 //! registers or lines.
@@ -49,6 +49,7 @@ mod imperfections;
 mod refresh;
 pub(crate) mod registers;
 mod replay;
+mod sample;
 mod sensors;
 mod signal;
 mod words;
@@ -60,8 +61,8 @@ pub use fault::{Fault, Faults};
 pub use fault_kind::FaultKind;
 pub use imperfections::{ImuErrors, WarmUp};
 pub use registers::Mode;
+pub(crate) use sample::STANDARD_GRAVITY_M_S2;
 pub use sensors::{Reading, Sensors};
-pub(crate) use signal::STANDARD_GRAVITY_M_S2;
 pub use signal::Stimulus;
 
 use crate::random::{Stream, generator};
@@ -144,8 +145,8 @@ pub struct Refresh {
 
 /// An emulated BNO055.
 ///
-/// Call [`Bno055::sense`] with the physical truth in steps of at most 1 ms; [`Bno055::i2c`] is its bus.
-/// Times must not go back. A clone has the whole state, random generators included.
+/// Call [`Bno055::sense`] with the physical truth in steps of at most 1 ms; [`Bno055::i2c`] is its
+/// bus. Times must not go back. A clone has the whole state, random generators included.
 #[derive(Clone, Debug)]
 pub struct Bno055 {
     config: Config,
@@ -235,9 +236,9 @@ impl Bno055 {
         self.refresh
     }
 
-    /// The words that the data registers would show now without a fault, with the units and axes that
-    /// were in force at the last change of mode: accelerometer, magnetometer, gyroscope. All zero
-    /// before the first sample.
+    /// The words that the data registers would show now without a fault, with the units and axes
+    /// that were in force at the last change of mode: accelerometer, magnetometer, gyroscope. All
+    /// zero before the first sample.
     pub fn faultless_words(&self) -> [i16; 9] {
         self.faultless
     }
@@ -310,7 +311,8 @@ impl Bno055 {
         self.output = self.output();
         self.clear_data();
         self.signals.restart();
-        // Fusion does not start on a profile that was refused; a mode change clears any other error.
+        // Fusion does not start on a profile that was refused; a mode change clears any other
+        // error.
         let refused = mode.is_fusion() && self.refused.contains(&true);
         let error = if refused { error::FUSION_CONFIG } else { 0 };
         self.set(page0::SYS_ERR, error);

@@ -1,10 +1,11 @@
-//! What the chip does at each of its refreshes: it samples the sensors, calibrates itself, and writes
-//! the data registers.
+//! What the chip does at each of its refreshes: it samples the sensors, calibrates itself, and
+//! writes the data registers.
 
 use super::calibration::Learner;
 use super::registers::{Mode, error, page0, page1};
 use super::replay::Playback;
-use super::signal::{Sample, Settings};
+use super::sample::Sample;
+use super::signal::Settings;
 use super::words::{FusionWords, Words, acc_per_m_s2, gyr_per_rad_s, mag_per_ut};
 use super::{Bno055, Fault, GROUPS, Refresh};
 use samd21::board::Ticks;
@@ -111,8 +112,8 @@ impl Bno055 {
         }
     }
 
-    /// The nine words of a sample: accelerometer, magnetometer, gyroscope. Those of a sensor that the
-    /// mode leaves off are zero.
+    /// The nine words of a sample: accelerometer, magnetometer, gyroscope. Those of a sensor that
+    /// the mode leaves off are zero.
     fn words(&self, sample: &Sample, settings: &Settings, output: Output) -> [i16; 9] {
         let mut words = Words::of(sample, output.units, settings);
         if self.mode.is_fusion() {

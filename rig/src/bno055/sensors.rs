@@ -7,8 +7,8 @@ use super::words::Words;
 use crate::random::{Stream, generator};
 use samd21::board::Ticks;
 
-/// ACC_CONFIG, MAG_CONFIG, GYR_CONFIG_0: 4 g at 62.5 Hz and 2000 deg/s at 32 Hz, as after a reset, and
-/// 20 Hz of the magnetometer, as in the fusion modes.
+/// ACC_CONFIG, MAG_CONFIG, GYR_CONFIG_0: 4 g at 62.5 Hz and 2000 deg/s at 32 Hz, as after a reset,
+/// and 20 Hz of the magnetometer, as in the fusion modes.
 const CONFIGURATION: [u8; 3] = [0x0D, 0x0D, 0x38];
 
 /// UNIT_SEL for m/s^2 and deg/s.

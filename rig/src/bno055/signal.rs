@@ -4,13 +4,12 @@
 use super::imperfections::ImuErrors;
 use super::registers::Mode;
 use super::replay::Playback;
+use super::sample::{STANDARD_GRAVITY_M_S2, Sample};
 use rand::Rng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::StandardNormal;
 use samd21::board::Ticks;
 
-/// Standard gravity, m/s^2: the chip's 1 g.
-pub(crate) const STANDARD_GRAVITY_M_S2: f64 = 9.80665;
 /// Temperature at which [`ImuErrors`] gives the offsets, deg C (data sheet table 0-2).
 const REFERENCE_C: f64 = 25.0;
 /// Correlation time of the gyroscope's bias instability, s (estimate).
@@ -82,15 +81,6 @@ impl Settings {
                 .min(if mode == Mode::M4g { 50.0 } else { 20.0 }),
         }
     }
-}
-
-/// One refresh of the sensors, in SI units along the package axes.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(super) struct Sample {
-    pub(super) acc_m_s2: [f64; 3],
-    pub(super) gyr_rad_s: [f64; 3],
-    pub(super) mag_ut: [f64; 3],
-    pub(super) attitude: [f64; 4],
 }
 
 /// The three sensors up to their analogue-to-digital converters and filters.
@@ -220,7 +210,8 @@ impl SignalChain {
         at.as_secs_f64() >= self.next_mag || self.mag_latched.is_none()
     }
 
-    /// The sample that the chip's processor collects at a refresh; `None` before anything was sensed.
+    /// The sample that the chip's processor collects at a refresh; `None` before anything was
+    /// sensed.
     pub(super) fn refresh(&mut self, at: Ticks, settings: &Settings) -> Option<Sample> {
         let seconds = at.as_secs_f64();
         let mag_due = self.mag_is_due(at);

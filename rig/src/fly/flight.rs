@@ -104,8 +104,8 @@ pub struct Setup {
 }
 
 impl Setup {
-    /// A default rig with `servo` and everything random from `seed`. Nothing is stored in its flash:
-    /// the image refuses to arm until the servo's polarity is set.
+    /// A default rig with `servo` and everything random from `seed`. Nothing is stored in its
+    /// flash: the image refuses to arm until the servo's polarity is set.
     pub fn new(servo: ServoKind, seed: u64) -> Self {
         let bench = BenchConfig {
             servo: servo.model(),
@@ -264,8 +264,8 @@ pub fn prepare(
 }
 
 impl Ready {
-    /// On a clone of the rig: tilts the drone to `start_rad`, arms it, releases it with `rate_rad_s`
-    /// and records the flight for `seconds`.
+    /// On a clone of the rig: tilts the drone to `start_rad`, arms it, releases it with
+    /// `rate_rad_s` and records the flight for `seconds`.
     ///
     /// # Errors
     /// The rig stopped, or the image refuses.

@@ -1,5 +1,5 @@
-//! What is done with a rig: flights, campaigns of faults, replays of recordings, and running in real
-//! time behind a pseudo-terminal.
+//! What is done with a rig: flights, campaigns of faults, replays of recordings, and running in
+//! real time behind a pseudo-terminal.
 
 pub mod faults;
 pub mod flight;

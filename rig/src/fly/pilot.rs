@@ -1,6 +1,6 @@
 //! The person at the rig, who opens the clamp when the firmware reports that it is in control and
-//! takes the drone back to its start when that ends. The pilot also reads what the program at the port
-//! sends, and moves sensor and drone as a calibration asks for.
+//! takes the drone back to its start when that ends. The pilot also reads what the program at the
+//! port sends, and moves sensor and drone as a calibration asks for.
 
 use crate::bench::sensor_motion::{SensorMotion, resting};
 use crate::rig::Rig;

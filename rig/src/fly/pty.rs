@@ -1,8 +1,8 @@
 //! A pseudo-terminal in the place of the USB cable: programs open its path as they open a Nano's
 //! port.
 //!
-//! Only the program that opens the path holds the other side, so that its opening and closing can be
-//! seen, as by DTR on a real port; so can the rate that it asks for (the 1200-baud touch).
+//! Only the program that opens the path holds the other side, so that its opening and closing can
+//! be seen, as by DTR on a real port; so can the rate that it asks for (the 1200-baud touch).
 
 use std::io;
 use std::os::fd::{AsFd, OwnedFd};
@@ -36,7 +36,8 @@ impl Pty {
         unlockpt(&master)?;
         rustix::io::ioctl_fionbio(&master, true)?;
         let name = ptsname(&master, Vec::new())?;
-        // Once it has been opened and closed, HUP tells whether a program has it open. The mode stays.
+        // Once it has been opened and closed, HUP tells whether a program has it open. The mode
+        // stays.
         let other = open(
             name.as_c_str(),
             OFlags::RDWR | OFlags::NOCTTY,

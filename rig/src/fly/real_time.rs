@@ -147,7 +147,8 @@ impl RealTime {
         Ok(())
     }
 
-    /// Passes opening, closing and the rate of the port on to the USB host, as a serial driver does.
+    /// Passes opening, closing and the rate of the port on to the USB host, as a serial driver
+    /// does.
     fn watch_port(&mut self) {
         let open = self.pty.is_open();
         let host = self.rig.usb_host_mut();

@@ -1,5 +1,5 @@
-//! A recording through the whole image: the emulated BNO055 plays it, the image estimates the attitude
-//! from it, and what arrives over USB is scored and compared with the host's library.
+//! A recording through the whole image: the emulated BNO055 plays it, the image estimates the
+//! attitude from it, and what arrives over USB is scored and compared with the host's library.
 
 use crate::fly::flight::{FlightError, Mark};
 use crate::ground_station::{Attitude, GroundStation, RawImu, Received};
@@ -97,8 +97,8 @@ pub fn replay(
     })
 }
 
-/// When the image reached standby, or power-on if it never did. Its timing is measured from then on:
-/// before, the sensor starts up.
+/// When the image reached standby, or power-on if it never did. Its timing is measured from then
+/// on: before, the sensor starts up.
 fn standby(received: &Received) -> Ticks {
     let mut heartbeats = received.heartbeats.iter();
     heartbeats
@@ -106,8 +106,8 @@ fn standby(received: &Received) -> Ticks {
         .map_or(Ticks::ZERO, |heartbeat| heartbeat.at)
 }
 
-/// Every raw sample that came over USB, with the attitude of the same step: the last attitude of its
-/// millisecond, because a step without a sample may have ended just before the burst began.
+/// Every raw sample that came over USB, with the attitude of the same step: the last attitude of
+/// its millisecond, because a step without a sample may have ended just before the burst began.
 pub fn pair(received: &Received) -> Vec<(RawImu, Attitude)> {
     let mut attitudes = received.attitudes.iter().peekable();
     received
@@ -122,8 +122,8 @@ pub fn pair(received: &Received) -> Vec<(RawImu, Attitude)> {
         .collect()
 }
 
-/// Scores attitudes against the reference of the sample that their burst read; also returns the number
-/// of those that belong to no burst.
+/// Scores attitudes against the reference of the sample that their burst read; also returns the
+/// number of those that belong to no burst.
 fn score(rig: &Rig, recording: &Recording, pairs: &[(RawImu, Attitude)]) -> (Option<Score>, usize) {
     let mut bursts = rig.truth().bursts.iter();
     let mut scorer = Scorer::default();

@@ -1,5 +1,5 @@
-//! Builds what runs on the chip: the firmware of the workspace that this crate belongs to, and other
-//! images in the same way.
+//! Builds what runs on the chip: the firmware of the workspace that this crate belongs to, and
+//! other images in the same way.
 
 use super::{Image, ImageError};
 use std::ffi::OsString;
@@ -41,8 +41,8 @@ pub struct Builder {
 }
 
 impl Builder {
-    /// Finds a toolchain; a missing Rust target is added through rustup. `say` gets lines of progress
-    /// for a person.
+    /// Finds a toolchain; a missing Rust target is added through rustup. `say` gets lines of
+    /// progress for a person.
     ///
     /// # Errors
     /// [`ImageError::Toolchain`].

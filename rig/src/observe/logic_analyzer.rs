@@ -9,8 +9,8 @@ use samd21::board::{I2cEvent, I2cReply, Ticks};
 /// Bytes that a full burst reads.
 const FULL: usize = 18;
 /// Largest harmless errors of a word of accelerometer, magnetometer and gyroscope, counts: 2 m/s^2,
-/// 5 uT, 4 deg/s. A single such sample moves the rudder by at most 2 degrees, through the gyroscope;
-/// the other two are averaged over seconds.
+/// 5 uT, 4 deg/s. A single such sample moves the rudder by at most 2 degrees, through the
+/// gyroscope; the other two are averaged over seconds.
 const VALID_COUNTS: [u16; 3] = [200, 80, 64];
 
 /// What the sensor's registers hold, and what they would hold without a fault.

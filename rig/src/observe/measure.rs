@@ -1,5 +1,5 @@
-//! Timing of the control loop, measured from outside the chip: on the bus, at the servo's pin and at
-//! the probe pin.
+//! Timing of the control loop, measured from outside the chip: on the bus, at the servo's pin and
+//! at the probe pin.
 
 use crate::observe::ground_truth::{Burst, GroundTruth, Pulse};
 use samd21::board::Ticks;

@@ -1,5 +1,5 @@
-//! The flight library and the sensor's driver at the environment's pins, without a chip between them:
-//! a bus master with ideal timing, ticks every 10 ms locked to a servo frame of 20 ms.
+//! The flight library and the sensor's driver at the environment's pins, without a chip between
+//! them: a bus master with ideal timing, ticks every 10 ms locked to a servo frame of 20 ms.
 
 use bno055_driver::{BusError, Driver, Micros, Next, TRANSFER_DEADLINE_US, Transfer};
 use rig::bench::{BenchConfig, Environment, SERVO_PIN};

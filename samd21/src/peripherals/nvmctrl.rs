@@ -14,8 +14,8 @@
 //! | 0080_6020, 0080_6030 | calibration, temperature log | plausible factory values |
 //! | 0080_A00C, A040-A048 | serial number | from the chip's options |
 //!
-//! Erasing a row (256 bytes) takes 6 ms, programming a page 2.5 ms (the data sheet's maxima); the CPU
-//! runs from the same flash and stands still meanwhile. Programming only clears bits.
+//! Erasing a row (256 bytes) takes 6 ms, programming a page 2.5 ms (the data sheet's maxima); the
+//! CPU runs from the same flash and stands still meanwhile. Programming only clears bits.
 //!
 //! | left out | why |
 //! |---|---|

@@ -12,7 +12,8 @@
 //! | 18, 1A or 1C | CC0, CC1 | 16 or 32 bits |
 //!
 //! TOP is CC0 in MFRQ and MPWM, else the counter's end. All registers share one synchroniser: a
-//! write while SYNCBUSY is set stalls the bus. COUNT read without a request gives the present count.
+//! write while SYNCBUSY is set stalls the bus. COUNT read without a request gives the present
+//! count.
 //!
 //! | left out | why |
 //! |---|---|

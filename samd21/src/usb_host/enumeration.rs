@@ -10,9 +10,9 @@ use crate::board::Ticks;
 const ADDRESS: u8 = 1;
 /// Time for the device to take its address: 2 ms by USB 2.0, 9.2.6.3; hosts give 10 ms.
 const ADDRESS_RECOVERY: Ticks = Ticks::from_ms(10);
-/// From the end of one request to the next: an interrupt reports the end to the host's driver, which
-/// queues the next request for the following frame. Devices rely on it: one that takes a status
-/// packet from its endpoint's buffer would lose a SETUP that overwrote it in that moment.
+/// From the end of one request to the next: an interrupt reports the end to the host's driver,
+/// which queues the next request for the following frame. Devices rely on it: one that takes a
+/// status packet from its endpoint's buffer would lose a SETUP that overwrote it in that moment.
 const TURNAROUND: Ticks = Ticks::from_ms(1);
 /// US English.
 const LANGUAGE: u16 = 0x0409;
@@ -178,8 +178,8 @@ impl Host {
         }
     }
 
-    /// The device has answered a request wrongly. It works without strings and line state; any other
-    /// request starts enumeration again.
+    /// The device has answered a request wrongly. It works without strings and line state; any
+    /// other request starts enumeration again.
     pub(super) fn refused(&mut self, now: Ticks, request: Request, error: HostError) {
         match request {
             Request::Languages

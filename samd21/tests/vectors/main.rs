@@ -1,8 +1,8 @@
 //! Programs and outcomes that `samd21/tools/differential.py --vectors` has stored: each was run on
 //! Unicorn's Cortex-M0, and together they reach every encoding that the tool generates.
 //!
-//! To store them anew, from the repository's root:
-//! `python3 samd21/tools/differential.py --sequences 320 --seed 7 --vectors samd21/tests/vectors/unicorn.bin`
+//! To store them anew, from the repository's root: `python3 samd21/tools/differential.py
+//! --sequences 320 --seed 7 --vectors samd21/tests/vectors/unicorn.bin`
 
 #[allow(unreachable_pub)]
 mod case;

@@ -1,18 +1,21 @@
 //! Freeing an I2C bus whose data line a slave holds low, because this chip was reset in mid-byte.
 //!
-//! The slave lets go once it has been clocked through its byte and finds it not acknowledged: nine clocks at most. A
-//! healthy bus is not clocked (a BNO055 has been seen to hang from that), and a clock line held low cannot be.
-//! Bounded: half a millisecond for a clock that is being stretched, then 0.2 ms.
+//! The slave lets go once it has been clocked through its byte and finds it not acknowledged: nine
+//! clocks at most. A healthy bus is not clocked (a BNO055 has been seen to hang from that), and a
+//! clock line held low cannot be. Bounded: half a millisecond for a clock that is being stretched,
+//! then 0.2 ms.
 
 use crate::board::pin::Pin;
 use crate::board::time::delay_us;
 
 /// Half a clock period, for 100 kHz.
 const HALF_US: u32 = 5;
-/// How long a slave may stretch the clock: the longest that a BNO055 has been measured to, without a fault.
+/// How long a slave may stretch the clock: the longest that a BNO055 has been measured to, without
+/// a fault.
 const STRETCH_US: u32 = 500;
 
-/// Take both lines as GPIO and look at them, clocking the data line free if it is low. Says whether both are high.
+/// Take both lines as GPIO and look at them, clocking the data line free if it is low. Says whether
+/// both are high.
 ///
 /// The lines stay GPIO inputs.
 pub(super) fn free(sda: Pin, scl: Pin) -> bool {

@@ -1,7 +1,7 @@
 //! The SERCOM as I2C master (data sheet chapter 28), one register access at a time.
 //!
-//! What goes through to the bus's clock domain (commands, address, data, bus state) waits for the one before to arrive,
-//! for a bounded time: a write on top of another would be lost.
+//! What goes through to the bus's clock domain (commands, address, data, bus state) waits for the
+//! one before to arrive, for a bounded time: a write on top of another would be lost.
 
 use atsamd_hal::pac::sercom0::{I2cm, i2cm};
 
@@ -30,15 +30,16 @@ pub(super) enum Command {
 
 /// Clock cycles of SCL's high and low phase, as BAUD takes them.
 ///
-/// `f_scl = f_gclk / (10 + BAUD + BAUDLOW + f_gclk t_rise)` (data sheet 28.6.2.4); each phase lasts its own value and
-/// 5 cycles.
+/// `f_scl = f_gclk / (10 + BAUD + BAUDLOW + f_gclk t_rise)` (data sheet 28.6.2.4); each phase lasts
+/// its own value and 5 cycles.
 struct Baud {
     high: u8,
     low: u8,
 }
 
-/// SCL's period is 120 or 480 cycles of 48 MHz. Fast mode asks for 1.3 us low and 0.6 us high, so low is longer there.
-/// Rise times: 100 ns on a short bus, 300 ns on a long cable, which is what the slow speed is for.
+/// SCL's period is 120 or 480 cycles of 48 MHz. Fast mode asks for 1.3 us low and 0.6 us high, so
+/// low is longer there. Rise times: 100 ns on a short bus, 300 ns on a long cable, which is what
+/// the slow speed is for.
 const fn baud(khz: u32, rise_ns: u32, low_percent: u32) -> Baud {
     let counted = 48_000 / khz - 10 - rise_ns * 48 / 1_000;
     let low = counted * low_percent / 100;
@@ -53,7 +54,8 @@ const FAST: Baud = baud(400, 100, 59);
 const STANDARD: Baud = baud(100, 300, 50);
 
 const _: () = {
-    // 10 + 106 cycles and 4.8 of rise: 397 kHz, and 414 kHz with no rise at all; low 67 cycles = 1.4 us.
+    // 10 + 106 cycles and 4.8 of rise: 397 kHz, and 414 kHz with no rise at all; low 67 cycles =
+    // 1.4 us.
     assert!(FAST.low == 62 && FAST.high == 44);
     assert!(STANDARD.low == 228 && STANDARD.high == 228);
 };
@@ -96,7 +98,8 @@ pub(super) fn set_up(khz: u32) -> Result<(), NotSynchronised> {
     synchronised(|| is_idle(registers))
 }
 
-/// Wait for the STOP before to have gone out, for a bounded time: a START on top of it would be a repeated start.
+/// Wait for the STOP before to have gone out, for a bounded time: a START on top of it would be a
+/// repeated start.
 pub(super) fn wait_idle() -> Result<(), NotSynchronised> {
     synchronised(|| is_idle(i2c_registers()))
 }

@@ -1,10 +1,11 @@
 //! The HAL's device controller, with one race of it closed.
 //!
-//! The control pipe takes the empty packet that ends a request out of endpoint 0's buffer. A host may have sent its next
-//! SETUP by then, which the controller always takes, and into the same buffer. The HAL's `read` then finds eight bytes
-//! where none were expected, drops them and tells the controller that they have been heard: the host waits five
-//! seconds for an answer, at about one request in a hundred. So an empty packet is taken without a look at the buffer,
-//! and a SETUP that is there already is left to the next poll, which sees to it.
+//! The control pipe takes the empty packet that ends a request out of endpoint 0's buffer. A host
+//! may have sent its next SETUP by then, which the controller always takes, and into the same
+//! buffer. The HAL's `read` then finds eight bytes where none were expected, drops them and tells
+//! the controller that they have been heard: the host waits five seconds for an answer, at about
+//! one request in a hundred. So an empty packet is taken without a look at the buffer, and a SETUP
+//! that is there already is left to the next poll, which sees to it.
 
 use atsamd_hal::pac;
 use atsamd_hal::usb;

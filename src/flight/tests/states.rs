@@ -58,7 +58,8 @@ fn every_sensor_fault_commands_neutral_in_time_and_leads_back_only_to_standby() 
     }
 }
 
-/// Of a sample that the driver found bad nothing gets into the estimate: not its counts, not even its time.
+/// Of a sample that the driver found bad nothing gets into the estimate: not its counts, not even
+/// its time.
 #[test]
 fn a_bad_sample_never_reaches_the_filter() {
     let mut desk = Desk::active(0.4);

@@ -15,7 +15,8 @@ fn a_corrupt_frame_is_counted_and_does_nothing() {
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(128))]
 
-    /// No noise can hide a command for longer than the longest frame that noise may pretend to begin, and nothing panics.
+    /// No noise can hide a command for longer than the longest frame that noise may pretend to
+    /// begin, and nothing panics.
     #[test]
     fn a_command_gets_through_any_noise(
         noise in prop::collection::vec(prop_oneof![any::<u8>(), Just(0xFD), Just(0xFE)], 0..300),

@@ -40,7 +40,8 @@ pub struct Fly {
     #[arg(long, value_name = "KP,KD", allow_negative_numbers = true, value_parser = gains)]
     pub gains: Option<Gains>,
 
-    /// Firmware parameters, a name and a value a line, as `tvc tune` and `tvc param dump` write them.
+    /// Firmware parameters, a name and a value a line, as `tvc tune` and `tvc param dump` write
+    /// them.
     #[arg(long, value_name = "FILE.param", conflicts_with = "gains")]
     pub params: Option<PathBuf>,
 
@@ -54,10 +55,10 @@ pub struct Fly {
     #[arg(long, value_name = "FILE.imuq", conflicts_with_all = ["start", "gains", "params", "drone", "Disturb"])]
     pub replay: Option<PathBuf>,
 
-    /// A scenario: faults of sensor and cable by time, `[[fault]]` with `kind` (as in `tvc faults`), `at_s`
-    /// after the release, `for_s`, and how hard it strikes (docs/faults.md; from the seed if left out);
-    /// `[vibration]`, `[servo_supply]`, `[thrust_ramp]` and `[temperature]` as the options of their names,
-    /// which come first.
+    /// A scenario: faults of sensor and cable by time, `[[fault]]` with `kind` (as in `tvc
+    /// faults`), `at_s` after the release, `for_s`, and how hard it strikes (docs/faults.md; from
+    /// the seed if left out); `[vibration]`, `[servo_supply]`, `[thrust_ramp]` and `[temperature]`
+    /// as the options of their names, which come first.
     #[arg(long, value_name = "FILE.toml", conflicts_with = "replay")]
     pub faults: Option<PathBuf>,
 

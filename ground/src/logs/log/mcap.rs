@@ -1,9 +1,9 @@
-//! Logs as MCAP, which Foxglove and PlotJuggler open: the untouched frames on one topic, so that nothing is lost, and
-//! the content of the vehicle's frames as JSON on others.
+//! Logs as MCAP, which Foxglove and PlotJuggler open: the untouched frames on one topic, so that
+//! nothing is lost, and the content of the vehicle's frames as JSON on others.
 //!
-//! Messages that carry the vehicle's clock are stamped by it, offset to the host's clock at the first of them; so plots
-//! do not show the jitter of the host's reading. Frames are stamped with the time at which they came, as in a
-//! `.tlog`.
+//! Messages that carry the vehicle's clock are stamped by it, offset to the host's clock at the
+//! first of them; so plots do not show the jitter of the host's reading. Frames are stamped with
+//! the time at which they came, as in a `.tlog`.
 
 use std::collections::BTreeMap;
 use std::fs::File;
@@ -30,7 +30,8 @@ const FRAMES: &str = "/mavlink";
 const FRAME_ENCODING: &str = "x-mavlink2";
 /// Size of a chunk, bytes: at most this is lost if the program is killed, a fifth of a second.
 const CHUNK_BYTES: u64 = 32 * 1024;
-/// Time between two transforms for three-dimensional views, us; plots have the attitude of every step.
+/// Time between two transforms for three-dimensional views, us; plots have the attitude of every
+/// step.
 const TRANSFORM_US: u64 = 30_000;
 /// Difference of the clocks from which the vehicle counts as restarted, us.
 const CLOCK_STEP_US: u64 = 1_000_000;
@@ -325,7 +326,8 @@ struct Clock {
 }
 
 impl Clock {
-    /// The time of a message, us since 1970: by the vehicle's clock where it carries that, else when it came.
+    /// The time of a message, us since 1970: by the vehicle's clock where it carries that, else
+    /// when it came.
     fn time_us(&mut self, received_us: u64, message: &MavMessage) -> u64 {
         let vehicle_us = match message {
             MavMessage::ATTITUDE_QUATERNION(m) => u64::from(m.time_boot_ms) * 1000,
@@ -359,8 +361,8 @@ fn timestamp(time_us: u64) -> Value {
     json!({ "sec": time_us / 1_000_000, "nsec": time_us % 1_000_000 * 1000 })
 }
 
-/// The body's orientation for viewers, whose axes are east-north-up on the earth and forward-left-up on the body (ROS
-/// REP 103).
+/// The body's orientation for viewers, whose axes are east-north-up on the earth and
+/// forward-left-up on the body (ROS REP 103).
 fn transform(time_us: u64, attitude: &ATTITUDE_QUATERNION_DATA) -> Value {
     let half = std::f64::consts::FRAC_1_SQRT_2;
     let east_north_up = UnitQuaternion::new_unchecked(Quaternion::new(0.0, half, half, 0.0));

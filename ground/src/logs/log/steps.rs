@@ -1,8 +1,9 @@
 //! The control steps of a log, and what happened between them, in the vehicle's own order.
 //!
-//! Every step sends ATTITUDE_QUATERNION, SERVO_OUTPUT_RAW, RAW_IMU if it had a sample, and NAMED_VALUE_FLOAT with the
-//! command, one behind the other; answers and events lie between two steps in the firmware's order. A step without
-//! RAW_IMU missed its sample, unless frames are missing there.
+//! Every step sends ATTITUDE_QUATERNION, SERVO_OUTPUT_RAW, RAW_IMU if it had a sample, and
+//! NAMED_VALUE_FLOAT with the command, one behind the other; answers and events lie between two
+//! steps in the firmware's order. A step without RAW_IMU missed its sample, unless frames are
+//! missing there.
 
 use client::{LinkCounts, text};
 use mavlink::dialects::common::{
@@ -162,7 +163,8 @@ impl Flight {
         let _ = params.set("SRV_POLARITY", 1.0);
         for event in self.events.iter().rev() {
             if let Event::Parameter(name, value) = event {
-                // One that this version does not know, or not with that value, stays at its default.
+                // One that this version does not know, or not with that value, stays at its
+                // default.
                 let _ = params.set(name, *value);
             }
         }
@@ -261,7 +263,8 @@ impl Flight {
         self.events.push(event);
     }
 
-    /// A step whose messages have all come. One at a gap may have lost its sample's message, and counts only with it.
+    /// A step whose messages have all come. One at a gap may have lost its sample's message, and
+    /// counts only with it.
     fn close(&mut self, part: Option<Part>, clock: &mut Option<u64>, at_gap: bool) {
         let Some(part) = part else { return };
         let Some((time_us, pulse_us)) = part.servo else {

@@ -11,7 +11,8 @@ use crate::out::file::write_whole;
 const HEAD: &str = "time_us,state,lost_before,sample_time_us,acc_x,acc_y,acc_z,gyr_x,gyr_y,gyr_z,mag_x,mag_y,mag_z,\
                     q_w,q_x,q_y,q_z,roll_rate_rad_s,pitch_rate_rad_s,yaw_rate_rad_s,crank_rad,pulse_us\n";
 
-/// Writes a row a step. Counts are the sensor's own; they and their time are empty where a sample was missed.
+/// Writes a row a step. Counts are the sensor's own; they and their time are empty where a sample
+/// was missed.
 ///
 /// # Errors
 /// The file cannot be written.

@@ -5,8 +5,8 @@ use super::Pair;
 const HEAD: &str = "time_us,comparable,pitch_rad,pitch_rad_replayed,crank_rad,crank_rad_replayed,pulse_us,\
                     pulse_us_replayed,pitch_rad_filter\n";
 
-/// A row a step. `comparable` is 1 where the estimate's past is known; `other` is another filter's time and pitch after
-/// each sample, and its column is empty without one.
+/// A row a step. `comparable` is 1 where the estimate's past is known; `other` is another filter's
+/// time and pitch after each sample, and its column is empty without one.
 pub fn text(pairs: &[Pair], other: Option<&[(f64, f64)]>) -> String {
     let mut text = HEAD.to_owned();
     let mut others = other.unwrap_or_default().iter();

@@ -52,7 +52,8 @@ impl Bench {
         self.run(20);
     }
 
-    /// Released from a tilt, some samples bad for a second and a half, then the cable out until the flight gives up.
+    /// Released from a tilt, some samples bad for a second and a half, then the cable out until the
+    /// flight gives up.
     fn fly(&mut self) {
         self.rig.environment_mut().tilt_clamp(0.3);
         self.run(6_000);

@@ -1,8 +1,10 @@
-//! The closed loop's frequency response from a set point that was swung through a range of frequencies.
+//! The closed loop's frequency response from a set point that was swung through a range of
+//! frequencies.
 //!
-//! At every frequency, set point and pitch are compared over the stretch of the record in which the sweep passes it: the
-//! ratio of their Fourier integrals there, weighted by a Hann window, is gain and phase. The bandwidth is where the gain
-//! first falls below -3 dB, the delay the phase at it over its frequency.
+//! At every frequency, set point and pitch are compared over the stretch of the record in which the
+//! sweep passes it: the ratio of their Fourier integrals there, weighted by a Hann window, is gain
+//! and phase. The bandwidth is where the gain first falls below -3 dB, the delay the phase at it
+//! over its frequency.
 
 use std::f64::consts::{PI, TAU};
 
@@ -183,7 +185,8 @@ fn transform(
 mod tests {
     use super::*;
 
-    /// A second-order loop with 1.5 Hz and critical damping, whose -3 dB lie at 1.5 * sqrt(sqrt(2) - 1) Hz.
+    /// A second-order loop with 1.5 Hz and critical damping, whose -3 dB lie at 1.5 * sqrt(sqrt(2)
+    /// - 1) Hz.
     #[test]
     fn the_bandwidth_of_a_known_loop_comes_out() {
         let (length, dt) = (40.0, 0.002);

@@ -126,7 +126,8 @@ mod tests {
     use plant::linear::frequency::OpenLoop;
     use plant::pitch_loop::Timing;
 
-    /// Without prediction and trim the law is proportional-derivative and has the reference's margins.
+    /// Without prediction and trim the law is proportional-derivative and has the reference's
+    /// margins.
     #[test]
     fn a_plain_law_has_the_margins_of_the_reference() {
         let setup = Setup::default();

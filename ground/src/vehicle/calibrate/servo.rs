@@ -1,4 +1,5 @@
-//! The servo's set-up: the vehicle holds pulses while disarmed, and a person reports where the rudder is.
+//! The servo's set-up: the vehicle holds pulses while disarmed, and a person reports where the
+//! rudder is.
 
 use std::time::{Duration, Instant};
 
@@ -90,7 +91,8 @@ fn check(given: &Servo) -> Result<()> {
     Ok(())
 }
 
-/// Each value as given on the command line, else as the person finds it, else as the vehicle has it.
+/// Each value as given on the command line, else as the person finds it, else as the vehicle has
+/// it.
 fn find(session: &mut Session, given: &Servo, yes: bool) -> Result<Vec<Parameter>> {
     type Ask<'a> = &'a dyn Fn(&mut Session, f32) -> Result<f32>;
     let mut value = |name: &str, given: Option<f32>, ask: Ask<'_>| match given {

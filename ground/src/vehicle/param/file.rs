@@ -1,5 +1,5 @@
-//! Parameter files: a name and a value a line, as MAVProxy writes them, or QGroundControl's five columns. `#` begins a
-//! comment.
+//! Parameter files: a name and a value a line, as MAVProxy writes them, or QGroundControl's five
+//! columns. `#` begins a comment.
 
 use std::fmt::Write;
 use std::path::Path;

@@ -1,4 +1,5 @@
-//! Who may command: a request needs the token of this start, and a `Host` to which no foreign page can point.
+//! Who may command: a request needs the token of this start, and a `Host` to which no foreign page
+//! can point.
 
 use std::net::IpAddr;
 
@@ -39,8 +40,8 @@ impl Token {
     }
 }
 
-/// Whether a request's `Host` is this computer by number or as `localhost`. A name may belong to a foreign page that
-/// has pointed it here (DNS rebinding); a number cannot.
+/// Whether a request's `Host` is this computer by number or as `localhost`. A name may belong to a
+/// foreign page that has pointed it here (DNS rebinding); a number cannot.
 pub fn is_own_host(host: &str) -> bool {
     let name = match host.strip_prefix('[') {
         Some(rest) => rest.split(']').next().unwrap_or_default(),

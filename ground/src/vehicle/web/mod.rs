@@ -1,5 +1,5 @@
-//! `tvc web`: the vehicle on a page. One thread owns the port ([`vehicle_thread`]), one a request serves the page
-//! ([`server`]); between them stands what is known ([`model`]).
+//! `tvc web`: the vehicle on a page. One thread owns the port ([`vehicle_thread`]), one a request
+//! serves the page ([`server`]); between them stands what is known ([`model`]).
 
 mod auth;
 mod logs;

@@ -9,8 +9,8 @@
 //! | `POST /set` `{"name", "value"}` | a parameter is set |
 //! | `POST /record`, `/end-record`, `/step` | a log begins, ends; a step test begins |
 //!
-//! A POST needs the token in `X-Token`, which no foreign page can send. Answers are JSON: `{"ok": true}`, or
-//! `{"error": reason}` with status 409 if the vehicle refuses.
+//! A POST needs the token in `X-Token`, which no foreign page can send. Answers are JSON: `{"ok":
+//! true}`, or `{"error": reason}` with status 409 if the vehicle refuses.
 
 use std::io::{Read, Write};
 use std::net::TcpListener;
@@ -53,7 +53,8 @@ const PAGE: &str = include_str!("page.html");
 /// Stands for the token in the page's text.
 const TOKEN: &str = "{{token}}";
 
-/// Sent with every answer: nothing is loaded from elsewhere, no foreign page may show this one in a frame.
+/// Sent with every answer: nothing is loaded from elsewhere, no foreign page may show this one in a
+/// frame.
 const HEADERS: [(&str, &str); 5] = [
     (
         "Content-Security-Policy",
@@ -84,7 +85,8 @@ pub struct Server {
 /// Why a request is refused: status, reason.
 type Refusal = (u16, String);
 
-/// Answers requests until `ended`, each in a thread of its own: one may wait seconds for the vehicle.
+/// Answers requests until `ended`, each in a thread of its own: one may wait seconds for the
+/// vehicle.
 ///
 /// # Errors
 /// The socket fails.
@@ -204,7 +206,8 @@ impl Server {
         if self.model.lock().status().in_operation {
             return Ok(());
         }
-        // The estimate begins anew, so that a replay knows its past. The page shows a refusal as a text.
+        // The estimate begins anew, so that a replay knows its past. The page shows a refusal as a
+        // text.
         let _ = self.vehicle.order(request::CALIBRATE);
         Ok(())
     }

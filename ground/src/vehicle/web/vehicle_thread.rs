@@ -1,5 +1,6 @@
-//! The thread that owns the port: it publishes what the vehicle tells and gives the page's requests to the client. It
-//! waits for no answer, so that nothing is sent before a STOP that was pressed first.
+//! The thread that owns the port: it publishes what the vehicle tells and gives the page's requests
+//! to the client. It waits for no answer, so that nothing is sent before a STOP that was pressed
+//! first.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -110,7 +111,8 @@ impl Handle {
     }
 }
 
-/// Talks to the vehicle until `stop`; a port that goes away is waited for. Logs go to the folder `logs`.
+/// Talks to the vehicle until `stop`; a port that goes away is waited for. Logs go to the folder
+/// `logs`.
 ///
 /// # Errors
 /// A log that cannot be ended.
@@ -357,7 +359,8 @@ impl<'a> Session<'a> {
                 self.status_due = Duration::ZERO;
             }
             MavMessage::PARAM_VALUE(m) => {
-                // The table is this tool's own: a value that it does not allow is shown as it is, and not used.
+                // The table is this tool's own: a value that it does not allow is shown as it is,
+                // and not used.
                 let _ = self.params.set(text(&m.param_id), m.param_value);
                 self.publish_parameters();
             }

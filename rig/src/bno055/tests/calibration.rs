@@ -125,7 +125,8 @@ fn the_slow_calibration_asks_for_more_motion_and_imu_mode_for_none() {
     assert_eq!(moved(Mode::Amg), [0; 4]);
 }
 
-/// As users report of restored profiles: the magnetometer shows 0 until the first motion, the system 3.
+/// As users report of restored profiles: the magnetometer shows 0 until the first motion, the
+/// system 3.
 #[test]
 fn a_restored_profile_counts_and_is_overwritten() {
     let profile = [
@@ -144,7 +145,8 @@ fn a_restored_profile_counts_and_is_overwritten() {
     assert_eq!(bus.words(GYR_OFFSET), [0, 32, 0], "rest teaches it better");
 }
 
-/// As the thesis found: under motion accelerometer and magnetometer lose their calibration, and regain it.
+/// As the thesis found: under motion accelerometer and magnetometer lose their calibration, and
+/// regain it.
 #[test]
 fn shaking_and_iron_cost_levels() {
     let mut bus = fusing(Mode::Ndof, &[]);

@@ -2,9 +2,9 @@
 //! flight.
 //!
 //! One flight is flown without a fault, with snapshots of the whole rig every 40 ms. Every run
-//! continues from a copy of one of them to its own instant, switches its fault on for 5 to 500 ms, and
-//! watches for 0.7 s more. A run is judged by what can be seen from outside: the pulses on the servo's
-//! wire, the drone's true pitch, and the state that the firmware reports. How a run ends:
+//! continues from a copy of one of them to its own instant, switches its fault on for 5 to 500 ms,
+//! and watches for 0.7 s more. A run is judged by what can be seen from outside: the pulses on the
+//! servo's wire, the drone's true pitch, and the state that the firmware reports. How a run ends:
 //!
 //! | ending | means |
 //! |---|---|
@@ -12,13 +12,13 @@
 //! | neutral | the firmware is in failsafe, and no pulse after it said so was off neutral |
 //! | unsafe | anything else; and either of the above with a pulse missing, a pulse outside the travel, a reset of the chip, or a rudder that was off neutral without valid data for more than 150 ms |
 //!
-//! A rudder is *without valid data* from the last control step that worked on a valid burst, or from
-//! the fault's beginning where there has been none since. A burst is valid if it brought, complete,
-//! the words that a faultless sensor and cable would have given at that moment, to within 2 m/s^2,
-//! 5 uT and 4 deg/s: a sample as wrong as that moves the rudder by less than 2 degrees, once. The
-//! time ends with the rising edge of the first neutral pulse, or with the next such step; for a fault
-//! that stays it is the time from the fault to the neutral pulse. It counts whether or not the firmware
-//! noticed that its data were wrong.
+//! A rudder is *without valid data* from the last control step that worked on a valid burst, or
+//! from the fault's beginning where there has been none since. A burst is valid if it brought,
+//! complete, the words that a faultless sensor and cable would have given at that moment, to within
+//! 2 m/s^2, 5 uT and 4 deg/s: a sample as wrong as that moves the rudder by less than 2 degrees,
+//! once. The time ends with the rising edge of the first neutral pulse, or with the next such step;
+//! for a fault that stays it is the time from the fault to the neutral pulse. It counts whether or
+//! not the firmware noticed that its data were wrong.
 
 mod judge;
 
@@ -42,8 +42,8 @@ const START_RAD: f64 = 0.4;
 const START_RATE_RAD_S: f64 = 0.2;
 /// Rest after the tilt, so that the estimator has settled.
 const REST: Ticks = Ticks::from_ms(3000);
-/// Faults begin in this time after release: from the first answer of the rudder until long after the
-/// drone is upright.
+/// Faults begin in this time after release: from the first answer of the rudder until long after
+/// the drone is upright.
 const EARLIEST: Ticks = Ticks::from_ms(60);
 const LATEST: Ticks = Ticks::from_ms(1600);
 /// Time between two snapshots.

@@ -17,8 +17,8 @@
 //! | 107-109+20n | EPINTFLAG, EPINTENCLR, EPINTENSET | TRCPT, TRFAIL, RXSTP, STALL |
 //!
 //! What tokens do to banks and descriptors is in `endpoint`. The end of a bus reset clears
-//! EPCFG1-7, DADD, FNUM, all EPINTFLAG and EPINTEN, STALLRQ and UPRSM, but not BKxRDY. An endpoint without a
-//! type has no interrupts enabled and its toggles are clear.
+//! EPCFG1-7, DADD, FNUM, all EPINTFLAG and EPINTEN, STALLRQ and UPRSM, but not BKxRDY. An endpoint
+//! without a type has no interrupts enabled and its toggles are clear.
 //!
 //! | left out | why |
 //! |---|---|

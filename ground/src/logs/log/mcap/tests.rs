@@ -65,7 +65,8 @@ fn every_kind() -> Vec<MavMessage> {
     ]
 }
 
-/// Every kind of message with a frame missing before the last, came at 1 s since 1970 and 10 ms later each.
+/// Every kind of message with a frame missing before the last, came at 1 s since 1970 and 10 ms
+/// later each.
 fn written() -> Vec<u8> {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("flight.mcap");
