@@ -3,6 +3,8 @@
 //! On the host it prints its configuration: the parameters with their ranges, the rates and the
 //! limits.
 #![cfg_attr(target_os = "none", no_std, no_main)]
+// Nothing of a program is reachable from outside; `pub` marks what a module offers to the others.
+#![allow(unreachable_pub)]
 
 #[cfg(target_os = "none")]
 mod board;

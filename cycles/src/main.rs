@@ -9,6 +9,9 @@
 //! The package's features say which filter it is. Without the feature `setup` nothing makes the
 //! filter's state, and all that is linked is the update: that image is there to be weighed, not to
 //! be run.
+
+// Nothing of a program is reachable from outside; `pub` marks what a module offers to the others.
+#![allow(unreachable_pub)]
 #![cfg_attr(target_os = "none", no_std, no_main)]
 
 #[cfg(target_os = "none")]

@@ -1,13 +1,17 @@
 //! `tvc`: the ground tool. Messages for people go to standard error, data to standard output.
 
 #![forbid(unsafe_code)]
+// Nothing of a program is reachable from outside; `pub` marks what a module offers to the others.
+#![allow(unreachable_pub)]
 
+mod arguments;
 mod cli;
 mod filters;
 mod flight;
 mod logs;
 mod model;
 mod out;
+mod param_file;
 mod signals;
 mod vehicle;
 

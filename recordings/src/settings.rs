@@ -11,7 +11,7 @@ type Key<T> = (&'static str, fn(&mut T) -> &mut f32);
 type Preset<T> = (&'static str, fn() -> T);
 
 /// Gains that can be set by name.
-pub trait Gains: Copy + Default + 'static {
+pub(crate) trait Gains: Copy + Default + 'static {
     /// The settings.
     const KEYS: &'static [Key<Self>];
     /// Names of whole sets of gains.
@@ -89,7 +89,7 @@ fn shared<G>() -> [Key<Config<G>>; 16] {
 ///
 /// # Errors
 /// A preset or key that the filter has not, with those that it has; a value that is no number.
-pub fn config<G: Gains>(
+pub(crate) fn config<G: Gains>(
     filter: FilterName,
     gyro_range_rad_s: Option<f32>,
     settings: &[Setting],

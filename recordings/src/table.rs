@@ -21,7 +21,7 @@ const REFERENCE: [&str; 4] = ["ref_w", "ref_x", "ref_y", "ref_z"];
 const COUNTS_TIME: [(&str, f64); 3] = [("sample_time_us", 1e-6), ("time_us", 1e-6), ("t_s", 1.0)];
 
 /// A CSV file, line by line.
-pub struct Table<R> {
+pub(crate) struct Table<R> {
     name: String,
     reader: Reader<Chain<Cursor<Vec<u8>>, R>>,
     record: ByteRecord,
@@ -51,7 +51,7 @@ impl<R: Read> Table<R> {
     ///
     /// # Errors
     /// [`RecordingError::Foreign`]: columns that are needed are missing.
-    pub fn read(name: &str, start: Vec<u8>, rest: R) -> Result<Self, RecordingError> {
+    pub(crate) fn read(name: &str, start: Vec<u8>, rest: R) -> Result<Self, RecordingError> {
         let mut reader = ReaderBuilder::new()
             .trim(csv::Trim::All)
             .from_reader(Cursor::new(start).chain(rest));
@@ -71,12 +71,12 @@ impl<R: Read> Table<R> {
     }
 
     /// Whether its columns are counts of a BNO055.
-    pub fn is_counts(&self) -> bool {
+    pub(crate) fn is_counts(&self) -> bool {
         self.columns.are_counts
     }
 
     /// How much of the file has been read.
-    pub fn bytes_read(&self) -> u64 {
+    pub(crate) fn bytes_read(&self) -> u64 {
         self.reader.position().byte()
     }
 
@@ -84,7 +84,7 @@ impl<R: Read> Table<R> {
     ///
     /// # Errors
     /// [`RecordingError::Table`] and [`RecordingError::Line`].
-    pub fn next_sample(&mut self) -> Result<Option<RecordedSample>, RecordingError> {
+    pub(crate) fn next_sample(&mut self) -> Result<Option<RecordedSample>, RecordingError> {
         let name = || self.name.clone();
         loop {
             let more = self.reader.read_byte_record(&mut self.record);

@@ -2,26 +2,57 @@
 //!
 //! `cargo run --quiet` alone would build the ground tool for minutes without a word the first time;
 //! without `--quiet` it would add its own lines to every message of the tool. So the first build is
-//! shown, later ones are not.
+//! shown, later ones are not. The first `cargo fly` also begins the image's build beside the tool's,
+//! because each of the two leaves a processor core idle for much of its time.
 
 #![forbid(unsafe_code)]
 
 use std::env;
 use std::ffi::{OsStr, OsString};
-use std::path::PathBuf;
-use std::process::{Command, ExitCode};
+use std::path::{Path, PathBuf};
+use std::process::{Command, ExitCode, Stdio};
+use std::thread;
 
+/// The profile that the ground tool is built with, and the folder below `target` where it then lies.
+const PROFILE: &str = "tool";
 /// The ground tool, as cargo names it.
 const TOOL: [&str; 6] = ["--profile", PROFILE, "--package", "ground", "--bin", "tvc"];
 
-/// The profile that it is built with, and the folder below `target` where it then lies.
-const PROFILE: &str = "tool";
+/// What the image is built for.
+const CHIP: &str = "thumbv6m-none-eabi";
+/// The image, as cargo names it; `rig::image` builds it with the same words.
+const IMAGE: [&str; 8] = [
+    "--package",
+    "tvc-nano",
+    "--bin",
+    "tvc-nano",
+    "--profile",
+    "firmware",
+    "--target",
+    CHIP,
+];
 
 fn main() -> ExitCode {
     let cargo = env::var_os("CARGO").unwrap_or_else(|| "cargo".into());
-    if !tool().is_some_and(|path| path.exists()) {
+    let target = target_folder();
+    let is_built = |target: &PathBuf| {
+        let name = format!("tvc{}", env::consts::EXE_SUFFIX);
+        target.join(PROFILE).join(name).exists()
+    };
+    if !target.as_ref().is_some_and(is_built) {
         eprintln!("building the ground tool; the first time this takes some minutes");
+        let flies = env::args_os()
+            .nth(1)
+            .is_some_and(|command| command == "fly");
+        let image = target.filter(|_| flies).map(|target| {
+            let cargo = cargo.clone();
+            thread::spawn(move || build_image(&cargo, &target.join("chip")))
+        });
         let status = cargo_command(&cargo, "build", []);
+        if let Some(image) = image {
+            // It has no result: the tool builds the image again and reports what goes wrong.
+            let _ = image.join();
+        }
         if status != 0 {
             return ExitCode::from(status);
         }
@@ -34,11 +65,32 @@ fn main() -> ExitCode {
     ))
 }
 
-/// Where the tool is once built: beside this program, in the folder of its profile.
-fn tool() -> Option<PathBuf> {
+/// Cargo's folder of results, two above this program.
+fn target_folder() -> Option<PathBuf> {
     let own = env::current_exe().ok()?;
-    let name = format!("tvc{}", env::consts::EXE_SUFFIX);
-    Some(own.parent()?.parent()?.join(PROFILE).join(name))
+    Some(own.parent()?.parent()?.to_path_buf())
+}
+
+/// Builds the image into `folder` without a word.
+fn build_image(cargo: &OsStr, folder: &Path) {
+    let quietly = |command: &mut Command| {
+        let _ = command
+            .stdin(Stdio::null())
+            .stdout(Stdio::null())
+            .stderr(Stdio::null())
+            .status();
+    };
+    quietly(Command::new("rustup").args(["target", "add", CHIP]));
+    quietly(
+        Command::new(cargo)
+            .arg("build")
+            .args(IMAGE)
+            .args(["--features", "", "--target-dir"])
+            .arg(folder)
+            .env_remove("RUSTFLAGS")
+            .env_remove("CARGO_ENCODED_RUSTFLAGS")
+            .env_remove("CARGO_BUILD_TARGET"),
+    );
 }
 
 /// Runs cargo on the tool and gives the exit status, 1 where there is none.

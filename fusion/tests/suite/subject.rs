@@ -3,11 +3,11 @@
 use nalgebra::{UnitQuaternion, Vector3};
 use tvc_fusion::{Attitude, Config, Estimator, Filter, GRAVITY, Quaternion, Real, Sample, fixed};
 
-pub const DEG: f64 = core::f64::consts::PI / 180.0;
-pub const DT_US: u32 = 10_000;
+pub(crate) const DEG: f64 = core::f64::consts::PI / 180.0;
+pub(crate) const DT_US: u32 = 10_000;
 
 /// Whatever turns samples into attitudes.
-pub trait Subject: Clone {
+pub(crate) trait Subject: Clone {
     /// Degrees within which it agrees with the truth where the sensors are perfect: quantisation.
     const RESOLUTION_DEG: f64;
     /// It corrects heading and tilt after start-up.
@@ -45,7 +45,7 @@ where
 }
 
 /// Counts of a BNO055: a sensor that cannot say "not a number" and ends at 16 bits.
-pub fn counts(sample: &Sample) -> fixed::Counts {
+pub(crate) fn counts(sample: &Sample) -> fixed::Counts {
     let scale = fixed::Scale::BNO055;
     let count = |v: Vector3<f32>, unit: f32| [v.x, v.y, v.z].map(|v| (v / unit).round() as i16);
     fixed::Counts {
@@ -83,11 +83,11 @@ fixed_subject!(fixed::Ignored, new);
 fixed_subject!(fixed::Recovered, with_recovery);
 
 /// Field of Copenhagen: 50 uT, dip 70 deg, in north, east, down.
-pub fn field_ned() -> Vector3<f64> {
+pub(crate) fn field_ned() -> Vector3<f64> {
     Vector3::new(50.0 * (70.0 * DEG).cos(), 0.0, 50.0 * (70.0 * DEG).sin())
 }
 
-pub fn sample(truth: &UnitQuaternion<f64>, rate: Vector3<f64>, mag: bool) -> Sample {
+pub(crate) fn sample(truth: &UnitQuaternion<f64>, rate: Vector3<f64>, mag: bool) -> Sample {
     let back = truth.inverse();
     Sample {
         gyr: rate.cast(),
@@ -96,21 +96,21 @@ pub fn sample(truth: &UnitQuaternion<f64>, rate: Vector3<f64>, mag: bool) -> Sam
     }
 }
 
-pub fn oracle(q: &Quaternion) -> UnitQuaternion<f64> {
+pub(crate) fn oracle(q: &Quaternion) -> UnitQuaternion<f64> {
     let [w, x, y, z] = [q.w, q.x, q.y, q.z].map(f64::from);
     UnitQuaternion::from_quaternion(nalgebra::Quaternion::new(w, x, y, z))
 }
 
-pub fn error_deg(estimate: &Quaternion, truth: &UnitQuaternion<f64>) -> f64 {
+pub(crate) fn error_deg(estimate: &Quaternion, truth: &UnitQuaternion<f64>) -> f64 {
     oracle(estimate).angle_to(truth) / DEG
 }
 
-pub fn norm(q: &Quaternion) -> f32 {
+pub(crate) fn norm(q: &Quaternion) -> f32 {
     (q.w * q.w + q.x * q.x + q.y * q.y + q.z * q.z).sqrt()
 }
 
 /// Rest for `seconds` with an offset on the gyroscope, rad/s.
-pub fn rest<S: Subject>(
+pub(crate) fn rest<S: Subject>(
     subject: &mut S,
     truth: &UnitQuaternion<f64>,
     bias: Vector3<f64>,
@@ -125,7 +125,7 @@ pub fn rest<S: Subject>(
 }
 
 /// A lively motion: mean rates over the step, and the attitude at its end.
-pub fn motion(
+pub(crate) fn motion(
     start: UnitQuaternion<f64>,
     steps: u32,
 ) -> impl Iterator<Item = (Vector3<f64>, UnitQuaternion<f64>)> {

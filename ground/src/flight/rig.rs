@@ -2,10 +2,10 @@
 
 use anyhow::Result;
 
+use crate::arguments::seconds;
 use crate::flight::disturb::Disturb;
 use crate::flight::fly::start_angle;
 use crate::out::exit::Verdict;
-use crate::vehicle::port::seconds;
 use ::rig::ServoKind;
 use ::rig::bno055::ImuErrors;
 use ::rig::pilot::Manner;

@@ -8,7 +8,7 @@ use plant::{Parameters, ServoModel, Setup};
 use tvc_nano::{Controller, Params};
 
 use crate::out::exit::BadInput;
-use crate::vehicle::param;
+use crate::param_file;
 use rig::ServoKind;
 
 /// The image's controller with the linkage of a drone.
@@ -46,7 +46,7 @@ pub fn parameters(servo: ServoKind, gains: Option<&Path>) -> Result<Params> {
             .map_err(|error| anyhow::anyhow!("{error}"))?;
     }
     for row in gains
-        .map(param::file::read)
+        .map(param_file::read)
         .transpose()?
         .into_iter()
         .flatten()

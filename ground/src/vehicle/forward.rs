@@ -10,12 +10,13 @@ use clap::Args;
 use client::StatusTracker;
 use mavlink::dialects::common::MavMessage;
 
+use crate::arguments::seconds;
 use crate::logs::log::Writer;
 use crate::out::exit::Verdict;
 use crate::signals;
 use crate::vehicle::link::{Link, Vehicle};
 use crate::vehicle::monitor::servo_map;
-use crate::vehicle::port::{PortOptions, seconds};
+use crate::vehicle::port::PortOptions;
 
 /// Options of `tvc forward`.
 #[derive(Debug, Args)]

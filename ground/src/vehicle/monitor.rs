@@ -10,12 +10,13 @@ use clap::Args;
 use client::{ServoMap, Status, StatusTracker};
 use indicatif::{MultiProgress, ProgressBar, ProgressDrawTarget, ProgressStyle};
 
+use crate::arguments::seconds;
 use crate::logs::log::Writer;
 use crate::out::exit::Verdict;
 use crate::out::gauge::gauge;
 use crate::signals;
 use crate::vehicle::link::Vehicle;
-use crate::vehicle::port::{PortOptions, seconds};
+use crate::vehicle::port::PortOptions;
 
 /// Options of `tvc monitor`.
 #[derive(Debug, Args)]

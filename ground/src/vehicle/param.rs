@@ -1,7 +1,5 @@
 //! `tvc param`: the vehicle's parameters, with the meaning that this tool's own table gives them.
 
-pub mod file;
-
 use std::path::Path;
 
 use anyhow::Result;
@@ -14,6 +12,7 @@ use tvc_nano::params::DESCRIPTIONS;
 
 use crate::out::exit::{BadInput, Verdict};
 use crate::out::file::{print_json, write_whole};
+use crate::param_file;
 use crate::vehicle::link::Vehicle;
 mod options;
 pub use options::{Param, ParamAction, ParamPort};
@@ -63,8 +62,8 @@ struct Difference {
 pub fn run(options: &Param) -> Result<Verdict> {
     // Unusable input is reported before the vehicle is contacted.
     let wanted = match &options.action {
-        ParamAction::Diff { file } => file.as_deref().map(file::read).transpose()?,
-        ParamAction::Load { file } => Some(file::read(file)?),
+        ParamAction::Diff { file } => file.as_deref().map(param_file::read).transpose()?,
+        ParamAction::Load { file } => Some(param_file::read(file)?),
         ParamAction::Reset { names, .. } => Some(defaults(names)?),
         _ => None,
     };
@@ -260,7 +259,7 @@ fn dump(have: &[Parameter], path: Option<&Path>, json: bool) -> Result<Verdict> 
         let rows: Vec<Row> = have.iter().map(Row::of).collect();
         return show(&rows, true);
     }
-    let text = file::text(have);
+    let text = param_file::text(have);
     match path {
         Some(path) => {
             write_whole(path, text.as_bytes())?;

@@ -8,11 +8,12 @@ use clap::Args;
 use client::request;
 use indicatif::{ProgressBar, ProgressStyle};
 
+use crate::arguments::seconds;
 use crate::logs::log::{Flight, Log, Writer, write_csv};
 use crate::out::exit::Verdict;
 use crate::signals;
 use crate::vehicle::link::Vehicle;
-use crate::vehicle::port::{PortOptions, seconds};
+use crate::vehicle::port::PortOptions;
 
 /// Options of `tvc record`.
 #[derive(Debug, Args)]

@@ -11,13 +11,14 @@ use client::state::is_in_operation;
 use client::{Failure, RefusalKind, StateKind, request};
 use indicatif::{ProgressBar, ProgressStyle};
 
+use crate::arguments::seconds;
 use crate::logs::log::{Flight, Log, Writer};
 use crate::logs::report::{conclude, sweep};
 use crate::out::exit::Verdict;
 use crate::signals;
 use crate::vehicle::link::Vehicle;
 use crate::vehicle::param::ParamPort;
-use crate::vehicle::port::{PortOptions, seconds};
+use crate::vehicle::port::PortOptions;
 
 /// Options of `tvc test`.
 #[derive(Debug, Args)]

@@ -39,7 +39,7 @@ fn heading_error_deg(errors: &ImuErrors, parameters: &Value) -> f64 {
 
 /// The firmware's parameters take off the sensor's errors: to 0.02 deg/s, 5 mg, and 1.5 deg of
 /// heading all round.
-pub fn assert_near(errors: &ImuErrors, parameters: &Value) {
+pub(crate) fn assert_near(errors: &ImuErrors, parameters: &Value) {
     let bias = errors.gyro_bias_rad_s.unwrap().map(f64::to_degrees);
     let rate_deg_s = (vector(parameters, "CAL_GYR_O") - Vector3::from(bias)).amax();
     // What the corrected accelerometer shows in every direction, against what is there.

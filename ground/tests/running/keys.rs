@@ -10,19 +10,19 @@ use std::path::{Path, PathBuf};
 use serde_json::Value;
 
 /// Where the keys are stored, a file for each command and a path a line.
-pub fn folder() -> PathBuf {
+pub(crate) fn folder() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/golden/keys")
 }
 
 /// The keys of `object` are those of `name`.
-pub fn assert_keys(name: &str, object: &Value) {
+pub(crate) fn assert_keys(name: &str, object: &Value) {
     if let Some(difference) = difference(name, std::slice::from_ref(object)) {
         panic!("{difference}");
     }
 }
 
 /// What the keys of `objects`, together, have lost and gained over those of `name`.
-pub fn difference(name: &str, objects: &[Value]) -> Option<String> {
+pub(crate) fn difference(name: &str, objects: &[Value]) -> Option<String> {
     let mut found = BTreeSet::new();
     for object in objects {
         assert!(object.is_object(), "{name}: {object}");

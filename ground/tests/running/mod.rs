@@ -2,7 +2,7 @@
 //! `tvc rig --pty`.
 #![allow(dead_code, reason = "every test file takes what it needs")]
 
-pub mod keys;
+pub(crate) mod keys;
 
 use std::io::{BufRead, BufReader};
 use std::process::{Child, Command, Output, Stdio};
@@ -10,24 +10,24 @@ use std::process::{Child, Command, Output, Stdio};
 use serde_json::Value;
 
 /// `tvc` with these arguments, still to be run.
-pub fn command(arguments: &[&str]) -> Command {
+pub(crate) fn command(arguments: &[&str]) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_tvc"));
     command.args(arguments);
     command
 }
 
 /// What `tvc` with these arguments prints, and its status.
-pub fn tvc(arguments: &[&str]) -> Output {
+pub(crate) fn tvc(arguments: &[&str]) -> Output {
     command(arguments).output().unwrap()
 }
 
 /// Standard error.
-pub fn said(output: &Output) -> String {
+pub(crate) fn said(output: &Output) -> String {
     String::from_utf8_lossy(&output.stderr).into_owned()
 }
 
 /// The object on standard output of a command that must succeed.
-pub fn json(output: &Output) -> Value {
+pub(crate) fn json(output: &Output) -> Value {
     assert_eq!(output.status.code(), Some(0), "{}", said(output));
     serde_json::from_slice(&output.stdout)
         .unwrap_or_else(|error| panic!("{error}: {}", said(output)))
@@ -35,7 +35,7 @@ pub fn json(output: &Output) -> Value {
 
 /// The one line on standard error of a command with unusable input: status 2, nothing on standard
 /// output.
-pub fn refused(arguments: &[&str]) -> String {
+pub(crate) fn refused(arguments: &[&str]) -> String {
     let output = tvc(arguments);
     let said = said(&output);
     assert_eq!(output.status.code(), Some(2), "{arguments:?}: {said}");
@@ -46,13 +46,13 @@ pub fn refused(arguments: &[&str]) -> String {
 }
 
 /// The command is [`refused`] with `part` in the line.
-pub fn assert_refused(arguments: &[&str], part: &str) {
+pub(crate) fn assert_refused(arguments: &[&str], part: &str) {
     let said = refused(arguments);
     assert!(said.contains(part), "{arguments:?}: {part} in {said}");
 }
 
 /// Every command below `parents`, by what their help lists, and its own help.
-pub fn commands_below(parents: &[String]) -> Vec<(Vec<String>, String)> {
+pub(crate) fn commands_below(parents: &[String]) -> Vec<(Vec<String>, String)> {
     let help = help_of(parents);
     let listed = help
         .lines()
@@ -82,11 +82,11 @@ fn help_of(command: &[String]) -> String {
 }
 
 /// A `tvc` of ours, ended with the test.
-pub struct Running(pub Child);
+pub(crate) struct Running(pub Child);
 
 impl Running {
     /// Starts it and waits for the first line that it prints.
-    pub fn start(arguments: &[&str]) -> (Self, String) {
+    pub(crate) fn start(arguments: &[&str]) -> (Self, String) {
         let mut process = command(arguments)
             .stdout(Stdio::piped())
             .stderr(Stdio::null())

@@ -29,7 +29,7 @@ pub const SERVO_PIN: Pin = Pin::b(11);
 /// The probe pin, D4.
 pub const PROBE_PIN: Pin = Pin::a(7);
 /// The sensor's bus, A4 (SDA) and A5 (SCL): SERCOM4 reaches them with function D.
-pub const I2C_PINS: I2cPins = I2cPins {
+pub(super) const I2C_PINS: I2cPins = I2cPins {
     sda: Pin::b(8),
     scl: Pin::b(9),
 };

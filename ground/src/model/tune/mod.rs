@@ -14,7 +14,7 @@ use crate::model::control_law;
 use crate::out::exit::Verdict;
 use crate::out::file::write_whole;
 use crate::out::measure::{Figure, Figures, data, figure, rows};
-use crate::vehicle::param;
+use crate::param_file;
 use clap::Args;
 use client::Parameter;
 use design::{Gains, Grid, NAMES, Problem, Requirements};
@@ -107,7 +107,7 @@ pub fn run(options: &Tune) -> Result<Verdict> {
             value: *value,
         };
         let rows: Vec<Parameter> = gains.iter().map(row).collect();
-        write_whole(out, param::file::text(&rows).as_bytes())?;
+        write_whole(out, param_file::text(&rows).as_bytes())?;
         eprintln!("gains: {}", out.display());
     }
     let analytic = named(&problem.params(&start));

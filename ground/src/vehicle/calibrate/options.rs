@@ -1,7 +1,7 @@
 //! Options of `tvc calibrate`.
 
+use crate::arguments::seconds;
 use crate::vehicle::param::ParamPort;
-use crate::vehicle::port::seconds;
 use calibration::{Sensor, Wanted};
 use clap::{Args, Subcommand};
 use std::path::PathBuf;

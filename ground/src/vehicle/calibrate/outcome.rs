@@ -11,7 +11,7 @@ use super::figures::Figures;
 use super::options::Calibrate;
 use super::report;
 use crate::out::file::write_whole;
-use crate::vehicle::param::file;
+use crate::param_file;
 use client::Parameter;
 
 /// Parameters and figures of a calibration.
@@ -56,7 +56,7 @@ impl Outcome {
     /// # Errors
     /// The file cannot be written.
     pub fn write_parameters(&self, options: &Calibrate) -> Result<()> {
-        write_whole(&options.out, file::text(&self.rows).as_bytes())?;
+        write_whole(&options.out, param_file::text(&self.rows).as_bytes())?;
         eprintln!("parameters: {}", options.out.display());
         Ok(())
     }

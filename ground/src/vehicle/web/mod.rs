@@ -17,10 +17,11 @@ use std::time::{Duration, Instant};
 use anyhow::{Result, anyhow};
 use clap::Args;
 
+use crate::arguments::seconds;
 use crate::out::exit::{BadInput, Verdict};
 use crate::signals;
 use crate::vehicle::link::Link;
-use crate::vehicle::port::{PortOptions, seconds};
+use crate::vehicle::port::PortOptions;
 use auth::Token;
 use model::Model;
 use server::Server;
