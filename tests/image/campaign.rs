@@ -37,7 +37,7 @@ fn faults_at_random_instants_end_recovered_or_neutral() {
 /// A rudder that is held off its centre is at neutral there, and nowhere else.
 #[test]
 fn faults_of_a_vehicle_whose_rudder_is_held_off_its_centre_end_so_too() {
-    let mut setup = Setup::new(ServoKind::S3003, 1);
+    let mut setup = Setup::with_polarity(ServoKind::S3003, 1);
     setup.rig.bench.parameters = setup.rig.bench.parameters.with_lateral_offset(5e-3);
     setup.parameters.push(("SRV_HOLD_DEG".into(), -2.29));
     let ready = prepare(firmware(), &setup, &mut |_| {}).unwrap();

@@ -377,7 +377,7 @@ fn held() -> (Ready, RangeInclusive<f64>) {
     const HOLD_DEG: f32 = -10.0;
     let mut params = Params::default();
     params.set("SRV_HOLD_DEG", HOLD_DEG).unwrap();
-    let mut setup = Setup::new(ServoKind::S3003, 1);
+    let mut setup = Setup::with_polarity(ServoKind::S3003, 1);
     setup.parameters.push(("SRV_HOLD_DEG".into(), HOLD_DEG));
     let mut ready = prepare(firmware(), &setup, &mut |_| {}).unwrap();
     // Stored, so that the run after a reset knows it as well.
