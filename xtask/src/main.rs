@@ -2,8 +2,8 @@
 //!
 //! `cargo run --quiet` alone would build the ground tool for minutes without a word the first time;
 //! without `--quiet` it would add its own lines to every message of the tool. So the first build is
-//! shown, later ones are not. The first `cargo fly` also begins the image's build beside the tool's,
-//! because each of the two leaves a processor core idle for much of its time.
+//! shown, later ones are not. The first `cargo fly` also begins the image's build beside the
+//! tool's, because each of the two leaves a processor core idle for much of its time.
 
 #![forbid(unsafe_code)]
 
@@ -13,7 +13,8 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, ExitCode, Stdio};
 use std::thread;
 
-/// The profile that the ground tool is built with, and the folder below `target` where it then lies.
+/// The profile that the ground tool is built with, and the folder below `target` where it then
+/// lies.
 const PROFILE: &str = "tool";
 /// The ground tool, as cargo names it.
 const TOOL: [&str; 6] = ["--profile", PROFILE, "--package", "ground", "--bin", "tvc"];
