@@ -1,8 +1,8 @@
 //! Requests and their answers over a link that loses, delays and repeats.
 //!
 //! Every request has an answer: the vehicle's, or [`Failure::Silence`] when nothing has come for
-//! [`ANSWER`]. Until then it is repeated; an order to disarm every [`INSIST`], anything else every
-//! [`REPEAT`]. What comes in parts (the list of parameters, the recorder's content) has made
+//! [`ANSWER`]. Until then it is repeated; an order to disarm every 100 ms, anything else every
+//! second. What comes in parts (the list of parameters, the recorder's content) has made
 //! progress with every part, and only what is missing is asked for again.
 //!
 //! COMMAND_ACK names the command and nothing else, and arming and disarming are one command. The

@@ -17,7 +17,7 @@
 //! |---|---|
 //! | [`image`] | builds the firmware and reads its ELF file |
 //! | [`Rig`] | chip, environment and bootloader together |
-//! | [`bench`] | sensor, servo, drone, clamp; what disturbs them ([`disturbance`]); the sensor moved by hand ([`sensor_motion`]) |
+//! | [`mod@bench`] | sensor, servo, drone, clamp; what disturbs them ([`disturbance`]); the sensor moved by hand ([`sensor_motion`]) |
 //! | [`bno055`] | the sensor at register level, with its faults |
 //! | [`observe`] | what really happened ([`ground_truth`]), and timing figures of it ([`measure`]) |
 //! | [`fly`] | flights ([`flight`]), campaigns of faults ([`faults`]), recordings through the image ([`replay`]), the person at the rig ([`pilot`]), and on Unix real time behind a pseudo-terminal (`real_time`, `pty`) |

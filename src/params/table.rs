@@ -61,7 +61,7 @@ pub enum Change {
     /// a bus.
     Disarmed,
     /// As [`Change::Disarmed`], and the rudder may answer the other way afterwards: a changed value
-    /// takes [`Polarity::Checked`] back.
+    /// takes [`Polarity::Checked`](super::Polarity::Checked) back.
     Turning,
 }
 

@@ -255,7 +255,7 @@ impl Session {
     /// changed, `None` if nothing was written.
     ///
     /// # Errors
-    /// As [`Self::pump`] and [`write`].
+    /// As [`Self::pump`] and [`write()`].
     pub fn write_if_agreed(&mut self, rows: &[Parameter]) -> Result<Option<usize>> {
         if self.agrees("Write this to the vehicle, and into its flash?")? {
             write(&mut self.vehicle, rows).map(Some)
