@@ -5,9 +5,9 @@
 //! | priority | interrupt | does |
 //! |---|---|---|
 //! | 0 (highest) | SysTick, 1 kHz | counts time; wakes the main loop |
+//! | 0 | WDT | early warning: the servo to neutral, whatever else hangs. Looks at no clock |
 //! | 1 | TCC0 | the tick: starts the armed burst |
 //! | 1 | SERCOM4 | the sensor bus, a byte at a time |
-//! | 1 | WDT | early warning: the servo to neutral |
 //! | 3 | USB | masks itself; wakes the main loop |
 //!
 //! Nothing above the main loop takes more than some 10 us, so a tick's burst starts within a few
@@ -270,7 +270,7 @@ fn enable_interrupts(scb: &mut pac::SCB, nvic: &mut pac::NVIC) {
         for (interrupt, level) in [
             (FRAME_INTERRUPT, 1),
             (I2C_INTERRUPT, 1),
-            (pac::Interrupt::WDT, 1),
+            (pac::Interrupt::WDT, 0),
             (pac::Interrupt::USB, 3),
         ] {
             nvic.set_priority(interrupt, priority(level));

@@ -68,7 +68,8 @@ detailed! {
 impl fmt::Display for Refusal {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Refusal::WrongState(state) => write!(f, "in {state}"),
+            // Its reason has been told, and with it the text would be cut.
+            Refusal::WrongState(state) => write!(f, "in {}", state.kind()),
             Refusal::FaultPersists(reason) => reason.fmt(f),
             _ => self.kind().fmt(f),
         }
