@@ -41,6 +41,14 @@ pub const FIELD_REPEAT_US: u64 = 100_000;
 /// first takes the sensor to be at rest: its blocks last a third of a second at most.
 pub const BIAS_REST_US: u32 = 340_000;
 
+/// How long the attitude is levelled anew once the gyroscope's offset is known, us: until then the
+/// offset was taken for a rotation, at 3 deg/s by up to 50 mrad. The estimator begins with its next
+/// block, a third of a second at most, and has its first gain for two.
+pub const LEVEL_US: u32 = 1_000_000;
+
+/// A rate beyond the offset that is a motion while the attitude is levelled, counts: 3 deg/s.
+pub const LEVEL_RATE: i32 = 3 * 16;
+
 /// How far the squared norm of a quaternion may be from 1 before it counts as no rotation.
 pub const UNIT_TOLERANCE: f32 = 0.01;
 

@@ -310,7 +310,9 @@ fn an_interrupt_that_hangs_does_not_hold_the_rudder() {
         station.run(rig, ms(400)).unwrap();
         let (reset, cause) = rig.resets()[0];
         assert_eq!(cause, ResetCause::Watchdog, "{handler}");
-        let pulses = rig.truth().pulses_since(at + Ticks::from_us(62_500 + 20_000));
+        let pulses = rig
+            .truth()
+            .pulses_since(at + Ticks::from_us(62_500 + 20_000));
         let before: Vec<&Pulse> = pulses.iter().filter(|pulse| pulse.fall < reset).collect();
         assert!(!before.is_empty(), "{handler}");
         for pulse in before {

@@ -280,6 +280,14 @@ impl<F: Filter, R: OverRange> Estimator<F, R> {
         }
     }
 
+    /// Find tilt and heading anew, from the next block of samples on and as after a gap; the offset
+    /// that has been learned stays. For whoever knows that the estimate was turned by a rate that
+    /// was none.
+    pub fn level(&mut self) {
+        self.start_up.restart();
+        self.expect_large_gains();
+    }
+
     /// Take one sample, `dt_us` microseconds after the one before; with 0, nothing turns. More than
     /// 30,000, or than 2.5 to 10 periods (as period and scale leave room), is a gap: only that much
     /// is integrated, and the gains are those of a running mean again.
