@@ -40,7 +40,7 @@ mod verify;
 mod words;
 
 pub use config::Config;
-pub use driver::{Driver, Next};
+pub use driver::{Driver, GLITCH_US, Next};
 pub use fault::SensorFault;
 pub use fusion::{FusionSample, QUATERNION_UNIT};
 pub use health::Health;

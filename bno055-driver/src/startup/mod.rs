@@ -375,7 +375,7 @@ impl Startup {
         match judge {
             Judge::Then(next, pause_us) => Verdict::Go(next, pause_us),
             Judge::Suspended => Verdict::Reached,
-            Judge::Identity => identify(bytes, &mut self.identity),
+            Judge::Identity => identify(bytes, config, &mut self.identity),
             Judge::Mode(mode, next) => await_mode(bytes, mode, next),
             Judge::Answer(request) => answer(request, bytes, self.purpose()),
             Judge::SelfTest => await_self_test(bytes, self.purpose()),
