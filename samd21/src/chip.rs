@@ -28,7 +28,7 @@ impl Chip {
     pub fn new(options: Options) -> Self {
         let peripherals = Peripherals::new(&options);
         Self {
-            core: Core::new(options.wait_states, peripherals.ticks_per_cycle()),
+            core: Core::new(options.wait_states, peripherals.cycle()),
             memory: Memory::new(options.seed),
             peripherals,
             usb_host: Host::new(),

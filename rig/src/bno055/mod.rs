@@ -57,6 +57,7 @@ mod words;
 #[cfg(test)]
 mod tests;
 
+pub use bus::{BusTiming, RareStretch};
 pub use fault::{Fault, Faults};
 pub use fault_kind::FaultKind;
 pub use imperfections::{ImuErrors, WarmUp};
@@ -89,8 +90,8 @@ pub struct Config {
     pub errors: ImuErrors,
     /// From power-on to the first acknowledge, ms; drawn uniformly.
     pub boot_ms: RangeInclusive<u64>,
-    /// Clock stretching of a byte, us; drawn uniformly.
-    pub stretch_us: RangeInclusive<u64>,
+    /// How long it holds the clock line.
+    pub bus: BusTiming,
     /// Largest deviation of the chip's clock, relative; drawn uniformly.
     pub clock_error: f64,
     /// A reset by command hangs the chip until its power is cut, as happens to some units.
@@ -104,7 +105,7 @@ impl Default for Config {
             address: 0x28,
             errors: ImuErrors::default(),
             boot_ms: 400..=650,
-            stretch_us: 160..=200,
+            bus: BusTiming::default(),
             clock_error: 0.01,
             reset_hangs: false,
         }
@@ -129,6 +130,8 @@ enum Power {
 #[derive(Clone, Copy, Debug, Default)]
 struct Transfer {
     selected: bool,
+    /// The master reads.
+    reads: bool,
     expects_pointer: bool,
     /// Register and value of the high byte that was latched when its low byte was read.
     shadow: Option<(u8, u8)>,

@@ -10,9 +10,9 @@ const SERCOM3: u32 = 0x4200_1400;
 fn the_hal_starts_48_mhz_with_and_without_held_synchronisation() {
     for hold in [SyncHold::Instant, SyncHold::For(Ticks(300))] {
         let mut bench = Bench::new(hold, Unconnected);
-        assert_eq!(bench.peripherals.ticks_per_cycle(), 48);
+        assert_eq!(bench.peripherals.cycle(), 48 << FRACTION);
         bench.start_clocks();
-        assert_eq!(bench.peripherals.ticks_per_cycle(), 1);
+        assert_eq!(bench.peripherals.cycle(), 1 << FRACTION);
         assert_eq!(bench.peripherals.flash_wait_states(), 1);
         assert_eq!(bench.peripherals.violations().first(), []);
     }
@@ -194,7 +194,7 @@ fn a_reset_lets_the_pins_go_and_tells_why() {
     bench.pass(Ticks(10));
     assert_eq!(bench.board.edges.last(), Some(&(now, Pin::b(11), false)));
     assert_eq!(bench.r8(0x4000_0438), 0x20);
-    assert_eq!(bench.peripherals.ticks_per_cycle(), 48);
+    assert_eq!(bench.peripherals.cycle(), 48 << FRACTION);
     assert!(bench.try_read(TCC0, Width::Word).is_err());
 }
 
