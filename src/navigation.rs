@@ -8,7 +8,8 @@ use tvc_fusion::fixed::{Angles, Counts, Estimator, Orientation, Scale, Vqf};
 use tvc_fusion::{Attitude, Config, ConfigError};
 
 use crate::config::{
-    BIAS_REST_US, DATA_AGE_LIMIT_US, ESTIMATOR_GAP_US, FIELD_REPEAT_US, LEVEL_RATE, LEVEL_US,
+    BIAS_REST_US, DATA_AGE_LIMIT_US, ESTIMATOR_GAP_US, FIELD_LOST_US, FIELD_REPEAT_US, LEVEL_RATE,
+    LEVEL_US,
 };
 use crate::mount::Mount;
 use crate::params::Params;
@@ -163,11 +164,20 @@ impl Navigation {
             .update(dt_us - step_us * (steps - 1), &self.counts);
     }
 
+    /// Whether the magnetometer has measured a field lately. Without one the heading follows the
+    /// gyroscope alone; pitch needs none.
+    pub fn field_is_healthy(&self) -> bool {
+        self.last
+            .is_some_and(|last| last.time.since(self.field_at) < FIELD_LOST_US)
+    }
+
     /// The magnetometer is slower than the loop: its registers repeat until it has measured again.
-    /// A field that stays the same for long is taken as one that does not change.
+    /// A field that stays the same for long is taken as one that does not change, and one of zero
+    /// as none.
     fn field_is_fresh(&mut self, raw: &RawSample) -> bool {
         let repeated = self.last.is_some_and(|last| last.mag == raw.mag);
-        let fresh = !repeated || raw.time.since(self.field_at) >= FIELD_REPEAT_US;
+        let fresh =
+            raw.mag != [0; 3] && (!repeated || raw.time.since(self.field_at) >= FIELD_REPEAT_US);
         if fresh {
             self.field_at = raw.time;
         }
