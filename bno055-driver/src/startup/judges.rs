@@ -73,12 +73,12 @@ pub(super) fn answer(request: Request, bytes: &[u8], next: SetupStep) -> Verdict
         })
 }
 
-pub(super) fn await_self_test(bytes: &[u8], next: SetupStep) -> Verdict {
+pub(super) fn await_self_test(request: Request, bytes: &[u8], next: SetupStep) -> Verdict {
     match *bytes {
         [result, _, _, status, _] if SystemStatus::from_register(status).is_starting() => {
             Verdict::again(10_000, 1_000_000, SensorFault::SelfTest { result })
         }
-        _ => answer(Request::SelfTest, bytes, next),
+        _ => answer(request, bytes, next),
     }
 }
 
