@@ -4,6 +4,8 @@
 //! with commas between them.
 
 use crate::bno055::{self, BusTiming, RareStretch};
+use samd21::Options;
+use samd21::board::Ticks;
 use std::fmt::Display;
 use std::ops::RangeInclusive;
 use std::str::FromStr;
@@ -15,6 +17,14 @@ pub struct Hardware {
     pub address: u8,
     /// How long the sensor holds the clock line of its bus.
     pub bus: BusTiming,
+    /// Error of the chip's 48 MHz while no USB host corrects it, %.
+    pub clock_percent: f64,
+    /// How fast that error grows, ppm/s.
+    pub clock_drift_ppm_s: i32,
+    /// Frequency of the chip's slow oscillator, which the watchdog runs on, relative to 32,768 Hz.
+    pub slow_clock: f64,
+    /// How long the chip takes to wake from sleep, us.
+    pub wake_us: u64,
 }
 
 impl Default for Hardware {
@@ -22,6 +32,10 @@ impl Default for Hardware {
         Self {
             address: 0x28,
             bus: BusTiming::default(),
+            clock_percent: 0.0,
+            clock_drift_ppm_s: 0,
+            slow_clock: 1.0,
+            wake_us: 0,
         }
     }
 }
@@ -103,6 +117,39 @@ pub const KEYS: &[Key] = &[
         },
         show: |hardware| shown(&hardware.bus.stop_write_us),
     },
+    Key {
+        name: "clock",
+        value: "PERCENT",
+        what: "error of the chip's 48 MHz without USB, % (-5 to 5)",
+        source: "-3.1 on an ItsyBitsy M0 (atsamd-rs issue 549), -2.6 on a Metro M0 (CircuitPython \
+                 pull request 892)",
+        set: |hardware, text| put(&mut hardware.clock_percent, number(text, -5.0..=5.0)),
+        show: |hardware| hardware.clock_percent.to_string(),
+    },
+    Key {
+        name: "clock-drift",
+        value: "PPM_PER_S",
+        what: "growth of that error, ppm/s (-1000 to 1000); a host corrects it while it is there",
+        source: "an estimate: chips warm up",
+        set: |hardware, text| put(&mut hardware.clock_drift_ppm_s, number(text, -1000..=1000)),
+        show: |hardware| hardware.clock_drift_ppm_s.to_string(),
+    },
+    Key {
+        name: "slow-clock",
+        value: "RATIO",
+        what: "the watchdog's oscillator, relative to 32768 Hz (0.87 to 1.25)",
+        source: "SAM D21 data sheet, OSCULP32K: 28.5 to 41 kHz over supply and temperature",
+        set: |hardware, text| put(&mut hardware.slow_clock, number(text, 0.87..=1.25)),
+        show: |hardware| hardware.slow_clock.to_string(),
+    },
+    Key {
+        name: "wake",
+        value: "US",
+        what: "how long the chip takes to wake from sleep, us (0 to 100)",
+        source: "SAM D21 data sheet, wake-up time from IDLE: about 4 us",
+        set: |hardware, text| put(&mut hardware.wake_us, number(text, 0..=100)),
+        show: |hardware| hardware.wake_us.to_string(),
+    },
 ];
 
 impl Hardware {
@@ -134,6 +181,17 @@ impl Hardware {
             )
         });
         lines.collect()
+    }
+
+    /// The chip as it differs.
+    pub(crate) fn chip(&self) -> Options {
+        Options {
+            dfll_error_ppm: (self.clock_percent * 1e4).round() as i32,
+            dfll_drift_ppm_s: self.clock_drift_ppm_s,
+            osculp32k_hz: (self.slow_clock * 32_768.0).round() as u32,
+            wake_up: Ticks::from_us(self.wake_us),
+            ..Options::default()
+        }
     }
 
     /// The sensor as it differs.
@@ -220,7 +278,27 @@ mod tests {
             stop_read_us: 160..=200,
             ..BusTiming::default()
         };
-        assert_eq!(hardware, Hardware { address: 0x29, bus });
+        let expected = Hardware {
+            address: 0x29,
+            bus,
+            ..Hardware::default()
+        };
+        assert_eq!(hardware, expected);
+    }
+
+    #[test]
+    fn the_chip_gets_what_is_set() {
+        let hardware = "clock=-3.1,clock-drift=20,slow-clock=0.87,wake=4".parse();
+        let options = hardware.map(|hardware: Hardware| hardware.chip());
+        let expected = Options {
+            dfll_error_ppm: -31_000,
+            dfll_drift_ppm_s: 20,
+            osculp32k_hz: 28_508,
+            wake_up: Ticks::from_us(4),
+            ..Options::default()
+        };
+        assert_eq!(options, Ok(expected));
+        assert_eq!(Hardware::default().chip(), Options::default());
     }
 
     #[test]
