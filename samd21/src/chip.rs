@@ -31,7 +31,7 @@ impl Chip {
             core: Core::new(&options, peripherals.cycle()),
             memory: Memory::new(options.seed),
             peripherals,
-            usb_host: Host::new(),
+            usb_host: Host::of(options.host),
         }
     }
 

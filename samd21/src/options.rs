@@ -1,6 +1,7 @@
 //! What may be chosen when a chip is made.
 
 use crate::board::Ticks;
+use crate::usb_host::System;
 
 /// How a chip is made.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -18,6 +19,8 @@ pub struct Options {
     pub osculp32k_hz: u32,
     /// How long the core takes to wake from sleep.
     pub wake_up: Ticks,
+    /// The operating system of the USB host.
+    pub host: System,
     /// The 128-bit serial number, word 0 first (0x0080_A00C, 0x0080_A040, 44, 48).
     pub serial_number: [u32; 4],
     /// Decides what is random in a chip: the noise in SRAM at power-on.
@@ -33,6 +36,7 @@ impl Default for Options {
             dfll_drift_ppm_s: 0,
             osculp32k_hz: 32_768,
             wake_up: Ticks::ZERO,
+            host: System::Bare,
             serial_number: [0x5D21_0001, 0x5D21_0002, 0x5D21_0003, 0x5D21_0004],
             seed: 0,
         }

@@ -6,6 +6,7 @@
 use crate::bno055::{self, BusTiming, RareStretch};
 use samd21::Options;
 use samd21::board::Ticks;
+use samd21::usb_host::System;
 use std::fmt::Display;
 use std::ops::RangeInclusive;
 use std::str::FromStr;
@@ -25,6 +26,8 @@ pub struct Hardware {
     pub slow_clock: f64,
     /// How long the chip takes to wake from sleep, us.
     pub wake_us: u64,
+    /// The operating system at the other end of the USB cable.
+    pub host: System,
 }
 
 impl Default for Hardware {
@@ -36,6 +39,7 @@ impl Default for Hardware {
             clock_drift_ppm_s: 0,
             slow_clock: 1.0,
             wake_us: 0,
+            host: System::Bare,
         }
     }
 }
@@ -150,6 +154,18 @@ pub const KEYS: &[Key] = &[
         set: |hardware, text| put(&mut hardware.wake_us, number(text, 0..=100)),
         show: |hardware| hardware.wake_us.to_string(),
     },
+    Key {
+        name: "host",
+        value: "bare|linux|windows|macos",
+        what: "how the computer at the USB cable enumerates the chip and opens its port",
+        source: "Linux, Microsoft's and Apple's drivers, as far as published (samd21::usb_host)",
+        set: |hardware, text| {
+            let found = System::ALL.into_iter().find(|host| host.name() == text);
+            let unknown = "must be one of these".to_owned();
+            put(&mut hardware.host, found.ok_or(unknown))
+        },
+        show: |hardware| hardware.host.name().into(),
+    },
 ];
 
 impl Hardware {
@@ -190,6 +206,7 @@ impl Hardware {
             dfll_drift_ppm_s: self.clock_drift_ppm_s,
             osculp32k_hz: (self.slow_clock * 32_768.0).round() as u32,
             wake_up: Ticks::from_us(self.wake_us),
+            host: self.host,
             ..Options::default()
         }
     }
@@ -288,13 +305,14 @@ mod tests {
 
     #[test]
     fn the_chip_gets_what_is_set() {
-        let hardware = "clock=-3.1,clock-drift=20,slow-clock=0.87,wake=4".parse();
+        let hardware = "clock=-3.1,clock-drift=20,slow-clock=0.87,wake=4,host=windows".parse();
         let options = hardware.map(|hardware: Hardware| hardware.chip());
         let expected = Options {
             dfll_error_ppm: -31_000,
             dfll_drift_ppm_s: 20,
             osculp32k_hz: 28_508,
             wake_up: Ticks::from_us(4),
+            host: System::Windows,
             ..Options::default()
         };
         assert_eq!(options, Ok(expected));

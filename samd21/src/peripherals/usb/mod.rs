@@ -137,6 +137,11 @@ impl Usb {
         self.interrupts.flags |= EORST;
     }
 
+    /// The host signals that it has woken.
+    pub(crate) fn resume(&mut self, now: Ticks) {
+        self.wake(now);
+    }
+
     /// The host has sent a start-of-frame packet.
     pub(crate) fn start_of_frame(&mut self, now: Ticks, frame: u16) {
         self.wake(now);
