@@ -86,6 +86,43 @@ fn the_watchdogs_clock_follows_the_slow_oscillator() {
 }
 
 #[test]
+fn an_erased_user_row_resets_the_chip_every_second() {
+    let options = Options {
+        user_row: UserRow::ERASED,
+        ..Options::default()
+    };
+    let mut bench = Bench::with(&options, Unconnected);
+    for _ in 0..2 {
+        bench.pass(Ticks::from_ms(990));
+        assert_eq!(bench.peripherals.take_reset(), None);
+        bench.pass(Ticks::from_ms(20));
+        let cause = bench.peripherals.take_reset();
+        assert_eq!(cause, Some(ResetCause::Watchdog));
+        bench.peripherals.reset(bench.now, ResetCause::Watchdog);
+    }
+}
+
+#[test]
+fn a_user_reset_spares_the_32_khz_oscillators() {
+    for (cause, survives) in [
+        (ResetCause::System, true),
+        (ResetCause::Watchdog, true),
+        (ResetCause::External, true),
+        (ResetCause::BrownOut33, false),
+        (ResetCause::PowerOn, false),
+    ] {
+        let mut bench = Bench::new(SyncHold::Instant, Unconnected);
+        bench.start_clocks();
+        bench.peripherals.reset(bench.now, cause);
+        let ready = bench.r32(SYSCTRL + 0x0C) & 1 << 2 != 0;
+        assert_eq!(ready, survives, "{cause:?}");
+        assert_eq!(bench.r32(SYSCTRL + 0x18) == 0x003F_0080, !survives);
+        assert_eq!(bench.r32(SYSCTRL + 0x24), 0x80, "the DFLL is off");
+        assert_eq!(bench.peripherals.cycle(), 48 << FRACTION);
+    }
+}
+
+#[test]
 fn accesses_that_no_model_covers_name_what_they_hit() {
     let mut bench = Bench::new(SyncHold::Instant, Unconnected);
     let message = |result: Result<u32, BusError>| result.unwrap_err().to_string();
