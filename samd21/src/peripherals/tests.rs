@@ -56,7 +56,7 @@ fn a_slow_dfll_slows_core_and_timers_until_frames_come() {
     assert_eq!(bench.r32(SYSCTRL + 0x28) & 0x3FF, 0x1FF);
     bench.w8(SYSCTRL + 0x30, 0x80);
     let value = bench.r32(SYSCTRL + 0x28);
-    assert_eq!(value, 0x1F << 10 | 0x1FF + 135);
+    assert_eq!(value, (0x1F << 10) | (0x1FF + 135));
     // The next start from that value is right at once.
     let mut next = slow_clocks();
     next.w32(SYSCTRL + 0x28, value);
