@@ -4,6 +4,10 @@
 //! with commas between them.
 
 use crate::bno055::{self, BusTiming, RareStretch};
+use samd21::Options;
+use samd21::board::Ticks;
+use samd21::peripherals::UserRow;
+use samd21::usb_host::System;
 use std::fmt::Display;
 use std::ops::RangeInclusive;
 use std::str::FromStr;
@@ -15,6 +19,18 @@ pub struct Hardware {
     pub address: u8,
     /// How long the sensor holds the clock line of its bus.
     pub bus: BusTiming,
+    /// Error of the chip's 48 MHz while no USB host corrects it, %.
+    pub clock_percent: f64,
+    /// How fast that error grows, ppm/s.
+    pub clock_drift_ppm_s: i32,
+    /// Frequency of the chip's slow oscillator, which the watchdog runs on, relative to 32,768 Hz.
+    pub slow_clock: f64,
+    /// How long the chip takes to wake from sleep, us.
+    pub wake_us: u64,
+    /// The operating system at the other end of the USB cable.
+    pub host: System,
+    /// The chip's user row.
+    pub user_row: UserRow,
 }
 
 impl Default for Hardware {
@@ -22,6 +38,12 @@ impl Default for Hardware {
         Self {
             address: 0x28,
             bus: BusTiming::default(),
+            clock_percent: 0.0,
+            clock_drift_ppm_s: 0,
+            slow_clock: 1.0,
+            wake_us: 0,
+            host: System::Bare,
+            user_row: UserRow::SHIPPED,
         }
     }
 }
@@ -43,6 +65,13 @@ pub struct Key {
 
 /// Longest hold of the clock line that can be set, us.
 const LONGEST_HOLD_US: RangeInclusive<u64> = 0..=20_000;
+
+/// The user rows that can be chosen.
+const USER_ROWS: [(&str, UserRow); 3] = [
+    ("shipped", UserRow::SHIPPED),
+    ("erased", UserRow::ERASED),
+    ("bootprot", UserRow::PROTECTED),
+];
 
 /// All that can be set.
 pub const KEYS: &[Key] = &[
@@ -103,6 +132,70 @@ pub const KEYS: &[Key] = &[
         },
         show: |hardware| shown(&hardware.bus.stop_write_us),
     },
+    Key {
+        name: "clock",
+        value: "PERCENT",
+        what: "error of the chip's 48 MHz without USB, % (-5 to 5)",
+        source: "-3.1 on an ItsyBitsy M0 (atsamd-rs issue 549), -2.6 on a Metro M0 (CircuitPython \
+                 pull request 892)",
+        set: |hardware, text| put(&mut hardware.clock_percent, number(text, -5.0..=5.0)),
+        show: |hardware| hardware.clock_percent.to_string(),
+    },
+    Key {
+        name: "clock-drift",
+        value: "PPM_PER_S",
+        what: "growth of that error, ppm/s (-1000 to 1000); a host corrects it while it is there",
+        source: "an estimate: chips warm up",
+        set: |hardware, text| put(&mut hardware.clock_drift_ppm_s, number(text, -1000..=1000)),
+        show: |hardware| hardware.clock_drift_ppm_s.to_string(),
+    },
+    Key {
+        name: "slow-clock",
+        value: "RATIO",
+        what: "the watchdog's oscillator, relative to 32768 Hz (0.87 to 1.25)",
+        source: "SAM D21 data sheet, OSCULP32K: 28.5 to 41 kHz over supply and temperature",
+        set: |hardware, text| put(&mut hardware.slow_clock, number(text, 0.87..=1.25)),
+        show: |hardware| hardware.slow_clock.to_string(),
+    },
+    Key {
+        name: "wake",
+        value: "US",
+        what: "how long the chip takes to wake from sleep, us (0 to 100)",
+        source: "SAM D21 data sheet, wake-up time from IDLE: about 4 us",
+        set: |hardware, text| put(&mut hardware.wake_us, number(text, 0..=100)),
+        show: |hardware| hardware.wake_us.to_string(),
+    },
+    Key {
+        name: "host",
+        value: "bare|linux|windows|macos",
+        what: "how the computer at the USB cable enumerates the chip and opens its port",
+        source: "Linux, Microsoft's and Apple's drivers, as far as published (samd21::usb_host)",
+        set: |hardware, text| {
+            let found = System::ALL.into_iter().find(|host| host.name() == text);
+            let unknown = "must be one of these".to_owned();
+            put(&mut hardware.host, found.ok_or(unknown))
+        },
+        show: |hardware| hardware.host.name().into(),
+    },
+    Key {
+        name: "user-row",
+        value: "shipped|erased|bootprot",
+        what: "the chip's fuses: as shipped, erased (the watchdog is always on), or with the \
+               bootloader's 8 KB protected",
+        source: "SAM D21 data sheet, NVM user row; uf2-samdx1 issue 107 for erased ones",
+        set: |hardware, text| {
+            let found = USER_ROWS.iter().find(|(name, _)| *name == text);
+            let unknown = "must be one of these".to_owned();
+            put(
+                &mut hardware.user_row,
+                found.map(|(_, row)| *row).ok_or(unknown),
+            )
+        },
+        show: |hardware| {
+            let found = USER_ROWS.iter().find(|(_, row)| *row == hardware.user_row);
+            found.map_or("own", |(name, _)| name).into()
+        },
+    },
 ];
 
 impl Hardware {
@@ -134,6 +227,19 @@ impl Hardware {
             )
         });
         lines.collect()
+    }
+
+    /// The chip as it differs.
+    pub(crate) fn chip(&self) -> Options {
+        Options {
+            dfll_error_ppm: (self.clock_percent * 1e4).round() as i32,
+            dfll_drift_ppm_s: self.clock_drift_ppm_s,
+            osculp32k_hz: (self.slow_clock * 32_768.0).round() as u32,
+            wake_up: Ticks::from_us(self.wake_us),
+            host: self.host,
+            user_row: self.user_row,
+            ..Options::default()
+        }
     }
 
     /// The sensor as it differs.
@@ -220,7 +326,31 @@ mod tests {
             stop_read_us: 160..=200,
             ..BusTiming::default()
         };
-        assert_eq!(hardware, Hardware { address: 0x29, bus });
+        let expected = Hardware {
+            address: 0x29,
+            bus,
+            ..Hardware::default()
+        };
+        assert_eq!(hardware, expected);
+    }
+
+    #[test]
+    fn the_chip_gets_what_is_set() {
+        let hardware =
+            "clock=-3.1,clock-drift=20,slow-clock=0.87,wake=4,host=windows,user-row=bootprot"
+                .parse();
+        let options = hardware.map(|hardware: Hardware| hardware.chip());
+        let expected = Options {
+            dfll_error_ppm: -31_000,
+            dfll_drift_ppm_s: 20,
+            osculp32k_hz: 28_508,
+            wake_up: Ticks::from_us(4),
+            host: System::Windows,
+            user_row: UserRow::PROTECTED,
+            ..Options::default()
+        };
+        assert_eq!(options, Ok(expected));
+        assert_eq!(Hardware::default().chip(), Options::default());
     }
 
     #[test]

@@ -27,7 +27,7 @@ use crate::board::Ticks;
 use crate::bus::Bus;
 use crate::fault::{Fault, FaultKind};
 use crate::memory::Memory;
-use crate::options::WaitStates;
+use crate::options::{Options, WaitStates};
 use crate::peripherals::{FRACTION, ResetCause};
 
 const SP: usize = 13;
@@ -101,6 +101,10 @@ pub(crate) struct Core {
     /// The event register of WFE.
     event: bool,
     sleep: Option<Sleep>,
+    /// It has slept since its last WFI or WFE, not found something pending.
+    slept: bool,
+    /// How long it takes to wake.
+    wake_up: u64,
     /// The fault in which the core has locked up.
     pub(crate) lockup: Option<Fault>,
     lockup_reported: bool,
@@ -133,10 +137,11 @@ pub(crate) struct Core {
 
 impl Core {
     /// A core at power-on, before it has fetched a vector.
-    pub(crate) fn new(wait_states: WaitStates, cycle: u64) -> Self {
+    pub(crate) fn new(options: &Options, cycle: u64) -> Self {
         Self {
             cycle,
-            forced_wait_states: match wait_states {
+            wake_up: parts(options.wake_up),
+            forced_wait_states: match options.wait_states {
                 WaitStates::AsConfigured => None,
                 WaitStates::Forced(n) => Some(n),
             },
@@ -151,7 +156,6 @@ impl Core {
         *self = Self {
             r: self.r,
             now: self.now,
-            cycle: self.cycle,
             asleep: self.asleep,
             forced_wait_states: self.forced_wait_states,
             counters: self.counters,
@@ -160,7 +164,8 @@ impl Core {
             last_hard_fault: self.last_hard_fault.take(),
             trail: self.trail,
             branches: self.branches,
-            ..Self::new(WaitStates::AsConfigured, 1)
+            wake_up: self.wake_up,
+            ..Self::new(&Options::default(), self.cycle)
         };
     }
 
@@ -238,15 +243,21 @@ impl Core {
                 continue;
             }
             if self.preempted() {
+                if self.wakes_slowly() {
+                    continue;
+                }
                 self.sleep = None;
                 self.enter_exception(bus);
                 continue;
             }
             if let Some(sleep) = self.sleep {
-                if self.wakes(sleep) {
-                    self.sleep = None;
-                } else {
+                if !self.wakes(sleep) {
+                    self.slept = true;
                     self.sleep_until(self.next_event(bus, until));
+                    continue;
+                }
+                self.sleep = None;
+                if self.wakes_slowly() {
                     continue;
                 }
             }
@@ -300,6 +311,15 @@ impl Core {
         let at = at.max(self.now + parts(Ticks(1)));
         self.asleep += at - self.now;
         self.now = at;
+    }
+
+    /// Something wakes the core from its sleep: whether that takes time, which then has passed.
+    fn wakes_slowly(&mut self) -> bool {
+        let takes_time = std::mem::take(&mut self.slept) && self.wake_up > 0;
+        if takes_time {
+            self.sleep_until(self.now + self.wake_up);
+        }
+        takes_time
     }
 
     /// Whether the sleep ends, with no exception to take.

@@ -59,7 +59,6 @@ impl Rate {
     }
 
     /// Frequency in Hz.
-    #[cfg(test)]
     pub(crate) fn hz(self) -> f64 {
         Ticks::PER_SECOND as f64 * self.cycles as f64 / self.ticks as f64
     }
