@@ -22,7 +22,7 @@ impl Bno055 {
                 self.transfer = Transfer {
                     selected,
                     expects_pointer: !read,
-                    shadow: None,
+                    ..Transfer::default()
                 };
                 if selected {
                     I2cReply::ACK
