@@ -8,6 +8,8 @@ const VIBRATION: Vibration = Vibration {
     acc_m_s2: 5.0,
     rate_dps: None,
     frequency_hz: 180.0,
+    harmonics: 0,
+    wander_pct: 0.0,
 };
 
 fn environment(disturbances: Disturbances) -> Environment {
@@ -200,6 +202,47 @@ fn a_vibration_turns_in_the_propellers_plane() {
     assert!((rate[1] - shaking.rate_rad_s()).abs() < 1e-9);
 }
 
+/// At time zero all lines point ahead: 5, 2.5 and 1.25 m/s2. Half a turn later the second stands as
+/// before and the others point back.
+#[test]
+fn harmonics_turn_faster_and_weaker() {
+    let shaking = Vibration {
+        frequency_hz: 100.0,
+        harmonics: 2,
+        ..VIBRATION
+    };
+    let x = |turns: f64| shaking.at(turns / 100.0).0[0];
+    assert!((x(0.0) - 8.75).abs() < 1e-9, "{}", x(0.0));
+    assert!((x(0.5) + 3.75).abs() < 1e-9, "{}", x(0.5));
+}
+
+/// The frequency, by the angle that the force turns through in a millisecond, stays within 10 % of
+/// 200 Hz, comes near both ends in a minute, and is 200 Hz on the whole.
+#[test]
+fn a_wandering_propeller_keeps_its_mean_speed() {
+    let shaking = Vibration {
+        frequency_hz: 200.0,
+        wander_pct: 10.0,
+        ..VIBRATION
+    };
+    let angle = |time_s: f64| {
+        let (force, _) = shaking.at(time_s);
+        force[1].atan2(force[0])
+    };
+    let speeds_hz: Vec<f64> = (0..60_000)
+        .map(|ms| {
+            let time_s = 1e-3 * f64::from(ms);
+            (angle(time_s + 1e-3) - angle(time_s)).rem_euclid(TAU) / TAU * 1e3
+        })
+        .collect();
+    let least = speeds_hz.iter().copied().fold(f64::INFINITY, f64::min);
+    let most = speeds_hz.iter().copied().fold(0.0, f64::max);
+    assert!((180.0..183.0).contains(&least), "{least}");
+    assert!((217.0..=220.0).contains(&most), "{most}");
+    let mean = speeds_hz.iter().sum::<f64>() / speeds_hz.len() as f64;
+    assert!((mean - 200.0).abs() < 0.5, "{mean}");
+}
+
 #[test]
 fn disturbances_have_units_and_ranges() {
     let vibration = |text: &str| text.parse::<Vibration>();
@@ -229,7 +272,26 @@ fn disturbances_have_units_and_ranges() {
     for bad in ["20,45", "20,200,60", "20,45,0", "20,45,60,NaN", "NaN,45,60"] {
         assert!(temperature(bad).is_err(), "{bad}");
     }
-    for bad in ["5", "5,0", "5,500", "-1,180", "5,NaN", "5,180,-1", "a,b"] {
+    let rich = vibration("5,120,10,2,3").unwrap();
+    assert_eq!((rich.harmonics, rich.wander_pct), (2, 3.0));
+    for bad in [
+        "5",
+        "5,0",
+        "5,500",
+        "-1,180",
+        "5,NaN",
+        "5,180,-1",
+        "a,b",
+        "5,120,10,2",
+        "5,120,10,1.5,3",
+        "5,120,10,-1,3",
+        "5,50,10,5,0",
+        "5,50,10,NaN,0",
+        "5,120,10,1,21",
+        "5,120,10,1,NaN",
+        "5,180,10,2,0",
+        "5,390,10,0,3",
+    ] {
         assert!(vibration(bad).is_err(), "{bad}");
     }
     for bad in [
@@ -271,4 +333,10 @@ fn a_report_leaves_no_default_open() {
     ];
     assert_eq!(disturbances.rows(), rows);
     assert_eq!(report.rows(), rows);
+    let rich = Disturbances {
+        vibration: Some("5,120,10,2,3".parse().unwrap()),
+        ..Disturbances::default()
+    };
+    let how = "5 m/s2 and 10.0 deg/s at 120 Hz +-3 %, 2 harmonics".to_owned();
+    assert_eq!(rich.rows(), [("propeller vibration", how)]);
 }
