@@ -113,7 +113,7 @@ impl Disturbances {
 /// perpendicular to the body's z axis; the mount yields and tilts the sensor at the same frequency.
 ///
 /// It acts on the sensor at every step of the physics, before the sensor's filter and sampling, so
-/// that frequencies above half the refresh rate are aliased. A line close to a multiple of that rate
+/// that frequencies above half the refresh rate are aliased. One close to a multiple of that rate
 /// arrives as a slow swing, and one that wanders sweeps through what the controller answers to.
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]

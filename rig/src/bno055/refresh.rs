@@ -19,7 +19,7 @@ pub(super) struct Output {
     pub(super) sign: u8,
 }
 
-/// Which of accelerometer, magnetometer and gyroscope are refreshed, in the order of their registers.
+/// Which of accelerometer, magnetometer and gyroscope are refreshed, in the order of registers.
 type Group = [bool; 3];
 
 const ALL: Group = [true; 3];
