@@ -1,7 +1,7 @@
 //! The rig: the chip and its environment on one clock, and the bootloader between a reset and the
 //! image.
 
-use crate::bench::{BenchConfig, Environment};
+use crate::bench::{BenchConfig, Environment, Hardware};
 use crate::bno055::Fault;
 use crate::image::{IMAGE_ADDRESS, Image};
 use crate::observe::ground_truth::GroundTruth;
@@ -35,8 +35,11 @@ const RAM_START: u32 = 0x2000_0000;
 pub struct RigConfig {
     /// Seed of everything random: the sensor, its bus, the noise in RAM at power-on.
     pub seed: u64,
-    /// What stands on the bench; its sensor's seed is replaced by `seed`.
+    /// What stands on the bench; its sensor's seed is replaced by `seed`, its address and bus by
+    /// those of `hardware`.
     pub bench: BenchConfig,
+    /// What the parts are like where real ones differ.
+    pub hardware: Hardware,
     /// Flash wait states.
     pub wait_states: WaitStates,
     /// How long registers stay busy synchronising.
@@ -50,6 +53,7 @@ impl Default for RigConfig {
         Self {
             seed: 1,
             bench: BenchConfig::default(),
+            hardware: Hardware::default(),
             wait_states: WaitStates::AsConfigured,
             syncbusy_hold: SyncHold::Instant,
             stored: None,
@@ -115,6 +119,7 @@ impl Rig {
     pub fn new(image: &Image, config: &RigConfig) -> Result<Self, RigError> {
         let mut bench = config.bench.clone();
         bench.sensor.seed = config.seed;
+        config.hardware.fit(&mut bench.sensor);
         let mut chip = Chip::new(Options {
             wait_states: config.wait_states,
             syncbusy_hold: config.syncbusy_hold,

@@ -160,7 +160,8 @@ pub enum I2cEvent {
     Write(u8),
     /// The master clocks a byte out of the addressed slave; called at the first clock.
     Read,
-    /// STOP. The reply to it is ignored.
+    /// The master lets go of SCL for the STOP. Only [`I2cReply::stretch`] counts in the reply: the
+    /// STOP comes when the slave, too, lets go of SCL.
     Stop,
 }
 
@@ -171,7 +172,8 @@ pub struct I2cReply {
     pub ack: bool,
     /// The byte read (`Read`); 0xFF with nobody driving the line.
     pub data: u8,
-    /// How long the slave holds SCL low in this byte, beyond the master's own timing.
+    /// How long the slave holds SCL low in this byte, or before this STOP, beyond the master's own
+    /// timing.
     pub stretch: Ticks,
 }
 

@@ -4,5 +4,6 @@ pub mod disturb;
 pub mod faults;
 pub mod figures;
 pub mod fly;
+pub mod hardware;
 pub mod requirements;
 pub mod rig;

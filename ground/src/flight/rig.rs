@@ -5,6 +5,7 @@ use anyhow::Result;
 use crate::arguments::seconds;
 use crate::flight::disturb::Disturb;
 use crate::flight::fly::start_angle;
+use crate::flight::hardware::HardwareChoice;
 use crate::out::exit::Verdict;
 use ::rig::ServoKind;
 use ::rig::bno055::ImuErrors;
@@ -73,6 +74,10 @@ pub struct Rig {
     /// What disturbs a flight.
     #[command(flatten)]
     pub disturb: Disturb,
+
+    /// What the emulated parts are like.
+    #[command(flatten)]
+    pub hardware: HardwareChoice,
 
     /// Make this path a symbolic link to the pseudo-terminal, removed at the end.
     #[arg(long, value_name = "PATH")]
@@ -146,6 +151,7 @@ pub fn run(options: &Rig) -> Result<Verdict> {
     let mut config = rig::RigConfig {
         seed: options.seed,
         stored: (!options.blank).then(rig::RigConfig::polarity_set),
+        hardware: options.hardware.hardware()?,
         ..rig::RigConfig::default()
     };
     config.bench.servo = options.servo.model();

@@ -5,9 +5,11 @@ pub mod disturbance;
 mod earth_field;
 mod environment;
 mod fault_schedule;
+pub mod hardware;
 pub mod sensor_motion;
 mod stimulus;
 
 pub use earth_field::EarthField;
 pub use environment::{BenchConfig, Environment, PROBE_PIN, SERVO_PIN, ZERO_RUDDER_US};
 pub use fault_schedule::{FaultEntry, TimedFault};
+pub use hardware::Hardware;

@@ -4,9 +4,51 @@ use super::registers::page0;
 use super::{Bno055, Fault, Power, Transfer};
 use rand::Rng;
 use samd21::board::{I2cEvent, I2cReply, Lines, Ticks};
+use std::ops::RangeInclusive;
 
 /// How long another master holds the data line low: a byte at 50 kHz.
 const FOREIGN_BYTE: Ticks = Ticks::from_us(180);
+
+/// How long the chip holds the clock line, us; each drawn uniformly. Its host controller is slow:
+/// it holds SCL until its firmware has served the interrupt of the byte.
+#[derive(Clone, Debug, PartialEq)]
+pub struct BusTiming {
+    /// In each byte (Bosch forum, td-p/7270: about 180 us).
+    pub stretch_us: RangeInclusive<u64>,
+    /// Some bytes are held longer instead.
+    pub stretch_rare: Option<RareStretch>,
+    /// Before the STOP after a read, see [`BusTiming::STOP_READ_US`].
+    pub stop_read_us: RangeInclusive<u64>,
+    /// Before the STOP after a write. A SERCOM slave stretches before its acknowledge, not here.
+    pub stop_write_us: RangeInclusive<u64>,
+}
+
+impl BusTiming {
+    /// What a real chip probably does before the STOP after a read, us: its controller, an Atmel
+    /// SERCOM slave, is interrupted by the missing acknowledge as by any byte, and holds SCL until
+    /// its firmware releases the line.
+    pub const STOP_READ_US: RangeInclusive<u64> = 160..=200;
+}
+
+impl Default for BusTiming {
+    fn default() -> Self {
+        Self {
+            stretch_us: 160..=200,
+            stretch_rare: None,
+            stop_read_us: 0..=0,
+            stop_write_us: 0..=0,
+        }
+    }
+}
+
+/// A hold of the clock line that some bytes have instead of the usual one.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RareStretch {
+    /// How long, us.
+    pub us: u64,
+    /// Share of the bytes, 0 to 1.
+    pub probability: f64,
+}
 
 impl Bno055 {
     /// The chip's reply to an event of the bus master.
@@ -21,6 +63,7 @@ impl Bno055 {
                 let selected = address == self.config.address && self.answers(now);
                 self.transfer = Transfer {
                     selected,
+                    reads: read,
                     expects_pointer: !read,
                     ..Transfer::default()
                 };
@@ -46,8 +89,8 @@ impl Bno055 {
             }
             I2cEvent::Write(_) | I2cEvent::Read => I2cReply::NAK,
             I2cEvent::Stop => {
-                self.transfer = Transfer::default();
-                I2cReply::NAK
+                let ended = std::mem::take(&mut self.transfer);
+                return I2cReply::NAK.stretched(self.hold_before_stop(ended));
             }
         };
         if self.transfer.selected {
@@ -134,8 +177,10 @@ impl Bno055 {
     }
 
     fn stretch(&mut self) -> Ticks {
-        let mut stretch =
-            Ticks::from_us(self.bus_noise.random_range(self.config.stretch_us.clone()));
+        let mut stretch = match self.config.bus.stretch_rare {
+            Some(rare) if self.bus_noise.random_bool(rare.probability) => Ticks::from_us(rare.us),
+            _ => self.draw_us(self.config.bus.stretch_us.clone()),
+        };
         for fault in self.faults.iter() {
             if let Fault::LongStretch {
                 stretch: long,
@@ -147,6 +192,26 @@ impl Bno055 {
             }
         }
         stretch
+    }
+
+    /// How long the STOP that ends this transfer waits.
+    fn hold_before_stop(&mut self, ended: Transfer) -> Ticks {
+        let bus = &self.config.bus;
+        match ended {
+            Transfer {
+                selected: false, ..
+            } => Ticks::ZERO,
+            Transfer { reads: true, .. } => self.draw_us(bus.stop_read_us.clone()),
+            Transfer { reads: false, .. } => self.draw_us(bus.stop_write_us.clone()),
+        }
+    }
+
+    /// A time out of a range of us. One that is certain leaves the random numbers alone.
+    fn draw_us(&mut self, range: RangeInclusive<u64>) -> Ticks {
+        Ticks::from_us(match range.start() == range.end() {
+            true => *range.start(),
+            false => self.bus_noise.random_range(range),
+        })
     }
 
     fn advance_pointer(&mut self) {
@@ -209,5 +274,74 @@ impl Bno055 {
             }
         }
         word
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::bno055::Config;
+
+    /// Later than any start-up.
+    const READY: Ticks = Ticks::from_ms(700);
+
+    fn chip(bus: BusTiming) -> Bno055 {
+        Bno055::new(Config {
+            bus,
+            ..Config::default()
+        })
+    }
+
+    /// The hold before the STOP of a transfer in this direction.
+    fn hold(chip: &mut Bno055, address: u8, read: bool) -> Ticks {
+        chip.i2c(READY, I2cEvent::Start { address, read });
+        chip.i2c(READY, I2cEvent::Stop).stretch
+    }
+
+    #[test]
+    fn the_stop_waits_after_a_read_of_this_chip_only() {
+        let mut chip = chip(BusTiming {
+            stop_read_us: BusTiming::STOP_READ_US,
+            ..BusTiming::default()
+        });
+        let read = hold(&mut chip, 0x28, true).as_us();
+        assert!(BusTiming::STOP_READ_US.contains(&read), "{read} us");
+        assert_eq!(hold(&mut chip, 0x28, false), Ticks::ZERO);
+        assert_eq!(hold(&mut chip, 0x29, true), Ticks::ZERO);
+    }
+
+    #[test]
+    fn the_stop_waits_after_a_write_if_it_is_to() {
+        let mut chip = chip(BusTiming {
+            stop_write_us: 90..=90,
+            ..BusTiming::default()
+        });
+        assert_eq!(hold(&mut chip, 0x28, false), Ticks::from_us(90));
+        assert_eq!(hold(&mut chip, 0x28, true), Ticks::ZERO);
+    }
+
+    #[test]
+    fn rare_bytes_are_held_longer() {
+        let mut chip = chip(BusTiming {
+            stretch_rare: Some(RareStretch {
+                us: 500,
+                probability: 0.1,
+            }),
+            ..BusTiming::default()
+        });
+        let start = I2cEvent::Start {
+            address: 0x28,
+            read: true,
+        };
+        chip.i2c(READY, start);
+        let holds = (0..1000).map(|_| chip.i2c(READY, I2cEvent::Read).stretch.as_us());
+        let holds: Vec<u64> = holds.collect();
+        let rare = holds.iter().filter(|&&us| us == 500).count();
+        assert!((60..140).contains(&rare), "{rare} of 1000");
+        assert!(
+            holds
+                .iter()
+                .all(|us| *us == 500 || (160..=200).contains(us))
+        );
     }
 }

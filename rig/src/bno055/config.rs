@@ -1,5 +1,6 @@
 //! What is fixed about one sensor and its place on the bus.
 
+use super::bus::BusTiming;
 use super::imperfections::ImuErrors;
 use samd21::board::Ticks;
 use std::ops::RangeInclusive;
@@ -15,8 +16,8 @@ pub struct Config {
     pub errors: ImuErrors,
     /// From power-on to the first acknowledge, ms; drawn uniformly.
     pub boot_ms: RangeInclusive<u64>,
-    /// Clock stretching of a byte, us; drawn uniformly.
-    pub stretch_us: RangeInclusive<u64>,
+    /// How long it holds the clock line.
+    pub bus: BusTiming,
     /// Largest deviation of the chip's clock, relative; drawn uniformly.
     pub clock_error: f64,
     /// A reset by command hangs the chip until its power is cut, as happens to some units.
@@ -41,7 +42,7 @@ impl Default for Config {
             address: 0x28,
             errors: ImuErrors::default(),
             boot_ms: 400..=650,
-            stretch_us: 160..=200,
+            bus: BusTiming::default(),
             clock_error: 0.01,
             reset_hangs: false,
             late_registers: Ticks::ZERO,

@@ -68,6 +68,7 @@ mod words;
 #[cfg(test)]
 mod tests;
 
+pub use bus::{BusTiming, RareStretch};
 pub use config::{Config, Magnetometer, MagnetometerHealth, RefreshRates};
 pub use fault::{Fault, Faults};
 pub use fault_kind::FaultKind;
@@ -109,6 +110,8 @@ enum Power {
 #[derive(Clone, Copy, Debug, Default)]
 struct Transfer {
     selected: bool,
+    /// The master reads.
+    reads: bool,
     expects_pointer: bool,
     /// Register and value of the high byte that was latched when its low byte was read.
     shadow: Option<(u8, u8)>,

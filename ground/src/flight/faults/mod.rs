@@ -11,6 +11,7 @@ use rig::bno055::FaultKind;
 use rig::faults::{Campaign, Case, DEADLINE, Ending, Outcome};
 use rig::{ServoKind, Setup, prepare};
 
+use crate::flight::hardware::HardwareChoice;
 use crate::out::exit::Verdict;
 use crate::out::measure::Limit::AtMost;
 use crate::out::measure::{Figure, Figures, figure, rows};
@@ -44,6 +45,10 @@ pub struct Faults {
     #[arg(long, value_name = "N", default_value_t = 1)]
     pub seed: u64,
 
+    /// What the emulated parts are like.
+    #[command(flatten)]
+    pub hardware: HardwareChoice,
+
     /// Runs at a time [default: one for each processor core].
     #[arg(long, value_name = "J", value_parser = clap::value_parser!(u16).range(1..=256))]
     pub jobs: Option<u16>,
@@ -62,7 +67,8 @@ pub fn run(options: &Faults) -> Result<Verdict> {
     let begun = Instant::now();
     let image = rig::image::build(&mut |line| eprintln!("{line}")).context("the image")?;
     let bar = spinner("boot and flight without a fault");
-    let setup = Setup::with_polarity(ServoKind::S3003, options.seed);
+    let mut setup = Setup::with_polarity(ServoKind::S3003, options.seed);
+    setup.rig.hardware = options.hardware.hardware()?;
     let ready = prepare(&image, &setup, &mut |_| {})?;
     let frame_hz = f64::from(setup.servo.frame_hz());
     let campaign = Campaign::new(&ready, frame_hz, options.seed)

@@ -59,6 +59,7 @@ fn setup(options: &Fly) -> Result<Setup> {
     let physics = control_law::setup(options.servo, options.drone.as_deref())?;
     setup.rig.bench.parameters = physics.drone;
     setup.rig.bench.servo = physics.servo;
+    setup.rig.hardware = options.hardware.hardware()?;
     Ok(setup)
 }
 

@@ -1,6 +1,7 @@
 //! Options of `tvc fly`.
 
 use crate::flight::disturb::Disturb;
+use crate::flight::hardware::HardwareChoice;
 use ::rig::ServoKind;
 use ::rig::flight::Gains;
 use clap::Args;
@@ -65,6 +66,10 @@ pub struct Fly {
     /// What disturbs the flight.
     #[command(flatten)]
     pub disturb: Disturb,
+
+    /// What the emulated parts are like.
+    #[command(flatten)]
+    pub hardware: HardwareChoice,
 
     /// Print one JSON object on standard output and nothing else there.
     #[arg(long)]

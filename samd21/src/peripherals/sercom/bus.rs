@@ -7,6 +7,9 @@
 //! CMD 1 ─▶ repeated START, address      CMD 3 ─▶ (N)ACK, STOP ─▶ IDLE
 //! ```
 //!
+//! A slave may hold SCL before the STOP too, as one does whose firmware releases the line: the bus
+//! stays OWNER until it lets go.
+//!
 //! A bit takes (10 + 2 BAUD) / f, or (10 + BAUD + BAUDLOW) / f with BAUDLOW, plus the rise time of
 //! SCL (data sheet, SERCOM I2C, BAUD). The slave is asked at the ninth clock of a byte that it
 //! receives and at the first clock of one that it sends; its stretching lengthens that byte.
@@ -78,8 +81,10 @@ pub(super) enum Motion {
     End(Byte, I2cReply),
     /// The master sends a 1 and reads a 0.
     LoseArbitration,
-    /// The end of a STOP; then a START, if ADDR was written meanwhile.
+    /// The master lets go of SCL for a STOP; then a START, if ADDR was written meanwhile.
     Stop { restart: bool },
+    /// The slave, which held SCL before the STOP, lets go of it.
+    LateStop { restart: bool },
 }
 
 impl Sercom {
@@ -131,6 +136,9 @@ impl Sercom {
             (BusState::Idle, _) => self.start(bus.now),
             (BusState::Owner, Motion::Stop { .. }) => {
                 self.motion = Motion::Stop { restart: true };
+            }
+            (BusState::Owner, Motion::LateStop { .. }) => {
+                self.motion = Motion::LateStop { restart: true };
             }
             (BusState::Owner, _) if self.held.is_some() => self.start(bus.now),
             (BusState::Owner, _) => {
@@ -231,6 +239,7 @@ impl Sercom {
                 self.lose_bus(now);
             }
             Motion::Stop { restart } => self.stop(bus, restart),
+            Motion::LateStop { restart } => self.finish_stop(bus, restart),
         }
     }
 
@@ -308,7 +317,25 @@ impl Sercom {
         self.hold(now, Direction::Write);
     }
 
+    /// Asks the slave for the STOP.
     fn stop(&mut self, bus: &mut Bus<'_>, restart: bool) {
+        let now = bus.now;
+        if self.scl_is_held(bus) {
+            return;
+        }
+        if !self.held_low(now, bus.board).sda {
+            let stretch = bus.board.i2c(now, I2cEvent::Stop).stretch;
+            if stretch > Ticks::ZERO {
+                self.scl_low_since = Some(now);
+                self.wait(now, Motion::LateStop { restart }, stretch);
+                return;
+            }
+        }
+        self.finish_stop(bus, restart);
+    }
+
+    /// SCL is high: SDA follows it, which is the STOP.
+    fn finish_stop(&mut self, bus: &mut Bus<'_>, restart: bool) {
         let now = bus.now;
         if self.scl_is_held(bus) {
             return;
@@ -322,7 +349,6 @@ impl Sercom {
             }
             return;
         }
-        bus.board.i2c(now, I2cEvent::Stop);
         self.state = BusState::Idle;
         if restart {
             self.start(now);

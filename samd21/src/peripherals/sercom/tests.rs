@@ -12,6 +12,8 @@ struct Slave {
     registers: Vec<u8>,
     pointer: Option<usize>,
     stretch: Ticks,
+    /// How long it holds SCL before a STOP.
+    stop_stretch: Ticks,
     held: Lines,
     glitch: bool,
     addressed: bool,
@@ -48,7 +50,7 @@ impl Board for Slave {
                 self.pointer = Some(pointer + 1);
                 I2cReply::data(self.registers[pointer]).stretched(self.stretch)
             }
-            I2cEvent::Stop => I2cReply::ACK,
+            I2cEvent::Stop => I2cReply::ACK.stretched(self.stop_stretch),
         }
     }
 
@@ -234,6 +236,73 @@ fn stretching_lengthens_every_byte() {
     assert_eq!(rig.wait(), Ticks(142 * 10 + 180 * 48));
     rig.write(0x24, 0x29 << 1 | 1);
     assert_eq!(rig.wait(), Ticks(142 * 18 + 2 * 180 * 48));
+}
+
+#[test]
+fn the_bus_stays_owned_until_the_slave_lets_the_stop_through() {
+    let mut rig = Rig::ready();
+    rig.slave.stop_stretch = Ticks::from_us(180);
+    rig.write(0x24, 0x29 << 1 | 1);
+    rig.wait();
+    rig.command(3, true);
+    // Acknowledge bit and STOP without the slave, then its 180 us.
+    rig.pass(Ticks(142 * 5 / 2 + 180 * 48 - 1));
+    assert_eq!((rig.flags(), rig.status()), (0, OWNER));
+    rig.pass(Ticks(1));
+    assert_eq!(rig.status(), IDLE);
+    let stops = rig
+        .slave
+        .log
+        .iter()
+        .filter(|entry| entry.1 == I2cEvent::Stop);
+    assert_eq!(stops.count(), 1, "the slave is asked once");
+}
+
+#[test]
+fn an_address_written_before_a_late_stop_waits_for_it() {
+    let mut rig = Rig::ready();
+    rig.slave.stop_stretch = Ticks::from_us(180);
+    rig.write(0x24, 0x29 << 1);
+    rig.wait();
+    rig.command(3, true);
+    rig.pass(Ticks::from_us(100));
+    rig.write(0x24, 0x29 << 1);
+    let stop = 142 * 3 / 2 + 180 * 48 - 100 * 48;
+    assert_eq!(
+        rig.wait(),
+        Ticks(stop + 142 * 10),
+        "STOP, START, nine clocks"
+    );
+    assert_eq!(rig.violations.count(), 0);
+}
+
+#[test]
+fn sda_that_sticks_before_a_late_stop_leaves_the_bus_busy() {
+    let mut rig = Rig::ready();
+    rig.slave.stop_stretch = Ticks::from_us(180);
+    rig.write(0x24, 0x29 << 1);
+    rig.wait();
+    rig.command(3, true);
+    rig.pass(Ticks::from_us(100));
+    rig.slave.held.sda = true;
+    rig.pass(Ticks::from_ms(1));
+    assert_eq!(rig.status(), BUSY);
+}
+
+#[test]
+fn a_stop_that_never_comes_ends_with_the_low_time_out() {
+    let mut rig = Rig::new(SyncHold::Instant);
+    rig.sercom
+        .set_clocks(rig.now, Some(Rate::from_hz(48_000_000)), true);
+    rig.enable(LOWTOUTEN);
+    rig.slave.stop_stretch = Ticks::from_ms(500);
+    rig.write(0x24, 0x29 << 1);
+    rig.wait();
+    rig.command(3, true);
+    rig.pass(Ticks::from_ms(29));
+    assert_eq!(rig.status(), OWNER);
+    rig.pass(Ticks::from_ms(2));
+    assert_eq!(rig.status() & (LOWTOUT | BUSERR), LOWTOUT | BUSERR);
 }
 
 #[test]

@@ -1,0 +1,39 @@
+//! The option for what the emulated parts are like.
+
+use ::rig::bench::Hardware;
+use clap::Args;
+
+use crate::out::exit::BadInput;
+
+/// How the emulated parts differ from the default.
+#[derive(Debug, Clone, Args)]
+pub struct HardwareChoice {
+    #[arg(
+        long = "hardware",
+        value_name = "KEY=VALUE",
+        value_delimiter = ',',
+        value_parser = setting,
+        help = "What the emulated parts are like where real ones differ; --help lists the keys",
+        long_help = format!(
+            "What the emulated parts are like where real ones differ. Can be given several times, \
+             or several settings with commas between them:\n{}",
+            Hardware::help().trim_end()
+        )
+    )]
+    settings: Vec<String>,
+}
+
+impl HardwareChoice {
+    /// The parts.
+    ///
+    /// # Errors
+    /// A setting that does not exist.
+    pub fn hardware(&self) -> Result<Hardware, BadInput> {
+        self.settings.join(",").parse().map_err(BadInput::new)
+    }
+}
+
+fn setting(text: &str) -> Result<String, String> {
+    Hardware::default().set(text)?;
+    Ok(text.to_owned())
+}
