@@ -116,7 +116,7 @@ impl Rig {
             wait_states: config.wait_states,
             syncbusy_hold: config.syncbusy_hold,
             seed: config.seed,
-            ..Options::default()
+            ..config.hardware.chip()
         });
         chip.load_flash(image.address(), image.bytes());
         if let Some(params) = &config.stored {

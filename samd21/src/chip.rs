@@ -28,10 +28,10 @@ impl Chip {
     pub fn new(options: Options) -> Self {
         let peripherals = Peripherals::new(&options);
         Self {
-            core: Core::new(options.wait_states, peripherals.ticks_per_cycle()),
+            core: Core::new(&options, peripherals.cycle()),
             memory: Memory::new(options.seed),
             peripherals,
-            usb_host: Host::new(),
+            usb_host: Host::of(options.host),
         }
     }
 
@@ -182,5 +182,33 @@ impl Chip {
                 board,
             },
         )
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::board::Unconnected;
+    use crate::testing::Bench;
+
+    #[test]
+    fn a_slow_clock_makes_fewer_cycles_in_the_same_time() {
+        let options = Options {
+            dfll_error_ppm: -31_000,
+            ..Options::default()
+        };
+        let mut bench = Bench::with(&options, Unconnected);
+        bench.start_clocks();
+        let mut chip = Chip::new(options);
+        chip.peripherals = bench.peripherals;
+        // Stack pointer and entry point; B to itself, 3 cycles.
+        chip.load_flash(0, &[0, 0x80, 0, 0x20, 9, 0, 0, 0, 0xFE, 0xE7]);
+        chip.boot(0);
+        chip.run_until(bench.now, &mut Unconnected);
+        let before = chip.counters().cycles;
+        chip.run_until(bench.now + Ticks::from_ms(100), &mut Unconnected);
+        let cycles = chip.counters().cycles - before;
+        // 100 ms at 46.512 MHz, to 20 ppm and the last instruction.
+        assert!(cycles.abs_diff(4_651_200) < 100, "{cycles}");
     }
 }

@@ -1,6 +1,7 @@
 //! What may be chosen when a chip is made.
 
 use crate::board::Ticks;
+use crate::usb_host::System;
 
 /// How a chip is made.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -9,6 +10,17 @@ pub struct Options {
     pub wait_states: WaitStates,
     /// How long registers stay in synchronisation after a write.
     pub syncbusy_hold: SyncHold,
+    /// Error of the DFLL's frequency with the factory's COARSE and FINE 0x1FF, ppm. Without a
+    /// reference such chips run at 46.5 to 48 MHz.
+    pub dfll_error_ppm: i32,
+    /// How fast that error grows, ppm/s: the chip warms up.
+    pub dfll_drift_ppm_s: i32,
+    /// Frequency of OSCULP32K, Hz: nominally 32,768.
+    pub osculp32k_hz: u32,
+    /// How long the core takes to wake from sleep.
+    pub wake_up: Ticks,
+    /// The operating system of the USB host.
+    pub host: System,
     /// The 128-bit serial number, word 0 first (0x0080_A00C, 0x0080_A040, 44, 48).
     pub serial_number: [u32; 4],
     /// Decides what is random in a chip: the noise in SRAM at power-on.
@@ -20,6 +32,11 @@ impl Default for Options {
         Self {
             wait_states: WaitStates::AsConfigured,
             syncbusy_hold: SyncHold::Instant,
+            dfll_error_ppm: 0,
+            dfll_drift_ppm_s: 0,
+            osculp32k_hz: 32_768,
+            wake_up: Ticks::ZERO,
+            host: System::Bare,
             serial_number: [0x5D21_0001, 0x5D21_0002, 0x5D21_0003, 0x5D21_0004],
             seed: 0,
         }

@@ -29,8 +29,12 @@ impl<B: Board> Bench<B> {
             syncbusy_hold: hold,
             ..Options::default()
         };
+        Self::with(&options, board)
+    }
+
+    pub(crate) fn with(options: &Options, board: B) -> Self {
         Self {
-            peripherals: Peripherals::new(&options),
+            peripherals: Peripherals::new(options),
             memory: Memory::new(1),
             usb_host: Host::new(),
             board,

@@ -3,6 +3,7 @@
 mod common;
 
 use common::*;
+use samd21::Options;
 use samd21::board::{Ticks, Unconnected};
 use samd21::chip::Stop;
 use samd21::peripherals::ResetCause;
@@ -87,6 +88,43 @@ fn wfi_sleeps_to_the_next_interrupt() {
     assert_eq!(chip.counters().sleep_ticks, 252 * CYCLE);
     run_to_breakpoint(&mut chip);
     assert_eq!(logged(&chip), [15, 1]);
+}
+
+#[test]
+fn waking_takes_its_time_and_what_is_pending_already_none() {
+    let program = code![start_systick(256), WFI, log(1), BKPT];
+    let handler = [(SYSTICK, code![log(15), BX_LR])];
+    let run_with = |wake_up| {
+        let options = Options {
+            wake_up,
+            ..Options::default()
+        };
+        let mut chip = chip_with(options, &program, &handler);
+        run_to_breakpoint(&mut chip);
+        (chip.now(), chip.counters())
+    };
+    let (end, counters) = run_with(Ticks::ZERO);
+    let (late_end, late) = run_with(Ticks::from_us(4));
+    assert_eq!(late_end - end, Ticks::from_us(4));
+    assert_eq!(late.cycles, counters.cycles, "it sleeps meanwhile");
+
+    let options = Options {
+        wake_up: Ticks::from_us(4),
+        ..Options::default()
+    };
+    let program = code![
+        CPSID,
+        movs(0, 1),
+        str(0, 5, 0),
+        str(0, 6, 0),
+        WFI,
+        log(1),
+        BKPT
+    ];
+    let mut chip = chip_with(options, &program, &[]);
+    run_to_breakpoint(&mut chip);
+    assert_eq!(logged(&chip), [1]);
+    assert_eq!(chip.counters().sleep_ticks, 0);
 }
 
 #[test]

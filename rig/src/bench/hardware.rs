@@ -1,12 +1,16 @@
 //! What the emulated parts are like where real ones differ from each other.
 //!
-//! Every difference has a key in [`KEYS`], by which the command line sets it: `KEY=VALUE`, several
+//! Every difference has a key, see [`keys`], by which the command line sets it: `KEY=VALUE`, several
 //! with commas between them.
 
+mod sensor;
+
 use super::BenchConfig;
-use crate::bno055::{BusTiming, Magnetometer, MagnetometerHealth, RareStretch, RefreshRates};
+use crate::bno055::{BusTiming, Magnetometer, RareStretch, RefreshRates};
 use crate::bootloader::Bootloader;
+use samd21::Options;
 use samd21::board::Ticks;
+use samd21::usb_host::System;
 use std::fmt::Display;
 use std::ops::RangeInclusive;
 use std::str::FromStr;
@@ -32,6 +36,16 @@ pub struct Hardware {
     pub bootloader: Bootloader,
     /// How long the sensor holds the clock line of its bus.
     pub bus: BusTiming,
+    /// Error of the chip's 48 MHz while no USB host corrects it, %.
+    pub clock_percent: f64,
+    /// How fast that error grows, ppm/s.
+    pub clock_drift_ppm_s: i32,
+    /// Frequency of the chip's slow oscillator, which the watchdog runs on, relative to 32,768 Hz.
+    pub slow_clock: f64,
+    /// How long the chip takes to wake from sleep, us.
+    pub wake_us: u64,
+    /// The operating system at the other end of the USB cable.
+    pub host: System,
 }
 
 impl Default for Hardware {
@@ -46,6 +60,11 @@ impl Default for Hardware {
             lever_m: [0.0; 3],
             bootloader: Bootloader::default(),
             bus: BusTiming::default(),
+            clock_percent: 0.0,
+            clock_drift_ppm_s: 0,
+            slow_clock: 1.0,
+            wake_us: 0,
+            host: System::Bare,
         }
     }
 }
@@ -68,11 +87,8 @@ pub struct Key {
 /// Longest hold of the clock line that can be set, us.
 const LONGEST_HOLD_US: RangeInclusive<u64> = 0..=20_000;
 
-/// Longest time that a write to the sensor can be late, us.
-const LATEST_US: RangeInclusive<u64> = 0..=100_000;
-
-/// All that can be set.
-pub const KEYS: &[Key] = &[
+/// The keys for the chips, the bus between them and the host.
+const KEYS: &[Key] = &[
     Key {
         name: "address",
         value: "0x28|0x29",
@@ -87,107 +103,6 @@ pub const KEYS: &[Key] = &[
             Ok(())
         },
         show: |hardware| format!("{:#04x}", hardware.address),
-    },
-    Key {
-        name: "late-registers",
-        value: "US",
-        what: "how long a write to the sensor takes to act and to be read back, us (0 to 100000)",
-        source: "Adafruit_BNO055 waits 10 ms after each write; the data sheet asks for 2 us",
-        set: |hardware, text| {
-            let late = number(text, LATEST_US).map(Ticks::from_us);
-            put(&mut hardware.late_registers, late)
-        },
-        show: |hardware| hardware.late_registers.as_us().to_string(),
-    },
-    Key {
-        name: "lost-within",
-        value: "US",
-        what: "a write that follows sooner than this after the one before is lost, us (0 to 100000)",
-        source: "Adafruit_CircuitPython_BNO055, issue 91",
-        set: |hardware, text| {
-            let within = number(text, LATEST_US).map(Ticks::from_us);
-            put(&mut hardware.lost_within, within)
-        },
-        show: |hardware| hardware.lost_within.as_us().to_string(),
-    },
-    Key {
-        name: "refresh",
-        value: "together|ACC/GYR/MAG",
-        what: "refreshes of accelerometer and gyroscope (10 to 200) and magnetometer (1 to 100), \
-               Hz, each with a phase of its own, instead of 100 Hz together",
-        source: "unknown in the modes without fusion; 35 Hz is where a set-up takes it for frozen",
-        set: |hardware, text| put(&mut hardware.refresh, refresh(text)),
-        show: |hardware| {
-            hardware.refresh.map_or("together".into(), |rates| {
-                format!("{}/{}/{}", rates.acc_hz, rates.gyr_hz, rates.mag_hz)
-            })
-        },
-    },
-    Key {
-        name: "field-age",
-        value: "MS",
-        what: "how old the magnetic field is when it is converted, ms (0 to 200)",
-        source: "estimate: 15 to 50 ms",
-        set: |hardware, text| {
-            let age = number(text, 0..=200).map(Ticks::from_ms);
-            put(&mut hardware.magnetometer.age, age)
-        },
-        show: |hardware| (hardware.magnetometer.age.as_us() / 1000).to_string(),
-    },
-    Key {
-        name: "field",
-        value: "ok|dead|stuck",
-        what: "the magnetic field is right, (0, 0, 0), or the first one for ever",
-        source: "users' reports of a field that stays zero",
-        set: |hardware, text| {
-            let healths = [
-                MagnetometerHealth::Ok,
-                MagnetometerHealth::Dead,
-                MagnetometerHealth::Stuck,
-            ];
-            let health = one_of(text, healths, MagnetometerHealth::name);
-            put(&mut hardware.magnetometer.health, health)
-        },
-        show: |hardware| hardware.magnetometer.health.name().into(),
-    },
-    Key {
-        name: "sensor-clock",
-        value: "PCT",
-        what: "largest deviation of the sensor's clock, by which it refreshes, % (0 to 10)",
-        source: "estimate: 1 % for the internal oscillator; the data sheet gives none",
-        set: |hardware, text| {
-            let error = number(text, 0.0..=10.0).map(|pct| pct / 100.0);
-            put(&mut hardware.clock_error, error)
-        },
-        show: |hardware| (hardware.clock_error * 100.0).to_string(),
-    },
-    Key {
-        name: "lever",
-        value: "X/Y/Z",
-        what: "where the sensor sits from the pivot: forward, right, down, mm (-500 to 500)",
-        source: "rigid-body kinematics; the board is wider than the pivot",
-        set: |hardware, text| {
-            let lever_m = three(text, [-500.0..=500.0, -500.0..=500.0, -500.0..=500.0]);
-            put(
-                &mut hardware.lever_m,
-                lever_m.map(|mm| mm.map(|mm| mm / 1000.0)),
-            )
-        },
-        show: |hardware| {
-            let [x, y, z] = hardware.lever_m.map(|m| m * 1000.0);
-            format!("{x}/{y}/{z}")
-        },
-    },
-    Key {
-        name: "bootloader",
-        value: "even|arduino|uf2|none",
-        what: "the bootloader; even is Arduino's with 0 and 500 ms instead of 1.8 and 501.8 ms",
-        source: "ArduinoCore-samd 1.8.14, the shipped binary; uf2-samdx1, main.c",
-        set: |hardware, text| {
-            let bootloader = one_of(text, Bootloader::ALL, Bootloader::name);
-            put(&mut hardware.bootloader, bootloader)
-        },
-        show: |hardware| hardware.bootloader.name().into(),
     },
     Key {
         name: "stretch",
@@ -231,7 +146,57 @@ pub const KEYS: &[Key] = &[
         },
         show: |hardware| shown(&hardware.bus.stop_write_us),
     },
+    Key {
+        name: "clock",
+        value: "PERCENT",
+        what: "error of the chip's 48 MHz without USB, % (-5 to 5)",
+        source: "-3.1 on an ItsyBitsy M0 (atsamd-rs issue 549), -2.6 on a Metro M0 (CircuitPython \
+                 pull request 892)",
+        set: |hardware, text| put(&mut hardware.clock_percent, number(text, -5.0..=5.0)),
+        show: |hardware| hardware.clock_percent.to_string(),
+    },
+    Key {
+        name: "clock-drift",
+        value: "PPM_PER_S",
+        what: "growth of that error, ppm/s (-1000 to 1000); a host corrects it while it is there",
+        source: "an estimate: chips warm up",
+        set: |hardware, text| put(&mut hardware.clock_drift_ppm_s, number(text, -1000..=1000)),
+        show: |hardware| hardware.clock_drift_ppm_s.to_string(),
+    },
+    Key {
+        name: "slow-clock",
+        value: "RATIO",
+        what: "the watchdog's oscillator, relative to 32768 Hz (0.87 to 1.25)",
+        source: "SAM D21 data sheet, OSCULP32K: 28.5 to 41 kHz over supply and temperature",
+        set: |hardware, text| put(&mut hardware.slow_clock, number(text, 0.87..=1.25)),
+        show: |hardware| hardware.slow_clock.to_string(),
+    },
+    Key {
+        name: "wake",
+        value: "US",
+        what: "how long the chip takes to wake from sleep, us (0 to 100)",
+        source: "SAM D21 data sheet, wake-up time from IDLE: about 4 us",
+        set: |hardware, text| put(&mut hardware.wake_us, number(text, 0..=100)),
+        show: |hardware| hardware.wake_us.to_string(),
+    },
+    Key {
+        name: "host",
+        value: "bare|linux|windows|macos",
+        what: "how the computer at the USB cable enumerates the chip and opens its port",
+        source: "Linux, Microsoft's and Apple's drivers, as far as published (samd21::usb_host)",
+        set: |hardware, text| {
+            let found = System::ALL.into_iter().find(|host| host.name() == text);
+            let unknown = "must be one of these".to_owned();
+            put(&mut hardware.host, found.ok_or(unknown))
+        },
+        show: |hardware| hardware.host.name().into(),
+    },
 ];
+
+/// All that can be set.
+pub fn keys() -> impl Iterator<Item = &'static Key> {
+    KEYS.iter().chain(sensor::KEYS)
+}
 
 impl Hardware {
     /// Sets what `KEY=VALUE` says.
@@ -241,8 +206,8 @@ impl Hardware {
     pub fn set(&mut self, setting: &str) -> Result<(), String> {
         let (name, value) = setting.split_once('=').unwrap_or((setting, ""));
         let (name, value) = (name.trim(), value.trim());
-        let Some(key) = KEYS.iter().find(|key| key.name == name) else {
-            let names: Vec<&str> = KEYS.iter().map(|key| key.name).collect();
+        let Some(key) = keys().find(|key| key.name == name) else {
+            let names: Vec<&str> = keys().map(|key| key.name).collect();
             let names = names.join(", ");
             return Err(format!("there is no key `{name}`; the keys are {names}"));
         };
@@ -252,7 +217,7 @@ impl Hardware {
     /// The keys, a line each, with their values and defaults.
     pub fn help() -> String {
         let default = Self::default();
-        let lines = KEYS.iter().map(|key| {
+        let lines = keys().map(|key| {
             let Key {
                 name, value, what, ..
             } = key;
@@ -262,6 +227,18 @@ impl Hardware {
             )
         });
         lines.collect()
+    }
+
+    /// The chip as it differs.
+    pub(crate) fn chip(&self) -> Options {
+        Options {
+            dfll_error_ppm: (self.clock_percent * 1e4).round() as i32,
+            dfll_drift_ppm_s: self.clock_drift_ppm_s,
+            osculp32k_hz: (self.slow_clock * 32_768.0).round() as u32,
+            wake_up: Ticks::from_us(self.wake_us),
+            host: self.host,
+            ..Options::default()
+        }
     }
 
     /// The bench as it differs.
@@ -320,39 +297,6 @@ fn range(text: &str, limits: RangeInclusive<u64>) -> Result<RangeInclusive<u64>,
     Ok(range)
 }
 
-/// Numbers with slashes between them, each within its limits.
-fn three(text: &str, limits: [RangeInclusive<f64>; 3]) -> Result<[f64; 3], String> {
-    let parts: Vec<&str> = text.split('/').collect();
-    let (&[x, y, z], [in_x, in_y, in_z]) = (parts.as_slice(), limits) else {
-        return Err(format!(
-            "`{text}` is not three numbers with slashes between them"
-        ));
-    };
-    Ok([number(x, in_x)?, number(y, in_y)?, number(z, in_z)?])
-}
-
-fn refresh(text: &str) -> Result<Option<RefreshRates>, String> {
-    if text == "together" {
-        return Ok(None);
-    }
-    let [acc_hz, gyr_hz, mag_hz] = three(text, [10.0..=200.0, 10.0..=200.0, 1.0..=100.0])?;
-    Ok(Some(RefreshRates {
-        acc_hz,
-        gyr_hz,
-        mag_hz,
-    }))
-}
-
-/// The one of `all` that has this name.
-fn one_of<T: Copy, const N: usize>(
-    text: &str,
-    all: [T; N],
-    name: fn(T) -> &'static str,
-) -> Result<T, String> {
-    let found = all.into_iter().find(|&one| name(one) == text);
-    found.ok_or_else(|| format!("`{text}` is none of them"))
-}
-
 fn rare(text: &str) -> Result<RareStretch, String> {
     let (us, probability) = text.split_once('@').unwrap_or((text, ""));
     Ok(RareStretch {
@@ -397,44 +341,25 @@ mod tests {
     }
 
     #[test]
-    fn settings_of_the_sensor_reach_the_bench() {
-        let hardware: Hardware = "late-registers=20000,lost-within=5000,refresh=62.5/80/20,\
-             field-age=30,field=dead,sensor-clock=3,lever=20/-5/-130,bootloader=uf2"
-            .parse()
-            .unwrap();
-        assert_eq!(hardware.bootloader, Bootloader::Uf2);
-        let mut bench = BenchConfig::default();
-        hardware.fit(&mut bench);
-        assert_eq!(bench.lever_m, [0.02, -0.005, -0.13]);
-        let sensor = bench.sensor;
-        assert_eq!(sensor.late_registers, Ticks::from_ms(20));
-        assert_eq!(sensor.lost_within, Ticks::from_ms(5));
-        let rates = RefreshRates {
-            acc_hz: 62.5,
-            gyr_hz: 80.0,
-            mag_hz: 20.0,
+    fn the_chip_gets_what_is_set() {
+        let hardware = "clock=-3.1,clock-drift=20,slow-clock=0.87,wake=4,host=windows".parse();
+        let options = hardware.map(|hardware: Hardware| hardware.chip());
+        let expected = Options {
+            dfll_error_ppm: -31_000,
+            dfll_drift_ppm_s: 20,
+            osculp32k_hz: 28_508,
+            wake_up: Ticks::from_us(4),
+            host: System::Windows,
+            ..Options::default()
         };
-        assert_eq!(sensor.refresh, Some(rates));
-        assert_eq!(sensor.magnetometer.age, Ticks::from_ms(30));
-        assert_eq!(sensor.magnetometer.health, MagnetometerHealth::Dead);
-        assert_eq!(sensor.clock_error, 0.03);
-    }
-
-    /// What nobody sets is as on a bench without any hardware.
-    #[test]
-    fn the_default_changes_nothing() {
-        let mut bench = BenchConfig::default();
-        Hardware::default().fit(&mut bench);
-        assert_eq!(
-            format!("{bench:?}"),
-            format!("{:?}", BenchConfig::default())
-        );
+        assert_eq!(options, Ok(expected));
+        assert_eq!(Hardware::default().chip(), Options::default());
     }
 
     #[test]
     fn a_default_that_is_shown_can_be_given() {
         let default = Hardware::default();
-        for key in KEYS {
+        for key in keys() {
             let shown = (key.show)(&default);
             if shown == "none" {
                 continue;
@@ -447,7 +372,7 @@ mod tests {
     #[test]
     fn refusals_say_what_is_possible() {
         let refused = |text: &str| text.parse::<Hardware>().unwrap_err();
-        assert!(refused("strech=3").contains("the keys are address, late-registers,"));
+        assert!(refused("strech=3").contains("the keys are address, stretch,"));
         assert!(refused("stretch").starts_with("stretch=US|MIN..MAX: how long"));
         for bad in [
             "stretch=x",
@@ -457,16 +382,6 @@ mod tests {
             "stretch-rare=500@2",
             "stretch-rare=500@NaN",
             "address=40",
-            "late-registers=-1",
-            "refresh=100/100",
-            "refresh=100/100/NaN",
-            "refresh=5/100/20",
-            "field=gone",
-            "field-age=201",
-            "sensor-clock=11",
-            "lever=0/0",
-            "lever=0/0/501",
-            "bootloader=grub",
         ] {
             let why = refused(bad);
             assert!(why.starts_with(bad.split('=').next().unwrap()), "{why}");

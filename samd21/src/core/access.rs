@@ -13,8 +13,7 @@
 //! and costs the wait states. The core's own prefetch is not modelled: only instructions that are
 //! executed are fetched, a half-word each.
 
-use super::{Core, FLASH_LINES, Outcome, Trap};
-use crate::board::Ticks;
+use super::{Core, FLASH_LINES, Outcome, Trap, parts};
 use crate::bus::Bus;
 use crate::fault::FaultKind;
 use crate::memory::RAM_BASE;
@@ -87,7 +86,7 @@ impl Core {
             if *line != held {
                 *line = held;
                 self.counters.flash_wait_cycles += self.wait_states;
-                self.now += self.wait_states * self.ticks_per_cycle;
+                self.now += self.wait_states * self.cycle;
             }
         }
     }
@@ -99,7 +98,7 @@ impl Core {
         if is_system_control(address) {
             return self.read_system_control(address, width);
         }
-        bus.read(Ticks(self.now), address, width)
+        bus.read(self.now(), address, width)
             .map_err(|error| refused(error, FaultKind::UnmappedLoad { address }))
     }
 
@@ -117,10 +116,10 @@ impl Core {
             return self.write_system_control(address, width, value);
         }
         let stall = bus
-            .write(Ticks(self.now), address, width, value)
+            .write(self.now(), address, width, value)
             .map_err(|error| refused(error, FaultKind::UnmappedStore { address }))?;
         self.counters.stall_ticks += stall.0;
-        self.now += stall.0;
+        self.now += parts(stall);
         Ok(())
     }
 }

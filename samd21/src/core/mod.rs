@@ -27,8 +27,8 @@ use crate::board::Ticks;
 use crate::bus::Bus;
 use crate::fault::{Fault, FaultKind};
 use crate::memory::Memory;
-use crate::options::WaitStates;
-use crate::peripherals::ResetCause;
+use crate::options::{Options, WaitStates};
+use crate::peripherals::{FRACTION, ResetCause};
 
 const SP: usize = 13;
 const LR: usize = 14;
@@ -58,6 +58,11 @@ fn undefined(op: u16) -> Box<Trap> {
         encoding: u32::from(op),
     })
     .into()
+}
+
+/// A time in parts of a tick; what is later than the core can count is never.
+fn parts(time: Ticks) -> u64 {
+    time.0.saturating_mul(1 << FRACTION)
 }
 
 #[derive(Clone, Copy, PartialEq, Eq)]
@@ -96,25 +101,32 @@ pub(crate) struct Core {
     /// The event register of WFE.
     event: bool,
     sleep: Option<Sleep>,
+    /// It has slept since its last WFI or WFE, not found something pending.
+    slept: bool,
+    /// How long it takes to wake.
+    wake_up: u64,
     /// The fault in which the core has locked up.
     pub(crate) lockup: Option<Fault>,
     lockup_reported: bool,
     reset_request: Option<ResetCause>,
 
-    /// Ticks since power-on.
+    /// Time since power-on in parts of a tick, as all of the core's own times.
     now: u64,
     /// Nothing but instructions happens before this time.
     deadline: u64,
-    ticks_per_cycle: u64,
+    /// Length of a cycle.
+    cycle: u64,
+    /// Time asleep, held or locked up.
+    asleep: u64,
     forced_wait_states: Option<u8>,
     /// Cycles of a flash access that misses `flash_lines`, beyond the first.
     wait_states: u64,
     /// Which 8 bytes of flash (address / 8) each line of the cache holds.
     flash_lines: [u32; FLASH_LINES],
 
-    /// Its `cycles` are those before the clock was last changed.
+    /// Its `cycles` are those before the clock was last changed; its `sleep_ticks` are not used.
     counters: Counters,
-    /// `awake_ticks` when the clock was last changed.
+    /// `awake` when the clock was last changed.
     cycles_counted_at: u64,
     pub(crate) lowest_sp: u32,
     pub(crate) last_hard_fault: Option<Fault>,
@@ -125,10 +137,11 @@ pub(crate) struct Core {
 
 impl Core {
     /// A core at power-on, before it has fetched a vector.
-    pub(crate) fn new(wait_states: WaitStates, ticks_per_cycle: u32) -> Self {
+    pub(crate) fn new(options: &Options, cycle: u64) -> Self {
         Self {
-            ticks_per_cycle: u64::from(ticks_per_cycle),
-            forced_wait_states: match wait_states {
+            cycle,
+            wake_up: parts(options.wake_up),
+            forced_wait_states: match options.wait_states {
                 WaitStates::AsConfigured => None,
                 WaitStates::Forced(n) => Some(n),
             },
@@ -143,7 +156,7 @@ impl Core {
         *self = Self {
             r: self.r,
             now: self.now,
-            ticks_per_cycle: self.ticks_per_cycle,
+            asleep: self.asleep,
             forced_wait_states: self.forced_wait_states,
             counters: self.counters,
             cycles_counted_at: self.cycles_counted_at,
@@ -151,7 +164,8 @@ impl Core {
             last_hard_fault: self.last_hard_fault.take(),
             trail: self.trail,
             branches: self.branches,
-            ..Self::new(WaitStates::AsConfigured, 1)
+            wake_up: self.wake_up,
+            ..Self::new(&Options::default(), self.cycle)
         };
     }
 
@@ -170,9 +184,10 @@ impl Core {
     /// cycles after `until`.
     pub(crate) fn run(&mut self, bus: &mut Bus<'_>, until: Ticks) -> Stop {
         self.deadline = 0;
+        let until = parts(until);
         loop {
             if self.now >= self.deadline
-                && let Some(stop) = self.attend(bus, until.0)
+                && let Some(stop) = self.attend(bus, until)
             {
                 return stop;
             }
@@ -194,15 +209,16 @@ impl Core {
 
     /// Time passes for the peripherals while the core stands still.
     pub(crate) fn hold(&mut self, bus: &mut Bus<'_>, until: Ticks) -> Stop {
+        let until = parts(until);
         loop {
             self.catch_up(bus);
             if let Some(cause) = self.reset_request {
                 return Stop::Reset(cause);
             }
-            if self.now >= until.0 {
+            if self.now >= until {
                 return Stop::Reached;
             }
-            self.sleep_until(self.next_event(bus, until.0));
+            self.sleep_until(self.next_event(bus, until));
         }
     }
 
@@ -227,15 +243,21 @@ impl Core {
                 continue;
             }
             if self.preempted() {
+                if self.wakes_slowly() {
+                    continue;
+                }
                 self.sleep = None;
                 self.enter_exception(bus);
                 continue;
             }
             if let Some(sleep) = self.sleep {
-                if self.wakes(sleep) {
-                    self.sleep = None;
-                } else {
+                if !self.wakes(sleep) {
+                    self.slept = true;
                     self.sleep_until(self.next_event(bus, until));
+                    continue;
+                }
+                self.sleep = None;
+                if self.wakes_slowly() {
                     continue;
                 }
             }
@@ -252,14 +274,13 @@ impl Core {
 
     /// Brings peripherals, SysTick and interrupt lines to the core's time.
     fn catch_up(&mut self, bus: &mut Bus<'_>) {
-        bus.advance(Ticks(self.now));
-        let ticks_per_cycle = u64::from(bus.peripherals.ticks_per_cycle());
-        if ticks_per_cycle != self.ticks_per_cycle {
+        bus.advance(self.now());
+        let cycle = bus.peripherals.cycle();
+        if cycle != self.cycle {
             self.counters = self.counters();
-            self.cycles_counted_at = self.awake_ticks();
-            self.systick
-                .change_cycle(self.now, self.ticks_per_cycle, ticks_per_cycle);
-            self.ticks_per_cycle = ticks_per_cycle;
+            self.cycles_counted_at = self.awake();
+            self.systick.change_cycle(self.now, self.cycle, cycle);
+            self.cycle = cycle;
         }
         self.wait_states = u64::from(
             self.forced_wait_states
@@ -270,7 +291,7 @@ impl Core {
         }
         let before = self.nvic.pending_mask();
         self.nvic.sample(bus.peripherals.irq_lines());
-        if self.systick.advance(self.now, self.ticks_per_cycle) {
+        if self.systick.advance(self.now, self.cycle) {
             self.nvic.pend(nvic::SYSTICK);
         }
         if self.event_on_pend && self.nvic.pending_mask() & !before != 0 {
@@ -280,14 +301,25 @@ impl Core {
 
     /// When something next happens by itself, `until` at the latest.
     fn next_event(&self, bus: &Bus<'_>, until: u64) -> u64 {
-        until.min(bus.next_event().0).min(self.systick.next_event())
+        until
+            .min(parts(bus.next_event()))
+            .min(self.systick.next_event())
     }
 
     fn sleep_until(&mut self, at: u64) {
         // A model whose next event is not in the future would stop time.
-        let at = at.max(self.now + 1);
-        self.counters.sleep_ticks += at - self.now;
+        let at = at.max(self.now + parts(Ticks(1)));
+        self.asleep += at - self.now;
         self.now = at;
+    }
+
+    /// Something wakes the core from its sleep: whether that takes time, which then has passed.
+    fn wakes_slowly(&mut self) -> bool {
+        let takes_time = std::mem::take(&mut self.slept) && self.wake_up > 0;
+        if takes_time {
+            self.sleep_until(self.now + self.wake_up);
+        }
+        takes_time
     }
 
     /// Whether the sleep ends, with no exception to take.
@@ -304,7 +336,7 @@ impl Core {
 
     #[inline(always)]
     fn elapse(&mut self, cycles: u32) {
-        self.now += u64::from(cycles) * self.ticks_per_cycle;
+        self.now += u64::from(cycles) * self.cycle;
     }
 
     /// Makes `run` call `attend` before the next instruction.
@@ -375,20 +407,21 @@ impl Core {
     }
 
     pub(crate) fn now(&self) -> Ticks {
-        Ticks(self.now)
+        Ticks(self.now >> FRACTION)
     }
 
     /// Cycles are not counted one by one: they follow from the time spent awake at one clock.
     pub(crate) fn counters(&self) -> Counters {
-        let awake = self.awake_ticks() - self.cycles_counted_at;
+        let awake = self.awake() - self.cycles_counted_at;
         Counters {
-            cycles: self.counters.cycles + awake / self.ticks_per_cycle,
+            cycles: self.counters.cycles + awake / self.cycle,
+            sleep_ticks: self.asleep >> FRACTION,
             ..self.counters
         }
     }
 
-    fn awake_ticks(&self) -> u64 {
-        self.now - self.counters.sleep_ticks - self.counters.stall_ticks
+    fn awake(&self) -> u64 {
+        self.now - self.asleep - parts(Ticks(self.counters.stall_ticks))
     }
 
     pub(crate) fn is_asleep(&self) -> bool {

@@ -55,7 +55,7 @@ impl Core {
             0x008 | 0xD90..=0xDA0 | 0xDF0 | 0xDFC => 0,
             0x010 => self.systick.read_control(),
             0x014 => self.systick.reload(),
-            0x018 => self.systick.count(self.now, self.ticks_per_cycle),
+            0x018 => self.systick.count(self.now, self.cycle),
             0x01C => self.systick.calibration(),
             0x100 | 0x180 => self.nvic.enabled_irqs(),
             0x200 | 0x280 => self.nvic.pending_irqs(),
@@ -84,11 +84,9 @@ impl Core {
         let before = self.nvic.pending_mask();
         match address & 0xFFF {
             0x008 | 0x01C | 0xD00 | 0xD14 | 0xDF0 | 0xDFC => {}
-            0x010 => self
-                .systick
-                .write_control(value, self.now, self.ticks_per_cycle),
+            0x010 => self.systick.write_control(value, self.now, self.cycle),
             0x014 => self.systick.set_reload(value),
-            0x018 => self.systick.clear(self.now, self.ticks_per_cycle),
+            0x018 => self.systick.clear(self.now, self.cycle),
             0x100 => self.nvic.enable_irqs(value),
             0x180 => self.nvic.disable_irqs(value),
             0x200 => self.nvic.pend_irqs(value),

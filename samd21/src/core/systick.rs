@@ -20,7 +20,7 @@ const COUNTFLAG: u32 = 1 << 16;
 const CALIBRATION: u32 = 0xC000_0000;
 const MAX: u32 = 0x00FF_FFFF;
 
-/// The timer. Times are ticks of 1/48 us; `cycle` is the length of a CPU cycle in them.
+/// The timer. Times are the core's; `cycle` is the length of a CPU cycle in them.
 #[derive(Clone)]
 pub(super) struct SysTick {
     enabled: bool,

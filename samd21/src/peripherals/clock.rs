@@ -4,6 +4,10 @@ use super::access::{Refusal, Write};
 use crate::SyncHold;
 use crate::board::Ticks;
 
+/// The core counts its time in parts of a tick, 2^`FRACTION` of them: so a cycle of any clock that
+/// the chip's oscillators give is a whole number.
+pub(crate) const FRACTION: u32 = 16;
+
 /// A clock's rate: `cycles` of it last `ticks`. Rational, because 32,768 Hz is no whole number of
 /// ticks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -16,6 +20,11 @@ impl Rate {
     /// A clock of `hz`.
     pub(crate) const fn from_hz(hz: u64) -> Self {
         Self::reduced(Ticks::PER_SECOND, hz)
+    }
+
+    /// A clock whose cycle lasts this many parts of a tick, at least one.
+    pub(crate) const fn of_period(parts: u64) -> Self {
+        Self::reduced(parts, 1 << FRACTION)
     }
 
     const fn reduced(ticks: u64, cycles: u64) -> Self {
@@ -44,8 +53,12 @@ impl Rate {
         elapsed.0 * self.cycles / self.ticks
     }
 
+    /// Length of a cycle in parts of a tick, rounded up.
+    pub(crate) const fn cycle(self) -> u64 {
+        (self.ticks << FRACTION).div_ceil(self.cycles)
+    }
+
     /// Frequency in Hz.
-    #[cfg(test)]
     pub(crate) fn hz(self) -> f64 {
         Ticks::PER_SECOND as f64 * self.cycles as f64 / self.ticks as f64
     }

@@ -208,6 +208,7 @@ impl Gclk {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::Options;
     use crate::board::Unconnected;
     use crate::peripherals::violations::Violations;
 
@@ -227,7 +228,7 @@ mod tests {
     #[test]
     fn reset_runs_at_1_mhz_from_osc8m() {
         let mut gclk = Gclk::new(SyncHold::Instant);
-        gclk.resolve(Ticks::ZERO, &Sysctrl::new());
+        gclk.resolve(Ticks::ZERO, &Sysctrl::new(&Options::default()));
         assert_eq!(hz(gclk.main()), 1e6);
         assert_eq!(gclk.clock(0x14), None);
     }
@@ -248,7 +249,7 @@ mod tests {
             Lanes::word(3 | 3 << 8 | GENEN),
         );
         route(&mut gclk, 0x03, 3);
-        gclk.resolve(Ticks::ZERO, &Sysctrl::new());
+        gclk.resolve(Ticks::ZERO, &Sysctrl::new(&Options::default()));
         assert_eq!(hz(gclk.clock(WDT)), 1024.0);
         // The same with DIVSEL: 2^(4+1).
         write(&mut gclk, Ticks::ZERO, 0x08, Lanes::word(3 | 4 << 8));
@@ -258,7 +259,7 @@ mod tests {
             0x04,
             Lanes::word(3 | 3 << 8 | GENEN | DIVSEL),
         );
-        gclk.resolve(Ticks::ZERO, &Sysctrl::new());
+        gclk.resolve(Ticks::ZERO, &Sysctrl::new(&Options::default()));
         assert_eq!(hz(gclk.clock(WDT)), 1024.0);
     }
 

@@ -27,6 +27,7 @@
 mod access;
 mod clock;
 mod counter;
+mod dfll;
 mod dsu;
 mod eic;
 mod error;
@@ -55,6 +56,7 @@ use crate::Options;
 use crate::board::{Board, Ticks};
 use crate::memory::{FLASH_SIZE, Memory};
 use access::{Bus, Lanes, Read, Write};
+pub(crate) use clock::FRACTION;
 use gclk::SERCOM_SLOW;
 use map::{Block, Bridge, Entry};
 
@@ -75,7 +77,8 @@ pub struct Peripherals {
     usb: usb::Usb,
     wdt: wdt::Wdt,
     violations: Violations,
-    ticks_per_cycle: u32,
+    /// Length of a CPU cycle in parts of a tick.
+    cycle: u64,
     /// The flash is read faster than it can be.
     flash_overrun: bool,
     irq_lines: u32,
@@ -91,7 +94,7 @@ impl Peripherals {
             options: options.clone(),
             pac: pac::Pac::new(),
             pm: pm::Pm::new(ResetCause::PowerOn),
-            sysctrl: sysctrl::Sysctrl::new(),
+            sysctrl: sysctrl::Sysctrl::new(options),
             gclk: gclk::Gclk::new(options.syncbusy_hold),
             eic: eic::Eic::new(options.syncbusy_hold),
             nvmctrl: nvmctrl::Nvmctrl::new(options.serial_number),
@@ -103,7 +106,7 @@ impl Peripherals {
             usb: usb::Usb::new(options.syncbusy_hold),
             wdt: wdt::Wdt::new(),
             violations: Violations::default(),
-            ticks_per_cycle: 48,
+            cycle: 48 << FRACTION,
             flash_overrun: false,
             irq_lines: 0,
             next: Ticks::NEVER,
@@ -304,7 +307,9 @@ impl Peripherals {
 
     /// The USB host's start-of-frame packet arrives, which the DFLL may lock to.
     pub(crate) fn start_of_frame(&mut self, now: Ticks) {
-        self.sysctrl.start_of_frame(now);
+        if self.sysctrl.start_of_frame(now) {
+            self.retime(now);
+        }
     }
 
     /// Runs what is due at `due`, or at the last event's time if that was later. Returns the time
@@ -314,7 +319,7 @@ impl Peripherals {
         self.last = now;
         self.port.publish_pending(now, board);
         if self.sysctrl.next(now.saturating_sub(Ticks(1))) == now {
-            self.sysctrl.latch_flags(now);
+            self.sysctrl.advance(now);
             self.retime(now);
         }
         let bus = &mut Bus {
@@ -353,9 +358,10 @@ impl Peripherals {
         self.irq_lines
     }
 
-    /// Length of a CPU cycle in ticks: 48 after reset (1 MHz), 1 at 48 MHz.
-    pub fn ticks_per_cycle(&self) -> u32 {
-        self.ticks_per_cycle
+    /// Length of a CPU cycle in parts of a tick (2^[`FRACTION`] in a tick): 48 ticks after reset
+    /// (1 MHz), one tick at 48 MHz.
+    pub(crate) fn cycle(&self) -> u64 {
+        self.cycle
     }
 
     /// NVMCTRL.CTRLB.RWS.
@@ -379,7 +385,6 @@ impl Peripherals {
         let Some(main) = self.gclk.main() else {
             return false;
         };
-        let cycle = main.divided(self.pm.cpu_divisor()).duration(1);
         let slow = self.gclk.clock(SERCOM_SLOW).is_some();
         for entry in &map::ENTRIES {
             let Some(id) = entry.clock else { continue };
@@ -394,14 +399,14 @@ impl Peripherals {
                 _ => {}
             }
         }
-        self.ticks_per_cycle = u32::try_from(cycle.0).unwrap_or(u32::MAX);
+        self.cycle = main.divided(self.pm.cpu_divisor()).cycle();
         true
     }
 
     /// Notes when the CPU begins to outrun the flash, which needs a wait state above 24 MHz (at
     /// 3.3 V).
     fn check_flash(&mut self, now: Ticks) {
-        let overrun = self.ticks_per_cycle < 2 && self.nvmctrl.wait_states() == 0;
+        let overrun = self.cycle < 2 << FRACTION && self.nvmctrl.wait_states() == 0;
         if overrun && !self.flash_overrun {
             let what = "flash without a wait state above 24 MHz";
             self.violations.note(now, "NVMCTRL", what);

@@ -45,10 +45,19 @@ const MANW: u32 = 1 << 7;
 /// Factory user row (data sheet, NVM user row): watchdog off, BOD33 on, no bootloader protection.
 const USER_ROW: [u32; 2] = [0xD8E0_C7FF, 0xFFFF_FC5D];
 
+/// The factory's DFLL48M COARSE CAL.
+pub(super) const DFLL_COARSE: u8 = 0x1F;
+
 /// 0x0080_6020 (data sheet, NVM software calibration area): ADC linearity 0x80 and bias 2, OSC32K
 /// 0x2E, USB TRANSN 5, TRANSP 29, TRIM 3, DFLL48M coarse 0x1F.
-const CALIBRATION: u64 =
-    0x80 << 27 | 2 << 35 | 0x2E << 38 | 5 << 45 | 29 << 50 | 3 << 55 | 0x1F << 58 | 0x7FF_FFFF;
+const CALIBRATION: u64 = 0x80 << 27
+    | 2 << 35
+    | 0x2E << 38
+    | 5 << 45
+    | 29 << 50
+    | 3 << 55
+    | (DFLL_COARSE as u64) << 58
+    | 0x7FF_FFFF;
 
 /// 0x0080_6030: room 25.0 degrees, hot 85.0, their references and ADC readings.
 const TEMPERATURE_LOG: u64 = 25 | 85 << 12 | 0x0C00 << 40 | 0x0E66 << 52;

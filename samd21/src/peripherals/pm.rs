@@ -13,7 +13,7 @@
 //!
 //! | left out | why |
 //! |---|---|
-//! | sleep modes and their wake-up times | firmware sleeps in IDLE only; wake-up is the core's |
+//! | sleep modes | firmware sleeps in IDLE only; the time to wake is the core's |
 //! | what APB dividers do to access times | access times are the core's business |
 //! | a masked AHB clock | the masks of the APB bridges catch the same mistake |
 

@@ -6,34 +6,38 @@
 //! | 0C | PCLKSR | XOSC32KRDY never; OSC32KRDY after STARTUP; OSC8MRDY; DFLLRDY; locks; BOD33RDY |
 //! | 14 | XOSC32K | stored; no crystal is modelled, so it is never ready |
 //! | 18 | OSC32K | 32,768 Hz, ready STARTUP cycles after it is enabled |
-//! | 1C | OSCULP32K | 32,768 Hz, always on |
+//! | 1C | OSCULP32K | nominally 32,768 Hz, always on |
 //! | 20 | OSC8M | 8 MHz / 2^PRESC, on from reset |
-//! | 24, 28, 2C | DFLLCTRL, DFLLVAL, DFLLMUL | 48 MHz when enabled; locks as below |
-//! | 30 | DFLLSYNC | READREQ: DFLLVAL reads as written |
+//! | 24, 28, 2C | DFLLCTRL, DFLLVAL, DFLLMUL | about 48 MHz when enabled (`dfll`); locks as below |
+//! | 30 | DFLLSYNC | READREQ brings what the DFLL uses into DFLLVAL; until then it reads as before |
 //! | 34, 3C, 40 | BOD33, VREG, VREF | stored; the supply is always good |
 //!
 //! The DFLL gives 48 MHz 6 us after it is enabled (open loop needs no reference). In closed loop
-//! LCKC and LCKF follow 500 us after the reference (GCLK 0) is there; with USBCRM, after the
-//! first 8 start-of-frame packets. Touching DFLLVAL or DFLLMUL with ONDEMAND set freezes the real
+//! LCKC and LCKF follow 500 us after the reference (GCLK 0) is there, with 48 MHz; with USBCRM,
+//! after 8 start-of-frame packets at 48 MHz. The value stays when the packets end. Touching DFLLVAL or DFLLMUL with ONDEMAND set freezes the real
 //! chip (errata 9905): that faults.
 //!
 //! | left out | why |
 //! |---|---|
 //! | XOSC, DPLL | not modelled: an access faults |
-//! | frequency errors and drift | the chip's clock is the time base of the whole emulation |
+//! | frequency errors of OSC8M and OSC32K | nothing that is timed runs from them |
 //! | brown-out | supply voltage is not modelled |
 //! | ONDEMAND, RUNSTDBY | clocks that nobody asks for cost nothing here |
 
 use super::access::{Bus, DONE, Lanes, RESERVED, Read, Refusal, Write};
 use super::clock::Rate;
+use super::dfll::Dfll;
 use super::interrupts::Interrupts;
 use super::map::Block;
+use super::nvmctrl::DFLL_COARSE;
+use crate::Options;
 use crate::board::Ticks;
 
 const ENABLE: u32 = 1 << 1;
 const DFLL_CLOSED_LOOP: u32 = 1 << 2;
 const DFLL_USB_RECOVERY: u32 = 1 << 5;
 const ONDEMAND: u32 = 1 << 7;
+const READREQ: u32 = 1 << 7;
 
 const OSC32KRDY: u32 = 1 << 2;
 const OSC8MRDY: u32 = 1 << 3;
@@ -49,6 +53,8 @@ const DFLL_STARTUP: Ticks = Ticks::from_us(6);
 const DFLL_LOCK: Ticks = Ticks::from_us(500);
 /// Start-of-frame packets until USB clock recovery has locked.
 const RECOVERY_FRAMES: u8 = 8;
+/// How often a drifting frequency is worked out anew.
+const DRIFT_STEP: Ticks = Ticks::from_ms(100);
 /// OSC32K.STARTUP to cycles of the oscillator.
 const OSC32K_STARTUP: [u64; 8] = [3, 4, 6, 10, 18, 34, 66, 130];
 
@@ -60,7 +66,9 @@ pub(crate) struct Sysctrl {
     osculp32k: u32,
     osc8m: u32,
     dfllctrl: u32,
+    /// DFLLVAL as it was written or last asked for.
     dfllval: u32,
+    dfll: Dfll,
     dfllmul: u32,
     bod33: u32,
     vreg: u32,
@@ -69,11 +77,18 @@ pub(crate) struct Sysctrl {
     dfll_ready: Ticks,
     dfll_locked: Ticks,
     frames_until_lock: u8,
+    /// When a drifting frequency is next worked out.
+    next_drift: Ticks,
+    osculp32k_hz: u32,
 }
 
 impl Sysctrl {
-    pub(crate) fn new() -> Self {
+    pub(crate) fn new(options: &Options) -> Self {
+        let (error, drift) = (options.dfll_error_ppm, options.dfll_drift_ppm_s);
         Self {
+            dfll: Dfll::new(error, drift, DFLL_COARSE),
+            next_drift: Ticks::NEVER,
+            osculp32k_hz: options.osculp32k_hz,
             interrupts: Interrupts::of(Block::Sysctrl),
             xosc32k: 0x80,
             osc32k: 0x003F_0080,
@@ -95,7 +110,7 @@ impl Sysctrl {
 
     /// The ultra-low-power 32,768 Hz oscillator.
     pub(crate) fn osculp32k(&self) -> Rate {
-        Rate::from_hz(32_768)
+        Rate::from_hz(u64::from(self.osculp32k_hz))
     }
 
     /// The 8 MHz oscillator behind its prescaler.
@@ -105,26 +120,34 @@ impl Sysctrl {
 
     /// The DFLL, once it runs.
     pub(crate) fn dfll(&self, now: Ticks) -> Option<Rate> {
-        (now >= self.dfll_ready).then(|| Rate::from_hz(48_000_000))
+        (now >= self.dfll_ready).then(|| self.dfll.rate(now))
     }
 
-    /// When a clock comes up by itself.
+    /// When a clock comes up, or changes, by itself.
     pub(crate) fn next(&self, after: Ticks) -> Ticks {
-        [self.osc32k_ready, self.dfll_ready, self.dfll_locked]
+        let starts = [self.osc32k_ready, self.dfll_ready, self.dfll_locked];
+        starts
             .into_iter()
+            .chain([self.next_drift])
             .filter(|&at| at > after)
             .min()
             .unwrap_or(Ticks::NEVER)
     }
 
-    /// The USB host's start-of-frame packet arrives.
-    pub(crate) fn start_of_frame(&mut self, now: Ticks) {
-        if self.recovers_from_usb() && self.frames_until_lock > 0 {
+    /// The USB host's start-of-frame packet arrives; whether that changes the DFLL's frequency.
+    pub(crate) fn start_of_frame(&mut self, now: Ticks) -> bool {
+        if !self.recovers_from_usb() || now < self.dfll_ready {
+            return false;
+        }
+        let before = self.dfll.rate(now);
+        let exact = self.dfll.regulate(now, self.dfllmul >> 16 & 0x3FF);
+        if exact && self.frames_until_lock > 0 {
             self.frames_until_lock -= 1;
             if self.frames_until_lock == 0 {
                 self.dfll_locked = now;
             }
         }
+        self.dfll.rate(now) != before
     }
 
     fn recovers_from_usb(&self) -> bool {
@@ -151,9 +174,15 @@ impl Sysctrl {
         status
     }
 
-    /// Sets the flags of the oscillators that are ready.
-    pub(crate) fn latch_flags(&mut self, now: Ticks) {
+    /// What comes by itself at `now`: oscillators are ready, the DFLL locks or drifts.
+    pub(crate) fn advance(&mut self, now: Ticks) {
         self.interrupts.flags |= self.status(now) & 0x3F;
+        if self.next_drift <= now {
+            self.next_drift = now + DRIFT_STEP;
+        }
+        if self.dfll_locked == now && !self.recovers_from_usb() {
+            self.dfll.regulate(now, u32::MAX);
+        }
     }
 
     pub(crate) fn read(&self, now: Ticks, offset: u32) -> Read {
@@ -194,12 +223,17 @@ impl Sysctrl {
             0x28 => {
                 self.demand_dfll()?;
                 self.dfllval = lanes.merge(self.dfllval) & 0xFFFF;
+                self.dfll.load(self.dfllval);
             }
             0x2C => {
                 self.demand_dfll()?;
                 self.dfllmul = lanes.merge(self.dfllmul);
             }
-            0x30 => {}
+            0x30 => {
+                if lanes.bits() & READREQ != 0 {
+                    self.dfllval = self.dfll.value();
+                }
+            }
             0x34 => self.bod33 = lanes.merge(self.bod33),
             0x3C => self.vreg = lanes.merge(self.vreg),
             0x40 => self.vref = lanes.merge(self.vref),
@@ -228,10 +262,14 @@ impl Sysctrl {
         if value & ENABLE == 0 {
             self.dfll_ready = Ticks::NEVER;
             self.dfll_locked = Ticks::NEVER;
+            self.next_drift = Ticks::NEVER;
             return;
         }
         if !was_enabled {
             self.dfll_ready = bus.now + DFLL_STARTUP;
+            if self.dfll.drifts() {
+                self.next_drift = bus.now + DRIFT_STEP;
+            }
         }
         self.frames_until_lock = RECOVERY_FRAMES;
         self.dfll_locked =
@@ -270,6 +308,7 @@ fn name(offset: u32) -> Refusal {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::Options;
     use crate::board::Unconnected;
     use crate::peripherals::violations::Violations;
 
@@ -288,7 +327,7 @@ mod tests {
 
     #[test]
     fn osc32k_starts_after_66_cycles_and_the_crystal_never() {
-        let mut sysctrl = Sysctrl::new();
+        let mut sysctrl = Sysctrl::new(&Options::default());
         write(&mut sysctrl, 0, 0x18, 6 << 8 | 1 << 6 | 1 << 2 | 1 << 1).unwrap();
         write(&mut sysctrl, 0, 0x14, 0x06 << 8 | 1 << 1).unwrap();
         // 66 / 32768 Hz = 2014.2 us.
@@ -300,7 +339,7 @@ mod tests {
 
     #[test]
     fn dfll_starts_as_the_hal_starts_it() {
-        let mut sysctrl = Sysctrl::new();
+        let mut sysctrl = Sysctrl::new(&Options::default());
         write(&mut sysctrl, 0, 0x24, 0).unwrap();
         assert_ne!(status(&sysctrl, 0) & DFLLRDY, 0);
         write(&mut sysctrl, 0, 0x28, 0x1F << 10 | 0x1FF).unwrap();
@@ -320,7 +359,7 @@ mod tests {
 
     #[test]
     fn writing_an_undemanded_dfll_is_refused() {
-        let mut sysctrl = Sysctrl::new();
+        let mut sysctrl = Sysctrl::new(&Options::default());
         assert!(matches!(
             write(&mut sysctrl, 0, 0x28, 0),
             Err(Refusal::Forbidden(_))

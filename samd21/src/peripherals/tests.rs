@@ -10,11 +10,78 @@ const SERCOM3: u32 = 0x4200_1400;
 fn the_hal_starts_48_mhz_with_and_without_held_synchronisation() {
     for hold in [SyncHold::Instant, SyncHold::For(Ticks(300))] {
         let mut bench = Bench::new(hold, Unconnected);
-        assert_eq!(bench.peripherals.ticks_per_cycle(), 48);
+        assert_eq!(bench.peripherals.cycle(), 48 << FRACTION);
         bench.start_clocks();
-        assert_eq!(bench.peripherals.ticks_per_cycle(), 1);
+        assert_eq!(bench.peripherals.cycle(), 1 << FRACTION);
         assert_eq!(bench.peripherals.flash_wait_states(), 1);
         assert_eq!(bench.peripherals.violations().first(), []);
+    }
+}
+
+/// A chip whose DFLL is 3.1 % slow, with its clocks started.
+fn slow_clocks() -> Bench {
+    let options = Options {
+        dfll_error_ppm: -31_000,
+        ..Options::default()
+    };
+    let mut bench = Bench::with(&options, Unconnected);
+    bench.start_clocks();
+    bench
+}
+
+#[test]
+fn a_slow_dfll_slows_core_and_timers_until_frames_come() {
+    let mut bench = slow_clocks();
+    // 1 / 0.969 of a tick.
+    assert_eq!(bench.peripherals.cycle(), 67_633);
+    let frame = |bench: &mut Bench| {
+        bench.pass(Ticks::from_ms(1));
+        let now = bench.now;
+        bench.peripherals.start_of_frame(now);
+    };
+    let locked = |bench: &mut Bench| bench.r32(SYSCTRL + 0x0C) >> 6 & 1 != 0;
+    for _ in 0..13 {
+        frame(&mut bench);
+    }
+    assert!(bench.peripherals.cycle() > 1 << FRACTION);
+    for _ in 0..8 {
+        assert!(!locked(&mut bench));
+        frame(&mut bench);
+    }
+    assert!(locked(&mut bench));
+    assert_eq!(bench.peripherals.cycle(), 1 << FRACTION);
+    // The value stays when the frames end, and is read after READREQ only.
+    bench.pass(Ticks::from_ms(5000));
+    assert_eq!(bench.peripherals.cycle(), 1 << FRACTION);
+    assert_eq!(bench.r32(SYSCTRL + 0x28) & 0x3FF, 0x1FF);
+    bench.w8(SYSCTRL + 0x30, 0x80);
+    let value = bench.r32(SYSCTRL + 0x28);
+    assert_eq!(value, 0x1F << 10 | 0x1FF + 135);
+    // The next start from that value is right at once.
+    let mut next = slow_clocks();
+    next.w32(SYSCTRL + 0x28, value);
+    assert_eq!(next.peripherals.cycle().abs_diff(1 << FRACTION), 3);
+}
+
+#[test]
+fn the_watchdogs_clock_follows_the_slow_oscillator() {
+    // The watchdog bites after 128 cycles of OSCULP32K / 32, of the fastest and the slowest.
+    for (hz, limit_us) in [(41_000, 100_000), (28_500, 143_719)] {
+        let options = Options {
+            osculp32k_hz: hz,
+            ..Options::default()
+        };
+        let mut bench = Bench::with(&options, Unconnected);
+        bench.generator(4, 3, 32);
+        bench.route(3, 4);
+        bench.w8(0x4000_1001, 0x04);
+        bench.w8(0x4000_1000, 0x02);
+        bench.wait(0x4000_1007, Width::Byte, 0x80, false);
+        bench.pass(Ticks::from_us(limit_us - 1100));
+        assert_eq!(bench.peripherals.take_reset(), None, "{hz} Hz");
+        bench.pass(Ticks::from_us(1200));
+        let cause = bench.peripherals.take_reset();
+        assert_eq!(cause, Some(ResetCause::Watchdog), "{hz} Hz");
     }
 }
 
@@ -194,7 +261,7 @@ fn a_reset_lets_the_pins_go_and_tells_why() {
     bench.pass(Ticks(10));
     assert_eq!(bench.board.edges.last(), Some(&(now, Pin::b(11), false)));
     assert_eq!(bench.r8(0x4000_0438), 0x20);
-    assert_eq!(bench.peripherals.ticks_per_cycle(), 48);
+    assert_eq!(bench.peripherals.cycle(), 48 << FRACTION);
     assert!(bench.try_read(TCC0, Width::Word).is_err());
 }
 

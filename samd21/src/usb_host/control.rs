@@ -124,7 +124,16 @@ impl Host {
         };
         let outcome = self.transact(&mut transfer, usb, memory);
         match outcome {
-            Outcome::Progress => transfer.silences = 0,
+            Outcome::Progress => {
+                transfer.silences = 0;
+                let cut_short = transfer.request == Request::DeviceFirst
+                    && transfer.stage == Stage::StatusOut
+                    && self.system.cuts_status_short();
+                if cut_short {
+                    self.finish(now, transfer.request, transfer.data);
+                    return;
+                }
+            }
             Outcome::Done => {
                 self.finish(now, transfer.request, transfer.data);
                 return;

@@ -3,6 +3,11 @@
 use super::HostError;
 
 const INTERFACE: u8 = 4;
+/// Class-specific, and its subtype of the abstract control model.
+const CLASS_INTERFACE: u8 = 0x24;
+const ACM: u8 = 2;
+/// Line coding and control lines are announced.
+const LINES: u8 = 1 << 1;
 const ENDPOINT: u8 = 5;
 const CLASS_CDC: u8 = 0x02;
 const CLASS_CDC_DATA: u8 = 0x0A;
@@ -25,6 +30,9 @@ pub struct Endpoint {
 pub struct SerialPort {
     /// bConfigurationValue.
     pub configuration: u8,
+    /// bmCapabilities of the abstract control model (CDC PSTN 1.2, 5.3.2): bit 1 announces line
+    /// coding and control lines.
+    pub capabilities: u8,
     /// The interface that takes class requests.
     pub control_interface: u8,
     /// Notifications, if there are any.
@@ -36,6 +44,11 @@ pub struct SerialPort {
 }
 
 impl SerialPort {
+    /// Whether the device says that it takes line coding and control lines.
+    pub fn announces_lines(&self) -> bool {
+        self.capabilities & LINES != 0
+    }
+
     /// Finds the port in a whole configuration.
     pub(super) fn parse(bytes: &[u8]) -> Result<Self, HostError> {
         let mut port = Self {
@@ -59,6 +72,9 @@ impl SerialPort {
                     if class == CLASS_CDC {
                         control_interface = Some(*number);
                     }
+                }
+                (CLASS_INTERFACE, [_, _, ACM, capabilities, ..]) => {
+                    port.capabilities = *capabilities;
                 }
                 (ENDPOINT, [_, _, address, attributes, low, high, interval, ..]) => {
                     let endpoint = Endpoint {
@@ -114,6 +130,7 @@ mod tests {
             SerialPort::parse(&CONFIGURATION),
             Ok(SerialPort {
                 configuration: 1,
+                capabilities: 0,
                 control_interface: 0,
                 interrupt: Some(Endpoint {
                     number: 1,

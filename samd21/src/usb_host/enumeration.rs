@@ -3,7 +3,7 @@
 use super::control::Transfer;
 use super::pipe::{Pipe, PipeState};
 use super::request::{Request, Text};
-use super::{ATTEMPTS, Enumeration, Host, HostError, SerialPort, Session};
+use super::{ATTEMPTS, Enumeration, Host, HostError, Phase, RESET, SerialPort, Session, System};
 use crate::board::Ticks;
 
 /// The address that the host gives.
@@ -14,6 +14,8 @@ const ADDRESS_RECOVERY: Ticks = Ticks::from_ms(10);
 /// which queues the next request for the following frame. Devices rely on it: one that takes a
 /// status packet from its endpoint's buffer would lose a SETUP that overwrote it in that moment.
 const TURNAROUND: Ticks = Ticks::from_ms(1);
+/// The least bcdUSB of devices that have a BOS, high byte first.
+const BOS_VERSION: [u8; 2] = [0x02, 0x01];
 /// US English.
 const LANGUAGE: u16 = 0x0409;
 
@@ -34,11 +36,23 @@ impl Host {
         self.session = Session::default();
         self.pipe(Pipe::Control).ready = ready;
         self.attempts += 1;
+        let (control_packet, first) = if self.system.resets_twice() {
+            (64, Request::DeviceFirst)
+        } else {
+            (8, Request::DeviceHead)
+        };
         self.enumeration = Enumeration {
-            control_packet: 8,
+            control_packet,
             ..Enumeration::default()
         };
-        self.session.requests.push_back(Request::DeviceHead);
+        self.session.requests.push_back(first);
+    }
+
+    /// Goes on after the second bus reset, with what the first descriptor has told.
+    pub(super) fn resume_enumeration(&mut self, ready: Ticks) {
+        self.session = Session::default();
+        self.pipe(Pipe::Control).ready = ready;
+        self.session.requests.push_back(Request::SetAddress);
     }
 
     /// Starts the next request if none is going on.
@@ -65,15 +79,22 @@ impl Host {
         };
         let setup = match request {
             Request::DeviceHead => setup(0x80, 6, 0x0100, 0, 8),
+            Request::DeviceFirst => setup(0x80, 6, 0x0100, 0, 64),
             Request::SetAddress => setup(0x00, 5, u16::from(ADDRESS), 0, 0),
             Request::Device => setup(0x80, 6, 0x0100, 0, 18),
-            Request::ConfigurationHead => setup(0x80, 6, 0x0200, 0, 9),
+            Request::ConfigurationHead => {
+                setup(0x80, 6, 0x0200, 0, self.system.configuration_head())
+            }
             Request::Configuration => setup(0x80, 6, 0x0200, 0, total),
+            Request::Bos => setup(0x80, 6, 0x0F00, 0, 5),
+            Request::Qualifier => setup(0x80, 6, 0x0600, 0, 10),
+            Request::MicrosoftString => setup(0x80, 6, 0x03EE, 0, 18),
             Request::Languages => setup(0x80, 6, 0x0300, 0, 255),
             Request::Text(text) => setup(0x80, 6, 0x0300 | index(text), LANGUAGE, 255),
             Request::SetConfiguration => setup(0x00, 9, u16::from(port.configuration), 0, 0),
-            Request::LineCoding => {
-                let coding = [self.baud.to_le_bytes().as_slice(), &[0, 0, 8]].concat();
+            Request::ReadLineCoding => setup(0xA1, 0x21, 0, interface, 7),
+            Request::LineCoding { baud } => {
+                let coding = [baud.to_le_bytes().as_slice(), &[0, 0, 8]].concat();
                 return (setup(0x21, 0x20, 0, interface, 7), coding);
             }
             Request::ControlLines { dtr } => {
@@ -89,10 +110,14 @@ impl Host {
     pub(super) fn finish(&mut self, now: Ticks, request: Request, data: Vec<u8>) {
         self.pipe(Pipe::Control).ready = now + TURNAROUND;
         match request {
-            Request::DeviceHead => match data.get(7) {
+            Request::DeviceHead | Request::DeviceFirst => match data.get(7) {
                 Some(&size @ (8 | 16 | 32 | 64)) => {
                     self.enumeration.control_packet = size;
-                    self.session.requests.push_back(Request::SetAddress);
+                    if request == Request::DeviceFirst {
+                        self.begin_second_reset(now);
+                    } else {
+                        self.session.requests.push_back(Request::SetAddress);
+                    }
                 }
                 _ => self.fail(now, HostError::Descriptor("bMaxPacketSize0")),
             },
@@ -102,7 +127,14 @@ impl Host {
                 self.session.requests.push_back(Request::Device);
             }
             Request::Device => {
+                let version = data.get(2..4).map(|bcd| [bcd[1], bcd[0]]);
                 self.enumeration.device_descriptor = data;
+                if version >= Some(BOS_VERSION) && self.system.asks_bos() {
+                    self.session.requests.push_back(Request::Bos);
+                }
+                if self.system.asks_qualifier() {
+                    self.session.requests.push_back(Request::Qualifier);
+                }
                 self.session.requests.push_back(Request::ConfigurationHead);
             }
             Request::ConfigurationHead => {
@@ -132,6 +164,7 @@ impl Host {
                 for pipe in [Pipe::BulkIn, Pipe::BulkOut, Pipe::Interrupt] {
                     self.pipe(pipe).ready = now;
                 }
+                self.open_port();
             }
             Request::ClearHalt(endpoint) => {
                 let state = PipeState {
@@ -141,7 +174,13 @@ impl Host {
                 let is_in = endpoint & 0x80 != 0;
                 *self.pipe(if is_in { Pipe::BulkIn } else { Pipe::BulkOut }) = state;
             }
-            Request::Languages | Request::LineCoding | Request::ControlLines { .. } => {}
+            Request::Bos
+            | Request::Qualifier
+            | Request::MicrosoftString
+            | Request::Languages
+            | Request::ReadLineCoding
+            | Request::LineCoding { .. }
+            | Request::ControlLines { .. } => {}
         }
     }
 
@@ -157,6 +196,9 @@ impl Host {
                     .is_some_and(|&index| index != 0)
             })
             .collect();
+        if self.system.asks_microsoft_string() {
+            self.session.requests.push_back(Request::MicrosoftString);
+        }
         if !present.is_empty() {
             self.session.requests.push_back(Request::Languages);
         }
@@ -164,10 +206,29 @@ impl Host {
             .requests
             .extend(present.into_iter().map(Request::Text));
         self.session.requests.push_back(Request::SetConfiguration);
-        self.session.requests.push_back(Request::LineCoding);
-        self.session
-            .requests
-            .push_back(Request::ControlLines { dtr: self.dtr });
+    }
+
+    /// The driver starts, and a program opens the port.
+    fn open_port(&mut self) {
+        let coding = Request::LineCoding { baud: self.baud };
+        let lines = Request::ControlLines { dtr: self.dtr };
+        match self.system {
+            System::Bare | System::MacOs => self.ask_lines(&[coding, lines]),
+            System::Linux => self.ask_lines(&[
+                Request::ControlLines { dtr: false },
+                Request::LineCoding { baud: 9600 },
+                lines,
+                coding,
+            ]),
+            System::Windows => self.ask_lines(&[Request::ReadLineCoding, coding, lines]),
+        }
+    }
+
+    /// Resets the bus again now that the size of endpoint 0 is known.
+    fn begin_second_reset(&mut self, now: Ticks) {
+        self.session = Session::default();
+        self.phase = Phase::SecondReset;
+        self.due = now + RESET;
     }
 
     fn text(&mut self, text: Text) -> &mut String {
@@ -182,9 +243,12 @@ impl Host {
     /// other request starts enumeration again.
     pub(super) fn refused(&mut self, now: Ticks, request: Request, error: HostError) {
         match request {
+            // A device need not have these.
+            Request::Bos | Request::Qualifier | Request::MicrosoftString => {}
             Request::Languages
             | Request::Text(_)
-            | Request::LineCoding
+            | Request::ReadLineCoding
+            | Request::LineCoding { .. }
             | Request::ControlLines { .. }
             | Request::ClearHalt(_) => self.errors.push(error),
             _ => self.fail(now, error),
@@ -198,7 +262,7 @@ impl Host {
         if self.attempts < ATTEMPTS {
             self.begin_reset(now);
         } else {
-            self.phase = super::Phase::Idle;
+            self.phase = Phase::Idle;
             self.due = Ticks::NEVER;
         }
     }

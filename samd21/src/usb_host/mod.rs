@@ -7,17 +7,18 @@
 //! | bus reset | 10 ms; then 10 ms recovery with start-of-frame packets each 1 ms |
 //! | enumeration | device descriptor, SET_ADDRESS, configuration, strings, SET_CONFIGURATION |
 //! | opens the port | SET_LINE_CODING, SET_CONTROL_LINE_STATE (DTR, RTS) |
+//! | suspends | no packets at all; resumes with 20 ms of K (USB 2.0, 7.1.7.7) |
 //! | traffic | bulk OUT when it has bytes, bulk IN all the time, interrupt IN at its interval |
 //!
 //! A frame carries as many transactions as fit: a 64-byte packet takes 53 us with its token and
 //! handshake (13 bytes of overhead at 12 Mbit/s, USB 2.0 5.8.4, and 2 us between transactions). A
 //! NAK is tried again after 50 us. Control requests follow one another a frame apart. Three tokens
 //! without any answer, or five seconds, end a control transfer; the host then resets the bus and
-//! starts anew, three times at most.
+//! starts anew, three times at most. What systems do differently is in `system`.
 //!
 //! | left out | why |
 //! |---|---|
-//! | suspend, remote wake-up, power | the host is awake while the cable is in |
+//! | remote wake-up, power | the host wakes when it wants to |
 //! | bit errors | the cable is good |
 //! | other classes, isochronous endpoints, hubs | the device has one serial port |
 
@@ -26,12 +27,14 @@ mod descriptors;
 mod enumeration;
 mod pipe;
 mod request;
+mod system;
 #[cfg(test)]
 mod tests;
 mod transaction;
 
 pub use descriptors::{Endpoint, SerialPort};
 pub use enumeration::Strings;
+pub use system::System;
 
 use crate::board::Ticks;
 use crate::memory::Memory;
@@ -47,6 +50,7 @@ const FRAME: Ticks = Ticks::from_ms(1);
 const DEBOUNCE: Ticks = Ticks::from_ms(100);
 const RESET: Ticks = Ticks::from_ms(10);
 const RECOVERY: Ticks = Ticks::from_ms(10);
+const RESUME: Ticks = Ticks::from_ms(20);
 const RETRY: Ticks = Ticks::from_us(50);
 /// Between two transactions.
 const GAP: Ticks = Ticks::from_us(2);
@@ -105,12 +109,20 @@ enum Phase {
     Plugged,
     Debounce,
     Reset,
+    /// Again, after the first descriptor.
+    SecondReset,
     Frames,
+    Suspended,
+    /// The host is to wake.
+    Waking,
+    /// The host signals that it has woken.
+    Resume,
 }
 
 /// The host.
 #[derive(Clone, Debug)]
 pub struct Host {
+    system: System,
     cable: bool,
     phase: Phase,
     due: Ticks,
@@ -158,9 +170,16 @@ impl Default for Host {
 }
 
 impl Host {
-    /// A host with the cable in, that opens the port at 115,200 baud with DTR set.
+    /// A host of no system in particular with the cable in, that opens the port at 115,200 baud
+    /// with DTR set.
     pub fn new() -> Self {
+        Self::of(System::Bare)
+    }
+
+    /// A host with the cable in, that opens the port at 115,200 baud with DTR as `system` has it.
+    pub fn of(system: System) -> Self {
         Self {
+            system,
             cable: true,
             phase: Phase::Idle,
             due: Ticks::NEVER,
@@ -170,7 +189,7 @@ impl Host {
             session: Session::default(),
             enumeration: Enumeration::default(),
             baud: 115_200,
-            dtr: true,
+            dtr: system.raises_dtr(),
             reading: true,
             received: Vec::new(),
             to_send: VecDeque::new(),
@@ -204,19 +223,58 @@ impl Host {
     /// 1200 with DTR dropped as the request to enter its bootloader.
     pub fn set_line_coding(&mut self, baud: u32) {
         self.baud = baud;
-        if self.session.configured {
-            self.session.requests.push_back(Request::LineCoding);
-        }
+        self.ask_lines(&[Request::LineCoding { baud }]);
     }
 
     /// Sets or drops DTR (and RTS).
     pub fn set_dtr(&mut self, dtr: bool) {
         self.dtr = dtr;
-        if self.session.configured {
-            self.session
-                .requests
-                .push_back(Request::ControlLines { dtr });
+        self.ask_lines(&[Request::ControlLines { dtr }]);
+    }
+
+    /// A program opens or closes the port and leaves DTR to the system.
+    pub fn set_open(&mut self, open: bool) {
+        self.set_dtr(open && self.system.raises_dtr());
+    }
+
+    /// Opens the port anew at 1200 baud and closes it, as a program does that asks an Arduino board
+    /// into its bootloader and leaves DTR to the system.
+    pub fn touch(&mut self) {
+        self.set_open(true);
+        self.set_line_coding(1200);
+        self.set_open(false);
+    }
+
+    /// Line coding or lines change, if the port is there and the system sends that.
+    fn ask_lines(&mut self, requests: &[Request]) {
+        let announced = |port: &SerialPort| port.announces_lines();
+        let sent =
+            !self.system.heeds_capabilities() || self.session.port.as_ref().is_some_and(announced);
+        if self.session.configured && sent {
+            self.session.requests.extend(requests);
         }
+    }
+
+    /// Falls asleep: the bus idles, and the device is to suspend.
+    pub fn suspend(&mut self) {
+        if self.phase == Phase::Frames {
+            self.session.transaction = None;
+            self.phase = Phase::Suspended;
+            self.due = Ticks::NEVER;
+        }
+    }
+
+    /// Wakes, and goes on where it was.
+    pub fn resume(&mut self) {
+        if self.phase == Phase::Suspended {
+            self.phase = Phase::Waking;
+            self.due = Ticks::ZERO;
+        }
+    }
+
+    /// The operating system.
+    pub fn system(&self) -> System {
+        self.system
     }
 
     /// Stops asking for bulk data, as a program that no longer reads its port, or goes on.
@@ -304,11 +362,21 @@ impl Host {
             Phase::Debounce => self.begin_reset(now),
             Phase::Reset => {
                 usb.bus_reset(now);
-                self.phase = Phase::Frames;
-                self.next_frame = now;
-                self.due = now;
+                self.begin_frames(now);
                 self.begin_enumeration(now + RECOVERY);
             }
+            Phase::SecondReset => {
+                usb.bus_reset(now);
+                self.begin_frames(now);
+                self.resume_enumeration(now + RECOVERY);
+            }
+            Phase::Suspended => self.due = Ticks::NEVER,
+            Phase::Waking => {
+                usb.resume(now);
+                self.phase = Phase::Resume;
+                self.due = now + RESUME;
+            }
+            Phase::Resume => self.begin_frames(now),
             Phase::Frames => return self.advance_frame(now, usb, memory),
         }
         false
@@ -330,6 +398,12 @@ impl Host {
         }
         self.begin_transaction(now, usb);
         false
+    }
+
+    fn begin_frames(&mut self, now: Ticks) {
+        self.phase = Phase::Frames;
+        self.next_frame = now;
+        self.due = now;
     }
 
     fn begin_reset(&mut self, now: Ticks) {

@@ -3,16 +3,27 @@
 /// A request on endpoint 0.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Request {
+    /// The device descriptor's first 8 bytes.
     DeviceHead,
+    /// The device descriptor in 64 bytes, before the second bus reset.
+    DeviceFirst,
     SetAddress,
     Device,
     ConfigurationHead,
     Configuration,
+    Bos,
+    Qualifier,
+    MicrosoftString,
     Languages,
     Text(Text),
     SetConfiguration,
-    LineCoding,
-    ControlLines { dtr: bool },
+    ReadLineCoding,
+    LineCoding {
+        baud: u32,
+    },
+    ControlLines {
+        dtr: bool,
+    },
     ClearHalt(u8),
 }
 
@@ -27,12 +38,15 @@ pub(super) enum Text {
 impl Request {
     pub(super) fn name(self) -> &'static str {
         match self {
-            Self::DeviceHead | Self::Device => "GET_DESCRIPTOR device",
+            Self::DeviceHead | Self::DeviceFirst | Self::Device => "GET_DESCRIPTOR device",
             Self::SetAddress => "SET_ADDRESS",
             Self::ConfigurationHead | Self::Configuration => "GET_DESCRIPTOR configuration",
-            Self::Languages | Self::Text(_) => "GET_DESCRIPTOR string",
+            Self::Bos => "GET_DESCRIPTOR BOS",
+            Self::Qualifier => "GET_DESCRIPTOR device qualifier",
+            Self::Languages | Self::Text(_) | Self::MicrosoftString => "GET_DESCRIPTOR string",
             Self::SetConfiguration => "SET_CONFIGURATION",
-            Self::LineCoding => "SET_LINE_CODING",
+            Self::ReadLineCoding => "GET_LINE_CODING",
+            Self::LineCoding { .. } => "SET_LINE_CODING",
             Self::ControlLines { .. } => "SET_CONTROL_LINE_STATE",
             Self::ClearHalt(_) => "CLEAR_FEATURE ENDPOINT_HALT",
         }

@@ -50,6 +50,11 @@ struct Device {
     refuses_strings: bool,
     poll_every: Ticks,
     setups: Vec<Ticks>,
+    /// bmRequestType, bRequest and wValue of every request.
+    requests: Vec<(u8, u8, u16)>,
+    resets: usize,
+    /// bmCapabilities of its abstract control model.
+    capabilities: u8,
 }
 
 impl Device {
@@ -80,6 +85,9 @@ impl Device {
             refuses_strings: false,
             poll_every: Ticks::from_us(200),
             setups: Vec::new(),
+            requests: Vec::new(),
+            resets: 0,
+            capabilities: 0,
         };
         device.configure();
         device.bench.w16(USB + 8, 0);
@@ -132,6 +140,7 @@ impl Device {
     fn poll(&mut self) {
         if self.bench.r16(USB + 0x1C) & 1 << 3 != 0 {
             self.bench.w16(USB + 0x1C, 1 << 3);
+            self.resets += 1;
             self.reply.clear();
             self.expects_data = false;
             self.configure();
@@ -180,10 +189,23 @@ impl Device {
 
     fn request(&mut self, setup: &[u8]) {
         let value = u16::from_le_bytes([setup[2], setup[3]]);
+        self.requests.push((setup[0], setup[1], value));
         let length = usize::from(u16::from_le_bytes([setup[6], setup[7]]));
         self.reply = match (setup[0], setup[1], value >> 8) {
             (0x80, 6, 1) => DEVICE.to_vec(),
-            (0x80, 6, 2) => CONFIGURATION.to_vec(),
+            (0x80, 6, 2) => {
+                let mut configuration = CONFIGURATION.to_vec();
+                configuration[26] = self.capabilities;
+                configuration
+            }
+            (0x80, 6, 6 | 15) => {
+                self.bench.w8(endpoint(0) + 5, 0x20);
+                return;
+            }
+            (0x80, 6, 3) if value == 0x03EE => {
+                self.bench.w8(endpoint(0) + 5, 0x20);
+                return;
+            }
             (0x80, 6, 3) if self.refuses_strings => {
                 self.bench.w8(endpoint(0) + 5, 0x20);
                 return;
@@ -199,6 +221,7 @@ impl Device {
                 self.new_address = Some(value as u8);
                 Vec::new()
             }
+            (0xA1, 0x21, _) => vec![0, 0xC2, 1, 0, 0, 0, 8],
             (0x21, 0x20, _) => {
                 self.expects_data = true;
                 return;
@@ -227,6 +250,12 @@ impl Device {
 
     fn host(&mut self) -> &mut Host {
         &mut self.bench.usb_host
+    }
+
+    fn on(system: System) -> Self {
+        let mut device = Self::new(SyncHold::Instant);
+        device.bench.usb_host = Host::of(system);
+        device
     }
 
     fn configured() -> Self {
@@ -424,4 +453,101 @@ fn a_clone_continues_as_the_original() {
     let state = |bench: &Bench| format!("{:?} {:?}", bench.peripherals, bench.usb_host);
     assert_eq!(state(&copy), state(&device.bench));
     assert_eq!(copy.memory.ram(), device.bench.memory.ram());
+}
+
+const SET_LINE_CODING: (u8, u8) = (0x21, 0x20);
+const SET_LINES: (u8, u8) = (0x21, 0x22);
+
+#[test]
+fn every_system_configures_a_device_that_refuses_what_it_need_not_have() {
+    for system in System::ALL {
+        let mut device = Device::on(system);
+        device.run(Ticks::from_ms(300));
+        assert!(device.host().is_configured(), "{system:?}");
+        assert_eq!(device.host().errors(), [], "{system:?}");
+        assert_eq!(device.host().strings().serial_number, "0001");
+        let resets = if system.resets_twice() { 2 } else { 1 };
+        assert_eq!(device.resets, resets, "{system:?}");
+        device.host().write(b"echo");
+        device.run(Ticks::from_ms(5));
+        assert_eq!(device.host().read(), b"echo");
+        assert_eq!(device.bench.peripherals.violations().first(), []);
+    }
+}
+
+#[test]
+fn windows_asks_for_its_string_and_leaves_dtr_low() {
+    let mut device = Device::on(System::Windows);
+    device.run(Ticks::from_ms(300));
+    assert!(device.requests.contains(&(0x80, 6, 0x03EE)));
+    assert!(device.requests.contains(&(0x80, 6, 0x0600)));
+    assert_eq!(device.lines, Some(0));
+    assert_eq!(device.line_coding[..4], 115_200u32.to_le_bytes());
+    device.host().set_dtr(true);
+    device.run(Ticks::from_ms(5));
+    assert_eq!(device.lines, Some(3), "a program asks for it");
+}
+
+#[test]
+fn macos_sends_lines_only_to_a_device_that_announces_them() {
+    let sent = |capabilities| {
+        let mut device = Device::on(System::MacOs);
+        device.capabilities = capabilities;
+        device.run(Ticks::from_ms(300));
+        device.host().touch();
+        device.run(Ticks::from_ms(20));
+        let class = |request: &(u8, u8, u16)| {
+            [SET_LINES, SET_LINE_CODING].contains(&(request.0, request.1))
+        };
+        device
+            .requests
+            .iter()
+            .filter(|request| class(request))
+            .count()
+    };
+    assert_eq!(sent(0), 0);
+    assert_eq!(sent(2), 5, "two to open the port, three for the touch");
+}
+
+#[test]
+fn the_touch_raises_dtr_before_it_drops_it_but_on_windows() {
+    for (system, lines) in [
+        (System::Bare, vec![3, 0]),
+        (System::Linux, vec![3, 0]),
+        (System::Windows, vec![0, 0]),
+    ] {
+        let mut device = Device::on(system);
+        device.run(Ticks::from_ms(300));
+        let before = device.requests.len();
+        device.host().touch();
+        device.run(Ticks::from_ms(20));
+        let sent = device.requests[before..].iter();
+        let dtr = sent.filter(|request| (request.0, request.1) == SET_LINES);
+        assert_eq!(dtr.map(|request| request.2).collect::<Vec<_>>(), lines);
+        assert_eq!(device.line_coding[..4], 1200u32.to_le_bytes());
+    }
+}
+
+#[test]
+fn a_host_that_sleeps_suspends_the_device_and_goes_on_after_it() {
+    let mut device = Device::configured();
+    device.host().suspend();
+    device.run(Ticks::from_ms(10));
+    assert_eq!(device.bench.r16(USB + 0x1C) & 1, 1, "SUSPEND");
+    let frames = device.host().statistics().frames;
+    device.host().write(b"later");
+    device.run(Ticks::from_ms(1000));
+    assert_eq!(device.host().statistics().frames, frames);
+    device.host().resume();
+    device.run(Ticks::from_ms(10));
+    assert_eq!(device.bench.r16(USB + 0x1C) >> 4 & 1, 1, "WAKEUP");
+    assert_eq!(
+        device.host().statistics().frames,
+        frames,
+        "still signalling"
+    );
+    device.run(Ticks::from_ms(20));
+    assert_eq!(device.host().read(), b"later");
+    assert_eq!(device.host().errors(), []);
+    assert_eq!(device.host().statistics().enumerations, 1);
 }

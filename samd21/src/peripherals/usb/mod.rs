@@ -53,12 +53,15 @@ const RAMACER: u32 = 1 << 7;
 
 /// Idle time of the bus after which a device has to suspend (USB 2.0, 7.1.7.6).
 const IDLE_LIMIT: Ticks = Ticks::from_ms(3);
+/// GCLK_USB at which hosts have been seen to enumerate the device, Hz: it locks to their frames
+/// from 3 % below (atsamd-rs pull request 625).
+const CLOCK_HZ: std::ops::RangeInclusive<f64> = 45.6e6..=50.4e6;
 /// Endpoint numbers that the controller has.
 const ENDPOINTS: usize = 8;
 
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Usb {
-    /// Clocked: GCLK_USB is there at 48 MHz.
+    /// Clocked: GCLK_USB is there at about 48 MHz.
     sync: SyncFlags<2>,
     /// PA24 and PA25 are USB's.
     pads: bool,
@@ -87,7 +90,7 @@ impl Usb {
     }
 
     pub(crate) fn set_clock(&mut self, now: Ticks, clock: Option<Rate>) {
-        let clocked = clock == Some(Rate::from_hz(48_000_000));
+        let clocked = clock.is_some_and(|clock| CLOCK_HZ.contains(&clock.hz()));
         self.sync.set_clocked(now, clocked);
     }
 
@@ -132,6 +135,11 @@ impl Usb {
             endpoint.bus_reset(number == 0);
         }
         self.interrupts.flags |= EORST;
+    }
+
+    /// The host signals that it has woken.
+    pub(crate) fn resume(&mut self, now: Ticks) {
+        self.wake(now);
     }
 
     /// The host has sent a start-of-frame packet.
@@ -202,8 +210,7 @@ impl Usb {
                     self.ctrlb = ctrlb;
                     self.last_activity = bus.now;
                     if ctrlb & DETACH == 0 && !self.is_attached() {
-                        let what =
-                            "attached without being enabled, clocked at 48 MHz and on its pads";
+                        let what = "attached without being enabled, clocked at about 48 MHz and on its pads";
                         bus.note("USB", what);
                     }
                 }
