@@ -16,7 +16,7 @@
 //! | module | what |
 //! |---|---|
 //! | [`image`] | builds the firmware and reads its ELF file |
-//! | [`Rig`] | chip, environment and [`Bootloader`] together |
+//! | [`Rig`] | chip, environment and [`bootloader`] together |
 //! | [`mod@bench`] | sensor, servo, drone, clamp; what disturbs them ([`disturbance`]); the sensor moved by hand ([`sensor_motion`]) |
 //! | [`bno055`] | the sensor at register level, with its faults |
 //! | [`observe`] | what really happened ([`ground_truth`]), and timing figures of it ([`measure`]) |
@@ -27,7 +27,7 @@
 
 pub mod bench;
 pub mod bno055;
-mod bootloader;
+pub mod bootloader;
 pub mod fly;
 pub mod ground_station;
 pub mod image;
@@ -37,7 +37,6 @@ mod received;
 mod rig;
 
 pub use bench::{disturbance, sensor_motion};
-pub use bootloader::Bootloader;
 pub use fly::flight::{FlightRecord, Ready, ServoKind, Setup, prepare};
 pub use fly::{faults, flight, pilot, replay};
 #[cfg(unix)]

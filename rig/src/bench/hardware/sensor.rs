@@ -1,6 +1,6 @@
 //! The keys for what the sensor does with its registers, where it sits, and which bootloader runs.
 
-use super::{Hardware, Key, number, put};
+use super::{Key, number, put};
 use crate::bno055::{MagnetometerHealth, RefreshRates};
 use crate::bootloader::Bootloader;
 use samd21::board::Ticks;
@@ -37,7 +37,7 @@ pub(super) const KEYS: &[Key] = &[
         value: "together|ACC/GYR/MAG",
         what: "refreshes of accelerometer and gyroscope (10 to 200) and magnetometer (1 to 100), \
                Hz, each with a phase of its own, instead of 100 Hz together",
-        source: "unknown in the modes without fusion; 35 Hz is where a set-up takes it for frozen",
+        source: "nobody has published any for the modes without fusion",
         set: |hardware, text| put(&mut hardware.refresh, refresh(text)),
         show: |hardware| {
             hardware.refresh.map_or("together".into(), |rates| {
@@ -87,7 +87,7 @@ pub(super) const KEYS: &[Key] = &[
         name: "lever",
         value: "X/Y/Z",
         what: "where the sensor sits from the pivot: forward, right, down, mm (-500 to 500)",
-        source: "rigid-body kinematics; the board is wider than the pivot",
+        source: "the sensor's board is wider than the pivot; rigid-body kinematics",
         set: |hardware, text| {
             let lever_m = three(text, [-500.0..=500.0, -500.0..=500.0, -500.0..=500.0]);
             put(
@@ -148,6 +148,7 @@ fn one_of<T: Copy, const N: usize>(
 
 #[cfg(test)]
 mod tests {
+    use super::super::Hardware;
     use super::*;
     use crate::bench::BenchConfig;
 
