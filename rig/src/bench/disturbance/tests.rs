@@ -160,12 +160,9 @@ fn half_the_thrust_turns_the_drone_half_as_fast() {
     assert_eq!(rate_after(Some(at_once)).0, whole);
 }
 
-/// 180 Hz past the accelerometer's 62.5 Hz low-pass and its 100 Hz refresh come out at 20 Hz with a
-/// third of their amplitude.
-#[test]
-fn what_the_sensor_is_too_slow_for_arrives_as_an_alias() {
+/// Amplitudes, m/s2, that a sensor of 100 Hz shows of a vibration at these frequencies.
+fn shown(shaking: &Vibration, hz: [f64; 2]) -> [f64; 2] {
     use crate::bno055::{ImuErrors, Sensors, Stimulus};
-    let shaking = VIBRATION;
     let mut sensors = Sensors::new(ImuErrors::NONE, 1);
     let mut sums = [[0.0; 2]; 2];
     let refreshes = 200;
@@ -180,17 +177,49 @@ fn what_the_sensor_is_too_slow_for_arrives_as_an_alias() {
         sensors.sense(now, &truth);
         if step % 20 == 0 {
             let acc = f64::from(sensors.refresh(now).unwrap().acc[0]) * 0.01;
-            for (sum, hz) in sums.iter_mut().zip([20.0, 30.0]) {
+            for (sum, hz) in sums.iter_mut().zip(hz) {
                 let (sin, cos) = (TAU * hz * now.as_secs_f64()).sin_cos();
                 sum[0] += acc * cos;
                 sum[1] += acc * sin;
             }
         }
     }
-    let [alias, elsewhere] = sums.map(|[cos, sin]| 2.0 * f64::hypot(cos, sin) / refreshes as f64);
-    let passed = 5.0 / f64::hypot(1.0, 180.0 / 62.5);
-    assert!((alias / passed - 1.0).abs() < 0.15, "{alias} of {passed}");
-    assert!(elsewhere < 0.05, "{elsewhere}");
+    sums.map(|[cos, sin]| 2.0 * f64::hypot(cos, sin) / refreshes as f64)
+}
+
+/// What a low-pass of 62.5 Hz leaves of an amplitude at a frequency.
+fn passed(amplitude: f64, hz: f64) -> f64 {
+    amplitude / f64::hypot(1.0, hz / 62.5)
+}
+
+/// Past the accelerometer's low-pass and its 100 Hz refresh, 180 Hz come out at 20 Hz with a third
+/// of their amplitude, and 101 Hz, which no filter after the sampling can tell from a motion, at
+/// 1 Hz with half of it.
+#[test]
+fn what_the_sensor_is_too_slow_for_arrives_as_an_alias() {
+    for (frequency_hz, alias_hz) in [(180.0, 20.0), (101.0, 1.0)] {
+        let shaking = Vibration {
+            frequency_hz,
+            ..VIBRATION
+        };
+        let [alias, elsewhere] = shown(&shaking, [alias_hz, 30.0]);
+        let passed = passed(5.0, frequency_hz);
+        assert!((alias / passed - 1.0).abs() < 0.15, "{alias} of {passed}");
+        assert!(elsewhere < 0.05, "{elsewhere}");
+    }
+}
+
+/// 120 Hz and its second line at 240 Hz, half as strong, come out at 20 and 40 Hz.
+#[test]
+fn each_line_has_its_own_alias() {
+    let shaking = Vibration {
+        frequency_hz: 120.0,
+        harmonics: 1,
+        ..VIBRATION
+    };
+    let [first, second] = shown(&shaking, [20.0, 40.0]);
+    assert!((first / passed(5.0, 120.0) - 1.0).abs() < 0.15, "{first}");
+    assert!((second / passed(2.5, 240.0) - 1.0).abs() < 0.15, "{second}");
 }
 
 #[test]
