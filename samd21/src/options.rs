@@ -1,6 +1,7 @@
 //! What may be chosen when a chip is made.
 
 use crate::board::Ticks;
+use crate::peripherals::UserRow;
 use crate::usb_host::System;
 
 /// How a chip is made.
@@ -19,6 +20,8 @@ pub struct Options {
     pub osculp32k_hz: u32,
     /// How long the core takes to wake from sleep.
     pub wake_up: Ticks,
+    /// The user row, which sets watchdog, brown-out detector and protection at every reset.
+    pub user_row: UserRow,
     /// The operating system of the USB host.
     pub host: System,
     /// The 128-bit serial number, word 0 first (0x0080_A00C, 0x0080_A040, 44, 48).
@@ -36,6 +39,7 @@ impl Default for Options {
             dfll_drift_ppm_s: 0,
             osculp32k_hz: 32_768,
             wake_up: Ticks::ZERO,
+            user_row: UserRow::SHIPPED,
             host: System::Bare,
             serial_number: [0x5D21_0001, 0x5D21_0002, 0x5D21_0003, 0x5D21_0004],
             seed: 0,

@@ -1,6 +1,6 @@
 //! What the emulated parts are like where real ones differ from each other.
 //!
-//! Every difference has a key, see [`keys`], by which the command line sets it: `KEY=VALUE`, several
+//! Every difference has a key ([`keys`]), by which the command line sets it: `KEY=VALUE`, several
 //! with commas between them.
 
 mod sensor;
@@ -10,6 +10,7 @@ use crate::bno055::{BusTiming, Magnetometer, RareStretch, RefreshRates};
 use crate::bootloader::Bootloader;
 use samd21::Options;
 use samd21::board::Ticks;
+use samd21::peripherals::UserRow;
 use samd21::usb_host::System;
 use std::fmt::Display;
 use std::ops::RangeInclusive;
@@ -46,6 +47,8 @@ pub struct Hardware {
     pub wake_us: u64,
     /// The operating system at the other end of the USB cable.
     pub host: System,
+    /// The chip's user row.
+    pub user_row: UserRow,
 }
 
 impl Default for Hardware {
@@ -65,6 +68,7 @@ impl Default for Hardware {
             slow_clock: 1.0,
             wake_us: 0,
             host: System::Bare,
+            user_row: UserRow::SHIPPED,
         }
     }
 }
@@ -86,6 +90,13 @@ pub struct Key {
 
 /// Longest hold of the clock line that can be set, us.
 const LONGEST_HOLD_US: RangeInclusive<u64> = 0..=20_000;
+
+/// The user rows that can be chosen.
+const USER_ROWS: [(&str, UserRow); 3] = [
+    ("shipped", UserRow::SHIPPED),
+    ("erased", UserRow::ERASED),
+    ("bootprot", UserRow::PROTECTED),
+];
 
 /// The keys for the chips, the bus between them and the host.
 const KEYS: &[Key] = &[
@@ -191,6 +202,25 @@ const KEYS: &[Key] = &[
         },
         show: |hardware| hardware.host.name().into(),
     },
+    Key {
+        name: "user-row",
+        value: "shipped|erased|bootprot",
+        what: "the chip's fuses: as shipped, erased (the watchdog is always on), or with the \
+               bootloader's 8 KB protected",
+        source: "SAM D21 data sheet, NVM user row; uf2-samdx1 issue 107 for erased ones",
+        set: |hardware, text| {
+            let found = USER_ROWS.iter().find(|(name, _)| *name == text);
+            let unknown = "must be one of these".to_owned();
+            put(
+                &mut hardware.user_row,
+                found.map(|(_, row)| *row).ok_or(unknown),
+            )
+        },
+        show: |hardware| {
+            let found = USER_ROWS.iter().find(|(_, row)| *row == hardware.user_row);
+            found.map_or("own", |(name, _)| name).into()
+        },
+    },
 ];
 
 /// All that can be set.
@@ -237,6 +267,7 @@ impl Hardware {
             osculp32k_hz: (self.slow_clock * 32_768.0).round() as u32,
             wake_up: Ticks::from_us(self.wake_us),
             host: self.host,
+            user_row: self.user_row,
             ..Options::default()
         }
     }
@@ -342,7 +373,9 @@ mod tests {
 
     #[test]
     fn the_chip_gets_what_is_set() {
-        let hardware = "clock=-3.1,clock-drift=20,slow-clock=0.87,wake=4,host=windows".parse();
+        let hardware =
+            "clock=-3.1,clock-drift=20,slow-clock=0.87,wake=4,host=windows,user-row=bootprot"
+                .parse();
         let options = hardware.map(|hardware: Hardware| hardware.chip());
         let expected = Options {
             dfll_error_ppm: -31_000,
@@ -350,6 +383,7 @@ mod tests {
             osculp32k_hz: 28_508,
             wake_up: Ticks::from_us(4),
             host: System::Windows,
+            user_row: UserRow::PROTECTED,
             ..Options::default()
         };
         assert_eq!(options, Ok(expected));

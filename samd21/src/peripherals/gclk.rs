@@ -8,6 +8,9 @@
 //! | 04 | GENCTRL | ID, SRC, GENEN, DIVSEL and stored flags; byte write of ID likewise |
 //! | 08 | GENDIV | ID, DIV; byte write of ID likewise |
 //!
+//! Generator 2 divides OSCULP32K by 32 at reset, which its five bits of DIV do not hold: it does not
+//! divide. A watchdog that the user row has on then takes a second, as boards with an erased row do.
+//!
 //! A write while SYNCBUSY is set stalls the bus until it is clear (common synchroniser).
 //! Generator 0 must run: a write that would stop it faults, as the chip would stop for ever.
 //!
@@ -20,7 +23,7 @@
 use super::access::{Bus, Lanes, RESERVED, Read, Refusal, Write};
 use super::clock::{Rate, SyncFlags};
 use super::sysctrl::Sysctrl;
-use crate::SyncHold;
+use crate::Options;
 use crate::board::Ticks;
 
 const GENERATORS: usize = 9;
@@ -30,7 +33,7 @@ const DIVSEL: u32 = 1 << 20;
 const CLKEN: u16 = 1 << 14;
 const WRTLOCK: u16 = 1 << 15;
 
-/// CLKCTRL.ID of the watchdog's clock, which runs from reset.
+/// CLKCTRL.ID of the watchdog's clock.
 const WDT: usize = 0x03;
 /// CLKCTRL.ID of the slow clock of all SERCOMs: time-outs.
 pub(crate) const SERCOM_SLOW: usize = 0x13;
@@ -44,6 +47,8 @@ pub(crate) struct Gclk {
     /// The clock that CLKCTRL reads back.
     selected: usize,
     rates: [Option<Rate>; GENERATORS],
+    /// CLKCTRL of the watchdog at reset: on if the user row has it on.
+    wdt: u16,
 }
 
 /// GENCTRL or GENDIV: one register for all generators, of which ID selects one.
@@ -72,8 +77,9 @@ impl Indirect {
 }
 
 impl Gclk {
-    pub(crate) fn new(hold: SyncHold) -> Self {
-        let mut sync = SyncFlags::new(hold);
+    pub(crate) fn new(options: &Options) -> Self {
+        let mut sync = SyncFlags::new(options.syncbusy_hold);
+        let wdt_runs = options.user_row.wdt_ctrl() & 1 << 1 != 0;
         sync.set_clocked(Ticks::ZERO, true);
         let mut gclk = Self {
             sync,
@@ -82,6 +88,7 @@ impl Gclk {
             clocks: [0; CLOCKS],
             selected: 0,
             rates: [None; GENERATORS],
+            wdt: 2 << 8 | if wdt_runs { CLKEN } else { 0 },
         };
         gclk.reset();
         gclk
@@ -89,13 +96,13 @@ impl Gclk {
 
     fn reset(&mut self) {
         self.control = Indirect::default();
-        // Generator 0 from OSC8M; generator 2, the watchdog's, from OSCULP32K / 32.
+        // Generator 0 from OSC8M; generator 2, the watchdog's, from OSCULP32K.
         self.control.of[0] = 6 << 8 | GENEN;
         self.control.of[2] = 3 << 8 | GENEN;
         self.divisor = Indirect::default();
         self.divisor.of[2] = 32 << 8;
         self.clocks = [0; CLOCKS];
-        self.clocks[WDT] = 2 << 8;
+        self.clocks[WDT] = self.wdt;
         self.selected = 0;
     }
 
@@ -208,7 +215,7 @@ impl Gclk {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::Options;
+    use crate::SyncHold;
     use crate::board::Unconnected;
     use crate::peripherals::violations::Violations;
 
@@ -227,7 +234,7 @@ mod tests {
 
     #[test]
     fn reset_runs_at_1_mhz_from_osc8m() {
-        let mut gclk = Gclk::new(SyncHold::Instant);
+        let mut gclk = Gclk::new(&Options::default());
         gclk.resolve(Ticks::ZERO, &Sysctrl::new(&Options::default()));
         assert_eq!(hz(gclk.main()), 1e6);
         assert_eq!(gclk.clock(0x14), None);
@@ -235,7 +242,7 @@ mod tests {
 
     #[test]
     fn a_generator_divides_linearly_or_by_powers_of_two() {
-        let mut gclk = Gclk::new(SyncHold::Instant);
+        let mut gclk = Gclk::new(&Options::default());
         let route = |gclk: &mut Gclk, id: u32, generator: u32| {
             let half = id | generator << 8 | 1 << 14;
             write(gclk, Ticks::ZERO, 0x00, Lanes::new(half, 2, 2));
@@ -265,7 +272,7 @@ mod tests {
 
     #[test]
     fn a_byte_write_of_the_id_selects_what_is_read() {
-        let mut gclk = Gclk::new(SyncHold::Instant);
+        let mut gclk = Gclk::new(&Options::default());
         write(&mut gclk, Ticks::ZERO, 0x04, Lanes::new(2, 0, 1));
         assert_eq!(gclk.read(Ticks::ZERO, 0x04), Ok(2 | 3 << 8 | GENEN));
         write(&mut gclk, Ticks::ZERO, 0x04, Lanes::new(0, 0, 1));
@@ -276,7 +283,10 @@ mod tests {
 
     #[test]
     fn a_write_during_synchronisation_stalls_the_bus() {
-        let mut gclk = Gclk::new(SyncHold::For(Ticks(100)));
+        let mut gclk = Gclk::new(&Options {
+            syncbusy_hold: SyncHold::For(Ticks(100)),
+            ..Options::default()
+        });
         assert_eq!(write(&mut gclk, Ticks(0), 0x08, Lanes::word(3)), Ticks(0));
         assert_eq!(gclk.read(Ticks(99), 0x00).unwrap() & 0x8000, 0x8000);
         assert_eq!(write(&mut gclk, Ticks(40), 0x08, Lanes::word(3)), Ticks(60));

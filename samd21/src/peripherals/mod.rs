@@ -9,7 +9,7 @@
 //! | file | models |
 //! |---|---|
 //! | `pm`, `sysctrl`, `gclk` | clocks and reset cause |
-//! | `nvmctrl` | flash programming, factory rows |
+//! | `nvmctrl`, `user_row` | flash programming, factory rows, settings at reset |
 //! | `port` | pins and their multiplexers |
 //! | `sercom` | I2C masters |
 //! | `tcc` | TCC0-TCC2: waveforms |
@@ -46,10 +46,12 @@ mod tcc;
 #[cfg(test)]
 mod tests;
 pub(crate) mod usb;
+mod user_row;
 mod violations;
 mod wdt;
 
 pub use error::{BusError, Refusal, ResetCause, Width};
+pub use user_row::UserRow;
 pub use violations::{Violation, Violations};
 
 use crate::Options;
@@ -95,16 +97,16 @@ impl Peripherals {
             pac: pac::Pac::new(),
             pm: pm::Pm::new(ResetCause::PowerOn),
             sysctrl: sysctrl::Sysctrl::new(options),
-            gclk: gclk::Gclk::new(options.syncbusy_hold),
+            gclk: gclk::Gclk::new(options),
             eic: eic::Eic::new(options.syncbusy_hold),
-            nvmctrl: nvmctrl::Nvmctrl::new(options.serial_number),
+            nvmctrl: nvmctrl::Nvmctrl::new(options),
             port: port::Port::default(),
             sercom: [0, 1, 2, 3, 4, 5]
                 .map(|index| sercom::Sercom::new(index, options.syncbusy_hold)),
             tc: [0, 1, 2].map(|index| tc::Tc::new(index, options.syncbusy_hold)),
             tcc: [0, 1, 2].map(|index| tcc::Tcc::new(index, options.syncbusy_hold)),
             usb: usb::Usb::new(options.syncbusy_hold),
-            wdt: wdt::Wdt::new(),
+            wdt: wdt::Wdt::new(options.user_row),
             violations: Violations::default(),
             cycle: 48 << FRACTION,
             flash_overrun: false,
@@ -114,6 +116,7 @@ impl Peripherals {
             pending_reset: None,
         };
         peripherals.retime(Ticks::ZERO);
+        peripherals.wdt.power_up(Ticks::ZERO);
         peripherals.refresh(Ticks::ZERO);
         peripherals
     }
@@ -125,12 +128,14 @@ impl Peripherals {
         let fresh = Self::new(&self.options);
         *self = Self {
             pm: pm::Pm::new(cause),
+            sysctrl: self.sysctrl.after_reset(&self.options, cause),
             port: self.port.clone(),
             violations: self.violations.clone(),
             last: now,
             ..fresh
         };
         self.retime(now);
+        self.wdt.power_up(now);
         self.refresh(now);
         // The board is to learn of the released pins.
         self.next = now;
@@ -395,7 +400,7 @@ impl Peripherals {
                 Block::Tc(index) => self.tc[index].set_clock(now, clock),
                 Block::Eic => self.eic.set_clock(now, clock.is_some()),
                 Block::Usb => self.usb.set_clock(now, clock),
-                Block::Wdt => self.wdt.set_clock(clock),
+                Block::Wdt => self.wdt.set_clock(now, clock),
                 _ => {}
             }
         }

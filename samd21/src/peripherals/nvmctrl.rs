@@ -6,11 +6,11 @@
 //! | 04 | CTRLB | RWS gives the flash wait states; MANW; the rest stored |
 //! | 08 | PARAM | 4096 pages of 64 bytes |
 //! | 0C, 10, 14 | INTENCLR, INTENSET, INTFLAG | READY, ERROR |
-//! | 18 | STATUS | LOAD, PROGE, NVME; write one clears the errors |
+//! | 18 | STATUS | LOAD, PROGE, LOCKE, NVME; write one clears the errors |
 //! | 1C | ADDR | byte address / 2; a write to the page buffer sets it |
-//! | 20 | LOCK | reads all regions unlocked |
+//! | 20 | LOCK | from the user row; the lock bits lock nothing |
 //! | flash | page buffer | 16- and 32-bit writes only; with MANW = 0 the page's last word programs it |
-//! | 0080_4000 | user row | factory default, read only |
+//! | 0080_4000 | user row | from the chip's options, read only; its BOOTPROT protects |
 //! | 0080_6020, 0080_6030 | calibration, temperature log | plausible factory values |
 //! | 0080_A00C, A040-A048 | serial number | from the chip's options |
 //!
@@ -27,6 +27,8 @@
 use super::access::{Bus, Lanes, RESERVED, Read, Refusal, Write};
 use super::interrupts::Interrupts;
 use super::map::Block;
+use super::user_row::UserRow;
+use crate::Options;
 use crate::board::Ticks;
 use crate::memory::{FLASH_SIZE, Memory};
 
@@ -39,11 +41,9 @@ const READY: u32 = 1 << 0;
 const ERROR: u32 = 1 << 1;
 const LOAD: u16 = 1 << 1;
 const PROGE: u16 = 1 << 2;
+const LOCKE: u16 = 1 << 3;
 const NVME: u16 = 1 << 4;
 const MANW: u32 = 1 << 7;
-
-/// Factory user row (data sheet, NVM user row): watchdog off, BOD33 on, no bootloader protection.
-const USER_ROW: [u32; 2] = [0xD8E0_C7FF, 0xFFFF_FC5D];
 
 /// The factory's DFLL48M COARSE CAL.
 pub(super) const DFLL_COARSE: u8 = 0x1F;
@@ -72,10 +72,11 @@ pub(crate) struct Nvmctrl {
     page: [u8; PAGE as usize],
     busy_until: Ticks,
     serial_number: [u32; 4],
+    user_row: UserRow,
 }
 
 impl Nvmctrl {
-    pub(crate) fn new(serial_number: [u32; 4]) -> Self {
+    pub(crate) fn new(options: &Options) -> Self {
         Self {
             ctrlb: 0,
             interrupts: Interrupts::of(Block::Nvmctrl),
@@ -83,7 +84,8 @@ impl Nvmctrl {
             address: 0,
             page: [0xFF; PAGE as usize],
             busy_until: Ticks::ZERO,
-            serial_number,
+            serial_number: options.serial_number,
+            user_row: options.user_row,
         }
     }
 
@@ -120,7 +122,7 @@ impl Nvmctrl {
             0x14 => self.flags(now),
             0x18 => u32::from(self.status),
             0x1C => self.address,
-            0x20 => 0xFFFF,
+            0x20 => self.user_row.word(1) >> 16,
             _ => return Err(RESERVED),
         })
     }
@@ -128,8 +130,8 @@ impl Nvmctrl {
     /// A word of the auxiliary space, `None` where nothing is.
     pub(crate) fn read_auxiliary(&self, addr: u32) -> Option<u32> {
         Some(match addr {
-            0x0080_4000 => USER_ROW[0],
-            0x0080_4004 => USER_ROW[1],
+            0x0080_4000 => self.user_row.word(0),
+            0x0080_4004 => self.user_row.word(1),
             0x0080_4008..0x0080_4100 => u32::MAX,
             0x0080_6020 => CALIBRATION as u32,
             0x0080_6024 => (CALIBRATION >> 32) as u32,
@@ -200,6 +202,9 @@ impl Nvmctrl {
         match command & 0x7F {
             0x02 => {
                 let row = self.address * 2 / ROW * ROW;
+                if self.is_protected(bus, row) {
+                    return Ok(Ticks::ZERO);
+                }
                 if memory.erase(row, ROW as usize).is_none() {
                     return Ok(self.fail(bus));
                 }
@@ -218,12 +223,26 @@ impl Nvmctrl {
 
     fn program(&mut self, bus: &mut Bus<'_>, memory: &mut Memory) -> Write {
         let start = self.address * 2 / PAGE * PAGE;
+        if self.is_protected(bus, start) {
+            return Ok(Ticks::ZERO);
+        }
         if memory.program(start, &self.page).is_none() {
             return Ok(self.fail(bus));
         }
         self.clear_page_buffer();
         self.busy_until = bus.now + PAGE_PROGRAM;
         Ok(PAGE_PROGRAM)
+    }
+
+    /// Whether BOOTPROT refuses to change what is at `address`; then that is an error.
+    fn is_protected(&mut self, bus: &mut Bus<'_>, address: u32) -> bool {
+        let protected = address < self.user_row.protected_bytes();
+        if protected {
+            self.status |= LOCKE;
+            self.interrupts.flags |= ERROR;
+            bus.note("NVMCTRL", "command into flash that BOOTPROT protects");
+        }
+        protected
     }
 
     fn fail(&mut self, bus: &mut Bus<'_>) -> Ticks {
@@ -245,6 +264,14 @@ mod tests {
     use crate::board::Unconnected;
     use crate::peripherals::violations::Violations;
 
+    fn nvmctrl(user_row: UserRow) -> Nvmctrl {
+        Nvmctrl::new(&Options {
+            serial_number: [1, 2, 3, 4],
+            user_row,
+            ..Options::default()
+        })
+    }
+
     struct Rig {
         nvmctrl: Nvmctrl,
         memory: Memory,
@@ -254,7 +281,7 @@ mod tests {
     impl Rig {
         fn new() -> Self {
             Self {
-                nvmctrl: Nvmctrl::new([1, 2, 3, 4]),
+                nvmctrl: nvmctrl(UserRow::SHIPPED),
                 memory: Memory::new(0),
                 now: Ticks::from_ms(1),
             }
@@ -311,6 +338,26 @@ mod tests {
     }
 
     #[test]
+    fn bootprot_refuses_its_area_and_nothing_beyond() {
+        let mut rig = Rig::new();
+        rig.nvmctrl = nvmctrl(UserRow::PROTECTED);
+        rig.memory.flash_mut()[0x1F00..0x2100].fill(0);
+        rig.write(0x1C, 0x1F00 / 2);
+        assert_eq!(rig.write(0x00, 0xA502), Ticks::ZERO);
+        assert_eq!(rig.memory.read_u32(0x1F00), Some(0));
+        assert_eq!(rig.nvmctrl.read(rig.now, 0x18), Ok(u32::from(LOCKE)));
+        assert_eq!(rig.nvmctrl.read(rig.now, 0x14), Ok(READY | ERROR));
+        rig.write(0x18, u32::from(LOCKE));
+        rig.write(0x04, MANW);
+        rig.load(0x1F00, 4, 5).unwrap();
+        assert_eq!(rig.write(0x00, 0xA504), Ticks::ZERO);
+        assert_eq!(rig.nvmctrl.status & LOCKE, LOCKE);
+        rig.write(0x1C, 0x2000 / 2);
+        assert_eq!(rig.write(0x00, 0xA502), ROW_ERASE);
+        assert_eq!(rig.memory.read_u32(0x2000), Some(u32::MAX));
+    }
+
+    #[test]
     fn without_manw_the_last_word_programs_the_page() {
         let mut rig = Rig::new();
         assert_eq!(rig.load(0x4038, 4, 0x0BAD_F00D), Ok(Ticks::ZERO));
@@ -329,7 +376,7 @@ mod tests {
 
     #[test]
     fn calibration_reads_as_the_hal_extracts_it() {
-        let nvmctrl = Nvmctrl::new([1, 2, 3, 4]);
+        let nvmctrl = nvmctrl(UserRow::SHIPPED);
         let low = u64::from(nvmctrl.read_auxiliary(0x0080_6020).unwrap());
         let row = low | u64::from(nvmctrl.read_auxiliary(0x0080_6024).unwrap()) << 32;
         assert_eq!(row >> 58 & 0x3F, 0x1F, "DFLL coarse");

@@ -10,7 +10,8 @@
 //! | 20 | OSC8M | 8 MHz / 2^PRESC, on from reset |
 //! | 24, 28, 2C | DFLLCTRL, DFLLVAL, DFLLMUL | about 48 MHz when enabled (`dfll`); locks as below |
 //! | 30 | DFLLSYNC | READREQ brings what the DFLL uses into DFLLVAL; until then it reads as before |
-//! | 34, 3C, 40 | BOD33, VREG, VREF | stored; the supply is always good |
+//! | 34 | BOD33 | from the user row at reset; ready at once while enabled; the supply is good |
+//! | 3C, 40 | VREG, VREF | stored |
 //!
 //! The DFLL gives 48 MHz 6 us after it is enabled (open loop needs no reference). In closed loop
 //! LCKC and LCKF follow 500 us after the reference (GCLK 0) is there, with 48 MHz; with USBCRM,
@@ -24,6 +25,7 @@
 //! | brown-out | supply voltage is not modelled |
 //! | ONDEMAND, RUNSTDBY | clocks that nobody asks for cost nothing here |
 
+use super::ResetCause;
 use super::access::{Bus, DONE, Lanes, RESERVED, Read, Refusal, Write};
 use super::clock::Rate;
 use super::dfll::Dfll;
@@ -89,6 +91,7 @@ impl Sysctrl {
             dfll: Dfll::new(error, drift, DFLL_COARSE),
             next_drift: Ticks::NEVER,
             osculp32k_hz: options.osculp32k_hz,
+            bod33: options.user_row.bod33(),
             interrupts: Interrupts::of(Block::Sysctrl),
             xosc32k: 0x80,
             osc32k: 0x003F_0080,
@@ -100,6 +103,22 @@ impl Sysctrl {
             dfll_locked: Ticks::NEVER,
             frames_until_lock: RECOVERY_FRAMES,
             ..Self::default()
+        }
+    }
+
+    /// As after a reset for this reason: the 32 kHz oscillators go on through one that is not of
+    /// the supply (data sheet, reset controller, effects of the different resets).
+    pub(crate) fn after_reset(&self, options: &Options, cause: ResetCause) -> Self {
+        let fresh = Self::new(options);
+        match cause {
+            ResetCause::External | ResetCause::Watchdog | ResetCause::System => Self {
+                xosc32k: self.xosc32k,
+                osc32k: self.osc32k,
+                osculp32k: self.osculp32k,
+                osc32k_ready: self.osc32k_ready,
+                ..fresh
+            },
+            _ => fresh,
         }
     }
 
@@ -157,7 +176,10 @@ impl Sysctrl {
     }
 
     fn status(&self, now: Ticks) -> u32 {
-        let mut status = BOD33RDY | B33SRDY;
+        let mut status = B33SRDY;
+        if self.bod33 & ENABLE != 0 {
+            status |= BOD33RDY;
+        }
         if now >= self.osc32k_ready {
             status |= OSC32KRDY;
         }

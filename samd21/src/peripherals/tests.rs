@@ -56,7 +56,7 @@ fn a_slow_dfll_slows_core_and_timers_until_frames_come() {
     assert_eq!(bench.r32(SYSCTRL + 0x28) & 0x3FF, 0x1FF);
     bench.w8(SYSCTRL + 0x30, 0x80);
     let value = bench.r32(SYSCTRL + 0x28);
-    assert_eq!(value, 0x1F << 10 | 0x1FF + 135);
+    assert_eq!(value, (0x1F << 10) | (0x1FF + 135));
     // The next start from that value is right at once.
     let mut next = slow_clocks();
     next.w32(SYSCTRL + 0x28, value);
@@ -82,6 +82,43 @@ fn the_watchdogs_clock_follows_the_slow_oscillator() {
         bench.pass(Ticks::from_us(1200));
         let cause = bench.peripherals.take_reset();
         assert_eq!(cause, Some(ResetCause::Watchdog), "{hz} Hz");
+    }
+}
+
+#[test]
+fn an_erased_user_row_resets_the_chip_every_second() {
+    let options = Options {
+        user_row: UserRow::ERASED,
+        ..Options::default()
+    };
+    let mut bench = Bench::with(&options, Unconnected);
+    for _ in 0..2 {
+        bench.pass(Ticks::from_ms(990));
+        assert_eq!(bench.peripherals.take_reset(), None);
+        bench.pass(Ticks::from_ms(20));
+        let cause = bench.peripherals.take_reset();
+        assert_eq!(cause, Some(ResetCause::Watchdog));
+        bench.peripherals.reset(bench.now, ResetCause::Watchdog);
+    }
+}
+
+#[test]
+fn a_user_reset_spares_the_32_khz_oscillators() {
+    for (cause, survives) in [
+        (ResetCause::System, true),
+        (ResetCause::Watchdog, true),
+        (ResetCause::External, true),
+        (ResetCause::BrownOut33, false),
+        (ResetCause::PowerOn, false),
+    ] {
+        let mut bench = Bench::new(SyncHold::Instant, Unconnected);
+        bench.start_clocks();
+        bench.peripherals.reset(bench.now, cause);
+        let ready = bench.r32(SYSCTRL + 0x0C) & 1 << 2 != 0;
+        assert_eq!(ready, survives, "{cause:?}");
+        assert_eq!(bench.r32(SYSCTRL + 0x18) == 0x003F_0080, !survives);
+        assert_eq!(bench.r32(SYSCTRL + 0x24), 0x80, "the DFLL is off");
+        assert_eq!(bench.peripherals.cycle(), 48 << FRACTION);
     }
 }
 

@@ -2,27 +2,27 @@
 //!
 //! | offset | register | behaviour |
 //! |---|---|---|
-//! | 00 | CTRL | ENABLE, ALWAYSON; slowly synchronised |
-//! | 01 | CONFIG | PER: timeout after 8 << PER clocks; only while disabled |
+//! | 00 | CTRL | ENABLE, WEN, ALWAYSON; slowly synchronised |
+//! | 01 | CONFIG | PER: timeout after 8 << PER clocks; WINDOW; only while disabled |
 //! | 02 | EWCTRL | EWOFFSET: early warning after 8 << EWOFFSET clocks; only while disabled |
 //! | 04, 05, 06 | INTENCLR, INTENSET, INTFLAG | EW |
 //! | 07 | STATUS | SYNCBUSY |
 //! | 08 | CLEAR | 0xA5 restarts the timeout, slowly synchronised; else the chip is reset at once |
 //!
+//! With WEN the first 8 << WINDOW clocks are closed: a CLEAR in them resets the chip; PER counts from
+//! their end. All settings come from the user row at reset, and with its ENABLE the watchdog runs.
+//! Codes above 11 are reserved and taken for 11, the longest.
+//!
 //! CTRL and CLEAR reach the watchdog's own clock (1,024 Hz as a rule) after its next edge and five
 //! periods: 4.9 to 5.9 ms, and take effect only then. A second write to one of them meanwhile
 //! stalls the bus until the first has arrived (data sheet, register synchronisation): the CPU and
 //! all interrupts stand still. With no clock it would stall for ever: that faults.
-//!
-//! | left out | why |
-//! |---|---|
-//! | window mode | not used: setting WEN faults |
-//! | start-up from the user row | its factory setting is off |
 
 use super::access::{Bus, Lanes, RESERVED, Read, Refusal, Write};
 use super::clock::Rate;
 use super::interrupts::Interrupts;
 use super::map::Block;
+use super::user_row::UserRow;
 use crate::board::Ticks;
 
 const ENABLE: u8 = 1 << 1;
@@ -51,14 +51,17 @@ pub(crate) struct Wdt {
     arriving: Option<(Ticks, Arrival)>,
     early_warning: Ticks,
     timeout: Ticks,
+    /// When the closed window ends.
+    opens: Ticks,
     bites: bool,
 }
 
 impl Wdt {
-    pub(crate) fn new() -> Self {
+    pub(crate) fn new(row: UserRow) -> Self {
         Self {
-            config: 0xBB,
-            ewctrl: 0x0B,
+            ctrl: row.wdt_ctrl(),
+            config: row.wdt_config(),
+            ewctrl: row.wdt_early_warning(),
             interrupts: Interrupts::of(Block::Wdt),
             early_warning: Ticks::NEVER,
             timeout: Ticks::NEVER,
@@ -66,7 +69,24 @@ impl Wdt {
         }
     }
 
-    pub(crate) fn set_clock(&mut self, clock: Option<Rate>) {
+    /// A reset has ended: it runs if the user row says so.
+    pub(crate) fn power_up(&mut self, now: Ticks) {
+        if self.ctrl & ENABLE != 0 {
+            self.start(now);
+        }
+    }
+
+    /// The generic clock. What is counted already stays counted.
+    pub(crate) fn set_clock(&mut self, now: Ticks, clock: Option<Rate>) {
+        if let (Some(old), Some(new)) = (self.clock, clock)
+            && old != new
+        {
+            for at in [&mut self.early_warning, &mut self.timeout, &mut self.opens] {
+                if *at > now && *at != Ticks::NEVER {
+                    *at = now + new.duration(old.cycles_in(*at - now));
+                }
+            }
+        }
         self.clock = clock;
     }
 
@@ -97,9 +117,12 @@ impl Wdt {
             && at <= now
         {
             self.arriving = None;
+            let early = self.ctrl & WEN != 0 && now < self.opens;
             if self.ctrl & ENABLE == 0 {
                 self.early_warning = Ticks::NEVER;
                 self.timeout = Ticks::NEVER;
+            } else if arrival == Arrival::Clear && early {
+                self.bites = true;
             } else if arrival == Arrival::Clear || self.timeout == Ticks::NEVER {
                 self.start(now);
             }
@@ -110,12 +133,14 @@ impl Wdt {
     fn start(&mut self, now: Ticks) {
         let Some(clock) = self.clock else { return };
         let edge = clock.cycles_in(now);
-        let after = |exponent: u8| {
-            let cycles = 8 << exponent.min(0xB);
-            clock.duration(edge + cycles)
+        let cycles = |exponent: u8| 8 << exponent.min(0xB);
+        let closed = match self.ctrl & WEN {
+            0 => 0,
+            _ => cycles(self.config >> 4),
         };
-        self.timeout = after(self.config & 0xF);
-        self.early_warning = after(self.ewctrl & 0xF);
+        self.opens = clock.duration(edge + closed);
+        self.timeout = clock.duration(edge + closed + cycles(self.config & 0xF));
+        self.early_warning = clock.duration(edge + cycles(self.ewctrl & 0xF));
         if self.early_warning >= self.timeout {
             self.early_warning = Ticks::NEVER;
         }
@@ -168,15 +193,12 @@ impl Wdt {
     }
 
     fn write_ctrl(&mut self, bus: &mut Bus<'_>, value: u8) -> Write {
-        if value & WEN != 0 {
-            return Err(Refusal::Unmodelled("window mode"));
-        }
         if self.ctrl & ALWAYSON != 0 {
             bus.note("WDT", "CTRL written with ALWAYSON set: ignored");
             return Ok(Ticks::ZERO);
         }
         let stall = self.send(bus, Arrival::Control)?;
-        self.ctrl = value & (ENABLE | ALWAYSON);
+        self.ctrl = value & (ENABLE | WEN | ALWAYSON);
         Ok(stall)
     }
 
@@ -225,8 +247,8 @@ mod tests {
     impl Rig {
         /// 125 ms timeout, warning at 62.5 ms, enabled at 1 ms.
         fn running() -> Self {
-            let mut wdt = Wdt::new();
-            wdt.set_clock(Some(Rate::from_hz(1024)));
+            let mut wdt = Wdt::new(UserRow::SHIPPED);
+            wdt.set_clock(Ticks::ZERO, Some(Rate::from_hz(1024)));
             let mut rig = Self {
                 wdt,
                 now: Ticks::from_ms(1),
@@ -315,6 +337,48 @@ mod tests {
     }
 
     #[test]
+    fn another_clock_takes_over_what_is_left() {
+        let mut rig = Rig::running();
+        rig.run_to(6_836 + 25_000);
+        rig.wdt.set_clock(rig.now, Some(Rate::from_hz(2048)));
+        rig.run_to(6_836 + 25_000 + 49_000);
+        assert!(!rig.wdt.take_bite());
+        rig.run_to(6_836 + 25_000 + 51_000);
+        assert!(rig.wdt.take_bite(), "100 ms were left");
+    }
+
+    #[test]
+    fn an_erased_user_row_has_it_always_on_with_a_window_of_16_s() {
+        let erased = || {
+            let mut wdt = Wdt::new(UserRow::ERASED);
+            wdt.set_clock(Ticks::ZERO, Some(Rate::from_hz(1024)));
+            wdt.power_up(Ticks::ZERO);
+            Rig {
+                wdt,
+                now: Ticks::ZERO,
+            }
+        };
+        let mut rig = erased();
+        rig.write(0x00, Lanes::new(0, 0, 1));
+        rig.run_to(31_999_000);
+        assert!(!rig.wdt.take_bite(), "cannot be turned off, takes 32 s");
+        rig.run_to(32_001_000);
+        assert!(rig.wdt.take_bite());
+
+        let mut rig = erased();
+        rig.run_to(15_900_000);
+        rig.clear();
+        rig.run_to(15_910_000);
+        assert!(rig.wdt.take_bite(), "fed in the closed window");
+
+        let mut rig = erased();
+        rig.run_to(16_100_000);
+        rig.clear();
+        rig.run_to(40_000_000);
+        assert!(!rig.wdt.take_bite(), "fed in the open one");
+    }
+
+    #[test]
     fn a_wrong_key_resets_at_once() {
         let mut rig = Rig::running();
         rig.run_to(20_000);
@@ -341,7 +405,7 @@ mod tests {
     #[test]
     fn without_a_clock_a_write_is_refused() {
         let mut rig = Rig::running();
-        rig.wdt.set_clock(None);
+        rig.wdt.set_clock(rig.now, None);
         let mut bus = Bus {
             now: rig.now,
             board: &mut Unconnected,
