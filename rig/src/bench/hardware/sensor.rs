@@ -24,7 +24,7 @@ pub(super) const KEYS: &[Key] = &[
     Key {
         name: "lost-within",
         value: "US",
-        what: "a write that follows sooner than this after the one before is lost, us (0 to 100000)",
+        what: "a write that follows the one before sooner than this is lost, us (0 to 100000)",
         source: "Adafruit_CircuitPython_BNO055, issue 91",
         set: |hardware, text| {
             let within = number(text, LATEST_US).map(Ticks::from_us);
