@@ -65,7 +65,7 @@ impl Bno055 {
                     selected,
                     reads: read,
                     expects_pointer: !read,
-                    shadow: None,
+                    ..Transfer::default()
                 };
                 if selected {
                     I2cReply::ACK
