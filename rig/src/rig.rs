@@ -125,8 +125,8 @@ impl Rig {
         if let Some(params) = &config.stored {
             chip.load_flash(STORE_ADDRESS, &store::first_slot(params));
         }
-        // After a power-on the bootloader starts the image at once.
-        chip.boot(IMAGE_ADDRESS);
+        // After a power-on the bootloader, if there is one, starts the image at once.
+        chip.boot(image.address());
         Ok(Self {
             chip,
             environment: Environment::new(&bench)?,
@@ -197,6 +197,11 @@ impl Rig {
     /// it leaves a word in RAM and waits; at a second one within that time it stays in control.
     fn enter_bootloader(&mut self, cause: ResetCause) {
         self.reset(cause);
+        if self.image.address() != IMAGE_ADDRESS {
+            // The image is in the bootloader's place.
+            self.start_image();
+            return;
+        }
         let end = self.now() + TAP_WINDOW;
         let ram = self.chip.ram_mut();
         ram[BOOTLOADER_VARIABLES].fill(BOOTLOADER_RUBBISH);
@@ -218,7 +223,7 @@ impl Rig {
     }
 
     fn start_image(&mut self) {
-        self.chip.boot(IMAGE_ADDRESS);
+        self.chip.boot(self.image.address());
         self.running = Running::Image;
     }
 
