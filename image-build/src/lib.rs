@@ -195,14 +195,15 @@ impl Builder {
     fn flags(&self) -> OsString {
         let places = [
             (cargo_home(), "/cargo"),
-            (Some(self.tree.clone()), "/tvc-nano"),
+            // The compiler is told of this one by the folder that it runs in.
+            (self.tree.canonicalize().ok(), "/tvc-nano"),
             (Some(self.folder.clone()), "/tvc-nano/target/chip"),
         ];
         let mut flags: Vec<OsString> = Vec::new();
         for (place, name) in places {
             let Some(place) = place else { continue };
             let mut flag = OsString::from("--remap-path-prefix=");
-            flag.push(place.canonicalize().unwrap_or(place));
+            flag.push(place);
             flag.push(format!("={name}"));
             flags.push(flag);
         }
@@ -257,7 +258,8 @@ mod tests {
         let flags = Builder::new(tree(), folder, Toolchain::Ready).flags();
         let flags = flags.to_str().expect("a path in UTF-8");
         let flags: Vec<&str> = flags.split('\u{1f}').collect();
-        let of_the_tree = format!("--remap-path-prefix={}=/tvc-nano", tree().display());
+        let place = tree().canonicalize().expect("the tree is there");
+        let of_the_tree = format!("--remap-path-prefix={}=/tvc-nano", place.display());
         assert!(flags.contains(&of_the_tree.as_str()), "{flags:?}");
         assert!(
             flags.iter().any(|flag| flag.ends_with("=/cargo")),

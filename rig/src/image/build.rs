@@ -2,8 +2,12 @@
 
 use super::{Image, ImageError};
 use std::path::{Path, PathBuf};
+use std::sync::{Mutex, PoisonError};
 
 pub use image_build::Source;
+
+/// Images with other features are written to one place: each is read before the next is built.
+static PLACE: Mutex<()> = Mutex::new(());
 
 /// A toolchain that can build for the chip; see [`image_build::Builder`].
 pub struct Builder(image_build::Builder);
@@ -23,6 +27,7 @@ impl Builder {
     /// # Errors
     /// Every [`ImageError`].
     pub fn build(&self, source: &Source<'_>) -> Result<Image, ImageError> {
+        let _place = PLACE.lock().unwrap_or_else(PoisonError::into_inner);
         Image::open(&self.0.build(source)?)
     }
 }
@@ -33,6 +38,7 @@ impl Builder {
 /// # Errors
 /// Every [`ImageError`].
 pub fn build(say: &mut dyn FnMut(&str)) -> Result<Image, ImageError> {
+    let _place = PLACE.lock().unwrap_or_else(PoisonError::into_inner);
     Image::open(&build_in(&workspace(), say)?)
 }
 
