@@ -1,7 +1,11 @@
 //! Options of `tvc fly`.
 
 use crate::flight::disturb::Disturb;
+<<<<<<< HEAD
 use crate::flight::hardware::HardwareChoice;
+=======
+use crate::image::ImageOption;
+>>>>>>> tool
 use ::rig::ServoKind;
 use ::rig::flight::Gains;
 use clap::Args;
@@ -62,6 +66,10 @@ pub struct Fly {
     /// as the options of their names, which come first.
     #[arg(long, value_name = "FILE.toml", conflicts_with = "replay")]
     pub faults: Option<PathBuf>,
+
+    /// Which image.
+    #[command(flatten)]
+    pub image: ImageOption,
 
     /// What disturbs the flight.
     #[command(flatten)]
