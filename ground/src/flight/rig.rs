@@ -5,11 +5,8 @@ use anyhow::Result;
 use crate::arguments::seconds;
 use crate::flight::disturb::Disturb;
 use crate::flight::fly::start_angle;
-<<<<<<< HEAD
 use crate::flight::hardware::HardwareChoice;
-=======
 use crate::image::ImageOption;
->>>>>>> tool
 use crate::out::exit::Verdict;
 use ::rig::ServoKind;
 use ::rig::bno055::ImuErrors;

@@ -11,11 +11,8 @@ use rig::bno055::FaultKind;
 use rig::faults::{Campaign, Case, DEADLINE, Ending, Outcome};
 use rig::{ServoKind, Setup, prepare};
 
-<<<<<<< HEAD
 use crate::flight::hardware::HardwareChoice;
-=======
 use crate::image::ImageOption;
->>>>>>> tool
 use crate::out::exit::Verdict;
 use crate::out::measure::Limit::AtMost;
 use crate::out::measure::{Figure, Figures, figure, rows};

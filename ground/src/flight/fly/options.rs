@@ -1,11 +1,8 @@
 //! Options of `tvc fly`.
 
 use crate::flight::disturb::Disturb;
-<<<<<<< HEAD
 use crate::flight::hardware::HardwareChoice;
-=======
 use crate::image::ImageOption;
->>>>>>> tool
 use ::rig::ServoKind;
 use ::rig::flight::Gains;
 use clap::Args;
