@@ -16,7 +16,7 @@
 //! | module | what |
 //! |---|---|
 //! | [`image`] | builds the firmware and reads its ELF file |
-//! | [`Rig`] | chip, environment and bootloader together |
+//! | [`Rig`] | chip, environment and [`bootloader`] together |
 //! | [`mod@bench`] | sensor, servo, drone, clamp; what disturbs them ([`disturbance`]); the sensor moved by hand ([`sensor_motion`]) |
 //! | [`bno055`] | the sensor at register level, with its faults |
 //! | [`observe`] | what really happened ([`ground_truth`]), and timing figures of it ([`measure`]) |
@@ -27,6 +27,7 @@
 
 pub mod bench;
 pub mod bno055;
+pub mod bootloader;
 pub mod fly;
 pub mod ground_station;
 pub mod image;
@@ -36,7 +37,7 @@ mod received;
 mod rig;
 
 pub use bench::{disturbance, sensor_motion};
-pub use fly::flight::{FlightRecord, Ready, ServoKind, Setup, prepare};
+pub use fly::flight::{FlightRecord, Ready, ServoKind, Setup, fly_at_once, prepare};
 pub use fly::{faults, flight, pilot, replay};
 #[cfg(unix)]
 pub use fly::{pty, real_time};

@@ -3,6 +3,7 @@
 
 use crate::bench::{BenchConfig, Environment, Hardware};
 use crate::bno055::Fault;
+use crate::bootloader::{Bootloader, Verdict};
 use crate::image::{IMAGE_ADDRESS, Image};
 use crate::observe::ground_truth::GroundTruth;
 use plant::ParameterError;
@@ -15,16 +16,6 @@ use std::sync::Arc;
 use thiserror::Error;
 use tvc_nano::{Params, store};
 
-/// How long the bootloader waits for a second tap on the reset button.
-const TAP_WINDOW: Ticks = Ticks::from_ms(500);
-/// The word that it leaves in RAM meanwhile, and its offset there.
-const TAP_WORD: u32 = 0x0773_8135;
-const TAP_ADDRESS: usize = 0x7FFC;
-/// RAM that the bootloader uses itself: its variables below, its stack above.
-const BOOTLOADER_VARIABLES: std::ops::Range<usize> = 0..0x800;
-const BOOTLOADER_STACK: std::ops::Range<usize> = 0x7A00..TAP_ADDRESS;
-const BOOTLOADER_RUBBISH: u8 = 0xB0;
-
 /// Where the image keeps its parameters: the end of the flash.
 const STORE_ADDRESS: u32 = 0x0004_0000 - store::STORE_BYTES as u32;
 
@@ -35,8 +26,8 @@ const RAM_START: u32 = 0x2000_0000;
 pub struct RigConfig {
     /// Seed of everything random: the sensor, its bus, the noise in RAM at power-on.
     pub seed: u64,
-    /// What stands on the bench; its sensor's seed is replaced by `seed`, its address and bus by
-    /// those of `hardware`.
+    /// What stands on the bench; its sensor's seed is replaced by `seed`, and what `hardware` has
+    /// too by that.
     pub bench: BenchConfig,
     /// What the parts are like where real ones differ.
     pub hardware: Hardware,
@@ -94,9 +85,9 @@ pub enum RigError {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Running {
     Image,
-    /// The bootloader waits until this time for a second tap.
-    Tap(Ticks),
-    /// Tapped twice: the bootloader waits for a programmer until the power is cut.
+    /// The bootloader starts the image at this time.
+    Start(Ticks),
+    /// The bootloader waits for a programmer until the next reset.
     Bootloader,
 }
 
@@ -106,6 +97,7 @@ pub struct Rig {
     chip: Chip,
     environment: Environment,
     image: Arc<Image>,
+    bootloader: Bootloader,
     running: Running,
     resets: Vec<(Ticks, ResetCause)>,
     lowest_sp: u32,
@@ -119,7 +111,7 @@ impl Rig {
     pub fn new(image: &Image, config: &RigConfig) -> Result<Self, RigError> {
         let mut bench = config.bench.clone();
         bench.sensor.seed = config.seed;
-        config.hardware.fit(&mut bench.sensor);
+        config.hardware.fit(&mut bench);
         let mut chip = Chip::new(Options {
             wait_states: config.wait_states,
             syncbusy_hold: config.syncbusy_hold,
@@ -130,16 +122,24 @@ impl Rig {
         if let Some(params) = &config.stored {
             chip.load_flash(STORE_ADDRESS, &store::first_slot(params));
         }
-        // After a power-on the bootloader starts the image at once.
-        chip.boot(IMAGE_ADDRESS);
-        Ok(Self {
+        let bootloader = if image.address() == IMAGE_ADDRESS {
+            config.hardware.bootloader
+        } else {
+            // The image is in the bootloader's place.
+            Bootloader::None
+        };
+        bootloader.install(&mut chip);
+        let mut rig = Self {
             chip,
             environment: Environment::new(&bench)?,
             lowest_sp: image.stack_top(),
             image: Arc::new(image.clone()),
+            bootloader,
             running: Running::Image,
             resets: Vec::new(),
-        })
+        };
+        rig.enter_bootloader(ResetCause::PowerOn);
+        Ok(rig)
     }
 
     /// Time since power-on.
@@ -165,7 +165,7 @@ impl Rig {
             match self.run_some(until) {
                 // A core in lock-up stands still until the watchdog resets it.
                 Stop::Reached | Stop::Lockup => {}
-                Stop::Reset(cause) => self.enter_bootloader(cause),
+                Stop::Reset(cause) => self.reset(cause),
                 stop => {
                     return Err(RigError::Stopped {
                         seconds: self.now().as_secs_f64(),
@@ -186,10 +186,9 @@ impl Rig {
                 self.lowest_sp = self.lowest_sp.min(self.chip.lowest_sp());
                 stop
             }
-            Running::Tap(end) => {
-                let stop = self.chip.hold_until(until.min(end), &mut self.environment);
-                if stop == Stop::Reached && self.now() >= end {
-                    self.chip.ram_mut()[TAP_ADDRESS..TAP_ADDRESS + 4].fill(0);
+            Running::Start(at) => {
+                let stop = self.chip.hold_until(until.min(at), &mut self.environment);
+                if stop == Stop::Reached && self.now() >= at {
                     self.start_image();
                 }
                 stop
@@ -198,53 +197,49 @@ impl Rig {
         }
     }
 
-    /// What the Nano 33 IoT's bootloader does after any reset that is not a power-on: at the first
-    /// it leaves a word in RAM and waits; at a second one within that time it stays in control.
-    fn enter_bootloader(&mut self, cause: ResetCause) {
-        self.reset(cause);
-        let end = self.now() + TAP_WINDOW;
-        let ram = self.chip.ram_mut();
-        ram[BOOTLOADER_VARIABLES].fill(BOOTLOADER_RUBBISH);
-        ram[BOOTLOADER_STACK].fill(BOOTLOADER_RUBBISH);
-        let word = &mut ram[TAP_ADDRESS..TAP_ADDRESS + 4];
-        if *word == TAP_WORD.to_le_bytes() {
-            word.fill(0);
-            self.running = Running::Bootloader;
-        } else {
-            word.copy_from_slice(&TAP_WORD.to_le_bytes());
-            self.running = Running::Tap(end);
-        }
+    fn reset(&mut self, cause: ResetCause) {
+        self.reset_chip(cause);
+        self.enter_bootloader(cause);
     }
 
-    fn reset(&mut self, cause: ResetCause) {
+    fn reset_chip(&mut self, cause: ResetCause) {
         self.resets.push((self.now(), cause));
         self.chip.reset(cause);
         self.environment.chip_reset();
     }
 
+    fn enter_bootloader(&mut self, cause: ResetCause) {
+        match self.bootloader.enter(cause, self.chip.ram_mut()) {
+            Verdict::StartsImage(Ticks::ZERO) => self.start_image(),
+            Verdict::StartsImage(after) => self.running = Running::Start(self.now() + after),
+            Verdict::Stays => self.running = Running::Bootloader,
+        }
+    }
+
     fn start_image(&mut self) {
-        self.chip.boot(IMAGE_ADDRESS);
+        self.bootloader.leave(self.chip.ram_mut());
+        self.chip.boot(self.image.address());
         self.running = Running::Image;
     }
 
     /// Presses the reset button.
     pub fn press_reset(&mut self) {
-        self.enter_bootloader(ResetCause::External);
+        self.reset(ResetCause::External);
     }
 
     /// The supply dips below the chip's brown-out level, which is still enough for the sensor.
     pub fn brown_out(&mut self) {
-        self.enter_bootloader(ResetCause::BrownOut33);
+        self.reset(ResetCause::BrownOut33);
     }
 
     /// Cuts the power of chip and sensor for a moment. Flash keeps its contents, RAM does not.
     pub fn power_cycle(&mut self) {
-        self.reset(ResetCause::PowerOn);
+        self.reset_chip(ResetCause::PowerOn);
         self.inject(Fault::PowerDip);
         for (index, byte) in self.chip.ram_mut().iter_mut().enumerate() {
             *byte = (index as u8).wrapping_mul(167) ^ 0x5A;
         }
-        self.start_image();
+        self.enter_bootloader(ResetCause::PowerOn);
     }
 
     /// True while the bootloader runs instead of the image.
@@ -342,12 +337,12 @@ impl Rig {
 }
 
 #[cfg(test)]
-mod tests {
+pub(crate) mod tests {
     use super::*;
     use samd21::usb_host::System;
 
     /// Counts at 0x2000_7800, and at 0x2000_0000, how often it was started; then sleeps for ever.
-    fn counter() -> Image {
+    pub(crate) fn counter() -> Image {
         let words: [u32; 2] = [0x2000_7800, 0x2009];
         let code: [u16; 12] = [
             0x4805, // ldr r0, =0x2000_7800
@@ -376,7 +371,7 @@ mod tests {
         Ticks::from_ms(ms)
     }
 
-    fn word(rig: &Rig, at: usize) -> u32 {
+    pub(crate) fn word(rig: &Rig, at: usize) -> u32 {
         let ram = rig.chip().ram();
         u32::from_le_bytes([0, 1, 2, 3].map(|i| ram[at + i]))
     }
@@ -389,11 +384,11 @@ mod tests {
         rig.press_reset();
         rig.run_for(ms(499)).unwrap();
         assert!(rig.in_bootloader());
-        assert_eq!(word(&rig, TAP_ADDRESS), TAP_WORD);
+        assert_eq!(word(&rig, 0x7FFC), 0x0773_8135);
         assert_eq!(word(&rig, 0x7800), kept);
         rig.run_for(ms(2)).unwrap();
         assert!(!rig.in_bootloader());
-        assert_eq!(word(&rig, TAP_ADDRESS), 0);
+        assert_eq!(word(&rig, 0x7FFC), 0);
         assert_eq!(word(&rig, 0x7800), kept.wrapping_add(1));
         assert_ne!(
             word(&rig, 0),

@@ -10,8 +10,14 @@ pub struct Disturb {
     /// Unbalanced propeller from the release on: amplitude of the acceleration in m/s2 (0 to 40),
     /// turns in Hz (1 to 400) and, if it is not what a mount that yields over 0.1 m gives,
     /// amplitude of the angular rate in deg/s. 5,180 reaches a sensor that refreshes at 100 Hz as
-    /// 20 Hz.
-    #[arg(long, value_name = "ACC,HZ[,RATE]", allow_negative_numbers = true)]
+    /// 20 Hz. With the rate, how many harmonics follow at multiples of the frequency (0 to 4, each
+    /// half as strong as the one before) and how far the frequency wanders in % (0 to 20):
+    /// 5,120,3,2,4.
+    #[arg(
+        long,
+        value_name = "ACC,HZ[,RATE[,HARMONICS,WANDER]]",
+        allow_negative_numbers = true
+    )]
     pub vibration: Option<Vibration>,
 
     /// Supply of the servo in V (3 to 7.4, whole at 6), if not for the whole flight from when and

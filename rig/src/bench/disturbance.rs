@@ -67,8 +67,16 @@ impl Disturbances {
         let vibration = self.vibration.map(|v| {
             let rate_dps = v.rate_rad_s().to_degrees();
             let acc_m_s2 = v.acc_m_s2;
+            let wander = match v.wander_pct {
+                0.0 => String::new(),
+                pct => format!(" +-{pct} %"),
+            };
+            let harmonics = match v.harmonics {
+                0 => String::new(),
+                more => format!(", {more} harmonics"),
+            };
             let how = format!(
-                "{acc_m_s2} m/s2 and {rate_dps:.1} deg/s at {} Hz",
+                "{acc_m_s2} m/s2 and {rate_dps:.1} deg/s at {} Hz{wander}{harmonics}",
                 v.frequency_hz
             );
             ("propeller vibration", how)
@@ -105,7 +113,8 @@ impl Disturbances {
 /// perpendicular to the body's z axis; the mount yields and tilts the sensor at the same frequency.
 ///
 /// It acts on the sensor at every step of the physics, before the sensor's filter and sampling, so
-/// that frequencies above half the refresh rate are aliased.
+/// that frequencies above half the refresh rate are aliased. One close to a multiple of that rate
+/// arrives as a slow swing, and one that wanders sweeps through what the controller answers to.
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize, Serialize)]
 #[serde(deny_unknown_fields)]
 pub struct Vibration {
@@ -116,7 +125,24 @@ pub struct Vibration {
     pub rate_dps: Option<f64>,
     /// Turns of the propeller a second, 1 to [`Vibration::HIGHEST_HZ`].
     pub frequency_hz: f64,
+    /// Further lines at whole multiples of the frequency, 0 to 4, each with half the amplitude of
+    /// the line before; with all that wanders, the highest is at most [`Vibration::HIGHEST_HZ`].
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub harmonics: u8,
+    /// How far the frequency wanders to either side, % of it, 0 to 20; over some seconds, as the
+    /// speed of a propeller on a battery does.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    pub wander_pct: f64,
 }
+
+/// True for what a report leaves out.
+fn is_zero<T: Default + PartialEq>(value: &T) -> bool {
+    *value == T::default()
+}
+
+/// Periods of the two swings that the wandering of the frequency is made of, s: they have no common
+/// multiple within a flight.
+const WANDER_S: [f64; 2] = [5.0, 3.1];
 
 impl Vibration {
     /// Highest frequency that the steps of the physics, 0.5 ms, still resolve, Hz.
@@ -127,7 +153,18 @@ impl Vibration {
         let hertz = format!("a vibration has 1 to {} Hz", Self::HIGHEST_HZ);
         within(1.0..=Self::HIGHEST_HZ, self.frequency_hz, &hertz)?;
         let why = "the angular rate of a vibration is 0 to 500 deg/s";
-        within(0.0..=500.0, self.rate_dps.unwrap_or(0.0), why)
+        within(0.0..=500.0, self.rate_dps.unwrap_or(0.0), why)?;
+        let why = "a vibration has 0 to 4 harmonics";
+        within(0.0..=4.0, f64::from(self.harmonics), why)?;
+        let why = "the frequency of a vibration wanders by 0 to 20 %";
+        within(0.0..=20.0, self.wander_pct, why)?;
+        let highest_hz =
+            self.frequency_hz * f64::from(1 + self.harmonics) * (1.0 + self.wander_pct / 100.0);
+        let why = format!(
+            "the highest line of a vibration has at most {} Hz",
+            Self::HIGHEST_HZ
+        );
+        within(0.0..=Self::HIGHEST_HZ, highest_hz, &why)
     }
 
     /// Amplitude of the angular rate about the body's x and y, rad/s.
@@ -140,26 +177,52 @@ impl Vibration {
 
     /// Specific force (m/s^2) and rate (rad/s) along the body's axes at a time, s.
     pub(crate) fn at(&self, time_s: f64) -> ([f64; 3], [f64; 3]) {
-        let (sin, cos) = (TAU * self.frequency_hz * time_s).sin_cos();
-        let turning = |amplitude: f64| [amplitude * cos, amplitude * sin, 0.0];
+        let turns = self.frequency_hz * (time_s + self.ahead_s(time_s));
+        let (mut sum_cos, mut sum_sin, mut share) = (0.0, 0.0, 1.0);
+        for line in 0..=self.harmonics {
+            let (sin, cos) = (TAU * turns * f64::from(line + 1)).sin_cos();
+            sum_cos += share * cos;
+            sum_sin += share * sin;
+            share *= 0.5;
+        }
+        let turning = |amplitude: f64| [amplitude * sum_cos, amplitude * sum_sin, 0.0];
         (turning(self.acc_m_s2), turning(self.rate_rad_s()))
+    }
+
+    /// How far the propeller is ahead of an even one at a time, s: the integral of the relative
+    /// deviation of its speed, which is `wander / 2 * sin(2 pi t / T)` summed over both periods.
+    fn ahead_s(&self, time_s: f64) -> f64 {
+        let each = self.wander_pct / 100.0 / WANDER_S.len() as f64;
+        let swings = WANDER_S.map(|period_s| {
+            let rate = TAU / period_s;
+            each * (1.0 - (rate * time_s).cos()) / rate
+        });
+        swings.iter().sum()
     }
 }
 
-/// `ACC,HZ[,RATE]` in m/s^2, Hz and deg/s.
+/// `ACC,HZ[,RATE[,HARMONICS,WANDER]]` in m/s^2, Hz, deg/s and %.
 impl FromStr for Vibration {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
-        let (acc_m_s2, frequency_hz, rate_dps) = match numbers(text).as_deref() {
-            Some(&[acc, hz]) => (acc, hz, None),
-            Some(&[acc, hz, rate]) => (acc, hz, Some(rate)),
+        let (acc_m_s2, frequency_hz, rate_dps, harmonics, wander_pct) = match numbers(text)
+            .as_deref()
+        {
+            Some(&[acc, hz]) => (acc, hz, None, 0.0, 0.0),
+            Some(&[acc, hz, rate]) => (acc, hz, Some(rate), 0.0, 0.0),
+            Some(&[acc, hz, rate, harmonics, wander]) => (acc, hz, Some(rate), harmonics, wander),
             _ => return Err("a vibration is m/s2 and Hz, such as 5,180".into()),
         };
+        if harmonics.fract() != 0.0 || harmonics < 0.0 {
+            return Err("a vibration has a whole number of harmonics".into());
+        }
         let vibration = Self {
             acc_m_s2,
             rate_dps,
             frequency_hz,
+            harmonics: harmonics as u8,
+            wander_pct,
         };
         vibration.check().map(|()| vibration)
     }

@@ -8,12 +8,13 @@
 //! ```
 //!
 //! The drone pitches about the body's y axis, to the right; nose up is positive, which is the
-//! plant's counter-clockwise `theta0` seen from the right. The pivot does not move, so that the
-//! accelerometer feels gravity alone.
+//! plant's counter-clockwise `theta0` seen from the right. The pivot does not move, so that an
+//! accelerometer there feels gravity alone; [`BenchConfig::lever_m`] moves the sensor away from it.
 
 use super::clamp::Clamp;
 use super::disturbance::Disturbances;
 use super::sensor_motion::{HeldSensor, SensorMotion};
+use super::stimulus::PitchMotion;
 use super::{EarthField, TimedFault, fault_schedule, stimulus};
 use crate::bno055::{self, Bno055, Fault, Stimulus};
 use crate::observe::ground_truth::{GroundTruth, Motion};
@@ -46,6 +47,8 @@ const BACK_S: f64 = 1.5;
 pub struct BenchConfig {
     /// The sensor.
     pub sensor: bno055::Config,
+    /// Where the sensor sits, from the pivot along the body's axes (x forward, y right, z down), m.
+    pub lever_m: [f64; 3],
     /// The servo, before its horn is fitted to zero rudder at [`ZERO_RUDDER_US`].
     pub servo: ServoModel,
     /// Angle by which the horn is mounted off its place on the spline, rad.
@@ -68,6 +71,7 @@ impl Default for BenchConfig {
     fn default() -> Self {
         Self {
             sensor: bno055::Config::default(),
+            lever_m: [0.0; 3],
             servo: ServoModel::S3003,
             horn_error_rad: 0.0,
             parameters: Parameters::PHYS,
@@ -86,6 +90,9 @@ pub struct Environment {
     drone: Drone,
     servo: Servo,
     sensor: Bno055,
+    lever_m: [f64; 3],
+    /// How the drone moved in the last step.
+    motion: PitchMotion,
     heading_rad: f64,
     field: EarthField,
     disturbances: Disturbances,
@@ -121,6 +128,8 @@ impl Environment {
             drone,
             servo: Servo::new(model, zero_rad, 0.0),
             sensor: Bno055::new(sensor),
+            lever_m: bench.lever_m,
+            motion: PitchMotion::default(),
             heading_rad: bench.heading_rad,
             field: bench.field,
             disturbances: bench.disturbances,
@@ -252,9 +261,16 @@ impl Environment {
         self.drone.step(dt_s, crank);
         let rate_rad_s = self.drone.rate_rad_s() + tilt_rad_s;
         let pitch_rad = self.drone.pitch_rad();
+        // The mean over the step, so that a jump of the rate, as at the release, is felt once.
+        let acceleration_rad_s2 = (rate_rad_s - self.motion.rate_rad_s) / dt_s;
+        self.motion = PitchMotion {
+            pitch_rad,
+            rate_rad_s,
+            acceleration_rad_s2,
+        };
         let stimulus = match self.felt_in_hand(dt_s) {
             Some(felt) => felt,
-            None => self.felt_on_drone(now, pitch_rad, rate_rad_s),
+            None => self.felt_on_drone(now, &self.motion),
         };
         self.sensor.sense(now, &stimulus);
         if self.steps.is_multiple_of(MOTION_EVERY) {
@@ -282,9 +298,14 @@ impl Environment {
     }
 
     /// What the sensor feels on the drone, with the propeller's vibration while the drone is free.
-    fn felt_on_drone(&self, now: Ticks, pitch_rad: f64, rate_rad_s: f64) -> Stimulus {
-        let (heading_rad, gravity) = (self.heading_rad, self.gravity_m_s2());
-        let mut felt = stimulus::on_drone(pitch_rad, rate_rad_s, heading_rad, &self.field, gravity);
+    fn felt_on_drone(&self, now: Ticks, motion: &PitchMotion) -> Stimulus {
+        let mut felt = stimulus::on_drone(
+            motion,
+            self.lever_m,
+            self.heading_rad,
+            &self.field,
+            self.gravity_m_s2(),
+        );
         if let Some(vibration) = self.disturbances.vibration
             && self.clamp.open_for(now).is_some()
         {

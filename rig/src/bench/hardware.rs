@@ -1,9 +1,13 @@
 //! What the emulated parts are like where real ones differ from each other.
 //!
-//! Every difference has a key in [`KEYS`], by which the command line sets it: `KEY=VALUE`, several
+//! Every difference has a key ([`keys`]), by which the command line sets it: `KEY=VALUE`, several
 //! with commas between them.
 
-use crate::bno055::{self, BusTiming, RareStretch};
+mod sensor;
+
+use super::BenchConfig;
+use crate::bno055::{BusTiming, Magnetometer, RareStretch, RefreshRates};
+use crate::bootloader::Bootloader;
 use samd21::Options;
 use samd21::board::Ticks;
 use samd21::peripherals::UserRow;
@@ -17,6 +21,20 @@ use std::str::FromStr;
 pub struct Hardware {
     /// 7-bit address of the sensor: 0x28 or 0x29, by the level at its address pin.
     pub address: u8,
+    /// How long a write to the sensor takes to act.
+    pub late_registers: Ticks,
+    /// A write to the sensor that follows sooner than this after the one before is lost.
+    pub lost_within: Ticks,
+    /// Refreshes of the sensor's data registers, each sensor's by itself.
+    pub refresh: Option<RefreshRates>,
+    /// Age and worth of the magnetic field.
+    pub magnetometer: Magnetometer,
+    /// Largest deviation of the sensor's clock, relative.
+    pub clock_error: f64,
+    /// Where the sensor sits, from the pivot along the body's axes, m.
+    pub lever_m: [f64; 3],
+    /// What runs between a reset and the image.
+    pub bootloader: Bootloader,
     /// How long the sensor holds the clock line of its bus.
     pub bus: BusTiming,
     /// Error of the chip's 48 MHz while no USB host corrects it, %.
@@ -37,6 +55,13 @@ impl Default for Hardware {
     fn default() -> Self {
         Self {
             address: 0x28,
+            late_registers: Ticks::ZERO,
+            lost_within: Ticks::ZERO,
+            refresh: None,
+            magnetometer: Magnetometer::default(),
+            clock_error: 0.01,
+            lever_m: [0.0; 3],
+            bootloader: Bootloader::default(),
             bus: BusTiming::default(),
             clock_percent: 0.0,
             clock_drift_ppm_s: 0,
@@ -73,8 +98,8 @@ const USER_ROWS: [(&str, UserRow); 3] = [
     ("bootprot", UserRow::PROTECTED),
 ];
 
-/// All that can be set.
-pub const KEYS: &[Key] = &[
+/// The keys for the chips, the bus between them and the host.
+const KEYS: &[Key] = &[
     Key {
         name: "address",
         value: "0x28|0x29",
@@ -198,6 +223,11 @@ pub const KEYS: &[Key] = &[
     },
 ];
 
+/// All that can be set.
+pub fn keys() -> impl Iterator<Item = &'static Key> {
+    KEYS.iter().chain(sensor::KEYS)
+}
+
 impl Hardware {
     /// Sets what `KEY=VALUE` says.
     ///
@@ -206,8 +236,8 @@ impl Hardware {
     pub fn set(&mut self, setting: &str) -> Result<(), String> {
         let (name, value) = setting.split_once('=').unwrap_or((setting, ""));
         let (name, value) = (name.trim(), value.trim());
-        let Some(key) = KEYS.iter().find(|key| key.name == name) else {
-            let names: Vec<&str> = KEYS.iter().map(|key| key.name).collect();
+        let Some(key) = keys().find(|key| key.name == name) else {
+            let names: Vec<&str> = keys().map(|key| key.name).collect();
             let names = names.join(", ");
             return Err(format!("there is no key `{name}`; the keys are {names}"));
         };
@@ -217,7 +247,7 @@ impl Hardware {
     /// The keys, a line each, with their values and defaults.
     pub fn help() -> String {
         let default = Self::default();
-        let lines = KEYS.iter().map(|key| {
+        let lines = keys().map(|key| {
             let Key {
                 name, value, what, ..
             } = key;
@@ -242,10 +272,17 @@ impl Hardware {
         }
     }
 
-    /// The sensor as it differs.
-    pub(crate) fn fit(&self, sensor: &mut bno055::Config) {
+    /// The bench as it differs.
+    pub(crate) fn fit(&self, bench: &mut BenchConfig) {
+        bench.lever_m = self.lever_m;
+        let sensor = &mut bench.sensor;
         sensor.address = self.address;
         sensor.bus = self.bus.clone();
+        sensor.late_registers = self.late_registers;
+        sensor.lost_within = self.lost_within;
+        sensor.refresh = self.refresh;
+        sensor.magnetometer = self.magnetometer;
+        sensor.clock_error = self.clock_error;
     }
 }
 
@@ -360,7 +397,7 @@ mod tests {
     #[test]
     fn a_default_that_is_shown_can_be_given() {
         let default = Hardware::default();
-        for key in KEYS {
+        for key in keys() {
             let shown = (key.show)(&default);
             if shown == "none" {
                 continue;

@@ -11,6 +11,15 @@ const TO_CONFIG: Ticks = Ticks::from_ms(19);
 const SELF_TEST: Ticks = Ticks::from_ms(400);
 const CLOCK_CHANGE: Ticks = Ticks::from_ms(600);
 
+/// A byte written to a register, and when it acts.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct LateWrite {
+    pub(super) at: Ticks,
+    page: usize,
+    address: u8,
+    value: u8,
+}
+
 impl Bno055 {
     pub(super) fn read(&self, now: Ticks, address: u8) -> u8 {
         if let Power::Booting { answers, ready } = self.power {
@@ -78,7 +87,38 @@ impl Bno055 {
         (steps.round() as i8).cast_unsigned()
     }
 
+    /// Takes a byte for a register of the page in force; it acts at once or late, or it is lost.
     pub(super) fn write(&mut self, now: Ticks, address: u8, value: u8) {
+        if self.power != Power::On {
+            return;
+        }
+        let before = self.last_write.replace(now);
+        let hasty = before.is_some_and(|before| now < before + self.config.lost_within);
+        if *self.transfer.lost.get_or_insert(hasty) {
+            return;
+        }
+        let late = self.config.late_registers;
+        let write = LateWrite {
+            at: now + late,
+            page: self.page,
+            address,
+            value,
+        };
+        if late == Ticks::ZERO || address == page0::PAGE_ID {
+            self.carry_out(write);
+        } else {
+            self.late.push_back(write);
+        }
+    }
+
+    /// Does what a write is for.
+    pub(super) fn carry_out(&mut self, write: LateWrite) {
+        let LateWrite {
+            at: now,
+            page,
+            address,
+            value,
+        } = write;
         if self.power != Power::On {
             return;
         }
@@ -90,7 +130,7 @@ impl Bno055 {
         }
         let config =
             self.mode == Mode::Config && self.switching.is_none() && now >= self.self_test_until;
-        if self.page == 1 {
+        if page == 1 {
             self.write_page1(address, value, config);
             return;
         }

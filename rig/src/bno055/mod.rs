@@ -31,6 +31,16 @@
 //! The gyroscope's bias and the accelerometer's offset drift with the chip's temperature, if
 //! [`ImuErrors`] says so.
 //!
+//! [`Config`] makes the chip as unkind as real ones have been or may be; the defaults are the kind
+//! side of each:
+//!
+//! | option | behaviour | source |
+//! |---|---|---|
+//! | `late_registers` | a write acts late, and its register reads as before until then | Adafruit's driver waits 10 ms after each write |
+//! | `lost_within` | a write that follows too soon is lost | Adafruit's CircuitPython driver, issue 91: commands fail when sent quickly one after the other |
+//! | `refresh` | each sensor refreshed by a clock of its own | DS has no rate for the modes without fusion; nobody has published one |
+//! | `magnetometer` | the field is old, zero or stuck | users' reports of (0, 0, 0); the age is an estimate |
+//!
 //! Left out: the chip's own fusion and calibration algorithms (their results are taken from the
 //! truth), interrupts (no board wires INT, and it has been seen not to fire), low power mode (it is
 //! treated as normal), the soft-iron matrix, HID-I2C and UART, and that the chip misses a START
@@ -43,6 +53,7 @@
 mod access;
 mod bus;
 mod calibration;
+mod config;
 mod fault;
 mod fault_kind;
 mod imperfections;
@@ -58,6 +69,7 @@ mod words;
 mod tests;
 
 pub use bus::{BusTiming, RareStretch};
+pub use config::{Config, Magnetometer, MagnetometerHealth, RefreshRates};
 pub use fault::{Fault, Faults};
 pub use fault_kind::FaultKind;
 pub use imperfections::{ImuErrors, WarmUp};
@@ -67,50 +79,18 @@ pub use sensors::{Reading, Sensors};
 pub use signal::Stimulus;
 
 use crate::random::{Stream, generator};
+use access::LateWrite;
 use calibration::Calibration;
 use rand::{Rng, RngCore};
 use rand_chacha::ChaCha8Rng;
 use recordings::Recording;
-use refresh::Output;
+use refresh::{Output, RefreshClock};
 use registers::{AXIS_MAP_RESET, UNIT_SEL_RESET, error, page0, reset_pages};
 use replay::Playback;
 use samd21::board::Ticks;
 use signal::SignalChain;
-use std::ops::RangeInclusive;
+use std::collections::VecDeque;
 use std::sync::Arc;
-
-/// What is fixed about one sensor and its place on the bus.
-#[derive(Clone, Debug)]
-pub struct Config {
-    /// Seed of everything random about it.
-    pub seed: u64,
-    /// 7-bit address: 0x28 or 0x29.
-    pub address: u8,
-    /// Imperfections of the sensors.
-    pub errors: ImuErrors,
-    /// From power-on to the first acknowledge, ms; drawn uniformly.
-    pub boot_ms: RangeInclusive<u64>,
-    /// How long it holds the clock line.
-    pub bus: BusTiming,
-    /// Largest deviation of the chip's clock, relative; drawn uniformly.
-    pub clock_error: f64,
-    /// A reset by command hangs the chip until its power is cut, as happens to some units.
-    pub reset_hangs: bool,
-}
-
-impl Default for Config {
-    fn default() -> Self {
-        Self {
-            seed: 0,
-            address: 0x28,
-            errors: ImuErrors::default(),
-            boot_ms: 400..=650,
-            bus: BusTiming::default(),
-            clock_error: 0.01,
-            reset_hangs: false,
-        }
-    }
-}
 
 /// The chip's supply and start.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -135,6 +115,8 @@ struct Transfer {
     expects_pointer: bool,
     /// Register and value of the high byte that was latched when its low byte was read.
     shadow: Option<(u8, u8)>,
+    /// Whether it came too soon after the write before; known from the first byte to a register on.
+    lost: Option<bool>,
 }
 
 /// The last refresh of the data registers.
@@ -156,8 +138,7 @@ pub struct Bno055 {
     unique_id: [u8; 16],
     bus_noise: ChaCha8Rng,
     signals: SignalChain,
-    refresh_period_s: f64,
-    next_refresh: Ticks,
+    clock: RefreshClock,
     refresh: Refresh,
     power: Power,
     pages: [[u8; 128]; 2],
@@ -171,6 +152,10 @@ pub struct Bno055 {
     clock_busy_until: Ticks,
     pointer: u8,
     transfer: Transfer,
+    /// Writes that have not acted yet, the oldest first.
+    late: VecDeque<LateWrite>,
+    /// When the last byte was written to a register.
+    last_write: Option<Ticks>,
     /// Until when another master holds the data line low.
     foreign_until: Ticks,
     faults: Faults,
@@ -194,13 +179,13 @@ impl Bno055 {
         let mut unique_id = [0; 16];
         unit.fill_bytes(&mut unique_id);
         let clock = 1.0 + config.clock_error * unit.random_range(-1.0..=1.0);
-        let signals = SignalChain::new(config.errors, &mut unit, noise);
+        let signals = SignalChain::new(config.errors, &mut unit, noise)
+            .with_magnetometer(config.magnetometer);
         let mut chip = Self {
             unique_id,
             bus_noise: generator(config.seed, Stream::Bus),
             signals,
-            refresh_period_s: 0.01 * clock,
-            next_refresh: Ticks::ZERO,
+            clock: RefreshClock::new(0.01 * clock, config.refresh, &mut unit),
             refresh: Refresh::default(),
             power: Power::Off,
             pages: reset_pages(unique_id),
@@ -214,6 +199,8 @@ impl Bno055 {
             clock_busy_until: Ticks::ZERO,
             pointer: 0,
             transfer: Transfer::default(),
+            late: VecDeque::new(),
+            last_write: None,
             foreign_until: Ticks::ZERO,
             faults: Faults::default(),
             older: [0; DATA],
@@ -234,7 +221,8 @@ impl Bno055 {
         self.signals.play(Playback::new(recording, start));
     }
 
-    /// When the data registers were refreshed last, and from what.
+    /// When the data registers were refreshed last, and from what; those of the gyroscope where
+    /// each sensor has a clock of its own.
     pub fn refreshed(&self) -> Refresh {
         self.refresh
     }
@@ -282,17 +270,29 @@ impl Bno055 {
         self.self_test_until = Ticks::ZERO;
         self.clock_busy_until = Ticks::ZERO;
         self.pointer = 0;
+        self.late.clear();
+        self.last_write = None;
         self.signals.restart();
     }
 
-    /// Does what the chip does by itself up to `now`: boot, change its mode, refresh.
+    /// Does what the chip does by itself up to `now`: boot, carry out late writes, change its mode,
+    /// refresh.
     fn run(&mut self, now: Ticks) {
+        while let Some(write) = self.late.pop_front_if(|write| write.at <= now) {
+            self.run_on(write.at);
+            self.carry_out(write);
+        }
+        self.run_on(now);
+    }
+
+    /// As [`Bno055::run`], with no late write until `now`.
+    fn run_on(&mut self, now: Ticks) {
         if let Power::Booting { ready, .. } = self.power {
             if now < ready {
                 return;
             }
             self.power = Power::On;
-            self.next_refresh = ready;
+            self.clock.start(ready);
         }
         if self.power != Power::On {
             return;
@@ -320,10 +320,7 @@ impl Bno055 {
         let error = if refused { error::FUSION_CONFIG } else { 0 };
         self.set(page0::SYS_ERR, error);
         // Refreshes keep the phase that they have had since start-up.
-        let period = self.refresh_period();
-        while self.next_refresh <= at {
-            self.next_refresh += period;
-        }
+        self.clock.pass(at, mode);
     }
 
     fn clear_data(&mut self) {

@@ -7,7 +7,8 @@ use super::replay::Playback;
 use super::sample::Sample;
 use super::signal::Settings;
 use super::words::{FusionWords, Words, acc_per_m_s2, gyr_per_rad_s, mag_per_ut};
-use super::{Bno055, Fault, GROUPS, Refresh};
+use super::{Bno055, Fault, GROUPS, Refresh, RefreshRates};
+use rand::Rng;
 use samd21::board::Ticks;
 
 /// The registers that decide how a sample becomes words: UNIT_SEL, AXIS_MAP_CONFIG, AXIS_MAP_SIGN.
@@ -18,20 +19,113 @@ pub(super) struct Output {
     pub(super) sign: u8,
 }
 
-impl Bno055 {
-    /// Time between two refreshes in the mode in force, by the chip's own clock.
-    pub(super) fn refresh_period(&self) -> Ticks {
-        Ticks::from_secs_f64(self.refresh_period_s * 100.0 / self.mode.refresh_hz())
+/// Which of accelerometer, magnetometer and gyroscope are refreshed, in the order of registers.
+type Group = [bool; 3];
+
+const ALL: Group = [true; 3];
+const GYROSCOPE: usize = 2;
+
+/// When the data registers are refreshed, by the chip's own clock: all of them together, and each
+/// sensor's by itself where [`RefreshRates`] says so.
+#[derive(Clone, Debug)]
+pub(super) struct RefreshClock {
+    /// Time between two refreshes at 100 Hz, s.
+    period_s: f64,
+    next: Ticks,
+    own: Option<[OwnClock; 3]>,
+}
+
+/// The refreshes of one sensor.
+#[derive(Clone, Copy, Debug)]
+struct OwnClock {
+    period: Ticks,
+    /// Time from the chip's start to the first one.
+    phase: Ticks,
+    next: Ticks,
+}
+
+impl RefreshClock {
+    /// With `period_s` between two refreshes at 100 Hz; the phases of the sensors' own clocks are
+    /// drawn from `dice`.
+    pub(super) fn new(period_s: f64, rates: Option<RefreshRates>, dice: &mut impl Rng) -> Self {
+        let own = rates.map(|rates| {
+            [rates.acc_hz, rates.mag_hz, rates.gyr_hz].map(|hz| {
+                let own_s = 100.0 * period_s / hz;
+                OwnClock {
+                    period: Ticks::from_secs_f64(own_s),
+                    phase: Ticks::from_secs_f64(own_s * dice.random_range(0.0..1.0)),
+                    next: Ticks::ZERO,
+                }
+            })
+        });
+        Self {
+            period_s,
+            next: Ticks::ZERO,
+            own,
+        }
     }
 
+    /// The chip starts.
+    pub(super) fn start(&mut self, at: Ticks) {
+        self.next = at;
+        for clock in self.own.iter_mut().flatten() {
+            clock.next = at + clock.phase;
+        }
+    }
+
+    /// Skips the refreshes up to `at` when the chip enters a mode; the phases stay.
+    pub(super) fn pass(&mut self, at: Ticks, mode: Mode) {
+        let period = self.period(mode);
+        while self.next <= at {
+            self.next += period;
+        }
+        for clock in self.own.iter_mut().flatten() {
+            while clock.next <= at {
+                clock.next += clock.period;
+            }
+        }
+    }
+
+    /// Time between two refreshes of all sensors together.
+    fn period(&self, mode: Mode) -> Ticks {
+        Ticks::from_secs_f64(self.period_s * 100.0 / mode.refresh_hz())
+    }
+
+    /// The earliest refresh that is due at `now` and the sensors that it is for.
+    fn take(&mut self, now: Ticks, mode: Mode, together: bool) -> Option<(Ticks, Group)> {
+        match &mut self.own {
+            Some(own) if !together => {
+                let first = (0..own.len()).min_by_key(|&i| own[i].next)?;
+                let at = own[first].next;
+                (at <= now).then(|| {
+                    own[first].next += own[first].period;
+                    (at, [0, 1, 2].map(|i| i == first))
+                })
+            }
+            _ => {
+                let at = self.next;
+                (at <= now).then(|| {
+                    self.next += self.period(mode);
+                    (at, ALL)
+                })
+            }
+        }
+    }
+}
+
+impl Bno055 {
     /// Carries out the refreshes that are due up to `now`.
     pub(super) fn refresh_until(&mut self, now: Ticks) {
-        while self.next_refresh <= now {
-            let at = self.next_refresh;
-            self.next_refresh += self.refresh_period();
+        let together = self.mode.is_fusion() || self.signals.playback().is_some();
+        while let Some((at, sensors)) = self.clock.take(now, self.mode, together) {
             let settings = self.settings();
             // The sensors go on converting even while the registers stand still.
-            let sample = self.signals.refresh(at, &settings);
+            let sample = if sensors == ALL {
+                self.signals.refresh(at, &settings)
+            } else {
+                let [_, field, _] = sensors;
+                self.signals.sample(at, field)
+            };
             let suspended = self.get(page0::PWR_MODE) == 2;
             let refused = self.get(page0::SYS_ERR) == error::FUSION_CONFIG;
             let Some(sample) = sample else { continue };
@@ -41,9 +135,15 @@ impl Bno055 {
             if self.mode.is_fusion() {
                 self.calibrate(&sample);
             }
-            self.faultless = self.words(&sample, &settings, self.output);
+            let faultless = self.words(&sample, &settings, self.output);
+            for (sensor, on) in sensors.into_iter().enumerate() {
+                if on {
+                    let words = 3 * sensor..3 * sensor + 3;
+                    self.faultless[words.clone()].copy_from_slice(&faultless[words]);
+                }
+            }
             if !self.faults.has(Fault::Frozen) && !self.faults.has(Fault::AllZero) {
-                self.write_data(at, &sample, &settings);
+                self.write_data(at, &sample, &settings, sensors);
             }
         }
     }
@@ -53,7 +153,7 @@ impl Bno055 {
     fn calibrate(&mut self, sample: &Sample) {
         let hard_iron = self.signals.hard_iron_ut();
         let field = [0, 1, 2].map(|axis| sample.mag_ut[axis] - hard_iron[axis]);
-        let dt_s = self.refresh_period().as_secs_f64();
+        let dt_s = self.clock.period(self.mode).as_secs_f64();
         let units = self.get(page0::UNIT_SEL);
         for learner in self.calibration.update(self.mode, sample, field, dt_s) {
             let (offset, scale) = match learner {
@@ -84,12 +184,14 @@ impl Bno055 {
         )
     }
 
-    /// Writes a sample into the data registers.
-    fn write_data(&mut self, at: Ticks, sample: &Sample, settings: &Settings) {
-        self.refresh = Refresh {
-            at,
-            recorded: self.signals.playback().map(Playback::shown),
-        };
+    /// Writes a sample into the data registers of these sensors.
+    fn write_data(&mut self, at: Ticks, sample: &Sample, settings: &Settings, sensors: Group) {
+        if sensors[GYROSCOPE] {
+            self.refresh = Refresh {
+                at,
+                recorded: self.signals.playback().map(Playback::shown),
+            };
+        }
         let data = usize::from(page0::ACC_DATA)..usize::from(page0::TEMP);
         self.older.copy_from_slice(&self.pages[0][data]);
         let output = self.output();
@@ -97,7 +199,11 @@ impl Bno055 {
         if self.faults.has(Fault::GyroDead) {
             words[6..].fill(0);
         }
-        self.set_words(page0::ACC_DATA, &words);
+        for (sensor, words) in words.chunks_exact(3).enumerate() {
+            if sensors[sensor] {
+                self.set_words(page0::ACC_DATA + 6 * sensor as u8, words);
+            }
+        }
         if self.mode.is_fusion() {
             let fusion = FusionWords::of(sample, output.units);
             self.set_words(page0::EUL_DATA, &fusion.euler);

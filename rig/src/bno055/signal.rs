@@ -1,6 +1,7 @@
 //! The signal path of the sensors from physical quantities to a sample: errors, noise, range,
 //! bandwidth.
 
+use super::config::{Magnetometer, MagnetometerHealth};
 use super::imperfections::ImuErrors;
 use super::registers::Mode;
 use super::replay::Playback;
@@ -9,6 +10,7 @@ use rand::Rng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::StandardNormal;
 use samd21::board::Ticks;
+use std::collections::VecDeque;
 
 /// Temperature at which [`ImuErrors`] gives the offsets, deg C (data sheet table 0-2).
 const REFERENCE_C: f64 = 25.0;
@@ -91,6 +93,11 @@ pub(super) struct SignalChain {
     wandering_rad_s: [f64; 3],
     noise: ChaCha8Rng,
     filtered: Option<Sample>,
+    magnetometer: Magnetometer,
+    /// Fields of the last while, where the magnetometer gives old ones, uT; the oldest first.
+    fields: VecDeque<(Ticks, [f64; 3])>,
+    /// The first conversion since power-on, uT.
+    first_mag: Option<[f64; 3]>,
     mag_latched: Option<[f64; 3]>,
     next_mag: f64,
     last_sense: Ticks,
@@ -106,11 +113,19 @@ impl SignalChain {
             wandering_rad_s: [0.0; 3],
             noise,
             filtered: None,
+            magnetometer: Magnetometer::default(),
+            fields: VecDeque::new(),
+            first_mag: None,
             mag_latched: None,
             next_mag: 0.0,
             last_sense: Ticks::ZERO,
             playback: None,
         }
+    }
+
+    pub(super) fn with_magnetometer(mut self, magnetometer: Magnetometer) -> Self {
+        self.magnetometer = magnetometer;
+        self
     }
 
     /// The chip's temperature, deg C.
@@ -184,6 +199,7 @@ impl SignalChain {
             mag_ut: add(apply(&e.soft_iron, truth.field_ut), e.hard_iron_ut),
             attitude: truth.attitude,
         };
+        self.remember(now, input.mag_ut);
         let Some(filtered) = &mut self.filtered else {
             self.filtered = Some(input);
             return;
@@ -210,8 +226,8 @@ impl SignalChain {
         at.as_secs_f64() >= self.next_mag || self.mag_latched.is_none()
     }
 
-    /// The sample that the chip's processor collects at a refresh; `None` before anything was
-    /// sensed.
+    /// The sample that the chip's processor collects at a refresh of all sensors; `None` before
+    /// anything was sensed.
     pub(super) fn refresh(&mut self, at: Ticks, settings: &Settings) -> Option<Sample> {
         let seconds = at.as_secs_f64();
         let mag_due = self.mag_is_due(at);
@@ -223,21 +239,51 @@ impl SignalChain {
                 seconds + period
             };
         }
+        self.sample(at, mag_due)
+    }
+
+    /// As [`SignalChain::refresh`], with a new conversion of the magnetometer only if it is due.
+    pub(super) fn sample(&mut self, at: Ticks, mag_due: bool) -> Option<Sample> {
         let mut sample = match &mut self.playback {
             Some(playback) => playback.refresh(at, mag_due),
             None => self.filtered?,
         };
         if mag_due {
             if self.playback.is_none() {
+                sample.mag_ut = self.old_field(at).unwrap_or(sample.mag_ut);
                 for (axis, range) in MAG_RANGE_UT.iter().enumerate() {
                     let noise = self.errors.mag_noise_ut * self.normal(self.errors.mag_noise_ut);
                     sample.mag_ut[axis] = (sample.mag_ut[axis] + noise).clamp(-range, *range);
                 }
             }
-            self.mag_latched = Some(sample.mag_ut);
+            let first = *self.first_mag.get_or_insert(sample.mag_ut);
+            self.mag_latched = Some(match self.magnetometer.health {
+                MagnetometerHealth::Ok => sample.mag_ut,
+                MagnetometerHealth::Dead => [0.0; 3],
+                MagnetometerHealth::Stuck => first,
+            });
         }
         sample.mag_ut = self.mag_latched.unwrap_or_default();
         Some(sample)
+    }
+
+    /// Keeps a field, uT, for as long as conversions can ask for it.
+    fn remember(&mut self, now: Ticks, field_ut: [f64; 3]) {
+        let age = self.magnetometer.age;
+        if age == Ticks::ZERO {
+            return;
+        }
+        while self.fields.get(1).is_some_and(|(at, _)| *at + age <= now) {
+            self.fields.pop_front();
+        }
+        self.fields.push_back((now, field_ut));
+    }
+
+    /// The field that a conversion at this time gives, uT, where the magnetometer gives old ones.
+    fn old_field(&self, at: Ticks) -> Option<[f64; 3]> {
+        let age = self.magnetometer.age;
+        let old = self.fields.iter().rev().find(|(then, _)| *then + age <= at);
+        old.or(self.fields.front()).map(|(_, field_ut)| *field_ut)
     }
 
     /// Lets the gyroscope's bias wander: a first-order Gauss-Markov process.

@@ -2,12 +2,11 @@
 
 mod calibration;
 mod faults;
+mod options;
 
 use super::registers::{page1, status, trigger, unit};
 use super::*;
 use samd21::board::{I2cEvent, I2cReply};
-
-const ADDRESS: u8 = 0x28;
 
 /// A master with a clock of its own, 25 us a byte plus the chip's stretching.
 struct Bus {
@@ -29,16 +28,24 @@ impl Bus {
 
     /// A quiet sensor that has started.
     fn started() -> Self {
+        Self::started_as(Config::default())
+    }
+
+    fn started_as(config: Config) -> Self {
         let mut bus = Self::new(Config {
             errors: ImuErrors::NONE,
-            ..Config::default()
+            ..config
         });
         bus.wait_ms(700);
         bus
     }
 
     fn running(mode: Mode) -> Self {
-        let mut bus = Self::started();
+        Self::running_as(Config::default(), mode)
+    }
+
+    fn running_as(config: Config, mode: Mode) -> Self {
+        let mut bus = Self::started_as(config);
         bus.write(page0::OPR_MODE, &[mode as u8]);
         bus.wait_ms(30);
         bus
@@ -65,11 +72,8 @@ impl Bus {
     }
 
     fn start(&mut self, read: bool) -> bool {
-        self.event(I2cEvent::Start {
-            address: ADDRESS,
-            read,
-        })
-        .ack
+        let address = self.chip.address();
+        self.event(I2cEvent::Start { address, read }).ack
     }
 
     fn write(&mut self, register: u8, values: &[u8]) -> bool {

@@ -8,6 +8,8 @@ const VIBRATION: Vibration = Vibration {
     acc_m_s2: 5.0,
     rate_dps: None,
     frequency_hz: 180.0,
+    harmonics: 0,
+    wander_pct: 0.0,
 };
 
 fn environment(disturbances: Disturbances) -> Environment {
@@ -158,12 +160,9 @@ fn half_the_thrust_turns_the_drone_half_as_fast() {
     assert_eq!(rate_after(Some(at_once)).0, whole);
 }
 
-/// 180 Hz past the accelerometer's 62.5 Hz low-pass and its 100 Hz refresh come out at 20 Hz with a
-/// third of their amplitude.
-#[test]
-fn what_the_sensor_is_too_slow_for_arrives_as_an_alias() {
+/// Amplitudes, m/s2, that a sensor of 100 Hz shows of a vibration at these frequencies.
+fn shown(shaking: &Vibration, hz: [f64; 2]) -> [f64; 2] {
     use crate::bno055::{ImuErrors, Sensors, Stimulus};
-    let shaking = VIBRATION;
     let mut sensors = Sensors::new(ImuErrors::NONE, 1);
     let mut sums = [[0.0; 2]; 2];
     let refreshes = 200;
@@ -178,17 +177,49 @@ fn what_the_sensor_is_too_slow_for_arrives_as_an_alias() {
         sensors.sense(now, &truth);
         if step % 20 == 0 {
             let acc = f64::from(sensors.refresh(now).unwrap().acc[0]) * 0.01;
-            for (sum, hz) in sums.iter_mut().zip([20.0, 30.0]) {
+            for (sum, hz) in sums.iter_mut().zip(hz) {
                 let (sin, cos) = (TAU * hz * now.as_secs_f64()).sin_cos();
                 sum[0] += acc * cos;
                 sum[1] += acc * sin;
             }
         }
     }
-    let [alias, elsewhere] = sums.map(|[cos, sin]| 2.0 * f64::hypot(cos, sin) / refreshes as f64);
-    let passed = 5.0 / f64::hypot(1.0, 180.0 / 62.5);
-    assert!((alias / passed - 1.0).abs() < 0.15, "{alias} of {passed}");
-    assert!(elsewhere < 0.05, "{elsewhere}");
+    sums.map(|[cos, sin]| 2.0 * f64::hypot(cos, sin) / refreshes as f64)
+}
+
+/// What a low-pass of 62.5 Hz leaves of an amplitude at a frequency.
+fn passed(amplitude: f64, hz: f64) -> f64 {
+    amplitude / f64::hypot(1.0, hz / 62.5)
+}
+
+/// Past the accelerometer's low-pass and its 100 Hz refresh, 180 Hz come out at 20 Hz with a third
+/// of their amplitude, and 101 Hz, which no filter after the sampling can tell from a motion, at
+/// 1 Hz with half of it.
+#[test]
+fn what_the_sensor_is_too_slow_for_arrives_as_an_alias() {
+    for (frequency_hz, alias_hz) in [(180.0, 20.0), (101.0, 1.0)] {
+        let shaking = Vibration {
+            frequency_hz,
+            ..VIBRATION
+        };
+        let [alias, elsewhere] = shown(&shaking, [alias_hz, 30.0]);
+        let passed = passed(5.0, frequency_hz);
+        assert!((alias / passed - 1.0).abs() < 0.15, "{alias} of {passed}");
+        assert!(elsewhere < 0.05, "{elsewhere}");
+    }
+}
+
+/// 120 Hz and its second line at 240 Hz, half as strong, come out at 20 and 40 Hz.
+#[test]
+fn each_line_has_its_own_alias() {
+    let shaking = Vibration {
+        frequency_hz: 120.0,
+        harmonics: 1,
+        ..VIBRATION
+    };
+    let [first, second] = shown(&shaking, [20.0, 40.0]);
+    assert!((first / passed(5.0, 120.0) - 1.0).abs() < 0.15, "{first}");
+    assert!((second / passed(2.5, 240.0) - 1.0).abs() < 0.15, "{second}");
 }
 
 #[test]
@@ -198,6 +229,47 @@ fn a_vibration_turns_in_the_propellers_plane() {
     let (force, rate) = shaking.at(0.25 / 180.0);
     assert!(force[0].abs() < 1e-9 && (force[1] - 5.0).abs() < 1e-9 && force[2] == 0.0);
     assert!((rate[1] - shaking.rate_rad_s()).abs() < 1e-9);
+}
+
+/// At time zero all lines point ahead: 5, 2.5 and 1.25 m/s2. Half a turn later the second stands as
+/// before and the others point back.
+#[test]
+fn harmonics_turn_faster_and_weaker() {
+    let shaking = Vibration {
+        frequency_hz: 100.0,
+        harmonics: 2,
+        ..VIBRATION
+    };
+    let x = |turns: f64| shaking.at(turns / 100.0).0[0];
+    assert!((x(0.0) - 8.75).abs() < 1e-9, "{}", x(0.0));
+    assert!((x(0.5) + 3.75).abs() < 1e-9, "{}", x(0.5));
+}
+
+/// The frequency, by the angle that the force turns through in a millisecond, stays within 10 % of
+/// 200 Hz, comes near both ends in a minute, and is 200 Hz on the whole.
+#[test]
+fn a_wandering_propeller_keeps_its_mean_speed() {
+    let shaking = Vibration {
+        frequency_hz: 200.0,
+        wander_pct: 10.0,
+        ..VIBRATION
+    };
+    let angle = |time_s: f64| {
+        let (force, _) = shaking.at(time_s);
+        force[1].atan2(force[0])
+    };
+    let speeds_hz: Vec<f64> = (0..60_000)
+        .map(|ms| {
+            let time_s = 1e-3 * f64::from(ms);
+            (angle(time_s + 1e-3) - angle(time_s)).rem_euclid(TAU) / TAU * 1e3
+        })
+        .collect();
+    let least = speeds_hz.iter().copied().fold(f64::INFINITY, f64::min);
+    let most = speeds_hz.iter().copied().fold(0.0, f64::max);
+    assert!((180.0..183.0).contains(&least), "{least}");
+    assert!((217.0..=220.0).contains(&most), "{most}");
+    let mean = speeds_hz.iter().sum::<f64>() / speeds_hz.len() as f64;
+    assert!((mean - 200.0).abs() < 0.5, "{mean}");
 }
 
 #[test]
@@ -229,7 +301,26 @@ fn disturbances_have_units_and_ranges() {
     for bad in ["20,45", "20,200,60", "20,45,0", "20,45,60,NaN", "NaN,45,60"] {
         assert!(temperature(bad).is_err(), "{bad}");
     }
-    for bad in ["5", "5,0", "5,500", "-1,180", "5,NaN", "5,180,-1", "a,b"] {
+    let rich = vibration("5,120,10,2,3").unwrap();
+    assert_eq!((rich.harmonics, rich.wander_pct), (2, 3.0));
+    for bad in [
+        "5",
+        "5,0",
+        "5,500",
+        "-1,180",
+        "5,NaN",
+        "5,180,-1",
+        "a,b",
+        "5,120,10,2",
+        "5,120,10,1.5,3",
+        "5,120,10,-1,3",
+        "5,50,10,5,0",
+        "5,50,10,NaN,0",
+        "5,120,10,1,21",
+        "5,120,10,1,NaN",
+        "5,180,10,2,0",
+        "5,390,10,0,3",
+    ] {
         assert!(vibration(bad).is_err(), "{bad}");
     }
     for bad in [
@@ -271,4 +362,10 @@ fn a_report_leaves_no_default_open() {
     ];
     assert_eq!(disturbances.rows(), rows);
     assert_eq!(report.rows(), rows);
+    let rich = Disturbances {
+        vibration: Some("5,120,10,2,3".parse().unwrap()),
+        ..Disturbances::default()
+    };
+    let how = "5 m/s2 and 10.0 deg/s at 120 Hz +-3 %, 2 harmonics".to_owned();
+    assert_eq!(rich.rows(), [("propeller vibration", how)]);
 }

@@ -10,7 +10,12 @@ fn environment(bench: BenchConfig) -> Environment {
 }
 
 fn on_drone(environment: &Environment, pitch_rad: f64, rate_rad_s: f64) -> Stimulus {
-    environment.felt_on_drone(Ticks::ZERO, pitch_rad, rate_rad_s)
+    let motion = PitchMotion {
+        pitch_rad,
+        rate_rad_s,
+        ..PitchMotion::default()
+    };
+    environment.felt_on_drone(Ticks::ZERO, &motion)
 }
 
 fn near(a: [f64; 3], b: [f64; 3]) {
@@ -176,4 +181,29 @@ fn the_horn_is_fitted_at_1523_6() {
     environment.advance(Ticks::from_ms(400));
     // The servo counts whole microseconds: 1524 us, 0.04 deg off, inside its deadband.
     assert!(environment.drone().rudder_rad().abs() < 1e-3);
+}
+
+/// A sensor 10 cm below the pivot of a drone that turns by hand at 0.5 rad/s feels the start of the
+/// motion: the clamp reaches this rate within one step of 0.5 ms, 1000 rad/s2 or 100 m/s2 ahead.
+/// Then the rate stays, and 0.025 m/s2 upwards remain.
+#[test]
+fn a_sensor_off_the_pivot_feels_how_the_drone_moves() {
+    let mut environment = environment(BenchConfig {
+        lever_m: [0.0, 0.0, 0.1],
+        ..BenchConfig::default()
+    });
+    let felt = |environment: &Environment| {
+        let motion = PitchMotion {
+            pitch_rad: 0.0,
+            ..environment.motion
+        };
+        environment.felt_on_drone(Ticks::ZERO, &motion)
+    };
+    environment.advance(Ticks::from_ms(100));
+    near(felt(&environment).specific_force_m_s2, [0.0, 0.0, -9.81]);
+    environment.tilt_clamp(0.4);
+    environment.advance(Ticks::from_us(100_500));
+    near(felt(&environment).specific_force_m_s2, [100.0, 0.0, -9.835]);
+    environment.advance(Ticks::from_ms(200));
+    near(felt(&environment).specific_force_m_s2, [0.0, 0.0, -9.835]);
 }

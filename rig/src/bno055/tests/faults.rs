@@ -67,14 +67,11 @@ fn faults_of_the_bus() {
         probability: 1.0,
     };
     bus.chip.inject(bus.now, long);
-    assert!(
-        bus.event(I2cEvent::Start {
-            address: ADDRESS,
-            read: false
-        })
-        .stretch
-            > Ticks::from_ms(5)
-    );
+    let start = I2cEvent::Start {
+        address: bus.chip.address(),
+        read: false,
+    };
+    assert!(bus.event(start).stretch > Ticks::from_ms(5));
 }
 
 #[test]

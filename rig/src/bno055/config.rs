@@ -1,0 +1,102 @@
+//! What is fixed about one sensor and its place on the bus.
+
+use super::bus::BusTiming;
+use super::imperfections::ImuErrors;
+use samd21::board::Ticks;
+use std::ops::RangeInclusive;
+
+/// What is fixed about one sensor and its place on the bus.
+#[derive(Clone, Debug)]
+pub struct Config {
+    /// Seed of everything random about it.
+    pub seed: u64,
+    /// 7-bit address: 0x28 or 0x29.
+    pub address: u8,
+    /// Imperfections of the sensors.
+    pub errors: ImuErrors,
+    /// From power-on to the first acknowledge, ms; drawn uniformly.
+    pub boot_ms: RangeInclusive<u64>,
+    /// How long it holds the clock line.
+    pub bus: BusTiming,
+    /// Largest deviation of the chip's clock, relative; drawn uniformly.
+    pub clock_error: f64,
+    /// A reset by command hangs the chip until its power is cut, as happens to some units.
+    pub reset_hangs: bool,
+    /// How long a write takes to act: until then its register reads as before. PAGE_ID acts at
+    /// once, since it says which register the bus means.
+    pub late_registers: Ticks,
+    /// A write is lost, all bytes of it, when its first byte comes sooner than this after the last
+    /// byte of the write before.
+    pub lost_within: Ticks,
+    /// Refreshes of each sensor's data registers in the modes without fusion; `None` refreshes all
+    /// of them together at 100 Hz.
+    pub refresh: Option<RefreshRates>,
+    /// The magnetometer.
+    pub magnetometer: Magnetometer,
+}
+
+impl Default for Config {
+    fn default() -> Self {
+        Self {
+            seed: 0,
+            address: 0x28,
+            errors: ImuErrors::default(),
+            boot_ms: 400..=650,
+            bus: BusTiming::default(),
+            clock_error: 0.01,
+            reset_hangs: false,
+            late_registers: Ticks::ZERO,
+            lost_within: Ticks::ZERO,
+            refresh: None,
+            magnetometer: Magnetometer::default(),
+        }
+    }
+}
+
+/// Refreshes a second of each sensor's data registers, by the chip's own clock and each with a
+/// phase of its own; the data sheet gives none for the modes without fusion.
+///
+/// Every refresh of the magnetometer is a conversion of its own, whatever MAG_CONFIG says. Without
+/// effect in the fusion modes, whose rates are known (data sheet table 3-14), and while a recording
+/// plays.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RefreshRates {
+    /// Accelerometer, Hz, above 0.
+    pub acc_hz: f64,
+    /// Gyroscope, Hz, above 0.
+    pub gyr_hz: f64,
+    /// Magnetometer, Hz, above 0.
+    pub mag_hz: f64,
+}
+
+/// The magnetometer's conversions.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Magnetometer {
+    /// How old the field is that a conversion gives. While a recording plays, it is of no effect.
+    pub age: Ticks,
+    /// What the conversions are worth.
+    pub health: MagnetometerHealth,
+}
+
+/// What the magnetometer's conversions are worth; its id and its self-test are right in any case.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum MagnetometerHealth {
+    /// They give the field.
+    #[default]
+    Ok,
+    /// They give zero on each axis.
+    Dead,
+    /// They give what the first one after power-on gave.
+    Stuck,
+}
+
+impl MagnetometerHealth {
+    /// Its name on the command line.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Ok => "ok",
+            Self::Dead => "dead",
+            Self::Stuck => "stuck",
+        }
+    }
+}
