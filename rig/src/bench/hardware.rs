@@ -259,6 +259,25 @@ impl Hardware {
         lines.collect()
     }
 
+    /// The keys as a table in Markdown, with their defaults and sources.
+    pub fn table() -> String {
+        let default = Self::default();
+        let rows = keys().map(|key| {
+            let Key {
+                name,
+                value,
+                what,
+                source,
+                ..
+            } = key;
+            let value = value.replace('|', "\\|");
+            let shown = (key.show)(&default);
+            format!("| `{name}` | `{value}` | {what} | {shown} | {source} |\n")
+        });
+        let head = "| key | value | what | default | source |\n|---|---|---|---|---|\n";
+        head.to_owned() + &rows.collect::<String>()
+    }
+
     /// The chip as it differs.
     pub(crate) fn chip(&self) -> Options {
         Options {
@@ -404,6 +423,23 @@ mod tests {
             }
             let parsed = format!("{}={shown}", key.name).parse();
             assert_eq!(parsed, Ok(default.clone()), "{}", key.name);
+        }
+    }
+
+    /// `HARDWARE=overwrite` writes the page's table anew.
+    #[test]
+    fn the_page_of_the_documentation_has_the_table() {
+        let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../docs/hardware.md");
+        let page = std::fs::read_to_string(path).unwrap();
+        let (text, _) = page.split_once("| key |").unwrap();
+        let wanted = text.to_owned() + &Hardware::table();
+        if std::env::var_os("HARDWARE").is_some_and(|value| value == "overwrite") {
+            std::fs::write(path, &wanted).unwrap();
+        } else {
+            assert_eq!(
+                page, wanted,
+                "HARDWARE=overwrite cargo test -p rig writes it anew"
+            );
         }
     }
 
