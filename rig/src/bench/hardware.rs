@@ -66,7 +66,7 @@ impl Default for Hardware {
             clock_percent: 0.0,
             clock_drift_ppm_s: 0,
             slow_clock: 1.0,
-            wake_us: 0,
+            wake_us: 4,
             host: System::Bare,
             user_row: UserRow::SHIPPED,
         }
@@ -259,6 +259,25 @@ impl Hardware {
         lines.collect()
     }
 
+    /// The keys as a table in Markdown, with their defaults and sources.
+    pub fn table() -> String {
+        let default = Self::default();
+        let rows = keys().map(|key| {
+            let Key {
+                name,
+                value,
+                what,
+                source,
+                ..
+            } = key;
+            let value = value.replace('|', "\\|");
+            let shown = (key.show)(&default);
+            format!("| `{name}` | `{value}` | {what} | {shown} | {source} |\n")
+        });
+        let head = "| key | value | what | default | source |\n|---|---|---|---|---|\n";
+        head.to_owned() + &rows.collect::<String>()
+    }
+
     /// The chip as it differs.
     pub(crate) fn chip(&self) -> Options {
         Options {
@@ -374,20 +393,24 @@ mod tests {
     #[test]
     fn the_chip_gets_what_is_set() {
         let hardware =
-            "clock=-3.1,clock-drift=20,slow-clock=0.87,wake=4,host=windows,user-row=bootprot"
+            "clock=-3.1,clock-drift=20,slow-clock=0.87,wake=7,host=windows,user-row=bootprot"
                 .parse();
         let options = hardware.map(|hardware: Hardware| hardware.chip());
         let expected = Options {
             dfll_error_ppm: -31_000,
             dfll_drift_ppm_s: 20,
             osculp32k_hz: 28_508,
-            wake_up: Ticks::from_us(4),
+            wake_up: Ticks::from_us(7),
             host: System::Windows,
             user_row: UserRow::PROTECTED,
             ..Options::default()
         };
         assert_eq!(options, Ok(expected));
-        assert_eq!(Hardware::default().chip(), Options::default());
+        let default = Options {
+            wake_up: Ticks::from_us(4),
+            ..Options::default()
+        };
+        assert_eq!(Hardware::default().chip(), default);
     }
 
     #[test]
@@ -400,6 +423,23 @@ mod tests {
             }
             let parsed = format!("{}={shown}", key.name).parse();
             assert_eq!(parsed, Ok(default.clone()), "{}", key.name);
+        }
+    }
+
+    /// `HARDWARE=overwrite` writes the page's table anew.
+    #[test]
+    fn the_page_of_the_documentation_has_the_table() {
+        let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../docs/hardware.md");
+        let page = std::fs::read_to_string(path).unwrap();
+        let (text, _) = page.split_once("| key |").unwrap();
+        let wanted = text.to_owned() + &Hardware::table();
+        if std::env::var_os("HARDWARE").is_some_and(|value| value == "overwrite") {
+            std::fs::write(path, &wanted).unwrap();
+        } else {
+            assert_eq!(
+                page, wanted,
+                "HARDWARE=overwrite cargo test -p rig writes it anew"
+            );
         }
     }
 
