@@ -8,8 +8,8 @@ use std::{env, fs};
 /// stored.
 const ABOVE_BOOTLOADER: &str = "MEMORY { FLASH : ORIGIN = 0x2000, LENGTH = 247K }\n";
 
-/// A debug probe's flash algorithm erases 16 KB at a time and would take the bootloader with the
-/// image, so the image takes the bootloader's place.
+/// In the bootloader's place, for a board that is only ever written by a debug probe (the feature
+/// `no-bootloader`).
 const IN_ITS_PLACE: &str = "MEMORY { FLASH : ORIGIN = 0x0, LENGTH = 255K }\n";
 
 /// Folders of what the image is made from.
@@ -21,9 +21,9 @@ fn main() {
     if env::var("CARGO_CFG_TARGET_OS").as_deref() != Ok("none") {
         return;
     }
-    let probe = env::var_os("CARGO_FEATURE_PROBE").is_some();
+    let has = |feature| env::var_os(format!("CARGO_FEATURE_{feature}")).is_some();
     let out = PathBuf::from(env::var_os("OUT_DIR").expect("cargo sets OUT_DIR"));
-    let flash = if probe {
+    let flash = if has("NO_BOOTLOADER") {
         IN_ITS_PLACE
     } else {
         ABOVE_BOOTLOADER
@@ -40,7 +40,7 @@ fn main() {
     // 0x2000.
     println!("cargo::rustc-link-arg-bins=--nmagic");
     println!("cargo::rustc-link-arg-bins=-Tlink.x");
-    if probe {
+    if has("PROBE") {
         println!("cargo::rustc-link-arg-bins=-Tdefmt.x");
     }
 }

@@ -12,9 +12,11 @@ use embedded_storage::nor_flash::NorFlash;
 use crate::failsafe::State;
 use crate::flight::{Flight, Snapshot};
 use crate::led;
+use crate::params::Params;
 use crate::recorder::Recorder;
 use crate::servo::PulseUs;
 use crate::telemetry::{BoardStatus, Reset, Telemetry};
+use crate::ticks::Timing;
 
 /// Longest packet that the host sends, bytes.
 pub const PACKET_BYTES: usize = 64;
@@ -56,10 +58,8 @@ pub struct StepEnd {
     pub pulse: PulseUs,
     /// The pulse that a crash sends.
     pub neutral: PulseUs,
-    /// Rate of the servo frame, Hz. The flight changes it only while disarmed.
-    pub frame_hz: u32,
-    /// Speed of the sensor bus, kHz. The flight changes it only while disarmed.
-    pub i2c_khz: u32,
+    /// Servo frame and sensor bus. The flight changes them only while disarmed.
+    pub timing: Timing,
     /// Where the flight stands.
     pub state: State,
     /// Whether the LED is lit.
@@ -71,16 +71,17 @@ pub trait Board {
     /// Where parameters are stored.
     type Flash: NorFlash;
 
-    /// Have every tick start `burst`; `None` has them start nothing.
-    fn arm(&mut self, burst: Option<Transfer>);
+    /// Have every tick start `burst`, to the 7-bit address; `None` has them start nothing.
+    fn arm(&mut self, address: u8, burst: Option<Transfer>);
 
-    /// Whether no transfer is under way or waits to be collected.
+    /// Whether a transfer can be begun: none is under way, on its way to its STOP, or waits to be
+    /// collected.
     fn bus_is_free(&self) -> bool;
 
     /// Whether `transfer`, begun now, is over before the next tick.
     fn has_time_for(&self, now: Micros, transfer: &Transfer) -> bool;
 
-    /// Start `transfer` on the free bus.
+    /// Start `transfer` on the free bus, to the address that was armed last.
     fn begin(&mut self, transfer: Transfer);
 
     /// A control step begins.
@@ -154,8 +155,13 @@ impl<'a> Application<'a> {
             board.step_begins();
             let snapshot = &self.flight.step(now, reading);
             board.step_ends(&self.step_end(now, snapshot));
+            let status = &board.status();
+            if self.flight.bursts_took(&status.bursts) {
+                self.telemetry
+                    .report_param(Params::STRETCH, self.flight.params());
+            }
             self.telemetry
-                .record(snapshot, self.flight, &board.status());
+                .record(snapshot, self.flight, self.driver.health(), status);
             self.recorder.record(snapshot, self.flight);
             self.telemetry.serve_recorder(self.recorder);
         }
@@ -189,7 +195,8 @@ impl<'a> Application<'a> {
     /// between two bursts.
     fn serve_sensor(&mut self, now: Micros, board: &mut impl Board) {
         let sampling = self.driver.is_sampling();
-        board.arm(sampling.then(|| self.driver.burst()));
+        let address = self.driver.config().address.value();
+        board.arm(address, sampling.then(|| self.driver.burst()));
         if board.bus_is_free()
             && let Next::Transfer(transfer) = self.driver.next(now)
             && (!sampling || board.has_time_for(now, &transfer))
@@ -199,12 +206,10 @@ impl<'a> Application<'a> {
     }
 
     fn step_end(&self, now: Micros, snapshot: &Snapshot) -> StepEnd {
-        let (frame_hz, i2c_khz) = self.flight.params().rates();
         StepEnd {
             pulse: snapshot.pulse,
             neutral: self.flight.neutral(),
-            frame_hz,
-            i2c_khz,
+            timing: self.flight.params().timing(),
             state: snapshot.state,
             led: led::is_lit(snapshot.state.kind(), now),
         }

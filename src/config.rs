@@ -1,18 +1,30 @@
 //! What is fixed when the image is built, and why. What an operator may change is in
 //! [`crate::params`].
 
+use core::num::NonZeroU8;
+
 use bno055_driver::config::{GyrRange, Sensors};
 
-/// The sensor's settings: the driver's defaults, but half the gyroscope's range. 1000 deg/s is
-/// three times the 6 rad/s of a fall, and a rate whose highest bit was flipped on the cable lies
-/// outside of it whatever the rate was: the driver never takes one for a rotation, not even two in
-/// a row.
+/// The sensor's settings: the driver's defaults, but for these.
+///
+/// Half the gyroscope's range: 1000 deg/s is three times the 6 rad/s of a fall, and a rate whose
+/// highest bit was flipped on the cable lies outside of it whatever the rate was. The driver never
+/// takes one for a rotation, not even two in a row.
+///
+/// Either address, because breakouts differ, and no second BNO055 is on the bus. No need of a
+/// magnetometer, because control needs no heading.
+///
+/// Nine equal bursts show a frozen chip: at 150 Hz that is 60 ms, in which a chip that refreshes at
+/// 35 Hz has given two different ones.
 pub fn sensor() -> bno055_driver::Config {
     bno055_driver::Config {
         sensors: Sensors {
             gyr_range: GyrRange::Dps1000,
             ..Sensors::default()
         },
+        either_address: true,
+        needs_mag: false,
+        frozen_after: const { NonZeroU8::new(9).unwrap() },
         ..bno055_driver::Config::default()
     }
 }
@@ -21,9 +33,17 @@ pub fn sensor() -> bno055_driver::Config {
 /// offset of the centre of mass.
 pub const TRIM_LIMIT_RAD: f32 = 0.25;
 
-/// Age of the newest sample beyond which the attitude is no longer trusted: five of the sensor's
-/// own periods. At the 6 rad/s of a fall that is 0.3 rad, still inside the rudder's reach.
-pub const DATA_AGE_LIMIT_US: u64 = 50_000;
+/// Age of the newest sample beyond which the attitude is no longer trusted: a glitch of 40 ms on the
+/// cable, the sample that it spoils, the repair of the bus, and the two samples around them. At the
+/// 6 rad/s of a fall that is 0.4 rad, still inside the rudder's reach.
+pub const DATA_AGE_LIMIT_US: u64 = 65_000;
+
+/// Longest clock stretching of a byte that is measured, us.
+pub const STRETCH_MAX_US: u32 = 1_000;
+
+/// The stretch of a byte is taken over anew when it differs by more than this from what the timing
+/// is made for, us: a fifth of the reserve that a burst has.
+pub const STRETCH_CHANGE_US: u32 = 10;
 
 /// Good samples in a row after which a sensor that was lost counts as back.
 pub const RECOVERY_SAMPLES: u8 = 5;
@@ -37,9 +57,20 @@ pub const ESTIMATOR_GAP_US: u64 = 500_000;
 /// the BNO055's magnetometer at its reset rate.
 pub const FIELD_REPEAT_US: u64 = 100_000;
 
+/// A magnetometer that has measured no field for so long is taken as dead, us.
+pub const FIELD_LOST_US: u64 = 1_000_000;
+
 /// Rest within which the estimator has learned the gyroscope's offset, us, counted from when it
 /// first takes the sensor to be at rest: its blocks last a third of a second at most.
 pub const BIAS_REST_US: u32 = 340_000;
+
+/// How long the attitude is levelled anew once the gyroscope's offset is known, us: until then the
+/// offset was taken for a rotation, at 3 deg/s by up to 50 mrad. The estimator begins with its next
+/// block, a third of a second at most, and has its first gain for two.
+pub const LEVEL_US: u32 = 1_000_000;
+
+/// A rate beyond the offset that is a motion while the attitude is levelled, counts: 3 deg/s.
+pub const LEVEL_RATE: i32 = 3 * 16;
 
 /// How far the squared norm of a quaternion may be from 1 before it counts as no rotation.
 pub const UNIT_TOLERANCE: f32 = 0.01;

@@ -8,13 +8,14 @@ use bno055_driver::{Micros, RawSample, SensorFault};
 use tvc_fusion::fixed::{Angles, Orientation};
 use tvc_fusion::{Attitude, ConfigError, Quaternion};
 
-use crate::config::{TEST_PULSE_US, UNIT_TOLERANCE};
+use crate::config::{STRETCH_CHANGE_US, STRETCH_MAX_US, TEST_PULSE_US, UNIT_TOLERANCE};
 use crate::controller::Controller;
 use crate::failsafe::{BootReport, Command, Health, Refusal, State, Supervisor};
 use crate::navigation::Navigation;
 use crate::params::{Change, Info, ParamError, Params, Polarity};
 use crate::servo::{PulseUs, Servo};
 use crate::store::Loaded;
+use crate::ticks::BurstTimes;
 
 /// No test pulse: it expired at time 0.
 const NO_TEST_PULSE: (PulseUs, Micros) = (PulseUs(0), Micros(0));
@@ -49,6 +50,8 @@ pub struct Snapshot {
     pub fault: Option<SensorFault>,
     /// The sensor has been delivering without a break.
     pub sensor_healthy: bool,
+    /// The magnetometer measures a field.
+    pub field_healthy: bool,
     /// Steps without a usable sample since start-up.
     pub missed: u32,
 }
@@ -115,7 +118,11 @@ impl Flight {
     /// # Errors
     /// The [`Refusal`]; nothing changes.
     pub fn command(&mut self, now: Micros, command: Command) -> Result<(), Refusal> {
+        let timing = self.params.timing();
         match (command, self.state(), self.params.polarity()) {
+            (Command::Arm, state, _) if state.is_idle() && timing.is_too_slow() => {
+                return Err(Refusal::SlowBus(timing.burst_us()));
+            }
             (Command::Arm, State::Standby, Polarity::Unchecked | Polarity::Watched) => {
                 return Err(Refusal::Polarity);
             }
@@ -172,6 +179,22 @@ impl Flight {
         self.params = params;
         self.configure(Change::Disarmed);
         Ok(())
+    }
+
+    /// The newest bursts took so long: while the drone is not armed, the loop's timing follows. Says
+    /// whether it has changed.
+    pub fn bursts_took(&mut self, times: &BurstTimes) -> bool {
+        let timing = self.params.timing();
+        if times.mean_us == 0 || self.state().is_armed() {
+            return false;
+        }
+        let stretch_us = timing.stretch_of(times.planned_us()).min(STRETCH_MAX_US);
+        let changed = stretch_us.abs_diff(timing.stretch_us) > STRETCH_CHANGE_US;
+        if changed {
+            self.params.set_stretch(stretch_us);
+            self.configure(Change::Disarmed);
+        }
+        changed
     }
 
     /// What was found of stored parameters at start-up.
@@ -269,6 +292,7 @@ impl Flight {
             state: self.state(),
             fault: self.supervisor.fault(),
             sensor_healthy: self.supervisor.sensor_is_healthy(),
+            field_healthy: self.navigation.field_is_healthy(),
             missed: self.supervisor.missed(),
         }
     }

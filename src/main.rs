@@ -40,7 +40,7 @@ mod firmware {
     #[inline(never)]
     fn start(recorder: &'static mut Recorder) -> (&'static mut Board, Application<'static>) {
         let config = tvc_nano::config::sensor();
-        let (board, params, report) = Board::start(config.address.value());
+        let (board, params, report) = Board::start();
         let flight = Flight::new(params, report).expect("parameters in range are possible");
         let application = Application::new(
             singleton!(: Driver = Driver::new(config)).expect("started once"),

@@ -7,7 +7,10 @@ use bno055_driver::{Micros, RawSample, SensorFault};
 use tvc_fusion::fixed::{Angles, Counts, Estimator, Orientation, Scale, Vqf};
 use tvc_fusion::{Attitude, Config, ConfigError};
 
-use crate::config::{BIAS_REST_US, DATA_AGE_LIMIT_US, ESTIMATOR_GAP_US, FIELD_REPEAT_US};
+use crate::config::{
+    BIAS_REST_US, DATA_AGE_LIMIT_US, ESTIMATOR_GAP_US, FIELD_LOST_US, FIELD_REPEAT_US, LEVEL_RATE,
+    LEVEL_US,
+};
 use crate::mount::Mount;
 use crate::params::Params;
 
@@ -21,9 +24,19 @@ pub struct Navigation {
     counts: Counts,
     /// When the field was fresh last.
     field_at: Micros,
-    /// Rest so far without a break, us, up to [`BIAS_REST_US`].
-    rest_us: u32,
-    bias_known: bool,
+    bias: Bias,
+}
+
+/// How much is known of the gyroscope's offset.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Bias {
+    /// Nothing yet, after so much rest without a break, us.
+    Unknown(u32),
+    /// The offset. The attitude, which has followed it so far, has been levelled anew for so long,
+    /// us.
+    Levelling(u32),
+    /// The offset, and with it the attitude.
+    Known,
 }
 
 impl Navigation {
@@ -44,8 +57,7 @@ impl Navigation {
                 mag: None,
             },
             field_at: Micros(0),
-            rest_us: 0,
-            bias_known: false,
+            bias: Bias::Unknown(0),
         })
     }
 
@@ -113,10 +125,10 @@ impl Navigation {
         self.estimator.orientation()
     }
 
-    /// Whether the gyroscope's offset has been learned, which takes a rest of some two and a half
-    /// seconds.
+    /// Whether the gyroscope's offset has been learned and the attitude been levelled with it, which
+    /// takes a rest of some three and a half seconds.
     pub fn bias_is_known(&self) -> bool {
-        self.bias_known
+        self.bias == Bias::Known
     }
 
     /// Forget the attitude, the gyroscope's offset and the samples so far: the estimate depends on
@@ -127,8 +139,7 @@ impl Navigation {
         if let Ok(estimator) = self.settings.estimator() {
             self.estimator = estimator;
         }
-        self.rest_us = 0;
-        self.bias_known = false;
+        self.bias = Bias::Unknown(0);
     }
 
     /// A step of the estimator, and one for each sample that was missed while the attitude is still
@@ -153,11 +164,20 @@ impl Navigation {
             .update(dt_us - step_us * (steps - 1), &self.counts);
     }
 
+    /// Whether the magnetometer has measured a field lately. Without one the heading follows the
+    /// gyroscope alone; pitch needs none.
+    pub fn field_is_healthy(&self) -> bool {
+        self.last
+            .is_some_and(|last| last.time.since(self.field_at) < FIELD_LOST_US)
+    }
+
     /// The magnetometer is slower than the loop: its registers repeat until it has measured again.
-    /// A field that stays the same for long is taken as one that does not change.
+    /// A field that stays the same for long is taken as one that does not change, and one of zero
+    /// as none.
     fn field_is_fresh(&mut self, raw: &RawSample) -> bool {
         let repeated = self.last.is_some_and(|last| last.mag == raw.mag);
-        let fresh = !repeated || raw.time.since(self.field_at) >= FIELD_REPEAT_US;
+        let fresh =
+            raw.mag != [0; 3] && (!repeated || raw.time.since(self.field_at) >= FIELD_REPEAT_US);
         if fresh {
             self.field_at = raw.time;
         }
@@ -165,14 +185,27 @@ impl Navigation {
     }
 
     /// The estimator learns the offset in blocks of rest, the first of which ends in
-    /// [`BIAS_REST_US`].
+    /// [`BIAS_REST_US`]. Then the attitude is levelled anew, for [`LEVEL_US`] without a motion.
     fn watch_rest(&mut self, dt_us: u32) {
-        if self.estimator.flags().at_rest {
-            self.rest_us = (self.rest_us + dt_us).min(BIAS_REST_US);
-            self.bias_known |= self.rest_us == BIAS_REST_US;
-        } else {
-            self.rest_us = 0;
-        }
+        self.bias = match self.bias {
+            Bias::Unknown(_) if !self.estimator.flags().at_rest => Bias::Unknown(0),
+            Bias::Unknown(us) if us + dt_us < BIAS_REST_US => Bias::Unknown(us + dt_us),
+            Bias::Unknown(_) => {
+                self.estimator.level();
+                Bias::Levelling(0)
+            }
+            Bias::Levelling(_) if self.is_turning() => Bias::Unknown(0),
+            Bias::Levelling(us) if us + dt_us < LEVEL_US => Bias::Levelling(us + dt_us),
+            Bias::Levelling(_) | Bias::Known => Bias::Known,
+        };
+    }
+
+    /// Whether a rate is further from the offset than [`LEVEL_RATE`].
+    fn is_turning(&self) -> bool {
+        let rates = self.counts.gyr.into_iter().zip(self.estimator.bias_q9());
+        rates
+            .into_iter()
+            .any(|(rate, bias_q9)| (i32::from(rate) - (bias_q9 >> 9)).abs() > LEVEL_RATE)
     }
 }
 

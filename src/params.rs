@@ -9,7 +9,8 @@ mod table;
 
 use core::fmt;
 
-use crate::ticks::TickPlan;
+use crate::config::STRETCH_MAX_US;
+use crate::ticks::{TickPlan, Timing};
 
 use table::{COUNT, Place};
 pub use table::{Change, DESCRIPTIONS, Description, Info, Range, TABLE};
@@ -106,6 +107,9 @@ impl Params {
         }
     }
 
+    /// Index of `I2C_STRETCH_US`.
+    pub const STRETCH: usize = Place::i2c_stretch_us as usize;
+
     /// Index of `SRV_POLARITY`.
     pub const POLARITY: usize = Place::srv_polarity as usize;
 
@@ -125,15 +129,25 @@ impl Params {
         Some((TABLE.get(index)?, *self.values.get(index)?))
     }
 
-    /// Servo frame, Hz, and sensor bus, kHz: what the timing of the loop follows from.
-    pub fn rates(&self) -> (u32, u32) {
-        (self.srv_rate_hz() as u32, self.i2c_khz() as u32)
+    /// What the timing of the loop follows from.
+    pub fn timing(&self) -> Timing {
+        Timing {
+            frame_hz: self.srv_rate_hz() as u32,
+            i2c_khz: self.i2c_khz() as u32,
+            stretch_us: self.i2c_stretch_us() as u32,
+        }
+    }
+
+    /// The sensor stretches a byte for so long; more than the parameter holds is its largest value.
+    #[allow(clippy::indexing_slicing, reason = "there is a value for every place")]
+    pub(crate) fn set_stretch(&mut self, us: u32) {
+        self.values[Self::STRETCH] = us.min(STRETCH_MAX_US) as f32;
     }
 
     /// Time from one control step to the next, us, rounded down.
     pub fn control_period_us(&self) -> u32 {
-        let (frame_hz, i2c_khz) = self.rates();
-        TickPlan::new(frame_hz, i2c_khz).period_us(frame_hz)
+        let timing = self.timing();
+        TickPlan::new(&timing).period_us(timing.frame_hz)
     }
 
     /// Value by name.

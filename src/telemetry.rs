@@ -7,7 +7,8 @@
 //! | out | when |
 //! |---|---|
 //! | HEARTBEAT, SYS_STATUS | once a second, HEARTBEAT also at every change of state |
-//! | STATUSTEXT | every change of state and every refusal, with the reason; once a second what keeps the sensor from starting |
+//! | DEBUG_VECT `imu_bus` | once a second: mean and longest of the newest bursts, us, and how often the sensor gives new data, Hz |
+//! | STATUSTEXT | every change of state and every refusal, with the reason; the sensor's address; a magnetometer that fails; once a second what keeps the sensor from starting |
 //! | ATTITUDE_QUATERNION, SERVO_OUTPUT_RAW | every step |
 //! | RAW_IMU | every step that had a sample: its untouched counts, stamped with its own time |
 //! | NAMED_VALUE_FLOAT `crank_rad` | every step: the crank angle that control asked for, before limits |
@@ -32,19 +33,20 @@ mod storage;
 
 use core::fmt::{self, Write};
 
-use bno055_driver::{Micros, RawSample};
+use bno055_driver::{Health, Micros, RawSample};
 use heapless::Vec;
 use mavlink::MessageData;
 use mavlink::dialects::common::{
-    ATTITUDE_DATA, ATTITUDE_QUATERNION_DATA, HEARTBEAT_DATA, LOG_DATA_DATA, MavAutopilot,
-    MavModeFlag, MavSeverity, MavState, MavSysStatusSensor, MavType, NAMED_VALUE_FLOAT_DATA,
-    RAW_IMU_DATA, SERVO_OUTPUT_RAW_DATA, STATUSTEXT_DATA, SYS_STATUS_DATA,
+    ATTITUDE_DATA, ATTITUDE_QUATERNION_DATA, DEBUG_VECT_DATA, HEARTBEAT_DATA, LOG_DATA_DATA,
+    MavAutopilot, MavModeFlag, MavSeverity, MavState, MavSysStatusSensor, MavType,
+    NAMED_VALUE_FLOAT_DATA, RAW_IMU_DATA, SERVO_OUTPUT_RAW_DATA, STATUSTEXT_DATA, SYS_STATUS_DATA,
 };
 use mavlink::types::CharArray;
 
 use crate::config::{COMPONENT_ID, HEARTBEAT_PERIOD_US, SYSTEM_ID};
 use crate::failsafe::State;
 use crate::flight::{Flight, Snapshot};
+use crate::ticks::BurstTimes;
 use checksum::checksum;
 use download::Download;
 use parser::Parser;
@@ -68,6 +70,8 @@ pub struct BoardStatus {
     pub bus_errors: u16,
     /// Times that the bus had to be freed.
     pub bus_recoveries: u16,
+    /// How long the newest bursts took.
+    pub bursts: BurstTimes,
 }
 
 /// The resets that the host may ask for.
@@ -88,6 +92,10 @@ pub struct Telemetry {
     /// [`State::code`] that the host has been told.
     announced: Option<u32>,
     heartbeat_at: Option<Micros>,
+    /// The driver's count of fresh bursts at the last heartbeat.
+    fresh: u32,
+    /// The host has been told of the magnetometer whether it measures a field.
+    field_told: bool,
     /// Next parameter of a list under way.
     list: Option<usize>,
     /// What the host wants done with stored parameters.
@@ -106,6 +114,8 @@ impl Telemetry {
             sequence: 0,
             announced: None,
             heartbeat_at: None,
+            fresh: 0,
+            field_told: true,
             list: None,
             storage: None,
             download: Download::new(),
@@ -122,6 +132,8 @@ impl Telemetry {
             sequence,
             announced,
             heartbeat_at,
+            fresh: _,
+            field_told,
             list,
             storage,
             download,
@@ -134,16 +146,23 @@ impl Telemetry {
         *rates = Rates::new();
         *sequence = 0;
         (*announced, *heartbeat_at, *list) = (None, None, None);
-        (*storage, *reset) = (None, None);
+        (*storage, *reset, *field_told) = (None, None, true);
     }
 
     /// Queue the messages of a step.
-    pub fn record(&mut self, snapshot: &Snapshot, flight: &Flight, board: &BoardStatus) {
+    pub fn record(
+        &mut self,
+        snapshot: &Snapshot,
+        flight: &Flight,
+        sensor: &Health,
+        board: &BoardStatus,
+    ) {
         if self.announced.is_none() {
             self.report_stored(flight.stored());
         }
         self.announce(&snapshot.state);
         self.stream(snapshot, flight);
+        self.watch_field(snapshot);
         let due = self
             .heartbeat_at
             .is_none_or(|last| snapshot.now.since(last) >= HEARTBEAT_PERIOD_US);
@@ -151,6 +170,7 @@ impl Telemetry {
             self.heartbeat_at = Some(snapshot.now);
             self.heartbeat(&snapshot.state);
             self.system_status(snapshot, board);
+            self.bus_status(snapshot, sensor, board);
             if let (State::Boot, Some(fault)) = (&snapshot.state, snapshot.fault) {
                 self.warn(format_args!("{fault}"));
             }
@@ -283,9 +303,10 @@ impl Telemetry {
     /// Load and health. Sensors are present always, healthy while samples come; what is enabled but
     /// not healthy is what clients report as a fault.
     fn system_status(&mut self, snapshot: &Snapshot, board: &BoardStatus) {
-        let sensors = MavSysStatusSensor::MAV_SYS_STATUS_SENSOR_3D_GYRO
-            | MavSysStatusSensor::MAV_SYS_STATUS_SENSOR_3D_ACCEL
-            | MavSysStatusSensor::MAV_SYS_STATUS_SENSOR_3D_MAG;
+        let inertial = MavSysStatusSensor::MAV_SYS_STATUS_SENSOR_3D_GYRO
+            | MavSysStatusSensor::MAV_SYS_STATUS_SENSOR_3D_ACCEL;
+        let magnetometer = MavSysStatusSensor::MAV_SYS_STATUS_SENSOR_3D_MAG;
+        let sensors = inertial | magnetometer;
         let attitude = MavSysStatusSensor::MAV_SYS_STATUS_AHRS;
         let control = MavSysStatusSensor::MAV_SYS_STATUS_SENSOR_ATTITUDE_STABILIZATION;
         let enabled_control = match snapshot.state {
@@ -293,7 +314,11 @@ impl Telemetry {
             _ => MavSysStatusSensor::empty(),
         };
         let mut health = MavSysStatusSensor::empty();
-        health.set(sensors, snapshot.sensor_healthy);
+        health.set(inertial, snapshot.sensor_healthy);
+        health.set(
+            magnetometer,
+            snapshot.sensor_healthy && snapshot.field_healthy,
+        );
         health.set(
             attitude,
             snapshot.sensor_healthy && snapshot.attitude.flags.initialised,
@@ -314,6 +339,27 @@ impl Telemetry {
             errors_count4: board.bus_recoveries,
             battery_remaining: -1,
         });
+    }
+
+    /// How the sensor and its bus do. A second of the first call after a pause is longer.
+    fn bus_status(&mut self, snapshot: &Snapshot, sensor: &Health, board: &BoardStatus) {
+        let fresh = sensor.fresh.wrapping_sub(self.fresh);
+        self.fresh = sensor.fresh;
+        self.send_event(&DEBUG_VECT_DATA {
+            time_usec: snapshot.now.0,
+            x: board.bursts.mean_us as f32,
+            y: board.bursts.max_us as f32,
+            z: fresh as f32,
+            name: CharArray::new(*b"imu_bus\0\0\0"),
+        });
+    }
+
+    /// A magnetometer that stops measuring, or begins again, is told once.
+    fn watch_field(&mut self, snapshot: &Snapshot) {
+        let healthy = snapshot.field_healthy || !snapshot.sensor_healthy;
+        if core::mem::replace(&mut self.field_told, healthy) != healthy && !healthy {
+            self.warn(format_args!("no magnetic field: heading drifts"));
+        }
     }
 
     /// A STATUSTEXT, cut to the 50 characters that STATUSTEXT holds.

@@ -5,7 +5,7 @@
 //! of 10 ms, up to 20 mrad of attitude in a flight from 0.8 rad. At 150 Hz every refresh is read,
 //! some twice, and the errors of the time steps cancel.
 //!
-//! The last tick of a frame comes [`lead_us`] before the edge of the pulse that is to carry its
+//! The last tick of a frame comes [`Timing::lead_us`] before the edge of the pulse that is to carry its
 //! sample:
 //!
 //! ```text
@@ -20,43 +20,160 @@ use bno055_driver::{Micros, Transfer};
 /// reserve.
 pub const STEP_BUDGET_US: u32 = 1_200;
 
-/// Reserve for a burst that takes longer than [`burst_us`], us.
+/// Reserve for a burst that takes longer than [`Timing::burst_us`], us.
 const BURST_RESERVE_US: u32 = 1_000;
 
-/// Clock stretching of a byte that is allowed for when a short transfer is put between two bursts,
-/// us. A healthy chip needs 180 us; should it take longer for once, the next tick goes without its
+/// Shortest time between two ticks, us: sampling faster would read nothing new.
+const SHORTEST_US: u32 = 6_500;
+
+/// Longest time between two ticks with which the drone is flown, us.
+const LONGEST_US: u32 = 10_000;
+
+/// Between two ticks beside the burst and a short transfer, us: their STOPs, which the sensor holds
+/// up as it does its bytes, and the main loop's part.
+const TICK_RESERVE_US: u32 = 400;
+
+/// Clock stretching of a byte that is allowed for beyond the mean, us, when a short transfer is put
+/// between two bursts. Should the sensor take longer for once, the next tick goes without its
 /// burst.
-const STRETCH_US: u64 = 250;
+const STRETCH_RESERVE_US: u32 = 70;
+
+/// Bytes of a burst: 18 of data, two addresses and the register.
+const BURST_BYTES: u32 = 21;
+
+/// Bytes of the longest transfer that is always to fit between two bursts: the verification of one
+/// register, with two addresses and its number.
+const SHORT_BYTES: u32 = 4;
 
 /// Slowest servo frame, Hz.
 const SLOWEST_HZ: u32 = 50;
 /// Fastest servo frame, Hz.
 const FASTEST_HZ: u32 = 333;
 
-/// Shortest time between two ticks, us: the burst, a short transfer to look after the sensor, and
-/// some reserve. The bus at 100 kHz takes 1.4 ms longer for both.
-const fn shortest_us(i2c_khz: u32) -> u32 {
-    if is_slow(i2c_khz) { 9_000 } else { 6_500 }
+/// What the loop's timing follows from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Timing {
+    /// Rate of the servo frame, Hz.
+    pub frame_hz: u32,
+    /// Speed of the sensor bus, kHz: 400, or any smaller number for 100.
+    pub i2c_khz: u32,
+    /// How long the sensor stretches the clock in a byte, us. The BNO055 is said to take 180;
+    /// [`BurstTimes`] measure it.
+    pub stretch_us: u32,
 }
 
-/// Duration of a burst, us. Its 18 bytes with their two addresses and the register are 192 bit
-/// times; the BNO055 stretches the clock by about 180 us in each of the 21 bytes.
-const fn burst_us(i2c_khz: u32) -> u32 {
-    if is_slow(i2c_khz) { 5_700 } else { 4_300 }
+impl Timing {
+    /// Duration of a burst, us: 192 bit times, start and end, and 21 stretched bytes.
+    pub const fn burst_us(&self) -> u32 {
+        self.unstretched_us() + BURST_BYTES * self.stretch_us
+    }
+
+    /// The stretch of a byte with which a burst takes so long, us.
+    pub const fn stretch_of(&self, burst_us: u32) -> u32 {
+        burst_us.saturating_sub(self.unstretched_us()) / BURST_BYTES
+    }
+
+    /// How long before the edge the frame's last tick comes, us.
+    pub const fn lead_us(&self) -> u32 {
+        self.burst_us() + BURST_RESERVE_US + STEP_BUDGET_US
+    }
+
+    /// How long after its tick a burst may be over and still be in time for its step, us.
+    pub const fn burst_limit_us(&self) -> u64 {
+        (self.burst_us() + BURST_RESERVE_US) as u64
+    }
+
+    /// Whether the sensor's bus is too slow to fly with: less than 100 bursts a second, each with a
+    /// verification behind it.
+    pub const fn is_too_slow(&self) -> bool {
+        self.needed_us() > LONGEST_US
+    }
+
+    /// Shortest time between two ticks, us.
+    fn shortest_us(&self) -> u32 {
+        self.needed_us().max(SHORTEST_US)
+    }
+
+    const fn needed_us(&self) -> u32 {
+        let short_us = SHORT_BYTES * (self.byte_us() + self.stretch_us);
+        self.burst_us() + short_us + TICK_RESERVE_US
+    }
+
+    const fn unstretched_us(&self) -> u32 {
+        if self.is_slow() { 1_960 } else { 520 }
+    }
+
+    /// A byte that is not stretched, us.
+    const fn byte_us(&self) -> u32 {
+        if self.is_slow() { 90 } else { 23 }
+    }
+
+    const fn is_slow(&self) -> bool {
+        self.i2c_khz < 400
+    }
+
+    /// The longest that a healthy chip takes for `transfer`, us.
+    fn transfer_us(&self, transfer: &Transfer) -> u64 {
+        let payload = match transfer {
+            Transfer::Read { len, .. } => usize::from(*len),
+            Transfer::Write { bytes, .. } => bytes.len(),
+        };
+        // Two addresses and the register's number.
+        let bytes = payload as u32 + 3;
+        u64::from(bytes * (self.byte_us() + self.stretch_us + STRETCH_RESERVE_US))
+    }
 }
 
-/// How long before the edge the frame's last tick comes, us.
-pub const fn lead_us(i2c_khz: u32) -> u32 {
-    burst_us(i2c_khz) + BURST_RESERVE_US + STEP_BUDGET_US
+/// How long the newest bursts took.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct BurstTimes {
+    /// Mean, us.
+    pub mean_us: u32,
+    /// Longest, us.
+    pub max_us: u32,
 }
 
-/// How long after its tick a burst may be over and still be in time for its step, us.
-pub const fn burst_limit_us(i2c_khz: u32) -> u64 {
-    (burst_us(i2c_khz) + BURST_RESERVE_US) as u64
+impl BurstTimes {
+    /// The duration to plan with, us: the mean, and where single bursts take longer than its
+    /// reserve allows for, as much more.
+    pub fn planned_us(&self) -> u32 {
+        /// Of [`BURST_RESERVE_US`], what rare long bytes may take.
+        const RARE_US: u32 = 700;
+        self.mean_us.max(self.max_us.saturating_sub(RARE_US))
+    }
 }
 
-const fn is_slow(i2c_khz: u32) -> bool {
-    i2c_khz < 400
+/// Measures bursts, [`BurstGauge::WINDOW`] at a time.
+#[derive(Clone, Debug, Default)]
+pub struct BurstGauge {
+    count: u32,
+    sum_us: u32,
+    max_us: u32,
+    times: BurstTimes,
+}
+
+impl BurstGauge {
+    /// Bursts that a measurement takes.
+    pub const WINDOW: u32 = 64;
+
+    /// A burst took so long, us.
+    pub fn add(&mut self, us: u32) {
+        self.count += 1;
+        self.sum_us = self.sum_us.saturating_add(us);
+        self.max_us = self.max_us.max(us);
+        if self.count == Self::WINDOW {
+            self.times = BurstTimes {
+                mean_us: self.sum_us / Self::WINDOW,
+                max_us: self.max_us,
+            };
+            (self.count, self.sum_us, self.max_us) = (0, 0, 0);
+        }
+    }
+
+    /// The newest whole measurement, zero before the first.
+    pub fn times(&self) -> BurstTimes {
+        self.times
+    }
 }
 
 /// Ticks for a frame rate and a bus speed.
@@ -72,7 +189,7 @@ impl TickPlan {
     /// Most ticks in a frame.
     pub const MOST_TICKS: u8 = 3;
 
-    /// As many ticks as there is time for.
+    /// As many ticks as there is time for. Where a byte is stretched by 180 us:
     ///
     /// | servo frame | ticks at 400 kHz | at 100 kHz |
     /// |---|---|---|
@@ -81,8 +198,8 @@ impl TickPlan {
     /// | 200 Hz | one in two frames, 100 Hz | the same |
     /// | 300 Hz | one in two frames, 150 Hz | one in three, 100 Hz |
     /// | 333 Hz | one in three frames, 111 Hz | the same |
-    pub fn new(frame_hz: u32, i2c_khz: u32) -> Self {
-        let (frame_us, shortest_us) = (1_000_000 / frame_hz, shortest_us(i2c_khz));
+    pub fn new(timing: &Timing) -> Self {
+        let (frame_us, shortest_us) = (1_000_000 / timing.frame_hz, timing.shortest_us());
         let ticks = (frame_us / shortest_us).clamp(1, Self::MOST_TICKS.into());
         Self {
             ticks_per_frame: ticks as u8,
@@ -112,12 +229,15 @@ pub struct TimerPlan {
 
 impl TimerPlan {
     /// For a timer with `counts_per_us`. Frame rates outside the servo's range are brought into it.
-    pub fn new(counts_per_us: u32, frame_hz: u32, i2c_khz: u32) -> Self {
-        let frame_hz = frame_hz.clamp(SLOWEST_HZ, FASTEST_HZ);
-        let plan = TickPlan::new(frame_hz, i2c_khz);
-        let period = counts_per_us * 1_000_000 / frame_hz;
+    pub fn new(counts_per_us: u32, timing: &Timing) -> Self {
+        let timing = &Timing {
+            frame_hz: timing.frame_hz.clamp(SLOWEST_HZ, FASTEST_HZ),
+            ..*timing
+        };
+        let plan = TickPlan::new(timing);
+        let period = counts_per_us * 1_000_000 / timing.frame_hz;
         let spacing = period / plan.ticks_per_frame as u32;
-        let last = period - 1 - (counts_per_us * lead_us(i2c_khz) - 1) % period;
+        let last = period - 1 - (counts_per_us * timing.lead_us() - 1) % period;
         let middle = earlier(last, spacing, period);
         let first = earlier(middle, spacing, period);
         Self {
@@ -128,7 +248,7 @@ impl TimerPlan {
                 2 => [last, middle, last],
                 _ => [last, middle, first],
             },
-            tick_period_us: plan.period_us(frame_hz),
+            tick_period_us: plan.period_us(timing.frame_hz),
         }
     }
 }
@@ -156,9 +276,9 @@ impl NewestTick {
     }
 
     /// A tick has come.
-    pub fn came(&mut self, at: Micros, i2c_khz: u32) {
+    pub fn came(&mut self, at: Micros, timing: &Timing) {
         self.at = at;
-        self.burst_due = Some(at.after(burst_limit_us(i2c_khz)));
+        self.burst_due = Some(at.after(timing.burst_limit_us()));
     }
 
     /// When the step is taken without a sample, if it is still to come.
@@ -181,27 +301,24 @@ impl NewestTick {
         &self,
         now: Micros,
         transfer: &Transfer,
-        i2c_khz: u32,
+        timing: &Timing,
         tick_period_us: u32,
     ) -> bool {
-        now.after(duration_us(transfer, i2c_khz)) < self.at.after(tick_period_us.into())
+        now.after(timing.transfer_us(transfer)) < self.at.after(tick_period_us.into())
     }
-}
-
-/// The longest that a healthy chip takes for `transfer`.
-fn duration_us(transfer: &Transfer, i2c_khz: u32) -> u64 {
-    let payload = match transfer {
-        Transfer::Read { len, .. } => usize::from(*len),
-        Transfer::Write { bytes, .. } => bytes.len(),
-    };
-    let byte_us = if is_slow(i2c_khz) { 90 } else { 23 };
-    // Two addresses and the register's number.
-    (payload as u64 + 3) * (byte_us + STRETCH_US)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    fn timing(frame_hz: u32, i2c_khz: u32) -> Timing {
+        Timing {
+            frame_hz,
+            i2c_khz,
+            stretch_us: 180,
+        }
+    }
 
     #[test]
     fn there_are_as_many_ticks_as_the_table_says() {
@@ -213,7 +330,7 @@ mod tests {
             (333, (1, 3, 9_009), (1, 3, 9_009)),
         ] {
             for (i2c_khz, expected) in [(400, fast), (100, slow)] {
-                let plan = TickPlan::new(frame_hz, i2c_khz);
+                let plan = TickPlan::new(&timing(frame_hz, i2c_khz));
                 let found = (
                     plan.ticks_per_frame,
                     plan.frames_per_tick,
@@ -224,15 +341,57 @@ mod tests {
         }
     }
 
+    /// By hand: 520 us + 21 stretched bytes; four more of a short transfer, with 23 us each; 400 us.
+    #[test]
+    fn a_slower_sensor_is_sampled_less_often_and_a_fast_one_later() {
+        for (stretch_us, lead_us, per_frame, too_slow) in [
+            (20, 3_140, 3, false),
+            (180, 6_500, 3, false),
+            (226, 7_466, 3, false),
+            (227, 7_487, 2, false),
+            (350, 10_070, 2, false),
+            (359, 10_259, 2, false),
+            (360, 10_280, 1, true),
+        ] {
+            let timing = Timing {
+                stretch_us,
+                ..timing(50, 400)
+            };
+            let plan = TickPlan::new(&timing);
+            let found = (timing.lead_us(), plan.ticks_per_frame, timing.is_too_slow());
+            assert_eq!(found, (lead_us, per_frame, too_slow), "{stretch_us} us");
+            assert_eq!(timing.stretch_of(timing.burst_us()), stretch_us);
+        }
+    }
+
+    #[test]
+    fn bursts_are_measured_a_window_at_a_time() {
+        let mut gauge = BurstGauge::default();
+        for _ in 1..BurstGauge::WINDOW {
+            gauge.add(4_400);
+        }
+        assert_eq!(gauge.times(), BurstTimes::default());
+        gauge.add(5_040);
+        let times = gauge.times();
+        assert_eq!((times.mean_us, times.max_us), (4_410, 5_040));
+        assert_eq!(times.planned_us(), 4_410, "the reserve has room for it");
+        for _ in 0..BurstGauge::WINDOW - 1 {
+            gauge.add(4_400);
+        }
+        gauge.add(6_000);
+        assert_eq!(gauge.times().planned_us(), 5_300);
+    }
+
     /// Counts by hand, for a timer at 3 MHz.
     #[test]
     fn the_timer_ticks_its_lead_before_the_edge_and_evenly_before_that() {
-        assert_eq!((lead_us(400), lead_us(100)), (6_500, 7_900));
-        let plan = |frame_hz, i2c_khz| TimerPlan::new(3, frame_hz, i2c_khz);
+        let lead_us = |i2c_khz| timing(50, i2c_khz).lead_us();
+        assert_eq!((lead_us(400), lead_us(100)), (6_500, 7_940));
+        let plan = |frame_hz, i2c_khz| TimerPlan::new(3, &timing(frame_hz, i2c_khz));
         let slow = plan(50, 400);
         assert_eq!((slow.period, slow.tick_period_us), (60_000, 6_666));
         assert_eq!(slow.ticks, [40_500, 20_500, 500]);
-        assert_eq!(plan(50, 100).ticks, [36_300, 6_300, 36_300]);
+        assert_eq!(plan(50, 100).ticks, [36_180, 6_180, 36_180]);
         let fast = plan(300, 400);
         assert_eq!((fast.period, fast.tick_period_us), (10_000, 6_666));
         assert_eq!((fast.ticks[0], fast.plan.frames_per_tick), (500, 2));
@@ -244,7 +403,7 @@ mod tests {
     fn every_tick_lies_in_its_frame() {
         for frame_hz in [50, 100, 200, 300, 333] {
             for i2c_khz in [100, 400] {
-                let plan = TimerPlan::new(3, frame_hz, i2c_khz);
+                let plan = TimerPlan::new(3, &timing(frame_hz, i2c_khz));
                 assert!(
                     plan.ticks.iter().all(|tick| *tick < plan.period),
                     "{plan:?}"
@@ -257,28 +416,29 @@ mod tests {
     fn a_burst_belongs_to_its_step_until_that_is_taken_without_it() {
         let mut tick = NewestTick::new(Micros(0));
         assert!(!tick.burst_over() && !tick.is_missed(Micros(1_000_000)));
-        tick.came(Micros(10_000), 400);
+        tick.came(Micros(10_000), &timing(50, 400));
         assert_eq!(tick.burst_due(), Some(Micros(15_300)));
         assert!(!tick.is_missed(Micros(15_299)));
         assert!(tick.burst_over(), "in time");
         assert!(!tick.is_missed(Micros(15_300)), "the step has been taken");
-        tick.came(Micros(20_000), 100);
-        assert!(tick.is_missed(Micros(26_700)));
-        assert!(!tick.is_missed(Micros(26_701)), "once");
+        tick.came(Micros(20_000), &timing(50, 100));
+        assert!(!tick.is_missed(Micros(26_739)));
+        assert!(tick.is_missed(Micros(26_740)));
+        assert!(!tick.is_missed(Micros(26_741)), "once");
         assert!(!tick.burst_over(), "late");
     }
 
     #[test]
     fn a_short_transfer_goes_between_two_bursts_if_it_is_over_before_the_next() {
         let mut tick = NewestTick::new(Micros(0));
-        tick.came(Micros(10_000), 400);
+        tick.came(Micros(10_000), &timing(50, 400));
         let read = Transfer::Read {
             register: 0,
             len: 1,
         };
         // Four bytes of 273 us each, 6,666 us after the tick.
-        let fits = |now| tick.leaves_time_for(Micros(now), &read, 400, 6_666);
+        let fits = |now| tick.leaves_time_for(Micros(now), &read, &timing(50, 400), 6_666);
         assert!(fits(15_573) && !fits(15_574));
-        assert!(!tick.leaves_time_for(Micros(15_573), &read, 100, 6_666));
+        assert!(!tick.leaves_time_for(Micros(15_573), &read, &timing(50, 100), 6_666));
     }
 }

@@ -52,6 +52,7 @@ def frames():
                 0x200807, 0x200807, 0x200807, 123, 65535, -1, -1, 0, 0, 0, 5, 6, 7
             ),
         ),
+        ("debug_vect", mavlink.MAVLink_debug_vect_message(b"imu_bus", 1240001, 4423, 4580, 100)),
     ]
     for sequence, (name, message) in enumerate(step):
         yield name, frame(message, sequence)

@@ -14,10 +14,10 @@ pub use crate::units::{AccUnit, AngleUnit, GyrUnit, MAG_UT, Orientation, Tempera
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 #[repr(u8)]
 pub enum Address {
-    /// 0x28: COM3 low, as on most breakout boards.
+    /// 0x28: COM3 low, as on Adafruit's breakout.
     #[default]
     Low = 0x28,
-    /// 0x29: COM3 high.
+    /// 0x29: COM3 high, as on many other breakouts with their address pin open.
     High = 0x29,
 }
 
@@ -26,6 +26,15 @@ impl Address {
     #[must_use]
     pub const fn value(self) -> u8 {
         self as u8
+    }
+
+    /// The other one.
+    #[must_use]
+    pub const fn other(self) -> Self {
+        match self {
+            Self::Low => Self::High,
+            Self::High => Self::Low,
+        }
     }
 }
 
@@ -47,6 +56,9 @@ pub enum ResetPolicy {
 pub struct Config {
     /// I2C address.
     pub address: Address,
+    /// Whether the other address is tried in turn while nobody answers: only where no second
+    /// BNO055 is on the bus.
+    pub either_address: bool,
     /// Operating mode.
     pub mode: Mode,
     /// Ranges and bandwidths.
@@ -65,6 +77,9 @@ pub struct Config {
     pub soft_iron: Option<SoftIron>,
     /// Whether the chip may be reset.
     pub reset: ResetPolicy,
+    /// Whether a magnetometer that does not identify itself, fails its self-test or measures
+    /// nothing is a fault. Where it is none, its field reads zero.
+    pub needs_mag: bool,
     /// Number of equal bursts in a row that shows a frozen chip. The chip refreshes at its own 100
     /// Hz, so that two equal ones are normal at a 100 Hz tick; allow more if you sample faster or
     /// with little bandwidth.
@@ -79,6 +94,7 @@ impl Default for Config {
     fn default() -> Self {
         Self {
             address: Address::default(),
+            either_address: false,
             mode: Mode::default(),
             sensors: Sensors::default(),
             units: Units::default(),
@@ -88,6 +104,7 @@ impl Default for Config {
             profile: None,
             soft_iron: None,
             reset: ResetPolicy::default(),
+            needs_mag: true,
             frozen_after: const { NonZeroU8::new(5).unwrap() },
             step_limit: Some(4000),
         }

@@ -11,8 +11,9 @@ use crate::status::Identity;
 use crate::transfer::{BusError, Micros, Transfer};
 use crate::verify::Check;
 
-/// After this many bursts or verifications in a row that fail on the bus, the chip is set up anew.
-const BUS_ERRORS_MAX: u8 = 3;
+/// When no burst has brought anything for so long, the chip is set up anew. What is shorter is a
+/// glitch of the cable, which does not reset the chip: the mode is verified, and sampling goes on.
+pub const GLITCH_US: u64 = 60_000;
 /// After this many bad samples in a row, the chip is set up anew.
 const BAD_SAMPLES_MAX: u8 = 5;
 /// What a bad sample adds to a leaky bucket, from which a good one takes 1.
@@ -43,7 +44,8 @@ struct Sampling {
     outstanding: Option<Errand>,
     /// A register read wrong once: samples are withheld until it has been read again.
     mismatched: bool,
-    bus_errors: u8,
+    /// When the first transfer failed since the last burst that brought something.
+    silent_since: Option<Micros>,
     bad_samples: u8,
     unreliable: u8,
     inspector: Inspector,
@@ -63,7 +65,7 @@ impl Sampling {
             due: false,
             outstanding: None,
             mismatched: false,
-            bus_errors: 0,
+            silent_since: None,
             bad_samples: 0,
             unreliable: 0,
             inspector,
@@ -146,6 +148,11 @@ impl Driver {
                 if let Err(error) = outcome {
                     self.health.count(error.into());
                 }
+                let absent = matches!(progress, Progress::Failed(SensorFault::WrongChip { .. }))
+                    || outcome == Err(BusError::Nak);
+                if absent && self.config.either_address {
+                    self.config.address = self.config.address.other();
+                }
                 self.advance(now, progress);
             }
             Phase::Sampling(sampling) => match sampling.outstanding.take() {
@@ -182,9 +189,9 @@ impl Driver {
         let Phase::Sampling(sampling) = &mut self.phase else {
             return Err(self.cause());
         };
-        let judged = match outcome {
+        let judged = match heard(outcome) {
             Ok(bytes) => sampling.inspector.judge(&self.config, time, bytes),
-            Err(error) => Err(error.into()),
+            Err(fault) => return self.unheard(time, fault),
         };
         if let Ok(judged) = &judged {
             self.health.fresh = self.health.fresh.wrapping_add(u32::from(judged.fresh));
@@ -213,11 +220,10 @@ impl Driver {
         if !self.is_sampling() {
             return Err(self.cause());
         }
-        let judged = match outcome {
-            Ok(bytes) => FusionSample::judge(time, bytes),
-            Err(error) => Err(error.into()),
-        };
-        self.conclude(time, judged)
+        match heard(outcome) {
+            Ok(bytes) => self.conclude(time, FusionSample::judge(time, bytes)),
+            Err(fault) => self.unheard(time, fault),
+        }
     }
 
     /// Notes that a tick went by without its burst, and gives the fault to report for it.
@@ -306,7 +312,7 @@ impl Driver {
         &self.identity
     }
 
-    /// The settings.
+    /// The settings; the address is the one that was tried last.
     #[must_use]
     pub fn config(&self) -> &Config {
         &self.config
@@ -356,10 +362,7 @@ impl Driver {
         let Phase::Sampling(sampling) = &mut self.phase else {
             return;
         };
-        let judged = match outcome {
-            Ok(bytes) => sampling.check.judge(bytes, &self.config),
-            Err(error) => Err(error.into()),
-        };
+        let judged = heard(outcome).and_then(|bytes| sampling.check.judge(bytes, &self.config));
         match judged {
             Ok(()) => {
                 self.health.verified = self.health.verified.wrapping_add(1);
@@ -367,7 +370,7 @@ impl Driver {
                 sampling.mismatched = false;
                 sampling.due = false;
             }
-            Err(fault) if fault.is_bus() => {
+            Err(fault) if fault.is_bus() || fault == SensorFault::AllOnes => {
                 sampling.due = false;
                 self.bus_error(now, fault);
             }
@@ -395,7 +398,7 @@ impl Driver {
         sampling.due = true;
         let fault = match judged {
             Ok(data) => {
-                sampling.bus_errors = 0;
+                sampling.silent_since = None;
                 sampling.bad_samples = 0;
                 sampling.unreliable = sampling.unreliable.saturating_sub(1);
                 if !sampling.mismatched {
@@ -407,10 +410,6 @@ impl Driver {
                 self.health.withheld = self.health.withheld.wrapping_add(1);
                 SensorFault::RegisterMismatch
             }
-            Err(fault) if fault.is_bus() => {
-                self.bus_error(time, fault);
-                fault
-            }
             Err(fault) => {
                 self.health.count(fault);
                 self.bad_sample(time, fault)
@@ -420,8 +419,17 @@ impl Driver {
         Err(fault)
     }
 
-    /// Counts a lost transfer. One alone proves nothing, but the next verification reads the mode
-    /// first, because the chip may have reset.
+    /// Draws the conclusions from a burst of which nothing was heard.
+    fn unheard<T>(&mut self, time: Micros, fault: SensorFault) -> Result<T, SensorFault> {
+        if let Phase::Sampling(sampling) = &mut self.phase {
+            sampling.due = true;
+        }
+        self.bus_error(time, fault);
+        Err(fault)
+    }
+
+    /// Notes a lost transfer. It proves nothing, but the next verification reads the mode first,
+    /// because the chip may have reset; only a chip that stays silent is set up anew.
     fn bus_error(&mut self, now: Micros, fault: SensorFault) {
         self.health.count(fault);
         self.fault = Some(fault);
@@ -431,8 +439,8 @@ impl Driver {
         if !sampling.mismatched {
             sampling.check = Check::Mode;
         }
-        sampling.bus_errors = sampling.bus_errors.saturating_add(1);
-        if sampling.bus_errors >= BUS_ERRORS_MAX {
+        let since = *sampling.silent_since.get_or_insert(now);
+        if now.since(since) >= GLITCH_US {
             self.restart(now, fault);
         }
     }
@@ -448,8 +456,9 @@ impl Driver {
             sampling.check = Check::Mode;
         }
         let enough = match fault {
-            // Zeros right after another bad sample, whatever was wrong with that, are no chance:
-            // the mode need not be read first.
+            // Zeros right after another bad sample or a silence, whatever was wrong with that, are
+            // no chance: the mode need not be read first.
+            SensorFault::Reset if sampling.silent_since.is_some() => 1,
             SensorFault::Reset => 2,
             SensorFault::Frozen => 1,
             _ => BAD_SAMPLES_MAX,
@@ -476,5 +485,16 @@ impl Driver {
             self.request_in_config(),
             Some(now),
         ));
+    }
+}
+
+/// The bytes of an answer. One that is all ones is none: nobody drove the data line.
+fn heard(outcome: Result<&[u8], BusError>) -> Result<&[u8], SensorFault> {
+    match outcome {
+        Ok(bytes) if !bytes.is_empty() && bytes.iter().all(|byte| *byte == 0xFF) => {
+            Err(SensorFault::AllOnes)
+        }
+        Ok(bytes) => Ok(bytes),
+        Err(error) => Err(error.into()),
     }
 }

@@ -9,7 +9,7 @@ use crate::transfer::BusError;
 
 /// Why there is no good sample.
 ///
-/// `Display` gives at most 40 characters, so that a fault with a prefix fits a MAVLink STATUSTEXT.
+/// `Display` gives at most 34 characters, so that a fault with a prefix fits a MAVLink STATUSTEXT.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum SensorFault {
     /// Being set up, and not yet late: see [`BOOT_DEADLINE_US`](crate::BOOT_DEADLINE_US).
@@ -236,7 +236,7 @@ mod tests {
         let texts: HashSet<_> = all().iter().map(ToString::to_string).collect();
         assert_eq!(texts.len(), all().len());
         for text in texts {
-            assert!(text.len() <= 40 && text.is_ascii(), "{text}");
+            assert!(text.len() <= 34 && text.is_ascii(), "{text}");
         }
     }
 

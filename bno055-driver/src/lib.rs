@@ -25,9 +25,11 @@ mod fusion;
 mod health;
 mod hex;
 mod mode;
+#[cfg(feature = "requests")]
 mod profile;
 mod register_enums;
 pub mod registers;
+#[cfg_attr(not(feature = "requests"), path = "no_requests.rs")]
 mod request;
 mod sample;
 mod sensors;
@@ -37,10 +39,13 @@ mod status;
 mod transfer;
 mod units;
 mod verify;
+#[cfg_attr(not(feature = "requests"), allow(dead_code))]
 mod words;
+#[cfg(not(feature = "requests"))]
+use request as profile;
 
 pub use config::Config;
-pub use driver::{Driver, Next};
+pub use driver::{Driver, GLITCH_US, Next};
 pub use fault::SensorFault;
 pub use fusion::{FusionSample, QUATERNION_UNIT};
 pub use health::Health;

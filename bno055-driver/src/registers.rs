@@ -3,6 +3,8 @@
 /// First register of the identity block: CHIP_ID, ACC_ID, MAG_ID, GYR_ID, SW_REV (2), BL_REV,
 /// PAGE_ID.
 pub const CHIP_ID: u8 = 0x00;
+/// Identification of the magnetometer.
+pub const MAG_ID: u8 = 0x02;
 /// Register page, on both pages.
 pub const PAGE_ID: u8 = 0x07;
 /// First byte of the accelerometer's data; magnetometer and gyroscope follow.

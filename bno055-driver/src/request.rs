@@ -28,6 +28,11 @@ impl Request {
         matches!(self, Self::Profile | Self::SoftIron | Self::SelfTest)
     }
 
+    /// Whether the chip is to test itself first, which takes its time.
+    pub(crate) const fn is_self_test(self) -> bool {
+        matches!(self, Self::SelfTest)
+    }
+
     /// The read that gets the answer.
     pub(crate) const fn read(self) -> Transfer {
         match self {

@@ -13,7 +13,8 @@ pub struct RawSample {
     pub time: Micros,
     /// Acceleration, counts; zero in modes without accelerometer.
     pub acc: [i16; 3],
-    /// Magnetic field, counts of 1/16 uT; zero in modes without magnetometer.
+    /// Magnetic field, counts of 1/16 uT; zero in modes without magnetometer, and from one that
+    /// measures nothing where that is no fault.
     pub mag: [i16; 3],
     /// Angular rate, counts; zero in modes without gyroscope.
     pub gyr: [i16; 3],
@@ -263,7 +264,7 @@ fn out_of_range(config: &Config, [acc, mag, gyr]: &Words) -> bool {
     beyond(acc, acc_range + acc_range / 64)
         || beyond(gyr, gyr_range + gyr_range / 64)
         || beyond(mag, MAG_MAX)
-        || config.mode.has_mag() && *mag == [0; 3]
+        || config.needs_mag && config.mode.has_mag() && *mag == [0; 3]
 }
 
 /// Whether the burst is [`CRASH_PATTERN`].

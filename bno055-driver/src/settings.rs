@@ -4,6 +4,9 @@ use crate::config::Config;
 use crate::registers as reg;
 use crate::transfer::Transfer;
 
+/// A read without effect.
+const NOTHING: Transfer = Transfer::read(reg::PAGE_ID, 1);
+
 /// Registers to write and read back, in this order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Setting {
@@ -46,14 +49,13 @@ impl Setting {
             Self::Power => Transfer::write(reg::PWR_MODE, [config.power as u8]),
             Self::Units => Transfer::write(reg::UNIT_SEL, [config.units.register()]),
             Self::Axes => Transfer::write(reg::AXIS_MAP_CONFIG, config.axes.registers()),
-            Self::SoftIron => Transfer::write(
-                reg::SIC_MATRIX,
-                config.soft_iron.unwrap_or_default().registers(),
-            ),
-            Self::Profile => Transfer::write(
-                reg::ACC_OFFSET,
-                config.profile.unwrap_or_default().registers(),
-            ),
+            // Without a matrix or profile, `next` leaves the setting out.
+            Self::SoftIron => config.soft_iron.map_or(NOTHING, |it| {
+                Transfer::write(reg::SIC_MATRIX, it.registers())
+            }),
+            Self::Profile => config.profile.map_or(NOTHING, |it| {
+                Transfer::write(reg::ACC_OFFSET, it.registers())
+            }),
             Self::PageOne => Transfer::write(reg::PAGE_ID, [1]),
             Self::Sensors => Transfer::write(reg::ACC_CONFIG, config.sensors.registers()),
             Self::UniqueId => Transfer::read(reg::UNIQUE_ID, 16),

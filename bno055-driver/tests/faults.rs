@@ -5,7 +5,8 @@ mod fake;
 
 use bno055_driver::config::{AxisMap, GyrRange, Mode, Sensors, Units};
 use bno055_driver::{
-    BusError, Config, Driver, Micros, Next, RawSample, SensorFault, TRANSFER_DEADLINE_US, Transfer,
+    BusError, Config, Driver, GLITCH_US, Micros, Next, RawSample, SensorFault,
+    TRANSFER_DEADLINE_US, Transfer,
 };
 use fake::{Chip, Rig, TICK_US};
 
@@ -89,6 +90,41 @@ fn one_lost_transfer_costs_one_sample() {
     rig.chip.bus = None;
     assert!(rig.bursts(50).iter().all(Result::is_ok));
     assert_eq!(rig.driver.health().starts, 1);
+}
+
+/// A cable that is silent for less than [`GLITCH_US`] does not cost a set-up, whatever it shows; a
+/// longer silence does.
+#[test]
+fn a_short_silence_is_ridden_out_and_a_long_one_is_not() {
+    let silences: [(&str, fn(&mut Chip)); 4] = [
+        ("no acknowledge", |chip| chip.bus = Some(BusError::Nak)),
+        ("line held", |chip| chip.bus = Some(BusError::Stuck)),
+        ("noise", |chip| chip.bus = Some(BusError::Arbitration)),
+        ("all ones", |chip| chip.on_wire(|_, bytes| bytes.fill(0xFF))),
+    ];
+    for (name, silence) in silences {
+        for (silent_us, starts) in [(40_000, 1), (GLITCH_US + 40_000, 2)] {
+            let mut rig = flying(Config::default());
+            silence(&mut rig.chip);
+            rig.run_for(silent_us);
+            (rig.chip.bus, rig.chip.wire) = (None, None);
+            recovers(&mut rig);
+            assert_eq!(rig.driver.health().starts, starts, "{name}, {silent_us} us");
+        }
+    }
+}
+
+/// A chip that has reset behind a short silence has lost its settings: it shows zeros, and is set
+/// up anew.
+#[test]
+fn a_reset_behind_a_short_silence_is_not_ridden_out() {
+    let mut rig = flying(Config::default());
+    rig.chip.bus = Some(BusError::Nak);
+    rig.run_for(20_000);
+    rig.chip.bus = None;
+    rig.chip.power_on(0);
+    recovers(&mut rig);
+    assert_eq!(rig.driver.health().starts, 2);
 }
 
 #[test]

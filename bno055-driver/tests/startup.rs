@@ -5,10 +5,12 @@ mod fake;
 
 use std::num::NonZeroU8;
 
-use bno055_driver::config::{AccRange, Axis, AxisMap, Mode, ResetPolicy, Sensors, Signed, Units};
+use bno055_driver::config::{
+    AccRange, Address, Axis, AxisMap, Mode, ResetPolicy, Sensors, Signed, Units,
+};
 use bno055_driver::{
     BOOT_DEADLINE_US, BusError, Bytes, Config, Driver, Micros, Next, Profile, SensorFault,
-    SoftIron, SystemError, Transfer,
+    SoftIron, SystemError, Transfer, registers,
 };
 use fake::{BOOT_US, Rig};
 
@@ -440,4 +442,74 @@ fn a_warm_chip_samples_within_120_ms() {
         "{} us",
         rig.chip.now - restart
     );
+}
+
+/// Both addresses are tried in turn until a chip answers, where the configuration allows it.
+#[test]
+fn a_chip_at_the_other_address_is_found_where_that_is_allowed() {
+    for either_address in [true, false] {
+        let mut rig = Rig::new(Config {
+            either_address,
+            ..Config::default()
+        });
+        let mut tried = Vec::new();
+        while rig.chip.now < 100_000 {
+            rig.turn();
+            tried.push(rig.driver.config().address);
+        }
+        let other = tried.contains(&Address::High);
+        assert_eq!(
+            (other, tried.contains(&Address::Low)),
+            (either_address, true)
+        );
+        rig.run_until_sampling(2_000_000);
+        let found = rig.driver.config().address;
+        rig.run_for(100_000);
+        assert_eq!(rig.driver.config().address, found, "it stays");
+    }
+}
+
+/// A register that still reads as before is read again for some time before the set-up is given up.
+#[test]
+fn a_register_that_reads_back_late_is_waited_for() {
+    use std::cell::Cell;
+    for (late_reads, set_up_anew) in [(3, false), (1000, true)] {
+        let mut rig = Rig::new(Config::default());
+        let left = Cell::new(late_reads);
+        rig.chip.on_wire(move |register, bytes| {
+            if register == registers::UNIT_SEL && left.get() > 0 {
+                left.set(left.get() - 1);
+                bytes[0] ^= 0x80;
+            }
+        });
+        rig.run_for(1_500_000);
+        let failed = rig.driver.health().failed_setups > 0;
+        assert_eq!(
+            (failed, rig.driver.is_sampling()),
+            (set_up_anew, !set_up_anew)
+        );
+    }
+}
+
+/// Without its magnetometer the chip is of use to whoever needs no heading.
+#[test]
+fn a_dead_magnetometer_is_a_fault_only_where_it_is_needed() {
+    for needs_mag in [true, false] {
+        let mut rig = Rig::new(Config {
+            needs_mag,
+            ..Config::default()
+        });
+        rig.chip.on_wire(|register, bytes| match register {
+            registers::CHIP_ID => bytes[usize::from(registers::MAG_ID)] = 0xFF,
+            registers::ST_RESULT => bytes[0] = 0x0D,
+            registers::ACC_DATA if bytes.len() == 18 => bytes[6..12].fill(0),
+            _ => {}
+        });
+        rig.run_for(1_500_000);
+        assert_eq!(rig.driver.is_sampling(), !needs_mag);
+        if !needs_mag {
+            let samples = rig.bursts(100);
+            assert!(samples.iter().all(|s| s.is_ok_and(|s| s.mag == [0; 3])));
+        }
+    }
 }

@@ -8,6 +8,7 @@ mod arguments;
 mod cli;
 mod filters;
 mod flight;
+mod image;
 mod logs;
 mod model;
 mod out;

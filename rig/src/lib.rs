@@ -37,7 +37,7 @@ mod received;
 mod rig;
 
 pub use bench::{disturbance, sensor_motion};
-pub use fly::flight::{FlightRecord, Ready, ServoKind, Setup, prepare};
+pub use fly::flight::{FlightRecord, Ready, ServoKind, Setup, fly_at_once, prepare};
 pub use fly::{faults, flight, pilot, replay};
 #[cfg(unix)]
 pub use fly::{pty, real_time};

@@ -122,7 +122,12 @@ impl Rig {
         if let Some(params) = &config.stored {
             chip.load_flash(STORE_ADDRESS, &store::first_slot(params));
         }
-        let bootloader = config.hardware.bootloader;
+        let bootloader = if image.address() == IMAGE_ADDRESS {
+            config.hardware.bootloader
+        } else {
+            // The image is in the bootloader's place.
+            Bootloader::None
+        };
         bootloader.install(&mut chip);
         let mut rig = Self {
             chip,
@@ -213,7 +218,7 @@ impl Rig {
 
     fn start_image(&mut self) {
         self.bootloader.leave(self.chip.ram_mut());
-        self.chip.boot(IMAGE_ADDRESS);
+        self.chip.boot(self.image.address());
         self.running = Running::Image;
     }
 

@@ -58,7 +58,7 @@ impl Notes {
 impl Board for Notes {
     type Flash = Mock;
 
-    fn arm(&mut self, burst: Option<Transfer>) {
+    fn arm(&mut self, _address: u8, burst: Option<Transfer>) {
         self.asked.push(Asked::Arm(burst.is_some()));
     }
     fn bus_is_free(&self) -> bool {
@@ -209,7 +209,7 @@ fn a_step_tells_the_board_the_neutral_pulse_the_rates_and_the_state() {
     bench.turns(vec![Event::Missed]);
     let end = bench.board.end.unwrap();
     assert_eq!((end.pulse, end.neutral), (PulseUs(1424), PulseUs(1424)));
-    assert_eq!((end.frame_hz, end.i2c_khz), (50, 400));
+    assert_eq!((end.timing.frame_hz, end.timing.i2c_khz), (50, 400));
     assert_eq!(end.state.kind(), StateKind::Boot);
 }
 

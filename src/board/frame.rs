@@ -15,7 +15,7 @@ use core::sync::atomic::{AtomicBool, AtomicU8, AtomicU32, Ordering};
 use bno055_driver::Micros;
 use critical_section::Mutex;
 use tvc_nano::servo::PulseUs;
-use tvc_nano::ticks::{TickPlan, TimerPlan};
+use tvc_nano::ticks::{TickPlan, TimerPlan, Timing};
 
 use super::i2c;
 use super::nano33iot::{
@@ -59,22 +59,16 @@ const _: () = assert!(tick_flags(3) == 0b1101 << 16 && tick_flags(1) == 1 << 19)
 
 /// The running frame.
 pub(super) struct Frame {
-    frame_hz: u32,
-    i2c_khz: u32,
+    timing: Timing,
     tick_period_us: u32,
 }
 
 impl Frame {
     /// Start the frame. The first, 20 ms long, is without a pulse; `neutral` follows.
-    pub(super) fn start(
-        _clock: &FrameClock,
-        neutral: PulseUs,
-        frame_hz: u32,
-        i2c_khz: u32,
-    ) -> Self {
+    pub(super) fn start(_clock: &FrameClock, neutral: PulseUs, timing: Timing) -> Self {
         SERVO.low();
         set_neutral(neutral);
-        let plan = TimerPlan::new(COUNTS_PER_US, frame_hz, i2c_khz);
+        let plan = TimerPlan::new(COUNTS_PER_US, &timing);
         let timer = frame_registers();
         timer.ctrla().write(|w| w.swrst().set_bit());
         let mut ready = soon(|| timer.syncbusy().read().swrst().bit_is_clear());
@@ -104,8 +98,7 @@ impl Frame {
             panic!("servo timer does not synchronise");
         }
         Self {
-            frame_hz,
-            i2c_khz,
+            timing,
             tick_period_us: plan.tick_period_us,
         }
     }
@@ -121,9 +114,9 @@ impl Frame {
         frame_registers().status().read().bits() & BUFFER_IS_FULL == 0
     }
 
-    /// Speed of the sensor bus that the ticks are made for.
-    pub(super) fn i2c_khz(&self) -> u32 {
-        self.i2c_khz
+    /// What the ticks are made for.
+    pub(super) fn timing(&self) -> &Timing {
+        &self.timing
     }
 
     /// Time from tick to tick.
@@ -134,11 +127,11 @@ impl Frame {
     /// Change frame rate and tick lead from the next frame on, all at once, so that no pulse is cut
     /// short. `false` if the timer did not take it.
     #[must_use]
-    pub(super) fn retime(&mut self, frame_hz: u32, i2c_khz: u32) -> bool {
-        if (frame_hz, i2c_khz) == (self.frame_hz, self.i2c_khz) {
+    pub(super) fn retime(&mut self, timing: Timing) -> bool {
+        if timing == self.timing {
             return true;
         }
-        let plan = TimerPlan::new(COUNTS_PER_US, frame_hz, i2c_khz);
+        let plan = TimerPlan::new(COUNTS_PER_US, &timing);
         let timer = frame_registers();
         timer.ctrlbset().write(|w| w.lupd().set_bit());
         let mut ready = soon(|| timer.syncbusy().read().ctrlb().bit_is_clear());
@@ -156,8 +149,7 @@ impl Frame {
         announce(&plan);
         if ready {
             *self = Self {
-                frame_hz,
-                i2c_khz,
+                timing,
                 tick_period_us: plan.tick_period_us,
             };
         }

@@ -38,8 +38,13 @@ use sercom::{Command, NotSynchronised};
 /// The address's last bit, for a read.
 const READ: u8 = 1;
 
-/// A bus that could not be repaired is tried again after this long.
-const REPAIR_PERIOD_US: u64 = 10_000;
+/// A bus that could not be repaired is tried again after this long: often enough that a glitch of
+/// 40 ms ends before the data are too old, and seldom enough for the half millisecond that it takes.
+const REPAIR_PERIOD_US: u64 = 4_000;
+
+/// How long a STOP may take to go out. The BNO055 holds the clock after the last byte of a read as
+/// it does after every other, for some 180 us.
+const STOP_LIMIT_US: u64 = 2_000;
 
 /// What a read gave.
 #[derive(Clone, Copy)]
@@ -68,6 +73,8 @@ pub(super) enum Origin {
 pub(super) struct Completion {
     pub(super) origin: Origin,
     pub(super) outcome: Outcome<Answer>,
+    /// From its start to its last byte.
+    pub(super) took_us: u32,
 }
 
 #[derive(Clone, Copy)]
@@ -89,6 +96,8 @@ struct Active {
     transfer: Transfer,
     origin: Origin,
     started: Micros,
+    /// When its last byte had come; as `started` before that.
+    ended: Micros,
     step: Step,
 }
 
@@ -124,6 +133,7 @@ impl Master {
             transfer,
             origin,
             started,
+            ended: started,
             step: Step::Address,
         };
         let begun = !self.broken
@@ -170,8 +180,14 @@ impl Master {
             )
         };
         if matches!(active.step, Step::Done(_)) {
+            active.ended = now();
             sercom::silence();
         }
+    }
+
+    /// Whether a STOP is still on its way: the clock is held, or another master is on the bus.
+    fn awaits_stop(&self) -> bool {
+        self.active.is_none() && !self.broken && !sercom::is_idle()
     }
 }
 
@@ -231,6 +247,8 @@ fn send(bytes: &[u8], sent: usize) -> Result<Step, NotSynchronised> {
 /// The bus as the main loop uses it.
 pub(super) struct Bus {
     khz: u32,
+    /// When a bus without a transfer must be idle at last; `None` while it is, or has a transfer.
+    idle_by: Option<Micros>,
     /// When a broken bus is looked at next.
     repair_at: Micros,
     /// Times that the peripheral was set up anew since start-up.
@@ -240,10 +258,10 @@ pub(super) struct Bus {
 impl Bus {
     /// Bring the bus up, clocking a slave off its data line first where a reset of this chip left
     /// it in mid-byte.
-    pub(super) fn start(address: u8, khz: u32) -> Self {
-        with_master(|master| master.address = address << 1);
+    pub(super) fn start(khz: u32) -> Self {
         let mut bus = Self {
             khz,
+            idle_by: None,
             repair_at: Micros(0),
             recoveries: 0,
         };
@@ -260,9 +278,10 @@ impl Bus {
         }
     }
 
-    /// Have every tick start `transfer`; `None` has them start nothing.
-    pub(super) fn arm(&mut self, transfer: Option<Transfer>) {
-        with_master(|master| master.armed = transfer);
+    /// Have every tick start `transfer`; `None` has them start nothing. All transfers go to the
+    /// 7-bit `address`.
+    pub(super) fn arm(&mut self, address: u8, transfer: Option<Transfer>) {
+        with_master(|master| (master.address, master.armed) = (address << 1, transfer));
     }
 
     /// Start `transfer` now. The bus must be free.
@@ -280,9 +299,10 @@ impl Bus {
         self.recoveries
     }
 
-    /// Whether no transfer is under way or waits to be collected.
+    /// Whether a transfer can begin: none is under way, on its way to its STOP, or waits to be
+    /// collected.
     pub(super) fn is_free(&self) -> bool {
-        with_master(|master| master.active.is_none())
+        with_master(|master| master.active.is_none() && !master.awaits_stop())
     }
 
     /// When the transfer under way, if there is one, is given up.
@@ -304,6 +324,11 @@ impl Bus {
             } else {
                 BusError::Stuck
             });
+        }
+        if !with_master(|master| master.awaits_stop()) {
+            self.idle_by = None;
+        } else if now >= *self.idle_by.get_or_insert(now.after(STOP_LIMIT_US)) {
+            with_master(|master| master.broken = true);
         }
         let completion = collect();
         if now >= self.repair_at && with_master(|master| master.broken) {
@@ -350,7 +375,12 @@ pub(super) fn start_burst(time: Micros) {
         let free = master
             .active
             .is_none_or(|active| matches!(active.step, Step::Done(Ok(()))));
-        if free && let Some(transfer) = master.armed.take() {
+        // A STOP that takes longer than this costs the burst.
+        let idle = master.broken || sercom::wait_idle().is_ok();
+        if free
+            && idle
+            && let Some(transfer) = master.armed.take()
+        {
             master.start(transfer, Origin::Tick, time);
         }
     });
@@ -385,6 +415,7 @@ fn collect() -> Option<Completion> {
         };
         Some(Completion {
             origin: active.origin,
+            took_us: active.ended.since(active.started) as u32,
             outcome: Outcome {
                 started: active.started,
                 answer: outcome.map(|()| answer),

@@ -5,9 +5,9 @@
 //! | priority | interrupt | does |
 //! |---|---|---|
 //! | 0 (highest) | SysTick, 1 kHz | counts time; wakes the main loop |
+//! | 0 | WDT | early warning: the servo to neutral, whatever else hangs. Looks at no clock |
 //! | 1 | TCC0 | the tick: starts the armed burst |
 //! | 1 | SERCOM4 | the sensor bus, a byte at a time |
-//! | 1 | WDT | early warning: the servo to neutral |
 //! | 3 | USB | masks itself; wakes the main loop |
 //!
 //! Nothing above the main loop takes more than some 10 us, so a tick's burst starts within a few
@@ -43,7 +43,7 @@ use tvc_nano::servo::neutral;
 use tvc_nano::sleep::{Load, may_sleep};
 use tvc_nano::store;
 use tvc_nano::telemetry::{BoardStatus, Reset};
-use tvc_nano::ticks::NewestTick;
+use tvc_nano::ticks::{BurstGauge, NewestTick};
 
 use nano33iot::{FRAME_INTERRUPT, I2C_INTERRUPT, LED, PROBE, RADIO_RESET};
 
@@ -62,13 +62,13 @@ pub(crate) struct Board {
     /// The state that the log has told.
     state_code: u32,
     bus_errors: u16,
+    bursts: BurstGauge,
     load: Load,
 }
 
 impl Board {
     /// Bring the board up, servo first; the stored parameters, and how the last run ended.
-    /// `address` is the sensor's.
-    pub(crate) fn start(address: u8) -> (Self, Params, BootReport) {
+    pub(crate) fn start() -> (Self, Params, BootReport) {
         let mut chip = pac::Peripherals::take().expect("started once");
         let mut core = cortex_m::Peripherals::take().expect("started once");
         let clocks = clocks::start(
@@ -86,13 +86,13 @@ impl Board {
         stack::paint();
         time::start(&mut core.SYST);
         nano33iot::enable_bus_clocks(&mut chip.pm);
-        let (frame_hz, i2c_khz) = params.rates();
-        let frame = frame::Frame::start(&clocks.frame, neutral(&params), frame_hz, i2c_khz);
+        let timing = params.timing();
+        let frame = frame::Frame::start(&clocks.frame, neutral(&params), timing);
         RADIO_RESET.low();
         LED.low();
         PROBE.low();
         clocks::watch_supply(&chip.sysctrl);
-        let bus = i2c::Bus::start(address, i2c_khz);
+        let bus = i2c::Bus::start(timing.i2c_khz);
         let pins = Pins::new(chip.port);
         let port = usb::Port::start(&clocks.usb, &mut chip.pm, pins.pa24, pins.pa25, chip.usb);
         let guard = watchdog::WatchdogGuard::start(chip.wdt);
@@ -108,6 +108,7 @@ impl Board {
             tick: NewestTick::new(now),
             state_code: u32::MAX,
             bus_errors: 0,
+            bursts: BurstGauge::default(),
             load: Load::new(now),
         };
         (board, params, report)
@@ -160,12 +161,19 @@ impl Board {
     fn event(&mut self, now: Micros) -> Event<i2c::Answer> {
         if let Some(tick) = frame::take_tick() {
             self.guard.work.tick_seen();
-            self.tick.came(tick, self.frame.i2c_khz());
+            self.tick.came(tick, self.frame.timing());
         }
-        if let Some(i2c::Completion { origin, outcome }) = self.bus.poll(now) {
-            self.bus_errors = self
-                .bus_errors
-                .saturating_add(u16::from(outcome.answer.is_err()));
+        if let Some(i2c::Completion {
+            origin,
+            outcome,
+            took_us,
+        }) = self.bus.poll(now)
+        {
+            match (origin, &outcome.answer) {
+                (i2c::Origin::Tick, Ok(_)) => self.bursts.add(took_us),
+                (_, Err(_)) => self.bus_errors = self.bus_errors.saturating_add(1),
+                (i2c::Origin::Loop, Ok(_)) => {}
+            }
             return match origin {
                 i2c::Origin::Loop => Event::Reply(outcome),
                 i2c::Origin::Tick if self.tick.burst_over() => Event::Burst(outcome),
@@ -184,10 +192,10 @@ impl application::Board for Board {
     type Flash = flash::Flash;
 
     /// A bus that is free takes over a changed speed, too.
-    fn arm(&mut self, burst: Option<Transfer>) {
-        self.bus.arm(burst);
+    fn arm(&mut self, address: u8, burst: Option<Transfer>) {
+        self.bus.arm(address, burst);
         if self.bus.is_free() {
-            self.bus.set_speed(self.frame.i2c_khz());
+            self.bus.set_speed(self.frame.timing().i2c_khz);
         }
     }
 
@@ -196,8 +204,8 @@ impl application::Board for Board {
     }
 
     fn has_time_for(&self, now: Micros, transfer: &Transfer) -> bool {
-        let (i2c_khz, period_us) = (self.frame.i2c_khz(), self.frame.tick_period_us());
-        self.tick.leaves_time_for(now, transfer, i2c_khz, period_us)
+        let (timing, period_us) = (self.frame.timing(), self.frame.tick_period_us());
+        self.tick.leaves_time_for(now, transfer, timing, period_us)
     }
 
     fn begin(&mut self, transfer: Transfer) {
@@ -217,7 +225,7 @@ impl application::Board for Board {
         self.guard.work.step_done(taken);
         frame::set_neutral(end.neutral);
         // Where the timer does not take it, the next step tries again.
-        let _ = self.frame.retime(end.frame_hz, end.i2c_khz);
+        let _ = self.frame.retime(end.timing);
         let code = end.state.code();
         if core::mem::replace(&mut self.state_code, code) != code {
             log::state(&end.state);
@@ -234,6 +242,7 @@ impl application::Board for Board {
             load_permille: self.load.permille(),
             bus_errors: self.bus_errors,
             bus_recoveries: self.bus.recoveries(),
+            bursts: self.bursts.times(),
         }
     }
 
@@ -270,7 +279,7 @@ fn enable_interrupts(scb: &mut pac::SCB, nvic: &mut pac::NVIC) {
         for (interrupt, level) in [
             (FRAME_INTERRUPT, 1),
             (I2C_INTERRUPT, 1),
-            (pac::Interrupt::WDT, 1),
+            (pac::Interrupt::WDT, 0),
             (pac::Interrupt::USB, 3),
         ] {
             nvic.set_priority(interrupt, priority(level));

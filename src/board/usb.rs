@@ -95,6 +95,9 @@ impl Port {
             self.polled = now;
             PENDING.store(false, Ordering::Relaxed);
             self.device.poll(&mut [&mut self.serial]);
+            // While it was masked, the controller's line was high and made it pending once more;
+            // if the line is still high, it becomes pending again.
+            NVIC::unpend(pac::Interrupt::USB);
             // SAFETY: the interrupt shares nothing but an atomic flag.
             unsafe { NVIC::unmask(pac::Interrupt::USB) };
             self.watch_touch(now);

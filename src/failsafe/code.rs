@@ -121,7 +121,8 @@ impl fmt::Display for StateCode {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::failsafe::RefusalKind;
+    use crate::failsafe::{Crash, Latch, Refusal, RefusalKind, State};
+    use std::format;
     use std::string::ToString;
     use std::vec::Vec;
 
@@ -171,6 +172,15 @@ mod tests {
                 refusal.to_string().len() + "pulse refused: ".len() <= 50,
                 "{refusal}"
             );
+        }
+        // With their longest details: return addresses lie in flash.
+        let pc = u32::MAX;
+        let callers = [0x3_FFFF; 3];
+        for crash in [Crash::HardFault { pc }, Crash::Panic { callers }] {
+            let state = State::Latched(Latch::Crash(crash));
+            assert!(state.to_string().len() <= 50, "{state}");
+            let refused = format!("calibration refused: {}", Refusal::WrongState(state));
+            assert!(refused.len() <= 50, "{refused}");
         }
     }
 }

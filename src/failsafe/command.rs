@@ -5,6 +5,7 @@ use core::fmt;
 use super::reason::Reason;
 use super::state::State;
 use crate::config::ARM_TILT_DEG;
+use crate::format::Whole;
 use crate::numbered::detailed;
 use crate::servo::PulseUs;
 
@@ -62,14 +63,18 @@ detailed! {
         HostSilent = 8, "no host heartbeat";
         /// The fault is still there.
         FaultPersists(Reason) = 9, "the fault is still there";
+        /// The sensor's bursts take so long, us, that it cannot be sampled 100 times a second.
+        SlowBus(u32) = 10, "IMU bursts too slow";
     }
 }
 
 impl fmt::Display for Refusal {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Refusal::WrongState(state) => write!(f, "in {state}"),
+            // Its reason has been told, and with it the text would be cut.
+            Refusal::WrongState(state) => write!(f, "in {}", state.kind()),
             Refusal::FaultPersists(reason) => reason.fmt(f),
+            Refusal::SlowBus(us) => write!(f, "IMU bursts of {} us too slow", Whole(*us)),
             _ => self.kind().fmt(f),
         }
     }

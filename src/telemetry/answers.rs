@@ -116,7 +116,8 @@ impl Telemetry {
         }
     }
 
-    fn report_param(&mut self, index: usize, params: &Params) {
+    /// Tell the value of the parameter with this index.
+    pub fn report_param(&mut self, index: usize, params: &Params) {
         if let Some((info, value)) = params.by_index(index) {
             self.param_value(index, info, value);
         }

@@ -19,7 +19,7 @@ use crate::flight::Snapshot;
 use crate::flight::tests::{Desk, reading};
 use crate::params::Params;
 use crate::servo::PulseUs;
-use bno055_driver::{RawSample, SensorFault};
+use bno055_driver::{Health, RawSample, SensorFault};
 use tvc_fusion::{Attitude, Flags, Quaternion, Vector3};
 
 /// A frame as pymavlink makes it; `tools/golden_frames.py` made them.
@@ -142,8 +142,12 @@ impl Link {
     }
 
     fn record(&mut self, snapshot: &Snapshot) {
-        self.telemetry
-            .record(snapshot, &self.desk.flight, &BoardStatus::default());
+        self.telemetry.record(
+            snapshot,
+            &self.desk.flight,
+            &Health::default(),
+            &BoardStatus::default(),
+        );
     }
 
     fn record_step(&mut self) {
@@ -334,7 +338,7 @@ fn changes_of_state_are_told_at_once_with_their_reason() {
     let messages = take(&mut link.telemetry);
     assert_eq!(texts(&messages), ["armed"]);
     assert_eq!(count(&messages, HEARTBEAT_DATA::ID), 1);
-    for _ in 0..6 {
+    for _ in 0..8 {
         let snapshot = link.desk.step_with(Err(SensorFault::Nak));
         link.record(&snapshot);
     }
@@ -357,7 +361,12 @@ fn a_sensor_that_does_not_start_is_told_once_a_second() {
     let mut said = Vec::new();
     for _ in 0..300 {
         let snapshot = desk.step_with(Err(SensorFault::Nak));
-        telemetry.record(&snapshot, &desk.flight, &BoardStatus::default());
+        telemetry.record(
+            &snapshot,
+            &desk.flight,
+            &Health::default(),
+            &BoardStatus::default(),
+        );
         said.extend(texts(&take(&mut telemetry)));
     }
     let fault = "IMU does not answer";

@@ -295,6 +295,33 @@ fn a_hung_loop_is_reset_and_told() {
         .unwrap();
 }
 
+/// The early warning outranks the interrupts of bus and frame: whichever of them hangs, the rudder
+/// is at neutral within the 62.5 ms of the warning and a frame.
+#[test]
+fn an_interrupt_that_hangs_does_not_hold_the_rudder() {
+    let flight = in_flight();
+    for handler in ["SERCOM4", "TCC0"] {
+        let mut flight = flight.clone();
+        let Ready { rig, station, .. } = &mut flight;
+        let at = rig.now();
+        // Its first instruction is a branch to itself now.
+        let entry = firmware().symbol(handler).expect(handler) & !1;
+        rig.chip_mut().load_flash(entry, &[0xFE, 0xE7]);
+        station.run(rig, ms(400)).unwrap();
+        let (reset, cause) = rig.resets()[0];
+        assert_eq!(cause, ResetCause::Watchdog, "{handler}");
+        let pulses = rig
+            .truth()
+            .pulses_since(at + Ticks::from_us(62_500 + 20_000));
+        let before: Vec<&Pulse> = pulses.iter().filter(|pulse| pulse.fall < reset).collect();
+        assert!(!before.is_empty(), "{handler}");
+        for pulse in before {
+            let width = pulse.width_us();
+            assert!(default_neutral_us().contains(&width), "{handler}: {width}");
+        }
+    }
+}
+
 #[test]
 fn a_brown_out_is_latched() {
     let mut flight = ready();

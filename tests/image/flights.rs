@@ -4,7 +4,7 @@ use crate::{firmware, ready};
 use client::{Failure, Parameter, StateKind};
 use rig::ground_station::GroundStationError;
 use rig::replay::{pair, parity};
-use rig::{Ready, ServoKind, Setup, SyncHold, Ticks, WaitStates, prepare};
+use rig::{Ready, ServoKind, Setup, SyncHold, Ticks, WaitStates, fly_at_once, prepare};
 
 fn ms(ms: u64) -> Ticks {
     Ticks::from_ms(ms)
@@ -52,6 +52,28 @@ fn flies(servo: ServoKind, settling_s: f64) {
         assert_eq!(flight.missing, rig::flight::Missing::default());
         assert_eq!((flight.link.lost, flight.link.crc_errors), (0, 0));
         assert_eq!(flight.link.stray_bytes, 0);
+    }
+}
+
+/// Nothing is armed while the attitude still shows that the gyroscope's offset was taken for a
+/// rotation: who releases the drone as soon as the image lets them flies as well as who waits.
+#[test]
+fn a_release_at_the_first_instant_is_no_worse_whatever_the_gyro_offset() {
+    for (offset_deg_s, start_rad) in [(1.0, 0.2), (3.0, 0.4), (-3.0, 0.2), (-2.0, 0.8)] {
+        let mut setup = Setup::with_polarity(ServoKind::S3003, 1);
+        let offset = f64::to_radians(offset_deg_s);
+        setup.rig.bench.sensor.errors.gyro_bias_rad_s = Some([offset, offset, -offset]);
+        let flight = fly_at_once(firmware(), &setup, start_rad, 3.0, &mut |_| {}).unwrap();
+        let overshoot = flight.response.overshoot_pct();
+        let settled = flight.response.settling_s(0.05);
+        let released = flight.released.as_secs_f64();
+        println!(
+            "{offset_deg_s} deg/s, {start_rad} rad: released at {released:.2} s, overshoot {overshoot:.1} %, settled {settled:?}"
+        );
+        assert!(
+            overshoot <= 5.0 && settled.is_some_and(|s| s <= 0.75),
+            "{offset_deg_s} deg/s from {start_rad}: {overshoot} %, {settled:?}"
+        );
     }
 }
 

@@ -6,6 +6,7 @@ mod faults;
 mod flights;
 mod hosts;
 mod parameters;
+mod probe;
 mod recorder;
 mod replay;
 mod symbols;

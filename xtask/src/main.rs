@@ -9,29 +9,17 @@
 
 use std::env;
 use std::ffi::{OsStr, OsString};
-use std::path::{Path, PathBuf};
-use std::process::{Command, ExitCode, Stdio};
+use std::path::PathBuf;
+use std::process::{Command, ExitCode};
 use std::thread;
+
+use image_build::{Builder, Source};
 
 /// The profile that the ground tool is built with, and the folder below `target` where it then
 /// lies.
 const PROFILE: &str = "tool";
 /// The ground tool, as cargo names it.
 const TOOL: [&str; 6] = ["--profile", PROFILE, "--package", "ground", "--bin", "tvc"];
-
-/// What the image is built for.
-const CHIP: &str = "thumbv6m-none-eabi";
-/// The image, as cargo names it; `rig::image` builds it with the same words.
-const IMAGE: [&str; 8] = [
-    "--package",
-    "tvc-nano",
-    "--bin",
-    "tvc-nano",
-    "--profile",
-    "firmware",
-    "--target",
-    CHIP,
-];
 
 fn main() -> ExitCode {
     let cargo = env::var_os("CARGO").unwrap_or_else(|| "cargo".into());
@@ -45,10 +33,7 @@ fn main() -> ExitCode {
         let flies = env::args_os()
             .nth(1)
             .is_some_and(|command| command == "fly");
-        let image = target.filter(|_| flies).map(|target| {
-            let cargo = cargo.clone();
-            thread::spawn(move || build_image(&cargo, &target.join("chip")))
-        });
+        let image = flies.then(|| thread::spawn(build_image));
         let status = cargo_command(&cargo, "build", []);
         if let Some(image) = image {
             // It has no result: the tool builds the image again and reports what goes wrong.
@@ -72,31 +57,25 @@ fn target_folder() -> Option<PathBuf> {
     Some(own.parent()?.parent()?.to_path_buf())
 }
 
-/// Builds the image into `folder` without a word.
-fn build_image(cargo: &OsStr, folder: &Path) {
-    let quietly = |command: &mut Command| {
-        let _ = command
-            .stdin(Stdio::null())
-            .stdout(Stdio::null())
-            .stderr(Stdio::null())
-            .status();
-    };
-    quietly(Command::new("rustup").args(["target", "add", CHIP]));
-    quietly(
-        Command::new(cargo)
-            .arg("build")
-            .args(IMAGE)
-            .args(["--features", "", "--target-dir"])
-            .arg(folder)
-            .env_remove("RUSTFLAGS")
-            .env_remove("CARGO_ENCODED_RUSTFLAGS")
-            .env_remove("CARGO_BUILD_TARGET"),
-    );
+/// Builds the image of the tree round this folder without a word.
+fn build_image() {
+    let folder = env::current_dir().unwrap_or_default();
+    if let Some(tree) = image_build::tree_around(&folder)
+        && let Ok(builder) = Builder::in_tree(tree, &mut |_| {})
+    {
+        let _ = builder.build(&Source::firmware(tree));
+    }
 }
 
 /// Runs cargo on the tool and gives the exit status, 1 where there is none.
 fn cargo_command(cargo: &OsStr, verb: &str, more: impl IntoIterator<Item = OsString>) -> u8 {
-    let status = Command::new(cargo).arg(verb).args(TOOL).args(more).status();
+    let status = Command::new(cargo)
+        .arg(verb)
+        .args(TOOL)
+        .args(more)
+        // The image is built from the sources beside the tool, and no second time into it.
+        .env("TVC_IMAGE", "none")
+        .status();
     match status {
         Ok(status) => status
             .code()

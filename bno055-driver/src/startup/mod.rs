@@ -47,7 +47,7 @@ enum SetupStep {
     AwaitConfig,
     /// A request that the chip answers in CONFIG mode only.
     Ask(Request),
-    AwaitSelfTest,
+    AwaitSelfTest(Request),
     /// Self-test result, system status and error.
     Diagnose,
     Write(Setting),
@@ -101,7 +101,7 @@ enum Judge {
     /// This operating mode has been reached; then the step follows.
     Mode(u8, SetupStep),
     Answer(Request),
-    SelfTest,
+    SelfTest(Request),
     Diagnosis,
     Written(Setting),
     /// The clock source may be changed; the step follows. The patience is in microseconds.
@@ -240,7 +240,7 @@ impl Startup {
                 let next = self.request.map_or(self.purpose(), Step::Ask);
                 (Access::Read(reg::OPR_MODE, 1), Judge::Mode(0, next))
             }
-            Step::Ask(Request::SelfTest) => {
+            Step::Ask(request) if request.is_self_test() => {
                 let clock = if config.external_crystal {
                     reg::CLK_SEL
                 } else {
@@ -248,11 +248,11 @@ impl Startup {
                 };
                 (
                     Access::Write(reg::SYS_TRIGGER, reg::SELF_TEST | clock),
-                    Judge::Then(Step::AwaitSelfTest, SELF_TEST_US),
+                    Judge::Then(Step::AwaitSelfTest(request), SELF_TEST_US),
                 )
             }
             Step::Ask(request) => (Access::Ask(request), Judge::Answer(request)),
-            Step::AwaitSelfTest => (Access::Ask(Request::SelfTest), Judge::SelfTest),
+            Step::AwaitSelfTest(request) => (Access::Ask(request), Judge::SelfTest(request)),
             Step::Diagnose => (Access::Read(reg::ST_RESULT, 5), Judge::Diagnosis),
             Step::Write(setting) => (
                 Access::Setting(setting),
@@ -375,10 +375,10 @@ impl Startup {
         match judge {
             Judge::Then(next, pause_us) => Verdict::Go(next, pause_us),
             Judge::Suspended => Verdict::Reached,
-            Judge::Identity => identify(bytes, &mut self.identity),
+            Judge::Identity => identify(bytes, config, &mut self.identity),
             Judge::Mode(mode, next) => await_mode(bytes, mode, next),
             Judge::Answer(request) => answer(request, bytes, self.purpose()),
-            Judge::SelfTest => await_self_test(bytes, self.purpose()),
+            Judge::SelfTest(request) => await_self_test(request, bytes, self.purpose()),
             Judge::Diagnosis => diagnose(bytes, config),
             Judge::Written(setting) => confirm(setting, bytes, config, &mut self.identity),
             Judge::ClockIdle(next, patience_us) => match bytes {

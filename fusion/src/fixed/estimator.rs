@@ -280,6 +280,14 @@ impl<F: Filter, R: OverRange> Estimator<F, R> {
         }
     }
 
+    /// Find tilt and heading anew, from the next block of samples on and as after a gap; the offset
+    /// that has been learned stays. For whoever knows that the estimate was turned by a rate that
+    /// was none.
+    pub fn level(&mut self) {
+        self.start_up.restart();
+        self.expect_large_gains();
+    }
+
     /// Take one sample, `dt_us` microseconds after the one before; with 0, nothing turns. More than
     /// 30,000, or than 2.5 to 10 periods (as period and scale leave room), is a gap: only that much
     /// is integrated, and the gains are those of a running mean again.
@@ -424,4 +432,42 @@ fn half_declination(declination_rad: f32) -> Result<Option<(Q15, Q15)>, ConfigEr
     in_range(declination_rad, -PI, PI, "declination_rad")?;
     let (sin, cos) = Angles::sin_cos_q30(Angles::from_rad(0.5 * declination_rad));
     Ok((declination_rad != 0.0).then_some((cos >> 15, sin >> 15)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::fixed::Vqf;
+
+    /// Tilt of a level body that the estimate has, rad.
+    fn tilt<F: Filter>(estimator: &Estimator<F>) -> f32 {
+        let down = estimator.orientation().quaternion().half_down();
+        2.0 * (down.x * down.x + down.y * down.y).sqrt()
+    }
+
+    /// A body at rest whose gyroscope reads 3 deg/s about its level axes: until the offset is known
+    /// the estimate turns with it, afterwards it is level within a second and keeps the offset.
+    #[test]
+    fn levelling_undoes_what_an_unknown_offset_has_turned() {
+        let mut estimator =
+            Estimator::<Vqf>::new(&Config::default(), &Scale::BNO055, 6_667).expect("in range");
+        let counts = Counts {
+            gyr: [48, -48, 0],
+            acc: [0, 0, -981],
+            mag: Some([300, 0, 700]),
+        };
+        let mut samples = 0;
+        while (estimator.bias_q9()[0] - (48 << 9)).abs() > 256 {
+            estimator.update(6_667, &counts);
+            samples += 1;
+            assert!(samples < 750, "the offset is learned within 5 s");
+        }
+        assert!(tilt(&estimator) > 0.02, "{}", tilt(&estimator));
+        estimator.level();
+        for _ in 0..150 {
+            estimator.update(6_667, &counts);
+        }
+        assert!(tilt(&estimator) < 0.001, "{}", tilt(&estimator));
+        assert!((estimator.bias_q9()[0] - (48 << 9)).abs() <= 256);
+    }
 }

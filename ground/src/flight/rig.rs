@@ -6,6 +6,7 @@ use crate::arguments::seconds;
 use crate::flight::disturb::Disturb;
 use crate::flight::fly::start_angle;
 use crate::flight::hardware::HardwareChoice;
+use crate::image::ImageOption;
 use crate::out::exit::Verdict;
 use ::rig::ServoKind;
 use ::rig::bno055::ImuErrors;
@@ -70,6 +71,10 @@ pub struct Rig {
     /// A scenario that begins with every release, as for `tvc fly --faults` (docs/faults.md).
     #[arg(long, value_name = "FILE.toml")]
     pub faults: Option<PathBuf>,
+
+    /// Which image.
+    #[command(flatten)]
+    pub image: ImageOption,
 
     /// What disturbs a flight.
     #[command(flatten)]
@@ -147,7 +152,7 @@ pub fn run(options: &Rig) -> Result<Verdict> {
         .unwrap_or_default();
     let stop = crate::signals::on_signal()?;
     let link = options.link.as_deref().map(Link::claim).transpose()?;
-    let image = rig::image::build(&mut |line| eprintln!("{line}")).context("the image")?;
+    let image = options.image.image()?;
     let mut config = rig::RigConfig {
         seed: options.seed,
         stored: (!options.blank).then(rig::RigConfig::polarity_set),

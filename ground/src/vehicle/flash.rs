@@ -1,22 +1,21 @@
-//! `tvc flash`: the image onto a Nano.
-//!
-//! The bootloader is entered by the 1200-baud touch: the port is opened at 1200 baud and DTR is
-//! dropped, upon which the running firmware (unless it is armed) resets into the bootloader, which
-//! shows up as another port. `bossac` writes the image above the bootloader.
+//! `tvc flash`: the image onto a Nano, or into a file.
 
-use std::collections::BTreeSet;
+mod bootloader;
+mod bossac;
+mod uf2;
+
+use std::fs::File;
+use std::io::Write;
 use std::path::{Path, PathBuf};
-use std::process::Command;
-use std::thread::sleep;
-use std::time::{Duration, Instant};
 
-use anyhow::{Context, Result, bail};
-use rig::image::{self, Image};
+use anyhow::{Context, Result};
+use rig::image::IMAGE_ADDRESS;
 
-use crate::out::exit::Verdict;
+use crate::image::{Firmware, ImageOption};
+use crate::out::exit::{BadInput, Verdict};
 use crate::out::file::write_whole;
 use crate::vehicle::port;
-use crate::vehicle::uf2;
+use bossac::Bossac;
 use clap::Args;
 
 /// Options of `tvc flash`.
@@ -25,132 +24,130 @@ use clap::Args;
 Examples:
   cargo tvc flash                          find the Nano, enter its bootloader, write with bossac
   cargo tvc flash --port /dev/ttyACM0      a given port
-  cargo tvc flash --uf2 /media/NANO/f.uf2  copy onto the drive of a UF2 bootloader
-  cargo tvc flash --bin firmware.bin       only write the raw image, for other programmers
+  cargo tvc flash --image tvc-nano.elf     an image that somebody else has built
+  cargo tvc flash --uf2 /media/$USER/NANOBOOT    onto the drive of a UF2 bootloader
+  cargo tvc flash --elf f.elf --bin f.bin --uf2 f.uf2    only write files, for other programmers
 
-The image is linked at 0x2000, above the bootloader; never write it to 0x0. bossac erases everything
-above the bootloader (-e), stored parameters too: `tvc param dump FILE` first, `tvc param load FILE`
-and `tvc param save` afterwards.
+The image is linked at 0x2000, above the bootloader; never write it to 0x0. Stored parameters are
+kept: bossac 1.9 and newer erase only what they write, and so do UF2 bootloaders. docs/flashing.md
+has bossac for every system, debug probes, and the way back to a lost bootloader.
 Exit status: 0 written, 1 something failed, 2 unusable input.")]
 pub struct Flash {
     /// Serial port of the Nano [default: the only SAMD21 that is connected].
-    #[arg(long, value_name = "PORT", conflicts_with_all = ["uf2", "bin"])]
+    #[arg(long, value_name = "PORT", conflicts_with_all = ["elf", "bin", "uf2"])]
     pub port: Option<String>,
 
-    /// Write a UF2 file instead: copy it onto the board's drive, or name a file there.
-    #[arg(long, value_name = "FILE.uf2", conflicts_with = "bin")]
-    pub uf2: Option<PathBuf>,
+    /// Which image.
+    #[command(flatten)]
+    pub image: ImageOption,
+
+    /// Write the ELF file instead, for debug probes and for `--image`.
+    #[arg(long, value_name = "FILE.elf")]
+    pub elf: Option<PathBuf>,
 
     /// Write the raw image instead (first byte belongs at 0x2000).
     #[arg(long, value_name = "FILE.bin")]
     pub bin: Option<PathBuf>,
+
+    /// Write a UF2 file instead: a file, or the board's drive, which is the folder it shows up as.
+    #[arg(long, value_name = "FILE.uf2")]
+    pub uf2: Option<PathBuf>,
 }
 
-/// How long the bootloader's port may take to appear after the touch.
-const BOOTLOADER_PATIENCE: Duration = Duration::from_secs(8);
+impl Flash {
+    fn writes_files(&self) -> bool {
+        self.elf.is_some() || self.bin.is_some() || self.uf2.is_some()
+    }
+}
 
-/// Builds the image and writes it where `options` say.
+/// Writes the image where `options` say.
 pub fn run(options: &Flash) -> Result<Verdict> {
+    if options.writes_files() {
+        return write_files(options, &options.image.firmware()?);
+    }
     // A missing port or programmer is reported before the build, which takes minutes.
-    let target = match options {
-        Flash {
-            uf2: Some(path), ..
-        } => Target::Uf2(path.clone()),
-        Flash {
-            bin: Some(path), ..
-        } => Target::Bin(path.clone()),
-        Flash { port, .. } => Target::Port(port::find(port.as_deref())?, find_bossac()?),
-    };
-    let image = image::build(&mut |line| eprintln!("{line}")).context("building the image")?;
-    let (address, bytes) = (image.address(), image.bytes());
-    match target {
-        Target::Uf2(path) => write_file(&path, &uf2::encode(address, bytes), &image),
-        Target::Bin(path) => write_file(&path, bytes, &image),
-        Target::Port(port, bossac) => write_with_bossac(&port, &bossac, &image),
+    let port = port::find_nano(options.port.as_deref())?;
+    let bossac = Bossac::find()?;
+    let image = options.image.image()?;
+    if image.address() != IMAGE_ADDRESS {
+        return Err(BadInput::new(format!(
+            "the image is linked at 0x{:X}, in the bootloader's place: only a debug probe writes it",
+            image.address()
+        ))
+        .into());
     }
-}
-
-enum Target {
-    Uf2(PathBuf),
-    Bin(PathBuf),
-    Port(String, PathBuf),
-}
-
-fn write_file(path: &Path, bytes: &[u8], image: &Image) -> Result<Verdict> {
-    write_whole(path, bytes)?;
-    eprintln!(
-        "wrote {}: {} bytes of image for 0x{:04X}",
-        path.display(),
-        image.bytes().len(),
-        image.address()
-    );
-    Ok(Verdict::Met)
-}
-
-fn find_bossac() -> Result<PathBuf> {
-    let path = std::env::var_os("PATH").unwrap_or_default();
-    std::env::split_paths(&path)
-        .map(|folder| folder.join(format!("bossac{}", std::env::consts::EXE_SUFFIX)))
-        .find(|candidate| candidate.is_file())
-        .context(
-            "bossac is not installed (Debian: apt install bossa-cli); \
-             or write a file with --uf2 or --bin",
-        )
-}
-
-fn write_with_bossac(port: &str, bossac: &Path, image: &Image) -> Result<Verdict> {
-    let port = enter_bootloader(port)?;
-    let folder = tempfile::tempdir().context("making a temporary folder")?;
-    let file = folder.path().join("firmware.bin");
-    std::fs::write(&file, image.bytes()).context("writing the image for bossac")?;
-    eprintln!("writing {} bytes through {port}", image.bytes().len());
-    // Without the offset the erase would begin at the bootloader.
-    let status = Command::new(bossac)
-        .arg(format!("--port={}", port.trim_start_matches("/dev/")))
-        .args(["-U", "-i", "-e", "-w", "-v", "-R"])
-        .arg(format!("--offset=0x{:X}", image.address()))
-        .arg(&file)
-        .status()
-        .with_context(|| format!("starting {}", bossac.display()))?;
-    if !status.success() {
-        bail!("bossac failed ({status}); double-tap the reset button and try again");
-    }
+    let port = bootloader::enter(&port)?;
+    bootloader::wait_until_open(&port)?;
+    bossac.write(&port, image.address(), image.bytes())?;
     eprintln!("written, verified and started");
     Ok(Verdict::Met)
 }
 
-/// Touches `port` at 1200 baud and waits for the bootloader; returns the bootloader's port.
-fn enter_bootloader(port: &str) -> Result<String> {
-    let before = port_names()?;
-    let mut touch = serialport::new(port, 1200)
-        .timeout(Duration::from_millis(200))
-        .open()
-        .with_context(|| format!("opening {port}"))?;
-    // This write may fail because the board resets at once: then the touch has worked.
-    let _ = touch.write_data_terminal_ready(false);
-    drop(touch);
-    eprintln!("asked {port} for its bootloader (refused while the firmware is armed)");
-    let start = Instant::now();
-    let mut vanished = false;
-    while start.elapsed() < BOOTLOADER_PATIENCE {
-        sleep(Duration::from_millis(100));
-        let now = port_names()?;
-        if let Some(new) = now.difference(&before).next() {
-            return Ok(new.clone());
-        }
-        vanished |= !now.contains(port);
-        if vanished && now.contains(port) {
-            return Ok(port.to_string());
-        }
+fn write_files(options: &Flash, firmware: &Firmware) -> Result<Verdict> {
+    let (address, bytes) = (firmware.image.address(), firmware.image.bytes());
+    let say = |path: &Path| {
+        eprintln!(
+            "wrote {}: {} bytes of image for 0x{address:04X}",
+            path.display(),
+            bytes.len()
+        );
+    };
+    if let Some(path) = &options.elf {
+        write_whole(path, &firmware.elf)?;
+        say(path);
     }
-    // A board that is in its bootloader already keeps its port.
-    if port_names()?.contains(port) {
-        return Ok(port.to_string());
+    if let Some(path) = &options.bin {
+        write_whole(path, bytes)?;
+        say(path);
     }
-    bail!("{port} went away and no bootloader came; double-tap the reset button and try again")
+    if let Some(path) = &options.uf2 {
+        let path = if path.is_dir() {
+            path.join("tvc-nano.uf2")
+        } else {
+            path.clone()
+        };
+        let blocks = uf2::encode(address, bytes);
+        if is_on_a_bootloader(&path) {
+            write_to_bootloader(&path, &blocks)?;
+        } else {
+            write_whole(&path, &blocks)?;
+        }
+        say(&path);
+    }
+    Ok(Verdict::Met)
 }
 
-fn port_names() -> Result<BTreeSet<String>> {
-    let ports = port::available()?;
-    Ok(ports.into_iter().map(|port| port.port_name).collect())
+/// True for a file on the drive of a UF2 bootloader, which has this text file (UF2 specification,
+/// "Files exposed by bootloaders").
+fn is_on_a_bootloader(path: &Path) -> bool {
+    path.parent()
+        .is_some_and(|drive| drive.join("INFO_UF2.TXT").exists())
+}
+
+/// A bootloader takes blocks under any name and resets after the last one. A file that is first
+/// written under another name would never get its own.
+fn write_to_bootloader(path: &Path, blocks: &[u8]) -> Result<()> {
+    let writing = || format!("writing {}", path.display());
+    let mut file = File::create(path).with_context(writing)?;
+    file.write_all(blocks).with_context(writing)?;
+    // This fails when the drive goes away as soon as it has the last block: then it has worked.
+    let _ = file.sync_all();
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_bootloaders_drive_is_known_by_its_text_file_and_gets_one_file() {
+        let drive = tempfile::tempdir().unwrap();
+        let path = drive.path().join("tvc-nano.uf2");
+        assert!(!is_on_a_bootloader(&path));
+        std::fs::write(drive.path().join("INFO_UF2.TXT"), "UF2 Bootloader").unwrap();
+        assert!(is_on_a_bootloader(&path));
+        write_to_bootloader(&path, b"blocks").unwrap();
+        assert_eq!(std::fs::read(&path).unwrap(), b"blocks");
+        assert_eq!(std::fs::read_dir(drive.path()).unwrap().count(), 2);
+    }
 }

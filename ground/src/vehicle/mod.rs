@@ -11,5 +11,4 @@ pub mod port;
 pub mod record;
 pub mod recorder;
 pub mod test;
-pub mod uf2;
 pub mod web;

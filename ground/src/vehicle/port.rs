@@ -1,5 +1,7 @@
 //! Serial ports: finding and opening one, and `tvc ports`.
 
+mod nano;
+
 use std::io::{self, ErrorKind};
 use std::path::Path;
 use std::time::Duration;
@@ -11,6 +13,10 @@ use serialport::{ClearBuffer, SerialPort, SerialPortInfo, SerialPortType};
 use crate::out::exit::{BadInput, Verdict};
 use crate::out::file::print_json;
 use clap::Args;
+#[cfg(test)]
+pub use nano::test_ports;
+use nano::{BOOTLOADER, FIRMWARE, VENDOR, nano, nano_at, one_of_each};
+pub use nano::{Life, Nano, nanos};
 
 /// Options of `tvc ports`.
 #[derive(Debug, Args)]
@@ -35,11 +41,6 @@ pub struct PortOptions {
     pub port: Option<String>,
 }
 
-/// USB vendor of the Nano 33 IoT, in firmware and in bootloader.
-const VENDOR: u16 = 0x2341;
-/// USB products: the running firmware, the bootloader.
-const PRODUCTS: [u16; 2] = [0x8057, 0x0057];
-
 /// USB ignores the rate, but 1200 baud asks for the bootloader.
 const BAUD: u32 = 115_200;
 
@@ -51,6 +52,8 @@ struct Listed {
     usb: Option<String>,
     product: Option<String>,
     serial_number: Option<String>,
+    #[serde(skip)]
+    life: Option<Life>,
 }
 
 /// Lists the serial ports.
@@ -58,7 +61,7 @@ struct Listed {
 /// # Errors
 /// The system does not list them.
 pub fn list(options: &Ports) -> Result<Verdict> {
-    let ports: Vec<Listed> = available()?.iter().map(listed).collect();
+    let ports: Vec<Listed> = one_of_each(&available()?).map(listed).collect();
     if options.json {
         print_json(&serde_json::json!({ "ports": ports }))?;
         return Ok(Verdict::Met);
@@ -72,7 +75,11 @@ pub fn list(options: &Ports) -> Result<Verdict> {
             port.port,
             port.usb.as_deref().unwrap_or("-"),
             port.product.as_deref().unwrap_or(""),
-            if port.nano { " (SAMD21 Nano)" } else { "" }
+            match port.life {
+                Some(Life::Firmware) => " (SAMD21 Nano)",
+                Some(Life::Bootloader) => " (SAMD21 Nano in its bootloader)",
+                None => "",
+            }
         );
     }
     Ok(Verdict::Met)
@@ -83,16 +90,18 @@ fn listed(port: &SerialPortInfo) -> Listed {
         SerialPortType::UsbPort(usb) => Some(usb),
         _ => None,
     };
+    let life = nano(port).map(|nano| nano.life);
     Listed {
         port: port.port_name.clone(),
-        nano: is_nano(port),
+        nano: life.is_some(),
+        life,
         usb: usb.map(|usb| format!("{:04x}:{:04x}", usb.vid, usb.pid)),
         product: usb.and_then(|usb| usb.product.clone()),
         serial_number: usb.and_then(|usb| usb.serial_number.clone()),
     }
 }
 
-/// Every serial port of the machine.
+/// Every serial port of the machine, as the system lists them: macOS lists each one twice.
 ///
 /// # Errors
 /// The system does not list them.
@@ -116,15 +125,18 @@ pub fn find(wanted: Option<&str>) -> Result<String> {
                 "no port {name}; {}",
                 match ports.as_slice() {
                     [] => "no serial port is connected".to_string(),
-                    _ => format!("connected: {}", names(&ports)),
+                    _ => format!(
+                        "connected: {}",
+                        joined(one_of_each(&ports).map(|port| &*port.port_name))
+                    ),
                 }
             ))
             .into())
         };
     }
-    let nanos: Vec<_> = ports.into_iter().filter(is_nano).collect();
+    let nanos = nanos(&ports);
     match nanos.as_slice() {
-        [nano] => Ok(nano.port_name.clone()),
+        [nano] => Ok(nano.port.clone()),
         [] => Err(BadInput::new(
             "no Nano found; connect it, double-tap its reset button if it runs other firmware, \
              or name the port with --port",
@@ -132,23 +144,59 @@ pub fn find(wanted: Option<&str>) -> Result<String> {
         .into()),
         _ => Err(BadInput::new(format!(
             "more than one Nano is connected ({}); choose with --port",
-            names(&nanos)
+            joined(nanos.iter().map(|nano| &*nano.port))
         ))
         .into()),
     }
 }
 
-fn is_nano(port: &SerialPortInfo) -> bool {
-    matches!(&port.port_type, SerialPortType::UsbPort(usb)
-        if usb.vid == VENDOR && PRODUCTS.contains(&usb.pid))
+/// As [`find`], for a command that must know what runs there.
+///
+/// # Errors
+/// [`BadInput`]; also for a port that is not a Nano's.
+pub fn find_nano(wanted: Option<&str>) -> Result<Nano> {
+    let port = find(wanted)?;
+    nano_at(&port, &available()?).ok_or_else(|| {
+        BadInput::new(format!(
+            "{port} is not a Nano 33 IoT: its USB ids are neither those of the firmware \
+             ({VENDOR:04x}:{FIRMWARE:04x}) nor of the bootloader ({VENDOR:04x}:{BOOTLOADER:04x})"
+        ))
+        .into()
+    })
 }
 
-fn names(ports: &[SerialPortInfo]) -> String {
-    ports
-        .iter()
-        .map(|port| port.port_name.as_str())
-        .collect::<Vec<_>>()
-        .join(", ")
+fn joined<'a>(names: impl Iterator<Item = &'a str>) -> String {
+    names.collect::<Vec<_>>().join(", ")
+}
+
+/// What to say of a port that does not open.
+pub fn refused(name: &str, error: &io::Error) -> BadInput {
+    let advice = match group_of(name) {
+        Some(group) if error.kind() == ErrorKind::PermissionDenied => format!(
+            "it belongs to the group {group}: `sudo usermod -aG {group} $USER`, then log in again"
+        ),
+        _ => "is it a serial port that no other program uses?".to_owned(),
+    };
+    BadInput::new(format!("cannot open {name}: {error}; {advice}"))
+}
+
+/// The group that a device belongs to.
+#[cfg(unix)]
+fn group_of(device: &str) -> Option<String> {
+    use std::os::unix::fs::MetadataExt;
+
+    let id = std::fs::metadata(device).ok()?.gid().to_string();
+    let groups = std::fs::read_to_string("/etc/group").ok()?;
+    groups.lines().find_map(|line| {
+        let mut fields = line.split(':');
+        let name = fields.next()?;
+        (fields.nth(1)? == id).then(|| name.to_owned())
+    })
+}
+
+#[cfg(not(unix))]
+fn group_of(_device: &str) -> Option<String> {
+    None
 }
 
 /// An open port, with DTR set.
@@ -168,11 +216,7 @@ impl Port {
             .timeout(Duration::from_secs(1))
             .dtr_on_open(true)
             .open();
-        let port = opened.map_err(|error| {
-            BadInput::new(format!(
-                "cannot open {name}: {error}; is it a serial port that no other program uses?"
-            ))
-        })?;
+        let port = opened.map_err(|error| refused(&name, &error.into()))?;
         // Drops what an earlier program left unread.
         let _ = port.clear(ClearBuffer::Input);
         Ok(Self::at(port, name))
@@ -249,27 +293,19 @@ fn is_nothing(error: &io::Error) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use serialport::UsbPortInfo;
 
-    fn usb(vid: u16, pid: u16) -> SerialPortInfo {
-        SerialPortInfo {
-            port_name: "ttyACM0".into(),
-            port_type: SerialPortType::UsbPort(UsbPortInfo {
-                vid,
-                pid,
-                serial_number: None,
-                manufacturer: None,
-                product: None,
-            }),
-        }
-    }
-
+    #[cfg(unix)]
     #[test]
-    fn a_nano_is_known_by_its_ids_in_both_lives() {
-        assert!(is_nano(&usb(0x2341, 0x8057)));
-        assert!(is_nano(&usb(0x2341, 0x0057)));
-        assert!(!is_nano(&usb(0x2341, 0x0043)));
-        assert!(!is_nano(&usb(0x1209, 0x8057)));
+    fn a_port_that_may_not_be_opened_names_its_group() {
+        let denied = io::Error::from(ErrorKind::PermissionDenied);
+        let said = refused("/", &denied).to_string();
+        let group = group_of("/").unwrap();
+        assert!(
+            said.contains(&format!("usermod -aG {group} $USER")),
+            "{said}"
+        );
+        let busy = io::Error::from(ErrorKind::ResourceBusy);
+        assert!(refused("/", &busy).to_string().contains("no other program"));
     }
 
     #[test]

@@ -35,7 +35,7 @@ impl Default for BusTiming {
         Self {
             stretch_us: 160..=200,
             stretch_rare: None,
-            stop_read_us: 0..=0,
+            stop_read_us: Self::STOP_READ_US,
             stop_write_us: 0..=0,
         }
     }

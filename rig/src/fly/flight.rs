@@ -234,6 +234,47 @@ pub fn prepare(
     setup: &Setup,
     progress: &mut dyn FnMut(&Progress),
 ) -> Result<Ready, FlightError> {
+    let mut ready = boot(image, setup)?;
+    let begin = ready.rig.now();
+    while ready.station.state() != Some(StateKind::Standby) {
+        if ready.rig.now() - begin > STANDBY_PATIENCE {
+            let Ready { rig, station, .. } = &mut ready;
+            station.wait_for_state(rig, Ticks::ZERO, StateKind::Standby)?;
+        }
+        ready.watch(Stage::Boot, PROGRESS, progress)?;
+    }
+    ready.watch(Stage::Boot, LEARN, progress)?;
+    Ok(ready)
+}
+
+/// Boots `image` with the drone held at `start_rad` from power-on, arms and releases it at the first
+/// instant at which the image lets it, and records the flight for `seconds`.
+///
+/// # Errors
+/// The rig stopped, or the image does not let it be armed in time.
+pub fn fly_at_once(
+    image: &Image,
+    setup: &Setup,
+    start_rad: f64,
+    seconds: f64,
+    progress: &mut dyn FnMut(&Progress),
+) -> Result<FlightRecord, FlightError> {
+    let mut setup = setup.clone();
+    setup.rig.bench.start_rad = start_rad;
+    let mut ready = boot(image, &setup)?;
+    let begun = Mark::of(&ready.rig);
+    let patience = ready.rig.now() + STANDBY_PATIENCE;
+    while let Err(refused) = ready.station.arm(&mut ready.rig) {
+        if ready.rig.now() > patience {
+            return Err(refused.into());
+        }
+        ready.watch(Stage::Boot, PROGRESS, progress)?;
+    }
+    ready.release(start_rad, 0.0, seconds, begun, progress)
+}
+
+/// Boots `image` and sends it its parameters.
+fn boot(image: &Image, setup: &Setup) -> Result<Ready, FlightError> {
     let mut ready = Ready {
         rig: Rig::new(image, &setup.rig)?,
         station: GroundStation::new(),
@@ -251,15 +292,6 @@ pub fn prepare(
     for (name, value) in &setup.parameters {
         station.set_parameter(rig, name, *value)?;
     }
-    let begin = ready.rig.now();
-    while ready.station.state() != Some(StateKind::Standby) {
-        if ready.rig.now() - begin > STANDBY_PATIENCE {
-            let Ready { rig, station, .. } = &mut ready;
-            station.wait_for_state(rig, Ticks::ZERO, StateKind::Standby)?;
-        }
-        ready.watch(Stage::Boot, PROGRESS, progress)?;
-    }
-    ready.watch(Stage::Boot, LEARN, progress)?;
     Ok(ready)
 }
 
@@ -284,13 +316,25 @@ impl Ready {
         let mut dice = generator(self.seed ^ start_rad.to_bits(), Stream::Release);
         let hesitation = Ticks::from_us(dice.random_range(0..20_000));
         fork.station.run(&mut fork.rig, hesitation)?;
-        fork.station.release(&mut fork.rig, rate_rad_s)?;
-        let released = fork.rig.now();
-        fork.station.begin_measurement();
-        let mark = Mark::of(&fork.rig);
+        fork.release(start_rad, rate_rad_s, seconds, begun, progress)
+    }
+
+    /// Releases the drone, which is armed, and records the flight.
+    fn release(
+        mut self,
+        start_rad: f64,
+        rate_rad_s: f64,
+        seconds: f64,
+        begun: Mark,
+        progress: &mut dyn FnMut(&Progress),
+    ) -> Result<FlightRecord, FlightError> {
+        self.station.release(&mut self.rig, rate_rad_s)?;
+        let released = self.rig.now();
+        self.station.begin_measurement();
+        let mark = Mark::of(&self.rig);
         let length = Ticks::from_secs_f64(seconds);
-        fork.watch_until(Stage::Flight, released, released + length, progress)?;
-        fork.record(start_rad, released..released + length, begun, mark)
+        self.watch_until(Stage::Flight, released, released + length, progress)?;
+        self.record(start_rad, released..released + length, begun, mark)
     }
 
     fn tilt(

@@ -1,7 +1,7 @@
 //! Reads an image out of an ELF file.
 
 use super::{IMAGE_ADDRESS, Image, Sizes};
-use object::elf::{EM_ARM, FileHeader32, PT_LOAD, SHF_ALLOC};
+use object::elf::{EM_ARM, FileHeader32, PT_LOAD, ProgramHeader32, SHF_ALLOC};
 use object::read::elf::{ElfFile32, FileHeader, ProgramHeader, SectionHeader};
 use object::{Endianness, Object, ObjectSymbol, SymbolKind};
 
@@ -15,15 +15,21 @@ pub(super) fn parse(bytes: &[u8]) -> Result<Image, String> {
     if header.e_machine(endian) != EM_ARM {
         return Err("it is for another processor".to_owned());
     }
+    let loads = |segment: &&ProgramHeader32<Endianness>| {
+        segment.p_type(endian) == PT_LOAD && segment.p_filesz(endian) != 0
+    };
+    let segments = || file.elf_program_headers().iter().filter(loads);
+    let starts = segments().map(|segment| segment.p_paddr(endian));
+    let address = match starts.min() {
+        Some(0) => 0,
+        _ => IMAGE_ADDRESS,
+    };
     let mut flash = Vec::new();
-    for segment in file.elf_program_headers() {
-        if segment.p_type(endian) != PT_LOAD || segment.p_filesz(endian) == 0 {
-            continue;
-        }
+    for segment in segments() {
         let data = segment
             .data(endian, bytes)
             .map_err(|()| "a segment lies outside of the file".to_owned())?;
-        place(&mut flash, segment.p_paddr(endian), data)?;
+        place(&mut flash, address, segment.p_paddr(endian), data)?;
     }
     let stack_top = stack_top(&flash)?;
     let mut static_ram = 0;
@@ -50,6 +56,7 @@ pub(super) fn parse(bytes: &[u8]) -> Result<Image, String> {
             flash: flash.len() as u32,
             static_ram,
         },
+        address,
         bytes: flash,
         symbols,
         stack_top,
@@ -68,17 +75,17 @@ pub(super) fn stack_top(flash: &[u8]) -> Result<u32, String> {
     Ok(top)
 }
 
-/// Copies a segment to its place in `flash`; a gap before it is filled as erased flash reads.
-fn place(flash: &mut Vec<u8>, address: u32, data: &[u8]) -> Result<(), String> {
+/// Copies a segment to its place in `flash`, which begins at `image`; a gap before it is filled as erased flash reads.
+fn place(flash: &mut Vec<u8>, image: u32, address: u32, data: &[u8]) -> Result<(), String> {
     let end = u64::from(address) + data.len() as u64;
-    if address < IMAGE_ADDRESS || end > u64::from(FLASH_END) {
+    if address < image || end > u64::from(FLASH_END) {
         return Err(format!(
             "a segment of {} bytes at 0x{address:x} lies outside of the image's flash \
-             (0x{IMAGE_ADDRESS:x} to 0x{FLASH_END:x})",
+             (0x{image:x} to 0x{FLASH_END:x})",
             data.len()
         ));
     }
-    let start = (address - IMAGE_ADDRESS) as usize;
+    let start = (address - image) as usize;
     let end = start + data.len();
     if flash.len() < end {
         flash.resize(end, 0xFF);
@@ -141,12 +148,21 @@ mod tests {
     }
 
     #[test]
+    fn an_image_may_take_the_bootloaders_place() {
+        let image = Image::parse("x", &elf(40, 0x0, &code(0x2000_7800))).unwrap();
+        assert_eq!(image.address(), 0);
+        assert_eq!(image.bytes(), code(0x2000_7800));
+        let image = Image::parse("x", &elf(40, 0x2000, &code(0x2000_7800))).unwrap();
+        assert_eq!(image.address(), IMAGE_ADDRESS);
+    }
+
+    #[test]
     fn refuses_what_is_not_for_this_chip() {
         let refusal = |file: &[u8]| Image::parse("x.elf", file).unwrap_err().to_string();
         assert!(refusal(b"hello").contains("x.elf is not an image for this chip"));
         assert!(refusal(&elf(62, 0x2000, &code(0x2000_7800))).contains("another processor"));
         assert!(
-            refusal(&elf(40, 0x0, &code(0x2000_7800))).contains("outside of the image's flash")
+            refusal(&elf(40, 0x1000, &code(0x2000_7800))).contains("outside of the image's flash")
         );
         assert!(refusal(&elf(40, 0x2000, &code(0x1000))).contains("stack would begin"));
         assert!(refusal(&elf(40, 0x2000, &[1, 2])).contains("no vector table"));

@@ -3,43 +3,22 @@
 mod build;
 mod elf;
 
-pub use build::{Builder, Source, build};
+pub use build::{Builder, Source, build, build_in, workspace};
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use thiserror::Error;
 
-/// Address at which the image begins: above the bootloader.
+/// Address at which the image begins: above the bootloader. One that is built with the feature
+/// `no-bootloader` begins at 0.
 pub const IMAGE_ADDRESS: u32 = 0x2000;
 
 /// Why there is no image.
 #[derive(Debug, Error)]
 pub enum ImageError {
-    /// No Rust toolchain here can build for the chip.
-    #[error(
-        "no Rust toolchain here can build for the chip ({reason}). Either install it with \
-         `rustup target add {target}`, or on Debian with \
-         `apt install rustc-web cargo-web rust-web-src lld`",
-        target = build::TARGET
-    )]
-    Toolchain {
-        /// What was tried and how it ended.
-        reason: String,
-    },
-    /// A program that is needed could not be started.
-    #[error("cannot run {program}: {source}")]
-    Program {
-        /// The program.
-        program: String,
-        /// What the system said.
-        source: std::io::Error,
-    },
-    /// The build failed.
-    #[error("the image does not build:\n{output}")]
-    Build {
-        /// What cargo wrote.
-        output: String,
-    },
+    /// It does not build.
+    #[error(transparent)]
+    Build(#[from] image_build::BuildError),
     /// The file cannot be read.
     #[error("cannot read the image {}: {source}", path.display())]
     Read {
@@ -70,6 +49,7 @@ pub struct Sizes {
 /// A firmware image for the chip.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Image {
+    address: u32,
     bytes: Vec<u8>,
     symbols: BTreeMap<String, u32>,
     sizes: Sizes,
@@ -100,9 +80,9 @@ impl Image {
         })
     }
 
-    /// Address of the first byte.
+    /// Address of the first byte: [`IMAGE_ADDRESS`], or 0 if it takes the bootloader's place.
     pub fn address(&self) -> u32 {
-        IMAGE_ADDRESS
+        self.address
     }
 
     /// The bytes that go into flash; gaps are 0xFF, as erased flash reads.
@@ -147,6 +127,7 @@ impl Image {
     /// An image of the bare bytes that belong at [`IMAGE_ADDRESS`], without symbols.
     pub(crate) fn from_raw(name: &str, bytes: Vec<u8>) -> Result<Self, ImageError> {
         Ok(Self {
+            address: IMAGE_ADDRESS,
             stack_top: elf::stack_top(&bytes).map_err(|reason| ImageError::Format {
                 name: name.to_owned(),
                 reason,

@@ -3,7 +3,7 @@
 //! What goes through to the bus's clock domain (commands, address, data, bus state) waits for the
 //! one before to arrive, for a bounded time: a write on top of another would be lost.
 
-use atsamd_hal::pac::sercom0::{I2cm, i2cm};
+use atsamd_hal::pac::sercom0::i2cm;
 
 use crate::board::nano33iot::i2c_registers;
 use crate::board::time::soon;
@@ -95,13 +95,13 @@ pub(super) fn set_up(khz: u32) -> Result<(), NotSynchronised> {
         .status()
         .write(|w| unsafe { w.busstate().bits(IDLE) });
     settled()?;
-    synchronised(|| is_idle(registers))
+    synchronised(is_idle)
 }
 
 /// Wait for the STOP before to have gone out, for a bounded time: a START on top of it would be a
 /// repeated start.
 pub(super) fn wait_idle() -> Result<(), NotSynchronised> {
-    synchronised(|| is_idle(i2c_registers()))
+    synchronised(is_idle)
 }
 
 /// START or repeated START and the address, its last bit set for a read.
@@ -159,8 +159,9 @@ fn arrived() -> Result<(), NotSynchronised> {
     synchronised(|| i2c_registers().syncbusy().read().sysop().bit_is_clear())
 }
 
-fn is_idle(registers: &I2cm) -> bool {
-    registers.status().read().busstate().bits() == IDLE
+/// Whether nobody is on the bus: the STOP before has gone out.
+pub(super) fn is_idle() -> bool {
+    i2c_registers().status().read().busstate().bits() == IDLE
 }
 
 fn synchronised(ready: impl Fn() -> bool) -> Result<(), NotSynchronised> {

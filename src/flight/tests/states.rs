@@ -1,6 +1,8 @@
 //! Who may move the rudder: faults, tilt, and the operator's commands out of order.
 
 use super::*;
+use crate::ticks::BurstTimes;
+use std::string::ToString;
 
 #[test]
 fn every_sensor_fault_commands_neutral_in_time_and_leads_back_only_to_standby() {
@@ -205,7 +207,7 @@ fn lost_parameters_are_acknowledged_after_the_crash_that_came_with_them() {
 fn losing_the_sensor_during_the_self_test_starts_it_again() {
     let mut desk = Desk::new(0.1);
     desk.run(90);
-    for _ in 0..6 {
+    for _ in 0..8 {
         desk.step_with(Err(SensorFault::Nak));
     }
     assert_eq!(desk.flight.state(), State::Boot);
@@ -243,6 +245,43 @@ fn arming_waits_for_the_gyros_offset_to_be_learned() {
         steps += 1;
     }
     assert!(steps < REST, "{steps}");
+}
+
+/// The timing follows what the bursts take, but not while armed; a sensor that is too slow for 100
+/// bursts a second is not flown, and the refusal says how long a burst takes.
+#[test]
+fn the_timing_follows_the_bursts_and_a_slow_bus_is_refused() {
+    let bursts = |mean_us| BurstTimes {
+        mean_us,
+        max_us: mean_us + 200,
+    };
+    let mut desk = Desk::in_standby(0.0);
+    desk.flight.set_param("I2C_KHZ", 400.0).unwrap();
+    for (mean_us, changes, stretch_us) in [
+        (0, false, 180),
+        (4_423, false, 180),
+        (4_600, true, 194),
+        (7_993, true, 355),
+        (8_204, false, 355),
+    ] {
+        assert_eq!(
+            desk.flight.bursts_took(&bursts(mean_us)),
+            changes,
+            "{mean_us}"
+        );
+        assert_eq!(desk.flight.params().timing().stretch_us, stretch_us);
+    }
+    assert!(desk.flight.bursts_took(&bursts(8_400)));
+    let refused = desk.command(Command::Arm);
+    assert_eq!(refused, Err(Refusal::SlowBus(8_395)));
+    assert_eq!(
+        refused.unwrap_err().to_string(),
+        "IMU bursts of 8395 us too slow"
+    );
+    assert!(desk.flight.bursts_took(&bursts(4_300)));
+    desk.run(REST);
+    desk.command(Command::Arm).unwrap();
+    assert!(!desk.flight.bursts_took(&bursts(8_400)), "armed");
 }
 
 #[test]

@@ -33,6 +33,7 @@ fn golden_snapshot() -> Snapshot {
         },
         fault: None,
         sensor_healthy: true,
+        field_healthy: true,
         missed: 5,
     }
 }
@@ -45,8 +46,16 @@ fn a_step_is_byte_for_byte_what_pymavlink_sends() {
         load_permille: 123,
         bus_errors: 6,
         bus_recoveries: 7,
+        bursts: BurstTimes {
+            mean_us: 4423,
+            max_us: 4580,
+        },
     };
-    telemetry.record(&golden_snapshot(), &flight, &board);
+    let sensor = Health {
+        fresh: 100,
+        ..Health::default()
+    };
+    telemetry.record(&golden_snapshot(), &flight, &sensor, &board);
     let expected = [
         "heartbeat_active",
         "statustext",
@@ -56,6 +65,7 @@ fn a_step_is_byte_for_byte_what_pymavlink_sends() {
         "named_value_float",
         "heartbeat_again",
         "sys_status",
+        "debug_vect",
     ];
     assert_eq!(telemetry.pending(), expected.map(golden).concat());
 }
@@ -114,7 +124,7 @@ fn the_clock_is_told_byte_for_byte() {
 }
 
 /// From pymavlink: `MAVLink_param_set_message(1, 1, b"PID_KP", 1.6, 9)` and, sequence 5, the answer
-/// `MAVLink_param_value_message(b"PID_KP", 1.6, 9, 47, 0)`.
+/// `MAVLink_param_value_message(b"PID_KP", 1.6, 9, 48, 0)`.
 #[test]
 fn a_parameter_set_is_echoed_byte_for_byte() {
     let mut link = Link::new(Desk::in_standby(0.1));
@@ -122,7 +132,7 @@ fn a_parameter_set_is_echoed_byte_for_byte() {
     let request = "fd17000009ffbe170000cdcccc3f01015049445f4b5000000000000000000000095e4e";
     link.telemetry
         .receive(Micros(0), &hex(request), &mut link.desk.flight);
-    let answer = "fd190000050101160000cdcccc3f2f0000005049445f4b500000000000000000000009085e";
+    let answer = "fd190000050101160000cdcccc3f300000005049445f4b5000000000000000000000096fbf";
     assert_eq!(link.telemetry.pending(), hex(answer));
     assert_eq!(link.desk.flight.params().pid_kp(), 1.6);
 }

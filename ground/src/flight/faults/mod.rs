@@ -12,6 +12,7 @@ use rig::faults::{Campaign, Case, DEADLINE, Ending, Outcome};
 use rig::{ServoKind, Setup, prepare};
 
 use crate::flight::hardware::HardwareChoice;
+use crate::image::ImageOption;
 use crate::out::exit::Verdict;
 use crate::out::measure::Limit::AtMost;
 use crate::out::measure::{Figure, Figures, figure, rows};
@@ -53,6 +54,10 @@ pub struct Faults {
     #[arg(long, value_name = "J", value_parser = clap::value_parser!(u16).range(1..=256))]
     pub jobs: Option<u16>,
 
+    /// Which image.
+    #[command(flatten)]
+    pub image: ImageOption,
+
     /// Where to write the HTML report: every run, how it ended and how long it was blind.
     #[arg(long, value_name = "FILE.html", default_value = "report/faults.html")]
     pub report: PathBuf,
@@ -65,7 +70,7 @@ pub struct Faults {
 /// Carries out the campaign, prints its table, and names every unsafe run.
 pub fn run(options: &Faults) -> Result<Verdict> {
     let begun = Instant::now();
-    let image = rig::image::build(&mut |line| eprintln!("{line}")).context("the image")?;
+    let image = options.image.image()?;
     let bar = spinner("boot and flight without a fault");
     let mut setup = Setup::with_polarity(ServoKind::S3003, options.seed);
     setup.rig.hardware = options.hardware.hardware()?;

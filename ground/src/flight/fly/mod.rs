@@ -11,7 +11,7 @@ mod report;
 
 use std::time::Instant;
 
-use anyhow::{Context, Result};
+use anyhow::Result;
 use rig::flight::Setup;
 use samd21::board::Ticks;
 
@@ -30,7 +30,7 @@ pub fn run(options: &Fly) -> Result<Verdict> {
         .transpose()?
         .unwrap_or_default();
     let mut setup = setup(options)?;
-    let image = rig::image::build(&mut |line| eprintln!("{line}")).context("the image")?;
+    let image = options.image.image()?;
     setup.rig.bench.faults = scenario.faults;
     setup.rig.bench.disturbances = options.disturb.over(scenario.disturbances);
     let (measured, page) = match recording {

@@ -2,6 +2,7 @@
 
 use crate::flight::disturb::Disturb;
 use crate::flight::hardware::HardwareChoice;
+use crate::image::ImageOption;
 use ::rig::ServoKind;
 use ::rig::flight::Gains;
 use clap::Args;
@@ -62,6 +63,10 @@ pub struct Fly {
     /// as the options of their names, which come first.
     #[arg(long, value_name = "FILE.toml", conflicts_with = "replay")]
     pub faults: Option<PathBuf>,
+
+    /// Which image.
+    #[command(flatten)]
+    pub image: ImageOption,
 
     /// What disturbs the flight.
     #[command(flatten)]

@@ -1,0 +1,83 @@
+//! The image that a command flies or flashes.
+//!
+//! It is the file that `--image` names; else it is built from the source tree round the current
+//! folder; else it is the one that was put into this program when it was installed. A `tvc` out of a
+//! source tree's `target` holds none and builds from that tree wherever it is started.
+
+use std::env;
+use std::fs;
+use std::path::PathBuf;
+
+use anyhow::{Context, Result, bail};
+use clap::Args;
+use rig::image::{Image, build_in, workspace};
+
+use crate::out::exit::BadInput;
+
+/// The image as `build.rs` has left it: empty unless the tool was built to be installed.
+const EMBEDDED: &[u8] = include_bytes!(concat!(env!("OUT_DIR"), "/image.elf"));
+
+/// Which image.
+#[derive(Debug, Args)]
+pub struct ImageOption {
+    /// The image, an ELF file [default: built from the source tree round this folder, else the one
+    /// in this program].
+    #[arg(long, value_name = "FILE.elf")]
+    pub image: Option<PathBuf>,
+}
+
+/// An image and the ELF file that it was read from.
+#[derive(Debug)]
+pub struct Firmware {
+    /// What goes into flash, and its symbols.
+    pub image: Image,
+    /// The bytes of the file.
+    pub elf: Vec<u8>,
+}
+
+impl ImageOption {
+    /// The image; it is built where there are sources. Which one it is goes to standard error.
+    ///
+    /// # Errors
+    /// [`BadInput`] for a file that cannot be read or is no image; an image that does not build.
+    pub fn image(&self) -> Result<Image> {
+        Ok(self.firmware()?.image)
+    }
+
+    /// As [`image`](Self::image), with the bytes of the ELF file.
+    ///
+    /// # Errors
+    /// As [`image`](Self::image).
+    pub fn firmware(&self) -> Result<Firmware> {
+        let here = env::current_dir().unwrap_or_default();
+        let (name, elf) = if let Some(path) = &self.image {
+            let name = path.display().to_string();
+            let elf = fs::read(path)
+                .map_err(|error| BadInput::new(format!("cannot read the image {name}: {error}")))?;
+            (name, elf)
+        } else if let Some(tree) = image_build::tree_around(&here) {
+            built(tree.to_owned())?
+        } else if !EMBEDDED.is_empty() {
+            ("the one in this program".to_owned(), EMBEDDED.to_vec())
+        } else {
+            built(workspace())?
+        };
+        let image = Image::parse(&name, &elf).map_err(BadInput::new)?;
+        eprintln!("image: {name}");
+        Ok(Firmware { image, elf })
+    }
+}
+
+/// The image that a tree builds, and what to call it.
+fn built(tree: PathBuf) -> Result<(String, Vec<u8>)> {
+    if !tree.exists() {
+        bail!(
+            "there is no image: this program holds none, and the sources in {} are gone; \
+             give one with --image",
+            tree.display()
+        );
+    }
+    let path = build_in(&tree, &mut |line| eprintln!("{line}")).context("building the image")?;
+    let elf = fs::read(&path).with_context(|| format!("reading {}", path.display()))?;
+    Ok((format!("built from {}", tree.display()), elf))
+}

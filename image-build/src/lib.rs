@@ -1,0 +1,269 @@
+//! Builds what runs on the chip: the firmware of a source tree, and other images in the same way.
+//!
+//! Every build of the image goes through here (`cargo fly`, `tvc`, the tests, the build script that
+//! puts the image into an installed `tvc`), so that all of them build the same bytes. It has no
+//! dependencies, because it is compiled before the first line that a newcomer sees.
+
+#![forbid(unsafe_code)]
+
+mod toolchain;
+
+pub use toolchain::Toolchain;
+
+use std::env;
+use std::ffi::{OsStr, OsString};
+use std::fmt;
+use std::io;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+/// What images are built for.
+pub const TARGET: &str = "thumbv6m-none-eabi";
+
+/// The firmware's package and binary.
+const FIRMWARE: &str = "tvc-nano";
+
+/// What the firmware is made from, below its tree: a build script that embeds it runs again when
+/// one of these changes.
+pub const FIRMWARE_SOURCES: [&str; 8] = [
+    "Cargo.toml",
+    "Cargo.lock",
+    "build.rs",
+    "memory.x",
+    "src",
+    "fusion/src",
+    "pid/src",
+    "bno055-driver/src",
+];
+
+/// Why there is no image.
+#[derive(Debug)]
+pub enum BuildError {
+    /// No Rust toolchain here can build for the chip.
+    Toolchain {
+        /// What was tried and how it ended.
+        reason: String,
+    },
+    /// A program that is needed could not be started.
+    Program {
+        /// The program.
+        program: String,
+        /// What the system said.
+        source: io::Error,
+    },
+    /// The build failed.
+    Build {
+        /// What cargo wrote.
+        output: String,
+    },
+}
+
+impl fmt::Display for BuildError {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Toolchain { reason } => write!(
+                f,
+                "no Rust toolchain here can build for the chip ({reason}). Either install it with \
+                 `rustup target add {TARGET}`, or on Debian with \
+                 `apt install rustc-web cargo-web rust-web-src lld`"
+            ),
+            Self::Program { program, source } => write!(f, "cannot run {program}: {source}"),
+            Self::Build { output } => write!(f, "the image does not build:\n{output}"),
+        }
+    }
+}
+
+impl std::error::Error for BuildError {}
+
+/// A binary for the chip and how it is to be built.
+#[derive(Clone, Copy, Debug)]
+pub struct Source<'a> {
+    /// Folder of the package or of its workspace.
+    pub folder: &'a Path,
+    /// Package and binary, which have one name.
+    pub package: &'a str,
+    /// Profile of cargo; not `dev`, whose output folder has another name.
+    pub profile: &'a str,
+    /// Features of the package.
+    pub features: &'a [&'a str],
+}
+
+impl<'a> Source<'a> {
+    /// The firmware of a source tree, as it flies.
+    pub fn firmware(tree: &'a Path) -> Self {
+        Self {
+            folder: tree,
+            package: FIRMWARE,
+            profile: "firmware",
+            features: &[],
+        }
+    }
+}
+
+/// The folder of the firmware's source tree: `folder` or the nearest one above it.
+pub fn tree_around(folder: &Path) -> Option<&Path> {
+    let package = format!("name = \"{FIRMWARE}\"");
+    folder.ancestors().find(|folder| {
+        folder.join("memory.x").is_file()
+            && std::fs::read_to_string(folder.join("Cargo.toml"))
+                .is_ok_and(|manifest| manifest.lines().any(|line| line == package))
+    })
+}
+
+/// A toolchain that can build for the chip, and the folder that it builds into.
+#[derive(Debug)]
+pub struct Builder {
+    tree: PathBuf,
+    folder: PathBuf,
+    toolchain: Toolchain,
+    strip: bool,
+}
+
+impl Builder {
+    /// Builds into `target/chip` of the tree, so that a build never waits for the lock of the cargo
+    /// that runs the caller. A missing Rust target is added through rustup. `say` gets lines of
+    /// progress for a person.
+    ///
+    /// # Errors
+    /// [`BuildError::Toolchain`].
+    pub fn in_tree(tree: &Path, say: &mut dyn FnMut(&str)) -> Result<Self, BuildError> {
+        let target = match env::var_os("CARGO_TARGET_DIR") {
+            Some(folder) => std::path::absolute(&folder).unwrap_or_else(|_| folder.into()),
+            None => tree.join("target"),
+        };
+        let toolchain = Toolchain::find_or_add(tree, say)?;
+        Ok(Self::new(tree, target.join("chip"), toolchain))
+    }
+
+    /// Builds into `folder`, an absolute path.
+    pub fn new(tree: &Path, folder: PathBuf, toolchain: Toolchain) -> Self {
+        Self {
+            tree: tree.to_owned(),
+            folder,
+            toolchain,
+            strip: false,
+        }
+    }
+
+    /// Leaves debug information out of the file; the bytes that go into flash are the same.
+    pub fn stripped(mut self) -> Self {
+        self.strip = true;
+        self
+    }
+
+    /// The file that a build of this source writes.
+    pub fn path(&self, source: &Source<'_>) -> PathBuf {
+        self.folder
+            .join(TARGET)
+            .join(source.profile)
+            .join(source.package)
+    }
+
+    /// Builds an image and gives the path of its ELF file.
+    ///
+    /// # Errors
+    /// [`BuildError::Program`], [`BuildError::Build`].
+    pub fn build(&self, source: &Source<'_>) -> Result<PathBuf, BuildError> {
+        let output = run(&mut self.command(source))?;
+        if !output.status.success() {
+            return Err(BuildError::Build {
+                output: String::from_utf8_lossy(&output.stderr).trim().to_owned(),
+            });
+        }
+        Ok(self.path(source))
+    }
+
+    fn command(&self, source: &Source<'_>) -> Command {
+        let mut command = self.toolchain.build();
+        command
+            .current_dir(source.folder)
+            .args(["--package", source.package, "--bin", source.package])
+            .args(["--target", TARGET, "--profile", source.profile])
+            .arg("--features")
+            .arg(source.features.join(","))
+            .arg("--target-dir")
+            .arg(&self.folder)
+            // These go before every other place for flags: those that are meant for the host's
+            // build must not change the image.
+            .env("CARGO_ENCODED_RUSTFLAGS", self.flags())
+            .env_remove("CARGO_BUILD_TARGET");
+        command
+    }
+
+    /// Flags of the compiler, one between two separators: names for the folders of this machine, so
+    /// that an ELF file has the same bytes wherever it was built. The last one that fits counts.
+    fn flags(&self) -> OsString {
+        let places = [
+            (cargo_home(), "/cargo"),
+            // The compiler is told of this one by the folder that it runs in.
+            (self.tree.canonicalize().ok(), "/tvc-nano"),
+            (Some(self.folder.clone()), "/tvc-nano/target/chip"),
+        ];
+        let mut flags: Vec<OsString> = Vec::new();
+        for (place, name) in places {
+            let Some(place) = place else { continue };
+            let mut flag = OsString::from("--remap-path-prefix=");
+            flag.push(place);
+            flag.push(format!("={name}"));
+            flags.push(flag);
+        }
+        if self.strip {
+            flags.push("-Cstrip=debuginfo".into());
+        }
+        flags.join(OsStr::new("\u{1f}"))
+    }
+}
+
+/// Where cargo keeps the sources of dependencies.
+fn cargo_home() -> Option<PathBuf> {
+    match env::var_os("CARGO_HOME") {
+        Some(home) => Some(home.into()),
+        None => Some(env::home_dir()?.join(".cargo")),
+    }
+}
+
+fn run(command: &mut Command) -> Result<Output, BuildError> {
+    command.output().map_err(|source| BuildError::Program {
+        program: command.get_program().to_string_lossy().into_owned(),
+        source,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn tree() -> &'static Path {
+        let own = Path::new(env!("CARGO_MANIFEST_DIR"));
+        own.parent().expect("the crate lies in the tree")
+    }
+
+    #[test]
+    fn the_tree_is_found_from_within_and_nowhere_else() {
+        assert_eq!(tree_around(&tree().join("fusion/src")), Some(tree()));
+        assert_eq!(tree_around(tree()), Some(tree()));
+        assert_eq!(tree_around(&env::temp_dir()), None);
+    }
+
+    #[test]
+    fn all_that_the_firmware_is_made_from_is_there() {
+        for source in FIRMWARE_SOURCES {
+            assert!(tree().join(source).exists(), "{source}");
+        }
+    }
+
+    #[test]
+    fn folders_of_this_machine_have_other_names_in_the_image() {
+        let folder = tree().join("target/chip");
+        let flags = Builder::new(tree(), folder, Toolchain::Ready).flags();
+        let flags = flags.to_str().expect("a path in UTF-8");
+        let flags: Vec<&str> = flags.split('\u{1f}').collect();
+        let place = tree().canonicalize().expect("the tree is there");
+        let of_the_tree = format!("--remap-path-prefix={}=/tvc-nano", place.display());
+        assert!(flags.contains(&of_the_tree.as_str()), "{flags:?}");
+        assert!(
+            flags.iter().any(|flag| flag.ends_with("=/cargo")),
+            "{flags:?}"
+        );
+    }
+}
