@@ -339,6 +339,7 @@ impl Rig {
 #[cfg(test)]
 pub(crate) mod tests {
     use super::*;
+    use samd21::usb_host::System;
 
     /// Counts at 0x2000_7800, and at 0x2000_0000, how often it was started; then sleeps for ever.
     pub(crate) fn counter() -> Image {
@@ -409,6 +410,24 @@ pub(crate) mod tests {
         rig.power_cycle();
         rig.run_for(ms(1)).unwrap();
         assert!(!rig.in_bootloader());
+    }
+
+    #[test]
+    fn the_hardware_reaches_sensor_chip_and_host() {
+        let config = RigConfig {
+            hardware: "address=0x29,host=linux,slow-clock=1.25,user-row=erased"
+                .parse()
+                .unwrap(),
+            ..RigConfig::default()
+        };
+        let mut rig = Rig::new(&counter(), &config).unwrap();
+        assert_eq!(rig.environment().sensor().address(), 0x29);
+        assert_eq!(rig.usb_host().system(), System::Linux);
+        // The watchdog of an erased user row: 32,768 cycles of the fast slow oscillator.
+        rig.run_for(ms(799)).unwrap();
+        assert_eq!(rig.resets(), []);
+        rig.run_for(ms(2)).unwrap();
+        assert_eq!(rig.resets()[0].1, ResetCause::Watchdog);
     }
 
     #[test]

@@ -66,7 +66,7 @@ impl Default for Hardware {
             clock_percent: 0.0,
             clock_drift_ppm_s: 0,
             slow_clock: 1.0,
-            wake_us: 0,
+            wake_us: 4,
             host: System::Bare,
             user_row: UserRow::SHIPPED,
         }
@@ -374,20 +374,24 @@ mod tests {
     #[test]
     fn the_chip_gets_what_is_set() {
         let hardware =
-            "clock=-3.1,clock-drift=20,slow-clock=0.87,wake=4,host=windows,user-row=bootprot"
+            "clock=-3.1,clock-drift=20,slow-clock=0.87,wake=7,host=windows,user-row=bootprot"
                 .parse();
         let options = hardware.map(|hardware: Hardware| hardware.chip());
         let expected = Options {
             dfll_error_ppm: -31_000,
             dfll_drift_ppm_s: 20,
             osculp32k_hz: 28_508,
-            wake_up: Ticks::from_us(4),
+            wake_up: Ticks::from_us(7),
             host: System::Windows,
             user_row: UserRow::PROTECTED,
             ..Options::default()
         };
         assert_eq!(options, Ok(expected));
-        assert_eq!(Hardware::default().chip(), Options::default());
+        let default = Options {
+            wake_up: Ticks::from_us(4),
+            ..Options::default()
+        };
+        assert_eq!(Hardware::default().chip(), default);
     }
 
     #[test]

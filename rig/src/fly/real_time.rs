@@ -162,7 +162,7 @@ impl RealTime {
         if open != self.open {
             self.open = open;
             self.outgoing.clear();
-            host.set_dtr(open);
+            host.set_open(open);
         }
     }
 

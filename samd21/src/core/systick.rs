@@ -148,8 +148,10 @@ impl SysTick {
         }
     }
 
+    /// None once zero is reached: an instruction that waited for the flash may look at the count
+    /// a little later than that, before the timer was advanced.
     fn cycles_left(&self, now: u64, cycle: u64) -> u64 {
-        (self.zero_at - now).div_ceil(cycle)
+        self.zero_at.saturating_sub(now).div_ceil(cycle)
     }
 }
 
@@ -214,6 +216,12 @@ mod tests {
         timer.advance(15, 1);
         assert_eq!(timer.next_event(), u64::MAX);
         assert_eq!(timer.count(100, 1), 0);
+    }
+
+    #[test]
+    fn a_count_that_is_read_late_is_zero() {
+        let timer = running(9);
+        assert_eq!(timer.count(11, 1), 0);
     }
 
     #[test]
