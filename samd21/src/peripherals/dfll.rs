@@ -6,7 +6,7 @@
 //! end, FINE stays.
 //!
 //! A step of FINE is 0.023 %, an estimate: 512 of them lie between the 46.5 MHz of an open loop and
-//! the 52 MHz of one that ran to its end (atsamd-rs issue 549). A step of COARSE is taken to be 4 %.
+//! the 52 MHz of one that ran to its end (atsamd-rs issue 549). A step of COARSE is taken for 4 %.
 //!
 //! The period is a whole number of 2^-16 ticks, 15 ppm: the core counts its time in them.
 

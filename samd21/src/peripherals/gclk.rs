@@ -8,8 +8,8 @@
 //! | 04 | GENCTRL | ID, SRC, GENEN, DIVSEL and stored flags; byte write of ID likewise |
 //! | 08 | GENDIV | ID, DIV; byte write of ID likewise |
 //!
-//! Generator 2 divides OSCULP32K by 32 at reset, which its five bits of DIV do not hold: it does not
-//! divide. A watchdog that the user row has on then takes a second, as boards with an erased row do.
+//! Generator 2 is to divide OSCULP32K by 32 at reset, which its five bits of DIV do not hold: it
+//! does not divide. A watchdog that an erased user row has on then takes a second, as on boards.
 //!
 //! A write while SYNCBUSY is set stalls the bus until it is clear (common synchroniser).
 //! Generator 0 must run: a write that would stop it faults, as the chip would stop for ever.

@@ -13,10 +13,10 @@
 //! | 34 | BOD33 | from the user row at reset; ready at once while enabled; the supply is good |
 //! | 3C, 40 | VREG, VREF | stored |
 //!
-//! The DFLL gives 48 MHz 6 us after it is enabled (open loop needs no reference). In closed loop
-//! LCKC and LCKF follow 500 us after the reference (GCLK 0) is there, with 48 MHz; with USBCRM,
-//! after 8 start-of-frame packets at 48 MHz. The value stays when the packets end. Touching DFLLVAL or DFLLMUL with ONDEMAND set freezes the real
-//! chip (errata 9905): that faults.
+//! The DFLL runs 6 us after it is enabled (open loop needs no reference). In closed loop LCKC and
+//! LCKF follow 500 us after the reference (GCLK 0) is there, with 48 MHz; with USBCRM, after 8
+//! start-of-frame packets at 48 MHz. The value stays when the packets end. Touching DFLLVAL or
+//! DFLLMUL with ONDEMAND set freezes the real chip (errata 9905): that faults.
 //!
 //! | left out | why |
 //! |---|---|

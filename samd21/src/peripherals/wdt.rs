@@ -9,9 +9,9 @@
 //! | 07 | STATUS | SYNCBUSY |
 //! | 08 | CLEAR | 0xA5 restarts the timeout, slowly synchronised; else the chip is reset at once |
 //!
-//! With WEN the first 8 << WINDOW clocks are closed: a CLEAR in them resets the chip; PER counts from
-//! their end. All settings come from the user row at reset, and with its ENABLE the watchdog runs.
-//! Codes above 11 are reserved and taken for 11, the longest.
+//! With WEN the first 8 << WINDOW clocks are closed: a CLEAR in them resets the chip; PER counts
+//! from their end. All settings come from the user row at reset, and with its ENABLE the watchdog
+//! runs. Codes above 11 are reserved and taken for 11, the longest.
 //!
 //! CTRL and CLEAR reach the watchdog's own clock (1,024 Hz as a rule) after its next edge and five
 //! periods: 4.9 to 5.9 ms, and take effect only then. A second write to one of them meanwhile
