@@ -313,6 +313,7 @@ mod tests {
     #[test]
     fn the_stop_waits_after_a_write_if_it_is_to() {
         let mut chip = chip(BusTiming {
+            stop_read_us: 0..=0,
             stop_write_us: 90..=90,
             ..BusTiming::default()
         });
