@@ -8,7 +8,7 @@ use anyhow::{Context, Result};
 use indicatif::{ProgressBar, ProgressStyle};
 use rayon::prelude::*;
 use rig::bno055::FaultKind;
-use rig::faults::{Campaign, Case, DEADLINE, Ending, GLITCH_MS, GLITCHES, Outcome};
+use rig::faults::{Campaign, Case, DEADLINE, Ending, GLITCHES, Outcome};
 use rig::{ServoKind, Setup, prepare};
 
 use crate::flight::hardware::HardwareChoice;
@@ -86,7 +86,7 @@ pub fn run(options: &Faults) -> Result<Verdict> {
     let mut campaign = Campaign::new(&ready, frame_hz, options.seed)
         .context("the flight that is to be disturbed")?;
     if options.glitches {
-        campaign = campaign.lasting(GLITCH_MS);
+        campaign = campaign.of_glitches();
     }
     bar.finish_and_clear();
 
