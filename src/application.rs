@@ -79,7 +79,7 @@ pub trait Board {
     fn bus_is_free(&self) -> bool;
 
     /// Whether `transfer`, begun now, is over before the next tick.
-    fn has_time_for(&self, now: Micros, transfer: &Transfer) -> bool;
+    fn has_time_for(&self, transfer: &Transfer) -> bool;
 
     /// Start `transfer` on the free bus, to the address that was armed last.
     fn begin(&mut self, transfer: Transfer);
@@ -164,6 +164,8 @@ impl<'a> Application<'a> {
                 .record(snapshot, self.flight, self.driver.health(), status);
             self.recorder.record(snapshot, self.flight);
             self.telemetry.serve_recorder(self.recorder);
+            // A burst whose STOP was still on its way has let the sensor go by now.
+            self.serve_sensor(now, board);
         }
         self.exchange(now, board);
     }
@@ -193,13 +195,14 @@ impl<'a> Application<'a> {
 
     /// Give the sensor's driver what it asks for next. While the sensor is sampled, that goes
     /// between two bursts.
+    #[inline(never)]
     fn serve_sensor(&mut self, now: Micros, board: &mut impl Board) {
         let sampling = self.driver.is_sampling();
         let address = self.driver.config().address.value();
         board.arm(address, sampling.then(|| self.driver.burst()));
         if board.bus_is_free()
             && let Next::Transfer(transfer) = self.driver.next(now)
-            && (!sampling || board.has_time_for(now, &transfer))
+            && (!sampling || board.has_time_for(&transfer))
         {
             board.begin(transfer);
         }

@@ -36,7 +36,7 @@ const TICK_RESERVE_US: u32 = 400;
 /// Clock stretching of a byte that is allowed for beyond the mean, us, when a short transfer is put
 /// between two bursts. Should the sensor take longer for once, the next tick goes without its
 /// burst.
-const STRETCH_RESERVE_US: u32 = 70;
+const STRETCH_RESERVE_US: u32 = 20;
 
 /// Bytes of a burst: 18 of data, two addresses and the register.
 const BURST_BYTES: u32 = 21;
@@ -134,6 +134,11 @@ pub struct BurstTimes {
 }
 
 impl BurstTimes {
+    /// By how much the longest exceeds the mean, us.
+    pub fn spread_us(&self) -> u32 {
+        self.max_us.saturating_sub(self.mean_us)
+    }
+
     /// The duration to plan with, us: the mean, and where single bursts take longer than its
     /// reserve allows for, as much more.
     pub fn planned_us(&self) -> u32 {
@@ -296,15 +301,18 @@ impl NewestTick {
         self.burst_due.take_if(|due| now >= *due).is_some()
     }
 
-    /// Whether `transfer`, begun now, is over before the next tick.
+    /// Whether `transfer`, begun now, is over before the next tick, `reserve_us` for its STOP and for
+    /// bytes that are stretched for longer left over.
     pub fn leaves_time_for(
         &self,
         now: Micros,
         transfer: &Transfer,
         timing: &Timing,
+        reserve_us: u32,
         tick_period_us: u32,
     ) -> bool {
-        now.after(timing.transfer_us(transfer)) < self.at.after(tick_period_us.into())
+        let over = now.after(timing.transfer_us(transfer) + u64::from(reserve_us));
+        over < self.at.after(tick_period_us.into())
     }
 }
 
@@ -436,9 +444,9 @@ mod tests {
             register: 0,
             len: 1,
         };
-        // Four bytes of 273 us each, 6,666 us after the tick.
-        let fits = |now| tick.leaves_time_for(Micros(now), &read, &timing(50, 400), 6_666);
+        // Four bytes of 223 us each and 200 us of reserve, 6,666 us after the tick.
+        let fits = |now| tick.leaves_time_for(Micros(now), &read, &timing(50, 400), 200, 6_666);
         assert!(fits(15_573) && !fits(15_574));
-        assert!(!tick.leaves_time_for(Micros(15_573), &read, &timing(50, 100), 6_666));
+        assert!(!tick.leaves_time_for(Micros(15_573), &read, &timing(50, 100), 200, 6_666));
     }
 }

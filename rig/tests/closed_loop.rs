@@ -6,7 +6,7 @@ use host_loop::HostLoop;
 use plant::response::StepResponse;
 use recordings::{Recording, Scorer};
 use rig::bench::BenchConfig;
-use rig::bno055::Fault;
+use rig::bno055::{Fault, Magnetometer, MagnetometerHealth, RefreshRates};
 use samd21::board::Ticks;
 use std::path::Path;
 use std::sync::Arc;
@@ -25,16 +25,17 @@ fn params() -> Params {
     params
 }
 
-fn standby(seed: u64) -> HostLoop {
-    let mut host = HostLoop::new(&bench(seed), params());
+fn standby(bench: &BenchConfig) -> HostLoop {
+    let mut host = HostLoop::new(bench, params());
     host.run(4000, |_, _| {});
+    let seed = bench.sensor.seed;
     assert_eq!(host.flight.state(), State::Standby, "seed {seed}");
     host
 }
 
 /// Armed and released from a tilt.
-fn released(seed: u64, start_rad: f64) -> HostLoop {
-    let mut host = standby(seed);
+fn released(bench: &BenchConfig, start_rad: f64) -> HostLoop {
+    let mut host = standby(bench);
     // Rest, in which the gyro's offset is learned: arming waits for it.
     host.run(3000, |_, _| {});
     host.environment.tilt_clamp(start_rad);
@@ -49,7 +50,7 @@ fn released(seed: u64, start_rad: f64) -> HostLoop {
 #[test]
 fn the_driver_brings_the_sensor_up_and_reads_what_is_true() {
     for seed in 0..5 {
-        let host = standby(seed);
+        let host = standby(&bench(seed));
         let sample = host.samples.last().unwrap();
         let z = f64::from(sample.acc[2]) * 0.01;
         assert!((z + 9.81).abs() < 0.1, "{sample:?}");
@@ -64,19 +65,54 @@ fn the_driver_brings_the_sensor_up_and_reads_what_is_true() {
 #[test]
 fn the_loop_brings_the_drone_upright() {
     for (seed, start_rad) in [(1, 0.2), (2, 0.4), (3, 0.8), (4, -0.4)] {
-        let mut host = released(seed, start_rad);
-        let begin = host.now;
-        host.run(3000, |_, _| {});
-        let truth = host.environment.truth().motion_since(begin);
-        let response = StepResponse::new(
-            truth.iter().map(|m| (m.time.as_secs_f64(), m.pitch_rad)),
-            0.0,
-        )
-        .unwrap();
-        let settling = response.settling_s(0.05).unwrap();
-        let overshoot = response.overshoot_pct();
-        println!("{start_rad}: settling {settling:.3} s, overshoot {overshoot:.1} %");
-        assert!(settling <= 0.9 && overshoot <= 10.0);
+        comes_upright(&bench(seed), start_rad);
+    }
+}
+
+fn comes_upright(bench: &BenchConfig, start_rad: f64) {
+    let mut host = released(bench, start_rad);
+    let begin = host.now;
+    host.run(3000, |_, _| {});
+    let truth = host.environment.truth().motion_since(begin);
+    let response = StepResponse::new(
+        truth.iter().map(|m| (m.time.as_secs_f64(), m.pitch_rad)),
+        0.0,
+    )
+    .unwrap();
+    let settling = response.settling_s(0.05).unwrap();
+    let overshoot = response.overshoot_pct();
+    println!("{start_rad}: settling {settling:.3} s, overshoot {overshoot:.1} %");
+    assert!(settling <= 0.9 && overshoot <= 10.0);
+}
+
+/// At the other address, beside the pivot, with registers that read back late, 62.5 refreshes a
+/// second of each inertial sensor and a field that never changes.
+fn unkind() -> BenchConfig {
+    let mut bench = bench(5);
+    bench.lever_m = [0.03, 0.0, -0.08];
+    bench.sensor.address = 0x29;
+    bench.sensor.late_registers = Ticks::from_ms(20);
+    bench.sensor.refresh = Some(RefreshRates {
+        acc_hz: 62.5,
+        gyr_hz: 62.5,
+        mag_hz: 20.0,
+    });
+    bench.sensor.magnetometer = Magnetometer {
+        age: Ticks::from_ms(30),
+        health: MagnetometerHealth::Stuck,
+    };
+    bench
+}
+
+#[test]
+fn an_unkind_sensor_costs_no_control() {
+    comes_upright(&unkind(), 0.4);
+}
+
+#[test]
+fn an_unkind_sensor_fails_and_comes_back_like_any() {
+    for fault in [Fault::Unplugged, Fault::ConfigReset] {
+        leads_to_neutral_and_back(&unkind(), fault);
     }
 }
 
@@ -94,37 +130,41 @@ fn faults_in_flight_lead_to_neutral_in_time_and_back_to_standby() {
         Fault::RevertedAxisMap,
         Fault::FixedPattern,
     ] {
-        let mut host = released(1, 0.3);
-        host.run(200, |_, _| {});
-        assert!(host.flight.state().is_active());
-        host.environment.inject(host.now, fault);
-        let at = host.now;
-        let mut neutral: Option<Ticks> = None;
-        host.run(1500, |environment, snapshot| {
-            if !snapshot.state.is_active() && neutral.is_none() {
-                neutral = Some(environment.truth().motion.last().unwrap().time);
-            }
-        });
-        let delay = neutral.map(|time| time.saturating_sub(at).as_us() / 1000);
-        println!(
-            "{fault:?}: failsafe after {delay:?} ms, {:?}",
-            host.flight.state()
-        );
-        assert!(
-            matches!(host.flight.state(), State::Failsafe(_)),
-            "{fault:?}"
-        );
-        // A gyroscope that reads zero differs from one at rest only by its missing noise.
-        let allowed = if fault == Fault::GyroDead { 500 } else { 150 };
-        assert!(delay.unwrap() <= allowed, "{fault:?}: {delay:?} ms");
-        host.environment.clear(host.now, fault);
-        host.environment.catch();
-        host.environment.tilt_clamp(0.0);
-        host.run(8000, |_, _| {});
-        let now = tvc_nano::Micros(host.now.as_us());
-        host.flight.command(now, Command::Disarm).unwrap();
-        assert_eq!(host.flight.state(), State::Standby, "{fault:?}");
+        leads_to_neutral_and_back(&bench(1), fault);
     }
+}
+
+fn leads_to_neutral_and_back(bench: &BenchConfig, fault: Fault) {
+    let mut host = released(bench, 0.3);
+    host.run(200, |_, _| {});
+    assert!(host.flight.state().is_active());
+    host.environment.inject(host.now, fault);
+    let at = host.now;
+    let mut neutral: Option<Ticks> = None;
+    host.run(1500, |environment, snapshot| {
+        if !snapshot.state.is_active() && neutral.is_none() {
+            neutral = Some(environment.truth().motion.last().unwrap().time);
+        }
+    });
+    let delay = neutral.map(|time| time.saturating_sub(at).as_us() / 1000);
+    println!(
+        "{fault:?}: failsafe after {delay:?} ms, {:?}",
+        host.flight.state()
+    );
+    assert!(
+        matches!(host.flight.state(), State::Failsafe(_)),
+        "{fault:?}"
+    );
+    // A gyroscope that reads zero differs from one at rest only by its missing noise.
+    let allowed = if fault == Fault::GyroDead { 500 } else { 150 };
+    assert!(delay.unwrap() <= allowed, "{fault:?}: {delay:?} ms");
+    host.environment.clear(host.now, fault);
+    host.environment.catch();
+    host.environment.tilt_clamp(0.0);
+    host.run(8000, |_, _| {});
+    let now = tvc_nano::Micros(host.now.as_us());
+    host.flight.command(now, Command::Disarm).unwrap();
+    assert_eq!(host.flight.state(), State::Standby, "{fault:?}");
 }
 
 #[test]
@@ -133,7 +173,7 @@ fn spikes_and_corrupt_words_are_ridden_out() {
         Fault::CorruptWords { probability: 0.01 },
         Fault::Spikes { probability: 0.005 },
     ] {
-        let mut host = released(1, 0.3);
+        let mut host = released(&bench(1), 0.3);
         host.environment.inject(host.now, fault);
         host.run(3000, |_, _| {});
         assert!(

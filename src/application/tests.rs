@@ -64,7 +64,7 @@ impl Board for Notes {
     fn bus_is_free(&self) -> bool {
         self.bus_free
     }
-    fn has_time_for(&self, _now: Micros, _transfer: &Transfer) -> bool {
+    fn has_time_for(&self, _transfer: &Transfer) -> bool {
         self.time
     }
     fn begin(&mut self, transfer: Transfer) {

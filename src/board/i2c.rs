@@ -32,7 +32,7 @@ use tvc_nano::application::Outcome;
 
 use super::log;
 use super::nano33iot::{I2C_FUNCTION, SCL, SDA, i2c_registers, on_i2c_interrupt};
-use super::time::now;
+use super::time::{now, within};
 use sercom::{Command, NotSynchronised};
 
 /// The address's last bit, for a read.
@@ -249,6 +249,8 @@ pub(super) struct Bus {
     khz: u32,
     /// When a bus without a transfer must be idle at last; `None` while it is, or has a transfer.
     idle_by: Option<Micros>,
+    /// How long a STOP takes, us: the longest of the newest, as far as they were waited for.
+    stop_us: u32,
     /// When a broken bus is looked at next.
     repair_at: Micros,
     /// Times that the peripheral was set up anew since start-up.
@@ -262,6 +264,7 @@ impl Bus {
         let mut bus = Self {
             khz,
             idle_by: None,
+            stop_us: 0,
             repair_at: Micros(0),
             recoveries: 0,
         };
@@ -331,12 +334,33 @@ impl Bus {
             with_master(|master| master.broken = true);
         }
         let completion = collect();
+        if let Some(completion) = &completion {
+            self.time_stop(completion);
+        }
         if now >= self.repair_at && with_master(|master| master.broken) {
             self.recoveries = self.recoveries.saturating_add(1);
             log::bus_repaired(self.recoveries);
             self.repair();
         }
         completion
+    }
+
+    /// How long a STOP takes, us.
+    pub(super) fn stop_us(&self) -> u32 {
+        self.stop_us
+    }
+
+    /// Wait for the STOP of a transfer that the main loop has begun while nothing was more urgent,
+    /// and so learn how long the sensor holds it up.
+    fn time_stop(&mut self, completion: &Completion) {
+        if completion.origin == Origin::Loop && with_master(|master| master.armed.is_none()) {
+            let began = now();
+            let _ = within(STOP_LIMIT_US, || {
+                !with_master(|master| master.awaits_stop())
+            });
+            let us = now().since(began) as u32;
+            self.stop_us = us.max(self.stop_us - self.stop_us / 8);
+        }
     }
 
     /// End the transfer under way. The peripheral is of no use until it is repaired.

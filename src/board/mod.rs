@@ -203,9 +203,12 @@ impl application::Board for Board {
         self.bus.is_free()
     }
 
-    fn has_time_for(&self, now: Micros, transfer: &Transfer) -> bool {
+    fn has_time_for(&self, transfer: &Transfer) -> bool {
         let (timing, period_us) = (self.frame.timing(), self.frame.tick_period_us());
-        self.tick.leaves_time_for(now, transfer, timing, period_us)
+        // Half of what the 21 bytes of a burst vary by is more than the few of a short transfer do.
+        let reserve_us = self.bus.stop_us() + self.bursts.times().spread_us() / 2;
+        self.tick
+            .leaves_time_for(time::now(), transfer, timing, reserve_us, period_us)
     }
 
     fn begin(&mut self, transfer: Transfer) {

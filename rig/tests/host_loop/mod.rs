@@ -1,6 +1,7 @@
 //! The flight library and the sensor's driver at the environment's pins, without a chip between
 //! them: a bus master with ideal timing, ticks every 10 ms locked to a servo frame of 20 ms.
 
+use bno055_driver::config::Address;
 use bno055_driver::{BusError, Driver, Micros, Next, TRANSFER_DEADLINE_US, Transfer};
 use rig::bench::{BenchConfig, Environment, SERVO_PIN};
 use samd21::board::{Board, I2cEvent, Ticks};
@@ -8,7 +9,6 @@ use tvc_nano::config::sensor;
 use tvc_nano::failsafe::BootReport;
 use tvc_nano::{Flight, Params, RawSample, SensorFault, Snapshot};
 
-const ADDRESS: u8 = 0x28;
 /// A byte and its acknowledge: nine bits at 400 kHz.
 const BYTE: Ticks = Ticks::from_us(23);
 const TICK_US: u64 = 10_000;
@@ -31,9 +31,13 @@ pub(crate) struct HostLoop {
 
 impl HostLoop {
     pub(crate) fn new(bench: &BenchConfig, params: Params) -> Self {
+        let mut sensor = sensor();
+        if bench.sensor.address == Address::High.value() {
+            sensor.address = Address::High;
+        }
         Self {
             environment: Environment::new(bench).unwrap(),
-            driver: Driver::new(sensor()),
+            driver: Driver::new(sensor),
             flight: Flight::new(params, BootReport::default()).unwrap(),
             now: Ticks::ZERO,
             samples: Vec::new(),
@@ -131,10 +135,8 @@ impl HostLoop {
     }
 
     fn bytes(&mut self, transfer: Transfer) -> Result<Vec<u8>, BusError> {
-        let start = |read| I2cEvent::Start {
-            address: ADDRESS,
-            read,
-        };
+        let address = self.driver.config().address.value();
+        let start = |read| I2cEvent::Start { address, read };
         let check = |ack: bool| if ack { Ok(()) } else { Err(BusError::Nak) };
         check(self.event(start(false)).0)?;
         match transfer {

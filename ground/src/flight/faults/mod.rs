@@ -8,13 +8,13 @@ use anyhow::{Context, Result};
 use indicatif::{ProgressBar, ProgressStyle};
 use rayon::prelude::*;
 use rig::bno055::FaultKind;
-use rig::faults::{Campaign, Case, DEADLINE, Ending, Outcome};
+use rig::faults::{Campaign, Case, DEADLINE, Ending, GLITCH_MS, GLITCHES, Outcome};
 use rig::{ServoKind, Setup, prepare};
 
 use crate::flight::hardware::HardwareChoice;
 use crate::image::ImageOption;
 use crate::out::exit::Verdict;
-use crate::out::measure::Limit::AtMost;
+use crate::out::measure::Limit::{AtLeast, AtMost};
 use crate::out::measure::{Figure, Figures, figure, rows};
 use clap::Args;
 use std::path::PathBuf;
@@ -25,6 +25,7 @@ use std::path::PathBuf;
 Examples:
   cargo tvc faults                                    every fault, 50 instants each
   cargo tvc faults --kind sda-stuck --kind spikes     two of them
+  cargo tvc faults --glitches                         short ones of the cable: all but 1 % ridden out
   cargo tvc faults --runs 5 --json > faults.json      a quick look, for a script
 
 A run is safe if the drone is back on course with control active (recovered), or if the firmware is
@@ -32,7 +33,8 @@ in failsafe (neutral); in both cases without a missing or wild pulse, without a 
 rudder never off neutral for more than 150 ms without valid data. Everything else is unsafe. The
 same seed gives the same runs.
 
-Exit status: 0 no unsafe run, 1 at least one or something failed, 2 unusable input.")]
+Exit status: 0 no unsafe run (and 99 % of glitches ridden out), 1 at least one or something failed,
+2 unusable input.")]
 pub struct Faults {
     /// Instants of the flight at which each fault is injected.
     #[arg(long, value_name = "N", default_value_t = 50, value_parser = clap::value_parser!(u32).range(1..=10_000))]
@@ -41,6 +43,11 @@ pub struct Faults {
     /// Only this fault; can be given several times [default: all].
     #[arg(long, value_name = "KIND", num_args = 1..)]
     pub kind: Vec<FaultKind>,
+
+    /// Glitches of the cable instead: 4 to 40 ms without acknowledge, with a line held, all ones or a
+    /// stretched clock. At least 99 % must be ridden out with control active.
+    #[arg(long, conflicts_with = "kind")]
+    pub glitches: bool,
 
     /// Seed of all that is random: the sensor, and every run's instant, length and strength.
     #[arg(long, value_name = "N", default_value_t = 1)]
@@ -76,11 +83,16 @@ pub fn run(options: &Faults) -> Result<Verdict> {
     setup.rig.hardware = options.hardware.hardware()?;
     let ready = prepare(&image, &setup, &mut |_| {})?;
     let frame_hz = f64::from(setup.servo.frame_hz());
-    let campaign = Campaign::new(&ready, frame_hz, options.seed)
+    let mut campaign = Campaign::new(&ready, frame_hz, options.seed)
         .context("the flight that is to be disturbed")?;
+    if options.glitches {
+        campaign = campaign.lasting(GLITCH_MS);
+    }
     bar.finish_and_clear();
 
-    let kinds = if options.kind.is_empty() {
+    let kinds = if options.glitches {
+        GLITCHES.to_vec()
+    } else if options.kind.is_empty() {
         FaultKind::ALL.to_vec()
     } else {
         FaultKind::ALL
@@ -89,6 +101,15 @@ pub fn run(options: &Faults) -> Result<Verdict> {
             .collect()
     };
     let outcomes = carry_out(&campaign, &kinds, options)?;
+    let recovered = outcomes
+        .iter()
+        .filter(|outcome| outcome.ending == Ending::Recovered)
+        .count();
+    let recovered_pct = 100.0 * recovered as f64 / outcomes.len() as f64;
+    let mut recovered_pct = figure("recovered_pct", recovered_pct).shown("recovered", "%", 1);
+    if options.glitches {
+        recovered_pct = recovered_pct.limit(AtLeast(99.0));
+    }
     let figures = Figures::from([
         figure("seed", options.seed).shown("seed", "", 0),
         figure("deadline_ms", DEADLINE.as_us_f64() / 1e3).shown(
@@ -97,6 +118,7 @@ pub fn run(options: &Faults) -> Result<Verdict> {
             0,
         ),
         rows("faults", kinds.iter().map(|kind| ended(*kind, &outcomes))),
+        recovered_pct,
         figure("wall_s", begun.elapsed().as_secs_f64()).shown("time that it took", "s", 1),
     ]);
     let page = report::render(&figures, options.seed, &outcomes)?;

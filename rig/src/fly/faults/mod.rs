@@ -2,7 +2,8 @@
 //! flight.
 //!
 //! One flight is flown without a fault, with snapshots of the whole rig every 40 ms. Every run
-//! continues from a copy of one of them to its own instant, switches its fault on for 5 to 500 ms,
+//! continues from a copy of one of them to its own instant, switches its fault on for 5 to 500 ms
+//! or as long as it is told,
 //! and watches for 0.7 s more. A run is judged by what can be seen from outside: the pulses on the
 //! servo's wire, the drone's true pitch, and the state that the firmware reports. How a run ends:
 //!
@@ -48,15 +49,28 @@ const EARLIEST: Ticks = Ticks::from_ms(60);
 const LATEST: Ticks = Ticks::from_ms(1600);
 /// Time between two snapshots.
 const SNAPSHOTS: Ticks = Ticks::from_ms(40);
-/// How long faults last, ms: as likely between 5 and 50 as between 50 and 500.
-const SHORTEST_MS: f64 = 5.0;
-const LONGEST_MS: f64 = 500.0;
+/// How long a fault may last at most, ms.
+pub const LONGEST_MS: f64 = 500.0;
+/// How long faults last unless told, ms: as likely between 5 and 50 as between 50 and 500.
+pub const LASTING_MS: RangeInclusive<f64> = 5.0..=LONGEST_MS;
+/// Glitches of the cable, ms: short enough to be ridden out.
+pub const GLITCH_MS: RangeInclusive<f64> = 4.0..=40.0;
+/// What a glitch of the cable may be: nobody acknowledges, a line is held, nobody drives the data
+/// line, the sensor stretches the clock.
+pub const GLITCHES: [FaultKind; 5] = [
+    FaultKind::Unplugged,
+    FaultKind::SdaStuck,
+    FaultKind::SclStuck,
+    FaultKind::AllOnes,
+    FaultKind::LongStretch,
+];
 /// Time for which a run is watched after its fault.
 const WATCHED: Ticks = Ticks::from_ms(700);
 
 /// A flight without a fault, with snapshots to fork from.
 pub struct Campaign {
     seed: u64,
+    lasting_ms: RangeInclusive<f64>,
     frame: Ticks,
     /// Widths of the vehicle's neutral pulse, us.
     neutral_us: RangeInclusive<f64>,
@@ -108,12 +122,20 @@ impl Campaign {
         station.wait_for_state(rig, Ticks::ZERO, StateKind::Active)?;
         Ok(Self {
             seed,
+            lasting_ms: LASTING_MS,
             frame: Ticks::from_secs_f64(1.0 / frame_hz),
             neutral_us,
             released,
             snapshots,
             motion: base.rig.truth().motion.clone(),
         })
+    }
+
+    /// The campaign with faults that last so long, ms, at most [`LONGEST_MS`]; the logarithm is
+    /// drawn uniformly.
+    #[must_use]
+    pub fn lasting(self, lasting_ms: RangeInclusive<f64>) -> Self {
+        Self { lasting_ms, ..self }
     }
 
     /// Carries out a run. The same case of the same campaign always ends in the same way.
@@ -126,8 +148,9 @@ impl Campaign {
             Stream::Campaign,
         );
         let at = self.released + Ticks(dice.random_range(EARLIEST.0..LATEST.0));
-        let octaves = (LONGEST_MS / SHORTEST_MS).ln() * dice.random_range(0.0..1.0);
-        let lasted = Ticks::from_secs_f64(SHORTEST_MS / 1e3 * f64::exp(octaves));
+        let (shortest_ms, longest_ms) = (self.lasting_ms.start(), self.lasting_ms.end());
+        let octaves = (longest_ms / shortest_ms).ln() * dice.random_range(0.0..1.0);
+        let lasted = Ticks::from_secs_f64(shortest_ms / 1e3 * f64::exp(octaves));
         let fault = case.kind.draw(&mut dice);
 
         let after = self.snapshots.partition_point(|s| s.rig.now() <= at);
