@@ -16,6 +16,8 @@ use crate::verify::Check;
 pub const GLITCH_US: u64 = 60_000;
 /// After this many bad samples in a row, the chip is set up anew.
 const BAD_SAMPLES_MAX: u8 = 5;
+/// After this many bursts of zeros in a row, the chip has reset itself, whatever its mode says.
+const ZEROS_MAX: u8 = 4;
 /// What a bad sample adds to a leaky bucket, from which a good one takes 1.
 const UNRELIABLE_WEIGHT: u8 = 3;
 /// At this level of the bucket the chip is set up anew: more than one sample in four was bad, and
@@ -452,19 +454,20 @@ impl Driver {
         };
         sampling.bad_samples = sampling.bad_samples.saturating_add(1);
         sampling.unreliable = sampling.unreliable.saturating_add(UNRELIABLE_WEIGHT);
-        if fault == SensorFault::Reset && !sampling.mismatched {
+        if fault == SensorFault::AllZero && !sampling.mismatched {
             sampling.check = Check::Mode;
         }
         let enough = match fault {
-            // Zeros right after another bad sample or a silence, whatever was wrong with that, are
-            // no chance: the mode need not be read first.
-            SensorFault::Reset if sampling.silent_since.is_some() => 1,
-            SensorFault::Reset => 2,
+            // The mode, which was to be read in between, has not told.
+            SensorFault::AllZero => ZEROS_MAX,
             SensorFault::Frozen => 1,
             _ => BAD_SAMPLES_MAX,
         };
         let fault = if sampling.bad_samples >= enough {
-            fault
+            match fault {
+                SensorFault::AllZero => SensorFault::Reset,
+                fault => fault,
+            }
         } else if sampling.unreliable >= UNRELIABLE_MAX {
             SensorFault::Unreliable
         } else {

@@ -61,8 +61,11 @@ pub enum SensorFault {
     },
     /// The external crystal does not start.
     Clock,
-    /// The chip is in CONFIG mode or its outputs are all zero: it has reset itself.
+    /// The chip is in CONFIG mode: it has reset itself.
     Reset,
+    /// All outputs are zero: the chip has reset itself, or a line of the bus is held low. Its mode
+    /// is read next, and tells.
+    AllZero,
     /// Words of 0xFFFF: the chip did not drive the data line.
     AllOnes,
     /// The same data again and again, or a gyroscope without noise.
@@ -110,6 +113,7 @@ impl SensorFault {
             Self::Profile { register } => (20, register),
             Self::Unreliable => (21, 0),
             Self::RegisterMismatch => (22, 0),
+            Self::AllZero => (23, 0),
         };
         (kind as u16) << 8 | detail as u16
     }
@@ -168,6 +172,7 @@ impl fmt::Display for SensorFault {
             }
             Self::Clock => f.write_str("IMU crystal does not start"),
             Self::Reset => f.write_str("IMU has reset itself"),
+            Self::AllZero => f.write_str("IMU data all zero"),
             Self::AllOnes => f.write_str("IMU data all ones"),
             Self::Frozen => f.write_str("IMU data frozen"),
             Self::Implausible => f.write_str("IMU data out of range"),
@@ -211,6 +216,7 @@ mod tests {
             SensorFault::Profile { register: 0xFF },
             SensorFault::Clock,
             SensorFault::Reset,
+            SensorFault::AllZero,
             SensorFault::AllOnes,
             SensorFault::Frozen,
             SensorFault::Implausible,

@@ -49,7 +49,7 @@ impl FusionSample {
         let [heading, roll, pitch, w, x, y, z, lx, ly, lz, gx, gy, gz] = words;
         let quaternion = [w, x, y, z];
         if quaternion == [0; 4] {
-            return Err(SensorFault::Reset);
+            return Err(SensorFault::AllZero);
         }
         if quaternion == [-1; 4] || words.iter().filter(|&&word| word == -1).count() > ONES_MAX {
             return Err(SensorFault::AllOnes);
@@ -128,7 +128,7 @@ mod tests {
         let good = [0, 0, 0, 16384, 0, 0, 0, 0, 0, 0, 0, 0, 981];
         let judge = |words| FusionSample::judge(Micros(0), &bytes(words)).map(|_| ());
         assert_eq!(judge(good), Ok(()));
-        assert_eq!(judge([0; 13]), Err(SensorFault::Reset));
+        assert_eq!(judge([0; 13]), Err(SensorFault::AllZero));
         assert_eq!(judge([-1; 13]), Err(SensorFault::AllOnes));
         let quaternion = |w| {
             let mut words = good;

@@ -56,7 +56,7 @@ impl Health {
             SensorFault::Stuck => &mut self.stuck,
             SensorFault::Arbitration | SensorFault::Protocol => &mut self.protocol,
             SensorFault::AllOnes => &mut self.all_ones,
-            SensorFault::Reset => &mut self.all_zero,
+            SensorFault::AllZero | SensorFault::Reset => &mut self.all_zero,
             SensorFault::Frozen => &mut self.frozen,
             SensorFault::Implausible => &mut self.implausible,
             SensorFault::Torn => &mut self.torn,

@@ -147,7 +147,7 @@ impl Inspector {
         let jumped = self.jumped.take();
 
         if all_zero(config.mode, &now) {
-            return Err(SensorFault::Reset);
+            return Err(SensorFault::AllZero);
         }
         if self.all_ones(time, &now) {
             return Err(SensorFault::AllOnes);
@@ -240,7 +240,7 @@ impl Inspector {
     }
 }
 
-/// Whether the burst shows CONFIG mode, in which all outputs are zero.
+/// Whether the burst may show CONFIG mode, in which all outputs are zero.
 ///
 /// A field of zero may also be a magnetometer that has not yet measured: where acceleration and
 /// rate are both live, they suffice.

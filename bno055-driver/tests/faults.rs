@@ -163,7 +163,7 @@ fn a_reset_chip_is_seen_and_set_up_again() {
         assert_eq!(
             fault,
             if boot_us == 0 {
-                SensorFault::Reset
+                SensorFault::AllZero
             } else {
                 SensorFault::Nak
             },
@@ -186,9 +186,10 @@ fn a_chip_found_in_config_reports_reset_until_it_samples_again() {
     rig.chip.now += 19_000;
     let (bursts, _, fault) = first_fault(&mut rig, 5);
     assert!(bursts <= 2);
-    assert_eq!(fault, SensorFault::Reset);
-    rig.turn();
-    rig.turn();
+    assert_eq!(fault, SensorFault::AllZero);
+    for _ in 0..8 {
+        rig.turn();
+    }
     assert!(!rig.driver.is_sampling());
     while !rig.driver.is_sampling() {
         assert_eq!(rig.driver.fault(), Some(SensorFault::Reset));
@@ -200,7 +201,7 @@ fn a_chip_found_in_config_reports_reset_until_it_samples_again() {
 
 /// As with a grounded BL_IND pin: the mode is kept, and the chip has an error of its own to tell.
 #[test]
-fn zeros_with_an_error_are_a_reset_at_once_and_the_error_once_it_is_read() {
+fn zeros_with_an_error_are_seen_at_once_and_the_error_once_it_is_read() {
     let mut rig = flying(Config::default());
     rig.chip
         .on_wire(|register, bytes| match (register, bytes.len()) {
@@ -211,7 +212,7 @@ fn zeros_with_an_error_are_a_reset_at_once_and_the_error_once_it_is_read() {
         });
     let (bursts, us, fault) = first_fault(&mut rig, 5);
     assert!(bursts <= 2 && us <= 2 * TICK_US, "{bursts} {us}");
-    assert_eq!(fault, SensorFault::Reset);
+    assert_eq!(fault, SensorFault::AllZero);
     rig.run_for(500_000);
     let error = bno055_driver::SystemError::Peripherals;
     assert_eq!(rig.driver.fault(), Some(SensorFault::System { error }));
@@ -219,26 +220,35 @@ fn zeros_with_an_error_are_a_reset_at_once_and_the_error_once_it_is_read() {
     recovers(&mut rig);
 }
 
-/// One burst of zeros is only reported; right after another bad sample, whatever its fault, it also
-/// restarts the chip.
+/// A data line that is held low reads as zeros, too: bursts of zeros are a reset only if the mode
+/// says so, or if they do not end.
 #[test]
-fn zeros_after_another_bad_sample_set_the_chip_up_at_once() {
-    for (first, fault, sampling) in [
-        (None, SensorFault::Reset, true),
-        (Some(vec![0; 18]), SensorFault::Reset, false),
-        (Some(vec![0xFF; 18]), SensorFault::AllOnes, false),
-        (Some(vec![0x7F; 18]), SensorFault::Implausible, false),
-    ] {
-        let mut rig = flying(Config::default());
-        let now = Micros(rig.chip.now);
-        if let Some(bytes) = &first {
-            assert_eq!(rig.driver.sample(now, Ok(bytes)), Err(fault));
-            assert!(rig.driver.is_sampling());
-        }
-        let zeros = rig.driver.sample(now, Ok(&[0; 18]));
-        assert_eq!(zeros, Err(SensorFault::Reset));
-        assert_eq!(rig.driver.is_sampling(), sampling, "{first:?}");
+fn zeros_are_a_reset_when_the_mode_says_so_or_when_they_do_not_end() {
+    let mut rig = flying(Config::default());
+    let zeros = |rig: &mut Rig| rig.driver.sample(Micros(rig.chip.now), Ok(&[0; 18]));
+    for _ in 0..3 {
+        assert_eq!(zeros(&mut rig), Err(SensorFault::AllZero));
+        assert!(rig.driver.is_sampling());
     }
+    assert_eq!(zeros(&mut rig), Err(SensorFault::Reset));
+    assert!(!rig.driver.is_sampling());
+
+    let mut rig = flying(Config::default());
+    assert_eq!(zeros(&mut rig), Err(SensorFault::AllZero));
+    for _ in 0..2 {
+        let Next::Transfer(read) = rig.driver.next(Micros(rig.chip.now)) else {
+            panic!("the mode is to be read")
+        };
+        let mode = Transfer::Read {
+            register: 0x3D,
+            len: 1,
+        };
+        assert_eq!(read, mode);
+        assert!(rig.driver.is_sampling());
+        rig.driver.complete(Micros(rig.chip.now), Ok(&[0]));
+    }
+    assert_eq!(rig.driver.fault(), Some(SensorFault::Reset));
+    assert!(!rig.driver.is_sampling());
 }
 
 #[test]
@@ -378,13 +388,13 @@ fn a_verification_under_way_when_a_burst_fails_is_ignored() {
     let Next::Transfer(_) = rig.driver.next(Micros(rig.chip.now)) else {
         panic!("a verification is due")
     };
-    for _ in 0..2 {
-        assert_eq!(
-            rig.driver.sample(Micros(rig.chip.now), Ok(&[0; 18])),
-            Err(SensorFault::Reset)
+    while rig.driver.is_sampling() {
+        assert!(
+            rig.driver
+                .sample(Micros(rig.chip.now), Ok(&[0; 18]))
+                .is_err()
         );
     }
-    assert!(!rig.driver.is_sampling());
     rig.driver.complete(Micros(rig.chip.now), Ok(&[7]));
     assert_eq!(
         rig.driver.sample(Micros(rig.chip.now), Ok(&[1; 18])),
@@ -500,9 +510,11 @@ fn fusion_outputs_are_judged_and_verified_too() {
         panic!("a verification is due")
     };
     rig.chip.power_on(0);
-    assert_eq!(read(&mut rig), Err(SensorFault::Reset));
-    assert_eq!(read(&mut rig), Err(SensorFault::Reset));
-    assert!(!rig.driver.is_sampling());
+    assert_eq!(read(&mut rig), Err(SensorFault::AllZero));
+    while rig.driver.is_sampling() {
+        assert!(read(&mut rig).is_err());
+    }
+    assert_eq!(rig.driver.fault(), Some(SensorFault::Reset));
     rig.run_until_sampling(500_000);
     assert!(read(&mut rig).is_ok());
 }

@@ -85,11 +85,11 @@ fn each_mode_reads_its_sensors_in_one_burst() {
 
 #[test]
 fn zeros_are_a_reset_only_where_all_is_zero() {
-    assert_eq!(verdict([0; 9]), Some(SensorFault::Reset));
+    assert_eq!(verdict([0; 9]), Some(SensorFault::AllZero));
     // A magnetometer may hold its last value longer than the others.
     assert_eq!(
         verdict([0, 0, 0, 320, -90, 640, 0, 0, 0]),
-        Some(SensorFault::Reset)
+        Some(SensorFault::AllZero)
     );
     assert_eq!(verdict(with(&[(6, 0), (7, 0), (8, 0)])), None);
     assert_eq!(verdict(with(&[(0, 0), (1, 0), (2, 0)])), None, "free fall");
