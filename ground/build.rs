@@ -42,7 +42,5 @@ fn build(folder: &Path) -> Result<PathBuf, BuildError> {
     for source in FIRMWARE_SOURCES {
         println!("cargo::rerun-if-changed={}", tree.join(source).display());
     }
-    Builder::new(tree, folder.to_owned(), Toolchain::find(tree)?)
-        .stripped()
-        .build(&Source::firmware(tree))
+    Builder::new(folder.to_owned(), Toolchain::find(tree)?).build(&Source::firmware(tree))
 }
