@@ -1,7 +1,7 @@
 //! Puts the image into a `tvc` that is to be installed, so that it works without the source tree.
 //!
-//! Only a release build does: `cargo fly` and `cargo tvc` (which say `TVC_IMAGE=none`) and the tests
-//! build the image from the sources beside them when they need it.
+//! Only a release build does: `cargo fly` and `cargo tvc` (which say `TVC_IMAGE=none`) and the
+//! tests build the image from the sources beside them when they need it.
 
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
