@@ -1,7 +1,7 @@
 //! Puts the image into a `tvc` that is to be installed, so that it works without the source tree.
 //!
-//! Only a release build does: `cargo fly` and `cargo tvc` (which say `TVC_IMAGE=none`) and the tests
-//! build the image from the sources beside them when they need it.
+//! Only a release build does: `cargo fly` and `cargo tvc` (which say `TVC_IMAGE=none`) and the
+//! tests build the image from the sources beside them when they need it.
 
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -42,7 +42,5 @@ fn build(folder: &Path) -> Result<PathBuf, BuildError> {
     for source in FIRMWARE_SOURCES {
         println!("cargo::rerun-if-changed={}", tree.join(source).display());
     }
-    Builder::new(tree, folder.to_owned(), Toolchain::find(tree)?)
-        .stripped()
-        .build(&Source::firmware(tree))
+    Builder::new(folder.to_owned(), Toolchain::find(tree)?).build(&Source::firmware(tree))
 }

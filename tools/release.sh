@@ -3,7 +3,7 @@
 #
 #   tools/release.sh FOLDER     writes them into FOLDER
 #   tools/release.sh --check    builds once more in a clone, at another path and with another
-#                               CARGO_HOME, and compares; takes about two minutes
+#                               CARGO_HOME, and compares; takes some three minutes
 #
 # The bytes depend on the sources, the compiler (rust-toolchain.toml) and the kind of computer it
 # runs on, and on nothing else.

@@ -1,8 +1,8 @@
 //! The image that a command flies or flashes.
 //!
 //! It is the file that `--image` names; else it is built from the source tree round the current
-//! folder; else it is the one that was put into this program when it was installed. A `tvc` out of a
-//! source tree's `target` holds none and builds from that tree wherever it is started.
+//! folder; else it is the one that was put into this program when it was installed. A `tvc` out of
+//! a source tree's `target` holds none and builds from that tree wherever it is started.
 
 use std::env;
 use std::fs;

@@ -11,7 +11,6 @@ mod toolchain;
 pub use toolchain::Toolchain;
 
 use std::env;
-use std::ffi::{OsStr, OsString};
 use std::fmt;
 use std::io;
 use std::path::{Path, PathBuf};
@@ -35,6 +34,10 @@ pub const FIRMWARE_SOURCES: [&str; 8] = [
     "pid/src",
     "bno055-driver/src",
 ];
+
+/// Flags of the compiler. Only debug information holds folders of this machine: without it an ELF
+/// file has the same bytes wherever it was built. It does not change what goes into flash.
+const FLAGS: &str = "-Cstrip=debuginfo";
 
 /// Why there is no image.
 #[derive(Debug)]
@@ -113,10 +116,8 @@ pub fn tree_around(folder: &Path) -> Option<&Path> {
 /// A toolchain that can build for the chip, and the folder that it builds into.
 #[derive(Debug)]
 pub struct Builder {
-    tree: PathBuf,
     folder: PathBuf,
     toolchain: Toolchain,
-    strip: bool,
 }
 
 impl Builder {
@@ -132,23 +133,12 @@ impl Builder {
             None => tree.join("target"),
         };
         let toolchain = Toolchain::find_or_add(tree, say)?;
-        Ok(Self::new(tree, target.join("chip"), toolchain))
+        Ok(Self::new(target.join("chip"), toolchain))
     }
 
     /// Builds into `folder`, an absolute path.
-    pub fn new(tree: &Path, folder: PathBuf, toolchain: Toolchain) -> Self {
-        Self {
-            tree: tree.to_owned(),
-            folder,
-            toolchain,
-            strip: false,
-        }
-    }
-
-    /// Leaves debug information out of the file; the bytes that go into flash are the same.
-    pub fn stripped(mut self) -> Self {
-        self.strip = true;
-        self
+    pub fn new(folder: PathBuf, toolchain: Toolchain) -> Self {
+        Self { folder, toolchain }
     }
 
     /// The file that a build of this source writes.
@@ -183,42 +173,11 @@ impl Builder {
             .arg(source.features.join(","))
             .arg("--target-dir")
             .arg(&self.folder)
-            // These go before every other place for flags: those that are meant for the host's
+            // This goes before every other place for flags: those that are meant for the host's
             // build must not change the image.
-            .env("CARGO_ENCODED_RUSTFLAGS", self.flags())
+            .env("CARGO_ENCODED_RUSTFLAGS", FLAGS)
             .env_remove("CARGO_BUILD_TARGET");
         command
-    }
-
-    /// Flags of the compiler, one between two separators: names for the folders of this machine, so
-    /// that an ELF file has the same bytes wherever it was built. The last one that fits counts.
-    fn flags(&self) -> OsString {
-        let places = [
-            (cargo_home(), "/cargo"),
-            // The compiler is told of this one by the folder that it runs in.
-            (self.tree.canonicalize().ok(), "/tvc-nano"),
-            (Some(self.folder.clone()), "/tvc-nano/target/chip"),
-        ];
-        let mut flags: Vec<OsString> = Vec::new();
-        for (place, name) in places {
-            let Some(place) = place else { continue };
-            let mut flag = OsString::from("--remap-path-prefix=");
-            flag.push(place);
-            flag.push(format!("={name}"));
-            flags.push(flag);
-        }
-        if self.strip {
-            flags.push("-Cstrip=debuginfo".into());
-        }
-        flags.join(OsStr::new("\u{1f}"))
-    }
-}
-
-/// Where cargo keeps the sources of dependencies.
-fn cargo_home() -> Option<PathBuf> {
-    match env::var_os("CARGO_HOME") {
-        Some(home) => Some(home.into()),
-        None => Some(env::home_dir()?.join(".cargo")),
     }
 }
 
@@ -250,20 +209,5 @@ mod tests {
         for source in FIRMWARE_SOURCES {
             assert!(tree().join(source).exists(), "{source}");
         }
-    }
-
-    #[test]
-    fn folders_of_this_machine_have_other_names_in_the_image() {
-        let folder = tree().join("target/chip");
-        let flags = Builder::new(tree(), folder, Toolchain::Ready).flags();
-        let flags = flags.to_str().expect("a path in UTF-8");
-        let flags: Vec<&str> = flags.split('\u{1f}').collect();
-        let place = tree().canonicalize().expect("the tree is there");
-        let of_the_tree = format!("--remap-path-prefix={}=/tvc-nano", place.display());
-        assert!(flags.contains(&of_the_tree.as_str()), "{flags:?}");
-        assert!(
-            flags.iter().any(|flag| flag.ends_with("=/cargo")),
-            "{flags:?}"
-        );
     }
 }

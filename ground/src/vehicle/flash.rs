@@ -63,6 +63,7 @@ impl Flash {
 /// Writes the image where `options` say.
 pub fn run(options: &Flash) -> Result<Verdict> {
     if options.writes_files() {
+        options.uf2.as_deref().map(check_drive).transpose()?;
         return write_files(options, &options.image.firmware()?);
     }
     // A missing port or programmer is reported before the build, which takes minutes.
@@ -115,6 +116,18 @@ fn write_files(options: &Flash, firmware: &Firmware) -> Result<Verdict> {
         say(&path);
     }
     Ok(Verdict::Met)
+}
+
+/// A drive that is not there would become a file of its name.
+fn check_drive(path: &Path) -> Result<()> {
+    if path.extension().is_none() && !path.exists() {
+        return Err(BadInput::new(format!(
+            "there is no drive {}: tap the reset button twice; a file is named FILE.uf2",
+            path.display()
+        ))
+        .into());
+    }
+    Ok(())
 }
 
 /// True for a file on the drive of a UF2 bootloader, which has this text file (UF2 specification,

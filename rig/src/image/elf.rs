@@ -75,7 +75,8 @@ pub(super) fn stack_top(flash: &[u8]) -> Result<u32, String> {
     Ok(top)
 }
 
-/// Copies a segment to its place in `flash`, which begins at `image`; a gap before it is filled as erased flash reads.
+/// Copies a segment to its place in `flash`, which begins at `image`; a gap before it is filled as
+/// erased flash reads.
 fn place(flash: &mut Vec<u8>, image: u32, address: u32, data: &[u8]) -> Result<(), String> {
     let end = u64::from(address) + data.len() as u64;
     if address < image || end > u64::from(FLASH_END) {
