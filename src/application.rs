@@ -148,13 +148,18 @@ impl<'a> Application<'a> {
         board: &mut impl Board,
     ) {
         let reading = self.take(now, event);
-        // First, so that what the sensor is asked between two bursts goes over the wire during the
-        // step.
+        // First and in the midst of the step, so that what the sensor is asked between two bursts
+        // goes over the wire meanwhile.
         self.serve_sensor(now, board);
         if let Some(reading) = reading {
             board.step_begins();
-            let snapshot = &self.flight.step(now, reading);
+            let estimate = self.flight.estimate(now, reading);
+            // Behind a burst the sensor holds up the STOP for some time: the bus is free only now,
+            // or after the step.
+            self.serve_sensor(now, board);
+            let snapshot = &self.flight.act(now, estimate);
             board.step_ends(&self.step_end(now, snapshot));
+            self.serve_sensor(now, board);
             let status = &board.status();
             if self.flight.bursts_took(&status.bursts) {
                 self.telemetry
@@ -164,8 +169,6 @@ impl<'a> Application<'a> {
                 .record(snapshot, self.flight, self.driver.health(), status);
             self.recorder.record(snapshot, self.flight);
             self.telemetry.serve_recorder(self.recorder);
-            // A burst whose STOP was still on its way has let the sensor go by now.
-            self.serve_sensor(now, board);
         }
         self.exchange(now, board);
     }

@@ -31,6 +31,18 @@ enum Rudder {
     Neutral,
 }
 
+/// What the first half of a step hands to the second.
+#[derive(Clone, Copy, Debug)]
+pub struct Estimate {
+    sample: RawSample,
+    /// Time since the sample before, us.
+    dt_us: u32,
+    /// Pitch rate, rad/s.
+    rate_rad_s: f32,
+    /// The attitude is a rotation.
+    valid: bool,
+}
+
 /// What a step results in: the pulse, and what telemetry and recorder tell of it.
 #[derive(Clone, Copy, Debug)]
 pub struct Snapshot {
@@ -93,24 +105,48 @@ impl Flight {
     /// One control step: a sample, or the reason why there is none, becomes the pulse of the next
     /// servo frame.
     pub fn step(&mut self, now: Micros, reading: Result<RawSample, SensorFault>) -> Snapshot {
-        let reading = reading.and_then(|raw| Ok((raw, self.navigation.update(&raw)?)));
-        match reading {
-            Ok((raw, dt_us)) => {
+        let estimate = self.estimate(now, reading);
+        self.act(now, estimate)
+    }
+
+    /// The first half of a step: the attitude, and what state follows from it.
+    pub fn estimate(
+        &mut self,
+        now: Micros,
+        reading: Result<RawSample, SensorFault>,
+    ) -> Option<Estimate> {
+        match reading.and_then(|raw| Ok((raw, self.navigation.update(&raw)?))) {
+            Ok((sample, dt_us)) => {
                 let attitude = self.navigation.attitude();
                 let health = self.health(&attitude);
-                let body = self.navigation.in_body(&raw);
+                let body = self.navigation.in_body(&sample);
                 self.supervisor.sample(now, &body, health);
-                self.control(now, attitude.rate.y, dt_us as f32 * 1.0e-6);
-                if !health.valid {
-                    self.navigation.restart();
-                }
+                Some(Estimate {
+                    sample,
+                    dt_us,
+                    rate_rad_s: attitude.rate.y,
+                    valid: health.valid,
+                })
             }
             Err(fault) => {
                 self.supervisor.miss(now, fault);
-                self.hold(now);
+                None
             }
         }
-        self.snapshot(now, reading.ok().map(|(raw, _)| raw))
+    }
+
+    /// The second half: the pulse.
+    pub fn act(&mut self, now: Micros, estimate: Option<Estimate>) -> Snapshot {
+        match &estimate {
+            Some(estimate) => {
+                self.control(now, estimate.rate_rad_s, estimate.dt_us as f32 * 1.0e-6);
+                if !estimate.valid {
+                    self.navigation.restart();
+                }
+            }
+            None => self.hold(now),
+        }
+        self.snapshot(now, estimate.map(|estimate| estimate.sample))
     }
 
     /// Obey the operator, or say why not.

@@ -386,7 +386,7 @@ fn stuck_zero_or_frozen_data_never_start_sampling() {
     rig.run_for(BOOT_US + 1_500_000);
     assert_eq!(
         rig.driver.fault(),
-        Some(SensorFault::Reset),
+        Some(SensorFault::AllZero),
         "outputs stay zero"
     );
 
