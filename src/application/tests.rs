@@ -153,19 +153,19 @@ fn reply(answer: Result<Vec<u8>, BusError>) -> Event<Vec<u8>> {
 }
 
 #[test]
-fn the_sensor_is_served_before_the_step_and_the_host_last() {
+fn the_sensor_is_served_before_in_and_after_the_step_and_the_host_last() {
     let mut bench = Bench::new();
     bench.turns(vec![Event::Missed]);
     let asked = bench.board.take();
-    assert!(matches!(asked[..2], [Asked::Arm(false), Asked::Begin(_)]));
+    // A bus that is free already, as this one always is, is asked for the same thing each time.
+    let parts = asked.split(|asked| matches!(asked, Asked::Arm(false) | Asked::Begin(_)));
+    let others: Vec<&[Asked]> = parts.filter(|part| !part.is_empty()).collect();
+    let step_ends = Asked::StepEnds(PulseUs(1424));
     assert_eq!(
-        asked[2..],
-        [
-            Asked::StepBegins,
-            Asked::StepEnds(PulseUs(1424)),
-            Asked::PollPort
-        ]
+        others,
+        [&[Asked::StepBegins][..], &[step_ends], &[Asked::PollPort]]
     );
+    assert!(matches!(asked[..2], [Asked::Arm(false), Asked::Begin(_)]));
 }
 
 #[test]
