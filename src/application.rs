@@ -12,7 +12,6 @@ use embedded_storage::nor_flash::NorFlash;
 use crate::failsafe::State;
 use crate::flight::{Flight, Snapshot};
 use crate::led;
-use crate::params::Params;
 use crate::recorder::Recorder;
 use crate::servo::PulseUs;
 use crate::telemetry::{BoardStatus, Reset, Telemetry};
@@ -66,6 +65,18 @@ pub struct StepEnd {
     pub led: bool,
 }
 
+/// What the host says of its port.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Port {
+    /// There is no host.
+    Absent,
+    /// There is one, which does not say that a program has opened the port (DTR is low). Some
+    /// programs, on Windows above all, never say it: their frames show it.
+    Silent,
+    /// A program has opened the port.
+    Open,
+}
+
 /// The hardware, as far as the application uses it. Nothing here waits.
 pub trait Board {
     /// Where parameters are stored.
@@ -91,11 +102,10 @@ pub trait Board {
     fn step_ends(&mut self, end: &StepEnd);
 
     /// What SYS_STATUS tells of the board.
-    fn status(&self) -> BoardStatus;
+    fn status(&mut self) -> BoardStatus;
 
-    /// Look after the port to the host. A vehicle that is `armed` is not reset. Says whether a
-    /// program has the port open.
-    fn poll_port(&mut self, now: Micros, armed: bool) -> bool;
+    /// Look after the port to the host. A vehicle that is `armed` is not reset.
+    fn poll_port(&mut self, now: Micros, armed: bool) -> Port;
 
     /// The host's next packet, empty if there is none.
     fn read<'a>(&mut self, packet: &'a mut [u8; PACKET_BYTES]) -> &'a [u8];
@@ -161,9 +171,8 @@ impl<'a> Application<'a> {
             board.step_ends(&self.step_end(now, snapshot));
             self.serve_sensor(now, board);
             let status = &board.status();
-            if self.flight.bursts_took(&status.bursts) {
-                self.telemetry
-                    .report_param(Params::STRETCH, self.flight.params());
+            if let Some(index) = self.flight.learn(status) {
+                self.telemetry.report_param(index, self.flight.params());
             }
             self.telemetry
                 .record(snapshot, self.flight, self.driver.health(), status);
@@ -224,20 +233,27 @@ impl<'a> Application<'a> {
     /// Take what the host has sent, and give it what it has room for.
     #[inline(never)]
     fn exchange(&mut self, now: Micros, board: &mut impl Board) {
-        let open = board.poll_port(now, self.flight.state().is_armed());
+        let port = board.poll_port(now, self.flight.state().is_armed());
+        let open = match port {
+            Port::Absent => false,
+            Port::Silent => self.telemetry.has_heard(now),
+            Port::Open => true,
+        };
         let was_open = core::mem::replace(&mut self.port_open, open);
+        if open && !was_open {
+            // A new listener hears the state again.
+            self.telemetry.restart();
+        }
+        if port != Port::Absent {
+            let mut packet = [0; PACKET_BYTES];
+            self.telemetry
+                .receive(now, board.read(&mut packet), self.flight);
+        }
         if !open {
             // Nobody listens: whoever comes next wants the present, not the past.
             self.telemetry.sent(self.telemetry.pending().len());
             return;
         }
-        if !was_open {
-            // A new listener hears the state again.
-            self.telemetry.restart();
-        }
-        let mut packet = [0; PACKET_BYTES];
-        self.telemetry
-            .receive(now, board.read(&mut packet), self.flight);
         // The processor stands still while it writes flash: a burst under way would be cut in two.
         if board.bus_is_free() {
             self.telemetry.serve_storage(board.flash(), self.flight);

@@ -45,6 +45,9 @@ pub const STRETCH_MAX_US: u32 = 1_000;
 /// is made for, us: a fifth of the reserve that a burst has.
 pub const STRETCH_CHANGE_US: u32 = 10;
 
+/// The clock's FINE is kept anew when it differs by more than this: some 0.1 % of 48 MHz.
+pub const CLOCK_CHANGE: u16 = 4;
+
 /// Good samples in a row after which a sensor that was lost counts as back.
 pub const RECOVERY_SAMPLES: u8 = 5;
 
@@ -95,6 +98,10 @@ pub const FAILSAFE_TILT_US: u64 = 100_000;
 /// Silence of the host that is a failsafe where `FS_HOST` is on: three heartbeats of a client that
 /// sends one a second.
 pub const HOST_SILENCE_US: u64 = 3_000_000;
+
+/// A host that never says that its port is open counts as gone after so long without a message, us:
+/// five heartbeats.
+pub const HOST_GONE_US: u64 = 5_000_000;
 
 /// Length of the self-test: the gyro must be still for this long without a break.
 pub const SELF_TEST_US: u64 = 1_000_000;

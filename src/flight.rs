@@ -8,13 +8,16 @@ use bno055_driver::{Micros, RawSample, SensorFault};
 use tvc_fusion::fixed::{Angles, Orientation};
 use tvc_fusion::{Attitude, ConfigError, Quaternion};
 
-use crate::config::{STRETCH_CHANGE_US, STRETCH_MAX_US, TEST_PULSE_US, UNIT_TOLERANCE};
+use crate::config::{
+    CLOCK_CHANGE, STRETCH_CHANGE_US, STRETCH_MAX_US, TEST_PULSE_US, UNIT_TOLERANCE,
+};
 use crate::controller::Controller;
 use crate::failsafe::{BootReport, Command, Health, Refusal, State, Supervisor};
 use crate::navigation::Navigation;
 use crate::params::{Change, Info, ParamError, Params, Polarity};
 use crate::servo::{PulseUs, Servo};
 use crate::store::Loaded;
+use crate::telemetry::BoardStatus;
 use crate::ticks::BurstTimes;
 
 /// No test pulse: it expired at time 0.
@@ -217,18 +220,33 @@ impl Flight {
         Ok(())
     }
 
-    /// The newest bursts took so long: while the drone is not armed, the loop's timing follows. Says
-    /// whether it has changed.
-    pub fn bursts_took(&mut self, times: &BurstTimes) -> bool {
-        let timing = self.params.timing();
-        if times.mean_us == 0 || self.state().is_armed() {
-            return false;
+    /// Take over what the board has measured of its parts, while the drone is not armed: how long
+    /// the sensor stretches a byte, and what USB has disciplined the clock to. Says which parameter
+    /// has changed by it.
+    pub fn learn(&mut self, board: &BoardStatus) -> Option<usize> {
+        if self.state().is_armed() {
+            return None;
         }
-        let stretch_us = timing.stretch_of(times.planned_us()).min(STRETCH_MAX_US);
-        let changed = stretch_us.abs_diff(timing.stretch_us) > STRETCH_CHANGE_US;
+        if self.learn_stretch(&board.bursts) {
+            self.configure(Change::Disarmed);
+            return Some(Params::STRETCH);
+        }
+        let fine = board.clock_fine?;
+        let kept = self.params.clock_fine();
+        let changed = kept.is_none_or(|kept| kept.abs_diff(fine) > CLOCK_CHANGE);
+        changed.then(|| {
+            self.params.set_clock_fine(fine);
+            Params::CLOCK
+        })
+    }
+
+    fn learn_stretch(&mut self, bursts: &BurstTimes) -> bool {
+        let timing = self.params.timing();
+        let stretch_us = timing.stretch_of(bursts.planned_us()).min(STRETCH_MAX_US);
+        let changed =
+            bursts.mean_us > 0 && stretch_us.abs_diff(timing.stretch_us) > STRETCH_CHANGE_US;
         if changed {
             self.params.set_stretch(stretch_us);
-            self.configure(Change::Disarmed);
         }
         changed
     }

@@ -142,13 +142,13 @@ impl Navigation {
         self.bias = Bias::Unknown(0);
     }
 
-    /// A step of the estimator, and one for each sample that was missed while the attitude is still
-    /// trusted: the rates of this one stand for theirs. Beyond that the estimator takes it as a
-    /// gap.
+    /// A step of the estimator, and more of them where time steps are longer than its own: at 100
+    /// samples a second, and for each sample that was missed while the attitude is still trusted.
+    /// The rates of this one stand for theirs. Beyond that the estimator takes it as a gap.
     fn advance(&mut self, dt_us: u32) {
         let steps = if u64::from(dt_us) <= DATA_AGE_LIMIT_US {
             // The estimator takes up to a quarter more for a single step.
-            dt_us.div_ceil(self.settings.period_us * 5 / 4)
+            dt_us.div_ceil(ESTIMATOR_PERIOD_US * 5 / 4)
         } else {
             1
         };
@@ -209,6 +209,10 @@ impl Navigation {
     }
 }
 
+/// The estimator's own time step, us: that of 150 samples a second. A constant, so that all of its
+/// configuration but the declination is worked out by the compiler.
+const ESTIMATOR_PERIOD_US: u32 = 6_667;
+
 /// What the estimate depends on besides the samples.
 #[derive(Clone, Debug, PartialEq)]
 struct Settings {
@@ -231,12 +235,6 @@ impl Settings {
             declination_rad: self.declination_deg * (PI / 180.0),
             ..Config::default()
         };
-        // Constant periods, so that all but the declination is worked out by the compiler. The
-        // estimator takes each time step as it is; its gains are for about this period.
-        if self.period_us < 8_000 {
-            Estimator::new(&config, &Scale::BNO055, 6_667)
-        } else {
-            Estimator::new(&config, &Scale::BNO055, 10_000)
-        }
+        Estimator::new(&config, &Scale::BNO055, ESTIMATOR_PERIOD_US)
     }
 }

@@ -110,6 +110,9 @@ impl Params {
     /// Index of `I2C_STRETCH_US`.
     pub const STRETCH: usize = Place::i2c_stretch_us as usize;
 
+    /// Index of `CLK_FINE`.
+    pub const CLOCK: usize = Place::clk_fine as usize;
+
     /// Index of `SRV_POLARITY`.
     pub const POLARITY: usize = Place::srv_polarity as usize;
 
@@ -136,6 +139,18 @@ impl Params {
             i2c_khz: self.i2c_khz() as u32,
             stretch_us: self.i2c_stretch_us() as u32,
         }
+    }
+
+    /// FINE of the DFLL, 0 to 1023, if a USB host has disciplined it once.
+    pub fn clock_fine(&self) -> Option<u16> {
+        let fine = self.clk_fine();
+        (fine >= 0.0).then_some(fine as u16)
+    }
+
+    /// USB has disciplined the clock to this FINE.
+    #[allow(clippy::indexing_slicing, reason = "there is a value for every place")]
+    pub(crate) fn set_clock_fine(&mut self, fine: u16) {
+        self.values[Self::CLOCK] = f32::from(fine.min(1023));
     }
 
     /// The sensor stretches a byte for so long; more than the parameter holds is its largest value.

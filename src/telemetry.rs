@@ -43,7 +43,7 @@ use mavlink::dialects::common::{
 };
 use mavlink::types::CharArray;
 
-use crate::config::{COMPONENT_ID, HEARTBEAT_PERIOD_US, SYSTEM_ID};
+use crate::config::{COMPONENT_ID, HEARTBEAT_PERIOD_US, HOST_GONE_US, SYSTEM_ID};
 use crate::failsafe::State;
 use crate::flight::{Flight, Snapshot};
 use crate::ticks::BurstTimes;
@@ -72,6 +72,9 @@ pub struct BoardStatus {
     pub bus_recoveries: u16,
     /// How long the newest bursts took.
     pub bursts: BurstTimes,
+    /// What USB has disciplined the clock to, where it has been looked at: FINE of the DFLL, 0 to
+    /// 1023.
+    pub clock_fine: Option<u16>,
 }
 
 /// The resets that the host may ask for.
@@ -88,6 +91,8 @@ pub enum Reset {
 pub struct Telemetry {
     queue: Queue,
     parser: Parser,
+    /// When the host's last whole message came.
+    heard_at: Option<Micros>,
     sequence: u8,
     /// [`State::code`] that the host has been told.
     announced: Option<u32>,
@@ -111,6 +116,7 @@ impl Telemetry {
         Self {
             queue: Queue::new(),
             parser: Parser::new(),
+            heard_at: None,
             sequence: 0,
             announced: None,
             heartbeat_at: None,
@@ -129,6 +135,7 @@ impl Telemetry {
         let Self {
             queue,
             parser,
+            heard_at: _,
             sequence,
             announced,
             heartbeat_at,
@@ -159,6 +166,9 @@ impl Telemetry {
     ) {
         if self.announced.is_none() {
             self.report_stored(flight.stored());
+            if flight.params().clock_fine().is_none() {
+                self.warn(format_args!("clock: raw, up to 3 % off without USB"));
+            }
         }
         self.announce(&snapshot.state);
         self.stream(snapshot, flight);
@@ -199,10 +209,17 @@ impl Telemetry {
         for &byte in bytes {
             self.parser.push(byte);
             while let Some(message) = self.parser.next_message() {
+                self.heard_at = Some(now);
                 // A payload that means nothing is ignored.
                 let _ = self.answer(now, &message, flight);
             }
         }
+    }
+
+    /// Whether the host has sent a whole message lately.
+    pub fn has_heard(&self, now: Micros) -> bool {
+        self.heard_at
+            .is_some_and(|heard| now.since(heard) < HOST_GONE_US)
     }
 
     /// A reset that the host has asked for, once. It was not armed then.

@@ -33,6 +33,7 @@ def arm(dialect):
 
 def frames():
     step = [
+        ("statustext_clock", mavlink.MAVLink_statustext_message(4, b"clock: raw, up to 3 % off without USB")),
         ("heartbeat_active", mavlink.MAVLink_heartbeat_message(9, 0, 128 | 16 | 1, 4, 4, 3)),
         ("statustext", mavlink.MAVLink_statustext_message(6, b"active")),
         (

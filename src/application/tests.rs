@@ -28,6 +28,8 @@ struct Notes {
     bus_free: bool,
     time: bool,
     open: bool,
+    /// What the port is while it is not open.
+    closed: Port,
     packets: Vec<Vec<u8>>,
     room: usize,
     flash: Mock,
@@ -42,6 +44,7 @@ impl Notes {
             bus_free: true,
             time: true,
             open: false,
+            closed: Port::Absent,
             packets: vec![],
             room: 0,
             flash: Mock::new(),
@@ -77,12 +80,12 @@ impl Board for Notes {
         self.asked.push(Asked::StepEnds(end.pulse));
         self.end = Some(*end);
     }
-    fn status(&self) -> BoardStatus {
+    fn status(&mut self) -> BoardStatus {
         BoardStatus::default()
     }
-    fn poll_port(&mut self, _now: Micros, _armed: bool) -> bool {
+    fn poll_port(&mut self, _now: Micros, _armed: bool) -> Port {
         self.asked.push(Asked::PollPort);
-        self.open
+        if self.open { Port::Open } else { self.closed }
     }
     fn read<'a>(&mut self, packet: &'a mut [u8; PACKET_BYTES]) -> &'a [u8] {
         self.asked.push(Asked::Read);

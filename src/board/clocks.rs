@@ -1,7 +1,8 @@
 //! Clocks and supply supervision.
 //!
 //! The Nano 33 IoT has no crystal. The DFLL makes 48 MHz, disciplined by USB's start-of-frame where
-//! there is a host, and off by up to a few percent where there is none. The HAL sets it up and
+//! there is a host. Where there is none, it keeps what a host disciplined it to last, or starts with
+//! what the parameter `CLK_FINE` has kept from there; without either it is off by up to 3 %. The HAL sets it up and
 //! waits for its oscillators without a limit: that is left as it is. It happens before the first
 //! pulse and before the watchdog runs, and a chip whose oscillator does not start could make
 //! neither pulses nor USB whatever this code did.
@@ -10,7 +11,7 @@ use atsamd_hal::clock::{ClockGenId, ClockSource, GenericClockController, UsbCloc
 use atsamd_hal::pac;
 
 use super::nano33iot::{self, FrameClock};
-use super::time::within;
+use super::time::{soon, within};
 
 /// Proof that the clocks run which USB's controller and the frame ask for.
 pub(super) struct Clocks {
@@ -38,9 +39,38 @@ pub(super) fn start(
     }
 }
 
-/// BOD33 threshold: about 2.77 V typical (data sheet table 37-22, 34 mV a step), above the 2.7 V
-/// that flash at one wait state and 48 MHz needs, with hysteresis below the 3.3 V rail's ripple.
-const BROWN_OUT_LEVEL: u8 = 37;
+/// What start-of-frame has disciplined the DFLL to: its FINE, `None` while it is not locked.
+pub(super) fn locked_fine() -> Option<u16> {
+    // SAFETY: after start-up only this module touches the DFLL.
+    let sysctrl = unsafe { &*pac::Sysctrl::ptr() };
+    if sysctrl.pclksr().read().dflllckf().bit_is_clear() {
+        return None;
+    }
+    sysctrl.dfllsync().write(|w| w.readreq().set_bit());
+    soon(|| sysctrl.pclksr().read().dfllrdy().bit_is_set())
+        .then(|| sysctrl.dfllval().read().fine().bits())
+}
+
+/// Start from this FINE instead of the middle, which is up to 3 % off. In open loop, since the loop
+/// would write it; the HAL has the loop closed.
+pub(super) fn set_fine(sysctrl: &pac::Sysctrl, fine: u16) {
+    let ready = || soon(|| sysctrl.pclksr().read().dfllrdy().bit_is_set());
+    sysctrl.dfllctrl().modify(|_, w| w.mode().clear_bit());
+    let _ = ready();
+    // SAFETY: ten bits, as the parameter's range has them.
+    sysctrl
+        .dfllval()
+        .modify(|_, w| unsafe { w.fine().bits(fine) });
+    let _ = ready();
+    sysctrl.dfllctrl().modify(|_, w| w.mode().set_bit());
+    let _ = ready();
+}
+
+/// BOD33 threshold: the supply's fall below some 2.77 V resets the chip, above the 2.7 V that flash
+/// at one wait state and 48 MHz needs. A step is 34 mV, and the data sheet's table 37-22 states the
+/// rising threshold, which the hysteresis puts some 70 mV above the falling one: two steps more
+/// than the table has at 2.77 V.
+const BROWN_OUT_LEVEL: u8 = 39;
 
 /// Reset the chip when its supply falls too low to run right.
 ///

@@ -64,6 +64,8 @@ pub(crate) struct Board {
     bus_errors: u16,
     bursts: BurstGauge,
     load: Load,
+    /// Steps, modulo 256.
+    steps: u8,
 }
 
 impl Board {
@@ -79,6 +81,9 @@ impl Board {
         );
         let mut flash = flash::Flash::new(chip.nvmctrl);
         let (params, stored) = store::load(&mut flash);
+        if let Some(fine) = params.clock_fine() {
+            clocks::set_fine(&chip.sysctrl, fine);
+        }
         let report = BootReport {
             crash: crash::report(&chip.pm),
             stored,
@@ -110,6 +115,7 @@ impl Board {
             bus_errors: 0,
             bursts: BurstGauge::default(),
             load: Load::new(now),
+            steps: 0,
         };
         (board, params, report)
     }
@@ -240,18 +246,23 @@ impl application::Board for Board {
         }
     }
 
-    fn status(&self) -> BoardStatus {
+    fn status(&mut self) -> BoardStatus {
+        self.steps = self.steps.wrapping_add(1);
         BoardStatus {
             load_permille: self.load.permille(),
             bus_errors: self.bus_errors,
             bus_recoveries: self.bus.recoveries(),
             bursts: self.bursts.times(),
+            // The clock is looked at every second or two.
+            clock_fine: (self.steps == 0 && self.port.port() != application::Port::Absent)
+                .then(clocks::locked_fine)
+                .flatten(),
         }
     }
 
-    fn poll_port(&mut self, now: Micros, armed: bool) -> bool {
+    fn poll_port(&mut self, now: Micros, armed: bool) -> application::Port {
         self.port.poll(now, armed);
-        self.port.is_open()
+        self.port.port()
     }
 
     fn read<'a>(&mut self, packet: &'a mut [u8; application::PACKET_BYTES]) -> &'a [u8] {

@@ -39,8 +39,10 @@ pub(super) const USB_PRODUCT: u16 = 0x8057;
 
 /// The word of RAM in which the bootloader looks for a second tap, and what it wants to find there.
 pub(super) const BOOTLOADER_WORD: *mut u32 = 0x2000_7FFC as *mut u32;
-/// See [`BOOTLOADER_WORD`].
-pub(super) const BOOTLOADER_MAGIC: u32 = 0x0773_8135;
+/// See [`BOOTLOADER_WORD`]: Arduino's bootloader, and UF2's.
+pub(super) const BOOTLOADER_MAGIC: [u32; 2] = [0x0773_8135, 0xF016_69EF];
+/// Where a bootloader is.
+pub(super) const BOOTLOADER_FLASH: core::ops::Range<usize> = 0..0x2000;
 
 /// Interrupts of the servo frame and of the sensor bus.
 pub(super) const FRAME_INTERRUPT: pac::Interrupt = pac::Interrupt::TCC0;

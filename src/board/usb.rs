@@ -18,7 +18,7 @@ use atsamd_hal::usb;
 use bno055_driver::Micros;
 use cortex_m::peripheral::SCB;
 use cortex_m::singleton;
-use tvc_nano::application::PACKET_BYTES;
+use tvc_nano::application::{self, PACKET_BYTES};
 use tvc_nano::telemetry::Reset;
 use usb_device::bus::UsbBusAllocator;
 use usb_device::device::{
@@ -28,14 +28,16 @@ use usbd_serial::CdcAcmClass;
 
 use bus::UsbBus;
 
-use super::nano33iot::{BOOTLOADER_MAGIC, BOOTLOADER_WORD, USB_PRODUCT, USB_VENDOR};
+use super::nano33iot::{
+    BOOTLOADER_FLASH, BOOTLOADER_MAGIC, BOOTLOADER_WORD, USB_PRODUCT, USB_VENDOR,
+};
 
 /// No packet sent is full: the host takes a full one to have a continuation, and waits for it.
 const SHORT_PACKET_BYTES: usize = PACKET_BYTES - 1;
 
 /// The stack is polled so often at least, whether or not the controller asks for it.
 const POLL_PERIOD_US: u64 = 10_000;
-/// A port closed at this rate asks for the bootloader.
+/// A port that is not open and has this rate asks for the bootloader.
 const TOUCH_BAUD: u32 = 1_200;
 /// From the host's request to the reset, so that it is answered first.
 const RESET_DELAY_US: u64 = 100_000;
@@ -48,8 +50,8 @@ pub(super) struct Port {
     device: UsbDevice<'static, UsbBus>,
     serial: CdcAcmClass<'static, UsbBus>,
     polled: Micros,
-    /// The port is open at the touch's rate.
-    touching: bool,
+    /// The port is closed at the touch's rate.
+    touched: bool,
     reset: Option<(Micros, Reset)>,
 }
 
@@ -83,7 +85,7 @@ impl Port {
             device,
             serial,
             polled: Micros(0),
-            touching: false,
+            touched: false,
             reset: None,
         }
     }
@@ -115,9 +117,15 @@ impl Port {
         self.reset = Some((now.after(RESET_DELAY_US), reset));
     }
 
-    /// Whether a program has the port open.
-    pub(super) fn is_open(&self) -> bool {
-        self.device.state() == UsbDeviceState::Configured && self.serial.dtr()
+    /// What the host says of the port.
+    pub(super) fn port(&self) -> application::Port {
+        if self.device.state() != UsbDeviceState::Configured {
+            application::Port::Absent
+        } else if self.serial.dtr() {
+            application::Port::Open
+        } else {
+            application::Port::Silent
+        }
     }
 
     /// The host's next packet, empty if there is none.
@@ -136,15 +144,16 @@ impl Port {
         self.serial.write_packet(packet).unwrap_or(0)
     }
 
-    /// Boards are asked into their bootloader by opening their port at 1,200 baud and closing it.
+    /// Boards are asked into their bootloader by a port that is at 1,200 baud and not open, however
+    /// it got there; a program that opens it before the reset takes that back.
     fn watch_touch(&mut self, now: Micros) {
-        let open = self.serial.dtr();
-        if self.serial.line_coding().data_rate() != TOUCH_BAUD {
-            self.touching = false;
-        } else if open {
-            self.touching = true;
-        } else if core::mem::take(&mut self.touching) {
-            self.reset_soon(now, Reset::Bootloader);
+        let touched = self.serial.line_coding().data_rate() == TOUCH_BAUD && !self.serial.dtr();
+        if core::mem::replace(&mut self.touched, touched) != touched {
+            if touched {
+                self.reset_soon(now, Reset::Bootloader);
+            } else {
+                self.reset = None;
+            }
         }
     }
 }
@@ -153,8 +162,25 @@ impl Port {
 pub(super) fn enter_bootloader() -> ! {
     cortex_m::interrupt::disable();
     // SAFETY: RAM above this program's stack (see memory.x), aligned.
-    unsafe { BOOTLOADER_WORD.write_volatile(BOOTLOADER_MAGIC) };
+    unsafe { BOOTLOADER_WORD.write_volatile(bootloader_magic()) };
     SCB::sys_reset()
+}
+
+/// The word that the bootloader of this board looks for: it has it somewhere in its own code. The
+/// first of the list where there is no bootloader.
+fn bootloader_magic() -> u32 {
+    let [usual, other] = BOOTLOADER_MAGIC;
+    let has = |magic| {
+        BOOTLOADER_FLASH.step_by(4).any(|at| {
+            // SAFETY: flash, aligned; volatile because the compiler knows nothing of it.
+            unsafe { (at as *const u32).read_volatile() == magic }
+        })
+    };
+    if !has(usual) && has(other) {
+        other
+    } else {
+        usual
+    }
 }
 
 /// The chip's 128-bit serial number in hexadecimal.

@@ -370,7 +370,16 @@ fn a_sensor_that_does_not_start_is_told_once_a_second() {
         said.extend(texts(&take(&mut telemetry)));
     }
     let fault = "IMU does not answer";
-    assert_eq!(said, ["boot: waiting for the sensor", fault, fault, fault]);
+    assert_eq!(
+        said,
+        [
+            "clock: raw, up to 3 % off without USB",
+            "boot: waiting for the sensor",
+            fault,
+            fault,
+            fault
+        ]
+    );
 }
 
 #[test]

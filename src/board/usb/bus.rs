@@ -1,5 +1,6 @@
-//! The HAL's device controller, with one race of it closed.
+//! The HAL's device controller, with one race of it closed and one byte of a descriptor put right.
 //!
+//! # The race
 //! The control pipe takes the empty packet that ends a request out of endpoint 0's buffer. A host
 //! may have sent its next SETUP by then, which the controller always takes, and into the same
 //! buffer. The HAL's `read` then finds eight bytes where none were expected, drops them and tells
@@ -7,11 +8,25 @@
 //! one request in a hundred. So an empty packet is taken without a look at the buffer, and a SETUP
 //! that is there already is left to the next poll, which sees to it.
 
+//!
+//! # The byte
+//! `usbd-serial` announces no capabilities of the serial port (its `bmCapabilities` is 0), although
+//! it obeys SET_LINE_CODING and SET_CONTROL_LINE_STATE. A host that goes by that never says that
+//! the port is open, nor at which rate: so the announcement is put right on its way out.
+
 use atsamd_hal::pac;
 use atsamd_hal::usb;
 use usb_device::bus::{self, PollResult};
 use usb_device::endpoint::{EndpointAddress, EndpointType};
 use usb_device::{Result, UsbDirection, UsbError};
+
+/// Longest packet of the control pipe.
+const CONTROL_BYTES: usize = 64;
+/// The descriptor of the port's abstract control management (USB CDC, PSTN 1.2, table 4) as
+/// `usbd-serial` has it.
+const MUTE_PORT: [u8; 4] = [4, 0x24, 2, 0];
+/// Its last byte for a port that obeys SET_LINE_CODING and SET_CONTROL_LINE_STATE.
+const OBEYS_LINES: u8 = 2;
 
 /// The controller.
 pub(super) struct UsbBus(pub(super) usb::UsbBus);
@@ -42,6 +57,16 @@ impl bus::UsbBus for UsbBus {
     }
 
     fn write(&self, endpoint: EndpointAddress, bytes: &[u8]) -> Result<usize> {
+        if endpoint.index() == 0
+            && let Some(at) = bytes.windows(4).position(|four| *four == MUTE_PORT)
+            && let Some(copy) = [0; CONTROL_BYTES].get_mut(..bytes.len())
+        {
+            copy.copy_from_slice(bytes);
+            if let Some(capabilities) = copy.get_mut(at + 3) {
+                *capabilities = OBEYS_LINES;
+            }
+            return self.0.write(endpoint, copy);
+        }
         self.0.write(endpoint, bytes)
     }
 

@@ -1,6 +1,7 @@
 //! Who may move the rudder: faults, tilt, and the operator's commands out of order.
 
 use super::*;
+use crate::telemetry::BoardStatus;
 use crate::ticks::BurstTimes;
 use std::string::ToString;
 
@@ -251,37 +252,55 @@ fn arming_waits_for_the_gyros_offset_to_be_learned() {
 /// bursts a second is not flown, and the refusal says how long a burst takes.
 #[test]
 fn the_timing_follows_the_bursts_and_a_slow_bus_is_refused() {
-    let bursts = |mean_us| BurstTimes {
-        mean_us,
-        max_us: mean_us + 200,
+    let bursts = |mean_us| BoardStatus {
+        bursts: BurstTimes {
+            mean_us,
+            max_us: mean_us + 200,
+        },
+        ..BoardStatus::default()
     };
+    let changed = Some(Params::STRETCH);
     let mut desk = Desk::in_standby(0.0);
     desk.flight.set_param("I2C_KHZ", 400.0).unwrap();
     for (mean_us, changes, stretch_us) in [
-        (0, false, 180),
-        (4_423, false, 180),
-        (4_600, true, 194),
-        (7_993, true, 355),
-        (8_204, false, 355),
+        (0, None, 180),
+        (4_423, None, 180),
+        (4_600, changed, 194),
+        (7_993, changed, 355),
+        (8_204, None, 355),
     ] {
-        assert_eq!(
-            desk.flight.bursts_took(&bursts(mean_us)),
-            changes,
-            "{mean_us}"
-        );
+        assert_eq!(desk.flight.learn(&bursts(mean_us)), changes, "{mean_us}");
         assert_eq!(desk.flight.params().timing().stretch_us, stretch_us);
     }
-    assert!(desk.flight.bursts_took(&bursts(8_400)));
+    assert_eq!(desk.flight.learn(&bursts(8_400)), changed);
     let refused = desk.command(Command::Arm);
     assert_eq!(refused, Err(Refusal::SlowBus(8_395)));
     assert_eq!(
         refused.unwrap_err().to_string(),
         "IMU bursts of 8395 us too slow"
     );
-    assert!(desk.flight.bursts_took(&bursts(4_300)));
+    assert_eq!(desk.flight.learn(&bursts(4_300)), changed);
     desk.run(REST);
     desk.command(Command::Arm).unwrap();
-    assert!(!desk.flight.bursts_took(&bursts(8_400)), "armed");
+    assert_eq!(desk.flight.learn(&bursts(8_400)), None, "armed");
+}
+
+/// What USB disciplines the clock to is kept, but for the last bits, and not while armed.
+#[test]
+fn the_clock_that_usb_has_locked_is_kept() {
+    let mut desk = Desk::in_standby(0.0);
+    let locked = |fine| BoardStatus {
+        clock_fine: Some(fine),
+        ..BoardStatus::default()
+    };
+    assert_eq!(desk.flight.params().clock_fine(), None);
+    let changed = Some(Params::CLOCK);
+    for (fine, changes, kept) in [(645, changed, 645), (649, None, 645), (640, changed, 640)] {
+        assert_eq!(desk.flight.learn(&locked(fine)), changes);
+        assert_eq!(desk.flight.params().clock_fine(), Some(kept));
+    }
+    desk.command(Command::Arm).unwrap();
+    assert_eq!(desk.flight.learn(&locked(500)), None);
 }
 
 #[test]

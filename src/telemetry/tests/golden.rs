@@ -50,6 +50,7 @@ fn a_step_is_byte_for_byte_what_pymavlink_sends() {
             mean_us: 4423,
             max_us: 4580,
         },
+        clock_fine: None,
     };
     let sensor = Health {
         fresh: 100,
@@ -57,6 +58,7 @@ fn a_step_is_byte_for_byte_what_pymavlink_sends() {
     };
     telemetry.record(&golden_snapshot(), &flight, &sensor, &board);
     let expected = [
+        "statustext_clock",
         "heartbeat_active",
         "statustext",
         "attitude_quaternion",
@@ -124,7 +126,7 @@ fn the_clock_is_told_byte_for_byte() {
 }
 
 /// From pymavlink: `MAVLink_param_set_message(1, 1, b"PID_KP", 1.6, 9)` and, sequence 5, the answer
-/// `MAVLink_param_value_message(b"PID_KP", 1.6, 9, 48, 0)`.
+/// `MAVLink_param_value_message(b"PID_KP", 1.6, 9, 49, 0)`.
 #[test]
 fn a_parameter_set_is_echoed_byte_for_byte() {
     let mut link = Link::new(Desk::in_standby(0.1));
@@ -132,7 +134,7 @@ fn a_parameter_set_is_echoed_byte_for_byte() {
     let request = "fd17000009ffbe170000cdcccc3f01015049445f4b5000000000000000000000095e4e";
     link.telemetry
         .receive(Micros(0), &hex(request), &mut link.desk.flight);
-    let answer = "fd190000050101160000cdcccc3f300000005049445f4b5000000000000000000000096fbf";
+    let answer = "fd190000050101160000cdcccc3f310000005049445f4b5000000000000000000000093216";
     assert_eq!(link.telemetry.pending(), hex(answer));
     assert_eq!(link.desk.flight.params().pid_kp(), 1.6);
 }
