@@ -20,7 +20,8 @@ pub const SETTINGS: &[(&str, Ending)] = &[
     ("stretch=130..150", Flies),
     ("stretch=170..190", Flies),
     ("stretch=210..230", Flies),
-    ("stretch=250..270", Flies),
+    ("stretch=230..250", Flies),
+    ("stretch=250..270", Late),
     ("stretch=290..310", Late),
     ("stretch=340..360", Late),
     ("stretch=20..350", Flies),
@@ -59,7 +60,11 @@ pub const SETTINGS: &[(&str, Ending)] = &[
         Flies,
     ),
     (
-        "stretch=250..270,stop-read=300,stop-write=200,late-registers=5000,wake=10,clock=-3.1",
+        "address=0x29,field=dead,stretch=130..230,stop-read=500,lost-within=500",
+        Flies,
+    ),
+    (
+        "stretch=210..230,stop-read=300,stop-write=200,late-registers=5000,wake=10,clock=-3.1",
         Flies,
     ),
     (
