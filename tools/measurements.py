@@ -124,6 +124,21 @@ def faults(scratch):
             f"(`{slowest['kind']}`); {campaign['deadline_ms']:.0f} ms are allowed.\n")
 
 
+def hardware(scratch):
+    """Parts that differ; docs/hardware.md has the table."""
+    campaign = tvc("hardware", "--report", scratch / "hardware.html")
+    rows = campaign["rows"]
+    expected = sum(row["as_expected"] for row in rows)
+    flown = [row for row in rows if row["ended"] == "flies"]
+    worst = {key: max(row[key] for row in flown)
+             for key in ("overshoot_pct", "settling_s3003_s", "settling_digital_s", "latency_us", "jitter_us_max")}
+    return (f"## Parts that differ\n`cargo tvc hardware --json`: {len(rows)} settings of sensor, bus, chip and computer, "
+            f"six flights each; [the table](hardware.md#what-was-flown). {expected} ended as expected, and {len(flown)} "
+            f"met every requirement: overshoot at most {worst['overshoot_pct']:.1f} %, settling "
+            f"{worst['settling_s3003_s']:.3f} s (S3003) and {worst['settling_digital_s']:.3f} s (digital), latency "
+            f"{worst['latency_us'] / 1e3:.2f} ms, jitter {worst['jitter_us_max']:.1f} us.\n")
+
+
 def replays(scratch, broad):
     """Recordings through the whole image."""
     files = [ROOT / "tests" / "data" / "broad_11_cut.imuq"]
@@ -176,8 +191,8 @@ def main():
     try:
         with tempfile.TemporaryDirectory() as folder:
             scratch = pathlib.Path(folder)
-            sections = [flights(scratch), monte_carlo(scratch), faults(scratch), replays(scratch, broad),
-                        filters(broad)]
+            sections = [flights(scratch), monte_carlo(scratch), faults(scratch), hardware(scratch),
+                        replays(scratch, broad), filters(broad)]
     except Failed as error:
         sys.exit(f"error: {error}; {PAGE.relative_to(ROOT)} is as it was")
     fresh = PAGE.with_suffix(".new")

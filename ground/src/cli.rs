@@ -4,7 +4,7 @@
 use clap::{Parser, Subcommand};
 
 use crate::filters::{cycles::Cycles, experiment::Experiment, fuse::Fuse};
-use crate::flight::{faults::Faults, fly::Fly, rig::Rig};
+use crate::flight::{faults::Faults, fly::Fly, hardware_campaign::HardwareCampaign, rig::Rig};
 use crate::logs::{convert::Convert, replay::Replay, report::Report};
 use crate::model::{Model, identify::Identify, montecarlo::MonteCarlo, tune::Tune};
 use crate::vehicle::arm::Operate;
@@ -36,6 +36,8 @@ pub enum Command {
     Fly(Fly),
     /// Fail sensor and cable at random instants of a flight, and count how it ends.
     Faults(Faults),
+    /// Fly the image with chips, sensors and computers that differ, and print one table.
+    Hardware(HardwareCampaign),
     /// Run the virtual rig in real time, its port behind a pseudo-terminal.
     Rig(Rig),
     /// List the serial ports.

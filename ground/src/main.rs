@@ -58,6 +58,7 @@ fn run(command: Command) -> anyhow::Result<Verdict> {
         Command::Cycles(options) => filters::cycles::run(&options),
         Command::Calibrate(options) => vehicle::calibrate::run(&options),
         Command::Faults(options) => flight::faults::run(&options),
+        Command::Hardware(options) => flight::hardware_campaign::run(&options),
         Command::Replay(options) => logs::replay::run(&options),
         Command::Convert(options) => logs::convert::run(&options),
         Command::Report(options) => logs::report::run(&options),

@@ -8,7 +8,7 @@ use samd21::board::Ticks;
 use std::time::Duration;
 use thiserror::Error;
 
-pub use crate::received::{Attitude, Heartbeat, RawImu, Received, ServoOutput, Text};
+pub use crate::received::{Attitude, BusReport, Heartbeat, RawImu, Received, ServoOutput, Text};
 
 /// How often the ground station looks at the port.
 const SLICE: Ticks = Ticks::from_ms(1);

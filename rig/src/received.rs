@@ -85,6 +85,19 @@ pub struct Text {
     pub text: String,
 }
 
+/// A DEBUG_VECT `imu_bus`: how long the sensor's bursts took.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct BusReport {
+    /// When it arrived.
+    pub at: Ticks,
+    /// Mean of the newest bursts, us.
+    pub mean_us: f32,
+    /// The longest of them, us.
+    pub max_us: f32,
+    /// How often the sensor gave new data, Hz.
+    pub fresh_hz: f32,
+}
+
 /// Everything that has arrived.
 #[derive(Clone, Debug, Default)]
 pub struct Received {
@@ -96,6 +109,8 @@ pub struct Received {
     pub servos: Vec<ServoOutput>,
     /// Raw samples.
     pub samples: Vec<RawImu>,
+    /// What the image says about the sensor's bus.
+    pub bus: Vec<BusReport>,
     /// Texts.
     pub texts: Vec<Text>,
     /// System states with the time they arrived.
@@ -133,6 +148,12 @@ impl Received {
                 acc: [m.xacc, m.yacc, m.zacc],
                 gyr: [m.xgyro, m.ygyro, m.zgyro],
                 mag: [m.xmag, m.ymag, m.zmag],
+            }),
+            MavMessage::DEBUG_VECT(m) if text(&m.name) == "imu_bus" => self.bus.push(BusReport {
+                at,
+                mean_us: m.x,
+                max_us: m.y,
+                fresh_hz: m.z,
             }),
             MavMessage::STATUSTEXT(m) => self.texts.push(Text {
                 at,

@@ -4,6 +4,7 @@
 mod campaign;
 mod faults;
 mod flights;
+mod hardware;
 mod hosts;
 mod parameters;
 mod probe;

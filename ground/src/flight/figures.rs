@@ -14,7 +14,7 @@ const BAND: f64 = 0.05;
 const LEAST_BAND_DEG: f64 = 0.2;
 
 /// One release of the drone, by its pitch.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub struct Run {
     /// Tilt at the release, from the set point, rad.
     pub start_rad: f64,

@@ -5,5 +5,6 @@ pub mod faults;
 pub mod figures;
 pub mod fly;
 pub mod hardware;
+pub mod hardware_campaign;
 pub mod requirements;
 pub mod rig;

@@ -15,9 +15,9 @@ use crate::flight::figures::Run;
 use crate::flight::fly::Fly;
 
 /// Tilts that are flown from, rad.
-const STARTS_RAD: [f64; 3] = [0.2, 0.4, 0.8];
+pub const STARTS_RAD: [f64; 3] = [0.2, 0.4, 0.8];
 /// Pitch rate at release, rad/s.
-const START_RATE_RAD_S: f64 = 0.2;
+pub const START_RATE_RAD_S: f64 = 0.2;
 /// Length of a flight, s.
 pub const FLIGHT_S: f64 = 3.0;
 /// Length of the flight without wait states, which only gives cycles, s.
@@ -108,7 +108,8 @@ fn measured(
     }
 }
 
-fn link(records: &[FlightRecord]) -> LinkCounts {
+/// What arrived over the link in all flights; a control step without its messages counts as lost.
+pub fn link(records: &[FlightRecord]) -> LinkCounts {
     let mut sum = LinkCounts::default();
     for record in records {
         let missing = record.missing;
@@ -122,13 +123,13 @@ fn link(records: &[FlightRecord]) -> LinkCounts {
     sum
 }
 
-fn run(record: &FlightRecord) -> Run {
+pub fn run(record: &FlightRecord) -> Run {
     let in_control = record.final_state == Some(StateKind::Active);
     Run::new(record.start_rad, &record.response, in_control)
 }
 
 /// Means over all flights, and the worst of each maximum.
-fn pooled(records: &[FlightRecord]) -> rig::measure::LoopTiming {
+pub fn pooled(records: &[FlightRecord]) -> rig::measure::LoopTiming {
     use rig::measure::{LoopTiming, Spread};
     let spread = |of: fn(&LoopTiming) -> Spread| {
         let all = || records.iter().map(|record| of(&record.timing));

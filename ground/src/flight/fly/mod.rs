@@ -3,7 +3,7 @@
 
 pub mod faults;
 mod figures;
-mod flights;
+pub mod flights;
 mod live;
 mod options;
 mod recording;
