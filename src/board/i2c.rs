@@ -350,6 +350,12 @@ impl Bus {
         self.stop_us
     }
 
+    /// The slave's 7-bit address in the upper 8 bits, and how long a STOP takes, us.
+    pub(super) fn summary(&self) -> u32 {
+        let address = with_master(|master| master.address >> 1);
+        u32::from(address) << 24 | self.stop_us
+    }
+
     /// Wait for the STOP of a transfer that the main loop has begun while nothing was more urgent,
     /// and so learn how long the sensor holds it up.
     fn time_stop(&mut self, completion: &Completion) {
