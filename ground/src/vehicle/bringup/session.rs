@@ -216,9 +216,16 @@ impl<'a> Session<'a> {
         self.serial += 1;
         let order = request::bringup(what, self.serial);
         self.heard.texts.clear();
-        self.target.client().send(&order.message());
-        // It speaks until it has read the order.
-        self.listen(Duration::from_millis(300))?;
+        // It speaks until it has read the order, which may be lost on its way.
+        for _ in 0..5 {
+            self.target.client().send(&order.message());
+            self.listen(Duration::from_millis(150))?;
+            let spoken = self.counts().messages;
+            self.listen(Duration::from_millis(150))?;
+            if self.counts().messages == spoken {
+                break;
+            }
+        }
         self.target.reopen()?;
         if self.wait(RETURN, |session| session.state().is_some())? {
             // What it says of its state follows.

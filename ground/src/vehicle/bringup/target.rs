@@ -34,9 +34,6 @@ pub trait Target {
 
     /// Resets a board that hangs. Whether it could.
     fn press_reset(&mut self) -> bool;
-
-    /// Whether this is the rig.
-    fn is_rig(&self) -> bool;
 }
 
 /// A board at a serial port.
@@ -95,10 +92,6 @@ impl Target for Board {
     fn press_reset(&mut self) -> bool {
         false
     }
-
-    fn is_rig(&self) -> bool {
-        false
-    }
 }
 
 /// The rig, on its own clock.
@@ -150,10 +143,6 @@ impl Target for OnRig {
 
     fn press_reset(&mut self) -> bool {
         self.rig.press_reset();
-        true
-    }
-
-    fn is_rig(&self) -> bool {
         true
     }
 }
