@@ -7,6 +7,7 @@ use std::vec::Vec;
 use bno055_driver::Config;
 
 use super::*;
+use crate::bringup::{Order, What};
 use crate::failsafe::{BootReport, StateKind};
 use crate::params::Params;
 use crate::store::tests::Mock;
@@ -103,6 +104,9 @@ impl Board for Notes {
     }
     fn reset_soon(&mut self, _now: Micros, reset: Reset) {
         self.reset = Some(reset);
+    }
+    fn bringup(&mut self, order: Order) -> Option<u32> {
+        (order.what == What::Peek as u8).then_some(!order.number)
     }
 }
 
@@ -262,4 +266,25 @@ fn flash_is_not_written_while_a_transfer_is_under_way() {
         crate::store::load(&mut bench.board.flash).1,
         crate::store::Loaded::Set { generation: 1, .. }
     ));
+}
+
+/// An order to the board itself is answered with the board's value, or refused; not at all while
+/// armed is for `telemetry::tests`.
+#[test]
+fn an_order_to_the_board_is_answered_after_it_is_done() {
+    let mut bench = Bench::new();
+    let order = |number| Order {
+        what: What::Peek as u8,
+        number,
+    };
+    bench
+        .telemetry
+        .answer_bringup(bench.now, order(0x2000_0000), Some(5));
+    let sent = bench.telemetry.pending().to_vec();
+    // NAMED_VALUE_INT (252), then COMMAND_ACK (77).
+    assert_eq!(sent.get(7), Some(&252));
+    assert!(sent.windows(8).any(|window| window == b"20000000"));
+    bench.telemetry.sent(sent.len());
+    bench.telemetry.answer_bringup(bench.now, order(1), None);
+    assert_eq!(bench.telemetry.pending().get(7), Some(&77));
 }

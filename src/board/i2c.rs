@@ -354,6 +354,12 @@ impl Bus {
         self.stop_us
     }
 
+    /// The slave's 7-bit address in the upper 8 bits, and how long a STOP takes, us.
+    pub(super) fn summary(&self) -> u32 {
+        let address = with_master(|master| master.address >> 1);
+        u32::from(address) << 24 | self.stop_us
+    }
+
     /// While the sensor is set up and nothing is more urgent, wait for the STOP, and so learn how
     /// long the sensor holds it up.
     fn time_stop(&mut self) {
