@@ -288,3 +288,30 @@ fn an_order_to_the_board_is_answered_after_it_is_done() {
     bench.telemetry.answer_bringup(bench.now, order(1), None);
     assert_eq!(bench.telemetry.pending().get(7), Some(&77));
 }
+
+/// Some programs never say that they have opened the port. The first whole message shows it, and
+/// five seconds without one that they are gone.
+#[test]
+fn a_port_that_is_not_open_speaks_as_long_as_messages_come() {
+    use mavlink::dialects::common::{HEARTBEAT_DATA, MavMessage};
+    let mut message = mavlink::MAVLinkV2MessageRaw::new();
+    message.serialize_message(
+        mavlink::MavHeader::default(),
+        &MavMessage::HEARTBEAT(HEARTBEAT_DATA::default()),
+    );
+    let mut bench = Bench::new();
+    (bench.board.closed, bench.board.room) = (Port::Silent, 2048);
+    let written = |bench: &mut Bench, turns| {
+        bench.turns(vec![Event::Missed; turns]);
+        let asked = bench.board.take();
+        asked.iter().any(|asked| matches!(asked, Asked::Write(1..)))
+    };
+    assert!(!written(&mut bench, 10), "nobody has been heard");
+    bench.board.packets = vec![message.raw_bytes().to_vec()];
+    assert!(written(&mut bench, 3));
+    // A turn is 10 ms.
+    assert!(written(&mut bench, 490));
+    bench.turns(vec![Event::Missed; 20]);
+    bench.board.take();
+    assert!(!written(&mut bench, 10), "silent for five seconds");
+}
