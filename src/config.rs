@@ -41,8 +41,8 @@ pub const DATA_AGE_LIMIT_US: u64 = 65_000;
 /// Longest clock stretching of a byte that is measured, us.
 pub const STRETCH_MAX_US: u32 = 1_000;
 
-/// The stretch of a byte is taken over anew when it differs by more than this from what the timing
-/// is made for, us: a fifth of the reserve that a burst has.
+/// The stretch of a byte is taken over anew when it is longer by more than this than what the timing
+/// is made for, or shorter by four times as much, us: a fifth of the reserve that a burst has.
 pub const STRETCH_CHANGE_US: u32 = 10;
 
 /// The clock's FINE is kept anew when it differs by more than this: some 0.1 % of 48 MHz.

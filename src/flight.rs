@@ -243,8 +243,10 @@ impl Flight {
     fn learn_stretch(&mut self, bursts: &BurstTimes) -> bool {
         let timing = self.params.timing();
         let stretch_us = timing.stretch_of(bursts.planned_us()).min(STRETCH_MAX_US);
-        let changed =
-            bursts.mean_us > 0 && stretch_us.abs_diff(timing.stretch_us) > STRETCH_CHANGE_US;
+        // Where bytes vary, the longest that were seen count.
+        let longer = stretch_us > timing.stretch_us + STRETCH_CHANGE_US;
+        let shorter = stretch_us + 4 * STRETCH_CHANGE_US < timing.stretch_us;
+        let changed = bursts.mean_us > 0 && (longer || shorter);
         if changed {
             self.params.set_stretch(stretch_us);
         }

@@ -4,6 +4,9 @@ use comfy_table::presets::NOTHING;
 use comfy_table::{CellAlignment, Table as Terminal};
 use maud::{Markup, html};
 
+/// Width of a head's lines on a terminal, where its words are not longer.
+const HEAD_WIDTH: usize = 12;
+
 /// A table of texts; the first column names the row.
 #[derive(Debug, Default)]
 pub struct Table {
@@ -41,7 +44,7 @@ impl Table {
         let mut table = Terminal::new();
         table
             .load_style(NOTHING)
-            .set_header(&self.head)
+            .set_header(self.head.iter().map(|cell| wrapped(cell)))
             .add_rows(&self.rows);
         if self.right_aligned {
             for column in table.column_iter_mut().skip(1) {
@@ -61,5 +64,37 @@ impl Table {
                 }
             }
         }
+    }
+}
+
+/// A head in lines of at most [`HEAD_WIDTH`], where its words allow it: heads that say unit and
+/// limit are wider than their columns.
+fn wrapped(head: &str) -> String {
+    let mut lines = String::new();
+    let mut width = 0;
+    for word in head.split(' ') {
+        if width > 0 {
+            let fits = width + 1 + word.len() <= HEAD_WIDTH;
+            lines.push(if fits { ' ' } else { '\n' });
+            width = if fits { width + 1 } else { 0 };
+        }
+        lines.push_str(word);
+        width += word.len();
+    }
+    lines
+}
+
+#[cfg(test)]
+mod tests {
+    use super::wrapped;
+
+    #[test]
+    fn heads_break_between_words() {
+        assert_eq!(wrapped("settling, s"), "settling, s");
+        assert_eq!(
+            wrapped("latency, us (at most 8000)"),
+            "latency, us\n(at most\n8000)"
+        );
+        assert_eq!(wrapped("incomprehensible"), "incomprehensible");
     }
 }
