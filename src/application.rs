@@ -9,6 +9,7 @@ use core::ops::Deref;
 use bno055_driver::{BusError, Driver, Micros, Next, RawSample, SensorFault, Transfer};
 use embedded_storage::nor_flash::NorFlash;
 
+use crate::bringup;
 use crate::failsafe::State;
 use crate::flight::{Flight, Snapshot};
 use crate::led;
@@ -118,6 +119,9 @@ pub trait Board {
 
     /// Reset once the host has been answered, unless the vehicle is armed by then.
     fn reset_soon(&mut self, now: Micros, reset: Reset);
+
+    /// Do what `tvc bringup` orders, and give the answer's value; `None` for what there is not.
+    fn bringup(&mut self, order: bringup::Order) -> Option<u32>;
 }
 
 /// All that runs on the board.
@@ -260,6 +264,10 @@ impl<'a> Application<'a> {
         }
         if let Some(reset) = self.telemetry.take_reset() {
             board.reset_soon(now, reset);
+        }
+        if let Some(order) = self.telemetry.take_bringup() {
+            let value = board.bringup(order);
+            self.telemetry.answer_bringup(now, order, value);
         }
         let count = board.write(self.telemetry.pending());
         self.telemetry.sent(count);

@@ -23,6 +23,7 @@
 extern crate std;
 
 pub mod application;
+pub mod bringup;
 pub mod config;
 pub mod controller;
 pub mod failsafe;

@@ -14,6 +14,7 @@
 //! | NAMED_VALUE_FLOAT `crank_rad` | every step: the crank angle that control asked for, before limits |
 //! | ATTITUDE | not by itself: at the interval that the host asks for |
 //! | PARAM_VALUE, COMMAND_ACK, TIMESYNC, AUTOPILOT_VERSION | on request; the parameter list one a step |
+//! | NAMED_VALUE_INT | on request: see [`bringup`] |
 //! | LOG_ENTRY, LOG_DATA | on request: what the [`Recorder`](crate::Recorder) holds, a part a step |
 //!
 //! What comes every step comes less often if the host asks for that (MAV_CMD_SET_MESSAGE_INTERVAL),
@@ -43,6 +44,7 @@ use mavlink::dialects::common::{
 };
 use mavlink::types::CharArray;
 
+use crate::bringup;
 use crate::config::{COMPONENT_ID, HEARTBEAT_PERIOD_US, HOST_GONE_US, SYSTEM_ID};
 use crate::failsafe::State;
 use crate::flight::{Flight, Snapshot};
@@ -108,6 +110,8 @@ pub struct Telemetry {
     download: Download,
     rates: Rates,
     reset: Option<Reset>,
+    /// What `tvc bringup` wants of the board.
+    bringup: Option<bringup::Order>,
 }
 
 impl Telemetry {
@@ -127,6 +131,7 @@ impl Telemetry {
             download: Download::new(),
             rates: Rates::new(),
             reset: None,
+            bringup: None,
         }
     }
 
@@ -146,6 +151,7 @@ impl Telemetry {
             download,
             rates,
             reset,
+            bringup,
         } = self;
         queue.restart();
         *parser = Parser::new();
@@ -153,7 +159,8 @@ impl Telemetry {
         *rates = Rates::new();
         *sequence = 0;
         (*announced, *heartbeat_at, *list) = (None, None, None);
-        (*storage, *reset, *field_told) = (None, None, true);
+        (*storage, *reset, *bringup) = (None, None, None);
+        *field_told = true;
     }
 
     /// Queue the messages of a step.

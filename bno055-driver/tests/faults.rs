@@ -96,7 +96,8 @@ fn one_lost_transfer_costs_one_sample() {
 /// longer silence does.
 #[test]
 fn a_short_silence_is_ridden_out_and_a_long_one_is_not() {
-    let silences: [(&str, fn(&mut Chip)); 4] = [
+    type Silence = fn(&mut Chip);
+    let silences: [(&str, Silence); 4] = [
         ("no acknowledge", |chip| chip.bus = Some(BusError::Nak)),
         ("line held", |chip| chip.bus = Some(BusError::Stuck)),
         ("noise", |chip| chip.bus = Some(BusError::Arbitration)),

@@ -156,8 +156,8 @@ fn start() {
     both!(Config::default(), Script::new().set_up().1, |imu, time| [
         assert_eq!(go!(imu.start()), Ok(()));
         assert_eq!(imu.driver().identity().unique_id, [9; 16]);
-        // To CONFIG, from it, and one burst to the next.
-        assert_eq!(time.0.get(), 19_000 + 7_000 + 10_000);
+        // To CONFIG, six writes, from CONFIG, and one burst to the next.
+        assert_eq!(time.0.get(), 19_000 + 6 * 5_000 + 7_000 + 10_000);
     ]);
 }
 
@@ -170,7 +170,7 @@ fn start_at_the_other_address_while_the_chip_boots() {
     let script = Script(0x29, Vec::new()).nak(7, &[0]).nak(7, &[0]).set_up();
     both!(config, script.1, |imu, time| [
         assert_eq!(go!(imu.start()), Ok(()));
-        assert_eq!(time.0.get(), 2 * 20_000 + 36_000);
+        assert_eq!(time.0.get(), 2 * 20_000 + 66_000);
         assert!(imu.bus_error().is_some());
     ]);
 }
@@ -259,8 +259,9 @@ fn a_lost_chip_is_set_up_again_from_within_sample() {
                 Err(fault) => assert_eq!(fault, SensorFault::Nak, "the first cause"),
             }
         };
-        // 19 ms to CONFIG, 7 ms from it and 10 ms between two bursts, in calls 10 ms apart.
-        assert_eq!((calls, sample.acc), (3, [1, 2, 981]));
+        // 19 ms to CONFIG, six writes of 5 ms, 7 ms from CONFIG and 10 ms between two bursts, in calls
+        // 10 ms apart.
+        assert_eq!((calls, sample.acc), (9, [1, 2, 981]));
         assert_eq!(imu.driver().fault(), None);
     ]);
 }
@@ -313,7 +314,9 @@ fn profile_soft_iron_and_self_test() {
         let result = go!(imu.self_test()).unwrap();
         assert!(!result.passed() && !result.acc() && result.gyr());
         assert_eq!(result.error, SystemError::SelfTest);
-        assert_eq!(time.0.get() - before, 19_000 + 400_000 + 10_000 + 7_000 + 10_000);
+        let writes = 6 * 5_000;
+        let set_up = 19_000 + 400_000 + 10_000 + writes + 7_000 + 10_000;
+        assert_eq!(time.0.get() - before, set_up);
     ]);
 }
 

@@ -195,6 +195,16 @@ pub struct Client {
     parameter_count: Option<u16>,
     recording: Vec<u8>,
     recording_size: Option<usize>,
+    board_values: BTreeMap<u32, BoardValue>,
+}
+
+/// What the board itself has answered.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct BoardValue {
+    /// The vehicle's clock, ms.
+    pub time_ms: u32,
+    /// The value.
+    pub value: u32,
 }
 
 impl Client {
@@ -337,6 +347,11 @@ impl Client {
         &self.recording
     }
 
+    /// The answer to the last [order to the board](request::bringup) with this number, once.
+    pub fn board_value(&mut self, number: u32) -> Option<BoardValue> {
+        self.board_values.remove(&number)
+    }
+
     /// Sends a request for the first time or again: as a whole, or for what is missing.
     fn send_request(&mut self, now: Duration, index: usize) {
         let Pending {
@@ -416,6 +431,13 @@ impl Client {
                 self.take_ack(ack, kind.and_then(Result::ok), words.unwrap_or_default());
             }
             MavMessage::PARAM_VALUE(row) => self.take_parameter(now, row, words),
+            MavMessage::NAMED_VALUE_INT(told) => {
+                if let Ok(number) = u32::from_str_radix(text(&told.name), 16) {
+                    let (time_ms, value) = (told.time_boot_ms, told.value as u32);
+                    let told = BoardValue { time_ms, value };
+                    self.board_values.insert(number, told);
+                }
+            }
             MavMessage::LOG_ENTRY(entry) => {
                 self.recording_size.get_or_insert(entry.size as usize);
                 self.continue_download(now, Some(now));

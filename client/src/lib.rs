@@ -22,7 +22,7 @@ pub mod state;
 pub mod status;
 pub mod wire;
 
-pub use client::{Client, Failure, Parameter, Request, Ticket};
+pub use client::{BoardValue, Client, Failure, Parameter, Request, Ticket};
 pub use request::Order;
 pub use status::{LinkHealth, ServoMap, Status, StatusTracker};
 pub use tvc_nano::failsafe::{ReasonKind, RefusalKind, StateKind};

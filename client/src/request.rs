@@ -7,6 +7,7 @@ use mavlink::dialects::common::{
     TIMESYNC_DATA,
 };
 use mavlink::types::CharArray;
+use tvc_nano::bringup::What;
 use tvc_nano::config::{COMPONENT_ID, SYSTEM_ID};
 
 /// A command with its first parameters; the others are zero.
@@ -79,6 +80,16 @@ const fn storage(name: &'static str, action: f32) -> Order {
         name,
         command: MavCmd::MAV_CMD_PREFLIGHT_STORAGE,
         params: [action, 0.0],
+    }
+}
+
+/// An order to the board itself, as `tvc bringup` gives it, with a number by which its answer is
+/// known: [`Client::board_value`](crate::Client::board_value).
+pub fn bringup(what: What, number: u32) -> Order {
+    Order {
+        name: "examine the board",
+        command: MavCmd::MAV_CMD_USER_1,
+        params: [f32::from(what as u8), f32::from_bits(number)],
     }
 }
 

@@ -8,6 +8,7 @@ use crate::flight::{faults::Faults, fly::Fly, hardware_campaign::HardwareCampaig
 use crate::logs::{convert::Convert, replay::Replay, report::Report};
 use crate::model::{Model, identify::Identify, montecarlo::MonteCarlo, tune::Tune};
 use crate::vehicle::arm::Operate;
+use crate::vehicle::bringup::Bringup;
 use crate::vehicle::calibrate::Calibrate;
 use crate::vehicle::flash::Flash;
 use crate::vehicle::forward::Forward;
@@ -44,6 +45,8 @@ pub enum Command {
     Ports(Ports),
     /// Build the image and put it on a Nano, or write it as a file.
     Flash(Flash),
+    /// Examine a board for the first time: chip, clocks, sensor, servo, watchdog.
+    Bringup(Bringup),
     /// Calibrate the sensors, guided at a vehicle or from a recording, and set up the servo.
     Calibrate(Calibrate),
     /// Show, change, compare, load and keep parameters.

@@ -48,6 +48,7 @@ fn run(command: Command) -> anyhow::Result<Verdict> {
         Command::MonteCarlo(options) => model::montecarlo::run(&options),
         Command::Rig(options) => flight::rig::run(&options),
         Command::Ports(options) => vehicle::port::list(&options),
+        Command::Bringup(options) => vehicle::bringup::run(&options),
         Command::Param(options) => vehicle::param::run(&options),
         Command::Arm(options) => vehicle::arm::arm(&options),
         Command::Disarm(options) => vehicle::arm::disarm(&options),

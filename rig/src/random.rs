@@ -17,6 +17,8 @@ pub enum Stream {
     Release = 4,
     /// What fails in a campaign, when, and how severely.
     Campaign = 5,
+    /// What the port loses.
+    Port = 6,
 }
 
 /// The generator of `stream` under `seed`; the same on every machine.

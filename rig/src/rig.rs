@@ -6,7 +6,10 @@ use crate::bno055::Fault;
 use crate::bootloader::{Bootloader, Verdict};
 use crate::image::{IMAGE_ADDRESS, Image};
 use crate::observe::ground_truth::GroundTruth;
+use crate::random::{Stream, generator};
 use plant::ParameterError;
+use rand::Rng;
+use rand_chacha::ChaCha8Rng;
 use samd21::board::Ticks;
 use samd21::chip::{Counters, Stop};
 use samd21::peripherals::ResetCause;
@@ -101,6 +104,8 @@ pub struct Rig {
     running: Running,
     resets: Vec<(Ticks, ResetCause)>,
     lowest_sp: u32,
+    /// Probability that a read or a write of the port is lost, and what decides it.
+    usb_loss: (f64, ChaCha8Rng),
 }
 
 impl Rig {
@@ -137,6 +142,10 @@ impl Rig {
             bootloader,
             running: Running::Image,
             resets: Vec::new(),
+            usb_loss: (
+                config.hardware.usb_loss,
+                generator(config.seed, Stream::Port),
+            ),
         };
         rig.enter_bootloader(ResetCause::PowerOn);
         Ok(rig)
@@ -269,12 +278,25 @@ impl Rig {
 
     /// Sends bytes to the image over USB.
     pub fn usb_write(&mut self, bytes: &[u8]) {
-        self.usb_host_mut().write(bytes);
+        if !self.loses() {
+            self.usb_host_mut().write(bytes);
+        }
     }
 
     /// Bytes that came from the image over USB since the last call.
     pub fn usb_read(&mut self) -> Vec<u8> {
-        self.usb_host_mut().read()
+        let bytes = self.usb_host_mut().read();
+        if bytes.is_empty() || !self.loses() {
+            bytes
+        } else {
+            Vec::new()
+        }
+    }
+
+    /// Whether the port loses what passes now.
+    fn loses(&mut self) -> bool {
+        let (probability, chance) = &mut self.usb_loss;
+        *probability > 0.0 && chance.random_bool(*probability)
     }
 
     /// The laptop at the other end of the USB cable.

@@ -22,6 +22,10 @@ pub struct Options {
     pub wake_up: Ticks,
     /// The user row, which sets watchdog, brown-out detector and protection at every reset.
     pub user_row: UserRow,
+    /// How long erasing and writing flash take, in percent of the data sheet's longest times.
+    pub flash_time_percent: u32,
+    /// Whether the watchdog resets the chip at its time-out.
+    pub watchdog_bites: bool,
     /// The operating system of the USB host.
     pub host: System,
     /// The 128-bit serial number, word 0 first (0x0080_A00C, 0x0080_A040, 44, 48).
@@ -40,6 +44,8 @@ impl Default for Options {
             osculp32k_hz: 32_768,
             wake_up: Ticks::ZERO,
             user_row: UserRow::SHIPPED,
+            flash_time_percent: 100,
+            watchdog_bites: true,
             host: System::Bare,
             serial_number: [0x5D21_0001, 0x5D21_0002, 0x5D21_0003, 0x5D21_0004],
             seed: 0,

@@ -7,6 +7,7 @@ use std::vec::Vec;
 use bno055_driver::Config;
 
 use super::*;
+use crate::bringup::{Order, What};
 use crate::failsafe::{BootReport, StateKind};
 use crate::params::Params;
 use crate::store::tests::Mock;
@@ -103,6 +104,9 @@ impl Board for Notes {
     }
     fn reset_soon(&mut self, _now: Micros, reset: Reset) {
         self.reset = Some(reset);
+    }
+    fn bringup(&mut self, order: Order) -> Option<u32> {
+        (order.what == What::Peek as u8).then_some(!order.number)
     }
 }
 
@@ -262,4 +266,52 @@ fn flash_is_not_written_while_a_transfer_is_under_way() {
         crate::store::load(&mut bench.board.flash).1,
         crate::store::Loaded::Set { generation: 1, .. }
     ));
+}
+
+/// An order to the board itself is answered with the board's value, or refused; not at all while
+/// armed is for `telemetry::tests`.
+#[test]
+fn an_order_to_the_board_is_answered_after_it_is_done() {
+    let mut bench = Bench::new();
+    let order = |number| Order {
+        what: What::Peek as u8,
+        number,
+    };
+    bench
+        .telemetry
+        .answer_bringup(bench.now, order(0x2000_0000), Some(5));
+    let sent = bench.telemetry.pending().to_vec();
+    // NAMED_VALUE_INT (252), then COMMAND_ACK (77).
+    assert_eq!(sent.get(7), Some(&252));
+    assert!(sent.windows(8).any(|window| window == b"20000000"));
+    bench.telemetry.sent(sent.len());
+    bench.telemetry.answer_bringup(bench.now, order(1), None);
+    assert_eq!(bench.telemetry.pending().get(7), Some(&77));
+}
+
+/// Some programs never say that they have opened the port. The first whole message shows it, and
+/// five seconds without one that they are gone.
+#[test]
+fn a_port_that_is_not_open_speaks_as_long_as_messages_come() {
+    use mavlink::dialects::common::{HEARTBEAT_DATA, MavMessage};
+    let mut message = mavlink::MAVLinkV2MessageRaw::new();
+    message.serialize_message(
+        mavlink::MavHeader::default(),
+        &MavMessage::HEARTBEAT(HEARTBEAT_DATA::default()),
+    );
+    let mut bench = Bench::new();
+    (bench.board.closed, bench.board.room) = (Port::Silent, 2048);
+    let written = |bench: &mut Bench, turns| {
+        bench.turns(vec![Event::Missed; turns]);
+        let asked = bench.board.take();
+        asked.iter().any(|asked| matches!(asked, Asked::Write(1..)))
+    };
+    assert!(!written(&mut bench, 10), "nobody has been heard");
+    bench.board.packets = vec![message.raw_bytes().to_vec()];
+    assert!(written(&mut bench, 3));
+    // A turn is 10 ms.
+    assert!(written(&mut bench, 490));
+    bench.turns(vec![Event::Missed; 20]);
+    bench.board.take();
+    assert!(!written(&mut bench, 10), "silent for five seconds");
 }

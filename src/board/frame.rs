@@ -74,6 +74,9 @@ impl Frame {
         let mut ready = soon(|| timer.syncbusy().read().swrst().bit_is_clear());
         timer.ctrla().write(|w| w.prescaler().div16());
         timer.wave().write(|w| w.wavegen().npwm());
+        // Pulses go on while a debugger holds the core.
+        #[cfg(feature = "probe")]
+        timer.dbgctrl().write(|w| w.dbgrun().set_bit());
         ready &= soon(|| timer.syncbusy().read().wave().bit_is_clear());
         // SAFETY: all values are less than the counter's 24 bits hold.
         unsafe {

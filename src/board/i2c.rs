@@ -247,6 +247,8 @@ fn send(bytes: &[u8], sent: usize) -> Result<Step, NotSynchronised> {
 /// The bus as the main loop uses it.
 pub(super) struct Bus {
     khz: u32,
+    /// Ticks start bursts.
+    sampling: bool,
     /// When a bus without a transfer must be idle at last; `None` while it is, or has a transfer.
     idle_by: Option<Micros>,
     /// How long a STOP takes, us: the longest of the newest, as far as they were waited for.
@@ -263,6 +265,7 @@ impl Bus {
     pub(super) fn start(khz: u32) -> Self {
         let mut bus = Self {
             khz,
+            sampling: false,
             idle_by: None,
             stop_us: 0,
             repair_at: Micros(0),
@@ -284,6 +287,7 @@ impl Bus {
     /// Have every tick start `transfer`; `None` has them start nothing. All transfers go to the
     /// 7-bit `address`.
     pub(super) fn arm(&mut self, address: u8, transfer: Option<Transfer>) {
+        self.sampling = transfer.is_some();
         with_master(|master| (master.address, master.armed) = (address << 1, transfer));
     }
 
@@ -334,8 +338,8 @@ impl Bus {
             with_master(|master| master.broken = true);
         }
         let completion = collect();
-        if let Some(completion) = &completion {
-            self.time_stop(completion);
+        if completion.is_some() {
+            self.time_stop();
         }
         if now >= self.repair_at && with_master(|master| master.broken) {
             self.recoveries = self.recoveries.saturating_add(1);
@@ -350,10 +354,16 @@ impl Bus {
         self.stop_us
     }
 
-    /// Wait for the STOP of a transfer that the main loop has begun while nothing was more urgent,
-    /// and so learn how long the sensor holds it up.
-    fn time_stop(&mut self, completion: &Completion) {
-        if completion.origin == Origin::Loop && with_master(|master| master.armed.is_none()) {
+    /// The slave's 7-bit address in the upper 8 bits, and how long a STOP takes, us.
+    pub(super) fn summary(&self) -> u32 {
+        let address = with_master(|master| master.address >> 1);
+        u32::from(address) << 24 | self.stop_us
+    }
+
+    /// While the sensor is set up and nothing is more urgent, wait for the STOP, and so learn how
+    /// long the sensor holds it up.
+    fn time_stop(&mut self) {
+        if !self.sampling {
             let began = now();
             let _ = within(STOP_LIMIT_US, || {
                 !with_master(|master| master.awaits_stop())

@@ -19,6 +19,7 @@
 //! the watchdog runs: the HAL's for the oscillators (see [`clocks`]) and for the USB controller's
 //! reset, which the same clocks drive.
 
+mod bringup;
 mod clocks;
 mod crash;
 mod flash;
@@ -37,6 +38,7 @@ use atsamd_hal::pac;
 use bno055_driver::{Micros, Transfer};
 use cortex_m::peripheral::scb::SystemHandler;
 use tvc_nano::application::{self, Event, StepEnd};
+use tvc_nano::bringup::Order;
 use tvc_nano::failsafe::BootReport;
 use tvc_nano::params::Params;
 use tvc_nano::servo::neutral;
@@ -279,6 +281,10 @@ impl application::Board for Board {
 
     fn reset_soon(&mut self, now: Micros, reset: Reset) {
         self.port.reset_soon(now, reset);
+    }
+
+    fn bringup(&mut self, order: Order) -> Option<u32> {
+        bringup::obey(order, &self.bus)
     }
 }
 

@@ -6,15 +6,16 @@ use bno055_driver::Micros;
 use mavlink::dialects::common::{
     AUTOPILOT_VERSION_DATA, COMMAND_ACK_DATA, COMMAND_LONG_DATA, HEARTBEAT_DATA,
     LOG_REQUEST_DATA_DATA, LOG_REQUEST_END_DATA, LOG_REQUEST_LIST_DATA, MavCmd, MavParamType,
-    MavProtocolCapability, MavResult, PARAM_REQUEST_LIST_DATA, PARAM_REQUEST_READ_DATA,
-    PARAM_SET_DATA, PARAM_VALUE_DATA, TIMESYNC_DATA,
+    MavProtocolCapability, MavResult, NAMED_VALUE_INT_DATA, PARAM_REQUEST_LIST_DATA,
+    PARAM_REQUEST_READ_DATA, PARAM_SET_DATA, PARAM_VALUE_DATA, TIMESYNC_DATA,
 };
 use mavlink::types::CharArray;
 use mavlink::{MavlinkVersion, MessageData};
 
 use super::parser::Message;
 use super::queue::Priority;
-use super::{OVERHEAD, Reset, Telemetry};
+use super::{OVERHEAD, Reset, Telemetry, milliseconds};
+use crate::bringup;
 use crate::config::{COMPONENT_ID, PULSE_MAX_US, PULSE_MIN_US, SYSTEM_ID};
 use crate::failsafe::{Command, Refusal, RefusalKind, State};
 use crate::flight::Flight;
@@ -170,6 +171,15 @@ impl Telemetry {
             }
             // Answered when it is done.
             STORAGE => return self.order_storage(param1, flight),
+            bringup::COMMAND if flight.state().is_idle() => {
+                // Answered when it is done.
+                self.bringup = Some(bringup::Order {
+                    what: param1 as u8,
+                    number: param2.to_bits(),
+                });
+                return;
+            }
+            bringup::COMMAND => Err(Refusal::WrongState(flight.state()).kind()),
             REBOOT if param1 == 1.0 => self.reset(Reset::Restart, flight),
             REBOOT if param1 == 3.0 => self.reset(Reset::Bootloader, flight),
             INTERVAL if self.rates.set(param1, param2, step_us) => Ok(()),
@@ -206,6 +216,22 @@ impl Telemetry {
         }
         self.reset = Some(reset);
         Ok(())
+    }
+
+    /// An order to the board itself, once.
+    pub fn take_bringup(&mut self) -> Option<bringup::Order> {
+        self.bringup.take()
+    }
+
+    /// Answers an order to the board itself: with a value, or that there is none.
+    pub fn answer_bringup(&mut self, now: Micros, order: bringup::Order, value: Option<u32>) {
+        let mut result = MavResult::MAV_RESULT_DENIED;
+        if let Some(value) = value {
+            result = MavResult::MAV_RESULT_ACCEPTED;
+            let payload = bringup::answer(milliseconds(now), value, order.number);
+            self.send_payload::<NAMED_VALUE_INT_DATA>(Priority::Event, &payload);
+        }
+        self.acknowledge(bringup::COMMAND, result);
     }
 
     /// Tells the state that an order led to, or why it was refused.

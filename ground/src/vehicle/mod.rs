@@ -1,6 +1,7 @@
 //! Commands that talk to a vehicle over its port, the real one or the virtual rig's.
 
 pub mod arm;
+pub mod bringup;
 pub mod calibrate;
 pub mod flash;
 pub mod forward;

@@ -27,6 +27,8 @@ use samd21::board::{Board, I2cEvent, I2cPins, I2cReply, Lines, Pin, Ticks};
 pub const ZERO_RUDDER_US: f64 = 1523.6;
 /// The servo's pin, D3.
 pub const SERVO_PIN: Pin = Pin::b(11);
+/// D2, to which a jumper may lead the servo's signal.
+const JUMPER_PIN: Pin = Pin::b(10);
 /// The probe pin, D4.
 pub const PROBE_PIN: Pin = Pin::a(7);
 /// The sensor's bus, A4 (SDA) and A5 (SCL): SERCOM4 reaches them with function D.
@@ -49,6 +51,8 @@ pub struct BenchConfig {
     pub sensor: bno055::Config,
     /// Where the sensor sits, from the pivot along the body's axes (x forward, y right, z down), m.
     pub lever_m: [f64; 3],
+    /// A jumper leads the servo's signal to [`JUMPER_PIN`].
+    pub jumper: bool,
     /// The servo, before its horn is fitted to zero rudder at [`ZERO_RUDDER_US`].
     pub servo: ServoModel,
     /// Angle by which the horn is mounted off its place on the spline, rad.
@@ -72,6 +76,7 @@ impl Default for BenchConfig {
         Self {
             sensor: bno055::Config::default(),
             lever_m: [0.0; 3],
+            jumper: true,
             servo: ServoModel::S3003,
             horn_error_rad: 0.0,
             parameters: Parameters::PHYS,
@@ -104,6 +109,8 @@ pub struct Environment {
     clamp: Clamp,
     /// The sensor while it is held off the drone, and whether it is on its way back.
     held_sensor: Option<(HeldSensor, bool)>,
+    /// The level at the jumper's end, `None` without one.
+    jumper: Option<bool>,
     analyzer: LogicAnalyzer,
     truth: GroundTruth,
 }
@@ -138,6 +145,7 @@ impl Environment {
             steps: 0,
             clamp,
             held_sensor: None,
+            jumper: bench.jumper.then_some(false),
             analyzer: LogicAnalyzer::default(),
             truth: GroundTruth::default(),
         })
@@ -367,6 +375,7 @@ impl Board for Environment {
         match pin {
             SERVO_PIN => {
                 self.advance(now);
+                self.jumper = self.jumper.map(|_| level);
                 if let Some(pulse) = self.analyzer.servo(now, level, &mut self.truth) {
                     self.servo.pulse(pulse.rise.as_secs_f64(), pulse.width_us());
                 }
@@ -377,8 +386,8 @@ impl Board for Environment {
         }
     }
 
-    fn input(&self, _now: Ticks, _pin: Pin) -> Option<bool> {
-        None
+    fn input(&self, _now: Ticks, pin: Pin) -> Option<bool> {
+        self.jumper.filter(|_| pin == JUMPER_PIN)
     }
 }
 

@@ -3,6 +3,7 @@
 //! Every difference has a key ([`keys`]), by which the command line sets it: `KEY=VALUE`, several
 //! with commas between them.
 
+mod board;
 mod sensor;
 
 use super::BenchConfig;
@@ -49,6 +50,14 @@ pub struct Hardware {
     pub host: System,
     /// The chip's user row.
     pub user_row: UserRow,
+    /// A jumper leads the servo's signal from D3 to D2.
+    pub jumper: bool,
+    /// How long erasing and writing flash take, relative to the data sheet's longest.
+    pub flash_time: f64,
+    /// The watchdog resets the chip.
+    pub watchdog_works: bool,
+    /// Probability that a read or a write of the port is lost on its way.
+    pub usb_loss: f64,
 }
 
 impl Default for Hardware {
@@ -69,6 +78,10 @@ impl Default for Hardware {
             wake_us: 4,
             host: System::Bare,
             user_row: UserRow::SHIPPED,
+            jumper: true,
+            flash_time: 1.0,
+            watchdog_works: true,
+            usb_loss: 0.0,
         }
     }
 }
@@ -225,7 +238,7 @@ const KEYS: &[Key] = &[
 
 /// All that can be set.
 pub fn keys() -> impl Iterator<Item = &'static Key> {
-    KEYS.iter().chain(sensor::KEYS)
+    KEYS.iter().chain(sensor::KEYS).chain(board::KEYS)
 }
 
 impl Hardware {
@@ -291,6 +304,8 @@ impl Hardware {
             wake_up: Ticks::from_us(self.wake_us),
             host: self.host,
             user_row: self.user_row,
+            flash_time_percent: (self.flash_time * 100.0).round() as u32,
+            watchdog_bites: self.watchdog_works,
             ..Options::default()
         }
     }
@@ -298,6 +313,7 @@ impl Hardware {
     /// The bench as it differs.
     pub(crate) fn fit(&self, bench: &mut BenchConfig) {
         bench.lever_m = self.lever_m;
+        bench.jumper = self.jumper;
         let sensor = &mut bench.sensor;
         sensor.address = self.address;
         sensor.bus = self.bus.clone();

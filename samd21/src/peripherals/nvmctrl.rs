@@ -14,8 +14,8 @@
 //! | 0080_6020, 0080_6030 | calibration, temperature log | plausible factory values |
 //! | 0080_A00C, A040-A048 | serial number | from the chip's options |
 //!
-//! Erasing a row (256 bytes) takes 6 ms, programming a page 2.5 ms (the data sheet's maxima); the
-//! CPU runs from the same flash and stands still meanwhile. Programming only clears bits.
+//! Erasing a row (256 bytes) takes 6 ms, programming a page 2.5 ms (the data sheet's maxima), or
+//! what the chip's options make of that; the CPU runs from the same flash and stands still meanwhile. Programming only clears bits.
 //!
 //! | left out | why |
 //! |---|---|
@@ -73,6 +73,7 @@ pub(crate) struct Nvmctrl {
     busy_until: Ticks,
     serial_number: [u32; 4],
     user_row: UserRow,
+    time_percent: u32,
 }
 
 impl Nvmctrl {
@@ -86,6 +87,7 @@ impl Nvmctrl {
             busy_until: Ticks::ZERO,
             serial_number: options.serial_number,
             user_row: options.user_row,
+            time_percent: options.flash_time_percent,
         }
     }
 
@@ -208,8 +210,7 @@ impl Nvmctrl {
                 if memory.erase(row, ROW as usize).is_none() {
                     return Ok(self.fail(bus));
                 }
-                self.busy_until = bus.now + ROW_ERASE;
-                Ok(ROW_ERASE)
+                Ok(self.take(bus, ROW_ERASE))
             }
             0x04 => self.program(bus, memory),
             0x44 => {
@@ -230,8 +231,14 @@ impl Nvmctrl {
             return Ok(self.fail(bus));
         }
         self.clear_page_buffer();
-        self.busy_until = bus.now + PAGE_PROGRAM;
-        Ok(PAGE_PROGRAM)
+        Ok(self.take(bus, PAGE_PROGRAM))
+    }
+
+    /// Is busy for as long as a command takes on this chip.
+    fn take(&mut self, bus: &Bus<'_>, longest: Ticks) -> Ticks {
+        let time = longest * u64::from(self.time_percent) / 100;
+        self.busy_until = bus.now + time;
+        time
     }
 
     /// Whether BOOTPROT refuses to change what is at `address`; then that is an error.

@@ -54,6 +54,8 @@ pub(crate) struct Wdt {
     /// When the closed window ends.
     opens: Ticks,
     bites: bool,
+    /// It never resets the chip.
+    is_dead: bool,
 }
 
 impl Wdt {
@@ -66,6 +68,14 @@ impl Wdt {
             early_warning: Ticks::NEVER,
             timeout: Ticks::NEVER,
             ..Self::default()
+        }
+    }
+
+    /// As it is, or one that never resets the chip at its time-out.
+    pub(crate) fn that_bites(self, bites: bool) -> Self {
+        Self {
+            is_dead: !bites,
+            ..self
         }
     }
 
@@ -111,7 +121,7 @@ impl Wdt {
         }
         if self.timeout <= now {
             self.timeout = Ticks::NEVER;
-            self.bites = true;
+            self.bites = !self.is_dead;
         }
         if let Some((at, arrival)) = self.arriving
             && at <= now

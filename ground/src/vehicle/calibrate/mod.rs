@@ -5,7 +5,7 @@ mod declination;
 mod figures;
 mod guided;
 mod hold;
-mod keyboard;
+pub mod keyboard;
 mod options;
 mod outcome;
 mod picture;

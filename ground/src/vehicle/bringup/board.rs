@@ -1,0 +1,314 @@
+//! The rows about the chip: who it is, its clocks, its supply, its memories.
+
+use std::time::Duration;
+
+use anyhow::Result;
+use client::request;
+use tvc_nano::bringup::{Pulse, SLOW_COUNT, What};
+
+use super::row::{Check, Row};
+use super::session::{Heard, Session};
+
+const CHIP: Check = Check {
+    name: "chip",
+    meaning: "another chip than the Nano 33 IoT's: check which board it is",
+};
+const FUSES: Check = Check {
+    name: "fuses",
+    meaning: "a watchdog that is always on resets the board for ever, and a protected bootloader \
+              cannot be replaced: write the user row as Arduino ships it, by a debug probe",
+};
+const BOOTLOADER: Check = Check {
+    name: "bootloader",
+    meaning: "with UF2 use `tvc flash --uf2`; with none only a debug probe writes the next image",
+};
+const CLOCK: Check = Check {
+    name: "clock",
+    meaning: "the processor's clock does not follow USB: all times are wrong by that much. Try \
+              another port or cable",
+};
+const FREE_CLOCK: Check = Check {
+    name: "free clock",
+    meaning: "the clock is off by that much without USB, as on most boards without a crystal; keep \
+              the cable in, or save the parameters once USB has corrected it",
+};
+const SLOW_CLOCK: Check = Check {
+    name: "slow clock",
+    meaning: "the watchdog's times change by as much; beyond these limits the chip is faulty",
+};
+const SUPPLY: Check = Check {
+    name: "supply",
+    meaning: "the brown-out detector is off or sees too low a voltage: measure 3.3 V at the pin, \
+              take another cable",
+};
+const LINES: Check = Check {
+    name: "bus lines",
+    meaning: "a line of the sensor's bus stays low: look for a short, a missing pull-up or a sensor \
+              without power",
+};
+const SERVO: Check = Check {
+    name: "servo pulse",
+    meaning: "no pulse: put a jumper from D3 to D2; another length: the timer or its clock is wrong. \
+              Connect no servo before this passes",
+};
+const FLASH: Check = Check {
+    name: "flash",
+    meaning: "flash that takes longer than the data sheet allows may be worn or starved of voltage, \
+              and the watchdog counts meanwhile",
+};
+const STACK: Check = Check {
+    name: "stack",
+    meaning: "little is left of the stack: report it with this table",
+};
+
+const FNUM: u32 = 0x4100_5010;
+const LOCKED: u32 = 1 << 4;
+
+/// Chip, serial number, fuses, bootloader.
+///
+/// # Errors
+/// The vehicle no longer answers.
+pub fn identity(session: &mut Session) -> Result<Vec<Row>> {
+    let id = session.peek(0x4100_2018)?;
+    let mut serial = String::new();
+    for address in [0x0080_A00C, 0x0080_A040, 0x0080_A044, 0x0080_A048] {
+        serial += &format!("{:08x}", session.peek(address)?);
+    }
+    let cause = match session.peek(0x4000_0438)? as u8 {
+        0x01 => "power-on",
+        0x02 | 0x04 => "brown-out",
+        0x10 => "reset button",
+        0x20 => "watchdog",
+        0x40 => "software",
+        _ => "unknown",
+    };
+    // Everything but die and revision.
+    let known = id & 0xFFFF_00FF == 0x1001_0005;
+    let revision = char::from(b'A' + (id >> 8 & 0xF) as u8);
+    let name = if known { "SAMD21G18A" } else { "unknown" };
+    let found =
+        format!("{name} ({id:#010x}), revision {revision}, serial {serial}, last reset {cause}");
+    let chip = CHIP.of("SAMD21G18A", found, known);
+
+    let fuses = session.peek(0x0080_4000)?;
+    let (protected, always) = (fuses & 7, fuses >> 25 & 3);
+    let fuses = FUSES.of(
+        "bootloader open (7), watchdog off (0)",
+        format!("bootloader {protected}, watchdog {always}, user row {fuses:#010x}"),
+        (protected, always) == (7, 0),
+    );
+    let bootloader = BOOTLOADER.of(
+        "Arduino",
+        bootloader(session)?,
+        session.peek(0x724)? == ARDUINO,
+    );
+    Ok(vec![chip, fuses, bootloader])
+}
+
+const ARDUINO: u32 = 0x0773_8135;
+const UF2: u32 = 0xF016_69EF;
+
+/// By the word that it looks for in RAM, which its program holds.
+fn bootloader(session: &mut Session) -> Result<&'static str> {
+    if session.peek(0x724)? == ARDUINO {
+        return Ok("Arduino");
+    }
+    for address in (0..0x2000).step_by(4) {
+        match session.peek(address)? {
+            UF2 => return Ok("UF2"),
+            ARDUINO => return Ok("Arduino, another version"),
+            _ => {}
+        }
+    }
+    Ok("none that is known")
+}
+
+/// The clocks, while the vehicle's messages are listened to for some seconds.
+///
+/// # Errors
+/// The vehicle no longer answers.
+pub fn clocks(session: &mut Session) -> Result<Vec<Row>> {
+    const WHILE: Duration = Duration::from_millis(3_500);
+    session.measure(What::Count)?;
+    session.listen(Duration::from_millis(50))?;
+    session.heard = Heard::default();
+    let slow_from = session.peek_at(SLOW_COUNT)?;
+    let (mut points, mut frames) = (Vec::new(), 0_i64);
+    let mut last: Option<(u32, i64)> = None;
+    let until = session.now() + WHILE;
+    while session.now() < until {
+        let told = session.peek_at(FNUM)?;
+        let number = i64::from(told.value >> 3 & 0x7FF);
+        if let Some((time_ms, before)) = last {
+            // 11 bits, which come round every two seconds.
+            let passed = i64::from(told.time_ms - time_ms);
+            frames += passed + (number - before - passed + 1024).rem_euclid(2048) - 1024;
+        }
+        last = Some((told.time_ms, number));
+        points.push((f64::from(told.time_ms), frames as f64));
+        session.listen(Duration::from_millis(15))?;
+    }
+    let slow_to = session.peek_at(SLOW_COUNT)?;
+    let rate = 1000.0 * slope(&points);
+    let locked = session.peek(0x4000_080C)? & LOCKED != 0;
+    let clock = CLOCK.of(
+        "999.5 to 1000.5 frames of USB a second, DFLL ready",
+        format!(
+            "{rate:.2}, DFLL {}",
+            if locked { "ready" } else { "not ready" }
+        ),
+        locked && (rate - 1000.0).abs() <= 0.5,
+    );
+    // The first look has the register brought up to date.
+    session.peek(0x4000_0828)?;
+    let fine = session.peek(0x4000_0828)? & 0x3FF;
+    // 0.023 % a step, an estimate.
+    let percent = (511.0 - f64::from(fine)) * 0.023;
+    let free = FREE_CLOCK.of(
+        "FINE 467 to 555 (within 1 %)",
+        format!("FINE {fine} (about {percent:+.1} %)"),
+        (467..=555).contains(&fine),
+    );
+    let counted = (slow_to.value & 0xFFFF).wrapping_sub(slow_from.value & 0xFFFF) & 0xFFFF;
+    let passed_ms = slow_to.time_ms - slow_from.time_ms;
+    let ratio = f64::from(counted) / 1.024 / f64::from(passed_ms.max(1));
+    let slow = SLOW_CLOCK.within(ratio, 0.87..=1.25, "of 32,768 Hz");
+    Ok(vec![clock, free, slow])
+}
+
+/// Least squares: dy/dx.
+fn slope(points: &[(f64, f64)]) -> f64 {
+    let n = points.len().max(1) as f64;
+    let mean = |of: fn(&(f64, f64)) -> f64| points.iter().map(of).sum::<f64>() / n;
+    let (x0, y0) = (mean(|p| p.0), mean(|p| p.1));
+    let sum = |of: &dyn Fn(&(f64, f64)) -> f64| points.iter().map(of).sum::<f64>();
+    sum(&|p| (p.0 - x0) * (p.1 - y0)) / sum(&|p| (p.0 - x0).powi(2))
+}
+
+/// Brown-out detector and the levels of the sensor's bus.
+///
+/// # Errors
+/// The vehicle no longer answers.
+pub fn levels(session: &mut Session) -> Result<Vec<Row>> {
+    let bod = session.peek(0x4000_0834)?;
+    let low = session.peek(0x4000_080C)? & 1 << 10 != 0;
+    let (enabled, level) = (bod & 2 != 0, bod >> 16 & 0x3F);
+    let supply = SUPPLY.of(
+        "detector on, level 37 or more, voltage above it",
+        format!(
+            "{}, level {level}, voltage {}",
+            if enabled { "on" } else { "off" },
+            if low { "below it" } else { "above it" }
+        ),
+        enabled && level >= 37 && !low,
+    );
+    let mut high = 0;
+    for _ in 0..40 {
+        high |= session.peek(0x4100_44A0)? >> 8 & 3;
+        session.listen(Duration::from_millis(1))?;
+    }
+    let name = |bit: u32| {
+        if high >> bit & 1 == 1 {
+            "high at times"
+        } else {
+            "always low"
+        }
+    };
+    let lines = LINES.of(
+        "both high at times",
+        format!("SDA {}, SCL {}", name(0), name(1)),
+        high == 3,
+    );
+    Ok(vec![supply, lines])
+}
+
+/// The servo's pulse by the jumper.
+///
+/// # Errors
+/// The vehicle no longer answers.
+pub fn servo(session: &mut Session) -> Result<Row> {
+    const EXPECTED: &str = "the neutral pulse +-4 us, frames of SRV_RATE_HZ +-5 us";
+    let neutral = session.parameter("SRV_CENTRE_US")?.unwrap_or(1523.0);
+    let rate = session.parameter("SRV_RATE_HZ")?.unwrap_or(50.0);
+    let mut pulses = Vec::new();
+    for _ in 0..9 {
+        match session.measure(What::Pulse)? {
+            Some(word) => pulses.push(Pulse::of(word)),
+            None => return Ok(SERVO.failed(EXPECTED, "no pulse at D2")),
+        }
+        session.listen(Duration::from_millis(40))?;
+    }
+    let frame_us = 1e6 / f64::from(rate);
+    let mut widths: Vec<u32> = pulses.iter().map(|pulse| pulse.width_us).collect();
+    widths.sort_unstable();
+    let width = f64::from(widths[widths.len() / 2]);
+    let mut frames: Vec<f64> = pulses
+        .windows(2)
+        .map(|pair| {
+            let apart = f64::from(pair[1].rise_us.wrapping_sub(pair[0].rise_us) & 0xF_FFFF);
+            apart / (apart / frame_us).round().max(1.0)
+        })
+        .collect();
+    frames.sort_by(f64::total_cmp);
+    let frame = frames[frames.len() / 2];
+    Ok(SERVO.of(
+        EXPECTED,
+        format!("{width:.0} us every {frame:.0} us"),
+        (width - f64::from(neutral)).abs() <= 4.0 && (frame - frame_us).abs() <= 5.0,
+    ))
+}
+
+/// How long the processor stands still while the parameters are saved: the time that USB's frames
+/// count and the processor's does not.
+///
+/// # Errors
+/// The vehicle no longer answers.
+pub fn flash(session: &mut Session) -> Result<Row> {
+    let before = session.peek_at(FNUM)?;
+    if let Err(failure) = session.order(request::SAVE)? {
+        return Ok(FLASH.failed("saves the parameters", failure));
+    }
+    let after = session.peek_at(FNUM)?;
+    let number = |word: u32| i64::from(word >> 3 & 0x7FF);
+    let passed = i64::from(after.time_ms - before.time_ms);
+    let frames = number(after.value) - number(before.value);
+    let lost = (frames - passed + 1024).rem_euclid(2048) - 1024;
+    Ok(FLASH.within(lost as f64, LOST_MS, "ms of the processor's time lost"))
+}
+
+/// Of a save at the data sheet's longest times, less what SysTick still counts.
+const LOST_MS: std::ops::RangeInclusive<f64> = 0.0..=32.0;
+
+/// How deep the stack has been, by the paint that it has left.
+///
+/// # Errors
+/// The vehicle no longer answers.
+pub fn stack(session: &mut Session) -> Result<Row> {
+    const PAINT: u32 = 0x5AC5_5AC5;
+    const TOP: u32 = 0x2000_7800;
+    let (mut low, mut high) = (0x2000_5000, TOP);
+    if session.peek(low)? != PAINT {
+        return Ok(STACK.failed("paint at 0x20005000", "none: more than 10 KB were used"));
+    }
+    while high - low > 4 {
+        let middle = (low + (high - low) / 2) & !3;
+        if session.peek(middle)? == PAINT {
+            low = middle;
+        } else {
+            high = middle;
+        }
+    }
+    // What was skipped by a function's large frame may still lie below.
+    let mut clean = 0;
+    while clean < 64 && low > 0x2000_5000 {
+        low -= 4;
+        clean = if session.peek(low)? == PAINT {
+            clean + 1
+        } else {
+            high = low;
+            0
+        };
+    }
+    let used = f64::from(TOP - high) / 1024.0;
+    Ok(STACK.within(used, 0.0..=9.0, "KB used"))
+}

@@ -1,0 +1,102 @@
+//! The rows about the link, and about the two ways in which a program can fail.
+
+use anyhow::Result;
+use client::{StateKind, request};
+use std::time::Duration;
+use tvc_nano::bringup::What;
+
+use super::row::{Check, Row};
+use super::session::Session;
+
+const USB: Check = Check {
+    name: "usb",
+    meaning: "frames are lost on their way: take another cable, port or hub",
+};
+const CRASH: Check = Check {
+    name: "crash record",
+    meaning: "a crash leaves no trace: report it with this table",
+};
+const WATCHDOG: Check = Check {
+    name: "watchdog",
+    meaning: "a program that hangs is not ended: do not fly. Press the reset button to go on",
+};
+
+/// Words in a row as a loop-back, with what was lost since the start.
+///
+/// # Errors
+/// The vehicle no longer answers.
+pub fn usb(session: &mut Session) -> Result<Row> {
+    const WORDS: u32 = 300;
+    /// An answer that takes longer was repeated.
+    const REPEATED: Duration = Duration::from_millis(900);
+    let (mut longest, mut repeated) = (Duration::ZERO, 0);
+    for index in 0..WORDS {
+        let begun = session.now();
+        session.peek(0x2000_0000 + 4 * index)?;
+        let took = session.now() - begun;
+        longest = longest.max(took);
+        repeated += u32::from(took >= REPEATED);
+    }
+    let counts = session.counts();
+    Ok(USB.of(
+        "nothing lost",
+        format!(
+            "{} of {} frames lost, {} damaged, {repeated} of {WORDS} answers late, longest {} ms",
+            counts.lost,
+            counts.messages,
+            counts.crc_errors,
+            longest.as_millis()
+        ),
+        counts.lost == 0 && counts.crc_errors == 0 && repeated == 0,
+    ))
+}
+
+/// Panics on purpose: the next start tells where.
+///
+/// # Errors
+/// The rig stopped.
+pub fn crash(session: &mut Session) -> Result<Row> {
+    const EXPECTED: &str = "\"panic\" with addresses after the reset";
+    let back = session.fall(What::Panic)?;
+    let row = conclude(session, CRASH, EXPECTED, "panic", back);
+    acknowledge(session)?;
+    Ok(row)
+}
+
+/// Hangs on purpose: the watchdog ends it.
+///
+/// # Errors
+/// The rig stopped.
+pub fn watchdog(session: &mut Session) -> Result<Row> {
+    const EXPECTED: &str = "on; \"watchdog reset\" after a program that hangs";
+    let control = session.peek(0x4000_1000)?;
+    if control & 2 == 0 {
+        return Ok(WATCHDOG.failed(EXPECTED, "it is off"));
+    }
+    let back = session.fall(What::Hang)?;
+    let row = conclude(session, WATCHDOG, EXPECTED, "watchdog", back);
+    acknowledge(session)?;
+    Ok(row)
+}
+
+fn conclude(session: &mut Session, check: Check, expected: &str, word: &str, back: bool) -> Row {
+    let said = session.reason();
+    if !back {
+        check.failed(expected, "the vehicle did not come back by itself")
+    } else if said.contains(word) {
+        check.of(expected, said, true)
+    } else {
+        check.failed(expected, format!("it said \"{said}\""))
+    }
+}
+
+/// A latched fault is acknowledged by disarming, so that the vehicle is as it was.
+fn acknowledge(session: &mut Session) -> Result<()> {
+    if session.state() == Some(StateKind::Latched) {
+        let _ = session.order(request::DISARM)?;
+        session.wait(Duration::from_secs(2), |session| {
+            session.state() != Some(StateKind::Latched)
+        })?;
+    }
+    Ok(())
+}

@@ -1,0 +1,171 @@
+//! `tvc bringup`: the first hour with a board as one command, the same against the rig and a board
+//! (docs/bringup.md).
+
+mod board;
+mod faults;
+mod row;
+mod sensor;
+mod session;
+mod target;
+
+use std::path::PathBuf;
+use std::time::Duration;
+
+use anyhow::{Result, bail};
+use clap::Args;
+use client::StateKind;
+use client::state::is_in_operation;
+use indicatif::ProgressBar;
+use maud::html;
+use rig::{Rig, RigConfig};
+
+use crate::flight::hardware::HardwareChoice;
+use crate::image::ImageOption;
+use crate::out::exit::Verdict;
+use crate::out::file::{print_json, write_whole};
+use crate::out::page::{page, verdict};
+use crate::out::table::Table;
+use crate::vehicle::calibrate::keyboard::is_attended;
+use crate::vehicle::port::PortOptions;
+use row::{Outcome, Row};
+use session::Session;
+use target::{Board, OnRig, Target};
+
+/// Options of `tvc bringup`.
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  cargo tvc bringup                        examine the Nano that is connected (docs/bringup.md)
+  cargo tvc bringup --report board.html    with a page to keep
+  cargo tvc bringup --rig                  the same on the virtual rig
+  cargo tvc bringup --rig --hardware jumper=no,field=dead   what differences look like
+
+Put a jumper from D3 to D2 and connect no servo. The parameters are saved once; the board is made to panic and to hang, and recovers.
+Exit status: 0 nothing differs or fails, 1 something does or went wrong, 2 unusable input.")]
+pub struct Bringup {
+    /// Where the board is.
+    #[command(flatten)]
+    pub port: PortOptions,
+
+    /// Examine the virtual rig instead of a board.
+    #[arg(long, conflicts_with = "port")]
+    pub rig: bool,
+
+    /// Skip what needs hands: turning the sensor.
+    #[arg(long)]
+    pub no_hands: bool,
+
+    /// Print one JSON object on standard output and nothing else there.
+    #[arg(long)]
+    pub json: bool,
+
+    /// Write an HTML report.
+    #[arg(long, value_name = "FILE.html")]
+    pub report: Option<PathBuf>,
+
+    /// Which image the rig runs.
+    #[command(flatten)]
+    pub image: ImageOption,
+
+    /// What the emulated parts are like.
+    #[command(flatten)]
+    pub hardware: HardwareChoice,
+}
+
+/// Examines the board, prints the table and writes the report.
+///
+/// # Errors
+/// No board; one that is armed; one that no longer answers.
+pub fn run(options: &Bringup) -> Result<Verdict> {
+    let mut target: Box<dyn Target> = if options.rig {
+        let config = RigConfig {
+            hardware: options.hardware.hardware()?,
+            stored: Some(RigConfig::polarity_set()),
+            ..RigConfig::default()
+        };
+        Box::new(OnRig::new(Rig::new(&options.image.image()?, &config)?))
+    } else {
+        Box::new(Board::open(options.port.port.as_deref())?)
+    };
+    let hands = !options.no_hands && !options.rig && is_attended();
+    let rows = examine(target.as_mut(), hands)?;
+    let table = Table::new(
+        ["check", "expected", "found", "result"],
+        rows.iter().map(|row| {
+            let result = row.result.name().to_owned();
+            vec![
+                row.check.to_owned(),
+                row.expected.clone(),
+                row.found.clone(),
+                result,
+            ]
+        }),
+    );
+    let met = rows
+        .iter()
+        .all(|row| matches!(row.result, Outcome::Pass | Outcome::Skipped));
+    let advice: Vec<String> = rows
+        .iter()
+        .filter(|row| matches!(row.result, Outcome::Differ | Outcome::Fail))
+        .map(|row| format!("{}: {}", row.check, row.meaning))
+        .collect();
+    if let Some(path) = &options.report {
+        let body = html! {
+            (verdict(met, if met { "Nothing differs." } else { "Something differs." }))
+            (table.markup())
+            @for line in &advice { p { (line) } }
+        };
+        write_whole(path, page("The first hour with a board", body).as_bytes())?;
+        eprintln!("report: {}", path.display());
+    }
+    if options.json {
+        print_json(&serde_json::json!({ "rows": rows, "met": met }))?;
+    } else {
+        print!("{}", table.text());
+    }
+    for line in &advice {
+        eprintln!("{line}");
+    }
+    Ok(Verdict::of(met))
+}
+
+/// All rows, in the order of the first hour.
+fn examine(target: &mut dyn Target, hands: bool) -> Result<Vec<Row>> {
+    /// How long the sensor may take from power-on until it is sampled.
+    const START: Duration = Duration::from_secs(8);
+    let progress = ProgressBar::new_spinner();
+    let at = |what: &str| {
+        progress.set_message(what.to_owned());
+        progress.tick();
+    };
+    at("waiting for the vehicle");
+    let mut session = Session::begin(target)?;
+    if session.state().is_some_and(is_in_operation) {
+        bail!("the vehicle is armed or in failsafe: disarm it first (tvc disarm)");
+    }
+    if session.state() == Some(StateKind::Latched) {
+        let reason = session.reason();
+        bail!("{reason}: acknowledge it first (tvc disarm)");
+    }
+    session.wait(START, |session| session.state() == Some(StateKind::Standby))?;
+    at("who it is");
+    let mut rows = board::identity(&mut session)?;
+    at("clocks and sensor");
+    rows.extend(board::clocks(&mut session)?);
+    rows.extend(sensor::rows(&mut session)?);
+    rows.extend(board::levels(&mut session)?);
+    at("servo, flash, stack");
+    rows.push(board::servo(&mut session)?);
+    rows.push(board::flash(&mut session)?);
+    rows.push(board::stack(&mut session)?);
+    at("USB");
+    rows.push(faults::usb(&mut session)?);
+    progress
+        .suspend(|| sensor::scale(&mut session, hands))
+        .map(|row| rows.push(row))?;
+    at("a panic and a hang on purpose");
+    rows.push(faults::crash(&mut session)?);
+    rows.push(faults::watchdog(&mut session)?);
+    progress.finish_and_clear();
+    Ok(rows)
+}

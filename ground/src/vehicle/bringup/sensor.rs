@@ -1,0 +1,281 @@
+//! The rows about the sensor and its bus, by what the vehicle streams.
+
+use std::time::Duration;
+
+use anyhow::Result;
+use mavlink::dialects::common::RAW_IMU_DATA;
+use tvc_nano::bringup::What;
+
+use super::row::{Check, Row};
+use super::session::{Heard, Session};
+use crate::vehicle::calibrate::keyboard::{Keyboard, Typed};
+
+const SENSOR: Check = Check {
+    name: "sensor",
+    meaning: "nothing usable from the sensor: the state's reason says what; look at power, SDA, SCL \
+              and, on a clone, at S0 and S1, which must choose I2C",
+};
+const ADDRESS: Check = Check {
+    name: "address",
+    meaning: "the firmware takes either address; on clones an open address pin gives 0x29",
+};
+const STOP: Check = Check {
+    name: "stop",
+    meaning: "the sensor holds the clock before a STOP for another time than expected; up to 500 us \
+              the firmware copes. Note it for the rig: --hardware stop-read=US",
+};
+const STRETCH: Check = Check {
+    name: "stretch",
+    meaning: "the sensor holds the clock in each byte for another time than expected. Note it for \
+              the rig: --hardware stretch=US",
+};
+const BURST: Check = Check {
+    name: "burst",
+    meaning: "a reading takes too long for its step: shorten the cable, check the pull-ups and \
+              I2C_KHZ",
+};
+const TICKS: Check = Check {
+    name: "ticks",
+    meaning: "the processor's time and the servo's timer disagree, perhaps in sleep: report it",
+};
+const REFRESH: Check = Check {
+    name: "refresh",
+    meaning: "the sensor gives new data at another rate: the delay in control changes. Note it for \
+              the rig: --hardware refresh=ACC/GYR/MAG",
+};
+const FIELD: Check = Check {
+    name: "field",
+    meaning: "the magnetometer gives nothing: heading drifts, pitch does not need it; for heading \
+              take another sensor",
+};
+const NOISE: Check = Check {
+    name: "noise",
+    meaning: "hold the sensor still; if it is, its supply or the sensor is bad",
+};
+const ERRORS: Check = Check {
+    name: "bus errors",
+    meaning: "transfers fail: shorten the cable, add an extender, lower I2C_KHZ",
+};
+const LOAD: Check = Check {
+    name: "load",
+    meaning: "the processor is busier than on the rig: report it with this table",
+};
+const SCALE: Check = Check {
+    name: "gyro scale",
+    meaning: "the gyroscope does not turn as far as gravity does: its range is not what was set",
+};
+
+/// The names of all rows that need samples.
+const OF_SAMPLES: [Check; 5] = [TICKS, REFRESH, FIELD, NOISE, BURST];
+
+/// The sensor's rows, by what was heard in the last seconds.
+///
+/// # Errors
+/// The vehicle no longer answers.
+pub fn rows(session: &mut Session) -> Result<Vec<Row>> {
+    let heard = std::mem::take(&mut session.heard);
+    let mut rows = Vec::new();
+    let rate = session.parameter("SRV_RATE_HZ")?.unwrap_or(50.0);
+    let stretch = session.parameter("I2C_STRETCH_US")?;
+    let Heard {
+        samples,
+        status,
+        bursts,
+        ..
+    } = &heard;
+    let state = session.target().client().state_name();
+    if samples.len() < 100 {
+        let reason = session.reason();
+        rows.push(SENSOR.failed("150 samples a second", format!("{state}: {reason}")));
+        rows.extend(OF_SAMPLES.map(|check| check.skipped("needs the sensor")));
+    } else {
+        rows.push(SENSOR.of(
+            "samples",
+            format!("{} samples, {state}", samples.len()),
+            true,
+        ));
+        let summary = session.measure(What::Bus)?.unwrap_or_default();
+        let (address, stop) = (summary >> 24, summary & 0xFF_FFFF);
+        rows.push(ADDRESS.of("0x28", format!("{address:#04x}"), address == 0x28));
+        rows.push(STOP.within(stop.into(), 120.0..=240.0, "us"));
+        if let Some(us) = stretch {
+            rows.push(STRETCH.within(us.into(), 150.0..=210.0, "us"));
+        }
+        rows.push(burst(bursts));
+        rows.push(ticks(samples, rate.into()));
+        rows.push(refresh(samples));
+        rows.push(field(samples));
+        rows.push(noise(samples));
+    }
+    if let (Some(first), Some(last)) = (status.first(), status.last()) {
+        let errors = last.errors_count3.wrapping_sub(first.errors_count3);
+        let repairs = last.errors_count4.wrapping_sub(first.errors_count4);
+        rows.push(ERRORS.of(
+            "0 errors, 0 repairs",
+            format!("{errors} errors, {repairs} repairs"),
+            errors == 0 && repairs == 0,
+        ));
+        rows.push(LOAD.within(f64::from(last.load) * 0.1, 10.0..=60.0, "%"));
+    }
+    Ok(rows)
+}
+
+fn burst(bursts: &[[f32; 3]]) -> Row {
+    const EXPECTED: &str = "5300 us at most";
+    let Some([mean, longest, _]) = bursts.last() else {
+        return BURST.skipped("the vehicle has told none");
+    };
+    let found = format!("mean {mean:.0} us, longest {longest:.0} us");
+    BURST.of(EXPECTED, found, *longest <= 5300.0)
+}
+
+/// Pairs of samples of successive ticks.
+fn pairs(samples: &[RAW_IMU_DATA]) -> impl Iterator<Item = (&RAW_IMU_DATA, &RAW_IMU_DATA)> {
+    let pairs = samples.iter().zip(samples.iter().skip(1));
+    pairs.filter(|(a, b)| (2_000..9_000).contains(&b.time_usec.wrapping_sub(a.time_usec)))
+}
+
+fn ticks(samples: &[RAW_IMU_DATA], rate_hz: f64) -> Row {
+    let apart = |(a, b): (&RAW_IMU_DATA, &RAW_IMU_DATA)| (b.time_usec - a.time_usec) as f64;
+    let (sum, count) = pairs(samples).fold((0.0, 0.0), |(sum, count), pair| {
+        (sum + apart(pair), count + 1.0)
+    });
+    // Up to three ticks a frame, or one in several frames: a whole number of either.
+    let (mean, frame) = (sum / f64::max(count, 1.0), 1e6 / rate_hz);
+    let ideal = if mean < frame {
+        frame / (frame / mean).round()
+    } else {
+        frame * (mean / frame).round()
+    };
+    TICKS.of(
+        format!("{ideal:.2} us +-0.05 %"),
+        format!("{mean:.2} us"),
+        (mean / ideal - 1.0).abs() <= 5e-4,
+    )
+}
+
+/// Changes a second of what `of` picks.
+fn changes<T: PartialEq>(samples: &[RAW_IMU_DATA], of: impl Fn(&RAW_IMU_DATA) -> T) -> f64 {
+    let (mut changed, mut time_us) = (0.0, 0.0);
+    for (a, b) in pairs(samples) {
+        changed += f64::from(u8::from(of(a) != of(b)));
+        time_us += (b.time_usec - a.time_usec) as f64;
+    }
+    changed * 1e6 / f64::max(time_us, 1.0)
+}
+
+fn refresh(samples: &[RAW_IMU_DATA]) -> Row {
+    let acc = changes(samples, |m| [m.xacc, m.yacc, m.zacc]);
+    let gyr = changes(samples, |m| [m.xgyro, m.ygyro, m.zgyro]);
+    let mag = changes(samples, magnetic);
+    let is_right = |hz: f64| (88.0..=105.0).contains(&hz);
+    // A magnetometer that gives nothing has a row of its own.
+    REFRESH.of(
+        "88 to 105 Hz each (equal readings count as one)",
+        format!("acc {acc:.0}, gyr {gyr:.0}, mag {mag:.0} Hz"),
+        is_right(acc) && is_right(gyr) && (is_right(mag) || is_dead(samples)),
+    )
+}
+
+fn magnetic(sample: &RAW_IMU_DATA) -> [i16; 3] {
+    [sample.xmag, sample.ymag, sample.zmag]
+}
+
+fn is_dead(samples: &[RAW_IMU_DATA]) -> bool {
+    samples.iter().all(|sample| magnetic(sample) == [0; 3])
+}
+
+fn field(samples: &[RAW_IMU_DATA]) -> Row {
+    const EXPECTED: &str = "15 to 120 uT";
+    if is_dead(samples) {
+        return FIELD.failed(EXPECTED, "all readings are zero");
+    }
+    let norm = |m: &RAW_IMU_DATA| {
+        let square = magnetic(m).map(|axis| f64::from(axis).powi(2));
+        square.iter().sum::<f64>().sqrt() / 16.0
+    };
+    let mean = samples.iter().map(norm).sum::<f64>() / samples.len() as f64;
+    let found = format!("{mean:.0} uT");
+    FIELD.of(EXPECTED, found, (15.0..=120.0).contains(&mean))
+}
+
+fn noise(samples: &[RAW_IMU_DATA]) -> Row {
+    let acc = spread(samples, |m| [m.xacc, m.yacc, m.zacc]) / 100.0;
+    let gyr = spread(samples, |m| [m.xgyro, m.ygyro, m.zgyro]) / 16.0;
+    NOISE.of(
+        "acc 0.2 m/s2, gyr 0.6 deg/s at most (standard deviation)",
+        format!("acc {acc:.3} m/s2, gyr {gyr:.3} deg/s"),
+        acc <= 0.2 && gyr <= 0.6,
+    )
+}
+
+/// The largest standard deviation of three axes.
+fn spread(samples: &[RAW_IMU_DATA], of: impl Fn(&RAW_IMU_DATA) -> [i16; 3]) -> f64 {
+    let n = samples.len().max(1) as f64;
+    let axis = |axis: usize| {
+        let values = || samples.iter().map(|m| f64::from(of(m)[axis]));
+        let mean = values().sum::<f64>() / n;
+        (values().map(|value| (value - mean).powi(2)).sum::<f64>() / n).sqrt()
+    };
+    [0, 1, 2].map(axis).into_iter().fold(0.0, f64::max)
+}
+
+/// A turn by hand: the gyroscope's integral against the turn of gravity.
+///
+/// # Errors
+/// The rig stopped.
+pub fn scale(session: &mut Session, hands: bool) -> Result<Row> {
+    const REST: Duration = Duration::from_millis(700);
+    const PATIENCE: Duration = Duration::from_secs(60);
+    if !hands {
+        return Ok(SCALE.skipped("needs hands: run without --no-hands, at a board"));
+    }
+    eprintln!("lay the sensor flat and hold it still; then press Enter");
+    let keyboard = Keyboard::listen();
+    let pressed = |_: &mut Session| keyboard.poll() != Typed::Nothing;
+    session.wait(PATIENCE, pressed)?;
+    session.heard = Heard::default();
+    session.listen(REST)?;
+    let at_rest = session.heard.samples.len();
+    eprintln!("turn it by 90 deg onto its edge, hold it still; then press Enter");
+    session.wait(PATIENCE, pressed)?;
+    let before_end = session.heard.samples.len();
+    session.listen(REST)?;
+    let samples = &session.heard.samples;
+    if at_rest < 50 || samples.len() < before_end + 50 {
+        return Ok(SCALE.skipped("needs the sensor"));
+    }
+    let acc = |m: &RAW_IMU_DATA| [m.xacc, m.yacc, m.zacc].map(f64::from);
+    let gyr = |m: &RAW_IMU_DATA| [m.xgyro, m.ygyro, m.zgyro].map(|axis| f64::from(axis) / 16.0);
+    let (from, to) = (
+        mean(&samples[..at_rest], acc),
+        mean(&samples[before_end..], acc),
+    );
+    let bias = mean(&samples[..at_rest], gyr);
+    let mut turned = [0.0; 3];
+    for (a, b) in samples.iter().zip(samples.iter().skip(1)) {
+        let dt = b.time_usec.wrapping_sub(a.time_usec) as f64 * 1e-6;
+        for axis in 0..3 {
+            turned[axis] += (gyr(b)[axis] - bias[axis]) * dt;
+        }
+    }
+    let tilted = (dot(from, to) / (dot(from, from) * dot(to, to)).sqrt())
+        .clamp(-1.0, 1.0)
+        .acos()
+        .to_degrees();
+    let turned = dot(turned, turned).sqrt();
+    Ok(SCALE.of(
+        "as far as gravity, +-3 deg, 60 deg or more",
+        format!("gyro {turned:.1} deg, gravity {tilted:.1} deg"),
+        tilted > 60.0 && (turned - tilted).abs() <= 3.0,
+    ))
+}
+
+fn mean(samples: &[RAW_IMU_DATA], of: impl Fn(&RAW_IMU_DATA) -> [f64; 3]) -> [f64; 3] {
+    let n = samples.len().max(1) as f64;
+    [0, 1, 2].map(|axis| samples.iter().map(|m| of(m)[axis]).sum::<f64>() / n)
+}
+
+fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
+}
