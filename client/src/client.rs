@@ -9,7 +9,8 @@
 //! vehicle takes commands in order, so acknowledgements of one command belong to its copies in the
 //! order in which these were sent, each to one copy. An acknowledgement of a copy whose request has
 //! been answered says nothing new. Where an acknowledgement was lost, a later one is taken for it,
-//! never the other way round; the request that still waits is then repeated.
+//! never the other way round; the request that still waits is then repeated. An order to the board
+//! itself is answered by a value with its number; of its acknowledgements only a refusal counts.
 
 use core::mem;
 use core::time::Duration;
@@ -359,11 +360,13 @@ impl Client {
         } = self.pending[index].clone();
         match &request {
             Request::Order(order) => {
-                self.copies.push(Copy {
-                    command: order.command,
-                    ticket,
-                    sent: now,
-                });
+                if order.command != request::BRINGUP {
+                    self.copies.push(Copy {
+                        command: order.command,
+                        ticket,
+                        sent: now,
+                    });
+                }
                 self.send(&order.message());
             }
             Request::Set(row) => self.send(&request::set_parameter(&row.name, row.value)),
@@ -436,6 +439,10 @@ impl Client {
                     let (time_ms, value) = (told.time_boot_ms, told.value as u32);
                     let told = BoardValue { time_ms, value };
                     self.board_values.insert(number, told);
+                    self.answer_all(|pending| match &pending.request {
+                        Request::Order(order) => order.asks_board(number).then_some(Ok(())),
+                        _ => None,
+                    });
                 }
             }
             MavMessage::LOG_ENTRY(entry) => {
@@ -447,23 +454,36 @@ impl Client {
         }
     }
 
-    /// A refusal's reason stands directly before it.
+    /// A refusal's reason stands directly before it. An order to the board is answered by its value
+    /// or by a refusal.
     fn take_ack(&mut self, ack: &COMMAND_ACK_DATA, refusal: Option<RefusalKind>, reason: String) {
+        let answer = |order: &Order| match ack.result {
+            MavResult::MAV_RESULT_ACCEPTED => Ok(()),
+            result => Err(Failure::Refused {
+                order: order.name.to_owned(),
+                result,
+                refusal,
+                reason: reason.clone(),
+            }),
+        };
+        if ack.command == request::BRINGUP {
+            if ack.result != MavResult::MAV_RESULT_ACCEPTED {
+                self.answer_first(|request| match request {
+                    Request::Order(order) => {
+                        (order.command == request::BRINGUP).then(|| answer(order))
+                    }
+                    _ => None,
+                });
+            }
+            return;
+        }
         let mut copies = self.copies.iter();
         let Some(index) = copies.position(|copy| copy.command == ack.command) else {
             return;
         };
         let ticket = self.copies.remove(index).ticket;
         self.answer_all(|pending| match &pending.request {
-            Request::Order(order) if pending.ticket == ticket => Some(match ack.result {
-                MavResult::MAV_RESULT_ACCEPTED => Ok(()),
-                result => Err(Failure::Refused {
-                    order: order.name.to_owned(),
-                    result,
-                    refusal,
-                    reason: reason.clone(),
-                }),
-            }),
+            Request::Order(order) if pending.ticket == ticket => Some(answer(order)),
             _ => None,
         });
     }

@@ -83,17 +83,25 @@ const fn storage(name: &'static str, action: f32) -> Order {
     }
 }
 
+/// The command of all orders to the board itself.
+pub const BRINGUP: MavCmd = MavCmd::MAV_CMD_USER_1;
+
 /// An order to the board itself, as `tvc bringup` gives it, with a number by which its answer is
 /// known: [`Client::board_value`](crate::Client::board_value).
 pub fn bringup(what: What, number: u32) -> Order {
     Order {
         name: "examine the board",
-        command: MavCmd::MAV_CMD_USER_1,
+        command: BRINGUP,
         params: [f32::from(what as u8), f32::from_bits(number)],
     }
 }
 
 impl Order {
+    /// Whether this is the order to the board itself with this number.
+    pub(crate) fn asks_board(&self, number: u32) -> bool {
+        self.command == BRINGUP && self.params[1].to_bits() == number
+    }
+
     /// As COMMAND_LONG.
     pub fn message(&self) -> MavMessage {
         let [param1, param2] = self.params;

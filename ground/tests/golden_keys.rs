@@ -33,6 +33,7 @@ const ALONE: &[(&str, &str)] = &[
     ("fly-replay", "fly --replay walk.imuq"),
     ("faults", "faults --runs 1 --kind spikes"),
     ("hardware", "hardware --quick --only wake"),
+    ("bringup", "bringup --rig --no-hands"),
     ("model-simulate", "model simulate pendulum.toml"),
     ("model-linear", "model linear"),
     ("model-validate", "model validate"),

@@ -578,3 +578,20 @@ fn a_reset_is_for_the_board_and_refused_while_armed() {
     assert_eq!(texts(&answer), ["reboot refused: in armed"]);
     assert_eq!(link.telemetry.take_reset(), None);
 }
+
+#[test]
+fn an_order_to_the_board_is_refused_while_the_rudder_may_be_needed() {
+    let peek = order(MavCmd::MAV_CMD_USER_1, 1.0, f32::from_bits(0x2000_0010));
+    let mut link = Link::new(Desk::in_standby(0.1));
+    assert_eq!(acks(&link.tell(&peek)), [], "answered when it is done");
+    let wanted = crate::bringup::Order {
+        what: 1,
+        number: 0x2000_0010,
+    };
+    assert_eq!(link.telemetry.take_bringup(), Some(wanted));
+    assert_eq!(link.telemetry.take_bringup(), None);
+    link.tell(&order(MavCmd::MAV_CMD_COMPONENT_ARM_DISARM, 1.0, 0.0));
+    let refused = MavResult::MAV_RESULT_TEMPORARILY_REJECTED;
+    assert_eq!(acks(&link.tell(&peek)), [(MavCmd::MAV_CMD_USER_1, refused)]);
+    assert_eq!(link.telemetry.take_bringup(), None);
+}

@@ -377,3 +377,42 @@ fn heartbeats_are_sent_every_second_and_the_vehicles_are_heard() {
     assert_eq!(bench.client.heard(), Some(bench.now));
     assert_eq!(bench.client.state(), Some(StateKind::Armed));
 }
+
+/// Acknowledgements that get lost must not shift the ones behind them: a value has its number.
+#[test]
+fn an_order_to_the_board_is_answered_by_its_value() {
+    let value = |number: u32, value| {
+        MavMessage::NAMED_VALUE_INT(mavlink::dialects::common::NAMED_VALUE_INT_DATA {
+            time_boot_ms: 7,
+            value,
+            name: format!("{number:08x}").as_str().into(),
+        })
+    };
+    let peek = |number| request::bringup(tvc_nano::bringup::What::Peek, number);
+    let ack = |result| {
+        MavMessage::COMMAND_ACK(COMMAND_ACK_DATA {
+            command: request::BRINGUP,
+            result,
+            ..COMMAND_ACK_DATA::DEFAULT
+        })
+    };
+    let mut bench = Bench::new();
+    let first = bench.order(peek(0x2000_0000));
+    let second = bench.order(peek(0x2000_0004));
+    bench.say(ack(MavResult::MAV_RESULT_ACCEPTED));
+    assert_eq!(bench.client.answer(first), None);
+    bench.say(value(0x2000_0004, -2));
+    assert_eq!(bench.client.answer(first), None);
+    assert_eq!(bench.client.answer(second), Some(Ok(())));
+    let told = BoardValue {
+        time_ms: 7,
+        value: 0xFFFF_FFFE,
+    };
+    assert_eq!(bench.client.board_value(0x2000_0004), Some(told));
+    assert_eq!(bench.client.board_value(0x2000_0004), None);
+    bench.say(ack(MavResult::MAV_RESULT_DENIED));
+    assert!(matches!(
+        bench.client.answer(first),
+        Some(Err(Failure::Refused { .. }))
+    ));
+}

@@ -5,7 +5,7 @@ use std::time::Duration;
 use anyhow::{Result, bail};
 use client::request::{self, Order};
 use client::{BoardValue, Failure, LinkCounts, Request, StateKind, text};
-use mavlink::dialects::common::{MavMessage, RAW_IMU_DATA, SYS_STATUS_DATA};
+use mavlink::dialects::common::{MavMessage, MavResult, RAW_IMU_DATA, SYS_STATUS_DATA};
 use tvc_nano::bringup::What;
 
 use super::target::Target;
@@ -187,22 +187,13 @@ impl<'a> Session<'a> {
     }
 
     fn examine(&mut self, what: What, number: u32) -> Result<Option<BoardValue>> {
-        // An answer without its value, which was lost, is no answer.
-        for _ in 0..5 {
-            match self.order(request::bringup(what, number))? {
-                Ok(()) => {}
-                Err(Failure::Refused { result, .. })
-                    if result == mavlink::dialects::common::MavResult::MAV_RESULT_DENIED =>
-                {
-                    return Ok(None);
-                }
-                Err(failure) => return Err(failure.into()),
+        match self.order(request::bringup(what, number))? {
+            Ok(()) => Ok(self.target.client().board_value(number)),
+            Err(Failure::Refused { result, .. }) if result == MavResult::MAV_RESULT_DENIED => {
+                Ok(None)
             }
-            if let Some(value) = self.target.client().board_value(number) {
-                return Ok(Some(value));
-            }
+            Err(failure) => Err(failure.into()),
         }
-        bail!("the values of {number:#010x} are lost on their way, five times in a row")
     }
 
     /// Gives an order that ends in a reset, and waits for the vehicle's return. Whether it came

@@ -1,0 +1,88 @@
+//! `tvc bringup` on the rig: nothing differs on a board as it should be, and of ten planted
+//! differences each shows in its own row and in no other.
+
+mod running;
+
+use std::path::PathBuf;
+
+use running::{assert_refused, said, tvc};
+use serde_json::Value;
+
+/// The image, built once for all runs.
+fn image(folder: &std::path::Path) -> PathBuf {
+    let path = folder.join("image.elf");
+    let output = tvc(&["flash", "--elf", path.to_str().unwrap()]);
+    assert!(output.status.success(), "{}", said(&output));
+    path
+}
+
+/// Name, result and what was found of each row, on parts that differ by `hardware`.
+fn rows(image: &str, hardware: &str) -> (Option<i32>, Vec<[String; 3]>) {
+    let mut arguments = vec!["bringup", "--rig", "--no-hands", "--json", "--image", image];
+    if !hardware.is_empty() {
+        arguments.extend(["--hardware", hardware]);
+    }
+    let output = tvc(&arguments);
+    let told: Value = serde_json::from_slice(&output.stdout)
+        .unwrap_or_else(|error| panic!("{hardware}: {error}: {}", said(&output)));
+    let rows =
+        told["rows"].as_array().unwrap().iter().map(|row| {
+            ["check", "result", "found"].map(|key| row[key].as_str().unwrap().to_owned())
+        });
+    (output.status.code(), rows.collect())
+}
+
+/// The rows that neither pass nor are skipped.
+fn strange(rows: &[[String; 3]]) -> Vec<(&str, &str)> {
+    let strange = rows
+        .iter()
+        .filter(|[_, result, _]| result != "pass" && result != "skipped");
+    strange
+        .map(|[check, result, _]| (check.as_str(), result.as_str()))
+        .collect()
+}
+
+#[test]
+fn each_planted_difference_shows_in_its_own_row_alone() {
+    let folder = tempfile::tempdir().unwrap();
+    let image = image(folder.path());
+    let image = image.to_str().unwrap();
+
+    let (status, all) = rows(image, "");
+    assert_eq!(strange(&all), [], "{all:#?}");
+    assert_eq!(status, Some(0));
+    let skipped = all.iter().filter(|[_, result, _]| result == "skipped");
+    assert_eq!(
+        skipped.map(|row| row[0].as_str()).collect::<Vec<_>>(),
+        ["gyro scale"]
+    );
+
+    for (hardware, check, result) in [
+        ("clock=-3.1", "free clock", "differ"),
+        ("stretch=120", "stretch", "differ"),
+        ("stop-read=300", "stop", "differ"),
+        ("refresh=50/50/20", "refresh", "differ"),
+        ("address=0x29", "address", "differ"),
+        ("field=dead", "field", "fail"),
+        ("flash-time=2", "flash", "differ"),
+        ("jumper=no", "servo pulse", "fail"),
+        ("watchdog=dead", "watchdog", "fail"),
+        ("usb-loss=0.01", "usb", "differ"),
+        ("bootloader=uf2", "bootloader", "differ"),
+        ("user-row=bootprot", "fuses", "differ"),
+    ] {
+        let (status, all) = rows(image, hardware);
+        assert_eq!(strange(&all), [(check, result)], "{hardware}: {all:#?}");
+        assert_eq!(status, Some(1), "{hardware}");
+    }
+}
+
+#[test]
+fn what_makes_no_sense_is_refused() {
+    assert_refused(&["bringup", "--port", "/dev/no-such-port"], "no port");
+    assert_refused(
+        &["bringup", "--rig", "--hardware", "jumper=maybe"],
+        "jumper=yes|no",
+    );
+    assert_refused(&["bringup", "--rig", "--port", "x"], "cannot be used with");
+}
