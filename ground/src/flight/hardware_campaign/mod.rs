@@ -112,7 +112,11 @@ fn chosen(only: &[String]) -> Result<Vec<(&'static str, Ending)>, BadInput> {
             "there is no key `{unknown}`; the keys are {names}"
         )));
     }
-    Ok(settings::with(only))
+    let settings = settings::with(only);
+    if settings.is_empty() {
+        return Err(BadInput::new("no setting of the campaign has these keys"));
+    }
+    Ok(settings)
 }
 
 /// The flights of every setting, one after the other for each servo.
