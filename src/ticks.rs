@@ -29,9 +29,12 @@ const SHORTEST_US: u32 = 6_500;
 /// Longest time between two ticks with which the drone is flown, us.
 const LONGEST_US: u32 = 10_000;
 
-/// Between two ticks beside the burst and a short transfer, us: their STOPs, which the sensor holds
-/// up as it does its bytes, and the main loop's part.
-const TICK_RESERVE_US: u32 = 400;
+/// Between two ticks beside the burst and a short transfer, us, at least: their STOPs, which the
+/// sensor holds up as it does its bytes.
+const STOPS_US: u32 = 400;
+
+/// Between the two beside that, us: half a step, in the middle of which the short transfer begins.
+const HALF_STEP_US: u32 = 470;
 
 /// Clock stretching of a byte that is allowed for beyond the mean, us, when a short transfer is put
 /// between two bursts. Should the sensor take longer for once, the next tick goes without its
@@ -89,14 +92,18 @@ impl Timing {
         self.needed_us() > LONGEST_US
     }
 
-    /// Shortest time between two ticks, us.
+    /// Shortest time between two ticks, us. Where that makes the difference to [`LONGEST_US`], not
+    /// every burst is followed by a short transfer.
     fn shortest_us(&self) -> u32 {
-        self.needed_us().max(SHORTEST_US)
+        if self.is_too_slow() {
+            return self.needed_us();
+        }
+        (self.needed_us() + HALF_STEP_US).clamp(SHORTEST_US, LONGEST_US)
     }
 
     const fn needed_us(&self) -> u32 {
         let short_us = SHORT_BYTES * (self.byte_us() + self.stretch_us);
-        self.burst_us() + short_us + TICK_RESERVE_US
+        self.burst_us() + short_us + STOPS_US
     }
 
     const fn unstretched_us(&self) -> u32 {
@@ -132,6 +139,8 @@ pub struct BurstTimes {
     /// Longest but one, us: the longest may be one during which the processor stood still, to write
     /// its flash.
     pub max_us: u32,
+    /// How long the sensor holds up a STOP, us.
+    pub stop_us: u32,
 }
 
 impl BurstTimes {
@@ -141,11 +150,17 @@ impl BurstTimes {
     }
 
     /// The duration to plan with, us: the mean, and where single bursts take longer than its
-    /// reserve allows for, as much more.
+    /// reserve allows for, as much more. A STOP that is held up for longer than its reserve allows
+    /// for counts for the burst and for the verification behind it, as far as the sensor does not
+    /// become too slow by that.
     pub fn planned_us(&self) -> u32 {
         /// Of [`BURST_RESERVE_US`], what rare long bytes may take.
         const RARE_US: u32 = 400;
-        self.mean_us.max(self.max_us.saturating_sub(RARE_US))
+        /// A burst with which a sensor is just not too slow.
+        const SLOWEST_US: u32 = 7_950;
+        let burst_us = self.mean_us.max(self.max_us.saturating_sub(RARE_US));
+        let stops_us = (2 * self.stop_us).saturating_sub(STOPS_US);
+        burst_us.max(SLOWEST_US.min(burst_us + stops_us))
     }
 }
 
@@ -175,6 +190,7 @@ impl BurstGauge {
                 times: BurstTimes {
                     mean_us: self.sum_us / (Self::WINDOW - 1),
                     max_us: self.second_us,
+                    stop_us: 0,
                 },
                 ..Self::default()
             };
@@ -355,14 +371,15 @@ mod tests {
         }
     }
 
-    /// By hand: 520 us + 21 stretched bytes; four more of a short transfer, with 23 us each; 400 us.
+    /// By hand: 520 us + 21 stretched bytes; four more of a short transfer, with 23 us each; 400 us
+    /// of STOPs, and 470 us more where there is room.
     #[test]
     fn a_slower_sensor_is_sampled_less_often_and_a_fast_one_later() {
         for (stretch_us, lead_us, per_frame, too_slow) in [
             (20, 3_140, 3, false),
             (180, 6_500, 3, false),
-            (226, 7_466, 3, false),
-            (227, 7_487, 2, false),
+            (207, 7_067, 3, false),
+            (208, 7_088, 2, false),
             (350, 10_070, 2, false),
             (359, 10_259, 2, false),
             (360, 10_280, 1, true),
@@ -397,6 +414,19 @@ mod tests {
         }
         assert_eq!(measured([6_000, 6_000]).planned_us(), 5_600);
         assert_eq!(measured([4_400, 4_400]).planned_us(), 4_400);
+        for (mean_us, stop_us, planned_us) in [
+            (4_500, 200, 4_500),
+            (4_500, 500, 5_100),
+            (7_900, 500, 7_950),
+            (8_000, 500, 8_000),
+        ] {
+            let times = BurstTimes {
+                mean_us,
+                max_us: mean_us,
+                stop_us,
+            };
+            assert_eq!(times.planned_us(), planned_us, "{mean_us}, {stop_us}");
+        }
     }
 
     /// Counts by hand, for a timer at 3 MHz.

@@ -45,7 +45,7 @@ use tvc_nano::servo::neutral;
 use tvc_nano::sleep::{Load, may_sleep};
 use tvc_nano::store;
 use tvc_nano::telemetry::{BoardStatus, Reset};
-use tvc_nano::ticks::{BurstGauge, NewestTick};
+use tvc_nano::ticks::{BurstGauge, BurstTimes, NewestTick};
 
 use nano33iot::{FRAME_INTERRUPT, I2C_INTERRUPT, LED, PROBE, RADIO_RESET};
 
@@ -254,7 +254,10 @@ impl application::Board for Board {
             load_permille: self.load.permille(),
             bus_errors: self.bus_errors,
             bus_recoveries: self.bus.recoveries(),
-            bursts: self.bursts.times(),
+            bursts: BurstTimes {
+                stop_us: self.bus.stop_us(),
+                ..self.bursts.times()
+            },
             // The clock is looked at every second or two.
             clock_fine: (self.steps == 0 && self.port.port() != application::Port::Absent)
                 .then(clocks::locked_fine)

@@ -256,6 +256,7 @@ fn the_timing_follows_the_bursts_and_a_slow_bus_is_refused() {
         bursts: BurstTimes {
             mean_us,
             max_us: mean_us + 200,
+            stop_us: 0,
         },
         ..BoardStatus::default()
     };

@@ -49,6 +49,7 @@ fn a_step_is_byte_for_byte_what_pymavlink_sends() {
         bursts: BurstTimes {
             mean_us: 4423,
             max_us: 4580,
+            stop_us: 180,
         },
         clock_fine: None,
     };
