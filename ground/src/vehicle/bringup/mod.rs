@@ -77,7 +77,8 @@ pub struct Bringup {
 /// # Errors
 /// No board; one that is armed; one that no longer answers.
 pub fn run(options: &Bringup) -> Result<Verdict> {
-    if !options.rig && !(options.hardware.is_default() && options.image.image.is_none()) {
+    let for_the_rig = options.image.image.is_some() || !options.hardware.is_default();
+    if for_the_rig && !options.rig {
         return Err(BadInput::new("--hardware and --image are for the rig: add --rig").into());
     }
     let mut target: Box<dyn Target> = if options.rig {
