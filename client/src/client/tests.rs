@@ -393,7 +393,6 @@ fn an_order_to_the_board_is_answered_by_its_value() {
         MavMessage::COMMAND_ACK(COMMAND_ACK_DATA {
             command: request::BRINGUP,
             result,
-            ..COMMAND_ACK_DATA::DEFAULT
         })
     };
     let mut bench = Bench::new();

@@ -24,6 +24,11 @@ pub struct HardwareChoice {
 }
 
 impl HardwareChoice {
+    /// Whether nothing was set.
+    pub fn is_default(&self) -> bool {
+        self.settings.is_empty()
+    }
+
     /// The parts.
     ///
     /// # Errors

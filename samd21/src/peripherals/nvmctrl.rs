@@ -317,6 +317,16 @@ mod tests {
     }
 
     #[test]
+    fn slow_flash_takes_as_much_longer() {
+        let mut rig = Rig::new();
+        rig.nvmctrl.time_percent = 150;
+        rig.write(0x1C, 0x3F00 / 2);
+        assert_eq!(rig.write(0x00, 0xA502), Ticks::from_ms(9));
+        rig.now += ROW_ERASE;
+        assert_eq!(rig.nvmctrl.read(rig.now, 0x14), Ok(0), "not ready");
+    }
+
+    #[test]
     fn a_row_is_erased_and_a_page_programmed_with_their_stalls() {
         let mut rig = Rig::new();
         rig.memory.flash_mut()[0x3F00..0x4000].fill(0);

@@ -358,6 +358,15 @@ mod tests {
     }
 
     #[test]
+    fn a_dead_one_warns_and_does_not_bite() {
+        let mut rig = Rig::running();
+        rig.wdt = rig.wdt.that_bites(false);
+        rig.run_to(1_000_000);
+        assert!(!rig.wdt.take_bite());
+        assert_eq!(rig.wdt.interrupts.flags, EW);
+    }
+
+    #[test]
     fn an_erased_user_row_has_it_always_on_with_a_window_of_16_s() {
         let erased = || {
             let mut wdt = Wdt::new(UserRow::ERASED);

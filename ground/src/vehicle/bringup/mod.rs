@@ -21,7 +21,7 @@ use rig::{Rig, RigConfig};
 
 use crate::flight::hardware::HardwareChoice;
 use crate::image::ImageOption;
-use crate::out::exit::Verdict;
+use crate::out::exit::{BadInput, Verdict};
 use crate::out::file::{print_json, write_whole};
 use crate::out::page::{page, verdict};
 use crate::out::table::Table;
@@ -77,6 +77,10 @@ pub struct Bringup {
 /// # Errors
 /// No board; one that is armed; one that no longer answers.
 pub fn run(options: &Bringup) -> Result<Verdict> {
+    let for_the_rig = options.image.image.is_some() || !options.hardware.is_default();
+    if for_the_rig && !options.rig {
+        return Err(BadInput::new("--hardware and --image are for the rig: add --rig").into());
+    }
     let mut target: Box<dyn Target> = if options.rig {
         let config = RigConfig {
             hardware: options.hardware.hardware()?,

@@ -65,8 +65,8 @@ const SCALE: Check = Check {
     meaning: "the gyroscope does not turn as far as gravity does: its range is not what was set",
 };
 
-/// The names of all rows that need samples.
-const OF_SAMPLES: [Check; 5] = [TICKS, REFRESH, FIELD, NOISE, BURST];
+/// The checks that need samples.
+const OF_SAMPLES: [Check; 8] = [ADDRESS, STOP, STRETCH, BURST, TICKS, REFRESH, FIELD, NOISE];
 
 /// The sensor's rows, by what was heard in the last seconds.
 ///

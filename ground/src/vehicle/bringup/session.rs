@@ -189,9 +189,10 @@ impl<'a> Session<'a> {
     fn examine(&mut self, what: What, number: u32) -> Result<Option<BoardValue>> {
         match self.order(request::bringup(what, number))? {
             Ok(()) => Ok(self.target.client().board_value(number)),
-            Err(Failure::Refused { result, .. }) if result == MavResult::MAV_RESULT_DENIED => {
-                Ok(None)
-            }
+            Err(Failure::Refused {
+                result: MavResult::MAV_RESULT_DENIED,
+                ..
+            }) => Ok(None),
             Err(failure) => Err(failure.into()),
         }
     }

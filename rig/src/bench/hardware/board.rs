@@ -53,3 +53,22 @@ fn one_of(text: &str, yes: &str, no: &str) -> Result<bool, String> {
         _ => Err("must be one of these".into()),
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::Hardware;
+
+    #[test]
+    fn the_parts_get_what_is_set() {
+        let hardware: Hardware = "jumper=no,flash-time=1.5,watchdog=dead,usb-loss=0.25"
+            .parse()
+            .unwrap();
+        let options = hardware.chip();
+        assert_eq!(
+            (options.flash_time_percent, options.watchdog_bites),
+            (150, false)
+        );
+        assert_eq!((hardware.jumper, hardware.usb_loss), (false, 0.25));
+        assert!("watchdog=slow".parse::<Hardware>().is_err());
+    }
+}
