@@ -18,10 +18,6 @@ use crate::servo::PulseUs;
 use crate::telemetry::{BoardStatus, Reset, Telemetry};
 use crate::ticks::Timing;
 
-/// How long the sensor's settings stay unverified where bursts leave no time for it, us. Then a tick
-/// goes without its burst.
-const ASK_PATIENCE_US: u64 = 250_000;
-
 /// Longest packet that the host sends, bytes.
 pub const PACKET_BYTES: usize = 64;
 
@@ -136,9 +132,6 @@ pub struct Application<'a> {
     telemetry: &'a mut Telemetry,
     recorder: &'a mut Recorder,
     port_open: bool,
-    /// When what the sensor is to be asked goes before the next burst, because there was no time
-    /// for it between two of them.
-    asks_at: Option<Micros>,
 }
 
 impl<'a> Application<'a> {
@@ -155,7 +148,6 @@ impl<'a> Application<'a> {
             telemetry,
             recorder,
             port_open: false,
-            asks_at: None,
         }
     }
 
@@ -223,18 +215,12 @@ impl<'a> Application<'a> {
     fn serve_sensor(&mut self, now: Micros, board: &mut impl Board) {
         let sampling = self.driver.is_sampling();
         let address = self.driver.config().address.value();
-        let bursts = sampling && self.asks_at.is_none_or(|at| now < at);
-        board.arm(address, bursts.then(|| self.driver.burst()));
-        let Next::Transfer(transfer) = self.driver.next(now) else {
-            return;
-        };
-        if !sampling || board.has_time_for(&transfer) {
-            if board.bus_is_free() {
-                self.asks_at = None;
-                board.begin(transfer);
-            }
-        } else {
-            self.asks_at.get_or_insert(now.after(ASK_PATIENCE_US));
+        board.arm(address, sampling.then(|| self.driver.burst()));
+        if board.bus_is_free()
+            && let Next::Transfer(transfer) = self.driver.next(now)
+            && (!sampling || board.has_time_for(&transfer))
+        {
+            board.begin(transfer);
         }
     }
 

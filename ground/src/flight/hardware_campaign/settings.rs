@@ -43,7 +43,7 @@ pub const SETTINGS: &[(&str, Ending)] = &[
     ("refresh=50/50/20", Flies),
     ("refresh=70/70/20", Flies),
     ("refresh=100/100/20", Flies),
-    ("refresh=100/35/20", Flies),
+    ("refresh=100/35/20", Unsettled),
     ("refresh=35/100/20", Flies),
     ("field-age=15", Flies),
     ("field-age=50", Flies),
@@ -59,7 +59,7 @@ pub const SETTINGS: &[(&str, Ending)] = &[
     ("user-row=bootprot", Flies),
     (
         "address=0x29,field=dead,stretch=20..350,stop-read=500,lost-within=500",
-        Flies,
+        Late,
     ),
     (
         "address=0x29,field=dead,stretch=130..230,stop-read=500,lost-within=500",
@@ -70,7 +70,7 @@ pub const SETTINGS: &[(&str, Ending)] = &[
         Flies,
     ),
     (
-        "host=linux,bootloader=uf2,slow-clock=1.25,user-row=bootprot,stretch-rare=500@0.01",
+        "host=linux,bootloader=uf2,slow-clock=1.25,user-row=bootprot,stretch-rare=500@0.005",
         Flies,
     ),
     (
