@@ -33,16 +33,17 @@ pub fn sensor() -> bno055_driver::Config {
 /// offset of the centre of mass.
 pub const TRIM_LIMIT_RAD: f32 = 0.25;
 
-/// Age of the newest sample beyond which the attitude is no longer trusted: a glitch of 40 ms on the
-/// cable, the sample that it spoils, the repair of the bus, and the two samples around them. At the
-/// 6 rad/s of a fall that is 0.4 rad, still inside the rudder's reach.
+/// Age of the newest sample beyond which the attitude is no longer trusted: a glitch of 40 ms on
+/// the cable, the sample that it spoils, the repair of the bus, and the two samples around them. At
+/// the 6 rad/s of a fall that is 0.4 rad, still inside the rudder's reach.
 pub const DATA_AGE_LIMIT_US: u64 = 65_000;
 
 /// Longest clock stretching of a byte that is measured, us.
 pub const STRETCH_MAX_US: u32 = 1_000;
 
-/// The stretch of a byte is taken over anew when it is longer by more than this than what the timing
-/// is made for, or shorter by four times as much, us: a fifth of the reserve that a burst has.
+/// The stretch of a byte is taken over anew when it is longer by more than this than what the
+/// timing is made for, or shorter by four times as much, us: a fifth of the reserve that a burst
+/// has.
 pub const STRETCH_CHANGE_US: u32 = 10;
 
 /// The clock's FINE is kept anew when it differs by more than this: some 0.1 % of 48 MHz.

@@ -125,8 +125,8 @@ impl Navigation {
         self.estimator.orientation()
     }
 
-    /// Whether the gyroscope's offset has been learned and the attitude been levelled with it, which
-    /// takes a rest of some three and a half seconds.
+    /// Whether the gyroscope's offset has been learned and the attitude been levelled with it,
+    /// which takes a rest of some three and a half seconds.
     pub fn bias_is_known(&self) -> bool {
         self.bias == Bias::Known
     }

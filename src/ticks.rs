@@ -5,8 +5,8 @@
 //! of 10 ms, up to 20 mrad of attitude in a flight from 0.8 rad. At 150 Hz every refresh is read,
 //! some twice, and the errors of the time steps cancel.
 //!
-//! The last tick of a frame comes [`Timing::lead_us`] before the edge of the pulse that is to carry its
-//! sample:
+//! The last tick of a frame comes [`Timing::lead_us`] before the edge of the pulse that is to carry
+//! its sample:
 //!
 //! ```text
 //!  tick ── burst ── reserve ── burst due ── step ── edge
@@ -29,12 +29,13 @@ const SHORTEST_US: u32 = 6_500;
 /// Longest time between two ticks with which the drone is flown, us.
 const LONGEST_US: u32 = 10_000;
 
-/// Between two ticks beside the burst and a short transfer, us, at least: their STOPs, which the
-/// sensor holds up as it does its bytes.
-const STOPS_US: u32 = 400;
+/// Between two ticks beside the burst and a short transfer, us, at least: a STOP, which the sensor
+/// holds up as it does its bytes.
+const STOP_US: u32 = 190;
 
-/// Between the two beside that, us: half a step, in the middle of which the short transfer begins.
-const HALF_STEP_US: u32 = 470;
+/// Between the two beside that, us: another STOP, and half a step, in the middle of which the short
+/// transfer begins.
+const HALF_STEP_US: u32 = 680;
 
 /// Clock stretching of a byte that is allowed for beyond the mean, us, when a short transfer is put
 /// between two bursts. Should the sensor take longer for once, the next tick goes without its
@@ -98,12 +99,13 @@ impl Timing {
         if self.is_too_slow() {
             return self.needed_us();
         }
-        (self.needed_us() + HALF_STEP_US).clamp(SHORTEST_US, LONGEST_US)
+        // Three frames at 300 Hz are 9,999 us.
+        (self.needed_us() + HALF_STEP_US).clamp(SHORTEST_US, LONGEST_US - 1)
     }
 
     const fn needed_us(&self) -> u32 {
         let short_us = SHORT_BYTES * (self.byte_us() + self.stretch_us);
-        self.burst_us() + short_us + STOPS_US
+        self.burst_us() + short_us + STOP_US
     }
 
     const fn unstretched_us(&self) -> u32 {
@@ -158,6 +160,8 @@ impl BurstTimes {
         const RARE_US: u32 = 400;
         /// A burst with which a sensor is just not too slow.
         const SLOWEST_US: u32 = 7_950;
+        /// Two STOPs for which there is room.
+        const STOPS_US: u32 = 400;
         let burst_us = self.mean_us.max(self.max_us.saturating_sub(RARE_US));
         let stops_us = (2 * self.stop_us).saturating_sub(STOPS_US);
         burst_us.max(SLOWEST_US.min(burst_us + stops_us))
@@ -323,8 +327,8 @@ impl NewestTick {
         self.burst_due.take_if(|due| now >= *due).is_some()
     }
 
-    /// Whether `transfer`, begun now, is over before the next tick, `reserve_us` for its STOP and for
-    /// bytes that are stretched for longer left over.
+    /// Whether `transfer`, begun now, is over before the next tick, `reserve_us` for its STOP and
+    /// for bytes that are stretched for longer left over.
     pub fn leaves_time_for(
         &self,
         now: Micros,
@@ -371,8 +375,8 @@ mod tests {
         }
     }
 
-    /// By hand: 520 us + 21 stretched bytes; four more of a short transfer, with 23 us each; 400 us
-    /// of STOPs, and 470 us more where there is room.
+    /// By hand: 520 us + 21 stretched bytes; four more of a short transfer, with 23 us each; 190 us
+    /// of STOP, and 680 us more where there is room.
     #[test]
     fn a_slower_sensor_is_sampled_less_often_and_a_fast_one_later() {
         for (stretch_us, lead_us, per_frame, too_slow) in [
@@ -381,8 +385,8 @@ mod tests {
             (207, 7_067, 3, false),
             (208, 7_088, 2, false),
             (350, 10_070, 2, false),
-            (359, 10_259, 2, false),
-            (360, 10_280, 1, true),
+            (367, 10_427, 2, false),
+            (368, 10_448, 1, true),
         ] {
             let timing = Timing {
                 stretch_us,
@@ -392,6 +396,16 @@ mod tests {
             let found = (timing.lead_us(), plan.ticks_per_frame, timing.is_too_slow());
             assert_eq!(found, (lead_us, per_frame, too_slow), "{stretch_us} us");
             assert_eq!(timing.stretch_of(timing.burst_us()), stretch_us);
+            let digital = Timing {
+                frame_hz: 300,
+                ..timing
+            };
+            let frames = [2, 3, 4][3 - usize::from(per_frame)];
+            assert_eq!(
+                TickPlan::new(&digital).frames_per_tick,
+                frames,
+                "{stretch_us} us"
+            );
         }
     }
 

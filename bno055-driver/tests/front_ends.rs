@@ -259,8 +259,8 @@ fn a_lost_chip_is_set_up_again_from_within_sample() {
                 Err(fault) => assert_eq!(fault, SensorFault::Nak, "the first cause"),
             }
         };
-        // 19 ms to CONFIG, six writes of 5 ms, 7 ms from CONFIG and 10 ms between two bursts, in calls
-        // 10 ms apart.
+        // 19 ms to CONFIG, six writes of 5 ms, 7 ms from CONFIG and 10 ms between two bursts, in
+        // calls 10 ms apart.
         assert_eq!((calls, sample.acc), (9, [1, 2, 981]));
         assert_eq!(imu.driver().fault(), None);
     ]);

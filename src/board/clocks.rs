@@ -1,11 +1,11 @@
 //! Clocks and supply supervision.
 //!
 //! The Nano 33 IoT has no crystal. The DFLL makes 48 MHz, disciplined by USB's start-of-frame where
-//! there is a host. Where there is none, it keeps what a host disciplined it to last, or starts with
-//! what the parameter `CLK_FINE` has kept from there; without either it is off by up to 3 %. The HAL sets it up and
-//! waits for its oscillators without a limit: that is left as it is. It happens before the first
-//! pulse and before the watchdog runs, and a chip whose oscillator does not start could make
-//! neither pulses nor USB whatever this code did.
+//! there is a host. Where there is none, it keeps what a host disciplined it to last, or starts
+//! with what the parameter `CLK_FINE` has kept from there; without either it is off by up to 3 %.
+//! The HAL sets it up and waits for its oscillators without a limit: that is left as it is. It
+//! happens before the first pulse and before the watchdog runs, and a chip whose oscillator does
+//! not start could make neither pulses nor USB whatever this code did.
 
 use atsamd_hal::clock::{ClockGenId, ClockSource, GenericClockController, UsbClock};
 use atsamd_hal::pac;

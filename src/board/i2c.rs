@@ -39,7 +39,8 @@ use sercom::{Command, NotSynchronised};
 const READ: u8 = 1;
 
 /// A bus that could not be repaired is tried again after this long: often enough that a glitch of
-/// 40 ms ends before the data are too old, and seldom enough for the half millisecond that it takes.
+/// 40 ms ends before the data are too old, and seldom enough for the half millisecond that it
+/// takes.
 const REPAIR_PERIOD_US: u64 = 4_000;
 
 /// How long a STOP may take to go out. The BNO055 holds the clock after the last byte of a read as

@@ -211,7 +211,7 @@ parameters! {
     srv_rate_hz: "SRV_RATE_HZ", "Hz", OneOf(&[50.0, 100.0, 200.0, 300.0, 333.0]), 50.0, Disarmed;
     /// speed of the sensor bus; 100 for a cable of more than 1 m
     i2c_khz: "I2C_KHZ", "kHz", OneOf(&[100.0, 400.0]), 400.0, Disarmed;
-    /// what USB disciplined the clock to, for starts without it; set by the vehicle itself, -1 unknown
+    /// FINE of the clock as USB disciplined it, for starts without; set by the vehicle, -1 unknown
     clk_fine: "CLK_FINE", "", Between(-1.0, 1023.0), -1.0, Disarmed;
     /// how long the sensor stretches a byte; measured and set by the vehicle itself while disarmed
     i2c_stretch_us: "I2C_STRETCH_US", "us", Between(0.0, STRETCH_MAX_US as f32), 180.0, Disarmed;

@@ -25,8 +25,8 @@ const PAUSE_MAX_US: u64 = 800_000;
 const TO_CONFIG_US: u64 = 19_000;
 /// CONFIG to any mode (data sheet table 3-6).
 const FROM_CONFIG_US: u64 = 7_000;
-/// After a write, before it is read back and the next one follows. The data sheet asks for 2 us, but
-/// chips have been seen to lose what came within a few milliseconds.
+/// After a write, before it is read back and the next one follows. The data sheet asks for 2 us,
+/// but chips have been seen to lose what came within a few milliseconds.
 const WRITE_US: u64 = 5_000;
 /// After a reset command (data sheet table 1-2).
 const RESET_US: u64 = 650_000;

@@ -247,8 +247,8 @@ pub fn prepare(
     Ok(ready)
 }
 
-/// Boots `image` with the drone held at `start_rad` from power-on, arms and releases it at the first
-/// instant at which the image lets it, and records the flight for `seconds`.
+/// Boots `image` with the drone held at `start_rad` from power-on, arms and releases it at the
+/// first instant at which the image lets it, and records the flight for `seconds`.
 ///
 /// # Errors
 /// The rig stopped, or the image does not let it be armed in time.

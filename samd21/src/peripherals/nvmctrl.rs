@@ -15,7 +15,8 @@
 //! | 0080_A00C, A040-A048 | serial number | from the chip's options |
 //!
 //! Erasing a row (256 bytes) takes 6 ms, programming a page 2.5 ms (the data sheet's maxima), or
-//! what the chip's options make of that; the CPU runs from the same flash and stands still meanwhile. Programming only clears bits.
+//! what the chip's options make of that; the CPU runs from the same flash and stands still
+//! meanwhile. Programming only clears bits.
 //!
 //! | left out | why |
 //! |---|---|

@@ -44,8 +44,8 @@ pub struct Faults {
     #[arg(long, value_name = "KIND", num_args = 1..)]
     pub kind: Vec<FaultKind>,
 
-    /// Glitches of the cable instead: 4 to 40 ms without acknowledge, with a line held, all ones or a
-    /// stretched clock. At least 99 % must be ridden out with control active.
+    /// Glitches of the cable instead: 4 to 40 ms without acknowledge, with a line held, all ones or
+    /// a stretched clock. At least 99 % must be ridden out with control active.
     #[arg(long, conflicts_with = "kind")]
     pub glitches: bool,
 

@@ -70,7 +70,7 @@ pub const SETTINGS: &[(&str, Ending)] = &[
         Flies,
     ),
     (
-        "host=linux,bootloader=uf2,slow-clock=1.25,user-row=bootprot,stretch-rare=500@0.005",
+        "host=linux,bootloader=uf2,slow-clock=1.25,user-row=bootprot",
         Flies,
     ),
     (
