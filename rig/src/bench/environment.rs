@@ -51,7 +51,7 @@ pub struct BenchConfig {
     pub sensor: bno055::Config,
     /// Where the sensor sits, from the pivot along the body's axes (x forward, y right, z down), m.
     pub lever_m: [f64; 3],
-    /// A jumper leads the servo's signal to [`JUMPER_PIN`].
+    /// A jumper leads the servo's signal to D2.
     pub jumper: bool,
     /// The servo, before its horn is fitted to zero rudder at [`ZERO_RUDDER_US`].
     pub servo: ServoModel,

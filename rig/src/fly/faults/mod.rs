@@ -131,8 +131,8 @@ impl Campaign {
         })
     }
 
-    /// The campaign with glitches: faults that last as long as [`GLITCH_MS`] says, and in which no
-    /// byte at all is acknowledged.
+    /// The campaign with glitches: faults that last for 4 to 40 ms, and in which no byte at all is
+    /// acknowledged.
     #[must_use]
     pub fn of_glitches(self) -> Self {
         Self {
