@@ -1,5 +1,6 @@
 //! What `tvc bringup` asks a board: to show words of its memory, to time its servo's pulse, to
-//! hang or to panic on purpose. MAV_CMD_USER_1, obeyed while the flight is [idle](crate::State::is_idle).
+//! hang or to panic on purpose. MAV_CMD_USER_1, obeyed while the flight is
+//! [idle](crate::State::is_idle).
 //!
 //! | param1 | what | NAMED_VALUE_INT |
 //! |---|---|---|
