@@ -112,7 +112,10 @@ fn parameters_are_listed_set_refused_compared_and_loaded() {
     let rows = list["parameters"].as_array().unwrap();
     assert_eq!(rows.len(), tvc_nano::Params::count());
     for row in rows {
-        assert_eq!(row["value"], row["default"], "{row}");
+        // The vehicle takes this one over from USB by itself.
+        if row["name"] != "CLK_FINE" {
+            assert_eq!(row["value"], row["default"], "{row}");
+        }
         assert!(!row["meaning"].as_str().unwrap().is_empty(), "{row}");
     }
     rig.ok(&["param", "diff"]);

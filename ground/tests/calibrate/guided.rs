@@ -76,10 +76,12 @@ impl Rig {
         json(&output)
     }
 
-    /// Every parameter by its name.
+    /// Every parameter by its name, but for those that the vehicle measures by itself.
     fn parameters(&self) -> Value {
         let list = self.json(&["param", "list"]);
         let rows = list["parameters"].as_array().unwrap().iter();
+        let measured = ["CLK_FINE", "I2C_STRETCH_US"];
+        let rows = rows.filter(|row| !measured.iter().any(|name| row["name"] == *name));
         rows.map(|row| {
             (
                 row["name"].as_str().unwrap().to_owned(),
