@@ -149,8 +149,9 @@ fn parameters_are_listed_set_refused_compared_and_loaded() {
     let reset = rig.json(&["param", "reset", "PID_KD"]);
     assert_eq!(reset["changed"], 1, "{reset}");
     assert_eq!(rig.tvc(&["param", "diff"]).status.code(), Some(1));
-    // PID_KP, and what the vehicle has taken over from USB and will again.
-    assert_eq!(rig.json(&["param", "reset"])["changed"], 2);
+    // PID_KP, and what the vehicle has taken over from USB, if it has not been reset just before.
+    let reset = rig.json(&["param", "reset"]);
+    assert!(matches!(reset["changed"].as_u64(), Some(1 | 2)), "{reset}");
     let gain = rig.json(&["param", "get", "PID_KP"])["parameters"][0].clone();
     assert_eq!(gain["value"], gain["default"]);
     rig.ok(&["param", "reset", "--stored"]);
