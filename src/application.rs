@@ -9,13 +9,14 @@ use core::ops::Deref;
 use bno055_driver::{BusError, Driver, Micros, Next, RawSample, SensorFault, Transfer};
 use embedded_storage::nor_flash::NorFlash;
 
+use crate::board_status::BoardStatus;
 use crate::bringup;
 use crate::failsafe::State;
 use crate::flight::{Flight, Snapshot};
 use crate::led;
 use crate::recorder::Recorder;
 use crate::servo::PulseUs;
-use crate::telemetry::{BoardStatus, Reset, Telemetry};
+use crate::telemetry::{Reset, Telemetry};
 use crate::ticks::Timing;
 
 /// Longest packet that the host sends, bytes.
@@ -103,7 +104,7 @@ pub trait Board {
     fn step_ends(&mut self, end: &StepEnd);
 
     /// What SYS_STATUS tells of the board.
-    fn status(&mut self) -> BoardStatus;
+    fn status(&self) -> BoardStatus;
 
     /// Look after the port to the host. A vehicle that is `armed` is not reset.
     fn poll_port(&mut self, now: Micros, armed: bool) -> Port;

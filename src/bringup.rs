@@ -9,18 +9,17 @@
 //! | 3 | panic | |
 //! | 4 | time a pulse that a jumper leads from D3 to D2 | [`Pulse`] |
 //! | 5 | show the sensor's bus | 7-bit address in the upper 8 bits, below it how long the longest of the newest STOPs took, us |
-//! | 6 | count the watchdog's clock, 1,024 Hz, in [`SLOW_COUNT`] | 0 |
+//! | 6 | count the watchdog's clock, 1,024 Hz, in [`words::SLOW_COUNT`] | 0 |
 //!
 //! The bits of param2 are a number: an address, or anything that tells one order from another. The
 //! answer's name is that number in eight hexadecimal digits; it comes before the acknowledgement.
-//!
-//! [State::is_idle]: crate::State::is_idle
+
+pub mod words;
+
+use words::*;
 
 /// MAV_CMD_USER_1.
 pub const COMMAND: u16 = 31_010;
-
-/// Where the watchdog's clock is counted, 16 bits: TC5.COUNT.
-pub const SLOW_COUNT: u32 = 0x4200_3410;
 
 /// What can be ordered, by the command's first parameter.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -77,24 +76,18 @@ impl Pulse {
 const READABLE: [(u32, u32); 12] = [
     // Flash; the user row; the calibration; the serial number.
     (0x0000_0000, 0x0003_FFFC),
-    (0x0080_4000, 0x0080_4004),
+    (USER_ROW, USER_ROW + 4),
     (0x0080_6020, 0x0080_6024),
-    (0x0080_A00C, 0x0080_A00C),
-    (0x0080_A040, 0x0080_A048),
-    // RAM.
-    (0x2000_0000, 0x2000_7FFC),
-    // PM.RCAUSE; SYSCTRL from PCLKSR to BOD33; WDT's CTRL to EWCTRL.
-    (0x4000_0438, 0x4000_0438),
-    (0x4000_080C, 0x4000_0834),
-    (0x4000_1000, 0x4000_1000),
-    // DSU.DID; USB.FNUM.
-    (0x4100_2018, 0x4100_2018),
-    (0x4100_5010, 0x4100_5010),
+    (SERIAL[0], SERIAL[0]),
+    (SERIAL[1], SERIAL[3]),
+    (RAM, RAM + 0x7FFC),
+    (RESET_CAUSE, RESET_CAUSE),
+    (CLOCK_STATUS, BROWN_OUT),
+    (WATCHDOG, WATCHDOG),
+    (DEVICE_ID, DEVICE_ID),
+    (USB_FRAME, USB_FRAME),
     (SLOW_COUNT, SLOW_COUNT),
 ];
-
-/// PORT.IN of the group that the sensor's lines are in, and D2.
-const PORT_IN: u32 = 0x4100_44A0;
 
 /// Whether the word at `address` can be shown: reading it changes nothing.
 pub fn is_readable(address: u32) -> bool {

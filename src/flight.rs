@@ -8,6 +8,7 @@ use bno055_driver::{Micros, RawSample, SensorFault};
 use tvc_fusion::fixed::{Angles, Orientation};
 use tvc_fusion::{Attitude, ConfigError, Quaternion};
 
+use crate::board_status::BoardStatus;
 use crate::config::{
     CLOCK_CHANGE, STRETCH_CHANGE_US, STRETCH_MAX_US, TEST_PULSE_US, UNIT_TOLERANCE,
 };
@@ -17,8 +18,6 @@ use crate::navigation::Navigation;
 use crate::params::{Change, Info, ParamError, Params, Polarity};
 use crate::servo::{PulseUs, Servo};
 use crate::store::Loaded;
-use crate::telemetry::BoardStatus;
-use crate::ticks::BurstTimes;
 
 /// No test pulse: it expired at time 0.
 const NO_TEST_PULSE: (PulseUs, Micros) = (PulseUs(0), Micros(0));
@@ -227,7 +226,7 @@ impl Flight {
         if self.state().is_armed() {
             return None;
         }
-        if self.learn_stretch(&board.bursts) {
+        if self.learn_stretch(board) {
             self.configure(Change::Disarmed);
             return Some(Params::STRETCH);
         }
@@ -240,13 +239,15 @@ impl Flight {
         })
     }
 
-    fn learn_stretch(&mut self, bursts: &BurstTimes) -> bool {
+    fn learn_stretch(&mut self, board: &BoardStatus) -> bool {
         let timing = self.params.timing();
-        let stretch_us = timing.stretch_of(bursts.planned_us()).min(STRETCH_MAX_US);
+        let stretch_us = timing
+            .stretch_of(board.bursts.planned_us(board.stop_us))
+            .min(STRETCH_MAX_US);
         // Where bytes vary, the longest that were seen count.
         let longer = stretch_us > timing.stretch_us + STRETCH_CHANGE_US;
         let shorter = stretch_us + 4 * STRETCH_CHANGE_US < timing.stretch_us;
-        let changed = bursts.mean_us > 0 && (longer || shorter);
+        let changed = board.bursts.mean_us > 0 && (longer || shorter);
         if changed {
             self.params.set_stretch(stretch_us);
         }

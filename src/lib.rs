@@ -23,6 +23,7 @@
 extern crate std;
 
 pub mod application;
+mod board_status;
 pub mod bringup;
 pub mod config;
 pub mod controller;
@@ -44,10 +45,11 @@ pub mod ticks;
 pub mod watchdog;
 
 pub use bno055_driver::{Micros, RawSample, SensorFault};
+pub use board_status::BoardStatus;
 pub use controller::Controller;
 pub use failsafe::{BootReport, Command, Crash, Latch, Refusal, State, StateCode, StateKind};
 pub use flight::{Flight, Snapshot};
 pub use params::Params;
 pub use recorder::Recorder;
 pub use servo::{PulseUs, Servo};
-pub use telemetry::{BoardStatus, Telemetry};
+pub use telemetry::Telemetry;

@@ -8,7 +8,7 @@
 //! |---|---|
 //! | HEARTBEAT, SYS_STATUS | once a second, HEARTBEAT also at every change of state |
 //! | DEBUG_VECT `imu_bus` | once a second: mean and longest of the newest bursts, us, and how often the sensor gives new data, Hz |
-//! | STATUSTEXT | every change of state and every refusal, with the reason; the sensor's address; a magnetometer that fails; once a second what keeps the sensor from starting |
+//! | STATUSTEXT | every change of state and every refusal, with the reason; a magnetometer that fails; once a second what keeps the sensor from starting |
 //! | ATTITUDE_QUATERNION, SERVO_OUTPUT_RAW | every step |
 //! | RAW_IMU | every step that had a sample: its untouched counts, stamped with its own time |
 //! | NAMED_VALUE_FLOAT `crank_rad` | every step: the crank angle that control asked for, before limits |
@@ -44,11 +44,11 @@ use mavlink::dialects::common::{
 };
 use mavlink::types::CharArray;
 
+use crate::board_status::BoardStatus;
 use crate::bringup;
 use crate::config::{COMPONENT_ID, HEARTBEAT_PERIOD_US, HOST_GONE_US, SYSTEM_ID};
 use crate::failsafe::State;
 use crate::flight::{Flight, Snapshot};
-use crate::ticks::BurstTimes;
 use checksum::checksum;
 use download::Download;
 use parser::Parser;
@@ -62,22 +62,6 @@ const MAX_PAYLOAD: usize = 60;
 const OVERHEAD: usize = 10 + 2;
 /// Longest frame sent: LOG_DATA's.
 const MAX_FRAME: usize = OVERHEAD + LOG_DATA_DATA::ENCODED_LEN;
-
-/// What only the board knows, for SYS_STATUS.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct BoardStatus {
-    /// Share of time that the processor was awake, per mille.
-    pub load_permille: u16,
-    /// Transfers on the sensor's bus that failed.
-    pub bus_errors: u16,
-    /// Times that the bus had to be freed.
-    pub bus_recoveries: u16,
-    /// How long the newest bursts took.
-    pub bursts: BurstTimes,
-    /// What USB has disciplined the clock to, where it has been looked at: FINE of the DFLL, 0 to
-    /// 1023.
-    pub clock_fine: Option<u16>,
-}
 
 /// The resets that the host may ask for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -141,8 +141,6 @@ pub struct BurstTimes {
     /// Longest but one, us: the longest may be one during which the processor stood still, to write
     /// its flash.
     pub max_us: u32,
-    /// How long the sensor holds up a STOP, us.
-    pub stop_us: u32,
 }
 
 impl BurstTimes {
@@ -152,10 +150,10 @@ impl BurstTimes {
     }
 
     /// The duration to plan with, us: the mean, and where single bursts take longer than its
-    /// reserve allows for, as much more. A STOP that is held up for longer than its reserve allows
-    /// for counts for the burst and for the verification behind it, as far as the sensor does not
-    /// become too slow by that.
-    pub fn planned_us(&self) -> u32 {
+    /// reserve allows for, as much more. A STOP that the sensor holds up for `stop_us`, longer than
+    /// its reserve allows for, counts for the burst and for the verification behind it, as far as
+    /// the sensor does not become too slow by that.
+    pub fn planned_us(&self, stop_us: u32) -> u32 {
         /// Of [`BURST_RESERVE_US`], what rare long bytes may take.
         const RARE_US: u32 = 400;
         /// A burst with which a sensor is just not too slow.
@@ -163,7 +161,7 @@ impl BurstTimes {
         /// Two STOPs for which there is room.
         const STOPS_US: u32 = 400;
         let burst_us = self.mean_us.max(self.max_us.saturating_sub(RARE_US));
-        let stops_us = (2 * self.stop_us).saturating_sub(STOPS_US);
+        let stops_us = (2 * stop_us).saturating_sub(STOPS_US);
         burst_us.max(SLOWEST_US.min(burst_us + stops_us))
     }
 }
@@ -194,7 +192,6 @@ impl BurstGauge {
                 times: BurstTimes {
                     mean_us: self.sum_us / (Self::WINDOW - 1),
                     max_us: self.second_us,
-                    stop_us: 0,
                 },
                 ..Self::default()
             };
@@ -424,10 +421,10 @@ mod tests {
         for last in [[4_720, 32_651], [32_651, 4_720]] {
             let times = measured(last);
             assert_eq!((times.mean_us, times.max_us), (4_405, 4_720));
-            assert_eq!(times.planned_us(), 4_405, "the reserve has room for it");
+            assert_eq!(times.planned_us(0), 4_405, "the reserve has room for it");
         }
-        assert_eq!(measured([6_000, 6_000]).planned_us(), 5_600);
-        assert_eq!(measured([4_400, 4_400]).planned_us(), 4_400);
+        assert_eq!(measured([6_000, 6_000]).planned_us(0), 5_600);
+        assert_eq!(measured([4_400, 4_400]).planned_us(0), 4_400);
         for (mean_us, stop_us, planned_us) in [
             (4_500, 200, 4_500),
             (4_500, 500, 5_100),
@@ -437,9 +434,12 @@ mod tests {
             let times = BurstTimes {
                 mean_us,
                 max_us: mean_us,
-                stop_us,
             };
-            assert_eq!(times.planned_us(), planned_us, "{mean_us}, {stop_us}");
+            assert_eq!(
+                times.planned_us(stop_us),
+                planned_us,
+                "{mean_us}, {stop_us}"
+            );
         }
     }
 

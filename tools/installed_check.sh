@@ -9,9 +9,9 @@ trap 'rm -rf "$work"' EXIT
 mkdir "$work/empty"
 
 # Another folder than that of the developer's own builds, as on a machine that installs it once.
-time cargo install --quiet --locked --path "$tree/ground" --root "$work/root" --target-dir "$work/target"
+time cargo install --quiet --locked --path "$tree/ground" --root "$work/installed" --target-dir "$work/target"
 rm -r "$work/target"
-tvc=$work/root/bin/tvc
+tvc=$work/installed/bin/tvc
 ls -l "$tvc"
 
 cd "$work/empty"

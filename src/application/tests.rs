@@ -39,6 +39,9 @@ struct Notes {
 }
 
 impl Notes {
+    /// The only word that this board shows: its address and what is there.
+    const WORD: (u32, u32) = (0x2000_0010, 0x1234_5678);
+
     fn new() -> Self {
         Self {
             asked: vec![],
@@ -81,7 +84,7 @@ impl Board for Notes {
         self.asked.push(Asked::StepEnds(end.pulse));
         self.end = Some(*end);
     }
-    fn status(&mut self) -> BoardStatus {
+    fn status(&self) -> BoardStatus {
         BoardStatus::default()
     }
     fn poll_port(&mut self, _now: Micros, _armed: bool) -> Port {
@@ -106,7 +109,8 @@ impl Board for Notes {
         self.reset = Some(reset);
     }
     fn bringup(&mut self, order: Order) -> Option<u32> {
-        (order.what == What::Peek as u8).then_some(!order.number)
+        let known = order.what == What::Peek as u8 && order.number == Self::WORD.0;
+        known.then_some(Self::WORD.1)
     }
 }
 
@@ -268,25 +272,24 @@ fn flash_is_not_written_while_a_transfer_is_under_way() {
     ));
 }
 
-/// An order to the board itself is answered with the board's value, or refused; not at all while
-/// armed is for `telemetry::tests`.
+/// An order to the board itself is answered with the board's value, or refused.
 #[test]
 fn an_order_to_the_board_is_answered_after_it_is_done() {
+    use crate::telemetry::tests::peek;
     let mut bench = Bench::new();
-    let order = |number| Order {
-        what: What::Peek as u8,
-        number,
-    };
-    bench
-        .telemetry
-        .answer_bringup(bench.now, order(0x2000_0000), Some(5));
-    let sent = bench.telemetry.pending().to_vec();
-    // NAMED_VALUE_INT (252), then COMMAND_ACK (77).
-    assert_eq!(sent.get(7), Some(&252));
-    assert!(sent.windows(8).any(|window| window == b"20000000"));
-    bench.telemetry.sent(sent.len());
-    bench.telemetry.answer_bringup(bench.now, order(1), None);
-    assert_eq!(bench.telemetry.pending().get(7), Some(&77));
+    bench.board.open = true;
+    bench.turns(vec![Event::Nothing]);
+    for (address, message) in [(Notes::WORD.0, 252), (Notes::WORD.0 + 4, 77)] {
+        bench.telemetry.sent(bench.telemetry.pending().len());
+        bench.board.packets = vec![peek(address)];
+        bench.turns(vec![Event::Nothing]);
+        // NAMED_VALUE_INT (252) before its COMMAND_ACK, or COMMAND_ACK (77) alone.
+        let answer = bench.telemetry.pending();
+        assert_eq!(answer.get(7), Some(&message), "{address:#x}");
+        let value = answer.get(14..18);
+        let shown = value == Some(&Notes::WORD.1.to_le_bytes());
+        assert_eq!(shown, address == Notes::WORD.0);
+    }
 }
 
 /// Some programs never say that they have opened the port. The first whole message shows it, and

@@ -410,10 +410,10 @@ pub(super) fn start_burst(time: Micros) {
         let free = master
             .active
             .is_none_or(|active| matches!(active.step, Step::Done(Ok(()))));
-        // A STOP that takes longer than this costs the burst.
-        let idle = master.broken || sercom::wait_idle().is_ok();
+        // A STOP that takes longer than is waited for here costs the burst.
         if free
-            && idle
+            && master.armed.is_some()
+            && (master.broken || sercom::wait_idle().is_ok())
             && let Some(transfer) = master.armed.take()
         {
             master.start(transfer, Origin::Tick, time);

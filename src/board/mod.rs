@@ -37,6 +37,7 @@ use atsamd_hal::gpio::Pins;
 use atsamd_hal::pac;
 use bno055_driver::{Micros, Transfer};
 use cortex_m::peripheral::scb::SystemHandler;
+use tvc_nano::BoardStatus;
 use tvc_nano::application::{self, Event, StepEnd};
 use tvc_nano::bringup::Order;
 use tvc_nano::failsafe::BootReport;
@@ -44,8 +45,8 @@ use tvc_nano::params::Params;
 use tvc_nano::servo::neutral;
 use tvc_nano::sleep::{Load, may_sleep};
 use tvc_nano::store;
-use tvc_nano::telemetry::{BoardStatus, Reset};
-use tvc_nano::ticks::{BurstGauge, BurstTimes, NewestTick};
+use tvc_nano::telemetry::Reset;
+use tvc_nano::ticks::{BurstGauge, NewestTick};
 
 use nano33iot::{FRAME_INTERRUPT, I2C_INTERRUPT, LED, PROBE, RADIO_RESET};
 
@@ -234,6 +235,7 @@ impl application::Board for Board {
         let taken = self.frame.write(end.pulse);
         PROBE.low();
         self.guard.work.step_done(taken);
+        self.steps = self.steps.wrapping_add(1);
         frame::set_neutral(end.neutral);
         // Where the timer does not take it, the next step tries again.
         let _ = self.frame.retime(end.timing);
@@ -248,16 +250,13 @@ impl application::Board for Board {
         }
     }
 
-    fn status(&mut self) -> BoardStatus {
-        self.steps = self.steps.wrapping_add(1);
+    fn status(&self) -> BoardStatus {
         BoardStatus {
             load_permille: self.load.permille(),
             bus_errors: self.bus_errors,
             bus_recoveries: self.bus.recoveries(),
-            bursts: BurstTimes {
-                stop_us: self.bus.stop_us(),
-                ..self.bursts.times()
-            },
+            bursts: self.bursts.times(),
+            stop_us: self.bus.stop_us(),
             // The clock is looked at every second or two.
             clock_fine: (self.steps == 0 && self.port.port() != application::Port::Absent)
                 .then(clocks::locked_fine)

@@ -5,6 +5,7 @@
 
 use atsamd_hal::clock::{GClock, GenericClockController, Tcc0Tcc1Clock};
 use atsamd_hal::pac;
+use tvc_nano::bringup::words;
 use tvc_nano::ticks::TickPlan;
 
 use super::pin::{Function, Pin};
@@ -25,6 +26,8 @@ pub(super) const SERVO_CHANNEL: usize = 1;
 /// Compare channels without a pin, for the ticks: the frame's last first.
 pub(super) const TICK_CHANNELS: [usize; TickPlan::MOST_TICKS as usize] = [3, 2, 0];
 
+/// D2: `tvc bringup` times the servo's signal here, which a jumper leads to it.
+pub(super) const FEEDBACK: Pin = Pin::b(10);
 /// D4: high while a step runs.
 pub(super) const PROBE: Pin = Pin::a(7);
 /// D13: the orange LED.
@@ -40,9 +43,9 @@ pub(super) const USB_PRODUCT: u16 = 0x8057;
 /// The word of RAM in which the bootloader looks for a second tap, and what it wants to find there.
 pub(super) const BOOTLOADER_WORD: *mut u32 = 0x2000_7FFC as *mut u32;
 /// See [`BOOTLOADER_WORD`]: Arduino's bootloader, and UF2's.
-pub(super) const BOOTLOADER_MAGIC: [u32; 2] = [0x0773_8135, 0xF016_69EF];
+pub(super) const BOOTLOADER_MAGIC: [u32; 2] = [words::ARDUINO, words::UF2];
 /// Where a bootloader is.
-pub(super) const BOOTLOADER_FLASH: core::ops::Range<usize> = 0..0x2000;
+pub(super) const BOOTLOADER_FLASH: core::ops::Range<usize> = 0..words::BOOTLOADER_END as usize;
 
 /// Interrupts of the servo frame and of the sensor bus.
 pub(super) const FRAME_INTERRUPT: pac::Interrupt = pac::Interrupt::TCC0;

@@ -95,6 +95,17 @@ impl Pin {
         self.configure(true);
     }
 
+    /// Make it an input that a pull-down holds low, where it has not been driven high before.
+    pub(super) fn pull_down(self) {
+        if self.group == 0 {
+            let config = port().pincfg0_(self.number);
+            config.write(|w| w.inen().set_bit().pullen().set_bit());
+        } else {
+            let config = port().pincfg1_0(self.number);
+            config.write(|w| w.inen().set_bit().pullen().set_bit());
+        }
+    }
+
     fn configure(self, peripheral: bool) {
         if self.group == 0 {
             port()

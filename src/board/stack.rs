@@ -8,8 +8,8 @@
 
 use core::ptr::addr_of_mut;
 
-/// What unused stack looks like.
-const PAINT: u32 = 0x5AC5_5AC5;
+use tvc_nano::bringup::words::STACK_PAINT;
+
 /// Words looked at.
 const GUARD_WORDS: usize = 8;
 /// Bytes just below the stack pointer that are left alone while painting.
@@ -28,7 +28,7 @@ pub(super) fn paint() {
         // SAFETY: between the end of the statics and the stack pointer nothing lives; aligned by
         // the linker script.
         unsafe {
-            word.write_volatile(PAINT);
+            word.write_volatile(STACK_PAINT);
             word = word.add(1);
         }
     }
@@ -40,6 +40,6 @@ pub(super) fn check() {
     let lowest = addr_of_mut!(_stack_end);
     // SAFETY: the words are RAM above the statics.
     let untouched =
-        (0..GUARD_WORDS).all(|index| unsafe { lowest.add(index).read_volatile() } == PAINT);
+        (0..GUARD_WORDS).all(|index| unsafe { lowest.add(index).read_volatile() } == STACK_PAINT);
     assert!(untouched, "stack overflow");
 }

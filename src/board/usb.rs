@@ -151,7 +151,7 @@ impl Port {
         if core::mem::replace(&mut self.touched, touched) != touched {
             if touched {
                 self.reset_soon(now, Reset::Bootloader);
-            } else {
+            } else if let Some((_, Reset::Bootloader)) = self.reset {
                 self.reset = None;
             }
         }

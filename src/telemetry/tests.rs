@@ -124,6 +124,11 @@ pub(crate) fn save() -> Vec<u8> {
     order(MavCmd::MAV_CMD_PREFLIGHT_STORAGE, 1.0, 0.0)
 }
 
+/// The host's order to show the word at `address`.
+pub(crate) fn peek(address: u32) -> Vec<u8> {
+    order(MavCmd::MAV_CMD_USER_1, 1.0, f32::from_bits(address))
+}
+
 /// A flight and its link.
 struct Link {
     desk: Desk,
@@ -581,7 +586,7 @@ fn a_reset_is_for_the_board_and_refused_while_armed() {
 
 #[test]
 fn an_order_to_the_board_is_refused_while_the_rudder_may_be_needed() {
-    let peek = order(MavCmd::MAV_CMD_USER_1, 1.0, f32::from_bits(0x2000_0010));
+    let peek = peek(0x2000_0010);
     let mut link = Link::new(Desk::in_standby(0.1));
     assert_eq!(acks(&link.tell(&peek)), [], "answered when it is done");
     let wanted = crate::bringup::Order {

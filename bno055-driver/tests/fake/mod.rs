@@ -468,3 +468,11 @@ impl Rig {
         }
     }
 }
+
+/// A rig a while into sampling, with `config`.
+pub fn flying(config: Config) -> Rig {
+    let mut rig = Rig::sampling(config);
+    let outcomes = rig.bursts(100);
+    assert!(outcomes.iter().all(Result::is_ok), "clean: {outcomes:?}");
+    rig
+}

@@ -242,10 +242,6 @@ pub fn keys() -> impl Iterator<Item = &'static Key> {
 }
 
 impl Hardware {
-    /// What [`Hardware::clock_percent`] probably is for a chip whose firmware starts the DFLL with
-    /// FINE 0x1FF: 46.5 MHz were measured (atsamd-rs issue 549).
-    pub const CLOCK_PERCENT: f64 = -3.1;
-
     /// Sets what `KEY=VALUE` says.
     ///
     /// # Errors

@@ -7,7 +7,6 @@
 //! the controller that they have been heard: the host waits five seconds for an answer, at about
 //! one request in a hundred. So an empty packet is taken without a look at the buffer, and a SETUP
 //! that is there already is left to the next poll, which sees to it.
-
 //!
 //! # The byte
 //! `usbd-serial` announces no capabilities of the serial port (its `bmCapabilities` is 0), although

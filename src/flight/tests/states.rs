@@ -1,7 +1,6 @@
 //! Who may move the rudder: faults, tilt, and the operator's commands out of order.
 
 use super::*;
-use crate::telemetry::BoardStatus;
 use crate::ticks::BurstTimes;
 use std::string::ToString;
 
@@ -256,7 +255,6 @@ fn the_timing_follows_the_bursts_and_a_slow_bus_is_refused() {
         bursts: BurstTimes {
             mean_us,
             max_us: mean_us + 200,
-            stop_us: 0,
         },
         ..BoardStatus::default()
     };

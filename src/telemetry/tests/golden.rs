@@ -1,6 +1,7 @@
 //! Frames against pymavlink 2.4.50, byte by byte.
 
 use super::*;
+use crate::ticks::BurstTimes;
 
 /// The snapshot that the golden frames show.
 fn golden_snapshot() -> Snapshot {
@@ -49,8 +50,8 @@ fn a_step_is_byte_for_byte_what_pymavlink_sends() {
         bursts: BurstTimes {
             mean_us: 4423,
             max_us: 4580,
-            stop_us: 180,
         },
+        stop_us: 180,
         clock_fine: None,
     };
     let sensor = Health {

@@ -4,7 +4,8 @@ use std::time::Duration;
 
 use anyhow::Result;
 use client::request;
-use tvc_nano::bringup::{Pulse, SLOW_COUNT, What};
+use tvc_nano::bringup::words::*;
+use tvc_nano::bringup::{Pulse, What};
 
 use super::row::{Check, Row};
 use super::session::{Heard, Session};
@@ -61,20 +62,21 @@ const STACK: Check = Check {
     meaning: "little is left of the stack: report it with this table",
 };
 
-const FNUM: u32 = 0x4100_5010;
-const LOCKED: u32 = 1 << 4;
+/// Of [`CLOCK_STATUS`]: the DFLL runs right, and the voltage is below the brown-out detector's.
+const DFLL_READY: u32 = 1 << 4;
+const BROWNED_OUT: u32 = 1 << 10;
 
 /// Chip, serial number, fuses, bootloader.
 ///
 /// # Errors
 /// The vehicle no longer answers.
 pub fn identity(session: &mut Session) -> Result<Vec<Row>> {
-    let id = session.peek(0x4100_2018)?;
+    let id = session.peek(DEVICE_ID)?;
     let mut serial = String::new();
-    for address in [0x0080_A00C, 0x0080_A040, 0x0080_A044, 0x0080_A048] {
+    for address in SERIAL {
         serial += &format!("{:08x}", session.peek(address)?);
     }
-    let cause = match session.peek(0x4000_0438)? as u8 {
+    let cause = match session.peek(RESET_CAUSE)? as u8 {
         0x01 => "power-on",
         0x02 | 0x04 => "brown-out",
         0x10 => "reset button",
@@ -90,7 +92,7 @@ pub fn identity(session: &mut Session) -> Result<Vec<Row>> {
         format!("{name} ({id:#010x}), revision {revision}, serial {serial}, last reset {cause}");
     let chip = CHIP.of("SAMD21G18A", found, known);
 
-    let fuses = session.peek(0x0080_4000)?;
+    let fuses = session.peek(USER_ROW)?;
     let (protected, always) = (fuses & 7, fuses >> 25 & 3);
     let fuses = FUSES.of(
         "bootloader open (7), watchdog off (0)",
@@ -100,20 +102,17 @@ pub fn identity(session: &mut Session) -> Result<Vec<Row>> {
     let bootloader = BOOTLOADER.of(
         "Arduino",
         bootloader(session)?,
-        session.peek(0x724)? == ARDUINO,
+        session.peek(ARDUINO_AT)? == ARDUINO,
     );
     Ok(vec![chip, fuses, bootloader])
 }
 
-const ARDUINO: u32 = 0x0773_8135;
-const UF2: u32 = 0xF016_69EF;
-
 /// By the word that it looks for in RAM, which its program holds.
 fn bootloader(session: &mut Session) -> Result<&'static str> {
-    if session.peek(0x724)? == ARDUINO {
+    if session.peek(ARDUINO_AT)? == ARDUINO {
         return Ok("Arduino");
     }
-    for address in (0..0x2000).step_by(4) {
+    for address in (0..BOOTLOADER_END).step_by(4) {
         match session.peek(address)? {
             UF2 => return Ok("UF2"),
             ARDUINO => return Ok("Arduino, another version"),
@@ -137,7 +136,7 @@ pub fn clocks(session: &mut Session) -> Result<Vec<Row>> {
     let mut last: Option<(u32, i64)> = None;
     let until = session.now() + WHILE;
     while session.now() < until {
-        let told = session.peek_at(FNUM)?;
+        let told = session.peek_at(USB_FRAME)?;
         let number = i64::from(told.value >> 3 & 0x7FF);
         if let Some((time_ms, before)) = last {
             // 11 bits, which come round every two seconds.
@@ -150,7 +149,7 @@ pub fn clocks(session: &mut Session) -> Result<Vec<Row>> {
     }
     let slow_to = session.peek_at(SLOW_COUNT)?;
     let rate = 1000.0 * slope(&points);
-    let locked = session.peek(0x4000_080C)? & LOCKED != 0;
+    let locked = session.peek(CLOCK_STATUS)? & DFLL_READY != 0;
     let clock = CLOCK.of(
         "999.5 to 1000.5 frames of USB a second, DFLL ready",
         format!(
@@ -160,8 +159,8 @@ pub fn clocks(session: &mut Session) -> Result<Vec<Row>> {
         locked && (rate - 1000.0).abs() <= 0.5,
     );
     // The first look has the register brought up to date.
-    session.peek(0x4000_0828)?;
-    let fine = session.peek(0x4000_0828)? & 0x3FF;
+    session.peek(DFLL_VALUE)?;
+    let fine = session.peek(DFLL_VALUE)? & 0x3FF;
     // 0.023 % a step, an estimate.
     let percent = (511.0 - f64::from(fine)) * 0.023;
     let free = FREE_CLOCK.of(
@@ -190,8 +189,8 @@ fn slope(points: &[(f64, f64)]) -> f64 {
 /// # Errors
 /// The vehicle no longer answers.
 pub fn levels(session: &mut Session) -> Result<Vec<Row>> {
-    let bod = session.peek(0x4000_0834)?;
-    let low = session.peek(0x4000_080C)? & 1 << 10 != 0;
+    let bod = session.peek(BROWN_OUT)?;
+    let low = session.peek(CLOCK_STATUS)? & BROWNED_OUT != 0;
     let (enabled, level) = (bod & 2 != 0, bod >> 16 & 0x3F);
     let supply = SUPPLY.of(
         "detector on, level 37 or more, voltage above it",
@@ -204,7 +203,7 @@ pub fn levels(session: &mut Session) -> Result<Vec<Row>> {
     );
     let mut high = 0;
     for _ in 0..40 {
-        high |= session.peek(0x4100_44A0)? >> 8 & 3;
+        high |= session.peek(PORT_IN)? >> 8 & 3;
         session.listen(Duration::from_millis(1))?;
     }
     let name = |bit: u32| {
@@ -264,11 +263,11 @@ pub fn servo(session: &mut Session) -> Result<Row> {
 /// # Errors
 /// The vehicle no longer answers.
 pub fn flash(session: &mut Session) -> Result<Row> {
-    let before = session.peek_at(FNUM)?;
+    let before = session.peek_at(USB_FRAME)?;
     if let Err(failure) = session.order(request::SAVE)? {
         return Ok(FLASH.failed("saves the parameters", failure));
     }
-    let after = session.peek_at(FNUM)?;
+    let after = session.peek_at(USB_FRAME)?;
     let number = |word: u32| i64::from(word >> 3 & 0x7FF);
     let passed = i64::from(after.time_ms - before.time_ms);
     let frames = number(after.value) - number(before.value);
@@ -284,15 +283,15 @@ const LOST_MS: std::ops::RangeInclusive<f64> = 0.0..=32.0;
 /// # Errors
 /// The vehicle no longer answers.
 pub fn stack(session: &mut Session) -> Result<Row> {
-    const PAINT: u32 = 0x5AC5_5AC5;
-    const TOP: u32 = 0x2000_7800;
-    let (mut low, mut high) = (0x2000_5000, TOP);
-    if session.peek(low)? != PAINT {
+    /// Well below what the stack may ever need.
+    const DEEPEST: u32 = RAM + 0x5000;
+    let (mut low, mut high) = (DEEPEST, STACK_TOP);
+    if session.peek(low)? != STACK_PAINT {
         return Ok(STACK.failed("paint at 0x20005000", "none: more than 10 KB were used"));
     }
     while high - low > 4 {
         let middle = (low + (high - low) / 2) & !3;
-        if session.peek(middle)? == PAINT {
+        if session.peek(middle)? == STACK_PAINT {
             low = middle;
         } else {
             high = middle;
@@ -300,15 +299,15 @@ pub fn stack(session: &mut Session) -> Result<Row> {
     }
     // What was skipped by a function's large frame may still lie below.
     let mut clean = 0;
-    while clean < 64 && low > 0x2000_5000 {
+    while clean < 64 && low > DEEPEST {
         low -= 4;
-        clean = if session.peek(low)? == PAINT {
+        clean = if session.peek(low)? == STACK_PAINT {
             clean + 1
         } else {
             high = low;
             0
         };
     }
-    let used = f64::from(TOP - high) / 1024.0;
+    let used = f64::from(STACK_TOP - high) / 1024.0;
     Ok(STACK.within(used, 0.0..=9.0, "KB used"))
 }

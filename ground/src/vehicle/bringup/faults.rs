@@ -4,6 +4,7 @@ use anyhow::Result;
 use client::{StateKind, request};
 use std::time::Duration;
 use tvc_nano::bringup::What;
+use tvc_nano::bringup::words;
 
 use super::row::{Check, Row};
 use super::session::Session;
@@ -32,7 +33,7 @@ pub fn usb(session: &mut Session) -> Result<Row> {
     let (mut longest, mut repeated) = (Duration::ZERO, 0);
     for index in 0..WORDS {
         let begun = session.now();
-        session.peek(0x2000_0000 + 4 * index)?;
+        session.peek(words::RAM + 4 * index)?;
         let took = session.now() - begun;
         longest = longest.max(took);
         repeated += u32::from(took >= REPEATED);
@@ -69,7 +70,7 @@ pub fn crash(session: &mut Session) -> Result<Row> {
 /// The rig stopped.
 pub fn watchdog(session: &mut Session) -> Result<Row> {
     const EXPECTED: &str = "on; \"watchdog reset\" after a program that hangs";
-    let control = session.peek(0x4000_1000)?;
+    let control = session.peek(words::WATCHDOG)?;
     if control & 2 == 0 {
         return Ok(WATCHDOG.failed(EXPECTED, "it is off"));
     }

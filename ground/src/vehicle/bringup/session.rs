@@ -22,8 +22,6 @@ pub struct Heard {
     pub status: Vec<SYS_STATUS_DATA>,
     /// Mean and longest burst, us, and fresh data a second.
     pub bursts: Vec<[f32; 3]>,
-    /// Texts.
-    pub texts: Vec<String>,
 }
 
 /// A conversation.
@@ -92,7 +90,6 @@ impl<'a> Session<'a> {
                 MavMessage::DEBUG_VECT(told) if text(&told.name) == "imu_bus" => {
                     self.heard.bursts.push([told.x, told.y, told.z]);
                 }
-                MavMessage::STATUSTEXT(said) => self.heard.texts.push(text(&said.text).to_owned()),
                 _ => {}
             }
         }
@@ -207,7 +204,6 @@ impl<'a> Session<'a> {
         const RETURN: Duration = Duration::from_secs(4);
         self.serial += 1;
         let order = request::bringup(what, self.serial);
-        self.heard.texts.clear();
         // It speaks until it has read the order, which may be lost on its way.
         for _ in 0..5 {
             self.target.client().send(&order.message());
