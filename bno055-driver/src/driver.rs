@@ -129,7 +129,7 @@ impl Driver {
                     Next::Transfer(request.read())
                 } else if sampling.due {
                     sampling.outstanding = Some(Errand::Verify);
-                    Next::Transfer(sampling.check.transfer())
+                    Next::Transfer(sampling.check.transfer(sampling.mismatched))
                 } else {
                     Next::Sample
                 }

@@ -34,9 +34,11 @@ impl Check {
         }
     }
 
-    /// The read that fits between two bursts: one register, but status and error together.
-    pub(crate) const fn transfer(self) -> Transfer {
-        Transfer::read(self as u8, if matches!(self, Self::System) { 2 } else { 1 })
+    /// The read that fits between two bursts: one register. Read `again`, the status brings the
+    /// error with it, which stands behind it.
+    pub(crate) const fn transfer(self, again: bool) -> Transfer {
+        let two = again && matches!(self, Self::System);
+        Transfer::read(self as u8, if two { 2 } else { 1 })
     }
 
     /// What is wrong with the answer, if anything is.
@@ -54,8 +56,10 @@ impl Check {
             Self::AxisSign => (0x07, sign),
             Self::Power => (0x03, config.power as u8),
             Self::System => {
-                let &[status, error] = bytes else {
-                    return Err(SensorFault::Protocol);
+                let (status, error) = match *bytes {
+                    [status] => (status, 0),
+                    [status, error] => (status, error),
+                    _ => return Err(SensorFault::Protocol),
                 };
                 return match SystemStatus::from_register(status) {
                     SystemStatus::Fusion if config.mode.is_fusion() => Ok(()),

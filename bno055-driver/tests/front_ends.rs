@@ -211,7 +211,7 @@ fn samples_each_with_one_verification() {
         .read(8, &SAMPLE)
         .read(0x42, &[0])
         .read(8, &OTHER)
-        .read(0x39, &[6, 0])
+        .read(0x39, &[6])
         .read(8, &SAMPLE)
         .read(0x3E, &[0])
         .read(8, &OTHER)

@@ -46,6 +46,8 @@ const REPAIR_PERIOD_US: u64 = 4_000;
 /// How long a STOP may take to go out. The BNO055 holds the clock after the last byte of a read as
 /// it does after every other, for some 180 us.
 const STOP_LIMIT_US: u64 = 2_000;
+/// How long a step waits for it at most.
+const STOP_HURRIED_US: u64 = 550;
 
 /// What a read gave.
 #[derive(Clone, Copy)]
@@ -324,7 +326,10 @@ impl Bus {
 
     /// The transfer that is over, once; ends one that has reached its deadline, and repairs the
     /// bus.
-    pub(super) fn poll(&mut self, now: Micros) -> Option<Completion> {
+    ///
+    /// While the sensor is set up and nothing is more urgent, and where it is `hurried`, the STOP is
+    /// waited for.
+    pub(super) fn poll(&mut self, now: Micros, hurried: bool) -> Option<Completion> {
         if self.deadline().is_some_and(|deadline| now >= deadline) {
             let lines_free = SDA.is_high() && SCL.is_high();
             self.abort(if lines_free {
@@ -339,7 +344,7 @@ impl Bus {
             with_master(|master| master.broken = true);
         }
         let completion = collect();
-        if completion.is_some() {
+        if completion.is_some() && (hurried || !self.sampling) {
             self.time_stop();
         }
         if now >= self.repair_at && with_master(|master| master.broken) {
@@ -361,17 +366,18 @@ impl Bus {
         u32::from(address) << 24 | self.stop_us
     }
 
-    /// While the sensor is set up and nothing is more urgent, wait for the STOP, and so learn how
-    /// long the sensor holds it up.
+    /// Wait for the STOP, and so learn how long the sensor holds it up. Before a step there is less
+    /// time for that.
     fn time_stop(&mut self) {
-        if !self.sampling {
-            let began = now();
-            let _ = within(STOP_LIMIT_US, || {
-                !with_master(|master| master.awaits_stop())
-            });
-            let us = now().since(began) as u32;
-            self.stop_us = us.max(self.stop_us - self.stop_us / 8);
-        }
+        let limit_us = if self.sampling {
+            STOP_HURRIED_US
+        } else {
+            STOP_LIMIT_US
+        };
+        let began = now();
+        let _ = within(limit_us, || !with_master(|master| master.awaits_stop()));
+        let us = now().since(began) as u32;
+        self.stop_us = us.max(self.stop_us - self.stop_us / 8);
     }
 
     /// End the transfer under way. The peripheral is of no use until it is repaired.

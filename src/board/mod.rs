@@ -53,6 +53,8 @@ use nano33iot::{FRAME_INTERRUPT, I2C_INTERRUPT, LED, PROBE, RADIO_RESET};
 /// The loop turns this often at least, us, give or take one period of SysTick: the sensor's driver
 /// and the host's port have deadlines of their own that are not so strict.
 const TURN_PERIOD_US: u64 = 1_000;
+/// Longest time that a step takes, us.
+const STEP_US: u64 = 900;
 
 /// The running board.
 pub(crate) struct Board {
@@ -167,16 +169,37 @@ impl Board {
         })
     }
 
+    /// Whether `transfer`, begun at `start`, is over before the next tick.
+    fn leaves_time_for(&self, start: Micros, transfer: &Transfer) -> bool {
+        let (timing, period_us) = (self.frame.timing(), self.frame.tick_period_us());
+        // Half of what the 21 bytes of a burst vary by is more than the few of a short transfer do.
+        let reserve_us = self.bus.stop_us() + self.bursts.times().spread_us() / 2;
+        self.tick
+            .leaves_time_for(start, transfer, timing, reserve_us, period_us)
+    }
+
+    /// Whether a sensor is so slow that a register can be read back only in front of the step, and
+    /// not behind it.
+    fn is_hurried(&self, now: Micros) -> bool {
+        const ONE_REGISTER: Transfer = Transfer::Read {
+            register: 0,
+            len: 1,
+        };
+        let fits = |start| self.leaves_time_for(start, &ONE_REGISTER);
+        !fits(now.after(STEP_US)) && fits(now.after(self.bus.stop_us().into()))
+    }
+
     fn event(&mut self, now: Micros) -> Event<i2c::Answer> {
         if let Some(tick) = frame::take_tick() {
             self.guard.work.tick_seen();
             self.tick.came(tick, self.frame.timing());
         }
+        let hurried = self.is_hurried(now);
         if let Some(i2c::Completion {
             origin,
             outcome,
             took_us,
-        }) = self.bus.poll(now)
+        }) = self.bus.poll(now, hurried)
         {
             match (origin, &outcome.answer) {
                 (i2c::Origin::Tick, Ok(_)) => self.bursts.add(took_us),
@@ -213,11 +236,7 @@ impl application::Board for Board {
     }
 
     fn has_time_for(&self, transfer: &Transfer) -> bool {
-        let (timing, period_us) = (self.frame.timing(), self.frame.tick_period_us());
-        // Half of what the 21 bytes of a burst vary by is more than the few of a short transfer do.
-        let reserve_us = self.bus.stop_us() + self.bursts.times().spread_us() / 2;
-        self.tick
-            .leaves_time_for(time::now(), transfer, timing, reserve_us, period_us)
+        self.leaves_time_for(time::now(), transfer)
     }
 
     fn begin(&mut self, transfer: Transfer) {

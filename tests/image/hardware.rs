@@ -1,10 +1,12 @@
 //! The image with parts as real ones may be: a few of the settings that `tvc hardware` flies, a
 //! start each.
 
+use crate::faults::{default_neutral_us, ms};
 use crate::firmware;
 use client::StateKind;
+use rig::bno055::Fault;
 use rig::flight::Missing;
-use rig::{Rig, RigConfig, ServoKind, Setup, Ticks, fly_at_once, prepare};
+use rig::{Ready, Rig, RigConfig, ServoKind, Setup, Ticks, fly_at_once, prepare};
 
 fn with(hardware: &str) -> Setup {
     let mut setup = Setup::with_polarity(ServoKind::S3003, 1);
@@ -54,6 +56,31 @@ fn flies_with_parts_that_differ_from_the_default() {
 fn a_slow_sensor_is_flown_later_after_its_burst() {
     let latency_us = latency_of_a_flight("stretch=290..310");
     assert!((8000.0..10_000.0).contains(&latency_us), "{latency_us}");
+}
+
+/// However slow the sensor's bus, its settings are read back behind each burst: a sensor that swaps
+/// its axes in mid-flight is noticed within 100 ms, and the rudder is neutral 50 ms later.
+#[test]
+fn settings_are_verified_on_a_slow_bus() {
+    for hardware in ["stretch=300,stop-read=500", "stretch=340"] {
+        let mut flight = prepare(firmware(), &with(hardware), &mut |_| {}).unwrap();
+        let Ready { rig, station, .. } = &mut flight;
+        rig.environment_mut().tilt_clamp(0.4);
+        station.run(rig, ms(2000)).unwrap();
+        station.arm(rig).unwrap();
+        station.release(rig, 0.2).unwrap();
+        station.run(rig, ms(150)).unwrap();
+        let at = rig.now();
+        rig.inject(Fault::SwappedAxes);
+        station.run(rig, ms(300)).unwrap();
+        assert_eq!(station.state(), Some(StateKind::Failsafe), "{hardware}");
+        for pulse in rig.truth().pulses_since(at + ms(150)) {
+            assert!(
+                default_neutral_us().contains(&pulse.width_us()),
+                "{hardware}: {pulse:?}"
+            );
+        }
+    }
 }
 
 /// Above some 350 us a byte no 100 bursts a second are possible: nothing is armed, and the reason
