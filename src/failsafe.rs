@@ -179,7 +179,30 @@ impl Supervisor {
     /// # Errors
     /// The [`Refusal`]; the state stays.
     pub fn command(&mut self, now: Micros, command: Command) -> Result<(), Refusal> {
-        self.state = match (command, self.state) {
+        let next = self.next(now, command)?;
+        if let (Command::Disarm, State::Latched(latch)) = (command, self.state) {
+            self.report.acknowledge(latch);
+        }
+        self.state = next;
+        Ok(())
+    }
+
+    /// Whether a command would be obeyed.
+    ///
+    /// # Errors
+    /// The [`Refusal`].
+    pub fn may(&self, now: Micros, command: Command) -> Result<(), Refusal> {
+        self.next(now, command).map(drop)
+    }
+
+    /// The self-test is passed, the attitude has settled, and the gyro's offset is known.
+    pub fn is_calibrated(&self) -> bool {
+        self.state == State::Standby && self.health.settled && self.health.bias_known
+    }
+
+    /// The state that a command leads to.
+    fn next(&self, now: Micros, command: Command) -> Result<State, Refusal> {
+        Ok(match (command, self.state) {
             (Command::Arm, State::Standby) => {
                 self.ready(now)?;
                 State::Armed
@@ -198,16 +221,16 @@ impl Supervisor {
                 State::Standby
             }
             (Command::Disarm, State::Latched(latch)) => {
-                self.report.acknowledge(latch);
-                self.report.state()
+                let mut report = self.report;
+                report.acknowledge(latch);
+                report.state()
             }
             (Command::TestPulse(_), state) if state.is_idle() => state,
             (Command::Arm, State::Armed)
             | (Command::Release, State::Active { .. })
             | (Command::Disarm, State::Boot | State::SelfTest(_) | State::Standby) => self.state,
             (_, state) => return Err(Refusal::WrongState(state)),
-        };
-        Ok(())
+        })
     }
 
     /// The conditions of arming and release.

@@ -156,25 +156,22 @@ impl Flight {
     /// # Errors
     /// The [`Refusal`]; nothing changes.
     pub fn command(&mut self, now: Micros, command: Command) -> Result<(), Refusal> {
-        let timing = self.params.timing();
-        match (command, self.state(), self.params.polarity()) {
-            (Command::Arm, state, _) if state.is_idle() && timing.is_too_slow() => {
-                return Err(Refusal::SlowBus(timing.burst_us()));
-            }
-            (Command::Arm, State::Standby, Polarity::Unchecked | Polarity::Watched) => {
-                return Err(Refusal::Polarity);
-            }
-            (Command::TestPulse(_), state, Polarity::Watched) if state.is_idle() => {
-                return Err(Refusal::RudderAnswers);
-            }
-            _ => {}
-        }
+        self.permit(command)?;
         self.supervisor.command(now, command)?;
         self.test_pulse = match command {
             Command::TestPulse(pulse) => (pulse, now.after(TEST_PULSE_US)),
             _ => NO_TEST_PULSE,
         };
         Ok(())
+    }
+
+    /// Whether a command would be obeyed.
+    ///
+    /// # Errors
+    /// The [`Refusal`].
+    pub fn may(&self, now: Micros, command: Command) -> Result<(), Refusal> {
+        self.permit(command)?;
+        self.supervisor.may(now, command)
     }
 
     /// Begin anew as after power-on: self-test, and the gyro's offset learned at rest.
@@ -269,6 +266,11 @@ impl Flight {
         self.servo.neutral_pulse()
     }
 
+    /// The self-test is passed, the attitude has settled, and the gyro's offset is known.
+    pub fn is_calibrated(&self) -> bool {
+        self.supervisor.is_calibrated()
+    }
+
     /// Where the flight stands.
     pub fn state(&self) -> State {
         self.supervisor.state()
@@ -316,6 +318,23 @@ impl Flight {
     fn hold(&mut self, now: Micros) {
         if self.rudder(now) != Rudder::Controlled {
             self.rest(now);
+        }
+    }
+
+    /// What the parameters say about a command.
+    fn permit(&self, command: Command) -> Result<(), Refusal> {
+        let timing = self.params.timing();
+        match (command, self.state(), self.params.polarity()) {
+            (Command::Arm, state, _) if state.is_idle() && timing.is_too_slow() => {
+                Err(Refusal::SlowBus(timing.burst_us()))
+            }
+            (Command::Arm, State::Standby, Polarity::Unchecked | Polarity::Watched) => {
+                Err(Refusal::Polarity)
+            }
+            (Command::TestPulse(_), state, Polarity::Watched) if state.is_idle() => {
+                Err(Refusal::RudderAnswers)
+            }
+            _ => Ok(()),
         }
     }
 

@@ -61,6 +61,9 @@ impl StateKind {
 }
 
 impl StateCode {
+    /// How many there are.
+    pub const COUNT: usize = 5 + Failure::ALL.len() + ReasonKind::ALL.len() + LatchKind::ALL.len();
+
     /// Every state with every reason that it can have.
     pub fn all() -> impl Iterator<Item = Self> {
         let failures = Failure::ALL
@@ -129,6 +132,7 @@ mod tests {
     #[test]
     fn every_state_and_reason_comes_back_from_its_number_and_no_other_number_means_one() {
         let codes: Vec<_> = StateCode::all().collect();
+        assert_eq!(codes.len(), StateCode::COUNT);
         let mut known = 0;
         for number in (0..0x1_0000).chain([0x1_0000, 0x0100_0002, u32::MAX]) {
             if let Ok(code) = StateCode::try_from(number) {
