@@ -138,9 +138,9 @@ pub const PULSE_MAX_US: f32 = 2193.0;
 /// How long a test pulse is held: a host that is gone does not leave the servo at its stop.
 pub const TEST_PULSE_US: u64 = 2_000_000;
 
-/// MAVLink system id of this vehicle and component id of an autopilot.
+/// MAVLink system id of a vehicle that has been given no other (`MAV_SYSID`).
 pub const SYSTEM_ID: u8 = 1;
-/// See [`SYSTEM_ID`].
+/// MAVLink component id of an autopilot.
 pub const COMPONENT_ID: u8 = 1;
 
 /// Period of HEARTBEAT and SYS_STATUS.

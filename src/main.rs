@@ -11,6 +11,7 @@ mod board;
 
 #[cfg(target_os = "none")]
 mod firmware {
+    use atsamd_hal::serial_number;
     use bno055_driver::Driver;
     use cortex_m::singleton;
     use cortex_m_rt::entry;
@@ -19,7 +20,7 @@ mod firmware {
     use tvc_nano::application::Application;
     use tvc_nano::flight::Flight;
     use tvc_nano::recorder::Recorder;
-    use tvc_nano::telemetry::Telemetry;
+    use tvc_nano::telemetry::{Identity, Telemetry};
 
     use crate::board::Board;
 
@@ -41,11 +42,15 @@ mod firmware {
     fn start(recorder: &'static mut Recorder) -> (&'static mut Board, Application<'static>) {
         let config = tvc_nano::config::sensor();
         let (board, params, report) = Board::start();
+        let identity = Identity {
+            system: params.mav_sysid() as u8,
+            serial: serial_number(),
+        };
         let flight = Flight::new(params, report).expect("parameters in range are possible");
         let application = Application::new(
             singleton!(: Driver = Driver::new(config)).expect("started once"),
             singleton!(: Flight = flight).expect("started once"),
-            singleton!(: Telemetry = Telemetry::new()).expect("started once"),
+            singleton!(: Telemetry = Telemetry::new(identity)).expect("started once"),
             recorder,
         );
         (

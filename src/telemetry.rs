@@ -26,38 +26,39 @@
 
 mod answers;
 mod checksum;
+mod commands;
 mod download;
+mod modes;
 mod parser;
 mod queue;
 mod rates;
+mod sending;
 mod storage;
-
-use core::fmt::{self, Write};
+mod version;
 
 use bno055_driver::{Health, Micros, RawSample};
-use heapless::Vec;
-use mavlink::MessageData;
 use mavlink::dialects::common::{
     ATTITUDE_DATA, ATTITUDE_QUATERNION_DATA, DEBUG_VECT_DATA, HEARTBEAT_DATA, LOG_DATA_DATA,
     MavAutopilot, MavModeFlag, MavSeverity, MavState, MavSysStatusSensor, MavType,
-    NAMED_VALUE_FLOAT_DATA, RAW_IMU_DATA, SERVO_OUTPUT_RAW_DATA, STATUSTEXT_DATA, SYS_STATUS_DATA,
+    NAMED_VALUE_FLOAT_DATA, RAW_IMU_DATA, SERVO_OUTPUT_RAW_DATA, SYS_STATUS_DATA,
 };
 use mavlink::types::CharArray;
 
 use crate::board_status::BoardStatus;
 use crate::bringup;
-use crate::config::{COMPONENT_ID, HEARTBEAT_PERIOD_US, HOST_GONE_US, SYSTEM_ID};
-use crate::failsafe::State;
+use crate::config::{HEARTBEAT_PERIOD_US, HOST_GONE_US};
+use crate::failsafe::{Command, State};
 use crate::flight::{Flight, Snapshot};
-use checksum::checksum;
 use download::Download;
-use parser::Parser;
-use queue::{Priority, Queue};
+use parser::{Address, Parser};
+use queue::Queue;
 use rates::{Rates, Stream};
 use storage::StorageOrder;
 
-/// Longest payload of a message that is sent as the dialect encodes it: AUTOPILOT_VERSION's.
-const MAX_PAYLOAD: usize = 60;
+pub use version::Identity;
+
+/// Longest payload of a message that is sent as the dialect encodes it: STATUSTEXT's.
+const MAX_PAYLOAD: usize = 51;
 /// Header and checksum.
 const OVERHEAD: usize = 10 + 2;
 /// Longest frame sent: LOG_DATA's.
@@ -75,8 +76,11 @@ pub enum Reset {
 /// Both directions of the link, and what waits for the host.
 #[derive(Clone, Debug)]
 pub struct Telemetry {
+    identity: Identity,
     queue: Queue,
     parser: Parser,
+    /// Who is answered.
+    asker: Address,
     /// When the host's last whole message came.
     heard_at: Option<Micros>,
     sequence: u8,
@@ -89,21 +93,27 @@ pub struct Telemetry {
     field_told: bool,
     /// Next parameter of a list under way.
     list: Option<usize>,
-    /// What the host wants done with stored parameters.
-    storage: Option<StorageOrder>,
+    /// The next mode to tell of, and where that ends.
+    modes: (usize, usize),
+    /// What the host wants done with stored parameters, and who that is.
+    storage: Option<(StorageOrder, Address)>,
     download: Download,
     rates: Rates,
     reset: Option<Reset>,
+    /// Who waits for a calibration to end.
+    calibration: Option<Address>,
     /// What `tvc bringup` wants of the board.
-    bringup: Option<bringup::Order>,
+    bringup: Option<(bringup::Order, Address)>,
 }
 
 impl Telemetry {
     /// Nothing sent, nothing received.
-    pub const fn new() -> Self {
+    pub const fn new(identity: Identity) -> Self {
         Self {
+            identity,
             queue: Queue::new(),
             parser: Parser::new(),
+            asker: [0; 2],
             heard_at: None,
             sequence: 0,
             announced: None,
@@ -111,10 +121,12 @@ impl Telemetry {
             fresh: 0,
             field_told: true,
             list: None,
+            modes: (0, 0),
             storage: None,
             download: Download::new(),
             rates: Rates::new(),
             reset: None,
+            calibration: None,
             bringup: None,
         }
     }
@@ -122,8 +134,10 @@ impl Telemetry {
     /// As new, for a new listener. In place: a new value would take 2 KB of stack on its way here.
     pub fn restart(&mut self) {
         let Self {
+            identity: _,
             queue,
             parser,
+            asker: _,
             heard_at: _,
             sequence,
             announced,
@@ -131,10 +145,12 @@ impl Telemetry {
             fresh: _,
             field_told,
             list,
+            modes,
             storage,
             download,
             rates,
             reset,
+            calibration,
             bringup,
         } = self;
         queue.restart();
@@ -143,8 +159,8 @@ impl Telemetry {
         *rates = Rates::new();
         *sequence = 0;
         (*announced, *heartbeat_at, *list) = (None, None, None);
-        (*storage, *reset, *bringup) = (None, None, None);
-        *field_told = true;
+        (*storage, *reset, *calibration, *bringup) = (None, None, None, None);
+        (*modes, *field_told) = ((0, 0), true);
     }
 
     /// Queue the messages of a step.
@@ -167,16 +183,23 @@ impl Telemetry {
         let due = self
             .heartbeat_at
             .is_none_or(|last| snapshot.now.since(last) >= HEARTBEAT_PERIOD_US);
+        if self.rates.due(Stream::Heartbeat) || due {
+            self.heartbeat(&snapshot.state);
+        }
+        if self.rates.due(Stream::Status) || due {
+            self.system_status(snapshot, flight, board);
+        }
         if due {
             self.heartbeat_at = Some(snapshot.now);
-            self.heartbeat(&snapshot.state);
-            self.system_status(snapshot, board);
             self.bus_status(snapshot, sensor, board);
             if let (State::Boot, Some(fault)) = (&snapshot.state, snapshot.fault) {
                 self.warn(format_args!("{fault}"));
             }
         }
-        self.continue_list(flight.params());
+        self.follow_calibration(flight, due);
+        if !self.continue_list(flight.params()) {
+            self.continue_modes();
+        }
     }
 
     /// What the host has not taken yet, oldest first.
@@ -226,6 +249,7 @@ impl Telemetry {
         }
         self.announced = Some(code);
         self.heartbeat(state);
+        self.current_mode(code);
         let severity = match state {
             State::Latched(_) => MavSeverity::MAV_SEVERITY_EMERGENCY,
             State::Failsafe(_) => MavSeverity::MAV_SEVERITY_CRITICAL,
@@ -258,8 +282,8 @@ impl Telemetry {
                 ..SERVO_OUTPUT_RAW_DATA::DEFAULT
             });
         }
-        if self.rates.due(Stream::Raw)
-            && let Some(sample) = &snapshot.sample
+        if let Some(sample) = &snapshot.sample
+            && self.rates.due(Stream::Raw)
         {
             self.send_stream(&raw_imu(sample));
         }
@@ -309,14 +333,16 @@ impl Telemetry {
     }
 
     /// Load and health. Sensors are present always, healthy while samples come; what is enabled but
-    /// not healthy is what clients report as a fault.
-    fn system_status(&mut self, snapshot: &Snapshot, board: &BoardStatus) {
+    /// not healthy is what clients report as a fault. The check before arming is healthy where an
+    /// order to arm is obeyed, and while the drone is armed.
+    fn system_status(&mut self, snapshot: &Snapshot, flight: &Flight, board: &BoardStatus) {
         let inertial = MavSysStatusSensor::MAV_SYS_STATUS_SENSOR_3D_GYRO
             | MavSysStatusSensor::MAV_SYS_STATUS_SENSOR_3D_ACCEL;
         let magnetometer = MavSysStatusSensor::MAV_SYS_STATUS_SENSOR_3D_MAG;
         let sensors = inertial | magnetometer;
         let attitude = MavSysStatusSensor::MAV_SYS_STATUS_AHRS;
         let control = MavSysStatusSensor::MAV_SYS_STATUS_SENSOR_ATTITUDE_STABILIZATION;
+        let readiness = MavSysStatusSensor::MAV_SYS_STATUS_PREARM_CHECK;
         let enabled_control = match snapshot.state {
             State::Active { .. } | State::Failsafe(_) => control,
             _ => MavSysStatusSensor::empty(),
@@ -332,9 +358,13 @@ impl Telemetry {
             snapshot.sensor_healthy && snapshot.attitude.flags.initialised,
         );
         health.set(control, !matches!(snapshot.state, State::Failsafe(_)));
+        health.set(
+            readiness,
+            snapshot.state.is_armed() || flight.may(snapshot.now, Command::Arm).is_ok(),
+        );
         self.send_event(&SYS_STATUS_DATA {
-            onboard_control_sensors_present: sensors | attitude | control,
-            onboard_control_sensors_enabled: sensors | attitude | enabled_control,
+            onboard_control_sensors_present: sensors | attitude | control | readiness,
+            onboard_control_sensors_enabled: sensors | attitude | enabled_control | readiness,
             onboard_control_sensors_health: health,
             load: board.load_permille,
             voltage_battery: u16::MAX,
@@ -369,75 +399,11 @@ impl Telemetry {
             self.warn(format_args!("no magnetic field: heading drifts"));
         }
     }
-
-    /// A STATUSTEXT, cut to the 50 characters that STATUSTEXT holds.
-    fn status_text(&mut self, severity: MavSeverity, text: fmt::Arguments<'_>) {
-        let mut line = Line {
-            bytes: [0; 50],
-            len: 0,
-        };
-        // A line that is cut reports an error; what fits is sent.
-        let _ = line.write_fmt(text);
-        self.send_event(&STATUSTEXT_DATA {
-            severity,
-            text: CharArray::new(line.bytes),
-        });
-    }
-
-    /// A warning in words: a STATUSTEXT.
-    fn warn(&mut self, text: fmt::Arguments<'_>) {
-        self.status_text(MavSeverity::MAV_SEVERITY_WARNING, text);
-    }
-
-    fn send_event<D: MessageData>(&mut self, data: &D) {
-        self.send(Priority::Event, data);
-    }
-
-    fn send_stream<D: MessageData>(&mut self, data: &D) {
-        self.send(Priority::Stream, data);
-    }
-
-    fn send<D: MessageData>(&mut self, priority: Priority, data: &D) {
-        let mut payload = [0; MAX_PAYLOAD];
-        let len = data.ser(mavlink::MavlinkVersion::V2, &mut payload);
-        let payload = payload.get(..len).unwrap_or_default();
-        self.send_payload::<D>(priority, payload);
-    }
-
-    /// A message by its payload, for those that the dialect's own encoder is not used for.
-    fn send_payload<D: MessageData>(&mut self, priority: Priority, payload: &[u8]) {
-        self.send_frame(priority, D::ID, D::EXTRA_CRC, payload);
-    }
-
-    fn send_frame(&mut self, priority: Priority, id: u32, extra_crc: u8, payload: &[u8]) {
-        let [id0, id1, id2, _] = id.to_le_bytes();
-        let header = [
-            mavlink::MAV_STX_V2,
-            payload.len() as u8,
-            0,
-            0,
-            self.sequence,
-            SYSTEM_ID,
-            COMPONENT_ID,
-            id0,
-            id1,
-            id2,
-        ];
-        self.sequence = self.sequence.wrapping_add(1);
-        let mut frame: Vec<u8, MAX_FRAME> = Vec::new();
-        let filled =
-            frame.extend_from_slice(&header).is_ok() && frame.extend_from_slice(payload).is_ok();
-        let summed = frame.get(1..).unwrap_or_default();
-        let crc = checksum(summed, extra_crc).to_le_bytes();
-        if filled && frame.extend_from_slice(&crc).is_ok() {
-            self.queue.push(&frame, priority);
-        }
-    }
 }
 
 impl Default for Telemetry {
     fn default() -> Self {
-        Self::new()
+        Self::new(Identity::default())
     }
 }
 
@@ -453,22 +419,6 @@ fn milliseconds(time: Micros) -> u32 {
         remainder = part % 1000;
     }
     quotient
-}
-
-/// Text of at most 50 bytes.
-struct Line {
-    bytes: [u8; 50],
-    len: usize,
-}
-
-impl Write for Line {
-    fn write_str(&mut self, text: &str) -> fmt::Result {
-        for byte in text.bytes() {
-            *self.bytes.get_mut(self.len).ok_or(fmt::Error)? = byte;
-            self.len += 1;
-        }
-        Ok(())
-    }
 }
 
 /// RAW_IMU as the vehicle sends it: untouched counts and their own time, us.

@@ -131,7 +131,7 @@ impl Bench {
         Self {
             driver: Driver::new(Config::default()),
             flight: Flight::new(params, BootReport::default()).unwrap(),
-            telemetry: Telemetry::new(),
+            telemetry: Telemetry::default(),
             recorder: Recorder::new(),
             board: Notes::new(),
             now: Micros(1_000_000),

@@ -6,7 +6,7 @@ use core::fmt;
 use Range::{Between, OneOf};
 
 use super::Params;
-use crate::config::{PULSE_MAX_US, PULSE_MIN_US, STRETCH_MAX_US};
+use crate::config::{PULSE_MAX_US, PULSE_MIN_US, STRETCH_MAX_US, SYSTEM_ID};
 use crate::format::Decimal;
 
 /// The values that a parameter may take.
@@ -270,4 +270,6 @@ parameters! {
     /// 1: the rudder was seen to answer a tilt the right way, without which nothing is armed; 2: it
     /// answers in standby, to be seen
     srv_polarity: "SRV_POLARITY", "", OneOf(&[0.0, 1.0, 2.0]), 0.0, Disarmed;
+    /// MAVLink system id, which tells vehicles on one link apart; taken over at the next start
+    mav_sysid: "MAV_SYSID", "", Between(1.0, 250.0), SYSTEM_ID as f32, Live;
 }

@@ -1,10 +1,7 @@
 //! What the recorder holds, on request: MAVLink's log protocol with at most one log, number 0.
 
-use mavlink::dialects::common::{
-    LOG_DATA_DATA, LOG_ENTRY_DATA, LOG_REQUEST_DATA_DATA, LOG_REQUEST_LIST_DATA,
-};
+use mavlink::dialects::common::{LOG_DATA_DATA, LOG_ENTRY_DATA, LOG_REQUEST_DATA_DATA};
 
-use super::answers::is_for_us;
 use super::queue::Priority;
 use super::{OVERHEAD, Telemetry};
 use crate::recorder::Recorder;
@@ -31,12 +28,12 @@ impl Download {
 }
 
 impl Telemetry {
-    pub(super) fn order_log_list(&mut self, request: &LOG_REQUEST_LIST_DATA) {
-        self.download.list |= is_for_us(request.target_system, request.target_component);
+    pub(super) fn order_log_list(&mut self) {
+        self.download.list = true;
     }
 
     pub(super) fn order_log_data(&mut self, request: &LOG_REQUEST_DATA_DATA) {
-        if is_for_us(request.target_system, request.target_component) && request.id == 0 {
+        if request.id == 0 {
             let from = request.ofs as usize;
             self.download.range = Some((from, from.saturating_add(request.count as usize)));
         }

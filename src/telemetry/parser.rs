@@ -9,14 +9,15 @@
 use heapless::Vec;
 use mavlink::MessageData;
 use mavlink::dialects::common::{
-    COMMAND_LONG_DATA, HEARTBEAT_DATA, LOG_REQUEST_DATA_DATA, LOG_REQUEST_END_DATA,
-    LOG_REQUEST_LIST_DATA, PARAM_REQUEST_LIST_DATA, PARAM_REQUEST_READ_DATA, PARAM_SET_DATA,
+    COMMAND_INT_DATA, COMMAND_LONG_DATA, HEARTBEAT_DATA, LOG_REQUEST_DATA_DATA,
+    LOG_REQUEST_END_DATA, LOG_REQUEST_LIST_DATA, MISSION_CLEAR_ALL_DATA, MISSION_COUNT_DATA,
+    MISSION_REQUEST_LIST_DATA, PARAM_REQUEST_LIST_DATA, PARAM_REQUEST_READ_DATA, PARAM_SET_DATA,
     TIMESYNC_DATA,
 };
 
 use super::checksum::checksum;
 
-/// Longest payload taken: COMMAND_LONG has 33 bytes; the rest allows for fields that a later
+/// Longest payload taken: COMMAND_INT has 35 bytes; the rest allows for fields that a later
 /// revision may append.
 const MAX_PAYLOAD: usize = 40;
 const SIGNATURE: usize = 13;
@@ -27,13 +28,35 @@ const START_V2: u8 = 0xFD;
 /// Incompatibility flag: a signature follows the checksum.
 const SIGNED: u8 = 1;
 
+/// PING: TIMESYNC has taken its place, and stations send it nevertheless.
+#[allow(deprecated)]
+pub(super) type Ping = mavlink::dialects::common::PING_DATA;
+
+/// System and component; 0 stands for all.
+pub(super) type Address = [u8; 2];
+
 /// A message with a valid checksum.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Message {
     /// Message id, one of those that [`Parser`] takes.
     pub(super) id: u32,
+    /// Who sent it.
+    pub(super) source: Address,
+    /// Whom it is for.
+    pub(super) target: Address,
     /// Its payload, trailing zeros left out as they came.
     pub(super) payload: Vec<u8, MAX_PAYLOAD>,
+}
+
+impl Message {
+    /// The byte of the payload at this place; trailing zeros may have been left out.
+    pub(super) fn byte(&self, at: usize) -> u8 {
+        byte(&self.payload, at)
+    }
+}
+
+fn byte(payload: &[u8], at: usize) -> u8 {
+    payload.get(at).copied().unwrap_or(0)
 }
 
 /// Collects bytes until they make a message.
@@ -111,40 +134,61 @@ impl Parser {
     }
 }
 
-/// CRC_EXTRA of the messages taken.
-fn extra_crc(id: u32) -> Option<u8> {
+/// CRC_EXTRA of a message that is taken, and where its payload says whom it is for.
+fn taken(id: u32) -> Option<(u8, usize)> {
+    /// Nowhere: it is for all.
+    const ALL: usize = MAX_PAYLOAD;
     Some(match id {
-        HEARTBEAT_DATA::ID => HEARTBEAT_DATA::EXTRA_CRC,
-        PARAM_REQUEST_READ_DATA::ID => PARAM_REQUEST_READ_DATA::EXTRA_CRC,
-        PARAM_REQUEST_LIST_DATA::ID => PARAM_REQUEST_LIST_DATA::EXTRA_CRC,
-        PARAM_SET_DATA::ID => PARAM_SET_DATA::EXTRA_CRC,
-        COMMAND_LONG_DATA::ID => COMMAND_LONG_DATA::EXTRA_CRC,
-        TIMESYNC_DATA::ID => TIMESYNC_DATA::EXTRA_CRC,
-        LOG_REQUEST_LIST_DATA::ID => LOG_REQUEST_LIST_DATA::EXTRA_CRC,
-        LOG_REQUEST_DATA_DATA::ID => LOG_REQUEST_DATA_DATA::EXTRA_CRC,
-        LOG_REQUEST_END_DATA::ID => LOG_REQUEST_END_DATA::EXTRA_CRC,
+        HEARTBEAT_DATA::ID => (HEARTBEAT_DATA::EXTRA_CRC, ALL),
+        // PING names the one that it answers.
+        Ping::ID => (Ping::EXTRA_CRC, ALL),
+        TIMESYNC_DATA::ID => (TIMESYNC_DATA::EXTRA_CRC, ALL),
+        PARAM_REQUEST_READ_DATA::ID => (PARAM_REQUEST_READ_DATA::EXTRA_CRC, 2),
+        PARAM_REQUEST_LIST_DATA::ID => (PARAM_REQUEST_LIST_DATA::EXTRA_CRC, 0),
+        PARAM_SET_DATA::ID => (PARAM_SET_DATA::EXTRA_CRC, 4),
+        MISSION_REQUEST_LIST_DATA::ID => (MISSION_REQUEST_LIST_DATA::EXTRA_CRC, 0),
+        MISSION_COUNT_DATA::ID => (MISSION_COUNT_DATA::EXTRA_CRC, 2),
+        MISSION_CLEAR_ALL_DATA::ID => (MISSION_CLEAR_ALL_DATA::EXTRA_CRC, 0),
+        COMMAND_INT_DATA::ID => (COMMAND_INT_DATA::EXTRA_CRC, 30),
+        COMMAND_LONG_DATA::ID => (COMMAND_LONG_DATA::EXTRA_CRC, 30),
+        LOG_REQUEST_LIST_DATA::ID => (LOG_REQUEST_LIST_DATA::EXTRA_CRC, 4),
+        LOG_REQUEST_DATA_DATA::ID => (LOG_REQUEST_DATA_DATA::EXTRA_CRC, 10),
+        LOG_REQUEST_END_DATA::ID => (LOG_REQUEST_END_DATA::EXTRA_CRC, 0),
         _ => return None,
     })
 }
 
 fn examine(bytes: &[u8]) -> Found {
-    // Header length, id and signature length, as far as the header has come.
-    let (header, id, signature) = match *bytes {
+    // Header length, sender, id and signature length, as far as the header has come.
+    let (header, source, id, signature) = match *bytes {
         [] => return Found::Part,
         [START_V1 | START_V2, len, ..] if usize::from(len) > MAX_PAYLOAD => return Found::Nothing,
-        [START_V1, _, _, _, _, id, ..] => (6, u32::from(id), 0),
-        [START_V2, _, flags, _, _, _, _, id0, id1, id2, ..] => {
+        [START_V1, _, _, system, component, id, ..] => (6, [system, component], u32::from(id), 0),
+        [
+            START_V2,
+            _,
+            flags,
+            _,
+            _,
+            system,
+            component,
+            id0,
+            id1,
+            id2,
+            ..,
+        ] => {
             let signature = match flags {
                 0 => 0,
                 SIGNED => SIGNATURE,
                 _ => return Found::Nothing,
             };
-            (10, u32::from_le_bytes([id0, id1, id2, 0]), signature)
+            let id = u32::from_le_bytes([id0, id1, id2, 0]);
+            (10, [system, component], id, signature)
         }
         [START_V1 | START_V2, ..] => return Found::Part,
         _ => return Found::Nothing,
     };
-    let Some(extra_crc) = extra_crc(id) else {
+    let Some((extra_crc, target_at)) = taken(id) else {
         return Found::Nothing;
     };
     let len = bytes.get(1).copied().map_or(0, usize::from);
@@ -163,7 +207,14 @@ fn examine(bytes: &[u8]) -> Found {
     if bytes.len() < total {
         return Found::Part;
     }
+    let target = [target_at, target_at + 1].map(|at| byte(payload, at));
     Vec::from_slice(payload).map_or(Found::Nothing, |payload| {
-        Found::Whole(Message { id, payload }, total)
+        let message = Message {
+            id,
+            source,
+            target,
+            payload,
+        };
+        Found::Whole(message, total)
     })
 }

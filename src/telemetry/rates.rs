@@ -1,11 +1,14 @@
 //! How often the messages of a step are sent, until the host asks for another interval
-//! (MAV_CMD_SET_MESSAGE_INTERVAL).
+//! (MAV_CMD_SET_MESSAGE_INTERVAL), and which of all that come by themselves it wants once more
+//! (MAV_CMD_REQUEST_MESSAGE).
 
 use mavlink::MessageData;
 use mavlink::dialects::common::{
-    ATTITUDE_DATA, ATTITUDE_QUATERNION_DATA, NAMED_VALUE_FLOAT_DATA, RAW_IMU_DATA,
-    SERVO_OUTPUT_RAW_DATA,
+    ATTITUDE_DATA, ATTITUDE_QUATERNION_DATA, DEBUG_VECT_DATA, HEARTBEAT_DATA,
+    NAMED_VALUE_FLOAT_DATA, RAW_IMU_DATA, SERVO_OUTPUT_RAW_DATA, SYS_STATUS_DATA,
 };
+
+use crate::config::HEARTBEAT_PERIOD_US;
 
 /// The messages.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -20,15 +23,23 @@ pub(super) enum Stream {
     Crank,
     /// ATTITUDE.
     Angles,
+    /// HEARTBEAT.
+    Heartbeat,
+    /// SYS_STATUS.
+    Status,
 }
 
-/// Their numbers, and the steps between two by default, in the same order.
-const STREAMS: [(u32, u16); 5] = [
-    (ATTITUDE_QUATERNION_DATA::ID, 1),
-    (SERVO_OUTPUT_RAW_DATA::ID, 1),
-    (RAW_IMU_DATA::ID, 1),
-    (NAMED_VALUE_FLOAT_DATA::ID, 1),
-    (ATTITUDE_DATA::ID, 0),
+/// Their numbers, and the steps between two by default, in the same order; `None` for what comes
+/// once a second. Whoever wants DEBUG_VECT waits for it: it tells of a whole second.
+const STREAMS: [(u32, Option<u16>); 8] = [
+    (ATTITUDE_QUATERNION_DATA::ID, Some(1)),
+    (SERVO_OUTPUT_RAW_DATA::ID, Some(1)),
+    (RAW_IMU_DATA::ID, Some(1)),
+    (NAMED_VALUE_FLOAT_DATA::ID, Some(1)),
+    (ATTITUDE_DATA::ID, Some(0)),
+    (HEARTBEAT_DATA::ID, None),
+    (SYS_STATUS_DATA::ID, None),
+    (DEBUG_VECT_DATA::ID, None),
 ];
 
 /// What the host has chosen for a message.
@@ -38,6 +49,8 @@ struct Rate {
     every: Option<u16>,
     /// How many have gone by.
     gone: u16,
+    /// The next step sends it in any case.
+    wanted: bool,
 }
 
 /// The rates of all.
@@ -49,14 +62,15 @@ impl Rates {
         let default = Rate {
             every: None,
             gone: 0,
+            wanted: false,
         };
         Self([default; STREAMS.len()])
     }
 
     /// Another interval for the message with this number, us: 0 is the default again, -1 none at
     /// all. Says whether it was understood. A step comes every `step_us`.
-    pub(super) fn set(&mut self, id: f32, interval_us: f32, step_us: u32) -> bool {
-        let every = if interval_us == -1.0 {
+    pub(super) fn set(&mut self, id: u32, interval_us: f32, step_us: u32) -> bool {
+        let chosen = if interval_us == -1.0 {
             Some(0)
         } else if interval_us == 0.0 {
             None
@@ -66,14 +80,29 @@ impl Rates {
         } else {
             return false;
         };
-        let mut rates = self.0.iter_mut().zip(STREAMS);
-        match rates.find(|(_, (known, _))| *known as f32 == id) {
-            Some((rate, _)) => {
-                *rate = Rate { every, gone: 0 };
-                true
-            }
-            None => false,
+        let Some((Rate { every, gone, .. }, Some(_))) = self.find(id) else {
+            return false;
+        };
+        (*every, *gone) = (chosen, 0);
+        true
+    }
+
+    /// The interval of the message with this number, as MESSAGE_INTERVAL has it: us, -1 for a
+    /// message that does not come, 0 for one that there is not.
+    pub(super) fn interval_us(&mut self, id: u32, step_us: u32) -> i32 {
+        match self.find(id) {
+            None => 0,
+            Some((_, None)) => HEARTBEAT_PERIOD_US as i32,
+            Some((rate, Some(default))) => match rate.every.unwrap_or(default) {
+                0 => -1,
+                every => (u32::from(every) * step_us) as i32,
+            },
         }
+    }
+
+    /// Send the message with this number in the next step. Says whether there is one.
+    pub(super) fn want(&mut self, id: u32) -> bool {
+        self.find(id).map(|(rate, _)| rate.wanted = true).is_some()
     }
 
     /// Another step: whether the message is due in it.
@@ -82,13 +111,20 @@ impl Rates {
         let (Some(rate), Some((_, default))) = (self.0.get_mut(index), STREAMS.get(index)) else {
             return false;
         };
-        let every = rate.every.unwrap_or(*default);
+        let wanted = core::mem::take(&mut rate.wanted);
+        let every = rate.every.or(*default).unwrap_or(0);
         rate.gone += 1;
         let due = rate.gone >= every && every > 0;
         if due || every == 0 {
             rate.gone = 0;
         }
-        due
+        due || wanted
+    }
+
+    fn find(&mut self, id: u32) -> Option<(&mut Rate, Option<u16>)> {
+        let mut rates = self.0.iter_mut().zip(STREAMS);
+        let (rate, (_, default)) = rates.find(|(_, (known, _))| *known == id)?;
+        Some((rate, default))
     }
 }
 
@@ -111,7 +147,7 @@ mod tests {
             (-1.0, 0),
             (1e9, 0),
         ] {
-            assert!(rates.set(31.0, interval_us, 10_000));
+            assert!(rates.set(31, interval_us, 10_000));
             assert_eq!(sent_in_a_second(&mut rates, Stream::Attitude), count);
             assert_eq!(sent_in_a_second(&mut rates, Stream::Raw), 100);
         }
@@ -121,16 +157,44 @@ mod tests {
     fn angles_come_on_request_only() {
         let mut rates = Rates::new();
         assert_eq!(sent_in_a_second(&mut rates, Stream::Angles), 0);
-        assert!(rates.set(30.0, 20_000.0, 10_000));
+        assert!(rates.set(30, 20_000.0, 10_000));
         assert_eq!(sent_in_a_second(&mut rates, Stream::Angles), 50);
-        assert!(rates.set(30.0, 0.0, 10_000));
+        assert!(rates.set(30, 0.0, 10_000));
         assert_eq!(sent_in_a_second(&mut rates, Stream::Angles), 0);
+    }
+
+    #[test]
+    fn what_is_wanted_comes_once_and_leaves_the_rate_alone() {
+        let mut rates = Rates::new();
+        for id in [30, 31, 0, 1, 250] {
+            assert!(rates.want(id), "{id}");
+        }
+        assert!(!rates.want(33));
+        for stream in [Stream::Angles, Stream::Heartbeat, Stream::Status] {
+            assert_eq!(sent_in_a_second(&mut rates, stream), 1);
+        }
+        assert_eq!(sent_in_a_second(&mut rates, Stream::Attitude), 100);
+    }
+
+    #[test]
+    fn intervals_are_told_as_they_are() {
+        let mut rates = Rates::new();
+        assert!(rates.set(27, 50_000.0, 10_000));
+        for (id, interval_us) in [
+            (31, 10_000),
+            (27, 50_000),
+            (30, -1),
+            (0, 1_000_000),
+            (33, 0),
+        ] {
+            assert_eq!(rates.interval_us(id, 10_000), interval_us, "{id}");
+        }
     }
 
     #[test]
     fn nonsense_changes_nothing() {
         let mut rates = Rates::new();
-        for (id, interval_us) in [(31.0, f32::NAN), (31.0, -2.0), (33.0, 1e5), (f32::NAN, 1e5)] {
+        for (id, interval_us) in [(31, f32::NAN), (31, -2.0), (33, 1e5), (0, 1e5)] {
             assert!(!rates.set(id, interval_us, 10_000));
         }
         assert_eq!(sent_in_a_second(&mut rates, Stream::Attitude), 100);

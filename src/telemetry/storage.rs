@@ -39,7 +39,9 @@ impl Telemetry {
             None => self.acknowledge(STORAGE, MavResult::MAV_RESULT_DENIED),
             Some(_) if flight.state().is_armed() => self.refuse_storage(),
             // A host that asks again has not been heard twice: one order, one answer.
-            order if self.storage.is_none() || self.storage == order => self.storage = order,
+            Some(order) if self.storage.is_none_or(|(waits, _)| waits == order) => {
+                self.storage = Some((order, self.asker));
+            }
             Some(_) => {
                 self.warn(format_args!("storage order refused: busy with another"));
                 self.acknowledge(STORAGE, MavResult::MAV_RESULT_TEMPORARILY_REJECTED);
@@ -50,9 +52,10 @@ impl Telemetry {
     /// Obeys an order about stored parameters, if there is one. The processor may stand still for
     /// some 30 ms: call it where that does no harm. While the drone is armed it is refused.
     pub fn serve_storage<F: NorFlash>(&mut self, flash: &mut F, flight: &mut Flight) {
-        let Some(order) = self.storage.take() else {
+        let Some((order, asker)) = self.storage.take() else {
             return;
         };
+        self.asker = asker;
         if flight.state().is_armed() {
             return self.refuse_storage();
         }

@@ -5,16 +5,17 @@ mod download;
 mod golden;
 mod noise;
 mod parameters;
+mod stations;
 
 use std::string::{String, ToString};
 use std::vec::Vec;
 
 use mavlink::dialects::common::*;
-use mavlink::{MavlinkReader, MavlinkVersion};
+use mavlink::{MavlinkReader, MavlinkVersion, MessageData};
 use proptest::prelude::*;
 
 use super::*;
-use crate::failsafe::{BootReport, Command, Crash, Latch, Reason, RefusalKind};
+use crate::failsafe::{BootReport, Command, Crash, Latch, Reason, RefusalKind, StateCode};
 use crate::flight::Snapshot;
 use crate::flight::tests::{Desk, reading};
 use crate::params::Params;
@@ -139,7 +140,7 @@ impl Link {
     fn new(desk: Desk) -> Self {
         let mut link = Self {
             desk,
-            telemetry: Telemetry::new(),
+            telemetry: Telemetry::default(),
         };
         link.record_step();
         take(&mut link.telemetry);
@@ -272,8 +273,8 @@ fn a_refusal_says_why() {
     link.telemetry.receive(now, &bytes, &mut link.desk.flight);
     let sent = link.telemetry.pending().to_vec();
     link.telemetry.sent(sent.len());
-    let ack = &sent[sent.len() - 16..];
-    assert_eq!((ack[1], ack[7]), (4, COMMAND_ACK_DATA::ID as u8));
+    let ack = &sent[sent.len() - 22..];
+    assert_eq!((ack[1], ack[7]), (10, COMMAND_ACK_DATA::ID as u8));
     let refusal = RefusalKind::try_from(ack[13]);
     assert_eq!(refusal, Ok(RefusalKind::Tilt));
     let answer = link.tell(&order(MavCmd::MAV_CMD_DO_GRIPPER, 1.0, 0.0));
@@ -299,7 +300,7 @@ fn bad_arguments_are_denied_and_other_commands_unsupported() {
         ),
         (
             MavCmd::MAV_CMD_REQUEST_MESSAGE,
-            30.0,
+            33.0,
             0.0,
             MavResult::MAV_RESULT_UNSUPPORTED,
         ),
@@ -362,7 +363,7 @@ fn changes_of_state_are_told_at_once_with_their_reason() {
 #[test]
 fn a_sensor_that_does_not_start_is_told_once_a_second() {
     let mut desk = Desk::new(0.1);
-    let mut telemetry = Telemetry::new();
+    let mut telemetry = Telemetry::default();
     let mut said = Vec::new();
     for _ in 0..300 {
         let snapshot = desk.step_with(Err(SensorFault::Nak));
@@ -512,7 +513,7 @@ fn calibration_begins_anew_and_arms_nothing_until_the_offset_is_learned() {
         acks(&answer),
         [(
             MavCmd::MAV_CMD_PREFLIGHT_CALIBRATION,
-            MavResult::MAV_RESULT_ACCEPTED
+            MavResult::MAV_RESULT_IN_PROGRESS
         )]
     );
     assert!(texts(&answer).contains(&"boot: waiting for the sensor".to_string()));

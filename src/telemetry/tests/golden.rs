@@ -1,6 +1,7 @@
 //! Frames against pymavlink 2.4.50, byte by byte.
 
 use super::*;
+use crate::telemetry::queue::Priority;
 use crate::ticks::BurstTimes;
 
 /// The snapshot that the golden frames show.
@@ -42,7 +43,7 @@ fn golden_snapshot() -> Snapshot {
 #[test]
 fn a_step_is_byte_for_byte_what_pymavlink_sends() {
     let flight = Flight::new(Params::default(), BootReport::default()).unwrap();
-    let mut telemetry = Telemetry::new();
+    let mut telemetry = Telemetry::default();
     let board = BoardStatus {
         load_permille: 123,
         bus_errors: 6,
@@ -62,6 +63,7 @@ fn a_step_is_byte_for_byte_what_pymavlink_sends() {
     let expected = [
         "statustext_clock",
         "heartbeat_active",
+        "current_mode_active",
         "statustext",
         "attitude_quaternion",
         "servo_output_raw",
@@ -76,7 +78,7 @@ fn a_step_is_byte_for_byte_what_pymavlink_sends() {
 
 #[test]
 fn angles_are_byte_for_byte_what_pymavlink_sends() {
-    let mut telemetry = Telemetry::new();
+    let mut telemetry = Telemetry::default();
     telemetry.sequence = 5;
     telemetry.send(
         Priority::Stream,
@@ -94,8 +96,8 @@ fn angles_are_byte_for_byte_what_pymavlink_sends() {
 }
 
 #[test]
-fn arms_by_either_version_of_the_protocol_signed_or_not() {
-    for frame in ["arm_v2", "arm_v1", "arm_signed"] {
+fn arms_by_either_version_of_the_protocol_signed_or_not_and_by_either_command() {
+    for frame in ["arm_v2", "arm_v1", "arm_signed", "arm_int"] {
         let mut link = Link::new(Desk::in_standby(0.1));
         let answer = link.tell(&golden(frame));
         let accepted = (
@@ -108,35 +110,59 @@ fn arms_by_either_version_of_the_protocol_signed_or_not() {
     }
 }
 
+/// What a station asks, and the one frame that answers it.
 #[test]
-fn an_unheard_of_command_is_answered_with_its_own_number() {
-    let mut link = Link::new(Desk::in_standby(0.1));
-    link.telemetry.sequence = 5;
-    link.telemetry
-        .receive(Micros(0), &golden("unknown_command"), &mut link.desk.flight);
-    assert_eq!(link.telemetry.pending(), golden("unknown_command_ack"));
+fn questions_are_answered_byte_for_byte() {
+    for (question, answer) in [
+        ("timesync_request", "timesync_answer"),
+        ("ping", "ping_answer"),
+        ("mission_request_list", "mission_count"),
+        ("mission_clear", "mission_cleared"),
+        ("mission_upload", "mission_refused"),
+        ("fence_request_list", "fence_count"),
+        ("fence_clear", "fence_cleared"),
+        ("fence_upload", "fence_refused"),
+        ("rally_request_list", "rally_count"),
+        ("rally_clear", "rally_cleared"),
+        ("rally_upload", "rally_refused"),
+        ("param_set", "param_value"),
+        ("unknown_command", "unknown_command_ack"),
+    ] {
+        let mut link = Link::new(Desk::in_standby(0.1));
+        link.telemetry.sequence = 5;
+        let now = Micros(1_500_000);
+        link.telemetry
+            .receive(now, &golden(question), &mut link.desk.flight);
+        assert_eq!(link.telemetry.pending(), golden(answer), "{question}");
+    }
+}
+
+/// Messages that come first of several answers.
+#[test]
+fn answers_begin_byte_for_byte() {
+    let request = MavCmd::MAV_CMD_REQUEST_MESSAGE;
+    for (question, answer) in [
+        (golden("param_unknown"), "param_error"),
+        (order(request, 244.0, 1.0), "message_interval"),
+    ] {
+        let mut link = Link::new(Desk::in_standby(0.1));
+        link.telemetry.sequence = 5;
+        link.telemetry
+            .receive(Micros(0), &question, &mut link.desk.flight);
+        let answer = golden(answer);
+        assert_eq!(link.telemetry.pending()[..answer.len()], answer);
+    }
 }
 
 #[test]
-fn the_clock_is_told_byte_for_byte() {
-    let mut link = Link::new(Desk::in_standby(0.1));
-    link.telemetry.sequence = 5;
-    let now = Micros(1_500_000);
-    link.telemetry
-        .receive(now, &golden("timesync_request"), &mut link.desk.flight);
-    assert_eq!(link.telemetry.pending(), golden("timesync_answer"));
-}
-
-/// From pymavlink: `MAVLink_param_set_message(1, 1, b"PID_KP", 1.6, 9)` and, sequence 5, the answer
-/// `MAVLink_param_value_message(b"PID_KP", 1.6, 9, 49, 0)`.
-#[test]
-fn a_parameter_set_is_echoed_byte_for_byte() {
-    let mut link = Link::new(Desk::in_standby(0.1));
-    link.telemetry.sequence = 5;
-    let request = "fd17000009ffbe170000cdcccc3f01015049445f4b5000000000000000000000095e4e";
-    link.telemetry
-        .receive(Micros(0), &hex(request), &mut link.desk.flight);
-    let answer = "fd190000050101160000cdcccc3f310000005049445f4b5000000000000000000000093216";
-    assert_eq!(link.telemetry.pending(), hex(answer));
-    assert_eq!(link.desk.flight.params().pid_kp(), 1.6);
+fn modes_are_byte_for_byte_what_pymavlink_sends() {
+    let mut telemetry = Telemetry::default();
+    telemetry.sequence = 5;
+    telemetry.current_mode(0x105);
+    assert_eq!(telemetry.pending(), golden("current_mode"));
+    let mut telemetry = Telemetry::default();
+    telemetry.sequence = 5;
+    assert!(telemetry.order_modes(3.0));
+    telemetry.continue_modes();
+    assert_eq!(telemetry.pending(), golden("available_mode"));
 }
