@@ -16,6 +16,7 @@ use core::mem;
 use core::time::Duration;
 use std::collections::{BTreeMap, VecDeque};
 
+use mavlink::Message as _;
 use mavlink::dialects::common::{
     COMMAND_ACK_DATA, LOG_DATA_DATA, MavAutopilot, MavCmd, MavMessage, MavResult, PARAM_VALUE_DATA,
 };
@@ -185,6 +186,8 @@ pub struct Client {
     heartbeat: Duration,
     silent: bool,
     heard: Option<Duration>,
+    /// The vehicle's system id, 0 before it has been heard.
+    vehicle: u8,
     state: StateTracker,
     /// The vehicle's words, if they were its last message.
     words: Option<String>,
@@ -252,9 +255,13 @@ impl Client {
         self.outgoing.pop_front()
     }
 
-    /// Sends a message that asks for no answer.
+    /// Sends a message that asks for no answer, to the vehicle that has been heard.
     pub fn send(&mut self, message: &MavMessage) {
-        let frame = self.wire.frame(message);
+        let mut message = message.clone();
+        if let Some(target) = message.target_system_id_mut() {
+            *target = self.vehicle;
+        }
+        let frame = self.wire.frame(&message);
         self.outgoing.push_back(frame);
     }
 
@@ -415,6 +422,7 @@ impl Client {
                 if beat.autopilot != MavAutopilot::MAV_AUTOPILOT_INVALID =>
             {
                 self.heard = Some(now);
+                self.vehicle = frame.system();
             }
             MavMessage::STATUSTEXT(said) => {
                 let words = text(&said.text);
@@ -458,7 +466,8 @@ impl Client {
     /// or by a refusal.
     fn take_ack(&mut self, ack: &COMMAND_ACK_DATA, refusal: Option<RefusalKind>, reason: String) {
         let answer = |order: &Order| match ack.result {
-            MavResult::MAV_RESULT_ACCEPTED => Ok(()),
+            // What takes its time is obeyed when it has begun.
+            MavResult::MAV_RESULT_ACCEPTED | MavResult::MAV_RESULT_IN_PROGRESS => Ok(()),
             result => Err(Failure::Refused {
                 order: order.name.to_owned(),
                 result,

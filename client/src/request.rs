@@ -8,7 +8,10 @@ use mavlink::dialects::common::{
 };
 use mavlink::types::CharArray;
 use tvc_nano::bringup::What;
-use tvc_nano::config::{COMPONENT_ID, SYSTEM_ID};
+use tvc_nano::config::COMPONENT_ID;
+
+/// Any vehicle: [`Client`](crate::Client) puts the number of the one that it hears in its place.
+const ANY: u8 = 0;
 
 /// A command with its first parameters; the others are zero.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -109,7 +112,7 @@ impl Order {
             param1,
             param2,
             command: self.command,
-            target_system: SYSTEM_ID,
+            target_system: ANY,
             target_component: COMPONENT_ID,
             ..COMMAND_LONG_DATA::default()
         })
@@ -132,7 +135,7 @@ pub fn heartbeat() -> MavMessage {
 pub fn set_parameter(name: &str, value: f32) -> MavMessage {
     MavMessage::PARAM_SET(PARAM_SET_DATA {
         param_value: value,
-        target_system: SYSTEM_ID,
+        target_system: ANY,
         target_component: COMPONENT_ID,
         param_id: CharArray::from(name),
         param_type: MavParamType::MAV_PARAM_TYPE_REAL32,
@@ -152,7 +155,7 @@ pub fn read_parameter_at(index: u16) -> MavMessage {
 fn read(param_index: i16, name: &str) -> MavMessage {
     MavMessage::PARAM_REQUEST_READ(PARAM_REQUEST_READ_DATA {
         param_index,
-        target_system: SYSTEM_ID,
+        target_system: ANY,
         target_component: COMPONENT_ID,
         param_id: CharArray::from(name),
     })
@@ -161,7 +164,7 @@ fn read(param_index: i16, name: &str) -> MavMessage {
 /// PARAM_REQUEST_LIST.
 pub fn list_parameters() -> MavMessage {
     MavMessage::PARAM_REQUEST_LIST(PARAM_REQUEST_LIST_DATA {
-        target_system: SYSTEM_ID,
+        target_system: ANY,
         target_component: COMPONENT_ID,
     })
 }
@@ -171,7 +174,7 @@ pub fn list_logs() -> MavMessage {
     MavMessage::LOG_REQUEST_LIST(LOG_REQUEST_LIST_DATA {
         start: 0,
         end: u16::MAX,
-        target_system: SYSTEM_ID,
+        target_system: ANY,
         target_component: COMPONENT_ID,
     })
 }
@@ -182,7 +185,7 @@ pub fn log_data(offset: u32, count: u32) -> MavMessage {
         ofs: offset,
         count,
         id: 0,
-        target_system: SYSTEM_ID,
+        target_system: ANY,
         target_component: COMPONENT_ID,
     })
 }

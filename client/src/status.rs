@@ -1,6 +1,6 @@
 //! What a vehicle tells of itself, as one object: for the monitor and for programs that plot.
 
-use mavlink::dialects::common::MavMessage;
+use mavlink::dialects::common::{MavMessage, MavSysStatusSensor, SYS_STATUS_DATA};
 use serde::Serialize;
 use tvc_nano::Params;
 use tvc_nano::failsafe::StateKind;
@@ -132,9 +132,7 @@ impl StatusTracker {
                 status.health.dropped = m.errors_count1;
                 status.health.missed = m.errors_count2;
                 status.health.bus_errors = m.errors_count3;
-                status.healthy = m
-                    .onboard_control_sensors_health
-                    .contains(m.onboard_control_sensors_enabled);
+                status.healthy = sick(m).is_empty();
             }
             _ => {}
         }
@@ -165,6 +163,14 @@ impl StatusTracker {
         status.texts.clear();
         now
     }
+}
+
+/// What is enabled and not healthy. That a drone cannot be armed yet is no illness.
+pub fn sick(status: &SYS_STATUS_DATA) -> MavSysStatusSensor {
+    status
+        .onboard_control_sensors_enabled
+        .difference(status.onboard_control_sensors_health)
+        .difference(MavSysStatusSensor::MAV_SYS_STATUS_PREARM_CHECK)
 }
 
 /// Roll, pitch and yaw of `[w, x, y, z]`, body to earth, rad.
@@ -213,6 +219,19 @@ mod tests {
         assert!((status.health.attitude_hz - 100.0).abs() < 1e-9);
         assert_eq!(status.texts, ["armed"]);
         assert!(next().texts.is_empty());
+    }
+
+    #[test]
+    fn a_drone_that_cannot_be_armed_yet_is_not_unhealthy() {
+        let gyro = MavSysStatusSensor::MAV_SYS_STATUS_SENSOR_3D_GYRO;
+        let check = MavSysStatusSensor::MAV_SYS_STATUS_PREARM_CHECK;
+        let status = |health| SYS_STATUS_DATA {
+            onboard_control_sensors_enabled: gyro | check,
+            onboard_control_sensors_health: health,
+            ..SYS_STATUS_DATA::default()
+        };
+        assert_eq!(sick(&status(gyro)), MavSysStatusSensor::empty());
+        assert_eq!(sick(&status(check)), gyro);
     }
 
     #[test]

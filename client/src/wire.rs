@@ -5,6 +5,8 @@ use mavlink::{MAVLinkV2MessageRaw, MavHeader, MavlinkVersion, Message};
 
 const START: u8 = 0xFD;
 const HEADER: usize = 10;
+/// Where a frame has the number of the system that sent it.
+const SYSTEM_AT: usize = 5;
 const CHECKSUM: usize = 2;
 const SIGNATURE: usize = 13;
 const SIGNED: u8 = 1;
@@ -32,6 +34,11 @@ pub struct Frame {
 }
 
 impl Frame {
+    /// MAVLink system id of whoever sent it.
+    pub fn system(&self) -> u8 {
+        self.bytes[SYSTEM_AT]
+    }
+
     /// Its payload as it came: without trailing zeros, with extensions that the dialect's types do
     /// not have.
     pub fn payload(&self) -> &[u8] {

@@ -415,3 +415,37 @@ fn an_order_to_the_board_is_answered_by_its_value() {
         Some(Err(Failure::Refused { .. }))
     ));
 }
+
+/// Before the vehicle is heard, orders are for all; then for the one that was heard.
+#[test]
+fn orders_go_to_the_vehicle_that_is_heard() {
+    let mut bench = Bench::new();
+    let target = |bench: &mut Bench| bench.sent()[0].target_system_id();
+    bench.order(DISARM);
+    assert_eq!(target(&mut bench), Some(0));
+    let mut raw = mavlink::MAVLinkV2MessageRaw::new();
+    let header = mavlink::MavHeader {
+        system_id: 7,
+        component_id: 1,
+        sequence: 0,
+    };
+    let beat = HEARTBEAT_DATA {
+        autopilot: MavAutopilot::MAV_AUTOPILOT_GENERIC,
+        ..HEARTBEAT_DATA::default()
+    };
+    raw.serialize_message_data(header, &beat);
+    bench.client.receive(bench.now, raw.raw_bytes());
+    bench.order(DISARM);
+    assert_eq!(target(&mut bench), Some(7));
+}
+
+/// A gyro calibration takes seconds: that it has begun is the answer.
+#[test]
+fn an_order_that_goes_on_has_been_obeyed() {
+    let mut bench = Bench::new();
+    let ticket = bench.order(CALIBRATE);
+    bench.ack(CALIBRATE, MavResult::MAV_RESULT_IN_PROGRESS);
+    assert_eq!(bench.client.answer(ticket), Some(Ok(())));
+    bench.ack(CALIBRATE, MavResult::MAV_RESULT_ACCEPTED);
+    assert_eq!(bench.client.answer(ticket), None);
+}

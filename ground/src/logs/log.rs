@@ -171,11 +171,15 @@ impl Log {
         let mut log = Self::default();
         // Every system counts its own frames.
         let mut wires: BTreeMap<u8, Wire> = BTreeMap::new();
+        let mut vehicle = None;
         let mut frames = Frames {
             bytes,
             stray_bytes: 0,
         };
         for (time_us, frame) in &mut frames {
+            if is_from_vehicle(frame) {
+                vehicle = Some(frame[SYSTEM_AT]);
+            }
             let wire = wires.entry(frame[SYSTEM_AT]).or_default();
             let lost = wire.counts().lost;
             for received in wire.receive_frames(frame) {
@@ -187,7 +191,10 @@ impl Log {
                 });
             }
         }
-        log.counts = wires.get(&SYSTEM_ID).map(Wire::counts).unwrap_or_default();
+        log.counts = vehicle
+            .and_then(|vehicle| wires.get(&vehicle))
+            .map(Wire::counts)
+            .unwrap_or_default();
         log.counts.stray_bytes += frames.stray_bytes;
         log
     }
@@ -322,8 +329,9 @@ pub fn whole_us(low_us: u32, near_us: u64) -> u64 {
     near_us + u64::from(low_us.wrapping_sub(near_us as u32))
 }
 
+/// Whether an autopilot sent it, whatever its system's number is: stations are other components.
 fn is_from_vehicle(frame: &[u8]) -> bool {
-    frame.get(SYSTEM_AT) == Some(&SYSTEM_ID)
+    frame.get(SYSTEM_AT + 1) == Some(&COMPONENT_ID)
 }
 
 /// Whether the file's name has this extension, in small letters or large.
@@ -361,6 +369,22 @@ mod tests {
     }
 
     #[test]
+    fn a_vehicle_may_have_any_number() {
+        let mut bytes = vec![0; STAMP];
+        let mut beat = MAVLinkV2MessageRaw::new();
+        let header = MavHeader {
+            system_id: 7,
+            component_id: COMPONENT_ID,
+            sequence: 0,
+        };
+        beat.serialize_message(header, &request::heartbeat());
+        bytes.extend(beat.raw_bytes());
+        let log = Log::parse(&bytes);
+        assert!(log.entries[0].from_vehicle);
+        assert_eq!(log.counts.messages, 1);
+    }
+
+    #[test]
     fn a_short_clock_is_made_whole() {
         let hour = 3 << 32;
         assert_eq!(whole_us(7_000, hour + 2_000), hour + 7_000);
@@ -374,8 +398,9 @@ mod tests {
         let path = |name| folder.path().join(name);
         let mut writer = Writer::create(&path("a.tlog")).unwrap();
         let header = mavlink::MavHeader {
-            system_id: SYSTEM_ID.into(),
-            ..mavlink::MavHeader::default()
+            system_id: SYSTEM_ID,
+            component_id: COMPONENT_ID,
+            sequence: 0,
         };
         let mut beat = mavlink::MAVLinkV2MessageRaw::new();
         beat.serialize_message(header, &request::heartbeat());

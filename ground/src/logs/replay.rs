@@ -236,10 +236,11 @@ pub fn replay(
             Event::Parameter(name, value) if !changed.contains_key(name) => {
                 run.set(name, *value);
             }
+            // It begins with this answer, and ends with another in standby.
             Event::Answer(
                 MavCmd::MAV_CMD_PREFLIGHT_CALIBRATION,
-                MavResult::MAV_RESULT_ACCEPTED,
-            ) => {
+                MavResult::MAV_RESULT_ACCEPTED | MavResult::MAV_RESULT_IN_PROGRESS,
+            ) if run.is_starting() => {
                 run.exact = run.flight.calibrate().is_ok();
             }
             _ => {}
@@ -285,6 +286,11 @@ impl Run {
             },
             exact: self.exact,
         }
+    }
+
+    /// No sample has led out of boot yet, as far as the log tells.
+    fn is_starting(&self) -> bool {
+        matches!(self.code.and_then(state_of), None | Some(StateKind::Boot))
     }
 
     fn lost_sensor(&self) -> bool {

@@ -10,6 +10,7 @@ use std::path::Path;
 use anyhow::Result;
 use client::StateKind;
 use client::state::state_of;
+use client::status::sick;
 use plant::response::StepResponse;
 use rig::measure::Spread;
 
@@ -312,10 +313,7 @@ fn health(flight: &Flight) -> Health {
                 health.load_max = health.load_max.max(f64::from(status.load) * 1e-3);
                 health.bus_errors = status.errors_count3.wrapping_sub(first.errors_count3);
                 health.dropped = status.errors_count1.wrapping_sub(first.errors_count1);
-                let healthy = status
-                    .onboard_control_sensors_health
-                    .contains(status.onboard_control_sensors_enabled);
-                health.unhealthy += usize::from(!healthy && !starting);
+                health.unhealthy += usize::from(!sick(status).is_empty() && !starting);
             }
             _ => {}
         }

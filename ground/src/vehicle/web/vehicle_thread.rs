@@ -11,6 +11,7 @@ use std::time::{Duration, Instant};
 use anyhow::{Error, Result, anyhow, bail};
 use client::request::{self, Order};
 use client::state::is_in_operation;
+use client::status::sick;
 use client::{Frame, Parameter, Request, ServoMap, StateKind, StatusTracker, Ticket, text};
 use mavlink::dialects::common::{MavMessage, SYS_STATUS_DATA};
 use tvc_nano::Params;
@@ -442,15 +443,16 @@ impl<'a> Session<'a> {
 
 /// What is enabled and not healthy, in words.
 fn unhealthy(status: &SYS_STATUS_DATA) -> Vec<String> {
-    let enabled = status.onboard_control_sensors_enabled;
-    let sick = enabled.difference(status.onboard_control_sensors_health);
     let words = |name: &str| {
         let name = name.trim_start_matches("MAV_SYS_STATUS_");
         name.trim_start_matches("SENSOR_")
             .replace('_', " ")
             .to_lowercase()
     };
-    sick.iter_names().map(|(name, _)| words(name)).collect()
+    sick(status)
+        .iter_names()
+        .map(|(name, _)| words(name))
+        .collect()
 }
 
 /// Three decimals are enough to look at.
