@@ -7,13 +7,18 @@
 //! | out | when |
 //! |---|---|
 //! | HEARTBEAT, SYS_STATUS | once a second, HEARTBEAT also at every change of state |
+//! | CURRENT_MODE | every change of state |
 //! | DEBUG_VECT `imu_bus` | once a second: mean and longest of the newest bursts, us, and how often the sensor gives new data, Hz |
 //! | STATUSTEXT | every change of state and every refusal, with the reason; a magnetometer that fails; once a second what keeps the sensor from starting |
 //! | ATTITUDE_QUATERNION, SERVO_OUTPUT_RAW | every step |
 //! | RAW_IMU | every step that had a sample: its untouched counts, stamped with its own time |
 //! | NAMED_VALUE_FLOAT `crank_rad` | every step: the crank angle that control asked for, before limits |
 //! | ATTITUDE | not by itself: at the interval that the host asks for |
-//! | PARAM_VALUE, COMMAND_ACK, TIMESYNC, AUTOPILOT_VERSION | on request; the parameter list one a step |
+//! | COMMAND_ACK | every command, COMMAND_LONG or COMMAND_INT, to the one that sent it; a gyro calibration is in progress once a second until it is accepted |
+//! | PARAM_VALUE, PARAM_ERROR | on request; the parameter list one a step; after a refusal both |
+//! | AUTOPILOT_VERSION, PROTOCOL_VERSION, MESSAGE_INTERVAL, AVAILABLE_MODES | on request; the modes one a step: every state with every reason, none of which a station can choose |
+//! | MISSION_COUNT, MISSION_ACK | on request: there is no mission, fence or rally point, and none is taken |
+//! | TIMESYNC, PING | on request |
 //! | NAMED_VALUE_INT | on request: see [`bringup`] |
 //! | LOG_ENTRY, LOG_DATA | on request: what the [`Recorder`](crate::Recorder) holds, a part a step |
 //!
@@ -22,7 +27,10 @@
 //! clients that take only angles (MAVSDK's Euler angles, MAVProxy's horizon); QGroundControl takes
 //! the quaternion.
 //!
-//! HEARTBEAT carries [`State::code`](crate::State::code) as `custom_mode`.
+//! MAV_CMD_REQUEST_MESSAGE has each of the messages that come by themselves sent once more.
+//!
+//! HEARTBEAT carries [`State::code`](crate::State::code) as `custom_mode`. Every frame has the
+//! system id of `MAV_SYSID` as it was at start-up.
 
 mod answers;
 mod checksum;

@@ -94,8 +94,8 @@ def main():
     check(set_parameter(link, "PID_KP", 1e6) == values["PID_KP"], "PID_KP out of range refused")
     link.mav.command_long_send(1, 1, 512, 0, 148, 0, 0, 0, 0, 0, 0)
     version = answer(link, "AUTOPILOT_VERSION")
-    check(version is not None, "version")
-    print("        build id " + bytes(version.flight_custom_version).hex())
+    check(version is not None and version.uid != 0, "version, with the chip's serial number")
+    print("        build id " + bytes(version.flight_custom_version).decode("ascii"))
     link.mav.timesync_send(0, 1)
     check(answer(link, "TIMESYNC", condition=lambda m: m.ts1 == 1) is not None, "clock")
     end = time.time() + 20

@@ -88,7 +88,7 @@ def the_loop(flight, jitter_us):
         ["cycles a step, 1 wait state, mean / worst",
          f"{loop['cycles_per_step_mean_1ws']:,.0f} / {loop['cycles_per_step_max_1ws']:,}", ""],
         ["core awake, 1 wait state", f"{100 * loop['cpu_load']:.0f} %", ""],
-        ["flash", f"{image['flash_bytes']:,} bytes", "65,536 bytes"],
+        ["flash", f"{image['flash_bytes']:,} bytes", "73,728 bytes"],
         ["static RAM", f"{image['static_ram_bytes']:,} bytes", "24,576 bytes"],
         ["deepest stack seen", f"{image['stack_high_water_bytes']:,} bytes", ""],
         ["messages lost", f"{flight['telemetry']['lost']} of {flight['telemetry']['messages']:,}", "0"],
