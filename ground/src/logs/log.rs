@@ -398,7 +398,7 @@ mod tests {
         let path = |name| folder.path().join(name);
         let mut writer = Writer::create(&path("a.tlog")).unwrap();
         let header = mavlink::MavHeader {
-            system_id: SYSTEM_ID,
+            system_id: SYSTEM_ID.into(),
             component_id: COMPONENT_ID,
             sequence: 0,
         };
