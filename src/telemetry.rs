@@ -87,7 +87,7 @@ pub struct Telemetry {
     identity: Identity,
     queue: Queue,
     parser: Parser,
-    /// Who is answered.
+    /// To whom acknowledgements go.
     asker: Address,
     /// When the host's last whole message came.
     heard_at: Option<Micros>,

@@ -91,7 +91,7 @@ impl Telemetry {
         }
     }
 
-    /// PING with its asker, who is to be 0 in a question: anything else is somebody's answer.
+    /// PING with the asker's address, which is 0 in a question: anything else is somebody's answer.
     fn answer_ping(&mut self, message: &Message) {
         let [system, component] = self.asker;
         if message.byte(12) == 0 {

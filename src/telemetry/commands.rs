@@ -137,8 +137,8 @@ impl Telemetry {
         let Some(asker) = self.calibration else {
             return;
         };
-        let (asked_before, state) = (self.asker, flight.state());
         self.asker = asker;
+        let state = flight.state();
         if flight.is_calibrated() || !state.is_idle() {
             self.calibration = None;
             let result = match state {
@@ -149,7 +149,6 @@ impl Telemetry {
         } else if second {
             self.acknowledge_progress();
         }
-        self.asker = asked_before;
     }
 
     /// A calibration goes on, nobody knows how long.
@@ -206,8 +205,8 @@ impl Telemetry {
         self.acknowledge_with(command, result, 0);
     }
 
-    /// COMMAND_ACK with `detail` as its first extension, `progress`: where a command is refused, the
-    /// [`RefusalKind`] as a number.
+    /// COMMAND_ACK to the asker, with `detail` as its first extension, `progress`: of a command that
+    /// is refused the [`RefusalKind`] as a number, of one that goes on 255, unknown.
     fn acknowledge_with(&mut self, command: u16, result: MavResult, detail: u8) {
         let [low, high] = command.to_le_bytes();
         let [system, component] = self.asker;

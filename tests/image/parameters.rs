@@ -3,7 +3,7 @@
 
 use crate::faults::{assert_pulses_went_on, default_neutral_us, ms};
 use crate::ready;
-use client::{Failure, StateKind, request};
+use client::{Failure, Frame, StateKind, Wire, request};
 use rig::ground_station::{GroundStation, GroundStationError};
 use rig::{Ready, Rig};
 use tvc_nano::store::SLOT_BYTES;
@@ -44,6 +44,31 @@ fn saved_parameters_outlive_the_power_and_the_pulses_go_on_meanwhile() {
     station
         .wait_for_state(rig, ms(8000), StateKind::Standby)
         .unwrap();
+}
+
+/// Clients find the vehicle by the number that its frames have, and it obeys orders to that number.
+#[test]
+fn a_vehicle_has_its_new_number_from_the_next_start_on() {
+    let mut bench = ready();
+    let Ready { rig, station, .. } = &mut bench;
+    station.set_parameter(rig, "MAV_SYSID", 7.0).unwrap();
+    station.order(rig, request::SAVE).unwrap();
+    let systems = |rig: &mut Rig| {
+        rig.run_for(ms(100)).unwrap();
+        let frames = Wire::default().receive_frames(&rig.usb_read());
+        let mut systems: Vec<u8> = frames.iter().map(Frame::system).collect();
+        systems.dedup();
+        systems
+    };
+    assert_eq!(systems(rig), [1]);
+    rig.power_cycle();
+    station.connect(rig).unwrap();
+    assert_eq!(systems(rig), [7]);
+    station
+        .wait_for_state(rig, ms(8000), StateKind::Standby)
+        .unwrap();
+    station.run(rig, ms(3000)).unwrap();
+    station.arm(rig).unwrap();
 }
 
 #[test]
