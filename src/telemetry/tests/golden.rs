@@ -76,10 +76,17 @@ fn a_step_is_byte_for_byte_what_pymavlink_sends() {
     assert_eq!(telemetry.pending(), expected.map(golden).concat());
 }
 
+/// Its next frame has the number 5, as many of the kept ones do.
+fn before_frame_five() -> Telemetry {
+    Telemetry {
+        sequence: 5,
+        ..Telemetry::default()
+    }
+}
+
 #[test]
 fn angles_are_byte_for_byte_what_pymavlink_sends() {
-    let mut telemetry = Telemetry::default();
-    telemetry.sequence = 5;
+    let mut telemetry = before_frame_five();
     telemetry.send(
         Priority::Stream,
         &ATTITUDE_DATA {
@@ -156,12 +163,10 @@ fn answers_begin_byte_for_byte() {
 
 #[test]
 fn modes_are_byte_for_byte_what_pymavlink_sends() {
-    let mut telemetry = Telemetry::default();
-    telemetry.sequence = 5;
+    let mut telemetry = before_frame_five();
     telemetry.current_mode(0x105);
     assert_eq!(telemetry.pending(), golden("current_mode"));
-    let mut telemetry = Telemetry::default();
-    telemetry.sequence = 5;
+    let mut telemetry = before_frame_five();
     assert!(telemetry.order_modes(3.0));
     telemetry.continue_modes();
     assert_eq!(telemetry.pending(), golden("available_mode"));
