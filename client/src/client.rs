@@ -5,12 +5,13 @@
 //! second. What comes in parts (the list of parameters, the recorder's content) has made
 //! progress with every part, and only what is missing is asked for again.
 //!
-//! COMMAND_ACK names the command and nothing else, and arming and disarming are one command. The
-//! vehicle takes commands in order, so acknowledgements of one command belong to its copies in the
-//! order in which these were sent, each to one copy. An acknowledgement of a copy whose request has
-//! been answered says nothing new. Where an acknowledgement was lost, a later one is taken for it,
-//! never the other way round; the request that still waits is then repeated. An order to the board
-//! itself is answered by a value with its number; of its acknowledgements only a refusal counts.
+//! COMMAND_ACK names the command and who sent it, not what was ordered by it, and arming and
+//! disarming are one command. The vehicle takes commands in order, so acknowledgements of one
+//! command belong to its copies in the order in which these were sent, each to one copy. An
+//! acknowledgement of a copy whose request has been answered says nothing new. Where an
+//! acknowledgement was lost, a later one is taken for it, never the other way round; the request
+//! that still waits is then repeated. An order to the board itself is answered by a value with its
+//! number; of its acknowledgements only a refusal counts.
 
 use core::mem;
 use core::time::Duration;
