@@ -355,7 +355,8 @@ impl Telemetry {
             State::Active { .. } | State::Failsafe(_) => control,
             _ => MavSysStatusSensor::empty(),
         };
-        let mut health = MavSysStatusSensor::empty();
+        // There is no fence, so nothing is beyond it: MAVProxy calls anything else a breach.
+        let mut health = MavSysStatusSensor::MAV_SYS_STATUS_GEOFENCE;
         health.set(inertial, snapshot.sensor_healthy);
         health.set(
             magnetometer,

@@ -52,7 +52,7 @@ def frames():
         (
             "sys_status",
             mavlink.MAVLink_sys_status_message(
-                0x10200807, 0x10200807, 0x10200807, 123, 65535, -1, -1, 0, 0, 0, 5, 6, 7
+                0x10200807, 0x10200807, 0x10300807, 123, 65535, -1, -1, 0, 0, 0, 5, 6, 7
             ),
         ),
         ("debug_vect", mavlink.MAVLink_debug_vect_message(b"imu_bus", 1240001, 4423, 4580, 100)),
