@@ -109,7 +109,7 @@ pub enum SetUp {
     Polarity,
     /// Fly upright for a while and take the servo angle that holds the drone against a lateral
     /// offset of its mass, so that the rudder rests there before the next release. Thrust on, on
-    /// the tether.
+    /// the tether. As `tvc test`, it ends with the vehicle disarmed, and FS_HOST is 1 meanwhile.
     Hold {
         /// How long it is measured, after three seconds of settling.
         #[arg(long, value_name = "S", default_value_t = 8.0, value_parser = seconds)]

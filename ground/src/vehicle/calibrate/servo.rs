@@ -51,7 +51,9 @@ impl Figures {
 pub fn run(given: &Servo, options: &Calibrate) -> Result<Verdict> {
     check(given)?;
     let mut session = Session::connect(options)?;
-    let rows = find(&mut session, given, options.yes)?;
+    session.vehicle.begin(session.stop);
+    let found = find(&mut session, given, options.yes);
+    let rows = session.vehicle.leave(found)?;
     let mut figures = Figures {
         parameters: rows
             .iter()

@@ -20,6 +20,7 @@ use super::write::write;
 use crate::out::exit::Verdict;
 use crate::signals;
 use crate::vehicle::link::Vehicle;
+use crate::vehicle::watch::Watched;
 
 /// How much of the vehicle's time passes between two looks at its samples, s.
 const LOOK_S: f64 = 0.2;
@@ -56,7 +57,7 @@ impl Seen {
 /// its end what was found is written with [`Session::write_if_agreed`].
 pub struct Session {
     /// The vehicle.
-    pub vehicle: Vehicle,
+    pub vehicle: Watched,
     /// Set when the person pressed Ctrl-C.
     pub stop: &'static AtomicBool,
     readings: Readings,
@@ -74,7 +75,7 @@ impl Session {
     /// It does not answer, or it is armed.
     pub fn connect(options: &Calibrate) -> Result<Self> {
         let stop = signals::on_signal()?;
-        let vehicle = Vehicle::connect(&options.port.port())?;
+        let vehicle = Watched::new(Vehicle::connect(&options.port.port())?);
         if vehicle.state().is_some_and(StateKind::is_armed) {
             bail!("the vehicle is armed: `tvc disarm` first");
         }
