@@ -9,6 +9,7 @@ mod filter;
 mod page;
 mod table;
 
+use crate::out::kind;
 use std::collections::BTreeMap;
 
 use anyhow::Result;
@@ -54,11 +55,11 @@ pub struct Replay {
     pub json: bool,
 
     /// Write both runs as a table, side by side; `tvc convert` writes the log's own steps.
-    #[arg(long, value_name = "FILE.csv")]
+    #[arg(long, value_name = "FILE.csv", value_parser = kind::table)]
     pub csv: Option<PathBuf>,
 
     /// Write an HTML page with both runs.
-    #[arg(long, value_name = "FILE.html")]
+    #[arg(long, value_name = "FILE.html", value_parser = kind::page)]
     pub report: Option<PathBuf>,
 }
 

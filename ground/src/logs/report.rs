@@ -4,6 +4,7 @@
 mod page;
 pub mod sweep;
 
+use crate::out::kind;
 use std::collections::BTreeMap;
 use std::path::Path;
 
@@ -42,7 +43,7 @@ pub struct Report {
     pub log: PathBuf,
 
     /// Where to write the page [default: the log's name with .html].
-    #[arg(long, value_name = "FILE.html")]
+    #[arg(long, value_name = "FILE.html", value_parser = kind::page)]
     pub out: Option<PathBuf>,
 
     /// Print one JSON object on standard output and nothing else there.
@@ -89,11 +90,11 @@ pub struct Release<'a> {
 
 /// Reads a log, prints its figures and writes the page.
 pub fn run(options: &Report) -> Result<Verdict> {
-    let flight = Flight::of(&Log::read(&options.log)?);
     let page = match &options.out {
         Some(path) => path.clone(),
-        None => options.log.with_extension("html"),
+        None => kind::page_of(&options.log)?,
     };
+    let flight = Flight::of(&Log::read(&options.log)?);
     conclude(&flight, &options.log, Some(&page), options.json)
 }
 

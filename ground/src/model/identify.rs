@@ -1,5 +1,6 @@
 //! `tvc identify`: thrust, inertia, servo speed and delay from a recorded run.
 
+use crate::out::kind;
 use std::fmt::Write;
 use std::path::Path;
 
@@ -48,7 +49,7 @@ pub struct Identify {
     pub params: Option<PathBuf>,
 
     /// Where to write the estimates, as a parameter file.
-    #[arg(long, value_name = "FILE.toml")]
+    #[arg(long, value_name = "FILE.toml", value_parser = kind::toml)]
     pub out: Option<PathBuf>,
 
     /// Print one JSON object on standard output and nothing else there.
@@ -58,6 +59,9 @@ pub struct Identify {
 
 /// Identifies as `options` say, prints the estimates and writes them.
 pub fn run(options: &Identify) -> Result<Verdict> {
+    if let Some(out) = &options.out {
+        kind::keep_apart(out, options.params.as_deref())?;
+    }
     let record = read(&options.log)?;
     let nominal = control_law::setup(options.servo, options.params.as_deref())?;
     let found = identify(&nominal, &record).map_err(|error| match error {

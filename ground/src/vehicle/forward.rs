@@ -1,6 +1,7 @@
 //! `tvc forward`: a bridge by UDP, MAVLink to a ground station such as QGroundControl and JSON to
 //! PlotJuggler.
 
+use crate::out::kind;
 use std::net::{Ipv4Addr, SocketAddr, UdpSocket};
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
@@ -46,7 +47,7 @@ pub struct Forward {
     pub seconds: Option<f64>,
 
     /// Keep every frame, both ways, in a new telemetry log (.tlog, .mcap).
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, value_name = "FILE", value_parser = kind::log)]
     pub log: Option<PathBuf>,
 }
 

@@ -1,6 +1,7 @@
 //! `tvc monitor`: the vehicle's status, live: on a terminal in lines that stay in place, elsewhere
 //! a line every second.
 
+use crate::out::kind;
 use std::io::{IsTerminal, Write};
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
@@ -45,7 +46,7 @@ pub struct Monitor {
     pub seconds: Option<f64>,
 
     /// Keep every frame in a new telemetry log (.tlog, .mcap).
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, value_name = "FILE", value_parser = kind::log)]
     pub log: Option<PathBuf>,
 }
 

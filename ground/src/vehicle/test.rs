@@ -1,6 +1,7 @@
 //! `tvc test`: arms and releases the vehicle, watches a manoeuvre, disarms it and prints the
 //! figures.
 
+use crate::out::kind;
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
@@ -43,11 +44,11 @@ pub struct Test {
     pub port: ParamPort,
 
     /// Keep every frame in a new telemetry log.
-    #[arg(long, value_name = "FILE", global = true)]
+    #[arg(long, value_name = "FILE", global = true, value_parser = kind::log)]
     pub log: Option<PathBuf>,
 
     /// Write an HTML report.
-    #[arg(long, value_name = "FILE.html", global = true)]
+    #[arg(long, value_name = "FILE.html", global = true, value_parser = kind::page)]
     pub report: Option<PathBuf>,
 }
 

@@ -8,6 +8,7 @@ mod sensor;
 mod session;
 mod target;
 
+use crate::out::kind;
 use std::path::PathBuf;
 use std::time::Duration;
 
@@ -60,7 +61,7 @@ pub struct Bringup {
     pub json: bool,
 
     /// Write an HTML report.
-    #[arg(long, value_name = "FILE.html")]
+    #[arg(long, value_name = "FILE.html", value_parser = kind::page)]
     pub report: Option<PathBuf>,
 
     /// Which image the rig runs.

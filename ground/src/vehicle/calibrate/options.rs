@@ -1,6 +1,7 @@
 //! Options of `tvc calibrate`.
 
 use crate::arguments::seconds;
+use crate::out::kind;
 use crate::vehicle::param::ParamPort;
 use calibration::{Sensor, Wanted};
 use clap::{Args, Subcommand};
@@ -51,8 +52,7 @@ pub struct Calibrate {
     #[arg(
         long,
         value_name = "FILE.tlog",
-        default_value = "report/calibration.tlog"
-    )]
+        default_value = "report/calibration.tlog", value_parser = kind::log)]
     pub record: PathBuf,
 
     /// Only these steps [default: all].
@@ -85,16 +85,14 @@ pub struct Calibrate {
     #[arg(
         long,
         value_name = "FILE.parm",
-        default_value = "report/calibration.parm"
-    )]
+        default_value = "report/calibration.parm", value_parser = kind::parameters)]
     pub out: PathBuf,
 
     /// Where to write the HTML report.
     #[arg(
         long,
         value_name = "FILE.html",
-        default_value = "report/calibrate.html"
-    )]
+        default_value = "report/calibrate.html", value_parser = kind::page)]
     pub report: PathBuf,
 }
 

@@ -1,5 +1,6 @@
 //! Options of `tvc param`.
 
+use crate::out::kind;
 use crate::vehicle::port::PortOptions;
 use clap::{Args, Subcommand};
 use std::path::PathBuf;
@@ -95,7 +96,7 @@ pub enum ParamAction {
     /// Print every name and value, or write them to a file.
     Dump {
         /// The file.
-        #[arg(value_name = "FILE")]
+        #[arg(value_name = "FILE", value_parser = kind::parameters)]
         file: Option<PathBuf>,
     },
 }
