@@ -23,7 +23,7 @@ const COMMANDS: [(&str, &[&str], &str); 14] = [
     ),
     (
         "a.tlog",
-        &["record", "a.tlog", "--csv"],
+        &["record", "b.tlog", "--csv"],
         "name of a telemetry log",
     ),
     ("a.tlog", &["param", "dump"], "name of a telemetry log"),
@@ -86,6 +86,31 @@ fn what_is_there_is_kept() {
         assert_eq!(output.status.code(), Some(2), "{command:?}: {said}");
         assert!(said.contains(part), "{command:?}: {said}");
         assert_eq!(std::fs::read(&path).unwrap(), bytes, "{command:?}");
+    }
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn standard_output_that_cannot_be_written_is_an_error_in_one_line() {
+    for command in [
+        &["ports"][..],
+        &["ports", "--json"],
+        &[
+            "model",
+            "simulate",
+            concat!(
+                env!("CARGO_MANIFEST_DIR"),
+                "/../scenarios/gravity_only_pendulum.toml"
+            ),
+        ],
+    ] {
+        let full = std::fs::OpenOptions::new().write(true).open("/dev/full");
+        let output = running::command(command).stdout(full.unwrap()).output();
+        let output = output.unwrap();
+        let said = running::said(&output);
+        assert_eq!(output.status.code(), Some(1), "{command:?}: {said}");
+        assert!(said.contains("error: writing to standard output"), "{said}");
+        assert!(!said.contains("panicked"), "{said}");
     }
 }
 

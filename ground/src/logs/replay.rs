@@ -22,7 +22,7 @@ use tvc_nano::{BootReport, Command, Flight, Micros, Params, SensorFault};
 
 use crate::logs::log::{self, Event, Log, Step};
 use crate::out::exit::{BadInput, Verdict};
-use crate::out::file::{print_json, write_whole};
+use crate::out::file::{print, print_json, write_whole};
 use clap::Args;
 use std::path::PathBuf;
 
@@ -74,6 +74,9 @@ fn parameter(text: &str) -> Result<(String, f32), String> {
     Ok((name.to_owned(), value))
 }
 
+/// Most gaps that are named in words; `--json` has all.
+const GAPS_SHOWN: usize = 5;
+
 /// A step as logged and as replayed.
 #[derive(Clone, Copy, Debug)]
 pub struct Pair {
@@ -100,6 +103,8 @@ pub struct Figures {
     pub missed: usize,
     /// Frames lost on the way to the log.
     pub lost: u64,
+    /// Times of the steps before which frames are lost, by the vehicle's clock, s.
+    pub gaps_s: Vec<f64>,
     /// Largest difference of pitch, rad.
     pub pitch_difference_rad_max: f64,
     /// Largest difference of the pulse, us.
@@ -127,6 +132,7 @@ pub fn run(options: &Replay) -> Result<Verdict> {
     }
     let mut figures = compare(&pairs);
     (figures.missed, figures.lost) = (flight.missed(), flight.lost());
+    figures.gaps_s = gaps_s(&flight);
     (figures.refused, figures.changed) = (refused, changed);
     let other = match options.filter {
         Some(choice) => Some(filter::pitches(choice, &flight, &flight.parameters())?),
@@ -147,12 +153,24 @@ pub fn run(options: &Replay) -> Result<Verdict> {
     if options.json {
         print_json(&figures)?;
     } else {
-        for line in words(&figures) {
-            println!("{line}");
-        }
+        print(words(&figures).join("\n") + "\n")?;
     }
     let as_logged = figures.compared > 0 && figures.equal == figures.compared;
     Ok(Verdict::of(as_logged || !figures.changed.is_empty()))
+}
+
+/// The times of the steps before which frames are lost.
+fn gaps_s(flight: &log::Flight) -> Vec<f64> {
+    let mut after_gap = false;
+    let at_gap = |event: &Event| match event {
+        Event::Gap(_) => {
+            after_gap = true;
+            None
+        }
+        Event::Step(step) => std::mem::take(&mut after_gap).then(|| step.time_s()),
+        _ => None,
+    };
+    flight.events.iter().filter_map(at_gap).collect()
 }
 
 /// The figures, a line each.
@@ -162,7 +180,21 @@ fn words(figures: &Figures) -> Vec<String> {
         figures.steps, figures.missed, figures.lost
     )];
     if figures.lost > 0 {
-        lines.push("the log has gaps: behind one the estimate's past is unknown".into());
+        let shown = figures.gaps_s.iter().take(GAPS_SHOWN);
+        let shown: Vec<_> = shown.map(|at_s| format!("{at_s:.3} s")).collect();
+        let more = figures.gaps_s.len() - shown.len();
+        let more = if more > 0 {
+            format!(" and {more} more")
+        } else {
+            String::new()
+        };
+        lines.push(format!(
+            "compared {} of {} steps; gaps at {}{more}: behind a gap the estimate's past is unknown, \
+             until it begins anew",
+            figures.compared,
+            figures.steps,
+            shown.join(", ")
+        ));
     }
     if !figures.changed.is_empty() {
         lines.push(format!(

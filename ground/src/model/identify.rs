@@ -10,7 +10,7 @@ use plant::identify::{Identification, IdentifyError, Reading, Record, identify};
 
 use crate::model::control_law;
 use crate::out::exit::{BadInput, Verdict};
-use crate::out::file::{print_json, write_whole};
+use crate::out::file::{print, print_json, write_whole};
 use crate::out::measure::{Figures, figure, rows, shown};
 use clap::Args;
 use rig::ServoKind;
@@ -75,7 +75,7 @@ pub fn run(options: &Identify) -> Result<Verdict> {
     if options.json {
         print_json(&found)?;
     } else {
-        print!("{}", figures(&found).text());
+        print(figures(&found).text())?;
     }
     Ok(Verdict::Met)
 }

@@ -92,12 +92,28 @@ pub fn image(path: &str) -> Result<PathBuf, String> {
     output(path, &[Kind::Image])
 }
 
-/// The path of a log to write, whose name says its form.
+/// The path of a log to write, whose name says its form; an old one is replaced.
 ///
 /// # Errors
 /// As [`page`], or the name is that of no kind.
 pub fn log(path: &str) -> Result<PathBuf, String> {
     named(path, &[Kind::Log])
+}
+
+/// The path of a log to write, which must not be there yet.
+///
+/// # Errors
+/// As [`log`], or it is there, or its folder is not.
+pub fn new_log(path: &str) -> Result<PathBuf, String> {
+    let path = log(path)?;
+    let mut folder = path.parent().into_iter();
+    if path.exists() {
+        Err("it is there already: give the log another name".into())
+    } else if folder.any(|folder| !folder.as_os_str().is_empty() && !folder.is_dir()) {
+        Err("there is no such folder".into())
+    } else {
+        Ok(path)
+    }
 }
 
 /// The path of a log or a table to write, whose name says which.
@@ -211,6 +227,7 @@ mod tests {
             assert_eq!(page(name), Ok(PathBuf::from(name)));
         }
         assert!(log("a.tlog").is_ok() && log_or_table("a.CSV").is_ok());
+        assert!(new_log("new.tlog").is_ok() && new_log("no/such.tlog").is_err());
     }
 
     #[test]

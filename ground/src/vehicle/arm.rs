@@ -1,5 +1,6 @@
 //! `tvc arm` and `tvc disarm`.
 
+use crate::out::file::{print, print_json};
 use std::time::{Duration, Instant};
 
 use anyhow::{Result, bail};
@@ -87,9 +88,9 @@ fn follow(vehicle: &mut Vehicle, order: Order, obeyed: fn(StateKind) -> bool) ->
 
 fn answer(options: &Operate, object: &Value, words: &str) -> Result<Verdict> {
     if options.json {
-        println!("{object}");
+        print_json(object)?;
     } else {
-        println!("{words}");
+        print(format_args!("{words}\n"))?;
     }
     Ok(Verdict::Met)
 }

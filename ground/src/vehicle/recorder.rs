@@ -1,5 +1,6 @@
 //! `tvc recorder`: downloads the steps around the last release from the vehicle's own memory.
 
+use crate::out::file::print_json;
 use crate::out::kind;
 use std::path::PathBuf;
 
@@ -63,10 +64,9 @@ pub fn run(options: &Recorder) -> Result<Verdict> {
         .filter(|event| matches!(event, Event::Step(_)))
         .count();
     if options.json {
-        println!(
-            "{}",
-            serde_json::json!({ "steps": steps, "before_release": before, "missed": missed })
-        );
+        print_json(
+            &serde_json::json!({ "steps": steps, "before_release": before, "missed": missed }),
+        )?;
     }
     eprintln!(
         "wrote {}: {steps} control steps, {before} of them before the release, {missed} without a sample",

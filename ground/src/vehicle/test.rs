@@ -44,7 +44,7 @@ pub struct Test {
     pub port: ParamPort,
 
     /// Keep every frame in a new telemetry log.
-    #[arg(long, value_name = "FILE", global = true, value_parser = kind::log)]
+    #[arg(long, value_name = "FILE", global = true, value_parser = kind::new_log)]
     pub log: Option<PathBuf>,
 
     /// Write an HTML report.
@@ -118,9 +118,8 @@ pub fn run(options: &Test) -> Result<Verdict> {
         Some(path) => path.clone(),
         None => folder.path().join("test.tlog"),
     };
-    let writer = Writer::create(&log)?;
     let mut vehicle = Watched::new(Vehicle::connect(&options.port())?);
-    vehicle.link().log_to(writer);
+    vehicle.link().log_to(Writer::create(&log)?);
     vehicle.parameters()?;
     if vehicle.state().is_some_and(is_in_operation) {
         bail!("the vehicle is not in standby: `tvc disarm` first");

@@ -83,7 +83,7 @@ pub fn run(seconds: f64, options: &Calibrate) -> Result<Verdict> {
         refused: None,
     };
     figures.refused = refusal(&figures, set_deg);
-    print_before_question(&figures.text(), options.port.json);
+    print_before_question(&figures.text(), options.port.json)?;
     if figures.refused.is_none() {
         let row = Parameter {
             name: NAME.into(),

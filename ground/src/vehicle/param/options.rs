@@ -81,7 +81,8 @@ pub enum ParamAction {
         #[arg(long)]
         stored: bool,
     },
-    /// Show what differs from a file, or from the defaults.
+    /// Show what differs from a file, or from the defaults, without what the vehicle measures by
+    /// itself.
     Diff {
         /// The file.
         #[arg(value_name = "FILE")]
@@ -92,6 +93,10 @@ pub enum ParamAction {
         /// The file: a name and a value a line, or QGroundControl's form.
         #[arg(value_name = "FILE")]
         file: PathBuf,
+
+        /// Pass over names that the vehicle does not know, such as those of another version.
+        #[arg(long)]
+        skip_unknown: bool,
     },
     /// Print every name and value, or write them to a file.
     Dump {
