@@ -4,6 +4,7 @@
 //! PlotJuggler, which holds the same frames and what they say.
 
 mod mcap;
+mod origin;
 mod steps;
 mod table;
 
@@ -21,6 +22,7 @@ use tvc_nano::config::{COMPONENT_ID, SYSTEM_ID};
 
 use crate::out::exit::BadInput;
 
+pub use origin::{Origin, TOOL};
 pub use steps::{Event, Flight, Step};
 pub use table::write_csv;
 

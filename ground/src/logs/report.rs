@@ -124,6 +124,7 @@ pub fn figures(flight: &Flight) -> Figures {
     let sweeps: Vec<Option<Sweep>> = releases.iter().map(Sweep::of).collect();
     let hold = |(index, release)| hold_figures(index, release);
     let mut figures = vec![
+        flight.origin.figures(),
         releases_figure(releases.len()),
         rows("runs", runs.map(|run| run.figures(servo))),
         rows("hold", releases.iter().enumerate().map(hold)),

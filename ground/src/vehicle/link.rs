@@ -5,10 +5,10 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Error, Result, anyhow, bail};
 use client::request::Order;
-use client::{Client, Failure, Frame, Parameter, Request, StateKind};
+use client::{Client, Failure, Frame, Parameter, Request, StateKind, request};
 use mavlink::dialects::common::MavMessage;
 
-use crate::logs::log::Writer;
+use crate::logs::log::{TOOL, Writer};
 use crate::out::exit::BadInput;
 use crate::vehicle::port::{Port, PortOptions};
 
@@ -55,9 +55,13 @@ impl Link {
         self
     }
 
-    /// Keeps every frame, both ways, in a log.
+    /// Keeps every frame, both ways, in a log, which begins with the builds of tool and vehicle.
     pub fn log_to(&mut self, log: Writer) {
         self.log = Some(log);
+        self.client.send(&request::status_text(TOOL));
+        // Its answer is for the log alone.
+        let now = self.now();
+        self.client.request(now, Request::Order(request::VERSION));
     }
 
     /// Ends the log.
