@@ -119,6 +119,7 @@ impl Columns {
 
 fn read(path: &Path) -> Result<Record, BadInput> {
     let bad = |error: &dyn std::fmt::Display| BadInput::new(format!("{}: {error}", path.display()));
+    kind::expect_table(path)?;
     let mut reader = csv::Reader::from_path(path).map_err(|error| bad(&error))?;
     let columns = reader
         .headers()

@@ -71,7 +71,7 @@ pub fn run(given: &Servo, options: &Calibrate) -> Result<Verdict> {
     }
     figures.polarity_checked = session.is_polarity_checked()?;
     print_figures(&figures, options.port.json, Figures::text)?;
-    Ok(Verdict::Met)
+    Ok(Verdict::of(figures.written))
 }
 
 /// Checks that the firmware takes what is given.
