@@ -185,7 +185,7 @@ pub fn angles([w, x, y, z]: [f64; 4]) -> [f64; 3] {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use mavlink::dialects::common::{ATTITUDE_QUATERNION_DATA, STATUSTEXT_DATA, SYS_STATUS_DATA};
+    use mavlink::dialects::common::{ATTITUDE_QUATERNION_DATA, STATUSTEXT_DATA};
 
     #[test]
     fn angles_are_those_of_an_independent_library() {
