@@ -9,8 +9,12 @@ use std::{env, fs};
 
 use image_build::{BuildError, Builder, FIRMWARE_SOURCES, Source, Toolchain};
 
+/// Folders of what the tool itself is made from.
+const TOOL_SOURCES: [&str; 3] = ["ground/src", "client/src", "rig/src"];
+
 fn main() -> ExitCode {
     println!("cargo::rerun-if-changed=build.rs");
+    println!("cargo::rustc-env=TVC_TOOL_BUILD={:08x}", tool_build());
     println!("cargo::rerun-if-env-changed=TVC_IMAGE");
     let out = PathBuf::from(env::var_os("OUT_DIR").expect("cargo sets OUT_DIR"));
     let is_release = env::var("PROFILE").is_ok_and(|profile| profile == "release");
@@ -32,15 +36,48 @@ fn main() -> ExitCode {
     ExitCode::SUCCESS
 }
 
+/// Tells builds of the same version apart: FNV-1a over the sources of tool and image, 32 bits.
+fn tool_build() -> u32 {
+    let mut files = Vec::new();
+    for source in TOOL_SOURCES.into_iter().chain(FIRMWARE_SOURCES) {
+        let path = tree().join(source);
+        println!("cargo::rerun-if-changed={}", path.display());
+        collect(&path, &mut files);
+    }
+    files.sort();
+    let bytes = files
+        .iter()
+        .flat_map(|path| fs::read(path).unwrap_or_default());
+    bytes.fold(0x811C_9DC5, |sum, byte| {
+        (sum ^ u32::from(byte)).wrapping_mul(0x0100_0193)
+    })
+}
+
+/// The files at or below a path.
+fn collect(path: &Path, files: &mut Vec<PathBuf>) {
+    match fs::read_dir(path) {
+        Ok(inner) => {
+            for entry in inner.flatten() {
+                collect(&entry.path(), files);
+            }
+        }
+        Err(_) => files.push(path.to_owned()),
+    }
+}
+
+/// The tree of sources, in which the crate lies.
+fn tree() -> PathBuf {
+    let own = env::var_os("CARGO_MANIFEST_DIR").expect("cargo sets CARGO_MANIFEST_DIR");
+    let tree = Path::new(&own).parent();
+    tree.expect("the crate lies in the tree").to_owned()
+}
+
 /// Builds the image into `folder`. A toolchain is looked for and not changed: that is for whoever
 /// installs the tool to decide.
 fn build(folder: &Path) -> Result<PathBuf, BuildError> {
-    let own = env::var_os("CARGO_MANIFEST_DIR").expect("cargo sets CARGO_MANIFEST_DIR");
-    let tree = Path::new(&own)
-        .parent()
-        .expect("the crate lies in the tree");
+    let tree = tree();
     for source in FIRMWARE_SOURCES {
         println!("cargo::rerun-if-changed={}", tree.join(source).display());
     }
-    Builder::new(folder.to_owned(), Toolchain::find(tree)?).build(&Source::firmware(tree))
+    Builder::new(folder.to_owned(), Toolchain::find(&tree)?).build(&Source::firmware(&tree))
 }

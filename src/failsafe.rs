@@ -263,11 +263,14 @@ impl Supervisor {
             }
     }
 
+    /// Whether the host has been heard in the last three seconds.
+    pub fn host_is_heard(&self, now: Micros) -> bool {
+        self.host_seen
+            .is_some_and(|seen| now.since(seen) <= HOST_SILENCE_US)
+    }
+
     fn host_is_silent(&self, now: Micros) -> bool {
-        self.host_required
-            && self
-                .host_seen
-                .is_none_or(|seen| now.since(seen) > HOST_SILENCE_US)
+        self.host_required && !self.host_is_heard(now)
     }
 
     /// Faults that come with time alone: data too old, a silent host, a tilt for too long.

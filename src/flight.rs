@@ -339,11 +339,14 @@ impl Flight {
     }
 
     /// Who moves the rudder: control while it is active, or in standby while somebody looks at the
-    /// polarity; a test pulse where nobody needs the rudder; nobody else.
+    /// polarity by a host that is heard; a test pulse where nobody needs the rudder; nobody else.
     fn rudder(&self, now: Micros) -> Rudder {
         let (pulse, until) = self.test_pulse;
         match (self.state(), self.params.polarity()) {
-            (State::Active { .. }, _) | (State::Standby, Polarity::Watched) => Rudder::Controlled,
+            (State::Active { .. }, _) => Rudder::Controlled,
+            (State::Standby, Polarity::Watched) if self.supervisor.host_is_heard(now) => {
+                Rudder::Controlled
+            }
             (state, _) if state.is_idle() && now < until => Rudder::Tested(pulse),
             _ => Rudder::Neutral,
         }

@@ -78,7 +78,7 @@ fn main() {
     for (info, description) in TABLE.iter().zip(DESCRIPTIONS) {
         let change = match info.change {
             Change::Live => "live",
-            Change::Disarmed | Change::Turning => "disarmed",
+            Change::Disarmed | Change::Turning | Change::Measured => "disarmed",
         };
         println!(
             "{:<16} {:>9} {:<8} {:<26} {:<9} {}",

@@ -8,6 +8,7 @@ Ends with status 1 if anything is not as it should be.
 """
 
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -56,6 +57,25 @@ class Console:
         print(self.said)
         return False
 
+    def value(self, name):
+        """What the station shows of a parameter; None while it shows nothing."""
+        self.said = ""
+        self.process.stdin.write(f"param show {name}\n".encode())
+        self.process.stdin.flush()
+        end = time.time() + 1
+        while time.time() < end:
+            shown = re.search(rf"\b{name}\s+(-?[0-9.]+)", self.said)
+            if shown:
+                return float(shown[1])
+            time.sleep(0.05)
+        return None
+
+    def set(self, name, value):
+        """Sets a parameter; whether the station shows the value in time."""
+        self.process.stdin.write(f"param set {name} {value}\n".encode())
+        self.process.stdin.flush()
+        return wait(lambda: (shown := self.value(name)) is not None and abs(shown - value) < 1e-4)
+
     def file(self, name):
         with open(os.path.join(self.folder.name, name), encoding="utf-8") as file:
             return file.read()
@@ -70,12 +90,15 @@ def mavproxy(port):
     try:
         check(console.ask(None, "Saved", "parameters to"), "MAVProxy: heartbeat, every parameter fetched")
         rows = [line.split() for line in console.file("mav.parm").splitlines()]
-        for name, value in rows:
-            console.ask(f"param set {name} {value}")
-            check(console.ask(f"param show {name}", name), f"MAVProxy: {name} set to {value}")
-        console.ask("param set PID_KP 0.5")
-        check(console.ask("param show PID_KP", "0.5"), "MAVProxy: PID_KP set to 0.5")
-        console.ask(f"param set PID_KP {dict(rows)['PID_KP']}")
+        kept = {name: float(value) for name, value in rows}
+        for name, value in kept.items():
+            check(console.set(name, value), f"MAVProxy: {name} set to {value:g}")
+        other = 0.5 if kept["PID_KP"] != 0.5 else 0.6
+        try:
+            check(console.set("PID_KP", other), f"MAVProxy: PID_KP set to {other}")
+        finally:
+            back = console.set("PID_KP", kept["PID_KP"])
+        check(back, "MAVProxy: PID_KP set back")
         check(console.ask("long SET_MESSAGE_INTERVAL 30 50000", "ACCEPTED"), "MAVProxy: ATTITUDE at 20 Hz")
         check(console.ask("status ATTITUDE", "pitch :"), "MAVProxy: angles")
         check(console.ask("arm throttle", "ARMED", "COMPONENT_ARM_DISARM: ACCEPTED"), "MAVProxy: armed")
@@ -101,9 +124,13 @@ def mavsdk(port):
     for name, value in kept.items():
         param.set_param_float(name, value)
         check(param.get_param_float(name) == value, f"MAVSDK: {name} set to {value:g}")
-    param.set_param_float("PID_KP", 0.5)
-    check(param.get_param_float("PID_KP") == 0.5, "MAVSDK: PID_KP set to 0.5")
-    param.set_param_float("PID_KP", kept["PID_KP"])
+    other = 0.5 if kept["PID_KP"] != 0.5 else 0.625
+    try:
+        param.set_param_float("PID_KP", other)
+        check(param.get_param_float("PID_KP") == other, f"MAVSDK: PID_KP set to {other}")
+    finally:
+        param.set_param_float("PID_KP", kept["PID_KP"])
+    check(param.get_param_float("PID_KP") == kept["PID_KP"], "MAVSDK: PID_KP set back")
     telemetry = Telemetry(system)
     telemetry.set_rate_attitude_euler(20.0)
     time.sleep(1)

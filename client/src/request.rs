@@ -52,6 +52,13 @@ pub const CALIBRATE: Order = Order {
     params: [1.0, 0.0],
 };
 
+/// AUTOPILOT_VERSION: the firmware's version and build.
+pub const VERSION: Order = Order {
+    name: "tell its version",
+    command: MavCmd::MAV_CMD_REQUEST_MESSAGE,
+    params: [148.0, 0.0],
+};
+
 /// A pulse for the servo's set-up, us; the firmware holds it for two seconds.
 pub fn servo(pulse_us: f32) -> Order {
     Order {

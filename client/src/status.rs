@@ -32,17 +32,17 @@ pub struct Status {
     pub health: LinkHealth,
     /// Texts since the last object.
     pub texts: Vec<String>,
-    /// Everything that is enabled is healthy.
-    pub healthy: bool,
+    /// Everything that is enabled is healthy; `None` before the vehicle has said so.
+    pub healthy: Option<bool>,
 }
 
-/// How well sensor, processor and link do.
+/// How well sensor, processor and link do. What the vehicle tells once a second is `None` before.
 #[derive(Clone, Debug, Default, Serialize)]
 pub struct LinkHealth {
     /// Attitudes a second, by the vehicle's clock.
     pub attitude_hz: f64,
     /// Share of time for which the processor was awake, 0 to 1.
-    pub load: f64,
+    pub load: Option<f64>,
     /// Frames that arrived whole.
     pub messages: u64,
     /// Frames missing by their sequence numbers.
@@ -50,11 +50,11 @@ pub struct LinkHealth {
     /// Frames with a wrong checksum.
     pub crc_errors: u64,
     /// Frames that the vehicle dropped because nobody took them, modulo 65,536.
-    pub dropped: u16,
+    pub dropped: Option<u16>,
     /// Steps without a usable sample since start-up, modulo 65,536.
-    pub missed: u16,
+    pub missed: Option<u16>,
     /// Failed transfers on the sensor's bus.
-    pub bus_errors: u16,
+    pub bus_errors: Option<u16>,
 }
 
 /// Keeps a [`Status`] up to date.
@@ -128,11 +128,11 @@ impl StatusTracker {
                 status.servo_rad = self.servo.angle_rad(m.servo1_raw);
             }
             MavMessage::SYS_STATUS(m) => {
-                status.health.load = f64::from(m.load) * 1e-3;
-                status.health.dropped = m.errors_count1;
-                status.health.missed = m.errors_count2;
-                status.health.bus_errors = m.errors_count3;
-                status.healthy = sick(m).is_empty();
+                status.health.load = Some(f64::from(m.load) * 1e-3);
+                status.health.dropped = Some(m.errors_count1);
+                status.health.missed = Some(m.errors_count2);
+                status.health.bus_errors = Some(m.errors_count3);
+                status.healthy = Some(sick(m).is_empty());
             }
             _ => {}
         }
@@ -232,6 +232,22 @@ mod tests {
         };
         assert_eq!(sick(&status(gyro)), MavSysStatusSensor::empty());
         assert_eq!(sick(&status(check)), gyro);
+    }
+
+    #[test]
+    fn health_is_unknown_until_the_vehicle_tells_it() {
+        let mut tracker = StatusTracker::new(ServoMap::new(1523.6, 10.0, 1.0));
+        let status = tracker.next(&Client::default());
+        assert_eq!((status.healthy, status.health.missed), (None, None));
+        tracker.take(&MavMessage::SYS_STATUS(SYS_STATUS_DATA {
+            errors_count2: 7,
+            ..SYS_STATUS_DATA::default()
+        }));
+        let status = tracker.next(&Client::default());
+        assert_eq!(
+            (status.healthy, status.health.missed),
+            (Some(true), Some(7))
+        );
     }
 
     #[test]

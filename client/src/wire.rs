@@ -1,6 +1,7 @@
 //! MAVLink frames on a stream of bytes, as any ground station reads and writes them.
 
 use mavlink::dialects::common::MavMessage;
+use mavlink::types::CharArray;
 use mavlink::{MAVLinkV2MessageRaw, MavHeader, MavlinkVersion, Message};
 
 const START: u8 = 0xFD;
@@ -29,7 +30,7 @@ pub struct LinkCounts {
 pub struct Frame {
     /// Its bytes, from start marker to checksum or signature.
     pub bytes: Vec<u8>,
-    /// What it says.
+    /// What it says; control characters in what people are shown are question marks.
     pub message: MavMessage,
 }
 
@@ -147,13 +148,31 @@ fn decode(frame: &[u8]) -> Option<MavMessage> {
     if sum.to_le_bytes() != frame[end..end + CHECKSUM] {
         return None;
     }
-    MavMessage::parse(MavlinkVersion::V2, id, &frame[HEADER..end]).ok()
+    let mut message = MavMessage::parse(MavlinkVersion::V2, id, &frame[HEADER..end]).ok()?;
+    match &mut message {
+        MavMessage::STATUSTEXT(said) => make_visible(&mut said.text),
+        MavMessage::PARAM_VALUE(told) => make_visible(&mut told.param_id),
+        MavMessage::NAMED_VALUE_FLOAT(told) => make_visible(&mut told.name),
+        MavMessage::NAMED_VALUE_INT(told) => make_visible(&mut told.name),
+        _ => {}
+    }
+    Some(message)
+}
+
+/// Replaces control characters, by which a device would command the terminal that shows its text.
+fn make_visible<const N: usize>(field: &mut CharArray<N>) {
+    if let Ok(text) = field.to_str()
+        && text.contains(char::is_control)
+    {
+        let visible = text.replace(char::is_control, "?");
+        *field = CharArray::from(visible.as_str());
+    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use mavlink::dialects::common::HEARTBEAT_DATA;
+    use mavlink::dialects::common::{HEARTBEAT_DATA, STATUSTEXT_DATA};
 
     fn heartbeat(mode: u32) -> MavMessage {
         MavMessage::HEARTBEAT(HEARTBEAT_DATA {
@@ -195,6 +214,21 @@ mod tests {
         let counts = wire.counts();
         assert_eq!((counts.messages, counts.lost, counts.crc_errors), (2, 2, 1));
         assert!(counts.stray_bytes >= 5);
+    }
+
+    #[test]
+    fn a_device_commands_no_terminal() {
+        let said = |text: &str| {
+            MavMessage::STATUSTEXT(STATUSTEXT_DATA {
+                text: text.into(),
+                ..STATUSTEXT_DATA::default()
+            })
+        };
+        let evil = said("\x1b]0;title\x07 and\nerror: \u{9b}31m");
+        let bytes = Wire::default().frame(&evil);
+        let frames = Wire::default().receive_frames(&bytes);
+        assert_eq!(frames[0].message, said("?]0;title? and?error: ?31m"));
+        assert_eq!(frames[0].bytes, bytes, "a log keeps it as it came");
     }
 
     #[test]

@@ -69,7 +69,7 @@ fn run(command: Command) -> anyhow::Result<Verdict> {
 }
 
 /// The command line parser's complaint as one line: its first paragraph, which may list the values
-/// that would be accepted.
+/// that would be accepted, and the name that may have been meant.
 fn usage(error: &clap::Error) -> BadInput {
     if error.kind() == ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand {
         return BadInput::new("a command is missing (see --help)");
@@ -80,8 +80,14 @@ fn usage(error: &clap::Error) -> BadInput {
         .map(str::trim)
         .take_while(|line| !line.is_empty())
         .collect();
+    let tip = text.lines().map(str::trim).find_map(|line| {
+        // Other tips are about names that begin with a dash.
+        line.strip_prefix("tip: ")
+            .filter(|tip| tip.contains("similar"))
+    });
+    let tip = tip.map_or(String::new(), |tip| format!("; {tip}"));
     BadInput::new(format!(
-        "{} (see --help)",
+        "{}{tip} (see --help)",
         what.join(" ").trim_start_matches("error: ")
     ))
 }

@@ -2,6 +2,8 @@
 //! columns. `#` begins a comment.
 
 use std::fmt::Write;
+use std::fs::File;
+use std::io::Read;
 use std::path::Path;
 
 use anyhow::Result;
@@ -10,19 +12,29 @@ use tvc_nano::Params;
 
 use crate::out::exit::BadInput;
 
+/// Longest file, bytes: a thousand times what is needed.
+const LONGEST: u64 = 1 << 20;
+
 /// Reads a file. Every value is checked against this tool's own table before any is set.
 ///
 /// # Errors
 /// [`BadInput`] naming file and line.
 pub fn read(path: &Path) -> Result<Vec<Parameter>> {
-    let text = std::fs::read_to_string(path)
-        .map_err(|error| BadInput::new(format!("cannot read {}: {error}", path.display())))?;
-    parse(&text).map_err(|why| BadInput::new(format!("{}: {why}", path.display())).into())
+    let mut text = String::new();
+    let read = File::open(path).and_then(|file| file.take(LONGEST).read_to_string(&mut text));
+    let length =
+        read.map_err(|error| BadInput::new(format!("cannot read {}: {error}", path.display())))?;
+    let rows = match length as u64 {
+        LONGEST => Err("too long for a parameter file".to_owned()),
+        _ => parse(&text),
+    };
+    rows.map_err(|why| BadInput::new(format!("{}: {why}", path.display())).into())
 }
 
 fn parse(text: &str) -> Result<Vec<Parameter>, String> {
-    let mut rows = Vec::new();
-    for (index, line) in text.lines().enumerate() {
+    let mut rows: Vec<Parameter> = Vec::new();
+    // Windows' editors put a byte order mark before the text.
+    for (index, line) in text.trim_start_matches('\u{FEFF}').lines().enumerate() {
         let line = line.split('#').next().unwrap_or_default();
         let words: Vec<&str> = line
             .split(|c: char| c.is_whitespace() || c == ',' || c == '=')
@@ -40,6 +52,9 @@ fn parse(text: &str) -> Result<Vec<Parameter>, String> {
             Params::default()
                 .set(name, value)
                 .map_err(|error| format!("line {}: {error}", index + 1))?;
+        }
+        if rows.iter().any(|row| row.name == name) {
+            return Err(format!("line {}: {name} a second time", index + 1));
         }
         rows.push(Parameter {
             name: name.to_owned(),
@@ -87,6 +102,18 @@ mod tests {
     }
 
     #[test]
+    fn a_byte_order_mark_is_no_part_of_a_name() {
+        assert_eq!(parse("\u{FEFF}PID_KP 1.2\r\n").unwrap()[0].name, "PID_KP");
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn a_file_without_end_is_refused() {
+        let refused = read(Path::new("/dev/zero")).unwrap_err().to_string();
+        assert!(refused.contains("too long"), "{refused}");
+    }
+
+    #[test]
     fn a_bad_line_is_named() {
         for (text, part) in [
             ("PID_KP 1\nPID_KD", "line 2"),
@@ -94,6 +121,10 @@ mod tests {
             ("PID_KP 11", "PID_KP must be 0 to 10"),
             ("PID_KP NaN", "PID_KP must be"),
             ("# nothing", "no parameters"),
+            (
+                "PID_KP 1\nPID_KD 0.1\nPID_KP 2",
+                "line 3: PID_KP a second time",
+            ),
         ] {
             assert!(parse(text).unwrap_err().contains(part), "{text}");
         }

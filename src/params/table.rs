@@ -63,6 +63,8 @@ pub enum Change {
     /// As [`Change::Disarmed`], and the rudder may answer the other way afterwards: a changed value
     /// takes [`Polarity::Checked`](super::Polarity::Checked) back.
     Turning,
+    /// As [`Change::Disarmed`], and the vehicle sets it by itself to what it measures.
+    Measured,
 }
 
 /// One row of the table.
@@ -212,9 +214,9 @@ parameters! {
     /// speed of the sensor bus; 100 for a cable of more than 1 m
     i2c_khz: "I2C_KHZ", "kHz", OneOf(&[100.0, 400.0]), 400.0, Disarmed;
     /// FINE of the clock as USB disciplined it, for starts without; set by the vehicle, -1 unknown
-    clk_fine: "CLK_FINE", "", Between(-1.0, 1023.0), -1.0, Disarmed;
+    clk_fine: "CLK_FINE", "", Between(-1.0, 1023.0), -1.0, Measured;
     /// how long the sensor stretches a byte; measured and set by the vehicle itself while disarmed
-    i2c_stretch_us: "I2C_STRETCH_US", "us", Between(0.0, STRETCH_MAX_US as f32), 180.0, Disarmed;
+    i2c_stretch_us: "I2C_STRETCH_US", "us", Between(0.0, STRETCH_MAX_US as f32), 180.0, Measured;
     /// sensor's roll in the body, applied first
     mnt_roll_deg: "MNT_ROLL_DEG", "deg", Between(-180.0, 180.0), 0.0, Turning;
     /// sensor's pitch in the body, applied second

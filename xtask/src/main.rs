@@ -4,11 +4,15 @@
 //! without `--quiet` it would add its own lines to every message of the tool. So the first build is
 //! shown, later ones are not. The first `cargo fly` also begins the image's build beside the
 //! tool's, because each of the two leaves a processor core idle for much of its time.
+//!
+//! The tool takes the launcher's place: who ends `cargo tvc test` ends the tool, which then leaves
+//! the vehicle neutral.
 
 #![forbid(unsafe_code)]
 
 use std::env;
-use std::ffi::{OsStr, OsString};
+use std::ffi::OsStr;
+use std::io;
 use std::path::PathBuf;
 use std::process::{Command, ExitCode};
 use std::thread;
@@ -34,21 +38,18 @@ fn main() -> ExitCode {
             .nth(1)
             .is_some_and(|command| command == "fly");
         let image = flies.then(|| thread::spawn(build_image));
-        let status = cargo_command(&cargo, "build", []);
+        let built = status(&mut cargo_command(&cargo, "build"));
         if let Some(image) = image {
             // It has no result: the tool builds the image again and reports what goes wrong.
             let _ = image.join();
         }
-        if status != 0 {
-            return ExitCode::from(status);
+        if built != 0 {
+            return ExitCode::from(built);
         }
     }
-    let quietly = [OsString::from("--quiet"), OsString::from("--")];
-    ExitCode::from(cargo_command(
-        &cargo,
-        "run",
-        quietly.into_iter().chain(env::args_os().skip(1)),
-    ))
+    let mut tool = cargo_command(&cargo, "run");
+    tool.args(["--quiet", "--"]).args(env::args_os().skip(1));
+    become_one(&mut tool)
 }
 
 /// Cargo's folder of results, two above this program.
@@ -67,23 +68,48 @@ fn build_image() {
     }
 }
 
-/// Runs cargo on the tool and gives the exit status, 1 where there is none.
-fn cargo_command(cargo: &OsStr, verb: &str, more: impl IntoIterator<Item = OsString>) -> u8 {
-    let status = Command::new(cargo)
-        .arg(verb)
-        .args(TOOL)
-        .args(more)
-        // The image is built from the sources beside the tool, and no second time into it.
-        .env("TVC_IMAGE", "none")
-        .status();
-    match status {
+/// Cargo's work on the tool.
+fn cargo_command(cargo: &OsStr, verb: &str) -> Command {
+    let mut command = Command::new(cargo);
+    // The image is built from the sources beside the tool, and no second time into it.
+    command.arg(verb).args(TOOL).env("TVC_IMAGE", "none");
+    command
+}
+
+/// Runs `command` in the place of this process, so that a signal to the launcher reaches the tool.
+#[cfg(unix)]
+fn become_one(command: &mut Command) -> ExitCode {
+    use std::os::unix::process::CommandExt;
+
+    let error = command.exec();
+    cannot_run(command, &error);
+    ExitCode::FAILURE
+}
+
+/// Runs `command` to its end. Ctrl-C reaches it as well as this process, which waits until the tool
+/// has left the vehicle neutral.
+#[cfg(not(unix))]
+fn become_one(command: &mut Command) -> ExitCode {
+    // Without a handler this process would end first; the tool would still end by itself.
+    let _ = ctrlc::set_handler(|| {});
+    ExitCode::from(status(command))
+}
+
+/// Runs `command` and gives the exit status, 1 where there is none.
+fn status(command: &mut Command) -> u8 {
+    match command.status() {
         Ok(status) => status
             .code()
             .and_then(|code| u8::try_from(code).ok())
             .unwrap_or(1),
         Err(error) => {
-            eprintln!("error: cannot run {}: {error}", cargo.to_string_lossy());
+            cannot_run(command, &error);
             1
         }
     }
+}
+
+fn cannot_run(command: &Command, error: &io::Error) {
+    let program = command.get_program().to_string_lossy();
+    eprintln!("error: cannot run {program}: {error}");
 }

@@ -1,5 +1,6 @@
 //! `tvc rig`: the virtual rig in real time, for every program that opens a serial port.
 
+use crate::out::file::print;
 use anyhow::Result;
 
 use crate::arguments::seconds;
@@ -137,7 +138,6 @@ const LONGEST_S: f64 = 3600.0;
 /// Runs the rig until a signal or `--seconds` ends it.
 #[cfg(unix)]
 pub fn run(options: &Rig) -> Result<Verdict> {
-    use std::io::Write;
     use std::time::Duration;
 
     use anyhow::Context;
@@ -171,8 +171,7 @@ pub fn run(options: &Rig) -> Result<Verdict> {
     if let Some(link) = &link {
         link.point_to(pty.path())?;
     }
-    println!("{}", pty.path().display());
-    std::io::stdout().flush()?;
+    print(format_args!("{}\n", pty.path().display()))?;
     eprintln!(
         "the rig runs in real time: servo {}, seed {}, tilt {} rad; Ctrl-C ends it",
         options.servo.name(),

@@ -1,5 +1,6 @@
 //! `tvc convert`: a log in another form.
 
+use crate::out::kind;
 use anyhow::Result;
 
 use crate::logs::log::convert;
@@ -23,7 +24,7 @@ pub struct Convert {
     pub log: PathBuf,
 
     /// The file to write (.tlog, .mcap, .csv); a log must not be there yet.
-    #[arg(value_name = "FILE")]
+    #[arg(value_name = "FILE", value_parser = kind::log_or_table)]
     pub file: PathBuf,
 }
 

@@ -4,6 +4,7 @@
 //! PlotJuggler, which holds the same frames and what they say.
 
 mod mcap;
+mod origin;
 mod steps;
 mod table;
 
@@ -21,6 +22,7 @@ use tvc_nano::config::{COMPONENT_ID, SYSTEM_ID};
 
 use crate::out::exit::BadInput;
 
+pub use origin::{Origin, TOOL};
 pub use steps::{Event, Flight, Step};
 pub use table::write_csv;
 
@@ -216,10 +218,16 @@ pub fn convert(from: &Path, to: &Path) -> Result<()> {
         bytes: &bytes,
         stray_bytes: 0,
     };
-    for (time_us, frame) in frames {
-        writer.write_at(time_us, frame)?;
-    }
-    writer.end()
+    let copy = move || {
+        for (time_us, frame) in frames {
+            writer.write_at(time_us, frame)?;
+        }
+        writer.end()
+    };
+    copy().inspect_err(|_| {
+        // A part of a log would pass for a whole one.
+        let _ = std::fs::remove_file(to);
+    })
 }
 
 /// Writes a flight that did not come over the link: as a log whose last step is now, or as a table.
@@ -286,17 +294,29 @@ fn now_us() -> u64 {
 
 /// The bytes of a log as a `.tlog` has them.
 fn tlog(path: &Path) -> Result<Vec<u8>> {
-    let unreadable =
-        |error: anyhow::Error| BadInput::new(format!("cannot read {}: {error:#}", path.display()));
+    let unreadable = |error: anyhow::Error| {
+        let why = brief(&format!("{error:#}"));
+        BadInput::new(format!("cannot read {}: {why}", path.display()))
+    };
     let bytes = std::fs::read(path).map_err(|error| unreadable(error.into()))?;
     if !bytes.starts_with(mcap::MAGIC) {
         return Ok(bytes);
     }
     let (bytes, cut) = mcap::frames(&bytes).map_err(unreadable)?;
     if let Some(error) = cut {
-        eprintln!("{} is read as far as it goes: {error}", path.display());
+        let why = brief(&error.to_string());
+        eprintln!("{} is read as far as it goes: {why}", path.display());
     }
     Ok(bytes)
+}
+
+/// The beginning of a parser's complaint, which may hold all that it did not understand.
+fn brief(why: &str) -> String {
+    const LONGEST: usize = 100;
+    match why.char_indices().nth(LONGEST) {
+        Some((end, _)) => format!("{} ...", &why[..end]),
+        None => why.to_owned(),
+    }
 }
 
 /// Times, us since 1970, and frames in the bytes of a `.tlog`.

@@ -9,6 +9,7 @@ mod filter;
 mod page;
 mod table;
 
+use crate::out::kind;
 use std::collections::BTreeMap;
 
 use anyhow::Result;
@@ -21,7 +22,7 @@ use tvc_nano::{BootReport, Command, Flight, Micros, Params, SensorFault};
 
 use crate::logs::log::{self, Event, Log, Step};
 use crate::out::exit::{BadInput, Verdict};
-use crate::out::file::{print_json, write_whole};
+use crate::out::file::{print, print_json, write_whole};
 use clap::Args;
 use std::path::PathBuf;
 
@@ -54,11 +55,11 @@ pub struct Replay {
     pub json: bool,
 
     /// Write both runs as a table, side by side; `tvc convert` writes the log's own steps.
-    #[arg(long, value_name = "FILE.csv")]
+    #[arg(long, value_name = "FILE.csv", value_parser = kind::table)]
     pub csv: Option<PathBuf>,
 
     /// Write an HTML page with both runs.
-    #[arg(long, value_name = "FILE.html")]
+    #[arg(long, value_name = "FILE.html", value_parser = kind::page)]
     pub report: Option<PathBuf>,
 }
 
@@ -72,6 +73,9 @@ fn parameter(text: &str) -> Result<(String, f32), String> {
         .map_err(|error| format!("{name}: {error}"))?;
     Ok((name.to_owned(), value))
 }
+
+/// Most gaps that are named in words; `--json` has all.
+const GAPS_SHOWN: usize = 5;
 
 /// A step as logged and as replayed.
 #[derive(Clone, Copy, Debug)]
@@ -99,6 +103,8 @@ pub struct Figures {
     pub missed: usize,
     /// Frames lost on the way to the log.
     pub lost: u64,
+    /// Times of the steps before which frames are lost, by the vehicle's clock, s.
+    pub gaps_s: Vec<f64>,
     /// Largest difference of pitch, rad.
     pub pitch_difference_rad_max: f64,
     /// Largest difference of the pulse, us.
@@ -126,6 +132,7 @@ pub fn run(options: &Replay) -> Result<Verdict> {
     }
     let mut figures = compare(&pairs);
     (figures.missed, figures.lost) = (flight.missed(), flight.lost());
+    figures.gaps_s = gaps_s(&flight);
     (figures.refused, figures.changed) = (refused, changed);
     let other = match options.filter {
         Some(choice) => Some(filter::pitches(choice, &flight, &flight.parameters())?),
@@ -146,12 +153,24 @@ pub fn run(options: &Replay) -> Result<Verdict> {
     if options.json {
         print_json(&figures)?;
     } else {
-        for line in words(&figures) {
-            println!("{line}");
-        }
+        print(words(&figures).join("\n") + "\n")?;
     }
     let as_logged = figures.compared > 0 && figures.equal == figures.compared;
     Ok(Verdict::of(as_logged || !figures.changed.is_empty()))
+}
+
+/// The times of the steps before which frames are lost.
+fn gaps_s(flight: &log::Flight) -> Vec<f64> {
+    let mut after_gap = false;
+    let at_gap = |event: &Event| match event {
+        Event::Gap(_) => {
+            after_gap = true;
+            None
+        }
+        Event::Step(step) => std::mem::take(&mut after_gap).then(|| step.time_s()),
+        _ => None,
+    };
+    flight.events.iter().filter_map(at_gap).collect()
 }
 
 /// The figures, a line each.
@@ -161,7 +180,21 @@ fn words(figures: &Figures) -> Vec<String> {
         figures.steps, figures.missed, figures.lost
     )];
     if figures.lost > 0 {
-        lines.push("the log has gaps: behind one the estimate's past is unknown".into());
+        let shown = figures.gaps_s.iter().take(GAPS_SHOWN);
+        let shown: Vec<_> = shown.map(|at_s| format!("{at_s:.3} s")).collect();
+        let more = figures.gaps_s.len() - shown.len();
+        let more = if more > 0 {
+            format!(" and {more} more")
+        } else {
+            String::new()
+        };
+        lines.push(format!(
+            "compared {} of {} steps; gaps at {}{more}: behind a gap the estimate's past is unknown, \
+             until it begins anew",
+            figures.compared,
+            figures.steps,
+            shown.join(", ")
+        ));
     }
     if !figures.changed.is_empty() {
         lines.push(format!(

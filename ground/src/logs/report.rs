@@ -4,6 +4,7 @@
 mod page;
 pub mod sweep;
 
+use crate::out::kind;
 use std::collections::BTreeMap;
 use std::path::Path;
 
@@ -18,6 +19,7 @@ use crate::flight::figures::{Run, spread, telemetry};
 use crate::flight::requirements;
 use crate::logs::log::{Event, Flight, Log, Step};
 use crate::out::exit::Verdict;
+use crate::out::measure::Limit::AtLeast;
 use crate::out::measure::{Figure, Figures, data, figure, rows, shown};
 use clap::Args;
 use rig::ServoKind;
@@ -33,6 +35,7 @@ Examples:
   cargo tvc report flight.tlog --out step.html
   cargo tvc report flight.tlog --json          figures for a script
 
+A log without a release has no verdict: exit status 1.
 Exit status: 0 every requirement met, 1 one missed or something failed, 2 unusable input.")]
 pub struct Report {
     /// A telemetry log (.tlog, .mcap).
@@ -40,7 +43,7 @@ pub struct Report {
     pub log: PathBuf,
 
     /// Where to write the page [default: the log's name with .html].
-    #[arg(long, value_name = "FILE.html")]
+    #[arg(long, value_name = "FILE.html", value_parser = kind::page)]
     pub out: Option<PathBuf>,
 
     /// Print one JSON object on standard output and nothing else there.
@@ -87,11 +90,11 @@ pub struct Release<'a> {
 
 /// Reads a log, prints its figures and writes the page.
 pub fn run(options: &Report) -> Result<Verdict> {
-    let flight = Flight::of(&Log::read(&options.log)?);
     let page = match &options.out {
         Some(path) => path.clone(),
-        None => options.log.with_extension("html"),
+        None => kind::page_of(&options.log)?,
     };
+    let flight = Flight::of(&Log::read(&options.log)?);
     conclude(&flight, &options.log, Some(&page), options.json)
 }
 
@@ -121,6 +124,8 @@ pub fn figures(flight: &Flight) -> Figures {
     let sweeps: Vec<Option<Sweep>> = releases.iter().map(Sweep::of).collect();
     let hold = |(index, release)| hold_figures(index, release);
     let mut figures = vec![
+        flight.origin.figures(),
+        releases_figure(releases.len()),
         rows("runs", runs.map(|run| run.figures(servo))),
         rows("hold", releases.iter().enumerate().map(hold)),
         data("sweep", &sweeps),
@@ -135,6 +140,15 @@ pub fn figures(flight: &Flight) -> Figures {
         figures.extend(sweep.as_ref().map(|sweep| shown(label, sweep.words())));
     }
     figures.into()
+}
+
+/// How many releases the log has. Without any there is nothing to judge, and no verdict.
+fn releases_figure(count: usize) -> Figure {
+    let releases = figure("releases", count).limit(AtLeast(1.0));
+    match count {
+        0 => releases.said("releases", "none, so there is nothing to judge"),
+        _ => releases.shown("releases", "", 0),
+    }
 }
 
 /// Every stretch of the log in which control was active.
@@ -342,4 +356,16 @@ fn events(flight: &Flight) -> Vec<(f64, String)> {
         }
     }
     said
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_log_without_a_release_has_no_verdict() {
+        let missed = figures(&Flight::default()).missed();
+        let expected = "releases: none, so there is nothing to judge, required: at least 1";
+        assert!(missed.iter().any(|line| line == expected), "{missed:?}");
+    }
 }

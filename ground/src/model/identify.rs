@@ -1,5 +1,6 @@
 //! `tvc identify`: thrust, inertia, servo speed and delay from a recorded run.
 
+use crate::out::kind;
 use std::fmt::Write;
 use std::path::Path;
 
@@ -9,7 +10,7 @@ use plant::identify::{Identification, IdentifyError, Reading, Record, identify};
 
 use crate::model::control_law;
 use crate::out::exit::{BadInput, Verdict};
-use crate::out::file::{print_json, write_whole};
+use crate::out::file::{print, print_json, write_whole};
 use crate::out::measure::{Figures, figure, rows, shown};
 use clap::Args;
 use rig::ServoKind;
@@ -48,7 +49,7 @@ pub struct Identify {
     pub params: Option<PathBuf>,
 
     /// Where to write the estimates, as a parameter file.
-    #[arg(long, value_name = "FILE.toml")]
+    #[arg(long, value_name = "FILE.toml", value_parser = kind::toml)]
     pub out: Option<PathBuf>,
 
     /// Print one JSON object on standard output and nothing else there.
@@ -58,6 +59,9 @@ pub struct Identify {
 
 /// Identifies as `options` say, prints the estimates and writes them.
 pub fn run(options: &Identify) -> Result<Verdict> {
+    if let Some(out) = &options.out {
+        kind::keep_apart(out, options.params.as_deref())?;
+    }
     let record = read(&options.log)?;
     let nominal = control_law::setup(options.servo, options.params.as_deref())?;
     let found = identify(&nominal, &record).map_err(|error| match error {
@@ -71,7 +75,7 @@ pub fn run(options: &Identify) -> Result<Verdict> {
     if options.json {
         print_json(&found)?;
     } else {
-        print!("{}", figures(&found).text());
+        print(figures(&found).text())?;
     }
     Ok(Verdict::Met)
 }
@@ -115,6 +119,7 @@ impl Columns {
 
 fn read(path: &Path) -> Result<Record, BadInput> {
     let bad = |error: &dyn std::fmt::Display| BadInput::new(format!("{}: {error}", path.display()));
+    kind::expect_table(path)?;
     let mut reader = csv::Reader::from_path(path).map_err(|error| bad(&error))?;
     let columns = reader
         .headers()

@@ -1,5 +1,6 @@
 //! Options of `tvc model`.
 
+use crate::out::kind;
 use clap::{Args, Subcommand};
 use plant::Parameters;
 use rig::ServoKind;
@@ -34,7 +35,7 @@ pub struct Simulate {
     pub scenario: PathBuf,
 
     /// Where to write the trajectory [default: standard output, unless --json is given].
-    #[arg(long, value_name = "FILE.csv")]
+    #[arg(long, value_name = "FILE.csv", value_parser = kind::table)]
     pub out: Option<PathBuf>,
 
     /// Interval of the rows, in s, in place of the scenario's dt_s.
@@ -96,7 +97,7 @@ pub struct Linear {
     pub json: bool,
 
     /// Where to write the HTML report.
-    #[arg(long, value_name = "FILE.html", default_value = "report/linear.html")]
+    #[arg(long, value_name = "FILE.html", default_value = "report/linear.html", value_parser = kind::page)]
     pub report: PathBuf,
 }
 
@@ -116,7 +117,7 @@ pub struct Validate {
     pub json: bool,
 
     /// Where to write the HTML report.
-    #[arg(long, value_name = "FILE.html", default_value = "report/validate.html")]
+    #[arg(long, value_name = "FILE.html", default_value = "report/validate.html", value_parser = kind::page)]
     pub report: PathBuf,
 }
 
@@ -137,7 +138,7 @@ pub struct Rocket {
     pub json: bool,
 
     /// Where to write the HTML report.
-    #[arg(long, value_name = "FILE.html", default_value = "report/rocket.html")]
+    #[arg(long, value_name = "FILE.html", default_value = "report/rocket.html", value_parser = kind::page)]
     pub report: PathBuf,
 }
 

@@ -12,7 +12,7 @@ use serde::Serialize;
 use super::read;
 use crate::model::Simulate;
 use crate::out::exit::{BadInput, Verdict};
-use crate::out::file::{print_json, write_whole};
+use crate::out::file::{print, print_json, write_whole};
 
 /// What was run, where its rows were written, and their range.
 #[derive(Serialize)]
@@ -39,7 +39,7 @@ pub fn run(options: &Simulate) -> Result<Verdict> {
             eprintln!("{} rows: {}", rows.len(), out.display());
         }
         None if options.json => {}
-        None => print!("{csv}"),
+        None => print(csv)?,
     }
     if options.json {
         let (first, last) = (rows[0], rows[rows.len() - 1]);

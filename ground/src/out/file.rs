@@ -1,6 +1,7 @@
 //! What a command hands over: figures on standard output, and files that are written whole or not
 //! at all.
 
+use std::fmt::Display;
 use std::fs::{self, File};
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
@@ -17,17 +18,27 @@ pub fn print_figures<F: Serialize>(
     text: impl FnOnce(&F) -> String,
 ) -> Result<()> {
     if json {
-        print_json(figures)?;
+        print_json(figures)
     } else {
-        print!("{}", text(figures));
+        print(text(figures))
     }
-    Ok(())
 }
 
 /// Prints `value` on standard output as one line of JSON.
 pub fn print_json(value: &impl Serialize) -> Result<()> {
-    println!("{}", serde_json::to_string(value)?);
-    Ok(())
+    print(format_args!("{}\n", serde_json::to_string(value)?))
+}
+
+/// Prints `text`, which ends its own lines, on standard output, where whoever waits for it has it at
+/// once.
+///
+/// # Errors
+/// Standard output cannot be written; the standard library's macros panic there.
+pub fn print(text: impl Display) -> Result<()> {
+    let mut out = io::stdout().lock();
+    write!(out, "{text}")
+        .and_then(|()| out.flush())
+        .context("writing to standard output")
 }
 
 /// Writes `bytes` to `path`, whole or not at all. Creates the folder.

@@ -20,7 +20,7 @@ use serde::{Serialize, Serializer};
 use serde_json::value::RawValue;
 
 use super::exit::Verdict;
-use super::file::{print_json, write_whole};
+use super::file::{print, print_json, write_whole};
 use super::table::Table;
 
 /// What `--json` prints for a figure.
@@ -413,7 +413,7 @@ impl Figures {
     /// standard error what missed its limit.
     ///
     /// # Errors
-    /// The page cannot be written.
+    /// The page or standard output cannot be written.
     pub fn conclude(&self, json: bool, page: Option<(&Path, String)>) -> Result<Verdict> {
         if let Some((path, page)) = &page {
             write_whole(path, page.as_bytes())?;
@@ -421,7 +421,7 @@ impl Figures {
         if json {
             print_json(self)?;
         } else {
-            print!("{}", self.text());
+            print(self.text())?;
         }
         if let Some((path, _)) = page {
             eprintln!("report: {}", path.display());

@@ -3,6 +3,7 @@
 pub mod exit;
 pub mod file;
 pub mod gauge;
+pub mod kind;
 pub mod measure;
 pub mod page;
 pub mod plot;

@@ -1,5 +1,6 @@
 //! `tvc arm` and `tvc disarm`.
 
+use crate::out::file::{print, print_json};
 use std::time::{Duration, Instant};
 
 use anyhow::{Result, bail};
@@ -7,6 +8,7 @@ use clap::Args;
 use client::StateKind;
 use client::request::{self, Order};
 use client::state::is_in_operation;
+use serde_json::{Value, json};
 
 use crate::out::exit::Verdict;
 use crate::vehicle::link::Vehicle;
@@ -20,6 +22,7 @@ Examples:
   cargo tvc disarm                         the rudder to neutral, from any state; acknowledges faults
   cargo tvc disarm --port /dev/ttyACM1     a given port
 
+In a failsafe whose fault is still there, disarm says so: the rudder is at neutral already.
 Exit status: 0 obeyed, 1 refused (with the reason) or failed, 2 unusable input.")]
 pub struct Operate {
     /// Where the vehicle is.
@@ -39,20 +42,36 @@ const PATIENCE: Duration = Duration::from_secs(3);
 /// # Errors
 /// No vehicle, its refusal, or a state that does not follow.
 pub fn arm(options: &Operate) -> Result<Verdict> {
-    order(options, request::ARM, StateKind::is_armed)
+    let mut vehicle = Vehicle::connect(&options.port)?;
+    vehicle.command(request::ARM)?;
+    follow(&mut vehicle, request::ARM, StateKind::is_armed)?;
+    let state = vehicle.link().client().state_name();
+    answer(options, &json!({ "state": state }), &state)
 }
 
-/// Disarms.
+/// Disarms. A fault that keeps the vehicle in its failsafe is named: its rudder is at neutral all
+/// the same.
 ///
 /// # Errors
-/// As [`arm`].
+/// No vehicle, or a state that does not follow.
 pub fn disarm(options: &Operate) -> Result<Verdict> {
-    order(options, request::DISARM, |state| !is_in_operation(state))
+    let mut vehicle = Vehicle::connect(&options.port)?;
+    let fault = vehicle.disarm()?;
+    if fault.is_none() {
+        let obeyed = |state| !is_in_operation(state);
+        follow(&mut vehicle, request::DISARM, obeyed)?;
+    }
+    let state = vehicle.link().client().state_name();
+    let words = fault.as_ref().map_or_else(
+        || state.clone(),
+        |fault| format!("disarmed; fault remains: {fault}"),
+    );
+    let object = json!({ "state": state, "fault": fault });
+    answer(options, &object, &words)
 }
 
-fn order(options: &Operate, order: Order, obeyed: fn(StateKind) -> bool) -> Result<Verdict> {
-    let mut vehicle = Vehicle::connect(&options.port)?;
-    vehicle.command(order)?;
+/// Waits for the state that an order leads to.
+fn follow(vehicle: &mut Vehicle, order: Order, obeyed: fn(StateKind) -> bool) -> Result<()> {
     let end = Instant::now() + PATIENCE;
     while !vehicle.state().is_some_and(obeyed) {
         if Instant::now() >= end {
@@ -64,11 +83,14 @@ fn order(options: &Operate, order: Order, obeyed: fn(StateKind) -> bool) -> Resu
         }
         vehicle.receive()?;
     }
-    let state = vehicle.link().client().state_name();
+    Ok(())
+}
+
+fn answer(options: &Operate, object: &Value, words: &str) -> Result<Verdict> {
     if options.json {
-        println!("{}", serde_json::json!({ "state": state }));
+        print_json(object)?;
     } else {
-        println!("{state}");
+        print(format_args!("{words}\n"))?;
     }
     Ok(Verdict::Met)
 }

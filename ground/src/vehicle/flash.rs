@@ -4,6 +4,7 @@ mod bootloader;
 mod bossac;
 mod uf2;
 
+use crate::out::kind;
 use std::fs::File;
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -42,15 +43,15 @@ pub struct Flash {
     pub image: ImageOption,
 
     /// Write the ELF file instead, for debug probes and for `--image`.
-    #[arg(long, value_name = "FILE.elf")]
+    #[arg(long, value_name = "FILE.elf", value_parser = kind::image)]
     pub elf: Option<PathBuf>,
 
     /// Write the raw image instead (first byte belongs at 0x2000).
-    #[arg(long, value_name = "FILE.bin")]
+    #[arg(long, value_name = "FILE.bin", value_parser = kind::image)]
     pub bin: Option<PathBuf>,
 
     /// Write a UF2 file instead: a file, or the board's drive, which is the folder it shows up as.
-    #[arg(long, value_name = "FILE.uf2")]
+    #[arg(long, value_name = "FILE.uf2", value_parser = kind::image)]
     pub uf2: Option<PathBuf>,
 }
 

@@ -1,6 +1,7 @@
 //! `tvc forward`: a bridge by UDP, MAVLink to a ground station such as QGroundControl and JSON to
 //! PlotJuggler.
 
+use crate::out::kind;
 use std::net::{Ipv4Addr, SocketAddr, UdpSocket};
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
@@ -46,7 +47,7 @@ pub struct Forward {
     pub seconds: Option<f64>,
 
     /// Keep every frame, both ways, in a new telemetry log (.tlog, .mcap).
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, value_name = "FILE", value_parser = kind::new_log)]
     pub log: Option<PathBuf>,
 }
 
@@ -59,12 +60,11 @@ const DATAGRAM: usize = 2048;
 /// The log cannot be written, no socket, no vehicle, or it went away.
 pub fn run(options: &Forward) -> Result<Verdict> {
     let stop = signals::on_signal()?;
-    let log = options.log.as_deref().map(Writer::create).transpose()?;
     // The ground station sends the heartbeats.
     let mut vehicle = Vehicle::at(Link::open(&options.port)?.without_heartbeat())?;
     let mut tracker = StatusTracker::new(servo_map(&mut vehicle)?);
-    if let Some(log) = log {
-        vehicle.link().log_to(log);
+    if let Some(log) = &options.log {
+        vehicle.link().log_to(Writer::create(log)?);
         vehicle.parameters()?;
     }
     let station = socket(options.to)?;

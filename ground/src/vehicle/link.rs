@@ -1,13 +1,14 @@
 //! The vehicle at the other end of a port, for every command that talks to it.
 
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use anyhow::{Error, Result, anyhow, bail};
 use client::request::Order;
-use client::{Client, Failure, Frame, Parameter, Request, StateKind};
+use client::{Client, Failure, Frame, Parameter, Request, StateKind, request};
 use mavlink::dialects::common::MavMessage;
 
-use crate::logs::log::Writer;
+use crate::logs::log::{TOOL, Writer};
 use crate::out::exit::BadInput;
 use crate::vehicle::port::{Port, PortOptions};
 
@@ -54,9 +55,13 @@ impl Link {
         self
     }
 
-    /// Keeps every frame, both ways, in a log.
+    /// Keeps every frame, both ways, in a log, which begins with the builds of tool and vehicle.
     pub fn log_to(&mut self, log: Writer) {
         self.log = Some(log);
+        self.client.send(&request::status_text(TOOL));
+        // Its answer is for the log alone.
+        let now = self.now();
+        self.client.request(now, Request::Order(request::VERSION));
     }
 
     /// Ends the log.
@@ -91,12 +96,12 @@ impl Link {
         self.flush()?;
         let bytes = self.port.read(SLICE)?;
         let frames = self.client.receive(self.begun.elapsed(), &bytes);
-        if let Some(log) = &mut self.log {
+        self.log(|log| {
             for frame in &frames {
                 log.write(&frame.bytes)?;
             }
-            log.flush()?;
-        }
+            log.flush()
+        })?;
         Ok(frames)
     }
 
@@ -125,16 +130,26 @@ impl Link {
     /// # Errors
     /// As [`Link::flush`].
     pub fn send_bytes(&mut self, bytes: &[u8]) -> Result<()> {
-        if let Some(log) = &mut self.log {
-            log.write(bytes)?;
+        self.port.write(bytes)?;
+        self.log(|log| log.write(bytes))
+    }
+
+    /// Writes to the log, if there is one. After an error there is none any more: what is sent
+    /// next, an order to disarm perhaps, does not fail because of it.
+    fn log(&mut self, write: impl FnOnce(&mut Writer) -> Result<()>) -> Result<()> {
+        let written = self.log.as_mut().map_or(Ok(()), write);
+        if written.is_err() {
+            self.log = None;
         }
-        self.port.write(bytes)
+        written
     }
 }
 
 /// A vehicle that has been heard; its requests wait for their answers.
 pub struct Vehicle {
     link: Link,
+    /// Ends every wait once it is set.
+    stop: Option<&'static AtomicBool>,
 }
 
 impl Vehicle {
@@ -161,7 +176,12 @@ impl Vehicle {
             }
             link.receive()?;
         }
-        Ok(Self { link })
+        Ok(Self { link, stop: None })
+    }
+
+    /// From now on every wait for the vehicle ends with an error once `stop` is set.
+    pub fn heed(&mut self, stop: Option<&'static AtomicBool>) {
+        self.stop = stop;
     }
 
     /// The state of the flight by the last heartbeat; `None` for an unknown one.
@@ -182,8 +202,11 @@ impl Vehicle {
     /// The frames that have come, waiting a short while for them.
     ///
     /// # Errors
-    /// The port went away.
+    /// The port went away, or the operator wants an end.
     pub fn receive(&mut self) -> Result<Vec<Frame>> {
+        if self.stop.is_some_and(|stop| stop.load(Ordering::Relaxed)) {
+            bail!("stopped by the operator");
+        }
         self.link.receive()
     }
 
@@ -246,7 +269,7 @@ impl Vehicle {
         let now = self.link.now();
         let ticket = self.link.client.request(now, request);
         loop {
-            self.link.receive()?;
+            self.receive()?;
             if let Some(answer) = self.link.client.answer(ticket) {
                 return answer.map_err(error);
             }

@@ -12,4 +12,5 @@ pub mod port;
 pub mod record;
 pub mod recorder;
 pub mod test;
+pub mod watch;
 pub mod web;

@@ -1,7 +1,10 @@
 //! `tvc monitor`: the vehicle's status, live: on a terminal in lines that stay in place, elsewhere
 //! a line every second.
 
-use std::io::{IsTerminal, Write};
+use crate::out::file::{print, print_json};
+use crate::out::kind;
+use std::fmt::Display;
+use std::io::IsTerminal;
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
@@ -45,7 +48,7 @@ pub struct Monitor {
     pub seconds: Option<f64>,
 
     /// Keep every frame in a new telemetry log (.tlog, .mcap).
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, value_name = "FILE", value_parser = kind::new_log)]
     pub log: Option<PathBuf>,
 }
 
@@ -58,11 +61,10 @@ const TEXTS: usize = 4;
 /// The log cannot be written, there is no vehicle, or it went away.
 pub fn run(options: &Monitor) -> Result<Verdict> {
     let stop = signals::on_signal()?;
-    let log = options.log.as_deref().map(Writer::create).transpose()?;
     let mut vehicle = Vehicle::connect(&options.port)?;
     let mut tracker = StatusTracker::new(servo_map(&mut vehicle)?);
-    if let Some(log) = log {
-        vehicle.link().log_to(log);
+    if let Some(log) = &options.log {
+        vehicle.link().log_to(Writer::create(log)?);
         // So that the log can be replayed.
         vehicle.parameters()?;
     }
@@ -84,7 +86,7 @@ pub fn run(options: &Monitor) -> Result<Verdict> {
         let status = tracker.next(vehicle.link().client());
         match &mut screen {
             Some(screen) => screen.show(&status),
-            None => print(&status, options.json)?,
+            None => report(&status, options.json)?,
         }
     }
     vehicle.link().end_log()?;
@@ -104,19 +106,15 @@ pub fn servo_map(vehicle: &mut Vehicle) -> Result<ServoMap> {
     ))
 }
 
-/// Prints a line and flushes it, so that a reader at a pipe gets it at once.
-fn print(status: &Status, json: bool) -> Result<()> {
-    let mut out = std::io::stdout().lock();
+/// Prints a status as a line.
+fn report(status: &Status, json: bool) -> Result<()> {
     if json {
-        writeln!(out, "{}", serde_json::to_string(status)?)?;
-    } else {
-        for text in &status.texts {
-            writeln!(out, "{:10.3} s  {text}", status.timestamp)?;
-        }
-        writeln!(out, "{}", lines(status).join("  "))?;
+        return print_json(status);
     }
-    out.flush()?;
-    Ok(())
+    for text in &status.texts {
+        print(format_args!("{:10.3} s  {text}\n", status.timestamp))?;
+    }
+    print(lines(status).join("  ") + "\n")
 }
 
 /// A status as text: time and state, attitude, link.
@@ -132,17 +130,26 @@ fn lines(status: &Status) -> [String; 3] {
             status.pulse_us
         ),
         format!(
-            "{:5.1} attitudes/s  lost {}  damaged {}  dropped {}  missed {}  bus errors {}  load {:.0} %{}",
+            "{:5.1} attitudes/s  lost {}  damaged {}  dropped {}  missed {}  bus errors {}  load {} %{}",
             health.attitude_hz,
             health.lost,
             health.crc_errors,
-            health.dropped,
-            health.missed,
-            health.bus_errors,
-            100.0 * health.load,
-            if status.healthy { "" } else { "  UNHEALTHY" }
+            told(health.dropped),
+            told(health.missed),
+            told(health.bus_errors),
+            told(health.load.map(|load| (100.0 * load).round())),
+            match status.healthy {
+                Some(true) => "",
+                Some(false) => "  UNHEALTHY",
+                None => "  health not told yet",
+            }
         ),
     ]
+}
+
+/// A value of what the vehicle tells once a second.
+fn told(value: Option<impl Display>) -> String {
+    value.map_or("?".to_owned(), |value| value.to_string())
 }
 
 /// Lines that stay in place.

@@ -8,10 +8,10 @@ use comfy_table::Table;
 use comfy_table::presets::NOTHING;
 use serde::Serialize;
 use tvc_nano::Params;
-use tvc_nano::params::DESCRIPTIONS;
+use tvc_nano::params::{Change, DESCRIPTIONS};
 
 use crate::out::exit::{BadInput, Verdict};
-use crate::out::file::{print_json, write_whole};
+use crate::out::file::{print, print_json, write_whole};
 use crate::param_file;
 use crate::vehicle::link::Vehicle;
 mod options;
@@ -63,7 +63,7 @@ pub fn run(options: &Param) -> Result<Verdict> {
     // Unusable input is reported before the vehicle is contacted.
     let wanted = match &options.action {
         ParamAction::Diff { file } => file.as_deref().map(param_file::read).transpose()?,
-        ParamAction::Load { file } => Some(param_file::read(file)?),
+        ParamAction::Load { file, .. } => Some(param_file::read(file)?),
         ParamAction::Reset { names, .. } => Some(defaults(names)?),
         _ => None,
     };
@@ -101,16 +101,19 @@ pub fn run(options: &Param) -> Result<Verdict> {
             reset(&mut vehicle, &wanted.unwrap_or_default(), *stored, json)
         }
         ParamAction::Diff { .. } => diff(&vehicle.parameters()?, wanted.as_deref(), json),
-        ParamAction::Load { .. } => load(&mut vehicle, &wanted.unwrap_or_default(), json),
+        ParamAction::Load { skip_unknown, .. } => {
+            let wanted = wanted.unwrap_or_default();
+            load(&mut vehicle, wanted, *skip_unknown, json)
+        }
         ParamAction::Dump { file } => dump(&vehicle.parameters()?, file.as_deref(), json),
     }
 }
 
 fn done(json: bool, object: &serde_json::Value, words: &str) -> Result<Verdict> {
     if json {
-        println!("{object}");
+        print_json(object)?;
     } else {
-        println!("{words}");
+        print(format_args!("{words}\n"))?;
     }
     Ok(Verdict::Met)
 }
@@ -144,8 +147,13 @@ fn show(rows: &[Row], json: bool) -> Result<Verdict> {
             row.meaning,
         ]);
     }
-    println!("{}", table.trim_fmt());
+    print(table.trim_fmt() + "\n")?;
     Ok(Verdict::Met)
+}
+
+/// Whether the vehicle sets the parameter by itself: its value is no change of the operator's.
+fn is_measured(name: &str) -> bool {
+    Params::info(name).is_some_and(|info| info.change == Change::Measured)
 }
 
 /// What differs between the vehicle and a file, or the defaults.
@@ -156,7 +164,7 @@ fn differences(have: &[Parameter], wanted: Option<&[Parameter]>) -> Vec<Differen
             .iter()
             .find(|row| row.name == name)
             .map(|row| row.value),
-        None => defaults.value(name),
+        None => defaults.value(name).filter(|_| !is_measured(name)),
     };
     let difference = |row: &Parameter| {
         let other = other(&row.name).filter(|other| *other != row.value)?;
@@ -176,10 +184,10 @@ fn diff(have: &[Parameter], wanted: Option<&[Parameter]>, json: bool) -> Result<
         print_json(&serde_json::json!({ "differences": differences }))?;
     } else {
         for row in &differences {
-            println!(
-                "{:<16} vehicle {:<12} {other} {}",
+            print(format_args!(
+                "{:<16} vehicle {:<12} {other} {}\n",
                 row.name, row.vehicle, row.other
-            );
+            ))?;
         }
     }
     for row in wanted.unwrap_or_default() {
@@ -190,19 +198,27 @@ fn diff(have: &[Parameter], wanted: Option<&[Parameter]>, json: bool) -> Result<
     Ok(Verdict::of(differences.is_empty()))
 }
 
-fn load(vehicle: &mut Vehicle, wanted: &[Parameter], json: bool) -> Result<Verdict> {
+fn load(
+    vehicle: &mut Vehicle,
+    wanted: Vec<Parameter>,
+    skip_unknown: bool,
+    json: bool,
+) -> Result<Verdict> {
     let have = vehicle.parameters()?;
-    if let Some(unknown) = wanted
-        .iter()
-        .find(|row| !have.iter().any(|h| h.name == row.name))
-    {
+    let is_known = |row: &Parameter| have.iter().any(|other| other.name == row.name);
+    let (wanted, unknown): (Vec<_>, Vec<_>) = wanted.into_iter().partition(is_known);
+    let unknown: Vec<_> = unknown.into_iter().map(|row| row.name).collect();
+    let names = unknown.join(", ");
+    if !unknown.is_empty() && !skip_unknown {
         return Err(BadInput::new(format!(
-            "the vehicle has no parameter {}; nothing was changed",
-            unknown.name
+            "the vehicle has no parameter {names}; nothing was changed (--skip-unknown sets the others)"
         ))
         .into());
     }
-    let changes = differences(&have, Some(wanted));
+    if !unknown.is_empty() {
+        eprintln!("the vehicle has no parameter {names}");
+    }
+    let changes = differences(&have, Some(&wanted));
     for change in &changes {
         vehicle.set_parameter(&change.name, change.other)?;
         eprintln!("{}: {} -> {}", change.name, change.vehicle, change.other);
@@ -242,7 +258,8 @@ fn reset(vehicle: &mut Vehicle, some: &[Parameter], stored: bool, json: bool) ->
     for row in some {
         vehicle.set_parameter(&row.name, row.value)?;
     }
-    let changes = differences(&before, Some(&vehicle.parameters()?));
+    let mut changes = differences(&before, Some(&vehicle.parameters()?));
+    changes.retain(|change| !is_measured(&change.name));
     for change in &changes {
         eprintln!("{}: {} -> {}", change.name, change.vehicle, change.other);
     }
@@ -255,17 +272,17 @@ fn reset(vehicle: &mut Vehicle, some: &[Parameter], stored: bool, json: bool) ->
 }
 
 fn dump(have: &[Parameter], path: Option<&Path>, json: bool) -> Result<Verdict> {
+    let text = param_file::text(have);
+    if let Some(path) = path {
+        write_whole(path, text.as_bytes())?;
+        eprintln!("wrote {}", path.display());
+    }
     if json {
         let rows: Vec<Row> = have.iter().map(Row::of).collect();
         return show(&rows, true);
     }
-    let text = param_file::text(have);
-    match path {
-        Some(path) => {
-            write_whole(path, text.as_bytes())?;
-            eprintln!("wrote {}", path.display());
-        }
-        None => print!("{text}"),
+    if path.is_none() {
+        print(text)?;
     }
     Ok(Verdict::Met)
 }
@@ -284,7 +301,13 @@ mod tests {
     #[test]
     fn differences_are_to_the_file_or_to_the_defaults() {
         let kd = Params::default().pid_kd();
-        let have = [row("PID_KP", 1.5), row("PID_KD", kd), row("NEW", 7.0)];
+        let measured = row("CLK_FINE", 512.0);
+        let have = [
+            row("PID_KP", 1.5),
+            row("PID_KD", kd),
+            row("NEW", 7.0),
+            measured,
+        ];
         let names = |differences: Vec<Difference>| -> Vec<(String, f32)> {
             let pairs = differences.into_iter().map(|row| (row.name, row.other));
             pairs.collect()

@@ -11,7 +11,7 @@ use serde::Serialize;
 use serialport::{ClearBuffer, SerialPort, SerialPortInfo, SerialPortType};
 
 use crate::out::exit::{BadInput, Verdict};
-use crate::out::file::print_json;
+use crate::out::file::{print, print_json};
 use clap::Args;
 #[cfg(test)]
 pub use nano::test_ports;
@@ -70,8 +70,8 @@ pub fn list(options: &Ports) -> Result<Verdict> {
         eprintln!("no serial port is connected; `tvc rig --pty` makes a virtual one");
     }
     for port in &ports {
-        println!(
-            "{:<20} {:<10} {}{}",
+        print(format_args!(
+            "{:<20} {:<10} {}{}\n",
             port.port,
             port.usb.as_deref().unwrap_or("-"),
             port.product.as_deref().unwrap_or(""),
@@ -80,7 +80,7 @@ pub fn list(options: &Ports) -> Result<Verdict> {
                 Some(Life::Bootloader) => " (SAMD21 Nano in its bootloader)",
                 None => "",
             }
-        );
+        ))?;
     }
     Ok(Verdict::Met)
 }

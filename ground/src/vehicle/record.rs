@@ -1,5 +1,6 @@
 //! `tvc record`: every frame, both ways, into a telemetry log.
 
+use crate::out::kind;
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
@@ -29,7 +30,7 @@ anew (hold it still for three seconds), so that `tvc replay` reproduces the flig
 Exit status: 0 ended, 1 the vehicle went away or something failed, 2 unusable input.")]
 pub struct Record {
     /// The log to write (.tlog, .mcap); it must not be there yet.
-    #[arg(value_name = "FILE")]
+    #[arg(value_name = "FILE", value_parser = kind::new_log)]
     pub log: PathBuf,
 
     /// Where the vehicle is.
@@ -37,7 +38,7 @@ pub struct Record {
     pub port: PortOptions,
 
     /// Write the control steps as a table, too, when the recording ends.
-    #[arg(long, value_name = "FILE.csv")]
+    #[arg(long, value_name = "FILE.csv", value_parser = kind::table)]
     pub csv: Option<PathBuf>,
 
     /// End by itself after this many seconds.
@@ -51,9 +52,8 @@ pub struct Record {
 /// The log cannot be written, there is no vehicle, or it went away.
 pub fn run(options: &Record) -> Result<Verdict> {
     let stop = signals::on_signal()?;
-    let log = Writer::create(&options.log)?;
     let mut vehicle = Vehicle::connect(&options.port)?;
-    vehicle.link().log_to(log);
+    vehicle.link().log_to(Writer::create(&options.log)?);
     vehicle.parameters()?;
     if let Err(refusal) = vehicle.command(request::CALIBRATE) {
         eprintln!(

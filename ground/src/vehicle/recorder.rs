@@ -1,5 +1,7 @@
 //! `tvc recorder`: downloads the steps around the last release from the vehicle's own memory.
 
+use crate::out::file::print_json;
+use crate::out::kind;
 use std::path::PathBuf;
 
 use anyhow::{Result, bail};
@@ -27,7 +29,7 @@ loses, until it is armed again or loses power. Other ground stations download th
 Exit status: 0 written, 1 something failed, 2 unusable input or nothing to fetch.")]
 pub struct Recorder {
     /// The file to write (.csv, .tlog, .mcap); a log must not be there yet.
-    #[arg(value_name = "FILE")]
+    #[arg(value_name = "FILE", value_parser = kind::log_or_table)]
     pub file: PathBuf,
 
     /// Where the vehicle is.
@@ -62,10 +64,9 @@ pub fn run(options: &Recorder) -> Result<Verdict> {
         .filter(|event| matches!(event, Event::Step(_)))
         .count();
     if options.json {
-        println!(
-            "{}",
-            serde_json::json!({ "steps": steps, "before_release": before, "missed": missed })
-        );
+        print_json(
+            &serde_json::json!({ "steps": steps, "before_release": before, "missed": missed }),
+        )?;
     }
     eprintln!(
         "wrote {}: {steps} control steps, {before} of them before the release, {missed} without a sample",

@@ -1,8 +1,8 @@
 //! `tvc test`: arms and releases the vehicle, watches a manoeuvre, disarms it and prints the
 //! figures.
 
+use crate::out::kind;
 use std::path::PathBuf;
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, Error, Result, bail};
@@ -19,6 +19,7 @@ use crate::signals;
 use crate::vehicle::link::Vehicle;
 use crate::vehicle::param::ParamPort;
 use crate::vehicle::port::PortOptions;
+use crate::vehicle::watch::Watched;
 
 /// Options of `tvc test`.
 #[derive(Debug, Args)]
@@ -29,7 +30,9 @@ Examples:
   cargo tvc test hold --seconds 30         how well it stays upright
   cargo tvc test chirp                     swings the set point faster and faster: bandwidth, delay
 
-Hold the drone still at its start for the first seconds. Ctrl-C disarms at once.
+Hold the drone still at its start for the first seconds. However the test ends (Ctrl-C, SIGTERM,
+SIGHUP, an error), the vehicle is disarmed. Meanwhile FS_HOST is 1: if the tool is killed or the port
+goes away, the vehicle goes to its failsafe, with the rudder at neutral, after three seconds.
 Exit status: 0 every requirement met, 1 one missed, refused or failed, 2 unusable input.")]
 pub struct Test {
     /// What to do.
@@ -41,11 +44,11 @@ pub struct Test {
     pub port: ParamPort,
 
     /// Keep every frame in a new telemetry log.
-    #[arg(long, value_name = "FILE", global = true)]
+    #[arg(long, value_name = "FILE", global = true, value_parser = kind::new_log)]
     pub log: Option<PathBuf>,
 
     /// Write an HTML report.
-    #[arg(long, value_name = "FILE.html", global = true)]
+    #[arg(long, value_name = "FILE.html", global = true, value_parser = kind::page)]
     pub report: Option<PathBuf>,
 }
 
@@ -99,6 +102,8 @@ pub const ARM_RETRY: Duration = Duration::from_millis(500);
 const ARMED: Duration = Duration::from_millis(250);
 /// Time upright before the set point begins to swing.
 const SETTLE: Duration = Duration::from_secs(3);
+/// The set point of pitch.
+const SET_POINT: &str = "PITCH_SET_DEG";
 /// Time between two set points.
 const SET_PERIOD: Duration = Duration::from_millis(20);
 
@@ -113,20 +118,17 @@ pub fn run(options: &Test) -> Result<Verdict> {
         Some(path) => path.clone(),
         None => folder.path().join("test.tlog"),
     };
-    let writer = Writer::create(&log)?;
-    let mut vehicle = Vehicle::connect(&options.port())?;
-    vehicle.link().log_to(writer);
+    let mut vehicle = Watched::new(Vehicle::connect(&options.port())?);
+    vehicle.link().log_to(Writer::create(&log)?);
     vehicle.parameters()?;
     if vehicle.state().is_some_and(is_in_operation) {
         bail!("the vehicle is not in standby: `tvc disarm` first");
     }
-    vehicle.command(request::CALIBRATE)?;
-    let flown = fly(&mut vehicle, options.manoeuvre, stop);
-    // Disarm whatever happened: the rudder goes to neutral.
-    let disarmed = vehicle.command(request::DISARM);
+    vehicle.begin(stop);
+    let flown = fly(&mut vehicle, options.manoeuvre);
+    let flown = vehicle.leave(flown);
     vehicle.link().end_log()?;
     flown?;
-    disarmed?;
     let flight = Flight::of(&Log::read(&log)?);
     if let Some(path) = &options.log {
         eprintln!("wrote {}", path.display());
@@ -134,8 +136,10 @@ pub fn run(options: &Test) -> Result<Verdict> {
     conclude(&flight, &log, options.report.as_deref(), options.port.json)
 }
 
-fn fly(vehicle: &mut Vehicle, manoeuvre: Manoeuvre, stop: &AtomicBool) -> Result<()> {
-    arm(vehicle, stop)?;
+fn fly(vehicle: &mut Watched, manoeuvre: Manoeuvre) -> Result<()> {
+    vehicle.watch_host()?;
+    vehicle.command(request::CALIBRATE)?;
+    arm(vehicle)?;
     let release = Instant::now() + ARMED;
     while Instant::now() < release {
         vehicle.receive()?;
@@ -145,30 +149,24 @@ fn fly(vehicle: &mut Vehicle, manoeuvre: Manoeuvre, stop: &AtomicBool) -> Result
         Manoeuvre::Step { seconds } | Manoeuvre::Hold { seconds } => watch(
             vehicle,
             Duration::from_secs_f64(seconds),
-            stop,
             &mut |_, _| Ok(()),
         ),
         Manoeuvre::Chirp { seconds, amplitude } => {
-            let before = vehicle.parameter("PITCH_SET_DEG")?;
-            watch(vehicle, SETTLE, stop, &mut |_, _| Ok(()))?;
+            let before = vehicle.parameter(SET_POINT)?;
+            vehicle.put_back_later(SET_POINT, before);
+            watch(vehicle, SETTLE, &mut |_, _| Ok(()))?;
             let mut due = Duration::ZERO;
-            let swung = watch(
-                vehicle,
-                Duration::from_secs_f64(seconds),
-                stop,
-                &mut |vehicle, time| {
-                    if time < due {
-                        return Ok(());
-                    }
-                    due += SET_PERIOD;
-                    let phase = sweep::phase(time.as_secs_f64(), seconds);
-                    let set = f64::from(before) + amplitude * phase.sin();
-                    let message = request::set_parameter("PITCH_SET_DEG", set as f32);
-                    vehicle.link().send(&message)
-                },
-            );
-            vehicle.set_parameter("PITCH_SET_DEG", before)?;
-            swung
+            let length = Duration::from_secs_f64(seconds);
+            watch(vehicle, length, &mut |vehicle, time| {
+                if time < due {
+                    return Ok(());
+                }
+                due += SET_PERIOD;
+                let phase = sweep::phase(time.as_secs_f64(), seconds);
+                let set = f64::from(before) + amplitude * phase.sin();
+                let message = request::set_parameter(SET_POINT, set as f32);
+                vehicle.link().send(&message)
+            })
         }
     }
 }
@@ -184,17 +182,13 @@ pub fn is_worth_waiting(refusal: &Error) -> bool {
 ///
 /// # Errors
 /// The vehicle's last refusal, after [`ARM_PATIENCE`] or where waiting does not help.
-pub fn arm(vehicle: &mut Vehicle, stop: &AtomicBool) -> Result<()> {
+pub fn arm(vehicle: &mut Vehicle) -> Result<()> {
     let progress = spinner("hold the drone still");
     let begun = Instant::now();
     loop {
         match vehicle.command(request::ARM) {
             Ok(()) => break,
-            Err(refusal)
-                if begun.elapsed() > ARM_PATIENCE
-                    || stop.load(Ordering::Relaxed)
-                    || !is_worth_waiting(&refusal) =>
-            {
+            Err(refusal) if begun.elapsed() > ARM_PATIENCE || !is_worth_waiting(&refusal) => {
                 return Err(refusal);
             }
             Err(refusal) => progress.set_message(refusal.to_string()),
@@ -216,7 +210,6 @@ pub fn arm(vehicle: &mut Vehicle, stop: &AtomicBool) -> Result<()> {
 fn watch(
     vehicle: &mut Vehicle,
     length: Duration,
-    stop: &AtomicBool,
     each: &mut dyn FnMut(&mut Vehicle, Duration) -> Result<()>,
 ) -> Result<()> {
     let progress = spinner("released");
@@ -231,9 +224,6 @@ fn watch(
         ));
         if vehicle.state() == Some(StateKind::Failsafe) {
             bail!("the vehicle gave up: {}", vehicle.reason());
-        }
-        if stop.load(Ordering::Relaxed) {
-            bail!("stopped by the operator");
         }
     }
     progress.finish_and_clear();

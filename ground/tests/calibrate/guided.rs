@@ -4,6 +4,7 @@
 use std::io::Write;
 use std::process::{Output, Stdio};
 use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
 
 use rig::bno055::ImuErrors;
 use serde_json::Value;
@@ -69,6 +70,37 @@ impl Rig {
         keyboard.write_all(keys.as_bytes()).unwrap();
         drop(keyboard);
         tvc.wait_with_output().unwrap()
+    }
+
+    /// A command in a terminal: what it has shown, up to a question and a second longer; the answer is no.
+    fn in_terminal(&self, arguments: &[&str], question: &str) -> String {
+        let pty = rig::pty::Pty::open().unwrap();
+        let terminal = || {
+            let mut options = std::fs::File::options();
+            options.read(true).write(true).open(pty.path()).unwrap()
+        };
+        let mut tvc = running::command(arguments)
+            .args(["--port", &self.path("nano")])
+            .env("TERM", "xterm")
+            .stdin(terminal())
+            .stdout(Stdio::null())
+            .stderr(terminal())
+            .spawn()
+            .unwrap();
+        let mut shown = String::new();
+        let mut asked = None;
+        // A second after the question it still stands at the end.
+        while asked.is_none_or(|at: Instant| at.elapsed() < Duration::from_secs(1)) {
+            shown += &String::from_utf8_lossy(&pty.read().unwrap());
+            if asked.is_none() && shown.contains(question) {
+                asked = Some(Instant::now());
+            }
+            assert!(tvc.try_wait().unwrap().is_none(), "{shown}");
+            std::thread::sleep(Duration::from_millis(10));
+        }
+        pty.write(b"n\n").unwrap();
+        tvc.wait().unwrap();
+        shown
     }
 
     fn json(&self, arguments: &[&str]) -> Value {
@@ -240,4 +272,22 @@ fn a_lateral_offset_of_the_mass_is_measured_in_flight_and_held_before_the_next()
         "{second}"
     );
     assert!((second["hold_deg"].as_f64().unwrap() - hold_deg).abs() < 0.4);
+}
+
+#[test]
+fn in_a_terminal_a_question_stands_alone_below_what_is_to_be_done() {
+    let rig = Rig::start(&["--blank"]);
+    let question = "Does the rudder's lower edge point forward, to the raised side? [y/N] ";
+    let shown = rig.in_terminal(&["calibrate", "polarity"], question);
+    assert!(shown.ends_with(question), "{shown:?}");
+    // What is cleared on a line before is not seen any more.
+    let lines = shown
+        .lines()
+        .filter_map(|line| line.rsplit("\x1b[2K").next());
+    let steps: Vec<_> = lines.filter(|line| line.contains("/3  ")).collect();
+    let asked = [
+        "1/3  Thrust off. Hold the vehicle upright.",
+        "2/3  Tilt it nose up by some 20 deg, hold it, and look at the rudder.",
+    ];
+    assert_eq!(steps, asked, "{shown:?}");
 }

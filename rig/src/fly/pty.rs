@@ -35,6 +35,8 @@ impl Pty {
         grantpt(&master)?;
         unlockpt(&master)?;
         rustix::io::ioctl_fionbio(&master, true)?;
+        // A program that is started meanwhile would keep the terminal open.
+        rustix::io::fcntl_setfd(&master, rustix::io::FdFlags::CLOEXEC)?;
         let name = ptsname(&master, Vec::new())?;
         // Once it has been opened and closed, HUP tells whether a program has it open. The mode
         // stays.

@@ -342,14 +342,22 @@ fn tilt(desk: &mut Desk, to: f64) -> Snapshot {
 fn the_rudder_answers_the_tilt_in_standby_while_somebody_looks_and_nothing_is_armed_then() {
     let mut desk = Desk::in_standby(0.0);
     desk.flight.set_param("SRV_POLARITY", 2.0).unwrap();
+    assert_eq!(tilt(&mut desk, 0.3).pulse, NEUTRAL, "no host");
+    tilt(&mut desk, 0.0);
+    desk.flight.host_heard(Micros(desk.now_us));
     let up = tilt(&mut desk, 0.3).pulse;
     // Nose up asks for positive crank angles, which are longer pulses.
     assert!(up > PulseUs(1600), "{up:?}");
     assert_eq!(desk.command(Command::Arm), Err(Refusal::Polarity));
     let down = tilt(&mut desk, -0.3).pulse;
     assert!(down < PulseUs(1450), "{down:?}");
+    desk.flight.host_heard(Micros(desk.now_us));
     let upright = tilt(&mut desk, 0.0).pulse;
     assert!(upright.0.abs_diff(NEUTRAL.0) < 30, "{upright:?}");
+    let tilted = tilt(&mut desk, 0.3).pulse;
+    assert!(tilted > NEUTRAL, "{tilted:?}");
+    assert_eq!(desk.run(300).pulse, NEUTRAL, "silent for three seconds");
+    desk.flight.host_heard(Micros(desk.now_us));
     desk.flight.set_param("SRV_DIR", -1.0).unwrap();
     assert_eq!(desk.run(1).pulse, NEUTRAL);
     desk.flight.set_param("SRV_POLARITY", 1.0).unwrap();

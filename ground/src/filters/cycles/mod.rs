@@ -20,7 +20,7 @@ use rig::Image;
 use rig::image::{Builder, Source};
 
 use crate::out::exit::{BadInput, Verdict};
-use crate::out::file::print_json;
+use crate::out::file::{print, print_json};
 use bench::Bench;
 use candidates::Candidate;
 use clap::{Args, ValueEnum};
@@ -130,7 +130,7 @@ pub fn run(options: &Cycles) -> Result<Verdict> {
     if options.json {
         print_json(&report)?;
     } else {
-        print!("{}", report.table(options.markdown));
+        print(report.table(options.markdown))?;
     }
     Ok(Verdict::Met)
 }

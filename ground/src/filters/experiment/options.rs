@@ -1,5 +1,6 @@
 //! Options of `tvc experiment`.
 
+use crate::out::kind;
 use clap::{Args, Subcommand};
 use std::path::PathBuf;
 
@@ -88,7 +89,7 @@ pub struct Sensing {
     pub json: bool,
 
     /// Where to write the HTML report [default: report/experiment-static.html or -motion.html].
-    #[arg(long, value_name = "FILE.html")]
+    #[arg(long, value_name = "FILE.html", value_parser = kind::page)]
     pub report: Option<PathBuf>,
 }
 

@@ -12,7 +12,7 @@ use recordings::{Choice, Estimate, Scorer, Source, enu_from_ned};
 
 use super::progress::Progress;
 use crate::out::exit::{BadInput, Verdict};
-use crate::out::file::{WholeFile, print_json};
+use crate::out::file::{WholeFile, print, print_json};
 use figures::{Figures, FileFigures};
 pub use options::Fuse;
 
@@ -62,7 +62,7 @@ pub fn run(options: &Fuse) -> Result<Verdict> {
     if options.json {
         print_json(&figures)?;
     } else if options.score {
-        print!("{}", figures.text());
+        print(figures.text())?;
     }
     for path in figures.written() {
         eprintln!("estimates: {path}");

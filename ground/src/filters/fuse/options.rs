@@ -1,5 +1,6 @@
 //! Options of `tvc fuse`.
 
+use crate::out::kind;
 use std::path::PathBuf;
 
 use clap::Args;
@@ -78,7 +79,7 @@ pub struct Fuse {
 
     /// Where to write the estimates. With several recordings a folder, and in it the recordings'
     /// names with the ending .csv.
-    #[arg(long, value_name = "EST.csv", required_unless_present_any = ["score", "json"])]
+    #[arg(long, value_name = "EST.csv", required_unless_present_any = ["score", "json"], value_parser = kind::table)]
     pub out: Option<PathBuf>,
 
     /// Score the estimates against the recordings' references.

@@ -1,7 +1,6 @@
 //! Where the estimates of each recording go.
 
 use std::collections::HashSet;
-use std::fs;
 use std::path::{Path, PathBuf};
 
 use crate::out::exit::BadInput;
@@ -58,14 +57,13 @@ fn is_csv(path: &Path) -> bool {
 }
 
 fn same(a: &Path, b: &Path) -> bool {
-    match (fs::canonicalize(a), fs::canonicalize(b)) {
-        (Ok(a), Ok(b)) => a == b,
-        _ => false,
-    }
+    same_file::is_same_file(a, b).unwrap_or(false)
 }
 
 #[cfg(test)]
 mod tests {
+    use std::fs;
+
     use super::*;
 
     fn files(names: &[&str]) -> Vec<PathBuf> {

@@ -2,6 +2,7 @@
 
 mod report;
 
+use crate::out::kind;
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result};
@@ -66,7 +67,7 @@ pub struct Faults {
     pub image: ImageOption,
 
     /// Where to write the HTML report: every run, how it ended and how long it was blind.
-    #[arg(long, value_name = "FILE.html", default_value = "report/faults.html")]
+    #[arg(long, value_name = "FILE.html", default_value = "report/faults.html", value_parser = kind::page)]
     pub report: PathBuf,
 
     /// Print one JSON object on standard output and nothing else there.

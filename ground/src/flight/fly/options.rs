@@ -3,6 +3,7 @@
 use crate::flight::disturb::Disturb;
 use crate::flight::hardware::HardwareChoice;
 use crate::image::ImageOption;
+use crate::out::kind;
 use ::rig::ServoKind;
 use ::rig::flight::Gains;
 use clap::Args;
@@ -81,7 +82,7 @@ pub struct Fly {
     pub json: bool,
 
     /// Where to write the HTML report.
-    #[arg(long, value_name = "FILE.html", default_value = "report/fly.html")]
+    #[arg(long, value_name = "FILE.html", default_value = "report/fly.html", value_parser = kind::page)]
     pub report: PathBuf,
 }
 

@@ -3,6 +3,7 @@
 mod row;
 mod settings;
 
+use crate::out::kind;
 use std::path::PathBuf;
 use std::time::Instant;
 
@@ -63,7 +64,7 @@ pub struct HardwareCampaign {
     pub image: ImageOption,
 
     /// Where to write the HTML report.
-    #[arg(long, value_name = "FILE.html", default_value = "report/hardware.html")]
+    #[arg(long, value_name = "FILE.html", default_value = "report/hardware.html", value_parser = kind::page)]
     pub report: PathBuf,
 
     /// Print one JSON object on standard output and nothing else there.

@@ -13,11 +13,12 @@ use client::state::state_name;
 use client::status::angles;
 use client::{Wire, text};
 use mavlink::dialects::common::{ATTITUDE_QUATERNION_DATA, MavMessage, MavSeverity};
-use mcap::records::MessageHeader;
+use mcap::records::{MessageHeader, Metadata};
 use mcap::{McapError, MessageStream, WriteOptions, read::Options};
 use nalgebra::{Quaternion, UnitQuaternion};
 use serde_json::{Value, json};
 
+use super::origin::{TOOL, vehicle_build};
 use super::steps::CRANK;
 use super::{STAMP, is_from_vehicle, whole_us};
 
@@ -150,6 +151,9 @@ pub struct Writer {
     vehicle: Wire,
     clock: Clock,
     transform_due_us: u64,
+    /// What the vehicle said of its build and its parameters, for the metadata at the end.
+    build: Option<String>,
+    parameters: BTreeMap<String, String>,
 }
 
 impl Writer {
@@ -178,6 +182,8 @@ impl Writer {
             vehicle: Wire::default(),
             clock: Clock::default(),
             transform_due_us: 0,
+            build: None,
+            parameters: BTreeMap::new(),
         })
     }
 
@@ -200,8 +206,14 @@ impl Writer {
         Ok(())
     }
 
-    /// Ends the file with its index.
+    /// Ends the file with its metadata and its index.
     pub fn end(mut self) -> Result<(), McapError> {
+        let mut origin = BTreeMap::from([("written by".to_owned(), TOOL.to_owned())]);
+        origin.extend(self.build.map(|build| ("vehicle".to_owned(), build)));
+        for (name, metadata) in [("origin", origin), ("parameters", self.parameters)] {
+            let name = name.to_owned();
+            self.file.write_metadata(&Metadata { name, metadata })?;
+        }
         self.file.finish().map(drop)
     }
 
@@ -250,10 +262,17 @@ impl Writer {
                 });
                 (Kind::Health, value)
             }
-            MavMessage::PARAM_VALUE(m) => (
-                Kind::Parameter,
-                json!({ "name": text(&m.param_id), "value": m.param_value }),
-            ),
+            MavMessage::PARAM_VALUE(m) => {
+                let name = text(&m.param_id);
+                let value = m.param_value.to_string();
+                self.parameters.insert(name.to_owned(), value);
+                let value = json!({ "name": name, "value": m.param_value });
+                (Kind::Parameter, value)
+            }
+            MavMessage::AUTOPILOT_VERSION(m) => {
+                self.build = Some(vehicle_build(m));
+                return Ok(());
+            }
             MavMessage::STATUSTEXT(m) => return self.say(time_us, m.severity, text(&m.text)),
             _ => return Ok(()),
         };

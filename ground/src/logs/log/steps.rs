@@ -14,7 +14,7 @@ use mavlink::dialects::common::{
 use tvc_nano::telemetry::raw_imu;
 use tvc_nano::{Micros, Params, RawSample};
 
-use super::{Entry, Log, whole_us};
+use super::{Entry, Log, Origin, whole_us};
 
 /// Name of the NAMED_VALUE_FLOAT with the command.
 pub const CRANK: &str = "crank_rad";
@@ -143,6 +143,8 @@ pub struct Flight {
     pub events: Vec<Event>,
     /// Counts of the link.
     pub counts: LinkCounts,
+    /// Where the log comes from.
+    pub origin: Origin,
 }
 
 /// The messages of a step that have come so far.
@@ -175,6 +177,7 @@ impl Flight {
     pub fn of(log: &Log) -> Self {
         let mut flight = Self {
             counts: log.counts,
+            origin: Origin::of(&log.entries),
             ..Self::default()
         };
         let mut part = None;

@@ -15,6 +15,7 @@ use plant::dispersion::{self, Campaign, Ranges};
 
 use crate::model::control_law::{self, Law};
 use crate::out::exit::Verdict;
+use crate::out::kind;
 use case::Case;
 pub use options::{Merge, MonteCarlo, MonteCarloCommand, ReplayRun};
 use summary::Worst;
@@ -87,6 +88,9 @@ fn fly(options: &MonteCarlo) -> Result<Verdict> {
 
 fn merge(options: &Merge) -> Result<Verdict> {
     let files: Vec<&Path> = options.files.iter().map(AsRef::as_ref).collect();
+    if let Some(out) = &options.out {
+        kind::keep_apart(out, files.iter().copied())?;
+    }
     let rows = table::merge(&files)?;
     if let Some(out) = &options.out {
         table::write(out, &rows)?;

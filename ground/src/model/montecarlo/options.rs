@@ -1,5 +1,6 @@
 //! Options of `tvc montecarlo`.
 
+use crate::out::kind;
 use clap::{Args, Subcommand};
 use rig::ServoKind;
 use std::path::PathBuf;
@@ -75,7 +76,7 @@ pub struct MonteCarlo {
     pub shard: Option<(u64, u64)>,
 
     /// Where to write a row for each run.
-    #[arg(long, value_name = "FILE.csv")]
+    #[arg(long, value_name = "FILE.csv", value_parser = kind::table)]
     pub out: Option<PathBuf>,
 
     /// Folder for the worst runs, as files that `replay` takes.
@@ -86,8 +87,7 @@ pub struct MonteCarlo {
     #[arg(
         long,
         value_name = "FILE.html",
-        default_value = "report/montecarlo.html"
-    )]
+        default_value = "report/montecarlo.html", value_parser = kind::page)]
     pub report: PathBuf,
 
     /// Pass rate below which the command fails, 0 to 1.
@@ -116,15 +116,14 @@ pub struct Merge {
     pub files: Vec<PathBuf>,
 
     /// Where to write all rows, in the order of the runs.
-    #[arg(long, value_name = "FILE.csv")]
+    #[arg(long, value_name = "FILE.csv", value_parser = kind::table)]
     pub out: Option<PathBuf>,
 
     /// Where to write the HTML report.
     #[arg(
         long,
         value_name = "FILE.html",
-        default_value = "report/montecarlo.html"
-    )]
+        default_value = "report/montecarlo.html", value_parser = kind::page)]
     pub report: PathBuf,
 
     /// Print one JSON object on standard output and nothing else there.
@@ -140,7 +139,7 @@ pub struct ReplayRun {
     pub file: PathBuf,
 
     /// Where to write the motion: time, pitch, rate, crank, rudder, command.
-    #[arg(long, value_name = "FILE.csv")]
+    #[arg(long, value_name = "FILE.csv", value_parser = kind::table)]
     pub out: Option<PathBuf>,
 
     /// Print one JSON object on standard output and nothing else there.

@@ -4,6 +4,7 @@ mod design;
 mod margins;
 mod search;
 
+use crate::out::kind;
 use std::collections::BTreeMap;
 
 use anyhow::Result;
@@ -66,7 +67,7 @@ pub struct Tune {
     pub seed: u64,
 
     /// Where to write the gains: a name and a value a line.
-    #[arg(long, value_name = "FILE.param")]
+    #[arg(long, value_name = "FILE.param", value_parser = kind::parameters)]
     pub out: Option<PathBuf>,
 
     /// Print one JSON object on standard output and nothing else there.

@@ -8,6 +8,7 @@ mod sensor;
 mod session;
 mod target;
 
+use crate::out::kind;
 use std::path::PathBuf;
 use std::time::Duration;
 
@@ -22,7 +23,7 @@ use rig::{Rig, RigConfig};
 use crate::flight::hardware::HardwareChoice;
 use crate::image::ImageOption;
 use crate::out::exit::{BadInput, Verdict};
-use crate::out::file::{print_json, write_whole};
+use crate::out::file::{print, print_json, write_whole};
 use crate::out::page::{page, verdict};
 use crate::out::table::Table;
 use crate::vehicle::calibrate::keyboard::is_attended;
@@ -60,7 +61,7 @@ pub struct Bringup {
     pub json: bool,
 
     /// Write an HTML report.
-    #[arg(long, value_name = "FILE.html")]
+    #[arg(long, value_name = "FILE.html", value_parser = kind::page)]
     pub report: Option<PathBuf>,
 
     /// Which image the rig runs.
@@ -125,7 +126,7 @@ pub fn run(options: &Bringup) -> Result<Verdict> {
     if options.json {
         print_json(&serde_json::json!({ "rows": rows, "met": met }))?;
     } else {
-        print!("{}", table.text());
+        print(table.text())?;
     }
     for line in &advice {
         eprintln!("{line}");

@@ -88,7 +88,7 @@ fn finish(session: &mut Session, mut outcome: Outcome, options: &Calibrate) -> R
         return Ok(Verdict::Missed);
     }
     outcome.write_parameters(options)?;
-    print_before_question(&outcome.figures.text(), json);
+    print_before_question(&outcome.figures.text(), json)?;
     if let Some(changed) = session.write_if_agreed(&outcome.rows)? {
         eprintln!(
             "{changed} parameters changed; all {} read back from the flash as they should be",

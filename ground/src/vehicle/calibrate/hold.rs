@@ -66,15 +66,10 @@ pub fn run(seconds: f64, options: &Calibrate) -> Result<Verdict> {
     let mut session = Session::connect(options)?;
     let before_deg = session.vehicle.parameter(NAME)?;
     let set_deg = f64::from(session.vehicle.parameter("PITCH_SET_DEG")?);
-    session.vehicle.command(request::CALIBRATE)?;
-    let flown = arm(&mut session.vehicle, session.stop)
-        .and_then(|()| session.vehicle.command(request::RELEASE))
-        .and_then(|()| fly(&mut session, Duration::from_secs_f64(seconds)));
-    // Whatever happened, the rudder goes back to neutral.
-    let disarmed = session.vehicle.command(request::DISARM);
+    session.vehicle.begin(session.stop);
+    let flown = fly(&mut session, Duration::from_secs_f64(seconds));
     session.end();
-    let steps = flown?;
-    disarmed?;
+    let steps = session.vehicle.leave(flown)?;
     let Some((mean, deviation)) = spread(steps.iter()) else {
         bail!("the vehicle told nothing of its rudder");
     };
@@ -88,7 +83,7 @@ pub fn run(seconds: f64, options: &Calibrate) -> Result<Verdict> {
         refused: None,
     };
     figures.refused = refusal(&figures, set_deg);
-    print_before_question(&figures.text(), options.port.json);
+    print_before_question(&figures.text(), options.port.json)?;
     if figures.refused.is_none() {
         let row = Parameter {
             name: NAME.into(),
@@ -102,8 +97,12 @@ pub fn run(seconds: f64, options: &Calibrate) -> Result<Verdict> {
     Ok(verdict(figures.refused.as_deref()))
 }
 
-/// Servo angle and pitch, deg, of every step after the drone has settled.
+/// Arms and releases: servo angle and pitch, deg, of every step after the drone has settled.
 fn fly(session: &mut Session, length: Duration) -> Result<Vec<Vector3<f64>>> {
+    session.vehicle.watch_host()?;
+    session.vehicle.command(request::CALIBRATE)?;
+    arm(&mut session.vehicle)?;
+    session.vehicle.command(request::RELEASE)?;
     let begun = Instant::now();
     let (mut steps, mut pitch_deg) = (Vec::new(), 0.0);
     while begun.elapsed() < SETTLE + length {
@@ -125,7 +124,6 @@ fn fly(session: &mut Session, length: Duration) -> Result<Vec<Vector3<f64>>> {
         if session.vehicle.state() == Some(StateKind::Failsafe) {
             bail!("the vehicle gave up: {}", session.vehicle.reason());
         }
-        session.go_on()?;
         let share = begun.elapsed().as_secs_f64() / (SETTLE + length).as_secs_f64();
         session.progress(share, format!("released, pitch {pitch_deg:+.1} deg"));
     }

@@ -1,6 +1,7 @@
 //! Options of `tvc calibrate`.
 
 use crate::arguments::seconds;
+use crate::out::kind;
 use crate::vehicle::param::ParamPort;
 use calibration::{Sensor, Wanted};
 use clap::{Args, Subcommand};
@@ -51,8 +52,7 @@ pub struct Calibrate {
     #[arg(
         long,
         value_name = "FILE.tlog",
-        default_value = "report/calibration.tlog"
-    )]
+        default_value = "report/calibration.tlog", value_parser = kind::log)]
     pub record: PathBuf,
 
     /// Only these steps [default: all].
@@ -85,16 +85,14 @@ pub struct Calibrate {
     #[arg(
         long,
         value_name = "FILE.parm",
-        default_value = "report/calibration.parm"
-    )]
+        default_value = "report/calibration.parm", value_parser = kind::parameters)]
     pub out: PathBuf,
 
     /// Where to write the HTML report.
     #[arg(
         long,
         value_name = "FILE.html",
-        default_value = "report/calibrate.html"
-    )]
+        default_value = "report/calibrate.html", value_parser = kind::page)]
     pub report: PathBuf,
 }
 
@@ -109,7 +107,7 @@ pub enum SetUp {
     Polarity,
     /// Fly upright for a while and take the servo angle that holds the drone against a lateral
     /// offset of its mass, so that the rudder rests there before the next release. Thrust on, on
-    /// the tether.
+    /// the tether. As `tvc test`, it ends with the vehicle disarmed, and FS_HOST is 1 meanwhile.
     Hold {
         /// How long it is measured, after three seconds of settling.
         #[arg(long, value_name = "S", default_value_t = 8.0, value_parser = seconds)]

@@ -62,13 +62,11 @@ impl Figures {
 pub fn run(options: &Calibrate) -> Result<Verdict> {
     let mut session = Session::connect(options)?;
     session.await_standby()?;
-    session.vehicle.set_parameter(NAME, WATCHED)?;
+    session.vehicle.begin(session.stop);
+    session.vehicle.put_back_later(NAME, UNCHECKED);
     let looked = look(&mut session);
     let told = session.done();
-    if !matches!(&looked, Ok(Figures { refused: None, .. })) {
-        session.vehicle.set_parameter(NAME, UNCHECKED)?;
-    }
-    let mut figures = looked?;
+    let mut figures = session.vehicle.leave(looked)?;
     told?;
     if figures.refused.is_none() {
         let row = Parameter {
@@ -84,6 +82,7 @@ pub fn run(options: &Calibrate) -> Result<Verdict> {
 
 /// Has the vehicle tilted both ways, and asks what the person sees.
 fn look(session: &mut Session) -> Result<Figures> {
+    session.vehicle.set_parameter(NAME, WATCHED)?;
     let direction = session.vehicle.parameter("SRV_DIR")?;
     let mut figures = Figures {
         checked: false,

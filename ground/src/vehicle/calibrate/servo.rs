@@ -51,7 +51,9 @@ impl Figures {
 pub fn run(given: &Servo, options: &Calibrate) -> Result<Verdict> {
     check(given)?;
     let mut session = Session::connect(options)?;
-    let rows = find(&mut session, given, options.yes)?;
+    session.vehicle.begin(session.stop);
+    let found = find(&mut session, given, options.yes);
+    let rows = session.vehicle.leave(found)?;
     let mut figures = Figures {
         parameters: rows
             .iter()
@@ -69,7 +71,7 @@ pub fn run(given: &Servo, options: &Calibrate) -> Result<Verdict> {
     }
     figures.polarity_checked = session.is_polarity_checked()?;
     print_figures(&figures, options.port.json, Figures::text)?;
-    Ok(Verdict::Met)
+    Ok(Verdict::of(figures.written))
 }
 
 /// Checks that the firmware takes what is given.

@@ -1,5 +1,6 @@
 //! A vehicle at its port and the person who holds it: prompts, samples, progress, questions.
 
+use crate::out::file::print;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
@@ -20,6 +21,7 @@ use super::write::write;
 use crate::out::exit::Verdict;
 use crate::signals;
 use crate::vehicle::link::Vehicle;
+use crate::vehicle::watch::Watched;
 
 /// How much of the vehicle's time passes between two looks at its samples, s.
 const LOOK_S: f64 = 0.2;
@@ -56,7 +58,7 @@ impl Seen {
 /// its end what was found is written with [`Session::write_if_agreed`].
 pub struct Session {
     /// The vehicle.
-    pub vehicle: Vehicle,
+    pub vehicle: Watched,
     /// Set when the person pressed Ctrl-C.
     pub stop: &'static AtomicBool,
     readings: Readings,
@@ -74,12 +76,12 @@ impl Session {
     /// It does not answer, or it is armed.
     pub fn connect(options: &Calibrate) -> Result<Self> {
         let stop = signals::on_signal()?;
-        let vehicle = Vehicle::connect(&options.port.port())?;
+        let vehicle = Watched::new(Vehicle::connect(&options.port.port())?);
         if vehicle.state().is_some_and(StateKind::is_armed) {
             bail!("the vehicle is armed: `tvc disarm` first");
         }
         let bar = ProgressBar::new(1000);
-        if let Ok(style) = ProgressStyle::with_template("{prefix}\n[{bar:40}] {msg}") {
+        if let Ok(style) = ProgressStyle::with_template("[{bar:40}] {msg}") {
             bar.set_style(style.progress_chars("=> "));
         }
         Ok(Self {
@@ -136,12 +138,7 @@ impl Session {
     /// # Errors
     /// The port went away.
     pub fn ask(&mut self, prompt: Prompt, words: &str) -> Result<()> {
-        self.bar.set_message("");
-        self.bar.set_position(0);
-        self.bar.set_prefix(words.to_owned());
-        if self.bar.is_hidden() {
-            eprintln!("{words}");
-        }
+        self.say(words);
         let message = status_text(&prompt.text());
         readings::take(&mut self.readings, &message);
         self.vehicle.link().send(&message)
@@ -149,6 +146,9 @@ impl Session {
 
     /// Shows how far the step is, 0 to 1, and in words.
     pub fn progress(&self, share: f64, words: String) {
+        if self.bar.is_finished() {
+            self.bar.reset();
+        }
         self.bar
             .set_position((share.clamp(0.0, 1.0) * 1000.0) as u64);
         self.bar.set_message(words);
@@ -223,7 +223,9 @@ impl Session {
         words: &str,
         each: &mut dyn FnMut(&mut Vehicle) -> Result<()>,
     ) -> Result<Option<String>> {
-        self.bar.suspend(|| eprint!("{words} "));
+        // The bar is off the screen until the next step: the question stands on a line of its own.
+        self.bar.finish_and_clear();
+        eprint!("{words} ");
         let keyboard = self.keyboard.get_or_insert_with(Keyboard::listen);
         let mut typed = keyboard.poll();
         while typed == Typed::Nothing {
@@ -278,11 +280,12 @@ pub const NEXT_IS_POLARITY: &str = "next: tvc calibrate polarity, without which 
 
 /// Prints figures that the person is asked about next: on standard output, unless that is kept for
 /// JSON.
-pub fn print_before_question(text: &str, json: bool) {
+pub fn print_before_question(text: &str, json: bool) -> Result<()> {
     if json {
         eprint!("{text}");
+        Ok(())
     } else {
-        print!("{text}");
+        print(text)
     }
 }
 

@@ -1,5 +1,6 @@
 //! Options of `tvc param`.
 
+use crate::out::kind;
 use crate::vehicle::port::PortOptions;
 use clap::{Args, Subcommand};
 use std::path::PathBuf;
@@ -80,7 +81,8 @@ pub enum ParamAction {
         #[arg(long)]
         stored: bool,
     },
-    /// Show what differs from a file, or from the defaults.
+    /// Show what differs from a file, or from the defaults, without what the vehicle measures by
+    /// itself.
     Diff {
         /// The file.
         #[arg(value_name = "FILE")]
@@ -91,11 +93,15 @@ pub enum ParamAction {
         /// The file: a name and a value a line, or QGroundControl's form.
         #[arg(value_name = "FILE")]
         file: PathBuf,
+
+        /// Pass over names that the vehicle does not know, such as those of another version.
+        #[arg(long)]
+        skip_unknown: bool,
     },
     /// Print every name and value, or write them to a file.
     Dump {
         /// The file.
-        #[arg(value_name = "FILE")]
+        #[arg(value_name = "FILE", value_parser = kind::parameters)]
         file: Option<PathBuf>,
     },
 }

@@ -399,7 +399,7 @@ impl<'a> Session<'a> {
             pulse_us: status.pulse_us,
             set_deg: f64::from(self.params.pitch_set_deg()),
             latency_ms: rounded(self.latency_ms),
-            load_pct: rounded(100.0 * status.health.load),
+            load_pct: rounded(100.0 * status.health.load.unwrap_or_default()),
         }
     }
 

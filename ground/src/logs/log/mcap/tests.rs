@@ -194,3 +194,30 @@ fn a_vehicle_that_starts_anew_sets_its_clock_again() {
     assert_eq!(clock.time_us(60_000_000, &attitude(500)), 60_000_000);
     assert_eq!(clock.time_us(60_013_000, &attitude(510)), 60_010_000);
 }
+
+#[test]
+fn the_vehicles_build_and_parameters_are_metadata() {
+    use mavlink::dialects::common::AUTOPILOT_VERSION_DATA;
+
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.mcap");
+    let mut writer = Writer::new(File::create(&path).unwrap()).unwrap();
+    let version = MavMessage::AUTOPILOT_VERSION(AUTOPILOT_VERSION_DATA {
+        flight_sw_version: 0x0001_02FF,
+        flight_custom_version: *b"0a1b2c3d",
+        ..AUTOPILOT_VERSION_DATA::default()
+    });
+    for (sequence, message) in every_kind().iter().chain([&version]).enumerate() {
+        writer.write(1, &frame(sequence as u8, message)).unwrap();
+    }
+    writer.end().unwrap();
+    let bytes = std::fs::read(&path).unwrap();
+    let mut found = BTreeMap::new();
+    for record in mcap::read::LinearReader::new(&bytes).unwrap() {
+        if let mcap::records::Record::Metadata(metadata) = record.unwrap() {
+            found.insert(metadata.name, metadata.metadata);
+        }
+    }
+    assert_eq!(found["origin"]["vehicle"], "0.1.2 0a1b2c3d");
+    assert_eq!(found["parameters"]["PID_KP"], "1.25");
+}

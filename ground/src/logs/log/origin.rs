@@ -1,0 +1,119 @@
+//! Where a log comes from: its date, and the builds of the vehicle and of the tool that kept it.
+
+use std::time::{Duration, UNIX_EPOCH};
+
+use client::request::text_of;
+use mavlink::dialects::common::{AUTOPILOT_VERSION_DATA, MavMessage};
+
+use super::Entry;
+use crate::out::measure::{Figure, figure};
+
+/// This tool: a log that it keeps begins with these words, as a text of the ground station.
+pub const TOOL: &str = concat!(
+    "tvc ",
+    env!("CARGO_PKG_VERSION"),
+    " ",
+    env!("TVC_TOOL_BUILD")
+);
+
+/// Where a log comes from, as far as it tells.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Origin {
+    /// Time of its first message, us since 1970.
+    begun_us: Option<u64>,
+    vehicle: Option<String>,
+    tool: Option<String>,
+}
+
+impl Origin {
+    /// By the messages of a log.
+    pub fn of(entries: &[Entry]) -> Self {
+        let mut origin = Self {
+            begun_us: entries.first().map(|entry| entry.time_us),
+            ..Self::default()
+        };
+        for entry in entries {
+            match &entry.message {
+                MavMessage::AUTOPILOT_VERSION(told) if entry.from_vehicle => {
+                    origin.vehicle = Some(vehicle_build(told));
+                }
+                message if !entry.from_vehicle && origin.tool.is_none() => {
+                    let words = text_of(message).filter(|words| words.starts_with("tvc "));
+                    origin.tool = words.map(str::to_owned);
+                }
+                _ => {}
+            }
+        }
+        origin
+    }
+
+    /// As figures of a report.
+    pub fn figures(&self) -> Figure {
+        let date = self.begun_us.map(date);
+        figure(
+            "origin",
+            [
+                figure("date", date).shown("date", "", 0).or("unknown"),
+                figure("vehicle", self.vehicle.clone())
+                    .shown("vehicle's build", "", 0)
+                    .or("not told"),
+                figure("tool", self.tool.clone())
+                    .shown("kept by", "", 0)
+                    .or("another program"),
+            ],
+        )
+    }
+}
+
+/// A time in us since 1970 as a date with its time of day, UTC.
+fn date(us: u64) -> String {
+    humantime::format_rfc3339_seconds(UNIX_EPOCH + Duration::from_micros(us)).to_string()
+}
+
+/// The firmware's version, and what tells builds of it apart.
+pub fn vehicle_build(told: &AUTOPILOT_VERSION_DATA) -> String {
+    let [major, minor, patch, _] = told.flight_sw_version.to_be_bytes();
+    let id = told.flight_custom_version;
+    let id = match std::str::from_utf8(&id) {
+        Ok(text) if text.bytes().all(|byte| byte.is_ascii_graphic()) => text.to_owned(),
+        _ => format!("{:016x}", u64::from_be_bytes(id)),
+    };
+    format!("{major}.{minor}.{patch} {id}")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::out::measure::Figures;
+    use client::request::status_text;
+
+    #[test]
+    fn a_log_tells_its_date_and_both_builds() {
+        let entry = |from_vehicle, message| Entry {
+            time_us: 1_764_000_000_000_000,
+            from_vehicle,
+            message,
+            lost_before: 0,
+        };
+        let version = AUTOPILOT_VERSION_DATA {
+            flight_sw_version: 0x0001_02FF,
+            flight_custom_version: *b"0a1b2c3d",
+            ..AUTOPILOT_VERSION_DATA::default()
+        };
+        assert_eq!(vehicle_build(&version), "0.1.2 0a1b2c3d");
+        let entries = [
+            entry(true, status_text("tvc is what a vehicle may say")),
+            entry(false, status_text(TOOL)),
+            entry(true, MavMessage::AUTOPILOT_VERSION(version)),
+        ];
+        let origin =
+            serde_json::json!(Figures::from(vec![Origin::of(&entries).figures()]))["origin"]
+                .clone();
+        assert_eq!(origin["date"], "2025-11-24T16:00:00Z");
+        assert_eq!(origin["vehicle"], "0.1.2 0a1b2c3d");
+        assert_eq!(origin["tool"], TOOL);
+        // It fits the text of a message.
+        assert!(TOOL.len() <= 50, "{TOOL}");
+        assert_eq!(Origin::of(&[]), Origin::default());
+    }
+}

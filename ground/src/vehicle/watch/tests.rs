@@ -1,0 +1,144 @@
+//! A command that panics, fails or is told to stop, at a vehicle that notes what it is told.
+
+use std::io::{Read, Write};
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::atomic::Ordering;
+use std::thread::JoinHandle;
+use std::time::Duration;
+
+use anyhow::bail;
+use client::Wire;
+use mavlink::dialects::common::{
+    COMMAND_ACK_DATA, HEARTBEAT_DATA, MavMessage, MavResult, PARAM_VALUE_DATA,
+};
+use serialport::{SerialPort, TTYPort};
+use tvc_nano::failsafe::StateCode;
+
+use super::*;
+use crate::vehicle::link::Link;
+use crate::vehicle::port::Port;
+
+/// A vehicle in standby at the other end of a cable, which obeys everything; at the end it gives
+/// what it was told, in turn.
+fn vehicle() -> (Watched, JoinHandle<Vec<String>>) {
+    let (mut end, port) = TTYPort::pair().unwrap();
+    let told = std::thread::spawn(move || {
+        let (mut wire, mut told) = (Wire::default(), Vec::new());
+        let mut bytes = [0; 1024];
+        end.set_timeout(Duration::from_millis(20)).unwrap();
+        loop {
+            let beat = MavMessage::HEARTBEAT(HEARTBEAT_DATA {
+                custom_mode: StateCode::Standby.number(),
+                ..HEARTBEAT_DATA::default()
+            });
+            let mut answers = vec![beat];
+            match end.read(&mut bytes) {
+                Err(error) if error.kind() == std::io::ErrorKind::TimedOut => {}
+                Ok(count @ 1..) => {
+                    for message in wire.receive(&bytes[..count]) {
+                        answers.extend(answer(&message, &mut told));
+                    }
+                }
+                _ => return told,
+            }
+            for answer in answers {
+                let frame = wire.frame(&answer);
+                // The other end may have been closed by now.
+                let _ = end.write_all(&frame);
+            }
+        }
+    });
+    let link = Link::at(Port::at(Box::new(port), "cable".into()));
+    (Watched::new(Vehicle::at(link).unwrap()), told)
+}
+
+fn answer(message: &MavMessage, told: &mut Vec<String>) -> Option<MavMessage> {
+    let value = |param_id, param_value| {
+        Some(MavMessage::PARAM_VALUE(PARAM_VALUE_DATA {
+            param_id,
+            param_value,
+            param_count: 1,
+            ..PARAM_VALUE_DATA::default()
+        }))
+    };
+    match message {
+        MavMessage::PARAM_REQUEST_READ(read) => value(read.param_id, 0.0),
+        MavMessage::PARAM_SET(set) => {
+            told.push(format!(
+                "{} {}",
+                client::text(&set.param_id),
+                set.param_value
+            ));
+            value(set.param_id, set.param_value)
+        }
+        MavMessage::COMMAND_LONG(order) => {
+            let orders = [request::ARM, request::RELEASE, request::DISARM];
+            let named = orders.iter().find(|o| o.message() == *message);
+            told.push(named.map_or("?", |order| order.name).to_owned());
+            Some(MavMessage::COMMAND_ACK(COMMAND_ACK_DATA {
+                command: order.command,
+                result: MavResult::MAV_RESULT_ACCEPTED,
+            }))
+        }
+        _ => None,
+    }
+}
+
+static NEVER: AtomicBool = AtomicBool::new(false);
+
+fn release(vehicle: &mut Watched) -> Result<()> {
+    vehicle.begin(&NEVER);
+    vehicle.watch_host()?;
+    vehicle.command(request::ARM)?;
+    vehicle.put_back_later("PITCH_SET_DEG", 2.0);
+    vehicle.command(request::RELEASE)
+}
+
+const FLOWN: [&str; 6] = [
+    "FS_HOST 1",
+    "arm",
+    "release",
+    "disarm",
+    "PITCH_SET_DEG 2",
+    "FS_HOST 0",
+];
+
+#[test]
+fn a_command_that_panics_or_fails_disarms_and_puts_back_what_it_changed() {
+    let (mut watched, told) = vehicle();
+    let panicked = catch_unwind(AssertUnwindSafe(move || {
+        release(&mut watched).unwrap();
+        panic!("in flight");
+    }));
+    assert!(panicked.is_err());
+    assert_eq!(told.join().unwrap(), FLOWN);
+
+    let (mut watched, told) = vehicle();
+    let flown = release(&mut watched).and_then(|()| -> Result<()> { bail!("in flight") });
+    let flown = watched.leave(flown);
+    assert_eq!(flown.unwrap_err().to_string(), "in flight");
+    drop(watched);
+    assert_eq!(told.join().unwrap(), FLOWN, "once");
+}
+
+#[test]
+fn a_signal_ends_a_wait_for_the_vehicle_and_not_the_order_to_disarm() {
+    static STOP: AtomicBool = AtomicBool::new(false);
+    let (mut watched, told) = vehicle();
+    watched.begin(&STOP);
+    watched.command(request::ARM).unwrap();
+    STOP.store(true, Ordering::Relaxed);
+    let flown = watched.command(request::RELEASE);
+    let flown = watched.leave(flown);
+    assert_eq!(flown.unwrap_err().to_string(), "stopped by the operator");
+    drop(watched);
+    let told = told.join().unwrap();
+    assert_eq!(told.last().map(String::as_str), Some("disarm"), "{told:?}");
+}
+
+#[test]
+fn a_vehicle_that_nothing_was_done_to_is_left_alone() {
+    let (watched, told) = vehicle();
+    drop(watched);
+    assert_eq!(told.join().unwrap(), Vec::<String>::new());
+}
