@@ -59,6 +59,11 @@ impl Link {
         self.log = Some(log);
     }
 
+    /// Whether a log is kept; not after one could not be written.
+    pub fn is_logging(&self) -> bool {
+        self.log.is_some()
+    }
+
     /// Ends the log.
     ///
     /// # Errors
@@ -91,12 +96,12 @@ impl Link {
         self.flush()?;
         let bytes = self.port.read(SLICE)?;
         let frames = self.client.receive(self.begun.elapsed(), &bytes);
-        if let Some(log) = &mut self.log {
+        self.log(|log| {
             for frame in &frames {
                 log.write(&frame.bytes)?;
             }
-            log.flush()?;
-        }
+            log.flush()
+        })?;
         Ok(frames)
     }
 
@@ -125,10 +130,18 @@ impl Link {
     /// # Errors
     /// As [`Link::flush`].
     pub fn send_bytes(&mut self, bytes: &[u8]) -> Result<()> {
-        if let Some(log) = &mut self.log {
-            log.write(bytes)?;
+        self.port.write(bytes)?;
+        self.log(|log| log.write(bytes))
+    }
+
+    /// Writes to the log, if there is one. After an error there is none any more: what is sent
+    /// next, an order to disarm perhaps, does not fail because of it.
+    fn log(&mut self, write: impl FnOnce(&mut Writer) -> Result<()>) -> Result<()> {
+        let written = self.log.as_mut().map_or(Ok(()), write);
+        if written.is_err() {
+            self.log = None;
         }
-        self.port.write(bytes)
+        written
     }
 }
 

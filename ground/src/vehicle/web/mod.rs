@@ -1,10 +1,14 @@
-//! `tvc web`: the vehicle on a page. One thread owns the port ([`vehicle_thread`]), one a request
-//! serves the page ([`server`]); between them stands what is known ([`model`]).
+//! `tvc web`: the vehicle on a page. One thread owns the port ([`vehicle_thread`]); the main thread
+//! serves the page ([`server`]) and each page's connection ([`socket`]). Orders come in at the
+//! [`desk`]; what is known stands in the [`model`].
 
 mod auth;
+mod desk;
+mod handle;
 mod logs;
 mod model;
 mod server;
+mod socket;
 mod step_test;
 mod vehicle_thread;
 
@@ -12,10 +16,13 @@ use std::net::{SocketAddr, TcpListener};
 use std::path::PathBuf;
 use std::process::{Command, Stdio};
 use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-use anyhow::{Result, anyhow};
+use anyhow::{Context, Error, Result, anyhow};
 use clap::Args;
+use tokio::runtime;
+use tokio::time::sleep;
 
 use crate::arguments::seconds;
 use crate::out::exit::{BadInput, Verdict};
@@ -23,9 +30,12 @@ use crate::signals;
 use crate::vehicle::link::Link;
 use crate::vehicle::port::PortOptions;
 use auth::Token;
+use desk::Desk;
+use handle::Handle;
 use model::Model;
-use server::Server;
-use vehicle_thread::Handle;
+
+/// Time between two looks at whether the program is to end.
+const LOOK: Duration = Duration::from_millis(50);
 
 /// Options of `tvc web`.
 #[derive(Debug, Args)]
@@ -78,17 +88,16 @@ pub fn run(options: &Web) -> Result<Verdict> {
     let address = listener.local_addr()?;
     let link = Link::open(&options.port)?;
     let token = Token::new()?;
-    let url = url(address, &token);
+    // Behind # it stays in the browser: no request carries it, and no log.
+    let url = format!("http://{address}/#token={}", token.text());
     let model = Arc::new(Model::default());
     let (handle, asks) = Handle::new();
-    let server = Arc::new(Server {
-        token,
-        open: address.ip().is_loopback(),
-        vehicle: handle,
-        model: model.clone(),
-        test_stop: Arc::default(),
-        pages: Arc::default(),
-    });
+    let desk = Arc::new(Desk::new(token, handle, model.clone()));
+    let runtime = runtime::Builder::new_current_thread()
+        .enable_io()
+        .enable_time()
+        .build()
+        .context("serving the page")?;
     println!("{url}");
     if !address.ip().is_loopback() {
         eprintln!(
@@ -105,42 +114,52 @@ pub fn run(options: &Web) -> Result<Verdict> {
     if options.open {
         open(&url);
     }
+    listener.set_nonblocking(true)?;
     let begun = Instant::now();
     let longest = options.seconds.map(Duration::from_secs_f64);
     std::thread::scope(|scope| {
+        let _ending = Ending(stop);
         let (port, logs, shown) = (&options.port, &options.logs, &*model);
         let vehicle = scope.spawn(move || vehicle_thread::run(link, port, asks, shown, logs, stop));
-        let served = server::serve(listener, &server, &mut || {
-            signals::asked(stop, begun, longest)
-        });
-        // The vehicle's thread ends when --seconds are over, too.
-        stop.store(true, std::sync::atomic::Ordering::Relaxed);
-        let ended = vehicle.join();
-        served?;
-        ended.map_err(|_| anyhow!("the vehicle's thread broke"))?
+        runtime.block_on(async {
+            let served = async {
+                let listener = tokio::net::TcpListener::from_std(listener)?;
+                match server::serve(listener, desk).await {}
+            };
+            let over = async {
+                while !signals::asked(stop, begun, longest) && !vehicle.is_finished() {
+                    sleep(LOOK).await;
+                }
+                Ok::<_, Error>(())
+            };
+            tokio::select! { result = served => result, result = over => result }
+        })?;
+        // Now the vehicle's thread disarms what is armed.
+        stop.store(true, Ordering::Relaxed);
+        vehicle
+            .join()
+            .map_err(|_| anyhow!("the vehicle's thread broke"))?
     })?;
     Ok(Verdict::Met)
 }
 
+/// However the page's thread ends, the vehicle's thread ends, too, and disarms first.
+struct Ending(&'static AtomicBool);
+
+impl Drop for Ending {
+    fn drop(&mut self) {
+        self.0.store(true, Ordering::Relaxed);
+    }
+}
+
 fn listen(address: SocketAddr) -> Result<TcpListener> {
-    let listener = TcpListener::bind(address).map_err(|error| {
+    TcpListener::bind(address).map_err(|error| {
         BadInput::new(format!(
             "cannot listen on {address}: {error}; name another address with --listen, such as 127.0.0.1:{}",
             address.port().wrapping_add(1)
         ))
-    })?;
-    // Connections inherit this option; without it the system delays small events.
-    socket2::SockRef::from(&listener).set_tcp_nodelay(true)?;
-    Ok(listener)
-}
-
-/// The page's address. On this computer alone the page itself carries the token.
-fn url(address: SocketAddr, token: &Token) -> String {
-    if address.ip().is_loopback() {
-        format!("http://{address}/")
-    } else {
-        format!("http://{address}/?token={}", token.text())
-    }
+        .into()
+    })
 }
 
 /// Asks the system to show the page; where it cannot, the address has been printed.
