@@ -67,7 +67,9 @@ const FILES: [(&str, &str, &str); 7] = [
 
 /// Sent with every answer: nothing is loaded from elsewhere, no foreign page may show this one in a
 /// frame.
-const HEADERS: [(HeaderName, &str); 5] = [
+const HEADERS: [(HeaderName, &str); 6] = [
+    // One request a connection, so that each has its time.
+    (header::CONNECTION, "close"),
     (
         header::CONTENT_SECURITY_POLICY,
         "default-src 'none'; script-src 'self'; style-src 'self'; img-src data:; connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'",
@@ -141,7 +143,6 @@ async fn exchange(stream: TcpStream, desk: Arc<Desk>, strangers: Arc<Strangers>)
         .timer(TokioTimer::new())
         .header_read_timeout(HEAD)
         .max_buf_size(HEAD_BYTES)
-        .keep_alive(false)
         .serve_connection(TokioIo::new(stream), service)
         .with_upgrades();
     // That the other side has gone is no error.
