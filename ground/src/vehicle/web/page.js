@@ -29,7 +29,8 @@ const link = new Link(token, () => at("texts").replaceChildren(), show);
 // Orders
 
 const stop = new Stop(() => link.order("stop"), (words, kind) => {
-  at("stopped").textContent = words;
+  // Set once, it is read out once.
+  if (at("stopped").textContent !== words) at("stopped").textContent = words;
   at("stopped").className = kind;
 });
 
@@ -84,7 +85,7 @@ function paint(now) {
   requestAnimationFrame(paint);
   const silent = performance.now() - heard > SILENCE;
   document.body.classList.toggle("stale", silent || !condition.connected);
-  if (silent) at("problem").textContent = link.refusal || "tvc web does not answer: is it still running? This page tries again by itself.";
+  if (silent) showSilence();
   if (!frame || now - drawn < DRAW) return;
   drawn = now;
   const [roll, pitch, yaw] = frame.attitude_deg;
@@ -110,6 +111,14 @@ function figures(list, rows) {
     row.append(dt, dd);
     return row;
   }));
+}
+
+/** Nothing is known while the program is silent; what it says then is shown as ever. */
+function showSilence() {
+  at("problem").textContent = link.refusal || "tvc web does not answer: is it still running? This page tries again by itself.";
+  at("state").textContent = "unknown";
+  at("state").className = "pill";
+  for (const button of document.querySelectorAll("[data-order], #step, #record")) button.disabled = true;
 }
 
 function showCondition(now) {

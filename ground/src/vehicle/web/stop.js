@@ -44,8 +44,8 @@ export class Stop {
       const options = { method: "POST", headers: { "X-Stop": "1" }, signal: AbortSignal.timeout(1000) };
       const response = await fetch("/stop", options);
       return await response.json();
-    } catch {
-      return { error: "tvc web does not answer" };
+    } catch (problem) {
+      return { error: problem.name === "TimeoutError" ? "no answer so far" : "tvc web does not answer" };
     } finally {
       this.requests -= 1;
     }
