@@ -12,6 +12,9 @@ use crate::page::{Page, Server, rig};
 
 /// A generous bound for a busy machine; some ms are usual.
 const STOP: Duration = Duration::from_secs(1);
+/// The rest of a head that opens a WebSocket.
+const UPGRADE: &str = "Upgrade: websocket\r\nConnection: upgrade\r\nSec-WebSocket-Version: 13\r\n\
+    Sec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n\r\n";
 /// Connections that are kept open.
 const KEPT: usize = 300;
 
@@ -37,27 +40,34 @@ fn bytes(kind: usize, host: &str) -> Vec<u8> {
         };
         (0..count).map(|_| next()).collect()
     };
-    match kind % 10 {
-        0 => format!("POST /x HTTP/1.1\r\nHost: evil\r\nContent-Length: 99999999999\r\n\r\n").into(),
-        1 => format!("POST /stop HTTP/1.1\r\nHost: {host}\r\nContent-Length: 99999999999\r\n\r\nx").into(),
-        2 => format!("POST /arm HTTP/1.1\r\nHost: {host}\r\nContent-Length: 1000\r\n\r\nhalf").into(),
-        3 => format!("GET / HTTP/1.1\r\nHost: {host}\r\nX: ").into(),
-        4 => format!("GET / HTTP/1.1\r\n{}\r\n", "A: b\r\n".repeat(5_000)).into(),
-        5 => format!("GET /{} HTTP/1.1\r\n", "a".repeat(100_000)).into(),
-        6 => noise(500),
-        7 => format!(
-            "POST / HTTP/1.1\r\nHost: {host}\r\nTransfer-Encoding: chunked\r\n\r\nffffffffffffffff\r\n"
-        )
-        .into(),
-        8 => {
-            let key = "Upgrade: websocket\r\nConnection: upgrade\r\nSec-WebSocket-Version: 13\r\nSec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==";
-            let head = format!("GET /page HTTP/1.1\r\nHost: {host}\r\n{key}\r\n\r\n");
+    let head = |method: &str, path: &str, rest: &str| {
+        format!("{method} {path} HTTP/1.1\r\nHost: {host}\r\n{rest}")
+    };
+    let text = match kind % 10 {
+        0 => head(
+            "POST",
+            "/x",
+            "Host: evil\r\nContent-Length: 99999999999\r\n\r\n",
+        ),
+        1 => head("POST", "/stop", "Content-Length: 99999999999\r\n\r\nx"),
+        2 => head("POST", "/arm", "Content-Length: 1000\r\n\r\nhalf"),
+        3 => head("GET", "/", "X: "),
+        4 => head("GET", "/", &"A: b\r\n".repeat(5_000)),
+        5 => head("GET", &"/a".repeat(50_000), ""),
+        6 => {
+            let chunked = "Transfer-Encoding: chunked\r\n\r\nffffffffffffffff\r\n";
+            head("POST", "/", chunked)
+        }
+        7 => {
+            let socket = head("GET", "/page", UPGRADE);
             // A frame of 2^63 bytes, then noise.
             let frame = [0x81, 0xFF, 0x7F, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF];
-            [head.as_bytes(), &frame, &noise(100)].concat()
+            return [socket.as_bytes(), &frame, &noise(100)].concat();
         }
-        _ => Vec::new(),
-    }
+        8 => return noise(500),
+        _ => String::new(),
+    };
+    text.into_bytes()
 }
 
 /// Sends `count` requests, of which some connections stay open; the longest STOP among them, and
