@@ -159,6 +159,16 @@ test("the page begins with the token of its address, and an order carries the ne
   assert.equal(at("answer").textContent, "arm refused");
 });
 
+test("a word that is good once gives way to the token", async () => {
+  let address = "";
+  globalThis.history = { replaceState(state, title, url) { address = url; } };
+  await come({ token: "lasting" });
+  assert.equal(address, "#token=lasting");
+  sent.length = 0;
+  await socket.fire("open");
+  assert.deepEqual(sent, [{ token: "lasting" }]);
+});
+
 test("Escape leaves an edited field, and is STOP anywhere else", async () => {
   assert.equal(field().value, "1");
   field().value = "1.25";

@@ -7,6 +7,7 @@ mod page;
 mod running;
 mod stopping;
 
+use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
@@ -120,6 +121,39 @@ fn the_page_shows_arms_stops_and_tunes_and_a_foreign_page_cannot() {
     let reset = tvc(&["param", "reset", "--stored", "--port", port]);
     assert!(reset.status.success(), "{}", running::said(&reset));
     assert_eq!(parameter(Path::new(port), "FS_HOST"), 0.0);
+}
+
+/// Other users of the computer can read the command line of the browser.
+#[test]
+fn the_browser_that_is_opened_gets_a_word_that_is_good_once() {
+    let (folder, port) = folder();
+    let _rig = rig(&port);
+    let opener = folder.path().join("xdg-open");
+    std::fs::write(
+        &opener,
+        "#!/bin/sh\necho \"$1\" > \"$0.tmp\"; mv \"$0.tmp\" \"$0.said\"\n",
+    )
+    .unwrap();
+    std::fs::set_permissions(&opener, PermissionsExt::from_mode(0o700)).unwrap();
+    let path = format!(
+        "PATH={}:$PATH; set -- \"$@\" --open",
+        folder.path().display()
+    );
+    let server = Server::limited(&port, folder.path(), &path);
+    let said = folder.path().join("xdg-open.said");
+    let begun = Instant::now();
+    while !said.exists() {
+        assert!(begun.elapsed() < page::PATIENCE, "no browser was opened");
+        std::thread::sleep(Duration::from_millis(10));
+    }
+    let url = std::fs::read_to_string(said).unwrap();
+    let word = url.trim().split_once("#token=").unwrap().1;
+    assert_ne!(word, server.token);
+    let page = server.page_with(word);
+    page.wait("token", |token| *token == server.token.as_str());
+    page.wait_for("standby");
+    assert_eq!(server.page_with(word).closed(), 4403);
+    server.page().wait_for("standby");
 }
 
 #[test]

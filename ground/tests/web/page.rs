@@ -279,6 +279,9 @@ impl Seen {
             self.answers.insert(id, Value::Object(message));
             return;
         }
+        if message.contains_key("token") {
+            return self.news.extend(message);
+        }
         self.messages += 1;
         self.now_ms = message["now_ms"].as_u64().unwrap();
         if let Some(Value::Array(texts)) = message.get("texts") {

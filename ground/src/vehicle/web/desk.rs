@@ -25,7 +25,7 @@ use client::request::{self, DISARM};
 use client::{Failure, Parameter, RefusalKind, Request};
 use serde::Deserialize;
 
-use super::auth::Token;
+use super::auth::{Once, Token};
 use super::handle::{Condition, Handle, Recording};
 use super::model::{Model, State};
 use super::step_test;
@@ -80,6 +80,8 @@ pub type Outcome = Pin<Box<dyn Future<Output = Result<Option<String>>> + Send>>;
 pub struct Desk {
     /// Who may give orders.
     pub token: Token,
+    /// What the browser that this program opens has instead.
+    pub once: Once,
     /// What is known of the vehicle.
     pub model: Arc<Model>,
     vehicle: Handle,
@@ -93,9 +95,10 @@ pub struct Desk {
 
 impl Desk {
     /// A desk in front of a vehicle.
-    pub fn new(token: Token, vehicle: Handle, model: Arc<Model>) -> Self {
+    pub fn new(token: Token, once: Once, vehicle: Handle, model: Arc<Model>) -> Self {
         Self {
             token,
+            once,
             model,
             vehicle,
             test_stop: Arc::default(),

@@ -38,6 +38,12 @@ export class Link {
       this.waiting.delete(news.id);
       return;
     }
+    if ("token" in news) {
+      // The word that it has had is used up.
+      this.token = news.token;
+      history.replaceState(null, "", `#token=${news.token}`);
+      return;
+    }
     if (this.now === null) this.begin();
     this.refusal = "";
     this.now = news.now_ms;

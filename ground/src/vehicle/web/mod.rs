@@ -29,7 +29,7 @@ use crate::out::exit::{BadInput, Verdict};
 use crate::signals;
 use crate::vehicle::link::Link;
 use crate::vehicle::port::PortOptions;
-use auth::Token;
+use auth::{Once, Token};
 use desk::Desk;
 use handle::Handle;
 use model::Model;
@@ -90,11 +90,13 @@ pub fn run(options: &Web) -> Result<Verdict> {
     let address = listener.local_addr()?;
     let link = Link::open(&options.port)?;
     let token = Token::new()?;
+    let once = Once::new()?;
     // Behind # it stays in the browser: no request carries it, and no log.
-    let url = format!("http://{address}/#token={}", token.text());
+    let url = |word: &str| format!("http://{address}/#token={word}");
+    let (url, opened) = (url(token.text()), url(&once.text()));
     let model = Arc::new(Model::default());
     let (handle, asks) = Handle::new();
-    let desk = Arc::new(Desk::new(token, handle, model.clone()));
+    let desk = Arc::new(Desk::new(token, once, handle, model.clone()));
     let runtime = runtime::Builder::new_current_thread()
         .enable_io()
         .enable_time()
@@ -114,7 +116,7 @@ pub fn run(options: &Web) -> Result<Verdict> {
     }
     eprintln!("the page is served until Ctrl-C");
     if options.open {
-        open(&url);
+        open(&opened, &url);
     }
     listener.set_nonblocking(true)?;
     let begun = Instant::now();
@@ -165,7 +167,7 @@ fn listen(address: SocketAddr) -> Result<TcpListener> {
 }
 
 /// Asks the system to show the page; where it cannot, the address has been printed.
-fn open(url: &str) {
+fn open(url: &str, printed: &str) {
     let (program, arguments): (&str, &[&str]) = if cfg!(target_os = "macos") {
         ("open", &[])
     } else if cfg!(windows) {
@@ -181,6 +183,6 @@ fn open(url: &str) {
         .stderr(Stdio::null())
         .spawn();
     if let Err(error) = started {
-        eprintln!("cannot open a browser ({program}: {error}); open {url}");
+        eprintln!("cannot open a browser ({program}: {error}); open {printed}");
     }
 }

@@ -1,7 +1,8 @@
 //! A page's WebSocket: everything that the page shows goes to it, every order of its buttons comes
 //! from it. One connection a page, and none that counts among the six that a browser allows.
 //!
-//! The page begins with `{"token": TOKEN}`. Then it gets a message fifty times a second, with
+//! The page begins with `{"token": TOKEN}`; where it has the word that is good once, it is told the
+//! token in the same form. Then it gets a message fifty times a second, with
 //! `now_ms`, `frame` and whatever has changed ([`Update`](super::model::Update)). It sends orders
 //! ([`Message`]), each of which is answered by `{"id": ID}` with `note` where there is something to
 //! know, or with `error`.
@@ -82,7 +83,15 @@ async fn is_admitted(socket: &mut Socket, desk: &Desk) -> bool {
     let Ok(Some(Ok(Frame::Text(text)))) = timeout(LOGIN, socket.next()).await else {
         return false;
     };
-    serde_json::from_str(&text).is_ok_and(|Login { token }| desk.token.is(&token))
+    let Ok(Login { token }) = serde_json::from_str(&text) else {
+        return false;
+    };
+    let token_of_now = json!({ "token": desk.token.text() });
+    desk.token.is(&token)
+        || (desk.once.take(&token)
+            && send(socket, Frame::text(token_of_now.to_string()))
+                .await
+                .is_ok())
 }
 
 async fn close(mut socket: Socket, code: u16, reason: &'static str) {
