@@ -21,9 +21,23 @@ const LOOK: Duration = Duration::from_millis(5);
 
 /// A rig that stands at `port`.
 pub(crate) fn rig(port: &Path) -> Running {
+    rig_with(port, &[])
+}
+
+/// The same, with further options.
+pub(crate) fn rig_with(port: &Path, more: &[&str]) -> Running {
     let port = port.to_str().unwrap();
-    let options = ["--seconds", "600", "--tilt", "0.3", "--link", port];
-    Running::start(&[&["rig", "--pty"], &options[..]].concat()).0
+    let options = [
+        "rig",
+        "--pty",
+        "--seconds",
+        "600",
+        "--tilt",
+        "0.3",
+        "--link",
+        port,
+    ];
+    Running::start(&[&options, more].concat()).0
 }
 
 /// Sends a signal to a process of ours.

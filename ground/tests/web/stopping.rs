@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 use serde_json::{Value, json};
 
 use crate::folder;
-use crate::page::{Page, Server, rig};
+use crate::page::{Page, Server, rig, rig_with};
 use crate::running::tvc;
 
 /// What another program hears of the vehicle.
@@ -47,13 +47,34 @@ fn an_order_that_was_held_back_is_refused_and_a_stop_is_not() {
         let error = answer["error"].as_str().unwrap();
         assert!(error.contains("s old"), "{error}");
     }
-    let answer = page.give("release", Value::Null, -5_000);
+    let answer = page.give("release", Value::Null, -i64::MAX);
     let error = answer["error"].as_str().unwrap();
     assert!(error.contains("another start"), "{error}");
     page.wait_for("armed");
     let answer = page.give("stop", Value::Null, 60_000);
     assert!(answer["error"].is_null(), "{answer}");
     page.wait_for("standby");
+}
+
+/// A sensor that is gone keeps the vehicle in its failsafe, where the rudder is at neutral.
+#[test]
+fn a_stop_of_a_vehicle_with_a_fault_is_answered() {
+    let (folder, port) = folder();
+    let faults = folder.path().join("faults.toml");
+    let unplugged = "[[fault]]\nkind = \"unplugged\"\nat_s = 0.5\nfor_s = 600.0\n";
+    std::fs::write(&faults, unplugged).unwrap();
+    let _rig = rig_with(&port, &["--faults", faults.to_str().unwrap()]);
+    let server = Server::of(&port, folder.path());
+    let page = server.page();
+    release(&page);
+    page.wait_for("failsafe");
+    let answer = page.give("stop", Value::Null, 0);
+    let note = answer["note"]
+        .as_str()
+        .unwrap_or_else(|| panic!("{answer}"));
+    assert!(note.contains("neutral; the fault stays: IMU"), "{note}");
+    let said = server.end("TERM");
+    assert!(said.contains("the fault stays: IMU"), "{said}");
 }
 
 #[test]

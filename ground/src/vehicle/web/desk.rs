@@ -20,15 +20,16 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::time::{Duration, Instant};
 
-use anyhow::{Result, anyhow, bail, ensure};
+use anyhow::{Context, Result, bail, ensure};
 use client::request::{self, DISARM};
-use client::{Failure, Parameter, RefusalKind, Request};
+use client::{Parameter, Request};
 use serde::Deserialize;
 
 use super::auth::{Once, Token};
 use super::handle::{Condition, Handle, Recording};
 use super::model::{Model, State};
 use super::step_test;
+use super::vehicle_thread::guard;
 
 /// Age from which on an order is refused.
 pub const FRESH: Duration = Duration::from_secs(1);
@@ -121,13 +122,8 @@ impl Desk {
 
     /// Gives an order to the vehicle at once; what becomes of it comes later.
     pub fn give(&self, message: Message) -> Outcome {
-        match message.order {
-            Order::Stop => self.stop(),
-            order => match self.give_before(message.heard_ms, order) {
-                Ok(outcome) => outcome,
-                Err(refusal) => Box::pin(async { Err(refusal) }),
-            },
-        }
+        let given = self.begin(message.order, message.heard_ms);
+        given.unwrap_or_else(|refusal| Box::pin(async { Err(refusal) }))
     }
 
     /// Disarms. A fault that stays is no reason to press again: the rudder rests.
@@ -138,36 +134,21 @@ impl Desk {
             let Err(error) = answer.await else {
                 return Ok(None);
             };
-            let refusal = error.downcast_ref::<Failure>().and_then(Failure::refusal);
-            match refusal {
-                Some(RefusalKind::FaultPersists) => {
-                    Ok(Some(format!("the rudder is at neutral; {error}")))
-                }
-                _ => Err(error),
+            match error.downcast_ref().and_then(guard::fault_that_stays) {
+                Some(fault) => Ok(Some(fault)),
+                None => Err(error),
             }
         })
     }
 
-    fn give_before(&self, heard_ms: u64, order: Order) -> Result<Outcome> {
-        let heard = self.begun + Duration::from_millis(heard_ms);
-        let age = Instant::now()
-            .checked_duration_since(heard)
-            .ok_or_else(|| anyhow!("this page is of another start of tvc web: load it again"))?;
-        ensure!(
-            age <= FRESH,
-            "the order was {:.1} s old and was not given: press again",
-            age.as_secs_f64()
-        );
-        let condition = Condition {
-            until: Some(heard + FRESH),
-            unless: None,
+    fn begin(&self, order: Order, heard_ms: u64) -> Result<Outcome> {
+        let condition = match order {
+            Order::Stop => return Ok(self.stop()),
+            _ => self.condition(heard_ms)?,
         };
         let order = match order {
-            Order::Stop => return Ok(self.stop()),
-            Order::Arm => {
-                self.armed.store(true, Ordering::SeqCst);
-                request::ARM
-            }
+            Order::Stop => request::DISARM,
+            Order::Arm => request::ARM,
             Order::Release => request::RELEASE,
             Order::Calibrate => request::CALIBRATE,
             Order::Save => request::SAVE,
@@ -188,8 +169,30 @@ impl Desk {
                 return Ok(Box::pin(async { Ok(None) }));
             }
         };
+        if order == request::ARM || order == request::RELEASE {
+            self.armed.store(true, Ordering::SeqCst);
+        }
         let answer = self.vehicle.order(order, condition);
         Ok(Box::pin(async { answer.await.map(|()| None) }))
+    }
+
+    /// Until when an order of a page may be given that has heard of this time.
+    fn condition(&self, heard_ms: u64) -> Result<Condition> {
+        let heard = Duration::from_millis(heard_ms);
+        let age = self
+            .begun
+            .elapsed()
+            .checked_sub(heard)
+            .context("this page is of another start of tvc web: load it again")?;
+        ensure!(
+            age <= FRESH,
+            "the order was {:.1} s old and was not given: press again",
+            age.as_secs_f64()
+        );
+        Ok(Condition {
+            until: Some(self.begun + heard + FRESH),
+            unless: None,
+        })
     }
 
     /// Sets a parameter that the vehicle has, to a value that it can have.

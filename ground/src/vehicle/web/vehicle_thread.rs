@@ -2,7 +2,7 @@
 //! to the client. It waits for no answer, so that nothing is sent before a STOP that was pressed
 //! first.
 
-mod guard;
+pub mod guard;
 mod publish;
 #[cfg(all(test, unix))]
 mod tests;

@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use client::request::DISARM;
 use client::state::is_in_operation;
-use client::{Failure, Parameter, Request, Ticket};
+use client::{Failure, Parameter, RefusalKind, Request, Ticket};
 
 use super::Session;
 
@@ -75,7 +75,9 @@ impl Session<'_> {
         if client.state().is_none_or(is_in_operation) || !self.waiting.is_empty() {
             match self.last(Request::Order(DISARM)) {
                 Some(Ok(())) => say("the vehicle has been disarmed"),
-                Some(Err(refusal)) => say(&format!("the rudder is at neutral; {refusal}")),
+                Some(Err(failure)) => {
+                    say(&fault_that_stays(&failure).unwrap_or_else(|| failure.to_string()));
+                }
                 None => {
                     return say("no answer to the order to disarm: cut the vehicle's power");
                 }
@@ -107,6 +109,17 @@ impl Drop for Session<'_> {
             self.rest();
         }
     }
+}
+
+/// What to say where only a fault that is still there keeps the vehicle from standby: the order to
+/// disarm was obeyed as far as it matters.
+pub fn fault_that_stays(failure: &Failure) -> Option<String> {
+    let stays = failure.refusal() == Some(RefusalKind::FaultPersists);
+    stays.then(|| {
+        let words = failure.to_string();
+        let fault = words.strip_prefix("disarm refused: ").unwrap_or(&words);
+        format!("the rudder is at neutral; the fault stays: {fault}")
+    })
 }
 
 /// Tells the person at the terminal, who may be gone.
