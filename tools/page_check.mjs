@@ -8,7 +8,7 @@ import assert from "node:assert/strict";
 import { cpSync, mkdtempSync, writeFileSync } from "node:fs";
 import { tmpdir } from "node:os";
 import { join } from "node:path";
-import { before, test } from "node:test";
+import { before, beforeEach, mock, test } from "node:test";
 import { fileURLToPath, pathToFileURL } from "node:url";
 
 /** As much of an element as the scripts use. */
@@ -49,6 +49,8 @@ class Element {
   get lastElementChild() { return this.children.at(-1); }
   get childElementCount() { return this.children.length; }
   setAttribute() {}
+  blur() { this.left = true; }
+  getContext() { return new Proxy({}, { get: () => () => {}, set: () => true }); }
 }
 
 const page = new Element("document");
@@ -59,25 +61,46 @@ const orders = ["arm", "release", "calibrate", "save", "reload", "reset"].map((o
   page.append(button);
   return button;
 });
-/** What was sent to the program. */
-const sent = [];
-let stream = null;
+/** The orders that were sent to the program, and the requests by HTTP. */
+const [sent, requests] = [[], []];
+const ends = [];
+/** The page's end of the WebSocket. */
+let socket = null;
+/** What the page asks to be called for its next picture. */
+let draw = null;
 const row = {
   name: "PID_KP", value: 1, default: 1, unit: "", range: "0 to 10", meaning: "gain", between: [0, 10], choices: null, live: true,
 };
 const vehicle = {
   port: "nano", connected: true, problem: "", state: "standby", reason: "", armed: false, in_operation: false,
   can_release: false, unhealthy: [], attitude_hz: 300, messages: 1, lost: 0, crc_errors: 0, dropped: 0, missed: 0,
-  bus_errors: 0, round_trip_ms: null, recording: null, parameters: 1,
+  bus_errors: 0, round_trip_ms: null, recording: null, recording_failure: null,
 };
 const at = (id) => {
   if (!elements[id]) page.append(elements[id] = new Element(id));
   return elements[id];
 };
 const order = (name) => orders.find((button) => button.dataset.order === name);
-const show = (status) => stream.fire("condition", { data: JSON.stringify({ ...vehicle, ...status }) });
+const frame = {
+  time_s: 1, count: 1, attitude_deg: [0, 17, 0], rate_deg_s: 0, servo_deg: 0, pulse_us: 1500, set_deg: 0, latency_ms: 4, load_pct: 20,
+};
+/** Something comes from the program. */
+const come = (news) => socket.fire("message", { data: JSON.stringify(news) });
+const show = (status) => come({ now_ms: 7000, frame, condition: { ...vehicle, ...status } });
+/** Lets everything happen that waits for nothing but its turn. */
+const settle = () => new Promise((done) => { setImmediate(done); });
+/** The newest order of this name is answered. */
+const answer = async (order, answer) => {
+  await come({ id: sent.findLast((message) => message.order === order).id, ...answer });
+  await settle();
+};
+const orderNames = () => sent.map((message) => message.order);
+const field = () => at("parameters").children[0].children[1].children[0];
+const said = () => at("parameters").children[0].children[1].children[1];
+const escape = (where) => where.fire("keydown", { key: "Escape" });
 
 before(async () => {
+  mock.timers.enable({ apis: ["setInterval", "setTimeout"] });
   Object.assign(page, {
     body: new Element("body"),
     documentElement: new Element("html"),
@@ -91,14 +114,21 @@ before(async () => {
   Object.assign(globalThis, {
     document: page,
     window: globalThis,
-    requestAnimationFrame() {},
+    requestAnimationFrame(paint) { draw = paint; },
+    getComputedStyle: () => ({ getPropertyValue: () => "" }),
     addEventListener() {},
+    location: { host: "127.0.0.1:8650", hash: "#token=secret" },
     matchMedia: () => new Element("media"),
     Option: class extends Element {},
-    EventSource: class extends Element { constructor() { super("stream"); stream = this; } },
-    async fetch(path, options) {
-      sent.push(options ? path : "");
-      return { ok: true, json: async () => [row], text: async () => "" };
+    WebSocket: class extends Element {
+      constructor(url) { super(url); socket = this; }
+      send(text) { sent.push(JSON.parse(text)); }
+      close() {}
+    },
+    /** A request by HTTP is not answered; it ends with the test. */
+    fetch(path, options) {
+      requests.push([path, options.headers]);
+      return new Promise((_, end) => { ends.push(end); });
     },
   });
   // Where nothing says that these are modules, Node takes them for scripts of the older kind.
@@ -106,21 +136,134 @@ before(async () => {
   cpSync(fileURLToPath(new URL("../ground/src/vehicle/web/", import.meta.url)), folder, { recursive: true });
   writeFileSync(join(folder, "package.json"), '{"type": "module"}');
   await import(pathToFileURL(join(folder, "page.js")));
+  await socket.fire("open");
+  await come({ now_ms: 5000, frame, parameters: [row] });
   await show({});
-  await new Promise((done) => setTimeout(done));
 });
 
-test("Escape stops the vehicle from an edited field, too, and is nothing else", async () => {
-  const field = at("parameters").children[0].children[1].children[0];
-  assert.equal(field.value, "1");
-  field.value = "1.25";
+beforeEach(async () => {
+  for (const end of ends.splice(0)) end(new Error("the test is over"));
+  await settle();
   sent.length = 0;
-  await field.fire("keydown", { key: "Escape" });
-  assert.deepEqual(sent, ["/stop"]);
-  assert.equal(field.value, "1.25", "the edit stays");
-  await field.fire("keydown", { key: "z", ctrlKey: true });
-  assert.equal(field.value, "1", "what the vehicle has");
-  assert.deepEqual(sent, ["/stop"]);
+  requests.length = 0;
+  field().left = false;
+  await show({});
+});
+
+test("the page begins with the token of its address, and an order carries the newest time", async () => {
+  assert.equal(socket.tag, "ws://127.0.0.1:8650/page");
+  await come({ now_ms: 8125, frame });
+  order("arm").fire("click");
+  assert.deepEqual(sent.map((message) => [message.order, message.heard_ms]), [["arm", 8125]]);
+  await answer("arm", { error: "arm refused" });
+  assert.equal(at("answer").textContent, "arm refused");
+});
+
+test("a word that is good once gives way to the token", async () => {
+  let address = "";
+  globalThis.history = { replaceState(state, title, url) { address = url; } };
+  await come({ token: "lasting" });
+  assert.equal(address, "#token=lasting");
+  sent.length = 0;
+  await socket.fire("open");
+  assert.deepEqual(sent, [{ token: "lasting" }]);
+});
+
+test("Escape leaves an edited field, and is STOP anywhere else", async () => {
+  assert.equal(field().value, "1");
+  field().value = "1.25";
+  await escape(field());
+  assert.equal(field().value, "1", "what the vehicle has");
+  assert.equal(field().left, true);
+  assert.deepEqual([sent, requests], [[], []]);
+  await escape(page);
+  assert.deepEqual(orderNames(), ["stop"]);
+  assert.deepEqual(requests, [["/stop", { "X-Stop": "1" }]]);
+  await answer("stop", {});
+  assert.match(at("stopped").textContent, /answered/);
+});
+
+test("a STOP is repeated, and the page says that it is not answered, until it is", async () => {
+  await escape(page);
+  mock.timers.tick(300);
+  assert.match(at("stopped").textContent, /NOT ANSWERED.*cut the vehicle's power/);
+  assert.equal(at("stopped").className, "bad");
+  mock.timers.tick(1000);
+  assert.ok(orderNames().length >= 4, `${sent.length} copies in 1.3 s`);
+  await answer("stop", { error: "the port went away" });
+  mock.timers.tick(300);
+  assert.match(at("stopped").textContent, /NOT ANSWERED \(the port went away\)/);
+  await answer("stop", { note: "the rudder is at neutral; the fault stays" });
+  assert.match(at("stopped").textContent, /is answered: .*the fault stays/);
+  assert.equal(at("stopped").className, "done");
+  const count = sent.length;
+  mock.timers.tick(1000);
+  assert.equal(sent.length, count, "no repeats after the answer");
+  // An answer to an earlier press says nothing about the next one.
+  const [{ id }] = sent;
+  await escape(page);
+  await come({ id });
+  await settle();
+  mock.timers.tick(300);
+  assert.match(at("stopped").textContent, /NOT ANSWERED/);
+  await answer("stop", {});
+});
+
+test("a STOP without a connection is said to be unanswered, and goes by HTTP", async () => {
+  const lost = socket;
+  await lost.fire("close", { code: 4403 });
+  await escape(page);
+  mock.timers.tick(300);
+  assert.match(at("stopped").textContent, /NOT ANSWERED/);
+  assert.ok(requests.length >= 1);
+  mock.timers.tick(500);
+  assert.notEqual(socket, lost, "it connects again");
+  await socket.fire("open");
+  await show({});
+  mock.timers.tick(250);
+  await answer("stop", {});
+  assert.match(at("stopped").textContent, /is answered/);
+});
+
+test("what is out of range is not sent, and a change in control is asked for once", async () => {
+  const change = async (value) => {
+    field().value = value;
+    field().fire("change");
+    await settle();
+  };
+  await change("11");
+  assert.equal(said().textContent, "PID_KP must be 0 to 10");
+  assert.deepEqual([field().value, sent], ["1", []]);
+  assert.equal(field().step, "0.01", "a thousandth of the range");
+  await show({ state: "active", armed: true, in_operation: true });
+  await change("1.01");
+  assert.deepEqual(sent, []);
+  await said().children[0].fire("click");
+  assert.deepEqual([sent[0].name, sent[0].value], ["PID_KP", 1.01]);
+  await answer("set", {});
+  await come({ now_ms: 7001, frame, parameters: [{ ...row, value: 1.01 }] });
+  await change("1.02");
+  assert.equal(sent.length, 2, "agreed to until the vehicle is disarmed");
+  await answer("set", {});
+  await come({ now_ms: 7002, frame, parameters: [{ ...row, value: 1.02 }] });
+  assert.equal(at("undo").textContent, "Undo PID_KP: back to 1.01");
+  at("undo").fire("click");
+  assert.equal(sent[2].value, 1.01);
+  await answer("set", {});
+  await come({ now_ms: 7003, frame, parameters: [row] });
+  await show({});
+  await show({ state: "active", armed: true, in_operation: true });
+  await change("1.01");
+  assert.equal(sent.length, 3, "asked for again");
+});
+
+test("an attitude that is no number is shown as invalid, and drawing goes on", async () => {
+  await come({ now_ms: 7004, frame: { ...frame, count: 2, attitude_deg: [null, null, null], rate_deg_s: null } });
+  draw(1000);
+  assert.equal(at("pitch").textContent, "invalid");
+  await come({ now_ms: 7005, frame: { ...frame, count: 3 } });
+  draw(2000);
+  assert.equal(at("pitch").textContent, "17.0");
 });
 
 test("a recording can be ended while the vehicle is silent", async () => {
@@ -131,6 +274,8 @@ test("a recording can be ended while the vehicle is silent", async () => {
   assert.equal(at("record").disabled, true);
   await show({});
   assert.equal(at("record").disabled, false);
+  await show({ recording_failure: "the recording ended: no space" });
+  assert.equal(at("recording").textContent, "the recording ended: no space");
 });
 
 test("arming and release wait for their states", async () => {

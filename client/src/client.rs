@@ -297,6 +297,15 @@ impl Client {
         ticket
     }
 
+    /// Sends no further copy of a request; its answer may still come.
+    pub fn repeat_no_more(&mut self, ticket: Ticket) {
+        for pending in &mut self.pending {
+            if pending.ticket == ticket {
+                pending.again = None;
+            }
+        }
+    }
+
     /// The answer to a request, once.
     pub fn answer(&mut self, ticket: Ticket) -> Option<Answer> {
         self.answers.remove(&ticket)

@@ -64,6 +64,11 @@ impl Link {
         self.client.request(now, Request::Order(request::VERSION));
     }
 
+    /// Whether a log is kept; not after one could not be written.
+    pub fn is_logging(&self) -> bool {
+        self.log.is_some()
+    }
+
     /// Ends the log.
     ///
     /// # Errors

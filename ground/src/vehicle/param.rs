@@ -18,14 +18,15 @@ mod options;
 pub use options::{Param, ParamAction, ParamPort};
 
 /// A parameter's value on the vehicle, with this tool's own description of it.
-#[derive(Debug, Serialize)]
+#[derive(Clone, Debug, Serialize)]
 pub struct Row {
     /// Name.
     pub name: String,
     value: f32,
     default: Option<f32>,
     unit: &'static str,
-    range: String,
+    /// The values that it can have, in words.
+    pub range: String,
     meaning: &'static str,
 }
 

@@ -87,15 +87,16 @@ pub(crate) struct Running(pub Child);
 impl Running {
     /// Starts it and waits for the first line that it prints.
     pub(crate) fn start(arguments: &[&str]) -> (Self, String) {
-        let mut process = command(arguments)
-            .stdout(Stdio::piped())
-            .stderr(Stdio::null())
-            .spawn()
-            .unwrap();
+        Self::of(command(arguments).stderr(Stdio::null()))
+    }
+
+    /// Starts this command, likewise.
+    pub(crate) fn of(command: &mut Command) -> (Self, String) {
+        let mut process = command.stdout(Stdio::piped()).spawn().unwrap();
         let mut line = String::new();
         let out = process.stdout.take().unwrap();
         BufReader::new(out).read_line(&mut line).unwrap();
-        assert!(!line.is_empty(), "{arguments:?} ended");
+        assert!(!line.is_empty(), "{command:?} ended");
         (Self(process), line.trim().to_owned())
     }
 }

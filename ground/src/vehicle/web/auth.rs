@@ -2,6 +2,7 @@
 //! can point.
 
 use std::net::IpAddr;
+use std::sync::{Mutex, PoisonError};
 
 use anyhow::{Result, anyhow};
 
@@ -40,6 +41,32 @@ impl Token {
     }
 }
 
+/// A word that stands for the token once: other users of this computer can read the command line of
+/// a browser that is opened with it.
+pub struct Once(Mutex<Option<Token>>);
+
+impl Once {
+    /// A new one.
+    ///
+    /// # Errors
+    /// As [`Token::new`].
+    pub fn new() -> Result<Self> {
+        Ok(Self(Mutex::new(Some(Token::new()?))))
+    }
+
+    /// As hexadecimal digits; empty once it has been used.
+    pub fn text(&self) -> String {
+        let word = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        word.as_ref().map_or(String::new(), |word| word.0.clone())
+    }
+
+    /// Whether `given` is this word, which is used up then.
+    pub fn take(&self, given: &str) -> bool {
+        let mut word = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        word.take_if(|word| word.is(given)).is_some()
+    }
+}
+
 /// Whether a request's `Host` is this computer by number or as `localhost`. A name may belong to a
 /// foreign page that has pointed it here (DNS rebinding); a number cannot.
 pub fn is_own_host(host: &str) -> bool {
@@ -63,6 +90,15 @@ mod tests {
         assert!(!token.is(""));
         assert!(!token.is(&token.text()[1..]));
         assert!(!token.is(&format!("{}0", token.text())));
+    }
+
+    #[test]
+    fn a_word_is_good_once() {
+        let word = Once::new().unwrap();
+        let text = word.text();
+        assert!(!word.take(""));
+        assert!(word.take(&text));
+        assert!(!word.take(&text));
     }
 
     #[test]

@@ -66,10 +66,12 @@ function draw(canvas, lines, [left, right], [low, high], xName) {
   for (const line of lines) {
     context.strokeStyle = colour(line.colour);
     context.beginPath();
-    for (let i = 0; i < line.count; i += 1) {
+    // What is no number leaves a gap.
+    for (let i = 0, drawing = false; i < line.count; i += 1) {
       const [x, y] = [across(line.x(i)), down(line.y(i))];
-      if (i === 0) context.moveTo(x, y);
-      else context.lineTo(x, y);
+      if (drawing) context.lineTo(x, y);
+      else context.moveTo(x, y);
+      drawing = Number.isFinite(y);
     }
     context.stroke();
   }
@@ -121,12 +123,12 @@ export class Strip {
     parent.append(figure);
   }
 
-  /** Takes in a value of each line. A clock that went back is a vehicle that began anew. */
+  /** Takes in a value of each line; `null` is no number. A clock that went back is a vehicle that began anew. */
   push(time, values) {
     if (this.count > 0 && time < this.times[(this.begin + this.count - 1) % KEPT]) this.count = 0;
     const at = (this.begin + this.count) % KEPT;
     this.times[at] = time;
-    values.forEach((value, line) => { this.values[line][at] = value; });
+    values.forEach((value, line) => { this.values[line][at] = value ?? NaN; });
     if (this.count < KEPT) this.count += 1;
     else this.begin = (this.begin + 1) % KEPT;
     this.newest = values[0];
@@ -144,7 +146,7 @@ export class Strip {
       y: (i) => this.values[line][at(i)],
     })).reverse();
     draw(this.canvas, lines, [end - SPAN, end], limits(lines, this.least), "");
-    this.now.textContent = `${this.newest.toFixed(this.decimals)} ${this.unit}`;
+    this.now.textContent = this.newest === null ? "invalid" : `${this.newest.toFixed(this.decimals)} ${this.unit}`;
   }
 }
 

@@ -1,10 +1,14 @@
-//! `tvc web`: the vehicle on a page. One thread owns the port ([`vehicle_thread`]), one a request
-//! serves the page ([`server`]); between them stands what is known ([`model`]).
+//! `tvc web`: the vehicle on a page. One thread owns the port ([`vehicle_thread`]); the main thread
+//! serves the page ([`server`]) and each page's connection ([`socket`]). Orders come in at the
+//! [`desk`]; what is known stands in the [`model`].
 
 mod auth;
+mod desk;
+mod handle;
 mod logs;
 mod model;
 mod server;
+mod socket;
 mod step_test;
 mod vehicle_thread;
 
@@ -12,20 +16,26 @@ use std::net::{SocketAddr, TcpListener};
 use std::path::PathBuf;
 use std::process::{Command, Stdio};
 use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-use anyhow::{Result, anyhow};
+use anyhow::{Context, Error, Result, anyhow};
 use clap::Args;
+use tokio::runtime;
+use tokio::time::sleep;
 
 use crate::arguments::seconds;
 use crate::out::exit::{BadInput, Verdict};
 use crate::signals;
 use crate::vehicle::link::Link;
 use crate::vehicle::port::PortOptions;
-use auth::Token;
+use auth::{Once, Token};
+use desk::Desk;
+use handle::Handle;
 use model::Model;
-use server::Server;
-use vehicle_thread::Handle;
+
+/// Time between two looks at whether the program is to end.
+const LOOK: Duration = Duration::from_millis(50);
 
 /// Options of `tvc web`.
 #[derive(Debug, Args)]
@@ -37,7 +47,9 @@ Examples:
 
 Attitude, strip charts, health, messages, parameters, arm, STOP (Esc), step tests and recordings.
 Everything is in the program: no network is needed. When the port goes away the page says so and
-waits for it. Exit status: 0 ended, 1 something failed, 2 unusable input.")]
+waits for it. At its end, and a second after the last page was closed, the vehicle is disarmed;
+meanwhile its FS_HOST is 1, so that it gives up 3 s after this program was killed.
+Exit status: 0 ended, 1 something failed, 2 unusable input.")]
 pub struct Web {
     /// Where the vehicle is.
     #[command(flatten)]
@@ -78,17 +90,18 @@ pub fn run(options: &Web) -> Result<Verdict> {
     let address = listener.local_addr()?;
     let link = Link::open(&options.port)?;
     let token = Token::new()?;
-    let url = url(address, &token);
+    let once = Once::new()?;
+    // Behind # it stays in the browser: no request carries it, and no log.
+    let url = |word: &str| format!("http://{address}/#token={word}");
+    let (url, opened) = (url(token.text()), url(&once.text()));
     let model = Arc::new(Model::default());
     let (handle, asks) = Handle::new();
-    let server = Arc::new(Server {
-        token,
-        open: address.ip().is_loopback(),
-        vehicle: handle,
-        model: model.clone(),
-        test_stop: Arc::default(),
-        pages: Arc::default(),
-    });
+    let desk = Arc::new(Desk::new(token, once, handle, model.clone()));
+    let runtime = runtime::Builder::new_current_thread()
+        .enable_io()
+        .enable_time()
+        .build()
+        .context("serving the page")?;
     println!("{url}");
     if !address.ip().is_loopback() {
         eprintln!(
@@ -103,48 +116,58 @@ pub fn run(options: &Web) -> Result<Verdict> {
     }
     eprintln!("the page is served until Ctrl-C");
     if options.open {
-        open(&url);
+        open(&opened, &url);
     }
+    listener.set_nonblocking(true)?;
     let begun = Instant::now();
     let longest = options.seconds.map(Duration::from_secs_f64);
     std::thread::scope(|scope| {
+        let _ending = Ending(stop);
         let (port, logs, shown) = (&options.port, &options.logs, &*model);
         let vehicle = scope.spawn(move || vehicle_thread::run(link, port, asks, shown, logs, stop));
-        let served = server::serve(listener, &server, &mut || {
-            signals::asked(stop, begun, longest)
-        });
-        // The vehicle's thread ends when --seconds are over, too.
-        stop.store(true, std::sync::atomic::Ordering::Relaxed);
-        let ended = vehicle.join();
-        served?;
-        ended.map_err(|_| anyhow!("the vehicle's thread broke"))?
+        runtime.block_on(async {
+            let served = async {
+                let listener = tokio::net::TcpListener::from_std(listener)?;
+                match server::serve(listener, desk).await {}
+            };
+            let over = async {
+                while !signals::asked(stop, begun, longest) && !vehicle.is_finished() {
+                    sleep(LOOK).await;
+                }
+                Ok::<_, Error>(())
+            };
+            tokio::select! { result = served => result, result = over => result }
+        })?;
+        // Now the vehicle's thread disarms what is armed.
+        stop.store(true, Ordering::Relaxed);
+        vehicle
+            .join()
+            .map_err(|_| anyhow!("the vehicle's thread broke"))?
     })?;
     Ok(Verdict::Met)
 }
 
+/// However the page's thread ends, the vehicle's thread ends, too, and disarms first.
+struct Ending(&'static AtomicBool);
+
+impl Drop for Ending {
+    fn drop(&mut self) {
+        self.0.store(true, Ordering::Relaxed);
+    }
+}
+
 fn listen(address: SocketAddr) -> Result<TcpListener> {
-    let listener = TcpListener::bind(address).map_err(|error| {
+    TcpListener::bind(address).map_err(|error| {
         BadInput::new(format!(
             "cannot listen on {address}: {error}; name another address with --listen, such as 127.0.0.1:{}",
             address.port().wrapping_add(1)
         ))
-    })?;
-    // Connections inherit this option; without it the system delays small events.
-    socket2::SockRef::from(&listener).set_tcp_nodelay(true)?;
-    Ok(listener)
-}
-
-/// The page's address. On this computer alone the page itself carries the token.
-fn url(address: SocketAddr, token: &Token) -> String {
-    if address.ip().is_loopback() {
-        format!("http://{address}/")
-    } else {
-        format!("http://{address}/?token={}", token.text())
-    }
+        .into()
+    })
 }
 
 /// Asks the system to show the page; where it cannot, the address has been printed.
-fn open(url: &str) {
+fn open(url: &str, printed: &str) {
     let (program, arguments): (&str, &[&str]) = if cfg!(target_os = "macos") {
         ("open", &[])
     } else if cfg!(windows) {
@@ -160,6 +183,6 @@ fn open(url: &str) {
         .stderr(Stdio::null())
         .spawn();
     if let Err(error) = started {
-        eprintln!("cannot open a browser ({program}: {error}); open {url}");
+        eprintln!("cannot open a browser ({program}: {error}); open {printed}");
     }
 }

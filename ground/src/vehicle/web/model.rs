@@ -1,8 +1,9 @@
-//! What the vehicle's thread publishes and the page's threads send. Everything here is bounded.
+//! What the vehicle's thread publishes and the pages' tasks send. Everything here is bounded.
 
 use std::collections::VecDeque;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
+use anyhow::{Result, ensure};
 use client::{LinkHealth, Parameter, StateKind};
 use serde::Serialize;
 use serde_json::Value;
@@ -68,8 +69,8 @@ pub struct VehicleStatus {
     pub round_trip_ms: Option<f64>,
     /// The log that is being written.
     pub recording: Option<String>,
-    /// Revision of the parameters: the page fetches them when it changes.
-    pub parameters: u64,
+    /// Why the last one ended before its time, until the next one begins.
+    pub recording_failure: Option<String>,
 }
 
 /// A text of the vehicle.
@@ -86,7 +87,7 @@ pub struct Text {
 }
 
 /// A parameter as the page's table shows it.
-#[derive(Debug, Serialize)]
+#[derive(Clone, Debug, Serialize)]
 pub struct ParameterRow {
     /// Name, value, unit, meaning.
     #[serde(flatten)]
@@ -117,6 +118,29 @@ impl ParameterRow {
             live: info.is_none_or(|info| info.change == Change::Live),
         }
     }
+
+    /// Whether it has this name.
+    pub fn is(&self, name: &str) -> bool {
+        self.row.name == name
+    }
+
+    /// Lets a value through that the parameter can have.
+    ///
+    /// # Errors
+    /// The value is out of range or no number.
+    pub fn admit(&self, value: f32) -> Result<()> {
+        let among = |choices: &Vec<f32>| choices.contains(&value);
+        let within = |[low, high]: [f32; 2]| (low..=high).contains(&value);
+        ensure!(
+            value.is_finite()
+                && self.between.is_none_or(within)
+                && self.choices.as_ref().is_none_or(among),
+            "{} must be {}",
+            self.row.name,
+            self.row.range
+        );
+        Ok(())
+    }
 }
 
 /// A step test: under way, or its result.
@@ -142,8 +166,7 @@ pub struct State {
     step_test: (u64, StepTest),
     texts: VecDeque<Text>,
     last_text: u64,
-    /// The parameters.
-    pub parameters: Vec<ParameterRow>,
+    parameters: (u64, Vec<ParameterRow>),
 }
 
 /// How much of it a page has seen.
@@ -152,19 +175,27 @@ pub struct Seen {
     status: u64,
     step_test: u64,
     text: u64,
+    parameters: u64,
 }
 
-/// What a page has not seen yet.
-#[derive(Debug)]
+/// What a page has not seen yet, by the names that the page has for it.
+#[derive(Debug, Serialize)]
 pub struct Update {
     /// Always.
+    #[serde(rename = "frame")]
     pub motion: Motion,
     /// If it changed.
+    #[serde(rename = "condition", skip_serializing_if = "Option::is_none")]
     pub status: Option<VehicleStatus>,
     /// If it changed.
+    #[serde(rename = "trial", skip_serializing_if = "Option::is_none")]
     pub step_test: Option<StepTest>,
     /// Since the last update.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
     pub texts: Vec<Text>,
+    /// All, if one of them changed.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub parameters: Option<Vec<ParameterRow>>,
 }
 
 impl State {
@@ -188,6 +219,21 @@ impl State {
         self.step_test = (self.step_test.0 + 1, step_test);
     }
 
+    /// The parameters.
+    pub fn parameters(&self) -> &[ParameterRow] {
+        &self.parameters.1
+    }
+
+    /// Replaces them.
+    pub fn set_parameters(&mut self, rows: Vec<ParameterRow>) {
+        self.parameters = (self.parameters.0 + 1, rows);
+    }
+
+    /// Keeps a text of this program.
+    pub fn say(&mut self, severity: u8, text: &str) {
+        self.add_text(self.motion.time_s, severity, text.to_owned());
+    }
+
     /// Keeps a text, and drops the oldest beyond the limit.
     pub fn add_text(&mut self, time_s: f64, severity: u8, text: String) {
         self.last_text += 1;
@@ -209,6 +255,7 @@ impl State {
             status: self.status.0 + 1,
             step_test: self.step_test.0 + 1,
             text: self.last_text,
+            parameters: self.parameters.0 + 1,
         };
         let last = std::mem::replace(seen, next);
         let texts = self.texts.iter().filter(|text| text.id > last.text);
@@ -217,6 +264,7 @@ impl State {
             status: (last.status != seen.status).then(|| self.status.1.clone()),
             step_test: (last.step_test != seen.step_test).then(|| self.step_test.1.clone()),
             texts: texts.cloned().collect(),
+            parameters: (last.parameters != seen.parameters).then(|| self.parameters.1.clone()),
         }
     }
 }
@@ -248,8 +296,10 @@ mod tests {
         assert_eq!(update.texts.len(), TEXTS);
         assert_eq!(update.texts[TEXTS - 1].text, (3 * TEXTS - 1).to_string());
         assert!(update.status.is_some() && update.step_test.is_some());
+        assert!(update.parameters.is_some());
         let update = state.update(&mut seen);
         assert!(update.texts.is_empty() && update.status.is_none() && update.step_test.is_none());
+        assert!(update.parameters.is_none());
         state.add_text(1.0, 4, "new".into());
         state.set_status(VehicleStatus::default());
         let update = state.update(&mut seen);

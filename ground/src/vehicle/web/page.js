@@ -1,9 +1,10 @@
-// The page of `tvc web`: what comes by the stream of events is shown, what is pressed is sent.
+// The page of `tvc web`: what comes from the program is shown, what is pressed is sent.
 
 import { Strip, drawTrace } from "./chart.js";
+import { Link } from "./link.js";
 import { Parameters } from "./parameters.js";
+import { Stop } from "./stop.js";
 
-const token = document.querySelector("meta[name=token]").content;
 const at = (id) => document.getElementById(id);
 /** Texts in sight. */
 const TEXTS = 100;
@@ -19,41 +20,37 @@ let trial = {};
 let heard = performance.now();
 let drawn = 0;
 
+// The token stands in the address behind #, where no request carries it.
+const token = new URLSearchParams(location.hash.slice(1)).get("token") ?? "";
+addEventListener("hashchange", () => location.reload());
+// A page that is connected anew is told every text again.
+const link = new Link(token, () => at("texts").replaceChildren(), show);
+
 // Orders
 
-/** Sends an order; gives the reason if it is refused. */
-async function send(order, body) {
-  try {
-    const response = await fetch(`/${order}`, {
-      method: "POST",
-      headers: { "X-Token": token },
-      body: body === undefined ? "" : JSON.stringify(body),
-    });
-    if (response.ok) return null;
-    const text = await response.text();
-    try { return JSON.parse(text).error; } catch { return text; }
-  } catch {
-    return "tvc web does not answer: is it still running?";
-  }
-}
+const stop = new Stop(() => link.order("stop"), (words, kind) => {
+  // Set once, it is read out once.
+  if (at("stopped").textContent !== words) at("stopped").textContent = words;
+  at("stopped").className = kind;
+});
 
 /** Sends a button's order and tells how it went. */
 async function press(order, words) {
-  const refusal = await send(order);
+  const { error } = await link.order(order);
   const answer = at("answer");
-  answer.textContent = refusal ?? `${words}: done`;
-  answer.classList.toggle("done", refusal === null);
+  answer.textContent = error ?? `${words}: done`;
+  answer.classList.toggle("done", error === undefined);
   clearTimeout(press.timer);
-  press.timer = setTimeout(() => { answer.textContent = ""; }, refusal === null ? 2000 : 8000);
+  press.timer = setTimeout(() => { answer.textContent = ""; }, error ? 8000 : 2000);
 }
 
-at("stop").addEventListener("pointerdown", () => press("stop", "STOP"));
+at("stop").addEventListener("pointerdown", () => stop.pressed());
 at("stop").addEventListener("click", (event) => {
   // By keyboard; the pointer has been heard already.
-  if (event.detail === 0) press("stop", "STOP");
+  if (event.detail === 0) stop.pressed();
 });
 document.addEventListener("keydown", (event) => {
-  if (event.key === "Escape" && !event.repeat) press("stop", "STOP");
+  if (event.key === "Escape" && !event.repeat) stop.pressed();
 });
 for (const button of document.querySelectorAll("[data-order]")) {
   button.addEventListener("click", () => press(button.dataset.order, button.textContent));
@@ -63,21 +60,7 @@ at("record").addEventListener("click", () => (
   condition.recording ? press("end-record", "recording ended") : press("record", "recording begun")
 ));
 
-// Parameters
-
-const parameters = new Parameters(at("parameters"), (name, value) => send("set", { name, value }));
-let revision = 0;
-
-async function fetchParameters(wanted) {
-  revision = wanted;
-  try {
-    const response = await fetch(`/parameters?token=${token}`);
-    if (!response.ok) throw new Error(response.statusText);
-    parameters.show(await response.json());
-  } catch {
-    revision = 0;
-  }
-}
+const parameters = new Parameters(at("parameters"), at("undo"), (name, value) => link.order("set", { name, value }));
 
 // Charts
 
@@ -102,15 +85,17 @@ function paint(now) {
   requestAnimationFrame(paint);
   const silent = performance.now() - heard > SILENCE;
   document.body.classList.toggle("stale", silent || !condition.connected);
-  if (silent) at("problem").textContent = "tvc web does not answer: is it still running? This page tries again by itself.";
+  if (silent) showSilence();
   if (!frame || now - drawn < DRAW) return;
   drawn = now;
   const [roll, pitch, yaw] = frame.attitude_deg;
-  at("body").setAttribute("transform", `rotate(${-pitch})`);
-  at("setpoint").setAttribute("transform", `rotate(${-frame.set_deg})`);
-  at("rudder").setAttribute("transform", `rotate(${-frame.servo_deg})`);
+  // What is no finite number comes as null.
+  document.body.classList.toggle("invalid", pitch === null);
+  at("body").setAttribute("transform", `rotate(${-(pitch ?? 0)})`);
+  at("setpoint").setAttribute("transform", `rotate(${-(frame.set_deg ?? 0)})`);
+  at("rudder").setAttribute("transform", `rotate(${-(frame.servo_deg ?? 0)})`);
   for (const [id, value] of [["pitch", pitch], ["roll", roll], ["yaw", yaw], ["servo", frame.servo_deg]]) {
-    at(id).textContent = value.toFixed(1);
+    at(id).textContent = value === null ? "invalid" : value.toFixed(1);
   }
   for (const [strip] of strips) strip.draw();
 }
@@ -126,6 +111,14 @@ function figures(list, rows) {
     row.append(dt, dd);
     return row;
   }));
+}
+
+/** Nothing is known while the program is silent; what it says then is shown as ever. */
+function showSilence() {
+  at("problem").textContent = link.refusal || "tvc web does not answer: is it still running? This page tries again by itself.";
+  at("state").textContent = "unknown";
+  at("state").className = "pill";
+  for (const button of document.querySelectorAll("[data-order], #step, #record")) button.disabled = true;
 }
 
 function showCondition(now) {
@@ -146,7 +139,9 @@ function showCondition(now) {
   at("record").disabled = busy || (!now.connected && now.recording === null);
   at("record").textContent = now.recording && !busy ? "End recording" : "Record";
   at("record").classList.toggle("on", now.recording !== null);
-  at("recording").textContent = now.recording ? `recording to ${now.recording}` : "";
+  at("recording").textContent = now.recording_failure ?? (now.recording ? `recording to ${now.recording}` : "");
+  at("recording").classList.toggle("bad", now.recording_failure !== null);
+  parameters.control(now.armed && !now.can_release);
   at("health").textContent = !now.connected ? "unknown"
     : now.unhealthy.length ? `not healthy: ${now.unhealthy.join(", ")}` : "everything enabled is healthy";
   const count = (value) => value.toLocaleString("en");
@@ -160,7 +155,6 @@ function showCondition(now) {
     ["samples missed", count(now.missed)],
     ["bus errors", count(now.bus_errors)],
   ]);
-  if (now.parameters !== revision) fetchParameters(now.parameters);
 }
 
 /** A trace stays until the next test, whatever becomes of the window. */
@@ -212,27 +206,18 @@ function showText(text) {
   while (list.childElementCount > TEXTS) list.lastElementChild.remove();
 }
 
-// The stream
+// What comes
 
-const stream = new EventSource(`/events?token=${token}`);
-const on = (name, show) => stream.addEventListener(name, (event) => {
+function show(news) {
   heard = performance.now();
-  show(JSON.parse(event.data));
-});
-// A page that begins anew is told every text again.
-stream.addEventListener("open", () => at("texts").replaceChildren());
-on("condition", showCondition);
-on("trial", showTrial);
-on("text", showText);
-on("frame", (now) => {
-  frame = now;
+  if (news.condition) showCondition(news.condition);
+  if (news.trial) showTrial(news.trial);
+  if (news.parameters) parameters.show(news.parameters);
+  for (const text of news.texts ?? []) showText(text);
+  const before = frame?.count;
+  frame = news.frame;
   shown += 1;
   document.body.dataset.frames = String(shown);
-  if (now.count === on.count) return;
-  on.count = now.count;
-  for (const [strip, values] of strips) strip.push(now.time_s, values(now));
-});
-// After a restart of the program the token is another one; only a new page has it.
-stream.addEventListener("error", () => {
-  if (stream.readyState === EventSource.CLOSED) setTimeout(() => location.reload(), 1000);
-});
+  if (frame.count === before) return;
+  for (const [strip, values] of strips) strip.push(frame.time_s, values(frame));
+}

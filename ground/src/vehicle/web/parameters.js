@@ -7,6 +7,13 @@ const cell = (row, text, kind) => {
   return td;
 };
 
+/** About a thousandth of a range, as 1, 2 or 5 times a power of ten. */
+export function stepOf([low, high]) {
+  const raw = (high - low) / 1000;
+  const power = 10 ** Math.floor(Math.log10(raw));
+  return Number((power * [1, 2, 5, 10].find((factor) => factor * power >= raw * 0.999)).toPrecision(1));
+}
+
 /** A field in which the value can be changed. */
 function field(parameter) {
   if (parameter.choices) {
@@ -16,27 +23,34 @@ function field(parameter) {
   }
   const input = document.createElement("input");
   input.type = "number";
-  input.step = "any";
-  if (parameter.between) [input.min, input.max] = parameter.between;
+  input.step = parameter.between ? String(stepOf(parameter.between)) : "any";
   return input;
 }
 
-/** Keeps a table like the vehicle's parameters; `set(name, value)` gives the vehicle's refusal, or nothing. */
+/** Keeps a table like the vehicle's parameters; `set(name, value)` gives what became of it. */
 export class Parameters {
-  constructor(table, set) {
-    this.body = table.tBodies[0];
-    this.set = set;
-    this.rows = new Map();
+  constructor(table, undo, set) {
+    Object.assign(this, { body: table.tBodies[0], undo, set, rows: new Map(), last: null, inControl: false, agreed: false });
+    undo.addEventListener("click", () => this.back());
+    this.showUndo();
   }
 
   /** Shows what the vehicle has; a field that is being edited is left alone. */
   show(parameters) {
     for (const parameter of parameters) {
       const row = this.rows.get(parameter.name) ?? this.add(parameter);
-      row.value = parameter.value;
-      if (row.field !== document.activeElement) row.field.value = String(parameter.value);
+      row.parameter = parameter;
+      if (row.field !== document.activeElement && row.question === null) row.field.value = String(parameter.value);
       row.cell.classList.toggle("changed", parameter.default !== null && parameter.value !== parameter.default);
     }
+  }
+
+  /** While the vehicle is in control the first change is asked for; what was agreed to ends with it. */
+  control(inControl) {
+    this.inControl = inControl;
+    if (inControl) return;
+    this.agreed = false;
+    for (const row of this.rows.values()) if (row.question) this.say(row, "");
   }
 
   add(parameter) {
@@ -45,32 +59,81 @@ export class Parameters {
     const td = cell(tr);
     const input = field(parameter);
     input.setAttribute("aria-label", parameter.name);
-    const refusal = document.createElement("span");
-    refusal.className = "refusal";
-    td.append(input, refusal);
+    const said = document.createElement("span");
+    said.className = "refusal";
+    td.append(input, said);
     cell(tr, parameter.unit);
     cell(tr, parameter.range);
-    cell(tr, parameter.default ?? "");
+    cell(tr, parameter.default ?? "", "default");
     cell(tr, parameter.live ? parameter.meaning : `${parameter.meaning} (only while disarmed)`);
-    const row = { field: input, cell: td, value: parameter.value };
-    input.addEventListener("change", async () => {
-      const said = await this.wish(parameter.name, input.value);
-      refusal.textContent = said;
-      if (said) input.value = String(row.value);
-    });
+    const row = { field: input, cell: td, said, parameter, question: null };
+    input.addEventListener("change", () => this.wish(row, input.value));
     input.addEventListener("keydown", (event) => {
-      // Not by Escape, which is STOP wherever it is pressed.
-      if (event.key.toLowerCase() !== "z" || !(event.ctrlKey || event.metaKey)) return;
+      const back = event.key.toLowerCase() === "z" && (event.ctrlKey || event.metaKey);
+      if (!back && event.key !== "Escape") return;
       event.preventDefault();
-      input.value = String(row.value);
+      this.restore(row);
+      if (back) return;
+      // Escape leaves the field here; anywhere else it is STOP.
+      event.stopPropagation();
+      input.blur();
     });
     this.rows.set(parameter.name, row);
     return row;
   }
 
-  async wish(name, text) {
+  /** What was typed: nothing that is out of range is sent, and nothing unasked in control. */
+  wish(row, text) {
+    const { name, value: before, between, range } = row.parameter;
     const value = Number(text);
-    if (text.trim() === "" || !Number.isFinite(value)) return `${text || "nothing"} is no number`;
-    return await this.set(name, value) ?? "";
+    if (text.trim() === "" || !Number.isFinite(value)) return this.refuse(row, `${text || "nothing"} is no number`);
+    if (between && (value < between[0] || value > between[1])) return this.refuse(row, `${name} must be ${range}`);
+    if (value === before) return this.say(row, "");
+    if (!this.inControl || this.agreed) return this.change(row, value);
+    const button = document.createElement("button");
+    button.type = "button";
+    button.textContent = `The vehicle is in control. Change to ${value}`;
+    button.addEventListener("click", () => {
+      this.agreed = true;
+      this.change(row, value);
+    });
+    this.say(row, "");
+    row.question = button;
+    row.said.append(button);
+  }
+
+  async change(row, value) {
+    const { name, value: before } = row.parameter;
+    this.say(row, "");
+    const { error } = await this.set(name, value);
+    if (error) return this.refuse(row, error);
+    this.last = { row, before };
+    this.showUndo();
+  }
+
+  /** The newest change is taken back, and can be made again in the same way. */
+  async back() {
+    if (!this.last) return;
+    const { row, before } = this.last;
+    row.field.value = String(before);
+    await this.change(row, before);
+  }
+
+  showUndo() {
+    this.undo.disabled = this.last === null;
+    this.undo.textContent = this.last ? `Undo ${this.last.row.parameter.name}: back to ${this.last.before}` : "Undo";
+  }
+
+  refuse(row, words) {
+    this.say(row, words);
+    row.field.value = String(row.parameter.value);
+  }
+
+  restore(row) { this.refuse(row, ""); }
+
+  say(row, words) {
+    row.question = null;
+    row.said.replaceChildren();
+    row.said.textContent = words;
   }
 }

@@ -5,12 +5,12 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-use anyhow::{Result, bail};
+use anyhow::{Result, bail, ensure};
 use client::{ServoMap, StateKind, request};
 use serde_json::{Value, json};
 
+use super::handle::{Condition, Handle, Recording};
 use super::model::{Model, StepTest};
-use super::vehicle_thread::Handle;
 use crate::logs::log::{Flight, Log, Step};
 use crate::logs::report;
 use crate::vehicle::test::{ARM_PATIENCE, ARM_RETRY, is_worth_waiting};
@@ -24,7 +24,7 @@ const POINTS: usize = 300;
 
 /// Arms, releases, disarms, and leaves the figures in `model`.
 pub fn run(vehicle: &Handle, model: &Model, stop: &Arc<AtomicBool>) {
-    let path = match vehicle.record("step") {
+    let path = match vehicle.record(Recording::Step).wait() {
         Ok(path) => path,
         Err(error) => return end(model, "", &Err(error)),
     };
@@ -32,16 +32,21 @@ pub fn run(vehicle: &Handle, model: &Model, stop: &Arc<AtomicBool>) {
     stage(model, &log, "hold the drone still");
     let flown = fly(vehicle, model, &log, stop);
     // Disarm whatever happened: the rudder goes to neutral.
-    let disarmed = vehicle.order(request::DISARM);
-    let ended = vehicle.end_recording();
+    let disarmed = vehicle.order(request::DISARM, Condition::default()).wait();
+    let ended = vehicle.end_recording().wait();
     let result = flown.and(disarmed).and(ended).and_then(|()| figures(&path));
     end(model, &log, &result);
 }
 
 fn fly(vehicle: &Handle, model: &Model, log: &str, stop: &Arc<AtomicBool>) -> Result<()> {
-    vehicle.guarded(stop, request::CALIBRATE)?;
+    let condition = Condition {
+        until: None,
+        unless: Some(stop.clone()),
+    };
+    let order = |order| vehicle.order(order, condition.clone()).wait();
+    order(request::CALIBRATE)?;
     let begun = Instant::now();
-    while let Err(refusal) = vehicle.guarded(stop, request::ARM) {
+    while let Err(refusal) = order(request::ARM) {
         if begun.elapsed() > ARM_PATIENCE
             || stop.load(Ordering::SeqCst)
             || !is_worth_waiting(&refusal)
@@ -51,7 +56,7 @@ fn fly(vehicle: &Handle, model: &Model, log: &str, stop: &Arc<AtomicBool>) -> Re
         stage(model, log, &format!("hold the drone still: {refusal}"));
         std::thread::sleep(ARM_RETRY);
     }
-    vehicle.guarded(stop, request::RELEASE)?;
+    order(request::RELEASE)?;
     stage(model, log, "released");
     let begun = Instant::now();
     while begun.elapsed() < LENGTH {
@@ -109,6 +114,7 @@ fn figures(path: &Path) -> Result<Value> {
             .collect()
         });
     let object = json!(figures);
+    ensure!(object["runs"][0].is_object(), "the log holds no release");
     Ok(json!({
         "run": object["runs"][0],
         "loop": object["loop"],

@@ -1,0 +1,273 @@
+//! The desk at which pages give their orders: what each order does, and when it is refused.
+//!
+//! | order | what it does |
+//! |---|---|
+//! | `stop` | disarms, whatever its age, and ends a step test |
+//! | `arm`, `release`, `calibrate`, `save`, `reload`, `reset` | the order is given |
+//! | `set` with `name` and `value` | a parameter is set |
+//! | `record`, `end-record` | a log begins, ends |
+//! | `step` | a step test begins |
+//!
+//! A page sends with each order the newest time of this program that it has received. Whatever a
+//! network or a busy browser has held back for more than [`FRESH`] is refused, but a `stop` is not.
+//!
+//! When the last page has been gone for [`ALONE`] and the vehicle was armed from a page, it is
+//! disarmed: nobody is left who can press STOP.
+
+use std::io::Write;
+use std::pin::Pin;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::time::{Duration, Instant};
+
+use anyhow::{Context, Result, bail, ensure};
+use client::request::{self, DISARM};
+use client::{Parameter, Request};
+use serde::Deserialize;
+
+use super::auth::{Once, Token};
+use super::handle::{Condition, Handle, Recording};
+use super::model::{Model, State};
+use super::step_test;
+use super::vehicle_thread::guard;
+
+/// Age from which on an order is refused.
+pub const FRESH: Duration = Duration::from_secs(1);
+/// How long the vehicle stays armed without a page.
+const ALONE: Duration = Duration::from_secs(1);
+/// Time until a STOP of this program's own that was not answered is repeated.
+const AGAIN: Duration = Duration::from_millis(200);
+/// Most pages at the same time.
+const PAGES: usize = 32;
+
+/// An order, as a page sends it.
+#[derive(Debug, Deserialize)]
+pub struct Message {
+    /// The page's number for it, which stands in the answer.
+    pub id: u64,
+    /// The newest time that the page has received, [`Desk::now_ms`].
+    heard_ms: u64,
+    #[serde(flatten)]
+    order: Order,
+}
+
+impl Message {
+    /// Whether it is a STOP.
+    pub fn is_stop(&self) -> bool {
+        matches!(self.order, Order::Stop)
+    }
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(tag = "order", rename_all = "kebab-case")]
+enum Order {
+    Stop,
+    Arm,
+    Release,
+    Calibrate,
+    Save,
+    Reload,
+    Reset,
+    Set { name: String, value: f32 },
+    Record,
+    EndRecord,
+    Step,
+}
+
+/// What becomes of an order: something to know about it, or nothing.
+pub type Outcome = Pin<Box<dyn Future<Output = Result<Option<String>>> + Send>>;
+
+/// What the pages share.
+pub struct Desk {
+    /// Who may give orders.
+    pub token: Token,
+    /// What the browser that this program opens has instead.
+    pub once: Once,
+    /// What is known of the vehicle.
+    pub model: Arc<Model>,
+    vehicle: Handle,
+    /// Ends the step test under way.
+    test_stop: Arc<AtomicBool>,
+    pages: AtomicUsize,
+    /// A page has armed the vehicle.
+    armed: AtomicBool,
+    begun: Instant,
+}
+
+impl Desk {
+    /// A desk in front of a vehicle.
+    pub fn new(token: Token, once: Once, vehicle: Handle, model: Arc<Model>) -> Self {
+        Self {
+            token,
+            once,
+            model,
+            vehicle,
+            test_stop: Arc::default(),
+            pages: AtomicUsize::new(0),
+            armed: AtomicBool::new(false),
+            begun: Instant::now(),
+        }
+    }
+
+    /// Time since the start of this program, ms.
+    pub fn now_ms(&self) -> u64 {
+        self.begun.elapsed().as_millis() as u64
+    }
+
+    /// Takes in a page; nothing if there are too many.
+    pub fn enter(self: &Arc<Self>) -> Option<Presence> {
+        let presence = Presence(self.clone());
+        (self.pages.fetch_add(1, Ordering::SeqCst) < PAGES).then_some(presence)
+    }
+
+    /// Gives an order to the vehicle at once; what becomes of it comes later.
+    pub fn give(&self, message: Message) -> Outcome {
+        let given = self.begin(message.order, message.heard_ms);
+        given.unwrap_or_else(|refusal| Box::pin(async { Err(refusal) }))
+    }
+
+    /// Disarms. A fault that stays is no reason to press again: the rudder rests.
+    pub fn stop(&self) -> Outcome {
+        self.test_stop.store(true, Ordering::SeqCst);
+        let answer = self.vehicle.order(DISARM, Condition::default());
+        Box::pin(async {
+            let Err(error) = answer.await else {
+                return Ok(None);
+            };
+            match error.downcast_ref().and_then(guard::fault_that_stays) {
+                Some(fault) => Ok(Some(fault)),
+                None => Err(error),
+            }
+        })
+    }
+
+    fn begin(&self, order: Order, heard_ms: u64) -> Result<Outcome> {
+        let condition = match order {
+            Order::Stop => return Ok(self.stop()),
+            _ => self.condition(heard_ms)?,
+        };
+        let order = match order {
+            Order::Stop => request::DISARM,
+            Order::Arm => request::ARM,
+            Order::Release => request::RELEASE,
+            Order::Calibrate => request::CALIBRATE,
+            Order::Save => request::SAVE,
+            Order::Reload => request::RELOAD,
+            Order::Reset => request::RESET,
+            Order::Set { name, value } => return self.set(name, value, condition),
+            Order::Record => {
+                idle(&self.model.lock())?;
+                let path = self.vehicle.record(Recording::Flight);
+                return Ok(Box::pin(async { path.await.map(|_| None) }));
+            }
+            Order::EndRecord => {
+                let ended = self.vehicle.end_recording();
+                return Ok(Box::pin(async { ended.await.map(|()| None) }));
+            }
+            Order::Step => {
+                self.step()?;
+                return Ok(Box::pin(async { Ok(None) }));
+            }
+        };
+        if order == request::ARM || order == request::RELEASE {
+            self.armed.store(true, Ordering::SeqCst);
+        }
+        let answer = self.vehicle.order(order, condition);
+        Ok(Box::pin(async { answer.await.map(|()| None) }))
+    }
+
+    /// Until when an order of a page may be given that has heard of this time.
+    fn condition(&self, heard_ms: u64) -> Result<Condition> {
+        let heard = Duration::from_millis(heard_ms);
+        let age = self
+            .begun
+            .elapsed()
+            .checked_sub(heard)
+            .context("this page is of another start of tvc web: load it again")?;
+        ensure!(
+            age <= FRESH,
+            "the order was {:.1} s old and was not given: press again",
+            age.as_secs_f64()
+        );
+        Ok(Condition {
+            until: Some(self.begun + heard + FRESH),
+            unless: None,
+        })
+    }
+
+    /// Sets a parameter that the vehicle has, to a value that it can have.
+    fn set(&self, name: String, value: f32, condition: Condition) -> Result<Outcome> {
+        let state = self.model.lock();
+        let Some(known) = state.parameters().iter().find(|row| row.is(&name)) else {
+            bail!("the vehicle has no parameter of this name");
+        };
+        known.admit(value)?;
+        drop(state);
+        let set = Request::Set(Parameter { name, value });
+        let answer = self.vehicle.request(set, condition);
+        Ok(Box::pin(async { answer.await.map(|()| None) }))
+    }
+
+    /// Begins a step test.
+    fn step(&self) -> Result<()> {
+        let mut state = self.model.lock();
+        idle(&state)?;
+        ensure!(
+            !state.status().in_operation && state.status().connected,
+            "the vehicle is not in standby: disarm first"
+        );
+        self.armed.store(true, Ordering::SeqCst);
+        // Cleared before the test is shown as running: a STOP after that counts.
+        self.test_stop.store(false, Ordering::SeqCst);
+        let mut test = state.step_test().clone();
+        test.running = true;
+        state.set_step_test(test);
+        drop(state);
+        let (vehicle, model) = (self.vehicle.clone(), self.model.clone());
+        let stop = self.test_stop.clone();
+        std::thread::spawn(move || step_test::run(&vehicle, &model, &stop));
+        Ok(())
+    }
+
+    /// Disarms what pages have armed, if none of them comes back.
+    async fn rest_alone(&self) {
+        tokio::time::sleep(ALONE).await;
+        while self.pages.load(Ordering::SeqCst) == 0 && self.is_flown() {
+            if self.stop().await.is_ok() {
+                let words = "the last page was closed: disarmed";
+                self.model.lock().say(4, words);
+                let _ = writeln!(std::io::stderr(), "{words}");
+                return;
+            }
+            tokio::time::sleep(AGAIN).await;
+        }
+    }
+
+    /// Whether something is under way that a page has begun.
+    fn is_flown(&self) -> bool {
+        let state = self.model.lock();
+        let busy = state.status().in_operation || state.step_test().running;
+        self.armed.fetch_and(busy, Ordering::SeqCst) && busy
+    }
+}
+
+/// A page that is open.
+pub struct Presence(Arc<Desk>);
+
+impl Drop for Presence {
+    fn drop(&mut self) {
+        if self.0.pages.fetch_sub(1, Ordering::SeqCst) == 1 {
+            let desk = self.0.clone();
+            tokio::spawn(async move { desk.rest_alone().await });
+        }
+    }
+}
+
+/// Nothing is being recorded or tested.
+fn idle(state: &State) -> Result<()> {
+    ensure!(!state.step_test().running, "a step test is under way");
+    match &state.status().recording {
+        Some(path) => bail!("{path} is being recorded: end it first"),
+        None => Ok(()),
+    }
+}

@@ -1,0 +1,153 @@
+//! How the page's tasks ask the thread that owns the port.
+
+use std::future::Future;
+use std::path::PathBuf;
+use std::pin::Pin;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{self, Receiver, Sender};
+use std::task::{Context, Poll};
+use std::time::Instant;
+
+use anyhow::{Result, anyhow};
+use client::Request;
+use client::request::Order;
+use tokio::sync::oneshot;
+
+/// Where an answer goes.
+pub type Reply<T> = oneshot::Sender<Result<T>>;
+
+/// What the thread that owns the port is asked for.
+pub enum Ask {
+    /// A request to the vehicle.
+    Request(Request, Condition, Reply<()>),
+    /// A log from now on; the answer is its path.
+    Record(Recording, Reply<PathBuf>),
+    /// The end of the log.
+    EndRecording(Reply<()>),
+}
+
+/// When a request may still be sent to the vehicle.
+#[derive(Clone, Debug, Default)]
+pub struct Condition {
+    /// Not after this time.
+    pub until: Option<Instant>,
+    /// Not once this flag is set.
+    pub unless: Option<Arc<AtomicBool>>,
+}
+
+impl Condition {
+    /// Why it may not be sent any more.
+    pub fn refusal(&self) -> Option<&'static str> {
+        if self.is_over() {
+            return Some("the order waited too long and was not given: press again");
+        }
+        let stopped = self.unless.as_ref()?.load(Ordering::SeqCst);
+        stopped.then_some("stopped by the operator")
+    }
+
+    /// Whether its time is over.
+    pub fn is_over(&self) -> bool {
+        self.until.is_some_and(|until| Instant::now() > until)
+    }
+}
+
+/// What is recorded, and so how its log is called.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Recording {
+    /// Whatever happens until it is ended.
+    Flight,
+    /// A step test, which begins the estimate anew by itself.
+    Step,
+}
+
+impl Recording {
+    /// The beginning of its log's name.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Flight => "flight",
+            Self::Step => "step",
+        }
+    }
+}
+
+impl Ask {
+    /// Answers that it is not done.
+    pub fn refuse(self, why: &str) {
+        // Who asked may be gone.
+        let _ = match self {
+            Self::Request(.., reply) | Self::EndRecording(reply) => {
+                reply.send(Err(anyhow!("{why}"))).is_ok()
+            }
+            Self::Record(_, reply) => reply.send(Err(anyhow!("{why}"))).is_ok(),
+        };
+    }
+}
+
+/// A handle to ask by, for any thread or task. What is asked stands in the queue at once, in the
+/// order of the calls; the answer is waited for by whoever wants it.
+#[derive(Clone)]
+pub struct Handle(Sender<Ask>);
+
+impl Handle {
+    /// A handle, and the queue from which the port's thread takes what is asked.
+    pub fn new() -> (Self, Receiver<Ask>) {
+        let (sender, receiver) = mpsc::channel();
+        (Self(sender), receiver)
+    }
+
+    /// Asks the vehicle, unless the condition forbids it when its turn comes. The answer is an
+    /// error for the vehicle's refusal, silence, or a port that went away.
+    pub fn request(&self, request: Request, condition: Condition) -> Answer<()> {
+        self.ask(|reply| Ask::Request(request, condition, reply))
+    }
+
+    /// Gives an order. The answer is as of [`Handle::request`].
+    pub fn order(&self, order: Order, condition: Condition) -> Answer<()> {
+        self.request(Request::Order(order), condition)
+    }
+
+    /// Begins a log; the answer is its path, or an error if another log is being written, the
+    /// folder takes no file, or there is no port.
+    pub fn record(&self, recording: Recording) -> Answer<PathBuf> {
+        self.ask(|reply| Ask::Record(recording, reply))
+    }
+
+    /// Ends the log. The answer is an error if it could not be written, or there is no port.
+    pub fn end_recording(&self) -> Answer<()> {
+        self.ask(Ask::EndRecording)
+    }
+
+    fn ask<T>(&self, ask: impl FnOnce(Reply<T>) -> Ask) -> Answer<T> {
+        let (reply, answer) = oneshot::channel();
+        // Where the thread has ended, the answer says so.
+        let _ = self.0.send(ask(reply));
+        Answer(answer)
+    }
+}
+
+/// An answer to come.
+pub struct Answer<T>(oneshot::Receiver<Result<T>>);
+
+impl<T> Answer<T> {
+    /// Waits for it on a thread of its own.
+    ///
+    /// # Errors
+    /// Those of what was asked, or the program is about to end.
+    pub fn wait(self) -> Result<T> {
+        self.0.blocking_recv().unwrap_or_else(|_| Err(ending()))
+    }
+}
+
+impl<T> Future for Answer<T> {
+    type Output = Result<T>;
+
+    fn poll(mut self: Pin<&mut Self>, context: &mut Context<'_>) -> Poll<Result<T>> {
+        let answer = Pin::new(&mut self.0).poll(context);
+        answer.map(|answer| answer.unwrap_or_else(|_| Err(ending())))
+    }
+}
+
+fn ending() -> anyhow::Error {
+    anyhow!("the program is about to end")
+}

@@ -1,0 +1,128 @@
+//! What keeps the vehicle from being left armed: its own watch over this program, and this
+//! program's last act.
+
+use std::io::Write;
+use std::time::Duration;
+
+use client::request::DISARM;
+use client::state::is_in_operation;
+use client::{Failure, Parameter, RefusalKind, Request, Ticket};
+
+use super::Session;
+
+/// Where 1, three seconds without a heartbeat of this program are a failsafe.
+const FS_HOST: &str = "FS_HOST";
+/// Time between two attempts to set it.
+const RETRY: Duration = Duration::from_secs(1);
+/// How long the last orders wait for their answers, each.
+const LAST: Duration = Duration::from_millis(500);
+
+/// The vehicle's watch over this program: on while it works, never stored in the vehicle's flash.
+/// Whoever sets it at a page decides about it.
+#[derive(Default)]
+pub(super) struct HostWatch {
+    /// This program has set it.
+    on: bool,
+    /// A page has set it.
+    chosen: bool,
+    asked: Option<Ticket>,
+    due: Duration,
+}
+
+impl HostWatch {
+    /// Whether it is on by this program's wish.
+    pub(super) fn is_on(&self) -> bool {
+        self.on && !self.chosen
+    }
+
+    /// Takes note of what a page asks for.
+    pub(super) fn before(&mut self, request: &Request) {
+        self.chosen |= matches!(request, Request::Set(row) if row.name == FS_HOST);
+    }
+
+    /// To set it.
+    pub(super) fn set(value: f32) -> Request {
+        let name = FS_HOST.to_owned();
+        Request::Set(Parameter { name, value })
+    }
+}
+
+impl Session<'_> {
+    /// Asks the vehicle to watch over this program, wherever it does not.
+    pub(super) fn watch_host(&mut self) {
+        let now = self.link.now();
+        let client = self.link.client();
+        let answer = |ticket| client.answer(ticket);
+        if self.host.asked.and_then(answer).is_some() {
+            self.host.asked = None;
+        }
+        let is_off = client.parameter(FS_HOST) == Some(0.0);
+        let is_busy = self.host.asked.is_some() || self.storing.is_some() || now < self.host.due;
+        if is_off && !is_busy && !self.host.chosen {
+            self.host.on = true;
+            self.host.due = now + RETRY;
+            self.host.asked = Some(self.request(HostWatch::set(1.0)));
+        }
+    }
+
+    /// The last act at a port that is still there: disarms what is or may be armed, and ends the
+    /// watch over this program. Where the order to disarm is not answered, the watch stays.
+    pub(super) fn rest(&mut self) {
+        let client = self.link.client();
+        if client.heard().is_none() {
+            return;
+        }
+        if client.state().is_none_or(is_in_operation) || !self.waiting.is_empty() {
+            match self.last(Request::Order(DISARM)) {
+                Some(Ok(())) => say("the vehicle has been disarmed"),
+                Some(Err(failure)) => {
+                    say(&fault_that_stays(&failure).unwrap_or_else(|| failure.to_string()));
+                }
+                None => {
+                    return say("no answer to the order to disarm: cut the vehicle's power");
+                }
+            }
+        }
+        if self.host.is_on() {
+            self.last(HostWatch::set(0.0));
+        }
+    }
+
+    /// The answer to a last request; nothing if there is none in time.
+    fn last(&mut self, request: Request) -> Option<Result<(), Failure>> {
+        let ticket = self.request(request);
+        let end = self.link.now() + LAST;
+        while self.link.now() < end {
+            let received = self.link.receive();
+            self.without_log(received).ok()?;
+            if let Some(answer) = self.link.client().answer(ticket) {
+                return Some(answer);
+            }
+        }
+        None
+    }
+}
+
+impl Drop for Session<'_> {
+    fn drop(&mut self) {
+        if std::thread::panicking() {
+            self.rest();
+        }
+    }
+}
+
+/// What to say where only a fault that is still there keeps the vehicle from standby: the order to
+/// disarm was obeyed as far as it matters.
+pub fn fault_that_stays(failure: &Failure) -> Option<String> {
+    let stays = failure.refusal() == Some(RefusalKind::FaultPersists);
+    stays.then(|| {
+        let words = failure.to_string();
+        let fault = words.strip_prefix("disarm refused: ").unwrap_or(&words);
+        format!("the rudder is at neutral; the fault stays: {fault}")
+    })
+}
+
+/// Tells the person at the terminal, who may be gone.
+pub(super) fn say(words: &str) {
+    let _ = writeln!(std::io::stderr(), "{words}");
+}

@@ -1,0 +1,149 @@
+//! What the vehicle tells, for the pages.
+
+use std::time::Duration;
+
+use client::state::is_in_operation;
+use client::status::sick;
+use client::{Frame, ServoMap, StateKind, text};
+use mavlink::dialects::common::{MavMessage, SYS_STATUS_DATA};
+
+use super::super::model::{Motion, ParameterRow, VehicleStatus};
+use super::{SILENCE, STATUS, Session};
+
+impl Session<'_> {
+    pub(super) fn on_frames(&mut self, frames: &[Frame]) {
+        let mut moved = false;
+        for frame in frames {
+            self.tracker.take(&frame.message);
+            moved |= self.on_message(&frame.message);
+        }
+        let state = self.link.client().state();
+        if self.state != state {
+            self.state = state;
+            self.status_due = Duration::ZERO;
+        }
+        if moved {
+            self.model.lock().motion = self.motion();
+        }
+    }
+
+    /// Whether the page's frame has changed.
+    fn on_message(&mut self, message: &MavMessage) -> bool {
+        match message {
+            MavMessage::ATTITUDE_QUATERNION(_) => {
+                self.attitudes += 1;
+                return true;
+            }
+            MavMessage::SERVO_OUTPUT_RAW(m) => {
+                self.step_us = m.time_usec;
+                return true;
+            }
+            MavMessage::RAW_IMU(m) => {
+                // Both are the vehicle's clock; the pulse's has 32 bits.
+                let age_us = self.step_us.wrapping_sub(m.time_usec as u32);
+                self.latency_ms = f64::from(age_us) * 1e-3;
+                return true;
+            }
+            MavMessage::SYS_STATUS(m) => self.health = m.clone(),
+            MavMessage::STATUSTEXT(m) => {
+                let time_s = self.tracker.peek().timestamp;
+                let words = text(&m.text).to_owned();
+                self.model.lock().add_text(time_s, m.severity as u8, words);
+                self.status_due = Duration::ZERO;
+            }
+            MavMessage::PARAM_VALUE(m) => {
+                // The table is this tool's own: a value that it does not allow is shown as it is,
+                // and not used.
+                let _ = self.params.set(text(&m.param_id), m.param_value);
+                self.publish_parameters();
+            }
+            MavMessage::TIMESYNC(m) if m.tc1 != 0 => {
+                let ns = self.link.now().as_nanos() as i64 - m.ts1;
+                self.round_trip_ms = (ns >= 0).then_some(rounded(ns as f64 * 1e-6));
+            }
+            _ => {}
+        }
+        false
+    }
+
+    /// Publishes the parameters, if all are known and one of them has changed.
+    fn publish_parameters(&mut self) {
+        let client = self.link.client();
+        if client.has_all_parameters() && !client.parameters().eq(&self.published) {
+            self.published = client.parameters().cloned().collect();
+            let rows = self.published.iter().map(ParameterRow::of).collect();
+            self.model.lock().set_parameters(rows);
+        }
+    }
+
+    fn motion(&self) -> Motion {
+        let status = self.tracker.peek();
+        let servo_rad = ServoMap::of(&self.params).angle_rad(status.pulse_us);
+        Motion {
+            time_s: rounded(status.timestamp),
+            count: self.attitudes,
+            attitude_deg: status.attitude_rad.map(|rad| rounded(rad.to_degrees())),
+            rate_deg_s: rounded(f64::from(status.rate_rad_s[1]).to_degrees()),
+            servo_deg: rounded(servo_rad.to_degrees()),
+            pulse_us: status.pulse_us,
+            set_deg: f64::from(self.params.pitch_set_deg()),
+            latency_ms: rounded(self.latency_ms),
+            load_pct: rounded(100.0 * status.health.load.unwrap_or_default()),
+        }
+    }
+
+    pub(super) fn publish_status(&mut self) {
+        let now = self.link.now();
+        self.status_due = now + STATUS;
+        let status = self.tracker.next(self.link.client());
+        let silence = self.link.client().heard().map(|at| now - at);
+        let problem = match silence {
+            Some(silence) if silence < SILENCE => String::new(),
+            None => "waiting for the vehicle's heartbeat".into(),
+            Some(silence) => format!(
+                "nothing from the vehicle for {} s: does the firmware still run?",
+                silence.as_secs()
+            ),
+        };
+        let flight = self.link.client().state();
+        let status = VehicleStatus {
+            port: self.link.name().to_owned(),
+            connected: problem.is_empty(),
+            problem,
+            flight,
+            state: status.state,
+            reason: status.reason,
+            armed: status.armed,
+            in_operation: flight.is_some_and(is_in_operation),
+            can_release: flight == Some(StateKind::Armed),
+            unhealthy: unhealthy(&self.health),
+            health: status.health,
+            round_trip_ms: self.round_trip_ms,
+            recording: self
+                .recording
+                .as_ref()
+                .map(|path| path.display().to_string()),
+            recording_failure: self.recording_failure.clone(),
+        };
+        self.model.lock().set_status(status);
+    }
+}
+
+/// What is enabled and not healthy, in words.
+fn unhealthy(status: &SYS_STATUS_DATA) -> Vec<String> {
+    let words = |name: &str| {
+        let name = name.trim_start_matches("MAV_SYS_STATUS_");
+        name.trim_start_matches("SENSOR_")
+            .replace('_', " ")
+            .to_lowercase()
+    };
+    sick(status)
+        .iter_names()
+        .map(|(name, _)| words(name))
+        .collect()
+}
+
+/// Three decimals are enough to look at.
+fn rounded(value: f64) -> f64 {
+    (value * 1e3).round() / 1e3
+}
