@@ -26,6 +26,7 @@ use tokio::time::sleep;
 
 use crate::arguments::seconds;
 use crate::out::exit::{BadInput, Verdict};
+use crate::out::file::print;
 use crate::signals;
 use crate::vehicle::link::Link;
 use crate::vehicle::port::PortOptions;
@@ -102,7 +103,7 @@ pub fn run(options: &Web) -> Result<Verdict> {
         .enable_time()
         .build()
         .context("serving the page")?;
-    println!("{url}");
+    print(format_args!("{url}\n"))?;
     if !address.ip().is_loopback() {
         eprintln!(
             "warning: whoever has this address can arm the vehicle from the network; leave --listen out to keep it on this computer"
