@@ -54,8 +54,11 @@ impl End {
 #[derive(Clone, Copy, Debug, Default)]
 struct Heard {
     state: Option<StateKind>,
-    /// When the state began, as it was heard.
+    /// When the state began, as it was heard and by the vehicle's clock.
     since: Option<Instant>,
+    since_ms: u32,
+    /// The vehicle's clock.
+    now_ms: u32,
     pulse_us: u16,
     host_watched: Option<f32>,
 }
@@ -137,8 +140,10 @@ fn hear(heard: &mut Heard, message: &MavMessage) {
             let state = state_of(beat.custom_mode);
             if heard.state != state {
                 (heard.state, heard.since) = (state, Some(Instant::now()));
+                heard.since_ms = heard.now_ms;
             }
         }
+        MavMessage::ATTITUDE_QUATERNION(attitude) => heard.now_ms = attitude.time_boot_ms,
         MavMessage::SERVO_OUTPUT_RAW(servo) => heard.pulse_us = servo.servo1_raw,
         MavMessage::PARAM_VALUE(row) if text(&row.param_id) == "FS_HOST" => {
             heard.host_watched = Some(row.param_value);
@@ -196,7 +201,7 @@ fn trial(rig: &str, end: End, from: StateKind, later: Duration) -> Trial {
     let from = cable.heard().state.unwrap();
     assert!(from.is_armed(), "{from}");
     assert_eq!(cable.heard().host_watched, Some(1.0));
-    let ended = Instant::now();
+    let (ended, ended_ms) = (Instant::now(), cable.heard().now_ms);
     match end {
         End::Signal(signal) => send(signal, &tool),
         End::Port => {
@@ -206,7 +211,12 @@ fn trial(rig: &str, end: End, from: StateKind, later: Duration) -> Trial {
     }
     let armed = |state: Option<StateKind>| state.is_none_or(StateKind::is_armed);
     let heard = cable.wait_for("neutral", |heard| !armed(heard.state));
-    let took = heard.since.unwrap().saturating_duration_since(ended);
+    // The vehicle waits by its own clock, whatever the machine that runs the rig does meanwhile.
+    let took = if end.leaves_the_tool() {
+        heard.since.unwrap().saturating_duration_since(ended)
+    } else {
+        Duration::from_millis((heard.since_ms - ended_ms).into())
+    };
     cable.wait_for("the neutral pulse", |heard| heard.pulse_us == neutral_us);
     let said = tool.wait_with_output().unwrap();
     let (status, said) = (said.status, String::from_utf8(said.stderr).unwrap());
