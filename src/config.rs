@@ -11,8 +11,8 @@ use bno055_driver::config::{GyrBandwidth, GyrRange, Sensors};
 /// highest bit was flipped on the cable lies outside of it whatever the rate was. The driver never
 /// takes one for a rotation, not even two in a row.
 ///
-/// 47 Hz of the gyroscope's bandwidth instead of 116: what a propeller shakes near the rate at which
-/// the sensor refreshes tilts the attitude by a fifth to a third less, and flights without
+/// 47 Hz of the gyroscope's bandwidth instead of 116: what a propeller shakes near the rate at
+/// which the sensor refreshes tilts the attitude by a fifth to a third less, and flights without
 /// vibration are as good.
 ///
 /// Either address, because breakouts differ, and no second BNO055 is on the bus. No need of a
@@ -116,7 +116,8 @@ pub const SELF_TEST_US: u64 = 1_000_000;
 pub const SELF_TEST_RATE_HZ: u32 = 95;
 
 /// Largest change of a gyro axis within the self-test, in counts of 1/16 deg/s: 3 deg/s, some
-/// fifteen times the noise of the BMG160 at 116 Hz bandwidth (0.15 deg/s rms), and more at the 47 Hz that are set.
+/// fifteen times the noise of the BMG160 at 116 Hz bandwidth (0.15 deg/s rms), and more at the 47
+/// Hz that are set.
 pub const SELF_TEST_GYRO_SPAN: i16 = 3 * 16;
 
 /// Largest gyro reading at rest, in counts: 5 deg/s. The data sheet's zero-rate offset is at most 3

@@ -327,8 +327,8 @@ impl Bus {
     /// The transfer that is over, once; ends one that has reached its deadline, and repairs the
     /// bus.
     ///
-    /// While the sensor is set up and nothing is more urgent, and where it is `hurried`, the STOP is
-    /// waited for.
+    /// While the sensor is set up and nothing is more urgent, and where it is `hurried`, the STOP
+    /// is waited for.
     pub(super) fn poll(&mut self, now: Micros, hurried: bool) -> Option<Completion> {
         if self.deadline().is_some_and(|deadline| now >= deadline) {
             let lines_free = SDA.is_high() && SCL.is_high();

@@ -205,8 +205,8 @@ impl Telemetry {
         self.acknowledge_with(command, result, 0);
     }
 
-    /// COMMAND_ACK to the asker, with `detail` as its first extension, `progress`: of a command that
-    /// is refused the [`RefusalKind`] as a number, of one that goes on 255, unknown.
+    /// COMMAND_ACK to the asker, with `detail` as its first extension, `progress`: of a command
+    /// that is refused the [`RefusalKind`] as a number, of one that goes on 255, unknown.
     fn acknowledge_with(&mut self, command: u16, result: MavResult, detail: u8) {
         let [low, high] = command.to_le_bytes();
         let [system, component] = self.asker;
@@ -225,8 +225,9 @@ fn message_id(param: f32) -> u32 {
 /// What becomes of an order that was understood.
 type Answer = Result<(), RefusalKind>;
 
-/// What counts of a COMMAND_LONG or COMMAND_INT. The dialect's own decoder is of no use: it knows each of its 160
-/// commands by a name, which takes 2 KB, and gives up on any other, which is yet to be answered.
+/// What counts of a COMMAND_LONG or COMMAND_INT. The dialect's own decoder is of no use: it knows
+/// each of its 160 commands by a name, which takes 2 KB, and gives up on any other, which is yet to
+/// be answered.
 struct Order {
     param1: f32,
     param2: f32,

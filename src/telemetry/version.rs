@@ -53,7 +53,8 @@ impl Telemetry {
         let (head, tail) = serial.split_at(8);
         let mut halves = head.iter().zip(tail).map(|(a, b)| a ^ b);
         let uid: [u8; 8] = array::from_fn(|_| halves.next().unwrap_or(0));
-        // By hand, since the dialect's type has no `uid2`: of what stands between, nothing is known.
+        // By hand, since the dialect's type has no `uid2`: of what stands between, nothing is
+        // known.
         let mut payload: Vec<u8, 76> = Vec::new();
         for field in [
             &CAPABILITIES.to_le_bytes()[..],

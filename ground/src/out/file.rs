@@ -29,8 +29,8 @@ pub fn print_json(value: &impl Serialize) -> Result<()> {
     print(format_args!("{}\n", serde_json::to_string(value)?))
 }
 
-/// Prints `text`, which ends its own lines, on standard output, where whoever waits for it has it at
-/// once.
+/// Prints `text`, which ends its own lines, on standard output, where whoever waits for it has it
+/// at once.
 ///
 /// # Errors
 /// Standard output cannot be written; the standard library's macros panic there.

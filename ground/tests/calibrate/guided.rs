@@ -72,7 +72,8 @@ impl Rig {
         tvc.wait_with_output().unwrap()
     }
 
-    /// A command in a terminal: what it has shown, up to a question and a second longer; the answer is no.
+    /// A command in a terminal: what it has shown, up to a question and a second longer; the answer
+    /// is no.
     fn in_terminal(&self, arguments: &[&str], question: &str) -> String {
         let pty = rig::pty::Pty::open().unwrap();
         let terminal = || {

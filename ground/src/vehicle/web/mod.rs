@@ -10,6 +10,7 @@ mod model;
 mod server;
 mod socket;
 mod step_test;
+mod strangers;
 mod vehicle_thread;
 
 use std::net::{SocketAddr, TcpListener};

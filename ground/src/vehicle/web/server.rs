@@ -15,9 +15,8 @@
 //! that has not shown a token is closed, so that whoever holds connections keeps nobody out. No
 //! body is ever read.
 
-use std::collections::VecDeque;
 use std::convert::Infallible;
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::Arc;
 use std::time::Duration;
 
 use hyper::body::Incoming;
@@ -28,13 +27,13 @@ use hyper::{HeaderMap, Method, Request, Response, StatusCode, http::response::Bu
 use hyper_util::rt::{TokioIo, TokioTimer};
 use serde_json::json;
 use tokio::net::{TcpListener, TcpStream};
-use tokio::task::{AbortHandle, Id};
 use tokio::time::{sleep, timeout};
 use tokio_tungstenite::tungstenite::handshake::derive_accept_key;
 
 use super::auth::is_own_host;
 use super::desk::Desk;
 use super::socket;
+use super::strangers::Strangers;
 
 /// Time for a request's head.
 const HEAD: Duration = Duration::from_secs(2);
@@ -42,8 +41,6 @@ const HEAD: Duration = Duration::from_secs(2);
 const EXCHANGE: Duration = Duration::from_secs(8);
 /// Longest head, bytes.
 const HEAD_BYTES: usize = 16 * 1024;
-/// Most connections without a token.
-const CONNECTIONS: usize = 64;
 /// Pause after a connection that could not be taken in.
 const PAUSE: Duration = Duration::from_millis(20);
 
@@ -82,39 +79,6 @@ const HEADERS: [(HeaderName, &str); 6] = [
     ),
     (header::CACHE_CONTROL, "no-store"),
 ];
-
-/// The tasks of connections that have not shown a token, oldest first.
-#[derive(Default)]
-pub struct Strangers(Mutex<VecDeque<AbortHandle>>);
-
-impl Strangers {
-    /// Keeps a task; where there are too many, the oldest one ends.
-    fn add(&self, task: AbortHandle) {
-        let mut tasks = self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        tasks.retain(|task| !task.is_finished());
-        tasks.push_back(task);
-        if tasks.len() > CONNECTIONS {
-            end_oldest(&mut tasks);
-        }
-    }
-
-    /// Ends the oldest task.
-    fn end_one(&self) {
-        end_oldest(&mut self.0.lock().unwrap_or_else(PoisonError::into_inner));
-    }
-
-    /// A task has shown the token, and stays.
-    pub fn forget(&self, task: Id) {
-        let mut tasks = self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        tasks.retain(|other| other.id() != task);
-    }
-}
-
-fn end_oldest(tasks: &mut VecDeque<AbortHandle>) {
-    if let Some(task) = tasks.pop_front() {
-        task.abort();
-    }
-}
 
 /// Answers requests for ever.
 pub async fn serve(listener: TcpListener, desk: Arc<Desk>) -> Infallible {

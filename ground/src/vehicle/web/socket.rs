@@ -2,10 +2,9 @@
 //! from it. One connection a page, and none that counts among the six that a browser allows.
 //!
 //! The page begins with `{"token": TOKEN}`; where it has the word that is good once, it is told the
-//! token in the same form. Then it gets a message fifty times a second, with
-//! `now_ms`, `frame` and whatever has changed ([`Update`](super::model::Update)). It sends orders
-//! ([`Message`]), each of which is answered by `{"id": ID}` with `note` where there is something to
-//! know, or with `error`.
+//! token in the same form. Then it gets a message fifty times a second, with `now_ms`, `frame` and
+//! whatever has changed ([`Update`]). It sends orders ([`Message`]), each of
+//! which is answered by `{"id": ID}` with `note` where there is something to know, or with `error`.
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -26,7 +25,7 @@ use tokio_tungstenite::tungstenite::protocol::{
 
 use super::desk::{Desk, Message};
 use super::model::{Seen, Update};
-use super::server::Strangers;
+use super::strangers::Strangers;
 
 /// Time between two messages to the page.
 const PERIOD: Duration = Duration::from_millis(20);

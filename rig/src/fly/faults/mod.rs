@@ -3,8 +3,9 @@
 //!
 //! One flight is flown without a fault, with snapshots of the whole rig every 40 ms. Every run
 //! continues from a copy of one of them to its own instant, switches its fault on for 5 to 500 ms
-//! (a glitch for 4 to 40 ms), and watches for 0.7 s more. A run is judged by what can be seen from outside: the pulses on the
-//! servo's wire, the drone's true pitch, and the state that the firmware reports. How a run ends:
+//! (a glitch for 4 to 40 ms), and watches for 0.7 s more. A run is judged by what can be seen from
+//! outside: the pulses on the servo's wire, the drone's true pitch, and the state that the firmware
+//! reports. How a run ends:
 //!
 //! | ending | means |
 //! |---|---|
