@@ -9,7 +9,7 @@ use std::ops::{Deref, DerefMut};
 use std::sync::atomic::AtomicBool;
 
 use anyhow::{Error, Result};
-use client::{Failure, Parameter, RefusalKind, request};
+use client::{Failure, Parameter, RefusalKind, StateKind, request};
 
 use crate::vehicle::link::Vehicle;
 
@@ -76,8 +76,11 @@ impl Watched {
             return Ok(());
         };
         self.vehicle.heed(None);
-        // A log that cannot be written ends the first try.
-        self.vehicle.disarm().or_else(|_| self.vehicle.disarm())?;
+        // A latched fault is at neutral, and to disarm would acknowledge it, which is a person's to do.
+        if self.vehicle.state() != Some(StateKind::Latched) {
+            // A log that cannot be written ends the first try.
+            self.vehicle.disarm().or_else(|_| self.vehicle.disarm())?;
+        }
         while let Some(Parameter { name, value }) = rows.pop() {
             self.vehicle.set_parameter(&name, value)?;
         }

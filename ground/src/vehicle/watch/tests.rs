@@ -12,7 +12,7 @@ use mavlink::dialects::common::{
     COMMAND_ACK_DATA, HEARTBEAT_DATA, MavMessage, MavResult, PARAM_VALUE_DATA,
 };
 use serialport::{SerialPort, TTYPort};
-use tvc_nano::failsafe::StateCode;
+use tvc_nano::failsafe::{LatchKind, StateCode};
 
 use super::*;
 use crate::vehicle::link::Link;
@@ -21,6 +21,10 @@ use crate::vehicle::port::Port;
 /// A vehicle in standby at the other end of a cable, which obeys everything; at the end it gives
 /// what it was told, in turn.
 fn vehicle() -> (Watched, JoinHandle<Vec<String>>) {
+    vehicle_in(StateCode::Standby)
+}
+
+fn vehicle_in(state: StateCode) -> (Watched, JoinHandle<Vec<String>>) {
     let (mut end, port) = TTYPort::pair().unwrap();
     let told = std::thread::spawn(move || {
         let (mut wire, mut told) = (Wire::default(), Vec::new());
@@ -28,7 +32,7 @@ fn vehicle() -> (Watched, JoinHandle<Vec<String>>) {
         end.set_timeout(Duration::from_millis(20)).unwrap();
         loop {
             let beat = MavMessage::HEARTBEAT(HEARTBEAT_DATA {
-                custom_mode: StateCode::Standby.number(),
+                custom_mode: state.number(),
                 ..HEARTBEAT_DATA::default()
             });
             let mut answers = vec![beat];
@@ -73,7 +77,12 @@ fn answer(message: &MavMessage, told: &mut Vec<String>) -> Option<MavMessage> {
         }
         MavMessage::COMMAND_LONG(order) => {
             let orders = [request::ARM, request::RELEASE, request::DISARM];
-            let named = orders.iter().find(|o| o.message() == *message);
+            let named = orders.iter().find(|known| match known.message() {
+                MavMessage::COMMAND_LONG(known) => {
+                    (known.command, known.param1) == (order.command, order.param1)
+                }
+                _ => false,
+            });
             told.push(named.map_or("?", |order| order.name).to_owned());
             Some(MavMessage::COMMAND_ACK(COMMAND_ACK_DATA {
                 command: order.command,
@@ -141,4 +150,15 @@ fn a_vehicle_that_nothing_was_done_to_is_left_alone() {
     let (watched, told) = vehicle();
     drop(watched);
     assert_eq!(told.join().unwrap(), Vec::<String>::new());
+}
+
+#[test]
+fn a_latched_fault_is_not_acknowledged() {
+    let latched = StateCode::Latched(LatchKind::BrownOut);
+    let (mut watched, told) = vehicle_in(latched);
+    watched.begin(&NEVER);
+    watched.put_back_later("SRV_POLARITY", 0.0);
+    watched.leave(Ok(())).unwrap();
+    drop(watched);
+    assert_eq!(told.join().unwrap(), ["SRV_POLARITY 0"]);
 }

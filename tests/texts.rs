@@ -1,0 +1,172 @@
+//! docs/troubleshooting.md has every text that the vehicle can say: as literal texts, up to the
+//! number or address that differs from case to case.
+
+use bno055_driver::{SensorFault, SystemError};
+use tvc_nano::Params;
+use tvc_nano::failsafe::{Command, RefusalKind, StateCode, StateKind};
+use tvc_nano::params::ParamError;
+use tvc_nano::servo::PulseUs;
+use tvc_nano::store::{Loaded, SaveError};
+
+const PAGE: &str = include_str!("../docs/troubleshooting.md");
+
+fn assert_described(text: impl ToString) {
+    let text = text.to_string();
+    let fixed = text.split("0x").next().unwrap().trim_end();
+    assert!(
+        PAGE.contains(fixed),
+        "docs/troubleshooting.md lacks `{fixed}`"
+    );
+}
+
+#[test]
+fn states_and_reasons_are_described() {
+    for code in StateCode::all() {
+        let words = code.to_string();
+        assert_described(words.rsplit(": ").next().unwrap());
+    }
+    assert_eq!(StateCode::COUNT, StateCode::all().count());
+}
+
+#[test]
+fn refusals_are_described() {
+    for refusal in RefusalKind::ALL {
+        assert_described(refusal);
+    }
+    for state in StateCode::all().map(|code| code.kind()) {
+        assert_described(format!("`in {state}`"));
+    }
+    assert_described(format!("`in {}`", StateKind::Latched));
+    for command in [
+        Command::Arm,
+        Command::Release,
+        Command::Disarm,
+        Command::TestPulse(PulseUs(1500)),
+    ] {
+        assert_described(format!("`{command}`"));
+    }
+}
+
+/// The fault that comes after `fault` in the list of all, and none after the last. A fault that is
+/// new does not compile here before it has a place.
+fn after(fault: SensorFault) -> Option<SensorFault> {
+    use SensorFault::*;
+    Some(match fault {
+        Booting => Nak,
+        Nak => Timeout,
+        Timeout => Stuck,
+        Stuck => Arbitration,
+        Arbitration => Protocol,
+        Protocol => WrongChip { found: 1 },
+        WrongChip { .. } => dead(1),
+        DeadSensor { register: 1, .. } => dead(2),
+        DeadSensor { register: 2, .. } => dead(3),
+        DeadSensor { .. } => SelfTest { result: 1 },
+        SelfTest { .. } => System {
+            error: SystemError::None,
+        },
+        System {
+            error: SystemError::Unknown(_),
+        } => configuration(7),
+        System { error } => System {
+            error: SystemError::from_register(error.code() + 1),
+        },
+        Configuration { register: 7, .. } => configuration(0x3B),
+        Configuration { .. } => Profile { register: 1 },
+        Profile { .. } => Clock,
+        Clock => Reset,
+        Reset => AllZero,
+        AllZero => AllOnes,
+        AllOnes => Frozen,
+        Frozen => Implausible,
+        Implausible => Torn,
+        Torn => Late,
+        Late => Suspended,
+        Suspended => Unreliable,
+        Unreliable => RegisterMismatch,
+        RegisterMismatch => return None,
+    })
+}
+
+fn dead(register: u8) -> SensorFault {
+    SensorFault::DeadSensor { register, found: 1 }
+}
+
+fn configuration(register: u8) -> SensorFault {
+    SensorFault::Configuration { register, found: 1 }
+}
+
+#[test]
+fn faults_of_the_sensor_are_described() {
+    let all = std::iter::successors(Some(SensorFault::Booting), |fault| after(*fault));
+    let mut count = 0;
+    for fault in all {
+        count += 1;
+        match fault {
+            SensorFault::System { error } => {
+                assert_described("IMU error:");
+                assert_described(format!("`{error}`").replace(|c: char| c == '`', ""));
+            }
+            _ => assert_described(fault),
+        }
+    }
+    assert!(count > 35, "{count}");
+}
+
+#[test]
+fn what_is_said_of_parameters_is_described() {
+    let (info, _) = Params::default().by_index(0).unwrap();
+    assert_eq!(info.name, "PID_KP");
+    let said = ParamError::OutOfRange(info).to_string();
+    assert_described(said.split(" 0").next().unwrap());
+    for error in [
+        ParamError::Unknown,
+        ParamError::Armed { name: "SRV_DIR" },
+        ParamError::ArmedAll,
+    ] {
+        assert_described(error);
+    }
+    let set = |unusable, interrupted| Loaded::Set {
+        generation: 1,
+        unusable,
+        interrupted,
+    };
+    for loaded in [
+        Loaded::Nothing,
+        Loaded::Corrupt,
+        set(0, true),
+        set(1, false),
+    ] {
+        assert_described(loaded);
+    }
+    for error in [SaveError::Flash, SaveError::ReadBack] {
+        assert_described(format!("save failed: {error}"));
+    }
+}
+
+/// Whatever telemetry says in words of its own, by its source.
+#[test]
+fn texts_of_telemetry_are_described() {
+    let sources = [
+        include_str!("../src/telemetry.rs"),
+        include_str!("../src/telemetry/answers.rs"),
+        include_str!("../src/telemetry/commands.rs"),
+        include_str!("../src/telemetry/modes.rs"),
+        include_str!("../src/telemetry/storage.rs"),
+    ];
+    let mut found = 0;
+    for source in sources {
+        for rest in source.split("format_args!(\"").skip(1) {
+            let text = rest.split('"').next().unwrap();
+            // Between what differs from case to case.
+            for fixed in text.split(['{', '}']).step_by(2) {
+                let fixed = fixed.trim();
+                if !fixed.is_empty() {
+                    found += 1;
+                    assert_described(fixed);
+                }
+            }
+        }
+    }
+    assert!(found >= 7, "{found}");
+}
