@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # The installed tool on its own: installs tvc into a temporary folder, and from an empty one flies,
-# writes the files of the image and runs the rig behind a pseudo-terminal. The image in the program
-# must be the one that the source tree builds. Takes some minutes.
+# writes the files of the image, runs the rig behind a pseudo-terminal and examines it. The image in
+# the program must be the one that the source tree builds. Takes some minutes.
 set -euo pipefail
 tree=$(cd "$(dirname "$0")/.." && pwd)
 work=$(mktemp -d)
@@ -18,6 +18,7 @@ cd "$work/empty"
 "$tvc" fly --start 0.4
 "$tvc" flash --elf f.elf --bin f.bin --uf2 f.uf2
 "$tvc" rig --pty --seconds 2
+"$tvc" bringup --rig --no-hands
 ls -l f.*
 (cd "$tree" && cargo tvc flash --bin "$work/empty/tree.bin")
 cmp f.bin tree.bin
