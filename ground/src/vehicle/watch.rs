@@ -76,7 +76,7 @@ impl Watched {
             return Ok(());
         };
         self.vehicle.heed(None);
-        // A latched fault is at neutral, and to disarm would acknowledge it, which is a person's to do.
+        // A latched fault is at neutral, and to disarm would acknowledge it, which is for a person.
         if self.vehicle.state() != Some(StateKind::Latched) {
             // A log that cannot be written ends the first try.
             self.vehicle.disarm().or_else(|_| self.vehicle.disarm())?;
