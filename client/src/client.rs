@@ -137,6 +137,19 @@ impl Failure {
             _ => None,
         }
     }
+
+    /// The fault that keeps the vehicle from standby, where an order to disarm was refused for that
+    /// alone: its rudder is at neutral all the same.
+    pub fn persisting_fault(&self) -> Option<&str> {
+        match self {
+            Self::Refused {
+                refusal: Some(RefusalKind::FaultPersists),
+                reason,
+                ..
+            } => Some(reason.strip_prefix("disarm refused: ").unwrap_or(reason)),
+            _ => None,
+        }
+    }
 }
 
 fn refused(order: &str, result: MavResult, reason: &str) -> String {

@@ -1,10 +1,11 @@
 //! What a ground station says to the vehicle, as messages.
 
+use mavlink::MessageData;
 use mavlink::dialects::common::{
-    COMMAND_LONG_DATA, HEARTBEAT_DATA, LOG_REQUEST_DATA_DATA, LOG_REQUEST_LIST_DATA, MavAutopilot,
-    MavCmd, MavMessage, MavModeFlag, MavParamType, MavSeverity, MavState, MavType,
-    PARAM_REQUEST_LIST_DATA, PARAM_REQUEST_READ_DATA, PARAM_SET_DATA, STATUSTEXT_DATA,
-    TIMESYNC_DATA,
+    AUTOPILOT_VERSION_DATA, COMMAND_LONG_DATA, HEARTBEAT_DATA, LOG_REQUEST_DATA_DATA,
+    LOG_REQUEST_LIST_DATA, MavAutopilot, MavCmd, MavMessage, MavModeFlag, MavParamType,
+    MavSeverity, MavState, MavType, PARAM_REQUEST_LIST_DATA, PARAM_REQUEST_READ_DATA,
+    PARAM_SET_DATA, STATUSTEXT_DATA, TIMESYNC_DATA,
 };
 use mavlink::types::CharArray;
 use tvc_nano::bringup::What;
@@ -56,7 +57,7 @@ pub const CALIBRATE: Order = Order {
 pub const VERSION: Order = Order {
     name: "tell its version",
     command: MavCmd::MAV_CMD_REQUEST_MESSAGE,
-    params: [148.0, 0.0],
+    params: [AUTOPILOT_VERSION_DATA::ID as f32, 0.0],
 };
 
 /// A pulse for the servo's set-up, us; the firmware holds it for two seconds.

@@ -8,15 +8,13 @@
 use std::ops::{Deref, DerefMut};
 use std::sync::atomic::AtomicBool;
 
-use anyhow::{Error, Result};
-use client::{Failure, Parameter, RefusalKind, StateKind, request};
+use anyhow::Result;
+use client::{Failure, Parameter, StateKind, request};
 
 use crate::vehicle::link::Vehicle;
 
-/// With 1 the vehicle watches over its host.
-const FS_HOST: &str = "FS_HOST";
-/// What the vehicle's words begin with when it does not leave its failsafe.
-const REFUSED: &str = "disarm refused: ";
+/// With 1 the vehicle watches over its host: three seconds without a heartbeat are a failsafe.
+pub const FS_HOST: &str = "FS_HOST";
 
 /// A [`Vehicle`] that is left neutral.
 pub struct Watched {
@@ -120,17 +118,11 @@ impl Vehicle {
             Ok(()) => return Ok(None),
             Err(refused) => refused,
         };
-        match refused.downcast_ref().and_then(Failure::refusal) {
-            Some(RefusalKind::FaultPersists) => Ok(Some(fault(&refused))),
-            _ => Err(refused),
+        match refused.downcast_ref().and_then(Failure::persisting_fault) {
+            Some(fault) => Ok(Some(fault.to_owned())),
+            None => Err(refused),
         }
     }
-}
-
-/// The fault that the vehicle names when it refuses to disarm.
-fn fault(refused: &Error) -> String {
-    let words = refused.to_string();
-    words.strip_prefix(REFUSED).unwrap_or(&words).to_owned()
 }
 
 #[cfg(all(test, unix))]

@@ -6,12 +6,11 @@ use std::time::Duration;
 
 use client::request::DISARM;
 use client::state::is_in_operation;
-use client::{Failure, Parameter, RefusalKind, Request, Ticket};
+use client::{Failure, Parameter, Request, Ticket};
 
 use super::Session;
+use crate::vehicle::watch::FS_HOST;
 
-/// Where 1, three seconds without a heartbeat of this program are a failsafe.
-const FS_HOST: &str = "FS_HOST";
 /// Time between two attempts to set it.
 const RETRY: Duration = Duration::from_secs(1);
 /// How long the last orders wait for their answers, each.
@@ -114,12 +113,10 @@ impl Drop for Session<'_> {
 /// What to say where only a fault that is still there keeps the vehicle from standby: the order to
 /// disarm was obeyed as far as it matters.
 pub fn fault_that_stays(failure: &Failure) -> Option<String> {
-    let stays = failure.refusal() == Some(RefusalKind::FaultPersists);
-    stays.then(|| {
-        let words = failure.to_string();
-        let fault = words.strip_prefix("disarm refused: ").unwrap_or(&words);
-        format!("the rudder is at neutral; the fault stays: {fault}")
-    })
+    let fault = failure.persisting_fault()?;
+    Some(format!(
+        "the rudder is at neutral; the fault stays: {fault}"
+    ))
 }
 
 /// Tells the person at the terminal, who may be gone.
