@@ -4,72 +4,56 @@ mod running;
 
 use running::tvc;
 
-/// Commands without their output, which is to be the file with this name, and what they say.
-const COMMANDS: [(&str, &[&str], &str); 14] = [
-    (
+/// Names of outputs, the commands that are to write them, and what these say.
+const COMMANDS: [[&str; 3]; 14] = [
+    ["a.tlog", "report a.tlog --out", "name of a telemetry log"],
+    ["a.tlog", "replay a.tlog --csv", "name of a telemetry log"],
+    [
         "a.tlog",
-        &["report", "a.tlog", "--out"],
+        "replay a.tlog --report",
         "name of a telemetry log",
-    ),
-    (
-        "a.tlog",
-        &["replay", "a.tlog", "--csv"],
-        "name of a telemetry log",
-    ),
-    (
-        "a.tlog",
-        &["replay", "a.tlog", "--report"],
-        "name of a telemetry log",
-    ),
-    (
-        "a.tlog",
-        &["record", "b.tlog", "--csv"],
-        "name of a telemetry log",
-    ),
-    ("a.tlog", &["param", "dump"], "name of a telemetry log"),
-    (
-        "a.tlog",
-        &["fuse", "run.imuq", "--out"],
-        "name of a telemetry log",
-    ),
-    ("a.html", &["report"], "another kind of file"),
-    (
+    ],
+    ["a.tlog", "record b.tlog --csv", "name of a telemetry log"],
+    ["a.tlog", "param dump", "name of a telemetry log"],
+    ["a.tlog", "fuse run.imuq --out", "name of a telemetry log"],
+    ["a.html", "report", "another kind of file"],
+    [
         "gains",
-        &["fly", "--params", "gains", "--report"],
+        "fly --params gains --report",
         "another kind of file",
-    ),
-    (
+    ],
+    [
         "a.param",
-        &["fly", "--params", "a.param", "--report"],
+        "fly --params a.param --report",
         "name of a parameter file",
-    ),
-    (
+    ],
+    [
         "a.toml",
-        &["tune", "--params", "a.toml", "--out"],
+        "tune --params a.toml --out",
         "name of a TOML file",
-    ),
-    (
+    ],
+    [
         "a.toml",
-        &["model", "simulate", "a.toml", "--out"],
+        "model simulate a.toml --out",
         "name of a TOML file",
-    ),
-    (
+    ],
+    [
         "a.toml",
-        &["identify", "run.csv", "--params", "a.toml", "--out"],
+        "identify run.csv --params a.toml --out",
         "is read from a.toml",
-    ),
-    (
+    ],
+    [
         "a.csv",
-        &["montecarlo", "merge", "a.csv", "--out"],
+        "montecarlo merge a.csv --out",
         "is read from a.csv",
-    ),
-    ("a.foo", &["monitor", "--log"], "must end in .tlog or .mcap"),
+    ],
+    ["a.foo", "monitor --log", "must end in .tlog or .mcap"],
 ];
 
 #[test]
 fn what_is_there_is_kept() {
     let folder = tempfile::tempdir().unwrap();
-    for (name, command, part) in COMMANDS {
+    for [name, command, part] in COMMANDS {
         let path = folder.path().join(name);
         // Neither text nor a page where the name is to be that of a log.
         let bytes: &[u8] = match name {
@@ -77,7 +61,8 @@ fn what_is_there_is_kept() {
             _ => b"what is there",
         };
         std::fs::write(&path, bytes).unwrap();
-        let output = running::command(command)
+        let command: Vec<_> = command.split(' ').collect();
+        let output = running::command(&command)
             .arg(name)
             .current_dir(folder.path())
             .output()

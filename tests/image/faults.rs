@@ -25,7 +25,7 @@ fn in_flight() -> Ready {
 }
 
 /// Lets go of the drone of `flight`, whose neutral pulse is `neutral_us`.
-fn released(mut flight: Ready, neutral_us: &RangeInclusive<f64>) -> Ready {
+pub(crate) fn released(mut flight: Ready, neutral_us: &RangeInclusive<f64>) -> Ready {
     let Ready { rig, station, .. } = &mut flight;
     rig.environment_mut().tilt_clamp(0.4);
     station.run(rig, ms(2000)).unwrap();

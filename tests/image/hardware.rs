@@ -1,7 +1,7 @@
 //! The image with parts as real ones may be: a few of the settings that `tvc hardware` flies, a
 //! start each.
 
-use crate::faults::{default_neutral_us, ms};
+use crate::faults::{default_neutral_us, ms, released};
 use crate::firmware;
 use client::StateKind;
 use rig::bno055::Fault;
@@ -63,13 +63,9 @@ fn a_slow_sensor_is_flown_later_after_its_burst() {
 #[test]
 fn settings_are_verified_on_a_slow_bus() {
     for hardware in ["stretch=300,stop-read=500", "stretch=340"] {
-        let mut flight = prepare(firmware(), &with(hardware), &mut |_| {}).unwrap();
+        let ready = prepare(firmware(), &with(hardware), &mut |_| {}).unwrap();
+        let mut flight = released(ready, &default_neutral_us());
         let Ready { rig, station, .. } = &mut flight;
-        rig.environment_mut().tilt_clamp(0.4);
-        station.run(rig, ms(2000)).unwrap();
-        station.arm(rig).unwrap();
-        station.release(rig, 0.2).unwrap();
-        station.run(rig, ms(150)).unwrap();
         let at = rig.now();
         rig.inject(Fault::SwappedAxes);
         station.run(rig, ms(300)).unwrap();

@@ -7,8 +7,7 @@ use std::time::{Duration, Instant};
 
 use serde_json::Value;
 
-use crate::folder;
-use crate::page::{Page, Server, rig};
+use crate::page::{Page, Server, vehicle};
 
 /// A generous bound for a busy machine; some ms are usual.
 const STOP: Duration = Duration::from_secs(1);
@@ -106,8 +105,7 @@ fn attack(server: &Server, page: &Page, count: usize) -> (Duration, u64) {
 /// Two requests that once ended the program or kept STOP out, and many connections that wait.
 #[test]
 fn no_request_ends_the_program_or_keeps_stop_out() {
-    let (folder, port) = folder();
-    let _rig = rig(&port);
+    let (folder, port, _rig) = vehicle();
     // Fewer descriptors than connections are tried.
     let server = Server::limited(&port, folder.path(), "ulimit -n 60");
     let page = server.page();
@@ -143,14 +141,7 @@ fn no_request_ends_the_program_or_keeps_stop_out() {
 
 #[test]
 fn many_hostile_requests_leave_memory_and_stop_as_they_were() {
-    let (folder, port) = folder();
-    let _rig = rig(&port);
-    let server = Server::of(&port, folder.path());
-    let page = server.page();
-    page.wait_for("standby");
-    let (longest, growth_kib) = attack(&server, &page, 3_000);
-    assert!(longest < STOP, "{longest:?}");
-    assert!(growth_kib < 20_000, "{growth_kib} KiB");
+    attack_a_server(3_000);
 }
 
 /// `HOSTILE=1000000 cargo test -p ground --test web -- --ignored --nocapture hostile`
@@ -158,8 +149,12 @@ fn many_hostile_requests_leave_memory_and_stop_as_they_were() {
 #[ignore = "takes minutes: for whoever changes the server"]
 fn a_long_run_of_hostile_requests() {
     let count = std::env::var("HOSTILE").map_or(100_000, |count| count.parse().unwrap());
-    let (folder, port) = folder();
-    let _rig = rig(&port);
+    attack_a_server(count);
+}
+
+/// STOP stays quick, memory bounded and the page connected under this many requests.
+fn attack_a_server(count: usize) {
+    let (folder, port, _rig) = vehicle();
     let server = Server::of(&port, folder.path());
     let page = server.page();
     page.wait_for("standby");

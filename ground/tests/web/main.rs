@@ -8,19 +8,13 @@ mod running;
 mod stopping;
 
 use std::os::unix::fs::PermissionsExt;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::time::{Duration, Instant};
 
 use serde_json::{Value, json};
 
-use page::{Server, rig, signal};
+use page::{Server, rig, signal, vehicle};
 use running::{json as object, refused, tvc};
-
-fn folder() -> (tempfile::TempDir, PathBuf) {
-    let folder = tempfile::tempdir().unwrap();
-    let port = folder.path().join("nano");
-    (folder, port)
-}
 
 /// What the vehicle at `port` has of a parameter.
 fn parameter(port: &Path, name: &str) -> f64 {
@@ -31,8 +25,7 @@ fn parameter(port: &Path, name: &str) -> f64 {
 
 #[test]
 fn the_page_shows_arms_stops_and_tunes_and_a_foreign_page_cannot() {
-    let (folder, port) = folder();
-    let _rig = rig(&port);
+    let (folder, port, _rig) = vehicle();
     let server = Server::of(&port, folder.path());
     let page = server.page();
     page.wait_for("standby");
@@ -126,8 +119,7 @@ fn the_page_shows_arms_stops_and_tunes_and_a_foreign_page_cannot() {
 /// Other users of the computer can read the command line of the browser.
 #[test]
 fn the_browser_that_is_opened_gets_a_word_that_is_good_once() {
-    let (folder, port) = folder();
-    let _rig = rig(&port);
+    let (folder, port, _rig) = vehicle();
     let opener = folder.path().join("xdg-open");
     std::fs::write(
         &opener,
@@ -158,8 +150,7 @@ fn the_browser_that_is_opened_gets_a_word_that_is_good_once() {
 
 #[test]
 fn a_step_test_gives_its_figures_and_a_recording_its_log() {
-    let (folder, port) = folder();
-    let _rig = rig(&port);
+    let (folder, port, _rig) = vehicle();
     let server = Server::of(&port, folder.path());
     let page = server.page();
     page.wait_for("standby");
@@ -199,8 +190,7 @@ fn a_step_test_gives_its_figures_and_a_recording_its_log() {
 /// The file may have 8 blocks, as if the disk were full.
 #[test]
 fn a_recording_that_cannot_be_written_is_said_and_stops_nothing() {
-    let (folder, port) = folder();
-    let _rig = rig(&port);
+    let (folder, port, _rig) = vehicle();
     let server = Server::limited(&port, folder.path(), "trap '' XFSZ; ulimit -f 8");
     let page = server.page();
     page.wait_for("standby");
@@ -222,8 +212,7 @@ fn a_recording_that_cannot_be_written_is_said_and_stops_nothing() {
 
 #[test]
 fn a_port_that_went_away_is_said_and_found_again() {
-    let (folder, port) = folder();
-    let mut first = rig(&port);
+    let (folder, port, mut first) = vehicle();
     let server = Server::of(&port, folder.path());
     let page = server.page();
     page.wait_for("standby");

@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 use std::io::{ErrorKind, Read, Write};
 use std::net::TcpStream;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::sync::mpsc::{self, Sender, TryRecvError};
 use std::sync::{Arc, Mutex};
@@ -19,13 +19,25 @@ pub(crate) const PATIENCE: Duration = Duration::from_secs(120);
 /// Time between two looks.
 const LOOK: Duration = Duration::from_millis(5);
 
+/// A virtual rig, its port, and the folder of both.
+pub(crate) fn vehicle() -> (tempfile::TempDir, PathBuf, Running) {
+    vehicle_with(&[])
+}
+
+/// The same, with further options of `tvc rig`.
+pub(crate) fn vehicle_with(more: &[&str]) -> (tempfile::TempDir, PathBuf, Running) {
+    let folder = tempfile::tempdir().unwrap();
+    let port = folder.path().join("nano");
+    let rig = rig_with(&port, more);
+    (folder, port, rig)
+}
+
 /// A rig that stands at `port`.
 pub(crate) fn rig(port: &Path) -> Running {
     rig_with(port, &[])
 }
 
-/// The same, with further options.
-pub(crate) fn rig_with(port: &Path, more: &[&str]) -> Running {
+fn rig_with(port: &Path, more: &[&str]) -> Running {
     let port = port.to_str().unwrap();
     let options = [
         "rig",

@@ -5,8 +5,7 @@ use std::time::{Duration, Instant};
 
 use serde_json::{Value, json};
 
-use crate::folder;
-use crate::page::{Page, Server, rig, rig_with};
+use crate::page::{Page, Server, vehicle, vehicle_with};
 use crate::running::tvc;
 
 /// What another program hears of the vehicle.
@@ -34,8 +33,7 @@ fn release(page: &Page) {
 
 #[test]
 fn an_order_that_was_held_back_is_refused_and_a_stop_is_not() {
-    let (folder, port) = folder();
-    let _rig = rig(&port);
+    let (folder, port, _rig) = vehicle();
     let server = Server::of(&port, folder.path());
     let page = server.page();
     page.arm();
@@ -59,11 +57,10 @@ fn an_order_that_was_held_back_is_refused_and_a_stop_is_not() {
 /// A sensor that is gone keeps the vehicle in its failsafe, where the rudder is at neutral.
 #[test]
 fn a_stop_of_a_vehicle_with_a_fault_is_answered() {
-    let (folder, port) = folder();
-    let faults = folder.path().join("faults.toml");
+    let faults = tempfile::NamedTempFile::new().unwrap();
     let unplugged = "[[fault]]\nkind = \"unplugged\"\nat_s = 0.5\nfor_s = 600.0\n";
     std::fs::write(&faults, unplugged).unwrap();
-    let _rig = rig_with(&port, &["--faults", faults.to_str().unwrap()]);
+    let (folder, port, _rig) = vehicle_with(&["--faults", faults.path().to_str().unwrap()]);
     let server = Server::of(&port, folder.path());
     let page = server.page();
     release(&page);
@@ -79,8 +76,7 @@ fn a_stop_of_a_vehicle_with_a_fault_is_answered() {
 
 #[test]
 fn seven_pages_stop_each_and_a_stop_needs_neither_token_nor_socket() {
-    let (folder, port) = folder();
-    let _rig = rig(&port);
+    let (folder, port, _rig) = vehicle();
     let server = Server::of(&port, folder.path());
     let pages: Vec<Page> = (0..7).map(|_| server.page()).collect();
     for page in &pages {
@@ -97,8 +93,7 @@ fn seven_pages_stop_each_and_a_stop_needs_neither_token_nor_socket() {
 
 #[test]
 fn a_program_that_is_told_to_end_disarms_first() {
-    let (folder, port) = folder();
-    let _rig = rig(&port);
+    let (folder, port, _rig) = vehicle();
     for name in ["TERM", "INT", "HUP"] {
         let server = Server::of(&port, folder.path());
         let page = server.page();
@@ -117,8 +112,7 @@ fn a_program_that_is_told_to_end_disarms_first() {
 /// Nobody is left to disarm it but the vehicle itself.
 #[test]
 fn a_program_that_was_killed_is_missed_by_the_vehicle() {
-    let (folder, port) = folder();
-    let _rig = rig(&port);
+    let (folder, port, _rig) = vehicle();
     let mut server = Server::of(&port, folder.path());
     let page = server.page();
     page.wait_for_parameter("FS_HOST", 1.0);
@@ -131,8 +125,7 @@ fn a_program_that_was_killed_is_missed_by_the_vehicle() {
 
 #[test]
 fn when_the_last_page_has_gone_the_vehicle_is_disarmed() {
-    let (folder, port) = folder();
-    let _rig = rig(&port);
+    let (folder, port, _rig) = vehicle();
     let server = Server::of(&port, folder.path());
     let (first, second) = (server.page(), server.page());
     release(&first);
