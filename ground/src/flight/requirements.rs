@@ -1,8 +1,9 @@
 //! What a flight must achieve: the project's requirements, to which `tvc fly` and `tvc report` hold
 //! what they measure.
 
-use crate::out::measure::Limit::{self, AtLeast, AtMost, Below, Set};
 use rig::ServoKind;
+
+use crate::out::measure::Limit::{self, AtLeast, AtMost, Below, Set};
 
 /// Excursion past upright, percent of the start.
 pub const OVERSHOOT_PCT: Limit = AtMost(5.0);

@@ -1,7 +1,12 @@
 //! `tvc rig`: the virtual rig in real time, for every program that opens a serial port.
 
-use crate::out::file::print;
+use std::path::PathBuf;
+
+use ::rig::ServoKind;
+use ::rig::bno055::ImuErrors;
+use ::rig::pilot::Manner;
 use anyhow::Result;
+use clap::{Args, ValueEnum};
 
 use crate::arguments::seconds;
 use crate::flight::disturb::Disturb;
@@ -9,11 +14,7 @@ use crate::flight::fly::start_angle;
 use crate::flight::hardware::HardwareChoice;
 use crate::image::ImageOption;
 use crate::out::exit::Verdict;
-use ::rig::ServoKind;
-use ::rig::bno055::ImuErrors;
-use ::rig::pilot::Manner;
-use clap::{Args, ValueEnum};
-use std::path::PathBuf;
+use crate::out::file::print;
 
 /// Options of `tvc rig`.
 #[derive(Debug, Args)]

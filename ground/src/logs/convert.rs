@@ -1,12 +1,13 @@
 //! `tvc convert`: a log in another form.
 
-use crate::out::kind;
+use std::path::PathBuf;
+
 use anyhow::Result;
+use clap::Args;
 
 use crate::logs::log::convert;
 use crate::out::exit::Verdict;
-use clap::Args;
-use std::path::PathBuf;
+use crate::out::kind;
 
 /// Options of `tvc convert`.
 #[derive(Debug, Args)]

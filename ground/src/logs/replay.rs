@@ -9,10 +9,11 @@ mod filter;
 mod page;
 mod table;
 
-use crate::out::kind;
 use std::collections::BTreeMap;
+use std::path::PathBuf;
 
 use anyhow::Result;
+use clap::Args;
 use client::state::{is_in_operation, reason_of, state_of};
 use client::{ReasonKind, StateKind};
 use mavlink::dialects::common::{MavCmd, MavResult};
@@ -23,8 +24,7 @@ use tvc_nano::{BootReport, Command, Flight, Micros, Params, SensorFault};
 use crate::logs::log::{self, Event, Log, Step};
 use crate::out::exit::{BadInput, Verdict};
 use crate::out::file::{print, print_json, write_whole};
-use clap::Args;
-use std::path::PathBuf;
+use crate::out::kind;
 
 /// Options of `tvc replay`.
 #[derive(Debug, Args)]

@@ -1,20 +1,20 @@
 //! `tvc identify`: thrust, inertia, servo speed and delay from a recorded run.
 
-use crate::out::kind;
 use std::fmt::Write;
 use std::path::Path;
+use std::path::PathBuf;
 
 use anyhow::Result;
+use clap::Args;
 use csv::StringRecord;
 use plant::identify::{Identification, IdentifyError, Reading, Record, identify};
+use rig::ServoKind;
 
 use crate::model::control_law;
 use crate::out::exit::{BadInput, Verdict};
 use crate::out::file::{print, print_json, write_whole};
+use crate::out::kind;
 use crate::out::measure::{Figures, figure, rows, shown};
-use clap::Args;
-use rig::ServoKind;
-use std::path::PathBuf;
 
 /// Options of `tvc identify`.
 #[derive(Debug, Args)]

@@ -1,10 +1,12 @@
 //! Options of `tvc model`.
 
-use crate::out::kind;
+use std::path::PathBuf;
+
 use clap::{Args, Subcommand};
 use plant::Parameters;
 use rig::ServoKind;
-use std::path::PathBuf;
+
+use crate::out::kind;
 
 /// The model: physics that can be checked, and what follows from it.
 #[derive(Debug, Args)]

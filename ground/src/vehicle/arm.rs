@@ -1,6 +1,5 @@
 //! `tvc arm` and `tvc disarm`.
 
-use crate::out::file::{print, print_json};
 use std::time::{Duration, Instant};
 
 use anyhow::{Result, bail};
@@ -11,6 +10,7 @@ use client::state::is_in_operation;
 use serde_json::{Value, json};
 
 use crate::out::exit::Verdict;
+use crate::out::file::{print, print_json};
 use crate::vehicle::link::Vehicle;
 use crate::vehicle::port::PortOptions;
 

@@ -4,20 +4,20 @@ mod bootloader;
 mod bossac;
 mod uf2;
 
-use crate::out::kind;
 use std::fs::File;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result};
+use bossac::Bossac;
+use clap::Args;
 use rig::image::IMAGE_ADDRESS;
 
 use crate::image::{Firmware, ImageOption};
 use crate::out::exit::{BadInput, Verdict};
 use crate::out::file::write_whole;
+use crate::out::kind;
 use crate::vehicle::port;
-use bossac::Bossac;
-use clap::Args;
 
 /// Options of `tvc flash`.
 #[derive(Debug, Args)]

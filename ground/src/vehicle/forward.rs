@@ -1,7 +1,6 @@
 //! `tvc forward`: a bridge by UDP, MAVLink to a ground station such as QGroundControl and JSON to
 //! PlotJuggler.
 
-use crate::out::kind;
 use std::net::{Ipv4Addr, SocketAddr, UdpSocket};
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
@@ -14,6 +13,7 @@ use mavlink::dialects::common::MavMessage;
 use crate::arguments::seconds;
 use crate::logs::log::Writer;
 use crate::out::exit::Verdict;
+use crate::out::kind;
 use crate::signals;
 use crate::vehicle::link::{Link, Vehicle};
 use crate::vehicle::monitor::servo_map;

@@ -1,8 +1,6 @@
 //! `tvc monitor`: the vehicle's status, live: on a terminal in lines that stay in place, elsewhere
 //! a line every second.
 
-use crate::out::file::{print, print_json};
-use crate::out::kind;
 use std::fmt::Display;
 use std::io::IsTerminal;
 use std::path::PathBuf;
@@ -16,7 +14,9 @@ use indicatif::{MultiProgress, ProgressBar, ProgressDrawTarget, ProgressStyle};
 use crate::arguments::seconds;
 use crate::logs::log::Writer;
 use crate::out::exit::Verdict;
+use crate::out::file::{print, print_json};
 use crate::out::gauge::gauge;
+use crate::out::kind;
 use crate::signals;
 use crate::vehicle::link::Vehicle;
 use crate::vehicle::port::PortOptions;

@@ -1,6 +1,5 @@
 //! `tvc record`: every frame, both ways, into a telemetry log.
 
-use crate::out::kind;
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
@@ -12,6 +11,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 use crate::arguments::seconds;
 use crate::logs::log::{Flight, Log, Writer, write_csv};
 use crate::out::exit::Verdict;
+use crate::out::kind;
 use crate::signals;
 use crate::vehicle::link::Vehicle;
 use crate::vehicle::port::PortOptions;

@@ -1,7 +1,5 @@
 //! `tvc recorder`: downloads the steps around the last release from the vehicle's own memory.
 
-use crate::out::file::print_json;
-use crate::out::kind;
 use std::path::PathBuf;
 
 use anyhow::{Result, bail};
@@ -13,6 +11,8 @@ use tvc_nano::{Micros, RawSample};
 
 use crate::logs::log::{Event, Flight, Step, whole_us, write_flight};
 use crate::out::exit::{BadInput, Verdict};
+use crate::out::file::print_json;
+use crate::out::kind;
 use crate::vehicle::link::Vehicle;
 use crate::vehicle::port::PortOptions;
 

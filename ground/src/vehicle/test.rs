@@ -1,7 +1,6 @@
 //! `tvc test`: arms and releases the vehicle, watches a manoeuvre, disarms it and prints the
 //! figures.
 
-use crate::out::kind;
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
@@ -15,6 +14,7 @@ use crate::arguments::seconds;
 use crate::logs::log::{Flight, Log, Writer};
 use crate::logs::report::{conclude, sweep};
 use crate::out::exit::Verdict;
+use crate::out::kind;
 use crate::signals;
 use crate::vehicle::link::Vehicle;
 use crate::vehicle::param::ParamPort;

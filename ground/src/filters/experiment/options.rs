@@ -1,8 +1,10 @@
 //! Options of `tvc experiment`.
 
-use crate::out::kind;
-use clap::{Args, Subcommand};
 use std::path::PathBuf;
+
+use clap::{Args, Subcommand};
+
+use crate::out::kind;
 
 /// The navigation experiments of the thesis, with simulated sensors.
 #[derive(Debug, Args)]

@@ -1,10 +1,11 @@
 //! Options of `tvc fuse`.
 
-use crate::out::kind;
 use std::path::PathBuf;
 
 use clap::Args;
 use recordings::{FilterName, Mode, Scalar, Setting};
+
+use crate::out::kind;
 
 /// Options of `tvc fuse`.
 #[derive(Debug, Args)]

@@ -2,10 +2,11 @@
 
 mod report;
 
-use crate::out::kind;
+use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result};
+use clap::Args;
 use indicatif::{ProgressBar, ProgressStyle};
 use rayon::prelude::*;
 use rig::bno055::FaultKind;
@@ -15,10 +16,9 @@ use rig::{ServoKind, Setup, prepare};
 use crate::flight::hardware::HardwareChoice;
 use crate::image::ImageOption;
 use crate::out::exit::Verdict;
+use crate::out::kind;
 use crate::out::measure::Limit::{AtLeast, AtMost};
 use crate::out::measure::{Figure, Figures, figure, rows};
-use clap::Args;
-use std::path::PathBuf;
 
 /// Options of `tvc faults`.
 #[derive(Debug, Args)]

@@ -3,7 +3,6 @@
 mod row;
 mod settings;
 
-use crate::out::kind;
 use std::path::PathBuf;
 use std::time::Instant;
 
@@ -15,13 +14,14 @@ use rayon::prelude::*;
 use rig::bench::Hardware;
 use rig::bench::hardware::keys;
 use rig::{Image, ServoKind, Setup};
+use row::{Ending, Flown};
 
 use crate::flight::fly::flights::STARTS_RAD;
 use crate::image::ImageOption;
 use crate::out::exit::{BadInput, Verdict};
+use crate::out::kind;
 use crate::out::measure::{Figures, figure, rows};
 use crate::out::page::{page, verdicts};
-use row::{Ending, Flown};
 
 /// The start of `--quick`, rad.
 const QUICK_START_RAD: f64 = 0.4;

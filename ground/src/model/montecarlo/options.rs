@@ -1,9 +1,11 @@
 //! Options of `tvc montecarlo`.
 
-use crate::out::kind;
+use std::path::PathBuf;
+
 use clap::{Args, Subcommand};
 use rig::ServoKind;
-use std::path::PathBuf;
+
+use crate::out::kind;
 
 /// Options of `tvc montecarlo`.
 #[derive(Debug, Args)]
@@ -87,7 +89,9 @@ pub struct MonteCarlo {
     #[arg(
         long,
         value_name = "FILE.html",
-        default_value = "report/montecarlo.html", value_parser = kind::page)]
+        default_value = "report/montecarlo.html",
+        value_parser = kind::page
+    )]
     pub report: PathBuf,
 
     /// Pass rate below which the command fails, 0 to 1.
@@ -123,7 +127,9 @@ pub struct Merge {
     #[arg(
         long,
         value_name = "FILE.html",
-        default_value = "report/montecarlo.html", value_parser = kind::page)]
+        default_value = "report/montecarlo.html",
+        value_parser = kind::page
+    )]
     pub report: PathBuf,
 
     /// Print one JSON object on standard output and nothing else there.

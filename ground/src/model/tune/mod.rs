@@ -4,23 +4,23 @@ mod design;
 mod margins;
 mod search;
 
-use crate::out::kind;
 use std::collections::BTreeMap;
+use std::path::PathBuf;
 
 use anyhow::Result;
+use clap::Args;
+use client::Parameter;
+use design::{Gains, Grid, NAMES, Problem, Requirements};
 use indicatif::{ProgressBar, ProgressStyle};
+use rig::ServoKind;
 use tvc_nano::Params;
 
 use crate::model::control_law;
 use crate::out::exit::Verdict;
 use crate::out::file::write_whole;
+use crate::out::kind;
 use crate::out::measure::{Figure, Figures, data, figure, rows};
 use crate::param_file;
-use clap::Args;
-use client::Parameter;
-use design::{Gains, Grid, NAMES, Problem, Requirements};
-use rig::ServoKind;
-use std::path::PathBuf;
 
 /// Options of `tvc tune`.
 #[derive(Debug, Args)]

@@ -8,7 +8,6 @@ mod sensor;
 mod session;
 mod target;
 
-use crate::out::kind;
 use std::path::PathBuf;
 use std::time::Duration;
 
@@ -19,18 +18,19 @@ use client::state::is_in_operation;
 use indicatif::ProgressBar;
 use maud::html;
 use rig::{Rig, RigConfig};
+use row::{Outcome, Row};
+use session::Session;
+use target::{Board, OnRig, Target};
 
 use crate::flight::hardware::HardwareChoice;
 use crate::image::ImageOption;
 use crate::out::exit::{BadInput, Verdict};
 use crate::out::file::{print, print_json, write_whole};
+use crate::out::kind;
 use crate::out::page::{page, verdict};
 use crate::out::table::Table;
 use crate::vehicle::calibrate::keyboard::is_attended;
 use crate::vehicle::port::PortOptions;
-use row::{Outcome, Row};
-use session::Session;
-use target::{Board, OnRig, Target};
 
 /// Options of `tvc bringup`.
 #[derive(Debug, Args)]

@@ -52,7 +52,9 @@ pub struct Calibrate {
     #[arg(
         long,
         value_name = "FILE.tlog",
-        default_value = "report/calibration.tlog", value_parser = kind::log)]
+        default_value = "report/calibration.tlog",
+        value_parser = kind::log
+    )]
     pub record: PathBuf,
 
     /// Only these steps [default: all].
@@ -85,14 +87,18 @@ pub struct Calibrate {
     #[arg(
         long,
         value_name = "FILE.parm",
-        default_value = "report/calibration.parm", value_parser = kind::parameters)]
+        default_value = "report/calibration.parm",
+        value_parser = kind::parameters
+    )]
     pub out: PathBuf,
 
     /// Where to write the HTML report.
     #[arg(
         long,
         value_name = "FILE.html",
-        default_value = "report/calibrate.html", value_parser = kind::page)]
+        default_value = "report/calibrate.html",
+        value_parser = kind::page
+    )]
     pub report: PathBuf,
 }
 

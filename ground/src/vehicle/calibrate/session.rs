@@ -1,6 +1,5 @@
 //! A vehicle at its port and the person who holds it: prompts, samples, progress, questions.
 
-use crate::out::file::print;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
@@ -19,6 +18,7 @@ use super::options::Calibrate;
 use super::readings;
 use super::write::write;
 use crate::out::exit::Verdict;
+use crate::out::file::print;
 use crate::signals;
 use crate::vehicle::link::Vehicle;
 use crate::vehicle::watch::Watched;

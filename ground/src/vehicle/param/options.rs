@@ -1,9 +1,11 @@
 //! Options of `tvc param`.
 
+use std::path::PathBuf;
+
+use clap::{Args, Subcommand};
+
 use crate::out::kind;
 use crate::vehicle::port::PortOptions;
-use clap::{Args, Subcommand};
-use std::path::PathBuf;
 
 /// Options of `tvc param`.
 #[derive(Debug, Args)]
