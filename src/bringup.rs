@@ -8,7 +8,7 @@
 //! | 2 | hang until the watchdog resets the chip | |
 //! | 3 | panic | |
 //! | 4 | time a pulse that a jumper leads from D3 to D2 | [`Pulse`] |
-//! | 5 | show the sensor's bus | 7-bit address in the upper 8 bits, below it how long the longest of the newest STOPs took, us |
+//! | 5 | show the sensor's bus | 7-bit address in the upper 8 bits, below it how long the longest of the newest reads' STOPs took, us |
 //! | 6 | count the watchdog's clock, 1,024 Hz, in [`words::SLOW_COUNT`] | 0 |
 //!
 //! The bits of param2 are a number: an address, or anything that tells one order from another. The

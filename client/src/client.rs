@@ -22,7 +22,7 @@ use mavlink::dialects::common::{
     COMMAND_ACK_DATA, LOG_DATA_DATA, MavAutopilot, MavCmd, MavMessage, MavResult, PARAM_VALUE_DATA,
 };
 use thiserror::Error;
-use tvc_nano::failsafe::{RefusalKind, StateKind};
+use tvc_nano::failsafe::{RefusalKind, StateCode, StateKind};
 use tvc_nano::params::ParamError;
 
 use crate::request::{self, Order};
@@ -332,6 +332,12 @@ impl Client {
     /// The state of the flight by the last heartbeat; `None` before it, or for an unknown one.
     pub fn state(&self) -> Option<StateKind> {
         self.state.state()
+    }
+
+    /// The state by the last heartbeat, and the kind of reason for it; `None` as for
+    /// [`Self::state`].
+    pub fn state_code(&self) -> Option<StateCode> {
+        self.state.code()
     }
 
     /// The state in words.

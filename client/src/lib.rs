@@ -25,7 +25,7 @@ pub mod wire;
 pub use client::{BoardValue, Client, Failure, Parameter, Request, Ticket};
 pub use request::Order;
 pub use status::{LinkHealth, ServoMap, Status, StatusTracker};
-pub use tvc_nano::failsafe::{ReasonKind, RefusalKind, StateKind};
+pub use tvc_nano::failsafe::{LatchKind, ReasonKind, RefusalKind, StateCode, StateKind};
 pub use wire::{Frame, LinkCounts, Wire};
 
 use mavlink::types::CharArray;

@@ -61,6 +61,12 @@ impl StateTracker {
         &self.reason
     }
 
+    /// The state and the kind of reason for it; `None` before the first heartbeat, or for one that
+    /// this version of the firmware's library does not have.
+    pub fn code(&self) -> Option<StateCode> {
+        self.code.and_then(|code| StateCode::try_from(code).ok())
+    }
+
     /// The state; `None` before the first heartbeat, or for an unknown one.
     pub fn state(&self) -> Option<StateKind> {
         self.code.and_then(state_of)

@@ -80,6 +80,12 @@ pub(super) struct Completion {
     pub(super) took_us: u32,
 }
 
+impl Completion {
+    fn is_read(&self) -> bool {
+        matches!(self.outcome.answer, Ok(Answer { len: 1.., .. }))
+    }
+}
+
 #[derive(Clone, Copy)]
 enum Step {
     /// The address is on its way.
@@ -254,7 +260,7 @@ pub(super) struct Bus {
     sampling: bool,
     /// When a bus without a transfer must be idle at last; `None` while it is, or has a transfer.
     idle_by: Option<Micros>,
-    /// How long a STOP takes, us: the longest of the newest, as far as they were waited for.
+    /// How long the STOP of a read takes, us: the longest of the newest that were waited for.
     stop_us: u32,
     /// When a broken bus is looked at next.
     repair_at: Micros,
@@ -344,8 +350,10 @@ impl Bus {
             with_master(|master| master.broken = true);
         }
         let completion = collect();
-        if completion.is_some() && (hurried || !self.sampling) {
-            self.time_stop();
+        if let Some(completion) = &completion
+            && (hurried || !self.sampling)
+        {
+            self.await_stop(completion);
         }
         if now >= self.repair_at && with_master(|master| master.broken) {
             self.recoveries = self.recoveries.saturating_add(1);
@@ -366,18 +374,25 @@ impl Bus {
         u32::from(address) << 24 | self.stop_us
     }
 
-    /// Wait for the STOP, and so learn how long the sensor holds it up. Before a step there is less
-    /// time for that.
-    fn time_stop(&mut self) {
+    /// Wait for the STOP of a transfer that is over, and so learn how long the sensor holds it up
+    /// after a read; after a write it may go out at once. Before a step there is less time for
+    /// that.
+    fn await_stop(&mut self, over: &Completion) {
         let limit_us = if self.sampling {
             STOP_HURRIED_US
         } else {
             STOP_LIMIT_US
         };
-        let began = now();
-        let _ = within(limit_us, || !with_master(|master| master.awaits_stop()));
-        let us = now().since(began) as u32;
-        self.stop_us = us.max(self.stop_us - self.stop_us / 8);
+        let is_awaited = || with_master(|master| master.awaits_stop());
+        // Where it has gone out already, its length is not known.
+        if is_awaited() {
+            let _ = within(limit_us, || !is_awaited());
+            if over.is_read() {
+                let ended = over.outcome.started.after(over.took_us.into());
+                let us = now().since(ended) as u32;
+                self.stop_us = us.max(self.stop_us - self.stop_us / 8);
+            }
+        }
     }
 
     /// End the transfer under way. The peripheral is of no use until it is repaired.

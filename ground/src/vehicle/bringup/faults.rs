@@ -1,7 +1,7 @@
 //! The rows about the link, and about the two ways in which a program can fail.
 
 use anyhow::Result;
-use client::{StateKind, request};
+use client::{LatchKind, StateCode, StateKind, request};
 use std::time::Duration;
 use tvc_nano::bringup::What;
 use tvc_nano::bringup::words;
@@ -59,7 +59,7 @@ pub fn usb(session: &mut Session) -> Result<Row> {
 pub fn crash(session: &mut Session) -> Result<Row> {
     const EXPECTED: &str = "\"panic\" with addresses after the reset";
     let back = session.fall(What::Panic)?;
-    let row = conclude(session, CRASH, EXPECTED, "panic", back);
+    let row = conclude(session, CRASH, EXPECTED, LatchKind::Panic, back);
     acknowledge(session)?;
     Ok(row)
 }
@@ -75,16 +75,22 @@ pub fn watchdog(session: &mut Session) -> Result<Row> {
         return Ok(WATCHDOG.failed(EXPECTED, "it is off"));
     }
     let back = session.fall(What::Hang)?;
-    let row = conclude(session, WATCHDOG, EXPECTED, "watchdog", back);
+    let row = conclude(session, WATCHDOG, EXPECTED, LatchKind::Watchdog, back);
     acknowledge(session)?;
     Ok(row)
 }
 
-fn conclude(session: &mut Session, check: Check, expected: &str, word: &str, back: bool) -> Row {
+fn conclude(
+    session: &mut Session,
+    check: Check,
+    expected: &str,
+    latch: LatchKind,
+    back: bool,
+) -> Row {
     let said = session.reason();
     if !back {
         check.failed(expected, "the vehicle did not come back by itself")
-    } else if said.contains(word) {
+    } else if session.state_code() == Some(StateCode::Latched(latch)) {
         check.of(expected, said, true)
     } else {
         check.failed(expected, format!("it said \"{said}\""))

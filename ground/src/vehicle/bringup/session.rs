@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use anyhow::{Result, bail};
 use client::request::{self, Order};
-use client::{BoardValue, Failure, LinkCounts, Request, StateKind, text};
+use client::{BoardValue, Failure, LinkCounts, Request, StateCode, StateKind, text};
 use mavlink::dialects::common::{MavMessage, MavResult, RAW_IMU_DATA, SYS_STATUS_DATA};
 use tvc_nano::bringup::What;
 
@@ -58,9 +58,19 @@ impl<'a> Session<'a> {
         self.target.client().state()
     }
 
-    /// What the vehicle says of its state.
+    /// The state and the kind of reason for it.
+    pub fn state_code(&mut self) -> Option<StateCode> {
+        self.target.client().state_code()
+    }
+
+    /// What the vehicle says of its state; what its heartbeat says, where the words were lost.
     pub fn reason(&mut self) -> String {
-        self.target.client().reason().to_owned()
+        match self.target.client().reason() {
+            "" => self
+                .state_code()
+                .map_or_else(String::new, |code| code.to_string()),
+            words => words.to_owned(),
+        }
     }
 
     /// What has been counted on the link.
