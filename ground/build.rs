@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::{env, fs};
 
-use image_build::{BuildError, Builder, FIRMWARE_SOURCES, Source, Toolchain};
+use image_build::{BuildError, Builder, FIRMWARE_SOURCES, Source, Toolchain, build_id};
 
 /// Folders of what the tool itself is made from.
 const TOOL_SOURCES: [&str; 3] = ["ground/src", "client/src", "rig/src"];
@@ -15,6 +15,8 @@ const TOOL_SOURCES: [&str; 3] = ["ground/src", "client/src", "rig/src"];
 fn main() -> ExitCode {
     println!("cargo::rerun-if-changed=build.rs");
     println!("cargo::rustc-env=TVC_TOOL_BUILD={:08x}", tool_build());
+    let image = build_id(&tree()).expect("the sources can be read");
+    println!("cargo::rustc-env=TVC_IMAGE_BUILD={image:016x}");
     println!("cargo::rerun-if-env-changed=TVC_IMAGE");
     let out = PathBuf::from(env::var_os("OUT_DIR").expect("cargo sets OUT_DIR"));
     let is_release = env::var("PROFILE").is_ok_and(|profile| profile == "release");

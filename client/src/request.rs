@@ -46,6 +46,13 @@ pub const RELEASE: Order = Order {
     params: [1.0, 0.0],
 };
 
+/// Start anew, as after power-on.
+pub const REBOOT: Order = Order {
+    name: "reboot",
+    command: MavCmd::MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN,
+    params: [1.0, 0.0],
+};
+
 /// Begin the estimate anew: gyro calibration.
 pub const CALIBRATE: Order = Order {
     name: "calibrate",

@@ -5,24 +5,29 @@ use clap::{Parser, Subcommand};
 
 use crate::filters::{cycles::Cycles, experiment::Experiment, fuse::Fuse};
 use crate::flight::{faults::Faults, fly::Fly, hardware_campaign::HardwareCampaign, rig::Rig};
-use crate::logs::{convert::Convert, replay::Replay, report::Report};
+use crate::logs::{convert::Convert, inspect::LogCommand, replay::Replay, report::Report};
 use crate::model::{Model, identify::Identify, montecarlo::MonteCarlo, tune::Tune};
 use crate::vehicle::arm::Operate;
 use crate::vehicle::bringup::Bringup;
 use crate::vehicle::calibrate::Calibrate;
 use crate::vehicle::flash::Flash;
 use crate::vehicle::forward::Forward;
+use crate::vehicle::info::Info;
 use crate::vehicle::monitor::Monitor;
 use crate::vehicle::param::Param;
 use crate::vehicle::port::Ports;
 use crate::vehicle::record::Record;
 use crate::vehicle::recorder::Recorder;
+use crate::vehicle::release::Release;
 use crate::vehicle::test::Test;
 use crate::vehicle::web::Web;
 
+/// Version of the tool, and what tells builds of it apart: a sum over its sources and the image's.
+const VERSION: &str = concat!(env!("CARGO_PKG_VERSION"), " ", env!("TVC_TOOL_BUILD"));
+
 /// Fly thrust-vector-control firmware on a virtual rig, and put it on the real one.
 #[derive(Debug, Parser)]
-#[command(name = "tvc", version, about, max_term_width = 100)]
+#[command(name = "tvc", version = VERSION, about, max_term_width = 100)]
 pub struct Cli {
     /// What to do.
     #[command(subcommand)]
@@ -41,6 +46,9 @@ pub enum Command {
     Hardware(HardwareCampaign),
     /// Run the virtual rig in real time, its port behind a pseudo-terminal.
     Rig(Rig),
+    /// Look at port, vehicle, builds and calibration, and say what to do next.
+    #[command(alias = "doctor")]
+    Info(Info),
     /// List the serial ports.
     Ports(Ports),
     /// Build the image and put it on a Nano, or write it as a file.
@@ -63,6 +71,10 @@ pub enum Command {
     Arm(Operate),
     /// Disarm the vehicle: rudder to neutral.
     Disarm(Operate),
+    /// Let an armed vehicle go, and disarm it at the end.
+    Release(Release),
+    /// Start the vehicle anew.
+    Reboot(Operate),
     /// Fly a manoeuvre on the tether and measure it.
     Test(Test),
     /// Fetch the steps around the last release from the vehicle's own memory.
@@ -72,6 +84,8 @@ pub enum Command {
     Report(Report),
     /// Run the firmware's library on a log, bit for bit or with something changed.
     Replay(Replay),
+    /// Say what a log holds, cut a part out of it, recover a broken one.
+    Log(LogCommand),
     /// Write a log in another form: for Foxglove, for QGroundControl, as a table.
     Convert(Convert),
     /// Find thrust, inertia, servo speed and delay from a recorded run.

@@ -6,7 +6,7 @@
 
 use std::env;
 use std::fs;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result, bail};
 use clap::Args;
@@ -16,6 +16,9 @@ use crate::out::exit::BadInput;
 
 /// The image as `build.rs` has left it: empty unless the tool was built to be installed.
 const EMBEDDED: &[u8] = include_bytes!(concat!(env!("OUT_DIR"), "/image.elf"));
+
+/// Digits of its build id that a vehicle tells.
+const BUILD_DIGITS: usize = 8;
 
 /// Which image.
 #[derive(Debug, Args)]
@@ -66,6 +69,26 @@ impl ImageOption {
         eprintln!("image: {name}");
         Ok(Firmware { image, elf })
     }
+}
+
+/// What an image is flown or flashed from without `--image`, and its build id as a vehicle tells
+/// it; `None` if there is none.
+pub fn at_hand() -> Option<(String, String)> {
+    let here = env::current_dir().unwrap_or_default();
+    let of_tree = |tree: &Path| {
+        let id = image_build::build_id(tree).ok()?;
+        let from = format!("to be built from {}", tree.display());
+        Some((from, format!("{id:016x}")))
+    };
+    let (from, id) = match image_build::tree_around(&here) {
+        Some(tree) => of_tree(tree),
+        None if !EMBEDDED.is_empty() => {
+            let id = env!("TVC_IMAGE_BUILD").to_owned();
+            Some(("in this program".to_owned(), id))
+        }
+        None => of_tree(&workspace()),
+    }?;
+    Some((from, id.chars().take(BUILD_DIGITS).collect()))
 }
 
 /// The image that a tree builds, and what to call it.

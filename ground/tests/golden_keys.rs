@@ -65,7 +65,9 @@ const AT_A_VEHICLE: &[(&str, &str)] = &[
     ("param-reset", "param reset PID_KP"),
     ("param-load", "param load gains.param"),
     ("param-save", "param save"),
+    ("info", "info"),
     ("arm", "arm"),
+    ("release", "release --yes --seconds 0.5"),
     ("disarm", "disarm"),
     // Together they have a release, a hold and a sweep.
     ("test", "test step --seconds 1 --log step.tlog"),
@@ -73,11 +75,15 @@ const AT_A_VEHICLE: &[(&str, &str)] = &[
     // Long enough that on a slow machine, too, the vehicle's own clock sees two seconds.
     ("test", "test hold --seconds 12 --log hold.tlog"),
     ("test", "test chirp --seconds 6"),
+    ("reboot", "reboot"),
 ];
 
 /// What is run on the logs of the vehicle.
 const ON_ITS_LOGS: &[(&str, &str)] = &[
     ("report", "report hold.tlog"),
+    ("log-info", "log info step.tlog"),
+    ("log-cut", "log cut step.tlog part.tlog --release 1"),
+    ("log-recover", "log recover step.tlog whole.mcap"),
     ("replay", "replay step.tlog"),
     (
         "replay-changed",

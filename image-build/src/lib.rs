@@ -6,8 +6,10 @@
 
 #![forbid(unsafe_code)]
 
+mod build_id;
 mod toolchain;
 
+pub use build_id::build_id;
 pub use toolchain::Toolchain;
 
 use std::env;

@@ -22,14 +22,14 @@ use tvc_nano::config::{COMPONENT_ID, SYSTEM_ID};
 
 use crate::out::exit::BadInput;
 
-pub use origin::{Origin, TOOL};
+pub use origin::{Origin, TOOL, vehicle_build};
 pub use steps::{Event, Flight, Step};
 pub use table::write_csv;
 
 /// Bytes of time before a frame.
 const STAMP: usize = 8;
 /// Where a frame has the number of the system that sent it.
-const SYSTEM_AT: usize = 5;
+pub const SYSTEM_AT: usize = 5;
 
 /// A log that is being written.
 pub struct Writer {
@@ -155,7 +155,11 @@ impl Log {
         Self::of(&tlog(path)?, path)
     }
 
-    fn of(bytes: &[u8], path: &Path) -> Result<Self> {
+    /// As [`read`](Self::read), of the bytes that a `.tlog` at this path would have.
+    ///
+    /// # Errors
+    /// As [`read`](Self::read).
+    pub fn of(bytes: &[u8], path: &Path) -> Result<Self> {
         let log = Self::parse(bytes);
         if log.counts.messages == 0 {
             return Err(BadInput::new(format!(
@@ -167,6 +171,19 @@ impl Log {
         Ok(log)
     }
 
+    /// A time of its clock, s since its first message; 0 for an earlier one.
+    pub fn time_s(&self, time_us: u64) -> f64 {
+        let begun_us = self.entries.first().map_or(0, |entry| entry.time_us);
+        time_us.saturating_sub(begun_us) as f64 * 1e-6
+    }
+
+    /// From the first message to the last, s.
+    pub fn length_s(&self) -> f64 {
+        self.entries
+            .last()
+            .map_or(0.0, |entry| self.time_s(entry.time_us))
+    }
+
     /// The messages in the bytes of a log. A frame that is cut short or damaged is counted and
     /// ignored.
     pub fn parse(bytes: &[u8]) -> Self {
@@ -174,10 +191,7 @@ impl Log {
         // Every system counts its own frames.
         let mut wires: BTreeMap<u8, Wire> = BTreeMap::new();
         let mut vehicle = None;
-        let mut frames = Frames {
-            bytes,
-            stray_bytes: 0,
-        };
+        let mut frames = Frames::of(bytes);
         for (time_us, frame) in &mut frames {
             if is_from_vehicle(frame) {
                 vehicle = Some(frame[SYSTEM_AT]);
@@ -214,19 +228,21 @@ pub fn convert(from: &Path, to: &Path) -> Result<()> {
         return write_csv(&Flight::of(&log), to);
     }
     let mut writer = Writer::create(to)?;
-    let frames = Frames {
-        bytes: &bytes,
-        stray_bytes: 0,
-    };
-    let copy = move || {
-        for (time_us, frame) in frames {
+    or_remove(to, || {
+        for (time_us, frame) in Frames::of(&bytes) {
             writer.write_at(time_us, frame)?;
         }
         writer.end()
-    };
-    copy().inspect_err(|_| {
-        // A part of a log would pass for a whole one.
-        let _ = std::fs::remove_file(to);
+    })
+}
+
+/// Writes a log, and removes what there is of it where that fails: a part would pass for a whole.
+///
+/// # Errors
+/// Those of `write`.
+pub fn or_remove<T>(path: &Path, write: impl FnOnce() -> Result<T>) -> Result<T> {
+    write().inspect_err(|_| {
+        let _ = std::fs::remove_file(path);
     })
 }
 
@@ -293,7 +309,10 @@ fn now_us() -> u64 {
 }
 
 /// The bytes of a log as a `.tlog` has them.
-fn tlog(path: &Path) -> Result<Vec<u8>> {
+///
+/// # Errors
+/// [`BadInput`] if the file cannot be read.
+pub fn tlog(path: &Path) -> Result<Vec<u8>> {
     let unreadable = |error: anyhow::Error| {
         let why = brief(&format!("{error:#}"));
         BadInput::new(format!("cannot read {}: {why}", path.display()))
@@ -310,6 +329,15 @@ fn tlog(path: &Path) -> Result<Vec<u8>> {
     Ok(bytes)
 }
 
+/// What looks like frames in a broken log, as a `.tlog` has them.
+pub fn salvaged(bytes: &[u8]) -> Vec<u8> {
+    let messages = mcap::salvaged(bytes);
+    match messages.is_empty() {
+        true => bytes.to_vec(),
+        false => messages,
+    }
+}
+
 /// The beginning of a parser's complaint, which may hold all that it did not understand.
 fn brief(why: &str) -> String {
     const LONGEST: usize = 100;
@@ -320,10 +348,20 @@ fn brief(why: &str) -> String {
 }
 
 /// Times, us since 1970, and frames in the bytes of a `.tlog`.
-struct Frames<'a> {
+pub struct Frames<'a> {
     bytes: &'a [u8],
     /// Bytes that belong to no frame.
     stray_bytes: u64,
+}
+
+impl<'a> Frames<'a> {
+    /// Of the bytes of a `.tlog`.
+    pub fn of(bytes: &'a [u8]) -> Self {
+        Self {
+            bytes,
+            stray_bytes: 0,
+        }
+    }
 }
 
 impl<'a> Iterator for Frames<'a> {
@@ -350,7 +388,7 @@ pub fn whole_us(low_us: u32, near_us: u64) -> u64 {
 }
 
 /// Whether an autopilot sent it, whatever its system's number is: stations are other components.
-fn is_from_vehicle(frame: &[u8]) -> bool {
+pub fn is_from_vehicle(frame: &[u8]) -> bool {
     frame.get(SYSTEM_AT + 1) == Some(&COMPONENT_ID)
 }
 

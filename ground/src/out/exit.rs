@@ -35,6 +35,8 @@ pub enum Verdict {
     Met,
     /// At least one figure missed its requirement; the output says which.
     Missed,
+    /// What the command was to examine is not there, or cannot be used; the output says why.
+    Unusable,
 }
 
 impl Verdict {
@@ -57,6 +59,7 @@ pub fn exit_code(result: anyhow::Result<Verdict>) -> ExitCode {
     match result {
         Ok(Verdict::Met) => ExitCode::SUCCESS,
         Ok(Verdict::Missed) => ExitCode::from(FAILED),
+        Ok(Verdict::Unusable) => ExitCode::from(BAD_INPUT),
         Err(error) => {
             eprintln!("error: {}", one_line(&error));
             let bad_input = error.chain().any(|cause| cause.is::<BadInput>());

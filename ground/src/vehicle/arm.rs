@@ -1,4 +1,4 @@
-//! `tvc arm` and `tvc disarm`.
+//! `tvc arm`, `tvc disarm` and `tvc reboot`.
 
 use std::time::{Duration, Instant};
 
@@ -14,12 +14,13 @@ use crate::out::file::{print, print_json};
 use crate::vehicle::link::Vehicle;
 use crate::vehicle::port::PortOptions;
 
-/// Options of `tvc arm` and `tvc disarm`.
+/// Options of `tvc arm`, `tvc disarm` and `tvc reboot`.
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Examples:
   cargo tvc arm                            standby to armed: the rudder still rests
   cargo tvc disarm                         the rudder to neutral, from any state; acknowledges faults
+  cargo tvc reboot                         starts anew, as after power-on; not while it is armed
   cargo tvc disarm --port /dev/ttyACM1     a given port
 
 In a failsafe whose fault is still there, disarm says so: the rudder is at neutral already.
@@ -68,6 +69,15 @@ pub fn disarm(options: &Operate) -> Result<Verdict> {
     );
     let object = json!({ "state": state, "fault": fault });
     answer(options, &object, &words)
+}
+
+/// Starts the vehicle anew.
+///
+/// # Errors
+/// No vehicle, or its refusal.
+pub fn reboot(options: &Operate) -> Result<Verdict> {
+    Vehicle::connect(&options.port)?.command(request::REBOOT)?;
+    answer(options, &json!({ "restarting": true }), "restarting")
 }
 
 /// Waits for the state that an order leads to.

@@ -1,5 +1,6 @@
 //! Serial ports: finding and opening one, and `tvc ports`.
 
+pub mod machine;
 mod nano;
 
 use std::io::{self, ErrorKind};
@@ -165,38 +166,22 @@ pub fn find_nano(wanted: Option<&str>) -> Result<Nano> {
     })
 }
 
+/// What runs on the Nano behind a port's name; `None` if it is none.
+pub fn life(name: &str) -> Option<Life> {
+    nano_at(name, &available().unwrap_or_default()).map(|nano| nano.life)
+}
+
 fn joined<'a>(names: impl Iterator<Item = &'a str>) -> String {
     names.collect::<Vec<_>>().join(", ")
 }
 
 /// What to say of a port that does not open.
 pub fn refused(name: &str, error: &io::Error) -> BadInput {
-    let advice = match group_of(name) {
-        Some(group) if error.kind() == ErrorKind::PermissionDenied => format!(
-            "it belongs to the group {group}: `sudo usermod -aG {group} $USER`, then log in again"
-        ),
+    let advice = match machine::access(Path::new(name)) {
+        Some(access) if error.kind() == ErrorKind::PermissionDenied => access.remedy(),
         _ => "is it a serial port that no other program uses?".to_owned(),
     };
     BadInput::new(format!("cannot open {name}: {error}; {advice}"))
-}
-
-/// The group that a device belongs to.
-#[cfg(unix)]
-fn group_of(device: &str) -> Option<String> {
-    use std::os::unix::fs::MetadataExt;
-
-    let id = std::fs::metadata(device).ok()?.gid().to_string();
-    let groups = std::fs::read_to_string("/etc/group").ok()?;
-    groups.lines().find_map(|line| {
-        let mut fields = line.split(':');
-        let name = fields.next()?;
-        (fields.nth(1)? == id).then(|| name.to_owned())
-    })
-}
-
-#[cfg(not(unix))]
-fn group_of(_device: &str) -> Option<String> {
-    None
 }
 
 /// An open port, with DTR set.
@@ -299,11 +284,8 @@ mod tests {
     fn a_port_that_may_not_be_opened_names_its_group() {
         let denied = io::Error::from(ErrorKind::PermissionDenied);
         let said = refused("/", &denied).to_string();
-        let group = group_of("/").unwrap();
-        assert!(
-            said.contains(&format!("usermod -aG {group} $USER")),
-            "{said}"
-        );
+        let remedy = machine::access(Path::new("/")).unwrap().remedy();
+        assert!(said.ends_with(&remedy), "{said}");
         let busy = io::Error::from(ErrorKind::ResourceBusy);
         assert!(refused("/", &busy).to_string().contains("no other program"));
     }

@@ -27,6 +27,8 @@ pub const MAGIC: &[u8] = mcap::MAGIC;
 
 /// Topic of the untouched frames, both ways.
 const FRAMES: &str = "/mavlink";
+/// Opcode of a message's record.
+const MESSAGE: u8 = mcap::records::op::MESSAGE;
 /// Their encoding; MCAP has no registered name for it.
 const FRAME_ENCODING: &str = "x-mavlink2";
 /// Size of a chunk, bytes: at most this is lost if the program is killed, a fifth of a second.
@@ -333,6 +335,44 @@ pub fn frames(bytes: &[u8]) -> Result<(Vec<u8>, Option<McapError>)> {
         }
     }
     Ok((log, None))
+}
+
+/// The frames in the bytes of a broken file, as a `.tlog` has them: every record that looks like a
+/// message with a frame in it, whatever stands before and behind.
+pub fn salvaged(bytes: &[u8]) -> Vec<u8> {
+    let mut log = Vec::new();
+    let mut rest = bytes;
+    while !rest.is_empty() {
+        rest = match message(rest) {
+            Some((stamp, frame, behind)) => {
+                log.extend_from_slice(&stamp);
+                log.extend_from_slice(frame);
+                behind
+            }
+            None => &rest[1..],
+        };
+    }
+    log
+}
+
+/// Stamp and frame of the message record that `bytes` begin with, and what stands behind: opcode,
+/// length of what follows, channel, sequence, two times in ns, the frame.
+fn message(bytes: &[u8]) -> Option<([u8; STAMP], &[u8], &[u8])> {
+    const HEADER: usize = 22;
+    let (&op, rest) = bytes.split_first()?;
+    let (length, rest) = rest.split_first_chunk()?;
+    let (header, rest) = rest.split_first_chunk::<HEADER>()?;
+    let length = usize::try_from(u64::from_le_bytes(*length)).ok()?;
+    let (frame, behind) = rest.split_at_checked(length.checked_sub(HEADER)?)?;
+    if op != MESSAGE || Wire::frame_length(frame) != Some(frame.len()) {
+        return None;
+    }
+    let time_ns = header.get(6..14)?.try_into().ok()?;
+    Some((
+        (u64::from_le_bytes(time_ns) / 1000).to_be_bytes(),
+        frame,
+        behind,
+    ))
 }
 
 /// The vehicle's clock, offset to the host's.

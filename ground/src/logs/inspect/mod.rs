@@ -1,0 +1,196 @@
+//! `tvc log`: what a log holds, a part of it as a log of its own, and what is left of a broken one.
+
+mod cut;
+mod info;
+mod recover;
+
+use std::path::PathBuf;
+
+use anyhow::Result;
+use clap::{Args, Subcommand};
+
+use crate::out::exit::Verdict;
+use crate::out::kind;
+
+/// Options of `tvc log`.
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  cargo tvc log info flight.tlog                        date, builds, length, messages, gaps, releases
+  cargo tvc log cut flight.tlog first.tlog --release 1  two seconds before the first release to two after it
+  cargo tvc log cut flight.tlog part.mcap --from 10 --to 25
+  cargo tvc log recover broken.mcap whole.tlog          what can still be read
+
+Times are seconds since the log's first message. A log that is there already is not written over.
+Exit status: 0 done, 1 something failed, 2 unusable input.")]
+pub struct LogCommand {
+    /// What to do.
+    #[command(subcommand)]
+    pub action: Action,
+
+    /// Print one JSON object on standard output and nothing else there.
+    #[arg(long, global = true)]
+    pub json: bool,
+}
+
+/// What to do with a log.
+#[derive(Debug, Subcommand)]
+pub enum Action {
+    /// Say what a log holds.
+    #[command(after_help = "\
+Examples:
+  cargo tvc log info flight.tlog
+  cargo tvc log info flight.mcap --json | jq .releases
+
+Exit status: 0 done, 1 something failed, 2 unusable input.")]
+    Info {
+        /// A telemetry log (.tlog, .mcap).
+        #[arg(value_name = "LOG")]
+        log: PathBuf,
+    },
+    /// Write a part of a log as a new one, which begins with what was known: builds, parameters,
+    /// state.
+    #[command(after_help = "\
+Examples:
+  cargo tvc log cut flight.tlog first.tlog --release 1
+  cargo tvc log cut flight.tlog part.mcap --from 10 --to 25    seconds since the log's first message
+
+Exit status: 0 written, 1 something failed, 2 unusable input.")]
+    Cut(Cut),
+    /// Write what can be read of a broken log as a new one.
+    #[command(after_help = "\
+Examples:
+  cargo tvc log recover broken.mcap whole.mcap
+  cargo tvc log recover broken.tlog whole.tlog
+
+Every frame whose checksum is right is kept, wherever it stands. A time that cannot be right becomes
+that of the frame before.
+Exit status: 0 something was recovered, 1 something failed, 2 unusable input.")]
+    Recover {
+        /// The broken log (.tlog, .mcap).
+        #[arg(value_name = "LOG")]
+        log: PathBuf,
+        /// The log to write (.tlog, .mcap); it must not be there yet.
+        #[arg(value_name = "FILE", value_parser = kind::new_log)]
+        file: PathBuf,
+    },
+}
+
+/// Options of `tvc log cut`.
+#[derive(Debug, Args)]
+pub struct Cut {
+    /// A telemetry log (.tlog, .mcap).
+    #[arg(value_name = "LOG")]
+    pub log: PathBuf,
+
+    /// The log to write (.tlog, .mcap); it must not be there yet.
+    #[arg(value_name = "FILE", value_parser = kind::new_log)]
+    pub file: PathBuf,
+
+    /// Begin here, s [default: the log's beginning].
+    #[arg(long, value_name = "S", value_parser = time)]
+    pub from: Option<f64>,
+
+    /// End here, s [default: the log's end].
+    #[arg(long, value_name = "S", value_parser = time)]
+    pub to: Option<f64>,
+
+    /// The release with this number, as `tvc log info` counts them, with two seconds on both sides.
+    #[arg(long, value_name = "N", conflicts_with_all = ["from", "to"])]
+    pub release: Option<usize>,
+}
+
+/// Parses a time in a log, s.
+fn time(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(seconds) if (0.0..=1e9).contains(&seconds) => Ok(seconds),
+        _ => Err("a time in a log is a number of seconds since its first message".into()),
+    }
+}
+
+/// Does what `options` ask for.
+pub fn run(options: &LogCommand) -> Result<Verdict> {
+    match &options.action {
+        Action::Info { log } => info::run(log, options.json),
+        Action::Cut(cut) => cut::run(cut, options.json),
+        Action::Recover { log, file } => recover::run(log, file, options.json),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::logs::log::{Entry, Event, Log, Step, Writer};
+    use mavlink::{MAVLinkV2MessageRaw, MavHeader};
+    use std::path::Path;
+    use tvc_nano::{Micros, RawSample};
+
+    /// A second between two steps: standby at 0 s, active from 3 to 6 s and again from 8 s on.
+    pub(super) fn flight() -> Log {
+        let mut entries = Vec::new();
+        let mut tell = |second: u64, event: Event| {
+            entries.extend(event.messages().into_iter().map(|message| Entry {
+                time_us: 1_764_000_000_000_000 + second * 1_000_000,
+                from_vehicle: true,
+                message,
+                lost_before: 0,
+            }));
+        };
+        tell(0, Event::Parameter("PID_KP".into(), 1.5));
+        for second in 0..10 {
+            match second {
+                0 | 6 => tell(second, Event::State(2)),
+                3 | 8 => tell(second, Event::State(4)),
+                _ => {}
+            }
+            tell(
+                second,
+                Event::Step(Step {
+                    now_us: second * 1_000_000 + 5_000,
+                    sample: Some(RawSample {
+                        time: Micros(second * 1_000_000),
+                        acc: [0, 0, -981],
+                        gyr: [0; 3],
+                        mag: [200, 0, 400],
+                    }),
+                    quaternion: [1.0, 0.0, 0.0, 0.0],
+                    rate_rad_s: [0.0; 3],
+                    crank_rad: Some(0.0),
+                    pulse_us: 1524,
+                }),
+            );
+        }
+        Log {
+            entries,
+            ..Log::default()
+        }
+    }
+
+    /// Time of an entry, s since the first one.
+    pub(super) fn seconds(log: &Log, index: usize) -> f64 {
+        log.time_s(log.entries[index].time_us)
+    }
+
+    pub(super) fn write(log: &Log, path: &Path) {
+        let mut writer = Writer::create(path).unwrap();
+        for (index, entry) in log.entries.iter().enumerate() {
+            let mut raw = MAVLinkV2MessageRaw::new();
+            let header = MavHeader {
+                system_id: 1,
+                component_id: 1,
+                sequence: index as u8,
+            };
+            raw.serialize_message(header, &entry.message);
+            writer.write_at(entry.time_us, raw.raw_bytes()).unwrap();
+        }
+        writer.end().unwrap();
+    }
+
+    #[test]
+    fn a_time_is_a_number_of_seconds() {
+        assert_eq!(time("2.5"), Ok(2.5));
+        for wrong in ["-1", "NaN", "inf", "x", ""] {
+            assert!(time(wrong).is_err(), "{wrong}");
+        }
+    }
+}

@@ -1,0 +1,115 @@
+//! `tvc release`: an armed vehicle is let go, and watched until the command ends.
+
+use std::time::{Duration, Instant};
+
+use anyhow::{Result, bail};
+use clap::Args;
+use client::{StateKind, request};
+use serde_json::json;
+
+use crate::arguments::seconds;
+use crate::out::exit::{BadInput, Verdict};
+use crate::out::file::{print, print_json};
+use crate::signals;
+use crate::vehicle::calibrate::keyboard::{Keyboard, Typed, is_attended};
+use crate::vehicle::link::Vehicle;
+use crate::vehicle::port::PortOptions;
+use crate::vehicle::watch::Watched;
+
+/// Options of `tvc release`.
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  cargo tvc arm && cargo tvc release       asks, lets go, keeps control until Ctrl-C, disarms
+  cargo tvc release --yes --seconds 5      without a question, for five seconds
+
+The vehicle must be armed. However the command ends (Ctrl-C, SIGTERM, SIGHUP, an error), the vehicle
+is disarmed. Meanwhile FS_HOST is 1: if the tool is killed or the port goes away, the vehicle goes to
+its failsafe, with the rudder at neutral, after three seconds. `tvc test` measures a release.
+Exit status: 0 released and disarmed again, 1 refused, declined, or a failsafe, 2 unusable input.")]
+pub struct Release {
+    /// Where the vehicle is.
+    #[command(flatten)]
+    pub port: PortOptions,
+
+    /// Release without a question.
+    #[arg(long)]
+    pub yes: bool,
+
+    /// End by itself this long after the release.
+    #[arg(long, value_name = "S", value_parser = seconds)]
+    pub seconds: Option<f64>,
+
+    /// Print one JSON object on standard output and nothing else there.
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// Releases, watches and disarms.
+///
+/// # Errors
+/// Nobody to ask; no vehicle, one that is not armed, its refusal, or a failsafe.
+pub fn run(options: &Release) -> Result<Verdict> {
+    if !options.yes && !is_attended() {
+        return Err(
+            BadInput::new("nobody can be asked here: --yes releases without a question").into(),
+        );
+    }
+    let stop = signals::on_signal()?;
+    let mut vehicle = Watched::new(Vehicle::connect(&options.port)?);
+    if vehicle.state() != Some(StateKind::Armed) {
+        let state = vehicle.link().client().state_name();
+        bail!("release refused: the vehicle is in {state}; `tvc arm` first");
+    }
+    vehicle.heed(Some(stop));
+    if !options.yes && !is_agreed(&mut vehicle)? {
+        eprintln!("not released; the vehicle is still armed");
+        return Ok(Verdict::Missed);
+    }
+    vehicle.begin(stop);
+    let longest = options.seconds.map(Duration::from_secs_f64);
+    let released = release(&mut vehicle, |begun| signals::asked(stop, begun, longest));
+    let seconds = vehicle.leave(released)?;
+    if options.json {
+        print_json(&json!({ "seconds": seconds }))?;
+    } else {
+        print(format_args!(
+            "in control for {seconds:.1} s, then disarmed\n"
+        ))?;
+    }
+    Ok(Verdict::Met)
+}
+
+fn is_agreed(vehicle: &mut Vehicle) -> Result<bool> {
+    eprint!("Let go now? The rudder is in control until Ctrl-C, which disarms. [y/N] ");
+    let keyboard = Keyboard::listen();
+    loop {
+        // So that the vehicle goes on hearing its host.
+        vehicle.receive()?;
+        match keyboard.poll() {
+            Typed::Nothing => {}
+            Typed::Line(answer) => return Ok(matches!(&*answer.to_lowercase(), "y" | "yes")),
+            Typed::Nobody => return Ok(false),
+        }
+    }
+}
+
+/// Releases and watches until `is_over`; how long control was on, s.
+fn release(vehicle: &mut Watched, is_over: impl Fn(Instant) -> bool) -> Result<f64> {
+    vehicle.watch_host()?;
+    vehicle.command(request::RELEASE)?;
+    eprintln!("released");
+    let begun = Instant::now();
+    while !is_over(begun) {
+        match vehicle.receive() {
+            Err(_) if is_over(begun) => break,
+            received => received?,
+        };
+        match vehicle.state() {
+            Some(StateKind::Failsafe) => bail!("the vehicle gave up: {}", vehicle.reason()),
+            Some(StateKind::Standby) => bail!("the vehicle was disarmed by somebody else"),
+            _ => {}
+        }
+    }
+    Ok(begun.elapsed().as_secs_f64())
+}

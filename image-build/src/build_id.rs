@@ -1,0 +1,72 @@
+//! What tells builds of the same version apart.
+
+use std::fs;
+use std::io;
+use std::path::{Path, PathBuf};
+
+/// Folders of what the image is made from.
+const SOURCES: [&str; 4] = ["src", "fusion/src", "pid/src", "bno055-driver/src"];
+
+/// The build id of the image that a source tree makes: FNV-1a over names and contents of its
+/// sources. The vehicle tells the first eight of its sixteen digits.
+///
+/// # Errors
+/// A source cannot be read.
+pub fn build_id(tree: &Path) -> io::Result<u64> {
+    let mut files = Vec::new();
+    for folder in SOURCES {
+        collect(&tree.join(folder), &mut files)?;
+    }
+    files.sort();
+    let mut id = 0xCBF2_9CE4_8422_2325_u64;
+    for file in files {
+        let name = file
+            .strip_prefix(tree)
+            .unwrap_or(&file)
+            .to_string_lossy()
+            .replace('\\', "/");
+        for byte in name.bytes().chain(fs::read(&file)?) {
+            id = (id ^ u64::from(byte)).wrapping_mul(0x0000_0100_0000_01B3);
+        }
+    }
+    Ok(id)
+}
+
+fn collect(folder: &Path, files: &mut Vec<PathBuf>) -> io::Result<()> {
+    for entry in fs::read_dir(folder)? {
+        let path = entry?.path();
+        if path.is_dir() {
+            collect(&path, files)?;
+        } else {
+            files.push(path);
+        }
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_and_contents_count() {
+        let folder = std::env::temp_dir().join(format!("tvc-build-id-{}", std::process::id()));
+        for source in SOURCES {
+            fs::create_dir_all(folder.join(source)).unwrap();
+        }
+        let id = || build_id(&folder).unwrap();
+        let empty = id();
+        fs::write(folder.join("src/a.rs"), "x").unwrap();
+        let one = id();
+        fs::rename(folder.join("src/a.rs"), folder.join("src/b.rs")).unwrap();
+        let renamed = id();
+        fs::write(folder.join("src/b.rs"), "y").unwrap();
+        let changed = id();
+        fs::remove_dir_all(&folder).unwrap();
+        assert!(build_id(&folder).is_err());
+        let mut ids = vec![empty, one, renamed, changed];
+        ids.sort_unstable();
+        ids.dedup();
+        assert_eq!(ids.len(), 4);
+    }
+}
