@@ -48,6 +48,8 @@ class Element {
   get tBodies() { return [this]; }
   get lastElementChild() { return this.children.at(-1); }
   get childElementCount() { return this.children.length; }
+  querySelector(which) { return (this.found ??= {})[which] ??= new Element(which); }
+  querySelectorAll() { return []; }
   setAttribute() {}
   blur() { this.left = true; }
   getContext() { return new Proxy({}, { get: () => () => {}, set: () => true }); }
@@ -286,4 +288,33 @@ test("arming and release wait for their states", async () => {
   assert.deepEqual(disabled(), [true, false, true]);
   await show({ state: "failsafe", in_operation: true });
   assert.deepEqual(disabled(), [true, true, true]);
+});
+
+test("an answer is for the question in sight, and a click that was meant for another counts for none", async () => {
+  const guide = (name) => at("set-up").querySelector(`.${name}`);
+  const setUp = {
+    running: true, step: "servo", instruction: "", lines: [], share: null, progress: "", seen: null, figures: [], met: false,
+    ending: "", question: null,
+  };
+  const ask = (id, again) => come({ now_ms: 7000, frame, set_up: {
+    ...setUp, question: { id, words: "Centre", buttons: [["+ 5", "+"], ["It is so", ""]], entry: "us", again },
+  } });
+  const replies = () => sent.filter(({ order }) => order === "answer").map(({ question, reply }) => [question, reply]);
+  await ask(7, false);
+  guide("replies").children[0].fire("click");
+  assert.deepEqual(replies(), []);
+  const later = performance.now() + 450;
+  while (performance.now() < later) await settle();
+  guide("replies").children[0].fire("click");
+  // The same question again is answered as soon as one likes.
+  await ask(8, true);
+  guide("replies").children[0].fire("click");
+  assert.deepEqual(replies(), [[7, "+"], [8, "+"]]);
+  await ask(9, false);
+  guide("replies").children[1].fire("click");
+  assert.deepEqual(replies(), [[7, "+"], [8, "+"]]);
+  // Nothing else can be begun meanwhile.
+  assert.deepEqual([order("arm").disabled, at("step").disabled, at("record").disabled], [true, true, true]);
+  await come({ now_ms: 7000, frame, set_up: { ...setUp, running: false, ending: "the vehicle is as it was" } });
+  assert.deepEqual([order("arm").disabled, at("step").disabled, at("record").disabled], [false, false, false]);
 });

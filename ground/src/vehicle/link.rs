@@ -22,9 +22,36 @@ const LOOK: Duration = Duration::from_millis(150);
 /// Longest wait for bytes, so that heartbeats and deadlines are kept.
 const SLICE: Duration = Duration::from_millis(20);
 
+/// What a [`Link`] reaches the vehicle by: a port of its own, or the thread that has the port.
+pub trait Way: Send {
+    /// The port's name.
+    fn name(&self) -> &str;
+
+    /// The bytes that have come, waiting at most `patience` for the first one.
+    ///
+    /// # Errors
+    /// The port went away.
+    fn read(&mut self, patience: Duration) -> Result<Vec<u8>>;
+
+    /// Sends all of `bytes`.
+    ///
+    /// # Errors
+    /// The port went away, or takes nothing any more.
+    fn write(&mut self, bytes: &[u8]) -> Result<()>;
+
+    /// Gives a request to the thread that has the port, which sends nothing once `stop` is set;
+    /// `None` where the link's own client asks.
+    fn request(&self, _: &Request, _stop: Option<&'static AtomicBool>) -> Option<Waited> {
+        None
+    }
+}
+
+/// Looks for the answer to a request.
+pub type Waited = Box<dyn FnMut() -> Option<Result<()>>>;
+
 /// A [`Client`] at a port, in real time.
 pub struct Link {
-    port: Port,
+    way: Box<dyn Way>,
     client: Client,
     begun: Instant,
     log: Option<Writer>,
@@ -40,9 +67,9 @@ impl Link {
     }
 
     /// A client at an open port.
-    pub fn at(port: Port) -> Self {
+    pub fn at(way: impl Way + 'static) -> Self {
         Self {
-            port,
+            way: Box::new(way),
             client: Client::default(),
             begun: Instant::now(),
             log: None,
@@ -79,7 +106,7 @@ impl Link {
 
     /// The port's name.
     pub fn name(&self) -> &str {
-        self.port.name()
+        self.way.name()
     }
 
     /// The client. What it is asked to send goes out with the next [`Link::flush`].
@@ -99,7 +126,7 @@ impl Link {
     pub fn receive(&mut self) -> Result<Vec<Frame>> {
         self.client.poll(self.begun.elapsed());
         self.flush()?;
-        let bytes = self.port.read(SLICE)?;
+        let bytes = self.way.read(SLICE)?;
         let frames = self.client.receive(self.begun.elapsed(), &bytes);
         self.log(|log| {
             for frame in &frames {
@@ -135,7 +162,7 @@ impl Link {
     /// # Errors
     /// As [`Link::flush`].
     pub fn send_bytes(&mut self, bytes: &[u8]) -> Result<()> {
-        self.port.write(bytes)?;
+        self.way.write(bytes)?;
         self.log(|log| log.write(bytes))
     }
 
@@ -271,6 +298,17 @@ impl Vehicle {
     }
 
     fn request(&mut self, request: Request) -> Result<()> {
+        if let Some(mut waited) = self.link.way.request(&request, self.stop) {
+            loop {
+                // What the vehicle told before its answer has come by then.
+                let answer = waited();
+                self.receive()?;
+                if let Some(answer) = answer {
+                    return answer
+                        .map_err(|refusal| refusal.downcast().map_or_else(|other| other, error));
+                }
+            }
+        }
         let now = self.link.now();
         let ticket = self.link.client.request(now, request);
         loop {

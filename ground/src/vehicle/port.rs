@@ -13,6 +13,7 @@ use serialport::{ClearBuffer, SerialPort, SerialPortInfo, SerialPortType};
 
 use crate::out::exit::{BadInput, Verdict};
 use crate::out::file::{print, print_json};
+use crate::vehicle::link::Way;
 use clap::Args;
 #[cfg(test)]
 pub use nano::test_ports;
@@ -212,17 +213,20 @@ impl Port {
         Self { port, name }
     }
 
-    /// Its name.
-    pub fn name(&self) -> &str {
+    fn gone(&self, error: &io::Error) -> anyhow::Error {
+        anyhow::anyhow!(
+            "{} went away: unplugged, or the rig has ended ({error})",
+            self.name
+        )
+    }
+}
+
+impl Way for Port {
+    fn name(&self) -> &str {
         &self.name
     }
 
-    /// The bytes that have come, waiting at most `patience` for the first one; none if nothing has
-    /// come.
-    ///
-    /// # Errors
-    /// The port went away.
-    pub fn read(&mut self, patience: Duration) -> Result<Vec<u8>> {
+    fn read(&mut self, patience: Duration) -> Result<Vec<u8>> {
         let mut bytes = vec![0; 4096];
         let read = self
             .port
@@ -240,11 +244,7 @@ impl Port {
         }
     }
 
-    /// Sends all of `bytes`.
-    ///
-    /// # Errors
-    /// The port went away, or takes nothing any more.
-    pub fn write(&mut self, bytes: &[u8]) -> Result<()> {
+    fn write(&mut self, bytes: &[u8]) -> Result<()> {
         let timeout = self.port.set_timeout(Duration::from_secs(1));
         timeout
             .map_err(io::Error::from)
@@ -258,13 +258,6 @@ impl Port {
                 }
                 _ => self.gone(&error),
             })
-    }
-
-    fn gone(&self, error: &io::Error) -> anyhow::Error {
-        anyhow::anyhow!(
-            "{} went away: unplugged, or the rig has ended ({error})",
-            self.name
-        )
     }
 }
 

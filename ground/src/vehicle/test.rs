@@ -139,7 +139,12 @@ pub fn run(options: &Test) -> Result<Verdict> {
 fn fly(vehicle: &mut Watched, manoeuvre: Manoeuvre) -> Result<()> {
     vehicle.watch_host()?;
     vehicle.command(request::CALIBRATE)?;
-    arm(vehicle)?;
+    let progress = spinner("hold the drone still");
+    arm(vehicle, &mut |why| {
+        progress.set_message(why.to_owned());
+        progress.tick();
+    })?;
+    progress.finish_and_clear();
     let release = Instant::now() + ARMED;
     while Instant::now() < release {
         vehicle.receive()?;
@@ -178,28 +183,24 @@ pub fn is_worth_waiting(refusal: &Error) -> bool {
     failure.and_then(Failure::refusal) != Some(RefusalKind::Polarity)
 }
 
-/// Repeats the order to arm until the vehicle obeys.
+/// Repeats the order to arm until the vehicle obeys; `wait` is called meanwhile, with its last
+/// refusal.
 ///
 /// # Errors
 /// The vehicle's last refusal, after [`ARM_PATIENCE`] or where waiting does not help.
-pub fn arm(vehicle: &mut Vehicle) -> Result<()> {
-    let progress = spinner("hold the drone still");
+pub fn arm(vehicle: &mut Vehicle, wait: &mut dyn FnMut(&str)) -> Result<()> {
     let begun = Instant::now();
-    loop {
-        match vehicle.command(request::ARM) {
-            Ok(()) => break,
-            Err(refusal) if begun.elapsed() > ARM_PATIENCE || !is_worth_waiting(&refusal) => {
-                return Err(refusal);
-            }
-            Err(refusal) => progress.set_message(refusal.to_string()),
+    while let Err(refusal) = vehicle.command(request::ARM) {
+        if begun.elapsed() > ARM_PATIENCE || !is_worth_waiting(&refusal) {
+            return Err(refusal);
         }
+        let why = refusal.to_string();
         let again = Instant::now() + ARM_RETRY;
         while Instant::now() < again {
             vehicle.receive()?;
-            progress.tick();
+            wait(&why);
         }
     }
-    progress.finish_and_clear();
     Ok(())
 }
 

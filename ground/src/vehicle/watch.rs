@@ -45,6 +45,9 @@ impl Watched {
     /// The vehicle does not answer.
     pub fn watch_host(&mut self) -> Result<()> {
         let before = self.vehicle.parameter(FS_HOST)?;
+        if before == 1.0 {
+            return Ok(());
+        }
         self.put_back_later(FS_HOST, before);
         self.vehicle.set_parameter(FS_HOST, 1.0)
     }

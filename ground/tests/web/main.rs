@@ -5,6 +5,7 @@ mod hostile;
 mod page;
 #[path = "../running/mod.rs"]
 mod running;
+mod set_up;
 mod stopping;
 
 use std::os::unix::fs::PermissionsExt;
@@ -36,6 +37,7 @@ fn the_page_shows_arms_stops_and_tunes_and_a_foreign_page_cannot() {
     assert!(!text.contains(&server.token));
     for name in [
         "page.js",
+        "guided.js",
         "page.css",
         "chart.js",
         "link.js",

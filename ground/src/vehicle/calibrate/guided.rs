@@ -10,16 +10,15 @@ use calibration::{Found, Sensor, fit, rest, stillness};
 use client::request;
 use nalgebra::Vector3;
 
-use super::keyboard::is_attended;
+use super::figures::Figures;
 use super::options::{Calibrate, place};
 use super::outcome::Outcome;
-use super::picture::picture;
-use super::session::{NEXT_IS_POLARITY, Session, print_before_question};
+use super::person::{Ending, Question};
+use super::session::Session;
 use super::{declination, readings};
 use crate::logs::log::Writer;
 use crate::out::exit::Verdict;
-use crate::out::file::{print_figures, print_json, write_whole};
-use crate::vehicle::calibrate::figures::Figures;
+use crate::out::file::{print_json, write_whole};
 
 /// Length of the tombstone test, s.
 const REST_S: f64 = 10.0;
@@ -45,21 +44,41 @@ type Refused = Option<String>;
 /// # Errors
 /// The vehicle does not answer or is armed, Ctrl-C was pressed, or a file cannot be written.
 pub fn run(options: &Calibrate) -> Result<Verdict> {
+    // Unusable input is reported before the vehicle is contacted.
+    declination::asked_deg(options)?;
+    let mut session = Session::connect(options)?;
+    let (figures, ending) = calibrate(&mut session, options)?;
+    if figures.refused.is_empty() {
+        eprintln!("{}", ending.words);
+    }
+    if figures.written && !session.is_polarity_checked()? {
+        eprintln!("next: tvc calibrate servo, then polarity, without which nothing is armed");
+    }
+    if options.port.json {
+        print_json(&figures)?;
+    }
+    Ok(Verdict::of(figures.refused.is_empty()))
+}
+
+/// Leads through the calibration, shows what was found and writes it, if the person agrees.
+///
+/// # Errors
+/// The vehicle does not answer, the person wants an end, or a file cannot be written.
+pub fn calibrate(session: &mut Session, options: &Calibrate) -> Result<(Figures, Ending)> {
     let asked_deg = declination::asked_deg(options)?;
     let folder = tempfile::tempdir().context("making a temporary folder")?;
     let log = folder.path().join("calibration.tlog");
-    let mut session = Session::connect(options)?;
     session.vehicle.link().log_to(Writer::create(&log)?);
     session.vehicle.parameters()?;
     let declination_deg = match asked_deg {
-        None if is_attended() && !options.yes => ask_declination(&mut session)?,
+        None if session.is_attended() => ask_declination(session)?,
         given => given,
     };
-    let led = lead(&mut session, options);
+    let led = lead(session, options);
     let told = session.done();
     session.vehicle.link().end_log()?;
     write_whole(&options.record, &std::fs::read(&log)?)?;
-    eprintln!("recording: {}", options.record.display());
+    session.say(&format!("recording: {}", options.record.display()));
     let refused = led?;
     told?;
     let outcome = match refused {
@@ -77,40 +96,44 @@ pub fn run(options: &Calibrate) -> Result<Verdict> {
             Outcome::report(&options.record, &readings, &found, declination_deg, options)?
         }
     };
-    finish(&mut session, outcome, options)
+    finish(session, outcome, options)
 }
 
-/// Prints what was found, asks, and writes it.
-fn finish(session: &mut Session, mut outcome: Outcome, options: &Calibrate) -> Result<Verdict> {
-    let json = options.port.json;
+/// Shows what was found, asks, and writes it.
+fn finish(
+    session: &mut Session,
+    mut outcome: Outcome,
+    options: &Calibrate,
+) -> Result<(Figures, Ending)> {
+    outcome.tell(options, &mut |words| session.say(words));
     if outcome.is_refused() {
-        print_figures(&outcome.figures, json, Figures::text)?;
-        return Ok(Verdict::Missed);
+        let why = outcome.figures.refused.join("; ");
+        session
+            .person
+            .show(&outcome.figures.lines(), &outcome.figures.text())?;
+        return Ok((outcome.figures, Ending::unchanged(why)));
     }
     outcome.write_parameters(options)?;
-    print_before_question(&outcome.figures.text(), json)?;
-    if let Some(changed) = session.write_if_agreed(&outcome.rows)? {
-        eprintln!(
-            "{changed} parameters changed; all {} read back from the flash as they should be",
-            outcome.rows.len()
-        );
+    session.say(&format!("parameters: {}", options.out.display()));
+    session
+        .person
+        .show(&outcome.figures.lines(), &outcome.figures.text())?;
+    let ending = if let Some(changed) = session.write_if_agreed(&outcome.rows)? {
         outcome.figures.written = true;
-        if !session.is_polarity_checked()? {
-            eprintln!("{NEXT_IS_POLARITY}");
-        }
         // The estimate begins anew with the new calibration; a vehicle that cannot do that yet says
         // so by itself.
         let _ = session.vehicle.command(request::CALIBRATE);
+        Ending::met(format!(
+            "{changed} parameters changed; all {} read back from the flash as they should be",
+            outcome.rows.len()
+        ))
     } else {
-        eprintln!(
+        Ending::unchanged(format!(
             "the vehicle is as it was; `tvc param load {}` writes it later",
             options.out.display()
-        );
-    }
-    if json {
-        print_json(&outcome.figures)?;
-    }
-    Ok(Verdict::Met)
+        ))
+    };
+    Ok((outcome.figures, ending))
 }
 
 /// Leads through the steps that are wanted, to the first that is refused.
@@ -134,10 +157,14 @@ fn lead(session: &mut Session, options: &Calibrate) -> Result<Refused> {
 /// Asks for the declination, as degrees or as a place.
 fn ask_declination(session: &mut Session) -> Result<Option<f64>> {
     loop {
-        let answer = session.question(
-            "Magnetic declination in deg, or latitude,longitude (Enter: leave it as it is):",
-            &mut |_| Ok(()),
-        )?;
+        let question = Question {
+            words: "Magnetic declination in deg, or latitude,longitude",
+            keys: "(Enter: leave it as it is):",
+            buttons: &[("Leave it as it is", "")],
+            entry: Some("deg, or latitude,longitude"),
+            again: false,
+        };
+        let answer = session.question(&question, &mut |_| Ok(()))?;
         let answer = match answer {
             Some(answer) if !answer.is_empty() => answer,
             _ => return Ok(None),
@@ -145,7 +172,7 @@ fn ask_declination(session: &mut Session) -> Result<Option<f64>> {
         match (answer.parse::<f64>(), place(&answer)) {
             (Ok(deg), _) if deg.abs() <= 180.0 => return Ok(Some(deg)),
             (_, Ok(place)) => return declination::declination_deg(place, None).map(Some),
-            _ => eprintln!("a declination is such as 4.37, a place such as 55.79,12.52"),
+            _ => session.say("a declination is such as 4.37, a place such as 55.79,12.52"),
         }
     }
 }
@@ -166,7 +193,7 @@ fn lay_down(session: &mut Session, _: &Calibrate) -> Result<Refused> {
             .partition_point(|m| m.time_s < now_s - NOW_S);
         if !stillness::is_still(&session.samples()[recent..]) {
             start = session.samples().len();
-            session.progress(0.0, "it moves".into());
+            session.progress(0.0, "it moves");
         }
         let rest = &session.samples()[start..];
         let still_s = stillness::length_s(session.samples(), &(start..session.samples().len()));
@@ -183,7 +210,7 @@ fn lay_down(session: &mut Session, _: &Calibrate) -> Result<Refused> {
                 }
             }
         } else if still_s > 0.0 {
-            session.progress(still_s / REST_S, format!("{still_s:.0} of {REST_S:.0} s"));
+            session.progress(still_s / REST_S, &format!("{still_s:.0} of {REST_S:.0} s"));
         }
         if now_s - begun_s > PATIENCE_S {
             let end = session
@@ -226,7 +253,7 @@ fn pose(session: &mut Session, options: &Calibrate) -> Result<Refused> {
             session.ask(Prompt::Pose(next), &words)?;
         }
         let count = done.len();
-        session.progress(count as f64 / 6.0, format!("{count} of 6 faces"));
+        session.progress(count as f64 / 6.0, &format!("{count} of 6 faces"));
         session.look()?;
         if session.now_s() - news_s > PATIENCE_S {
             let missing = poses::fit(&forces, options.gravity).err();
@@ -256,22 +283,16 @@ fn turn(session: &mut Session, _: &Calibrate) -> Result<Refused> {
         let share = coverage.share();
         let enough = share >= GOOD_COVERAGE || elapsed_s > LONG_S && share >= LEAST_COVERAGE;
         if fitted.is_ok() && enough && fields.len() - begun >= FIELDS {
-            session.say(&format!(
-                "magnetometer: {:.0} % of all directions seen\n{}",
-                share * 100.0,
-                picture(&coverage)
-            ));
+            let words = format!(
+                "magnetometer: {:.0} % of all directions seen",
+                share * 100.0
+            );
+            session.person.tell(&words, Some(&coverage));
             return Ok(None);
         }
-        session.progress(
-            share / GOOD_COVERAGE,
-            format!(
-                "{:.0} % of all directions, {:.0} s\n{}",
-                share * 100.0,
-                elapsed_s,
-                picture(&coverage)
-            ),
-        );
+        let words = format!("{:.0} % of all directions, {elapsed_s:.0} s", share * 100.0);
+        let share = share / GOOD_COVERAGE;
+        session.person.progress(share, &words, Some(&coverage));
         if elapsed_s > TURN_PATIENCE_S {
             return Ok(Some(fitted.err().map_or_else(
                 || "the magnetometer gave too few readings".into(),
@@ -294,13 +315,20 @@ fn about_middle(fields: &[Vector3<f64>]) -> Coverage {
 }
 
 /// The mount, with the body level.
-fn level(session: &mut Session, options: &Calibrate) -> Result<Refused> {
+fn level(session: &mut Session, _: &Calibrate) -> Result<Refused> {
     session.ask(
         Prompt::Level,
         "4/4  Mount the sensor, stand the body level, and leave it.",
     )?;
-    if is_attended() && !options.yes {
-        session.question("Enter when it stands level:", &mut |_| Ok(()))?;
+    if session.is_attended() {
+        let question = Question {
+            words: "Is it mounted, and does the body stand level?",
+            keys: "Enter when it does:",
+            buttons: &[("It stands level", "")],
+            entry: None,
+            again: false,
+        };
+        session.question(&question, &mut |_| Ok(()))?;
     }
     let (begun_s, begun) = (session.now_s(), session.samples().len());
     loop {
@@ -311,7 +339,7 @@ fn level(session: &mut Session, options: &Calibrate) -> Result<Refused> {
             session.say("mount: level seen");
             return Ok(None);
         }
-        session.progress((now_s - begun_s) / 5.0, "hold it level".into());
+        session.progress((now_s - begun_s) / 5.0, "hold it level");
         if now_s - begun_s > PATIENCE_S {
             return Ok(Some(
                 "the body did not rest when it was to stand level".into(),

@@ -17,7 +17,8 @@ use serde::Serialize;
 use tvc_nano::Params;
 
 use super::options::Calibrate;
-use super::session::{Session, print_before_question, verdict};
+use super::person::Ending;
+use super::session::{Session, UNCHANGED, verdict};
 use crate::out::exit::Verdict;
 use crate::out::file::print_json;
 use crate::vehicle::test::arm;
@@ -32,7 +33,7 @@ const FEWEST: usize = 100;
 
 /// What `tvc calibrate hold --json` prints.
 #[derive(Debug, Serialize)]
-struct Figures {
+pub struct Figures {
     /// Mean servo angle beyond the neutral, deg.
     crank_deg: f64,
     /// Pitch, mean and standard deviation, deg.
@@ -45,6 +46,18 @@ struct Figures {
 }
 
 impl Figures {
+    fn lines(&self) -> Vec<[String; 2]> {
+        let [pitch, deviation] = self.pitch_deg;
+        [
+            ("steps held", self.steps.to_string()),
+            ("pitch, deg", format!("{pitch:.2}, to {deviation:.2}")),
+            ("servo, deg", format!("{:+.2}", self.crank_deg)),
+            (NAME, format!("{} -> {}", self.before_deg, self.hold_deg)),
+        ]
+        .map(|(name, value)| [name.to_owned(), value])
+        .into()
+    }
+
     fn text(&self) -> String {
         format!(
             "held for {} steps at {:.2} deg of pitch, to {:.2} deg, with {:+.2} deg of servo\n{NAME} {} -> {}\n",
@@ -58,17 +71,29 @@ impl Figures {
     }
 }
 
-/// Flies, measures, disarms and writes.
+/// Measures the vehicle at a port.
 ///
 /// # Errors
 /// The vehicle refuses a command or goes to failsafe, or Ctrl-C was pressed.
 pub fn run(seconds: f64, options: &Calibrate) -> Result<Verdict> {
     let mut session = Session::connect(options)?;
+    let (figures, _) = measure(&mut session, seconds)?;
+    if options.port.json {
+        print_json(&figures)?;
+    }
+    Ok(verdict(figures.refused.as_deref()))
+}
+
+/// Flies, measures for `seconds`, disarms, and writes the angle, if the person agrees.
+///
+/// # Errors
+/// The vehicle refuses a command or goes to failsafe, or the person wants an end.
+pub fn measure(session: &mut Session, seconds: f64) -> Result<(Figures, Ending)> {
     let before_deg = session.vehicle.parameter(NAME)?;
     let set_deg = f64::from(session.vehicle.parameter("PITCH_SET_DEG")?);
     session.vehicle.begin(session.stop);
-    let flown = fly(&mut session, Duration::from_secs_f64(seconds));
-    session.end();
+    let flown = fly(session, Duration::from_secs_f64(seconds));
+    session.person.rest();
     let steps = session.vehicle.leave(flown)?;
     let Some((mean, deviation)) = spread(steps.iter()) else {
         bail!("the vehicle told nothing of its rudder");
@@ -83,25 +108,31 @@ pub fn run(seconds: f64, options: &Calibrate) -> Result<Verdict> {
         refused: None,
     };
     figures.refused = refusal(&figures, set_deg);
-    print_before_question(&figures.text(), options.port.json)?;
-    if figures.refused.is_none() {
-        let row = Parameter {
-            name: NAME.into(),
-            value: figures.hold_deg,
-        };
-        figures.written = session.write_if_agreed(&[row])?.is_some();
+    session.person.show(&figures.lines(), &figures.text())?;
+    if let Some(why) = &figures.refused {
+        let ending = Ending::unchanged(why.clone());
+        return Ok((figures, ending));
     }
-    if options.port.json {
-        print_json(&figures)?;
-    }
-    Ok(verdict(figures.refused.as_deref()))
+    let row = Parameter {
+        name: NAME.into(),
+        value: figures.hold_deg,
+    };
+    figures.written = session.write_if_agreed(&[row])?.is_some();
+    let ending = match figures.written {
+        true => Ending::met(format!("{NAME} is {} in the flash", figures.hold_deg)),
+        false => Ending::unchanged(UNCHANGED),
+    };
+    Ok((figures, ending))
 }
 
 /// Arms and releases: servo angle and pitch, deg, of every step after the drone has settled.
 fn fly(session: &mut Session, length: Duration) -> Result<Vec<Vector3<f64>>> {
     session.vehicle.watch_host()?;
     session.vehicle.command(request::CALIBRATE)?;
-    arm(&mut session.vehicle)?;
+    let person = &mut session.person;
+    arm(&mut session.vehicle, &mut |why| {
+        person.progress(0.0, &format!("hold the drone still  {why}"), None);
+    })?;
     session.vehicle.command(request::RELEASE)?;
     let begun = Instant::now();
     let (mut steps, mut pitch_deg) = (Vec::new(), 0.0);
@@ -125,7 +156,7 @@ fn fly(session: &mut Session, length: Duration) -> Result<Vec<Vector3<f64>>> {
             bail!("the vehicle gave up: {}", session.vehicle.reason());
         }
         let share = begun.elapsed().as_secs_f64() / (SETTLE + length).as_secs_f64();
-        session.progress(share, format!("released, pitch {pitch_deg:+.1} deg"));
+        session.progress(share, &format!("released, pitch {pitch_deg:+.1} deg"));
     }
     Ok(steps)
 }

@@ -3,17 +3,19 @@
 
 mod declination;
 mod figures;
-mod guided;
-mod hold;
+pub mod guided;
+pub mod hold;
 pub mod keyboard;
-mod options;
+pub mod options;
 mod outcome;
+pub mod person;
 mod picture;
-mod polarity;
+pub mod polarity;
 mod readings;
 mod report;
-mod servo;
-mod session;
+pub mod servo;
+pub mod session;
+mod terminal;
 mod write;
 
 use anyhow::Result;
@@ -41,11 +43,13 @@ pub fn run(options: &Calibrate) -> Result<Verdict> {
             let readings = readings::read(log)?;
             let found = fit::fit(&readings, &options.wanted());
             let outcome = Outcome::report(log, &readings, &found, declination_deg, options)?;
+            outcome.tell(options, &mut |words| eprintln!("{words}"));
             print_figures(&outcome.figures, options.port.json, Figures::text)?;
             if outcome.is_refused() {
                 return Ok(Verdict::Missed);
             }
             outcome.write_parameters(options)?;
+            eprintln!("parameters: {}", options.out.display());
             Ok(Verdict::Met)
         }
     }

@@ -3,9 +3,9 @@
 use crate::arguments::seconds;
 use crate::out::kind;
 use crate::vehicle::param::ParamPort;
-use calibration::{Sensor, Wanted};
+use calibration::{STANDARD_GRAVITY, Sensor, Wanted};
 use clap::{Args, Subcommand};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Options of `tvc calibrate`.
 #[derive(Debug, Args)]
@@ -80,7 +80,7 @@ pub struct Calibrate {
     pub date: Option<Day>,
 
     /// Gravity where it was recorded, m/s^2.
-    #[arg(long, value_name = "M_S2", default_value_t = 9.80665, value_parser = gravity)]
+    #[arg(long, value_name = "M_S2", default_value_t = STANDARD_GRAVITY, value_parser = gravity)]
     pub gravity: f64,
 
     /// Where to write the firmware's parameters.
@@ -122,7 +122,7 @@ pub enum SetUp {
 }
 
 /// Options of `tvc calibrate servo`. What is not given is asked for, or stays with --yes.
-#[derive(Debug, Args)]
+#[derive(Debug, Default, Args)]
 pub struct Servo {
     /// Pulse at which the rudder has no effect, us.
     #[arg(long, value_name = "US")]
@@ -146,6 +146,28 @@ pub struct Servo {
 }
 
 impl Calibrate {
+    /// Every sensor, with questions; recording, parameters and report stand beside each other.
+    pub fn guided(log: &Path) -> Self {
+        Self {
+            step: None,
+            from: None,
+            port: ParamPort {
+                port: None,
+                json: false,
+            },
+            yes: false,
+            record: log.to_owned(),
+            only: Vec::new(),
+            level: None,
+            declination: None,
+            place: None,
+            date: None,
+            gravity: STANDARD_GRAVITY,
+            out: log.with_extension("parm"),
+            report: log.with_extension("html"),
+        }
+    }
+
     /// What the fits are asked for.
     pub fn wanted(&self) -> Wanted {
         Wanted {

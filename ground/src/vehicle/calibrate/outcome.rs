@@ -23,8 +23,7 @@ pub struct Outcome {
 }
 
 impl Outcome {
-    /// Out of what was found in the readings of `log`; writes the report, and says on standard
-    /// error what was refused.
+    /// Out of what was found in the readings of `log`; writes the report.
     ///
     /// # Errors
     /// The firmware does not take a parameter, or the report cannot be written.
@@ -39,11 +38,15 @@ impl Outcome {
         let figures = Figures::new(readings, found, declination_deg, &rows);
         let page = report::page(log, readings, found, &figures)?;
         write_whole(&options.report, page.as_bytes())?;
-        eprintln!("report: {}", options.report.display());
-        for why in &found.refused {
-            eprintln!("refused: {why}");
-        }
         Ok(Self { rows, figures })
+    }
+
+    /// Says where the report is, and what was refused.
+    pub fn tell(&self, options: &Calibrate, tell: &mut dyn FnMut(&str)) {
+        tell(&format!("report: {}", options.report.display()));
+        for why in &self.figures.refused {
+            tell(&format!("refused: {why}"));
+        }
     }
 
     /// Whether something that was asked for could not be calibrated.
@@ -56,9 +59,7 @@ impl Outcome {
     /// # Errors
     /// The file cannot be written.
     pub fn write_parameters(&self, options: &Calibrate) -> Result<()> {
-        write_whole(&options.out, param_file::text(&self.rows).as_bytes())?;
-        eprintln!("parameters: {}", options.out.display());
-        Ok(())
+        write_whole(&options.out, param_file::text(&self.rows).as_bytes())
     }
 }
 

@@ -9,17 +9,21 @@ use calibration::prompt::{Prompt, Tilt};
 use serde::Serialize;
 
 use super::options::Calibrate;
+use super::person::Ending;
 use super::session::{Seen, Session, verdict};
 use super::write::write;
 use crate::out::exit::Verdict;
-use crate::out::file::print_figures;
+use crate::out::file::print_json;
 use client::Parameter;
 
-const NAME: &str = "SRV_POLARITY";
-/// Its values: nobody has checked it, somebody has, somebody is about to.
-const UNCHECKED: f32 = 0.0;
-const CHECKED: f32 = 1.0;
-const WATCHED: f32 = 2.0;
+/// The parameter.
+pub const NAME: &str = "SRV_POLARITY";
+/// Its value while nobody has checked it.
+pub const UNCHECKED: f32 = 0.0;
+/// Its value once somebody has.
+pub const CHECKED: f32 = 1.0;
+/// Its value while somebody is about to: the rudder answers a tilt in standby.
+pub const WATCHED: f32 = 2.0;
 
 /// Least pitch of a tilt, and largest pitch that counts as upright, rad.
 const TILTED_RAD: f64 = 0.25;
@@ -33,7 +37,7 @@ const LEAST_US: f64 = 40.0;
 
 /// What `tvc calibrate polarity --json` prints.
 #[derive(Debug, Serialize)]
-struct Figures {
+pub struct Figures {
     checked: bool,
     direction: f32,
     upright_us: u16,
@@ -43,41 +47,65 @@ struct Figures {
 }
 
 impl Figures {
+    fn lines(&self) -> Vec<[String; 2]> {
+        [
+            ("pulse upright, us", self.upright_us),
+            ("  nose up", self.nose_up_us),
+            ("  nose down", self.nose_down_us),
+        ]
+        .map(|(name, us)| [name.to_owned(), us.to_string()])
+        .into()
+    }
+
     fn text(&self) -> String {
-        let verdict = match &self.refused {
-            None => "checked: the vehicle may be armed".to_owned(),
-            Some(why) => format!("not checked: {why}"),
-        };
         format!(
-            "pulse upright {} us, nose up {} us, nose down {} us\n{verdict}\n",
+            "pulse upright {} us, nose up {} us, nose down {} us\n",
             self.upright_us, self.nose_up_us, self.nose_down_us
         )
     }
 }
 
-/// Leads through the check.
+/// Checks the vehicle at a port.
 ///
 /// # Errors
 /// The vehicle does not answer or does not see the tilt, or Ctrl-C was pressed.
 pub fn run(options: &Calibrate) -> Result<Verdict> {
     let mut session = Session::connect(options)?;
+    let (figures, ending) = check(&mut session)?;
+    if figures.checked {
+        session.say(&ending.words);
+    }
+    if options.port.json {
+        print_json(&figures)?;
+    }
+    Ok(verdict(figures.refused.as_deref()))
+}
+
+/// Leads through the check, and keeps in the vehicle's flash that it was made.
+///
+/// # Errors
+/// The vehicle does not answer or does not see the tilt, or the person wants an end.
+pub fn check(session: &mut Session) -> Result<(Figures, Ending)> {
     session.await_standby()?;
     session.vehicle.begin(session.stop);
     session.vehicle.put_back_later(NAME, UNCHECKED);
-    let looked = look(&mut session);
+    let looked = look(session);
     let told = session.done();
     let mut figures = session.vehicle.leave(looked)?;
     told?;
-    if figures.refused.is_none() {
-        let row = Parameter {
-            name: NAME.to_owned(),
-            value: CHECKED,
-        };
-        write(&mut session.vehicle, &[row])?;
-        figures.checked = true;
+    session.person.show(&figures.lines(), &figures.text())?;
+    if let Some(why) = &figures.refused {
+        let ending = Ending::unchanged(why.clone());
+        return Ok((figures, ending));
     }
-    print_figures(&figures, options.port.json, Figures::text)?;
-    Ok(verdict(figures.refused.as_deref()))
+    session.go_on()?;
+    let row = Parameter {
+        name: NAME.to_owned(),
+        value: CHECKED,
+    };
+    write(&mut session.vehicle, &[row])?;
+    figures.checked = true;
+    Ok((figures, Ending::met("checked: the vehicle may be armed")))
 }
 
 /// Has the vehicle tilted both ways, and asks what the person sees.
@@ -156,7 +184,7 @@ fn tilt(session: &mut Session, way: Tilt, words: &str) -> Result<Seen> {
         let degrees = seen.pitch_rad.to_degrees();
         session.progress(
             so as f64 / LOOKS as f64,
-            format!("pitch {degrees:+.0} deg, pulse {} us", seen.pulse_us),
+            &format!("pitch {degrees:+.0} deg, pulse {} us", seen.pulse_us),
         );
         if session.now_s() - begun_s > PATIENCE_S {
             bail!("{}", astray(way, seen));

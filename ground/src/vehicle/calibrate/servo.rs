@@ -9,9 +9,10 @@ use serde::Serialize;
 use tvc_nano::Params;
 
 use super::options::{Calibrate, Servo};
-use super::session::{NEXT_IS_POLARITY, Session};
+use super::person::{Ending, Question};
+use super::session::{Session, UNCHANGED};
 use crate::out::exit::{BadInput, Verdict};
-use crate::out::file::print_figures;
+use crate::out::file::print_json;
 
 /// How often a pulse is commanded again; the vehicle holds it for two seconds.
 const AGAIN: Duration = Duration::from_millis(500);
@@ -22,7 +23,7 @@ const SPAN_US: f32 = 300.0;
 
 /// What `tvc calibrate servo --json` prints.
 #[derive(Debug, Serialize)]
-struct Figures {
+pub struct Figures {
     parameters: serde_json::Map<String, serde_json::Value>,
     changed: usize,
     written: bool,
@@ -30,29 +31,32 @@ struct Figures {
     polarity_checked: bool,
 }
 
-impl Figures {
-    fn text(&self) -> String {
-        let mut text = match self.written {
-            true => format!("{} parameters changed, in the flash too\n", self.changed),
-            false => "the vehicle is as it was\n".to_owned(),
-        };
-        if self.written && !self.polarity_checked {
-            text += NEXT_IS_POLARITY;
-            text.push('\n');
-        }
-        text
-    }
-}
-
-/// Sets the servo up.
+/// Sets the servo of the vehicle at a port up.
 ///
 /// # Errors
 /// A value that the firmware does not take, a vehicle that does not answer, or Ctrl-C.
 pub fn run(given: &Servo, options: &Calibrate) -> Result<Verdict> {
     check(given)?;
     let mut session = Session::connect(options)?;
+    let (figures, ending) = set_up(&mut session, given)?;
+    eprintln!("{}", ending.words);
+    if figures.written && !figures.polarity_checked {
+        eprintln!("next: tvc calibrate polarity, without which nothing is armed");
+    }
+    if options.port.json {
+        print_json(&figures)?;
+    }
+    Ok(Verdict::of(figures.written))
+}
+
+/// Leads through what is not given, and writes it, if the person agrees.
+///
+/// # Errors
+/// A value that the firmware does not take, a vehicle that does not answer, or the person wants an
+/// end.
+pub fn set_up(session: &mut Session, given: &Servo) -> Result<(Figures, Ending)> {
     session.vehicle.begin(session.stop);
-    let found = find(&mut session, given, options.yes);
+    let found = find(session, given);
     let rows = session.vehicle.leave(found)?;
     let mut figures = Figures {
         parameters: rows
@@ -63,15 +67,24 @@ pub fn run(given: &Servo, options: &Calibrate) -> Result<Verdict> {
         written: false,
         polarity_checked: false,
     };
-    for row in &rows {
-        eprintln!("{:<16} {}", row.name, row.value);
-    }
-    if let Some(changed) = session.write_if_agreed(&rows)? {
-        (figures.changed, figures.written) = (changed, true);
-    }
+    let lines: Vec<_> = rows
+        .iter()
+        .map(|row| [row.name.clone(), row.value.to_string()])
+        .collect();
+    let text = lines
+        .iter()
+        .map(|[name, value]| format!("{name:<16} {value}\n"))
+        .collect::<String>();
+    session.person.show(&lines, &text)?;
+    let ending = match session.write_if_agreed(&rows)? {
+        Some(changed) => {
+            (figures.changed, figures.written) = (changed, true);
+            Ending::met(format!("{changed} parameters changed, in the flash too"))
+        }
+        None => Ending::unchanged(UNCHANGED),
+    };
     figures.polarity_checked = session.is_polarity_checked()?;
-    print_figures(&figures, options.port.json, Figures::text)?;
-    Ok(Verdict::of(figures.written))
+    Ok((figures, ending))
 }
 
 /// Checks that the firmware takes what is given.
@@ -95,7 +108,8 @@ fn check(given: &Servo) -> Result<()> {
 
 /// Each value as given on the command line, else as the person finds it, else as the vehicle has
 /// it.
-fn find(session: &mut Session, given: &Servo, yes: bool) -> Result<Vec<Parameter>> {
+fn find(session: &mut Session, given: &Servo) -> Result<Vec<Parameter>> {
+    let yes = session.is_agreed();
     type Ask<'a> = &'a dyn Fn(&mut Session, f32) -> Result<f32>;
     let mut value = |name: &str, given: Option<f32>, ask: Ask<'_>| match given {
         Some(value) => Ok(value),
@@ -142,9 +156,9 @@ fn find(session: &mut Session, given: &Servo, yes: bool) -> Result<Vec<Parameter
 }
 
 /// Asks a question while the servo holds a pulse.
-fn ask_at(session: &mut Session, pulse_us: f32, words: &str) -> Result<Option<String>> {
+fn ask_at(session: &mut Session, pulse_us: f32, question: &Question<'_>) -> Result<Option<String>> {
     let mut due = Instant::now();
-    session.question(words, &mut |vehicle| {
+    session.question(question, &mut |vehicle| {
         if Instant::now() >= due {
             due = Instant::now() + AGAIN;
             vehicle.command(request::servo(pulse_us))?;
@@ -156,19 +170,33 @@ fn ask_at(session: &mut Session, pulse_us: f32, words: &str) -> Result<Option<St
 /// Moves the servo until the person accepts the pulse.
 fn nudge(session: &mut Session, what: &str, from_us: f32) -> Result<f32> {
     let mut pulse_us = from_us;
+    let mut again = false;
     loop {
-        let words = format!(
-            "{what}: now {pulse_us} us. A pulse in us, + or - for 5 us (++ for 10), Enter when it is so:"
-        );
-        let Some(answer) = ask_at(session, pulse_us, &words)? else {
+        let question = Question {
+            words: &format!("{what}: now {pulse_us} us."),
+            keys: "A pulse in us, + or - for 5 us (++ for 10), Enter when it is so:",
+            buttons: &[
+                ("\u{2212} 50", "----------"),
+                ("\u{2212} 5", "-"),
+                ("+ 5", "+"),
+                ("+ 50", "++++++++++"),
+                ("It is so", ""),
+            ],
+            entry: Some("us"),
+            again,
+        };
+        let Some(answer) = ask_at(session, pulse_us, &question)? else {
             return Ok(pulse_us);
         };
         if answer.is_empty() {
             return Ok(pulse_us);
         }
+        again = true;
         match nudged(pulse_us, &answer) {
             Some(us) => pulse_us = us,
-            None => eprintln!("{answer} is neither a pulse from 853 to 2193 us nor a nudge"),
+            None => session.say(&format!(
+                "{answer} is neither a pulse from 853 to 2193 us nor a nudge"
+            )),
         }
     }
 }
@@ -192,16 +220,20 @@ fn scale(session: &mut Session, centre_us: f32) -> Result<Option<f32>> {
     let mut degrees = 0.0;
     for pulse_us in [centre_us + SPAN_US, centre_us - SPAN_US] {
         loop {
-            let words = format!(
-                "Horn at {pulse_us} us: how many deg from the centre, either way (Enter: leave the scale as it is)?"
-            );
-            match ask_at(session, pulse_us, &words)? {
+            let question = Question {
+                words: &format!("Horn at {pulse_us} us: how many deg from the centre, either way"),
+                keys: "(Enter: leave the scale as it is)?",
+                buttons: &[("Leave the scale as it is", "")],
+                entry: Some("deg"),
+                again: false,
+            };
+            match ask_at(session, pulse_us, &question)? {
                 Some(answer) if !answer.is_empty() => match answer.parse::<f32>() {
                     Ok(deg) if (5.0..=90.0).contains(&deg.abs()) => {
                         degrees += deg.abs();
                         break;
                     }
-                    _ => eprintln!("{answer} is no angle from 5 to 90 deg"),
+                    _ => session.say(&format!("{answer} is no angle from 5 to 90 deg")),
                 },
                 _ => return Ok(None),
             }
@@ -212,13 +244,19 @@ fn scale(session: &mut Session, centre_us: f32) -> Result<Option<f32>> {
 
 /// Which way a longer pulse turns the rudder.
 fn direction(session: &mut Session, centre_us: f32) -> Result<Option<f32>> {
+    let question = Question {
+        words: "A longer pulse: does the rudder's lower edge point forward, to the nose",
+        keys: "[y/n] (Enter: leave it as it is)?",
+        buttons: &[("Yes", "y"), ("No", "n"), ("Leave it as it is", "")],
+        entry: None,
+        again: false,
+    };
     loop {
-        let words = "A longer pulse: does the rudder's lower edge point forward, to the nose [y/n] (Enter: leave it as it is)?";
-        match ask_at(session, centre_us + SPAN_US, words)?.as_deref() {
+        match ask_at(session, centre_us + SPAN_US, &question)?.as_deref() {
             Some("y" | "Y" | "yes") => return Ok(Some(1.0)),
             Some("n" | "N" | "no") => return Ok(Some(-1.0)),
             Some("") | None => return Ok(None),
-            Some(_) => eprintln!("y or n"),
+            Some(_) => session.say("y or n"),
         }
     }
 }

@@ -1,4 +1,4 @@
-//! A vehicle at its port and the person who holds it: prompts, samples, progress, questions.
+//! A vehicle and the person who holds it: prompts, samples, progress, questions.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
@@ -10,15 +10,15 @@ use client::Parameter;
 use client::StateKind;
 use client::request::status_text;
 use client::status::angles;
-use indicatif::{ProgressBar, ProgressStyle};
 use mavlink::dialects::common::MavMessage;
 
-use super::keyboard::{Keyboard, Typed};
+use super::keyboard::Typed;
 use super::options::Calibrate;
+use super::person::{Person, Question};
 use super::readings;
+use super::terminal::Terminal;
 use super::write::write;
 use crate::out::exit::Verdict;
-use crate::out::file::print;
 use crate::signals;
 use crate::vehicle::link::Vehicle;
 use crate::vehicle::watch::Watched;
@@ -54,45 +54,64 @@ impl Seen {
     }
 }
 
-/// A calibration, or another step of the set-up, under way: begun with [`Session::connect`], and at
-/// its end what was found is written with [`Session::write_if_agreed`].
+/// A calibration, or another step of the set-up, under way.
 pub struct Session {
     /// The vehicle.
     pub vehicle: Watched,
-    /// Set when the person pressed Ctrl-C.
+    /// The person who holds it.
+    pub person: Box<dyn Person>,
+    /// Set when the person wants an end.
     pub stop: &'static AtomicBool,
     readings: Readings,
     seen: Seen,
-    keyboard: Option<Keyboard>,
-    bar: ProgressBar,
     /// Yes to every question.
     yes: bool,
 }
 
 impl Session {
-    /// Connects to the vehicle that the options name.
+    /// Connects to the vehicle that the options name, with the person at the terminal.
     ///
     /// # Errors
     /// It does not answer, or it is armed.
     pub fn connect(options: &Calibrate) -> Result<Self> {
         let stop = signals::on_signal()?;
-        let vehicle = Watched::new(Vehicle::connect(&options.port.port())?);
+        let vehicle = Vehicle::connect(&options.port.port())?;
+        let terminal = Terminal::new(options.port.json);
+        Self::new(vehicle, Box::new(terminal), stop, options.yes)
+    }
+
+    /// A vehicle and a person, who answers yes to every question if `yes` says so.
+    ///
+    /// # Errors
+    /// The vehicle is armed.
+    pub fn new(
+        vehicle: Vehicle,
+        person: Box<dyn Person>,
+        stop: &'static AtomicBool,
+        yes: bool,
+    ) -> Result<Self> {
+        let vehicle = Watched::new(vehicle);
         if vehicle.state().is_some_and(StateKind::is_armed) {
             bail!("the vehicle is armed: `tvc disarm` first");
         }
-        let bar = ProgressBar::new(1000);
-        if let Ok(style) = ProgressStyle::with_template("[{bar:40}] {msg}") {
-            bar.set_style(style.progress_chars("=> "));
-        }
         Ok(Self {
             vehicle,
+            person,
             stop,
             readings: Readings::default(),
             seen: Seen::default(),
-            keyboard: None,
-            bar,
-            yes: options.yes,
+            yes,
         })
+    }
+
+    /// Whether the answer to every question is yes.
+    pub fn is_agreed(&self) -> bool {
+        self.yes
+    }
+
+    /// Whether somebody is there and is to be asked.
+    pub fn is_attended(&self) -> bool {
+        self.person.is_there() && !self.yes
     }
 
     /// Samples so far.
@@ -133,43 +152,34 @@ impl Session {
         self.seen
     }
 
-    /// Asks the person for a step, on the screen and down the link.
+    /// Asks the person for a step, in words and down the link.
     ///
     /// # Errors
     /// The port went away.
     pub fn ask(&mut self, prompt: Prompt, words: &str) -> Result<()> {
-        self.say(words);
+        self.person.instruct(words);
         let message = status_text(&prompt.text());
         readings::take(&mut self.readings, &message);
         self.vehicle.link().send(&message)
     }
 
     /// Shows how far the step is, 0 to 1, and in words.
-    pub fn progress(&self, share: f64, words: String) {
-        if self.bar.is_finished() {
-            self.bar.reset();
-        }
-        self.bar
-            .set_position((share.clamp(0.0, 1.0) * 1000.0) as u64);
-        self.bar.set_message(words);
+    pub fn progress(&mut self, share: f64, words: &str) {
+        self.person.progress(share, words, None);
     }
 
-    /// Prints a line that stays on the screen.
-    pub fn say(&self, words: &str) {
-        self.bar.suspend(|| eprintln!("{words}"));
+    /// Says something that stays in sight.
+    pub fn say(&mut self, words: &str) {
+        self.person.tell(words, None);
     }
 
-    /// Takes the progress bar off the screen.
-    pub fn end(&self) {
-        self.bar.finish_and_clear();
-    }
-
-    /// The same, and says down the link that nothing more is asked of the person.
+    /// Takes the progress out of sight, and says down the link that nothing more is asked of the
+    /// person.
     ///
     /// # Errors
     /// The port went away.
     pub fn done(&mut self) -> Result<()> {
-        self.end();
+        self.person.rest();
         let message = status_text(&Prompt::Done.text());
         self.vehicle.link().send(&message)
     }
@@ -177,7 +187,7 @@ impl Session {
     /// Takes in messages until the vehicle's clock has advanced by [`LOOK_S`].
     ///
     /// # Errors
-    /// The port went away, the sensor is silent, or Ctrl-C was pressed.
+    /// The port went away, the sensor is silent, or the person wants an end.
     pub fn look(&mut self) -> Result<()> {
         let (begun, from_s) = (Instant::now(), self.readings.length_s());
         while self.readings.length_s() - from_s < LOOK_S {
@@ -192,7 +202,7 @@ impl Session {
     /// Takes in the messages that have arrived.
     ///
     /// # Errors
-    /// The port went away, or Ctrl-C was pressed.
+    /// The port went away, or the person wants an end.
     pub fn pump(&mut self) -> Result<()> {
         for frame in self.vehicle.receive()? {
             readings::take(&mut self.readings, &frame.message);
@@ -201,44 +211,38 @@ impl Session {
         self.go_on()
     }
 
-    /// Fails once Ctrl-C was pressed.
+    /// Fails once the person wants an end.
     ///
     /// # Errors
-    /// Ctrl-C was pressed.
-    pub fn go_on(&self) -> Result<()> {
+    /// The person wants an end.
+    pub fn go_on(&mut self) -> Result<()> {
         if self.stop.load(Ordering::Relaxed) {
-            self.end();
+            self.person.rest();
             bail!("stopped by the operator; nothing was changed");
         }
         Ok(())
     }
 
-    /// What the person types next; until then messages are taken in, and `each` runs again and
-    /// again. `None` where nobody answers.
+    /// What the person answers; until then messages are taken in, and `each` runs again and again.
+    /// `None` where nobody answers.
     ///
     /// # Errors
     /// As [`Self::pump`], or those of `each`.
     pub fn question(
         &mut self,
-        words: &str,
+        question: &Question<'_>,
         each: &mut dyn FnMut(&mut Vehicle) -> Result<()>,
     ) -> Result<Option<String>> {
-        // The bar is off the screen until the next step: the question stands on a line of its own.
-        self.bar.finish_and_clear();
-        eprint!("{words} ");
-        let keyboard = self.keyboard.get_or_insert_with(Keyboard::listen);
-        let mut typed = keyboard.poll();
-        while typed == Typed::Nothing {
+        self.person.ask(question);
+        loop {
+            match self.person.poll() {
+                Typed::Line(line) => return Ok(Some(line)),
+                Typed::Nobody => return Ok(None),
+                Typed::Nothing => {}
+            }
             self.pump()?;
             each(&mut self.vehicle)?;
-            if let Some(keyboard) = &self.keyboard {
-                typed = keyboard.poll();
-            }
         }
-        Ok(match typed {
-            Typed::Line(line) => Some(line),
-            Typed::Nothing | Typed::Nobody => None,
-        })
     }
 
     /// Whether the person agrees; nobody there is a no. Not asked if the options have said yes.
@@ -249,7 +253,14 @@ impl Session {
         if self.yes {
             return Ok(true);
         }
-        let answer = self.question(&format!("{words} [y/N]"), &mut |_| Ok(()))?;
+        let question = Question {
+            words,
+            keys: "[y/N]",
+            buttons: &[("Yes", "y"), ("No", "n")],
+            entry: None,
+            again: false,
+        };
+        let answer = self.question(&question, &mut |_| Ok(()))?;
         Ok(answer.is_some_and(|answer| matches!(answer.to_lowercase().as_str(), "y" | "yes")))
     }
 
@@ -275,21 +286,10 @@ impl Session {
     }
 }
 
-/// What to do before anything can be armed, as long as nobody has checked the polarity.
-pub const NEXT_IS_POLARITY: &str = "next: tvc calibrate polarity, without which nothing is armed";
+/// What has become of the vehicle where the person did not agree.
+pub const UNCHANGED: &str = "the vehicle is as it was";
 
-/// Prints figures that the person is asked about next: on standard output, unless that is kept for
-/// JSON.
-pub fn print_before_question(text: &str, json: bool) -> Result<()> {
-    if json {
-        eprint!("{text}");
-        Ok(())
-    } else {
-        print(text)
-    }
-}
-
-/// How a step ends that may have been refused, and why it was on standard error.
+/// What becomes of the command by how its step has ended: a refusal is said on standard error.
 pub fn verdict(refused: Option<&str>) -> Verdict {
     match refused {
         None => Verdict::Met,

@@ -2,11 +2,14 @@
 //!
 //! | order | what it does |
 //! |---|---|
-//! | `stop` | disarms, whatever its age, and ends a step test |
+//! | `stop` | disarms, whatever its age, and ends a step test or a step of the set-up |
 //! | `arm`, `release`, `calibrate`, `save`, `reload`, `reset` | the order is given |
 //! | `set` with `name` and `value` | a parameter is set |
 //! | `record`, `end-record` | a log begins, ends |
 //! | `step` | a step test begins |
+//! | `set-up` with `step` | a step of the set-up begins |
+//! | `answer` with `question` and `reply` | its question is answered |
+//! | `cancel` | it ends |
 //!
 //! A page sends with each order the newest time of this program that it has received. Whatever a
 //! network or a busy browser has held back for more than [`FRESH`] is refused, but a `stop` is not.
@@ -15,6 +18,7 @@
 //! disarmed: nobody is left who can press STOP.
 
 use std::io::Write;
+use std::path::{Path, PathBuf};
 use std::pin::Pin;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
@@ -28,8 +32,8 @@ use serde::Deserialize;
 use super::auth::{Once, Token};
 use super::handle::{Condition, Handle, Recording};
 use super::model::{Model, State};
-use super::step_test;
 use super::vehicle_thread::guard;
+use super::{set_up, step_test};
 
 /// Age from which on an order is refused.
 pub const FRESH: Duration = Duration::from_secs(1);
@@ -72,6 +76,9 @@ enum Order {
     Record,
     EndRecord,
     Step,
+    SetUp { step: set_up::Step },
+    Answer { question: u64, reply: String },
+    Cancel,
 }
 
 /// What becomes of an order: something to know about it, or nothing.
@@ -86,8 +93,10 @@ pub struct Desk {
     /// What is known of the vehicle.
     pub model: Arc<Model>,
     vehicle: Handle,
-    /// Ends the step test under way.
-    test_stop: Arc<AtomicBool>,
+    /// Where files go.
+    logs: PathBuf,
+    /// Ends the step test, or the step of the set-up, that is under way.
+    test_stop: &'static AtomicBool,
     pages: AtomicUsize,
     /// A page has armed the vehicle.
     armed: AtomicBool,
@@ -96,13 +105,15 @@ pub struct Desk {
 
 impl Desk {
     /// A desk in front of a vehicle.
-    pub fn new(token: Token, once: Once, vehicle: Handle, model: Arc<Model>) -> Self {
+    pub fn new(token: Token, once: Once, vehicle: Handle, model: Arc<Model>, logs: &Path) -> Self {
         Self {
             token,
             once,
             model,
             vehicle,
-            test_stop: Arc::default(),
+            logs: logs.to_owned(),
+            // It lives as long as the program, as that of the signals does.
+            test_stop: Box::leak(Box::default()),
             pages: AtomicUsize::new(0),
             armed: AtomicBool::new(false),
             begun: Instant::now(),
@@ -126,9 +137,14 @@ impl Desk {
         given.unwrap_or_else(|refusal| Box::pin(async { Err(refusal) }))
     }
 
+    /// Ends what is under way, without an order to disarm: that is of who moves the rudder.
+    pub fn end(&self) {
+        self.test_stop.store(true, Ordering::SeqCst);
+    }
+
     /// Disarms. A fault that stays is no reason to press again: the rudder rests.
     pub fn stop(&self) -> Outcome {
-        self.test_stop.store(true, Ordering::SeqCst);
+        self.end();
         let answer = self.vehicle.order(DISARM, Condition::default());
         Box::pin(async {
             let Err(error) = answer.await else {
@@ -146,6 +162,13 @@ impl Desk {
             Order::Stop => return Ok(self.stop()),
             _ => self.condition(heard_ms)?,
         };
+        let concerns_set_up = matches!(
+            order,
+            Order::Answer { .. } | Order::Cancel | Order::EndRecord
+        );
+        if !concerns_set_up {
+            not_set_up(&self.model.lock())?;
+        }
         let order = match order {
             Order::Stop => request::DISARM,
             Order::Arm => request::ARM,
@@ -166,7 +189,21 @@ impl Desk {
             }
             Order::Step => {
                 self.step()?;
-                return Ok(Box::pin(async { Ok(None) }));
+                return Ok(done());
+            }
+            Order::SetUp { step } => {
+                self.set_up(step)?;
+                return Ok(done());
+            }
+            Order::Answer { question, reply } => {
+                let mut state = self.model.lock();
+                state.change_set_up(|now| now.answer(question, reply))?;
+                return Ok(done());
+            }
+            Order::Cancel => {
+                ensure!(self.model.lock().set_up().running, "nothing is under way");
+                self.end();
+                return Ok(done());
             }
         };
         if order == request::ARM || order == request::RELEASE {
@@ -211,21 +248,37 @@ impl Desk {
     /// Begins a step test.
     fn step(&self) -> Result<()> {
         let mut state = self.model.lock();
-        idle(&state)?;
+        self.take_rudder(&state)?;
+        let mut test = state.step_test().clone();
+        test.running = true;
+        state.set_step_test(test);
+        let (vehicle, model) = (self.vehicle.clone(), self.model.clone());
+        let stop = self.test_stop;
+        std::thread::spawn(move || step_test::run(&vehicle, &model, stop));
+        Ok(())
+    }
+
+    /// Begins a step of the set-up.
+    fn set_up(&self, step: set_up::Step) -> Result<()> {
+        let mut state = self.model.lock();
+        self.take_rudder(&state)?;
+        state.change_set_up(|now| now.begin(step));
+        let (vehicle, model, logs) = (self.vehicle.clone(), self.model.clone(), self.logs.clone());
+        let stop = self.test_stop;
+        std::thread::spawn(move || set_up::run(step, &vehicle, &model, &logs, stop));
+        Ok(())
+    }
+
+    /// Something begins that moves the rudder by itself.
+    fn take_rudder(&self, state: &State) -> Result<()> {
+        idle(state)?;
         ensure!(
             !state.status().in_operation && state.status().connected,
             "the vehicle is not in standby: disarm first"
         );
         self.armed.store(true, Ordering::SeqCst);
-        // Cleared before the test is shown as running: a STOP after that counts.
+        // Cleared before it is shown as running: a STOP after that counts.
         self.test_stop.store(false, Ordering::SeqCst);
-        let mut test = state.step_test().clone();
-        test.running = true;
-        state.set_step_test(test);
-        drop(state);
-        let (vehicle, model) = (self.vehicle.clone(), self.model.clone());
-        let stop = self.test_stop.clone();
-        std::thread::spawn(move || step_test::run(&vehicle, &model, &stop));
         Ok(())
     }
 
@@ -246,7 +299,8 @@ impl Desk {
     /// Whether something is under way that a page has begun.
     fn is_flown(&self) -> bool {
         let state = self.model.lock();
-        let busy = state.status().in_operation || state.step_test().running;
+        let busy =
+            state.status().in_operation || state.step_test().running || state.set_up().running;
         self.armed.fetch_and(busy, Ordering::SeqCst) && busy
     }
 }
@@ -266,8 +320,23 @@ impl Drop for Presence {
 /// Nothing is being recorded or tested.
 fn idle(state: &State) -> Result<()> {
     ensure!(!state.step_test().running, "a step test is under way");
+    not_set_up(state)?;
     match &state.status().recording {
         Some(path) => bail!("{path} is being recorded: end it first"),
         None => Ok(()),
     }
+}
+
+/// No step of the set-up is under way.
+fn not_set_up(state: &State) -> Result<()> {
+    ensure!(
+        !state.set_up().running,
+        "a step of the set-up is under way: end it first"
+    );
+    Ok(())
+}
+
+/// What is done with nothing to know about it.
+fn done() -> Outcome {
+    Box::pin(async { Ok(None) })
 }

@@ -3,7 +3,6 @@
 use std::future::Future;
 use std::path::PathBuf;
 use std::pin::Pin;
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{self, Receiver, Sender};
 use std::task::{Context, Poll};
@@ -12,7 +11,7 @@ use std::time::Instant;
 use anyhow::{Result, anyhow};
 use client::Request;
 use client::request::Order;
-use tokio::sync::oneshot;
+use tokio::sync::oneshot::{self, error::TryRecvError};
 
 /// Where an answer goes.
 pub type Reply<T> = oneshot::Sender<Result<T>>;
@@ -25,15 +24,19 @@ pub enum Ask {
     Record(Recording, Reply<PathBuf>),
     /// The end of the log.
     EndRecording(Reply<()>),
+    /// Every frame of the vehicle from now on, until the receiver has gone.
+    Listen(Sender<Vec<u8>>),
+    /// Frames to the vehicle that ask for no answer.
+    Send(Vec<u8>),
 }
 
 /// When a request may still be sent to the vehicle.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Copy, Debug, Default)]
 pub struct Condition {
     /// Not after this time.
     pub until: Option<Instant>,
     /// Not once this flag is set.
-    pub unless: Option<Arc<AtomicBool>>,
+    pub unless: Option<&'static AtomicBool>,
 }
 
 impl Condition {
@@ -42,7 +45,7 @@ impl Condition {
         if self.is_over() {
             return Some("the order waited too long and was not given: press again");
         }
-        let stopped = self.unless.as_ref()?.load(Ordering::SeqCst);
+        let stopped = self.unless?.load(Ordering::SeqCst);
         stopped.then_some("stopped by the operator")
     }
 
@@ -80,6 +83,8 @@ impl Ask {
                 reply.send(Err(anyhow!("{why}"))).is_ok()
             }
             Self::Record(_, reply) => reply.send(Err(anyhow!("{why}"))).is_ok(),
+            // Who listens finds that nobody sends.
+            Self::Listen(_) | Self::Send(_) => false,
         };
     }
 }
@@ -118,6 +123,19 @@ impl Handle {
         self.ask(Ask::EndRecording)
     }
 
+    /// Every frame of the vehicle from now on, in bytes; the sender is gone once the port is.
+    pub fn listen(&self) -> Receiver<Vec<u8>> {
+        let (sender, receiver) = mpsc::channel();
+        // Where the thread has ended, the sender is gone at once.
+        let _ = self.0.send(Ask::Listen(sender));
+        receiver
+    }
+
+    /// Sends frames that ask for no answer.
+    pub fn send(&self, bytes: &[u8]) {
+        let _ = self.0.send(Ask::Send(bytes.to_owned()));
+    }
+
     fn ask<T>(&self, ask: impl FnOnce(Reply<T>) -> Ask) -> Answer<T> {
         let (reply, answer) = oneshot::channel();
         // Where the thread has ended, the answer says so.
@@ -136,6 +154,15 @@ impl<T> Answer<T> {
     /// Those of what was asked, or the program is about to end.
     pub fn wait(self) -> Result<T> {
         self.0.blocking_recv().unwrap_or_else(|_| Err(ending()))
+    }
+
+    /// The answer, if it has come.
+    pub fn look(&mut self) -> Option<Result<T>> {
+        match self.0.try_recv() {
+            Ok(answer) => Some(answer),
+            Err(TryRecvError::Empty) => None,
+            Err(TryRecvError::Closed) => Some(Err(ending())),
+        }
     }
 }
 

@@ -15,11 +15,19 @@ const MOST: u32 = 9999;
 /// # Errors
 /// The folder takes no files, or is full.
 pub fn create(folder: &Path, kind: &str) -> Result<(Writer, PathBuf)> {
-    let names = (1..=MOST).map(|number| folder.join(format!("{kind}-{number:03}.tlog")));
-    match names.into_iter().find(|path| !path.exists()) {
-        Some(path) => Ok((Writer::create(&path)?, path)),
-        None => Err(BadInput::new(format!("{} is full of logs", folder.display())).into()),
-    }
+    let path = free(folder, kind)?;
+    Ok((Writer::create(&path)?, path))
+}
+
+/// The path of a log with the next free number in `folder`.
+///
+/// # Errors
+/// The folder is full.
+pub fn free(folder: &Path, kind: &str) -> Result<PathBuf> {
+    let mut names = (1..=MOST).map(|number| folder.join(format!("{kind}-{number:03}.tlog")));
+    names
+        .find(|path| !path.exists())
+        .ok_or_else(|| BadInput::new(format!("{} is full of logs", folder.display())).into())
 }
 
 #[cfg(test)]

@@ -7,7 +7,9 @@ mod desk;
 mod handle;
 mod logs;
 mod model;
+mod relay;
 mod server;
+mod set_up;
 mod socket;
 mod step_test;
 mod strangers;
@@ -98,7 +100,7 @@ pub fn run(options: &Web) -> Result<Verdict> {
     let (url, opened) = (url(token.text()), url(&once.text()));
     let model = Arc::new(Model::default());
     let (handle, asks) = Handle::new();
-    let desk = Arc::new(Desk::new(token, once, handle, model.clone()));
+    let desk = Arc::new(Desk::new(token, once, handle, model.clone(), &options.logs));
     let runtime = runtime::Builder::new_current_thread()
         .enable_io()
         .enable_time()
@@ -130,7 +132,7 @@ pub fn run(options: &Web) -> Result<Verdict> {
         runtime.block_on(async {
             let served = async {
                 let listener = tokio::net::TcpListener::from_std(listener)?;
-                match server::serve(listener, desk).await {}
+                match server::serve(listener, desk.clone()).await {}
             };
             let over = async {
                 while !signals::asked(stop, begun, longest) && !vehicle.is_finished() {
@@ -140,7 +142,9 @@ pub fn run(options: &Web) -> Result<Verdict> {
             };
             tokio::select! { result = served => result, result = over => result }
         })?;
-        // Now the vehicle's thread disarms what is armed.
+        // Now the vehicle's thread disarms what is armed, and whoever moves the rudder puts back
+        // what was changed for that.
+        desk.end();
         stop.store(true, Ordering::Relaxed);
         vehicle
             .join()

@@ -10,6 +10,7 @@ use serde_json::Value;
 use tvc_nano::Params;
 use tvc_nano::params::{Change, Range};
 
+use super::set_up::SetUp;
 use crate::vehicle::param::Row;
 
 /// Texts that are kept.
@@ -164,6 +165,7 @@ pub struct State {
     /// How often the status has changed, and the newest.
     status: (u64, VehicleStatus),
     step_test: (u64, StepTest),
+    set_up: (u64, SetUp),
     texts: VecDeque<Text>,
     last_text: u64,
     parameters: (u64, Vec<ParameterRow>),
@@ -174,6 +176,7 @@ pub struct State {
 pub struct Seen {
     status: u64,
     step_test: u64,
+    set_up: u64,
     text: u64,
     parameters: u64,
 }
@@ -190,6 +193,9 @@ pub struct Update {
     /// If it changed.
     #[serde(rename = "trial", skip_serializing_if = "Option::is_none")]
     pub step_test: Option<StepTest>,
+    /// If it changed.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub set_up: Option<SetUp>,
     /// Since the last update.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub texts: Vec<Text>,
@@ -217,6 +223,17 @@ impl State {
     /// Replaces it.
     pub fn set_step_test(&mut self, step_test: StepTest) {
         self.step_test = (self.step_test.0 + 1, step_test);
+    }
+
+    /// The last step of the set-up.
+    pub fn set_up(&self) -> &SetUp {
+        &self.set_up.1
+    }
+
+    /// Changes it.
+    pub fn change_set_up<T>(&mut self, change: impl FnOnce(&mut SetUp) -> T) -> T {
+        self.set_up.0 += 1;
+        change(&mut self.set_up.1)
     }
 
     /// The parameters.
@@ -254,6 +271,7 @@ impl State {
         let next = Seen {
             status: self.status.0 + 1,
             step_test: self.step_test.0 + 1,
+            set_up: self.set_up.0 + 1,
             text: self.last_text,
             parameters: self.parameters.0 + 1,
         };
@@ -263,6 +281,7 @@ impl State {
             motion: self.motion.clone(),
             status: (last.status != seen.status).then(|| self.status.1.clone()),
             step_test: (last.step_test != seen.step_test).then(|| self.step_test.1.clone()),
+            set_up: (last.set_up != seen.set_up).then(|| self.set_up.1.clone()),
             texts: texts.cloned().collect(),
             parameters: (last.parameters != seen.parameters).then(|| self.parameters.1.clone()),
         }

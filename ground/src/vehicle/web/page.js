@@ -1,6 +1,7 @@
 // The page of `tvc web`: what comes from the program is shown, what is pressed is sent.
 
 import { Strip, drawTrace } from "./chart.js";
+import { Guided } from "./guided.js";
 import { Link } from "./link.js";
 import { Parameters } from "./parameters.js";
 import { Stop } from "./stop.js";
@@ -35,8 +36,8 @@ const stop = new Stop(() => link.order("stop"), (words, kind) => {
 });
 
 /** Sends a button's order and tells how it went. */
-async function press(order, words) {
-  const { error } = await link.order(order);
+async function press(order, words, fields) {
+  const { error } = await link.order(order, fields);
   const answer = at("answer");
   answer.textContent = error ?? `${words}: done`;
   answer.classList.toggle("done", error === undefined);
@@ -61,6 +62,8 @@ at("record").addEventListener("click", () => (
 ));
 
 const parameters = new Parameters(at("parameters"), at("undo"), (name, value) => link.order("set", { name, value }));
+
+const guided = new Guided(at("set-up"), press);
 
 // Charts
 
@@ -119,6 +122,7 @@ function showSilence() {
   at("state").textContent = "unknown";
   at("state").className = "pill";
   for (const button of document.querySelectorAll("[data-order], #step, #record")) button.disabled = true;
+  guided.silence();
 }
 
 function showCondition(now) {
@@ -128,7 +132,7 @@ function showCondition(now) {
   at("reason").textContent = now.reason === now.state ? "" : now.reason;
   at("port").textContent = now.port;
   at("problem").textContent = now.connected ? "" : `${now.problem} — the page goes on by itself when it is back.`;
-  const busy = trial.running;
+  const busy = trial.running || guided.running;
   const blocked = now.in_operation || busy;
   for (const button of document.querySelectorAll("[data-order], #step")) button.disabled = !now.connected;
   document.querySelector("[data-order=arm]").disabled ||= blocked;
@@ -141,6 +145,7 @@ function showCondition(now) {
   at("record").classList.toggle("on", now.recording !== null);
   at("recording").textContent = now.recording_failure ?? (now.recording ? `recording to ${now.recording}` : "");
   at("recording").classList.toggle("bad", now.recording_failure !== null);
+  guided.control(now.connected && !blocked && now.recording === null);
   parameters.control(now.armed && !now.can_release);
   at("health").textContent = !now.connected ? "unknown"
     : now.unhealthy.length ? `not healthy: ${now.unhealthy.join(", ")}` : "everything enabled is healthy";
@@ -212,7 +217,14 @@ function show(news) {
   heard = performance.now();
   if (news.condition) showCondition(news.condition);
   if (news.trial) showTrial(news.trial);
-  if (news.parameters) parameters.show(news.parameters);
+  if (news.set_up) {
+    guided.show(news.set_up);
+    if (condition.state) showCondition(condition);
+  }
+  if (news.parameters) {
+    parameters.show(news.parameters);
+    guided.tell(news.parameters);
+  }
   for (const text of news.texts ?? []) showText(text);
   const before = frame?.count;
   frame = news.frame;

@@ -48,7 +48,7 @@ const HTML: &str = "text/html; charset=utf-8";
 const SCRIPT: &str = "text/javascript; charset=utf-8";
 
 /// What the page is made of: path, kind, content.
-const FILES: [(&str, &str, &str); 7] = [
+const FILES: [(&str, &str, &str); 8] = [
     ("/", HTML, include_str!("page.html")),
     (
         "/page.css",
@@ -57,6 +57,7 @@ const FILES: [(&str, &str, &str); 7] = [
     ),
     ("/page.js", SCRIPT, include_str!("page.js")),
     ("/chart.js", SCRIPT, include_str!("chart.js")),
+    ("/guided.js", SCRIPT, include_str!("guided.js")),
     ("/link.js", SCRIPT, include_str!("link.js")),
     ("/stop.js", SCRIPT, include_str!("stop.js")),
     ("/parameters.js", SCRIPT, include_str!("parameters.js")),

@@ -1,7 +1,6 @@
 //! The step test from the page: as `tvc test step`, with a STOP that ends it at any moment.
 
 use std::path::Path;
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
@@ -23,7 +22,7 @@ const LOOK: Duration = Duration::from_millis(20);
 const POINTS: usize = 300;
 
 /// Arms, releases, disarms, and leaves the figures in `model`.
-pub fn run(vehicle: &Handle, model: &Model, stop: &Arc<AtomicBool>) {
+pub fn run(vehicle: &Handle, model: &Model, stop: &'static AtomicBool) {
     let path = match vehicle.record(Recording::Step).wait() {
         Ok(path) => path,
         Err(error) => return end(model, "", &Err(error)),
@@ -38,12 +37,12 @@ pub fn run(vehicle: &Handle, model: &Model, stop: &Arc<AtomicBool>) {
     end(model, &log, &result);
 }
 
-fn fly(vehicle: &Handle, model: &Model, log: &str, stop: &Arc<AtomicBool>) -> Result<()> {
+fn fly(vehicle: &Handle, model: &Model, log: &str, stop: &'static AtomicBool) -> Result<()> {
     let condition = Condition {
         until: None,
-        unless: Some(stop.clone()),
+        unless: Some(stop),
     };
-    let order = |order| vehicle.order(order, condition.clone()).wait();
+    let order = |order| vehicle.order(order, condition).wait();
     order(request::CALIBRATE)?;
     let begun = Instant::now();
     while let Err(refusal) = order(request::ARM) {

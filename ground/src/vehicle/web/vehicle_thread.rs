@@ -9,13 +9,13 @@ mod tests;
 
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::mpsc::Receiver;
+use std::sync::mpsc::{Receiver, Sender};
 use std::time::{Duration, Instant};
 
 use anyhow::{Error, Result, anyhow, bail};
 use client::request::{self, DISARM, RELOAD, RESET, SAVE};
 use client::state::is_in_operation;
-use client::{Parameter, Request, ServoMap, StateKind, StatusTracker, Ticket};
+use client::{Frame, Parameter, Request, ServoMap, StateKind, StatusTracker, Ticket};
 use mavlink::dialects::common::SYS_STATUS_DATA;
 use tvc_nano::Params;
 
@@ -131,6 +131,8 @@ struct Session<'a> {
     /// The order about stored parameters that waits for its answer.
     storing: Option<Ticket>,
     host: HostWatch,
+    /// Who hears every frame of the vehicle.
+    listeners: Vec<Sender<Vec<u8>>>,
     recording: Option<PathBuf>,
     /// Why the last recording ended before its time.
     recording_failure: Option<String>,
@@ -164,6 +166,7 @@ impl<'a> Session<'a> {
             stopping: None,
             storing: None,
             host: HostWatch::default(),
+            listeners: Vec::new(),
             recording: None,
             recording_failure,
             round_trip_ms: None,
@@ -175,20 +178,35 @@ impl<'a> Session<'a> {
 
     fn run(&mut self, asks: &Receiver<Ask>, stop: &AtomicBool) -> Result<()> {
         while !stop.load(Ordering::Relaxed) {
-            for ask in asks.try_iter() {
-                self.take(ask)?;
-            }
-            let received = self.link.receive();
-            let frames = self.without_log(received)?.unwrap_or_default();
-            self.on_frames(&frames);
-            self.answer();
-            self.ask_the_vehicle();
-            self.watch_host();
-            if self.link.now() >= self.status_due {
-                self.publish_status();
-            }
+            self.turn(asks)?;
+        }
+        self.await_listeners(asks)
+    }
+
+    /// Does what is due, once.
+    fn turn(&mut self, asks: &Receiver<Ask>) -> Result<()> {
+        for ask in asks.try_iter() {
+            self.take(ask)?;
+        }
+        let received = self.link.receive();
+        let frames = self.without_log(received)?.unwrap_or_default();
+        // Before any answer: who listens has heard what an answer speaks of.
+        self.pass_on(&frames);
+        self.on_frames(&frames);
+        self.answer();
+        self.ask_the_vehicle();
+        self.watch_host();
+        if self.link.now() >= self.status_due {
+            self.publish_status();
         }
         Ok(())
+    }
+
+    fn pass_on(&mut self, frames: &[Frame]) {
+        for frame in frames {
+            let listeners = &mut self.listeners;
+            listeners.retain(|listener| listener.send(frame.bytes.clone()).is_ok());
+        }
     }
 
     /// Whoever still waits learns that the port is gone; the log is ended.
@@ -215,6 +233,11 @@ impl<'a> Session<'a> {
                 let ended = self.end_recording();
                 self.publish_status();
                 let _ = reply.send(ended);
+            }
+            Ask::Listen(listener) => self.listeners.push(listener),
+            Ask::Send(bytes) => {
+                let sent = self.link.send_bytes(&bytes);
+                self.without_log(sent)?;
             }
         }
         let flushed = self.link.flush();
@@ -252,6 +275,9 @@ impl<'a> Session<'a> {
         let ticket = self.request(request);
         if is_stop {
             self.stopping = Some(ticket);
+            if let Some(end) = self.end_of_polarity_check() {
+                self.request(end);
+            }
         }
         if stores {
             self.storing = Some(ticket);

@@ -2,13 +2,17 @@
 //! program's last act.
 
 use std::io::Write;
+use std::sync::mpsc::Receiver;
 use std::time::Duration;
 
+use anyhow::Result;
 use client::request::DISARM;
 use client::state::is_in_operation;
 use client::{Failure, Parameter, Request, Ticket};
 
+use super::super::handle::Ask;
 use super::Session;
+use crate::vehicle::calibrate::polarity;
 use crate::vehicle::watch::FS_HOST;
 
 /// Time between two attempts to set it.
@@ -41,9 +45,13 @@ impl HostWatch {
 
     /// To set it.
     pub(super) fn set(value: f32) -> Request {
-        let name = FS_HOST.to_owned();
-        Request::Set(Parameter { name, value })
+        set(FS_HOST, value)
     }
+}
+
+fn set(name: &str, value: f32) -> Request {
+    let name = name.to_owned();
+    Request::Set(Parameter { name, value })
 }
 
 impl Session<'_> {
@@ -64,6 +72,24 @@ impl Session<'_> {
         }
     }
 
+    /// What ends a polarity check that is under way: it lets the rudder answer a tilt, disarmed.
+    pub(super) fn end_of_polarity_check(&mut self) -> Option<Request> {
+        let is_watched = self.link.client().parameter(polarity::NAME) == Some(polarity::WATCHED);
+        is_watched.then(|| set(polarity::NAME, polarity::UNCHECKED))
+    }
+
+    /// Disarms, and goes on until who listens has put back what it has changed; not for long.
+    pub(super) fn await_listeners(&mut self, asks: &Receiver<Ask>) -> Result<()> {
+        if !self.listeners.is_empty() && self.is_in_operation() {
+            self.request(Request::Order(DISARM));
+        }
+        let end = self.link.now() + LAST;
+        while !self.listeners.is_empty() && self.link.now() < end {
+            self.turn(asks)?;
+        }
+        Ok(())
+    }
+
     /// The last act at a port that is still there: disarms what is or may be armed, and ends the
     /// watch over this program. Where the order to disarm is not answered, the watch stays.
     pub(super) fn rest(&mut self) {
@@ -81,6 +107,9 @@ impl Session<'_> {
                     return say("no answer to the order to disarm: cut the vehicle's power");
                 }
             }
+        }
+        if let Some(end) = self.end_of_polarity_check() {
+            self.last(end);
         }
         if self.host.is_on() {
             self.last(HostWatch::set(0.0));

@@ -1,0 +1,78 @@
+//! The person who leads the vehicle through a step of its set-up, at a terminal or at a page.
+
+use anyhow::Result;
+use calibration::coverage::Coverage;
+
+use super::keyboard::Typed;
+
+/// What a step says to a person, and what the person answers. Nothing here waits.
+pub trait Person {
+    /// Whether somebody can be asked.
+    fn is_there(&self) -> bool;
+
+    /// Says what is to be done now.
+    fn instruct(&mut self, words: &str);
+
+    /// Says something that stays in sight, with the directions that were seen.
+    fn tell(&mut self, words: &str, seen: Option<&Coverage>);
+
+    /// Shows how far the step is, 0 to 1, in words, and the directions that were seen.
+    fn progress(&mut self, share: f64, words: &str, seen: Option<&Coverage>);
+
+    /// Takes the progress out of sight.
+    fn rest(&mut self);
+
+    /// Shows what was found: names and values, and the same as a text.
+    ///
+    /// # Errors
+    /// It cannot be written.
+    fn show(&mut self, rows: &[[String; 2]], text: &str) -> Result<()>;
+
+    /// Asks; [`Self::poll`] has the answer later.
+    fn ask(&mut self, question: &Question<'_>);
+
+    /// What has come of the question.
+    fn poll(&mut self) -> Typed;
+}
+
+/// A question, and the answers to it.
+#[derive(Clone, Copy, Debug)]
+pub struct Question<'a> {
+    /// The question.
+    pub words: &'a str,
+    /// How it is answered at a keyboard.
+    pub keys: &'a str,
+    /// The buttons of a page, each with what it stands for at a keyboard.
+    pub buttons: &'a [(&'a str, &'a str)],
+    /// What may be typed, such as a unit.
+    pub entry: Option<&'a str>,
+    /// The same question as before, after an answer that does not end it.
+    pub again: bool,
+}
+
+/// How a step has ended.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Ending {
+    /// The vehicle has what the step is for.
+    pub met: bool,
+    /// What has become of it.
+    pub words: String,
+}
+
+impl Ending {
+    /// The step was refused, or the person did not agree: the vehicle is as it was.
+    pub fn unchanged(words: impl Into<String>) -> Self {
+        Self {
+            met: false,
+            words: words.into(),
+        }
+    }
+
+    /// The vehicle has it.
+    pub fn met(words: impl Into<String>) -> Self {
+        Self {
+            met: true,
+            words: words.into(),
+        }
+    }
+}

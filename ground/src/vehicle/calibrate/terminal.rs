@@ -1,0 +1,87 @@
+//! The person at a terminal: standard error shows, the keyboard answers.
+
+use anyhow::Result;
+use calibration::coverage::Coverage;
+use indicatif::{ProgressBar, ProgressStyle};
+
+use super::keyboard::{Keyboard, Typed, is_attended};
+use super::person::{Person, Question};
+use super::picture::picture;
+use crate::out::file::print;
+
+/// A terminal, or what stands in its place.
+pub struct Terminal {
+    bar: ProgressBar,
+    keyboard: Option<Keyboard>,
+    /// Standard output is kept for JSON.
+    json: bool,
+}
+
+impl Terminal {
+    /// The terminal of this program.
+    pub fn new(json: bool) -> Self {
+        let bar = ProgressBar::new(1000);
+        if let Ok(style) = ProgressStyle::with_template("[{bar:40}] {msg}") {
+            bar.set_style(style.progress_chars("=> "));
+        }
+        Self {
+            bar,
+            keyboard: None,
+            json,
+        }
+    }
+}
+
+impl Person for Terminal {
+    fn is_there(&self) -> bool {
+        is_attended()
+    }
+
+    fn instruct(&mut self, words: &str) {
+        self.tell(words, None);
+    }
+
+    fn tell(&mut self, words: &str, seen: Option<&Coverage>) {
+        let words = with_picture(words, seen);
+        self.bar.suspend(|| eprintln!("{words}"));
+    }
+
+    fn progress(&mut self, share: f64, words: &str, seen: Option<&Coverage>) {
+        if self.bar.is_finished() {
+            self.bar.reset();
+        }
+        self.bar
+            .set_position((share.clamp(0.0, 1.0) * 1000.0) as u64);
+        self.bar.set_message(with_picture(words, seen));
+    }
+
+    fn rest(&mut self) {
+        self.bar.finish_and_clear();
+    }
+
+    fn show(&mut self, _: &[[String; 2]], text: &str) -> Result<()> {
+        if self.json {
+            eprint!("{text}");
+            Ok(())
+        } else {
+            print(text)
+        }
+    }
+
+    fn ask(&mut self, question: &Question<'_>) {
+        // The bar is off the screen until the next step: the question stands on a line of its own.
+        self.rest();
+        eprint!("{} {} ", question.words, question.keys);
+        self.keyboard.get_or_insert_with(Keyboard::listen);
+    }
+
+    fn poll(&mut self) -> Typed {
+        self.keyboard.as_ref().map_or(Typed::Nobody, Keyboard::poll)
+    }
+}
+
+fn with_picture(words: &str, seen: Option<&Coverage>) -> String {
+    seen.map_or(words.to_owned(), |seen| {
+        format!("{words}\n{}", picture(seen))
+    })
+}

@@ -1,0 +1,132 @@
+// The set-up: its steps, what is to be done now, questions and what was found.
+
+/** How long the buttons of a new question take no click: the last one may have been for another. */
+const PAUSE = 400;
+
+const element = (tag, text, kind) => {
+  const made = document.createElement(tag);
+  if (text !== undefined) made.textContent = text;
+  if (kind) made.className = kind;
+  return made;
+};
+
+/** What the vehicle's parameters tell of each step: whether it is done, in words. */
+function known(parameters) {
+  const value = new Map(parameters.map((row) => [row.name, row.value]));
+  const changed = (is) => parameters.some((row) => is(row.name) && row.default !== null && row.value !== row.default);
+  const done = (is, yes, no) => ({ done: is, words: is ? yes : no });
+  const hold = value.get("SRV_HOLD_DEG") ?? 0;
+  const servo = ["SRV_CENTRE_US", "SRV_US_PER_DEG", "SRV_DIR", "SRV_MIN_US", "SRV_MAX_US"];
+  return {
+    sensors: done(changed((name) => name.startsWith("CAL_")), "calibrated", "not calibrated"),
+    servo: done(changed((name) => servo.includes(name)), "set up", "default values"),
+    polarity: done(value.get("SRV_POLARITY") === 1, "checked", "not checked: nothing is armed"),
+    hold: done(hold !== 0, `${hold} deg`, "none"),
+  };
+}
+
+export class Guided {
+  /** `press(order, words, fields)` sends an order and tells how it went. */
+  constructor(section, press) {
+    const at = (name) => section.querySelector(`.${name}`);
+    Object.assign(this, { section, at, press, now: { running: false }, free: false, known: null, asked: null });
+    for (const button of section.querySelectorAll("[data-step]")) {
+      button.addEventListener("click", () => press("set-up", button.textContent, { step: button.dataset.step }));
+    }
+    at("cancel").addEventListener("click", () => press("cancel", "cancelled"));
+    at("entry").addEventListener("submit", (event) => {
+      event.preventDefault();
+      this.reply(at("typed").value);
+      at("typed").value = "";
+    });
+  }
+
+  get running() { return this.now.running; }
+
+  /** An answer is for the question in sight; the program refuses one to any other. */
+  reply(reply) {
+    if (performance.now() < this.from) return;
+    this.press("answer", reply === "" ? "answered" : `answered ${reply}`, { question: this.asked, reply });
+  }
+
+  /** Whether a step may begin. */
+  control(free) {
+    this.free = free;
+    for (const button of this.section.querySelectorAll("[data-step]")) button.disabled = !free || this.running;
+  }
+
+  /** Nothing is known of the program. */
+  silence() {
+    for (const button of this.section.querySelectorAll("button")) button.disabled = true;
+  }
+
+  tell(parameters) {
+    if (parameters.length === 0) return;
+    const first = this.known === null;
+    this.known = known(parameters);
+    for (const [step, { done, words }] of Object.entries(this.known)) {
+      const mark = this.section.querySelector(`[data-state=${step}]`);
+      mark.textContent = words;
+      mark.classList.toggle("done", done);
+    }
+    const { sensors, polarity } = this.known;
+    this.at("summary").textContent = `sensors ${sensors.words}, polarity ${polarity.words}`;
+    // What is set up needs no room.
+    if (first && !(sensors.done && polarity.done)) this.section.querySelector("details").open = true;
+  }
+
+  show(now) {
+    const began = now.running && !this.running;
+    this.now = now;
+    const { at } = this;
+    if (began) this.section.querySelector("details").open = true;
+    this.section.classList.toggle("running", now.running);
+    at("guide").hidden = !now.running && !now.ending;
+    at("instruction").textContent = now.instruction;
+    at("progress").hidden = now.share === null;
+    at("share").value = now.share ?? 0;
+    at("words").textContent = now.progress;
+    this.showSeen(now.seen);
+    this.ask(now.question);
+    at("lines").replaceChildren(...now.lines.map((line) => element("li", line)));
+    at("found").replaceChildren(...now.figures.map(([name, value]) => {
+      const row = element("tr");
+      row.append(element("th", name), element("td", value));
+      row.firstChild.scope = "row";
+      return row;
+    }));
+    at("ending").textContent = now.ending;
+    at("ending").classList.toggle("met", now.met);
+    at("cancel").hidden = !now.running;
+    for (const button of at("guide").querySelectorAll("button")) button.disabled = false;
+    this.control(this.free);
+  }
+
+  /** The sphere's cells, the top above; the fuller, the more often seen. */
+  showSeen(seen) {
+    const box = this.at("seen");
+    box.hidden = seen === null;
+    if (seen === null) return;
+    const level = (count) => (count === 0 ? "never" : count < 4 ? "seldom" : count < 10 ? "some" : "often");
+    box.replaceChildren(...[...seen].reverse().flat().map((count) => element("i", undefined, level(count))));
+  }
+
+  ask(question) {
+    const { at } = this;
+    at("question").hidden = question === null;
+    if (question === null || question.id === this.asked) return;
+    this.asked = question.id;
+    at("asked").textContent = question.words;
+    // The same buttons again keep what has the focus.
+    if (question.again && at("replies").childElementCount > 0) return;
+    this.from = performance.now() + PAUSE;
+    at("replies").replaceChildren(...question.buttons.map(([label, reply]) => {
+      const button = element("button", label);
+      button.type = "button";
+      button.addEventListener("click", () => this.reply(reply));
+      return button;
+    }));
+    at("entry").hidden = question.entry === null;
+    at("unit").textContent = question.entry ?? "";
+  }
+}
