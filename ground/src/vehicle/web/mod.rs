@@ -7,6 +7,7 @@ mod desk;
 mod handle;
 mod logs;
 mod model;
+mod releases;
 mod server;
 mod socket;
 mod step_test;
