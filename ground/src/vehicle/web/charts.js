@@ -6,6 +6,8 @@ const SPANS = [2, 5, 10, 20, 60];
 const [KEPT, SURPLUS] = [60, 10];
 /** Between two changes of the values in words, ms: faster ones cannot be read. */
 const WORDS = 150;
+/** Of how many pictures a slow chart is in one. */
+const SLOW = 6;
 /** Width of the value axis: the charts' time axes stand below each other. */
 const AXIS = 46;
 
@@ -33,10 +35,10 @@ export function limits(values, [low, high]) {
 
 const element = (tag, words = "") => Object.assign(document.createElement(tag), { textContent: words });
 
-/** One chart. `lines`: name, colour and value of a frame each; `least`: the range that is always in sight. */
+/** One chart. `lines`: name, colour and value of a frame each; `least`: the range that is always in sight; `slow`: it is drawn less often. */
 class Strip {
-  constructor(charts, { title, unit, lines, least, decimals, height }) {
-    Object.assign(this, { charts, unit, lines, least, decimals, height, words: "", inSight: true });
+  constructor(charts, { title, unit, lines, least, decimals, height, slow }) {
+    Object.assign(this, { charts, unit, lines, least, decimals, height, slow, words: "", inSight: true });
     this.values = lines.map(() => []);
     this.figure = element("figure");
     const caption = element("figcaption");
@@ -123,7 +125,7 @@ class Strip {
 export class Charts {
   /** `kinds`: what [`Strip`] takes; `buttons` by their names. */
   constructor(parent, kinds, buttons) {
-    Object.assign(this, { parent, buttons, times: [], span: 20, view: null, spoken: 0 });
+    Object.assign(this, { parent, buttons, times: [], span: 20, view: null, spoken: 0, turn: 0 });
     this.strips = kinds.map((kind) => new Strip(this, kind));
     const press = { pause: () => this.toggle(), closer: () => this.zoom(-1), farther: () => this.zoom(1), earlier: () => this.shift(-0.5), later: () => this.shift(0.5) };
     for (const [name, act] of Object.entries(press)) {
@@ -187,7 +189,11 @@ export class Charts {
     const end = this.times.at(-1);
     // A chart that is paused does not change by what comes.
     if (this.view === null || this.drawn !== this.view) {
-      for (const strip of this.strips) strip.draw(this.view ?? [end - this.span, end]);
+      const all = this.drawn === undefined || this.view !== null;
+      this.turn = (this.turn + 1) % SLOW;
+      for (const strip of this.strips) {
+        if (all || !strip.slow || this.turn === 0) strip.draw(this.view ?? [end - this.span, end]);
+      }
     }
     this.drawn = this.view;
     this.changed = false;

@@ -88,8 +88,8 @@ const charts = new Charts(at("strips"), [
   },
   { title: "pitch rate", unit: "deg/s", least: [-5, 5], decimals: 1, height: 105, lines: [["rate", "teal", (f) => f.rate_deg_s]] },
   { title: "rudder servo", unit: "deg", least: [-5, 5], decimals: 1, height: 105, lines: [["servo", "violet", (f) => f.servo_deg]] },
-  { title: "sample to control step", unit: "ms", least: [0, 5], decimals: 2, height: 85, lines: [["age", "amber", (f) => f.latency_ms]] },
-  { title: "processor load", unit: "%", least: [0, 40], decimals: 1, height: 85, lines: [["load", "slate", (f) => f.load_pct]] },
+  { title: "sample to control step", unit: "ms", least: [0, 5], decimals: 2, height: 85, slow: true, lines: [["age", "amber", (f) => f.latency_ms]] },
+  { title: "processor load", unit: "%", least: [0, 40], decimals: 1, height: 85, slow: true, lines: [["load", "slate", (f) => f.load_pct]] },
 ], chartTools);
 const releases = new Releases(at("releases"), at("release_charts"), at("release_table"), at("release_unit"));
 const attitude = new Attitude(at("attitude"));
@@ -134,7 +134,7 @@ function paint(now) {
   if (now - figured < FIGURES) return;
   figured = now;
   for (const [id, value] of [["pitch", pitch], ["roll", roll], ["yaw", yaw], ["servo", frame.servo_deg]]) {
-    put(id, value === null ? "invalid" : value.toFixed(1));
+    put(id, value === null ? "invalid" : value.toFixed(1).replace(/^-(0\.0)$/, "$1"));
   }
 }
 
