@@ -17,10 +17,11 @@
 //! A key-value store out of a library (`sequential-storage`, 8.9 KB of code) keeps each value by
 //! itself; here all of them must change together, and the code takes a tenth of that.
 
+use core::convert::Infallible;
 use core::fmt;
 
 use crc::{CRC_32_ISO_HDLC, Crc, NoTable};
-use embedded_storage::nor_flash::{NorFlash, ReadNorFlash};
+use embedded_storage::nor_flash::{ErrorType, NorFlash, ReadNorFlash};
 
 use crate::params::Params;
 
@@ -28,6 +29,8 @@ use crate::params::Params;
 pub const SLOT_BYTES: usize = 512;
 /// Size of the flash that the store is given: two slots.
 pub const STORE_BYTES: usize = 2 * SLOT_BYTES;
+/// Where it is on the chip: at the end of its flash.
+pub const STORE_ADDRESS: u32 = 0x0004_0000 - STORE_BYTES as u32;
 
 /// First word of a slot that holds a set; its last character is the version of the layout.
 const MARK: [u8; 4] = *b"TVC1";
@@ -162,6 +165,11 @@ pub fn load(flash: &mut impl ReadNorFlash) -> (Params, Loaded) {
     (params, loaded)
 }
 
+/// The same of a store whose bytes a host has read.
+pub fn load_bytes(bytes: &[u8; STORE_BYTES]) -> (Params, Loaded) {
+    load(&mut Bytes(bytes))
+}
+
 /// Saves `params` in the slot that does not hold the newest set; their new generation.
 ///
 /// # Errors
@@ -186,6 +194,29 @@ pub fn first_slot(params: &Params) -> [u8; SLOT_BYTES] {
     let mut bytes = [0; SLOT_BYTES];
     compose(params, 1, &mut bytes);
     bytes
+}
+
+/// A store in memory, to be read.
+struct Bytes<'a>(&'a [u8; STORE_BYTES]);
+
+impl ErrorType for Bytes<'_> {
+    type Error = Infallible;
+}
+
+impl ReadNorFlash for Bytes<'_> {
+    const READ_SIZE: usize = 1;
+
+    fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), Infallible> {
+        let from = offset as usize;
+        if let Some(there) = self.0.get(from..from + bytes.len()) {
+            bytes.copy_from_slice(there);
+        }
+        Ok(())
+    }
+
+    fn capacity(&self) -> usize {
+        STORE_BYTES
+    }
 }
 
 /// Erases the slot and writes it, the page with the mark last.

@@ -40,19 +40,36 @@ class Element {
   add(option) { this.append(option); }
   insertRow() { return this.insert("tr"); }
   insertCell() { return this.insert("td"); }
+  createTBody() { return this.insert("tbody"); }
   insert(tag) {
     const child = new Element(tag);
     this.append(child);
     return child;
   }
   get tBodies() { return [this]; }
+  get firstElementChild() { return this.children[0]; }
   get lastElementChild() { return this.children.at(-1); }
   get childElementCount() { return this.children.length; }
   querySelector(which) { return (this.found ??= {})[which] ??= new Element(which); }
   querySelectorAll() { return []; }
-  setAttribute() {}
+  setAttribute(name, value) { this[name] = value; }
   blur() { this.left = true; }
   getContext() { return new Proxy({}, { get: () => () => {}, set: () => true }); }
+}
+
+/** As much of uPlot as the scripts use: what was asked of the newest ones. */
+class Plot {
+  static made = [];
+  static join(tables) { return [tables[0][0], ...tables.map(([, values]) => values)]; }
+  constructor(options, data) {
+    Object.assign(this, { options, data, cursor: { left: -10 }, scales: {}, series: options.series.map(() => ({})) });
+    Plot.made.push(this);
+  }
+  batch(act) { act(); }
+  setData(data) { this.data = data; }
+  setScale(key, range) { this.scales[key] = range; }
+  setSize() {}
+  destroy() { Plot.made = Plot.made.filter((plot) => plot !== this); }
 }
 
 const page = new Element("document");
@@ -72,10 +89,12 @@ let socket = null;
 let draw = null;
 const row = {
   name: "PID_KP", value: 1, default: 1, unit: "", range: "0 to 10", meaning: "gain", between: [0, 10], choices: null, live: true,
+  measured: false, group: "Control law", stored: 1,
 };
+const other = { ...row, name: "SRV_DIR", meaning: "direction", group: "Servo", range: "-1, 1", between: null, choices: [-1, 1] };
 const vehicle = {
   port: "nano", connected: true, problem: "", state: "standby", reason: "", armed: false, in_operation: false,
-  can_release: false, unhealthy: [], attitude_hz: 300, messages: 1, lost: 0, crc_errors: 0, dropped: 0, missed: 0,
+  can_release: false, can_arm: true, refusal: "", unhealthy: [], attitude_hz: 300, messages: 1, lost: 0, crc_errors: 0, dropped: 0, missed: 0,
   bus_errors: 0, round_trip_ms: null, recording: null, recording_failure: null,
 };
 const at = (id) => {
@@ -97,8 +116,10 @@ const answer = async (order, answer) => {
   await settle();
 };
 const orderNames = () => sent.map((message) => message.order);
-const field = () => at("parameters").children[0].children[1].children[0];
-const said = () => at("parameters").children[0].children[1].children[1];
+/** The table's rows below the heading of a group. */
+const rows = (group) => at("parameters").children[group].children.slice(1);
+const field = () => rows(0)[0].children[1].children[0];
+const said = () => rows(0)[0].children[1].children[1];
 const escape = (where) => where.fire("keydown", { key: "Escape" });
 
 before(async () => {
@@ -110,7 +131,7 @@ before(async () => {
     getElementById: at,
     createElement: (tag) => new Element(tag),
     createElementNS: (_, tag) => new Element(tag),
-    querySelector: (which) => order(which.match(/data-order=(\w+)/)?.[1]) ?? new Element(which),
+    querySelector: (which) => order(which.match(/data-order=(\w+)/)?.[1]) ?? at(which),
     querySelectorAll: (which) => [...orders, ...["step", "record"].filter((id) => which.includes(`#${id}`)).map(at)],
   });
   Object.assign(globalThis, {
@@ -121,6 +142,9 @@ before(async () => {
     addEventListener() {},
     location: { host: "127.0.0.1:8650", hash: "#token=secret" },
     matchMedia: () => new Element("media"),
+    ResizeObserver: class { observe() {} },
+    IntersectionObserver: class { observe() {} },
+    uPlot: Plot,
     Option: class extends Element {},
     WebSocket: class extends Element {
       constructor(url) { super(url); socket = this; }
@@ -139,7 +163,7 @@ before(async () => {
   writeFileSync(join(folder, "package.json"), '{"type": "module"}');
   await import(pathToFileURL(join(folder, "page.js")));
   await socket.fire("open");
-  await come({ now_ms: 5000, frame, parameters: [row] });
+  await come({ now_ms: 5000, frame, parameters: [row, other] });
   await show({});
 });
 

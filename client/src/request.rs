@@ -25,6 +25,13 @@ pub struct Order {
     pub params: [f32; 2],
 }
 
+/// Whether [`ARM`] would be obeyed; a refusal says why not, without words.
+pub const MAY_ARM: Order = Order {
+    name: "say whether it can be armed",
+    command: MavCmd::MAV_CMD_RUN_PREARM_CHECKS,
+    params: [0.0, 0.0],
+};
+
 /// Standby to armed.
 pub const ARM: Order = Order {
     name: "arm",

@@ -19,9 +19,6 @@ use std::sync::Arc;
 use thiserror::Error;
 use tvc_nano::{Params, store};
 
-/// Where the image keeps its parameters: the end of the flash.
-const STORE_ADDRESS: u32 = 0x0004_0000 - store::STORE_BYTES as u32;
-
 const RAM_START: u32 = 0x2000_0000;
 
 /// The configuration of a rig.
@@ -125,7 +122,7 @@ impl Rig {
         });
         chip.load_flash(image.address(), image.bytes());
         if let Some(params) = &config.stored {
-            chip.load_flash(STORE_ADDRESS, &store::first_slot(params));
+            chip.load_flash(store::STORE_ADDRESS, &store::first_slot(params));
         }
         let bootloader = if image.address() == IMAGE_ADDRESS {
             config.hardware.bootloader

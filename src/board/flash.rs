@@ -11,7 +11,7 @@ use embedded_storage::nor_flash::{
     ErrorType, NorFlash, NorFlashError, NorFlashErrorKind, ReadNorFlash, check_erase, check_read,
     check_write,
 };
-use tvc_nano::store::STORE_BYTES;
+use tvc_nano::store::{STORE_ADDRESS, STORE_BYTES};
 
 use super::time::within;
 
@@ -19,7 +19,7 @@ const ROW_BYTES: usize = 256;
 const PAGE_BYTES: usize = 64;
 
 /// Where they start (memory.x keeps the image out of them).
-const START: usize = 0x0004_0000 - STORE_BYTES;
+const START: usize = STORE_ADDRESS as usize;
 
 /// Longer than any operation takes.
 const LIMIT_US: u64 = 20_000;

@@ -133,7 +133,9 @@ fn saved_sets_come_back_and_take_turns_in_the_slots() {
     for generation in 1..6 {
         let saved = params(generation as f32);
         assert_eq!(save(&mut flash, &saved), Ok(generation));
-        assert_eq!(load(&mut flash), (saved, set(generation)));
+        let found = load(&mut flash);
+        assert_eq!(load_bytes(&flash.bytes), found);
+        assert_eq!(found, (saved, set(generation)));
         let slot = if generation % 2 == 1 { 0 } else { SLOT_BYTES };
         assert_eq!(&flash.bytes[slot..slot + 4], b"TVC1");
         assert_eq!(word(&flash.bytes, slot + 8), generation);

@@ -38,6 +38,7 @@ impl Telemetry {
         const CAPABILITIES: u16 = 520;
         // MAV_CMD_GET_MESSAGE_INTERVAL; of the older clients, too.
         const GET_INTERVAL: u16 = 510;
+        const READINESS: u16 = MavCmd::MAV_CMD_RUN_PREARM_CHECKS as u16;
         const REBOOT: u16 = MavCmd::MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN as u16;
         const SERVO: u16 = MavCmd::MAV_CMD_DO_SET_SERVO as u16;
         const STORAGE: u16 = MavCmd::MAV_CMD_PREFLIGHT_STORAGE as u16;
@@ -48,6 +49,10 @@ impl Telemetry {
             ARM_DISARM if param1 == 1.0 => self.order(now, Command::Arm, flight),
             ARM_DISARM if param1 == 0.0 => self.order(now, Command::Disarm, flight),
             GRIPPER if param2 == GRIPPER_RELEASE => self.order(now, Command::Release, flight),
+            // A host asks again and again, so nothing is said besides.
+            READINESS => flight
+                .may(now, Command::Arm)
+                .map_err(|refusal| refusal.kind()),
             // Answered anew when it is done.
             CALIBRATION if param1 == 1.0 => match self.calibrate(flight) {
                 Ok(()) => return self.acknowledge_progress(),

@@ -18,11 +18,12 @@ mod options;
 pub use options::{Param, ParamAction, ParamPort};
 
 /// A parameter's value on the vehicle, with this tool's own description of it.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Row {
     /// Name.
     pub name: String,
-    value: f32,
+    /// Value.
+    pub value: f32,
     default: Option<f32>,
     unit: &'static str,
     /// The values that it can have, in words.
@@ -152,8 +153,31 @@ fn show(rows: &[Row], json: bool) -> Result<Verdict> {
     Ok(Verdict::Met)
 }
 
+/// What a parameter belongs to, for a person who looks for it.
+pub fn group_of(name: &str) -> &'static str {
+    const GROUPS: [(&str, &str); 12] = [
+        // What the control law assumes of the servo.
+        ("SRV_DELAY_S", CONTROL),
+        ("SRV_LAG_S", CONTROL),
+        ("SRV_RAD_S", CONTROL),
+        ("PID_", CONTROL),
+        ("PITCH_", CONTROL),
+        ("SRV_POLARITY", SAFETY),
+        ("FS_", SAFETY),
+        ("SRV_", "Servo"),
+        ("MNT_", "Mount and place"),
+        ("DECLINATION", "Mount and place"),
+        ("CAL_", "Calibration of the sensors"),
+        ("", "Bus, clock and link"),
+    ];
+    const CONTROL: &str = "Control law";
+    const SAFETY: &str = "Safety";
+    let found = GROUPS.iter().find(|(prefix, _)| name.starts_with(prefix));
+    found.map_or("", |(_, group)| group)
+}
+
 /// Whether the vehicle sets the parameter by itself: its value is no change of the operator's.
-fn is_measured(name: &str) -> bool {
+pub fn is_measured(name: &str) -> bool {
     Params::info(name).is_some_and(|info| info.change == Change::Measured)
 }
 

@@ -157,7 +157,7 @@ fn an_interval_is_told_by_either_command() {
 }
 
 /// The check before arming is healthy exactly where an order to arm would be obeyed, and while the
-/// drone is armed.
+/// drone is armed. Who asks for it is answered as the order would be, and nothing is said.
 #[test]
 fn stations_are_told_whether_the_drone_can_be_armed() {
     let readiness = MavSysStatusSensor::MAV_SYS_STATUS_PREARM_CHECK;
@@ -175,6 +175,10 @@ fn stations_are_told_whether_the_drone_can_be_armed() {
         let mut copy = link.desk.flight.clone();
         let obeyed = copy.command(Micros(link.desk.now_us), Command::Arm).is_ok();
         assert_eq!(healthy, armed || obeyed, "{:?}", copy.state());
+        let answer = link.tell(&order(MavCmd::MAV_CMD_RUN_PREARM_CHECKS, 0.0, 0.0));
+        let accepted = acks(&answer)[0].1 == MavResult::MAV_RESULT_ACCEPTED;
+        assert_eq!(accepted, obeyed, "{:?}", copy.state());
+        assert!(texts(&answer).is_empty(), "{answer:?}");
         said.push(healthy);
     };
     let mut link = Link::new(Desk::new(0.1));

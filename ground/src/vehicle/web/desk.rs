@@ -5,6 +5,8 @@
 //! | `stop` | disarms, whatever its age, and ends a step test or a step of the set-up |
 //! | `arm`, `release`, `calibrate`, `save`, `reload`, `reset` | the order is given |
 //! | `set` with `name` and `value` | a parameter is set |
+//! | `write-file` | the note in the answer is the text of a parameter file |
+//! | `read-file` with `text` | the note is the file's parameters, a name and a value a line |
 //! | `record`, `end-record` | a log begins, ends |
 //! | `step` | a step test begins |
 //! | `set-up` with `step` | a step of the set-up begins |
@@ -24,7 +26,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::time::{Duration, Instant};
 
-use anyhow::{Context, Result, bail, ensure};
+use anyhow::{Context, Error, Result, bail, ensure};
 use client::request::{self, DISARM};
 use client::{Parameter, Request};
 use serde::Deserialize;
@@ -34,6 +36,7 @@ use super::handle::{Condition, Handle, Recording};
 use super::model::{Model, State};
 use super::vehicle_thread::guard;
 use super::{set_up, step_test};
+use crate::param_file;
 
 /// Age from which on an order is refused.
 pub const FRESH: Duration = Duration::from_secs(1);
@@ -73,6 +76,8 @@ enum Order {
     Reload,
     Reset,
     Set { name: String, value: f32 },
+    WriteFile,
+    ReadFile { text: String },
     Record,
     EndRecord,
     Step,
@@ -178,6 +183,8 @@ impl Desk {
             Order::Reload => request::RELOAD,
             Order::Reset => request::RESET,
             Order::Set { name, value } => return self.set(name, value, condition),
+            Order::WriteFile => return Ok(told(self.parameter_file()?)),
+            Order::ReadFile { text } => return Ok(told(read_file(&text)?)),
             Order::Record => {
                 idle(&self.model.lock())?;
                 let path = self.vehicle.record(Recording::Flight);
@@ -243,6 +250,17 @@ impl Desk {
         let set = Request::Set(Parameter { name, value });
         let answer = self.vehicle.request(set, condition);
         Ok(Box::pin(async { answer.await.map(|()| None) }))
+    }
+
+    /// The text of a parameter file, as `tvc param dump` writes it.
+    fn parameter_file(&self) -> Result<String> {
+        let state = self.model.lock();
+        let rows: Vec<_> = state.parameters().iter().map(|row| row.plain()).collect();
+        ensure!(
+            !rows.is_empty(),
+            "the vehicle's parameters are not known yet"
+        );
+        Ok(param_file::text(&rows))
     }
 
     /// Begins a step test.
@@ -315,6 +333,17 @@ impl Drop for Presence {
             tokio::spawn(async move { desk.rest_alone().await });
         }
     }
+}
+
+/// What a parameter file of any form says, in the form that the page reads.
+fn read_file(text: &str) -> Result<String> {
+    let rows = param_file::parse(text).map_err(Error::msg)?;
+    Ok(param_file::text(&rows))
+}
+
+/// An outcome that is there already.
+fn told(note: String) -> Outcome {
+    Box::pin(async { Ok(Some(note)) })
 }
 
 /// Nothing is being recorded or tested.

@@ -8,6 +8,7 @@ mod handle;
 mod logs;
 mod model;
 mod relay;
+mod releases;
 mod server;
 mod set_up;
 mod socket;

@@ -10,8 +10,9 @@ use serde_json::Value;
 use tvc_nano::Params;
 use tvc_nano::params::{Change, Range};
 
+use super::releases::Release;
 use super::set_up::SetUp;
-use crate::vehicle::param::Row;
+use crate::vehicle::param::{Row, group_of, is_measured};
 
 /// Texts that are kept.
 const TEXTS: usize = 200;
@@ -68,6 +69,10 @@ pub struct VehicleStatus {
     pub health: LinkHealth,
     /// Time of a message to the vehicle and back, ms, once measured.
     pub round_trip_ms: Option<f64>,
+    /// An order to arm would be obeyed.
+    pub can_arm: bool,
+    /// Why it would not, as the vehicle says; empty where it would, or where that is unknown.
+    pub refusal: String,
     /// The log that is being written.
     pub recording: Option<String>,
     /// Why the last one ended before its time, until the next one begins.
@@ -88,7 +93,7 @@ pub struct Text {
 }
 
 /// A parameter as the page's table shows it.
-#[derive(Clone, Debug, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct ParameterRow {
     /// Name, value, unit, meaning.
     #[serde(flatten)]
@@ -99,11 +104,17 @@ pub struct ParameterRow {
     pub choices: Option<Vec<f32>>,
     /// It can change while armed.
     pub live: bool,
+    /// The vehicle sets it by itself.
+    pub measured: bool,
+    /// What it belongs to.
+    pub group: &'static str,
+    /// Its value in the vehicle's flash, where that is known.
+    pub stored: Option<f32>,
 }
 
 impl ParameterRow {
-    /// A parameter by this tool's own table.
-    pub fn of(parameter: &Parameter) -> Self {
+    /// A parameter by this tool's own table, and what is stored of it.
+    pub fn of(parameter: &Parameter, stored: Option<f32>) -> Self {
         let index = Params::index_of(&parameter.name);
         let info = index.and_then(|index| tvc_nano::params::TABLE.get(index));
         Self {
@@ -117,6 +128,17 @@ impl ParameterRow {
                 Range::OneOf(choices) => Some(choices.to_vec()),
             }),
             live: info.is_none_or(|info| info.change == Change::Live),
+            measured: is_measured(&parameter.name),
+            group: group_of(&parameter.name),
+            stored,
+        }
+    }
+
+    /// Its name and value alone.
+    pub fn plain(&self) -> Parameter {
+        Parameter {
+            name: self.row.name.clone(),
+            value: self.row.value,
         }
     }
 
@@ -169,6 +191,7 @@ pub struct State {
     texts: VecDeque<Text>,
     last_text: u64,
     parameters: (u64, Vec<ParameterRow>),
+    releases: (u64, Vec<Release>),
 }
 
 /// How much of it a page has seen.
@@ -179,6 +202,7 @@ pub struct Seen {
     set_up: u64,
     text: u64,
     parameters: u64,
+    releases: u64,
 }
 
 /// What a page has not seen yet, by the names that the page has for it.
@@ -202,6 +226,9 @@ pub struct Update {
     /// All, if one of them changed.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub parameters: Option<Vec<ParameterRow>>,
+    /// The last ones, oldest first, if there is a new one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub releases: Option<Vec<Release>>,
 }
 
 impl State {
@@ -246,6 +273,11 @@ impl State {
         self.parameters = (self.parameters.0 + 1, rows);
     }
 
+    /// Replaces the releases.
+    pub fn set_releases(&mut self, releases: Vec<Release>) {
+        self.releases = (self.releases.0 + 1, releases);
+    }
+
     /// Keeps a text of this program.
     pub fn say(&mut self, severity: u8, text: &str) {
         self.add_text(self.motion.time_s, severity, text.to_owned());
@@ -274,6 +306,7 @@ impl State {
             set_up: self.set_up.0 + 1,
             text: self.last_text,
             parameters: self.parameters.0 + 1,
+            releases: self.releases.0 + 1,
         };
         let last = std::mem::replace(seen, next);
         let texts = self.texts.iter().filter(|text| text.id > last.text);
@@ -284,6 +317,7 @@ impl State {
             set_up: (last.set_up != seen.set_up).then(|| self.set_up.1.clone()),
             texts: texts.cloned().collect(),
             parameters: (last.parameters != seen.parameters).then(|| self.parameters.1.clone()),
+            releases: (last.releases != seen.releases).then(|| self.releases.1.clone()),
         }
     }
 }

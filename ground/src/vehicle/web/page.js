@@ -1,18 +1,26 @@
 // The page of `tvc web`: what comes from the program is shown, what is pressed is sent.
 
-import { Strip, drawTrace } from "./chart.js";
 import { Guided } from "./guided.js";
+import { Attitude } from "./attitude.js";
+import { Charts } from "./charts.js";
 import { Link } from "./link.js";
+import { ParameterFile } from "./parameter_file.js";
 import { Parameters } from "./parameters.js";
+import { Releases } from "./releases.js";
+import { foldable } from "./sections.js";
 import { Stop } from "./stop.js";
 
 const at = (id) => document.getElementById(id);
 /** Texts in sight. */
 const TEXTS = 100;
-/** Between two drawings of the charts, ms. */
-const DRAW = 40;
+/** Least time between two pictures, ms. */
+const DRAW = 35;
+/** Between two changes of the figures under the picture, ms. */
+const FIGURES = 120;
 /** Silence of the program after which the page says so, ms. */
 const SILENCE = 1500;
+/** Between two looks whether it is silent, ms. */
+const LOOK = 250;
 
 let frame = null;
 let shown = 0;
@@ -20,6 +28,9 @@ let condition = {};
 let trial = {};
 let heard = performance.now();
 let drawn = 0;
+let figured = 0;
+/** A picture has been asked for. */
+let asked = false;
 
 // The token stands in the address behind #, where no request carries it.
 const token = new URLSearchParams(location.hash.slice(1)).get("token") ?? "";
@@ -61,19 +72,30 @@ at("record").addEventListener("click", () => (
   condition.recording ? press("end-record", "recording ended") : press("record", "recording begun")
 ));
 
-const parameters = new Parameters(at("parameters"), at("undo"), (name, value) => link.order("set", { name, value }));
+const parameters = new Parameters({
+  table: at("parameters"), undo: at("undo"), search: at("search"), only: at("only_changed"), count: at("parameter_count"),
+  save: document.querySelector("[data-order=save]"),
+}, (name, value) => link.order("set", { name, value }));
+const files = { write: at("write_file"), read: at("read_file"), input: at("file"), place: at("file_changes") };
+new ParameterFile(files, (order, fields) => link.order(order, fields), parameters);
 
 const guided = new Guided(at("set-up"), press);
 
-// Charts
+// Pictures
 
-const strips = [
-  [new Strip(at("charts"), "pitch", "deg", [["pitch", "blue"], ["set point", "green"]], [-2, 2], 1), (f) => [f.attitude_deg[1], f.set_deg]],
-  [new Strip(at("charts"), "pitch rate", "deg/s", [["rate", "teal"]], [-5, 5], 1), (f) => [f.rate_deg_s]],
-  [new Strip(at("charts"), "rudder servo", "deg", [["servo", "violet"]], [-5, 5], 1), (f) => [f.servo_deg]],
-  [new Strip(at("charts"), "sample to control step", "ms", [["age", "amber"]], [0, 5], 2), (f) => [f.latency_ms]],
-  [new Strip(at("charts"), "processor load", "%", [["load", "slate"]], [0, 40], 1), (f) => [f.load_pct]],
-];
+const chartTools = Object.fromEntries(["pause", "earlier", "later", "closer", "farther"].map((name) => [name, document.querySelector(`[data-chart=${name}]`)]));
+const charts = new Charts(at("strips"), [
+  {
+    title: "pitch", unit: "deg", least: [-2, 2], decimals: 1, height: 150,
+    lines: [["pitch", "blue", (f) => f.attitude_deg[1]], ["set point", "green", (f) => f.set_deg]],
+  },
+  { title: "pitch rate", unit: "deg/s", least: [-5, 5], decimals: 1, height: 105, lines: [["rate", "teal", (f) => f.rate_deg_s]] },
+  { title: "rudder servo", unit: "deg", least: [-5, 5], decimals: 1, height: 105, lines: [["servo", "violet", (f) => f.servo_deg]] },
+  { title: "sample to control step", unit: "ms", least: [0, 5], decimals: 2, height: 85, slow: true, lines: [["age", "amber", (f) => f.latency_ms]] },
+  { title: "processor load", unit: "%", least: [0, 40], decimals: 1, height: 85, slow: true, lines: [["load", "slate", (f) => f.load_pct]] },
+], chartTools);
+const releases = new Releases(at("releases"), at("release_charts"), at("release_table"), at("release_unit"));
+const attitude = new Attitude(at("attitude"));
 
 for (const deg of [-30, -15, 0, 15, 30]) {
   const mark = document.createElementNS("http://www.w3.org/2000/svg", "path");
@@ -83,26 +105,47 @@ for (const deg of [-30, -15, 0, 15, 30]) {
   at("marks").append(mark);
 }
 
-/** Shows the newest frame. Seen from the drone's right side its nose is to the right: up is anticlockwise. */
+foldable(document.querySelectorAll("main > section"), ["charts"]);
+
+/** Writes what has changed: the browser lays the page out anew for each write. */
+function put(id, words) {
+  if (at(id).textContent !== words) at(id).textContent = words;
+}
+
+const turned = new Map();
+
+/** Turns a part of the picture, if it is to be seen. Seen from the drone's right side its nose is to the right: up is anticlockwise. */
+function turn(id, deg) {
+  const words = `rotate(${(-(deg ?? 0)).toFixed(1)})`;
+  if (turned.get(id) !== words) at(id).setAttribute("transform", words);
+  turned.set(id, words);
+}
+
+/** Shows the newest frame. */
 function paint(now) {
-  requestAnimationFrame(paint);
-  const silent = performance.now() - heard > SILENCE;
-  document.body.classList.toggle("stale", silent || !condition.connected);
-  if (silent) showSilence();
-  if (!frame || now - drawn < DRAW) return;
-  drawn = now;
+  asked = false;
+  if (!frame) return;
+  drawn = performance.now();
   const [roll, pitch, yaw] = frame.attitude_deg;
   // What is no finite number comes as null.
   document.body.classList.toggle("invalid", pitch === null);
-  at("body").setAttribute("transform", `rotate(${-(pitch ?? 0)})`);
-  at("setpoint").setAttribute("transform", `rotate(${-(frame.set_deg ?? 0)})`);
-  at("rudder").setAttribute("transform", `rotate(${-(frame.servo_deg ?? 0)})`);
+  turn("body", pitch);
+  turn("setpoint", frame.set_deg);
+  turn("rudder", frame.servo_deg);
+  attitude.draw(frame.attitude_deg);
+  charts.draw(now);
+  if (now - figured < FIGURES) return;
+  figured = now;
   for (const [id, value] of [["pitch", pitch], ["roll", roll], ["yaw", yaw], ["servo", frame.servo_deg]]) {
-    at(id).textContent = value === null ? "invalid" : value.toFixed(1);
+    put(id, value === null ? "invalid" : value.toFixed(1).replace(/^-(0\.0)$/, "$1"));
   }
-  for (const [strip] of strips) strip.draw();
 }
-requestAnimationFrame(paint);
+
+setInterval(() => {
+  const silent = performance.now() - heard > SILENCE;
+  document.body.classList.toggle("stale", silent || !condition.connected);
+  if (silent) showSilence();
+}, LOOK);
 
 // Conditions
 
@@ -146,6 +189,8 @@ function showCondition(now) {
   at("recording").textContent = now.recording_failure ?? (now.recording ? `recording to ${now.recording}` : "");
   at("recording").classList.toggle("bad", now.recording_failure !== null);
   guided.control(now.connected && !blocked && now.recording === null);
+  put("arming", !now.connected || now.in_operation || busy ? "" : now.can_arm ? "Ready to be armed." : now.refusal ? `Cannot be armed: ${now.refusal}` : "");
+  at("arming").classList.toggle("ready", now.can_arm);
   parameters.control(now.armed && !now.can_release);
   at("health").textContent = !now.connected ? "unknown"
     : now.unhealthy.length ? `not healthy: ${now.unhealthy.join(", ")}` : "everything enabled is healthy";
@@ -162,13 +207,6 @@ function showCondition(now) {
   ]);
 }
 
-/** A trace stays until the next test, whatever becomes of the window. */
-function drawResult() {
-  if (!at("trace").hidden) drawTrace(at("trace"), trial.result.trace, ["blue", "violet"]);
-}
-addEventListener("resize", drawResult);
-matchMedia("(prefers-color-scheme: dark)").addEventListener("change", drawResult);
-
 function showTrial(now) {
   trial = now;
   at("trial").hidden = !now.running && !now.stage && !now.result;
@@ -176,9 +214,6 @@ function showTrial(now) {
   const met = result && result.missed.length === 0;
   at("stage").textContent = now.running ? now.stage || "begins" : result ? (met ? `every requirement met; ${now.log}` : now.log) : now.stage;
   at("stage").classList.toggle("met", Boolean(met));
-  const traced = result && result.trace.length > 1;
-  at("trace").hidden = !traced;
-  at("legend").hidden = !traced;
   const seconds = (value) => (value === null ? "never" : `${value.toFixed(3)} s`);
   const run = result?.run;
   figures(at("figures"), !run ? [] : [
@@ -196,7 +231,6 @@ function showTrial(now) {
     item.textContent = line;
     return item;
   }));
-  drawResult();
   if (condition.state) showCondition(condition);
 }
 
@@ -221,6 +255,7 @@ function show(news) {
     guided.show(news.set_up);
     if (condition.state) showCondition(condition);
   }
+  if (news.releases) releases.show(news.releases);
   if (news.parameters) {
     parameters.show(news.parameters);
     guided.tell(news.parameters);
@@ -231,5 +266,8 @@ function show(news) {
   shown += 1;
   document.body.dataset.frames = String(shown);
   if (frame.count === before) return;
-  for (const [strip, values] of strips) strip.push(frame.time_s, values(frame));
+  charts.push(frame.time_s, frame);
+  if (asked || performance.now() - drawn < DRAW) return;
+  asked = true;
+  requestAnimationFrame(paint);
 }

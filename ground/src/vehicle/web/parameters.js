@@ -27,13 +27,31 @@ function field(parameter) {
   return input;
 }
 
+/** Whether somebody has changed it from its default, or since it was stored. */
+const isChanged = ({ measured, value, default: usual }) => !measured && usual !== null && value !== usual;
+const isUnsaved = ({ value, stored }) => stored !== null && stored !== undefined && value !== stored;
+
 /** Keeps a table like the vehicle's parameters; `set(name, value)` gives what became of it. */
 export class Parameters {
-  constructor(table, undo, set) {
-    Object.assign(this, { body: table.tBodies[0], undo, set, rows: new Map(), last: null, inControl: false, agreed: false });
-    undo.addEventListener("click", () => this.back());
+  /** `parts`: table, undo, search, only, count and save, the elements of the page. */
+  constructor(parts, set) {
+    Object.assign(this, parts, { set, rows: new Map(), groups: new Map(), last: null, inControl: false, agreed: false });
+    this.undo.addEventListener("click", () => this.back());
+    this.search.addEventListener("input", () => this.filter());
+    this.search.addEventListener("keydown", (event) => {
+      if (event.key !== "Escape") return;
+      // As in a value's field: it is left, and anywhere else Escape is STOP.
+      event.stopPropagation();
+      this.search.value = "";
+      this.search.blur();
+      this.filter();
+    });
+    this.only.addEventListener("change", () => this.filter());
     this.showUndo();
   }
+
+  /** The value that the vehicle has; undefined for what it does not have. */
+  value(name) { return this.rows.get(name)?.parameter.value; }
 
   /** Shows what the vehicle has; a field that is being edited is left alone. */
   show(parameters) {
@@ -41,8 +59,54 @@ export class Parameters {
       const row = this.rows.get(parameter.name) ?? this.add(parameter);
       row.parameter = parameter;
       if (row.field !== document.activeElement && row.question === null) row.field.value = String(parameter.value);
-      row.cell.classList.toggle("changed", parameter.default !== null && parameter.value !== parameter.default);
+      const [changed, unsaved] = [isChanged(parameter), isUnsaved(parameter)];
+      row.cell.classList.toggle("changed", changed);
+      row.range.textContent = changed ? `${parameter.range}; default ${parameter.default}` : parameter.range;
+      row.mark.textContent = unsaved ? "not saved" : "";
+      row.mark.title = unsaved ? `in flash: ${parameter.stored}` : "";
     }
+    this.filter();
+  }
+
+  /** The rows that are asked for, in groups that open by themselves where something is looked for. */
+  filter() {
+    const words = this.search.value.trim().toLowerCase();
+    const [total, looking] = [{ changed: 0, unsaved: 0 }, words !== "" || this.only.checked];
+    for (const group of this.groups.values()) {
+      let [changed, shown] = [0, 0];
+      for (const { tr, parameter } of group.rows) {
+        const different = isChanged(parameter) || isUnsaved(parameter);
+        const found = `${parameter.name} ${parameter.meaning}`.toLowerCase().includes(words) && (different || !this.only.checked);
+        tr.hidden = looking ? !found : !group.open;
+        changed += isChanged(parameter);
+        shown += found;
+        total.unsaved += isUnsaved(parameter);
+      }
+      total.changed += changed;
+      group.body.hidden = looking && shown === 0;
+      group.button.textContent = changed ? `${group.name} · ${changed} changed` : group.name;
+      group.button.setAttribute("aria-expanded", String(looking || group.open));
+    }
+    const counted = `${total.changed} changed from the defaults, ${total.unsaved} not saved`;
+    if (this.count.textContent !== counted) this.count.textContent = counted;
+    this.save.classList.toggle("wanted", total.unsaved > 0);
+  }
+
+  /** A group begins with a button that opens and closes it; the first one is open. */
+  group(name) {
+    const made = { name, rows: [], open: this.groups.size === 0, body: this.table.createTBody(), button: document.createElement("button") };
+    const head = document.createElement("th");
+    head.setAttribute("colspan", "5");
+    head.setAttribute("scope", "rowgroup");
+    Object.assign(made.button, { type: "button", className: "fold" });
+    made.button.addEventListener("click", () => {
+      made.open = !made.open;
+      this.filter();
+    });
+    head.append(made.button);
+    made.body.insertRow().append(head);
+    this.groups.set(name, made);
+    return made;
   }
 
   /** While the vehicle is in control the first change is asked for; what was agreed to ends with it. */
@@ -54,8 +118,11 @@ export class Parameters {
   }
 
   add(parameter) {
-    const tr = this.body.insertRow();
-    cell(tr, parameter.name, "name");
+    const group = this.groups.get(parameter.group) ?? this.group(parameter.group);
+    const tr = group.body.insertRow();
+    const mark = document.createElement("span");
+    mark.className = "unsaved";
+    cell(tr, parameter.name, "name").append(mark);
     const td = cell(tr);
     const input = field(parameter);
     input.setAttribute("aria-label", parameter.name);
@@ -63,10 +130,10 @@ export class Parameters {
     said.className = "refusal";
     td.append(input, said);
     cell(tr, parameter.unit);
-    cell(tr, parameter.range);
-    cell(tr, parameter.default ?? "", "default");
+    const range = cell(tr, parameter.range);
     cell(tr, parameter.live ? parameter.meaning : `${parameter.meaning} (only while disarmed)`);
-    const row = { field: input, cell: td, said, parameter, question: null };
+    const row = { tr, field: input, cell: td, range, mark, said, parameter, question: null };
+    group.rows.push(row);
     input.addEventListener("change", () => this.wish(row, input.value));
     input.addEventListener("keydown", (event) => {
       const back = event.key.toLowerCase() === "z" && (event.ctrlKey || event.metaKey);

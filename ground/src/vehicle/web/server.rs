@@ -47,20 +47,36 @@ const PAUSE: Duration = Duration::from_millis(20);
 const HTML: &str = "text/html; charset=utf-8";
 const SCRIPT: &str = "text/javascript; charset=utf-8";
 
+const STYLE: &str = "text/css; charset=utf-8";
+
 /// What the page is made of: path, kind, content.
-const FILES: [(&str, &str, &str); 8] = [
+const FILES: &[(&str, &str, &str)] = &[
     ("/", HTML, include_str!("page.html")),
-    (
-        "/page.css",
-        "text/css; charset=utf-8",
-        include_str!("page.css"),
-    ),
+    ("/page.css", STYLE, include_str!("page.css")),
     ("/page.js", SCRIPT, include_str!("page.js")),
-    ("/chart.js", SCRIPT, include_str!("chart.js")),
     ("/guided.js", SCRIPT, include_str!("guided.js")),
     ("/link.js", SCRIPT, include_str!("link.js")),
     ("/stop.js", SCRIPT, include_str!("stop.js")),
+    ("/charts.js", SCRIPT, include_str!("charts.js")),
+    ("/releases.js", SCRIPT, include_str!("releases.js")),
+    ("/attitude.js", SCRIPT, include_str!("attitude.js")),
+    ("/sections.js", SCRIPT, include_str!("sections.js")),
     ("/parameters.js", SCRIPT, include_str!("parameters.js")),
+    (
+        "/parameter_file.js",
+        SCRIPT,
+        include_str!("parameter_file.js"),
+    ),
+    (
+        "/uPlot.js",
+        SCRIPT,
+        include_str!("../../../vendor/uplot/uPlot.iife.min.js"),
+    ),
+    (
+        "/uPlot.css",
+        STYLE,
+        include_str!("../../../vendor/uplot/uPlot.min.css"),
+    ),
 ];
 
 /// Sent with every answer: nothing is loaded from elsewhere, no foreign page may show this one in a

@@ -35,8 +35,8 @@ const LOGIN: Duration = Duration::from_secs(2);
 const PING: Duration = Duration::from_millis(500);
 /// Silence after which a page has gone, and time in which it must take a message.
 const GONE: Duration = Duration::from_secs(2);
-/// Longest message from a page, bytes.
-const LONGEST: usize = 4096;
+/// Longest message from a page, bytes: a parameter file.
+const LONGEST: usize = 16 * 1024;
 /// Most orders of a page that wait for their answers.
 const ORDERS: usize = 32;
 /// Close code, as the page knows it: the token is not of this start.

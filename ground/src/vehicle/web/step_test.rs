@@ -5,12 +5,12 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use anyhow::{Result, bail, ensure};
-use client::{ServoMap, StateKind, request};
+use client::{StateKind, request};
 use serde_json::{Value, json};
 
 use super::handle::{Condition, Handle, Recording};
 use super::model::{Model, StepTest};
-use crate::logs::log::{Flight, Log, Step};
+use crate::logs::log::{Flight, Log};
 use crate::logs::report;
 use crate::vehicle::test::{ARM_PATIENCE, ARM_RETRY, is_worth_waiting};
 
@@ -18,8 +18,6 @@ use crate::vehicle::test::{ARM_PATIENCE, ARM_RETRY, is_worth_waiting};
 const LENGTH: Duration = Duration::from_secs(3);
 /// Time between two looks at the vehicle's state.
 const LOOK: Duration = Duration::from_millis(20);
-/// Points of a trace that the page draws.
-const POINTS: usize = 300;
 
 /// Arms, releases, disarms, and leaves the figures in `model`.
 pub fn run(vehicle: &Handle, model: &Model, stop: &'static AtomicBool) {
@@ -94,24 +92,10 @@ fn end(model: &Model, log: &str, result: &Result<Value>) {
     });
 }
 
-/// The figures of the log's release, its trace to draw, and what was missed.
+/// The figures of the log's release, and what was missed.
 fn figures(path: &Path) -> Result<Value> {
     let flight = Flight::of(&Log::read(path)?);
-    let params = flight.parameters();
     let figures = report::figures(&flight);
-    let servo = ServoMap::of(&params);
-    let trace: Vec<[f64; 3]> = report::releases(&flight)
-        .first()
-        .map_or(Vec::new(), |release| {
-            let pitch = release.trace(Step::pitch_rad);
-            let rudder = release.trace(|step| servo.angle_rad(step.pulse_us));
-            let every = pitch.len().div_ceil(POINTS).max(1);
-            let both = pitch.iter().zip(&rudder).step_by(every);
-            both.map(|((time, pitch), (_, rudder))| {
-                [*time, pitch.to_degrees(), rudder.to_degrees()]
-            })
-            .collect()
-        });
     let object = json!(figures);
     ensure!(object["runs"][0].is_object(), "the log holds no release");
     Ok(json!({
@@ -119,6 +103,5 @@ fn figures(path: &Path) -> Result<Value> {
         "loop": object["loop"],
         "telemetry": object["telemetry"],
         "missed": figures.missed(),
-        "trace": trace,
     }))
 }

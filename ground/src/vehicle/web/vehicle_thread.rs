@@ -4,6 +4,8 @@
 
 pub mod guard;
 mod publish;
+mod readiness;
+mod stored;
 #[cfg(all(test, unix))]
 mod tests;
 
@@ -15,16 +17,19 @@ use std::time::{Duration, Instant};
 use anyhow::{Error, Result, anyhow, bail};
 use client::request::{self, DISARM, RELOAD, RESET, SAVE};
 use client::state::is_in_operation;
-use client::{Frame, Parameter, Request, ServoMap, StateKind, StatusTracker, Ticket};
+use client::{Frame, Request, ServoMap, StateKind, StatusTracker, Ticket};
 use mavlink::dialects::common::SYS_STATUS_DATA;
 use tvc_nano::Params;
 
 use super::handle::{Ask, Condition, Recording, Reply};
 use super::logs;
 use super::model::{Model, VehicleStatus};
+use super::releases::Releases;
 use crate::vehicle::link::Link;
 use crate::vehicle::port::PortOptions;
 use guard::HostWatch;
+use readiness::Readiness;
+use stored::Stored;
 
 /// Time between two attempts to open a port that went away.
 const RETRY: Duration = Duration::from_millis(500);
@@ -121,8 +126,9 @@ struct Session<'a> {
     /// Time of the newest pulse's control step, us, low 32 bits.
     step_us: u32,
     params: Params,
-    /// The parameters that the page has.
-    published: Vec<Parameter>,
+    stored: Stored,
+    readiness: Readiness,
+    releases: Releases,
     /// The list that has been asked for.
     list: Option<Ticket>,
     waiting: Vec<Waiting>,
@@ -160,7 +166,9 @@ impl<'a> Session<'a> {
             latency_ms: 0.0,
             step_us: 0,
             params,
-            published: Vec::new(),
+            stored: Stored::default(),
+            readiness: Readiness::default(),
+            releases: Releases::default(),
             list: None,
             waiting: Vec::new(),
             stopping: None,
@@ -196,6 +204,8 @@ impl<'a> Session<'a> {
         self.answer();
         self.ask_the_vehicle();
         self.watch_host();
+        self.ask_readiness();
+        self.ask_stored();
         if self.link.now() >= self.status_due {
             self.publish_status();
         }
@@ -352,7 +362,8 @@ impl<'a> Session<'a> {
         let stored = self.storing.is_some();
         self.storing = self.storing.filter(waits);
         if stored && self.storing.is_none() {
-            // They may have changed.
+            // Both may have changed.
+            self.stored.read_anew();
             self.list = Some(self.request(Request::List));
         }
         let client = self.link.client();

@@ -4,10 +4,11 @@ use std::time::Duration;
 
 use client::state::is_in_operation;
 use client::status::sick;
-use client::{Frame, ServoMap, StateKind, text};
+use client::{Frame, Parameter, ServoMap, StateKind, text};
 use mavlink::dialects::common::{MavMessage, SYS_STATUS_DATA};
 
 use super::super::model::{Motion, ParameterRow, VehicleStatus};
+use super::super::releases::Circumstances;
 use super::{SILENCE, STATUS, Session};
 
 impl Session<'_> {
@@ -16,6 +17,7 @@ impl Session<'_> {
         for frame in frames {
             self.tracker.take(&frame.message);
             moved |= self.on_message(&frame.message);
+            self.watch_releases(&frame.message);
         }
         let state = self.link.client().state();
         if self.state != state {
@@ -24,6 +26,22 @@ impl Session<'_> {
         }
         if moved {
             self.model.lock().motion = self.motion();
+        }
+    }
+
+    /// Publishes a release that is complete.
+    fn watch_releases(&mut self, message: &MavMessage) {
+        let (client, model) = (self.link.client(), self.model);
+        let releases = self.releases.take(message, || Circumstances {
+            parameters: client.parameters().cloned().collect(),
+            by_test: model.lock().step_test().running,
+            log: self
+                .recording
+                .as_ref()
+                .map(|path| path.display().to_string()),
+        });
+        if let Some(releases) = releases {
+            model.lock().set_releases(releases.to_vec());
         }
     }
 
@@ -66,13 +84,17 @@ impl Session<'_> {
         false
     }
 
-    /// Publishes the parameters, if all are known and one of them has changed.
-    fn publish_parameters(&mut self) {
+    /// Publishes the parameters, if all are known and something about them has changed.
+    pub(super) fn publish_parameters(&mut self) {
         let client = self.link.client();
-        if client.has_all_parameters() && !client.parameters().eq(&self.published) {
-            self.published = client.parameters().cloned().collect();
-            let rows = self.published.iter().map(ParameterRow::of).collect();
-            self.model.lock().set_parameters(rows);
+        if !client.has_all_parameters() {
+            return;
+        }
+        let row = |row: &Parameter| ParameterRow::of(row, self.stored.value(&row.name, &self.host));
+        let rows: Vec<_> = client.parameters().map(row).collect();
+        let mut model = self.model.lock();
+        if *model.parameters() != rows {
+            model.set_parameters(rows);
         }
     }
 
@@ -106,6 +128,7 @@ impl Session<'_> {
             ),
         };
         let flight = self.link.client().state();
+        let (can_arm, refusal) = self.readiness();
         let status = VehicleStatus {
             port: self.link.name().to_owned(),
             connected: problem.is_empty(),
@@ -116,6 +139,8 @@ impl Session<'_> {
             armed: status.armed,
             in_operation: flight.is_some_and(is_in_operation),
             can_release: flight == Some(StateKind::Armed),
+            can_arm,
+            refusal,
             unhealthy: unhealthy(&self.health),
             health: status.health,
             round_trip_ms: self.round_trip_ms,

@@ -1,0 +1,73 @@
+// Parameters in a file: out by a download, in by a list of what would change, which is set when somebody agrees.
+
+/** Longest text that the program takes, as JSON. */
+const LONGEST = 16000;
+
+const element = (tag, words) => Object.assign(document.createElement(tag), { textContent: words });
+const button = (words, act) => {
+  const made = Object.assign(element("button", words), { type: "button" });
+  made.addEventListener("click", act);
+  return made;
+};
+
+/** What a file would change: `[name, before, after]` each, and the names that the vehicle does not have. */
+export function differences(text, has) {
+  const rows = text.split("\n").filter(Boolean).map((line) => line.split(/\s+/)).map(([name, value]) => [name, Number(value)]);
+  return {
+    changes: rows.filter(([name, value]) => has(name) !== undefined && has(name) !== value).map(([name, value]) => [name, has(name), value]),
+    unknown: rows.filter(([name]) => has(name) === undefined).map(([name]) => name),
+    count: rows.length,
+  };
+}
+
+export class ParameterFile {
+  /** `order(name, fields)` asks the program; `parameters` is the table. */
+  constructor({ write, read, input, place }, order, parameters) {
+    Object.assign(this, { place, order, parameters });
+    write.addEventListener("click", () => this.write());
+    read.addEventListener("click", () => input.click());
+    input.addEventListener("change", async () => {
+      const [file] = input.files;
+      input.value = "";
+      if (file) this.read(file.name, await file.text());
+    });
+  }
+
+  say(...parts) { this.place.replaceChildren(...parts.map((part) => (typeof part === "string" ? element("p", part) : part))); }
+
+  async write() {
+    const { error, note } = await this.order("write-file");
+    if (error) return this.say(error);
+    const link = document.createElement("a");
+    link.href = URL.createObjectURL(new Blob([note], { type: "text/plain" }));
+    link.download = "tvc-nano.parm";
+    link.click();
+    setTimeout(() => URL.revokeObjectURL(link.href), 1000);
+  }
+
+  async read(name, text) {
+    if (JSON.stringify(text).length > LONGEST) return this.say(`${name}: too long for a parameter file`);
+    const { error, note } = await this.order("read-file", { text });
+    if (error) return this.say(`${name}: ${error}`);
+    const { changes, unknown, count } = differences(note, (key) => this.parameters.value(key));
+    const other = unknown.length ? [`The vehicle has no parameter ${unknown.join(", ")}.`] : [];
+    if (changes.length === 0) return this.say(`${name}: the vehicle has all of its ${count - unknown.length} values.`, ...other);
+    const list = document.createElement("ul");
+    list.append(...changes.map(([key, before, after]) => element("li", `${key}: ${before} → ${after}`)));
+    const buttons = Object.assign(document.createElement("div"), { className: "buttons" });
+    buttons.append(button(`Set ${changes.length}`, () => this.set(name, changes)), button("Cancel", () => this.say()));
+    this.say(`${name} differs in ${changes.length} of ${count} values:`, list, ...other, buttons);
+  }
+
+  /** One by one, so that each refusal is heard; in control nothing is changed at once. */
+  async set(name, changes) {
+    if (this.parameters.inControl) return this.say("The vehicle is in control: disarm first.");
+    const refused = [];
+    this.say(`${name}: being set …`);
+    for (const [key, , value] of changes) {
+      const { error } = await this.order("set", { name: key, value });
+      if (error) refused.push(`${key}: ${error}`);
+    }
+    this.say(`${name}: ${changes.length - refused.length} of ${changes.length} set; Save keeps them.`, ...refused);
+  }
+}

@@ -1,0 +1,107 @@
+// The last releases over each other: pitch and servo from the moment of the release on, and a table of figures.
+
+import { colour, style } from "./charts.js";
+
+const HUES = ["blue", "amber", "teal", "violet", "red", "green", "slate", "ink"];
+/** Share of the tilt within which pitch has settled. */
+const BAND = 0.05;
+/** A tilt of which no percentage is drawn, deg. */
+const LEAST = 2;
+
+const degrees = (value) => (value * 180) / Math.PI;
+const seconds = (value) => (value === null ? "never" : value.toFixed(3));
+const hue = (release) => HUES[(release.number - 1) % HUES.length];
+
+/** Columns of times and values as one table of uPlot, with gaps where a trace has no value. */
+function joined(traces) {
+  return traces.length ? uPlot.join(traces) : [[], []];
+}
+
+export class Releases {
+  constructor(section, parent, table, unit) {
+    Object.assign(this, { section, parent, body: table.tBodies[0], unit, releases: [], hidden: new Set(), plots: [] });
+    unit.addEventListener("change", () => this.draw());
+    matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.draw());
+    new ResizeObserver(() => {
+      for (const plot of this.plots) if (parent.clientWidth > 0 && parent.clientWidth !== plot.width) plot.setSize({ width: parent.clientWidth, height: plot.height });
+    }).observe(parent);
+  }
+
+  show(releases) {
+    this.releases = releases;
+    this.section.hidden = releases.length === 0;
+    this.body.replaceChildren(...[...releases].reverse().map((release) => this.row(release)));
+    this.draw();
+  }
+
+  /** What the table says of a release. */
+  row(release) {
+    const { run } = release;
+    const tr = document.createElement("tr");
+    const cell = (words) => {
+      const td = document.createElement("td");
+      td.textContent = words;
+      tr.append(td);
+      return td;
+    };
+    const name = cell("");
+    const label = document.createElement("label");
+    const box = Object.assign(document.createElement("input"), { type: "checkbox", checked: !this.hidden.has(release.number) });
+    box.addEventListener("change", () => {
+      if (box.checked) this.hidden.delete(release.number);
+      else this.hidden.add(release.number);
+      this.draw();
+    });
+    const key = document.createElement("span");
+    key.textContent = "—";
+    key.style.color = `var(--${hue(release)})`;
+    label.append(box, key, ` ${release.number}, ${release.by_test ? "step test" : "by hand"} at ${release.time_s.toFixed(1)} s`);
+    name.append(label);
+    cell(release.start_deg.toFixed(1));
+    cell(run ? seconds(run.rise_s) : "–");
+    cell(run ? run.overshoot_pct.toFixed(1) : "–");
+    cell(run ? seconds(run.settling_5pct_s) : "–");
+    cell(run ? degrees(run.final_error_rad).toFixed(2) : "the set point moved");
+    cell(release.changes.map(([name, before, now]) => `${name} ${before} → ${now}`).join(", ") || "–");
+    cell([release.log ?? "", release.stayed ? "" : "ended in a failsafe"].filter(Boolean).join("; ") || "–");
+    return tr;
+  }
+
+  /** The charts anew. */
+  draw() {
+    const percent = this.unit.value === "percent";
+    const shown = this.releases.filter((release) => !this.hidden.has(release.number) && (!percent || Math.abs(release.start_deg) > LEAST));
+    const traces = (of) => joined(shown.map((release) => [release.trace.map(([time]) => time), release.trace.map((point) => of(release, point))]));
+    const pitch = (release, [, deg]) => (percent ? (100 * (deg - release.set_deg)) / release.start_deg : deg - release.set_deg);
+    const newest = shown.at(-1);
+    const band = percent ? 100 * BAND : BAND * Math.abs(newest?.start_deg ?? 0);
+    for (const plot of this.plots) plot.destroy();
+    this.plots = [];
+    if (!newest) return;
+    const series = [{}, ...shown.map((release) => ({ stroke: colour(hue(release)), width: release === newest ? 2 : 1, spanGaps: true, points: { show: false } }))];
+    this.plots = [
+      this.plot(percent ? "pitch, % of the tilt at the release" : "pitch from the set point, deg", 220, series, traces(pitch), band),
+      this.plot("rudder servo, deg", 130, series, traces((_, point) => point[2]), 0),
+    ];
+  }
+
+  plot(title, height, series, data, band) {
+    const drawBand = (plot) => {
+      if (!band) return;
+      const [top, bottom] = [band, -band].map((value) => plot.valToPos(value, "y", true));
+      const { ctx, bbox } = plot;
+      ctx.save();
+      ctx.fillStyle = colour("line");
+      ctx.fillRect(bbox.left, top, bbox.width, bottom - top);
+      ctx.restore();
+    };
+    const plot = new uPlot({
+      ...style({ values: (_, ticks) => ticks.map((tick) => `${tick} s`) }, {}),
+      title, width: this.parent.clientWidth || 300, height, padding: [6, 8, 0, 0],
+      series, scales: { x: { time: false } },
+      cursor: { sync: { key: "releases" }, y: false },
+      hooks: { drawClear: [drawBand] },
+    }, data, this.parent);
+    return plot;
+  }
+}
