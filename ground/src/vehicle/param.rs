@@ -22,7 +22,8 @@ pub use options::{Param, ParamAction, ParamPort};
 pub struct Row {
     /// Name.
     pub name: String,
-    value: f32,
+    /// Value.
+    pub value: f32,
     default: Option<f32>,
     unit: &'static str,
     /// The values that it can have, in words.

@@ -2,11 +2,12 @@
 //!
 //! | order | what it does |
 //! |---|---|
-//! | `stop` | disarms, whatever its age, and ends a step test |
+//! | `stop` | disarms, whatever its age, and ends a test |
 //! | `arm`, `release`, `calibrate`, `save`, `reload`, `reset` | the order is given |
 //! | `set` with `name` and `value` | a parameter is set |
 //! | `record`, `end-record` | a log begins, ends |
-//! | `step` | a step test begins |
+//! | `step`, `hold`, `chirp` | a test begins |
+//! | `rig` with `action` | something is done by hand to the virtual rig |
 //!
 //! A page sends with each order the newest time of this program that it has received. Whatever a
 //! network or a busy browser has held back for more than [`FRESH`] is refused, but a `stop` is not.
@@ -15,9 +16,10 @@
 //! disarmed: nobody is left who can press STOP.
 
 use std::io::Write;
+use std::path::PathBuf;
 use std::pin::Pin;
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result, bail, ensure};
@@ -27,9 +29,11 @@ use serde::Deserialize;
 
 use super::auth::{Once, Token};
 use super::handle::{Condition, Handle, Recording};
-use super::model::{Model, State};
-use super::step_test;
+use super::manoeuvre;
+use super::model::{Model, State, Test};
+use super::rig::{self, RigSocket};
 use super::vehicle_thread::guard;
+use crate::vehicle::test::Manoeuvre;
 
 /// Age from which on an order is refused.
 pub const FRESH: Duration = Duration::from_secs(1);
@@ -72,6 +76,9 @@ enum Order {
     Record,
     EndRecord,
     Step,
+    Hold,
+    Chirp,
+    Rig { action: String },
 }
 
 /// What becomes of an order: something to know about it, or nothing.
@@ -86,7 +93,12 @@ pub struct Desk {
     /// What is known of the vehicle.
     pub model: Arc<Model>,
     vehicle: Handle,
-    /// Ends the step test under way.
+    rig: RigSocket,
+    /// Where logs are.
+    pub logs: PathBuf,
+    /// One report at a time: it holds a whole log.
+    pub reading: Mutex<()>,
+    /// Ends the test under way.
     test_stop: Arc<AtomicBool>,
     pages: AtomicUsize,
     /// A page has armed the vehicle.
@@ -95,13 +107,22 @@ pub struct Desk {
 }
 
 impl Desk {
-    /// A desk in front of a vehicle.
-    pub fn new(token: Token, once: Once, vehicle: Handle, model: Arc<Model>) -> Self {
+    /// A desk in front of a vehicle, whose logs go to a folder, and which may be a rig.
+    pub fn new(
+        (token, once): (Token, Once),
+        vehicle: Handle,
+        rig: RigSocket,
+        logs: PathBuf,
+        model: Arc<Model>,
+    ) -> Self {
         Self {
             token,
             once,
             model,
             vehicle,
+            rig,
+            logs,
+            reading: Mutex::new(()),
             test_stop: Arc::default(),
             pages: AtomicUsize::new(0),
             armed: AtomicBool::new(false),
@@ -164,9 +185,15 @@ impl Desk {
                 let ended = self.vehicle.end_recording();
                 return Ok(Box::pin(async { ended.await.map(|()| None) }));
             }
-            Order::Step => {
-                self.step()?;
-                return Ok(Box::pin(async { Ok(None) }));
+            Order::Step => return self.test(Manoeuvre::STEP),
+            Order::Hold => return self.test(Manoeuvre::HOLD),
+            Order::Chirp => return self.test(Manoeuvre::CHIRP),
+            Order::Rig { action } => {
+                rig::admit(&action)?;
+                let rig = self.rig.clone();
+                return Ok(Box::pin(
+                    async move { rig.act(&action).await.map(|_| None) },
+                ));
             }
         };
         if order == request::ARM || order == request::RELEASE {
@@ -208,8 +235,8 @@ impl Desk {
         Ok(Box::pin(async { answer.await.map(|()| None) }))
     }
 
-    /// Begins a step test.
-    fn step(&self) -> Result<()> {
+    /// Begins a test.
+    fn test(&self, manoeuvre: Manoeuvre) -> Result<Outcome> {
         let mut state = self.model.lock();
         idle(&state)?;
         ensure!(
@@ -219,14 +246,16 @@ impl Desk {
         self.armed.store(true, Ordering::SeqCst);
         // Cleared before the test is shown as running: a STOP after that counts.
         self.test_stop.store(false, Ordering::SeqCst);
-        let mut test = state.step_test().clone();
-        test.running = true;
-        state.set_step_test(test);
+        state.set_test(Test {
+            manoeuvre: manoeuvre.name(),
+            running: true,
+            ..Test::default()
+        });
         drop(state);
         let (vehicle, model) = (self.vehicle.clone(), self.model.clone());
         let stop = self.test_stop.clone();
-        std::thread::spawn(move || step_test::run(&vehicle, &model, &stop));
-        Ok(())
+        std::thread::spawn(move || manoeuvre::run(manoeuvre, &vehicle, &model, &stop));
+        Ok(Box::pin(async { Ok(None) }))
     }
 
     /// Disarms what pages have armed, if none of them comes back.
@@ -246,7 +275,7 @@ impl Desk {
     /// Whether something is under way that a page has begun.
     fn is_flown(&self) -> bool {
         let state = self.model.lock();
-        let busy = state.status().in_operation || state.step_test().running;
+        let busy = state.status().in_operation || state.test().running;
         self.armed.fetch_and(busy, Ordering::SeqCst) && busy
     }
 }
@@ -265,7 +294,7 @@ impl Drop for Presence {
 
 /// Nothing is being recorded or tested.
 fn idle(state: &State) -> Result<()> {
-    ensure!(!state.step_test().running, "a step test is under way");
+    ensure!(!state.test().running, "a test is under way");
     match &state.status().recording {
         Some(path) => bail!("{path} is being recorded: end it first"),
         None => Ok(()),

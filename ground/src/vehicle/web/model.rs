@@ -143,9 +143,11 @@ impl ParameterRow {
     }
 }
 
-/// A step test: under way, or its result.
+/// A test: under way, or its result.
 #[derive(Clone, Debug, Default, Serialize)]
-pub struct StepTest {
+pub struct Test {
+    /// What is flown: `step`, `hold` or `chirp`.
+    pub manoeuvre: &'static str,
     /// It is under way.
     pub running: bool,
     /// What it does now, or why it failed.
@@ -163,19 +165,21 @@ pub struct State {
     pub motion: Motion,
     /// How often the status has changed, and the newest.
     status: (u64, VehicleStatus),
-    step_test: (u64, StepTest),
+    test: (u64, Test),
     texts: VecDeque<Text>,
     last_text: u64,
     parameters: (u64, Vec<ParameterRow>),
+    rig: (u64, Value),
 }
 
 /// How much of it a page has seen.
 #[derive(Debug, Default)]
 pub struct Seen {
     status: u64,
-    step_test: u64,
+    test: u64,
     text: u64,
     parameters: u64,
+    rig: u64,
 }
 
 /// What a page has not seen yet, by the names that the page has for it.
@@ -189,13 +193,16 @@ pub struct Update {
     pub status: Option<VehicleStatus>,
     /// If it changed.
     #[serde(rename = "trial", skip_serializing_if = "Option::is_none")]
-    pub step_test: Option<StepTest>,
+    pub test: Option<Test>,
     /// Since the last update.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub texts: Vec<Text>,
     /// All, if one of them changed.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub parameters: Option<Vec<ParameterRow>>,
+    /// If it changed.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub rig: Option<Value>,
 }
 
 impl State {
@@ -209,14 +216,14 @@ impl State {
         self.status = (self.status.0 + 1, status);
     }
 
-    /// The last step test.
-    pub fn step_test(&self) -> &StepTest {
-        &self.step_test.1
+    /// The last test.
+    pub fn test(&self) -> &Test {
+        &self.test.1
     }
 
     /// Replaces it.
-    pub fn set_step_test(&mut self, step_test: StepTest) {
-        self.step_test = (self.step_test.0 + 1, step_test);
+    pub fn set_test(&mut self, test: Test) {
+        self.test = (self.test.0 + 1, test);
     }
 
     /// The parameters.
@@ -227,6 +234,13 @@ impl State {
     /// Replaces them.
     pub fn set_parameters(&mut self, rows: Vec<ParameterRow>) {
         self.parameters = (self.parameters.0 + 1, rows);
+    }
+
+    /// Replaces how the virtual rig is; null where there is none.
+    pub fn set_rig(&mut self, rig: Value) {
+        if self.rig.1 != rig {
+            self.rig = (self.rig.0 + 1, rig);
+        }
     }
 
     /// Keeps a text of this program.
@@ -253,18 +267,20 @@ impl State {
         // Numbered from 1, so that a new page gets everything.
         let next = Seen {
             status: self.status.0 + 1,
-            step_test: self.step_test.0 + 1,
+            test: self.test.0 + 1,
             text: self.last_text,
             parameters: self.parameters.0 + 1,
+            rig: self.rig.0 + 1,
         };
         let last = std::mem::replace(seen, next);
         let texts = self.texts.iter().filter(|text| text.id > last.text);
         Update {
             motion: self.motion.clone(),
             status: (last.status != seen.status).then(|| self.status.1.clone()),
-            step_test: (last.step_test != seen.step_test).then(|| self.step_test.1.clone()),
+            test: (last.test != seen.test).then(|| self.test.1.clone()),
             texts: texts.cloned().collect(),
             parameters: (last.parameters != seen.parameters).then(|| self.parameters.1.clone()),
+            rig: (last.rig != seen.rig).then(|| self.rig.1.clone()),
         }
     }
 }
@@ -295,15 +311,15 @@ mod tests {
         let update = state.update(&mut seen);
         assert_eq!(update.texts.len(), TEXTS);
         assert_eq!(update.texts[TEXTS - 1].text, (3 * TEXTS - 1).to_string());
-        assert!(update.status.is_some() && update.step_test.is_some());
+        assert!(update.status.is_some() && update.test.is_some());
         assert!(update.parameters.is_some());
         let update = state.update(&mut seen);
-        assert!(update.texts.is_empty() && update.status.is_none() && update.step_test.is_none());
+        assert!(update.texts.is_empty() && update.status.is_none() && update.test.is_none());
         assert!(update.parameters.is_none());
         state.add_text(1.0, 4, "new".into());
         state.set_status(VehicleStatus::default());
         let update = state.update(&mut seen);
         assert_eq!(update.texts.len(), 1);
-        assert!(update.status.is_some() && update.step_test.is_none());
+        assert!(update.status.is_some() && update.test.is_none());
     }
 }

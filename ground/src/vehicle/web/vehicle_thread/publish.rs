@@ -55,7 +55,6 @@ impl Session<'_> {
                 // The table is this tool's own: a value that it does not allow is shown as it is,
                 // and not used.
                 let _ = self.params.set(text(&m.param_id), m.param_value);
-                self.publish_parameters();
             }
             MavMessage::TIMESYNC(m) if m.tc1 != 0 => {
                 let ns = self.link.now().as_nanos() as i64 - m.ts1;
@@ -67,9 +66,14 @@ impl Session<'_> {
     }
 
     /// Publishes the parameters, if all are known and one of them has changed.
-    fn publish_parameters(&mut self) {
+    pub(super) fn publish_parameters(&mut self) {
+        let now = self.link.now();
+        if now < self.parameters_due {
+            return;
+        }
         let client = self.link.client();
         if client.has_all_parameters() && !client.parameters().eq(&self.published) {
+            self.parameters_due = now + STATUS;
             self.published = client.parameters().cloned().collect();
             let rows = self.published.iter().map(ParameterRow::of).collect();
             self.model.lock().set_parameters(rows);
