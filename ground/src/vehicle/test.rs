@@ -4,7 +4,7 @@
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
-use anyhow::{Context, Error, Result, bail};
+use anyhow::{Context, Error, Result, bail, ensure};
 use clap::{Args, Subcommand};
 use client::state::is_in_operation;
 use client::{Failure, RefusalKind, StateKind, request};
@@ -95,6 +95,18 @@ impl Manoeuvre {
         seconds: 30.0,
         amplitude: 4.0,
     };
+
+    /// The same, of another length, s, if one is given.
+    ///
+    /// # Errors
+    /// The length is not 1 to 600 s.
+    pub fn lasting(mut self, length_s: Option<f64>) -> Result<Self> {
+        let (Self::Step { seconds } | Self::Hold { seconds } | Self::Chirp { seconds, .. }) =
+            &mut self;
+        *seconds = length_s.unwrap_or(*seconds);
+        ensure!((1.0..=600.0).contains(seconds), "a test lasts 1 to 600 s");
+        Ok(self)
+    }
 
     /// Its name on the command line.
     pub fn name(self) -> &'static str {

@@ -6,7 +6,7 @@
 //! | `arm`, `release`, `calibrate`, `save`, `reload`, `reset` | the order is given |
 //! | `set` with `name` and `value` | a parameter is set |
 //! | `record`, `end-record` | a log begins, ends |
-//! | `step`, `hold`, `chirp` | a test begins |
+//! | `step`, `hold`, `chirp` | a test begins, of so many `seconds` if they are given |
 //! | `rig` with `action` | something is done by hand to the virtual rig |
 //!
 //! A page sends with each order the newest time of this program that it has received. Whatever a
@@ -75,9 +75,9 @@ enum Order {
     Set { name: String, value: f32 },
     Record,
     EndRecord,
-    Step,
-    Hold,
-    Chirp,
+    Step { seconds: Option<f64> },
+    Hold { seconds: Option<f64> },
+    Chirp { seconds: Option<f64> },
     Rig { action: String },
 }
 
@@ -185,9 +185,9 @@ impl Desk {
                 let ended = self.vehicle.end_recording();
                 return Ok(Box::pin(async { ended.await.map(|()| None) }));
             }
-            Order::Step => return self.test(Manoeuvre::STEP),
-            Order::Hold => return self.test(Manoeuvre::HOLD),
-            Order::Chirp => return self.test(Manoeuvre::CHIRP),
+            Order::Step { seconds } => return self.test(Manoeuvre::STEP.lasting(seconds)?),
+            Order::Hold { seconds } => return self.test(Manoeuvre::HOLD.lasting(seconds)?),
+            Order::Chirp { seconds } => return self.test(Manoeuvre::CHIRP.lasting(seconds)?),
             Order::Rig { action } => {
                 rig::admit(&action)?;
                 let rig = self.rig.clone();

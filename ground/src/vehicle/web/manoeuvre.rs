@@ -186,7 +186,7 @@ fn figures(manoeuvre: Manoeuvre, path: &Path) -> Result<Value> {
     let object = json!(figures);
     ensure!(object["releases"] != 0, "the log holds no release");
     let sweep = report::releases(&flight).first().and_then(sweep::Sweep::of);
-    if manoeuvre == Manoeuvre::CHIRP {
+    if let Manoeuvre::Chirp { .. } = manoeuvre {
         ensure!(sweep.is_some(), "the log holds no swing of the set point");
     }
     Ok(json!({

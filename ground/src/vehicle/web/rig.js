@@ -13,10 +13,10 @@ const GROUPS = [
     ["Put back", "sensor back", "Onto the drone"],
   ]],
   ["Pushes", [
-    ["Knock up", "push 0.02", "An impulse of 0.02 N m s, nose up"],
-    ["Knock down", "push -0.02", "An impulse of 0.02 N m s, nose down"],
-    ["Gust up", "gust 0.03,0.5", "A torque of 0.03 N m for half a second, nose up"],
-    ["Gust down", "gust -0.03,0.5", "A torque of 0.03 N m for half a second, nose down"],
+    ["Knock up", "push 0.05", "An impulse of 0.05 N m s, nose up"],
+    ["Knock down", "push -0.05", "An impulse of 0.05 N m s, nose down"],
+    ["Gust up", "gust 0.1,0.5", "A torque of 0.1 N m for half a second, nose up"],
+    ["Gust down", "gust -0.1,0.5", "A torque of 0.1 N m for half a second, nose down"],
   ]],
   ["Power and program", [
     ["Reset", "reset", "The reset button"],
@@ -58,14 +58,26 @@ export class RigPanel {
     section.append(make("h2", { textContent: "Virtual rig" }), this.state, this.chips, this.said, this.tilt());
     for (const [title, buttons] of GROUPS) section.append(this.group(title, buttons));
     section.append(this.injection(), this.settings());
-    fetch("rig.json").then((answer) => answer.json()).then(({ faults }) => {
+  }
+
+  /** Asks once for the kinds of faults. */
+  async learn() {
+    if (this.asked) return;
+    this.asked = true;
+    try {
+      const { faults } = await (await fetch("rig.json")).json();
       for (const { kind, share } of faults) {
         this.faults.set(kind, share);
         this.kind.append(make("option", { textContent: kind }));
       }
-      this.kind.dispatchEvent(new Event("change"));
-    });
+      this.choose();
+    } catch {
+      this.asked = false;
+    }
   }
+
+  /** Some faults strike a share of words or bytes only. */
+  choose() { this.struck.hidden = !this.faults.get(this.kind.value); }
 
   async do(action) {
     const { error } = await this.act(action);
@@ -97,7 +109,8 @@ export class RigPanel {
     const share = make("input", { type: "number", min: 0, max: 1, step: "any", value: 0.3 });
     const length = make("input", { type: "number", min: 0, step: "any", placeholder: "stays" });
     const struck = make("label", {}, "share ", share);
-    this.kind.addEventListener("change", () => { struck.hidden = !this.faults.get(this.kind.value); });
+    this.struck = struck;
+    this.kind.addEventListener("change", () => this.choose());
     const action = () => ["fault", this.kind.value,
       struck.hidden ? "" : `probability=${share.value}`,
       length.value === "" ? "" : `for_s=${length.value}`].filter(Boolean).join(" ");
@@ -121,6 +134,7 @@ export class RigPanel {
   show(rig) {
     this.section.hidden = !rig;
     if (!rig) return;
+    this.learn();
     const clamp = { open: "opened by hand", closed: "closed by hand", auto: "automatic" }[rig.clamp];
     this.state.textContent = [
       `${rig.time_s.toFixed(1)} s since power-on`,

@@ -180,7 +180,7 @@ fn a_fault_without_an_end_comes_with_the_power() {
     assert!(stuck(&mut environment, 21));
 }
 
-/// 0.02 N m for 0.1 s is an impulse of 2 mN m s, whatever else acts.
+/// 0.2 N m for 0.1 s is an impulse of 20 mN m s, which gives 0.127 kg m2 a rate of 0.157 rad/s.
 #[test]
 fn a_gust_turns_a_free_drone_and_what_is_off_acts_no_more() {
     let rate = |gust: Option<(f64, f64)>| {
@@ -192,7 +192,8 @@ fn a_gust_turns_a_free_drone_and_what_is_off_acts_no_more() {
         environment.advance(Ticks::from_ms(100));
         environment.drone().rate_rad_s()
     };
-    assert!(rate(Some((0.02, 0.1))) - rate(None) > 0.1);
+    let gained = rate(Some((0.2, 0.1))) - rate(None);
+    assert!((0.15..0.165).contains(&gained), "{gained}");
     let mut environment = environment(BenchConfig::default());
     let thrust = |environment: &Environment| environment.drone.mechanism().parameters().thrust_n;
     let full = thrust(&environment);
