@@ -31,7 +31,7 @@ class Element {
   }
   append(...children) {
     for (const child of children) {
-      child.parent = this;
+      if (child instanceof Element) child.parent = this;
       this.children.push(child);
     }
   }
@@ -46,6 +46,7 @@ class Element {
     this.append(child);
     return child;
   }
+  get valueAsNumber() { return Number(this.value); }
   get tBodies() { return [this]; }
   get firstElementChild() { return this.children[0]; }
   get lastElementChild() { return this.children.at(-1); }
@@ -77,6 +78,12 @@ const elements = {};
 const orders = ["arm", "release", "calibrate", "save", "reload", "reset"].map((order) => {
   const button = new Element("button");
   button.dataset.order = order;
+  page.append(button);
+  return button;
+});
+const tests = ["step", "hold", "chirp"].map((name) => {
+  const button = new Element("button");
+  button.dataset.test = name;
   page.append(button);
   return button;
 });
@@ -132,7 +139,11 @@ before(async () => {
     createElement: (tag) => new Element(tag),
     createElementNS: (_, tag) => new Element(tag),
     querySelector: (which) => order(which.match(/data-order=(\w+)/)?.[1]) ?? at(which),
-    querySelectorAll: (which) => [...orders, ...["step", "record"].filter((id) => which.includes(`#${id}`)).map(at)],
+    querySelectorAll: (which) => [
+      ...which.includes("data-order") ? orders : [],
+      ...which.includes("data-test") ? tests : [],
+      ...which.includes("#record") ? [at("record")] : [],
+    ],
   });
   Object.assign(globalThis, {
     document: page,
@@ -153,7 +164,7 @@ before(async () => {
     },
     /** A request by HTTP is not answered; it ends with the test. */
     fetch(path, options) {
-      requests.push([path, options.headers]);
+      requests.push([path, options?.headers]);
       return new Promise((_, end) => { ends.push(end); });
     },
   });
@@ -302,6 +313,43 @@ test("a recording can be ended while the vehicle is silent", async () => {
   assert.equal(at("record").disabled, false);
   await show({ recording_failure: "the recording ended: no space" });
   assert.equal(at("recording").textContent, "the recording ended: no space");
+});
+
+test("a test's figures are shown, and its log can be opened", async () => {
+  tests[1].fire("click");
+  assert.deepEqual(orderNames(), ["hold"]);
+  await answer("hold", {});
+  const result = {
+    run: null, hold: { mean_error_rad: 0.001, rms_error_rad: 0.002, max_error_rad: 0.0175 }, sweep: { bandwidth_hz: null, delay_s: 0.05 },
+    loop: { jitter_us_max: 3 }, telemetry: { lost: 0 }, missed: [], trace: [],
+  };
+  const trial = { manoeuvre: "hold", running: false, stage: "", log: "small/hold-001.tlog", result };
+  await come({ now_ms: 7006, frame, trial });
+  assert.equal(at("tested").textContent, "Hold test");
+  assert.equal(at("stage").textContent, "every requirement met");
+  const rows = at("figures").children.map((row) => row.children.map((cell) => cell.textContent));
+  assert.deepEqual(rows.slice(2, 5), [["worst", "1.00 deg"], ["bandwidth", "above 4 Hz"], ["delay", "50 ms"]]);
+  const [report] = at("tested-log").children[1].children;
+  report.fire("click");
+  assert.deepEqual(requests, [["reports/hold-001.tlog", { Authorization: "Bearer lasting" }]]);
+});
+
+test("the panel of the rig is there for a rig only, and its buttons are actions", async () => {
+  await come({ now_ms: 7007, frame, rig: null });
+  assert.equal(at("rig").hidden, true);
+  const rig = {
+    time_s: 1, pitch_rad: 0.4, held: true, clamp: "auto", start_rad: 0.4, faults: ["frozen"], disturbances: [], usb: true, bootloader: false, resets: 0,
+  };
+  await come({ now_ms: 7008, frame, rig });
+  assert.equal(at("rig").hidden, false);
+  assert.deepEqual(requests, [["rig.json", undefined]]);
+  const all = (from) => [from, ...from.children.filter((child) => child instanceof Element).flatMap(all)];
+  const button = (words) => all(at("rig")).find((child) => child.tag === "button" && child.textContent === words);
+  button("frozen ×").fire("click");
+  button("Power cycle").fire("click");
+  button("Tilt").fire("click");
+  assert.deepEqual(sent.map(({ action }) => action), ["clear frozen", "power-cycle", "tilt 0.4014"]);
+  for (const { id } of [...sent]) await come({ id });
 });
 
 test("arming and release wait for their states", async () => {

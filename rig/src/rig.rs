@@ -1,6 +1,8 @@
 //! The rig: the chip and its environment on one clock, and the bootloader between a reset and the
 //! image.
 
+mod ending;
+
 use crate::bench::{BenchConfig, Environment, Hardware};
 use crate::bno055::Fault;
 use crate::bootloader::{Bootloader, Verdict};
@@ -18,6 +20,19 @@ use samd21::{Chip, Options, SyncHold, WaitStates};
 use std::sync::Arc;
 use thiserror::Error;
 use tvc_nano::{Params, store};
+
+pub use ending::ProgramEnd;
+
+/// The keys of [`Hardware`] that can change while the rig runs.
+pub const LIVE_KEYS: [&str; 7] = [
+    "stretch",
+    "stretch-rare",
+    "stop-read",
+    "stop-write",
+    "field",
+    "field-age",
+    "usb-loss",
+];
 
 const RAM_START: u32 = 0x2000_0000;
 
@@ -97,6 +112,7 @@ pub struct Rig {
     chip: Chip,
     environment: Environment,
     image: Arc<Image>,
+    hardware: Hardware,
     bootloader: Bootloader,
     running: Running,
     resets: Vec<(Ticks, ResetCause)>,
@@ -136,6 +152,7 @@ impl Rig {
             environment: Environment::new(&bench)?,
             lowest_sp: image.stack_top(),
             image: Arc::new(image.clone()),
+            hardware: config.hardware.clone(),
             bootloader,
             running: Running::Image,
             resets: Vec::new(),
@@ -242,6 +259,7 @@ impl Rig {
     pub fn power_cycle(&mut self) {
         self.reset_chip(ResetCause::PowerOn);
         self.inject(Fault::PowerDip);
+        self.environment.power_on();
         for (index, byte) in self.chip.ram_mut().iter_mut().enumerate() {
             *byte = (index as u8).wrapping_mul(167) ^ 0x5A;
         }
@@ -288,6 +306,24 @@ impl Rig {
         } else {
             Vec::new()
         }
+    }
+
+    /// Changes what the parts are like while they run, as `KEY=VALUE` says.
+    ///
+    /// # Errors
+    /// As of [`Hardware::set`]; or the key is none of [`LIVE_KEYS`].
+    pub fn set_hardware(&mut self, setting: &str) -> Result<(), String> {
+        self.hardware.set(setting)?;
+        let name = setting.split('=').next().unwrap_or_default().trim();
+        if !LIVE_KEYS.contains(&name) {
+            return Err(format!(
+                "{name} is fixed while the rig runs (see --hardware of tvc rig); what can change is {}",
+                LIVE_KEYS.join(", ")
+            ));
+        }
+        self.environment.set_sensor(&self.hardware);
+        self.usb_loss.0 = self.hardware.usb_loss;
+        Ok(())
     }
 
     /// Whether the port loses what passes now.

@@ -229,24 +229,12 @@ fn spikes_are_ridden_out() {
     assert!(pitch.abs() < 0.05, "{pitch}");
 }
 
-/// Puts one instruction into RAM that the image leaves alone, and the core onto it.
-fn divert(rig: &mut rig::Rig, instruction: u16) -> u32 {
-    let at = 0x7A00;
-    rig.chip_mut().ram_mut()[at..at + 2].copy_from_slice(&instruction.to_le_bytes());
-    let mut registers = rig.chip().registers();
-    registers.r[15] = 0x2000_0000 + at as u32;
-    registers.primask = false;
-    rig.chip_mut().set_registers(&registers);
-    registers.r[15]
-}
-
 #[test]
 fn a_hung_loop_is_reset_and_told() {
     let mut flight = in_flight();
     let Ready { rig, station, .. } = &mut flight;
     let at = rig.now();
-    // The main loop never comes back: a branch to itself.
-    divert(rig, 0xE7FE);
+    rig.end_program(ProgramEnd::Hang);
     station.run(rig, ms(450)).unwrap();
     assert_eq!(rig.resets().len(), 1, "the watchdog fires");
     let (fired, cause) = rig.resets()[0];
@@ -335,7 +323,7 @@ fn a_hard_fault_is_told_after_the_reset() {
     let mut flight = in_flight();
     let Ready { rig, station, .. } = &mut flight;
     let at = rig.now();
-    let pc = divert(rig, 0xDE00);
+    let pc = rig.end_program(ProgramEnd::HardFault).unwrap();
     station.run(rig, ms(1200)).unwrap();
     assert_eq!(rig.resets().len(), 1);
     let (reset, _) = rig.resets()[0];
@@ -367,15 +355,8 @@ fn a_hard_fault_is_told_after_the_reset() {
 fn a_panic_is_told_after_the_reset() {
     let mut flight = in_flight();
     let Ready { rig, station, .. } = &mut flight;
-    let panic = firmware()
-        .symbols()
-        .find(|(name, _)| name.contains("panic_bounds_check"));
-    let (_, panic) = panic.expect("something in the image is indexed");
-    let mut registers = rig.chip().registers();
-    let from = registers.r[15];
-    (registers.r[14], registers.r[15]) = (from | 1, panic & !1);
-    registers.primask = false;
-    rig.chip_mut().set_registers(&registers);
+    let from = rig.end_program(ProgramEnd::Panic);
+    let from = from.expect("something in the image is indexed");
     let at = rig.now();
     station.run(rig, ms(1200)).unwrap();
     let (reset, _) = rig.resets()[0];
@@ -409,51 +390,30 @@ fn held() -> (Ready, RangeInclusive<f64>) {
     (ready, neutral_us(&params))
 }
 
-/// What ends a run of the firmware.
-type End<'a> = &'a dyn Fn(&mut rig::Rig);
-
 /// However a run ends, the rudder goes to where it holds the drone, and stays there after the
 /// reset.
 #[test]
 fn hang_panic_and_hard_fault_command_the_held_neutral() {
     let (ready, neutral) = held();
     assert!(neutral.contains(&1424.0) && !default_neutral_us().contains(&1424.0));
-    let panic = firmware()
-        .symbols()
-        .find(|(name, _)| name.contains("panic_bounds_check"))
-        .unwrap()
-        .1;
-    let hang = |rig: &mut rig::Rig| {
-        divert(rig, 0xE7FE);
-    };
-    let fault = |rig: &mut rig::Rig| {
-        divert(rig, 0xDE00);
-    };
-    let panic = move |rig: &mut rig::Rig| {
-        let mut registers = rig.chip().registers();
-        (registers.r[14], registers.r[15]) = (registers.r[15] | 1, panic & !1);
-        registers.primask = false;
-        rig.chip_mut().set_registers(&registers);
-    };
     let flight = released(ready, &neutral);
-    let ends: [(&str, End<'_>); 3] = [("hang", &hang), ("hard fault", &fault), ("panic", &panic)];
-    for (end, provoke) in ends {
+    for end in [ProgramEnd::Hang, ProgramEnd::HardFault, ProgramEnd::Panic] {
         let mut flight = flight.clone();
         let Ready { rig, station, .. } = &mut flight;
         let at = rig.now();
-        provoke(rig);
+        rig.end_program(end).unwrap();
         station.run(rig, ms(1200)).unwrap();
-        assert_eq!(rig.resets().len(), 1, "{end}");
+        assert_eq!(rig.resets().len(), 1, "{end:?}");
         let (reset, _) = rig.resets()[0];
         let pulses = rig.truth().pulses_since(at);
         let (before, after): (Vec<&Pulse>, Vec<&Pulse>) =
             pulses.iter().partition(|p| p.fall < reset);
         let last = before.last().unwrap().width_us();
-        assert!(neutral.contains(&last), "{end}: {last} before the reset");
-        assert!(after.len() > 10, "{end}: {} pulses after", after.len());
+        assert!(neutral.contains(&last), "{end:?}: {last} before the reset");
+        assert!(after.len() > 10, "{end:?}: {} pulses after", after.len());
         for pulse in after {
             let width = pulse.width_us();
-            assert!(neutral.contains(&width), "{end}: {width} after the reset");
+            assert!(neutral.contains(&width), "{end:?}: {width} after the reset");
         }
     }
 }

@@ -33,8 +33,12 @@ pub struct Disturb {
 
     /// Temperature of the sensor's chip at power-on and in the end in C (-40 to 85), the time
     /// constant between them in s and, if it is not the typical 0.015, the drift of the gyroscope's
-    /// bias in deg/s/K: 20,45,60 or 20,45,60,0.03.
-    #[arg(long, value_name = "C,C,S[,DPS_K]", allow_negative_numbers = true)]
+    /// bias in deg/s/K, and of the accelerometer's offset in mg/K: 20,45,60 or 20,45,60,0.03,1.
+    #[arg(
+        long,
+        value_name = "C,C,S[,DPS_K[,MG_K]]",
+        allow_negative_numbers = true
+    )]
     pub temperature: Option<Temperature>,
 }
 

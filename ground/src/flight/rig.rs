@@ -1,12 +1,15 @@
-//! `tvc rig`: the virtual rig in real time, for every program that opens a serial port.
+//! `tvc rig`: the virtual rig in real time, for every program that opens a serial port, and a
+//! socket beside that port for what is done by hand.
 
-use std::path::PathBuf;
+pub mod tell;
+
+use std::path::{Path, PathBuf};
 
 use ::rig::ServoKind;
 use ::rig::bno055::ImuErrors;
 use ::rig::pilot::Manner;
 use anyhow::Result;
-use clap::{Args, ValueEnum};
+use clap::{Args, Subcommand, ValueEnum};
 
 use crate::arguments::seconds;
 use crate::flight::disturb::Disturb;
@@ -18,6 +21,7 @@ use crate::out::file::print;
 
 /// Options of `tvc rig`.
 #[derive(Debug, Args)]
+#[command(args_conflicts_with_subcommands = true, subcommand_negates_reqs = true)]
 #[command(after_help = "\
 Examples:
   cargo tvc rig --pty                            prints the path of the port, runs until Ctrl-C
@@ -26,13 +30,18 @@ Examples:
   cargo tvc test step --port ./nano              arms, releases, prints the figures
   cargo tvc rig --pty --vibration 5,180          with an unbalanced propeller, see --help
   cargo tvc rig --pty --faults scenarios/faults.toml   with faults of the sensor in every flight
+  cargo tvc rig tell ./nano fault unplugged      something done by hand to the rig with that link
   mavproxy.py --master ./nano                    any MAVLink client does
   cargo tvc rig --pty --link ./nano --blank --sensor worst   something to calibrate, with
   cargo tvc calibrate --port ./nano                  in a second terminal
 
-The hand at the rig does with sensor and drone what `tvc calibrate` asks for. The clamp opens when the firmware goes to active and closes when it is disarmed.
+The hand at the rig does with sensor and drone what `tvc calibrate` asks for. The clamp opens when the firmware goes to active and closes when it is disarmed. With --link, `tvc rig tell` and the page of `tvc web` can act on the rig while it runs, through the socket LINK.control.
 Exit status: 0 ended, 1 something failed, 2 unusable input.")]
 pub struct Rig {
+    /// What to do with a rig that runs.
+    #[command(subcommand)]
+    pub command: Option<RigCommand>,
+
     /// Put the rig's USB port behind a pseudo-terminal, in real time.
     #[arg(long, required = true)]
     pub pty: bool,
@@ -70,7 +79,8 @@ pub struct Rig {
     #[arg(long, value_name = "MM", default_value_t = 0.0, allow_negative_numbers = true, value_parser = offset)]
     pub cm_offset: f64,
 
-    /// A scenario that begins with every release, as for `tvc fly --faults` (docs/faults.md).
+    /// A scenario, as for `tvc fly --faults` (docs/faults.md), that begins with every release, its
+    /// faults of `since = "power-on"` with every power-on.
     #[arg(long, value_name = "FILE.toml")]
     pub faults: Option<PathBuf>,
 
@@ -93,6 +103,13 @@ pub struct Rig {
     /// End by itself after this many seconds.
     #[arg(long, value_name = "S", value_parser = seconds)]
     pub seconds: Option<f64>,
+}
+
+/// What to do with a rig that runs.
+#[derive(Debug, Subcommand)]
+pub enum RigCommand {
+    /// Act on a rig that runs: tilt, clamp, faults, disturbances, reset, cable.
+    Tell(tell::Tell),
 }
 
 /// A sensor.
@@ -136,12 +153,31 @@ const RELEASE_RATE_RAD_S: f64 = 0.2;
 #[cfg(unix)]
 const LONGEST_S: f64 = 3600.0;
 
+/// The socket of the rig behind a port's name.
+pub fn control_path(port: &Path) -> PathBuf {
+    let mut name = port.as_os_str().to_owned();
+    name.push(".control");
+    name.into()
+}
+
+/// Runs the rig until a signal or `--seconds` ends it, or acts on one that runs.
+///
+/// # Errors
+/// A scenario, an image, a pseudo-terminal or a link that cannot be had; those of [`tell::run`].
+pub fn run(options: &Rig) -> Result<Verdict> {
+    match &options.command {
+        Some(RigCommand::Tell(options)) => tell::run(options),
+        None => run_rig(options),
+    }
+}
+
 /// Runs the rig until a signal or `--seconds` ends it.
 #[cfg(unix)]
-pub fn run(options: &Rig) -> Result<Verdict> {
+fn run_rig(options: &Rig) -> Result<Verdict> {
     use std::time::Duration;
 
     use anyhow::Context;
+    use rig::control::Control;
     use rig::pilot::Pilot;
     use rig::pty::Pty;
     use rig::real_time::RealTime;
@@ -180,12 +216,23 @@ pub fn run(options: &Rig) -> Result<Verdict> {
         options.tilt
     );
     let pilot = Pilot::new(options.tilt, RELEASE_RATE_RAD_S).with_manner(options.hand);
+    let mut running = RealTime::new(rig, pilot, pty).at_speed(options.speed);
+    if let Some(link) = &link {
+        let path = control_path(&link.0);
+        match Control::open(&path) {
+            Ok(control) => running = running.with_control(control),
+            Err(error) => eprintln!("nothing can be done by hand: {}: {error}", path.display()),
+        }
+    }
     let longest = options.seconds.map(Duration::from_secs_f64);
-    let summary = RealTime::new(rig, pilot, pty)
-        .at_speed(options.speed)
-        .run(longest, stop, &mut |at_s, line| {
-            eprintln!("{at_s:9.3} s  {line}");
-        })
+    let mut report = |at_s: f64, line: &str| eprintln!("{at_s:9.3} s  {line}");
+    let mut plugged = |path: &Path| {
+        eprintln!("the cable is in again: {}", path.display());
+        let pointed = link.as_ref().map_or(Ok(()), |link| link.point_to(path));
+        pointed.map_err(std::io::Error::other)
+    };
+    let summary = running
+        .run(longest, stop, &mut report, &mut plugged)
         .context("the rig")?;
     eprintln!(
         "ran for {:.1} s: {} control steps, control jitter at most {:.1} us",
@@ -202,7 +249,7 @@ pub fn run(options: &Rig) -> Result<Verdict> {
 
 /// Only Unix has pseudo-terminals.
 #[cfg(not(unix))]
-pub fn run(_options: &Rig) -> Result<Verdict> {
+fn run_rig(_options: &Rig) -> Result<Verdict> {
     Err(crate::out::exit::BadInput::new(
         "pseudo-terminals need Linux or macOS; `tvc fly` runs the rig everywhere",
     )
@@ -211,12 +258,12 @@ pub fn run(_options: &Rig) -> Result<Verdict> {
 
 /// A symbolic link that is removed when the rig ends.
 #[cfg(unix)]
-struct Link(std::path::PathBuf);
+struct Link(PathBuf);
 
 #[cfg(unix)]
 impl Link {
     /// Takes the path for the link. Only an old link may be in its place.
-    fn claim(path: &std::path::Path) -> Result<Self> {
+    fn claim(path: &Path) -> Result<Self> {
         use crate::out::exit::BadInput;
 
         match std::fs::symlink_metadata(path) {
@@ -229,7 +276,7 @@ impl Link {
         }
     }
 
-    fn point_to(&self, target: &std::path::Path) -> Result<()> {
+    fn point_to(&self, target: &Path) -> Result<()> {
         use crate::out::exit::BadInput;
 
         let _ = std::fs::remove_file(&self.0);

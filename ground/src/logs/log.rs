@@ -5,6 +5,7 @@
 
 mod mcap;
 mod origin;
+mod span;
 mod steps;
 mod table;
 
@@ -23,6 +24,7 @@ use tvc_nano::config::{COMPONENT_ID, SYSTEM_ID};
 use crate::out::exit::BadInput;
 
 pub use origin::{Origin, TOOL, vehicle_build};
+pub use span::span_us;
 pub use steps::{Event, Flight, Step};
 pub use table::write_csv;
 

@@ -98,6 +98,14 @@ pub fn run(options: &Report) -> Result<Verdict> {
     conclude(&flight, &options.log, Some(&page), options.json)
 }
 
+/// The page of a log.
+///
+/// # Errors
+/// A plot cannot be drawn.
+pub fn page(log: &Path, flight: &Flight) -> Result<String> {
+    page::render(log, flight, &figures(flight))
+}
+
 /// Prints the figures, writes the page to its file, and names the requirements that are missed.
 pub fn conclude(flight: &Flight, log: &Path, page: Option<&Path>, json: bool) -> Result<Verdict> {
     let figures = figures(flight);

@@ -4,7 +4,7 @@
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
-use anyhow::{Context, Error, Result, bail};
+use anyhow::{Context, Error, Result, bail, ensure};
 use clap::{Args, Subcommand};
 use client::state::is_in_operation;
 use client::{Failure, RefusalKind, StateKind, request};
@@ -60,7 +60,7 @@ impl Test {
 }
 
 /// The manoeuvre.
-#[derive(Debug, Clone, Copy, Subcommand)]
+#[derive(Debug, Clone, Copy, PartialEq, Subcommand)]
 pub enum Manoeuvre {
     /// Release from the tilt at which it is held.
     Step {
@@ -85,6 +85,39 @@ pub enum Manoeuvre {
     },
 }
 
+impl Manoeuvre {
+    /// From the tilt at which it is held, in the usual length.
+    pub const STEP: Self = Self::Step { seconds: 3.0 };
+    /// Upright, in the usual length.
+    pub const HOLD: Self = Self::Hold { seconds: 15.0 };
+    /// In the usual length and amplitude.
+    pub const CHIRP: Self = Self::Chirp {
+        seconds: 30.0,
+        amplitude: 4.0,
+    };
+
+    /// The same, of another length, s, if one is given.
+    ///
+    /// # Errors
+    /// The length is not 1 to 600 s.
+    pub fn lasting(mut self, length_s: Option<f64>) -> Result<Self> {
+        let (Self::Step { seconds } | Self::Hold { seconds } | Self::Chirp { seconds, .. }) =
+            &mut self;
+        *seconds = length_s.unwrap_or(*seconds);
+        ensure!((1.0..=600.0).contains(seconds), "a test lasts 1 to 600 s");
+        Ok(self)
+    }
+
+    /// Its name on the command line.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Step { .. } => "step",
+            Self::Hold { .. } => "hold",
+            Self::Chirp { .. } => "chirp",
+        }
+    }
+}
+
 fn amplitude(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
         Ok(deg) if deg > 0.0 && deg <= 15.0 => Ok(deg),
@@ -99,13 +132,13 @@ pub const ARM_PATIENCE: Duration = Duration::from_secs(20);
 pub const ARM_RETRY: Duration = Duration::from_millis(500);
 /// Time between arming and release, so that the vehicle's recorder has steps from before the
 /// release.
-const ARMED: Duration = Duration::from_millis(250);
+pub const ARMED: Duration = Duration::from_millis(250);
 /// Time upright before the set point begins to swing.
-const SETTLE: Duration = Duration::from_secs(3);
+pub const SETTLE: Duration = Duration::from_secs(3);
 /// The set point of pitch.
-const SET_POINT: &str = "PITCH_SET_DEG";
+pub const SET_POINT: &str = "PITCH_SET_DEG";
 /// Time between two set points.
-const SET_PERIOD: Duration = Duration::from_millis(20);
+pub const SET_PERIOD: Duration = Duration::from_millis(20);
 
 /// Flies the manoeuvre that `options` ask for.
 ///

@@ -3,6 +3,8 @@
 
 mod hostile;
 mod page;
+mod recordings;
+mod rig;
 #[path = "../running/mod.rs"]
 mod running;
 mod set_up;
@@ -14,7 +16,7 @@ use std::time::{Duration, Instant};
 
 use serde_json::{Value, json};
 
-use page::{Server, rig, signal, vehicle};
+use page::{Server, rig as rig_at, signal, vehicle};
 use running::{json as object, refused, tvc};
 
 /// What the vehicle at `port` has of a parameter.
@@ -43,6 +45,10 @@ fn the_page_shows_arms_stops_and_tunes_and_a_foreign_page_cannot() {
         "link.js",
         "stop.js",
         "parameters.js",
+        "rig.js",
+        "logs.js",
+        "tests.js",
+        "rig.json",
     ] {
         assert_eq!(server.ask(&format!("GET /{name}"), "").0, 200, "{name}");
     }
@@ -228,7 +234,7 @@ fn a_port_that_went_away_is_said_and_found_again() {
     );
     page.refused("arm", Value::Null);
     page.refused("stop", Value::Null);
-    let _second = rig(&port);
+    let _second = rig_at(&port);
     page.wait_for("standby");
     page.arm();
 }

@@ -91,6 +91,12 @@ impl Server {
 
     /// One request, with further lines for its head; status and whole answer.
     pub(crate) fn ask(&self, what: &str, head: &str) -> (u16, String) {
+        let (status, bytes) = self.ask_for_bytes(what, head);
+        (status, String::from_utf8(bytes).unwrap())
+    }
+
+    /// The same; head and body as bytes.
+    pub(crate) fn ask_for_bytes(&self, what: &str, head: &str) -> (u16, Vec<u8>) {
         let host = match head.contains("Host:") {
             true => String::new(),
             false => format!("Host: {}\r\n", self.address),
@@ -98,10 +104,10 @@ impl Server {
         let mut stream = TcpStream::connect(&self.address).unwrap();
         stream.set_read_timeout(Some(PATIENCE)).unwrap();
         write!(stream, "{what} HTTP/1.1\r\n{host}{head}\r\n").unwrap();
-        let mut text = String::new();
-        stream.read_to_string(&mut text).unwrap();
-        let status = text.split(' ').nth(1).unwrap().parse().unwrap();
-        (status, text)
+        let mut bytes = Vec::new();
+        stream.read_to_end(&mut bytes).unwrap();
+        let status = String::from_utf8_lossy(&bytes[9..12]).parse().unwrap();
+        (status, bytes)
     }
 
     /// A page in a browser.
@@ -245,6 +251,12 @@ impl Page {
         }
         self.out.send(message.to_string()).unwrap();
         self.find(order, |seen| seen.answers.remove(&id))
+    }
+
+    /// Something done by hand to the rig.
+    pub(crate) fn act(&self, action: &str) {
+        let answer = self.give("rig", json!({ "action": action }), 0);
+        assert!(answer["error"].is_null(), "{action}: {answer}");
     }
 
     /// A button that is obeyed.

@@ -400,15 +400,16 @@ impl Temperature {
     }
 }
 
-/// `C,C,S[,DPS_K]`: two temperatures in deg C, the time constant in s, the gyroscope's drift in
-/// deg/s/K.
+/// `C,C,S[,DPS_K[,MG_K]]`: two temperatures in deg C, the time constant in s, the gyroscope's drift
+/// in deg/s/K, the accelerometer's in mg/K.
 impl FromStr for Temperature {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
-        let (from_c, to_c, time_constant_s, gyro_dps_k) = match numbers(text).as_deref() {
-            Some(&[from, to, seconds]) => (from, to, seconds, TYPICAL_GYRO_DPS_K),
-            Some(&[from, to, seconds, drift]) => (from, to, seconds, drift),
+        let (from_c, to_c, time_constant_s, gyro_dps_k, acc_mg_k) = match numbers(text).as_deref() {
+            Some(&[from, to, seconds]) => (from, to, seconds, TYPICAL_GYRO_DPS_K, 0.0),
+            Some(&[from, to, seconds, drift]) => (from, to, seconds, drift, 0.0),
+            Some(&[from, to, seconds, drift, offset]) => (from, to, seconds, drift, offset),
             _ => return Err("a temperature is two in C and a time in s, such as 20,45,60".into()),
         };
         let temperature = Self {
@@ -416,7 +417,7 @@ impl FromStr for Temperature {
             to_c,
             time_constant_s,
             gyro_dps_k,
-            acc_mg_k: 0.0,
+            acc_mg_k,
         };
         temperature.check().map(|()| temperature)
     }

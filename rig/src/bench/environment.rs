@@ -15,8 +15,8 @@ use super::clamp::Clamp;
 use super::disturbance::Disturbances;
 use super::sensor_motion::{HeldSensor, SensorMotion};
 use super::stimulus::PitchMotion;
-use super::{EarthField, TimedFault, fault_schedule, stimulus};
-use crate::bno055::{self, Bno055, Fault, Stimulus};
+use super::{EarthField, Hardware, Since, TimedFault, fault_schedule, stimulus};
+use crate::bno055::{self, Bno055, Fault, ImuErrors, Stimulus};
 use crate::observe::ground_truth::{GroundTruth, Motion};
 use crate::observe::logic_analyzer::{LogicAnalyzer, Registers};
 use nalgebra::UnitQuaternion;
@@ -67,7 +67,7 @@ pub struct BenchConfig {
     pub field: EarthField,
     /// What disturbs the flight.
     pub disturbances: Disturbances,
-    /// Faults of the sensor and its cable after each release.
+    /// Faults of the sensor and its cable after each release or power-on.
     pub faults: Vec<TimedFault>,
 }
 
@@ -95,6 +95,8 @@ pub struct Environment {
     drone: Drone,
     servo: Servo,
     sensor: Bno055,
+    /// The sensor's errors at a constant temperature.
+    errors: ImuErrors,
     lever_m: [f64; 3],
     /// How the drone moved in the last step.
     motion: PitchMotion,
@@ -102,6 +104,10 @@ pub struct Environment {
     field: EarthField,
     disturbances: Disturbances,
     faults: Vec<TimedFault>,
+    /// A torque that acts on the drone, N m, and when it ends.
+    gust: Option<(f64, Ticks)>,
+    /// When the power came on.
+    powered: Ticks,
     /// Full thrust, N.
     thrust_n: f64,
     /// Steps of the physics so far.
@@ -135,12 +141,15 @@ impl Environment {
             drone,
             servo: Servo::new(model, zero_rad, 0.0),
             sensor: Bno055::new(sensor),
+            errors: bench.sensor.errors,
             lever_m: bench.lever_m,
             motion: PitchMotion::default(),
             heading_rad: bench.heading_rad,
             field: bench.field,
             disturbances: bench.disturbances,
             faults: bench.faults.clone(),
+            gust: None,
+            powered: Ticks::ZERO,
             thrust_n: bench.parameters.thrust_n,
             steps: 0,
             clamp,
@@ -206,10 +215,7 @@ impl Environment {
 
     /// Closes the clamp on the drone where it is; the faults of its flight end.
     pub fn catch(&mut self) {
-        let now = STEP * self.steps;
-        for timed in &self.faults {
-            self.sensor.clear(now, timed.fault);
-        }
+        self.end_faults(Since::Release);
         let pitch_rad = self.drone.pitch_rad();
         self.clamp = Clamp::closed(&mut self.drone, pitch_rad);
     }
@@ -249,6 +255,51 @@ impl Environment {
         self.sensor.clear(now, fault);
     }
 
+    /// The power has come on: the faults that come with it begin anew.
+    pub fn power_on(&mut self) {
+        self.end_faults(Since::PowerOn);
+        self.powered = STEP * self.steps;
+    }
+
+    fn end_faults(&mut self, since: Since) {
+        let now = STEP * self.steps;
+        for timed in self.faults.iter().filter(|timed| timed.since == since) {
+            self.sensor.clear(now, timed.fault);
+        }
+    }
+
+    /// Gives a free drone an angular impulse, N m s.
+    pub fn push(&mut self, impulse_n_m_s: f64) {
+        self.drone.kick(impulse_n_m_s);
+    }
+
+    /// Pushes a free drone with a torque, N m, for a time, s.
+    pub fn gust(&mut self, torque_n_m: f64, seconds: f64) {
+        let until = STEP * self.steps + Ticks::from_secs_f64(seconds);
+        self.gust = Some((torque_n_m, until));
+    }
+
+    /// What disturbs the drone now.
+    pub fn disturbances(&self) -> Disturbances {
+        self.disturbances
+    }
+
+    /// Replaces what disturbs the drone from now on. A temperature counts from the first power-on.
+    pub fn set_disturbances(&mut self, disturbances: Disturbances) {
+        self.disturbances = disturbances;
+        self.servo.set_supply(1.0);
+        self.drone.set_thrust(self.thrust_n);
+        let temperature = disturbances.temperature;
+        let errors = temperature.map_or(self.errors, |temperature| temperature.of(self.errors));
+        self.sensor.set_errors(errors);
+    }
+
+    /// The sensor's bus and its magnetometer are like those of `hardware` from now on.
+    pub fn set_sensor(&mut self, hardware: &Hardware) {
+        self.sensor.set_bus(hardware.bus.clone());
+        self.sensor.set_magnetometer(hardware.magnetometer);
+    }
+
     /// The chip has been reset: its pins float.
     pub fn chip_reset(&mut self) {
         self.analyzer.reset();
@@ -259,9 +310,13 @@ impl Environment {
         let now = STEP * self.steps;
         let dt_s = STEP.as_secs_f64();
         self.disturb(now);
-        if let Some(since) = self.clamp.open_for(now) {
-            let interval = since.saturating_sub(STEP)..since;
-            fault_schedule::switch(&self.faults, interval, &mut self.sensor, now);
+        let powered = Some(now.saturating_sub(self.powered));
+        let released = self.clamp.open_for(now);
+        for (what, since) in [(Since::PowerOn, powered), (Since::Release, released)] {
+            if let Some(since) = since {
+                let interval = since.saturating_sub(STEP)..since;
+                fault_schedule::switch(&self.faults, what, interval, &mut self.sensor, now);
+            }
         }
         let load = self.drone.hinge_torque_n_m();
         let crank = self.servo.advance(now.as_secs_f64(), load);
@@ -341,6 +396,10 @@ impl Environment {
         if let Some(ramp) = self.disturbances.thrust_ramp {
             let share = ramp.share(since_s.unwrap_or(0.0));
             self.drone.set_thrust(share * self.thrust_n);
+        }
+        self.gust = self.gust.filter(|(_, until)| now <= *until);
+        if let Some((torque_n_m, _)) = self.gust {
+            self.drone.kick(torque_n_m * STEP.as_secs_f64());
         }
     }
 }

@@ -1,4 +1,4 @@
-//! Faults that begin and end at times of the flight.
+//! Faults that begin and end at times of the flight, or at times after the power comes on.
 
 use crate::bno055::{Bno055, Fault, FaultKind};
 use rand::Rng;
@@ -7,25 +7,39 @@ use serde::{Deserialize, Serialize};
 use std::fmt::Display;
 use std::ops::{Range, RangeInclusive};
 
-/// A fault of the sensor or its cable for a time after each release of the drone.
+/// From what on a fault's times count.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Since {
+    /// Each release of the drone.
+    #[default]
+    Release,
+    /// Each time that the power comes on.
+    PowerOn,
+}
+
+/// A fault of the sensor or its cable for a time.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TimedFault {
     /// What fails.
     pub fault: Fault,
-    /// When it begins, after the release.
+    /// From what on its times count.
+    pub since: Since,
+    /// When it begins.
     pub at: Ticks,
-    /// When it ends, after the release.
+    /// When it ends; [`Ticks::NEVER`] if it stays.
     pub until: Ticks,
 }
 
-/// Switches the faults of the sensor that begin or end in an `interval` of times after the release.
+/// Switches the faults of the sensor that begin or end in an `interval` of times `since` something.
 pub(super) fn switch(
     faults: &[TimedFault],
+    since: Since,
     interval: Range<Ticks>,
     sensor: &mut Bno055,
     now: Ticks,
 ) {
-    for timed in faults {
+    for timed in faults.iter().filter(|timed| timed.since == since) {
         if interval.contains(&timed.until) {
             sensor.clear(now, timed.fault);
         } else if interval.contains(&timed.at) {
@@ -40,10 +54,15 @@ pub(super) fn switch(
 pub struct FaultEntry {
     /// Name of its kind.
     pub kind: String,
-    /// When it begins, s after the release.
+    /// From what on its times count.
+    #[serde(default, skip_serializing_if = "is_release")]
+    pub since: Since,
+    /// When it begins, s.
     pub at_s: f64,
-    /// How long it lasts, s, above 0 and at most 3600.
-    pub for_s: f64,
+    /// How long it lasts, s, above 0 and at most 3600; if left out, until the drone is caught, or
+    /// the power is cut.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub for_s: Option<f64>,
     /// Share of words or bytes that it strikes, 0 to 1, for the kinds that strike some only.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub probability: Option<f64>,
@@ -55,6 +74,11 @@ pub struct FaultEntry {
     pub clocks: Option<u8>,
 }
 
+/// A report leaves out what times have always counted from.
+fn is_release(since: &Since) -> bool {
+    *since == Since::Release
+}
+
 impl FaultEntry {
     /// The fault for flights of `length_s`. Parameters that the entry leaves out are drawn from
     /// `dice` and filled in.
@@ -63,13 +87,29 @@ impl FaultEntry {
     /// There is no such kind, or a value is out of its range or does not belong to the kind.
     pub fn draw(&mut self, length_s: f64, dice: &mut impl Rng) -> Result<TimedFault, String> {
         let kind: FaultKind = self.kind.parse()?;
+        self.fit(length_s, kind, kind.draw(dice))
+    }
+
+    /// The fault for flights of `length_s`, of this kind. Parameters that the entry leaves out are
+    /// those of `fault`, and filled in.
+    ///
+    /// # Errors
+    /// A value is out of its range or does not belong to the kind.
+    pub(crate) fn fit(
+        &mut self,
+        length_s: f64,
+        kind: FaultKind,
+        mut fault: Fault,
+    ) -> Result<TimedFault, String> {
         if !(0.0..length_s).contains(&self.at_s) {
             return Err(format!("at_s must be 0 to below {length_s}"));
         }
-        if !(self.for_s > 0.0 && self.for_s <= 3600.0) {
+        if self
+            .for_s
+            .is_some_and(|for_s| !(for_s > 0.0 && for_s <= 3600.0))
+        {
             return Err("for_s must be above 0 and at most 3600".into());
         }
-        let mut fault = kind.draw(dice);
         let share = fault.probability_mut();
         reconcile(kind, "probability", &mut self.probability, share, 0.0..=1.0)?;
         let mut stretch_ms = match &fault {
@@ -94,8 +134,11 @@ impl FaultEntry {
         reconcile(kind, "clocks", &mut self.clocks, clocks, 1..=9)?;
         Ok(TimedFault {
             fault,
+            since: self.since,
             at: Ticks::from_secs_f64(self.at_s),
-            until: Ticks::from_secs_f64(self.at_s + self.for_s),
+            until: self.for_s.map_or(Ticks::NEVER, |for_s| {
+                Ticks::from_secs_f64(self.at_s + for_s)
+            }),
         })
     }
 }

@@ -11,5 +11,5 @@ mod stimulus;
 
 pub use earth_field::EarthField;
 pub use environment::{BenchConfig, Environment, PROBE_PIN, SERVO_PIN, ZERO_RUDDER_US};
-pub use fault_schedule::{FaultEntry, TimedFault};
+pub use fault_schedule::{FaultEntry, Since, TimedFault};
 pub use hardware::Hardware;

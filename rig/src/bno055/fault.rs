@@ -166,6 +166,8 @@ impl Bno055 {
                 self.reset_registers();
                 self.power = Power::On;
             }
+            // Without a cable there is no power to come back.
+            Fault::PowerDip if self.faults.has(Fault::Unplugged) => {}
             Fault::PowerDip => self.boot(now),
             Fault::RevertedAxisMap => {
                 self.set(page0::AXIS_MAP_CONFIG, AXIS_MAP_RESET);

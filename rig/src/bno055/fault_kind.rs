@@ -27,6 +27,13 @@ macro_rules! fault_kinds {
                 }
             }
 
+            /// The kind of a fault.
+            pub fn of(fault: &Fault) -> Self {
+                match fault {
+                    $(Fault::$kind { .. } => Self::$kind,)*
+                }
+            }
+
             fn with(self, drawn: &Drawn) -> Fault {
                 match self {
                     $(Self::$kind => Fault::$kind $({
@@ -66,6 +73,15 @@ fault_kinds! {
 }
 
 impl FaultKind {
+    /// A fault of this kind as hard as one that is drawn can be.
+    pub fn hardest(self) -> Fault {
+        self.with(&Drawn {
+            probability: 1.0 / 3.0,
+            stretch: Ticks::from_ms(40),
+            clocks: 9,
+        })
+    }
+
     /// Draws a fault of this kind. Kinds that strike words or bytes get a share between one in
     /// three thousand and one in three; a stretched byte takes 1 to 40 ms. The logarithm of either
     /// is drawn uniformly.
@@ -121,6 +137,7 @@ mod tests {
         for (index, kind) in FaultKind::ALL.into_iter().enumerate() {
             assert_eq!(kind as usize, index);
             assert_eq!(kind.name().parse(), Ok(kind));
+            assert_eq!(FaultKind::of(&kind.hardest()), kind);
         }
         assert!(
             "gremlins"

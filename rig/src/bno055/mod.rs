@@ -244,6 +244,26 @@ impl Bno055 {
         self.signals.gyro_bias_rad_s()
     }
 
+    /// The faults that are on.
+    pub fn faults(&self) -> impl Iterator<Item = &Fault> {
+        self.faults.iter()
+    }
+
+    /// Replaces how long it holds the clock line.
+    pub fn set_bus(&mut self, bus: BusTiming) {
+        self.config.bus = bus;
+    }
+
+    /// Replaces what the magnetometer is like.
+    pub fn set_magnetometer(&mut self, magnetometer: Magnetometer) {
+        self.signals.set_magnetometer(magnetometer);
+    }
+
+    /// Replaces the errors of its sensors; the offset of the gyroscope that was drawn stays.
+    pub fn set_errors(&mut self, errors: ImuErrors) {
+        self.signals.set_errors(errors);
+    }
+
     /// Exposes the sensors to `truth` from the last call until `now`.
     pub fn sense(&mut self, now: Ticks, truth: &Stimulus) {
         self.run(now);

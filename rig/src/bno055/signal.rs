@@ -128,6 +128,14 @@ impl SignalChain {
         self
     }
 
+    pub(super) fn set_magnetometer(&mut self, magnetometer: Magnetometer) {
+        self.magnetometer = magnetometer;
+    }
+
+    pub(super) fn set_errors(&mut self, errors: ImuErrors) {
+        self.errors = errors;
+    }
+
     /// The chip's temperature, deg C.
     pub(super) fn temperature_c(&self) -> f64 {
         self.errors.warm_up.at(self.last_sense)

@@ -1,6 +1,9 @@
 //! What is done with a rig: flights, campaigns of faults, replays of recordings, and running in
 //! real time behind a pseudo-terminal.
 
+pub mod action;
+#[cfg(unix)]
+pub mod control;
 pub mod faults;
 pub mod flight;
 pub mod pilot;

@@ -1,8 +1,12 @@
 //! The person at the rig, who opens the clamp when the firmware reports that it is in control and
 //! takes the drone back to its start when that ends. The pilot also reads what the program at the
-//! port sends, and moves sensor and drone as a calibration asks for.
+//! port sends, and moves sensor and drone as a calibration asks for. What is done by hand
+//! ([`Action`]) is done by the pilot, too.
 
 use crate::bench::sensor_motion::{SensorMotion, resting};
+use crate::bno055::{Fault, FaultKind};
+use crate::disturbance::Disturbances;
+use crate::fly::action::{Action, InHand};
 use crate::rig::Rig;
 use calibration::prompt::{Prompt, Tilt};
 use client::state::state_of;
@@ -11,6 +15,7 @@ use mavlink::dialects::common::MavMessage;
 use nalgebra::UnitQuaternion;
 use plant::Drone;
 use samd21::board::Ticks;
+use serde::Serialize;
 
 /// How far the drone is tilted to see its rudder react, rad.
 const TILT_RAD: f64 = 0.35;
@@ -45,6 +50,35 @@ pub struct Pilot {
     state: Option<StateKind>,
     /// When to look at the rudder of the tilted drone.
     check_rudder_at: Option<Ticks>,
+    /// The clamp is opened or closed by hand, whatever the state.
+    clamp: Option<bool>,
+    /// Faults that end by themselves.
+    ending: Vec<(Ticks, Fault)>,
+}
+
+/// How the rig is, for whoever acts on it.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Look {
+    /// Time since power-on, s.
+    pub time_s: f64,
+    /// The drone's true pitch, rad.
+    pub pitch_rad: f64,
+    /// The clamp holds the drone.
+    pub held: bool,
+    /// Who moves the clamp: `open` and `closed` by hand, `auto` by the firmware's state.
+    pub clamp: &'static str,
+    /// Tilt at which it holds the drone before a release, rad.
+    pub start_rad: f64,
+    /// Faults that are on.
+    pub faults: Vec<&'static str>,
+    /// Disturbances that are on, with their values.
+    pub disturbances: Vec<(&'static str, String)>,
+    /// The cable is in.
+    pub usb: bool,
+    /// The bootloader runs.
+    pub bootloader: bool,
+    /// Resets so far.
+    pub resets: usize,
 }
 
 impl Pilot {
@@ -58,6 +92,8 @@ impl Pilot {
             rate_rad_s,
             state: None,
             check_rudder_at: None,
+            clamp: None,
+            ending: Vec::new(),
         }
     }
 
@@ -124,6 +160,14 @@ impl Pilot {
                 _ => {}
             }
         }
+        let now = rig.now();
+        self.ending.retain(|(due, fault)| {
+            let over = now >= *due;
+            if over {
+                rig.clear(*fault);
+            }
+            !over
+        });
         if self.check_rudder_at.is_some_and(|due| rig.now() >= due) {
             self.check_rudder_at = None;
             lines.push(describe(rig.environment().drone()));
@@ -134,6 +178,9 @@ impl Pilot {
     /// After a failsafe the drone is not caught: it falls as it would.
     fn follow_state(&mut self, rig: &mut Rig, state: StateKind) {
         self.state = Some(state);
+        if self.clamp.is_some() {
+            return;
+        }
         let held = rig.environment().drone().held();
         match state {
             StateKind::Active if held => rig.release(self.rate_rad_s),
@@ -143,6 +190,107 @@ impl Pilot {
                 rig.environment_mut().tilt_clamp(self.start_rad);
             }
             _ => {}
+        }
+    }
+
+    /// Does what a person does by hand.
+    ///
+    /// # Errors
+    /// It cannot be done to this rig.
+    pub fn act(&mut self, rig: &mut Rig, action: &Action) -> Result<(), String> {
+        let disturb = |rig: &mut Rig, change: &dyn Fn(&mut Disturbances)| {
+            let mut disturbances = rig.environment().disturbances();
+            change(&mut disturbances);
+            rig.environment_mut().set_disturbances(disturbances);
+        };
+        match action {
+            Action::Look => {}
+            Action::Tilt(rad) => {
+                self.start_rad = *rad;
+                rig.environment_mut().tilt_clamp(*rad);
+            }
+            Action::Clamp(by_hand) => self.clamp(rig, *by_hand),
+            Action::Push(impulse) => rig.environment_mut().push(*impulse),
+            Action::Gust(torque, seconds) => rig.environment_mut().gust(*torque, *seconds),
+            Action::Sensor(InHand::Tremble) => {
+                let tremble = SensorMotion::Tremble(TREMBLE_RAD_S);
+                rig.environment_mut().move_sensor(tremble);
+            }
+            Action::Sensor(InHand::Turn) => rig.environment_mut().move_sensor(SensorMotion::Turn),
+            Action::Sensor(InHand::Back) => rig.environment_mut().put_back(),
+            Action::Fault(fault, length) => {
+                self.forget(FaultKind::of(fault));
+                rig.inject(*fault);
+                self.ending
+                    .extend(length.map(|length| (rig.now() + length, *fault)));
+            }
+            Action::Clear(kind) => {
+                for kind in kind.map_or(FaultKind::ALL.to_vec(), |kind| vec![kind]) {
+                    self.forget(kind);
+                    rig.clear(kind.hardest());
+                }
+            }
+            Action::Vibration(value) => disturb(rig, &|all| all.vibration = *value),
+            Action::ServoSupply(value) => disturb(rig, &|all| all.servo_supply = *value),
+            Action::ThrustRamp(value) => disturb(rig, &|all| all.thrust_ramp = *value),
+            Action::Temperature(value) => disturb(rig, &|all| all.temperature = *value),
+            Action::Hardware(setting) => rig.set_hardware(setting)?,
+            Action::Reset => rig.press_reset(),
+            Action::PowerCycle => rig.power_cycle(),
+            Action::BrownOut => rig.brown_out(),
+            Action::Program(_) if rig.in_bootloader() => {
+                return Err("the bootloader runs, not the firmware".into());
+            }
+            Action::Program(end) => {
+                let ended = rig.end_program(*end);
+                ended.ok_or("this image has no place that panics")?;
+            }
+            Action::Store(false) => rig.spoil_store(),
+            Action::Store(true) => rig.erase_store(),
+            Action::Usb(true) => rig.usb_host_mut().attach(),
+            Action::Usb(false) => rig.usb_host_mut().detach(),
+        }
+        Ok(())
+    }
+
+    /// A fault of this kind does not end by itself any more.
+    fn forget(&mut self, kind: FaultKind) {
+        self.ending
+            .retain(|(_, fault)| FaultKind::of(fault) != kind);
+    }
+
+    fn clamp(&mut self, rig: &mut Rig, by_hand: Option<bool>) {
+        self.clamp = by_hand;
+        let held = rig.environment().drone().held();
+        match by_hand {
+            Some(true) if held => rig.release(self.rate_rad_s),
+            Some(false) if !held => {
+                rig.environment_mut().catch();
+                rig.environment_mut().tilt_clamp(self.start_rad);
+            }
+            _ => {}
+        }
+    }
+
+    /// How the rig is.
+    pub fn look(&self, rig: &Rig) -> Look {
+        let environment = rig.environment();
+        let faults = environment.sensor().faults();
+        Look {
+            time_s: rig.now().as_secs_f64(),
+            pitch_rad: environment.drone().pitch_rad(),
+            held: environment.drone().held(),
+            clamp: match self.clamp {
+                Some(true) => "open",
+                Some(false) => "closed",
+                None => "auto",
+            },
+            start_rad: self.start_rad,
+            faults: faults.map(|fault| FaultKind::of(fault).name()).collect(),
+            disturbances: environment.disturbances().rows(),
+            usb: rig.usb_host().is_attached(),
+            bootloader: rig.in_bootloader(),
+            resets: rig.resets().len(),
         }
     }
 

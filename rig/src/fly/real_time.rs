@@ -3,17 +3,21 @@
 //! The emulated laptop takes from the image only what the program at the pseudo-terminal reads: a
 //! program that stops reading stops the laptop, and the image's packets wait, as on a real
 //! cable. A program that opens the pseudo-terminal sets DTR, one that closes it clears DTR, and the
-//! rate that it asks for is the port's.
+//! rate that it asks for is the port's. While the cable is out there is no pseudo-terminal.
 
 use std::io;
+use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
+use crate::fly::action::Action;
+use crate::fly::control::Control;
 use crate::fly::pilot::Pilot;
 use crate::fly::pty::Pty;
 use crate::observe::measure::LoopTiming;
 use crate::rig::{Rig, RigError};
 use samd21::board::Ticks;
+use serde_json::json;
 use thiserror::Error;
 
 /// How long the rig runs between two looks at the pseudo-terminal.
@@ -55,7 +59,9 @@ pub struct Summary {
 pub struct RealTime {
     rig: Rig,
     pilot: Pilot,
-    pty: Pty,
+    /// None while the cable is out.
+    pty: Option<Pty>,
+    control: Option<Control>,
     open: bool,
     baud: Option<u32>,
     outgoing: Vec<u8>,
@@ -74,7 +80,8 @@ impl RealTime {
             window_start: rig.now(),
             rig,
             pilot,
-            pty,
+            pty: Some(pty),
+            control: None,
             open: false,
             baud: None,
             outgoing: Vec::new(),
@@ -90,8 +97,15 @@ impl RealTime {
         self
     }
 
+    /// Lets other programs act on the rig.
+    pub fn with_control(mut self, control: Control) -> Self {
+        self.control = Some(control);
+        self
+    }
+
     /// Runs until `stop` is set or `longest` is over. `report` gets lines to show to a person, with
-    /// the rig's time, s.
+    /// the rig's time, s. `plugged` gets the path of the pseudo-terminal each time that the cable
+    /// is put in.
     ///
     /// # Errors
     /// The rig stopped, or the pseudo-terminal failed.
@@ -100,11 +114,14 @@ impl RealTime {
         longest: Option<Duration>,
         stop: &AtomicBool,
         report: &mut dyn FnMut(f64, &str),
+        plugged: &mut dyn FnMut(&Path) -> io::Result<()>,
     ) -> Result<Summary, RealTimeError> {
         let begun = Instant::now();
         let mut due = begun;
         while !stop.load(Ordering::Relaxed) && longest.is_none_or(|most| begun.elapsed() < most) {
             self.slice(report)?;
+            self.act(report);
+            self.plug(plugged)?;
             due += Duration::from_micros(SLICE.as_us()).div_f64(self.speed);
             match due.checked_duration_since(Instant::now()) {
                 Some(early) => std::thread::sleep(early),
@@ -122,8 +139,8 @@ impl RealTime {
 
     fn slice(&mut self, report: &mut dyn FnMut(f64, &str)) -> Result<(), RealTimeError> {
         self.watch_port();
-        if self.open {
-            let typed = self.pty.read()?;
+        if let Some(pty) = self.pty.as_ref().filter(|_| self.open) {
+            let typed = pty.read()?;
             self.rig.usb_write(&typed);
             self.pilot.on_station_bytes(&mut self.rig, &typed);
         }
@@ -133,9 +150,9 @@ impl RealTime {
         for line in self.pilot.on_image_bytes(&mut self.rig, &sent) {
             report(now_s, &line);
         }
-        if self.open {
+        if let Some(pty) = self.pty.as_ref().filter(|_| self.open) {
             self.outgoing.extend_from_slice(&sent);
-            let count = self.pty.write(&self.outgoing)?;
+            let count = pty.write(&self.outgoing)?;
             self.outgoing.drain(..count);
         }
         let full = self.outgoing.len() >= BUFFER;
@@ -147,13 +164,46 @@ impl RealTime {
         Ok(())
     }
 
+    /// Does what other programs ask for.
+    fn act(&mut self, report: &mut dyn FnMut(f64, &str)) {
+        let Some(control) = &mut self.control else {
+            return;
+        };
+        let (rig, pilot) = (&mut self.rig, &mut self.pilot);
+        control.poll(|line| {
+            let done = line.parse().and_then(|action: Action| {
+                if action != Action::Look {
+                    report(rig.now().as_secs_f64(), &format!("by hand: {line}"));
+                }
+                pilot.act(rig, &action)
+            });
+            match done {
+                Ok(()) => json!(pilot.look(rig)).to_string(),
+                Err(error) => json!({ "error": error }).to_string(),
+            }
+        });
+    }
+
+    /// Takes the pseudo-terminal away with the cable, and makes another one when it is back.
+    fn plug(
+        &mut self,
+        plugged: &mut dyn FnMut(&Path) -> io::Result<()>,
+    ) -> Result<(), RealTimeError> {
+        match (self.rig.usb_host().is_attached(), &self.pty) {
+            (false, Some(_)) => self.pty = None,
+            (true, None) => plugged(self.pty.insert(Pty::open()?).path())?,
+            _ => {}
+        }
+        Ok(())
+    }
+
     /// Passes opening, closing and the rate of the port on to the USB host, as a serial driver
     /// does.
     fn watch_port(&mut self) {
-        let open = self.pty.is_open();
+        let open = self.pty.as_ref().is_some_and(Pty::is_open);
         let host = self.rig.usb_host_mut();
-        if open {
-            let baud = self.pty.baud();
+        if let Some(pty) = self.pty.as_ref().filter(|_| open) {
+            let baud = pty.baud();
             if baud != self.baud {
                 self.baud = baud;
                 host.set_line_coding(baud.unwrap_or(0));

@@ -3,8 +3,9 @@
 //! ```toml
 //! [[fault]]
 //! kind = "spikes"       # as in `tvc faults`
-//! at_s = 0.30           # after the release
-//! for_s = 0.05
+//! since = "release"     # or "power-on"
+//! at_s = 0.30           # after that
+//! for_s = 0.05          # for ever if left out
 //! probability = 0.01    # drawn from the seed if left out; stretch_ms and clocks likewise
 //!
 //! [vibration]           # each of these tables as the option of its name
@@ -79,6 +80,7 @@ fn scenario(file: File, seed: u64, length_s: f64) -> Result<Scenario, String> {
 mod tests {
     use super::*;
     use rig::Ticks;
+    use rig::bench::Since;
     use rig::bno055::{Fault, FaultKind};
 
     fn parsed(text: &str) -> Result<Scenario, String> {
@@ -137,6 +139,18 @@ mod tests {
             let error = fault(entry).unwrap_err();
             assert!(error.contains(word), "{entry}: {error}");
         }
+    }
+
+    #[test]
+    fn a_fault_may_come_with_the_power_and_stay() {
+        let text = "[[fault]]\nkind = \"unplugged\"\nsince = \"power-on\"\nat_s = 20\n";
+        let faults = parsed(text).map(|scenario| scenario.faults);
+        let error = faults.unwrap_err();
+        assert!(error.contains("at_s must be 0 to below 3"), "{error}");
+        let fault = parsed(&text.replace("20", "0")).unwrap().faults[0];
+        assert_eq!((fault.since, fault.until), (Since::PowerOn, Ticks::NEVER));
+        let error = parsed(&text.replace("power-on", "noon")).unwrap_err();
+        assert!(error.contains("`release`"), "{error}");
     }
 
     #[test]

@@ -8,7 +8,7 @@ use crate::flight::figures::{Run, spread, telemetry};
 use crate::flight::requirements;
 use crate::out::measure::{Figure, Figures, data, figure, rows, shown};
 use rig::ServoKind;
-use rig::bench::FaultEntry;
+use rig::bench::{FaultEntry, Since};
 use rig::disturbance::Disturbances;
 
 /// All that was measured, in flights or in a replay.
@@ -75,7 +75,14 @@ impl Measured {
         }
         for fault in &self.faults {
             let share = fault.probability.map(|p| format!(", share {p:.4}"));
-            let when = format!("at {} s for {} s", fault.at_s, fault.for_s);
+            let length = fault
+                .for_s
+                .map_or(String::new(), |for_s| format!(" for {for_s} s"));
+            let since = match fault.since {
+                Since::Release => "",
+                Since::PowerOn => " after power-on",
+            };
+            let when = format!("at {} s{since}{length}", fault.at_s);
             let how = when + &share.unwrap_or_default();
             figures.push(shown(format!("fault {}", fault.kind), how));
         }

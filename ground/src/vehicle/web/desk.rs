@@ -2,13 +2,14 @@
 //!
 //! | order | what it does |
 //! |---|---|
-//! | `stop` | disarms, whatever its age, and ends a step test or a step of the set-up |
+//! | `stop` | disarms, whatever its age, and ends a test or a step of the set-up |
 //! | `arm`, `release`, `calibrate`, `save`, `reload`, `reset` | the order is given |
 //! | `set` with `name` and `value` | a parameter is set |
 //! | `write-file` | the note in the answer is the text of a parameter file |
 //! | `read-file` with `text` | the note is the file's parameters, a name and a value a line |
 //! | `record`, `end-record` | a log begins, ends |
-//! | `step` | a step test begins |
+//! | `step`, `hold`, `chirp` | a test begins, of so many `seconds` if they are given |
+//! | `rig` with `action` | something is done by hand to the virtual rig |
 //! | `set-up` with `step` | a step of the set-up begins |
 //! | `answer` with `question` and `reply` | its question is answered |
 //! | `cancel` | it ends |
@@ -20,10 +21,10 @@
 //! disarmed: nobody is left who can press STOP.
 
 use std::io::Write;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::pin::Pin;
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::{Arc, Mutex};
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, Error, Result, bail, ensure};
@@ -33,10 +34,13 @@ use serde::Deserialize;
 
 use super::auth::{Once, Token};
 use super::handle::{Condition, Handle, Recording};
-use super::model::{Model, State};
+use super::manoeuvre;
+use super::model::{Model, State, Test};
+use super::rig::{self, RigSocket};
+use super::set_up;
 use super::vehicle_thread::guard;
-use super::{set_up, step_test};
 use crate::param_file;
+use crate::vehicle::test::Manoeuvre;
 
 /// Age from which on an order is refused.
 pub const FRESH: Duration = Duration::from_secs(1);
@@ -80,7 +84,10 @@ enum Order {
     ReadFile { text: String },
     Record,
     EndRecord,
-    Step,
+    Step { seconds: Option<f64> },
+    Hold { seconds: Option<f64> },
+    Chirp { seconds: Option<f64> },
+    Rig { action: String },
     SetUp { step: set_up::Step },
     Answer { question: u64, reply: String },
     Cancel,
@@ -98,9 +105,12 @@ pub struct Desk {
     /// What is known of the vehicle.
     pub model: Arc<Model>,
     vehicle: Handle,
-    /// Where files go.
-    logs: PathBuf,
-    /// Ends the step test, or the step of the set-up, that is under way.
+    rig: RigSocket,
+    /// Where logs are.
+    pub logs: PathBuf,
+    /// One report at a time: it holds a whole log.
+    pub reading: Mutex<()>,
+    /// Ends the test, or the step of the set-up, that is under way.
     test_stop: &'static AtomicBool,
     pages: AtomicUsize,
     /// A page has armed the vehicle.
@@ -109,14 +119,22 @@ pub struct Desk {
 }
 
 impl Desk {
-    /// A desk in front of a vehicle.
-    pub fn new(token: Token, once: Once, vehicle: Handle, model: Arc<Model>, logs: &Path) -> Self {
+    /// A desk in front of a vehicle, whose logs go to a folder, and which may be a rig.
+    pub fn new(
+        (token, once): (Token, Once),
+        vehicle: Handle,
+        rig: RigSocket,
+        logs: PathBuf,
+        model: Arc<Model>,
+    ) -> Self {
         Self {
             token,
             once,
             model,
             vehicle,
-            logs: logs.to_owned(),
+            rig,
+            logs,
+            reading: Mutex::new(()),
             // It lives as long as the program, as that of the signals does.
             test_stop: Box::leak(Box::default()),
             pages: AtomicUsize::new(0),
@@ -194,9 +212,15 @@ impl Desk {
                 let ended = self.vehicle.end_recording();
                 return Ok(Box::pin(async { ended.await.map(|()| None) }));
             }
-            Order::Step => {
-                self.step()?;
-                return Ok(done());
+            Order::Step { seconds } => return self.test(Manoeuvre::STEP.lasting(seconds)?),
+            Order::Hold { seconds } => return self.test(Manoeuvre::HOLD.lasting(seconds)?),
+            Order::Chirp { seconds } => return self.test(Manoeuvre::CHIRP.lasting(seconds)?),
+            Order::Rig { action } => {
+                rig::admit(&action)?;
+                let rig = self.rig.clone();
+                return Ok(Box::pin(
+                    async move { rig.act(&action).await.map(|_| None) },
+                ));
             }
             Order::SetUp { step } => {
                 self.set_up(step)?;
@@ -263,17 +287,20 @@ impl Desk {
         Ok(param_file::text(&rows))
     }
 
-    /// Begins a step test.
-    fn step(&self) -> Result<()> {
+    /// Begins a test.
+    fn test(&self, manoeuvre: Manoeuvre) -> Result<Outcome> {
         let mut state = self.model.lock();
         self.take_rudder(&state)?;
-        let mut test = state.step_test().clone();
-        test.running = true;
-        state.set_step_test(test);
+        state.set_test(Test {
+            manoeuvre: manoeuvre.name(),
+            running: true,
+            ..Test::default()
+        });
+        drop(state);
         let (vehicle, model) = (self.vehicle.clone(), self.model.clone());
         let stop = self.test_stop;
-        std::thread::spawn(move || step_test::run(&vehicle, &model, stop));
-        Ok(())
+        std::thread::spawn(move || manoeuvre::run(manoeuvre, &vehicle, &model, stop));
+        Ok(done())
     }
 
     /// Begins a step of the set-up.
@@ -317,8 +344,7 @@ impl Desk {
     /// Whether something is under way that a page has begun.
     fn is_flown(&self) -> bool {
         let state = self.model.lock();
-        let busy =
-            state.status().in_operation || state.step_test().running || state.set_up().running;
+        let busy = state.status().in_operation || state.test().running || state.set_up().running;
         self.armed.fetch_and(busy, Ordering::SeqCst) && busy
     }
 }
@@ -348,7 +374,7 @@ fn told(note: String) -> Outcome {
 
 /// Nothing is being recorded or tested.
 fn idle(state: &State) -> Result<()> {
-    ensure!(!state.step_test().running, "a step test is under way");
+    ensure!(!state.test().running, "a test is under way");
     not_set_up(state)?;
     match &state.status().recording {
         Some(path) => bail!("{path} is being recorded: end it first"),

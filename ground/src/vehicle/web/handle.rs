@@ -60,8 +60,8 @@ impl Condition {
 pub enum Recording {
     /// Whatever happens until it is ended.
     Flight,
-    /// A step test, which begins the estimate anew by itself.
-    Step,
+    /// A test of this name, which begins the estimate anew by itself.
+    Test(&'static str),
 }
 
 impl Recording {
@@ -69,7 +69,7 @@ impl Recording {
     pub fn name(self) -> &'static str {
         match self {
             Self::Flight => "flight",
-            Self::Step => "step",
+            Self::Test(name) => name,
         }
     }
 }

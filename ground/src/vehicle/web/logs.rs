@@ -1,14 +1,19 @@
-//! Files for recordings, numbered.
+//! The folder of recordings: new ones, numbered, and what the page lists, downloads and reads.
 
 use std::path::{Path, PathBuf};
+use std::time::UNIX_EPOCH;
 
-use anyhow::Result;
+use anyhow::{Context, Result};
+use serde::Serialize;
 
-use crate::logs::log::Writer;
+use crate::logs::log::{Flight, Log, Writer, has_extension, span_us};
+use crate::logs::report;
 use crate::out::exit::BadInput;
 
 /// Most recordings of a kind in one folder.
 const MOST: u32 = 9999;
+/// Most recordings that are listed, the newest.
+const LISTED: usize = 500;
 
 /// Begins a log with the next free number in `folder`; also gives its path.
 ///
@@ -30,6 +35,74 @@ pub fn free(folder: &Path, kind: &str) -> Result<PathBuf> {
         .ok_or_else(|| BadInput::new(format!("{} is full of logs", folder.display())).into())
 }
 
+/// A recording.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Recorded {
+    /// Name of its file.
+    pub name: String,
+    /// When it begins, ms since 1970; of a file that does not tell, when it was written last.
+    pub begun_ms: Option<u64>,
+    /// Its length, s, where the file tells.
+    pub seconds: Option<f64>,
+    /// Its size, bytes.
+    pub bytes: u64,
+}
+
+/// The recordings of a folder, the newest first. What is no plain file is none.
+///
+/// # Errors
+/// The folder cannot be read.
+pub fn list(folder: &Path) -> Result<Vec<Recorded>> {
+    let entries = std::fs::read_dir(folder)
+        .with_context(|| format!("cannot read the folder {}", folder.display()))?;
+    let mut found: Vec<Recorded> = entries.filter_map(|entry| recorded(&entry.ok()?)).collect();
+    found.sort_by(|a, b| (b.begun_ms, &b.name).cmp(&(a.begun_ms, &a.name)));
+    found.truncate(LISTED);
+    Ok(found)
+}
+
+fn recorded(entry: &std::fs::DirEntry) -> Option<Recorded> {
+    let path = entry.path();
+    let name = entry.file_name().into_string().ok()?;
+    // Of a link it is that of the link.
+    let about = entry.metadata().ok()?;
+    let is_log = has_extension(&path, "tlog") || has_extension(&path, "mcap");
+    if !about.is_file() || !is_log || name.starts_with('.') {
+        return None;
+    }
+    let span = span_us(&path);
+    let written = || {
+        let since = about.modified().ok()?.duration_since(UNIX_EPOCH).ok()?;
+        Some(since.as_millis() as u64)
+    };
+    Some(Recorded {
+        name,
+        begun_ms: span.map(|(begin, _)| begin / 1000).or_else(written),
+        seconds: span.map(|(begin, end)| end.saturating_sub(begin) as f64 * 1e-6),
+        bytes: about.len(),
+    })
+}
+
+/// The path of a recording that is listed.
+///
+/// # Errors
+/// There is none of this name, whatever else the name may point to.
+pub fn find(folder: &Path, name: &str) -> Result<PathBuf> {
+    let listed = list(folder)?.into_iter().find(|log| log.name == name);
+    let log = listed.context("there is no recording of this name")?;
+    Ok(folder.join(log.name))
+}
+
+/// The page of `tvc report` of a recording.
+///
+/// # Errors
+/// There is none of this name, or it is no log.
+pub fn report_page(folder: &Path, name: &str) -> Result<String> {
+    let path = find(folder, name)?;
+    let flight = Flight::of(&Log::read(&path)?);
+    report::page(&path, &flight)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -42,5 +115,43 @@ mod tests {
         assert!(name("step").ends_with("step-002.tlog"));
         assert!(name("flight").ends_with("flight-001.tlog"));
         assert!(create(&folder.path().join("none"), "step").is_err());
+    }
+
+    /// Neither what lies outside, by dots or by a link, nor what is no recording.
+    #[test]
+    fn only_what_is_listed_is_found() {
+        let outside = tempfile::tempdir().unwrap();
+        let folder = outside.path().join("logs");
+        std::fs::create_dir_all(folder.join("inner.tlog")).unwrap();
+        for name in [
+            "secret.tlog",
+            "logs/mine.tlog",
+            "logs/notes.txt",
+            "logs/.hidden.tlog",
+            "logs/inner.tlog/deep.tlog",
+        ] {
+            std::fs::write(outside.path().join(name), b"x").unwrap();
+        }
+        #[cfg(unix)]
+        std::os::unix::fs::symlink("../secret.tlog", folder.join("link.tlog")).unwrap();
+        let names: Vec<String> = list(&folder).unwrap().into_iter().map(|l| l.name).collect();
+        assert_eq!(names, ["mine.tlog"]);
+        assert!(find(&folder, "mine.tlog").is_ok());
+        let absolute = outside.path().join("secret.tlog");
+        for name in [
+            "",
+            ".",
+            "../secret.tlog",
+            "./mine.tlog",
+            "link.tlog",
+            "notes.txt",
+            ".hidden.tlog",
+            "inner.tlog",
+            "inner.tlog/deep.tlog",
+            absolute.to_str().unwrap(),
+        ] {
+            assert!(find(&folder, name).is_err(), "{name}");
+        }
+        assert!(report_page(&folder, "mine.tlog").is_err(), "no log");
     }
 }

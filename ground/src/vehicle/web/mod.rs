@@ -6,13 +6,14 @@ mod auth;
 mod desk;
 mod handle;
 mod logs;
+mod manoeuvre;
 mod model;
 mod relay;
 mod releases;
+mod rig;
 mod server;
 mod set_up;
 mod socket;
-mod step_test;
 mod strangers;
 mod vehicle_thread;
 
@@ -38,6 +39,7 @@ use auth::{Once, Token};
 use desk::Desk;
 use handle::Handle;
 use model::Model;
+use rig::RigSocket;
 
 /// Time between two looks at whether the program is to end.
 const LOOK: Duration = Duration::from_millis(50);
@@ -50,8 +52,8 @@ Examples:
   cargo tvc web --port ./nano              of the rig that `tvc rig --pty --link ./nano` runs
   cargo tvc web --logs flights             recordings and step tests go to the folder flights
 
-Attitude, strip charts, health, messages, parameters, arm, STOP (Esc), step tests and recordings.
-Everything is in the program: no network is needed. When the port goes away the page says so and
+Attitude, strip charts, health, messages, parameters, arm, STOP (Esc), tests, recordings and their
+reports; for the virtual rig, if it has a --link, all that can be done to it by hand. Everything is in the program: no network is needed. When the port goes away the page says so and
 waits for it. At its end, and a second after the last page was closed, the vehicle is disarmed;
 meanwhile its FS_HOST is 1, so that it gives up 3 s after this program was killed.
 Exit status: 0 ended, 1 something failed, 2 unusable input.")]
@@ -69,7 +71,7 @@ pub struct Web {
     #[arg(long)]
     pub open: bool,
 
-    /// Folder for recordings; it must exist.
+    /// Folder for recordings, whose logs the page lists; it must exist.
     #[arg(long, value_name = "DIR", default_value = ".")]
     pub logs: PathBuf,
 
@@ -101,7 +103,15 @@ pub fn run(options: &Web) -> Result<Verdict> {
     let (url, opened) = (url(token.text()), url(&once.text()));
     let model = Arc::new(Model::default());
     let (handle, asks) = Handle::new();
-    let desk = Arc::new(Desk::new(token, once, handle, model.clone(), &options.logs));
+    let rig = RigSocket::beside(options.port.port.as_deref());
+    let desk = Desk::new(
+        (token, once),
+        handle,
+        rig.clone(),
+        options.logs.clone(),
+        model.clone(),
+    );
+    let desk = Arc::new(desk);
     let runtime = runtime::Builder::new_current_thread()
         .enable_io()
         .enable_time()
@@ -141,7 +151,11 @@ pub fn run(options: &Web) -> Result<Verdict> {
                 }
                 Ok::<_, Error>(())
             };
-            tokio::select! { result = served => result, result = over => result }
+            tokio::select! {
+                result = served => result,
+                result = over => result,
+                () = rig.watch(&model) => Ok(()),
+            }
         })?;
         // Now the vehicle's thread disarms what is armed, and whoever moves the rudder puts back
         // what was changed for that.

@@ -166,9 +166,11 @@ impl ParameterRow {
     }
 }
 
-/// A step test: under way, or its result.
+/// A test: under way, or its result.
 #[derive(Clone, Debug, Default, Serialize)]
-pub struct StepTest {
+pub struct Test {
+    /// What is flown: `step`, `hold` or `chirp`.
+    pub manoeuvre: &'static str,
     /// It is under way.
     pub running: bool,
     /// What it does now, or why it failed.
@@ -186,23 +188,25 @@ pub struct State {
     pub motion: Motion,
     /// How often the status has changed, and the newest.
     status: (u64, VehicleStatus),
-    step_test: (u64, StepTest),
+    test: (u64, Test),
     set_up: (u64, SetUp),
     texts: VecDeque<Text>,
     last_text: u64,
     parameters: (u64, Vec<ParameterRow>),
     releases: (u64, Vec<Release>),
+    rig: (u64, Value),
 }
 
 /// How much of it a page has seen.
 #[derive(Debug, Default)]
 pub struct Seen {
     status: u64,
-    step_test: u64,
+    test: u64,
     set_up: u64,
     text: u64,
     parameters: u64,
     releases: u64,
+    rig: u64,
 }
 
 /// What a page has not seen yet, by the names that the page has for it.
@@ -216,7 +220,7 @@ pub struct Update {
     pub status: Option<VehicleStatus>,
     /// If it changed.
     #[serde(rename = "trial", skip_serializing_if = "Option::is_none")]
-    pub step_test: Option<StepTest>,
+    pub test: Option<Test>,
     /// If it changed.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub set_up: Option<SetUp>,
@@ -229,6 +233,9 @@ pub struct Update {
     /// The last ones, oldest first, if there is a new one.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub releases: Option<Vec<Release>>,
+    /// If it changed.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub rig: Option<Value>,
 }
 
 impl State {
@@ -242,14 +249,14 @@ impl State {
         self.status = (self.status.0 + 1, status);
     }
 
-    /// The last step test.
-    pub fn step_test(&self) -> &StepTest {
-        &self.step_test.1
+    /// The last test.
+    pub fn test(&self) -> &Test {
+        &self.test.1
     }
 
     /// Replaces it.
-    pub fn set_step_test(&mut self, step_test: StepTest) {
-        self.step_test = (self.step_test.0 + 1, step_test);
+    pub fn set_test(&mut self, test: Test) {
+        self.test = (self.test.0 + 1, test);
     }
 
     /// The last step of the set-up.
@@ -278,6 +285,13 @@ impl State {
         self.releases = (self.releases.0 + 1, releases);
     }
 
+    /// Replaces how the virtual rig is; null where there is none.
+    pub fn set_rig(&mut self, rig: Value) {
+        if self.rig.1 != rig {
+            self.rig = (self.rig.0 + 1, rig);
+        }
+    }
+
     /// Keeps a text of this program.
     pub fn say(&mut self, severity: u8, text: &str) {
         self.add_text(self.motion.time_s, severity, text.to_owned());
@@ -302,22 +316,24 @@ impl State {
         // Numbered from 1, so that a new page gets everything.
         let next = Seen {
             status: self.status.0 + 1,
-            step_test: self.step_test.0 + 1,
+            test: self.test.0 + 1,
             set_up: self.set_up.0 + 1,
             text: self.last_text,
             parameters: self.parameters.0 + 1,
             releases: self.releases.0 + 1,
+            rig: self.rig.0 + 1,
         };
         let last = std::mem::replace(seen, next);
         let texts = self.texts.iter().filter(|text| text.id > last.text);
         Update {
             motion: self.motion.clone(),
             status: (last.status != seen.status).then(|| self.status.1.clone()),
-            step_test: (last.step_test != seen.step_test).then(|| self.step_test.1.clone()),
+            test: (last.test != seen.test).then(|| self.test.1.clone()),
             set_up: (last.set_up != seen.set_up).then(|| self.set_up.1.clone()),
             texts: texts.cloned().collect(),
             parameters: (last.parameters != seen.parameters).then(|| self.parameters.1.clone()),
             releases: (last.releases != seen.releases).then(|| self.releases.1.clone()),
+            rig: (last.rig != seen.rig).then(|| self.rig.1.clone()),
         }
     }
 }
@@ -348,15 +364,15 @@ mod tests {
         let update = state.update(&mut seen);
         assert_eq!(update.texts.len(), TEXTS);
         assert_eq!(update.texts[TEXTS - 1].text, (3 * TEXTS - 1).to_string());
-        assert!(update.status.is_some() && update.step_test.is_some());
+        assert!(update.status.is_some() && update.test.is_some());
         assert!(update.parameters.is_some());
         let update = state.update(&mut seen);
-        assert!(update.texts.is_empty() && update.status.is_none() && update.step_test.is_none());
+        assert!(update.texts.is_empty() && update.status.is_none() && update.test.is_none());
         assert!(update.parameters.is_none());
         state.add_text(1.0, 4, "new".into());
         state.set_status(VehicleStatus::default());
         let update = state.update(&mut seen);
         assert_eq!(update.texts.len(), 1);
-        assert!(update.status.is_some() && update.step_test.is_none());
+        assert!(update.status.is_some() && update.test.is_none());
     }
 }

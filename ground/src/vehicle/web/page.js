@@ -4,11 +4,14 @@ import { Guided } from "./guided.js";
 import { Attitude } from "./attitude.js";
 import { Charts } from "./charts.js";
 import { Link } from "./link.js";
+import { Logs, nameOf } from "./logs.js";
 import { ParameterFile } from "./parameter_file.js";
 import { Parameters } from "./parameters.js";
 import { Releases } from "./releases.js";
 import { foldable } from "./sections.js";
+import { RigPanel } from "./rig.js";
 import { Stop } from "./stop.js";
+import { TITLES, rowsOf } from "./tests.js";
 
 const at = (id) => document.getElementById(id);
 /** Texts in sight. */
@@ -67,7 +70,10 @@ document.addEventListener("keydown", (event) => {
 for (const button of document.querySelectorAll("[data-order]")) {
   button.addEventListener("click", () => press(button.dataset.order, button.textContent));
 }
-at("step").addEventListener("click", () => press("step", "step test begun"));
+for (const button of document.querySelectorAll("[data-test]")) {
+  const order = button.dataset.test;
+  button.addEventListener("click", () => press(order, `${TITLES[order].toLowerCase()} begun`));
+}
 at("record").addEventListener("click", () => (
   condition.recording ? press("end-record", "recording ended") : press("record", "recording begun")
 ));
@@ -80,6 +86,8 @@ const files = { write: at("write_file"), read: at("read_file"), input: at("file"
 new ParameterFile(files, (order, fields) => link.order(order, fields), parameters);
 
 const guided = new Guided(at("set-up"), press);
+const rig = new RigPanel(at("rig"), (action) => link.order("rig", { action }));
+const logs = new Logs(at("logs"), () => link.token);
 
 // Pictures
 
@@ -164,11 +172,12 @@ function showSilence() {
   at("problem").textContent = link.refusal || "tvc web does not answer: is it still running? This page tries again by itself.";
   at("state").textContent = "unknown";
   at("state").className = "pill";
-  for (const button of document.querySelectorAll("[data-order], #step, #record")) button.disabled = true;
+  for (const button of document.querySelectorAll("[data-order], [data-test], #record")) button.disabled = true;
   guided.silence();
 }
 
 function showCondition(now) {
+  if (condition.recording !== now.recording) logs.list();
   condition = now;
   at("state").textContent = now.state;
   at("state").className = `pill ${now.state.split(" ")[0]}`;
@@ -177,11 +186,11 @@ function showCondition(now) {
   at("problem").textContent = now.connected ? "" : `${now.problem} — the page goes on by itself when it is back.`;
   const busy = trial.running || guided.running;
   const blocked = now.in_operation || busy;
-  for (const button of document.querySelectorAll("[data-order], #step")) button.disabled = !now.connected;
+  for (const button of document.querySelectorAll("[data-order], [data-test]")) button.disabled = !now.connected;
   document.querySelector("[data-order=arm]").disabled ||= blocked;
   document.querySelector("[data-order=release]").disabled ||= !now.can_release || busy;
   document.querySelector("[data-order=calibrate]").disabled ||= blocked;
-  at("step").disabled ||= blocked || now.recording !== null;
+  for (const button of document.querySelectorAll("[data-test]")) button.disabled ||= blocked || now.recording !== null;
   // A recording can be ended though the vehicle is silent.
   at("record").disabled = busy || (!now.connected && now.recording === null);
   at("record").textContent = now.recording && !busy ? "End recording" : "Record";
@@ -212,20 +221,11 @@ function showTrial(now) {
   at("trial").hidden = !now.running && !now.stage && !now.result;
   const result = now.result;
   const met = result && result.missed.length === 0;
-  at("stage").textContent = now.running ? now.stage || "begins" : result ? (met ? `every requirement met; ${now.log}` : now.log) : now.stage;
+  at("stage").textContent = now.running ? now.stage || "begins" : result ? (met ? "every requirement met" : "") : now.stage;
+  at("tested").textContent = TITLES[now.manoeuvre] ?? "";
+  at("tested-log").replaceChildren(...(now.running || !now.log ? [] : [`${now.log} `, logs.links(nameOf(now.log))]));
   at("stage").classList.toggle("met", Boolean(met));
-  const seconds = (value) => (value === null ? "never" : `${value.toFixed(3)} s`);
-  const run = result?.run;
-  figures(at("figures"), !run ? [] : [
-    ["tilt at release", `${(run.start_rad * 180 / Math.PI).toFixed(1)} deg`],
-    ["rise", seconds(run.rise_s)],
-    ["overshoot", `${run.overshoot_pct.toFixed(1)} %`],
-    ["settling to 5 %", seconds(run.settling_5pct_s)],
-    ["final error", `${(run.final_error_rad * 180 / Math.PI).toFixed(2)} deg`],
-    ["stayed in control", run.stayed_active ? "yes" : "no"],
-    ["loop jitter", `${result.loop.jitter_us_max.toFixed(0)} us`],
-    ["messages lost", String(result.telemetry.lost)],
-  ]);
+  figures(at("figures"), result ? rowsOf(result) : []);
   at("missed").replaceChildren(...(result?.missed ?? []).map((line) => {
     const item = document.createElement("li");
     item.textContent = line;
@@ -251,6 +251,7 @@ function show(news) {
   heard = performance.now();
   if (news.condition) showCondition(news.condition);
   if (news.trial) showTrial(news.trial);
+  if ("rig" in news) rig.show(news.rig);
   if (news.set_up) {
     guided.show(news.set_up);
     if (condition.state) showCondition(condition);

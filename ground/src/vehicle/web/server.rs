@@ -5,9 +5,12 @@
 //! | `GET /` and the files that it names | the page |
 //! | `GET /page` | the [WebSocket](super::socket) of a page |
 //! | `POST /stop` | the vehicle is disarmed |
+//! | `GET /rig.json` | what can be done to a virtual rig |
+//! | `GET /logs`, `/logs/NAME`, `/reports/NAME` | the recordings, one of them, its report |
 //!
-//! Nothing here is secret: the token is in the address that the tool prints, behind `#`, which
-//! browsers keep to themselves; the page sends it over its WebSocket. `POST /stop` needs no token,
+//! The page is no secret: the token is in the address that the tool prints, behind `#`, which
+//! browsers keep to themselves; the page sends it over its WebSocket, and as `Authorization:
+//! Bearer` where it asks for recordings, which no foreign page can send. `POST /stop` needs no token,
 //! so that a page of an earlier start still stops the vehicle; it needs the header `X-Stop`, which
 //! a foreign page cannot send.
 //!
@@ -19,12 +22,15 @@ use std::convert::Infallible;
 use std::sync::Arc;
 use std::time::Duration;
 
-use hyper::body::Incoming;
+use anyhow::Result;
+use http_body_util::Full;
+use hyper::body::{Bytes, Incoming};
 use hyper::header::{self, HeaderName, HeaderValue};
 use hyper::server::conn::http1;
 use hyper::service::service_fn;
 use hyper::{HeaderMap, Method, Request, Response, StatusCode, http::response::Builder};
 use hyper_util::rt::{TokioIo, TokioTimer};
+use percent_encoding::percent_decode_str;
 use serde_json::json;
 use tokio::net::{TcpListener, TcpStream};
 use tokio::time::{sleep, timeout};
@@ -32,19 +38,22 @@ use tokio_tungstenite::tungstenite::handshake::derive_accept_key;
 
 use super::auth::is_own_host;
 use super::desk::Desk;
-use super::socket;
 use super::strangers::Strangers;
+use super::{logs, rig, socket};
 
 /// Time for a request's head.
 const HEAD: Duration = Duration::from_secs(2);
 /// Time for a request and its answer; the vehicle has five seconds for its own.
 const EXCHANGE: Duration = Duration::from_secs(8);
+/// Further time for a recording on its way to a page that has shown the token.
+const DOWNLOAD: Duration = Duration::from_secs(600);
 /// Longest head, bytes.
 const HEAD_BYTES: usize = 16 * 1024;
 /// Pause after a connection that could not be taken in.
 const PAUSE: Duration = Duration::from_millis(20);
 
 const HTML: &str = "text/html; charset=utf-8";
+const JSON: &str = "application/json";
 const SCRIPT: &str = "text/javascript; charset=utf-8";
 
 const STYLE: &str = "text/css; charset=utf-8";
@@ -77,6 +86,9 @@ const FILES: &[(&str, &str, &str)] = &[
         STYLE,
         include_str!("../../../vendor/uplot/uPlot.min.css"),
     ),
+    ("/rig.js", SCRIPT, include_str!("rig.js")),
+    ("/logs.js", SCRIPT, include_str!("logs.js")),
+    ("/tests.js", SCRIPT, include_str!("tests.js")),
 ];
 
 /// Sent with every answer: nothing is loaded from elsewhere, no foreign page may show this one in a
@@ -96,6 +108,9 @@ const HEADERS: [(HeaderName, &str); 6] = [
     ),
     (header::CACHE_CONTROL, "no-store"),
 ];
+
+/// An answer: whole, since the longest is a recording on this computer's disk.
+type Answer = Response<Full<Bytes>>;
 
 /// Answers requests for ever.
 pub async fn serve(listener: TcpListener, desk: Arc<Desk>) -> Infallible {
@@ -120,21 +135,23 @@ async fn exchange(stream: TcpStream, desk: Arc<Desk>, strangers: Arc<Strangers>)
     // Without it the system delays small messages.
     let _ = stream.set_nodelay(true);
     let service = service_fn(|request| answer(request, desk.clone(), strangers.clone()));
-    let connection = http1::Builder::new()
+    let mut connection = http1::Builder::new()
         .timer(TokioTimer::new())
         .header_read_timeout(HEAD)
         .max_buf_size(HEAD_BYTES)
         .serve_connection(TokioIo::new(stream), service)
         .with_upgrades();
     // That the other side has gone is no error.
-    let _ = timeout(EXCHANGE, connection).await;
+    if timeout(EXCHANGE, &mut connection).await.is_err() && !strangers.has(tokio::task::id()) {
+        let _ = timeout(DOWNLOAD, connection).await;
+    }
 }
 
 async fn answer(
     request: Request<Incoming>,
     desk: Arc<Desk>,
     strangers: Arc<Strangers>,
-) -> hyper::http::Result<Response<String>> {
+) -> hyper::http::Result<Answer> {
     let head = request.headers();
     if !is_of_own_page(head) {
         return plain(
@@ -144,15 +161,33 @@ async fn answer(
     }
     match (request.method(), request.uri().path()) {
         (&Method::POST, "/stop") if head.contains_key("X-Stop") => match desk.stop().await {
-            Ok(note) => respond(StatusCode::OK, "application/json", json!({ "note": note })),
+            Ok(note) => respond(StatusCode::OK, JSON, json!({ "note": note }).to_string()),
             Err(error) => {
                 let error = json!({ "error": format!("{error:#}") });
-                respond(StatusCode::CONFLICT, "application/json", error)
+                respond(StatusCode::CONFLICT, JSON, error.to_string())
             }
         },
         (&Method::GET, "/page") => open(request, desk, strangers),
+        (&Method::GET, "/rig.json") => respond(StatusCode::OK, JSON, rig::vocabulary().to_string()),
+        (&Method::GET, path) if path == "/logs" || folder_and_name(path).is_some() => {
+            if !is_authorised(head, &desk) {
+                return plain(
+                    StatusCode::UNAUTHORIZED,
+                    "recordings need the page's token\n",
+                );
+            }
+            strangers.forget(tokio::task::id());
+            let path = path.to_owned();
+            // Reading must not keep a STOP waiting.
+            let read = tokio::task::spawn_blocking(move || recordings(&desk, &path));
+            match read.await {
+                Ok(Ok((kind, content))) => respond(StatusCode::OK, kind, content),
+                Ok(Err(error)) => plain(StatusCode::NOT_FOUND, &format!("{error:#}\n")),
+                Err(_) => plain(StatusCode::INTERNAL_SERVER_ERROR, "it cannot be read\n"),
+            }
+        }
         (&Method::GET, path) => match FILES.iter().find(|(name, ..)| *name == path) {
-            Some((_, kind, content)) => respond(StatusCode::OK, kind, content),
+            Some((_, kind, content)) => respond(StatusCode::OK, kind, *content),
             None => plain(StatusCode::NOT_FOUND, "there is no such page\n"),
         },
         _ => plain(StatusCode::FORBIDDEN, "orders come from the page\n"),
@@ -164,7 +199,7 @@ fn open(
     mut request: Request<Incoming>,
     desk: Arc<Desk>,
     strangers: Arc<Strangers>,
-) -> hyper::http::Result<Response<String>> {
+) -> hyper::http::Result<Answer> {
     let head = request.headers();
     let upgrade = head.get(header::UPGRADE).map(HeaderValue::as_bytes);
     let key = head.get(header::SEC_WEBSOCKET_KEY);
@@ -188,7 +223,36 @@ fn open(
         .header(header::CONNECTION, "upgrade")
         .header(header::UPGRADE, "websocket")
         .header(header::SEC_WEBSOCKET_ACCEPT, accept)
-        .body(String::new())
+        .body(Full::default())
+}
+
+/// Whether the request has the token of this start.
+fn is_authorised(head: &HeaderMap, desk: &Desk) -> bool {
+    let given = head.get(header::AUTHORIZATION);
+    let given = given.and_then(|value| value.to_str().ok()?.strip_prefix("Bearer "));
+    given.is_some_and(|token| desk.token.is(token))
+}
+
+/// The folder and the name, as it is written in an address, of a recording's path.
+fn folder_and_name(path: &str) -> Option<(&str, &str)> {
+    let (folder, name) = path.strip_prefix('/')?.split_once('/')?;
+    ["logs", "reports"]
+        .contains(&folder)
+        .then_some((folder, name))
+}
+
+/// What is asked for about recordings, and its kind.
+fn recordings(desk: &Desk, path: &str) -> Result<(&'static str, Vec<u8>)> {
+    let Some((folder, name)) = folder_and_name(path) else {
+        return Ok((JSON, serde_json::to_vec(&logs::list(&desk.logs)?)?));
+    };
+    let name = percent_decode_str(name).decode_utf8()?;
+    if folder == "reports" {
+        let _one = desk.reading.lock();
+        return Ok((HTML, logs::report_page(&desk.logs, &name)?.into_bytes()));
+    }
+    let bytes = std::fs::read(logs::find(&desk.logs, &name)?)?;
+    Ok(("application/octet-stream", bytes))
 }
 
 /// Whether a request names this computer, and comes from a page of this program if from any.
@@ -203,15 +267,15 @@ fn is_of_own_page(head: &HeaderMap) -> bool {
     }
 }
 
-fn plain(status: StatusCode, text: &str) -> hyper::http::Result<Response<String>> {
-    respond(status, "text/plain; charset=utf-8", text)
+fn plain(status: StatusCode, text: &str) -> hyper::http::Result<Answer> {
+    respond(status, "text/plain; charset=utf-8", text.to_owned())
 }
 
 fn respond(
     status: StatusCode,
     kind: &str,
-    content: impl ToString,
-) -> hyper::http::Result<Response<String>> {
+    content: impl Into<Bytes>,
+) -> hyper::http::Result<Answer> {
     HEADERS
         .into_iter()
         .fold(
@@ -219,5 +283,5 @@ fn respond(
             |response, (name, value)| Builder::header(response, name, value),
         )
         .header(header::CONTENT_TYPE, kind)
-        .body(content.to_string())
+        .body(Full::new(content.into()))
 }

@@ -28,6 +28,12 @@ impl Strangers {
         end_oldest(&mut self.0.lock().unwrap_or_else(PoisonError::into_inner));
     }
 
+    /// Whether a task has not shown the token.
+    pub fn has(&self, task: Id) -> bool {
+        let tasks = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        tasks.iter().any(|other| other.id() == task)
+    }
+
     /// A task has shown the token, and stays.
     pub fn forget(&self, task: Id) {
         let mut tasks = self.0.lock().unwrap_or_else(PoisonError::into_inner);

@@ -33,7 +33,8 @@ use stored::Stored;
 
 /// Time between two attempts to open a port that went away.
 const RETRY: Duration = Duration::from_millis(500);
-/// Time between two status objects, if nothing changes.
+/// Time between two status objects, if nothing changes, and between two lists of parameters, even
+/// if they do: a chirp changes one fifty times a second.
 const STATUS: Duration = Duration::from_millis(250);
 /// Time between two measurements of the round trip.
 const ROUND_TRIP: Duration = Duration::from_secs(1);
@@ -145,6 +146,7 @@ struct Session<'a> {
     round_trip_ms: Option<f64>,
     round_trip_due: Duration,
     status_due: Duration,
+    parameters_due: Duration,
 }
 
 impl<'a> Session<'a> {
@@ -180,6 +182,7 @@ impl<'a> Session<'a> {
             round_trip_ms: None,
             round_trip_due: Duration::ZERO,
             status_due: Duration::ZERO,
+            parameters_due: Duration::ZERO,
             link,
         }
     }
@@ -206,6 +209,7 @@ impl<'a> Session<'a> {
         self.watch_host();
         self.ask_readiness();
         self.ask_stored();
+        self.publish_parameters();
         if self.link.now() >= self.status_due {
             self.publish_status();
         }
@@ -345,12 +349,12 @@ impl<'a> Session<'a> {
     /// Hands over the answers that have come.
     fn answer(&mut self) {
         let client = self.link.client();
-        let count = self.waiting.len();
+        let mut told = false;
         for waiting in &mut self.waiting {
             if let Some(answer) = client.answer(waiting.ticket) {
                 for reply in waiting.replies.drain(..) {
                     // Who asked may be gone.
-                    let _ = reply.send(answer.clone().map_err(Error::from));
+                    told |= reply.send(answer.clone().map_err(Error::from)).is_ok();
                 }
             } else if waiting.condition.is_over() {
                 client.repeat_no_more(waiting.ticket);
@@ -370,7 +374,7 @@ impl<'a> Session<'a> {
         if self.list.is_some_and(|list| client.answer(list).is_some()) {
             self.list = None;
         }
-        if self.waiting.len() < count {
+        if told {
             self.status_due = Duration::ZERO;
         }
     }

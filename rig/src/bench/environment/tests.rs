@@ -128,6 +128,7 @@ fn faults_come_and_go_after_each_release() {
     let mut environment = environment(BenchConfig {
         faults: vec![TimedFault {
             fault: Fault::SclStuck,
+            since: Since::Release,
             at: Ticks::from_ms(20),
             until: Ticks::from_ms(50),
         }],
@@ -150,6 +151,60 @@ fn faults_come_and_go_after_each_release() {
     assert!(stuck(&mut environment, 330));
     environment.catch();
     assert!(!stuck(&mut environment, 331));
+}
+
+/// It is there from the first step on, and is neither ended by a catch nor forgotten at the next
+/// power-on.
+#[test]
+fn a_fault_without_an_end_comes_with_the_power() {
+    let mut environment = environment(BenchConfig {
+        faults: vec![TimedFault {
+            fault: Fault::SclStuck,
+            since: Since::PowerOn,
+            at: Ticks::ZERO,
+            until: Ticks::NEVER,
+        }],
+        ..BenchConfig::default()
+    });
+    let stuck = |environment: &mut Environment, ms: u64| {
+        environment.advance(Ticks::from_ms(ms));
+        environment.sensor().held_low(Ticks::from_ms(ms)).scl
+    };
+    assert!(stuck(&mut environment, 1));
+    environment.release(0.0);
+    environment.catch();
+    assert!(stuck(&mut environment, 10));
+    environment.clear(Ticks::from_ms(10), Fault::SclStuck);
+    assert!(!stuck(&mut environment, 20));
+    environment.power_on();
+    assert!(stuck(&mut environment, 21));
+}
+
+/// 0.2 N m for 0.1 s is an impulse of 20 mN m s, which gives 0.127 kg m2 a rate of 0.157 rad/s.
+#[test]
+fn a_gust_turns_a_free_drone_and_what_is_off_acts_no_more() {
+    let rate = |gust: Option<(f64, f64)>| {
+        let mut environment = environment(BenchConfig::default());
+        environment.release(0.0);
+        if let Some((torque_n_m, seconds)) = gust {
+            environment.gust(torque_n_m, seconds);
+        }
+        environment.advance(Ticks::from_ms(100));
+        environment.drone().rate_rad_s()
+    };
+    let gained = rate(Some((0.2, 0.1))) - rate(None);
+    assert!((0.15..0.165).contains(&gained), "{gained}");
+    let mut environment = environment(BenchConfig::default());
+    let thrust = |environment: &Environment| environment.drone.mechanism().parameters().thrust_n;
+    let full = thrust(&environment);
+    environment.set_disturbances(Disturbances {
+        thrust_ramp: "40,0.5".parse().ok(),
+        ..Disturbances::default()
+    });
+    environment.advance(Ticks::from_ms(10));
+    assert!((thrust(&environment) - 0.4 * full).abs() < 1e-9);
+    environment.set_disturbances(Disturbances::default());
+    assert_eq!(thrust(&environment), full);
 }
 
 #[test]

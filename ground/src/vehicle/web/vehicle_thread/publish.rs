@@ -34,7 +34,7 @@ impl Session<'_> {
         let (client, model) = (self.link.client(), self.model);
         let releases = self.releases.take(message, || Circumstances {
             parameters: client.parameters().cloned().collect(),
-            by_test: model.lock().step_test().running,
+            by_test: model.lock().test().running,
             log: self
                 .recording
                 .as_ref()
@@ -73,7 +73,6 @@ impl Session<'_> {
                 // The table is this tool's own: a value that it does not allow is shown as it is,
                 // and not used.
                 let _ = self.params.set(text(&m.param_id), m.param_value);
-                self.publish_parameters();
             }
             MavMessage::TIMESYNC(m) if m.tc1 != 0 => {
                 let ns = self.link.now().as_nanos() as i64 - m.ts1;
@@ -86,8 +85,9 @@ impl Session<'_> {
 
     /// Publishes the parameters, if all are known and something about them has changed.
     pub(super) fn publish_parameters(&mut self) {
+        let now = self.link.now();
         let client = self.link.client();
-        if !client.has_all_parameters() {
+        if now < self.parameters_due || !client.has_all_parameters() {
             return;
         }
         let row = |row: &Parameter| ParameterRow::of(row, self.stored.value(&row.name, &self.host));
@@ -95,6 +95,7 @@ impl Session<'_> {
         let mut model = self.model.lock();
         if *model.parameters() != rows {
             model.set_parameters(rows);
+            self.parameters_due = now + STATUS;
         }
     }
 

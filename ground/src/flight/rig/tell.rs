@@ -1,0 +1,94 @@
+//! `tvc rig tell`: something done by hand to a rig that runs.
+
+use std::path::PathBuf;
+
+use ::rig::action::{Action, HELP};
+use anyhow::Result;
+use clap::Args;
+
+use crate::out::exit::{BadInput, Verdict};
+
+/// Options of `tvc rig tell`.
+#[derive(Debug, Args)]
+#[command(after_help = help())]
+pub struct Tell {
+    /// The link of the rig, as it was given with --link.
+    #[arg(value_name = "LINK")]
+    pub link: PathBuf,
+
+    /// What to do, in the words below.
+    #[arg(
+        value_name = "ACTION",
+        required = true,
+        trailing_var_arg = true,
+        allow_hyphen_values = true
+    )]
+    pub action: Vec<String>,
+}
+
+fn help() -> String {
+    let actions: String = HELP
+        .iter()
+        .map(|(words, what)| format!("  {words}\n      {what}\n"))
+        .collect();
+    format!(
+        "Actions:\n{actions}\n\
+Examples:
+  cargo tvc rig tell ./nano fault unplugged            before boot: then power-cycle
+  cargo tvc rig tell ./nano fault spikes probability=0.05 for_s=0.5
+  cargo tvc rig tell ./nano clear all
+  cargo tvc rig tell ./nano state                      how the rig is, as one JSON object
+
+Prints how the rig is then. docs/troubleshooting.md has the actions that lead to what it describes.
+Exit status: 0 done, 1 no rig answers, 2 no such action."
+    )
+}
+
+/// Acts on a rig that runs, and prints how it is then.
+///
+/// # Errors
+/// [`BadInput`] for what is no action or cannot be done to this rig; no rig that answers.
+#[cfg(unix)]
+pub fn run(options: &Tell) -> Result<Verdict> {
+    use std::io::{BufRead, BufReader, Write};
+    use std::os::unix::net::UnixStream;
+    use std::time::Duration;
+
+    use anyhow::Context;
+
+    use crate::out::file::print;
+
+    /// Time for an answer.
+    const PATIENCE: Duration = Duration::from_secs(5);
+
+    let line = options.action.join(" ");
+    line.parse::<Action>().map_err(BadInput::new)?;
+    let path = super::control_path(&options.link);
+    let mut stream = UnixStream::connect(&path).with_context(|| {
+        format!(
+            "no rig with --link {} runs here ({})",
+            options.link.display(),
+            path.display()
+        )
+    })?;
+    stream.set_read_timeout(Some(PATIENCE))?;
+    writeln!(stream, "{line}")?;
+    let mut answer = String::new();
+    let asked = BufReader::new(stream).read_line(&mut answer);
+    asked.context("the rig does not answer")?;
+    let answer: serde_json::Value =
+        serde_json::from_str(&answer).context("the rig does not answer")?;
+    if let Some(error) = answer["error"].as_str() {
+        return Err(BadInput::new(error).into());
+    }
+    print(format_args!("{answer}\n"))?;
+    Ok(Verdict::Met)
+}
+
+/// Only Unix has a rig that runs.
+#[cfg(not(unix))]
+pub fn run(options: &Tell) -> Result<Verdict> {
+    let line = options.action.join(" ");
+    line.parse::<Action>().map_err(BadInput::new)?;
+    Err(BadInput::new("`tvc rig --pty` needs Linux or macOS").into())
+}

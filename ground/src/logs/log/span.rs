@@ -1,0 +1,59 @@
+//! When a log begins and ends, from the ends of its file.
+
+use std::fs::File;
+use std::io::{Read, Seek, SeekFrom};
+use std::path::Path;
+
+use super::{Frames, has_extension};
+
+/// Bytes at either end: many frames, each at most 288 long.
+const END: u64 = 8192;
+
+/// Times of the first and the last frame of a `.tlog`, us since 1970; nothing of another file.
+pub fn span_us(path: &Path) -> Option<(u64, u64)> {
+    if !has_extension(path, "tlog") {
+        return None;
+    }
+    let mut file = File::open(path).ok()?;
+    let length = file.metadata().ok()?.len();
+    let first = times(&mut file, 0)?.next()?;
+    let last = times(&mut file, length.saturating_sub(END))?.last()?;
+    Some((first, last))
+}
+
+fn times(file: &mut File, from: u64) -> Option<impl Iterator<Item = u64>> {
+    file.seek(SeekFrom::Start(from)).ok()?;
+    let mut bytes = Vec::new();
+    file.take(END).read_to_end(&mut bytes).ok()?;
+    let frames = Frames {
+        bytes: &bytes,
+        stray_bytes: 0,
+    };
+    let times: Vec<u64> = frames.map(|(time_us, _)| time_us).collect();
+    Some(times.into_iter())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::Writer;
+    use super::*;
+    use client::{Wire, request};
+
+    #[test]
+    fn the_ends_of_a_long_log_are_found() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("long.tlog");
+        let mut writer = Writer::create(&path).unwrap();
+        let mut station = Wire::default();
+        for count in 0..2000 {
+            let frame = station.frame(&request::heartbeat());
+            writer.write_at(5_000_000 + 1000 * count, &frame).unwrap();
+        }
+        writer.end().unwrap();
+        assert!(std::fs::metadata(&path).unwrap().len() > 4 * END);
+        assert_eq!(span_us(&path), Some((5_000_000, 6_999_000)));
+        std::fs::write(&path, "no log").unwrap();
+        assert_eq!(span_us(&path), None);
+        assert_eq!(span_us(&folder.path().join("none.tlog")), None);
+    }
+}
