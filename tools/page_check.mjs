@@ -401,6 +401,8 @@ test("an answer is for the question in sight, and a click that was meant for ano
   assert.deepEqual([order("arm").disabled, at("step").disabled, at("record").disabled], [true, true, true]);
   await come({ now_ms: 7000, frame, set_up: { ...setUp, running: false, ending: "the vehicle is as it was" } });
   assert.deepEqual([order("arm").disabled, at("step").disabled, at("record").disabled], [false, false, false]);
+});
+
 test("before Arm is pressed the page says why it would be refused", async () => {
   await show({ can_arm: false, refusal: "gyro offset unknown: hold still" });
   assert.equal(at("arming").textContent, "Cannot be armed: gyro offset unknown: hold still");
