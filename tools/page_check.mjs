@@ -539,6 +539,15 @@ test("a clock that went back begins the charts anew, and no more than a minute o
   const { length } = strips()[0].data[0];
   draw(10_000);
   assert.ok(strips()[0].data[0].length <= 75, `${length}`);
+  // What is looked at stays for a while.
+  await press("pause");
+  for (let time = 401; time <= 800; time += 1) await push(time);
+  await press("earlier");
+  assert.ok(strips()[0].data[0][0] < 390);
+  for (let time = 801; time <= 1500; time += 1) await push(time);
+  await press("later");
+  assert.ok(strips()[0].data[0].length <= 615, `${strips()[0].data[0].length}`);
+  await press("pause");
   await push(5);
   draw(11_000);
   assert.deepEqual(strips()[0].data[0], [5]);

@@ -81,7 +81,10 @@ fn releases_by_hand_are_kept_with_what_was_changed_between_them() {
     let server = Server::of(&port, folder.path());
     let page = server.page();
     for (number, kp) in [(1, 1.9), (2, 1.5)] {
-        page.wait("condition", |now| now["state"] == "standby");
+        page.wait_for("standby");
+        // The rig has tilted it again.
+        let is_tilted = |now: &Value| now["attitude_deg"][1].as_f64() > Some(16.0);
+        page.wait("frame", is_tilted);
         page.set("PID_KP", kp);
         page.arm();
         page.press("release");
