@@ -181,7 +181,7 @@ def stops(browser):
             .observe(document.getElementById('state'), { childList: true, characterData: true, subtree: true });""")
     times = []
     for turn in range(STOPS):
-        browser.wait("!document.querySelector('[data-order=arm]').disabled")
+        browser.wait("document.getElementById('arming').textContent === 'Ready to be armed.'")
         browser.click("[data-order=arm]")
         browser.wait(state("armed"))
         time.sleep(0.3)
@@ -217,11 +217,10 @@ def step_test(browser):
 
 def charts(browser):
     """A chart with the cursor on it, paused, and zoomed by dragging: what it says, and how its axis changes."""
-    browser.value("document.getElementById('charts').scrollIntoView()")
+    browser.click("[data-chart=pause]")
     box = browser.value("(() => { const r = document.querySelector('#strips .u-over').getBoundingClientRect(); return [r.x, r.y, r.width, r.height]; })()")
     at = lambda share: {"x": box[0] + share * box[2], "y": box[1] + box[3] / 2}
     words = "document.querySelector('#strips figcaption b').textContent"
-    browser.click("[data-chart=pause]")
     browser.send("Input.dispatchMouseEvent", type="mouseMoved", **at(0.5))
     time.sleep(0.3)
     first = browser.value(words)
