@@ -15,7 +15,12 @@ import { fileURLToPath, pathToFileURL } from "node:url";
 class Element {
   constructor(tag) {
     Object.assign(this, { tag, listeners: {}, children: [], dataset: {}, style: {}, parent: null, value: "", textContent: "" });
-    this.classList = { toggle() {} };
+    this.classes = new Set();
+    this.classList = {
+      contains: (name) => this.classes.has(name),
+      toggle: (name, on = !this.classes.has(name)) => { this.classes[on ? "add" : "delete"](name); },
+    };
+    Object.assign(this, { written: [], clientWidth: 600, clientHeight: 200 });
     this.disabled = false;
   }
   get disabled() { return this.isDisabled; }
@@ -30,8 +35,9 @@ class Element {
     }
   }
   append(...children) {
-    for (const child of children) {
-      if (child instanceof Element) child.parent = this;
+    for (const part of children) {
+      const child = part instanceof Element ? part : Object.assign(new Element("text"), { textContent: part });
+      child.parent = this;
       this.children.push(child);
     }
   }
@@ -55,7 +61,11 @@ class Element {
   querySelectorAll() { return []; }
   setAttribute(name, value) { this[name] = value; }
   blur() { this.left = true; }
-  getContext() { return new Proxy({}, { get: () => () => {}, set: () => true }); }
+  get childNodes() { return [...this.children]; }
+  get files() { return this.chosen ?? []; }
+  click() { return this.fire("click"); }
+  /** Whatever is written into a canvas. */
+  getContext() { return new Proxy({}, { get: (_, name) => (name === "fillText" ? (words) => this.written.push(words) : () => {}), set: () => true }); }
 }
 
 /** As much of uPlot as the scripts use: what was asked of the newest ones. */
@@ -90,6 +100,8 @@ const tests = ["step", "hold", "chirp"].map((name) => {
 /** The orders that were sent to the program, and the requests by HTTP. */
 const [sent, requests] = [[], []];
 const ends = [];
+/** Where the scripts are as modules. */
+let folder = "";
 /** The page's end of the WebSocket. */
 let socket = null;
 /** What the page asks to be called for its next picture. */
@@ -169,7 +181,7 @@ before(async () => {
     },
   });
   // Where nothing says that these are modules, Node takes them for scripts of the older kind.
-  const folder = mkdtempSync(join(tmpdir(), "page-"));
+  folder = mkdtempSync(join(tmpdir(), "page-"));
   cpSync(fileURLToPath(new URL("../ground/src/vehicle/web/", import.meta.url)), folder, { recursive: true });
   writeFileSync(join(folder, "package.json"), '{"type": "module"}');
   await import(pathToFileURL(join(folder, "page.js")));
@@ -389,4 +401,228 @@ test("an answer is for the question in sight, and a click that was meant for ano
   assert.deepEqual([order("arm").disabled, at("step").disabled, at("record").disabled], [true, true, true]);
   await come({ now_ms: 7000, frame, set_up: { ...setUp, running: false, ending: "the vehicle is as it was" } });
   assert.deepEqual([order("arm").disabled, at("step").disabled, at("record").disabled], [false, false, false]);
+});
+
+test("before Arm is pressed the page says why it would be refused", async () => {
+  await show({ can_arm: false, refusal: "gyro offset unknown: hold still" });
+  assert.equal(at("arming").textContent, "Cannot be armed: gyro offset unknown: hold still");
+  await show({});
+  assert.equal(at("arming").textContent, "Ready to be armed.");
+  await show({ can_arm: false });
+  assert.equal(at("arming").textContent, "", "unknown");
+  await show({ state: "armed", in_operation: true, can_arm: false, refusal: "old" });
+  assert.equal(at("arming").textContent, "");
+});
+
+// Parameters
+
+const groups = () => at("parameters").children.map((group) => [group.children[0].children[0].children[0].textContent, group.children[1].hidden]);
+const search = async (words, only = false) => {
+  at("search").value = words;
+  at("only_changed").checked = only;
+  await at("search").fire("input");
+};
+
+test("parameters stand in groups, of which the first is open, and what is looked for is found in all", async () => {
+  await come({ now_ms: 7010, frame, parameters: [row, other] });
+  assert.deepEqual(groups(), [["Control law", false], ["Servo", true]]);
+  await at("parameters").children[1].children[0].children[0].children[0].fire("click");
+  assert.equal(rows(1)[0].hidden, false);
+  await at("parameters").children[1].children[0].children[0].children[0].fire("click");
+  await search("direc");
+  assert.deepEqual([rows(0)[0].hidden, rows(1)[0].hidden], [true, false], "by the meaning, in a closed group");
+  assert.equal(at("parameters").children[0].hidden, true);
+  await escape(at("search"));
+  assert.deepEqual([at("search").value, at("search").left, sent], ["", true, []], "Escape leaves it and is no STOP");
+  assert.deepEqual([rows(0)[0].hidden, rows(1)[0].hidden], [false, true]);
+});
+
+test("what is changed or not saved is marked, counted and found, and what the vehicle measures is neither", async () => {
+  const measured = { ...other, name: "CLK_FINE", measured: true, value: 511, default: -1, stored: null };
+  await come({ now_ms: 7011, frame, parameters: [{ ...row, value: 2, stored: 1.5 }, other, measured] });
+  const [name, , , range] = rows(0)[0].children;
+  assert.deepEqual([name.children[0].textContent, name.children[0].title], ["not saved", "in flash: 1.5"]);
+  assert.equal(range.textContent, "0 to 10; default 1");
+  assert.equal(at("parameter_count").textContent, "1 changed from the defaults, 1 not saved");
+  assert.equal(groups()[0][0], "Control law · 1 changed");
+  await search("", true);
+  assert.deepEqual([rows(0)[0].hidden, rows(1)[0].hidden, rows(1)[1].hidden], [false, true, true]);
+  await search("");
+  await come({ now_ms: 7012, frame, parameters: [row, other, measured] });
+  assert.equal(name.children[0].textContent, "");
+  await come({ now_ms: 7013, frame, parameters: [{ ...row, stored: null }, other, measured] });
+  assert.equal(name.children[0].textContent, "", "unknown");
+  await come({ now_ms: 7014, frame, parameters: [row, other, measured] });
+});
+
+const choose = async (text) => {
+  at("file").chosen = [{ name: "mine.parm", text: async () => text }];
+  await at("file").fire("change");
+  await settle();
+};
+const told = () => at("file_changes").children.map((part) => part.textContent);
+
+test("a parameter file is set only when somebody agrees, and not in control", async () => {
+  await choose("PID_KP 2");
+  assert.deepEqual([sent[0].order, sent[0].text], ["read-file", "PID_KP 2"]);
+  await answer("read-file", { note: "PID_KP           2\nSRV_DIR          1\nNO_SUCH          3\n" });
+  assert.deepEqual(at("file_changes").children[1].children.map((item) => item.textContent), ["PID_KP: 1 → 2"]);
+  assert.match(told().join(), /no parameter NO_SUCH/);
+  assert.equal(sent.length, 1, "nothing is set yet");
+  const [agree, cancel] = at("file_changes").children.at(-1).children;
+  await show({ state: "active", armed: true, in_operation: true });
+  await agree.fire("click");
+  assert.deepEqual([sent.length, told()], [1, ["The vehicle is in control: disarm first."]]);
+  await show({});
+  agree.fire("click");
+  await settle();
+  assert.deepEqual([sent[1].name, sent[1].value], ["PID_KP", 2]);
+  await answer("set", { error: "PID_KP stays at 1" });
+  assert.deepEqual(told(), ["mine.parm: 0 of 1 set; Save keeps them.", "PID_KP: PID_KP stays at 1"]);
+  await cancel.fire("click");
+  assert.deepEqual(told(), []);
+  await choose("x".repeat(20_000));
+  assert.match(told()[0], /too long/);
+});
+
+// Pictures
+
+const strips = () => Plot.made.slice(0, 5);
+const push = async (time_s, more = {}) => {
+  frame.count += 1;
+  await come({ now_ms: 7100, frame: { ...frame, time_s, ...more } });
+};
+const press = (name) => at(`[data-chart=${name}]`).fire("click");
+
+test("charts follow the vehicle's time, stay while they are paused, and zoom", async () => {
+  for (let time = 100; time <= 130; time += 1) await push(time);
+  draw(5000);
+  assert.deepEqual(strips()[0].scales.x, { min: 110, max: 130 });
+  await press("closer");
+  assert.deepEqual(strips()[0].scales.x, { min: 120, max: 130 });
+  await press("farther");
+  await press("pause");
+  const view = { ...strips()[1].scales.x };
+  assert.ok(Math.abs(view.max - 130) < 1e-6 && Math.abs(view.min - 110) < 1e-6);
+  for (let time = 131; time <= 140; time += 1) await push(time);
+  draw(6000);
+  assert.deepEqual(strips()[1].scales.x, view, "paused");
+  await press("earlier");
+  assert.ok(Math.abs(strips()[0].scales.x.min - 100) < 1e-6);
+  // What was dragged over in one of them.
+  const [plot] = strips();
+  Object.assign(plot, { select: { left: 10, width: 40 }, posToVal: (at) => 110 + at / 10, setSelect() {} });
+  plot.options.hooks.setSelect[0](plot);
+  draw(7000);
+  assert.ok(Math.abs(strips()[2].scales.x.min - 111) < 1e-6 && Math.abs(strips()[2].scales.x.max - 115) < 1e-6);
+  await press("pause");
+  draw(8000);
+  assert.deepEqual(strips()[0].scales.x, { min: 120, max: 140 });
+});
+
+test("the cursor tells its time and the values there, and no number is a gap", async () => {
+  await push(150, { attitude_deg: [0, null, 0] });
+  const [plot] = strips();
+  draw(9000);
+  assert.equal(plot.data[1].at(-1), null);
+  const words = at("strips").children[0].children[0].children.at(-1);
+  assert.equal(words.textContent, "invalid deg");
+  plot.cursor = { left: 20, idx: plot.data[0].indexOf(140) };
+  plot.options.hooks.setCursor[0]();
+  assert.equal(words.textContent, "at 140.00 s: 17.0 · 0.0 deg");
+  plot.cursor = { left: -10, idx: null };
+  plot.options.hooks.setCursor[0]();
+});
+
+test("a clock that went back begins the charts anew, and no more than a minute or so is kept", async () => {
+  for (let time = 200; time <= 400; time += 1) await push(time);
+  const { length } = strips()[0].data[0];
+  draw(10_000);
+  assert.ok(strips()[0].data[0].length <= 75, `${length}`);
+  // What is looked at stays for a while.
+  await press("pause");
+  for (let time = 401; time <= 800; time += 1) await push(time);
+  await press("earlier");
+  assert.ok(strips()[0].data[0][0] < 390);
+  for (let time = 801; time <= 1500; time += 1) await push(time);
+  await press("later");
+  assert.ok(strips()[0].data[0].length <= 615, `${strips()[0].data[0].length}`);
+  await press("pause");
+  await push(5);
+  draw(11_000);
+  assert.deepEqual(strips()[0].data[0], [5]);
+});
+
+test("an invalid attitude is written into the picture in place of the drone", async () => {
+  at("attitude").written.length = 0;
+  await push(6, { attitude_deg: [0, null, 0] });
+  draw(12_000);
+  assert.deepEqual(at("attitude").written, ["attitude invalid"]);
+  await push(7);
+  draw(13_000);
+  assert.deepEqual(at("attitude").written.slice(1), ["N", "E", "S", "W"]);
+});
+
+test("the picture's body is turned by yaw, pitch and roll in turn, nose up positive", async () => {
+  const { rotation, seen } = await import(pathToFileURL(join(folder, "attitude.js")));
+  const near = (found, expected) => found.forEach((value, i) => assert.ok(Math.abs(value - expected[i]) < 1e-9, `${found}`));
+  near(rotation([0, 90, 0])([1, 0, 0]), [0, 0, -1]);
+  near(rotation([0, 0, 90])([1, 0, 0]), [0, 1, 0]);
+  near(rotation([90, 0, 0])([0, 1, 0]), [0, 0, 1]);
+  near(rotation([0, 90, 90])([0, 0, 1]), [0, 1, 0]);
+  // Down is down, and north to the right of south, seen from the east.
+  assert.ok(seen([0, 0, 1])[1] > 0.5 && seen([1, 0, 0])[0] > seen([-1, 0, 0])[0]);
+});
+
+const released = (number, more = {}) => ({
+  number, time_s: 10 * number, by_test: number === 1, log: null, set_deg: 1, start_deg: 20, stayed: true, changes: [],
+  run: { rise_s: 0.4, overshoot_pct: 2, settling_5pct_s: null, final_error_rad: 0 },
+  trace: [[0, 21, 0], [1, 11, 5], [2, 1, 0]], ...more,
+});
+
+test("releases are drawn over each other in percent of their tilt, and their figures stand in a table", async () => {
+  at("release_unit").value = "percent";
+  const changes = [["PID_KD", 0.435, 0.5]];
+  const still = released(3, { start_deg: 0.5, trace: [[0, 1.5, 0], [1, 1, 0]], run: null });
+  await come({ now_ms: 7200, frame, releases: [released(1), released(2, { changes, start_deg: 10, trace: [[0, 11, 0], [1, 1, 1]] }), still] });
+  const [pitch, servo] = Plot.made.slice(5);
+  assert.deepEqual(pitch.data.slice(1), [[100, 50, 0], [100, 0]], "not the one without a tilt");
+  assert.deepEqual(servo.data[1], [0, 5, 0]);
+  const lines = at("release_table").children;
+  assert.deepEqual(lines.map((line) => line.children.map((cell) => cell.textContent)).slice(0, 2), [
+    ["", "0.5", "–", "–", "–", "the set point moved", "–", "–"],
+    ["", "10.0", "0.400", "2.0", "never", "0.00", "PID_KD 0.435 → 0.5", "–"],
+  ]);
+  // The band is drawn from -5 to 5 %.
+  const filled = [];
+  pitch.options.hooks.drawClear[0]({
+    valToPos: (value) => 100 - value, bbox: { left: 0, width: 300 },
+    ctx: { save() {}, restore() {}, fillRect(...at) { filled.push(at); } },
+  });
+  assert.deepEqual(filled, [[0, 95, 300, 10]]);
+  // One of them is left out.
+  const [box] = lines[1].children[0].children[0].children;
+  box.checked = false;
+  await box.fire("change");
+  assert.deepEqual(Plot.made[5].data.slice(1), [[100, 50, 0]]);
+});
+
+test("sections with a heading open and close, and on a small screen most begin closed", async () => {
+  const { foldable } = await import(pathToFileURL(join(folder, "sections.js")));
+  const section = (id) => {
+    const [made, heading] = [new Element("section"), Object.assign(new Element("h2"), { tagName: "H2" })];
+    made.append(heading);
+    return Object.assign(made, { id });
+  };
+  const [charts, gains, plain] = [section("charts"), section("gains"), new Element("section")];
+  plain.append(new Element("p"));
+  const wide = globalThis.matchMedia;
+  globalThis.matchMedia = () => ({ matches: true });
+  foldable([charts, gains, plain], ["charts"]);
+  globalThis.matchMedia = wide;
+  const button = gains.children[0].children[0];
+  const closed = () => [charts, gains, plain].map((made) => made.classes.has("closed"));
+  assert.deepEqual([closed(), button["aria-expanded"]], [[false, true, false], "false"]);
+  await button.fire("click");
+  assert.deepEqual([closed(), button["aria-expanded"]], [[false, false, false], "true"]);
 });

@@ -355,6 +355,15 @@ mod tests {
             let row = Row::of(&row(info.name, info.default));
             assert_eq!(row.default, Some(info.default));
             assert!(!row.meaning.is_empty() && !row.range.is_empty());
+            assert!(!group_of(info.name).is_empty());
+        }
+        for (name, group) in [
+            ("SRV_CENTRE_US", "Servo"),
+            ("SRV_LAG_S", "Control law"),
+            ("SRV_POLARITY", "Safety"),
+            ("MAV_SYSID", "Bus, clock and link"),
+        ] {
+            assert_eq!(group_of(name), group, "{name}");
         }
     }
 }

@@ -1,6 +1,7 @@
 //! `tvc web` against the virtual rig: as the page uses it, and as a foreign page would.
 #![cfg(unix)]
 
+mod cockpit;
 mod hostile;
 mod page;
 mod recordings;
@@ -41,14 +42,20 @@ fn the_page_shows_arms_stops_and_tunes_and_a_foreign_page_cannot() {
         "page.js",
         "guided.js",
         "page.css",
-        "chart.js",
         "link.js",
         "stop.js",
+        "charts.js",
+        "releases.js",
+        "attitude.js",
+        "sections.js",
         "parameters.js",
         "rig.js",
         "logs.js",
         "tests.js",
         "rig.json",
+        "parameter_file.js",
+        "uPlot.js",
+        "uPlot.css",
     ] {
         assert_eq!(server.ask(&format!("GET /{name}"), "").0, 200, "{name}");
     }
@@ -169,7 +176,9 @@ fn a_step_test_gives_its_figures_and_a_recording_its_log() {
     let run = &trial["result"]["run"];
     assert_eq!(run["stayed_active"], true, "{trial}");
     assert!(run["settling_5pct_s"].as_f64().unwrap() < 1.5, "{run}");
-    assert!(trial["result"]["trace"].as_array().unwrap().len() > 100);
+    let releases = page.wait("releases", |rows| rows[0]["by_test"] == true);
+    assert!(releases[0]["trace"].as_array().unwrap().len() > 100);
+    assert_eq!(releases[0]["run"]["rise_s"], run["rise_s"], "{releases}");
     assert!(folder.path().join("step-001.tlog").exists());
     page.wait_for("standby");
 

@@ -2,8 +2,8 @@
 
 /** Seconds in sight, from close to far. */
 const SPANS = [2, 5, 10, 20, 60];
-/** Seconds kept, and how many more before the oldest are dropped. */
-const [KEPT, SURPLUS] = [60, 10];
+/** Seconds kept, at most while something is looked at, and how many more before the oldest are dropped. */
+const [KEPT, PAUSED, SURPLUS] = [60, 600, 10];
 /** Between two changes of the values in words, ms: faster ones cannot be read. */
 const WORDS = 150;
 /** Of how many pictures a slow chart is in one. */
@@ -20,17 +20,6 @@ export function style(x, y) {
     grid: { stroke: colour("line"), width: 1 }, ticks: { show: false }, ...more,
   });
   return { legend: { show: false }, axes: [axis({ size: 20, gap: 2, ...x }), axis({ size: AXIS, gap: 4, ...y })] };
-}
-
-/** Least and greatest of some values, no narrower than `least`, with some air. */
-export function limits(values, [low, high]) {
-  for (const value of values) {
-    if (value === null) continue;
-    if (value < low) low = value;
-    if (value > high) high = value;
-  }
-  const air = 0.06 * (high - low);
-  return [low - air, high + air];
 }
 
 const element = (tag, words = "") => Object.assign(document.createElement(tag), { textContent: words });
@@ -84,19 +73,18 @@ class Strip {
     }, [charts.times, ...this.values], this.place);
   }
 
-  /** Of what is in sight. */
+  /** Least and greatest of what is in sight, with some air. What is no number counts as 0, which is always in sight. */
   range(plot) {
-    const [from, to] = plot.series[0].idxs ?? [0, 0];
-    let range = this.least;
-    const inSight = function* (values) {
-      for (let i = from; i <= to; i += 1) yield values[i] ?? null;
-    };
+    const [from, to] = plot.series[0].idxs ?? [0, -1];
+    let [low, high] = this.least;
     for (const values of this.values) {
-      for (const value of inSight(values)) {
-        if (value !== null && (value < range[0] || value > range[1])) range = [Math.min(range[0], value), Math.max(range[1], value)];
+      for (let i = from; i <= to; i += 1) {
+        if (values[i] < low) low = values[i];
+        if (values[i] > high) high = values[i];
       }
     }
-    return limits([], range);
+    const air = 0.06 * (high - low);
+    return [low - air, high + air];
   }
 
   draw([from, to]) {
@@ -174,9 +162,8 @@ export class Charts {
     for (const strip of this.strips) {
       strip.lines.forEach(([, , of], line) => strip.values[line].push(of(frame) ?? null));
     }
-    // What is looked at stays.
-    const oldest = Math.min(time - KEPT, this.view?.[0] ?? time);
-    if (times[0] < oldest - SURPLUS && times[0] < time - KEPT - SURPLUS) {
+    const oldest = Math.max(Math.min(time - KEPT, this.view?.[0] ?? time), time - PAUSED);
+    if (times[0] < oldest - SURPLUS) {
       const count = times.findIndex((at) => at >= oldest);
       for (const values of [times, ...this.strips.flatMap((strip) => strip.values)]) values.splice(0, count);
     }

@@ -12,11 +12,6 @@ const degrees = (value) => (value * 180) / Math.PI;
 const seconds = (value) => (value === null ? "never" : value.toFixed(3));
 const hue = (release) => HUES[(release.number - 1) % HUES.length];
 
-/** Columns of times and values as one table of uPlot, with gaps where a trace has no value. */
-function joined(traces) {
-  return traces.length ? uPlot.join(traces) : [[], []];
-}
-
 export class Releases {
   constructor(section, parent, table, unit) {
     Object.assign(this, { section, parent, body: table.tBodies[0], unit, releases: [], hidden: new Set(), plots: [] });
@@ -63,7 +58,8 @@ export class Releases {
     cell(run ? seconds(run.settling_5pct_s) : "–");
     cell(run ? degrees(run.final_error_rad).toFixed(2) : "the set point moved");
     cell(release.changes.map(([name, before, now]) => `${name} ${before} → ${now}`).join(", ") || "–");
-    cell([release.log ?? "", release.stayed ? "" : "ended in a failsafe"].filter(Boolean).join("; ") || "–");
+    const log = cell([release.log?.split(/[/\\]/).at(-1), release.stayed ? "" : "ended in a failsafe"].filter(Boolean).join("; ") || "–");
+    log.title = release.log ?? "";
     return tr;
   }
 
@@ -71,7 +67,8 @@ export class Releases {
   draw() {
     const percent = this.unit.value === "percent";
     const shown = this.releases.filter((release) => !this.hidden.has(release.number) && (!percent || Math.abs(release.start_deg) > LEAST));
-    const traces = (of) => joined(shown.map((release) => [release.trace.map(([time]) => time), release.trace.map((point) => of(release, point))]));
+    // Each has its own times: where one has no value, its line goes on.
+    const traces = (of) => uPlot.join(shown.map((release) => [release.trace.map(([time]) => time), release.trace.map((point) => of(release, point))]));
     const pitch = (release, [, deg]) => (percent ? (100 * (deg - release.set_deg)) / release.start_deg : deg - release.set_deg);
     const newest = shown.at(-1);
     const band = percent ? 100 * BAND : BAND * Math.abs(newest?.start_deg ?? 0);
