@@ -46,3 +46,107 @@ pub fn write(vehicle: &mut Vehicle, rows: &[Parameter]) -> Result<usize> {
         }
     }
 }
+
+#[cfg(all(test, unix))]
+mod tests {
+    use std::io::{ErrorKind, Read, Write};
+    use std::thread::{JoinHandle, spawn};
+    use std::time::Duration;
+
+    use client::{Wire, text};
+    use mavlink::dialects::common::{
+        COMMAND_ACK_DATA, HEARTBEAT_DATA, MavMessage, MavResult, PARAM_VALUE_DATA,
+    };
+    use serialport::{SerialPort, TTYPort};
+
+    use super::*;
+    use crate::vehicle::link::Link;
+    use crate::vehicle::port::Port;
+
+    fn rows(values: [(&str, f32); 3]) -> Vec<Parameter> {
+        let row = |(name, value): (&str, f32)| Parameter {
+            name: name.to_owned(),
+            value,
+        };
+        values.map(row).into()
+    }
+
+    /// A vehicle that obeys no order, and whose polarity is forgotten with its direction; at the
+    /// end it gives its parameters.
+    fn vehicle(mut has: Vec<Parameter>) -> (Vehicle, JoinHandle<Vec<Parameter>>) {
+        let (mut end, port) = TTYPort::pair().unwrap();
+        end.set_timeout(Duration::from_millis(20)).unwrap();
+        let thread = spawn(move || {
+            let (mut wire, mut bytes) = (Wire::default(), [0; 1024]);
+            loop {
+                let told = match end.read(&mut bytes) {
+                    Err(error) if error.kind() == ErrorKind::TimedOut => Vec::new(),
+                    Ok(count @ 1..) => wire.receive(&bytes[..count]),
+                    _ => return has,
+                };
+                let mut answers = vec![MavMessage::HEARTBEAT(HEARTBEAT_DATA::default())];
+                for message in told {
+                    match message {
+                        MavMessage::PARAM_SET(set) => {
+                            let name = text(&set.param_id);
+                            for row in &mut has {
+                                if row.name == name {
+                                    row.value = set.param_value;
+                                } else if row.name == polarity::NAME && name == "SRV_DIR" {
+                                    row.value = 0.0;
+                                }
+                            }
+                        }
+                        MavMessage::PARAM_REQUEST_LIST(_) => {}
+                        MavMessage::COMMAND_LONG(order) => {
+                            answers.push(MavMessage::COMMAND_ACK(COMMAND_ACK_DATA {
+                                command: order.command,
+                                result: MavResult::MAV_RESULT_DENIED,
+                            }));
+                            continue;
+                        }
+                        _ => continue,
+                    }
+                    let value = |(index, row): (usize, &Parameter)| {
+                        MavMessage::PARAM_VALUE(PARAM_VALUE_DATA {
+                            param_id: row.name.as_str().into(),
+                            param_value: row.value,
+                            param_index: index as u16,
+                            param_count: has.len() as u16,
+                            ..PARAM_VALUE_DATA::default()
+                        })
+                    };
+                    answers.extend(has.iter().enumerate().map(value));
+                }
+                for answer in answers {
+                    // The other end may have been closed by now.
+                    let _ = end.write_all(&wire.frame(&answer));
+                }
+            }
+        });
+        let link = Link::at(Port::at(Box::new(port), "cable".into()));
+        (Vehicle::at(link).unwrap(), thread)
+    }
+
+    #[test]
+    fn what_cannot_be_saved_is_put_back_and_the_polarity_is_checked_as_before() {
+        let before = rows([
+            ("SRV_CENTRE_US", 1520.0),
+            ("SRV_DIR", 1.0),
+            (polarity::NAME, 1.0),
+        ]);
+        let (mut vehicle, thread) = vehicle(before.clone());
+        let wanted = &before[..2];
+        let wanted: Vec<_> = wanted
+            .iter()
+            .map(|row| Parameter {
+                value: -row.value,
+                ..row.clone()
+            })
+            .collect();
+        let refused = write(&mut vehicle, &wanted).unwrap_err().to_string();
+        assert!(refused.contains("save the parameters"), "{refused}");
+        drop(vehicle);
+        assert_eq!(thread.join().unwrap(), before);
+    }
+}

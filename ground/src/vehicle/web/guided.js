@@ -31,9 +31,9 @@ export class Guided {
     const at = (name) => section.querySelector(`.${name}`);
     Object.assign(this, { section, at, press, now: { running: false }, free: false, known: null, asked: null });
     for (const button of section.querySelectorAll("[data-step]")) {
-      button.addEventListener("click", () => press("set-up", button.textContent, { step: button.dataset.step }));
+      button.addEventListener("click", () => press("set-up", "", { step: button.dataset.step }));
     }
-    at("cancel").addEventListener("click", () => press("cancel", "cancelled"));
+    at("cancel").addEventListener("click", () => press("cancel", ""));
     at("entry").addEventListener("submit", (event) => {
       event.preventDefault();
       this.reply(at("typed").value);
@@ -46,7 +46,8 @@ export class Guided {
   /** An answer is for the question in sight; the program refuses one to any other. */
   reply(reply) {
     if (performance.now() < this.from) return;
-    this.press("answer", reply === "" ? "answered" : `answered ${reply}`, { question: this.asked, reply });
+    // Words that come and go would move the buttons.
+    this.press("answer", "", { question: this.asked, reply });
   }
 
   /** Whether a step may begin. */

@@ -49,9 +49,10 @@ const stop = new Stop(() => link.order("stop"), (words, kind) => {
   at("stopped").className = kind;
 });
 
-/** Sends a button's order and tells how it went. */
+/** Sends a button's order and tells how it went; without words only that it failed. */
 async function press(order, words, fields) {
   const { error } = await link.order(order, fields);
+  if (error === undefined && words === "") return;
   const answer = at("answer");
   answer.textContent = error ?? `${words}: done`;
   answer.classList.toggle("done", error === undefined);
