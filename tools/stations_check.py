@@ -89,6 +89,7 @@ def mavproxy(port):
     console = Console(port)
     try:
         check(console.ask(None, "Saved", "parameters to"), "MAVProxy: heartbeat, every parameter fetched")
+        check("timed out" not in console.said, "MAVProxy: no request without an answer")
         rows = [line.split() for line in console.file("mav.parm").splitlines()]
         kept = {name: float(value) for name, value in rows}
         for name, value in kept.items():
