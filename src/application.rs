@@ -181,6 +181,7 @@ impl<'a> Application<'a> {
             }
             self.telemetry
                 .record(snapshot, self.flight, self.driver.health(), status);
+            self.telemetry.tell_memory(snapshot, self.flight);
             self.recorder.record(snapshot, self.flight);
             self.telemetry.serve_recorder(self.recorder);
         }

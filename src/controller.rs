@@ -8,6 +8,7 @@ use core::f32::consts::PI;
 use tvc_pid::{PredictiveConfig, PredictivePd};
 
 use crate::config::TRIM_LIMIT_RAD;
+use crate::flight::memory::float;
 use crate::params::Params;
 
 /// Pitch control: what is measured becomes a crank angle.
@@ -39,6 +40,11 @@ impl Controller {
     /// (rad).
     pub fn update(&mut self, pitch_rad: f32, rate_rad_s: f32) -> f32 {
         -self.law.update(self.setpoint_rad, pitch_rad, rate_rad_s)
+    }
+
+    /// See [`Flight::memory`](crate::Flight::memory).
+    pub(crate) fn memory(&mut self, each: &mut impl FnMut(i32) -> i32) {
+        self.law.memory(&mut |value| float(value, each));
     }
 
     /// The drone is held or the rudder is neutral for another reason: start afresh.

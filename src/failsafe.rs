@@ -15,6 +15,7 @@ use crate::config::{
     COS_ARM_TILT, COS_FAILSAFE_TILT, DATA_AGE_LIMIT_US, FAILSAFE_TILT_US, HOST_SILENCE_US,
     RECOVERY_SAMPLES,
 };
+use crate::flight::memory::time;
 use crate::self_test::{SelfTest, Verdict};
 use crate::store::Loaded;
 
@@ -80,6 +81,32 @@ impl Supervisor {
             host_seen: None,
             host_required: false,
         }
+    }
+
+    /// See [`Flight::memory`](crate::Flight::memory).
+    pub(crate) fn memory(&mut self, each: &mut impl FnMut(i32) -> i32) {
+        let code = self.state.code();
+        let told = each(code as i32) as u32;
+        if told != code
+            && let Some(state) = StateCode::try_from(told).ok().and_then(State::resumed)
+        {
+            self.state = state;
+        }
+        self.good_run = each(self.good_run.into()) as u8;
+        let since = match self.state {
+            State::Active { over_tilt_since } => over_tilt_since,
+            _ => None,
+        };
+        // Nothing flies at time 0.
+        let since = time(since.unwrap_or_default(), each);
+        if let State::Active { over_tilt_since } = &mut self.state {
+            *over_tilt_since = (since.0 > 0).then_some(since);
+        }
+    }
+
+    /// The newest step had a sample of this time, and the attitude had this health.
+    pub(crate) fn resume(&mut self, sampled: Micros, health: Health) {
+        (self.fresh, self.fault, self.health) = (Some(sampled), None, health);
     }
 
     /// Whether silence of the host is a failsafe.

@@ -11,6 +11,7 @@ use crate::config::{
     BIAS_REST_US, DATA_AGE_LIMIT_US, ESTIMATOR_GAP_US, FIELD_LOST_US, FIELD_REPEAT_US, LEVEL_RATE,
     LEVEL_US,
 };
+use crate::flight::memory::time;
 use crate::mount::Mount;
 use crate::params::Params;
 
@@ -113,6 +114,30 @@ impl Navigation {
     /// The newest attitude.
     pub fn attitude(&self) -> Attitude {
         self.estimator.attitude(&self.counts)
+    }
+
+    /// See [`Flight::memory`](crate::Flight::memory).
+    pub(crate) fn memory(&mut self, each: &mut impl FnMut(i32) -> i32) {
+        const LEVELLING: u32 = 1 << 30;
+        const KNOWN: u32 = 1 << 31;
+        self.estimator.memory(each);
+        self.field_at = time(self.field_at, each);
+        let bias = match self.bias {
+            Bias::Unknown(us) => us,
+            Bias::Levelling(us) => us | LEVELLING,
+            Bias::Known => KNOWN,
+        };
+        self.bias = match each(bias as i32) as u32 {
+            KNOWN => Bias::Known,
+            us if us & LEVELLING != 0 => Bias::Levelling(us & !LEVELLING),
+            us => Bias::Unknown(us),
+        };
+    }
+
+    /// The newest sample used was this one.
+    pub(crate) fn resume(&mut self, raw: &RawSample) {
+        self.last = Some(*raw);
+        self.counts = self.settings.mount.convert(raw);
     }
 
     /// Pitch, rad, -pi/2 to pi/2, nose up positive.

@@ -122,6 +122,14 @@ impl Params {
         self.values[Self::POLARITY] = 0.0;
     }
 
+    /// A number that changes with any value.
+    pub(crate) fn digest(&self) -> i32 {
+        let values = self.values.iter();
+        values.fold(0, |sum: i32, value| {
+            sum.rotate_left(1) ^ value.to_bits() as i32
+        })
+    }
+
     /// Number of parameters.
     pub const fn count() -> usize {
         COUNT

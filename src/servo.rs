@@ -7,6 +7,7 @@
 use core::f32::consts::PI;
 
 use crate::config::{PULSE_MAX_US, PULSE_MIN_US};
+use crate::flight::memory::float;
 use crate::params::Params;
 
 /// Width of a servo pulse in microseconds.
@@ -57,6 +58,11 @@ impl Servo {
             last_us: self.last_us,
             ..Self::new(params)
         };
+    }
+
+    /// See [`Flight::memory`](crate::Flight::memory).
+    pub(crate) fn memory(&mut self, each: &mut impl FnMut(i32) -> i32) {
+        self.last_us = float(self.last_us, each);
     }
 
     /// The pulse for a crank angle, `dt_s` after the last one. An angle that is not a number counts

@@ -13,12 +13,14 @@
 //! | ATTITUDE_QUATERNION, SERVO_OUTPUT_RAW | every step |
 //! | RAW_IMU | every step that had a sample: its untouched counts, stamped with its own time |
 //! | NAMED_VALUE_FLOAT `crank_rad` | every step: the crank angle that control asked for, before limits |
+//! | V2_EXTENSION | once a second from standby on, in parts, one a step: all that the flight remembers after a step ([`Flight::memory`]), from which a replay goes on behind lost frames |
 //! | ATTITUDE | not by itself: at the interval that the host asks for |
 //! | COMMAND_ACK | every command, COMMAND_LONG or COMMAND_INT, to the one that sent it; a gyro calibration is in progress once a second until it is accepted |
 //! | PARAM_VALUE, PARAM_ERROR | on request; the parameter list one a step; after a refusal both |
 //! | AUTOPILOT_VERSION, PROTOCOL_VERSION, MESSAGE_INTERVAL, AVAILABLE_MODES | on request; the modes one a step: every state with every reason, none of which a station can choose |
 //! | MISSION_COUNT, MISSION_ACK | on request: there is no mission, fence or rally point, and none is taken |
 //! | TIMESYNC, PING | on request |
+//! | FILE_TRANSFER_PROTOCOL | every request for a file is refused at once: there are none |
 //! | NAMED_VALUE_INT | on request: see [`bringup`] |
 //! | LOG_ENTRY, LOG_DATA | on request: what the [`Recorder`](crate::Recorder) holds, a part a step |
 //!
@@ -38,6 +40,7 @@ mod answers;
 mod checksum;
 mod commands;
 mod download;
+mod memory;
 mod modes;
 mod parser;
 mod queue;
@@ -60,11 +63,13 @@ use crate::config::{HEARTBEAT_PERIOD_US, HOST_GONE_US};
 use crate::failsafe::{Command, State};
 use crate::flight::{Flight, Snapshot};
 use download::Download;
+use memory::Memory;
 use parser::{Address, Parser};
 use queue::Queue;
 use rates::{Rates, Stream};
 use storage::StorageOrder;
 
+pub use memory::{MEMORY_TYPE, PART_WORDS, WORDS as MEMORY_WORDS};
 pub use version::Identity;
 
 /// Longest payload of a message that is sent as the dialect encodes it: STATUSTEXT's.
@@ -99,6 +104,9 @@ pub struct Telemetry {
     heartbeat_at: Option<Micros>,
     /// The driver's count of fresh bursts at the last heartbeat.
     fresh: u32,
+    /// The host is to be told what the flight remembers.
+    memory_due: bool,
+    memory: Memory,
     /// The host has been told of the magnetometer whether it measures a field.
     field_told: bool,
     /// Next parameter of a list under way.
@@ -129,6 +137,8 @@ impl Telemetry {
             announced: None,
             heartbeat_at: None,
             fresh: 0,
+            memory_due: false,
+            memory: Memory::new(),
             field_told: true,
             list: None,
             modes: (0, 0),
@@ -153,6 +163,8 @@ impl Telemetry {
             announced,
             heartbeat_at,
             fresh: _,
+            memory_due,
+            memory,
             field_told,
             list,
             modes,
@@ -164,13 +176,14 @@ impl Telemetry {
             bringup,
         } = self;
         queue.restart();
+        memory.end();
         *parser = Parser::new();
         *download = Download::new();
         *rates = Rates::new();
         *sequence = 0;
         (*announced, *heartbeat_at, *list) = (None, None, None);
         (*storage, *reset, *calibration, *bringup) = (None, None, None, None);
-        (*modes, *field_told) = ((0, 0), true);
+        (*modes, *memory_due, *field_told) = ((0, 0), false, true);
     }
 
     /// Queue the messages of a step.
@@ -199,6 +212,7 @@ impl Telemetry {
         if self.rates.due(Stream::Status) || due {
             self.system_status(snapshot, flight, board);
         }
+        self.memory_due |= self.rates.due(Stream::Memory) || due;
         if due {
             self.heartbeat_at = Some(snapshot.now);
             self.bus_status(snapshot, sensor, board);

@@ -43,38 +43,36 @@ class Console:
         while block := os.read(self.process.stdout.fileno(), 4096):
             self.said += block.decode(errors="replace")
 
+    def type(self, line):
+        self.process.stdin.write((line + "\n").encode())
+        self.process.stdin.flush()
+
     def ask(self, line, *parts):
         """Types a line, if any; whether all parts are said then in time."""
         if line is not None:
             self.said = ""
-            self.process.stdin.write((line + "\n").encode())
-            self.process.stdin.flush()
-        end = time.time() + PATIENCE_S
-        while time.time() < end:
-            if all(part in self.said for part in parts):
-                return True
-            time.sleep(0.05)
+            self.type(line)
+        if wait(lambda: all(part in self.said for part in parts)):
+            return True
         print(self.said)
         return False
 
-    def value(self, name):
-        """What the station shows of a parameter; None while it shows nothing."""
+    def shown(self, line, pattern):
+        """What the station shows when it is asked by a line; None while it shows nothing."""
         self.said = ""
-        self.process.stdin.write(f"param show {name}\n".encode())
-        self.process.stdin.flush()
-        end = time.time() + 1
-        while time.time() < end:
-            shown = re.search(rf"\b{name}\s+(-?[0-9.]+)", self.said)
-            if shown:
-                return float(shown[1])
-            time.sleep(0.05)
-        return None
+        self.type(line)
+        wait(lambda: re.search(pattern, self.said), 1)
+        return re.search(pattern, self.said)
 
     def set(self, name, value):
         """Sets a parameter; whether the station shows the value in time."""
-        self.process.stdin.write(f"param set {name} {value}\n".encode())
-        self.process.stdin.flush()
-        return wait(lambda: (shown := self.value(name)) is not None and abs(shown - value) < 1e-4)
+        self.type(f"param set {name} {value}")
+
+        def is_shown():
+            shown = self.shown(f"param show {name}", rf"\b{name}\s+(-?[0-9.]+)")
+            return shown and abs(float(shown[1]) - value) < 1e-4
+
+        return wait(is_shown)
 
     def file(self, name):
         with open(os.path.join(self.folder.name, name), encoding="utf-8") as file:
@@ -89,6 +87,7 @@ def mavproxy(port):
     console = Console(port)
     try:
         check(console.ask(None, "Saved", "parameters to"), "MAVProxy: heartbeat, every parameter fetched")
+        check("timed out" not in console.said, "MAVProxy: no request without an answer")
         rows = [line.split() for line in console.file("mav.parm").splitlines()]
         kept = {name: float(value) for name, value in rows}
         for name, value in kept.items():
@@ -100,7 +99,7 @@ def mavproxy(port):
             back = console.set("PID_KP", kept["PID_KP"])
         check(back, "MAVProxy: PID_KP set back")
         check(console.ask("long SET_MESSAGE_INTERVAL 30 50000", "ACCEPTED"), "MAVProxy: ATTITUDE at 20 Hz")
-        check(console.ask("status ATTITUDE", "pitch :"), "MAVProxy: angles")
+        check(wait(lambda: console.shown("status ATTITUDE", "pitch :")), "MAVProxy: angles")
         check(console.ask("arm throttle", "ARMED", "COMPONENT_ARM_DISARM: ACCEPTED"), "MAVProxy: armed")
         check(console.ask("disarm", "DISARMED", "COMPONENT_ARM_DISARM: ACCEPTED"), "MAVProxy: disarmed")
     finally:
@@ -144,8 +143,8 @@ def mavsdk(port):
     check(wait(lambda: not telemetry.armed()), "MAVSDK: disarmed")
 
 
-def wait(condition):
-    end = time.time() + PATIENCE_S
+def wait(condition, patience_s=PATIENCE_S):
+    end = time.time() + patience_s
     while time.time() < end:
         if condition():
             return True

@@ -10,7 +10,9 @@
 //! command belong to its copies in the order in which these were sent, each to one copy. An
 //! acknowledgement of a copy whose request has been answered says nothing new. Where an
 //! acknowledgement was lost, a later one is taken for it, never the other way round; the request
-//! that still waits is then repeated. An order to the board itself is answered by a value with its
+//! that still waits is then repeated. So that none answers another order of the same command, an
+//! order is not sent before an earlier, different one of its command has been answered; only an
+//! order to disarm waits for nothing. An order to the board itself is answered by a value with its
 //! number; of its acknowledgements only a refusal counts.
 
 use core::mem;
@@ -260,7 +262,7 @@ impl Client {
         self.answer_all(over);
         for index in 0..self.pending.len() {
             if self.pending[index].again.is_some_and(|again| now >= again) {
-                self.send_request(now, index);
+                self.send_or_hold(now, index);
             }
         }
     }
@@ -304,9 +306,9 @@ impl Client {
             ticket,
             request,
             until: now + ANSWER,
-            again: None,
+            again: Some(now),
         });
-        self.send_request(now, self.pending.len() - 1);
+        self.send_or_hold(now, self.pending.len() - 1);
         ticket
     }
 
@@ -350,6 +352,11 @@ impl Client {
         self.state.reason()
     }
 
+    /// System id of the vehicle, 0 before it has been heard.
+    pub fn vehicle(&self) -> u8 {
+        self.vehicle
+    }
+
     /// When the vehicle's last heartbeat came.
     pub fn heard(&self) -> Option<Duration> {
         self.heard
@@ -389,6 +396,31 @@ impl Client {
     /// The answer to the last [order to the board](request::bringup) with this number, once.
     pub fn board_value(&mut self, number: u32) -> Option<BoardValue> {
         self.board_values.remove(&number)
+    }
+
+    /// Sends a request, unless another answer could be taken for its own: its time begins later
+    /// then.
+    fn send_or_hold(&mut self, now: Duration, index: usize) {
+        if self.is_held(index) {
+            self.pending[index].until = now + ANSWER;
+        } else {
+            self.send_request(now, index);
+        }
+    }
+
+    /// An earlier, different order of the same command waits for its acknowledgement.
+    fn is_held(&self, index: usize) -> bool {
+        let (earlier, rest) = self.pending.split_at(index);
+        let Some(Request::Order(order)) = rest.first().map(|pending| &pending.request) else {
+            return false;
+        };
+        // What the board itself is asked is answered by its number.
+        let waits = *order != request::DISARM && order.command != request::BRINGUP;
+        waits
+            && earlier.iter().any(|pending| match &pending.request {
+                Request::Order(other) => other.command == order.command && other != order,
+                _ => false,
+            })
     }
 
     /// Sends a request for the first time or again: as a whole, or for what is missing.

@@ -1,5 +1,6 @@
 //! Parameter files: a name and a value a line, as MAVProxy writes them, or QGroundControl's five
-//! columns. `#` begins a comment.
+//! columns. `#` begins a comment. Neither program reads the other's form (but for QGroundControl's
+//! newest), so the file's name decides: QGroundControl's end in `.params`.
 
 use std::fmt::Write;
 use std::fs::File;
@@ -71,6 +72,27 @@ pub fn parse(text: &str) -> Result<Vec<Parameter>, String> {
     Ok(rows)
 }
 
+/// MAV_PARAM_TYPE_REAL32.
+const REAL32: u8 = 9;
+/// MAVLink component id of the vehicle.
+const COMPONENT: u8 = 1;
+
+/// Whether a file is QGroundControl's, by its name.
+pub fn is_for_qgroundcontrol(path: &Path) -> bool {
+    path.extension()
+        .is_some_and(|extension| extension == "params")
+}
+
+/// The text of a file for QGroundControl, which loads it into a vehicle of the same system id.
+pub fn columns(rows: &[Parameter], system: u8) -> String {
+    let mut text = "# system\tcomponent\tname\tvalue\ttype\n".to_owned();
+    for Parameter { name, value } in rows {
+        // Writing to a string does not fail.
+        let _ = writeln!(text, "{system}\t{COMPONENT}\t{name}\t{value}\t{REAL32}");
+    }
+    text
+}
+
 /// The text of a file.
 pub fn text(rows: &[Parameter]) -> String {
     let mut text = String::new();
@@ -92,6 +114,25 @@ mod tests {
             value,
         });
         assert_eq!(parse(&text(&rows)).unwrap(), rows);
+        assert_eq!(parse(&columns(&rows, 7)).unwrap(), rows);
+    }
+
+    /// `ParameterManager::readParametersFromStream` of QGroundControl 4 and 5: a line that does not
+    /// begin with `#` is split at its tabs, and counts with five parts, of which the first is the
+    /// vehicle's system id.
+    #[test]
+    fn qgroundcontrol_loads_its_form() {
+        let rows = [Parameter {
+            name: "PID_KP".into(),
+            value: 1.1,
+        }];
+        let text = columns(&rows, 7);
+        let lines = text.lines().filter(|line| !line.starts_with('#'));
+        let lines: Vec<Vec<_>> = lines.map(|line| line.split('\t').collect()).collect();
+        assert_eq!(lines, [["7", "1", "PID_KP", "1.1", "9"]]);
+        for (name, is_its) in [("a.params", true), ("a.parm", false), ("a.param", false)] {
+            assert_eq!(is_for_qgroundcontrol(Path::new(name)), is_its, "{name}");
+        }
     }
 
     #[test]

@@ -9,7 +9,7 @@ use std::path::PathBuf;
 use std::process::{Command, Output, Stdio};
 use std::time::{Duration, Instant};
 
-use mavlink::dialects::common::MavMessage;
+use mavlink::dialects::common::{FILE_TRANSFER_PROTOCOL_DATA, MavMessage};
 use serde_json::Value;
 
 use running::Running;
@@ -136,9 +136,16 @@ fn parameters_are_listed_set_refused_compared_and_loaded() {
     let file = rig.path("gains.parm");
     let dumped = rig.json(&["param", "dump", &file]);
     assert_eq!(dumped["parameters"].as_array().unwrap().len(), rows.len());
+    let columns = rig.path("gains.params");
+    rig.ok(&["param", "dump", &columns]);
+    let text = std::fs::read_to_string(&columns).unwrap();
+    assert!(text.contains("\n1\t1\tPID_KP\t1.25\t9\n"), "{text}");
+    rig.ok(&["param", "set", "PID_KP", "2"]);
+    rig.ok(&["param", "load", &columns]);
+    rig.ok(&["param", "diff", &file]);
     rig.ok(&["param", "set", "PID_KP", "2"]);
     rig.ok(&["param", "load", &file]);
-    rig.ok(&["param", "diff", &file]);
+    rig.ok(&["param", "diff", &columns]);
     assert_eq!(
         rig.json(&["param", "get", "PID_KP"])["parameters"][0]["value"],
         1.25
@@ -418,6 +425,28 @@ fn everything_is_forwarded_and_the_station_is_heard() {
     while !echoed(heard(&mut link).0) {
         assert!(begun.elapsed() < PATIENCE);
     }
+    // The vehicle has no files: who opens one here is answered by the bridge.
+    let mut open = FILE_TRANSFER_PROTOCOL_DATA::default();
+    let path = b"/general.json";
+    open.payload[3..5].copy_from_slice(&[4, path.len() as u8]);
+    open.payload[12..12 + path.len()].copy_from_slice(path);
+    let open = link.frame(&MavMessage::FILE_TRANSFER_PROTOCOL(open));
+    station.send_to(&open, vehicle).unwrap();
+    let begun = Instant::now();
+    let opened = |messages: Vec<MavMessage>| {
+        let answer = |message: &MavMessage| match message {
+            MavMessage::FILE_TRANSFER_PROTOCOL(answer) => Some(answer.payload[3..6].to_vec()),
+            _ => None,
+        };
+        messages.iter().find_map(answer)
+    };
+    let answer = loop {
+        assert!(begun.elapsed() < PATIENCE);
+        if let Some(answer) = opened(heard(&mut link).0) {
+            break answer;
+        }
+    };
+    assert_eq!(answer, [128, 4, 4], "accepted, with the file's size");
     let mut object = [0; 4096];
     let count = plot.recv(&mut object).unwrap();
     let object: Value = serde_json::from_slice(&object[..count]).unwrap();

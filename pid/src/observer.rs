@@ -125,6 +125,15 @@ impl<T: Scalar> Observer<T> {
         Ok(())
     }
 
+    /// See [`PredictivePd::memory`](crate::PredictivePd::memory).
+    pub(crate) fn memory(&mut self, each: &mut impl FnMut(T) -> T) {
+        self.arrived = each(self.arrived);
+        let known = each(if self.rate.is_some() { T::ONE } else { T::ZERO }) != T::ZERO;
+        let rate = each(self.rate.unwrap_or_default());
+        self.rate = known.then_some(rate);
+        self.disturbance = each(self.disturbance);
+    }
+
     /// Forget everything, as when the drone is held again.
     pub fn reset(&mut self) {
         self.arrived = T::ZERO;

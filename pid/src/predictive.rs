@@ -144,6 +144,16 @@ impl<T: Scalar> PredictivePd<T> {
         self.output
     }
 
+    /// All that the next outputs depend on besides inputs and configuration, number by number: each
+    /// is shown to `each` and becomes what that returns.
+    #[inline(never)]
+    pub fn memory(&mut self, each: &mut impl FnMut(T) -> T) {
+        self.actuator = each(self.actuator);
+        self.output = each(self.output);
+        self.earlier_output = each(self.earlier_output);
+        self.observer.memory(each);
+    }
+
     /// Forget everything, as when the plant is held: the actuator goes to 0.
     pub fn reset(&mut self) {
         self.actuator = T::ZERO;

@@ -149,6 +149,16 @@ mod tests {
         assert_eq!(StateCode::try_from(7), Err(UnknownCode(7)));
     }
 
+    /// MAVProxy knows the modes of a rocket (MAV_TYPE 9) by this file only.
+    #[test]
+    fn the_file_for_mavproxy_names_every_state() {
+        let rows: Vec<_> = StateCode::all()
+            .map(|code| format!("  \"{}\": \"{code}\"", code.number()))
+            .collect();
+        let file = include_str!("../../tools/custom_mode_map.json");
+        assert_eq!(file, format!("{{\"9\": {{\n{}\n}}}}\n", rows.join(",\n")));
+    }
+
     #[test]
     fn kinds_come_back_from_their_numbers() {
         for kind in RefusalKind::ALL {

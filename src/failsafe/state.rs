@@ -2,10 +2,10 @@
 
 use core::fmt;
 
-use bno055_driver::Micros;
+use bno055_driver::{Micros, SensorFault};
 
 use super::code::{LatchKind, StateCode, StateKind};
-use super::reason::Reason;
+use super::reason::{Reason, ReasonKind};
 use crate::format::Hex;
 use crate::self_test::SelfTest;
 use crate::store::Loaded;
@@ -47,6 +47,35 @@ pub enum State {
 }
 
 impl State {
+    /// A state whose code is all that its future depends on; where it is a sensor's, the fault is
+    /// any. `None` before standby, and for what is to be acknowledged.
+    pub(super) fn resumed(code: StateCode) -> Option<Self> {
+        Some(match code {
+            StateCode::Standby => State::Standby,
+            StateCode::Armed => State::Armed,
+            StateCode::Active => State::Active {
+                over_tilt_since: None,
+            },
+            StateCode::Failsafe(reason) => State::Failsafe(match reason {
+                ReasonKind::Sensor => Reason::Sensor(SensorFault::Nak),
+                ReasonKind::StaleData => Reason::StaleData,
+                ReasonKind::InvalidAttitude => Reason::InvalidAttitude,
+                ReasonKind::Tilt => Reason::Tilt,
+                ReasonKind::HostSilent => Reason::HostSilent,
+            }),
+            StateCode::Boot | StateCode::SelfTest(_) | StateCode::Latched(_) => return None,
+        })
+    }
+
+    /// Whether this is where [`Flight::memory`](crate::Flight::memory) is all that there is: from
+    /// standby on, with nothing to acknowledge.
+    pub fn is_past_start_up(&self) -> bool {
+        matches!(
+            self,
+            State::Standby | State::Armed | State::Active { .. } | State::Failsafe(_)
+        )
+    }
+
     /// Whether the controller moves the rudder.
     pub fn is_active(&self) -> bool {
         matches!(self, State::Active { .. })

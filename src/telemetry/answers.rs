@@ -5,11 +5,11 @@ use core::array;
 use bno055_driver::Micros;
 use heapless::Vec;
 use mavlink::dialects::common::{
-    COMMAND_INT_DATA, COMMAND_LONG_DATA, HEARTBEAT_DATA, LOG_REQUEST_DATA_DATA,
-    LOG_REQUEST_END_DATA, LOG_REQUEST_LIST_DATA, MISSION_ACK_DATA, MISSION_CLEAR_ALL_DATA,
-    MISSION_COUNT_DATA, MISSION_REQUEST_LIST_DATA, MavMissionResult, MavParamError, MavParamType,
-    PARAM_ERROR_DATA, PARAM_REQUEST_LIST_DATA, PARAM_REQUEST_READ_DATA, PARAM_SET_DATA,
-    PARAM_VALUE_DATA, TIMESYNC_DATA,
+    COMMAND_INT_DATA, COMMAND_LONG_DATA, FILE_TRANSFER_PROTOCOL_DATA, HEARTBEAT_DATA,
+    LOG_REQUEST_DATA_DATA, LOG_REQUEST_END_DATA, LOG_REQUEST_LIST_DATA, MISSION_ACK_DATA,
+    MISSION_CLEAR_ALL_DATA, MISSION_COUNT_DATA, MISSION_REQUEST_LIST_DATA, MavMissionResult,
+    MavParamError, MavParamType, PARAM_ERROR_DATA, PARAM_REQUEST_LIST_DATA,
+    PARAM_REQUEST_READ_DATA, PARAM_SET_DATA, PARAM_VALUE_DATA, TIMESYNC_DATA,
 };
 use mavlink::types::CharArray;
 use mavlink::{MavlinkVersion, MessageData};
@@ -50,6 +50,7 @@ impl Telemetry {
                 let is_empty = [0, 1].map(|at| message.byte(at)) == [0, 0];
                 self.answer_mission(is_empty, message.byte(4));
             }
+            FILE_TRANSFER_PROTOCOL_DATA::ID => self.refuse_file(message),
             // Both have what counts here at the same places.
             COMMAND_LONG_DATA::ID | COMMAND_INT_DATA::ID => self.command(now, message, flight),
             LOG_REQUEST_LIST_DATA::ID => self.order_log_list(),
@@ -120,6 +121,36 @@ impl Telemetry {
         };
         let payload = [system, component, result as u8, mission_type];
         self.send_payload::<MISSION_ACK_DATA>(Priority::Event, &payload);
+    }
+
+    /// FILE_TRANSFER_PROTOCOL: there are no files. Without an answer MAVProxy asks for its
+    /// parameters' file again and again before it asks for the parameters.
+    fn refuse_file(&mut self, message: &Message) {
+        const REFUSED: u8 = 129;
+        const UNKNOWN_OPERATION: u8 = 7;
+        let [system, component] = self.asker;
+        let number = u16::from_le_bytes([message.byte(3), message.byte(4)]);
+        let [low, high] = number.wrapping_add(1).to_le_bytes();
+        let (session, operation) = (message.byte(5), message.byte(6));
+        let payload = [
+            0,
+            system,
+            component,
+            low,
+            high,
+            session,
+            REFUSED,
+            1,
+            operation,
+            0,
+            0,
+            0,
+            0,
+            0,
+            0,
+            UNKNOWN_OPERATION,
+        ];
+        self.send_payload::<FILE_TRANSFER_PROTOCOL_DATA>(Priority::Event, &payload);
     }
 
     fn read_param(&mut self, request: &PARAM_REQUEST_READ_DATA, params: &Params) {

@@ -6,6 +6,7 @@ use mavlink::MessageData;
 use mavlink::dialects::common::{
     ATTITUDE_DATA, ATTITUDE_QUATERNION_DATA, DEBUG_VECT_DATA, HEARTBEAT_DATA,
     NAMED_VALUE_FLOAT_DATA, RAW_IMU_DATA, SERVO_OUTPUT_RAW_DATA, SYS_STATUS_DATA,
+    V2_EXTENSION_DATA,
 };
 
 use crate::config::HEARTBEAT_PERIOD_US;
@@ -27,11 +28,13 @@ pub(super) enum Stream {
     Heartbeat,
     /// SYS_STATUS.
     Status,
+    /// V2_EXTENSION.
+    Memory,
 }
 
 /// Their numbers, and the steps between two by default, in the same order; `None` for what comes
 /// once a second. Whoever wants DEBUG_VECT waits for it: it tells of a whole second.
-const STREAMS: [(u32, Option<u16>); 8] = [
+const STREAMS: [(u32, Option<u16>); 9] = [
     (ATTITUDE_QUATERNION_DATA::ID, Some(1)),
     (SERVO_OUTPUT_RAW_DATA::ID, Some(1)),
     (RAW_IMU_DATA::ID, Some(1)),
@@ -39,6 +42,7 @@ const STREAMS: [(u32, Option<u16>); 8] = [
     (ATTITUDE_DATA::ID, Some(0)),
     (HEARTBEAT_DATA::ID, None),
     (SYS_STATUS_DATA::ID, None),
+    (V2_EXTENSION_DATA::ID, None),
     (DEBUG_VECT_DATA::ID, None),
 ];
 

@@ -3,6 +3,7 @@
 
 mod download;
 mod golden;
+mod memory;
 mod noise;
 mod orders;
 mod parameters;

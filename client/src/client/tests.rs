@@ -211,6 +211,48 @@ fn a_lost_acknowledgement_delays_a_later_order_and_does_not_answer_it() {
     assert_eq!(bench.answer(arm), Some(Ok(())));
 }
 
+/// The acknowledgement of an order to disarm is lost, perhaps with the order itself. That of an
+/// order to arm behind it, the same command, does not say that the vehicle is disarmed.
+#[test]
+fn a_later_acknowledgement_does_not_answer_an_earlier_order() {
+    for (first, second) in [(DISARM, ARM), (SAVE, request::RESET)] {
+        let mut bench = Bench::new();
+        let earlier = bench.order(first);
+        bench.sent();
+        let later = bench.order(second);
+        for _ in 0..copies(&bench.sent(), second) {
+            bench.accept(second);
+        }
+        assert_eq!(bench.answer(earlier), None, "{first:?}");
+        let again = bench.run(REPEAT);
+        assert!(copies(&again, first) > 0 && copies(&again, second) == 0);
+        (0..copies(&again, first)).for_each(|_| bench.accept(first));
+        assert_eq!(bench.answer(earlier), Some(Ok(())));
+        // What was lost of the first only delays the second.
+        for _ in 0..2 {
+            assert_eq!(bench.answer(later), None);
+            assert_eq!(copies(&bench.run(TICK), second), 1);
+            bench.accept(second);
+            bench.run(REPEAT - TICK - TICK);
+        }
+        assert_eq!(bench.answer(later), Some(Ok(())), "{second:?}");
+    }
+}
+
+/// What waits for an earlier order has its own time from then on.
+#[test]
+fn an_order_behind_a_silent_one_is_sent_when_that_has_failed() {
+    let mut bench = Bench::new();
+    let earlier = bench.order(SAVE);
+    let later = bench.order(request::RESET);
+    assert_eq!(copies(&bench.run(ANSWER + TICK), request::RESET), 1);
+    assert!(matches!(
+        bench.answer(earlier),
+        Some(Err(Failure::Silence(_)))
+    ));
+    assert_eq!(bench.answer(later), None);
+}
+
 #[test]
 fn nothing_that_was_ordered_before_a_disarm_is_sent_after_it() {
     let mut bench = Bench::new();

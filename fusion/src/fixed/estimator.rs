@@ -57,6 +57,7 @@ use super::counts::{Counts, PERIOD_US, Scale};
 use super::field::{self, Compass, size};
 use super::filters::{Filter, View};
 use super::format::{Q15, normalised};
+use super::memory::all;
 use super::orientation::{Angles, Orientation};
 use super::over_range::{Ignored, OverRange, Recovered, StepEnd};
 use super::rest::{self, Rest};
@@ -148,6 +149,26 @@ impl<F: Filter> Estimator<F> {
         period_us: u32,
     ) -> Result<Self, ConfigError> {
         Self::build(config, scale, period_us, |_| Ok(Ignored))
+    }
+
+    /// All that the next steps depend on besides their samples and the configuration, word by word:
+    /// each is shown to `each` and becomes what that returns. So the estimate can be written down,
+    /// and be continued elsewhere with the same bits. There are
+    /// [`MEMORY_WORDS`](super::MEMORY_WORDS).
+    #[inline(never)]
+    pub fn memory(&mut self, each: &mut impl FnMut(i32) -> i32) {
+        self.rotation.memory(each);
+        self.dt_remainder = each(self.dt_remainder as i32) as u32;
+        self.start_up.memory(&mut self.gains, each);
+        self.rest.memory(each);
+        self.heading_tick = each(self.heading_tick as i32) as u32;
+        self.compass.memory(each);
+        self.filter.memory(each);
+        self.gap = each(self.gap.into()) != 0;
+        let known = each(self.last_mag.is_some().into()) != 0;
+        let mut last_mag = self.last_mag.unwrap_or_default();
+        all(&mut last_mag, each);
+        self.last_mag = known.then_some(last_mag);
     }
 }
 

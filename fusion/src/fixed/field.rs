@@ -27,6 +27,7 @@
 
 use super::counts::Scale;
 use super::format::{Q4, Q8, Q15, nearest_log2, positive};
+use super::memory::all;
 use super::rotation::{Products, dot};
 use crate::error::{ConfigError, in_range};
 use crate::field::{FieldConfig, JUDGE_S, JUDGE_SAMPLES, MIN_HORIZONTAL_UT};
@@ -146,6 +147,27 @@ impl Compass {
             max_turned: limits.max_turned,
             adopt_rate: limits.adopt_rate,
         }
+    }
+
+    /// See [`Estimator::memory`](super::Estimator::memory).
+    #[inline(never)]
+    pub(super) fn memory(&mut self, each: &mut impl FnMut(i32) -> i32) {
+        self.inverse = each(self.inverse);
+        self.limit = each(self.limit);
+        self.weight = each(self.weight);
+        self.last = each(self.last as i32) as u32;
+        self.due = each(self.due as i32) as u32;
+        all(&mut self.seen, each);
+        all(&mut self.reference, each);
+        all(&mut self.met, each);
+        all(&mut self.candidate, each);
+        self.tolerance = each(self.tolerance);
+        self.margin = each(self.margin);
+        self.judged = each(self.judged);
+        self.share = each(self.share as i32) as u32;
+        self.before = each(self.before as i32) as u32;
+        self.rejected = each(self.rejected as i32) as u32;
+        self.turned = each(self.turned as i32) as u32;
     }
 
     /// The field that was judged last is not like the reference.

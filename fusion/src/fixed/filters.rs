@@ -32,6 +32,7 @@
 //!   is, and `z` stays 0.
 
 use super::format::{Q8, Q15, Q16, Q31};
+use super::memory::all;
 use super::rotation::{Products, dot};
 use crate::error::{ConfigError, in_range, positive};
 use crate::mahony::MahonyGains;
@@ -70,6 +71,10 @@ pub trait Filter: Sized {
     /// The tilt correction, half a rotation vector in the body frame, Q31 rad.
     #[doc(hidden)]
     fn tilt(&mut self, view: &View<'_>, gain: Gain) -> [Q31; 3];
+
+    /// See [`Estimator::memory`](super::Estimator::memory).
+    #[doc(hidden)]
+    fn memory(&mut self, _: &mut impl FnMut(i32) -> i32) {}
 }
 
 /// The estimate and the accelerometer, as a filter sees them.
@@ -147,6 +152,12 @@ impl Filter for Vqf {
 
     fn rates(gains: &VqfGains) -> (f32, f32) {
         (1.0 / gains.acc_tau_s, 1.0 / gains.mag_tau_s)
+    }
+
+    fn memory(&mut self, each: &mut impl FnMut(i32) -> i32) {
+        all(&mut self.smooth, each);
+        all(&mut self.remainder, each);
+        all(&mut self.carry, each);
     }
 
     #[inline(always)]

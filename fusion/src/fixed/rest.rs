@@ -20,6 +20,7 @@
 
 use super::counts::Scale;
 use super::format::{Q9, Q16, nearest_log2};
+use super::memory::all;
 use super::rotation::BIAS_BITS;
 use crate::error::{ConfigError, in_range};
 use crate::rest::{BLOCK_S, RestConfig};
@@ -144,6 +145,23 @@ impl Rest {
             acc_limit: limits.acc,
             max_bias: limits.max_bias,
             axes: [Axis::default(); 6],
+        }
+    }
+
+    /// See [`Estimator::memory`](super::Estimator::memory).
+    #[inline(never)]
+    pub(super) fn memory(&mut self, each: &mut impl FnMut(i32) -> i32) {
+        self.moved = each(self.moved.into()) != 0;
+        self.missing = each(self.missing.into()) as u8;
+        self.tick = each(self.tick as i32) as u32;
+        all(&mut self.sums, each);
+        self.blocks = each(self.blocks as i32) as u32;
+        self.learned = each(self.learned as i32) as u32;
+        self.rate_limit = each(self.rate_limit);
+        for axis in &mut self.axes {
+            axis.reference = each(axis.reference);
+            axis.newest = each(axis.newest);
+            axis.offset = each(axis.offset);
         }
     }
 

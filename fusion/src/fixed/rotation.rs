@@ -33,6 +33,7 @@
 //! takes half of it away with every step.
 
 use super::format::{Q9, Q15, Q16, Q30, Q31};
+use super::memory::all;
 
 /// Half a bit of Q15 in Q30, and of Q16 in Q31.
 const HALF: i32 = 1 << 14;
@@ -136,6 +137,15 @@ impl Rotation {
     /// w, x, y, z.
     pub(super) fn q30(&self) -> [Q30; 4] {
         self.q.map(|c| c - HALF)
+    }
+
+    /// See [`Estimator::memory`](super::Estimator::memory).
+    pub(super) fn memory(&mut self, each: &mut impl FnMut(i32) -> i32) {
+        all(&mut self.q, each);
+        all(&mut self.pending, each);
+        all(&mut self.bias, each);
+        self.excess = each(self.excess);
+        self.sixth = each(self.sixth);
     }
 
     /// Turn by the counts of a step, less the offset, and by what is pending.

@@ -162,6 +162,21 @@ impl StartUpGains {
         Ok((start_up, gains))
     }
 
+    /// See [`Estimator::memory`](super::Estimator::memory).
+    #[inline(never)]
+    pub(super) fn memory(&mut self, gains: &mut Gains, each: &mut impl FnMut(i32) -> i32) {
+        self.blocks = each(self.blocks as i32) as u32;
+        self.drop_at = each(self.drop_at as i32) as u32;
+        self.drop_interval = each(self.drop_interval as i32) as u32;
+        self.gain_log2 = each(self.gain_log2);
+        self.next_drop = each(self.next_drop);
+        gains.tilt.factor = each(gains.tilt.factor);
+        gains.tilt.shift = each(gains.tilt.shift as i32) as u32;
+        gains.heading_shift = each(gains.heading_shift as i32) as u32;
+        gains.acc_limit = each(gains.acc_limit);
+        gains.settled = each(gains.settled.into()) != 0;
+    }
+
     /// Samples were missing: the schedule begins anew with the next block.
     pub(super) fn restart(&mut self) {
         self.gain_log2 = self.first_gain_log2;

@@ -3,7 +3,7 @@
 //! From a moment at which the firmware began its estimate anew (power-on, or the calibration that
 //! `tvc record` asks for) the library, given the same counts, times, parameters and commands, gives
 //! the same bits. Frames that were lost on the way to the log end that, until the estimate begins
-//! anew.
+//! anew or the vehicle tells all that its flight remembers, which it does once a second.
 
 mod filter;
 mod page;
@@ -19,7 +19,7 @@ use client::{ReasonKind, StateKind};
 use mavlink::dialects::common::{MavCmd, MavResult};
 use recordings::FilterName;
 use serde::Serialize;
-use tvc_nano::{BootReport, Command, Flight, Micros, Params, SensorFault};
+use tvc_nano::{BootReport, Command, Flight, Micros, Params, RawSample, SensorFault};
 
 use crate::logs::log::{self, Event, Log, Step};
 use crate::out::exit::{BadInput, Verdict};
@@ -36,6 +36,7 @@ Examples:
   cargo tvc replay flight.tlog --csv both.csv        both runs as a table, side by side
 
 The motion is the log's: it does not answer to what is changed.
+Behind lost frames it compares again from the vehicle's next full state on, which comes once a second.
 Exit status: 0 equal wherever it can be compared, 1 a difference or nothing to compare, 2 unusable input.")]
 pub struct Replay {
     /// A telemetry log (.tlog, .mcap).
@@ -74,8 +75,8 @@ fn parameter(text: &str) -> Result<(String, f32), String> {
     Ok((name.to_owned(), value))
 }
 
-/// Most gaps that are named in words; `--json` has all.
-const GAPS_SHOWN: usize = 5;
+/// Most gaps and stretches that are named in words; `--json` has all.
+const SHOWN: usize = 5;
 
 /// A step as logged and as replayed.
 #[derive(Clone, Copy, Debug)]
@@ -84,7 +85,7 @@ pub struct Pair {
     pub logged: Step,
     /// As replayed.
     pub again: Step,
-    /// The estimate's past is known: both must be equal bit for bit.
+    /// All that the step depends on is known: both must be equal bit for bit.
     pub exact: bool,
 }
 
@@ -93,8 +94,10 @@ pub struct Pair {
 pub struct Figures {
     /// Control steps in the log.
     pub steps: usize,
-    /// Steps from which the estimate's past is known.
+    /// Steps of which all is known that they depend on.
     pub compared: usize,
+    /// The first and the last of each stretch of these, by the vehicle's clock, s.
+    pub compared_s: Vec<[f64; 2]>,
     /// Of these, steps whose attitude, rates, command and pulse are the same, bit for bit.
     pub equal: usize,
     /// Time of the first that is not, by the vehicle's clock, s.
@@ -180,20 +183,17 @@ fn words(figures: &Figures) -> Vec<String> {
         figures.steps, figures.missed, figures.lost
     )];
     if figures.lost > 0 {
-        let shown = figures.gaps_s.iter().take(GAPS_SHOWN);
-        let shown: Vec<_> = shown.map(|at_s| format!("{at_s:.3} s")).collect();
-        let more = figures.gaps_s.len() - shown.len();
-        let more = if more > 0 {
-            format!(" and {more} more")
-        } else {
-            String::new()
-        };
+        let gaps = figures.gaps_s.iter().map(|at_s| format!("{at_s:.3} s"));
+        lines.push(format!("gaps at {}", some(gaps)));
+    }
+    if figures.compared > 0 && figures.compared < figures.steps {
+        let stretches = figures.compared_s.iter();
+        let stretches = stretches.map(|[from, to]| format!("{from:.3} to {to:.3} s"));
         lines.push(format!(
-            "compared {} of {} steps; gaps at {}{more}: behind a gap the estimate's past is unknown, \
-             until it begins anew",
+            "compared {} of {} steps: {}; behind a gap from the vehicle's next full state on",
             figures.compared,
             figures.steps,
-            shown.join(", ")
+            some(stretches)
         ));
     }
     if !figures.changed.is_empty() {
@@ -210,8 +210,8 @@ fn words(figures: &Figures) -> Vec<String> {
         ));
     } else if figures.compared == 0 {
         lines.push(format!(
-            "nothing to compare bit for bit: the log does not hold the beginning of an estimate; \
-             pitch differs by at most {:.4} rad",
+            "nothing to compare bit for bit: the log holds neither the beginning of an estimate nor \
+             a full state with the parameters that it tells; pitch differs by at most {:.4} rad",
             figures.pitch_difference_rad_max
         ));
     } else {
@@ -236,6 +236,16 @@ fn words(figures: &Figures) -> Vec<String> {
     lines
 }
 
+/// The first few.
+fn some(texts: impl ExactSizeIterator<Item = String>) -> String {
+    let more = texts.len().saturating_sub(SHOWN);
+    let shown = texts.take(SHOWN).collect::<Vec<_>>().join(", ");
+    match more {
+        0 => shown,
+        more => format!("{shown} and {more} more"),
+    }
+}
+
 /// Runs the library over a log, with some parameters forced to other values. Also gives the
 /// refusals.
 ///
@@ -256,8 +266,9 @@ pub fn replay(
             .map_err(|error| BadInput::new(format!("the log's parameters: {error}")))?,
         code: None,
         now: Micros(0),
-        sampled: false,
+        newest: None,
         exact: false,
+        changed: !changed.is_empty(),
         refused: Vec::new(),
     };
     let mut pairs = Vec::new();
@@ -265,6 +276,7 @@ pub fn replay(
         match event {
             Event::Step(step) => pairs.push(run.step(step)),
             Event::Gap(_) => run.exact = false,
+            Event::Memory(words) if !run.exact => run.resume(words),
             Event::State(code) => run.follow(*code),
             Event::Parameter(name, value) if !changed.contains_key(name) => {
                 run.set(name, *value);
@@ -288,8 +300,11 @@ struct Run {
     /// The last `custom_mode` of the log.
     code: Option<u32>,
     now: Micros,
-    sampled: bool,
+    /// The newest sample.
+    newest: Option<RawSample>,
     exact: bool,
+    /// Some parameters are others than the vehicle's.
+    changed: bool,
     refused: Vec<String>,
 }
 
@@ -305,7 +320,7 @@ impl Run {
             None if self.lost_sensor() => Err(SensorFault::Reset),
             None => Err(SensorFault::Nak),
         };
-        self.sampled |= reading.is_ok();
+        self.newest = logged.sample.or(self.newest);
         let snapshot = self.flight.step(self.now, reading);
         let (q, rate) = (snapshot.attitude.orientation, snapshot.attitude.rate);
         Pair {
@@ -321,6 +336,13 @@ impl Run {
         }
     }
 
+    /// Goes on from all that the flight remembers after the newest sample.
+    fn resume(&mut self, words: &[i32]) {
+        if let Some(sample) = self.newest {
+            self.exact = self.flight.resume(&sample, words) || self.changed;
+        }
+    }
+
     /// No sample has led out of boot yet, as far as the log tells.
     fn is_starting(&self) -> bool {
         matches!(self.code.and_then(state_of), None | Some(StateKind::Boot))
@@ -328,10 +350,10 @@ impl Run {
 
     fn lost_sensor(&self) -> bool {
         let Some(code) = self.code else {
-            return self.sampled;
+            return self.newest.is_some();
         };
         match state_of(code) {
-            Some(StateKind::Boot) => self.sampled,
+            Some(StateKind::Boot) => self.newest.is_some(),
             _ => reason_of(code) == Some(ReasonKind::Sensor),
         }
     }
@@ -341,7 +363,7 @@ impl Run {
         let first = self.code.replace(code).is_none();
         let state = state_of(code);
         // From power-on the whole past is in the log.
-        self.exact |= first && state == Some(StateKind::Boot) && !self.sampled;
+        self.exact |= first && state == Some(StateKind::Boot) && self.newest.is_none();
         let mine = self.flight.state().kind();
         match state {
             Some(StateKind::Armed) if mine != StateKind::Armed => self.command(Command::Arm),
@@ -354,7 +376,9 @@ impl Run {
     }
 
     fn command(&mut self, command: Command) {
-        if let Err(refusal) = self.flight.command(self.now, command) {
+        let answer = self.flight.command(self.now, command);
+        // Where its past is unknown, a refusal says nothing.
+        if let (Err(refusal), true) = (answer, self.exact) {
             self.refused.push(format!(
                 "{:.3} s: the vehicle obeyed {command}, its library here refuses: {refusal}",
                 self.now.0 as f64 * 1e-6
@@ -380,6 +404,12 @@ fn compare(pairs: &[Pair]) -> Figures {
         steps: pairs.len(),
         ..Figures::default()
     };
+    let stretches = pairs.chunk_by(|a, b| a.exact == b.exact);
+    let ends = stretches.filter_map(|stretch| Some((stretch.first()?, stretch.last()?)));
+    let compared = ends.filter(|(first, _)| first.exact);
+    figures.compared_s = compared
+        .map(|(first, last)| [first.logged.time_s(), last.logged.time_s()])
+        .collect();
     // Before the first step whose past is known there is nothing to compare.
     let known = pairs.iter().position(|pair| pair.exact).unwrap_or(0);
     for Pair {

@@ -1,6 +1,10 @@
 //! `tvc forward`: a bridge by UDP, MAVLink to a ground station such as QGroundControl and JSON to
 //! PlotJuggler.
 
+mod ftp;
+mod metadata;
+mod relay;
+
 use std::net::{Ipv4Addr, SocketAddr, UdpSocket};
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
@@ -18,6 +22,7 @@ use crate::signals;
 use crate::vehicle::link::{Link, Vehicle};
 use crate::vehicle::monitor::servo_map;
 use crate::vehicle::port::PortOptions;
+use relay::Relay;
 
 /// Options of `tvc forward`.
 #[derive(Debug, Args)]
@@ -27,7 +32,8 @@ Examples:
   cargo tvc forward --to 192.168.1.20:14550    a ground station elsewhere
   cargo tvc forward --log flight.tlog      and keep every frame, both ways
 
-What comes back from the ground station goes to the vehicle.
+What comes back from the ground station goes to the vehicle. QGroundControl gets units, ranges and meanings of the parameters
+from this tool.
 Exit status: 0 ended, 1 the vehicle went away or something failed, 2 unusable input.")]
 pub struct Forward {
     /// Where the vehicle is.
@@ -75,13 +81,14 @@ pub fn run(options: &Forward) -> Result<Verdict> {
         options.to,
         options.plot
     );
+    let mut relay = Relay::new();
     let begun = Instant::now();
     let longest = options.seconds.map(Duration::from_secs_f64);
     let mut datagram = [0; DATAGRAM];
     while !signals::asked(stop, begun, longest) {
         for frame in vehicle.receive()? {
             // An error here means that nobody listens yet; somebody may later.
-            let _ = station.send_to(&frame.bytes, options.to);
+            let _ = station.send_to(&relay.pass(&frame), options.to);
             tracker.take(&frame.message);
             if matches!(frame.message, MavMessage::SERVO_OUTPUT_RAW(_)) {
                 let status = tracker.next(vehicle.link().client());
@@ -90,9 +97,14 @@ pub fn run(options: &Forward) -> Result<Verdict> {
         }
         while let Ok((count, from)) = station.recv_from(&mut datagram) {
             // Only the ground station that frames are sent to may command.
-            if from.ip() == options.to.ip() {
-                vehicle.link().send_bytes(&datagram[..count])?;
+            if from.ip() != options.to.ip() {
+                continue;
             }
+            let relayed = relay.take(&datagram[..count]);
+            for answer in &relayed.to_station {
+                let _ = station.send_to(answer, from);
+            }
+            vehicle.link().send_bytes(&relayed.to_vehicle)?;
         }
     }
     vehicle.link().end_log()?;

@@ -107,7 +107,7 @@ pub fn run(options: &Param) -> Result<Verdict> {
             let wanted = wanted.unwrap_or_default();
             load(&mut vehicle, wanted, *skip_unknown, json)
         }
-        ParamAction::Dump { file } => dump(&vehicle.parameters()?, file.as_deref(), json),
+        ParamAction::Dump { file } => dump(&mut vehicle, file.as_deref(), json),
     }
 }
 
@@ -296,8 +296,13 @@ fn reset(vehicle: &mut Vehicle, some: &[Parameter], stored: bool, json: bool) ->
     )
 }
 
-fn dump(have: &[Parameter], path: Option<&Path>, json: bool) -> Result<Verdict> {
-    let text = param_file::text(have);
+fn dump(vehicle: &mut Vehicle, path: Option<&Path>, json: bool) -> Result<Verdict> {
+    let have = vehicle.parameters()?;
+    let text = if path.is_some_and(param_file::is_for_qgroundcontrol) {
+        param_file::columns(&have, vehicle.link().client().vehicle())
+    } else {
+        param_file::text(&have)
+    };
     if let Some(path) = path {
         write_whole(path, text.as_bytes())?;
         eprintln!("wrote {}", path.display());

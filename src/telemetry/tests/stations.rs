@@ -345,3 +345,34 @@ fn a_vehicle_with_another_number_speaks_by_it_and_obeys_no_order_to_the_first() 
     assert_eq!(link.desk.flight.state(), State::Armed);
     assert_eq!(link.telemetry.pending()[5..7], [7, 1]);
 }
+
+/// As MAVProxy begins to fetch its parameters: it asks for a file first, and for the parameters when
+/// that is refused.
+#[test]
+fn a_request_for_a_file_is_refused_at_once() {
+    let mut link = Link::new(Desk::in_standby(0.1));
+    let path = b"@PARAM/param.pck?withdefaults=1";
+    let mut payload = [0; 251];
+    // Number, session, OpenFileRO, size; offset; path.
+    payload[..5].copy_from_slice(&[0xFF, 0x12, 3, 4, path.len() as u8]);
+    payload[12..12 + path.len()].copy_from_slice(path);
+    let request = FILE_TRANSFER_PROTOCOL_DATA {
+        target_network: 0,
+        target_system: 1,
+        target_component: 1,
+        payload,
+    };
+    let heard = link.tell(&from_host(&request));
+    let [MavMessage::FILE_TRANSFER_PROTOCOL(answer)] = &heard[..] else {
+        panic!("{heard:?}");
+    };
+    assert_eq!((answer.target_system, answer.target_component), (255, 190));
+    // The next number, the session, NAK, one byte, of OpenFileRO; unknown operation.
+    assert_eq!(answer.payload[..8], [0x00, 0x13, 3, 129, 1, 4, 0, 0]);
+    assert_eq!(answer.payload[8..14], [0, 0, 0, 0, 7, 0]);
+    let other = FILE_TRANSFER_PROTOCOL_DATA {
+        target_system: 2,
+        ..request
+    };
+    assert_eq!(link.tell(&from_host(&other)), []);
+}

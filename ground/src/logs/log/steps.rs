@@ -2,19 +2,23 @@
 //!
 //! Every step sends ATTITUDE_QUATERNION, SERVO_OUTPUT_RAW, RAW_IMU if it had a sample, and
 //! NAMED_VALUE_FLOAT with the command, one behind the other; answers and events lie between two
-//! steps in the firmware's order. A step without RAW_IMU missed its sample, unless frames are
+//! steps in the firmware's order. Once a second V2_EXTENSION begins, a part behind each step: what
+//! the flight remembers after the step before the first part. A step without RAW_IMU missed its sample, unless frames are
 //! missing there.
 
 use client::{LinkCounts, text};
 use mavlink::dialects::common::{
     ATTITUDE_QUATERNION_DATA, COMMAND_ACK_DATA, HEARTBEAT_DATA, MavAutopilot, MavCmd, MavMessage,
     MavParamType, MavResult, MavSeverity, MavType, NAMED_VALUE_FLOAT_DATA, PARAM_VALUE_DATA,
-    SERVO_OUTPUT_RAW_DATA, STATUSTEXT_DATA, SYS_STATUS_DATA,
+    SERVO_OUTPUT_RAW_DATA, STATUSTEXT_DATA, SYS_STATUS_DATA, V2_EXTENSION_DATA,
 };
-use tvc_nano::telemetry::raw_imu;
+use tvc_nano::telemetry::{MEMORY_TYPE, MEMORY_WORDS, PART_WORDS, raw_imu};
 use tvc_nano::{Micros, Params, RawSample};
 
 use super::{Entry, Log, Origin, whole_us};
+
+/// Most events between a step and the last part of the memory after it: a slow link holds parts up.
+const MEMORY_LAG: usize = 200;
 
 /// Name of the NAMED_VALUE_FLOAT with the command.
 pub const CRANK: &str = "crank_rad";
@@ -90,6 +94,8 @@ impl Step {
 pub enum Event {
     /// A control step.
     Step(Step),
+    /// What the flight remembers after the step before.
+    Memory(Vec<i32>),
     /// Frames are missing here: their number.
     Gap(u64),
     /// The state, as HEARTBEAT's `custom_mode` has it, each time it is told.
@@ -105,11 +111,11 @@ pub enum Event {
 }
 
 impl Event {
-    /// The messages that the vehicle sends for it; none for a gap.
+    /// The messages that the vehicle sends for it; none for a gap, and none for the memory.
     pub fn messages(&self) -> Vec<MavMessage> {
         match self {
             Self::Step(step) => step.messages(),
-            Self::Gap(_) => Vec::new(),
+            Self::Gap(_) | Self::Memory(_) => Vec::new(),
             Self::State(custom_mode) => vec![MavMessage::HEARTBEAT(HEARTBEAT_DATA {
                 custom_mode: *custom_mode,
                 mavtype: MavType::MAV_TYPE_ROCKET,
@@ -145,6 +151,8 @@ pub struct Flight {
     pub counts: LinkCounts,
     /// Where the log comes from.
     pub origin: Origin,
+    /// What has come of the memory so far.
+    pub(super) memory: Vec<i32>,
 }
 
 /// The messages of a step that have come so far.
@@ -242,6 +250,10 @@ impl Flight {
                 }
                 return;
             }
+            MavMessage::V2_EXTENSION(m) => {
+                self.remember(m);
+                return;
+            }
             MavMessage::ATTITUDE_QUATERNION(m) => {
                 self.close(part.take(), clock, false);
                 *part = Some(Part {
@@ -264,6 +276,35 @@ impl Flight {
         };
         self.close(part.take(), clock, false);
         self.events.push(event);
+    }
+
+    /// A part of the memory. What is whole belongs behind its step, a few steps back.
+    fn remember(&mut self, told: &V2_EXTENSION_DATA) {
+        let part = usize::from(told.message_type.wrapping_sub(MEMORY_TYPE));
+        if part == 0 {
+            self.memory.clear();
+        }
+        if self.memory.len() != part * PART_WORDS {
+            return;
+        }
+        let words = told.payload.chunks_exact(4).take(PART_WORDS);
+        let words = words.filter_map(|word| Some(i32::from_le_bytes(word.try_into().ok()?)));
+        let missing = MEMORY_WORDS.saturating_sub(self.memory.len());
+        self.memory.extend(words.take(missing));
+        let [time_us, words @ ..] = &self.memory[..] else {
+            return;
+        };
+        let its = |event: &Event| match event {
+            Event::Step(step) => step.sample.is_some() && step.now_us as u32 == *time_us as u32,
+            _ => false,
+        };
+        let mut recent = self.events.iter().rev().take(MEMORY_LAG);
+        if self.memory.len() == MEMORY_WORDS
+            && let Some(back) = recent.position(its)
+        {
+            let memory = Event::Memory(words.to_vec());
+            self.events.insert(self.events.len() - back, memory);
+        }
     }
 
     /// A step whose messages have all come. One at a gap may have lost its sample's message, and

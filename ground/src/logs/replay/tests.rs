@@ -101,6 +101,87 @@ fn a_flight_with_missed_samples_and_a_failsafe_comes_out_bit_for_bit() {
     assert_eq!(figures.equal, figures.compared, "{figures:?}");
 }
 
+/// The log without the vehicle's frames of these stretches of its clock, s.
+fn without(log: &[u8], stretches: &[[f64; 2]]) -> Vec<u8> {
+    let mut rest = log;
+    let mut kept = Vec::new();
+    while let Some(length) = rest.get(9) {
+        let (frame, next) = rest.split_at(8 + 12 + usize::from(*length));
+        let time_us = u64::from_be_bytes(frame[..8].try_into().unwrap());
+        let time_s = time_us as f64 * 1e-6;
+        if !stretches
+            .iter()
+            .any(|[from, to]| (*from..*to).contains(&time_s))
+        {
+            kept.extend_from_slice(frame);
+        }
+        rest = next;
+    }
+    kept
+}
+
+/// Half a second is lost before arming, a moment of the release, and the end of the failsafe. Each
+/// time the steps are compared again within a second, and all of them are equal.
+#[test]
+fn behind_a_gap_steps_are_compared_again_within_a_second() {
+    let mut bench = Bench::new();
+    bench.fly();
+    let lost = [[4.0, 4.5], [6.3, 6.35], [8.5, 8.6]];
+    let flight = Logged::of(&Log::parse(&without(&bench.log, &lost)));
+    assert!(flight.lost() > 0);
+    let (pairs, refused) = replay(&flight, &BTreeMap::new()).unwrap();
+    assert_eq!(refused, Vec::<String>::new());
+    let mut figures = compare(&pairs);
+    figures.lost = flight.lost();
+    figures.gaps_s = gaps_s(&flight);
+    assert_eq!(figures.equal, figures.compared, "{figures:?}");
+    let begins: Vec<_> = figures
+        .compared_s
+        .iter()
+        .map(|stretch| stretch[0])
+        .collect();
+    assert_eq!((figures.gaps_s.len(), begins.len()), (3, 4), "{figures:?}");
+    for (gap, begin) in figures.gaps_s.iter().zip(&begins[1..]) {
+        assert!((0.0..1.1).contains(&(begin - gap)), "{figures:?}");
+    }
+    let words = words(&figures).join("\n");
+    for [from, to] in &figures.compared_s {
+        let stretch = format!("{from:.3} to {to:.3} s");
+        assert!(words.contains(&stretch), "{stretch}: {words}");
+    }
+}
+
+/// A log that begins in mid-flight, with the parameters, as `tvc record` asks for them first.
+fn from_mid_flight() -> Logged {
+    let mut bench = Bench::new();
+    bench.fly();
+    let whole = Logged::of(&Log::parse(&bench.log));
+    let mut flight = Logged::of(&Log::parse(&without(&bench.log, &[[0.0, 6.4]])));
+    let told = whole.events.into_iter();
+    let told = told.filter(|event| matches!(event, Event::Parameter(..)));
+    flight.events = told.chain(flight.events).collect();
+    flight
+}
+
+#[test]
+fn a_log_without_the_estimates_beginning_is_compared_from_a_full_state_on() {
+    let (pairs, _) = replay(&from_mid_flight(), &BTreeMap::new()).unwrap();
+    let figures = compare(&pairs);
+    assert!(figures.compared > 300, "{figures:?}");
+    assert_eq!(figures.equal, figures.compared, "{figures:?}");
+}
+
+/// What the log says of the parameters is not what the vehicle flies: a difference would mean
+/// nothing.
+#[test]
+fn a_full_state_under_other_parameters_is_not_compared() {
+    let mut flight = from_mid_flight();
+    let other = Event::Parameter("PID_KP".into(), 0.7);
+    flight.events.insert(0, other);
+    let (pairs, _) = replay(&flight, &BTreeMap::new()).unwrap();
+    assert_eq!(compare(&pairs).compared, 0);
+}
+
 #[test]
 fn parameters_are_known_and_in_range() {
     assert_eq!(parameter("PID_KD=0.2"), Ok(("PID_KD".into(), 0.2)));

@@ -15,7 +15,8 @@ Examples:
   cargo tvc param set PID_KP 1.2           live, also in flight; out of range is refused
   cargo tvc param reset PID_KP PID_KD      these to their defaults; without names, every one
   cargo tvc param reset --stored           every one to what was saved last
-  cargo tvc param dump > gains.parm        as a file that MAVProxy and QGroundControl read
+  cargo tvc param dump gains.parm          a file that MAVProxy reads
+  cargo tvc param dump gains.params        a file that QGroundControl reads
   cargo tvc param diff gains.parm          what differs from a file (without one: from the defaults)
   cargo tvc param load gains.parm          sets what differs
 
@@ -102,7 +103,7 @@ pub enum ParamAction {
     },
     /// Print every name and value, or write them to a file.
     Dump {
-        /// The file.
+        /// The file; `.params` in QGroundControl's form, anything else in MAVProxy's.
         #[arg(value_name = "FILE", value_parser = kind::parameters)]
         file: Option<PathBuf>,
     },

@@ -1,0 +1,47 @@
+//! What a flight remembers from one step to the next, as words of 32 bits: telemetry tells it once
+//! a second, so that a replay can go on behind frames that were lost.
+
+use bno055_driver::{Micros, RawSample};
+
+use super::Flight;
+
+impl Flight {
+    /// Words of [`Flight::memory`].
+    pub const MEMORY_WORDS: usize = tvc_fusion::fixed::MEMORY_WORDS + 17;
+
+    /// All that the next steps depend on besides parameters, samples and commands, word by word:
+    /// each is shown to `each` and becomes what that returns. The first is a digest of the
+    /// parameters, which stay. It is whole after a step with a sample, [past
+    /// start-up](crate::State::is_past_start_up), but for a test pulse.
+    pub fn memory(&mut self, each: &mut impl FnMut(i32) -> i32) {
+        each(self.params.digest());
+        self.supervisor.memory(each);
+        self.navigation.memory(each);
+        self.controller.memory(each);
+        self.crank_rad = float(self.crank_rad, each);
+        self.servo.memory(each);
+    }
+
+    /// Go on from the [memory](Flight::memory) of another flight after a step with this sample. Says
+    /// whether the next steps give the same bits as there: whether the parameters are the same.
+    pub fn resume(&mut self, sample: &RawSample, words: &[i32]) -> bool {
+        let mut rest = words.iter();
+        self.memory(&mut |word| rest.next().copied().unwrap_or(word));
+        self.navigation.resume(sample);
+        let health = self.health(&self.attitude());
+        self.supervisor.resume(sample.time, health);
+        words.first() == Some(&self.params.digest())
+    }
+}
+
+/// A float among the words.
+pub(crate) fn float(value: f32, each: &mut impl FnMut(i32) -> i32) -> f32 {
+    f32::from_bits(each(value.to_bits() as i32) as u32)
+}
+
+/// A time among the words: two of them.
+pub(crate) fn time(value: Micros, each: &mut impl FnMut(i32) -> i32) -> Micros {
+    let low = each(value.0 as i32) as u32;
+    let high = each((value.0 >> 32) as i32) as u32;
+    Micros(u64::from(high) << 32 | u64::from(low))
+}
