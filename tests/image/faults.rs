@@ -6,7 +6,7 @@ use rig::bno055::Fault;
 use rig::faults::neutral_us;
 use rig::ground_station::GroundStationError;
 use rig::ground_truth::{Pulse, Step};
-use rig::{Ready, ResetCause, ServoKind, Setup, Ticks, prepare};
+use rig::{ProgramEnd, Ready, ResetCause, ServoKind, Setup, Ticks, prepare};
 use std::ops::RangeInclusive;
 use tvc_nano::Params;
 
