@@ -93,6 +93,17 @@ enum Order {
     Cancel,
 }
 
+impl Order {
+    /// Whether it disturbs no step of the set-up.
+    fn goes_with_set_up(&self) -> bool {
+        match self {
+            Self::Stop | Self::Answer { .. } | Self::Cancel | Self::EndRecord => true,
+            Self::WriteFile | Self::ReadFile { .. } | Self::Rig { .. } => true,
+            _ => false,
+        }
+    }
+}
+
 /// What becomes of an order: something to know about it, or nothing.
 pub type Outcome = Pin<Box<dyn Future<Output = Result<Option<String>>> + Send>>;
 
@@ -185,11 +196,7 @@ impl Desk {
             Order::Stop => return Ok(self.stop()),
             _ => self.condition(heard_ms)?,
         };
-        let concerns_set_up = matches!(
-            order,
-            Order::Answer { .. } | Order::Cancel | Order::EndRecord
-        );
-        if !concerns_set_up {
+        if !order.goes_with_set_up() {
             not_set_up(&self.model.lock())?;
         }
         let order = match order {

@@ -18,7 +18,7 @@ use anyhow::{Error, Result, anyhow, bail};
 use client::request::{self, DISARM, RELOAD, RESET, SAVE};
 use client::state::is_in_operation;
 use client::{Frame, Request, ServoMap, StateKind, StatusTracker, Ticket};
-use mavlink::dialects::common::SYS_STATUS_DATA;
+use mavlink::dialects::common::{MavMessage, SYS_STATUS_DATA};
 use tvc_nano::Params;
 
 use super::handle::{Ask, Condition, Recording, Reply};
@@ -140,6 +140,8 @@ struct Session<'a> {
     host: HostWatch,
     /// Who hears every frame of the vehicle.
     listeners: Vec<Sender<Vec<u8>>>,
+    /// Its newest heartbeat, in bytes.
+    beat: Vec<u8>,
     recording: Option<PathBuf>,
     /// Why the last recording ended before its time.
     recording_failure: Option<String>,
@@ -177,6 +179,7 @@ impl<'a> Session<'a> {
             storing: None,
             host: HostWatch::default(),
             listeners: Vec::new(),
+            beat: Vec::new(),
             recording: None,
             recording_failure,
             round_trip_ms: None,
@@ -218,6 +221,9 @@ impl<'a> Session<'a> {
 
     fn pass_on(&mut self, frames: &[Frame]) {
         for frame in frames {
+            if matches!(frame.message, MavMessage::HEARTBEAT(_)) {
+                self.beat = frame.bytes.clone();
+            }
             let listeners = &mut self.listeners;
             listeners.retain(|listener| listener.send(frame.bytes.clone()).is_ok());
         }
@@ -248,7 +254,11 @@ impl<'a> Session<'a> {
                 self.publish_status();
                 let _ = reply.send(ended);
             }
-            Ask::Listen(listener) => self.listeners.push(listener),
+            Ask::Listen(listener) => {
+                // Whoever listens knows the state at once.
+                let _ = listener.send(self.beat.clone());
+                self.listeners.push(listener);
+            }
             Ask::Send(bytes) => {
                 let sent = self.link.send_bytes(&bytes);
                 self.without_log(sent)?;
