@@ -31,7 +31,11 @@ pub fn read(path: &Path) -> Result<Vec<Parameter>> {
     rows.map_err(|why| BadInput::new(format!("{}: {why}", path.display())).into())
 }
 
-fn parse(text: &str) -> Result<Vec<Parameter>, String> {
+/// Reads the text of a file.
+///
+/// # Errors
+/// What is wrong, and in which line.
+pub fn parse(text: &str) -> Result<Vec<Parameter>, String> {
     let mut rows: Vec<Parameter> = Vec::new();
     // Windows' editors put a byte order mark before the text.
     for (index, line) in text.trim_start_matches('\u{FEFF}').lines().enumerate() {

@@ -10,7 +10,7 @@ mod options;
 mod outcome;
 mod picture;
 mod polarity;
-mod readings;
+pub mod readings;
 mod report;
 mod servo;
 mod session;
@@ -22,8 +22,8 @@ use calibration::fit;
 use crate::out::exit::Verdict;
 use crate::out::file::print_figures;
 use figures::Figures;
-pub use options::Calibrate;
 use options::SetUp;
+pub use options::{Calibrate, place};
 use outcome::Outcome;
 
 /// Calibrates as `options` say, prints the figures, writes the parameters and the report.
