@@ -48,9 +48,9 @@ impl Readiness {
         self.cos_tilt.is_some()
     }
 
-    /// Why an order to arm would be refused, in the vehicle's own words where they are known; `None`
-    /// if it would be obeyed, or nothing has been told yet. The reasons are tried in the order in
-    /// which the vehicle tries them.
+    /// Why an order to arm would be refused, in the vehicle's own words where they are known;
+    /// `None` if it would be obeyed, or nothing has been told yet. The reasons are tried in the
+    /// order in which the vehicle tries them.
     pub fn refusal(&self, params: &Params) -> Option<String> {
         if self.is_ready()? {
             return None;

@@ -22,8 +22,9 @@ impl Flight {
         self.servo.memory(each);
     }
 
-    /// Go on from the [memory](Flight::memory) of another flight after a step with this sample. Says
-    /// whether the next steps give the same bits as there: whether the parameters are the same.
+    /// Go on from the [memory](Flight::memory) of another flight after a step with this sample.
+    /// Says whether the next steps give the same bits as there: whether the parameters are the
+    /// same.
     pub fn resume(&mut self, sample: &RawSample, words: &[i32]) -> bool {
         let mut rest = words.iter();
         self.memory(&mut |word| rest.next().copied().unwrap_or(word));

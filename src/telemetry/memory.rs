@@ -7,8 +7,8 @@ use super::queue::Priority;
 use super::{MAX_FRAME, OVERHEAD, Telemetry};
 use crate::flight::{Flight, Snapshot};
 
-/// `message_type` of the first part; each further one has the next. The protocol leaves numbers from
-/// here on to everybody.
+/// `message_type` of the first part; each further one has the next. The protocol leaves numbers
+/// from here on to everybody.
 pub const MEMORY_TYPE: u16 = 0x8000;
 
 /// Words in a part, but for the last.
@@ -53,8 +53,8 @@ impl Memory {
 }
 
 impl Telemetry {
-    /// Notes what the flight remembers after this step, if that is due, and else sends a part of it,
-    /// if there is room.
+    /// Notes what the flight remembers after this step, if that is due, and else sends a part of
+    /// it, if there is room.
     // Inlined it would cost the loop its registers.
     #[inline(never)]
     pub fn tell_memory(&mut self, snapshot: &Snapshot, flight: &mut Flight) {

@@ -17,7 +17,8 @@ use mavlink::dialects::common::{
 
 use super::checksum::checksum;
 
-/// Longest payload taken: COMMAND_INT has 35 bytes, and a request for a file 15 and the file's name.
+/// Longest payload taken: COMMAND_INT has 35 bytes, and a request for a file 15 and the file's
+/// name.
 const MAX_PAYLOAD: usize = 64;
 const SIGNATURE: usize = 13;
 const MAX_FRAME: usize = 10 + MAX_PAYLOAD + 2 + SIGNATURE;

@@ -346,8 +346,8 @@ fn a_vehicle_with_another_number_speaks_by_it_and_obeys_no_order_to_the_first() 
     assert_eq!(link.telemetry.pending()[5..7], [7, 1]);
 }
 
-/// As MAVProxy begins to fetch its parameters: it asks for a file first, and for the parameters when
-/// that is refused.
+/// As MAVProxy begins to fetch its parameters: it asks for a file first, and for the parameters
+/// when that is refused.
 #[test]
 fn a_request_for_a_file_is_refused_at_once() {
     let mut link = Link::new(Desk::in_standby(0.1));

@@ -96,11 +96,16 @@ enum Order {
 impl Order {
     /// Whether it disturbs no step of the set-up.
     fn goes_with_set_up(&self) -> bool {
-        match self {
-            Self::Stop | Self::Answer { .. } | Self::Cancel | Self::EndRecord => true,
-            Self::WriteFile | Self::ReadFile { .. } | Self::Rig { .. } => true,
-            _ => false,
-        }
+        matches!(
+            self,
+            Self::Stop
+                | Self::Answer { .. }
+                | Self::Cancel
+                | Self::EndRecord
+                | Self::WriteFile
+                | Self::ReadFile { .. }
+                | Self::Rig { .. }
+        )
     }
 }
 

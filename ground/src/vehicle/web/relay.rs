@@ -1,5 +1,6 @@
-//! A vehicle for a procedure that waits for its answers, while the thread that has the port goes on:
-//! what the vehicle sends is passed on to it, and its requests stand in the queue with all others.
+//! A vehicle for a procedure that waits for its answers, while the thread that has the port goes
+//! on: what the vehicle sends is passed on to it, and its requests stand in the queue with all
+//! others.
 
 use std::sync::atomic::AtomicBool;
 use std::sync::mpsc::{Receiver, RecvTimeoutError};

@@ -10,9 +10,9 @@
 //!
 //! The page is no secret: the token is in the address that the tool prints, behind `#`, which
 //! browsers keep to themselves; the page sends it over its WebSocket, and as `Authorization:
-//! Bearer` where it asks for recordings, which no foreign page can send. `POST /stop` needs no token,
-//! so that a page of an earlier start still stops the vehicle; it needs the header `X-Stop`, which
-//! a foreign page cannot send.
+//! Bearer` where it asks for recordings, which no foreign page can send. `POST /stop` needs no
+//! token, so that a page of an earlier start still stops the vehicle; it needs the header `X-Stop`,
+//! which a foreign page cannot send.
 //!
 //! Every connection has a time limit, and they are few: where there are too many, the oldest one
 //! that has not shown a token is closed, so that whoever holds connections keeps nobody out. No
