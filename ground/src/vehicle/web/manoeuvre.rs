@@ -43,11 +43,17 @@ pub fn run(manoeuvre: Manoeuvre, vehicle: &Handle, model: &Model, stop: &'static
     let result = recording.and_then(|path| {
         flown.log = path.display().to_string();
         let before = flown.set_point()?;
+        let swings = matches!(manoeuvre, Manoeuvre::Chirp { .. });
+        if swings {
+            // Should this program end before the test does.
+            model.lock().put_back = Some(set_to(before));
+        }
         let done = flown.fly(before);
         // Disarm whatever happened: the rudder goes to neutral.
         let disarmed = vehicle.order(request::DISARM, Condition::default()).wait();
-        if let Manoeuvre::Chirp { .. } = manoeuvre {
+        if swings {
             flown.set(before, Condition::default()).wait()?;
+            model.lock().put_back = None;
         }
         let ended = vehicle.end_recording().wait();
         done.and(disarmed).and(ended)?;
@@ -112,9 +118,7 @@ impl Flown<'_> {
     }
 
     fn set(&self, value: f32, condition: Condition) -> Answer<()> {
-        let name = SET_POINT.to_owned();
-        let set = Request::Set(Parameter { name, value });
-        self.vehicle.request(set, condition)
+        self.vehicle.request(Request::Set(set_to(value)), condition)
     }
 
     /// Not after a STOP.
@@ -162,13 +166,19 @@ impl Flown<'_> {
     }
 }
 
+fn set_to(value: f32) -> Parameter {
+    let name = SET_POINT.to_owned();
+    Parameter { name, value }
+}
+
 /// The figures of the log's release, and what was missed.
 fn figures(manoeuvre: Manoeuvre, path: &Path) -> Result<Value> {
     let flight = Flight::of(&Log::read(path)?);
     let figures = report::figures(&flight);
     let object = json!(figures);
-    ensure!(object["releases"] != 0, "the log holds no release");
-    let sweep = report::releases(&flight).first().and_then(sweep::Sweep::of);
+    let releases = report::releases(&flight);
+    let release = releases.first().context("the log holds no release")?;
+    let sweep = sweep::Sweep::of(release);
     if let Manoeuvre::Chirp { .. } = manoeuvre {
         ensure!(sweep.is_some(), "the log holds no swing of the set point");
     }
