@@ -5,7 +5,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result, bail, ensure};
-use client::{Parameter, Request, StateKind, request};
+use client::{Parameter, Request, StateKind, Wire, request};
 use serde_json::{Value, json};
 
 use super::handle::{Answer, Condition, Handle, Recording};
@@ -16,8 +16,6 @@ use crate::vehicle::test::{
     ARM_PATIENCE, ARM_RETRY, ARMED, Manoeuvre, SET_PERIOD, SET_POINT, SETTLE, is_worth_waiting,
 };
 
-/// How long a set point may wait to be sent: the next one follows soon.
-const LATE: Duration = Duration::from_millis(200);
 /// Time between two looks at the vehicle's state.
 const LOOK: Duration = Duration::from_millis(20);
 
@@ -105,15 +103,13 @@ impl Flown<'_> {
     fn chirp(&self, set_point: f32, seconds: f64, amplitude: f64) -> Result<()> {
         self.watch(SETTLE, LOOK, |_| {})?;
         self.stage("the set point swings");
+        let mut wire = Wire::default();
         self.watch(Duration::from_secs_f64(seconds), SET_PERIOD, |time| {
             let phase = sweep::phase(time.as_secs_f64(), seconds);
             let set = f64::from(set_point) + amplitude * phase.sin();
-            let condition = Condition {
-                until: Some(Instant::now() + LATE),
-                ..self.condition()
-            };
-            // Its answer is of no interest: the next one follows.
-            drop(self.set(set as f32, condition));
+            // No answer is waited for, and none repeated: the next one follows.
+            let message = request::set_parameter(SET_POINT, set as f32);
+            self.vehicle.send(&wire.frame(&message));
         })
     }
 
@@ -130,7 +126,12 @@ impl Flown<'_> {
     }
 
     /// Looks at the vehicle for a while, and calls `each` with the time since the start.
-    fn watch(&self, length: Duration, look: Duration, each: impl Fn(Duration)) -> Result<()> {
+    fn watch(
+        &self,
+        length: Duration,
+        look: Duration,
+        mut each: impl FnMut(Duration),
+    ) -> Result<()> {
         let begun = Instant::now();
         while begun.elapsed() < length {
             std::thread::sleep(look);
