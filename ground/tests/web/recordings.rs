@@ -142,4 +142,14 @@ fn hold_and_chirp_give_their_figures_and_the_set_point_comes_back() {
     );
     page.wait_for_parameter("PITCH_SET_DEG", 0.0);
     page.wait_for("standby");
+
+    // So it does where the program is told to end.
+    let answer = page.give("chirp", json!({ "seconds": 60 }), 0);
+    assert!(answer["error"].is_null(), "{answer}");
+    page.wait("frame", |frame| {
+        frame["set_deg"].as_f64().is_some_and(|deg| deg.abs() > 1.0)
+    });
+    let said = server.end("TERM");
+    assert!(said.contains("disarmed"), "{said}");
+    assert_eq!(crate::parameter(&port, "PITCH_SET_DEG"), 0.0);
 }

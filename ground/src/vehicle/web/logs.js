@@ -20,7 +20,7 @@ export class Logs {
     again.addEventListener("click", () => this.list());
     this.report = make("div", { id: "report", hidden: true });
     section.append(make("h2", { textContent: "Recordings" }), make("div", { className: "buttons" }, again), this.said,
-      make("table", {}, make("thead", {}, head), this.rows), this.report);
+      make("div", { className: "rows", tabIndex: 0, role: "region", ariaLabel: "Recordings" }, make("table", {}, make("thead", {}, head), this.rows)), this.report);
   }
 
   async get(path) {
@@ -80,9 +80,15 @@ export class Logs {
   open(name) {
     return this.try(async () => {
       const text = await (await this.get(`reports/${encodeURIComponent(name)}`)).text();
-      const page = new DOMParser().parseFromString(text, "text/html");
+      // The page's rules forbid style elements, not style sheets that are made here.
+      let style = "";
+      const bare = text.replace(/<style>([^<]*)<\/style>/, (_, inner) => {
+        style = inner.replaceAll(":root", ":host");
+        return "";
+      });
+      const page = new DOMParser().parseFromString(bare, "text/html");
       const sheet = new CSSStyleSheet();
-      sheet.replaceSync([...page.querySelectorAll("style")].map((style) => style.textContent).join("\n").replaceAll(":root", ":host"));
+      sheet.replaceSync(style);
       const frame = make("div");
       const shadow = frame.attachShadow({ mode: "open" });
       shadow.adoptedStyleSheets = [sheet];
@@ -93,6 +99,7 @@ export class Logs {
       save.addEventListener("click", () => this.download("reports", name, `${name.replace(/\.[^.]*$/, "")}.html`));
       this.report.replaceChildren(make("div", { className: "buttons" }, close, save), frame);
       this.report.hidden = false;
+      if (this.section.classList.contains("closed")) this.section.querySelector(".fold").click();
       this.report.scrollIntoView({ block: "start" });
     });
   }

@@ -5,7 +5,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result, bail, ensure};
-use client::{Parameter, Request, StateKind, request};
+use client::{Parameter, Request, StateKind, Wire, request};
 use serde_json::{Value, json};
 
 use super::handle::{Answer, Condition, Handle, Recording};
@@ -16,8 +16,6 @@ use crate::vehicle::test::{
     ARM_PATIENCE, ARM_RETRY, ARMED, Manoeuvre, SET_PERIOD, SET_POINT, SETTLE, is_worth_waiting,
 };
 
-/// How long a set point may wait to be sent: the next one follows soon.
-const LATE: Duration = Duration::from_millis(200);
 /// Time between two looks at the vehicle's state.
 const LOOK: Duration = Duration::from_millis(20);
 
@@ -43,11 +41,17 @@ pub fn run(manoeuvre: Manoeuvre, vehicle: &Handle, model: &Model, stop: &'static
     let result = recording.and_then(|path| {
         flown.log = path.display().to_string();
         let before = flown.set_point()?;
+        let swings = matches!(manoeuvre, Manoeuvre::Chirp { .. });
+        if swings {
+            // Should this program end before the test does.
+            model.lock().put_back = Some(set_to(before));
+        }
         let done = flown.fly(before);
         // Disarm whatever happened: the rudder goes to neutral.
         let disarmed = vehicle.order(request::DISARM, Condition::default()).wait();
-        if let Manoeuvre::Chirp { .. } = manoeuvre {
+        if swings {
             flown.set(before, Condition::default()).wait()?;
+            model.lock().put_back = None;
         }
         let ended = vehicle.end_recording().wait();
         done.and(disarmed).and(ended)?;
@@ -99,22 +103,18 @@ impl Flown<'_> {
     fn chirp(&self, set_point: f32, seconds: f64, amplitude: f64) -> Result<()> {
         self.watch(SETTLE, LOOK, |_| {})?;
         self.stage("the set point swings");
+        let mut wire = Wire::default();
         self.watch(Duration::from_secs_f64(seconds), SET_PERIOD, |time| {
             let phase = sweep::phase(time.as_secs_f64(), seconds);
             let set = f64::from(set_point) + amplitude * phase.sin();
-            let condition = Condition {
-                until: Some(Instant::now() + LATE),
-                ..self.condition()
-            };
-            // Its answer is of no interest: the next one follows.
-            drop(self.set(set as f32, condition));
+            // No answer is waited for, and none repeated: the next one follows.
+            let message = request::set_parameter(SET_POINT, set as f32);
+            self.vehicle.send(&wire.frame(&message));
         })
     }
 
     fn set(&self, value: f32, condition: Condition) -> Answer<()> {
-        let name = SET_POINT.to_owned();
-        let set = Request::Set(Parameter { name, value });
-        self.vehicle.request(set, condition)
+        self.vehicle.request(Request::Set(set_to(value)), condition)
     }
 
     /// Not after a STOP.
@@ -126,7 +126,12 @@ impl Flown<'_> {
     }
 
     /// Looks at the vehicle for a while, and calls `each` with the time since the start.
-    fn watch(&self, length: Duration, look: Duration, each: impl Fn(Duration)) -> Result<()> {
+    fn watch(
+        &self,
+        length: Duration,
+        look: Duration,
+        mut each: impl FnMut(Duration),
+    ) -> Result<()> {
         let begun = Instant::now();
         while begun.elapsed() < length {
             std::thread::sleep(look);
@@ -162,13 +167,19 @@ impl Flown<'_> {
     }
 }
 
+fn set_to(value: f32) -> Parameter {
+    let name = SET_POINT.to_owned();
+    Parameter { name, value }
+}
+
 /// The figures of the log's release, and what was missed.
 fn figures(manoeuvre: Manoeuvre, path: &Path) -> Result<Value> {
     let flight = Flight::of(&Log::read(path)?);
     let figures = report::figures(&flight);
     let object = json!(figures);
-    ensure!(object["releases"] != 0, "the log holds no release");
-    let sweep = report::releases(&flight).first().and_then(sweep::Sweep::of);
+    let releases = report::releases(&flight);
+    let release = releases.first().context("the log holds no release")?;
+    let sweep = sweep::Sweep::of(release);
     if let Manoeuvre::Chirp { .. } = manoeuvre {
         ensure!(sweep.is_some(), "the log holds no swing of the set point");
     }

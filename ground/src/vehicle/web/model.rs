@@ -186,6 +186,8 @@ pub struct Test {
 pub struct State {
     /// The newest motion.
     pub motion: Motion,
+    /// A parameter as it was before a test that is under way, to be set again at the end.
+    pub put_back: Option<Parameter>,
     /// How often the status has changed, and the newest.
     status: (u64, VehicleStatus),
     test: (u64, Test),

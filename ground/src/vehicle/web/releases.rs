@@ -139,7 +139,10 @@ impl Releases {
             log: circumstances.log,
             set_deg,
             start_deg: pitch[0].1.to_degrees() - set_deg,
-            run: json!(report::figures(&flight))["runs"][0].take(),
+            // There is none where the set point moved.
+            run: json!(report::figures(&flight))
+                .pointer_mut("/runs/0")
+                .map_or(Value::Null, Value::take),
             stayed: release.stayed,
             changes: changes(&before, &self.parameters),
             trace: both.map(point).collect(),

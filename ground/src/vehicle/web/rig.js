@@ -123,7 +123,7 @@ export class RigPanel {
   settings() {
     const rows = SETTINGS.map(([name, example, words]) => {
       const value = make("input", { value: example });
-      const row = make("div", { className: "buttons" }, make("label", {}, `${words} `, value), this.button("Set", () => `${name} ${value.value.trim()}`));
+      const row = make("div", { className: "setting" }, make("label", {}, make("span", { textContent: words }), value), this.button("Set", () => `${name} ${value.value.trim()}`));
       if (name !== "hardware") row.append(this.button("Off", `${name} off`));
       return row;
     });

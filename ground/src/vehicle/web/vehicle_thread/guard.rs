@@ -111,6 +111,10 @@ impl Session<'_> {
         if let Some(end) = self.end_of_polarity_check() {
             self.last(end);
         }
+        let put_back = self.model.lock().put_back.take();
+        if let Some(parameter) = put_back {
+            self.last(Request::Set(parameter));
+        }
         if self.host.is_on() {
             self.last(HostWatch::set(0.0));
         }

@@ -90,12 +90,12 @@ impl Session<'_> {
         if now < self.parameters_due || !client.has_all_parameters() {
             return;
         }
+        self.parameters_due = now + STATUS;
         let row = |row: &Parameter| ParameterRow::of(row, self.stored.value(&row.name, &self.host));
         let rows: Vec<_> = client.parameters().map(row).collect();
         let mut model = self.model.lock();
         if *model.parameters() != rows {
             model.set_parameters(rows);
-            self.parameters_due = now + STATUS;
         }
     }
 
