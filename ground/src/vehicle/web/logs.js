@@ -1,5 +1,7 @@
 // The recordings of the page's folder: listed, downloaded, and their reports read in the page.
 
+import { unfold } from "./sections.js";
+
 const make = (tag, fields = {}, ...inner) => {
   const element = Object.assign(document.createElement(tag), fields);
   element.append(...inner);
@@ -93,6 +95,7 @@ export class Logs {
       save.addEventListener("click", () => this.download("reports", name, `${name.replace(/\.[^.]*$/, "")}.html`));
       this.report.replaceChildren(make("div", { className: "buttons" }, close, save), frame);
       this.report.hidden = false;
+      unfold(this.section);
       this.report.scrollIntoView({ block: "start" });
     });
   }
