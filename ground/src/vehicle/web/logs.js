@@ -17,7 +17,7 @@ export class Logs {
     Object.assign(this, { section, token });
     this.said = make("p", { role: "status" });
     this.rows = make("tbody");
-    const head = make("tr", {}, ...["name", "date", "length", "size", ""].map((words) => make("th", { textContent: words })));
+    const head = make("tr", {}, ...["name", "date", "length", "size"].map((words) => make("th", { textContent: words })), make("td"));
     const again = make("button", { type: "button", textContent: "List again" });
     again.addEventListener("click", () => this.list());
     this.report = make("div", { id: "report", hidden: true });
