@@ -518,6 +518,10 @@ test("charts follow the vehicle's time, stay while they are paused, and zoom", a
   await press("pause");
   draw(8000);
   assert.deepEqual(strips()[0].scales.x, { min: 120, max: 140 });
+  // Where nothing has come there is no line.
+  await push(145);
+  draw(8500);
+  assert.deepEqual(strips()[0].data[1].slice(-3), [17, null, 17]);
 });
 
 test("the cursor tells its time and the values there, and no number is a gap", async () => {

@@ -221,24 +221,27 @@ def charts(browser):
     box = browser.value("(() => { const r = document.querySelector('#strips .u-over').getBoundingClientRect(); return [r.x, r.y, r.width, r.height]; })()")
     at = lambda share: {"x": box[0] + share * box[2], "y": box[1] + box[3] / 2}
     words = "document.querySelector('#strips figcaption b').textContent"
+    # The next picture but one has heard of the pointer.
+    drawn = lambda: browser.value("new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(() => setTimeout(done, 300))))")
     browser.send("Input.dispatchMouseEvent", type="mouseMoved", **at(0.5))
-    time.sleep(0.3)
+    drawn()
     first = browser.value(words)
     time.sleep(1)
     result = {"cursor": first, "stays": browser.value(words) == first}
     browser.send("Input.dispatchMouseEvent", type="mousePressed", button="left", clickCount=1, **at(0.4))
     browser.send("Input.dispatchMouseEvent", type="mouseMoved", button="left", **at(0.6))
     browser.send("Input.dispatchMouseEvent", type="mouseReleased", button="left", clickCount=1, **at(0.6))
+    drawn()
     seconds = lambda: float(re.match(r"at ([\d.]+) s", browser.value(words))[1])
     ends = []
     for share in (0.1, 0.9):
         browser.send("Input.dispatchMouseEvent", type="mouseMoved", **at(share))
-        time.sleep(0.3)
+        drawn()
         ends.append(seconds())
     result["zoomed_s"] = ends[1] - ends[0]
     browser.click("[data-chart=pause]")
     browser.send("Input.dispatchMouseEvent", type="mouseMoved", x=1, y=1)
-    time.sleep(0.3)
+    drawn()
     result["live"] = browser.value(words)
     return result
 

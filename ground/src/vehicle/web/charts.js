@@ -4,6 +4,8 @@
 const SPANS = [2, 5, 10, 20, 60];
 /** Seconds kept, at most while something is looked at, and how many more before the oldest are dropped. */
 const [KEPT, PAUSED, SURPLUS] = [60, 600, 10];
+/** Time without a frame over which no line is drawn, s. */
+const GAP = 1.5;
 /** Between two changes of the values in words, ms: faster ones cannot be read. */
 const WORDS = 150;
 /** Of how many pictures a slow chart is in one. */
@@ -158,16 +160,19 @@ export class Charts {
       for (const values of [times, ...this.strips.flatMap((strip) => strip.values)]) values.length = 0;
       this.resume();
     }
-    times.push(time);
-    for (const strip of this.strips) {
-      strip.lines.forEach(([, , of], line) => strip.values[line].push(of(frame) ?? null));
-    }
+    if (time - times.at(-1) > GAP) this.append(times.at(-1) + GAP / 2, () => null);
+    this.append(time, (of) => of(frame) ?? null);
     const oldest = Math.max(Math.min(time - KEPT, this.view?.[0] ?? time), time - PAUSED);
     if (times[0] < oldest - SURPLUS) {
       const count = times.findIndex((at) => at >= oldest);
       for (const values of [times, ...this.strips.flatMap((strip) => strip.values)]) values.splice(0, count);
     }
     this.changed = true;
+  }
+
+  append(time, value) {
+    this.times.push(time);
+    for (const { lines, values } of this.strips) lines.forEach(([, , of], line) => values[line].push(value(of)));
   }
 
   /** Draws, if anything has changed. */

@@ -1,5 +1,7 @@
 // The recordings of the page's folder: listed, downloaded, and their reports read in the page.
 
+import { unfold } from "./sections.js";
+
 const make = (tag, fields = {}, ...inner) => {
   const element = Object.assign(document.createElement(tag), fields);
   element.append(...inner);
@@ -15,7 +17,7 @@ export class Logs {
     Object.assign(this, { section, token });
     this.said = make("p", { role: "status" });
     this.rows = make("tbody");
-    const head = make("tr", {}, ...["name", "date", "length", "size", ""].map((words) => make("th", { textContent: words })));
+    const head = make("tr", {}, ...["name", "date", "length", "size"].map((words) => make("th", { textContent: words })), make("td"));
     const again = make("button", { type: "button", textContent: "List again" });
     again.addEventListener("click", () => this.list());
     this.report = make("div", { id: "report", hidden: true });
@@ -99,7 +101,7 @@ export class Logs {
       save.addEventListener("click", () => this.download("reports", name, `${name.replace(/\.[^.]*$/, "")}.html`));
       this.report.replaceChildren(make("div", { className: "buttons" }, close, save), frame);
       this.report.hidden = false;
-      if (this.section.classList.contains("closed")) this.section.querySelector(".fold").click();
+      unfold(this.section);
       this.report.scrollIntoView({ block: "start" });
     });
   }

@@ -1,15 +1,15 @@
 // The page of `tvc web`: what comes from the program is shown, what is pressed is sent.
 
-import { Guided } from "./guided.js";
 import { Attitude } from "./attitude.js";
 import { Charts } from "./charts.js";
+import { Guided } from "./guided.js";
 import { Link } from "./link.js";
 import { Logs, nameOf } from "./logs.js";
 import { ParameterFile } from "./parameter_file.js";
 import { Parameters } from "./parameters.js";
 import { Releases } from "./releases.js";
-import { foldable } from "./sections.js";
 import { RigPanel } from "./rig.js";
+import { foldable } from "./sections.js";
 import { Stop } from "./stop.js";
 import { TITLES, rowsOf } from "./tests.js";
 

@@ -3,6 +3,11 @@
 /** Small screens, as in page.css. */
 const SMALL = "(max-width: 52rem)";
 
+/** Opens a section in which something is to be seen. */
+export function unfold(section) {
+  section.querySelector("h2 .fold[aria-expanded=false]")?.click();
+}
+
 /** Makes the headings of these sections buttons. `open`: ids of those that are open on a small screen, too. */
 export function foldable(sections, open) {
   const small = matchMedia(SMALL).matches;
