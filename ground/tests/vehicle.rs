@@ -291,7 +291,8 @@ fn a_release_is_measured_reported_and_replayed_bit_for_bit() {
     assert!(run["settling_5pct_s"].as_f64().unwrap() < 1.5, "{run}");
     assert!(run["overshoot_pct"].as_f64().unwrap() < 30.0, "{run}");
     assert_eq!(figures["telemetry"]["lost"], 0);
-    assert!(figures["loop"]["jitter_us_max"].as_f64().unwrap() < 100.0);
+    let jitter_us = figures["loop"]["jitter_us_max"].as_f64().unwrap();
+    assert!(jitter_us < 100.0, "{jitter_us}");
     let origin = &figures["origin"];
     assert!(
         origin["vehicle"].as_str().unwrap().starts_with("0."),
@@ -322,6 +323,17 @@ fn a_release_is_measured_reported_and_replayed_bit_for_bit() {
     let (status, text) = tvc(&["replay", &other_form, "--json"]);
     assert_eq!(status, Some(0), "{text}");
     assert_eq!(serde_json::from_str::<Value>(&text).unwrap(), replay);
+
+    // Damaged, it is read as far as it goes, or refused in a line.
+    let mut damaged = std::fs::read(&other_form).unwrap();
+    let bytes = damaged.iter_mut().skip(64).step_by(997);
+    bytes.for_each(|byte| *byte ^= 0xFF);
+    let path = rig.path("damaged.mcap");
+    std::fs::write(&path, damaged).unwrap();
+    let output = running::command(&["replay", &path]).output().unwrap();
+    assert!(matches!(output.status.code(), Some(0..=2)), "{output:?}");
+    let said = String::from_utf8(output.stderr).unwrap();
+    assert!(said.lines().all(|line| line.len() < 200), "{said}");
 
     let (status, text) = tvc(&["replay", &log, "--param", "PID_KD=0.1", "--json"]);
     assert_eq!(status, Some(0), "{text}");

@@ -190,7 +190,8 @@ fn words(figures: &Figures) -> Vec<String> {
         let stretches = figures.compared_s.iter();
         let stretches = stretches.map(|[from, to]| format!("{from:.3} to {to:.3} s"));
         lines.push(format!(
-            "compared {} of {} steps: {}; behind a gap from the vehicle's next full state on",
+            "compared {} of {} steps: {}; where a log begins and behind a gap, from the vehicle's \
+             next full state on",
             figures.compared,
             figures.steps,
             some(stretches)
