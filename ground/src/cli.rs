@@ -7,6 +7,7 @@ use crate::filters::{cycles::Cycles, experiment::Experiment, fuse::Fuse};
 use crate::flight::{faults::Faults, fly::Fly, hardware_campaign::HardwareCampaign, rig::Rig};
 use crate::logs::{convert::Convert, inspect::LogCommand, replay::Replay, report::Report};
 use crate::model::{Model, identify::Identify, montecarlo::MonteCarlo, tune::Tune};
+use crate::shell::{Completions, Man};
 use crate::vehicle::arm::Operate;
 use crate::vehicle::bringup::Bringup;
 use crate::vehicle::calibrate::Calibrate;
@@ -103,6 +104,10 @@ pub enum Command {
     Experiment(Experiment),
     /// Measure what one update of every filter costs on the chip, beside the crates of the field.
     Cycles(Cycles),
+    /// Print the completions of a shell.
+    Completions(Completions),
+    /// Write manual pages of all commands.
+    Man(Man),
 }
 
 #[cfg(test)]

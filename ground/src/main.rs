@@ -6,6 +6,7 @@
 
 mod arguments;
 mod cli;
+mod config;
 mod filters;
 mod flight;
 mod image;
@@ -13,27 +14,37 @@ mod logs;
 mod model;
 mod out;
 mod param_file;
+mod shell;
 mod signals;
 mod vehicle;
 
 use std::process::ExitCode;
 
-use clap::Parser;
 use clap::error::ErrorKind;
+use clap::{CommandFactory, FromArgMatches};
 
 use cli::{Cli, Command};
+use config::Config;
 use out::exit::{BadInput, Verdict};
 
 fn main() -> ExitCode {
     // In `tvc ... | head` the reader ends first, which is no error.
     #[cfg(unix)]
     sigpipe::reset();
-    let cli = match Cli::try_parse() {
-        Ok(cli) => cli,
-        Err(error) if !error.use_stderr() => error.exit(),
-        Err(error) => return out::exit::exit_code(Err(usage(&error).into())),
-    };
-    out::exit::exit_code(run(cli.command))
+    let config = Config::load(&config::files()).map_err(BadInput::new);
+    let command = config
+        .as_ref()
+        .unwrap_or(&Config::default())
+        .apply(Cli::command());
+    let parsed = command
+        .try_get_matches()
+        .and_then(|found| Cli::from_arg_matches(&found));
+    out::exit::exit_code(match (parsed, config) {
+        (Err(error), _) if !error.use_stderr() => error.exit(),
+        (Err(error), _) => Err(usage(&error).into()),
+        (Ok(_), Err(error)) => Err(error.into()),
+        (Ok(cli), Ok(_)) => run(cli.command),
+    })
 }
 
 fn run(command: Command) -> anyhow::Result<Verdict> {
@@ -68,6 +79,8 @@ fn run(command: Command) -> anyhow::Result<Verdict> {
         Command::Convert(options) => logs::convert::run(&options),
         Command::Report(options) => logs::report::run(&options),
         Command::Test(options) => vehicle::test::run(&options),
+        Command::Completions(options) => shell::completions(&options),
+        Command::Man(options) => shell::man(&options),
         Command::Web(options) => vehicle::web::run(&options),
     }
 }

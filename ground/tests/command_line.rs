@@ -336,3 +336,38 @@ fn a_reader_who_leaves_is_no_error() {
     assert_eq!(String::from_utf8_lossy(&end.stderr), "");
     assert!(end.status.code().is_none(), "{}", end.status);
 }
+
+#[test]
+fn a_configuration_gives_defaults_and_its_errors_have_a_line() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = |arguments: &[&str]| {
+        let output = running::command(arguments)
+            .current_dir(folder.path())
+            .env("XDG_CONFIG_HOME", folder.path().join("own"))
+            .output()
+            .unwrap();
+        (output.status.code(), running::said(&output))
+    };
+    let own = folder.path().join("own/tvc");
+    std::fs::create_dir_all(&own).unwrap();
+    std::fs::write(own.join("config.toml"), "port = \"/dev/no-such-own\"\n").unwrap();
+    let (status, said) = run(&["arm"]);
+    assert_eq!(status, Some(2));
+    assert!(said.contains("no port /dev/no-such-own"), "{said}");
+    let near = folder.path().join("tvc.toml");
+    std::fs::write(&near, "port = \"/dev/no-such-near\"\n").unwrap();
+    assert!(run(&["arm"]).1.contains("/dev/no-such-near"));
+    assert!(
+        run(&["arm", "--port", "/dev/no-such"])
+            .1
+            .contains("no port /dev/no-such;")
+    );
+    std::fs::write(&near, "\nprot = 1\n").unwrap();
+    let (status, said) = run(&["arm"]);
+    assert_eq!(status, Some(2));
+    assert!(
+        said.starts_with("error: tvc.toml, line 2: unknown field `prot`"),
+        "{said}"
+    );
+    assert_eq!(run(&["--help"]).0, Some(0));
+}

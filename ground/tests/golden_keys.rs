@@ -81,6 +81,10 @@ const AT_A_VEHICLE: &[(&str, &str)] = &[
 /// What is run on the logs of the vehicle.
 const ON_ITS_LOGS: &[(&str, &str)] = &[
     ("report", "report hold.tlog"),
+    (
+        "report-several",
+        "report step.tlog hold.tlog --out both.html",
+    ),
     ("log-info", "log info step.tlog"),
     ("log-cut", "log cut step.tlog part.tlog --release 1"),
     ("log-recover", "log recover step.tlog whole.mcap"),

@@ -23,6 +23,7 @@ use tvc_nano::config::{COMPONENT_ID, SYSTEM_ID};
 
 use crate::out::exit::BadInput;
 
+pub use mcap::MAGIC as MCAP_MAGIC;
 pub use origin::{Origin, TOOL, vehicle_build};
 pub use span::span_us;
 pub use steps::{Event, Flight, Step};
@@ -315,20 +316,30 @@ fn now_us() -> u64 {
 /// # Errors
 /// [`BadInput`] if the file cannot be read.
 pub fn tlog(path: &Path) -> Result<Vec<u8>> {
-    let unreadable = |error: anyhow::Error| {
-        let why = brief(&format!("{error:#}"));
-        BadInput::new(format!("cannot read {}: {why}", path.display()))
-    };
-    let bytes = std::fs::read(path).map_err(|error| unreadable(error.into()))?;
-    if !bytes.starts_with(mcap::MAGIC) {
-        return Ok(bytes);
-    }
-    let (bytes, cut) = mcap::frames(&bytes).map_err(unreadable)?;
-    if let Some(error) = cut {
-        let why = brief(&error.to_string());
+    let bytes = std::fs::read(path).map_err(|error| unreadable(path, &error))?;
+    let (bytes, cut) = unpacked(bytes, path)?;
+    if let Some(why) = cut {
         eprintln!("{} is read as far as it goes: {why}", path.display());
     }
     Ok(bytes)
+}
+
+/// As [`tlog`], of a file's content; also why it could not be read to its end.
+///
+/// # Errors
+/// As [`tlog`].
+pub fn unpacked(bytes: Vec<u8>, path: &Path) -> Result<(Vec<u8>, Option<String>)> {
+    if !bytes.starts_with(MCAP_MAGIC) {
+        return Ok((bytes, None));
+    }
+    let (bytes, cut) =
+        mcap::frames(&bytes).map_err(|error| unreadable(path, &format!("{error:#}")))?;
+    Ok((bytes, cut.map(|error| brief(&error.to_string()))))
+}
+
+fn unreadable(path: &Path, why: &impl std::fmt::Display) -> BadInput {
+    let why = brief(&why.to_string());
+    BadInput::new(format!("cannot read {}: {why}", path.display()))
 }
 
 /// What looks like frames in a broken log, as a `.tlog` has them.
@@ -386,7 +397,8 @@ impl<'a> Iterator for Frames<'a> {
 
 /// The time, us, whose lower 32 bits are `low_us`: at or after `near_us` by less than 71 minutes.
 pub fn whole_us(low_us: u32, near_us: u64) -> u64 {
-    near_us + u64::from(low_us.wrapping_sub(near_us as u32))
+    // A damaged log may hold any time.
+    near_us.saturating_add(u64::from(low_us.wrapping_sub(near_us as u32)))
 }
 
 /// Whether an autopilot sent it, whatever its system's number is: stations are other components.

@@ -1,7 +1,8 @@
 //! `tvc report`: a log as figures and as a page; a log of the rig is treated as one of a real
 //! vehicle.
 
-mod page;
+mod compare;
+pub mod page;
 pub mod sweep;
 
 use crate::out::kind;
@@ -34,15 +35,16 @@ Examples:
   cargo tvc report flight.tlog                 writes flight.html, prints the figures
   cargo tvc report flight.tlog --out step.html
   cargo tvc report flight.tlog --json          figures for a script
+  cargo tvc report before.tlog after.tlog --out both.html    releases of several logs over each other
 
 A log without a release has no verdict: exit status 1.
 Exit status: 0 every requirement met, 1 one missed or something failed, 2 unusable input.")]
 pub struct Report {
-    /// A telemetry log (.tlog, .mcap).
-    #[arg(value_name = "LOG")]
-    pub log: PathBuf,
+    /// A telemetry log (.tlog, .mcap), or several to compare.
+    #[arg(value_name = "LOG", required = true)]
+    pub logs: Vec<PathBuf>,
 
-    /// Where to write the page [default: the log's name with .html].
+    /// Where to write the page [default: the log's name with .html; report/logs.html for several].
     #[arg(long, value_name = "FILE.html", value_parser = kind::page)]
     pub out: Option<PathBuf>,
 
@@ -50,6 +52,9 @@ pub struct Report {
     #[arg(long)]
     pub json: bool,
 }
+
+/// Where the page of several logs goes.
+const SEVERAL: &str = "report/logs.html";
 
 /// Time after the release in which the drone swings upright, s: it does not count for how well it
 /// is held.
@@ -90,12 +95,16 @@ pub struct Release<'a> {
 
 /// Reads a log, prints its figures and writes the page.
 pub fn run(options: &Report) -> Result<Verdict> {
+    let [log] = options.logs.as_slice() else {
+        let page = options.out.as_deref().unwrap_or(Path::new(SEVERAL));
+        return compare::run(&options.logs, page, options.json);
+    };
     let page = match &options.out {
         Some(path) => path.clone(),
-        None => kind::page_of(&options.log)?,
+        None => kind::page_of(log)?,
     };
-    let flight = Flight::of(&Log::read(&options.log)?);
-    conclude(&flight, &options.log, Some(&page), options.json)
+    let flight = Flight::of(&Log::read(log)?);
+    conclude(&flight, log, Some(&page), options.json)
 }
 
 /// The page of a log.

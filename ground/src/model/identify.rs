@@ -117,7 +117,11 @@ impl Columns {
     }
 }
 
-fn read(path: &Path) -> Result<Record, BadInput> {
+/// Reads a record.
+///
+/// # Errors
+/// [`BadInput`] naming the file and what is wrong with it.
+pub fn read(path: &Path) -> Result<Record, BadInput> {
     let bad = |error: &dyn std::fmt::Display| BadInput::new(format!("{}: {error}", path.display()));
     kind::expect_table(path)?;
     let mut reader = csv::Reader::from_path(path).map_err(|error| bad(&error))?;

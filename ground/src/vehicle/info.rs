@@ -4,18 +4,18 @@ mod next;
 mod vehicle;
 
 use std::fmt::Write;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use anyhow::Result;
 use clap::Args;
 use serde::Serialize;
 
-use crate::image;
 use crate::logs::log::TOOL;
 use crate::out::exit::Verdict;
 use crate::out::file::print_figures;
 use crate::vehicle::port::machine::{Access, Program, access, holders, is_running};
 use crate::vehicle::port::{self, Life, PortOptions};
+use crate::{config, image};
 use next::Standing;
 use vehicle::Told;
 
@@ -44,6 +44,8 @@ pub struct Info {
 struct Found {
     /// This tool and its build.
     tool: &'static str,
+    /// Files of the configuration, the one that goes before the other first.
+    configuration: Vec<PathBuf>,
     /// The image that `tvc fly` and `tvc flash` take.
     image: Option<ImageFound>,
     port: Option<PortFound>,
@@ -100,6 +102,7 @@ pub fn run(options: &Info) -> Result<Verdict> {
 fn look(options: &PortOptions) -> Found {
     let mut found = Found {
         tool: TOOL,
+        configuration: config::files(),
         image: image::at_hand().map(|(from, build)| ImageFound { from, build }),
         modem_manager: is_running("ModemManager"),
         ..Found::default()
@@ -133,9 +136,12 @@ fn words(answer: &Answer) -> String {
     let mut text = String::new();
     let mut line = |label: &str, words: &str| {
         // Writing to a string does not fail.
-        let _ = writeln!(text, "{label:<14}{words}");
+        let _ = writeln!(text, "{label:<15}{words}");
     };
     line("tool", found.tool);
+    for path in &found.configuration {
+        line("configuration", &path.display().to_string());
+    }
     match &found.image {
         Some(image) => line("image", &format!("{}, {}", image.build, image.from)),
         None => line("image", "none"),
@@ -158,7 +164,7 @@ fn words(answer: &Answer) -> String {
     if found.modem_manager == Some(true) {
         line(
             "ModemManager",
-            "runs, and may open a new port for some seconds: see docs/flashing.md",
+            "runs, and may open a new port for some seconds: see docs/tool.md",
         );
     }
     if let Some(vehicle) = &found.vehicle {

@@ -33,7 +33,8 @@ pub fn run(path: &Path, json: bool) -> Result<Verdict> {
     figures(&log).conclude(json, None)
 }
 
-fn figures(log: &Log) -> Figures {
+/// What is in a log, as figures.
+pub fn figures(log: &Log) -> Figures {
     let count = |key, count: u64, label| figure(key, count).shown(label, "", 0);
     let is_parameter = |message: &MavMessage| matches!(message, MavMessage::PARAM_VALUE(_));
     let parameters = log

@@ -1,8 +1,8 @@
 //! `tvc log`: what a log holds, a part of it as a log of its own, and what is left of a broken one.
 
 mod cut;
-mod info;
-mod recover;
+pub mod info;
+pub mod recover;
 
 use std::path::PathBuf;
 
@@ -118,7 +118,7 @@ pub fn run(options: &LogCommand) -> Result<Verdict> {
 }
 
 #[cfg(test)]
-mod tests {
+pub mod tests {
     use super::*;
     use crate::logs::log::{Entry, Event, Log, Step, Writer};
     use mavlink::{MAVLinkV2MessageRaw, MavHeader};
@@ -126,7 +126,7 @@ mod tests {
     use tvc_nano::{Micros, RawSample};
 
     /// A second between two steps: standby at 0 s, active from 3 to 6 s and again from 8 s on.
-    pub(super) fn flight() -> Log {
+    pub fn flight() -> Log {
         let mut entries = Vec::new();
         let mut tell = |second: u64, event: Event| {
             entries.extend(event.messages().into_iter().map(|message| Entry {
@@ -171,7 +171,8 @@ mod tests {
         log.time_s(log.entries[index].time_us)
     }
 
-    pub(super) fn write(log: &Log, path: &Path) {
+    /// Writes a log with these messages.
+    pub fn write(log: &Log, path: &Path) {
         let mut writer = Writer::create(path).unwrap();
         for (index, entry) in log.entries.iter().enumerate() {
             let mut raw = MAVLinkV2MessageRaw::new();

@@ -20,10 +20,7 @@ pub fn run(path: &Path, file: &Path, json: bool) -> Result<Verdict> {
     let bytes = std::fs::read(path)
         .map_err(|error| BadInput::new(format!("cannot read {}: {error}", path.display())))?;
     let found = log::salvaged(&bytes);
-    let mut frames: Vec<(u64, &[u8])> = Frames::of(&found)
-        .filter(|frame| is_whole(frame.1))
-        .collect();
-    mend_times(&mut frames);
+    let frames = frames(&found);
     if !frames.iter().any(|frame| log::is_from_vehicle(frame.1)) {
         return Err(BadInput::new(format!(
             "nothing of {} can be read as messages of a vehicle",
@@ -39,6 +36,14 @@ pub fn run(path: &Path, file: &Path, json: bool) -> Result<Verdict> {
         writer.end().map(|()| frames.len())
     })?;
     done(file, count, json)
+}
+
+/// The whole frames among what was found, with times that may be right.
+pub fn frames(found: &[u8]) -> Vec<(u64, &[u8])> {
+    let frames = Frames::of(found).filter(|frame| is_whole(frame.1));
+    let mut frames: Vec<_> = frames.collect();
+    mend_times(&mut frames);
+    frames
 }
 
 /// Whether a frame's checksum is right.

@@ -13,8 +13,9 @@ use client::state::state_name;
 use client::status::angles;
 use client::{Wire, text};
 use mavlink::dialects::common::{ATTITUDE_QUATERNION_DATA, MavMessage, MavSeverity};
-use mcap::records::{MessageHeader, Metadata};
-use mcap::{McapError, MessageStream, WriteOptions, read::Options};
+use mcap::read::LinearReader;
+use mcap::records::{MessageHeader, Metadata, Record};
+use mcap::{McapError, WriteOptions};
 use nalgebra::{Quaternion, UnitQuaternion};
 use serde_json::{Value, json};
 
@@ -227,7 +228,7 @@ impl Writer {
                     angles([m.q1, m.q2, m.q3, m.q4].map(f64::from)).map(f64::to_degrees);
                 let rate = [m.rollspeed, m.pitchspeed, m.yawspeed].map(f32::to_degrees);
                 if time_us >= self.transform_due_us {
-                    self.transform_due_us = time_us + TRANSFORM_US;
+                    self.transform_due_us = time_us.saturating_add(TRANSFORM_US);
                     self.json(Kind::Transform, time_us, &transform(time_us, m))?;
                 }
                 let value = json!({
@@ -308,8 +309,8 @@ impl Writer {
         let header = MessageHeader {
             channel_id,
             sequence: 0,
-            log_time: time_us * 1000,
-            publish_time: time_us * 1000,
+            log_time: time_us.saturating_mul(1000),
+            publish_time: time_us.saturating_mul(1000),
         };
         self.file.write_to_known_channel(&header, data)
     }
@@ -320,18 +321,25 @@ impl Writer {
 /// # Errors
 /// Nothing of it can be read.
 pub fn frames(bytes: &[u8]) -> Result<(Vec<u8>, Option<McapError>)> {
-    let stream = MessageStream::new_with_options(bytes, Options::IgnoreEndMagic.into());
     let mut log = Vec::new();
-    for message in stream.context("as MCAP")? {
-        let message = match message {
-            Ok(message) => message,
+    let mut channel_id = None;
+    // The reader of whole messages would take lengths within a chunk for right.
+    for record in LinearReader::sans_magic(&bytes[MAGIC.len()..]) {
+        match record {
+            Ok(Record::Channel(channel))
+                if channel.topic == FRAMES && channel.message_encoding == FRAME_ENCODING =>
+            {
+                channel_id = Some(channel.id);
+            }
+            Ok(Record::Message { header, data }) if Some(header.channel_id) == channel_id => {
+                let stamp: [u8; STAMP] = (header.log_time / 1000).to_be_bytes();
+                log.extend_from_slice(&stamp);
+                log.extend_from_slice(&data);
+            }
+            Ok(Record::DataEnd(_)) => break,
+            Ok(_) => {}
             Err(error) if log.is_empty() => return Err(error).context("as MCAP"),
             Err(error) => return Ok((log, Some(error))),
-        };
-        if message.channel.topic == FRAMES && message.channel.message_encoding == FRAME_ENCODING {
-            let stamp: [u8; STAMP] = (message.log_time / 1000).to_be_bytes();
-            log.extend_from_slice(&stamp);
-            log.extend_from_slice(&message.data);
         }
     }
     Ok((log, None))

@@ -8,6 +8,9 @@ use mavlink::dialects::common::{AUTOPILOT_VERSION_DATA, MavMessage};
 use super::Entry;
 use crate::out::measure::{Figure, figure};
 
+/// The last second of the year 9999, us since 1970: later dates have no such form.
+const LATEST_US: u64 = 253_402_300_799_000_000;
+
 /// This tool: a log that it keeps begins with these words, as a text of the ground station.
 pub const TOOL: &str = concat!(
     "tvc ",
@@ -67,7 +70,8 @@ impl Origin {
 
 /// A time in us since 1970 as a date with its time of day, UTC.
 fn date(us: u64) -> String {
-    humantime::format_rfc3339_seconds(UNIX_EPOCH + Duration::from_micros(us)).to_string()
+    let date = UNIX_EPOCH + Duration::from_micros(us.min(LATEST_US));
+    humantime::format_rfc3339_seconds(date).to_string()
 }
 
 /// The firmware's version, and what tells builds of it apart.

@@ -3,9 +3,10 @@
 //! Every step sends ATTITUDE_QUATERNION, SERVO_OUTPUT_RAW, RAW_IMU if it had a sample, and
 //! NAMED_VALUE_FLOAT with the command, one behind the other; answers and events lie between two
 //! steps in the firmware's order. Once a second V2_EXTENSION begins, a part behind each step: what
-//! the flight remembers after the step before the first part. A step without RAW_IMU missed its sample, unless frames are
-//! missing there.
+//! the flight remembers after the step before the first part. A step without RAW_IMU missed its
+//! sample, unless frames are missing there.
 
+use client::status::angles;
 use client::{LinkCounts, text};
 use mavlink::dialects::common::{
     ATTITUDE_QUATERNION_DATA, COMMAND_ACK_DATA, HEARTBEAT_DATA, MavAutopilot, MavCmd, MavMessage,
@@ -19,6 +20,8 @@ use super::{Entry, Log, Origin, whole_us};
 
 /// Most events between a step and the last part of the memory after it: a slow link holds parts up.
 const MEMORY_LAG: usize = 200;
+/// No clock of a vehicle gets to this time, us, some nine years: it is of a damaged log.
+const LATEST_US: u64 = 1 << 48;
 
 /// Name of the NAMED_VALUE_FLOAT with the command.
 pub const CRANK: &str = "crank_rad";
@@ -50,6 +53,11 @@ impl Step {
     pub fn pitch_rad(&self) -> f64 {
         let [w, x, y, z] = self.quaternion.map(f64::from);
         (2.0 * (w * y - x * z)).clamp(-1.0, 1.0).asin()
+    }
+
+    /// Roll, right side down, rad.
+    pub fn roll_rad(&self) -> f64 {
+        angles(self.quaternion.map(f64::from))[0]
     }
 
     /// The messages of the step, in the vehicle's order.
@@ -232,7 +240,9 @@ impl Flight {
                 return;
             }
             MavMessage::RAW_IMU(m) => {
-                if let Some(part) = part {
+                if let Some(part) = part
+                    && m.time_usec < LATEST_US
+                {
                     part.sample = Some(RawSample {
                         time: Micros(m.time_usec),
                         acc: [m.xacc, m.yacc, m.zacc],

@@ -9,7 +9,11 @@ use super::{Event, Flight};
 use crate::out::file::write_whole;
 
 const HEAD: &str = "time_us,state,lost_before,sample_time_us,acc_x,acc_y,acc_z,gyr_x,gyr_y,gyr_z,mag_x,mag_y,mag_z,\
-                    q_w,q_x,q_y,q_z,roll_rate_rad_s,pitch_rate_rad_s,yaw_rate_rad_s,crank_rad,pulse_us\n";
+                    q_w,q_x,q_y,q_z,roll_rate_rad_s,pitch_rate_rad_s,yaw_rate_rad_s,crank_rad,pulse_us,\
+                    pitch_rad,roll_rad,set_rad\n";
+
+/// The set point of pitch, deg.
+const SET_POINT: &str = "PITCH_SET_DEG";
 
 /// Writes a row a step. Counts are the sensor's own; they and their time are empty where a sample
 /// was missed.
@@ -23,10 +27,12 @@ pub fn write_csv(flight: &Flight, path: &Path) -> Result<()> {
 fn text(flight: &Flight) -> String {
     let mut text = HEAD.to_owned();
     let (mut state, mut lost) = (String::new(), 0);
+    let mut set_rad = flight.parameters().pitch_set_deg().to_radians();
     for event in &flight.events {
         match event {
             Event::State(code) => state = state_name(*code),
             Event::Gap(frames) => lost += frames,
+            Event::Parameter(name, value) if name == SET_POINT => set_rad = value.to_radians(),
             Event::Step(step) => {
                 let mut row = vec![step.now_us.to_string(), state.clone(), lost.to_string()];
                 match &step.sample {
@@ -45,6 +51,9 @@ fn text(flight: &Flight) -> String {
                         .map_or(String::new(), |crank| crank.to_string()),
                 );
                 row.push(step.pulse_us.to_string());
+                // The vehicle tells no more than the quaternion's seven digits.
+                let angles = [step.pitch_rad(), step.roll_rad()].map(|angle| angle as f32);
+                row.extend(angles.iter().chain([&set_rad]).map(f32::to_string));
                 text += &row.join(",");
                 text.push('\n');
                 lost = 0;
@@ -81,6 +90,7 @@ mod tests {
             events: vec![
                 Event::State(2),
                 Event::Step(step),
+                Event::Parameter(SET_POINT.into(), 10.0),
                 Event::Gap(3),
                 Event::Step(Step {
                     sample: Some(sample),
@@ -94,7 +104,10 @@ mod tests {
         assert_eq!(lines.len(), 3);
         let columns = |line: &str| line.split(',').count();
         assert!(lines.iter().all(|line| columns(line) == columns(HEAD)));
-        assert_eq!(lines[1], "5,standby,0,,,,,,,,,,,0.1,0,0,1,0,0,0,,1524");
+        assert_eq!(
+            lines[1],
+            "5,standby,0,,,,,,,,,,,0.1,0,0,1,0,0,0,,1524,0,0,0.17453292"
+        );
         assert!(lines[2].starts_with("5,standby,3,1,1,2,3,4,5,6,7,8,-9,0.1,"));
     }
 }

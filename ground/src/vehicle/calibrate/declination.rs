@@ -15,9 +15,10 @@ use crate::out::exit::BadInput;
 /// # Errors
 /// As [`declination_deg`].
 pub fn asked_deg(options: &Calibrate) -> Result<Option<f64>> {
-    match options.place {
-        Some(place) => declination_deg(place, options.date).map(Some),
-        None => Ok(options.declination),
+    // A place may come from the configuration.
+    match (options.declination, options.place) {
+        (None, Some(place)) => declination_deg(place, options.date).map(Some),
+        (declination, _) => Ok(declination),
     }
 }
 

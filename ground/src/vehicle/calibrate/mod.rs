@@ -11,7 +11,7 @@ mod outcome;
 pub mod person;
 mod picture;
 pub mod polarity;
-mod readings;
+pub mod readings;
 mod report;
 pub mod servo;
 pub mod session;
@@ -24,8 +24,8 @@ use calibration::fit;
 use crate::out::exit::Verdict;
 use crate::out::file::print_figures;
 use figures::Figures;
-pub use options::Calibrate;
 use options::SetUp;
+pub use options::{Calibrate, place};
 use outcome::Outcome;
 
 /// Calibrates as `options` say, prints the figures, writes the parameters and the report.

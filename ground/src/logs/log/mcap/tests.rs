@@ -5,6 +5,7 @@ use mavlink::dialects::common::{
     HEARTBEAT_DATA, NAMED_VALUE_FLOAT_DATA, PARAM_VALUE_DATA, RAW_IMU_DATA, SERVO_OUTPUT_RAW_DATA,
     STATUSTEXT_DATA, SYS_STATUS_DATA,
 };
+use mcap::MessageStream;
 use nalgebra::Vector3;
 
 /// A frame of the vehicle.
@@ -220,4 +221,35 @@ fn the_vehicles_build_and_parameters_are_metadata() {
     }
     assert_eq!(found["origin"]["vehicle"], "0.1.2 0a1b2c3d");
     assert_eq!(found["parameters"]["PID_KP"], "1.25");
+}
+
+/// The layouts for Foxglove and PlotJuggler name what a log has.
+#[test]
+fn every_topic_and_field_of_the_layouts_is_in_a_log() {
+    let fields = |separator: &str| -> Vec<String> {
+        let of_topic = |Topic(name, _, fields): &Topic| -> Vec<String> {
+            let fields = fields
+                .iter()
+                .map(|(field, _)| format!("{name}{separator}{field}"));
+            fields.collect()
+        };
+        TOPICS.iter().flat_map(of_topic).collect()
+    };
+    let foxglove = include_str!("../../../../../docs/layouts/foxglove.json");
+    let plotjuggler = include_str!("../../../../../docs/layouts/plotjuggler.xml");
+    serde_json::from_str::<Value>(foxglove).unwrap();
+    for (layout, separator) in [(foxglove, "."), (plotjuggler, "/")] {
+        let (fields, mut named) = (fields(separator), 0);
+        // Every second part of the text stands in quotes.
+        let quoted = layout.split('"').skip(1).step_by(2);
+        for name in quoted.filter(|text| text.starts_with('/')) {
+            named += 1;
+            let is_topic = TOPICS.iter().any(|topic| topic.0 == name);
+            assert!(
+                is_topic || fields.iter().any(|field| field == name),
+                "{name}"
+            );
+        }
+        assert!(named > 4, "{named}");
+    }
 }
