@@ -12,7 +12,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
 use client::Wire;
-use mavlink::dialects::common::MavMessage;
+use mavlink::dialects::common::{MavMessage, V2_EXTENSION_DATA};
 use mavlink::{Message, calculate_crc};
 use rand::rngs::StdRng;
 use rand::seq::IndexedRandom;
@@ -20,12 +20,13 @@ use rand::{Rng, SeedableRng};
 use rayon::prelude::*;
 
 use super::inspect::{info, recover, tests};
-use super::log::{self, Flight, Frames, Log, Writer};
+use super::log::{self, Entry, Flight, Frames, Log, Writer};
 use super::{replay, report};
 use crate::model::identify;
 use crate::out::exit::BadInput;
 use crate::param_file;
 use crate::vehicle::calibrate::readings;
+use tvc_nano::telemetry::{MEMORY_TYPE, MEMORY_WORDS, PART_WORDS};
 
 /// Cases in the short run, of every kind some.
 const SHORT: u64 = 400;
@@ -50,8 +51,9 @@ struct Seeds {
 impl Seeds {
     fn new(folder: &Path) -> Self {
         let path = |name: &str| folder.join(name);
+        let flight = with_memory(tests::flight());
         for name in ["seed.tlog", "seed.mcap"] {
-            tests::write(&tests::flight(), &path(name));
+            tests::write(&flight, &path(name));
         }
         log::write_csv(&Flight::of(&tests::flight()), &path("seed.csv")).unwrap();
         let read = |name| fs::read(path(name)).unwrap();
@@ -63,6 +65,36 @@ impl Seeds {
             csv: read("seed.csv"),
             parameters: b"# gains\nPID_KP 1.5\n1 1 PID_KD 0.25 9\nSRV_DIR,-1\nNEW = 3\n".to_vec(),
         }
+    }
+}
+
+/// A log with what the flight remembers, in parts behind each step.
+fn with_memory(log: Log) -> Log {
+    let mut entries = Vec::new();
+    for entry in log.entries {
+        entries.push(entry.clone());
+        let MavMessage::SERVO_OUTPUT_RAW(servo) = &entry.message else {
+            continue;
+        };
+        let words = (0..MEMORY_WORDS as u32).map(|word| servo.time_usec.wrapping_add(word));
+        let bytes: Vec<u8> = words.flat_map(u32::to_le_bytes).collect();
+        for (message_type, part) in (MEMORY_TYPE..).zip(bytes.chunks(4 * PART_WORDS)) {
+            let mut payload = [0; 249];
+            payload[..part.len()].copy_from_slice(part);
+            let told = V2_EXTENSION_DATA {
+                message_type,
+                payload,
+                ..V2_EXTENSION_DATA::default()
+            };
+            entries.push(Entry {
+                message: MavMessage::V2_EXTENSION(told),
+                ..entry.clone()
+            });
+        }
+    }
+    Log {
+        entries,
+        ..Log::default()
     }
 }
 

@@ -13,9 +13,9 @@ use client::state::state_name;
 use client::status::angles;
 use client::{Wire, text};
 use mavlink::dialects::common::{ATTITUDE_QUATERNION_DATA, MavMessage, MavSeverity};
-use mcap::read::LinearReader;
+use mcap::read::{LinearReader, Options};
 use mcap::records::{MessageHeader, Metadata, Record};
-use mcap::{McapError, WriteOptions};
+use mcap::{McapError, McapResult, WriteOptions, parse_record};
 use nalgebra::{Quaternion, UnitQuaternion};
 use serde_json::{Value, json};
 
@@ -321,28 +321,69 @@ impl Writer {
 /// # Errors
 /// Nothing of it can be read.
 pub fn frames(bytes: &[u8]) -> Result<(Vec<u8>, Option<McapError>)> {
-    let mut log = Vec::new();
-    let mut channel_id = None;
-    // The reader of whole messages would take lengths within a chunk for right.
-    for record in LinearReader::sans_magic(&bytes[MAGIC.len()..]) {
+    let mut found = Found::default();
+    match found.read(bytes) {
+        Err(error) if found.log.is_empty() => Err(error).context("as MCAP"),
+        read => Ok((found.log, read.err())),
+    }
+}
+
+/// What has been read of a file.
+#[derive(Default)]
+struct Found {
+    /// The frames, as a `.tlog` has them.
+    log: Vec<u8>,
+    /// The channel that they are on.
+    channel_id: Option<u16>,
+}
+
+impl Found {
+    fn read(&mut self, bytes: &[u8]) -> McapResult<()> {
+        for record in LinearReader::new_with_options(bytes, Options::IgnoreEndMagic.into())? {
+            match record? {
+                Record::DataEnd(_) => break,
+                Record::Chunk { header, data } if header.compression.is_empty() => {
+                    self.read_chunk(&data)?;
+                }
+                Record::Chunk { header, .. } => {
+                    return Err(McapError::UnsupportedCompression(header.compression));
+                }
+                record => self.take(record),
+            }
+        }
+        Ok(())
+    }
+
+    /// The records of a chunk. The crate's own reader counts beyond the end of a damaged one.
+    fn read_chunk(&mut self, data: &[u8]) -> McapResult<()> {
+        let mut rest = data;
+        while let Some((opcode, behind)) = rest.split_first() {
+            let (length, behind) = behind.split_first_chunk().ok_or(McapError::UnexpectedEof)?;
+            let length = usize::try_from(u64::from_le_bytes(*length)).unwrap_or(usize::MAX);
+            let (body, behind) = behind
+                .split_at_checked(length)
+                .ok_or(McapError::UnexpectedEof)?;
+            self.take(parse_record(*opcode, body)?);
+            rest = behind;
+        }
+        Ok(())
+    }
+
+    fn take(&mut self, record: Record<'_>) {
         match record {
-            Ok(Record::Channel(channel))
+            Record::Channel(channel)
                 if channel.topic == FRAMES && channel.message_encoding == FRAME_ENCODING =>
             {
-                channel_id = Some(channel.id);
+                self.channel_id = Some(channel.id);
             }
-            Ok(Record::Message { header, data }) if Some(header.channel_id) == channel_id => {
+            Record::Message { header, data } if Some(header.channel_id) == self.channel_id => {
                 let stamp: [u8; STAMP] = (header.log_time / 1000).to_be_bytes();
-                log.extend_from_slice(&stamp);
-                log.extend_from_slice(&data);
+                self.log.extend_from_slice(&stamp);
+                self.log.extend_from_slice(&data);
             }
-            Ok(Record::DataEnd(_)) => break,
-            Ok(_) => {}
-            Err(error) if log.is_empty() => return Err(error).context("as MCAP"),
-            Err(error) => return Ok((log, Some(error))),
+            _ => {}
         }
     }
-    Ok((log, None))
 }
 
 /// The frames in the bytes of a broken file, as a `.tlog` has them: every record that looks like a
