@@ -295,14 +295,28 @@ fn health_figures(health: &Health) -> Figure {
     )
 }
 
+/// What the plan of ticks follows from. The vehicle changes it, its own measurement of the stretch
+/// above all, only while it is disarmed.
+const PLAN: [&str; 3] = ["I2C_STRETCH_US", "I2C_KHZ", "SRV_RATE_HZ"];
+
+/// Time within which ticks have moved to another plan, us: some servo frames.
+const PLANNED_US: u64 = 100_000;
+
+/// A step that moves to another plan is no jitter.
 fn loop_timing(flight: &Flight) -> LoopTiming {
     let mut periods = Vec::new();
     let mut delays = Vec::new();
     let mut last = None;
+    let (mut now_us, mut planned_us) = (0, 0);
     for event in &flight.events {
         match event {
             Event::Gap(_) => last = None,
+            Event::Parameter(name, _) if PLAN.contains(&name.as_str()) => {
+                planned_us = now_us + PLANNED_US;
+            }
             Event::Step(step) => {
+                now_us = step.now_us;
+                last = last.filter(|_| now_us > planned_us);
                 let time_us = step.sample.map(|sample| sample.time.0 as f64);
                 if let (Some(before), Some(time_us)) = (last, time_us) {
                     periods.push(time_us - before);
@@ -378,6 +392,36 @@ fn events(flight: &Flight) -> Vec<(f64, String)> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use tvc_nano::{Micros, RawSample};
+
+    #[test]
+    fn a_step_to_another_plan_of_ticks_is_no_jitter() {
+        let step = |now_us| {
+            Event::Step(Step {
+                now_us,
+                sample: Some(RawSample {
+                    time: Micros(now_us),
+                    acc: [0; 3],
+                    gyr: [0; 3],
+                    mag: [0; 3],
+                }),
+                quaternion: [1.0, 0.0, 0.0, 0.0],
+                rate_rad_s: [0.0; 3],
+                crank_rad: None,
+                pulse_us: 1524,
+            })
+        };
+        let before = (0..100).map(|index| step(index * 6_667));
+        let after = (101..200).map(|index| step(index * 6_667));
+        let told = Event::Parameter("I2C_STRETCH_US".into(), 191.0);
+        let mut flight = Flight {
+            events: before.chain([told]).chain(after).collect(),
+            ..Flight::default()
+        };
+        assert!(loop_timing(&flight).jitter_us_max < 1.0);
+        flight.events.remove(100);
+        assert!(loop_timing(&flight).jitter_us_max > 6_000.0);
+    }
 
     #[test]
     fn a_log_without_a_release_has_no_verdict() {

@@ -160,7 +160,7 @@ pub struct Flight {
     /// Where the log comes from.
     pub origin: Origin,
     /// What has come of the memory so far.
-    pub(super) memory: Vec<i32>,
+    pub(in crate::logs) memory: Vec<i32>,
 }
 
 /// The messages of a step that have come so far.
