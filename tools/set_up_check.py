@@ -102,6 +102,8 @@ def walk(browser, url, shot):
     missed = browser.value("document.getElementById('missed').innerText")
     endings["release"] = [missed or "every requirement met", missed == ""]
     report = "[...document.querySelectorAll('#logs button')].find((button) => button.title.includes('report of step-'))"
+    # On a small screen the list is folded.
+    browser.value("document.querySelector('#logs.closed .fold')?.click()")
     browser.wait(f"{report} !== undefined")
     browser.value(f"{report}.click()")
     browser.wait("!document.getElementById('report').hidden")
