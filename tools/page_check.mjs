@@ -579,7 +579,7 @@ test("the picture's body is turned by yaw, pitch and roll in turn, nose up posit
 });
 
 const released = (number, more = {}) => ({
-  number, time_s: 10 * number, by_test: number === 1, log: null, set_deg: 1, start_deg: 20, stayed: true, changes: [],
+  number, time_s: 10 * number, test: number === 1 ? "hold" : null, log: null, set_deg: 1, start_deg: 20, stayed: true, changes: [],
   run: { rise_s: 0.4, overshoot_pct: 2, settling_5pct_s: null, final_error_rad: 0 },
   trace: [[0, 21, 0], [1, 11, 5], [2, 1, 0]], ...more,
 });
@@ -597,6 +597,8 @@ test("releases are drawn over each other in percent of their tilt, and their fig
     ["", "0.5", "–", "–", "–", "the set point moved", "–", "–"],
     ["", "10.0", "0.400", "2.0", "never", "0.00", "PID_KD 0.435 → 0.5", "–"],
   ]);
+  const name = (line) => line.children[0].children[0].children[2].textContent;
+  assert.deepEqual(lines.map(name), [" 3, by hand at 30.0 s", " 2, by hand at 20.0 s", " 1, hold test at 10.0 s"]);
   // The band is drawn from -5 to 5 %.
   const filled = [];
   pitch.options.hooks.drawClear[0]({

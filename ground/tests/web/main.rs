@@ -176,7 +176,7 @@ fn a_step_test_gives_its_figures_and_a_recording_its_log() {
     let run = &trial["result"]["run"];
     assert_eq!(run["stayed_active"], true, "{trial}");
     assert!(run["settling_5pct_s"].as_f64().unwrap() < 1.5, "{run}");
-    let releases = page.wait("releases", |rows| rows[0]["by_test"] == true);
+    let releases = page.wait("releases", |rows| rows[0]["test"] == "step");
     assert!(releases[0]["trace"].as_array().unwrap().len() > 100);
     assert_eq!(releases[0]["run"]["rise_s"], run["rise_s"], "{releases}");
     assert!(folder.path().join("step-001.tlog").exists());

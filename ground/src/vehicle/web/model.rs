@@ -181,6 +181,13 @@ pub struct Test {
     pub result: Value,
 }
 
+impl Test {
+    /// The manoeuvre, while it is under way.
+    pub fn under_way(&self) -> Option<&'static str> {
+        self.running.then_some(self.manoeuvre)
+    }
+}
+
 /// Everything that the page shows.
 #[derive(Debug, Default)]
 pub struct State {

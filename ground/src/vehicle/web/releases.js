@@ -1,6 +1,7 @@
 // The last releases over each other: pitch and servo from the moment of the release on, and a table of figures.
 
 import { colour, style } from "./charts.js";
+import { TITLES } from "./tests.js";
 
 const HUES = ["blue", "amber", "teal", "violet", "red", "green", "slate", "ink"];
 /** Share of the tilt within which pitch has settled. */
@@ -50,7 +51,7 @@ export class Releases {
     const key = document.createElement("span");
     key.textContent = "—";
     key.style.color = `var(--${hue(release)})`;
-    label.append(box, key, ` ${release.number}, ${release.by_test ? "step test" : "by hand"} at ${release.time_s.toFixed(1)} s`);
+    label.append(box, key, ` ${release.number}, ${TITLES[release.test]?.toLowerCase() ?? "by hand"} at ${release.time_s.toFixed(1)} s`);
     name.append(label);
     cell(release.start_deg.toFixed(1));
     cell(run ? seconds(run.rise_s) : "–");

@@ -28,8 +28,8 @@ pub struct Release {
     pub number: usize,
     /// The vehicle's clock when it began, s.
     time_s: f64,
-    /// Whether it was a step test of the page.
-    by_test: bool,
+    /// The page's test that it belonged to, if to any.
+    test: Option<&'static str>,
     /// The log that was being written.
     log: Option<String>,
     /// Pitch to hold when it began, deg.
@@ -50,8 +50,8 @@ pub struct Release {
 pub struct Circumstances {
     /// The vehicle's parameters.
     pub parameters: Vec<Parameter>,
-    /// Whether it is a step test of the page.
-    pub by_test: bool,
+    /// The page's test under way.
+    pub test: Option<&'static str>,
     /// The log that is being written.
     pub log: Option<String>,
 }
@@ -135,7 +135,7 @@ impl Releases {
         Some(Release {
             number: self.count,
             time_s: release.steps[0].time_s(),
-            by_test: circumstances.by_test,
+            test: circumstances.test,
             log: circumstances.log,
             set_deg,
             start_deg: pitch[0].1.to_degrees() - set_deg,
@@ -187,7 +187,7 @@ mod tests {
                     value,
                 })
                 .into(),
-            by_test: false,
+            test: None,
             log: None,
         };
         let steps = (0..200_u64).flat_map(|index| {
@@ -253,7 +253,7 @@ mod tests {
         let mut releases = Releases::default();
         let circumstances = || Circumstances {
             parameters: Vec::new(),
-            by_test: false,
+            test: None,
             log: None,
         };
         let mut take = |message: &MavMessage| releases.take(message, circumstances).is_some();

@@ -34,7 +34,7 @@ impl Session<'_> {
         let (client, model) = (self.link.client(), self.model);
         let releases = self.releases.take(message, || Circumstances {
             parameters: client.parameters().cloned().collect(),
-            by_test: model.lock().test().running,
+            test: model.lock().test().under_way(),
             log: self
                 .recording
                 .as_ref()
