@@ -47,9 +47,10 @@ pub const DATA_AGE_LIMIT_US: u64 = 65_000;
 pub const STRETCH_MAX_US: u32 = 1_000;
 
 /// The stretch of a byte is taken over anew when it is longer by more than this than what the
-/// timing is made for, or shorter by four times as much, us: a fifth of the reserve that a burst
-/// has.
-pub const STRETCH_CHANGE_US: u32 = 10;
+/// timing is made for, us: a third of the reserve that a burst has.
+pub const STRETCH_LONGER_US: u32 = 15;
+/// As [`STRETCH_LONGER_US`], where it is shorter: that costs latency alone.
+pub const STRETCH_SHORTER_US: u32 = 40;
 
 /// The clock's FINE is kept anew when it differs by more than this: some 0.1 % of 48 MHz.
 pub const CLOCK_CHANGE: u16 = 4;

@@ -12,7 +12,8 @@ use tvc_fusion::{Attitude, ConfigError, Quaternion};
 
 use crate::board_status::BoardStatus;
 use crate::config::{
-    CLOCK_CHANGE, STRETCH_CHANGE_US, STRETCH_MAX_US, TEST_PULSE_US, UNIT_TOLERANCE,
+    CLOCK_CHANGE, STRETCH_LONGER_US, STRETCH_MAX_US, STRETCH_SHORTER_US, TEST_PULSE_US,
+    UNIT_TOLERANCE,
 };
 use crate::controller::Controller;
 use crate::failsafe::{BootReport, Command, Health, Refusal, State, Supervisor};
@@ -244,8 +245,8 @@ impl Flight {
             .stretch_of(board.bursts.planned_us(board.stop_us))
             .min(STRETCH_MAX_US);
         // Where bytes vary, the longest that were seen count.
-        let longer = stretch_us > timing.stretch_us + STRETCH_CHANGE_US;
-        let shorter = stretch_us + 4 * STRETCH_CHANGE_US < timing.stretch_us;
+        let longer = stretch_us > timing.stretch_us + STRETCH_LONGER_US;
+        let shorter = stretch_us + STRETCH_SHORTER_US < timing.stretch_us;
         let changed = board.bursts.mean_us > 0 && (longer || shorter);
         if changed {
             self.params.set_stretch(stretch_us);

@@ -13,7 +13,7 @@
 //! | ATTITUDE_QUATERNION, SERVO_OUTPUT_RAW | every step |
 //! | RAW_IMU | every step that had a sample: its untouched counts, stamped with its own time |
 //! | NAMED_VALUE_FLOAT `crank_rad` | every step: the crank angle that control asked for, before limits |
-//! | V2_EXTENSION | once a second from standby on, in parts, one a step: all that the flight remembers after a step ([`Flight::memory`]), from which a replay goes on behind lost frames |
+//! | V2_EXTENSION | once a second from standby on, in parts: all that the flight remembers after a step ([`Flight::memory`]), from which a replay goes on behind lost frames |
 //! | ATTITUDE | not by itself: at the interval that the host asks for |
 //! | COMMAND_ACK | every command, COMMAND_LONG or COMMAND_INT, to the one that sent it; a gyro calibration is in progress once a second until it is accepted |
 //! | PARAM_VALUE, PARAM_ERROR | on request; the parameter list one a step; after a refusal both |
@@ -63,7 +63,6 @@ use crate::config::{HEARTBEAT_PERIOD_US, HOST_GONE_US};
 use crate::failsafe::{Command, State};
 use crate::flight::{Flight, Snapshot};
 use download::Download;
-use memory::Memory;
 use parser::{Address, Parser};
 use queue::Queue;
 use rates::{Rates, Stream};
@@ -106,7 +105,6 @@ pub struct Telemetry {
     fresh: u32,
     /// The host is to be told what the flight remembers.
     memory_due: bool,
-    memory: Memory,
     /// The host has been told of the magnetometer whether it measures a field.
     field_told: bool,
     /// Next parameter of a list under way.
@@ -138,7 +136,6 @@ impl Telemetry {
             heartbeat_at: None,
             fresh: 0,
             memory_due: false,
-            memory: Memory::new(),
             field_told: true,
             list: None,
             modes: (0, 0),
@@ -164,7 +161,6 @@ impl Telemetry {
             heartbeat_at,
             fresh: _,
             memory_due,
-            memory,
             field_told,
             list,
             modes,
@@ -176,7 +172,6 @@ impl Telemetry {
             bringup,
         } = self;
         queue.restart();
-        memory.end();
         *parser = Parser::new();
         *download = Download::new();
         *rates = Rates::new();

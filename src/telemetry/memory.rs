@@ -1,4 +1,4 @@
-//! What the flight remembers, once a second: V2_EXTENSION in parts, one a step.
+//! What the flight remembers, once a second: V2_EXTENSION in parts.
 
 use heapless::Vec;
 use mavlink::dialects::common::V2_EXTENSION_DATA;
@@ -20,72 +20,56 @@ pub const WORDS: usize = 1 + Flight::MEMORY_WORDS;
 /// The message's own fields: its type, and an address that means everybody.
 const HEAD: usize = 5;
 const PAYLOAD: usize = HEAD + 4 * PART_WORDS;
+/// Bytes of all parts as frames.
+const FRAMES: usize = WORDS.div_ceil(PART_WORDS) * (OVERHEAD + HEAD) + 4 * WORDS;
 
 const _: () = assert!(OVERHEAD + PAYLOAD <= MAX_FRAME);
 
-/// What the host is told.
-#[derive(Clone, Debug)]
-pub(super) struct Memory {
-    words: Vec<i32, WORDS>,
-    /// The next part, `None` if all have been sent.
-    part: Option<u16>,
+/// A part as far as it is filled.
+struct Part {
+    number: u16,
+    payload: Vec<u8, PAYLOAD>,
 }
 
-impl Memory {
-    pub(super) const fn new() -> Self {
-        Self {
-            words: Vec::new(),
-            part: None,
-        }
-    }
-
-    /// Nothing is under way any more.
-    pub(super) fn end(&mut self) {
-        self.part = None;
-    }
-
-    // Not inlined: it is called from many places.
-    #[inline(never)]
-    fn push(&mut self, word: i32) {
-        // There is room for all of them.
-        let _ = self.words.push(word);
+impl Part {
+    fn new(number: u16) -> Self {
+        let mut payload = Vec::new();
+        let [low, high] = (MEMORY_TYPE + number).to_le_bytes();
+        // There is room for all that is written to a part.
+        let _ = payload.extend_from_slice(&[low, high, 0, 0, 0]);
+        Self { number, payload }
     }
 }
 
 impl Telemetry {
-    /// Notes what the flight remembers after this step, if that is due, and else sends a part of
-    /// it, if there is room.
+    /// Sends what the flight remembers after this step, if that is due and there is room for all of
+    /// it.
     // Inlined it would cost the loop its registers.
     #[inline(never)]
     pub fn tell_memory(&mut self, snapshot: &Snapshot, flight: &mut Flight) {
-        if let Some(part) = self.memory.part {
-            return self.send_part(part);
+        let is_whole = snapshot.sample.is_some() && snapshot.state.is_past_start_up();
+        if !(self.memory_due && is_whole && self.queue.has_room(FRAMES, Priority::Stream)) {
+            return;
         }
-        if self.memory_due && snapshot.sample.is_some() && snapshot.state.is_past_start_up() {
-            self.memory_due = false;
-            self.memory.words.clear();
-            self.memory.part = Some(0);
-            self.memory.push(snapshot.now.0 as i32);
-            flight.memory(&mut |word| {
-                self.memory.push(word);
-                word
-            });
+        self.memory_due = false;
+        let mut part = Part::new(0);
+        self.tell_word(&mut part, snapshot.now.0 as i32);
+        flight.memory(&mut |word| {
+            self.tell_word(&mut part, word);
+            word
+        });
+        if part.payload.len() > HEAD {
+            self.send_payload::<V2_EXTENSION_DATA>(Priority::Stream, &part.payload);
         }
     }
 
-    fn send_part(&mut self, part: u16) {
-        if !self.queue.has_room(OVERHEAD + PAYLOAD, Priority::Stream) {
-            return;
+    // Not inlined: it is called from many places.
+    #[inline(never)]
+    fn tell_word(&mut self, part: &mut Part, word: i32) {
+        let _ = part.payload.extend_from_slice(&word.to_le_bytes());
+        if part.payload.is_full() {
+            self.send_payload::<V2_EXTENSION_DATA>(Priority::Stream, &part.payload);
+            *part = Part::new(part.number + 1);
         }
-        let mut parts = self.memory.words.chunks(PART_WORDS).skip(part.into());
-        let mut payload: Vec<u8, PAYLOAD> = Vec::new();
-        let [low, high] = (MEMORY_TYPE + part).to_le_bytes();
-        // There is room for all of it.
-        let _ = payload.extend_from_slice(&[low, high, 0, 0, 0]);
-        for word in parts.next().unwrap_or_default() {
-            let _ = payload.extend_from_slice(&word.to_le_bytes());
-        }
-        self.memory.part = parts.next().map(|_| part + 1);
-        self.send_payload::<V2_EXTENSION_DATA>(Priority::Stream, &payload);
     }
 }

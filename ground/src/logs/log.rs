@@ -334,7 +334,7 @@ pub fn unpacked(bytes: Vec<u8>, path: &Path) -> Result<(Vec<u8>, Option<String>)
     }
     let (bytes, cut) =
         mcap::frames(&bytes).map_err(|error| unreadable(path, &format!("{error:#}")))?;
-    Ok((bytes, cut.map(|error| brief(&error.to_string()))))
+    Ok((bytes, cut.map(|why| brief(&why))))
 }
 
 fn unreadable(path: &Path, why: &impl std::fmt::Display) -> BadInput {

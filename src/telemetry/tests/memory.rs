@@ -31,31 +31,26 @@ fn step(link: &mut Link) -> Vec<i32> {
 #[test]
 fn it_comes_once_a_second_from_standby_on_as_it_was_after_one_step() {
     let mut link = Link::new(Desk::new(0.1));
-    let mut past = Vec::new();
-    let (mut told, mut types) = (Vec::new(), Vec::new());
     let mut times = 0;
     for _ in 0..1_000 {
-        past.push(step(&mut link));
+        let remembered = step(&mut link);
         let parts = parts(&take(&mut link.telemetry));
-        assert!(parts.len() <= 1);
-        for (message_type, words) in parts {
-            assert_eq!(link.desk.flight.state(), State::Standby);
-            types.push(message_type);
-            told.extend(words);
+        if parts.is_empty() {
+            continue;
         }
-        if told.len() >= MEMORY_WORDS {
-            let expected: Vec<_> = (MEMORY_TYPE..).take(types.len()).collect();
-            assert_eq!(types, expected);
-            assert!(past.contains(&told[..MEMORY_WORDS].to_vec()));
-            assert!(told[MEMORY_WORDS..].iter().all(|word| *word == 0));
-            (told, types) = (Vec::new(), Vec::new());
-            times += 1;
-        }
+        assert_eq!(link.desk.flight.state(), State::Standby);
+        let (types, told): (Vec<_>, Vec<_>) = parts.into_iter().unzip();
+        let expected: Vec<_> = (MEMORY_TYPE..).take(types.len()).collect();
+        assert_eq!(types, expected);
+        let told = told.concat();
+        assert_eq!(told[..MEMORY_WORDS], remembered);
+        assert!(told[MEMORY_WORDS..].iter().all(|word| *word == 0));
+        times += 1;
     }
     assert!((8..=10).contains(&times), "{times}");
 }
 
-/// What waits for room in the queue goes on where it was.
+/// What waits for room in the queue comes whole when there is.
 #[test]
 fn it_waits_for_room_in_the_queue() {
     let mut link = Link::new(Desk::in_standby(0.1));
@@ -74,5 +69,7 @@ fn it_waits_for_room_in_the_queue() {
         );
     }
     let parts = MEMORY_WORDS.div_ceil(PART_WORDS);
-    assert_eq!(types, (0x8000..).take(parts).collect::<Vec<_>>());
+    // The next ones may be due by then.
+    let expected: Vec<_> = (0x8000..).take(parts).collect();
+    assert!(types.starts_with(&expected), "{types:?}");
 }

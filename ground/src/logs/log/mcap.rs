@@ -8,7 +8,7 @@
 use std::collections::BTreeMap;
 use std::fs::File;
 
-use anyhow::{Context, Result};
+use anyhow::{Result, bail};
 use client::state::state_name;
 use client::status::angles;
 use client::{Wire, text};
@@ -320,11 +320,19 @@ impl Writer {
 ///
 /// # Errors
 /// Nothing of it can be read.
-pub fn frames(bytes: &[u8]) -> Result<(Vec<u8>, Option<McapError>)> {
+pub fn frames(bytes: &[u8]) -> Result<(Vec<u8>, Option<String>)> {
     let mut found = Found::default();
-    match found.read(bytes) {
-        Err(error) if found.log.is_empty() => Err(error).context("as MCAP"),
+    match found.read(bytes).map_err(|error| words(&error)) {
+        Err(why) if found.log.is_empty() => bail!("as MCAP: {why}"),
         read => Ok((found.log, read.err())),
+    }
+}
+
+/// What is wrong, without the coloured trace of the parser that found it.
+fn words(error: &McapError) -> String {
+    match error {
+        McapError::Parse(error) => format!("a record is damaged: {}", error.root_cause()),
+        error => error.to_string(),
     }
 }
 

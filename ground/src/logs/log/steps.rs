@@ -2,9 +2,9 @@
 //!
 //! Every step sends ATTITUDE_QUATERNION, SERVO_OUTPUT_RAW, RAW_IMU if it had a sample, and
 //! NAMED_VALUE_FLOAT with the command, one behind the other; answers and events lie between two
-//! steps in the firmware's order. Once a second V2_EXTENSION begins, a part behind each step: what
-//! the flight remembers after the step before the first part. A step without RAW_IMU missed its
-//! sample, unless frames are missing there.
+//! steps in the firmware's order. Once a second V2_EXTENSION tells in parts what the flight
+//! remembers after a step. A step without RAW_IMU missed its sample, unless frames are missing
+//! there.
 
 use client::status::angles;
 use client::{LinkCounts, text};
@@ -261,6 +261,7 @@ impl Flight {
                 return;
             }
             MavMessage::V2_EXTENSION(m) => {
+                self.close(part.take(), clock, false);
                 self.remember(m);
                 return;
             }

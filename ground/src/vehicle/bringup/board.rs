@@ -8,7 +8,7 @@ use tvc_nano::bringup::words::*;
 use tvc_nano::bringup::{Pulse, What};
 
 use super::row::{Check, Row};
-use super::session::{Heard, Session};
+use super::session::{Heard, REPEATED, Session};
 
 const CHIP: Check = Check {
     name: "chip",
@@ -263,11 +263,21 @@ pub fn servo(session: &mut Session) -> Result<Row> {
 /// # Errors
 /// The vehicle no longer answers.
 pub fn flash(session: &mut Session) -> Result<Row> {
-    let before = session.peek_at(USB_FRAME)?;
-    if let Err(failure) = session.order(request::SAVE)? {
-        return Ok(FLASH.failed("saves the parameters", failure));
-    }
-    let after = session.peek_at(USB_FRAME)?;
+    /// Saves that are tried: each wears the flash.
+    const TRIES: u32 = 4;
+    let mut tries = 0;
+    let (before, after) = loop {
+        tries += 1;
+        let before = session.peek_at(USB_FRAME)?;
+        let begun = session.now();
+        if let Err(failure) = session.order(request::SAVE)? {
+            return Ok(FLASH.failed("saves the parameters", failure));
+        }
+        // An order that was repeated may have been obeyed twice.
+        if session.now() - begun < REPEATED || tries == TRIES {
+            break (before, session.peek_at(USB_FRAME)?);
+        }
+    };
     let number = |word: u32| i64::from(word >> 3 & 0x7FF);
     let passed = i64::from(after.time_ms - before.time_ms);
     let frames = number(after.value) - number(before.value);

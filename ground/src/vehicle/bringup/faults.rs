@@ -7,7 +7,7 @@ use tvc_nano::bringup::What;
 use tvc_nano::bringup::words;
 
 use super::row::{Check, Row};
-use super::session::Session;
+use super::session::{REPEATED, Session};
 
 const USB: Check = Check {
     name: "usb",
@@ -28,8 +28,6 @@ const WATCHDOG: Check = Check {
 /// The vehicle no longer answers.
 pub fn usb(session: &mut Session) -> Result<Row> {
     const WORDS: u32 = 300;
-    /// An answer that takes longer was repeated.
-    const REPEATED: Duration = Duration::from_millis(900);
     let (mut longest, mut repeated) = (Duration::ZERO, 0);
     for index in 0..WORDS {
         let begun = session.now();

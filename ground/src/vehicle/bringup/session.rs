@@ -10,6 +10,8 @@ use tvc_nano::bringup::What;
 
 use super::target::Target;
 
+/// An order whose answer takes longer was repeated.
+pub const REPEATED: Duration = Duration::from_millis(900);
 /// How long the vehicle may take until its first heartbeat.
 const CONNECT: Duration = Duration::from_secs(5);
 
