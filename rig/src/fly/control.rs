@@ -1,5 +1,5 @@
-//! A socket at which other programs act on the rig: a line in is an [`Action`], a line out is what
-//! became of it, as JSON.
+//! A socket at which other programs act on the rig: a line in is an
+//! [`Action`](super::action::Action), a line out is what became of it, as JSON.
 
 use std::fs::Permissions;
 use std::io::{self, ErrorKind, Read, Write};
