@@ -1,11 +1,14 @@
 //! The client against a vehicle that can be slow, silent or forgetful.
 
+use super::sending::BATCH;
 use super::*;
 use crate::request::{ARM, CALIBRATE, DISARM, SAVE};
 use mavlink::MessageData;
 use mavlink::dialects::common::{
-    COMMAND_LONG_DATA, HEARTBEAT_DATA, LOG_ENTRY_DATA, PARAM_REQUEST_READ_DATA, STATUSTEXT_DATA,
+    COMMAND_ACK_DATA, COMMAND_LONG_DATA, HEARTBEAT_DATA, LOG_DATA_DATA, LOG_ENTRY_DATA,
+    MavAutopilot, MavResult, PARAM_REQUEST_READ_DATA, PARAM_VALUE_DATA, STATUSTEXT_DATA,
 };
+use tvc_nano::failsafe::RefusalKind;
 
 const TICK: Duration = Duration::from_millis(10);
 
