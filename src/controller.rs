@@ -8,7 +8,7 @@ use core::f32::consts::PI;
 use tvc_pid::{PredictiveConfig, PredictivePd};
 
 use crate::config::TRIM_LIMIT_RAD;
-use crate::flight::memory::float;
+use crate::memory::float;
 use crate::params::Params;
 
 /// Pitch control: what is measured becomes a crank angle.

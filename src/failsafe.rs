@@ -15,7 +15,7 @@ use crate::config::{
     COS_ARM_TILT, COS_FAILSAFE_TILT, DATA_AGE_LIMIT_US, FAILSAFE_TILT_US, HOST_SILENCE_US,
     RECOVERY_SAMPLES,
 };
-use crate::flight::memory::time;
+use crate::memory::time;
 use crate::self_test::{SelfTest, Verdict};
 use crate::store::Loaded;
 

@@ -4,7 +4,7 @@
 //! that a replay of the same counts and times gives the same bits on the chip, on the rig and on a
 //! laptop.
 
-pub(crate) mod memory;
+mod memory;
 
 use bno055_driver::{Micros, RawSample, SensorFault};
 use tvc_fusion::fixed::{Angles, Orientation};

@@ -31,6 +31,7 @@ pub mod failsafe;
 pub mod flight;
 mod format;
 pub mod led;
+mod memory;
 pub mod mount;
 pub mod navigation;
 mod numbered;

@@ -11,7 +11,7 @@ use crate::config::{
     BIAS_REST_US, DATA_AGE_LIMIT_US, ESTIMATOR_GAP_US, FIELD_LOST_US, FIELD_REPEAT_US, LEVEL_RATE,
     LEVEL_US,
 };
-use crate::flight::memory::time;
+use crate::memory::time;
 use crate::mount::Mount;
 use crate::params::Params;
 

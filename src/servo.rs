@@ -7,7 +7,7 @@
 use core::f32::consts::PI;
 
 use crate::config::{PULSE_MAX_US, PULSE_MIN_US};
-use crate::flight::memory::float;
+use crate::memory::float;
 use crate::params::Params;
 
 /// Width of a servo pulse in microseconds.

@@ -1,9 +1,10 @@
 //! What a flight remembers from one step to the next, as words of 32 bits: telemetry tells it once
 //! a second, so that a replay can go on behind frames that were lost.
 
-use bno055_driver::{Micros, RawSample};
+use bno055_driver::RawSample;
 
 use super::Flight;
+use crate::memory::float;
 
 impl Flight {
     /// Words of [`Flight::memory`].
@@ -33,16 +34,4 @@ impl Flight {
         self.supervisor.resume(sample.time, health);
         words.first() == Some(&self.params.digest())
     }
-}
-
-/// A float among the words.
-pub(crate) fn float(value: f32, each: &mut impl FnMut(i32) -> i32) -> f32 {
-    f32::from_bits(each(value.to_bits() as i32) as u32)
-}
-
-/// A time among the words: two of them.
-pub(crate) fn time(value: Micros, each: &mut impl FnMut(i32) -> i32) -> Micros {
-    let low = each(value.0 as i32) as u32;
-    let high = each((value.0 >> 32) as i32) as u32;
-    Micros(u64::from(high) << 32 | u64::from(low))
 }

@@ -1,0 +1,15 @@
+//! Values as words of 32 bits, of which [what a flight remembers](crate::Flight::memory) consists.
+
+use bno055_driver::Micros;
+
+/// A float among the words.
+pub(crate) fn float(value: f32, each: &mut impl FnMut(i32) -> i32) -> f32 {
+    f32::from_bits(each(value.to_bits() as i32) as u32)
+}
+
+/// A time among the words: two of them.
+pub(crate) fn time(value: Micros, each: &mut impl FnMut(i32) -> i32) -> Micros {
+    let low = each(value.0 as i32) as u32;
+    let high = each((value.0 >> 32) as i32) as u32;
+    Micros(u64::from(high) << 32 | u64::from(low))
+}
