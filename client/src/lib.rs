@@ -12,20 +12,17 @@
 //! | [`request`] | the messages that a ground station sends |
 //! | [`client`] | requests with their answers, repeats and time limits; parameters; the recorder's download |
 //! | [`state`] | the firmware's states and reasons as they come over the link |
-//! | [`readiness`] | why an order to arm would be refused |
 //! | [`status`] | the newest of everything that the vehicle tells, as one object |
 
 #![forbid(unsafe_code)]
 
 pub mod client;
-pub mod readiness;
 pub mod request;
 pub mod state;
 pub mod status;
 pub mod wire;
 
 pub use client::{BoardValue, Client, Failure, Parameter, Request, Ticket};
-pub use readiness::Readiness;
 pub use request::Order;
 pub use status::{LinkHealth, ServoMap, Status, StatusTracker};
 pub use tvc_nano::failsafe::{LatchKind, ReasonKind, RefusalKind, StateCode, StateKind};

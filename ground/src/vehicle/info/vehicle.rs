@@ -4,11 +4,11 @@ use std::time::{Duration, Instant};
 
 use anyhow::Result;
 use client::status::sick;
-use client::{Parameter, Readiness, Request, request};
-use mavlink::dialects::common::{AUTOPILOT_VERSION_DATA, MavMessage};
+use client::{Failure, Parameter, Request, request};
+use mavlink::dialects::common::{AUTOPILOT_VERSION_DATA, MavMessage, SYS_STATUS_DATA};
 use serde::Serialize;
 use tvc_nano::Params;
-use tvc_nano::failsafe::StateCode;
+use tvc_nano::failsafe::{RefusalKind, StateCode};
 use tvc_nano::params::Polarity;
 
 use crate::logs::log::vehicle_build;
@@ -63,64 +63,93 @@ pub fn ask(options: &PortOptions, image: Option<&str>) -> Result<Told> {
     let version = Request::Order(request::VERSION);
     // What it tells is taken from the messages; an old one refuses.
     vehicle.link().client().request(now, version);
-    let mut readiness = Readiness::default();
-    let mut build = None;
+    let (mut build, mut status) = (None, None);
     let end = Instant::now() + TOLD;
-    let is_complete = |readiness: &Readiness| {
-        readiness.code().is_some() && readiness.is_ready().is_some() && readiness.is_level_known()
-    };
-    while (build.is_none() || !is_complete(&readiness)) && Instant::now() < end {
+    while (build.is_none() || status.is_none()) && Instant::now() < end {
         for frame in vehicle.receive()? {
-            if let MavMessage::AUTOPILOT_VERSION(told) = &frame.message {
-                build = Some(told.clone());
+            match frame.message {
+                MavMessage::AUTOPILOT_VERSION(told) => build = Some(told),
+                MavMessage::SYS_STATUS(told) => status = Some(told),
+                _ => {}
             }
-            readiness.take(&frame.message);
         }
     }
     let parameters = vehicle.parameters()?;
-    Ok(told(&readiness, build.as_ref(), &parameters, image))
+    let may_arm = may_arm(&mut vehicle)?;
+    let code = vehicle.link().client().state_code();
+    let heard = Heard {
+        build,
+        code,
+        status,
+        parameters,
+        may_arm,
+    };
+    Ok(heard.told(image))
 }
 
-fn told(
-    readiness: &Readiness,
-    build: Option<&AUTOPILOT_VERSION_DATA>,
-    parameters: &[Parameter],
-    image: Option<&str>,
-) -> Told {
-    let mut params = Params::default();
-    for row in parameters {
-        // One that this tool does not know says nothing here.
-        let _ = params.set(&row.name, row.value);
-    }
-    let is_set_up = |prefix: &str| {
-        let defaults = Params::default();
-        let differs = |row: &Parameter| {
-            let default = defaults.value(&row.name);
-            // It is told apart below, and the frame rate is that of the kind of servo.
-            let counts = !matches!(&*row.name, "SRV_POLARITY" | "SRV_RATE_HZ");
-            counts
-                && row.name.starts_with(prefix)
-                && default.is_some_and(|value| value != row.value)
-        };
-        parameters.iter().any(differs)
+/// Whether an order to arm would be obeyed, as the vehicle says when it is asked; `None` where the
+/// firmware does not know the question.
+fn may_arm(vehicle: &mut Vehicle) -> Result<Option<Result<(), RefusalKind>>> {
+    let Err(error) = vehicle.command(request::MAY_ARM) else {
+        return Ok(Some(Ok(())));
     };
-    let (calibrated, uncalibrated): (Vec<_>, Vec<_>) =
-        CALIBRATED.iter().partition(|(_, prefix)| is_set_up(prefix));
-    let names = |groups: Vec<&(&'static str, &str)>| groups.iter().map(|group| group.0).collect();
-    let build = build.map(vehicle_build);
-    Told {
-        runs_image: image.and_then(|image| Some(build.as_ref()?.ends_with(image))),
-        build,
-        state: readiness
-            .code()
-            .map_or("unknown".into(), |code| code.to_string()),
-        code: readiness.code(),
-        healthy: readiness.status().map(|status| sick(status).is_empty()),
-        calibrated: names(calibrated),
-        uncalibrated: names(uncalibrated),
-        polarity_checked: params.polarity() == Polarity::Checked,
-        ready: readiness.is_ready(),
-        refusal: readiness.refusal(&params),
+    match error.downcast_ref() {
+        Some(Failure::Refused { refusal, .. }) => Ok(refusal.map(Err)),
+        _ => Err(error),
+    }
+}
+
+/// What has been heard.
+#[derive(Default)]
+struct Heard {
+    build: Option<AUTOPILOT_VERSION_DATA>,
+    code: Option<StateCode>,
+    status: Option<SYS_STATUS_DATA>,
+    parameters: Vec<Parameter>,
+    may_arm: Option<Result<(), RefusalKind>>,
+}
+
+impl Heard {
+    fn told(&self, image: Option<&str>) -> Told {
+        let mut params = Params::default();
+        for row in &self.parameters {
+            // One that this tool does not know says nothing here.
+            let _ = params.set(&row.name, row.value);
+        }
+        let is_set_up = |prefix: &str| {
+            let defaults = Params::default();
+            let differs = |row: &Parameter| {
+                let default = defaults.value(&row.name);
+                // It is told apart below, and the frame rate is that of the kind of servo.
+                let counts = !matches!(&*row.name, "SRV_POLARITY" | "SRV_RATE_HZ");
+                counts
+                    && row.name.starts_with(prefix)
+                    && default.is_some_and(|value| value != row.value)
+            };
+            self.parameters.iter().any(differs)
+        };
+        let (calibrated, uncalibrated): (Vec<_>, Vec<_>) =
+            CALIBRATED.iter().partition(|(_, prefix)| is_set_up(prefix));
+        let names =
+            |groups: Vec<&(&'static str, &str)>| groups.iter().map(|group| group.0).collect();
+        let build = self.build.as_ref().map(vehicle_build);
+        let state = self.code.map_or("unknown".into(), |code| code.to_string());
+        let refusal = self.may_arm.and_then(Result::err).map(|why| match why {
+            RefusalKind::WrongState => format!("in {state}"),
+            why => why.to_string(),
+        });
+        Told {
+            runs_image: image.and_then(|image| Some(build.as_ref()?.ends_with(image))),
+            build,
+            state,
+            code: self.code,
+            healthy: self.status.as_ref().map(|status| sick(status).is_empty()),
+            calibrated: names(calibrated),
+            uncalibrated: names(uncalibrated),
+            polarity_checked: params.polarity() == Polarity::Checked,
+            ready: self.may_arm.map(|answer| answer.is_ok()),
+            refusal,
+        }
     }
 }
 
@@ -180,11 +209,16 @@ mod tests {
             pairs.iter().map(row).collect()
         };
         let told = |pairs, image| {
-            let version = AUTOPILOT_VERSION_DATA {
+            let build = AUTOPILOT_VERSION_DATA {
                 flight_custom_version: *b"0a1b2c3d",
                 ..AUTOPILOT_VERSION_DATA::default()
             };
-            super::told(&Readiness::default(), Some(&version), &rows(pairs), image)
+            let heard = Heard {
+                build: Some(build),
+                parameters: rows(pairs),
+                ..Heard::default()
+            };
+            heard.told(image)
         };
         let blank = told(&[("SRV_POLARITY", 0.0), ("CAL_ACC_SX", 1.0)], None);
         assert_eq!(blank.uncalibrated.len(), CALIBRATED.len());
@@ -200,5 +234,25 @@ mod tests {
         assert_eq!(some.calibrated, ["accelerometer"]);
         assert_eq!((some.polarity_checked, some.runs_image), (true, Some(true)));
         assert_eq!(told(&[], Some("ffffffff")).runs_image, Some(false));
+    }
+
+    #[test]
+    fn a_refusal_to_arm_is_told_in_words() {
+        let told = |may_arm| {
+            let heard = Heard {
+                code: Some(StateCode::Boot),
+                may_arm,
+                ..Heard::default()
+            };
+            let told = heard.told(None);
+            (told.ready, told.refusal)
+        };
+        assert_eq!(told(None), (None, None));
+        assert_eq!(told(Some(Ok(()))), (Some(true), None));
+        let refused = |why: &str| (Some(false), Some(why.to_owned()));
+        let in_boot = "in boot: waiting for the sensor";
+        assert_eq!(told(Some(Err(RefusalKind::WrongState))), refused(in_boot));
+        let tilted = told(Some(Err(RefusalKind::Tilt)));
+        assert_eq!(tilted, refused("tilt beyond 50 deg"));
     }
 }
