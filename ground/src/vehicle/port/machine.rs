@@ -52,43 +52,31 @@ impl Access {
 }
 
 /// Who owns a device, if the system tells.
-#[cfg(unix)]
+#[cfg(all(unix, not(target_vendor = "apple")))]
 pub fn access(device: &Path) -> Option<Access> {
     use std::os::unix::fs::MetadataExt;
 
+    use nix::unistd::{Gid, Group, Uid, User, getegid, geteuid, getgroups};
+
     let meta = std::fs::metadata(device).ok()?;
-    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
-    let ids = |name: &str| -> Vec<u32> {
-        let line = status.lines().find_map(|line| line.strip_prefix(name));
-        let ids = line.unwrap_or_default().split_whitespace();
-        ids.filter_map(|id| id.parse().ok()).collect()
-    };
-    let (group, members) = entry("/etc/group", meta.gid());
-    let user = ids("Uid:").get(1).map(|id| entry("/etc/passwd", *id).0);
-    let is_user = |name: &str| user.as_deref() == Some(name);
+    let gid = Gid::from_raw(meta.gid());
+    let name = |id| Some(User::from_uid(id).ok()??.name);
+    let group = Group::from_gid(gid).ok().flatten();
+    let (group, members) = group.map_or((gid.to_string(), Vec::new()), |group| {
+        (group.name, group.mem)
+    });
+    let user = name(geteuid());
     Some(Access {
-        owner: entry("/etc/passwd", meta.uid()).0,
+        owner: name(Uid::from_raw(meta.uid())).unwrap_or_else(|| meta.uid().to_string()),
         group,
         mode: meta.mode() & 0o777,
-        member: ids("Groups:").contains(&meta.gid()) || ids("Gid:").get(1) == Some(&meta.gid()),
-        listed: members.split(',').any(is_user),
+        member: getegid() == gid || getgroups().unwrap_or_default().contains(&gid),
+        listed: user.is_some_and(|user| members.contains(&user)),
     })
 }
 
-/// Name and last field of the entry with this number: the number itself where there is none.
-#[cfg(unix)]
-fn entry(file: &str, id: u32) -> (String, String) {
-    let text = std::fs::read_to_string(file).unwrap_or_default();
-    let found = text.lines().find_map(|line| {
-        let fields: Vec<&str> = line.split(':').collect();
-        let is_it = fields.get(2)?.parse() == Ok(id);
-        is_it.then(|| (fields[0].to_owned(), fields[fields.len() - 1].to_owned()))
-    });
-    found.unwrap_or((id.to_string(), String::new()))
-}
-
-/// As on Unix: nothing is known.
-#[cfg(not(unix))]
+/// Nothing is known: on macOS and Windows a port belongs to no group.
+#[cfg(not(all(unix, not(target_vendor = "apple"))))]
 pub fn access(_device: &Path) -> Option<Access> {
     None
 }
