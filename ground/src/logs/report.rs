@@ -392,25 +392,10 @@ fn events(flight: &Flight) -> Vec<(f64, String)> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use tvc_nano::{Micros, RawSample};
 
     #[test]
     fn a_step_to_another_plan_of_ticks_is_no_jitter() {
-        let step = |now_us| {
-            Event::Step(Step {
-                now_us,
-                sample: Some(RawSample {
-                    time: Micros(now_us),
-                    acc: [0; 3],
-                    gyr: [0; 3],
-                    mag: [0; 3],
-                }),
-                quaternion: [1.0, 0.0, 0.0, 0.0],
-                rate_rad_s: [0.0; 3],
-                crank_rad: None,
-                pulse_us: 1524,
-            })
-        };
+        let step = |now_us| Event::Step(Step::level(now_us));
         let before = (0..100).map(|index| step(index * 6_667));
         let after = (101..200).map(|index| step(index * 6_667));
         let told = Event::Parameter("I2C_STRETCH_US".into(), 191.0);

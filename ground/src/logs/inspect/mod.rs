@@ -123,7 +123,6 @@ pub mod tests {
     use crate::logs::log::{Entry, Event, Log, Step, Writer};
     use mavlink::{MAVLinkV2MessageRaw, MavHeader};
     use std::path::Path;
-    use tvc_nano::{Micros, RawSample};
 
     /// A second between two steps: standby at 0 s, active from 3 to 6 s and again from 8 s on.
     pub fn flight() -> Log {
@@ -147,16 +146,8 @@ pub mod tests {
                 second,
                 Event::Step(Step {
                     now_us: second * 1_000_000 + 5_000,
-                    sample: Some(RawSample {
-                        time: Micros(second * 1_000_000),
-                        acc: [0, 0, -981],
-                        gyr: [0; 3],
-                        mag: [200, 0, 400],
-                    }),
-                    quaternion: [1.0, 0.0, 0.0, 0.0],
-                    rate_rad_s: [0.0; 3],
                     crank_rad: Some(0.0),
-                    pulse_us: 1524,
+                    ..Step::level(second * 1_000_000)
                 }),
             );
         }

@@ -44,6 +44,24 @@ pub struct Step {
 }
 
 impl Step {
+    /// Level and at rest, with a sample of the same time: what tests begin with.
+    #[cfg(test)]
+    pub fn level(now_us: u64) -> Self {
+        Self {
+            now_us,
+            sample: Some(RawSample {
+                time: Micros(now_us),
+                acc: [0, 0, -981],
+                gyr: [0; 3],
+                mag: [200, 0, 400],
+            }),
+            quaternion: [1.0, 0.0, 0.0, 0.0],
+            rate_rad_s: [0.0; 3],
+            crank_rad: None,
+            pulse_us: 1524,
+        }
+    }
+
     /// The vehicle's clock, s.
     pub fn time_s(&self) -> f64 {
         self.now_us as f64 * 1e-6

@@ -172,7 +172,6 @@ fn changes(before: &[Parameter], now: &[Parameter]) -> Vec<(String, f32, f32)> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use tvc_nano::{Micros, RawSample};
 
     fn state(state: StateKind) -> MavMessage {
         Event::State(state as u32).messages().remove(0)
@@ -194,17 +193,8 @@ mod tests {
             let half = 0.15 * (1.0 - index.min(100) as f64 / 100.0);
             let now_us = 1_000_000 + index * 10_000;
             Event::Step(Step {
-                now_us,
-                sample: Some(RawSample {
-                    time: Micros(now_us),
-                    acc: [0; 3],
-                    gyr: [0; 3],
-                    mag: [0; 3],
-                }),
                 quaternion: [half.cos() as f32, 0.0, half.sin() as f32, 0.0],
-                rate_rad_s: [0.0; 3],
-                crank_rad: None,
-                pulse_us: 1524,
+                ..Step::level(now_us)
             })
             .messages()
         });
@@ -261,12 +251,9 @@ mod tests {
         take(&state(StateKind::Active));
         let steps = |index: u64| {
             Event::Step(Step {
-                now_us: index * 6_667,
                 sample: None,
                 quaternion: [1.0, 0.0, 0.1, 0.0],
-                rate_rad_s: [0.0; 3],
-                crank_rad: None,
-                pulse_us: 1524,
+                ..Step::level(index * 6_667)
             })
             .messages()
         };
