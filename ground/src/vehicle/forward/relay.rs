@@ -10,16 +10,14 @@ use mavlink::dialects::common::{
     MavResult,
 };
 use mavlink::{MAVLinkV2MessageRaw, MavHeader, Message as _, MessageData as _};
+use tvc_nano::config::COMPONENT_ID;
 
 use super::ftp::{self, File};
 use super::metadata;
 
-/// MAVLink component id of the vehicle.
-const AUTOPILOT: u8 = 1;
-/// Where a frame has its sequence number, the system that sent it, and the message's number.
+/// Where a frame has its sequence number, and the system that sent it.
 const SEQUENCE_AT: usize = 4;
 const SYSTEM_AT: usize = 5;
-const MESSAGE_AT: usize = 7;
 const CHECKSUM: usize = 2;
 
 /// What becomes of a datagram from the station.
@@ -62,7 +60,7 @@ impl Relay {
         if self.answers != 0 {
             bytes[SEQUENCE_AT] = self.sequence;
             let end = bytes.len() - CHECKSUM;
-            let extra = MavMessage::extra_crc(message_id(&bytes));
+            let extra = MavMessage::extra_crc(frame.message.message_id());
             let crc = mavlink::calculate_crc(&bytes[1..end], extra);
             bytes[end..].copy_from_slice(&crc.to_le_bytes());
         }
@@ -100,7 +98,7 @@ impl Relay {
     fn answers_to(&self, frame: &Frame) -> Option<Vec<MavMessage>> {
         let asked = |system: u8, component: u8| {
             let is_here = [0, self.system].contains(&system) && self.system != 0;
-            is_here && [0, AUTOPILOT].contains(&component)
+            is_here && [0, COMPONENT_ID].contains(&component)
         };
         let where_it_is = |command, param1| {
             command == MavCmd::MAV_CMD_REQUEST_MESSAGE
@@ -160,18 +158,13 @@ impl Relay {
         self.sequence = self.sequence.wrapping_add(1);
         let header = MavHeader {
             system_id: self.system.into(),
-            component_id: AUTOPILOT,
+            component_id: COMPONENT_ID,
             sequence: self.sequence,
         };
         let mut raw = MAVLinkV2MessageRaw::new();
         raw.serialize_message(header, message);
         raw.raw_bytes().to_vec()
     }
-}
-
-fn message_id(frame: &[u8]) -> u32 {
-    let [a, b, c] = [0, 1, 2].map(|at| frame[MESSAGE_AT + at]);
-    u32::from_le_bytes([a, b, c, 0])
 }
 
 #[cfg(test)]
