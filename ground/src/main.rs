@@ -79,8 +79,8 @@ fn run(command: Command) -> anyhow::Result<Verdict> {
         Command::Convert(options) => logs::convert::run(&options),
         Command::Report(options) => logs::report::run(&options),
         Command::Test(options) => vehicle::test::run(&options),
-        Command::Completions(options) => shell::completions(&options),
-        Command::Man(options) => shell::man(&options),
+        Command::Completions(options) => shell::completions(&options, Cli::command()),
+        Command::Man(options) => shell::man(&options, Cli::command()),
         Command::Web(options) => vehicle::web::run(&options),
     }
 }

@@ -3,10 +3,9 @@
 use std::path::PathBuf;
 
 use anyhow::{Context, Result};
-use clap::{Args, CommandFactory};
+use clap::{Args, Command};
 use clap_complete::Shell;
 
-use crate::cli::Cli;
 use crate::out::exit::{BadInput, Verdict};
 use crate::out::file::print;
 
@@ -38,25 +37,25 @@ pub struct Man {
     pub folder: PathBuf,
 }
 
-/// Prints the completions for a shell.
+/// Prints the completions of the command line `tvc` for a shell.
 ///
 /// # Errors
 /// Standard output cannot be written.
-pub fn completions(options: &Completions) -> Result<Verdict> {
+pub fn completions(options: &Completions, mut tvc: Command) -> Result<Verdict> {
     let mut script = Vec::new();
-    clap_complete::generate(options.shell, &mut Cli::command(), "tvc", &mut script);
+    clap_complete::generate(options.shell, &mut tvc, "tvc", &mut script);
     print(String::from_utf8(script).context("the completions")?)?;
     Ok(Verdict::Met)
 }
 
-/// Writes a manual page for every command.
+/// Writes a manual page for every command of `tvc`.
 ///
 /// # Errors
 /// [`BadInput`] for a folder that cannot be written.
-pub fn man(options: &Man) -> Result<Verdict> {
+pub fn man(options: &Man, tvc: Command) -> Result<Verdict> {
     let folder = &options.folder;
-    let written = std::fs::create_dir_all(folder)
-        .and_then(|()| clap_mangen::generate_to(Cli::command(), folder));
+    let written =
+        std::fs::create_dir_all(folder).and_then(|()| clap_mangen::generate_to(tvc, folder));
     written
         .map_err(|error| BadInput::new(format!("cannot write {}: {error}", folder.display())))?;
     eprintln!("wrote manual pages to {}", folder.display());
@@ -66,7 +65,8 @@ pub fn man(options: &Man) -> Result<Verdict> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use clap::ValueEnum;
+    use crate::cli::Cli;
+    use clap::{CommandFactory, ValueEnum};
 
     #[test]
     fn every_shell_and_every_command_is_served() {
@@ -78,20 +78,13 @@ mod tests {
         }
         let folder = tempfile::tempdir().unwrap();
         let deep = folder.path().join("man1");
-        man(&Man {
-            folder: deep.clone(),
-        })
-        .unwrap();
+        let man = |folder| super::man(&Man { folder }, Cli::command());
+        man(deep.clone()).unwrap();
         for page in ["tvc.1", "tvc-fly.1", "tvc-param-load.1"] {
             let text = std::fs::read_to_string(deep.join(page)).unwrap();
             assert!(text.contains(".TH"), "{page}");
         }
         std::fs::write(folder.path().join("file"), "").unwrap();
-        assert!(
-            man(&Man {
-                folder: folder.path().join("file")
-            })
-            .is_err()
-        );
+        assert!(man(folder.path().join("file")).is_err());
     }
 }

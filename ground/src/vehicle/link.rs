@@ -11,6 +11,7 @@ use mavlink::dialects::common::MavMessage;
 use crate::logs::log::{TOOL, Writer};
 use crate::out::exit::BadInput;
 use crate::vehicle::port::{Port, PortOptions};
+use crate::vehicle::way::Way;
 
 /// How long the vehicle may take until its first heartbeat; it sends one a second, and one at once
 /// when a port is opened.
@@ -21,33 +22,6 @@ const RECORDING: Duration = Duration::from_millis(1_500);
 const LOOK: Duration = Duration::from_millis(150);
 /// Longest wait for bytes, so that heartbeats and deadlines are kept.
 const SLICE: Duration = Duration::from_millis(20);
-
-/// What a [`Link`] reaches the vehicle by: a port of its own, or the thread that has the port.
-pub trait Way: Send {
-    /// The port's name.
-    fn name(&self) -> &str;
-
-    /// The bytes that have come, waiting at most `patience` for the first one.
-    ///
-    /// # Errors
-    /// The port went away.
-    fn read(&mut self, patience: Duration) -> Result<Vec<u8>>;
-
-    /// Sends all of `bytes`.
-    ///
-    /// # Errors
-    /// The port went away, or takes nothing any more.
-    fn write(&mut self, bytes: &[u8]) -> Result<()>;
-
-    /// Gives a request to the thread that has the port, which sends nothing once `stop` is set;
-    /// `None` where the link's own client asks.
-    fn request(&self, _: &Request, _stop: Option<&'static AtomicBool>) -> Option<Waited> {
-        None
-    }
-}
-
-/// Looks for the answer to a request.
-pub type Waited = Box<dyn FnMut() -> Option<Result<()>>>;
 
 /// A [`Client`] at a port, in real time.
 pub struct Link {

@@ -15,4 +15,5 @@ pub mod recorder;
 pub mod release;
 pub mod test;
 pub mod watch;
+pub mod way;
 pub mod web;

@@ -13,7 +13,7 @@ use serialport::{ClearBuffer, SerialPort, SerialPortInfo, SerialPortType};
 
 use crate::out::exit::{BadInput, Verdict};
 use crate::out::file::{print, print_json};
-use crate::vehicle::link::Way;
+use crate::vehicle::way::Way;
 use clap::Args;
 #[cfg(test)]
 pub use nano::test_ports;

@@ -127,18 +127,53 @@ fn amplitude(text: &str) -> Result<f64, String> {
 
 /// How long the vehicle may refuse to be armed: it passes its self-test and learns the gyro's
 /// offset at rest.
-pub const ARM_PATIENCE: Duration = Duration::from_secs(20);
+const ARM_PATIENCE: Duration = Duration::from_secs(20);
 /// Time between two attempts.
-pub const ARM_RETRY: Duration = Duration::from_millis(500);
+const ARM_RETRY: Duration = Duration::from_millis(500);
 /// Time between arming and release, so that the vehicle's recorder has steps from before the
 /// release.
-pub const ARMED: Duration = Duration::from_millis(250);
+const ARMED: Duration = Duration::from_millis(250);
 /// Time upright before the set point begins to swing.
-pub const SETTLE: Duration = Duration::from_secs(3);
+const SETTLE: Duration = Duration::from_secs(3);
 /// The set point of pitch.
-pub const SET_POINT: &str = "PITCH_SET_DEG";
+const SET_POINT: &str = "PITCH_SET_DEG";
 /// Time between two set points.
-pub const SET_PERIOD: Duration = Duration::from_millis(20);
+const SET_PERIOD: Duration = Duration::from_millis(20);
+/// Without a heartbeat for so long the vehicle counts as gone; it sends one a second.
+const SILENCE: Duration = Duration::from_secs(3);
+
+/// What is under way in a manoeuvre.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Stage<'a> {
+    /// The drone is to be held still until the vehicle can be armed; the last refusal, if there was
+    /// one.
+    Still(Option<&'a str>),
+    /// Released, so long ago and for so long.
+    Released(Duration, Duration),
+    /// The set point swings, since so long and for so long.
+    Swinging(Duration, Duration),
+}
+
+impl Stage<'_> {
+    /// In words.
+    pub fn words(&self) -> &'static str {
+        match self {
+            Self::Still(_) => "hold the drone still",
+            Self::Released(..) => "released",
+            Self::Swinging(..) => "the set point swings",
+        }
+    }
+
+    /// How far it is, in words.
+    fn progress(&self) -> String {
+        match self {
+            Self::Still(refusal) => refusal.unwrap_or_default().to_owned(),
+            Self::Released(now, length) | Self::Swinging(now, length) => {
+                format!("{:.1} of {:.1} s", now.as_secs_f64(), length.as_secs_f64())
+            }
+        }
+    }
+}
 
 /// Flies the manoeuvre that `options` ask for.
 ///
@@ -158,7 +193,15 @@ pub fn run(options: &Test) -> Result<Verdict> {
         bail!("the vehicle is not in standby: `tvc disarm` first");
     }
     vehicle.begin(stop);
-    let flown = fly(&mut vehicle, options.manoeuvre);
+    let progress = spinner();
+    let flown = vehicle.watch_host().and_then(|()| {
+        fly(&mut vehicle, options.manoeuvre, &mut |stage| {
+            progress.set_prefix(stage.words());
+            progress.set_message(stage.progress());
+            progress.tick();
+        })
+    });
+    progress.finish_and_clear();
     let flown = vehicle.leave(flown);
     vehicle.link().end_log()?;
     flown?;
@@ -169,49 +212,58 @@ pub fn run(options: &Test) -> Result<Verdict> {
     conclude(&flight, &log, options.report.as_deref(), options.port.json)
 }
 
-fn fly(vehicle: &mut Watched, manoeuvre: Manoeuvre) -> Result<()> {
-    vehicle.watch_host()?;
+/// Arms, releases and flies the manoeuvre, and calls `show` with what is under way again and again.
+/// What it changes is put back once the vehicle is [left](Watched::leave), which disarms it.
+///
+/// # Errors
+/// The vehicle refuses, falls silent or gives up, or the person wants an end.
+pub fn fly(
+    vehicle: &mut Watched,
+    manoeuvre: Manoeuvre,
+    show: &mut dyn FnMut(Stage<'_>),
+) -> Result<()> {
+    show(Stage::Still(None));
     vehicle.command(request::CALIBRATE)?;
-    let progress = spinner("hold the drone still");
-    arm(vehicle, &mut |why| {
-        progress.set_message(why.to_owned());
-        progress.tick();
-    })?;
-    progress.finish_and_clear();
+    arm(vehicle, &mut |why| show(Stage::Still(Some(why))))?;
     let release = Instant::now() + ARMED;
     while Instant::now() < release {
         vehicle.receive()?;
     }
     vehicle.command(request::RELEASE)?;
-    match manoeuvre {
-        Manoeuvre::Step { seconds } | Manoeuvre::Hold { seconds } => watch(
-            vehicle,
-            Duration::from_secs_f64(seconds),
-            &mut |_, _| Ok(()),
-        ),
-        Manoeuvre::Chirp { seconds, amplitude } => {
-            let before = vehicle.parameter(SET_POINT)?;
-            vehicle.put_back_later(SET_POINT, before);
-            watch(vehicle, SETTLE, &mut |_, _| Ok(()))?;
-            let mut due = Duration::ZERO;
-            let length = Duration::from_secs_f64(seconds);
-            watch(vehicle, length, &mut |vehicle, time| {
-                if time < due {
-                    return Ok(());
-                }
-                due += SET_PERIOD;
-                let phase = sweep::phase(time.as_secs_f64(), seconds);
-                let set = f64::from(before) + amplitude * phase.sin();
-                let message = request::set_parameter(SET_POINT, set as f32);
-                vehicle.link().send(&message)
-            })
+    let (Manoeuvre::Step { seconds }
+    | Manoeuvre::Hold { seconds }
+    | Manoeuvre::Chirp { seconds, .. }) = manoeuvre;
+    let length = Duration::from_secs_f64(seconds);
+    let Manoeuvre::Chirp { amplitude, .. } = manoeuvre else {
+        return watch(vehicle, length, &mut |_, time| {
+            show(Stage::Released(time, length));
+            Ok(())
+        });
+    };
+    let before = vehicle.parameter(SET_POINT)?;
+    vehicle.put_back_later(SET_POINT, before);
+    watch(vehicle, SETTLE, &mut |_, time| {
+        show(Stage::Released(time, SETTLE));
+        Ok(())
+    })?;
+    let mut due = Duration::ZERO;
+    watch(vehicle, length, &mut |vehicle, time| {
+        show(Stage::Swinging(time, length));
+        if time < due {
+            return Ok(());
         }
-    }
+        due += SET_PERIOD;
+        let phase = sweep::phase(time.as_secs_f64(), seconds);
+        let set = f64::from(before) + amplitude * phase.sin();
+        // No answer is waited for, and none repeated: the next one follows.
+        let message = request::set_parameter(SET_POINT, set as f32);
+        vehicle.link().send(&message)
+    })
 }
 
 /// Whether the vehicle may accept the same order a little later: not where the polarity check is
 /// missing.
-pub fn is_worth_waiting(refusal: &Error) -> bool {
+fn is_worth_waiting(refusal: &Error) -> bool {
     let failure = refusal.downcast_ref::<Failure>();
     failure.and_then(Failure::refusal) != Some(RefusalKind::Polarity)
 }
@@ -240,32 +292,34 @@ pub fn arm(vehicle: &mut Vehicle, wait: &mut dyn FnMut(&str)) -> Result<()> {
 /// Receives for a while and calls `each` with the time since the start.
 ///
 /// # Errors
-/// A failsafe, Ctrl-C, or those of `each`.
+/// A failsafe, silence, the person wants an end, or those of `each`.
 fn watch(
     vehicle: &mut Vehicle,
     length: Duration,
     each: &mut dyn FnMut(&mut Vehicle, Duration) -> Result<()>,
 ) -> Result<()> {
-    let progress = spinner("released");
     let begun = Instant::now();
     while begun.elapsed() < length {
         vehicle.receive()?;
         each(vehicle, begun.elapsed())?;
-        progress.set_message(format!(
-            "{:.1} of {:.1} s",
-            begun.elapsed().as_secs_f64(),
-            length.as_secs_f64()
-        ));
         if vehicle.state() == Some(StateKind::Failsafe) {
             bail!("the vehicle gave up: {}", vehicle.reason());
         }
+        let link = vehicle.link();
+        let now = link.now();
+        let is_silent = |heard| now.saturating_sub(heard) > SILENCE;
+        if link.client().heard().is_some_and(is_silent) {
+            bail!(
+                "nothing from the vehicle for {} s: does the firmware still run?",
+                SILENCE.as_secs()
+            );
+        }
     }
-    progress.finish_and_clear();
     Ok(())
 }
 
-fn spinner(what: &'static str) -> ProgressBar {
-    let bar = ProgressBar::new_spinner().with_prefix(what);
+fn spinner() -> ProgressBar {
+    let bar = ProgressBar::new_spinner();
     if let Ok(style) = ProgressStyle::with_template("{spinner} {prefix}  {msg}") {
         bar.set_style(style);
     }

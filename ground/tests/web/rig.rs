@@ -85,6 +85,8 @@ fn what_is_no_action_comes_late_or_has_no_rig_is_refused() {
     drop(rig);
     page.wait("rig", Value::is_null);
     page.refused("rig", json!({ "action": "reset" }));
+    // Its link leads to a number that the next pseudo-terminal may get.
+    drop((page, server));
 
     // A rig without a link cannot be acted on.
     let (_rig, port) = Running::start(&["rig", "--pty", "--seconds", "600"]);

@@ -16,7 +16,7 @@ mod report;
 pub mod servo;
 pub mod session;
 mod terminal;
-mod write;
+pub mod write;
 
 use anyhow::Result;
 use calibration::fit;

@@ -11,19 +11,10 @@ use serde::Serialize;
 use super::options::Calibrate;
 use super::person::Ending;
 use super::session::{Seen, Session, verdict};
-use super::write::write;
+use super::write::{CHECKED, POLARITY, UNCHECKED, WATCHED, write};
 use crate::out::exit::Verdict;
 use crate::out::file::print_json;
 use client::Parameter;
-
-/// The parameter.
-pub const NAME: &str = "SRV_POLARITY";
-/// Its value while nobody has checked it.
-pub const UNCHECKED: f32 = 0.0;
-/// Its value once somebody has.
-pub const CHECKED: f32 = 1.0;
-/// Its value while somebody is about to: the rudder answers a tilt in standby.
-pub const WATCHED: f32 = 2.0;
 
 /// Least pitch of a tilt, and largest pitch that counts as upright, rad.
 const TILTED_RAD: f64 = 0.25;
@@ -88,7 +79,7 @@ pub fn run(options: &Calibrate) -> Result<Verdict> {
 pub fn check(session: &mut Session) -> Result<(Figures, Ending)> {
     session.await_standby()?;
     session.vehicle.begin(session.stop);
-    session.vehicle.put_back_later(NAME, UNCHECKED);
+    session.vehicle.put_back_later(POLARITY, UNCHECKED);
     let looked = look(session);
     let told = session.done();
     let mut figures = session.vehicle.leave(looked)?;
@@ -100,7 +91,7 @@ pub fn check(session: &mut Session) -> Result<(Figures, Ending)> {
     }
     session.go_on()?;
     let row = Parameter {
-        name: NAME.to_owned(),
+        name: POLARITY.to_owned(),
         value: CHECKED,
     };
     write(&mut session.vehicle, &[row])?;
@@ -110,7 +101,7 @@ pub fn check(session: &mut Session) -> Result<(Figures, Ending)> {
 
 /// Has the vehicle tilted both ways, and asks what the person sees.
 fn look(session: &mut Session) -> Result<Figures> {
-    session.vehicle.set_parameter(NAME, WATCHED)?;
+    session.vehicle.set_parameter(POLARITY, WATCHED)?;
     let direction = session.vehicle.parameter("SRV_DIR")?;
     let mut figures = Figures {
         checked: false,
@@ -224,7 +215,7 @@ mod tests {
             (WATCHED, Polarity::Watched),
         ] {
             let mut params = Params::default();
-            params.set(NAME, value).unwrap();
+            params.set(POLARITY, value).unwrap();
             assert_eq!(params.polarity(), meaning);
         }
         assert!(

@@ -17,7 +17,7 @@ use super::options::Calibrate;
 use super::person::{Person, Question};
 use super::readings;
 use super::terminal::Terminal;
-use super::write::write;
+use super::write::{CHECKED, POLARITY, write};
 use crate::out::exit::Verdict;
 use crate::signals;
 use crate::vehicle::link::Vehicle;
@@ -282,7 +282,7 @@ impl Session {
     /// # Errors
     /// The vehicle does not answer.
     pub fn is_polarity_checked(&mut self) -> Result<bool> {
-        Ok(self.vehicle.parameter("SRV_POLARITY")? == 1.0)
+        Ok(self.vehicle.parameter(POLARITY)? == CHECKED)
     }
 }
 

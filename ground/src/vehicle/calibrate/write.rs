@@ -3,8 +3,17 @@
 use anyhow::{Result, bail};
 use client::{Parameter, request};
 
-use super::polarity;
 use crate::vehicle::link::Vehicle;
+
+/// Whether a person has seen the rudder answer a tilt the right way. The vehicle forgets it where
+/// another parameter that decides about it changes.
+pub const POLARITY: &str = "SRV_POLARITY";
+/// Its value while nobody has.
+pub const UNCHECKED: f32 = 0.0;
+/// Its value once somebody has.
+pub const CHECKED: f32 = 1.0;
+/// Its value while somebody is about to: the rudder answers a tilt in standby.
+pub const WATCHED: f32 = 2.0;
 
 /// Sets `rows`, saves them, reads them back out of the flash and compares; how many were changed.
 /// Where they cannot be saved, those that were changed are put back.
@@ -23,7 +32,7 @@ pub fn write(vehicle: &mut Vehicle, rows: &[Parameter]) -> Result<usize> {
     if let Err(why) = set(vehicle) {
         // The check of the polarity stands behind what may undo it.
         let is_old = |old: &&Parameter| {
-            old.name == polarity::NAME || changed.iter().any(|row| row.name == old.name)
+            old.name == POLARITY || changed.iter().any(|row| row.name == old.name)
         };
         for old in before.iter().filter(is_old) {
             vehicle.set_parameter(&old.name, old.value)?;
@@ -92,7 +101,7 @@ mod tests {
                             for row in &mut has {
                                 if row.name == name {
                                     row.value = set.param_value;
-                                } else if row.name == polarity::NAME && name == "SRV_DIR" {
+                                } else if row.name == POLARITY && name == "SRV_DIR" {
                                     row.value = 0.0;
                                 }
                             }
@@ -130,11 +139,7 @@ mod tests {
 
     #[test]
     fn what_cannot_be_saved_is_put_back_and_the_polarity_is_checked_as_before() {
-        let before = rows([
-            ("SRV_CENTRE_US", 1520.0),
-            ("SRV_DIR", 1.0),
-            (polarity::NAME, 1.0),
-        ]);
+        let before = rows([("SRV_CENTRE_US", 1520.0), ("SRV_DIR", 1.0), (POLARITY, 1.0)]);
         let (mut vehicle, thread) = vehicle(before.clone());
         let wanted = &before[..2];
         let wanted: Vec<_> = wanted

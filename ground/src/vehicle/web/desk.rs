@@ -35,6 +35,7 @@ use serde::Deserialize;
 use super::auth::{Once, Token};
 use super::handle::{Condition, Handle, Recording};
 use super::manoeuvre;
+use super::model::set_up::Step;
 use super::model::{Model, State, Test};
 use super::rig::{self, RigSocket};
 use super::set_up;
@@ -88,7 +89,7 @@ enum Order {
     Hold { seconds: Option<f64> },
     Chirp { seconds: Option<f64> },
     Rig { action: String },
-    SetUp { step: set_up::Step },
+    SetUp { step: Step },
     Answer { question: u64, reply: String },
     Cancel,
 }
@@ -316,7 +317,7 @@ impl Desk {
     }
 
     /// Begins a step of the set-up.
-    fn set_up(&self, step: set_up::Step) -> Result<()> {
+    fn set_up(&self, step: Step) -> Result<()> {
         let mut state = self.model.lock();
         self.take_rudder(&state)?;
         state.change_set_up(|now| now.begin(step));

@@ -1,18 +1,20 @@
 //! What the vehicle's thread publishes and the pages' tasks send. Everything here is bounded.
 
+pub mod set_up;
+
 use std::collections::VecDeque;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use anyhow::{Result, ensure};
-use client::{LinkHealth, Parameter, StateKind};
+use client::{LinkHealth, Parameter};
 use serde::Serialize;
 use serde_json::Value;
 use tvc_nano::Params;
 use tvc_nano::params::{Change, Range};
 
 use super::releases::Release;
-use super::set_up::SetUp;
 use crate::vehicle::param::{Row, group_of, is_measured};
+use set_up::SetUp;
 
 /// Texts that are kept.
 const TEXTS: usize = 200;
@@ -49,9 +51,6 @@ pub struct VehicleStatus {
     pub connected: bool,
     /// Why it is not.
     pub problem: String,
-    /// The state of the flight, where a vehicle has been heard.
-    #[serde(skip)]
-    pub flight: Option<StateKind>,
     /// The state in words.
     pub state: String,
     /// The vehicle's words about it.
@@ -193,8 +192,6 @@ impl Test {
 pub struct State {
     /// The newest motion.
     pub motion: Motion,
-    /// A parameter as it was before a test that is under way, to be set again at the end.
-    pub put_back: Option<Parameter>,
     /// How often the status has changed, and the newest.
     status: (u64, VehicleStatus),
     test: (u64, Test),

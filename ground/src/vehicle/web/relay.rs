@@ -10,7 +10,8 @@ use anyhow::{Result, bail};
 use client::Request;
 
 use super::handle::{Condition, Handle};
-use crate::vehicle::link::{Link, Waited, Way};
+use crate::vehicle::link::Link;
+use crate::vehicle::way::{Waited, Way};
 
 /// The way to the vehicle through the thread that has its port.
 struct Relay {

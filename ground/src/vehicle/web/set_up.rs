@@ -6,12 +6,12 @@ use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
 
-use anyhow::{Result, ensure};
-use calibration::coverage::{AROUND, BANDS, Coverage};
-use serde::{Deserialize, Serialize};
+use anyhow::Result;
+use calibration::coverage::Coverage;
 
 use super::handle::Handle;
 use super::model::Model;
+use super::model::set_up::{Question, Step};
 use super::{logs, relay};
 use crate::vehicle::calibrate::keyboard::Typed;
 use crate::vehicle::calibrate::options::{Calibrate, Servo};
@@ -26,96 +26,6 @@ const LINES: usize = 40;
 const LEAST_SHARE: f64 = 0.005;
 /// How long a holding angle is measured, s.
 const HOLD_S: f64 = 8.0;
-
-/// A step of the set-up.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, Serialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Step {
-    /// Sensors and mount.
-    #[default]
-    Sensors,
-    /// Centre, angle, direction and ends of the servo.
-    Servo,
-    /// Whether the rudder answers the right way.
-    Polarity,
-    /// The servo angle that holds a lateral offset of the mass.
-    Hold,
-}
-
-/// A step that is under way, or how the last one ended.
-#[derive(Clone, Debug, Default, Serialize)]
-pub struct SetUp {
-    /// It is under way.
-    pub running: bool,
-    /// Which one.
-    pub step: Step,
-    /// What is to be done now.
-    instruction: String,
-    /// What was done.
-    lines: Vec<String>,
-    /// How far it is, 0 to 1, while that is known.
-    share: Option<f64>,
-    /// The same in words.
-    progress: String,
-    /// How often each direction was seen, from the lowest band up.
-    seen: Option<[[u32; AROUND]; BANDS]>,
-    /// The question that waits for its answer.
-    question: Option<Question>,
-    /// Names and values of what was found.
-    figures: Vec<[String; 2]>,
-    /// Whether the vehicle has what the last step was for, and what became of it.
-    met: bool,
-    ending: String,
-    /// The answer that nobody has taken yet.
-    #[serde(skip)]
-    reply: Option<String>,
-    /// Questions so far.
-    #[serde(skip)]
-    asked: u64,
-}
-
-/// A question to the page.
-#[derive(Clone, Debug, Serialize)]
-struct Question {
-    /// Its number: an answer to another one counts for nothing.
-    id: u64,
-    words: String,
-    /// Buttons, each with its reply.
-    buttons: Vec<[String; 2]>,
-    /// What may be typed.
-    entry: Option<String>,
-    /// The same question as before.
-    again: bool,
-}
-
-impl SetUp {
-    /// A step begins.
-    pub fn begin(&mut self, step: Step) {
-        *self = Self {
-            running: true,
-            step,
-            asked: self.asked,
-            ..Self::default()
-        };
-    }
-
-    /// Takes in an answer.
-    ///
-    /// # Errors
-    /// Another question is asked now, or none.
-    pub fn answer(&mut self, id: u64, reply: String) -> Result<()> {
-        let is_asked = self.question.as_ref().is_some_and(|asked| asked.id == id);
-        ensure!(is_asked, "this question is not asked any more");
-        self.question = None;
-        self.reply = Some(reply.trim().to_owned());
-        Ok(())
-    }
-
-    fn end(&mut self, ending: Ending) {
-        (self.running, self.question, self.share) = (false, None, None);
-        (self.met, self.ending) = (ending.met, ending.words);
-    }
-}
 
 /// The person at the pages.
 struct Page(Arc<Model>);

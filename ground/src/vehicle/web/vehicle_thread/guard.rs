@@ -12,13 +12,15 @@ use client::{Failure, Parameter, Request, Ticket};
 
 use super::super::handle::Ask;
 use super::Session;
-use crate::vehicle::calibrate::polarity;
+use crate::vehicle::calibrate::write::{POLARITY, UNCHECKED, WATCHED};
 use crate::vehicle::watch::FS_HOST;
 
 /// Time between two attempts to set it.
 const RETRY: Duration = Duration::from_secs(1);
 /// How long the last orders wait for their answers, each.
 const LAST: Duration = Duration::from_millis(500);
+/// What the person at the terminal is told.
+const DISARMED: &str = "the vehicle has been disarmed";
 
 /// The vehicle's watch over this program: on while it works, never stored in the vehicle's flash.
 /// Whoever sets it at a page decides about it.
@@ -74,18 +76,22 @@ impl Session<'_> {
 
     /// What ends a polarity check that is under way: it lets the rudder answer a tilt, disarmed.
     pub(super) fn end_of_polarity_check(&mut self) -> Option<Request> {
-        let is_watched = self.link.client().parameter(polarity::NAME) == Some(polarity::WATCHED);
-        is_watched.then(|| set(polarity::NAME, polarity::UNCHECKED))
+        let is_watched = self.link.client().parameter(POLARITY) == Some(WATCHED);
+        is_watched.then(|| set(POLARITY, UNCHECKED))
     }
 
     /// Disarms, and goes on until who listens has put back what it has changed; not for long.
     pub(super) fn await_listeners(&mut self, asks: &Receiver<Ask>) -> Result<()> {
-        if !self.listeners.is_empty() && self.is_in_operation() {
+        let is_flown = !self.listeners.is_empty() && self.is_in_operation();
+        if is_flown {
             self.request(Request::Order(DISARM));
         }
         let end = self.link.now() + LAST;
         while !self.listeners.is_empty() && self.link.now() < end {
             self.turn(asks)?;
+        }
+        if is_flown && !self.is_in_operation() {
+            say(DISARMED);
         }
         Ok(())
     }
@@ -99,7 +105,7 @@ impl Session<'_> {
         }
         if client.state().is_none_or(is_in_operation) || !self.waiting.is_empty() {
             match self.last(Request::Order(DISARM)) {
-                Some(Ok(())) => say("the vehicle has been disarmed"),
+                Some(Ok(())) => say(DISARMED),
                 Some(Err(failure)) => {
                     say(&fault_that_stays(&failure).unwrap_or_else(|| failure.to_string()));
                 }
@@ -110,10 +116,6 @@ impl Session<'_> {
         }
         if let Some(end) = self.end_of_polarity_check() {
             self.last(end);
-        }
-        let put_back = self.model.lock().put_back.take();
-        if let Some(parameter) = put_back {
-            self.last(Request::Set(parameter));
         }
         if self.host.is_on() {
             self.last(HostWatch::set(0.0));

@@ -134,7 +134,6 @@ impl Session<'_> {
             port: self.link.name().to_owned(),
             connected: problem.is_empty(),
             problem,
-            flight,
             state: status.state,
             reason: status.reason,
             armed: status.armed,
