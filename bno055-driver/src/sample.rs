@@ -93,6 +93,12 @@ pub const STEP_AGE_US: u64 = 35_000;
 /// a false alarm a year. At wider bandwidths there is none.
 const GYR_STILL_MAX: u8 = 8;
 
+/// Rates that become zero on all axes in the burst behind one that turned faster than this, 4 deg/s
+/// (about the same counts in all units), are those of a gyroscope that has died: a body that stops
+/// as hard has noise in the last bit. Without this rule [`GYR_STILL_MAX`] bursts of a turning body
+/// would pass for rest.
+const GYR_TURNS: u16 = 64;
+
 /// A word of -1 is not believed if the last good sample was farther than this from -1:
 /// 2 m/s^2 or 0.2 g, 5 uT, 4 deg/s (about the same counts in all units).
 const ONES_JUMP: [u16; 3] = [200, 80, 64];
@@ -119,6 +125,8 @@ pub(crate) struct Inspector {
     equal: u8,
     /// How many different bursts in a row had the last one's angular rates.
     gyr_still: u8,
+    /// The rates are zero since the burst behind one that turned.
+    gyr_died: bool,
     /// Last good sample.
     good: Option<(Micros, Words)>,
     /// Last burst, if it was held back for a jump that the next one may confirm.
@@ -145,6 +153,8 @@ impl Inspector {
         let fresh = self.count_repeats(now);
         // Only the very next burst can confirm a jump.
         let jumped = self.jumped.take();
+        let [_, _, rates] = now;
+        self.gyr_died = rates == [0; 3] && (self.gyr_died || self.turned(time));
 
         if all_zero(config.mode, &now) {
             return Err(SensorFault::AllZero);
@@ -225,12 +235,20 @@ impl Inspector {
         })
     }
 
+    /// Whether the last good sample, if it is recent, turned.
+    fn turned(&self, time: Micros) -> bool {
+        let turns = |rate: &i16| rate.unsigned_abs() > GYR_TURNS;
+        self.recent(time)
+            .is_some_and(|[_, _, rates]| rates.iter().any(turns))
+    }
+
     /// Whether the same burst has come too often, or the same rates from a gyroscope whose noise
     /// shows: fusion removes it, and a sleeping sensor has none.
     fn frozen(&self, config: &Config) -> bool {
         let mode = config.mode;
         let noisy_gyr = mode.has_gyr() && !mode.is_fusion() && config.power == Power::Normal;
-        self.equal >= config.frozen_after.get() || noisy_gyr && self.gyr_still >= GYR_STILL_MAX
+        let still = self.gyr_died || self.gyr_still >= GYR_STILL_MAX;
+        self.equal >= config.frozen_after.get() || noisy_gyr && still
     }
 
     /// The last good sample, if it is recent enough to be compared with one of `time`.

@@ -190,6 +190,38 @@ fn a_gyroscope_without_noise_is_dead_at_the_eighth_burst() {
 }
 
 #[test]
+fn rates_that_become_zero_in_a_turn_are_those_of_a_dead_gyroscope() {
+    let bursts = |rates: &[[i16; 3]]| -> Vec<[i16; 9]> {
+        let burst =
+            |(tick, [x, y, z]): (i16, &[i16; 3])| with(&[(0, tick), (6, *x), (7, *y), (8, *z)]);
+        (0..).zip(rates).map(burst).collect()
+    };
+    let dead = [
+        [2, -65, 3],
+        [0; 3],
+        [0; 3],
+        [0; 3],
+        [0; 3],
+        [0; 3],
+        [1, 0, 0],
+        [0; 3],
+    ];
+    let frozen = Some(SensorFault::Frozen);
+    // They stay so until the last bit moves, though the turn is no longer recent.
+    let mut expected = [frozen; 8];
+    (expected[0], expected[6], expected[7]) = (None, None, None);
+    assert_eq!(verdicts(&Config::default(), &bursts(&dead)), expected);
+    let slow = bursts(&[[2, -64, 3], [0; 3]]);
+    assert_eq!(verdicts(&Config::default(), &slow), [None; 2]);
+    // Fusion removes noise and bias.
+    let fusion = Config {
+        mode: Mode::Ndof,
+        ..Config::default()
+    };
+    assert_eq!(verdicts(&fusion, &bursts(&dead)), [None; 8]);
+}
+
+#[test]
 fn limits_follow_range_and_unit() {
     let limit = |config: &Config, at: usize, inside: i16| {
         assert_eq!(verdicts(config, &[with(&[(at, inside)])]), [None]);
