@@ -1,5 +1,7 @@
 //! Arguments that more than one command takes.
 
+use tvc_nano::Params;
+
 /// Parses a length of time, s, above 0 and at most 1e6.
 ///
 /// # Errors
@@ -9,4 +11,19 @@ pub fn seconds(text: &str) -> Result<f64, String> {
         Ok(seconds) if seconds > 0.0 && seconds <= 1e6 => Ok(seconds),
         _ => Err("a time is a number of seconds above 0, such as 10".into()),
     }
+}
+
+/// Parses a parameter of the firmware and a value that it can have, `NAME=VALUE`.
+///
+/// # Errors
+/// What is wrong with it.
+pub fn parameter(text: &str) -> Result<(String, f32), String> {
+    let (name, value) = text
+        .split_once('=')
+        .ok_or("a parameter is NAME=VALUE, such as PID_KP=1.2")?;
+    let value = value.parse().map_err(|_| format!("{value} is no number"))?;
+    Params::default()
+        .set(name, value)
+        .map_err(|error| format!("{name}: {error}"))?;
+    Ok((name.to_owned(), value))
 }

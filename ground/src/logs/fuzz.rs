@@ -277,7 +277,7 @@ fn read_table_of(flight: &Flight, number: u64, folder: &Path) {
 
 /// A table through what reads one.
 fn read_table(path: &Path) {
-    let record = identify::read(path).map_err(anyhow::Error::from);
+    let record = identify::read(path, None);
     usable(record);
     usable(readings::read(path));
 }

@@ -5,6 +5,7 @@
 
 mod mcap;
 mod origin;
+mod release;
 mod span;
 mod steps;
 mod table;
@@ -25,6 +26,7 @@ use crate::out::exit::BadInput;
 
 pub use mcap::MAGIC as MCAP_MAGIC;
 pub use origin::{Origin, TOOL, vehicle_build};
+pub use release::Release;
 pub use span::span_us;
 pub use steps::{Event, Flight, Step};
 pub use table::write_csv;

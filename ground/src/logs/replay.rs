@@ -19,8 +19,9 @@ use client::{ReasonKind, StateKind};
 use mavlink::dialects::common::{MavCmd, MavResult};
 use recordings::FilterName;
 use serde::Serialize;
-use tvc_nano::{BootReport, Command, Flight, Micros, Params, RawSample, SensorFault};
+use tvc_nano::{BootReport, Command, Flight, Micros, RawSample, SensorFault};
 
+use crate::arguments::parameter;
 use crate::logs::log::{self, Event, Log, Step};
 use crate::out::exit::{BadInput, Verdict};
 use crate::out::file::{print, print_json, write_whole};
@@ -62,17 +63,6 @@ pub struct Replay {
     /// Write an HTML page with both runs.
     #[arg(long, value_name = "FILE.html", value_parser = kind::page)]
     pub report: Option<PathBuf>,
-}
-
-fn parameter(text: &str) -> Result<(String, f32), String> {
-    let (name, value) = text
-        .split_once('=')
-        .ok_or("a parameter is NAME=VALUE, such as PID_KP=1.2")?;
-    let value = value.parse().map_err(|_| format!("{value} is no number"))?;
-    Params::default()
-        .set(name, value)
-        .map_err(|error| format!("{name}: {error}"))?;
-    Ok((name.to_owned(), value))
 }
 
 /// Most gaps and stretches that are named in words; `--json` has all.

@@ -18,7 +18,7 @@ use rig::measure::Spread;
 
 use crate::flight::figures::{Run, spread, telemetry};
 use crate::flight::requirements;
-use crate::logs::log::{Event, Flight, Log, Step};
+use crate::logs::log::{Event, Flight, Log, Release, Step};
 use crate::out::exit::Verdict;
 use crate::out::measure::Limit::AtLeast;
 use crate::out::measure::{Figure, Figures, data, figure, rows, shown};
@@ -83,16 +83,6 @@ struct Health {
     unhealthy: usize,
 }
 
-/// A release until control ended.
-pub struct Release<'a> {
-    /// Its steps.
-    pub steps: Vec<&'a Step>,
-    /// The set point at each, rad.
-    pub set_rad: Vec<f64>,
-    /// Control was on until the log or the operator ended it.
-    pub stayed: bool,
-}
-
 /// Reads a log, prints its figures and writes the page.
 pub fn run(options: &Report) -> Result<Verdict> {
     let [log] = options.logs.as_slice() else {
@@ -125,7 +115,7 @@ pub fn conclude(flight: &Flight, log: &Path, page: Option<&Path>, json: bool) ->
 }
 
 /// The servo that firmware parameters are for, by their frame rate.
-fn servo(params: &Params) -> ServoKind {
+pub fn servo(params: &Params) -> ServoKind {
     if params.srv_rate_hz() >= ServoKind::Digital.frame_hz() {
         ServoKind::Digital
     } else {
@@ -135,7 +125,7 @@ fn servo(params: &Params) -> ServoKind {
 
 /// The figures of a log.
 pub fn figures(flight: &Flight) -> Figures {
-    let releases = releases(flight);
+    let releases = flight.releases();
     let servo = servo(&flight.parameters());
     let runs = releases.iter().filter_map(response);
     let sweeps: Vec<Option<Sweep>> = releases.iter().map(Sweep::of).collect();
@@ -168,60 +158,8 @@ fn releases_figure(count: usize) -> Figure {
     }
 }
 
-/// Every stretch of the log in which control was active.
-pub fn releases(flight: &Flight) -> Vec<Release<'_>> {
-    let mut set_rad = f64::from(flight.parameters().pitch_set_deg()).to_radians();
-    let mut releases: Vec<Release> = Vec::new();
-    let mut active = false;
-    for event in &flight.events {
-        match event {
-            Event::State(code) => {
-                let state = state_of(*code);
-                match (active, state == Some(StateKind::Active)) {
-                    (false, true) => releases.push(Release {
-                        steps: Vec::new(),
-                        set_rad: Vec::new(),
-                        stayed: true,
-                    }),
-                    (true, false) => {
-                        if let Some(release) = releases.last_mut() {
-                            // Only the operator leads from control to standby.
-                            release.stayed = state == Some(StateKind::Standby);
-                        }
-                    }
-                    _ => {}
-                }
-                active = state == Some(StateKind::Active);
-            }
-            Event::Parameter(name, value) if name == "PITCH_SET_DEG" => {
-                set_rad = f64::from(*value).to_radians();
-            }
-            Event::Step(step) if active => {
-                if let Some(release) = releases.last_mut() {
-                    release.steps.push(step);
-                    release.set_rad.push(set_rad);
-                }
-            }
-            _ => {}
-        }
-    }
-    releases.retain(|release| release.steps.len() > 1);
-    releases
-}
-
-impl Release<'_> {
-    /// Time since the release and a value, at every step.
-    pub fn trace(&self, of: impl Fn(&Step) -> f64) -> Vec<(f64, f64)> {
-        let begin = self.steps[0].time_s();
-        self.steps
-            .iter()
-            .map(|step| (step.time_s() - begin, of(step)))
-            .collect()
-    }
-}
-
 /// The response to the release, if the set point rested; one that begins on it is none.
-fn response(release: &Release) -> Option<Run> {
+pub fn response(release: &Release) -> Option<Run> {
     let target = release.set_rad[0];
     if release.set_rad.iter().any(|set| *set != target) {
         return None;

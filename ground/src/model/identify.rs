@@ -10,6 +10,7 @@ use csv::StringRecord;
 use plant::identify::{Identification, IdentifyError, Reading, Record, identify};
 use rig::ServoKind;
 
+use crate::logs::log::{Flight, Log, Release};
 use crate::model::control_law;
 use crate::out::exit::{BadInput, Verdict};
 use crate::out::file::{print, print_json, write_whole};
@@ -19,7 +20,8 @@ use crate::out::measure::{Figures, figure, rows, shown};
 /// Options of `tvc identify`.
 #[derive(Debug, Args)]
 #[command(after_help = "\
-The log is a table of the free drone's motion from the release on, a release or a chirp, with a head:
+The log is of the free drone's motion from the release on, a release or a chirp: a telemetry log
+(.tlog, .mcap), of which one release is taken, or a table with a head:
 
   time_s,pitch_rad,rate_rad_s,pulse_us   a pulse by its rising edge; cells may be empty, so that
                                          readings and pulses can have rows of their own
@@ -30,15 +32,20 @@ Standard deviations are of the record's noise, not of what the model leaves out.
 large as before the record was seen says that the record does not show the quantity.
 
 Examples:
-  tvc identify release.csv                       estimates with their uncertainty
+  tvc identify step.tlog                         estimates with their uncertainty
+  tvc identify evening.tlog --release 3          of the third release of a log
   tvc identify release.csv --out drone.toml      and as a parameter file
   tvc tune --params drone.toml                   gains for that drone
 
 Exit status: 0 done, 1 no parameters explain the record, 2 unusable input.")]
 pub struct Identify {
-    /// The recorded run.
-    #[arg(value_name = "LOG.csv")]
+    /// The recorded run (.tlog, .mcap, .csv).
+    #[arg(value_name = "LOG")]
     pub log: PathBuf,
+
+    /// The release of a telemetry log, counted from 1 [default: the only one].
+    #[arg(long, value_name = "N")]
+    pub release: Option<usize>,
 
     /// The servo, with the frame rate that suits it.
     #[arg(long, value_enum, default_value_t = ServoKind::S3003)]
@@ -62,7 +69,7 @@ pub fn run(options: &Identify) -> Result<Verdict> {
     if let Some(out) = &options.out {
         kind::keep_apart(out, options.params.as_deref())?;
     }
-    let record = read(&options.log)?;
+    let record = read(&options.log, options.release)?;
     let nominal = control_law::setup(options.servo, options.params.as_deref())?;
     let found = identify(&nominal, &record).map_err(|error| match error {
         IdentifyError::NoFit => anyhow::Error::new(error),
@@ -117,13 +124,20 @@ impl Columns {
     }
 }
 
-/// Reads a record.
+/// Reads a record, the one of a release in a telemetry log.
 ///
 /// # Errors
 /// [`BadInput`] naming the file and what is wrong with it.
-pub fn read(path: &Path) -> Result<Record, BadInput> {
+pub fn read(path: &Path, release: Option<usize>) -> Result<Record> {
     let bad = |error: &dyn std::fmt::Display| BadInput::new(format!("{}: {error}", path.display()));
-    kind::expect_table(path)?;
+    if kind::is_log(path) {
+        let flight = Flight::of(&Log::read(path)?);
+        let release = flight.release(release).map_err(|error| bad(&error))?;
+        return Ok(of_release(&release));
+    }
+    if release.is_some() {
+        return Err(bad(&"a table has no numbers of releases").into());
+    }
     let mut reader = csv::Reader::from_path(path).map_err(|error| bad(&error))?;
     let columns = reader
         .headers()
@@ -136,6 +150,21 @@ pub fn read(path: &Path) -> Result<Record, BadInput> {
             .map_err(|error| bad(&format!("row {}: {error}", index + 2)))?;
     }
     Ok(record)
+}
+
+/// The motion from a release on.
+fn of_release(release: &Release<'_>) -> Record {
+    let mut record = Record::default();
+    for step in &release.steps {
+        let time_s = step.time_s();
+        record.readings.push(Reading {
+            time_s,
+            pitch_rad: step.pitch_rad(),
+            rate_rad_s: step.rate_rad_s[1].into(),
+        });
+        record.pulses.push((time_s, step.pulse_us.into()));
+    }
+    record
 }
 
 /// Adds a row to the record. Empty cells are left out.

@@ -9,12 +9,13 @@ mod rocket;
 mod simulate;
 pub mod tune;
 mod validate;
+mod what_if;
 
 use std::fs;
 use std::path::Path;
 
 use crate::out::exit::{BadInput, Verdict};
-pub use options::{Linear, Model, ModelCommand, Simulate, Validate};
+pub use options::{Linear, Model, ModelCommand, Simulate, Validate, WhatIf};
 
 /// Carries out what `options` say.
 pub fn run(options: &Model) -> anyhow::Result<Verdict> {
@@ -23,6 +24,7 @@ pub fn run(options: &Model) -> anyhow::Result<Verdict> {
         ModelCommand::Rocket(options) => rocket::run(options),
         ModelCommand::Simulate(options) => simulate::run(options),
         ModelCommand::Validate(options) => validate::run(options),
+        ModelCommand::WhatIf(options) => what_if::run(options),
     }
 }
 

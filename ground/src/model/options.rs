@@ -6,6 +6,7 @@ use clap::{Args, Subcommand};
 use plant::Parameters;
 use rig::ServoKind;
 
+use crate::arguments::parameter;
 use crate::out::kind;
 
 /// The model: physics that can be checked, and what follows from it.
@@ -27,6 +28,8 @@ pub enum ModelCommand {
     Validate(Validate),
     /// Fly the rocket that the drone stands for: pitch and yaw with scheduled gains.
     Rocket(Rocket),
+    /// Fly a log's release again on the model, as it was and with something changed.
+    WhatIf(WhatIf),
 }
 
 /// Options of `tvc model simulate`.
@@ -141,6 +144,46 @@ pub struct Rocket {
 
     /// Where to write the HTML report.
     #[arg(long, value_name = "FILE.html", default_value = "report/rocket.html", value_parser = kind::page)]
+    pub report: PathBuf,
+}
+
+/// Options of `tvc model what-if`.
+#[derive(Debug, Args)]
+#[command(after_help = "\
+Examples:
+  cargo tvc model what-if step.tlog --param PID_KD=0.2      the release with another gain
+  cargo tvc model what-if step.tlog --drone drone.toml      on the drone that `tvc identify` found
+  cargo tvc model what-if evening.tlog --release 3 --param PITCH_SET_DEG=2 --json
+
+The model starts with the pitch and the pitch rate that the log has where the drone leaves its start;
+from there on the image's control law, with the log's parameters, flies it. The motion answers to
+what is changed, unlike that of `tvc replay`. How far the model is from the log with nothing changed
+says how far the rest may be believed.
+Exit status: 0 done, 1 something failed, 2 unusable input.")]
+pub struct WhatIf {
+    /// A telemetry log (.tlog, .mcap).
+    #[arg(value_name = "LOG")]
+    pub log: PathBuf,
+
+    /// The release, counted from 1 [default: the only one].
+    #[arg(long, value_name = "N")]
+    pub release: Option<usize>,
+
+    /// Fly it with another value of a parameter; may be given more than once.
+    #[arg(long = "param", value_name = "NAME=VALUE", value_parser = parameter)]
+    pub parameters: Vec<(String, f32)>,
+
+    /// Drone, servo and timing where they differ from the servo's preset, as `tvc identify` writes
+    /// them.
+    #[arg(long, value_name = "FILE.toml")]
+    pub drone: Option<PathBuf>,
+
+    /// Print one JSON object on standard output and nothing else there.
+    #[arg(long)]
+    pub json: bool,
+
+    /// Where to write the HTML report.
+    #[arg(long, value_name = "FILE.html", default_value = "report/what-if.html", value_parser = kind::page)]
     pub report: PathBuf,
 }
 

@@ -1,4 +1,5 @@
-//! How bytes get to the vehicle and back: by a port of one's own, or by the thread that has the port.
+//! How bytes get to the vehicle and back: by a port of one's own, or by the thread that has the
+//! port.
 
 use std::sync::atomic::AtomicBool;
 use std::time::Duration;

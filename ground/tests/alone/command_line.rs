@@ -1,11 +1,9 @@
 //! The tool as scripts and people meet it: exit status, one line for what was wrong, data apart
 //! from messages.
 
-mod running;
-
 use std::path::{Path, PathBuf};
 
-use running::{assert_refused, tvc};
+use crate::running::{self, assert_refused, tvc};
 
 fn recording() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/data/broad_11_cut.imuq")

@@ -1,13 +1,11 @@
 //! What an update costs on the chip is held to its limits, and measured as it says.
 
-mod running;
-
 use std::collections::BTreeSet;
 
 use serde::Deserialize;
 
-use running::keys::assert_keys;
-use running::{assert_refused, tvc};
+use crate::running::keys::assert_keys;
+use crate::running::{assert_refused, tvc};
 
 #[derive(Deserialize)]
 struct Report {

@@ -1,11 +1,9 @@
 //! `tvc experiment`: the thesis' figures are explained, and ours meet the requirements.
 
-mod running;
-
 use std::fs;
 
-use running::keys::assert_keys;
-use running::{assert_refused, tvc};
+use crate::running::keys::assert_keys;
+use crate::running::{assert_refused, tvc};
 
 /// The object that is printed, with the status that goes with it, and the report.
 fn run(arguments: &[&str]) -> (serde_json::Value, Option<i32>, String) {

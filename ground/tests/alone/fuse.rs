@@ -1,9 +1,9 @@
 //! `tvc fuse` on a piece of a real recording, read back by an oracle of its own.
 
-mod running;
-
 use std::fs;
 use std::path::{Path, PathBuf};
+
+use crate::running;
 
 /// An IMUQ16v1 file: 64 bytes of header, 28 bytes a sample.
 const HEADER: usize = 64;

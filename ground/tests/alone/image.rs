@@ -1,12 +1,10 @@
 //! Which image a command takes, and the files that `tvc flash` writes of it.
 
-mod running;
-
 use std::path::Path;
 use std::process::{Command, Output};
 
+use crate::running::assert_refused;
 use rig::Image;
-use running::assert_refused;
 
 /// Runs `tvc` in `folder`.
 fn tvc_in(folder: &Path, arguments: &[&str]) -> Output {

@@ -1,9 +1,9 @@
 //! `tvc model` as scripts and people meet it.
 
-mod running;
-
 use std::path::{Path, PathBuf};
 use std::process::Output;
+
+use crate::running;
 
 fn tvc(arguments: &[&str]) -> Output {
     running::tvc(&[&["model"], arguments].concat())

@@ -1,8 +1,6 @@
 //! No command writes its output in the place of its input, or of another kind of file.
 
-mod running;
-
-use running::tvc;
+use crate::running::{self, tvc};
 
 /// Names of outputs, the commands that are to write them, and what these say.
 const COMMANDS: [[&str; 3]; 14] = [

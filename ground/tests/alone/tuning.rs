@@ -1,7 +1,5 @@
 //! Gains, campaigns and identification from the command line.
 
-mod running;
-
 use std::path::Path;
 use std::process::Output;
 
@@ -9,7 +7,7 @@ use plant::pitch_loop::{Pd, PitchLoop, Timing};
 use plant::{Parameters, ServoModel};
 use serde_json::Value;
 
-use running::assert_refused;
+use crate::running::{self, assert_refused};
 
 fn tvc(folder: &Path, arguments: &[&str]) -> Output {
     let mut command = running::command(arguments);

@@ -1,11 +1,9 @@
 //! `tvc bringup` on the rig: nothing differs on a board as it should be, and of ten planted
 //! differences each shows in its own row and in no other.
 
-mod running;
-
 use std::path::PathBuf;
 
-use running::{assert_refused, said, tvc};
+use crate::running::{assert_refused, said, tvc};
 use serde_json::Value;
 
 /// The image, built once for all runs.

@@ -1,7 +1,4 @@
 //! Every command that talks to a vehicle, against the virtual rig behind its pseudo-terminal.
-#![cfg(unix)]
-
-mod running;
 
 use std::io::{BufRead, BufReader};
 use std::net::UdpSocket;
@@ -12,7 +9,7 @@ use std::time::{Duration, Instant};
 use mavlink::dialects::common::{FILE_TRANSFER_PROTOCOL_DATA, MavMessage};
 use serde_json::Value;
 
-use running::Running;
+use crate::running::{self, Running};
 
 /// A machine that is busy with other tests runs the rig slower than real time.
 const PATIENCE: Duration = Duration::from_secs(120);

@@ -1,8 +1,5 @@
 //! Golden keys of `--json`: every command prints the keys that are stored in `golden/keys/`. How a
 //! change is taken over stands in `running/keys.rs`.
-#![cfg(unix)]
-
-mod running;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
@@ -11,8 +8,8 @@ use std::time::{Duration, Instant};
 
 use serde_json::Value;
 
-use running::keys::{self, difference};
-use running::{Running, command, commands_below, said};
+use crate::running::keys::{self, difference};
+use crate::running::{self, Running, command, commands_below, said};
 
 /// A machine that is busy with other tests runs the rig slower than real time.
 const PATIENCE: Duration = Duration::from_secs(120);
@@ -94,7 +91,12 @@ const ON_ITS_LOGS: &[(&str, &str)] = &[
         "replay step.tlog --param PID_KD=0.1 --filter madgwick",
     ),
     ("", "convert step.tlog step.csv"),
-    ("identify", "identify step.csv --out drone.toml"),
+    ("identify", "identify step.csv"),
+    ("identify", "identify step.tlog --out drone.toml"),
+    (
+        "model-what-if",
+        "model what-if step.tlog --drone drone.toml --param PID_KD=0.1",
+    ),
 ];
 
 /// What is compared by a test of its own, mostly one that runs it for other reasons.

@@ -1,14 +1,11 @@
 //! What a person does before and around a flight by hand: look, reboot, release.
-#![cfg(unix)]
-
-mod running;
 
 use std::process::{Output, Stdio};
 use std::time::{Duration, Instant};
 
 use serde_json::Value;
 
-use running::{Running, command, said, tvc};
+use crate::running::{Running, command, said, tvc};
 
 /// A machine that is busy with other tests runs the rig slower than real time.
 const PATIENCE: Duration = Duration::from_secs(120);

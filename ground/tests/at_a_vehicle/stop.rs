@@ -1,8 +1,5 @@
 //! Whatever ends `tvc test` in armed or active flight, the vehicle is neutral afterwards: at a
 //! signal because the tool disarms it, else because the vehicle misses its host.
-#![cfg(unix)]
-
-mod running;
 
 use std::fmt;
 use std::process::{Child, Command, Stdio};
@@ -17,7 +14,7 @@ use mavlink::dialects::common::MavMessage;
 use rand::{Rng, SeedableRng, rngs::StdRng};
 use rig::pty::Pty;
 
-use running::Running;
+use crate::running::{self, Running};
 
 /// A machine that is busy with other tests runs the rig slower than real time.
 const PATIENCE: Duration = Duration::from_secs(120);
@@ -328,7 +325,7 @@ fn a_log_that_cannot_be_written_ends_the_flight_and_says_so() {
     assert_eq!(heard.state, Some(StateKind::Standby));
 }
 
-/// `cargo test -p ground --test stop -- --ignored --nocapture`: a hundred flights in a quarter of
+/// `cargo test -p ground --test at_a_vehicle -- --ignored --nocapture hundred`: a hundred flights in a quarter of
 /// an hour, whose times count on a machine that does nothing else.
 #[test]
 #[ignore = "takes a quarter of an hour"]

@@ -14,7 +14,7 @@ use rig::ground_station::{GroundStation, GroundStationError};
 use rig::pilot::Pilot;
 use rig::{Image, Ready, ServoKind, Setup, Ticks, image, prepare};
 
-const PAGE: &str = include_str!("../../docs/troubleshooting.md");
+const PAGE: &str = include_str!("../../../docs/troubleshooting.md");
 /// What a row says that this test does not try.
 const ELSEWHERE: [&str; 4] = ["not to be had", "as above", "started with", "with the tool"];
 /// Time for a row's texts.

@@ -5,8 +5,8 @@ use std::path::{Path, PathBuf};
 use anyhow::Result;
 use maud::html;
 
-use super::{figures, releases, response, servo};
-use crate::logs::log::{Flight, Log, Step};
+use super::{figures, response, servo};
+use crate::logs::log::{Flight, Log, Release, Step};
 use crate::out::exit::Verdict;
 use crate::out::file::{print, print_json, write_whole};
 use crate::out::measure::{Figure, Figures, data, figure, rows};
@@ -63,7 +63,7 @@ fn missed(flights: &[(String, Flight)], figures: &[Figures]) -> Vec<String> {
 fn table(flights: &[(String, Flight)]) -> Figure {
     let rows_of = flights.iter().flat_map(|(name, flight)| {
         let servo = servo(&flight.parameters());
-        let releases = releases(flight);
+        let releases = flight.releases();
         let row = |(index, release)| {
             let run = response(release)?;
             let head = [
@@ -90,12 +90,12 @@ fn overlaid(flights: &[(String, Flight)]) -> Result<maud::Markup> {
     let releases: Vec<_> = flights
         .iter()
         .flat_map(|(name, flight)| {
-            let numbered = releases(flight).into_iter().enumerate();
+            let numbered = flight.releases().into_iter().enumerate();
             numbered.map(move |(index, release)| (format!("{name}, {}", index + 1), release))
         })
         .collect();
     let plot = |label, of: &dyn Fn(&Step) -> f64| {
-        let line = |(colour, (name, release)): (usize, &(String, super::Release))| {
+        let line = |(colour, (name, release)): (usize, &(String, Release))| {
             (name.clone(), colour, release.trace(of))
         };
         let lines: Vec<_> = releases.iter().enumerate().map(line).collect();

@@ -8,9 +8,9 @@ use maud::{Markup, html};
 use tvc_nano::Params;
 
 use super::sweep::Sweep;
-use super::{Release, events, last_parameters, releases};
+use super::{events, last_parameters};
 use crate::flight::figures::settling_band_deg;
-use crate::logs::log::{Flight, Step};
+use crate::logs::log::{Flight, Release, Step};
 use crate::out::measure::Figures;
 use crate::out::page::{figure, page, table, verdicts};
 use crate::out::plot::{Line, Plot};
@@ -19,7 +19,7 @@ use crate::out::plot::{Line, Plot};
 pub fn render(log: &Path, flight: &Flight, figures: &Figures) -> Result<String> {
     let servo = ServoMap::of(&flight.parameters());
     let mut parts = vec![whole(flight, &servo)?];
-    for (index, release) in releases(flight).iter().enumerate() {
+    for (index, release) in flight.releases().iter().enumerate() {
         parts.push(one(index, release, &servo)?);
         if let Some(sweep) = Sweep::of(release) {
             parts.push(sweep.markup()?);

@@ -12,7 +12,7 @@ use anyhow::Result;
 use maud::{Markup, html};
 use serde::Serialize;
 
-use super::Release;
+use crate::logs::log::Release;
 use crate::logs::log::Step;
 use crate::out::page::figure;
 use crate::out::plot::{Line, Plot};

@@ -76,7 +76,7 @@ fn figures(manoeuvre: Manoeuvre, path: &Path) -> Result<Value> {
     let flight = Flight::of(&Log::read(path)?);
     let figures = report::figures(&flight);
     let object = json!(figures);
-    let releases = report::releases(&flight);
+    let releases = flight.releases();
     let release = releases.first().context("the log holds no release")?;
     let sweep = sweep::Sweep::of(release);
     if let Manoeuvre::Chirp { .. } = manoeuvre {

@@ -119,7 +119,7 @@ impl Releases {
             entries,
             ..Log::default()
         });
-        let releases = report::releases(&flight);
+        let releases = flight.releases();
         let release = releases.first()?;
         let servo = ServoMap::of(&flight.parameters());
         let pitch = release.trace(Step::pitch_rad);

@@ -9,9 +9,9 @@ use std::time::{Duration, Instant};
 use rig::bno055::ImuErrors;
 use serde_json::Value;
 
-use super::running::keys::assert_keys;
-use super::running::{self, Running, json, said};
 use super::truth;
+use crate::running::keys::assert_keys;
+use crate::running::{self, Running, json, said};
 
 /// One rig at a time: several would be slower than real time.
 static TURN: Mutex<()> = Mutex::new(());

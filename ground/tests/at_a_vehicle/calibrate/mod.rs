@@ -9,10 +9,10 @@ use rig::bno055::{Config, ImuErrors};
 use rig::sensor_motion::{MotionPlan, Sample, record};
 use serde_json::Value;
 
+use crate::running;
+
 #[cfg(unix)]
 mod guided;
-#[path = "../running/mod.rs"]
-mod running;
 mod truth;
 
 fn errors(soft_iron: [[f64; 3]; 3]) -> ImuErrors {

@@ -3,7 +3,7 @@
 
 use serde_json::{Value, json};
 
-use crate::page::{Page, Server, vehicle};
+use super::page::{Page, Server, vehicle};
 
 /// Waits until a parameter has this value, and this one in flash.
 fn wait_for(page: &Page, name: &str, value: f64, stored: &Value) {

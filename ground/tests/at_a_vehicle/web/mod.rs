@@ -1,13 +1,10 @@
 //! `tvc web` against the virtual rig: as the page uses it, and as a foreign page would.
-#![cfg(unix)]
 
 mod cockpit;
 mod hostile;
 mod page;
 mod recordings;
 mod rig;
-#[path = "../running/mod.rs"]
-mod running;
 mod set_up;
 mod stopping;
 
@@ -17,8 +14,8 @@ use std::time::{Duration, Instant};
 
 use serde_json::{Value, json};
 
+use crate::running::{self, json as object, refused, tvc};
 use page::{Server, rig as rig_at, signal, vehicle};
-use running::{json as object, refused, tvc};
 
 /// What the vehicle at `port` has of a parameter.
 fn parameter(port: &Path, name: &str) -> f64 {

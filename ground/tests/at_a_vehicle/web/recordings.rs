@@ -3,7 +3,7 @@
 
 use serde_json::{Value, json};
 
-use crate::page::{Server, vehicle};
+use super::page::{Server, vehicle};
 use crate::running::tvc;
 
 /// The body of an answer.
@@ -151,5 +151,5 @@ fn hold_and_chirp_give_their_figures_and_the_set_point_comes_back() {
     });
     let said = server.end("TERM");
     assert!(said.contains("disarmed"), "{said}");
-    assert_eq!(crate::parameter(&port, "PITCH_SET_DEG"), 0.0);
+    assert_eq!(super::parameter(&port, "PITCH_SET_DEG"), 0.0);
 }

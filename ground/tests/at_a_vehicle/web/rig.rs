@@ -4,7 +4,7 @@ use std::time::{Duration, Instant};
 
 use serde_json::{Value, json};
 
-use crate::page::{PATIENCE, Server, vehicle, vehicle_with};
+use super::page::{PATIENCE, Server, vehicle, vehicle_with};
 use crate::running::{Running, assert_refused, json as object, said, tvc};
 
 /// A fault before boot and its end, a tilt, a fault in flight, the cable.

@@ -5,8 +5,8 @@ use std::time::Duration;
 
 use serde_json::{Value, json};
 
-use crate::page::{Page, Server, vehicle_with};
-use crate::parameter;
+use super::page::{Page, Server, vehicle_with};
+use super::parameter;
 
 /// Begins a step as soon as the vehicle is heard.
 fn begin(page: &Page, step: &str) {

@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 
 use serde_json::{Value, json};
 
-use crate::page::{Page, Server, vehicle, vehicle_with};
+use super::page::{Page, Server, vehicle, vehicle_with};
 use crate::running::tvc;
 
 /// What another program hears of the vehicle.

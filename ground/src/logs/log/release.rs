@@ -1,0 +1,137 @@
+//! The releases of a log.
+
+use anyhow::Result;
+use client::StateKind;
+use client::state::state_of;
+use tvc_nano::Params;
+
+use super::{Event, Flight, Step};
+use crate::out::exit::BadInput;
+
+/// A release until control ended.
+pub struct Release<'a> {
+    /// The parameters that it began with.
+    pub params: Params,
+    /// Its steps.
+    pub steps: Vec<&'a Step>,
+    /// The set point at each, rad.
+    pub set_rad: Vec<f64>,
+    /// Control was on until the log or the operator ended it.
+    pub stayed: bool,
+}
+
+impl Flight {
+    /// Every stretch in which control was active.
+    pub fn releases(&self) -> Vec<Release<'_>> {
+        let mut params = self.parameters();
+        let mut releases: Vec<Release> = Vec::new();
+        let mut active = false;
+        for event in &self.events {
+            match event {
+                Event::State(code) => {
+                    let state = state_of(*code);
+                    match (active, state == Some(StateKind::Active)) {
+                        (false, true) => releases.push(Release {
+                            params: params.clone(),
+                            steps: Vec::new(),
+                            set_rad: Vec::new(),
+                            stayed: true,
+                        }),
+                        (true, false) => {
+                            if let Some(release) = releases.last_mut() {
+                                // Only the operator leads from control to standby.
+                                release.stayed = state == Some(StateKind::Standby);
+                            }
+                        }
+                        _ => {}
+                    }
+                    active = state == Some(StateKind::Active);
+                }
+                Event::Parameter(name, value) => {
+                    // One that this version does not know changes nothing here.
+                    let _ = params.set(name, *value);
+                }
+                Event::Step(step) if active => {
+                    if let Some(release) = releases.last_mut() {
+                        release.steps.push(step);
+                        let set_rad = f64::from(params.pitch_set_deg()).to_radians();
+                        release.set_rad.push(set_rad);
+                    }
+                }
+                _ => {}
+            }
+        }
+        releases.retain(|release| release.steps.len() > 1);
+        releases
+    }
+
+    /// The release of this number, from 1; the only one where none is named.
+    ///
+    /// # Errors
+    /// [`BadInput`] if there is none, or more than one to choose from.
+    pub fn release(&self, number: Option<usize>) -> Result<Release<'_>, BadInput> {
+        let mut releases = self.releases();
+        let there_are = match releases.len() {
+            0 => "there is no release".to_owned(),
+            1 => "there is one release".to_owned(),
+            count => format!("there are {count} releases"),
+        };
+        match number {
+            Some(number) if (1..=releases.len()).contains(&number) => {
+                Ok(releases.swap_remove(number - 1))
+            }
+            Some(number) => Err(BadInput::new(format!(
+                "{there_are}, none of number {number}"
+            ))),
+            None if releases.len() == 1 => Ok(releases.swap_remove(0)),
+            None if releases.is_empty() => Err(BadInput::new(there_are)),
+            None => Err(BadInput::new(format!(
+                "{there_are}: choose one with --release"
+            ))),
+        }
+    }
+}
+
+impl Release<'_> {
+    /// Time since the release and a value, at every step.
+    pub fn trace(&self, of: impl Fn(&Step) -> f64) -> Vec<(f64, f64)> {
+        let begin = self.steps[0].time_s();
+        self.steps
+            .iter()
+            .map(|step| (step.time_s() - begin, of(step)))
+            .collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::logs::inspect::tests::flight;
+    use crate::logs::log::Log;
+
+    #[test]
+    fn a_release_is_named_by_its_number_or_is_the_only_one() {
+        let two = Flight::of(&flight());
+        assert_eq!(two.releases().len(), 2);
+        let first = two.release(Some(1)).unwrap();
+        assert_eq!(first.steps[0].now_us, two.releases()[0].steps[0].now_us);
+        let refused = |flight: &Flight, number| match flight.release(number) {
+            Ok(_) => String::new(),
+            Err(refused) => refused.to_string(),
+        };
+        assert_eq!(
+            refused(&two, Some(3)),
+            "there are 2 releases, none of number 3"
+        );
+        assert_eq!(
+            refused(&two, Some(0)),
+            "there are 2 releases, none of number 0"
+        );
+        assert_eq!(
+            refused(&two, None),
+            "there are 2 releases: choose one with --release"
+        );
+        let none = Flight::of(&Log::default());
+        assert_eq!(refused(&none, None), "there is no release");
+    }
+}
