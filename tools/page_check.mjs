@@ -2,110 +2,14 @@
 //
 //     node --test tools/page_check.mjs
 //
-// Needs Node 20 and nothing else. `tools/web_check.py` tries the whole page in Chromium.
+// Needs Node 20 and nothing else; `browser_stub.mjs` stands in for the browser. `tools/web_check.py` tries the whole page
+// in Chromium.
 
 import assert from "node:assert/strict";
-import { cpSync, mkdtempSync, writeFileSync } from "node:fs";
-import { tmpdir } from "node:os";
-import { join } from "node:path";
 import { before, beforeEach, mock, test } from "node:test";
-import { fileURLToPath, pathToFileURL } from "node:url";
 
-/** As much of an element as the scripts use. */
-class Element {
-  constructor(tag) {
-    Object.assign(this, { tag, listeners: {}, children: [], dataset: {}, style: {}, parent: null, value: "", textContent: "" });
-    this.classes = new Set();
-    this.classList = {
-      contains: (name) => this.classes.has(name),
-      toggle: (name, on = !this.classes.has(name)) => { this.classes[on ? "add" : "delete"](name); },
-    };
-    Object.assign(this, { written: [], clientWidth: 600, clientHeight: 200 });
-    this.disabled = false;
-  }
-  get disabled() { return this.isDisabled; }
-  set disabled(value) { this.isDisabled = Boolean(value); }
-  addEventListener(kind, listener) { (this.listeners[kind] ??= []).push(listener); }
-  /** An event here and at every element around this one, unless it is stopped. */
-  async fire(kind, event = {}) {
-    let stopped = false;
-    Object.assign(event, { stopPropagation() { stopped = true; }, preventDefault() {} });
-    for (let at = this; at && !stopped; at = at.parent) {
-      for (const listener of at.listeners[kind] ?? []) await listener(event);
-    }
-  }
-  append(...children) {
-    for (const part of children) {
-      const child = part instanceof Element ? part : Object.assign(new Element("text"), { textContent: part });
-      child.parent = this;
-      this.children.push(child);
-    }
-  }
-  prepend(...children) { this.append(...children); }
-  replaceChildren(...children) { this.children = []; this.append(...children); }
-  add(option) { this.append(option); }
-  insertRow() { return this.insert("tr"); }
-  insertCell() { return this.insert("td"); }
-  createTBody() { return this.insert("tbody"); }
-  insert(tag) {
-    const child = new Element(tag);
-    this.append(child);
-    return child;
-  }
-  get valueAsNumber() { return Number(this.value); }
-  get tBodies() { return [this]; }
-  get firstElementChild() { return this.children[0]; }
-  get lastElementChild() { return this.children.at(-1); }
-  get childElementCount() { return this.children.length; }
-  querySelector(which) { return (this.found ??= {})[which] ??= new Element(which); }
-  querySelectorAll() { return []; }
-  setAttribute(name, value) { this[name] = value; }
-  blur() { this.left = true; }
-  get childNodes() { return [...this.children]; }
-  get files() { return this.chosen ?? []; }
-  click() { return this.fire("click"); }
-  /** Whatever is written into a canvas. */
-  getContext() { return new Proxy({}, { get: (_, name) => (name === "fillText" ? (words) => this.written.push(words) : () => {}), set: () => true }); }
-}
+import { Element, Plot, at, draw, ends, openPage, order, page, requests, script, sent, socket, tests } from "./browser_stub.mjs";
 
-/** As much of uPlot as the scripts use: what was asked of the newest ones. */
-class Plot {
-  static made = [];
-  static join(tables) { return [tables[0][0], ...tables.map(([, values]) => values)]; }
-  constructor(options, data) {
-    Object.assign(this, { options, data, cursor: { left: -10 }, scales: {}, series: options.series.map(() => ({})) });
-    Plot.made.push(this);
-  }
-  batch(act) { act(); }
-  setData(data) { this.data = data; }
-  setScale(key, range) { this.scales[key] = range; }
-  setSize() {}
-  destroy() { Plot.made = Plot.made.filter((plot) => plot !== this); }
-}
-
-const page = new Element("document");
-const elements = {};
-const orders = ["arm", "release", "calibrate", "save", "reload", "reset"].map((order) => {
-  const button = new Element("button");
-  button.dataset.order = order;
-  page.append(button);
-  return button;
-});
-const tests = ["step", "hold", "chirp"].map((name) => {
-  const button = new Element("button");
-  button.dataset.test = name;
-  page.append(button);
-  return button;
-});
-/** The orders that were sent to the program, and the requests by HTTP. */
-const [sent, requests] = [[], []];
-const ends = [];
-/** Where the scripts are as modules. */
-let folder = "";
-/** The page's end of the WebSocket. */
-let socket = null;
-/** What the page asks to be called for its next picture. */
-let draw = null;
 const row = {
   name: "PID_KP", value: 1, default: 1, unit: "", range: "0 to 10", meaning: "gain", between: [0, 10], choices: null, live: true,
   measured: false, group: "Control law", stored: 1,
@@ -116,11 +20,6 @@ const vehicle = {
   can_release: false, can_arm: true, refusal: "", unhealthy: [], attitude_hz: 300, messages: 1, lost: 0, crc_errors: 0, dropped: 0, missed: 0,
   bus_errors: 0, round_trip_ms: null, recording: null, recording_failure: null,
 };
-const at = (id) => {
-  if (!elements[id]) page.append(elements[id] = new Element(id));
-  return elements[id];
-};
-const order = (name) => orders.find((button) => button.dataset.order === name);
 const frame = {
   time_s: 1, count: 1, attitude_deg: [0, 17, 0], rate_deg_s: 0, servo_deg: 0, pulse_us: 1500, set_deg: 0, latency_ms: 4, load_pct: 20,
 };
@@ -143,48 +42,7 @@ const escape = (where) => where.fire("keydown", { key: "Escape" });
 
 before(async () => {
   mock.timers.enable({ apis: ["setInterval", "setTimeout"] });
-  Object.assign(page, {
-    body: new Element("body"),
-    documentElement: new Element("html"),
-    activeElement: null,
-    getElementById: at,
-    createElement: (tag) => new Element(tag),
-    createElementNS: (_, tag) => new Element(tag),
-    querySelector: (which) => order(which.match(/data-order=(\w+)/)?.[1]) ?? at(which),
-    querySelectorAll: (which) => [
-      ...which.includes("data-order") ? orders : [],
-      ...which.includes("data-test") ? tests : [],
-      ...which.includes("#record") ? [at("record")] : [],
-    ],
-  });
-  Object.assign(globalThis, {
-    document: page,
-    window: globalThis,
-    requestAnimationFrame(paint) { draw = paint; },
-    getComputedStyle: () => ({ getPropertyValue: () => "" }),
-    addEventListener() {},
-    location: { host: "127.0.0.1:8650", hash: "#token=secret" },
-    matchMedia: () => new Element("media"),
-    ResizeObserver: class { observe() {} },
-    IntersectionObserver: class { observe() {} },
-    uPlot: Plot,
-    Option: class extends Element {},
-    WebSocket: class extends Element {
-      constructor(url) { super(url); socket = this; }
-      send(text) { sent.push(JSON.parse(text)); }
-      close() {}
-    },
-    /** A request by HTTP is not answered; it ends with the test. */
-    fetch(path, options) {
-      requests.push([path, options?.headers]);
-      return new Promise((_, end) => { ends.push(end); });
-    },
-  });
-  // Where nothing says that these are modules, Node takes them for scripts of the older kind.
-  folder = mkdtempSync(join(tmpdir(), "page-"));
-  cpSync(fileURLToPath(new URL("../ground/src/vehicle/web/", import.meta.url)), folder, { recursive: true });
-  writeFileSync(join(folder, "package.json"), '{"type": "module"}');
-  await import(pathToFileURL(join(folder, "page.js")));
+  await openPage();
   await socket.fire("open");
   await come({ now_ms: 5000, frame, parameters: [row, other] });
   await show({});
@@ -568,7 +426,7 @@ test("an invalid attitude is written into the picture in place of the drone", as
 });
 
 test("the picture's body is turned by yaw, pitch and roll in turn, nose up positive", async () => {
-  const { rotation, seen } = await import(pathToFileURL(join(folder, "attitude.js")));
+  const { rotation, seen } = await script("attitude.js");
   const near = (found, expected) => found.forEach((value, i) => assert.ok(Math.abs(value - expected[i]) < 1e-9, `${found}`));
   near(rotation([0, 90, 0])([1, 0, 0]), [0, 0, -1]);
   near(rotation([0, 0, 90])([1, 0, 0]), [0, 1, 0]);
@@ -614,7 +472,7 @@ test("releases are drawn over each other in percent of their tilt, and their fig
 });
 
 test("sections with a heading open and close, and on a small screen most begin closed", async () => {
-  const { foldable } = await import(pathToFileURL(join(folder, "sections.js")));
+  const { foldable } = await script("sections.js");
   const section = (id) => {
     const [made, heading] = [new Element("section"), Object.assign(new Element("h2"), { tagName: "H2" })];
     made.append(heading);
