@@ -1,7 +1,7 @@
 // A stand-in for the browser, with as much of it as the scripts of the page use: elements without a layout, a document,
 // a WebSocket whose other end is the test, and requests by HTTP that nobody answers.
 
-import { cpSync, mkdtempSync, writeFileSync } from "node:fs";
+import { cpSync, mkdtempSync, rmSync, writeFileSync } from "node:fs";
 import { tmpdir } from "node:os";
 import { join } from "node:path";
 import { fileURLToPath, pathToFileURL } from "node:url";
@@ -53,7 +53,12 @@ export class Element {
   get lastElementChild() { return this.children.at(-1); }
   get childElementCount() { return this.children.length; }
   querySelector(which) { return (this.found ??= {})[which] ??= new Element(which); }
-  querySelectorAll() { return []; }
+  /** The elements inside this one that have this tag. */
+  querySelectorAll(tag) {
+    const inside = [...this.children, ...Object.values(this.found ?? {})];
+    return inside.flatMap((child) => [...child.tag === tag ? [child] : [], ...child.querySelectorAll(tag)]);
+  }
+  remove() { this.parent.children.splice(this.parent.children.indexOf(this), 1); }
   setAttribute(name, value) { this[name] = value; }
   blur() { this.left = true; }
   get childNodes() { return [...this.children]; }
@@ -154,6 +159,7 @@ export async function openPage() {
   });
   // Where nothing says that these are modules, Node takes them for scripts of the older kind.
   folder = mkdtempSync(join(tmpdir(), "page-"));
+  process.on("exit", () => rmSync(folder, { recursive: true }));
   cpSync(fileURLToPath(new URL("../ground/src/vehicle/web/", import.meta.url)), folder, { recursive: true });
   writeFileSync(join(folder, "package.json"), '{"type": "module"}');
   await script("page.js");

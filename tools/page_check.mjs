@@ -116,6 +116,18 @@ test("a STOP is repeated, and the page says that it is not answered, until it is
   await answer("stop", {});
 });
 
+test("each press of STOP has its own time to be answered in", async () => {
+  await escape(page);
+  mock.timers.tick(200);
+  await answer("stop", {});
+  await escape(page);
+  mock.timers.tick(100);
+  assert.doesNotMatch(at("stopped").textContent, /NOT ANSWERED/);
+  mock.timers.tick(150);
+  assert.match(at("stopped").textContent, /NOT ANSWERED/);
+  await answer("stop", {});
+});
+
 test("a STOP without a connection is said to be unanswered, and goes by HTTP", async () => {
   const lost = socket;
   await lost.fire("close", { code: 4403 });
@@ -232,21 +244,28 @@ test("arming and release wait for their states", async () => {
   assert.deepEqual(disabled(), [true, true, true]);
 });
 
+/** A part of the set-up. */
+const guide = (name) => at("set-up").querySelector(`.${name}`);
+const setUp = {
+  running: true, step: "servo", instruction: "", lines: [], share: null, progress: "", seen: null, figures: [], met: false,
+  ending: "", question: null,
+};
+const ask = (id, again) => come({ now_ms: 7000, frame, set_up: {
+  ...setUp, question: { id, words: "Centre", buttons: [["+ 5", "+"], ["It is so", ""]], entry: "us", again },
+} });
+/** Lets the time pass in which a new question takes no answer. */
+const wait = async () => {
+  const later = performance.now() + 450;
+  while (performance.now() < later) await settle();
+};
+const endSetUp = () => come({ now_ms: 7000, frame, set_up: { ...setUp, running: false, ending: "the vehicle is as it was" } });
+const replies = () => sent.filter(({ order }) => order === "answer").map(({ question, reply }) => [question, reply]);
+
 test("an answer is for the question in sight, and a click that was meant for another counts for none", async () => {
-  const guide = (name) => at("set-up").querySelector(`.${name}`);
-  const setUp = {
-    running: true, step: "servo", instruction: "", lines: [], share: null, progress: "", seen: null, figures: [], met: false,
-    ending: "", question: null,
-  };
-  const ask = (id, again) => come({ now_ms: 7000, frame, set_up: {
-    ...setUp, question: { id, words: "Centre", buttons: [["+ 5", "+"], ["It is so", ""]], entry: "us", again },
-  } });
-  const replies = () => sent.filter(({ order }) => order === "answer").map(({ question, reply }) => [question, reply]);
   await ask(7, false);
   guide("replies").children[0].fire("click");
   assert.deepEqual(replies(), []);
-  const later = performance.now() + 450;
-  while (performance.now() < later) await settle();
+  await wait();
   guide("replies").children[0].fire("click");
   // The same question again is answered as soon as one likes.
   await ask(8, true);
@@ -257,7 +276,7 @@ test("an answer is for the question in sight, and a click that was meant for ano
   assert.deepEqual(replies(), [[7, "+"], [8, "+"]]);
   // Nothing else can be begun meanwhile.
   assert.deepEqual([order("arm").disabled, tests[0].disabled, at("record").disabled], [true, true, true]);
-  await come({ now_ms: 7000, frame, set_up: { ...setUp, running: false, ending: "the vehicle is as it was" } });
+  await endSetUp();
   assert.deepEqual([order("arm").disabled, tests[0].disabled, at("record").disabled], [false, false, false]);
 });
 
