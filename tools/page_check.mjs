@@ -176,6 +176,15 @@ test("what is out of range is not sent, and a change in control is asked for onc
   assert.equal(sent.length, 3, "asked for again");
 });
 
+test("a change that nobody has agreed to is gone when the control ends", async () => {
+  await show({ state: "active", armed: true, in_operation: true });
+  field().value = "1.5";
+  await field().fire("change");
+  assert.equal(said().children.length, 1);
+  await show({});
+  assert.deepEqual([field().value, said().children.length, sent], ["1", 0, []]);
+});
+
 test("an attitude that is no number is shown as invalid, and drawing goes on", async () => {
   await come({ now_ms: 7004, frame: { ...frame, count: 2, attitude_deg: [null, null, null], rate_deg_s: null } });
   draw(1000);

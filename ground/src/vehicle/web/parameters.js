@@ -114,7 +114,7 @@ export class Parameters {
     this.inControl = inControl;
     if (inControl) return;
     this.agreed = false;
-    for (const row of this.rows.values()) if (row.question) this.say(row, "");
+    for (const row of this.rows.values()) if (row.question) this.restore(row);
   }
 
   add(parameter) {
