@@ -341,6 +341,16 @@ test("what is changed or not saved is marked, counted and found, and what the ve
   await come({ now_ms: 7014, frame, parameters: [row, other, measured] });
 });
 
+test("what another firmware does not have goes out of the table", async () => {
+  const servos = at("parameters").children[1];
+  await come({ now_ms: 7015, frame, parameters: [] });
+  assert.equal(rows(1).length, 2, "not known yet");
+  await come({ now_ms: 7016, frame, parameters: [row] });
+  assert.deepEqual([rows(1).length, servos.hidden], [0, true]);
+  await come({ now_ms: 7017, frame, parameters: [row, other] });
+  assert.deepEqual([rows(1).length, servos.hidden], [1, false]);
+});
+
 const choose = async (text) => {
   at("file").chosen = [{ name: "mine.parm", text: async () => text }];
   await at("file").fire("change");
