@@ -289,6 +289,22 @@ test("an answer is for the question in sight, and a click that was meant for ano
   assert.deepEqual([order("arm").disabled, tests[0].disabled, at("record").disabled], [false, false, false]);
 });
 
+test("what is typed is kept until it is sent, and is not for the next question", async () => {
+  await ask(20, false);
+  guide("typed").value = "1523";
+  await guide("entry").fire("submit");
+  assert.deepEqual([replies(), guide("typed").value], [[], "1523"]);
+  await ask(21, true);
+  assert.equal(guide("typed").value, "1523");
+  await ask(22, false);
+  assert.equal(guide("typed").value, "");
+  await wait();
+  guide("typed").value = "1500";
+  await guide("entry").fire("submit");
+  assert.deepEqual([replies(), guide("typed").value], [[[22, "1500"]], ""]);
+  await endSetUp();
+});
+
 test("before Arm is pressed the page says why it would be refused", async () => {
   await show({ can_arm: false, refusal: "gyro offset unknown: hold still" });
   assert.equal(at("arming").textContent, "Cannot be armed: gyro offset unknown: hold still");

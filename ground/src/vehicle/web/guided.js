@@ -36,18 +36,18 @@ export class Guided {
     at("cancel").addEventListener("click", () => press("cancel", ""));
     at("entry").addEventListener("submit", (event) => {
       event.preventDefault();
-      this.reply(at("typed").value);
-      at("typed").value = "";
+      if (this.reply(at("typed").value)) at("typed").value = "";
     });
   }
 
   get running() { return this.now.running; }
 
-  /** An answer is for the question in sight; the program refuses one to any other. */
+  /** An answer is for the question in sight; the program refuses one to any other. Tells whether it is sent. */
   reply(reply) {
-    if (performance.now() < this.from) return;
-    // Words that come and go would move the buttons.
+    if (performance.now() < this.from) return false;
+    // Without words: a message that appears and vanishes would move the buttons.
     this.press("answer", "", { question: this.asked, reply });
+    return true;
   }
 
   /** Whether a step may begin. */
@@ -127,6 +127,7 @@ export class Guided {
       button.addEventListener("click", () => this.reply(reply));
       return button;
     }));
+    at("typed").value = "";
     at("entry").hidden = question.entry === null;
     at("unit").textContent = question.entry ?? "";
   }
