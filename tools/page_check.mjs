@@ -305,6 +305,23 @@ test("what is typed is kept until it is sent, and is not for the next question",
   await endSetUp();
 });
 
+test("after a silence of the program the page shows again what it knows", async () => {
+  await ask(30, false);
+  const buttons = () => [guide("replies").children[0].disabled, order("calibrate").disabled];
+  const now = performance.now();
+  const clock = mock.method(performance, "now", () => now + 1600);
+  mock.timers.tick(250);
+  assert.match(at("problem").textContent, /does not answer/);
+  assert.deepEqual([at("state").textContent, ...buttons()], ["unknown", true, true]);
+  // Nothing has changed meanwhile.
+  await come({ now_ms: 7000, frame });
+  clock.mock.restore();
+  assert.deepEqual([at("problem").textContent, at("state").textContent], ["", "standby"]);
+  assert.deepEqual(buttons(), [false, true]);
+  await endSetUp();
+  assert.deepEqual(buttons(), [false, false]);
+});
+
 test("before Arm is pressed the page says why it would be refused", async () => {
   await show({ can_arm: false, refusal: "gyro offset unknown: hold still" });
   assert.equal(at("arming").textContent, "Cannot be armed: gyro offset unknown: hold still");

@@ -56,9 +56,10 @@ export class Guided {
     for (const button of this.section.querySelectorAll("[data-step]")) button.disabled = !free || this.running;
   }
 
-  /** Nothing is known of the program. */
-  silence() {
-    for (const button of this.section.querySelectorAll("button")) button.disabled = true;
+  /** Nothing can be pressed while the program is silent. */
+  silence(silent) {
+    for (const button of this.section.querySelectorAll("button")) button.disabled = silent;
+    if (!silent) this.control(this.free);
   }
 
   tell(parameters) {

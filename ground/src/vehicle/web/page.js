@@ -32,6 +32,8 @@ let trial = {};
 let heard = performance.now();
 let drawn = 0;
 let figured = 0;
+/** The program has said nothing for a while. */
+let silent = false;
 /** A picture has been asked for. */
 let asked = false;
 
@@ -151,7 +153,7 @@ function paint(now) {
 }
 
 setInterval(() => {
-  const silent = performance.now() - heard > SILENCE;
+  silent = performance.now() - heard > SILENCE;
   document.body.classList.toggle("stale", silent || !condition.connected);
   if (silent) showSilence();
 }, LOOK);
@@ -168,13 +170,20 @@ function figures(list, rows) {
   }));
 }
 
-/** Nothing is known while the program is silent; what it says then is shown as ever. */
+/** Nothing is known while the program is silent. */
 function showSilence() {
   at("problem").textContent = link.refusal || "tvc web does not answer: is it still running? This page tries again by itself.";
   at("state").textContent = "unknown";
   at("state").className = "pill";
   for (const button of document.querySelectorAll("[data-order], [data-test], #record")) button.disabled = true;
-  guided.silence();
+  guided.silence(true);
+}
+
+/** The program is heard again. What has not changed in between does not come again on the same connection. */
+function endSilence() {
+  silent = false;
+  guided.silence(false);
+  if (condition.state) showCondition(condition);
 }
 
 function showCondition(now) {
@@ -250,6 +259,7 @@ function showText(text) {
 
 function show(news) {
   heard = performance.now();
+  if (silent) endSilence();
   if (news.condition) showCondition(news.condition);
   if (news.trial) showTrial(news.trial);
   if ("rig" in news) rig.show(news.rig);
