@@ -453,6 +453,16 @@ test("charts follow the vehicle's time, stay while they are paused, and zoom", a
   assert.deepEqual(strips()[0].data[1].slice(-3), [17, null, 17]);
 });
 
+test("charts can be zoomed by dragging while the vehicle is silent", async () => {
+  await show({ connected: false });
+  const [plot] = strips();
+  plot.options.hooks.setSelect[0](plot);
+  mock.timers.tick(250);
+  assert.ok(Math.abs(strips()[2].scales.x.min - 111) < 1e-6 && Math.abs(strips()[2].scales.x.max - 115) < 1e-6);
+  await press("pause");
+  await show({});
+});
+
 test("the cursor tells its time and the values there, and no number is a gap", async () => {
   await push(150, { attitude_deg: [0, null, 0] });
   const [plot] = strips();

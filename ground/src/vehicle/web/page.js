@@ -156,6 +156,8 @@ setInterval(() => {
   silent = performance.now() - heard > SILENCE;
   document.body.classList.toggle("stale", silent || !condition.connected);
   if (silent) showSilence();
+  // No frame asks for a picture now, but charts can be zoomed and the window can change.
+  if (silent || !condition.connected) paint(performance.now());
 }, LOOK);
 
 // Conditions
