@@ -322,6 +322,20 @@ test("after a silence of the program the page shows again what it knows", async 
   assert.deepEqual(buttons(), [false, false]);
 });
 
+test("what is stored cannot be touched where the vehicle or the program would refuse it", async () => {
+  const disabled = () => ["save", "reload", "reset"].map((name) => order(name).disabled);
+  assert.deepEqual(disabled(), [false, false, false]);
+  await show({ state: "armed", armed: true, in_operation: true, can_release: true });
+  assert.deepEqual(disabled(), [true, true, true]);
+  await show({ state: "failsafe", in_operation: true });
+  assert.deepEqual(disabled(), [false, false, false]);
+  await show({});
+  await ask(31, false);
+  assert.deepEqual(disabled(), [true, true, true]);
+  await endSetUp();
+  assert.deepEqual(disabled(), [false, false, false]);
+});
+
 test("before Arm is pressed the page says why it would be refused", async () => {
   await show({ can_arm: false, refusal: "gyro offset unknown: hold still" });
   assert.equal(at("arming").textContent, "Cannot be armed: gyro offset unknown: hold still");

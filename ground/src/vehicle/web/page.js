@@ -202,6 +202,8 @@ function showCondition(now) {
   document.querySelector("[data-order=arm]").disabled ||= blocked;
   document.querySelector("[data-order=release]").disabled ||= !now.can_release || busy;
   document.querySelector("[data-order=calibrate]").disabled ||= blocked;
+  // The vehicle refuses these while it is armed, the program during a step of the set-up.
+  for (const order of ["save", "reload", "reset"]) document.querySelector(`[data-order=${order}]`).disabled ||= now.armed || guided.running;
   for (const button of document.querySelectorAll("[data-test]")) button.disabled ||= blocked || now.recording !== null;
   // A recording can be ended though the vehicle is silent.
   at("record").disabled = busy || (!now.connected && now.recording === null);
