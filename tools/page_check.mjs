@@ -336,6 +336,21 @@ test("what is stored cannot be touched where the vehicle or the program would re
   assert.deepEqual(disabled(), [false, false, false]);
 });
 
+test("a list of recordings that came is not shown as an error", async () => {
+  const [, buttons, told] = at("logs").children;
+  const [again] = buttons.children;
+  again.fire("click");
+  ends.pop()(new Error("no connection"));
+  await settle();
+  assert.deepEqual([told.textContent, told.className], ["no connection", "bad"]);
+  const unanswered = globalThis.fetch;
+  globalThis.fetch = async () => ({ ok: true, json: async () => [] });
+  again.fire("click");
+  await settle();
+  globalThis.fetch = unanswered;
+  assert.deepEqual([told.textContent, told.className], ["none so far", ""]);
+});
+
 test("before Arm is pressed the page says why it would be refused", async () => {
   await show({ can_arm: false, refusal: "gyro offset unknown: hold still" });
   assert.equal(at("arming").textContent, "Cannot be armed: gyro offset unknown: hold still");
