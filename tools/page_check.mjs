@@ -443,6 +443,14 @@ test("a parameter file is set only when somebody agrees, and not in control", as
   assert.match(told()[0], /too long/);
 });
 
+test("a parameter file is measured in bytes, and one that cannot be read is said to be so", async () => {
+  await choose("é".repeat(9000));
+  assert.deepEqual([sent.length, told()], [0, ["mine.parm: too long for a parameter file"]]);
+  at("file").chosen = [{ name: "gone.parm", text: async () => { throw new Error("it was removed"); } }];
+  await at("file").fire("change");
+  assert.deepEqual(told(), ["gone.parm: it was removed"]);
+});
+
 // Pictures
 
 const strips = () => Plot.made.slice(0, 5);
