@@ -1,6 +1,6 @@
 // The attitude in three dimensions: the body as it stands in the world, seen from behind its right side.
 //
-// World: north, east, down. Body: forward, right, down. Sizes are shares of the picture's half.
+// World: north, east, down. Body: forward, right, down. A length of 1 is nearly half of the picture's shorter side.
 
 import { colour } from "./charts.js";
 

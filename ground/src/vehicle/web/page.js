@@ -14,7 +14,7 @@ import { Stop } from "./stop.js";
 import { TITLES, rowsOf } from "./tests.js";
 
 const at = (id) => document.getElementById(id);
-/** Texts in sight. */
+/** Most messages in the list. */
 const TEXTS = 100;
 /** Least time between two pictures, ms. */
 const DRAW = 35;
@@ -22,7 +22,7 @@ const DRAW = 35;
 const FIGURES = 120;
 /** Silence of the program after which the page says so, ms. */
 const SILENCE = 1500;
-/** Between two looks whether it is silent, ms. */
+/** Between two checks whether it is silent, ms. */
 const LOOK = 250;
 
 let frame = null;
@@ -46,7 +46,7 @@ const link = new Link(token, () => at("texts").replaceChildren(), show);
 // Orders
 
 const stop = new Stop(() => link.order("stop"), (words, kind) => {
-  // Set once, it is read out once.
+  // A screen reader reads the text aloud whenever it is set, even to the same words.
   if (at("stopped").textContent !== words) at("stopped").textContent = words;
   at("stopped").className = kind;
 });
@@ -64,7 +64,7 @@ async function press(order, words, fields) {
 
 at("stop").addEventListener("pointerdown", () => stop.pressed());
 at("stop").addEventListener("click", (event) => {
-  // By keyboard; the pointer has been heard already.
+  // A click by keyboard: one with the pointer has sent STOP when the button went down.
   if (event.detail === 0) stop.pressed();
 });
 document.addEventListener("keydown", (event) => {
@@ -118,7 +118,7 @@ for (const deg of [-30, -15, 0, 15, 30]) {
 
 foldable(document.querySelectorAll("main > section"), ["charts"]);
 
-/** Writes what has changed: the browser lays the page out anew for each write. */
+/** Writes a text only if it has changed: the browser lays the page out anew for each write. */
 function put(id, words) {
   if (at(id).textContent !== words) at(id).textContent = words;
 }

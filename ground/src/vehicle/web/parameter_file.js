@@ -11,7 +11,7 @@ const button = (words, act) => {
 };
 
 /** What a file would change: `[name, before, after]` each, and the names that the vehicle does not have. */
-export function differences(text, has) {
+function differences(text, has) {
   const rows = text.split("\n").filter(Boolean).map((line) => line.split(/\s+/)).map(([name, value]) => [name, Number(value)]);
   return {
     changes: rows.filter(([name, value]) => has(name) !== undefined && has(name) !== value).map(([name, value]) => [name, has(name), value]),

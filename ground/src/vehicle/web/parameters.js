@@ -8,7 +8,7 @@ const cell = (row, text, kind) => {
 };
 
 /** About a thousandth of a range, as 1, 2 or 5 times a power of ten. */
-export function stepOf([low, high]) {
+function stepOf([low, high]) {
   const raw = (high - low) / 1000;
   const power = 10 ** Math.floor(Math.log10(raw));
   return Number((power * [1, 2, 5, 10].find((factor) => factor * power >= raw * 0.999)).toPrecision(1));

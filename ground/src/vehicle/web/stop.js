@@ -1,4 +1,4 @@
-// STOP: sent in two ways at once, repeated until the vehicle has answered, and never silent.
+// STOP: sent by WebSocket and by HTTP at once, and repeated until the vehicle has answered. What became of it is always told.
 
 /** Between two repeats, ms. */
 const REPEAT = 250;
