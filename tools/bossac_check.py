@@ -3,8 +3,8 @@
 
 The model speaks SAM-BA with Arduino's extensions X, Y and Z on a pseudo-terminal, and keeps flash as the chip does:
 writing clears bits, erasing goes by rows of 256 bytes. bossac is started as `tvc flash` starts it; then the image must
-be in flash from 0x2000 on, and the bootloader below and the parameters at 0x3FC00 must be as they were. As a proof
-that the model can tell, `-e` must take the parameters.
+be in flash from 0x2000 on, and the bootloader below and the parameters at 0x3FC00 must be as they were. With `-e`
+bossac must erase the parameters in the model, too: otherwise the check would prove nothing.
 """
 
 import os
@@ -118,7 +118,7 @@ def main():
     assert nano.flash[PARAMETERS:] == old[PARAMETERS:], "the parameters are lost"
     print(f"image in place, {nano.erased} rows erased, bootloader and parameters as they were")
     assert flash(path, "-e").flash[PARAMETERS:] != old[PARAMETERS:], "-e should take the parameters"
-    print("with -e the parameters are gone, so that the model can tell")
+    print("with -e the parameters are gone, so the model shows when they are erased")
 
 
 main()

@@ -2,110 +2,14 @@
 //
 //     node --test tools/page_check.mjs
 //
-// Needs Node 20 and nothing else. `tools/web_check.py` tries the whole page in Chromium.
+// Needs Node 20 and nothing else; `browser_stub.mjs` stands in for the browser. `tools/web_check.py` tries the whole page
+// in Chromium.
 
 import assert from "node:assert/strict";
-import { cpSync, mkdtempSync, writeFileSync } from "node:fs";
-import { tmpdir } from "node:os";
-import { join } from "node:path";
 import { before, beforeEach, mock, test } from "node:test";
-import { fileURLToPath, pathToFileURL } from "node:url";
 
-/** As much of an element as the scripts use. */
-class Element {
-  constructor(tag) {
-    Object.assign(this, { tag, listeners: {}, children: [], dataset: {}, style: {}, parent: null, value: "", textContent: "" });
-    this.classes = new Set();
-    this.classList = {
-      contains: (name) => this.classes.has(name),
-      toggle: (name, on = !this.classes.has(name)) => { this.classes[on ? "add" : "delete"](name); },
-    };
-    Object.assign(this, { written: [], clientWidth: 600, clientHeight: 200 });
-    this.disabled = false;
-  }
-  get disabled() { return this.isDisabled; }
-  set disabled(value) { this.isDisabled = Boolean(value); }
-  addEventListener(kind, listener) { (this.listeners[kind] ??= []).push(listener); }
-  /** An event here and at every element around this one, unless it is stopped. */
-  async fire(kind, event = {}) {
-    let stopped = false;
-    Object.assign(event, { stopPropagation() { stopped = true; }, preventDefault() {} });
-    for (let at = this; at && !stopped; at = at.parent) {
-      for (const listener of at.listeners[kind] ?? []) await listener(event);
-    }
-  }
-  append(...children) {
-    for (const part of children) {
-      const child = part instanceof Element ? part : Object.assign(new Element("text"), { textContent: part });
-      child.parent = this;
-      this.children.push(child);
-    }
-  }
-  prepend(...children) { this.append(...children); }
-  replaceChildren(...children) { this.children = []; this.append(...children); }
-  add(option) { this.append(option); }
-  insertRow() { return this.insert("tr"); }
-  insertCell() { return this.insert("td"); }
-  createTBody() { return this.insert("tbody"); }
-  insert(tag) {
-    const child = new Element(tag);
-    this.append(child);
-    return child;
-  }
-  get valueAsNumber() { return Number(this.value); }
-  get tBodies() { return [this]; }
-  get firstElementChild() { return this.children[0]; }
-  get lastElementChild() { return this.children.at(-1); }
-  get childElementCount() { return this.children.length; }
-  querySelector(which) { return (this.found ??= {})[which] ??= new Element(which); }
-  querySelectorAll() { return []; }
-  setAttribute(name, value) { this[name] = value; }
-  blur() { this.left = true; }
-  get childNodes() { return [...this.children]; }
-  get files() { return this.chosen ?? []; }
-  click() { return this.fire("click"); }
-  /** Whatever is written into a canvas. */
-  getContext() { return new Proxy({}, { get: (_, name) => (name === "fillText" ? (words) => this.written.push(words) : () => {}), set: () => true }); }
-}
+import { Element, Plot, at, draw, ends, openPage, order, page, requests, script, sent, socket, tests } from "./browser_stub.mjs";
 
-/** As much of uPlot as the scripts use: what was asked of the newest ones. */
-class Plot {
-  static made = [];
-  static join(tables) { return [tables[0][0], ...tables.map(([, values]) => values)]; }
-  constructor(options, data) {
-    Object.assign(this, { options, data, cursor: { left: -10 }, scales: {}, series: options.series.map(() => ({})) });
-    Plot.made.push(this);
-  }
-  batch(act) { act(); }
-  setData(data) { this.data = data; }
-  setScale(key, range) { this.scales[key] = range; }
-  setSize() {}
-  destroy() { Plot.made = Plot.made.filter((plot) => plot !== this); }
-}
-
-const page = new Element("document");
-const elements = {};
-const orders = ["arm", "release", "calibrate", "save", "reload", "reset"].map((order) => {
-  const button = new Element("button");
-  button.dataset.order = order;
-  page.append(button);
-  return button;
-});
-const tests = ["step", "hold", "chirp"].map((name) => {
-  const button = new Element("button");
-  button.dataset.test = name;
-  page.append(button);
-  return button;
-});
-/** The orders that were sent to the program, and the requests by HTTP. */
-const [sent, requests] = [[], []];
-const ends = [];
-/** Where the scripts are as modules. */
-let folder = "";
-/** The page's end of the WebSocket. */
-let socket = null;
-/** What the page asks to be called for its next picture. */
-let draw = null;
 const row = {
   name: "PID_KP", value: 1, default: 1, unit: "", range: "0 to 10", meaning: "gain", between: [0, 10], choices: null, live: true,
   measured: false, group: "Control law", stored: 1,
@@ -116,11 +20,6 @@ const vehicle = {
   can_release: false, can_arm: true, refusal: "", unhealthy: [], attitude_hz: 300, messages: 1, lost: 0, crc_errors: 0, dropped: 0, missed: 0,
   bus_errors: 0, round_trip_ms: null, recording: null, recording_failure: null,
 };
-const at = (id) => {
-  if (!elements[id]) page.append(elements[id] = new Element(id));
-  return elements[id];
-};
-const order = (name) => orders.find((button) => button.dataset.order === name);
 const frame = {
   time_s: 1, count: 1, attitude_deg: [0, 17, 0], rate_deg_s: 0, servo_deg: 0, pulse_us: 1500, set_deg: 0, latency_ms: 4, load_pct: 20,
 };
@@ -143,48 +42,7 @@ const escape = (where) => where.fire("keydown", { key: "Escape" });
 
 before(async () => {
   mock.timers.enable({ apis: ["setInterval", "setTimeout"] });
-  Object.assign(page, {
-    body: new Element("body"),
-    documentElement: new Element("html"),
-    activeElement: null,
-    getElementById: at,
-    createElement: (tag) => new Element(tag),
-    createElementNS: (_, tag) => new Element(tag),
-    querySelector: (which) => order(which.match(/data-order=(\w+)/)?.[1]) ?? at(which),
-    querySelectorAll: (which) => [
-      ...which.includes("data-order") ? orders : [],
-      ...which.includes("data-test") ? tests : [],
-      ...which.includes("#record") ? [at("record")] : [],
-    ],
-  });
-  Object.assign(globalThis, {
-    document: page,
-    window: globalThis,
-    requestAnimationFrame(paint) { draw = paint; },
-    getComputedStyle: () => ({ getPropertyValue: () => "" }),
-    addEventListener() {},
-    location: { host: "127.0.0.1:8650", hash: "#token=secret" },
-    matchMedia: () => new Element("media"),
-    ResizeObserver: class { observe() {} },
-    IntersectionObserver: class { observe() {} },
-    uPlot: Plot,
-    Option: class extends Element {},
-    WebSocket: class extends Element {
-      constructor(url) { super(url); socket = this; }
-      send(text) { sent.push(JSON.parse(text)); }
-      close() {}
-    },
-    /** A request by HTTP is not answered; it ends with the test. */
-    fetch(path, options) {
-      requests.push([path, options?.headers]);
-      return new Promise((_, end) => { ends.push(end); });
-    },
-  });
-  // Where nothing says that these are modules, Node takes them for scripts of the older kind.
-  folder = mkdtempSync(join(tmpdir(), "page-"));
-  cpSync(fileURLToPath(new URL("../ground/src/vehicle/web/", import.meta.url)), folder, { recursive: true });
-  writeFileSync(join(folder, "package.json"), '{"type": "module"}');
-  await import(pathToFileURL(join(folder, "page.js")));
+  await openPage();
   await socket.fire("open");
   await come({ now_ms: 5000, frame, parameters: [row, other] });
   await show({});
@@ -258,6 +116,18 @@ test("a STOP is repeated, and the page says that it is not answered, until it is
   await answer("stop", {});
 });
 
+test("each press of STOP has its own time to be answered in", async () => {
+  await escape(page);
+  mock.timers.tick(200);
+  await answer("stop", {});
+  await escape(page);
+  mock.timers.tick(100);
+  assert.doesNotMatch(at("stopped").textContent, /NOT ANSWERED/);
+  mock.timers.tick(150);
+  assert.match(at("stopped").textContent, /NOT ANSWERED/);
+  await answer("stop", {});
+});
+
 test("a STOP without a connection is said to be unanswered, and goes by HTTP", async () => {
   const lost = socket;
   await lost.fire("close", { code: 4403 });
@@ -304,6 +174,15 @@ test("what is out of range is not sent, and a change in control is asked for onc
   await show({ state: "active", armed: true, in_operation: true });
   await change("1.01");
   assert.equal(sent.length, 3, "asked for again");
+});
+
+test("a change that nobody has agreed to is gone when the control ends", async () => {
+  await show({ state: "active", armed: true, in_operation: true });
+  field().value = "1.5";
+  await field().fire("change");
+  assert.equal(said().children.length, 1);
+  await show({});
+  assert.deepEqual([field().value, said().children.length, sent], ["1", 0, []]);
 });
 
 test("an attitude that is no number is shown as invalid, and drawing goes on", async () => {
@@ -374,21 +253,28 @@ test("arming and release wait for their states", async () => {
   assert.deepEqual(disabled(), [true, true, true]);
 });
 
+/** A part of the set-up. */
+const guide = (name) => at("set-up").querySelector(`.${name}`);
+const setUp = {
+  running: true, step: "servo", instruction: "", lines: [], share: null, progress: "", seen: null, figures: [], met: false,
+  ending: "", question: null,
+};
+const ask = (id, again) => come({ now_ms: 7000, frame, set_up: {
+  ...setUp, question: { id, words: "Centre", buttons: [["+ 5", "+"], ["It is so", ""]], entry: "us", again },
+} });
+/** Lets the time pass in which a new question takes no answer. */
+const wait = async () => {
+  const later = performance.now() + 450;
+  while (performance.now() < later) await settle();
+};
+const endSetUp = () => come({ now_ms: 7000, frame, set_up: { ...setUp, running: false, ending: "the vehicle is as it was" } });
+const replies = () => sent.filter(({ order }) => order === "answer").map(({ question, reply }) => [question, reply]);
+
 test("an answer is for the question in sight, and a click that was meant for another counts for none", async () => {
-  const guide = (name) => at("set-up").querySelector(`.${name}`);
-  const setUp = {
-    running: true, step: "servo", instruction: "", lines: [], share: null, progress: "", seen: null, figures: [], met: false,
-    ending: "", question: null,
-  };
-  const ask = (id, again) => come({ now_ms: 7000, frame, set_up: {
-    ...setUp, question: { id, words: "Centre", buttons: [["+ 5", "+"], ["It is so", ""]], entry: "us", again },
-  } });
-  const replies = () => sent.filter(({ order }) => order === "answer").map(({ question, reply }) => [question, reply]);
   await ask(7, false);
   guide("replies").children[0].fire("click");
   assert.deepEqual(replies(), []);
-  const later = performance.now() + 450;
-  while (performance.now() < later) await settle();
+  await wait();
   guide("replies").children[0].fire("click");
   // The same question again is answered as soon as one likes.
   await ask(8, true);
@@ -399,8 +285,70 @@ test("an answer is for the question in sight, and a click that was meant for ano
   assert.deepEqual(replies(), [[7, "+"], [8, "+"]]);
   // Nothing else can be begun meanwhile.
   assert.deepEqual([order("arm").disabled, tests[0].disabled, at("record").disabled], [true, true, true]);
-  await come({ now_ms: 7000, frame, set_up: { ...setUp, running: false, ending: "the vehicle is as it was" } });
+  await endSetUp();
   assert.deepEqual([order("arm").disabled, tests[0].disabled, at("record").disabled], [false, false, false]);
+});
+
+test("what is typed is kept until it is sent, and is not for the next question", async () => {
+  await ask(20, false);
+  guide("typed").value = "1523";
+  await guide("entry").fire("submit");
+  assert.deepEqual([replies(), guide("typed").value], [[], "1523"]);
+  await ask(21, true);
+  assert.equal(guide("typed").value, "1523");
+  await ask(22, false);
+  assert.equal(guide("typed").value, "");
+  await wait();
+  guide("typed").value = "1500";
+  await guide("entry").fire("submit");
+  assert.deepEqual([replies(), guide("typed").value], [[[22, "1500"]], ""]);
+  await endSetUp();
+});
+
+test("after a silence of the program the page shows again what it knows", async () => {
+  await ask(30, false);
+  const buttons = () => [guide("replies").children[0].disabled, order("calibrate").disabled];
+  const now = performance.now();
+  const clock = mock.method(performance, "now", () => now + 1600);
+  mock.timers.tick(250);
+  assert.match(at("problem").textContent, /does not answer/);
+  assert.deepEqual([at("state").textContent, ...buttons()], ["unknown", true, true]);
+  // Nothing has changed meanwhile.
+  await come({ now_ms: 7000, frame });
+  clock.mock.restore();
+  assert.deepEqual([at("problem").textContent, at("state").textContent], ["", "standby"]);
+  assert.deepEqual(buttons(), [false, true]);
+  await endSetUp();
+  assert.deepEqual(buttons(), [false, false]);
+});
+
+test("what is stored cannot be touched where the vehicle or the program would refuse it", async () => {
+  const disabled = () => ["save", "reload", "reset"].map((name) => order(name).disabled);
+  assert.deepEqual(disabled(), [false, false, false]);
+  await show({ state: "armed", armed: true, in_operation: true, can_release: true });
+  assert.deepEqual(disabled(), [true, true, true]);
+  await show({ state: "failsafe", in_operation: true });
+  assert.deepEqual(disabled(), [false, false, false]);
+  await show({});
+  await ask(31, false);
+  assert.deepEqual(disabled(), [true, true, true]);
+  await endSetUp();
+  assert.deepEqual(disabled(), [false, false, false]);
+});
+
+test("a list of recordings that came is not shown as an error", async () => {
+  const [, buttons, told] = at("logs").children;
+  const [again] = buttons.children;
+  again.fire("click");
+  ends.pop()(new Error("no connection"));
+  await settle();
+  assert.deepEqual([told.textContent, told.className], ["no connection", "bad"]);
+  const unanswered = globalThis.fetch;
+  globalThis.fetch = async () => ({ ok: true, json: async () => [] });
+  again.fire("click");
+  await settle();
+  globalThis.fetch = unanswered;
+  assert.deepEqual([told.textContent, told.className], ["none so far", ""]);
 });
 
 test("before Arm is pressed the page says why it would be refused", async () => {
@@ -455,6 +403,16 @@ test("what is changed or not saved is marked, counted and found, and what the ve
   await come({ now_ms: 7014, frame, parameters: [row, other, measured] });
 });
 
+test("what another firmware does not have goes out of the table", async () => {
+  const servos = at("parameters").children[1];
+  await come({ now_ms: 7015, frame, parameters: [] });
+  assert.equal(rows(1).length, 2, "not known yet");
+  await come({ now_ms: 7016, frame, parameters: [row] });
+  assert.deepEqual([rows(1).length, servos.hidden], [0, true]);
+  await come({ now_ms: 7017, frame, parameters: [row, other] });
+  assert.deepEqual([rows(1).length, servos.hidden], [1, false]);
+});
+
 const choose = async (text) => {
   at("file").chosen = [{ name: "mine.parm", text: async () => text }];
   await at("file").fire("change");
@@ -483,6 +441,14 @@ test("a parameter file is set only when somebody agrees, and not in control", as
   assert.deepEqual(told(), []);
   await choose("x".repeat(20_000));
   assert.match(told()[0], /too long/);
+});
+
+test("a parameter file is measured in bytes, and one that cannot be read is said to be so", async () => {
+  await choose("é".repeat(9000));
+  assert.deepEqual([sent.length, told()], [0, ["mine.parm: too long for a parameter file"]]);
+  at("file").chosen = [{ name: "gone.parm", text: async () => { throw new Error("it was removed"); } }];
+  await at("file").fire("change");
+  assert.deepEqual(told(), ["gone.parm: it was removed"]);
 });
 
 // Pictures
@@ -522,6 +488,16 @@ test("charts follow the vehicle's time, stay while they are paused, and zoom", a
   await push(145);
   draw(8500);
   assert.deepEqual(strips()[0].data[1].slice(-3), [17, null, 17]);
+});
+
+test("charts can be zoomed by dragging while the vehicle is silent", async () => {
+  await show({ connected: false });
+  const [plot] = strips();
+  plot.options.hooks.setSelect[0](plot);
+  mock.timers.tick(250);
+  assert.ok(Math.abs(strips()[2].scales.x.min - 111) < 1e-6 && Math.abs(strips()[2].scales.x.max - 115) < 1e-6);
+  await press("pause");
+  await show({});
 });
 
 test("the cursor tells its time and the values there, and no number is a gap", async () => {
@@ -568,7 +544,7 @@ test("an invalid attitude is written into the picture in place of the drone", as
 });
 
 test("the picture's body is turned by yaw, pitch and roll in turn, nose up positive", async () => {
-  const { rotation, seen } = await import(pathToFileURL(join(folder, "attitude.js")));
+  const { rotation, seen } = await script("attitude.js");
   const near = (found, expected) => found.forEach((value, i) => assert.ok(Math.abs(value - expected[i]) < 1e-9, `${found}`));
   near(rotation([0, 90, 0])([1, 0, 0]), [0, 0, -1]);
   near(rotation([0, 0, 90])([1, 0, 0]), [0, 1, 0]);
@@ -614,7 +590,7 @@ test("releases are drawn over each other in percent of their tilt, and their fig
 });
 
 test("sections with a heading open and close, and on a small screen most begin closed", async () => {
-  const { foldable } = await import(pathToFileURL(join(folder, "sections.js")));
+  const { foldable } = await script("sections.js");
   const section = (id) => {
     const [made, heading] = [new Element("section"), Object.assign(new Element("h2"), { tagName: "H2" })];
     made.append(heading);

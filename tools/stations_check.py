@@ -100,8 +100,11 @@ def mavproxy(port):
         check(back, "MAVProxy: PID_KP set back")
         check(console.ask("long SET_MESSAGE_INTERVAL 30 50000", "ACCEPTED"), "MAVProxy: ATTITUDE at 20 Hz")
         check(wait(lambda: console.shown("status ATTITUDE", "pitch :")), "MAVProxy: angles")
-        check(console.ask("arm throttle", "ARMED", "COMPONENT_ARM_DISARM: ACCEPTED"), "MAVProxy: armed")
-        check(console.ask("disarm", "DISARMED", "COMPONENT_ARM_DISARM: ACCEPTED"), "MAVProxy: disarmed")
+        armed = console.ask("arm throttle", "ARMED", "COMPONENT_ARM_DISARM: ACCEPTED")
+        # Whatever has failed, the vehicle is not left armed.
+        disarmed = console.ask("disarm", "DISARMED", "COMPONENT_ARM_DISARM: ACCEPTED")
+        check(armed, "MAVProxy: armed")
+        check(disarmed, "MAVProxy: disarmed")
     finally:
         console.end()
 
@@ -138,8 +141,10 @@ def mavsdk(port):
     check(abs(turned.w) <= 1, "MAVSDK: quaternion")
     action = Action(system)
     action.arm()
-    check(telemetry.armed() or wait(telemetry.armed), "MAVSDK: armed")
+    armed = telemetry.armed() or wait(telemetry.armed)
+    # Whatever has failed, the vehicle is not left armed.
     action.disarm()
+    check(armed, "MAVSDK: armed")
     check(wait(lambda: not telemetry.armed()), "MAVSDK: disarmed")
 
 

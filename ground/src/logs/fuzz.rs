@@ -28,21 +28,23 @@ use crate::param_file;
 use crate::vehicle::calibrate::readings;
 use tvc_nano::telemetry::{MEMORY_TYPE, MEMORY_WORDS, PART_WORDS};
 
-/// Cases in the short run, of every kind some.
+/// Cases in the short run: some of every kind.
 const SHORT: u64 = 400;
-/// Most that the program may hold in memory at the end, MiB.
+/// Most that the program may have held in memory, MiB.
 const MEMORY_MIB: u64 = 600;
 
+/// First byte of a MAVLink 2 frame.
 const START: u8 = 0xFD;
+/// Bytes of a frame before its payload.
 const HEADER: usize = 10;
-/// Where a frame's payload ends, from its end: the checksum.
+/// Bytes of the checksum behind it.
 const CHECKSUM: usize = 2;
 
 /// What is mutated: a log in three forms, and a parameter file.
 struct Seeds {
     tlog: Vec<u8>,
     mcap: Vec<u8>,
-    /// The same, whose chunks are not checked by a sum.
+    /// The same file without the checksums of its chunks.
     unchecked: Vec<u8>,
     csv: Vec<u8>,
     parameters: Vec<u8>,
@@ -68,7 +70,7 @@ impl Seeds {
     }
 }
 
-/// A log with what the flight remembers, in parts behind each step.
+/// The log, with the memory of the flight behind each step, in parts.
 fn with_memory(log: Log) -> Log {
     let mut entries = Vec::new();
     for entry in log.entries {
@@ -98,10 +100,10 @@ fn with_memory(log: Log) -> Log {
     }
 }
 
-/// An MCAP file whose chunks have 0 for their sum, which means none.
+/// An MCAP file whose chunks have 0 for their checksum, which means that there is none.
 fn without_sums(mcap: &[u8]) -> Vec<u8> {
     const CHUNK: u8 = 6;
-    // Behind opcode and length: two times and the size.
+    // Before it: opcode and length, two times, and the size.
     const SUM: std::ops::Range<usize> = 33..37;
     let mut bytes = mcap.to_vec();
     let mut at = log::MCAP_MAGIC.len();
@@ -215,7 +217,8 @@ fn reframe(tlog: &[u8], random: &mut StdRng) -> Vec<u8> {
     bytes
 }
 
-/// What may be refused is unusable input: exit status 2.
+/// The value, if the input was not refused as unusable (exit status 2). With any other error the
+/// case fails.
 fn usable<T>(result: anyhow::Result<T>) -> Option<T> {
     match result {
         Ok(value) => Some(value),
@@ -229,7 +232,8 @@ fn usable<T>(result: anyhow::Result<T>) -> Option<T> {
     }
 }
 
-/// A log through report, replay, table, other form, `tvc log`.
+/// Passes a log through `tvc log`, the report and the replay, and some logs through the report's
+/// page, the table or the other form of a log.
 fn read_log(bytes: Vec<u8>, number: u64, folder: &Path) {
     let path = folder.join(format!("{number}.tlog"));
     let found = log::salvaged(&bytes);
@@ -275,7 +279,7 @@ fn read_table_of(flight: &Flight, number: u64, folder: &Path) {
     fs::remove_file(path).unwrap();
 }
 
-/// A table through what reads one.
+/// Passes a table through everything that reads one.
 fn read_table(path: &Path) {
     let record = identify::read(path, None);
     usable(record);
@@ -316,7 +320,7 @@ fn case(number: u64, seeds: &Seeds, folder: &Path) {
     }
 }
 
-/// Runs the cases; a panic is told with the number of its case.
+/// Runs the cases, and names those that have panicked by their numbers.
 fn run(count: u64) {
     let folder = tempfile::tempdir().unwrap();
     let seeds = Seeds::new(folder.path());
@@ -370,7 +374,8 @@ fn many_mutated_files_are_read_or_refused() {
     run(std::env::var("FUZZ").map_or(100_000, |count| count.parse().unwrap()));
 }
 
-/// What changes frames leaves whole ones, or the other cases would try nothing.
+/// Frames whose content was changed are still whole: otherwise they would be skipped, and what
+/// comes behind the checksum would not be tried.
 #[test]
 fn frames_with_other_content_have_right_checksums() {
     let folder = tempfile::tempdir().unwrap();

@@ -192,7 +192,7 @@ impl Environment {
         &self.truth
     }
 
-    /// What has happened, to forget it.
+    /// The same, to clear it.
     pub fn truth_mut(&mut self) -> &mut GroundTruth {
         &mut self.truth
     }
@@ -202,7 +202,7 @@ impl Environment {
         self.clamp.tilt_to(pitch_rad);
     }
 
-    /// True when the clamp holds the drone at the pitch to which it was to tilt it.
+    /// Whether the clamp holds the drone at the pitch that [`Self::tilt_clamp`] has asked for.
     pub fn clamp_rests(&self) -> bool {
         self.clamp.rests(&self.drone)
     }
@@ -255,7 +255,7 @@ impl Environment {
         self.sensor.clear(now, fault);
     }
 
-    /// The power has come on: the faults that come with it begin anew.
+    /// The power has come on: the faults whose times count from then begin anew.
     pub fn power_on(&mut self) {
         self.end_faults(Since::PowerOn);
         self.powered = STEP * self.steps;

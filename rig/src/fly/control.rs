@@ -1,5 +1,5 @@
-//! A socket at which other programs act on the rig: a line in is an
-//! [`Action`](super::action::Action), a line out is what became of it, as JSON.
+//! A Unix socket at which other programs act on the rig. Each line that they send is an
+//! [`Action`](super::action::Action); the answer to it is a line of JSON.
 
 use std::fs::Permissions;
 use std::io::{self, ErrorKind, Read, Write};
@@ -7,7 +7,7 @@ use std::os::unix::fs::{FileTypeExt, PermissionsExt};
 use std::os::unix::net::{UnixListener, UnixStream};
 use std::path::{Path, PathBuf};
 
-/// Most programs at the same time; the oldest makes room.
+/// Most connections at the same time; for one more, the oldest is closed.
 const CLIENTS: usize = 8;
 /// Longest line, bytes.
 const LINE: usize = 256;
@@ -31,7 +31,8 @@ impl Control {
     /// replaced.
     ///
     /// # Errors
-    /// The system's error; something else is at this path, or another rig that runs.
+    /// A file that is no socket is at this path, the socket is of a rig that runs, or the system
+    /// refuses.
     pub fn open(path: &Path) -> io::Result<Self> {
         match std::fs::symlink_metadata(path) {
             Ok(there) if !there.file_type().is_socket() => {
@@ -79,8 +80,10 @@ impl Drop for Control {
 }
 
 impl Client {
+    /// Answers the lines that the program has sent.
+    ///
     /// # Errors
-    /// It has gone, does not read its answers, or sends no lines.
+    /// The program has gone, does not read its answers, or has sent a line that is too long.
     fn serve(&mut self, answer: &mut impl FnMut(&str) -> String) -> io::Result<()> {
         let mut bytes = [0; LINE];
         match self.stream.read(&mut bytes) {

@@ -1,7 +1,7 @@
-//! The person at the rig, who opens the clamp when the firmware reports that it is in control and
-//! takes the drone back to its start when that ends. The pilot also reads what the program at the
-//! port sends, and moves sensor and drone as a calibration asks for. What is done by hand
-//! ([`Action`]) is done by the pilot, too.
+//! The pilot stands for the person at the rig: it opens the clamp when the firmware reports that it
+//! is in control, and takes the drone back to its start when that ends. It also reads what the
+//! program at the port sends, and moves sensor and drone as a calibration asks for. What other
+//! programs do to the rig by hand ([`Action`]) is done by the pilot, too.
 
 use crate::bench::sensor_motion::{SensorMotion, resting};
 use crate::bno055::{Fault, FaultKind};
@@ -23,7 +23,7 @@ const TILT_RAD: f64 = 0.35;
 const TURN_S: f64 = 1.5;
 /// Amplitude of the rate of a sensor that is held unsteadily, rad/s.
 const TREMBLE_RAD_S: f64 = 0.08;
-/// From the request to tilt the drone until its rudder rests.
+/// Time from the request to tilt the drone until its rudder rests.
 const RUDDER_RESTS: Ticks = Ticks::from_ms(1300);
 
 /// How well the pilot does what a calibration asks for.
@@ -33,13 +33,13 @@ pub enum Manner {
     /// Does what it is asked.
     #[default]
     Steady,
-    /// Never lets go of the sensor.
+    /// Holds the sensor unsteadily where it should lie still.
     Trembling,
     /// Turns the sensor about one axis alone.
     Lazy,
 }
 
-/// The person who holds the clamp and reads what the image and its ground station send.
+/// Moves the clamp, and reads what the image and its ground station send.
 #[derive(Clone, Debug)]
 pub struct Pilot {
     link: Wire,
@@ -50,13 +50,14 @@ pub struct Pilot {
     state: Option<StateKind>,
     /// When to look at the rudder of the tilted drone.
     check_rudder_at: Option<Ticks>,
-    /// The clamp is opened or closed by hand, whatever the state.
+    /// Whether the clamp was opened (`true`) or closed by hand; `None` while it follows the
+    /// firmware's state.
     clamp: Option<bool>,
-    /// Faults that end by themselves.
+    /// Faults that end by themselves, with the time at which they do.
     ending: Vec<(Ticks, Fault)>,
 }
 
-/// How the rig is, for whoever acts on it.
+/// The state of the rig, as a program that acts on it gets it.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Look {
     /// Time since power-on, s.
@@ -175,7 +176,7 @@ impl Pilot {
         lines
     }
 
-    /// After a failsafe the drone is not caught: it falls as it would.
+    /// In a failsafe the drone is not caught: it moves freely until the firmware leaves that state.
     fn follow_state(&mut self, rig: &mut Rig, state: StateKind) {
         self.state = Some(state);
         if self.clamp.is_some() {
@@ -272,7 +273,7 @@ impl Pilot {
         }
     }
 
-    /// How the rig is.
+    /// The state of the rig.
     pub fn look(&self, rig: &Rig) -> Look {
         let environment = rig.environment();
         let faults = environment.sensor().faults();

@@ -1,9 +1,9 @@
 //! The rig in real time, its USB port behind a pseudo-terminal.
 //!
 //! The emulated laptop takes from the image only what the program at the pseudo-terminal reads: a
-//! program that stops reading stops the laptop, and the image's packets wait, as on a real
-//! cable. A program that opens the pseudo-terminal sets DTR, one that closes it clears DTR, and the
-//! rate that it asks for is the port's. While the cable is out there is no pseudo-terminal.
+//! program that stops reading stops the laptop, and the image's packets wait, as on a real cable. A
+//! program that opens the pseudo-terminal sets DTR, one that closes it clears DTR, and the rate
+//! that it asks for is the port's. While the cable is out there is no pseudo-terminal.
 
 use std::io;
 use std::path::Path;
@@ -28,7 +28,7 @@ const MOST_LAG: Duration = Duration::from_millis(200);
 const BUFFER: usize = 4096;
 /// Timing is measured over windows of this length; the ground truth is cleared after each.
 const WINDOW: Ticks = Ticks::from_ms(2000);
-/// How long the bootloader may wait for a programmer; there is none here.
+/// Time after which a chip in its bootloader is power-cycled; nothing here can program it.
 const BOOTLOADER: Ticks = Ticks::from_ms(2000);
 
 /// Why the rig stopped early.
@@ -62,12 +62,17 @@ pub struct RealTime {
     /// None while the cable is out.
     pty: Option<Pty>,
     control: Option<Control>,
+    /// A program has the pseudo-terminal open.
     open: bool,
+    /// The rate that it has asked for.
     baud: Option<u32>,
+    /// What the image has sent and the program has not taken yet.
     outgoing: Vec<u8>,
     /// When the window that is measured next began.
     window_start: Ticks,
+    /// When the bootloader was first seen to run, while it does.
     bootloader: Option<Ticks>,
+    /// Speed of the rig's clock, as a multiple of real time.
     speed: f64,
     summary: Summary,
 }
@@ -216,7 +221,7 @@ impl RealTime {
         }
     }
 
-    /// Nobody can program this chip: it is power-cycled out of its bootloader.
+    /// Power-cycles a chip that has been in its bootloader for [`BOOTLOADER`].
     fn leave_bootloader(&mut self, report: &mut dyn FnMut(f64, &str)) {
         if !self.rig.in_bootloader() {
             self.bootloader = None;

@@ -16,9 +16,9 @@ use crate::logs::log::{self, Frames, Log, Writer};
 use crate::out::exit::{BadInput, Verdict};
 use crate::out::file::print_json;
 
-/// Time before and after a release that belongs to it, s.
+/// How much before and after a release is written with it, s.
 const AROUND_S: f64 = 2.0;
-/// Where a frame has its sequence number.
+/// Index of the sequence number in a frame.
 const SEQUENCE_AT: usize = 4;
 
 /// Writes the part that `options` ask for.
@@ -75,7 +75,7 @@ fn range(options: &Cut, log: &Log) -> Result<(f64, f64)> {
     let Some(number) = options.release else {
         return match (options.from, options.to) {
             (None, None) => Err(BadInput::new(
-                "which part? --from, --to or --release says it",
+                "no part is named: give --from, --to or --release",
             )),
             (Some(from_s), Some(to_s)) if from_s >= to_s => {
                 Err(BadInput::new("--from must be before --to"))
@@ -96,9 +96,9 @@ fn range(options: &Cut, log: &Log) -> Result<(f64, f64)> {
     Ok((release.begin_s - AROUND_S, release.end_s + AROUND_S))
 }
 
-/// What was told before a part and holds in it: who kept the log, the vehicle's build, its
-/// parameters, its state. The vehicle's frames are numbered such that the part's first one follows
-/// them, so that nothing counts as lost.
+/// Frames with what was told before a part and still holds in it: the tool that kept the log, the
+/// vehicle's build, its parameters and its state. Those of the vehicle have the sequence numbers
+/// before that of the part's first one, so that no message counts as lost.
 fn known(bytes: &[u8], begin_us: u64, part: &[(u64, &[u8])]) -> Vec<Vec<u8>> {
     let mut tool = None;
     let mut told: BTreeMap<(u8, String), MavMessage> = BTreeMap::new();

@@ -13,13 +13,13 @@ pub trait Person {
     /// Says what is to be done now.
     fn instruct(&mut self, words: &str);
 
-    /// Says something that stays in sight, with the directions that were seen.
+    /// Says something that stays in sight, with the directions that were seen, if any.
     fn tell(&mut self, words: &str, seen: Option<&Coverage>);
 
     /// Shows how far the step is, 0 to 1, in words, and the directions that were seen.
     fn progress(&mut self, share: f64, words: &str, seen: Option<&Coverage>);
 
-    /// Takes the progress out of sight.
+    /// Hides the progress.
     fn rest(&mut self);
 
     /// Shows what was found: names and values, and the same as a text.
@@ -31,7 +31,7 @@ pub trait Person {
     /// Asks; [`Self::poll`] has the answer later.
     fn ask(&mut self, question: &Question<'_>);
 
-    /// What has come of the question.
+    /// What has been answered so far.
     fn poll(&mut self) -> Typed;
 }
 
@@ -44,7 +44,7 @@ pub struct Question<'a> {
     pub keys: &'a str,
     /// The buttons of a page, each with what it stands for at a keyboard.
     pub buttons: &'a [(&'a str, &'a str)],
-    /// What may be typed, such as a unit.
+    /// What may be typed, such as a number's unit; `None` if there is nothing but the buttons.
     pub entry: Option<&'a str>,
     /// The same question as before, after an answer that does not end it.
     pub again: bool,
@@ -68,7 +68,7 @@ impl Ending {
         }
     }
 
-    /// The vehicle has it.
+    /// The vehicle has what the step is for.
     pub fn met(words: impl Into<String>) -> Self {
         Self {
             met: true,

@@ -14,7 +14,7 @@ use super::session::{Session, UNCHANGED};
 use crate::out::exit::{BadInput, Verdict};
 use crate::out::file::print_json;
 
-/// How often a pulse is commanded again; the vehicle holds it for two seconds.
+/// Time after which a pulse is commanded again; the vehicle holds it for two seconds.
 const AGAIN: Duration = Duration::from_millis(500);
 /// Step of a nudge, us.
 const NUDGE_US: f32 = 5.0;
@@ -31,7 +31,7 @@ pub struct Figures {
     polarity_checked: bool,
 }
 
-/// Sets the servo of the vehicle at a port up.
+/// Sets up the servo of the vehicle at a port.
 ///
 /// # Errors
 /// A value that the firmware does not take, a vehicle that does not answer, or Ctrl-C.
@@ -49,7 +49,7 @@ pub fn run(given: &Servo, options: &Calibrate) -> Result<Verdict> {
     Ok(Verdict::of(figures.written))
 }
 
-/// Leads through what is not given, and writes it, if the person agrees.
+/// Asks the person for the values that are not given, and writes all of them if the person agrees.
 ///
 /// # Errors
 /// A value that the firmware does not take, a vehicle that does not answer, or the person wants an
@@ -195,7 +195,7 @@ fn nudge(session: &mut Session, what: &str, from_us: f32) -> Result<f32> {
         match nudged(pulse_us, &answer) {
             Some(us) => pulse_us = us,
             None => session.say(&format!(
-                "{answer} is neither a pulse from 853 to 2193 us nor a nudge"
+                "{answer} leads to no pulse within the limits of 853 to 2193 us"
             )),
         }
     }
@@ -215,7 +215,7 @@ fn nudged(pulse_us: f32, answer: &str) -> Option<f32> {
         .then_some(us)
 }
 
-/// us per degree, out of the horn's angle at [`SPAN_US`] to both sides.
+/// Change of the pulse per degree, us, from the horn's angles at [`SPAN_US`] to both sides.
 fn scale(session: &mut Session, centre_us: f32) -> Result<Option<f32>> {
     let mut degrees = 0.0;
     for pulse_us in [centre_us + SPAN_US, centre_us - SPAN_US] {
@@ -256,7 +256,7 @@ fn direction(session: &mut Session, centre_us: f32) -> Result<Option<f32>> {
             Some("y" | "Y" | "yes") => return Ok(Some(1.0)),
             Some("n" | "N" | "no") => return Ok(Some(-1.0)),
             Some("") | None => return Ok(None),
-            Some(_) => session.say("y or n"),
+            Some(_) => session.say("answer y or n"),
         }
     }
 }

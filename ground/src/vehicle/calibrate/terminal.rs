@@ -1,4 +1,4 @@
-//! The person at a terminal: standard error shows, the keyboard answers.
+//! The person at a terminal: what a step says goes to standard error, and the keyboard answers.
 
 use anyhow::Result;
 use calibration::coverage::Coverage;
@@ -9,11 +9,11 @@ use super::person::{Person, Question};
 use super::picture::picture;
 use crate::out::file::print;
 
-/// A terminal, or what stands in its place.
+/// The terminal of this program, or whatever its standard streams are.
 pub struct Terminal {
     bar: ProgressBar,
     keyboard: Option<Keyboard>,
-    /// Standard output is kept for JSON.
+    /// Standard output has nothing but JSON: figures go to standard error, too.
     json: bool,
 }
 
@@ -69,7 +69,7 @@ impl Person for Terminal {
     }
 
     fn ask(&mut self, question: &Question<'_>) {
-        // The bar is off the screen until the next step: the question stands on a line of its own.
+        // The bar is hidden until the next progress: the question stands on a line of its own.
         self.rest();
         eprint!("{} {} ", question.words, question.keys);
         self.keyboard.get_or_insert_with(Keyboard::listen);

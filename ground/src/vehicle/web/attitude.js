@@ -1,6 +1,6 @@
 // The attitude in three dimensions: the body as it stands in the world, seen from behind its right side.
 //
-// World: north, east, down. Body: forward, right, down. Sizes are shares of the picture's half.
+// World: north, east, down. Body: forward, right, down. A length of 1 is nearly half of the picture's shorter side.
 
 import { colour } from "./charts.js";
 
@@ -132,7 +132,7 @@ export class Attitude {
     context.textBaseline = "middle";
     context.fillStyle = colours.soft;
     for (const [words, deg] of [["N", 0], ["E", 90], ["S", 180], ["W", 270]]) {
-      context.fillText(words, ...seen([1.0 * Math.cos(deg * rad), 1.0 * Math.sin(deg * rad), GROUND]).slice(0, 2));
+      context.fillText(words, ...seen([Math.cos(deg * rad), Math.sin(deg * rad), GROUND]).slice(0, 2));
     }
     // Tether and body: what is farther away first.
     const parts = this.faces.map(([corners, hue]) => {

@@ -8,9 +8,9 @@ const [KEPT, PAUSED, SURPLUS] = [60, 600, 10];
 const GAP = 1.5;
 /** Between two changes of the values in words, ms: faster ones cannot be read. */
 const WORDS = 150;
-/** Of how many pictures a slow chart is in one. */
+/** A slow chart is drawn in one of so many pictures. */
 const SLOW = 6;
-/** Width of the value axis: the charts' time axes stand below each other. */
+/** Width of the value axis, px: the same for all charts, so that their time axes stand below each other. */
 const AXIS = 46;
 
 export const colour = (name) => getComputedStyle(document.documentElement).getPropertyValue(`--${name}`).trim();
@@ -75,7 +75,7 @@ class Strip {
     }, [charts.times, ...this.values], this.place);
   }
 
-  /** Least and greatest of what is in sight, with some air. What is no number counts as 0, which is always in sight. */
+  /** Least and greatest of what is in sight, with a margin. What is no number counts as 0, which is always in sight. */
   range(plot) {
     const [from, to] = plot.series[0].idxs ?? [0, -1];
     let [low, high] = this.least;
@@ -85,8 +85,8 @@ class Strip {
         if (values[i] > high) high = values[i];
       }
     }
-    const air = 0.06 * (high - low);
-    return [low - air, high + air];
+    const margin = 0.06 * (high - low);
+    return [low - margin, high + margin];
   }
 
   draw([from, to]) {
@@ -153,7 +153,7 @@ export class Charts {
     this.renew();
   }
 
-  /** Takes in a frame. A clock that went back is a vehicle that began anew. */
+  /** Takes in a frame. If its time is earlier than the last one's, the vehicle has restarted. */
   push(time, frame) {
     const { times } = this;
     if (time < times.at(-1)) {

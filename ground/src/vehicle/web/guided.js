@@ -1,6 +1,6 @@
 // The set-up: its steps, what is to be done now, questions and what was found.
 
-/** How long the buttons of a new question take no click: the last one may have been for another. */
+/** How long a new question takes no answer, ms: a click or a key may have been meant for the one before. */
 const PAUSE = 400;
 
 const element = (tag, text, kind) => {
@@ -36,18 +36,18 @@ export class Guided {
     at("cancel").addEventListener("click", () => press("cancel", ""));
     at("entry").addEventListener("submit", (event) => {
       event.preventDefault();
-      this.reply(at("typed").value);
-      at("typed").value = "";
+      if (this.reply(at("typed").value)) at("typed").value = "";
     });
   }
 
   get running() { return this.now.running; }
 
-  /** An answer is for the question in sight; the program refuses one to any other. */
+  /** An answer is for the question in sight; the program refuses one to any other. Tells whether it is sent. */
   reply(reply) {
-    if (performance.now() < this.from) return;
-    // Words that come and go would move the buttons.
+    if (performance.now() < this.from) return false;
+    // Without words: a message that appears and vanishes would move the buttons.
     this.press("answer", "", { question: this.asked, reply });
+    return true;
   }
 
   /** Whether a step may begin. */
@@ -56,9 +56,10 @@ export class Guided {
     for (const button of this.section.querySelectorAll("[data-step]")) button.disabled = !free || this.running;
   }
 
-  /** Nothing is known of the program. */
-  silence() {
-    for (const button of this.section.querySelectorAll("button")) button.disabled = true;
+  /** Nothing can be pressed while the program is silent. */
+  silence(silent) {
+    for (const button of this.section.querySelectorAll("button")) button.disabled = silent;
+    if (!silent) this.control(this.free);
   }
 
   tell(parameters) {
@@ -72,7 +73,7 @@ export class Guided {
     }
     const { sensors, polarity } = this.known;
     this.at("summary").textContent = `sensors ${sensors.words}, polarity ${polarity.words}`;
-    // What is set up needs no room.
+    // The section stays closed for a vehicle that is set up.
     if (first && !(sensors.done && polarity.done)) this.section.querySelector("details").open = true;
   }
 
@@ -103,7 +104,7 @@ export class Guided {
     this.control(this.free);
   }
 
-  /** The sphere's cells, the top above; the fuller, the more often seen. */
+  /** The cells of the sphere of directions, the highest band first; the more often a direction was seen, the more opaque. */
   showSeen(seen) {
     const box = this.at("seen");
     box.hidden = seen === null;
@@ -118,7 +119,7 @@ export class Guided {
     if (question === null || question.id === this.asked) return;
     this.asked = question.id;
     at("asked").textContent = question.words;
-    // The same buttons again keep what has the focus.
+    // For the same question again the buttons stay, and with them the focus.
     if (question.again && at("replies").childElementCount > 0) return;
     this.from = performance.now() + PAUSE;
     at("replies").replaceChildren(...question.buttons.map(([label, reply]) => {
@@ -127,6 +128,7 @@ export class Guided {
       button.addEventListener("click", () => this.reply(reply));
       return button;
     }));
+    at("typed").value = "";
     at("entry").hidden = question.entry === null;
     at("unit").textContent = question.entry ?? "";
   }

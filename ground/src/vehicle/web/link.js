@@ -39,7 +39,7 @@ export class Link {
       return;
     }
     if ("token" in news) {
-      // The word that it has had is used up.
+      // The address had a word in place of the token, which was good for one connection only.
       this.token = news.token;
       history.replaceState(null, "", `#token=${news.token}`);
       return;

@@ -35,6 +35,7 @@ export class Logs {
   async try(what) {
     try {
       this.said.textContent = "";
+      this.said.className = "";
       await what();
     } catch (problem) {
       this.said.textContent = problem.message;

@@ -14,7 +14,7 @@ import { Stop } from "./stop.js";
 import { TITLES, rowsOf } from "./tests.js";
 
 const at = (id) => document.getElementById(id);
-/** Texts in sight. */
+/** Most messages in the list. */
 const TEXTS = 100;
 /** Least time between two pictures, ms. */
 const DRAW = 35;
@@ -22,7 +22,7 @@ const DRAW = 35;
 const FIGURES = 120;
 /** Silence of the program after which the page says so, ms. */
 const SILENCE = 1500;
-/** Between two looks whether it is silent, ms. */
+/** Between two checks whether it is silent, ms. */
 const LOOK = 250;
 
 let frame = null;
@@ -32,6 +32,8 @@ let trial = {};
 let heard = performance.now();
 let drawn = 0;
 let figured = 0;
+/** The program has said nothing for a while. */
+let silent = false;
 /** A picture has been asked for. */
 let asked = false;
 
@@ -44,7 +46,7 @@ const link = new Link(token, () => at("texts").replaceChildren(), show);
 // Orders
 
 const stop = new Stop(() => link.order("stop"), (words, kind) => {
-  // Set once, it is read out once.
+  // A screen reader reads the text aloud whenever it is set, even to the same words.
   if (at("stopped").textContent !== words) at("stopped").textContent = words;
   at("stopped").className = kind;
 });
@@ -62,7 +64,7 @@ async function press(order, words, fields) {
 
 at("stop").addEventListener("pointerdown", () => stop.pressed());
 at("stop").addEventListener("click", (event) => {
-  // By keyboard; the pointer has been heard already.
+  // A click by keyboard: one with the pointer has sent STOP when the button went down.
   if (event.detail === 0) stop.pressed();
 });
 document.addEventListener("keydown", (event) => {
@@ -116,7 +118,7 @@ for (const deg of [-30, -15, 0, 15, 30]) {
 
 foldable(document.querySelectorAll("main > section"), ["charts"]);
 
-/** Writes what has changed: the browser lays the page out anew for each write. */
+/** Writes a text only if it has changed: the browser lays the page out anew for each write. */
 function put(id, words) {
   if (at(id).textContent !== words) at(id).textContent = words;
 }
@@ -151,9 +153,11 @@ function paint(now) {
 }
 
 setInterval(() => {
-  const silent = performance.now() - heard > SILENCE;
+  silent = performance.now() - heard > SILENCE;
   document.body.classList.toggle("stale", silent || !condition.connected);
   if (silent) showSilence();
+  // No frame asks for a picture now, but charts can be zoomed and the window can change.
+  if (silent || !condition.connected) paint(performance.now());
 }, LOOK);
 
 // Conditions
@@ -168,13 +172,20 @@ function figures(list, rows) {
   }));
 }
 
-/** Nothing is known while the program is silent; what it says then is shown as ever. */
+/** Nothing is known while the program is silent. */
 function showSilence() {
   at("problem").textContent = link.refusal || "tvc web does not answer: is it still running? This page tries again by itself.";
   at("state").textContent = "unknown";
   at("state").className = "pill";
   for (const button of document.querySelectorAll("[data-order], [data-test], #record")) button.disabled = true;
-  guided.silence();
+  guided.silence(true);
+}
+
+/** The program is heard again. What has not changed in between does not come again on the same connection. */
+function endSilence() {
+  silent = false;
+  guided.silence(false);
+  if (condition.state) showCondition(condition);
 }
 
 function showCondition(now) {
@@ -191,6 +202,8 @@ function showCondition(now) {
   document.querySelector("[data-order=arm]").disabled ||= blocked;
   document.querySelector("[data-order=release]").disabled ||= !now.can_release || busy;
   document.querySelector("[data-order=calibrate]").disabled ||= blocked;
+  // The vehicle refuses these while it is armed, the program during a step of the set-up.
+  for (const order of ["save", "reload", "reset"]) document.querySelector(`[data-order=${order}]`).disabled ||= now.armed || guided.running;
   for (const button of document.querySelectorAll("[data-test]")) button.disabled ||= blocked || now.recording !== null;
   // A recording can be ended though the vehicle is silent.
   at("record").disabled = busy || (!now.connected && now.recording === null);
@@ -250,6 +263,7 @@ function showText(text) {
 
 function show(news) {
   heard = performance.now();
+  if (silent) endSilence();
   if (news.condition) showCondition(news.condition);
   if (news.trial) showTrial(news.trial);
   if ("rig" in news) rig.show(news.rig);

@@ -1,6 +1,6 @@
 // Parameters in a file: out by a download, in by a list of what would change, which is set when somebody agrees.
 
-/** Longest text that the program takes, as JSON. */
+/** Longest text that the program takes, bytes as JSON. */
 const LONGEST = 16000;
 
 const element = (tag, words) => Object.assign(document.createElement(tag), { textContent: words });
@@ -11,7 +11,7 @@ const button = (words, act) => {
 };
 
 /** What a file would change: `[name, before, after]` each, and the names that the vehicle does not have. */
-export function differences(text, has) {
+function differences(text, has) {
   const rows = text.split("\n").filter(Boolean).map((line) => line.split(/\s+/)).map(([name, value]) => [name, Number(value)]);
   return {
     changes: rows.filter(([name, value]) => has(name) !== undefined && has(name) !== value).map(([name, value]) => [name, has(name), value]),
@@ -29,7 +29,13 @@ export class ParameterFile {
     input.addEventListener("change", async () => {
       const [file] = input.files;
       input.value = "";
-      if (file) this.read(file.name, await file.text());
+      if (!file) return;
+      try {
+        const text = await file.text();
+        this.read(file.name, text);
+      } catch (problem) {
+        this.say(`${file.name}: ${problem.message}`);
+      }
     });
   }
 
@@ -46,7 +52,7 @@ export class ParameterFile {
   }
 
   async read(name, text) {
-    if (JSON.stringify(text).length > LONGEST) return this.say(`${name}: too long for a parameter file`);
+    if (new Blob([JSON.stringify(text)]).size > LONGEST) return this.say(`${name}: too long for a parameter file`);
     const { error, note } = await this.order("read-file", { text });
     if (error) return this.say(`${name}: ${error}`);
     const { changes, unknown, count } = differences(note, (key) => this.parameters.value(key));
@@ -59,7 +65,7 @@ export class ParameterFile {
     this.say(`${name} differs in ${changes.length} of ${count} values:`, list, ...other, buttons);
   }
 
-  /** One by one, so that each refusal is heard; in control nothing is changed at once. */
+  /** Sets the values one by one, so that each refusal is shown; none while the vehicle is in control. */
   async set(name, changes) {
     if (this.parameters.inControl) return this.say("The vehicle is in control: disarm first.");
     const refused = [];

@@ -8,7 +8,7 @@ const cell = (row, text, kind) => {
 };
 
 /** About a thousandth of a range, as 1, 2 or 5 times a power of ten. */
-export function stepOf([low, high]) {
+function stepOf([low, high]) {
   const raw = (high - low) / 1000;
   const power = 10 ** Math.floor(Math.log10(raw));
   return Number((power * [1, 2, 5, 10].find((factor) => factor * power >= raw * 0.999)).toPrecision(1));
@@ -53,8 +53,10 @@ export class Parameters {
   /** The value that the vehicle has; undefined for what it does not have. */
   value(name) { return this.rows.get(name)?.parameter.value; }
 
-  /** Shows what the vehicle has; a field that is being edited is left alone. */
+  /** Shows what the vehicle has; a field that is being edited is left alone. Without any, they are not known yet. */
   show(parameters) {
+    const names = new Set(parameters.map(({ name }) => name));
+    for (const [name, row] of this.rows) if (names.size > 0 && !names.has(name)) this.drop(row);
     for (const parameter of parameters) {
       const row = this.rows.get(parameter.name) ?? this.add(parameter);
       row.parameter = parameter;
@@ -83,7 +85,7 @@ export class Parameters {
         total.unsaved += isUnsaved(parameter);
       }
       total.changed += changed;
-      group.body.hidden = looking && shown === 0;
+      group.body.hidden = group.rows.length === 0 || (looking && shown === 0);
       group.button.textContent = changed ? `${group.name} · ${changed} changed` : group.name;
       group.button.setAttribute("aria-expanded", String(looking || group.open));
     }
@@ -114,7 +116,7 @@ export class Parameters {
     this.inControl = inControl;
     if (inControl) return;
     this.agreed = false;
-    for (const row of this.rows.values()) if (row.question) this.say(row, "");
+    for (const row of this.rows.values()) if (row.question) this.restore(row);
   }
 
   add(parameter) {
@@ -132,7 +134,7 @@ export class Parameters {
     cell(tr, parameter.unit);
     const range = cell(tr, parameter.range);
     cell(tr, parameter.live ? parameter.meaning : `${parameter.meaning} (only while disarmed)`);
-    const row = { tr, field: input, cell: td, range, mark, said, parameter, question: null };
+    const row = { group, tr, field: input, cell: td, range, mark, said, parameter, question: null };
     group.rows.push(row);
     input.addEventListener("change", () => this.wish(row, input.value));
     input.addEventListener("keydown", (event) => {
@@ -147,6 +149,15 @@ export class Parameters {
     });
     this.rows.set(parameter.name, row);
     return row;
+  }
+
+  /** Takes out a row that another firmware does not have. */
+  drop(row) {
+    row.tr.remove();
+    row.group.rows = row.group.rows.filter((other) => other !== row);
+    this.rows.delete(row.parameter.name);
+    if (this.last?.row === row) this.last = null;
+    this.showUndo();
   }
 
   /** What was typed: nothing that is out of range is sent, and nothing unasked in control. */

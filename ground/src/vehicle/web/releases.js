@@ -6,7 +6,7 @@ import { TITLES } from "./tests.js";
 const HUES = ["blue", "amber", "teal", "violet", "red", "green", "slate", "ink"];
 /** Share of the tilt within which pitch has settled. */
 const BAND = 0.05;
-/** A tilt of which no percentage is drawn, deg. */
+/** Up to this tilt no percentage of it is drawn, deg. */
 const LEAST = 2;
 
 const degrees = (value) => (value * 180) / Math.PI;
@@ -68,7 +68,7 @@ export class Releases {
   draw() {
     const percent = this.unit.value === "percent";
     const shown = this.releases.filter((release) => !this.hidden.has(release.number) && (!percent || Math.abs(release.start_deg) > LEAST));
-    // Each has its own times: where one has no value, its line goes on.
+    // Each has its own times: its line goes on over the times of the others (spanGaps).
     const traces = (of) => uPlot.join(shown.map((release) => [release.trace.map(([time]) => time), release.trace.map((point) => of(release, point))]));
     const pitch = (release, [, deg]) => (percent ? (100 * (deg - release.set_deg)) / release.start_deg : deg - release.set_deg);
     const newest = shown.at(-1);

@@ -1,4 +1,4 @@
-// STOP: sent in two ways at once, repeated until the vehicle has answered, and never silent.
+// STOP: sent by WebSocket and by HTTP at once, and repeated until the vehicle has answered. What became of it is always told.
 
 /** Between two repeats, ms. */
 const REPEAT = 250;
@@ -25,7 +25,7 @@ export class Stop {
       this.why = "";
       this.since = performance.now();
       this.tell("STOP is sent …", "waiting");
-      setTimeout(() => this.late(), LATE);
+      this.warning = setTimeout(() => this.late(), LATE);
     }
     this.send();
   }
@@ -59,14 +59,14 @@ export class Stop {
       return;
     }
     this.since = null;
+    clearTimeout(this.warning);
     this.tell(note ? `STOP is answered: ${note}` : "STOP is answered: the vehicle is disarmed, the rudder at neutral", "done");
     this.end = setTimeout(() => this.tell("", "done"), SEEN);
   }
 
   late() {
-    if (this.since === null) return;
     const why = this.why ? ` (${this.why})` : "";
     this.tell(`STOP IS NOT ANSWERED${why}. It is repeated by itself. Press again, or cut the vehicle's power.`, "bad");
-    setTimeout(() => this.late(), LATE);
+    this.warning = setTimeout(() => this.late(), LATE);
   }
 }
