@@ -191,8 +191,8 @@ fn settling(key: &'static str, label: &'static str, servo: ServoKind, flown: &[&
     shown.or("never").limit(requirements::settling_s(servo))
 }
 
-/// How flights with these figures ended, and in words; `gap_us` is the most that a burst was off its
-/// time.
+/// How flights with these figures ended, and in words; `gap_us` is the most that a burst was off
+/// its time.
 fn judged(figures: &[Figure], gap_us: f64) -> (Ending, String) {
     let missed = figures.iter().filter(|figure| !figure.is_met());
     let missed: Vec<&str> = missed.map(Figure::label).collect();

@@ -80,12 +80,12 @@ impl Flight {
             Some(number) if (1..=releases.len()).contains(&number) => {
                 Ok(releases.swap_remove(number - 1))
             }
-            Some(number) => Err(BadInput::new(format!(
+            Some(number) if !releases.is_empty() => Err(BadInput::new(format!(
                 "{there_are}, none of number {number}"
             ))),
             None if releases.len() == 1 => Ok(releases.swap_remove(0)),
-            None if releases.is_empty() => Err(BadInput::new(there_are)),
-            None => Err(BadInput::new(format!(
+            _ if releases.is_empty() => Err(BadInput::new(there_are)),
+            _ => Err(BadInput::new(format!(
                 "{there_are}: choose one with --release"
             ))),
         }

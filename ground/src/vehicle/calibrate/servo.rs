@@ -7,6 +7,7 @@ use anyhow::Result;
 use client::{Parameter, request};
 use serde::Serialize;
 use tvc_nano::Params;
+use tvc_nano::config::{PULSE_MAX_US, PULSE_MIN_US};
 
 use super::options::{Calibrate, Servo};
 use super::person::{Ending, Question};
@@ -195,7 +196,7 @@ fn nudge(session: &mut Session, what: &str, from_us: f32) -> Result<f32> {
         match nudged(pulse_us, &answer) {
             Some(us) => pulse_us = us,
             None => session.say(&format!(
-                "{answer} leads to no pulse within the limits of 853 to 2193 us"
+                "{answer} leads to no pulse within the limits of {PULSE_MIN_US:.0} to {PULSE_MAX_US:.0} us"
             )),
         }
     }
@@ -210,9 +211,7 @@ fn nudged(pulse_us: f32, answer: &str) -> Option<f32> {
     } else {
         answer.parse().ok()?
     };
-    (tvc_nano::config::PULSE_MIN_US..=tvc_nano::config::PULSE_MAX_US)
-        .contains(&us)
-        .then_some(us)
+    (PULSE_MIN_US..=PULSE_MAX_US).contains(&us).then_some(us)
 }
 
 /// Change of the pulse per degree, us, from the horn's angles at [`SPAN_US`] to both sides.

@@ -108,7 +108,7 @@ fn a_nano_out_of_its_box_is_set_up_and_released_from_the_page_alone() {
     );
     let now = assert_met(&page);
     let lines = now["lines"].to_string();
-    assert!(lines.contains("9000 is neither a pulse"), "{now}");
+    assert!(lines.contains("9000 leads to no pulse"), "{now}");
     has("SRV_CENTRE_US", 1500.0);
     has("SRV_US_PER_DEG", 10.0);
     has("SRV_MIN_US", 930.0);
