@@ -17,6 +17,7 @@ use crate::flight::fly::start_angle;
 use crate::flight::hardware::HardwareChoice;
 use crate::image::ImageOption;
 use crate::out::exit::Verdict;
+#[cfg(unix)]
 use crate::out::file::print;
 
 /// Options of `tvc rig`.
@@ -121,6 +122,7 @@ pub enum SensorChoice {
     Worst,
 }
 
+#[cfg(unix)]
 impl SensorChoice {
     /// Its errors.
     pub fn errors(self) -> ImuErrors {

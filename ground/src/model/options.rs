@@ -155,10 +155,10 @@ Examples:
   cargo tvc model what-if step.tlog --drone drone.toml      on the drone that `tvc identify` found
   cargo tvc model what-if evening.tlog --release 3 --param PITCH_SET_DEG=2 --json
 
-The model starts with the pitch and the pitch rate that the log has where the drone leaves its start;
-from there on the image's control law, with the log's parameters, flies it. The motion answers to
-what is changed, unlike that of `tvc replay`. How far the model is from the log with nothing changed
-says how far the rest may be believed.
+The model starts with the pitch that the log has, and leaves the hand when the log's drone does; the
+image's control law, with the log's parameters, flies it. The motion answers to what is changed,
+unlike that of `tvc replay`. How far the model is from the log with nothing changed says how far the
+rest may be believed.
 Exit status: 0 done, 1 something failed, 2 unusable input.")]
 pub struct WhatIf {
     /// A telemetry log (.tlog, .mcap).

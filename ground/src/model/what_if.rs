@@ -2,8 +2,9 @@
 
 use std::collections::BTreeMap;
 
-use anyhow::Result;
+use anyhow::{Context, Result};
 use maud::html;
+use plant::Setup;
 use plant::pitch_loop::PitchLoop;
 use plant::response::StepResponse;
 use tvc_nano::Params;
@@ -18,10 +19,14 @@ use crate::out::measure::{Figures, data, figure, rows, shown};
 use crate::out::page::{self, page};
 use crate::out::plot::{Line, Plot};
 
-/// Change of pitch at which the drone has left its start, rad.
+/// Change of pitch at which the drone is seen to have left its start, rad.
 const LEFT_RAD: f64 = 0.005;
+/// Longest time for which it may have moved before, s.
+const UNSEEN_S: f64 = 0.15;
+/// Time after that within which the model is compared with the log to find the start, s.
+const COMPARED_S: f64 = 0.5;
 
-/// Pitch over the time since the drone left its start: s, rad.
+/// Pitch over the time since the release: s, rad.
 type Motion = Vec<(f64, f64)>;
 
 /// A motion and its figures.
@@ -43,57 +48,99 @@ pub fn run(options: &WhatIf) -> Result<Verdict> {
     let release = flight
         .release(options.release)
         .map_err(|error| named(&error))?;
-    let mut params = release.params.clone();
-    let setup = setup(servo(&params), options.drone.as_deref())?;
-    let logged = logged(&release).map_err(|error| named(&error))?;
-    let [start_rad, rate_rad_s] = start(&release);
-    let end_s = logged.motion.last().map_or(0.0, |last| last.0);
-    let fly = |name, params: &Params| -> Result<Flown> {
-        let target_rad = f64::from(params.pitch_set_deg()).to_radians();
-        let mut law = Law::new(params, &setup.drone);
-        let mut model = PitchLoop::new(
-            &setup.drone,
-            setup.servo,
-            setup.timing,
-            start_rad,
-            rate_rad_s,
-        )?;
-        let mut motion = vec![(0.0, start_rad)];
-        while motion.last().is_some_and(|last| last.0 < end_s) {
-            let sample = model.step(|measurement| law.update(measurement));
-            motion.push((sample.time_s, sample.pitch_rad));
-        }
-        flown(name, motion, target_rad).map_err(|error| named(&error).into())
-    };
-    let as_it_was = fly("model", &params)?;
+    let setup = setup(servo(&release.params), options.drone.as_deref())?;
     let changed: BTreeMap<String, f32> = options.parameters.iter().cloned().collect();
-    for (name, value) in &changed {
-        params
-            .set(name, *value)
-            .map_err(|error| BadInput::new(format!("{name}: {error}")))?;
-    }
-    let difference_rad = rms_difference(&logged.motion, &as_it_was.motion);
-    let mut all = vec![logged, as_it_was];
-    if !changed.is_empty() {
-        all.push(fly("what if", &params)?);
-    }
+    let all = flown_again(&release, &setup, &changed).map_err(|error| named(&error))?;
+    let difference_rad = rms_difference(&all[0].motion, &all[1].motion);
     let figures = figures(&all, &changed, difference_rad);
     let page = markup(options, release.set_rad[0], &all, &figures)?;
     figures.conclude(options.json, Some((&options.report, page)))
 }
 
-/// The steps of a release from where the drone leaves its start.
-fn free<'a>(release: &'a Release<'_>) -> &'a [&'a Step] {
-    let first_rad = release.steps[0].pitch_rad();
-    let is_left = |step: &&Step| (step.pitch_rad() - first_rad).abs() > LEFT_RAD;
-    let left = release.steps.iter().position(is_left).unwrap_or(0);
-    &release.steps[left.saturating_sub(1)..]
+/// The log, the model as it was and, if something is changed, with that.
+///
+/// # Errors
+/// The release is no step response.
+fn flown_again(
+    release: &Release<'_>,
+    setup: &Setup,
+    changed: &BTreeMap<String, f32>,
+) -> Result<Vec<Flown>> {
+    let mut params = release.params.clone();
+    let logged = logged(release)?;
+    let start = Start::of(release, setup, &logged.motion)?;
+    let end_s = logged.motion.last().map_or(0.0, |last| last.0);
+    let target_rad = |params: &Params| f64::from(params.pitch_set_deg()).to_radians();
+    let as_it_was = start.fly(setup, &params, end_s)?;
+    let mut all = vec![logged, flown("model", as_it_was, target_rad(&params))?];
+    if !changed.is_empty() {
+        for (name, value) in changed {
+            params
+                .set(name, *value)
+                .map_err(|error| anyhow::anyhow!("{name}: {error}"))?;
+        }
+        let motion = start.fly(setup, &params, end_s)?;
+        all.push(flown("what if", motion, target_rad(&params))?);
+    }
+    Ok(all)
 }
 
-/// Pitch, rad, and pitch rate, rad/s, where the drone leaves its start.
-fn start(release: &Release<'_>) -> [f64; 2] {
-    let step = free(release)[0];
-    [step.pitch_rad(), step.rate_rad_s[1].into()]
+/// How the drone leaves the hand.
+#[derive(Clone, Copy, Debug)]
+struct Start {
+    /// Time for which it is held, s since the vehicle's release: its rudder steers already.
+    held_s: f64,
+    /// Pitch at which it is held, rad.
+    pitch_rad: f64,
+    /// Pitch rate with which it leaves, rad/s.
+    rate_rad_s: f64,
+}
+
+impl Start {
+    /// The start of a release. When the hand has opened is not in the log: of the steps before the
+    /// motion is seen, the one from which the model comes nearest to the log.
+    fn of(release: &Release<'_>, setup: &Setup, logged: &Motion) -> Result<Self> {
+        let pitch_rad = logged[0].1;
+        let is_left = |(_, rad): &(f64, f64)| (rad - pitch_rad).abs() > LEFT_RAD;
+        let left = logged.iter().position(is_left).unwrap_or(0);
+        let left_s = logged[left].0;
+        let early = logged.partition_point(|(time_s, _)| *time_s <= left_s + COMPARED_S);
+        let mut best: Option<(f64, Self)> = None;
+        for (step, (held_s, _)) in release.steps.iter().zip(&logged[..=left]) {
+            if *held_s < left_s - UNSEEN_S {
+                continue;
+            }
+            let start = Self {
+                held_s: *held_s,
+                pitch_rad,
+                rate_rad_s: step.rate_rad_s[1].into(),
+            };
+            let motion = start.fly(setup, &release.params, left_s + COMPARED_S)?;
+            let difference = rms_difference(&logged[..early], &motion);
+            if best.is_none_or(|(least, _)| difference < least) {
+                best = Some((difference, start));
+            }
+        }
+        let (_, start) = best.context("this release has no start")?;
+        Ok(start)
+    }
+
+    /// The model's motion from the release on, with these parameters.
+    fn fly(self, setup: &Setup, params: &Params, end_s: f64) -> Result<Motion> {
+        let mut law = Law::new(params, &setup.drone);
+        let pitch_rad = self.pitch_rad;
+        let mut model = PitchLoop::new(&setup.drone, setup.servo, setup.timing, pitch_rad, 0.0)?;
+        model.drone_mut().clamp(pitch_rad);
+        let mut motion = vec![(0.0, pitch_rad)];
+        while motion.last().is_some_and(|last| last.0 < end_s) {
+            if model.drone().held() && model.sample().time_s >= self.held_s {
+                model.drone_mut().release(self.rate_rad_s);
+            }
+            let sample = model.step(|measurement| law.update(measurement));
+            motion.push((sample.time_s, sample.pitch_rad));
+        }
+        Ok(motion)
+    }
 }
 
 /// The release as the log has it.
@@ -101,18 +148,14 @@ fn start(release: &Release<'_>) -> [f64; 2] {
 /// # Errors
 /// Its set point does not rest, or it begins on it.
 fn logged(release: &Release<'_>) -> Result<Flown> {
-    let none = || {
-        anyhow::anyhow!("this release is no step response: its set point moves, or it begins on it")
-    };
-    let whole = response(release).ok_or_else(none)?;
-    let steps = free(release);
-    let begin_s = steps[0].time_s();
-    let motion = steps
-        .iter()
-        .map(|step| (step.time_s() - begin_s, step.pitch_rad()));
-    let mut logged = flown("log", motion.collect(), release.set_rad[0])?;
-    logged.run.stayed_active = whole.stayed_active;
-    Ok(logged)
+    let run = response(release)
+        .context("this release is no step response: its set point moves, or it begins on it")?;
+    let motion = release.trace(Step::pitch_rad);
+    Ok(Flown {
+        name: "log",
+        motion,
+        run,
+    })
 }
 
 fn flown(name: &'static str, motion: Motion, target_rad: f64) -> Result<Flown> {
@@ -122,7 +165,7 @@ fn flown(name: &'static str, motion: Motion, target_rad: f64) -> Result<Flown> {
 }
 
 /// RMS difference of pitch at the times of the log, rad.
-fn rms_difference(logged: &Motion, model: &Motion) -> f64 {
+fn rms_difference(logged: &[(f64, f64)], model: &[(f64, f64)]) -> f64 {
     let at = |time_s: f64| {
         let next = model.partition_point(|point| point.0 < time_s);
         model
@@ -177,11 +220,7 @@ fn markup(options: &WhatIf, set_rad: f64, all: &[Flown], figures: &Figures) -> R
     });
     let set_deg = set_rad.to_degrees();
     let half_deg = settling_band_deg(all[0].run.start_rad);
-    let plot = Plot::new(
-        "time since the drone left its start, s",
-        "pitch, deg",
-        lines.collect(),
-    );
+    let plot = Plot::new("time since release, s", "pitch, deg", lines.collect());
     let plot = plot.with_band(Some((set_deg - half_deg, set_deg + half_deg)));
     let body = html! {
         (figures.table("runs").markup())
@@ -192,4 +231,74 @@ fn markup(options: &WhatIf, set_rad: f64, all: &[Flown], figures: &Figures) -> R
         ))
     };
     Ok(page(&format!("What if: {}", options.log.display()), body))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::logs::log::{Entry, Event};
+    use rig::ServoKind;
+    use tvc_nano::failsafe::StateKind;
+
+    /// A log of the model's own flight from 0.3 rad, held for a tenth of a second.
+    fn log(setup: &Setup) -> Log {
+        let mut law = Law::new(&Params::default(), &setup.drone);
+        let mut model = PitchLoop::new(&setup.drone, setup.servo, setup.timing, 0.3, 0.0).unwrap();
+        let step = |index: u64, pitch_rad: f64, rate_rad_s: f64| {
+            let half = pitch_rad / 2.0;
+            Event::Step(Step {
+                quaternion: [half.cos() as f32, 0.0, half.sin() as f32, 0.0],
+                rate_rad_s: [0.0, rate_rad_s as f32, 0.0],
+                ..Step::level(1_000_000 + index * 10_000)
+            })
+        };
+        let mut events = vec![Event::State(StateKind::Active as u32)];
+        model.drone_mut().clamp(0.3);
+        for index in 0..210 {
+            if index == 10 {
+                model.drone_mut().release(0.2);
+            }
+            let now = model.sample();
+            events.push(step(index, now.pitch_rad, now.rate_rad_s));
+            for _ in 0..20 {
+                model.step(|measurement| law.update(measurement));
+            }
+        }
+        let messages = events.iter().flat_map(Event::messages);
+        let entry = |message| Entry {
+            time_us: 0,
+            from_vehicle: true,
+            message,
+            lost_before: 0,
+        };
+        Log {
+            entries: messages.map(entry).collect(),
+            ..Log::default()
+        }
+    }
+
+    #[test]
+    fn the_model_repeats_its_own_flight_and_answers_to_a_change() {
+        let setup = setup(ServoKind::S3003, None).unwrap();
+        let flight = Flight::of(&log(&setup));
+        let release = flight.release(None).unwrap();
+        let again = |changed: &[(&str, f32)]| {
+            let changed = changed
+                .iter()
+                .map(|(name, value)| ((*name).to_owned(), *value));
+            flown_again(&release, &setup, &changed.collect()).unwrap()
+        };
+        let same = again(&[]);
+        assert_eq!(same.len(), 2);
+        let difference_rad = rms_difference(&same[0].motion, &same[1].motion);
+        assert!(difference_rad < 0.01, "{difference_rad}");
+        let settled = |flown: &Flown| flown.run.settling_5pct_s.unwrap();
+        assert!((settled(&same[0]) - settled(&same[1])).abs() < 0.03);
+        let loose = again(&[("PID_KD", 0.1)]);
+        let overshoot = |flown: &Flown| flown.run.overshoot_pct;
+        assert!(overshoot(&loose[2]) > overshoot(&loose[1]) + 10.0);
+        let moved = again(&[("PITCH_SET_DEG", 5.0)]);
+        let (_, last_rad) = moved[2].motion.last().unwrap();
+        assert!((last_rad - 5_f64.to_radians()).abs() < 0.02, "{last_rad}");
+    }
 }

@@ -240,8 +240,9 @@ impl RealTime {
     fn measure_window(&mut self) {
         let timing = LoopTiming::over(self.rig.truth(), self.window_start..self.rig.now());
         self.summary.steps += timing.steps;
-        // Until the sensor has started, bursts come irregularly.
-        if self.pilot.state().is_some() {
+        // Until the sensor has started, bursts come irregularly, and after a reset, too.
+        let is_reset = |(at, _): &(Ticks, _)| *at >= self.window_start;
+        if self.pilot.state().is_some() && !self.rig.resets().iter().any(is_reset) {
             self.summary.jitter_us_max = self.summary.jitter_us_max.max(timing.jitter_us_max);
         }
         self.window_start = self.rig.now();

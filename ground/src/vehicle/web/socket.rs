@@ -121,10 +121,14 @@ async fn serve(socket: &mut Socket, desk: &Arc<Desk>) -> Result<()> {
                 let message: Message = serde_json::from_str(&text)?;
                 // Beyond that other STOPs wait for the same answer.
                 let most = if message.is_stop() { 2 * ORDERS } else { ORDERS };
+                let id = message.id;
                 if answers.len() < most {
-                    let id = message.id;
                     let outcome = desk.give(message);
                     answers.push(async move { (id, outcome.await) });
+                } else {
+                    let why = "too many orders wait for their answers: press again";
+                    let answer = json!({ "id": id, "error": why });
+                    send(socket, Frame::text(answer.to_string())).await?;
                 }
             }
             Some((id, outcome)) = answers.next(), if !answers.is_empty() => {
