@@ -72,7 +72,7 @@ pub enum SensorFault {
     Frozen,
     /// Beyond what the sensors can measure.
     Implausible,
-    /// A jump that the next burst did not confirm.
+    /// A jump that the next burst did not confirm, or rates of zero in the middle of a turn.
     Torn,
     /// A tick went by without its burst.
     Late,

@@ -94,9 +94,9 @@ pub const STEP_AGE_US: u64 = 35_000;
 const GYR_STILL_MAX: u8 = 8;
 
 /// Rates that become zero on all axes in the burst behind one that turned faster than this, 4 deg/s
-/// (about the same counts in all units), are those of a gyroscope that has died: a body that stops
-/// as hard has noise in the last bit. Without this rule [`GYR_STILL_MAX`] bursts of a turning body
-/// would pass for rest.
+/// (about the same counts in all units), are none, until the last bit moves: a body that stops as
+/// hard has noise. The gyroscope has died, or a data line that was held low has zeroed the end of
+/// the burst. Without this rule [`GYR_STILL_MAX`] bursts of a turning body would pass for rest.
 const GYR_TURNS: u16 = 64;
 
 /// A word of -1 is not believed if the last good sample was farther than this from -1:
@@ -125,7 +125,7 @@ pub(crate) struct Inspector {
     equal: u8,
     /// How many different bursts in a row had the last one's angular rates.
     gyr_still: u8,
-    /// The rates are zero since the burst behind one that turned.
+    /// The rates are zero since the burst behind one that turned, see [`GYR_TURNS`].
     gyr_died: bool,
     /// Last good sample.
     good: Option<(Micros, Words)>,
@@ -164,6 +164,9 @@ impl Inspector {
         }
         if self.frozen(config) {
             return Err(SensorFault::Frozen);
+        }
+        if self.gyr_died && has_noisy_gyr(config) {
+            return Err(SensorFault::Torn);
         }
         if out_of_range(config, &now) || crash_pattern(config, &now) {
             return Err(SensorFault::Implausible);
@@ -243,12 +246,10 @@ impl Inspector {
     }
 
     /// Whether the same burst has come too often, or the same rates from a gyroscope whose noise
-    /// shows: fusion removes it, and a sleeping sensor has none.
+    /// shows.
     fn frozen(&self, config: &Config) -> bool {
-        let mode = config.mode;
-        let noisy_gyr = mode.has_gyr() && !mode.is_fusion() && config.power == Power::Normal;
-        let still = self.gyr_died || self.gyr_still >= GYR_STILL_MAX;
-        self.equal >= config.frozen_after.get() || noisy_gyr && still
+        let noisy_gyr = has_noisy_gyr(config);
+        self.equal >= config.frozen_after.get() || noisy_gyr && self.gyr_still >= GYR_STILL_MAX
     }
 
     /// The last good sample, if it is recent enough to be compared with one of `time`.
@@ -256,6 +257,12 @@ impl Inspector {
         let (then, good) = self.good.as_ref()?;
         (time.since(*then) <= STEP_AGE_US).then_some(good)
     }
+}
+
+/// Whether noise is to be expected in every rate: fusion removes it, and a sleeping sensor has none.
+fn has_noisy_gyr(config: &Config) -> bool {
+    let mode = config.mode;
+    mode.has_gyr() && !mode.is_fusion() && config.power == Power::Normal
 }
 
 /// Whether the burst may show CONFIG mode, in which all outputs are zero.

@@ -190,7 +190,7 @@ fn a_gyroscope_without_noise_is_dead_at_the_eighth_burst() {
 }
 
 #[test]
-fn rates_that_become_zero_in_a_turn_are_those_of_a_dead_gyroscope() {
+fn rates_that_become_zero_in_a_turn_are_none_until_the_last_bit_moves() {
     let bursts = |rates: &[[i16; 3]]| -> Vec<[i16; 9]> {
         let burst =
             |(tick, [x, y, z]): (i16, &[i16; 3])| with(&[(0, tick), (6, *x), (7, *y), (8, *z)]);
@@ -206,9 +206,9 @@ fn rates_that_become_zero_in_a_turn_are_those_of_a_dead_gyroscope() {
         [1, 0, 0],
         [0; 3],
     ];
-    let frozen = Some(SensorFault::Frozen);
-    // They stay so until the last bit moves, though the turn is no longer recent.
-    let mut expected = [frozen; 8];
+    let torn = Some(SensorFault::Torn);
+    // Though the turn is no longer recent.
+    let mut expected = [torn; 8];
     (expected[0], expected[6], expected[7]) = (None, None, None);
     assert_eq!(verdicts(&Config::default(), &bursts(&dead)), expected);
     let slow = bursts(&[[2, -64, 3], [0; 3]]);
