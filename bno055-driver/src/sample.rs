@@ -259,7 +259,7 @@ impl Inspector {
     }
 }
 
-/// Whether noise is to be expected in every rate: fusion removes it, and a sleeping sensor has none.
+/// Whether every rate has noise: fusion removes it, and a sleeping sensor has none.
 fn has_noisy_gyr(config: &Config) -> bool {
     let mode = config.mode;
     mode.has_gyr() && !mode.is_fusion() && config.power == Power::Normal
