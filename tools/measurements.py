@@ -118,10 +118,13 @@ def faults(scratch):
     kinds = campaign["faults"]
     total = {key: sum(kind[key] for kind in kinds) for key in ("runs", "recovered", "neutral", "unsafe")}
     slowest = max(kinds, key=lambda kind: kind["worst_ms"])
+    glitches = tvc("faults", "--glitches", "--report", scratch / "glitches.html")["faults"]
+    ridden, all_glitches = (sum(kind[key] for kind in glitches) for key in ("recovered", "runs"))
     return (f"## Faults\n`cargo tvc faults --json`: {total['runs']:,} faults of {len(kinds)} kinds in mid-flight. "
             f"{total['recovered']:,} recovered, {total['neutral']:,} ended with the neutral pulse commanded, "
             f"{total['unsafe']:,} were unsafe. The slowest took {slowest['worst_ms']:.0f} ms "
-            f"(`{slowest['kind']}`); {campaign['deadline_ms']:.0f} ms are allowed.\n")
+            f"(`{slowest['kind']}`); {campaign['deadline_ms']:.0f} ms are allowed. `cargo tvc faults --glitches --json`: "
+            f"{ridden} of {all_glitches} glitches of 4 to 40 ms were ridden out.\n")
 
 
 def hardware(scratch):

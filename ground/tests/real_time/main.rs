@@ -1,13 +1,11 @@
 //! `tvc` at a vehicle: the virtual rig, most of the time in real time behind its pseudo-terminal.
 //!
-//! It is one program, so that tests that mostly wait run beside each other.
+//! It is one program, so that these tests, which mostly wait, run beside each other.
 
 mod bringup;
 mod calibrate;
 #[cfg(unix)]
 mod commands;
-#[cfg(unix)]
-mod golden_keys;
 #[cfg(unix)]
 mod info;
 #[path = "../running/mod.rs"]

@@ -144,7 +144,7 @@ fn many_hostile_requests_leave_memory_and_stop_as_they_were() {
     attack_a_server(3_000);
 }
 
-/// `HOSTILE=1000000 cargo test -p ground --test at_a_vehicle -- --ignored --nocapture hostile`
+/// `HOSTILE=1000000 cargo test -p ground --test real_time -- --ignored --nocapture hostile`
 #[test]
 #[ignore = "takes minutes: for whoever changes the server"]
 fn a_long_run_of_hostile_requests() {

@@ -325,7 +325,7 @@ fn a_log_that_cannot_be_written_ends_the_flight_and_says_so() {
     assert_eq!(heard.state, Some(StateKind::Standby));
 }
 
-/// `cargo test -p ground --test at_a_vehicle -- --ignored --nocapture hundred`: a hundred flights
+/// `cargo test -p ground --test real_time -- --ignored --nocapture hundred`: a hundred flights
 /// in a quarter of an hour, whose times count on a machine that does nothing else.
 #[test]
 #[ignore = "takes a quarter of an hour"]

@@ -1,0 +1,15 @@
+//! `tvc` on recordings, models, images and rigs that run as fast as the machine can: these tests
+//! keep all cores busy.
+
+mod command_line;
+mod cycles;
+mod experiment;
+mod fuse;
+#[cfg(unix)]
+mod golden_keys;
+mod image;
+mod model;
+mod outputs;
+#[path = "../running/mod.rs"]
+mod running;
+mod tuning;
