@@ -9,9 +9,9 @@ use super::row::Ending::{self, Flies, Late, Refused, Skips, Unsettled};
 /// A sensor that stretches a byte by 180 us on average has the stretch of that byte drawn from 170
 /// to 190: the image must not count on one value.
 ///
-/// Where one byte in a hundred is stretched for 500 us, two of them in one short transfer take the
-/// time of the next burst, which the image then leaves out (`src/ticks.rs`). Chance decides whether
-/// that happens within a flight.
+/// Where one byte in a hundred is stretched for 500 us, a transfer may reach into the next tick,
+/// which then goes without its burst (`src/ticks.rs`). Chance decides whether that happens within a
+/// flight.
 pub const SETTINGS: &[(&str, Ending)] = &[
     ("", Flies),
     ("stop-read=0", Flies),
