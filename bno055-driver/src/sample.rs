@@ -91,7 +91,20 @@ pub const STEP_AGE_US: u64 = 35_000;
 /// zero for ever). The quietest gyroscope, at 12 Hz bandwidth, has one count of noise on each axis:
 /// all three rates stay the same in one of 23 samples, and in seven in a row once in 10^9, which is
 /// a false alarm a year. At wider bandwidths there is none.
+///
+/// A gyroscope that is refreshed more slowly than the other sensors has the same rates in several
+/// different bursts: see [`Inspector::still_max`].
 const GYR_STILL_MAX: u8 = 8;
+
+/// Most different bursts with the same rates that a slow refresh is taken for: an accelerometer at
+/// 100 Hz and a gyroscope at 35 Hz, with a reserve.
+const GYR_RUN_MAX: u8 = 4;
+
+/// Of a burst, in which the mean number with the same rates is kept.
+const GYR_RUN_UNIT: u16 = 256;
+
+/// Over so many refreshes is that mean taken.
+const GYR_RUN_MEAN: u16 = 16;
 
 /// Rates that become zero on all axes in the burst behind one that turned faster than this, 4 deg/s
 /// (about the same counts in all units), are none, until the last bit moves: a body that stops as
@@ -117,7 +130,7 @@ const MAG_MAX: u16 = 21_125;
 const CRASH_PATTERN: [[i16; 3]; 2] = [[1962, 568, 0], [0, 5120, 3843]];
 
 /// The judge of bursts, with what it remembers of those before.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug)]
 pub(crate) struct Inspector {
     /// Last burst, good or bad.
     last: Option<Words>,
@@ -125,6 +138,8 @@ pub(crate) struct Inspector {
     equal: u8,
     /// How many different bursts in a row had the last one's angular rates.
     gyr_still: u8,
+    /// How many different bursts have the same rates in the mean, times [`GYR_RUN_UNIT`].
+    gyr_run: u16,
     /// The rates are zero since the burst behind one that turned, see [`GYR_TURNS`].
     gyr_died: bool,
     /// Last good sample.
@@ -139,6 +154,21 @@ pub(crate) struct Judged {
     pub(crate) sample: RawSample,
     /// Whether it differs from the burst before.
     pub(crate) fresh: bool,
+}
+
+impl Default for Inspector {
+    fn default() -> Self {
+        Self {
+            last: None,
+            equal: 0,
+            gyr_still: 0,
+            // Until it is known otherwise the refresh is slow, so that none is taken for death.
+            gyr_run: u16::from(GYR_RUN_MAX) * GYR_RUN_UNIT,
+            gyr_died: false,
+            good: None,
+            jumped: None,
+        }
+    }
 }
 
 impl Inspector {
@@ -202,6 +232,10 @@ impl Inspector {
         };
         let [_, _, gyr] = now;
         let same_rates = self.last.is_some_and(|[_, _, last]| last == gyr);
+        if !same_rates && self.last.is_some() {
+            let run = u16::from(self.gyr_still.clamp(1, GYR_RUN_MAX)) * GYR_RUN_UNIT;
+            self.gyr_run = (self.gyr_run * (GYR_RUN_MEAN - 1) + run) / GYR_RUN_MEAN;
+        }
         self.gyr_still = match (same_rates, fresh) {
             (false, _) => 1,
             (true, true) => self.gyr_still.saturating_add(1),
@@ -249,7 +283,16 @@ impl Inspector {
     /// shows.
     fn frozen(&self, config: &Config) -> bool {
         let noisy_gyr = has_noisy_gyr(config);
-        self.equal >= config.frozen_after.get() || noisy_gyr && self.gyr_still >= GYR_STILL_MAX
+        self.equal >= config.frozen_after.get() || noisy_gyr && self.gyr_still >= self.still_max()
+    }
+
+    /// Different bursts with the same rates that show a dead gyroscope: eight where each has new
+    /// ones; half of that and four refreshes where they come more slowly. Where one refresh in a
+    /// hundred has the rates of the one before, as at the bandwidth that a control loop wants, four
+    /// in a row have them once in 10^8.
+    fn still_max(&self) -> u8 {
+        let half = GYR_STILL_MAX / 2;
+        half + (u16::from(half) * self.gyr_run / GYR_RUN_UNIT) as u8
     }
 
     /// The last good sample, if it is recent enough to be compared with one of `time`.

@@ -170,23 +170,24 @@ fn equal_bursts_are_normal_until_they_are_five() {
     assert_eq!(verdicts(&patient, &five), [None; 5]);
 }
 
+/// How often it is refreshed is not known yet, and a slow one is allowed for.
 #[test]
-fn a_gyroscope_without_noise_is_dead_at_the_eighth_burst() {
-    let bursts: Vec<_> = (0..8).map(|tick| with(&[(0, tick)])).collect();
+fn a_gyroscope_without_noise_is_dead_at_the_twentieth_burst() {
+    let bursts: Vec<_> = (0..20).map(|tick| with(&[(0, tick)])).collect();
     let verdicts = verdicts(&Config::default(), &bursts);
-    assert_eq!(verdicts[..7], [None; 7]);
-    assert_eq!(verdicts[7], Some(SensorFault::Frozen));
+    assert_eq!(verdicts[..19], [None; 19]);
+    assert_eq!(verdicts[19], Some(SensorFault::Frozen));
     // Bursts that come twice, as at a tick of twice the chip's rate, count once.
     let twice: Vec<_> = bursts.iter().flat_map(|burst| [*burst; 2]).collect();
     let verdicts = self::verdicts(&Config::default(), &twice);
-    assert_eq!(verdicts[..14], [None; 14]);
-    assert_eq!(verdicts[14], Some(SensorFault::Frozen));
+    assert_eq!(verdicts[..38], [None; 38]);
+    assert_eq!(verdicts[38], Some(SensorFault::Frozen));
     // Fusion removes the bias, and a rate of zero may stand.
     let fusion = Config {
         mode: Mode::Ndof,
         ..Config::default()
     };
-    assert_eq!(self::verdicts(&fusion, &bursts), [None; 8]);
+    assert_eq!(self::verdicts(&fusion, &bursts), [None; 20]);
 }
 
 #[test]
@@ -303,4 +304,45 @@ fn with_half_the_range_no_flipped_highest_bit_is_taken_for_a_rate() {
             "{rate}"
         );
     }
+}
+
+/// Bursts of an accelerometer that is refreshed in each, with rates that change every `every`th
+/// until `died`: which of them is the first to be refused.
+fn first_frozen(every: usize, died: usize) -> Option<usize> {
+    let bursts: Vec<_> = (0..200)
+        .map(|index| {
+            let refresh = index.min(died) / every;
+            with(&[(0, (index % 7) as i16), (7, (refresh % 5) as i16)])
+        })
+        .collect();
+    let verdicts = verdicts(&Config::default(), &bursts);
+    assert!(
+        verdicts
+            .iter()
+            .flatten()
+            .all(|it| *it == SensorFault::Frozen)
+    );
+    verdicts.iter().position(Option::is_some)
+}
+
+/// The eighth burst with the rates of the last that were measured; of a refresh every third, the
+/// sixteenth.
+#[test]
+fn a_gyroscope_has_died_after_several_of_its_own_refreshes() {
+    assert_eq!(first_frozen(1, 100), Some(107));
+    assert_eq!(first_frozen(3, 99), Some(99 + 15));
+    assert_eq!(first_frozen(3, 200), None);
+}
+
+/// A quiet gyroscope at 35 Hz has three times running the same rates now and then: nine bursts.
+#[test]
+fn slow_rates_that_are_equal_by_chance_are_no_dead_gyroscope() {
+    let rate = |index: usize| match index / 3 {
+        20..=22 => 9,
+        refresh => (refresh % 5 + 1) as i16,
+    };
+    let bursts: Vec<_> = (0..150)
+        .map(|index| with(&[(0, (index % 7) as i16), (7, rate(index))]))
+        .collect();
+    assert_eq!(verdicts(&Config::default(), &bursts), [None; 150]);
 }
