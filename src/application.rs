@@ -100,6 +100,9 @@ pub trait Board {
     /// A control step begins.
     fn step_begins(&mut self);
 
+    /// When the newest tick came whose step a pulse carries: the last one in its frame.
+    fn carried_tick(&self) -> Micros;
+
     /// A control step is over.
     fn step_ends(&mut self, end: &StepEnd);
 
@@ -168,6 +171,7 @@ impl<'a> Application<'a> {
         self.serve_sensor(now, board);
         if let Some(reading) = reading {
             board.step_begins();
+            self.flight.carried_tick(board.carried_tick());
             let estimate = self.flight.estimate(now, reading);
             // Behind a burst the sensor holds up the STOP for some time: the bus is free only now,
             // or after the step.
@@ -230,7 +234,7 @@ impl<'a> Application<'a> {
         StepEnd {
             pulse: snapshot.pulse,
             neutral: self.flight.neutral(),
-            timing: self.flight.params().timing(),
+            timing: self.flight.timing(),
             state: snapshot.state,
             led: led::is_lit(snapshot.state.kind(), now),
         }

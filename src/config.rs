@@ -34,6 +34,9 @@ pub fn sensor() -> bno055_driver::Config {
     }
 }
 
+/// Lag of the gyroscope's filter at the 47 Hz that are set, s: that of a first-order one.
+pub const GYR_LAG_S: f32 = 3.4e-3;
+
 /// Largest disturbance that control trims away, rad of servo: it holds against 3 cm of lateral
 /// offset of the centre of mass.
 pub const TRIM_LIMIT_RAD: f32 = 0.25;
@@ -82,29 +85,27 @@ pub const LEVEL_US: u32 = 1_000_000;
 /// A rate beyond the offset that is a motion while the attitude is levelled, counts: 3 deg/s.
 pub const LEVEL_RATE: i32 = 3 * 16;
 
-/// How far the squared norm of a quaternion may be from 1 before it counts as no rotation.
-pub const UNIT_TOLERANCE: f32 = 0.01;
-
 /// Tilt up to which the drone may be armed and released, deg. The largest test start, 0.8 rad =
 /// 45.8 deg, must pass.
 pub const ARM_TILT_DEG: u32 = 50;
 
-/// Cosine of [`ARM_TILT_DEG`]: that is what a quaternion gives without trigonometry.
-pub const COS_ARM_TILT: f32 = 0.642_787_6;
+/// Cosine of [`ARM_TILT_DEG`], Q30: that is what a quaternion gives without trigonometry.
+pub const COS_ARM_TILT_Q30: i32 = 690_187_940;
 
 /// Tilt beyond which control gives up, deg, inside the tether's stops at 1.2 rad = 68.8 deg.
 pub const FAILSAFE_TILT_DEG: u32 = 60;
 
-/// Cosine of [`FAILSAFE_TILT_DEG`].
-pub const COS_FAILSAFE_TILT: f32 = 0.5;
+/// Cosine of [`FAILSAFE_TILT_DEG`], Q30.
+pub const COS_FAILSAFE_TILT_Q30: i32 = 1 << 29;
 
 /// How long the tilt must be beyond [`FAILSAFE_TILT_DEG`], so that no single bad sample ends a
 /// flight.
 pub const FAILSAFE_TILT_US: u64 = 100_000;
 
 /// Silence of the host that is a failsafe where `FS_HOST` is on: three heartbeats of a client that
-/// sends one a second.
-pub const HOST_SILENCE_US: u64 = 3_000_000;
+/// sends one a second, less a reserve, so that the rudder is at neutral within three seconds of the
+/// last heartbeat, whenever the steps come.
+pub const HOST_SILENCE_US: u64 = 2_950_000;
 
 /// A host that never says that its port is open counts as gone after so long without a message, us:
 /// five heartbeats.
@@ -162,11 +163,12 @@ mod tests {
     #[test]
     fn cosines_are_those_of_the_limits_in_degrees() {
         for (limit_deg, cos) in [
-            (ARM_TILT_DEG, COS_ARM_TILT),
-            (FAILSAFE_TILT_DEG, COS_FAILSAFE_TILT),
+            (ARM_TILT_DEG, COS_ARM_TILT_Q30),
+            (FAILSAFE_TILT_DEG, COS_FAILSAFE_TILT_Q30),
         ] {
-            let expected = (limit_deg as f32).to_radians().cos();
-            assert!((cos - expected).abs() < 1e-6, "{limit_deg} deg");
+            let expected = f64::from(limit_deg).to_radians().cos();
+            let found = f64::from(cos) / f64::from(1 << 30);
+            assert!((found - expected).abs() < 1e-9, "{limit_deg} deg: {found}");
         }
     }
 }

@@ -1,60 +1,220 @@
-//! The control law as the parameters configure it.
+//! The control laws as the parameters configure them.
 //!
 //! Angles are the crank's, in servo radians from zero rudder. Positive ones pitch the nose down, so
-//! that the crank is the negative of what [`PredictivePd`] puts out.
+//! that the crank is the negative of what the laws put out.
 
 use core::f32::consts::PI;
 
-use tvc_pid::{PredictiveConfig, PredictivePd};
+use tvc_pid::{
+    Config, ConfigError, Derivative, Gains, Pd, Pid, PredictiveConfig, PredictivePd, Q16, Reading,
+    Scalar, Surface, SurfaceConfig,
+};
 
-use crate::config::TRIM_LIMIT_RAD;
-use crate::memory::float;
+use crate::config::{GYR_LAG_S, TRIM_LIMIT_RAD};
+use crate::memory::fixed;
 use crate::params::Params;
+
+/// What control is given with a sample.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Sample {
+    /// Pitch, rad, nose up positive.
+    pub pitch: Q16,
+    /// Pitch rate, rad/s, nose up positive.
+    pub rate: Q16,
+    /// How long before the sample the rate was measured, us, but for the lag of the sensor's
+    /// filter; `None` where it repeats that of the sample before.
+    pub rate_age_us: Option<u32>,
+    /// Mean time between two new rates, us.
+    pub refresh_us: u32,
+    /// How many ticks later a step is carried by a pulse: 0 if it is this one's.
+    pub ticks_to_go: u8,
+}
 
 /// Pitch control: what is measured becomes a crank angle.
 #[derive(Clone, Debug)]
 pub struct Controller {
-    law: PredictivePd<f32>,
-    setpoint_rad: f32,
+    law: Law,
+    shown: Pd<Q16>,
+    /// rad.
+    setpoint: Q16,
+    travel: Q16,
+}
+
+/// The laws that `PID_LAW` chooses from.
+#[derive(Clone, Debug)]
+enum Law {
+    /// Proportional, integral and derivative.
+    Pid(Pid<Q16>),
+    /// Proportional and derivative, with prediction, braking curve and trim.
+    Predictive(PredictivePd<Q16>),
+    /// The switching surface.
+    Surface(Surface<Q16>),
 }
 
 impl Controller {
+    /// Words of its part of [`Flight::memory`](crate::Flight::memory): those of the largest law.
+    pub(crate) const MEMORY_WORDS: usize = Surface::<Q16>::MEMORY;
+
     /// A controller whose crank rests at zero rudder, with commands up to `travel_rad` either side.
+    // Not inlined: its parts are large, and who builds it needs the stack for more.
+    #[inline(never)]
     pub fn new(params: &Params, travel_rad: f32) -> Self {
         let mut controller = Self {
-            law: PredictivePd::default(),
-            setpoint_rad: 0.0,
+            law: Law::Predictive(PredictivePd::default()),
+            shown: Pd {
+                kp: Q16::ZERO,
+                kd: Q16::ZERO,
+            },
+            setpoint: Q16::ZERO,
+            travel: Q16::ZERO,
         };
         controller.configure(params, travel_rad);
         controller
     }
 
-    /// Take over changed parameters, without a bump. Parameters within their ranges always make a
-    /// law, to which a test holds them; did they not, the old law would stay.
+    /// Take over changed parameters, without a bump unless they choose another law. Parameters
+    /// within their ranges always make a law, to which a test holds them; did they not, the old law
+    /// would stay.
     pub fn configure(&mut self, params: &Params, travel_rad: f32) {
-        self.setpoint_rad = params.pitch_set_deg() * (PI / 180.0);
-        let _ = self.law.retune(&law(params, travel_rad));
+        self.setpoint = (params.pitch_set_deg() * (PI / 180.0)).into();
+        self.travel = travel_rad.into();
+        self.shown = Pd {
+            kp: params.pid_kp().into(),
+            kd: params.pid_kd().into(),
+        };
+        let _ = self.law.configure(params, travel_rad);
     }
 
-    /// One sample: pitch (rad) and pitch rate (rad/s), nose up positive, give the crank angle
-    /// (rad).
-    pub fn update(&mut self, pitch_rad: f32, rate_rad_s: f32) -> f32 {
-        -self.law.update(self.setpoint_rad, pitch_rad, rate_rad_s)
+    /// One sample gives the crank angle (rad).
+    pub fn update(&mut self, sample: &Sample) -> Q16 {
+        let Sample { pitch, rate, .. } = *sample;
+        -match &mut self.law {
+            Law::Pid(law) => law.update(self.setpoint, pitch, rate),
+            Law::Predictive(law) => law.update(self.setpoint, pitch, rate),
+            Law::Surface(law) => {
+                let reading = Reading {
+                    value: pitch,
+                    rate,
+                    age: sample.rate_age_us.map(seconds),
+                    value_age: seconds(sample.refresh_us / 2),
+                };
+                law.update(self.setpoint, &reading, sample.ticks_to_go)
+            }
+        }
+    }
+
+    /// The crank angle (rad) that answers a tilt of a vehicle that is held, for somebody who looks
+    /// which way the rudder turns: in proportion, as no law that knows the rudder's speed does it.
+    pub fn show(&self, sample: &Sample) -> Q16 {
+        let output = self.shown.update(self.setpoint, sample.pitch, sample.rate);
+        (-output).clamp(-self.travel, self.travel)
+    }
+
+    /// A sample is missing: the crank angle stays.
+    pub fn coast(&mut self, ticks_to_go: u8) {
+        if let Law::Surface(law) = &mut self.law {
+            law.coast(ticks_to_go);
+        }
     }
 
     /// See [`Flight::memory`](crate::Flight::memory).
     pub(crate) fn memory(&mut self, each: &mut impl FnMut(i32) -> i32) {
-        self.law.memory(&mut |value| float(value, each));
+        let mut told = 0;
+        let mut count = |word: i32| {
+            told += 1;
+            each(word)
+        };
+        match &mut self.law {
+            Law::Pid(law) => law.memory(&mut |value| fixed(value, &mut count)),
+            Law::Predictive(law) => law.memory(&mut |value| fixed(value, &mut count)),
+            Law::Surface(law) => law.memory(&mut |value| fixed(value, &mut count)),
+        }
+        for _ in told..Self::MEMORY_WORDS {
+            each(0);
+        }
     }
 
     /// The drone is held or the rudder is neutral for another reason: start afresh.
     pub fn reset(&mut self) {
-        self.law.reset();
+        match &mut self.law {
+            Law::Pid(law) => law.reset(Q16::ZERO, self.setpoint, self.setpoint),
+            Law::Predictive(law) => law.reset(),
+            Law::Surface(law) => law.reset(),
+        }
     }
 }
 
-fn law(params: &Params, travel_rad: f32) -> PredictiveConfig {
-    let period_s = params.control_period_us() as f32 * 1.0e-6;
+impl Law {
+    /// Not taken over where it cannot work. Each law is configured in a function of its own, so
+    /// that the stack holds one of them at a time.
+    fn configure(&mut self, params: &Params, travel_rad: f32) -> Result<(), ConfigError> {
+        const PID: u32 = 0.0_f32.to_bits();
+        const PREDICTIVE: u32 = 1.0_f32.to_bits();
+        match params.pid_law().to_bits() {
+            PID => self.be_pid(&pid(params, travel_rad)),
+            PREDICTIVE => self.be_predictive(&predictive(params, travel_rad)),
+            _ => self.be_surface(&surface(params, travel_rad)),
+        }
+    }
+
+    #[inline(never)]
+    fn be_pid(&mut self, config: &Config) -> Result<(), ConfigError> {
+        match self {
+            Self::Pid(law) => law.set_config(config),
+            _ => {
+                *self = Self::Pid(Pid::new(config)?);
+                Ok(())
+            }
+        }
+    }
+
+    #[inline(never)]
+    fn be_predictive(&mut self, config: &PredictiveConfig) -> Result<(), ConfigError> {
+        if !matches!(self, Self::Predictive(_)) {
+            *self = Self::Predictive(PredictivePd::default());
+        }
+        match self {
+            Self::Predictive(law) => law.retune(config),
+            _ => Ok(()),
+        }
+    }
+
+    #[inline(never)]
+    fn be_surface(&mut self, config: &SurfaceConfig) -> Result<(), ConfigError> {
+        if !matches!(self, Self::Surface(_)) {
+            *self = Self::Surface(Surface::default());
+        }
+        match self {
+            Self::Surface(law) => law.retune(config),
+            _ => Ok(()),
+        }
+    }
+}
+
+/// Microseconds, some milliseconds of them, as seconds: 2^16 / 10^6 is 4295 / 2^16.
+fn seconds(us: u32) -> Q16 {
+    Q16::from_bits(((us.min(400_000) * 4_295) >> 16) as i32)
+}
+
+fn period_s(params: &Params) -> f32 {
+    params.control_period_us() as f32 * 1.0e-6
+}
+
+fn pid(params: &Params, travel_rad: f32) -> Config {
+    Config {
+        gains: Gains {
+            kp: params.pid_kp(),
+            ki: params.pid_ki(),
+            kd: params.pid_kd(),
+        },
+        derivative: Derivative::Rate,
+        limit: -travel_rad..=travel_rad,
+        ..Config::new(period_s(params))
+    }
+}
+
+fn predictive(params: &Params, travel_rad: f32) -> PredictiveConfig {
+    let period_s = period_s(params);
     PredictiveConfig {
         period_s,
         kp: params.pid_kp(),
@@ -72,28 +232,103 @@ fn law(params: &Params, travel_rad: f32) -> PredictiveConfig {
     }
 }
 
+/// A pulse takes effect when it ends: its tick's lead and the pulse at the middle later. The pitch
+/// is the sum of rates that are as old as they are read, each over the time since the last: half a
+/// period younger than the mean of them.
+fn surface(params: &Params, travel_rad: f32) -> SurfaceConfig {
+    let period_s = period_s(params);
+    let lead_us = params.timing().lead_us() as f32;
+    SurfaceConfig {
+        period_s,
+        plant_gain: params.pitch_gain(),
+        effect_s: (lead_us + params.srv_centre_us()) * 1.0e-6,
+        sensor_lag_s: GYR_LAG_S,
+        value_lead_s: 0.5 * period_s,
+        actuator_rate: params.srv_rad_s(),
+        actuator_loop_s: params.srv_loop_s(),
+        actuator_lag_s: params.srv_motor_s(),
+        actuator_play: params.srv_play_rad(),
+        ahead_s: params.sfc_ahead_s(),
+        gain_s: params.sfc_gain_s(),
+        lead_limit: params.sfc_lead_rad(),
+        near_per_s: params.sfc_near(),
+        curve: params.sfc_curve(),
+        rate_share: params.sfc_rate(),
+        value_share: params.sfc_pitch(),
+        trim_rad_s: params.pid_trim_rad_s(),
+        trim_limit: TRIM_LIMIT_RAD,
+        limit: travel_rad,
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::params::{Range, TABLE};
     use proptest::prelude::*;
 
+    fn sample(pitch_rad: f32, rate_rad_s: f32) -> Sample {
+        Sample {
+            pitch: pitch_rad.into(),
+            rate: rate_rad_s.into(),
+            rate_age_us: Some(4_000),
+            refresh_us: 10_000,
+            ticks_to_go: 0,
+        }
+    }
+
+    /// What a controller puts out, rad.
+    fn updated(controller: &mut Controller, pitch_rad: f32, rate_rad_s: f32) -> f32 {
+        controller.update(&sample(pitch_rad, rate_rad_s)).into()
+    }
+
+    fn with_law(law: f32) -> Params {
+        let mut params = Params::default();
+        params.set("PID_LAW", law).unwrap();
+        params
+    }
+
     #[test]
     fn nose_up_and_rising_ask_for_positive_crank_angles() {
-        let mut controller = Controller::new(&Params::default(), 1.0);
-        assert!(controller.update(0.1, 0.0) > 0.0);
-        controller.reset();
-        assert!(controller.update(0.0, 0.5) > 0.0);
-        controller.reset();
-        assert_eq!(controller.update(0.0, 0.0), 0.0);
+        for law in [0.0, 1.0, 2.0] {
+            let mut controller = Controller::new(&with_law(law), 1.0);
+            assert!(updated(&mut controller, 0.1, 0.0) > 0.0);
+            controller.reset();
+            assert!(updated(&mut controller, 0.0, 0.5) > 0.0);
+            controller.reset();
+            assert_eq!(updated(&mut controller, 0.0, 0.0), 0.0);
+        }
     }
 
     #[test]
     fn the_setpoint_is_where_the_crank_rests() {
-        let mut params = Params::default();
-        params.set("PITCH_SET_DEG", 10.0).unwrap();
-        let mut controller = Controller::new(&params, 1.0);
-        assert!(controller.update(10.0_f32.to_radians(), 0.0).abs() < 1e-6);
+        for law in [0.0, 1.0, 2.0] {
+            let mut params = with_law(law);
+            params.set("PITCH_SET_DEG", 10.0).unwrap();
+            let mut controller = Controller::new(&params, 1.0);
+            let crank_rad = updated(&mut controller, 10.0_f32.to_radians(), 0.0);
+            assert!(crank_rad.abs() < 1e-3, "{law}: {crank_rad}");
+        }
+    }
+
+    #[test]
+    fn microseconds_become_seconds() {
+        for us in [0, 1_000, 6_667, 10_000, 400_000, u32::MAX] {
+            let expected = us.min(400_000) as f32 * 1e-6;
+            assert!((f32::from(seconds(us)) - expected).abs() < 3e-5, "{us}");
+        }
+    }
+
+    #[test]
+    fn another_law_begins_at_rest_and_other_gains_go_on() {
+        let mut controller = Controller::new(&with_law(2.0), 1.0);
+        let crank_rad = updated(&mut controller, 0.3, 0.2);
+        let mut params = with_law(2.0);
+        params.set("SFC_NEAR", 20.0).unwrap();
+        controller.configure(&params, 1.0);
+        assert!(updated(&mut controller, 0.3, 0.2) >= crank_rad);
+        controller.configure(&with_law(0.0), 1.0);
+        assert_eq!(updated(&mut controller, 0.0, 0.0), 0.0);
     }
 
     proptest! {
@@ -111,7 +346,9 @@ mod tests {
                 };
                 params.set(info.name, value).unwrap();
             }
-            prop_assert!(PredictivePd::<f32>::new(&law(&params, travel_rad)).is_ok());
+            prop_assert!(Pid::<Q16>::new(&pid(&params, travel_rad)).is_ok());
+            prop_assert!(PredictivePd::<Q16>::new(&predictive(&params, travel_rad)).is_ok());
+            prop_assert!(Surface::<Q16>::new(&surface(&params, travel_rad)).is_ok());
         }
     }
 }

@@ -12,7 +12,7 @@ mod state;
 use bno055_driver::{Micros, RawSample, SensorFault};
 
 use crate::config::{
-    COS_ARM_TILT, COS_FAILSAFE_TILT, DATA_AGE_LIMIT_US, FAILSAFE_TILT_US, HOST_SILENCE_US,
+    COS_ARM_TILT_Q30, COS_FAILSAFE_TILT_Q30, DATA_AGE_LIMIT_US, FAILSAFE_TILT_US, HOST_SILENCE_US,
     RECOVERY_SAMPLES,
 };
 use crate::memory::time;
@@ -34,8 +34,8 @@ pub struct Health {
     pub settled: bool,
     /// The gyro's offset has been learned at rest.
     pub bias_known: bool,
-    /// Cosine of the angle between the body's and the earth's vertical.
-    pub cos_tilt: f32,
+    /// Cosine of the angle between the body's and the earth's vertical, Q30.
+    pub cos_tilt_q30: i32,
 }
 
 impl Health {
@@ -44,7 +44,7 @@ impl Health {
         valid: true,
         settled: false,
         bias_known: false,
-        cos_tilt: 1.0,
+        cos_tilt_q30: 1 << 30,
     };
 }
 
@@ -144,21 +144,30 @@ impl Supervisor {
         self.good_run == RECOVERY_SAMPLES
     }
 
-    /// A step with a sample, calibrated, and the attitude after it.
-    pub fn sample(&mut self, now: Micros, raw: &RawSample, health: Health) {
-        self.health = health;
-        self.fresh = Some(raw.time);
-        self.good_run = (self.good_run + 1).min(RECOVERY_SAMPLES);
-        self.fault = None;
-        self.state = match self.state {
+    /// A sample is part of the self-test, and [`Supervisor::test`] wants it.
+    pub fn is_testing(&self) -> bool {
+        matches!(self.state, State::Boot | State::SelfTest(_))
+    }
+
+    /// A sample of the self-test, calibrated.
+    pub fn test(&mut self, raw: &RawSample) {
+        self.state = match &mut self.state {
             State::Boot => State::SelfTest(SelfTest::new(raw, None)),
-            State::SelfTest(mut test) => match test.observe(raw) {
-                Verdict::Running => State::SelfTest(test),
+            State::SelfTest(test) => match test.observe(raw) {
+                Verdict::Running => return,
                 Verdict::Failed(failure) => State::SelfTest(SelfTest::new(raw, Some(failure))),
                 Verdict::Passed => State::Standby,
             },
-            other => other,
+            _ => return,
         };
+    }
+
+    /// A step with a sample of this time, and the attitude after it.
+    pub fn sample(&mut self, now: Micros, time: Micros, health: Health) {
+        self.health = health;
+        self.fresh = Some(time);
+        self.good_run = (self.good_run + 1).min(RECOVERY_SAMPLES);
+        self.fault = None;
         if !health.valid {
             self.fail(Reason::InvalidAttitude);
         }
@@ -196,7 +205,7 @@ impl Supervisor {
     /// seen.
     pub fn attitude_lost(&mut self) {
         self.health = Health {
-            cos_tilt: self.health.cos_tilt,
+            cos_tilt_q30: self.health.cos_tilt_q30,
             ..Health::UNKNOWN
         };
     }
@@ -268,7 +277,7 @@ impl Supervisor {
             Err(Refusal::Settling)
         } else if !self.health.bias_known {
             Err(Refusal::BiasUnknown)
-        } else if self.health.cos_tilt < COS_ARM_TILT {
+        } else if self.health.cos_tilt_q30 < COS_ARM_TILT_Q30 {
             Err(Refusal::Tilt)
         } else if self.host_is_silent(now) {
             Err(Refusal::HostSilent)
@@ -282,7 +291,7 @@ impl Supervisor {
         !self.sensor_is_healthy()
             || !self.health.valid
             || match reason {
-                Reason::Tilt => self.health.cos_tilt < COS_FAILSAFE_TILT,
+                Reason::Tilt => self.health.cos_tilt_q30 < COS_FAILSAFE_TILT_Q30,
                 Reason::HostSilent => self.host_is_silent(now),
                 Reason::Sensor(_) | Reason::StaleData | Reason::InvalidAttitude => {
                     !self.health.settled
@@ -311,7 +320,7 @@ impl Supervisor {
             self.fail(Reason::HostSilent);
         }
         if let State::Active { over_tilt_since } = &mut self.state {
-            if self.health.cos_tilt >= COS_FAILSAFE_TILT {
+            if self.health.cos_tilt_q30 >= COS_FAILSAFE_TILT_Q30 {
                 *over_tilt_since = None;
             } else {
                 let since = *over_tilt_since.get_or_insert(now);

@@ -8,19 +8,20 @@ mod memory;
 
 use bno055_driver::{Micros, RawSample, SensorFault};
 use tvc_fusion::fixed::{Angles, Orientation};
-use tvc_fusion::{Attitude, ConfigError, Quaternion};
+use tvc_fusion::{Attitude, ConfigError};
+use tvc_pid::{Q16, Scalar};
 
 use crate::board_status::BoardStatus;
 use crate::config::{
     CLOCK_CHANGE, STRETCH_LONGER_US, STRETCH_MAX_US, STRETCH_SHORTER_US, TEST_PULSE_US,
-    UNIT_TOLERANCE,
 };
-use crate::controller::Controller;
+use crate::controller::{Controller, Sample};
 use crate::failsafe::{BootReport, Command, Health, Refusal, State, Supervisor};
 use crate::navigation::Navigation;
 use crate::params::{Change, Info, ParamError, Params, Polarity};
 use crate::servo::{PulseUs, Servo};
 use crate::store::Loaded;
+use crate::ticks::{CarriedTicks, Timing};
 
 /// No test pulse: it expired at time 0.
 const NO_TEST_PULSE: (PulseUs, Micros) = (PulseUs(0), Micros(0));
@@ -42,8 +43,6 @@ pub struct Estimate {
     sample: RawSample,
     /// Time since the sample before, us.
     dt_us: u32,
-    /// Pitch rate, rad/s.
-    rate_rad_s: f32,
     /// The attitude is a rotation.
     valid: bool,
 }
@@ -56,9 +55,13 @@ pub struct Snapshot {
     /// The untouched sample, if there was a usable one.
     pub sample: Option<RawSample>,
     /// The newest attitude.
-    pub attitude: Attitude,
+    pub orientation: Orientation,
+    /// Roll, pitch and yaw rate of the newest sample, rad/s, body axes.
+    pub rates: [Q16; 3],
+    /// The attitude has settled since start-up.
+    pub settled: bool,
     /// Crank angle that control asked for last, rad, before limits; zero while it is not active.
-    pub crank_rad: f32,
+    pub crank: Q16,
     /// The pulse for the next servo frame.
     pub pulse: PulseUs,
     /// Where the flight stands after the step.
@@ -77,9 +80,13 @@ pub struct Snapshot {
 #[derive(Clone, Debug)]
 pub struct Flight {
     params: Params,
+    /// What the parameters say of it.
+    timing: Timing,
     navigation: Navigation,
+    carried: CarriedTicks,
     controller: Controller,
-    crank_rad: f32,
+    /// As in [`Snapshot::crank`].
+    crank: Q16,
     servo: Servo,
     /// The test pulse, and when it expires.
     test_pulse: (PulseUs, Micros),
@@ -94,17 +101,25 @@ impl Flight {
     /// it so.
     pub fn new(params: Params, report: BootReport) -> Result<Self, ConfigError> {
         let servo = Servo::new(&params);
-        let mut flight = Self {
+        let mut supervisor = Supervisor::new(report);
+        supervisor.require_host(params.fs_host() == 1.0);
+        let timing = params.timing();
+        Ok(Self {
             navigation: Navigation::new(&params)?,
+            carried: CarriedTicks::new(&timing),
             controller: Controller::new(&params, servo.travel_rad()),
-            crank_rad: 0.0,
+            crank: Q16::ZERO,
             servo,
             test_pulse: NO_TEST_PULSE,
-            supervisor: Supervisor::new(report),
+            supervisor,
             params,
-        };
-        flight.configure(Change::Live);
-        Ok(flight)
+            timing,
+        })
+    }
+
+    /// A tick whose step is carried by the next pulse came then.
+    pub fn carried_tick(&mut self, at: Micros) {
+        self.carried.seen(at);
     }
 
     /// One control step: a sample, or the reason why there is none, becomes the pulse of the next
@@ -122,14 +137,14 @@ impl Flight {
     ) -> Option<Estimate> {
         match reading.and_then(|raw| Ok((raw, self.navigation.update(&raw)?))) {
             Ok((sample, dt_us)) => {
-                let attitude = self.navigation.attitude();
-                let health = self.health(&attitude);
-                let body = self.navigation.in_body(&sample);
-                self.supervisor.sample(now, &body, health);
+                let health = self.health();
+                if self.supervisor.is_testing() {
+                    self.supervisor.test(&self.navigation.in_body(&sample));
+                }
+                self.supervisor.sample(now, sample.time, health);
                 Some(Estimate {
                     sample,
                     dt_us,
-                    rate_rad_s: attitude.rate.y,
                     valid: health.valid,
                 })
             }
@@ -144,7 +159,7 @@ impl Flight {
     pub fn act(&mut self, now: Micros, estimate: Option<Estimate>) -> Snapshot {
         match &estimate {
             Some(estimate) => {
-                self.control(now, estimate.rate_rad_s, estimate.dt_us as f32 * 1.0e-6);
+                self.control(now, estimate);
                 if !estimate.valid {
                     self.navigation.restart();
                 }
@@ -240,7 +255,7 @@ impl Flight {
     }
 
     fn learn_stretch(&mut self, board: &BoardStatus) -> bool {
-        let timing = self.params.timing();
+        let timing = &self.timing;
         let stretch_us = timing
             .stretch_of(board.bursts.planned_us(board.stop_us))
             .min(STRETCH_MAX_US);
@@ -279,12 +294,17 @@ impl Flight {
         self.supervisor.state()
     }
 
+    /// What the timing of the loop follows from, by the parameters.
+    pub fn timing(&self) -> Timing {
+        self.timing
+    }
+
     /// The parameters.
     pub fn params(&self) -> &Params {
         &self.params
     }
 
-    /// The newest attitude.
+    /// The newest attitude in float, for whoever does not count cycles.
     pub fn attitude(&self) -> Attitude {
         self.navigation.attitude()
     }
@@ -304,29 +324,41 @@ impl Flight {
     /// The control law, where the state lets it move the rudder. Positive crank angles pitch the
     /// nose down, so the crank follows pitch and its rate with positive sign: `crank = kp (pitch -
     /// setpoint) + kd rate`.
-    fn control(&mut self, now: Micros, rate_rad_s: f32, dt_s: f32) {
+    fn control(&mut self, now: Micros, estimate: &Estimate) {
+        let ticks_to_go = self.carried.tick(estimate.sample.time);
         if self.rudder(now) != Rudder::Controlled {
             return self.rest(now);
         }
-        if !self.state().is_active() {
+        let sample = Sample {
+            pitch: self.navigation.pitch(),
+            rate: self.navigation.rates()[1],
+            rate_age_us: self.navigation.rate_age_us(),
+            refresh_us: self.navigation.refresh_us(),
+            ticks_to_go,
+        };
+        self.crank = if self.state().is_active() {
+            self.controller.update(&sample)
+        } else {
             // The drone is held: that it does not follow its rudder is no disturbance.
             self.controller.reset();
-        }
-        let pitch_rad = self.navigation.pitch_rad();
-        self.crank_rad = self.controller.update(pitch_rad, rate_rad_s);
-        self.servo.command(self.crank_rad, dt_s);
+            self.controller.show(&sample)
+        };
+        self.servo.command(self.crank, estimate.dt_us);
     }
 
     /// Without a sample the last command stays, for as long as the supervisor lets it.
     fn hold(&mut self, now: Micros) {
-        if self.rudder(now) != Rudder::Controlled {
+        let ticks_to_go = self.carried.missed();
+        if self.rudder(now) == Rudder::Controlled {
+            self.controller.coast(ticks_to_go);
+        } else {
             self.rest(now);
         }
     }
 
     /// What the parameters say about a command.
     fn permit(&self, command: Command) -> Result<(), Refusal> {
-        let timing = self.params.timing();
+        let timing = &self.timing;
         match (command, self.state(), self.params.polarity()) {
             (Command::Arm, state, _) if state.is_idle() && timing.is_too_slow() => {
                 Err(Refusal::SlowBus(timing.burst_us()))
@@ -356,7 +388,7 @@ impl Flight {
     }
 
     fn rest(&mut self, now: Micros) {
-        self.crank_rad = 0.0;
+        self.crank = Q16::ZERO;
         self.controller.reset();
         match self.rudder(now) {
             Rudder::Tested(pulse) => self.servo.set(pulse),
@@ -368,8 +400,10 @@ impl Flight {
         Snapshot {
             now,
             sample,
-            attitude: self.attitude(),
-            crank_rad: self.crank_rad,
+            orientation: self.orientation(),
+            rates: self.navigation.rates(),
+            settled: self.navigation.has_settled(),
+            crank: self.crank,
             pulse: self.servo.pulse(),
             state: self.state(),
             fault: self.supervisor.fault(),
@@ -389,25 +423,23 @@ impl Flight {
         if self.params.polarity() == Polarity::Watched {
             self.test_pulse = NO_TEST_PULSE;
         }
+        self.timing = self.params.timing();
+        self.carried.configure(&self.timing);
         self.servo.configure(&self.params);
         self.controller
             .configure(&self.params, self.servo.travel_rad());
         self.supervisor.require_host(self.params.fs_host() == 1.0);
     }
 
-    fn health(&self, attitude: &Attitude) -> Health {
+    fn health(&self) -> Health {
+        let orientation = self.orientation();
         Health {
-            valid: is_rotation(&attitude.orientation),
-            settled: attitude.flags.initialised,
+            valid: orientation.is_rotation(),
+            settled: self.navigation.has_settled(),
             bias_known: self.navigation.bias_is_known(),
-            cos_tilt: 2.0 * attitude.orientation.half_down().z,
+            cos_tilt_q30: orientation.cos_tilt_q30(),
         }
     }
-}
-
-fn is_rotation(q: &Quaternion) -> bool {
-    let norm2 = q.w * q.w + q.x * q.x + q.y * q.y + q.z * q.z;
-    (norm2 - 1.0).abs() < UNIT_TOLERANCE
 }
 
 #[cfg(test)]

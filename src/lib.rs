@@ -37,6 +37,7 @@ pub mod navigation;
 mod numbered;
 pub mod params;
 pub mod recorder;
+pub mod refresh;
 pub mod self_test;
 pub mod servo;
 pub mod sleep;

@@ -18,7 +18,9 @@ mod firmware {
     #[cfg(feature = "probe")]
     use defmt_rtt as _;
     use tvc_nano::application::Application;
+    use tvc_nano::failsafe::BootReport;
     use tvc_nano::flight::Flight;
+    use tvc_nano::params::Params;
     use tvc_nano::recorder::Recorder;
     use tvc_nano::telemetry::{Identity, Telemetry};
 
@@ -46,17 +48,27 @@ mod firmware {
             system: params.mav_sysid() as u8,
             serial: serial_number(),
         };
-        let flight = Flight::new(params, report).expect("parameters in range are possible");
+        let board = singleton!(: Board = board).expect("started once");
+        let flight = flight(params, report);
         let application = Application::new(
             singleton!(: Driver = Driver::new(config)).expect("started once"),
-            singleton!(: Flight = flight).expect("started once"),
-            singleton!(: Telemetry = Telemetry::new(identity)).expect("started once"),
+            flight,
+            telemetry(identity),
             recorder,
         );
-        (
-            singleton!(: Board = board).expect("started once"),
-            application,
-        )
+        (board, application)
+    }
+
+    // As `start`: one of the large values at a time is on the stack.
+    #[inline(never)]
+    fn flight(params: Params, report: BootReport) -> &'static mut Flight {
+        let flight = Flight::new(params, report).expect("parameters in range are possible");
+        singleton!(: Flight = flight).expect("started once")
+    }
+
+    #[inline(never)]
+    fn telemetry(identity: Identity) -> &'static mut Telemetry {
+        singleton!(: Telemetry = Telemetry::new(identity)).expect("started once")
     }
 }
 

@@ -1,10 +1,11 @@
 //! Values as words of 32 bits, of which [what a flight remembers](crate::Flight::memory) consists.
 
 use bno055_driver::Micros;
+use tvc_pid::Q16;
 
-/// A float among the words.
-pub(crate) fn float(value: f32, each: &mut impl FnMut(i32) -> i32) -> f32 {
-    f32::from_bits(each(value.to_bits() as i32) as u32)
+/// A number in fixed point among the words.
+pub(crate) fn fixed(value: Q16, each: &mut impl FnMut(i32) -> i32) -> Q16 {
+    Q16::from_bits(each(value.to_bits()))
 }
 
 /// A time among the words: two of them.

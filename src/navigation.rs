@@ -4,8 +4,9 @@
 use core::f32::consts::PI;
 
 use bno055_driver::{Micros, RawSample, SensorFault};
-use tvc_fusion::fixed::{Angles, Counts, Estimator, Orientation, Scale, Vqf};
+use tvc_fusion::fixed::{Counts, Estimator, Orientation, Scale, Vqf};
 use tvc_fusion::{Attitude, Config, ConfigError};
+use tvc_pid::{Q16, Scalar, Share16};
 
 use crate::config::{
     BIAS_REST_US, DATA_AGE_LIMIT_US, ESTIMATOR_GAP_US, FIELD_LOST_US, FIELD_REPEAT_US, LEVEL_RATE,
@@ -14,6 +15,7 @@ use crate::config::{
 use crate::memory::time;
 use crate::mount::Mount;
 use crate::params::Params;
+use crate::refresh::Refresh;
 
 /// The attitude, and all that it is made from.
 #[derive(Clone, Debug)]
@@ -26,6 +28,9 @@ pub struct Navigation {
     /// When the field was fresh last.
     field_at: Micros,
     bias: Bias,
+    refresh: Refresh,
+    /// Age of the newest rates, us, if they are new.
+    rate_age_us: Option<u32>,
 }
 
 /// How much is known of the gyroscope's offset.
@@ -46,6 +51,8 @@ impl Navigation {
     /// # Errors
     /// The estimator's configuration is impossible; no set of parameters within their ranges makes
     /// it so.
+    // Not inlined: who builds it needs the stack for more.
+    #[inline(never)]
     pub fn new(params: &Params) -> Result<Self, ConfigError> {
         let settings = Settings::of(params);
         Ok(Self {
@@ -59,6 +66,8 @@ impl Navigation {
             },
             field_at: Micros(0),
             bias: Bias::Unknown(0),
+            refresh: Refresh::default(),
+            rate_age_us: None,
         })
     }
 
@@ -90,6 +99,8 @@ impl Navigation {
             self.restart();
         }
         let dt_us = dt_us.min(ESTIMATOR_GAP_US) as u32;
+        let is_new = self.last.is_none_or(|last| last.gyr != raw.gyr);
+        self.rate_age_us = self.refresh.read(dt_us, is_new);
         let mut counts = self.settings.mount.convert(raw);
         if !self.field_is_fresh(raw) {
             counts.mag = None;
@@ -122,6 +133,7 @@ impl Navigation {
         const KNOWN: u32 = 1 << 31;
         self.estimator.memory(each);
         self.field_at = time(self.field_at, each);
+        self.refresh.memory(each);
         let bias = match self.bias {
             Bias::Unknown(us) => us,
             Bias::Levelling(us) => us | LEVELLING,
@@ -141,8 +153,40 @@ impl Navigation {
     }
 
     /// Pitch, rad, -pi/2 to pi/2, nose up positive.
-    pub fn pitch_rad(&self) -> f32 {
-        Angles::to_rad(self.estimator.orientation().angles().pitch)
+    pub fn pitch(&self) -> Q16 {
+        // Half a turn is 2^31 as a binary angle, 2^18 without its last bits, and pi * 2^16 as a
+        // Q16.
+        const SCALE: Share16 = Share16::from_bits((PI / 4.0 * 65_536.0 + 0.5) as u16);
+        Q16::from_bits(self.estimator.orientation().pitch() >> 13).times(SCALE)
+    }
+
+    /// The rates of the newest sample without the gyroscope's offset, rad/s, body axes.
+    pub fn rates(&self) -> [Q16; 3] {
+        // What a 512th of a count is worth in a Q16.
+        const SCALE: Share16 = Share16::from_bits(
+            (Scale::BNO055.gyr_rad_s * 65_536.0 / 512.0 * 65_536.0 + 0.5) as u16,
+        );
+        let rate = |counts: i16, bias_q9: i32| {
+            Q16::from_bits((i32::from(counts) << 9) - bias_q9).times(SCALE)
+        };
+        let ([x, y, z], [bias_x, bias_y, bias_z]) = (self.counts.gyr, self.estimator.bias_q9());
+        [rate(x, bias_x), rate(y, bias_y), rate(z, bias_z)]
+    }
+
+    /// Whether the attitude has settled since start-up.
+    pub fn has_settled(&self) -> bool {
+        self.estimator.flags().initialised
+    }
+
+    /// How long before the newest sample the sensor measured its rates, us, but for the lag of its
+    /// filter; `None` where they repeat those of the sample before.
+    pub fn rate_age_us(&self) -> Option<u32> {
+        self.rate_age_us
+    }
+
+    /// Mean time between two new rates, us.
+    pub fn refresh_us(&self) -> u32 {
+        self.refresh.mean_us()
     }
 
     /// The newest attitude in fixed point.
@@ -171,12 +215,12 @@ impl Navigation {
     /// samples a second, and for each sample that was missed while the attitude is still trusted.
     /// The rates of this one stand for theirs. Beyond that the estimator takes it as a gap.
     fn advance(&mut self, dt_us: u32) {
-        let steps = if u64::from(dt_us) <= DATA_AGE_LIMIT_US {
-            // The estimator takes up to a quarter more for a single step.
-            dt_us.div_ceil(ESTIMATOR_PERIOD_US * 5 / 4)
-        } else {
-            1
-        };
+        // The estimator takes up to a quarter more for a single step.
+        const LONGEST_STEP_US: u32 = ESTIMATOR_PERIOD_US * 5 / 4;
+        if dt_us <= LONGEST_STEP_US || u64::from(dt_us) > DATA_AGE_LIMIT_US {
+            return self.estimator.update(dt_us, &self.counts);
+        }
+        let steps = dt_us.div_ceil(LONGEST_STEP_US);
         let step_us = dt_us / steps;
         let unseen = Counts {
             mag: None,

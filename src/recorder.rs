@@ -20,6 +20,7 @@
 
 use bno055_driver::{Micros, RawSample};
 use tvc_fusion::{Quaternion, Vector3};
+use tvc_pid::Q16;
 
 use crate::failsafe::State;
 use crate::flight::{Flight, Snapshot};
@@ -216,11 +217,12 @@ fn words(snapshot: &Snapshot, flight: &Flight) -> [u16; STEP_WORDS] {
         .wxyz_q30
         .map(|part| (part >> 16) as u16);
     let [now, now_high] = halves(snapshot.now.0 as u32);
-    let rate = &snapshot.attitude.rate;
-    let [roll, roll_high] = halves(rate.x.to_bits());
-    let [pitch, pitch_high] = halves(rate.y.to_bits());
-    let [yaw, yaw_high] = halves(rate.z.to_bits());
-    let [crank, crank_high] = halves(snapshot.crank_rad.to_bits());
+    let float = |number: Q16| halves(f32::from(number).to_bits());
+    let [roll_rate, pitch_rate, yaw_rate] = snapshot.rates;
+    let [roll, roll_high] = float(roll_rate);
+    let [pitch, pitch_high] = float(pitch_rate);
+    let [yaw, yaw_high] = float(yaw_rate);
+    let [crank, crank_high] = float(snapshot.crank);
     let (pulse, code) = (snapshot.pulse.0, snapshot.state.code() as u16);
     [
         now, now_high, age, a, b, c, d, e, f, g, h, i, w, x, y, z, roll, roll_high, pitch,
@@ -347,14 +349,20 @@ mod tests {
         for (bytes, snapshot) in kept.chunks(STEP_BYTES).zip(&snapshots) {
             let step = Step::decode(bytes.try_into().unwrap());
             assert_eq!((step.now, step.sample), (snapshot.now, snapshot.sample));
-            assert!(step.orientation.angle_to(&snapshot.attitude.orientation) < 3e-4);
-            assert_eq!(step.rate, snapshot.attitude.rate);
+            assert!(
+                step.orientation
+                    .angle_to(&snapshot.orientation.quaternion())
+                    < 3e-4
+            );
+            assert_eq!(step.rate, Vector3::from(snapshot.rates.map(f32::from)));
             assert_eq!(
                 (step.crank_rad, step.pulse, u32::from(step.code)),
-                (snapshot.crank_rad, snapshot.pulse, snapshot.state.code())
+                (snapshot.crank.into(), snapshot.pulse, snapshot.state.code())
             );
         }
-        let moved = snapshots.iter().any(|snapshot| snapshot.crank_rad != 0.0);
+        let moved = snapshots
+            .iter()
+            .any(|snapshot| snapshot.crank != Q16::default());
         assert!(moved);
     }
 

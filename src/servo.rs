@@ -6,8 +6,10 @@
 
 use core::f32::consts::PI;
 
+use tvc_pid::{Q16, Scalar};
+
 use crate::config::{PULSE_MAX_US, PULSE_MIN_US};
-use crate::memory::float;
+use crate::memory::fixed;
 use crate::params::Params;
 
 /// Width of a servo pulse in microseconds.
@@ -25,12 +27,13 @@ pub fn neutral(params: &Params) -> PulseUs {
 /// The map from crank angle to pulse, and the pulse it commanded last.
 #[derive(Clone, Debug)]
 pub struct Servo {
-    neutral_us: f32,
-    us_per_rad: f32,
-    min_us: f32,
-    max_us: f32,
-    slew_us_s: f32,
-    last_us: f32,
+    neutral_us: Q16,
+    us_per_rad: Q16,
+    min_us: Q16,
+    max_us: Q16,
+    /// Largest change in a microsecond, us, times 2^32.
+    slew_q32: u32,
+    last_us: Q16,
 }
 
 impl Servo {
@@ -40,13 +43,13 @@ impl Servo {
         let min_us = params.srv_min_us().max(PULSE_MIN_US);
         let max_us = params.srv_max_us().min(PULSE_MAX_US);
         let neutral_us = params.srv_centre_us() + us_per_deg * params.srv_hold_deg();
-        let neutral_us = neutral_us.clamp(min_us, max_us);
+        let neutral_us = neutral_us.clamp(min_us, max_us).into();
         Self {
             neutral_us,
-            us_per_rad: us_per_deg * (180.0 / PI),
-            min_us,
-            max_us,
-            slew_us_s: params.srv_slew_us_s(),
+            us_per_rad: (us_per_deg * (180.0 / PI)).into(),
+            min_us: min_us.into(),
+            max_us: max_us.into(),
+            slew_q32: (params.srv_slew_us_s() * (4_294_967_296.0 / 1.0e6)) as u32,
             last_us: neutral_us,
         }
     }
@@ -62,23 +65,17 @@ impl Servo {
 
     /// See [`Flight::memory`](crate::Flight::memory).
     pub(crate) fn memory(&mut self, each: &mut impl FnMut(i32) -> i32) {
-        self.last_us = float(self.last_us, each);
+        self.last_us = fixed(self.last_us, each);
     }
 
-    /// The pulse for a crank angle, `dt_s` after the last one. An angle that is not a number counts
-    /// as zero.
-    pub fn command(&mut self, crank_rad: f32, dt_s: f32) -> PulseUs {
-        let crank_rad = if crank_rad.is_nan() { 0.0 } else { crank_rad };
-        let wanted =
-            (self.neutral_us + self.us_per_rad * crank_rad).clamp(self.min_us, self.max_us);
-        let step = self.slew_us_s * dt_s;
-        self.last_us = if wanted > self.last_us + step {
-            self.last_us + step
-        } else if wanted < self.last_us - step {
-            self.last_us - step
-        } else {
-            wanted
-        };
+    /// The pulse for a crank angle (rad), `dt_us` after the last one.
+    pub fn command(&mut self, crank: Q16, dt_us: u32) -> PulseUs {
+        let wanted = self.neutral_us + self.us_per_rad * crank;
+        let step = (u64::from(self.slew_q32) * u64::from(dt_us)) >> 16;
+        let step = Q16::from_bits(step.min(i32::MAX as u64) as i32);
+        self.last_us = wanted
+            .clamped(self.min_us, self.max_us)
+            .clamped(self.last_us - step, self.last_us + step);
         self.pulse()
     }
 
@@ -90,7 +87,7 @@ impl Servo {
 
     /// A pulse at once, without slew and beyond the command limits: for those who look for them.
     pub fn set(&mut self, pulse: PulseUs) -> PulseUs {
-        self.last_us = pulse.0.into();
+        self.last_us = Q16::from_bits(i32::from(pulse.0) << Q16::FRACTION);
         self.pulse()
     }
 
@@ -107,18 +104,24 @@ impl Servo {
 
     /// The crank angle at which the command limit cuts in, the nearer of the two sides.
     pub fn travel_rad(&self) -> f32 {
-        (self.max_us - self.neutral_us).min(self.neutral_us - self.min_us) / self.us_per_rad.abs()
+        let travel_us = (self.max_us - self.neutral_us).min(self.neutral_us - self.min_us);
+        f32::from(travel_us) / f32::from(self.us_per_rad).abs()
     }
 }
 
-fn rounded(us: f32) -> PulseUs {
-    PulseUs((us.clamp(PULSE_MIN_US, PULSE_MAX_US) + 0.5) as u16)
+fn rounded(us: Q16) -> PulseUs {
+    const LEAST: i32 = (PULSE_MIN_US as i32) << Q16::FRACTION;
+    const MOST: i32 = (PULSE_MAX_US as i32) << Q16::FRACTION;
+    let us = us.to_bits().clamp(LEAST, MOST);
+    PulseUs(((us + (1 << (Q16::FRACTION - 1))) >> Q16::FRACTION) as u16)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use proptest::prelude::*;
+
+    const SECOND_US: u32 = 1_000_000;
 
     fn servo(changes: &[(&str, f32)]) -> Servo {
         let mut params = Params::default();
@@ -139,8 +142,11 @@ mod tests {
         assert_eq!(servo(&[("SRV_HOLD_DEG", 3.0)]).neutral(), PulseUs(1554));
         let mut reversed = servo(&[("SRV_HOLD_DEG", 3.0), ("SRV_DIR", -1.0)]);
         assert_eq!(reversed.neutral(), PulseUs(1494));
-        assert_eq!(reversed.command(0.0, 1.0), PulseUs(1494));
-        assert_eq!(reversed.command(10.0_f32.to_radians(), 1.0), PulseUs(1394));
+        assert_eq!(reversed.command(0.0.into(), SECOND_US), PulseUs(1494));
+        assert_eq!(
+            reversed.command(10.0_f32.to_radians().into(), SECOND_US),
+            PulseUs(1394)
+        );
     }
 
     /// The pulse of a crash and of the time before the first step is the one that the flight rests
@@ -151,7 +157,7 @@ mod tests {
             let mut params = Params::default();
             params.set("SRV_HOLD_DEG", hold).unwrap();
             let mut servo = Servo::new(&params);
-            servo.command(0.3, 1.0);
+            servo.command(0.3.into(), SECOND_US);
             assert_eq!(neutral(&params), PulseUs(expected));
             assert_eq!(servo.neutral_pulse(), PulseUs(expected));
             assert_eq!(servo.neutral(), PulseUs(expected));
@@ -181,14 +187,17 @@ mod tests {
     #[test]
     fn ten_degrees_are_a_hundred_microseconds_in_the_servos_direction() {
         let angle = 10.0_f32.to_radians();
-        assert_eq!(servo(&[]).command(angle, 1.0), PulseUs(1624));
-        assert_eq!(servo(&[]).command(-angle, 1.0), PulseUs(1424));
+        assert_eq!(servo(&[]).command(angle.into(), SECOND_US), PulseUs(1624));
         assert_eq!(
-            servo(&[("SRV_DIR", -1.0)]).command(angle, 1.0),
+            servo(&[]).command((-angle).into(), SECOND_US),
             PulseUs(1424)
         );
         assert_eq!(
-            servo(&[("SRV_US_PER_DEG", 8.0)]).command(angle, 1.0),
+            servo(&[("SRV_DIR", -1.0)]).command(angle.into(), SECOND_US),
+            PulseUs(1424)
+        );
+        assert_eq!(
+            servo(&[("SRV_US_PER_DEG", 8.0)]).command(angle.into(), SECOND_US),
             PulseUs(1604)
         );
     }
@@ -196,16 +205,16 @@ mod tests {
     #[test]
     fn the_pulse_moves_no_faster_than_the_slew_rate() {
         let mut servo = servo(&[]);
-        assert_eq!(servo.command(1.0, 0.01), PulseUs(1624));
-        assert_eq!(servo.command(1.0, 0.01), PulseUs(1724));
-        assert_eq!(servo.command(-1.0, 0.02), PulseUs(1524));
-        assert_eq!(servo.command(1.0, 0.0), PulseUs(1524));
+        assert_eq!(servo.command(1.0.into(), 10_000), PulseUs(1624));
+        assert_eq!(servo.command(1.0.into(), 10_000), PulseUs(1724));
+        assert_eq!(servo.command((-1.0).into(), 20_000), PulseUs(1524));
+        assert_eq!(servo.command(1.0.into(), 0), PulseUs(1524));
     }
 
     #[test]
     fn neutral_does_not_wait_for_the_slew_rate() {
         let mut servo = servo(&[]);
-        servo.command(1.0, 1.0);
+        servo.command(1.0.into(), SECOND_US);
         assert_eq!(servo.neutral(), PulseUs(1524));
     }
 
@@ -218,7 +227,7 @@ mod tests {
         #[test]
         fn no_angle_and_no_parameter_leaves_the_limits(
             angle in proptest::num::f32::ANY,
-            dt in 0.0_f32..10.0,
+            dt_us in 0_u32..10_000_000,
             min in 853.0_f32..=1400.0,
             max in 1640.0_f32..=2193.0,
             centre in 1420.0_f32..=1620.0,
@@ -227,7 +236,7 @@ mod tests {
             let mut servo = servo(&[
                 ("SRV_MIN_US", min), ("SRV_MAX_US", max), ("SRV_CENTRE_US", centre), ("SRV_DIR", direction),
             ]);
-            let pulse = f32::from(servo.command(angle, dt).0);
+            let pulse = f32::from(servo.command(angle.into(), dt_us).0);
             prop_assert!(pulse >= min - 0.5 && pulse <= max + 0.5);
         }
     }

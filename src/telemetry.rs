@@ -279,19 +279,20 @@ impl Telemetry {
     }
 
     fn stream(&mut self, snapshot: &Snapshot, flight: &Flight) {
-        let attitude = &snapshot.attitude;
+        let [rollspeed, pitchspeed, yawspeed] = snapshot.rates.map(f32::from);
         let time = snapshot.sample.map_or(snapshot.now, |sample| sample.time);
         let time_boot_ms = milliseconds(time);
         if self.rates.due(Stream::Attitude) {
+            let orientation = snapshot.orientation.quaternion();
             self.send_stream(&ATTITUDE_QUATERNION_DATA {
                 time_boot_ms,
-                q1: attitude.orientation.w,
-                q2: attitude.orientation.x,
-                q3: attitude.orientation.y,
-                q4: attitude.orientation.z,
-                rollspeed: attitude.rate.x,
-                pitchspeed: attitude.rate.y,
-                yawspeed: attitude.rate.z,
+                q1: orientation.w,
+                q2: orientation.x,
+                q3: orientation.y,
+                q4: orientation.z,
+                rollspeed,
+                pitchspeed,
+                yawspeed,
             });
         }
         if self.rates.due(Stream::Servo) {
@@ -309,7 +310,7 @@ impl Telemetry {
         if self.rates.due(Stream::Crank) {
             self.send_stream(&NAMED_VALUE_FLOAT_DATA {
                 time_boot_ms,
-                value: snapshot.crank_rad,
+                value: snapshot.crank.into(),
                 name: CharArray::new(*b"crank_rad\0"),
             });
         }
@@ -320,9 +321,9 @@ impl Telemetry {
                 roll,
                 pitch,
                 yaw,
-                rollspeed: attitude.rate.x,
-                pitchspeed: attitude.rate.y,
-                yawspeed: attitude.rate.z,
+                rollspeed,
+                pitchspeed,
+                yawspeed,
             });
         }
     }
@@ -373,10 +374,7 @@ impl Telemetry {
             magnetometer,
             snapshot.sensor_healthy && snapshot.field_healthy,
         );
-        health.set(
-            attitude,
-            snapshot.sensor_healthy && snapshot.attitude.flags.initialised,
-        );
+        health.set(attitude, snapshot.sensor_healthy && snapshot.settled);
         health.set(control, !matches!(snapshot.state, State::Failsafe(_)));
         health.set(
             readiness,

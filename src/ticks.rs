@@ -16,6 +16,8 @@
 
 use bno055_driver::{Micros, Transfer};
 
+use crate::memory::time;
+
 /// From the last moment at which a burst may be over to the edge of its pulse, us: the step, with a
 /// reserve.
 pub const STEP_BUDGET_US: u32 = 1_200;
@@ -238,6 +240,80 @@ impl TickPlan {
     /// Time from tick to tick, us, rounded down.
     pub const fn period_us(&self, frame_hz: u32) -> u32 {
         1_000_000 * self.frames_per_tick as u32 / (frame_hz * self.ticks_per_frame as u32)
+    }
+}
+
+/// Which ticks the pulses carry, by the vehicle's clock: the last one in each frame. The frame is
+/// locked to that clock, so that one of them tells all later ones.
+#[derive(Clone, Debug)]
+pub struct CarriedTicks {
+    /// When one of them came.
+    at: Micros,
+    period_us: u32,
+    per_frame: u8,
+    /// Ticks from the newest to the next that is carried.
+    to_go: u8,
+}
+
+impl CarriedTicks {
+    /// For a frame of which nothing is known yet.
+    pub fn new(timing: &Timing) -> Self {
+        let plan = TickPlan::new(timing);
+        Self {
+            at: Micros(0),
+            period_us: plan.period_us(timing.frame_hz),
+            per_frame: plan.ticks_per_frame,
+            to_go: 0,
+        }
+    }
+
+    /// Take over another timing.
+    pub fn configure(&mut self, timing: &Timing) {
+        *self = Self {
+            at: self.at,
+            ..Self::new(timing)
+        };
+    }
+
+    /// A tick that is carried came then.
+    pub fn seen(&mut self, at: Micros) {
+        self.at = at;
+    }
+
+    /// A tick: how many later one is carried, 0 if it is this one.
+    pub fn tick(&mut self, at: Micros) -> u8 {
+        // A frame of one tick needs no division.
+        self.to_go = if self.per_frame > 1 {
+            let ticks = (at.since(self.at) as u32 + self.period_us / 2) / self.period_us;
+            let per_frame = u32::from(self.per_frame);
+            // Divisions are what a tick spares.
+            let behind = if ticks < per_frame {
+                ticks
+            } else {
+                ticks % per_frame
+            };
+            if behind == 0 {
+                0
+            } else {
+                self.per_frame - behind as u8
+            }
+        } else {
+            0
+        };
+        self.to_go
+    }
+
+    /// A tick without a sample, one period after the last.
+    pub fn missed(&mut self) -> u8 {
+        self.to_go = (self.to_go + self.per_frame - 1) % self.per_frame;
+        self.to_go
+    }
+
+    /// See [`Flight::memory`](crate::Flight::memory).
+    pub(crate) fn memory(&mut self, each: &mut impl FnMut(i32) -> i32) {
+        self.at = time(self.at, each);
+        let to_go = each(i32::from(self.to_go)) as u32;
+        self.to_go = (to_go % u32::from(self.per_frame)) as u8;
     }
 }
 

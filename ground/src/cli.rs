@@ -102,7 +102,8 @@ pub enum Command {
     Fuse(Fuse),
     /// Repeat the thesis' two navigation experiments with simulated sensors.
     Experiment(Experiment),
-    /// Measure what one update of every filter costs on the chip, beside the crates of the field.
+    /// Measure what one update of every filter costs on the chip, beside the crates of the field,
+    /// or one of a control law.
     Cycles(Cycles),
     /// Print the completions of a shell.
     Completions(Completions),

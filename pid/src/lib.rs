@@ -24,6 +24,7 @@ mod predictive;
 mod reference;
 mod scalar;
 mod schedule;
+mod surface;
 
 pub use axes::Axes;
 pub use cascade::{Cascade, CascadeConfig};
@@ -33,5 +34,6 @@ pub use pd::Pd;
 pub use pid::{Coefficients, Pid};
 pub use predictive::{PredictiveConfig, PredictivePd};
 pub use reference::{Reference, Shaped};
-pub use scalar::{Q16, Scalar};
+pub use scalar::{Q16, Scalar, Share16};
 pub use schedule::Schedule;
+pub use surface::{Reading, Surface, SurfaceConfig};

@@ -117,7 +117,7 @@ impl<T: Scalar> Limits<T> {
 }
 
 /// The inputs of a sample, kept for the bumpless change of gains.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 struct Inputs<T> {
     setpoint: T,
     measured: T,
@@ -244,6 +244,27 @@ impl<T: Scalar> Pid<T> {
         } else {
             self.output - self.coefficients.proportional(setpoint, measured)
         };
+    }
+
+    /// All that the next outputs depend on besides inputs and configuration, number by number: each
+    /// is shown to `each` and becomes what that returns.
+    #[inline(never)]
+    pub fn memory(&mut self, each: &mut impl FnMut(T) -> T) {
+        self.integral = each(self.integral);
+        self.derivative = each(self.derivative);
+        self.output = each(self.output);
+        let known = |known: bool| if known { T::ONE } else { T::ZERO };
+        let is_known = each(known(self.previous.is_some())) != T::ZERO;
+        let previous = each(self.previous.unwrap_or_default());
+        self.previous = is_known.then_some(previous);
+        let is_known = each(known(self.last.is_some())) != T::ZERO;
+        let last = self.last.unwrap_or_default();
+        let last = Inputs {
+            setpoint: each(last.setpoint),
+            measured: each(last.measured),
+            slope: each(last.slope),
+        };
+        self.last = is_known.then_some(last);
     }
 
     /// The last output.

@@ -36,7 +36,8 @@ pub struct Timing {
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub lead_s: Option<f64>,
     /// Where the sensor refreshes its registers by a clock of its own: the period, in s. The law
-    /// then sees the newest refresh, and the delay counts up to that.
+    /// then sees the newest refresh, and the delay counts up to that; of the pitch it sees the sum
+    /// of such rates, each over a period of the law, as the firmware estimates it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub refresh_s: Option<f64>,
     /// Time of the first refresh after the start, in s.
@@ -64,12 +65,12 @@ impl Timing {
     };
 
     /// The firmware with an analogue servo: samples at 150 Hz locked to the 50 Hz frame, every
-    /// third one carried by a pulse 6.8 ms later. The sensor's own 100 Hz run free, so that what
+    /// third one carried by a pulse 6.5 ms later. The sensor's own 100 Hz run free, so that what
     /// it shows is 0 to 10 ms old; its gyroscope's 47 Hz filter adds 3.4 ms.
     pub const NANO_50HZ: Self = Self {
         control_s: 20e-3 / 3.0,
         delay_s: 3.4e-3,
-        lead_s: Some(6.8e-3),
+        lead_s: Some(6.5e-3),
         refresh_s: Some(10e-3),
         refresh_phase_s: 5e-3,
         ..Self::ANALOGUE
@@ -217,6 +218,11 @@ pub struct PitchLoop {
     frames: u64,
     history: Vec<[f64; 2]>,
     command_rad: f64,
+    /// The command before, and when the law was due to replace it, in s: a run may come up to half
+    /// a step early, and an edge before its time still carries what there was.
+    replaced: (f64, f64),
+    /// The pitch at the start and the sum of the measured rates since, in rad.
+    summed_rad: f64,
 }
 
 impl PitchLoop {
@@ -251,6 +257,8 @@ impl PitchLoop {
             frames: 0,
             history: vec![[pitch_rad, rate_rad_s]; depth],
             command_rad: zero_rad,
+            replaced: (zero_rad, 0.0),
+            summed_rad: pitch_rad,
         })
     }
 
@@ -261,7 +269,13 @@ impl PitchLoop {
         // A run on a step's boundary belongs to the step that it opens, whatever rounding does.
         let due = self.first_control_s + self.controls as f64 * self.timing.control_s;
         if now > due - 0.5 * step_s {
-            self.command_rad = law(self.measure(now));
+            self.replaced = (self.command_rad, due);
+            let mut measured = self.measure(now);
+            self.summed_rad += self.timing.control_s * measured.rate_rad_s;
+            if self.timing.refresh_s.is_some() {
+                measured.pitch_rad = self.summed_rad;
+            }
+            self.command_rad = law(measured);
             self.controls += 1;
         }
         let end = (self.steps + 1) as f64 * step_s;
@@ -271,7 +285,13 @@ impl PitchLoop {
             if edge >= end - 0.5e-9 {
                 break;
             }
-            let width_us = self.servo.model().width_for_crank(self.command_rad);
+            let (before_rad, replaced_s) = self.replaced;
+            let command_rad = if edge < replaced_s - 0.5e-9 {
+                before_rad
+            } else {
+                self.command_rad
+            };
+            let width_us = self.servo.model().width_for_crank(command_rad);
             self.servo.pulse(edge, width_us);
             self.frames += 1;
         }

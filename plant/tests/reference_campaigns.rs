@@ -2,7 +2,7 @@
 
 use plant::Setup;
 use plant::dispersion::{Campaign, Outcome, Ranges, fly, pass_rate, quantile};
-use plant::pitch_loop::Pd;
+use plant::pitch_loop::{Pd, Timing};
 
 /// Expected pass rates with 5 %, 2 % and fixed band: analogue servo, kp 1.0, kd 0.30. The
 /// reference flew other draws, so that rates agree within their confidence only.
@@ -13,7 +13,7 @@ fn compare(ranges: Ranges, expected: [f64; 3]) -> Vec<Outcome> {
         ..Campaign::new(1, 300)
     };
     let linkage = setup.drone.linkage();
-    let law = || {
+    let law = |_: &Timing| {
         let mut law = Pd::new(1.0, 0.30, &linkage, setup.timing.control_s);
         move |m| law.update(m)
     };

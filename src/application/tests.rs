@@ -80,6 +80,9 @@ impl Board for Notes {
     fn step_begins(&mut self) {
         self.asked.push(Asked::StepBegins);
     }
+    fn carried_tick(&self) -> Micros {
+        Micros(0)
+    }
     fn step_ends(&mut self, end: &StepEnd) {
         self.asked.push(Asked::StepEnds(end.pulse));
         self.end = Some(*end);

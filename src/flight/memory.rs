@@ -4,11 +4,12 @@
 use bno055_driver::RawSample;
 
 use super::Flight;
-use crate::memory::float;
+use crate::controller::Controller;
+use crate::memory::fixed;
 
 impl Flight {
     /// Words of [`Flight::memory`].
-    pub const MEMORY_WORDS: usize = tvc_fusion::fixed::MEMORY_WORDS + 17;
+    pub const MEMORY_WORDS: usize = tvc_fusion::fixed::MEMORY_WORDS + 17 + Controller::MEMORY_WORDS;
 
     /// All that the next steps depend on besides parameters, samples and commands, word by word:
     /// each is shown to `each` and becomes what that returns. The first is a digest of the
@@ -16,11 +17,20 @@ impl Flight {
     /// start-up](crate::State::is_past_start_up), but for a test pulse.
     pub fn memory(&mut self, each: &mut impl FnMut(i32) -> i32) {
         each(self.params.digest());
+        self.carried.memory(each);
         self.supervisor.memory(each);
         self.navigation.memory(each);
         self.controller.memory(each);
-        self.crank_rad = float(self.crank_rad, each);
+        self.crank = fixed(self.crank, each);
         self.servo.memory(each);
+    }
+
+    /// Take over which ticks the pulses carry from another flight's [memory](Flight::memory):
+    /// samples do not tell it.
+    pub fn follow_frames(&mut self, words: &[i32]) {
+        let mut rest = words.iter().skip(1);
+        self.carried
+            .memory(&mut |word| rest.next().copied().unwrap_or(word));
     }
 
     /// Go on from the [memory](Flight::memory) of another flight after a step with this sample.
@@ -30,7 +40,7 @@ impl Flight {
         let mut rest = words.iter();
         self.memory(&mut |word| rest.next().copied().unwrap_or(word));
         self.navigation.resume(sample);
-        let health = self.health(&self.attitude());
+        let health = self.health();
         self.supervisor.resume(sample.time, health);
         words.first() == Some(&self.params.digest())
     }

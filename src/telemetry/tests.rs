@@ -23,7 +23,8 @@ use crate::flight::tests::{Desk, reading};
 use crate::params::Params;
 use crate::servo::PulseUs;
 use bno055_driver::{Health, RawSample, SensorFault};
-use tvc_fusion::{Attitude, Flags, Quaternion, Vector3};
+use tvc_fusion::fixed::Orientation;
+use tvc_pid::Q16;
 
 /// A frame as pymavlink makes it; `tools/golden_frames.py` made them.
 fn golden(name: &str) -> Vec<u8> {

@@ -41,6 +41,7 @@ fn flies_with_parts_that_differ_from_the_default() {
         "stretch=50..70,stop-read=0",
         "stretch=230..250,stop-write=200",
         "refresh=35/35/20,field-age=50",
+        "refresh=100/35/20",
         "late-registers=40000,field=dead",
         "host=windows,clock=-3.1,wake=10",
         "address=0x29,stop-read=300,lost-within=500,lever=30/10/-80,bootloader=arduino,host=linux,\

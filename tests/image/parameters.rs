@@ -5,6 +5,7 @@ use crate::faults::{assert_pulses_went_on, default_neutral_us, ms};
 use crate::ready;
 use client::{Failure, Frame, StateKind, Wire, request};
 use rig::ground_station::{GroundStation, GroundStationError};
+use rig::measure::LoopTiming;
 use rig::{Ready, Rig};
 use tvc_nano::store::SLOT_BYTES;
 
@@ -95,7 +96,11 @@ fn a_power_cut_at_any_instant_of_a_save_leaves_the_old_set_or_the_new_one() {
     let before = rig.chip().flash()[STORE].to_vec();
     station.request_save(rig);
     let mut found = [0, 0];
-    for instant in 0..30 {
+    // The image begins when the sensor's bus is free, some ticks later.
+    for instant in 0..200 {
+        if found[1] > 5 {
+            break;
+        }
         station.run(rig, ms(1)).unwrap();
         let mut fork = rig.clone();
         let kp = gain_after_power_cut(&mut fork, &mut station.clone());
@@ -159,4 +164,30 @@ fn nothing_is_saved_while_armed() {
     );
     assert_eq!(rig.chip().flash()[STORE], before);
     assert_eq!(station.state(), Some(StateKind::Armed));
+}
+
+/// What a law makes of its parameters must be computed in the time that a tick leaves.
+#[test]
+fn a_parameter_that_changes_in_flight_costs_no_tick() {
+    let mut bench = ready();
+    let Ready { rig, station, .. } = &mut bench;
+    station.arm(rig).unwrap();
+    station.release(rig, 0.0).unwrap();
+    station.run(rig, ms(1000)).unwrap();
+    let from = rig.now();
+    for round in 0..12 {
+        for (name, value) in [("PID_KP", 1.9), ("SFC_CURVE", 0.85), ("PITCH_GAIN", 31.0)] {
+            let value = value + 0.01 * round as f32;
+            station.set_parameter(rig, name, value).unwrap();
+            // The next one arrives at another instant between two ticks.
+            station.run(rig, ms(5)).unwrap();
+        }
+    }
+    let timing = LoopTiming::over(rig.truth(), from..rig.now());
+    assert!(
+        timing.bursts > 30 && timing.jitter_us_max < 100.0,
+        "{timing:?}"
+    );
+    assert!(timing.steps.abs_diff(timing.bursts) <= 1, "{timing:?}");
+    assert_eq!(station.state(), Some(StateKind::Active));
 }

@@ -1,11 +1,15 @@
 //! The filters in fixed point as they are built for the chip: no float, and no multiplication,
 //! division or shift of 64 bits. All of these are library calls there, so that the linked names
-//! show them.
+//! show them. And the image's control step, in which no float routine runs.
 
+use std::collections::BTreeMap;
 use std::path::Path;
 
-use rig::Image;
 use rig::image::{Builder, Source};
+use rig::{Image, Ready, Ticks};
+
+use crate::faults::{default_neutral_us, released};
+use crate::{firmware, ready};
 
 /// The image of the package `cycles` with one update of a filter and what that calls, and nothing
 /// else.
@@ -22,33 +26,46 @@ fn update(filter: &str) -> Image {
         .unwrap_or_else(|error| panic!("{error}"))
 }
 
-/// Names of the run-time library's arithmetic on floats and on 64 bits: ARM's own (run-time ABI,
-/// chapter 4) and those of the compiler's builtins.
+/// Names of the run-time library's arithmetic on floats and on 64 bits.
 fn library_calls(image: &Image) -> Vec<String> {
+    image
+        .symbols()
+        .map(|(name, _)| name.to_owned())
+        .filter(|name| is_of_floats(name) || is_of_64_bits(name))
+        .collect()
+}
+
+/// Whether a name is that of arithmetic on floats: ARM's own (run-time ABI, chapter 4) or one of
+/// the compiler's builtins.
+fn is_of_floats(name: &str) -> bool {
+    let conversions = ["i2f", "i2d", "ui2f", "ui2d", "l2f", "l2d", "ul2f", "ul2d"];
+    let eabi = name
+        .strip_prefix("__aeabi_")
+        .is_some_and(|rest| rest.starts_with(['f', 'd']) || conversions.contains(&rest));
+    eabi || is_builtin(name, &["sf", "df"])
+}
+
+/// The same for arithmetic on 64 bits.
+fn is_of_64_bits(name: &str) -> bool {
     let arm = [
         "lmul", "ldivmod", "uldivmod", "llsl", "llsr", "lasr", "lcmp", "ulcmp",
     ];
+    let eabi = name
+        .strip_prefix("__aeabi_")
+        .is_some_and(|rest| arm.contains(&rest));
+    eabi || is_builtin(name, &["di"])
+}
+
+fn is_builtin(name: &str, kinds: &[&str]) -> bool {
     let builtins = [
         "add", "sub", "mul", "div", "cmp", "eq", "ne", "lt", "le", "gt", "ge", "fix", "float",
         "neg", "ashl", "ashr", "lshr",
     ];
-    image
-        .symbols()
-        .map(|(name, _)| name.to_owned())
-        .filter(|name| {
-            let eabi = name.strip_prefix("__aeabi_").is_some_and(|rest| {
-                arm.contains(&rest)
-                    || rest.starts_with(['f', 'd'])
-                    || ["i2f", "i2d", "ui2f", "ui2d", "l2f", "l2d", "ul2f", "ul2d"].contains(&rest)
-            });
-            let builtin = builtins.iter().any(|operation| {
-                ["sf", "df", "di"]
-                    .iter()
-                    .any(|kind| name.contains(&format!("__{operation}")) && name.contains(kind))
-            });
-            eabi || builtin
-        })
-        .collect()
+    builtins.iter().any(|operation| {
+        kinds
+            .iter()
+            .any(|kind| name.contains(&format!("__{operation}")) && name.contains(kind))
+    })
 }
 
 #[test]
@@ -71,5 +88,34 @@ fn a_float_filter_is_recognised_by_its_calls() {
     let calls = library_calls(&update("mahony-9d"));
     for name in ["__aeabi_fadd", "__aeabi_fmul"] {
         assert!(calls.iter().any(|call| call == name), "{name}: {calls:?}");
+    }
+}
+
+/// What runs in flight, instruction by instruction, for as long as six steps take: in the steps,
+/// and in all.
+#[test]
+fn a_control_step_runs_no_float_routine() {
+    let floats: BTreeMap<u32, &str> = firmware()
+        .symbols()
+        .filter(|(name, _)| is_of_floats(name))
+        .map(|(name, address)| (address & !1, name))
+        .collect();
+    let mut flight = released(ready(), &default_neutral_us());
+    let Ready { rig, .. } = &mut flight;
+    let from = rig.now();
+    let mut runs = Vec::new();
+    while rig.now() < from + Ticks::from_ms(40) {
+        if let Some(name) = floats.get(&rig.chip().pc()) {
+            runs.push((rig.now(), *name));
+        }
+        rig.run_for(Ticks(1)).unwrap();
+    }
+    // Telemetry has floats, behind the step.
+    assert!(runs.len() > 6, "{}: nothing is seen", runs.len());
+    let steps = rig.truth().steps.iter().filter(|step| step.start >= from);
+    assert!(steps.clone().count() >= 5);
+    for step in steps {
+        let within = |(at, _): &&(Ticks, &str)| (step.start..step.end).contains(at);
+        assert_eq!(runs.iter().find(within), None);
     }
 }

@@ -39,6 +39,7 @@ impl Make for Madgwick<f32> {
 
 impl<F: Ahrs<f32> + Make, const MAG: bool> Subject for Filter<F, MAG> {
     type Input = Float;
+    type Output = ();
 
     fn new() -> Self {
         Self(F::make())

@@ -10,6 +10,7 @@ pub struct Filter<const MAG: bool>(FusionAhrs);
 
 impl<const MAG: bool> Subject for Filter<MAG> {
     type Input = Float;
+    type Output = ();
 
     fn new() -> Self {
         let mut ahrs = FusionAhrs::new();

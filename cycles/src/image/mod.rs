@@ -11,6 +11,7 @@ mod ahrs;
 mod imu_fusion;
 mod subject;
 mod tvc_fusion;
+mod tvc_pid;
 #[cfg(feature = "uf-ahrs")]
 mod uf_ahrs;
 #[cfg(feature = "vqf-rs")]
@@ -65,12 +66,21 @@ subject! {
     "uf-ahrs-vqf-9d": uf_ahrs::Filter<::uf_ahrs::Vqf, true>,
     "vqf-rs-6d": vqf_rs::Filter<false>,
     "vqf-rs-9d": vqf_rs::Filter<true>,
+    "law-pd": tvc_pid::Control<::tvc_pid::Pd<f32>>,
+    "law-fixed-pd": tvc_pid::Control<::tvc_pid::Pd<::tvc_pid::Q16>>,
+    "law-pid": tvc_pid::Control<::tvc_pid::Pid<f32>>,
+    "law-fixed-pid": tvc_pid::Control<::tvc_pid::Pid<::tvc_pid::Q16>>,
+    "law-predictive": tvc_pid::Control<::tvc_pid::PredictivePd<f32>>,
+    "law-fixed-predictive": tvc_pid::Control<::tvc_pid::PredictivePd<::tvc_pid::Q16>>,
+    "law-surface": tvc_pid::Control<::tvc_pid::Surface<f32>>,
+    "law-fixed-surface": tvc_pid::Control<::tvc_pid::Surface<::tvc_pid::Q16>>,
 }
 
 type Input = <Measured as Subject>::Input;
+type Output = <Measured as Subject>::Output;
 
-/// Words of the largest input. All images have this many, so that the filter's state is what their
-/// RAM differs by.
+/// Words of the largest input. All images have this many, so that the state is what their RAM
+/// differs by.
 const INPUT_WORDS: usize = 10;
 const _: () = assert!(size_of::<Input>() <= 4 * INPUT_WORDS);
 
@@ -86,9 +96,9 @@ static mut UP: [f32; 3] = [0.0; 3];
 static mut STATE: MaybeUninit<Measured> = MaybeUninit::uninit();
 
 /// The update that is measured. Its address is taken, so it stays a function of its own that knows
-/// nothing of the state.
-extern "C" fn update(state: &mut Measured, input: &Input) {
-    state.update(input);
+/// nothing of the state. By the C calling convention an output of a word is returned in R0.
+extern "C" fn update(state: &mut Measured, input: &Input) -> Output {
+    state.update(input)
 }
 
 #[cortex_m_rt::entry]

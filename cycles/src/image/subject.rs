@@ -11,14 +11,19 @@ pub trait Subject {
     /// What an update is given, as it lies in memory; any bits are valid.
     type Input;
 
+    /// What an update returns: a word, or nothing where its result stays in the state.
+    type Output;
+
     /// The state before the first update: the library's own defaults.
     fn new() -> Self;
 
-    /// One update: from a sample to an orientation in memory.
-    fn update(&mut self, input: &Self::Input);
+    /// One update: from a sample in memory to an orientation in memory or an output.
+    fn update(&mut self, input: &Self::Input) -> Self::Output;
 
     /// Up in the body's axes, a unit vector; zeros where there is no such estimate.
-    fn up(&self) -> [f32; 3];
+    fn up(&self) -> [f32; 3] {
+        [0.0; 3]
+    }
 }
 
 /// A sample in float.
@@ -48,14 +53,11 @@ pub struct Nothing;
 
 impl Subject for Nothing {
     type Input = ();
+    type Output = ();
 
     fn new() -> Self {
         Self
     }
 
     fn update(&mut self, (): &()) {}
-
-    fn up(&self) -> [f32; 3] {
-        [0.0; 3]
-    }
 }

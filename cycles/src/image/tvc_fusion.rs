@@ -12,6 +12,7 @@ where
     F::Gains: Default,
 {
     type Input = subject::Float;
+    type Output = ();
 
     fn new() -> Self {
         Self(Estimator::new(&Config::default()).expect("the defaults are valid"))
@@ -50,6 +51,7 @@ where
     F::Gains: Default,
 {
     type Input = Counts;
+    type Output = ();
 
     fn new() -> Self {
         let estimator = fixed::Estimator::new(&Config::default(), &fixed::Scale::BNO055, PERIOD_US);
@@ -77,6 +79,7 @@ pub struct FloatAngles(Euler);
 impl Subject for FloatAngles {
     /// w, x, y, z.
     type Input = [f32; 4];
+    type Output = ();
 
     fn new() -> Self {
         Self(Quaternion::IDENTITY.euler())
@@ -84,10 +87,6 @@ impl Subject for FloatAngles {
 
     fn update(&mut self, &[w, x, y, z]: &[f32; 4]) {
         self.0 = Quaternion { w, x, y, z }.euler();
-    }
-
-    fn up(&self) -> [f32; 3] {
-        [0.0; 3]
     }
 }
 
@@ -97,6 +96,7 @@ pub struct FixedAngles(fixed::Angles);
 impl Subject for FixedAngles {
     /// w, x, y, z in Q30.
     type Input = [i32; 4];
+    type Output = ();
 
     fn new() -> Self {
         Self(fixed::Angles {
@@ -108,9 +108,5 @@ impl Subject for FixedAngles {
 
     fn update(&mut self, &wxyz_q30: &[i32; 4]) {
         self.0 = fixed::Orientation { wxyz_q30 }.angles();
-    }
-
-    fn up(&self) -> [f32; 3] {
-        [0.0; 3]
     }
 }

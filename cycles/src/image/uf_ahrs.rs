@@ -39,6 +39,7 @@ impl Make for Vqf {
 
 impl<F: Ahrs + Make, const MAG: bool> Subject for Filter<F, MAG> {
     type Input = Float;
+    type Output = ();
 
     fn new() -> Self {
         Self(F::make(), UnitQuaternion::identity())

@@ -10,6 +10,7 @@ pub struct Filter<const MAG: bool>(VQF, Quaternion);
 
 impl<const MAG: bool> Subject for Filter<MAG> {
     type Input = Float;
+    type Output = ();
 
     fn new() -> Self {
         Self(

@@ -67,18 +67,58 @@ impl Orientation {
 
     /// Roll, pitch and yaw, within 0.01 deg: three CORDIC rotations.
     pub fn angles(&self) -> Angles {
-        let [w, x, y, z] = self.wxyz_q30.map(|c| (c + (1 << 14)) >> 15);
-        let (ww, xx, yy, zz) = (w * w, x * x, y * y, z * z);
-        // Halves of the matrix elements, Q29: CORDIC makes them 1.65 times as long.
-        let down_x = (x * z - w * y) >> 1;
-        let down_y = (y * z + w * x) >> 1;
-        let down_z = (ww >> 2) - (xx >> 2) - (yy >> 2) + (zz >> 2);
+        let [w, x, y, z] = self.wxyz_q15();
+        let [down_x, down_y, down_z] = self.half_down_q29();
         let east_x = (x * y + w * z) >> 1;
-        let north_x = (ww >> 2) + (xx >> 2) - (yy >> 2) - (zz >> 2);
-        let (roll, level) = polar(down_z, down_y);
-        let (pitch, _) = polar(level, -lengthened(down_x));
-        let (yaw, _) = polar(north_x, east_x);
+        let north_x = ((w * w) >> 2) + ((x * x) >> 2) - ((y * y) >> 2) - ((z * z) >> 2);
+        let (roll, level) = polar(down_z, down_y, &ARCS);
+        let (pitch, _) = polar(level, -lengthened(down_x), &ARCS);
+        let (yaw, _) = polar(north_x, east_x, &ARCS);
         Angles { roll, pitch, yaw }
+    }
+
+    /// The pitch of [`Orientation::angles`] alone, as exact: one rotation and a half.
+    pub fn pitch(&self) -> i32 {
+        let [down_x, down_y, down_z] = self.half_down_q29();
+        // A length is known long before its angle: what is left of y changes it by its square.
+        let (first_arcs, _) = ARCS.split_at(LENGTH_ARCS);
+        let (_, level) = polar(down_z, down_y, first_arcs);
+        let (pitch, _) = polar(level, -lengthened(down_x), &ARCS);
+        pitch
+    }
+
+    /// Down in the body's axes, halved, Q29: CORDIC makes it 1.65 times as long.
+    fn half_down_q29(&self) -> [i32; 3] {
+        let [w, x, y, z] = self.wxyz_q15();
+        [
+            (x * z - w * y) >> 1,
+            (y * z + w * x) >> 1,
+            ((w * w) >> 2) - ((x * x) >> 2) - ((y * y) >> 2) + ((z * z) >> 2),
+        ]
+    }
+
+    /// Cosine of the angle between the body's and the earth's vertical, Q30, within 1e-4.
+    pub fn cos_tilt_q30(&self) -> i32 {
+        // Numbers that are no rotation may wrap; [`Orientation::is_rotation`] tells them.
+        let [ww, xx, yy, zz] = self.wxyz_q15().map(|part| part.wrapping_mul(part));
+        ww.wrapping_sub(xx).wrapping_sub(yy).wrapping_add(zz)
+    }
+
+    /// Whether the norm, squared, is 1 within a hundredth, as that of every rotation is.
+    pub fn is_rotation(&self) -> bool {
+        // A part of 2 in Q15 has a square that overflows; one beyond this belongs to no rotation.
+        const LARGEST: i32 = 33_100;
+        const ONE: i32 = 1 << 28;
+        let parts = self.wxyz_q15();
+        let norm2_q28: i32 = parts
+            .iter()
+            .map(|part| (part.clamp(&-LARGEST, &LARGEST).pow(2)) >> 2)
+            .sum();
+        (norm2_q28 - ONE).abs() < ONE / 100
+    }
+
+    fn wxyz_q15(&self) -> [i32; 4] {
+        self.wxyz_q30.map(|c| c.wrapping_add(1 << 14) >> 15)
     }
 
     /// Turned about down: cosine and sine of half the angle, Q15.
@@ -110,14 +150,17 @@ const ARCS: [i32; 16] = [
     20_861,
 ];
 
+/// After so many arcs a length is within 2^-17 of itself.
+const LENGTH_ARCS: usize = 9;
+
 /// Angle and lengthened length of a vector (J. Volder's CORDIC, vectoring).
-fn polar(x: i32, y: i32) -> (i32, i32) {
+fn polar(x: i32, y: i32, arcs: &[i32]) -> (i32, i32) {
     let (mut x, mut y, mut angle) = if x < 0 {
         (-x, -y, i32::MIN)
     } else {
         (x, y, 0i32)
     };
-    for (bits, arc) in ARCS.iter().enumerate() {
+    for (bits, arc) in arcs.iter().enumerate() {
         let (dx, dy) = (x >> bits, y >> bits);
         if y > 0 {
             (x, y, angle) = (x + dy, y - dx, angle.wrapping_add(*arc));
@@ -189,7 +232,44 @@ mod tests {
         assert!(turned.angle_to(&turn.mul(&q)) < 2e-4);
     }
 
+    #[test]
+    fn only_unit_quaternions_are_rotations() {
+        let accepted = |parts: [f64; 4]| {
+            let wxyz_q30 = parts.map(|part| (part * 1_073_741_824.0) as i32);
+            Orientation { wxyz_q30 }.is_rotation()
+        };
+        assert!(accepted([0.5, -0.5, 0.5, -0.5]));
+        assert!(accepted([-1.0, 0.0, 0.0, 0.0]));
+        assert!(!accepted([0.9, 0.9, 0.0, 0.0]));
+        assert!(!accepted([0.1; 4]));
+        assert!(!accepted([0.0; 4]));
+        for part in [1.99, -2.0] {
+            assert!(!accepted([part; 4]));
+            assert!(!accepted([part, 0.0, 0.0, 0.0]));
+        }
+        for part in [i32::MIN, i32::MAX] {
+            let corrupt = Orientation {
+                wxyz_q30: [part; 4],
+            };
+            assert!(!corrupt.is_rotation());
+            corrupt.cos_tilt_q30();
+        }
+        let norm = |norm2: f64| accepted([0.0, norm2.sqrt(), 0.0, 0.0]);
+        assert!(norm(0.9905) && norm(1.0095));
+        assert!(!norm(0.9895) && !norm(1.0105));
+    }
+
     proptest! {
+        #[test]
+        fn the_tilt_is_that_of_the_float_quaternion(w in -1f32..1.0, x in -1f32..1.0, y in -1f32..1.0, z in 0.01f32..1.0) {
+            let q = Quaternion::normalised(w, x, y, z);
+            let found = fixed(&q).cos_tilt_q30() as f32 / 1_073_741_824.0;
+            prop_assert!((found - 2.0 * q.half_down().z).abs() < 1.5e-4);
+            prop_assert!(fixed(&q).is_rotation());
+            let apart = fixed(&q).pitch().wrapping_sub(fixed(&q).angles().pitch);
+            prop_assert!(Angles::to_rad(apart).abs() < 1e-4, "{apart}");
+        }
+
         #[test]
         fn angles_agree_with_the_float_ones(w in -1f32..1.0, x in -1f32..1.0, y in -1f32..1.0, z in 0.01f32..1.0) {
             let q = Quaternion::normalised(w, x, y, z);

@@ -18,13 +18,26 @@ pub const LATENCY_US: Limit = AtMost(8000.0);
 /// Messages lost or damaged.
 pub const LOST_MESSAGES: Limit = AtMost(0.0);
 /// The image in flash, bytes.
-pub const FLASH_BYTES: Limit = AtMost(72.0 * 1024.0);
+pub const FLASH_BYTES: Limit = AtMost(80.0 * 1024.0);
 /// Static RAM, bytes.
 pub const STATIC_RAM_BYTES: Limit = AtMost(24.0 * 1024.0);
 /// Simulated over real time.
 pub const REAL_TIME_FACTOR: Limit = AtLeast(3.0);
 /// Inclination error of a replay, deg.
 pub const INCLINATION_DEG: Limit = AtMost(5.0);
+
+/// Overshoot of 95 % of many flights and of the worst, percent of the start.
+pub const OVERSHOOT_DISTRIBUTION: [Limit; 2] = [AtMost(2.0), AtMost(3.5)];
+
+/// 5 % settling of 95 % of many flights and of the worst, over the shortest that the rudder's speed
+/// allows.
+pub fn settling_ratio(servo: ServoKind) -> [Limit; 2] {
+    let most = match servo {
+        ServoKind::S3003 => 1.25,
+        ServoKind::Digital => 1.2,
+    };
+    [AtMost(most), AtMost(1.32)]
+}
 
 /// Time after which pitch stays within 5 % of the start, s.
 pub fn settling_s(servo: ServoKind) -> Limit {

@@ -196,27 +196,35 @@ impl Log {
         // Every system counts its own frames.
         let mut wires: BTreeMap<u8, Wire> = BTreeMap::new();
         let mut vehicle = None;
+        let (mut crc_errors, mut stray_bytes) = (0, 0);
         let mut frames = Frames::of(bytes);
         for (time_us, frame) in &mut frames {
-            if is_from_vehicle(frame) {
-                vehicle = Some(frame[SYSTEM_AT]);
-            }
-            let wire = wires.entry(frame[SYSTEM_AT]).or_default();
-            let lost = wire.counts().lost;
-            for received in wire.receive_frames(frame) {
+            // A broken frame's head says nothing: what is whole inside counts by its own head.
+            let mut inside = Wire::default();
+            for whole in inside.receive_frames(frame) {
+                let from_vehicle = is_from_vehicle(&whole.bytes);
+                if from_vehicle {
+                    vehicle = Some(whole.system());
+                }
+                let wire = wires.entry(whole.system()).or_default();
+                let lost = wire.counts().lost;
+                wire.receive(&whole.bytes);
                 log.entries.push(Entry {
                     time_us,
-                    from_vehicle: is_from_vehicle(frame),
-                    message: received.message,
+                    from_vehicle,
+                    message: whole.message,
                     lost_before: wire.counts().lost - lost,
                 });
             }
+            crc_errors += inside.counts().crc_errors;
+            stray_bytes += inside.counts().stray_bytes;
         }
         log.counts = vehicle
             .and_then(|vehicle| wires.get(&vehicle))
             .map(Wire::counts)
             .unwrap_or_default();
-        log.counts.stray_bytes += frames.stray_bytes;
+        log.counts.crc_errors += crc_errors;
+        log.counts.stray_bytes += stray_bytes + frames.stray_bytes;
         log
     }
 }
@@ -418,6 +426,39 @@ pub fn has_extension(path: &Path, extension: &str) -> bool {
 mod tests {
     use super::*;
     use client::request;
+
+    /// Wherever a piece is missing, all of its frames count as lost.
+    #[test]
+    fn a_log_without_its_middle_says_how_much_is_missing() {
+        use mavlink::dialects::common::{MavMessage, RAW_IMU_DATA};
+        const FRAMES: usize = 40;
+        const PIECE: usize = 300;
+        let mut bytes = Vec::new();
+        for sequence in 0..FRAMES as u8 {
+            let header = mavlink::MavHeader {
+                system_id: 1,
+                component_id: COMPONENT_ID,
+                sequence,
+            };
+            let message = MavMessage::RAW_IMU(RAW_IMU_DATA {
+                time_usec: 6_667 * u64::from(sequence),
+                zacc: -981,
+                ygyro: i16::from(sequence),
+                ..RAW_IMU_DATA::default()
+            });
+            bytes.extend(u64::from(sequence).to_be_bytes());
+            mavlink::write_v2_msg(&mut bytes, header, &message).unwrap();
+        }
+        // The piece is neither at the beginning nor at the end, where nothing tells of it.
+        for begin in 100..bytes.len() - PIECE - 400 {
+            let cut = Log::parse(&[&bytes[..begin], &bytes[begin + PIECE..]].concat());
+            let heard = cut.entries.iter().filter(|entry| entry.from_vehicle);
+            let (count, lost) = heard.fold((0, 0), |(count, lost), entry| {
+                (count + 1, lost + entry.lost_before)
+            });
+            assert_eq!(count + lost, FRAMES as u64, "{begin}");
+        }
+    }
 
     #[test]
     fn what_is_written_is_read_and_a_cut_end_is_passed_over() {

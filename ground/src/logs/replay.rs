@@ -32,7 +32,7 @@ use crate::out::kind;
 #[command(after_help = "\
 Examples:
   cargo tvc replay flight.tlog                 the firmware's library on the log's counts, bit for bit
-  cargo tvc replay flight.tlog --param PID_KD=0.2    what other gains would have commanded
+  cargo tvc replay flight.tlog --param SFC_GAIN_S=0.4    what other gains would have commanded
   cargo tvc replay flight.tlog --filter madgwick     another filter's pitch beside the firmware's
   cargo tvc replay flight.tlog --csv both.csv        both runs as a table, side by side
 
@@ -268,6 +268,7 @@ pub fn replay(
             Event::Step(step) => pairs.push(run.step(step)),
             Event::Gap(_) => run.exact = false,
             Event::Memory(words) if !run.exact => run.resume(words),
+            Event::Memory(words) => run.flight.follow_frames(words),
             Event::State(code) => run.follow(*code),
             Event::Parameter(name, value) if !changed.contains_key(name) => {
                 run.set(name, *value);
@@ -313,13 +314,13 @@ impl Run {
         };
         self.newest = logged.sample.or(self.newest);
         let snapshot = self.flight.step(self.now, reading);
-        let (q, rate) = (snapshot.attitude.orientation, snapshot.attitude.rate);
+        let q = snapshot.orientation.quaternion();
         Pair {
             logged: *logged,
             again: Step {
                 quaternion: [q.w, q.x, q.y, q.z],
-                rate_rad_s: [rate.x, rate.y, rate.z],
-                crank_rad: logged.crank_rad.map(|_| snapshot.crank_rad),
+                rate_rad_s: snapshot.rates.map(f32::from),
+                crank_rad: logged.crank_rad.map(|_| snapshot.crank.into()),
                 pulse_us: snapshot.pulse.0,
                 ..*logged
             },

@@ -5,6 +5,8 @@ use std::path::Path;
 use anyhow::Result;
 use plant::pitch_loop::{COMMAND_LIMIT_RAD, Measurement, Timing};
 use plant::{Parameters, ServoModel, Setup};
+use tvc_nano::controller::Sample;
+use tvc_nano::refresh::Refresh;
 use tvc_nano::{Controller, Params};
 
 use crate::out::exit::BadInput;
@@ -15,21 +17,79 @@ use rig::ServoKind;
 pub struct Law {
     controller: Controller,
     zero_rad: f64,
+    timing: Timing,
+    refresh: Refresh,
+    /// When the law ran before, s, and the number of the sensor's newest refresh then.
+    before: (f64, f64),
 }
 
 impl Law {
-    /// The controller with its crank at zero rudder.
-    pub fn new(params: &Params, drone: &Parameters) -> Self {
-        Self {
+    /// The controller with its crank at zero rudder, which has watched the sensor for some seconds.
+    pub fn new(params: &Params, drone: &Parameters, timing: &Timing) -> Self {
+        const WATCHED_S: f64 = 5.0;
+        let control_s = timing.control_s;
+        let first_s = timing.lead_s.map_or(0.0, |lead_s| {
+            (timing.phase_s - lead_s).rem_euclid(control_s)
+        });
+        let ticks = (WATCHED_S / control_s) as u32;
+        let begun_s = first_s - f64::from(ticks) * control_s;
+        let mut law = Self {
             controller: Controller::new(params, COMMAND_LIMIT_RAD as f32),
             zero_rad: drone.linkage().zero_rudder_crank_rad(),
+            timing: *timing,
+            refresh: Refresh::default(),
+            before: (begun_s - control_s, f64::NEG_INFINITY),
+        };
+        for tick in 0..ticks {
+            law.watch(begun_s + f64::from(tick) * control_s);
         }
+        law
+    }
+
+    /// What the firmware makes of a reading's being new: the age of its rate, us.
+    fn watch(&mut self, time_s: f64) -> Option<u32> {
+        let timing = &self.timing;
+        let newest = timing.refresh_s.map_or(time_s, |period_s| {
+            ((time_s - timing.refresh_phase_s) / period_s).floor()
+        });
+        let (before_s, before) = self.before;
+        self.before = (time_s, newest);
+        let dt_us = (1e6 * (time_s - before_s)).round() as u32;
+        self.refresh.read(dt_us, newest != before)
     }
 
     /// Takes a measurement and gives the crank command, in rad.
     pub fn update(&mut self, measurement: Measurement) -> f64 {
-        let (pitch, rate) = (measurement.pitch_rad, measurement.rate_rad_s);
-        self.zero_rad + f64::from(self.controller.update(pitch as f32, rate as f32))
+        let Measurement {
+            time_s,
+            pitch_rad,
+            rate_rad_s,
+        } = measurement;
+        let rate_age_us = self.watch(time_s);
+        let crank = self.controller.update(&Sample {
+            pitch: (pitch_rad as f32).into(),
+            rate: (rate_rad_s as f32).into(),
+            rate_age_us,
+            refresh_us: self.refresh.mean_us(),
+            ticks_to_go: self.ticks_to_go(time_s),
+        });
+        self.zero_rad + f64::from(f32::from(crank))
+    }
+
+    /// How many steps after the one at `time_s` come before the next that a pulse carries.
+    fn ticks_to_go(&self, time_s: f64) -> u8 {
+        let Timing {
+            control_s,
+            frame_s,
+            phase_s,
+            lead_s,
+            ..
+        } = self.timing;
+        let per_frame = (frame_s / control_s).round().max(1.0);
+        let carried_s = phase_s - lead_s.unwrap_or(0.0);
+        ((carried_s - time_s) / control_s)
+            .round()
+            .rem_euclid(per_frame) as u8
     }
 }
 

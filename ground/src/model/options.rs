@@ -151,7 +151,7 @@ pub struct Rocket {
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Examples:
-  cargo tvc model what-if step.tlog --param PID_KD=0.2      the release with another gain
+  cargo tvc model what-if step.tlog --param SFC_GAIN_S=0.4  the release with another gain
   cargo tvc model what-if step.tlog --drone drone.toml      on the drone that `tvc identify` found
   cargo tvc model what-if evening.tlog --release 3 --param PITCH_SET_DEG=2 --json
 

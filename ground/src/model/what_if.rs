@@ -127,7 +127,7 @@ impl Start {
 
     /// The model's motion from the release on, with these parameters.
     fn fly(self, setup: &Setup, params: &Params, end_s: f64) -> Result<Motion> {
-        let mut law = Law::new(params, &setup.drone);
+        let mut law = Law::new(params, &setup.drone, &setup.timing);
         let pitch_rad = self.pitch_rad;
         let mut model = PitchLoop::new(&setup.drone, setup.servo, setup.timing, pitch_rad, 0.0)?;
         model.drone_mut().clamp(pitch_rad);
@@ -242,7 +242,7 @@ mod tests {
 
     /// A log of the model's own flight from 0.3 rad, held for a tenth of a second.
     fn log(setup: &Setup) -> Log {
-        let mut law = Law::new(&Params::default(), &setup.drone);
+        let mut law = Law::new(&Params::default(), &setup.drone, &setup.timing);
         let mut model = PitchLoop::new(&setup.drone, setup.servo, setup.timing, 0.3, 0.0).unwrap();
         let step = |index: u64, pitch_rad: f64, rate_rad_s: f64| {
             let half = pitch_rad / 2.0;
@@ -294,7 +294,7 @@ mod tests {
         assert!(difference_rad < 0.01, "{difference_rad}");
         let settled = |flown: &Flown| flown.run.settling_5pct_s.unwrap();
         assert!((settled(&same[0]) - settled(&same[1])).abs() < 0.03);
-        let loose = again(&[("PID_KD", 0.1)]);
+        let loose = again(&[("SFC_GAIN_S", 0.1)]);
         let overshoot = |flown: &Flown| flown.run.overshoot_pct;
         assert!(overshoot(&loose[2]) > overshoot(&loose[1]) + 10.0);
         let moved = again(&[("PITCH_SET_DEG", 5.0)]);

@@ -1,5 +1,6 @@
 //! What a command hands over: figures, tables, plots, pages, files and its exit status.
 
+pub mod distribution;
 pub mod exit;
 pub mod file;
 pub mod gauge;

@@ -193,7 +193,7 @@ fn gains_and_drone_come_from_files_and_are_refused_before_anything_is_built() {
         (figure("rise_s"), figure("overshoot_pct"))
     };
     let (rise_s, overshoot_pct) = fly(&[]);
-    let calm = file("calm.param", "PID_KP 1.2\nPID_KD 0.4\n");
+    let calm = file("calm.param", "SFC_CURVE 0.4\n");
     assert!(fly(&["--params", &calm]).0 > rise_s + 0.05);
     let heavy = file("heavy.toml", "[drone]\nbody_inertia_kg_m2 = 0.2\n");
     assert!(fly(&["--drone", &heavy]).1 > overshoot_pct + 10.0);

@@ -88,14 +88,14 @@ const ON_ITS_LOGS: &[(&str, &str)] = &[
     ("replay", "replay step.tlog"),
     (
         "replay-changed",
-        "replay step.tlog --param PID_KD=0.1 --filter madgwick",
+        "replay step.tlog --param SFC_GAIN_S=0.1 --filter madgwick",
     ),
     ("", "convert step.tlog step.csv"),
     ("identify", "identify step.csv"),
     ("identify", "identify step.tlog --out drone.toml"),
     (
         "model-what-if",
-        "model what-if step.tlog --drone drone.toml --param PID_KD=0.1",
+        "model what-if step.tlog --drone drone.toml --param SFC_GAIN_S=0.1",
     ),
 ];
 

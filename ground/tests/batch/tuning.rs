@@ -135,7 +135,7 @@ fn gains_go_from_a_parameter_file_to_a_file_that_campaigns_take() {
     assert_eq!(report["gains"], report["analytic"]);
     assert!(report["gains"]["PITCH_GAIN"].as_f64().unwrap() < 28.0);
     assert_eq!(report["runs"].as_array().unwrap().len(), 3);
-    assert!(report["margins"]["phase_deg"].as_f64().unwrap() > 0.0);
+    assert!(report["margins"]["gain_db"].as_f64().unwrap() > 0.0);
     assert_eq!(output.status.success(), report["met"].as_bool().unwrap());
     json(
         here,

@@ -332,7 +332,7 @@ fn a_release_is_measured_reported_and_replayed_bit_for_bit() {
     let said = String::from_utf8(output.stderr).unwrap();
     assert!(said.lines().all(|line| line.len() < 200), "{said}");
 
-    let (status, text) = tvc(&["replay", &log, "--param", "PID_KD=0.1", "--json"]);
+    let (status, text) = tvc(&["replay", &log, "--param", "SFC_GAIN_S=0.1", "--json"]);
     assert_eq!(status, Some(0), "{text}");
     let other: Value = serde_json::from_str(&text).unwrap();
     assert!(

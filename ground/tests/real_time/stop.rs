@@ -20,8 +20,8 @@ use crate::running::{self, Running};
 const PATIENCE: Duration = Duration::from_secs(120);
 /// After a signal the tool has disarmed by then.
 const DISARMED: Duration = Duration::from_millis(500);
-/// The vehicle has missed its host by then, and some steps later it has said so.
-const MISSED: Duration = Duration::from_millis(3_100);
+/// The vehicle has missed its host by then, and has said so.
+const MISSED: Duration = Duration::from_secs(3);
 
 /// How a flight is ended.
 #[derive(Clone, Copy, Debug, PartialEq)]

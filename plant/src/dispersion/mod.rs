@@ -19,7 +19,7 @@
 //! | sensor delay | 0 | +-2 ms |
 //! | frame phase | one frame | one frame |
 //! | start, either sign, with 0.2 rad/s away from upright | 0.2, 0.4, 0.8 rad | the same |
-//! | noise of pitch, rate (white, normal, at every control step) | 5 mrad, 20 mrad/s rms | the same |
+//! | noise of pitch, rate (white, normal, at every new reading) | 5 mrad, 20 mrad/s rms | the same |
 
 mod statistics;
 
@@ -30,7 +30,7 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
 use crate::parameters::ParameterError;
-use crate::pitch_loop::{Measurement, PitchLoop, Sample};
+use crate::pitch_loop::{Measurement, PitchLoop, Sample, Timing};
 use crate::response::StepResponse;
 use crate::setup::Setup;
 
@@ -244,11 +244,21 @@ impl Draw {
             rate,
         )?;
         let mut rng = ChaCha8Rng::seed_from_u64(self.noise_seed);
+        // A sensor that repeats a reading repeats its noise.
+        let mut newest = None;
         let mut noisy = |m: Measurement| {
-            let mut normal = || -> f64 { rng.sample(StandardNormal) };
+            let exact = m.rate_rad_s;
+            let (_, noise) = newest
+                .take_if(|(before, _)| *before == exact)
+                .unwrap_or_else(|| {
+                    let mut normal = || -> f64 { rng.sample(StandardNormal) };
+                    let pitch_rad = ranges.pitch_noise_rad * normal();
+                    (exact, (pitch_rad, ranges.rate_noise_rad_s * normal()))
+                });
+            newest = Some((exact, noise));
             law(Measurement {
-                pitch_rad: m.pitch_rad + ranges.pitch_noise_rad * normal(),
-                rate_rad_s: m.rate_rad_s + ranges.rate_noise_rad_s * normal(),
+                pitch_rad: m.pitch_rad + noise.0,
+                rate_rad_s: m.rate_rad_s + noise.1,
                 ..m
             })
         };
@@ -318,7 +328,8 @@ impl Outcome {
 
 /// Flies a campaign's shard on all cores of the current thread pool.
 ///
-/// `law` makes a fresh controller for each run; `done` is called after each run, from any thread.
+/// `law` makes a fresh controller for each run, given that run's timing, which the firmware sets
+/// itself; `done` is called after each run, from any thread.
 /// Outcomes come in the order of their numbers.
 ///
 /// # Errors
@@ -326,23 +337,40 @@ impl Outcome {
 pub fn fly<L>(
     nominal: &Setup,
     campaign: &Campaign,
-    law: impl Fn() -> L + Sync,
+    law: impl Fn(&Timing) -> L + Sync,
     done: impl Fn() + Sync,
 ) -> Result<Vec<Outcome>, ParameterError>
 where
     L: FnMut(Measurement) -> f64,
 {
-    let indices: Vec<u64> = campaign.indices().collect();
-    indices
+    fly_some(nominal, campaign, |_| true, law, done)
+}
+
+/// Flies those of a campaign's runs that `chosen` takes, as [`fly`] does.
+///
+/// # Errors
+/// As [`fly`].
+pub fn fly_some<L>(
+    nominal: &Setup,
+    campaign: &Campaign,
+    chosen: impl Fn(&Draw) -> bool,
+    law: impl Fn(&Timing) -> L + Sync,
+    done: impl Fn() + Sync,
+) -> Result<Vec<Outcome>, ParameterError>
+where
+    L: FnMut(Measurement) -> f64,
+{
+    let draws = campaign.indices().map(|index| campaign.draw(index));
+    let draws: Vec<Draw> = draws.filter(chosen).collect();
+    draws
         .into_par_iter()
-        .map(|index| {
-            let draw = campaign.draw(index);
+        .map(|draw| {
             let mut samples = Vec::new();
             draw.fly(
                 nominal,
                 &campaign.ranges,
                 campaign.seconds,
-                law(),
+                law(&draw.setup(nominal).timing),
                 |sample| {
                     samples.push((sample.time_s, sample.pitch_rad));
                 },
@@ -368,7 +396,7 @@ mod tests {
 
     fn fly_pd(setup: &Setup, campaign: &Campaign, kp: f64, kd: f64) -> Vec<Outcome> {
         let linkage = setup.drone.linkage();
-        let law = || {
+        let law = |_: &Timing| {
             let mut law = Pd::new(kp, kd, &linkage, setup.timing.control_s);
             move |m| law.update(m)
         };

@@ -59,15 +59,18 @@ impl ServoKind {
             Self::S3003 => &[("SRV_RATE_HZ", 50.0)],
             Self::Digital => &[
                 ("SRV_RATE_HZ", 300.0),
-                ("PID_KP", 4.6),
-                ("PID_KD", 0.645),
-                ("PID_KNEE_RAD", 0.154),
-                ("PID_FAR", 0.485),
-                ("PID_AHEAD_S", 0.0082),
-                ("PID_TRIM_RAD_S", 2.95),
-                ("SRV_DELAY_S", 0.0),
-                ("SRV_LAG_S", 0.0175),
                 ("SRV_RAD_S", 8.73),
+                ("SRV_LOOP_S", 0.0117),
+                ("SRV_MOTOR_S", 0.01324),
+                ("SRV_PLAY_RAD", 0.003959),
+                ("SFC_AHEAD_S", 0.01342),
+                ("SFC_GAIN_S", 0.7328),
+                ("SFC_LEAD_RAD", 0.5566),
+                ("SFC_NEAR", 17.33),
+                ("SFC_CURVE", 0.8285),
+                ("SFC_RATE", 0.9494),
+                ("SFC_PITCH", 0.2655),
+                ("PID_TRIM_RAD_S", 2.389),
             ],
         }
     }
@@ -81,13 +84,19 @@ impl ServoKind {
     }
 }
 
-/// Gains of the pitch controller: servo angle for pitch (rad/rad) and for pitch rate (s).
+/// Gains of proportional-derivative control with braking curve, prediction and trim: servo angle
+/// for pitch (rad/rad) and for pitch rate (s).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Gains {
     /// Servo rad per rad of pitch.
     pub kp: f32,
     /// Servo rad per rad/s of pitch rate.
     pub kd: f32,
+}
+
+impl Gains {
+    /// `PID_LAW` of the law that they are for.
+    const LAW: f32 = 1.0;
 }
 
 /// The configuration of a flight: rig, servo and parameters.
@@ -286,6 +295,7 @@ fn boot(image: &Image, setup: &Setup) -> Result<Ready, FlightError> {
         station.set_parameter(rig, name, *value)?;
     }
     if let Some(gains) = setup.gains {
+        station.set_parameter(rig, "PID_LAW", Gains::LAW)?;
         station.set_parameter(rig, "PID_KP", gains.kp)?;
         station.set_parameter(rig, "PID_KD", gains.kd)?;
     }

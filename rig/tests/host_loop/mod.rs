@@ -1,5 +1,6 @@
 //! The flight library and the sensor's driver at the environment's pins, without a chip between
-//! them: a bus master with ideal timing, ticks every 10 ms locked to a servo frame of 20 ms.
+//! them: a bus master with ideal timing, ticks every 10 ms locked to a servo frame of 20 ms, as
+//! they are with a bus of 100 kHz.
 
 use bno055_driver::config::Address;
 use bno055_driver::{BusError, Driver, Micros, Next, TRANSFER_DEADLINE_US, Transfer};
@@ -14,7 +15,7 @@ const BYTE: Ticks = Ticks::from_us(23);
 const TICK_US: u64 = 10_000;
 const FRAME_US: u64 = 20_000;
 /// Time from the last tick of a frame to the frame's end.
-const LEAD_US: u64 = 6_500;
+const LEAD_US: u64 = 7_940;
 
 /// Driver and flight in front of the environment.
 pub(crate) struct HostLoop {
@@ -30,7 +31,9 @@ pub(crate) struct HostLoop {
 }
 
 impl HostLoop {
-    pub(crate) fn new(bench: &BenchConfig, params: Params) -> Self {
+    pub(crate) fn new(bench: &BenchConfig, mut params: Params) -> Self {
+        params.set("I2C_KHZ", 100.0).unwrap();
+        assert_eq!(u64::from(params.control_period_us()), TICK_US);
         let mut sensor = sensor();
         if bench.sensor.address == Address::High.value() {
             sensor.address = Address::High;
@@ -60,6 +63,9 @@ impl HostLoop {
             self.now = self.now.max(Ticks::from_us(self.next_tick_us));
             self.next_tick_us += TICK_US;
             let time = self.micros();
+            if (time.0 + LEAD_US).is_multiple_of(FRAME_US) {
+                self.flight.carried_tick(time);
+            }
             let bytes = if self.driver.is_sampling() {
                 let burst = self.driver.burst();
                 Some(self.transfer(burst))

@@ -14,21 +14,12 @@ fn golden_snapshot() -> Snapshot {
             gyr: [16, -32, 48],
             mag: [800, -16, 0x1234],
         }),
-        attitude: Attitude {
-            orientation: Quaternion {
-                w: 0.5,
-                x: -0.5,
-                y: 0.5,
-                z: -0.5,
-            },
-            rate: Vector3::new(0.25, -1.5, 0.125),
-            bias: Vector3::zeros(),
-            flags: Flags {
-                initialised: true,
-                ..Flags::default()
-            },
+        orientation: Orientation {
+            wxyz_q30: [1 << 29, -1 << 29, 1 << 29, -1 << 29],
         },
-        crank_rad: -0.375,
+        rates: [0.25, -1.5, 0.125].map(Q16::from),
+        settled: true,
+        crank: Q16::from(-0.375),
         pulse: PulseUs(1524),
         state: State::Active {
             over_tilt_since: None,

@@ -81,6 +81,11 @@ impl Bench {
         Ok(self.chip.counters().cycles - before)
     }
 
+    /// The word that the last update has returned: R0, as long as the chip stands behind it.
+    pub fn returned(&self) -> u32 {
+        self.chip.registers().r[0]
+    }
+
     /// The filter's direction of up after the last update, in the sensor's axes.
     pub fn up(&self) -> Result<[f64; 3]> {
         // On a copy, because this uses more of the stack than the update.

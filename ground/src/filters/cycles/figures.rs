@@ -1,4 +1,4 @@
-//! The figures, as JSON and as a table.
+//! The figures, as JSON and as tables.
 
 use std::collections::BTreeSet;
 
@@ -7,9 +7,9 @@ use comfy_table::{CellAlignment, Table};
 use rig::Image;
 use serde::Serialize;
 
-use super::Run;
 use super::candidates::{Candidate, OWN};
-use crate::filters::cycles::Optimise;
+use super::laws::Law;
+use super::{Optimise, Run};
 
 /// What one update of one filter costs.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -18,7 +18,26 @@ pub struct Figures {
     library: &'static str,
     mode: String,
     scalar: String,
-    /// Mean over the recording without flash wait states, cycles.
+    #[serde(flatten)]
+    cost: Cost,
+    /// Angle to true up over the movement of the recording, RMS, deg; it shows that the filter was
+    /// given what it expects.
+    tilt_deg: Option<f64>,
+}
+
+/// What one update of one control law costs.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct LawFigures {
+    law: &'static str,
+    scalar: String,
+    #[serde(flatten)]
+    cost: Cost,
+}
+
+/// What one update costs.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+struct Cost {
+    /// Mean over the recording or the flight without flash wait states, cycles.
     cycles_mean: f64,
     /// Largest of all updates, cycles.
     cycles_max: u64,
@@ -29,30 +48,22 @@ pub struct Figures {
     cycles_max_1ws: u64,
     /// Flash of the update and what it calls, bytes.
     code_bytes: u32,
-    /// The filter's state, bytes.
+    /// The state, bytes.
     ram_bytes: u32,
     /// Depth of the stack from the call, bytes.
     stack_bytes: u32,
     /// Routines of the compiler's support library that the update links: soft float, division and
     /// 64-bit arithmetic.
     support_routines: BTreeSet<String>,
-    /// Angle to true up over the movement of the recording, RMS, deg; it shows that the filter was
-    /// given what it expects.
-    tilt_deg: Option<f64>,
 }
 
-impl Figures {
+impl Cost {
     /// Out of the runs without and with a wait state, and of the images with the update and without
     /// it.
-    pub fn new(candidate: &Candidate, runs: &[Run; 2], update: &Image, empty: &Image) -> Self {
+    fn new(runs: &[Run; 2], update: &Image, empty: &Image) -> Self {
         let [ideal, waiting] = runs;
         let (sizes, none) = (update.sizes(), empty.sizes());
-        let tenths = |value: f64| (value * 10.0).round() / 10.0;
         Self {
-            filter: candidate.filter.clone(),
-            library: candidate.library,
-            mode: candidate.mode.to_string(),
-            scalar: candidate.scalar.to_string(),
             cycles_mean: tenths(ideal.mean),
             cycles_max: ideal.max,
             cycles_max_input: ideal.max_input,
@@ -67,20 +78,12 @@ impl Figures {
                 .filter(|name| name.starts_with("__aeabi_") && !name.starts_with("__aeabi_mem"))
                 .map(str::to_owned)
                 .collect(),
-            tilt_deg: ideal.tilt_deg.map(tenths),
         }
     }
 
-    fn row(&self) -> [String; 10] {
+    fn cells(&self) -> [String; 7] {
         let whole = |value: f64| thousands(value.round() as u64);
-        let name = match self.library {
-            OWN => self.filter.clone(),
-            _ => format!("`{}`", self.filter),
-        };
         [
-            name,
-            self.mode.clone(),
-            self.scalar.clone(),
             whole(self.cycles_mean),
             thousands(self.cycles_max),
             whole(self.cycles_mean_1ws),
@@ -92,18 +95,63 @@ impl Figures {
     }
 }
 
+impl Figures {
+    /// Out of the runs without and with a wait state, and of the images with the update and without
+    /// it.
+    pub fn new(candidate: &Candidate, runs: &[Run; 2], update: &Image, empty: &Image) -> Self {
+        Self {
+            filter: candidate.filter.clone(),
+            library: candidate.library,
+            mode: candidate.mode.to_string(),
+            scalar: candidate.scalar.to_string(),
+            cost: Cost::new(runs, update, empty),
+            tilt_deg: runs[0].tilt_deg.map(tenths),
+        }
+    }
+
+    fn row(&self) -> Vec<String> {
+        let name = match self.library {
+            OWN => self.filter.clone(),
+            _ => format!("`{}`", self.filter),
+        };
+        let names = [name, self.mode.clone(), self.scalar.clone()];
+        names.into_iter().chain(self.cost.cells()).collect()
+    }
+}
+
+impl LawFigures {
+    /// As [`Figures::new`].
+    pub fn new(law: &Law, runs: &[Run; 2], update: &Image, empty: &Image) -> Self {
+        Self {
+            law: law.name,
+            scalar: law.scalar.to_string(),
+            cost: Cost::new(runs, update, empty),
+        }
+    }
+
+    fn row(&self) -> Vec<String> {
+        let names = [self.law.to_owned(), self.scalar.clone()];
+        names.into_iter().chain(self.cost.cells()).collect()
+    }
+}
+
+fn tenths(value: f64) -> f64 {
+    (value * 10.0).round() / 10.0
+}
+
 /// All figures of a run.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Report {
     /// How all images were built.
     build: String,
     filters: Vec<Figures>,
+    laws: Vec<LawFigures>,
 }
 
-const COLUMNS: [&str; 10] = [
-    "filter",
-    "mode",
-    "scalar",
+/// Columns that name what was measured, of filters and of laws, and those of its figures.
+const FILTER: &[&str] = &["filter", "mode", "scalar"];
+const LAW: &[&str] = &["law", "scalar"];
+const FIGURES: [&str; 7] = [
     "mean",
     "max",
     "mean, 1 WS",
@@ -115,7 +163,7 @@ const COLUMNS: [&str; 10] = [
 
 impl Report {
     /// The figures of images that were all built in this way.
-    pub fn new(optimise: Optimise, filters: Vec<Figures>) -> Self {
+    pub fn new(optimise: Optimise, filters: Vec<Figures>, laws: Vec<LawFigures>) -> Self {
         let level = match optimise {
             Optimise::Speed => "3",
             Optimise::Size => "s",
@@ -123,26 +171,37 @@ impl Report {
         Self {
             build: format!("opt-level {level}, fat LTO, one codegen unit, panic abort"),
             filters,
+            laws,
         }
     }
 
     /// For people: plain, or as Markdown.
     pub fn table(&self, markdown: bool) -> String {
-        let mut table = Table::new();
-        table
-            .load_style(if markdown { ASCII_MARKDOWN } else { NOTHING })
-            .set_header(COLUMNS.to_vec())
-            .add_rows(self.filters.iter().map(Figures::row));
-        for column in table.column_iter_mut().skip(3) {
-            column.set_cell_alignment(CellAlignment::Right);
-        }
+        let filters = self.filters.iter().map(Figures::row).collect();
+        let laws = self.laws.iter().map(LawFigures::row).collect();
+        let tables: String = [(FILTER, filters), (LAW, laws)]
+            .into_iter()
+            .filter(|(_, rows): &(_, Vec<_>)| !rows.is_empty())
+            .map(|(names, rows)| table(names, rows, markdown) + "\n\n")
+            .collect();
         format!(
-            "{}\n\nCycles of one update on a Cortex-M0+ at 48 MHz (48 cycles are a microsecond), WS: flash \
+            "{tables}Cycles of one update on a Cortex-M0+ at 48 MHz (48 cycles are a microsecond), WS: flash \
              wait states; code, RAM and stack in bytes; {}.\n",
-            table.trim_fmt(),
             self.build
         )
     }
+}
+
+fn table(names: &[&str], rows: Vec<Vec<String>>, markdown: bool) -> String {
+    let mut table = Table::new();
+    table
+        .load_style(if markdown { ASCII_MARKDOWN } else { NOTHING })
+        .set_header([names, &FIGURES].concat())
+        .add_rows(rows);
+    for column in table.column_iter_mut().skip(names.len()) {
+        column.set_cell_alignment(CellAlignment::Right);
+    }
+    table.trim_fmt()
 }
 
 /// With commas, as people read large numbers.

@@ -1,14 +1,18 @@
-//! `tvc cycles`: what one update of a filter costs on the chip, beside filters of other libraries.
+//! `tvc cycles`: what one update of a filter costs on the chip, beside filters of other libraries,
+//! and what one of a control law costs.
 //!
-//! The package `cycles` makes two images of every filter, in one build profile: one that sets the
-//! filter up, which is run, and one that holds the update alone, whose size is measured.
+//! The package `cycles` makes two images of each, in one build profile: one that sets it up, which
+//! is run, and one that holds the update alone, whose size is measured.
 
 mod bench;
 mod candidates;
 mod figures;
 mod inputs;
+mod laws;
+mod readings;
 
 use std::collections::BTreeSet;
+use std::fmt::Display;
 use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
 use std::thread;
@@ -24,8 +28,9 @@ use crate::out::file::{print, print_json};
 use bench::Bench;
 use candidates::Candidate;
 use clap::{Args, ValueEnum};
-use figures::{Figures, Report};
+use figures::{Figures, LawFigures, Report};
 use inputs::{Hard, Sample};
+use laws::Law;
 
 /// Options of `tvc cycles`.
 #[derive(Debug, Args)]
@@ -34,18 +39,24 @@ Examples:
   cargo tvc cycles                         every filter, beside the crates of the field
   cargo tvc cycles --filter mahony         those with mahony in their name only: quicker
   cargo tvc cycles --library tvc-fusion    this project's own only
+  cargo tvc cycles --law surface           the switching surface, in float and in fixed point
+  cargo tvc cycles --law all               every control law, and no filter
   cargo tvc cycles --markdown              the table for a README
   cargo tvc cycles --json > cycles.json    figures for a script, nothing else on standard output
 
 What is measured, on an emulated Cortex-M0+ at exact instruction timing, of one update from a sample
-in memory to an orientation in memory:
-  mean       over a recording of real sensors with a magnetometer sample each time, start-up included
-  max        over that and over hard inputs: clipped, free fall, no field, random, gaps in time
+in memory to an orientation in memory, or from a reading in memory to an output:
+  mean       filters: over a recording of real sensors with a magnetometer sample each time, start-up
+             included; laws: over two seconds out of a tilt of 0.4 rad that each flies on a model
+  max        over that and over hard inputs: clipped, free fall, no field, random, gaps in time;
+             held, repeated and old readings
   1ws        the same with one flash wait state
   code       flash of the update and all it calls, constants included: an image that holds nothing
              else, less one whose update is empty
-  RAM        the filter's state
+  RAM        the state
   stack      depth from the call, measured by painting
+Every output of a law is compared with that of the same code on this computer; a bit that differs is
+an error.
 
 Exit status: 0 measured, 1 something failed, 2 unusable input.")]
 pub struct Cycles {
@@ -56,6 +67,11 @@ pub struct Cycles {
     /// Only filters of this library; may be given more than once.
     #[arg(long, value_name = "CRATE")]
     pub library: Vec<String>,
+
+    /// Control laws with this in their name, or "all"; filters then only where they are named. May
+    /// be given more than once.
+    #[arg(long, value_name = "NAME")]
+    pub law: Vec<String>,
 
     /// What the compiler optimises for, in all images alike.
     #[arg(long, value_enum, default_value_t = Optimise::Speed)]
@@ -79,6 +95,9 @@ pub enum Optimise {
     Size,
 }
 
+/// What stands for every law.
+const ALL: &str = "all";
+
 /// Samples of each sort of hard input. Fixed point has more of them: it runs faster, and it has a
 /// limit of cycles to keep.
 const HARD_SAMPLES: usize = 32;
@@ -96,7 +115,7 @@ const TILT_EVERY: usize = 8;
 /// A name that matches nothing, an image that cannot be built, or one that does not run as it
 /// should.
 pub fn run(options: &Cycles) -> Result<Verdict> {
-    let chosen = choose(options)?;
+    let (filters, laws) = (choose(options)?, choose_laws(&options.law)?);
     let workspace = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
     let recording = Recording::open(&workspace.join("tests/data/broad_11_cut.imuq"))?;
     let recorded = inputs::recorded(&recording)?;
@@ -109,24 +128,27 @@ pub fn run(options: &Cycles) -> Result<Verdict> {
             Optimise::Size => "firmware",
         },
     };
-    let progress = Progress::begin(2 * chosen.len() + 1);
+    let progress = Progress::begin(2 * (filters.len() + laws.len()) + 1);
     progress.step("building what all have in common; the first time this takes a minute");
     let empty = maker.image(&[])?;
-    let mut filters = Vec::new();
-    for candidate in &chosen {
-        let figures = (|| {
-            progress.step(&format!("building {candidate}"));
-            let feature = candidate.feature();
-            let whole = maker.image(&["setup", &feature])?;
-            let update = maker.image(&[&feature])?;
-            progress.step(&format!("running {candidate}"));
+    let filters = filters.iter().map(|candidate| {
+        measured(candidate, || {
+            let [whole, update] = maker.both(&progress, candidate, &candidate.feature())?;
             let runs = measure(candidate, &whole, &recorded)?;
-            anyhow::Ok(Figures::new(candidate, &runs, &update, &empty))
-        })();
-        filters.push(figures.with_context(|| candidate.to_string())?);
-    }
+            Ok(Figures::new(candidate, &runs, &update, &empty))
+        })
+    });
+    let filters = filters.collect::<Result<_>>()?;
+    let laws = laws.iter().map(|law| {
+        measured(law, || {
+            let [whole, update] = maker.both(&progress, law, &law.feature())?;
+            let runs = laws::measure(law, &whole)?;
+            Ok(LawFigures::new(law, &runs, &update, &empty))
+        })
+    });
+    let laws = laws.collect::<Result<_>>()?;
     progress.end();
-    let report = Report::new(options.optimise, filters);
+    let report = Report::new(options.optimise, filters, laws);
     if options.json {
         print_json(&report)?;
     } else {
@@ -135,8 +157,12 @@ pub fn run(options: &Cycles) -> Result<Verdict> {
     Ok(Verdict::Met)
 }
 
-/// The candidates that the options name; each name must match one.
+/// The filters that the options name; each name must match one. All where none is named, unless
+/// laws are.
 fn choose(options: &Cycles) -> Result<Vec<Candidate>> {
+    if options.filter.is_empty() && options.library.is_empty() && !options.law.is_empty() {
+        return Ok(Vec::new());
+    }
     let all = candidates::all();
     let is_filter = |c: &Candidate, name: &String| c.filter.contains(name);
     let is_library = |c: &Candidate, name: &String| c.library == name;
@@ -169,6 +195,23 @@ fn choose(options: &Cycles) -> Result<Vec<Candidate>> {
     Ok(chosen)
 }
 
+/// The laws with one of these in their names; each must be in one.
+fn choose_laws(names: &[String]) -> Result<Vec<Law>> {
+    let all = laws::all();
+    let is_law = |law: &Law, name: &String| name == ALL || law.full_name().contains(name);
+    for name in names {
+        if !all.iter().any(|law| is_law(law, name)) {
+            let known: Vec<_> = all.iter().map(Law::full_name).collect();
+            let known = known.iter().map(String::as_str).chain([ALL]);
+            return Err(unknown("law", name, known));
+        }
+    }
+    let chosen = all.into_iter();
+    Ok(chosen
+        .filter(|law| names.iter().any(|name| is_law(law, name)))
+        .collect())
+}
+
 fn unknown<'a>(what: &str, name: &str, known: impl Iterator<Item = &'a str>) -> anyhow::Error {
     let known: BTreeSet<_> = known.collect();
     let known: Vec<_> = known.into_iter().collect();
@@ -192,12 +235,25 @@ impl Maker {
         };
         Ok(self.builder.build(&source)?)
     }
+
+    /// The image that is run and the one that is weighed, of the feature that stands for `what`.
+    fn both(&self, progress: &Progress, what: &impl Display, feature: &str) -> Result<[Image; 2]> {
+        progress.step(&format!("building {what}"));
+        let images = [self.image(&["setup", feature])?, self.image(&[feature])?];
+        progress.step(&format!("running {what}"));
+        Ok(images)
+    }
+}
+
+/// The figures of `what`; an error names it.
+fn measured<T>(what: &impl Display, figures: impl FnOnce() -> Result<T>) -> Result<T> {
+    figures().with_context(|| what.to_string())
 }
 
 /// What was measured by running an image.
 #[derive(Debug, Clone, PartialEq)]
 struct Run {
-    /// Mean over the recording, cycles.
+    /// Mean over the recording or the release, cycles.
     mean: f64,
     /// Largest of all updates, cycles, and the sort of input that it had.
     max: u64,
@@ -214,7 +270,13 @@ fn measure(candidate: &Candidate, image: &Image, recorded: &[Sample]) -> Result<
         _ => HARD_SAMPLES,
     };
     let hard = inputs::hard(recorded, length);
-    let run = |wait_states| run_image(candidate, image, wait_states, recorded, &hard);
+    without_and_with_wait_state(|wait_states| {
+        run_image(candidate, image, wait_states, recorded, &hard)
+    })
+}
+
+/// Two runs at once, without and with a flash wait state.
+fn without_and_with_wait_state(run: impl Fn(u8) -> Result<Run> + Sync) -> Result<[Run; 2]> {
     let [ideal, waiting] = thread::scope(|scope| {
         let waiting = scope.spawn(|| run(1));
         let ideal = run(0);

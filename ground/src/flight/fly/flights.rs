@@ -76,7 +76,8 @@ pub fn fly(
     Ok((measured, Page::flights(servo, options.seed, records)))
 }
 
-fn with_wait_states(setup: &Setup, states: u8) -> rig::RigConfig {
+/// The rig with so many wait states of its flash.
+pub fn with_wait_states(setup: &Setup, states: u8) -> rig::RigConfig {
     rig::RigConfig {
         wait_states: WaitStates::Forced(states),
         ..setup.rig.clone()

@@ -1,6 +1,7 @@
 //! `tvc fly`: the image, on the virtual rig, brings the drone upright, or estimates attitude from a
 //! recording.
 
+mod distribution;
 pub mod faults;
 mod figures;
 pub mod flights;
@@ -33,6 +34,10 @@ pub fn run(options: &Fly) -> Result<Verdict> {
     let image = options.image.image()?;
     setup.rig.bench.faults = scenario.faults;
     setup.rig.bench.disturbances = options.disturb.over(scenario.disturbances);
+    if let Some(seeds) = options.seeds {
+        let (figures, page) = distribution::fly(&image, &setup, seeds.get(), options)?;
+        return figures.conclude(options.json, Some((&options.report, page)));
+    }
     let (measured, page) = match recording {
         Some(recording) => recording::play(&image, &recording, &setup)?,
         None => flights::fly(&image, &setup, scenario.entries, options)?,

@@ -7,6 +7,7 @@ use crate::out::kind;
 use ::rig::ServoKind;
 use ::rig::flight::Gains;
 use clap::Args;
+use std::num::NonZeroU32;
 use std::path::PathBuf;
 use tvc_nano::Params;
 
@@ -18,6 +19,7 @@ Examples:
   cargo fly --servo digital --start 0.4    one start, a fast servo at a 300 Hz frame
   cargo fly --gains 0.9,0.25 --seed 7      other gains, other noise and frame phase
   cargo fly --params tuned.param           what `tvc tune` found
+  cargo fly --seeds 48                     48 seeds: mean, 95 % and worst (some ten minutes)
   cargo fly --drone heavy.toml             another drone, another servo
   cargo fly --json > flight.json           figures for a script, nothing else on standard output
   cargo fly --vibration 5,180 --servo-supply 4.8 --thrust-ramp 40,0.5
@@ -34,6 +36,11 @@ pub struct Fly {
     /// Seed of all that is random: sensor noise and bias, clock phases.
     #[arg(long, value_name = "N", default_value_t = 1)]
     pub seed: u64,
+
+    /// Fly with so many seeds, from --seed on, to either side in turn, and show how settling and
+    /// overshoot are distributed.
+    #[arg(long, value_name = "N", conflicts_with = "replay")]
+    pub seeds: Option<NonZeroU32>,
 
     /// Start from this tilt only, in rad (0 to 0.87, the 50 degrees that arming allows).
     #[arg(long, value_name = "RAD", allow_negative_numbers = true, value_parser = start_angle)]

@@ -102,7 +102,7 @@ pub fn replay(options: &ReplayRun) -> Result<Verdict> {
         timing: case.timing,
     };
     setup.validate().map_err(|error| named(&error))?;
-    let mut law = Law::new(&params, &setup.drone);
+    let mut law = Law::new(&params, &setup.drone, &case.draw.setup(&setup).timing);
     let mut motion = Vec::new();
     case.draw
         .fly(

@@ -12,6 +12,7 @@ use std::time::Instant;
 use anyhow::{Context, Result};
 use indicatif::{ProgressBar, ProgressStyle};
 use plant::dispersion::{self, Campaign, Ranges};
+use plant::pitch_loop::Timing;
 
 use crate::model::control_law::{self, Law};
 use crate::out::exit::Verdict;
@@ -36,9 +37,13 @@ pub fn run(options: &MonteCarlo) -> Result<Verdict> {
 fn fly(options: &MonteCarlo) -> Result<Verdict> {
     let setup = control_law::setup(options.servo, options.params.as_deref())?;
     let params = control_law::parameters(options.servo, options.gains.as_deref())?;
+    let mut ranges = Ranges::WIDE.with_lateral_m(1e-3 * options.lateral_mm);
+    for spread in &options.spread {
+        spread.apply(&mut ranges);
+    }
     let campaign = Campaign {
         shard: options.shard.unwrap_or((0, 1)),
-        ranges: Ranges::WIDE.with_lateral_m(1e-3 * options.lateral_mm),
+        ranges,
         ..Campaign::new(options.seed, options.runs)
     };
     let begun = Instant::now();
@@ -48,8 +53,8 @@ fn fly(options: &MonteCarlo) -> Result<Verdict> {
         pool = pool.num_threads(jobs.into());
     }
     let outcomes = pool.build().context("threads")?.install(|| {
-        let law = || {
-            let mut law = Law::new(&params, &setup.drone);
+        let law = |timing: &Timing| {
+            let mut law = Law::new(&params, &setup.drone, timing);
             move |measurement| law.update(measurement)
         };
         dispersion::fly(&setup, &campaign, law, || bar.inc(1))

@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use clap::{Args, Subcommand};
+use plant::dispersion::Ranges;
 use rig::ServoKind;
 
 use crate::out::kind;
@@ -33,6 +34,7 @@ A run passes with 30 % overshoot or less, and 5 % settling within 1.5 s. Bounds 
 Examples:
   tvc montecarlo -n 500                         the shipped gains, all cores
   tvc montecarlo -n 500 --lateral-mm 5 --json   figures for a script
+  tvc montecarlo -n 2000 --spread servo_speed=0.25,delay_ms=5
   tvc montecarlo -n 100000 --shard 3/16 --out part3.csv
   tvc montecarlo merge part*.csv --out all.csv  one table of many shards
   tvc montecarlo replay report/montecarlo/worst-1.toml --out path.csv
@@ -60,6 +62,12 @@ pub struct MonteCarlo {
     /// Lateral offset of the centre of mass, to either side, in mm.
     #[arg(long, value_name = "X", default_value_t = 0.0, allow_negative_numbers = true, value_parser = lateral)]
     pub lateral_mm: f64,
+
+    /// Draw a quantity from another range than below, half as wide as the value: thrust, inertia,
+    /// servo_speed, stall, supply and backlash as shares, delay_ms, pitch_mrad and rate_mrad_s
+    /// (noise, rms). Can be given several times, or several with commas between them.
+    #[arg(long, value_name = "KEY=VALUE", value_delimiter = ',', conflicts_with = "shard", value_parser = spread)]
+    pub spread: Vec<Spread>,
 
     /// The servo, with the frame rate that suits it.
     #[arg(long, value_enum, default_value_t = ServoKind::S3003)]
@@ -163,6 +171,59 @@ fn lateral(text: &str) -> Result<f64, String> {
     }
 }
 
+/// A quantity with how far it may lie from its nominal value, in the unit of [`Ranges`].
+#[derive(Debug, Clone, Copy)]
+pub struct Spread {
+    quantity: Quantity,
+    value: f64,
+}
+
+/// Where [`Ranges`] have a quantity.
+type Quantity = fn(&mut Ranges) -> &mut f64;
+
+/// Quantities by name, with their unit in that of [`Ranges`], and the widest range.
+const QUANTITIES: [(&str, f64, f64, Quantity); 9] = [
+    ("thrust", 1.0, 0.9, |ranges| &mut ranges.thrust),
+    ("inertia", 1.0, 0.9, |ranges| &mut ranges.inertia),
+    ("servo_speed", 1.0, 0.9, |ranges| &mut ranges.servo_speed),
+    ("stall", 1.0, 0.9, |ranges| &mut ranges.stall),
+    ("supply", 1.0, 0.9, |ranges| &mut ranges.supply_loss),
+    ("backlash", 1.0, 1.0, |ranges| &mut ranges.backlash),
+    ("delay_ms", 1e-3, 100.0, |ranges| &mut ranges.delay_s),
+    ("pitch_mrad", 1e-3, 100.0, |ranges| {
+        &mut ranges.pitch_noise_rad
+    }),
+    ("rate_mrad_s", 1e-3, 1000.0, |ranges| {
+        &mut ranges.rate_noise_rad_s
+    }),
+];
+
+impl Spread {
+    /// Puts it in its place.
+    pub fn apply(&self, ranges: &mut Ranges) {
+        *(self.quantity)(ranges) = self.value;
+    }
+}
+
+fn spread(text: &str) -> Result<Spread, String> {
+    let (name, value) = text.split_once('=').ok_or("KEY=VALUE is needed")?;
+    let known = QUANTITIES.iter().find(|(known, ..)| *known == name.trim());
+    let Some((_, unit, most, quantity)) = known else {
+        let names: Vec<&str> = QUANTITIES.iter().map(|(name, ..)| *name).collect();
+        return Err(format!(
+            "no {name} is drawn; there are {}",
+            names.join(", ")
+        ));
+    };
+    match value.trim().parse::<f64>() {
+        Ok(value) if (0.0..=*most).contains(&value) => Ok(Spread {
+            quantity: *quantity,
+            value: unit * value,
+        }),
+        _ => Err(format!("{name} is 0 to {most}")),
+    }
+}
+
 fn share(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
         Ok(share) if (0.0..=1.0).contains(&share) => Ok(share),
@@ -191,6 +252,23 @@ mod tests {
         assert_eq!(shard("4/4"), Ok((3, 4)));
         for bad in ["0/4", "5/4", "1", "a/b", "1/0", "-1/4"] {
             assert!(shard(bad).is_err(), "{bad}");
+        }
+    }
+
+    #[test]
+    fn a_spread_takes_the_place_of_a_range() {
+        let mut ranges = Ranges::WIDE;
+        for text in ["servo_speed=0.25", "delay_ms=5"] {
+            spread(text).unwrap().apply(&mut ranges);
+        }
+        let expected = Ranges {
+            servo_speed: 0.25,
+            delay_s: 5e-3,
+            ..Ranges::WIDE
+        };
+        assert_eq!(ranges, expected);
+        for bad in ["thrust", "thrust=2", "thrust=-1", "thrust=x", "lift=0.1"] {
+            assert!(spread(bad).is_err(), "{bad}");
         }
     }
 

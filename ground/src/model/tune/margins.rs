@@ -1,162 +1,229 @@
-//! Margins of the loop with the image's own controller in it.
+//! Margins of the loop with the image's own controller, servo and frame in it.
 //!
-//! The frequency response is that of the controller's own code, with prediction and observer: the
-//! transform of its answers to a small impulse of pitch and to one of rate. An answer tends to the
-//! constant output of an integrator, whose sum has a closed form: `tail z^-n / (1 - z^-1)`.
+//! They are measured as on a test bench: the gain is raised, or delay added, until the model no
+//! longer comes to rest; and a small sine on what the sensor measures shows how much of it the loop
+//! takes up. So they hold for the law as it is, with its model and its frame, where a transfer
+//! function would be another law.
 
-use nalgebra::Complex;
-use plant::linear::frequency::crank_to_pitch;
-use plant::linear::frequency::{self, OpenLoop};
-use plant::mechanism::Mechanism;
-use plant::pitch_loop::COMMAND_LIMIT_RAD;
+use std::f64::consts::TAU;
+use std::ops::Range;
+
+use plant::pitch_loop::PitchLoop;
 use plant::{ParameterError, Setup};
-use tvc_nano::{Controller, Params};
+use rayon::prelude::*;
+use tvc_nano::Params;
 
+use crate::model::control_law::Law;
 use crate::out::measure::{Figure, Limit::AtLeast, figure};
 
-/// Width of a pulse near the middle, s: the servo acts when it has ended.
-pub const PULSE_S: f64 = 1.5e-3;
-/// Size of the impulse, rad and rad/s: small against the knee, the limit and the servo's speed.
-const IMPULSE: f32 = 1e-3;
-/// Samples after which only the tail is left: several seconds.
-const SAMPLES: usize = 600;
+/// Step of the model, s.
+const STEP_S: f64 = 1e-3;
+/// Start of a flight that is to come to rest, rad, and its length, s.
+const START_RAD: f64 = 0.05;
+const FLIGHT_S: f64 = 4.0;
+/// In its last second a stable loop stays within this, rad.
+const REST_RAD: f64 = 0.02;
+/// Largest factor on the gain and longest delay that are tried (s).
+const MOST_GAIN: f64 = 8.0;
+const MOST_DELAY_S: f64 = 0.1;
+/// Halvings of the interval in which a margin lies.
+const HALVINGS: u32 = 8;
+/// Amplitude of the sine, rad; how long it is not counted and then is, in periods.
+const SINE_RAD: f64 = 5e-3;
+const SETTLE_PERIODS: f64 = 4.0;
+const COUNTED_PERIODS: f64 = 6.0;
+/// Frequencies of the sine, rad/s: the first, and the factor from one to the next.
+const SLOWEST_RAD_S: f64 = 3.0;
+const FASTER: f64 = 1.2;
+const FREQUENCIES: i32 = 18;
 
 /// How far the loop is from instability.
 #[derive(Debug, Clone, Copy)]
 pub struct Margins {
     /// Gain that may be added, dB.
-    pub gain_db: Option<f64>,
-    /// Phase that may be lost, deg.
-    pub phase_deg: Option<f64>,
+    pub gain_db: f64,
     /// Delay that may be added, s.
-    pub delay_s: Option<f64>,
-    /// Where the gain crosses one, rad/s.
-    pub crossover_rad_s: Option<f64>,
-    /// Largest sensitivity `1 / |1 + L|`.
+    pub delay_s: f64,
+    /// Largest sensitivity: what is left, over the sine on the measured pitch.
     pub peak_sensitivity: f64,
+    /// Where that is, rad/s.
+    pub peak_rad_s: f64,
 }
 
 impl Margins {
-    /// The figures, the phase margin held to at least `phase_deg`.
-    pub fn figures(&self, phase_deg: f64) -> Figure {
+    /// The figures, the gain margin held to at least `gain_db`.
+    pub fn figures(&self, gain_db: f64) -> Figure {
         figure(
             "margins",
             [
-                figure("gain_db", self.gain_db).shown("gain margin", "dB", 1),
-                figure("phase_deg", self.phase_deg)
-                    .shown("phase margin", "deg", 1)
-                    .limit(AtLeast(phase_deg)),
+                figure("gain_db", self.gain_db)
+                    .shown("gain margin", "dB", 1)
+                    .limit(AtLeast(gain_db)),
                 figure("delay_s", self.delay_s)
                     .shown("delay margin", "ms", 1)
                     .scaled(1e3),
-                figure("crossover_rad_s", self.crossover_rad_s).shown("crossover", "rad/s", 1),
                 figure("peak_sensitivity", self.peak_sensitivity).shown("peak sensitivity", "", 2),
+                figure("peak_rad_s", self.peak_rad_s).shown("at", "rad/s", 1),
             ],
         )
     }
 }
 
-/// Margins near upright; `delay_s` is from what is sensed to the end of the pulse.
+/// Margins near upright.
 ///
 /// # Errors
 /// A parameter of the drone out of range.
-pub fn of(setup: &Setup, params: &Params, delay_s: f64) -> Result<Margins, ParameterError> {
-    let mechanism = Mechanism::new(&setup.drone)?;
-    let actuator = OpenLoop {
-        kp: 1.0,
-        kd: 0.0,
-        rate_filter_rad_s: f64::INFINITY,
-        // The open loop counts the pulse by itself.
-        delay_s: delay_s - PULSE_S,
-        frame_s: setup.timing.frame_s,
-        servo_loop_s: setup.servo.loop_s,
-        servo_lag_s: setup.servo.lag_s,
-        drone: crank_to_pitch(&mechanism),
-    };
-    let pitch = answer(params, IMPULSE, 0.0);
-    let rate = answer(params, 0.0, IMPULSE);
-    let period_s = setup.timing.control_s;
-    let found = frequency::margins(|rad_s| {
-        let law = transform(&pitch, rad_s * period_s)
-            + transform(&rate, rad_s * period_s) * Complex::new(0.0, rad_s);
-        law * actuator.at(rad_s)
-    });
+pub fn of(setup: &Setup, params: &Params) -> Result<Margins, ParameterError> {
+    let gain = largest(1.0, MOST_GAIN, |gain| {
+        comes_to_rest(setup, params, gain, 0.0)
+    })?;
+    let delay_s = largest(0.0, MOST_DELAY_S, |s| comes_to_rest(setup, params, 1.0, s))?;
+    let (peak_sensitivity, peak_rad_s) = peak(setup, params, 0..FREQUENCIES)?;
     Ok(Margins {
-        gain_db: found.gain.map(|gain| gain.db),
-        phase_deg: found.phase.map(|phase| phase.deg),
-        delay_s: found.phase.map(|phase| phase.delay_s),
-        crossover_rad_s: found.phase.map(|phase| phase.at_rad_s),
-        peak_sensitivity: found.peak_sensitivity,
+        gain_db: 20.0 * gain.log10(),
+        delay_s,
+        peak_sensitivity,
+        peak_rad_s,
     })
 }
 
-/// The crank angles that follow an impulse, per unit of it.
-fn answer(params: &Params, pitch_rad: f32, rate_rad_s: f32) -> Vec<f64> {
-    let mut controller = Controller::new(params, COMMAND_LIMIT_RAD as f32);
-    // The first sample initialises the observer.
-    controller.update(0.0, 0.0);
-    (0..SAMPLES)
-        .map(|index| {
-            let (pitch, rate) = if index == 0 {
-                (pitch_rad, rate_rad_s)
-            } else {
-                (0.0, 0.0)
-            };
-            f64::from(controller.update(pitch, rate)) / f64::from(IMPULSE)
-        })
-        .collect()
+/// The largest sensitivity at the frequencies where fast loops have it, 10 to 27 rad/s.
+///
+/// # Errors
+/// A parameter of the drone out of range.
+pub fn likely_peak(setup: &Setup, params: &Params) -> Result<f64, ParameterError> {
+    Ok(peak(setup, params, 7..13)?.0)
 }
 
-/// The transform of an answer at an angle a sample (rad), its tail included.
-fn transform(answer: &[f64], angle: f64) -> Complex<f64> {
-    let turn = Complex::from_polar(1.0, -angle);
-    let mut sum = Complex::new(0.0, 0.0);
-    let mut factor = Complex::new(1.0, 0.0);
-    for value in answer {
-        sum += factor * *value;
-        factor *= turn;
+/// The largest sensitivity at some of the frequencies, and where that is, rad/s.
+fn peak(
+    setup: &Setup,
+    params: &Params,
+    frequencies: Range<i32>,
+) -> Result<(f64, f64), ParameterError> {
+    let sensitivities: Vec<(f64, f64)> = frequencies
+        .into_par_iter()
+        .map(|index| {
+            let rad_s = SLOWEST_RAD_S * FASTER.powi(index);
+            Ok((sensitivity(setup, params, rad_s)?, rad_s))
+        })
+        .collect::<Result<_, ParameterError>>()?;
+    let larger = |peak: (f64, f64), at: (f64, f64)| if at.0 > peak.0 { at } else { peak };
+    Ok(sensitivities.into_iter().fold((0.0, 0.0), larger))
+}
+
+/// The largest value between two for which `is_stable` holds.
+fn largest(
+    mut low: f64,
+    mut high: f64,
+    is_stable: impl Fn(f64) -> Result<bool, ParameterError>,
+) -> Result<f64, ParameterError> {
+    for _ in 0..HALVINGS {
+        let middle = 0.5 * (low + high);
+        if is_stable(middle)? {
+            low = middle;
+        } else {
+            high = middle;
+        }
     }
-    let tail = answer.last().copied().unwrap_or(0.0);
-    sum + factor * tail / (Complex::new(1.0, 0.0) - turn)
+    Ok(low)
+}
+
+/// Whether a loop whose crank moves `gain` times as far, and whose sensor is `delay_s` later, comes
+/// to rest.
+fn comes_to_rest(
+    setup: &Setup,
+    params: &Params,
+    gain: f64,
+    delay_s: f64,
+) -> Result<bool, ParameterError> {
+    let mut timing = setup.timing;
+    timing.step_s = STEP_S;
+    timing.delay_s += delay_s;
+    let zero_rad = setup.drone.linkage().zero_rudder_crank_rad();
+    let mut law = Law::new(params, &setup.drone, &timing);
+    let mut flight = PitchLoop::new(&setup.drone, setup.servo, timing, START_RAD, 0.0)?;
+    let steps = (FLIGHT_S / STEP_S) as u32;
+    let last = steps - (1.0 / STEP_S) as u32;
+    let mut largest_rad = 0.0_f64;
+    for step in 0..steps {
+        let sample = flight.step(|m| zero_rad + gain * (law.update(m) - zero_rad));
+        if step >= last {
+            largest_rad = largest_rad.max(sample.pitch_rad.abs());
+        }
+    }
+    Ok(largest_rad < REST_RAD)
+}
+
+/// What a sine of a frequency on the measured pitch and its rate becomes, as a share of it: by
+/// correlation with sine and cosine over whole periods.
+fn sensitivity(setup: &Setup, params: &Params, rad_s: f64) -> Result<f64, ParameterError> {
+    let mut timing = setup.timing;
+    timing.step_s = STEP_S;
+    let mut law = Law::new(params, &setup.drone, &timing);
+    let mut flight = PitchLoop::new(&setup.drone, setup.servo, timing, 0.0, 0.0)?;
+    let period_s = TAU / rad_s;
+    let begin = (SETTLE_PERIODS * period_s / STEP_S) as u32;
+    let end = begin + (COUNTED_PERIODS * period_s / STEP_S) as u32;
+    let (mut sine, mut cosine) = (0.0, 0.0);
+    for step in 0..end {
+        let sample = flight.step(|mut m| {
+            let angle = rad_s * m.time_s;
+            m.pitch_rad += SINE_RAD * angle.sin();
+            m.rate_rad_s += SINE_RAD * rad_s * angle.cos();
+            law.update(m)
+        });
+        if step >= begin {
+            let angle = rad_s * sample.time_s;
+            let left = sample.pitch_rad + SINE_RAD * angle.sin();
+            sine += left * angle.sin();
+            cosine += left * angle.cos();
+        }
+    }
+    let scale = 2.0 / f64::from(end - begin) / SINE_RAD;
+    Ok((scale * sine).hypot(scale * cosine))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use plant::linear::frequency::OpenLoop;
-    use plant::pitch_loop::Timing;
+    use plant::mechanism::Mechanism;
 
-    /// Without prediction and trim the law is proportional-derivative and has the reference's
-    /// margins.
+    /// A law that has a transfer function, whose margins `tvc model linear` finds.
     #[test]
-    fn a_plain_law_has_the_margins_of_the_reference() {
-        let setup = Setup::default();
+    fn a_plain_law_has_the_margins_of_its_transfer_function() {
+        let setup = crate::model::control_law::setup(rig::ServoKind::S3003, None).unwrap();
         let mut params = Params::default();
-        for (name, value) in [
-            ("PID_KP", 1.0),
-            ("PID_KD", 0.3),
-            ("PID_AHEAD_S", 0.0),
-            ("PID_TRIM_RAD_S", 0.0),
-        ] {
+        for (name, value) in [("PID_LAW", 0.0), ("PID_KP", 1.0), ("PID_KD", 0.3)] {
             params.set(name, value).unwrap();
         }
-        let delay_s = 6e-3;
-        let found = of(&setup, &params, delay_s + PULSE_S).unwrap();
+        let found = of(&setup, &params).unwrap();
         let mechanism = Mechanism::new(&setup.drone).unwrap();
-        let mut reference = OpenLoop::new(&mechanism, &setup.servo, &Timing::ANALOGUE, 1.0, 0.3);
-        reference.rate_filter_rad_s = f64::INFINITY;
-        let expected = reference.margins();
-        let (gain, phase) = (expected.gain.unwrap(), expected.phase.unwrap());
-        assert!((found.gain_db.unwrap() - gain.db).abs() < 0.05);
-        assert!((found.phase_deg.unwrap() - phase.deg).abs() < 0.1);
-        assert!((found.crossover_rad_s.unwrap() - phase.at_rad_s).abs() < 0.01);
+        let mut timing = setup.timing;
+        timing.delay_s += 0.5 * timing.refresh_s.unwrap() + timing.lead_s.unwrap();
+        let mut open = OpenLoop::new(&mechanism, &setup.servo, &timing, 1.0, 0.3);
+        open.rate_filter_rad_s = f64::INFINITY;
+        let expected = open.margins();
+        let delay_s = expected.phase.unwrap().delay_s;
+        assert!(
+            (found.gain_db - expected.gain.unwrap().db).abs() < 2.0,
+            "{found:?} {expected:?}"
+        );
+        assert!(
+            (found.delay_s / delay_s - 1.0).abs() < 0.25,
+            "{found:?} {expected:?}"
+        );
+        let peak = expected.peak_sensitivity;
+        assert!(
+            (found.peak_sensitivity / peak - 1.0).abs() < 0.2,
+            "{found:?} {expected:?}"
+        );
     }
 
     #[test]
-    fn the_tail_of_an_integrator_is_summed_to_its_end() {
-        // Sum of z^-k over all k is 1 / (1 - z^-1).
-        let found = transform(&[1.0; 50], 0.3);
-        let expected = (Complex::new(1.0, 0.0) - Complex::from_polar(1.0, -0.3)).inv();
-        assert!((found - expected).norm() < 1e-12);
+    fn the_largest_of_an_interval_is_found() {
+        let found = largest(1.0, 3.0, |value| Ok(value < 2.345)).unwrap();
+        assert!((found - 2.345).abs() < 0.01);
     }
 }

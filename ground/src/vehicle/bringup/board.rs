@@ -3,6 +3,7 @@
 use std::time::Duration;
 
 use anyhow::Result;
+use client::client::ANSWER;
 use client::request;
 use tvc_nano::bringup::words::*;
 use tvc_nano::bringup::{Pulse, What};
@@ -277,6 +278,8 @@ pub fn flash(session: &mut Session) -> Result<Row> {
         if session.now() - begun < REPEATED || tries == TRIES {
             break (before, session.peek_at(USB_FRAME)?);
         }
+        // Until then an answer may be taken for that of the one that was lost.
+        session.listen(ANSWER)?;
     };
     let number = |word: u32| i64::from(word >> 3 & 0x7FF);
     let passed = i64::from(after.time_ms - before.time_ms);

@@ -140,7 +140,7 @@ fn look(session: &mut Session) -> Result<Figures> {
         };
         if change * nose * f64::from(direction) < LEAST_US {
             figures.refused = Some(format!(
-                "the pulse changed by {change:+.0} us, too little to be seen: check PID_KP and the pulse limits"
+                "the pulse changed by {change:+.0} us, too little to be seen: check the gains and the pulse limits"
             ));
             return Ok(figures);
         }

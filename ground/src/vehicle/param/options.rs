@@ -12,8 +12,8 @@ use crate::vehicle::port::PortOptions;
 #[command(after_help = "\
 Examples:
   cargo tvc param list                     every parameter: value, unit, range, meaning
-  cargo tvc param set PID_KP 1.2           live, also in flight; out of range is refused
-  cargo tvc param reset PID_KP PID_KD      these to their defaults; without names, every one
+  cargo tvc param set SFC_GAIN_S 0.5       live, also in flight; out of range is refused
+  cargo tvc param reset SFC_GAIN_S SFC_NEAR    these to their defaults; without names, every one
   cargo tvc param reset --stored           every one to what was saved last
   cargo tvc param dump gains.parm          a file that MAVProxy reads
   cargo tvc param dump gains.params        a file that QGroundControl reads

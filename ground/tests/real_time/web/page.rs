@@ -43,7 +43,7 @@ fn rig_with(port: &Path, more: &[&str]) -> Running {
         "rig",
         "--pty",
         "--seconds",
-        "600",
+        "3600",
         "--tilt",
         "0.3",
         "--link",

@@ -1,0 +1,225 @@
+//! The control laws of `tvc-pid` as they are measured: one configuration and one code for the image
+//! and for the host, so that whoever runs the image can hold each of its outputs to the host's.
+
+#![no_std]
+
+use tvc_pid::{
+    Config, Derivative, Gains, Pd, Pid, PredictiveConfig, PredictivePd, Q16, Reading, Scalar,
+    Surface, SurfaceConfig,
+};
+
+/// Time between two updates, s: three in a frame of the servo, as the firmware has them.
+pub const PERIOD_S: f32 = 6_667.0e-6;
+
+// An analog servo of the S3003 class and the gains that the firmware has for it by default.
+const KP: f32 = 1.9;
+const KD: f32 = 0.435;
+const PLANT_GAIN: f32 = 31.6;
+const ACTUATOR_RATE: f32 = 5.5;
+const TRIM_RAD_S: f32 = 2.229;
+const TRIM_LIMIT: f32 = 0.25;
+/// 60 deg.
+const LIMIT: f32 = 1.047;
+
+/// A PID's configuration. The firmware's integral gain is 0; here there is one, so that what it
+/// costs is measured.
+pub fn pid() -> Config {
+    Config {
+        gains: Gains {
+            kp: KP,
+            ki: 0.5,
+            kd: KD,
+        },
+        derivative: Derivative::Rate,
+        limit: -LIMIT..=LIMIT,
+        ..Config::new(PERIOD_S)
+    }
+}
+
+/// Configuration of a predictive PD.
+pub fn predictive() -> PredictiveConfig {
+    PredictiveConfig {
+        period_s: PERIOD_S,
+        kp: KP,
+        kd: KD,
+        knee: 0.31,
+        far_slope: 0.3,
+        plant_gain: PLANT_GAIN,
+        horizon_s: 0.0144,
+        actuator_delay_s: PERIOD_S,
+        actuator_s: 0.033,
+        actuator_rate: ACTUATOR_RATE,
+        trim_rad_s: TRIM_RAD_S,
+        trim_limit: TRIM_LIMIT,
+        limit: LIMIT,
+    }
+}
+
+/// Configuration of a switching surface.
+pub fn surface() -> SurfaceConfig {
+    SurfaceConfig {
+        period_s: PERIOD_S,
+        plant_gain: PLANT_GAIN,
+        // A tick's lead of 6500 us, and a pulse in the middle.
+        effect_s: 8_023.6e-6,
+        sensor_lag_s: 3.4e-3,
+        value_lead_s: 0.5 * PERIOD_S,
+        actuator_rate: ACTUATOR_RATE,
+        actuator_loop_s: 0.03219,
+        actuator_lag_s: 0.01549,
+        actuator_play: 0.003896,
+        ahead_s: 0.04044,
+        gain_s: 0.5238,
+        lead_limit: 0.246,
+        near_per_s: 12.23,
+        curve: 0.8524,
+        rate_share: 1.0,
+        value_share: 0.7149,
+        trim_rad_s: TRIM_RAD_S,
+        trim_limit: TRIM_LIMIT,
+        limit: LIMIT,
+    }
+}
+
+/// What an update is given, as it lies in memory. Numbers are the words of the law's scalar
+/// ([`Number`]); any bits are valid.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Input {
+    /// Setpoint, rad.
+    pub setpoint: u32,
+    /// Measured value, rad.
+    pub value: u32,
+    /// Its rate, rad/s.
+    pub rate: u32,
+    /// Age of the rate, s.
+    pub age: u32,
+    /// Age of the value, s.
+    pub value_age: u32,
+    /// 0 where the rate repeats that of the update before, so that it has no age. No number.
+    pub is_new: u32,
+    /// How many updates later an output is sent to the actuator, 0 to 255. No number.
+    pub samples_to_go: u32,
+}
+
+impl Input {
+    /// Its words, in the order of memory.
+    pub fn words(&self) -> [u32; 7] {
+        [
+            self.setpoint,
+            self.value,
+            self.rate,
+            self.age,
+            self.value_age,
+            self.is_new,
+            self.samples_to_go,
+        ]
+    }
+}
+
+/// A scalar that fills a word.
+pub trait Number: Scalar {
+    /// From its bits.
+    fn from_word(word: u32) -> Self;
+
+    /// Its bits.
+    fn to_word(self) -> u32;
+}
+
+impl Number for f32 {
+    #[inline(always)]
+    fn from_word(word: u32) -> Self {
+        Self::from_bits(word)
+    }
+
+    #[inline(always)]
+    fn to_word(self) -> u32 {
+        self.to_bits()
+    }
+}
+
+impl Number for Q16 {
+    #[inline(always)]
+    fn from_word(word: u32) -> Self {
+        Self::from_bits(word as i32)
+    }
+
+    #[inline(always)]
+    fn to_word(self) -> u32 {
+        self.to_bits() as u32
+    }
+}
+
+/// A control law with an update.
+pub trait Law {
+    /// The law at rest, with the configuration of this page.
+    fn new() -> Self
+    where
+        Self: Sized;
+
+    /// One update: from a reading in memory to the word of an output.
+    fn update(&mut self, input: &Input) -> u32;
+}
+
+impl<T: Number> Law for Pd<T> {
+    fn new() -> Self {
+        Self {
+            kp: KP.into(),
+            kd: KD.into(),
+        }
+    }
+
+    #[inline(always)]
+    fn update(&mut self, input: &Input) -> u32 {
+        let [setpoint, value, rate] = numbers(input);
+        Pd::update(self, setpoint, value, rate).to_word()
+    }
+}
+
+impl<T: Number> Law for Pid<T> {
+    fn new() -> Self {
+        Self::new(&pid()).expect("the configuration is valid")
+    }
+
+    #[inline(always)]
+    fn update(&mut self, input: &Input) -> u32 {
+        let [setpoint, value, rate] = numbers(input);
+        Pid::update(self, setpoint, value, rate).to_word()
+    }
+}
+
+impl<T: Number> Law for PredictivePd<T> {
+    fn new() -> Self {
+        Self::new(&predictive()).expect("the configuration is valid")
+    }
+
+    #[inline(always)]
+    fn update(&mut self, input: &Input) -> u32 {
+        let [setpoint, value, rate] = numbers(input);
+        PredictivePd::update(self, setpoint, value, rate).to_word()
+    }
+}
+
+impl<T: Number> Law for Surface<T> {
+    fn new() -> Self {
+        Self::new(&surface()).expect("the configuration is valid")
+    }
+
+    #[inline(always)]
+    fn update(&mut self, input: &Input) -> u32 {
+        let [setpoint, value, rate] = numbers(input);
+        let reading = Reading {
+            value,
+            rate,
+            age: (input.is_new != 0).then_some(T::from_word(input.age)),
+            value_age: T::from_word(input.value_age),
+        };
+        Surface::update(self, setpoint, &reading, input.samples_to_go as u8).to_word()
+    }
+}
+
+/// Setpoint, value and rate.
+#[inline(always)]
+fn numbers<T: Number>(input: &Input) -> [T; 3] {
+    [input.setpoint, input.value, input.rate].map(T::from_word)
+}

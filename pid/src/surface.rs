@@ -1,0 +1,382 @@
+//! Proximate time-optimal control: a switching surface for an actuator of limited speed.
+
+mod coefficients;
+#[cfg(test)]
+mod tests;
+
+use crate::config::ConfigError;
+use crate::scalar::Scalar;
+use coefficients::Coefficients;
+
+/// Samples that a [`Surface`] remembers, the newest included: readings may be older than two
+/// periods.
+const HISTORY: usize = 4;
+
+/// Steps in which the model goes from the output's effect to where the surface is looked at.
+const STEPS: u8 = 3;
+
+/// Configuration of a [`Surface`]. "Output" is the unit of its output and of the actuator's
+/// position, "value" that of what it controls.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SurfaceConfig {
+    /// Sample period, s.
+    pub period_s: f32,
+    /// Acceleration of the value per output, 1/s2, positive.
+    pub plant_gain: f32,
+    /// Time from a sample until the actuator takes its output for its target, s, up to two periods.
+    pub effect_s: f32,
+    /// Lag of the rate's sensor, s: its age beyond that of the reading.
+    pub sensor_lag_s: f32,
+    /// By how much the measured value is younger than a rate of its age, s.
+    pub value_lead_s: f32,
+    /// Greatest speed of the actuator, output per s.
+    pub actuator_rate: f32,
+    /// Time constant of the actuator's position loop, s: the speed that it asks for is the error
+    /// over this.
+    pub actuator_loop_s: f32,
+    /// Lag of the actuator's speed, s.
+    pub actuator_lag_s: f32,
+    /// Play behind the actuator, either way, output.
+    pub actuator_play: f32,
+    /// How far beyond the output's effect the surface is looked at, s.
+    pub ahead_s: f32,
+    /// Output per deviation of the rate from the surface, s.
+    pub gain_s: f32,
+    /// Largest distance of the output from where the actuator will be, output.
+    pub lead_limit: f32,
+    /// Slope of the surface near the setpoint, 1/s.
+    pub near_per_s: f32,
+    /// Share of the time-optimal rate at which the value approaches.
+    pub curve: f32,
+    /// Share of a rate's innovation that the model takes over with each new reading, 0 to 1.
+    pub rate_share: f32,
+    /// The same of the value's.
+    pub value_share: f32,
+    /// Bandwidth of the disturbance's estimate, rad/s; 0 is no trim.
+    pub trim_rad_s: f32,
+    /// Largest disturbance that is estimated, output.
+    pub trim_limit: f32,
+    /// Largest output, either side.
+    pub limit: f32,
+}
+
+/// What a sample tells a [`Surface`].
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Reading<T> {
+    /// The measured value.
+    pub value: T,
+    /// Its measured rate, per s.
+    pub rate: T,
+    /// Age of the rate, s, without the sensor's own lag. `None` for a reading that repeats the one
+    /// before: it says nothing new.
+    pub age: Option<T>,
+    /// Age of the value, s, without the sensor's lag and what it is younger by.
+    pub value_age: T,
+}
+
+/// Control of a plant `value'' = gain (position + disturbance)` by an actuator that is slow, lags,
+/// has play, and takes a new target only now and then, with readings that are old by the time they
+/// come: as fast as the actuator's speed allows, without overshoot.
+///
+/// **The surface.** An actuator at zero that may move with the speed `S` takes `t = sqrt(w / (gain
+/// S))` to swing out and the same to swing back, which stops a rate `w` over a distance `w t`: from
+/// a distance `x` the greatest rate that can still be stopped is `(gain S)^(1/3) x^(2/3)`. (For an
+/// actuator without limit of speed it is the well-known square root. M. L. Workman, Adaptive
+/// Proximate Time-Optimal Servomechanisms, 1987.) An actuator away from zero must come back first,
+/// which moves value and rate by
+///
+/// ```text
+/// time t = |p| / S,  rate: gain p |p| / 2 S,  value: rate0 t + gain p^3 / 3 S^2
+/// ```
+///
+/// with `p` its position and the disturbance. The value after that is the distance, the rate after
+/// that is compared with the curve. Near the setpoint the curve is a straight line, since its root
+/// has no finite slope there; farther away six tangents stand for it, the lowest of which counts.
+///
+/// **The model.** Where the actuator is follows from what was sent to it and when that takes
+/// effect; value and rate follow from where it was. They are those of now, although readings are
+/// old: a reading is compared with what the model had at the reading's time, and the difference
+/// moves present and past alike. The model runs ahead to when the next output takes effect, with
+/// the outputs that are under way.
+///
+/// ```text
+/// speed    = speed + a (clamp((target - actuator) / loop) - speed)       a = T / (lag + T)
+/// actuator = actuator + T speed,  position = position within actuator +- play
+/// rate, value: integrals of gain (position + disturbance), shifted by shares of the innovations
+/// disturbance = disturbance + rate_share trim / gain * innovation of the rate
+///
+/// ahead, when the output takes effect and `ahead_s` later:
+/// x = value - setpoint + rate |p| / S + gain p^3 / 3 S^2
+/// r = min(near |x|, curve (gain S)^(1/3) |x|^(2/3)) sign(x)
+/// u = position - clamp(gain_s (rate + gain p |p| / 2 S + r))
+/// ```
+///
+/// The output is the actuator's position plus a distance, so that an actuator at rest on the
+/// surface stays: that holds against a disturbance without an integral that could wind up. Limits
+/// of the output, a plant that is held, and a tether's stop do not wind up the model either: its
+/// rate and value follow the readings.
+///
+/// The default has no gains: its output is 0 until it is [retuned](Self::retune).
+#[derive(Clone, Debug, Default)]
+pub struct Surface<T: Scalar> {
+    c: Coefficients<T>,
+    /// The actuator by its model, its speed in output per sample, and the position behind its play.
+    actuator: T,
+    speed: T,
+    position: T,
+    /// What had been sent to the actuator by each of the newest samples, the newest first.
+    sent: [T; HISTORY],
+    /// Output of the last sample, and whether it has been sent.
+    output: T,
+    is_sent: bool,
+    /// Rate and value of the newest samples, the newest first; nothing before the first reading.
+    rates: [T; HISTORY],
+    values: [T; HISTORY],
+    is_known: bool,
+    disturbance: T,
+}
+
+/// Position of the actuator, and what it does to rate and value over some samples: the sum of the
+/// positions, and the sum of those sums.
+struct Path<T> {
+    position: T,
+    sum: T,
+    sums: T,
+}
+
+impl<T: Scalar> Surface<T> {
+    /// A controller whose actuator rests at 0.
+    ///
+    /// # Errors
+    /// A parameter out of its range, by name.
+    pub fn new(config: &SurfaceConfig) -> Result<Self, ConfigError> {
+        Ok(Self {
+            c: Coefficients::new(config)?,
+            ..Self::default()
+        })
+    }
+
+    /// Take other parameters without a bump: the model keeps its state.
+    ///
+    /// # Errors
+    /// A parameter out of its range, by name; nothing changes.
+    pub fn retune(&mut self, config: &SurfaceConfig) -> Result<(), ConfigError> {
+        self.c = Coefficients::new(config)?;
+        Ok(())
+    }
+
+    /// One sample: setpoint, reading, and how many samples later an output is sent to the actuator:
+    /// 0 if it is this one's. Inputs that are not numbers are taken as no reading.
+    // A function of its own, so that it does not cost the caller its registers.
+    #[inline(never)]
+    pub fn update(&mut self, setpoint: T, reading: &Reading<T>, samples_to_go: u8) -> T {
+        self.advance();
+        let error = reading.value - setpoint;
+        if error.is_usable() && reading.rate.is_usable() {
+            self.correct(reading);
+            self.output = self.decide(setpoint, samples_to_go);
+        }
+        self.is_sent = samples_to_go == 0;
+        self.output
+    }
+
+    /// A sample without a reading: the output stays.
+    pub fn coast(&mut self, samples_to_go: u8) {
+        self.advance();
+        self.is_sent = samples_to_go == 0;
+    }
+
+    /// Numbers of [`Surface::memory`].
+    pub const MEMORY: usize = 7 + 3 * HISTORY;
+
+    /// All that the next outputs depend on besides inputs and configuration, number by number: each
+    /// is shown to `each` and becomes what that returns.
+    #[inline(never)]
+    pub fn memory(&mut self, each: &mut impl FnMut(T) -> T) {
+        let mut flag = |set: bool| each(if set { T::ONE } else { T::ZERO }) != T::ZERO;
+        self.is_sent = flag(self.is_sent);
+        self.is_known = flag(self.is_known);
+        let numbers = [
+            &mut self.actuator,
+            &mut self.speed,
+            &mut self.position,
+            &mut self.output,
+            &mut self.disturbance,
+        ];
+        for number in numbers
+            .into_iter()
+            .chain(&mut self.sent)
+            .chain(&mut self.rates)
+            .chain(&mut self.values)
+        {
+            *number = each(*number);
+        }
+    }
+
+    /// Forget everything, as when the plant is held: the actuator goes to 0.
+    pub fn reset(&mut self) {
+        *self = Self {
+            c: core::mem::take(&mut self.c),
+            ..Self::default()
+        };
+    }
+
+    /// The estimated disturbance, in units of the output.
+    pub fn disturbance(&self) -> T {
+        self.disturbance
+    }
+
+    /// The model over the sample that has passed.
+    fn advance(&mut self) {
+        let newest = if self.is_sent {
+            self.output
+        } else {
+            self.sent[0]
+        };
+        push(&mut self.sent, newest);
+        let target = self.target(0);
+        let before = self.position;
+        self.c
+            .sample
+            .turn(target, &mut self.actuator, &mut self.speed);
+        self.position = self.c.within_play(self.position, self.actuator);
+        let mean = before + (self.position - before).half();
+        let change = self.c.rate_step * (mean + self.disturbance);
+        let (rate, value) = (self.rates[0], self.values[0]);
+        push(&mut self.rates, rate + change);
+        push(
+            &mut self.values,
+            value + self.c.period * (rate + change.half()),
+        );
+    }
+
+    /// The actuator's target over the sample `ahead` of the one that has passed: until the newest
+    /// of the outputs takes effect, the one before counts.
+    fn target(&self, ahead: u8) -> T {
+        if ahead > self.c.effect {
+            return self.sent[0];
+        }
+        let newest = self.c.effect.saturating_sub(ahead);
+        let before = (self.c.effect + 1).saturating_sub(ahead);
+        let sent = |index: u8| {
+            self.sent
+                .get(usize::from(index))
+                .copied()
+                .unwrap_or_default()
+        };
+        sent(newest) + (sent(before) - sent(newest)).times(self.c.effect_rest)
+    }
+
+    /// Rate, value and disturbance follow a reading.
+    fn correct(&mut self, reading: &Reading<T>) {
+        let value_age =
+            reading.value_age * self.c.samples_per_s + self.c.sensor_lag - self.c.value_lead;
+        if !self.is_known {
+            self.is_known = true;
+            self.rates = [reading.rate; HISTORY];
+            let mut value = reading.value + value_age * self.c.period * reading.rate;
+            for past in &mut self.values {
+                *past = value;
+                value = value - self.c.period * reading.rate;
+            }
+            return;
+        }
+        if let Some(age) = reading.age {
+            let age = age * self.c.samples_per_s + self.c.sensor_lag;
+            let innovation = reading.rate - past(&self.rates, age);
+            shift(&mut self.rates, innovation.times(self.c.rate_share));
+            self.disturbance = (self.disturbance + self.c.trim * innovation)
+                .clamped(-self.c.trim_limit, self.c.trim_limit);
+        }
+        let innovation = reading.value - past(&self.values, value_age);
+        shift(&mut self.values, innovation.times(self.c.value_share));
+    }
+
+    /// The actuator's path with what has been sent until the surface is looked at: sample by sample
+    /// to the output's effect, and in few steps from there, where the target is the same.
+    fn path(&self, samples_to_go: u8) -> Path<T> {
+        let c = &self.c;
+        let (mut actuator, mut speed) = (self.actuator, self.speed);
+        let mut path = Path {
+            position: self.position,
+            sum: T::ZERO,
+            sums: T::ZERO,
+        };
+        for ahead in 1..=c.effect + samples_to_go {
+            c.sample.turn(self.target(ahead), &mut actuator, &mut speed);
+            path.turn(c.within_play(path.position, actuator));
+        }
+        let mut rest = Path {
+            position: path.position,
+            sum: T::ZERO,
+            sums: T::ZERO,
+        };
+        speed = c.step * speed;
+        for _ in 0..STEPS {
+            c.ahead.turn(self.sent[0], &mut actuator, &mut speed);
+            rest.turn(c.within_play(rest.position, actuator));
+        }
+        Path {
+            position: rest.position,
+            sum: path.sum + c.step * rest.sum,
+            sums: path.sums + c.rest * path.sum + c.step * (c.step * rest.sums),
+        }
+    }
+
+    fn decide(&self, setpoint: T, samples_to_go: u8) -> T {
+        let c = &self.c;
+        let path = self.path(samples_to_go);
+        let (mut time_s, mut gain) = (c.horizon_s, c.horizon_gain);
+        for _ in 0..samples_to_go {
+            time_s = time_s + c.period;
+            gain = gain + c.rate_step;
+        }
+        let pushed = gain * self.disturbance;
+        let rate = self.rates[0] + c.rate_step * path.sum + pushed;
+        let value = self.values[0] - setpoint
+            + time_s * (self.rates[0] + pushed.half())
+            + c.period * (c.rate_step * path.sums);
+
+        let away = path.position + self.disturbance;
+        let size = if away < T::ZERO { -away } else { away };
+        let time_s = c.return_s * size;
+        let square = away * size;
+        let back = c.return_gain * square;
+        let x = value + time_s * (rate + c.way_gain * square);
+        let deviation = rate + back + c.surface(x);
+        let lead = (c.gain * deviation).clamped(-c.lead_limit, c.lead_limit);
+        (path.position - lead).clamped(-c.limit, c.limit)
+    }
+}
+
+impl<T: Scalar> Path<T> {
+    /// A step in which the position becomes another.
+    #[inline]
+    fn turn(&mut self, position: T) {
+        let mean = self.position + (position - self.position).half();
+        self.position = position;
+        self.sums = self.sums + self.sum + mean.half();
+        self.sum = self.sum + mean;
+    }
+}
+
+/// A newer one; the oldest is forgotten.
+fn push<T: Scalar>(history: &mut [T; HISTORY], newest: T) {
+    let [a, b, c, _] = *history;
+    *history = [newest, a, b, c];
+}
+
+/// What was so many samples ago, up to the oldest.
+fn past<T: Scalar>(history: &[T; HISTORY], samples: T) -> T {
+    let (whole, rest) = samples.split();
+    match history.get(whole..) {
+        Some([newer, older, ..]) => *newer + (*older - *newer).times(rest),
+        _ => history[HISTORY - 1],
+    }
+}
+
+fn shift<T: Scalar>(history: &mut [T; HISTORY], by: T) {
+    for value in history {
+        *value = *value + by;
+    }
+}

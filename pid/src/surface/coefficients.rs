@@ -1,0 +1,220 @@
+//! What the configuration of a surface becomes for its samples.
+
+use super::{HISTORY, STEPS, SurfaceConfig};
+use crate::config::{ConfigError, LARGEST, PERIOD_S, in_range};
+use crate::scalar::Scalar;
+
+/// Where straight lines touch `x^(2/3)`, each twice as far as the one before, and that power there,
+/// which would take the chip longer than it has between two samples.
+const TOUCHES: [(f32, f32); 6] = [
+    (0.02, 0.073_680_63),
+    (0.04, 0.116_960_704),
+    (0.08, 0.185_663_55),
+    (0.16, 0.294_722_52),
+    (0.32, 0.467_842_82),
+    (0.64, 0.742_654_2),
+];
+
+/// What a sample multiplies by.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Coefficients<T: Scalar> {
+    pub(super) period: T,
+    /// Samples in a second.
+    pub(super) samples_per_s: T,
+    /// Change of the rate in a sample per output.
+    pub(super) rate_step: T,
+    /// Samples from one to its output's effect: whole ones, and the rest.
+    pub(super) effect: u8,
+    pub(super) effect_rest: T::Share,
+    /// From the whole ones to where the surface is looked at: a step and all of them, in samples.
+    pub(super) step: T,
+    pub(super) rest: T,
+    /// From a sample to where the surface is looked at, s, and change of the rate until then per
+    /// output.
+    pub(super) horizon_s: T,
+    pub(super) horizon_gain: T,
+    /// Ages in samples.
+    pub(super) sensor_lag: T,
+    pub(super) value_lead: T,
+    /// The actuator over a sample, and over a step ahead.
+    pub(super) sample: Steps<T>,
+    pub(super) ahead: Steps<T>,
+    pub(super) play: T,
+    pub(super) gain: T,
+    pub(super) lead_limit: T,
+    pub(super) near: T,
+    /// The tangents of the braking curve.
+    pub(super) tangents: [Tangent<T>; TOUCHES.len()],
+    /// Time of the way back per position, `gain / 2 S`, and `gain / 3 S`.
+    pub(super) return_s: T,
+    pub(super) return_gain: T,
+    pub(super) way_gain: T,
+    pub(super) rate_share: T::Share,
+    pub(super) value_share: T::Share,
+    pub(super) trim: T,
+    pub(super) trim_limit: T,
+    pub(super) limit: T,
+}
+
+/// The actuator's coefficients for steps of one length.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Steps<T: Scalar> {
+    /// Share of the error that the actuator asks for in a step, and the most that it moves.
+    pub(super) loop_gain: T::Share,
+    pub(super) most: T,
+    /// Share of the way to the asked speed that it goes in a step.
+    pub(super) lag_gain: T::Share,
+}
+
+/// A tangent of the braking curve.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Tangent<T> {
+    /// Up to where it is the lowest of those that lie farther away.
+    pub(super) until: T,
+    /// What it is at 0, and its slope.
+    pub(super) at_zero: T,
+    pub(super) slope: T,
+}
+
+impl<T: Scalar> Coefficients<T> {
+    pub(super) fn new(config: &SurfaceConfig) -> Result<Self, ConfigError> {
+        let period = config.period_s;
+        in_range(period, *PERIOD_S.start(), *PERIOD_S.end(), "period_s")?;
+        in_range(config.plant_gain, 1e-3, LARGEST, "plant_gain")?;
+        in_range(config.actuator_rate, 1e-3, LARGEST, "actuator_rate")?;
+        let most_effect = (HISTORY - 1) as f32 * period * 0.999;
+        // A table, because a call for each would take ten times the flash.
+        for (value, most, name) in [
+            (config.effect_s, most_effect, "effect_s"),
+            (config.sensor_lag_s, 1.0, "sensor_lag_s"),
+            (config.value_lead_s, 1.0, "value_lead_s"),
+            (config.actuator_loop_s, 1000.0, "actuator_loop_s"),
+            (config.actuator_lag_s, 1000.0, "actuator_lag_s"),
+            (config.actuator_play, LARGEST, "actuator_play"),
+            (config.ahead_s, 20.0 * period, "ahead_s"),
+            (config.gain_s, LARGEST, "gain_s"),
+            (config.lead_limit, LARGEST, "lead_limit"),
+            (config.near_per_s, LARGEST, "near_per_s"),
+            (config.curve, 100.0, "curve"),
+            (config.rate_share, 1.0, "rate_share"),
+            (config.value_share, 1.0, "value_share"),
+            (config.trim_rad_s, 1000.0, "trim_rad_s"),
+            (config.trim_limit, LARGEST, "trim_limit"),
+            (config.limit, LARGEST, "limit"),
+        ] {
+            in_range(value, 0.0, most, name)?;
+        }
+        let (effect, effect_rest) = T::from(config.effect_s / period).split();
+        let horizon_s = config.effect_s + config.ahead_s;
+        let rest = (horizon_s / period - effect as f32).max(0.0);
+        let step = rest / f32::from(STEPS);
+        let steepness = config.curve * cube_root(config.plant_gain * config.actuator_rate);
+        Ok(Self {
+            period: period.into(),
+            samples_per_s: (1.0 / period).into(),
+            rate_step: (period * config.plant_gain).into(),
+            effect: effect as u8,
+            effect_rest,
+            step: step.into(),
+            rest: rest.into(),
+            horizon_s: horizon_s.into(),
+            horizon_gain: (horizon_s * config.plant_gain).into(),
+            sensor_lag: (config.sensor_lag_s / period).into(),
+            value_lead: (config.value_lead_s / period).into(),
+            sample: Steps::new(config, period),
+            ahead: Steps::new(config, step * period),
+            play: config.actuator_play.into(),
+            gain: config.gain_s.into(),
+            lead_limit: config.lead_limit.into(),
+            near: config.near_per_s.into(),
+            tangents: TOUCHES.map(|(touch, power)| Tangent::new(touch, steepness * power)),
+            return_s: (1.0 / config.actuator_rate).into(),
+            return_gain: (config.plant_gain / (2.0 * config.actuator_rate)).into(),
+            way_gain: (config.plant_gain / (3.0 * config.actuator_rate)).into(),
+            rate_share: config.rate_share.into(),
+            value_share: config.value_share.into(),
+            trim: (config.rate_share * config.trim_rad_s / config.plant_gain).into(),
+            trim_limit: config.trim_limit.into(),
+            limit: config.limit.into(),
+        })
+    }
+
+    pub(super) fn within_play(&self, position: T, actuator: T) -> T {
+        position.clamped(actuator - self.play, actuator + self.play)
+    }
+
+    /// The rate at which the value should approach from `x`, with its sign turned.
+    pub(super) fn surface(&self, x: T) -> T {
+        let size = if x < T::ZERO { -x } else { x };
+        let [near_ones @ .., farthest] = &self.tangents;
+        let nearest = near_ones.iter().find(|tangent| size < tangent.until);
+        let tangent = nearest.unwrap_or(farthest);
+        let (line, curve) = (self.near * size, tangent.at_zero + tangent.slope * size);
+        let rate = if line < curve { line } else { curve };
+        if x < T::ZERO { -rate } else { rate }
+    }
+}
+
+impl<T: Scalar> Steps<T> {
+    /// Of the actuator, by the length of a step and of the period that its speed is for, s.
+    pub(super) fn new(config: &SurfaceConfig, step_s: f32) -> Self {
+        Self {
+            loop_gain: (step_s / config.actuator_loop_s.max(step_s).max(1e-6)).into(),
+            most: (step_s * config.actuator_rate).into(),
+            lag_gain: (step_s / (step_s + config.actuator_lag_s).max(1e-6)).into(),
+        }
+    }
+
+    /// The actuator over a step; its speed is in output per step.
+    #[inline]
+    pub(super) fn turn(&self, target: T, actuator: &mut T, speed: &mut T) {
+        let asked = (target - *actuator)
+            .times(self.loop_gain)
+            .clamped(-self.most, self.most);
+        *speed = *speed + (asked - *speed).times(self.lag_gain);
+        *actuator = *actuator + *speed;
+    }
+}
+
+impl<T: Scalar> Tangent<T> {
+    /// Of a curve along `x^(2/3)` at `touch`, where it is `rate`: `rate (1/3 + 2/3 x / touch)`. It
+    /// meets the one at twice as far where `x / touch` is `(c - 1) / (2 - c)` with `c = 2^(2/3)`.
+    fn new(touch: f32, rate: f32) -> Self {
+        const MEETING: f32 = 1.423_661;
+        let at_zero = rate / 3.0;
+        Self {
+            until: (MEETING * touch).into(),
+            at_zero: at_zero.into(),
+            slope: (2.0 * at_zero / touch).into(),
+        }
+    }
+}
+
+/// The cube root of a positive number, by Newton's method: without a root the chip has none. A
+/// third of the bits is a third of the exponent, and with this to restore its offset it is at most
+/// 4 % off, which two steps make 1e-5 and a third the scalar's resolution.
+fn cube_root(number: f32) -> f32 {
+    const OFFSET: u32 = 0x2a51_37a0;
+    let mut root = f32::from_bits(number.to_bits() / 3 + OFFSET);
+    for _ in 0..3 {
+        root -= (root - number / (root * root)) / 3.0;
+    }
+    root
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn powers_and_roots_are_those_of_the_host() {
+        for (touch, power) in TOUCHES {
+            assert_eq!(power, f64::from(touch).powf(2.0 / 3.0) as f32, "{touch}");
+        }
+        for number in [1e-6, 1e-3, 0.7, 1.0, 173.8, 2e4, LARGEST * LARGEST] {
+            let exact = f64::from(number).cbrt();
+            let relative = (f64::from(cube_root(number)) / exact - 1.0).abs();
+            assert!(relative < 3e-7, "{number}: {relative}");
+        }
+    }
+}

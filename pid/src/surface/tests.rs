@@ -1,0 +1,311 @@
+//! The switching surface against a plant, by hand, and under any input.
+
+use super::*;
+use crate::Q16;
+use proptest::prelude::*;
+use std::vec::Vec;
+
+const PERIOD: f64 = 1.0 / 150.0;
+/// A pulse in three samples, as at 50 Hz.
+const SAMPLES_A_PULSE: u8 = 3;
+
+/// Pitch of the drone through its servo: gain 31.6, 5.5 rad/s.
+fn config() -> SurfaceConfig {
+    SurfaceConfig {
+        period_s: PERIOD as f32,
+        plant_gain: 31.6,
+        effect_s: 8.0e-3,
+        sensor_lag_s: 0.0,
+        value_lead_s: 0.0,
+        actuator_rate: 5.5,
+        actuator_loop_s: 0.03,
+        actuator_lag_s: 0.01,
+        actuator_play: 0.0,
+        ahead_s: 0.025,
+        gain_s: 0.45,
+        lead_limit: 0.3,
+        near_per_s: 15.0,
+        curve: 0.8,
+        rate_share: 0.9,
+        value_share: 0.9,
+        trim_rad_s: 3.0,
+        trim_limit: 0.3,
+        limit: 1.0,
+    }
+}
+
+/// Flies `value'' = 31.6 (actuator + push)` from `start` for two seconds: the values, sample by
+/// sample. The servo takes a new target every third sample, 8 ms after it.
+fn fly<T: Scalar>(config: &SurfaceConfig, start: f64, push: f64) -> Vec<f64> {
+    const FINE: i32 = 100;
+    let dt = PERIOD / f64::from(FINE);
+    let mut law = Surface::<T>::new(config).unwrap();
+    let (mut value, mut rate, mut actuator, mut speed) = (start, 0.0_f64, 0.0_f64, 0.0_f64);
+    let (mut target, mut sent, mut wait) = (0.0_f64, 0.0, i32::MAX);
+    (0..300_u32)
+        .map(|sample| {
+            let to_go = (SAMPLES_A_PULSE - (sample % 3) as u8) % SAMPLES_A_PULSE;
+            let reading = Reading {
+                value: (value as f32).into(),
+                rate: (rate as f32).into(),
+                age: Some(T::ZERO),
+                value_age: T::ZERO,
+            };
+            let output: f32 = law.update(T::ZERO, &reading, to_go).into();
+            if to_go == 0 {
+                (sent, wait) = (f64::from(output), (8.0e-3 / dt) as i32);
+            }
+            for _ in 0..FINE {
+                wait = wait.saturating_sub(1);
+                if wait == 0 {
+                    target = sent;
+                }
+                let asked = ((target - actuator) / 0.03).clamp(-5.5, 5.5);
+                speed += dt / 0.01 * (asked - speed);
+                actuator += dt * speed;
+                rate += dt * 31.6 * (actuator + push);
+                value += dt * rate;
+            }
+            value
+        })
+        .collect()
+}
+
+/// Settling to 5 % (s), and overshoot as a share of the start.
+fn figures(path: &[f64], start: f64) -> (f64, f64) {
+    let share: Vec<f64> = path.iter().map(|value| value / start).collect();
+    let last = share.iter().rposition(|share| share.abs() > 0.05);
+    let over = share.iter().fold(0.0_f64, |low, share| low.max(-share));
+    (last.map_or(0.0, |last| (last + 1) as f64 * PERIOD), over)
+}
+
+/// The time-optimal limits are 0.29, 0.36 and 0.45 s.
+#[test]
+fn arrives_in_little_more_than_the_shortest_time_there_is() {
+    for (start, most_s) in [(0.2, 0.38), (0.4, 0.45), (0.8, 0.58), (-0.4, 0.45)] {
+        let (settled_s, over) = figures(&fly::<f32>(&config(), start, 0.0), start);
+        assert!(
+            settled_s < most_s && over < 0.04,
+            "{start}: {settled_s} {over}"
+        );
+    }
+}
+
+#[test]
+fn holds_against_a_steady_push() {
+    let path = fly::<f32>(&config(), 0.2, 0.08);
+    assert!(path[299].abs() < 4e-3, "{}", path[299]);
+}
+
+#[test]
+fn fixed_point_flies_as_float_does() {
+    let (float, fixed) = (
+        fly::<f32>(&config(), 0.4, 0.03),
+        fly::<Q16>(&config(), 0.4, 0.03),
+    );
+    for (a, b) in float.iter().zip(fixed) {
+        assert!((a - b).abs() < 4e-3, "{a} {b}");
+    }
+}
+
+/// By hand: an actuator that follows at once, at 0.5, with rate -1 and nothing ahead: back at
+/// zero after 0.1 s, with 31.6 * 0.25 / 10 added to the rate and -0.1 + 31.6 * 0.125 / 75 to
+/// the value.
+#[test]
+fn the_surface_is_where_the_actuator_is_back_at_zero() {
+    let config = SurfaceConfig {
+        effect_s: 0.0,
+        ahead_s: 0.0,
+        actuator_rate: 5.0,
+        near_per_s: 1.0,
+        curve: 100.0,
+        lead_limit: 100.0,
+        gain_s: 1.0,
+        limit: 100.0,
+        ..config()
+    };
+    let mut law = Surface::<f32>::new(&config).unwrap();
+    law.correct(&Reading {
+        value: 0.3,
+        rate: -1.0,
+        age: None,
+        value_age: 0.0,
+    });
+    (law.actuator, law.position, law.sent) = (0.5, 0.5, [0.5; HISTORY]);
+    let x = 0.3 - 0.1 + 31.6 * 0.125 / 75.0;
+    let rate = -1.0 + 31.6 * 0.25 / 10.0;
+    let expected = 0.5 - (rate + x);
+    assert!((law.decide(0.0, 0) - expected).abs() < 1e-5);
+}
+
+#[test]
+fn six_lines_stand_for_the_curve() {
+    let config = SurfaceConfig {
+        near_per_s: 1e4,
+        curve: 1.0,
+        ..config()
+    };
+    let c = Coefficients::<f32>::new(&config).unwrap();
+    let steepness = (31.6_f32 * 5.5).cbrt();
+    for index in 2..100 {
+        let x = 0.01 * index as f32;
+        let exact = steepness * x.powf(2.0 / 3.0);
+        let share = c.surface(x) / exact;
+        assert!((0.9999..1.03).contains(&share), "{x}: {share}");
+        assert_eq!(c.surface(-x), -c.surface(x));
+    }
+}
+
+/// A target sent with sample k counts from 1.2 samples later on.
+#[test]
+fn a_target_takes_effect_between_two_samples() {
+    let mut law = Surface::<f32>::new(&config()).unwrap();
+    law.sent = [4.0, 3.0, 2.0, 1.0];
+    assert!((law.target(0) - (3.0 - 0.2)).abs() < 1e-5);
+    assert!((law.target(1) - (4.0 - 0.2)).abs() < 1e-5);
+    assert_eq!(law.target(2), 4.0);
+}
+
+/// The reading is 10 ms old and says what the model had then: nothing changes.
+#[test]
+fn an_old_reading_is_compared_with_the_past() {
+    let mut law = Surface::<f32>::new(&config()).unwrap();
+    law.is_known = true;
+    law.rates = [0.4, 0.3, 0.2, 0.1];
+    law.values = [0.0; HISTORY];
+    law.correct(&Reading {
+        value: 0.0,
+        rate: 0.25,
+        age: Some(0.01),
+        value_age: 0.0,
+    });
+    assert!((law.rates[0] - 0.4).abs() < 1e-6);
+    law.correct(&Reading {
+        value: 0.0,
+        rate: 0.35,
+        age: Some(0.01),
+        value_age: 0.0,
+    });
+    assert!((law.rates[0] - 0.49).abs() < 1e-6);
+}
+
+#[test]
+fn what_it_remembers_makes_another_go_on_alike() {
+    let mut law = Surface::<Q16>::new(&config()).unwrap();
+    let reading = |step: u8| Reading {
+        value: Q16::from_bits(i32::from(step) * 700),
+        rate: Q16::from_bits(i32::from(step) * 900),
+        age: (!step.is_multiple_of(3)).then_some(Q16::from_bits(300)),
+        value_age: Q16::ZERO,
+    };
+    for step in 0..20 {
+        law.update(Q16::ZERO, &reading(step), step % 3);
+    }
+    let mut words = Vec::new();
+    law.memory(&mut |word| {
+        words.push(word);
+        word
+    });
+    assert_eq!(words.len(), Surface::<Q16>::MEMORY);
+    let mut other = Surface::<Q16>::new(&config()).unwrap();
+    let mut rest = words.into_iter();
+    other.memory(&mut |_| rest.next().unwrap());
+    for step in 20..60 {
+        let reading = reading(step);
+        assert_eq!(
+            law.update(Q16::ZERO, &reading, step % 3),
+            other.update(Q16::ZERO, &reading, step % 3)
+        );
+    }
+}
+
+#[test]
+fn other_gains_come_without_a_bump_and_impossible_ones_are_refused_by_name() {
+    let mut law = Surface::<f32>::new(&config()).unwrap();
+    let reading = Reading {
+        value: 0.2,
+        rate: 0.1,
+        age: Some(0.004),
+        value_age: 0.0,
+    };
+    for _ in 0..10 {
+        law.update(0.0, &reading, 0);
+    }
+    let (actuator, rates) = (law.actuator, law.rates);
+    let other = SurfaceConfig {
+        gain_s: 0.4,
+        ..config()
+    };
+    law.retune(&other).unwrap();
+    assert_eq!((law.actuator, law.rates), (actuator, rates));
+    for (config, name) in [
+        (
+            SurfaceConfig {
+                rate_share: 1.5,
+                ..config()
+            },
+            "rate_share",
+        ),
+        (
+            SurfaceConfig {
+                effect_s: 0.03,
+                ..config()
+            },
+            "effect_s",
+        ),
+        (
+            SurfaceConfig {
+                actuator_rate: 0.0,
+                ..config()
+            },
+            "actuator_rate",
+        ),
+        (
+            SurfaceConfig {
+                gain_s: f32::NAN,
+                ..config()
+            },
+            "gain_s",
+        ),
+    ] {
+        assert_eq!(law.retune(&config), Err(ConfigError::OutOfRange(name)));
+    }
+    law.reset();
+    assert_eq!((law.actuator, law.disturbance()), (0.0, 0.0));
+}
+
+/// A vehicle that is held does not answer its rudder: the trim stays within its limit, and once
+/// it is let go the flight is that of a fresh law but for the trim.
+#[test]
+fn a_plant_that_is_held_does_not_wind_it_up() {
+    let mut law = Surface::<f32>::new(&config()).unwrap();
+    let held = Reading {
+        value: 0.3,
+        rate: 0.0,
+        age: Some(0.0),
+        value_age: 0.0,
+    };
+    for sample in 0..600_u32 {
+        law.update(0.0, &held, (sample % 3) as u8);
+    }
+    assert!((law.values[0] - 0.3).abs() < 0.02, "{}", law.values[0]);
+    assert!(law.rates[0].abs() < 0.2, "{}", law.rates[0]);
+    assert!(law.disturbance().abs() <= 0.3);
+}
+
+proptest! {
+    #[test]
+    fn the_output_is_a_number_within_its_limit_whatever_comes_in(
+        samples in proptest::collection::vec(
+            (proptest::num::f32::ANY, proptest::num::f32::ANY, proptest::num::f32::ANY, 0_u8..3),
+            1..30,
+        ),
+    ) {
+        let mut law = Surface::<f32>::new(&config()).unwrap();
+        for (value, rate, age, to_go) in samples {
+            let reading = Reading { value, rate, age: Some(age), value_age: age };
+            let output = law.update(0.0, &reading, to_go);
+            prop_assert!(output.abs() <= 1.0, "{output}");
+        }
+    }
+}
