@@ -1,5 +1,6 @@
 #!/usr/bin/env python3
-"""Write docs/measurements.md anew: every figure comes from a command of the ground tool run with --json.
+"""Write docs/measurements.md and docs/flight.svg anew: every figure comes from a command of the ground tool run with
+--json, and the picture from the report of a flight.
 
     python3 tools/measurements.py --broad FOLDER     all sections; takes about a quarter of an hour
     python3 tools/measurements.py --without-broad    leaves out the scores on the BROAD recordings, and says so
@@ -13,13 +14,15 @@ import argparse
 import json
 import os
 import pathlib
+import re
 import subprocess
 import sys
 import tempfile
 
 ROOT = pathlib.Path(__file__).resolve().parent.parent
 PAGE = ROOT / "docs" / "measurements.md"
-SEEDS = range(1, 13)
+PICTURE = ROOT / "docs" / "flight.svg"
+SEEDS = 48
 SERVOS = {"s3003": "S3003 class, 50 Hz frame", "digital": "digital, 300 Hz frame"}
 FILTERS = [("vqf", "f32"), ("vqf", "fixed"), ("mahony", "f32"), ("mahony", "fixed"), ("madgwick", "f32")]
 
@@ -44,43 +47,45 @@ def table(head, rows):
     return "".join(f"| {' | '.join(map(str, line))} |\n" for line in lines)
 
 
-def by_start(flights, figure, worst, form):
-    """The worst of a figure over all flights, for each start, as `a / b / c`."""
-    starts = range(len(flights[0]["runs"]))
-    values = [[flight["runs"][start][figure] for flight in flights] for start in starts]
-    if any(value is None for column in values for value in column):
-        return "a flight did not settle"
-    return " / ".join(form.format(worst(column)) for column in values)
-
-
 def flights(scratch):
-    """Step responses of the image on the rig, and the loop's own figures."""
-    rows, loop = [], None
+    """Step responses of the image on the rig, and the loop's own figures; and the picture of a flight."""
+    rows = []
+    report = scratch / "fly.html"
     for servo, name in SERVOS.items():
-        flown = [tvc("fly", "--servo", servo, "--seed", seed, "--report", scratch / "fly.html") for seed in SEEDS]
-        limits = [run["limit_s"] for run in tvc("tune", "--servo", servo, "--generations", 0)["runs"]]
-        slowest = [max(flight["runs"][start]["settling_5pct_s"] or float("inf") for flight in flown)
-                   for start in range(len(limits))]
-        rows.append([
-            name,
-            by_start(flown, "overshoot_pct", max, "{:.1f}") + " %",
-            by_start(flown, "settling_5pct_s", max, "{:.3f}") + " s",
-            " / ".join(f"{time / limit:.2f}" for time, limit in zip(slowest, limits)),
-        ])
-        loop = loop or (flown[0], max(flight["loop"]["jitter_us_max"] for flight in flown))
-    head = ["from 0.2 / 0.4 / 0.8 rad with 0.2 rad/s, worst of 12 seeds", "overshoot", "5 % settling",
-            "times the time-optimal limit"]
-    text = "## Flights\n`cargo tvc fly --servo SERVO --seed N --json`, N from 1 to 12. Required: 5 % and 0.75 s (S3003), " \
-           "0.55 s (digital). The limit is bang-bang control with the rudder's rate limited, without delay and lag.\n\n"
-    return text + table(head, rows) + "\n" + the_loop(*loop)
+        starts = tvc("fly", "--servo", servo, "--seeds", SEEDS, "--report", report)["distribution"]
+
+        def three(key, form, starts=starts):
+            return [" / ".join(form.format(start[key][of]) for start in starts) for of in ("mean", "p95", "worst")]
+
+        rows.append([f"{name}: times the time-optimal limit", *three("ratio", "{:.2f}")])
+        rows.append([f"{name}: overshoot, %", *three("overshoot_pct", "{:.1f}")])
+        rows.append([f"{name}: 5 % settling, s", *three("settling_5pct_s", "{:.3f}")])
+        rows.append([f"{name}: left after settling, mrad", *three("residual_mrad", "{:.1f}")])
+    head = ["from 0.2 / 0.4 / 0.8 rad with 0.2 rad/s", "mean", "95 %", "worst"]
+    text = f"## Flights\n`cargo tvc fly --servo SERVO --seeds {SEEDS} --json`: {SEEDS} flights from each tilt, to either " \
+           "side in turn. The limit is bang-bang control with the rudder's rate limited, without delay and lag.\n\n"
+    loop = the_loop(tvc("fly", "--report", report))
+    return text + table(head, rows) + "\n" + loop, flight_picture(report.read_text(encoding="utf-8"))
 
 
-def the_loop(flight, jitter_us):
+def flight_picture(report):
+    """The last flight of a report, from the largest start: its two plots, one below the other, as one picture."""
+    plots = re.findall(r"<svg[^>]*>.*?</svg>", report, re.DOTALL)[-2:]
+    sizes = [re.match(r'<svg width="(\d+)" height="(\d+)"', plot) for plot in plots]
+    if len(plots) != 2 or not all(sizes):
+        raise Failed("the report of `tvc fly` has no two plots of known size")
+    (width, upper), (_, lower) = [map(int, size.groups()) for size in sizes]
+    size = f'width="{width}" height="{upper + lower}" viewBox="0 0 {width} {upper + lower}"'
+    below = plots[1].replace("<svg ", f'<svg y="{upper}" ', 1)
+    return f'<svg xmlns="http://www.w3.org/2000/svg" {size}>\n{plots[0]}\n{below}\n</svg>\n'
+
+
+def the_loop(flight):
     """The control loop's timing and memory, of one flight."""
     loop, image, speed = flight["loop"], flight["image"], flight["emulation"]
     rows = [
         ["control rate", f"{loop['rate_hz']:.1f} Hz", "100 Hz"],
-        ["worst jitter, 12 seeds", f"{jitter_us:.1f} us", "100 us"],
+        ["worst jitter", f"{loop['jitter_us_max']:.1f} us", "100 us"],
         ["burst start to the edge of its pulse, mean", f"{flight['latency_us']['mean'] / 1e3:.2f} ms", "8 ms"],
         ["age of the sample when its burst begins, mean", f"{flight['sample_age_us']['mean'] / 1e3:.2f} ms", ""],
         ["cycles a step, 0 wait states, mean / worst",
@@ -88,7 +93,7 @@ def the_loop(flight, jitter_us):
         ["cycles a step, 1 wait state, mean / worst",
          f"{loop['cycles_per_step_mean_1ws']:,.0f} / {loop['cycles_per_step_max_1ws']:,}", ""],
         ["core awake, 1 wait state", f"{100 * loop['cpu_load']:.0f} %", ""],
-        ["flash", f"{image['flash_bytes']:,} bytes", "73,728 bytes"],
+        ["flash", f"{image['flash_bytes']:,} bytes", "81,920 bytes"],
         ["static RAM", f"{image['static_ram_bytes']:,} bytes", "24,576 bytes"],
         ["deepest stack seen", f"{image['stack_high_water_bytes']:,} bytes", ""],
         ["messages lost", f"{flight['telemetry']['lost']} of {flight['telemetry']['messages']:,}", "0"],
@@ -99,17 +104,52 @@ def the_loop(flight, jitter_us):
     return "## The loop\n`cargo tvc fly --seed 1 --json`, S3003.\n\n" + table(["", "measured", "required"], rows)
 
 
+def control_law(scratch):
+    """The shipped gains on the model: predicted figures, and margins."""
+    shipped = scratch / "shipped.param"
+    shipped.write_text("PID_LAW 2\n")
+    rows = []
+    for servo, name in SERVOS.items():
+        tuned = tvc("tune", "--servo", servo, "--from", shipped, "--generations", 0)
+        margins = tuned["margins"]
+
+        def triple(key, of, form, runs=tuned["runs"]):
+            return " / ".join(form.format(run[key][of]) for run in runs)
+
+        rows.append([
+            name,
+            triple("ratio", "mean", "{:.2f}"),
+            triple("ratio", "p95", "{:.2f}"),
+            triple("overshoot_pct", "p95", "{:.1f}") + " %",
+            f"{tuned['slow_overshoot_pct']:.1f} %",
+            f"{margins['gain_db']:.1f} dB",
+            f"{1e3 * margins['delay_s']:.0f} ms",
+            f"{margins['peak_sensitivity']:.1f}",
+        ])
+    head = ["from 0.2 / 0.4 / 0.8 rad, by the model", "times the limit, mean", "95 %", "overshoot, 95 %",
+            "with a sensor at 35 Hz, worst", "gain margin", "delay margin", "peak sensitivity"]
+    text = "## Control law\n`cargo tvc tune --servo SERVO --from FILE --generations 0 --json` with the shipped gains: 50 " \
+           "flights from each tilt, and [margins](control.md) measured by flights of the model.\n\n"
+    return text + table(head, rows)
+
+
 def monte_carlo(scratch):
     """Dispersed drones on the model."""
     rows = []
+    wider = ["--spread", "thrust=0.2,inertia=0.2,servo_speed=0.25,delay_ms=5"]
     for servo, name in SERVOS.items():
-        for lateral_mm in (0, 5):
-            runs = tvc("montecarlo", "-n", 500, "--servo", servo, "--lateral-mm", lateral_mm,
-                       "--report", scratch / "montecarlo.html")
+        for what, options in [
+            ("", []),
+            (", mass up to 5 mm off to the side", ["--lateral-mm", 5]),
+            (", the second spread", wider),
+        ]:
+            runs = tvc("montecarlo", "-n", 2000, "--servo", servo, *options, "--report", scratch / "montecarlo.html",
+                       "--worst", scratch / "worst")
             share = [f"{100 * runs[key]:.2f} %" for key in ("pass_rate", "pass_rate_low", "pass_rate_high")]
-            rows.append([f"{name}, mass up to {lateral_mm} mm off to the side", share[0], f"{share[1]} to {share[2]}"])
-    head = ["500 dispersed drones", "within 30 % and 1.5 s", "95 % bounds"]
-    return "## Monte Carlo\n`cargo tvc montecarlo -n 500 --servo SERVO --lateral-mm MM --json`.\n\n" + table(head, rows)
+            rows.append([f"{name}{what}", share[0], f"{share[1]} to {share[2]}"])
+    head = ["2,000 dispersed drones", "within 30 % and 1.5 s", "95 % bounds"]
+    return ("## Monte Carlo\n`cargo tvc montecarlo -n 2000 --servo SERVO --json`, with `--lateral-mm 5`, and with "
+            f"`{' '.join(wider)}`.\n\n" + table(head, rows))
 
 
 def faults(scratch):
@@ -194,14 +234,16 @@ def main():
     try:
         with tempfile.TemporaryDirectory() as folder:
             scratch = pathlib.Path(folder)
-            sections = [flights(scratch), monte_carlo(scratch), faults(scratch), hardware(scratch),
+            flown, picture = flights(scratch)
+            sections = [flown, control_law(scratch), monte_carlo(scratch), faults(scratch), hardware(scratch),
                         replays(scratch, broad), filters(broad)]
     except Failed as error:
         sys.exit(f"error: {error}; {PAGE.relative_to(ROOT)} is as it was")
-    fresh = PAGE.with_suffix(".new")
-    fresh.write_text("\n".join([head, *sections]), encoding="utf-8")
-    fresh.replace(PAGE)
-    print(PAGE.relative_to(ROOT))
+    for path, text in [(PAGE, "\n".join([head, *sections])), (PICTURE, picture)]:
+        fresh = path.with_suffix(".new")
+        fresh.write_text(text, encoding="utf-8")
+        fresh.replace(path)
+        print(path.relative_to(ROOT))
 
 
 if __name__ == "__main__":
