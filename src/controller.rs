@@ -24,7 +24,7 @@ pub struct Sample {
     /// How long before the sample the rate was measured, us, but for the lag of the sensor's
     /// filter; `None` where it repeats that of the sample before.
     pub rate_age_us: Option<u32>,
-    /// Mean time between two new rates, us.
+    /// Time between two refreshes of the rates, us.
     pub refresh_us: u32,
     /// How many ticks later a step is carried by a pulse: 0 if it is this one's.
     pub ticks_to_go: u8,
@@ -92,11 +92,13 @@ impl Controller {
             Law::Pid(law) => law.update(self.setpoint, pitch, rate),
             Law::Predictive(law) => law.update(self.setpoint, pitch, rate),
             Law::Surface(law) => {
+                // The pitch is the sum of the rates, each of which counts for a whole period: half
+                // of one more than has passed.
                 let reading = Reading {
                     value: pitch,
                     rate,
                     age: sample.rate_age_us.map(seconds),
-                    value_age: seconds(sample.refresh_us / 2),
+                    value_lead: seconds(sample.refresh_us / 2),
                 };
                 law.update(self.setpoint, &reading, sample.ticks_to_go)
             }
@@ -232,9 +234,7 @@ fn predictive(params: &Params, travel_rad: f32) -> PredictiveConfig {
     }
 }
 
-/// A pulse takes effect when it ends: its tick's lead and the pulse at the middle later. The pitch
-/// is the sum of rates that are as old as they are read, each over the time since the last: half a
-/// period younger than the mean of them.
+/// A pulse takes effect when it ends: its tick's lead and the pulse at the middle later.
 fn surface(params: &Params, travel_rad: f32) -> SurfaceConfig {
     let period_s = period_s(params);
     let lead_us = params.timing().lead_us() as f32;
@@ -243,7 +243,6 @@ fn surface(params: &Params, travel_rad: f32) -> SurfaceConfig {
         plant_gain: params.pitch_gain(),
         effect_s: (lead_us + params.srv_centre_us()) * 1.0e-6,
         sensor_lag_s: GYR_LAG_S,
-        value_lead_s: 0.5 * period_s,
         actuator_rate: params.srv_rad_s(),
         actuator_loop_s: params.srv_loop_s(),
         actuator_lag_s: params.srv_motor_s(),

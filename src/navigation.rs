@@ -1,7 +1,9 @@
 //! From the sensor's samples to attitude: mount, start-up, missed samples, and the estimator in
 //! fixed point.
 
+use core::array;
 use core::f32::consts::PI;
+use core::mem;
 
 use bno055_driver::{Micros, RawSample, SensorFault};
 use tvc_fusion::fixed::{Counts, Estimator, Orientation, Scale, Vqf};
@@ -22,8 +24,9 @@ use crate::refresh::Refresh;
 pub struct Navigation {
     estimator: Estimator<Vqf>,
     settings: Settings,
-    /// The newest sample used, as it came and in body axes.
+    /// The newest sample used, as it came.
     last: Option<RawSample>,
+    /// The same in body axes, with the newest field that the estimator has not had yet.
     counts: Counts,
     /// When the field was fresh last.
     field_at: Micros,
@@ -31,6 +34,8 @@ pub struct Navigation {
     refresh: Refresh,
     /// Age of the newest rates, us, if they are new.
     rate_age_us: Option<u32>,
+    /// Time for which the newest rates have not been integrated yet, us.
+    owed_us: u32,
 }
 
 /// How much is known of the gyroscope's offset.
@@ -68,6 +73,7 @@ impl Navigation {
             bias: Bias::Unknown(0),
             refresh: Refresh::default(),
             rate_age_us: None,
+            owed_us: 0,
         })
     }
 
@@ -99,15 +105,27 @@ impl Navigation {
             self.restart();
         }
         let dt_us = dt_us.min(ESTIMATOR_GAP_US) as u32;
-        let is_new = self.last.is_none_or(|last| last.gyr != raw.gyr);
-        self.rate_age_us = self.refresh.read(dt_us, is_new);
-        let mut counts = self.settings.mount.convert(raw);
-        if !self.field_is_fresh(raw) {
-            counts.mag = None;
-        }
+        let last = self.last.as_ref().map(|last| &last.gyr);
+        let differ = last.map_or([true; 3], |last| {
+            array::from_fn(|axis| last[axis] != raw.gyr[axis])
+        });
+        let refreshed = self.refresh.read(dt_us, differ);
+        let counts = self.settings.mount.convert(raw);
+        let field = if self.field_is_fresh(raw) {
+            counts.mag
+        } else {
+            self.counts.mag.filter(|_| raw.mag != [0; 3])
+        };
         self.last = Some(*raw);
-        self.counts = counts;
-        self.advance(dt_us);
+        self.counts = Counts {
+            mag: field,
+            ..counts
+        };
+        self.rate_age_us = refreshed.map(|refreshed| refreshed.age_us);
+        if refreshed.is_some() || self.owed_us != 0 {
+            self.advance(refreshed.map_or(0, |refreshed| refreshed.elapsed_us), dt_us);
+            self.counts.mag = None;
+        }
         self.watch_rest(dt_us);
         Ok(dt_us)
     }
@@ -134,6 +152,9 @@ impl Navigation {
         self.estimator.memory(each);
         self.field_at = time(self.field_at, each);
         self.refresh.memory(each);
+        self.owed_us = (each(self.owed_us as i32) as u32).min(ESTIMATOR_GAP_US as u32);
+        let is_due = each(self.counts.mag.is_some().into()) != 0;
+        self.counts.mag = is_due.then_some([0; 3]);
         let bias = match self.bias {
             Bias::Unknown(us) => us,
             Bias::Levelling(us) => us | LEVELLING,
@@ -149,7 +170,11 @@ impl Navigation {
     /// The newest sample used was this one.
     pub(crate) fn resume(&mut self, raw: &RawSample) {
         self.last = Some(*raw);
-        self.counts = self.settings.mount.convert(raw);
+        let counts = self.settings.mount.convert(raw);
+        self.counts = Counts {
+            mag: self.counts.mag.and(counts.mag),
+            ..counts
+        };
     }
 
     /// Pitch, rad, -pi/2 to pi/2, nose up positive.
@@ -184,9 +209,9 @@ impl Navigation {
         self.rate_age_us
     }
 
-    /// Mean time between two new rates, us.
+    /// Time between two refreshes of the rates, us.
     pub fn refresh_us(&self) -> u32 {
-        self.refresh.mean_us()
+        self.refresh.period_us()
     }
 
     /// The newest attitude in fixed point.
@@ -204,6 +229,8 @@ impl Navigation {
     /// later samples only.
     pub fn restart(&mut self) {
         self.last = None;
+        self.counts.mag = None;
+        self.owed_us = 0;
         // The settings are within their parameters' ranges.
         if let Ok(estimator) = self.settings.estimator() {
             self.estimator = estimator;
@@ -211,17 +238,27 @@ impl Navigation {
         self.bias = Bias::Unknown(0);
     }
 
-    /// A step of the estimator, and more of them where time steps are longer than its own: at 100
-    /// samples a second, and for each sample that was missed while the attitude is still trusted.
-    /// The rates of this one stand for theirs. Beyond that the estimator takes it as a gap.
-    fn advance(&mut self, dt_us: u32) {
+    /// A step of the estimator for rates that are new after so long, us, in a sample `dt_us` after
+    /// the one before. There are more of them where the sensor refreshes its rates more slowly, or
+    /// where samples were missed while the attitude is still trusted: the rates of this one stand
+    /// for theirs. Beyond that the estimator takes it as a gap.
+    fn advance(&mut self, elapsed_us: u32, dt_us: u32) {
         // The estimator takes up to a quarter more for a single step.
         const LONGEST_STEP_US: u32 = ESTIMATOR_PERIOD_US * 5 / 4;
-        if dt_us <= LONGEST_STEP_US || u64::from(dt_us) > DATA_AGE_LIMIT_US {
-            return self.estimator.update(dt_us, &self.counts);
+        // Two periods without a missed sample are those of a vehicle at rest, whose rates were the
+        // same twice. The second has time until a tick without new rates.
+        let period_us = self.refresh.period_us();
+        let due_us = elapsed_us + mem::take(&mut self.owed_us);
+        if dt_us <= LONGEST_STEP_US && due_us <= 2 * period_us && period_us <= LONGEST_STEP_US {
+            let step_us = due_us.min(period_us);
+            self.owed_us = due_us - step_us;
+            return self.estimator.update(step_us, &self.counts);
         }
-        let steps = dt_us.div_ceil(LONGEST_STEP_US);
-        let step_us = dt_us / steps;
+        if elapsed_us <= LONGEST_STEP_US || u64::from(elapsed_us) > DATA_AGE_LIMIT_US {
+            return self.estimator.update(elapsed_us, &self.counts);
+        }
+        let steps = elapsed_us.div_ceil(LONGEST_STEP_US);
+        let step_us = elapsed_us / steps;
         let unseen = Counts {
             mag: None,
             ..self.counts
@@ -230,7 +267,7 @@ impl Navigation {
             self.estimator.update(step_us, &unseen);
         }
         self.estimator
-            .update(dt_us - step_us * (steps - 1), &self.counts);
+            .update(elapsed_us - step_us * (steps - 1), &self.counts);
     }
 
     /// Whether the magnetometer has measured a field lately. Without one the heading follows the
@@ -278,9 +315,9 @@ impl Navigation {
     }
 }
 
-/// The estimator's own time step, us: that of 150 samples a second. A constant, so that all of its
+/// The estimator's own time step, us: the sensor's refresh. A constant, so that all of its
 /// configuration but the declination is worked out by the compiler.
-const ESTIMATOR_PERIOD_US: u32 = 6_667;
+const ESTIMATOR_PERIOD_US: u32 = 10_000;
 
 /// What the estimate depends on besides the samples.
 #[derive(Clone, Debug, PartialEq)]

@@ -63,7 +63,6 @@ pub fn surface() -> SurfaceConfig {
         // A tick's lead of 6500 us, and a pulse in the middle.
         effect_s: 8_023.6e-6,
         sensor_lag_s: 3.4e-3,
-        value_lead_s: 0.5 * PERIOD_S,
         actuator_rate: ACTUATOR_RATE,
         actuator_loop_s: 0.03219,
         actuator_lag_s: 0.01549,
@@ -94,8 +93,8 @@ pub struct Input {
     pub rate: u32,
     /// Age of the rate, s.
     pub age: u32,
-    /// Age of the value, s.
-    pub value_age: u32,
+    /// By how much the value is younger, s.
+    pub value_lead: u32,
     /// 0 where the rate repeats that of the update before, so that it has no age. No number.
     pub is_new: u32,
     /// How many updates later an output is sent to the actuator, 0 to 255. No number.
@@ -110,7 +109,7 @@ impl Input {
             self.value,
             self.rate,
             self.age,
-            self.value_age,
+            self.value_lead,
             self.is_new,
             self.samples_to_go,
         ]
@@ -212,7 +211,7 @@ impl<T: Number> Law for Surface<T> {
             value,
             rate,
             age: (input.is_new != 0).then_some(T::from_word(input.age)),
-            value_age: T::from_word(input.value_age),
+            value_lead: T::from_word(input.value_lead),
         };
         Surface::update(self, setpoint, &reading, input.samples_to_go as u8).to_word()
     }

@@ -116,7 +116,9 @@ impl Q16 {
     }
 
     /// The product of any two numbers.
+    // Not inlined, so that the usual product needs no registers to be saved.
     #[cold]
+    #[inline(never)]
     fn product(self, other: Self) -> Self {
         let product = i64::from(self.0) * i64::from(other.0);
         let rounded = (product + (1 << (Self::FRACTION - 1))) >> Self::FRACTION;

@@ -8,9 +8,9 @@ use crate::config::ConfigError;
 use crate::scalar::Scalar;
 use coefficients::Coefficients;
 
-/// Samples that a [`Surface`] remembers, the newest included: readings may be older than two
-/// periods.
-const HISTORY: usize = 4;
+/// Samples that a [`Surface`] looks back: readings and outputs that have not taken effect may be
+/// older than two periods.
+const HISTORY: usize = 3;
 
 /// Steps in which the model goes from the output's effect to where the surface is looked at.
 const STEPS: u8 = 3;
@@ -19,7 +19,7 @@ const STEPS: u8 = 3;
 /// position, "value" that of what it controls.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SurfaceConfig {
-    /// Sample period, s.
+    /// Sample period, s, below 1.
     pub period_s: f32,
     /// Acceleration of the value per output, 1/s2, positive.
     pub plant_gain: f32,
@@ -27,8 +27,6 @@ pub struct SurfaceConfig {
     pub effect_s: f32,
     /// Lag of the rate's sensor, s: its age beyond that of the reading.
     pub sensor_lag_s: f32,
-    /// By how much the measured value is younger than a rate of its age, s.
-    pub value_lead_s: f32,
     /// Greatest speed of the actuator, output per s.
     pub actuator_rate: f32,
     /// Time constant of the actuator's position loop, s: the speed that it asks for is the error
@@ -70,8 +68,8 @@ pub struct Reading<T> {
     /// Age of the rate, s, without the sensor's own lag. `None` for a reading that repeats the one
     /// before: it says nothing new.
     pub age: Option<T>,
-    /// Age of the value, s, without the sensor's lag and what it is younger by.
-    pub value_age: T,
+    /// By how much the value is younger than the rate, s.
+    pub value_lead: T,
 }
 
 /// Control of a plant `value'' = gain (position + disturbance)` by an actuator that is slow, lags,
@@ -124,20 +122,30 @@ pub struct Surface<T: Scalar> {
     actuator: T,
     speed: T,
     position: T,
-    /// What had been sent to the actuator by each of the newest samples, the newest first.
-    sent: [T; HISTORY],
+    /// What was sent to the actuator last, and its target over the samples that follow each of the
+    /// newest by the output's effect, the newest first.
+    sent: T,
+    targets: [T; HISTORY],
     /// Output of the last sample, and whether it has been sent.
     output: T,
     is_sent: bool,
-    /// Rate and value of the newest samples, the newest first; nothing before the first reading.
-    rates: [T; HISTORY],
-    values: [T; HISTORY],
+    /// Rate and value, and by how much they changed in each of the newest samples, the newest
+    /// first; nothing before the first reading.
+    rate: Track<T>,
+    value: Track<T>,
     is_known: bool,
     disturbance: T,
 }
 
-/// Position of the actuator, and what it does to rate and value over some samples: the sum of the
-/// positions, and the sum of those sums.
+/// A number and its changes in the newest samples, the newest first.
+#[derive(Clone, Copy, Debug, Default)]
+struct Track<T> {
+    now: T,
+    changes: [T; HISTORY],
+}
+
+/// Position of the actuator with the disturbance, and what they do to rate and value over some
+/// samples: the sum of the positions, and the sum of those sums.
 struct Path<T> {
     position: T,
     sum: T,
@@ -187,7 +195,7 @@ impl<T: Scalar> Surface<T> {
     }
 
     /// Numbers of [`Surface::memory`].
-    pub const MEMORY: usize = 7 + 3 * HISTORY;
+    pub const MEMORY: usize = 10 + 3 * HISTORY;
 
     /// All that the next outputs depend on besides inputs and configuration, number by number: each
     /// is shown to `each` and becomes what that returns.
@@ -200,14 +208,17 @@ impl<T: Scalar> Surface<T> {
             &mut self.actuator,
             &mut self.speed,
             &mut self.position,
+            &mut self.sent,
             &mut self.output,
+            &mut self.rate.now,
+            &mut self.value.now,
             &mut self.disturbance,
         ];
         for number in numbers
             .into_iter()
-            .chain(&mut self.sent)
-            .chain(&mut self.rates)
-            .chain(&mut self.values)
+            .chain(&mut self.targets)
+            .chain(&mut self.rate.changes)
+            .chain(&mut self.value.changes)
         {
             *number = each(*number);
         }
@@ -228,12 +239,12 @@ impl<T: Scalar> Surface<T> {
 
     /// The model over the sample that has passed.
     fn advance(&mut self) {
-        let newest = if self.is_sent {
-            self.output
-        } else {
-            self.sent[0]
-        };
-        push(&mut self.sent, newest);
+        let before = self.sent;
+        if self.is_sent {
+            self.sent = self.output;
+        }
+        let late = (before - self.sent).times(self.c.effect_rest);
+        push(&mut self.targets, self.sent + late);
         let target = self.target(0);
         let before = self.position;
         self.c
@@ -242,54 +253,50 @@ impl<T: Scalar> Surface<T> {
         self.position = self.c.within_play(self.position, self.actuator);
         let mean = before + (self.position - before).half();
         let change = self.c.rate_step * (mean + self.disturbance);
-        let (rate, value) = (self.rates[0], self.values[0]);
-        push(&mut self.rates, rate + change);
-        push(
-            &mut self.values,
-            value + self.c.period * (rate + change.half()),
-        );
+        let way = (self.rate.now + change.half()).times(self.c.period);
+        self.rate.turn(change);
+        self.value.turn(way);
     }
 
     /// The actuator's target over the sample `ahead` of the one that has passed: until the newest
     /// of the outputs takes effect, the one before counts.
     fn target(&self, ahead: u8) -> T {
-        if ahead > self.c.effect {
-            return self.sent[0];
-        }
-        let newest = self.c.effect.saturating_sub(ahead);
-        let before = (self.c.effect + 1).saturating_sub(ahead);
-        let sent = |index: u8| {
-            self.sent
-                .get(usize::from(index))
-                .copied()
-                .unwrap_or_default()
-        };
-        sent(newest) + (sent(before) - sent(newest)).times(self.c.effect_rest)
+        let older = usize::from(self.c.effect).checked_sub(usize::from(ahead));
+        let target = older.and_then(|older| self.targets.get(older));
+        target.copied().unwrap_or(self.sent)
     }
 
     /// Rate, value and disturbance follow a reading.
     fn correct(&mut self, reading: &Reading<T>) {
-        let value_age =
-            reading.value_age * self.c.samples_per_s + self.c.sensor_lag - self.c.value_lead;
         if !self.is_known {
-            self.is_known = true;
-            self.rates = [reading.rate; HISTORY];
-            let mut value = reading.value + value_age * self.c.period * reading.rate;
-            for past in &mut self.values {
-                *past = value;
-                value = value - self.c.period * reading.rate;
-            }
-            return;
+            return self.begin(reading);
         }
-        if let Some(age) = reading.age {
-            let age = age * self.c.samples_per_s + self.c.sensor_lag;
-            let innovation = reading.rate - past(&self.rates, age);
-            shift(&mut self.rates, innovation.times(self.c.rate_share));
-            self.disturbance = (self.disturbance + self.c.trim * innovation)
-                .clamped(-self.c.trim_limit, self.c.trim_limit);
-        }
-        let innovation = reading.value - past(&self.values, value_age);
-        shift(&mut self.values, innovation.times(self.c.value_share));
+        let Some(age) = reading.age else { return };
+        let age = age * self.c.samples_per_s + self.c.sensor_lag;
+        let innovation = reading.rate - self.rate.past(age);
+        self.rate.now = self.rate.now + innovation.times(self.c.rate_share);
+        self.disturbance = (self.disturbance + self.c.trim * innovation)
+            .clamped(-self.c.trim_limit, self.c.trim_limit);
+        let age = age - reading.value_lead * self.c.samples_per_s;
+        let innovation = reading.value - self.value.past(age);
+        self.value.now = self.value.now + innovation.times(self.c.value_share);
+    }
+
+    /// The first reading: the rate has been what it is, and the value has followed it.
+    #[cold]
+    fn begin(&mut self, reading: &Reading<T>) {
+        self.is_known = true;
+        let way = reading.rate.times(self.c.period);
+        let age = (reading.age.unwrap_or_default() - reading.value_lead) * self.c.samples_per_s;
+        let age = (age + self.c.sensor_lag).clamped(T::ZERO, self.c.samples_per_s);
+        self.rate = Track {
+            now: reading.rate,
+            changes: [T::ZERO; HISTORY],
+        };
+        self.value = Track {
+            now: reading.value + age * way,
+            changes: [way; HISTORY],
+        };
     }
 
     /// The actuator's path with what has been sent until the surface is looked at: sample by sample
@@ -297,59 +304,81 @@ impl<T: Scalar> Surface<T> {
     fn path(&self, samples_to_go: u8) -> Path<T> {
         let c = &self.c;
         let (mut actuator, mut speed) = (self.actuator, self.speed);
-        let mut path = Path {
-            position: self.position,
-            sum: T::ZERO,
-            sums: T::ZERO,
-        };
+        let mut position = self.position;
+        let mut path = Path::from(position + self.disturbance);
         for ahead in 1..=c.effect + samples_to_go {
             c.sample.turn(self.target(ahead), &mut actuator, &mut speed);
-            path.turn(c.within_play(path.position, actuator));
+            position = c.within_play(position, actuator);
+            path.turn(position + self.disturbance);
         }
-        let mut rest = Path {
-            position: path.position,
-            sum: T::ZERO,
-            sums: T::ZERO,
-        };
+        let mut rest = Path::from(path.position);
         speed = c.step * speed;
         for _ in 0..STEPS {
-            c.ahead.turn(self.sent[0], &mut actuator, &mut speed);
-            rest.turn(c.within_play(rest.position, actuator));
+            c.ahead.turn(self.sent, &mut actuator, &mut speed);
+            position = c.within_play(position, actuator);
+            rest.turn(position + self.disturbance);
         }
         Path {
             position: rest.position,
             sum: path.sum + c.step * rest.sum,
-            sums: path.sums + c.rest * path.sum + c.step * (c.step * rest.sums),
+            sums: path.sums + c.rest * path.sum + c.step_squared * rest.sums,
         }
     }
 
     fn decide(&self, setpoint: T, samples_to_go: u8) -> T {
         let c = &self.c;
         let path = self.path(samples_to_go);
-        let (mut time_s, mut gain) = (c.horizon_s, c.horizon_gain);
+        let mut time_s = c.horizon_s;
         for _ in 0..samples_to_go {
-            time_s = time_s + c.period;
-            gain = gain + c.rate_step;
+            time_s = time_s + T::ONE.times(c.period);
         }
-        let pushed = gain * self.disturbance;
-        let rate = self.rates[0] + c.rate_step * path.sum + pushed;
-        let value = self.values[0] - setpoint
-            + time_s * (self.rates[0] + pushed.half())
-            + c.period * (c.rate_step * path.sums);
+        let rate = self.rate.now + c.rate_step * path.sum;
+        let pushed = (c.rate_step * path.sums).times(c.period);
+        let value = self.value.now - setpoint + time_s * self.rate.now + pushed;
 
-        let away = path.position + self.disturbance;
+        let away = path.position;
         let size = if away < T::ZERO { -away } else { away };
         let time_s = c.return_s * size;
         let square = away * size;
         let back = c.return_gain * square;
-        let x = value + time_s * (rate + c.way_gain * square);
+        let x = value + time_s * (rate + back.times(c.way_share));
         let deviation = rate + back + c.surface(x);
         let lead = (c.gain * deviation).clamped(-c.lead_limit, c.lead_limit);
-        (path.position - lead).clamped(-c.limit, c.limit)
+        (away - self.disturbance - lead).clamped(-c.limit, c.limit)
+    }
+}
+
+impl<T: Scalar> Track<T> {
+    /// It changes in a sample.
+    fn turn(&mut self, change: T) {
+        self.now = self.now + change;
+        push(&mut self.changes, change);
+    }
+
+    /// What it was so many samples ago, up to the oldest.
+    fn past(&self, samples: T) -> T {
+        let (whole, rest) = samples.split();
+        let mut past = self.now;
+        for (index, change) in self.changes.iter().enumerate() {
+            if index == whole {
+                return past - change.times(rest);
+            }
+            past = past - *change;
+        }
+        past
     }
 }
 
 impl<T: Scalar> Path<T> {
+    /// Of no length.
+    fn from(position: T) -> Self {
+        Self {
+            position,
+            sum: T::ZERO,
+            sums: T::ZERO,
+        }
+    }
+
     /// A step in which the position becomes another.
     #[inline]
     fn turn(&mut self, position: T) {
@@ -362,21 +391,6 @@ impl<T: Scalar> Path<T> {
 
 /// A newer one; the oldest is forgotten.
 fn push<T: Scalar>(history: &mut [T; HISTORY], newest: T) {
-    let [a, b, c, _] = *history;
-    *history = [newest, a, b, c];
-}
-
-/// What was so many samples ago, up to the oldest.
-fn past<T: Scalar>(history: &[T; HISTORY], samples: T) -> T {
-    let (whole, rest) = samples.split();
-    match history.get(whole..) {
-        Some([newer, older, ..]) => *newer + (*older - *newer).times(rest),
-        _ => history[HISTORY - 1],
-    }
-}
-
-fn shift<T: Scalar>(history: &mut [T; HISTORY], by: T) {
-    for value in history {
-        *value = *value + by;
-    }
+    let [a, b, _] = *history;
+    *history = [newest, a, b];
 }

@@ -37,7 +37,7 @@ pub struct Timing {
     pub lead_s: Option<f64>,
     /// Where the sensor refreshes its registers by a clock of its own: the period, in s. The law
     /// then sees the newest refresh, and the delay counts up to that; of the pitch it sees the sum
-    /// of such rates, each over a period of the law, as the firmware estimates it.
+    /// of such rates, each over a period of the refresh, as the firmware estimates it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub refresh_s: Option<f64>,
     /// Time of the first refresh after the start, in s.
@@ -108,6 +108,11 @@ impl Timing {
             ("refresh_phase_s", self.refresh_phase_s),
         ])?;
         positive(&[("refresh_s", self.refresh_s.unwrap_or(1.0))])
+    }
+
+    /// The number of the sensor's newest refresh at a time (s), by the period of its clock (s).
+    pub fn newest_refresh(&self, time_s: f64, period_s: f64) -> f64 {
+        ((time_s - self.refresh_phase_s) / period_s + 1e-9).floor()
     }
 
     /// The same timing with another frame phase (s).
@@ -221,8 +226,10 @@ pub struct PitchLoop {
     /// The command before, and when the law was due to replace it, in s: a run may come up to half
     /// a step early, and an edge before its time still carries what there was.
     replaced: (f64, f64),
-    /// The pitch at the start and the sum of the measured rates since, in rad.
+    /// The pitch at the start and the sum of the measured rates since, in rad, and the number of
+    /// the refresh that was the newest of them.
     summed_rad: f64,
+    summed: f64,
 }
 
 impl PitchLoop {
@@ -259,6 +266,9 @@ impl PitchLoop {
             command_rad: zero_rad,
             replaced: (zero_rad, 0.0),
             summed_rad: pitch_rad,
+            summed: timing
+                .refresh_s
+                .map_or(0.0, |period_s| timing.newest_refresh(0.0, period_s)),
         })
     }
 
@@ -271,8 +281,10 @@ impl PitchLoop {
         if now > due - 0.5 * step_s {
             self.replaced = (self.command_rad, due);
             let mut measured = self.measure(now);
-            self.summed_rad += self.timing.control_s * measured.rate_rad_s;
-            if self.timing.refresh_s.is_some() {
+            if let Some(period_s) = self.timing.refresh_s {
+                let newest = self.timing.newest_refresh(now, period_s);
+                self.summed_rad += (newest - self.summed) * period_s * measured.rate_rad_s;
+                self.summed = newest;
                 measured.pitch_rad = self.summed_rad;
             }
             self.command_rad = law(measured);
@@ -348,8 +360,9 @@ impl PitchLoop {
 
     /// The delayed state, interpolated between steps.
     fn measure(&self, now: f64) -> Measurement {
-        let held_s = self.timing.refresh_s.map_or(0.0, |period| {
-            (now - self.timing.refresh_phase_s).rem_euclid(period)
+        let held_s = self.timing.refresh_s.map_or(0.0, |period_s| {
+            let newest = self.timing.newest_refresh(now, period_s);
+            now - self.timing.refresh_phase_s - newest * period_s
         });
         let age = (self.timing.delay_s + held_s) / self.timing.step_s;
         let (whole, part) = ((age + 1e-9).floor(), (age - (age + 1e-9).floor()).max(0.0));

@@ -9,7 +9,7 @@ use crate::memory::fixed;
 
 impl Flight {
     /// Words of [`Flight::memory`].
-    pub const MEMORY_WORDS: usize = tvc_fusion::fixed::MEMORY_WORDS + 17 + Controller::MEMORY_WORDS;
+    pub const MEMORY_WORDS: usize = tvc_fusion::fixed::MEMORY_WORDS + 23 + Controller::MEMORY_WORDS;
 
     /// All that the next steps depend on besides parameters, samples and commands, word by word:
     /// each is shown to `each` and becomes what that returns. The first is a digest of the

@@ -49,13 +49,14 @@ impl Law {
     /// What the firmware makes of a reading's being new: the age of its rate, us.
     fn watch(&mut self, time_s: f64) -> Option<u32> {
         let timing = &self.timing;
-        let newest = timing.refresh_s.map_or(time_s, |period_s| {
-            ((time_s - timing.refresh_phase_s) / period_s).floor()
-        });
+        let newest = timing
+            .refresh_s
+            .map_or(time_s, |period_s| timing.newest_refresh(time_s, period_s));
         let (before_s, before) = self.before;
         self.before = (time_s, newest);
         let dt_us = (1e6 * (time_s - before_s)).round() as u32;
-        self.refresh.read(dt_us, newest != before)
+        let refreshed = self.refresh.read(dt_us, [newest != before; 3]);
+        refreshed.map(|refreshed| refreshed.age_us)
     }
 
     /// Takes a measurement and gives the crank command, in rad.
@@ -70,7 +71,7 @@ impl Law {
             pitch: (pitch_rad as f32).into(),
             rate: (rate_rad_s as f32).into(),
             rate_age_us,
-            refresh_us: self.refresh.mean_us(),
+            refresh_us: self.refresh.period_us(),
             ticks_to_go: self.ticks_to_go(time_s),
         });
         self.zero_rad + f64::from(f32::from(crank))

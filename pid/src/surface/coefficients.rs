@@ -18,7 +18,8 @@ const TOUCHES: [(f32, f32); 6] = [
 /// What a sample multiplies by.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Coefficients<T: Scalar> {
-    pub(super) period: T,
+    /// s; below 1.
+    pub(super) period: T::Share,
     /// Samples in a second.
     pub(super) samples_per_s: T,
     /// Change of the rate in a sample per output.
@@ -28,14 +29,12 @@ pub(super) struct Coefficients<T: Scalar> {
     pub(super) effect_rest: T::Share,
     /// From the whole ones to where the surface is looked at: a step and all of them, in samples.
     pub(super) step: T,
+    pub(super) step_squared: T,
     pub(super) rest: T,
-    /// From a sample to where the surface is looked at, s, and change of the rate until then per
-    /// output.
+    /// From a sample to where the surface is looked at, s.
     pub(super) horizon_s: T,
-    pub(super) horizon_gain: T,
-    /// Ages in samples.
+    /// In samples.
     pub(super) sensor_lag: T,
-    pub(super) value_lead: T,
     /// The actuator over a sample, and over a step ahead.
     pub(super) sample: Steps<T>,
     pub(super) ahead: Steps<T>,
@@ -45,10 +44,10 @@ pub(super) struct Coefficients<T: Scalar> {
     pub(super) near: T,
     /// The tangents of the braking curve.
     pub(super) tangents: [Tangent<T>; TOUCHES.len()],
-    /// Time of the way back per position, `gain / 2 S`, and `gain / 3 S`.
+    /// Time of the way back per position, and `gain / 2 S`; `gain / 3 S` is this share of it.
     pub(super) return_s: T,
     pub(super) return_gain: T,
-    pub(super) way_gain: T,
+    pub(super) way_share: T::Share,
     pub(super) rate_share: T::Share,
     pub(super) value_share: T::Share,
     pub(super) trim: T,
@@ -79,15 +78,14 @@ pub(super) struct Tangent<T> {
 impl<T: Scalar> Coefficients<T> {
     pub(super) fn new(config: &SurfaceConfig) -> Result<Self, ConfigError> {
         let period = config.period_s;
-        in_range(period, *PERIOD_S.start(), *PERIOD_S.end(), "period_s")?;
+        in_range(period, *PERIOD_S.start(), 0.999, "period_s")?;
         in_range(config.plant_gain, 1e-3, LARGEST, "plant_gain")?;
         in_range(config.actuator_rate, 1e-3, LARGEST, "actuator_rate")?;
-        let most_effect = (HISTORY - 1) as f32 * period * 0.999;
+        let most_effect = HISTORY as f32 * period * 0.999;
         // A table, because a call for each would take ten times the flash.
         for (value, most, name) in [
             (config.effect_s, most_effect, "effect_s"),
             (config.sensor_lag_s, 1.0, "sensor_lag_s"),
-            (config.value_lead_s, 1.0, "value_lead_s"),
             (config.actuator_loop_s, 1000.0, "actuator_loop_s"),
             (config.actuator_lag_s, 1000.0, "actuator_lag_s"),
             (config.actuator_play, LARGEST, "actuator_play"),
@@ -116,11 +114,10 @@ impl<T: Scalar> Coefficients<T> {
             effect: effect as u8,
             effect_rest,
             step: step.into(),
+            step_squared: (step * step).into(),
             rest: rest.into(),
             horizon_s: horizon_s.into(),
-            horizon_gain: (horizon_s * config.plant_gain).into(),
             sensor_lag: (config.sensor_lag_s / period).into(),
-            value_lead: (config.value_lead_s / period).into(),
             sample: Steps::new(config, period),
             ahead: Steps::new(config, step * period),
             play: config.actuator_play.into(),
@@ -130,7 +127,7 @@ impl<T: Scalar> Coefficients<T> {
             tangents: TOUCHES.map(|(touch, power)| Tangent::new(touch, steepness * power)),
             return_s: (1.0 / config.actuator_rate).into(),
             return_gain: (config.plant_gain / (2.0 * config.actuator_rate)).into(),
-            way_gain: (config.plant_gain / (3.0 * config.actuator_rate)).into(),
+            way_share: (2.0 / 3.0).into(),
             rate_share: config.rate_share.into(),
             value_share: config.value_share.into(),
             trim: (config.rate_share * config.trim_rad_s / config.plant_gain).into(),

@@ -16,7 +16,6 @@ fn config() -> SurfaceConfig {
         plant_gain: 31.6,
         effect_s: 8.0e-3,
         sensor_lag_s: 0.0,
-        value_lead_s: 0.0,
         actuator_rate: 5.5,
         actuator_loop_s: 0.03,
         actuator_lag_s: 0.01,
@@ -49,7 +48,7 @@ fn fly<T: Scalar>(config: &SurfaceConfig, start: f64, push: f64) -> Vec<f64> {
                 value: (value as f32).into(),
                 rate: (rate as f32).into(),
                 age: Some(T::ZERO),
-                value_age: T::ZERO,
+                value_lead: T::ZERO,
             };
             let output: f32 = law.update(T::ZERO, &reading, to_go).into();
             if to_go == 0 {
@@ -129,9 +128,10 @@ fn the_surface_is_where_the_actuator_is_back_at_zero() {
         value: 0.3,
         rate: -1.0,
         age: None,
-        value_age: 0.0,
+        value_lead: 0.0,
     });
-    (law.actuator, law.position, law.sent) = (0.5, 0.5, [0.5; HISTORY]);
+    (law.actuator, law.position) = (0.5, 0.5);
+    (law.sent, law.targets) = (0.5, [0.5; HISTORY]);
     let x = 0.3 - 0.1 + 31.6 * 0.125 / 75.0;
     let rate = -1.0 + 31.6 * 0.25 / 10.0;
     let expected = 0.5 - (rate + x);
@@ -160,7 +160,11 @@ fn six_lines_stand_for_the_curve() {
 #[test]
 fn a_target_takes_effect_between_two_samples() {
     let mut law = Surface::<f32>::new(&config()).unwrap();
-    law.sent = [4.0, 3.0, 2.0, 1.0];
+    law.is_sent = true;
+    for output in [1.0, 2.0, 3.0, 4.0] {
+        law.output = output;
+        law.advance();
+    }
     assert!((law.target(0) - (3.0 - 0.2)).abs() < 1e-5);
     assert!((law.target(1) - (4.0 - 0.2)).abs() < 1e-5);
     assert_eq!(law.target(2), 4.0);
@@ -171,22 +175,24 @@ fn a_target_takes_effect_between_two_samples() {
 fn an_old_reading_is_compared_with_the_past() {
     let mut law = Surface::<f32>::new(&config()).unwrap();
     law.is_known = true;
-    law.rates = [0.4, 0.3, 0.2, 0.1];
-    law.values = [0.0; HISTORY];
+    law.rate = Track {
+        now: 0.4,
+        changes: [0.1; HISTORY],
+    };
     law.correct(&Reading {
         value: 0.0,
         rate: 0.25,
         age: Some(0.01),
-        value_age: 0.0,
+        value_lead: 0.0,
     });
-    assert!((law.rates[0] - 0.4).abs() < 1e-6);
+    assert!((law.rate.now - 0.4).abs() < 1e-6);
     law.correct(&Reading {
         value: 0.0,
         rate: 0.35,
         age: Some(0.01),
-        value_age: 0.0,
+        value_lead: 0.0,
     });
-    assert!((law.rates[0] - 0.49).abs() < 1e-6);
+    assert!((law.rate.now - 0.49).abs() < 1e-6);
 }
 
 #[test]
@@ -196,7 +202,7 @@ fn what_it_remembers_makes_another_go_on_alike() {
         value: Q16::from_bits(i32::from(step) * 700),
         rate: Q16::from_bits(i32::from(step) * 900),
         age: (!step.is_multiple_of(3)).then_some(Q16::from_bits(300)),
-        value_age: Q16::ZERO,
+        value_lead: Q16::ZERO,
     };
     for step in 0..20 {
         law.update(Q16::ZERO, &reading(step), step % 3);
@@ -226,18 +232,18 @@ fn other_gains_come_without_a_bump_and_impossible_ones_are_refused_by_name() {
         value: 0.2,
         rate: 0.1,
         age: Some(0.004),
-        value_age: 0.0,
+        value_lead: 0.0,
     };
     for _ in 0..10 {
         law.update(0.0, &reading, 0);
     }
-    let (actuator, rates) = (law.actuator, law.rates);
+    let (actuator, rate) = (law.actuator, law.rate.now);
     let other = SurfaceConfig {
         gain_s: 0.4,
         ..config()
     };
     law.retune(&other).unwrap();
-    assert_eq!((law.actuator, law.rates), (actuator, rates));
+    assert_eq!((law.actuator, law.rate.now), (actuator, rate));
     for (config, name) in [
         (
             SurfaceConfig {
@@ -283,13 +289,13 @@ fn a_plant_that_is_held_does_not_wind_it_up() {
         value: 0.3,
         rate: 0.0,
         age: Some(0.0),
-        value_age: 0.0,
+        value_lead: 0.0,
     };
     for sample in 0..600_u32 {
         law.update(0.0, &held, (sample % 3) as u8);
     }
-    assert!((law.values[0] - 0.3).abs() < 0.02, "{}", law.values[0]);
-    assert!(law.rates[0].abs() < 0.2, "{}", law.rates[0]);
+    assert!((law.value.now - 0.3).abs() < 0.02, "{}", law.value.now);
+    assert!(law.rate.now.abs() < 0.2, "{}", law.rate.now);
     assert!(law.disturbance().abs() <= 0.3);
 }
 
@@ -303,7 +309,7 @@ proptest! {
     ) {
         let mut law = Surface::<f32>::new(&config()).unwrap();
         for (value, rate, age, to_go) in samples {
-            let reading = Reading { value, rate, age: Some(age), value_age: age };
+            let reading = Reading { value, rate, age: Some(age), value_lead: age.half() };
             let output = law.update(0.0, &reading, to_go);
             prop_assert!(output.abs() <= 1.0, "{output}");
         }

@@ -80,7 +80,7 @@ pub fn release(law: &Law) -> Vec<Step> {
                 value: word(reading.0),
                 rate: word(reading.1),
                 age: word(age_s),
-                value_age: word(REFRESH_S / 2.0),
+                value_lead: word(wide(sensor_lag_s)),
                 is_new: is_new.into(),
                 samples_to_go,
             };
@@ -136,7 +136,7 @@ const HARD: [(&str, Change); 11] = [
     }),
     ("no new rates", |i, _, _| i.is_new = 0),
     ("old readings", |i, word, rng| {
-        (i.age, i.value_age) = (word(rng.random()), word(rng.random()));
+        (i.age, i.value_lead) = (word(rng.random()), word(rng.random()));
         i.is_new = 1;
     }),
     ("random", random),
@@ -155,7 +155,7 @@ const HARD: [(&str, Change); 11] = [
     }),
     ("random bits", |i, _, rng| {
         (i.setpoint, i.value, i.rate) = rng.random();
-        (i.age, i.value_age) = rng.random();
+        (i.age, i.value_lead) = rng.random();
         i.is_new = rng.random_range(0..2);
     }),
 ];
