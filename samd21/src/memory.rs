@@ -8,6 +8,8 @@
 use std::ops::Range;
 use std::sync::Arc;
 
+use crate::core::Code;
+
 /// Bytes of main flash, from address 0.
 pub const FLASH_SIZE: u32 = 0x4_0000;
 /// First address of SRAM.
@@ -15,10 +17,21 @@ pub const RAM_BASE: u32 = 0x2000_0000;
 /// Bytes of SRAM.
 pub const RAM_SIZE: u32 = 0x8000;
 
+/// What instructions are executed from and on.
+type Parts<'a> = (
+    &'a Code,
+    &'a [u8; FLASH_SIZE as usize],
+    &'a mut [u8; RAM_SIZE as usize],
+);
+
 /// Flash and SRAM.
 #[derive(Clone)]
 pub struct Memory {
     flash: Arc<[u8; FLASH_SIZE as usize]>,
+    /// The flash, decoded.
+    code: Code,
+    /// The flash may have changed behind `code`.
+    is_code_stale: bool,
     ram: Box<[u8; RAM_SIZE as usize]>,
 }
 
@@ -27,6 +40,8 @@ impl Memory {
     pub fn new(seed: u64) -> Self {
         let mut memory = Self {
             flash: filled(0xFF).into(),
+            code: Code::erased(),
+            is_code_stale: false,
             ram: filled(0),
         };
         // SplitMix64 (Steele, Lea, Flood 2014): any seed gives full-period noise.
@@ -48,7 +63,24 @@ impl Memory {
 
     /// All of main flash, to be written as a programmer would: no page buffer, no 1-to-0 rule.
     pub fn flash_mut(&mut self) -> &mut [u8; FLASH_SIZE as usize] {
+        self.is_code_stale = true;
         Arc::make_mut(&mut self.flash)
+    }
+
+    /// Decoded flash, flash, and SRAM to write.
+    pub(crate) fn parts(&mut self) -> Parts<'_> {
+        if self.is_code_stale {
+            self.is_code_stale = false;
+            self.code.update(&self.flash, 0, FLASH_SIZE as usize);
+        }
+        (&self.code, &self.flash, &mut self.ram)
+    }
+
+    /// Writes a part of flash and decodes it anew.
+    fn change(&mut self, range: Range<usize>, write: impl FnOnce(&mut [u8])) {
+        let (start, len) = (range.start, range.len());
+        write(&mut Arc::make_mut(&mut self.flash)[range]);
+        self.code.update(&self.flash, start, len);
     }
 
     /// All of SRAM.
@@ -104,9 +136,11 @@ impl Memory {
     #[must_use]
     pub fn program(&mut self, address: u32, bytes: &[u8]) -> Option<()> {
         let range = window(address, bytes.len(), 0, FLASH_SIZE)?;
-        for (cell, byte) in self.flash_mut()[range].iter_mut().zip(bytes) {
-            *cell &= byte;
-        }
+        self.change(range, |cells| {
+            for (cell, byte) in cells.iter_mut().zip(bytes) {
+                *cell &= byte;
+            }
+        });
         Some(())
     }
 
@@ -114,7 +148,7 @@ impl Memory {
     #[must_use]
     pub fn erase(&mut self, address: u32, len: usize) -> Option<()> {
         let range = window(address, len, 0, FLASH_SIZE)?;
-        self.flash_mut()[range].fill(0xFF);
+        self.change(range, |cells| cells.fill(0xFF));
         Some(())
     }
 }

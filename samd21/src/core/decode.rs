@@ -1,122 +1,343 @@
-//! From a half-word to the operation it stands for (ARM DDI 0419, A5.2).
+//! From half-words to what the core executes (ARM DDI 0419, A5.2).
 //!
-//! The upper 10 bits decide it, but for a few operations that look at further bits themselves:
-//! CPS, hints and the 32-bit encodings. The table has one byte for each value of these bits.
+//! Flash is decoded before it runs: see [`Code`]. What needs more than registers, flags, SRAM and
+//! flash is [`Operation::Other`], which is decoded a second time where it is executed
+//! (`execute`).
 
-/// Defines the operations with the half-words' bits 15:6 that stand for them.
-macro_rules! operations {
-    ($($top:pat => $name:ident,)*) => {
-        /// What an instruction does, one for each encoding that ARMv6-M has (T1, T2 ... as ARM
-        /// numbers them where there are several).
-        #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-        pub(super) enum Operation {
-            $($name,)*
-            Undefined,
-        }
+use std::sync::Arc;
 
-        const fn decode(top: u16) -> Operation {
-            match top {
-                $($top => Operation::$name,)*
-                _ => Operation::Undefined,
+use crate::memory::FLASH_SIZE;
+
+/// What an instruction does, and with which of its fields: registers `a`, `b`, `c` and `imm`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u8)]
+pub(super) enum Operation {
+    /// Anything that is not here.
+    Other,
+    /// `a = imm`, flags untouched.
+    Address,
+    // With flags: `a = b op imm`.
+    LslImmediate,
+    LsrImmediate,
+    AsrImmediate,
+    AddImmediate,
+    SubImmediate,
+    MovImmediate,
+    CmpImmediate,
+    // With flags: `a = b op c`.
+    AddRegister,
+    SubRegister,
+    // With flags: `a = a op b`.
+    And,
+    Eor,
+    LslRegister,
+    LsrRegister,
+    AsrRegister,
+    Adc,
+    Sbc,
+    RorRegister,
+    Tst,
+    Rsb,
+    CmpRegister,
+    Cmn,
+    Orr,
+    Mul,
+    Bic,
+    /// `a = b`
+    MovRegister,
+    Mvn,
+    // Without flags.
+    AddHigh,
+    MovHigh,
+    Sxth,
+    Sxtb,
+    Uxth,
+    Uxtb,
+    Rev,
+    Rev16,
+    Revsh,
+    /// SP and `imm` to `a`.
+    AddSpTo,
+    /// `imm` to SP.
+    AddSp,
+    Nop,
+    // Loads and stores of `a` at `b + c`, at `b + imm`, or at `imm`.
+    LdrLiteral,
+    StrRegister,
+    StrhRegister,
+    StrbRegister,
+    LdrsbRegister,
+    LdrRegister,
+    LdrhRegister,
+    LdrbRegister,
+    LdrshRegister,
+    StrImmediate,
+    LdrImmediate,
+    StrbImmediate,
+    LdrbImmediate,
+    StrhImmediate,
+    LdrhImmediate,
+    // Block transfers: `a` is the base, `imm` the list, `c` the count of its registers.
+    Push,
+    Pop,
+    PopPc,
+    Stm,
+    Ldm,
+    // Branches to `imm`, or to `b`.
+    Beq,
+    Bne,
+    Bcs,
+    Bcc,
+    Bmi,
+    Bpl,
+    Bvs,
+    Bvc,
+    Bhi,
+    Bls,
+    Bge,
+    Blt,
+    Bgt,
+    Ble,
+    Branch,
+    Bl,
+    Bx,
+    Blx,
+}
+
+/// A decoded instruction.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Instruction {
+    pub(super) operation: Operation,
+    pub(super) a: u8,
+    pub(super) b: u8,
+    pub(super) c: u8,
+    pub(super) imm: u32,
+}
+
+use Operation::*;
+
+/// Registers 4 to 15 by bits 9:6 of the data processing encodings.
+const DATA_PROCESSING: [Operation; 16] = [
+    And,
+    Eor,
+    LslRegister,
+    LsrRegister,
+    AsrRegister,
+    Adc,
+    Sbc,
+    RorRegister,
+    Tst,
+    Rsb,
+    CmpRegister,
+    Cmn,
+    Orr,
+    Mul,
+    Bic,
+    Mvn,
+];
+
+/// By bits 11:9 of the loads and stores with a register offset.
+const REGISTER_OFFSET: [Operation; 8] = [
+    StrRegister,
+    StrhRegister,
+    StrbRegister,
+    LdrsbRegister,
+    LdrRegister,
+    LdrhRegister,
+    LdrbRegister,
+    LdrshRegister,
+];
+
+/// By bits 11:8 of the conditional branches.
+const CONDITIONS: [Operation; 14] = [
+    Beq, Bne, Bcs, Bcc, Bmi, Bpl, Bvs, Bvc, Bhi, Bls, Bge, Blt, Bgt, Ble,
+];
+
+impl Instruction {
+    /// The instruction at `pc`, where `op` stands and `second` behind it.
+    pub(super) fn decode(pc: u32, op: u16, second: u16) -> Self {
+        let word = u32::from(op);
+        let (rd, rn, rm, r8) = (field(op, 0), field(op, 3), field(op, 6), field(op, 8));
+        let imm5 = word >> 6 & 31;
+        let imm8 = word & 0xFF;
+        let shift = if imm5 == 0 { 32 } else { imm5 };
+        let two = |operation, a, b| Self::new(operation, a, b, 0, 0);
+        let with = |operation, a, b, imm| Self::new(operation, a, b, 0, imm);
+        let relative = (pc.wrapping_add(4) & !3).wrapping_add(4 * imm8);
+        match op >> 11 {
+            0b00000 if imm5 == 0 => two(MovRegister, rd, rn),
+            0b00000 => with(LslImmediate, rd, rn, imm5),
+            0b00001 => with(LsrImmediate, rd, rn, shift),
+            0b00010 => with(AsrImmediate, rd, rn, shift),
+            0b00011 => match op >> 9 & 3 {
+                0 => Self::new(AddRegister, rd, rn, rm, 0),
+                1 => Self::new(SubRegister, rd, rn, rm, 0),
+                2 => with(AddImmediate, rd, rn, u32::from(rm)),
+                _ => with(SubImmediate, rd, rn, u32::from(rm)),
+            },
+            0b00100 => with(MovImmediate, r8, 0, imm8),
+            0b00101 => with(CmpImmediate, 0, r8, imm8),
+            0b00110 => with(AddImmediate, r8, r8, imm8),
+            0b00111 => with(SubImmediate, r8, r8, imm8),
+            0b01000 if op & 1 << 10 == 0 => {
+                two(DATA_PROCESSING[usize::from(op >> 6 & 15)], rd, rn)
+            }
+            0b01000 => {
+                let (rdn, rm) = high_fields(op);
+                let (rdn, rm) = (rdn as u8, rm as u8);
+                // What writes SP or touches PC is rare.
+                match op >> 8 & 3 {
+                    0 if rdn < 13 && rm != 15 || rdn == 14 && rm != 15 => two(AddHigh, rdn, rm),
+                    1 if rdn != 15 && rm != 15 => two(CmpRegister, rdn, rm),
+                    2 if rdn < 13 && rm != 15 || rdn == 14 && rm != 15 => two(MovHigh, rdn, rm),
+                    3 if rm != 15 && op & 0x80 == 0 => two(Bx, 0, rm),
+                    3 if rm != 15 => two(Blx, 0, rm),
+                    _ => Self::OTHER,
+                }
+            }
+            0b01001 => with(LdrLiteral, r8, 0, relative),
+            0b01010 | 0b01011 => Self::new(REGISTER_OFFSET[usize::from(op >> 9 & 7)], rd, rn, rm, 0),
+            0b01100 => with(StrImmediate, rd, rn, 4 * imm5),
+            0b01101 => with(LdrImmediate, rd, rn, 4 * imm5),
+            0b01110 => with(StrbImmediate, rd, rn, imm5),
+            0b01111 => with(LdrbImmediate, rd, rn, imm5),
+            0b10000 => with(StrhImmediate, rd, rn, 2 * imm5),
+            0b10001 => with(LdrhImmediate, rd, rn, 2 * imm5),
+            0b10010 => with(StrImmediate, r8, 13, 4 * imm8),
+            0b10011 => with(LdrImmediate, r8, 13, 4 * imm8),
+            0b10100 => with(Address, r8, 0, relative),
+            0b10101 => with(AddSpTo, r8, 0, 4 * imm8),
+            0b10110 | 0b10111 => Self::miscellaneous(op),
+            0b11000 | 0b11001 if imm8 == 0 => Self::OTHER,
+            0b11000 => Self::transfer(Stm, r8, imm8),
+            0b11001 => Self::transfer(Ldm, r8, imm8),
+            0b11010 | 0b11011 => match CONDITIONS.get(usize::from(op >> 8 & 15)) {
+                Some(&condition) => {
+                    let offset = (op as i8 as i32 as u32) << 1;
+                    with(condition, 0, 0, pc.wrapping_add(4).wrapping_add(offset))
+                }
+                None => Self::OTHER,
+            },
+            0b11100 => {
+                let offset = ((word << 21) as i32 >> 20) as u32;
+                with(Branch, 0, 0, pc.wrapping_add(4).wrapping_add(offset))
+            }
+            _ => {
+                let encoding = word << 16 | u32::from(second);
+                if is_bl(encoding) {
+                    let target = pc.wrapping_add(4).wrapping_add(bl_offset(encoding));
+                    with(Bl, 0, 0, target)
+                } else {
+                    Self::OTHER
+                }
             }
         }
-    };
-}
+    }
 
-operations! {
-    0x000..=0x01F => LslImmediate,
-    0x020..=0x03F => LsrImmediate,
-    0x040..=0x05F => AsrImmediate,
-    0x060..=0x067 => AddRegister,
-    0x068..=0x06F => SubRegister,
-    0x070..=0x077 => AddImmediate3,
-    0x078..=0x07F => SubImmediate3,
-    0x080..=0x09F => MovImmediate,
-    0x0A0..=0x0BF => CmpImmediate,
-    0x0C0..=0x0DF => AddImmediate8,
-    0x0E0..=0x0FF => SubImmediate8,
-    0x100 => And,
-    0x101 => Eor,
-    0x102 => LslRegister,
-    0x103 => LsrRegister,
-    0x104 => AsrRegister,
-    0x105 => Adc,
-    0x106 => Sbc,
-    0x107 => RorRegister,
-    0x108 => Tst,
-    0x109 => Rsb,
-    0x10A => CmpRegister,
-    0x10B => Cmn,
-    0x10C => Orr,
-    0x10D => Mul,
-    0x10E => Bic,
-    0x10F => Mvn,
-    0x110..=0x113 => AddHigh,
-    0x114..=0x117 => CmpHigh,
-    0x118..=0x11B => MovHigh,
-    0x11C..=0x11D => Bx,
-    0x11E..=0x11F => Blx,
-    0x120..=0x13F => LdrLiteral,
-    0x140..=0x147 => StrRegister,
-    0x148..=0x14F => StrhRegister,
-    0x150..=0x157 => StrbRegister,
-    0x158..=0x15F => LdrsbRegister,
-    0x160..=0x167 => LdrRegister,
-    0x168..=0x16F => LdrhRegister,
-    0x170..=0x177 => LdrbRegister,
-    0x178..=0x17F => LdrshRegister,
-    0x180..=0x19F => StrImmediate,
-    0x1A0..=0x1BF => LdrImmediate,
-    0x1C0..=0x1DF => StrbImmediate,
-    0x1E0..=0x1FF => LdrbImmediate,
-    0x200..=0x21F => StrhImmediate,
-    0x220..=0x23F => LdrhImmediate,
-    0x240..=0x25F => StrSp,
-    0x260..=0x27F => LdrSp,
-    0x280..=0x29F => Adr,
-    0x2A0..=0x2BF => AddSpTo,
-    0x2C0..=0x2C1 => AddSp,
-    0x2C2..=0x2C3 => SubSp,
-    0x2C8 => Sxth,
-    0x2C9 => Sxtb,
-    0x2CA => Uxth,
-    0x2CB => Uxtb,
-    0x2D0..=0x2D7 => Push,
-    0x2D9 => Cps,
-    0x2E8 => Rev,
-    0x2E9 => Rev16,
-    0x2EB => Revsh,
-    0x2F0..=0x2F7 => Pop,
-    0x2F8..=0x2FB => Bkpt,
-    0x2FC..=0x2FF => Hint,
-    0x300..=0x31F => Stm,
-    0x320..=0x33F => Ldm,
-    0x340..=0x377 => BranchIf,
-    0x37C..=0x37F => Svc,
-    0x380..=0x39F => Branch,
-    0x3A0..=0x3FF => Wide,
-}
+    fn miscellaneous(op: u16) -> Self {
+        let (rd, rn) = (field(op, 0), field(op, 3));
+        let list = u32::from(op) & 0x1FF;
+        let bytes = 4 * (u32::from(op) & 0x7F);
+        let extend = |operation| Self::new(operation, rd, rn, 0, 0);
+        match op >> 6 & 0x3F {
+            0x00 | 0x01 => Self::new(AddSp, 0, 0, 0, bytes),
+            0x02 | 0x03 => Self::new(AddSp, 0, 0, 0, bytes.wrapping_neg()),
+            0x08 => extend(Sxth),
+            0x09 => extend(Sxtb),
+            0x0A => extend(Uxth),
+            0x0B => extend(Uxtb),
+            0x28 => extend(Rev),
+            0x29 => extend(Rev16),
+            0x2B => extend(Revsh),
+            0x10..=0x17 if list != 0 => Self::transfer(Push, 13, list),
+            0x30..=0x33 if list != 0 => Self::transfer(Pop, 13, list),
+            0x34..=0x37 => Self::transfer(PopPc, 13, list & 0xFF),
+            // NOP and YIELD.
+            _ if op == 0xBF00 || op == 0xBF10 => Self::new(Nop, 0, 0, 0, 0),
+            _ => Self::OTHER,
+        }
+    }
 
-impl Operation {
-    /// The operation of a half-word.
-    #[inline(always)]
-    pub(super) fn of(op: u16) -> Self {
-        TABLE[usize::from(op >> 6)]
+    const OTHER: Self = Self::new(Other, 0, 0, 0, 0);
+
+    const fn new(operation: Operation, a: u8, b: u8, c: u8, imm: u32) -> Self {
+        Self {
+            operation,
+            a,
+            b,
+            c,
+            imm,
+        }
+    }
+
+    fn transfer(operation: Operation, base: u8, list: u32) -> Self {
+        Self::new(operation, base, 0, list.count_ones() as u8, list)
     }
 }
 
-static TABLE: [Operation; 1024] = {
-    let mut table = [Operation::Undefined; 1024];
-    let mut top = 0;
-    while top < table.len() {
-        table[top] = decode(top as u16);
-        top += 1;
-    }
-    table
-};
+/// Rd or Rn (bits 7, 2:0) and Rm (bits 6:3) of the high-register forms.
+pub(super) fn high_fields(op: u16) -> (usize, usize) {
+    (usize::from(op >> 4 & 8 | op & 7), usize::from(op >> 3 & 15))
+}
+
+/// Whether a 32-bit encoding is BL.
+pub(super) fn is_bl(encoding: u32) -> bool {
+    encoding & 0xF800_D000 == 0xF000_D000
+}
+
+/// The offset of a BL from the address behind it: S:I1:I2:imm10:imm11:0.
+pub(super) fn bl_offset(encoding: u32) -> u32 {
+    let s = encoding >> 26 & 1;
+    let i1 = !(encoding >> 13 ^ s) & 1;
+    let i2 = !(encoding >> 11 ^ s) & 1;
+    let imm10 = encoding >> 16 & 0x3FF;
+    let imm11 = encoding & 0x7FF;
+    let offset = s << 24 | i1 << 23 | i2 << 22 | imm10 << 12 | imm11 << 1;
+    ((offset << 7) as i32 >> 7) as u32
+}
 
 /// A low register's number, at bit `shift`.
-#[inline(always)]
-pub(super) fn field(op: u16, shift: u32) -> usize {
-    usize::from(op >> shift & 7)
+pub(super) fn field(op: u16, shift: u32) -> u8 {
+    (op >> shift & 7) as u8
+}
+
+/// Half-words of main flash.
+const HALF_WORDS: usize = FLASH_SIZE as usize / 2;
+
+/// All of main flash, decoded: for each half-word the instruction that begins there. Clones share
+/// it until one of them changes its flash.
+#[derive(Clone)]
+pub(crate) struct Code(Arc<[Instruction; HALF_WORDS]>);
+
+impl Code {
+    /// The code of erased flash.
+    pub(crate) fn erased() -> Self {
+        let code: Arc<[Instruction]> = vec![Instruction::OTHER; HALF_WORDS].into();
+        match code.try_into() {
+            Ok(code) => Self(code),
+            Err(_) => unreachable!("the vector was made as long"),
+        }
+    }
+
+    /// Decodes what `len` bytes of `flash` from `start` on, which have changed, may be part of.
+    pub(crate) fn update(&mut self, flash: &[u8; FLASH_SIZE as usize], start: usize, len: usize) {
+        let code = Arc::make_mut(&mut self.0);
+        let half = |index: usize| match flash.get(2 * index..2 * index + 2) {
+            Some(bytes) => u16::from_le_bytes([bytes[0], bytes[1]]),
+            // Behind the flash: no second half of a BL.
+            None => 0,
+        };
+        // The half-word before may be the first half of a BL.
+        let first = (start / 2).saturating_sub(1);
+        let behind = (start + len).div_ceil(2).min(HALF_WORDS);
+        for index in first..behind {
+            code[index] = Instruction::decode(2 * index as u32, half(index), half(index + 1));
+        }
+    }
+
+    /// The instruction at an even address, if that is in flash.
+    #[inline(always)]
+    pub(super) fn at(&self, pc: u32) -> Option<Instruction> {
+        self.0.get(pc as usize / 2).copied()
+    }
 }

@@ -9,9 +9,11 @@
 //! that only a debugger sees. A BKPT stops the run as with a debugger attached.
 
 mod access;
+mod burst;
 mod decode;
 mod exception;
 mod execute;
+mod flags;
 mod nvic;
 mod special;
 mod system_control;
@@ -21,6 +23,8 @@ mod view;
 
 pub use self::view::{Counters, Registers, Stop};
 
+pub(crate) use self::decode::Code;
+use self::flags::Flags;
 use self::nvic::Nvic;
 use self::systick::SysTick;
 use crate::board::Ticks;
@@ -77,10 +81,7 @@ pub(crate) struct Core {
     r: [u32; 16],
     /// Address of the next instruction (between instructions: of the one to be executed).
     pub(crate) pc: u32,
-    n: bool,
-    z: bool,
-    c: bool,
-    v: bool,
+    flags: Flags,
     /// EPSR.T: clear after a branch to an even address.
     thumb: bool,
     /// Exception number; 0 in Thread mode.
@@ -190,6 +191,9 @@ impl Core {
                 && let Some(stop) = self.attend(bus, until)
             {
                 return stop;
+            }
+            if !self.burst(bus.memory) {
+                continue;
             }
             let pc = self.pc;
             match self.instruction(bus, pc) {
@@ -386,19 +390,13 @@ impl Core {
 
     /// xPSR, without the stack alignment that only a stacked one has.
     fn xpsr(&self) -> u32 {
-        u32::from(self.n) << 31
-            | u32::from(self.z) << 30
-            | u32::from(self.c) << 29
-            | u32::from(self.v) << 28
+        self.flags.bits()
             | u32::from(self.thumb) << 24
             | u32::from(self.ipsr)
     }
 
     fn set_apsr(&mut self, value: u32) {
-        self.n = value >> 31 & 1 != 0;
-        self.z = value >> 30 & 1 != 0;
-        self.c = value >> 29 & 1 != 0;
-        self.v = value >> 28 & 1 != 0;
+        self.flags = Flags::of(value);
     }
 
     pub(crate) fn request_reset(&mut self, cause: ResetCause) {

@@ -1,5 +1,6 @@
 //! Hints, the 32-bit encodings and the special registers.
 
+use super::decode::{bl_offset, is_bl};
 use super::{Core, LR, Outcome, PC, SP, Sleep, Trap, undefined};
 use crate::bus::Bus;
 use crate::fault::FaultKind;
@@ -34,7 +35,7 @@ impl Core {
         let second = self.fetch(bus, pc.wrapping_add(2))?;
         let encoding = u32::from(op) << 16 | u32::from(second);
         self.pc = pc.wrapping_add(4);
-        if encoding & 0xF800_D000 == 0xF000_D000 {
+        if is_bl(encoding) {
             self.r[LR] = self.pc | 1;
             self.pc = self.pc.wrapping_add(bl_offset(encoding));
             self.note_branch(pc);
@@ -102,15 +103,4 @@ impl Core {
         }
         true
     }
-}
-
-/// The offset of a BL from the address behind it: S:I1:I2:imm10:imm11:0.
-fn bl_offset(encoding: u32) -> u32 {
-    let s = encoding >> 26 & 1;
-    let i1 = !(encoding >> 13 ^ s) & 1;
-    let i2 = !(encoding >> 11 ^ s) & 1;
-    let imm10 = encoding >> 16 & 0x3FF;
-    let imm11 = encoding & 0x7FF;
-    let offset = s << 24 | i1 << 23 | i2 << 22 | imm10 << 12 | imm11 << 1;
-    ((offset << 7) as i32 >> 7) as u32
 }

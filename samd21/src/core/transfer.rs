@@ -49,7 +49,7 @@ impl Core {
     }
 
     pub(super) fn store_multiple(&mut self, bus: &mut Bus<'_>, op: u16) -> Outcome<u32> {
-        let (rn, list) = (field(op, 8), op & 0xFF);
+        let (rn, list) = (usize::from(field(op, 8)), op & 0xFF);
         if list == 0 {
             return Err(undefined(op));
         }
@@ -63,7 +63,7 @@ impl Core {
     }
 
     pub(super) fn load_multiple(&mut self, bus: &mut Bus<'_>, op: u16) -> Outcome<u32> {
-        let (rn, list) = (field(op, 8), op & 0xFF);
+        let (rn, list) = (usize::from(field(op, 8)), op & 0xFF);
         if list == 0 {
             return Err(undefined(op));
         }
@@ -84,7 +84,7 @@ impl Core {
 
 /// The set bits' numbers, lowest first.
 #[inline(always)]
-fn bits(mut list: u16) -> impl Iterator<Item = usize> {
+pub(super) fn bits(mut list: u16) -> impl Iterator<Item = usize> {
     std::iter::from_fn(move || {
         let lowest = (list != 0).then(|| list.trailing_zeros() as usize);
         list &= list.wrapping_sub(1);

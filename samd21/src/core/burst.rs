@@ -1,0 +1,416 @@
+//! Runs of instructions that need nothing but registers, flags, SRAM and flash: nearly all of them.
+//!
+//! A burst goes on until the deadline, or until an instruction needs a peripheral, faults, or may
+//! change what interrupts the core. That one is left to `execute`, untouched but for the fetch of
+//! its half-word, which hits the flash's cache when it is fetched again.
+
+use super::decode::{Code, Instruction, Operation};
+use super::transfer::bits;
+use super::{Core, FLASH_LINES, LR, SP, TRAIL};
+use crate::memory::{FLASH_SIZE, Memory, RAM_BASE, RAM_SIZE};
+
+type Ram = [u8; RAM_SIZE as usize];
+type Flash = [u8; FLASH_SIZE as usize];
+
+/// No line of the flash.
+const NO_LINE: u32 = u32::MAX;
+
+/// Where a burst's instructions come from.
+trait Source {
+    /// The flash's cache takes part in a fetch.
+    const CACHED: bool;
+    /// The instruction at `pc`, if this is where it comes from.
+    fn at(code: &Code, ram: &Ram, pc: u32) -> Option<Instruction>;
+}
+
+/// Flash, decoded beforehand.
+struct FromFlash;
+
+impl Source for FromFlash {
+    const CACHED: bool = true;
+
+    #[inline(always)]
+    fn at(code: &Code, _: &Ram, pc: u32) -> Option<Instruction> {
+        code.at(pc)
+    }
+}
+
+/// SRAM, decoded each time: its contents change.
+struct FromRam;
+
+impl Source for FromRam {
+    const CACHED: bool = false;
+
+    fn at(_: &Code, ram: &Ram, pc: u32) -> Option<Instruction> {
+        let at = pc.wrapping_sub(RAM_BASE);
+        let op = read::<2>(ram, at)?;
+        let second = read::<2>(ram, at.wrapping_add(2)).unwrap_or(0);
+        Some(Instruction::decode(pc, op as u16, second as u16))
+    }
+}
+
+impl Core {
+    /// Executes instructions until the deadline, or until one is left out: whether that is so, and
+    /// the next instruction, fetched already, is to be executed in another way.
+    #[inline(always)]
+    pub(super) fn burst(&mut self, memory: &mut Memory) -> bool {
+        if self.pc < FLASH_SIZE {
+            self.burst_from::<FromFlash>(memory)
+        } else {
+            self.burst_from::<FromRam>(memory)
+        }
+    }
+
+    #[inline(never)]
+    fn burst_from<S: Source>(&mut self, memory: &mut Memory) -> bool {
+        let budget = self.cycles_to_deadline();
+        let wait_states = self.wait_states as i64;
+        let handles_psp = self.uses_psp();
+        let (code, flash, ram) = memory.parts();
+        let Self {
+            r,
+            flash_lines,
+            trail,
+            lowest_sp,
+            ..
+        } = self;
+        let mut flags = self.flags;
+        let mut pc = self.pc;
+        let mut branches = self.branches;
+        let mut count = 0;
+        let mut waited = 0;
+        // Cycles to the deadline.
+        let mut left = budget;
+        // The line that the last instruction came from, while the cache holds it.
+        let mut line = NO_LINE;
+
+        /// An access of the flash at `$address`: a line that is not in the cache costs the wait
+        /// states and takes the place of another.
+        macro_rules! touch {
+            ($address:expr) => {
+                let wanted = $address / 8;
+                let held = &mut flash_lines[wanted as usize % FLASH_LINES];
+                if *held != wanted && wait_states != 0 {
+                    *held = wanted;
+                    waited += wait_states;
+                    left -= wait_states;
+                    line = NO_LINE;
+                }
+            };
+        }
+        macro_rules! reg {
+            ($index:expr) => {
+                r[usize::from($index) % 16]
+            };
+        }
+        macro_rules! jump {
+            ($target:expr, $cycles:expr) => {
+                let target = $target;
+                trail[branches % TRAIL] = (pc, target);
+                branches = branches.wrapping_add(1);
+                pc = target;
+                left -= $cycles;
+                count += 1;
+                continue;
+            };
+        }
+        macro_rules! branch_if {
+            ($condition:expr, $instruction:expr) => {
+                if $condition {
+                    jump!($instruction.imm, 2);
+                }
+            };
+        }
+        macro_rules! load {
+            ($n:literal, $address:expr) => {{
+                let address = $address;
+                left -= 1;
+                if let Some(value) = read::<$n>(ram, address.wrapping_sub(RAM_BASE)) {
+                    value
+                } else if let Some(value) = read_flash::<$n>(flash, address) {
+                    touch!(address);
+                    value
+                } else {
+                    left += 1;
+                    break true;
+                }
+            }};
+        }
+        macro_rules! store {
+            ($n:literal, $address:expr, $value:expr) => {{
+                let value: u32 = $value;
+                if !write::<$n>(ram, $address.wrapping_sub(RAM_BASE), value) {
+                    break true;
+                }
+                left -= 1;
+            }};
+        }
+
+        let leaves_out = loop {
+            if left <= 0 {
+                break false;
+            }
+            let Some(i) = S::at(code, ram, pc) else {
+                // Perhaps another burst can execute it.
+                break count == 0;
+            };
+            if S::CACHED && pc / 8 != line {
+                touch!(pc);
+                line = pc / 8;
+            }
+            use Operation::*;
+            match i.operation {
+                Other => break true,
+                Nop => {}
+                Address => reg!(i.a) = i.imm,
+                LslImmediate => reg!(i.a) = flags.lsl(reg!(i.b), i.imm),
+                LsrImmediate => reg!(i.a) = flags.lsr(reg!(i.b), i.imm),
+                AsrImmediate => reg!(i.a) = flags.asr(reg!(i.b), i.imm),
+                AddImmediate => reg!(i.a) = flags.add(reg!(i.b), i.imm),
+                SubImmediate => reg!(i.a) = flags.sub(reg!(i.b), i.imm),
+                MovImmediate => reg!(i.a) = flags.nz(i.imm),
+                CmpImmediate => {
+                    flags.sub(reg!(i.b), i.imm);
+                }
+                AddRegister => reg!(i.a) = flags.add(reg!(i.b), reg!(i.c)),
+                SubRegister => reg!(i.a) = flags.sub(reg!(i.b), reg!(i.c)),
+                And => reg!(i.a) = flags.nz(reg!(i.a) & reg!(i.b)),
+                Eor => reg!(i.a) = flags.nz(reg!(i.a) ^ reg!(i.b)),
+                LslRegister => match reg!(i.b) & 0xFF {
+                    0 => _ = flags.nz(reg!(i.a)),
+                    by => reg!(i.a) = flags.lsl(reg!(i.a), by),
+                },
+                LsrRegister => match reg!(i.b) & 0xFF {
+                    0 => _ = flags.nz(reg!(i.a)),
+                    by => reg!(i.a) = flags.lsr(reg!(i.a), by),
+                },
+                AsrRegister => match reg!(i.b) & 0xFF {
+                    0 => _ = flags.nz(reg!(i.a)),
+                    by => reg!(i.a) = flags.asr(reg!(i.a), by),
+                },
+                RorRegister => match reg!(i.b) & 0xFF {
+                    0 => _ = flags.nz(reg!(i.a)),
+                    by => reg!(i.a) = flags.ror(reg!(i.a), by),
+                },
+                Adc => reg!(i.a) = flags.adc(reg!(i.a), reg!(i.b)),
+                Sbc => reg!(i.a) = flags.adc(reg!(i.a), !reg!(i.b)),
+                Tst => _ = flags.nz(reg!(i.a) & reg!(i.b)),
+                Rsb => reg!(i.a) = flags.sub(0, reg!(i.b)),
+                CmpRegister => _ = flags.sub(reg!(i.a), reg!(i.b)),
+                Cmn => _ = flags.add(reg!(i.a), reg!(i.b)),
+                Orr => reg!(i.a) = flags.nz(reg!(i.a) | reg!(i.b)),
+                Mul => reg!(i.a) = flags.nz(reg!(i.a).wrapping_mul(reg!(i.b))),
+                Bic => reg!(i.a) = flags.nz(reg!(i.a) & !reg!(i.b)),
+                MovRegister => reg!(i.a) = flags.nz(reg!(i.b)),
+                Mvn => reg!(i.a) = flags.nz(!reg!(i.b)),
+                AddHigh => reg!(i.a) = reg!(i.a).wrapping_add(reg!(i.b)),
+                MovHigh => reg!(i.a) = reg!(i.b),
+                Sxth => reg!(i.a) = reg!(i.b) as i16 as u32,
+                Sxtb => reg!(i.a) = reg!(i.b) as i8 as u32,
+                Uxth => reg!(i.a) = reg!(i.b) & 0xFFFF,
+                Uxtb => reg!(i.a) = reg!(i.b) & 0xFF,
+                Rev => reg!(i.a) = reg!(i.b).swap_bytes(),
+                Rev16 => reg!(i.a) = reg!(i.b).swap_bytes().rotate_left(16),
+                Revsh => reg!(i.a) = (reg!(i.b) as u16).swap_bytes() as i16 as u32,
+                AddSpTo => reg!(i.a) = r[SP].wrapping_add(i.imm),
+                AddSp => {
+                    let sp = r[SP].wrapping_add(i.imm);
+                    r[SP] = sp;
+                    if sp < *lowest_sp && !handles_psp {
+                        *lowest_sp = sp;
+                    }
+                }
+                LdrLiteral => reg!(i.a) = load!(4, i.imm),
+                LdrRegister => reg!(i.a) = load!(4, reg!(i.b).wrapping_add(reg!(i.c))),
+                LdrhRegister => reg!(i.a) = load!(2, reg!(i.b).wrapping_add(reg!(i.c))),
+                LdrbRegister => reg!(i.a) = load!(1, reg!(i.b).wrapping_add(reg!(i.c))),
+                LdrshRegister => {
+                    reg!(i.a) = load!(2, reg!(i.b).wrapping_add(reg!(i.c))) as i16 as u32;
+                }
+                LdrsbRegister => {
+                    reg!(i.a) = load!(1, reg!(i.b).wrapping_add(reg!(i.c))) as i8 as u32;
+                }
+                LdrImmediate => reg!(i.a) = load!(4, reg!(i.b).wrapping_add(i.imm)),
+                LdrhImmediate => reg!(i.a) = load!(2, reg!(i.b).wrapping_add(i.imm)),
+                LdrbImmediate => reg!(i.a) = load!(1, reg!(i.b).wrapping_add(i.imm)),
+                StrRegister => store!(4, reg!(i.b).wrapping_add(reg!(i.c)), reg!(i.a)),
+                StrhRegister => store!(2, reg!(i.b).wrapping_add(reg!(i.c)), reg!(i.a)),
+                StrbRegister => store!(1, reg!(i.b).wrapping_add(reg!(i.c)), reg!(i.a)),
+                StrImmediate => store!(4, reg!(i.b).wrapping_add(i.imm), reg!(i.a)),
+                StrhImmediate => store!(2, reg!(i.b).wrapping_add(i.imm), reg!(i.a)),
+                StrbImmediate => store!(1, reg!(i.b).wrapping_add(i.imm), reg!(i.a)),
+                Push => {
+                    let base = r[SP].wrapping_sub(4 * u32::from(i.c));
+                    let Some(words) = block(ram, base, i.c) else { break true };
+                    for (bit, word) in bits(i.imm as u16).zip(words.chunks_exact_mut(4)) {
+                        let register = if bit == 8 { LR } else { bit };
+                        word.copy_from_slice(&reg!(register as u8).to_le_bytes());
+                    }
+                    r[SP] = base;
+                    if base < *lowest_sp && !handles_psp {
+                        *lowest_sp = base;
+                    }
+                    left -= i64::from(i.c);
+                }
+                Pop => {
+                    let base = r[SP];
+                    let Some(words) = block(ram, base, i.c) else { break true };
+                    for (register, word) in bits(i.imm as u16).zip(words.chunks_exact(4)) {
+                        reg!(register as u8) = word_of(word);
+                    }
+                    // It goes up.
+                    r[SP] = base.wrapping_add(4 * u32::from(i.c));
+                    left -= i64::from(i.c);
+                }
+                PopPc => {
+                    let base = r[SP];
+                    let Some(words) = block(ram, base, i.c + 1) else { break true };
+                    let (rest, target) = words.split_at(4 * usize::from(i.c));
+                    let target = word_of(target);
+                    if !is_plain(target) {
+                        break true;
+                    }
+                    for (register, word) in bits(i.imm as u16).zip(rest.chunks_exact(4)) {
+                        reg!(register as u8) = word_of(word);
+                    }
+                    r[SP] = base.wrapping_add(4 * u32::from(i.c) + 4);
+                    jump!(target & !1, 4 + i64::from(i.c));
+                }
+                Stm => {
+                    let base = reg!(i.a);
+                    let Some(words) = block(ram, base, i.c) else { break true };
+                    for (register, word) in bits(i.imm as u16).zip(words.chunks_exact_mut(4)) {
+                        word.copy_from_slice(&reg!(register as u8).to_le_bytes());
+                    }
+                    reg!(i.a) = base.wrapping_add(4 * u32::from(i.c));
+                    left -= i64::from(i.c);
+                }
+                Ldm => {
+                    let base = reg!(i.a);
+                    let Some(words) = block(ram, base, i.c) else { break true };
+                    // A base in the list gets the loaded word, any other the address behind.
+                    reg!(i.a) = base.wrapping_add(4 * u32::from(i.c));
+                    for (register, word) in bits(i.imm as u16).zip(words.chunks_exact(4)) {
+                        reg!(register as u8) = word_of(word);
+                    }
+                    left -= i64::from(i.c);
+                }
+                Beq => branch_if!(flags.z(), i),
+                Bne => branch_if!(!flags.z(), i),
+                Bcs => branch_if!(flags.c, i),
+                Bcc => branch_if!(!flags.c, i),
+                Bmi => branch_if!(flags.n(), i),
+                Bpl => branch_if!(!flags.n(), i),
+                Bvs => branch_if!(flags.v(), i),
+                Bvc => branch_if!(!flags.v(), i),
+                Bhi => branch_if!(flags.c && !flags.z(), i),
+                Bls => branch_if!(!flags.c || flags.z(), i),
+                Bge => branch_if!(flags.n() == flags.v(), i),
+                Blt => branch_if!(flags.n() != flags.v(), i),
+                Bgt => branch_if!(flags.n() == flags.v() && !flags.z(), i),
+                Ble => branch_if!(flags.n() != flags.v() || flags.z(), i),
+                Branch => {
+                    jump!(i.imm, 2);
+                }
+                Bl => {
+                    let second = pc.wrapping_add(2);
+                    if S::CACHED && second / 8 != line {
+                        touch!(second);
+                    }
+                    r[LR] = pc.wrapping_add(4) | 1;
+                    jump!(i.imm, 3);
+                }
+                Bx => {
+                    let target = reg!(i.b);
+                    if !is_plain(target) {
+                        break true;
+                    }
+                    jump!(target & !1, 2);
+                }
+                Blx => {
+                    let target = reg!(i.b);
+                    if target & 1 == 0 {
+                        break true;
+                    }
+                    r[LR] = pc.wrapping_add(2) | 1;
+                    jump!(target & !1, 2);
+                }
+            }
+            pc = pc.wrapping_add(2);
+            left -= 1;
+            count += 1;
+        };
+
+        self.pc = pc;
+        self.flags = flags;
+        self.branches = branches;
+        self.counters.instructions += count;
+        self.counters.flash_wait_cycles += waited as u64;
+        self.now += (budget - left) as u64 * self.cycle;
+        leaves_out
+    }
+
+    /// How many cycles begin before the deadline, at most a number that leaves room to count.
+    fn cycles_to_deadline(&self) -> i64 {
+        let cycles = self.deadline.saturating_sub(self.now).div_ceil(self.cycle);
+        cycles.min(1 << 40) as i64
+    }
+}
+
+/// Whether a branch to `target` is neither an exception return nor one out of Thumb state.
+#[inline(always)]
+fn is_plain(target: u32) -> bool {
+    target & 1 != 0 && target >> 28 != 0xF
+}
+
+/// `N` bytes at offset `at` of the SRAM, if they are aligned and lie in it.
+#[inline(always)]
+fn read<const N: usize>(ram: &Ram, at: u32) -> Option<u32> {
+    let at = at as usize;
+    if !at.is_multiple_of(N) {
+        return None;
+    }
+    ram.get(at..at + N).map(word_of)
+}
+
+/// `N` bytes at `address` of the flash, if they are aligned and lie in it.
+#[inline(always)]
+fn read_flash<const N: usize>(flash: &Flash, address: u32) -> Option<u32> {
+    let at = address as usize;
+    if !at.is_multiple_of(N) {
+        return None;
+    }
+    flash.get(at..at + N).map(word_of)
+}
+
+/// Writes the low `N` bytes of `value` at offset `at` of the SRAM; whether that can be.
+#[inline(always)]
+fn write<const N: usize>(ram: &mut Ram, at: u32, value: u32) -> bool {
+    let at = at as usize;
+    if !at.is_multiple_of(N) {
+        return false;
+    }
+    let Some(bytes) = ram.get_mut(at..at + N) else {
+        return false;
+    };
+    bytes.copy_from_slice(&value.to_le_bytes()[..N]);
+    true
+}
+
+/// `count` words of SRAM at `address`, if they are aligned and lie in it.
+#[inline(always)]
+fn block(ram: &mut Ram, address: u32, count: u8) -> Option<&mut [u8]> {
+    let at = address.wrapping_sub(RAM_BASE) as usize;
+    if !at.is_multiple_of(4) {
+        return None;
+    }
+    ram.get_mut(at..at + 4 * usize::from(count))
+}
+
+/// Up to four bytes, zero-extended.
+#[inline(always)]
+fn word_of(bytes: &[u8]) -> u32 {
+    let mut word = [0; 4];
+    word[..bytes.len()].copy_from_slice(bytes);
+    u32::from_le_bytes(word)
+}
