@@ -5,12 +5,47 @@
 //! its half-word, which hits the flash's cache when it is fetched again.
 
 use super::decode::{Code, Instruction, Operation};
+use super::flags::RULES;
 use super::transfer::bits;
-use super::{Core, FLASH_LINES, LR, SP, TRAIL};
+use super::{Core, FLASH_LINES, LR, REGISTERS, SP, TRAIL};
 use crate::memory::{FLASH_SIZE, Memory, RAM_BASE, RAM_SIZE};
 
 type Ram = [u8; RAM_SIZE as usize];
 type Flash = [u8; FLASH_SIZE as usize];
+
+/// The bytes of a load or store.
+struct Size {
+    mask: u32,
+    /// The address bits that must be zero.
+    align: u32,
+}
+
+/// By the order of loads and of stores in `Operation`; the last is not used.
+static SIZES: [Size; 4] = [
+    Size { mask: 0xFF, align: 0 },
+    Size { mask: 0xFFFF, align: 1 },
+    Size { mask: u32::MAX, align: 3 },
+    Size { mask: u32::MAX, align: 3 },
+];
+
+/// Where a condition holds: bit n for NZCV being n. By the order of `Operation`.
+static CONDITIONS: [u16; 16] = {
+    let mut table = [0; 16];
+    let mut nzcv = 0;
+    while nzcv < 16 {
+        let (n, z, c, v) = (nzcv & 8 != 0, nzcv & 4 != 0, nzcv & 2 != 0, nzcv & 1 != 0);
+        let holds = [z, c, n, v, c && !z, n == v, n == v && !z];
+        let mut index = 0;
+        while index < 2 * holds.len() {
+            if holds[index / 2] == (index % 2 == 0) {
+                table[index] |= 1 << nzcv;
+            }
+            index += 1;
+        }
+        nzcv += 1;
+    }
+    table
+};
 
 /// No line of the flash.
 const NO_LINE: u32 = u32::MAX;
@@ -83,6 +118,8 @@ impl Core {
         let mut left = budget;
         // The line that the last instruction came from, while the cache holds it.
         let mut line = NO_LINE;
+        // Loaded while the one before it executes.
+        let mut next = S::at(code, ram, pc);
 
         /// An access of the flash at `$address`: a line that is not in the cache costs the wait
         /// states and takes the place of another.
@@ -100,7 +137,7 @@ impl Core {
         }
         macro_rules! reg {
             ($index:expr) => {
-                r[usize::from($index) % 16]
+                r[usize::from($index) % REGISTERS]
             };
         }
         macro_rules! jump {
@@ -109,16 +146,10 @@ impl Core {
                 trail[branches % TRAIL] = (pc, target);
                 branches = branches.wrapping_add(1);
                 pc = target;
+                next = S::at(code, ram, pc);
                 left -= $cycles;
                 count += 1;
                 continue;
-            };
-        }
-        macro_rules! branch_if {
-            ($condition:expr, $instruction:expr) => {
-                if $condition {
-                    jump!($instruction.imm, 2);
-                }
             };
         }
         macro_rules! load {
@@ -136,46 +167,83 @@ impl Core {
                 }
             }};
         }
-        macro_rules! store {
-            ($n:literal, $address:expr, $value:expr) => {{
-                let value: u32 = $value;
-                if !write::<$n>(ram, $address.wrapping_sub(RAM_BASE), value) {
-                    break true;
-                }
-                left -= 1;
-            }};
-        }
-
         let leaves_out = loop {
             if left <= 0 {
                 break false;
             }
-            let Some(i) = S::at(code, ram, pc) else {
+            let current = if S::CACHED { next } else { S::at(code, ram, pc) };
+            let Some(i) = current else {
                 // Perhaps another burst can execute it.
                 break count == 0;
             };
+            if S::CACHED {
+                next = S::at(code, ram, pc.wrapping_add(2));
+            }
             if S::CACHED && pc / 8 != line {
                 touch!(pc);
                 line = pc / 8;
             }
             use Operation::*;
+            if i.operation <= AddHigh {
+                let rule = &RULES[i.operation as usize % RULES.len()];
+                let x = reg!(i.b);
+                let y = reg!(i.c).wrapping_add(i.imm) ^ rule.invert;
+                let carry = u64::from(u32::from(flags.c) & rule.carry | rule.one);
+                let exclusive = u64::from((x ^ y) & rule.exclusive);
+                let both = u64::from((x & y) & rule.both) << rule.doubled;
+                reg!(i.a) = flags.ruled(rule, x, y, exclusive + both + carry);
+                pc = pc.wrapping_add(2);
+                left -= 1;
+                count += 1;
+                continue;
+            }
+            let address = reg!(i.b).wrapping_add(reg!(i.c)).wrapping_add(i.imm);
+            let at = address.wrapping_sub(RAM_BASE);
+            if i.operation <= Ldr {
+                let size = &SIZES[(i.operation as usize - Ldrb as usize) % 4];
+                if at & (!(RAM_SIZE - 1) | size.align) == 0 {
+                    let word = (at & (RAM_SIZE - 4)) as usize;
+                    reg!(i.a) = word_of(&ram[word..word + 4]) >> (8 * (at & 3)) & size.mask;
+                    pc = pc.wrapping_add(2);
+                    left -= 2;
+                    count += 1;
+                    continue;
+                }
+            } else if i.operation <= Str {
+                let size = &SIZES[(i.operation as usize - Strb as usize) % 4];
+                if at & (!(RAM_SIZE - 1) | size.align) == 0 {
+                    let word = (at & (RAM_SIZE - 4)) as usize;
+                    let shift = 8 * (at & 3);
+                    let mask = size.mask << shift;
+                    let value = reg!(i.a) << shift;
+                    let bytes = &mut ram[word..word + 4];
+                    let value = word_of(bytes) & !mask | value & mask;
+                    bytes.copy_from_slice(&value.to_le_bytes());
+                    pc = pc.wrapping_add(2);
+                    left -= 2;
+                    count += 1;
+                    continue;
+                }
+                break true;
+            } else if i.operation <= Ble {
+                let condition = CONDITIONS[(i.operation as usize - Beq as usize) % 16];
+                if condition >> (flags.bits() >> 28) & 1 != 0 {
+                    jump!(i.imm, 2);
+                }
+                pc = pc.wrapping_add(2);
+                left -= 1;
+                count += 1;
+                continue;
+            }
             match i.operation {
                 Other => break true,
                 Nop => {}
-                Address => reg!(i.a) = i.imm,
+                Ldr => reg!(i.a) = load!(4, address),
+                Ldrh => reg!(i.a) = load!(2, address),
+                Ldrb => reg!(i.a) = load!(1, address),
                 LslImmediate => reg!(i.a) = flags.lsl(reg!(i.b), i.imm),
                 LsrImmediate => reg!(i.a) = flags.lsr(reg!(i.b), i.imm),
                 AsrImmediate => reg!(i.a) = flags.asr(reg!(i.b), i.imm),
-                AddImmediate => reg!(i.a) = flags.add(reg!(i.b), i.imm),
-                SubImmediate => reg!(i.a) = flags.sub(reg!(i.b), i.imm),
-                MovImmediate => reg!(i.a) = flags.nz(i.imm),
-                CmpImmediate => {
-                    flags.sub(reg!(i.b), i.imm);
-                }
-                AddRegister => reg!(i.a) = flags.add(reg!(i.b), reg!(i.c)),
-                SubRegister => reg!(i.a) = flags.sub(reg!(i.b), reg!(i.c)),
-                And => reg!(i.a) = flags.nz(reg!(i.a) & reg!(i.b)),
-                Eor => reg!(i.a) = flags.nz(reg!(i.a) ^ reg!(i.b)),
                 LslRegister => match reg!(i.b) & 0xFF {
                     0 => _ = flags.nz(reg!(i.a)),
                     by => reg!(i.a) = flags.lsl(reg!(i.a), by),
@@ -192,19 +260,7 @@ impl Core {
                     0 => _ = flags.nz(reg!(i.a)),
                     by => reg!(i.a) = flags.ror(reg!(i.a), by),
                 },
-                Adc => reg!(i.a) = flags.adc(reg!(i.a), reg!(i.b)),
-                Sbc => reg!(i.a) = flags.adc(reg!(i.a), !reg!(i.b)),
-                Tst => _ = flags.nz(reg!(i.a) & reg!(i.b)),
-                Rsb => reg!(i.a) = flags.sub(0, reg!(i.b)),
-                CmpRegister => _ = flags.sub(reg!(i.a), reg!(i.b)),
-                Cmn => _ = flags.add(reg!(i.a), reg!(i.b)),
-                Orr => reg!(i.a) = flags.nz(reg!(i.a) | reg!(i.b)),
                 Mul => reg!(i.a) = flags.nz(reg!(i.a).wrapping_mul(reg!(i.b))),
-                Bic => reg!(i.a) = flags.nz(reg!(i.a) & !reg!(i.b)),
-                MovRegister => reg!(i.a) = flags.nz(reg!(i.b)),
-                Mvn => reg!(i.a) = flags.nz(!reg!(i.b)),
-                AddHigh => reg!(i.a) = reg!(i.a).wrapping_add(reg!(i.b)),
-                MovHigh => reg!(i.a) = reg!(i.b),
                 Sxth => reg!(i.a) = reg!(i.b) as i16 as u32,
                 Sxtb => reg!(i.a) = reg!(i.b) as i8 as u32,
                 Uxth => reg!(i.a) = reg!(i.b) & 0xFFFF,
@@ -212,7 +268,6 @@ impl Core {
                 Rev => reg!(i.a) = reg!(i.b).swap_bytes(),
                 Rev16 => reg!(i.a) = reg!(i.b).swap_bytes().rotate_left(16),
                 Revsh => reg!(i.a) = (reg!(i.b) as u16).swap_bytes() as i16 as u32,
-                AddSpTo => reg!(i.a) = r[SP].wrapping_add(i.imm),
                 AddSp => {
                     let sp = r[SP].wrapping_add(i.imm);
                     r[SP] = sp;
@@ -221,24 +276,12 @@ impl Core {
                     }
                 }
                 LdrLiteral => reg!(i.a) = load!(4, i.imm),
-                LdrRegister => reg!(i.a) = load!(4, reg!(i.b).wrapping_add(reg!(i.c))),
-                LdrhRegister => reg!(i.a) = load!(2, reg!(i.b).wrapping_add(reg!(i.c))),
-                LdrbRegister => reg!(i.a) = load!(1, reg!(i.b).wrapping_add(reg!(i.c))),
                 LdrshRegister => {
-                    reg!(i.a) = load!(2, reg!(i.b).wrapping_add(reg!(i.c))) as i16 as u32;
+                    reg!(i.a) = load!(2, address) as i16 as u32;
                 }
                 LdrsbRegister => {
-                    reg!(i.a) = load!(1, reg!(i.b).wrapping_add(reg!(i.c))) as i8 as u32;
+                    reg!(i.a) = load!(1, address) as i8 as u32;
                 }
-                LdrImmediate => reg!(i.a) = load!(4, reg!(i.b).wrapping_add(i.imm)),
-                LdrhImmediate => reg!(i.a) = load!(2, reg!(i.b).wrapping_add(i.imm)),
-                LdrbImmediate => reg!(i.a) = load!(1, reg!(i.b).wrapping_add(i.imm)),
-                StrRegister => store!(4, reg!(i.b).wrapping_add(reg!(i.c)), reg!(i.a)),
-                StrhRegister => store!(2, reg!(i.b).wrapping_add(reg!(i.c)), reg!(i.a)),
-                StrbRegister => store!(1, reg!(i.b).wrapping_add(reg!(i.c)), reg!(i.a)),
-                StrImmediate => store!(4, reg!(i.b).wrapping_add(i.imm), reg!(i.a)),
-                StrhImmediate => store!(2, reg!(i.b).wrapping_add(i.imm), reg!(i.a)),
-                StrbImmediate => store!(1, reg!(i.b).wrapping_add(i.imm), reg!(i.a)),
                 Push => {
                     let base = r[SP].wrapping_sub(4 * u32::from(i.c));
                     let Some(words) = block(ram, base, i.c) else { break true };
@@ -295,20 +338,6 @@ impl Core {
                     }
                     left -= i64::from(i.c);
                 }
-                Beq => branch_if!(flags.z(), i),
-                Bne => branch_if!(!flags.z(), i),
-                Bcs => branch_if!(flags.c, i),
-                Bcc => branch_if!(!flags.c, i),
-                Bmi => branch_if!(flags.n(), i),
-                Bpl => branch_if!(!flags.n(), i),
-                Bvs => branch_if!(flags.v(), i),
-                Bvc => branch_if!(!flags.v(), i),
-                Bhi => branch_if!(flags.c && !flags.z(), i),
-                Bls => branch_if!(!flags.c || flags.z(), i),
-                Bge => branch_if!(flags.n() == flags.v(), i),
-                Blt => branch_if!(flags.n() != flags.v(), i),
-                Bgt => branch_if!(flags.n() == flags.v() && !flags.z(), i),
-                Ble => branch_if!(flags.n() != flags.v() || flags.z(), i),
                 Branch => {
                     jump!(i.imm, 2);
                 }
@@ -335,6 +364,7 @@ impl Core {
                     r[LR] = pc.wrapping_add(2) | 1;
                     jump!(target & !1, 2);
                 }
+                _ => break true,
             }
             pc = pc.wrapping_add(2);
             left -= 1;
@@ -381,20 +411,6 @@ fn read_flash<const N: usize>(flash: &Flash, address: u32) -> Option<u32> {
         return None;
     }
     flash.get(at..at + N).map(word_of)
-}
-
-/// Writes the low `N` bytes of `value` at offset `at` of the SRAM; whether that can be.
-#[inline(always)]
-fn write<const N: usize>(ram: &mut Ram, at: u32, value: u32) -> bool {
-    let at = at as usize;
-    if !at.is_multiple_of(N) {
-        return false;
-    }
-    let Some(bytes) = ram.get_mut(at..at + N) else {
-        return false;
-    };
-    bytes.copy_from_slice(&value.to_le_bytes()[..N]);
-    true
 }
 
 /// `count` words of SRAM at `address`, if they are aligned and lie in it.

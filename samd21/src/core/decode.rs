@@ -9,81 +9,34 @@ use std::sync::Arc;
 use crate::memory::FLASH_SIZE;
 
 /// What an instruction does, and with which of its fields: registers `a`, `b`, `c` and `imm`.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+///
+/// The order counts: `burst` tells its classes from one another by it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 #[repr(u8)]
 pub(super) enum Operation {
-    /// Anything that is not here.
-    Other,
-    /// `a = imm`, flags untouched.
-    Address,
-    // With flags: `a = b op imm`.
-    LslImmediate,
-    LsrImmediate,
-    AsrImmediate,
-    AddImmediate,
-    SubImmediate,
-    MovImmediate,
-    CmpImmediate,
-    // With flags: `a = b op c`.
-    AddRegister,
-    SubRegister,
-    // With flags: `a = a op b`.
-    And,
-    Eor,
-    LslRegister,
-    LsrRegister,
-    AsrRegister,
+    // Sums and logic: `a = b op (c + imm)`.
+    /// With all flags.
+    Add,
+    Sub,
     Adc,
     Sbc,
-    RorRegister,
-    Tst,
-    Rsb,
-    CmpRegister,
-    Cmn,
+    /// With N and Z.
+    And,
+    Eor,
     Orr,
-    Mul,
     Bic,
-    /// `a = b`
-    MovRegister,
     Mvn,
-    // Without flags.
+    /// Without flags.
     AddHigh,
-    MovHigh,
-    Sxth,
-    Sxtb,
-    Uxth,
-    Uxtb,
-    Rev,
-    Rev16,
-    Revsh,
-    /// SP and `imm` to `a`.
-    AddSpTo,
-    /// `imm` to SP.
-    AddSp,
-    Nop,
-    // Loads and stores of `a` at `b + c`, at `b + imm`, or at `imm`.
-    LdrLiteral,
-    StrRegister,
-    StrhRegister,
-    StrbRegister,
-    LdrsbRegister,
-    LdrRegister,
-    LdrhRegister,
-    LdrbRegister,
-    LdrshRegister,
-    StrImmediate,
-    LdrImmediate,
-    StrbImmediate,
-    LdrbImmediate,
-    StrhImmediate,
-    LdrhImmediate,
-    // Block transfers: `a` is the base, `imm` the list, `c` the count of its registers.
-    Push,
-    Pop,
-    PopPc,
-    Stm,
-    Ldm,
-    // Branches to `imm`, or to `b`.
+    // Loads of `a` at `b + c + imm`.
+    Ldrb,
+    Ldrh,
+    Ldr,
+    // Stores.
+    Strb,
+    Strh,
+    Str,
+    // Branches to `imm` on a condition.
     Beq,
     Bne,
     Bcs,
@@ -98,11 +51,50 @@ pub(super) enum Operation {
     Blt,
     Bgt,
     Ble,
+    /// Anything that is not here.
+    Other,
+    Nop,
+    /// `a` at `imm`.
+    LdrLiteral,
+    LdrsbRegister,
+    LdrshRegister,
+    // With flags: `a = b op imm`.
+    LslImmediate,
+    LsrImmediate,
+    AsrImmediate,
+    // With flags: `a = a op b`.
+    LslRegister,
+    LsrRegister,
+    AsrRegister,
+    RorRegister,
+    Mul,
+    // Without flags: `a = op b`.
+    Sxth,
+    Sxtb,
+    Uxth,
+    Uxtb,
+    Rev,
+    Rev16,
+    Revsh,
+    /// `imm` to SP.
+    AddSp,
+    // Block transfers: `a` is the base, `imm` the list, `c` the count of its registers.
+    Push,
+    Pop,
+    PopPc,
+    Stm,
+    Ldm,
+    // Branches to `imm`, or to `b`.
     Branch,
     Bl,
     Bx,
     Blx,
 }
+
+/// The register that is always zero, in the place of the PC.
+pub(super) const ZERO: u8 = 15;
+/// The register that nobody reads.
+pub(super) const NOBODY: u8 = 16;
 
 /// A decoded instruction.
 #[derive(Clone, Copy, Debug)]
@@ -116,35 +108,15 @@ pub(super) struct Instruction {
 
 use Operation::*;
 
-/// Registers 4 to 15 by bits 9:6 of the data processing encodings.
-const DATA_PROCESSING: [Operation; 16] = [
-    And,
-    Eor,
-    LslRegister,
-    LsrRegister,
-    AsrRegister,
-    Adc,
-    Sbc,
-    RorRegister,
-    Tst,
-    Rsb,
-    CmpRegister,
-    Cmn,
-    Orr,
-    Mul,
-    Bic,
-    Mvn,
-];
-
 /// By bits 11:9 of the loads and stores with a register offset.
 const REGISTER_OFFSET: [Operation; 8] = [
-    StrRegister,
-    StrhRegister,
-    StrbRegister,
+    Str,
+    Strh,
+    Strb,
     LdrsbRegister,
-    LdrRegister,
-    LdrhRegister,
-    LdrbRegister,
+    Ldr,
+    Ldrh,
+    Ldrb,
     LdrshRegister,
 ];
 
@@ -161,35 +133,33 @@ impl Instruction {
         let imm5 = word >> 6 & 31;
         let imm8 = word & 0xFF;
         let shift = if imm5 == 0 { 32 } else { imm5 };
-        let two = |operation, a, b| Self::new(operation, a, b, 0, 0);
-        let with = |operation, a, b, imm| Self::new(operation, a, b, 0, imm);
+        let two = |operation, a, b| Self::new(operation, a, b, ZERO, 0);
+        let with = |operation, a, b, imm| Self::new(operation, a, b, ZERO, imm);
         let relative = (pc.wrapping_add(4) & !3).wrapping_add(4 * imm8);
         match op >> 11 {
-            0b00000 if imm5 == 0 => two(MovRegister, rd, rn),
+            0b00000 if imm5 == 0 => two(Orr, rd, rn),
             0b00000 => with(LslImmediate, rd, rn, imm5),
             0b00001 => with(LsrImmediate, rd, rn, shift),
             0b00010 => with(AsrImmediate, rd, rn, shift),
             0b00011 => match op >> 9 & 3 {
-                0 => Self::new(AddRegister, rd, rn, rm, 0),
-                1 => Self::new(SubRegister, rd, rn, rm, 0),
-                2 => with(AddImmediate, rd, rn, u32::from(rm)),
-                _ => with(SubImmediate, rd, rn, u32::from(rm)),
+                0 => Self::new(Add, rd, rn, rm, 0),
+                1 => Self::new(Sub, rd, rn, rm, 0),
+                2 => with(Add, rd, rn, u32::from(rm)),
+                _ => with(Sub, rd, rn, u32::from(rm)),
             },
-            0b00100 => with(MovImmediate, r8, 0, imm8),
-            0b00101 => with(CmpImmediate, 0, r8, imm8),
-            0b00110 => with(AddImmediate, r8, r8, imm8),
-            0b00111 => with(SubImmediate, r8, r8, imm8),
-            0b01000 if op & 1 << 10 == 0 => {
-                two(DATA_PROCESSING[usize::from(op >> 6 & 15)], rd, rn)
-            }
+            0b00100 => with(Orr, r8, ZERO, imm8),
+            0b00101 => with(Sub, NOBODY, r8, imm8),
+            0b00110 => with(Add, r8, r8, imm8),
+            0b00111 => with(Sub, r8, r8, imm8),
+            0b01000 if op & 1 << 10 == 0 => Self::data_processing(op),
             0b01000 => {
                 let (rdn, rm) = high_fields(op);
                 let (rdn, rm) = (rdn as u8, rm as u8);
                 // What writes SP or touches PC is rare.
                 match op >> 8 & 3 {
-                    0 if rdn < 13 && rm != 15 || rdn == 14 && rm != 15 => two(AddHigh, rdn, rm),
-                    1 if rdn != 15 && rm != 15 => two(CmpRegister, rdn, rm),
-                    2 if rdn < 13 && rm != 15 || rdn == 14 && rm != 15 => two(MovHigh, rdn, rm),
+                    0 if rdn < 13 && rm != 15 || rdn == 14 && rm != 15 => Self::new(AddHigh, rdn, rdn, rm, 0),
+                    1 if rdn != 15 && rm != 15 => Self::new(Sub, NOBODY, rdn, rm, 0),
+                    2 if rdn < 13 && rm != 15 || rdn == 14 && rm != 15 => two(AddHigh, rdn, rm),
                     3 if rm != 15 && op & 0x80 == 0 => two(Bx, 0, rm),
                     3 if rm != 15 => two(Blx, 0, rm),
                     _ => Self::OTHER,
@@ -197,16 +167,16 @@ impl Instruction {
             }
             0b01001 => with(LdrLiteral, r8, 0, relative),
             0b01010 | 0b01011 => Self::new(REGISTER_OFFSET[usize::from(op >> 9 & 7)], rd, rn, rm, 0),
-            0b01100 => with(StrImmediate, rd, rn, 4 * imm5),
-            0b01101 => with(LdrImmediate, rd, rn, 4 * imm5),
-            0b01110 => with(StrbImmediate, rd, rn, imm5),
-            0b01111 => with(LdrbImmediate, rd, rn, imm5),
-            0b10000 => with(StrhImmediate, rd, rn, 2 * imm5),
-            0b10001 => with(LdrhImmediate, rd, rn, 2 * imm5),
-            0b10010 => with(StrImmediate, r8, 13, 4 * imm8),
-            0b10011 => with(LdrImmediate, r8, 13, 4 * imm8),
-            0b10100 => with(Address, r8, 0, relative),
-            0b10101 => with(AddSpTo, r8, 0, 4 * imm8),
+            0b01100 => with(Str, rd, rn, 4 * imm5),
+            0b01101 => with(Ldr, rd, rn, 4 * imm5),
+            0b01110 => with(Strb, rd, rn, imm5),
+            0b01111 => with(Ldrb, rd, rn, imm5),
+            0b10000 => with(Strh, rd, rn, 2 * imm5),
+            0b10001 => with(Ldrh, rd, rn, 2 * imm5),
+            0b10010 => with(Str, r8, 13, 4 * imm8),
+            0b10011 => with(Ldr, r8, 13, 4 * imm8),
+            0b10100 => with(AddHigh, r8, ZERO, relative),
+            0b10101 => with(AddHigh, r8, 13, 4 * imm8),
             0b10110 | 0b10111 => Self::miscellaneous(op),
             0b11000 | 0b11001 if imm8 == 0 => Self::OTHER,
             0b11000 => Self::transfer(Stm, r8, imm8),
@@ -231,6 +201,31 @@ impl Instruction {
                     Self::OTHER
                 }
             }
+        }
+    }
+
+    fn data_processing(op: u16) -> Self {
+        let (rd, rn) = (field(op, 0), field(op, 3));
+        let sum = |operation, a, b| Self::new(operation, a, b, rn, 0);
+        let shift = |operation| Self::new(operation, rd, rn, ZERO, 0);
+        match op >> 6 & 15 {
+            0x0 => sum(And, rd, rd),
+            0x1 => sum(Eor, rd, rd),
+            0x2 => shift(LslRegister),
+            0x3 => shift(LsrRegister),
+            0x4 => shift(AsrRegister),
+            0x5 => sum(Adc, rd, rd),
+            0x6 => sum(Sbc, rd, rd),
+            0x7 => shift(RorRegister),
+            // TST, RSB, CMP, CMN.
+            0x8 => sum(And, NOBODY, rd),
+            0x9 => sum(Sub, rd, ZERO),
+            0xA => sum(Sub, NOBODY, rd),
+            0xB => sum(Add, NOBODY, rd),
+            0xC => sum(Orr, rd, rd),
+            0xD => shift(Mul),
+            0xE => sum(Bic, rd, rd),
+            _ => sum(Mvn, rd, ZERO),
         }
     }
 

@@ -32,30 +32,24 @@ impl Core {
         let instruction = Instruction::decode(pc, op, 0);
         let rt = usize::from(instruction.a);
         let base = self.r[usize::from(instruction.b)];
-        let indexed = base.wrapping_add(self.r[usize::from(instruction.c)]);
-        let offset = base.wrapping_add(instruction.imm);
+        let offset = self.r[usize::from(instruction.c)].wrapping_add(instruction.imm);
+        let address = base.wrapping_add(offset);
         match instruction.operation {
             Operation::LdrLiteral => self.ldr::<4>(bus, rt, instruction.imm),
-            Operation::StrRegister => self.str::<4>(bus, rt, indexed),
-            Operation::StrhRegister => self.str::<2>(bus, rt, indexed),
-            Operation::StrbRegister => self.str::<1>(bus, rt, indexed),
+            Operation::Str => self.str::<4>(bus, rt, address),
+            Operation::Strh => self.str::<2>(bus, rt, address),
+            Operation::Strb => self.str::<1>(bus, rt, address),
+            Operation::Ldr => self.ldr::<4>(bus, rt, address),
+            Operation::Ldrh => self.ldr::<2>(bus, rt, address),
+            Operation::Ldrb => self.ldr::<1>(bus, rt, address),
             Operation::LdrsbRegister => {
-                self.r[rt] = self.load::<1>(bus, indexed)? as i8 as u32;
-                Ok(Self::access_cycles(indexed))
+                self.r[rt] = self.load::<1>(bus, address)? as i8 as u32;
+                Ok(Self::access_cycles(address))
             }
-            Operation::LdrRegister => self.ldr::<4>(bus, rt, indexed),
-            Operation::LdrhRegister => self.ldr::<2>(bus, rt, indexed),
-            Operation::LdrbRegister => self.ldr::<1>(bus, rt, indexed),
             Operation::LdrshRegister => {
-                self.r[rt] = self.load::<2>(bus, indexed)? as i16 as u32;
-                Ok(Self::access_cycles(indexed))
+                self.r[rt] = self.load::<2>(bus, address)? as i16 as u32;
+                Ok(Self::access_cycles(address))
             }
-            Operation::StrImmediate => self.str::<4>(bus, rt, offset),
-            Operation::LdrImmediate => self.ldr::<4>(bus, rt, offset),
-            Operation::StrbImmediate => self.str::<1>(bus, rt, offset),
-            Operation::LdrbImmediate => self.ldr::<1>(bus, rt, offset),
-            Operation::StrhImmediate => self.str::<2>(bus, rt, offset),
-            Operation::LdrhImmediate => self.ldr::<2>(bus, rt, offset),
             Operation::Push => self.push(bus, op),
             Operation::Pop | Operation::PopPc => self.pop(bus, op, pc),
             Operation::Stm => self.store_multiple(bus, op),

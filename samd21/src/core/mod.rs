@@ -38,6 +38,8 @@ const SP: usize = 13;
 const LR: usize = 14;
 const PC: usize = 15;
 
+/// Registers, as many as make an index cheap.
+const REGISTERS: usize = 32;
 /// Taken branches that are remembered.
 const TRAIL: usize = 32;
 /// Lines of the flash controller's cache, 8 bytes each.
@@ -77,8 +79,9 @@ enum Sleep {
 
 #[derive(Clone, Default)]
 pub(crate) struct Core {
-    /// R0 to R12, the stack pointer in use, LR. The last is not used: see `pc`.
-    r: [u32; 16],
+    /// R0 to R12, the stack pointer in use, LR, and two for decoded instructions, zero (`ZERO`) and
+    /// one that is only written (`NOBODY`).
+    r: [u32; REGISTERS],
     /// Address of the next instruction (between instructions: of the one to be executed).
     pub(crate) pc: u32,
     flags: Flags,
@@ -434,8 +437,9 @@ impl Core {
 
     pub(crate) fn registers(&self) -> Registers {
         let (msp, psp) = self.stack_pointers();
-        let mut r = self.r;
-        r[15] = self.pc;
+        let mut r = [0; 16];
+        r[..PC].copy_from_slice(&self.r[..PC]);
+        r[PC] = self.pc;
         Registers {
             r,
             xpsr: self.xpsr(),
@@ -449,8 +453,8 @@ impl Core {
     /// Sets what a debugger may set: R0 to R12, LR, PC, flags, PRIMASK, CONTROL.SPSEL in Thread
     /// mode, MSP and PSP (`r[13]` is not looked at).
     pub(crate) fn set_registers(&mut self, registers: &Registers) {
-        self.r = registers.r;
-        self.pc = registers.r[15] & !1;
+        self.r[..PC].copy_from_slice(&registers.r[..PC]);
+        self.pc = registers.r[PC] & !1;
         self.set_apsr(registers.xpsr);
         self.thumb = true;
         self.primask = registers.primask;
