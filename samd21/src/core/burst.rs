@@ -4,6 +4,8 @@
 //! change what interrupts the core. That one is left to `execute`, untouched but for the fetch of
 //! its half-word, which hits the flash's cache when it is fetched again.
 
+use std::ops::Deref;
+
 use super::decode::{Code, Instruction, Operation};
 use super::flags::RULES;
 use super::transfer::bits;
@@ -54,8 +56,10 @@ const NO_LINE: u32 = u32::MAX;
 trait Source {
     /// The flash's cache takes part in a fetch.
     const CACHED: bool;
+    /// An instruction, by reference where it is stored.
+    type Item<'a>: Deref<Target = Instruction>;
     /// The instruction at `pc`, if this is where it comes from.
-    fn at(code: &Code, ram: &Ram, pc: u32) -> Option<Instruction>;
+    fn at<'a>(code: &'a Code, ram: &Ram, pc: u32) -> Option<Self::Item<'a>>;
 }
 
 /// Flash, decoded beforehand.
@@ -64,8 +68,10 @@ struct FromFlash;
 impl Source for FromFlash {
     const CACHED: bool = true;
 
+    type Item<'a> = &'a Instruction;
+
     #[inline(always)]
-    fn at(code: &Code, _: &Ram, pc: u32) -> Option<Instruction> {
+    fn at<'a>(code: &'a Code, _: &Ram, pc: u32) -> Option<&'a Instruction> {
         code.at(pc)
     }
 }
@@ -73,14 +79,26 @@ impl Source for FromFlash {
 /// SRAM, decoded each time: its contents change.
 struct FromRam;
 
+struct Decoded(Instruction);
+
+impl Deref for Decoded {
+    type Target = Instruction;
+
+    fn deref(&self) -> &Instruction {
+        &self.0
+    }
+}
+
 impl Source for FromRam {
     const CACHED: bool = false;
 
-    fn at(_: &Code, ram: &Ram, pc: u32) -> Option<Instruction> {
+    type Item<'a> = Decoded;
+
+    fn at<'a>(_: &'a Code, ram: &Ram, pc: u32) -> Option<Decoded> {
         let at = pc.wrapping_sub(RAM_BASE);
         let op = read::<2>(ram, at)?;
         let second = read::<2>(ram, at.wrapping_add(2)).unwrap_or(0);
-        Some(Instruction::decode(pc, op as u16, second as u16))
+        Some(Decoded(Instruction::decode(pc, op as u16, second as u16)))
     }
 }
 
@@ -101,12 +119,15 @@ impl Core {
         let budget = self.cycles_to_deadline();
         let wait_states = self.wait_states as i64;
         let handles_psp = self.uses_psp();
+        // What could be taken once PRIMASK is clear changes between bursts only.
+        let nothing_pends = self.nvic.first_pending().is_none();
         let (code, flash, ram) = memory.parts();
         let Self {
             r,
             flash_lines,
             trail,
             lowest_sp,
+            primask,
             ..
         } = self;
         let mut flags = self.flags;
@@ -118,9 +139,25 @@ impl Core {
         let mut left = budget;
         // The line that the last instruction came from, while the cache holds it.
         let mut line = NO_LINE;
-        // Loaded while the one before it executes.
-        let mut next = S::at(code, ram, pc);
 
+        /// The second half-word of an instruction is fetched.
+        macro_rules! fetch_second {
+            () => {
+                let second = pc.wrapping_add(2);
+                if S::CACHED && second / 8 != line {
+                    touch!(second);
+                }
+            };
+        }
+        macro_rules! wide {
+            () => {
+                fetch_second!();
+                pc = pc.wrapping_add(4);
+                left -= 3;
+                count += 1;
+                continue;
+            };
+        }
         /// An access of the flash at `$address`: a line that is not in the cache costs the wait
         /// states and takes the place of another.
         macro_rules! touch {
@@ -146,7 +183,6 @@ impl Core {
                 trail[branches % TRAIL] = (pc, target);
                 branches = branches.wrapping_add(1);
                 pc = target;
-                next = S::at(code, ram, pc);
                 left -= $cycles;
                 count += 1;
                 continue;
@@ -171,14 +207,10 @@ impl Core {
             if left <= 0 {
                 break false;
             }
-            let current = if S::CACHED { next } else { S::at(code, ram, pc) };
-            let Some(i) = current else {
+            let Some(i) = S::at(code, ram, pc) else {
                 // Perhaps another burst can execute it.
                 break count == 0;
             };
-            if S::CACHED {
-                next = S::at(code, ram, pc.wrapping_add(2));
-            }
             if S::CACHED && pc / 8 != line {
                 touch!(pc);
                 line = pc / 8;
@@ -238,6 +270,28 @@ impl Core {
             match i.operation {
                 Other => break true,
                 Nop => {}
+                Cpsid => *primask = true,
+                Cpsie => {
+                    if !nothing_pends {
+                        break true;
+                    }
+                    *primask = false;
+                }
+                MrsPrimask => {
+                    reg!(i.a) = u32::from(*primask);
+                    wide!();
+                }
+                MsrPrimask => {
+                    let masks = reg!(i.a) & 1 != 0;
+                    if !masks && !nothing_pends {
+                        break true;
+                    }
+                    *primask = masks;
+                    wide!();
+                }
+                Barrier => {
+                    wide!();
+                }
                 Ldr => reg!(i.a) = load!(4, address),
                 Ldrh => reg!(i.a) = load!(2, address),
                 Ldrb => reg!(i.a) = load!(1, address),
@@ -342,10 +396,7 @@ impl Core {
                     jump!(i.imm, 2);
                 }
                 Bl => {
-                    let second = pc.wrapping_add(2);
-                    if S::CACHED && second / 8 != line {
-                        touch!(second);
-                    }
+                    fetch_second!();
                     r[LR] = pc.wrapping_add(4) | 1;
                     jump!(i.imm, 3);
                 }

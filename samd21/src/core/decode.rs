@@ -54,6 +54,13 @@ pub(super) enum Operation {
     /// Anything that is not here.
     Other,
     Nop,
+    /// PRIMASK by CPS, and as a special register.
+    Cpsid,
+    Cpsie,
+    MrsPrimask,
+    MsrPrimask,
+    /// DMB, DSB, ISB.
+    Barrier,
     /// `a` at `imm`.
     LdrLiteral,
     LdrsbRegister,
@@ -198,9 +205,23 @@ impl Instruction {
                     let target = pc.wrapping_add(4).wrapping_add(bl_offset(encoding));
                     with(Bl, 0, 0, target)
                 } else {
-                    Self::OTHER
+                    Self::wide(encoding)
                 }
             }
+        }
+    }
+
+    fn wide(encoding: u32) -> Self {
+        let is_usable = |register: u32| register != 13 && register != 15;
+        let (rd, rn) = (encoding >> 8 & 15, encoding >> 16 & 15);
+        if is_barrier(encoding) {
+            Self::new(Barrier, 0, 0, 0, 0)
+        } else if encoding & 0xFFFF_F0FF == 0xF3EF_8010 && is_usable(rd) {
+            Self::new(MrsPrimask, rd as u8, 0, 0, 0)
+        } else if encoding & 0xFFF0_FFFF == 0xF380_8810 && is_usable(rn) {
+            Self::new(MsrPrimask, rn as u8, 0, 0, 0)
+        } else {
+            Self::OTHER
         }
     }
 
@@ -248,6 +269,8 @@ impl Instruction {
             0x30..=0x33 if list != 0 => Self::transfer(Pop, 13, list),
             0x34..=0x37 => Self::transfer(PopPc, 13, list & 0xFF),
             // NOP and YIELD.
+            _ if op == 0xB672 => Self::new(Cpsid, 0, 0, 0, 0),
+            _ if op == 0xB662 => Self::new(Cpsie, 0, 0, 0, 0),
             _ if op == 0xBF00 || op == 0xBF10 => Self::new(Nop, 0, 0, 0, 0),
             _ => Self::OTHER,
         }
@@ -278,6 +301,14 @@ pub(super) fn high_fields(op: u16) -> (usize, usize) {
 /// Whether a 32-bit encoding is BL.
 pub(super) fn is_bl(encoding: u32) -> bool {
     encoding & 0xF800_D000 == 0xF000_D000
+}
+
+/// Whether a 32-bit encoding is DSB, DMB or ISB.
+pub(super) fn is_barrier(encoding: u32) -> bool {
+    matches!(
+        encoding & 0xFFFF_FFF0,
+        0xF3BF_8F40 | 0xF3BF_8F50 | 0xF3BF_8F60
+    )
 }
 
 /// The offset of a BL from the address behind it: S:I1:I2:imm10:imm11:0.
@@ -332,7 +363,7 @@ impl Code {
 
     /// The instruction at an even address, if that is in flash.
     #[inline(always)]
-    pub(super) fn at(&self, pc: u32) -> Option<Instruction> {
-        self.0.get(pc as usize / 2).copied()
+    pub(super) fn at(&self, pc: u32) -> Option<&Instruction> {
+        self.0.get(pc as usize / 2)
     }
 }

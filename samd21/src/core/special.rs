@@ -1,6 +1,6 @@
 //! Hints, the 32-bit encodings and the special registers.
 
-use super::decode::{bl_offset, is_bl};
+use super::decode::{bl_offset, is_barrier, is_bl};
 use super::{Core, LR, Outcome, PC, SP, Sleep, Trap, undefined};
 use crate::bus::Bus;
 use crate::fault::FaultKind;
@@ -53,10 +53,7 @@ impl Core {
             if rn == SP || rn == PC || !self.set_special(encoding & 0xFF, self.r[rn]) {
                 return undefined();
             }
-        } else if !matches!(
-            encoding & 0xFFFF_FFF0,
-            0xF3BF_8F40 | 0xF3BF_8F50 | 0xF3BF_8F60
-        ) {
+        } else if !is_barrier(encoding) {
             return undefined();
         }
         Ok(3)
