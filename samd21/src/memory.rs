@@ -67,12 +67,19 @@ impl Memory {
         Arc::make_mut(&mut self.flash)
     }
 
-    /// Decoded flash, flash, and SRAM to write.
-    pub(crate) fn parts(&mut self) -> Parts<'_> {
+    /// Decoded flash.
+    pub(crate) fn code(&mut self) -> &Code {
         if self.is_code_stale {
             self.is_code_stale = false;
             self.code.update(&self.flash, 0, FLASH_SIZE as usize);
         }
+        &self.code
+    }
+
+    /// Decoded flash, flash, and SRAM to write.
+    #[inline]
+    pub(crate) fn parts(&mut self) -> Parts<'_> {
+        self.code();
         (&self.code, &self.flash, &mut self.ram)
     }
 

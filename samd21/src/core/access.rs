@@ -94,7 +94,7 @@ impl Core {
     #[cold]
     #[inline(never)]
     fn load_device(&mut self, bus: &mut Bus<'_>, address: u32, width: Width) -> Outcome<u32> {
-        self.ask_attention();
+        // Reading moves neither what is due next nor a line of an interrupt: no attention is asked.
         if is_system_control(address) {
             return self.read_system_control(address, width);
         }

@@ -118,7 +118,7 @@ impl Core {
     fn burst_from<S: Source>(&mut self, memory: &mut Memory) -> bool {
         let budget = self.cycles_to_deadline();
         let wait_states = self.wait_states as i64;
-        let handles_psp = self.uses_psp();
+        let uses_psp = self.uses_psp();
         // What could be taken once PRIMASK is clear changes between bursts only.
         let nothing_pends = self.nvic.first_pending().is_none();
         let (code, flash, ram) = memory.parts();
@@ -322,10 +322,11 @@ impl Core {
                 Rev => reg!(i.a) = reg!(i.b).swap_bytes(),
                 Rev16 => reg!(i.a) = reg!(i.b).swap_bytes().rotate_left(16),
                 Revsh => reg!(i.a) = (reg!(i.b) as u16).swap_bytes() as i16 as u32,
-                AddSp => {
-                    let sp = r[SP].wrapping_add(i.imm);
+                SetSp => {
+                    // Bits 1:0 of both stack pointers do not exist.
+                    let sp = address & !3;
                     r[SP] = sp;
-                    if sp < *lowest_sp && !handles_psp {
+                    if sp < *lowest_sp && !uses_psp {
                         *lowest_sp = sp;
                     }
                 }
@@ -344,7 +345,7 @@ impl Core {
                         word.copy_from_slice(&reg!(register as u8).to_le_bytes());
                     }
                     r[SP] = base;
-                    if base < *lowest_sp && !handles_psp {
+                    if base < *lowest_sp && !uses_psp {
                         *lowest_sp = base;
                     }
                     left -= i64::from(i.c);

@@ -83,8 +83,8 @@ pub(super) enum Operation {
     Rev,
     Rev16,
     Revsh,
-    /// `imm` to SP.
-    AddSp,
+    /// `b + c + imm` to SP.
+    SetSp,
     // Block transfers: `a` is the base, `imm` the list, `c` the count of its registers.
     Push,
     Pop,
@@ -162,9 +162,11 @@ impl Instruction {
             0b01000 => {
                 let (rdn, rm) = high_fields(op);
                 let (rdn, rm) = (rdn as u8, rm as u8);
-                // What writes SP or touches PC is rare.
+                // What touches PC is rare.
                 match op >> 8 & 3 {
                     0 if rdn < 13 && rm != 15 || rdn == 14 && rm != 15 => Self::new(AddHigh, rdn, rdn, rm, 0),
+                    0 if rdn == 13 && rm != 15 => Self::new(SetSp, 0, 13, rm, 0),
+                    2 if rdn == 13 && rm != 15 => Self::new(SetSp, 0, ZERO, rm, 0),
                     1 if rdn != 15 && rm != 15 => Self::new(Sub, NOBODY, rdn, rm, 0),
                     2 if rdn < 13 && rm != 15 || rdn == 14 && rm != 15 => two(AddHigh, rdn, rm),
                     3 if rm != 15 && op & 0x80 == 0 => two(Bx, 0, rm),
@@ -256,8 +258,8 @@ impl Instruction {
         let bytes = 4 * (u32::from(op) & 0x7F);
         let extend = |operation| Self::new(operation, rd, rn, 0, 0);
         match op >> 6 & 0x3F {
-            0x00 | 0x01 => Self::new(AddSp, 0, 0, 0, bytes),
-            0x02 | 0x03 => Self::new(AddSp, 0, 0, 0, bytes.wrapping_neg()),
+            0x00 | 0x01 => Self::new(SetSp, 0, 13, ZERO, bytes),
+            0x02 | 0x03 => Self::new(SetSp, 0, 13, ZERO, bytes.wrapping_neg()),
             0x08 => extend(Sxth),
             0x09 => extend(Sxtb),
             0x0A => extend(Uxth),

@@ -29,7 +29,8 @@ impl Core {
     pub(super) fn instruction(&mut self, bus: &mut Bus<'_>, pc: u32) -> Outcome<u32> {
         let op = self.fetch(bus, pc)?;
         self.pc = pc.wrapping_add(2);
-        let instruction = Instruction::decode(pc, op, 0);
+        let decoded = bus.memory.code().at(pc).copied();
+        let instruction = decoded.unwrap_or_else(|| Instruction::decode(pc, op, 0));
         let rt = usize::from(instruction.a);
         let base = self.r[usize::from(instruction.b)];
         let offset = self.r[usize::from(instruction.c)].wrapping_add(instruction.imm);

@@ -424,24 +424,25 @@ impl Peripherals {
         if self.wdt.take_bite() {
             self.pending_reset = Some(ResetCause::Watchdog);
         }
-        self.next = self
-            .tcc
-            .iter()
-            .map(tcc::Tcc::next)
-            .chain(self.sercom.iter().map(sercom::Sercom::next))
-            .chain(self.tc.iter().map(tc::Tc::next))
-            .chain([self.eic.next(), self.usb.next(), self.wdt.next()])
-            .chain([self.nvmctrl.next(now)])
-            .fold(self.sysctrl.next(now), Ticks::min);
-        self.irq_lines = self
-            .sercom
-            .iter()
-            .map(sercom::Sercom::irq)
-            .chain(self.tcc.iter().map(tcc::Tcc::irq))
-            .chain(self.tc.iter().map(tc::Tc::irq))
-            .chain([self.pm.irq(), self.sysctrl.irq(), self.wdt.irq()])
-            .chain([self.eic.irq(), self.nvmctrl.irq(now), self.usb.irq()])
-            .fold(0, |lines, line| lines | line);
+        let mut next = self.sysctrl.next(now).min(self.nvmctrl.next(now));
+        next = next.min(self.eic.next()).min(self.usb.next());
+        next = next.min(self.wdt.next());
+        let mut lines = self.pm.irq() | self.sysctrl.irq() | self.wdt.irq();
+        lines |= self.eic.irq() | self.nvmctrl.irq(now) | self.usb.irq();
+        for sercom in &self.sercom {
+            next = next.min(sercom.next());
+            lines |= sercom.irq();
+        }
+        for tcc in &self.tcc {
+            next = next.min(tcc.next());
+            lines |= tcc.irq();
+        }
+        for tc in &self.tc {
+            next = next.min(tc.next());
+            lines |= tc.irq();
+        }
+        self.next = next;
+        self.irq_lines = lines;
     }
 }
 
