@@ -15,21 +15,6 @@ use crate::memory::{FLASH_SIZE, Memory, RAM_BASE, RAM_SIZE};
 type Ram = [u8; RAM_SIZE as usize];
 type Flash = [u8; FLASH_SIZE as usize];
 
-/// The bytes of a load or store.
-struct Size {
-    mask: u32,
-    /// The address bits that must be zero.
-    align: u32,
-}
-
-/// By the order of loads and of stores in `Operation`; the last is not used.
-static SIZES: [Size; 4] = [
-    Size { mask: 0xFF, align: 0 },
-    Size { mask: 0xFFFF, align: 1 },
-    Size { mask: u32::MAX, align: 3 },
-    Size { mask: u32::MAX, align: 3 },
-];
-
 /// Where a condition holds: bit n for NZCV being n. By the order of `Operation`.
 static CONDITIONS: [u16; 16] = {
     let mut table = [0; 16];
@@ -133,10 +118,9 @@ impl Core {
         let mut flags = self.flags;
         let mut pc = self.pc;
         let mut branches = self.branches;
-        let mut count = 0;
         let mut waited = 0;
-        // Cycles to the deadline.
-        let mut left = budget;
+        // Cycles to the deadline in the upper half, instructions executed in the lower one.
+        let mut clock = budget << 32;
         // The line that the last instruction came from, while the cache holds it.
         let mut line = NO_LINE;
 
@@ -149,12 +133,18 @@ impl Core {
                 }
             };
         }
+        macro_rules! next {
+            ($cycles:expr) => {
+                pc = pc.wrapping_add(2);
+                clock += 1 - ($cycles << 32);
+                continue;
+            };
+        }
         macro_rules! wide {
             () => {
                 fetch_second!();
                 pc = pc.wrapping_add(4);
-                left -= 3;
-                count += 1;
+                clock += 1 - (3 << 32);
                 continue;
             };
         }
@@ -167,7 +157,7 @@ impl Core {
                 if *held != wanted && wait_states != 0 {
                     *held = wanted;
                     waited += wait_states;
-                    left -= wait_states;
+                    clock -= wait_states << 32;
                     line = NO_LINE;
                 }
             };
@@ -183,89 +173,103 @@ impl Core {
                 trail[branches % TRAIL] = (pc, target);
                 branches = branches.wrapping_add(1);
                 pc = target;
-                left -= $cycles;
-                count += 1;
+                clock += 1 - ($cycles << 32);
                 continue;
             };
         }
         macro_rules! load {
             ($n:literal, $address:expr) => {{
                 let address = $address;
-                left -= 1;
                 if let Some(value) = read::<$n>(ram, address.wrapping_sub(RAM_BASE)) {
                     value
                 } else if let Some(value) = read_flash::<$n>(flash, address) {
                     touch!(address);
                     value
                 } else {
-                    left += 1;
                     break true;
                 }
             }};
         }
         let leaves_out = loop {
-            if left <= 0 {
+            if clock < 1 << 32 {
                 break false;
             }
             let Some(i) = S::at(code, ram, pc) else {
                 // Perhaps another burst can execute it.
-                break count == 0;
+                break clock as u32 == 0;
             };
             if S::CACHED && pc / 8 != line {
                 touch!(pc);
                 line = pc / 8;
             }
             use Operation::*;
-            if i.operation <= AddHigh {
-                let rule = &RULES[i.operation as usize % RULES.len()];
-                let x = reg!(i.b);
-                let y = reg!(i.c).wrapping_add(i.imm) ^ rule.invert;
-                let carry = u64::from(u32::from(flags.c) & rule.carry | rule.one);
-                let exclusive = u64::from((x ^ y) & rule.exclusive);
-                let both = u64::from((x & y) & rule.both) << rule.doubled;
-                reg!(i.a) = flags.ruled(rule, x, y, exclusive + both + carry);
-                pc = pc.wrapping_add(2);
-                left -= 1;
-                count += 1;
-                continue;
+            let x = reg!(i.b);
+            let y = reg!(i.c).wrapping_add(i.imm);
+            if i.operation <= Sbc {
+                if i.operation <= AddHigh {
+                    reg!(i.a) = x.wrapping_add(y);
+                } else if i.operation <= Sub {
+                    if i.operation <= Add {
+                        reg!(i.a) = flags.add(x, y);
+                    } else {
+                        reg!(i.a) = flags.sub(x, y);
+                    }
+                } else {
+                    let y = if i.operation <= Adc { y } else { !y };
+                    reg!(i.a) = flags.adc(x, y);
+                }
+                next!(1);
             }
-            let address = reg!(i.b).wrapping_add(reg!(i.c)).wrapping_add(i.imm);
-            let at = address.wrapping_sub(RAM_BASE);
-            if i.operation <= Ldr {
-                let size = &SIZES[(i.operation as usize - Ldrb as usize) % 4];
-                if at & (!(RAM_SIZE - 1) | size.align) == 0 {
-                    let word = (at & (RAM_SIZE - 4)) as usize;
-                    reg!(i.a) = word_of(&ram[word..word + 4]) >> (8 * (at & 3)) & size.mask;
-                    pc = pc.wrapping_add(2);
-                    left -= 2;
-                    count += 1;
-                    continue;
+            if i.operation <= AsrImmediate {
+                if i.operation <= Orr {
+                    reg!(i.a) = flags.nz(x | y);
+                } else if i.operation <= Mvn {
+                    let rule = &RULES[(i.operation as usize - And as usize) % RULES.len()];
+                    let y = y ^ rule.invert;
+                    reg!(i.a) = flags.nz((x ^ y) & rule.exclusive | (x & y) & rule.both);
+                } else if i.operation <= LslImmediate {
+                    reg!(i.a) = flags.lsl(x, i.imm & 31);
+                } else if i.operation <= LsrImmediate {
+                    reg!(i.a) = flags.lsr(x, i.imm & 63);
+                } else {
+                    reg!(i.a) = flags.asr(x, i.imm & 63);
                 }
-            } else if i.operation <= Str {
-                let size = &SIZES[(i.operation as usize - Strb as usize) % 4];
-                if at & (!(RAM_SIZE - 1) | size.align) == 0 {
-                    let word = (at & (RAM_SIZE - 4)) as usize;
-                    let shift = 8 * (at & 3);
-                    let mask = size.mask << shift;
-                    let value = reg!(i.a) << shift;
-                    let bytes = &mut ram[word..word + 4];
-                    let value = word_of(bytes) & !mask | value & mask;
-                    bytes.copy_from_slice(&value.to_le_bytes());
-                    pc = pc.wrapping_add(2);
-                    left -= 2;
-                    count += 1;
-                    continue;
+                next!(1);
+            }
+            let address = x.wrapping_add(y);
+            if i.operation <= Ldrh {
+                if i.operation <= LdrLiteral {
+                    reg!(i.a) = load!(4, i.imm);
+                } else if i.operation <= Ldr {
+                    reg!(i.a) = load!(4, address);
+                } else if i.operation <= Ldrb {
+                    reg!(i.a) = load!(1, address);
+                } else {
+                    reg!(i.a) = load!(2, address);
                 }
-                break true;
-            } else if i.operation <= Ble {
+                next!(2);
+            }
+            if i.operation <= Strh {
+                let at = address.wrapping_sub(RAM_BASE);
+                let value = reg!(i.a);
+                let is_done = if i.operation <= Str {
+                    write::<4>(ram, at, value)
+                } else if i.operation <= Strb {
+                    write::<1>(ram, at, value)
+                } else {
+                    write::<2>(ram, at, value)
+                };
+                if !is_done {
+                    break true;
+                }
+                next!(2);
+            }
+            if i.operation <= Ble {
                 let condition = CONDITIONS[(i.operation as usize - Beq as usize) % 16];
                 if condition >> (flags.bits() >> 28) & 1 != 0 {
                     jump!(i.imm, 2);
                 }
-                pc = pc.wrapping_add(2);
-                left -= 1;
-                count += 1;
-                continue;
+                next!(1);
             }
             match i.operation {
                 Other => break true,
@@ -292,12 +296,6 @@ impl Core {
                 Barrier => {
                     wide!();
                 }
-                Ldr => reg!(i.a) = load!(4, address),
-                Ldrh => reg!(i.a) = load!(2, address),
-                Ldrb => reg!(i.a) = load!(1, address),
-                LslImmediate => reg!(i.a) = flags.lsl(reg!(i.b), i.imm),
-                LsrImmediate => reg!(i.a) = flags.lsr(reg!(i.b), i.imm),
-                AsrImmediate => reg!(i.a) = flags.asr(reg!(i.b), i.imm),
                 LslRegister => match reg!(i.b) & 0xFF {
                     0 => _ = flags.nz(reg!(i.a)),
                     by => reg!(i.a) = flags.lsl(reg!(i.a), by),
@@ -330,12 +328,13 @@ impl Core {
                         *lowest_sp = sp;
                     }
                 }
-                LdrLiteral => reg!(i.a) = load!(4, i.imm),
                 LdrshRegister => {
                     reg!(i.a) = load!(2, address) as i16 as u32;
+                    next!(2);
                 }
                 LdrsbRegister => {
                     reg!(i.a) = load!(1, address) as i8 as u32;
+                    next!(2);
                 }
                 Push => {
                     let base = r[SP].wrapping_sub(4 * u32::from(i.c));
@@ -348,7 +347,7 @@ impl Core {
                     if base < *lowest_sp && !uses_psp {
                         *lowest_sp = base;
                     }
-                    left -= i64::from(i.c);
+                    clock -= i64::from(i.c) << 32;
                 }
                 Pop => {
                     let base = r[SP];
@@ -358,7 +357,7 @@ impl Core {
                     }
                     // It goes up.
                     r[SP] = base.wrapping_add(4 * u32::from(i.c));
-                    left -= i64::from(i.c);
+                    clock -= i64::from(i.c) << 32;
                 }
                 PopPc => {
                     let base = r[SP];
@@ -372,7 +371,7 @@ impl Core {
                         reg!(register as u8) = word_of(word);
                     }
                     r[SP] = base.wrapping_add(4 * u32::from(i.c) + 4);
-                    jump!(target & !1, 4 + i64::from(i.c));
+                    jump!(target & !1, (4 + i64::from(i.c)));
                 }
                 Stm => {
                     let base = reg!(i.a);
@@ -381,7 +380,7 @@ impl Core {
                         word.copy_from_slice(&reg!(register as u8).to_le_bytes());
                     }
                     reg!(i.a) = base.wrapping_add(4 * u32::from(i.c));
-                    left -= i64::from(i.c);
+                    clock -= i64::from(i.c) << 32;
                 }
                 Ldm => {
                     let base = reg!(i.a);
@@ -391,7 +390,7 @@ impl Core {
                     for (register, word) in bits(i.imm as u16).zip(words.chunks_exact(4)) {
                         reg!(register as u8) = word_of(word);
                     }
-                    left -= i64::from(i.c);
+                    clock -= i64::from(i.c) << 32;
                 }
                 Branch => {
                     jump!(i.imm, 2);
@@ -418,24 +417,22 @@ impl Core {
                 }
                 _ => break true,
             }
-            pc = pc.wrapping_add(2);
-            left -= 1;
-            count += 1;
+            next!(1);
         };
 
         self.pc = pc;
         self.flags = flags;
         self.branches = branches;
-        self.counters.instructions += count;
+        self.counters.instructions += u64::from(clock as u32);
         self.counters.flash_wait_cycles += waited as u64;
-        self.now += (budget - left) as u64 * self.cycle;
+        self.now += (budget - (clock >> 32)) as u64 * self.cycle;
         leaves_out
     }
 
     /// How many cycles begin before the deadline, at most a number that leaves room to count.
     fn cycles_to_deadline(&self) -> i64 {
         let cycles = self.deadline.saturating_sub(self.now).div_ceil(self.cycle);
-        cycles.min(1 << 40) as i64
+        cycles.min(1 << 30) as i64
     }
 }
 
@@ -463,6 +460,20 @@ fn read_flash<const N: usize>(flash: &Flash, address: u32) -> Option<u32> {
         return None;
     }
     flash.get(at..at + N).map(word_of)
+}
+
+/// Writes the low `N` bytes of `value` at offset `at` of the SRAM; whether that can be.
+#[inline(always)]
+fn write<const N: usize>(ram: &mut Ram, at: u32, value: u32) -> bool {
+    let at = at as usize;
+    if !at.is_multiple_of(N) {
+        return false;
+    }
+    let Some(bytes) = ram.get_mut(at..at + N) else {
+        return false;
+    };
+    bytes.copy_from_slice(&value.to_le_bytes()[..N]);
+    true
 }
 
 /// `count` words of SRAM at `address`, if they are aligned and lie in it.

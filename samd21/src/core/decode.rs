@@ -15,27 +15,32 @@ use crate::memory::FLASH_SIZE;
 #[repr(u8)]
 pub(super) enum Operation {
     // Sums and logic: `a = b op (c + imm)`.
-    /// With all flags.
+    /// Without flags.
+    AddHigh,
+    // With all flags.
     Add,
     Sub,
     Adc,
     Sbc,
-    /// With N and Z.
+    // With N and Z.
+    Orr,
     And,
     Eor,
-    Orr,
     Bic,
     Mvn,
-    /// Without flags.
-    AddHigh,
-    // Loads of `a` at `b + c + imm`.
+    // With N, Z and C: `a = b op imm`.
+    LslImmediate,
+    LsrImmediate,
+    AsrImmediate,
+    // Loads of `a` at `b + c + imm`, the first at `imm`.
+    LdrLiteral,
+    Ldr,
     Ldrb,
     Ldrh,
-    Ldr,
     // Stores.
+    Str,
     Strb,
     Strh,
-    Str,
     // Branches to `imm` on a condition.
     Beq,
     Bne,
@@ -61,14 +66,9 @@ pub(super) enum Operation {
     MsrPrimask,
     /// DMB, DSB, ISB.
     Barrier,
-    /// `a` at `imm`.
-    LdrLiteral,
+    // Loads of `a` at `b + c`.
     LdrsbRegister,
     LdrshRegister,
-    // With flags: `a = b op imm`.
-    LslImmediate,
-    LsrImmediate,
-    AsrImmediate,
     // With flags: `a = a op b`.
     LslRegister,
     LsrRegister,

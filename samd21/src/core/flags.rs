@@ -92,19 +92,6 @@ impl Flags {
         self.nz(sum)
     }
 
-    /// The result of a rule from its operands, with the flags that the rule sets.
-    #[inline(always)]
-    pub(super) fn ruled(&mut self, rule: &Rule, x: u32, y: u32, wide: u64) -> u32 {
-        let result = wide as u32;
-        let carry = (wide >> 32) as u32 & !rule.keeps_cv;
-        let overflow = (x ^ result) & (y ^ result) & !rule.keeps_cv;
-        let keeps_nz = i64::from(rule.keeps_nz as i32);
-        self.c = u32::from(self.c) & rule.keeps_cv | carry != 0;
-        self.v = self.v & rule.keeps_cv | overflow;
-        self.nz = self.nz & keeps_nz | i64::from(result as i32) & !keeps_nz;
-        result
-    }
-
     /// `value` shifted left by 1 to 255.
     #[inline(always)]
     pub(super) fn lsl(&mut self, value: u32, by: u32) -> u32 {
@@ -138,64 +125,34 @@ impl Flags {
     }
 }
 
-/// How sums and logic come from the same steps: an instruction that is told from others by data
-/// costs the host no jump that it cannot foresee.
+/// How logic comes from the same steps: operations that are told apart by data cost the host no
+/// jump that it cannot foresee.
 pub(super) struct Rule {
     /// Inverts the second operand.
     pub(super) invert: u32,
-    /// Whether C is added (0 or 1), and whether 1 is.
-    pub(super) carry: u32,
-    pub(super) one: u32,
-    /// Masks of the bits that one operand has and that both have; their sum is the result.
+    /// Whether the result has bits that one operand has, and those that both have.
     pub(super) exclusive: u32,
     pub(super) both: u32,
-    /// Bits that both have carry.
-    pub(super) doubled: u32,
-    /// Masks: N and Z, C and V are kept.
-    keeps_nz: u32,
-    keeps_cv: u32,
 }
 
-const SUM: Rule = Rule {
-    invert: 0,
-    carry: 0,
-    one: 0,
-    exclusive: u32::MAX,
-    both: u32::MAX,
-    doubled: 1,
-    keeps_nz: 0,
-    keeps_cv: 0,
-};
+const fn rule(invert: bool, exclusive: bool, both: bool) -> Rule {
+    const fn mask(is_set: bool) -> u32 {
+        if is_set { u32::MAX } else { 0 }
+    }
+    Rule {
+        invert: mask(invert),
+        exclusive: mask(exclusive),
+        both: mask(both),
+    }
+}
 
-const LOGIC: Rule = Rule {
-    doubled: 0,
-    keeps_cv: u32::MAX,
-    ..SUM
-};
-
-/// By the order of `Operation`: ADD, SUB, ADC, SBC, AND, EOR, ORR, BIC, MVN, ADD without flags.
-pub(super) static RULES: [Rule; 16] = {
-    const UNUSED: Rule = SUM;
-    let invert = u32::MAX;
-    [
-        SUM,
-        Rule { invert, one: 1, ..SUM },
-        Rule { carry: 1, ..SUM },
-        Rule { invert, carry: 1, ..SUM },
-        Rule { exclusive: 0, ..LOGIC },
-        Rule { both: 0, ..LOGIC },
-        LOGIC,
-        Rule { invert, exclusive: 0, ..LOGIC },
-        Rule { invert, ..LOGIC },
-        Rule { keeps_nz: u32::MAX, keeps_cv: u32::MAX, ..SUM },
-        UNUSED,
-        UNUSED,
-        UNUSED,
-        UNUSED,
-        UNUSED,
-        UNUSED,
-    ]
-};
+/// By the order of `Operation`: AND, EOR, BIC, MVN.
+pub(super) static RULES: [Rule; 4] = [
+    rule(false, false, true),
+    rule(false, true, false),
+    rule(true, false, true),
+    rule(true, true, true),
+];
 
 #[cfg(test)]
 mod tests {
