@@ -15,13 +15,13 @@ use crate::memory::{FLASH_SIZE, Memory, RAM_BASE, RAM_SIZE};
 type Ram = [u8; RAM_SIZE as usize];
 type Flash = [u8; FLASH_SIZE as usize];
 
-/// Where a condition holds: bit n for NZCV being n. By the order of `Operation`.
+/// Where a condition holds: bit n for NZCV being n. By the order of `Operation`, from BMI on.
 static CONDITIONS: [u16; 16] = {
     let mut table = [0; 16];
     let mut nzcv = 0;
     while nzcv < 16 {
         let (n, z, c, v) = (nzcv & 8 != 0, nzcv & 4 != 0, nzcv & 2 != 0, nzcv & 1 != 0);
-        let holds = [z, c, n, v, c && !z, n == v, n == v && !z];
+        let holds = [n, v, c && !z, n == v, n == v && !z];
         let mut index = 0;
         while index < 2 * holds.len() {
             if holds[index / 2] == (index % 2 == 0) {
@@ -265,10 +265,73 @@ impl Core {
                 next!(2);
             }
             if i.operation <= Ble {
-                let condition = CONDITIONS[(i.operation as usize - Beq as usize) % 16];
-                if condition >> (flags.bits() >> 28) & 1 != 0 {
+                let is_taken = if i.operation <= Bne {
+                    flags.z() == (i.operation <= Beq)
+                } else if i.operation <= Bcc {
+                    flags.c == (i.operation <= Bcs)
+                } else {
+                    let condition = CONDITIONS[(i.operation as usize - Bmi as usize) % 16];
+                    condition >> (flags.bits() >> 28) & 1 != 0
+                };
+                if is_taken {
                     jump!(i.imm, 2);
                 }
+                next!(1);
+            }
+            if i.operation <= Pop {
+                if i.operation <= Branch {
+                    jump!(i.imm, 2);
+                }
+                if i.operation <= Bl {
+                    fetch_second!();
+                    r[LR] = pc.wrapping_add(4) | 1;
+                    jump!(i.imm, 3);
+                }
+                if i.operation <= SetSp {
+                    // Bits 1:0 of both stack pointers do not exist.
+                    let sp = address & !3;
+                    r[SP] = sp;
+                    if sp < *lowest_sp && !uses_psp {
+                        *lowest_sp = sp;
+                    }
+                    next!(1);
+                }
+                if i.operation <= Push {
+                    let base = r[SP].wrapping_sub(4 * u32::from(i.c));
+                    let Some(words) = block(ram, base, i.c) else { break true };
+                    for (bit, word) in bits(i.imm as u16).zip(words.chunks_exact_mut(4)) {
+                        let register = if bit == 8 { LR } else { bit };
+                        word.copy_from_slice(&reg!(register as u8).to_le_bytes());
+                    }
+                    r[SP] = base;
+                    if base < *lowest_sp && !uses_psp {
+                        *lowest_sp = base;
+                    }
+                    clock -= i64::from(i.c) << 32;
+                    next!(1);
+                }
+                if i.operation <= PopPc {
+                    let base = r[SP];
+                    let Some(words) = block(ram, base, i.c + 1) else { break true };
+                    let (rest, target) = words.split_at(4 * usize::from(i.c));
+                    let target = word_of(target);
+                    if !is_plain(target) {
+                        break true;
+                    }
+                    for (register, word) in bits(i.imm as u16).zip(rest.chunks_exact(4)) {
+                        reg!(register as u8) = word_of(word);
+                    }
+                    r[SP] = base.wrapping_add(4 * u32::from(i.c) + 4);
+                    jump!(target & !1, (4 + i64::from(i.c)));
+                }
+                let base = r[SP];
+                let Some(words) = block(ram, base, i.c) else { break true };
+                for (register, word) in bits(i.imm as u16).zip(words.chunks_exact(4)) {
+                    reg!(register as u8) = word_of(word);
+                }
+                // It goes up.
+                r[SP] = base.wrapping_add(4 * u32::from(i.c));
+                clock -= i64::from(i.c) << 32;
                 next!(1);
             }
             match i.operation {
@@ -320,14 +383,6 @@ impl Core {
                 Rev => reg!(i.a) = reg!(i.b).swap_bytes(),
                 Rev16 => reg!(i.a) = reg!(i.b).swap_bytes().rotate_left(16),
                 Revsh => reg!(i.a) = (reg!(i.b) as u16).swap_bytes() as i16 as u32,
-                SetSp => {
-                    // Bits 1:0 of both stack pointers do not exist.
-                    let sp = address & !3;
-                    r[SP] = sp;
-                    if sp < *lowest_sp && !uses_psp {
-                        *lowest_sp = sp;
-                    }
-                }
                 LdrshRegister => {
                     reg!(i.a) = load!(2, address) as i16 as u32;
                     next!(2);
@@ -335,43 +390,6 @@ impl Core {
                 LdrsbRegister => {
                     reg!(i.a) = load!(1, address) as i8 as u32;
                     next!(2);
-                }
-                Push => {
-                    let base = r[SP].wrapping_sub(4 * u32::from(i.c));
-                    let Some(words) = block(ram, base, i.c) else { break true };
-                    for (bit, word) in bits(i.imm as u16).zip(words.chunks_exact_mut(4)) {
-                        let register = if bit == 8 { LR } else { bit };
-                        word.copy_from_slice(&reg!(register as u8).to_le_bytes());
-                    }
-                    r[SP] = base;
-                    if base < *lowest_sp && !uses_psp {
-                        *lowest_sp = base;
-                    }
-                    clock -= i64::from(i.c) << 32;
-                }
-                Pop => {
-                    let base = r[SP];
-                    let Some(words) = block(ram, base, i.c) else { break true };
-                    for (register, word) in bits(i.imm as u16).zip(words.chunks_exact(4)) {
-                        reg!(register as u8) = word_of(word);
-                    }
-                    // It goes up.
-                    r[SP] = base.wrapping_add(4 * u32::from(i.c));
-                    clock -= i64::from(i.c) << 32;
-                }
-                PopPc => {
-                    let base = r[SP];
-                    let Some(words) = block(ram, base, i.c + 1) else { break true };
-                    let (rest, target) = words.split_at(4 * usize::from(i.c));
-                    let target = word_of(target);
-                    if !is_plain(target) {
-                        break true;
-                    }
-                    for (register, word) in bits(i.imm as u16).zip(rest.chunks_exact(4)) {
-                        reg!(register as u8) = word_of(word);
-                    }
-                    r[SP] = base.wrapping_add(4 * u32::from(i.c) + 4);
-                    jump!(target & !1, (4 + i64::from(i.c)));
                 }
                 Stm => {
                     let base = reg!(i.a);
@@ -391,14 +409,6 @@ impl Core {
                         reg!(register as u8) = word_of(word);
                     }
                     clock -= i64::from(i.c) << 32;
-                }
-                Branch => {
-                    jump!(i.imm, 2);
-                }
-                Bl => {
-                    fetch_second!();
-                    r[LR] = pc.wrapping_add(4) | 1;
-                    jump!(i.imm, 3);
                 }
                 Bx => {
                     let target = reg!(i.b);

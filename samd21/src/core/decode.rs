@@ -56,6 +56,15 @@ pub(super) enum Operation {
     Blt,
     Bgt,
     Ble,
+    // Branches to `imm`.
+    Branch,
+    Bl,
+    /// `b + c + imm` to SP.
+    SetSp,
+    // Block transfers: `a` is the base, `imm` the list, `c` the count of its registers.
+    Push,
+    PopPc,
+    Pop,
     /// Anything that is not here.
     Other,
     Nop,
@@ -83,17 +92,10 @@ pub(super) enum Operation {
     Rev,
     Rev16,
     Revsh,
-    /// `b + c + imm` to SP.
-    SetSp,
-    // Block transfers: `a` is the base, `imm` the list, `c` the count of its registers.
-    Push,
-    Pop,
-    PopPc,
+    // More block transfers.
     Stm,
     Ldm,
-    // Branches to `imm`, or to `b`.
-    Branch,
-    Bl,
+    // Branches to `b`.
     Bx,
     Blx,
 }
