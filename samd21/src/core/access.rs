@@ -16,8 +16,11 @@
 use super::{Core, FLASH_LINES, Outcome, Trap, parts};
 use crate::bus::Bus;
 use crate::fault::FaultKind;
-use crate::memory::RAM_BASE;
+use crate::memory::{FLASH_SIZE, RAM_BASE, RAM_SIZE};
 use crate::peripherals::{BusError, Refusal, Width};
+
+pub(super) type Ram = [u8; RAM_SIZE as usize];
+pub(super) type Flash = [u8; FLASH_SIZE as usize];
 
 impl Core {
     /// The half-word at `pc`.
@@ -136,11 +139,56 @@ const fn width<const N: usize>() -> Width {
     }
 }
 
+/// Up to four bytes, zero-extended.
 #[inline(always)]
-fn word(bytes: &[u8]) -> u32 {
+pub(super) fn word(bytes: &[u8]) -> u32 {
     let mut word = [0; 4];
     word[..bytes.len()].copy_from_slice(bytes);
     u32::from_le_bytes(word)
+}
+
+/// `N` bytes at offset `at` of the SRAM, if they are aligned and lie in it.
+#[inline(always)]
+pub(super) fn read<const N: usize>(ram: &Ram, at: u32) -> Option<u32> {
+    let at = at as usize;
+    if !at.is_multiple_of(N) {
+        return None;
+    }
+    ram.get(at..at + N).map(word)
+}
+
+/// `N` bytes at `address` of the flash, if they are aligned and lie in it.
+#[inline(always)]
+pub(super) fn read_flash<const N: usize>(flash: &Flash, address: u32) -> Option<u32> {
+    let at = address as usize;
+    if !at.is_multiple_of(N) {
+        return None;
+    }
+    flash.get(at..at + N).map(word)
+}
+
+/// Writes the low `N` bytes of `value` at offset `at` of the SRAM; whether that can be.
+#[inline(always)]
+pub(super) fn write<const N: usize>(ram: &mut Ram, at: u32, value: u32) -> bool {
+    let at = at as usize;
+    if !at.is_multiple_of(N) {
+        return false;
+    }
+    let Some(bytes) = ram.get_mut(at..at + N) else {
+        return false;
+    };
+    bytes.copy_from_slice(&value.to_le_bytes()[..N]);
+    true
+}
+
+/// `count` words of SRAM at `address`, if they are aligned and lie in it.
+#[inline(always)]
+pub(super) fn block(ram: &mut Ram, address: u32, count: u8) -> Option<&mut [u8]> {
+    let at = address.wrapping_sub(RAM_BASE) as usize;
+    if !at.is_multiple_of(4) {
+        return None;
+    }
+    ram.get_mut(at..at + 4 * usize::from(count))
 }
 
 /// Where nothing answers the core takes a HardFault; anything else is a limit of the models.

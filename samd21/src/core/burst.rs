@@ -6,33 +6,12 @@
 
 use std::ops::Deref;
 
+use super::access::{Ram, block, read, read_flash, word, write};
 use super::decode::{Code, Instruction, Operation};
-use super::flags::RULES;
+use super::flags::{CONDITIONS, RULES};
 use super::transfer::bits;
 use super::{Core, FLASH_LINES, LR, REGISTERS, SP, TRAIL};
-use crate::memory::{FLASH_SIZE, Memory, RAM_BASE, RAM_SIZE};
-
-type Ram = [u8; RAM_SIZE as usize];
-type Flash = [u8; FLASH_SIZE as usize];
-
-/// Where a condition holds: bit n for NZCV being n. By the order of `Operation`, from BMI on.
-static CONDITIONS: [u16; 16] = {
-    let mut table = [0; 16];
-    let mut nzcv = 0;
-    while nzcv < 16 {
-        let (n, z, c, v) = (nzcv & 8 != 0, nzcv & 4 != 0, nzcv & 2 != 0, nzcv & 1 != 0);
-        let holds = [n, v, c && !z, n == v, n == v && !z];
-        let mut index = 0;
-        while index < 2 * holds.len() {
-            if holds[index / 2] == (index % 2 == 0) {
-                table[index] |= 1 << nzcv;
-            }
-            index += 1;
-        }
-        nzcv += 1;
-    }
-    table
-};
+use crate::memory::{FLASH_SIZE, Memory, RAM_BASE};
 
 /// No line of the flash.
 const NO_LINE: u32 = u32::MAX;
@@ -79,7 +58,7 @@ impl Source for FromRam {
 
     type Item<'a> = Decoded;
 
-    fn at<'a>(_: &'a Code, ram: &Ram, pc: u32) -> Option<Decoded> {
+    fn at(_: &Code, ram: &Ram, pc: u32) -> Option<Decoded> {
         let at = pc.wrapping_sub(RAM_BASE);
         let op = read::<2>(ram, at)?;
         let second = read::<2>(ram, at.wrapping_add(2)).unwrap_or(0);
@@ -101,6 +80,7 @@ impl Core {
 
     #[inline(never)]
     fn burst_from<S: Source>(&mut self, memory: &mut Memory) -> bool {
+        use Operation::*;
         let budget = self.cycles_to_deadline();
         let wait_states = self.wait_states as i64;
         let uses_psp = self.uses_psp();
@@ -124,15 +104,31 @@ impl Core {
         // The line that the last instruction came from, while the cache holds it.
         let mut line = NO_LINE;
 
-        /// The second half-word of an instruction is fetched.
+        // Whether an access of the flash misses its cache: that costs the wait states, and the line
+        // takes the place of another.
+        macro_rules! misses {
+            ($address:expr) => {{
+                let wanted = $address / 8;
+                let held = &mut flash_lines[wanted as usize % FLASH_LINES];
+                let misses = *held != wanted && wait_states != 0;
+                if misses {
+                    *held = wanted;
+                    waited += wait_states;
+                    clock -= wait_states << 32;
+                }
+                misses
+            }};
+        }
+        // The second half-word of an instruction is fetched.
         macro_rules! fetch_second {
             () => {
                 let second = pc.wrapping_add(2);
-                if S::CACHED && second / 8 != line {
-                    touch!(second);
+                if S::CACHED && second / 8 != line && misses!(second) {
+                    line = NO_LINE;
                 }
             };
         }
+        // The end of an instruction of 2 bytes, of a 32-bit one, and of a branch.
         macro_rules! next {
             ($cycles:expr) => {
                 pc = pc.wrapping_add(2);
@@ -148,23 +144,18 @@ impl Core {
                 continue;
             };
         }
-        /// An access of the flash at `$address`: a line that is not in the cache costs the wait
-        /// states and takes the place of another.
-        macro_rules! touch {
-            ($address:expr) => {
-                let wanted = $address / 8;
-                let held = &mut flash_lines[wanted as usize % FLASH_LINES];
-                if *held != wanted && wait_states != 0 {
-                    *held = wanted;
-                    waited += wait_states;
-                    clock -= wait_states << 32;
-                    line = NO_LINE;
-                }
-            };
-        }
         macro_rules! reg {
             ($index:expr) => {
                 r[usize::from($index) % REGISTERS]
+            };
+        }
+        macro_rules! set_sp {
+            ($value:expr) => {
+                let sp = $value;
+                r[SP] = sp;
+                if sp < *lowest_sp && !uses_psp {
+                    *lowest_sp = sp;
+                }
             };
         }
         macro_rules! jump {
@@ -183,7 +174,9 @@ impl Core {
                 if let Some(value) = read::<$n>(ram, address.wrapping_sub(RAM_BASE)) {
                     value
                 } else if let Some(value) = read_flash::<$n>(flash, address) {
-                    touch!(address);
+                    if misses!(address) {
+                        line = NO_LINE;
+                    }
                     value
                 } else {
                     break true;
@@ -199,10 +192,12 @@ impl Core {
                 break clock as u32 == 0;
             };
             if S::CACHED && pc / 8 != line {
-                touch!(pc);
+                misses!(pc);
                 line = pc / 8;
             }
-            use Operation::*;
+            // What is executed most is found by comparisons: each of them the host foresees. A jump
+            // to one of many places it foresees in small programs only. The order of `Operation` is
+            // made for this.
             let x = reg!(i.b);
             let y = reg!(i.c).wrapping_add(i.imm);
             if i.operation <= Sbc {
@@ -289,48 +284,46 @@ impl Core {
                 }
                 if i.operation <= SetSp {
                     // Bits 1:0 of both stack pointers do not exist.
-                    let sp = address & !3;
-                    r[SP] = sp;
-                    if sp < *lowest_sp && !uses_psp {
-                        *lowest_sp = sp;
-                    }
+                    set_sp!(address & !3);
                     next!(1);
                 }
                 if i.operation <= Push {
                     let base = r[SP].wrapping_sub(4 * u32::from(i.c));
-                    let Some(words) = block(ram, base, i.c) else { break true };
-                    for (bit, word) in bits(i.imm as u16).zip(words.chunks_exact_mut(4)) {
+                    let Some(words) = block(ram, base, i.c) else {
+                        break true;
+                    };
+                    for (bit, slot) in bits(i.imm as u16).zip(words.chunks_exact_mut(4)) {
                         let register = if bit == 8 { LR } else { bit };
-                        word.copy_from_slice(&reg!(register as u8).to_le_bytes());
+                        slot.copy_from_slice(&reg!(register as u8).to_le_bytes());
                     }
-                    r[SP] = base;
-                    if base < *lowest_sp && !uses_psp {
-                        *lowest_sp = base;
-                    }
+                    set_sp!(base);
                     clock -= i64::from(i.c) << 32;
                     next!(1);
                 }
                 if i.operation <= PopPc {
                     let base = r[SP];
-                    let Some(words) = block(ram, base, i.c + 1) else { break true };
+                    let Some(words) = block(ram, base, i.c + 1) else {
+                        break true;
+                    };
                     let (rest, target) = words.split_at(4 * usize::from(i.c));
-                    let target = word_of(target);
+                    let target = word(target);
                     if !is_plain(target) {
                         break true;
                     }
-                    for (register, word) in bits(i.imm as u16).zip(rest.chunks_exact(4)) {
-                        reg!(register as u8) = word_of(word);
+                    for (register, slot) in bits(i.imm as u16).zip(rest.chunks_exact(4)) {
+                        reg!(register as u8) = word(slot);
                     }
-                    r[SP] = base.wrapping_add(4 * u32::from(i.c) + 4);
+                    set_sp!(base.wrapping_add(4 * u32::from(i.c) + 4));
                     jump!(target & !1, (4 + i64::from(i.c)));
                 }
                 let base = r[SP];
-                let Some(words) = block(ram, base, i.c) else { break true };
-                for (register, word) in bits(i.imm as u16).zip(words.chunks_exact(4)) {
-                    reg!(register as u8) = word_of(word);
+                let Some(words) = block(ram, base, i.c) else {
+                    break true;
+                };
+                for (register, slot) in bits(i.imm as u16).zip(words.chunks_exact(4)) {
+                    reg!(register as u8) = word(slot);
                 }
-                // It goes up.
-                r[SP] = base.wrapping_add(4 * u32::from(i.c));
+                set_sp!(base.wrapping_add(4 * u32::from(i.c)));
                 clock -= i64::from(i.c) << 32;
                 next!(1);
             }
@@ -393,20 +386,24 @@ impl Core {
                 }
                 Stm => {
                     let base = reg!(i.a);
-                    let Some(words) = block(ram, base, i.c) else { break true };
-                    for (register, word) in bits(i.imm as u16).zip(words.chunks_exact_mut(4)) {
-                        word.copy_from_slice(&reg!(register as u8).to_le_bytes());
+                    let Some(words) = block(ram, base, i.c) else {
+                        break true;
+                    };
+                    for (register, slot) in bits(i.imm as u16).zip(words.chunks_exact_mut(4)) {
+                        slot.copy_from_slice(&reg!(register as u8).to_le_bytes());
                     }
                     reg!(i.a) = base.wrapping_add(4 * u32::from(i.c));
                     clock -= i64::from(i.c) << 32;
                 }
                 Ldm => {
                     let base = reg!(i.a);
-                    let Some(words) = block(ram, base, i.c) else { break true };
+                    let Some(words) = block(ram, base, i.c) else {
+                        break true;
+                    };
                     // A base in the list gets the loaded word, any other the address behind.
                     reg!(i.a) = base.wrapping_add(4 * u32::from(i.c));
-                    for (register, word) in bits(i.imm as u16).zip(words.chunks_exact(4)) {
-                        reg!(register as u8) = word_of(word);
+                    for (register, slot) in bits(i.imm as u16).zip(words.chunks_exact(4)) {
+                        reg!(register as u8) = word(slot);
                     }
                     clock -= i64::from(i.c) << 32;
                 }
@@ -450,56 +447,4 @@ impl Core {
 #[inline(always)]
 fn is_plain(target: u32) -> bool {
     target & 1 != 0 && target >> 28 != 0xF
-}
-
-/// `N` bytes at offset `at` of the SRAM, if they are aligned and lie in it.
-#[inline(always)]
-fn read<const N: usize>(ram: &Ram, at: u32) -> Option<u32> {
-    let at = at as usize;
-    if !at.is_multiple_of(N) {
-        return None;
-    }
-    ram.get(at..at + N).map(word_of)
-}
-
-/// `N` bytes at `address` of the flash, if they are aligned and lie in it.
-#[inline(always)]
-fn read_flash<const N: usize>(flash: &Flash, address: u32) -> Option<u32> {
-    let at = address as usize;
-    if !at.is_multiple_of(N) {
-        return None;
-    }
-    flash.get(at..at + N).map(word_of)
-}
-
-/// Writes the low `N` bytes of `value` at offset `at` of the SRAM; whether that can be.
-#[inline(always)]
-fn write<const N: usize>(ram: &mut Ram, at: u32, value: u32) -> bool {
-    let at = at as usize;
-    if !at.is_multiple_of(N) {
-        return false;
-    }
-    let Some(bytes) = ram.get_mut(at..at + N) else {
-        return false;
-    };
-    bytes.copy_from_slice(&value.to_le_bytes()[..N]);
-    true
-}
-
-/// `count` words of SRAM at `address`, if they are aligned and lie in it.
-#[inline(always)]
-fn block(ram: &mut Ram, address: u32, count: u8) -> Option<&mut [u8]> {
-    let at = address.wrapping_sub(RAM_BASE) as usize;
-    if !at.is_multiple_of(4) {
-        return None;
-    }
-    ram.get_mut(at..at + 4 * usize::from(count))
-}
-
-/// Up to four bytes, zero-extended.
-#[inline(always)]
-fn word_of(bytes: &[u8]) -> u32 {
-    let mut word = [0; 4];
-    word[..bytes.len()].copy_from_slice(bytes);
-    u32::from_le_bytes(word)
 }

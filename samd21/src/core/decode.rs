@@ -166,18 +166,20 @@ impl Instruction {
                 let (rdn, rm) = (rdn as u8, rm as u8);
                 // What touches PC is rare.
                 match op >> 8 & 3 {
-                    0 if rdn < 13 && rm != 15 || rdn == 14 && rm != 15 => Self::new(AddHigh, rdn, rdn, rm, 0),
+                    0 if !matches!(rdn, 13 | 15) && rm != 15 => Self::new(AddHigh, rdn, rdn, rm, 0),
                     0 if rdn == 13 && rm != 15 => Self::new(SetSp, 0, 13, rm, 0),
                     2 if rdn == 13 && rm != 15 => Self::new(SetSp, 0, ZERO, rm, 0),
                     1 if rdn != 15 && rm != 15 => Self::new(Sub, NOBODY, rdn, rm, 0),
-                    2 if rdn < 13 && rm != 15 || rdn == 14 && rm != 15 => two(AddHigh, rdn, rm),
+                    2 if !matches!(rdn, 13 | 15) && rm != 15 => two(AddHigh, rdn, rm),
                     3 if rm != 15 && op & 0x80 == 0 => two(Bx, 0, rm),
                     3 if rm != 15 => two(Blx, 0, rm),
                     _ => Self::OTHER,
                 }
             }
             0b01001 => with(LdrLiteral, r8, 0, relative),
-            0b01010 | 0b01011 => Self::new(REGISTER_OFFSET[usize::from(op >> 9 & 7)], rd, rn, rm, 0),
+            0b01010 | 0b01011 => {
+                Self::new(REGISTER_OFFSET[usize::from(op >> 9 & 7)], rd, rn, rm, 0)
+            }
             0b01100 => with(Str, rd, rn, 4 * imm5),
             0b01101 => with(Ldr, rd, rn, 4 * imm5),
             0b01110 => with(Strb, rd, rn, imm5),
@@ -360,8 +362,8 @@ impl Code {
         // The half-word before may be the first half of a BL.
         let first = (start / 2).saturating_sub(1);
         let behind = (start + len).div_ceil(2).min(HALF_WORDS);
-        for index in first..behind {
-            code[index] = Instruction::decode(2 * index as u32, half(index), half(index + 1));
+        for (index, instruction) in code.iter_mut().enumerate().take(behind).skip(first) {
+            *instruction = Instruction::decode(2 * index as u32, half(index), half(index + 1));
         }
     }
 

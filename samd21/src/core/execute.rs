@@ -1,6 +1,6 @@
 //! Every instruction of ARMv6-M (ARM DDI 0419, A5 and A6), with the Cortex-M0+ cycle counts (ARM
-//! DDI 0484, 3.3; single-cycle multiplier). Most are executed by `burst`; block transfers that it leaves out are in `transfer`, hints, 32-bit
-//! encodings and special registers in `special`.
+//! DDI 0484, 3.3; single-cycle multiplier). Here are those that `burst` leaves out. Their block
+//! transfers are in `transfer`; hints, 32-bit encodings and special registers in `special`.
 //!
 //! | instruction | cycles |
 //! |---|---|

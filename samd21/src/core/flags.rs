@@ -154,6 +154,25 @@ pub(super) static RULES: [Rule; 4] = [
     rule(true, true, true),
 ];
 
+/// Where a condition holds: bit n for NZCV being n. By the order of `Operation`, from BMI on.
+pub(super) static CONDITIONS: [u16; 16] = {
+    let mut table = [0; 16];
+    let mut nzcv = 0;
+    while nzcv < 16 {
+        let (n, z, c, v) = (nzcv & 8 != 0, nzcv & 4 != 0, nzcv & 2 != 0, nzcv & 1 != 0);
+        let holds = [n, v, c && !z, n == v, n == v && !z];
+        let mut index = 0;
+        while index < 2 * holds.len() {
+            if holds[index / 2] == (index % 2 == 0) {
+                table[index] |= 1 << nzcv;
+            }
+            index += 1;
+        }
+        nzcv += 1;
+    }
+    table
+};
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -393,9 +393,7 @@ impl Core {
 
     /// xPSR, without the stack alignment that only a stacked one has.
     fn xpsr(&self) -> u32 {
-        self.flags.bits()
-            | u32::from(self.thumb) << 24
-            | u32::from(self.ipsr)
+        self.flags.bits() | u32::from(self.thumb) << 24 | u32::from(self.ipsr)
     }
 
     fn set_apsr(&mut self, value: u32) {
