@@ -211,4 +211,24 @@ mod tests {
         // 100 ms at 46.512 MHz, to 20 ppm and the last instruction.
         assert!(cycles.abs_diff(4_651_200) < 100, "{cycles}");
     }
+
+    #[test]
+    fn changed_flash_runs_as_it_is_now() {
+        let mut chip = Chip::new(Options::default());
+        // Stack pointer and entry point; MOVS R0, #3; BKPT.
+        chip.load_flash(0, &[0, 0x80, 0, 0x20, 9, 0, 0, 0, 3, 0x20, 0, 0xBE]);
+        let result = |chip: &mut Chip| {
+            chip.boot(0);
+            let stop = chip.run_until(chip.now() + Ticks::from_ms(1), &mut Unconnected);
+            assert_eq!(stop, Stop::Breakpoint);
+            chip.registers().r[0]
+        };
+        assert_eq!(result(&mut chip), 3);
+        let mut other = chip.clone();
+        assert_eq!(chip.memory.program(8, &[0xFE]), Some(()));
+        assert_eq!(result(&mut chip), 2);
+        chip.load_flash(8, &[7]);
+        assert_eq!(result(&mut chip), 7);
+        assert_eq!(result(&mut other), 3);
+    }
 }
