@@ -38,6 +38,7 @@ pub struct Controller {
     /// rad.
     setpoint: Q16,
     travel: Q16,
+    ticks_per_us: TicksPerUs,
 }
 
 /// The laws that `PID_LAW` chooses from.
@@ -67,6 +68,7 @@ impl Controller {
             },
             setpoint: Q16::ZERO,
             travel: Q16::ZERO,
+            ticks_per_us: TicksPerUs::new(params),
         };
         controller.configure(params, travel_rad);
         controller
@@ -78,6 +80,7 @@ impl Controller {
     pub fn configure(&mut self, params: &Params, travel_rad: f32) {
         self.setpoint = (params.pitch_set_deg() * (PI / 180.0)).into();
         self.travel = travel_rad.into();
+        self.ticks_per_us = TicksPerUs::new(params);
         self.shown = Pd {
             kp: params.pid_kp().into(),
             kd: params.pid_kd().into(),
@@ -88,6 +91,7 @@ impl Controller {
     /// One sample gives the crank angle (rad).
     pub fn update(&mut self, sample: &Sample) -> Q16 {
         let Sample { pitch, rate, .. } = *sample;
+        let ticks_per_us = self.ticks_per_us;
         -match &mut self.law {
             Law::Pid(law) => law.update(self.setpoint, pitch, rate),
             Law::Predictive(law) => law.update(self.setpoint, pitch, rate),
@@ -97,8 +101,8 @@ impl Controller {
                 let reading = Reading {
                     value: pitch,
                     rate,
-                    age: sample.rate_age_us.map(seconds),
-                    value_lead: seconds(sample.refresh_us / 2),
+                    age: sample.rate_age_us.map(|us| ticks_per_us.times(us)),
+                    value_lead: ticks_per_us.times(sample.refresh_us / 2),
                 };
                 law.update(self.setpoint, &reading, sample.ticks_to_go)
             }
@@ -193,9 +197,19 @@ impl Law {
     }
 }
 
-/// Microseconds, some milliseconds of them, as seconds: 2^16 / 10^6 is 4295 / 2^16.
-fn seconds(us: u32) -> Q16 {
-    Q16::from_bits(((us.min(400_000) * 4_295) >> 16) as i32)
+/// What a microsecond is of the time between two ticks, times 2^26.
+#[derive(Clone, Copy, Debug)]
+struct TicksPerUs(u32);
+
+impl TicksPerUs {
+    fn new(params: &Params) -> Self {
+        Self((1 << 26) / params.control_period_us())
+    }
+
+    /// Microseconds, up to 0.4 s, as ticks.
+    fn times(self, us: u32) -> Q16 {
+        Q16::from_bits(((us.min(400_000) * self.0) >> 10) as i32)
+    }
 }
 
 fn period_s(params: &Params) -> f32 {
@@ -311,10 +325,19 @@ mod tests {
     }
 
     #[test]
-    fn microseconds_become_seconds() {
-        for us in [0, 1_000, 6_667, 10_000, 400_000, u32::MAX] {
-            let expected = us.min(400_000) as f32 * 1e-6;
-            assert!((f32::from(seconds(us)) - expected).abs() < 3e-5, "{us}");
+    fn microseconds_become_ticks() {
+        let mut params = Params::default();
+        for khz in [100.0, 400.0] {
+            params.set("I2C_KHZ", khz).unwrap();
+            let period_us = params.control_period_us() as f32;
+            for us in [0, 1_000, 6_667, 10_000, 400_000, u32::MAX] {
+                let ticks = f32::from(TicksPerUs::new(&params).times(us));
+                let expected = us.min(400_000) as f32 / period_us;
+                assert!(
+                    (ticks - expected).abs() < 2e-4 * (1.0 + expected),
+                    "{us}: {ticks}"
+                );
+            }
         }
     }
 

@@ -91,9 +91,9 @@ pub struct Input {
     pub value: u32,
     /// Its rate, rad/s.
     pub rate: u32,
-    /// Age of the rate, s.
+    /// Age of the rate, updates.
     pub age: u32,
-    /// By how much the value is younger, s.
+    /// By how much the value is younger, updates.
     pub value_lead: u32,
     /// 0 where the rate repeats that of the update before, so that it has no age. No number.
     pub is_new: u32,

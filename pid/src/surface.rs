@@ -12,8 +12,8 @@ use coefficients::Coefficients;
 /// older than two periods.
 const HISTORY: usize = 3;
 
-/// Steps in which the model goes from the output's effect to where the surface is looked at.
-const STEPS: u8 = 3;
+/// Oldest first reading that is carried on to now, sample periods.
+const MOST_AGE: f32 = 10.0;
 
 /// Configuration of a [`Surface`]. "Output" is the unit of its output and of the actuator's
 /// position, "value" that of what it controls.
@@ -65,10 +65,10 @@ pub struct Reading<T> {
     pub value: T,
     /// Its measured rate, per s.
     pub rate: T,
-    /// Age of the rate, s, without the sensor's own lag. `None` for a reading that repeats the one
-    /// before: it says nothing new.
+    /// Age of the rate, sample periods, without the sensor's own lag. `None` for a reading that
+    /// repeats the one before: it says nothing new.
     pub age: Option<T>,
-    /// By how much the value is younger than the rate, s.
+    /// By how much the value is younger than the rate, sample periods.
     pub value_lead: T,
 }
 
@@ -272,13 +272,12 @@ impl<T: Scalar> Surface<T> {
             return self.begin(reading);
         }
         let Some(age) = reading.age else { return };
-        let age = age * self.c.samples_per_s + self.c.sensor_lag;
+        let age = age + self.c.sensor_lag;
         let innovation = reading.rate - self.rate.past(age);
         self.rate.now = self.rate.now + innovation.times(self.c.rate_share);
         self.disturbance = (self.disturbance + self.c.trim * innovation)
             .clamped(-self.c.trim_limit, self.c.trim_limit);
-        let age = age - reading.value_lead * self.c.samples_per_s;
-        let innovation = reading.value - self.value.past(age);
+        let innovation = reading.value - self.value.past(age - reading.value_lead);
         self.value.now = self.value.now + innovation.times(self.c.value_share);
     }
 
@@ -287,8 +286,8 @@ impl<T: Scalar> Surface<T> {
     fn begin(&mut self, reading: &Reading<T>) {
         self.is_known = true;
         let way = reading.rate.times(self.c.period);
-        let age = (reading.age.unwrap_or_default() - reading.value_lead) * self.c.samples_per_s;
-        let age = (age + self.c.sensor_lag).clamped(T::ZERO, self.c.samples_per_s);
+        let age = reading.age.unwrap_or_default() - reading.value_lead + self.c.sensor_lag;
+        let age = age.clamped(T::ZERO, MOST_AGE.into());
         self.rate = Track {
             now: reading.rate,
             changes: [T::ZERO; HISTORY],
@@ -300,29 +299,30 @@ impl<T: Scalar> Surface<T> {
     }
 
     /// The actuator's path with what has been sent until the surface is looked at: sample by sample
-    /// to the output's effect, and in few steps from there, where the target is the same.
+    /// to the output's effect, and in one step from there, where the target is the same.
     fn path(&self, samples_to_go: u8) -> Path<T> {
         let c = &self.c;
         let (mut actuator, mut speed) = (self.actuator, self.speed);
         let mut position = self.position;
-        let mut path = Path::from(position + self.disturbance);
+        let mut path = Path {
+            position: position + self.disturbance,
+            sum: T::ZERO,
+            sums: T::ZERO,
+        };
         for ahead in 1..=c.effect + samples_to_go {
             c.sample.turn(self.target(ahead), &mut actuator, &mut speed);
             position = c.within_play(position, actuator);
-            path.turn(position + self.disturbance);
+            let mean = path.turn(position + self.disturbance);
+            path.sums = path.sums + path.sum + mean.half();
+            path.sum = path.sum + mean;
         }
-        let mut rest = Path::from(path.position);
-        speed = c.step * speed;
-        for _ in 0..STEPS {
-            c.ahead.turn(self.sent, &mut actuator, &mut speed);
-            position = c.within_play(position, actuator);
-            rest.turn(position + self.disturbance);
-        }
-        Path {
-            position: rest.position,
-            sum: path.sum + c.step * rest.sum,
-            sums: path.sums + c.rest * path.sum + c.step_squared * rest.sums,
-        }
+        speed = c.rest * speed;
+        c.ahead.turn(self.sent, &mut actuator, &mut speed);
+        position = c.within_play(position, actuator);
+        let mean = c.rest * path.turn(position + self.disturbance);
+        path.sums = path.sums + c.rest * (path.sum + mean.half());
+        path.sum = path.sum + mean;
+        path
     }
 
     fn decide(&self, setpoint: T, samples_to_go: u8) -> T {
@@ -370,22 +370,12 @@ impl<T: Scalar> Track<T> {
 }
 
 impl<T: Scalar> Path<T> {
-    /// Of no length.
-    fn from(position: T) -> Self {
-        Self {
-            position,
-            sum: T::ZERO,
-            sums: T::ZERO,
-        }
-    }
-
-    /// A step in which the position becomes another.
+    /// The position becomes another. What it was in the mean.
     #[inline]
-    fn turn(&mut self, position: T) {
+    fn turn(&mut self, position: T) -> T {
         let mean = self.position + (position - self.position).half();
         self.position = position;
-        self.sums = self.sums + self.sum + mean.half();
-        self.sum = self.sum + mean;
+        mean
     }
 }
 

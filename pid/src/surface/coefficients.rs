@@ -1,6 +1,6 @@
 //! What the configuration of a surface becomes for its samples.
 
-use super::{HISTORY, STEPS, SurfaceConfig};
+use super::{HISTORY, SurfaceConfig};
 use crate::config::{ConfigError, LARGEST, PERIOD_S, in_range};
 use crate::scalar::Scalar;
 
@@ -20,22 +20,18 @@ const TOUCHES: [(f32, f32); 6] = [
 pub(super) struct Coefficients<T: Scalar> {
     /// s; below 1.
     pub(super) period: T::Share,
-    /// Samples in a second.
-    pub(super) samples_per_s: T,
     /// Change of the rate in a sample per output.
     pub(super) rate_step: T,
     /// Samples from one to its output's effect: whole ones, and the rest.
     pub(super) effect: u8,
     pub(super) effect_rest: T::Share,
-    /// From the whole ones to where the surface is looked at: a step and all of them, in samples.
-    pub(super) step: T,
-    pub(super) step_squared: T,
+    /// Samples from the whole ones to where the surface is looked at.
     pub(super) rest: T,
     /// From a sample to where the surface is looked at, s.
     pub(super) horizon_s: T,
     /// In samples.
     pub(super) sensor_lag: T,
-    /// The actuator over a sample, and over a step ahead.
+    /// The actuator over a sample, and over the rest.
     pub(super) sample: Steps<T>,
     pub(super) ahead: Steps<T>,
     pub(super) play: T,
@@ -105,21 +101,17 @@ impl<T: Scalar> Coefficients<T> {
         let (effect, effect_rest) = T::from(config.effect_s / period).split();
         let horizon_s = config.effect_s + config.ahead_s;
         let rest = (horizon_s / period - effect as f32).max(0.0);
-        let step = rest / f32::from(STEPS);
         let steepness = config.curve * cube_root(config.plant_gain * config.actuator_rate);
         Ok(Self {
             period: period.into(),
-            samples_per_s: (1.0 / period).into(),
             rate_step: (period * config.plant_gain).into(),
             effect: effect as u8,
             effect_rest,
-            step: step.into(),
-            step_squared: (step * step).into(),
             rest: rest.into(),
             horizon_s: horizon_s.into(),
             sensor_lag: (config.sensor_lag_s / period).into(),
             sample: Steps::new(config, period),
-            ahead: Steps::new(config, step * period),
+            ahead: Steps::new(config, rest * period),
             play: config.actuator_play.into(),
             gain: config.gain_s.into(),
             lead_limit: config.lead_limit.into(),

@@ -6,6 +6,7 @@ use proptest::prelude::*;
 use std::vec::Vec;
 
 const PERIOD: f64 = 1.0 / 150.0;
+const SAMPLES: u32 = 450;
 /// A pulse in three samples, as at 50 Hz.
 const SAMPLES_A_PULSE: u8 = 3;
 
@@ -33,7 +34,7 @@ fn config() -> SurfaceConfig {
     }
 }
 
-/// Flies `value'' = 31.6 (actuator + push)` from `start` for two seconds: the values, sample by
+/// Flies `value'' = 31.6 (actuator + push)` from `start` for three seconds: the values, sample by
 /// sample. The servo takes a new target every third sample, 8 ms after it.
 fn fly<T: Scalar>(config: &SurfaceConfig, start: f64, push: f64) -> Vec<f64> {
     const FINE: i32 = 100;
@@ -41,7 +42,7 @@ fn fly<T: Scalar>(config: &SurfaceConfig, start: f64, push: f64) -> Vec<f64> {
     let mut law = Surface::<T>::new(config).unwrap();
     let (mut value, mut rate, mut actuator, mut speed) = (start, 0.0_f64, 0.0_f64, 0.0_f64);
     let (mut target, mut sent, mut wait) = (0.0_f64, 0.0, i32::MAX);
-    (0..300_u32)
+    (0..SAMPLES)
         .map(|sample| {
             let to_go = (SAMPLES_A_PULSE - (sample % 3) as u8) % SAMPLES_A_PULSE;
             let reading = Reading {
@@ -90,10 +91,17 @@ fn arrives_in_little_more_than_the_shortest_time_there_is() {
     }
 }
 
+/// With these gains it swings about the setpoint for ever, as the servo takes a target only now and
+/// then.
 #[test]
 fn holds_against_a_steady_push() {
     let path = fly::<f32>(&config(), 0.2, 0.08);
-    assert!(path[299].abs() < 4e-3, "{}", path[299]);
+    let last = &path[300..];
+    let mean = last.iter().sum::<f64>() / last.len() as f64;
+    let most = last
+        .iter()
+        .fold(0.0_f64, |most, value| most.max(value.abs()));
+    assert!(mean.abs() < 1e-3 && most < 7e-3, "{mean} {most}");
 }
 
 #[test]
@@ -170,7 +178,7 @@ fn a_target_takes_effect_between_two_samples() {
     assert_eq!(law.target(2), 4.0);
 }
 
-/// The reading is 10 ms old and says what the model had then: nothing changes.
+/// The reading is a sample and a half old and says what the model had then: nothing changes.
 #[test]
 fn an_old_reading_is_compared_with_the_past() {
     let mut law = Surface::<f32>::new(&config()).unwrap();
@@ -182,14 +190,14 @@ fn an_old_reading_is_compared_with_the_past() {
     law.correct(&Reading {
         value: 0.0,
         rate: 0.25,
-        age: Some(0.01),
+        age: Some(1.5),
         value_lead: 0.0,
     });
     assert!((law.rate.now - 0.4).abs() < 1e-6);
     law.correct(&Reading {
         value: 0.0,
         rate: 0.35,
-        age: Some(0.01),
+        age: Some(1.5),
         value_lead: 0.0,
     });
     assert!((law.rate.now - 0.49).abs() < 1e-6);
@@ -201,7 +209,7 @@ fn what_it_remembers_makes_another_go_on_alike() {
     let reading = |step: u8| Reading {
         value: Q16::from_bits(i32::from(step) * 700),
         rate: Q16::from_bits(i32::from(step) * 900),
-        age: (!step.is_multiple_of(3)).then_some(Q16::from_bits(300)),
+        age: (!step.is_multiple_of(3)).then_some(Q16::from_bits(45_000)),
         value_lead: Q16::ZERO,
     };
     for step in 0..20 {
@@ -231,7 +239,7 @@ fn other_gains_come_without_a_bump_and_impossible_ones_are_refused_by_name() {
     let reading = Reading {
         value: 0.2,
         rate: 0.1,
-        age: Some(0.004),
+        age: Some(0.6),
         value_lead: 0.0,
     };
     for _ in 0..10 {

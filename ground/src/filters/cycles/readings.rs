@@ -79,8 +79,8 @@ pub fn release(law: &Law) -> Vec<Step> {
                 setpoint: word(0.0),
                 value: word(reading.0),
                 rate: word(reading.1),
-                age: word(age_s),
-                value_lead: word(wide(sensor_lag_s)),
+                age: word(age_s / wide(PERIOD_S)),
+                value_lead: word(wide(sensor_lag_s) / wide(PERIOD_S)),
                 is_new: is_new.into(),
                 samples_to_go,
             };
@@ -136,7 +136,7 @@ const HARD: [(&str, Change); 11] = [
     }),
     ("no new rates", |i, _, _| i.is_new = 0),
     ("old readings", |i, word, rng| {
-        (i.age, i.value_lead) = (word(rng.random()), word(rng.random()));
+        (i.age, i.value_lead) = (word(within(100.0, rng)), word(within(100.0, rng)));
         i.is_new = 1;
     }),
     ("random", random),
