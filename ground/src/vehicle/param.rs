@@ -155,12 +155,16 @@ fn show(rows: &[Row], json: bool) -> Result<Verdict> {
 
 /// What a parameter belongs to, for a person who looks for it.
 pub fn group_of(name: &str) -> &'static str {
-    const GROUPS: [(&str, &str); 12] = [
-        // What the control law assumes of the servo.
+    const GROUPS: [(&str, &str); 16] = [
+        // What the control laws assume of the servo.
         ("SRV_DELAY_S", CONTROL),
         ("SRV_LAG_S", CONTROL),
+        ("SRV_LOOP_S", CONTROL),
+        ("SRV_MOTOR_S", CONTROL),
+        ("SRV_PLAY_RAD", CONTROL),
         ("SRV_RAD_S", CONTROL),
         ("PID_", CONTROL),
+        ("SFC_", CONTROL),
         ("PITCH_", CONTROL),
         ("SRV_POLARITY", SAFETY),
         ("FS_", SAFETY),
@@ -365,6 +369,8 @@ mod tests {
         for (name, group) in [
             ("SRV_CENTRE_US", "Servo"),
             ("SRV_LAG_S", "Control law"),
+            ("SFC_NEAR", "Control law"),
+            ("SRV_PLAY_RAD", "Control law"),
             ("SRV_POLARITY", "Safety"),
             ("MAV_SYSID", "Bus, clock and link"),
         ] {
