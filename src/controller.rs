@@ -26,8 +26,8 @@ pub struct Sample {
     pub rate_age_us: Option<u32>,
     /// Time between two refreshes of the rates, us.
     pub refresh_us: u32,
-    /// How many ticks later a step is carried by a pulse: 0 if it is this one's.
-    pub ticks_to_go: u8,
+    /// A pulse carries what comes out of this sample.
+    pub is_carried: bool,
 }
 
 /// Pitch control: what is measured becomes a crank angle.
@@ -104,7 +104,7 @@ impl Controller {
                     age: sample.rate_age_us.map(|us| ticks_per_us.times(us)),
                     value_lead: ticks_per_us.times(sample.refresh_us / 2),
                 };
-                law.update(self.setpoint, &reading, sample.ticks_to_go)
+                law.update(self.setpoint, &reading, sample.is_carried)
             }
         }
     }
@@ -117,9 +117,9 @@ impl Controller {
     }
 
     /// A sample is missing: the crank angle stays.
-    pub fn coast(&mut self, ticks_to_go: u8) {
+    pub fn coast(&mut self, is_carried: bool) {
         if let Law::Surface(law) = &mut self.law {
-            law.coast(ticks_to_go);
+            law.coast(is_carried);
         }
     }
 
@@ -286,7 +286,7 @@ mod tests {
             rate: rate_rad_s.into(),
             rate_age_us: Some(4_000),
             refresh_us: 10_000,
-            ticks_to_go: 0,
+            is_carried: true,
         }
     }
 

@@ -325,7 +325,7 @@ impl Flight {
     /// nose down, so the crank follows pitch and its rate with positive sign: `crank = kp (pitch -
     /// setpoint) + kd rate`.
     fn control(&mut self, now: Micros, estimate: &Estimate) {
-        let ticks_to_go = self.carried.tick(estimate.sample.time);
+        let is_carried = self.carried.tick(estimate.sample.time);
         if self.rudder(now) != Rudder::Controlled {
             return self.rest(now);
         }
@@ -334,7 +334,7 @@ impl Flight {
             rate: self.navigation.rates()[1],
             rate_age_us: self.navigation.rate_age_us(),
             refresh_us: self.navigation.refresh_us(),
-            ticks_to_go,
+            is_carried,
         };
         self.crank = if self.state().is_active() {
             self.controller.update(&sample)
@@ -348,9 +348,9 @@ impl Flight {
 
     /// Without a sample the last command stays, for as long as the supervisor lets it.
     fn hold(&mut self, now: Micros) {
-        let ticks_to_go = self.carried.missed();
+        let is_carried = self.carried.missed();
         if self.rudder(now) == Rudder::Controlled {
-            self.controller.coast(ticks_to_go);
+            self.controller.coast(is_carried);
         } else {
             self.rest(now);
         }

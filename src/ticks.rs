@@ -280,33 +280,33 @@ impl CarriedTicks {
         self.at = at;
     }
 
-    /// A tick: how many later one is carried, 0 if it is this one.
-    pub fn tick(&mut self, at: Micros) -> u8 {
-        // A frame of one tick needs no division.
-        self.to_go = if self.per_frame > 1 {
-            let ticks = (at.since(self.at) as u32 + self.period_us / 2) / self.period_us;
-            let per_frame = u32::from(self.per_frame);
-            // Divisions are what a tick spares.
-            let behind = if ticks < per_frame {
-                ticks
-            } else {
-                ticks % per_frame
-            };
-            if behind == 0 {
-                0
-            } else {
-                self.per_frame - behind as u8
-            }
+    /// Whether this tick is carried.
+    pub fn tick(&mut self, at: Micros) -> bool {
+        // Division takes the chip as long as all the rest.
+        let since_us = at.since(self.at) as u32 + self.period_us / 2;
+        let per_frame = u32::from(self.per_frame);
+        let frame_us = per_frame * self.period_us;
+        let mut behind_us = if since_us < frame_us {
+            since_us
         } else {
-            0
+            since_us % frame_us
         };
-        self.to_go
+        self.to_go = self.per_frame;
+        while behind_us >= self.period_us {
+            behind_us -= self.period_us;
+            self.to_go -= 1;
+        }
+        let is_carried = self.to_go == self.per_frame;
+        if is_carried {
+            self.to_go = 0;
+        }
+        is_carried
     }
 
-    /// A tick without a sample, one period after the last.
-    pub fn missed(&mut self) -> u8 {
-        self.to_go = (self.to_go + self.per_frame - 1) % self.per_frame;
-        self.to_go
+    /// A tick without a sample, one period after the last: whether it is carried.
+    pub fn missed(&mut self) -> bool {
+        self.to_go = self.to_go.checked_sub(1).unwrap_or(self.per_frame - 1);
+        self.to_go == 0
     }
 
     /// See [`Flight::memory`](crate::Flight::memory).

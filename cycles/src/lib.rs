@@ -97,8 +97,8 @@ pub struct Input {
     pub value_lead: u32,
     /// 0 where the rate repeats that of the update before, so that it has no age. No number.
     pub is_new: u32,
-    /// How many updates later an output is sent to the actuator, 0 to 255. No number.
-    pub samples_to_go: u32,
+    /// 0 where the output is not sent to the actuator. No number.
+    pub is_sent: u32,
 }
 
 impl Input {
@@ -111,7 +111,7 @@ impl Input {
             self.age,
             self.value_lead,
             self.is_new,
-            self.samples_to_go,
+            self.is_sent,
         ]
     }
 }
@@ -213,7 +213,7 @@ impl<T: Number> Law for Surface<T> {
             age: (input.is_new != 0).then_some(T::from_word(input.age)),
             value_lead: T::from_word(input.value_lead),
         };
-        Surface::update(self, setpoint, &reading, input.samples_to_go as u8).to_word()
+        Surface::update(self, setpoint, &reading, input.is_sent != 0).to_word()
     }
 }
 

@@ -19,7 +19,7 @@ const MOST_AGE: f32 = 10.0;
 /// position, "value" that of what it controls.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SurfaceConfig {
-    /// Sample period, s, below 1.
+    /// Sample period, s, up to 0.1.
     pub period_s: f32,
     /// Acceleration of the value per output, 1/s2, positive.
     pub plant_gain: f32,
@@ -173,25 +173,26 @@ impl<T: Scalar> Surface<T> {
         Ok(())
     }
 
-    /// One sample: setpoint, reading, and how many samples later an output is sent to the actuator:
-    /// 0 if it is this one's. Inputs that are not numbers are taken as no reading.
+    /// One sample: setpoint, reading, and whether its output is sent to the actuator. One that is
+    /// not is an output for the case that the next sample is missing. Inputs that are not numbers
+    /// are taken as no reading.
     // A function of its own, so that it does not cost the caller its registers.
     #[inline(never)]
-    pub fn update(&mut self, setpoint: T, reading: &Reading<T>, samples_to_go: u8) -> T {
+    pub fn update(&mut self, setpoint: T, reading: &Reading<T>, is_sent: bool) -> T {
         self.advance();
         let error = reading.value - setpoint;
         if error.is_usable() && reading.rate.is_usable() {
             self.correct(reading);
-            self.output = self.decide(setpoint, samples_to_go);
+            self.output = self.decide(setpoint);
         }
-        self.is_sent = samples_to_go == 0;
+        self.is_sent = is_sent;
         self.output
     }
 
     /// A sample without a reading: the output stays.
-    pub fn coast(&mut self, samples_to_go: u8) {
+    pub fn coast(&mut self, is_sent: bool) {
         self.advance();
-        self.is_sent = samples_to_go == 0;
+        self.is_sent = is_sent;
     }
 
     /// Numbers of [`Surface::memory`].
@@ -275,7 +276,7 @@ impl<T: Scalar> Surface<T> {
         let age = age + self.c.sensor_lag;
         let innovation = reading.rate - self.rate.past(age);
         self.rate.now = self.rate.now + innovation.times(self.c.rate_share);
-        self.disturbance = (self.disturbance + self.c.trim * innovation)
+        self.disturbance = (self.disturbance + innovation.times(self.c.trim))
             .clamped(-self.c.trim_limit, self.c.trim_limit);
         let innovation = reading.value - self.value.past(age - reading.value_lead);
         self.value.now = self.value.now + innovation.times(self.c.value_share);
@@ -300,7 +301,7 @@ impl<T: Scalar> Surface<T> {
 
     /// The actuator's path with what has been sent until the surface is looked at: sample by sample
     /// to the output's effect, and in one step from there, where the target is the same.
-    fn path(&self, samples_to_go: u8) -> Path<T> {
+    fn path(&self) -> Path<T> {
         let c = &self.c;
         let (mut actuator, mut speed) = (self.actuator, self.speed);
         let mut position = self.position;
@@ -309,7 +310,7 @@ impl<T: Scalar> Surface<T> {
             sum: T::ZERO,
             sums: T::ZERO,
         };
-        for ahead in 1..=c.effect + samples_to_go {
+        for ahead in 1..=c.effect {
             c.sample.turn(self.target(ahead), &mut actuator, &mut speed);
             position = c.within_play(position, actuator);
             let mean = path.turn(position + self.disturbance);
@@ -325,16 +326,12 @@ impl<T: Scalar> Surface<T> {
         path
     }
 
-    fn decide(&self, setpoint: T, samples_to_go: u8) -> T {
+    fn decide(&self, setpoint: T) -> T {
         let c = &self.c;
-        let path = self.path(samples_to_go);
-        let mut time_s = c.horizon_s;
-        for _ in 0..samples_to_go {
-            time_s = time_s + T::ONE.times(c.period);
-        }
+        let path = self.path();
         let rate = self.rate.now + c.rate_step * path.sum;
         let pushed = (c.rate_step * path.sums).times(c.period);
-        let value = self.value.now - setpoint + time_s * self.rate.now + pushed;
+        let value = self.value.now - setpoint + self.rate.now.times(c.horizon) + pushed;
 
         let away = path.position;
         let size = if away < T::ZERO { -away } else { away };

@@ -72,13 +72,13 @@ impl Law {
             rate: (rate_rad_s as f32).into(),
             rate_age_us,
             refresh_us: self.refresh.period_us(),
-            ticks_to_go: self.ticks_to_go(time_s),
+            is_carried: self.is_carried(time_s),
         });
         self.zero_rad + f64::from(f32::from(crank))
     }
 
-    /// How many steps after the one at `time_s` come before the next that a pulse carries.
-    fn ticks_to_go(&self, time_s: f64) -> u8 {
+    /// Whether a pulse carries the step at `time_s`.
+    fn is_carried(&self, time_s: f64) -> bool {
         let Timing {
             control_s,
             frame_s,
@@ -88,9 +88,8 @@ impl Law {
         } = self.timing;
         let per_frame = (frame_s / control_s).round().max(1.0);
         let carried_s = phase_s - lead_s.unwrap_or(0.0);
-        ((carried_s - time_s) / control_s)
-            .round()
-            .rem_euclid(per_frame) as u8
+        let steps = ((carried_s - time_s) / control_s).round();
+        steps.rem_euclid(per_frame) == 0.0
     }
 }
 

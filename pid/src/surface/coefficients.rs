@@ -15,6 +15,15 @@ const TOUCHES: [(f32, f32); 6] = [
     (0.64, 0.742_654_2),
 ];
 
+/// Longest sample period, s.
+const MOST_PERIOD_S: f32 = 0.1;
+
+/// Longest way ahead of an output's effect, s: with three sample periods below a second.
+const MOST_AHEAD_S: f32 = 0.6;
+
+/// Largest change of the disturbance per innovation of the rate.
+const MOST_TRIM: f32 = 0.999;
+
 /// What a sample multiplies by.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Coefficients<T: Scalar> {
@@ -27,8 +36,8 @@ pub(super) struct Coefficients<T: Scalar> {
     pub(super) effect_rest: T::Share,
     /// Samples from the whole ones to where the surface is looked at.
     pub(super) rest: T,
-    /// From a sample to where the surface is looked at, s.
-    pub(super) horizon_s: T,
+    /// From a sample to where the surface is looked at, s; below 1.
+    pub(super) horizon: T::Share,
     /// In samples.
     pub(super) sensor_lag: T,
     /// The actuator over a sample, and over the rest.
@@ -46,7 +55,7 @@ pub(super) struct Coefficients<T: Scalar> {
     pub(super) way_share: T::Share,
     pub(super) rate_share: T::Share,
     pub(super) value_share: T::Share,
-    pub(super) trim: T,
+    pub(super) trim: T::Share,
     pub(super) trim_limit: T,
     pub(super) limit: T,
 }
@@ -74,7 +83,7 @@ pub(super) struct Tangent<T> {
 impl<T: Scalar> Coefficients<T> {
     pub(super) fn new(config: &SurfaceConfig) -> Result<Self, ConfigError> {
         let period = config.period_s;
-        in_range(period, *PERIOD_S.start(), 0.999, "period_s")?;
+        in_range(period, *PERIOD_S.start(), MOST_PERIOD_S, "period_s")?;
         in_range(config.plant_gain, 1e-3, LARGEST, "plant_gain")?;
         in_range(config.actuator_rate, 1e-3, LARGEST, "actuator_rate")?;
         let most_effect = HISTORY as f32 * period * 0.999;
@@ -85,7 +94,7 @@ impl<T: Scalar> Coefficients<T> {
             (config.actuator_loop_s, 1000.0, "actuator_loop_s"),
             (config.actuator_lag_s, 1000.0, "actuator_lag_s"),
             (config.actuator_play, LARGEST, "actuator_play"),
-            (config.ahead_s, 20.0 * period, "ahead_s"),
+            (config.ahead_s, (20.0 * period).min(MOST_AHEAD_S), "ahead_s"),
             (config.gain_s, LARGEST, "gain_s"),
             (config.lead_limit, LARGEST, "lead_limit"),
             (config.near_per_s, LARGEST, "near_per_s"),
@@ -108,7 +117,7 @@ impl<T: Scalar> Coefficients<T> {
             effect: effect as u8,
             effect_rest,
             rest: rest.into(),
-            horizon_s: horizon_s.into(),
+            horizon: horizon_s.into(),
             sensor_lag: (config.sensor_lag_s / period).into(),
             sample: Steps::new(config, period),
             ahead: Steps::new(config, rest * period),
@@ -122,7 +131,9 @@ impl<T: Scalar> Coefficients<T> {
             way_share: (2.0 / 3.0).into(),
             rate_share: config.rate_share.into(),
             value_share: config.value_share.into(),
-            trim: (config.rate_share * config.trim_rad_s / config.plant_gain).into(),
+            trim: (config.rate_share * config.trim_rad_s / config.plant_gain)
+                .min(MOST_TRIM)
+                .into(),
             trim_limit: config.trim_limit.into(),
             limit: config.limit.into(),
         })

@@ -8,7 +8,7 @@ use std::vec::Vec;
 const PERIOD: f64 = 1.0 / 150.0;
 const SAMPLES: u32 = 450;
 /// A pulse in three samples, as at 50 Hz.
-const SAMPLES_A_PULSE: u8 = 3;
+const SAMPLES_A_PULSE: u32 = 3;
 
 /// Pitch of the drone through its servo: gain 31.6, 5.5 rad/s.
 fn config() -> SurfaceConfig {
@@ -44,15 +44,15 @@ fn fly<T: Scalar>(config: &SurfaceConfig, start: f64, push: f64) -> Vec<f64> {
     let (mut target, mut sent, mut wait) = (0.0_f64, 0.0, i32::MAX);
     (0..SAMPLES)
         .map(|sample| {
-            let to_go = (SAMPLES_A_PULSE - (sample % 3) as u8) % SAMPLES_A_PULSE;
+            let is_sent = sample.is_multiple_of(SAMPLES_A_PULSE);
             let reading = Reading {
                 value: (value as f32).into(),
                 rate: (rate as f32).into(),
                 age: Some(T::ZERO),
                 value_lead: T::ZERO,
             };
-            let output: f32 = law.update(T::ZERO, &reading, to_go).into();
-            if to_go == 0 {
+            let output: f32 = law.update(T::ZERO, &reading, is_sent).into();
+            if is_sent {
                 (sent, wait) = (f64::from(output), (8.0e-3 / dt) as i32);
             }
             for _ in 0..FINE {
@@ -143,7 +143,7 @@ fn the_surface_is_where_the_actuator_is_back_at_zero() {
     let x = 0.3 - 0.1 + 31.6 * 0.125 / 75.0;
     let rate = -1.0 + 31.6 * 0.25 / 10.0;
     let expected = 0.5 - (rate + x);
-    assert!((law.decide(0.0, 0) - expected).abs() < 1e-5);
+    assert!((law.decide(0.0) - expected).abs() < 1e-5);
 }
 
 #[test]
@@ -213,7 +213,7 @@ fn what_it_remembers_makes_another_go_on_alike() {
         value_lead: Q16::ZERO,
     };
     for step in 0..20 {
-        law.update(Q16::ZERO, &reading(step), step % 3);
+        law.update(Q16::ZERO, &reading(step), step.is_multiple_of(3));
     }
     let mut words = Vec::new();
     law.memory(&mut |word| {
@@ -227,8 +227,8 @@ fn what_it_remembers_makes_another_go_on_alike() {
     for step in 20..60 {
         let reading = reading(step);
         assert_eq!(
-            law.update(Q16::ZERO, &reading, step % 3),
-            other.update(Q16::ZERO, &reading, step % 3)
+            law.update(Q16::ZERO, &reading, step.is_multiple_of(3)),
+            other.update(Q16::ZERO, &reading, step.is_multiple_of(3))
         );
     }
 }
@@ -243,7 +243,7 @@ fn other_gains_come_without_a_bump_and_impossible_ones_are_refused_by_name() {
         value_lead: 0.0,
     };
     for _ in 0..10 {
-        law.update(0.0, &reading, 0);
+        law.update(0.0, &reading, true);
     }
     let (actuator, rate) = (law.actuator, law.rate.now);
     let other = SurfaceConfig {
@@ -300,7 +300,7 @@ fn a_plant_that_is_held_does_not_wind_it_up() {
         value_lead: 0.0,
     };
     for sample in 0..600_u32 {
-        law.update(0.0, &held, (sample % 3) as u8);
+        law.update(0.0, &held, sample.is_multiple_of(3));
     }
     assert!((law.value.now - 0.3).abs() < 0.02, "{}", law.value.now);
     assert!(law.rate.now.abs() < 0.2, "{}", law.rate.now);
@@ -311,14 +311,14 @@ proptest! {
     #[test]
     fn the_output_is_a_number_within_its_limit_whatever_comes_in(
         samples in proptest::collection::vec(
-            (proptest::num::f32::ANY, proptest::num::f32::ANY, proptest::num::f32::ANY, 0_u8..3),
+            (proptest::num::f32::ANY, proptest::num::f32::ANY, proptest::num::f32::ANY, any::<bool>()),
             1..30,
         ),
     ) {
         let mut law = Surface::<f32>::new(&config()).unwrap();
-        for (value, rate, age, to_go) in samples {
+        for (value, rate, age, is_sent) in samples {
             let reading = Reading { value, rate, age: Some(age), value_lead: age.half() };
-            let output = law.update(0.0, &reading, to_go);
+            let output = law.update(0.0, &reading, is_sent);
             prop_assert!(output.abs() <= 1.0, "{output}");
         }
     }

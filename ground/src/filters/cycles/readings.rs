@@ -74,7 +74,7 @@ pub fn release(law: &Law) -> Vec<Step> {
     let (mut is_new, mut age_s) = (true, 0.0);
     (0..RELEASE)
         .map(|index| {
-            let samples_to_go = (UPDATES_A_FRAME - 1 - index % UPDATES_A_FRAME) as u32;
+            let is_sent = (index + 1).is_multiple_of(UPDATES_A_FRAME);
             let input = Input {
                 setpoint: word(0.0),
                 value: word(reading.0),
@@ -82,11 +82,11 @@ pub fn release(law: &Law) -> Vec<Step> {
                 age: word(age_s / wide(PERIOD_S)),
                 value_lead: word(wide(sensor_lag_s) / wide(PERIOD_S)),
                 is_new: is_new.into(),
-                samples_to_go,
+                is_sent: is_sent.into(),
             };
             let output = control.update(&input);
             is_new = false;
-            if samples_to_go == 0 {
+            if is_sent {
                 (sent, effect_in_s) = (wide((law.number)(output)), wide(effect_s));
             }
             for _ in 0..FINE {
@@ -142,7 +142,7 @@ const HARD: [(&str, Change); 11] = [
     ("random", random),
     ("random with jitter", |i, word, rng| {
         random(i, word, rng);
-        i.samples_to_go = rng.random_range(0..UPDATES_A_FRAME as u32);
+        i.is_sent = rng.random_range(0..2);
         i.is_new = rng.random_range(0..2);
     }),
     ("no numbers", |i, word, rng| {
