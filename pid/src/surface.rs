@@ -355,14 +355,13 @@ impl<T: Scalar> Track<T> {
     /// What it was so many samples ago, up to the oldest.
     fn past(&self, samples: T) -> T {
         let (whole, rest) = samples.split();
-        let mut past = self.now;
-        for (index, change) in self.changes.iter().enumerate() {
-            if index == whole {
-                return past - change.times(rest);
-            }
-            past = past - *change;
+        let [a, b, c] = self.changes;
+        match whole {
+            0 => self.now - a.times(rest),
+            1 => self.now - a - b.times(rest),
+            2 => self.now - a - b - c.times(rest),
+            _ => self.now - a - b - c,
         }
-        past
     }
 }
 

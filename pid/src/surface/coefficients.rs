@@ -47,6 +47,8 @@ pub(super) struct Coefficients<T: Scalar> {
     pub(super) gain: T,
     pub(super) lead_limit: T,
     pub(super) near: T,
+    /// Where the line near the setpoint meets the tangents.
+    pub(super) near_until: T,
     /// The tangents of the braking curve.
     pub(super) tangents: [Tangent<T>; TOUCHES.len()],
     /// Time of the way back per position, and `gain / 2 S`; `gain / 3 S` is this share of it.
@@ -111,6 +113,7 @@ impl<T: Scalar> Coefficients<T> {
         let horizon_s = config.effect_s + config.ahead_s;
         let rest = (horizon_s / period - effect as f32).max(0.0);
         let steepness = config.curve * cube_root(config.plant_gain * config.actuator_rate);
+        let tangents = TOUCHES.map(|(touch, power)| Tangent::new(touch, steepness * power));
         Ok(Self {
             period: period.into(),
             rate_step: (period * config.plant_gain).into(),
@@ -125,7 +128,12 @@ impl<T: Scalar> Coefficients<T> {
             gain: config.gain_s.into(),
             lead_limit: config.lead_limit.into(),
             near: config.near_per_s.into(),
-            tangents: TOUCHES.map(|(touch, power)| Tangent::new(touch, steepness * power)),
+            near_until: meeting(&tangents, config.near_per_s).into(),
+            tangents: tangents.map(|tangent| Tangent {
+                until: tangent.until.into(),
+                at_zero: tangent.at_zero.into(),
+                slope: tangent.slope.into(),
+            }),
             return_s: (1.0 / config.actuator_rate).into(),
             return_gain: (config.plant_gain / (2.0 * config.actuator_rate)).into(),
             way_share: (2.0 / 3.0).into(),
@@ -146,11 +154,14 @@ impl<T: Scalar> Coefficients<T> {
     /// The rate at which the value should approach from `x`, with its sign turned.
     pub(super) fn surface(&self, x: T) -> T {
         let size = if x < T::ZERO { -x } else { x };
-        let [near_ones @ .., farthest] = &self.tangents;
-        let nearest = near_ones.iter().find(|tangent| size < tangent.until);
-        let tangent = nearest.unwrap_or(farthest);
-        let (line, curve) = (self.near * size, tangent.at_zero + tangent.slope * size);
-        let rate = if line < curve { line } else { curve };
+        let rate = if size < self.near_until {
+            self.near * size
+        } else {
+            let [near_ones @ .., farthest] = &self.tangents;
+            let nearest = near_ones.iter().find(|tangent| size < tangent.until);
+            let tangent = nearest.unwrap_or(farthest);
+            tangent.at_zero + tangent.slope * size
+        };
         if x < T::ZERO { -rate } else { rate }
     }
 }
@@ -176,18 +187,27 @@ impl<T: Scalar> Steps<T> {
     }
 }
 
-impl<T: Scalar> Tangent<T> {
+impl Tangent<f32> {
     /// Of a curve along `x^(2/3)` at `touch`, where it is `rate`: `rate (1/3 + 2/3 x / touch)`. It
     /// meets the one at twice as far where `x / touch` is `(c - 1) / (2 - c)` with `c = 2^(2/3)`.
     fn new(touch: f32, rate: f32) -> Self {
         const MEETING: f32 = 1.423_661;
         let at_zero = rate / 3.0;
         Self {
-            until: (MEETING * touch).into(),
-            at_zero: at_zero.into(),
-            slope: (2.0 * at_zero / touch).into(),
+            until: MEETING * touch,
+            at_zero,
+            slope: 2.0 * at_zero / touch,
         }
     }
+}
+
+/// Where a line of this slope through zero meets the lowest of the tangents: the nearest of where it
+/// meets each.
+fn meeting(tangents: &[Tangent<f32>], slope: f32) -> f32 {
+    let steeper = tangents.iter().filter(|tangent| slope > tangent.slope);
+    steeper
+        .map(|tangent| tangent.at_zero / (slope - tangent.slope))
+        .fold(LARGEST, f32::min)
 }
 
 /// The cube root of a positive number, by Newton's method: without a root the chip has none. A

@@ -164,6 +164,25 @@ fn six_lines_stand_for_the_curve() {
     }
 }
 
+/// Near the setpoint the line counts, from where it meets the lines of the curve on those.
+#[test]
+fn the_least_of_line_and_curve_counts() {
+    for near_per_s in [3.0, 8.0, 15.0, 40.0] {
+        let config = SurfaceConfig {
+            near_per_s,
+            ..config()
+        };
+        let c = Coefficients::<f32>::new(&config).unwrap();
+        for index in 0..200 {
+            let x = 0.005 * index as f32;
+            let tangents = c.tangents.iter();
+            let curve = tangents.map(|tangent| tangent.at_zero + tangent.slope * x);
+            let least = curve.fold(near_per_s * x, f32::min);
+            assert!((c.surface(x) - least).abs() < 1e-5, "{near_per_s} {x}");
+        }
+    }
+}
+
 /// A target sent with sample k counts from 1.2 samples later on.
 #[test]
 fn a_target_takes_effect_between_two_samples() {
