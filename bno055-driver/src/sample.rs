@@ -114,6 +114,10 @@ const GYR_TURNS: u16 = 64;
 
 /// A word of -1 is not believed if the last good sample was farther than this from -1:
 /// 2 m/s^2 or 0.2 g, 5 uT, 4 deg/s (about the same counts in all units).
+///
+/// The field is refreshed 20 times a second, in which a turning body passes more than that and may
+/// come to rest on -1 for 50 ms, long enough to be given up. Whoever has lost it on the wire reads
+/// ones to the end of the burst: a word of it counts only with rates that are -1 as well.
 const ONES_JUMP: [u16; 3] = [200, 80, 64];
 
 /// More than this many words of -1 in a sample are never chance.
@@ -252,7 +256,7 @@ impl Inspector {
     /// Gravity and the earth's field cannot both be -1 count on all their axes; an angular rate
     /// can.
     fn all_ones(&self, time: Micros, now: &Words) -> bool {
-        let [acc, mag, _] = now;
+        let [acc, mag, gyr] = now;
         if *acc == [-1; 3] || *mag == [-1; 3] {
             return true;
         }
@@ -260,16 +264,17 @@ impl Inspector {
         if ones.count() > ONES_MAX {
             return true;
         }
-        self.recent(time).is_some_and(|good| {
-            now.iter()
-                .zip(good)
-                .zip(ONES_JUMP)
-                .any(|((now, good), jump)| {
-                    now.iter()
-                        .zip(good)
-                        .any(|(&now, &good)| now == -1 && good.abs_diff(-1) > jump)
-                })
-        })
+        let jumps = |now: &[i16; 3], good: &[i16; 3], jump: u16| {
+            let mut words = now.iter().zip(good);
+            words.any(|(&now, &good)| now == -1 && good.abs_diff(-1) > jump)
+        };
+        let [acc_jump, mag_jump, gyr_jump] = ONES_JUMP;
+        self.recent(time)
+            .is_some_and(|[good_acc, good_mag, good_gyr]| {
+                jumps(acc, good_acc, acc_jump)
+                    || *gyr == [-1; 3] && jumps(mag, good_mag, mag_jump)
+                    || jumps(gyr, good_gyr, gyr_jump)
+            })
     }
 
     /// Whether the last good sample, if it is recent, turned.

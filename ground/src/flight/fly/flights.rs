@@ -49,9 +49,12 @@ pub fn fly(
     for start in &starts {
         let live = Live::begin(format!("from {start} rad"));
         let record = ready
-            .fly(*start, START_RATE_RAD_S, FLIGHT_S, &mut |progress| {
-                live.flight(progress)
-            })
+            .fly(
+                *start,
+                START_RATE_RAD_S.copysign(*start),
+                FLIGHT_S,
+                &mut |progress| live.flight(progress),
+            )
             .with_context(|| format!("flying from {start} rad"))?;
         live.end();
         watch.add(record.simulated_s, record.busy_s);
@@ -66,9 +69,14 @@ pub fn fly(
     zero.rig.bench.faults.clear();
     let ready = prepare(image, &zero, &mut |progress| live.flight(progress))?;
     watch.boot(&ready.rig);
-    let unhindered = ready.fly(starts[0], START_RATE_RAD_S, CYCLES_S, &mut |progress| {
-        live.flight(progress);
-    })?;
+    let unhindered = ready.fly(
+        starts[0],
+        START_RATE_RAD_S.copysign(starts[0]),
+        CYCLES_S,
+        &mut |progress| {
+            live.flight(progress);
+        },
+    )?;
     watch.add(unhindered.simulated_s, unhindered.busy_s);
     live.end();
 

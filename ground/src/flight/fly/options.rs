@@ -98,9 +98,9 @@ const LARGEST_START_RAD: f64 = 0.87;
 
 pub fn start_angle(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
-        Ok(rad) if rad > 0.0 && rad <= LARGEST_START_RAD => Ok(rad),
+        Ok(rad) if rad != 0.0 && rad.abs() <= LARGEST_START_RAD => Ok(rad),
         Ok(_) => Err(format!(
-            "a start angle is above 0 and at most {LARGEST_START_RAD} rad"
+            "a start angle is not 0, and at most {LARGEST_START_RAD} rad to either side"
         )),
         Err(_) => Err("a start angle is a number in rad, such as 0.4".into()),
     }
@@ -129,9 +129,10 @@ mod tests {
     use super::*;
 
     #[test]
-    fn start_angles_are_positive_and_within_what_arming_allows() {
+    fn start_angles_are_within_what_arming_allows() {
         assert_eq!(start_angle("0.4"), Ok(0.4));
-        for bad in ["-0.2", "0", "1.2", "NaN", "inf", "a"] {
+        assert_eq!(start_angle("-0.2"), Ok(-0.2));
+        for bad in ["-1.2", "0", "1.2", "NaN", "inf", "a"] {
             assert!(start_angle(bad).is_err(), "{bad}");
         }
     }
