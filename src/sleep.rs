@@ -32,8 +32,8 @@ impl Load {
     }
 
     /// The processor has slept for this long.
-    pub fn slept(&mut self, us: u64) {
-        self.asleep_us += us;
+    pub fn slept(&mut self, us: u32) {
+        self.asleep_us += u64::from(us);
     }
 
     /// Draws the balance once a period.

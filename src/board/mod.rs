@@ -152,20 +152,15 @@ impl Board {
     /// something to do.
     fn nap(&mut self, turn: Micros, deadline: Option<Micros>) -> bool {
         critical_section::with(|cs| {
-            let began = time::now();
-            if frame::tick_waits(cs)
-                || i2c::outcome_waits()
-                || usb::is_pending()
-                || began >= turn
-                || deadline.is_some_and(|deadline| began >= deadline)
-            {
+            if frame::tick_waits(cs) || i2c::outcome_waits() || usb::is_pending() {
                 return true;
             }
-            if may_sleep(began, deadline) {
-                // Wakes at any interrupt, which runs when this section ends: none can slip in
-                // before the sleep.
-                cortex_m::asm::wfi();
-                self.load.slept(time::now().since(began));
+            let now = time::now_within(cs);
+            if now >= turn || deadline.is_some_and(|deadline| now >= deadline) {
+                return true;
+            }
+            if may_sleep(now, deadline) {
+                self.load.slept(time::sleep(cs));
             }
             false
         })

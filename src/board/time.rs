@@ -11,7 +11,7 @@ use atsamd_hal::pac::{SCB, SYST};
 use bno055_driver::Micros;
 use cortex_m::peripheral::syst::SystClkSource;
 use cortex_m_rt::exception;
-use critical_section::Mutex;
+use critical_section::{CriticalSection, Mutex};
 
 /// CPU clock cycles in a microsecond.
 pub(super) const CYCLES_PER_US: u32 = 48;
@@ -31,28 +31,46 @@ pub(super) fn start(syst: &mut SYST) {
 
 /// The time.
 pub(super) fn now() -> Micros {
-    critical_section::with(|cs| {
-        let before = SYST::get_current();
-        let (whole, count) = if SCB::is_pendst_pending() {
-            // The counter has come round, perhaps since `before` was read.
-            (1_000, SYST::get_current())
-        } else {
-            (0, before)
-        };
-        Micros(ELAPSED_US.borrow(cs).get() + whole + u64::from(since_interrupt_us(count)))
-    })
+    critical_section::with(now_within)
+}
+
+/// The time, for whoever holds interrupts off already.
+pub(super) fn now_within(cs: CriticalSection) -> Micros {
+    let before = SYST::get_current();
+    let (whole, count) = if SCB::is_pendst_pending() {
+        // The counter has come round, perhaps since `before` was read.
+        (1_000, SYST::get_current())
+    } else {
+        (0, before)
+    };
+    Micros(ELAPSED_US.borrow(cs).get() + whole + u64::from(since_interrupt_us(count)))
+}
+
+/// Sleep until the next interrupt, which comes within a period of SysTick, and runs when `_held`
+/// ends: none can slip in before the sleep. How long it was, us.
+pub(super) fn sleep(_held: CriticalSection) -> u32 {
+    let before = SYST::get_current();
+    cortex_m::asm::wfi();
+    let after = SYST::get_current();
+    // It counts down, and comes round once at most.
+    let round = if before >= after { 0 } else { CYCLES_PER_MS };
+    micros(before + round - after)
+}
+
+/// Microseconds of up to 48,000 cycles. Division by 48 as a multiplication: 43,691 / 2^21 is 1/48 +
+/// 1.6e-7, exact for every value that there is.
+const fn micros(cycles: u32) -> u32 {
+    (cycles * 43_691) >> 21
 }
 
 /// Microseconds since SysTick last became pending. It does so as the counter reaches 0, one cycle
 /// before the reload.
 const fn since_interrupt_us(count: u32) -> u32 {
-    let cycles = if count == 0 { 0 } else { CYCLES_PER_MS - count };
-    // Division by 48 as a multiplication: 43,691 / 2^21 is 1/48 + 1.6e-7, exact for every value
-    // below 48,000.
-    (cycles * 43_691) >> 21
+    micros(if count == 0 { 0 } else { CYCLES_PER_MS - count })
 }
 
 const _: () = {
+    assert!(micros(CYCLES_PER_MS) == 1_000);
     assert!(since_interrupt_us(0) == 0);
     assert!(since_interrupt_us(CYCLES_PER_MS - 47) == 0);
     assert!(since_interrupt_us(CYCLES_PER_MS - 48) == 1);
