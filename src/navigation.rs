@@ -1,7 +1,6 @@
 //! From the sensor's samples to attitude: mount, start-up, missed samples, and the estimator in
 //! fixed point.
 
-use core::array;
 use core::f32::consts::PI;
 use core::mem;
 
@@ -105,9 +104,9 @@ impl Navigation {
             self.restart();
         }
         let dt_us = dt_us.min(ESTIMATOR_GAP_US) as u32;
-        let last = self.last.as_ref().map(|last| &last.gyr);
-        let differ = last.map_or([true; 3], |last| {
-            array::from_fn(|axis| last[axis] != raw.gyr[axis])
+        let differ = self.last.as_ref().map_or([true; 3], |last| {
+            let ([x, y, z], [new_x, new_y, new_z]) = (last.gyr, raw.gyr);
+            [x != new_x, y != new_y, z != new_z]
         });
         let refreshed = self.refresh.read(dt_us, differ);
         let counts = self.settings.mount.convert(raw);

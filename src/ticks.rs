@@ -3,7 +3,7 @@
 //! The BNO055 refreshes its registers by a clock of its own, at about 100 Hz. Sampling it at 100 Hz
 //! beats: about once a second a refresh is read twice or not at all, and with it goes the rotation
 //! of 10 ms, up to 20 mrad of attitude in a flight from 0.8 rad. At 150 Hz every refresh is read,
-//! some twice, and the errors of the time steps cancel.
+//! some twice, and [`Refresh`](crate::refresh::Refresh) tells which.
 //!
 //! The last tick of a frame comes [`Timing::lead_us`] before the edge of the pulse that is to carry
 //! its sample:

@@ -54,7 +54,7 @@ const CLOCK: f64 = 0.01;
 /// How much quicker than required the search wants 95 % of the flights to be.
 const RATIO_RESERVE: f64 = 0.02;
 /// Error of the measured pitch in the flights, either way, rad.
-const MISJUDGED_RAD: f64 = 1.5e-3;
+const MISJUDGED_RAD: f64 = 0.5e-3;
 /// The slowest refresh of a sensor that the drone is flown with, Hz, and the overshoot with it that
 /// is allowed, in those of the requirement.
 const SLOW_REFRESH_HZ: f64 = 35.0;
