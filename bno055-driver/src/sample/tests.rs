@@ -151,8 +151,8 @@ fn a_single_word_of_ones_is_believed_only_near_its_last_value() {
     );
 }
 
-/// The field is refreshed every 50 ms: until then a word of it that has come to rest on -1 in a turn
-/// stays there. With rates of ones as well it was lost on the wire.
+/// The field is refreshed every 50 ms: until then a word of it that has come to rest on -1 in a
+/// turn stays there. With rates of ones as well it was lost on the wire.
 #[test]
 fn a_field_that_turns_through_minus_one_is_believed() {
     let turning = with(&[(4, 300), (7, 900)]);

@@ -201,8 +201,8 @@ impl Tangent<f32> {
     }
 }
 
-/// Where a line of this slope through zero meets the lowest of the tangents: the nearest of where it
-/// meets each.
+/// Where a line of this slope through zero meets the lowest of the tangents: the nearest of where
+/// it meets each.
 fn meeting(tangents: &[Tangent<f32>], slope: f32) -> f32 {
     let steeper = tangents.iter().filter(|tangent| slope > tangent.slope);
     steeper
