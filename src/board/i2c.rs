@@ -445,7 +445,7 @@ pub(super) fn start_burst(time: Micros) {
 /// Whether a transfer waits to be collected.
 pub(super) fn outcome_waits() -> bool {
     with_master(|master| {
-        // By reference: it is asked for at every wake-up, and a copy takes longer than all the rest.
+        // By reference: it is asked for at every wake-up, and a copy takes long.
         let active = master.active.as_ref();
         active.is_some_and(|active| matches!(active.step, Step::Done(_)))
     })
