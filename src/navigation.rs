@@ -153,7 +153,8 @@ impl Navigation {
         self.refresh.memory(each);
         self.owed_us = (each(self.owed_us as i32) as u32).min(ESTIMATOR_GAP_US as u32);
         let is_due = each(self.counts.mag.is_some().into()) != 0;
-        self.counts.mag = is_due.then_some([0; 3]);
+        // Elsewhere it comes back with the sample: see [`Navigation::resume`].
+        self.counts.mag = is_due.then(|| self.counts.mag.unwrap_or_default());
         let bias = match self.bias {
             Bias::Unknown(us) => us,
             Bias::Levelling(us) => us | LEVELLING,
@@ -230,6 +231,7 @@ impl Navigation {
         self.last = None;
         self.counts.mag = None;
         self.owed_us = 0;
+        self.refresh = Refresh::default();
         // The settings are within their parameters' ranges.
         if let Ok(estimator) = self.settings.estimator() {
             self.estimator = estimator;
@@ -253,7 +255,7 @@ impl Navigation {
             self.owed_us = due_us - step_us;
             return self.estimator.update(step_us, &self.counts);
         }
-        if elapsed_us <= LONGEST_STEP_US || u64::from(elapsed_us) > DATA_AGE_LIMIT_US {
+        if elapsed_us <= LONGEST_STEP_US || u64::from(dt_us) > DATA_AGE_LIMIT_US {
             return self.estimator.update(elapsed_us, &self.counts);
         }
         let steps = elapsed_us.div_ceil(LONGEST_STEP_US);
