@@ -11,7 +11,7 @@ fn recording() -> PathBuf {
 
 #[test]
 fn unusable_input_is_refused_in_one_line() {
-    assert_refused(&["fly", "--start", "-0.4"], "--start");
+    assert_refused(&["fly", "--start", "-1.4"], "--start");
     assert_refused(&["fly", "--start", "steep"], "--start");
     assert_refused(&["fly", "--start", "1.2"], "at most 0.87");
     assert_refused(&["fly", "--gains", "1.0"], "two numbers");

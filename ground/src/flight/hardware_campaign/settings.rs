@@ -1,6 +1,6 @@
 //! The settings that are flown, each with how it should end.
 
-use super::row::Ending::{self, Flies, Late, Refused, Skips, Unsettled};
+use super::row::Ending::{self, Flies, Late, Refused, Skips};
 
 /// What `--hardware` would be given, and how flights with it should end.
 ///
@@ -43,11 +43,11 @@ pub const SETTINGS: &[(&str, Ending)] = &[
     ("host=linux", Flies),
     ("host=windows", Flies),
     ("host=macos", Flies),
-    ("refresh=35/35/20", Unsettled),
+    ("refresh=35/35/20", Flies),
     ("refresh=50/50/20", Flies),
     ("refresh=70/70/20", Flies),
     ("refresh=100/100/20", Flies),
-    ("refresh=100/35/20", Unsettled),
+    ("refresh=100/35/20", Flies),
     ("refresh=35/100/20", Flies),
     ("field-age=15", Flies),
     ("field-age=50", Flies),
