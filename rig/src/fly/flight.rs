@@ -52,8 +52,8 @@ impl ServoKind {
         }
     }
 
-    /// The parameters that the image is sent for it, as `tvc tune` found them. The image's own
-    /// defaults are those for the analog servo.
+    /// The parameters that the image is sent for it, as `tvc tune --seed 2` found them. The image's
+    /// own defaults are those for the analog servo.
     pub fn parameters(self) -> &'static [(&'static str, f32)] {
         match self {
             Self::S3003 => &[("SRV_RATE_HZ", 50.0)],
