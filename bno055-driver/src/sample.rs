@@ -115,9 +115,10 @@ const GYR_TURNS: u16 = 64;
 /// A word of -1 is not believed if the last good sample was farther than this from -1:
 /// 2 m/s^2 or 0.2 g, 5 uT, 4 deg/s (about the same counts in all units).
 ///
-/// The field is refreshed 20 times a second, in which a turning body passes more than that and may
-/// come to rest on -1 for 50 ms, long enough to be given up. Whoever has lost it on the wire reads
-/// ones to the end of the burst: a word of it counts only with rates that are -1 as well.
+/// The field is refreshed 20 times a second, between which a turning body passes more than that.
+/// One of its words may then stay -1 for 50 ms, long enough to be given up: in the next burst the
+/// same field is believed. One that was lost on the wire has ones to the end of the burst, and is
+/// not believed while the rates are -1 as well.
 const ONES_JUMP: [u16; 3] = [200, 80, 64];
 
 /// More than this many words of -1 in a sample are never chance.
@@ -184,6 +185,7 @@ impl Inspector {
         bytes: &[u8],
     ) -> Result<Judged, SensorFault> {
         let now = words(config.mode, bytes).ok_or(SensorFault::Protocol)?;
+        let before = self.last;
         let fresh = self.count_repeats(now);
         // Only the very next burst can confirm a jump.
         let jumped = self.jumped.take();
@@ -193,7 +195,7 @@ impl Inspector {
         if all_zero(config.mode, &now) {
             return Err(SensorFault::AllZero);
         }
-        if self.all_ones(time, &now) {
+        if self.all_ones(time, &now, before.as_ref()) {
             return Err(SensorFault::AllOnes);
         }
         if self.frozen(config) {
@@ -255,7 +257,7 @@ impl Inspector {
     ///
     /// Gravity and the earth's field cannot both be -1 count on all their axes; an angular rate
     /// can.
-    fn all_ones(&self, time: Micros, now: &Words) -> bool {
+    fn all_ones(&self, time: Micros, now: &Words, before: Option<&Words>) -> bool {
         let [acc, mag, gyr] = now;
         if *acc == [-1; 3] || *mag == [-1; 3] {
             return true;
@@ -269,10 +271,11 @@ impl Inspector {
             words.any(|(&now, &good)| now == -1 && good.abs_diff(-1) > jump)
         };
         let [acc_jump, mag_jump, gyr_jump] = ONES_JUMP;
+        let is_shown_again = before.is_some_and(|[_, before, _]| before == mag);
         self.recent(time)
             .is_some_and(|[good_acc, good_mag, good_gyr]| {
                 jumps(acc, good_acc, acc_jump)
-                    || *gyr == [-1; 3] && jumps(mag, good_mag, mag_jump)
+                    || (*gyr == [-1; 3] || !is_shown_again) && jumps(mag, good_mag, mag_jump)
                     || jumps(gyr, good_gyr, gyr_jump)
             })
     }

@@ -154,16 +154,18 @@ fn a_single_word_of_ones_is_believed_only_near_its_last_value() {
 /// The field is refreshed every 50 ms: until then a word of it that has come to rest on -1 in a
 /// turn stays there. With rates of ones as well it was lost on the wire.
 #[test]
-fn a_field_that_turns_through_minus_one_is_believed() {
+fn a_field_that_turns_through_minus_one_is_believed_in_the_second_burst() {
     let turning = with(&[(4, 300), (7, 900)]);
     let through = with(&[(4, -1), (7, 900)]);
     let beyond = with(&[(4, -1), (7, 950)]);
     let found = verdicts(&Config::default(), &[turning, through, beyond]);
-    assert_eq!(found, [None; 3]);
+    assert_eq!(found, [None, Some(SensorFault::AllOnes), None]);
     let level = with(&[(4, 300)]);
     let lost = with(&[(4, -1), (6, -1), (7, -1), (8, -1)]);
-    let found = verdicts(&Config::default(), &[level, lost]);
-    assert_eq!(found, [None, Some(SensorFault::AllOnes)]);
+    let still = with(&[(0, 3), (4, -1), (6, -1), (7, -1), (8, -1)]);
+    let found = verdicts(&Config::default(), &[level, lost, still]);
+    let ones = Some(SensorFault::AllOnes);
+    assert_eq!(found, [None, ones, ones]);
 }
 
 #[test]
