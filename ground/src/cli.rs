@@ -4,7 +4,9 @@
 use clap::{Parser, Subcommand};
 
 use crate::filters::{cycles::Cycles, experiment::Experiment, fuse::Fuse};
-use crate::flight::{faults::Faults, fly::Fly, hardware_campaign::HardwareCampaign, rig::Rig};
+use crate::flight::{
+    faults::Faults, fly::Fly, hardware_campaign::HardwareCampaign, profile::Profile, rig::Rig,
+};
 use crate::logs::{convert::Convert, inspect::LogCommand, replay::Replay, report::Report};
 use crate::model::{Model, identify::Identify, montecarlo::MonteCarlo, tune::Tune};
 use crate::shell::{Completions, Man};
@@ -45,6 +47,8 @@ pub enum Command {
     Faults(Faults),
     /// Fly the image with chips, sensors and computers that differ, and print one table.
     Hardware(HardwareCampaign),
+    /// Say where the cycles of an image go, by function.
+    Profile(Profile),
     /// Run the virtual rig in real time, its port behind a pseudo-terminal.
     Rig(Rig),
     /// Look at port, vehicle, builds and calibration, and say what to do next.

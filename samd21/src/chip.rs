@@ -7,7 +7,7 @@
 use crate::board::{Board, Ticks};
 use crate::bus::Bus;
 use crate::core::Core;
-pub use crate::core::{Counters, Registers, Stop};
+pub use crate::core::{Counters, Profile, Registers, Stop};
 use crate::fault::Fault;
 use crate::memory::{FLASH_SIZE, Memory, RAM_SIZE};
 use crate::options::Options;
@@ -83,6 +83,19 @@ impl Chip {
         self.peripherals.reset(self.core.now(), cause);
         self.usb_host
             .observe(self.core.now(), self.peripherals.usb());
+    }
+
+    /// Counts cycles by address from now on. The chip does the same as without, more slowly.
+    pub fn begin_profile(&mut self) {
+        self.core.profile = Some(Box::default());
+    }
+
+    /// Ends the profile and gives it; an empty one if none was begun.
+    pub fn end_profile(&mut self) -> Profile {
+        self.core
+            .profile
+            .take()
+            .map_or_else(Profile::default, |profile| *profile)
     }
 
     /// Time since power-on.

@@ -6,5 +6,6 @@ pub mod figures;
 pub mod fly;
 pub mod hardware;
 pub mod hardware_campaign;
+pub mod profile;
 pub mod requirements;
 pub mod rig;

@@ -107,6 +107,7 @@ fn a_file_that_is_no_image_is_refused_before_everything_else() {
         &["fly"][..],
         &["faults"],
         &["hardware"],
+        &["profile"],
         &["flash", "--bin", "x.bin"],
         &["rig", "--pty"],
     ] {

@@ -318,15 +318,26 @@ impl Ready {
         seconds: f64,
         progress: &mut dyn FnMut(&Progress),
     ) -> Result<FlightRecord, FlightError> {
+        let begun = Mark::of(&self.rig);
+        let fork = self.armed(start_rad, progress)?;
+        fork.release(start_rad, rate_rad_s, seconds, begun, progress)
+    }
+
+    /// A clone with the drone tilted to `start_rad` and armed, at a random phase of the servo
+    /// frame.
+    pub(super) fn armed(
+        &self,
+        start_rad: f64,
+        progress: &mut dyn FnMut(&Progress),
+    ) -> Result<Self, FlightError> {
         let mut fork = self.clone();
-        let begun = Mark::of(&fork.rig);
         fork.tilt(start_rad, progress)?;
         fork.station.arm(&mut fork.rig)?;
         // A person releases the drone at a random phase of the servo frame.
         let mut dice = generator(self.seed ^ start_rad.to_bits(), Stream::Release);
         let hesitation = Ticks::from_us(dice.random_range(0..20_000));
         fork.station.run(&mut fork.rig, hesitation)?;
-        fork.release(start_rad, rate_rad_s, seconds, begun, progress)
+        Ok(fork)
     }
 
     /// Releases the drone, which is armed, and records the flight.
@@ -370,7 +381,7 @@ impl Ready {
     }
 
     /// Runs a stage that began at `begin` until `end`.
-    fn watch_until(
+    pub(super) fn watch_until(
         &mut self,
         stage: Stage,
         begin: Ticks,

@@ -1,5 +1,5 @@
-//! What is done with a rig: flights, campaigns of faults, replays of recordings, and running in
-//! real time behind a pseudo-terminal.
+//! What is done with a rig: flights, profiles, campaigns of faults, replays of recordings, and
+//! running in real time behind a pseudo-terminal.
 
 pub mod action;
 #[cfg(unix)]
@@ -7,6 +7,7 @@ pub mod control;
 pub mod faults;
 pub mod flight;
 pub mod pilot;
+pub mod profile;
 #[cfg(unix)]
 pub mod pty;
 #[cfg(unix)]

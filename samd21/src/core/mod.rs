@@ -15,12 +15,14 @@ mod exception;
 mod execute;
 mod flags;
 mod nvic;
+mod profile;
 mod special;
 mod system_control;
 mod systick;
 mod transfer;
 mod view;
 
+pub use self::profile::Profile;
 pub use self::view::{Counters, Registers, Stop};
 
 pub(crate) use self::decode::Code;
@@ -137,6 +139,8 @@ pub(crate) struct Core {
     /// Ring of taken branches, from and to.
     trail: [(u32, u32); TRAIL],
     branches: usize,
+    /// What is counted by address; nothing unless it was begun.
+    pub(crate) profile: Option<Box<Profile>>,
 }
 
 impl Core {
@@ -169,6 +173,7 @@ impl Core {
             trail: self.trail,
             branches: self.branches,
             wake_up: self.wake_up,
+            profile: self.profile.take(),
             ..Self::new(&Options::default(), self.cycle)
         };
     }
@@ -187,6 +192,9 @@ impl Core {
     /// Runs until `until`, or until something stops the chip. The last instruction may end a few
     /// cycles after `until`.
     pub(crate) fn run(&mut self, bus: &mut Bus<'_>, until: Ticks) -> Stop {
+        if self.profile.is_some() {
+            return self.run_profiled(bus, until);
+        }
         self.deadline = 0;
         let until = parts(until);
         loop {
@@ -195,21 +203,27 @@ impl Core {
             {
                 return stop;
             }
-            if !self.burst(bus.memory) {
-                continue;
+            if self.burst(bus.memory)
+                && let Some(stop) = self.rest(bus)
+            {
+                return stop;
             }
-            let pc = self.pc;
-            match self.instruction(bus, pc) {
-                Ok(cycles) => {
-                    self.counters.instructions += 1;
-                    self.elapse(cycles);
-                }
-                Err(trap) => {
-                    self.pc = pc;
-                    if let Some(stop) = self.take_trap(*trap) {
-                        return stop;
-                    }
-                }
+        }
+    }
+
+    /// Executes an instruction that a burst has left out.
+    #[inline(always)]
+    fn rest(&mut self, bus: &mut Bus<'_>) -> Option<Stop> {
+        let pc = self.pc;
+        match self.instruction(bus, pc) {
+            Ok(cycles) => {
+                self.counters.instructions += 1;
+                self.elapse(cycles);
+                None
+            }
+            Err(trap) => {
+                self.pc = pc;
+                self.take_trap(*trap)
             }
         }
     }

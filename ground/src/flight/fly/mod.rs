@@ -5,8 +5,8 @@ mod distribution;
 pub mod faults;
 mod figures;
 pub mod flights;
-mod live;
-mod options;
+pub mod live;
+pub mod options;
 mod recording;
 mod report;
 

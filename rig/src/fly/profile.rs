@@ -1,0 +1,98 @@
+//! Profiles: where the image's cycles go, in flight or for a time after power-on.
+
+use samd21::board::Ticks;
+use samd21::chip::Profile;
+
+use super::flight::{FlightError, Progress, Ready, Stage};
+use crate::rig::{Rig, RigError};
+
+/// A window of time in which cycles were counted by address.
+#[derive(Clone, Debug)]
+pub struct Window {
+    /// Cycles awake, by exception and address.
+    pub profile: Profile,
+    /// Growth of the chip's own counter of cycles.
+    pub cycles: u64,
+    /// Length, s.
+    pub seconds: f64,
+    /// Time asleep of it, s.
+    pub asleep_s: f64,
+    /// Control steps that the image began in it.
+    pub steps: usize,
+}
+
+impl Ready {
+    /// As [`Ready::fly`], with the profile from the release on in place of a record.
+    ///
+    /// # Errors
+    /// The rig stopped, or the image refuses.
+    pub fn profile(
+        &self,
+        start_rad: f64,
+        rate_rad_s: f64,
+        seconds: f64,
+        progress: &mut dyn FnMut(&Progress),
+    ) -> Result<Window, FlightError> {
+        let mut fork = self.armed(start_rad, progress)?;
+        fork.station.release(&mut fork.rig, rate_rad_s)?;
+        let begin = Begin::of(&mut fork.rig);
+        let end = begin.at + Ticks::from_secs_f64(seconds);
+        fork.watch_until(Stage::Flight, begin.at, end, progress)?;
+        Ok(begin.end(&mut fork.rig))
+    }
+}
+
+/// Runs any image for `seconds` from now on. `progress` gets the time since power-on, s.
+///
+/// # Errors
+/// The rig stopped.
+pub fn run(rig: &mut Rig, seconds: f64, progress: &mut dyn FnMut(f64)) -> Result<Window, RigError> {
+    let begin = Begin::of(rig);
+    advance(rig, seconds, progress)?;
+    Ok(begin.end(rig))
+}
+
+/// Runs any image for `seconds` without a profile. `progress` gets the time since power-on, s.
+///
+/// # Errors
+/// The rig stopped.
+pub fn advance(rig: &mut Rig, seconds: f64, progress: &mut dyn FnMut(f64)) -> Result<(), RigError> {
+    let end = rig.now() + Ticks::from_secs_f64(seconds);
+    while rig.now() < end {
+        let slice = Ticks::from_ms(20).min(end - rig.now());
+        rig.run_for(slice)?;
+        progress(rig.now().as_secs_f64());
+    }
+    Ok(())
+}
+
+struct Begin {
+    at: Ticks,
+    cycles: u64,
+    sleep_ticks: u64,
+}
+
+impl Begin {
+    fn of(rig: &mut Rig) -> Self {
+        rig.chip_mut().begin_profile();
+        let counters = rig.counters();
+        Self {
+            at: rig.now(),
+            cycles: counters.cycles,
+            sleep_ticks: counters.sleep_ticks,
+        }
+    }
+
+    fn end(self, rig: &mut Rig) -> Window {
+        let counters = rig.counters();
+        let window = self.at..rig.now();
+        let steps = rig.truth().steps.iter();
+        Window {
+            cycles: counters.cycles - self.cycles,
+            seconds: (window.end - window.start).as_secs_f64(),
+            asleep_s: Ticks(counters.sleep_ticks - self.sleep_ticks).as_secs_f64(),
+            steps: steps.filter(|step| window.contains(&step.start)).count(),
+            profile: rig.chip_mut().end_profile(),
+        }
+    }
+}
