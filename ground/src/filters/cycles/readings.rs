@@ -245,7 +245,7 @@ mod tests {
         let repeated = release.iter().filter(|s| s.input.is_new == 0).count();
         assert!((90..110).contains(&repeated), "{repeated}");
         let ages = release.iter().map(|s| (law.number)(s.input.age));
-        assert!(ages.clone().all(|age| (0.0..0.0102).contains(&age)));
+        assert!(ages.clone().all(|age| (0.0..1.53).contains(&age)));
         assert!(ages.clone().any(|age| age < 0.0005) && ages.clone().any(|age| age > 0.0095));
     }
 
