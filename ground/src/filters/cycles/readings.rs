@@ -246,7 +246,7 @@ mod tests {
         assert!((90..110).contains(&repeated), "{repeated}");
         let ages = release.iter().map(|s| (law.number)(s.input.age));
         assert!(ages.clone().all(|age| (0.0..1.53).contains(&age)));
-        assert!(ages.clone().any(|age| age < 0.0005) && ages.clone().any(|age| age > 0.0095));
+        assert!(ages.clone().any(|age| age < 0.075) && ages.clone().any(|age| age > 1.425));
     }
 
     #[test]
