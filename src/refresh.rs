@@ -87,6 +87,21 @@ impl Refresh {
         self.was_new = differs;
         let was_still = self.since_new_us > LONGEST_US;
         let since_new_us = self.since_new_us + dt_us;
+        // A reading for each refresh, as on a slow bus or behind a missed one: nothing tells one
+        // period from two.
+        let is_seldom = dt_us > self.period_us * 3 / 4;
+        if is_seldom && !was_still && since_new_us <= LONGEST_US {
+            *self = Self {
+                period_us: self.period_us,
+                share: self.share,
+                was_new: true,
+                ..Self::default()
+            };
+            return Some(Refreshed {
+                age_us: dt_us.min(self.period_us) / 2,
+                elapsed_us: since_new_us,
+            });
+        }
         if was_still || since_new_us > LONGEST_US {
             // Nobody knows by how many periods the clocks have gone on.
             *self = Self {

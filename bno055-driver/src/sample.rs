@@ -121,6 +121,10 @@ const GYR_TURNS: u16 = 64;
 /// not believed while the rates are -1 as well.
 const ONES_JUMP: [u16; 3] = [200, 80, 64];
 
+/// Rates that let the field move by a count more: in 50 ms a turn of 1/16 deg/s moves the earth's
+/// field, of 65 uT at most, by 0.057 counts.
+const FIELD_PER_RATE: u16 = 16;
+
 /// More than this many words of -1 in a sample are never chance.
 ///
 /// At rest and level, five of the nine words (two of acceleration, three of rate) lie near zero and
@@ -271,11 +275,13 @@ impl Inspector {
             words.any(|(&now, &good)| now == -1 && good.abs_diff(-1) > jump)
         };
         let [acc_jump, mag_jump, gyr_jump] = ONES_JUMP;
+        let rates = gyr.iter().map(|rate| rate.unsigned_abs());
+        let turn = rates.max().unwrap_or(0) / FIELD_PER_RATE;
         let is_shown_again = before.is_some_and(|[_, before, _]| before == mag);
         self.recent(time)
             .is_some_and(|[good_acc, good_mag, good_gyr]| {
                 jumps(acc, good_acc, acc_jump)
-                    || (*gyr == [-1; 3] || !is_shown_again) && jumps(mag, good_mag, mag_jump)
+                    || (*gyr == [-1; 3] || !is_shown_again) && jumps(mag, good_mag, mag_jump + turn)
                     || jumps(gyr, good_gyr, gyr_jump)
             })
     }
