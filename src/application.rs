@@ -4,8 +4,6 @@
 //! [`Application::turn`] joins the sensor's driver, [`Flight`], [`Telemetry`] and [`Recorder`]. The
 //! chip's board and the tests' stand in for [`Board`].
 
-use core::ops::Deref;
-
 use bno055_driver::{BusError, Driver, Micros, Next, RawSample, SensorFault, Transfer};
 use embedded_storage::nor_flash::NorFlash;
 
@@ -22,34 +20,34 @@ use crate::ticks::Timing;
 /// Longest packet that the host sends, bytes.
 pub const PACKET_BYTES: usize = 64;
 
-/// What the main loop wakes up for. `A` holds the bytes of a transfer's answer.
-#[derive(Clone, Copy, Debug)]
-pub enum Event<A> {
+/// The loop turns this often at least while the sensor is set up, and while something is to be asked
+/// of it or its bus to be repaired, us.
+const CARE_US: u64 = 1_000;
+/// The loop turns this often at least, us: the host's port looks after itself now and then.
+const CALM_US: u64 = 10_000;
+
+/// What the main loop wakes up for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Event {
     /// The tick's burst is over, and its step still to come.
-    Burst(Outcome<A>),
+    Burst(Outcome),
     /// The tick has no burst, or not in time: its step goes without a sample.
     Missed,
     /// A burst is over whose step has been taken without it.
-    Late(Outcome<A>),
+    Late(Outcome),
     /// Another transfer is over.
-    Reply(Outcome<A>),
+    Reply(Outcome),
     /// Nothing for the flight.
     Nothing,
 }
 
 /// How a transfer ended.
-#[derive(Clone, Copy, Debug)]
-pub struct Outcome<A> {
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Outcome {
     /// When it was started.
     pub started: Micros,
-    /// What was read: nothing, for a write.
-    pub answer: Result<A, BusError>,
-}
-
-impl<A: Deref<Target = [u8]>> Outcome<A> {
-    fn bytes(&self) -> Result<&[u8], BusError> {
-        self.answer.as_deref().map_err(|error| *error)
-    }
+    /// Whether it went well. What was read is then the board's [`answer`](Board::answer).
+    pub result: Result<(), BusError>,
 }
 
 /// What a step asks of the board.
@@ -79,22 +77,37 @@ pub enum Port {
     Open,
 }
 
+/// What the sensor's bus is doing.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Bus {
+    /// Nothing: a transfer can be begun.
+    Free,
+    /// A transfer is under way, or over and still to be told by an event.
+    Busy,
+    /// The sensor holds up the STOP of a transfer that is over. No event tells of its end.
+    Stopping,
+    /// It is to be repaired. A transfer fails at once.
+    Broken,
+}
+
 /// The hardware, as far as the application uses it. Nothing here waits.
 pub trait Board {
     /// Where parameters are stored.
     type Flash: NorFlash;
 
+    /// What the transfer of the newest event has read: nothing, for a write.
+    fn answer(&self) -> &[u8];
+
     /// Have every tick start `burst`, to the 7-bit address; `None` has them start nothing.
     fn arm(&mut self, address: u8, burst: Option<Transfer>);
 
-    /// Whether a transfer can be begun: none is under way, on its way to its STOP, or waits to be
-    /// collected.
-    fn bus_is_free(&self) -> bool;
+    /// What the sensor's bus is doing.
+    fn bus(&self) -> Bus;
 
     /// Whether `transfer`, begun now, is over before the next tick.
     fn has_time_for(&self, transfer: &Transfer) -> bool;
 
-    /// Start `transfer` on the free bus, to the address that was armed last.
+    /// Start `transfer` on a bus that is free or broken, to the address that was armed last.
     fn begin(&mut self, transfer: Transfer);
 
     /// A control step begins.
@@ -112,8 +125,8 @@ pub trait Board {
     /// Look after the port to the host. A vehicle that is `armed` is not reset.
     fn poll_port(&mut self, now: Micros, armed: bool) -> Port;
 
-    /// The host's next packet, empty if there is none.
-    fn read<'a>(&mut self, packet: &'a mut [u8; PACKET_BYTES]) -> &'a [u8];
+    /// The host's next packet, of at most [`PACKET_BYTES`]; empty if there is none.
+    fn read(&mut self) -> &[u8];
 
     /// Hand over as much of `bytes` as there is room for; says how many.
     fn write(&mut self, bytes: &[u8]) -> usize;
@@ -155,30 +168,31 @@ impl<'a> Application<'a> {
         }
     }
 
-    /// Once round the loop: read, step, write, send.
+    /// Once round the loop: read, step, write, send. Gives the time of the next turn, if nothing
+    /// happens before.
     // A function of its own: what `main` holds for ever in registers is then not in its way. 3.4 KB
     // less flash.
     #[inline(never)]
-    pub fn turn<A: Deref<Target = [u8]>>(
-        &mut self,
-        now: Micros,
-        event: &Event<A>,
-        board: &mut impl Board,
-    ) {
-        let reading = self.take(now, event);
-        // First and in the midst of the step, so that what the sensor is asked between two bursts
-        // goes over the wire meanwhile.
-        self.serve_sensor(now, board);
+    pub fn turn(&mut self, now: Micros, event: Event, board: &mut impl Board) -> Micros {
+        let reading = self.take(now, event, board);
+        if event != Event::Nothing {
+            let sampling = self.driver.is_sampling();
+            let address = self.driver.config().address.value();
+            board.arm(address, sampling.then(|| self.driver.burst()));
+            // First and in the midst of the step, so that what the sensor is asked between two
+            // bursts goes over the wire meanwhile.
+            self.ask_sensor(now, board);
+        }
         if let Some(reading) = reading {
             board.step_begins();
             self.flight.carried_tick(board.carried_tick());
             let estimate = self.flight.estimate(now, reading);
             // Behind a burst the sensor holds up the STOP for some time: the bus is free only now,
             // or after the step.
-            self.serve_sensor(now, board);
+            self.ask_sensor(now, board);
             let snapshot = &self.flight.act(now, estimate);
             board.step_ends(&self.step_end(now, snapshot));
-            self.serve_sensor(now, board);
+            self.ask_sensor(now, board);
             let status = &board.status();
             if let Some(index) = self.flight.learn(status) {
                 self.telemetry.report_param(index, self.flight.params());
@@ -190,25 +204,29 @@ impl<'a> Application<'a> {
             self.telemetry.serve_recorder(self.recorder);
         }
         self.exchange(now, board);
+        let is_waiting = self.ask_sensor(now, board);
+        now.after(if is_waiting { CARE_US } else { CALM_US })
     }
 
     /// What the event means to the flight: a sample or the reason why there is none, where a step
     /// is due.
-    fn take<A: Deref<Target = [u8]>>(
+    fn take(
         &mut self,
         now: Micros,
-        event: &Event<A>,
+        event: Event,
+        board: &impl Board,
     ) -> Option<Result<RawSample, SensorFault>> {
+        let bytes = |outcome: Outcome| outcome.result.map(|()| board.answer());
         match event {
-            Event::Burst(burst) => Some(self.driver.sample(burst.started, burst.bytes())),
+            Event::Burst(burst) => Some(self.driver.sample(burst.started, bytes(burst))),
             Event::Missed => Some(Err(self.driver.missed())),
             Event::Late(burst) => {
                 // Too late to fly by; what it says of the sensor's health counts all the same.
-                let _ = self.driver.sample(burst.started, burst.bytes());
+                let _ = self.driver.sample(burst.started, bytes(burst));
                 None
             }
             Event::Reply(reply) => {
-                self.driver.complete(now, reply.bytes());
+                self.driver.complete(now, bytes(reply));
                 None
             }
             Event::Nothing => None,
@@ -216,17 +234,23 @@ impl<'a> Application<'a> {
     }
 
     /// Give the sensor's driver what it asks for next. While the sensor is sampled, that goes
-    /// between two bursts.
+    /// between two bursts. Says whether something waits for a moment that no event tells of.
     #[inline(never)]
-    fn serve_sensor(&mut self, now: Micros, board: &mut impl Board) {
-        let sampling = self.driver.is_sampling();
-        let address = self.driver.config().address.value();
-        board.arm(address, sampling.then(|| self.driver.burst()));
-        if board.bus_is_free()
-            && let Next::Transfer(transfer) = self.driver.next(now)
-            && (!sampling || board.has_time_for(&transfer))
-        {
-            board.begin(transfer);
+    fn ask_sensor(&mut self, now: Micros, board: &mut impl Board) -> bool {
+        let bus = board.bus();
+        if bus == Bus::Busy {
+            return false;
+        }
+        match self.driver.next(now) {
+            Next::Transfer(_) if bus == Bus::Stopping => true,
+            Next::Transfer(transfer) => {
+                if !self.driver.is_sampling() || board.has_time_for(&transfer) {
+                    board.begin(transfer);
+                }
+                false
+            }
+            Next::Wait(_) => true,
+            Next::Sample => bus == Bus::Broken,
         }
     }
 
@@ -255,9 +279,7 @@ impl<'a> Application<'a> {
             self.telemetry.restart();
         }
         if port != Port::Absent {
-            let mut packet = [0; PACKET_BYTES];
-            self.telemetry
-                .receive(now, board.read(&mut packet), self.flight);
+            self.telemetry.receive(now, board.read(), self.flight);
         }
         if !open {
             // Nobody listens: whoever comes next wants the present, not the past.
@@ -265,7 +287,7 @@ impl<'a> Application<'a> {
             return;
         }
         // The processor stands still while it writes flash: a burst under way would be cut in two.
-        if board.bus_is_free() {
+        if self.telemetry.has_storage_order() && matches!(board.bus(), Bus::Free | Bus::Broken) {
             self.telemetry.serve_storage(board.flash(), self.flight);
         }
         if let Some(reset) = self.telemetry.take_reset() {

@@ -12,7 +12,7 @@ mod board;
 #[cfg(target_os = "none")]
 mod firmware {
     use atsamd_hal::serial_number;
-    use bno055_driver::Driver;
+    use bno055_driver::{Driver, Micros};
     use cortex_m::singleton;
     use cortex_m_rt::entry;
     #[cfg(feature = "probe")]
@@ -31,9 +31,10 @@ mod firmware {
         // In its place from the start: on its way there it would not fit the stack.
         static mut RECORDER: Recorder = Recorder::new();
         let (board, mut application) = start(RECORDER);
+        let mut turn = Micros(0);
         loop {
-            let (now, event) = board.wait();
-            application.turn(now, &event, board);
+            let (now, event) = board.wait(turn);
+            turn = application.turn(now, event, board);
         }
     }
 

@@ -12,7 +12,7 @@
 //! | STATUSTEXT | every change of state and every refusal, with the reason; a magnetometer that fails; once a second what keeps the sensor from starting |
 //! | ATTITUDE_QUATERNION, SERVO_OUTPUT_RAW | every step |
 //! | RAW_IMU | every step that had a sample: its untouched counts, stamped with its own time |
-//! | NAMED_VALUE_FLOAT `crank_rad` | every step: the crank angle that control asked for, before limits |
+//! | NAMED_VALUE_FLOAT `crank` | every step: the crank angle that control asked for, rad, before limits |
 //! | V2_EXTENSION | once a second from standby on, in parts: all that the flight remembers after a step ([`Flight::memory`]), from which a replay goes on behind lost frames |
 //! | ATTITUDE | not by itself: at the interval that the host asks for |
 //! | COMMAND_ACK | every command, COMMAND_LONG or COMMAND_INT, to the one that sent it; a gyro calibration is in progress once a second until it is accepted |
@@ -51,7 +51,7 @@ mod version;
 
 use bno055_driver::{Health, Micros, RawSample};
 use mavlink::dialects::common::{
-    ATTITUDE_DATA, ATTITUDE_QUATERNION_DATA, DEBUG_VECT_DATA, HEARTBEAT_DATA, LOG_DATA_DATA,
+    ATTITUDE_DATA, ATTITUDE_QUATERNION_DATA, DEBUG_VECT_DATA, HEARTBEAT_DATA,
     MavAutopilot, MavModeFlag, MavSeverity, MavState, MavSysStatusSensor, MavType,
     NAMED_VALUE_FLOAT_DATA, RAW_IMU_DATA, SERVO_OUTPUT_RAW_DATA, SYS_STATUS_DATA,
 };
@@ -75,8 +75,6 @@ pub use version::Identity;
 const MAX_PAYLOAD: usize = 51;
 /// Header and checksum.
 const OVERHEAD: usize = 10 + 2;
-/// Longest frame sent: LOG_DATA's.
-const MAX_FRAME: usize = OVERHEAD + LOG_DATA_DATA::ENCODED_LEN;
 
 /// The resets that the host may ask for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -278,45 +276,38 @@ impl Telemetry {
         self.status_text(severity, format_args!("{state}"));
     }
 
+    /// The messages of every step, each as the words of its payload: the dialect's own encoder takes
+    /// several times as long.
     fn stream(&mut self, snapshot: &Snapshot, flight: &Flight) {
-        let [rollspeed, pitchspeed, yawspeed] = snapshot.rates.map(f32::from);
+        let rates = || snapshot.rates.map(|rate| f32::from(rate).to_bits());
         let time = snapshot.sample.map_or(snapshot.now, |sample| sample.time);
         let time_boot_ms = milliseconds(time);
         if self.rates.due(Stream::Attitude) {
-            let orientation = snapshot.orientation.quaternion();
-            self.send_stream(&ATTITUDE_QUATERNION_DATA {
-                time_boot_ms,
-                q1: orientation.w,
-                q2: orientation.x,
-                q3: orientation.y,
-                q4: orientation.z,
-                rollspeed,
-                pitchspeed,
-                yawspeed,
-            });
+            let q = snapshot.orientation.parts();
+            let [w, x, y, z] = [q.w, q.x, q.y, q.z].map(f32::to_bits);
+            let [roll, pitch, yaw] = rates();
+            self.send_words::<ATTITUDE_QUATERNION_DATA>(&[
+                time_boot_ms, w, x, y, z, roll, pitch, yaw,
+            ]);
         }
         if self.rates.due(Stream::Servo) {
-            self.send_stream(&SERVO_OUTPUT_RAW_DATA {
-                time_usec: snapshot.now.0 as u32,
-                servo1_raw: snapshot.pulse.0,
-                ..SERVO_OUTPUT_RAW_DATA::DEFAULT
-            });
+            let pulse_us = u32::from(snapshot.pulse.0);
+            self.send_words::<SERVO_OUTPUT_RAW_DATA>(&[snapshot.now.0 as u32, pulse_us]);
         }
         if let Some(sample) = &snapshot.sample
             && self.rates.due(Stream::Raw)
         {
-            self.send_stream(&raw_imu(sample));
+            self.send_words::<RAW_IMU_DATA>(&raw_imu_words(sample));
         }
         if self.rates.due(Stream::Crank) {
-            self.send_stream(&NAMED_VALUE_FLOAT_DATA {
-                time_boot_ms,
-                value: snapshot.crank.into(),
-                name: CharArray::new(*b"crank_rad\0"),
-            });
+            let crank_rad = f32::from(snapshot.crank).to_bits();
+            let [name, last] = CRANK_WORDS;
+            self.send_words::<NAMED_VALUE_FLOAT_DATA>(&[time_boot_ms, crank_rad, name, last]);
         }
         if self.rates.due(Stream::Angles) {
-            let [roll, pitch, yaw] = flight.angles_rad();
-            self.send_stream(&ATTITUDE_DATA {
+            let [roll, pitch, yaw] = flight.angles_rad().map(f32::to_bits);
+            let [rollspeed, pitchspeed, yawspeed] = rates();
+            self.send_words::<ATTITUDE_DATA>(&[
                 time_boot_ms,
                 roll,
                 pitch,
@@ -324,7 +315,7 @@ impl Telemetry {
                 rollspeed,
                 pitchspeed,
                 yawspeed,
-            });
+            ]);
         }
     }
 
@@ -440,7 +431,6 @@ fn milliseconds(time: Micros) -> u32 {
 }
 
 /// RAW_IMU as the vehicle sends it: untouched counts and their own time, us.
-#[inline]
 pub fn raw_imu(sample: &RawSample) -> RAW_IMU_DATA {
     let ([xacc, yacc, zacc], [xgyro, ygyro, zgyro], [xmag, ymag, zmag]) =
         (sample.acc, sample.gyr, sample.mag);
@@ -456,6 +446,37 @@ pub fn raw_imu(sample: &RawSample) -> RAW_IMU_DATA {
         ymag,
         zmag,
     }
+}
+
+/// Name of the NAMED_VALUE_FLOAT with the crank angle that control asked for, rad. As short as this,
+/// what every step sends goes into two packets.
+pub const CRANK: &str = "crank";
+
+/// [`CRANK`] as the words of a name.
+const CRANK_WORDS: [u32; 2] = {
+    let name = CRANK.as_bytes();
+    let ([word], [last]) = name.as_chunks() else {
+        panic!("five letters");
+    };
+    [u32::from_le_bytes(*word), *last as u32]
+};
+
+/// [`raw_imu`] as words.
+fn raw_imu_words(sample: &RawSample) -> [u32; 7] {
+    let ([xacc, yacc, zacc], [xgyro, ygyro, zgyro], [xmag, ymag, zmag]) =
+        (sample.acc, sample.gyr, sample.mag);
+    let pair = |low: i16, high: i16| {
+        u32::from(low.cast_unsigned()) | u32::from(high.cast_unsigned()) << 16
+    };
+    [
+        sample.time.0 as u32,
+        (sample.time.0 >> 32) as u32,
+        pair(xacc, yacc),
+        pair(zacc, xgyro),
+        pair(ygyro, zgyro),
+        pair(xmag, ymag),
+        pair(zmag, 0),
+    ]
 }
 
 #[cfg(test)]

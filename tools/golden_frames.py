@@ -47,7 +47,7 @@ def frames():
             "raw_imu",
             mavlink.MAVLink_raw_imu_message(1234567, 1, -2, -981, 16, -32, 48, 800, -16, 0x1234),
         ),
-        ("named_value_float", mavlink.MAVLink_named_value_float_message(1234, b"crank_rad", -0.375)),
+        ("named_value_float", mavlink.MAVLink_named_value_float_message(1234, b"crank", -0.375)),
         ("heartbeat_again", mavlink.MAVLink_heartbeat_message(9, 0, 128 | 16 | 1, 4, 4, 3)),
         (
             "sys_status",

@@ -189,9 +189,13 @@ impl From<f32> for Q16 {
 }
 
 impl From<Q16> for f32 {
-    #[inline]
     fn from(value: Q16) -> Self {
-        value.0 as f32 / 65536.0
+        const EXPONENT: u32 = 16 << f32::MANTISSA_DIGITS - 1;
+        // Divided by 2^16 in its exponent: a core without floating point takes long to do it.
+        match value.0 {
+            0 => 0.0,
+            counts => f32::from_bits((counts as f32).to_bits() - EXPONENT),
+        }
     }
 }
 

@@ -201,7 +201,7 @@ fn a_recording_comes_through_the_sensor() {
     let mut worst = 0.0_f32;
     let length = (recording.duration_s() * 1000.0) as u64;
     host.run(length, |environment, snapshot| {
-        let q = snapshot.orientation.quaternion();
+        let q = snapshot.orientation.parts();
         let norm = (q.w * q.w + q.x * q.x + q.y * q.y + q.z * q.z).sqrt();
         worst = worst.max((norm - 1.0).abs());
         let shown = environment.sensor().refreshed().recorded;

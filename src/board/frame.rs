@@ -22,7 +22,7 @@ use super::nano33iot::{
     FrameClock, SERVO, SERVO_CHANNEL, SERVO_FUNCTION, TICK_CHANNELS, frame_registers,
     on_frame_interrupt,
 };
-use super::time::{now, soon};
+use super::time::{self, now, soon};
 
 /// Timer counts in a microsecond: 48 MHz / 16.
 const COUNTS_PER_US: u32 = 3;
@@ -41,6 +41,8 @@ static RUNNING: AtomicBool = AtomicBool::new(false);
 static FRAMES_PER_TICK: AtomicU8 = AtomicU8::new(1);
 /// Frames since the last tick.
 static FRAMES: AtomicU8 = AtomicU8::new(0);
+/// So long after a tick its burst is too late for its step.
+static BURST_LIMIT_US: AtomicU32 = AtomicU32::new(0);
 /// The newest tick that the main loop has not seen.
 static TICK: Mutex<Cell<Option<Tick>>> = Mutex::new(Cell::new(None));
 
@@ -96,7 +98,7 @@ impl Frame {
             }
         }
         ready &= soon(|| timer.syncbusy().read().bits() == 0);
-        announce(&plan);
+        announce(&plan, &timing);
         timer
             .ctrla()
             .modify(|_, w| w.prescaler().div16().enable().set_bit());
@@ -158,7 +160,7 @@ impl Frame {
         ready &= soon(|| timer.syncbusy().read().bits() == 0);
         timer.ctrlbclr().write(|w| w.lupd().set_bit());
         ready &= soon(|| timer.syncbusy().read().ctrlb().bit_is_clear());
-        announce(&plan);
+        announce(&plan, &timing);
         if ready {
             *self = Self {
                 timing,
@@ -170,13 +172,14 @@ impl Frame {
 }
 
 /// Tell the interrupt which ticks to expect.
-fn announce(plan: &TimerPlan) {
+fn announce(plan: &TimerPlan, timing: &Timing) {
     let timer = frame_registers();
     let TickPlan {
         ticks_per_frame,
         frames_per_tick,
     } = plan.plan;
     FRAMES_PER_TICK.store(frames_per_tick, Ordering::Relaxed);
+    BURST_LIMIT_US.store(timing.burst_limit_us() as u32, Ordering::Relaxed);
     let (all, wanted) = (
         tick_flags(TickPlan::MOST_TICKS),
         tick_flags(ticks_per_frame),
@@ -222,11 +225,6 @@ pub(super) fn take_tick() -> Option<Tick> {
     critical_section::with(|cs| TICK.borrow(cs).take())
 }
 
-/// Whether a tick waits to be taken.
-pub(super) fn tick_waits(cs: critical_section::CriticalSection) -> bool {
-    TICK.borrow(cs).get().is_some()
-}
-
 on_frame_interrupt!(matched);
 
 /// A compare channel has matched: start the burst, tell the main loop.
@@ -240,10 +238,12 @@ fn matched() {
     let due = pending & !tick_flags(1) != 0 || frames >= FRAMES_PER_TICK.load(Ordering::Relaxed);
     FRAMES.store(if last && due { 0 } else { frames }, Ordering::Relaxed);
     if due {
-        let time = now();
-        i2c::start_burst(time);
+        let at = now();
+        i2c::start_burst(at);
+        // The burst's end wakes the main loop, or its being late does.
+        time::wake_before(at.after(BURST_LIMIT_US.load(Ordering::Relaxed).into()));
         let tick = Tick {
-            at: time,
+            at,
             is_carried: last,
         };
         critical_section::with(|cs| TICK.borrow(cs).set(Some(tick)));

@@ -4,10 +4,10 @@
 //! # Interrupts
 //! | priority | interrupt | does |
 //! |---|---|---|
-//! | 0 (highest) | SysTick, 1 kHz | counts time; wakes the main loop |
+//! | 0 (highest) | SysTick, 1 kHz | counts time |
 //! | 0 | WDT | early warning: the servo to neutral, whatever else hangs. Looks at no clock |
-//! | 1 | TCC0 | the tick: starts the armed burst |
-//! | 1 | SERCOM4 | the sensor bus, a byte at a time |
+//! | 1 | TCC0 | the tick: starts the armed burst, wakes the main loop |
+//! | 1 | SERCOM4 | the sensor bus, a byte at a time; wakes the main loop behind the last |
 //! | 3 | USB | masks itself; wakes the main loop |
 //!
 //! Nothing above the main loop takes more than some 10 us, so a tick's burst starts within a few
@@ -31,6 +31,7 @@ mod pin;
 mod stack;
 mod time;
 mod usb;
+mod wake;
 mod watchdog;
 
 use atsamd_hal::gpio::Pins;
@@ -43,16 +44,13 @@ use tvc_nano::bringup::Order;
 use tvc_nano::failsafe::BootReport;
 use tvc_nano::params::Params;
 use tvc_nano::servo::neutral;
-use tvc_nano::sleep::{Load, may_sleep};
+use tvc_nano::sleep::Load;
 use tvc_nano::store;
 use tvc_nano::telemetry::Reset;
 use tvc_nano::ticks::{BurstGauge, NewestTick};
 
 use nano33iot::{FRAME_INTERRUPT, I2C_INTERRUPT, LED, PROBE, RADIO_RESET};
 
-/// The loop turns this often at least, us, give or take one period of SysTick: the sensor's driver
-/// and the host's port have deadlines of their own that are not so strict.
-const TURN_PERIOD_US: u64 = 1_000;
 /// Longest time that a step takes, us.
 const STEP_US: u64 = 900;
 
@@ -127,43 +125,28 @@ impl Board {
         (board, params, report)
     }
 
-    /// Sleep until there is something to do: an event, a deadline or the loop's next turn.
+    /// Sleep until there is something to do: an event, the host, or the loop's next turn, which is
+    /// due at `turn` at the latest.
     // A function of its own, as the USB port's `start` is: 0.4 KB less flash.
     #[inline(never)]
-    pub(crate) fn wait(&mut self) -> (Micros, Event<i2c::Answer>) {
-        let turn = time::now().after(TURN_PERIOD_US);
-        let deadline = self.deadline();
-        while !self.nap(turn, deadline) {}
-        let now = time::now();
-        self.load.update(now);
-        self.guard.work.pulse_sent(self.frame.is_sent());
-        self.guard.check(now);
-        (now, self.event(now))
+    pub(crate) fn wait(&mut self, turn: Micros) -> (Micros, Event) {
+        loop {
+            let (now, asleep) = time::sleep_until(self.deadline(), turn);
+            self.load.slept(asleep);
+            let event = self.event(now);
+            if !matches!(event, Event::Nothing) || usb::needs_care() || time::is_near(turn) {
+                return (now, event);
+            }
+        }
     }
 
     /// When the tick's burst is too late for its step, or a transfer is given up, whichever comes
     /// first.
-    fn deadline(&self) -> Option<Micros> {
-        let both = [self.tick.burst_due(), self.bus.deadline()];
-        both.into_iter().flatten().min()
-    }
-
-    /// Sleep until the next interrupt, unless that may come too late. Says whether there is
-    /// something to do.
-    fn nap(&mut self, turn: Micros, deadline: Option<Micros>) -> bool {
-        critical_section::with(|cs| {
-            if frame::tick_waits(cs) || i2c::outcome_waits() || usb::is_pending() {
-                return true;
-            }
-            let now = time::now_within(cs);
-            if now >= turn || deadline.is_some_and(|deadline| now >= deadline) {
-                return true;
-            }
-            if may_sleep(now, deadline) {
-                self.load.slept(time::sleep(cs));
-            }
-            false
-        })
+    fn deadline(&self) -> Micros {
+        let never = Micros(u64::MAX);
+        let burst = self.tick.burst_due().unwrap_or(never);
+        let transfer = self.bus.deadline().unwrap_or(never);
+        burst.min(transfer)
     }
 
     /// Whether `transfer`, begun at `start`, is over before the next tick.
@@ -186,7 +169,7 @@ impl Board {
         !fits(now.after(STEP_US)) && fits(now.after(self.bus.stop_us().into()))
     }
 
-    fn event(&mut self, now: Micros) -> Event<i2c::Answer> {
+    fn event(&mut self, now: Micros) -> Event {
         if let Some(tick) = frame::take_tick() {
             self.guard.work.tick_seen();
             self.tick.came(tick.at, self.frame.timing());
@@ -194,14 +177,17 @@ impl Board {
                 self.carried_at = tick.at;
             }
         }
-        let hurried = self.is_hurried(now);
-        if let Some(i2c::Completion {
-            origin,
-            outcome,
-            took_us,
-        }) = self.bus.poll(now, hurried)
-        {
-            match (origin, &outcome.answer) {
+        if let Some(completion) = self.bus.poll(now) {
+            // While the sensor is set up, nothing is more urgent than the STOP.
+            if !self.bus.is_sampling() || self.is_hurried(now) {
+                self.bus.await_stop(&completion);
+            }
+            let i2c::Completion {
+                origin,
+                outcome,
+                took_us,
+            } = completion;
+            match (origin, outcome.result) {
                 (i2c::Origin::Tick, Ok(_)) => self.bursts.add(took_us),
                 (_, Err(_)) => self.bus_errors = self.bus_errors.saturating_add(1),
                 (i2c::Origin::Loop, Ok(_)) => {}
@@ -223,24 +209,27 @@ impl Board {
 impl application::Board for Board {
     type Flash = flash::Flash;
 
+    fn answer(&self) -> &[u8] {
+        self.bus.answer()
+    }
+
     /// A bus that is free takes over a changed speed, too.
     fn arm(&mut self, address: u8, burst: Option<Transfer>) {
         self.bus.arm(address, burst);
-        if self.bus.is_free() {
-            self.bus.set_speed(self.frame.timing().i2c_khz);
-        }
+        self.bus.set_speed_when_free(self.frame.timing().i2c_khz);
     }
 
-    fn bus_is_free(&self) -> bool {
-        self.bus.is_free()
+    fn bus(&self) -> application::Bus {
+        self.bus.state()
     }
+
 
     fn has_time_for(&self, transfer: &Transfer) -> bool {
         self.leaves_time_for(time::now(), transfer)
     }
 
     fn begin(&mut self, transfer: Transfer) {
-        self.bus.begin(transfer);
+        self.bus.begin(&transfer);
     }
 
     /// The probe pin is high during a step, for whoever measures it.
@@ -258,6 +247,9 @@ impl application::Board for Board {
         let taken = self.frame.write(end.pulse);
         PROBE.low();
         self.guard.work.step_done(taken);
+        let now = time::now();
+        self.guard.check(now);
+        self.load.update(now);
         self.steps = self.steps.wrapping_add(1);
         frame::set_neutral(end.neutral);
         // Where the timer does not take it, the next step tries again.
@@ -292,8 +284,8 @@ impl application::Board for Board {
         self.port.port()
     }
 
-    fn read<'a>(&mut self, packet: &'a mut [u8; application::PACKET_BYTES]) -> &'a [u8] {
-        self.port.read(packet)
+    fn read(&mut self) -> &[u8] {
+        self.port.read()
     }
 
     fn write(&mut self, bytes: &[u8]) -> usize {

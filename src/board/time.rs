@@ -12,6 +12,9 @@ use bno055_driver::Micros;
 use cortex_m::peripheral::syst::SystClkSource;
 use cortex_m_rt::exception;
 use critical_section::{CriticalSection, Mutex};
+use tvc_nano::sleep::{TIMER_PERIOD_US, may_sleep};
+
+use super::wake;
 
 /// CPU clock cycles in a microsecond.
 pub(super) const CYCLES_PER_US: u32 = 48;
@@ -19,6 +22,9 @@ const CYCLES_PER_MS: u32 = 1_000 * CYCLES_PER_US;
 
 /// Microseconds up to the last SysTick interrupt.
 static ELAPSED_US: Mutex<Cell<u64>> = Mutex::new(Cell::new(0));
+
+/// What the main loop must not sleep through: SysTick's last interrupt before it asks for the loop.
+static ALARM: Mutex<Cell<Micros>> = Mutex::new(Cell::new(Micros(0)));
 
 /// Start the clock at zero.
 pub(super) fn start(syst: &mut SYST) {
@@ -46,15 +52,52 @@ pub(super) fn now_within(cs: CriticalSection) -> Micros {
     Micros(ELAPSED_US.borrow(cs).get() + whole + u64::from(since_interrupt_us(count)))
 }
 
-/// Sleep until the next interrupt, which comes within a period of SysTick, and runs when `_held`
-/// ends: none can slip in before the sleep. How long it was, us.
-pub(super) fn sleep(_held: CriticalSection) -> u32 {
+/// Sleep until an interrupt [asks](wake::request) for the main loop, or `turn` [is near](is_near),
+/// or `deadline` has come. Gives the time then, and for how many cycles the core slept: less than a
+/// period of SysTick before the deadline it stays awake, since nothing would wake it in time.
+pub(super) fn sleep_until(deadline: Micros, turn: Micros) -> (Micros, u32) {
+    let end = deadline.min(turn);
+    let (is_turn, is_last) = critical_section::with(|cs| {
+        ALARM.borrow(cs).set(end);
+        let interrupted = Micros(ELAPSED_US.borrow(cs).get());
+        (!may_sleep(interrupted, turn), !may_sleep(interrupted, end))
+    });
+    let mut asleep = 0;
+    // Two loops, each with no more than it needs: the first turns at each of a burst's interrupts.
+    while !is_last && !critical_section::with(|cs| {
+        let is_asked = wake::take(cs);
+        if !is_asked {
+            asleep += sleep(cs);
+        }
+        is_asked
+    }) {}
+    while is_last && !is_turn && now() < deadline && !critical_section::with(wake::take) {}
+    (now(), asleep)
+}
+
+/// Have SysTick [ask](wake::request) for the main loop before `deadline`, unless something else
+/// does so earlier.
+pub(super) fn wake_before(deadline: Micros) {
+    critical_section::with(|cs| {
+        let alarm = ALARM.borrow(cs);
+        alarm.set(alarm.get().min(deadline));
+    });
+}
+
+/// Whether `turn` comes before the next interrupt of SysTick.
+pub(super) fn is_near(turn: Micros) -> bool {
+    critical_section::with(|cs| !may_sleep(Micros(ELAPSED_US.borrow(cs).get()), turn))
+}
+
+/// Sleep until the next interrupt, which runs when `_held` ends: none can slip in before the sleep.
+/// For how many cycles, a period of SysTick at most.
+fn sleep(_held: CriticalSection) -> u32 {
     let before = SYST::get_current();
     cortex_m::asm::wfi();
     let after = SYST::get_current();
     // It counts down, and comes round once at most.
     let round = if before >= after { 0 } else { CYCLES_PER_MS };
-    micros(before + round - after)
+    before + round - after
 }
 
 /// Microseconds of up to 48,000 cycles. Division by 48 as a multiplication: 43,691 / 2^21 is 1/48 +
@@ -112,6 +155,10 @@ pub(super) fn within(limit_us: u64, ready: impl Fn() -> bool) -> bool {
 fn SysTick() {
     critical_section::with(|cs| {
         let elapsed = ELAPSED_US.borrow(cs);
-        elapsed.set(elapsed.get() + 1_000);
+        let interrupted = elapsed.get() + TIMER_PERIOD_US;
+        elapsed.set(interrupted);
+        if !may_sleep(Micros(interrupted), ALARM.borrow(cs).get()) {
+            wake::request();
+        }
     });
 }

@@ -2,12 +2,13 @@
 //! `usbd-serial`, polled from the main loop.
 //!
 //! The interrupt masks itself and wakes the main loop, which polls the stack once nothing more
-//! urgent is left, and then unmasks the interrupt. Nothing waits for the host: what it does not
-//! fetch stays in the caller's queue.
+//! urgent is left, and then unmasks the interrupt. What comes most often is nothing that the stack
+//! has to know of: that the host has taken a packet, which the interrupt only notes. Nothing waits
+//! for the host: what it does not fetch stays in the caller's queue.
 
 mod bus;
 
-use core::sync::atomic::{AtomicBool, Ordering};
+use core::sync::atomic::{AtomicBool, AtomicU8, Ordering};
 
 use atsamd_hal::clock::UsbClock;
 use atsamd_hal::gpio::{AnyPin, PA24, PA25};
@@ -28,6 +29,7 @@ use usbd_serial::CdcAcmClass;
 
 use bus::UsbBus;
 
+use super::wake;
 use super::nano33iot::{
     BOOTLOADER_FLASH, BOOTLOADER_MAGIC, BOOTLOADER_WORD, USB_PRODUCT, USB_VENDOR,
 };
@@ -36,7 +38,7 @@ use super::nano33iot::{
 const SHORT_PACKET_BYTES: usize = PACKET_BYTES - 1;
 
 /// The stack is polled so often at least, whether or not the controller asks for it.
-const POLL_PERIOD_US: u64 = 10_000;
+const POLL_PERIOD_US: u64 = 50_000;
 /// A port that is not open and has this rate asks for the bootloader.
 const TOUCH_BAUD: u32 = 1_200;
 /// From the host's request to the reset, so that it is answered first.
@@ -44,12 +46,22 @@ const RESET_DELAY_US: u64 = 100_000;
 
 /// The controller has interrupted, and is masked until the stack has been polled.
 static PENDING: AtomicBool = AtomicBool::new(false);
+/// The endpoint of data to the host; 0 until it is known.
+static DATA: AtomicU8 = AtomicU8::new(0);
+/// The host has taken the newest packet.
+static TAKEN: AtomicBool = AtomicBool::new(false);
+/// More waits to be handed over than went into the newest packet.
+static MORE: AtomicBool = AtomicBool::new(false);
 
 /// The serial port.
 pub(super) struct Port {
     device: UsbDevice<'static, UsbBus>,
     serial: CdcAcmClass<'static, UsbBus>,
     polled: Micros,
+    /// The host's newest packet.
+    packet: [u8; PACKET_BYTES],
+    /// The host may have sent a packet since it was last asked for.
+    may_read: bool,
     /// The port is closed at the touch's rate.
     touched: bool,
     reset: Option<(Micros, Reset)>,
@@ -81,10 +93,13 @@ impl Port {
             .max_packet_size_0(64)
             .expect("a size of full speed")
             .build();
+        DATA.store(serial.write_ep().address().index() as u8, Ordering::Relaxed);
         Self {
             device,
             serial,
             polled: Micros(0),
+            packet: [0; PACKET_BYTES],
+            may_read: false,
             touched: false,
             reset: None,
         }
@@ -94,15 +109,17 @@ impl Port {
     /// reset.
     pub(super) fn poll(&mut self, now: Micros, armed: bool) {
         if is_pending() || now.since(self.polled) >= POLL_PERIOD_US {
-            self.polled = now;
             PENDING.store(false, Ordering::Relaxed);
+            TAKEN.store(true, Ordering::Relaxed);
+            self.polled = now;
+            self.may_read = true;
             self.device.poll(&mut [&mut self.serial]);
+            self.watch_touch(now);
             // While it was masked, the controller's line was high and made it pending once more;
             // if the line is still high, it becomes pending again.
             NVIC::unpend(pac::Interrupt::USB);
             // SAFETY: the interrupt shares nothing but an atomic flag.
             unsafe { NVIC::unmask(pac::Interrupt::USB) };
-            self.watch_touch(now);
         }
         match self.reset {
             Some(_) if armed => self.reset = None,
@@ -129,18 +146,24 @@ impl Port {
     }
 
     /// The host's next packet, empty if there is none.
-    pub(super) fn read<'a>(&mut self, buffer: &'a mut [u8; PACKET_BYTES]) -> &'a [u8] {
-        let count = self.serial.read_packet(buffer).unwrap_or(0);
-        buffer.get(..count).unwrap_or(&[])
+    pub(super) fn read(&mut self) -> &[u8] {
+        if !core::mem::take(&mut self.may_read) {
+            return &[];
+        }
+        let count = self.serial.read_packet(&mut self.packet).unwrap_or(0);
+        self.packet.get(..count).unwrap_or(&[])
     }
 
     /// Hand over as much of `bytes` as there is room for; says how many.
     pub(super) fn write(&mut self, bytes: &[u8]) -> usize {
-        if bytes.is_empty() {
-            // A packet without data would go out as one.
+        // A packet without data would go out as one.
+        if bytes.is_empty() || !TAKEN.load(Ordering::Relaxed) {
+            MORE.store(!bytes.is_empty(), Ordering::Relaxed);
             return 0;
         }
+        TAKEN.store(false, Ordering::Relaxed);
         let packet = bytes.get(..SHORT_PACKET_BYTES).unwrap_or(bytes);
+        MORE.store(packet.len() < bytes.len(), Ordering::Relaxed);
         self.serial.write_packet(packet).unwrap_or(0)
     }
 
@@ -197,12 +220,26 @@ fn serial_number_text() -> &'static str {
 }
 
 /// Whether the controller has interrupted since the stack was polled.
-pub(super) fn is_pending() -> bool {
+fn is_pending() -> bool {
     PENDING.load(Ordering::Relaxed)
+}
+
+/// Whether the port has something to do: the stack is to be polled, or the next packet may be
+/// written.
+pub(super) fn needs_care() -> bool {
+    is_pending() || MORE.load(Ordering::Relaxed) && TAKEN.load(Ordering::Relaxed)
 }
 
 #[interrupt]
 fn USB() {
+    if bus::take_sent(DATA.load(Ordering::Relaxed)) {
+        TAKEN.store(true, Ordering::Relaxed);
+        if MORE.load(Ordering::Relaxed) {
+            wake::request();
+        }
+        return;
+    }
     NVIC::mask(pac::Interrupt::USB);
     PENDING.store(true, Ordering::Relaxed);
+    wake::request();
 }

@@ -4,7 +4,7 @@ use heapless::Vec;
 use mavlink::dialects::common::V2_EXTENSION_DATA;
 
 use super::queue::Priority;
-use super::{MAX_FRAME, OVERHEAD, Telemetry};
+use super::{OVERHEAD, Telemetry};
 use crate::flight::{Flight, Snapshot};
 
 /// `message_type` of the first part; each further one has the next. The protocol leaves numbers
@@ -22,8 +22,6 @@ const HEAD: usize = 5;
 const PAYLOAD: usize = HEAD + 4 * PART_WORDS;
 /// Bytes of all parts as frames.
 const FRAMES: usize = WORDS.div_ceil(PART_WORDS) * (OVERHEAD + HEAD) + 4 * WORDS;
-
-const _: () = assert!(OVERHEAD + PAYLOAD <= MAX_FRAME);
 
 /// A part as far as it is filled.
 struct Part {

@@ -15,7 +15,7 @@ use mavlink::dialects::common::{
     PARAM_REQUEST_READ_DATA, PARAM_SET_DATA, TIMESYNC_DATA,
 };
 
-use super::checksum::checksum;
+use super::checksum::Checksum;
 
 /// Longest payload taken: COMMAND_INT has 35 bytes, and a request for a file 15 and the file's
 /// name.
@@ -201,7 +201,7 @@ fn examine(bytes: &[u8]) -> Found {
     ) else {
         return Found::Part;
     };
-    if checksum(summed, extra_crc) != u16::from_le_bytes([crc0, crc1]) {
+    if Checksum::of(summed, extra_crc) != u16::from_le_bytes([crc0, crc1]) {
         return Found::Corrupt;
     }
     let total = end + 2 + signature;

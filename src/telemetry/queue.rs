@@ -1,7 +1,5 @@
 //! Bytes that wait for the host: whole frames in, any number of bytes out.
 
-use heapless::Vec;
-
 use crate::config::{QUEUE_BYTES, QUEUE_RESERVE_BYTES};
 
 /// How much a frame matters when the queue is nearly full.
@@ -16,37 +14,42 @@ pub(super) enum Priority {
 /// A queue that never blocks. A frame is taken whole or dropped whole, and drops are counted.
 #[derive(Clone, Debug)]
 pub(super) struct Queue {
-    bytes: Vec<u8, QUEUE_BYTES>,
+    bytes: [u8; QUEUE_BYTES],
     /// Bytes at the front that the host has already taken.
     sent: usize,
+    /// Where the next frame goes.
+    end: usize,
     dropped: u32,
 }
 
 impl Queue {
     pub(super) const fn new() -> Self {
         Self {
-            bytes: Vec::new(),
+            bytes: [0; QUEUE_BYTES],
             sent: 0,
+            end: 0,
             dropped: 0,
         }
     }
 
     /// As new, in place.
     pub(super) fn restart(&mut self) {
-        self.bytes.clear();
-        (self.sent, self.dropped) = (0, 0);
+        (self.sent, self.end, self.dropped) = (0, 0, 0);
     }
 
-    /// Append a frame, or drop and count it. Says whether it was taken.
-    pub(super) fn push(&mut self, frame: &[u8], priority: Priority) -> bool {
-        if !self.has_room(frame.len(), priority) {
+    /// The place of the next frame, which is to be written there and may be sent from now on; or
+    /// `None`, and the frame is counted as dropped.
+    pub(super) fn push(&mut self, len: usize, priority: Priority) -> Option<&mut [u8]> {
+        if !self.has_room(len, priority) {
             self.dropped = self.dropped.wrapping_add(1);
-            return false;
+            return None;
         }
-        if self.bytes.len() + frame.len() > QUEUE_BYTES {
+        if self.end + len > QUEUE_BYTES {
             self.compact();
         }
-        self.bytes.extend_from_slice(frame).is_ok()
+        let place = self.bytes.get_mut(self.end..self.end + len)?;
+        self.end += len;
+        Some(place)
     }
 
     /// Whether a frame of this length would be taken.
@@ -55,20 +58,19 @@ impl Queue {
             Priority::Stream => QUEUE_RESERVE_BYTES,
             Priority::Event => 0,
         };
-        self.pending().len() + len + reserve <= QUEUE_BYTES
+        self.end - self.sent + len + reserve <= QUEUE_BYTES
     }
 
     /// Everything that waits, oldest first.
     pub(super) fn pending(&self) -> &[u8] {
-        self.bytes.get(self.sent..).unwrap_or_default()
+        self.bytes.get(self.sent..self.end).unwrap_or_default()
     }
 
     /// The host has taken the first `count` bytes of [`Queue::pending`], frame boundary or not.
     pub(super) fn sent(&mut self, count: usize) {
-        self.sent = (self.sent + count).min(self.bytes.len());
-        if self.sent == self.bytes.len() {
-            self.bytes.clear();
-            self.sent = 0;
+        self.sent = (self.sent + count).min(self.end);
+        if self.sent == self.end {
+            (self.sent, self.end) = (0, 0);
         }
     }
 
@@ -84,8 +86,7 @@ impl Queue {
     /// `memmove` takes 1.3 KB.
     fn compact(&mut self) {
         let gap = self.sent;
-        let waiting = self.pending().len();
-        let mut rest = self.bytes.as_mut_slice();
+        let mut rest = self.bytes.get_mut(..self.end).unwrap_or_default();
         while let Some((free, tail)) = rest.split_at_mut_checked(gap)
             && !(free.is_empty() || tail.is_empty())
         {
@@ -94,8 +95,7 @@ impl Queue {
             }
             rest = tail;
         }
-        self.bytes.truncate(waiting);
-        self.sent = 0;
+        (self.sent, self.end) = (0, self.end - gap);
     }
 }
 
@@ -107,15 +107,14 @@ mod tests {
     #[test]
     fn a_full_queue_drops_whole_frames_and_counts_them() {
         let mut queue = Queue::new();
-        let frame = [7; 100];
-        while queue.push(&frame, Priority::Stream) {}
+        while queue.push(100, Priority::Stream).is_some() {}
         assert_eq!(queue.pending().len(), 1500);
         assert_eq!(queue.dropped(), 1);
         assert!(
-            queue.push(&frame, Priority::Event),
+            queue.push(100, Priority::Event).is_some(),
             "the reserve is for events"
         );
-        while queue.push(&frame, Priority::Event) {}
+        while queue.push(100, Priority::Event).is_some() {}
         assert_eq!(queue.pending().len(), 2000);
         assert_eq!(queue.dropped(), 2);
     }
@@ -123,7 +122,7 @@ mod tests {
     #[test]
     fn taking_more_than_there_is_empties_the_queue() {
         let mut queue = Queue::new();
-        queue.push(&[1, 2, 3], Priority::Event);
+        queue.push(3, Priority::Event);
         queue.sent(10);
         assert!(queue.pending().is_empty());
     }
@@ -139,7 +138,8 @@ mod tests {
             for (index, (len, take, event)) in steps.into_iter().enumerate() {
                 let frame = std::vec![index as u8; len];
                 let priority = if event { Priority::Event } else { Priority::Stream };
-                if queue.push(&frame, priority) {
+                if let Some(place) = queue.push(len, priority) {
+                    place.copy_from_slice(&frame);
                     accepted.extend_from_slice(&frame);
                 }
                 let take = take.min(queue.pending().len());

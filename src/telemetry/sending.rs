@@ -2,15 +2,19 @@
 
 use core::fmt::{self, Write};
 
-use heapless::Vec;
 use mavlink::MessageData;
-use mavlink::dialects::common::{MavSeverity, STATUSTEXT_DATA};
+use mavlink::dialects::common::{LOG_DATA_DATA, MavSeverity, STATUSTEXT_DATA};
 use mavlink::types::CharArray;
 
-use super::checksum::checksum;
+use super::checksum::Checksum;
 use super::queue::Priority;
-use super::{MAX_FRAME, MAX_PAYLOAD, Telemetry};
+use super::{MAX_PAYLOAD, OVERHEAD, Telemetry};
 use crate::config::COMPONENT_ID;
+
+/// Bytes of a frame's header behind its start.
+const HEADER: usize = 9;
+/// Longest payload: LOG_DATA's.
+const LONGEST: usize = LOG_DATA_DATA::ENCODED_LEN;
 
 impl Telemetry {
     /// A STATUSTEXT, cut to the 50 characters that STATUSTEXT holds.
@@ -30,10 +34,6 @@ impl Telemetry {
         self.send(Priority::Event, data);
     }
 
-    pub(super) fn send_stream<D: MessageData>(&mut self, data: &D) {
-        self.send(Priority::Stream, data);
-    }
-
     pub(super) fn send<D: MessageData>(&mut self, priority: Priority, data: &D) {
         let mut payload = [0; MAX_PAYLOAD];
         let len = data.ser(mavlink::MavlinkVersion::V2, &mut payload);
@@ -43,34 +43,50 @@ impl Telemetry {
 
     /// A message by its payload, for those that the dialect's own encoder is not used for.
     pub(super) fn send_payload<D: MessageData>(&mut self, priority: Priority, payload: &[u8]) {
-        self.send_frame(priority, D::ID, D::EXTRA_CRC, payload);
+        self.send_bytes(priority, [D::ID, D::EXTRA_CRC.into()], payload);
     }
 
-    fn send_frame(&mut self, priority: Priority, id: u32, extra_crc: u8, payload: &[u8]) {
-        let [id0, id1, id2, _] = id.to_le_bytes();
-        // The protocol leaves trailing zeros out, all but the first byte.
-        let len = payload.iter().rposition(|byte| *byte != 0).unwrap_or(0) + 1;
-        let payload = payload.get(..len).unwrap_or_default();
-        let header = [
-            mavlink::MAV_STX_V2,
-            payload.len() as u8,
-            0,
-            0,
-            self.sequence,
-            self.identity.system,
-            COMPONENT_ID,
-            id0,
-            id1,
-            id2,
-        ];
+    /// A message by the words of its payload, little endian: for what every step sends.
+    pub(super) fn send_words<D: MessageData>(&mut self, words: &[u32]) {
+        self.send_frame(Priority::Stream, [D::ID, D::EXTRA_CRC.into()], words);
+    }
+
+    #[inline(never)]
+    fn send_bytes(&mut self, priority: Priority, kind: [u32; 2], payload: &[u8]) {
+        let mut words = [0; LONGEST.div_ceil(4)];
+        for (index, byte) in payload.iter().enumerate() {
+            if let Some(word) = words.get_mut(index / 4) {
+                *word |= u32::from(*byte) << (8 * (index % 4));
+            }
+        }
+        self.send_frame(priority, kind, &words);
+    }
+
+    /// A frame with the payload `words`; `kind` is the message's number and CRC_EXTRA. One that is
+    /// dropped spends its number all the same.
+    #[inline(never)]
+    fn send_frame(&mut self, priority: Priority, kind: [u32; 2], words: &[u32]) {
+        let [id, extra_crc] = kind;
+        let sequence = u32::from(self.sequence);
         self.sequence = self.sequence.wrapping_add(1);
-        let mut frame: Vec<u8, MAX_FRAME> = Vec::new();
-        let filled =
-            frame.extend_from_slice(&header).is_ok() && frame.extend_from_slice(payload).is_ok();
-        let summed = frame.get(1..).unwrap_or_default();
-        let crc = checksum(summed, extra_crc).to_le_bytes();
-        if filled && frame.extend_from_slice(&crc).is_ok() {
-            self.queue.push(&frame, priority);
+        // The protocol leaves trailing zeros out, all but the first byte.
+        let last = words.iter().rposition(|word| *word != 0).unwrap_or(0);
+        let top = words.get(last).copied().unwrap_or(0);
+        let len = 4 * last + 1 + usize::from(top > 0xFF) + usize::from(top > 0xFFFF)
+            + usize::from(top > 0xFF_FFFF);
+        let Some([start, rest @ ..]) = self.queue.push(len + OVERHEAD, priority) else {
+            return;
+        };
+        *start = mavlink::MAV_STX_V2;
+        let addresses = u32::from(self.identity.system) | u32::from(COMPONENT_ID) << 8;
+        let header = [len as u32 | sequence << 24, addresses | id << 16, id >> 16];
+        let (header_place, rest) = rest.split_at_mut_checked(HEADER).unwrap_or_default();
+        let (payload_place, end) = rest.split_at_mut_checked(len).unwrap_or_default();
+        let checksum = Checksum::new().write(&header, header_place);
+        let mut checksum = checksum.write(words, payload_place);
+        checksum.add(extra_crc);
+        for (place, byte) in end.iter_mut().zip(checksum.value().to_le_bytes()) {
+            *place = byte;
         }
     }
 }

@@ -33,6 +33,11 @@ impl StorageOrder {
 }
 
 impl Telemetry {
+    /// Whether [`Telemetry::serve_storage`] has something to do.
+    pub fn has_storage_order(&self) -> bool {
+        self.storage.is_some()
+    }
+
     /// Notes the order; [`Telemetry::serve_storage`] obeys it.
     pub(super) fn order_storage(&mut self, param1: f32, flight: &Flight) {
         match StorageOrder::decode(param1) {

@@ -314,7 +314,7 @@ impl Run {
         };
         self.newest = logged.sample.or(self.newest);
         let snapshot = self.flight.step(self.now, reading);
-        let q = snapshot.orientation.quaternion();
+        let q = snapshot.orientation.parts();
         Pair {
             logged: *logged,
             again: Step {

@@ -166,7 +166,7 @@ pub fn parity(parameters: &BTreeMap<String, f32>, pairs: &[(RawImu, Attitude)]) 
             gyr: sample.gyr,
             mag: sample.mag,
         };
-        let host = flight.step(time, Ok(raw)).orientation.quaternion();
+        let host = flight.step(time, Ok(raw)).orientation.parts();
         let host = [host.w, host.x, host.y, host.z].map(f32::to_bits);
         parity.compared += 1;
         parity.equal += usize::from(known && host == attitude.quaternion.map(f32::to_bits));

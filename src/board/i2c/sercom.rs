@@ -132,12 +132,30 @@ pub(super) fn read_data() -> u8 {
 /// Answer the byte that has come, or end a write.
 pub(super) fn command(command: Command) -> Result<(), NotSynchronised> {
     arrived()?;
+    command_arrived(command);
+    Ok(())
+}
+
+/// Whether a byte has come, nothing else has happened, and what went through to the bus before has
+/// arrived there.
+pub(super) fn has_brought_byte() -> bool {
+    /// INTFLAG.SB.
+    const BYTE: u8 = 1 << 1;
+    /// STATUS.BUSERR and ARBLOST.
+    const WRONG: u16 = 0b11;
+    let registers = i2c_registers();
+    registers.intflag().read().bits() == BYTE
+        && registers.status().read().bits() & WRONG == 0
+        && registers.syncbusy().read().sysop().bit_is_clear()
+}
+
+/// As [`command`], where the one before is known to have arrived.
+pub(super) fn command_arrived(command: Command) {
     let refuse = matches!(command, Command::Stop);
     // SAFETY: one of the field's values.
     i2c_registers()
         .ctrlb()
         .write(|w| unsafe { w.ackact().bit(refuse).cmd().bits(command as u8) });
-    Ok(())
 }
 
 /// Enable the MB, SB and ERROR interrupts.

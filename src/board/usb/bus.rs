@@ -107,3 +107,21 @@ fn take_status() -> Result<usize> {
     usb.device().epstatusclr(0).write(|w| w.bk0rdy().set_bit());
     Ok(0)
 }
+
+/// Whether all that has happened is that the host has taken the packet of `endpoint`, which carries
+/// data to it; that is then acknowledged.
+pub(super) fn take_sent(endpoint: u8) -> bool {
+    // SAFETY: the flag written belongs to `endpoint`, and says no more than the caller learns.
+    let usb = unsafe { &*pac::Usb::ptr() }.device();
+    let index = usize::from(endpoint % 8);
+    let flags = usb.epintflag(index).read();
+    let is_all = usb.epintsmry().read().bits() == 1 << index
+        && usb.intflag().read().eorst().bit_is_clear()
+        && flags.trcpt1().bit_is_set()
+        && flags.trcpt0().bit_is_clear()
+        && flags.rxstp().bit_is_clear();
+    if is_all {
+        usb.epintflag(index).write(|w| w.trcpt1().set_bit());
+    }
+    is_all
+}

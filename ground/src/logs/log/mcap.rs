@@ -18,9 +18,9 @@ use mcap::records::{MessageHeader, Metadata, Record};
 use mcap::{McapError, McapResult, WriteOptions, parse_record};
 use nalgebra::{Quaternion, UnitQuaternion};
 use serde_json::{Value, json};
+use tvc_nano::telemetry::CRANK;
 
 use super::origin::{TOOL, vehicle_build};
-use super::steps::CRANK;
 use super::{STAMP, is_from_vehicle, whole_us};
 
 /// How such a file begins.

@@ -13,7 +13,7 @@ use mavlink::dialects::common::{
     MavParamType, MavResult, MavSeverity, MavType, NAMED_VALUE_FLOAT_DATA, PARAM_VALUE_DATA,
     SERVO_OUTPUT_RAW_DATA, STATUSTEXT_DATA, SYS_STATUS_DATA, V2_EXTENSION_DATA,
 };
-use tvc_nano::telemetry::{MEMORY_TYPE, MEMORY_WORDS, PART_WORDS, raw_imu};
+use tvc_nano::telemetry::{CRANK, MEMORY_TYPE, MEMORY_WORDS, PART_WORDS, raw_imu};
 use tvc_nano::{Micros, Params, RawSample};
 
 use super::{Entry, Log, Origin, whole_us};
@@ -22,9 +22,6 @@ use super::{Entry, Log, Origin, whole_us};
 const MEMORY_LAG: usize = 200;
 /// No clock of a vehicle gets to this time, us, some nine years: it is of a damaged log.
 const LATEST_US: u64 = 1 << 48;
-
-/// Name of the NAMED_VALUE_FLOAT with the command.
-pub const CRANK: &str = "crank_rad";
 
 /// One control step as telemetry tells it.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -47,7 +47,7 @@ fn every_kind() -> Vec<MavMessage> {
         MavMessage::NAMED_VALUE_FLOAT(NAMED_VALUE_FLOAT_DATA {
             time_boot_ms: 2_000,
             value: 0.5,
-            name: "crank_rad".into(),
+            name: CRANK.into(),
         }),
         MavMessage::HEARTBEAT(HEARTBEAT_DATA {
             custom_mode: 2,
