@@ -20,8 +20,8 @@ use crate::ticks::Timing;
 /// Longest packet that the host sends, bytes.
 pub const PACKET_BYTES: usize = 64;
 
-/// The loop turns this often at least while the sensor is set up, and while something is to be asked
-/// of it or its bus to be repaired, us.
+/// The loop turns this often at least while the sensor is set up, while something is to be asked of
+/// it, and while its bus is late or to be repaired, us.
 const CARE_US: u64 = 1_000;
 /// The loop turns this often at least, us: the host's port looks after itself now and then.
 const CALM_US: u64 = 10_000;
@@ -203,9 +203,14 @@ impl<'a> Application<'a> {
             self.recorder.record(snapshot, self.flight);
             self.telemetry.serve_recorder(self.recorder);
         }
-        self.exchange(now, board);
+        // The sensor's reply is nothing for the host.
+        if !matches!(event, Event::Reply(_)) {
+            self.exchange(now, board);
+        }
         let is_waiting = self.ask_sensor(now, board);
-        now.after(if is_waiting { CARE_US } else { CALM_US })
+        // A transfer that is missing may be one to give up.
+        let is_calm = !is_waiting && self.driver.is_sampling() && event != Event::Missed;
+        now.after(if is_calm { CALM_US } else { CARE_US })
     }
 
     /// What the event means to the flight: a sample or the reason why there is none, where a step

@@ -13,8 +13,8 @@
 //! | 4 | age of its sample at the step, us; 65,535 without a usable one, which leaves the next eighteen bytes at 0 |
 //! | 6, 12, 18 | accelerometer, gyroscope, magnetometer: counts as the sensor gave them, x, y, z |
 //! | 24 | attitude w, x, y, z in Q14, body to earth |
-//! | 32 | rates about x, y, z of the body, rad/s, `f32` |
-//! | 44 | crank angle that control asked for, rad, `f32` |
+//! | 32 | rates about x, y, z of the body, 2^-16 rad/s |
+//! | 44 | crank angle that control asked for, 2^-16 rad |
 //! | 48 | pulse, us |
 //! | 50 | [`State::code`](crate::State::code), lower 16 bits |
 
@@ -179,7 +179,7 @@ impl Step {
         let byte = |at: usize| bytes.get(at).copied().unwrap_or(0);
         let half = |at: usize| u16::from_le_bytes([at, at + 1].map(byte));
         let long = |at: usize| u32::from(half(at + 2)) << 16 | u32::from(half(at));
-        let float = |at: usize| f32::from_bits(long(at));
+        let fixed = |at: usize| f32::from(Q16::from_bits(long(at).cast_signed()));
         let signed = |at: usize| half(at).cast_signed();
         let counts = |at: usize| [at, at + 2, at + 4].map(signed);
         let [w, x, y, z] = [24, 26, 28, 30].map(|at| f32::from(signed(at)) / 16384.0);
@@ -193,8 +193,8 @@ impl Step {
                 mag: counts(18),
             }),
             orientation: Quaternion { w, x, y, z },
-            rate: Vector3::new(float(32), float(36), float(40)),
-            crank_rad: float(44),
+            rate: Vector3::new(fixed(32), fixed(36), fixed(40)),
+            crank_rad: fixed(44),
             pulse: PulseUs(half(48)),
             code: half(50),
         }
@@ -217,12 +217,12 @@ fn words(snapshot: &Snapshot, flight: &Flight) -> [u16; STEP_WORDS] {
         .wxyz_q30
         .map(|part| (part >> 16) as u16);
     let [now, now_high] = halves(snapshot.now.0 as u32);
-    let float = |number: Q16| halves(f32::from(number).to_bits());
+    let fixed = |number: Q16| halves(number.to_bits().cast_unsigned());
     let [roll_rate, pitch_rate, yaw_rate] = snapshot.rates;
-    let [roll, roll_high] = float(roll_rate);
-    let [pitch, pitch_high] = float(pitch_rate);
-    let [yaw, yaw_high] = float(yaw_rate);
-    let [crank, crank_high] = float(snapshot.crank);
+    let [roll, roll_high] = fixed(roll_rate);
+    let [pitch, pitch_high] = fixed(pitch_rate);
+    let [yaw, yaw_high] = fixed(yaw_rate);
+    let [crank, crank_high] = fixed(snapshot.crank);
     let (pulse, code) = (snapshot.pulse.0, snapshot.state.code() as u16);
     [
         now, now_high, age, a, b, c, d, e, f, g, h, i, w, x, y, z, roll, roll_high, pitch,

@@ -65,8 +65,11 @@ pub(crate) const fn burst(mode: Mode) -> Transfer {
     Transfer::read(first, len)
 }
 
-/// Accelerometer, magnetometer and gyroscope words of a burst.
-type Words = [[i16; 3]; 3];
+/// Accelerometer, magnetometer and gyroscope words of a burst. In whole machine words, by which
+/// small cores copy faster.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(align(4))]
+struct Words([[i16; 3]; 3]);
 
 /// The words of a burst, zero for sensors that `mode` does not run; `None` if its length is wrong.
 fn words(mode: Mode, bytes: &[u8]) -> Option<Words> {
@@ -77,7 +80,7 @@ fn words(mode: Mode, bytes: &[u8]) -> Option<Words> {
     let mut words = [[0; 3]; 3];
     let skipped = usize::from(first - registers::ACC_DATA) / 2;
     words::decode(words.as_flattened_mut().get_mut(skipped..)?, bytes);
-    Some(words)
+    Some(Words(words))
 }
 
 /// A burst is compared with the last good one only up to this age; after a longer gap anything may
@@ -193,8 +196,8 @@ impl Inspector {
         let fresh = self.count_repeats(now);
         // Only the very next burst can confirm a jump.
         let jumped = self.jumped.take();
-        let [_, _, rates] = now;
-        self.gyr_died = rates == [0; 3] && (self.gyr_died || self.turned(time));
+        let Words([acc, mag, gyr]) = now;
+        self.gyr_died = gyr == [0; 3] && (self.gyr_died || self.turned(time));
 
         if all_zero(config.mode, &now) {
             return Err(SensorFault::AllZero);
@@ -221,7 +224,6 @@ impl Inspector {
             return Err(SensorFault::Torn);
         }
         self.good = Some((time, now));
-        let [acc, mag, gyr] = now;
         let sample = RawSample {
             time,
             acc,
@@ -240,8 +242,8 @@ impl Inspector {
         } else {
             self.equal.saturating_add(1)
         };
-        let [_, _, gyr] = now;
-        let same_rates = self.last.is_some_and(|[_, _, last]| last == gyr);
+        let Words([_, _, gyr]) = now;
+        let same_rates = self.last.is_some_and(|Words([_, _, last])| last == gyr);
         if !same_rates && self.last.is_some() {
             let run = u16::from(self.gyr_still.clamp(1, GYR_RUN_MAX)) * GYR_RUN_UNIT;
             self.gyr_run = (self.gyr_run * (GYR_RUN_MEAN - 1) + run) / GYR_RUN_MEAN;
@@ -262,12 +264,15 @@ impl Inspector {
     /// Gravity and the earth's field cannot both be -1 count on all their axes; an angular rate
     /// can.
     fn all_ones(&self, time: Micros, now: &Words, before: Option<&Words>) -> bool {
-        let [acc, mag, gyr] = now;
-        if *acc == [-1; 3] || *mag == [-1; 3] {
-            return true;
+        let Words(words) = now;
+        let ones = words.as_flattened().iter().filter(|&&word| word == -1);
+        let ones = ones.count();
+        if ones == 0 {
+            // Nearly always.
+            return false;
         }
-        let ones = now.as_flattened().iter().filter(|&&word| word == -1);
-        if ones.count() > ONES_MAX {
+        let [acc, mag, gyr] = words;
+        if *acc == [-1; 3] || *mag == [-1; 3] || ones > ONES_MAX {
             return true;
         }
         let jumps = |now: &[i16; 3], good: &[i16; 3], jump: u16| {
@@ -277,9 +282,9 @@ impl Inspector {
         let [acc_jump, mag_jump, gyr_jump] = ONES_JUMP;
         let rates = gyr.iter().map(|rate| rate.unsigned_abs());
         let turn = rates.max().unwrap_or(0) / FIELD_PER_RATE;
-        let is_shown_again = before.is_some_and(|[_, before, _]| before == mag);
+        let is_shown_again = before.is_some_and(|Words([_, before, _])| before == mag);
         self.recent(time)
-            .is_some_and(|[good_acc, good_mag, good_gyr]| {
+            .is_some_and(|Words([good_acc, good_mag, good_gyr])| {
                 jumps(acc, good_acc, acc_jump)
                     || (*gyr == [-1; 3] || !is_shown_again) && jumps(mag, good_mag, mag_jump + turn)
                     || jumps(gyr, good_gyr, gyr_jump)
@@ -290,7 +295,7 @@ impl Inspector {
     fn turned(&self, time: Micros) -> bool {
         let turns = |rate: &i16| rate.unsigned_abs() > GYR_TURNS;
         self.recent(time)
-            .is_some_and(|[_, _, rates]| rates.iter().any(turns))
+            .is_some_and(|Words([_, _, rates])| rates.iter().any(turns))
     }
 
     /// Whether the same burst has come too often, or the same rates from a gyroscope whose noise
@@ -326,14 +331,14 @@ fn has_noisy_gyr(config: &Config) -> bool {
 ///
 /// A field of zero may also be a magnetometer that has not yet measured: where acceleration and
 /// rate are both live, they suffice.
-fn all_zero(mode: Mode, [acc, mag, gyr]: &Words) -> bool {
+fn all_zero(mode: Mode, Words([acc, mag, gyr]): &Words) -> bool {
     let both = mode.has_acc() && mode.has_gyr();
     *acc == [0; 3] && *gyr == [0; 3] && (both || *mag == [0; 3])
 }
 
 /// Whether a word is beyond the configured range and a sixty-fourth of it (sensors clip at their
 /// range, offsets come on top), or there is no magnetic field at all.
-fn out_of_range(config: &Config, [acc, mag, gyr]: &Words) -> bool {
+fn out_of_range(config: &Config, Words([acc, mag, gyr]): &Words) -> bool {
     let g = match config.units.acc {
         AccUnit::MetrePerSecondSquared => 981,
         AccUnit::MilliG => 1000,
@@ -350,12 +355,12 @@ fn out_of_range(config: &Config, [acc, mag, gyr]: &Words) -> bool {
 }
 
 /// Whether the burst is [`CRASH_PATTERN`].
-fn crash_pattern(config: &Config, &[acc, mag, _]: &Words) -> bool {
+fn crash_pattern(config: &Config, &Words([acc, mag, _]): &Words) -> bool {
     config.units.acc == AccUnit::MetrePerSecondSquared && [acc, mag] == CRASH_PATTERN
 }
 
 /// Whether any word moved by more than `limit`.
-fn moved(from: &Words, to: &Words, limit: u16) -> bool {
+fn moved(Words(from): &Words, Words(to): &Words, limit: u16) -> bool {
     from.as_flattened()
         .iter()
         .zip(to.as_flattened())

@@ -242,20 +242,19 @@ impl Master {
         }
     }
 
-    /// The transfer that is not over.
-    fn under_way(&self) -> Option<&Active> {
-        let active = self.active.as_ref()?;
-        (!matches!(active.step, Step::Done(_))).then_some(active)
+    /// Whether the transfer under way is to be given up.
+    fn is_late(&self, now: Micros) -> bool {
+        self.active.as_ref().is_some_and(|active| {
+            !matches!(active.step, Step::Done(_))
+                && now.since(active.started) >= TRANSFER_DEADLINE_US
+        })
     }
 
     /// Whether there is nothing to see to: no transfer, or one that has time left.
     fn is_well(&self, now: Micros) -> bool {
         let is_well = match &self.active {
             None => sercom::is_idle(),
-            Some(active) => {
-                !matches!(active.step, Step::Done(_))
-                    && now.since(active.started) < TRANSFER_DEADLINE_US
-            }
+            Some(active) => !matches!(active.step, Step::Done(_)) && !self.is_late(now),
         };
         is_well && !self.broken
     }
@@ -433,11 +432,6 @@ impl Bus {
         with_master(|master| master.state())
     }
 
-    /// When the transfer under way, if there is one, is given up.
-    pub(super) fn deadline(&self) -> Option<Micros> {
-        with_master(|master| Some(master.under_way()?.started.after(TRANSFER_DEADLINE_US)))
-    }
-
     /// What the transfer that was collected last has read.
     pub(super) fn answer(&self) -> &[u8] {
         let (Payload(bytes), len) = &self.answer;
@@ -451,7 +445,7 @@ impl Bus {
             self.idle_by = None;
             return None;
         }
-        if self.deadline().is_some_and(|deadline| now >= deadline) {
+        if with_master(|master| master.is_late(now)) {
             let lines_free = SDA.is_high() && SCL.is_high();
             self.abort(if lines_free {
                 BusError::Timeout

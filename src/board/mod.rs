@@ -131,22 +131,14 @@ impl Board {
     #[inline(never)]
     pub(crate) fn wait(&mut self, turn: Micros) -> (Micros, Event) {
         loop {
-            let (now, asleep) = time::sleep_until(self.deadline(), turn);
+            let burst_due = self.tick.burst_due().unwrap_or(Micros(u64::MAX));
+            let (now, asleep) = time::sleep_until(burst_due, turn);
             self.load.slept(asleep);
             let event = self.event(now);
             if !matches!(event, Event::Nothing) || usb::needs_care() || time::is_near(turn) {
                 return (now, event);
             }
         }
-    }
-
-    /// When the tick's burst is too late for its step, or a transfer is given up, whichever comes
-    /// first.
-    fn deadline(&self) -> Micros {
-        let never = Micros(u64::MAX);
-        let burst = self.tick.burst_due().unwrap_or(never);
-        let transfer = self.bus.deadline().unwrap_or(never);
-        burst.min(transfer)
     }
 
     /// Whether `transfer`, begun at `start`, is over before the next tick.

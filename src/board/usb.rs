@@ -109,17 +109,7 @@ impl Port {
     /// reset.
     pub(super) fn poll(&mut self, now: Micros, armed: bool) {
         if is_pending() || now.since(self.polled) >= POLL_PERIOD_US {
-            PENDING.store(false, Ordering::Relaxed);
-            TAKEN.store(true, Ordering::Relaxed);
-            self.polled = now;
-            self.may_read = true;
-            self.device.poll(&mut [&mut self.serial]);
-            self.watch_touch(now);
-            // While it was masked, the controller's line was high and made it pending once more;
-            // if the line is still high, it becomes pending again.
-            NVIC::unpend(pac::Interrupt::USB);
-            // SAFETY: the interrupt shares nothing but an atomic flag.
-            unsafe { NVIC::unmask(pac::Interrupt::USB) };
+            self.poll_stack(now);
         }
         match self.reset {
             Some(_) if armed => self.reset = None,
@@ -127,6 +117,21 @@ impl Port {
             Some((at, Reset::Restart)) if now >= at => SCB::sys_reset(),
             _ => {}
         }
+    }
+
+    #[inline(never)]
+    fn poll_stack(&mut self, now: Micros) {
+        PENDING.store(false, Ordering::Relaxed);
+        TAKEN.store(true, Ordering::Relaxed);
+        self.polled = now;
+        self.may_read = true;
+        self.device.poll(&mut [&mut self.serial]);
+        self.watch_touch(now);
+        // While it was masked, the controller's line was high and made it pending once more; if the
+        // line is still high, it becomes pending again.
+        NVIC::unpend(pac::Interrupt::USB);
+        // SAFETY: the interrupt shares nothing but atomic flags.
+        unsafe { NVIC::unmask(pac::Interrupt::USB) };
     }
 
     /// Reset once the host has been answered, unless it is armed by then.

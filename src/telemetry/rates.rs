@@ -49,8 +49,8 @@ const STREAMS: [(u32, Option<u16>); 9] = [
 /// What the host has chosen for a message.
 #[derive(Clone, Copy, Debug)]
 struct Rate {
-    /// Steps between two of a kind, 0 for none at all; nothing chosen is the default.
-    every: Option<u16>,
+    /// Steps between two of a kind, 0 for none at all.
+    every: u16,
     /// How many have gone by.
     gone: u16,
     /// The next step sends it in any case.
@@ -63,31 +63,38 @@ pub(super) struct Rates([Rate; STREAMS.len()]);
 
 impl Rates {
     pub(super) const fn new() -> Self {
-        let default = Rate {
-            every: None,
+        let mut rates = [Rate {
+            every: 0,
             gone: 0,
             wanted: false,
-        };
-        Self([default; STREAMS.len()])
+        }; STREAMS.len()];
+        let mut index = 0;
+        while index < STREAMS.len() {
+            if let (_, Some(every)) = STREAMS[index] {
+                rates[index].every = every;
+            }
+            index += 1;
+        }
+        Self(rates)
     }
 
     /// Another interval for the message with this number, us: 0 is the default again, -1 none at
     /// all. Says whether it was understood. A step comes every `step_us`.
     pub(super) fn set(&mut self, id: u32, interval_us: f32, step_us: u32) -> bool {
-        let chosen = if interval_us == -1.0 {
-            Some(0)
+        let Some((Rate { every, gone, .. }, Some(default))) = self.find(id) else {
+            return false;
+        };
+        *every = if interval_us == -1.0 {
+            0
         } else if interval_us == 0.0 {
-            None
+            default
         } else if interval_us > 0.0 {
             // The conversion saturates.
-            Some(((interval_us / step_us as f32 + 0.5) as u16).max(1))
+            ((interval_us / step_us as f32 + 0.5) as u16).max(1)
         } else {
             return false;
         };
-        let Some((Rate { every, gone, .. }, Some(_))) = self.find(id) else {
-            return false;
-        };
-        (*every, *gone) = (chosen, 0);
+        *gone = 0;
         true
     }
 
@@ -97,7 +104,7 @@ impl Rates {
         match self.find(id) {
             None => 0,
             Some((_, None)) => HEARTBEAT_PERIOD_US as i32,
-            Some((rate, Some(default))) => match rate.every.unwrap_or(default) {
+            Some((rate, Some(_))) => match rate.every {
                 0 => -1,
                 every => (u32::from(every) * step_us) as i32,
             },
@@ -110,19 +117,26 @@ impl Rates {
     }
 
     /// Another step: whether the message is due in it.
+    #[inline]
     pub(super) fn due(&mut self, stream: Stream) -> bool {
-        let index = stream as usize;
-        let (Some(rate), Some((_, default))) = (self.0.get_mut(index), STREAMS.get(index)) else {
+        let Some(rate) = self.0.get_mut(stream as usize) else {
             return false;
         };
         let wanted = core::mem::take(&mut rate.wanted);
-        let every = rate.every.or(*default).unwrap_or(0);
-        rate.gone += 1;
-        let due = rate.gone >= every && every > 0;
-        if due || every == 0 {
-            rate.gone = 0;
-        }
-        due || wanted
+        // Nearly all are at one or the other.
+        let is_due = match rate.every {
+            0 => false,
+            1 => true,
+            every => {
+                rate.gone += 1;
+                let is_due = rate.gone >= every;
+                if is_due {
+                    rate.gone = 0;
+                }
+                is_due
+            }
+        };
+        is_due || wanted
     }
 
     fn find(&mut self, id: u32) -> Option<(&mut Rate, Option<u16>)> {
