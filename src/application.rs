@@ -44,7 +44,8 @@ pub enum Event {
 /// How a transfer ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Outcome {
-    /// When it was started.
+    /// When it was started; for a burst of the rates alone, when a whole one would have been that
+    /// reads them at the same moment.
     pub started: Micros,
     /// Whether it went well. What was read is then the board's [`answer`](Board::answer).
     pub result: Result<(), BusError>,
@@ -98,8 +99,9 @@ pub trait Board {
     /// What the transfer of the newest event has read: nothing, for a write.
     fn answer(&self) -> &[u8];
 
-    /// Have every tick start `burst`, to the 7-bit address; `None` has them start nothing.
-    fn arm(&mut self, address: u8, burst: Option<Transfer>);
+    /// Have the next tick start a burst, to the 7-bit address: `rates` where it is one for the rates
+    /// alone ([`Timing::is_split`]), else `whole`. `None` has it start nothing.
+    fn arm(&mut self, address: u8, whole: Option<Transfer>, rates: Option<Transfer>);
 
     /// What the sensor's bus is doing.
     fn bus(&self) -> Bus;
@@ -113,7 +115,8 @@ pub trait Board {
     /// A control step begins.
     fn step_begins(&mut self);
 
-    /// When the newest tick came whose step a pulse carries: the last one in its frame.
+    /// When the newest tick came whose step a pulse carries, the last one in its frame, or would
+    /// have come for a whole burst.
     fn carried_tick(&self) -> Micros;
 
     /// A control step is over.
@@ -178,7 +181,11 @@ impl<'a> Application<'a> {
         if event != Event::Nothing {
             let sampling = self.driver.is_sampling();
             let address = self.driver.config().address.value();
-            board.arm(address, sampling.then(|| self.driver.burst()));
+            board.arm(
+                address,
+                sampling.then(|| self.driver.burst()),
+                self.driver.rates_burst(),
+            );
             // First and in the midst of the step, so that what the sensor is asked between two
             // bursts goes over the wire meanwhile.
             self.ask_sensor(now, board);

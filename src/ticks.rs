@@ -13,6 +13,11 @@
 //!   |<------------- lead_us ------------------------>|
 //!   |<------ burst_limit_us ------>|<STEP_BUDGET_US->|
 //! ```
+//!
+//! A whole burst reads accelerometer, magnetometer and, last, the rates. Where a frame has several
+//! ticks, the burst of the last one reads the rates alone: it begins later, by what the other two
+//! would have taken, and reads the rates at the same moment. So that all readings of the rates are
+//! evenly spaced, the time of such a sample is that at which a whole burst would have begun.
 
 use bno055_driver::{Micros, Transfer};
 
@@ -20,7 +25,7 @@ use crate::memory::time;
 
 /// From the last moment at which a burst may be over to the edge of its pulse, us: the step, with a
 /// reserve.
-pub const STEP_BUDGET_US: u32 = 1_200;
+pub const STEP_BUDGET_US: u32 = 400;
 
 /// Reserve for a burst that takes longer than [`Timing::burst_us`], us.
 const BURST_RESERVE_US: u32 = 1_000;
@@ -44,8 +49,11 @@ const HALF_STEP_US: u32 = 680;
 /// burst.
 const STRETCH_RESERVE_US: u32 = 20;
 
-/// Bytes of a burst: 18 of data, two addresses and the register.
+/// Bytes of a whole burst: 18 of data, two addresses and the register.
 const BURST_BYTES: u32 = 21;
+
+/// Bytes of it in front of the rates: accelerometer and magnetometer.
+const SKIPPED_BYTES: u32 = 12;
 
 /// Bytes of the longest transfer that is always to fit between two bursts: the verification of one
 /// register, with two addresses and its number.
@@ -69,7 +77,7 @@ pub struct Timing {
 }
 
 impl Timing {
-    /// Duration of a burst, us: 192 bit times, start and end, and 21 stretched bytes.
+    /// Duration of a whole burst, us: 192 bit times, start and end, and 21 stretched bytes.
     pub const fn burst_us(&self) -> u32 {
         self.unstretched_us() + BURST_BYTES * self.stretch_us
     }
@@ -79,14 +87,35 @@ impl Timing {
         burst_us.saturating_sub(self.unstretched_us()) / BURST_BYTES
     }
 
+    /// Whether the last burst of a frame reads the rates alone: where other ticks read the rest.
+    pub fn is_split(&self) -> bool {
+        TickPlan::new(self).ticks_per_frame > 1
+    }
+
     /// How long before the edge the frame's last tick comes, us.
-    pub const fn lead_us(&self) -> u32 {
+    pub fn lead_us(&self) -> u32 {
+        self.sample_lead_us() - if self.is_split() { self.skipped_us() } else { 0 }
+    }
+
+    /// How long before the edge the time of the sample is that the pulse carries, us.
+    pub const fn sample_lead_us(&self) -> u32 {
         self.burst_us() + BURST_RESERVE_US + STEP_BUDGET_US
     }
 
-    /// How long after its tick a burst may be over and still be in time for its step, us.
-    pub const fn burst_limit_us(&self) -> u64 {
-        (self.burst_us() + BURST_RESERVE_US) as u64
+    /// By how much a burst of the rates `alone` begins later than a whole one that reads them at
+    /// the same moment, us.
+    pub const fn later_us(&self, alone: bool) -> u32 {
+        if alone { self.skipped_us() } else { 0 }
+    }
+
+    /// How long after its tick a burst, of the rates `alone` or whole, may be over and still be in
+    /// time for its step, us.
+    pub const fn burst_limit_us(&self, alone: bool) -> u32 {
+        self.burst_us() + BURST_RESERVE_US - self.later_us(alone)
+    }
+
+    const fn skipped_us(&self) -> u32 {
+        SKIPPED_BYTES * (self.byte_us() + self.stretch_us)
     }
 
     /// Whether the sensor's bus is too slow to fly with: less than 100 bursts a second, each with a
@@ -341,8 +370,9 @@ impl TimerPlan {
         let plan = TickPlan::new(timing);
         let period = counts_per_us * 1_000_000 / timing.frame_hz;
         let spacing = period / plan.ticks_per_frame as u32;
-        let last = period - 1 - (counts_per_us * timing.lead_us() - 1) % period;
-        let middle = earlier(last, spacing, period);
+        let before_edge = |us| period - 1 - (counts_per_us * us - 1) % period;
+        let last = before_edge(timing.lead_us());
+        let middle = earlier(before_edge(timing.sample_lead_us()), spacing, period);
         let first = earlier(middle, spacing, period);
         Self {
             plan,
@@ -366,6 +396,8 @@ const fn earlier(tick: u32, spacing: u32, period: u32) -> u32 {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct NewestTick {
     at: Micros,
+    /// Its burst reads the rates alone.
+    alone: bool,
     /// When its burst, begun or not, is too late for its step; `None` once the step has been taken.
     burst_due: Option<Micros>,
 }
@@ -375,14 +407,15 @@ impl NewestTick {
     pub const fn new(now: Micros) -> Self {
         Self {
             at: now,
+            alone: false,
             burst_due: None,
         }
     }
 
-    /// A tick has come.
-    pub fn came(&mut self, at: Micros, timing: &Timing) {
-        self.at = at;
-        self.burst_due = Some(at.after(timing.burst_limit_us()));
+    /// A tick has come, whose burst reads the rates `alone` or all.
+    pub fn came(&mut self, at: Micros, alone: bool, timing: &Timing) {
+        (self.at, self.alone) = (at, alone);
+        self.burst_due = Some(at.after(timing.burst_limit_us(alone).into()));
     }
 
     /// When the step is taken without a sample, if it is still to come.
@@ -411,7 +444,9 @@ impl NewestTick {
         tick_period_us: u32,
     ) -> bool {
         let over = now.after(timing.transfer_us(transfer) + u64::from(reserve_us));
-        over < self.at.after(tick_period_us.into())
+        // Behind a tick that has come later than it would for a whole burst the next does not.
+        let next_us = tick_period_us - timing.later_us(self.alone);
+        over < self.at.after(next_us.into())
     }
 }
 
@@ -449,25 +484,32 @@ mod tests {
     }
 
     /// By hand: 520 us + 21 stretched bytes; four more of a short transfer, with 23 us each; 190 us
-    /// of STOP, and 680 us more where there is room.
+    /// of STOP, and 680 us more where there is room. Without 12 of the bytes, the last burst of
+    /// several in a frame begins later.
     #[test]
     fn a_slower_sensor_is_sampled_less_often_and_a_fast_one_later() {
         for (stretch_us, lead_us, per_frame, too_slow) in [
-            (20, 3_140, 3, false),
-            (180, 6_500, 3, false),
-            (207, 7_067, 3, false),
-            (208, 7_088, 2, false),
-            (350, 10_070, 2, false),
-            (367, 10_427, 2, false),
-            (368, 10_448, 1, true),
+            (20, 2_340, 3, false),
+            (180, 5_700, 3, false),
+            (207, 6_267, 3, false),
+            (208, 6_288, 2, false),
+            (350, 9_270, 2, false),
+            (367, 9_627, 2, false),
+            (368, 9_648, 1, true),
         ] {
             let timing = Timing {
                 stretch_us,
                 ..timing(50, 400)
             };
             let plan = TickPlan::new(&timing);
-            let found = (timing.lead_us(), plan.ticks_per_frame, timing.is_too_slow());
+            let found = (
+                timing.sample_lead_us(),
+                plan.ticks_per_frame,
+                timing.is_too_slow(),
+            );
             assert_eq!(found, (lead_us, per_frame, too_slow), "{stretch_us} us");
+            let later_us = if per_frame > 1 { 12 * (23 + stretch_us) } else { 0 };
+            assert_eq!(timing.lead_us(), lead_us - later_us, "{stretch_us} us");
             assert_eq!(timing.stretch_of(timing.burst_us()), stretch_us);
             let digital = Timing {
                 frame_hz: 300,
@@ -523,15 +565,16 @@ mod tests {
     #[test]
     fn the_timer_ticks_its_lead_before_the_edge_and_evenly_before_that() {
         let lead_us = |i2c_khz| timing(50, i2c_khz).lead_us();
-        assert_eq!((lead_us(400), lead_us(100)), (6_500, 7_940));
+        assert_eq!((lead_us(400), lead_us(100)), (3_264, 3_900));
         let plan = |frame_hz, i2c_khz| TimerPlan::new(3, &timing(frame_hz, i2c_khz));
         let slow = plan(50, 400);
         assert_eq!((slow.period, slow.tick_period_us), (60_000, 6_666));
-        assert_eq!(slow.ticks, [40_500, 20_500, 500]);
-        assert_eq!(plan(50, 100).ticks, [36_180, 6_180, 36_180]);
+        // The last would be at 42,900 with a whole burst.
+        assert_eq!(slow.ticks, [50_208, 22_900, 2_900]);
+        assert_eq!(plan(50, 100).ticks, [48_300, 8_580, 48_300]);
         let fast = plan(300, 400);
         assert_eq!((fast.period, fast.tick_period_us), (10_000, 6_666));
-        assert_eq!((fast.ticks[0], fast.plan.frames_per_tick), (500, 2));
+        assert_eq!((fast.ticks[0], fast.plan.frames_per_tick), (2_900, 2));
         assert_eq!(plan(0, 400), plan(50, 400));
         assert_eq!(plan(1_000, 400), plan(333, 400));
     }
@@ -553,22 +596,25 @@ mod tests {
     fn a_burst_belongs_to_its_step_until_that_is_taken_without_it() {
         let mut tick = NewestTick::new(Micros(0));
         assert!(!tick.burst_over() && !tick.is_missed(Micros(1_000_000)));
-        tick.came(Micros(10_000), &timing(50, 400));
+        tick.came(Micros(10_000), false, &timing(50, 400));
         assert_eq!(tick.burst_due(), Some(Micros(15_300)));
         assert!(!tick.is_missed(Micros(15_299)));
         assert!(tick.burst_over(), "in time");
         assert!(!tick.is_missed(Micros(15_300)), "the step has been taken");
-        tick.came(Micros(20_000), &timing(50, 100));
+        tick.came(Micros(20_000), false, &timing(50, 100));
         assert!(!tick.is_missed(Micros(26_739)));
         assert!(tick.is_missed(Micros(26_740)));
         assert!(!tick.is_missed(Micros(26_741)), "once");
         assert!(!tick.burst_over(), "late");
+        // 12 bytes of 203 us fewer.
+        tick.came(Micros(30_000), true, &timing(50, 400));
+        assert_eq!(tick.burst_due(), Some(Micros(32_864)));
     }
 
     #[test]
     fn a_short_transfer_goes_between_two_bursts_if_it_is_over_before_the_next() {
         let mut tick = NewestTick::new(Micros(0));
-        tick.came(Micros(10_000), &timing(50, 400));
+        tick.came(Micros(10_000), false, &timing(50, 400));
         let read = Transfer::Read {
             register: 0,
             len: 1,
@@ -577,5 +623,9 @@ mod tests {
         let fits = |now| tick.leaves_time_for(Micros(now), &read, &timing(50, 400), 200, 6_666);
         assert!(fits(15_573) && !fits(15_574));
         assert!(!tick.leaves_time_for(Micros(15_573), &read, &timing(50, 100), 200, 6_666));
+        // Behind a burst of the rates alone the next tick comes 2,436 us earlier.
+        tick.came(Micros(10_000), true, &timing(50, 400));
+        let fits = |now| tick.leaves_time_for(Micros(now), &read, &timing(50, 400), 200, 6_666);
+        assert!(fits(13_137) && !fits(13_138));
     }
 }

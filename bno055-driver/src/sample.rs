@@ -65,6 +65,25 @@ pub(crate) const fn burst(mode: Mode) -> Transfer {
     Transfer::read(first, len)
 }
 
+/// Bytes of the rates.
+const RATES: u8 = registers::EUL_DATA - registers::GYR_DATA;
+
+/// The burst that reads the rates alone, where `mode` measures more than them.
+pub(crate) const fn rates_burst(mode: Mode) -> Option<Transfer> {
+    let (_, len) = span(mode);
+    if mode.has_gyr() && len > RATES {
+        Some(Transfer::read(registers::GYR_DATA, RATES))
+    } else {
+        None
+    }
+}
+
+/// Whether an answer of ones alone may be right: rates of -1 on all axes come every few seconds at
+/// rest.
+pub(crate) fn may_be_ones(bytes: &[u8]) -> bool {
+    bytes.is_empty() || bytes.len() == usize::from(RATES)
+}
+
 /// Accelerometer, magnetometer and gyroscope words of a burst. In whole machine words, by which
 /// small cores copy faster.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -158,6 +177,10 @@ pub(crate) struct Inspector {
     good: Option<(Micros, Words)>,
     /// Last burst, if it was held back for a jump that the next one may confirm.
     jumped: Option<Words>,
+    /// The last burst was good.
+    content: bool,
+    /// The last burst was of the rates alone.
+    alone: bool,
 }
 
 /// A burst that was believed.
@@ -179,11 +202,18 @@ impl Default for Inspector {
             gyr_died: false,
             good: None,
             jumped: None,
+            content: false,
+            alone: false,
         }
     }
 }
 
 impl Inspector {
+    /// Whether the last burst was good.
+    pub(crate) fn is_content(&self) -> bool {
+        self.content
+    }
+
     /// The sample in a burst, or the fault of the first rule that the burst breaks.
     pub(crate) fn judge(
         &mut self,
@@ -191,9 +221,23 @@ impl Inspector {
         time: Micros,
         bytes: &[u8],
     ) -> Result<Judged, SensorFault> {
-        let now = words(config.mode, bytes).ok_or(SensorFault::Protocol)?;
+        let alone = rates_burst(config.mode).is_some() && bytes.len() == usize::from(RATES);
+        let was_alone = core::mem::replace(&mut self.alone, alone);
+        let was_content = core::mem::take(&mut self.content);
+        let now = match (alone, self.good) {
+            (false, _) => words(config.mode, bytes).ok_or(SensorFault::Protocol)?,
+            (true, Some((_, Words([acc, mag, _])))) if was_content => {
+                let mut rates = [0; 3];
+                words::decode(&mut rates, bytes);
+                Words([acc, mag, rates])
+            }
+            // There is nothing to judge them by.
+            (true, _) => return Err(SensorFault::Protocol),
+        };
         let before = self.last;
-        let fresh = self.count_repeats(now);
+        let differs = self.count_repeats(now);
+        // One refresh is not to be counted for its rates and, in the next burst, for the rest.
+        let fresh = differs && (!was_alone || before.map(rates_of) != Some(rates_of(now)));
         // Only the very next burst can confirm a jump.
         let jumped = self.jumped.take();
         let Words([acc, mag, gyr]) = now;
@@ -218,12 +262,13 @@ impl Inspector {
             && self.recent(time).is_some_and(|good| moved(good, &now, limit))
             // A second burst at the new place, and not merely the same bytes again, shows a real
             // jump.
-            && !(fresh && jumped.is_some_and(|jumped| !moved(&jumped, &now, limit)))
+            && !(differs && jumped.is_some_and(|jumped| !moved(&jumped, &now, limit)))
         {
             self.jumped = Some(now);
             return Err(SensorFault::Torn);
         }
         self.good = Some((time, now));
+        self.content = true;
         let sample = RawSample {
             time,
             acc,
@@ -319,6 +364,10 @@ impl Inspector {
         let (then, good) = self.good.as_ref()?;
         (time.since(*then) <= STEP_AGE_US).then_some(good)
     }
+}
+
+fn rates_of(Words([_, _, rates]): Words) -> [i16; 3] {
+    rates
 }
 
 /// Whether every rate has noise: fusion removes it, and a sleeping sensor has none.

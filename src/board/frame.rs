@@ -41,8 +41,11 @@ static RUNNING: AtomicBool = AtomicBool::new(false);
 static FRAMES_PER_TICK: AtomicU8 = AtomicU8::new(1);
 /// Frames since the last tick.
 static FRAMES: AtomicU8 = AtomicU8::new(0);
-/// So long after a tick its burst is too late for its step.
-static BURST_LIMIT_US: AtomicU32 = AtomicU32::new(0);
+/// So long after a tick its burst is too late for its step, us: a whole one, and one of the rates
+/// alone.
+static BURST_LIMITS_US: [AtomicU32; 2] = [AtomicU32::new(0), AtomicU32::new(0)];
+/// The last tick of a frame reads the rates alone.
+static IS_SPLIT: AtomicBool = AtomicBool::new(false);
 /// The newest tick that the main loop has not seen.
 static TICK: Mutex<Cell<Option<Tick>>> = Mutex::new(Cell::new(None));
 
@@ -53,6 +56,8 @@ pub(super) struct Tick {
     pub(super) at: Micros,
     /// The next pulse carries its step.
     pub(super) is_carried: bool,
+    /// Its burst reads the rates alone.
+    pub(super) alone: bool,
 }
 
 /// The interrupt flags of the first `count` tick channels.
@@ -179,7 +184,10 @@ fn announce(plan: &TimerPlan, timing: &Timing) {
         frames_per_tick,
     } = plan.plan;
     FRAMES_PER_TICK.store(frames_per_tick, Ordering::Relaxed);
-    BURST_LIMIT_US.store(timing.burst_limit_us() as u32, Ordering::Relaxed);
+    let [whole, rates] = &BURST_LIMITS_US;
+    whole.store(timing.burst_limit_us(false), Ordering::Relaxed);
+    rates.store(timing.burst_limit_us(true), Ordering::Relaxed);
+    IS_SPLIT.store(timing.is_split(), Ordering::Relaxed);
     let (all, wanted) = (
         tick_flags(TickPlan::MOST_TICKS),
         tick_flags(ticks_per_frame),
@@ -239,12 +247,16 @@ fn matched() {
     FRAMES.store(if last && due { 0 } else { frames }, Ordering::Relaxed);
     if due {
         let at = now();
-        i2c::start_burst(at);
+        let alone = last && IS_SPLIT.load(Ordering::Relaxed);
+        i2c::start_burst(at, alone);
+        let [whole, rates] = &BURST_LIMITS_US;
+        let limit_us = if alone { rates } else { whole }.load(Ordering::Relaxed);
         // The burst's end wakes the main loop, or its being late does.
-        time::wake_before(at.after(BURST_LIMIT_US.load(Ordering::Relaxed).into()));
+        time::wake_before(at.after(limit_us.into()));
         let tick = Tick {
             at,
             is_carried: last,
+            alone,
         };
         critical_section::with(|cs| TICK.borrow(cs).set(Some(tick)));
     }

@@ -60,8 +60,8 @@ const _: () = assert!(WRITE_MAX <= READ_MAX);
 /// Who started a transfer.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(super) enum Origin {
-    /// The tick's interrupt.
-    Tick,
+    /// The tick's interrupt, for the rates `alone` or for all.
+    Tick { alone: bool },
     /// The main loop.
     Loop,
 }
@@ -132,8 +132,8 @@ struct Active {
 struct Master {
     /// The slave's address, shifted as it goes on the wire.
     address: u8,
-    /// The read that the next tick starts.
-    armed: Option<Outline>,
+    /// The reads that the next tick may start: of everything, and of the rates alone.
+    armed: [Option<Outline>; 2],
     active: Option<Active>,
     /// What the newest transfer writes or has read.
     payload: Payload,
@@ -143,7 +143,7 @@ struct Master {
 
 static MASTER: Mutex<RefCell<Master>> = Mutex::new(RefCell::new(Master {
     address: 0,
-    armed: None,
+    armed: [None; 2],
     active: None,
     payload: Payload([0; PAYLOAD_BYTES]),
     broken: true,
@@ -392,12 +392,16 @@ impl Bus {
         }
     }
 
-    /// Have the next tick start the read `transfer`; `None` has it start nothing. All transfers go
-    /// to the 7-bit `address`.
-    pub(super) fn arm(&mut self, address: u8, transfer: Option<Transfer>) {
-        self.sampling = transfer.is_some();
-        let outline = transfer.as_ref().map(Outline::of);
-        let armed = outline.filter(|outline| outline.is_read);
+    /// Have the next tick start a read, of the `rates` alone where it is one for them, else `whole`;
+    /// `None` has it start nothing. All transfers go to the 7-bit `address`.
+    pub(super) fn arm(
+        &mut self,
+        address: u8,
+        whole: Option<Transfer>,
+        rates: Option<Transfer>,
+    ) {
+        self.sampling = whole.is_some();
+        let armed = [whole, rates].map(|transfer| transfer.as_ref().map(Outline::of));
         with_master(|master| (master.address, master.armed) = (address << 1, armed));
     }
 
@@ -483,13 +487,13 @@ impl Bus {
     }
 
     /// Wait for the STOP of a transfer that is over, and so learn how long the sensor holds it up
-    /// after a read; after a write it may go out at once. Before a step there is less time for
-    /// that.
-    pub(super) fn await_stop(&mut self, over: &Completion) {
-        let limit_us = if self.sampling {
-            STOP_HURRIED_US
-        } else {
-            STOP_LIMIT_US
+    /// after a read; after a write it may go out at once. Where the sensor is sampled there is less
+    /// time for that, and none beyond the moment at which a step is `due`.
+    pub(super) fn await_stop(&mut self, over: &Completion, due: Option<Micros>) {
+        let limit_us = match due {
+            _ if !self.sampling => STOP_LIMIT_US,
+            Some(due) => due.since(now()).min(STOP_HURRIED_US),
+            None => STOP_HURRIED_US,
         };
         let is_awaited = || with_master(|master| master.awaits_stop());
         // Where it has gone out already, its length is not known.
@@ -535,17 +539,19 @@ impl Bus {
 /// Start the armed transfer, from the tick's interrupt, unless the bus is busy. A transfer that
 /// went well and that the main loop, being late, has not collected is overtaken: the burst is worth
 /// more, and the driver asks again.
-pub(super) fn start_burst(time: Micros) {
+pub(super) fn start_burst(time: Micros, alone: bool) {
     with_master(|master| {
         let active = master.active.as_ref();
         let free = active.is_none_or(|active| matches!(active.step, Step::Done(Ok(()))));
         // A STOP that takes longer than is waited for here costs the burst.
+        let [whole, rates] = master.armed;
         if free
-            && master.armed.is_some()
+            && let Some(burst) = if alone { rates } else { whole }
             && (master.broken || sercom::wait_idle().is_ok())
-            && let Some(burst) = master.armed.take()
         {
-            master.start(burst, Origin::Tick, time);
+            // The loop arms the next when it has seen this one.
+            master.armed = [None; 2];
+            master.start(burst, Origin::Tick { alone }, time);
         }
     });
 }

@@ -164,30 +164,34 @@ impl Board {
     fn event(&mut self, now: Micros) -> Event {
         if let Some(tick) = frame::take_tick() {
             self.guard.work.tick_seen();
-            self.tick.came(tick.at, self.frame.timing());
+            let timing = self.frame.timing();
+            self.tick.came(tick.at, tick.alone, timing);
             if tick.is_carried {
-                self.carried_at = tick.at;
+                self.carried_at = before(tick.at, timing.later_us(tick.alone));
             }
         }
         if let Some(completion) = self.bus.poll(now) {
             // While the sensor is set up, nothing is more urgent than the STOP.
             if !self.bus.is_sampling() || self.is_hurried(now) {
-                self.bus.await_stop(&completion);
+                self.bus.await_stop(&completion, self.tick.burst_due());
             }
             let i2c::Completion {
                 origin,
-                outcome,
+                mut outcome,
                 took_us,
             } = completion;
+            let alone = origin == i2c::Origin::Tick { alone: true };
+            let later_us = self.frame.timing().later_us(alone);
+            outcome.started = before(outcome.started, later_us);
             match (origin, outcome.result) {
-                (i2c::Origin::Tick, Ok(_)) => self.bursts.add(took_us),
+                (i2c::Origin::Tick { alone: false }, Ok(())) => self.bursts.add(took_us),
                 (_, Err(_)) => self.bus_errors = self.bus_errors.saturating_add(1),
-                (i2c::Origin::Loop, Ok(_)) => {}
+                (_, Ok(())) => {}
             }
             return match origin {
                 i2c::Origin::Loop => Event::Reply(outcome),
-                i2c::Origin::Tick if self.tick.burst_over() => Event::Burst(outcome),
-                i2c::Origin::Tick => Event::Late(outcome),
+                i2c::Origin::Tick { .. } if self.tick.burst_over() => Event::Burst(outcome),
+                i2c::Origin::Tick { .. } => Event::Late(outcome),
             };
         }
         if self.tick.is_missed(now) {
@@ -206,8 +210,8 @@ impl application::Board for Board {
     }
 
     /// A bus that is free takes over a changed speed, too.
-    fn arm(&mut self, address: u8, burst: Option<Transfer>) {
-        self.bus.arm(address, burst);
+    fn arm(&mut self, address: u8, whole: Option<Transfer>, rates: Option<Transfer>) {
+        self.bus.arm(address, whole, rates);
         self.bus.set_speed_when_free(self.frame.timing().i2c_khz);
     }
 
@@ -295,6 +299,10 @@ impl application::Board for Board {
     fn bringup(&mut self, order: Order) -> Option<u32> {
         bringup::obey(order, &self.bus)
     }
+}
+
+fn before(at: Micros, us: u32) -> Micros {
+    Micros(at.0.saturating_sub(us.into()))
 }
 
 fn enable_interrupts(scb: &mut pac::SCB, nvic: &mut pac::NVIC) {

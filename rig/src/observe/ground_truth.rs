@@ -36,7 +36,7 @@ impl Pulse {
     }
 }
 
-/// A burst that read all data of the sensor, seen on the bus.
+/// A burst that read all data of the sensor, or the rates alone, seen on the bus.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Burst {
     /// START condition: one byte before the acknowledge, with the length of the byte after it.
@@ -47,11 +47,14 @@ pub struct Burst {
     pub end: Ticks,
     /// What the sensor's registers held when the first byte was read.
     pub refresh: Refresh,
-    /// The nine words: accelerometer, magnetometer, gyroscope.
+    /// The nine words: accelerometer, magnetometer, gyroscope. Beside rates that were read alone
+    /// stand those of the newest whole burst.
     pub words: [i16; 9],
     /// True if the words are those that a faultless sensor and cable would have given, to within
     /// 2 m/s^2, 5 uT and 4 deg/s: an error that small does no harm.
     pub valid: bool,
+    /// It read the rates alone.
+    pub alone: bool,
 }
 
 /// A control step, from the probe pin D4.
@@ -70,7 +73,7 @@ pub struct GroundTruth {
     pub motion: Vec<Motion>,
     /// Finished servo pulses.
     pub pulses: Vec<Pulse>,
-    /// Bursts that read all 18 bytes of data.
+    /// Bursts that read all 18 bytes of data, or the 6 of the rates.
     pub bursts: Vec<Burst>,
     /// Control steps.
     pub steps: Vec<Step>,

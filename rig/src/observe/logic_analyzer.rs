@@ -2,12 +2,14 @@
 //! and pulses.
 
 use crate::bno055::Refresh;
-use crate::bno055::registers::page0::ACC_DATA;
+use crate::bno055::registers::page0::{ACC_DATA, GYR_DATA};
 use crate::observe::ground_truth::{Burst, GroundTruth, Pulse, Step};
 use samd21::board::{I2cEvent, I2cReply, Ticks};
 
-/// Bytes that a full burst reads.
+/// Bytes that a whole burst reads.
 const FULL: usize = 18;
+/// Those of them in front of the rates, which are read alone, too.
+const SKIPPED: usize = 12;
 /// Largest harmless errors of a word of accelerometer, magnetometer and gyroscope, counts: 2 m/s^2,
 /// 5 uT, 4 deg/s. A single such sample moves the rudder by at most 2 degrees, through the
 /// gyroscope; the other two are averaged over seconds.
@@ -32,13 +34,17 @@ struct Transaction {
     /// What a faultless sensor would have given; a word is latched at its first byte, as in the
     /// sensor.
     faultless: [i16; FULL / 2],
+    /// Bytes read so far, and those that are skipped.
     count: usize,
+    skipped: usize,
 }
 
 /// The analyser, with the transaction, pulse and step that have begun and not ended.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct LogicAnalyzer {
     transaction: Option<Transaction>,
+    /// Words of the newest whole burst, and whether they were valid.
+    whole: Option<([i16; 9], bool)>,
     pulse_rise: Option<Ticks>,
     step_start: Option<Ticks>,
 }
@@ -63,10 +69,20 @@ impl LogicAnalyzer {
                     bytes: [0; FULL],
                     faultless: [0; FULL / 2],
                     count: 0,
+                    skipped: 0,
                 });
             }
             (I2cEvent::Write(pointer), Some(t)) => {
-                if pointer == ACC_DATA && t.start.is_none() && reply.ack {
+                let skipped = match pointer {
+                    ACC_DATA => Some(0),
+                    GYR_DATA => Some(SKIPPED),
+                    _ => None,
+                };
+                if let Some(skipped) = skipped
+                    && t.start.is_none()
+                    && reply.ack
+                {
+                    (t.count, t.skipped) = (skipped, skipped);
                     let byte = now.saturating_sub(t.acknowledged + t.stretch);
                     t.start = Some(t.acknowledged.saturating_sub(byte));
                 } else {
@@ -89,9 +105,18 @@ impl LogicAnalyzer {
                 if let (Some(start), Some(refresh)) = (t.start, t.refresh)
                     && t.count >= FULL
                 {
-                    let mut words = [0; 9];
-                    for (word, bytes) in words.iter_mut().zip(t.bytes.chunks_exact(2)) {
+                    // The rest of a burst of the rates alone is that of the newest whole one.
+                    let rest = if t.skipped == 0 { None } else { self.whole };
+                    let (mut words, valid) = rest.unwrap_or(([0; 9], t.skipped == 0));
+                    let skipped = t.skipped / 2;
+                    let read = words.iter_mut().zip(t.bytes.chunks_exact(2)).skip(skipped);
+                    for (word, bytes) in read {
                         *word = i16::from_le_bytes([bytes[0], bytes[1]]);
+                    }
+                    t.faultless[..skipped].copy_from_slice(&words[..skipped]);
+                    let valid = valid && close(words, t.faultless);
+                    if t.skipped == 0 {
+                        self.whole = Some((words, valid));
                     }
                     truth.bursts.push(Burst {
                         start,
@@ -99,7 +124,8 @@ impl LogicAnalyzer {
                         end: now,
                         refresh,
                         words,
-                        valid: close(words, t.faultless),
+                        valid,
+                        alone: t.skipped != 0,
                     });
                 }
                 self.transaction = None;

@@ -40,7 +40,9 @@ impl FromIterator<f64> for Spread {
 pub struct LoopTiming {
     /// Bursts a second.
     pub rate_hz: f64,
-    /// Largest deviation of the time between two bursts from its mean, us.
+    /// Largest deviation of the time between two bursts from its mean, us; where one of several
+    /// reads the rates alone and begins later, between two of the same kind that are as many of
+    /// their kind apart as lie between two of the others.
     pub jitter_us_max: f64,
     /// Length of a control step in CPU cycles at 48 MHz, interrupts included.
     pub cycles_per_step: Spread,
@@ -50,7 +52,7 @@ pub struct LoopTiming {
     pub sample_age_us: Spread,
     /// Control steps.
     pub steps: usize,
-    /// Bursts that read all data.
+    /// Bursts.
     pub bursts: usize,
 }
 
@@ -75,10 +77,7 @@ impl LoopTiming {
             } else {
                 1e6 / period.mean
             },
-            jitter_us_max: periods
-                .iter()
-                .map(|p| (p - period.mean).abs())
-                .fold(0.0, f64::max),
+            jitter_us_max: jitter_us(&bursts),
             cycles_per_step: steps
                 .clone()
                 .map(|step| (step.end - step.start).0 as f64)
@@ -95,6 +94,26 @@ impl LoopTiming {
             bursts: bursts.len(),
         }
     }
+}
+
+/// See [`LoopTiming::jitter_us_max`].
+fn jitter_us(bursts: &[&Burst]) -> f64 {
+    let (alone, whole): (Vec<&Burst>, Vec<&Burst>) = bursts.iter().partition(|burst| burst.alone);
+    let between = match alone.len() {
+        0 => 1,
+        count => (whole.len() as f64 / count as f64).round().max(1.0) as usize,
+    };
+    let deviation = |bursts: &[&Burst], apart: usize| {
+        let later = bursts.iter().skip(apart);
+        let periods = bursts.iter().zip(later);
+        let periods: Vec<f64> = periods
+            .map(|(one, other)| (other.acknowledged - one.acknowledged).as_us_f64())
+            .collect();
+        let mean = periods.iter().copied().collect::<Spread>().mean;
+        let deviations = periods.iter().map(|period| (period - mean).abs());
+        deviations.fold(0.0, f64::max)
+    };
+    deviation(&alone, 1).max(deviation(&whole, between))
 }
 
 /// Every pulse that carries a new sample, with the burst that brought it.
@@ -154,6 +173,7 @@ mod tests {
                     },
                     words: [0; 9],
                     valid: true,
+                    alone: false,
                 });
                 truth.steps.push(Step {
                     start: us(begin + 4310),

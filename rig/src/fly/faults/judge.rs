@@ -237,6 +237,7 @@ mod tests {
                 refresh: Refresh::default(),
                 words: [0; 9],
                 valid: valid(time),
+                alone: false,
             });
             truth.steps.push(Step {
                 start: ms(time) + Ticks::from_us(10),
