@@ -248,10 +248,10 @@ fn predictive(params: &Params, travel_rad: f32) -> PredictiveConfig {
     }
 }
 
-/// A pulse takes effect when it ends: its tick's lead and the pulse at the middle later.
+/// A pulse takes effect when it ends: the pulse at the middle behind its edge.
 fn surface(params: &Params, travel_rad: f32) -> SurfaceConfig {
     let period_s = period_s(params);
-    let lead_us = params.timing().sample_lead_us() as f32;
+    let lead_us = params.timing().rates_lead_us() as f32;
     SurfaceConfig {
         period_s,
         plant_gain: params.pitch_gain(),

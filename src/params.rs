@@ -141,6 +141,8 @@ impl Params {
     }
 
     /// What the timing of the loop follows from.
+    // Not inlined: it is called from several places.
+    #[inline(never)]
     pub fn timing(&self) -> Timing {
         Timing {
             frame_hz: self.srv_rate_hz() as u32,

@@ -280,6 +280,15 @@ impl Master {
         })
     }
 
+    /// End the transfer under way. The peripheral is of no use until it is repaired.
+    fn abort(&mut self, error: BusError) {
+        sercom::silence();
+        self.broken = true;
+        if let Some(active) = &mut self.active {
+            active.step = Step::Done(Err(error));
+        }
+    }
+
     fn state(&self) -> application::Bus {
         if self.active.is_some() {
             application::Bus::Busy
@@ -387,7 +396,6 @@ impl Bus {
     pub(super) fn set_speed_when_free(&mut self, khz: u32) {
         if self.khz != khz && self.state() != application::Bus::Busy {
             self.khz = khz;
-            self.abort(BusError::Protocol);
             self.repair();
         }
     }
@@ -445,29 +453,32 @@ impl Bus {
     /// The transfer that is over, once; ends one that has reached its deadline, and repairs the
     /// bus.
     pub(super) fn poll(&mut self, now: Micros) -> Option<Completion> {
-        if with_master(|master| master.is_well(now)) {
-            self.idle_by = None;
-            return None;
-        }
-        if with_master(|master| master.is_late(now)) {
-            let lines_free = SDA.is_high() && SCL.is_high();
-            self.abort(if lines_free {
-                BusError::Timeout
-            } else {
-                BusError::Stuck
-            });
-        }
-        let completion = with_master(|master| master.collect(&mut self.answer));
-        if completion.is_some() {
-            // The STOP of this one goes out from now on.
-            self.idle_by = None;
-        }
-        if !with_master(|master| master.awaits_stop()) {
-            self.idle_by = None;
-        } else if now >= *self.idle_by.get_or_insert(now.after(STOP_LIMIT_US)) {
-            with_master(|master| master.broken = true);
-        }
-        if now >= self.repair_at && with_master(|master| master.broken) {
+        let Self {
+            answer, idle_by, ..
+        } = self;
+        let (completion, is_broken) = with_master(|master| {
+            if master.is_well(now) {
+                *idle_by = None;
+                return (None, false);
+            }
+            if master.is_late(now) {
+                let lines_free = SDA.is_high() && SCL.is_high();
+                master.abort(if lines_free {
+                    BusError::Timeout
+                } else {
+                    BusError::Stuck
+                });
+            }
+            let completion = master.collect(answer);
+            if completion.is_some() || !master.awaits_stop() {
+                *idle_by = None;
+            }
+            if master.awaits_stop() && now >= *idle_by.get_or_insert(now.after(STOP_LIMIT_US)) {
+                master.broken = true;
+            }
+            (completion, master.broken)
+        });
+        if is_broken && now >= self.repair_at {
             self.recoveries = self.recoveries.saturating_add(1);
             log::bus_repaired(self.recoveries);
             self.repair();
@@ -505,20 +516,6 @@ impl Bus {
                 self.stop_us = us.max(self.stop_us - self.stop_us / 8);
             }
         }
-    }
-
-    /// End the transfer under way. The peripheral is of no use until it is repaired.
-    fn abort(&mut self, error: BusError) {
-        with_master(|master| {
-            sercom::silence();
-            master.broken = true;
-            if let Some(active) = &mut master.active
-                && !matches!(active.step, Step::Done(_))
-            {
-                active.step = Step::Done(Err(error));
-                wake::request();
-            }
-        });
     }
 
     /// Reset the peripheral, free the lines, set it up anew. Nothing touches it meanwhile: it is

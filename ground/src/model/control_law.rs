@@ -137,3 +137,21 @@ pub fn setup(servo: ServoKind, file: Option<&Path>) -> Result<Setup> {
     let text = std::fs::read_to_string(path).map_err(|error| bad(&error))?;
     Ok(Setup::parse_over(&text, &base).map_err(|error| bad(&error))?)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_model_has_the_image_s_timing() {
+        for preset in [Timing::NANO_50HZ, Timing::NANO_300HZ] {
+            let mut params = Params::default();
+            let frame_hz = (1.0 / preset.frame_s).round() as f32;
+            params.set("SRV_RATE_HZ", frame_hz).expect("in range");
+            let lead_s = 1e-6 * f64::from(params.timing().rates_lead_us());
+            assert!((lead_s - preset.lead_s.expect("locked")).abs() < 1e-5);
+            let control_s = 1e-6 * f64::from(params.control_period_us());
+            assert!((control_s - preset.control_s).abs() < 2e-6);
+        }
+    }
+}
