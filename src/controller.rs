@@ -248,10 +248,12 @@ fn predictive(params: &Params, travel_rad: f32) -> PredictiveConfig {
     }
 }
 
-/// A pulse takes effect when it ends: the pulse at the middle behind its edge.
+/// A pulse takes effect when it ends: the time of its sample before the edge, and the pulse at the
+/// middle behind it. The rates are read some 3 ms after that time; flights overshoot as the model
+/// does with those counted as delay.
 fn surface(params: &Params, travel_rad: f32) -> SurfaceConfig {
     let period_s = period_s(params);
-    let lead_us = params.timing().rates_lead_us() as f32;
+    let lead_us = params.timing().sample_lead_us() as f32;
     SurfaceConfig {
         period_s,
         plant_gain: params.pitch_gain(),

@@ -55,9 +55,6 @@ const BURST_BYTES: u32 = 21;
 /// Bytes of it in front of the rates: accelerometer and magnetometer.
 const SKIPPED_BYTES: u32 = 12;
 
-/// Bytes of it in front of the second rate.
-const RATES_AT_BYTES: u32 = 17;
-
 /// Bytes of the longest transfer that is always to fit between two bursts: the verification of one
 /// register, with two addresses and its number.
 const SHORT_BYTES: u32 = 4;
@@ -103,12 +100,6 @@ impl Timing {
     /// How long before the edge the time of the sample is that the pulse carries, us.
     pub const fn sample_lead_us(&self) -> u32 {
         self.burst_us() + BURST_RESERVE_US + STEP_BUDGET_US
-    }
-
-    /// How long before the edge the sensor gives the rate about its second axis, which a word of the
-    /// burst holds still as it begins, us.
-    pub const fn rates_lead_us(&self) -> u32 {
-        self.sample_lead_us() - RATES_AT_BYTES * (self.byte_us() + self.stretch_us)
     }
 
     /// By how much a burst of the rates `alone` begins later than a whole one that reads them at
@@ -575,7 +566,6 @@ mod tests {
     fn the_timer_ticks_its_lead_before_the_edge_and_evenly_before_that() {
         let lead_us = |i2c_khz| timing(50, i2c_khz).lead_us();
         assert_eq!((lead_us(400), lead_us(100)), (3_264, 3_900));
-        assert_eq!(timing(50, 400).rates_lead_us(), 5_700 - 17 * 203);
         let plan = |frame_hz, i2c_khz| TimerPlan::new(3, &timing(frame_hz, i2c_khz));
         let slow = plan(50, 400);
         assert_eq!((slow.period, slow.tick_period_us), (60_000, 6_666));

@@ -148,7 +148,7 @@ mod tests {
             let mut params = Params::default();
             let frame_hz = (1.0 / preset.frame_s).round() as f32;
             params.set("SRV_RATE_HZ", frame_hz).expect("in range");
-            let lead_s = 1e-6 * f64::from(params.timing().rates_lead_us());
+            let lead_s = 1e-6 * f64::from(params.timing().sample_lead_us());
             assert!((lead_s - preset.lead_s.expect("locked")).abs() < 1e-5);
             let control_s = 1e-6 * f64::from(params.control_period_us());
             assert!((control_s - preset.control_s).abs() < 2e-6);
