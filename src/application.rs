@@ -101,7 +101,7 @@ pub trait Board {
 
     /// Have the next tick start a burst, to the 7-bit address: `rates` where it is one for the rates
     /// alone ([`Timing::is_split`]), else `whole`. `None` has it start nothing.
-    fn arm(&mut self, address: u8, whole: Option<Transfer>, rates: Option<Transfer>);
+    fn arm(&mut self, address: u8, whole: Option<&Transfer>, rates: Option<&Transfer>);
 
     /// What the sensor's bus is doing.
     fn bus(&self) -> Bus;
@@ -179,13 +179,7 @@ impl<'a> Application<'a> {
     pub fn turn(&mut self, now: Micros, event: Event, board: &mut impl Board) -> Micros {
         let reading = self.take(now, event, board);
         if event != Event::Nothing {
-            let sampling = self.driver.is_sampling();
-            let address = self.driver.config().address.value();
-            board.arm(
-                address,
-                sampling.then(|| self.driver.burst()),
-                self.driver.rates_burst(),
-            );
+            self.arm(event, board);
             // First and in the midst of the step, so that what the sensor is asked between two
             // bursts goes over the wire meanwhile.
             self.ask_sensor(now, board);
@@ -218,6 +212,18 @@ impl<'a> Application<'a> {
         // A transfer that is missing may be one to give up.
         let is_calm = !is_waiting && self.driver.is_sampling() && event != Event::Missed;
         now.after(if is_calm { CALM_US } else { CARE_US })
+    }
+
+    /// Say what the next tick is to start. The reply to a verification changes that only where it
+    /// ends the sampling.
+    fn arm(&mut self, event: Event, board: &mut impl Board) {
+        let sampling = self.driver.is_sampling();
+        if sampling && matches!(event, Event::Reply(_)) {
+            return;
+        }
+        let address = self.driver.config().address.value();
+        let whole = sampling.then(|| self.driver.burst());
+        board.arm(address, whole.as_ref(), self.driver.rates_burst().as_ref());
     }
 
     /// What the event means to the flight: a sample or the reason why there is none, where a step

@@ -55,7 +55,6 @@ use mavlink::dialects::common::{
     MavAutopilot, MavModeFlag, MavSeverity, MavState, MavSysStatusSensor, MavType,
     NAMED_VALUE_FLOAT_DATA, RAW_IMU_DATA, SERVO_OUTPUT_RAW_DATA, SYS_STATUS_DATA,
 };
-use mavlink::types::CharArray;
 
 use crate::board_status::BoardStatus;
 use crate::bringup;
@@ -64,7 +63,7 @@ use crate::failsafe::{Command, State};
 use crate::flight::{Flight, Snapshot};
 use download::Download;
 use parser::{Address, Parser};
-use queue::Queue;
+use queue::{Priority, Queue};
 use rates::{Rates, Stream};
 use storage::StorageOrder;
 
@@ -73,6 +72,8 @@ pub use version::Identity;
 
 /// Longest payload of a message that is sent as the dialect encodes it: STATUSTEXT's.
 const MAX_PAYLOAD: usize = 51;
+/// What HEARTBEAT says of the protocol.
+const MAVLINK_VERSION: u32 = 3;
 /// Header and checksum.
 const OVERHEAD: usize = 10 + 2;
 
@@ -286,28 +287,28 @@ impl Telemetry {
             let q = snapshot.orientation.parts();
             let [w, x, y, z] = [q.w, q.x, q.y, q.z].map(f32::to_bits);
             let [roll, pitch, yaw] = rates();
-            self.send_words::<ATTITUDE_QUATERNION_DATA>(&[
+            self.send_words::<ATTITUDE_QUATERNION_DATA>(Priority::Stream, &[
                 time_boot_ms, w, x, y, z, roll, pitch, yaw,
             ]);
         }
         if self.rates.due(Stream::Servo) {
             let pulse_us = u32::from(snapshot.pulse.0);
-            self.send_words::<SERVO_OUTPUT_RAW_DATA>(&[snapshot.now.0 as u32, pulse_us]);
+            self.send_words::<SERVO_OUTPUT_RAW_DATA>(Priority::Stream, &[snapshot.now.0 as u32, pulse_us]);
         }
         if let Some(sample) = &snapshot.sample
             && self.rates.due(Stream::Raw)
         {
-            self.send_words::<RAW_IMU_DATA>(&raw_imu_words(sample));
+            self.send_words::<RAW_IMU_DATA>(Priority::Stream, &raw_imu_words(sample));
         }
         if self.rates.due(Stream::Crank) {
             let crank_rad = f32::from(snapshot.crank).to_bits();
             let [name, last] = CRANK_WORDS;
-            self.send_words::<NAMED_VALUE_FLOAT_DATA>(&[time_boot_ms, crank_rad, name, last]);
+            self.send_words::<NAMED_VALUE_FLOAT_DATA>(Priority::Stream, &[time_boot_ms, crank_rad, name, last]);
         }
         if self.rates.due(Stream::Angles) {
             let [roll, pitch, yaw] = flight.angles_rad().map(f32::to_bits);
             let [rollspeed, pitchspeed, yawspeed] = rates();
-            self.send_words::<ATTITUDE_DATA>(&[
+            self.send_words::<ATTITUDE_DATA>(Priority::Stream, &[
                 time_boot_ms,
                 roll,
                 pitch,
@@ -326,21 +327,21 @@ impl Telemetry {
             MavModeFlag::MAV_MODE_FLAG_STABILIZE_ENABLED,
             state.is_active(),
         );
-        self.send_event(&HEARTBEAT_DATA {
-            custom_mode: state.code(),
-            mavtype: MavType::MAV_TYPE_ROCKET,
-            autopilot: MavAutopilot::MAV_AUTOPILOT_GENERIC,
-            base_mode,
-            system_status: match state {
-                State::Boot => MavState::MAV_STATE_BOOT,
-                State::SelfTest(_) => MavState::MAV_STATE_CALIBRATING,
-                State::Standby => MavState::MAV_STATE_STANDBY,
-                State::Armed | State::Active { .. } => MavState::MAV_STATE_ACTIVE,
-                State::Failsafe(_) => MavState::MAV_STATE_CRITICAL,
-                State::Latched(_) => MavState::MAV_STATE_EMERGENCY,
-            },
-            mavlink_version: 3,
-        });
+        let system_status = match state {
+            State::Boot => MavState::MAV_STATE_BOOT,
+            State::SelfTest(_) => MavState::MAV_STATE_CALIBRATING,
+            State::Standby => MavState::MAV_STATE_STANDBY,
+            State::Armed | State::Active { .. } => MavState::MAV_STATE_ACTIVE,
+            State::Failsafe(_) => MavState::MAV_STATE_CRITICAL,
+            State::Latched(_) => MavState::MAV_STATE_EMERGENCY,
+        };
+        let kind = u32::from_le_bytes([
+            MavType::MAV_TYPE_ROCKET as u8,
+            MavAutopilot::MAV_AUTOPILOT_GENERIC as u8,
+            base_mode.bits(),
+            system_status as u8,
+        ]);
+        self.send_words::<HEARTBEAT_DATA>(Priority::Event, &[state.code(), kind, MAVLINK_VERSION]);
     }
 
     /// Load and health. Sensors are present always, healthy while samples come; what is enabled but
@@ -371,34 +372,33 @@ impl Telemetry {
             readiness,
             snapshot.state.is_armed() || flight.may(snapshot.now, Command::Arm).is_ok(),
         );
-        self.send_event(&SYS_STATUS_DATA {
-            onboard_control_sensors_present: sensors | attitude | control | readiness,
-            onboard_control_sensors_enabled: sensors | attitude | enabled_control | readiness,
-            onboard_control_sensors_health: health,
-            load: board.load_permille,
-            voltage_battery: u16::MAX,
-            current_battery: -1,
-            drop_rate_comm: 0,
-            errors_comm: self.parser.crc_errors(),
-            errors_count1: self.queue.dropped() as u16,
-            errors_count2: snapshot.missed as u16,
-            errors_count3: board.bus_errors,
-            errors_count4: board.bus_recoveries,
-            battery_remaining: -1,
-        });
+        /// A battery that is not measured: its voltage, current and remaining charge.
+        const UNKNOWN: u16 = u16::MAX;
+        const NO_LOSS: u16 = 0;
+        let words = [
+            (sensors | attitude | control | readiness).bits(),
+            (sensors | attitude | enabled_control | readiness).bits(),
+            health.bits(),
+            pair(board.load_permille, UNKNOWN),
+            pair(UNKNOWN, NO_LOSS),
+            pair(self.parser.crc_errors(), self.queue.dropped() as u16),
+            pair(snapshot.missed as u16, board.bus_errors),
+            pair(board.bus_recoveries, UNKNOWN & 0xFF),
+        ];
+        self.send_words::<SYS_STATUS_DATA>(Priority::Event, &words);
     }
 
     /// How the sensor and its bus do. A second of the first call after a pause is longer.
     fn bus_status(&mut self, snapshot: &Snapshot, sensor: &Health, board: &BoardStatus) {
         let fresh = sensor.fresh.wrapping_sub(self.fresh);
         self.fresh = sensor.fresh;
-        self.send_event(&DEBUG_VECT_DATA {
-            time_usec: snapshot.now.0,
-            x: board.bursts.mean_us as f32,
-            y: board.bursts.max_us as f32,
-            z: fresh as f32,
-            name: CharArray::new(*b"imu_bus\0\0\0"),
-        });
+        let [mean_us, max_us, fresh] = [board.bursts.mean_us, board.bursts.max_us, fresh]
+            .map(|number| (number as f32).to_bits());
+        let [time_low, time_high] = halves(snapshot.now);
+        self.send_words::<DEBUG_VECT_DATA>(
+            Priority::Event,
+            &[time_low, time_high, mean_us, max_us, fresh, BUS_NAME[0], BUS_NAME[1]],
+        );
     }
 
     /// A magnetometer that stops measuring, or begins again, is told once.
@@ -456,6 +456,12 @@ pub fn raw_imu(sample: &RawSample) -> RAW_IMU_DATA {
 /// what every step sends goes into two packets.
 pub const CRANK: &str = "crank";
 
+/// `imu_bus` as the words of a name.
+const BUS_NAME: [u32; 2] = [
+    u32::from_le_bytes(*b"imu_"),
+    u32::from_le_bytes(*b"bus\0"),
+];
+
 /// [`CRANK`] as the words of a name.
 const CRANK_WORDS: [u32; 2] = {
     let name = CRANK.as_bytes();
@@ -469,18 +475,27 @@ const CRANK_WORDS: [u32; 2] = {
 fn raw_imu_words(sample: &RawSample) -> [u32; 7] {
     let ([xacc, yacc, zacc], [xgyro, ygyro, zgyro], [xmag, ymag, zmag]) =
         (sample.acc, sample.gyr, sample.mag);
-    let pair = |low: i16, high: i16| {
-        u32::from(low.cast_unsigned()) | u32::from(high.cast_unsigned()) << 16
-    };
+    let signed = |low: i16, high: i16| pair(low.cast_unsigned(), high.cast_unsigned());
+    let [time_low, time_high] = halves(sample.time);
     [
-        sample.time.0 as u32,
-        (sample.time.0 >> 32) as u32,
-        pair(xacc, yacc),
-        pair(zacc, xgyro),
-        pair(ygyro, zgyro),
-        pair(xmag, ymag),
-        pair(zmag, 0),
+        time_low,
+        time_high,
+        signed(xacc, yacc),
+        signed(zacc, xgyro),
+        signed(ygyro, zgyro),
+        signed(xmag, ymag),
+        signed(zmag, 0),
     ]
+}
+
+/// Two fields in a word, the first in its lower half.
+fn pair(first: u16, second: u16) -> u32 {
+    u32::from(first) | u32::from(second) << 16
+}
+
+/// A time as two words, the lower one first.
+fn halves(time: Micros) -> [u32; 2] {
+    [time.0 as u32, (time.0 >> 32) as u32]
 }
 
 #[cfg(test)]

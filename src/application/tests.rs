@@ -71,7 +71,7 @@ impl Board for Notes {
     fn answer(&self) -> &[u8] {
         &[]
     }
-    fn arm(&mut self, _address: u8, whole: Option<Transfer>, _rates: Option<Transfer>) {
+    fn arm(&mut self, _address: u8, whole: Option<&Transfer>, _rates: Option<&Transfer>) {
         self.asked.push(Asked::Arm(whole.is_some()));
     }
     fn bus(&self) -> Bus {

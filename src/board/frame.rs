@@ -249,10 +249,10 @@ fn matched() {
         let at = now();
         let alone = last && IS_SPLIT.load(Ordering::Relaxed);
         i2c::start_burst(at, alone);
-        let [whole, rates] = &BURST_LIMITS_US;
-        let limit_us = if alone { rates } else { whole }.load(Ordering::Relaxed);
         // The burst's end wakes the main loop, or its being late does.
-        time::wake_before(at.after(limit_us.into()));
+        if let Some(limit_us) = BURST_LIMITS_US.get(usize::from(alone)) {
+            time::wake_before(at.after(limit_us.load(Ordering::Relaxed).into()));
+        }
         let tick = Tick {
             at,
             is_carried: last,

@@ -405,11 +405,11 @@ impl Bus {
     pub(super) fn arm(
         &mut self,
         address: u8,
-        whole: Option<Transfer>,
-        rates: Option<Transfer>,
+        whole: Option<&Transfer>,
+        rates: Option<&Transfer>,
     ) {
         self.sampling = whole.is_some();
-        let armed = [whole, rates].map(|transfer| transfer.as_ref().map(Outline::of));
+        let armed = [whole, rates].map(|transfer| transfer.map(Outline::of));
         with_master(|master| (master.address, master.armed) = (address << 1, armed));
     }
 
@@ -541,9 +541,8 @@ pub(super) fn start_burst(time: Micros, alone: bool) {
         let active = master.active.as_ref();
         let free = active.is_none_or(|active| matches!(active.step, Step::Done(Ok(()))));
         // A STOP that takes longer than is waited for here costs the burst.
-        let [whole, rates] = master.armed;
         if free
-            && let Some(burst) = if alone { rates } else { whole }
+            && let Some(&Some(burst)) = master.armed.get(usize::from(alone))
             && (master.broken || sercom::wait_idle().is_ok())
         {
             // The loop arms the next when it has seen this one.

@@ -210,7 +210,7 @@ impl application::Board for Board {
     }
 
     /// A bus that is free takes over a changed speed, too.
-    fn arm(&mut self, address: u8, whole: Option<Transfer>, rates: Option<Transfer>) {
+    fn arm(&mut self, address: u8, whole: Option<&Transfer>, rates: Option<&Transfer>) {
         self.bus.arm(address, whole, rates);
         self.bus.set_speed_when_free(self.frame.timing().i2c_khz);
     }

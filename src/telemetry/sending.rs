@@ -46,9 +46,9 @@ impl Telemetry {
         self.send_bytes(priority, [D::ID, D::EXTRA_CRC.into()], payload);
     }
 
-    /// A message by the words of its payload, little endian: for what every step sends.
-    pub(super) fn send_words<D: MessageData>(&mut self, words: &[u32]) {
-        self.send_frame(Priority::Stream, [D::ID, D::EXTRA_CRC.into()], words);
+    /// A message by the words of its payload, little endian: for what comes by itself.
+    pub(super) fn send_words<D: MessageData>(&mut self, priority: Priority, words: &[u32]) {
+        self.send_frame(priority, [D::ID, D::EXTRA_CRC.into()], words);
     }
 
     #[inline(never)]
