@@ -43,16 +43,14 @@ mod firmware {
     // A function of its own: what it builds on the stack is gone when the loop begins.
     #[inline(never)]
     fn start(recorder: &'static mut Recorder) -> (&'static mut Board, Application<'static>) {
-        let config = tvc_nano::config::sensor();
-        let (board, params, report) = Board::start();
+        let (board, params, report) = board();
         let identity = Identity {
             system: params.mav_sysid() as u8,
             serial: serial_number(),
         };
-        let board = singleton!(: Board = board).expect("started once");
         let flight = flight(params, report);
         let application = Application::new(
-            singleton!(: Driver = Driver::new(config)).expect("started once"),
+            driver(),
             flight,
             telemetry(identity),
             recorder,
@@ -61,6 +59,19 @@ mod firmware {
     }
 
     // As `start`: one of the large values at a time is on the stack.
+    #[inline(never)]
+    fn board() -> (&'static mut Board, Params, BootReport) {
+        let (board, params, report) = Board::start();
+        let board = singleton!(: Board = board).expect("started once");
+        (board, params, report)
+    }
+
+    #[inline(never)]
+    fn driver() -> &'static mut Driver {
+        let config = tvc_nano::config::sensor();
+        singleton!(: Driver = Driver::new(config)).expect("started once")
+    }
+
     #[inline(never)]
     fn flight(params: Params, report: BootReport) -> &'static mut Flight {
         let flight = Flight::new(params, report).expect("parameters in range are possible");

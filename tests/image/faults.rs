@@ -187,8 +187,8 @@ fn the_step_of_a_missed_sample_comes_before_its_edge() {
         let until = rig.now();
         station.run(rig, ms(20)).unwrap();
         let truth = rig.truth();
-        // The last tick before each edge comes 6.5 ms before it.
-        let lead = Ticks::from_us(6_500);
+        // The last tick before each edge comes 3.3 ms before it.
+        let lead = Ticks::from_us(3_300);
         let edges = truth.pulses.iter().map(|pulse| pulse.rise);
         for edge in edges.filter(|edge| *edge >= at + lead && *edge < until) {
             let in_time = |step: &&Step| step.start + lead > edge && step.end < edge;

@@ -452,8 +452,8 @@ fn missing(rig: &Rig, received: &Received, window: &Range<Ticks>) -> Missing {
     let truth = rig.truth();
     let within = |time: &Ticks| window.contains(time);
     let steps = truth.steps.iter().map(|s| s.start).filter(within);
-    let bursts = truth.bursts.iter().map(|b| b.start).filter(within);
-    let Some(offset) = clock_offset_us(rig, received) else {
+    let bursts = truth.bursts.iter().filter(|burst| within(&burst.start));
+    let Some(offset) = clock_offset_us(rig, received, false) else {
         return Missing {
             attitudes: steps.clone().count(),
             servos: steps.count(),
@@ -461,7 +461,11 @@ fn missing(rig: &Rig, received: &Received, window: &Range<Ticks>) -> Missing {
         };
     };
     let steps: Vec<f64> = steps.map(|t| t.as_us_f64() - offset).collect();
-    let bursts: Vec<f64> = bursts.map(|t| t.as_us_f64() - offset).collect();
+    // The time of a sample is that of a whole burst, later than which one of the rates alone begins.
+    let alone_offset = clock_offset_us(rig, received, true).unwrap_or(offset);
+    let bursts: Vec<f64> = bursts
+        .map(|burst| burst.start.as_us_f64() - if burst.alone { alone_offset } else { offset })
+        .collect();
     let servos = received.servos.iter().map(|m| f64::from(m.time_us));
     let samples = received.samples.iter().map(|m| m.time_us as f64);
     let attitudes = received
@@ -475,8 +479,9 @@ fn missing(rig: &Rig, received: &Received, window: &Range<Ticks>) -> Missing {
     }
 }
 
-/// Offset of the rig's clock from the image's, us: the median over the samples that came over USB.
-fn clock_offset_us(rig: &Rig, received: &Received) -> Option<f64> {
+/// Offset of the start of bursts, whole or of the rates `alone`, on the rig's clock from the time of
+/// their samples on the image's, us: the median over those that came over USB.
+fn clock_offset_us(rig: &Rig, received: &Received, alone: bool) -> Option<f64> {
     let bursts = &rig.truth().bursts;
     let mut offsets: Vec<f64> = received
         .samples
@@ -488,7 +493,8 @@ fn clock_offset_us(rig: &Rig, received: &Received) -> Option<f64> {
                 .iter()
                 .rev()
                 .take(5)
-                .find(|b| b.words == sample.words())?;
+                .find(|b| b.words == sample.words())
+                .filter(|b| b.alone == alone)?;
             Some(burst.start.as_us_f64() - sample.time_us as f64)
         })
         .collect();

@@ -41,8 +41,7 @@ pub struct LoopTiming {
     /// Bursts a second.
     pub rate_hz: f64,
     /// Largest deviation of the time between two bursts from its mean, us; where one of several
-    /// reads the rates alone and begins later, between two of the same kind that are as many of
-    /// their kind apart as lie between two of the others.
+    /// reads the rates alone and begins later for it, between two at the same place of the frame.
     pub jitter_us_max: f64,
     /// Length of a control step in CPU cycles at 48 MHz, interrupts included.
     pub cycles_per_step: Spread,
@@ -65,19 +64,12 @@ impl LoopTiming {
             .iter()
             .filter(|burst| within(burst.start))
             .collect();
-        let periods: Vec<f64> = bursts
-            .windows(2)
-            .map(|pair| (pair[1].acknowledged - pair[0].acknowledged).as_us_f64())
-            .collect();
-        let period: Spread = periods.iter().copied().collect();
+        let cycle = cycle(&bursts);
+        let period = periods_us(&bursts, cycle).mean / cycle as f64;
         let steps = truth.steps.iter().filter(|step| within(step.start));
         Self {
-            rate_hz: if period.count == 0 {
-                0.0
-            } else {
-                1e6 / period.mean
-            },
-            jitter_us_max: jitter_us(&bursts),
+            rate_hz: if period > 0.0 { 1e6 / period } else { 0.0 },
+            jitter_us_max: jitter_us(&bursts, cycle),
             cycles_per_step: steps
                 .clone()
                 .map(|step| (step.end - step.start).0 as f64)
@@ -96,24 +88,30 @@ impl LoopTiming {
     }
 }
 
-/// See [`LoopTiming::jitter_us_max`].
-fn jitter_us(bursts: &[&Burst]) -> f64 {
-    let (alone, whole): (Vec<&Burst>, Vec<&Burst>) = bursts.iter().partition(|burst| burst.alone);
-    let between = match alone.len() {
+/// Bursts from one to the next that comes at the same place of its servo frame, as far as that
+/// matters: where one of several reads the rates alone, and begins later for it.
+fn cycle(bursts: &[&Burst]) -> usize {
+    match bursts.iter().filter(|burst| burst.alone).count() {
         0 => 1,
-        count => (whole.len() as f64 / count as f64).round().max(1.0) as usize,
-    };
-    let deviation = |bursts: &[&Burst], apart: usize| {
-        let later = bursts.iter().skip(apart);
-        let periods = bursts.iter().zip(later);
-        let periods: Vec<f64> = periods
-            .map(|(one, other)| (other.acknowledged - one.acknowledged).as_us_f64())
-            .collect();
-        let mean = periods.iter().copied().collect::<Spread>().mean;
-        let deviations = periods.iter().map(|period| (period - mean).abs());
-        deviations.fold(0.0, f64::max)
-    };
-    deviation(&alone, 1).max(deviation(&whole, between))
+        alone => (bursts.len() as f64 / alone as f64).round() as usize,
+    }
+}
+
+/// Times between bursts and those `apart` from them, us.
+fn periods_us(bursts: &[&Burst], apart: usize) -> Spread {
+    let pairs = bursts.iter().zip(bursts.iter().skip(apart));
+    pairs
+        .map(|(one, other)| (other.acknowledged - one.acknowledged).as_us_f64())
+        .collect()
+}
+
+/// See [`LoopTiming::jitter_us_max`].
+fn jitter_us(bursts: &[&Burst], apart: usize) -> f64 {
+    let mean = periods_us(bursts, apart).mean;
+    let pairs = bursts.iter().zip(bursts.iter().skip(apart));
+    pairs
+        .map(|(one, other)| ((other.acknowledged - one.acknowledged).as_us_f64() - mean).abs())
+        .fold(0.0, f64::max)
 }
 
 /// Every pulse that carries a new sample, with the burst that brought it.
