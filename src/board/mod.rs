@@ -172,7 +172,8 @@ impl Board {
         }
         if let Some(completion) = self.bus.poll(now) {
             // While the sensor is set up, nothing is more urgent than the STOP.
-            if !self.bus.is_sampling() || self.is_hurried(now) {
+            let is_burst = completion.origin != i2c::Origin::Loop;
+            if !self.bus.is_sampling() || is_burst && self.is_hurried(now) {
                 self.bus.await_stop(&completion, self.tick.burst_due());
             }
             let i2c::Completion {
