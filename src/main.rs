@@ -49,12 +49,7 @@ mod firmware {
             serial: serial_number(),
         };
         let flight = flight(params, report);
-        let application = Application::new(
-            driver(),
-            flight,
-            telemetry(identity),
-            recorder,
-        );
+        let application = Application::new(driver(), flight, telemetry(identity), recorder);
         (board, application)
     }
 

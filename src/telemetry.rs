@@ -51,9 +51,9 @@ mod version;
 
 use bno055_driver::{Health, Micros, RawSample};
 use mavlink::dialects::common::{
-    ATTITUDE_DATA, ATTITUDE_QUATERNION_DATA, DEBUG_VECT_DATA, HEARTBEAT_DATA,
-    MavAutopilot, MavModeFlag, MavSeverity, MavState, MavSysStatusSensor, MavType,
-    NAMED_VALUE_FLOAT_DATA, RAW_IMU_DATA, SERVO_OUTPUT_RAW_DATA, SYS_STATUS_DATA,
+    ATTITUDE_DATA, ATTITUDE_QUATERNION_DATA, DEBUG_VECT_DATA, HEARTBEAT_DATA, MavAutopilot,
+    MavModeFlag, MavSeverity, MavState, MavSysStatusSensor, MavType, NAMED_VALUE_FLOAT_DATA,
+    RAW_IMU_DATA, SERVO_OUTPUT_RAW_DATA, SYS_STATUS_DATA,
 };
 
 use crate::board_status::BoardStatus;
@@ -287,13 +287,17 @@ impl Telemetry {
             let q = snapshot.orientation.parts();
             let [w, x, y, z] = [q.w, q.x, q.y, q.z].map(f32::to_bits);
             let [roll, pitch, yaw] = rates();
-            self.send_words::<ATTITUDE_QUATERNION_DATA>(Priority::Stream, &[
-                time_boot_ms, w, x, y, z, roll, pitch, yaw,
-            ]);
+            self.send_words::<ATTITUDE_QUATERNION_DATA>(
+                Priority::Stream,
+                &[time_boot_ms, w, x, y, z, roll, pitch, yaw],
+            );
         }
         if self.rates.due(Stream::Servo) {
             let pulse_us = u32::from(snapshot.pulse.0);
-            self.send_words::<SERVO_OUTPUT_RAW_DATA>(Priority::Stream, &[snapshot.now.0 as u32, pulse_us]);
+            self.send_words::<SERVO_OUTPUT_RAW_DATA>(
+                Priority::Stream,
+                &[snapshot.now.0 as u32, pulse_us],
+            );
         }
         if let Some(sample) = &snapshot.sample
             && self.rates.due(Stream::Raw)
@@ -303,20 +307,26 @@ impl Telemetry {
         if self.rates.due(Stream::Crank) {
             let crank_rad = f32::from(snapshot.crank).to_bits();
             let [name, last] = CRANK_WORDS;
-            self.send_words::<NAMED_VALUE_FLOAT_DATA>(Priority::Stream, &[time_boot_ms, crank_rad, name, last]);
+            self.send_words::<NAMED_VALUE_FLOAT_DATA>(
+                Priority::Stream,
+                &[time_boot_ms, crank_rad, name, last],
+            );
         }
         if self.rates.due(Stream::Angles) {
             let [roll, pitch, yaw] = flight.angles_rad().map(f32::to_bits);
             let [rollspeed, pitchspeed, yawspeed] = rates();
-            self.send_words::<ATTITUDE_DATA>(Priority::Stream, &[
-                time_boot_ms,
-                roll,
-                pitch,
-                yaw,
-                rollspeed,
-                pitchspeed,
-                yawspeed,
-            ]);
+            self.send_words::<ATTITUDE_DATA>(
+                Priority::Stream,
+                &[
+                    time_boot_ms,
+                    roll,
+                    pitch,
+                    yaw,
+                    rollspeed,
+                    pitchspeed,
+                    yawspeed,
+                ],
+            );
         }
     }
 
@@ -397,7 +407,15 @@ impl Telemetry {
         let [time_low, time_high] = halves(snapshot.now);
         self.send_words::<DEBUG_VECT_DATA>(
             Priority::Event,
-            &[time_low, time_high, mean_us, max_us, fresh, BUS_NAME[0], BUS_NAME[1]],
+            &[
+                time_low,
+                time_high,
+                mean_us,
+                max_us,
+                fresh,
+                BUS_NAME[0],
+                BUS_NAME[1],
+            ],
         );
     }
 
@@ -457,10 +475,7 @@ pub fn raw_imu(sample: &RawSample) -> RAW_IMU_DATA {
 pub const CRANK: &str = "crank";
 
 /// `imu_bus` as the words of a name.
-const BUS_NAME: [u32; 2] = [
-    u32::from_le_bytes(*b"imu_"),
-    u32::from_le_bytes(*b"bus\0"),
-];
+const BUS_NAME: [u32; 2] = [u32::from_le_bytes(*b"imu_"), u32::from_le_bytes(*b"bus\0")];
 
 /// [`CRANK`] as the words of a name.
 const CRANK_WORDS: [u32; 2] = {

@@ -94,7 +94,12 @@ impl Timing {
 
     /// How long before the edge the frame's last tick comes, us.
     pub fn lead_us(&self) -> u32 {
-        self.sample_lead_us() - if self.is_split() { self.skipped_us() } else { 0 }
+        self.sample_lead_us()
+            - if self.is_split() {
+                self.skipped_us()
+            } else {
+                0
+            }
     }
 
     /// How long before the edge the time of the sample is that the pulse carries, us.
@@ -508,7 +513,11 @@ mod tests {
                 timing.is_too_slow(),
             );
             assert_eq!(found, (lead_us, per_frame, too_slow), "{stretch_us} us");
-            let later_us = if per_frame > 1 { 12 * (23 + stretch_us) } else { 0 };
+            let later_us = if per_frame > 1 {
+                12 * (23 + stretch_us)
+            } else {
+                0
+            };
             assert_eq!(timing.lead_us(), lead_us - later_us, "{stretch_us} us");
             assert_eq!(timing.stretch_of(timing.burst_us()), stretch_us);
             let digital = Timing {

@@ -29,9 +29,9 @@ use bno055_driver::{BusError, Micros, READ_MAX, TRANSFER_DEADLINE_US, Transfer, 
 use critical_section::{CriticalSection, Mutex};
 use tvc_nano::application::{self, Outcome};
 
-use super::{log, wake};
 use super::nano33iot::{I2C_FUNCTION, SCL, SDA, i2c_registers, on_i2c_interrupt};
 use super::time::{now, within};
+use super::{log, wake};
 use sercom::{Command, NotSynchronised};
 
 /// The address's last bit, for a read.
@@ -261,7 +261,9 @@ impl Master {
 
     /// The transfer that is over, once. What it has read goes to `answer`.
     fn collect(&mut self, answer: &mut (Payload, usize)) -> Option<Completion> {
-        let active = self.active.take_if(|active| matches!(active.step, Step::Done(_)))?;
+        let active = self
+            .active
+            .take_if(|active| matches!(active.step, Step::Done(_)))?;
         let Step::Done(result) = active.step else {
             return None;
         };
@@ -402,12 +404,7 @@ impl Bus {
 
     /// Have the next tick start a read, of the `rates` alone where it is one for them, else `whole`;
     /// `None` has it start nothing. All transfers go to the 7-bit `address`.
-    pub(super) fn arm(
-        &mut self,
-        address: u8,
-        whole: Option<&Transfer>,
-        rates: Option<&Transfer>,
-    ) {
+    pub(super) fn arm(&mut self, address: u8, whole: Option<&Transfer>, rates: Option<&Transfer>) {
         self.sampling = whole.is_some();
         let armed = [whole, rates].map(|transfer| transfer.map(Outline::of));
         with_master(|master| (master.address, master.armed) = (address << 1, armed));

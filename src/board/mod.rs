@@ -220,7 +220,6 @@ impl application::Board for Board {
         self.bus.state()
     }
 
-
     fn has_time_for(&self, transfer: &Transfer) -> bool {
         self.leaves_time_for(time::now(), transfer)
     }

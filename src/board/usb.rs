@@ -29,10 +29,10 @@ use usbd_serial::CdcAcmClass;
 
 use bus::UsbBus;
 
-use super::wake;
 use super::nano33iot::{
     BOOTLOADER_FLASH, BOOTLOADER_MAGIC, BOOTLOADER_WORD, USB_PRODUCT, USB_VENDOR,
 };
+use super::wake;
 
 /// No packet sent is full: the host takes a full one to have a continuation, and waits for it.
 const SHORT_PACKET_BYTES: usize = PACKET_BYTES - 1;

@@ -70,7 +70,6 @@ impl Checksum {
 mod tests {
     use super::Checksum;
 
-
     #[test]
     fn it_is_the_library_s() {
         // The catalogue's check value, of "123456789", has no extra byte: the last digit stands for

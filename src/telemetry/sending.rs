@@ -72,7 +72,10 @@ impl Telemetry {
         // The protocol leaves trailing zeros out, all but the first byte.
         let last = words.iter().rposition(|word| *word != 0).unwrap_or(0);
         let top = words.get(last).copied().unwrap_or(0);
-        let len = 4 * last + 1 + usize::from(top > 0xFF) + usize::from(top > 0xFFFF)
+        let len = 4 * last
+            + 1
+            + usize::from(top > 0xFF)
+            + usize::from(top > 0xFFFF)
             + usize::from(top > 0xFF_FFFF);
         let Some([start, rest @ ..]) = self.queue.push(len + OVERHEAD, priority) else {
             return;
