@@ -34,8 +34,9 @@ use super::nano33iot::{
 };
 use super::wake;
 
-/// No packet sent is full: the host takes a full one to have a continuation, and waits for it.
-const SHORT_PACKET_BYTES: usize = PACKET_BYTES - 1;
+/// Longest packet that nothing follows: a full one has a continuation for the host, which waits for
+/// it. In whole words, by which packets are copied.
+const SHORT_PACKET_BYTES: usize = PACKET_BYTES - 4;
 
 /// The stack is polled so often at least, whether or not the controller asks for it.
 const POLL_PERIOD_US: u64 = 50_000;
@@ -167,7 +168,12 @@ impl Port {
             return 0;
         }
         TAKEN.store(false, Ordering::Relaxed);
-        let packet = bytes.get(..SHORT_PACKET_BYTES).unwrap_or(bytes);
+        let most = if bytes.len() == PACKET_BYTES {
+            SHORT_PACKET_BYTES
+        } else {
+            PACKET_BYTES
+        };
+        let packet = bytes.get(..most).unwrap_or(bytes);
         MORE.store(packet.len() < bytes.len(), Ordering::Relaxed);
         self.serial.write_packet(packet).unwrap_or(0)
     }

@@ -12,7 +12,10 @@ pub(super) enum Priority {
 }
 
 /// A queue that never blocks. A frame is taken whole or dropped whole, and drops are counted.
+///
+/// Aligned for the port, which copies it by words.
 #[derive(Clone, Debug)]
+#[repr(align(4))]
 pub(super) struct Queue {
     bytes: [u8; QUEUE_BYTES],
     /// Bytes at the front that the host has already taken.
