@@ -22,6 +22,9 @@ const STANDBY_PATIENCE: Ticks = Ticks::from_ms(8000);
 const LEARN: Ticks = Ticks::from_ms(5000);
 /// Rest after the drone was tilted by hand, before it is armed.
 const REST: Ticks = Ticks::from_ms(3000);
+/// How long a person goes on trying to arm a drone that is at rest: each time that the image has
+/// learned another length of its bursts, it measures the gyroscope's offset anew.
+const ARM_PATIENCE: Ticks = Ticks::from_ms(8000);
 /// How often progress is reported.
 const PROGRESS: Ticks = Ticks::from_ms(20);
 
@@ -272,13 +275,7 @@ pub fn fly_at_once(
     setup.rig.bench.start_rad = start_rad;
     let mut ready = boot(image, &setup)?;
     let begun = Mark::of(&ready.rig);
-    let patience = ready.rig.now() + STANDBY_PATIENCE;
-    while let Err(refused) = ready.station.arm(&mut ready.rig) {
-        if ready.rig.now() > patience {
-            return Err(refused.into());
-        }
-        ready.watch(Stage::Boot, PROGRESS, progress)?;
-    }
+    ready.arm(Stage::Boot, STANDBY_PATIENCE, progress)?;
     ready.release(start_rad, 0.0, seconds, begun, progress)
 }
 
@@ -332,12 +329,29 @@ impl Ready {
     ) -> Result<Self, FlightError> {
         let mut fork = self.clone();
         fork.tilt(start_rad, progress)?;
-        fork.station.arm(&mut fork.rig)?;
+        fork.arm(Stage::Tilt, ARM_PATIENCE, progress)?;
         // A person releases the drone at a random phase of the servo frame.
         let mut dice = generator(self.seed ^ start_rad.to_bits(), Stream::Release);
         let hesitation = Ticks::from_us(dice.random_range(0..20_000));
         fork.station.run(&mut fork.rig, hesitation)?;
         Ok(fork)
+    }
+
+    /// Arms the drone, at rest, as soon as the image lets it be armed.
+    fn arm(
+        &mut self,
+        stage: Stage,
+        patience: Ticks,
+        progress: &mut dyn FnMut(&Progress),
+    ) -> Result<(), FlightError> {
+        let end = self.rig.now() + patience;
+        while let Err(refused) = self.station.arm(&mut self.rig) {
+            if self.rig.now() > end {
+                return Err(refused.into());
+            }
+            self.watch(stage, PROGRESS, progress)?;
+        }
+        Ok(())
     }
 
     /// Releases the drone, which is armed, and records the flight.
