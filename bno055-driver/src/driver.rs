@@ -438,6 +438,7 @@ impl Driver {
     fn unheard<T>(&mut self, time: Micros, fault: SensorFault) -> Result<T, SensorFault> {
         if let Phase::Sampling(sampling) = &mut self.phase {
             sampling.due = true;
+            sampling.inspector.unheard();
         }
         self.bus_error(time, fault);
         Err(fault)

@@ -214,6 +214,11 @@ impl Inspector {
         self.content
     }
 
+    /// A burst brought no data: it was not good.
+    pub(crate) fn unheard(&mut self) {
+        self.content = false;
+    }
+
     /// The sample in a burst, or the fault of the first rule that the burst breaks.
     pub(crate) fn judge(
         &mut self,

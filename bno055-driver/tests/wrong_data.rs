@@ -3,7 +3,7 @@
 mod fake;
 
 use bno055_driver::config::{GyrRange, Sensors};
-use bno055_driver::{Config, Driver, Micros, Next, RawSample, SensorFault};
+use bno055_driver::{BusError, Config, Driver, Micros, Next, RawSample, SensorFault};
 use fake::{Chip, Rig, TICK_US, flying};
 
 /// The truth that came out must be a truth the chip had at that time.
@@ -198,4 +198,29 @@ fn what_comes_out_of_a_bad_cable_is_the_chips_own_to_within_the_step_limit() {
         }
     }
     assert!(spoilt > 9_000 && out > 85_000, "{spoilt} {out}");
+}
+
+/// A sensor whose data line stays high, at rest, where rates of -1 are nothing unusual: no burst of
+/// them makes up for the whole ones that say nothing.
+#[test]
+fn rates_are_read_alone_only_behind_a_whole_burst_that_was_heard() {
+    let mut rig = Rig::sampling(Config::default());
+    assert!(rig.bursts(3).iter().all(Result::is_ok));
+    let rates = rig.driver.rates_burst().expect("a good burst before");
+    assert_eq!(rates.answer_len(), 6);
+
+    let now = Micros(rig.chip.now);
+    let whole = rig.driver.burst().answer_len();
+    let ones = rig.driver.sample(now, Ok(&[0xFF; 18][..whole]));
+    assert_eq!(ones, Err(SensorFault::AllOnes));
+    assert_eq!(rig.driver.rates_burst(), None);
+    let alone = rig.driver.sample(now, Ok(&[0xFF; 6]));
+    assert_eq!(alone, Err(SensorFault::Protocol));
+    assert_eq!(rig.driver.rates_burst(), None);
+
+    assert!(rig.bursts(1).iter().all(Result::is_ok));
+    assert!(rig.driver.rates_burst().is_some());
+    let silent = rig.driver.sample(now, Err(BusError::Nak));
+    assert_eq!(silent, Err(BusError::Nak.into()));
+    assert_eq!(rig.driver.rates_burst(), None);
 }

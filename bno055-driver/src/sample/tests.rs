@@ -363,3 +363,60 @@ fn slow_rates_that_are_equal_by_chance_are_no_dead_gyroscope() {
         .collect();
     assert_eq!(verdicts(&Config::default(), &bursts), [None; 150]);
 }
+
+/// Bytes of the rates of a burst.
+fn rates(words: [i16; 9]) -> Vec<u8> {
+    bytes(words).split_off(12)
+}
+
+#[test]
+fn rates_alone_come_with_the_other_words_of_the_good_burst_before() {
+    let mut inspector = Inspector::default();
+    let config = Config::default();
+    let judge = |inspector: &mut Inspector, tick: u64, bytes: &[u8]| {
+        inspector.judge(&config, Micros(tick * 6_667), bytes)
+    };
+    // There is nothing yet to judge them by.
+    let first = judge(&mut inspector, 0, &rates(REST));
+    assert_eq!(first, Err(SensorFault::Protocol));
+
+    assert!(judge(&mut inspector, 1, &bytes(REST)).unwrap().fresh);
+    let turned = with(&[(6, 40), (7, -50), (8, 60)]);
+    let alone = judge(&mut inspector, 2, &rates(turned)).unwrap();
+    assert!(alone.fresh);
+    assert_eq!(alone.sample.time, Micros(2 * 6_667));
+    assert_eq!(
+        (alone.sample.acc, alone.sample.mag, alone.sample.gyr),
+        ([3, -2, 981], [320, -90, 640], [40, -50, 60])
+    );
+
+    // The rest of the same refresh is not another one.
+    let mut rest = turned;
+    rest[2] = 990;
+    assert!(!judge(&mut inspector, 3, &bytes(rest)).unwrap().fresh);
+    rest[6] = 41;
+    assert!(judge(&mut inspector, 4, &bytes(rest)).unwrap().fresh);
+}
+
+#[test]
+fn rates_alone_are_judged_as_those_of_a_whole_burst() {
+    let cases = [
+        // A line that is high to the end, where the body turned.
+        (with(&[(8, 500)]), [40, -50, -1], SensorFault::AllOnes),
+        (with(&[(8, 500)]), [0, 0, 0], SensorFault::Torn),
+        (REST, [1, -4, 32_767], SensorFault::Implausible),
+        (REST, [1, -4, 16_000], SensorFault::Torn),
+    ];
+    for (before, [x, y, z], fault) in cases {
+        let mut inspector = Inspector::default();
+        let config = Config::default();
+        assert!(inspector.judge(&config, Micros(0), &bytes(before)).is_ok());
+        let mut after = before;
+        (after[6], after[7], after[8]) = (x, y, z);
+        let judged = inspector.judge(&config, Micros(6_667), &rates(after));
+        assert_eq!(judged, Err(fault), "{after:?}");
+        // Behind a bad burst comes a whole one.
+        let again = inspector.judge(&config, Micros(13_333), &rates(before));
+        assert_eq!(again, Err(SensorFault::Protocol));
+    }
+}
