@@ -55,7 +55,7 @@ impl ServoKind {
         }
     }
 
-    /// The parameters that the image is sent for it, as `tvc tune` found them. The image's
+    /// The parameters that the image is sent for it, as `tvc tune` found them (docs/control.md). The image's
     /// own defaults are those for the analog servo.
     pub fn parameters(self) -> &'static [(&'static str, f32)] {
         match self {
@@ -63,17 +63,17 @@ impl ServoKind {
             Self::Digital => &[
                 ("SRV_RATE_HZ", 300.0),
                 ("SRV_RAD_S", 8.73),
-                ("SRV_LOOP_S", 0.01301),
-                ("SRV_MOTOR_S", 0.005136),
-                ("SRV_PLAY_RAD", 0.006221),
-                ("SFC_AHEAD_S", 0.01799),
-                ("SFC_GAIN_S", 0.4133),
-                ("SFC_LEAD_RAD", 0.3998),
-                ("SFC_NEAR", 22.37),
-                ("SFC_CURVE", 0.8807),
-                ("SFC_RATE", 0.9111),
-                ("SFC_PITCH", 0.9230),
-                ("PID_TRIM_RAD_S", 1.301),
+                ("SRV_LOOP_S", 0.01671),
+                ("SRV_MOTOR_S", 0.004222),
+                ("SRV_PLAY_RAD", 0.003095),
+                ("SFC_AHEAD_S", 0.01221),
+                ("SFC_GAIN_S", 0.6615),
+                ("SFC_LEAD_RAD", 0.1369),
+                ("SFC_NEAR", 17.81),
+                ("SFC_CURVE", 0.8765),
+                ("SFC_RATE", 0.7746),
+                ("SFC_PITCH", 0.1908),
+                ("PID_TRIM_RAD_S", 0.8616),
             ],
         }
     }
