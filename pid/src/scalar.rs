@@ -190,7 +190,7 @@ impl From<f32> for Q16 {
 
 impl From<Q16> for f32 {
     fn from(value: Q16) -> Self {
-        const EXPONENT: u32 = 16 << f32::MANTISSA_DIGITS - 1;
+        const EXPONENT: u32 = 16 << (f32::MANTISSA_DIGITS - 1);
         // Divided by 2^16 in its exponent: a core without floating point takes long to do it.
         match value.0 {
             0 => 0.0,

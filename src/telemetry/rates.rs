@@ -68,12 +68,12 @@ impl Rates {
             gone: 0,
             wanted: false,
         }; STREAMS.len()];
-        let mut index = 0;
-        while index < STREAMS.len() {
-            if let (_, Some(every)) = STREAMS[index] {
-                rates[index].every = every;
+        let (mut places, mut streams): (&mut [Rate], &[_]) = (&mut rates, &STREAMS);
+        while let ([rate, other_places @ ..], [(_, default), others @ ..]) = (places, streams) {
+            if let Some(every) = default {
+                rate.every = *every;
             }
-            index += 1;
+            (places, streams) = (other_places, others);
         }
         Self(rates)
     }

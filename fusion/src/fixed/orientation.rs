@@ -67,7 +67,7 @@ impl Orientation {
     /// The same in float, its norm 1 within 1e-5: a few hundred cycles without floating point,
     /// where [`Orientation::quaternion`] takes two thousand.
     pub fn parts(&self) -> Quaternion {
-        const EXPONENT: u32 = 30 << f32::MANTISSA_DIGITS - 1;
+        const EXPONENT: u32 = 30 << (f32::MANTISSA_DIGITS - 1);
         let [w, x, y, z] = self.wxyz_q30.map(|part| match part {
             0 => 0.0,
             // Divided by 2^30 in its exponent.
