@@ -99,8 +99,8 @@ pub trait Board {
     /// What the transfer of the newest event has read: nothing, for a write.
     fn answer(&self) -> &[u8];
 
-    /// Have the next tick start a burst, to the 7-bit address: `rates` where it is one for the rates
-    /// alone ([`Timing::is_split`]), else `whole`. `None` has it start nothing.
+    /// Have the next tick start a burst, to the 7-bit address: `rates` where it is one for the
+    /// rates alone ([`Timing::is_split`]), else `whole`. `None` has it start nothing.
     fn arm(&mut self, address: u8, whole: Option<&Transfer>, rates: Option<&Transfer>);
 
     /// What the sensor's bus is doing.

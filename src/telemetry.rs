@@ -277,8 +277,8 @@ impl Telemetry {
         self.status_text(severity, format_args!("{state}"));
     }
 
-    /// The messages of every step, each as the words of its payload: the dialect's own encoder takes
-    /// several times as long.
+    /// The messages of every step, each as the words of its payload: the dialect's own encoder
+    /// takes several times as long.
     fn stream(&mut self, snapshot: &Snapshot, flight: &Flight) {
         let rates = || snapshot.rates.map(|rate| f32::from(rate).to_bits());
         let time = snapshot.sample.map_or(snapshot.now, |sample| sample.time);
@@ -470,8 +470,8 @@ pub fn raw_imu(sample: &RawSample) -> RAW_IMU_DATA {
     }
 }
 
-/// Name of the NAMED_VALUE_FLOAT with the crank angle that control asked for, rad. As short as this,
-/// what every step sends goes into two packets.
+/// Name of the NAMED_VALUE_FLOAT with the crank angle that control asked for, rad. As short as
+/// this, what every step sends goes into two packets.
 pub const CRANK: &str = "crank";
 
 /// `imu_bus` as the words of a name.

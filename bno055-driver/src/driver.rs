@@ -178,9 +178,9 @@ impl Driver {
         sample::burst(self.config.mode)
     }
 
-    /// A burst that reads the angular rates alone, 6 bytes, for owners to whom a whole one takes too
-    /// long now and then. It takes the place of [`burst`](Self::burst) where the newest sample was
-    /// good, and is judged with the other words of that.
+    /// A burst that reads the angular rates alone, 6 bytes, for owners to whom a whole one takes
+    /// too long now and then. It takes the place of [`burst`](Self::burst) where the newest sample
+    /// was good, and is judged with the other words of that.
     #[must_use]
     pub fn rates_burst(&self) -> Option<Transfer> {
         match &self.phase {

@@ -402,8 +402,8 @@ impl Bus {
         }
     }
 
-    /// Have the next tick start a read, of the `rates` alone where it is one for them, else `whole`;
-    /// `None` has it start nothing. All transfers go to the 7-bit `address`.
+    /// Have the next tick start a read, of the `rates` alone where it is one for them, else
+    /// `whole`; `None` has it start nothing. All transfers go to the 7-bit `address`.
     pub(super) fn arm(&mut self, address: u8, whole: Option<&Transfer>, rates: Option<&Transfer>) {
         self.sampling = whole.is_some();
         let armed = [whole, rates].map(|transfer| transfer.map(Outline::of));

@@ -475,7 +475,7 @@ fn missing(rig: &Rig, received: &Received, window: &Range<Ticks>) -> Missing {
         };
     };
     let steps: Vec<f64> = steps.map(|t| t.as_us_f64() - offset).collect();
-    // The time of a sample is that of a whole burst, later than which one of the rates alone begins.
+    // The time of a sample is that of a whole burst; one of the rates alone begins later.
     let alone_offset = clock_offset_us(rig, received, true).unwrap_or(offset);
     let bursts: Vec<f64> = bursts
         .map(|burst| burst.start.as_us_f64() - if burst.alone { alone_offset } else { offset })
@@ -493,8 +493,8 @@ fn missing(rig: &Rig, received: &Received, window: &Range<Ticks>) -> Missing {
     }
 }
 
-/// Offset of the start of bursts, whole or of the rates `alone`, on the rig's clock from the time of
-/// their samples on the image's, us: the median over those that came over USB.
+/// Offset of the start of bursts, whole or of the rates `alone`, on the rig's clock from the time
+/// of their samples on the image's, us: the median over those that came over USB.
 fn clock_offset_us(rig: &Rig, received: &Received, alone: bool) -> Option<f64> {
     let bursts = &rig.truth().bursts;
     let mut offsets: Vec<f64> = received

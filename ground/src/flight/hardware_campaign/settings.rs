@@ -11,9 +11,9 @@ use super::row::Ending::{self, Flies, Late, Refused, Skips, Unsettled};
 /// which then goes without its burst (`src/ticks.rs`). Chance decides whether that happens within a
 /// flight.
 ///
-/// Where the bus is so slow that it is read 100 times a second, as often as the sensor is refreshed,
-/// nothing tells how old a reading is, up to 10 ms. In one flight of some tens that is enough to
-/// overshoot by 5 to 7 %.
+/// Where the bus is so slow that it is read 100 times a second, as often as the sensor is
+/// refreshed, nothing tells how old a reading is, up to 10 ms. In one flight of some tens that is
+/// enough to overshoot by 5 to 7 %.
 pub const SETTINGS: &[(&str, Ending)] = &[
     ("", Flies),
     ("stop-read=0", Flies),
