@@ -63,23 +63,28 @@ pub(super) fn sleep_until(deadline: Micros, turn: Micros) -> (Micros, u32) {
         (!may_sleep(interrupted, turn), !may_sleep(interrupted, end))
     });
     let mut asleep = 0;
-    // Two loops, each with no more than it needs: the first turns at each of a burst's interrupts.
-    while !is_last {
-        // Not by a critical section, which costs a third more: nobody calls this from within one.
-        cortex_m::interrupt::disable();
-        // SAFETY: they are held off.
-        let held = unsafe { CriticalSection::new() };
-        let is_asked = wake::take(held);
-        if !is_asked {
-            asleep += sleep(held);
-        }
-        // SAFETY: as above.
-        unsafe { cortex_m::interrupt::enable() };
-        if is_asked {
-            break;
+    // Two loops, each with no more than it needs: that of sleep turns at each of a burst's
+    // interrupts.
+    if is_last {
+        while !is_turn && now() < deadline && !critical_section::with(wake::take) {}
+    } else {
+        loop {
+            // Not by a critical section, which costs a third more: nobody calls this from within
+            // one.
+            cortex_m::interrupt::disable();
+            // SAFETY: they are held off.
+            let held = unsafe { CriticalSection::new() };
+            let is_asked = wake::take(held);
+            if !is_asked {
+                asleep += sleep(held);
+            }
+            // SAFETY: as above.
+            unsafe { cortex_m::interrupt::enable() };
+            if is_asked {
+                break;
+            }
         }
     }
-    while is_last && !is_turn && now() < deadline && !critical_section::with(wake::take) {}
     (now(), asleep)
 }
 
