@@ -115,7 +115,7 @@ pub fn rows(session: &mut Session) -> Result<Vec<Row>> {
             format!("{errors} errors, {repairs} repairs"),
             errors == 0 && repairs == 0,
         ));
-        rows.push(LOAD.within(f64::from(last.load) * 0.1, 10.0..=60.0, "%"));
+        rows.push(LOAD.within(f64::from(last.load) * 0.1, 4.0..=60.0, "%"));
     }
     Ok(rows)
 }
