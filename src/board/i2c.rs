@@ -41,6 +41,9 @@ const READ: u8 = 1;
 /// 40 ms ends before the data are too old, and seldom enough for the half millisecond that it
 /// takes.
 const REPAIR_PERIOD_US: u64 = 4_000;
+/// A step that is due before this is taken first: longer than a repair, for which the main loop
+/// waits.
+const REPAIR_US: u64 = 1_200;
 
 /// How long a STOP may take to go out. The BNO055 holds the clock after the last byte of a read as
 /// it does after every other, for some 180 us.
@@ -447,9 +450,9 @@ impl Bus {
         bytes.get(..*len).unwrap_or_default()
     }
 
-    /// The transfer that is over, once; ends one that has reached its deadline, and repairs the
-    /// bus.
-    pub(super) fn poll(&mut self, now: Micros) -> Option<Completion> {
+    /// The transfer that is over, once; ends one that has reached its deadline, and repairs the bus
+    /// where no step is `due` meanwhile.
+    pub(super) fn poll(&mut self, now: Micros, due: Option<Micros>) -> Option<Completion> {
         let Self {
             answer, idle_by, ..
         } = self;
@@ -475,7 +478,8 @@ impl Bus {
             }
             (completion, master.broken)
         });
-        if is_broken && now >= self.repair_at {
+        let has_time = due.is_none_or(|due| due.since(now) >= REPAIR_US);
+        if is_broken && has_time && now >= self.repair_at {
             self.recoveries = self.recoveries.saturating_add(1);
             log::bus_repaired(self.recoveries);
             self.repair();

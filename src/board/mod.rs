@@ -170,7 +170,7 @@ impl Board {
                 self.carried_at = before(tick.at, timing.later_us(tick.alone));
             }
         }
-        if let Some(completion) = self.bus.poll(now) {
+        if let Some(completion) = self.bus.poll(now, self.tick.burst_due()) {
             // While the sensor is set up, nothing is more urgent than the STOP.
             let is_burst = completion.origin != i2c::Origin::Loop;
             if !self.bus.is_sampling() || is_burst && self.is_hurried(now) {
