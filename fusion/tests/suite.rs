@@ -344,14 +344,18 @@ macro_rules! suite {
 suite! {
     complementary_f32: Estimator<Complementary<f32>>,
     complementary_f64: Estimator<Complementary<f64>>,
+    complementary_fixed: fixed::Estimator<fixed::Complementary>,
     mahony_f32: Estimator<Mahony<f32>>,
     mahony_f64: Estimator<Mahony<f64>>,
     mahony_fixed: fixed::Estimator<fixed::Mahony>,
     madgwick_f32: Estimator<Madgwick<f32>>,
     madgwick_f64: Estimator<Madgwick<f64>>,
+    madgwick_fixed: fixed::Estimator<fixed::Madgwick>,
     vqf_f32: Estimator<Vqf<f32>>,
     vqf_f64: Estimator<Vqf<f64>>,
     vqf_fixed: fixed::Estimator<fixed::Vqf>,
+    complementary_fixed_recovered: fixed::Estimator<fixed::Complementary, fixed::Recovered>,
+    madgwick_fixed_recovered: fixed::Estimator<fixed::Madgwick, fixed::Recovered>,
     mahony_fixed_recovered: fixed::Estimator<fixed::Mahony, fixed::Recovered>,
     vqf_fixed_recovered: fixed::Estimator<fixed::Vqf, fixed::Recovered>,
 }

@@ -35,7 +35,13 @@ impl Estimate {
             (Scalar::F64, _) => float::<f64>(choice, facts)?,
             (Scalar::Fixed, FilterName::Mahony) => in_fixed::<fixed::Mahony>(choice, facts)?,
             (Scalar::Fixed, FilterName::Vqf) => in_fixed::<fixed::Vqf>(choice, facts)?,
-            (Scalar::Fixed, other) => return Err(ChoiceError::NoFixedPoint(other)),
+            (Scalar::Fixed, FilterName::Madgwick) => in_fixed::<fixed::Madgwick>(choice, facts)?,
+            (Scalar::Fixed, FilterName::Complementary) => {
+                in_fixed::<fixed::Complementary>(choice, facts)?
+            }
+            (Scalar::Fixed, other @ FilterName::Gyro) => {
+                return Err(ChoiceError::NoFixedPoint(other));
+            }
         };
         Ok(Self {
             engine,

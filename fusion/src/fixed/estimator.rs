@@ -55,7 +55,7 @@ use nalgebra::Vector3;
 
 use super::counts::{Counts, PERIOD_US, Scale};
 use super::field::{self, Compass, size};
-use super::filters::{Filter, View};
+use super::filters::{Filter, Heading, View};
 use super::format::{Q15, normalised};
 use super::memory::all;
 use super::orientation::{Angles, Orientation};
@@ -79,12 +79,6 @@ const DT_BITS: u32 = 16;
 /// Most bits that are given up in a step longer than 1.25 periods: eight times that are ten
 /// periods.
 const MAX_COARSE_SHIFT: u8 = 3;
-
-/// Largest correction of the heading, half an angle: an eighth of a radian in Q16.
-const EIGHTH: i32 = 1 << 13;
-
-/// Largest correction of the heading whose product with a row in Q15 fits, Q(16 + `heading_shift`).
-const MAX_HEADING_TURN: i32 = 7 << 13;
 
 /// An attitude estimator in fixed point. `R` is what it does when rates clip.
 ///
@@ -186,7 +180,7 @@ impl<F: Filter> Estimator<F, Recovered> {
         Self::build(config, scale, period_us, |block_s| {
             in_range(config.gyro_range_rad_s, 0.1, 200.0, "gyro_range_rad_s")?;
             in_range(config.recovery_rad2_s, 1e-4, 10.0, "recovery_rad2_s")?;
-            let (acc_per_s, mag_per_s) = F::rates(&config.gains);
+            let (acc_per_s, mag_per_s) = F::rates(&config.gains, period_us as f32 * 1e-6);
             Ok(Recovered::new(
                 scale,
                 config.gyro_range_rad_s,
@@ -217,11 +211,13 @@ impl<F: Filter, R: OverRange> Estimator<F, R> {
         let period_s = period_us as f32 * 1e-6;
         let log2_block = rest::log2_block(period_s);
         let block_s = period_s * f32::from(1u16 << log2_block);
-        let (acc_per_s, mag_per_s) = F::rates(&config.gains);
+        let (acc_per_s, mag_per_s) = F::rates(&config.gains, period_s);
+        let per_g = GRAVITY / scale.acc_m_s2;
         let (start_up, gains) = StartUpGains::new(
             acc_per_s * period_s,
             mag_per_s * period_s,
-            GRAVITY / scale.acc_m_s2,
+            per_g,
+            F::counts(&config.gains, per_g),
             log2_block,
         )?;
         let max_short_dt_us = period_us + period_us / 4;
@@ -243,7 +239,7 @@ impl<F: Filter, R: OverRange> Estimator<F, R> {
                 &field::Limits::new(&config.field, scale, period_s)?,
                 period_s,
             ),
-            filter: F::new(&config.gains, period_s)?,
+            filter: F::new(&config.gains, period_s, per_g)?,
             start_up_blocks: ((config.start_up_s / block_s + 0.5) as u32)
                 .max(start_up.first_blocks),
             start_up,
@@ -356,28 +352,21 @@ impl<F: Filter, R: OverRange> Estimator<F, R> {
         let products = self.rotation.products();
         let down = products.down();
         let shift = self.gains.heading_shift & 31;
-        let mut turn = 0;
-        if let Some(mag) = &mag
-            && !busy
-        {
+        let heading = mag.as_ref().filter(|_| !busy).map(|mag| {
             let tick = self.rest.tick();
             let samples = tick.wrapping_sub(self.heading_tick).min(4 << shift) as i32;
             self.heading_tick = tick;
             let sine = self.compass.heading(&products, &down, mag, tick);
-            let max = (EIGHTH << shift).min(MAX_HEADING_TURN);
-            turn = ((sine * self.gains.heading) >> 15) * samples;
-            // Not `clamp`, which would panic were the limit negative.
-            turn = turn.min(max).max(-max);
-        }
-        let tilt = self.filter.tilt(
-            &View {
-                products: &products,
-                down: &down,
-                acc: &acc,
-                running_mean: !self.gains.settled,
-            },
-            self.gains.tilt,
-        );
+            Heading { sine, samples }
+        });
+        let correction = self.filter.correction(&View {
+            products: &products,
+            down: &down,
+            acc: &acc,
+            heading,
+            gains: &self.gains,
+        });
+        let (tilt, turn) = (correction.tilt, correction.heading);
         let response = self.over_range.step(&StepEnd {
             dt_us,
             counts,

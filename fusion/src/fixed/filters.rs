@@ -1,4 +1,4 @@
-//! The tilt corrections: [`Mahony`] and [`Vqf`].
+//! The corrections: [`Mahony`], [`Madgwick`], [`Complementary`] and [`Vqf`].
 //!
 //! # The error
 //! With the rows `n`, `e`, `d` of the rotation matrix (Q15) and the specific force `a` (counts),
@@ -17,6 +17,16 @@
 //! # Mahony
 //! `c = k d x a / (2 g)`: three products.
 //!
+//! # Complementary
+//! The same with the direction `u` of `a`, which has 2^14 counts for `per_g` ([`direction`]).
+//!
+//! # Madgwick
+//! The error is that of the whole attitude: with the sine `h` of the heading error its length is
+//! `m = |(d x u, h)|`, as the two parts are at right angles. The step has a length of its own and
+//! the direction of the error, `c = beta dt (d x u, h) / m`, but is never longer than the error.
+//! For `m` the parts are Q15, its square is below `2^31`. While the gains are those of a running
+//! mean the longer one of that step and this is taken.
+//!
 //! # VQF
 //! The error is smoothed where gravity stands still, in the earth frame: `z' = (error - z) / T`,
 //! `c = k z`. Nothing of it may be lost, as the corrections of a slow filter are smaller than the
@@ -31,12 +41,27 @@
 //! - While the gains are those of a running mean, that is smooth enough: the error is taken as it
 //!   is, and `z` stays 0.
 
-use super::format::{Q8, Q15, Q16, Q31};
+use super::format::{Q8, Q15, Q16, Q31, inverse_root, normalised};
 use super::memory::all;
 use super::rotation::{Products, dot};
+use super::start_up::Gains;
+use crate::complementary::ComplementaryGains;
 use crate::error::{ConfigError, in_range, positive};
+use crate::madgwick::MadgwickGains;
 use crate::mahony::MahonyGains;
 use crate::vqf::VqfGains;
+
+/// What [`direction`] makes of any specific force, counts.
+const UNIT: f32 = 16_384.0;
+
+/// Least specific force that shows a vertical, parts of gravity: less is free fall.
+const MIN_ACC: f32 = 0.05;
+
+/// Largest correction of the heading, half an angle: an eighth of a radian in Q16.
+const EIGHTH: i32 = 1 << 13;
+
+/// Largest correction of the heading whose product with a row in Q15 fits, Q(16 + `heading_shift`).
+const MAX_HEADING_TURN: i32 = 7 << 13;
 
 /// Gain of the tilt correction: from an error in Q15 counts to half an angle in Q31.
 #[derive(Clone, Copy, Debug)]
@@ -54,30 +79,54 @@ impl Gain {
     }
 }
 
-/// A filter in fixed point: how the accelerometer becomes a correction.
+/// A filter in fixed point: how accelerometer and magnetometer become a correction.
 pub trait Filter: Sized {
     /// Its gains, the same as of the float filter.
     type Gains: Copy;
 
-    /// Build the coefficients for a sampling period.
+    /// Build the coefficients for a sampling period and an accelerometer that has `per_g` counts at
+    /// standard gravity.
     ///
     /// # Errors
     /// A gain out of range, or one that does not exist in fixed point, by name.
-    fn new(gains: &Self::Gains, period_s: f32) -> Result<Self, ConfigError>;
+    fn new(gains: &Self::Gains, period_s: f32, per_g: f32) -> Result<Self, ConfigError>;
 
-    /// Rates, 1/s, at which tilt and heading follow.
-    fn rates(gains: &Self::Gains) -> (f32, f32);
+    /// Rates, 1/s, at which tilt and heading follow: a running mean is over when it is as slow.
+    fn rates(gains: &Self::Gains, period_s: f32) -> (f32, f32);
 
-    /// The tilt correction, half a rotation vector in the body frame, Q31 rad.
+    /// What the tilt gain is for: the counts that a tilt error of a right angle has.
     #[doc(hidden)]
-    fn tilt(&mut self, view: &View<'_>, gain: Gain) -> [Q31; 3];
+    fn counts(_: &Self::Gains, per_g: f32) -> f32 {
+        per_g
+    }
+
+    /// The correction of a step.
+    #[doc(hidden)]
+    fn correction(&mut self, view: &View<'_>) -> Correction;
 
     /// See [`Estimator::memory`](super::Estimator::memory).
     #[doc(hidden)]
     fn memory(&mut self, _: &mut impl FnMut(i32) -> i32) {}
 }
 
-/// The estimate and the accelerometer, as a filter sees them.
+/// The correction of a step.
+pub struct Correction {
+    /// Tilt: half a rotation vector in the body frame, rad.
+    pub(super) tilt: [Q31; 3],
+    /// Heading: half an angle about down, Q(16 + `heading_shift`) rad.
+    pub(super) heading: i32,
+}
+
+/// The heading error of a field.
+#[derive(Clone, Copy)]
+pub struct Heading {
+    /// Sine of the error, times the field's weight.
+    pub(super) sine: Q15,
+    /// Samples that it stands for, those since the last field.
+    pub(super) samples: i32,
+}
+
+/// The estimate and the sensors, as a filter sees them.
 pub struct View<'a> {
     /// The orientation after the step.
     pub(super) products: &'a Products,
@@ -85,8 +134,69 @@ pub struct View<'a> {
     pub(super) down: &'a [Q15; 3],
     /// Specific force, counts.
     pub(super) acc: &'a [i32; 3],
-    /// The gains are those of a running mean, larger than the filter's own.
-    pub(super) running_mean: bool,
+    /// The heading error, where a field shows one.
+    pub(super) heading: Option<Heading>,
+    /// The gains of the step.
+    pub(super) gains: &'a Gains,
+}
+
+impl View<'_> {
+    /// `d x a`.
+    #[inline(always)]
+    fn error(&self, a: &[i32; 3]) -> [i32; 3] {
+        let d = self.down;
+        [
+            d[1] * a[2] - d[2] * a[1],
+            d[2] * a[0] - d[0] * a[2],
+            d[0] * a[1] - d[1] * a[0],
+        ]
+    }
+
+    /// The correction in proportion to a tilt error, and to that of the heading.
+    #[inline(always)]
+    fn proportional(&self, error: [i32; 3]) -> Correction {
+        Correction {
+            tilt: error.map(|error| self.gains.tilt.of(error)),
+            heading: self.proportional_heading(),
+        }
+    }
+
+    #[inline(always)]
+    fn proportional_heading(&self) -> i32 {
+        let Some(Heading { sine, samples }) = self.heading else {
+            return 0;
+        };
+        self.limited(((sine * self.gains.heading) >> 15) * samples)
+    }
+
+    /// A correction of the heading, as far as it goes.
+    #[inline(always)]
+    fn limited(&self, heading: i32) -> i32 {
+        let max = (EIGHTH << (self.gains.heading_shift & 31)).min(MAX_HEADING_TURN);
+        // Not `clamp`, which would panic were the limit negative.
+        heading.min(max).max(-max)
+    }
+}
+
+/// The direction of a specific force, as one of 2^14 counts; `None` where it is below a square of
+/// `least`.
+///
+/// With `y / 2^(30 - h)` for one over its length, `a y <= 2^15 2^15`.
+#[inline(always)]
+fn direction(acc: &[i32; 3], least: u32) -> Option<[i32; 3]> {
+    let square = (acc[0] * acc[0]) as u32 + (acc[1] * acc[1]) as u32 + (acc[2] * acc[2]) as u32;
+    if square < least {
+        return None;
+    }
+    let (y, h) = inverse_root(square);
+    let shift = 16 - h;
+    Some(acc.map(|acc| (acc * y + (1 << (shift - 1))) >> shift))
+}
+
+/// The square of the least specific force that shows a vertical, counts.
+fn least(per_g: f32) -> u32 {
+    let least = MIN_ACC * per_g;
+    ((least * least) as u32).max(1)
 }
 
 /// Mahony's filter: see [`crate::Mahony`].
@@ -96,23 +206,138 @@ pub struct Mahony;
 impl Filter for Mahony {
     type Gains = MahonyGains;
 
-    fn new(gains: &MahonyGains, _: f32) -> Result<Self, ConfigError> {
+    fn new(gains: &MahonyGains, _: f32, _: f32) -> Result<Self, ConfigError> {
         in_range(gains.integral_per_s2, 0.0, 0.0, "integral_per_s2")?;
         Ok(Self)
     }
 
-    fn rates(gains: &MahonyGains) -> (f32, f32) {
+    fn rates(gains: &MahonyGains, _: f32) -> (f32, f32) {
         (gains.acc_per_s, gains.mag_per_s)
     }
 
     #[inline(always)]
-    fn tilt(&mut self, view: &View<'_>, gain: Gain) -> [Q31; 3] {
-        let (d, a) = (view.down, view.acc);
-        [
-            gain.of(d[1] * a[2] - d[2] * a[1]),
-            gain.of(d[2] * a[0] - d[0] * a[2]),
-            gain.of(d[0] * a[1] - d[1] * a[0]),
-        ]
+    fn correction(&mut self, view: &View<'_>) -> Correction {
+        view.proportional(view.error(view.acc))
+    }
+}
+
+/// The complementary filter: see [`crate::Complementary`].
+#[derive(Clone, Debug)]
+pub struct Complementary {
+    /// Square of the least specific force that is used, counts.
+    least: u32,
+}
+
+impl Filter for Complementary {
+    type Gains = ComplementaryGains;
+
+    fn new(gains: &ComplementaryGains, _: f32, per_g: f32) -> Result<Self, ConfigError> {
+        in_range(gains.acc_tau_s, 0.0, 1e4, "acc_tau_s")?;
+        in_range(gains.mag_tau_s, 0.0, 1e4, "mag_tau_s")?;
+        Ok(Self {
+            least: least(per_g),
+        })
+    }
+
+    fn rates(gains: &ComplementaryGains, period_s: f32) -> (f32, f32) {
+        let rate = |tau_s: f32| 1.0 / (tau_s + period_s);
+        (rate(gains.acc_tau_s), rate(gains.mag_tau_s))
+    }
+
+    fn counts(_: &ComplementaryGains, _: f32) -> f32 {
+        UNIT
+    }
+
+    #[inline(always)]
+    fn correction(&mut self, view: &View<'_>) -> Correction {
+        let up = direction(view.acc, self.least);
+        view.proportional(up.map_or([0; 3], |up| view.error(&up)))
+    }
+}
+
+/// Madgwick's filter: see [`crate::Madgwick`]. Where the magnetometer is slower than the loop, a
+/// field turns the heading for all samples since the last.
+#[derive(Clone, Debug)]
+pub struct Madgwick {
+    /// Length of a step, half an angle, Q(16 + `shift`) rad.
+    factor: i32,
+    /// Right shift of the product with `factor`.
+    shift: u32,
+    /// The same, rad.
+    step: Q31,
+    /// Square of the error that is a step away, Q30.
+    reached: u32,
+    /// Square of the least specific force that is used, counts.
+    least: u32,
+}
+
+/// Largest half angle of a step, rad.
+const MAX_STEP: f32 = 0.125;
+
+/// Rate, 1/s, of a running mean that is as slow as the slowest filter.
+const SETTLED_PER_S: f32 = 0.1;
+
+impl Filter for Madgwick {
+    type Gains = MadgwickGains;
+
+    fn new(gains: &MadgwickGains, period_s: f32, per_g: f32) -> Result<Self, ConfigError> {
+        let step = gains.beta_per_s * period_s;
+        in_range(step, 1e-6, MAX_STEP, "beta_per_s")?;
+        let (factor, shift) = normalised(step * 65_536.0, 32_768.0);
+        // Twice the half angle.
+        let reached = step * 65_536.0;
+        Ok(Self {
+            factor,
+            shift: shift.into(),
+            step: (step * 2_147_483_648.0) as i32,
+            reached: (reached * reached) as u32,
+            least: least(per_g),
+        })
+    }
+
+    fn rates(_: &MadgwickGains, _: f32) -> (f32, f32) {
+        (SETTLED_PER_S, SETTLED_PER_S)
+    }
+
+    fn counts(_: &MadgwickGains, _: f32) -> f32 {
+        UNIT
+    }
+
+    #[inline(always)]
+    fn correction(&mut self, view: &View<'_>) -> Correction {
+        // Q29.
+        let up = direction(view.acc, self.least);
+        let error = up.map_or([0; 3], |up| view.error(&up));
+        let (sine, samples) = view
+            .heading
+            .map_or((0, 0), |heading| (heading.sine, heading.samples));
+        // Beyond a right angle twice the sine; the step is as long.
+        let sine = sine.min(1 << 15).max(-(1 << 15));
+        let parts = error.map(|error| (error + (1 << 13)) >> 14);
+        let [x, y, z] = parts;
+        let square = (x * x + y * y + z * z) as u32 + (sine * sine) as u32;
+        let heading_shift = view.gains.heading_shift & 15;
+        if square <= self.reached {
+            // Half the angle, of Q29 in Q31 and of Q15 in Q16.
+            return Correction {
+                tilt: error.map(|error| error << 1),
+                heading: view.limited(sine << heading_shift),
+            };
+        }
+        let (y, h) = inverse_root(square);
+        if !view.gains.settled {
+            // The length is its square over it, Q15; a factor of 2^31 has room.
+            let length = (((square << (2 * h)) >> 16) as i32 * y) >> (14 + h);
+            if view.gains.tilt.of(length << 14) > self.step {
+                return view.proportional(error);
+            }
+        }
+        // The part over the length, Q15, times the step.
+        let step = |part: i32| (((part * y) >> (15 - h)) * self.factor) >> self.shift;
+        Correction {
+            tilt: parts.map(step),
+            heading: view.limited((step(sine) >> (15 - heading_shift)) * samples),
+        }
     }
 }
 
@@ -133,7 +358,7 @@ impl Filter for Vqf {
     type Gains = VqfGains;
 
     #[inline(always)]
-    fn new(gains: &VqfGains, period_s: f32) -> Result<Self, ConfigError> {
+    fn new(gains: &VqfGains, period_s: f32, _: f32) -> Result<Self, ConfigError> {
         positive(gains.acc_tau_s, "acc_tau_s")?;
         in_range(
             gains.acc_smoothing_s,
@@ -150,7 +375,7 @@ impl Filter for Vqf {
         })
     }
 
-    fn rates(gains: &VqfGains) -> (f32, f32) {
+    fn rates(gains: &VqfGains, _: f32) -> (f32, f32) {
         (1.0 / gains.acc_tau_s, 1.0 / gains.mag_tau_s)
     }
 
@@ -161,7 +386,7 @@ impl Filter for Vqf {
     }
 
     #[inline(always)]
-    fn tilt(&mut self, view: &View<'_>, gain: Gain) -> [Q31; 3] {
+    fn correction(&mut self, view: &View<'_>) -> Correction {
         let (north, east) = (view.products.north(), view.products.east());
         let seen = [dot(&north, view.acc) >> 7, dot(&east, view.acc) >> 7];
         let state = self.smooth.iter_mut().zip(&mut self.remainder);
@@ -170,22 +395,25 @@ impl Filter for Vqf {
             *smooth += sum >> 9;
             *remainder = sum & 0x1ff;
         }
-        let [n, e] = if view.running_mean {
+        let [n, e] = if view.gains.settled {
+            self.smooth
+        } else {
             self.smooth = [0; 2];
             seen
-        } else {
-            self.smooth
         };
         for (carry, tilt) in self.carry.iter_mut().zip([-e, n]) {
-            *carry += gain.of(tilt << 7);
+            *carry += view.gains.tilt.of(tilt << 7);
         }
         let [about_north, about_east] = self.carry.map(|carry| carry >> 13);
         self.carry = self.carry.map(|carry| carry & 0x1fff);
         let body = |n: i32, e: i32| (about_north * n + about_east * e) >> 2;
-        [
-            body(north[0], east[0]),
-            body(north[1], east[1]),
-            body(north[2], east[2]),
-        ]
+        Correction {
+            tilt: [
+                body(north[0], east[0]),
+                body(north[1], east[1]),
+                body(north[2], east[2]),
+            ],
+            heading: view.proportional_heading(),
+        }
     }
 }

@@ -52,6 +52,10 @@ const FIRST_GAIN_LOG2: u8 = 2;
 /// Base-2 logarithm of the fewest samples that have it.
 const FIRST_SAMPLES_LOG2: u8 = 6;
 
+/// Base-2 logarithm of the gain increase beyond which a filter that normalises accelerations has
+/// them limited, too: not for the room of a product, but so that it begins as the others do.
+const NORMALISED_ROOM: i32 = 2;
+
 /// Largest sum of the sizes of an acceleration's components, g, while the factor is beyond
 /// [`MAX_FACTOR`]. Gravity alone has at most 1.73, in whatever direction.
 const ACC_LIMIT_G: f32 = 1.9;
@@ -99,6 +103,8 @@ pub(super) struct StartUpGains {
     tilt_shift: u32,
     /// By how much the tilt's shift may be lessened.
     tilt_shift_room: i32,
+    /// By how much the tilt's gain may be doubled before accelerations are limited.
+    limit_room: i32,
     /// Right shift of the filter's own heading gain.
     heading_shift: u32,
     /// What [`Gains::acc_limit`] is while there is a limit.
@@ -111,16 +117,18 @@ pub(super) struct StartUpGains {
 
 impl StartUpGains {
     /// The schedule, and the gains until its first block, which correct nothing. `tilt` and
-    /// `heading` are the filter's own gains per sample, `per_g` the counts of standard gravity.
+    /// `heading` are the filter's own gains per sample, `per_g` the counts of standard gravity, and
+    /// `counts` those of the tilt error of a right angle.
     #[inline(always)]
     pub(super) fn new(
         tilt: f32,
         heading: f32,
         per_g: f32,
+        counts: f32,
         log2_block: u8,
     ) -> Result<(Self, Gains), ConfigError> {
-        // An error of 1 is 2^15 per_g / 2^11, and half an angle of 1/2 is 2^30 in Q31.
-        let tilt_gain = tilt * 67_108_864.0 / per_g;
+        // An error of 1 is 2^15 counts / 2^11, and half an angle of 1/2 is 2^30 in Q31.
+        let tilt_gain = tilt * 67_108_864.0 / counts;
         let max_gain = f32::from(MAX_FACTOR) / f32::from(1u8 << MIN_TILT_SHIFT);
         in_range(tilt_gain, 0.01, max_gain, "tilt gain")?;
         let (tilt_factor, tilt_shift) = normalised(tilt_gain, f32::from(MAX_FACTOR));
@@ -132,6 +140,12 @@ impl StartUpGains {
         let first_blocks = 1 << (first_samples_log2 - log2_block);
         let first_drop = i32::from(first_samples_log2 - FIRST_GAIN_LOG2);
         let acc_limit = (ACC_LIMIT_G * per_g) as i32;
+        let tilt_shift_room = tilt_shift.saturating_sub(MIN_TILT_SHIFT).into();
+        let limit_room = if counts == per_g {
+            tilt_shift_room
+        } else {
+            NORMALISED_ROOM.min(tilt_shift_room)
+        };
         let start_up = Self {
             blocks: 0,
             first_blocks,
@@ -143,7 +157,8 @@ impl StartUpGains {
             next_drop: first_drop,
             tilt_factor,
             tilt_shift: tilt_shift.into(),
-            tilt_shift_room: tilt_shift.saturating_sub(MIN_TILT_SHIFT).into(),
+            tilt_shift_room,
+            limit_room,
             heading_shift: heading_shift.into(),
             acc_limit,
             first_gain_log2: gain_log2.into(),
@@ -215,8 +230,8 @@ impl StartUpGains {
         let tilt_log2 = positive(self.gain_log2 - self.tilt_subtract);
         // What the shift has no room for goes into the factor.
         let excess = positive(tilt_log2 - self.tilt_shift_room);
-        // The limit with an excess, 0 without: all bits of the mask or none.
-        gains.acc_limit = self.acc_limit & (-excess >> 31);
+        // The limit beyond its room, 0 within it: all bits of the mask or none.
+        gains.acc_limit = self.acc_limit & ((self.limit_room - tilt_log2) >> 31);
         gains.tilt.factor = self.tilt_factor << (excess & 31);
         gains.tilt.shift = self.tilt_shift - (tilt_log2 - excess) as u32;
         gains.heading_shift =
@@ -242,9 +257,11 @@ mod tests {
     #[test]
     fn the_largest_gain_is_taken() {
         let largest = 575.0 / 65_536.0;
-        let (start_up, _) = StartUpGains::new(largest, 0.01, 1_024.0, 5).expect("in range");
+        let (start_up, _) =
+            StartUpGains::new(largest, 0.01, 1_024.0, 1_024.0, 5).expect("in range");
         assert_eq!(start_up.tilt_shift_room, 0);
-        let error = StartUpGains::new(1.01 * largest, 0.01, 1_024.0, 5).expect_err("too large");
+        let error =
+            StartUpGains::new(1.01 * largest, 0.01, 1_024.0, 1_024.0, 5).expect_err("too large");
         assert_eq!(error, ConfigError::OutOfRange("tilt gain"));
     }
 
@@ -253,7 +270,7 @@ mod tests {
         // Own gains: 1/512 and 1/1024, so 2^6 and 2^7 times less than the first, 1/8. Blocks of 32
         // samples.
         let (mut start_up, mut gains) =
-            StartUpGains::new(1.0 / 512.0, 1.0 / 1_024.0, 1_024.0, 5).expect("in range");
+            StartUpGains::new(1.0 / 512.0, 1.0 / 1_024.0, 1_024.0, 1_024.0, 5).expect("in range");
         let mut tilt_gain = || {
             start_up.next_block(&mut gains);
             let own = start_up.tilt_factor as f32 / (1 << start_up.tilt_shift) as f32;

@@ -293,7 +293,7 @@ fn unusable_input_is_refused_in_one_line_and_nothing_is_written() {
     refused(&["--set", "preset=thesis"], &["published"]);
     refused(
         &["--filter", "gyro", "--scalar", "fixed"],
-        &["mahony and vqf"],
+        &["all others have one"],
     );
     assert_refused(folder.path(), &[file], &["--out"]);
     assert_refused(

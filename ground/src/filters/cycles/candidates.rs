@@ -62,9 +62,11 @@ pub fn all() -> Vec<Candidate> {
     let own_filters = [
         ("gyro", Scalar::F32),
         ("complementary", Scalar::F32),
+        ("complementary", Scalar::Fixed),
         ("mahony", Scalar::F32),
         ("mahony", Scalar::Fixed),
         ("madgwick", Scalar::F32),
+        ("madgwick", Scalar::Fixed),
         ("vqf", Scalar::F32),
         ("vqf", Scalar::Fixed),
     ];
