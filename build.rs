@@ -6,13 +6,13 @@ use std::{env, fs};
 
 use image_build::{FIRMWARE_SOURCES, build_id};
 
-/// Above the Arduino bootloader, which takes 8 KB, and below the last 1 KB, where parameters are
+/// Above the Arduino bootloader, which takes 8 KB, and below the last 2 KB, where parameters are
 /// stored.
-const ABOVE_BOOTLOADER: &str = "MEMORY { FLASH : ORIGIN = 0x2000, LENGTH = 247K }\n";
+const ABOVE_BOOTLOADER: &str = "MEMORY { FLASH : ORIGIN = 0x2000, LENGTH = 246K }\n";
 
 /// In the bootloader's place, for a board that is only ever written by a debug probe (the feature
 /// `no-bootloader`).
-const IN_ITS_PLACE: &str = "MEMORY { FLASH : ORIGIN = 0x0, LENGTH = 255K }\n";
+const IN_ITS_PLACE: &str = "MEMORY { FLASH : ORIGIN = 0x0, LENGTH = 254K }\n";
 
 fn main() {
     println!("cargo::rerun-if-changed=build.rs");

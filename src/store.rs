@@ -14,6 +14,10 @@
 //! A value goes by the hash of its parameter's name ([`crate::params::Info::id`]), so that a newer
 //! image keeps what it still knows of an older image's set.
 //!
+//! Older images had two slots of 512 bytes in what is the second slot now. The first of them begins
+//! where that does, and is read as such; the other one is looked at as well, until the second slot
+//! is written.
+//!
 //! A key-value store out of a library (`sequential-storage`, 8.9 KB of code) keeps each value by
 //! itself; here all of them must change together, and the code takes a tenth of that.
 
@@ -25,8 +29,8 @@ use embedded_storage::nor_flash::{ErrorType, NorFlash, ReadNorFlash};
 
 use crate::params::Params;
 
-/// Size of a slot: two rows of the SAMD21's flash.
-pub const SLOT_BYTES: usize = 512;
+/// Size of a slot: four rows of the SAMD21's flash.
+pub const SLOT_BYTES: usize = 1024;
 /// Size of the flash that the store is given: two slots.
 pub const STORE_BYTES: usize = 2 * SLOT_BYTES;
 /// Where it is on the chip: at the end of its flash.
@@ -38,6 +42,9 @@ const HEADER_BYTES: usize = 16;
 const ENTRY_BYTES: usize = 8;
 const CRC_AT: usize = 4;
 const COVERED_FROM: usize = 8;
+
+/// Size of a slot of older images, whose second one was at the end of the store.
+const OLD_SLOT_BYTES: usize = 512;
 
 const _: () = assert!(
     HEADER_BYTES + ENTRY_BYTES * Params::count() <= SLOT_BYTES,
@@ -114,24 +121,38 @@ impl fmt::Display for SaveError {
     }
 }
 
-/// The two places for a set, in the order in which they lie.
+/// The places for a set, in the order in which they lie.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Slot {
     First,
     Second,
+    /// The second one of older images, within the second one of now. Nothing is written there.
+    Old,
 }
 
 impl Slot {
-    const BOTH: [Slot; 2] = [Slot::First, Slot::Second];
+    const ALL: [Slot; 3] = [Slot::First, Slot::Second, Slot::Old];
 
     fn offset(self) -> usize {
-        self as usize * SLOT_BYTES
+        match self {
+            Slot::First => 0,
+            Slot::Second => SLOT_BYTES,
+            Slot::Old => STORE_BYTES - OLD_SLOT_BYTES,
+        }
     }
 
+    fn len(self) -> usize {
+        match self {
+            Slot::First | Slot::Second => SLOT_BYTES,
+            Slot::Old => OLD_SLOT_BYTES,
+        }
+    }
+
+    /// Where to write while the newest set is in this one.
     fn other(self) -> Slot {
         match self {
             Slot::First => Slot::Second,
-            Slot::Second => Slot::First,
+            Slot::Second | Slot::Old => Slot::First,
         }
     }
 }
@@ -148,18 +169,19 @@ enum Content {
 pub fn load(flash: &mut impl ReadNorFlash) -> (Params, Loaded) {
     let mut params = Params::default();
     let mut bytes = [0; SLOT_BYTES];
-    let contents = Slot::BOTH.map(|slot| examine(flash, slot, &mut bytes));
+    let contents = Slot::ALL.map(|slot| examine(flash, slot, &mut bytes));
+    let [first, second, _] = contents;
     let loaded = match newest(contents) {
         Some((slot, generation)) => {
             // Read again: the buffer holds the slot examined last.
             examine(flash, slot, &mut bytes);
             Loaded::Set {
                 generation,
-                interrupted: contents.contains(&Content::Damaged),
+                interrupted: [first, second].contains(&Content::Damaged),
                 unusable: apply(&bytes, &mut params),
             }
         }
-        None if contents == [Content::Blank; 2] => Loaded::Nothing,
+        None if [first, second] == [Content::Blank; 2] => Loaded::Nothing,
         None => Loaded::Corrupt,
     };
     (params, loaded)
@@ -176,7 +198,7 @@ pub fn load_bytes(bytes: &[u8; STORE_BYTES]) -> (Params, Loaded) {
 /// [`SaveError`]; the newest set is as it was.
 pub fn save<F: NorFlash>(flash: &mut F, params: &Params) -> Result<u32, SaveError> {
     let mut bytes = [0; SLOT_BYTES];
-    let newest = newest(Slot::BOTH.map(|slot| examine(flash, slot, &mut bytes)));
+    let newest = newest(Slot::ALL.map(|slot| examine(flash, slot, &mut bytes)));
     let (slot, generation) = match newest {
         Some((slot, generation)) => (slot.other(), generation.wrapping_add(1)),
         None => (Slot::First, 1),
@@ -233,7 +255,9 @@ fn write<F: NorFlash>(flash: &mut F, slot: Slot, bytes: &[u8; SLOT_BYTES]) -> Re
 
 /// Reads a slot into `bytes` and says what it is.
 fn examine(flash: &mut impl ReadNorFlash, slot: Slot, bytes: &mut [u8; SLOT_BYTES]) -> Content {
-    if flash.read(slot.offset() as u32, bytes).is_err() {
+    bytes.fill(0xFF);
+    let place = bytes.get_mut(..slot.len()).unwrap_or_default();
+    if flash.read(slot.offset() as u32, place).is_err() {
         return Content::Damaged;
     }
     if bytes.iter().all(|byte| *byte == 0xFF) {
@@ -252,20 +276,19 @@ fn examine(flash: &mut impl ReadNorFlash, slot: Slot, bytes: &mut [u8; SLOT_BYTE
     }
 }
 
-/// The slot with the higher generation. Generations are compared as they wrap.
-fn newest([first, second]: [Content; 2]) -> Option<(Slot, u32)> {
-    match (first, second) {
-        (Content::Set { generation: a }, Content::Set { generation: b }) => {
-            if (b.wrapping_sub(a) as i32) > 0 {
-                Some((Slot::Second, b))
-            } else {
-                Some((Slot::First, a))
-            }
+/// The slot with the highest generation. Generations are compared as they wrap.
+fn newest(contents: [Content; 3]) -> Option<(Slot, u32)> {
+    let mut newest: Option<(Slot, u32)> = None;
+    for (slot, content) in Slot::ALL.into_iter().zip(contents) {
+        let Content::Set { generation } = content else {
+            continue;
+        };
+        let is_newer = |(_, other): (Slot, u32)| (generation.wrapping_sub(other) as i32) > 0;
+        if newest.is_none_or(is_newer) {
+            newest = Some((slot, generation));
         }
-        (Content::Set { generation }, _) => Some((Slot::First, generation)),
-        (_, Content::Set { generation }) => Some((Slot::Second, generation)),
-        _ => None,
     }
+    newest
 }
 
 fn compose(params: &Params, generation: u32, bytes: &mut [u8; SLOT_BYTES]) {

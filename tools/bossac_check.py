@@ -3,7 +3,7 @@
 
 The model speaks SAM-BA with Arduino's extensions X, Y and Z on a pseudo-terminal, and keeps flash as the chip does:
 writing clears bits, erasing goes by rows of 256 bytes. bossac is started as `tvc flash` starts it; then the image must
-be in flash from 0x2000 on, and the bootloader below and the parameters at 0x3FC00 must be as they were. With `-e`
+be in flash from 0x2000 on, and the bootloader below and the parameters at 0x3F800 must be as they were. With `-e`
 bossac must erase the parameters in the model, too: otherwise the check would prove nothing.
 """
 
@@ -15,7 +15,7 @@ import threading
 import tty
 
 FLASH, RAM, NVM, ROW = 0x40000, 0x20000000, 0x41004000, 256
-BOOTLOADER, IMAGE, PARAMETERS = 0x0, 0x2000, 0x3FC00
+BOOTLOADER, IMAGE, PARAMETERS = 0x0, 0x2000, 0x3F800
 WORDS = {0xE000ED00: 0x410CC601, 0x41002018: 0x10010305, NVM + 0x14: 1}  # CPUID, DID of a G18A, NVM ready
 
 

@@ -213,7 +213,9 @@ fn a_cut_in_any_operation_leaves_the_old_set_or_the_new_one() {
 #[test]
 fn a_cut_in_the_first_save_is_reported_and_the_defaults_hold() {
     let mut flash = Mock::new();
-    flash.power = Some((3, Tear::Part(20)));
+    // Behind the erasing, in the first page that is written.
+    let first_write = SLOT_BYTES / ROW + 1;
+    flash.power = Some((first_write, Tear::Part(8)));
     assert!(save(&mut flash, &params(2.0)).is_err());
     flash.power = None;
     assert_eq!(load(&mut flash), (Params::default(), Loaded::Corrupt));
@@ -261,12 +263,40 @@ fn values_that_this_image_does_not_know_or_allow_keep_their_defaults() {
     ));
 }
 
+/// An older image has saved twice; this one finds the newer set, and its own saves take turns from
+/// then on, none of them in the way of the newest.
+#[test]
+fn what_an_older_image_saved_is_found() {
+    let mut flash = Mock::new();
+    for (generation, at) in [(1, SLOT_BYTES), (2, STORE_BYTES - OLD_SLOT_BYTES)] {
+        let mut slot = [0xFF; SLOT_BYTES];
+        compose(&params(generation as f32), generation, &mut slot);
+        // It had fewer parameters.
+        let count = 40;
+        put(&mut slot, 12, &40_u16.to_le_bytes());
+        let end = HEADER_BYTES + ENTRY_BYTES * count;
+        slot[end..].fill(0xFF);
+        let crc = CRC.checksum(&slot[COVERED_FROM..end]);
+        put(&mut slot, CRC_AT, &crc.to_le_bytes());
+        flash.bytes[at..at + OLD_SLOT_BYTES].copy_from_slice(&slot[..OLD_SLOT_BYTES]);
+        let (loaded, what) = load(&mut flash);
+        assert_eq!(loaded.pid_kp(), generation as f32);
+        assert_eq!(what, set(generation));
+    }
+    for generation in 3..7 {
+        let saved = params(generation as f32);
+        assert_eq!(save(&mut flash, &saved), Ok(generation));
+        assert_eq!(load(&mut flash), (saved, set(generation)));
+    }
+}
+
 #[test]
 fn generations_are_compared_as_they_wrap() {
     let contents = |a, b| {
         [
             Content::Set { generation: a },
             Content::Set { generation: b },
+            Content::Damaged,
         ]
     };
     assert_eq!(newest(contents(u32::MAX, 0)), Some((Slot::Second, 0)));

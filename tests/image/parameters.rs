@@ -10,7 +10,7 @@ use rig::{Ready, Rig};
 use tvc_nano::store::SLOT_BYTES;
 
 /// Where the image keeps them.
-const STORE: std::ops::Range<usize> = 0x3FC00..0x40000;
+const STORE: std::ops::Range<usize> = 0x3F800..0x40000;
 
 /// Cuts the power, waits for the image and asks what it has.
 fn gain_after_power_cut(rig: &mut Rig, station: &mut GroundStation) -> f32 {

@@ -5,7 +5,7 @@ use object::elf::{EM_ARM, FileHeader32, PT_LOAD, ProgramHeader32, SHF_ALLOC};
 use object::read::elf::{ElfFile32, FileHeader, ProgramHeader, SectionHeader};
 use object::{Endianness, Object, ObjectSymbol, SymbolKind};
 
-const FLASH_END: u32 = 0x0003_FC00;
+const FLASH_END: u32 = 0x0003_F800;
 const RAM: std::ops::Range<u32> = 0x2000_0000..0x2000_8000;
 
 pub(super) fn parse(bytes: &[u8]) -> Result<Image, String> {
