@@ -5,8 +5,10 @@ use core::f32::consts::PI;
 use core::mem;
 
 use bno055_driver::{Micros, RawSample, SensorFault};
-use tvc_fusion::fixed::{Counts, Estimator, Orientation, Scale, Vqf};
-use tvc_fusion::{Attitude, Config, ConfigError};
+use tvc_fusion::fixed::{AnyFilter, AnyGains, Counts, Estimator, Orientation, Scale};
+use tvc_fusion::{
+    Attitude, ComplementaryGains, Config, ConfigError, MadgwickGains, MahonyGains, VqfGains,
+};
 use tvc_pid::{Q16, Scalar, Share16};
 
 use crate::config::{
@@ -15,13 +17,13 @@ use crate::config::{
 };
 use crate::memory::time;
 use crate::mount::Mount;
-use crate::params::Params;
+use crate::params::{FilterKind, Params};
 use crate::refresh::Refresh;
 
 /// The attitude, and all that it is made from.
 #[derive(Clone, Debug)]
 pub struct Navigation {
-    estimator: Estimator<Vqf>,
+    estimator: Estimator<AnyFilter>,
     settings: Settings,
     /// The newest sample used, as it came.
     last: Option<RawSample>,
@@ -111,7 +113,7 @@ impl Navigation {
         let refreshed = self.refresh.read(dt_us, differ);
         let counts = self.settings.mount.convert(raw);
         let field = if self.field_is_fresh(raw) {
-            counts.mag
+            counts.mag.filter(|_| self.settings.sees_field)
         } else {
             self.counts.mag.filter(|_| raw.mag != [0; 3])
         };
@@ -317,7 +319,7 @@ impl Navigation {
 }
 
 /// The estimator's own time step, us: the sensor's refresh. A constant, so that all of its
-/// configuration but the declination is worked out by the compiler.
+/// configuration but filter and declination is worked out by the compiler.
 const ESTIMATOR_PERIOD_US: u32 = 10_000;
 
 /// What the estimate depends on besides the samples.
@@ -326,6 +328,8 @@ struct Settings {
     mount: Mount,
     declination_deg: f32,
     period_us: u32,
+    filter: FilterKind,
+    sees_field: bool,
 }
 
 impl Settings {
@@ -334,14 +338,26 @@ impl Settings {
             mount: Mount::new(params),
             declination_deg: params.declination_deg(),
             period_us: params.control_period_us(),
+            filter: params.filter(),
+            sees_field: params.fuse_mag() != 0.0,
         }
     }
 
-    fn estimator(&self) -> Result<Estimator<Vqf>, ConfigError> {
-        let config = Config {
-            declination_rad: self.declination_deg * (PI / 180.0),
-            ..Config::default()
+    fn estimator(&self) -> Result<Estimator<AnyFilter>, ConfigError> {
+        let build = |gains| {
+            let config = Config {
+                declination_rad: self.declination_deg * (PI / 180.0),
+                ..Config::with_gains(gains)
+            };
+            Estimator::new(&config, &Scale::BNO055, ESTIMATOR_PERIOD_US)
         };
-        Estimator::new(&config, &Scale::BNO055, ESTIMATOR_PERIOD_US)
+        match self.filter {
+            FilterKind::Vqf => build(AnyGains::Vqf(VqfGains::default())),
+            FilterKind::Mahony => build(AnyGains::Mahony(MahonyGains::default())),
+            FilterKind::Madgwick => build(AnyGains::Madgwick(MadgwickGains::default())),
+            FilterKind::Complementary => {
+                build(AnyGains::Complementary(ComplementaryGains::default()))
+            }
+        }
     }
 }

@@ -26,6 +26,34 @@ pub enum Polarity {
     Watched,
 }
 
+/// The attitude filter, by `FUSE_FILTER`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum FilterKind {
+    /// VQF class.
+    Vqf,
+    /// Mahony's.
+    Mahony,
+    /// Madgwick's.
+    Madgwick,
+    /// Complementary.
+    Complementary,
+}
+
+impl FilterKind {
+    /// All, in the order of the parameter's values from 0 on, with the names that commands use.
+    pub const ALL: [(Self, &str); 4] = [
+        (Self::Vqf, "vqf"),
+        (Self::Mahony, "mahony"),
+        (Self::Madgwick, "madgwick"),
+        (Self::Complementary, "complementary"),
+    ];
+
+    /// The parameter's value.
+    pub const fn value(self) -> f32 {
+        self as u8 as f32
+    }
+}
+
 /// Why a parameter keeps its old value.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum ParamError {
@@ -105,6 +133,16 @@ impl Params {
             WATCHED => Polarity::Watched,
             _ => Polarity::Unchecked,
         }
+    }
+
+    /// The attitude filter.
+    pub fn filter(&self) -> FilterKind {
+        // By their bits: one comparison of words each, where floats take a call.
+        let value = self.fuse_filter().to_bits();
+        let mut kinds = FilterKind::ALL.iter().map(|(kind, _)| *kind);
+        kinds
+            .find(|kind| kind.value().to_bits() == value)
+            .unwrap_or(FilterKind::Vqf)
     }
 
     /// Index of `I2C_STRETCH_US`.

@@ -95,7 +95,7 @@ def the_loop(flight, tick_cycles):
          f"{loop['cycles_per_step_mean_1ws']:,.0f} / {loop['cycles_per_step_max_1ws']:,}", ""],
         ["cycles a tick with telemetry streaming, all that runs, 0 wait states", f"{tick_cycles:,.0f}", ""],
         ["core awake, 1 wait state", f"{100 * loop['cpu_load']:.1f} %", ""],
-        ["flash", f"{image['flash_bytes']:,} bytes", "81,920 bytes"],
+        ["flash", f"{image['flash_bytes']:,} bytes", "98,304 bytes"],
         ["static RAM", f"{image['static_ram_bytes']:,} bytes", "24,576 bytes"],
         ["deepest stack seen", f"{image['stack_high_water_bytes']:,} bytes", ""],
         ["messages lost", f"{flight['telemetry']['lost']} of {flight['telemetry']['messages']:,}", "0"],

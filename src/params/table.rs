@@ -250,6 +250,11 @@ parameters! {
     mnt_yaw_deg: "MNT_YAW_DEG", "deg", Between(-180.0, 180.0), 0.0, Turning;
     /// magnetic declination, east positive: 4.37 in Copenhagen
     declination_deg: "DECLINATION_DEG", "deg", Between(-180.0, 180.0), 0.0, Disarmed;
+    /// attitude filter, which starts over when it is changed: 0 VQF class; 1 Mahony; 2 Madgwick; 3
+    /// complementary
+    fuse_filter: "FUSE_FILTER", "", OneOf(&[0.0, 1.0, 2.0, 3.0]), 0.0, Disarmed;
+    /// 0: the attitude filter leaves the magnetometer out, and heading follows the gyroscope alone
+    fuse_mag: "FUSE_MAG", "", OneOf(&[0.0, 1.0]), 1.0, Disarmed;
     /// accelerometer offset along its x
     cal_acc_ox: "CAL_ACC_OX", "m/s2", Between(-2.0, 2.0), 0.0, Disarmed;
     /// accelerometer offset along its y

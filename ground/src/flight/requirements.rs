@@ -18,7 +18,7 @@ pub const LATENCY_US: Limit = AtMost(8000.0);
 /// Messages lost or damaged.
 pub const LOST_MESSAGES: Limit = AtMost(0.0);
 /// The image in flash, bytes.
-pub const FLASH_BYTES: Limit = AtMost(80.0 * 1024.0);
+pub const FLASH_BYTES: Limit = AtMost(96.0 * 1024.0);
 /// Static RAM, bytes.
 pub const STATIC_RAM_BYTES: Limit = AtMost(24.0 * 1024.0);
 /// Simulated over real time.

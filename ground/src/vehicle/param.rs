@@ -155,7 +155,7 @@ fn show(rows: &[Row], json: bool) -> Result<Verdict> {
 
 /// What a parameter belongs to, for a person who looks for it.
 pub fn group_of(name: &str) -> &'static str {
-    const GROUPS: [(&str, &str); 16] = [
+    const GROUPS: [(&str, &str); 17] = [
         // What the control laws assume of the servo.
         ("SRV_DELAY_S", CONTROL),
         ("SRV_LAG_S", CONTROL),
@@ -171,6 +171,7 @@ pub fn group_of(name: &str) -> &'static str {
         ("SRV_", "Servo"),
         ("MNT_", "Mount and place"),
         ("DECLINATION", "Mount and place"),
+        ("FUSE_", "Attitude filter"),
         ("CAL_", "Calibration of the sensors"),
         ("", "Bus, clock and link"),
     ];

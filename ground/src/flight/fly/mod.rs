@@ -12,7 +12,7 @@ mod report;
 
 use std::time::Instant;
 
-use anyhow::Result;
+use anyhow::{Result, anyhow};
 use rig::flight::Setup;
 use samd21::board::Ticks;
 
@@ -60,6 +60,11 @@ fn setup(options: &Fly) -> Result<Setup> {
             .filter(|((_, own), (_, wanted))| own != wanted)
             .map(|(_, (info, value))| (info.name.to_owned(), value))
             .collect();
+    }
+    if let Some(filter) = options.filter {
+        let stored = setup.rig.stored.get_or_insert_default();
+        let set = stored.set("FUSE_FILTER", filter.value());
+        set.map_err(|error| anyhow!("{error}"))?;
     }
     let physics = control_law::setup(options.servo, options.drone.as_deref())?;
     setup.rig.bench.parameters = physics.drone;

@@ -10,6 +10,7 @@ use clap::Args;
 use std::num::NonZeroU32;
 use std::path::PathBuf;
 use tvc_nano::Params;
+use tvc_nano::params::FilterKind;
 
 /// Options of `tvc fly`.
 #[derive(Debug, Args)]
@@ -19,7 +20,8 @@ Examples:
   cargo fly --servo digital --start 0.4    one start, a fast servo at a 300 Hz frame
   cargo fly --gains 0.9,0.25 --seed 7      other gains, other noise and frame phase
   cargo fly --params tuned.param           what `tvc tune` found
-  cargo fly --seeds 48                     48 seeds: mean, 95 % and worst (some ten minutes)
+  cargo fly --seeds 48                     48 seeds: mean, 95 % and worst
+  cargo fly --filter madgwick              another attitude filter
   cargo fly --drone heavy.toml             another drone, another servo
   cargo fly --json > flight.json           figures for a script, nothing else on standard output
   cargo fly --vibration 5,180 --servo-supply 4.8 --thrust-ramp 40,0.5
@@ -54,6 +56,10 @@ pub struct Fly {
     /// them.
     #[arg(long, value_name = "FILE.param", conflicts_with = "gains")]
     pub params: Option<PathBuf>,
+
+    /// The attitude filter on the image: vqf, mahony, madgwick, complementary [default: vqf].
+    #[arg(long, value_name = "NAME", conflicts_with = "params", value_parser = filter)]
+    pub filter: Option<FilterKind>,
 
     /// Drone and servo where they differ from the servo's preset (docs/model.md), as `tvc identify`
     /// writes them.
@@ -104,6 +110,15 @@ pub fn start_angle(text: &str) -> Result<f64, String> {
         )),
         Err(_) => Err("a start angle is a number in rad, such as 0.4".into()),
     }
+}
+
+fn filter(text: &str) -> Result<FilterKind, String> {
+    let mut all = FilterKind::ALL.into_iter();
+    let found = all.find(|(_, name)| *name == text);
+    found.map(|(kind, _)| kind).ok_or_else(|| {
+        let names = FilterKind::ALL.map(|(_, name)| name).join(", ");
+        format!("the image has the filters {names}")
+    })
 }
 
 fn gains(text: &str) -> Result<Gains, String> {
