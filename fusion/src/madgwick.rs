@@ -58,22 +58,29 @@ impl<T: Real> Filter for Madgwick<T> {
 
     #[inline(always)]
     fn correction(&mut self, view: &View<T>, _bias: &mut Vector3<T>) -> Vector3<T> {
-        // Half of the rotation that would take the prediction onto the measurement, |e| <= 1/2.
-        let mut e = zero();
+        // Halves of the rotations that would take the predictions onto the measurements, at right
+        // angles to each other; their sum is at most 1/2.
+        let (mut tilt, mut heading) = (zero(), zero());
         let down = &view.rows.down;
         if let Some(acc) = view.acc {
             let k = dot(&acc, &acc).sqrt().recip();
-            e = scaled(&cross(down, &acc), k);
+            tilt = scaled(&cross(down, &acc), k);
         }
-        if let Some(heading) = &view.heading {
-            add_scaled(&mut e, down, heading.sin);
+        if let Some(error) = &view.heading {
+            heading = scaled(down, error.sin);
         }
-        let misfit = dot(&e, &e).sqrt();
+        let misfit = (dot(&tilt, &tilt) + dot(&heading, &heading)).sqrt();
         if misfit.within(T::from_f32(MIN_MISFIT)) {
             return zero();
         }
-        let share = view.gain(self.beta * misfit.recip(), T::ONE) * view.dt;
-        let share = if share.within(T::ONE) { share } else { T::ONE };
-        scaled(&e, share)
+        let rate = view.gain(self.beta * misfit.recip(), T::ONE);
+        let share = |dt: T| {
+            let share = rate * dt;
+            if share.within(T::ONE) { share } else { T::ONE }
+        };
+        // A magnetometer that is slower than the loop stands for all samples since its last.
+        let mut half_angle = scaled(&tilt, share(view.dt));
+        add_scaled(&mut half_angle, &heading, share(view.mag_dt));
+        half_angle
     }
 }

@@ -196,6 +196,26 @@ fn a_gap_is_bridged<S: Subject>() {
     comes_back::<S>(&mut subject, &turned, 30.0);
 }
 
+/// With a field in every tenth sample, a turn that was missed is made up for within five seconds.
+fn a_gap_is_bridged_by_a_slow_magnetometer<S: Subject>() {
+    let truth = UnitQuaternion::from_euler_angles(0.4, -0.6, 1.0);
+    let mut subject = S::start();
+    for k in 0..2_000 {
+        subject.step(
+            i64::from(DT_US),
+            &sample(&truth, Vector3::zeros(), k % 10 == 0),
+        );
+    }
+    let turned = truth * UnitQuaternion::from_euler_angles(0.3, 0.2, 1.2);
+    subject.step(3_000_000, &sample(&turned, Vector3::zeros(), false));
+    let mut error = f64::NAN;
+    for k in 1..500 {
+        let still = sample(&turned, Vector3::zeros(), k % 10 == 0);
+        error = error_deg(&subject.step(i64::from(DT_US), &still).orientation, &turned);
+    }
+    assert!(!S::CORRECTS || error < 2.0 + S::RESOLUTION_DEG, "{error}");
+}
+
 fn free_fall_and_saturation_do_no_harm<S: Subject>() {
     let truth = UnitQuaternion::from_euler_angles(0.4, -0.6, 1.0);
     let mut subject = S::start();
@@ -227,6 +247,24 @@ fn free_fall_and_saturation_do_no_harm<S: Subject>() {
         subject.step(i64::from(DT_US), &sample(&truth, spin, true));
     }
     comes_back::<S>(&mut subject, &truth, 120.0);
+}
+
+/// Half a minute of turning without a field to speak of, and then the earth's again, and a heading
+/// that is far off: the compass has not been lost.
+fn a_field_that_was_missing_is_followed_again<S: Subject>() {
+    let mut truth = UnitQuaternion::from_euler_angles(0.1, -0.2, 0.5);
+    let mut subject = S::start();
+    rest(&mut subject, &truth, Vector3::zeros(), true, 10.0);
+    for k in 0..3_000 {
+        let rate = Vector3::new(0.3, 0.4, 0.5) * (0.01 * f64::from(k)).cos();
+        truth *= UnitQuaternion::from_scaled_axis(rate * 0.01);
+        let mut weak = sample(&truth, rate, true);
+        weak.mag = weak.mag.map(|mag| mag * 0.003);
+        subject.step(i64::from(DT_US), &weak);
+    }
+    // Turned about the vertical, unnoticed.
+    let turned = UnitQuaternion::from_euler_angles(0.0, 0.0, 0.7) * truth;
+    comes_back::<S>(&mut subject, &turned, 240.0);
 }
 
 /// Hours of coning, the motion that no axis shows in its mean: norm and attitude stay.
@@ -316,7 +354,9 @@ macro_rules! suite {
                 works_without_a_magnetometer,
                 time_that_stands_still_turns_nothing,
                 a_gap_is_bridged,
+                a_gap_is_bridged_by_a_slow_magnetometer,
                 free_fall_and_saturation_do_no_harm,
+                a_field_that_was_missing_is_followed_again,
                 hours_leave_the_norm_alone,
             );
 

@@ -4,8 +4,9 @@ use core::ops::RangeInclusive;
 
 use crate::error::{ConfigError, in_range};
 
-/// Sampling periods that the estimators take, us. Longer ones would let a step of 1.25 periods turn
-/// by more than the quarter of a radian an axis that the rotation has room for.
+/// Sampling periods that the estimators take, us; the longest ones only where a step of 1.25 periods
+/// turns by no more than the quarter of a radian an axis that the rotation has room for
+/// ([`Scale::TURN_RAD`]).
 pub const PERIOD_US: RangeInclusive<u32> = 500..=10_500;
 
 /// One sample as the sensors give it, in body axes.
@@ -39,8 +40,12 @@ impl Scale {
         mag_ut: 0.0625,
     };
 
-    /// Rotation rates of a count that the estimators take, rad/s: up to 2150 deg/s at full scale.
-    pub const GYR_RAD_S: RangeInclusive<f32> = 1e-5..=0.001_15;
+    /// Rotation rates of a count that the estimators take, rad/s: up to 2340 deg/s at full scale.
+    pub const GYR_RAD_S: RangeInclusive<f32> = 1e-5..=0.001_25;
+
+    /// Largest turn of a count in a sampling period that they take, rad: 2150 deg/s at full scale
+    /// for 10.5 ms, 2300 for 9.8.
+    pub const TURN_RAD: f32 = 0.001_15 * 10.5e-3;
 
     /// Specific forces of a count that they take, m/s^2: 1.7 g to 167 g at full scale.
     pub const ACC_M_S2: RangeInclusive<f32> = 5e-4..=0.05;
@@ -48,9 +53,9 @@ impl Scale {
     /// Fields of a count that they take, uT.
     pub const MAG_UT: RangeInclusive<f32> = 1e-3..=1.0;
 
-    /// Refuses a scale that the number formats are not made for.
+    /// Refuses a scale that the number formats are not made for, at this sampling period.
     #[inline(always)]
-    pub(super) fn check(&self) -> Result<(), ConfigError> {
+    pub(super) fn check(&self, period_s: f32) -> Result<(), ConfigError> {
         for (value, range, name) in [
             (self.gyr_rad_s, Self::GYR_RAD_S, "gyr_rad_s"),
             (self.acc_m_s2, Self::ACC_M_S2, "acc_m_s2"),
@@ -58,6 +63,7 @@ impl Scale {
         ] {
             in_range(value, *range.start(), *range.end(), name)?;
         }
+        in_range(self.gyr_rad_s * period_s, 0.0, Self::TURN_RAD, "period_us")?;
         Ok(())
     }
 }

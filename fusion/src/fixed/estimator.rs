@@ -61,7 +61,7 @@ use super::memory::all;
 use super::orientation::{Angles, Orientation};
 use super::over_range::{Ignored, OverRange, Recovered, StepEnd};
 use super::rest::{self, Rest};
-use super::rotation::{PerCount, Rotation};
+use super::rotation::{BIAS_BITS, PerCount, Rotation};
 use super::start_up::{Gains, StartUpGains};
 use crate::config::{Config, GRAVITY};
 use crate::error::{ConfigError, in_range};
@@ -207,8 +207,8 @@ impl<F: Filter, R: OverRange> Estimator<F, R> {
         if config.acc_gate.is_finite() {
             return Err(ConfigError::OutOfRange("acc_gate"));
         }
-        scale.check()?;
         let period_s = period_us as f32 * 1e-6;
+        scale.check(period_s)?;
         let log2_block = rest::log2_block(period_s);
         let block_s = period_s * f32::from(1u16 << log2_block);
         let (acc_per_s, mag_per_s) = F::rates(&config.gains, period_s);
@@ -226,14 +226,15 @@ impl<F: Filter, R: OverRange> Estimator<F, R> {
         let (_, turn_shift) = normalised(per_count_us * max_short_dt_us as f32, 32_768.0);
         let per_count_us = per_count_us * f32::from(1u16 << turn_shift) * (1u32 << DT_BITS) as f32;
         let coarse_shift = MAX_COARSE_SHIFT.min(turn_shift);
+        let rest = rest::Limits::new(&config.rest, scale, period_s)?;
         Ok(Self {
-            rotation: Rotation::new(),
+            rotation: Rotation::new(rest.max_bias),
             per_count_us: per_count_us as u32,
             max_short_dt_us,
             dt_remainder: 0,
             turn_shift: turn_shift.into(),
             gains,
-            rest: Rest::new(&rest::Limits::new(&config.rest, scale, period_s)?),
+            rest: Rest::new(&rest),
             heading_tick: 0,
             compass: Compass::new(
                 &field::Limits::new(&config.field, scale, period_s)?,
@@ -267,14 +268,13 @@ impl<F: Filter, R: OverRange> Estimator<F, R> {
 
     /// Gyroscope offset, counts in Q9.
     pub fn bias_q9(&self) -> [i32; 3] {
-        self.rotation.bias
+        self.rotation.bias_q9()
     }
 
     /// The whole estimate in float, with the rate of the sample given: for whoever does not count
     /// cycles.
     pub fn attitude(&self, counts: &Counts) -> Attitude {
-        let bias =
-            Vector3::from(self.rotation.bias).map(|bias| bias as f32 / 512.0 * self.gyr_rad_s);
+        let bias = Vector3::from(self.bias_q9()).map(|bias| bias as f32 / 512.0 * self.gyr_rad_s);
         let rate = Vector3::from(counts.gyr).map(|rate| f32::from(rate) * self.gyr_rad_s) - bias;
         Attitude {
             orientation: self.orientation().quaternion(),
@@ -372,6 +372,7 @@ impl<F: Filter, R: OverRange> Estimator<F, R> {
             counts,
             products: &products,
             bias: &self.rotation.bias,
+            bias_bits: self.rotation.bias_bits,
             field: self.compass.reference(),
             gain_log2: self.start_up.gain_log2,
         });
@@ -391,7 +392,8 @@ impl<F: Filter, R: OverRange> Estimator<F, R> {
     #[inline(never)]
     fn housekeeping(&mut self, job: u32, gyr: &[i16; 3], acc_z: i32) {
         if job < rest::START_UP {
-            self.rest.close(job, &mut self.rotation.bias);
+            let cut = BIAS_BITS - self.rotation.bias_bits;
+            self.rest.close(job, &mut self.rotation.bias, cut);
         } else if job == rest::START_UP {
             if self.start_up.blocks == 0 && acc_z > 0 {
                 self.rotation.turn_over();

@@ -291,7 +291,7 @@ impl Compass {
                     + sign(self.margin - 3 * quarter);
                 self.weight = quarters * (FULL / 4);
                 let [horizontal, vertical] = self.reference;
-                self.tolerance = (length(horizontal, vertical) >> 8) * self.gate;
+                self.tolerance = (length(horizontal, vertical) >> BITS) * self.gate;
             }
             return;
         }
@@ -301,9 +301,11 @@ impl Compass {
         } else {
             0
         };
-        // Does it stay the same while the body turns?
+        // Does it stay the same while the body turns? By a tolerance of its own: that of a strong
+        // reference would take any weak field for none at all.
         let ([h, v], [like_h, like_v]) = (self.met, self.candidate);
-        if (h - like_h).abs() + (v - like_v).abs() > self.tolerance {
+        let tolerance = (length(like_h, like_v) >> BITS) * self.gate;
+        if (h - like_h).abs() + (v - like_v).abs() > tolerance {
             self.candidate = self.met;
             self.turned = 0;
         } else if size(gyr) > self.adopt_rate {

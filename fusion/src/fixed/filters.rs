@@ -312,7 +312,7 @@ impl Filter for Madgwick {
             .heading
             .map_or((0, 0), |heading| (heading.sine, heading.samples));
         // Beyond a right angle twice the sine; the step is as long.
-        let sine = sine.min(1 << 15).max(-(1 << 15));
+        let sine = sine.clamp(-(1 << 15), 1 << 15);
         let parts = error.map(|error| (error + (1 << 13)) >> 14);
         let [x, y, z] = parts;
         let square = (x * x + y * y + z * z) as u32 + (sine * sine) as u32;

@@ -15,8 +15,8 @@
 //!   where a rate is far from zero; it wraps then, and is not used, as such a mean is a motion.
 //! - The offset is learned in Q16, where the smallest share, `2^-7`, of a bit of Q9 is not lost,
 //!   and rounded to Q9 for the integration.
-//! - The integration multiplies the offset in Q9 by a half angle per count below `2^15`: it holds
-//!   up to 127 counts.
+//! - The integration multiplies the offset in Q9 by a half angle per count below `2^15`, which
+//!   holds up to 127 counts. Where an offset may be larger, lower bits are cut.
 
 use super::counts::Scale;
 use super::format::{Q9, Q16, nearest_log2};
@@ -87,7 +87,7 @@ pub(super) const NO_JOB: u32 = u32::MAX;
 pub(super) struct Limits {
     rate: i32,
     acc: i32,
-    max_bias: i32,
+    pub(super) max_bias: i32,
     /// Base-2 logarithm of the samples of a block.
     log2_block: u8,
     /// Still blocks that make a rest.
@@ -194,9 +194,10 @@ impl Rest {
         self.missing == 0
     }
 
-    /// Close the block of the axis with the number of the job, or decide on rest.
+    /// Close the block of the axis with the number of the job, or decide on rest. `bias` has `cut`
+    /// fractional bits less than `BIAS_BITS`.
     #[inline(never)]
-    pub(super) fn close(&mut self, job: u32, bias: &mut [Q9; 3]) {
+    pub(super) fn close(&mut self, job: u32, bias: &mut [i32; 3], cut: u32) {
         let job = job as usize;
         let (Some(sum), Some(axis)) = (self.sums.get_mut(job), self.axes.get_mut(job)) else {
             self.decide();
@@ -219,7 +220,7 @@ impl Rest {
             && let Some(bias) = bias.get_mut(job)
         {
             axis.offset += ((before << FINER_BITS) - axis.offset) >> (self.learned & 31);
-            *bias = (axis.offset + (1 << (FINER_BITS - 1))) >> FINER_BITS;
+            *bias = (axis.offset + (1 << (FINER_BITS - 1))) >> FINER_BITS >> cut;
         }
     }
 
