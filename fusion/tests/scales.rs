@@ -191,7 +191,8 @@ fn take<F: Filter, R: OverRange>(
             .map(|part| (f64::from(part) / f64::from(1 << 30)).powi(2))
             .iter()
             .sum();
-        assert!((norm - 1.0).abs() < 2e-3, "{norm}");
+        // At full scale on all three axes; with ordinary motion it is within 1e-5.
+        assert!((norm - 1.0).abs() < 1e-2, "{norm}");
     }
 }
 

@@ -329,8 +329,6 @@ impl<F: Filter, R: OverRange> Estimator<F, R> {
         }
         let job = if long {
             rest::NO_JOB
-        } else if limited {
-            self.rest.skip()
         } else {
             self.rest.add(&gyr, &acc)
         };
@@ -455,6 +453,33 @@ mod tests {
     fn tilt<F: Filter>(estimator: &Estimator<F>) -> f32 {
         let down = estimator.orientation().quaternion().half_down();
         2.0 * (down.x * down.x + down.y * down.y).sqrt()
+    }
+
+    /// A turn of 1.5 deg/s for a third of a second, wherever it falls, is no first offset: it counts
+    /// for a part of it at most.
+    #[test]
+    fn the_first_offset_is_not_that_of_a_single_block() {
+        for turning in (0..480).step_by(8) {
+            let mut estimator = Estimator::<Vqf>::new(&Config::default(), &Scale::BNO055, 10_000)
+                .expect("in range");
+            let mut samples = 0;
+            while estimator.bias_q9() == [0; 3] {
+                let is_turning = (turning..turning + 32).contains(&samples);
+                let rate = if is_turning { 16 + 24 } else { 16 };
+                estimator.update(
+                    10_000,
+                    &Counts {
+                        gyr: [rate, 0, 0],
+                        acc: [0, 0, -981],
+                        mag: None,
+                    },
+                );
+                samples += 1;
+                assert!(samples < 1_000, "the offset is learned");
+            }
+            let [bias, ..] = estimator.bias_q9();
+            assert!(bias <= (16 + 12) << 9, "{turning}: {} counts", bias >> 9);
+        }
     }
 
     /// A body at rest whose gyroscope reads 3 deg/s about its level axes: until the offset is known

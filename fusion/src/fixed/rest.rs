@@ -3,8 +3,11 @@
 //! # The method
 //! The gyroscope's three axes and the accelerometer's are summed over blocks of about a quarter of
 //! a second. A block whose means are near those of the reference block is still; enough of them in
-//! a row are rest. From then on the mean of each still block, but the newest, moves the offset: the
-//! k-th by 1/k of the difference, with k rounded up to a power of two, until that is the memory.
+//! a row are rest. The first offset is the mean of the last of them, up to four, so that a slow
+//! motion in one has little weight. From then on the mean of each still block at rest, but the
+//! newest, moves it: the k-th by 1/k of the difference, with k rounded up to a power of two, until
+//! that is the memory. Of a later rest the blocks that show it are not learned: a body that was laid
+//! down comes to rest slowly.
 //!
 //! # The work
 //! A block has `2^shift` samples, so that its means are shifts. Its work is spread over the first
@@ -38,6 +41,8 @@ struct Axis {
     /// Mean over the newest block, counts. The offset learns from it when the next block is still
     /// too: a motion may have begun in it.
     newest: Q9,
+    /// Sum of the means over the last still blocks before the newest, counts.
+    held: Q9,
     /// Offset of the axis, counts.
     offset: Q16,
 }
@@ -53,6 +58,8 @@ pub(super) struct Rest {
     needed: u8,
     /// How many of them are still to come.
     missing: u8,
+    /// Base-2 logarithm of those whose mean the offset learns first.
+    log2_first: u8,
     /// Largest `learned`.
     memory: u8,
     /// Number of the newest sample, modulo 2^32.
@@ -102,6 +109,16 @@ pub(super) fn log2_block(period_s: f32) -> u8 {
     nearest_log2(BLOCK_S / period_s).clamp(4, 12)
 }
 
+/// Base-2 logarithm of the blocks that the offset is first learned from: at most all that make a
+/// rest, and four.
+fn log2_first(needed: u8) -> u8 {
+    match needed {
+        0 | 1 => 0,
+        2 | 3 => 1,
+        _ => 2,
+    }
+}
+
 impl Limits {
     #[inline(always)]
     pub(super) fn new(
@@ -133,6 +150,7 @@ impl Rest {
             moved: true,
             needed: limits.needed,
             missing: limits.needed,
+            log2_first: log2_first(limits.needed),
             memory: limits.log2_memory,
             // The first sample sets the gains.
             tick: START_UP - 1,
@@ -161,6 +179,7 @@ impl Rest {
         for axis in &mut self.axes {
             axis.reference = each(axis.reference);
             axis.newest = each(axis.newest);
+            axis.held = each(axis.held);
             axis.offset = each(axis.offset);
         }
     }
@@ -175,12 +194,6 @@ impl Rest {
         *ax += acc[0];
         *ay += acc[1];
         *az += acc[2];
-        self.skip()
-    }
-
-    /// A sample that is not added up.
-    #[inline(always)]
-    pub(super) fn skip(&mut self) -> u32 {
         self.tick = self.tick.wrapping_add(1);
         self.tick & self.mask
     }
@@ -213,13 +226,24 @@ impl Rest {
             limit = self.rate_limit;
             self.moved |= mean.abs() > self.max_bias;
         }
+        let first = 1 << self.log2_first;
+        axis.held = match self.missing {
+            missing if missing + 1 == first => before,
+            missing if missing < first => axis.held.wrapping_add(before),
+            _ => 0,
+        };
         if apart > limit {
             axis.reference = mean;
             self.moved = true;
         } else if self.missing == 0
             && let Some(bias) = bias.get_mut(job)
         {
-            axis.offset += ((before << FINER_BITS) - axis.offset) >> (self.learned & 31);
+            let mean = if self.blocks == 0 {
+                axis.held >> (self.log2_first & 31)
+            } else {
+                before
+            };
+            axis.offset += ((mean << FINER_BITS) - axis.offset) >> (self.learned & 31);
             *bias = (axis.offset + (1 << (FINER_BITS - 1))) >> FINER_BITS >> cut;
         }
     }
@@ -236,7 +260,7 @@ impl Rest {
                 self.rate_limit >>= 2;
             }
             self.blocks += 1;
-            if self.blocks >> (self.learned & 31) != 0 && self.learned < self.memory.into() {
+            while self.blocks >> (self.learned & 31) != 0 && self.learned < self.memory.into() {
                 self.learned += 1;
             }
         }
