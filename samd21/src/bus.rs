@@ -26,6 +26,7 @@ impl Bus<'_> {
             let due = self.next_event();
             let at = self.peripherals.run(due, self.board);
             if self.usb_host.next() <= at {
+                self.settle(at);
                 let usb = self.peripherals.usb();
                 if self.usb_host.advance(at, usb, self.memory) {
                     self.peripherals.start_of_frame(at);
@@ -37,11 +38,18 @@ impl Bus<'_> {
         self.peripherals.set_time(now);
     }
 
+    /// Has the USB host do what it has left out up to `now`.
+    pub(crate) fn settle(&mut self, now: Ticks) {
+        let usb = self.peripherals.usb();
+        self.usb_host.settle(now, usb, self.memory);
+    }
+
     /// Reads from a peripheral, or a word of the auxiliary flash rows.
     ///
     /// # Errors
     /// Nothing answers there, or the access is one that no model covers.
     pub(crate) fn read(&mut self, now: Ticks, addr: u32, width: Width) -> Result<u32, BusError> {
+        self.settle(now);
         self.peripherals.read(now, addr, width, self.board)
     }
 
@@ -58,6 +66,7 @@ impl Bus<'_> {
         value: u32,
     ) -> Result<Ticks, BusError> {
         self.advance(now);
+        self.settle(now);
         let stall = self
             .peripherals
             .write(now, addr, width, value, self.memory, self.board)?;

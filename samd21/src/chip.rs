@@ -61,7 +61,9 @@ impl Chip {
     /// cycles after `until`; everything due until then has happened.
     pub fn run_until(&mut self, until: Ticks, board: &mut dyn Board) -> Stop {
         let (core, mut bus) = self.parts(board);
-        core.run(&mut bus, until)
+        let stop = core.run(&mut bus, until);
+        bus.settle(core.now());
+        stop
     }
 
     /// Executes one instruction, or takes one exception, or sleeps for one tick.
@@ -73,7 +75,9 @@ impl Chip {
     /// not emulated does with it. Ends early with [`Stop::Reset`] only.
     pub fn hold_until(&mut self, until: Ticks, board: &mut dyn Board) -> Stop {
         let (core, mut bus) = self.parts(board);
-        core.hold(&mut bus, until)
+        let stop = core.hold(&mut bus, until);
+        bus.settle(core.now());
+        stop
     }
 
     /// Resets core and peripherals; memories, time and counters go on. The core waits to be

@@ -99,6 +99,7 @@ impl<B: Board> Bench<B> {
         self.now += time;
         let now = self.now;
         self.bus().advance(now);
+        self.bus().settle(now);
     }
 
     /// Polls a register until all bits of `mask` are as `set` says.

@@ -15,6 +15,11 @@ pub(crate) struct Interrupts<const FLAGS: u32> {
 }
 
 impl<const FLAGS: u32> Interrupts<FLAGS> {
+    /// Whether one of these may interrupt the processor.
+    pub(super) fn is_enabled(&self, flags: u32) -> bool {
+        self.enabled & flags != 0
+    }
+
     pub(super) fn of(block: Block) -> Self {
         Self {
             line: entry(block).irq,

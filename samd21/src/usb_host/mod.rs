@@ -127,6 +127,9 @@ pub struct Host {
     phase: Phase,
     due: Ticks,
     next_frame: Ticks,
+    /// Until then the device answers all that it is asked with NAK, unless one of the two does
+    /// something: who runs the device need not stop for the host before.
+    quiet_until: Ticks,
     frame: u16,
     attempts: u8,
     session: Session,
@@ -184,6 +187,7 @@ impl Host {
             phase: Phase::Idle,
             due: Ticks::NEVER,
             next_frame: Ticks::NEVER,
+            quiet_until: Ticks::ZERO,
             frame: 0,
             attempts: 0,
             session: Session::default(),
@@ -206,6 +210,7 @@ impl Host {
 
     /// Queues bytes for the device.
     pub fn write(&mut self, bytes: &[u8]) {
+        self.quiet_until = Ticks::ZERO;
         self.to_send.extend(bytes);
     }
 
@@ -251,6 +256,7 @@ impl Host {
         let sent =
             !self.system.heeds_capabilities() || self.session.port.as_ref().is_some_and(announced);
         if self.session.configured && sent {
+            self.quiet_until = Ticks::ZERO;
             self.session.requests.extend(requests);
         }
     }
@@ -258,6 +264,7 @@ impl Host {
     /// Falls asleep: the bus idles, and the device is to suspend.
     pub fn suspend(&mut self) {
         if self.phase == Phase::Frames {
+            self.quiet_until = Ticks::ZERO;
             self.session.transaction = None;
             self.phase = Phase::Suspended;
             self.due = Ticks::NEVER;
@@ -279,6 +286,7 @@ impl Host {
 
     /// Stops asking for bulk data, as a program that no longer reads its port, or goes on.
     pub fn pause_reading(&mut self, paused: bool) {
+        self.quiet_until = Ticks::ZERO;
         self.reading = !paused;
     }
 
@@ -333,13 +341,25 @@ impl Host {
         self.statistics
     }
 
-    /// When the host acts next. A time that has passed means at once.
+    /// When the host acts next so that the device notices. A time that has passed means at once.
     pub(crate) fn next(&self) -> Ticks {
-        self.due
+        self.due.max(self.quiet_until)
     }
 
-    /// The device's pull-up may have changed.
+    /// Does what was left out up to `now`, because nothing but NAKs comes of it. To be called before
+    /// the device looks at its USB controller or changes anything, and before the host is looked at
+    /// or told something.
+    pub(crate) fn settle(&mut self, now: Ticks, usb: &mut Usb, memory: &mut Memory) {
+        while self.due <= now && self.due < self.quiet_until {
+            self.advance(self.due, usb, memory);
+        }
+    }
+
+    /// The device may have changed: its pull-up, and what it has ready.
     pub(crate) fn observe(&mut self, now: Ticks, usb: &Usb) {
+        if self.quiet_until != Ticks::ZERO && !self.hears_only_naks(usb) {
+            self.quiet_until = Ticks::ZERO;
+        }
         if !usb.is_attached() {
             if self.phase != Phase::Idle || self.attempts != 0 {
                 self.forget_device();
@@ -392,6 +412,7 @@ impl Host {
             self.frame = (self.frame + 1) & 0x7FF;
             usb.start_of_frame(now, self.frame);
             self.statistics.frames += 1;
+            self.quiet_until = Ticks::ZERO;
             self.next_frame += FRAME;
             self.due = now + BYTE * 4;
             return true;
@@ -415,6 +436,7 @@ impl Host {
     fn forget_device(&mut self) {
         self.phase = Phase::Idle;
         self.due = Ticks::NEVER;
+        self.quiet_until = Ticks::ZERO;
         self.attempts = 0;
         self.session = Session::default();
     }

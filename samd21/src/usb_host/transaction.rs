@@ -48,6 +48,9 @@ impl Host {
             }
             let (transaction, duration) = self.compose(pipe, usb);
             if now + duration <= self.next_frame {
+                if transaction.is_nak && self.hears_only_naks(usb) {
+                    self.quiet_until = self.next_frame;
+                }
                 self.session.transaction = Some(transaction);
                 self.due = now + duration;
                 return;
@@ -67,6 +70,22 @@ impl Host {
                 session.configured && session.port.is_some_and(|port| port.interrupt.is_some())
             }
         }
+    }
+
+    /// Whether every pipe that has something to do is answered with NAK, which the device notices
+    /// only where it looks.
+    pub(super) fn hears_only_naks(&self, usb: &Usb) -> bool {
+        let session = &self.session;
+        let is_bulk_in_alone = session.transfer.is_none()
+            && session.requests.is_empty()
+            && self.to_send.is_empty();
+        let pipes = [Pipe::Interrupt, Pipe::BulkIn];
+        is_bulk_in_alone
+            && pipes.into_iter().all(|pipe| {
+                let (number, is_in, _) = self.target(pipe);
+                !self.is_wanted(pipe)
+                    || usb.would_nak(number, is_in) && !usb.interrupts_at_nak(number)
+            })
     }
 
     /// A pipe's endpoint number, whether it is IN now, and its packet size in bytes.

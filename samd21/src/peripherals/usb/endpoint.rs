@@ -184,6 +184,12 @@ impl Usb {
         }
     }
 
+    /// Whether a token that is answered with NAK interrupts the processor.
+    pub(crate) fn interrupts_at_nak(&self, number: u8) -> bool {
+        let interrupts = &self.endpoints[usize::from(number)].interrupts;
+        interrupts.is_enabled(TRFAIL0 | TRFAIL1)
+    }
+
     /// A token that was answered with NAK.
     pub(crate) fn nak(&mut self, number: u8, is_in: bool) {
         self.endpoints[usize::from(number)].interrupts.flags |=
