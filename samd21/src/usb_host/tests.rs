@@ -345,6 +345,43 @@ fn a_device_that_does_not_take_its_data_is_asked_again_and_loses_nothing() {
     assert_eq!(device.got, [1; 200]);
 }
 
+/// Whether the host is stopped at every tick or left alone over many frames, the same comes of it:
+/// what it is told by the device, and by the program, at any instant.
+#[test]
+fn what_is_left_out_comes_to_the_same() {
+    let mut watched = Device::configured();
+    watched.echo = false;
+    watched.run(Ticks::from_ms(3));
+    let mut alone = watched.bench.clone();
+    let packets: [&[u8]; 3] = [b"first", &[7; 63], b""];
+    for (index, bytes) in packets.into_iter().enumerate() {
+        // Into the midst of a frame, another one each time.
+        let time = Ticks::from_us(2_345) + Ticks(1_117 * index as u64);
+        for _ in 0..time.0 {
+            watched.bench.pass(Ticks(1));
+        }
+        alone.pass(time);
+        for bench in [&mut watched.bench, &mut alone] {
+            bench
+                .memory
+                .ram_bytes_mut(buffer(2, 1), bytes.len())
+                .unwrap()
+                .copy_from_slice(bytes);
+            let size = 3 << 28 | bytes.len() as u32;
+            bench.memory.write_u32(bank(2, 1) + 4, size).unwrap();
+            bench.w8(endpoint(2) + 5, 0x80);
+            bench.usb_host.write(&[index as u8; 3]);
+        }
+    }
+    for _ in 0..5_000 {
+        watched.bench.pass(Ticks(48));
+    }
+    alone.pass(Ticks(48 * 5_000));
+    let [watched, alone] = [&watched.bench.usb_host, &alone.usb_host];
+    assert!(watched.statistics().naks > 100 && watched.statistics().packets_in >= 3);
+    assert_eq!(format!("{watched:?}"), format!("{alone:?}"));
+}
+
 #[test]
 fn a_host_that_stops_reading_leaves_the_bank_full() {
     let mut device = Device::configured();

@@ -76,9 +76,8 @@ impl Host {
     /// only where it looks.
     pub(super) fn hears_only_naks(&self, usb: &Usb) -> bool {
         let session = &self.session;
-        let is_bulk_in_alone = session.transfer.is_none()
-            && session.requests.is_empty()
-            && self.to_send.is_empty();
+        let is_bulk_in_alone =
+            session.transfer.is_none() && session.requests.is_empty() && self.to_send.is_empty();
         let pipes = [Pipe::Interrupt, Pipe::BulkIn];
         is_bulk_in_alone
             && pipes.into_iter().all(|pipe| {
