@@ -24,7 +24,7 @@ PAGE = ROOT / "docs" / "measurements.md"
 PICTURE = ROOT / "docs" / "flight.svg"
 SEEDS = 48
 SERVOS = {"s3003": "S3003 class, 50 Hz frame", "digital": "digital, 300 Hz frame"}
-FILTERS = [("vqf", "f32"), ("vqf", "fixed"), ("mahony", "f32"), ("mahony", "fixed"), ("madgwick", "f32")]
+FILTERS = [(name, scalar) for name in ("vqf", "mahony", "madgwick", "complementary") for scalar in ("f32", "fixed")]
 
 
 class Failed(Exception):

@@ -1,5 +1,5 @@
-//! Sensors of other scales and rates in fixed point: no product overflows, which is a panic in these
-//! tests, and the attitude is right.
+//! Sensors of other scales and rates in fixed point: no product overflows, which is a panic in
+//! these tests, and the attitude is right.
 
 use nalgebra::{UnitQuaternion, Vector3};
 use proptest::prelude::*;
@@ -12,7 +12,8 @@ use tvc_fusion::{Config, ConfigError, GRAVITY};
 
 const G: f32 = GRAVITY;
 
-/// The sensors of the market, with counts per deg/s and per g at each full scale, and uT of a count.
+/// The sensors of the market, with counts per deg/s and per g at each full scale, and uT of a
+/// count.
 const SENSORS: [(&str, &[f32], &[f32], f32); 6] = [
     ("BNO055", &[16.0], &[980.665], 0.0625),
     (

@@ -4,8 +4,8 @@ use core::ops::RangeInclusive;
 
 use crate::error::{ConfigError, in_range};
 
-/// Sampling periods that the estimators take, us; the longest ones only where a step of 1.25 periods
-/// turns by no more than the quarter of a radian an axis that the rotation has room for
+/// Sampling periods that the estimators take, us; the longest ones only where a step of 1.25
+/// periods turns by no more than the quarter of a radian an axis that the rotation has room for
 /// ([`Scale::TURN_RAD`]).
 pub const PERIOD_US: RangeInclusive<u32> = 500..=10_500;
 

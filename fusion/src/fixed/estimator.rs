@@ -329,6 +329,8 @@ impl<F: Filter, R: OverRange> Estimator<F, R> {
         }
         let job = if long {
             rest::NO_JOB
+        } else if limited {
+            self.rest.skip()
         } else {
             self.rest.add(&gyr, &acc)
         };
@@ -455,8 +457,8 @@ mod tests {
         2.0 * (down.x * down.x + down.y * down.y).sqrt()
     }
 
-    /// A turn of 1.5 deg/s for a third of a second, wherever it falls, is no first offset: it counts
-    /// for a part of it at most.
+    /// A turn of 1.5 deg/s for a third of a second, wherever it falls, is no first offset: it
+    /// counts for a part of it at most.
     #[test]
     fn the_first_offset_is_not_that_of_a_single_block() {
         for turning in (0..480).step_by(8) {

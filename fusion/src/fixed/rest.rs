@@ -6,8 +6,8 @@
 //! a row are rest. The first offset is the mean of the last of them, up to four, so that a slow
 //! motion in one has little weight. From then on the mean of each still block at rest, but the
 //! newest, moves it: the k-th by 1/k of the difference, with k rounded up to a power of two, until
-//! that is the memory. Of a later rest the blocks that show it are not learned: a body that was laid
-//! down comes to rest slowly.
+//! that is the memory. Of a later rest the blocks that show it are not learned: a body that was
+//! laid down comes to rest slowly.
 //!
 //! # The work
 //! A block has `2^shift` samples, so that its means are shifts. Its work is spread over the first
@@ -194,6 +194,12 @@ impl Rest {
         *ax += acc[0];
         *ay += acc[1];
         *az += acc[2];
+        self.skip()
+    }
+
+    /// A sample that is not added up.
+    #[inline(always)]
+    pub(super) fn skip(&mut self) -> u32 {
         self.tick = self.tick.wrapping_add(1);
         self.tick & self.mask
     }
@@ -226,25 +232,27 @@ impl Rest {
             limit = self.rate_limit;
             self.moved |= mean.abs() > self.max_bias;
         }
-        let first = 1 << self.log2_first;
-        axis.held = match self.missing {
-            missing if missing + 1 == first => before,
-            missing if missing < first => axis.held.wrapping_add(before),
-            _ => 0,
-        };
         if apart > limit {
             axis.reference = mean;
             self.moved = true;
-        } else if self.missing == 0
-            && let Some(bias) = bias.get_mut(job)
-        {
-            let mean = if self.blocks == 0 {
-                axis.held >> (self.log2_first & 31)
-            } else {
-                before
+            return;
+        }
+        let Some(bias) = bias.get_mut(job) else {
+            return;
+        };
+        let mut mean = before;
+        if self.blocks == 0 {
+            let first = 1 << (self.log2_first & 31);
+            axis.held = match self.missing {
+                missing if missing + 1 == first => before,
+                missing if missing < first => axis.held.wrapping_add(before),
+                _ => 0,
             };
+            mean = axis.held >> (self.log2_first & 31);
+        }
+        if self.missing == 0 {
             axis.offset += ((mean << FINER_BITS) - axis.offset) >> (self.learned & 31);
-            *bias = (axis.offset + (1 << (FINER_BITS - 1))) >> FINER_BITS >> cut;
+            *bias = (axis.offset + (1 << (FINER_BITS - 1))) >> FINER_BITS >> (cut & 31);
         }
     }
 

@@ -346,9 +346,9 @@ impl Host {
         self.due.max(self.quiet_until)
     }
 
-    /// Does what was left out up to `now`, because nothing but NAKs comes of it. To be called before
-    /// the device looks at its USB controller or changes anything, and before the host is looked at
-    /// or told something.
+    /// Does what was left out up to `now`, because nothing but NAKs comes of it. To be called
+    /// before the device looks at its USB controller or changes anything, and before the host is
+    /// looked at or told something.
     pub(crate) fn settle(&mut self, now: Ticks, usb: &mut Usb, memory: &mut Memory) {
         while self.due <= now && self.due < self.quiet_until {
             self.advance(self.due, usb, memory);
