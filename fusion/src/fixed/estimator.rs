@@ -223,12 +223,15 @@ impl<F: Filter, R: OverRange> Estimator<F, R> {
         let max_short_dt_us = period_us + period_us / 4;
         // Q31 of the half angle.
         let per_count_us = scale.gyr_rad_s * 0.5e-6 * 2_147_483_648.0;
-        let (_, turn_shift) = normalised(per_count_us * max_short_dt_us as f32, 32_768.0);
+        let rest = rest::Limits::new(&config.rest, scale, period_s)?;
+        let turn = per_count_us * max_short_dt_us as f32;
+        let most = (1u32 << (31 - BIAS_BITS)) as f32 / (rest.max_bias + 1) as f32;
+        in_range(turn, 0.0, most, "rest.max_bias_rad_s")?;
+        let (_, turn_shift) = normalised(turn, most.min(32_768.0));
         let per_count_us = per_count_us * f32::from(1u16 << turn_shift) * (1u32 << DT_BITS) as f32;
         let coarse_shift = MAX_COARSE_SHIFT.min(turn_shift);
-        let rest = rest::Limits::new(&config.rest, scale, period_s)?;
         Ok(Self {
-            rotation: Rotation::new(rest.max_bias),
+            rotation: Rotation::new(),
             per_count_us: per_count_us as u32,
             max_short_dt_us,
             dt_remainder: 0,
@@ -268,7 +271,7 @@ impl<F: Filter, R: OverRange> Estimator<F, R> {
 
     /// Gyroscope offset, counts in Q9.
     pub fn bias_q9(&self) -> [i32; 3] {
-        self.rotation.bias_q9()
+        self.rotation.bias
     }
 
     /// The whole estimate in float, with the rate of the sample given: for whoever does not count
@@ -372,7 +375,6 @@ impl<F: Filter, R: OverRange> Estimator<F, R> {
             counts,
             products: &products,
             bias: &self.rotation.bias,
-            bias_bits: self.rotation.bias_bits,
             field: self.compass.reference(),
             gain_log2: self.start_up.gain_log2,
         });
@@ -392,8 +394,7 @@ impl<F: Filter, R: OverRange> Estimator<F, R> {
     #[inline(never)]
     fn housekeeping(&mut self, job: u32, gyr: &[i16; 3], acc_z: i32) {
         if job < rest::START_UP {
-            let cut = BIAS_BITS - self.rotation.bias_bits;
-            self.rest.close(job, &mut self.rotation.bias, cut);
+            self.rest.close(job, &mut self.rotation.bias);
         } else if job == rest::START_UP {
             if self.start_up.blocks == 0 && acc_z > 0 {
                 self.rotation.turn_over();

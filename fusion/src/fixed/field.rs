@@ -302,9 +302,10 @@ impl Compass {
             0
         };
         // Does it stay the same while the body turns? By a tolerance of its own: that of a strong
-        // reference would take any weak field for none at all.
+        // reference would take any weak field for none at all. Its larger part stands for its
+        // length, which would take longer.
         let ([h, v], [like_h, like_v]) = (self.met, self.candidate);
-        let tolerance = (length(like_h, like_v) >> BITS) * self.gate;
+        let tolerance = (like_h.max(like_v.abs()) >> BITS) * self.gate;
         if (h - like_h).abs() + (v - like_v).abs() > tolerance {
             self.candidate = self.met;
             self.turned = 0;

@@ -3,9 +3,9 @@
 use nalgebra::Vector3;
 
 use super::counts::{Counts, Scale};
-use super::format::Q31;
+use super::format::{Q9, Q31};
 use super::number::Q20;
-use super::rotation::Products;
+use super::rotation::{BIAS_BITS, Products};
 use crate::quaternion::HalfRows;
 use crate::range::{Hidden, Range};
 use crate::real::{Number, sealed};
@@ -35,9 +35,8 @@ pub struct StepEnd<'a> {
     pub(super) counts: &'a Counts,
     /// The orientation after the step.
     pub(super) products: &'a Products,
-    /// Offset of the gyroscope, counts, in Q`bias_bits`.
-    pub(super) bias: &'a [i32; 3],
-    pub(super) bias_bits: u32,
+    /// Offset of the gyroscope, counts.
+    pub(super) bias: &'a [Q9; 3],
     /// The field's reference: north and down, counts.
     pub(super) field: Option<[i32; 2]>,
     /// Base-2 logarithm of the gain increase of the slower channel.
@@ -160,9 +159,7 @@ impl Recovered {
         let vector = |counts: &[i16; 3], scale: i32| {
             Vector3::from(counts.map(|count| Q20(i32::from(count) * scale)))
         };
-        let [bx, by, bz] = step
-            .bias
-            .map(|bias| Q20((bias * self.gyr) >> step.bias_bits));
+        let [bx, by, bz] = step.bias.map(|bias| Q20((bias * self.gyr) >> BIAS_BITS));
         let seen = Seen {
             acc: Some(vector(&step.counts.acc, self.acc)),
             field: step

@@ -3,11 +3,11 @@
 //! # The method
 //! The gyroscope's three axes and the accelerometer's are summed over blocks of about a quarter of
 //! a second. A block whose means are near those of the reference block is still; enough of them in
-//! a row are rest. The first offset is the mean of the last of them, up to four, so that a slow
-//! motion in one has little weight. From then on the mean of each still block at rest, but the
-//! newest, moves it: the k-th by 1/k of the difference, with k rounded up to a power of two, until
-//! that is the memory. Of a later rest the blocks that show it are not learned: a body that was
-//! laid down comes to rest slowly.
+//! a row are rest. The mean of each still block, but the newest, moves the offset: the k-th by 1/k
+//! of the difference, with k rounded up to a power of two, until that is the memory. The first
+//! offset is made of the last blocks that show the rest, up to four, so that a slow motion in one
+//! has little weight; it is used once they do. Of a later rest those blocks are not learned: a body
+//! that was laid down comes to rest slowly.
 //!
 //! # The work
 //! A block has `2^shift` samples, so that its means are shifts. Its work is spread over the first
@@ -18,8 +18,8 @@
 //!   where a rate is far from zero; it wraps then, and is not used, as such a mean is a motion.
 //! - The offset is learned in Q16, where the smallest share, `2^-7`, of a bit of Q9 is not lost,
 //!   and rounded to Q9 for the integration.
-//! - The integration multiplies the offset in Q9 by a half angle per count below `2^15`, which
-//!   holds up to 127 counts. Where an offset may be larger, lower bits are cut.
+//! - The integration multiplies the offset in Q9 by a half angle per count below `2^15`, and below
+//!   what leaves room for the largest offset.
 
 use super::counts::Scale;
 use super::format::{Q9, Q16, nearest_log2};
@@ -41,9 +41,7 @@ struct Axis {
     /// Mean over the newest block, counts. The offset learns from it when the next block is still
     /// too: a motion may have begun in it.
     newest: Q9,
-    /// Sum of the means over the last still blocks before the newest, counts.
-    held: Q9,
-    /// Offset of the axis, counts.
+    /// Offset of the axis, counts; no more than a part of one before the first rest.
     offset: Q16,
 }
 
@@ -58,8 +56,8 @@ pub(super) struct Rest {
     needed: u8,
     /// How many of them are still to come.
     missing: u8,
-    /// Base-2 logarithm of those whose mean the offset learns first.
-    log2_first: u8,
+    /// The offset learns from the last blocks that show a rest, so many: 0 once it is known.
+    early: u8,
     /// Largest `learned`.
     memory: u8,
     /// Number of the newest sample, modulo 2^32.
@@ -70,7 +68,7 @@ pub(super) struct Rest {
     sums: [i32; 6],
     /// Right shift from an axis' sum over a block to its mean.
     shift: u32,
-    /// Blocks at rest that the offset stands on.
+    /// Blocks that the offset stands on.
     blocks: u32,
     /// The share of the next block in the offset, as a negative power of two.
     learned: u32,
@@ -97,7 +95,7 @@ pub(super) struct Limits {
     pub(super) max_bias: i32,
     /// Base-2 logarithm of the samples of a block.
     log2_block: u8,
-    /// Still blocks that make a rest.
+    /// Still blocks that make a rest, at least two.
     needed: u8,
     /// Base-2 logarithm of the blocks that the offset is averaged over.
     log2_memory: u8,
@@ -107,16 +105,6 @@ pub(super) struct Limits {
 #[inline(always)]
 pub(super) fn log2_block(period_s: f32) -> u8 {
     nearest_log2(BLOCK_S / period_s).clamp(4, 12)
-}
-
-/// Base-2 logarithm of the blocks that the offset is first learned from: at most all that make a
-/// rest, and four.
-fn log2_first(needed: u8) -> u8 {
-    match needed {
-        0 | 1 => 0,
-        2 | 3 => 1,
-        _ => 2,
-    }
 }
 
 impl Limits {
@@ -138,7 +126,7 @@ impl Limits {
             acc: (config.acc_m_s2 / scale.acc_m_s2) as i32,
             max_bias: (config.max_bias_rad_s / scale.gyr_rad_s) as i32,
             log2_block,
-            needed: (blocks(config.time_s) + 0.5) as u8,
+            needed: ((blocks(config.time_s) + 0.5) as u8).max(2),
             log2_memory: nearest_log2(blocks(config.tau_s)).min(7),
         })
     }
@@ -150,7 +138,8 @@ impl Rest {
             moved: true,
             needed: limits.needed,
             missing: limits.needed,
-            log2_first: log2_first(limits.needed),
+            // The first of them follows a motion.
+            early: (limits.needed - 1).min(3),
             memory: limits.log2_memory,
             // The first sample sets the gains.
             tick: START_UP - 1,
@@ -171,6 +160,7 @@ impl Rest {
     pub(super) fn memory(&mut self, each: &mut impl FnMut(i32) -> i32) {
         self.moved = each(self.moved.into()) != 0;
         self.missing = each(self.missing.into()) as u8;
+        self.early = each(self.early.into()) as u8;
         self.tick = each(self.tick as i32) as u32;
         all(&mut self.sums, each);
         self.blocks = each(self.blocks as i32) as u32;
@@ -179,7 +169,6 @@ impl Rest {
         for axis in &mut self.axes {
             axis.reference = each(axis.reference);
             axis.newest = each(axis.newest);
-            axis.held = each(axis.held);
             axis.offset = each(axis.offset);
         }
     }
@@ -213,10 +202,9 @@ impl Rest {
         self.missing == 0
     }
 
-    /// Close the block of the axis with the number of the job, or decide on rest. `bias` has `cut`
-    /// fractional bits less than `BIAS_BITS`.
+    /// Close the block of the axis with the number of the job, or decide on rest.
     #[inline(never)]
-    pub(super) fn close(&mut self, job: u32, bias: &mut [i32; 3], cut: u32) {
+    pub(super) fn close(&mut self, job: u32, bias: &mut [Q9; 3]) {
         let job = job as usize;
         let (Some(sum), Some(axis)) = (self.sums.get_mut(job), self.axes.get_mut(job)) else {
             self.decide();
@@ -240,36 +228,36 @@ impl Rest {
         let Some(bias) = bias.get_mut(job) else {
             return;
         };
-        let mut mean = before;
-        if self.blocks == 0 {
-            let first = 1 << (self.log2_first & 31);
-            axis.held = match self.missing {
-                missing if missing + 1 == first => before,
-                missing if missing < first => axis.held.wrapping_add(before),
-                _ => 0,
-            };
-            mean = axis.held >> (self.log2_first & 31);
+        if self.missing > self.early {
+            return;
         }
+        axis.offset += ((before << FINER_BITS) - axis.offset) >> (self.learned & 31);
         if self.missing == 0 {
-            axis.offset += ((mean << FINER_BITS) - axis.offset) >> (self.learned & 31);
-            *bias = (axis.offset + (1 << (FINER_BITS - 1))) >> FINER_BITS >> (cut & 31);
+            *bias = (axis.offset + (1 << (FINER_BITS - 1))) >> FINER_BITS;
         }
     }
 
     /// The block was still or not: what that makes of the rest, and of the share of the next block.
     fn decide(&mut self) {
+        let learns = self.missing <= self.early;
         if self.moved {
             self.missing = self.needed;
-        } else if self.missing != 0 {
-            self.missing -= 1;
+            if self.early != 0 {
+                (self.blocks, self.learned) = (0, 0);
+            }
         } else {
-            if self.blocks == 0 {
+            if self.missing != 0 {
+                self.missing -= 1;
+            } else if self.early != 0 {
                 // Once an offset is known, the limit for rest is a quarter of what it was.
                 self.rate_limit >>= 2;
+                self.early = 0;
             }
-            self.blocks += 1;
-            while self.blocks >> (self.learned & 31) != 0 && self.learned < self.memory.into() {
-                self.learned += 1;
+            if learns {
+                self.blocks += 1;
+                if self.blocks >> (self.learned & 31) != 0 && self.learned < self.memory.into() {
+                    self.learned += 1;
+                }
             }
         }
         self.moved = false;

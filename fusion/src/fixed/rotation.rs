@@ -49,11 +49,8 @@ pub(super) struct Rotation {
     q: [Q30; 4],
     /// Half rotation vector still to be applied, rad, plus `HALF`: remainders and corrections.
     pub(super) pending: [Q31; 3],
-    /// Offset of the gyroscope, counts, in Q`bias_bits`.
-    pub(super) bias: [i32; 3],
-    /// Fractional bits of the offset, at most [`BIAS_BITS`]: the finer the counts, the more of them
-    /// an offset has, and its product with a half angle per count must fit.
-    pub(super) bias_bits: u32,
+    /// Offset of the gyroscope, counts.
+    pub(super) bias: [Q9; 3],
     /// Squared norm less one.
     excess: Q30,
     /// A sixth of the squared half angle of the last step, rad^2.
@@ -111,25 +108,21 @@ impl Products {
 /// How far a count of the gyroscope turns in this step.
 #[derive(Clone, Copy)]
 pub(super) struct PerCount {
-    /// Half angle, Q(31 + `shift`) rad; below 2^15.
+    /// Half angle, Q(31 + `shift`) rad; below 2^15, and its product with an offset below 2^31.
     pub(super) half_angle: i32,
     /// Right shift that brings its product with counts to Q31.
     pub(super) shift: u32,
 }
 
-/// Most fractional bits of the gyroscope's offset, counts.
+/// Fractional bits of the gyroscope's offset, counts.
 pub(super) const BIAS_BITS: u32 = 9;
 
 impl Rotation {
-    /// For offsets of at most `max_bias` counts.
-    pub(super) const fn new(max_bias: i32) -> Self {
-        // Offset times half angle per count: below 2^16 2^15.
-        let bits = 16 - (i32::BITS - max_bias.leading_zeros());
+    pub(super) const fn new() -> Self {
         Self {
             q: [ONE + HALF, HALF, HALF, HALF],
             pending: [HALF; 3],
             bias: [0; 3],
-            bias_bits: if bits < BIAS_BITS { bits } else { BIAS_BITS },
             excess: 0,
             sixth: 0,
         }
@@ -146,11 +139,6 @@ impl Rotation {
         self.q.map(|c| c - HALF)
     }
 
-    /// Offset of the gyroscope, counts.
-    pub(super) fn bias_q9(&self) -> [Q9; 3] {
-        self.bias.map(|bias| bias << (BIAS_BITS - self.bias_bits))
-    }
-
     /// See [`Estimator::memory`](super::Estimator::memory).
     pub(super) fn memory(&mut self, each: &mut impl FnMut(i32) -> i32) {
         all(&mut self.q, each);
@@ -164,9 +152,8 @@ impl Rotation {
     #[inline(never)]
     pub(super) fn turn(&mut self, gyr: &[i16; 3], step: PerCount) {
         let per_count = step.half_angle - ((step.half_angle * self.sixth) >> 16);
-        let bias_bits = self.bias_bits & 15;
         let sum = |rate: i16, bias: i32, pending: i32| {
-            let offset = (bias * per_count) >> bias_bits;
+            let offset = (bias * per_count) >> BIAS_BITS;
             ((i32::from(rate) * per_count - offset) >> (step.shift & 15)) + pending
         };
         let ([rx, ry, rz], [bx, by, bz], [px, py, pz]) = (*gyr, self.bias, self.pending);
