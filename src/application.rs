@@ -7,6 +7,7 @@
 use bno055_driver::{BusError, Driver, Micros, Next, RawSample, SensorFault, Transfer};
 use embedded_storage::nor_flash::NorFlash;
 
+use crate::axis::Axis;
 use crate::board_status::BoardStatus;
 use crate::bringup;
 use crate::failsafe::State;
@@ -54,10 +55,10 @@ pub struct Outcome {
 /// What a step asks of the board.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StepEnd {
-    /// The pulse of the next frame.
-    pub pulse: PulseUs,
-    /// The pulse that a crash sends.
-    pub neutral: PulseUs,
+    /// The pulses of the next frame; [`PulseUs::NONE`] for an axis that is not steered.
+    pub pulses: [PulseUs; Axis::COUNT],
+    /// The pulses that a crash sends.
+    pub neutral: [PulseUs; Axis::COUNT],
     /// Servo frame and sensor bus. The flight changes them only while disarmed.
     pub timing: Timing,
     /// Where the flight stands.
@@ -274,7 +275,7 @@ impl<'a> Application<'a> {
 
     fn step_end(&self, now: Micros, snapshot: &Snapshot) -> StepEnd {
         StepEnd {
-            pulse: snapshot.pulse,
+            pulses: snapshot.pulses,
             neutral: self.flight.neutral(),
             timing: self.flight.timing(),
             state: snapshot.state,

@@ -1,7 +1,7 @@
-//! The control laws as the parameters configure them.
+//! The control laws as the parameters configure them, for one axis each.
 //!
-//! Angles are the crank's, in servo radians from zero rudder. Positive ones pitch the nose down, so
-//! that the crank is the negative of what the laws put out.
+//! Angles are the crank's, in servo radians from zero rudder. Positive ones turn the vehicle to
+//! negative angles, so that the crank is the negative of what the laws put out.
 
 use core::f32::consts::PI;
 
@@ -10,6 +10,7 @@ use tvc_pid::{
     Scalar, Surface, SurfaceConfig,
 };
 
+use crate::axis::Axis;
 use crate::config::{GYR_LAG_S, TRIM_LIMIT_RAD};
 use crate::memory::fixed;
 use crate::params::Params;
@@ -17,9 +18,9 @@ use crate::params::Params;
 /// What control is given with a sample.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sample {
-    /// Pitch, rad, nose up positive.
-    pub pitch: Q16,
-    /// Pitch rate, rad/s, nose up positive.
+    /// Tilt about the axis, rad: of pitch, nose up positive; of roll, right side down.
+    pub angle: Q16,
+    /// Rate about the axis, rad/s.
     pub rate: Q16,
     /// How long before the sample the rate was measured, us, but for the lag of the sensor's
     /// filter; `None` where it repeats that of the sample before.
@@ -30,7 +31,7 @@ pub struct Sample {
     pub is_carried: bool,
 }
 
-/// Pitch control: what is measured becomes a crank angle.
+/// Control of an axis: what is measured becomes a crank angle.
 #[derive(Clone, Debug)]
 pub struct Controller {
     law: Law,
@@ -59,7 +60,7 @@ impl Controller {
     /// A controller whose crank rests at zero rudder, with commands up to `travel_rad` either side.
     // Not inlined: its parts are large, and who builds it needs the stack for more.
     #[inline(never)]
-    pub fn new(params: &Params, travel_rad: f32) -> Self {
+    pub fn new(params: &Params, axis: Axis, travel_rad: f32) -> Self {
         let mut controller = Self {
             law: Law::Predictive(PredictivePd::default()),
             shown: Pd {
@@ -70,15 +71,15 @@ impl Controller {
             travel: Q16::ZERO,
             ticks_per_us: TicksPerUs::new(params),
         };
-        controller.configure(params, travel_rad);
+        controller.configure(params, axis, travel_rad);
         controller
     }
 
     /// Take over changed parameters, without a bump unless they choose another law. Parameters
     /// within their ranges always make a law, to which a test holds them; did they not, the old law
     /// would stay.
-    pub fn configure(&mut self, params: &Params, travel_rad: f32) {
-        self.setpoint = (params.pitch_set_deg() * (PI / 180.0)).into();
+    pub fn configure(&mut self, params: &Params, axis: Axis, travel_rad: f32) {
+        self.setpoint = (params.setpoint_deg(axis) * (PI / 180.0)).into();
         self.travel = travel_rad.into();
         self.ticks_per_us = TicksPerUs::new(params);
         self.shown = Pd {
@@ -90,16 +91,16 @@ impl Controller {
 
     /// One sample gives the crank angle (rad).
     pub fn update(&mut self, sample: &Sample) -> Q16 {
-        let Sample { pitch, rate, .. } = *sample;
+        let Sample { angle, rate, .. } = *sample;
         let ticks_per_us = self.ticks_per_us;
         -match &mut self.law {
-            Law::Pid(law) => law.update(self.setpoint, pitch, rate),
-            Law::Predictive(law) => law.update(self.setpoint, pitch, rate),
+            Law::Pid(law) => law.update(self.setpoint, angle, rate),
+            Law::Predictive(law) => law.update(self.setpoint, angle, rate),
             Law::Surface(law) => {
-                // The pitch is the sum of the rates, each of which counts for a whole period: half
+                // The angle is the sum of the rates, each of which counts for a whole period: half
                 // of one more than has passed.
                 let reading = Reading {
-                    value: pitch,
+                    value: angle,
                     rate,
                     age: sample.rate_age_us.map(|us| ticks_per_us.times(us)),
                     value_lead: ticks_per_us.times(sample.refresh_us / 2),
@@ -112,7 +113,7 @@ impl Controller {
     /// The crank angle (rad) that answers a tilt of a vehicle that is held, for somebody who looks
     /// which way the rudder turns: in proportion, as no law that knows the rudder's speed does it.
     pub fn show(&self, sample: &Sample) -> Q16 {
-        let output = self.shown.update(self.setpoint, sample.pitch, sample.rate);
+        let output = self.shown.update(self.setpoint, sample.angle, sample.rate);
         (-output).clamp(-self.travel, self.travel)
     }
 
@@ -284,7 +285,7 @@ mod tests {
 
     fn sample(pitch_rad: f32, rate_rad_s: f32) -> Sample {
         Sample {
-            pitch: pitch_rad.into(),
+            angle: pitch_rad.into(),
             rate: rate_rad_s.into(),
             rate_age_us: Some(4_000),
             refresh_us: 10_000,
@@ -306,7 +307,7 @@ mod tests {
     #[test]
     fn nose_up_and_rising_ask_for_positive_crank_angles() {
         for law in [0.0, 1.0, 2.0] {
-            let mut controller = Controller::new(&with_law(law), 1.0);
+            let mut controller = Controller::new(&with_law(law), Axis::Pitch, 1.0);
             assert!(updated(&mut controller, 0.1, 0.0) > 0.0);
             controller.reset();
             assert!(updated(&mut controller, 0.0, 0.5) > 0.0);
@@ -320,7 +321,7 @@ mod tests {
         for law in [0.0, 1.0, 2.0] {
             let mut params = with_law(law);
             params.set("PITCH_SET_DEG", 10.0).unwrap();
-            let mut controller = Controller::new(&params, 1.0);
+            let mut controller = Controller::new(&params, Axis::Pitch, 1.0);
             let crank_rad = updated(&mut controller, 10.0_f32.to_radians(), 0.0);
             assert!(crank_rad.abs() < 1e-3, "{law}: {crank_rad}");
         }
@@ -345,13 +346,13 @@ mod tests {
 
     #[test]
     fn another_law_begins_at_rest_and_other_gains_go_on() {
-        let mut controller = Controller::new(&with_law(2.0), 1.0);
+        let mut controller = Controller::new(&with_law(2.0), Axis::Pitch, 1.0);
         let crank_rad = updated(&mut controller, 0.3, 0.2);
         let mut params = with_law(2.0);
         params.set("SFC_NEAR", 20.0).unwrap();
-        controller.configure(&params, 1.0);
+        controller.configure(&params, Axis::Pitch, 1.0);
         assert!(updated(&mut controller, 0.3, 0.2) >= crank_rad);
-        controller.configure(&with_law(0.0), 1.0);
+        controller.configure(&with_law(0.0), Axis::Pitch, 1.0);
         assert_eq!(updated(&mut controller, 0.0, 0.0), 0.0);
     }
 

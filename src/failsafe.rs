@@ -261,7 +261,7 @@ impl Supervisor {
                 report.acknowledge(latch);
                 report.state()
             }
-            (Command::TestPulse(_), state) if state.is_idle() => state,
+            (Command::TestPulse(..), state) if state.is_idle() => state,
             (Command::Arm, State::Armed)
             | (Command::Release, State::Active { .. })
             | (Command::Disarm, State::Boot | State::SelfTest(_) | State::Standby) => self.state,

@@ -1,4 +1,4 @@
-//! The flight: a sample in, a pulse out.
+//! The flight: a sample in, a pulse for each axis out.
 //!
 //! [`Flight::step`] is data in, data out. It takes its time step from the samples' own times, so
 //! that a replay of the same counts and times gives the same bits on the chip, on the rig and on a
@@ -9,24 +9,41 @@ mod memory;
 use bno055_driver::{Micros, RawSample, SensorFault};
 use tvc_fusion::fixed::{Angles, Orientation};
 use tvc_fusion::{Attitude, ConfigError};
-use tvc_pid::{Q16, Scalar};
+use tvc_pid::Q16;
 
+use crate::axis::Axis;
 use crate::board_status::BoardStatus;
+use crate::channel::Channel;
 use crate::config::{
     CLOCK_CHANGE, STRETCH_LONGER_US, STRETCH_MAX_US, STRETCH_SHORTER_US, TEST_PULSE_US,
 };
-use crate::controller::{Controller, Sample};
+use crate::controller::Sample;
 use crate::failsafe::{BootReport, Command, Health, Refusal, State, Supervisor};
 use crate::navigation::Navigation;
 use crate::params::{Change, Info, ParamError, Params, Polarity};
-use crate::servo::{PulseUs, Servo};
+use crate::servo::PulseUs;
 use crate::store::Loaded;
 use crate::ticks::{CarriedTicks, Timing};
 
-/// No test pulse: it expired at time 0.
-const NO_TEST_PULSE: (PulseUs, Micros) = (PulseUs(0), Micros(0));
+/// A pulse that an operator has ordered for the servo of an axis.
+#[derive(Clone, Copy, Debug)]
+struct TestPulse {
+    axis: Axis,
+    pulse: PulseUs,
+    /// When it expires.
+    until: Micros,
+}
 
-/// Who moves the rudder.
+impl TestPulse {
+    /// None: it expired at time 0.
+    const NONE: Self = Self {
+        axis: Axis::Pitch,
+        pulse: PulseUs::NONE,
+        until: Micros(0),
+    };
+}
+
+/// Who moves a rudder.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Rudder {
     /// The control law.
@@ -47,7 +64,7 @@ pub struct Estimate {
     valid: bool,
 }
 
-/// What a step results in: the pulse, and what telemetry and recorder tell of it.
+/// What a step results in: the pulses, and what telemetry and recorder tell of it.
 #[derive(Clone, Copy, Debug)]
 pub struct Snapshot {
     /// Time of the step.
@@ -60,10 +77,10 @@ pub struct Snapshot {
     pub rates: [Q16; 3],
     /// The attitude has settled since start-up.
     pub settled: bool,
-    /// Crank angle that control asked for last, rad, before limits; zero while it is not active.
-    pub crank: Q16,
-    /// The pulse for the next servo frame.
-    pub pulse: PulseUs,
+    /// Crank angles that control asked for last, rad, before limits; zero while it is not active.
+    pub cranks: [Q16; Axis::COUNT],
+    /// The pulses for the next servo frame; [`PulseUs::NONE`] for an axis that is not steered.
+    pub pulses: [PulseUs; Axis::COUNT],
     /// Where the flight stands after the step.
     pub state: State,
     /// Why the newest step had no usable sample, if it had none.
@@ -84,12 +101,11 @@ pub struct Flight {
     timing: Timing,
     navigation: Navigation,
     carried: CarriedTicks,
-    controller: Controller,
-    /// As in [`Snapshot::crank`].
-    crank: Q16,
-    servo: Servo,
-    /// The test pulse, and when it expires.
-    test_pulse: (PulseUs, Micros),
+    /// Of every axis, steered or not.
+    channels: [Channel; Axis::COUNT],
+    /// How many of them are steered.
+    steered: usize,
+    test_pulse: TestPulse,
     supervisor: Supervisor,
 }
 
@@ -100,17 +116,15 @@ impl Flight {
     /// The estimator's configuration is impossible; no set of parameters within their ranges makes
     /// it so.
     pub fn new(params: Params, report: BootReport) -> Result<Self, ConfigError> {
-        let servo = Servo::new(&params);
         let mut supervisor = Supervisor::new(report);
         supervisor.require_host(params.fs_host() == 1.0);
         let timing = params.timing();
         Ok(Self {
             navigation: Navigation::new(&params)?,
             carried: CarriedTicks::new(&timing),
-            controller: Controller::new(&params, servo.travel_rad()),
-            crank: Q16::ZERO,
-            servo,
-            test_pulse: NO_TEST_PULSE,
+            channels: Axis::ALL.map(|axis| Channel::new(&params, axis)),
+            steered: params.axes().len(),
+            test_pulse: TestPulse::NONE,
             supervisor,
             params,
             timing,
@@ -122,7 +136,7 @@ impl Flight {
         self.carried.seen(at);
     }
 
-    /// One control step: a sample, or the reason why there is none, becomes the pulse of the next
+    /// One control step: a sample, or the reason why there is none, becomes the pulses of the next
     /// servo frame.
     pub fn step(&mut self, now: Micros, reading: Result<RawSample, SensorFault>) -> Snapshot {
         let estimate = self.estimate(now, reading);
@@ -155,7 +169,7 @@ impl Flight {
         }
     }
 
-    /// The second half: the pulse.
+    /// The second half: the pulses.
     pub fn act(&mut self, now: Micros, estimate: Option<Estimate>) -> Snapshot {
         match &estimate {
             Some(estimate) => {
@@ -177,8 +191,12 @@ impl Flight {
         self.permit(command)?;
         self.supervisor.command(now, command)?;
         self.test_pulse = match command {
-            Command::TestPulse(pulse) => (pulse, now.after(TEST_PULSE_US)),
-            _ => NO_TEST_PULSE,
+            Command::TestPulse(axis, pulse) => TestPulse {
+                axis,
+                pulse,
+                until: now.after(TEST_PULSE_US),
+            },
+            _ => TestPulse::NONE,
         };
         Ok(())
     }
@@ -279,9 +297,10 @@ impl Flight {
         self.supervisor.host_heard(now);
     }
 
-    /// The neutral pulse of the parameters in use.
-    pub fn neutral(&self) -> PulseUs {
-        self.servo.neutral_pulse()
+    /// The neutral pulses of the parameters in use; [`PulseUs::NONE`] for an axis that is not
+    /// steered.
+    pub fn neutral(&self) -> [PulseUs; Axis::COUNT] {
+        self.of_steered(PulseUs::NONE, Channel::neutral_pulse)
     }
 
     /// The self-test is passed, the attitude has settled, and the gyro's offset is known.
@@ -321,79 +340,110 @@ impl Flight {
         [angles.roll, angles.pitch, angles.yaw].map(Angles::to_rad)
     }
 
-    /// The control law, where the state lets it move the rudder. Positive crank angles pitch the
-    /// nose down, so the crank follows pitch and its rate with positive sign: `crank = kp (pitch -
-    /// setpoint) + kd rate`.
+    /// The control laws, where the state lets them move their rudders. Positive crank angles turn
+    /// the vehicle to negative angles, so the crank follows the angle and its rate with positive
+    /// sign: `crank = kp (angle - setpoint) + kd rate`.
     fn control(&mut self, now: Micros, estimate: &Estimate) {
         let is_carried = self.carried.tick(estimate.sample.time);
-        if self.rudder(now) != Rudder::Controlled {
-            return self.rest(now);
-        }
-        let sample = Sample {
-            pitch: self.navigation.pitch(),
-            rate: self.navigation.rates()[1],
-            rate_age_us: self.navigation.rate_age_us(),
-            refresh_us: self.navigation.refresh_us(),
+        let [roll_rate, pitch_rate, _] = self.navigation.rates();
+        let sample = |angle, rate, navigation: &Navigation| Sample {
+            angle,
+            rate,
+            rate_age_us: navigation.rate_age_us(),
+            refresh_us: navigation.refresh_us(),
             is_carried,
         };
-        self.crank = if self.state().is_active() {
-            self.controller.update(&sample)
-        } else {
-            // The drone is held: that it does not follow its rudder is no disturbance.
-            self.controller.reset();
-            self.controller.show(&sample)
-        };
-        self.servo.command(self.crank, estimate.dt_us);
+        if self.steered == 1 {
+            let pitch = sample(self.navigation.pitch(), pitch_rate, &self.navigation);
+            return self.steer(now, Axis::Pitch, &pitch, estimate.dt_us);
+        }
+        let [pitch, roll] = self.navigation.tilt();
+        let pitch = sample(pitch, pitch_rate, &self.navigation);
+        self.steer(now, Axis::Pitch, &pitch, estimate.dt_us);
+        let roll = sample(roll, roll_rate, &self.navigation);
+        self.steer(now, Axis::Roll, &roll, estimate.dt_us);
     }
 
-    /// Without a sample the last command stays, for as long as the supervisor lets it.
+    /// The control of an axis, `dt_us` after the last.
+    #[inline(never)]
+    fn steer(&mut self, now: Micros, axis: Axis, sample: &Sample, dt_us: u32) {
+        let rudder = self.rudder(now, axis);
+        let is_active = self.state().is_active();
+        let channel = channel(&mut self.channels, axis);
+        match rudder {
+            Rudder::Controlled if is_active => channel.control(sample, dt_us),
+            Rudder::Controlled => channel.show(sample, dt_us),
+            Rudder::Tested(pulse) => channel.rest(Some(pulse)),
+            Rudder::Neutral => channel.rest(None),
+        }
+    }
+
+    /// Without a sample the last commands stay, for as long as the supervisor lets them.
     fn hold(&mut self, now: Micros) {
         let is_carried = self.carried.missed();
-        if self.rudder(now) == Rudder::Controlled {
-            self.controller.coast(is_carried);
-        } else {
-            self.rest(now);
+        for axis in Axis::ALL.into_iter().take(self.steered) {
+            let rudder = self.rudder(now, axis);
+            let channel = channel(&mut self.channels, axis);
+            match rudder {
+                Rudder::Controlled => channel.coast(is_carried),
+                Rudder::Tested(pulse) => channel.rest(Some(pulse)),
+                Rudder::Neutral => channel.rest(None),
+            }
         }
     }
 
     /// What the parameters say about a command.
     fn permit(&self, command: Command) -> Result<(), Refusal> {
         let timing = &self.timing;
-        match (command, self.state(), self.params.polarity()) {
-            (Command::Arm, state, _) if state.is_idle() && timing.is_too_slow() => {
+        let mut axes = self.params.axes().iter();
+        match (command, self.state()) {
+            (Command::Arm, state) if state.is_idle() && timing.is_too_slow() => {
                 Err(Refusal::SlowBus(timing.burst_us()))
             }
-            (Command::Arm, State::Standby, Polarity::Unchecked | Polarity::Watched) => {
+            (Command::Arm, State::Standby)
+                if axes.any(|axis| self.params.polarity(*axis) != Polarity::Checked) =>
+            {
                 Err(Refusal::Polarity)
             }
-            (Command::TestPulse(_), state, Polarity::Watched) if state.is_idle() => {
-                Err(Refusal::RudderAnswers)
+            (Command::TestPulse(axis, _), state) if state.is_idle() => {
+                if !axes.any(|steered| *steered == axis) {
+                    Err(Refusal::NotSteered)
+                } else if self.params.polarity(axis) == Polarity::Watched {
+                    Err(Refusal::RudderAnswers)
+                } else {
+                    Ok(())
+                }
             }
             _ => Ok(()),
         }
     }
 
-    /// Who moves the rudder: control while it is active, or in standby while somebody looks at the
-    /// polarity by a host that is heard; a test pulse where nobody needs the rudder; nobody else.
-    fn rudder(&self, now: Micros) -> Rudder {
-        let (pulse, until) = self.test_pulse;
-        match (self.state(), self.params.polarity()) {
+    /// Who moves the rudder of an axis: control while it is active, or in standby while somebody
+    /// looks at the polarity by a host that is heard; a test pulse where nobody needs the rudder;
+    /// nobody else.
+    fn rudder(&self, now: Micros, axis: Axis) -> Rudder {
+        let test = self.test_pulse;
+        match (self.state(), self.params.polarity(axis)) {
             (State::Active { .. }, _) => Rudder::Controlled,
             (State::Standby, Polarity::Watched) if self.supervisor.host_is_heard(now) => {
                 Rudder::Controlled
             }
-            (state, _) if state.is_idle() && now < until => Rudder::Tested(pulse),
+            (state, _) if state.is_idle() && axis == test.axis && now < test.until => {
+                Rudder::Tested(test.pulse)
+            }
             _ => Rudder::Neutral,
         }
     }
 
-    fn rest(&mut self, now: Micros) {
-        self.crank = Q16::ZERO;
-        self.controller.reset();
-        match self.rudder(now) {
-            Rudder::Tested(pulse) => self.servo.set(pulse),
-            Rudder::Controlled | Rudder::Neutral => self.servo.neutral(),
+    /// A figure of every channel, `other` for one that is not steered.
+    fn of_steered<T>(&self, other: T, figure: impl Fn(&Channel) -> T) -> [T; Axis::COUNT] {
+        let [pitch, roll] = &self.channels;
+        let roll = if self.steered == 1 {
+            other
+        } else {
+            figure(roll)
         };
+        [figure(pitch), roll]
     }
 
     fn snapshot(&self, now: Micros, sample: Option<RawSample>) -> Snapshot {
@@ -403,8 +453,8 @@ impl Flight {
             orientation: self.orientation(),
             rates: self.navigation.rates(),
             settled: self.navigation.has_settled(),
-            crank: self.crank,
-            pulse: self.servo.pulse(),
+            cranks: self.of_steered(Q16::default(), Channel::crank),
+            pulses: self.of_steered(PulseUs::NONE, Channel::pulse),
             state: self.state(),
             fault: self.supervisor.fault(),
             sensor_healthy: self.supervisor.sensor_is_healthy(),
@@ -420,14 +470,15 @@ impl Flight {
         if change != Change::Live && self.navigation.configure(&self.params) {
             self.supervisor.attitude_lost();
         }
-        if self.params.polarity() == Polarity::Watched {
-            self.test_pulse = NO_TEST_PULSE;
+        if self.params.polarity(self.test_pulse.axis) == Polarity::Watched {
+            self.test_pulse = TestPulse::NONE;
         }
         self.timing = self.params.timing();
         self.carried.configure(&self.timing);
-        self.servo.configure(&self.params);
-        self.controller
-            .configure(&self.params, self.servo.travel_rad());
+        self.steered = self.params.axes().len();
+        for channel in &mut self.channels {
+            channel.configure(&self.params);
+        }
         self.supervisor.require_host(self.params.fs_host() == 1.0);
     }
 
@@ -439,6 +490,15 @@ impl Flight {
             bias_known: self.navigation.bias_is_known(),
             cos_tilt_q30: orientation.cos_tilt_q30(),
         }
+    }
+}
+
+/// The channel of an axis.
+fn channel(channels: &mut [Channel; Axis::COUNT], axis: Axis) -> &mut Channel {
+    let [pitch, roll] = channels;
+    match axis {
+        Axis::Pitch => pitch,
+        Axis::Roll => roll,
     }
 }
 

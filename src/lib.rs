@@ -1,11 +1,12 @@
-//! The flight of a drone (or a rocket's stand-in) steered by a rudder in its wash: attitude,
+//! The flight of a drone (or a rocket's stand-in) steered by rudders in its wash: attitude,
 //! control, servo, failsafe and telemetry. It decides everything and names no hardware; `src/board`
 //! knows the pins.
 //!
-//! [`Flight::step`] is the whole of it: a sample in, a pulse out. The chip, the virtual rig and a
+//! [`Flight::step`] is the whole of it: a sample in, a pulse for each axis out. The chip, the virtual rig and a
 //! log replay run that one function.
 //!
-//! Body axes: x forward, y right, z down. Earth axes: north, east, down. Pitch is positive nose up.
+//! Body axes: x forward, y right, z down. Earth axes: north, east, down. Pitch is positive nose up,
+//! roll right side down.
 //! Angles are in rad and rates in rad/s unless a name says otherwise.
 #![no_std]
 #![forbid(unsafe_code)]
@@ -23,8 +24,10 @@
 extern crate std;
 
 pub mod application;
+mod axis;
 mod board_status;
 pub mod bringup;
+mod channel;
 pub mod config;
 pub mod controller;
 pub mod failsafe;
@@ -46,6 +49,7 @@ pub mod telemetry;
 pub mod ticks;
 pub mod watchdog;
 
+pub use axis::Axis;
 pub use bno055_driver::{Micros, RawSample, SensorFault};
 pub use board_status::BoardStatus;
 pub use controller::Controller;

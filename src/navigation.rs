@@ -187,6 +187,15 @@ impl Navigation {
         Q16::from_bits(self.estimator.orientation().pitch() >> 13).times(SCALE)
     }
 
+    /// The tilt of the body's vertical against the earth's, as a vector in the body's axes: its
+    /// parts about y and x, rad, -pi to pi. Of a vehicle that has not rolled they are pitch and 0.
+    pub fn tilt(&self) -> [Q16; 2] {
+        self.estimator
+            .orientation()
+            .tilt_q28()
+            .map(|part| Q16::from_bits(part >> 12))
+    }
+
     /// The rates of the newest sample without the gyroscope's offset, rad/s, body axes.
     pub fn rates(&self) -> [Q16; 3] {
         // What a 512th of a count is worth in a Q16.

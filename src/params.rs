@@ -9,13 +9,14 @@ mod table;
 
 use core::fmt;
 
+use crate::axis::Axis;
 use crate::config::STRETCH_MAX_US;
 use crate::ticks::{TickPlan, Timing};
 
 use table::{COUNT, Place};
 pub use table::{Change, DESCRIPTIONS, Description, Info, Range, TABLE};
 
-/// What is known of the way in which the rudder answers, by `SRV_POLARITY`.
+/// What is known of the way in which a rudder answers, by `SRV_POLARITY` and `SRV2_POLARITY`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Polarity {
     /// Nobody has seen it: the drone is not armed.
@@ -24,6 +25,21 @@ pub enum Polarity {
     Checked,
     /// Somebody looks: in standby the rudder answers the tilt.
     Watched,
+}
+
+/// How a servo is fitted to its rudder: what may differ from one servo of a vehicle to the other.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Fitting {
+    /// Pulse at which the rudder has no effect, us.
+    pub centre_us: f32,
+    /// Servo angle at which the rudder rests, deg.
+    pub hold_deg: f32,
+    /// 1: a longer pulse turns the crank to positive angles; -1: reversed.
+    pub direction: f32,
+    /// Shortest pulse that control commands, us.
+    pub min_us: f32,
+    /// The longest, us.
+    pub max_us: f32,
 }
 
 /// The attitude filter, by `FUSE_FILTER`.
@@ -123,12 +139,53 @@ impl Params {
         ]
     }
 
-    /// What is known of the way in which the rudder answers.
-    pub fn polarity(&self) -> Polarity {
+    /// The axes that are steered.
+    pub fn axes(&self) -> &'static [Axis] {
+        const ONE: u32 = 1.0_f32.to_bits();
+        match self.axes_steered().to_bits() {
+            ONE => &[Axis::Pitch],
+            _ => &Axis::ALL,
+        }
+    }
+
+    /// The angle that an axis is to hold, deg.
+    pub fn setpoint_deg(&self, axis: Axis) -> f32 {
+        match axis {
+            Axis::Pitch => self.pitch_set_deg(),
+            Axis::Roll => self.roll_set_deg(),
+        }
+    }
+
+    /// How an axis' servo is fitted to its rudder.
+    pub fn fitting(&self, axis: Axis) -> Fitting {
+        match axis {
+            Axis::Pitch => Fitting {
+                centre_us: self.srv_centre_us(),
+                hold_deg: self.srv_hold_deg(),
+                direction: self.srv_dir(),
+                min_us: self.srv_min_us(),
+                max_us: self.srv_max_us(),
+            },
+            Axis::Roll => Fitting {
+                centre_us: self.srv2_centre_us(),
+                hold_deg: self.srv2_hold_deg(),
+                direction: self.srv2_dir(),
+                min_us: self.srv2_min_us(),
+                max_us: self.srv2_max_us(),
+            },
+        }
+    }
+
+    /// What is known of the way in which an axis' rudder answers.
+    pub fn polarity(&self, axis: Axis) -> Polarity {
         // By their bits: one comparison of words each, where floats take a call.
         const CHECKED: u32 = 1.0_f32.to_bits();
         const WATCHED: u32 = 2.0_f32.to_bits();
-        match self.srv_polarity().to_bits() {
+        let polarity = match axis {
+            Axis::Pitch => self.srv_polarity(),
+            Axis::Roll => self.srv2_polarity(),
+        };
+        match polarity.to_bits() {
             CHECKED => Polarity::Checked,
             WATCHED => Polarity::Watched,
             _ => Polarity::Unchecked,
@@ -151,13 +208,16 @@ impl Params {
     /// Index of `CLK_FINE`.
     pub const CLOCK: usize = Place::clk_fine as usize;
 
-    /// Index of `SRV_POLARITY`.
-    pub const POLARITY: usize = Place::srv_polarity as usize;
+    /// Indices of `SRV_POLARITY` and `SRV2_POLARITY`.
+    pub const POLARITIES: [usize; Axis::COUNT] =
+        [Place::srv_polarity as usize, Place::srv2_polarity as usize];
 
-    /// The rudder may answer another way now.
+    /// The rudders may answer another way now.
     #[allow(clippy::indexing_slicing, reason = "there is a value for every place")]
     pub(crate) fn forget_polarity(&mut self) {
-        self.values[Self::POLARITY] = 0.0;
+        for place in Self::POLARITIES {
+            self.values[place] = 0.0;
+        }
     }
 
     /// A number that changes with any value.

@@ -14,14 +14,15 @@
 //! | 6, 12, 18 | accelerometer, gyroscope, magnetometer: counts as the sensor gave them, x, y, z |
 //! | 24 | attitude w, x, y, z in Q14, body to earth |
 //! | 32 | rates about x, y, z of the body, 2^-16 rad/s |
-//! | 44 | crank angle that control asked for, 2^-16 rad |
-//! | 48 | pulse, us |
-//! | 50 | [`State::code`](crate::State::code), lower 16 bits |
+//! | 44, 48 | crank angles that control asked for, pitch and roll, 2^-16 rad |
+//! | 52, 54 | pulses, us; 0 for an axis that is not steered |
+//! | 56 | [`State::code`](crate::State::code), lower 16 bits |
 
 use bno055_driver::{Micros, RawSample};
 use tvc_fusion::{Quaternion, Vector3};
 use tvc_pid::Q16;
 
+use crate::axis::Axis;
 use crate::failsafe::State;
 use crate::flight::{Flight, Snapshot};
 use crate::servo::PulseUs;
@@ -37,7 +38,7 @@ pub const STEPS: usize = 200;
 /// The age that stands for no sample.
 pub const NO_SAMPLE: u16 = u16::MAX;
 
-const STEP_WORDS: usize = 26;
+const STEP_WORDS: usize = 29;
 const WORDS: usize = STEPS * STEP_WORDS;
 
 /// How far a recording is.
@@ -165,10 +166,10 @@ pub struct Step {
     pub orientation: Quaternion,
     /// Rates about the body's axes, rad/s.
     pub rate: Vector3<f32>,
-    /// Crank angle that control asked for, rad, before limits.
-    pub crank_rad: f32,
-    /// The pulse commanded.
-    pub pulse: PulseUs,
+    /// Crank angles that control asked for, rad, before limits.
+    pub cranks_rad: [f32; Axis::COUNT],
+    /// The pulses commanded.
+    pub pulses: [PulseUs; Axis::COUNT],
     /// [`State::code`](crate::State::code), lower 16 bits.
     pub code: u16,
 }
@@ -194,9 +195,9 @@ impl Step {
             }),
             orientation: Quaternion { w, x, y, z },
             rate: Vector3::new(fixed(32), fixed(36), fixed(40)),
-            crank_rad: fixed(44),
-            pulse: PulseUs(half(48)),
-            code: half(50),
+            cranks_rad: [44, 48].map(fixed),
+            pulses: [52, 54].map(|at| PulseUs(half(at))),
+            code: half(56),
         }
     }
 }
@@ -222,11 +223,39 @@ fn words(snapshot: &Snapshot, flight: &Flight) -> [u16; STEP_WORDS] {
     let [roll, roll_high] = fixed(roll_rate);
     let [pitch, pitch_high] = fixed(pitch_rate);
     let [yaw, yaw_high] = fixed(yaw_rate);
-    let [crank, crank_high] = fixed(snapshot.crank);
-    let (pulse, code) = (snapshot.pulse.0, snapshot.state.code() as u16);
+    let [[first, first_high], [second, second_high]] = snapshot.cranks.map(fixed);
+    let [PulseUs(pulse), PulseUs(pulse2)] = snapshot.pulses;
+    let code = snapshot.state.code() as u16;
     [
-        now, now_high, age, a, b, c, d, e, f, g, h, i, w, x, y, z, roll, roll_high, pitch,
-        pitch_high, yaw, yaw_high, crank, crank_high, pulse, code,
+        now,
+        now_high,
+        age,
+        a,
+        b,
+        c,
+        d,
+        e,
+        f,
+        g,
+        h,
+        i,
+        w,
+        x,
+        y,
+        z,
+        roll,
+        roll_high,
+        pitch,
+        pitch_high,
+        yaw,
+        yaw_high,
+        first,
+        first_high,
+        second,
+        second_high,
+        pulse,
+        pulse2,
+        code,
     ]
 }
 
@@ -356,13 +385,17 @@ mod tests {
             );
             assert_eq!(step.rate, Vector3::from(snapshot.rates.map(f32::from)));
             assert_eq!(
-                (step.crank_rad, step.pulse, u32::from(step.code)),
-                (snapshot.crank.into(), snapshot.pulse, snapshot.state.code())
+                (step.cranks_rad, step.pulses, u32::from(step.code)),
+                (
+                    snapshot.cranks.map(f32::from),
+                    snapshot.pulses,
+                    snapshot.state.code()
+                )
             );
         }
         let moved = snapshots
             .iter()
-            .any(|snapshot| snapshot.crank != Q16::default());
+            .any(|snapshot| snapshot.cranks[0] != Q16::default());
         assert!(moved);
     }
 

@@ -8,20 +8,34 @@ use core::f32::consts::PI;
 
 use tvc_pid::{Q16, Scalar};
 
+use crate::axis::Axis;
 use crate::config::{PULSE_MAX_US, PULSE_MIN_US};
 use crate::memory::fixed;
-use crate::params::Params;
+use crate::params::{Fitting, Params};
 
 /// Width of a servo pulse in microseconds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct PulseUs(pub u16);
 
-/// The pulse of a rudder at rest: the centre and the holding angle, within the command limits.
+impl PulseUs {
+    /// No pulse: the pin of an axis that is not steered.
+    pub const NONE: Self = Self(0);
+}
+
+/// The pulses of rudders at rest: the centre and the holding angle, within the command limits.
+/// [`PulseUs::NONE`] for an axis that is not steered.
 ///
 /// This is the one safe output. Control falls back to it, and so do the watchdog, a panic and a
 /// fault.
-pub fn neutral(params: &Params) -> PulseUs {
-    Servo::new(params).pulse()
+pub fn neutral(params: &Params) -> [PulseUs; Axis::COUNT] {
+    let axes = params.axes();
+    Axis::ALL.map(|axis| {
+        if axes.contains(&axis) {
+            Servo::new(params, axis).pulse()
+        } else {
+            PulseUs::NONE
+        }
+    })
 }
 
 /// The map from crank angle to pulse, and the pulse it commanded last.
@@ -37,12 +51,19 @@ pub struct Servo {
 }
 
 impl Servo {
-    /// A servo at rest in its centre.
-    pub fn new(params: &Params) -> Self {
-        let us_per_deg = params.srv_dir() * params.srv_us_per_deg();
-        let min_us = params.srv_min_us().max(PULSE_MIN_US);
-        let max_us = params.srv_max_us().min(PULSE_MAX_US);
-        let neutral_us = params.srv_centre_us() + us_per_deg * params.srv_hold_deg();
+    /// An axis' servo at rest in its centre.
+    pub fn new(params: &Params, axis: Axis) -> Self {
+        let Fitting {
+            centre_us,
+            hold_deg,
+            direction,
+            min_us,
+            max_us,
+        } = params.fitting(axis);
+        let us_per_deg = direction * params.srv_us_per_deg();
+        let min_us = min_us.max(PULSE_MIN_US);
+        let max_us = max_us.min(PULSE_MAX_US);
+        let neutral_us = centre_us + us_per_deg * hold_deg;
         let neutral_us = neutral_us.clamp(min_us, max_us).into();
         Self {
             neutral_us,
@@ -56,10 +77,10 @@ impl Servo {
 
     /// Take over changed parameters. The last pulse stays, so that the next one still obeys the
     /// slew rate.
-    pub fn configure(&mut self, params: &Params) {
+    pub fn configure(&mut self, params: &Params, axis: Axis) {
         *self = Self {
             last_us: self.last_us,
-            ..Self::new(params)
+            ..Self::new(params, axis)
         };
     }
 
@@ -128,7 +149,7 @@ mod tests {
         for (name, value) in changes {
             params.set(name, *value).unwrap();
         }
-        Servo::new(&params)
+        Servo::new(&params, Axis::Pitch)
     }
 
     #[test]
@@ -156,12 +177,35 @@ mod tests {
         for (hold, expected) in [(-10.0, 1424), (0.0, 1524), (3.0, 1554)] {
             let mut params = Params::default();
             params.set("SRV_HOLD_DEG", hold).unwrap();
-            let mut servo = Servo::new(&params);
+            let mut servo = Servo::new(&params, Axis::Pitch);
             servo.command(0.3.into(), SECOND_US);
-            assert_eq!(neutral(&params), PulseUs(expected));
+            assert_eq!(neutral(&params), [PulseUs(expected), PulseUs::NONE]);
             assert_eq!(servo.neutral_pulse(), PulseUs(expected));
             assert_eq!(servo.neutral(), PulseUs(expected));
         }
+    }
+
+    #[test]
+    fn each_servo_has_its_own_fitting() {
+        let mut params = Params::default();
+        for (name, value) in [
+            ("AXES", 2.0),
+            ("SRV2_CENTRE_US", 1500.0),
+            ("SRV2_DIR", -1.0),
+            ("SRV2_HOLD_DEG", 2.0),
+            ("SRV2_MAX_US", 1800.0),
+        ] {
+            params.set(name, value).unwrap();
+        }
+        assert_eq!(neutral(&params), [PulseUs(1524), PulseUs(1480)]);
+        let pulse = |axis, crank: f32| {
+            let mut servo = Servo::new(&params, axis);
+            servo.command(crank.into(), SECOND_US)
+        };
+        // 0.1 rad are 57.3 us.
+        assert_eq!(pulse(Axis::Pitch, 0.1), PulseUs(1581));
+        assert_eq!(pulse(Axis::Roll, 0.1), PulseUs(1423));
+        assert_eq!(pulse(Axis::Roll, -1.0), PulseUs(1800));
     }
 
     #[test]

@@ -56,11 +56,13 @@ use mavlink::dialects::common::{
     RAW_IMU_DATA, SERVO_OUTPUT_RAW_DATA, SYS_STATUS_DATA,
 };
 
+use crate::axis::Axis;
 use crate::board_status::BoardStatus;
 use crate::bringup;
 use crate::config::{HEARTBEAT_PERIOD_US, HOST_GONE_US};
 use crate::failsafe::{Command, State};
 use crate::flight::{Flight, Snapshot};
+use crate::servo::PulseUs;
 use download::Download;
 use parser::{Address, Parser};
 use queue::{Priority, Queue};
@@ -293,10 +295,10 @@ impl Telemetry {
             );
         }
         if self.rates.due(Stream::Servo) {
-            let pulse_us = u32::from(snapshot.pulse.0);
+            let [PulseUs(first), PulseUs(second)] = snapshot.pulses;
             self.send_words::<SERVO_OUTPUT_RAW_DATA>(
                 Priority::Stream,
-                &[snapshot.now.0 as u32, pulse_us],
+                &[snapshot.now.0 as u32, pair(first, second)],
             );
         }
         if let Some(sample) = &snapshot.sample
@@ -305,12 +307,15 @@ impl Telemetry {
             self.send_words::<RAW_IMU_DATA>(Priority::Stream, &raw_imu_words(sample));
         }
         if self.rates.due(Stream::Crank) {
-            let crank_rad = f32::from(snapshot.crank).to_bits();
-            let [name, last] = CRANK_WORDS;
-            self.send_words::<NAMED_VALUE_FLOAT_DATA>(
-                Priority::Stream,
-                &[time_boot_ms, crank_rad, name, last],
-            );
+            let steered = flight.params().axes().len();
+            let cranks = snapshot.cranks.into_iter().zip(CRANK_WORDS);
+            for (crank, [name, last]) in cranks.take(steered) {
+                let crank_rad = f32::from(crank).to_bits();
+                self.send_words::<NAMED_VALUE_FLOAT_DATA>(
+                    Priority::Stream,
+                    &[time_boot_ms, crank_rad, name, last],
+                );
+            }
         }
         if self.rates.due(Stream::Angles) {
             let [roll, pitch, yaw] = flight.angles_rad().map(f32::to_bits);
@@ -470,21 +475,18 @@ pub fn raw_imu(sample: &RawSample) -> RAW_IMU_DATA {
     }
 }
 
-/// Name of the NAMED_VALUE_FLOAT with the crank angle that control asked for, rad. As short as
-/// this, what every step sends goes into two packets.
-pub const CRANK: &str = "crank";
+/// Names of the NAMED_VALUE_FLOATs with the crank angles that control asked for, rad, by axis. As
+/// short as this, what every step sends of one axis goes into two packets.
+pub const CRANKS: [&str; Axis::COUNT] = ["crank", "crank2"];
 
 /// `imu_bus` as the words of a name.
 const BUS_NAME: [u32; 2] = [u32::from_le_bytes(*b"imu_"), u32::from_le_bytes(*b"bus\0")];
 
-/// [`CRANK`] as the words of a name.
-const CRANK_WORDS: [u32; 2] = {
-    let name = CRANK.as_bytes();
-    let ([word], [last]) = name.as_chunks() else {
-        panic!("five letters");
-    };
-    [u32::from_le_bytes(*word), *last as u32]
-};
+/// [`CRANKS`] as the words of a name.
+const CRANK_WORDS: [[u32; 2]; Axis::COUNT] = [
+    [u32::from_le_bytes(*b"cran"), b'k' as u32],
+    [u32::from_le_bytes(*b"cran"), u32::from_le_bytes(*b"k2\0\0")],
+];
 
 /// [`raw_imu`] as words.
 fn raw_imu_words(sample: &RawSample) -> [u32; 7] {

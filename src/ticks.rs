@@ -359,7 +359,7 @@ pub struct TimerPlan {
     /// Timer counts in a frame.
     pub period: u32,
     /// Counts from the start of the frame to its ticks, the last first; those that there are not
-    /// repeat it.
+    /// repeat the one behind them.
     pub ticks: [u32; TickPlan::MOST_TICKS as usize],
     /// Time from tick to tick, us, rounded down.
     pub tick_period_us: u32,
@@ -384,7 +384,7 @@ impl TimerPlan {
             period,
             ticks: match plan.ticks_per_frame {
                 1 => [last; 3],
-                2 => [last, middle, last],
+                2 => [last, middle, middle],
                 _ => [last, middle, first],
             },
             tick_period_us: plan.period_us(timing.frame_hz),
@@ -580,7 +580,7 @@ mod tests {
         assert_eq!((slow.period, slow.tick_period_us), (60_000, 6_666));
         // The last would be at 42,900 with a whole burst.
         assert_eq!(slow.ticks, [50_208, 22_900, 2_900]);
-        assert_eq!(plan(50, 100).ticks, [48_300, 8_580, 48_300]);
+        assert_eq!(plan(50, 100).ticks, [48_300, 8_580, 8_580]);
         let fast = plan(300, 400);
         assert_eq!((fast.period, fast.tick_period_us), (10_000, 6_666));
         assert_eq!((fast.ticks[0], fast.plan.frames_per_tick), (2_900, 2));

@@ -2,11 +2,11 @@
 //! number or address that differs from case to case.
 
 use bno055_driver::{SensorFault, SystemError};
-use tvc_nano::Params;
 use tvc_nano::failsafe::{Command, RefusalKind, StateCode, StateKind};
 use tvc_nano::params::ParamError;
 use tvc_nano::servo::PulseUs;
 use tvc_nano::store::{Loaded, SaveError};
+use tvc_nano::{Axis, Params};
 
 const PAGE: &str = include_str!("../docs/troubleshooting.md");
 
@@ -41,7 +41,7 @@ fn refusals_are_described() {
         Command::Arm,
         Command::Release,
         Command::Disarm,
-        Command::TestPulse(PulseUs(1500)),
+        Command::TestPulse(Axis::Pitch, PulseUs(1500)),
     ] {
         assert_described(format!("`{command}`"));
     }

@@ -90,7 +90,7 @@ impl Board for Notes {
         Micros(0)
     }
     fn step_ends(&mut self, end: &StepEnd) {
-        self.asked.push(Asked::StepEnds(end.pulse));
+        self.asked.push(Asked::StepEnds(end.pulses[0]));
         self.end = Some(*end);
     }
     fn status(&self) -> BoardStatus {
@@ -225,7 +225,10 @@ fn a_step_tells_the_board_the_neutral_pulse_the_rates_and_the_state() {
     let mut bench = Bench::new();
     bench.turns(vec![Event::Missed]);
     let end = bench.board.end.unwrap();
-    assert_eq!((end.pulse, end.neutral), (PulseUs(1424), PulseUs(1424)));
+    assert_eq!(
+        (end.pulses[0], end.neutral[0]),
+        (PulseUs(1424), PulseUs(1424))
+    );
     assert_eq!((end.timing.frame_hz, end.timing.i2c_khz), (50, 400));
     assert_eq!(end.state.kind(), StateKind::Boot);
 }

@@ -10,8 +10,9 @@ use super::time::now;
 /// A little longer than the longest servo frame, us.
 const FRAME_US: u32 = 22_000;
 
-/// Does what is ordered and gives the answer's value; `None` for what there is not.
-pub(super) fn obey(order: Order, bus: &Bus) -> Option<u32> {
+/// Does what is ordered and gives the answer's value; `None` for what there is not. No servo's
+/// signal is timed where D2 is a servo's itself.
+pub(super) fn obey(order: Order, bus: &Bus, d2_is_servo: bool) -> Option<u32> {
     const PEEK: u8 = What::Peek as u8;
     const HANG: u8 = What::Hang as u8;
     const PANIC: u8 = What::Panic as u8;
@@ -24,7 +25,7 @@ pub(super) fn obey(order: Order, bus: &Bus) -> Option<u32> {
             cortex_m::asm::nop();
         },
         PANIC => panic!("ordered"),
-        PULSE => time_pulse(),
+        PULSE if !d2_is_servo => time_pulse(),
         BUS => Some(bus.summary()),
         COUNT => {
             count_slow_clock();

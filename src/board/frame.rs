@@ -1,10 +1,11 @@
 //! The servo frame: pulses, and the ticks that are locked to them, from one timer.
 //!
-//! A TCC counts up at 3 MHz. Its overflow is the rising edge of the pulse, the compare channel of
-//! the servo's pin the falling edge (normal PWM, data sheet 31.6.2.5). Pulses are written to the
+//! A TCC counts up at 3 MHz. Its overflow is the rising edge of the pulses, the compare channel of
+//! a servo's pin the falling edge (normal PWM, data sheet 31.6.2.5). Pulses are written to the
 //! channel's buffer register and take effect at the next overflow: the compare register itself,
-//! written while the pin is high, would make one pulse last a whole frame. The other compare
-//! channels have no pin; their interrupts are the ticks of the [`TickPlan`].
+//! written while the pin is high, would make one pulse last a whole frame. The other two compare
+//! channels have no pin; their interrupts are the ticks of the [`TickPlan`]. Of three ticks in a
+//! frame the first two share a channel: each match sets it to the next of them.
 //!
 //! A register that is still synchronising with the timer's clock discards a second write (data
 //! sheet 14.3): every write here waits for its flag, for a bounded time.
@@ -14,27 +15,30 @@ use core::sync::atomic::{AtomicBool, AtomicU8, AtomicU32, Ordering};
 
 use bno055_driver::Micros;
 use critical_section::Mutex;
+use tvc_nano::Axis;
 use tvc_nano::servo::PulseUs;
 use tvc_nano::ticks::{TickPlan, TimerPlan, Timing};
 
 use super::i2c;
 use super::nano33iot::{
-    FrameClock, SERVO, SERVO_CHANNEL, SERVO_FUNCTION, TICK_CHANNELS, frame_registers,
-    on_frame_interrupt,
+    EARLY_TICK_CHANNEL, FrameClock, LAST_TICK_CHANNEL, SERVO_CHANNELS, SERVO_FUNCTION, SERVOS,
+    frame_registers, on_frame_interrupt,
 };
 use super::time::{self, now, soon};
 
 /// Timer counts in a microsecond: 48 MHz / 16.
 const COUNTS_PER_US: u32 = 3;
 
-/// STATUS.CCBVx and SYNCBUSY.CCBx of the servo's channel.
-const BUFFER_IS_FULL: u32 = 1 << (16 + SERVO_CHANNEL);
-/// See [`BUFFER_IS_FULL`].
-const BUFFER_SYNCHRONISES: u32 = 1 << (19 + SERVO_CHANNEL);
+/// STATUS.CCBVx of the servos' channels.
+const BUFFERS_ARE_FULL: u32 = 1 << (16 + SERVO_CHANNELS[0]) | 1 << (16 + SERVO_CHANNELS[1]);
+/// INTFLAG.MCx of the ticks.
+const LAST: u32 = 1 << (16 + LAST_TICK_CHANNEL);
+/// See [`LAST`].
+const EARLY: u32 = 1 << (16 + EARLY_TICK_CHANNEL);
 
-/// The pulse that [`force_neutral`] sends, in counts; 0 until the firmware has said what neutral
-/// is.
-static NEUTRAL: AtomicU32 = AtomicU32::new(0);
+/// The pulses that [`force_neutral`] sends, in counts; 0 until the firmware has said what neutral
+/// is, and for an axis that is not steered.
+static NEUTRAL: [AtomicU32; Axis::COUNT] = [AtomicU32::new(0), AtomicU32::new(0)];
 /// The frame has begun to run and the timer may be touched from anywhere.
 static RUNNING: AtomicBool = AtomicBool::new(false);
 /// A tick comes every so many frames.
@@ -44,6 +48,8 @@ static FRAMES: AtomicU8 = AtomicU8::new(0);
 /// So long after a tick its burst is too late for its step, us: a whole one, and one of the rates
 /// alone.
 static BURST_LIMITS_US: [AtomicU32; 2] = [AtomicU32::new(0), AtomicU32::new(0)];
+/// Counts to the ticks before the last of a frame, the first first; where there is one, it twice.
+static EARLY_TICKS: [AtomicU32; 2] = [AtomicU32::new(0), AtomicU32::new(0)];
 /// The last tick of a frame reads the rates alone.
 static IS_SPLIT: AtomicBool = AtomicBool::new(false);
 /// The newest tick that the main loop has not seen.
@@ -60,29 +66,21 @@ pub(super) struct Tick {
     pub(super) alone: bool,
 }
 
-/// The interrupt flags of the first `count` tick channels.
-const fn tick_flags(count: u8) -> u32 {
-    const MATCH_0: u32 = 16;
-    let (mut flags, mut index) = (0, 0);
-    while index < count as usize {
-        flags |= 1 << (MATCH_0 + TICK_CHANNELS[index] as u32);
-        index += 1;
-    }
-    flags
-}
-
-const _: () = assert!(tick_flags(3) == 0b1101 << 16 && tick_flags(1) == 1 << 19);
-
 /// The running frame.
 pub(super) struct Frame {
     timing: Timing,
     tick_period_us: u32,
+    /// The timer has the pins of so many servos.
+    connected: usize,
 }
 
 impl Frame {
     /// Start the frame. The first, 20 ms long, is without a pulse; `neutral` follows.
-    pub(super) fn start(_clock: &FrameClock, neutral: PulseUs, timing: Timing) -> Self {
-        SERVO.low();
+    pub(super) fn start(
+        _clock: &FrameClock,
+        neutral: [PulseUs; Axis::COUNT],
+        timing: Timing,
+    ) -> Self {
         set_neutral(neutral);
         let plan = TimerPlan::new(COUNTS_PER_US, &timing);
         let timer = frame_registers();
@@ -97,10 +95,12 @@ impl Frame {
         // SAFETY: all values are less than the counter's 24 bits hold.
         unsafe {
             timer.per().write(|w| w.bits(plan.period - 1));
-            timer.cc(SERVO_CHANNEL).write(|w| w.bits(0));
-            for (channel, tick) in TICK_CHANNELS.into_iter().zip(plan.ticks) {
-                timer.cc(channel).write(|w| w.bits(tick));
+            for channel in SERVO_CHANNELS {
+                timer.cc(channel).write(|w| w.bits(0));
             }
+            let [last, _, first] = plan.ticks;
+            timer.cc(LAST_TICK_CHANNEL).write(|w| w.bits(last));
+            timer.cc(EARLY_TICK_CHANNEL).write(|w| w.bits(first));
         }
         ready &= soon(|| timer.syncbusy().read().bits() == 0);
         announce(&plan, &timing);
@@ -108,29 +108,45 @@ impl Frame {
             .ctrla()
             .modify(|_, w| w.prescaler().div16().enable().set_bit());
         ready &= soon(|| timer.syncbusy().read().enable().bit_is_clear());
-        SERVO.connect(SERVO_FUNCTION);
+        let mut frame = Self {
+            timing,
+            tick_period_us: plan.tick_period_us,
+            connected: 0,
+        };
         RUNNING.store(true, Ordering::Release);
-        ready &= write_buffer(COUNTS_PER_US * u32::from(neutral.0));
+        ready &= frame.write(neutral);
         if !ready {
             // Without its timer the board can do nothing for the servo; the reset counts as a crash
             // and is reported.
             panic!("servo timer does not synchronise");
         }
-        Self {
-            timing,
-            tick_period_us: plan.tick_period_us,
-        }
+        frame
     }
 
-    /// Send `pulse` from the next frame on. `false` if the timer did not take it.
+    /// Send `pulses` from the next frame on. `false` if the timer did not take them. A pin is the
+    /// timer's from its first pulse on: the second servo's is another's before.
     #[must_use]
-    pub(super) fn write(&mut self, pulse: PulseUs) -> bool {
-        write_buffer(COUNTS_PER_US * u32::from(pulse.0))
+    pub(super) fn write(&mut self, pulses: [PulseUs; Axis::COUNT]) -> bool {
+        let steered = pulses.iter().take_while(|pulse| **pulse != PulseUs::NONE);
+        for servo in SERVOS.iter().take(steered.count()).skip(self.connected) {
+            servo.low();
+            servo.connect(SERVO_FUNCTION);
+            self.connected += 1;
+        }
+        let channels = SERVO_CHANNELS.iter().take(self.connected);
+        channels
+            .zip(pulses)
+            .all(|(channel, pulse)| write_buffer(*channel, counts(pulse)))
     }
 
-    /// Whether the pulse written last has gone from the buffer to the pin.
+    /// Whether the timer has the pins of all servos.
+    pub(super) fn has_every_pin(&self) -> bool {
+        self.connected == Axis::COUNT
+    }
+
+    /// Whether the pulses written last have gone from the buffers to the pins.
     pub(super) fn is_sent(&self) -> bool {
-        frame_registers().status().read().bits() & BUFFER_IS_FULL == 0
+        frame_registers().status().read().bits() & BUFFERS_ARE_FULL == 0
     }
 
     /// What the ticks are made for.
@@ -158,19 +174,16 @@ impl Frame {
         // SAFETY: as in `start`.
         unsafe {
             timer.perb().write(|w| w.bits(plan.period - 1));
-            for (channel, tick) in TICK_CHANNELS.into_iter().zip(plan.ticks) {
-                timer.ccb(channel).write(|w| w.bits(tick));
-            }
+            let [last, _, first] = plan.ticks;
+            timer.ccb(LAST_TICK_CHANNEL).write(|w| w.bits(last));
+            timer.ccb(EARLY_TICK_CHANNEL).write(|w| w.bits(first));
         }
         ready &= soon(|| timer.syncbusy().read().bits() == 0);
         timer.ctrlbclr().write(|w| w.lupd().set_bit());
         ready &= soon(|| timer.syncbusy().read().ctrlb().bit_is_clear());
         announce(&plan, &timing);
         if ready {
-            *self = Self {
-                timing,
-                tick_period_us: plan.tick_period_us,
-            };
+            (self.timing, self.tick_period_us) = (timing, plan.tick_period_us);
         }
         ready
     }
@@ -188,10 +201,12 @@ fn announce(plan: &TimerPlan, timing: &Timing) {
     whole.store(timing.burst_limit_us(false), Ordering::Relaxed);
     rates.store(timing.burst_limit_us(true), Ordering::Relaxed);
     IS_SPLIT.store(timing.is_split(), Ordering::Relaxed);
-    let (all, wanted) = (
-        tick_flags(TickPlan::MOST_TICKS),
-        tick_flags(ticks_per_frame),
-    );
+    let [_, middle, first] = plan.ticks;
+    for (place, tick) in EARLY_TICKS.iter().zip([first, middle]) {
+        place.store(tick, Ordering::Relaxed);
+    }
+    let all = LAST | EARLY;
+    let wanted = if ticks_per_frame > 1 { all } else { LAST };
     // SAFETY: flags that exist, of this module's own channels.
     unsafe {
         timer.intenclr().write(|w| w.bits(all & !wanted));
@@ -200,31 +215,40 @@ fn announce(plan: &TimerPlan, timing: &Timing) {
     }
 }
 
-fn write_buffer(counts: u32) -> bool {
+/// Timer counts of a pulse.
+fn counts(pulse: PulseUs) -> u32 {
+    COUNTS_PER_US * u32::from(pulse.0)
+}
+
+fn write_buffer(channel: usize, counts: u32) -> bool {
     let timer = frame_registers();
-    let ready = soon(|| timer.syncbusy().read().bits() & BUFFER_SYNCHRONISES == 0);
+    // SYNCBUSY.CCBx.
+    let synchronises = 1 << (19 + channel);
+    let ready = soon(|| timer.syncbusy().read().bits() & synchronises == 0);
     if ready {
         // SAFETY: a pulse is at most 65,535 us, 196,605 counts; the register has 24 bits.
-        timer
-            .ccb(SERVO_CHANNEL)
-            .write(|w| unsafe { w.bits(counts) });
+        timer.ccb(channel).write(|w| unsafe { w.bits(counts) });
     }
     ready
 }
 
 /// What [`force_neutral`] sends.
-pub(super) fn set_neutral(pulse: PulseUs) {
-    NEUTRAL.store(COUNTS_PER_US * u32::from(pulse.0), Ordering::Relaxed);
+pub(super) fn set_neutral(pulses: [PulseUs; Axis::COUNT]) {
+    for (place, pulse) in NEUTRAL.iter().zip(pulses) {
+        place.store(counts(pulse), Ordering::Relaxed);
+    }
 }
 
-/// Send the neutral pulse, whoever calls and whatever the main loop was doing.
+/// Send the neutral pulses, whoever calls and whatever the main loop was doing.
 pub(super) fn force_neutral() {
     if RUNNING.load(Ordering::Acquire) {
         let timer = frame_registers();
         // A change of the frame rate may have been cut short.
         timer.ctrlbclr().write(|w| w.lupd().set_bit());
-        // In vain only if the timer itself is broken, and then nothing is left to try.
-        let _ = write_buffer(NEUTRAL.load(Ordering::Relaxed));
+        for (channel, counts) in SERVO_CHANNELS.into_iter().zip(&NEUTRAL) {
+            // In vain only if the timer itself is broken, and then nothing is left to try.
+            let _ = write_buffer(channel, counts.load(Ordering::Relaxed));
+        }
     }
 }
 
@@ -241,9 +265,20 @@ fn matched() {
     let pending = timer.intflag().read().bits() & timer.intenset().read().bits();
     // SAFETY: clears what has been seen.
     timer.intflag().write(|w| unsafe { w.bits(pending) });
-    let last = pending & tick_flags(1) != 0;
+    let last = pending & LAST != 0;
+    // The next tick of the channel that two of them share.
+    let next = EARLY_TICKS.get(usize::from(!last));
+    if let Some(next) = next
+        && soon(|| timer.syncbusy().read().bits() & 1 << (8 + EARLY_TICK_CHANNEL) == 0)
+    {
+        let tick = next.load(Ordering::Relaxed);
+        // SAFETY: less than the counter's 24 bits hold.
+        timer
+            .cc(EARLY_TICK_CHANNEL)
+            .write(|w| unsafe { w.bits(tick) });
+    }
     let frames = FRAMES.load(Ordering::Relaxed) + u8::from(last);
-    let due = pending & !tick_flags(1) != 0 || frames >= FRAMES_PER_TICK.load(Ordering::Relaxed);
+    let due = pending & EARLY != 0 || frames >= FRAMES_PER_TICK.load(Ordering::Relaxed);
     FRAMES.store(if last && due { 0 } else { frames }, Ordering::Relaxed);
     if due {
         let at = now();

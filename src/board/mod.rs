@@ -240,7 +240,7 @@ impl application::Board for Board {
     fn step_ends(&mut self, end: &StepEnd) {
         // A step that comes just before every edge would never let the loop see the buffer empty.
         self.guard.work.pulse_sent(self.frame.is_sent());
-        let taken = self.frame.write(end.pulse);
+        let taken = self.frame.write(end.pulses);
         PROBE.low();
         self.guard.work.step_done(taken);
         let now = time::now();
@@ -297,7 +297,7 @@ impl application::Board for Board {
     }
 
     fn bringup(&mut self, order: Order) -> Option<u32> {
-        bringup::obey(order, &self.bus)
+        bringup::obey(order, &self.bus, self.frame.has_every_pin())
     }
 }
 

@@ -5,8 +5,8 @@
 
 use atsamd_hal::clock::{GClock, GenericClockController, Tcc0Tcc1Clock};
 use atsamd_hal::pac;
+use tvc_nano::Axis;
 use tvc_nano::bringup::words;
-use tvc_nano::ticks::TickPlan;
 
 use super::pin::{Function, Pin};
 
@@ -17,16 +17,20 @@ pub(super) const SCL: Pin = Pin::b(9);
 /// SERCOM-ALT on both.
 pub(super) const I2C_FUNCTION: Function = Function::D;
 
-/// D3: the servo's signal, output 5 of TCC0, which follows compare channel 1.
-pub(super) const SERVO: Pin = Pin::b(11);
-/// TCC on it.
+/// The servos' signals, by axis. D3: output 5 of TCC0, which follows compare channel 1. D2: output
+/// 4, which follows compare channel 0.
+pub(super) const SERVOS: [Pin; Axis::COUNT] = [Pin::b(11), Pin::b(10)];
+/// TCC on them.
 pub(super) const SERVO_FUNCTION: Function = Function::F;
-/// The compare channel whose output the servo is on.
-pub(super) const SERVO_CHANNEL: usize = 1;
-/// Compare channels without a pin, for the ticks: the frame's last first.
-pub(super) const TICK_CHANNELS: [usize; TickPlan::MOST_TICKS as usize] = [3, 2, 0];
+/// The compare channels whose outputs the servos are on.
+pub(super) const SERVO_CHANNELS: [usize; Axis::COUNT] = [1, 0];
+/// Compare channel without a pin, for the last tick of a frame.
+pub(super) const LAST_TICK_CHANNEL: usize = 3;
+/// The same for the ticks before it, one after the other.
+pub(super) const EARLY_TICK_CHANNEL: usize = 2;
 
-/// D2: `tvc bringup` times the servo's signal here, which a jumper leads to it.
+/// D2 again, while one axis is steered: `tvc bringup` times the servo's signal here, which a jumper
+/// leads to it.
 pub(super) const FEEDBACK: Pin = Pin::b(10);
 /// D4: high while a step runs.
 pub(super) const PROBE: Pin = Pin::a(7);

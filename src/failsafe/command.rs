@@ -4,6 +4,7 @@ use core::fmt;
 
 use super::reason::Reason;
 use super::state::State;
+use crate::axis::Axis;
 use crate::config::ARM_TILT_DEG;
 use crate::format::Whole;
 use crate::numbered::detailed;
@@ -20,7 +21,7 @@ pub enum Command {
     Disarm,
     /// Hold a pulse for [`TEST_PULSE_US`](crate::config::TEST_PULSE_US), to set the servo up, where
     /// nobody needs the rudder.
-    TestPulse(PulseUs),
+    TestPulse(Axis, PulseUs),
 }
 
 impl fmt::Display for Command {
@@ -29,7 +30,7 @@ impl fmt::Display for Command {
             Command::Arm => "arm",
             Command::Release => "release",
             Command::Disarm => "disarm",
-            Command::TestPulse(_) => "pulse",
+            Command::TestPulse(..) => "pulse",
         })
     }
 }
@@ -65,6 +66,8 @@ detailed! {
         FaultPersists(Reason) = 9, "the fault is still there";
         /// The sensor's bursts take so long, us, that it cannot be sampled 100 times a second.
         SlowBus(u32) = 10, "IMU bursts too slow";
+        /// A test pulse for the servo of an axis that is not steered.
+        NotSteered = 11, "no servo there: AXES 1";
     }
 }
 

@@ -4,12 +4,13 @@
 use bno055_driver::RawSample;
 
 use super::Flight;
-use crate::controller::Controller;
-use crate::memory::fixed;
+use crate::axis::Axis;
+use crate::channel::Channel;
 
 impl Flight {
     /// Words of [`Flight::memory`].
-    pub const MEMORY_WORDS: usize = tvc_fusion::fixed::MEMORY_WORDS + 23 + Controller::MEMORY_WORDS;
+    pub const MEMORY_WORDS: usize =
+        tvc_fusion::fixed::MEMORY_WORDS + 21 + Axis::COUNT * Channel::MEMORY_WORDS;
 
     /// All that the next steps depend on besides parameters, samples and commands, word by word:
     /// each is shown to `each` and becomes what that returns. The first is a digest of the
@@ -20,9 +21,9 @@ impl Flight {
         self.carried.memory(each);
         self.supervisor.memory(each);
         self.navigation.memory(each);
-        self.controller.memory(each);
-        self.crank = fixed(self.crank, each);
-        self.servo.memory(each);
+        for channel in &mut self.channels {
+            channel.memory(each);
+        }
     }
 
     /// Take over which ticks the pulses carry from another flight's [memory](Flight::memory):

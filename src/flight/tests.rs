@@ -7,11 +7,13 @@ use std::vec::Vec;
 use proptest::prelude::*;
 use proptest::test_runner::FileFailurePersistence::WithSource;
 
+mod axes;
 mod memory;
 mod states;
 
 use super::*;
 use crate::failsafe::{Crash, Latch, Reason};
+use crate::servo::Servo;
 
 const PERIOD_US: u64 = 10_000;
 const NEUTRAL: PulseUs = PulseUs(1524);
@@ -102,7 +104,7 @@ impl Desk {
     pub(crate) fn step_with(&mut self, reading: Result<RawSample, SensorFault>) -> Snapshot {
         self.inputs.push((Micros(self.now_us), reading));
         let outputs = self.flight.step(Micros(self.now_us), reading);
-        self.advance(((f64::from(outputs.pulse.0) - 1523.6) / 10.0).to_radians());
+        self.advance(((f64::from(outputs.pulses[0].0) - 1523.6) / 10.0).to_radians());
         outputs
     }
 
@@ -136,7 +138,7 @@ fn from_boot_to_upright() {
         let mut states = Vec::new();
         for _ in 0..REST {
             let outputs = desk.step();
-            assert_eq!(outputs.pulse, NEUTRAL);
+            assert_eq!(outputs.pulses[0], NEUTRAL);
             let code = outputs.state.code();
             if states.last() != Some(&code) {
                 states.push(code);
@@ -144,7 +146,7 @@ fn from_boot_to_upright() {
         }
         assert_eq!(states, [1, 2], "self-test, standby");
         desk.command(Command::Arm).unwrap();
-        assert_eq!(desk.run(20).pulse, NEUTRAL);
+        assert_eq!(desk.run(20).pulses[0], NEUTRAL);
         desk.release();
         let mut furthest: f64 = 0.0;
         for _ in 0..200 {
@@ -164,7 +166,7 @@ fn a_positive_pitch_asks_for_a_longer_pulse() {
     let mut desk = Desk::active(0.4);
     desk.rate = 0.0;
     let outputs = desk.run(10);
-    assert!(outputs.pulse > NEUTRAL && f32::from(outputs.crank) > 0.1);
+    assert!(outputs.pulses[0] > NEUTRAL && f32::from(outputs.cranks[0]) > 0.1);
 }
 
 #[test]
@@ -187,11 +189,11 @@ fn the_same_inputs_give_the_same_bits() {
 #[test]
 fn a_glitch_of_forty_milliseconds_holds_the_last_command() {
     let mut desk = Desk::active(0.4);
-    let held = desk.run(5).pulse;
+    let held = desk.run(5).pulses[0];
     assert_ne!(held, NEUTRAL);
     for missed in 1..=5 {
         let outputs = desk.step_with(Err(SensorFault::Timeout));
-        assert_eq!(outputs.pulse, held);
+        assert_eq!(outputs.pulses[0], held);
         assert!(outputs.state.is_active() && !outputs.sensor_healthy);
         assert_eq!(outputs.missed, missed);
     }
@@ -259,7 +261,7 @@ fn a_sample_that_is_too_old_when_it_comes_is_as_bad_as_none() {
     desk.run(5);
     desk.now_us += 80_000;
     let old = reading(desk.now_us - 70_000, desk.pitch, desk.rate);
-    assert_eq!(desk.step_with(Ok(old)).pulse, NEUTRAL);
+    assert_eq!(desk.step_with(Ok(old)).pulses[0], NEUTRAL);
     assert_eq!(desk.flight.state(), State::Failsafe(Reason::StaleData));
 }
 
@@ -298,11 +300,11 @@ fn zero_gains_leave_the_rudder_alone_and_the_setpoint_moves_it() {
     desk.free = false;
     desk.rate = 0.0;
     desk.flight.set_param("SFC_GAIN_S", 0.0).unwrap();
-    assert_eq!(desk.run(5).pulse, NEUTRAL);
+    assert_eq!(desk.run(5).pulses[0], NEUTRAL);
     desk.flight.set_param("SFC_GAIN_S", 0.5).unwrap();
     desk.flight.set_param("PITCH_SET_DEG", 10.0).unwrap();
     // The nose is too low: the crank goes to negative angles, and the pulse below the centre.
-    assert!(desk.run(5).pulse < PulseUs(1424));
+    assert!(desk.run(5).pulses[0] < PulseUs(1424));
 }
 
 /// The nose is 10 deg too low: the crank goes to -10 deg, 100 us below the centre.
@@ -317,7 +319,7 @@ fn a_proportional_law_turns_the_rudder_in_proportion() {
     desk.release();
     desk.free = false;
     desk.rate = 0.0;
-    assert_eq!(desk.run(5).pulse, PulseUs(1424));
+    assert_eq!(desk.run(5).pulses[0], PulseUs(1424));
 }
 
 #[test]
@@ -357,7 +359,8 @@ fn event() -> impl Strategy<Value = Event> {
             Just(Command::Arm),
             Just(Command::Release),
             Just(Command::Disarm),
-            any::<u16>().prop_map(|us| Command::TestPulse(PulseUs(us))),
+            (prop_oneof![Just(Axis::Pitch), Just(Axis::Roll)], any::<u16>())
+                .prop_map(|(axis, us)| Command::TestPulse(axis, PulseUs(us))),
         ].prop_map(Event::Order),
         1 => (0..Params::count(), prop::num::f32::ANY).prop_map(|(index, value)| Event::Set(index, value)),
     ]
@@ -371,12 +374,17 @@ proptest! {
         ..ProptestConfig::default()
     })]
 
-    /// Whatever comes, the pulse stays in the hard range, is neutral unless control is active or an
+    /// Whatever comes, the pulses stay in the hard range, are neutral unless control is active or an
     /// idle servo is set up, and the attitude is finite.
     #[test]
-    fn nothing_leaves_the_envelope(events in prop::collection::vec(event(), 1..300)) {
+    fn nothing_leaves_the_envelope(
+        axes in prop_oneof![Just(1.0_f32), Just(2.0)],
+        events in prop::collection::vec(event(), 1..300),
+    ) {
         let mut desk = Desk::in_standby(0.3);
-        let mut tested_until = 0;
+        desk.flight.set_param("AXES", axes).unwrap();
+        desk.flight.set_param("SRV2_POLARITY", 1.0).unwrap();
+        let mut tested_until = [0; 2];
         for event in events {
             let outputs = match event {
                 Event::Sample { dt_us, acc, gyr, mag } => {
@@ -386,8 +394,10 @@ proptest! {
                 Event::Honest => desk.step(),
                 Event::Miss(fault) => desk.step_with(Err(fault)),
                 Event::Order(command) => {
-                    if desk.command(command).is_ok() && matches!(command, Command::TestPulse(_)) {
-                        tested_until = desk.now_us + TEST_PULSE_US;
+                    if desk.command(command).is_ok()
+                        && let Command::TestPulse(axis, _) = command
+                    {
+                        tested_until[axis.index()] = desk.now_us + TEST_PULSE_US;
                     }
                     continue;
                 }
@@ -398,12 +408,21 @@ proptest! {
                 }
             };
             let snapshot = outputs;
-            prop_assert!((853..=2193).contains(&outputs.pulse.0));
             let params = desk.flight.params();
-            let set_up = snapshot.state.is_idle()
-                && (params.polarity() == Polarity::Watched || desk.now_us <= tested_until);
-            if !snapshot.state.is_active() && !set_up {
-                prop_assert_eq!(outputs.pulse, Servo::new(params).neutral());
+            let steered = params.axes();
+            for axis in Axis::ALL {
+                let pulse = outputs.pulses[axis.index()];
+                if !steered.contains(&axis) {
+                    prop_assert_eq!(pulse, PulseUs::NONE);
+                    continue;
+                }
+                prop_assert!((853..=2193).contains(&pulse.0));
+                let set_up = snapshot.state.is_idle()
+                    && (params.polarity(axis) == Polarity::Watched
+                        || desk.now_us <= tested_until[axis.index()]);
+                if !snapshot.state.is_active() && !set_up {
+                    prop_assert_eq!(pulse, Servo::new(params, axis).neutral());
+                }
             }
             let q = snapshot.orientation.quaternion();
             prop_assert!([q.w, q.x, q.y, q.z].iter().all(|c| c.is_finite()));

@@ -302,6 +302,22 @@ parameters! {
     /// 1: the rudder was seen to answer a tilt the right way, without which nothing is armed; 2: it
     /// answers in standby, to be seen
     srv_polarity: "SRV_POLARITY", "", OneOf(&[0.0, 1.0, 2.0]), 0.0, Disarmed;
+    /// axes that are steered: 1 pitch, by the servo on D3; 2 roll too, by a like one on D2
+    axes_steered: "AXES", "", OneOf(&[1.0, 2.0]), 1.0, Disarmed;
+    /// roll to hold, right side down positive
+    roll_set_deg: "ROLL_SET_DEG", "deg", Between(-30.0, 30.0), 0.0, Live;
+    /// SRV_CENTRE_US of the servo on D2
+    srv2_centre_us: "SRV2_CENTRE_US", "us", Between(1420.0, 1620.0), 1523.6, Live;
+    /// SRV_HOLD_DEG of the servo on D2
+    srv2_hold_deg: "SRV2_HOLD_DEG", "deg", Between(-10.0, 10.0), 0.0, Disarmed;
+    /// SRV_DIR of the servo on D2
+    srv2_dir: "SRV2_DIR", "", OneOf(&[-1.0, 1.0]), 1.0, Turning;
+    /// SRV_MIN_US of the servo on D2
+    srv2_min_us: "SRV2_MIN_US", "us", Between(PULSE_MIN_US, 1400.0), 923.6, Live;
+    /// SRV_MAX_US of the servo on D2
+    srv2_max_us: "SRV2_MAX_US", "us", Between(1640.0, PULSE_MAX_US), 2123.6, Live;
+    /// SRV_POLARITY of the rudder on D2
+    srv2_polarity: "SRV2_POLARITY", "", OneOf(&[0.0, 1.0, 2.0]), 0.0, Disarmed;
     /// MAVLink system id, which tells vehicles on one link apart; taken over at the next start
     mav_sysid: "MAV_SYSID", "", Between(1.0, 250.0), SYSTEM_ID as f32, Live;
 }

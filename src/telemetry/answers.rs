@@ -173,7 +173,9 @@ impl Telemetry {
         }
         self.report_param(index, flight.params());
         if info.change == Change::Turning {
-            self.report_param(Params::POLARITY, flight.params());
+            for index in Params::POLARITIES {
+                self.report_param(index, flight.params());
+            }
         }
     }
 

@@ -13,6 +13,7 @@ use super::parser::Message;
 use super::queue::Priority;
 use super::version::ProtocolVersion;
 use super::{Reset, Telemetry, milliseconds};
+use crate::axis::Axis;
 use crate::bringup;
 use crate::config::{PULSE_MAX_US, PULSE_MIN_US};
 use crate::failsafe::{Command, Refusal, RefusalKind, State};
@@ -58,9 +59,17 @@ impl Telemetry {
                 Ok(()) => return self.acknowledge_progress(),
                 refused => refused,
             },
-            SERVO if param1 == 1.0 && (PULSE_MIN_US..=PULSE_MAX_US).contains(&param2) => {
+            SERVO
+                if (param1 == 1.0 || param1 == 2.0)
+                    && (PULSE_MIN_US..=PULSE_MAX_US).contains(&param2) =>
+            {
+                let axis = if param1 == 1.0 {
+                    Axis::Pitch
+                } else {
+                    Axis::Roll
+                };
                 let pulse = PulseUs(param2 as u16);
-                self.order(now, Command::TestPulse(pulse), flight)
+                self.order(now, Command::TestPulse(axis, pulse), flight)
             }
             // Answered when it is done.
             STORAGE => return self.order_storage(param1, flight),

@@ -315,13 +315,17 @@ impl Run {
         self.newest = logged.sample.or(self.newest);
         let snapshot = self.flight.step(self.now, reading);
         let q = snapshot.orientation.parts();
+        let mut cranks_rad = logged.cranks_rad;
+        for (crank, again) in cranks_rad.iter_mut().zip(snapshot.cranks) {
+            *crank = crank.map(|_| again.into());
+        }
         Pair {
             logged: *logged,
             again: Step {
                 quaternion: [q.w, q.x, q.y, q.z],
                 rate_rad_s: snapshot.rates.map(f32::from),
-                crank_rad: logged.crank_rad.map(|_| snapshot.crank.into()),
-                pulse_us: snapshot.pulse.0,
+                cranks_rad,
+                pulses_us: snapshot.pulses.map(|pulse| pulse.0),
                 ..*logged
             },
             exact: self.exact,
@@ -412,8 +416,10 @@ fn compare(pairs: &[Pair]) -> Figures {
     {
         let pitch = (logged.pitch_rad() - again.pitch_rad()).abs();
         figures.pitch_difference_rad_max = figures.pitch_difference_rad_max.max(pitch);
-        let pulse = logged.pulse_us.abs_diff(again.pulse_us);
-        figures.pulse_difference_us_max = figures.pulse_difference_us_max.max(pulse);
+        for (logged, again) in logged.pulses_us.iter().zip(again.pulses_us) {
+            let most = &mut figures.pulse_difference_us_max;
+            *most = (*most).max(logged.abs_diff(again));
+        }
         if *exact {
             figures.compared += 1;
             if same(logged, again) {
@@ -427,10 +433,11 @@ fn compare(pairs: &[Pair]) -> Figures {
 }
 
 fn same(a: &Step, b: &Step) -> bool {
+    let bits = |cranks: [Option<f32>; 2]| cranks.map(|crank| crank.map(f32::to_bits));
     a.quaternion.map(f32::to_bits) == b.quaternion.map(f32::to_bits)
         && a.rate_rad_s.map(f32::to_bits) == b.rate_rad_s.map(f32::to_bits)
-        && a.crank_rad.map(f32::to_bits) == b.crank_rad.map(f32::to_bits)
-        && a.pulse_us == b.pulse_us
+        && bits(a.cranks_rad) == bits(b.cranks_rad)
+        && a.pulses_us == b.pulses_us
 }
 
 #[cfg(test)]

@@ -7,7 +7,7 @@ use plant::pitch_loop::{COMMAND_LIMIT_RAD, Measurement, Timing};
 use plant::{Parameters, ServoModel, Setup};
 use tvc_nano::controller::Sample;
 use tvc_nano::refresh::Refresh;
-use tvc_nano::{Controller, Params};
+use tvc_nano::{Axis, Controller, Params};
 
 use crate::out::exit::BadInput;
 use crate::param_file;
@@ -34,7 +34,7 @@ impl Law {
         let ticks = (WATCHED_S / control_s) as u32;
         let begun_s = first_s - f64::from(ticks) * control_s;
         let mut law = Self {
-            controller: Controller::new(params, COMMAND_LIMIT_RAD as f32),
+            controller: Controller::new(params, Axis::Pitch, COMMAND_LIMIT_RAD as f32),
             zero_rad: drone.linkage().zero_rudder_crank_rad(),
             timing: *timing,
             refresh: Refresh::default(),
@@ -68,7 +68,7 @@ impl Law {
         } = measurement;
         let rate_age_us = self.watch(time_s);
         let crank = self.controller.update(&Sample {
-            pitch: (pitch_rad as f32).into(),
+            angle: (pitch_rad as f32).into(),
             rate: (rate_rad_s as f32).into(),
             rate_age_us,
             refresh_us: self.refresh.period_us(),

@@ -162,7 +162,7 @@ fn of_release(release: &Release<'_>) -> Record {
             pitch_rad: step.pitch_rad(),
             rate_rad_s: step.rate_rad_s[1].into(),
         });
-        record.pulses.push((time_s, step.pulse_us.into()));
+        record.pulses.push((time_s, step.pulses_us[0].into()));
     }
     record
 }

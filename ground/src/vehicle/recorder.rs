@@ -7,7 +7,7 @@ use clap::Args;
 use client::state::state_of;
 use client::{Parameter, StateKind};
 use tvc_nano::recorder::{self, STEP_BYTES};
-use tvc_nano::{Micros, RawSample};
+use tvc_nano::{Axis, Micros, PulseUs, RawSample};
 
 use crate::logs::log::{Event, Flight, Step, whole_us, write_flight};
 use crate::out::exit::{BadInput, Verdict};
@@ -108,8 +108,11 @@ fn flight(bytes: &[u8], parameters: Vec<Parameter>) -> Result<Flight> {
             sample: step.sample.map(aged),
             quaternion: [q.w, q.x, q.y, q.z],
             rate_rad_s: [rate.x, rate.y, rate.z],
-            crank_rad: Some(step.crank_rad),
-            pulse_us: step.pulse.0,
+            cranks_rad: Axis::ALL.map(|axis| {
+                let axis = axis.index();
+                (step.pulses[axis] != PulseUs::NONE).then_some(step.cranks_rad[axis])
+            }),
+            pulses_us: step.pulses.map(|pulse| pulse.0),
         }));
     }
     Ok(flight)

@@ -46,7 +46,7 @@ fn another_flight_goes_on_from_it_with_the_same_bits() {
                 let now = Micros(desk.now_us);
                 let sample = shaken(&desk, step);
                 let (here, there) = (desk.step_with(sample), other.step(now, sample));
-                assert_eq!(here.pulse, there.pulse, "{before}, {step}");
+                assert_eq!(here.pulses[0], there.pulses[0], "{before}, {step}");
                 assert_eq!(here.state, there.state, "{before}, {step}");
                 assert_eq!(
                     words(&mut desk.flight),

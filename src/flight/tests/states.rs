@@ -24,7 +24,7 @@ fn every_sensor_fault_commands_neutral_in_time_and_leads_back_only_to_standby() 
         let mut desk = Desk::active(0.4);
         desk.run(5);
         let since = desk.now_us;
-        while desk.step_with(Err(fault)).pulse != NEUTRAL {
+        while desk.step_with(Err(fault)).pulses[0] != NEUTRAL {
             assert!(desk.now_us - since <= 60_000, "{fault:?}");
         }
         let reason = Reason::Sensor(fault);
@@ -44,7 +44,7 @@ fn every_sensor_fault_commands_neutral_in_time_and_leads_back_only_to_standby() 
 
         desk.free = false;
         (desk.pitch, desk.rate) = (0.3, 0.0);
-        assert_eq!(desk.run(4).pulse, NEUTRAL);
+        assert_eq!(desk.run(4).pulses[0], NEUTRAL);
         assert_eq!(
             desk.command(Command::Disarm),
             Err(Refusal::FaultPersists(reason))
@@ -162,7 +162,7 @@ fn commands_out_of_order_are_refused_and_repeated_ones_are_not() {
     }
     assert!(desk.flight.state().is_active());
     desk.command(Command::Disarm).unwrap();
-    assert_eq!(desk.step().pulse, NEUTRAL);
+    assert_eq!(desk.step().pulses[0], NEUTRAL);
     desk.command(Command::Disarm).unwrap();
     assert_eq!(desk.flight.state(), State::Standby);
 }
@@ -321,9 +321,15 @@ fn nobody_arms_before_the_rudder_was_seen_to_answer_and_a_turned_servo_or_mount_
         let mut desk = Desk::in_standby(0.0);
         let same = desk.flight.params().value(name).unwrap();
         desk.flight.set_param(name, same).unwrap();
-        assert_eq!(desk.flight.params().polarity(), Polarity::Checked);
+        assert_eq!(
+            desk.flight.params().polarity(Axis::Pitch),
+            Polarity::Checked
+        );
         desk.flight.set_param(name, value).unwrap();
-        assert_eq!(desk.flight.params().polarity(), Polarity::Unchecked);
+        assert_eq!(
+            desk.flight.params().polarity(Axis::Pitch),
+            Polarity::Unchecked
+        );
         assert_eq!(desk.command(Command::Arm), Err(Refusal::Polarity), "{name}");
         desk.flight.set_param(name, same).unwrap();
         assert_eq!(desk.command(Command::Arm), Err(Refusal::Polarity), "{name}");
@@ -349,46 +355,46 @@ fn tilt(desk: &mut Desk, to: f64) -> Snapshot {
 fn the_rudder_answers_the_tilt_in_standby_while_somebody_looks_and_nothing_is_armed_then() {
     let mut desk = Desk::in_standby(0.0);
     desk.flight.set_param("SRV_POLARITY", 2.0).unwrap();
-    assert_eq!(tilt(&mut desk, 0.3).pulse, NEUTRAL, "no host");
+    assert_eq!(tilt(&mut desk, 0.3).pulses[0], NEUTRAL, "no host");
     tilt(&mut desk, 0.0);
     desk.flight.host_heard(Micros(desk.now_us));
-    let up = tilt(&mut desk, 0.3).pulse;
+    let up = tilt(&mut desk, 0.3).pulses[0];
     // Nose up asks for positive crank angles, which are longer pulses.
     assert!(up > PulseUs(1600), "{up:?}");
     assert_eq!(desk.command(Command::Arm), Err(Refusal::Polarity));
-    let down = tilt(&mut desk, -0.3).pulse;
+    let down = tilt(&mut desk, -0.3).pulses[0];
     assert!(down < PulseUs(1450), "{down:?}");
     desk.flight.host_heard(Micros(desk.now_us));
-    let upright = tilt(&mut desk, 0.0).pulse;
+    let upright = tilt(&mut desk, 0.0).pulses[0];
     assert!(upright.0.abs_diff(NEUTRAL.0) < 30, "{upright:?}");
-    let tilted = tilt(&mut desk, 0.3).pulse;
+    let tilted = tilt(&mut desk, 0.3).pulses[0];
     assert!(tilted > NEUTRAL, "{tilted:?}");
-    assert_eq!(desk.run(300).pulse, NEUTRAL, "silent for three seconds");
+    assert_eq!(desk.run(300).pulses[0], NEUTRAL, "silent for three seconds");
     desk.flight.host_heard(Micros(desk.now_us));
     desk.flight.set_param("SRV_DIR", -1.0).unwrap();
-    assert_eq!(desk.run(1).pulse, NEUTRAL);
+    assert_eq!(desk.run(1).pulses[0], NEUTRAL);
     desk.flight.set_param("SRV_POLARITY", 1.0).unwrap();
-    assert_eq!(desk.run(50).pulse, NEUTRAL);
+    assert_eq!(desk.run(50).pulses[0], NEUTRAL);
 }
 
 #[test]
 fn a_pulse_is_tried_for_two_seconds_where_nobody_needs_the_rudder() {
     let mut desk = Desk::in_standby(0.0);
     let low = PulseUs(900);
-    let test_pulse = |desk: &mut Desk| desk.command(Command::TestPulse(low));
+    let test_pulse = |desk: &mut Desk| desk.command(Command::TestPulse(Axis::Pitch, low));
     test_pulse(&mut desk).unwrap();
-    assert_eq!(desk.run(199).pulse, low);
-    assert_eq!(desk.run(2).pulse, NEUTRAL);
+    assert_eq!(desk.run(199).pulses[0], low);
+    assert_eq!(desk.run(2).pulses[0], NEUTRAL);
     test_pulse(&mut desk).unwrap();
-    assert_eq!(desk.run(1).pulse, low);
+    assert_eq!(desk.run(1).pulses[0], low);
     desk.command(Command::Arm).unwrap();
-    assert_eq!(desk.run(1).pulse, NEUTRAL);
+    assert_eq!(desk.run(1).pulses[0], NEUTRAL);
     assert_eq!(
         test_pulse(&mut desk),
         Err(Refusal::WrongState(State::Armed))
     );
     desk.command(Command::Disarm).unwrap();
-    assert_eq!(desk.run(1).pulse, NEUTRAL);
+    assert_eq!(desk.run(1).pulses[0], NEUTRAL);
 }
 
 /// The estimate belongs to the samples as calibration and mount had made them.
@@ -467,19 +473,19 @@ fn calibration_and_mount_stay_as_they_are_while_armed() {
 
 #[test]
 fn a_test_pulse_is_refused_while_the_rudder_answers_the_tilt_and_ends_when_it_begins_to() {
-    let pulse = Command::TestPulse(PulseUs(1900));
+    let pulse = Command::TestPulse(Axis::Pitch, PulseUs(1900));
     let mut desk = Desk::in_standby(0.0);
     desk.flight.set_param("SRV_POLARITY", 2.0).unwrap();
     assert_eq!(desk.command(pulse), Err(Refusal::RudderAnswers));
-    assert_eq!(desk.run(1).pulse, NEUTRAL);
+    assert_eq!(desk.run(1).pulses[0], NEUTRAL);
     desk.flight.set_param("SRV_POLARITY", 1.0).unwrap();
     desk.command(pulse).unwrap();
-    assert_eq!(desk.run(1).pulse, PulseUs(1900));
+    assert_eq!(desk.run(1).pulses[0], PulseUs(1900));
     desk.flight.set_param("SRV_POLARITY", 2.0).unwrap();
-    assert!(desk.run(50).pulse.0.abs_diff(NEUTRAL.0) < 30);
+    assert!(desk.run(50).pulses[0].0.abs_diff(NEUTRAL.0) < 30);
     desk.flight.set_param("SRV_POLARITY", 1.0).unwrap();
     assert_eq!(
-        desk.run(1).pulse,
+        desk.run(1).pulses[0],
         NEUTRAL,
         "what was ended does not come back"
     );

@@ -19,8 +19,8 @@ fn golden_snapshot() -> Snapshot {
         },
         rates: [0.25, -1.5, 0.125].map(Q16::from),
         settled: true,
-        crank: Q16::from(-0.375),
-        pulse: PulseUs(1524),
+        cranks: [Q16::from(-0.375), Q16::default()],
+        pulses: [PulseUs(1524), PulseUs::NONE],
         state: State::Active {
             over_tilt_since: None,
         },

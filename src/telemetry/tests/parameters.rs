@@ -84,7 +84,7 @@ fn a_pulse_is_tried_within_the_hard_range_and_not_while_armed() {
         result(&mut link, 1.0, 1700.0),
         MavResult::MAV_RESULT_ACCEPTED
     );
-    assert_eq!(link.desk.step().pulse.0, 1700);
+    assert_eq!(link.desk.step().pulses[0].0, 1700);
     link.tell(&order(MavCmd::MAV_CMD_COMPONENT_ARM_DISARM, 1.0, 0.0));
     let answer = link.tell(&order(MavCmd::MAV_CMD_DO_SET_SERVO, 1.0, 1700.0));
     assert_eq!(texts(&answer), ["pulse refused: in armed"]);

@@ -146,7 +146,7 @@ pub mod tests {
                 second,
                 Event::Step(Step {
                     now_us: second * 1_000_000 + 5_000,
-                    crank_rad: Some(0.0),
+                    cranks_rad: [Some(0.0), None],
                     ..Step::level(second * 1_000_000)
                 }),
             );

@@ -18,7 +18,7 @@ use mcap::records::{MessageHeader, Metadata, Record};
 use mcap::{McapError, McapResult, WriteOptions, parse_record};
 use nalgebra::{Quaternion, UnitQuaternion};
 use serde_json::{Value, json};
-use tvc_nano::telemetry::CRANK;
+use tvc_nano::telemetry::CRANKS;
 
 use super::origin::{TOOL, vehicle_build};
 use super::{STAMP, is_from_vehicle, whole_us};
@@ -70,7 +70,11 @@ const TOPICS: [Topic; 9] = [
             ("yaw_rate_deg_s", NUMBER),
         ],
     ),
-    Topic("/servo", "tvc.Servo", &[("pulse_us", INTEGER)]),
+    Topic(
+        "/servo",
+        "tvc.Servo",
+        &[("pulse_us", INTEGER), ("pulse2_us", INTEGER)],
+    ),
     Topic(
         "/counts",
         "tvc.Counts",
@@ -238,7 +242,10 @@ impl Writer {
                 });
                 (Kind::Attitude, value)
             }
-            MavMessage::SERVO_OUTPUT_RAW(m) => (Kind::Servo, json!({ "pulse_us": m.servo1_raw })),
+            MavMessage::SERVO_OUTPUT_RAW(m) => {
+                let value = json!({ "pulse_us": m.servo1_raw, "pulse2_us": m.servo2_raw });
+                (Kind::Servo, value)
+            }
             MavMessage::RAW_IMU(m) => {
                 let value = json!({
                     "acc_x": m.xacc, "acc_y": m.yacc, "acc_z": m.zacc,
@@ -247,7 +254,7 @@ impl Writer {
                 });
                 (Kind::Counts, value)
             }
-            MavMessage::NAMED_VALUE_FLOAT(m) if text(&m.name) == CRANK => {
+            MavMessage::NAMED_VALUE_FLOAT(m) if text(&m.name) == CRANKS[0] => {
                 (Kind::Command, json!({ "crank_deg": m.value.to_degrees() }))
             }
             MavMessage::HEARTBEAT(m) => {

@@ -13,8 +13,9 @@ use mavlink::dialects::common::{
     MavParamType, MavResult, MavSeverity, MavType, NAMED_VALUE_FLOAT_DATA, PARAM_VALUE_DATA,
     SERVO_OUTPUT_RAW_DATA, STATUSTEXT_DATA, SYS_STATUS_DATA, V2_EXTENSION_DATA,
 };
-use tvc_nano::telemetry::{CRANK, MEMORY_TYPE, MEMORY_WORDS, PART_WORDS, raw_imu};
-use tvc_nano::{Micros, Params, RawSample};
+
+use tvc_nano::telemetry::{CRANKS, MEMORY_TYPE, MEMORY_WORDS, PART_WORDS, raw_imu};
+use tvc_nano::{Axis, Micros, Params, RawSample};
 
 use super::{Entry, Log, Origin, whole_us};
 
@@ -34,10 +35,10 @@ pub struct Step {
     pub quaternion: [f32; 4],
     /// Rates about the body's axes, rad/s.
     pub rate_rad_s: [f32; 3],
-    /// Crank angle that control asked for, before limits, rad, where it was told.
-    pub crank_rad: Option<f32>,
-    /// Pulse commanded, us.
-    pub pulse_us: u16,
+    /// Crank angles that control asked for, before limits, by axis, rad, where they were told.
+    pub cranks_rad: [Option<f32>; Axis::COUNT],
+    /// Pulses commanded, by axis, us; 0 for an axis that is not steered.
+    pub pulses_us: [u16; Axis::COUNT],
 }
 
 impl Step {
@@ -54,8 +55,8 @@ impl Step {
             }),
             quaternion: [1.0, 0.0, 0.0, 0.0],
             rate_rad_s: [0.0; 3],
-            crank_rad: None,
-            pulse_us: 1524,
+            cranks_rad: [None; 2],
+            pulses_us: [1524, 0],
         }
     }
 
@@ -94,18 +95,21 @@ impl Step {
             }),
             MavMessage::SERVO_OUTPUT_RAW(SERVO_OUTPUT_RAW_DATA {
                 time_usec: self.now_us as u32,
-                servo1_raw: self.pulse_us,
+                servo1_raw: self.pulses_us[0],
+                servo2_raw: self.pulses_us[1],
                 ..SERVO_OUTPUT_RAW_DATA::default()
             }),
         ];
         if let Some(sample) = &self.sample {
             messages.push(MavMessage::RAW_IMU(raw_imu(sample)));
         }
-        if let Some(value) = self.crank_rad {
-            messages.push(MavMessage::NAMED_VALUE_FLOAT(NAMED_VALUE_FLOAT_DATA {
-                time_boot_ms,
-                value,
-                name: CRANK.into(),
+        for (crank, name) in self.cranks_rad.into_iter().zip(CRANKS) {
+            messages.extend(crank.map(|value| {
+                MavMessage::NAMED_VALUE_FLOAT(NAMED_VALUE_FLOAT_DATA {
+                    time_boot_ms,
+                    value,
+                    name: name.into(),
+                })
             }));
         }
         messages
@@ -183,9 +187,9 @@ pub struct Flight {
 struct Part {
     quaternion: [f32; 4],
     rate_rad_s: [f32; 3],
-    servo: Option<(u32, u16)>,
+    servo: Option<(u32, [u16; Axis::COUNT])>,
     sample: Option<RawSample>,
-    crank_rad: Option<f32>,
+    cranks_rad: [Option<f32>; Axis::COUNT],
 }
 
 impl Flight {
@@ -250,7 +254,7 @@ impl Flight {
         let event = match &entry.message {
             MavMessage::SERVO_OUTPUT_RAW(m) => {
                 if let Some(part) = part {
-                    part.servo = Some((m.time_usec, m.servo1_raw));
+                    part.servo = Some((m.time_usec, [m.servo1_raw, m.servo2_raw]));
                 }
                 return;
             }
@@ -268,10 +272,11 @@ impl Flight {
                 return;
             }
             MavMessage::NAMED_VALUE_FLOAT(m) => {
+                let axis = CRANKS.iter().position(|name| text(&m.name) == *name);
                 if let Some(part) = part
-                    && text(&m.name) == CRANK
+                    && let Some(axis) = axis
                 {
-                    part.crank_rad = Some(m.value);
+                    part.cranks_rad[axis] = Some(m.value);
                 }
                 return;
             }
@@ -287,7 +292,7 @@ impl Flight {
                     rate_rad_s: [m.rollspeed, m.pitchspeed, m.yawspeed],
                     servo: None,
                     sample: None,
-                    crank_rad: None,
+                    cranks_rad: [None; 2],
                 });
                 return;
             }
@@ -337,7 +342,7 @@ impl Flight {
     /// counts only with it.
     fn close(&mut self, part: Option<Part>, clock: &mut Option<u64>, at_gap: bool) {
         let Some(part) = part else { return };
-        let Some((time_us, pulse_us)) = part.servo else {
+        let Some((time_us, pulses_us)) = part.servo else {
             return;
         };
         if at_gap && part.sample.is_none() {
@@ -351,8 +356,8 @@ impl Flight {
             sample: part.sample,
             quaternion: part.quaternion,
             rate_rad_s: part.rate_rad_s,
-            crank_rad: part.crank_rad,
-            pulse_us,
+            cranks_rad: part.cranks_rad,
+            pulses_us,
         }));
     }
 }
@@ -438,8 +443,8 @@ mod tests {
             }),
             quaternion: [0.5, -0.5, 0.5, 0.5],
             rate_rad_s: [0.1, 0.2, 0.3],
-            crank_rad: Some(0.25),
-            pulse_us: 1_600,
+            cranks_rad: [Some(0.25), None],
+            pulses_us: [1_600, 0],
         };
         let missed = Step {
             now_us: 16_167,

@@ -10,7 +10,8 @@ use crate::out::file::write_whole;
 
 const HEAD: &str = "time_us,state,lost_before,sample_time_us,acc_x,acc_y,acc_z,gyr_x,gyr_y,gyr_z,mag_x,mag_y,mag_z,\
                     q_w,q_x,q_y,q_z,roll_rate_rad_s,pitch_rate_rad_s,yaw_rate_rad_s,crank_rad,pulse_us,\
-                    pitch_rad,roll_rad,set_rad\n";
+                    pitch_rad,roll_rad,set_rad,\
+                    crank2_rad,pulse2_us\n";
 
 /// The set point of pitch, deg.
 const SET_POINT: &str = "PITCH_SET_DEG";
@@ -46,14 +47,16 @@ fn text(flight: &Flight) -> String {
                 // Rust prints the shortest text that reads back as the same bits.
                 row.extend(step.quaternion.iter().map(f32::to_string));
                 row.extend(step.rate_rad_s.iter().map(f32::to_string));
-                row.push(
-                    step.crank_rad
-                        .map_or(String::new(), |crank| crank.to_string()),
-                );
-                row.push(step.pulse_us.to_string());
+                let crank = |axis: usize| {
+                    step.cranks_rad[axis].map_or(String::new(), |crank| crank.to_string())
+                };
+                row.push(crank(0));
+                row.push(step.pulses_us[0].to_string());
                 // The vehicle tells no more than the quaternion's seven digits.
                 let angles = [step.pitch_rad(), step.roll_rad()].map(|angle| angle as f32);
                 row.extend(angles.iter().chain([&set_rad]).map(f32::to_string));
+                row.push(crank(1));
+                row.push(step.pulses_us[1].to_string());
                 text += &row.join(",");
                 text.push('\n');
                 lost = 0;
@@ -77,8 +80,8 @@ mod tests {
             sample: None,
             quaternion: [0.1, 0.0, 0.0, 1.0],
             rate_rad_s: [0.0; 3],
-            crank_rad: None,
-            pulse_us: 1524,
+            cranks_rad: [None; 2],
+            pulses_us: [1524, 0],
         };
         let sample = RawSample {
             time: Micros(1),

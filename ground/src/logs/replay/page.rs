@@ -37,7 +37,7 @@ pub fn render(
         pitch.push(Line::new("other filter", 2, points.collect()));
     }
     let plot = |y, lines| Plot::new("time, s", y, lines);
-    let pulse = both(|step| f64::from(step.pulse_us));
+    let pulse = both(|step| f64::from(step.pulses_us[0]));
     let body = html! {
         @for line in words(figures) { p { (line) } }
         h2 { "Pitch" }

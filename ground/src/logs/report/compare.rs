@@ -108,7 +108,7 @@ fn overlaid(flights: &[(String, Flight)]) -> Result<maud::Markup> {
         @if !releases.is_empty() {
             h2 { "Every release" }
             (page::figure("Pitch.", plot("pitch, deg", &|step| step.pitch_rad().to_degrees())?))
-            (page::figure("The pulse commanded.", plot("pulse, us", &|step| f64::from(step.pulse_us))?))
+            (page::figure("The pulse commanded.", plot("pulse, us", &|step| f64::from(step.pulses_us[0]))?))
         }
     })
 }

@@ -62,7 +62,7 @@ fn whole(flight: &Flight, servo: &ServoMap) -> Result<Markup> {
             .map(|step| (step.time_s() - begin, of(step)))
             .collect()
     };
-    let commanded = line(&|step| servo.angle_rad(step.pulse_us).to_degrees());
+    let commanded = line(&|step| servo.angle_rad(step.pulses_us[0]).to_degrees());
     let plot = Plot::new(
         "time, s",
         "angle, deg",
@@ -96,7 +96,7 @@ fn one(index: usize, release: &Release, servo: &ServoMap) -> Result<Markup> {
         vec![Line::new("pitch", 0, pitch), Line::new("set point", 1, set)],
     );
     let pitch = pitch.with_band(rests.then_some((target - band, target + band)));
-    let commanded = release.trace(|step| servo.angle_rad(step.pulse_us).to_degrees());
+    let commanded = release.trace(|step| servo.angle_rad(step.pulses_us[0]).to_degrees());
     let name = "servo commanded";
     let command = Plot::new(
         since,

@@ -15,7 +15,7 @@ use mavlink::dialects::common::MavMessage;
 use nalgebra::Vector3;
 use serde::Serialize;
 use tvc_nano::Params;
-use tvc_nano::telemetry::CRANK;
+use tvc_nano::telemetry::CRANKS;
 
 use super::options::Calibrate;
 use super::person::Ending;
@@ -145,7 +145,7 @@ fn fly(session: &mut Session, length: Duration) -> Result<Vec<Vector3<f64>>> {
                     pitch_deg = pitch.to_degrees();
                 }
                 MavMessage::NAMED_VALUE_FLOAT(value)
-                    if value.name.to_str() == Ok(CRANK) && begun.elapsed() > SETTLE =>
+                    if value.name.to_str() == Ok(CRANKS[0]) && begun.elapsed() > SETTLE =>
                 {
                     let crank_deg = f64::from(value.value).to_degrees();
                     steps.push(Vector3::new(crank_deg, pitch_deg, 0.0));

@@ -205,7 +205,7 @@ fn astray(way: Tilt, seen: Seen) -> String {
 mod tests {
     use super::*;
     use tvc_nano::params::Polarity;
-    use tvc_nano::{Params, Refusal};
+    use tvc_nano::{Axis, Params, Refusal};
 
     #[test]
     fn the_firmware_means_the_same_by_its_parameter_and_names_this_command() {
@@ -216,7 +216,7 @@ mod tests {
         ] {
             let mut params = Params::default();
             params.set(POLARITY, value).unwrap();
-            assert_eq!(params.polarity(), meaning);
+            assert_eq!(params.polarity(Axis::Pitch), meaning);
         }
         assert!(
             Refusal::Polarity

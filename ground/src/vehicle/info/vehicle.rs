@@ -146,7 +146,10 @@ impl Heard {
             healthy: self.status.as_ref().map(|status| sick(status).is_empty()),
             calibrated: names(calibrated),
             uncalibrated: names(uncalibrated),
-            polarity_checked: params.polarity() == Polarity::Checked,
+            polarity_checked: params
+                .axes()
+                .iter()
+                .all(|axis| params.polarity(*axis) == Polarity::Checked),
             ready: self.may_arm.map(|answer| answer.is_ok()),
             refusal,
         }

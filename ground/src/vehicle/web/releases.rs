@@ -123,7 +123,7 @@ impl Releases {
         let release = releases.first()?;
         let servo = ServoMap::of(&flight.parameters());
         let pitch = release.trace(Step::pitch_rad);
-        let rudder = release.trace(|step| servo.angle_rad(step.pulse_us));
+        let rudder = release.trace(|step| servo.angle_rad(step.pulses_us[0]));
         let every = pitch.len().div_ceil(POINTS).max(1);
         let both = pitch.iter().zip(&rudder).step_by(every);
         let point = |((time_s, pitch), (_, rudder)): (&(f64, f64), &(f64, f64))| {

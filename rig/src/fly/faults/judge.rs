@@ -10,11 +10,12 @@ use std::fmt;
 use std::ops::RangeInclusive;
 use tvc_nano::{Params, servo};
 
-/// Widths that count as the neutral pulse of a vehicle with these parameters, us: the firmware
-/// commands whole microseconds.
+/// Widths that count as the neutral pulse at D3 of a vehicle with these parameters, us: the
+/// firmware commands whole microseconds.
 pub fn neutral_us(params: &Params) -> RangeInclusive<f64> {
-    let pulse = f64::from(servo::neutral(params).0);
-    pulse - 1.0..=pulse + 0.5
+    let [pulse, _] = servo::neutral(params);
+    let us = f64::from(pulse.0);
+    us - 1.0..=us + 0.5
 }
 
 /// Widths within the servo's travel, us; any other is a runt or a glitch.

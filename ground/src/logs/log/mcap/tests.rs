@@ -47,7 +47,7 @@ fn every_kind() -> Vec<MavMessage> {
         MavMessage::NAMED_VALUE_FLOAT(NAMED_VALUE_FLOAT_DATA {
             time_boot_ms: 2_000,
             value: 0.5,
-            name: CRANK.into(),
+            name: CRANKS[0].into(),
         }),
         MavMessage::HEARTBEAT(HEARTBEAT_DATA {
             custom_mode: 2,
