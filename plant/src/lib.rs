@@ -28,6 +28,7 @@
 //! | [`linkage`] | the four-bar linkage: positions, ratios, inverse |
 //! | [`mechanism`] | inertia and loads as functions of the crank angle |
 //! | [`drone`] | the drone with a prescribed crank: what the virtual rig flies |
+//! | [`two_axis`] | the drone with two rudders in a joint, free to pitch, roll and spin |
 //! | [`free`] | free motion of pitch and crank, energy and momentum |
 //! | [`newton_euler`] | all four bodies with the forces in their joints |
 //! | [`integrate`] | integration with step control |
@@ -78,6 +79,7 @@ pub mod scenario;
 pub mod servo;
 pub mod setup;
 pub mod thesis;
+pub mod two_axis;
 
 pub use drone::{Crank, Drone};
 pub use linkage::Linkage;

@@ -50,6 +50,9 @@ pub struct Configuration {
     pub first_moment: [f64; 2],
     /// `dP / d th1`, in kg m/rad.
     pub first_moment_slope: [f64; 2],
+    /// Second moments of the moving bodies' mass about the pivot, `xx`, `xy` and `yy`, in kg m2:
+    /// the trace is their part of `m00`. A body's own mass lies along its length, as a rod's.
+    pub second_moments: [f64; 3],
     /// Pitch moment of wash and thrust about the pivot, in N m.
     pub thrust_moment: f64,
     /// Torque of the wash on the crank, in N m.
@@ -103,7 +106,7 @@ impl Mechanism {
         );
         let half = p.link_length_m / 2.0;
 
-        // Each moving body: mass, inertia, ratio, curvature, p, p', p''.
+        // Each moving body: mass, inertia, ratio, curvature, p, p', p'', direction.
         let crank_end = p.crank_length_m * u1;
         let bodies = [
             (
@@ -114,6 +117,7 @@ impl Mechanism {
                 servo + p.crank_cm_m * u1,
                 p.crank_cm_m * turned(u1),
                 -p.crank_cm_m * u1,
+                u1,
             ),
             (
                 p.link_mass_kg,
@@ -123,6 +127,7 @@ impl Mechanism {
                 servo + crank_end + half * u2,
                 turned(crank_end) + half * g2 * turned(u2),
                 -crank_end + half * (h2 * turned(u2) - g2 * g2 * u2),
+                u2,
             ),
             (
                 p.rudder_mass_kg,
@@ -132,6 +137,7 @@ impl Mechanism {
                 rudder + p.rudder_cm_m * u3,
                 p.rudder_cm_m * g3 * turned(u3),
                 p.rudder_cm_m * (h3 * turned(u3) - g3 * g3 * u3),
+                u3,
             ),
         ];
 
@@ -141,7 +147,11 @@ impl Mechanism {
         let (mut m00_slope, mut m01_slope, mut m11_slope) = (0.0, 0.0, 0.0);
         let mut first_moment = p.body_mass_kg * body_cm;
         let mut first_moment_slope = Planar::zeros();
-        for (mass, inertia, ratio, curvature, at, slope, bend) in bodies {
+        let mut second_moments = [0.0; 3];
+        for (mass, inertia, ratio, curvature, at, slope, bend, along) in bodies {
+            for (moment, (i, j)) in second_moments.iter_mut().zip([(0, 0), (0, 1), (1, 1)]) {
+                *moment += mass * at[i] * at[j] + inertia * along[i] * along[j];
+            }
             m00 += mass * at.norm_squared() + inertia;
             m01 += mass * turned(at).dot(&slope) + inertia * ratio;
             m11 += mass * slope.norm_squared() + inertia * ratio * ratio;
@@ -165,6 +175,7 @@ impl Mechanism {
             m11_slope,
             first_moment: first_moment.into(),
             first_moment_slope: first_moment_slope.into(),
+            second_moments,
             thrust_moment: (rudder + arm).perp(&force)
                 + Planar::from(p.thrust_point_m).perp(&thrust),
             wash_torque: arm.perp(&force) * g3,

@@ -1,0 +1,442 @@
+//! The drone with two rudders: the two-axis successor of the tethered drone.
+//!
+//! A rigid body hangs in a joint that lets it pitch, roll and spin about the pivot. Each of two
+//! rudders in its wash has the linkage and the servo of the one-axis drone: the first moves in the
+//! body's x-z plane and makes a pitch moment, the second in its y-z plane and makes a roll moment.
+//! Lists of two name pitch first, then roll.
+//!
+//! Body axes: x forward, y right, z down, from the pivot; earth axes: north, east, down. Of a
+//! linkage's plane, `X` is forward or left and `Y` is up, so that positive angles in it are nose up
+//! or right side down, as those of [`Drone`](crate::Drone).
+//!
+//! # Equations
+//! With the inertia `J` about the pivot, which depends on both cranks, and the momenta that the
+//! linkages have in the body, about the normals `n` of their planes,
+//!
+//! ```text
+//! H = J(th_a, th_b) w + M01(th_a) v_a n_a + M01(th_b) v_b n_b + h z
+//! dH/dt = M - w x H            (body axes)
+//! ```
+//!
+//! where `M` are the moments of wash, thrust, gravity and friction about the pivot, and `h` the
+//! momentum of propellers that do not cancel. As in one axis, cranks are prescribed: no
+//! acceleration of theirs is needed.
+//!
+//! # The body
+//! Its centre of mass and inertia are such that the whole is balanced as the one-axis drone of the
+//! same [`Parameters`] is, and turns as easily about either axis: gains for one axis hold for two.
+//! Each rudder is taken to be in the whole wash, and what moves of a linkage to be as thin as a rod
+//! along its length.
+
+use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3};
+
+use crate::drone::{Crank, TETHER_STOP_RAD};
+use crate::mechanism::{Configuration, Mechanism};
+use crate::parameters::{ParameterError, Parameters, finite, named, positive};
+
+/// What turns the body about its own vertical, the thrust axis.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Spin {
+    /// Nothing: it keeps the momentum that it has.
+    Free,
+    /// A drive that holds the rate of the release, whatever moment that takes.
+    Held,
+    /// A given moment, in N m.
+    Moment(f64),
+}
+
+/// The figures of the drone with two rudders.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TwoAxisParameters {
+    /// The one-axis drone: linkages, loads, balance and inertia in pitch, and in roll alike.
+    pub one_axis: Parameters,
+    /// Distance of the total centre of mass from the thrust axis to the right, in m.
+    pub lateral_cm_m: f64,
+    /// Inertia about the thrust axis at zero rudders, in kg m2; an estimate.
+    pub axial_inertia_kg_m2: f64,
+    /// What turns the body about it.
+    pub spin: Spin,
+    /// Momentum of propellers that do not cancel, about the body's z, in kg m2/s.
+    pub rotor_momentum_kg_m2_s: f64,
+}
+
+impl TwoAxisParameters {
+    /// With the linkages and loads of a one-axis drone, spinning freely.
+    pub const fn of(one_axis: Parameters) -> Self {
+        Self {
+            one_axis,
+            lateral_cm_m: 0.0,
+            axial_inertia_kg_m2: 0.03,
+            spin: Spin::Free,
+            rotor_momentum_kg_m2_s: 0.0,
+        }
+    }
+}
+
+/// Orientation and momentum.
+#[derive(Clone, Copy, Debug)]
+struct State {
+    attitude: Quaternion<f64>,
+    /// About the pivot, body axes, kg m2/s; that of the rotors apart.
+    momentum: Vector3<f64>,
+}
+
+impl State {
+    fn ahead(&self, slope: &Self, dt_s: f64) -> Self {
+        Self {
+            attitude: self.attitude + slope.attitude * dt_s,
+            momentum: self.momentum + slope.momentum * dt_s,
+        }
+    }
+}
+
+/// What depends on the cranks.
+#[derive(Clone, Copy, Debug)]
+struct Shape {
+    linkages: [Configuration; 2],
+    inertia: Matrix3<f64>,
+    /// First moment of all mass, kg m.
+    first_moment: Vector3<f64>,
+}
+
+/// The drone in its joint.
+#[derive(Clone, Debug)]
+pub struct TwoAxisDrone {
+    mechanism: Mechanism,
+    parameters: TwoAxisParameters,
+    /// Inertia and first moment of the body without its linkages.
+    body: (Matrix3<f64>, Vector3<f64>),
+    stop_rad: f64,
+    held: bool,
+    attitude: UnitQuaternion<f64>,
+    momentum: Vector3<f64>,
+    /// Rate about the thrust axis that [`Spin::Held`] holds, rad/s.
+    held_spin_rad_s: f64,
+    cranks: [Crank; 2],
+    shape: Shape,
+}
+
+impl TwoAxisDrone {
+    /// A free drone with an attitude (body to earth) and rates about the body's axes (rad/s),
+    /// rudders at zero, cranks at rest.
+    ///
+    /// # Errors
+    /// A figure out of range, or a one-axis drone that cannot be.
+    pub fn new(
+        parameters: &TwoAxisParameters,
+        attitude: UnitQuaternion<f64>,
+        rates_rad_s: [f64; 3],
+    ) -> Result<Self, ParameterError> {
+        let p = parameters;
+        positive(&named!(p; axial_inertia_kg_m2))?;
+        finite(&named!(p; lateral_cm_m, rotor_momentum_kg_m2_s))?;
+        if let Spin::Moment(spin_moment_n_m) = p.spin {
+            finite(&[("spin_moment_n_m", spin_moment_n_m)])?;
+        }
+        let mechanism = Mechanism::new(&p.one_axis)?;
+        let zero = mechanism.configuration(mechanism.linkage().zero_rudder_crank_rad());
+        let linkages = moving(&mechanism, &[zero, zero]);
+        let mass_kg = p.one_axis.body_mass_kg
+            + p.one_axis.crank_mass_kg
+            + p.one_axis.link_mass_kg
+            + p.one_axis.rudder_mass_kg;
+        let [ahead, up] = zero.first_moment;
+        let balance = Vector3::new(ahead, mass_kg * p.lateral_cm_m, -up);
+        let whole = Vector3::new(zero.m00, zero.m00, p.axial_inertia_kg_m2);
+        let body = (
+            Matrix3::from_diagonal(&(whole - linkages.0.diagonal())),
+            balance - linkages.1,
+        );
+        if body.0.diagonal().min() <= 0.0 {
+            return Err(ParameterError::OutOfRange {
+                parameter: "axial_inertia_kg_m2",
+                value: p.axial_inertia_kg_m2,
+                must: "more than that of the linkages",
+            });
+        }
+        let cranks = [Crank::at_rest(zero.linkage.crank_rad); 2];
+        let shape = shape(&mechanism, &body, cranks.map(|crank| crank.angle_rad));
+        let mut drone = Self {
+            mechanism,
+            parameters: *p,
+            body,
+            stop_rad: TETHER_STOP_RAD,
+            held: false,
+            attitude,
+            momentum: Vector3::zeros(),
+            held_spin_rad_s: 0.0,
+            cranks,
+            shape,
+        };
+        drone.set_rates(rates_rad_s);
+        Ok(drone)
+    }
+
+    /// Moves the tether's stops to a tilt of `stop_rad` to any side; infinite takes them away.
+    pub fn with_tether_stop(mut self, stop_rad: f64) -> Self {
+        self.stop_rad = stop_rad;
+        self
+    }
+
+    /// Clamps the drone in an attitude: it stays there until it is released.
+    pub fn clamp(&mut self, attitude: UnitQuaternion<f64>) {
+        self.attitude = attitude;
+        self.held = true;
+        self.set_rates([0.0; 3]);
+    }
+
+    /// Lets go of a clamped drone, or pushes a free one, with rates about the body's axes, rad/s.
+    pub fn release(&mut self, rates_rad_s: [f64; 3]) {
+        self.held = false;
+        self.set_rates(rates_rad_s);
+    }
+
+    /// Adds an angular impulse about the pivot, body axes, N m s. A clamp swallows it.
+    pub fn kick(&mut self, impulse_n_m_s: [f64; 3]) {
+        if !self.held {
+            self.momentum += Vector3::from(impulse_n_m_s);
+        }
+    }
+
+    /// Changes the thrust (N) from now on; motion stays as it is.
+    pub fn set_thrust(&mut self, thrust_n: f64) {
+        if thrust_n != self.mechanism.parameters().thrust_n {
+            self.mechanism = self.mechanism.with_thrust(thrust_n);
+            self.shape = self.shape_at(self.cranks.map(|crank| crank.angle_rad));
+        }
+    }
+
+    /// Places the cranks without moving the drone, as when the servos are fitted at the start.
+    pub fn place_cranks(&mut self, angles_rad: [f64; 2]) {
+        let rates = self.rates_rad_s();
+        self.cranks = angles_rad.map(Crank::at_rest);
+        self.shape = self.shape_at(angles_rad);
+        self.set_rates(rates);
+    }
+
+    /// Advances by `dt_s` (greater than zero), at whose end the cranks stand at `end`, which they
+    /// reach evenly. Fourth-order Runge-Kutta; a tether stop is inelastic.
+    pub fn step(&mut self, dt_s: f64, end: [Crank; 2]) {
+        let start = self.cranks;
+        let angles = |share: f64| {
+            [0, 1].map(|axis| {
+                let (from, to) = (start[axis].angle_rad, end[axis].angle_rad);
+                from + share * (to - from)
+            })
+        };
+        let finish = self.shape_at(angles(1.0));
+        if !self.held {
+            let middle = self.shape_at(angles(0.5));
+            let speeds = [0, 1].map(|axis| (end[axis].angle_rad - start[axis].angle_rad) / dt_s);
+            let from = State {
+                attitude: self.attitude.into_inner(),
+                momentum: self.momentum,
+            };
+            let slope = |shape: &Shape, state: &State| self.slope(shape, speeds, state);
+            let k1 = slope(&self.shape, &from);
+            let k2 = slope(&middle, &from.ahead(&k1, 0.5 * dt_s));
+            let k3 = slope(&middle, &from.ahead(&k2, 0.5 * dt_s));
+            let k4 = slope(&finish, &from.ahead(&k3, dt_s));
+            let state = from
+                .ahead(&k1, dt_s / 6.0)
+                .ahead(&k2, dt_s / 3.0)
+                .ahead(&k3, dt_s / 3.0)
+                .ahead(&k4, dt_s / 6.0);
+            self.attitude = UnitQuaternion::from_quaternion(state.attitude);
+            self.momentum = state.momentum;
+        }
+        (self.cranks, self.shape) = (end, finish);
+        if self.held {
+            self.set_rates([0.0; 3]);
+        } else {
+            self.stop();
+        }
+    }
+
+    /// Attitude, body to north-east-down.
+    pub fn attitude(&self) -> UnitQuaternion<f64> {
+        self.attitude
+    }
+
+    /// Rates about the body's axes, rad/s.
+    pub fn rates_rad_s(&self) -> [f64; 3] {
+        let speeds = self.cranks.map(|crank| crank.rate_rad_s);
+        self.rates(&self.shape, speeds, &self.momentum).into()
+    }
+
+    /// The tilt of the body's vertical against the earth's as a vector (the reduced attitude), rad:
+    /// its parts about the body's y and x. Upside down, one of the shortest ways is taken.
+    pub fn tilt_rad(&self) -> [f64; 2] {
+        let down = self.attitude.inverse() * Vector3::z();
+        let across = down.x.hypot(down.y);
+        let per_sine = if across > 0.0 {
+            across.atan2(down.z) / across
+        } else {
+            1.0
+        };
+        [-down.x * per_sine, down.y * per_sine]
+    }
+
+    /// The cranks as last given.
+    pub fn cranks(&self) -> [Crank; 2] {
+        self.cranks
+    }
+
+    /// Rudder angles, rad.
+    pub fn rudder_rad(&self) -> [f64; 2] {
+        self.shape.linkages.map(|at| at.linkage.rudder_rad)
+    }
+
+    /// Torques of wash and gravity on the cranks, in N m: the loads that the servos work against.
+    pub fn hinge_torque_n_m(&self) -> [f64; 2] {
+        let down = self.attitude.inverse() * Vector3::z();
+        let gravity = self.parameters.one_axis.gravity_m_s2;
+        [0, 1].map(|axis| {
+            let at = &self.shape.linkages[axis];
+            let [x, y] = at.first_moment_slope;
+            let (along_x, along_y) = ([down.x, -down.y][axis], -down.z);
+            at.wash_torque + gravity * (along_x * x + along_y * y)
+        })
+    }
+
+    /// Whether the clamp holds the drone.
+    pub fn held(&self) -> bool {
+        self.held
+    }
+
+    /// Whether the drone lies against a stop of the tether.
+    pub fn at_stop(&self) -> bool {
+        let [pitch, roll] = self.tilt_rad();
+        pitch.hypot(roll) >= self.stop_rad
+    }
+
+    /// The mechanism of either axis, for its linkage and parameters.
+    pub fn mechanism(&self) -> &Mechanism {
+        &self.mechanism
+    }
+
+    /// Angular momentum about the pivot in the earth's axes, without that of the rotors, kg m2/s.
+    pub fn momentum_kg_m2_s(&self) -> [f64; 3] {
+        (self.attitude * self.momentum).into()
+    }
+
+    /// Kinetic and potential energy with the cranks at rest, in J; the potential is zero with the
+    /// centre of mass at the pivot's height.
+    pub fn energy_j(&self) -> (f64, f64) {
+        let rates = Vector3::from(self.rates_rad_s());
+        let down = self.attitude.inverse() * Vector3::z();
+        let gravity = self.parameters.one_axis.gravity_m_s2;
+        (
+            0.5 * rates.dot(&(self.shape.inertia * rates)),
+            -gravity * self.shape.first_moment.dot(&down),
+        )
+    }
+
+    fn shape_at(&self, cranks_rad: [f64; 2]) -> Shape {
+        shape(&self.mechanism, &self.body, cranks_rad)
+    }
+
+    /// Rates from the momentum, rad/s; a spin that is held is known beforehand.
+    fn rates(&self, shape: &Shape, speeds: [f64; 2], momentum: &Vector3<f64>) -> Vector3<f64> {
+        let left = momentum - relative(shape, speeds);
+        let j = &shape.inertia;
+        if self.parameters.spin == Spin::Held {
+            let spin = self.held_spin_rad_s;
+            let (x, y) = (left.x - j[(0, 2)] * spin, left.y - j[(1, 2)] * spin);
+            let determinant = j[(0, 0)] * j[(1, 1)] - j[(0, 1)] * j[(1, 0)];
+            return Vector3::new(
+                (j[(1, 1)] * x - j[(0, 1)] * y) / determinant,
+                (j[(0, 0)] * y - j[(1, 0)] * x) / determinant,
+                spin,
+            );
+        }
+        // The inertia of bodies with mass in three directions has an inverse.
+        j.try_inverse().unwrap_or_else(Matrix3::zeros) * left
+    }
+
+    fn set_rates(&mut self, rates_rad_s: [f64; 3]) {
+        let rates = Vector3::from(rates_rad_s);
+        let speeds = self.cranks.map(|crank| crank.rate_rad_s);
+        self.held_spin_rad_s = rates.z;
+        self.momentum = self.shape.inertia * rates + relative(&self.shape, speeds);
+    }
+
+    /// Derivatives of attitude and momentum.
+    fn slope(&self, shape: &Shape, speeds: [f64; 2], state: &State) -> State {
+        let p = &self.parameters;
+        let attitude = UnitQuaternion::from_quaternion(state.attitude);
+        let rates = self.rates(shape, speeds, &state.momentum);
+        // What holds the spin adds what is missing of the momentum about z.
+        let mut momentum = shape.inertia * rates + relative(shape, speeds);
+        momentum.z += p.rotor_momentum_kg_m2_s;
+        let down = attitude.inverse() * Vector3::z();
+        let weight = p.one_axis.gravity_m_s2 * down;
+        let [pitch, roll] = shape.linkages.map(|at| at.thrust_moment);
+        let friction = p.one_axis.pivot_friction_n_m_s;
+        let spin_moment = match p.spin {
+            Spin::Moment(moment) => moment,
+            Spin::Free | Spin::Held => 0.0,
+        };
+        let moment = Vector3::new(
+            roll - friction * rates.x,
+            pitch - friction * rates.y,
+            spin_moment,
+        ) + shape.first_moment.cross(&weight);
+        State {
+            attitude: state.attitude * Quaternion::from_imag(0.5 * rates),
+            momentum: moment - rates.cross(&momentum),
+        }
+    }
+
+    /// At a stop the drone loses the part of its rate that would take it beyond.
+    fn stop(&mut self) {
+        let [pitch, roll] = self.tilt_rad();
+        let angle = pitch.hypot(roll);
+        if angle < self.stop_rad {
+            return;
+        }
+        let outwards = Vector3::new(roll, pitch, 0.0) / angle;
+        self.attitude *= UnitQuaternion::from_scaled_axis(outwards * (self.stop_rad - angle));
+        let mut rates = Vector3::from(self.rates_rad_s());
+        rates -= outwards * rates.dot(&outwards).max(0.0);
+        self.set_rates(rates.into());
+    }
+}
+
+/// Inertia and first moment of what moves of both linkages, body axes.
+fn moving(mechanism: &Mechanism, linkages: &[Configuration; 2]) -> (Matrix3<f64>, Vector3<f64>) {
+    let p = mechanism.parameters();
+    let [body_x, body_y] = p.body_cm_m.map(|at| p.body_mass_kg * at);
+    let moments = linkages.map(|at| {
+        let [x, y] = at.first_moment;
+        (at.second_moments, [x - body_x, y - body_y])
+    });
+    let [([xx, xy, yy], [x, y]), ([ll, lu, uu], [l, u])] = moments;
+    // Of the second moments about x, y and z: forward is x, left is -y, and up is -z.
+    let second = Matrix3::new(xx, 0.0, -xy, 0.0, ll, lu, -xy, lu, yy + uu);
+    let inertia = Matrix3::identity() * second.trace() - second;
+    (inertia, Vector3::new(x, -l, -y - u))
+}
+
+fn shape(
+    mechanism: &Mechanism,
+    (body_inertia, body_moment): &(Matrix3<f64>, Vector3<f64>),
+    cranks_rad: [f64; 2],
+) -> Shape {
+    let linkages = cranks_rad.map(|crank| mechanism.configuration(crank));
+    let (inertia, first_moment) = moving(mechanism, &linkages);
+    Shape {
+        linkages,
+        inertia: body_inertia + inertia,
+        first_moment: body_moment + first_moment,
+    }
+}
+
+/// Momentum of the linkages that turn in the body at these speeds, rad/s, body axes.
+fn relative(shape: &Shape, [pitch, roll]: [f64; 2]) -> Vector3<f64> {
+    let [first, second] = &shape.linkages;
+    Vector3::new(second.m01 * roll, first.m01 * pitch, 0.0)
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,301 @@
+//! The drone with two rudders against the one-axis drone, the laws of conservation, and a cloud of
+//! mass points that is moved by hand.
+
+use super::*;
+use crate::drone::Drone;
+
+const STEP_S: f64 = 5e-4;
+
+/// Cranks that weigh nothing to speak of: a linkage at rest is symmetrical then.
+fn light() -> Parameters {
+    Parameters {
+        crank_mass_kg: 1e-9,
+        crank_inertia_kg_m2: 1e-12,
+        link_mass_kg: 1e-9,
+        link_inertia_kg_m2: 1e-12,
+        body_cm_m: [0.0, 0.0382],
+        ..Parameters::PHYS
+    }
+}
+
+fn attitude(pitch: f64, roll: f64, heading: f64) -> UnitQuaternion<f64> {
+    UnitQuaternion::from_axis_angle(&Vector3::z_axis(), heading)
+        * UnitQuaternion::from_scaled_axis(Vector3::new(roll, pitch, 0.0))
+}
+
+fn drone(parameters: &TwoAxisParameters, pitch: f64, roll: f64, rates: [f64; 3]) -> TwoAxisDrone {
+    TwoAxisDrone::new(parameters, attitude(pitch, roll, 0.5), rates).unwrap()
+}
+
+/// A crank that swings about zero rudder.
+fn swing(zero_rad: f64, time_s: f64) -> Crank {
+    let (sin, cos) = (12.0 * time_s).sin_cos();
+    Crank::new(zero_rad + 0.3 * sin, 3.6 * cos)
+}
+
+#[test]
+fn one_axis_that_moves_is_the_one_axis_drone_about_either_axis() {
+    for axis in [0, 1] {
+        let one_axis = light();
+        let mut planar = Drone::new(&one_axis, 0.4, 0.2).unwrap();
+        let zero_rad = planar.crank().angle_rad;
+        let (pitch, roll) = [(0.4, 0.0), (0.0, 0.4)][axis];
+        let rates = [[0.0, 0.2, 0.0], [0.2, 0.0, 0.0]][axis];
+        let mut both = drone(&TwoAxisParameters::of(one_axis), pitch, roll, rates);
+        for step in 1..=1600 {
+            let crank = swing(zero_rad, f64::from(step) * STEP_S);
+            let mut cranks = [Crank::at_rest(zero_rad); 2];
+            cranks[axis] = crank;
+            planar.step(STEP_S, crank);
+            both.step(STEP_S, cranks);
+            let moved = both.tilt_rad()[axis];
+            assert!(
+                (moved - planar.pitch_rad()).abs() < 1e-7,
+                "{axis}, {step}: {moved}"
+            );
+            assert!(both.tilt_rad()[1 - axis].abs() < 1e-7, "{axis}, {step}");
+            let rate = both.rates_rad_s()[1 - axis];
+            assert!((rate - planar.rate_rad_s()).abs() < 1e-6, "{rate}");
+            let torque = both.hinge_torque_n_m()[axis];
+            assert!(
+                (torque - planar.hinge_torque_n_m()).abs() < 1e-6,
+                "{torque}"
+            );
+        }
+    }
+}
+
+#[test]
+fn energy_is_kept_without_thrust_and_momentum_without_weight_and_thrust() {
+    let tumbling = [1.5, -0.7, 2.0];
+    let hung = Parameters {
+        thrust_n: 0.0,
+        body_cm_m: [0.01, -0.05],
+        ..Parameters::PHYS
+    };
+    let mut falling =
+        drone(&TwoAxisParameters::of(hung), 0.5, -0.3, tumbling).with_tether_stop(f64::INFINITY);
+    let cranks = falling.cranks();
+    let sum = |drone: &TwoAxisDrone| drone.energy_j().0 + drone.energy_j().1;
+    let before = sum(&falling);
+    for _ in 0..10_000 {
+        falling.step(STEP_S, cranks);
+    }
+    assert!(
+        (sum(&falling) - before).abs() < 1e-8,
+        "{}",
+        sum(&falling) - before
+    );
+
+    let weightless = Parameters {
+        gravity_m_s2: 0.0,
+        ..hung
+    };
+    let mut drifting = drone(&TwoAxisParameters::of(weightless), 0.5, -0.3, tumbling)
+        .with_tether_stop(f64::INFINITY);
+    let before = Vector3::from(drifting.momentum_kg_m2_s());
+    let zero_rad = cranks[0].angle_rad;
+    for step in 1..=10_000 {
+        let time_s = f64::from(step) * STEP_S;
+        drifting.step(
+            STEP_S,
+            [swing(zero_rad, time_s), swing(zero_rad, 1.3 * time_s)],
+        );
+    }
+    let after = Vector3::from(drifting.momentum_kg_m2_s());
+    assert!((after - before).norm() < 1e-8, "{after} {before}");
+}
+
+/// The rates against the momentum of the bodies as mass points, each moved by hand in the earth's
+/// axes: a rod is two points.
+#[test]
+fn the_momentum_is_that_of_the_bodies_as_points_that_move() {
+    let one_axis = Parameters::PHYS;
+    let two = TwoAxisParameters::of(one_axis);
+    let start = drone(&two, 0.3, -0.5, [0.8, -1.1, 0.6]);
+    let mechanism = start.mechanism().clone();
+    let zero_rad = start.cranks()[0].angle_rad;
+    let cranks = [
+        Crank::new(zero_rad + 0.2, 3.0),
+        Crank::new(zero_rad - 0.4, -2.0),
+    ];
+    let mut moved = start.clone();
+    moved.place_cranks(cranks.map(|crank| crank.angle_rad));
+    moved.cranks = cranks;
+    moved.set_rates([0.8, -1.1, 0.6]);
+    // Points of a linkage: mass and place in the body.
+    let points = |axis: usize, crank_rad: f64| -> Vec<(f64, Vector3<f64>)> {
+        let at = mechanism.linkage().at(crank_rad);
+        let [u1, u2, u3] = crate::mechanism::directions(crank_rad, at.link_rad, at.rudder_rad);
+        let servo = nalgebra::Vector2::from(one_axis.servo_axis_m());
+        let rudder = nalgebra::Vector2::from(one_axis.rudder_axis_m);
+        let p = &one_axis;
+        let rods = [
+            (
+                p.crank_mass_kg,
+                p.crank_inertia_kg_m2,
+                servo + p.crank_cm_m * u1,
+                u1,
+            ),
+            (
+                p.link_mass_kg,
+                p.link_inertia_kg_m2,
+                servo + p.crank_length_m * u1 + 0.5 * p.link_length_m * u2,
+                u2,
+            ),
+            (
+                p.rudder_mass_kg,
+                p.rudder_inertia_kg_m2,
+                rudder + p.rudder_cm_m * u3,
+                u3,
+            ),
+        ];
+        let body = |v: nalgebra::Vector2<f64>| {
+            [Vector3::new(v.x, 0.0, -v.y), Vector3::new(0.0, -v.x, -v.y)][axis]
+        };
+        rods.into_iter()
+            .flat_map(|(mass, inertia, at, along)| {
+                let reach = (inertia / mass).sqrt();
+                [-reach, reach].map(|reach| (0.5 * mass, body(at + reach * along)))
+            })
+            .collect()
+    };
+    let h = 1e-6;
+    let turned = |time_s: f64| {
+        moved.attitude() * UnitQuaternion::from_scaled_axis(Vector3::new(0.8, -1.1, 0.6) * time_s)
+    };
+    let mut momentum = moved.attitude() * (moved.body.0 * Vector3::new(0.8, -1.1, 0.6));
+    for axis in [0, 1] {
+        let place = |time_s: f64| {
+            let crank = cranks[axis];
+            let places = points(axis, crank.angle_rad + crank.rate_rad_s * time_s);
+            places
+                .into_iter()
+                .map(|(mass, at)| (mass, turned(time_s) * at))
+                .collect::<Vec<_>>()
+        };
+        for ((mass, before), (_, after)) in place(-h).into_iter().zip(place(h)) {
+            momentum += mass * (0.5 * (before + after)).cross(&((after - before) / (2.0 * h)));
+        }
+    }
+    let found = Vector3::from(moved.momentum_kg_m2_s());
+    assert!((found - momentum).norm() < 1e-8, "{found} {momentum}");
+}
+
+#[test]
+fn spin_is_free_held_or_driven() {
+    let flown = |spin| {
+        let parameters = TwoAxisParameters {
+            spin,
+            ..TwoAxisParameters::of(Parameters::PHYS)
+        };
+        let mut drone = drone(&parameters, 0.3, 0.0, [0.0, 0.0, 1.0]);
+        let cranks = drone.cranks();
+        for _ in 0..1000 {
+            drone.step(STEP_S, cranks);
+        }
+        drone.rates_rad_s()[2]
+    };
+    assert!((flown(Spin::Free) - 1.0).abs() < 0.01);
+    assert_eq!(flown(Spin::Held), 1.0);
+    // 0.03 N m for half a second on 0.03 kg m2.
+    assert!((flown(Spin::Moment(0.03)) - 1.5).abs() < 0.02);
+}
+
+/// Rotors that turn to the right push the nose of a drone that rolls right up: the momentum along
+/// z must turn with the body.
+#[test]
+fn rotors_that_do_not_cancel_turn_a_motion_aside() {
+    let parameters = TwoAxisParameters {
+        rotor_momentum_kg_m2_s: 0.02,
+        spin: Spin::Held,
+        ..TwoAxisParameters::of(light())
+    };
+    let mut drone = drone(&parameters, 0.0, 0.0, [0.5, 0.0, 0.0]);
+    let cranks = drone.cranks();
+    drone.step(STEP_S, cranks);
+    let [_, pitch_rate, _] = drone.rates_rad_s();
+    // dH_y/dt = -(w x h)_y = w_x h.
+    let expected = 0.5 * 0.02 / drone.shape.inertia[(1, 1)] * STEP_S;
+    assert!(
+        (pitch_rate - expected).abs() < 1e-3 * expected,
+        "{pitch_rate} {expected}"
+    );
+}
+
+#[test]
+fn a_clamp_holds_and_a_stop_is_inelastic() {
+    let mut drone = drone(&TwoAxisParameters::of(Parameters::PHYS), 0.2, 0.1, [0.0; 3]);
+    drone.clamp(attitude(0.3, -0.2, 0.5));
+    let cranks = drone.cranks();
+    drone.step(STEP_S, cranks);
+    drone.kick([1.0, 1.0, 1.0]);
+    assert!(drone.held() && drone.rates_rad_s().iter().all(|rate| rate.abs() < 1e-12));
+    let [pitch, roll] = drone.tilt_rad();
+    assert!((pitch - 0.3).abs() < 1e-12 && (roll + 0.2).abs() < 1e-12);
+    drone.release([-2.0, 3.0, 0.5]);
+    let mut stopped = false;
+    for _ in 0..2000 {
+        drone.step(STEP_S, cranks);
+        let [pitch, roll] = drone.tilt_rad();
+        assert!(pitch.hypot(roll) < TETHER_STOP_RAD + 1e-9);
+        if drone.at_stop() {
+            let [roll_rate, pitch_rate, _] = drone.rates_rad_s();
+            assert!(roll_rate * roll + pitch_rate * pitch < 1e-9);
+            stopped = true;
+        }
+    }
+    assert!(stopped);
+}
+
+#[test]
+fn the_heading_does_not_matter() {
+    let parameters = TwoAxisParameters::of(Parameters::PHYS);
+    let flown = |heading: f64| {
+        let start = attitude(0.4, -0.2, heading);
+        let mut drone = TwoAxisDrone::new(&parameters, start, [0.1, 0.2, 1.0]).unwrap();
+        let zero_rad = drone.cranks()[0].angle_rad;
+        for step in 1..=500 {
+            let crank = swing(zero_rad, f64::from(step) * STEP_S);
+            drone.step(STEP_S, [crank; 2]);
+        }
+        drone.tilt_rad()
+    };
+    let at_zero = flown(0.0);
+    for heading in [1.0, 2.4, -3.0] {
+        for (found, expected) in flown(heading).iter().zip(at_zero) {
+            assert!((found - expected).abs() < 1e-9);
+        }
+    }
+}
+
+#[test]
+fn impossible_figures_are_named() {
+    let good = TwoAxisParameters::of(Parameters::PHYS);
+    for (bad, name) in [
+        (
+            TwoAxisParameters {
+                axial_inertia_kg_m2: 0.0,
+                ..good
+            },
+            "axial_inertia_kg_m2",
+        ),
+        (
+            TwoAxisParameters {
+                axial_inertia_kg_m2: 1e-5,
+                ..good
+            },
+            "axial_inertia_kg_m2",
+        ),
+        (
+            TwoAxisParameters {
+                spin: Spin::Moment(f64::NAN),
+                ..good
+            },
+            "spin_moment_n_m",
+        ),
+    ] {
+        let error = TwoAxisDrone::new(&bad, UnitQuaternion::identity(), [0.0; 3]).unwrap_err();
+        assert!(error.to_string().contains(name), "{error}");
+    }
+}

@@ -1,0 +1,145 @@
+//! The drone as it hangs on the bench: on a pivot, with one rudder, or in a joint, with two.
+
+use nalgebra::{UnitQuaternion, Vector3};
+use plant::two_axis::TwoAxisDrone;
+use plant::{Crank, Drone};
+use tvc_nano::Axis;
+
+/// A drone with a rudder for each axis about which it turns. Lists name pitch first, then roll,
+/// which is 0 throughout where the drone only pitches.
+#[derive(Clone, Debug)]
+pub enum HungDrone {
+    /// It pitches.
+    Pivot(Drone),
+    /// It pitches, rolls and spins.
+    Joint(Box<TwoAxisDrone>),
+}
+
+impl HungDrone {
+    /// Pitch, or the part of the tilt about the body's y, rad, nose up positive.
+    pub fn pitch_rad(&self) -> f64 {
+        self.tilt_rad()[0]
+    }
+
+    /// The tilt as a vector in the body's axes, rad: its parts about y and x.
+    pub fn tilt_rad(&self) -> [f64; Axis::COUNT] {
+        match self {
+            Self::Pivot(drone) => [drone.pitch_rad(), 0.0],
+            Self::Joint(drone) => drone.tilt_rad(),
+        }
+    }
+
+    /// The rates about the body's y and x, rad/s.
+    pub fn rates_rad_s(&self) -> [f64; Axis::COUNT] {
+        match self {
+            Self::Pivot(drone) => [drone.rate_rad_s(), 0.0],
+            Self::Joint(drone) => {
+                let [roll, pitch, _] = drone.rates_rad_s();
+                [pitch, roll]
+            }
+        }
+    }
+
+    /// Angle by which it has turned about the earth's vertical, rad, on top of the heading of the
+    /// bench.
+    pub fn heading_rad(&self) -> f64 {
+        match self {
+            Self::Pivot(_) => 0.0,
+            Self::Joint(drone) => heading_rad(&drone.attitude()),
+        }
+    }
+
+    /// Rudder angles, rad.
+    pub fn rudders_rad(&self) -> [f64; Axis::COUNT] {
+        match self {
+            Self::Pivot(drone) => [drone.rudder_rad(), 0.0],
+            Self::Joint(drone) => drone.rudder_rad(),
+        }
+    }
+
+    /// Torques of wash and gravity on the cranks, N m.
+    pub(super) fn hinge_torques_n_m(&self) -> [f64; Axis::COUNT] {
+        match self {
+            Self::Pivot(drone) => [drone.hinge_torque_n_m(), 0.0],
+            Self::Joint(drone) => drone.hinge_torque_n_m(),
+        }
+    }
+
+    /// Whether the clamp holds it.
+    pub fn held(&self) -> bool {
+        match self {
+            Self::Pivot(drone) => drone.held(),
+            Self::Joint(drone) => drone.held(),
+        }
+    }
+
+    /// Clamps it at a tilt, rad, with the heading that it has.
+    pub(super) fn clamp(&mut self, tilt_rad: [f64; Axis::COUNT]) {
+        match self {
+            Self::Pivot(drone) => drone.clamp(tilt_rad[0]),
+            Self::Joint(drone) => {
+                let heading_rad = heading_rad(&drone.attitude());
+                drone.clamp(attitude(tilt_rad, heading_rad));
+            }
+        }
+    }
+
+    /// Lets go of it with a rate in the direction of its tilt, upwards in pitch where it has none,
+    /// and about its own vertical, rad/s.
+    pub(super) fn release(&mut self, rate_rad_s: f64, spin_rad_s: f64) {
+        match self {
+            Self::Pivot(drone) => drone.release(rate_rad_s),
+            Self::Joint(drone) => {
+                let [pitch, roll] = drone.tilt_rad();
+                let angle = pitch.hypot(roll);
+                // A negative tilt of one axis is left with a positive rate, too, as on the pivot.
+                let [along_pitch, along_roll] = if angle > 0.0 {
+                    [(pitch / angle).abs(), (roll / angle).abs()]
+                } else {
+                    [1.0, 0.0]
+                };
+                drone.release([
+                    rate_rad_s * along_roll,
+                    rate_rad_s * along_pitch,
+                    spin_rad_s,
+                ]);
+            }
+        }
+    }
+
+    /// Gives it an angular impulse about the body's y, N m s.
+    pub(super) fn kick(&mut self, impulse_n_m_s: f64) {
+        match self {
+            Self::Pivot(drone) => drone.kick(impulse_n_m_s),
+            Self::Joint(drone) => drone.kick([0.0, impulse_n_m_s, 0.0]),
+        }
+    }
+
+    /// Changes the thrust, N.
+    pub(super) fn set_thrust(&mut self, thrust_n: f64) {
+        match self {
+            Self::Pivot(drone) => drone.set_thrust(thrust_n),
+            Self::Joint(drone) => drone.set_thrust(thrust_n),
+        }
+    }
+
+    /// Advances by `dt_s`, at whose end the cranks stand there.
+    pub(super) fn step(&mut self, dt_s: f64, cranks: [Crank; Axis::COUNT]) {
+        match self {
+            Self::Pivot(drone) => drone.step(dt_s, cranks[0]),
+            Self::Joint(drone) => drone.step(dt_s, cranks),
+        }
+    }
+}
+
+/// Body to north-east-down of a drone that is turned by a heading and then tilted, rad.
+pub(super) fn attitude(tilt_rad: [f64; Axis::COUNT], heading_rad: f64) -> UnitQuaternion<f64> {
+    let [pitch, roll] = tilt_rad;
+    UnitQuaternion::from_axis_angle(&Vector3::z_axis(), heading_rad)
+        * UnitQuaternion::from_scaled_axis(Vector3::new(roll, pitch, 0.0))
+}
+
+/// The heading of such an attitude, rad.
+fn heading_rad(attitude: &UnitQuaternion<f64>) -> f64 {
+    2.0 * attitude.k.atan2(attitude.w)
+}
