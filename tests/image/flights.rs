@@ -23,12 +23,12 @@ fn flies(setup: &Setup, settling_s: f64) {
     let ready = prepare(firmware(), setup, &mut |_| {}).unwrap();
     for start_rad in [0.2, 0.4, 0.8] {
         let flight = ready.fly(start_rad, 0.2, 3.0, &mut |_| {}).unwrap();
-        let overshoot = flight.response.overshoot_pct();
+        let overshoot = flight.response(Axis::Pitch).unwrap().overshoot_pct();
         assert!(
             overshoot <= 5.0,
             "{servo:?} from {start_rad}: {overshoot} %"
         );
-        let settled = flight.response.settling_s(0.05);
+        let settled = flight.response(Axis::Pitch).unwrap().settling_s(0.05);
         assert!(
             settled.is_some_and(|s| s <= settling_s),
             "{servo:?} from {start_rad}: {settled:?}"
@@ -66,8 +66,8 @@ fn a_release_at_the_first_instant_is_no_worse_whatever_the_gyro_offset() {
         let offset = f64::to_radians(offset_deg_s);
         setup.rig.bench.sensor.errors.gyro_bias_rad_s = Some([offset, offset, -offset]);
         let flight = fly_at_once(firmware(), &setup, start_rad, 3.0, &mut |_| {}).unwrap();
-        let overshoot = flight.response.overshoot_pct();
-        let settled = flight.response.settling_s(0.05);
+        let overshoot = flight.response(Axis::Pitch).unwrap().overshoot_pct();
+        let settled = flight.response(Axis::Pitch).unwrap().settling_s(0.05);
         let released = flight.released.as_secs_f64();
         println!(
             "{offset_deg_s} deg/s, {start_rad} rad: released at {released:.2} s, overshoot {overshoot:.1} %, settled {settled:?}"
@@ -100,7 +100,11 @@ fn a_rudder_that_holds_the_offset_before_the_release_settles_sooner() {
         setup.parameters.push(("SRV_HOLD_DEG".into(), hold_deg));
         let ready = prepare(firmware(), &setup, &mut |_| {}).unwrap();
         let flight = ready.fly(0.2, 0.2, 3.0, &mut |_| {}).unwrap();
-        flight.response.settling_s(0.05).unwrap()
+        flight
+            .response(Axis::Pitch)
+            .unwrap()
+            .settling_s(0.05)
+            .unwrap()
     };
     let (found, held) = (settling_s(0.0), settling_s(-2.29));
     assert!(found <= 1.0 && held <= 0.55, "{found} {held}");
@@ -113,7 +117,13 @@ fn flies_with_the_slow_bus_of_a_long_cable() {
     setup.parameters.push(("I2C_KHZ".into(), 100.0));
     let ready = prepare(firmware(), &setup, &mut |_| {}).unwrap();
     let flight = ready.fly(0.4, 0.2, 3.0, &mut |_| {}).unwrap();
-    assert!(flight.response.settling_s(0.05).is_some_and(|s| s <= 0.9));
+    assert!(
+        flight
+            .response(Axis::Pitch)
+            .unwrap()
+            .settling_s(0.05)
+            .is_some_and(|s| s <= 0.9)
+    );
     let timing = flight.timing;
     assert!((timing.rate_hz - 100.0).abs() < 0.01, "{timing:?}");
     assert!(timing.jitter_us_max < 100.0, "{timing:?}");
@@ -128,7 +138,13 @@ fn flies_with_synchronisation_held() {
     setup.rig.syncbusy_hold = SyncHold::For(Ticks::from_us(10));
     let ready = prepare(firmware(), &setup, &mut |_| {}).unwrap();
     let flight = ready.fly(0.4, 0.2, 3.0, &mut |_| {}).unwrap();
-    assert!(flight.response.settling_s(0.05).is_some_and(|s| s <= 0.9));
+    assert!(
+        flight
+            .response(Axis::Pitch)
+            .unwrap()
+            .settling_s(0.05)
+            .is_some_and(|s| s <= 0.9)
+    );
     let violations = ready.rig.chip().peripherals().violations();
     assert_eq!(violations.count(), 0, "{violations:?}");
 }

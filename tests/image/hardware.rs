@@ -19,8 +19,8 @@ fn latency_of_a_flight(hardware: &str) -> f64 {
     let ready = prepare(firmware(), &with(hardware), &mut |_| {})
         .unwrap_or_else(|error| panic!("{hardware}: {error}"));
     let flight = ready.fly(0.4, 0.2, 3.0, &mut |_| {}).unwrap();
-    let overshoot = flight.response.overshoot_pct();
-    let settled = flight.response.settling_s(0.05);
+    let overshoot = flight.response(Axis::Pitch).unwrap().overshoot_pct();
+    let settled = flight.response(Axis::Pitch).unwrap().settling_s(0.05);
     let timing = flight.timing;
     assert!(overshoot <= 5.0, "{hardware}: overshoot {overshoot} %");
     assert!(

@@ -9,3 +9,4 @@ pub mod hardware_campaign;
 pub mod profile;
 pub mod requirements;
 pub mod rig;
+pub mod vehicle;

@@ -1,7 +1,8 @@
 //! The clamp that holds the drone by its body, tilts it, releases it and catches it.
 
-use plant::Drone;
+use super::HungDrone;
 use samd21::board::Ticks;
+use tvc_nano::Axis;
 
 /// Rate at which the clamped drone is tilted by hand, rad/s.
 const TILT_RATE_RAD_S: f64 = 0.5;
@@ -9,35 +10,44 @@ const TILT_RATE_RAD_S: f64 = 0.5;
 /// A clamp that is closed on the drone or open.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Clamp {
-    /// Pitch to which a held drone is being tilted, rad.
-    wanted_rad: f64,
+    /// Tilt at which it holds or held the drone, rad.
+    held_rad: [f64; Axis::COUNT],
+    /// Tilt to which a held drone is being brought, rad.
+    wanted_rad: [f64; Axis::COUNT],
     /// When it opened; `None` while it holds.
     released: Option<Ticks>,
 }
 
 impl Clamp {
-    /// Closes on the drone at this pitch, rad.
-    pub(super) fn closed(drone: &mut Drone, pitch_rad: f64) -> Self {
-        drone.clamp(pitch_rad);
+    /// Closes on the drone at this tilt, rad.
+    pub(super) fn closed(drone: &mut HungDrone, tilt_rad: [f64; Axis::COUNT]) -> Self {
+        drone.clamp(tilt_rad);
         Self {
-            wanted_rad: pitch_rad,
+            held_rad: tilt_rad,
+            wanted_rad: tilt_rad,
             released: None,
         }
     }
 
-    /// Begins to tilt a held drone to this pitch, rad.
-    pub(super) fn tilt_to(&mut self, pitch_rad: f64) {
-        self.wanted_rad = pitch_rad;
+    /// Begins to tilt a held drone to this, rad.
+    pub(super) fn tilt_to(&mut self, tilt_rad: [f64; Axis::COUNT]) {
+        self.wanted_rad = tilt_rad;
     }
 
-    /// True when it holds the drone at the pitch to which it was to tilt it.
-    pub(super) fn rests(&self, drone: &Drone) -> bool {
-        drone.held() && drone.pitch_rad() == self.wanted_rad
+    /// True when it holds the drone at the tilt to which it was to bring it.
+    pub(super) fn rests(&self, drone: &HungDrone) -> bool {
+        drone.held() && self.held_rad == self.wanted_rad
     }
 
-    /// Opens; the drone leaves it with a rate, rad/s.
-    pub(super) fn open(&mut self, now: Ticks, drone: &mut Drone, rate_rad_s: f64) {
-        drone.release(rate_rad_s);
+    /// Opens; the drone leaves it with a rate along its tilt and a spin, rad/s.
+    pub(super) fn open(
+        &mut self,
+        now: Ticks,
+        drone: &mut HungDrone,
+        rate_rad_s: f64,
+        spin_rad_s: f64,
+    ) {
+        drone.release(rate_rad_s, spin_rad_s);
         self.released.get_or_insert(now);
     }
 
@@ -46,18 +56,23 @@ impl Clamp {
         self.released.map(|released| now.saturating_sub(released))
     }
 
-    /// Moves a held drone towards the wanted pitch; returns the rate of this motion, rad/s.
-    pub(super) fn tilt(&self, drone: &mut Drone, dt_s: f64) -> f64 {
-        let missing = self.wanted_rad - drone.pitch_rad();
-        if missing == 0.0 || !drone.held() {
-            return 0.0;
+    /// Moves a held drone towards the wanted tilt; returns the rates of this motion, rad/s.
+    pub(super) fn tilt(&mut self, drone: &mut HungDrone, dt_s: f64) -> [f64; Axis::COUNT] {
+        if self.held_rad == self.wanted_rad || !drone.held() {
+            return [0.0; Axis::COUNT];
         }
         let most = TILT_RATE_RAD_S * dt_s;
-        if missing.abs() <= most {
-            drone.clamp(self.wanted_rad);
-        } else {
-            drone.clamp(drone.pitch_rad() + most.copysign(missing));
+        let mut rates = [0.0; Axis::COUNT];
+        for axis in 0..Axis::COUNT {
+            let missing = self.wanted_rad[axis] - self.held_rad[axis];
+            if missing.abs() <= most {
+                self.held_rad[axis] = self.wanted_rad[axis];
+            } else {
+                self.held_rad[axis] += most.copysign(missing);
+            }
+            rates[axis] = missing.clamp(-most, most) / dt_s;
         }
-        missing.clamp(-most, most) / dt_s
+        drone.clamp(self.held_rad);
+        rates
     }
 }

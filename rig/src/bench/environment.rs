@@ -3,32 +3,37 @@
 //!
 //! ```text
 //!   PB08, PB09 (I2C)  -- BNO055 at the pivot, x forward, z down
-//!   PB11 (D3)         -- servo -> crank -> rudder -> drone
+//!   PB11 (D3)         -- servo -> crank -> rudder -> drone's pitch
+//!   PB10 (D2)         -- the same of its roll, or a jumper from D3
 //!   PA07 (D4)         -- probe: a control step is busy
 //! ```
 //!
 //! The drone pitches about the body's y axis, to the right; nose up is positive, which is the
-//! plant's counter-clockwise `theta0` seen from the right. The pivot does not move, so that an
-//! accelerometer there feels gravity alone; [`BenchConfig::lever_m`] moves the sensor away from it.
+//! plant's counter-clockwise `theta0` seen from the right. With [`BenchConfig::two_axes`] it rolls
+//! and spins, too. The pivot does not move, so that an accelerometer there feels gravity alone;
+//! [`BenchConfig::lever_m`] moves the sensor away from it.
 
 use super::clamp::Clamp;
 use super::disturbance::Disturbances;
+use super::hung_drone::{self, HungDrone};
 use super::sensor_motion::{HeldSensor, SensorMotion};
 use super::stimulus::PitchMotion;
 use super::{EarthField, Hardware, Since, TimedFault, fault_schedule, stimulus};
 use crate::bno055::{self, Bno055, Fault, ImuErrors, Stimulus};
-use crate::observe::ground_truth::{GroundTruth, Motion};
+use crate::observe::ground_truth::{GroundTruth, Motion, Roll};
 use crate::observe::logic_analyzer::{LogicAnalyzer, Registers};
-use nalgebra::UnitQuaternion;
-use plant::{Drone, ParameterError, Parameters, Servo, ServoModel};
+use nalgebra::{UnitQuaternion, Vector3};
+use plant::two_axis::{Spin, TwoAxisDrone, TwoAxisParameters};
+use plant::{Crank, Drone, ParameterError, Parameters, Servo, ServoModel};
 use samd21::board::{Board, I2cEvent, I2cPins, I2cReply, Lines, Pin, Ticks};
+use tvc_nano::Axis;
 
 /// Pulse width at which the horn is mounted for zero rudder, us.
 pub const ZERO_RUDDER_US: f64 = 1523.6;
-/// The servo's pin, D3.
-pub const SERVO_PIN: Pin = Pin::b(11);
-/// D2, to which a jumper may lead the servo's signal.
-const JUMPER_PIN: Pin = Pin::b(10);
+/// The servos' pins by axis, D3 and D2.
+pub const SERVO_PINS: [Pin; Axis::COUNT] = [Pin::b(11), Pin::b(10)];
+/// D2, to which a jumper may lead the first servo's signal.
+const JUMPER_PIN: Pin = SERVO_PINS[1];
 /// The probe pin, D4.
 pub const PROBE_PIN: Pin = Pin::a(7);
 /// The sensor's bus, A4 (SDA) and A5 (SCL): SERCOM4 reaches them with function D.
@@ -44,6 +49,34 @@ const MOTION_EVERY: u64 = 2;
 /// How long it takes to put the sensor back on the drone by hand, s.
 const BACK_S: f64 = 1.5;
 
+/// What a drone that hangs in a joint and has two rudders has besides.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TwoAxes {
+    /// Roll at which the clamp holds the drone at power-on, rad.
+    pub start_roll_rad: f64,
+    /// Rate about its own vertical with which it is released, rad/s.
+    pub spin_rad_s: f64,
+    /// What turns it about that.
+    pub spin: Spin,
+    /// Distance of the centre of mass from the thrust axis to the right, m.
+    pub lateral_cm_m: f64,
+    /// Momentum of propellers that do not cancel, kg m2/s.
+    pub rotor_momentum_kg_m2_s: f64,
+}
+
+impl Default for TwoAxes {
+    /// Upright, without spin, and free to take one up.
+    fn default() -> Self {
+        Self {
+            start_roll_rad: 0.0,
+            spin_rad_s: 0.0,
+            spin: Spin::Free,
+            lateral_cm_m: 0.0,
+            rotor_momentum_kg_m2_s: 0.0,
+        }
+    }
+}
+
 /// The configuration of the bench.
 #[derive(Clone, Debug)]
 pub struct BenchConfig {
@@ -51,14 +84,16 @@ pub struct BenchConfig {
     pub sensor: bno055::Config,
     /// Where the sensor sits, from the pivot along the body's axes (x forward, y right, z down), m.
     pub lever_m: [f64; 3],
-    /// A jumper leads the servo's signal to D2.
+    /// A jumper leads the servo's signal to D2, where no other servo is.
     pub jumper: bool,
-    /// The servo, before its horn is fitted to zero rudder at [`ZERO_RUDDER_US`].
+    /// The servo, or both, before its horn is fitted to zero rudder at [`ZERO_RUDDER_US`].
     pub servo: ServoModel,
     /// Angle by which the horn is mounted off its place on the spline, rad.
     pub horn_error_rad: f64,
     /// Masses, lengths and loads of the drone.
     pub parameters: Parameters,
+    /// The drone has two rudders and hangs in a joint.
+    pub two_axes: Option<TwoAxes>,
     /// Pitch at which the clamp holds the drone at power-on, rad.
     pub start_rad: f64,
     /// Where the drone's nose points, from true north to the east, rad.
@@ -80,6 +115,7 @@ impl Default for BenchConfig {
             servo: ServoModel::S3003,
             horn_error_rad: 0.0,
             parameters: Parameters::PHYS,
+            two_axes: None,
             start_rad: 0.0,
             heading_rad: 0.5,
             field: EarthField::COPENHAGEN,
@@ -92,14 +128,18 @@ impl Default for BenchConfig {
 /// The chip's environment. Whatever the chip does at its pins first advances it to that time.
 #[derive(Clone, Debug)]
 pub struct Environment {
-    drone: Drone,
-    servo: Servo,
+    drone: HungDrone,
+    /// Of each axis that the drone has a rudder for.
+    servos: Vec<Servo>,
     sensor: Bno055,
     /// The sensor's errors at a constant temperature.
     errors: ImuErrors,
     lever_m: [f64; 3],
-    /// How the drone moved in the last step.
+    /// How the drone moved in the last step: on a pivot, and in a joint by its rates.
     motion: PitchMotion,
+    rates: Vector3<f64>,
+    /// Rate about its own vertical with which it is released, rad/s.
+    spin_rad_s: f64,
     heading_rad: f64,
     field: EarthField,
     disturbances: Disturbances,
@@ -127,9 +167,8 @@ impl Environment {
     /// # Errors
     /// Impossible parameters of the drone.
     pub fn new(bench: &BenchConfig) -> Result<Self, ParameterError> {
-        let mut drone = Drone::new(&bench.parameters, bench.start_rad, 0.0)?;
-        let clamp = Clamp::closed(&mut drone, bench.start_rad);
-        let zero_rad = drone.crank().angle_rad;
+        let (mut drone, tilt_rad, zero_rad) = hang(bench)?;
+        let clamp = Clamp::closed(&mut drone, tilt_rad);
         let model = bench
             .servo
             .fitted(ZERO_RUDDER_US, zero_rad, bench.horn_error_rad);
@@ -139,11 +178,13 @@ impl Environment {
         }
         Ok(Self {
             drone,
-            servo: Servo::new(model, zero_rad, 0.0),
+            servos: vec![Servo::new(model, zero_rad, 0.0); bench.axes()],
             sensor: Bno055::new(sensor),
             errors: bench.sensor.errors,
             lever_m: bench.lever_m,
             motion: PitchMotion::default(),
+            rates: Vector3::zeros(),
+            spin_rad_s: bench.two_axes.map_or(0.0, |two| two.spin_rad_s),
             heading_rad: bench.heading_rad,
             field: bench.field,
             disturbances: bench.disturbances,
@@ -154,7 +195,7 @@ impl Environment {
             steps: 0,
             clamp,
             held_sensor: None,
-            jumper: bench.jumper.then_some(false),
+            jumper: (bench.jumper && bench.two_axes.is_none()).then_some(false),
             analyzer: LogicAnalyzer::default(),
             truth: GroundTruth::default(),
         })
@@ -168,13 +209,13 @@ impl Environment {
     }
 
     /// The drone.
-    pub fn drone(&self) -> &Drone {
+    pub fn drone(&self) -> &HungDrone {
         &self.drone
     }
 
-    /// The servo.
-    pub fn servo(&self) -> &Servo {
-        &self.servo
+    /// The servos, by axis.
+    pub fn servos(&self) -> &[Servo] {
+        &self.servos
     }
 
     /// The sensor.
@@ -199,25 +240,37 @@ impl Environment {
 
     /// Tilts the clamped drone by hand to a pitch, rad, at 0.5 rad/s; without effect on a free one.
     pub fn tilt_clamp(&mut self, pitch_rad: f64) {
-        self.clamp.tilt_to(pitch_rad);
+        self.tilt_clamp_to([pitch_rad, 0.0]);
     }
 
-    /// Whether the clamp holds the drone at the pitch that [`Self::tilt_clamp`] has asked for.
+    /// The same to a pitch and a roll.
+    pub fn tilt_clamp_to(&mut self, tilt_rad: [f64; Axis::COUNT]) {
+        self.clamp.tilt_to(tilt_rad);
+    }
+
+    /// Whether the clamp holds the drone at the tilt that [`Self::tilt_clamp_to`] has asked for.
     pub fn clamp_rests(&self) -> bool {
         self.clamp.rests(&self.drone)
+    }
+
+    /// From now on the drone, if it hangs in a joint, is released with a rate about its own
+    /// vertical, rad/s.
+    pub fn set_spin(&mut self, spin_rad_s: f64) {
+        self.spin_rad_s = spin_rad_s;
     }
 
     /// Opens the clamp; the drone leaves it with a rate, rad/s.
     pub fn release(&mut self, rate_rad_s: f64) {
         let now = STEP * self.steps;
-        self.clamp.open(now, &mut self.drone, rate_rad_s);
+        self.clamp
+            .open(now, &mut self.drone, rate_rad_s, self.spin_rad_s);
     }
 
     /// Closes the clamp on the drone where it is; the faults of its flight end.
     pub fn catch(&mut self) {
         self.end_faults(Since::Release);
-        let pitch_rad = self.drone.pitch_rad();
-        self.clamp = Clamp::closed(&mut self.drone, pitch_rad);
+        let tilt_rad = self.drone.tilt_rad();
+        self.clamp = Clamp::closed(&mut self.drone, tilt_rad);
     }
 
     /// Moves the sensor by hand, off the drone.
@@ -240,7 +293,12 @@ impl Environment {
 
     /// Attitude of the sensor on the drone, to north-east-down.
     pub fn mounted(&self) -> UnitQuaternion<f64> {
-        UnitQuaternion::from_euler_angles(0.0, self.drone.pitch_rad(), self.heading_rad)
+        match &self.drone {
+            HungDrone::Pivot(drone) => {
+                UnitQuaternion::from_euler_angles(0.0, drone.pitch_rad(), self.heading_rad)
+            }
+            HungDrone::Joint(drone) => drone.attitude(),
+        }
     }
 
     /// Switches a fault of the sensor or its cable on.
@@ -287,7 +345,9 @@ impl Environment {
     /// Replaces what disturbs the drone from now on. A temperature counts from the first power-on.
     pub fn set_disturbances(&mut self, disturbances: Disturbances) {
         self.disturbances = disturbances;
-        self.servo.set_supply(1.0);
+        for servo in &mut self.servos {
+            servo.set_supply(1.0);
+        }
         self.drone.set_thrust(self.thrust_n);
         let temperature = disturbances.temperature;
         let errors = temperature.map_or(self.errors, |temperature| temperature.of(self.errors));
@@ -318,33 +378,68 @@ impl Environment {
                 fault_schedule::switch(&self.faults, what, interval, &mut self.sensor, now);
             }
         }
-        let load = self.drone.hinge_torque_n_m();
-        let crank = self.servo.advance(now.as_secs_f64(), load);
+        let loads = self.drone.hinge_torques_n_m();
+        let mut cranks = [Crank::default(); Axis::COUNT];
+        for ((servo, load), crank) in self.servos.iter_mut().zip(loads).zip(&mut cranks) {
+            *crank = servo.advance(now.as_secs_f64(), load);
+        }
         let tilt_rad_s = self.clamp.tilt(&mut self.drone, dt_s);
-        self.drone.step(dt_s, crank);
-        let rate_rad_s = self.drone.rate_rad_s() + tilt_rad_s;
-        let pitch_rad = self.drone.pitch_rad();
-        // The mean over the step, so that a jump of the rate, as at the release, is felt once.
+        self.drone.step(dt_s, cranks);
+        let stimulus = self.felt(now, dt_s, tilt_rad_s);
+        self.sensor.sense(now, &stimulus);
+        if self.steps.is_multiple_of(MOTION_EVERY) {
+            let motion = self.seen(now, cranks, tilt_rad_s);
+            self.truth.motion.push(motion);
+        }
+    }
+
+    /// What is seen of drone and servos; the clamp moves a held drone at `tilt_rad_s`.
+    fn seen(&self, now: Ticks, cranks: [Crank; 2], tilt_rad_s: [f64; 2]) -> Motion {
+        let [pitch_rad, roll_rad] = self.drone.level_tilt_rad(self.heading_rad);
+        let [pitch_rate, roll_rate] = self.drone.rates_rad_s();
+        let [pitch_tilt, roll_tilt] = tilt_rad_s;
+        let [rudder_rad, roll_rudder_rad] = self.drone.rudders_rad();
+        let targets = self.servos.iter().map(Servo::target_rad);
+        let mut targets = targets.chain([0.0; Axis::COUNT]);
+        let mut target_rad = || targets.next().unwrap_or_default();
+        Motion {
+            time: now,
+            pitch_rad,
+            rate_rad_s: pitch_rate + pitch_tilt,
+            rudder_rad,
+            crank_rad: cranks[0].angle_rad,
+            target_rad: target_rad(),
+            roll: Roll {
+                roll_rad,
+                rate_rad_s: roll_rate + roll_tilt,
+                rudder_rad: roll_rudder_rad,
+                crank_rad: cranks[1].angle_rad,
+                target_rad: target_rad(),
+            },
+        }
+    }
+
+    /// What the sensor feels in a step, at whose end the drone is where it is now.
+    fn felt(&mut self, now: Ticks, dt_s: f64, tilt_rad_s: [f64; Axis::COUNT]) -> Stimulus {
+        // Accelerations are the mean over the step, so that a jump of the rate, as at the release,
+        // is felt once.
+        let [pitch_rate, roll_rate] = self.drone.rates_rad_s();
+        let rate_rad_s = pitch_rate + tilt_rad_s[0];
         let acceleration_rad_s2 = (rate_rad_s - self.motion.rate_rad_s) / dt_s;
         self.motion = PitchMotion {
-            pitch_rad,
+            pitch_rad: self.drone.pitch_rad(),
             rate_rad_s,
             acceleration_rad_s2,
         };
-        let stimulus = match self.felt_in_hand(dt_s) {
-            Some(felt) => felt,
-            None => self.felt_on_drone(now, &self.motion),
+        let spin = match &self.drone {
+            HungDrone::Pivot(_) => 0.0,
+            HungDrone::Joint(drone) => drone.rates_rad_s()[2],
         };
-        self.sensor.sense(now, &stimulus);
-        if self.steps.is_multiple_of(MOTION_EVERY) {
-            self.truth.motion.push(Motion {
-                time: now,
-                pitch_rad,
-                rate_rad_s,
-                rudder_rad: self.drone.rudder_rad(),
-                crank_rad: crank.angle_rad,
-                target_rad: self.servo.target_rad(),
-            });
+        let rates = Vector3::new(roll_rate + tilt_rad_s[1], rate_rad_s, spin);
+        let accelerations = (rates - std::mem::replace(&mut self.rates, rates)) / dt_s;
+        match self.felt_in_hand(dt_s) {
+            Some(felt) => felt,
+            None => self.felt_on_drone(now, accelerations),
         }
     }
 
@@ -361,14 +456,24 @@ impl Environment {
     }
 
     /// What the sensor feels on the drone, with the propeller's vibration while the drone is free.
-    fn felt_on_drone(&self, now: Ticks, motion: &PitchMotion) -> Stimulus {
-        let mut felt = stimulus::on_drone(
-            motion,
-            self.lever_m,
-            self.heading_rad,
-            &self.field,
-            self.gravity_m_s2(),
-        );
+    fn felt_on_drone(&self, now: Ticks, accelerations: Vector3<f64>) -> Stimulus {
+        let gravity = self.gravity_m_s2();
+        let mut felt = match &self.drone {
+            HungDrone::Pivot(_) => stimulus::on_drone(
+                &self.motion,
+                self.lever_m,
+                self.heading_rad,
+                &self.field,
+                gravity,
+            ),
+            HungDrone::Joint(drone) => stimulus::in_joint(
+                &drone.attitude(),
+                (self.rates, accelerations),
+                self.lever_m,
+                &self.field,
+                gravity,
+            ),
+        };
         if let Some(vibration) = self.disturbances.vibration
             && self.clamp.open_for(now).is_some()
         {
@@ -389,9 +494,12 @@ impl Environment {
     fn disturb(&mut self, now: Ticks) {
         let since_s = self.clamp.open_for(now).map(|since| since.as_secs_f64());
         if let Some(sag) = self.disturbances.servo_supply {
-            let current = self.servo.current_share();
+            // One battery for all servos.
+            let current = self.servos.iter().map(Servo::current_share).sum();
             let share = since_s.map_or(1.0, |since_s| sag.share(since_s, current));
-            self.servo.set_supply(share);
+            for servo in &mut self.servos {
+                servo.set_supply(share);
+            }
         }
         if let Some(ramp) = self.disturbances.thrust_ramp {
             let share = ramp.share(since_s.unwrap_or(0.0));
@@ -402,6 +510,34 @@ impl Environment {
             self.drone.kick(torque_n_m * STEP.as_secs_f64());
         }
     }
+}
+
+impl BenchConfig {
+    /// How many rudders the drone has.
+    pub fn axes(&self) -> usize {
+        1 + usize::from(self.two_axes.is_some())
+    }
+}
+
+/// The drone as it hangs on the bench, its tilt at power-on, and where its cranks are at zero
+/// rudder, rad.
+fn hang(bench: &BenchConfig) -> Result<(HungDrone, [f64; Axis::COUNT], f64), ParameterError> {
+    let Some(two_axes) = &bench.two_axes else {
+        let drone = Drone::new(&bench.parameters, bench.start_rad, 0.0)?;
+        let zero_rad = drone.crank().angle_rad;
+        return Ok((HungDrone::Pivot(drone), [bench.start_rad, 0.0], zero_rad));
+    };
+    let parameters = TwoAxisParameters {
+        lateral_cm_m: two_axes.lateral_cm_m,
+        spin: two_axes.spin,
+        rotor_momentum_kg_m2_s: two_axes.rotor_momentum_kg_m2_s,
+        ..TwoAxisParameters::of(bench.parameters)
+    };
+    let tilt_rad = [bench.start_rad, two_axes.start_roll_rad];
+    let attitude = hung_drone::attitude(tilt_rad, bench.heading_rad);
+    let drone = TwoAxisDrone::new(&parameters, attitude, [0.0; 3])?;
+    let [crank, _] = drone.cranks();
+    Ok((HungDrone::Joint(Box::new(drone)), tilt_rad, crank.angle_rad))
 }
 
 impl Board for Environment {
@@ -432,11 +568,17 @@ impl Board for Environment {
 
     fn pin(&mut self, now: Ticks, pin: Pin, level: bool) {
         match pin {
-            SERVO_PIN => {
+            pin if SERVO_PINS.contains(&pin) => {
                 self.advance(now);
-                self.jumper = self.jumper.map(|_| level);
-                if let Some(pulse) = self.analyzer.servo(now, level, &mut self.truth) {
-                    self.servo.pulse(pulse.rise.as_secs_f64(), pulse.width_us());
+                let axis = Axis::ALL[usize::from(pin != SERVO_PINS[0])];
+                if axis == Axis::Pitch {
+                    self.jumper = self.jumper.map(|_| level);
+                }
+                let pulse = self.analyzer.servo(now, axis, level, &mut self.truth);
+                if let Some(pulse) = pulse
+                    && let Some(servo) = self.servos.get_mut(axis.index())
+                {
+                    servo.pulse(pulse.rise.as_secs_f64(), pulse.width_us());
                 }
             }
             PROBE_PIN => self.analyzer.probe(now, level, &mut self.truth),

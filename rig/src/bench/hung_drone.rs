@@ -2,7 +2,7 @@
 
 use nalgebra::{UnitQuaternion, Vector3};
 use plant::two_axis::TwoAxisDrone;
-use plant::{Crank, Drone};
+use plant::{Crank, Drone, Mechanism};
 use tvc_nano::Axis;
 
 /// A drone with a rudder for each axis about which it turns. Lists name pitch first, then roll,
@@ -40,12 +40,16 @@ impl HungDrone {
         }
     }
 
-    /// Angle by which it has turned about the earth's vertical, rad, on top of the heading of the
-    /// bench.
-    pub fn heading_rad(&self) -> f64 {
+    /// The tilt as [`Self::tilt_rad`] has it, rad, in axes that have the heading of the bench and do
+    /// not spin with the drone.
+    pub fn level_tilt_rad(&self, heading_rad: f64) -> [f64; Axis::COUNT] {
         match self {
-            Self::Pivot(_) => 0.0,
-            Self::Joint(drone) => heading_rad(&drone.attitude()),
+            Self::Pivot(_) => self.tilt_rad(),
+            Self::Joint(drone) => {
+                let [pitch, roll] = drone.tilt_rad();
+                let (sin, cos) = (self::heading_rad(&drone.attitude()) - heading_rad).sin_cos();
+                [cos * pitch + sin * roll, cos * roll - sin * pitch]
+            }
         }
     }
 
@@ -73,6 +77,14 @@ impl HungDrone {
         }
     }
 
+    /// The mechanism of either axis, for its linkage and parameters.
+    pub(super) fn mechanism(&self) -> &Mechanism {
+        match self {
+            Self::Pivot(drone) => drone.mechanism(),
+            Self::Joint(drone) => drone.mechanism(),
+        }
+    }
+
     /// Clamps it at a tilt, rad, with the heading that it has.
     pub(super) fn clamp(&mut self, tilt_rad: [f64; Axis::COUNT]) {
         match self {
@@ -92,9 +104,8 @@ impl HungDrone {
             Self::Joint(drone) => {
                 let [pitch, roll] = drone.tilt_rad();
                 let angle = pitch.hypot(roll);
-                // A negative tilt of one axis is left with a positive rate, too, as on the pivot.
                 let [along_pitch, along_roll] = if angle > 0.0 {
-                    [(pitch / angle).abs(), (roll / angle).abs()]
+                    [pitch / angle, roll / angle]
                 } else {
                     [1.0, 0.0]
                 };

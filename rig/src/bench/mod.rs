@@ -6,10 +6,12 @@ mod earth_field;
 mod environment;
 mod fault_schedule;
 pub mod hardware;
+mod hung_drone;
 pub mod sensor_motion;
 mod stimulus;
 
 pub use earth_field::EarthField;
-pub use environment::{BenchConfig, Environment, PROBE_PIN, SERVO_PIN, ZERO_RUDDER_US};
+pub use environment::{BenchConfig, Environment, PROBE_PIN, SERVO_PINS, TwoAxes, ZERO_RUDDER_US};
 pub use fault_schedule::{FaultEntry, Since, TimedFault};
 pub use hardware::Hardware;
+pub use hung_drone::HungDrone;

@@ -72,6 +72,25 @@ fn attitude(pitch_rad: f64, magnetic_heading_rad: f64) -> [f64; 4] {
     [-x - y, w + z, w - z, y - x].map(|c| c * FRAC_1_SQRT_2)
 }
 
+/// For a sensor at `lever_m` from the pivot of a drone that turns at `rate` (rad/s) and
+/// `acceleration` (rad/s^2), along the sensor's axes, which are the body's. `attitude` takes them to
+/// north-east-down; `gravity` in m/s^2.
+pub(super) fn in_joint(
+    attitude: &UnitQuaternion<f64>,
+    (rate, acceleration): (Vector3<f64>, Vector3<f64>),
+    lever_m: [f64; 3],
+    field: &EarthField,
+    gravity: f64,
+) -> Stimulus {
+    let lever = Vector3::from(lever_m);
+    let moved = acceleration.cross(&lever) + rate.cross(&rate.cross(&lever));
+    let mut felt = in_hand(attitude, rate, field, gravity);
+    for axis in 0..3 {
+        felt.specific_force_m_s2[axis] += moved[axis];
+    }
+    felt
+}
+
 /// For a sensor in a hand that turns in place at `rate` (rad/s, sensor axes). `attitude` takes the
 /// sensor's axes to north-east-down; `gravity` in m/s^2.
 pub(super) fn in_hand(

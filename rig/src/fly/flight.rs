@@ -15,6 +15,7 @@ use samd21::board::Ticks;
 use samd21::chip::Counters;
 use std::ops::Range;
 use thiserror::Error;
+use tvc_nano::Axis;
 
 /// How long sensor, self-test and estimator may take until standby.
 const STANDBY_PATIENCE: Ticks = Ticks::from_ms(8000);
@@ -175,10 +176,10 @@ pub struct Progress {
     pub stage: Stage,
     /// Time since the stage began, s.
     pub time_s: f64,
-    /// True pitch, rad.
-    pub pitch_rad: f64,
-    /// True rudder angle, rad.
-    pub rudder_rad: f64,
+    /// True pitch and roll, rad.
+    pub tilt_rad: [f64; Axis::COUNT],
+    /// True rudder angles, rad.
+    pub rudders_rad: [f64; Axis::COUNT],
     /// The state that the firmware reported last.
     pub state: Option<StateKind>,
 }
@@ -207,16 +208,14 @@ pub struct Missing {
 /// What happened in a flight.
 #[derive(Clone, Debug)]
 pub struct FlightRecord {
-    /// Pitch at release, rad.
-    pub start_rad: f64,
+    /// Pitch and roll at release, rad.
+    pub start_rad: [f64; Axis::COUNT],
     /// When the clamp opened.
     pub released: Ticks,
     /// The true motion from release on, once a millisecond.
     pub motion: Vec<Motion>,
-    /// The pulses.
+    /// The pulses of the first servo.
     pub pulses: Vec<Pulse>,
-    /// Figures of the true pitch.
-    pub response: StepResponse,
     /// Timing of the control loop in the flight.
     pub timing: LoopTiming,
     /// What came over USB in the flight.
@@ -235,6 +234,36 @@ pub struct FlightRecord {
     pub simulated_s: f64,
     /// Part of this for which the core was awake, s.
     pub busy_s: f64,
+}
+
+impl FlightRecord {
+    /// Figures of an axis' true angle.
+    ///
+    /// # Errors
+    /// The axis was upright at the release.
+    pub fn response(&self, axis: Axis) -> Result<StepResponse, ResponseError> {
+        let released = std::iter::once((0.0, self.start_rad[axis.index()]));
+        let angle = |motion: &Motion| match axis {
+            Axis::Pitch => motion.pitch_rad,
+            Axis::Roll => motion.roll.roll_rad,
+        };
+        let after = self.motion.iter().map(|motion| {
+            let since = motion.time.saturating_sub(self.released);
+            (since.as_secs_f64(), angle(motion))
+        });
+        StepResponse::new(released.chain(after.filter(|(t, _)| *t > 0.0)), 0.0)
+    }
+}
+
+/// How a drone in a joint is let go.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Release {
+    /// Pitch and roll, rad.
+    pub tilt_rad: [f64; Axis::COUNT],
+    /// Rate in the direction of the tilt, rad/s.
+    pub rate_rad_s: f64,
+    /// Rate about its own vertical, rad/s.
+    pub spin_rad_s: f64,
 }
 
 /// Boots `image`, sends it its parameters and waits for standby.
@@ -276,7 +305,7 @@ pub fn fly_at_once(
     let mut ready = boot(image, &setup)?;
     let begun = Mark::of(&ready.rig);
     ready.arm(Stage::Boot, STANDBY_PATIENCE, progress)?;
-    ready.release(start_rad, 0.0, seconds, begun, progress)
+    ready.release([start_rad, 0.0], 0.0, seconds, begun, progress)
 }
 
 /// Boots `image` and sends it its parameters.
@@ -315,23 +344,49 @@ impl Ready {
         seconds: f64,
         progress: &mut dyn FnMut(&Progress),
     ) -> Result<FlightRecord, FlightError> {
-        let begun = Mark::of(&self.rig);
-        let fork = self.armed(start_rad, progress)?;
-        fork.release(start_rad, rate_rad_s, seconds, begun, progress)
+        let release = Release {
+            tilt_rad: [start_rad, 0.0],
+            rate_rad_s,
+            spin_rad_s: 0.0,
+        };
+        self.fly_from(&release, seconds, progress)
     }
 
-    /// A clone with the drone tilted to `start_rad` and armed, at a random phase of the servo
-    /// frame.
+    /// The same from a tilt of either axis or both, with a spin.
+    ///
+    /// # Errors
+    /// As [`Ready::fly`].
+    pub fn fly_from(
+        &self,
+        release: &Release,
+        seconds: f64,
+        progress: &mut dyn FnMut(&Progress),
+    ) -> Result<FlightRecord, FlightError> {
+        let begun = Mark::of(&self.rig);
+        let mut fork = self.armed(release.tilt_rad, progress)?;
+        fork.rig.environment_mut().set_spin(release.spin_rad_s);
+        fork.release(
+            release.tilt_rad,
+            release.rate_rad_s,
+            seconds,
+            begun,
+            progress,
+        )
+    }
+
+    /// A clone with the drone tilted to `start_rad`, pitch and roll, and armed, at a random phase of
+    /// the servo frame.
     pub(super) fn armed(
         &self,
-        start_rad: f64,
+        start_rad: [f64; Axis::COUNT],
         progress: &mut dyn FnMut(&Progress),
     ) -> Result<Self, FlightError> {
         let mut fork = self.clone();
         fork.tilt(start_rad, progress)?;
         fork.arm(Stage::Tilt, ARM_PATIENCE, progress)?;
         // A person releases the drone at a random phase of the servo frame.
-        let mut dice = generator(self.seed ^ start_rad.to_bits(), Stream::Release);
+        let [pitch, roll] = start_rad.map(f64::to_bits);
+        let mut dice = generator(self.seed ^ pitch ^ roll.rotate_left(1), Stream::Release);
         let hesitation = Ticks::from_us(dice.random_range(0..20_000));
         fork.station.run(&mut fork.rig, hesitation)?;
         Ok(fork)
@@ -357,7 +412,7 @@ impl Ready {
     /// Releases the drone, which is armed, and records the flight.
     fn release(
         mut self,
-        start_rad: f64,
+        start_rad: [f64; Axis::COUNT],
         rate_rad_s: f64,
         seconds: f64,
         begun: Mark,
@@ -374,10 +429,10 @@ impl Ready {
 
     fn tilt(
         &mut self,
-        start_rad: f64,
+        start_rad: [f64; Axis::COUNT],
         progress: &mut dyn FnMut(&Progress),
     ) -> Result<(), FlightError> {
-        self.rig.environment_mut().tilt_clamp(start_rad);
+        self.rig.environment_mut().tilt_clamp_to(start_rad);
         while !self.rig.environment().clamp_rests() {
             self.watch(Stage::Tilt, PROGRESS, progress)?;
         }
@@ -415,15 +470,15 @@ impl Ready {
         Progress {
             stage,
             time_s: time.as_secs_f64(),
-            pitch_rad: drone.pitch_rad(),
-            rudder_rad: drone.rudder_rad(),
+            tilt_rad: drone.tilt_rad(),
+            rudders_rad: drone.rudders_rad(),
             state: self.station.state(),
         }
     }
 
     fn record(
         mut self,
-        start_rad: f64,
+        start_rad: [f64; Axis::COUNT],
         window: Range<Ticks>,
         begun: Mark,
         mark: Mark,
@@ -435,16 +490,10 @@ impl Ready {
         let truth = self.rig.truth();
         let mut motion = truth.motion_since(window.start).to_vec();
         motion.retain(|m| m.time <= window.end);
-        let released = std::iter::once((0.0, start_rad));
-        let after = motion
-            .iter()
-            .map(|m| ((m.time - window.start).as_secs_f64(), m.pitch_rad));
-        let response = StepResponse::new(released.chain(after.filter(|(t, _)| *t > 0.0)), 0.0)?;
         let received = self.station.received().clone();
         Ok(FlightRecord {
             start_rad,
             released: window.start,
-            response,
             timing: LoopTiming::over(truth, window.clone()),
             missing: missing(&self.rig, &received, &window),
             pulses: truth.pulses_since(window.start).to_vec(),

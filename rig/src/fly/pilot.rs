@@ -3,6 +3,7 @@
 //! program at the port sends, and moves sensor and drone as a calibration asks for. What other
 //! programs do to the rig by hand ([`Action`]) is done by the pilot, too.
 
+use crate::bench::HungDrone;
 use crate::bench::sensor_motion::{SensorMotion, resting};
 use crate::bno055::{Fault, FaultKind};
 use crate::disturbance::Disturbances;
@@ -13,7 +14,6 @@ use client::state::state_of;
 use client::{StateKind, Wire, request, text};
 use mavlink::dialects::common::MavMessage;
 use nalgebra::UnitQuaternion;
-use plant::Drone;
 use samd21::board::Ticks;
 use serde::Serialize;
 
@@ -302,9 +302,9 @@ impl Pilot {
 }
 
 /// How the rudder answers the tilt, as a person beside the drone sees it.
-fn describe(drone: &Drone) -> String {
+fn describe(drone: &HungDrone) -> String {
     let nose = |up: bool| if up { "up" } else { "down" };
-    let (pitch, rudder) = (drone.pitch_rad(), drone.rudder_rad());
+    let (pitch, rudder) = (drone.pitch_rad(), drone.rudders_rad()[0]);
     // A rudder at a positive angle pushes the nose down.
     let verdict = match rudder {
         _ if rudder.abs() < 0.02 => "does not answer".to_owned(),

@@ -33,7 +33,7 @@ impl Ready {
         seconds: f64,
         progress: &mut dyn FnMut(&Progress),
     ) -> Result<Window, FlightError> {
-        let mut fork = self.armed(start_rad, progress)?;
+        let mut fork = self.armed([start_rad, 0.0], progress)?;
         fork.station.release(&mut fork.rig, rate_rad_s)?;
         let begin = Begin::of(&mut fork.rig);
         let end = begin.at + Ticks::from_secs_f64(seconds);

@@ -8,7 +8,8 @@ use samd21::board::Ticks;
 pub struct Motion {
     /// When.
     pub time: Ticks,
-    /// Pitch, rad, nose up positive.
+    /// Pitch, rad, nose up positive. Of a drone that spins, pitch and roll are the parts of
+    /// its tilt in axes with the heading of the bench, and the rates those about its own axes.
     pub pitch_rad: f64,
     /// Pitch rate, rad/s.
     pub rate_rad_s: f64,
@@ -18,9 +19,26 @@ pub struct Motion {
     pub crank_rad: f64,
     /// Crank angle that the last finished pulse asks for, rad.
     pub target_rad: f64,
+    /// The same of the roll axis; zeros where the drone only pitches.
+    pub roll: Roll,
 }
 
-/// A servo pulse at D3.
+/// The drone's roll and its servo at one instant.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Roll {
+    /// Roll, rad, right side down positive.
+    pub roll_rad: f64,
+    /// Roll rate, rad/s.
+    pub rate_rad_s: f64,
+    /// Rudder angle, rad.
+    pub rudder_rad: f64,
+    /// Crank angle, rad.
+    pub crank_rad: f64,
+    /// Crank angle that the last finished pulse asks for, rad.
+    pub target_rad: f64,
+}
+
+/// A servo pulse.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Pulse {
     /// Rising edge.
@@ -71,8 +89,10 @@ pub struct Step {
 pub struct GroundTruth {
     /// The motion, once a millisecond.
     pub motion: Vec<Motion>,
-    /// Finished servo pulses.
+    /// Finished servo pulses at D3.
     pub pulses: Vec<Pulse>,
+    /// The same at D2.
+    pub roll_pulses: Vec<Pulse>,
     /// Bursts that read all 18 bytes of data, or the 6 of the rates.
     pub bursts: Vec<Burst>,
     /// Control steps.

@@ -5,6 +5,7 @@ use crate::bno055::Refresh;
 use crate::bno055::registers::page0::{ACC_DATA, GYR_DATA};
 use crate::observe::ground_truth::{Burst, GroundTruth, Pulse, Step};
 use samd21::board::{I2cEvent, I2cReply, Ticks};
+use tvc_nano::Axis;
 
 /// Bytes that a whole burst reads.
 const FULL: usize = 18;
@@ -45,7 +46,7 @@ pub(crate) struct LogicAnalyzer {
     transaction: Option<Transaction>,
     /// Words of the newest whole burst, and whether they were valid.
     whole: Option<([i16; 9], bool)>,
-    pulse_rise: Option<Ticks>,
+    pulse_rise: [Option<Ticks>; Axis::COUNT],
     step_start: Option<Ticks>,
 }
 
@@ -134,22 +135,27 @@ impl LogicAnalyzer {
         }
     }
 
-    /// An edge at the servo's pin; the pulse that it ends.
+    /// An edge at the pin of an axis' servo; the pulse that it ends.
     pub(crate) fn servo(
         &mut self,
         now: Ticks,
+        axis: Axis,
         level: bool,
         truth: &mut GroundTruth,
     ) -> Option<Pulse> {
+        let rise = &mut self.pulse_rise[axis.index()];
         if level {
-            self.pulse_rise = Some(now);
+            *rise = Some(now);
             return None;
         }
         let pulse = Pulse {
-            rise: self.pulse_rise.take()?,
+            rise: rise.take()?,
             fall: now,
         };
-        truth.pulses.push(pulse);
+        match axis {
+            Axis::Pitch => truth.pulses.push(pulse),
+            Axis::Roll => truth.roll_pulses.push(pulse),
+        }
         Some(pulse)
     }
 
@@ -280,10 +286,13 @@ mod tests {
     #[test]
     fn pulses_and_steps_need_both_edges() {
         let (mut analyzer, mut truth) = (LogicAnalyzer::default(), GroundTruth::default());
-        assert_eq!(analyzer.servo(Ticks::from_us(5), false, &mut truth), None);
-        analyzer.servo(Ticks::from_us(10), true, &mut truth);
+        assert_eq!(
+            analyzer.servo(Ticks::from_us(5), Axis::Pitch, false, &mut truth),
+            None
+        );
+        analyzer.servo(Ticks::from_us(10), Axis::Pitch, true, &mut truth);
         let pulse = analyzer
-            .servo(Ticks::from_us(1533), false, &mut truth)
+            .servo(Ticks::from_us(1533), Axis::Pitch, false, &mut truth)
             .unwrap();
         assert_eq!(pulse.width_us(), 1523.0);
         analyzer.probe(Ticks::from_us(1), true, &mut truth);

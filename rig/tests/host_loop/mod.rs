@@ -4,7 +4,7 @@
 
 use bno055_driver::config::Address;
 use bno055_driver::{BusError, Driver, Micros, Next, TRANSFER_DEADLINE_US, Transfer};
-use rig::bench::{BenchConfig, Environment, SERVO_PIN};
+use rig::bench::{BenchConfig, Environment, SERVO_PINS};
 use samd21::board::{Board, I2cEvent, Ticks};
 use tvc_nano::config::sensor;
 use tvc_nano::failsafe::BootReport;
@@ -84,7 +84,7 @@ impl HostLoop {
             }
             self.now += Ticks::from_us(600);
             let outputs = self.flight.step(self.micros(), reading);
-            self.pulse_us = outputs.pulse.0;
+            self.pulse_us = outputs.pulses[0].0;
             self.frames();
             self.environment.advance(self.now);
             watch(&self.environment, &outputs);
@@ -112,9 +112,9 @@ impl HostLoop {
         while self.next_frame_us <= self.now.as_us() {
             let rise = Ticks::from_us(self.next_frame_us);
             self.next_frame_us += FRAME_US;
-            self.environment.pin(rise, SERVO_PIN, true);
+            self.environment.pin(rise, SERVO_PINS[0], true);
             let fall = rise + Ticks::from_us(u64::from(self.pulse_us));
-            self.environment.pin(fall, SERVO_PIN, false);
+            self.environment.pin(fall, SERVO_PINS[0], false);
         }
     }
 

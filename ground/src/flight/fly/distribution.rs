@@ -11,6 +11,7 @@ use plant::pitch_loop::COMMAND_LIMIT_RAD;
 use rayon::prelude::*;
 use rig::flight::{FlightRecord, Setup};
 use rig::{Image, prepare};
+use tvc_nano::Axis;
 
 use super::flights::{FLIGHT_S, START_RATE_RAD_S, STARTS_RAD, with_wait_states};
 use crate::flight::fly::Fly;
@@ -121,13 +122,14 @@ fn fly_seed(image: &Image, setup: &Setup, seed: u64, starts: &[f64]) -> Result<V
         let record = ready
             .fly(tilt, rate, FLIGHT_S, &mut |_| ())
             .with_context(|| format!("flying from {tilt} rad with seed {seed}"))?;
-        Ok(Draw::of(&record, start, side))
+        Draw::of(&record, start, side)
     });
     flights.collect()
 }
 
 impl Draw {
-    fn of(record: &FlightRecord, start_rad: f64, side: f64) -> Self {
+    fn of(record: &FlightRecord, start_rad: f64, side: f64) -> Result<Self> {
+        let response = record.response(Axis::Pitch)?;
         let seconds = |at: samd21::board::Ticks| at.saturating_sub(record.released).as_secs_f64();
         let motion = record.motion.iter().map(|m| (seconds(m.time), m.pitch_rad));
         let rest: Vec<f64> = motion
@@ -136,16 +138,16 @@ impl Draw {
             .map(|(_, pitch_rad)| pitch_rad * pitch_rad)
             .collect();
         let rms_rad = (rest.iter().sum::<f64>() / rest.len().max(1) as f64).sqrt();
-        Self {
+        Ok(Self {
             start_rad,
-            overshoot_pct: record.response.overshoot_pct(),
-            settling_s: record.response.settling_s(BAND),
+            overshoot_pct: response.overshoot_pct(),
+            settling_s: response.settling_s(BAND),
             residual_mrad: 1e3 * rms_rad,
             path: motion
                 .map(|(at_s, pitch_rad)| (at_s, (side * pitch_rad).to_degrees()))
                 .filter(|(at_s, _)| *at_s <= REST_S)
                 .collect(),
-        }
+        })
     }
 }
 

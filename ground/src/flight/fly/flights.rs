@@ -6,6 +6,7 @@ use rig::bench::FaultEntry;
 use rig::flight::{FlightRecord, Setup};
 use rig::{Image, prepare};
 use samd21::WaitStates;
+use tvc_nano::Axis;
 
 use super::Stopwatch;
 use super::figures::Measured;
@@ -80,7 +81,7 @@ pub fn fly(
     watch.add(unhindered.simulated_s, unhindered.busy_s);
     live.end();
 
-    let measured = measured(image, setup, faults, &records, &unhindered, &watch);
+    let measured = measured(image, setup, faults, &records, &unhindered, &watch)?;
     Ok((measured, Page::flights(servo, options.seed, records)))
 }
 
@@ -99,22 +100,22 @@ fn measured(
     records: &[FlightRecord],
     unhindered: &FlightRecord,
     watch: &Stopwatch,
-) -> Measured {
+) -> Result<Measured> {
     let stacks = records.iter().map(|record| record.stack_high_water);
     let load: f64 = records.iter().map(|record| record.cpu_load).sum();
-    Measured {
+    Ok(Measured {
         image: image.sizes(),
         stack_bytes: stacks.max().unwrap_or(0),
         unhindered: unhindered.timing,
         timing: pooled(records),
         cpu_load: load / records.len() as f64,
         link: link(records),
-        runs: records.iter().map(run).collect(),
+        runs: records.iter().map(run).collect::<Result<_>>()?,
         faults,
         disturbances: setup.rig.bench.disturbances.report(),
         emulation: watch.stop(),
         replay: None,
-    }
+    })
 }
 
 /// What arrived over the link in all flights; a control step without its messages counts as lost.
@@ -132,9 +133,11 @@ pub fn link(records: &[FlightRecord]) -> LinkCounts {
     sum
 }
 
-pub fn run(record: &FlightRecord) -> Run {
+pub fn run(record: &FlightRecord) -> Result<Run> {
     let in_control = record.final_state == Some(StateKind::Active);
-    Run::new(record.start_rad, &record.response, in_control)
+    let [start_rad, _] = record.start_rad;
+    let response = record.response(Axis::Pitch)?;
+    Ok(Run::new(start_rad, &response, in_control))
 }
 
 /// Means over all flights, and the worst of each maximum.

@@ -32,8 +32,8 @@ impl Live {
 
     /// Shows where a flight stands.
     pub fn flight(&self, progress: &Progress) {
-        let pitch = progress.pitch_rad.to_degrees();
-        let rudder = progress.rudder_rad.to_degrees();
+        let pitch = progress.tilt_rad[0].to_degrees();
+        let rudder = progress.rudders_rad[0].to_degrees();
         let stage = match progress.stage {
             Stage::Boot => "boot  ",
             Stage::Tilt => "tilt  ",

@@ -9,13 +9,16 @@ pub mod live;
 pub mod options;
 mod recording;
 mod report;
+mod two_axes;
 
+use std::num::NonZeroU32;
 use std::time::Instant;
 
 use anyhow::{Result, anyhow};
 use rig::flight::Setup;
 use samd21::board::Ticks;
 
+use crate::flight::vehicle::VehicleKind;
 use crate::model::control_law;
 use crate::out::exit::Verdict;
 use figures::Emulation;
@@ -34,6 +37,11 @@ pub fn run(options: &Fly) -> Result<Verdict> {
     let image = options.image.image()?;
     setup.rig.bench.faults = scenario.faults;
     setup.rig.bench.disturbances = options.disturb.over(scenario.disturbances);
+    if options.vehicle == VehicleKind::Drone2 {
+        let seeds = options.seeds.map_or(1, NonZeroU32::get);
+        let (figures, page) = two_axes::fly(&image, &setup, seeds, options)?;
+        return figures.conclude(options.json, Some((&options.report, page)));
+    }
     if let Some(seeds) = options.seeds {
         let (figures, page) = distribution::fly(&image, &setup, seeds.get(), options)?;
         return figures.conclude(options.json, Some((&options.report, page)));
@@ -66,6 +74,8 @@ fn setup(options: &Fly) -> Result<Setup> {
         let set = stored.set("FUSE_FILTER", filter.value());
         set.map_err(|error| anyhow!("{error}"))?;
     }
+    let hung = options.vehicle.hang(&mut setup);
+    hung.map_err(|error| anyhow!("{error}"))?;
     let physics = control_law::setup(options.servo, options.drone.as_deref())?;
     setup.rig.bench.parameters = physics.drone;
     setup.rig.bench.servo = physics.servo;

@@ -2,6 +2,7 @@
 
 use crate::flight::disturb::Disturb;
 use crate::flight::hardware::HardwareChoice;
+use crate::flight::vehicle::VehicleKind;
 use crate::image::ImageOption;
 use crate::out::kind;
 use ::rig::ServoKind;
@@ -22,6 +23,7 @@ Examples:
   cargo fly --params tuned.param           what `tvc tune` found
   cargo fly --seeds 48                     48 seeds: mean, 95 % and worst
   cargo fly --filter madgwick              another attitude filter
+  cargo fly --vehicle drone2 --seeds 12    two rudders: pitch and roll, with and without spin
   cargo fly --drone heavy.toml             another drone, another servo
   cargo fly --json > flight.json           figures for a script, nothing else on standard output
   cargo fly --vibration 5,180 --servo-supply 4.8 --thrust-ramp 40,0.5
@@ -34,6 +36,10 @@ pub struct Fly {
     /// The servo on the rig.
     #[arg(long, value_enum, default_value_t = ServoKind::S3003)]
     pub servo: ServoKind,
+
+    /// What hangs on the rig.
+    #[arg(long, value_enum, default_value_t, conflicts_with = "replay")]
+    pub vehicle: VehicleKind,
 
     /// Seed of all that is random: sensor noise and bias, clock phases.
     #[arg(long, value_name = "N", default_value_t = 1)]

@@ -97,7 +97,8 @@ fn flights(records: &[FlightRecord]) -> anyhow::Result<Markup> {
                 .map(|m| (seconds(m.time), of(m).to_degrees()))
                 .collect()
         };
-        let band = settling_band_deg(record.start_rad);
+        let [start_rad, _] = record.start_rad;
+        let band = settling_band_deg(start_rad);
         let estimate = record.received.attitudes.iter();
         let estimated = estimate
             .filter(|a| a.at >= record.released)
@@ -122,7 +123,7 @@ fn flights(records: &[FlightRecord]) -> anyhow::Result<Markup> {
             ],
         );
         parts.push(html! {
-            h2 { "From " (record.start_rad) " rad" }
+            h2 { "From " (start_rad) " rad" }
             (figure("Pitch, with the 5 % band that it has to settle in.", pitch.svg()?))
             (figure("The servo's crank and the rudder behind the linkage.", rudder.svg()?))
         });

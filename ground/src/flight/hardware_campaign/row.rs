@@ -67,7 +67,11 @@ pub fn fly(image: &Image, setup: &Setup, starts_rad: &[f64]) -> Result<Flown, St
     Ok(Flown {
         servo: setup.servo,
         standby_s: standby_s(&ready),
-        runs: records.iter().map(run).collect(),
+        runs: records
+            .iter()
+            .map(run)
+            .collect::<Result<_, _>>()
+            .map_err(|error| error.to_string())?,
         bursts: reports
             .max_by(|a, b| a.max_us.total_cmp(&b.max_us))
             .copied(),

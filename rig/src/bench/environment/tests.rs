@@ -10,12 +10,13 @@ fn environment(bench: BenchConfig) -> Environment {
 }
 
 fn on_drone(environment: &Environment, pitch_rad: f64, rate_rad_s: f64) -> Stimulus {
-    let motion = PitchMotion {
+    let mut environment = environment.clone();
+    environment.motion = PitchMotion {
         pitch_rad,
         rate_rad_s,
         ..PitchMotion::default()
     };
-    environment.felt_on_drone(Ticks::ZERO, &motion)
+    environment.felt_on_drone(Ticks::ZERO, Vector3::zeros())
 }
 
 fn near(a: [f64; 3], b: [f64; 3]) {
@@ -190,7 +191,7 @@ fn a_gust_turns_a_free_drone_and_what_is_off_acts_no_more() {
             environment.gust(torque_n_m, seconds);
         }
         environment.advance(Ticks::from_ms(100));
-        environment.drone().rate_rad_s()
+        environment.drone().rates_rad_s()[0]
     };
     let gained = rate(Some((0.2, 0.1))) - rate(None);
     assert!((0.15..0.165).contains(&gained), "{gained}");
@@ -213,14 +214,15 @@ fn a_pulse_turns_the_servo_and_pitches_the_drone() {
     environment.release(0.0);
     for frame in 0..25 {
         let rise = Ticks::from_ms(20 * frame);
-        environment.pin(rise, SERVO_PIN, true);
-        environment.pin(rise + Ticks::from_us(1723), SERVO_PIN, false);
+        environment.pin(rise, SERVO_PINS[0], true);
+        environment.pin(rise + Ticks::from_us(1723), SERVO_PINS[0], false);
     }
     environment.advance(Ticks::from_ms(500));
     assert!(
-        (environment.servo().crank().angle_rad - environment.servo().target_rad()).abs() < 0.01
+        (environment.servos()[0].crank().angle_rad - environment.servos()[0].target_rad()).abs()
+            < 0.01
     );
-    assert!(environment.drone().rudder_rad() > 0.15);
+    assert!(environment.drone().rudders_rad()[0] > 0.15);
     // Positive rudder, nose down.
     assert!(environment.drone().pitch_rad() < -0.1);
     assert_eq!(environment.truth().pulses.len(), 25);
@@ -231,11 +233,11 @@ fn the_horn_is_fitted_at_1523_6() {
     let mut environment = environment(BenchConfig::default());
     environment.release(0.0);
     let rise = Ticks::from_ms(1);
-    environment.pin(rise, SERVO_PIN, true);
-    environment.pin(rise + Ticks(73_133), SERVO_PIN, false);
+    environment.pin(rise, SERVO_PINS[0], true);
+    environment.pin(rise + Ticks(73_133), SERVO_PINS[0], false);
     environment.advance(Ticks::from_ms(400));
     // The servo counts whole microseconds: 1524 us, 0.04 deg off, inside its deadband.
-    assert!(environment.drone().rudder_rad().abs() < 1e-3);
+    assert!(environment.drone().rudders_rad()[0].abs() < 1e-3);
 }
 
 /// A sensor 10 cm below the pivot of a drone that turns by hand at 0.5 rad/s feels the start of the
@@ -248,11 +250,9 @@ fn a_sensor_off_the_pivot_feels_how_the_drone_moves() {
         ..BenchConfig::default()
     });
     let felt = |environment: &Environment| {
-        let motion = PitchMotion {
-            pitch_rad: 0.0,
-            ..environment.motion
-        };
-        environment.felt_on_drone(Ticks::ZERO, &motion)
+        let mut level = environment.clone();
+        level.motion.pitch_rad = 0.0;
+        level.felt_on_drone(Ticks::ZERO, Vector3::zeros())
     };
     environment.advance(Ticks::from_ms(100));
     near(felt(&environment).specific_force_m_s2, [0.0, 0.0, -9.81]);

@@ -217,7 +217,7 @@ impl Run<'_> {
 mod tests {
     use super::*;
     use crate::bno055::Refresh;
-    use crate::observe::ground_truth::{Burst, Step};
+    use crate::observe::ground_truth::{Burst, Roll, Step};
 
     const ACTIVE: f64 = 1600.0;
     const NEUTRAL: f64 = 1523.6;
@@ -265,6 +265,7 @@ mod tests {
                 rudder_rad: 0.0,
                 crank_rad: 0.0,
                 target_rad: 0.0,
+                roll: Roll::default(),
             })
             .collect()
     }
