@@ -8,7 +8,7 @@ use rig::ground_station::GroundStationError;
 use rig::ground_truth::{Pulse, Step};
 use rig::{ProgramEnd, Ready, ResetCause, ServoKind, Setup, Ticks, prepare};
 use std::ops::RangeInclusive;
-use tvc_nano::Params;
+use tvc_nano::{Axis, Params};
 
 pub(crate) fn ms(ms: u64) -> Ticks {
     Ticks::from_ms(ms)
@@ -16,7 +16,7 @@ pub(crate) fn ms(ms: u64) -> Ticks {
 
 /// The neutral pulse of the default parameters, us.
 pub(crate) fn default_neutral_us() -> RangeInclusive<f64> {
-    neutral_us(&Params::default())
+    neutral_us(&Params::default(), Axis::Pitch)
 }
 
 /// Released from a tilt, and flying for long enough that the rudder is off neutral.
@@ -387,7 +387,7 @@ fn held() -> (Ready, RangeInclusive<f64>) {
         .station
         .order(&mut ready.rig, client::request::SAVE)
         .unwrap();
-    (ready, neutral_us(&params))
+    (ready, neutral_us(&params, Axis::Pitch))
 }
 
 /// However a run ends, the rudder goes to where it holds the drone, and stays there after the

@@ -5,6 +5,7 @@ use client::{Failure, Parameter, StateKind};
 use rig::ground_station::GroundStationError;
 use rig::replay::{pair, parity};
 use rig::{Ready, ServoKind, Setup, SyncHold, Ticks, WaitStates, fly_at_once, prepare};
+use tvc_nano::Axis;
 use tvc_nano::params::FilterKind;
 
 fn ms(ms: u64) -> Ticks {

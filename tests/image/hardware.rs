@@ -7,6 +7,7 @@ use client::StateKind;
 use rig::bno055::Fault;
 use rig::flight::Missing;
 use rig::{Ready, Rig, RigConfig, ServoKind, Setup, Ticks, fly_at_once, prepare};
+use tvc_nano::Axis;
 
 fn with(hardware: &str) -> Setup {
     let mut setup = Setup::with_polarity(ServoKind::S3003, 1);

@@ -11,6 +11,7 @@ mod probe;
 mod recorder;
 mod replay;
 mod symbols;
+mod two_axes;
 
 use rig::{Image, Ready, ServoKind, Setup, image, prepare};
 use std::sync::OnceLock;

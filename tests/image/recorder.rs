@@ -47,7 +47,7 @@ fn a_release_is_fetched_as_it_was_streamed() {
             .servos
             .iter()
             .find(|servo| u64::from(servo.time_us) == step.now.0);
-        assert_eq!(servo.unwrap().pulse_us, step.pulse.0);
+        assert_eq!(servo.unwrap().pulse_us, step.pulses[0].0);
         let sample = step.sample.unwrap();
         let raw = received
             .samples
@@ -69,7 +69,7 @@ fn a_release_is_fetched_as_it_was_streamed() {
             assert!((kept - told).abs() < 2e-4, "{step:?} {told:?}");
         }
         assert_eq!([step.rate.x, step.rate.y, step.rate.z], told.rate_rad_s);
-        compared += usize::from(step.crank_rad != 0.0);
+        compared += usize::from(step.cranks_rad[0] != 0.0);
     }
     assert!(
         compared > STEPS_AFTER / 2,

@@ -15,6 +15,7 @@ use crate::arguments::seconds;
 use crate::flight::disturb::Disturb;
 use crate::flight::fly::start_angle;
 use crate::flight::hardware::HardwareChoice;
+use crate::flight::vehicle::VehicleKind;
 use crate::image::ImageOption;
 use crate::out::exit::Verdict;
 #[cfg(unix)]
@@ -29,6 +30,7 @@ Examples:
   cargo tvc rig --pty --link ./nano              and makes ./nano a link to it
   cargo tvc monitor --port ./nano                in a second terminal: every command works there
   cargo tvc test step --port ./nano              arms, releases, prints the figures
+  cargo tvc rig --pty --vehicle drone2           two rudders: it pitches and rolls
   cargo tvc rig --pty --vibration 5,180          with an unbalanced propeller, see --help
   cargo tvc rig --pty --faults scenarios/faults.toml   with faults of the sensor in every flight
   cargo tvc rig tell ./nano fault unplugged      something done by hand to the rig with that link
@@ -50,6 +52,10 @@ pub struct Rig {
     /// The servo on the rig; the firmware's SRV_RATE_HZ stays at 50 until it is set.
     #[arg(long, value_enum, default_value_t = ServoKind::S3003)]
     pub servo: ServoKind,
+
+    /// What hangs on the rig.
+    #[arg(long, value_enum, default_value_t)]
+    pub vehicle: VehicleKind,
 
     /// Seed of all that is random: sensor noise and bias, clock phases.
     #[arg(long, value_name = "N", default_value_t = 1)]
@@ -201,6 +207,7 @@ fn run_rig(options: &Rig) -> Result<Verdict> {
     config.bench.servo = options.servo.model();
     config.bench.sensor.errors = options.sensor.errors();
     config.bench.start_rad = options.tilt;
+    options.vehicle.hang(&mut config)?;
     let drone = config.bench.parameters;
     config.bench.parameters = drone.with_lateral_offset(options.cm_offset * 1e-3);
     config.bench.disturbances = options.disturb.over(scenario.disturbances);

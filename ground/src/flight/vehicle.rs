@@ -1,7 +1,8 @@
 //! What hangs on the virtual rig: the vehicles that `--vehicle` chooses from.
 
+use anyhow::{Result, anyhow};
+use rig::RigConfig;
 use rig::bench::TwoAxes;
-use rig::flight::Setup;
 
 /// A vehicle on the rig.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
@@ -22,13 +23,20 @@ impl VehicleKind {
         }
     }
 
-    /// Hangs it on the bench, with the parameters that its image needs stored.
-    pub fn hang(self, setup: &mut Setup) -> Result<(), tvc_nano::params::ParamError> {
+    /// Hangs it on the bench. Where parameters are stored, those that its image needs are, too.
+    ///
+    /// # Errors
+    /// None: the parameters are in the firmware's table, and in range.
+    pub fn hang(self, rig: &mut RigConfig) -> Result<()> {
         if self == Self::Drone2 {
-            setup.rig.bench.two_axes = Some(TwoAxes::default());
-            let stored = setup.rig.stored.get_or_insert_default();
-            stored.set("AXES", 2.0)?;
-            stored.set("SRV2_POLARITY", 1.0)?;
+            rig.bench.two_axes = Some(TwoAxes::default());
+            // A Nano fresh from its box knows of one axis only.
+            for (name, value) in [("AXES", 2.0), ("SRV2_POLARITY", 1.0)] {
+                if let Some(stored) = &mut rig.stored {
+                    let set = stored.set(name, value);
+                    set.map_err(|error| anyhow!("{error}"))?;
+                }
+            }
         }
         Ok(())
     }

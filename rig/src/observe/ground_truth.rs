@@ -2,6 +2,7 @@
 
 use crate::bno055::Refresh;
 use samd21::board::Ticks;
+use tvc_nano::Axis;
 
 /// The drone and the servo at one instant.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -103,6 +104,14 @@ impl GroundTruth {
     /// Forgets everything, as at the start of a measurement.
     pub fn clear(&mut self) {
         *self = Self::default();
+    }
+
+    /// Finished pulses of an axis' servo.
+    pub fn pulses_of(&self, axis: Axis) -> &[Pulse] {
+        match axis {
+            Axis::Pitch => &self.pulses,
+            Axis::Roll => &self.roll_pulses,
+        }
     }
 
     /// The motion from `from` on.

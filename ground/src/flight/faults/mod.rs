@@ -14,6 +14,7 @@ use rig::faults::{Campaign, Case, DEADLINE, Ending, GLITCHES, Outcome};
 use rig::{ServoKind, Setup, prepare};
 
 use crate::flight::hardware::HardwareChoice;
+use crate::flight::vehicle::VehicleKind;
 use crate::image::ImageOption;
 use crate::out::exit::Verdict;
 use crate::out::kind;
@@ -27,6 +28,7 @@ Examples:
   cargo tvc faults                                    every fault, 50 instants each
   cargo tvc faults --kind sda-stuck --kind spikes     two of them
   cargo tvc faults --glitches                         short ones of the cable: all but 1 % ridden out
+  cargo tvc faults --vehicle drone2                   both rudders of the two-axis drone
   cargo tvc faults --runs 5 --json > faults.json      a quick look, for a script
 
 A run is safe if the drone is back on course with control active (recovered), or if the firmware is
@@ -40,6 +42,10 @@ pub struct Faults {
     /// Instants of the flight at which each fault is injected.
     #[arg(long, value_name = "N", default_value_t = 50, value_parser = clap::value_parser!(u32).range(1..=10_000))]
     pub runs: u32,
+
+    /// What hangs on the rig.
+    #[arg(long, value_enum, default_value_t)]
+    pub vehicle: VehicleKind,
 
     /// Only this fault; can be given several times [default: all].
     #[arg(long, value_name = "KIND", num_args = 1..)]
@@ -82,6 +88,7 @@ pub fn run(options: &Faults) -> Result<Verdict> {
     let bar = spinner("boot and flight without a fault");
     let mut setup = Setup::with_polarity(ServoKind::S3003, options.seed);
     setup.rig.hardware = options.hardware.hardware()?;
+    options.vehicle.hang(&mut setup.rig)?;
     let ready = prepare(&image, &setup, &mut |_| {})?;
     let frame_hz = f64::from(setup.servo.frame_hz());
     let mut campaign = Campaign::new(&ready, frame_hz, options.seed)
@@ -112,6 +119,7 @@ pub fn run(options: &Faults) -> Result<Verdict> {
         recovered_pct = recovered_pct.limit(AtLeast(99.0));
     }
     let figures = Figures::from([
+        figure("vehicle", options.vehicle.name()).shown("vehicle", "", 0),
         figure("seed", options.seed).shown("seed", "", 0),
         figure("deadline_ms", DEADLINE.as_us_f64() / 1e3).shown(
             "longest allowed off neutral without valid data",

@@ -74,8 +74,7 @@ fn setup(options: &Fly) -> Result<Setup> {
         let set = stored.set("FUSE_FILTER", filter.value());
         set.map_err(|error| anyhow!("{error}"))?;
     }
-    let hung = options.vehicle.hang(&mut setup);
-    hung.map_err(|error| anyhow!("{error}"))?;
+    options.vehicle.hang(&mut setup.rig)?;
     let physics = control_law::setup(options.servo, options.drone.as_deref())?;
     setup.rig.bench.parameters = physics.drone;
     setup.rig.bench.servo = physics.servo;

@@ -94,7 +94,7 @@ pub fn fly(image: &Image, setup: &Setup, seeds: u32, options: &Fly) -> Result<(F
         })
     });
     let figures = Figures::from([
-        figure("vehicle", "drone2"),
+        figure("vehicle", options.vehicle.name()),
         figure("servo", options.servo.name()),
         figure("seed", options.seed),
         figure("seeds", seeds),

@@ -8,14 +8,13 @@ use client::StateKind;
 use samd21::board::Ticks;
 use std::fmt;
 use std::ops::RangeInclusive;
-use tvc_nano::{Params, servo};
+use tvc_nano::{Axis, Params, servo};
 
-/// Widths that count as the neutral pulse at D3 of a vehicle with these parameters, us: the
+/// Widths that count as the neutral pulse of an axis of a vehicle with these parameters, us: the
 /// firmware commands whole microseconds.
-pub fn neutral_us(params: &Params) -> RangeInclusive<f64> {
-    let [pulse, _] = servo::neutral(params);
-    let us = f64::from(pulse.0);
-    us - 1.0..=us + 0.5
+pub fn neutral_us(params: &Params, axis: Axis) -> RangeInclusive<f64> {
+    let pulse = f64::from(servo::neutral(params)[axis.index()].0);
+    pulse - 1.0..=pulse + 0.5
 }
 
 /// Widths within the servo's travel, us; any other is a runt or a glitch.
@@ -99,10 +98,8 @@ pub struct Outcome {
 pub(super) struct Run<'a> {
     pub(super) injected: Ticks,
     pub(super) frame: Ticks,
-    /// Widths of the neutral pulse, us.
-    pub(super) neutral_us: RangeInclusive<f64>,
-    /// The last pulse before the fault.
-    pub(super) before: Option<Pulse>,
+    /// Of every axis that is steered.
+    pub(super) rudders: Vec<Rudder<'a>>,
     /// From the fault on.
     pub(super) truth: &'a GroundTruth,
     /// The flight without the fault.
@@ -112,13 +109,31 @@ pub(super) struct Run<'a> {
     pub(super) reset: bool,
 }
 
-/// The ending, and the longest time without valid data.
+/// What was seen of a rudder's servo.
+pub(super) struct Rudder<'a> {
+    /// Widths of the neutral pulse, us.
+    pub(super) neutral_us: RangeInclusive<f64>,
+    /// The last pulse before the fault.
+    pub(super) before: Option<Pulse>,
+    /// From the fault on.
+    pub(super) pulses: &'a [Pulse],
+}
+
+/// The ending, and the longest time for which a rudder was without valid data.
 pub(super) fn judge(run: &Run<'_>) -> (Ending, Ticks) {
-    let unguarded = run.longest_unguarded();
+    let unguarded = run
+        .rudders
+        .iter()
+        .map(|rudder| run.longest_unguarded(rudder));
+    let unguarded = unguarded.max().unwrap_or_default();
     let state = run.heartbeats.last().and_then(|beat| beat.state);
     let reset = run.reset.then_some(Unsafe::Reset);
     let wrong = reset
-        .or_else(|| run.wrong_pulses())
+        .or_else(|| {
+            run.rudders
+                .iter()
+                .find_map(|rudder| run.wrong_pulses(rudder))
+        })
         .or_else(|| (unguarded > DEADLINE).then_some(Unsafe::Unguarded));
     let ending = match (wrong, state) {
         (Some(wrong), _) => Ending::Unsafe(wrong),
@@ -135,12 +150,14 @@ pub(super) fn judge(run: &Run<'_>) -> (Ending, Ticks) {
 impl Run<'_> {
     /// The longest time off neutral without valid data: from the fault or the last step on a valid
     /// burst to the next such step or neutral pulse.
-    fn longest_unguarded(&self) -> Ticks {
+    fn longest_unguarded(&self, rudder: &Rudder<'_>) -> Ticks {
         let mut longest = Ticks::ZERO;
         let mut valid = self.valid_steps().peekable();
         let mut last_valid = self.injected;
-        let mut off_neutral = self.before.is_some_and(|pulse| !self.is_neutral(&pulse));
-        for pulse in &self.truth.pulses {
+        let mut off_neutral = rudder
+            .before
+            .is_some_and(|pulse| !rudder.is_neutral(&pulse));
+        for pulse in rudder.pulses {
             while let Some(step) = valid.next_if(|step| *step <= pulse.rise) {
                 if off_neutral {
                     longest = longest.max(step.saturating_sub(last_valid));
@@ -150,7 +167,7 @@ impl Run<'_> {
             if off_neutral {
                 longest = longest.max(pulse.rise.saturating_sub(last_valid));
             }
-            off_neutral = !self.is_neutral(pulse);
+            off_neutral = !rudder.is_neutral(pulse);
         }
         longest
     }
@@ -165,15 +182,15 @@ impl Run<'_> {
         })
     }
 
-    fn wrong_pulses(&self) -> Option<Unsafe> {
+    fn wrong_pulses(&self, rudder: &Rudder<'_>) -> Option<Unsafe> {
         let end = self.truth.motion.last()?.time;
-        let mut last = self.before.map_or(self.injected, |pulse| pulse.rise);
+        let mut last = rudder.before.map_or(self.injected, |pulse| pulse.rise);
         let failsafe = self
             .heartbeats
             .iter()
             .find(|beat| beat.at >= self.injected && beat.state == Some(StateKind::Failsafe));
         let latest = self.frame + self.frame / 2;
-        for pulse in &self.truth.pulses {
+        for pulse in rudder.pulses {
             if pulse.rise.saturating_sub(last) > latest {
                 return Some(Unsafe::NoPulse(pulse.rise - last));
             }
@@ -184,7 +201,7 @@ impl Run<'_> {
             }
             // The heartbeat may come before the frame that its step belongs to.
             let reported = failsafe.is_some_and(|beat| pulse.rise > beat.at + self.frame);
-            if reported && !self.is_neutral(pulse) {
+            if reported && !rudder.is_neutral(pulse) {
                 return Some(Unsafe::PulseInFailsafe(width));
             }
         }
@@ -201,13 +218,16 @@ impl Run<'_> {
         last.iter()
             .map(|motion| {
                 let at = self.reference.partition_point(|m| m.time < motion.time);
-                self.reference
-                    .get(at)
-                    .map_or(f64::INFINITY, |m| (m.pitch_rad - motion.pitch_rad).abs())
+                self.reference.get(at).map_or(f64::INFINITY, |m| {
+                    let roll = m.roll.roll_rad - motion.roll.roll_rad;
+                    (m.pitch_rad - motion.pitch_rad).hypot(roll)
+                })
             })
             .fold(0.0, f64::max)
     }
+}
 
+impl Rudder<'_> {
     fn is_neutral(&self, pulse: &Pulse) -> bool {
         self.neutral_us.contains(&pulse.width_us())
     }
@@ -284,11 +304,14 @@ mod tests {
         let (ending, unguarded) = judge(&Run {
             injected: Ticks::ZERO,
             frame: ms(20),
-            neutral_us: neutral_us(&Params::default()),
-            before: Some(Pulse {
-                rise,
-                fall: rise + Ticks::from_us(1600),
-            }),
+            rudders: vec![Rudder {
+                neutral_us: neutral_us(&Params::default(), Axis::Pitch),
+                before: Some(Pulse {
+                    rise,
+                    fall: rise + Ticks::from_us(1600),
+                }),
+                pulses: &truth.pulses,
+            }],
             truth,
             reference: &motion(0.0),
             heartbeats,

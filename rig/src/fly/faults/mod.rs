@@ -4,12 +4,12 @@
 //! One flight is flown without a fault, with snapshots of the whole rig every 40 ms. Every run
 //! continues from a copy of one of them to its own instant, switches its fault on for 5 to 500 ms
 //! (a glitch for 4 to 40 ms), and watches for 0.7 s more. A run is judged by what can be seen from
-//! outside: the pulses on the servo's wire, the drone's true pitch, and the state that the firmware
+//! outside: the pulses on the servos' wires, the drone's true tilt, and the state that the firmware
 //! reports. How a run ends:
 //!
 //! | ending | means |
 //! |---|---|
-//! | recovered | control is still active at the end, and the drone's true pitch is within 0.1 rad of where the flight without the fault had it, over the last 100 ms |
+//! | recovered | control is still active at the end, and the drone's true tilt is within 0.1 rad of where the flight without the fault had it, over the last 100 ms |
 //! | neutral | the firmware is in failsafe, and no pulse after it said so was off neutral |
 //! | unsafe | anything else; and either of the above with a pulse missing, a pulse outside the travel, a reset of the chip, or a rudder that was off neutral without valid data for more than 150 ms |
 //!
@@ -30,16 +30,17 @@ use crate::fly::flight::{FlightError, Ready};
 use crate::observe::ground_truth::Motion;
 use crate::random::{Stream, generator};
 use client::StateKind;
-use judge::{Run, judge};
+use judge::{Rudder, Run, judge};
 use rand::Rng;
 use samd21::board::Ticks;
 use std::ops::RangeInclusive;
-use tvc_nano::Params;
+use tvc_nano::{Axis, Params};
 
 /// Longest time for which a rudder may be off neutral without valid data.
 pub const DEADLINE: Ticks = Ticks::from_ms(150);
-/// Tilt from which the flight begins, rad, and the rate at release, rad/s.
-const START_RAD: f64 = 0.4;
+/// Pitch from which the flight begins, and roll where that is steered, rad, and the rate at
+/// release, rad/s.
+const START_RAD: [f64; Axis::COUNT] = [0.4, 0.3];
 const START_RATE_RAD_S: f64 = 0.2;
 /// Rest after the tilt, so that the estimator has settled.
 const REST: Ticks = Ticks::from_ms(3000);
@@ -72,8 +73,8 @@ pub struct Campaign {
     seed: u64,
     glitches: bool,
     frame: Ticks,
-    /// Widths of the vehicle's neutral pulse, us.
-    neutral_us: RangeInclusive<f64>,
+    /// Widths of the neutral pulse of every axis that is steered, us.
+    neutral_us: Vec<(Axis, RangeInclusive<f64>)>,
     released: Ticks,
     snapshots: Vec<Ready>,
     /// The true motion of the whole flight.
@@ -96,10 +97,15 @@ impl Campaign {
     /// # Errors
     /// The rig stopped, or the image refuses.
     pub fn new(ready: &Ready, frame_hz: f64, seed: u64) -> Result<Self, FlightError> {
-        let neutral_us = neutral_us(&reported_parameters(ready)?);
+        let params = reported_parameters(ready)?;
+        let axes = params.axes().iter();
+        let neutral_us = axes.map(|axis| (*axis, neutral_us(&params, *axis)));
+        let neutral_us: Vec<_> = neutral_us.collect();
+        let [pitch_rad, roll_rad] = START_RAD;
+        let tilt_rad = [pitch_rad, if neutral_us.len() > 1 { roll_rad } else { 0.0 }];
         let mut base = ready.clone();
         let Ready { rig, station, .. } = &mut base;
-        rig.environment_mut().tilt_clamp(START_RAD);
+        rig.environment_mut().tilt_clamp_to(tilt_rad);
         while !rig.environment().clamp_rests() {
             station.run(rig, Ticks::from_ms(20))?;
         }
@@ -166,7 +172,7 @@ impl Campaign {
         let mut fork = self.snapshots[after.saturating_sub(1)].clone();
         let Ready { rig, station, .. } = &mut fork;
         station.run(rig, at.saturating_sub(rig.now()))?;
-        let before = rig.truth().pulses.last().copied();
+        let before = Axis::ALL.map(|axis| rig.truth().pulses_of(axis).last().copied());
         let resets = rig.resets().len();
         rig.environment_mut().truth_mut().clear();
         let injected = rig.now();
@@ -179,8 +185,15 @@ impl Campaign {
         let (ending, unguarded) = judge(&Run {
             injected,
             frame: self.frame,
-            neutral_us: self.neutral_us.clone(),
-            before,
+            rudders: self
+                .neutral_us
+                .iter()
+                .map(|(axis, neutral_us)| Rudder {
+                    neutral_us: neutral_us.clone(),
+                    before: before[axis.index()],
+                    pulses: truth.pulses_of(*axis),
+                })
+                .collect(),
             truth,
             reference: &self.motion,
             heartbeats: &station.received().heartbeats,

@@ -1,0 +1,138 @@
+//! The image with two rudders: it brings both axes upright at once, both pulses are locked to one
+//! frame, and both rudders rest at neutral where one would.
+
+use crate::faults::ms;
+use crate::firmware;
+use client::{Failure, StateKind};
+use rig::bench::TwoAxes;
+use rig::bno055::Fault;
+use rig::flight::Release;
+use rig::ground_station::GroundStationError;
+use rig::{Ready, ServoKind, Setup, prepare};
+use std::sync::OnceLock;
+use tvc_nano::Axis;
+
+/// The two-axis drone in standby, its nose to the east.
+fn setup(servo: ServoKind) -> Setup {
+    let mut setup = Setup::with_polarity(servo, 3);
+    setup.rig.bench.two_axes = Some(TwoAxes::default());
+    setup.rig.bench.heading_rad = std::f64::consts::FRAC_PI_2;
+    let stored = setup.rig.stored.as_mut().unwrap();
+    stored.set("AXES", 2.0).unwrap();
+    stored.set("SRV2_POLARITY", 1.0).unwrap();
+    setup
+}
+
+fn ready() -> Ready {
+    static READY: OnceLock<Ready> = OnceLock::new();
+    READY
+        .get_or_init(|| prepare(firmware(), &setup(ServoKind::S3003), &mut |_| {}).unwrap())
+        .clone()
+}
+
+fn tilted(pitch_rad: f64, roll_rad: f64, spin_rad_s: f64) -> Release {
+    Release {
+        tilt_rad: [pitch_rad, roll_rad],
+        rate_rad_s: 0.2,
+        spin_rad_s,
+    }
+}
+
+#[test]
+fn both_axes_come_upright_with_and_without_spin() {
+    let digital = prepare(firmware(), &setup(ServoKind::Digital), &mut |_| {}).unwrap();
+    for (ready, longest_s) in [(ready(), 0.75), (digital, 0.55)] {
+        for release in [
+            tilted(0.4, 0.0, 0.0),
+            tilted(0.0, -0.4, 1.0),
+            tilted(-0.6, 0.6, 0.0),
+            tilted(0.4, 0.4, 1.0),
+        ] {
+            let flight = ready.fly_from(&release, 2.0, &mut |_| {}).unwrap();
+            assert_eq!(flight.final_state, Some(StateKind::Active), "{release:?}");
+            for axis in Axis::ALL {
+                if release.tilt_rad[axis.index()] == 0.0 {
+                    let angles = flight.motion.iter().map(|m| match axis {
+                        Axis::Pitch => m.pitch_rad.abs(),
+                        Axis::Roll => m.roll.roll_rad.abs(),
+                    });
+                    // A tenth of the other's start.
+                    let largest = angles.fold(0.0, f64::max);
+                    assert!(largest < 0.04, "{release:?}: {largest}");
+                    continue;
+                }
+                let response = flight.response(axis).unwrap();
+                let overshoot = response.overshoot_pct();
+                assert!(overshoot <= 5.0, "{release:?}, {axis:?}: {overshoot} %");
+                let settled = response.settling_s(0.05);
+                assert!(
+                    settled.is_some_and(|s| s <= longest_s),
+                    "{release:?}, {axis:?}: {settled:?}"
+                );
+            }
+        }
+    }
+}
+
+#[test]
+fn both_pulses_rise_with_the_frame_and_neither_is_missing() {
+    let mut ready = ready();
+    let Ready { rig, station, .. } = &mut ready;
+    rig.environment_mut().truth_mut().clear();
+    station.run(rig, ms(500)).unwrap();
+    let truth = rig.truth();
+    let [pitch, roll] = Axis::ALL.map(|axis| truth.pulses_of(axis));
+    assert!((24..=25).contains(&pitch.len()), "{}", pitch.len());
+    assert_eq!(pitch.len(), roll.len());
+    for (pitch, roll) in pitch.iter().zip(roll) {
+        assert_eq!(pitch.rise, roll.rise);
+        for pulse in [pitch, roll] {
+            assert!(
+                (pulse.width_us() - 1524.0).abs() < 0.1,
+                "{}",
+                pulse.width_us()
+            );
+        }
+    }
+}
+
+#[test]
+fn a_sensor_that_is_lost_brings_both_rudders_to_neutral() {
+    let mut ready = ready();
+    let Ready { rig, station, .. } = &mut ready;
+    rig.environment_mut().tilt_clamp_to([0.4, 0.3]);
+    station.run(rig, ms(5000)).unwrap();
+    station.arm(rig).unwrap();
+    station.release(rig, 0.2).unwrap();
+    station.run(rig, ms(150)).unwrap();
+    let width = |axis: Axis, rig: &rig::Rig| rig.truth().pulses_of(axis).last().unwrap().width_us();
+    for axis in Axis::ALL {
+        assert!((width(axis, rig) - 1524.0).abs() > 20.0, "{axis:?}");
+    }
+    rig.inject(Fault::Unplugged);
+    station.run(rig, ms(200)).unwrap();
+    assert_eq!(station.state(), Some(StateKind::Failsafe));
+    for axis in Axis::ALL {
+        assert!((width(axis, rig) - 1524.0).abs() < 0.1, "{axis:?}");
+    }
+}
+
+#[test]
+fn nothing_is_armed_before_the_second_rudder_has_been_seen_to_answer() {
+    let mut ready = ready();
+    let Ready { rig, station, .. } = &mut ready;
+    station.set_parameter(rig, "SRV2_POLARITY", 0.0).unwrap();
+    let refused = station.arm(rig).unwrap_err();
+    assert!(
+        matches!(
+            refused,
+            GroundStationError::Request {
+                failure: Failure::Refused { .. },
+                ..
+            }
+        ),
+        "{refused}"
+    );
+    station.set_parameter(rig, "SRV2_POLARITY", 1.0).unwrap();
+    station.arm(rig).unwrap();
+}
