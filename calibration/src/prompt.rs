@@ -30,6 +30,10 @@ pub enum Tilt {
     NoseUp,
     /// Nose down, some 20 deg.
     NoseDown,
+    /// Right side down, some 20 deg.
+    RightDown,
+    /// Left side down, some 20 deg.
+    LeftDown,
     /// Back upright.
     Upright,
 }
@@ -38,7 +42,14 @@ impl Prompt {
     /// Every prompt.
     pub fn all() -> impl Iterator<Item = Self> {
         let poses = Face::ALL.into_iter().map(Self::Pose);
-        let tilts = [Tilt::NoseUp, Tilt::NoseDown, Tilt::Upright].map(Self::Tilt);
+        let tilts = [
+            Tilt::NoseUp,
+            Tilt::NoseDown,
+            Tilt::RightDown,
+            Tilt::LeftDown,
+            Tilt::Upright,
+        ]
+        .map(Self::Tilt);
         [Self::Rest, Self::Turn, Self::Level, Self::Done]
             .into_iter()
             .chain(poses)
@@ -54,6 +65,8 @@ impl Prompt {
             Self::Level => "calibration: stand the body level".into(),
             Self::Tilt(Tilt::NoseUp) => "calibration: tilt the vehicle nose up".into(),
             Self::Tilt(Tilt::NoseDown) => "calibration: tilt the vehicle nose down".into(),
+            Self::Tilt(Tilt::RightDown) => "calibration: tilt the vehicle right side down".into(),
+            Self::Tilt(Tilt::LeftDown) => "calibration: tilt the vehicle left side down".into(),
             Self::Tilt(Tilt::Upright) => "calibration: hold the vehicle upright".into(),
             Self::Done => "calibration: done".into(),
         }
@@ -71,7 +84,7 @@ mod tests {
 
     #[test]
     fn every_prompt_is_understood_and_nothing_else() {
-        assert_eq!(Prompt::all().count(), 13);
+        assert_eq!(Prompt::all().count(), 15);
         for prompt in Prompt::all() {
             assert!(prompt.text().len() <= 50, "{}", prompt.text());
             assert_eq!(Prompt::from_text(&prompt.text()), Some(prompt));

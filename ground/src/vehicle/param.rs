@@ -155,7 +155,7 @@ fn show(rows: &[Row], json: bool) -> Result<Verdict> {
 
 /// What a parameter belongs to, for a person who looks for it.
 pub fn group_of(name: &str) -> &'static str {
-    const GROUPS: [(&str, &str); 17] = [
+    const GROUPS: [(&str, &str); 21] = [
         // What the control laws assume of the servo.
         ("SRV_DELAY_S", CONTROL),
         ("SRV_LAG_S", CONTROL),
@@ -166,9 +166,13 @@ pub fn group_of(name: &str) -> &'static str {
         ("PID_", CONTROL),
         ("SFC_", CONTROL),
         ("PITCH_", CONTROL),
+        ("ROLL_", CONTROL),
+        ("AXES", CONTROL),
         ("SRV_POLARITY", SAFETY),
+        ("SRV2_POLARITY", SAFETY),
         ("FS_", SAFETY),
         ("SRV_", "Servo"),
+        ("SRV2_", "Second servo"),
         ("MNT_", "Mount and place"),
         ("DECLINATION", "Mount and place"),
         ("FUSE_", "Attitude filter"),

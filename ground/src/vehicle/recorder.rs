@@ -127,7 +127,7 @@ mod tests {
         let mut bytes = vec![0; STEP_BYTES];
         bytes[..4].copy_from_slice(&now_us.to_le_bytes());
         bytes[4..6].copy_from_slice(&4_000_u16.to_le_bytes());
-        bytes[50] = code;
+        bytes[56] = code;
         bytes
     }
 

@@ -16,6 +16,7 @@ use mavlink::dialects::common::MavMessage;
 use nalgebra::UnitQuaternion;
 use samd21::board::Ticks;
 use serde::Serialize;
+use tvc_nano::Axis;
 
 /// How far the drone is tilted to see its rudder react, rad.
 const TILT_RAD: f64 = 0.35;
@@ -48,8 +49,8 @@ pub struct Pilot {
     start_rad: f64,
     rate_rad_s: f64,
     state: Option<StateKind>,
-    /// When to look at the rudder of the tilted drone.
-    check_rudder_at: Option<Ticks>,
+    /// When to look at the rudder of the tilted drone, and at which.
+    check_rudder_at: Option<(Ticks, Axis)>,
     /// Whether the clamp was opened (`true`) or closed by hand; `None` while it follows the
     /// firmware's state.
     clamp: Option<bool>,
@@ -114,8 +115,13 @@ impl Pilot {
     }
 
     fn follow_prompt(&mut self, rig: &mut Rig, prompt: Prompt) {
-        if let Prompt::Tilt(Tilt::NoseUp | Tilt::NoseDown) = prompt {
-            self.check_rudder_at = Some(rig.now() + RUDDER_RESTS);
+        let axis = match prompt {
+            Prompt::Tilt(Tilt::NoseUp | Tilt::NoseDown) => Some(Axis::Pitch),
+            Prompt::Tilt(Tilt::RightDown | Tilt::LeftDown) => Some(Axis::Roll),
+            _ => None,
+        };
+        if let Some(axis) = axis {
+            self.check_rudder_at = Some((rig.now() + RUDDER_RESTS, axis));
         }
         let environment = rig.environment_mut();
         match prompt {
@@ -133,10 +139,12 @@ impl Pilot {
                 let level = UnitQuaternion::from_euler_angles(0.0, 0.0, heading);
                 environment.move_sensor(SensorMotion::To(level, TURN_S));
             }
-            Prompt::Tilt(tilt) => environment.tilt_clamp(match tilt {
-                Tilt::NoseUp => TILT_RAD,
-                Tilt::NoseDown => -TILT_RAD,
-                Tilt::Upright => 0.0,
+            Prompt::Tilt(tilt) => environment.tilt_clamp_to(match tilt {
+                Tilt::NoseUp => [TILT_RAD, 0.0],
+                Tilt::NoseDown => [-TILT_RAD, 0.0],
+                Tilt::RightDown => [0.0, TILT_RAD],
+                Tilt::LeftDown => [0.0, -TILT_RAD],
+                Tilt::Upright => [0.0; Axis::COUNT],
             }),
             Prompt::Done => {
                 environment.put_back();
@@ -169,9 +177,9 @@ impl Pilot {
             }
             !over
         });
-        if self.check_rudder_at.is_some_and(|due| rig.now() >= due) {
-            self.check_rudder_at = None;
-            lines.push(describe(rig.environment().drone()));
+        let due = self.check_rudder_at.take_if(|(due, _)| rig.now() >= *due);
+        if let Some((_, axis)) = due {
+            lines.push(describe(rig.environment().drone(), axis));
         }
         lines
     }
@@ -302,16 +310,23 @@ impl Pilot {
 }
 
 /// How the rudder answers the tilt, as a person beside the drone sees it.
-fn describe(drone: &HungDrone) -> String {
-    let nose = |up: bool| if up { "up" } else { "down" };
-    let (pitch, rudder) = (drone.pitch_rad(), drone.rudders_rad()[0]);
-    // A rudder at a positive angle pushes the nose down.
+fn describe(drone: &HungDrone, axis: Axis) -> String {
+    let up = |up: bool| if up { "up" } else { "down" };
+    let (tilt, rudder) = (
+        drone.tilt_rad()[axis.index()],
+        drone.rudders_rad()[axis.index()],
+    );
+    // A rudder at a positive angle pushes the nose down, or the right side up.
+    let (side, is_up) = match axis {
+        Axis::Pitch => ("nose", tilt > 0.0),
+        Axis::Roll => ("right side", tilt < 0.0),
+    };
     let verdict = match rudder {
         _ if rudder.abs() < 0.02 => "does not answer".to_owned(),
-        _ if (pitch > 0.0) == (rudder > 0.0) => {
-            format!("pushes it {}, as it should", nose(pitch < 0.0))
+        _ if (tilt > 0.0) == (rudder > 0.0) => {
+            format!("pushes it {}, as it should", up(!is_up))
         }
-        _ => format!("pushes it further {}: the wrong way", nose(pitch > 0.0)),
+        _ => format!("pushes it further {}: the wrong way", up(is_up)),
     };
-    format!("the nose is {}; the rudder {verdict}", nose(pitch > 0.0))
+    format!("the {side} is {}; the rudder {verdict}", up(is_up))
 }

@@ -109,7 +109,7 @@ mod tests {
         assert!(lines.iter().all(|line| columns(line) == columns(HEAD)));
         assert_eq!(
             lines[1],
-            "5,standby,0,,,,,,,,,,,0.1,0,0,1,0,0,0,,1524,0,0,0.17453292"
+            "5,standby,0,,,,,,,,,,,0.1,0,0,1,0,0,0,,1524,0,0,0.17453292,,0"
         );
         assert!(lines[2].starts_with("5,standby,3,1,1,2,3,4,5,6,7,8,-9,0.1,"));
     }

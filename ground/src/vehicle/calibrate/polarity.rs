@@ -1,4 +1,4 @@
-//! The polarity check: somebody tilts the vehicle and looks whether the rudder answers the right
+//! The polarity check: somebody tilts the vehicle and looks whether each rudder answers the right
 //! way.
 //!
 //! What the vehicle can know of it (which way it was tilted, that it commands the rudder) is
@@ -11,10 +11,11 @@ use serde::Serialize;
 use super::options::Calibrate;
 use super::person::Ending;
 use super::session::{Seen, Session, verdict};
-use super::write::{CHECKED, POLARITY, UNCHECKED, WATCHED, write};
+use super::write::{CHECKED, POLARITY, SECOND_POLARITY, UNCHECKED, WATCHED, write};
 use crate::out::exit::Verdict;
 use crate::out::file::print_json;
 use client::Parameter;
+use tvc_nano::Axis;
 
 /// Least pitch of a tilt, and largest pitch that counts as upright, rad.
 const TILTED_RAD: f64 = 0.25;
@@ -34,26 +35,113 @@ pub struct Figures {
     upright_us: u16,
     nose_up_us: u16,
     nose_down_us: u16,
+    /// Of the second rudder, where roll is steered.
+    roll: Option<Roll>,
     refused: Option<String>,
+}
+
+/// The same of the second rudder.
+#[derive(Debug, Serialize)]
+struct Roll {
+    direction: f32,
+    upright_us: u16,
+    right_down_us: u16,
+    left_down_us: u16,
 }
 
 impl Figures {
     fn lines(&self) -> Vec<[String; 2]> {
-        [
+        let mut lines = vec![
             ("pulse upright, us", self.upright_us),
             ("  nose up", self.nose_up_us),
             ("  nose down", self.nose_down_us),
-        ]
-        .map(|(name, us)| [name.to_owned(), us.to_string()])
-        .into()
+        ];
+        if let Some(roll) = &self.roll {
+            lines.extend([
+                ("second pulse upright, us", roll.upright_us),
+                ("  right side down", roll.right_down_us),
+                ("  left side down", roll.left_down_us),
+            ]);
+        }
+        let named = |(name, us): (&str, u16)| [name.to_owned(), us.to_string()];
+        lines.into_iter().map(named).collect()
     }
 
     fn text(&self) -> String {
-        format!(
+        let mut text = format!(
             "pulse upright {} us, nose up {} us, nose down {} us\n",
             self.upright_us, self.nose_up_us, self.nose_down_us
-        )
+        );
+        if let Some(roll) = &self.roll {
+            text += &format!(
+                "second pulse upright {} us, right side down {} us, left side down {} us\n",
+                roll.upright_us, roll.right_down_us, roll.left_down_us
+            );
+        }
+        text
     }
+}
+
+/// How a rudder is looked at.
+struct Look {
+    axis: Axis,
+    polarity: &'static str,
+    direction: &'static str,
+    upright: &'static str,
+    /// Tilts to the positive and the negative side: what is asked for, and the question.
+    tilts: [(Tilt, &'static str, &'static str); 2],
+    /// What is wrong if the vehicle takes one side for the other.
+    mistaken: &'static str,
+}
+
+/// The looks, by axis.
+const LOOKS_AT: [Look; Axis::COUNT] = [
+    Look {
+        axis: Axis::Pitch,
+        polarity: POLARITY,
+        direction: "SRV_DIR",
+        upright: "1/3  Thrust off. Hold the vehicle upright.",
+        tilts: [
+            (
+                Tilt::NoseUp,
+                "2/3  Tilt it nose up by some 20 deg, hold it, and look at the rudder.",
+                "Does the rudder's lower edge point forward, to the raised side?",
+            ),
+            (
+                Tilt::NoseDown,
+                "3/3  Tilt it nose down by some 20 deg, hold it, and look at the rudder.",
+                "Does the rudder's lower edge point backward, to the raised side?",
+            ),
+        ],
+        mistaken: "nose up for nose down",
+    },
+    Look {
+        axis: Axis::Roll,
+        polarity: SECOND_POLARITY,
+        direction: "SRV2_DIR",
+        upright: "1/3  The second rudder. Hold the vehicle upright.",
+        tilts: [
+            (
+                Tilt::RightDown,
+                "2/3  Tilt it right side down by some 20 deg, hold it, and look at the second rudder.",
+                "Does the second rudder's lower edge point left, to the raised side?",
+            ),
+            (
+                Tilt::LeftDown,
+                "3/3  Tilt it left side down by some 20 deg, hold it, and look at the second rudder.",
+                "Does the second rudder's lower edge point right, to the raised side?",
+            ),
+        ],
+        mistaken: "left for right",
+    },
+];
+
+/// What was seen of a rudder: pulses upright and tilted to either side, us.
+struct Looked {
+    direction: f32,
+    upright_us: u16,
+    tilted_us: [u16; 2],
+    refused: Option<String>,
 }
 
 /// Checks the vehicle at a port.
@@ -72,110 +160,131 @@ pub fn run(options: &Calibrate) -> Result<Verdict> {
     Ok(verdict(figures.refused.as_deref()))
 }
 
-/// Leads through the check, and keeps in the vehicle's flash that it was made.
+/// Leads through the check of every rudder, and keeps in the vehicle's flash that it was made.
 ///
 /// # Errors
 /// The vehicle does not answer or does not see the tilt, or the person wants an end.
 pub fn check(session: &mut Session) -> Result<(Figures, Ending)> {
     session.await_standby()?;
+    let axes = session.vehicle.parameter("AXES")? as usize;
+    let looks = || LOOKS_AT.iter().take(axes);
     session.vehicle.begin(session.stop);
-    session.vehicle.put_back_later(POLARITY, UNCHECKED);
-    let looked = look(session);
+    for at in looks() {
+        session.vehicle.put_back_later(at.polarity, UNCHECKED);
+    }
+    let looked = looks().map(|at| look(session, at));
+    let looked: Result<Vec<Looked>> = looked.collect();
     let told = session.done();
-    let mut figures = session.vehicle.leave(looked)?;
+    let looked = session.vehicle.leave(looked)?;
     told?;
+    let mut figures = figures(&looked);
     session.person.show(&figures.lines(), &figures.text())?;
     if let Some(why) = &figures.refused {
         let ending = Ending::unchanged(why.clone());
         return Ok((figures, ending));
     }
     session.go_on()?;
-    let row = Parameter {
-        name: POLARITY.to_owned(),
+    let rows = looks().map(|at| Parameter {
+        name: at.polarity.to_owned(),
         value: CHECKED,
-    };
-    write(&mut session.vehicle, &[row])?;
+    });
+    write(&mut session.vehicle, &rows.collect::<Vec<_>>())?;
     figures.checked = true;
     Ok((figures, Ending::met("checked: the vehicle may be armed")))
 }
 
-/// Has the vehicle tilted both ways, and asks what the person sees.
-fn look(session: &mut Session) -> Result<Figures> {
-    session.vehicle.set_parameter(POLARITY, WATCHED)?;
-    let direction = session.vehicle.parameter("SRV_DIR")?;
+fn figures(looked: &[Looked]) -> Figures {
     let mut figures = Figures {
         checked: false,
-        direction,
+        direction: 0.0,
         upright_us: 0,
         nose_up_us: 0,
         nose_down_us: 0,
+        roll: None,
+        refused: looked.iter().find_map(|looked| looked.refused.clone()),
+    };
+    if let Some(pitch) = looked.first() {
+        figures.direction = pitch.direction;
+        figures.upright_us = pitch.upright_us;
+        [figures.nose_up_us, figures.nose_down_us] = pitch.tilted_us;
+    }
+    figures.roll = looked.get(1).map(|roll| Roll {
+        direction: roll.direction,
+        upright_us: roll.upright_us,
+        right_down_us: roll.tilted_us[0],
+        left_down_us: roll.tilted_us[1],
+    });
+    figures
+}
+
+/// Has the vehicle tilted both ways, and asks what the person sees.
+fn look(session: &mut Session, at: &Look) -> Result<Looked> {
+    session.vehicle.set_parameter(at.polarity, WATCHED)?;
+    let direction = session.vehicle.parameter(at.direction)?;
+    let pulse_us = |seen: Seen| seen.pulses_us[at.axis.index()];
+    let upright_us = pulse_us(tilt(session, Tilt::Upright, at.upright, at.axis)?);
+    let mut looked = Looked {
+        direction,
+        upright_us,
+        tilted_us: [0; 2],
         refused: None,
     };
-    let upright = tilt(
-        session,
-        Tilt::Upright,
-        "1/3  Thrust off. Hold the vehicle upright.",
-    )?;
-    figures.upright_us = upright.pulse_us;
-    for (way, words, question) in [
-        (
-            Tilt::NoseUp,
-            "2/3  Tilt it nose up by some 20 deg, hold it, and look at the rudder.",
-            "Does the rudder's lower edge point forward, to the raised side?",
-        ),
-        (
-            Tilt::NoseDown,
-            "3/3  Tilt it nose down by some 20 deg, hold it, and look at the rudder.",
-            "Does the rudder's lower edge point backward, to the raised side?",
-        ),
-    ] {
-        let seen = tilt(session, way, words)?;
-        let change = f64::from(seen.pulse_us) - f64::from(upright.pulse_us);
-        let nose = if way == Tilt::NoseUp {
-            figures.nose_up_us = seen.pulse_us;
-            1.0
-        } else {
-            figures.nose_down_us = seen.pulse_us;
-            -1.0
-        };
-        if change * nose * f64::from(direction) < LEAST_US {
-            figures.refused = Some(format!(
+    for (side, (way, words, question)) in at.tilts.into_iter().enumerate() {
+        let tilted_us = pulse_us(tilt(session, way, words, at.axis)?);
+        looked.tilted_us[side] = tilted_us;
+        let change = f64::from(tilted_us) - f64::from(upright_us);
+        let sign = [1.0, -1.0][side];
+        if change * sign * f64::from(direction) < LEAST_US {
+            looked.refused = Some(format!(
                 "the pulse changed by {change:+.0} us, too little to be seen: check the gains and the pulse limits"
             ));
-            return Ok(figures);
+            return Ok(looked);
         }
         if !session.agrees(question)? {
-            figures.refused = Some(format!(
-                "the rudder answers the wrong way: set SRV_DIR to {} and look again; if the vehicle takes nose up for nose \
-                 down, the mount is wrong instead (MNT_YAW_DEG)",
-                -direction
+            looked.refused = Some(format!(
+                "the rudder answers the wrong way: set {} to {} and look again; if the vehicle takes {}, the mount \
+                 is wrong instead (MNT_YAW_DEG)",
+                at.direction, -direction, at.mistaken
             ));
-            return Ok(figures);
+            return Ok(looked);
         }
     }
-    Ok(figures)
+    // The other rudder is looked at while this one rests.
+    session.vehicle.set_parameter(at.polarity, UNCHECKED)?;
+    Ok(looked)
 }
 
 /// Waits until the vehicle is tilted and its rudder rests.
-fn tilt(session: &mut Session, way: Tilt, words: &str) -> Result<Seen> {
+fn tilt(session: &mut Session, way: Tilt, words: &str, axis: Axis) -> Result<Seen> {
     session.ask(Prompt::Tilt(way), words)?;
     let begun_s = session.now_s();
+    let angle = |seen: Seen| match axis {
+        Axis::Pitch => seen.pitch_rad,
+        Axis::Roll => seen.roll_rad,
+    };
     let (mut so, mut last) = (0, session.seen());
     while so < LOOKS {
         session.look()?;
         let seen = session.seen();
         let there = match way {
-            Tilt::NoseUp => seen.pitch_rad >= TILTED_RAD,
-            Tilt::NoseDown => seen.pitch_rad <= -TILTED_RAD,
-            Tilt::Upright => seen.pitch_rad.abs() <= UPRIGHT_RAD,
+            Tilt::NoseUp | Tilt::RightDown => angle(seen) >= TILTED_RAD,
+            Tilt::NoseDown | Tilt::LeftDown => angle(seen) <= -TILTED_RAD,
+            Tilt::Upright => angle(seen).abs() <= UPRIGHT_RAD,
         };
-        let rests = (seen.pitch_rad - last.pitch_rad).abs() < 0.02;
+        let rests = (angle(seen) - angle(last)).abs() < 0.02;
         so = if there && rests { so + 1 } else { 0 };
         last = seen;
-        let degrees = seen.pitch_rad.to_degrees();
+        let name = match axis {
+            Axis::Pitch => "pitch",
+            Axis::Roll => "roll",
+        };
         session.progress(
             so as f64 / LOOKS as f64,
-            &format!("pitch {degrees:+.0} deg, pulse {} us", seen.pulse_us),
+            &format!(
+                "{name} {:+.0} deg, pulse {} us",
+                angle(seen).to_degrees(),
+                seen.pulses_us[axis.index()]
+            ),
         );
         if session.now_s() - begun_s > PATIENCE_S {
             bail!("{}", astray(way, seen));
@@ -189,6 +298,8 @@ fn astray(way: Tilt, seen: Seen) -> String {
     let asked = match way {
         Tilt::NoseUp => "nose up",
         Tilt::NoseDown => "nose down",
+        Tilt::RightDown => "right side down",
+        Tilt::LeftDown => "left side down",
         Tilt::Upright => "upright",
     };
     let (pitch, roll) = (seen.pitch_rad.to_degrees(), seen.roll_rad.to_degrees());
@@ -205,7 +316,7 @@ fn astray(way: Tilt, seen: Seen) -> String {
 mod tests {
     use super::*;
     use tvc_nano::params::Polarity;
-    use tvc_nano::{Axis, Params, Refusal};
+    use tvc_nano::{Params, Refusal};
 
     #[test]
     fn the_firmware_means_the_same_by_its_parameter_and_names_this_command() {
@@ -214,9 +325,12 @@ mod tests {
             (CHECKED, Polarity::Checked),
             (WATCHED, Polarity::Watched),
         ] {
-            let mut params = Params::default();
-            params.set(POLARITY, value).unwrap();
-            assert_eq!(params.polarity(Axis::Pitch), meaning);
+            for at in LOOKS_AT {
+                let mut params = Params::default();
+                params.set(at.polarity, value).unwrap();
+                assert_eq!(params.polarity(at.axis), meaning);
+                assert!(params.value(at.direction).is_some());
+            }
         }
         assert!(
             Refusal::Polarity

@@ -11,13 +11,14 @@ use client::StateKind;
 use client::request::status_text;
 use client::status::angles;
 use mavlink::dialects::common::MavMessage;
+use tvc_nano::Axis;
 
 use super::keyboard::Typed;
 use super::options::Calibrate;
 use super::person::{Person, Question};
 use super::readings;
 use super::terminal::Terminal;
-use super::write::{CHECKED, POLARITY, write};
+use super::write::{CHECKED, POLARITY, SECOND_POLARITY, write};
 use crate::out::exit::Verdict;
 use crate::signals;
 use crate::vehicle::link::Vehicle;
@@ -37,8 +38,8 @@ pub struct Seen {
     pub roll_rad: f64,
     /// Nose up, rad.
     pub pitch_rad: f64,
-    /// Pulse, us.
-    pub pulse_us: u16,
+    /// Pulses, by axis, us.
+    pub pulses_us: [u16; Axis::COUNT],
 }
 
 impl Seen {
@@ -48,7 +49,9 @@ impl Seen {
                 let [roll, pitch, _] = angles([q.q1, q.q2, q.q3, q.q4].map(f64::from));
                 (self.roll_rad, self.pitch_rad) = (roll, pitch);
             }
-            MavMessage::SERVO_OUTPUT_RAW(servo) => self.pulse_us = servo.servo1_raw,
+            MavMessage::SERVO_OUTPUT_RAW(servo) => {
+                self.pulses_us = [servo.servo1_raw, servo.servo2_raw];
+            }
             _ => {}
         }
     }
@@ -277,12 +280,18 @@ impl Session {
         }
     }
 
-    /// Whether a person has seen the rudder answer the right way, by the vehicle's parameter.
+    /// Whether a person has seen every rudder answer the right way, by the vehicle's parameters.
     ///
     /// # Errors
     /// The vehicle does not answer.
     pub fn is_polarity_checked(&mut self) -> Result<bool> {
-        Ok(self.vehicle.parameter(POLARITY)? == CHECKED)
+        let axes = self.vehicle.parameter("AXES")? as usize;
+        for polarity in [POLARITY, SECOND_POLARITY].into_iter().take(axes) {
+            if self.vehicle.parameter(polarity)? != CHECKED {
+                return Ok(false);
+            }
+        }
+        Ok(true)
     }
 }
 

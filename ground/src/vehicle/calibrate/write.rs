@@ -8,6 +8,8 @@ use crate::vehicle::link::Vehicle;
 /// Whether a person has seen the rudder answer a tilt the right way. The vehicle forgets it where
 /// another parameter that decides about it changes.
 pub const POLARITY: &str = "SRV_POLARITY";
+/// The same of the second rudder, where roll is steered.
+pub const SECOND_POLARITY: &str = "SRV2_POLARITY";
 /// Its value while nobody has.
 pub const UNCHECKED: f32 = 0.0;
 /// Its value once somebody has.
@@ -32,7 +34,8 @@ pub fn write(vehicle: &mut Vehicle, rows: &[Parameter]) -> Result<usize> {
     if let Err(why) = set(vehicle) {
         // The check of the polarity stands behind what may undo it.
         let is_old = |old: &&Parameter| {
-            old.name == POLARITY || changed.iter().any(|row| row.name == old.name)
+            [POLARITY, SECOND_POLARITY].contains(&&*old.name)
+                || changed.iter().any(|row| row.name == old.name)
         };
         for old in before.iter().filter(is_old) {
             vehicle.set_parameter(&old.name, old.value)?;

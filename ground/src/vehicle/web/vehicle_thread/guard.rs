@@ -12,7 +12,7 @@ use client::{Failure, Parameter, Request, Ticket};
 
 use super::super::handle::Ask;
 use super::Session;
-use crate::vehicle::calibrate::write::{POLARITY, UNCHECKED, WATCHED};
+use crate::vehicle::calibrate::write::{POLARITY, SECOND_POLARITY, UNCHECKED, WATCHED};
 use crate::vehicle::watch::FS_HOST;
 
 /// Time between two attempts to set it.
@@ -76,8 +76,10 @@ impl Session<'_> {
 
     /// What ends a polarity check that is under way: it lets the rudder answer a tilt, disarmed.
     pub(super) fn end_of_polarity_check(&mut self) -> Option<Request> {
-        let is_watched = self.link.client().parameter(POLARITY) == Some(WATCHED);
-        is_watched.then(|| set(POLARITY, UNCHECKED))
+        let is_watched = |name: &&str| self.link.client().parameter(name) == Some(WATCHED);
+        let mut polarities = [POLARITY, SECOND_POLARITY].into_iter();
+        let watched = polarities.find(is_watched)?;
+        Some(set(watched, UNCHECKED))
     }
 
     /// Disarms, and goes on until who listens has put back what it has changed; not for long.
