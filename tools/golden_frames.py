@@ -60,7 +60,7 @@ def frames():
     for sequence, (name, message) in enumerate(step):
         yield name, frame(message, sequence)
     yield "attitude", frame(mavlink.MAVLink_attitude_message(1234, 0.5, -0.25, 3.0, 0.25, -1.5, 0.125), 5)
-    yield "log_entry", frame(mavlink.MAVLink_log_entry_message(0, 1, 0, 0, 10400), 5)
+    yield "log_entry", frame(mavlink.MAVLink_log_entry_message(0, 1, 0, 0, 11600), 5)
     yield "timesync_answer", frame(mavlink.MAVLink_timesync_message(1_500_000_000, 77), 5)
     yield "unknown_command_ack", frame(mavlink.MAVLink_command_ack_message(31999, 3, 0, 0, 255, 190), 5)
     host = (255, 190)
@@ -82,7 +82,7 @@ def frames():
         yield f"{name}_upload", frame(mavlink.MAVLink_mission_count_message(1, 1, 300, kind), 7, host)
         yield f"{name}_refused", frame(mavlink.MAVLink_mission_ack_message(*host, 3, kind), 5)
     yield "param_set", frame(mavlink.MAVLink_param_set_message(1, 1, b"PID_KP", 1.6, 9), 9, host)
-    yield "param_value", frame(mavlink.MAVLink_param_value_message(b"PID_KP", 1.6, 9, 64, 0), 5)
+    yield "param_value", frame(mavlink.MAVLink_param_value_message(b"PID_KP", 1.6, 9, 72, 0), 5)
     yield "param_unknown", frame(mavlink.MAVLink_param_request_read_message(1, 1, b"NO_SUCH", -1), 7, host)
     yield "param_error", frame(mavlink.MAVLink_param_error_message(*host, b"NO_SUCH", -1, 1), 5)
     yield "message_interval", frame(mavlink.MAVLink_message_interval_message(1, 1_000_000), 5)

@@ -63,7 +63,11 @@ fn a_parameter_out_of_range_is_refused_in_words_and_the_old_value_told() {
 fn a_turned_servo_or_mount_is_told_with_the_polarity_that_it_takes_back() {
     let mut link = Link::new(Desk::in_standby(0.1));
     let answer = values(&link.tell(&set("SRV_DIR", -1.0)));
-    let expected = [("SRV_DIR", -1.0), ("SRV_POLARITY", 0.0)];
+    let expected = [
+        ("SRV_DIR", -1.0),
+        ("SRV_POLARITY", 0.0),
+        ("SRV2_POLARITY", 0.0),
+    ];
     assert_eq!(
         answer,
         expected.map(|(name, value)| (name.to_string(), value))
@@ -76,7 +80,7 @@ fn a_pulse_is_tried_within_the_hard_range_and_not_while_armed() {
     let result = |link: &mut Link, servo, us| {
         acks(&link.tell(&order(MavCmd::MAV_CMD_DO_SET_SERVO, servo, us)))[0].1
     };
-    for (servo, us) in [(1.0, 852.0), (1.0, 2194.0), (1.0, f32::NAN), (2.0, 1500.0)] {
+    for (servo, us) in [(1.0, 852.0), (1.0, 2194.0), (1.0, f32::NAN), (3.0, 1500.0)] {
         let refused = result(&mut link, servo, us);
         assert_eq!(refused, MavResult::MAV_RESULT_DENIED, "{servo} {us}");
     }
@@ -85,6 +89,15 @@ fn a_pulse_is_tried_within_the_hard_range_and_not_while_armed() {
         MavResult::MAV_RESULT_ACCEPTED
     );
     assert_eq!(link.desk.step().pulses[0].0, 1700);
+    let answer = link.tell(&order(MavCmd::MAV_CMD_DO_SET_SERVO, 2.0, 1700.0));
+    assert_eq!(texts(&answer), ["pulse refused: no servo there: AXES 1"]);
+    link.tell(&set("AXES", 2.0));
+    assert_eq!(
+        result(&mut link, 2.0, 1600.0),
+        MavResult::MAV_RESULT_ACCEPTED
+    );
+    assert_eq!(link.desk.step().pulses.map(|pulse| pulse.0), [1524, 1600]);
+    link.tell(&set("AXES", 1.0));
     link.tell(&order(MavCmd::MAV_CMD_COMPONENT_ARM_DISARM, 1.0, 0.0));
     let answer = link.tell(&order(MavCmd::MAV_CMD_DO_SET_SERVO, 1.0, 1700.0));
     assert_eq!(texts(&answer), ["pulse refused: in armed"]);
