@@ -9,6 +9,8 @@ use crate::out::measure::Limit::{self, AtLeast, AtMost, Below, Set};
 pub const OVERSHOOT_PCT: Limit = AtMost(5.0);
 /// Largest angle of an axis that was upright while the other comes up, percent of its start.
 pub const CROSS_COUPLING_PCT: Limit = AtMost(10.0);
+/// Vehicles out of many dispersed ones that meet the thesis' requirement, percent.
+pub const DISPERSED_WITHIN_PCT: Limit = AtLeast(99.0);
 /// The firmware is in control until the end.
 pub const IN_CONTROL: Limit = Set;
 /// Control rate, Hz.

@@ -1,6 +1,7 @@
 //! `tvc fly`: the image, on the virtual rig, brings the drone upright, or estimates attitude from a
 //! recording.
 
+mod dispersed;
 mod distribution;
 pub mod faults;
 mod figures;
@@ -37,6 +38,10 @@ pub fn run(options: &Fly) -> Result<Verdict> {
     let image = options.image.image()?;
     setup.rig.bench.faults = scenario.faults;
     setup.rig.bench.disturbances = options.disturb.over(scenario.disturbances);
+    if let Some(count) = options.dispersed {
+        let (figures, page) = dispersed::fly(&image, &setup, count.get(), options)?;
+        return figures.conclude(options.json, Some((&options.report, page)));
+    }
     if options.vehicle == VehicleKind::Drone2 {
         let seeds = options.seeds.map_or(1, NonZeroU32::get);
         let (figures, page) = two_axes::fly(&image, &setup, seeds, options)?;

@@ -24,6 +24,7 @@ Examples:
   cargo fly --seeds 48                     48 seeds: mean, 95 % and worst
   cargo fly --filter madgwick              another attitude filter
   cargo fly --vehicle drone2 --seeds 12    two rudders: pitch and roll, with and without spin
+  cargo fly --vehicle drone2 --dispersed 500   vehicles that are not as their parameters say
   cargo fly --drone heavy.toml             another drone, another servo
   cargo fly --json > flight.json           figures for a script, nothing else on standard output
   cargo fly --vibration 5,180 --servo-supply 4.8 --thrust-ramp 40,0.5
@@ -49,6 +50,12 @@ pub struct Fly {
     /// overshoot are distributed.
     #[arg(long, value_name = "N", conflicts_with = "replay")]
     pub seeds: Option<NonZeroU32>,
+
+    /// Fly so many vehicles instead, one flight each, whose mass, thrust, inertia and servo differ
+    /// from what their parameters say, as those of `tvc montecarlo`; at least 99 % must meet the
+    /// thesis' requirement.
+    #[arg(long, value_name = "N", conflicts_with_all = ["replay", "seeds"])]
+    pub dispersed: Option<NonZeroU32>,
 
     /// Start from this tilt only, in rad (0 to 0.87, the 50 degrees that arming allows).
     #[arg(long, value_name = "RAD", allow_negative_numbers = true, value_parser = start_angle)]

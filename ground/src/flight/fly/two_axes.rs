@@ -20,9 +20,9 @@ use crate::out::page::{figure as picture, page, verdicts};
 use crate::out::plot::{Line, Plot};
 
 /// Tilts of one axis or of each, rad.
-const STARTS_RAD: [f64; 3] = [0.2, 0.4, 0.6];
+pub(super) const STARTS_RAD: [f64; 3] = [0.2, 0.4, 0.6];
 /// Which axes are tilted, pitch and roll, and how a table calls that.
-const DIRECTIONS: [([f64; 2], &str); 3] = [
+pub(super) const DIRECTIONS: [([f64; 2], &str); 3] = [
     ([1.0, 0.0], "pitch"),
     ([0.0, 1.0], "roll"),
     ([1.0, 1.0], "both"),
@@ -38,25 +38,25 @@ const DRAWN_S: f64 = 1.5;
 
 /// One flight: lists name pitch first, then roll.
 #[derive(Clone, Debug, Serialize)]
-struct Run {
-    seed: u64,
-    heading_deg: f64,
-    spin_rad_s: f64,
-    start_rad: [f64; 2],
+pub(super) struct Run {
+    pub(super) seed: u64,
+    pub(super) heading_deg: f64,
+    pub(super) spin_rad_s: f64,
+    pub(super) start_rad: [f64; 2],
     /// None for an axis that was upright.
-    overshoot_pct: [Option<f64>; 2],
-    settling_5pct_s: [Option<f64>; 2],
+    pub(super) overshoot_pct: [Option<f64>; 2],
+    pub(super) settling_5pct_s: [Option<f64>; 2],
     /// Largest angle of an axis that was upright, of the start of the other; none if both were
     /// tilted.
-    cross_coupling_pct: Option<f64>,
-    stayed_active: bool,
+    pub(super) cross_coupling_pct: Option<f64>,
+    pub(super) stayed_active: bool,
     #[serde(skip)]
-    direction: &'static str,
+    pub(super) direction: &'static str,
     #[serde(skip)]
-    size_rad: f64,
+    pub(super) size_rad: f64,
     /// Time, s, and angles, deg.
     #[serde(skip)]
-    path: Vec<(f64, [f64; 2])>,
+    pub(super) path: Vec<(f64, [f64; 2])>,
 }
 
 /// Flies all of it with each of `seeds` seeds; the figures and the page.
@@ -243,7 +243,7 @@ fn cycles(image: &Image, setup: &Setup, seed: u64, size_rad: f64) -> Result<(f64
 }
 
 impl Run {
-    fn of(record: &FlightRecord) -> Result<Self> {
+    pub(super) fn of(record: &FlightRecord) -> Result<Self> {
         let start_rad = record.start_rad;
         let responses = [Axis::Pitch, Axis::Roll].map(|axis| {
             let tilted = start_rad[axis.index()] != 0.0;

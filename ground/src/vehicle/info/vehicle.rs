@@ -121,7 +121,8 @@ impl Heard {
             let differs = |row: &Parameter| {
                 let default = defaults.value(&row.name);
                 // It is told apart below, and the frame rate is that of the kind of servo.
-                let counts = !matches!(&*row.name, "SRV_POLARITY" | "SRV2_POLARITY" | "SRV_RATE_HZ");
+                let counts =
+                    !matches!(&*row.name, "SRV_POLARITY" | "SRV2_POLARITY" | "SRV_RATE_HZ");
                 counts
                     && row.name.starts_with(prefix)
                     && default.is_some_and(|value| value != row.value)
