@@ -41,6 +41,7 @@
 //! | [`scenario`] | a simulation described by a TOML file |
 //! | [`thesis`] | errors of the printed equations, with numbers |
 //! | [`rocket`] | the rocket that the drone stands for |
+//! | [`ascent`] | the rocket in six degrees of freedom, from the pad past burn-out, in wind |
 //! | [`response`] | overshoot, rise and settling of a recorded response |
 //!
 //! A release from 0.4 rad with the reference law:
@@ -60,6 +61,7 @@
 
 #![forbid(unsafe_code)]
 
+pub mod ascent;
 pub mod dispersion;
 pub mod drone;
 pub mod free;
@@ -79,6 +81,7 @@ pub mod scenario;
 pub mod servo;
 pub mod setup;
 pub mod thesis;
+mod tilt;
 pub mod two_axis;
 
 pub use drone::{Crank, Drone};

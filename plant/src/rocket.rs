@@ -23,7 +23,7 @@ use crate::response::{ResponseError, StepResponse};
 /// Density of air at sea level, in kg/m3.
 const SEA_LEVEL_KG_M3: f64 = 1.225;
 /// Gravity, in m/s2.
-const GRAVITY_M_S2: f64 = 9.81;
+pub(crate) const GRAVITY_M_S2: f64 = 9.81;
 /// Step of the ascent, in s.
 const ASCENT_STEP_S: f64 = 0.01;
 /// Step of the attitude, in s.
@@ -111,6 +111,39 @@ impl RocketParameters {
         finite(&named!(self; column_base_m, normal_force_slope, static_margin, drag))
     }
 
+    /// Mass and inertia at a time since ignition (s), held within the burn.
+    pub fn mass_at(&self, time_s: f64) -> MassProperties {
+        let left = 1.0 - time_s.clamp(0.0, self.burn_s) / self.burn_s;
+        let propellant = self.propellant_kg * left;
+        let column = self.column_m * left;
+        let column_cm = self.column_base_m + 0.5 * column;
+        let mass_kg = self.dry_mass_kg + propellant;
+        let cm_m = (self.dry_mass_kg * self.dry_cm_m + propellant * column_cm) / mass_kg;
+        let (dry, wet) = (self.dry_cm_m - cm_m, column_cm - cm_m);
+        let column_inertia = column * column / 12.0 + wet * wet;
+        // The inertia is least about the centre of mass, so that its shift does not count.
+        let stretch = column * self.column_m / 6.0 + wet * self.column_m;
+        MassProperties {
+            mass_kg,
+            cm_m,
+            inertia_kg_m2: self.dry_inertia_kg_m2
+                + self.dry_mass_kg * dry * dry
+                + propellant * column_inertia,
+            inertia_slope_kg_m2_s: -(self.propellant_kg * column_inertia + propellant * stretch)
+                / self.burn_s,
+        }
+    }
+
+    /// Area to which pressures refer, in m2.
+    pub(crate) fn area_m2(&self) -> f64 {
+        std::f64::consts::FRAC_PI_4 * self.diameter_m * self.diameter_m
+    }
+
+    /// Density of the air at an altitude (m), in kg/m3.
+    pub(crate) fn density_kg_m3(&self, altitude_m: f64) -> f64 {
+        SEA_LEVEL_KG_M3 * (-altitude_m / self.scale_height_m).exp()
+    }
+
     /// Specific impulse that thrust, propellant and burn time imply, in s.
     pub fn implied_impulse_s(&self) -> f64 {
         self.thrust_n * self.burn_s / (self.propellant_kg * GRAVITY_M_S2)
@@ -120,6 +153,19 @@ impl RocketParameters {
     pub fn burn_at_impulse_s(&self, impulse_s: f64) -> f64 {
         self.propellant_kg * impulse_s * GRAVITY_M_S2 / self.thrust_n
     }
+}
+
+/// Mass and inertia at a time of the burn.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct MassProperties {
+    /// Mass, in kg.
+    pub mass_kg: f64,
+    /// Centre of mass, from the gimbal, in m.
+    pub cm_m: f64,
+    /// Inertia across the axis about the centre of mass, in kg m2.
+    pub inertia_kg_m2: f64,
+    /// Its slope over time while the propellant burns, in kg m2/s.
+    pub inertia_slope_kg_m2_s: f64,
 }
 
 /// The rocket at a time of its burn.
@@ -202,7 +248,7 @@ impl Rocket {
     pub fn new(parameters: &RocketParameters) -> Result<Self, ParameterError> {
         parameters.validate()?;
         let p = parameters;
-        let area = std::f64::consts::FRAC_PI_4 * p.diameter_m * p.diameter_m;
+        let area = p.area_m2();
         let steps = (p.burn_s / ASCENT_STEP_S).ceil() as usize;
         let mut ascent = Vec::with_capacity(steps + 1);
         let mut state = [0.0, 0.0];
@@ -232,16 +278,12 @@ impl Rocket {
     pub fn at(&self, time_s: f64) -> Flight {
         let p = &self.parameters;
         let time_s = time_s.clamp(0.0, p.burn_s);
-        let left = 1.0 - time_s / p.burn_s;
-        let propellant = p.propellant_kg * left;
-        let column = p.column_m * left;
-        let column_cm = p.column_base_m + 0.5 * column;
-        let mass_kg = p.dry_mass_kg + propellant;
-        let cm_m = (p.dry_mass_kg * p.dry_cm_m + propellant * column_cm) / mass_kg;
-        let (dry, wet) = (p.dry_cm_m - cm_m, column_cm - cm_m);
-        let inertia_kg_m2 = p.dry_inertia_kg_m2
-            + p.dry_mass_kg * dry * dry
-            + propellant * (column * column / 12.0 + wet * wet);
+        let MassProperties {
+            mass_kg,
+            cm_m,
+            inertia_kg_m2,
+            ..
+        } = p.mass_at(time_s);
 
         let place = time_s / ASCENT_STEP_S;
         let before = (place as usize).min(self.ascent.len() - 2);
@@ -252,7 +294,7 @@ impl Rocket {
         };
         let (speed_m_s, altitude_m) = (between(0), between(1));
         let pressure_pa = pressure(p, speed_m_s, altitude_m);
-        let area = std::f64::consts::FRAC_PI_4 * p.diameter_m * p.diameter_m;
+        let area = p.area_m2();
         let lever = p.static_margin * p.diameter_m;
         Flight {
             time_s,
@@ -352,8 +394,7 @@ impl Rocket {
 
 /// Dynamic pressure in an exponential atmosphere, in Pa.
 fn pressure(p: &RocketParameters, speed_m_s: f64, altitude_m: f64) -> f64 {
-    let density = SEA_LEVEL_KG_M3 * (-altitude_m / p.scale_height_m).exp();
-    0.5 * density * speed_m_s * speed_m_s
+    0.5 * p.density_kg_m3(altitude_m) * speed_m_s * speed_m_s
 }
 
 #[cfg(test)]
@@ -381,6 +422,16 @@ mod tests {
             assert!((f.inertia_kg_m2 - inertia).abs() < 1.0);
             assert!((f.mu_c - mu_c).abs() < 0.051);
             assert!((f.mu_a - mu_a).abs() < 0.1, "{} {mu_a}", f.mu_a);
+        }
+    }
+
+    #[test]
+    fn the_slope_of_the_inertia_is_its_difference() {
+        let p = RocketParameters::SPICA;
+        for time in [1.0, 20.0, 45.0, 80.0, 89.0] {
+            let (before, after) = (p.mass_at(time - 1e-3), p.mass_at(time + 1e-3));
+            let slope = (after.inertia_kg_m2 - before.inertia_kg_m2) / 2e-3;
+            assert!((p.mass_at(time).inertia_slope_kg_m2_s - slope).abs() < 1e-3);
         }
     }
 

@@ -20,58 +20,27 @@
 //!
 //! where `M` are the moments of wash, thrust, gravity and friction about the pivot, and `h` the
 //! momentum of propellers that do not cancel. As in one axis, cranks are prescribed: no
-//! acceleration of theirs is needed.
+//! acceleration of theirs is needed. A spin that is held is a constraint: its rate about the body's
+//! z is that of the release, and the moment that it takes follows.
 //!
 //! # The body
 //! Its centre of mass and inertia are such that the whole is balanced as the one-axis drone of the
-//! same [`Parameters`] is, and turns as easily about either axis: gains for one axis hold for two.
+//! same [`Parameters`](crate::Parameters) is, and turns as easily about either axis: gains for one
+//! axis hold for two. While the second axis is upright and still, the first is the one-axis drone.
 //! Each rudder is taken to be in the whole wash, and what moves of a linkage to be as thin as a rod
 //! along its length.
 
-use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3};
+mod parameters;
+mod shape;
 
+use nalgebra::{Quaternion, UnitQuaternion, Vector3};
+
+pub use self::parameters::{Spin, TwoAxisParameters};
+use self::shape::{Body, Shape};
 use crate::drone::{Crank, TETHER_STOP_RAD};
-use crate::mechanism::{Configuration, Mechanism};
-use crate::parameters::{ParameterError, Parameters, finite, named, positive};
-
-/// What turns the body about its own vertical, the thrust axis.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Spin {
-    /// Nothing: it keeps the momentum that it has.
-    Free,
-    /// A drive that holds the rate of the release, whatever moment that takes.
-    Held,
-    /// A given moment, in N m.
-    Moment(f64),
-}
-
-/// The figures of the drone with two rudders.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct TwoAxisParameters {
-    /// The one-axis drone: linkages, loads, balance and inertia in pitch, and in roll alike.
-    pub one_axis: Parameters,
-    /// Distance of the total centre of mass from the thrust axis to the right, in m.
-    pub lateral_cm_m: f64,
-    /// Inertia about the thrust axis at zero rudders, in kg m2; an estimate.
-    pub axial_inertia_kg_m2: f64,
-    /// What turns the body about it.
-    pub spin: Spin,
-    /// Momentum of propellers that do not cancel, about the body's z, in kg m2/s.
-    pub rotor_momentum_kg_m2_s: f64,
-}
-
-impl TwoAxisParameters {
-    /// With the linkages and loads of a one-axis drone, spinning freely.
-    pub const fn of(one_axis: Parameters) -> Self {
-        Self {
-            one_axis,
-            lateral_cm_m: 0.0,
-            axial_inertia_kg_m2: 0.03,
-            spin: Spin::Free,
-            rotor_momentum_kg_m2_s: 0.0,
-        }
-    }
-}
+use crate::mechanism::Mechanism;
+use crate::parameters::ParameterError;
+use crate::tilt;
 
 /// Orientation and momentum.
 #[derive(Clone, Copy, Debug)]
@@ -90,22 +59,13 @@ impl State {
     }
 }
 
-/// What depends on the cranks.
-#[derive(Clone, Copy, Debug)]
-struct Shape {
-    linkages: [Configuration; 2],
-    inertia: Matrix3<f64>,
-    /// First moment of all mass, kg m.
-    first_moment: Vector3<f64>,
-}
-
 /// The drone in its joint.
 #[derive(Clone, Debug)]
 pub struct TwoAxisDrone {
     mechanism: Mechanism,
     parameters: TwoAxisParameters,
-    /// Inertia and first moment of the body without its linkages.
-    body: (Matrix3<f64>, Vector3<f64>),
+    /// The body without its linkages.
+    body: Body,
     stop_rad: f64,
     held: bool,
     attitude: UnitQuaternion<f64>,
@@ -113,6 +73,7 @@ pub struct TwoAxisDrone {
     /// Rate about the thrust axis that [`Spin::Held`] holds, rad/s.
     held_spin_rad_s: f64,
     cranks: [Crank; 2],
+    crank_acc_rad_s2: [f64; 2],
     shape: Shape,
 }
 
@@ -121,44 +82,18 @@ impl TwoAxisDrone {
     /// rudders at zero, cranks at rest.
     ///
     /// # Errors
-    /// A figure out of range, or a one-axis drone that cannot be.
+    /// As [`TwoAxisParameters::validate`].
     pub fn new(
         parameters: &TwoAxisParameters,
         attitude: UnitQuaternion<f64>,
         rates_rad_s: [f64; 3],
     ) -> Result<Self, ParameterError> {
-        let p = parameters;
-        positive(&named!(p; axial_inertia_kg_m2))?;
-        finite(&named!(p; lateral_cm_m, rotor_momentum_kg_m2_s))?;
-        if let Spin::Moment(spin_moment_n_m) = p.spin {
-            finite(&[("spin_moment_n_m", spin_moment_n_m)])?;
-        }
-        let mechanism = Mechanism::new(&p.one_axis)?;
-        let zero = mechanism.configuration(mechanism.linkage().zero_rudder_crank_rad());
-        let linkages = moving(&mechanism, &[zero, zero]);
-        let mass_kg = p.one_axis.body_mass_kg
-            + p.one_axis.crank_mass_kg
-            + p.one_axis.link_mass_kg
-            + p.one_axis.rudder_mass_kg;
-        let [ahead, up] = zero.first_moment;
-        let balance = Vector3::new(ahead, mass_kg * p.lateral_cm_m, -up);
-        let whole = Vector3::new(zero.m00, zero.m00, p.axial_inertia_kg_m2);
-        let body = (
-            Matrix3::from_diagonal(&(whole - linkages.0.diagonal())),
-            balance - linkages.1,
-        );
-        if body.0.diagonal().min() <= 0.0 {
-            return Err(ParameterError::OutOfRange {
-                parameter: "axial_inertia_kg_m2",
-                value: p.axial_inertia_kg_m2,
-                must: "more than that of the linkages",
-            });
-        }
-        let cranks = [Crank::at_rest(zero.linkage.crank_rad); 2];
-        let shape = shape(&mechanism, &body, cranks.map(|crank| crank.angle_rad));
+        let (mechanism, body) = parameters.checked()?;
+        let cranks = [Crank::at_rest(mechanism.linkage().zero_rudder_crank_rad()); 2];
+        let shape = Shape::at(&mechanism, &body, cranks.map(|crank| crank.angle_rad));
         let mut drone = Self {
             mechanism,
-            parameters: *p,
+            parameters: *parameters,
             body,
             stop_rad: TETHER_STOP_RAD,
             held: false,
@@ -166,6 +101,7 @@ impl TwoAxisDrone {
             momentum: Vector3::zeros(),
             held_spin_rad_s: 0.0,
             cranks,
+            crank_acc_rad_s2: [0.0; 2],
             shape,
         };
         drone.set_rates(rates_rad_s);
@@ -191,7 +127,8 @@ impl TwoAxisDrone {
         self.set_rates(rates_rad_s);
     }
 
-    /// Adds an angular impulse about the pivot, body axes, N m s. A clamp swallows it.
+    /// Adds an angular impulse about the pivot, body axes, N m s. A clamp swallows it, and
+    /// [`Spin::Held`] its part about the thrust axis.
     pub fn kick(&mut self, impulse_n_m_s: [f64; 3]) {
         if !self.held {
             self.momentum += Vector3::from(impulse_n_m_s);
@@ -210,6 +147,7 @@ impl TwoAxisDrone {
     pub fn place_cranks(&mut self, angles_rad: [f64; 2]) {
         let rates = self.rates_rad_s();
         self.cranks = angles_rad.map(Crank::at_rest);
+        self.crank_acc_rad_s2 = [0.0; 2];
         self.shape = self.shape_at(angles_rad);
         self.set_rates(rates);
     }
@@ -245,6 +183,8 @@ impl TwoAxisDrone {
             self.attitude = UnitQuaternion::from_quaternion(state.attitude);
             self.momentum = state.momentum;
         }
+        let gained = |axis: usize| end[axis].rate_rad_s - start[axis].rate_rad_s;
+        self.crank_acc_rad_s2 = [0, 1].map(|axis| gained(axis) / dt_s);
         (self.cranks, self.shape) = (end, finish);
         if self.held {
             self.set_rates([0.0; 3]);
@@ -260,21 +200,28 @@ impl TwoAxisDrone {
 
     /// Rates about the body's axes, rad/s.
     pub fn rates_rad_s(&self) -> [f64; 3] {
-        let speeds = self.cranks.map(|crank| crank.rate_rad_s);
-        self.rates(&self.shape, speeds, &self.momentum).into()
+        self.rates(&self.shape, self.speeds(), &self.momentum)
+            .into()
+    }
+
+    /// Accelerations about the body's axes, rad/s2, with the cranks' mean accelerations over the
+    /// last step. Zero while held; the push of a tether stop is left out.
+    pub fn acceleration_rad_s2(&self) -> [f64; 3] {
+        if self.held {
+            return [0.0; 3];
+        }
+        let (speeds, rates) = (self.speeds(), Vector3::from(self.rates_rad_s()));
+        let (inertia_slope, relative_slope) = self.shape.slopes(speeds, self.crank_acc_rad_s2);
+        let change = self.momentum_slope(&self.shape, speeds, &self.attitude, &rates);
+        let load = change - inertia_slope * rates - relative_slope;
+        let held = (self.parameters.spin == Spin::Held).then_some(0.0);
+        self.shape.solve(&load, held).into()
     }
 
     /// The tilt of the body's vertical against the earth's as a vector (the reduced attitude), rad:
     /// its parts about the body's y and x. Upside down, one of the shortest ways is taken.
     pub fn tilt_rad(&self) -> [f64; 2] {
-        let down = self.attitude.inverse() * Vector3::z();
-        let across = down.x.hypot(down.y);
-        let per_sine = if across > 0.0 {
-            across.atan2(down.z) / across
-        } else {
-            1.0
-        };
-        [-down.x * per_sine, down.y * per_sine]
+        tilt::tilt_rad(&self.attitude)
     }
 
     /// The cranks as last given.
@@ -317,7 +264,10 @@ impl TwoAxisDrone {
 
     /// Angular momentum about the pivot in the earth's axes, without that of the rotors, kg m2/s.
     pub fn momentum_kg_m2_s(&self) -> [f64; 3] {
-        (self.attitude * self.momentum).into()
+        // Of a spin that is held, the rate counts: the drive's moment is not added up.
+        let rates = Vector3::from(self.rates_rad_s());
+        let momentum = self.shape.inertia * rates + self.shape.relative(self.speeds());
+        (self.attitude * momentum).into()
     }
 
     /// Kinetic and potential energy with the cranks at rest, in J; the potential is zero with the
@@ -333,41 +283,47 @@ impl TwoAxisDrone {
     }
 
     fn shape_at(&self, cranks_rad: [f64; 2]) -> Shape {
-        shape(&self.mechanism, &self.body, cranks_rad)
+        Shape::at(&self.mechanism, &self.body, cranks_rad)
+    }
+
+    /// Rates of the cranks, rad/s.
+    fn speeds(&self) -> [f64; 2] {
+        self.cranks.map(|crank| crank.rate_rad_s)
     }
 
     /// Rates from the momentum, rad/s; a spin that is held is known beforehand.
     fn rates(&self, shape: &Shape, speeds: [f64; 2], momentum: &Vector3<f64>) -> Vector3<f64> {
-        let left = momentum - relative(shape, speeds);
-        let j = &shape.inertia;
-        if self.parameters.spin == Spin::Held {
-            let spin = self.held_spin_rad_s;
-            let (x, y) = (left.x - j[(0, 2)] * spin, left.y - j[(1, 2)] * spin);
-            let determinant = j[(0, 0)] * j[(1, 1)] - j[(0, 1)] * j[(1, 0)];
-            return Vector3::new(
-                (j[(1, 1)] * x - j[(0, 1)] * y) / determinant,
-                (j[(0, 0)] * y - j[(1, 0)] * x) / determinant,
-                spin,
-            );
-        }
-        // The inertia of bodies with mass in three directions has an inverse.
-        j.try_inverse().unwrap_or_else(Matrix3::zeros) * left
+        let held = (self.parameters.spin == Spin::Held).then_some(self.held_spin_rad_s);
+        shape.solve(&(momentum - shape.relative(speeds)), held)
     }
 
     fn set_rates(&mut self, rates_rad_s: [f64; 3]) {
         let rates = Vector3::from(rates_rad_s);
-        let speeds = self.cranks.map(|crank| crank.rate_rad_s);
         self.held_spin_rad_s = rates.z;
-        self.momentum = self.shape.inertia * rates + relative(&self.shape, speeds);
+        self.momentum = self.shape.inertia * rates + self.shape.relative(self.speeds());
     }
 
     /// Derivatives of attitude and momentum.
     fn slope(&self, shape: &Shape, speeds: [f64; 2], state: &State) -> State {
-        let p = &self.parameters;
         let attitude = UnitQuaternion::from_quaternion(state.attitude);
         let rates = self.rates(shape, speeds, &state.momentum);
+        State {
+            attitude: state.attitude * Quaternion::from_imag(0.5 * rates),
+            momentum: self.momentum_slope(shape, speeds, &attitude, &rates),
+        }
+    }
+
+    /// Derivative of the momentum in body axes, in N m, without what holds a spin.
+    fn momentum_slope(
+        &self,
+        shape: &Shape,
+        speeds: [f64; 2],
+        attitude: &UnitQuaternion<f64>,
+        rates: &Vector3<f64>,
+    ) -> Vector3<f64> {
+        let p = &self.parameters;
         // What holds the spin adds what is missing of the momentum about z.
-        let mut momentum = shape.inertia * rates + relative(shape, speeds);
+        let mut momentum = shape.inertia * rates + shape.relative(speeds);
         momentum.z += p.rotor_momentum_kg_m2_s;
         let down = attitude.inverse() * Vector3::z();
         let weight = p.one_axis.gravity_m_s2 * down;
@@ -380,12 +336,9 @@ impl TwoAxisDrone {
         let moment = Vector3::new(
             roll - friction * rates.x,
             pitch - friction * rates.y,
-            spin_moment,
-        ) + shape.first_moment.cross(&weight);
-        State {
-            attitude: state.attitude * Quaternion::from_imag(0.5 * rates),
-            momentum: moment - rates.cross(&momentum),
-        }
+            spin_moment - p.spin_friction_n_m_s * rates.z,
+        );
+        moment + shape.first_moment.cross(&weight) - rates.cross(&momentum)
     }
 
     /// At a stop the drone loses the part of its rate that would take it beyond.
@@ -403,40 +356,7 @@ impl TwoAxisDrone {
     }
 }
 
-/// Inertia and first moment of what moves of both linkages, body axes.
-fn moving(mechanism: &Mechanism, linkages: &[Configuration; 2]) -> (Matrix3<f64>, Vector3<f64>) {
-    let p = mechanism.parameters();
-    let [body_x, body_y] = p.body_cm_m.map(|at| p.body_mass_kg * at);
-    let moments = linkages.map(|at| {
-        let [x, y] = at.first_moment;
-        (at.second_moments, [x - body_x, y - body_y])
-    });
-    let [([xx, xy, yy], [x, y]), ([ll, lu, uu], [l, u])] = moments;
-    // Of the second moments about x, y and z: forward is x, left is -y, and up is -z.
-    let second = Matrix3::new(xx, 0.0, -xy, 0.0, ll, lu, -xy, lu, yy + uu);
-    let inertia = Matrix3::identity() * second.trace() - second;
-    (inertia, Vector3::new(x, -l, -y - u))
-}
-
-fn shape(
-    mechanism: &Mechanism,
-    (body_inertia, body_moment): &(Matrix3<f64>, Vector3<f64>),
-    cranks_rad: [f64; 2],
-) -> Shape {
-    let linkages = cranks_rad.map(|crank| mechanism.configuration(crank));
-    let (inertia, first_moment) = moving(mechanism, &linkages);
-    Shape {
-        linkages,
-        inertia: body_inertia + inertia,
-        first_moment: body_moment + first_moment,
-    }
-}
-
-/// Momentum of the linkages that turn in the body at these speeds, rad/s, body axes.
-fn relative(shape: &Shape, [pitch, roll]: [f64; 2]) -> Vector3<f64> {
-    let [first, second] = &shape.linkages;
-    Vector3::new(second.m01 * roll, first.m01 * pitch, 0.0)
-}
-
+#[cfg(test)]
+mod independent;
 #[cfg(test)]
 mod tests;

@@ -1,21 +1,23 @@
 //! The drone with two rudders against the one-axis drone, the laws of conservation, and a cloud of
 //! mass points that is moved by hand.
 
+use std::f64::consts::FRAC_PI_2;
+
 use super::*;
+use crate::Parameters;
 use crate::drone::Drone;
 
 const STEP_S: f64 = 5e-4;
 
-/// Cranks that weigh nothing to speak of: a linkage at rest is symmetrical then.
-fn light() -> Parameters {
-    Parameters {
-        crank_mass_kg: 1e-9,
-        crank_inertia_kg_m2: 1e-12,
-        link_mass_kg: 1e-9,
-        link_inertia_kg_m2: 1e-12,
-        body_cm_m: [0.0, 0.0382],
-        ..Parameters::PHYS
-    }
+/// A drone whose centre of mass is above or below its pivot, not beside it, at zero rudder: then
+/// neither axis disturbs the other.
+fn balanced() -> Parameters {
+    let p = Parameters::PHYS;
+    let mechanism = Mechanism::new(&p).unwrap();
+    let zero = mechanism.configuration(mechanism.linkage().zero_rudder_crank_rad());
+    let mut balanced = p;
+    balanced.body_cm_m[0] -= zero.first_moment[0] / p.body_mass_kg;
+    balanced
 }
 
 fn attitude(pitch: f64, roll: f64, heading: f64) -> UnitQuaternion<f64> {
@@ -33,36 +35,47 @@ fn swing(zero_rad: f64, time_s: f64) -> Crank {
     Crank::new(zero_rad + 0.3 * sin, 3.6 * cos)
 }
 
-#[test]
-fn one_axis_that_moves_is_the_one_axis_drone_about_either_axis() {
-    for axis in [0, 1] {
-        let one_axis = light();
-        let mut planar = Drone::new(&one_axis, 0.4, 0.2).unwrap();
-        let zero_rad = planar.crank().angle_rad;
-        let (pitch, roll) = [(0.4, 0.0), (0.0, 0.4)][axis];
-        let rates = [[0.0, 0.2, 0.0], [0.2, 0.0, 0.0]][axis];
-        let mut both = drone(&TwoAxisParameters::of(one_axis), pitch, roll, rates);
-        for step in 1..=1600 {
-            let crank = swing(zero_rad, f64::from(step) * STEP_S);
-            let mut cranks = [Crank::at_rest(zero_rad); 2];
-            cranks[axis] = crank;
-            planar.step(STEP_S, crank);
-            both.step(STEP_S, cranks);
-            let moved = both.tilt_rad()[axis];
+/// Both drones from 0.4 rad and 0.2 rad/s about one axis, while the other stands upright.
+fn follow_one_axis(one_axis: Parameters, axis: usize) {
+    let mut planar = Drone::new(&one_axis, 0.4, 0.2).unwrap();
+    let zero_rad = planar.crank().angle_rad;
+    let (pitch, roll) = [(0.4, 0.0), (0.0, 0.4)][axis];
+    let rates = [[0.0, 0.2, 0.0], [0.2, 0.0, 0.0]][axis];
+    let mut both = drone(&TwoAxisParameters::of(one_axis), pitch, roll, rates);
+    for step in 1..=1600 {
+        let crank = swing(zero_rad, f64::from(step) * STEP_S);
+        let mut cranks = [Crank::at_rest(zero_rad); 2];
+        cranks[axis] = crank;
+        planar.step(STEP_S, crank);
+        both.step(STEP_S, cranks);
+        let turned = both.tilt_rad();
+        let (rates, torques) = (both.rates_rad_s(), both.hinge_torque_n_m());
+        let accelerations = both.acceleration_rad_s2();
+        for (found, expected) in [
+            (turned[axis], planar.pitch_rad()),
+            (turned[1 - axis], 0.0),
+            (rates[1 - axis], planar.rate_rad_s()),
+            (rates[axis], 0.0),
+            (rates[2], 0.0),
+            (accelerations[1 - axis], planar.acceleration_rad_s2()),
+            (accelerations[axis], 0.0),
+            (torques[axis], planar.hinge_torque_n_m()),
+            (both.rudder_rad()[axis], planar.rudder_rad()),
+        ] {
             assert!(
-                (moved - planar.pitch_rad()).abs() < 1e-7,
-                "{axis}, {step}: {moved}"
-            );
-            assert!(both.tilt_rad()[1 - axis].abs() < 1e-7, "{axis}, {step}");
-            let rate = both.rates_rad_s()[1 - axis];
-            assert!((rate - planar.rate_rad_s()).abs() < 1e-6, "{rate}");
-            let torque = both.hinge_torque_n_m()[axis];
-            assert!(
-                (torque - planar.hinge_torque_n_m()).abs() < 1e-6,
-                "{torque}"
+                (found - expected).abs() < 1e-10,
+                "{axis}, {step}: {found} {expected}"
             );
         }
     }
+}
+
+#[test]
+fn one_axis_that_moves_is_the_one_axis_drone_about_either_axis() {
+    follow_one_axis(Parameters::PHYS, 0);
+    follow_one_axis(Parameters::THESIS_TEXT, 0);
+    follow_one_axis(balanced(), 0);
+    follow_one_axis(balanced(), 1);
 }
 
 #[test]
@@ -164,7 +177,7 @@ fn the_momentum_is_that_of_the_bodies_as_points_that_move() {
     let turned = |time_s: f64| {
         moved.attitude() * UnitQuaternion::from_scaled_axis(Vector3::new(0.8, -1.1, 0.6) * time_s)
     };
-    let mut momentum = moved.attitude() * (moved.body.0 * Vector3::new(0.8, -1.1, 0.6));
+    let mut momentum = moved.attitude() * (moved.body.inertia * Vector3::new(0.8, -1.1, 0.6));
     for axis in [0, 1] {
         let place = |time_s: f64| {
             let crank = cranks[axis];
@@ -202,6 +215,62 @@ fn spin_is_free_held_or_driven() {
     assert!((flown(Spin::Moment(0.03)) - 1.5).abs() < 0.02);
 }
 
+#[test]
+fn friction_slows_a_spin_and_a_spin_that_is_held_keeps_its_momentum() {
+    let parameters = TwoAxisParameters {
+        spin_friction_n_m_s: 0.03,
+        ..TwoAxisParameters::PHYS
+    };
+    let mut slowed = drone(&parameters, 0.0, 0.0, [0.0, 0.0, 1.0]);
+    let cranks = slowed.cranks();
+    for _ in 0..2000 {
+        slowed.step(STEP_S, cranks);
+    }
+    // A time constant of a second: 0.03 kg m2 over 0.03 N m s.
+    let expected = (-1.0_f64).exp();
+    assert!((slowed.rates_rad_s()[2] - expected).abs() < 1e-4);
+
+    let parameters = TwoAxisParameters {
+        spin: Spin::Held,
+        ..TwoAxisParameters::PHYS
+    };
+    let mut held = drone(&parameters, 0.4, 0.1, [0.5, 0.2, 1.0]);
+    for _ in 0..500 {
+        held.step(STEP_S, cranks);
+    }
+    held.kick([0.0, 0.0, 0.5]);
+    assert_eq!(held.rates_rad_s()[2], 1.0);
+    let momentum = held.attitude().inverse() * Vector3::from(held.momentum_kg_m2_s());
+    assert!((momentum.z - 0.03).abs() < 1e-12, "{momentum}");
+}
+
+/// The tilt is continuous at zero and at every side, and is finite and at the stop upside down.
+#[test]
+fn the_tilt_is_the_reduced_attitude() {
+    let tilt = |attitude| {
+        let drone = TwoAxisDrone::new(&TwoAxisParameters::PHYS, attitude, [0.0; 3]).unwrap();
+        (drone.tilt_rad(), drone.at_stop())
+    };
+    for (pitch, roll) in [
+        (0.0, 0.0),
+        (1e-12, -2e-12),
+        (-1e-200, 0.0),
+        (0.9, -0.7),
+        (-3.0, 0.5),
+    ] {
+        let ([found_pitch, found_roll], _) = tilt(attitude(pitch, roll, 0.8));
+        assert!((found_pitch - pitch).abs() < 1e-12 && (found_roll - roll).abs() < 1e-12);
+    }
+    for axis in [Vector3::x_axis(), Vector3::y_axis()] {
+        let flip = UnitQuaternion::from_axis_angle(&axis, std::f64::consts::PI);
+        let exact = UnitQuaternion::new_unchecked(Quaternion::from_imag(axis.into_inner()));
+        for attitude in [flip, exact] {
+            let ([pitch, roll], at_stop) = tilt(attitude);
+            assert!((pitch.hypot(roll) - std::f64::consts::PI).abs() < 1e-12 && at_stop);
+        }
+    }
+}
+
 /// Rotors that turn to the right push the nose of a drone that rolls right up: the momentum along
 /// z must turn with the body.
 #[test]
@@ -209,7 +278,7 @@ fn rotors_that_do_not_cancel_turn_a_motion_aside() {
     let parameters = TwoAxisParameters {
         rotor_momentum_kg_m2_s: 0.02,
         spin: Spin::Held,
-        ..TwoAxisParameters::of(light())
+        ..TwoAxisParameters::of(balanced())
     };
     let mut drone = drone(&parameters, 0.0, 0.0, [0.5, 0.0, 0.0]);
     let cranks = drone.cranks();
@@ -262,7 +331,7 @@ fn the_heading_does_not_matter() {
         drone.tilt_rad()
     };
     let at_zero = flown(0.0);
-    for heading in [1.0, 2.4, -3.0] {
+    for heading in [1.0, -3.0, FRAC_PI_2, 1.5 * FRAC_PI_2] {
         for (found, expected) in flown(heading).iter().zip(at_zero) {
             assert!((found - expected).abs() < 1e-9);
         }
@@ -289,6 +358,30 @@ fn impossible_figures_are_named() {
         ),
         (
             TwoAxisParameters {
+                spin_friction_n_m_s: -1e-3,
+                ..good
+            },
+            "spin_friction_n_m_s",
+        ),
+        (
+            TwoAxisParameters {
+                lateral_cm_m: f64::INFINITY,
+                ..good
+            },
+            "lateral_cm_m",
+        ),
+        (
+            TwoAxisParameters {
+                one_axis: Parameters {
+                    link_mass_kg: 0.0,
+                    ..Parameters::PHYS
+                },
+                ..good
+            },
+            "link_mass_kg",
+        ),
+        (
+            TwoAxisParameters {
                 spin: Spin::Moment(f64::NAN),
                 ..good
             },
@@ -297,5 +390,27 @@ fn impossible_figures_are_named() {
     ] {
         let error = TwoAxisDrone::new(&bad, UnitQuaternion::identity(), [0.0; 3]).unwrap_err();
         assert!(error.to_string().contains(name), "{error}");
+        assert_eq!(bad.validate().unwrap_err().to_string(), error.to_string());
+    }
+}
+
+#[test]
+fn parameters_come_from_text_and_go_to_it() {
+    assert_eq!(
+        TwoAxisParameters::preset("phys"),
+        Some(TwoAxisParameters::PHYS)
+    );
+    assert_eq!(TwoAxisParameters::preset("printed"), None);
+    for spin in [Spin::Free, Spin::Held, Spin::Moment(0.02)] {
+        let parameters = TwoAxisParameters {
+            spin,
+            ..TwoAxisParameters::PHYS
+        };
+        let text = toml::to_string(&parameters).unwrap();
+        assert_eq!(
+            toml::from_str::<TwoAxisParameters>(&text).unwrap(),
+            parameters,
+            "{text}"
+        );
     }
 }

@@ -1,0 +1,543 @@
+//! The ascent against the vertical run of [`rocket`](crate::rocket), the rocket equation, and the
+//! laws of conservation.
+
+use std::f64::consts::FRAC_PI_2;
+
+use proptest::prelude::*;
+
+use super::*;
+use crate::rocket::Rocket;
+
+pub(super) const STEP_S: f64 = 1e-3;
+
+fn spica() -> Ascent {
+    Ascent::new(&AscentParameters::SPICA, UnitQuaternion::identity()).unwrap()
+}
+
+pub(super) fn tilted(pitch: f64, roll: f64, heading: f64) -> UnitQuaternion<f64> {
+    UnitQuaternion::from_axis_angle(&Vector3::z_axis(), heading)
+        * UnitQuaternion::from_scaled_axis(Vector3::new(roll, pitch, 0.0))
+}
+
+/// In space, if it were not for gravity: no forces of the air.
+fn airless() -> AscentParameters {
+    AscentParameters::of(RocketParameters {
+        normal_force_slope: 0.0,
+        drag: 0.0,
+        ..RocketParameters::SPICA
+    })
+}
+
+#[test]
+fn a_vertical_flight_is_the_vertical_run() {
+    let table = Rocket::new(&RocketParameters::SPICA).unwrap();
+    let mut ascent = spica();
+    ascent.ignite();
+    for second in 1..=90 {
+        for _ in 0..200 {
+            ascent.step(5e-3, [0.0; 2]);
+        }
+        let expected = table.at(f64::from(second));
+        let [north, east, down] = ascent.velocity_m_s();
+        assert!(
+            (-down - expected.speed_m_s).abs() < 1e-6 * expected.speed_m_s,
+            "{second}"
+        );
+        assert!((ascent.altitude_m() - expected.altitude_m).abs() < 1e-6 * expected.altitude_m);
+        assert!(north.abs() < 1e-9 && east.abs() < 1e-9);
+        let mass = ascent.mass_properties();
+        assert!((mass.mass_kg - expected.mass_kg).abs() < 1e-9 * expected.mass_kg);
+        assert!((mass.cm_m - expected.cm_m).abs() < 1e-9);
+    }
+}
+
+/// Without air: `v = c ln(m0 / m) - g t`, with the exhaust velocity `c` of thrust over flow. The
+/// step does not divide the burn.
+#[test]
+fn the_rocket_equation_holds_and_the_engine_stops_at_burn_out() {
+    let mut ascent = Ascent::new(&airless(), UnitQuaternion::identity()).unwrap();
+    ascent.ignite();
+    let mut lit_s = 0.0;
+    for _ in 0..13_000 {
+        if ascent.burning() {
+            lit_s = ascent.time_s().unwrap();
+        }
+        ascent.step(7e-3, [0.0; 2]);
+    }
+    assert!(
+        !ascent.burning() && (89.9929..90.0).contains(&lit_s),
+        "{lit_s}"
+    );
+    let exhaust = 100e3 / (2600.0 / 90.0);
+    let expected = exhaust * (4000.0_f64 / 1400.0).ln() - GRAVITY_M_S2 * 91.0;
+    let [_, _, down] = ascent.velocity_m_s();
+    assert!((-down - expected).abs() < 1e-6, "{down} {expected}");
+}
+
+/// The angular accelerations of [`rocket`](crate::rocket), `-mu_c sin(delta) - mu_a sin(alpha)`, in
+/// either axis, through the burn, for a stable and an unstable airframe.
+#[test]
+fn angular_accelerations_are_those_of_the_two_axis_model() {
+    for parameters in [AscentParameters::SPICA, AscentParameters::SPICA_UNSTABLE] {
+        let table = Rocket::new(&parameters.rocket).unwrap();
+        for (time, angle, gimbal) in [(5.0, 0.02, 0.0), (32.0, -0.05, 0.03), (80.0, 0.01, -0.06)] {
+            let flight = table.at(time);
+            for axis in [0, 1] {
+                let (pitch, roll) = [(angle, 0.0), (0.0, angle)][axis];
+                let mut ascent = Ascent::new(&parameters, UnitQuaternion::identity()).unwrap();
+                let position = [0.0, 0.0, -flight.altitude_m];
+                let velocity = [0.0, 0.0, -flight.speed_m_s];
+                ascent.release(time, position, velocity, tilted(pitch, roll, 0.7), [0.0; 3]);
+                ascent.gimbal_rad[axis] = gimbal;
+                let found = ascent.acceleration_rad_s2();
+                let expected = -flight.mu_c * gimbal.sin() - flight.mu_a * angle.sin();
+                let index = 1 - axis;
+                assert!(
+                    (found[index] - expected).abs() < 1e-9,
+                    "{time}: {found:?} {expected}"
+                );
+                assert!(found[1 - index].abs() < 1e-9 && found[2].abs() < 1e-9);
+            }
+        }
+    }
+}
+
+#[test]
+fn free_fall_feels_nothing_and_keeps_energy_and_momentum() {
+    let parameters = AscentParameters {
+        sensor_m: [0.0; 3],
+        ..airless()
+    };
+    let mut ascent = Ascent::new(&parameters, UnitQuaternion::identity()).unwrap();
+    let start = tilted(0.4, -0.2, 1.0);
+    ascent.release(
+        95.0,
+        [0.0, 0.0, -9e4],
+        [200.0, -50.0, -300.0],
+        start,
+        [0.0; 3],
+    );
+    ascent.step(STEP_S, [0.05, 0.05]);
+    assert!(Vector3::from(ascent.specific_force_m_s2()).norm() < 1e-12);
+
+    let rates = [0.3, -0.2, 1.5];
+    ascent.release(95.0, [0.0, 0.0, -9e4], [200.0, -50.0, -300.0], start, rates);
+    let felt = |ascent: &Ascent| Vector3::from(ascent.specific_force_m_s2());
+    // The gimbal turns round the centre of mass, 7 m above it.
+    let (w, lever) = (Vector3::from(rates), Vector3::new(0.0, 0.0, 7.0));
+    let turning = Vector3::from(ascent.acceleration_rad_s2());
+    let expected = turning.cross(&lever) + w.cross(&w.cross(&lever));
+    assert!((felt(&ascent) - expected).norm() < 1e-12);
+    let conserved = |ascent: &Ascent| {
+        let mass = ascent.mass_properties();
+        let inertia = ascent.inertia(&mass);
+        let (rates, velocity) = (ascent.state.rates, ascent.state.velocity);
+        let momentum = ascent.attitude() * inertia.component_mul(&rates);
+        let turning = 0.5 * rates.dot(&inertia.component_mul(&rates));
+        let height = 0.5 * velocity.norm_squared() + GRAVITY_M_S2 * ascent.altitude_m();
+        (momentum, turning, height)
+    };
+    let before = conserved(&ascent);
+    for _ in 0..20_000 {
+        ascent.step(STEP_S, [0.0; 2]);
+    }
+    let after = conserved(&ascent);
+    assert!((after.0 - before.0).norm() < 1e-8 * before.0.norm());
+    assert!((after.1 - before.1).abs() < 1e-9 * before.1);
+    assert!((after.2 - before.2).abs() < 1e-9 * before.2);
+}
+
+#[test]
+fn the_pad_holds_and_the_rail_guides() {
+    let attitude = tilted(-0.1, 0.05, 0.6);
+    let mut ascent = Ascent::new(&AscentParameters::SPICA, attitude).unwrap();
+    let upwards = attitude.inverse() * Vector3::new(0.0, 0.0, -GRAVITY_M_S2);
+    for _ in 0..100 {
+        ascent.step(STEP_S, [0.0; 2]);
+        assert!((Vector3::from(ascent.specific_force_m_s2()) - upwards).norm() < 1e-12);
+    }
+    assert_eq!((ascent.position_m(), ascent.time_s()), ([0.0; 3], None));
+    assert!(ascent.on_rail() && !ascent.burning());
+    ascent.ignite();
+    ascent.ignite();
+    ascent.kick([1e5; 3]);
+    let nose = attitude * -Vector3::z();
+    let mut moved = 0.0;
+    while ascent.on_rail() {
+        ascent.step(STEP_S, [0.05, -0.05]);
+        moved = Vector3::from(ascent.position_m()).norm();
+        assert!((Vector3::from(ascent.position_m()) - moved * nose).norm() < 1e-12);
+        assert!(ascent.attitude().angle_to(&attitude) < 1e-9);
+        assert_eq!(ascent.rates_rad_s(), [0.0; 3]);
+    }
+    assert!((5.0..5.02).contains(&moved), "{moved}");
+    // Free, the gimbal turns it.
+    ascent.step(STEP_S, [0.05, -0.05]);
+    let [roll_rate, pitch_rate, _] = ascent.rates_rad_s();
+    assert!(pitch_rate < 0.0 && roll_rate > 0.0);
+}
+
+/// On a vertical rail the thrust is felt, once it is more than the weight.
+#[test]
+fn a_rocket_that_is_too_heavy_waits_on_its_pad() {
+    let mut ascent = spica();
+    ascent.ignite();
+    ascent.step(STEP_S, [0.0; 2]);
+    let [x, y, z] = ascent.specific_force_m_s2();
+    assert!(
+        x.abs() < 1e-12 && y.abs() < 1e-12 && (z + 25.0).abs() < 1e-3,
+        "{z}"
+    );
+
+    let weak = AscentParameters::of(RocketParameters {
+        thrust_n: 30e3,
+        ..RocketParameters::SPICA
+    });
+    let mut ascent = Ascent::new(&weak, UnitQuaternion::identity()).unwrap();
+    ascent.ignite();
+    // Its mass is 30 kN / g when 942 kg of propellant are burnt.
+    let off_s = (4000.0 - 30e3 / GRAVITY_M_S2) / (2600.0 / 90.0);
+    while ascent.time_s().unwrap() < off_s - 2.0 * STEP_S {
+        ascent.step(STEP_S, [0.0; 2]);
+        assert_eq!(ascent.position_m(), [0.0; 3]);
+        assert!((ascent.specific_force_m_s2()[2] + GRAVITY_M_S2).abs() < 1e-12);
+    }
+    for _ in 0..1000 {
+        ascent.step(STEP_S, [0.0; 2]);
+    }
+    assert!(ascent.altitude_m() > 0.0);
+
+    // Without a rail it flies at once, but not before it is lit.
+    let bare = AscentParameters {
+        rail_m: 0.0,
+        ..AscentParameters::SPICA
+    };
+    let mut ascent = Ascent::new(&bare, UnitQuaternion::identity()).unwrap();
+    ascent.step(STEP_S, [0.0; 2]);
+    assert!(ascent.on_rail() && ascent.position_m() == [0.0; 3]);
+    ascent.ignite();
+    ascent.step(STEP_S, [0.0; 2]);
+    assert!(!ascent.on_rail());
+}
+
+#[test]
+fn the_gimbal_keeps_its_limits_and_its_lag() {
+    let p = RocketParameters::SPICA;
+    let mut ascent = spica();
+    let mut before = [0.0; 2];
+    for step in 0..2000 {
+        let command = if step < 1000 {
+            [1.0, -1.0]
+        } else {
+            [-1.0, 1.0]
+        };
+        ascent.step(STEP_S, command);
+        for (now, before) in ascent.gimbal_rad().into_iter().zip(before) {
+            assert!(now.abs() <= p.gimbal_limit_rad);
+            assert!((now - before).abs() <= p.gimbal_rate_rad_s * STEP_S * (1.0 + 1e-9));
+        }
+        before = ascent.gimbal_rad();
+        if step == 999 {
+            assert!((before[0] - p.gimbal_limit_rad).abs() < 1e-9);
+        }
+    }
+    // A command too small for the limit of the rate: the lag of 5 Hz alone, in two step lengths.
+    for step_s in [1e-3, 4e-3] {
+        let mut ascent = spica();
+        for _ in 0..(0.04 / step_s + 0.5) as usize {
+            ascent.step(step_s, [0.01, 0.0]);
+        }
+        let expected = 0.01 * (1.0 - (-std::f64::consts::TAU * 5.0 * 0.04_f64).exp());
+        assert!((ascent.gimbal_rad()[0] - expected).abs() < 1e-12);
+        assert_eq!(ascent.gimbal_rad()[1], 0.0);
+    }
+}
+
+/// A thrust that is off the axis pulls as a gimbal that stands there.
+#[test]
+fn a_misalignment_is_a_gimbal_angle() {
+    let off = AscentParameters {
+        misalignment_rad: [0.01, -0.02],
+        ..AscentParameters::SPICA
+    };
+    let flown = |parameters: &AscentParameters, gimbal: [f64; 2]| {
+        let mut ascent = Ascent::new(parameters, UnitQuaternion::identity()).unwrap();
+        ascent.release(
+            10.0,
+            [0.0; 3],
+            [0.0, 0.0, -100.0],
+            tilted(0.1, 0.0, 0.0),
+            [0.0; 3],
+        );
+        ascent.gimbal_rad = gimbal;
+        (ascent.acceleration_rad_s2(), ascent.specific_force_m_s2())
+    };
+    assert_eq!(
+        flown(&off, [0.0; 2]),
+        flown(&AscentParameters::SPICA, [0.01, -0.02])
+    );
+}
+
+#[test]
+fn spin_is_free_held_or_driven() {
+    let flown = |spin| {
+        let parameters = AscentParameters {
+            spin,
+            ..AscentParameters::SPICA
+        };
+        let mut ascent = Ascent::new(&parameters, UnitQuaternion::identity()).unwrap();
+        ascent.release(
+            0.0,
+            [0.0; 3],
+            [0.0, 0.0, -50.0],
+            tilted(0.0, 0.0, 0.0),
+            [0.0, 0.0, 0.5],
+        );
+        ascent.kick([0.0, 0.0, 100.0]);
+        let kicked = ascent.rates_rad_s()[2];
+        for _ in 0..1000 {
+            ascent.step(STEP_S, [0.0; 2]);
+        }
+        (kicked, ascent.rates_rad_s()[2])
+    };
+    // 100 N m s on 4000 kg x (0.338 m)^2.
+    let gained = 100.0 / (4000.0 * 0.955 * 0.955 / 8.0);
+    let (kicked, after) = flown(Spin::Free);
+    assert!((kicked - 0.5 - gained).abs() < 1e-12 && (after - kicked).abs() < 1e-12);
+    assert_eq!(flown(Spin::Held), (0.5, 0.5));
+    // 45 N m for a second, while the inertia falls from 456 to 453 kg m2.
+    let (kicked, after) = flown(Spin::Moment(45.0));
+    assert!((after - kicked - 45.0 / 454.5).abs() < 1e-4);
+}
+
+/// The jet takes `m' l^2 w` with it; rates fall with and stay without it.
+#[test]
+fn the_jet_damps_rates_where_asked() {
+    let slowed = |jet_damping| {
+        let parameters = AscentParameters {
+            jet_damping,
+            ..airless()
+        };
+        let mut ascent = Ascent::new(&parameters, UnitQuaternion::identity()).unwrap();
+        ascent.release(
+            20.0,
+            [0.0; 3],
+            [0.0; 3],
+            tilted(0.0, 0.0, 0.0),
+            [0.0, 0.1, 0.0],
+        );
+        (ascent.acceleration_rad_s2()[1], ascent.mass_properties())
+    };
+    assert_eq!(slowed(false).0, 0.0);
+    let (slope, mass) = slowed(true);
+    let jet = 2600.0 / 90.0 * mass.cm_m * mass.cm_m;
+    let expected = -0.1 * (jet + mass.inertia_slope_kg_m2_s) / mass.inertia_kg_m2;
+    assert!(expected < 0.0 && (slope - expected).abs() < 1e-12);
+}
+
+/// Wind from the west turns a stable rocket into it, to the west, and an unstable one away; the
+/// same in the earth's axes at every heading.
+#[test]
+fn wind_turns_a_stable_rocket_into_it_at_every_heading() {
+    let nose = |rocket, heading: f64| {
+        let parameters = AscentParameters {
+            wind: Wind {
+                steady_m_s: [0.0, 10.0, 0.0],
+                ..Wind::default()
+            },
+            ..AscentParameters::of(rocket)
+        };
+        let mut ascent = Ascent::new(&parameters, tilted(0.0, 0.0, heading)).unwrap();
+        ascent.ignite();
+        for _ in 0..4000 {
+            ascent.step(STEP_S, [0.0; 2]);
+        }
+        (
+            ascent.attitude() * -Vector3::z(),
+            Vector3::from(ascent.position_m()),
+        )
+    };
+    let (stable, at) = nose(RocketParameters::SPICA, 0.0);
+    assert!(stable.y < -1e-3 && stable.x.abs() < 1e-9, "{stable}");
+    assert!(nose(RocketParameters::SPICA_UNSTABLE, 0.0).0.y > 1e-3);
+    for heading in [FRAC_PI_2, 1.5 * FRAC_PI_2, -2.0] {
+        let (turned, moved) = nose(RocketParameters::SPICA, heading);
+        assert!(
+            (turned - stable).norm() < 1e-9 && (moved - at).norm() < 1e-6,
+            "{heading}"
+        );
+    }
+}
+
+#[test]
+fn turbulence_shakes_a_rocket_alike_for_one_seed() {
+    let flown = |seed| {
+        let parameters = AscentParameters {
+            wind: Wind {
+                turbulence: Some(Turbulence {
+                    rms_m_s: 2.0,
+                    length_m: 300.0,
+                    seed,
+                }),
+                ..Wind::default()
+            },
+            ..AscentParameters::SPICA
+        };
+        let mut ascent = Ascent::new(&parameters, UnitQuaternion::identity()).unwrap();
+        ascent.ignite();
+        for _ in 0..5000 {
+            ascent.step(STEP_S, [0.0; 2]);
+        }
+        ascent.tilt_rad()
+    };
+    assert_eq!(flown(1), flown(1));
+    assert_ne!(flown(1), flown(2));
+}
+
+/// What the sensor feels is the second difference of its place in earth axes, less gravity. The
+/// mass is nearly constant, since the centre's shift in the rocket is left out.
+#[test]
+fn the_sensor_feels_the_bend_of_its_path() {
+    let parameters = AscentParameters {
+        sensor_m: [0.2, -0.3, -9.0],
+        jet_damping: true,
+        ..AscentParameters::of(RocketParameters {
+            propellant_kg: 1e-6,
+            ..RocketParameters::SPICA
+        })
+    };
+    let mut ascent = Ascent::new(&parameters, UnitQuaternion::identity()).unwrap();
+    let start = tilted(0.2, -0.1, 0.4);
+    ascent.release(
+        20.0,
+        [0.0, 0.0, -2e3],
+        [30.0, 0.0, -300.0],
+        start,
+        [0.2, -0.3, 0.8],
+    );
+    ascent.gimbal_rad = [0.03, -0.04];
+    let place = |ascent: &Ascent| {
+        let lever = Vector3::from(parameters.sensor_m)
+            + Vector3::new(0.0, 0.0, ascent.mass_properties().cm_m);
+        ascent.state.position + ascent.attitude() * lever
+    };
+    let mut places = vec![place(&ascent)];
+    let mut middle = ascent.clone();
+    for step in 1..=2 {
+        ascent.step(STEP_S, [0.03, -0.04]);
+        places.push(place(&ascent));
+        if step == 1 {
+            middle = ascent.clone();
+        }
+    }
+    let bend = (places[2] - 2.0 * places[1] + places[0]) / (STEP_S * STEP_S);
+    let expected = middle.attitude().inverse() * (bend - Vector3::new(0.0, 0.0, GRAVITY_M_S2));
+    let found = Vector3::from(middle.specific_force_m_s2());
+    assert!((found - expected).norm() < 1e-4, "{found} {expected}");
+}
+
+proptest! {
+    /// Whatever the attitude, wind and command, the state stays finite and the attitude a rotation.
+    #[test]
+    fn nothing_breaks_a_flight(
+        attitude in proptest::array::uniform3(-3.0..3.0_f64),
+        rates in proptest::array::uniform3(-2.0..2.0_f64),
+        velocity in proptest::array::uniform3(-500.0..500.0_f64),
+        command in proptest::array::uniform2(-1.0..1.0_f64),
+        time_s in 0.0..100.0_f64,
+    ) {
+        let mut ascent = spica();
+        let attitude = UnitQuaternion::from_scaled_axis(Vector3::from(attitude));
+        ascent.release(time_s, [0.0, 0.0, -1e4], velocity, attitude, rates);
+        for _ in 0..200 {
+            ascent.step(5e-3, command);
+        }
+        prop_assert!((ascent.attitude().norm() - 1.0).abs() < 1e-12);
+        prop_assert!(ascent.tilt_rad().iter().all(|tilt| tilt.abs() <= std::f64::consts::PI));
+        prop_assert!(ascent.specific_force_m_s2().iter().all(|felt| felt.is_finite()));
+    }
+}
+
+#[test]
+fn bad_figures_are_named() {
+    let good = AscentParameters::SPICA;
+    let with_wind = |wind| AscentParameters { wind, ..good };
+    let rocket = RocketParameters {
+        burn_s: 0.0,
+        ..good.rocket
+    };
+    let gust = Gust {
+        from_m: 0.0,
+        depth_m: 0.0,
+        peak_m_s: [0.0; 3],
+    };
+    let turbulence = Turbulence {
+        rms_m_s: -1.0,
+        length_m: 100.0,
+        seed: 0,
+    };
+    for (bad, name) in [
+        (AscentParameters { rocket, ..good }, "burn_s"),
+        (
+            AscentParameters {
+                axial_gyration_m: 0.0,
+                ..good
+            },
+            "axial_gyration_m",
+        ),
+        (
+            AscentParameters {
+                rail_m: -1.0,
+                ..good
+            },
+            "rail_m",
+        ),
+        (
+            AscentParameters {
+                sensor_m: [0.0, f64::NAN, 0.0],
+                ..good
+            },
+            "sensor_m",
+        ),
+        (
+            AscentParameters {
+                misalignment_rad: [f64::INFINITY, 0.0],
+                ..good
+            },
+            "misalignment_rad",
+        ),
+        (
+            AscentParameters {
+                spin: Spin::Moment(f64::NAN),
+                ..good
+            },
+            "spin_moment_n_m",
+        ),
+        (
+            with_wind(Wind {
+                steady_m_s: [f64::NAN; 3],
+                ..Wind::default()
+            }),
+            "steady_m_s",
+        ),
+        (
+            with_wind(Wind {
+                gust: Some(gust),
+                ..Wind::default()
+            }),
+            "depth_m",
+        ),
+        (
+            with_wind(Wind {
+                turbulence: Some(turbulence),
+                ..Wind::default()
+            }),
+            "rms_m_s",
+        ),
+    ] {
+        let error = Ascent::new(&bad, UnitQuaternion::identity()).unwrap_err();
+        assert!(error.to_string().contains(name), "{error}");
+    }
+    let text = toml::to_string(&good).unwrap();
+    assert_eq!(toml::from_str::<AscentParameters>(&text).unwrap(), good);
+}
