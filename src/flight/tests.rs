@@ -374,8 +374,8 @@ proptest! {
         ..ProptestConfig::default()
     })]
 
-    /// Whatever comes, the pulses stay in the hard range, are neutral unless control is active or an
-    /// idle servo is set up, and the attitude is finite.
+    /// Whatever comes, the pulses stay in the hard range, are neutral unless control is active or
+    /// an idle servo is set up, and the attitude is finite.
     #[test]
     fn nothing_leaves_the_envelope(
         axes in prop_oneof![Just(1.0_f32), Just(2.0)],

@@ -100,9 +100,10 @@ impl Orientation {
 
     /// The tilt of the body's vertical against the earth's (the reduced attitude), as the vector
     /// that turns the one into the other the shortest way: its parts about the body's y and x, rad,
-    /// Q28, within 1.5e-4 up to a right angle, and that over the sine beyond. Its length is the angle between the verticals, 0 to pi; heading and
-    /// rotation about the body's own vertical do not matter. Without roll the first is the pitch,
-    /// without pitch the second the roll. Upside down every direction is as short, and one is taken.
+    /// Q28, within 1.5e-4 up to a right angle, and that over the sine beyond. Its length is the
+    /// angle between the verticals, 0 to pi; heading and rotation about the body's own vertical do
+    /// not matter. Without roll the first is the pitch, without pitch the second the roll. Upside
+    /// down every direction is as short, and one is taken.
     pub fn tilt_q28(&self) -> [i32; 2] {
         /// Angle over sine by the cosine, from 0 to 1, as a polynomial, highest power first, Q15:
         /// within 3e-5 (interpolation at Chebyshev's nodes).

@@ -63,14 +63,15 @@ impl Clamp {
         }
         let most = TILT_RATE_RAD_S * dt_s;
         let mut rates = [0.0; Axis::COUNT];
-        for axis in 0..Axis::COUNT {
-            let missing = self.wanted_rad[axis] - self.held_rad[axis];
+        let tilts = self.held_rad.iter_mut().zip(self.wanted_rad);
+        for ((held, wanted), rate) in tilts.zip(&mut rates) {
+            let missing = wanted - *held;
             if missing.abs() <= most {
-                self.held_rad[axis] = self.wanted_rad[axis];
+                *held = wanted;
             } else {
-                self.held_rad[axis] += most.copysign(missing);
+                *held += most.copysign(missing);
             }
-            rates[axis] = missing.clamp(-most, most) / dt_s;
+            *rate = missing.clamp(-most, most) / dt_s;
         }
         drone.clamp(self.held_rad);
         rates

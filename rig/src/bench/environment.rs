@@ -525,7 +525,11 @@ fn hang(bench: &BenchConfig) -> Result<(HungDrone, [f64; Axis::COUNT], f64), Par
     let Some(two_axes) = &bench.two_axes else {
         let drone = Drone::new(&bench.parameters, bench.start_rad, 0.0)?;
         let zero_rad = drone.crank().angle_rad;
-        return Ok((HungDrone::Pivot(drone), [bench.start_rad, 0.0], zero_rad));
+        return Ok((
+            HungDrone::Pivot(Box::new(drone)),
+            [bench.start_rad, 0.0],
+            zero_rad,
+        ));
     };
     let parameters = TwoAxisParameters {
         lateral_cm_m: two_axes.lateral_cm_m,

@@ -10,7 +10,7 @@ use tvc_nano::Axis;
 #[derive(Clone, Debug)]
 pub enum HungDrone {
     /// It pitches.
-    Pivot(Drone),
+    Pivot(Box<Drone>),
     /// It pitches, rolls and spins.
     Joint(Box<TwoAxisDrone>),
 }
@@ -40,8 +40,8 @@ impl HungDrone {
         }
     }
 
-    /// The tilt as [`Self::tilt_rad`] has it, rad, in axes that have the heading of the bench and do
-    /// not spin with the drone.
+    /// The tilt as [`Self::tilt_rad`] has it, rad, in axes that have the heading of the bench and
+    /// do not spin with the drone.
     pub fn level_tilt_rad(&self, heading_rad: f64) -> [f64; Axis::COUNT] {
         match self {
             Self::Pivot(_) => self.tilt_rad(),

@@ -73,8 +73,8 @@ fn attitude(pitch_rad: f64, magnetic_heading_rad: f64) -> [f64; 4] {
 }
 
 /// For a sensor at `lever_m` from the pivot of a drone that turns at `rate` (rad/s) and
-/// `acceleration` (rad/s^2), along the sensor's axes, which are the body's. `attitude` takes them to
-/// north-east-down; `gravity` in m/s^2.
+/// `acceleration` (rad/s^2), along the sensor's axes, which are the body's. `attitude` takes them
+/// to north-east-down; `gravity` in m/s^2.
 pub(super) fn in_joint(
     attitude: &UnitQuaternion<f64>,
     (rate, acceleration): (Vector3<f64>, Vector3<f64>),

@@ -374,8 +374,8 @@ impl Ready {
         )
     }
 
-    /// A clone with the drone tilted to `start_rad`, pitch and roll, and armed, at a random phase of
-    /// the servo frame.
+    /// A clone with the drone tilted to `start_rad`, pitch and roll, and armed, at a random phase
+    /// of the servo frame.
     pub(super) fn armed(
         &self,
         start_rad: [f64; Axis::COUNT],

@@ -1,5 +1,5 @@
-//! Flights of the image with vehicles that are not as their parameters say: mass, thrust, inertia and
-//! servo of each are drawn as those of `tvc montecarlo`.
+//! Flights of the image with vehicles that are not as their parameters say: mass, thrust, inertia
+//! and servo of each are drawn as those of `tvc montecarlo`.
 
 use anyhow::{Context, Result};
 use indicatif::{ProgressBar, ProgressStyle};

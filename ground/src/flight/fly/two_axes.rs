@@ -1,5 +1,5 @@
-//! Flights of the drone with two rudders: from tilts of either axis and of both, at several headings,
-//! with and without spin.
+//! Flights of the drone with two rudders: from tilts of either axis and of both, at several
+//! headings, with and without spin.
 
 use anyhow::{Context, Result};
 use client::StateKind;
