@@ -8,6 +8,7 @@ use mavlink::dialects::common::{
     PARAM_SET_DATA, STATUSTEXT_DATA, TIMESYNC_DATA,
 };
 use mavlink::types::CharArray;
+use tvc_nano::Axis;
 use tvc_nano::bringup::What;
 use tvc_nano::config::COMPONENT_ID;
 
@@ -74,12 +75,12 @@ pub const VERSION: Order = Order {
     params: [AUTOPILOT_VERSION_DATA::ID as f32, 0.0],
 };
 
-/// A pulse for the servo's set-up, us; the firmware holds it for two seconds.
-pub fn servo(pulse_us: f32) -> Order {
+/// A pulse for the set-up of an axis' servo, us; the firmware holds it for two seconds.
+pub fn servo(axis: Axis, pulse_us: f32) -> Order {
     Order {
         name: "hold a pulse",
         command: MavCmd::MAV_CMD_DO_SET_SERVO,
-        params: [1.0, pulse_us],
+        params: [(1 + axis.index()) as f32, pulse_us],
     }
 }
 

@@ -6,6 +6,7 @@ use crate::vehicle::param::ParamPort;
 use calibration::{STANDARD_GRAVITY, Sensor, Wanted};
 use clap::{Args, Subcommand};
 use std::path::{Path, PathBuf};
+use tvc_nano::Axis;
 
 /// Options of `tvc calibrate`.
 #[derive(Debug, Args)]
@@ -24,6 +25,7 @@ Examples:
   cargo tvc calibrate --from log.csv --only gyr,acc --level 5  mount from the rest at 5 s, body level
   cargo tvc param load report/calibration.parm                 and onto the vehicle
   cargo tvc calibrate servo                                    then centre, angle, direction, ends
+  cargo tvc calibrate servo --second                           the same of the second servo
   cargo tvc calibrate polarity                                 then see the rudder answer a tilt
   cargo tvc calibrate hold                                     then, on the tether, the lateral offset
   cargo tvc rig --pty --link ./nano --blank --sensor worst     a virtual rig to try it at
@@ -124,6 +126,10 @@ pub enum SetUp {
 /// Options of `tvc calibrate servo`. What is not given is asked for, or stays with --yes.
 #[derive(Debug, Default, Args)]
 pub struct Servo {
+    /// The second servo, on D2, which steers roll where AXES is 2. Its angle is that of the first.
+    #[arg(long)]
+    pub second: bool,
+
     /// Pulse at which the rudder has no effect, us.
     #[arg(long, value_name = "US")]
     pub centre: Option<f32>,
@@ -132,7 +138,8 @@ pub struct Servo {
     #[arg(long, value_name = "US")]
     pub us_per_deg: Option<f32>,
 
-    /// 1 where a longer pulse pushes the nose down, -1 where it lifts it.
+    /// 1 where a longer pulse pushes the nose down (the second servo: the right side up), -1 where
+    /// it does the opposite.
     #[arg(long, value_name = "SIGN", allow_negative_numbers = true)]
     pub direction: Option<f32>,
 
@@ -143,6 +150,13 @@ pub struct Servo {
     /// Longest pulse at which nothing touches, us.
     #[arg(long, value_name = "US")]
     pub max: Option<f32>,
+}
+
+impl Servo {
+    /// The axis whose servo is set up.
+    pub fn axis(&self) -> Axis {
+        if self.second { Axis::Roll } else { Axis::Pitch }
+    }
 }
 
 impl Calibrate {

@@ -6,8 +6,8 @@ use std::time::{Duration, Instant};
 use anyhow::Result;
 use client::{Parameter, request};
 use serde::Serialize;
-use tvc_nano::Params;
 use tvc_nano::config::{PULSE_MAX_US, PULSE_MIN_US};
+use tvc_nano::{Axis, Params};
 
 use super::options::{Calibrate, Servo};
 use super::person::{Ending, Question};
@@ -21,6 +21,14 @@ const AGAIN: Duration = Duration::from_millis(500);
 const NUDGE_US: f32 = 5.0;
 /// How far from the centre the horn's angle is measured, us.
 const SPAN_US: f32 = 300.0;
+
+/// The parameters of an axis' servo: centre, direction, shortest and longest pulse.
+fn names(axis: Axis) -> [&'static str; 4] {
+    match axis {
+        Axis::Pitch => ["SRV_CENTRE_US", "SRV_DIR", "SRV_MIN_US", "SRV_MAX_US"],
+        Axis::Roll => ["SRV2_CENTRE_US", "SRV2_DIR", "SRV2_MIN_US", "SRV2_MAX_US"],
+    }
+}
 
 /// What `tvc calibrate servo --json` prints.
 #[derive(Debug, Serialize)]
@@ -91,12 +99,13 @@ pub fn set_up(session: &mut Session, given: &Servo) -> Result<(Figures, Ending)>
 /// Checks that the firmware takes what is given.
 fn check(given: &Servo) -> Result<()> {
     let mut table = Params::default();
+    let [centre, direction, min, max] = names(given.axis());
     for (option, name, value) in [
-        ("--centre", "SRV_CENTRE_US", given.centre),
+        ("--centre", centre, given.centre),
         ("--us-per-deg", "SRV_US_PER_DEG", given.us_per_deg),
-        ("--direction", "SRV_DIR", given.direction),
-        ("--min", "SRV_MIN_US", given.min),
-        ("--max", "SRV_MAX_US", given.max),
+        ("--direction", direction, given.direction),
+        ("--min", min, given.min),
+        ("--max", max, given.max),
     ] {
         if let Some(value) = value {
             table
@@ -111,6 +120,8 @@ fn check(given: &Servo) -> Result<()> {
 /// it.
 fn find(session: &mut Session, given: &Servo) -> Result<Vec<Parameter>> {
     let yes = session.is_agreed();
+    let axis = given.axis();
+    let [centre_name, direction_name, min_name, max_name] = names(axis);
     type Ask<'a> = &'a dyn Fn(&mut Session, f32) -> Result<f32>;
     let mut value = |name: &str, given: Option<f32>, ask: Ask<'_>| match given {
         Some(value) => Ok(value),
@@ -119,21 +130,26 @@ fn find(session: &mut Session, given: &Servo) -> Result<Vec<Parameter>> {
             if yes { Ok(has) } else { ask(session, has) }
         }
     };
-    let centre = value("SRV_CENTRE_US", given.centre, &|session, has| {
+    let centre = value(centre_name, given.centre, &|session, has| {
         let what = "Thrust off. Centre: the rudder hangs straight down";
-        nudge(session, what, has)
+        nudge(session, axis, what, has)
     })?;
     let us_per_deg = value("SRV_US_PER_DEG", given.us_per_deg, &|session, has| {
-        Ok(scale(session, centre)?.unwrap_or(has))
+        Ok(scale(session, axis, centre)?.unwrap_or(has))
     })?;
-    let direction = value("SRV_DIR", given.direction, &|session, has| {
-        Ok(direction(session, centre)?.unwrap_or(has))
+    let direction = value(direction_name, given.direction, &|session, has| {
+        Ok(direction(session, axis, centre)?.unwrap_or(has))
     })?;
-    let min = value("SRV_MIN_US", given.min, &|session, has| {
-        nudge(session, "Shortest pulse at which nothing touches", has)
+    let min = value(min_name, given.min, &|session, has| {
+        nudge(
+            session,
+            axis,
+            "Shortest pulse at which nothing touches",
+            has,
+        )
     })?;
-    let max = value("SRV_MAX_US", given.max, &|session, has| {
-        nudge(session, "Longest pulse at which nothing touches", has)
+    let max = value(max_name, given.max, &|session, has| {
+        nudge(session, axis, "Longest pulse at which nothing touches", has)
     })?;
     // Rounded as a person would write it, so that files and vehicles agree.
     let row = |name: &str, value: f32| Parameter {
@@ -141,11 +157,11 @@ fn find(session: &mut Session, given: &Servo) -> Result<Vec<Parameter>> {
         value: (value * 1000.0).round() / 1000.0,
     };
     let rows = vec![
-        row("SRV_CENTRE_US", centre),
+        row(centre_name, centre),
         row("SRV_US_PER_DEG", us_per_deg),
-        row("SRV_DIR", direction),
-        row("SRV_MIN_US", min),
-        row("SRV_MAX_US", max),
+        row(direction_name, direction),
+        row(min_name, min),
+        row(max_name, max),
     ];
     let mut table = Params::default();
     for row in &rows {
@@ -157,19 +173,24 @@ fn find(session: &mut Session, given: &Servo) -> Result<Vec<Parameter>> {
 }
 
 /// Asks a question while the servo holds a pulse.
-fn ask_at(session: &mut Session, pulse_us: f32, question: &Question<'_>) -> Result<Option<String>> {
+fn ask_at(
+    session: &mut Session,
+    axis: Axis,
+    pulse_us: f32,
+    question: &Question<'_>,
+) -> Result<Option<String>> {
     let mut due = Instant::now();
     session.question(question, &mut |vehicle| {
         if Instant::now() >= due {
             due = Instant::now() + AGAIN;
-            vehicle.command(request::servo(pulse_us))?;
+            vehicle.command(request::servo(axis, pulse_us))?;
         }
         Ok(())
     })
 }
 
 /// Moves the servo until the person accepts the pulse.
-fn nudge(session: &mut Session, what: &str, from_us: f32) -> Result<f32> {
+fn nudge(session: &mut Session, axis: Axis, what: &str, from_us: f32) -> Result<f32> {
     let mut pulse_us = from_us;
     let mut again = false;
     loop {
@@ -186,7 +207,7 @@ fn nudge(session: &mut Session, what: &str, from_us: f32) -> Result<f32> {
             entry: Some("us"),
             again,
         };
-        let Some(answer) = ask_at(session, pulse_us, &question)? else {
+        let Some(answer) = ask_at(session, axis, pulse_us, &question)? else {
             return Ok(pulse_us);
         };
         if answer.is_empty() {
@@ -215,7 +236,7 @@ fn nudged(pulse_us: f32, answer: &str) -> Option<f32> {
 }
 
 /// Change of the pulse per degree, us, from the horn's angles at [`SPAN_US`] to both sides.
-fn scale(session: &mut Session, centre_us: f32) -> Result<Option<f32>> {
+fn scale(session: &mut Session, axis: Axis, centre_us: f32) -> Result<Option<f32>> {
     let mut degrees = 0.0;
     for pulse_us in [centre_us + SPAN_US, centre_us - SPAN_US] {
         loop {
@@ -226,7 +247,7 @@ fn scale(session: &mut Session, centre_us: f32) -> Result<Option<f32>> {
                 entry: Some("deg"),
                 again: false,
             };
-            match ask_at(session, pulse_us, &question)? {
+            match ask_at(session, axis, pulse_us, &question)? {
                 Some(answer) if !answer.is_empty() => match answer.parse::<f32>() {
                     Ok(deg) if (5.0..=90.0).contains(&deg.abs()) => {
                         degrees += deg.abs();
@@ -242,16 +263,20 @@ fn scale(session: &mut Session, centre_us: f32) -> Result<Option<f32>> {
 }
 
 /// Which way a longer pulse turns the rudder.
-fn direction(session: &mut Session, centre_us: f32) -> Result<Option<f32>> {
+fn direction(session: &mut Session, axis: Axis, centre_us: f32) -> Result<Option<f32>> {
+    let words = match axis {
+        Axis::Pitch => "A longer pulse: does the rudder's lower edge point forward, to the nose",
+        Axis::Roll => "A longer pulse: does the second rudder's lower edge point left",
+    };
     let question = Question {
-        words: "A longer pulse: does the rudder's lower edge point forward, to the nose",
+        words,
         keys: "[y/n] (Enter: leave it as it is)?",
         buttons: &[("Yes", "y"), ("No", "n"), ("Leave it as it is", "")],
         entry: None,
         again: false,
     };
     loop {
-        match ask_at(session, centre_us + SPAN_US, &question)?.as_deref() {
+        match ask_at(session, axis, centre_us + SPAN_US, &question)?.as_deref() {
             Some("y" | "Y" | "yes") => return Ok(Some(1.0)),
             Some("n" | "N" | "no") => return Ok(Some(-1.0)),
             Some("") | None => return Ok(None),
@@ -278,6 +303,7 @@ mod tests {
     #[test]
     fn what_the_firmware_would_not_take_is_named_by_its_option() {
         let given = |centre, direction| Servo {
+            second: false,
             centre,
             us_per_deg: None,
             direction,
@@ -291,5 +317,11 @@ mod tests {
             "{why}"
         );
         assert!(check(&given(None, Some(0.5))).is_err());
+        let second = Servo {
+            second: true,
+            ..given(Some(1700.0), None)
+        };
+        let why = check(&second).unwrap_err().to_string();
+        assert!(why.contains("SRV2_CENTRE_US must be"), "{why}");
     }
 }
