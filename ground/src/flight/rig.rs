@@ -17,7 +17,7 @@ use crate::flight::fly::start_angle;
 use crate::flight::hardware::HardwareChoice;
 use crate::flight::vehicle::VehicleKind;
 use crate::image::ImageOption;
-use crate::out::exit::Verdict;
+use crate::out::exit::{BadInput, Verdict};
 #[cfg(unix)]
 use crate::out::file::print;
 
@@ -30,7 +30,7 @@ Examples:
   cargo tvc rig --pty --link ./nano              and makes ./nano a link to it
   cargo tvc monitor --port ./nano                in a second terminal: every command works there
   cargo tvc test step --port ./nano              arms, releases, prints the figures
-  cargo tvc rig --pty --vehicle drone2           two rudders: it pitches and rolls
+  cargo tvc rig --pty --vehicle drone2 --roll 0.3    two rudders: it pitches and rolls
   cargo tvc rig --pty --vibration 5,180          with an unbalanced propeller, see --help
   cargo tvc rig --pty --faults scenarios/faults.toml   with faults of the sensor in every flight
   cargo tvc rig tell ./nano fault unplugged      something done by hand to the rig with that link
@@ -64,6 +64,10 @@ pub struct Rig {
     /// Tilt at which the clamp holds the drone, in rad (0 to 0.87).
     #[arg(long, value_name = "RAD", default_value_t = 0.4, allow_negative_numbers = true, value_parser = start_angle)]
     pub tilt: f64,
+
+    /// The same to the side, right side down positive, with --vehicle drone2.
+    #[arg(long, value_name = "RAD", default_value_t = 0.0, allow_negative_numbers = true, value_parser = roll_angle)]
+    pub roll: f64,
 
     /// A Nano fresh from its box: nothing in its flash, polarity unchecked, so that it cannot be
     /// armed yet.
@@ -146,6 +150,13 @@ fn speed(text: &str) -> Result<f64, String> {
     }
 }
 
+fn roll_angle(text: &str) -> Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(0.0) => Ok(0.0),
+        _ => start_angle(text),
+    }
+}
+
 fn offset(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
         Ok(mm) if mm.abs() <= 30.0 => Ok(mm),
@@ -208,6 +219,13 @@ fn run_rig(options: &Rig) -> Result<Verdict> {
     config.bench.sensor.errors = options.sensor.errors();
     config.bench.start_rad = options.tilt;
     options.vehicle.hang(&mut config)?;
+    match &mut config.bench.two_axes {
+        Some(two_axes) => two_axes.start_roll_rad = options.roll,
+        None if options.roll != 0.0 => {
+            return Err(BadInput::new("--roll needs --vehicle drone2").into());
+        }
+        None => {}
+    }
     let drone = config.bench.parameters;
     config.bench.parameters = drone.with_lateral_offset(options.cm_offset * 1e-3);
     config.bench.disturbances = options.disturb.over(scenario.disturbances);
@@ -224,7 +242,9 @@ fn run_rig(options: &Rig) -> Result<Verdict> {
         options.seed,
         options.tilt
     );
-    let pilot = Pilot::new(options.tilt, RELEASE_RATE_RAD_S).with_manner(options.hand);
+    let pilot = Pilot::new(options.tilt, RELEASE_RATE_RAD_S)
+        .with_roll(options.roll)
+        .with_manner(options.hand);
     let mut running = RealTime::new(rig, pilot, pty).at_speed(options.speed);
     if let Some(link) = &link {
         let path = control_path(&link.0);

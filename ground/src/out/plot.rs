@@ -203,7 +203,8 @@ impl<'a> Plot<'a> {
                 }
             });
         }
-        if self.lines.len() + look.marks.len() > 1 {
+        let named = self.lines.iter().any(|line| !line.name.is_empty());
+        if self.lines.len() + look.marks.len() > 1 && (named || !look.marks.is_empty()) {
             chart
                 .configure_series_labels()
                 .background_style(WHITE.mix(0.85))

@@ -12,11 +12,15 @@ use crate::disturbance::{SupplySag, Temperature, ThrustRamp, Vibration};
 use crate::rig::ProgramEnd;
 
 /// The words of each action, and what happens.
-pub const HELP: [(&str, &str); 19] = [
+pub const HELP: [(&str, &str); 20] = [
     ("state", "nothing; the answer tells how the rig is"),
     (
         "tilt RAD",
         "the clamp tilts the drone, -1.5 to 1.5 rad, and holds it there before every release",
+    ),
+    (
+        "roll RAD",
+        "the same to the side, right side down positive, of a drone with two rudders",
     ),
     (
         "clamp open|closed|auto",
@@ -81,6 +85,8 @@ pub enum Action {
     Look,
     /// The clamp holds the drone at this tilt before every release, rad.
     Tilt(f64),
+    /// The same in roll.
+    Roll(f64),
     /// The clamp is opened or closed by hand; `None` leaves it to the firmware's state.
     Clamp(Option<bool>),
     /// An angular impulse, N m s.
@@ -143,6 +149,7 @@ impl FromStr for Action {
         let action = match (name, words.as_slice()) {
             ("state", []) => Self::Look,
             ("tilt", [rad]) => Self::Tilt(number(rad, TILT_RAD)?),
+            ("roll", [rad]) => Self::Roll(number(rad, TILT_RAD)?),
             ("clamp", ["open"]) => Self::Clamp(Some(true)),
             ("clamp", ["closed"]) => Self::Clamp(Some(false)),
             ("clamp", ["auto"]) => Self::Clamp(None),

@@ -46,7 +46,8 @@ pub struct Pilot {
     link: Wire,
     station: Wire,
     manner: Manner,
-    start_rad: f64,
+    /// Pitch and roll at which the clamp holds the drone before a release.
+    start_rad: [f64; Axis::COUNT],
     rate_rad_s: f64,
     state: Option<StateKind>,
     /// When to look at the rudder of the tilted drone, and at which.
@@ -65,12 +66,16 @@ pub struct Look {
     pub time_s: f64,
     /// The drone's true pitch, rad.
     pub pitch_rad: f64,
+    /// Its true roll, rad; 0 where it only pitches.
+    pub roll_rad: f64,
     /// The clamp holds the drone.
     pub held: bool,
     /// Who moves the clamp: `open` and `closed` by hand, `auto` by the firmware's state.
     pub clamp: &'static str,
     /// Tilt at which it holds the drone before a release, rad.
     pub start_rad: f64,
+    /// The same in roll, rad.
+    pub start_roll_rad: f64,
     /// Faults that are on.
     pub faults: Vec<&'static str>,
     /// Disturbances that are on, with their values.
@@ -90,13 +95,19 @@ impl Pilot {
             link: Wire::default(),
             station: Wire::default(),
             manner: Manner::default(),
-            start_rad,
+            start_rad: [start_rad, 0.0],
             rate_rad_s,
             state: None,
             check_rudder_at: None,
             clamp: None,
             ending: Vec::new(),
         }
+    }
+
+    /// Releases it from this roll, too, rad, where it hangs in a joint.
+    pub fn with_roll(mut self, roll_rad: f64) -> Self {
+        self.start_rad[1] = roll_rad;
+        self
     }
 
     /// Does what a calibration asks for in this manner.
@@ -148,7 +159,7 @@ impl Pilot {
             }),
             Prompt::Done => {
                 environment.put_back();
-                environment.tilt_clamp(self.start_rad);
+                environment.tilt_clamp_to(self.start_rad);
             }
         }
     }
@@ -196,7 +207,7 @@ impl Pilot {
             StateKind::Active | StateKind::Failsafe => {}
             _ if !held => {
                 rig.environment_mut().catch();
-                rig.environment_mut().tilt_clamp(self.start_rad);
+                rig.environment_mut().tilt_clamp_to(self.start_rad);
             }
             _ => {}
         }
@@ -215,8 +226,15 @@ impl Pilot {
         match action {
             Action::Look => {}
             Action::Tilt(rad) => {
-                self.start_rad = *rad;
-                rig.environment_mut().tilt_clamp(*rad);
+                self.start_rad[0] = *rad;
+                rig.environment_mut().tilt_clamp_to(self.start_rad);
+            }
+            Action::Roll(_) if matches!(rig.environment().drone(), HungDrone::Pivot(_)) => {
+                return Err("this drone only pitches: tvc rig --vehicle drone2".into());
+            }
+            Action::Roll(rad) => {
+                self.start_rad[1] = *rad;
+                rig.environment_mut().tilt_clamp_to(self.start_rad);
             }
             Action::Clamp(by_hand) => self.clamp(rig, *by_hand),
             Action::Push(impulse) => rig.environment_mut().push(*impulse),
@@ -275,7 +293,7 @@ impl Pilot {
             Some(true) if held => rig.release(self.rate_rad_s),
             Some(false) if !held => {
                 rig.environment_mut().catch();
-                rig.environment_mut().tilt_clamp(self.start_rad);
+                rig.environment_mut().tilt_clamp_to(self.start_rad);
             }
             _ => {}
         }
@@ -287,14 +305,16 @@ impl Pilot {
         let faults = environment.sensor().faults();
         Look {
             time_s: rig.now().as_secs_f64(),
-            pitch_rad: environment.drone().pitch_rad(),
+            pitch_rad: environment.drone().tilt_rad()[0],
+            roll_rad: environment.drone().tilt_rad()[1],
             held: environment.drone().held(),
             clamp: match self.clamp {
                 Some(true) => "open",
                 Some(false) => "closed",
                 None => "auto",
             },
-            start_rad: self.start_rad,
+            start_rad: self.start_rad[0],
+            start_roll_rad: self.start_rad[1],
             faults: faults.map(|fault| FaultKind::of(fault).name()).collect(),
             disturbances: environment.disturbances().rows(),
             usb: rig.usb_host().is_attached(),

@@ -33,8 +33,9 @@ const SPINS_RAD_S: [f64; 2] = [0.0, 1.0];
 const HEADINGS_DEG: [f64; 3] = [0.0, 90.0, 135.0];
 /// Settling band, share of the start.
 const BAND: f64 = 0.05;
-/// The part of a flight that is drawn, s.
+/// The part of a flight that is drawn, s, and the time from point to point, ms.
 const DRAWN_S: f64 = 1.5;
+const DRAWN_EVERY: usize = 5;
 
 /// One flight: lists name pitch first, then roll.
 #[derive(Clone, Debug, Serialize)]
@@ -279,6 +280,7 @@ impl Run {
             path: path
                 .into_iter()
                 .filter(|(at_s, _)| *at_s <= DRAWN_S)
+                .step_by(DRAWN_EVERY)
                 .map(|(at_s, tilt)| (at_s, tilt.map(f64::to_degrees)))
                 .collect(),
         })
@@ -293,15 +295,16 @@ fn plots(size_rad: f64, runs: &[Run]) -> Result<Markup> {
             let all = runs.iter();
             all.filter(|run| run.size_rad == size_rad && run.direction == direction)
         };
-        let line = |axis: usize, colour: usize| {
-            of().map(move |run| {
+        let line = |axis: usize, name: &'static str, colour: usize| {
+            of().enumerate().map(move |(index, run)| {
                 let path = run.path.iter().map(|(at_s, tilt)| (*at_s, tilt[axis]));
-                Line::new("", colour, path.collect())
+                let name = if index == 0 { name } else { "" };
+                Line::new(name, colour, path.collect())
             })
         };
-        let lines = line(0, 0).chain(line(1, 2)).collect();
+        let lines = line(0, "pitch", 0).chain(line(1, "roll", 1)).collect();
         let band = (BAND * size_rad).to_degrees();
-        let plot = Plot::new("time since release, s", "pitch (blue) and roll, deg", lines);
+        let plot = Plot::new("time since release, s", "angle, deg", lines);
         parts.push((direction, plot.with_band(Some((-band, band))).svg()?));
     }
     Ok(html! {
