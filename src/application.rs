@@ -194,6 +194,7 @@ impl<'a> Application<'a> {
             self.ask_sensor(now, board);
             let snapshot = &self.flight.act(now, estimate);
             board.step_ends(&self.step_end(now, snapshot));
+            self.flight.catch_up();
             self.ask_sensor(now, board);
             let status = &board.status();
             if let Some(index) = self.flight.learn(status) {

@@ -105,6 +105,8 @@ pub struct Flight {
     channels: [Channel; Axis::COUNT],
     /// How many of them are steered.
     steered: usize,
+    /// The channel of roll has not taken over the newest parameters yet.
+    roll_is_due: bool,
     test_pulse: TestPulse,
     supervisor: Supervisor,
 }
@@ -124,6 +126,7 @@ impl Flight {
             carried: CarriedTicks::new(&timing),
             channels: Axis::ALL.map(|axis| Channel::new(&params, axis)),
             steered: params.axes().len(),
+            roll_is_due: false,
             test_pulse: TestPulse::NONE,
             supervisor,
             params,
@@ -140,7 +143,17 @@ impl Flight {
     /// servo frame.
     pub fn step(&mut self, now: Micros, reading: Result<RawSample, SensorFault>) -> Snapshot {
         let estimate = self.estimate(now, reading);
-        self.act(now, estimate)
+        let snapshot = self.act(now, estimate);
+        self.catch_up();
+        snapshot
+    }
+
+    /// What is left to do behind a step, when its pulses have been written.
+    pub fn catch_up(&mut self) {
+        if core::mem::take(&mut self.roll_is_due) {
+            let [_, roll] = &mut self.channels;
+            roll.configure(&self.params);
+        }
     }
 
     /// The first half of a step: the attitude, and what state follows from it.
@@ -476,8 +489,12 @@ impl Flight {
         self.timing = self.params.timing();
         self.carried.configure(&self.timing);
         self.steered = self.params.axes().len();
-        for channel in &mut self.channels {
-            channel.configure(&self.params);
+        let [pitch, roll] = &mut self.channels;
+        pitch.configure(&self.params);
+        // In flight both in turn: there is time for one of them between two ticks.
+        self.roll_is_due = change == Change::Live && self.steered > 1;
+        if change != Change::Live {
+            roll.configure(&self.params);
         }
         self.supervisor.require_host(self.params.fs_host() == 1.0);
     }

@@ -8,6 +8,7 @@ use rig::bench::TwoAxes;
 use rig::bno055::Fault;
 use rig::flight::Release;
 use rig::ground_station::GroundStationError;
+use rig::measure::LoopTiming;
 use rig::{Ready, ServoKind, Setup, prepare};
 use std::sync::OnceLock;
 use tvc_nano::Axis;
@@ -135,4 +136,26 @@ fn nothing_is_armed_before_the_second_rudder_has_been_seen_to_answer() {
     );
     station.set_parameter(rig, "SRV2_POLARITY", 1.0).unwrap();
     station.arm(rig).unwrap();
+}
+
+/// Two laws take over a parameter in flight one after the other, so that no tick is lost by it.
+#[test]
+fn a_parameter_that_changes_in_flight_costs_no_tick() {
+    let mut ready = ready();
+    let Ready { rig, station, .. } = &mut ready;
+    station.arm(rig).unwrap();
+    station.release(rig, 0.0).unwrap();
+    station.run(rig, ms(1000)).unwrap();
+    let from = rig.now();
+    for round in 0..12 {
+        for (name, value) in [("PID_KP", 1.9), ("SFC_CURVE", 0.85), ("PITCH_GAIN", 31.0)] {
+            let value = value + 0.01 * round as f32;
+            station.set_parameter(rig, name, value).unwrap();
+            station.run(rig, ms(5)).unwrap();
+        }
+    }
+    let timing = LoopTiming::over(rig.truth(), from..rig.now());
+    assert!(timing.jitter_us_max < 100.0, "{timing:?}");
+    assert!(timing.steps.abs_diff(timing.bursts) <= 1, "{timing:?}");
+    assert_eq!(station.state(), Some(StateKind::Active));
 }

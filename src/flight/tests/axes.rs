@@ -105,3 +105,17 @@ fn control_of_a_roll_moves_the_second_rudder_alone_and_its_end_brings_both_to_ne
     }
     assert_eq!(desk.step_with(Err(SensorFault::Nak)).pulses, [NEUTRAL; 2]);
 }
+
+/// In flight the second law takes a parameter over behind the next step, on the ground at once.
+#[test]
+fn a_set_point_of_roll_that_changes_in_flight_counts_from_the_second_step_on() {
+    let mut desk = desk();
+    desk.command(Command::Arm).unwrap();
+    desk.command(Command::Release).unwrap();
+    tilted(&mut desk, 0.0, 20);
+    desk.flight.set_param("ROLL_SET_DEG", 10.0).unwrap();
+    let before = tilted(&mut desk, 0.0, 1).cranks[1];
+    let after = tilted(&mut desk, 0.0, 3).cranks[1];
+    assert!(f32::from(before).abs() < 0.01, "{before:?}");
+    assert!(f32::from(after) < -0.05, "{after:?}");
+}
