@@ -257,7 +257,7 @@ mod tests {
     fn every_action_has_words_and_every_choice_is_one() {
         for (usage, _) in HELP {
             let sample = match first(usage) {
-                "tilt" | "push" => "0.4",
+                "tilt" | "roll" | "push" => "0.4",
                 "gust" => "0.05,0.3",
                 "fault" => "spikes",
                 "vibration" | "servo-supply" | "thrust-ramp" | "temperature" => "off",
