@@ -1,6 +1,6 @@
 //! A control channel: from the angle about an axis to the pulse of its servo.
 
-use tvc_pid::{Q16, Scalar};
+use tvc_pid::{Coefficients, Q16, Scalar};
 
 use crate::axis::Axis;
 use crate::controller::{Controller, Sample};
@@ -38,6 +38,11 @@ impl Channel {
         self.servo.configure(params, self.axis);
         let travel_rad = self.servo.travel_rad();
         self.controller.configure(params, self.axis, travel_rad);
+    }
+
+    /// Take over the gains that the schedule has for now.
+    pub(crate) fn follow(&mut self, gains: &Coefficients<Q16>) {
+        self.controller.follow(gains);
     }
 
     /// The control law moves the rudder, `dt_us` after the last time.

@@ -102,6 +102,20 @@ pub const COS_FAILSAFE_TILT_Q30: i32 = 1 << 29;
 /// flight.
 pub const FAILSAFE_TILT_US: u64 = 100_000;
 
+/// Acceleration below `BURNOUT_ACC` that ends control, us: longer than an engine that chugs or a
+/// burst of bad samples.
+pub const BURNOUT_US: u64 = 200_000;
+
+/// Standard deviation of the tilt on the pad, deg: an accelerometer calibrated to 5 mg.
+pub const PAD_TILT_SD_DEG: f32 = 0.3;
+
+/// Standard deviation of the gyroscope's offset behind a rest of half a minute, deg/s: what its
+/// noise leaves, and the wandering of a BNO055 (6.5 deg/h) since.
+pub const GYR_OFFSET_SD_DEG_S: f32 = 0.01;
+
+/// Noise of the gyroscope, deg/s/sqrt(Hz) (BNO055 data sheet, table 0-2).
+pub const GYR_NOISE_DEG_RTS: f32 = 0.014;
+
 /// Silence of the host that is a failsafe where `FS_HOST` is on: three heartbeats of a client that
 /// sends one a second, less a reserve, so that the rudder is at neutral within three seconds of the
 /// last heartbeat, whenever the steps come.

@@ -6,8 +6,8 @@
 use core::f32::consts::PI;
 
 use tvc_pid::{
-    Config, ConfigError, Derivative, Gains, Pd, Pid, PredictiveConfig, PredictivePd, Q16, Reading,
-    Scalar, Surface, SurfaceConfig,
+    AntiWindup, Cascade, CascadeConfig, Coefficients, Config, ConfigError, Derivative, Gains, Pd,
+    Pid, PredictiveConfig, PredictivePd, Q16, Reading, Scalar, Surface, SurfaceConfig,
 };
 
 use crate::axis::Axis;
@@ -31,6 +31,13 @@ pub struct Sample {
     pub is_carried: bool,
 }
 
+/// `PID_LAW` of [`Law::Pid`], by its bits: one comparison of words, where floats take a call.
+const PID: u32 = 0.0_f32.to_bits();
+/// The same of [`Law::Predictive`].
+const PREDICTIVE: u32 = 1.0_f32.to_bits();
+/// The same of [`Law::Cascade`].
+const CASCADE: u32 = 3.0_f32.to_bits();
+
 /// Control of an axis: what is measured becomes a crank angle.
 #[derive(Clone, Debug)]
 pub struct Controller {
@@ -51,6 +58,8 @@ enum Law {
     Predictive(PredictivePd<Q16>),
     /// The switching surface.
     Surface(Surface<Q16>),
+    /// A loop of the angle around one of the rate.
+    Cascade(Cascade<Q16>),
 }
 
 impl Controller {
@@ -95,6 +104,7 @@ impl Controller {
         let ticks_per_us = self.ticks_per_us;
         -match &mut self.law {
             Law::Pid(law) => law.update(self.setpoint, angle, rate),
+            Law::Cascade(law) => law.update(self.setpoint, angle, rate, Q16::ZERO),
             Law::Predictive(law) => law.update(self.setpoint, angle, rate),
             Law::Surface(law) => {
                 // The angle is the sum of the rates, each of which counts for a whole period: half
@@ -117,6 +127,15 @@ impl Controller {
         (-output).clamp(-self.travel, self.travel)
     }
 
+    /// Take over the gains that the schedule has for now.
+    pub fn follow(&mut self, gains: &Coefficients<Q16>) {
+        match &mut self.law {
+            Law::Pid(law) => law.set_coefficients(*gains),
+            Law::Cascade(law) => law.rate_loop().set_coefficients(*gains),
+            Law::Predictive(_) | Law::Surface(_) => {}
+        }
+    }
+
     /// A sample is missing: the crank angle stays.
     pub fn coast(&mut self, is_carried: bool) {
         if let Law::Surface(law) = &mut self.law {
@@ -133,6 +152,7 @@ impl Controller {
         };
         match &mut self.law {
             Law::Pid(law) => law.memory(&mut |value| fixed(value, &mut count)),
+            Law::Cascade(law) => law.memory(&mut |value| fixed(value, &mut count)),
             Law::Predictive(law) => law.memory(&mut |value| fixed(value, &mut count)),
             Law::Surface(law) => law.memory(&mut |value| fixed(value, &mut count)),
         }
@@ -145,6 +165,7 @@ impl Controller {
     pub fn reset(&mut self) {
         match &mut self.law {
             Law::Pid(law) => law.reset(Q16::ZERO, self.setpoint, self.setpoint),
+            Law::Cascade(law) => law.reset(),
             Law::Predictive(law) => law.reset(),
             Law::Surface(law) => law.reset(),
         }
@@ -155,11 +176,10 @@ impl Law {
     /// Not taken over where it cannot work. Each law is configured in a function of its own, so
     /// that the stack holds one of them at a time.
     fn configure(&mut self, params: &Params, travel_rad: f32) -> Result<(), ConfigError> {
-        const PID: u32 = 0.0_f32.to_bits();
-        const PREDICTIVE: u32 = 1.0_f32.to_bits();
         match params.pid_law().to_bits() {
             PID => self.be_pid(&pid(params, travel_rad)),
             PREDICTIVE => self.be_predictive(&predictive(params, travel_rad)),
+            CASCADE => self.be_cascade(&cascade(params, travel_rad)),
             _ => self.be_surface(&surface(params, travel_rad)),
         }
     }
@@ -183,6 +203,17 @@ impl Law {
         match self {
             Self::Predictive(law) => law.retune(config),
             _ => Ok(()),
+        }
+    }
+
+    #[inline(never)]
+    fn be_cascade(&mut self, config: &CascadeConfig) -> Result<(), ConfigError> {
+        match self {
+            Self::Cascade(law) => law.set_config(config),
+            _ => {
+                *self = Self::Cascade(Cascade::new(config)?);
+                Ok(())
+            }
         }
     }
 
@@ -219,14 +250,61 @@ fn period_s(params: &Params) -> f32 {
 
 fn pid(params: &Params, travel_rad: f32) -> Config {
     Config {
-        gains: Gains {
-            kp: params.pid_kp(),
-            ki: params.pid_ki(),
-            kd: params.pid_kd(),
-        },
-        derivative: Derivative::Rate,
         limit: -travel_rad..=travel_rad,
+        ..pid_with(params, constant_gains(params))
+    }
+}
+
+/// A PID controller with these gains, and no limits of its own.
+fn pid_with(params: &Params, gains: Gains) -> Config {
+    Config {
+        gains,
+        derivative: Derivative::Rate,
         ..Config::new(period_s(params))
+    }
+}
+
+fn cascade(params: &Params, travel_rad: f32) -> CascadeConfig {
+    CascadeConfig {
+        angle_gain: params.cas_angle(),
+        rate_limit: params.cas_rate(),
+        rate: Config {
+            limit: -travel_rad..=travel_rad,
+            ..rate_loop(params, constant_gains(params))
+        },
+    }
+}
+
+/// The rate loop of the cascade. Its integral is that of the rate's error, which is an angle: its
+/// gain is such that an angle's error counts as in a single loop.
+fn rate_loop(params: &Params, gains: Gains) -> Config {
+    Config {
+        gains: Gains {
+            kp: gains.kd,
+            ki: gains.ki / params.cas_angle(),
+            kd: 0.0,
+        },
+        anti_windup: AntiWindup::Conditional,
+        ..Config::new(period_s(params))
+    }
+}
+
+/// The gains where there is no schedule.
+fn constant_gains(params: &Params) -> Gains {
+    Gains {
+        kp: params.pid_kp(),
+        ki: params.pid_ki(),
+        kd: params.pid_kd(),
+    }
+}
+
+/// The configuration, without limits, to which gains of the schedule belong in the law that the
+/// parameters choose; `None` for laws whose gains are not scheduled.
+pub(crate) fn scheduled(params: &Params, gains: Gains) -> Option<Config> {
+    match params.pid_law().to_bits() {
+        PID => Some(pid_with(params, gains)),
+        CASCADE => Some(rate_loop(params, gains)),
+        _ => None,
     }
 }
 
@@ -306,7 +384,7 @@ mod tests {
 
     #[test]
     fn nose_up_and_rising_ask_for_positive_crank_angles() {
-        for law in [0.0, 1.0, 2.0] {
+        for law in [0.0, 1.0, 2.0, 3.0] {
             let mut controller = Controller::new(&with_law(law), Axis::Pitch, 1.0);
             assert!(updated(&mut controller, 0.1, 0.0) > 0.0);
             controller.reset();
@@ -318,7 +396,7 @@ mod tests {
 
     #[test]
     fn the_setpoint_is_where_the_crank_rests() {
-        for law in [0.0, 1.0, 2.0] {
+        for law in [0.0, 1.0, 2.0, 3.0] {
             let mut params = with_law(law);
             params.set("PITCH_SET_DEG", 10.0).unwrap();
             let mut controller = Controller::new(&params, Axis::Pitch, 1.0);
@@ -373,6 +451,7 @@ mod tests {
             }
             prop_assert!(Pid::<Q16>::new(&pid(&params, travel_rad)).is_ok());
             prop_assert!(PredictivePd::<Q16>::new(&predictive(&params, travel_rad)).is_ok());
+            prop_assert!(Cascade::<Q16>::new(&cascade(&params, travel_rad)).is_ok());
             prop_assert!(Surface::<Q16>::new(&surface(&params, travel_rad)).is_ok());
         }
     }

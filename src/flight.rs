@@ -19,6 +19,8 @@ use crate::config::{
 };
 use crate::controller::Sample;
 use crate::failsafe::{BootReport, Command, Health, Refusal, State, Supervisor};
+use crate::gain_schedule::GainSchedule;
+use crate::launch::{Event, Launch};
 use crate::navigation::Navigation;
 use crate::params::{Change, Info, ParamError, Params, Polarity};
 use crate::servo::PulseUs;
@@ -100,6 +102,8 @@ pub struct Flight {
     /// What the parameters say of it.
     timing: Timing,
     navigation: Navigation,
+    launch: Launch,
+    gains: GainSchedule,
     carried: CarriedTicks,
     /// Of every axis, steered or not.
     channels: [Channel; Axis::COUNT],
@@ -121,8 +125,12 @@ impl Flight {
         let mut supervisor = Supervisor::new(report);
         supervisor.require_host(params.fs_host() == 1.0);
         let timing = params.timing();
+        let mut gains = GainSchedule::default();
+        gains.configure(&params);
         Ok(Self {
             navigation: Navigation::new(&params)?,
+            launch: Launch::new(&params),
+            gains,
             carried: CarriedTicks::new(&timing),
             channels: Axis::ALL.map(|axis| Channel::new(&params, axis)),
             steered: params.axes().len(),
@@ -162,13 +170,17 @@ impl Flight {
         now: Micros,
         reading: Result<RawSample, SensorFault>,
     ) -> Option<Estimate> {
-        match reading.and_then(|raw| Ok((raw, self.navigation.update(&raw)?))) {
+        let is_free = self.launch.is_free(&self.state());
+        match reading.and_then(|raw| Ok((raw, self.navigation.update(&raw, is_free)?))) {
             Ok((sample, dt_us)) => {
                 let health = self.health();
                 if self.supervisor.is_testing() {
                     self.supervisor.test(&self.navigation.in_body(&sample));
                 }
                 self.supervisor.sample(now, sample.time, health);
+                if self.launch.is_needed() {
+                    self.follow_launch(now, sample.time);
+                }
                 Some(Estimate {
                     sample,
                     dt_us,
@@ -353,11 +365,35 @@ impl Flight {
         [angles.roll, angles.pitch, angles.yaw].map(Angles::to_rad)
     }
 
+    /// Release the vehicle at its launch, and end its control with the burn.
+    // Not inlined: most vehicles never need it.
+    #[inline(never)]
+    fn follow_launch(&mut self, now: Micros, at: Micros) {
+        let upwards = self.navigation.upwards();
+        let command = match self.launch.watch(at, upwards, &self.state()) {
+            None => return,
+            Some(Event::Launch) => Command::Release,
+            Some(Event::End) => Command::Disarm,
+        };
+        // A vehicle that cannot be released stays armed, with its rudders at neutral.
+        let _ = self.supervisor.command(now, command);
+    }
+
+    /// Standard deviation of the tilt about either axis, deg, of a vehicle whose attitude follows
+    /// its gyroscope alone; `None` while the accelerometer corrects it.
+    pub fn tilt_sd_deg(&self) -> Option<f32> {
+        let is_free = self.launch.is_free(&self.state());
+        is_free.then(|| self.launch.tilt_sd_deg(self.params.gyr_per_g()))
+    }
+
     /// The control laws, where the state lets them move their rudders. Positive crank angles turn
     /// the vehicle to negative angles, so the crank follows the angle and its rate with positive
     /// sign: `crank = kp (angle - setpoint) + kd rate`.
     fn control(&mut self, now: Micros, estimate: &Estimate) {
         let is_carried = self.carried.tick(estimate.sample.time);
+        if !self.gains.is_constant() {
+            self.follow_schedule();
+        }
         let [roll_rate, pitch_rate, _] = self.navigation.rates();
         let sample = |angle, rate, navigation: &Navigation| Sample {
             angle,
@@ -375,6 +411,15 @@ impl Flight {
         self.steer(now, Axis::Pitch, &pitch, estimate.dt_us);
         let roll = sample(roll, roll_rate, &self.navigation);
         self.steer(now, Axis::Roll, &roll, estimate.dt_us);
+    }
+
+    /// The laws take over the gains of this moment.
+    #[inline(never)]
+    fn follow_schedule(&mut self) {
+        if let Some(gains) = self.gains.at(self.launch.seconds()) {
+            let steered = self.channels.iter_mut().take(self.steered);
+            steered.for_each(|channel| channel.follow(&gains));
+        }
     }
 
     /// The control of an axis, `dt_us` after the last.
@@ -413,6 +458,7 @@ impl Flight {
             (Command::Arm, state) if state.is_idle() && timing.is_too_slow() => {
                 Err(Refusal::SlowBus(timing.burst_us()))
             }
+            (Command::Arm, State::Standby) if !self.gains.is_possible() => Err(Refusal::Schedule),
             (Command::Arm, State::Standby)
                 if axes.any(|axis| self.params.polarity(*axis) != Polarity::Checked) =>
             {
@@ -486,6 +532,8 @@ impl Flight {
         if self.params.polarity(self.test_pulse.axis) == Polarity::Watched {
             self.test_pulse = TestPulse::NONE;
         }
+        self.launch.configure(&self.params);
+        self.gains.configure(&self.params);
         self.timing = self.params.timing();
         self.carried.configure(&self.timing);
         self.steered = self.params.axes().len();

@@ -33,6 +33,8 @@ pub mod controller;
 pub mod failsafe;
 pub mod flight;
 mod format;
+mod gain_schedule;
+mod launch;
 pub mod led;
 mod memory;
 pub mod mount;

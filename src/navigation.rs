@@ -92,11 +92,12 @@ impl Navigation {
         changed
     }
 
-    /// Take the next sample; how long it is after the one before, us.
+    /// Take the next sample; how long it is after the one before, us. Of a vehicle that `is_free`
+    /// the rates alone turn the attitude.
     ///
     /// # Errors
     /// [`SensorFault::Late`] for a sample that is not newer than the last; nothing changes.
-    pub fn update(&mut self, raw: &RawSample) -> Result<u32, SensorFault> {
+    pub fn update(&mut self, raw: &RawSample, is_free: bool) -> Result<u32, SensorFault> {
         let dt_us = match &self.last {
             None => self.settings.period_us.into(),
             Some(last) if raw.time.0 <= last.time.0 => return Err(SensorFault::Late),
@@ -124,10 +125,17 @@ impl Navigation {
         };
         self.rate_age_us = refreshed.map(|refreshed| refreshed.age_us);
         if refreshed.is_some() || self.owed_us != 0 {
-            self.advance(refreshed.map_or(0, |refreshed| refreshed.elapsed_us), dt_us);
+            let elapsed_us = refreshed.map_or(0, |refreshed| refreshed.elapsed_us);
+            if is_free {
+                self.coast(elapsed_us);
+            } else {
+                self.advance(elapsed_us, dt_us);
+            }
             self.counts.mag = None;
         }
-        self.watch_rest(dt_us);
+        if !is_free {
+            self.watch_rest(dt_us);
+        }
         Ok(dt_us)
     }
 
@@ -280,6 +288,25 @@ impl Navigation {
         }
         self.estimator
             .update(elapsed_us - step_us * (steps - 1), &self.counts);
+    }
+
+    /// The estimator's step in free flight, for rates that are new after so long, us: in parts that
+    /// it takes whole.
+    #[inline(never)]
+    fn coast(&mut self, elapsed_us: u32) {
+        let mut due_us = elapsed_us + mem::take(&mut self.owed_us);
+        while due_us > 0 {
+            let step_us = due_us.min(ESTIMATOR_PERIOD_US);
+            self.estimator.coast(step_us, &self.counts.gyr);
+            due_us -= step_us;
+        }
+    }
+
+    /// The acceleration from tail to nose that the newest sample has, counts of 0.01 m/s2: gravity
+    /// for a vehicle that stands.
+    pub fn upwards(&self) -> i32 {
+        let [_, _, down] = self.counts.acc;
+        -i32::from(down)
     }
 
     /// Whether the magnetometer has measured a field lately. Without one the heading follows the

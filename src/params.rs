@@ -12,6 +12,7 @@ use core::fmt;
 use crate::axis::Axis;
 use crate::config::STRETCH_MAX_US;
 use crate::ticks::{TickPlan, Timing};
+use tvc_pid::Gains;
 
 use table::{COUNT, Place};
 pub use table::{Change, DESCRIPTIONS, Description, Info, Range, TABLE};
@@ -69,6 +70,9 @@ impl FilterKind {
         self as u8 as f32
     }
 }
+
+/// Rows of the gain schedule, at most.
+pub const SCHEDULE_ROWS: usize = 6;
 
 /// Why a parameter keeps its old value.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -190,6 +194,17 @@ impl Params {
             WATCHED => Polarity::Watched,
             _ => Polarity::Unchecked,
         }
+    }
+
+    /// The rows of the gain schedule that are used: time since the release, s, and gains.
+    pub fn schedule(&self) -> impl Iterator<Item = (f32, Gains)> + Clone {
+        // A row's four values stand in a line, one row behind the other.
+        let (first, _) = self.values.split_at(Place::gs1_s as usize).1.as_chunks();
+        let used = self.gs_rows() as usize;
+        first
+            .iter()
+            .take(used.min(SCHEDULE_ROWS))
+            .map(|&[at_s, kp, ki, kd]| (at_s, Gains { kp, ki, kd }))
     }
 
     /// The attitude filter.

@@ -13,6 +13,7 @@
 //! | ATTITUDE_QUATERNION, SERVO_OUTPUT_RAW | every step |
 //! | RAW_IMU | every step that had a sample: its untouched counts, stamped with its own time |
 //! | NAMED_VALUE_FLOAT `crank` | every step: the crank angle that control asked for, rad, before limits |
+//! | NAMED_VALUE_FLOAT `tilt_sd` | once a second while the attitude follows the gyroscope alone (`FUSE_ACC` 0): standard deviation of the tilt, deg |
 //! | V2_EXTENSION | once a second from standby on, in parts: all that the flight remembers after a step ([`Flight::memory`]), from which a replay goes on behind lost frames |
 //! | ATTITUDE | not by itself: at the interval that the host asks for |
 //! | COMMAND_ACK | every command, COMMAND_LONG or COMMAND_INT, to the one that sent it; a gyro calibration is in progress once a second until it is accepted |
@@ -212,6 +213,7 @@ impl Telemetry {
         if due {
             self.heartbeat_at = Some(snapshot.now);
             self.bus_status(snapshot, sensor, board);
+            self.tilt_uncertainty(snapshot, flight);
             if let (State::Boot, Some(fault)) = (&snapshot.state, snapshot.fault) {
                 self.warn(format_args!("{fault}"));
             }
@@ -401,6 +403,19 @@ impl Telemetry {
             pair(board.bus_recoveries, UNKNOWN & 0xFF),
         ];
         self.send_words::<SYS_STATUS_DATA>(Priority::Event, &words);
+    }
+
+    /// How uncertain the tilt of a vehicle is that flies on its gyroscope alone.
+    #[inline(never)]
+    fn tilt_uncertainty(&mut self, snapshot: &Snapshot, flight: &Flight) {
+        const NAME: [u32; 2] = [u32::from_le_bytes(*b"tilt"), u32::from_le_bytes(*b"_sd\0")];
+        if let Some(sd_deg) = flight.tilt_sd_deg() {
+            let [first, second] = NAME;
+            self.send_words::<NAMED_VALUE_FLOAT_DATA>(
+                Priority::Event,
+                &[milliseconds(snapshot.now), sd_deg.to_bits(), first, second],
+            );
+        }
     }
 
     /// How the sensor and its bus do. A second of the first call after a pause is longer.

@@ -47,6 +47,27 @@ impl<T: Scalar> Cascade<T> {
         self.rate.update(wanted, rate, acceleration)
     }
 
+    /// Take another configuration without a bump, as [`Pid::set_config`] does.
+    ///
+    /// # Errors
+    /// A parameter out of its range, by name; everything stays as it was.
+    pub fn set_config(&mut self, config: &CascadeConfig) -> Result<(), ConfigError> {
+        let other = Self::new(config)?;
+        self.rate.set_config(&config.rate)?;
+        (self.angle_gain, self.rate_limit) = (other.angle_gain, other.rate_limit);
+        Ok(())
+    }
+
+    /// Start again from rest: no integral, output zero.
+    pub fn reset(&mut self) {
+        self.rate.reset(T::ZERO, T::ZERO, T::ZERO);
+    }
+
+    /// All that the next outputs depend on besides inputs and configuration, as [`Pid::memory`].
+    pub fn memory(&mut self, each: &mut impl FnMut(T) -> T) {
+        self.rate.memory(each);
+    }
+
     /// The rate loop.
     pub fn rate_loop(&mut self) -> &mut Pid<T> {
         &mut self.rate
@@ -100,6 +121,37 @@ mod tests {
             assert!(fastest < 1.8, "{fastest}");
             assert!(angle.abs() < 0.01, "{angle}");
         }
+    }
+
+    /// Started afresh it does as a new one, and with another configuration as one that has it; one
+    /// that is refused changes nothing.
+    #[test]
+    fn takes_another_configuration_and_begins_anew() {
+        let mut cascade = Cascade::<f32>::new(&config()).unwrap();
+        let first = cascade.update(0.0, 0.4, 0.0, 0.0);
+        for _ in 0..50 {
+            cascade.update(0.0, 0.4, 0.1, 0.0);
+        }
+        cascade.reset();
+        assert_eq!(cascade.update(0.0, 0.4, 0.0, 0.0), first);
+        let faster = CascadeConfig {
+            angle_gain: 2.0,
+            rate_limit: 3.0,
+            ..config()
+        };
+        let bad = CascadeConfig {
+            rate_limit: -1.0,
+            ..faster.clone()
+        };
+        cascade.reset();
+        assert!(cascade.set_config(&bad).is_err());
+        assert_eq!(cascade.clone().update(0.0, 0.4, 0.0, 0.0), first);
+        cascade.set_config(&faster).unwrap();
+        let mut other = Cascade::<f32>::new(&faster).unwrap();
+        assert_eq!(
+            cascade.update(0.0, 0.4, 0.0, 0.0),
+            other.update(0.0, 0.4, 0.0, 0.0)
+        );
     }
 
     #[test]

@@ -5,7 +5,7 @@ use crate::scalar::Scalar;
 
 /// Gains as the loop uses them, for one sample period. They can be interpolated
 /// ([`crate::Schedule`]).
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Coefficients<T> {
     /// Proportional gain.
     pub(crate) kp: T,

@@ -4,7 +4,7 @@ use crate::config::{Config, ConfigError, LARGEST, in_range};
 use crate::pid::Coefficients;
 use crate::scalar::Scalar;
 
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 struct Point<T> {
     at: T,
     /// One over the distance to the next point.
@@ -12,11 +12,22 @@ struct Point<T> {
     coefficients: Coefficients<T>,
 }
 
-/// Gains at `N` values of a variable (time, thrust, inertia), linear in between, constant beyond
-/// the ends.
+/// Gains at up to `N` values of a variable (time, thrust, inertia), linear in between, constant
+/// beyond the ends. The default has none.
 #[derive(Clone, Debug)]
 pub struct Schedule<T, const N: usize> {
     points: [Point<T>; N],
+    /// How many of them there are.
+    len: usize,
+}
+
+impl<T: Scalar, const N: usize> Default for Schedule<T, N> {
+    fn default() -> Self {
+        Self {
+            points: [Point::default(); N],
+            len: 0,
+        }
+    }
 }
 
 impl<T: Scalar, const N: usize> Schedule<T, N> {
@@ -25,30 +36,59 @@ impl<T: Scalar, const N: usize> Schedule<T, N> {
     /// time.
     ///
     /// # Errors
-    /// A parameter out of its range by name; `schedule` where the values do not rise by at least
-    /// 1/1000, or there are none.
-    pub fn new(table: &[(f32, Config); N]) -> Result<Self, ConfigError> {
-        let (first_at, first) = table.first().ok_or(ConfigError::OutOfRange("schedule"))?;
-        let mut points = [Point {
-            at: T::from(*first_at),
-            inverse_span: T::ZERO,
-            coefficients: Coefficients::new(first)?,
-        }; N];
-        for (index, ((at, config), point)) in table.iter().zip(&mut points).enumerate() {
-            in_range(*at, -LARGEST, LARGEST, "schedule")?;
-            point.at = (*at).into();
-            point.coefficients = Coefficients::new(config)?;
-            if let Some((next, _)) = table.get(index + 1) {
-                in_range(next - at, 1e-3, LARGEST, "schedule")?;
-                point.inverse_span = (1.0 / (next - at)).into();
-            }
-        }
-        Ok(Self { points })
+    /// As [`Schedule::set`].
+    pub fn new<R>(rows: R) -> Result<Self, ConfigError>
+    where
+        R: IntoIterator<Item = (f32, Config), IntoIter: Clone>,
+    {
+        let mut schedule = Self::default();
+        schedule.set(rows)?;
+        Ok(schedule)
     }
 
-    /// The coefficients at a value of the variable. What is not a number counts as the first point.
+    /// Take other rows.
+    ///
+    /// # Errors
+    /// A parameter out of its range by name; `schedule` where the values do not rise by at least
+    /// 1/1000, or there are more than `N`. The old rows stay.
+    pub fn set<R>(&mut self, rows: R) -> Result<(), ConfigError>
+    where
+        R: IntoIterator<Item = (f32, Config), IntoIter: Clone>,
+    {
+        let rows = rows.into_iter();
+        let mut least = -LARGEST;
+        let mut len = 0;
+        for (at, config) in rows.clone() {
+            in_range(at, least, LARGEST, "schedule")?;
+            Coefficients::<T>::new(&config)?;
+            least = at + 1e-3;
+            len += 1;
+        }
+        if len > N {
+            return Err(ConfigError::OutOfRange("schedule"));
+        }
+        self.len = len;
+        let mut last: Option<(f32, &mut Point<T>)> = None;
+        for (point, (at, config)) in self.points.iter_mut().zip(rows) {
+            if let Some((before, last)) = last {
+                last.inverse_span = (1.0 / (at - before)).into();
+            }
+            point.at = at.into();
+            point.coefficients = Coefficients::new(&config)?;
+            last = Some((at, point));
+        }
+        Ok(())
+    }
+
+    /// Whether there are no rows.
+    pub fn is_empty(&self) -> bool {
+        self.len == 0
+    }
+
+    /// The coefficients at a value of the variable; none without rows. What is not a number counts
+    /// as the first row.
     pub fn at(&self, variable: T) -> Option<Coefficients<T>> {
-        let mut points = self.points.iter().rev();
+        let mut points = self.points.iter().take(self.len).rev();
         let mut next = points.next()?;
         if variable >= next.at {
             return Some(next.coefficients);
@@ -90,7 +130,7 @@ mod tests {
     }
 
     fn follows_the_table<T: Scalar>(tolerance: f32) {
-        let schedule = Schedule::<T, 3>::new(&table()).unwrap();
+        let schedule = Schedule::<T, 3>::new(table()).unwrap();
         for (at, expected) in [
             (-5.0, 1.0),
             (0.0, 1.0),
@@ -108,25 +148,39 @@ mod tests {
     fn is_exact_at_the_points_linear_between_and_constant_beyond() {
         follows_the_table::<f32>(1e-6);
         follows_the_table::<Q16>(2e-3);
-        let schedule = Schedule::<f32, 3>::new(&table()).unwrap();
+        let schedule = Schedule::<f32, 3>::new(table()).unwrap();
         assert_eq!(kp(&schedule, f32::NAN), 1.0);
         assert_eq!(schedule.at(10.0).unwrap().ki, 0.01);
     }
 
+    /// The places that are left over do not count.
+    #[test]
+    fn fewer_rows_than_places_are_constant_beyond_their_last() {
+        let schedule = Schedule::<f32, 6>::new(table().into_iter().take(2)).unwrap();
+        for (at, expected) in [(-1.0, 1.0), (10.0, 2.0), (20.0, 3.0), (500.0, 3.0)] {
+            assert_eq!(schedule.at(at).unwrap().kp, expected, "{at}");
+        }
+        assert!(Schedule::<f32, 6>::default().is_empty());
+        assert_eq!(Schedule::<f32, 6>::default().at(1.0), None);
+    }
+
     #[test]
     fn drives_a_controller() {
-        let schedule = Schedule::<f32, 3>::new(&table()).unwrap();
+        let schedule = Schedule::<f32, 3>::new(table()).unwrap();
         let mut pid = Pid::new(&config(1.0, 0.0)).unwrap();
         pid.set_coefficients(schedule.at(10.0).unwrap());
         assert!((pid.update(1.0, 0.0, 0.0) - 2.01).abs() < 1e-6);
     }
 
     #[test]
-    fn refuses_values_that_do_not_rise_and_an_empty_table() {
+    fn refuses_values_that_do_not_rise_and_too_many_and_keeps_the_old_ones() {
         let mut unordered = table();
         unordered[1].0 = 95.0;
         let refused = Some(ConfigError::OutOfRange("schedule"));
-        assert_eq!(Schedule::<f32, 3>::new(&unordered).err(), refused);
-        assert_eq!(Schedule::<f32, 0>::new(&[]).err(), refused);
+        assert_eq!(Schedule::<f32, 3>::new(unordered.clone()).err(), refused);
+        assert_eq!(Schedule::<f32, 2>::new(table()).err(), refused);
+        let mut schedule = Schedule::<f32, 3>::new(table()).unwrap();
+        assert_eq!(schedule.set(unordered).err(), refused);
+        assert_eq!(kp(&schedule, 10.0), 2.0);
     }
 }

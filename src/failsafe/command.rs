@@ -68,6 +68,8 @@ detailed! {
         SlowBus(u32) = 10, "IMU bursts too slow";
         /// A test pulse for the servo of an axis that is not steered.
         NotSteered = 11, "no servo there: AXES 1";
+        /// The times of the gain schedule's rows do not rise.
+        Schedule = 12, "schedule: times must rise";
     }
 }
 

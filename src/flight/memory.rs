@@ -6,11 +6,14 @@ use bno055_driver::RawSample;
 use super::Flight;
 use crate::axis::Axis;
 use crate::channel::Channel;
+use crate::launch::Launch;
 
 impl Flight {
     /// Words of [`Flight::memory`].
-    pub const MEMORY_WORDS: usize =
-        tvc_fusion::fixed::MEMORY_WORDS + 21 + Axis::COUNT * Channel::MEMORY_WORDS;
+    pub const MEMORY_WORDS: usize = tvc_fusion::fixed::MEMORY_WORDS
+        + 21
+        + Launch::MEMORY_WORDS
+        + Axis::COUNT * Channel::MEMORY_WORDS;
 
     /// All that the next steps depend on besides parameters, samples and commands, word by word:
     /// each is shown to `each` and becomes what that returns. The first is a digest of the
@@ -21,6 +24,7 @@ impl Flight {
         self.carried.memory(each);
         self.supervisor.memory(each);
         self.navigation.memory(each);
+        self.launch.memory(each);
         for channel in &mut self.channels {
             channel.memory(each);
         }

@@ -341,10 +341,7 @@ impl<F: Filter, R: OverRange> Estimator<F, R> {
         if long {
             (step_us, shift) = self.long_step(dt_us, &gyr);
         }
-        let product = step_us * self.per_count_us + self.dt_remainder;
-        self.dt_remainder = product & ((1 << DT_BITS) - 1);
-        let half_angle = (product >> DT_BITS) as i32;
-        self.rotation.turn(&gyr, PerCount { half_angle, shift });
+        self.turn(&gyr, step_us, shift);
 
         // Heading correction is skipped in steps that are long or run housekeeping, to bound the
         // worst-case cycles.
@@ -389,6 +386,34 @@ impl<F: Filter, R: OverRange> Estimator<F, R> {
         pending[2] += tilt[2] + ((turn * down[2]) >> shift) + rz;
     }
 
+    /// Take one sample of a body in free flight, `dt_us` after the one before: the rates alone turn
+    /// the estimate. Its accelerometer feels thrust and air, which show no vertical, so that neither
+    /// tilt, heading nor offset is corrected. Of more than 30,000 us, or than 2.5 to 10 periods,
+    /// only that much is integrated.
+    #[inline(never)]
+    pub fn coast(&mut self, dt_us: u32, gyr: &[i16; 3]) {
+        let (mut step_us, mut shift) = (dt_us, self.turn_shift);
+        if dt_us > self.max_short_dt_us {
+            self.gap = true;
+            (step_us, shift) = self.coarse(dt_us.min(self.max_dt_us), gyr);
+        }
+        self.turn(gyr, step_us, shift);
+        // They keep the norm.
+        let _ = self.rotation.products();
+        // A rest that is under way has not been one.
+        self.rest.moved = true;
+    }
+
+    /// Integrate the rates over a step, whose time and shift are those of [`Self::coarse`] where it
+    /// is long.
+    #[inline(always)]
+    fn turn(&mut self, gyr: &[i16; 3], step_us: u32, shift: u32) {
+        let product = step_us * self.per_count_us + self.dt_remainder;
+        self.dt_remainder = product & ((1 << DT_BITS) - 1);
+        let half_angle = (product >> DT_BITS) as i32;
+        self.rotation.turn(gyr, PerCount { half_angle, shift });
+    }
+
     /// Runs the job of the rest detection or of the gains that is due, else that of the compass.
     /// Not in a long step.
     #[inline(never)]
@@ -416,9 +441,8 @@ impl<F: Filter, R: OverRange> Estimator<F, R> {
         self.rest.moved = true;
     }
 
-    /// A step of more than 1.25 periods: the time that is integrated, divided by `2^coarse_shift`,
-    /// and the shift that goes with it. Where the body turns so fast that the whole time would be
-    /// too large a rotation, it is 1.25 periods.
+    /// A step of more than 1.25 periods: the time that is integrated and the shift, as
+    /// [`Self::coarse`] gives them. One that is too long begins the gains anew.
     #[cold]
     #[inline(never)]
     fn long_step(&mut self, dt_us: u32, gyr: &[i16; 3]) -> (u32, u32) {
@@ -429,6 +453,13 @@ impl<F: Filter, R: OverRange> Estimator<F, R> {
             self.start_up.restart();
             self.expect_large_gains();
         }
+        self.coarse(dt_us, gyr)
+    }
+
+    /// A time (us) of more than 1.25 periods, divided by `2^coarse_shift`, and the shift that goes
+    /// with it. Where the body turns so fast that the whole time would be too large a rotation, it
+    /// is 1.25 periods.
+    fn coarse(&self, mut dt_us: u32, gyr: &[i16; 3]) -> (u32, u32) {
         if dt_us * size(gyr) > self.max_rotation {
             dt_us = self.max_short_dt_us;
         }
@@ -483,6 +514,49 @@ mod tests {
             let [bias, ..] = estimator.bias_q9();
             assert!(bias <= (16 + 12) << 9, "{turning}: {} counts", bias >> 9);
         }
+    }
+
+    /// For ten seconds of free flight the rates alone count, less the offset that was learned: a
+    /// thrust that shows another vertical and a field that turns leave the attitude where it is, and
+    /// a quarter of a turn about x is one. At rest again, it is levelled by gravity.
+    #[test]
+    fn a_body_in_free_flight_is_turned_by_its_rates_alone() {
+        let mut estimator =
+            Estimator::<Vqf>::new(&Config::default(), &Scale::BNO055, 10_000).expect("in range");
+        let rest = Counts {
+            gyr: [16, -8, 24],
+            acc: [0, 0, -981],
+            mag: Some([300, 0, 700]),
+        };
+        for _ in 0..1_000 {
+            estimator.update(10_000, &rest);
+        }
+        let bias = estimator.bias_q9();
+        for _ in 0..1_000 {
+            estimator.coast(10_000, &rest.gyr);
+        }
+        assert!(tilt(&estimator) < 2e-3, "{}", tilt(&estimator));
+        assert_eq!(estimator.bias_q9(), bias);
+        // 90 deg/s for a second, in steps of one and of four periods.
+        let turning = [16 + 90 * 16, -8, 24];
+        for _ in 0..60 {
+            estimator.coast(10_000, &turning);
+        }
+        for _ in 0..10 {
+            estimator.coast(40_000, &turning);
+        }
+        let angles = estimator.orientation().angles();
+        let roll = crate::fixed::Angles::to_rad(angles.roll);
+        let seconds = 0.6 + 10.0 * f64::from(estimator.max_dt_us) * 1e-6;
+        let expected = seconds * std::f64::consts::FRAC_PI_2;
+        assert!(
+            (f64::from(roll) - expected).abs() < 3e-3,
+            "{roll} of {expected}"
+        );
+        for _ in 0..3_000 {
+            estimator.update(10_000, &rest);
+        }
+        assert!(tilt(&estimator) < 5e-3, "{}", tilt(&estimator));
     }
 
     /// A body at rest whose gyroscope reads 3 deg/s about its level axes: until the offset is known

@@ -120,7 +120,7 @@ fn a_parameter_is_read_by_name_or_index() {
         values(&link.tell(&read(0, ""))),
         [("PID_KP".to_string(), Params::default().pid_kp())]
     );
-    assert_eq!(texts(&link.tell(&read(99, ""))), ["no such parameter"]);
+    assert_eq!(texts(&link.tell(&read(200, ""))), ["no such parameter"]);
     assert_eq!(
         texts(&link.tell(&read(-1, "PID_KQ"))),
         ["no such parameter"]
