@@ -38,7 +38,7 @@ mod rig;
 
 pub use bench::{disturbance, sensor_motion};
 pub use fly::flight::{FlightRecord, Ready, ServoKind, Setup, fly_at_once, prepare};
-pub use fly::{action, faults, flight, pilot, profile, replay};
+pub use fly::{action, faults, flight, pilot, profile, replay, rocket};
 #[cfg(unix)]
 pub use fly::{control, pty, real_time};
 pub use ground_station::GroundStation;

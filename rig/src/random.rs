@@ -19,6 +19,8 @@ pub enum Stream {
     Campaign = 5,
     /// What the port loses.
     Port = 6,
+    /// Where wind, kicks and misalignment of a rocket point.
+    Ascent = 7,
 }
 
 /// The generator of `stream` under `seed`; the same on every machine.

@@ -111,6 +111,8 @@ pub struct Received {
     pub samples: Vec<RawImu>,
     /// What the image says about the sensor's bus.
     pub bus: Vec<BusReport>,
+    /// What the image says about the uncertainty of the tilt (`tilt_sd`), deg.
+    pub tilt_sd_deg: Vec<(Ticks, f32)>,
     /// Texts.
     pub texts: Vec<Text>,
     /// System states with the time they arrived.
@@ -155,6 +157,9 @@ impl Received {
                 max_us: m.y,
                 fresh_hz: m.z,
             }),
+            MavMessage::NAMED_VALUE_FLOAT(m) if text(&m.name) == "tilt_sd" => {
+                self.tilt_sd_deg.push((at, m.value));
+            }
             MavMessage::STATUSTEXT(m) => self.texts.push(Text {
                 at,
                 severity: m.severity,

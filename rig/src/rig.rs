@@ -493,7 +493,7 @@ pub(crate) mod tests {
         fork.release(0.5);
         fork.run_for(ms(100)).unwrap();
         rig.run_for(ms(100)).unwrap();
-        assert!(fork.environment().drone().pitch_rad() > 0.04);
-        assert_eq!(rig.environment().drone().pitch_rad(), 0.0);
+        assert!(fork.environment().vehicle().pitch_rad() > 0.04);
+        assert_eq!(rig.environment().vehicle().pitch_rad(), 0.0);
     }
 }

@@ -182,7 +182,7 @@ fn spikes_and_corrupt_words_are_ridden_out() {
             host.flight.state()
         );
         assert!(
-            host.environment.drone().pitch_rad().abs() < 0.05,
+            host.environment.vehicle().pitch_rad().abs() < 0.05,
             "{fault:?}"
         );
         assert!(!host.faults.is_empty(), "{fault:?}");

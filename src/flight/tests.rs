@@ -7,6 +7,7 @@ use std::vec::Vec;
 use proptest::prelude::*;
 use proptest::test_runner::FileFailurePersistence::WithSource;
 
+mod ascent;
 mod axes;
 mod memory;
 mod states;

@@ -225,7 +225,7 @@ fn spikes_are_ridden_out() {
         "{:?}",
         station.last_text()
     );
-    let pitch = rig.environment().drone().pitch_rad();
+    let pitch = rig.environment().vehicle().pitch_rad();
     assert!(pitch.abs() < 0.05, "{pitch}");
 }
 
@@ -431,7 +431,7 @@ fn a_laptop_that_stops_reading_or_goes_away_disturbs_nothing() {
     rig.usb_host_mut().attach();
     station.run(rig, ms(1000)).unwrap();
     assert_pulses_went_on(rig.truth().pulses_since(at), ms(3000));
-    let pitch = rig.environment().drone().pitch_rad();
+    let pitch = rig.environment().vehicle().pitch_rad();
     assert!(pitch.abs() < 0.03, "{pitch}");
     let steps = rig.truth().steps.iter().filter(|s| s.start >= at).count();
     assert!((449..=451).contains(&steps), "{steps} steps in 3 s");

@@ -44,7 +44,7 @@ fn assert_undisturbed(mut host: impl FnMut(u64, &mut rig::Rig)) {
         "{timing:?}"
     );
     assert_eq!(rig.resets(), []);
-    assert!(rig.environment().drone().pitch_rad().abs() < 0.2);
+    assert!(rig.environment().vehicle().pitch_rad().abs() < 0.2);
     // A host that behaves is served as before.
     rig.usb_host_mut().pause_reading(false);
     rig.usb_host_mut().attach();

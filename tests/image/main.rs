@@ -10,6 +10,7 @@ mod parameters;
 mod probe;
 mod recorder;
 mod replay;
+mod rocket;
 mod symbols;
 mod two_axes;
 

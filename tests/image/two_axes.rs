@@ -4,7 +4,7 @@
 use crate::faults::ms;
 use crate::firmware;
 use client::{Failure, StateKind};
-use rig::bench::TwoAxes;
+use rig::bench::{TwoAxes, VehicleConfig};
 use rig::bno055::Fault;
 use rig::flight::Release;
 use rig::ground_station::GroundStationError;
@@ -16,7 +16,7 @@ use tvc_nano::Axis;
 /// The two-axis drone in standby, its nose to the east.
 fn setup(servo: ServoKind) -> Setup {
     let mut setup = Setup::with_polarity(servo, 3);
-    setup.rig.bench.two_axes = Some(TwoAxes::default());
+    setup.rig.bench.vehicle = VehicleConfig::TwoAxes(TwoAxes::default());
     setup.rig.bench.heading_rad = std::f64::consts::FRAC_PI_2;
     let stored = setup.rig.stored.as_mut().unwrap();
     stored.set("AXES", 2.0).unwrap();

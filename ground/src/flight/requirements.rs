@@ -11,6 +11,14 @@ pub const OVERSHOOT_PCT: Limit = AtMost(5.0);
 pub const CROSS_COUPLING_PCT: Limit = AtMost(10.0);
 /// Vehicles out of many dispersed ones that meet the thesis' requirement, percent.
 pub const DISPERSED_WITHIN_PCT: Limit = AtLeast(99.0);
+/// Largest root mean square of the angle of a rocket's axis from the vertical, deg.
+pub const ASCENT_ERROR_MOST_DEG: f64 = 2.0;
+/// The same as a requirement.
+pub const ASCENT_ERROR_RMS_DEG: Limit = AtMost(ASCENT_ERROR_MOST_DEG);
+/// Largest angle of its gimbal, deg.
+pub const GIMBAL_LIMIT_DEG: f64 = 5.0;
+/// The same as a requirement, with what rounding may add.
+pub const GIMBAL_DEG: Limit = AtMost(GIMBAL_LIMIT_DEG + 1e-6);
 /// The firmware is in control until the end.
 pub const IN_CONTROL: Limit = Set;
 /// Control rate, Hz.

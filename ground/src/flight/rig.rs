@@ -6,6 +6,7 @@ pub mod tell;
 use std::path::{Path, PathBuf};
 
 use ::rig::ServoKind;
+use ::rig::bench::VehicleConfig;
 use ::rig::bno055::ImuErrors;
 use ::rig::pilot::Manner;
 use anyhow::Result;
@@ -219,12 +220,13 @@ fn run_rig(options: &Rig) -> Result<Verdict> {
     config.bench.sensor.errors = options.sensor.errors();
     config.bench.start_rad = options.tilt;
     options.vehicle.hang(&mut config)?;
-    match &mut config.bench.two_axes {
-        Some(two_axes) => two_axes.start_roll_rad = options.roll,
-        None if options.roll != 0.0 => {
-            return Err(BadInput::new("--roll needs --vehicle drone2").into());
+    match &mut config.bench.vehicle {
+        VehicleConfig::TwoAxes(two_axes) => two_axes.start_roll_rad = options.roll,
+        VehicleConfig::Rocket(rocket) => rocket.start_rad = [options.tilt, options.roll],
+        VehicleConfig::OneAxis if options.roll != 0.0 => {
+            return Err(BadInput::new("--roll needs --vehicle drone2 or rocket").into());
         }
-        None => {}
+        VehicleConfig::OneAxis => {}
     }
     let drone = config.bench.parameters;
     config.bench.parameters = drone.with_lateral_offset(options.cm_offset * 1e-3);

@@ -2,7 +2,8 @@
 
 use anyhow::{Result, anyhow};
 use rig::RigConfig;
-use rig::bench::TwoAxes;
+use rig::bench::{TwoAxes, VehicleConfig};
+use rig::rocket::{self, Airframe, RocketLaw};
 
 /// A vehicle on the rig.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
@@ -12,6 +13,8 @@ pub enum VehicleKind {
     Drone,
     /// The same in a joint, with two rudders: it pitches, rolls and spins.
     Drone2,
+    /// A rocket through its burn: it stands on its pad, and its gimbal is steered about two axes.
+    Rocket,
 }
 
 impl VehicleKind {
@@ -20,6 +23,7 @@ impl VehicleKind {
         match self {
             Self::Drone => "drone",
             Self::Drone2 => "drone2",
+            Self::Rocket => "rocket",
         }
     }
 
@@ -28,14 +32,23 @@ impl VehicleKind {
     /// # Errors
     /// None: the parameters are in the firmware's table, and in range.
     pub fn hang(self, rig: &mut RigConfig) -> Result<()> {
-        if self == Self::Drone2 {
-            rig.bench.two_axes = Some(TwoAxes::default());
-            // A Nano fresh from its box knows of one axis only.
-            for (name, value) in [("AXES", 2.0), ("SRV2_POLARITY", 1.0)] {
-                if let Some(stored) = &mut rig.stored {
-                    let set = stored.set(name, value);
-                    set.map_err(|error| anyhow!("{error}"))?;
-                }
+        let parameters = match self {
+            Self::Drone => Vec::new(),
+            Self::Drone2 => {
+                rig.bench.vehicle = VehicleConfig::TwoAxes(TwoAxes::default());
+                // A Nano fresh from its box knows of one axis only.
+                vec![("AXES".to_owned(), 2.0), ("SRV2_POLARITY".to_owned(), 1.0)]
+            }
+            Self::Rocket => {
+                let rocket = Airframe::Stable.on_pad(rig.seed);
+                rig.bench.vehicle = VehicleConfig::Rocket(Box::new(rocket));
+                rocket::parameters(Airframe::Stable, RocketLaw::Scheduled)
+            }
+        };
+        for (name, value) in parameters {
+            if let Some(stored) = &mut rig.stored {
+                let set = stored.set(&name, value);
+                set.map_err(|error| anyhow!("{error}"))?;
             }
         }
         Ok(())

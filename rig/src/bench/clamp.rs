@@ -1,6 +1,6 @@
 //! The clamp that holds the drone by its body, tilts it, releases it and catches it.
 
-use super::HungDrone;
+use super::Vehicle;
 use samd21::board::Ticks;
 use tvc_nano::Axis;
 
@@ -20,7 +20,7 @@ pub(super) struct Clamp {
 
 impl Clamp {
     /// Closes on the drone at this tilt, rad.
-    pub(super) fn closed(drone: &mut HungDrone, tilt_rad: [f64; Axis::COUNT]) -> Self {
+    pub(super) fn closed(drone: &mut Vehicle, tilt_rad: [f64; Axis::COUNT]) -> Self {
         drone.clamp(tilt_rad);
         Self {
             held_rad: tilt_rad,
@@ -35,7 +35,7 @@ impl Clamp {
     }
 
     /// True when it holds the drone at the tilt to which it was to bring it.
-    pub(super) fn rests(&self, drone: &HungDrone) -> bool {
+    pub(super) fn rests(&self, drone: &Vehicle) -> bool {
         drone.held() && self.held_rad == self.wanted_rad
     }
 
@@ -43,7 +43,7 @@ impl Clamp {
     pub(super) fn open(
         &mut self,
         now: Ticks,
-        drone: &mut HungDrone,
+        drone: &mut Vehicle,
         rate_rad_s: f64,
         spin_rad_s: f64,
     ) {
@@ -57,7 +57,7 @@ impl Clamp {
     }
 
     /// Moves a held drone towards the wanted tilt; returns the rates of this motion, rad/s.
-    pub(super) fn tilt(&mut self, drone: &mut HungDrone, dt_s: f64) -> [f64; Axis::COUNT] {
+    pub(super) fn tilt(&mut self, drone: &mut Vehicle, dt_s: f64) -> [f64; Axis::COUNT] {
         if self.held_rad == self.wanted_rad || !drone.held() {
             return [0.0; Axis::COUNT];
         }

@@ -9,15 +9,16 @@
 //! ```
 //!
 //! The drone pitches about the body's y axis, to the right; nose up is positive, which is the
-//! plant's counter-clockwise `theta0` seen from the right. With [`BenchConfig::two_axes`] it rolls
-//! and spins, too. The pivot does not move, so that an accelerometer there feels gravity alone;
+//! plant's counter-clockwise `theta0` seen from the right. With [`VehicleConfig::TwoAxes`] it
+//! rolls and spins, too, and [`VehicleConfig::Rocket`] puts a rocket in its place. The pivot does not move, so that an accelerometer there feels gravity alone;
 //! [`BenchConfig::lever_m`] moves the sensor away from it.
 
 use super::clamp::Clamp;
 use super::disturbance::Disturbances;
-use super::hung_drone::{self, HungDrone};
+use super::rocket::{Rocket, RocketConfig};
 use super::sensor_motion::{HeldSensor, SensorMotion};
 use super::stimulus::PitchMotion;
+use super::vehicle::{self, Vehicle};
 use super::{EarthField, Hardware, Since, TimedFault, fault_schedule, stimulus};
 use crate::bno055::{self, Bno055, Fault, ImuErrors, Stimulus};
 use crate::observe::ground_truth::{GroundTruth, Motion, Roll};
@@ -77,6 +78,18 @@ impl Default for TwoAxes {
     }
 }
 
+/// What stands on the bench.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub enum VehicleConfig {
+    /// The drone on a pivot, with one rudder.
+    #[default]
+    OneAxis,
+    /// The drone in a joint, with two rudders.
+    TwoAxes(TwoAxes),
+    /// A rocket.
+    Rocket(Box<RocketConfig>),
+}
+
 /// The configuration of the bench.
 #[derive(Clone, Debug)]
 pub struct BenchConfig {
@@ -92,8 +105,8 @@ pub struct BenchConfig {
     pub horn_error_rad: f64,
     /// Masses, lengths and loads of the drone.
     pub parameters: Parameters,
-    /// The drone has two rudders and hangs in a joint.
-    pub two_axes: Option<TwoAxes>,
+    /// What stands there.
+    pub vehicle: VehicleConfig,
     /// Pitch at which the clamp holds the drone at power-on, rad.
     pub start_rad: f64,
     /// Where the drone's nose points, from true north to the east, rad.
@@ -115,7 +128,7 @@ impl Default for BenchConfig {
             servo: ServoModel::S3003,
             horn_error_rad: 0.0,
             parameters: Parameters::PHYS,
-            two_axes: None,
+            vehicle: VehicleConfig::OneAxis,
             start_rad: 0.0,
             heading_rad: 0.5,
             field: EarthField::COPENHAGEN,
@@ -128,7 +141,7 @@ impl Default for BenchConfig {
 /// The chip's environment. Whatever the chip does at its pins first advances it to that time.
 #[derive(Clone, Debug)]
 pub struct Environment {
-    drone: HungDrone,
+    vehicle: Vehicle,
     /// Of each axis that the drone has a rudder for.
     servos: Vec<Servo>,
     sensor: Bno055,
@@ -167,8 +180,8 @@ impl Environment {
     /// # Errors
     /// Impossible parameters of the drone.
     pub fn new(bench: &BenchConfig) -> Result<Self, ParameterError> {
-        let (mut drone, tilt_rad, zero_rad) = hang(bench)?;
-        let clamp = Clamp::closed(&mut drone, tilt_rad);
+        let (mut vehicle, tilt_rad, zero_rad) = hang(bench)?;
+        let clamp = Clamp::closed(&mut vehicle, tilt_rad);
         let model = bench
             .servo
             .fitted(ZERO_RUDDER_US, zero_rad, bench.horn_error_rad);
@@ -177,14 +190,17 @@ impl Environment {
             sensor.errors = temperature.of(sensor.errors);
         }
         Ok(Self {
-            drone,
+            vehicle,
             servos: vec![Servo::new(model, zero_rad, 0.0); bench.axes()],
             sensor: Bno055::new(sensor),
             errors: bench.sensor.errors,
             lever_m: bench.lever_m,
             motion: PitchMotion::default(),
             rates: Vector3::zeros(),
-            spin_rad_s: bench.two_axes.map_or(0.0, |two| two.spin_rad_s),
+            spin_rad_s: match &bench.vehicle {
+                VehicleConfig::TwoAxes(two) => two.spin_rad_s,
+                VehicleConfig::OneAxis | VehicleConfig::Rocket(_) => 0.0,
+            },
             heading_rad: bench.heading_rad,
             field: bench.field,
             disturbances: bench.disturbances,
@@ -195,7 +211,7 @@ impl Environment {
             steps: 0,
             clamp,
             held_sensor: None,
-            jumper: (bench.jumper && bench.two_axes.is_none()).then_some(false),
+            jumper: (bench.jumper && bench.axes() == 1).then_some(false),
             analyzer: LogicAnalyzer::default(),
             truth: GroundTruth::default(),
         })
@@ -208,9 +224,9 @@ impl Environment {
         }
     }
 
-    /// The drone.
-    pub fn drone(&self) -> &HungDrone {
-        &self.drone
+    /// The vehicle.
+    pub fn vehicle(&self) -> &Vehicle {
+        &self.vehicle
     }
 
     /// The servos, by axis.
@@ -250,7 +266,7 @@ impl Environment {
 
     /// Whether the clamp holds the drone at the tilt that [`Self::tilt_clamp_to`] has asked for.
     pub fn clamp_rests(&self) -> bool {
-        self.clamp.rests(&self.drone)
+        self.clamp.rests(&self.vehicle)
     }
 
     /// From now on the drone, if it hangs in a joint, is released with a rate about its own
@@ -263,14 +279,14 @@ impl Environment {
     pub fn release(&mut self, rate_rad_s: f64) {
         let now = STEP * self.steps;
         self.clamp
-            .open(now, &mut self.drone, rate_rad_s, self.spin_rad_s);
+            .open(now, &mut self.vehicle, rate_rad_s, self.spin_rad_s);
     }
 
     /// Closes the clamp on the drone where it is; the faults of its flight end.
     pub fn catch(&mut self) {
         self.end_faults(Since::Release);
-        let tilt_rad = self.drone.tilt_rad();
-        self.clamp = Clamp::closed(&mut self.drone, tilt_rad);
+        let tilt_rad = self.vehicle.tilt_rad();
+        self.clamp = Clamp::closed(&mut self.vehicle, tilt_rad);
     }
 
     /// Moves the sensor by hand, off the drone.
@@ -293,12 +309,7 @@ impl Environment {
 
     /// Attitude of the sensor on the drone, to north-east-down.
     pub fn mounted(&self) -> UnitQuaternion<f64> {
-        match &self.drone {
-            HungDrone::Pivot(drone) => {
-                UnitQuaternion::from_euler_angles(0.0, drone.pitch_rad(), self.heading_rad)
-            }
-            HungDrone::Joint(drone) => drone.attitude(),
-        }
+        self.vehicle.attitude(self.heading_rad)
     }
 
     /// Switches a fault of the sensor or its cable on.
@@ -328,7 +339,7 @@ impl Environment {
 
     /// Gives a free drone an angular impulse, N m s.
     pub fn push(&mut self, impulse_n_m_s: f64) {
-        self.drone.kick(impulse_n_m_s);
+        self.vehicle.kick(impulse_n_m_s);
     }
 
     /// Pushes a free drone with a torque, N m, for a time, s.
@@ -348,7 +359,7 @@ impl Environment {
         for servo in &mut self.servos {
             servo.set_supply(1.0);
         }
-        self.drone.set_thrust(self.thrust_n);
+        self.vehicle.set_thrust(self.thrust_n);
         let temperature = disturbances.temperature;
         let errors = temperature.map_or(self.errors, |temperature| temperature.of(self.errors));
         self.sensor.set_errors(errors);
@@ -378,13 +389,18 @@ impl Environment {
                 fault_schedule::switch(&self.faults, what, interval, &mut self.sensor, now);
             }
         }
-        let loads = self.drone.hinge_torques_n_m();
+        let loads = self.vehicle.hinge_torques_n_m();
         let mut cranks = [Crank::default(); Axis::COUNT];
         for ((servo, load), crank) in self.servos.iter_mut().zip(loads).zip(&mut cranks) {
             *crank = servo.advance(now.as_secs_f64(), load);
         }
-        let tilt_rad_s = self.clamp.tilt(&mut self.drone, dt_s);
-        self.drone.step(dt_s, cranks);
+        let tilt_rad_s = self.clamp.tilt(&mut self.vehicle, dt_s);
+        let targets_rad = self.targets_rad();
+        self.vehicle.step(dt_s, cranks, targets_rad);
+        if let Vehicle::Rocket(rocket) = &self.vehicle {
+            // The shafts of the gimbal's actuators stand for the cranks.
+            cranks = rocket.shafts_rad().map(Crank::at_rest);
+        }
         let stimulus = self.felt(now, dt_s, tilt_rad_s);
         self.sensor.sense(now, &stimulus);
         if self.steps.is_multiple_of(MOTION_EVERY) {
@@ -393,28 +409,32 @@ impl Environment {
         }
     }
 
+    /// Where the last finished pulses want the servos, rad.
+    fn targets_rad(&self) -> [f64; Axis::COUNT] {
+        let mut targets = self.servos.iter().map(Servo::target_rad);
+        [(); Axis::COUNT].map(|()| targets.next().unwrap_or_default())
+    }
+
     /// What is seen of drone and servos; the clamp moves a held drone at `tilt_rad_s`.
     fn seen(&self, now: Ticks, cranks: [Crank; 2], tilt_rad_s: [f64; 2]) -> Motion {
-        let [pitch_rad, roll_rad] = self.drone.level_tilt_rad(self.heading_rad);
-        let [pitch_rate, roll_rate] = self.drone.rates_rad_s();
+        let [pitch_rad, roll_rad] = self.vehicle.level_tilt_rad(self.heading_rad);
+        let [pitch_rate, roll_rate] = self.vehicle.rates_rad_s();
         let [pitch_tilt, roll_tilt] = tilt_rad_s;
-        let [rudder_rad, roll_rudder_rad] = self.drone.rudders_rad();
-        let targets = self.servos.iter().map(Servo::target_rad);
-        let mut targets = targets.chain([0.0; Axis::COUNT]);
-        let mut target_rad = || targets.next().unwrap_or_default();
+        let [rudder_rad, roll_rudder_rad] = self.vehicle.rudders_rad();
+        let [target_rad, roll_target_rad] = self.targets_rad();
         Motion {
             time: now,
             pitch_rad,
             rate_rad_s: pitch_rate + pitch_tilt,
             rudder_rad,
             crank_rad: cranks[0].angle_rad,
-            target_rad: target_rad(),
+            target_rad,
             roll: Roll {
                 roll_rad,
                 rate_rad_s: roll_rate + roll_tilt,
                 rudder_rad: roll_rudder_rad,
                 crank_rad: cranks[1].angle_rad,
-                target_rad: target_rad(),
+                target_rad: roll_target_rad,
             },
         }
     }
@@ -423,18 +443,15 @@ impl Environment {
     fn felt(&mut self, now: Ticks, dt_s: f64, tilt_rad_s: [f64; Axis::COUNT]) -> Stimulus {
         // Accelerations are the mean over the step, so that a jump of the rate, as at the release,
         // is felt once.
-        let [pitch_rate, roll_rate] = self.drone.rates_rad_s();
+        let [pitch_rate, roll_rate] = self.vehicle.rates_rad_s();
         let rate_rad_s = pitch_rate + tilt_rad_s[0];
         let acceleration_rad_s2 = (rate_rad_s - self.motion.rate_rad_s) / dt_s;
         self.motion = PitchMotion {
-            pitch_rad: self.drone.pitch_rad(),
+            pitch_rad: self.vehicle.pitch_rad(),
             rate_rad_s,
             acceleration_rad_s2,
         };
-        let spin = match &self.drone {
-            HungDrone::Pivot(_) => 0.0,
-            HungDrone::Joint(drone) => drone.rates_rad_s()[2],
-        };
+        let spin = self.vehicle.spin_rad_s();
         let rates = Vector3::new(roll_rate + tilt_rad_s[1], rate_rad_s, spin);
         let accelerations = (rates - std::mem::replace(&mut self.rates, rates)) / dt_s;
         match self.felt_in_hand(dt_s) {
@@ -458,21 +475,24 @@ impl Environment {
     /// What the sensor feels on the drone, with the propeller's vibration while the drone is free.
     fn felt_on_drone(&self, now: Ticks, accelerations: Vector3<f64>) -> Stimulus {
         let gravity = self.gravity_m_s2();
-        let mut felt = match &self.drone {
-            HungDrone::Pivot(_) => stimulus::on_drone(
+        let mut felt = match &self.vehicle {
+            Vehicle::Pivot(_) => stimulus::on_drone(
                 &self.motion,
                 self.lever_m,
                 self.heading_rad,
                 &self.field,
                 gravity,
             ),
-            HungDrone::Joint(drone) => stimulus::in_joint(
+            Vehicle::Joint(drone) => stimulus::in_joint(
                 &drone.attitude(),
                 (self.rates, accelerations),
                 self.lever_m,
                 &self.field,
                 gravity,
             ),
+            Vehicle::Rocket(rocket) => {
+                stimulus::in_ascent(rocket.ascent(), self.rates, &self.field)
+            }
         };
         if let Some(vibration) = self.disturbances.vibration
             && self.clamp.open_for(now).is_some()
@@ -487,7 +507,7 @@ impl Environment {
     }
 
     fn gravity_m_s2(&self) -> f64 {
-        self.drone.mechanism().parameters().gravity_m_s2
+        self.vehicle.gravity_m_s2()
     }
 
     /// Sets the servo's supply and the thrust to what they are now.
@@ -503,45 +523,53 @@ impl Environment {
         }
         if let Some(ramp) = self.disturbances.thrust_ramp {
             let share = ramp.share(since_s.unwrap_or(0.0));
-            self.drone.set_thrust(share * self.thrust_n);
+            self.vehicle.set_thrust(share * self.thrust_n);
         }
         self.gust = self.gust.filter(|(_, until)| now <= *until);
         if let Some((torque_n_m, _)) = self.gust {
-            self.drone.kick(torque_n_m * STEP.as_secs_f64());
+            self.vehicle.kick(torque_n_m * STEP.as_secs_f64());
         }
     }
 }
 
 impl BenchConfig {
-    /// How many rudders the drone has.
+    /// How many axes of the vehicle are steered.
     pub fn axes(&self) -> usize {
-        1 + usize::from(self.two_axes.is_some())
+        match self.vehicle {
+            VehicleConfig::OneAxis => 1,
+            VehicleConfig::TwoAxes(_) | VehicleConfig::Rocket(_) => 2,
+        }
     }
 }
 
-/// The drone as it hangs on the bench, its tilt at power-on, and where its cranks are at zero
-/// rudder, rad.
-fn hang(bench: &BenchConfig) -> Result<(HungDrone, [f64; Axis::COUNT], f64), ParameterError> {
-    let Some(two_axes) = &bench.two_axes else {
-        let drone = Drone::new(&bench.parameters, bench.start_rad, 0.0)?;
-        let zero_rad = drone.crank().angle_rad;
-        return Ok((
-            HungDrone::Pivot(Box::new(drone)),
-            [bench.start_rad, 0.0],
-            zero_rad,
-        ));
-    };
-    let parameters = TwoAxisParameters {
-        lateral_cm_m: two_axes.lateral_cm_m,
-        spin: two_axes.spin,
-        rotor_momentum_kg_m2_s: two_axes.rotor_momentum_kg_m2_s,
-        ..TwoAxisParameters::of(bench.parameters)
-    };
-    let tilt_rad = [bench.start_rad, two_axes.start_roll_rad];
-    let attitude = hung_drone::attitude(tilt_rad, bench.heading_rad);
-    let drone = TwoAxisDrone::new(&parameters, attitude, [0.0; 3])?;
-    let [crank, _] = drone.cranks();
-    Ok((HungDrone::Joint(Box::new(drone)), tilt_rad, crank.angle_rad))
+/// What stands on the bench, its tilt at power-on, and where its cranks are at zero rudder, rad.
+fn hang(bench: &BenchConfig) -> Result<(Vehicle, [f64; Axis::COUNT], f64), ParameterError> {
+    match &bench.vehicle {
+        VehicleConfig::OneAxis => {
+            let drone = Drone::new(&bench.parameters, bench.start_rad, 0.0)?;
+            let zero_rad = drone.crank().angle_rad;
+            let vehicle = Vehicle::Pivot(Box::new(drone));
+            Ok((vehicle, [bench.start_rad, 0.0], zero_rad))
+        }
+        VehicleConfig::TwoAxes(two_axes) => {
+            let parameters = TwoAxisParameters {
+                lateral_cm_m: two_axes.lateral_cm_m,
+                spin: two_axes.spin,
+                rotor_momentum_kg_m2_s: two_axes.rotor_momentum_kg_m2_s,
+                ..TwoAxisParameters::of(bench.parameters)
+            };
+            let tilt_rad = [bench.start_rad, two_axes.start_roll_rad];
+            let attitude = vehicle::attitude(tilt_rad, bench.heading_rad);
+            let drone = TwoAxisDrone::new(&parameters, attitude, [0.0; 3])?;
+            let [crank, _] = drone.cranks();
+            Ok((Vehicle::Joint(Box::new(drone)), tilt_rad, crank.angle_rad))
+        }
+        VehicleConfig::Rocket(config) => {
+            let attitude = vehicle::attitude(config.start_rad, bench.heading_rad);
+            let rocket = Rocket::new(config, attitude)?;
+            Ok((Vehicle::Rocket(Box::new(rocket)), config.start_rad, 0.0))
+        }
+    }
 }
 
 impl Board for Environment {

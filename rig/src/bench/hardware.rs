@@ -32,6 +32,8 @@ pub struct Hardware {
     pub magnetometer: Magnetometer,
     /// Largest deviation of the sensor's clock, relative.
     pub clock_error: f64,
+    /// Shift of the gyroscope's offset by a specific force of 1 g along z, deg/s.
+    pub gyro_per_g_deg_s: f64,
     /// Where the sensor sits, from the pivot along the body's axes, m.
     pub lever_m: [f64; 3],
     /// What runs between a reset and the image.
@@ -69,6 +71,7 @@ impl Default for Hardware {
             refresh: None,
             magnetometer: Magnetometer::default(),
             clock_error: 0.01,
+            gyro_per_g_deg_s: 0.0,
             lever_m: [0.0; 3],
             bootloader: Bootloader::default(),
             bus: BusTiming::default(),
@@ -318,6 +321,9 @@ impl Hardware {
         sensor.refresh = self.refresh;
         sensor.magnetometer = self.magnetometer;
         sensor.clock_error = self.clock_error;
+        if self.gyro_per_g_deg_s != 0.0 {
+            sensor.errors.gyro_per_g_rad_s = [self.gyro_per_g_deg_s.to_radians(); 3];
+        }
     }
 }
 

@@ -6,12 +6,16 @@ mod earth_field;
 mod environment;
 mod fault_schedule;
 pub mod hardware;
-mod hung_drone;
+mod rocket;
 pub mod sensor_motion;
 mod stimulus;
+mod vehicle;
 
 pub use earth_field::EarthField;
-pub use environment::{BenchConfig, Environment, PROBE_PIN, SERVO_PINS, TwoAxes, ZERO_RUDDER_US};
+pub use environment::{
+    BenchConfig, Environment, PROBE_PIN, SERVO_PINS, TwoAxes, VehicleConfig, ZERO_RUDDER_US,
+};
 pub use fault_schedule::{FaultEntry, Since, TimedFault};
 pub use hardware::Hardware;
-pub use hung_drone::HungDrone;
+pub use rocket::{Kick, Rocket, RocketConfig, SHAFT_PER_GIMBAL};
+pub use vehicle::Vehicle;

@@ -3,6 +3,7 @@
 use super::EarthField;
 use crate::bno055::Stimulus;
 use nalgebra::{UnitQuaternion, Vector3};
+use plant::ascent::Ascent;
 use std::f64::consts::FRAC_1_SQRT_2;
 
 /// How the drone turns about its pivot: nose up is positive.
@@ -89,6 +90,14 @@ pub(super) fn in_joint(
         felt.specific_force_m_s2[axis] += moved[axis];
     }
     felt
+}
+
+/// For a sensor at its place in a rocket that turns at `rate` (rad/s), along the body's axes.
+pub(super) fn in_ascent(ascent: &Ascent, rate: Vector3<f64>, field: &EarthField) -> Stimulus {
+    Stimulus {
+        specific_force_m_s2: ascent.specific_force_m_s2(),
+        ..in_hand(&ascent.attitude(), rate, field, 0.0)
+    }
 }
 
 /// For a sensor in a hand that turns in place at `rate` (rad/s, sensor axes). `attitude` takes the

@@ -46,6 +46,8 @@ pub struct ImuErrors {
     /// Change of the gyroscope's bias with temperature, rad/s/K from 25 deg C; 0.015 deg/s/K
     /// typically and 0.03 at most by the data sheet.
     pub gyro_drift_rad_s_k: [f64; 3],
+    /// Shift of the gyroscope's bias on each axis by a specific force of 1 g along z, rad/s.
+    pub gyro_per_g_rad_s: [f64; 3],
     /// Accelerometer noise, m/s^2/sqrt(Hz).
     pub acc_noise_density: f64,
     /// Accelerometer offset, m/s^2.
@@ -75,6 +77,7 @@ impl ImuErrors {
         gyro_instability_rad_s: 0.0,
         gyro_scale: [0.0; 3],
         gyro_drift_rad_s_k: [0.0; 3],
+        gyro_per_g_rad_s: [0.0; 3],
         acc_noise_density: 0.0,
         acc_offset_m_s2: [0.0; 3],
         acc_drift_m_s2_k: [0.0; 3],

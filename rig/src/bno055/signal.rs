@@ -191,9 +191,12 @@ impl SignalChain {
         let gyr_range = settings.gyr_range_dps.to_radians();
         let acc_range = settings.acc_range_g * STANDARD_GRAVITY_M_S2;
         let (bias, offset) = (self.gyro_bias_rad_s(), self.acc_offset_m_s2());
+        let pressed_g = truth.specific_force_m_s2[2] / STANDARD_GRAVITY_M_S2;
         let gyr_rad_s = [0, 1, 2].map(|axis| {
             let noise = root * e.gyro_noise_density * self.normal(e.gyro_noise_density);
-            let rate = truth.rate_rad_s[axis] * (1.0 + e.gyro_scale[axis]) + bias[axis] + noise;
+            let rate = truth.rate_rad_s[axis] * (1.0 + e.gyro_scale[axis]);
+            let bias = bias[axis] + e.gyro_per_g_rad_s[axis] * pressed_g;
+            let rate = rate + bias + noise;
             rate.clamp(-gyr_range, gyr_range)
         });
         let acc_m_s2 = [0, 1, 2].map(|axis| {

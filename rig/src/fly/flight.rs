@@ -216,6 +216,8 @@ pub struct FlightRecord {
     pub motion: Vec<Motion>,
     /// The pulses of the first servo.
     pub pulses: Vec<Pulse>,
+    /// Those of the second.
+    pub roll_pulses: Vec<Pulse>,
     /// Timing of the control loop in the flight.
     pub timing: LoopTiming,
     /// What came over USB in the flight.
@@ -374,6 +376,32 @@ impl Ready {
         )
     }
 
+    /// On a clone of the rig, which has a rocket on its pad: tilts the rail to `tilt_rad`, arms the
+    /// image, waits for `countdown_s`, ignites the engine and records the flight for `seconds` from
+    /// there. No order releases it: the image sees the launch.
+    ///
+    /// # Errors
+    /// As [`Ready::fly`].
+    pub fn launch(
+        &self,
+        tilt_rad: [f64; Axis::COUNT],
+        countdown_s: f64,
+        seconds: f64,
+        progress: &mut dyn FnMut(&Progress),
+    ) -> Result<FlightRecord, FlightError> {
+        let begun = Mark::of(&self.rig);
+        let mut fork = self.armed(tilt_rad, progress)?;
+        fork.watch(Stage::Tilt, Ticks::from_secs_f64(countdown_s), progress)?;
+        fork.rig.environment_mut().truth_mut().clear();
+        fork.station.begin_measurement();
+        fork.rig.release(0.0);
+        let ignited = fork.rig.now();
+        let mark = Mark::of(&fork.rig);
+        let end = ignited + Ticks::from_secs_f64(seconds);
+        fork.watch_until(Stage::Flight, ignited, end, progress)?;
+        fork.record(tilt_rad, ignited..end, begun, mark)
+    }
+
     /// A clone with the drone tilted to `start_rad`, pitch and roll, and armed, at a random phase
     /// of the servo frame.
     pub(super) fn armed(
@@ -466,7 +494,7 @@ impl Ready {
     }
 
     fn progress(&self, stage: Stage, time: Ticks) -> Progress {
-        let drone = self.rig.environment().drone();
+        let drone = self.rig.environment().vehicle();
         Progress {
             stage,
             time_s: time.as_secs_f64(),
@@ -497,6 +525,7 @@ impl Ready {
             timing: LoopTiming::over(truth, window.clone()),
             missing: missing(&self.rig, &received, &window),
             pulses: truth.pulses_since(window.start).to_vec(),
+            roll_pulses: truth.roll_pulses.clone(),
             motion,
             link: self.station.counts(),
             received,

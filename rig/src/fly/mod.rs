@@ -13,3 +13,4 @@ pub mod pty;
 #[cfg(unix)]
 pub mod real_time;
 pub mod replay;
+pub mod rocket;

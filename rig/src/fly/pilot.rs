@@ -3,7 +3,7 @@
 //! program at the port sends, and moves sensor and drone as a calibration asks for. What other
 //! programs do to the rig by hand ([`Action`]) is done by the pilot, too.
 
-use crate::bench::HungDrone;
+use crate::bench::Vehicle;
 use crate::bench::sensor_motion::{SensorMotion, resting};
 use crate::bno055::{Fault, FaultKind};
 use crate::disturbance::Disturbances;
@@ -190,7 +190,7 @@ impl Pilot {
         });
         let due = self.check_rudder_at.take_if(|(due, _)| rig.now() >= *due);
         if let Some((_, axis)) = due {
-            lines.push(describe(rig.environment().drone(), axis));
+            lines.push(describe(rig.environment().vehicle(), axis));
         }
         lines
     }
@@ -201,7 +201,7 @@ impl Pilot {
         if self.clamp.is_some() {
             return;
         }
-        let held = rig.environment().drone().held();
+        let held = rig.environment().vehicle().held();
         match state {
             StateKind::Active if held => rig.release(self.rate_rad_s),
             StateKind::Active | StateKind::Failsafe => {}
@@ -229,7 +229,7 @@ impl Pilot {
                 self.start_rad[0] = *rad;
                 rig.environment_mut().tilt_clamp_to(self.start_rad);
             }
-            Action::Roll(_) if matches!(rig.environment().drone(), HungDrone::Pivot(_)) => {
+            Action::Roll(_) if matches!(rig.environment().vehicle(), Vehicle::Pivot(_)) => {
                 return Err("this drone only pitches: tvc rig --vehicle drone2".into());
             }
             Action::Roll(rad) => {
@@ -288,7 +288,7 @@ impl Pilot {
 
     fn clamp(&mut self, rig: &mut Rig, by_hand: Option<bool>) {
         self.clamp = by_hand;
-        let held = rig.environment().drone().held();
+        let held = rig.environment().vehicle().held();
         match by_hand {
             Some(true) if held => rig.release(self.rate_rad_s),
             Some(false) if !held => {
@@ -305,9 +305,9 @@ impl Pilot {
         let faults = environment.sensor().faults();
         Look {
             time_s: rig.now().as_secs_f64(),
-            pitch_rad: environment.drone().tilt_rad()[0],
-            roll_rad: environment.drone().tilt_rad()[1],
-            held: environment.drone().held(),
+            pitch_rad: environment.vehicle().tilt_rad()[0],
+            roll_rad: environment.vehicle().tilt_rad()[1],
+            held: environment.vehicle().held(),
             clamp: match self.clamp {
                 Some(true) => "open",
                 Some(false) => "closed",
@@ -330,7 +330,7 @@ impl Pilot {
 }
 
 /// How the rudder answers the tilt, as a person beside the drone sees it.
-fn describe(drone: &HungDrone, axis: Axis) -> String {
+fn describe(drone: &Vehicle, axis: Axis) -> String {
     let up = |up: bool| if up { "up" } else { "down" };
     let (tilt, rudder) = (
         drone.tilt_rad()[axis.index()],

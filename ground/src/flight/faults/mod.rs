@@ -16,7 +16,7 @@ use rig::{ServoKind, Setup, prepare};
 use crate::flight::hardware::HardwareChoice;
 use crate::flight::vehicle::VehicleKind;
 use crate::image::ImageOption;
-use crate::out::exit::Verdict;
+use crate::out::exit::{BadInput, Verdict};
 use crate::out::kind;
 use crate::out::measure::Limit::{AtLeast, AtMost};
 use crate::out::measure::{Figure, Figures, figure, rows};
@@ -83,6 +83,12 @@ pub struct Faults {
 
 /// Carries out the campaign, prints its table, and names every unsafe run.
 pub fn run(options: &Faults) -> Result<Verdict> {
+    if options.vehicle == VehicleKind::Rocket {
+        return Err(BadInput::new(
+            "--vehicle rocket: the campaign's flights are those of a drone; take drone or drone2",
+        )
+        .into());
+    }
     let begun = Instant::now();
     let image = options.image.image()?;
     let bar = spinner("boot and flight without a fault");

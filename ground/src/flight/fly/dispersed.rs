@@ -104,7 +104,7 @@ fn fly_one(image: &Image, setup: &Setup, draw: &Draw, options: &Fly) -> Result<R
     // On the pivot a rate has the sign of its pitch, in the joint that of its tilt.
     let rate_rad_s = match options.vehicle {
         VehicleKind::Drone => START_RATE_RAD_S.copysign(tilt_rad[0]),
-        VehicleKind::Drone2 => START_RATE_RAD_S,
+        VehicleKind::Drone2 | VehicleKind::Rocket => START_RATE_RAD_S,
     };
     let release = Release {
         tilt_rad,

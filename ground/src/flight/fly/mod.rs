@@ -10,6 +10,7 @@ pub mod live;
 pub mod options;
 mod recording;
 mod report;
+mod rocket;
 mod two_axes;
 
 use std::num::NonZeroU32;
@@ -34,10 +35,23 @@ pub fn run(options: &Fly) -> Result<Verdict> {
         .map(|path| faults::read(path, options.seed, flights::FLIGHT_S))
         .transpose()?
         .unwrap_or_default();
+    if options.vehicle == VehicleKind::Rocket {
+        rocket::check(options)?;
+    }
     let mut setup = setup(options)?;
     let image = options.image.image()?;
     setup.rig.bench.faults = scenario.faults;
     setup.rig.bench.disturbances = options.disturb.over(scenario.disturbances);
+    if options.vehicle == VehicleKind::Rocket {
+        let (figures, page) = match options.dispersed {
+            Some(count) => rocket::fly_dispersed(&image, &setup, count.get(), options)?,
+            None => {
+                let seeds = options.seeds.map_or(1, NonZeroU32::get);
+                rocket::fly(&image, &setup, seeds, options)?
+            }
+        };
+        return figures.conclude(options.json, Some((&options.report, page)));
+    }
     if let Some(count) = options.dispersed {
         let (figures, page) = dispersed::fly(&image, &setup, count.get(), options)?;
         return figures.conclude(options.json, Some((&options.report, page)));

@@ -25,6 +25,7 @@ Examples:
   cargo fly --filter madgwick              another attitude filter
   cargo fly --vehicle drone2 --seeds 12    two rudders: pitch and roll, with and without spin
   cargo fly --vehicle drone2 --dispersed 500   vehicles that are not as their parameters say
+  cargo fly --vehicle rocket --seeds 12    a rocket through its burn: schedule, constant gains, cascade
   cargo fly --drone heavy.toml             another drone, another servo
   cargo fly --json > flight.json           figures for a script, nothing else on standard output
   cargo fly --vibration 5,180 --servo-supply 4.8 --thrust-ramp 40,0.5

@@ -164,7 +164,7 @@ fn config(rocket: &Rocket, time_s: f64) -> Config {
 fn step(rocket: &Rocket, time_s: f64, scheduled: bool) -> Result<Step> {
     let named = |error| anyhow!("the rocket's controller: {error}");
     let table = TABLE_S.map(|at| (at as f32, config(rocket, at)));
-    let schedule = Schedule::<f32, 10>::new(&table).map_err(named)?;
+    let schedule = Schedule::<f32, 10>::new(table).map_err(named)?;
     let lift_off = config(rocket, 0.0);
     let mut axes = Axes::<f32, 2>::new(&[lift_off.clone(), lift_off]).map_err(named)?;
     let start = Attitude {

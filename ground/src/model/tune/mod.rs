@@ -2,6 +2,7 @@
 
 mod design;
 mod margins;
+mod rocket;
 mod search;
 
 use std::collections::BTreeMap;
@@ -37,9 +38,15 @@ Examples:
   tvc tune --from my.param --generations 0      how good gains are, without a search
   tvc tune --params identified.toml --json      gains for a drone that `tvc identify` measured
   tvc param load digital.param                  take them over into a vehicle
+  tvc tune --vehicle rocket                     a rocket's gain schedule, and the best constant gains
 
 Exit status: 0 every requirement met, 1 one missed, 2 unusable input.")]
 pub struct Tune {
+    /// What is to be flown: the drone with the surface law, one axis or two of its kind, or the
+    /// rocket with PID gains that follow its burn.
+    #[arg(long, value_enum, default_value_t, conflicts_with_all = ["servo", "params", "overshoot", "settling", "margin", "from", "out"])]
+    pub vehicle: TuneVehicle,
+
     /// The servo, with the frame rate that suits it.
     #[arg(long, value_enum, default_value_t = ServoKind::S3003)]
     pub servo: ServoKind,
@@ -89,11 +96,24 @@ fn positive(text: &str) -> Result<f64, String> {
     }
 }
 
+/// What gains are found for.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
+pub enum TuneVehicle {
+    /// The tethered drone. Its gains are those of both axes of a drone with two.
+    #[default]
+    Drone,
+    /// The rocket, stable and unstable.
+    Rocket,
+}
+
 /// Parameters that describe the model, which the gains go with.
 const MODEL: [&str; 3] = ["PID_LAW", "PITCH_GAIN", "SRV_RAD_S"];
 
 /// Searches as `options` say, prints what was found and writes it.
 pub fn run(options: &Tune) -> Result<Verdict> {
+    if options.vehicle == TuneVehicle::Rocket {
+        return rocket::run(options);
+    }
     let required = Requirements {
         overshoot_pct: options.overshoot,
         ratio: options.settling.unwrap_or(match options.servo {

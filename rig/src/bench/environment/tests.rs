@@ -81,16 +81,16 @@ fn rotate([w, x, y, z]: [f64; 4], v: [f64; 3]) -> [f64; 3] {
 fn the_clamp_holds_tilts_and_lets_go() {
     let mut environment = environment(BenchConfig::default());
     environment.advance(Ticks::from_ms(100));
-    assert_eq!(environment.drone().pitch_rad(), 0.0);
+    assert_eq!(environment.vehicle().pitch_rad(), 0.0);
     environment.tilt_clamp(0.4);
     environment.advance(Ticks::from_ms(500));
     assert!((environment.truth().motion.last().unwrap().rate_rad_s - 0.5).abs() < 1e-9);
     environment.advance(Ticks::from_ms(1000));
     assert!(environment.clamp_rests());
-    assert_eq!(environment.drone().pitch_rad(), 0.4);
+    assert_eq!(environment.vehicle().pitch_rad(), 0.4);
     environment.release(0.2);
     environment.advance(Ticks::from_ms(1010));
-    assert!((environment.drone().pitch_rad() - 0.402).abs() < 1e-3);
+    assert!((environment.vehicle().pitch_rad() - 0.402).abs() < 1e-3);
 }
 
 #[test]
@@ -191,12 +191,15 @@ fn a_gust_turns_a_free_drone_and_what_is_off_acts_no_more() {
             environment.gust(torque_n_m, seconds);
         }
         environment.advance(Ticks::from_ms(100));
-        environment.drone().rates_rad_s()[0]
+        environment.vehicle().rates_rad_s()[0]
     };
     let gained = rate(Some((0.2, 0.1))) - rate(None);
     assert!((0.15..0.165).contains(&gained), "{gained}");
     let mut environment = environment(BenchConfig::default());
-    let thrust = |environment: &Environment| environment.drone.mechanism().parameters().thrust_n;
+    let thrust = |environment: &Environment| match &environment.vehicle {
+        Vehicle::Pivot(drone) => drone.mechanism().parameters().thrust_n,
+        other => panic!("{other:?}"),
+    };
     let full = thrust(&environment);
     environment.set_disturbances(Disturbances {
         thrust_ramp: "40,0.5".parse().ok(),
@@ -222,9 +225,9 @@ fn a_pulse_turns_the_servo_and_pitches_the_drone() {
         (environment.servos()[0].crank().angle_rad - environment.servos()[0].target_rad()).abs()
             < 0.01
     );
-    assert!(environment.drone().rudders_rad()[0] > 0.15);
+    assert!(environment.vehicle().rudders_rad()[0] > 0.15);
     // Positive rudder, nose down.
-    assert!(environment.drone().pitch_rad() < -0.1);
+    assert!(environment.vehicle().pitch_rad() < -0.1);
     assert_eq!(environment.truth().pulses.len(), 25);
 }
 
@@ -237,7 +240,7 @@ fn the_horn_is_fitted_at_1523_6() {
     environment.pin(rise + Ticks(73_133), SERVO_PINS[0], false);
     environment.advance(Ticks::from_ms(400));
     // The servo counts whole microseconds: 1524 us, 0.04 deg off, inside its deadband.
-    assert!(environment.drone().rudders_rad()[0].abs() < 1e-3);
+    assert!(environment.vehicle().rudders_rad()[0].abs() < 1e-3);
 }
 
 /// A sensor 10 cm below the pivot of a drone that turns by hand at 0.5 rad/s feels the start of the

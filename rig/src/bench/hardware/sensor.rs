@@ -84,6 +84,14 @@ pub(super) const KEYS: &[Key] = &[
         show: |hardware| (hardware.clock_error * 100.0).to_string(),
     },
     Key {
+        name: "gyro-per-g",
+        value: "DEG_S",
+        what: "shift of the gyroscope's offset on all axes by 1 g along z, deg/s (-1 to 1)",
+        source: "estimate: up to 0.1 for a gyroscope of this class",
+        set: |hardware, text| put(&mut hardware.gyro_per_g_deg_s, number(text, -1.0..=1.0)),
+        show: |hardware| hardware.gyro_per_g_deg_s.to_string(),
+    },
+    Key {
         name: "lever",
         value: "X/Y/Z",
         what: "where the sensor sits from the pivot: forward, right, down, mm (-500 to 500)",
@@ -155,7 +163,7 @@ mod tests {
     #[test]
     fn settings_of_the_sensor_reach_the_bench() {
         let hardware: Hardware = "late-registers=20000,lost-within=5000,refresh=62.5/80/20,\
-             field-age=30,field=dead,sensor-clock=3,lever=20/-5/-130,bootloader=uf2"
+             field-age=30,field=dead,sensor-clock=3,gyro-per-g=0.1,lever=20/-5/-130,bootloader=uf2"
             .parse()
             .unwrap();
         assert_eq!(hardware.bootloader, Bootloader::Uf2);
@@ -174,6 +182,12 @@ mod tests {
         assert_eq!(sensor.magnetometer.age, Ticks::from_ms(30));
         assert_eq!(sensor.magnetometer.health, MagnetometerHealth::Dead);
         assert_eq!(sensor.clock_error, 0.03);
+        let per_g = sensor.errors.gyro_per_g_rad_s;
+        assert!(
+            per_g
+                .iter()
+                .all(|shift| (shift.to_degrees() - 0.1).abs() < 1e-12)
+        );
     }
 
     /// What nobody sets is as on a bench without any hardware.

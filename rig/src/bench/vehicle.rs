@@ -1,21 +1,29 @@
-//! The drone as it hangs on the bench: on a pivot, with one rudder, or in a joint, with two.
+//! What stands on the bench: the drone on a pivot, with one rudder, or in a joint, with two; or a
+//! rocket on its pad.
 
 use nalgebra::{UnitQuaternion, Vector3};
 use plant::two_axis::TwoAxisDrone;
-use plant::{Crank, Drone, Mechanism};
+use plant::{Crank, Drone};
 use tvc_nano::Axis;
 
-/// A drone with a rudder for each axis about which it turns. Lists name pitch first, then roll,
-/// which is 0 throughout where the drone only pitches.
+use super::rocket::Rocket;
+
+/// Gravity at the rocket's pad, m/s2.
+const PAD_GRAVITY_M_S2: f64 = 9.81;
+
+/// A vehicle with a rudder, or a gimbal's actuator, for each axis about which it is steered. Lists
+/// name pitch first, then roll, which is 0 throughout where the drone only pitches.
 #[derive(Clone, Debug)]
-pub enum HungDrone {
-    /// It pitches.
+pub enum Vehicle {
+    /// A drone that pitches.
     Pivot(Box<Drone>),
-    /// It pitches, rolls and spins.
+    /// A drone that pitches, rolls and spins.
     Joint(Box<TwoAxisDrone>),
+    /// A rocket.
+    Rocket(Box<Rocket>),
 }
 
-impl HungDrone {
+impl Vehicle {
     /// Pitch, or the part of the tilt about the body's y, rad, nose up positive.
     pub fn pitch_rad(&self) -> f64 {
         self.tilt_rad()[0]
@@ -26,6 +34,36 @@ impl HungDrone {
         match self {
             Self::Pivot(drone) => [drone.pitch_rad(), 0.0],
             Self::Joint(drone) => drone.tilt_rad(),
+            Self::Rocket(rocket) => rocket.ascent().tilt_rad(),
+        }
+    }
+
+    /// Body to north-east-down; a drone on a pivot has the heading of the bench, rad.
+    pub(super) fn attitude(&self, heading_rad: f64) -> UnitQuaternion<f64> {
+        match self {
+            Self::Pivot(drone) => {
+                UnitQuaternion::from_euler_angles(0.0, drone.pitch_rad(), heading_rad)
+            }
+            Self::Joint(drone) => drone.attitude(),
+            Self::Rocket(rocket) => rocket.ascent().attitude(),
+        }
+    }
+
+    /// Gravity where it is, m/s2.
+    pub(super) fn gravity_m_s2(&self) -> f64 {
+        match self {
+            Self::Pivot(drone) => drone.mechanism().parameters().gravity_m_s2,
+            Self::Joint(drone) => drone.mechanism().parameters().gravity_m_s2,
+            Self::Rocket(_) => PAD_GRAVITY_M_S2,
+        }
+    }
+
+    /// The rate about the body's z, rad/s.
+    pub(super) fn spin_rad_s(&self) -> f64 {
+        match self {
+            Self::Pivot(_) => 0.0,
+            Self::Joint(drone) => drone.rates_rad_s()[2],
+            Self::Rocket(rocket) => rocket.ascent().rates_rad_s()[2],
         }
     }
 
@@ -37,6 +75,10 @@ impl HungDrone {
                 let [roll, pitch, _] = drone.rates_rad_s();
                 [pitch, roll]
             }
+            Self::Rocket(rocket) => {
+                let [roll, pitch, _] = rocket.ascent().rates_rad_s();
+                [pitch, roll]
+            }
         }
     }
 
@@ -45,19 +87,21 @@ impl HungDrone {
     pub fn level_tilt_rad(&self, heading_rad: f64) -> [f64; Axis::COUNT] {
         match self {
             Self::Pivot(_) => self.tilt_rad(),
-            Self::Joint(drone) => {
-                let [pitch, roll] = drone.tilt_rad();
-                let (sin, cos) = (self::heading_rad(&drone.attitude()) - heading_rad).sin_cos();
+            Self::Joint(_) | Self::Rocket(_) => {
+                let [pitch, roll] = self.tilt_rad();
+                let turned = self::heading_rad(&self.attitude(heading_rad)) - heading_rad;
+                let (sin, cos) = turned.sin_cos();
                 [cos * pitch + sin * roll, cos * roll - sin * pitch]
             }
         }
     }
 
-    /// Rudder angles, rad.
+    /// Rudder or gimbal angles, rad.
     pub fn rudders_rad(&self) -> [f64; Axis::COUNT] {
         match self {
             Self::Pivot(drone) => [drone.rudder_rad(), 0.0],
             Self::Joint(drone) => drone.rudder_rad(),
+            Self::Rocket(rocket) => rocket.ascent().gimbal_rad(),
         }
     }
 
@@ -66,22 +110,16 @@ impl HungDrone {
         match self {
             Self::Pivot(drone) => [drone.hinge_torque_n_m(), 0.0],
             Self::Joint(drone) => drone.hinge_torque_n_m(),
+            Self::Rocket(_) => [0.0; Axis::COUNT],
         }
     }
 
-    /// Whether the clamp holds it.
+    /// Whether the clamp or its pad holds it.
     pub fn held(&self) -> bool {
         match self {
             Self::Pivot(drone) => drone.held(),
             Self::Joint(drone) => drone.held(),
-        }
-    }
-
-    /// The mechanism of either axis, for its linkage and parameters.
-    pub(super) fn mechanism(&self) -> &Mechanism {
-        match self {
-            Self::Pivot(drone) => drone.mechanism(),
-            Self::Joint(drone) => drone.mechanism(),
+            Self::Rocket(rocket) => rocket.ascent().time_s().is_none(),
         }
     }
 
@@ -93,11 +131,15 @@ impl HungDrone {
                 let heading_rad = heading_rad(&drone.attitude());
                 drone.clamp(attitude(tilt_rad, heading_rad));
             }
+            Self::Rocket(rocket) => {
+                let heading_rad = heading_rad(&rocket.ascent().attitude());
+                rocket.tilt_rail(attitude(tilt_rad, heading_rad));
+            }
         }
     }
 
     /// Lets go of it with a rate in the direction of its tilt, upwards in pitch where it has none,
-    /// and about its own vertical, rad/s.
+    /// and about its own vertical, rad/s. A rocket is ignited.
     pub(super) fn release(&mut self, rate_rad_s: f64, spin_rad_s: f64) {
         match self {
             Self::Pivot(drone) => drone.release(rate_rad_s),
@@ -115,30 +157,40 @@ impl HungDrone {
                     spin_rad_s,
                 ]);
             }
+            Self::Rocket(rocket) => rocket.ignite(),
         }
     }
 
-    /// Gives it an angular impulse about the body's y, N m s.
+    /// Gives a drone an angular impulse about the body's y, N m s.
     pub(super) fn kick(&mut self, impulse_n_m_s: f64) {
         match self {
             Self::Pivot(drone) => drone.kick(impulse_n_m_s),
             Self::Joint(drone) => drone.kick([0.0, impulse_n_m_s, 0.0]),
+            Self::Rocket(_) => {}
         }
     }
 
-    /// Changes the thrust, N.
+    /// Changes a drone's thrust, N.
     pub(super) fn set_thrust(&mut self, thrust_n: f64) {
         match self {
             Self::Pivot(drone) => drone.set_thrust(thrust_n),
             Self::Joint(drone) => drone.set_thrust(thrust_n),
+            Self::Rocket(_) => {}
         }
     }
 
-    /// Advances by `dt_s`, at whose end the cranks stand there.
-    pub(super) fn step(&mut self, dt_s: f64, cranks: [Crank; Axis::COUNT]) {
+    /// Advances by `dt_s`, at whose end the servos' cranks stand there, and which the newest pulses
+    /// send to `targets_rad`: a gimbal's actuators have a motion of their own.
+    pub(super) fn step(
+        &mut self,
+        dt_s: f64,
+        cranks: [Crank; Axis::COUNT],
+        targets_rad: [f64; Axis::COUNT],
+    ) {
         match self {
             Self::Pivot(drone) => drone.step(dt_s, cranks[0]),
             Self::Joint(drone) => drone.step(dt_s, cranks),
+            Self::Rocket(rocket) => rocket.step(dt_s, targets_rad),
         }
     }
 }
