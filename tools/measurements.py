@@ -194,6 +194,29 @@ def two_axes(scratch):
             f"{unsafe} of {runs:,} were unsafe.\n")
 
 
+def rocket(scratch):
+    """A rocket through its burn, and rockets that are not as their images were told."""
+    flown = tvc("fly", "--vehicle", "rocket", "--seeds", 12, "--report", scratch / "rocket.html")
+    rows = [[case["case"], f"{case['error_rms_mean_deg']:.2f} / {case['error_rms_deg']:.2f}",
+             f"{case['error_max_deg']:.1f}", f"{case['error_end_deg']:.2f}",
+             "" if case["tilt_sd_deg"] is None else f"{case['tilt_sd_deg']:.1f}",
+             "yes" if case["in_control"] else "no", "yes" if case["neutral_after_burnout"] else "no"]
+            for case in flown["cases"]]
+    dispersed = tvc("fly", "--vehicle", "rocket", "--dispersed", 500, "--report", scratch / "rockets.html")
+    ends = []
+    for per_g in (0.01, 0.1):
+        felt = tvc("fly", "--vehicle", "rocket", "--seeds", 4, "--hardware", f"gyro-per-g={per_g}",
+                   "--report", scratch / "per_g.html")
+        ends.append(f"{felt['cases'][0]['error_end_deg']:.1f} deg with {per_g} deg/s")
+    head = ["airframe, control", "error rms, mean / worst, deg", "largest, deg", "at burnout, deg", "`tilt_sd`, deg",
+            "in control", "neutral after burnout"]
+    return ("## Rocket\n`cargo tvc fly --vehicle rocket --seeds 12 --json`: the true angle of the axis from the vertical, "
+            "from 2 s after the launch was seen to burnout ([the conditions](rocket.md)).\n\n" + table(head, rows) +
+            f"\nOf 500 rockets that differ from what their images were told (`--dispersed 500`), "
+            f"{dispersed['within_pct']:.2f} % stayed within 2 deg rms and in control. A gyroscope whose offset shifts by "
+            f"acceleration (`--hardware gyro-per-g`) is off at burnout by {' and '.join(ends)} for each g.\n")
+
+
 def hardware(scratch):
     """Parts that differ; docs/hardware.md has the table."""
     campaign = tvc("hardware", "--report", scratch / "hardware.html")
@@ -263,6 +286,7 @@ def main():
             scratch = pathlib.Path(folder)
             flown, picture = flights(scratch)
             sections = [flown, control_law(scratch), monte_carlo(scratch), faults(scratch), two_axes(scratch),
+                        rocket(scratch),
                         hardware(scratch),
                         replays(scratch, broad), filters(broad)]
     except Failed as error:

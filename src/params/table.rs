@@ -341,7 +341,7 @@ parameters! {
     /// time from the release at which the gains of row 1 count
     gs1_s: "GS1_S", "s", Between(0.0, 600.0), 0.0, Live;
     /// PID_KP at that time
-    gs1_kp: "GS1_KP", "rad/rad", Between(0.0, 10.0), 1.9, Live;
+    gs1_kp: "GS1_KP", "rad/rad", Between(0.0, 20.0), 1.9, Live;
     /// PID_KI at that time
     gs1_ki: "GS1_KI", "1/s", Between(0.0, 20.0), 0.0, Live;
     /// PID_KD at that time
@@ -349,7 +349,7 @@ parameters! {
     /// time from the release at which the gains of row 2 count
     gs2_s: "GS2_S", "s", Between(0.0, 600.0), 10.0, Live;
     /// PID_KP at that time
-    gs2_kp: "GS2_KP", "rad/rad", Between(0.0, 10.0), 1.9, Live;
+    gs2_kp: "GS2_KP", "rad/rad", Between(0.0, 20.0), 1.9, Live;
     /// PID_KI at that time
     gs2_ki: "GS2_KI", "1/s", Between(0.0, 20.0), 0.0, Live;
     /// PID_KD at that time
@@ -357,7 +357,7 @@ parameters! {
     /// time from the release at which the gains of row 3 count
     gs3_s: "GS3_S", "s", Between(0.0, 600.0), 20.0, Live;
     /// PID_KP at that time
-    gs3_kp: "GS3_KP", "rad/rad", Between(0.0, 10.0), 1.9, Live;
+    gs3_kp: "GS3_KP", "rad/rad", Between(0.0, 20.0), 1.9, Live;
     /// PID_KI at that time
     gs3_ki: "GS3_KI", "1/s", Between(0.0, 20.0), 0.0, Live;
     /// PID_KD at that time
@@ -365,7 +365,7 @@ parameters! {
     /// time from the release at which the gains of row 4 count
     gs4_s: "GS4_S", "s", Between(0.0, 600.0), 30.0, Live;
     /// PID_KP at that time
-    gs4_kp: "GS4_KP", "rad/rad", Between(0.0, 10.0), 1.9, Live;
+    gs4_kp: "GS4_KP", "rad/rad", Between(0.0, 20.0), 1.9, Live;
     /// PID_KI at that time
     gs4_ki: "GS4_KI", "1/s", Between(0.0, 20.0), 0.0, Live;
     /// PID_KD at that time
@@ -373,7 +373,7 @@ parameters! {
     /// time from the release at which the gains of row 5 count
     gs5_s: "GS5_S", "s", Between(0.0, 600.0), 40.0, Live;
     /// PID_KP at that time
-    gs5_kp: "GS5_KP", "rad/rad", Between(0.0, 10.0), 1.9, Live;
+    gs5_kp: "GS5_KP", "rad/rad", Between(0.0, 20.0), 1.9, Live;
     /// PID_KI at that time
     gs5_ki: "GS5_KI", "1/s", Between(0.0, 20.0), 0.0, Live;
     /// PID_KD at that time
@@ -381,7 +381,7 @@ parameters! {
     /// time from the release at which the gains of row 6 count
     gs6_s: "GS6_S", "s", Between(0.0, 600.0), 50.0, Live;
     /// PID_KP at that time
-    gs6_kp: "GS6_KP", "rad/rad", Between(0.0, 10.0), 1.9, Live;
+    gs6_kp: "GS6_KP", "rad/rad", Between(0.0, 20.0), 1.9, Live;
     /// PID_KI at that time
     gs6_ki: "GS6_KI", "1/s", Between(0.0, 20.0), 0.0, Live;
     /// PID_KD at that time

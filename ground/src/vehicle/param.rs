@@ -155,7 +155,7 @@ fn show(rows: &[Row], json: bool) -> Result<Verdict> {
 
 /// What a parameter belongs to, for a person who looks for it.
 pub fn group_of(name: &str) -> &'static str {
-    const GROUPS: [(&str, &str); 21] = [
+    const GROUPS: [(&str, &str); 26] = [
         // What the control laws assume of the servo.
         ("SRV_DELAY_S", CONTROL),
         ("SRV_LAG_S", CONTROL),
@@ -165,6 +165,7 @@ pub fn group_of(name: &str) -> &'static str {
         ("SRV_RAD_S", CONTROL),
         ("PID_", CONTROL),
         ("SFC_", CONTROL),
+        ("CAS_", CONTROL),
         ("PITCH_", CONTROL),
         ("ROLL_", CONTROL),
         ("AXES", CONTROL),
@@ -173,6 +174,10 @@ pub fn group_of(name: &str) -> &'static str {
         ("FS_", SAFETY),
         ("SRV_", "Servo"),
         ("SRV2_", "Second servo"),
+        ("GS", "Gain schedule"),
+        ("LAUNCH_", FREE),
+        ("BURN", FREE),
+        ("GYR_PER_G", FREE),
         ("MNT_", "Mount and place"),
         ("DECLINATION", "Mount and place"),
         ("FUSE_", "Attitude filter"),
@@ -181,6 +186,7 @@ pub fn group_of(name: &str) -> &'static str {
     ];
     const CONTROL: &str = "Control law";
     const SAFETY: &str = "Safety";
+    const FREE: &str = "Free flight";
     let found = GROUPS.iter().find(|(prefix, _)| name.starts_with(prefix));
     found.map_or("", |(_, group)| group)
 }

@@ -66,14 +66,14 @@ impl Airframe {
     pub fn design(self) -> Design {
         match self {
             Self::Stable => Design {
-                natural_rad_s: 3.5,
-                damping: 0.8,
-                integral: 0.15,
+                natural_rad_s: 4.646,
+                damping: 0.642,
+                integral: 0.148,
             },
             Self::Unstable => Design {
-                natural_rad_s: 3.5,
-                damping: 0.8,
-                integral: 0.12,
+                natural_rad_s: 4.264,
+                damping: 0.702,
+                integral: 0.127,
             },
         }
     }
@@ -82,14 +82,14 @@ impl Airframe {
     pub fn constant_gains(self) -> Gains {
         match self {
             Self::Stable => Gains {
-                kp: 0.5,
-                ki: 0.4,
-                kd: 0.18,
+                kp: 1.1108,
+                ki: 0.3533,
+                kd: 0.194,
             },
             Self::Unstable => Gains {
-                kp: 0.8,
-                ki: 0.4,
-                kd: 0.19,
+                kp: 1.147,
+                ki: 0.2341,
+                kd: 0.1934,
             },
         }
     }

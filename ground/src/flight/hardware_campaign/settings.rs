@@ -56,6 +56,7 @@ pub const SETTINGS: &[(&str, Ending)] = &[
     ("field=dead", Flies),
     ("field=stuck", Flies),
     ("sensor-clock=3", Flies),
+    ("gyro-per-g=0.1", Flies),
     ("late-registers=5000", Flies),
     ("late-registers=40000", Flies),
     ("lost-within=500", Flies),
