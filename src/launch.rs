@@ -139,7 +139,11 @@ impl Launch {
             }
             State::Active { .. } => {
                 self.feel(acceleration, elapsed_us);
-                let released = *self.released.get_or_insert(at);
+                if self.released.is_none() {
+                    // An order that comes under thrust is late.
+                    self.released = Some(self.since.take().unwrap_or(at));
+                }
+                let released = self.released.unwrap_or(at);
                 let burn_us = self.settings.burn_us;
                 let is_late = burn_us > 0 && at.since(released) >= burn_us.into();
                 (self.is_burnt_out(at, acceleration) || is_late).then_some(Event::End)

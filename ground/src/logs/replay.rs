@@ -258,6 +258,8 @@ pub fn replay(
         code: None,
         now: Micros(0),
         newest: None,
+        ordered: false,
+        expected: None,
         exact: false,
         changed: !changed.is_empty(),
         refused: Vec::new(),
@@ -280,6 +282,10 @@ pub fn replay(
             ) if run.is_starting() => {
                 run.exact = run.flight.calibrate().is_ok();
             }
+            Event::Answer(
+                MavCmd::MAV_CMD_DO_GRIPPER | MavCmd::MAV_CMD_COMPONENT_ARM_DISARM,
+                MavResult::MAV_RESULT_ACCEPTED,
+            ) => run.ordered = true,
             _ => {}
         }
     }
@@ -294,6 +300,10 @@ struct Run {
     now: Micros,
     /// The newest sample.
     newest: Option<RawSample>,
+    /// An order was obeyed since the last change of state.
+    ordered: bool,
+    /// What the vehicle has done by itself in the step that comes: launch, or end of its burn.
+    expected: Option<Command>,
     exact: bool,
     /// Some parameters are others than the vehicle's.
     changed: bool,
@@ -314,6 +324,12 @@ impl Run {
         };
         self.newest = logged.sample.or(self.newest);
         let snapshot = self.flight.step(self.now, reading);
+        if let Some(command) = self.expected.take() {
+            let mine = self.flight.state().kind();
+            if (mine == StateKind::Active) != (command == Command::Release) {
+                self.command(command);
+            }
+        }
         let q = snapshot.orientation.parts();
         let mut cranks_rad = logged.cranks_rad;
         for (crank, again) in cranks_rad.iter_mut().zip(snapshot.cranks) {
@@ -363,11 +379,29 @@ impl Run {
         let mine = self.flight.state().kind();
         match state {
             Some(StateKind::Armed) if mine != StateKind::Armed => self.command(Command::Arm),
-            Some(StateKind::Active) if mine != StateKind::Active => self.command(Command::Release),
+            Some(StateKind::Active) if mine != StateKind::Active => {
+                self.follow_by(Command::Release)
+            }
             Some(StateKind::Standby) if is_in_operation(mine) || mine == StateKind::Latched => {
-                self.command(Command::Disarm);
+                self.follow_by(Command::Disarm);
             }
             _ => {}
+        }
+        self.ordered = false;
+    }
+
+    /// Gives a command, unless nobody ordered it: a vehicle that sees its launch and the end of its
+    /// burn tells the state in front of the step in which it does.
+    fn follow_by(&mut self, command: Command) {
+        let params = self.flight.params();
+        let sees = match command {
+            Command::Release => params.launch_acc() > 0.0,
+            _ => params.burnout_acc() > 0.0 || params.burn_s() > 0.0,
+        };
+        if sees && !self.ordered {
+            self.expected = Some(command);
+        } else {
+            self.command(command);
         }
     }
 

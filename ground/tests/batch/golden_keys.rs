@@ -28,6 +28,7 @@ const ALONE: &[(&str, &str)] = &[
         "fly --start 0.4 --faults rough_flight.toml --servo-supply 4.8",
     ),
     ("fly-drone2", "fly --vehicle drone2 --start 0.2"),
+    ("fly-rocket", "fly --vehicle rocket"),
     ("fly-replay", "fly --replay walk.imuq"),
     ("faults", "faults --runs 1 --kind spikes"),
     ("profile", "profile --seconds 0.1"),

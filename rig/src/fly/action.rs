@@ -24,7 +24,8 @@ pub const HELP: [(&str, &str); 20] = [
     ),
     (
         "clamp open|closed|auto",
-        "the clamp opens or closes by hand; auto opens it when the firmware goes to active",
+        "the clamp opens, which lights the engine of a rocket, or closes by hand; auto opens it when \
+         the firmware goes to active",
     ),
     (
         "push N_M_S",

@@ -118,7 +118,7 @@ fn rows_out_of_order_are_named_before_anything_is_armed() {
 #[test]
 fn another_flight_goes_on_through_the_burn() {
     for before in [5, 12, 300] {
-        let mut desk = desk(&[]);
+        let mut desk = desk(&[("AXES", 2.0), ("SRV2_POLARITY", 1.0)]);
         let snapshot = feeling(&mut desk, THRUST, before);
         let mut words = Vec::new();
         desk.flight.memory(&mut |word| {
@@ -132,6 +132,7 @@ fn another_flight_goes_on_through_the_burn() {
             let now = Micros(desk.now_us);
             let sample = RawSample {
                 acc,
+                gyr: [step % 7, 3 - step % 5, 1],
                 ..reading(desk.now_us, 0.0, 0.0)
             };
             let (here, there) = (desk.step_with(Ok(sample)), other.step(now, Ok(sample)));

@@ -4,7 +4,9 @@ use super::*;
 use crate::logs::log::{Flight as Logged, Log};
 use client::Wire;
 use client::request::{self, Order};
+use rig::bench::VehicleConfig;
 use rig::bno055::Fault;
+use rig::rocket::{self, Airframe, RocketLaw};
 use rig::{Image, Rig, RigConfig, Ticks, image};
 use std::sync::OnceLock;
 
@@ -23,12 +25,15 @@ struct Bench {
 
 impl Bench {
     fn new() -> Self {
-        let config = RigConfig {
+        Self::with(&RigConfig {
             stored: Some(RigConfig::polarity_set()),
             ..RigConfig::default()
-        };
+        })
+    }
+
+    fn with(config: &RigConfig) -> Self {
         Self {
-            rig: Rig::new(firmware(), &config).unwrap(),
+            rig: Rig::new(firmware(), config).unwrap(),
             station: Wire::default(),
             vehicle: Wire::default(),
             log: Vec::new(),
@@ -99,6 +104,46 @@ fn a_flight_with_missed_samples_and_a_failsafe_comes_out_bit_for_bit() {
     assert!(missed > 30, "{missed}");
     assert!(figures.compared > 1_200, "{figures:?}");
     assert_eq!(figures.equal, figures.compared, "{figures:?}");
+}
+
+/// A rocket with a burn of four seconds: nobody orders its release and the end of its control.
+#[test]
+fn a_rocket_comes_out_bit_for_bit_from_launch_to_burnout() {
+    let mut on_pad = Airframe::Stable.on_pad(3);
+    on_pad.parameters.rocket.burn_s = 4.0;
+    let mut config = RigConfig {
+        stored: Some(RigConfig::polarity_set()),
+        ..RigConfig::default()
+    };
+    config.bench.vehicle = VehicleConfig::Rocket(Box::new(on_pad));
+    let parameters = rocket::parameters(Airframe::Stable, RocketLaw::Scheduled);
+    for (name, value) in &parameters {
+        config.stored.as_mut().unwrap().set(name, *value).unwrap();
+    }
+    let mut bench = Bench::with(&config);
+    bench.run(9_000);
+    bench.order(request::ARM);
+    bench.rig.release(0.0);
+    bench.run(5_500);
+    let mut flight = Logged::of(&Log::parse(&bench.log));
+    let polarity = ("SRV_POLARITY".to_owned(), 1.0);
+    let told = parameters.into_iter().chain([polarity]);
+    let told = told.map(|(name, value)| Event::Parameter(name, value));
+    flight.events = told.chain(flight.events).collect();
+    let (pairs, refused) = replay(&flight, &BTreeMap::new()).unwrap();
+    assert_eq!(refused, Vec::<String>::new());
+    let figures = compare(&pairs);
+    assert!(figures.compared > 1_800, "{figures:?}");
+    assert_eq!(figures.equal, figures.compared, "{figures:?}");
+    let steered = |pair: &&Pair| {
+        pair.logged
+            .cranks_rad
+            .iter()
+            .flatten()
+            .any(|rad| *rad != 0.0)
+    };
+    let steered = pairs.iter().filter(steered).count();
+    assert!((550..700).contains(&steered), "{steered}");
 }
 
 /// The log without the vehicle's frames of these stretches of its clock, s.
