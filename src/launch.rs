@@ -176,10 +176,10 @@ impl Launch {
         Q16::from_bits(((us * PER_US) >> 32) as i32)
     }
 
-    /// Standard deviation of the tilt about either axis (deg), which grows while the vehicle
-    /// [flies free](Self::is_free): what is uncertain on the pad, the offset that was learned there,
-    /// the gyroscope's noise, and the part of its offset that an acceleration makes, of `per_g`
-    /// deg/s for each g.
+    /// Standard deviation of the tilt about either axis (deg), which grows while the vehicle [flies
+    /// free](Self::is_free): what is uncertain on the pad, the offset that was learned there, the
+    /// gyroscope's noise, and the part of its offset that an acceleration makes, of `per_g` deg/s
+    /// for each g.
     // Not inlined: it is asked for once a second.
     #[inline(never)]
     pub(crate) fn tilt_sd_deg(&self, per_g: f32) -> f32 {

@@ -90,7 +90,8 @@ fn cascade_and_constant_gains_fly_too() {
     }
 }
 
-/// Nobody should turn it on: under thrust the accelerometer shows the rocket's axis as the vertical.
+/// Nobody should turn it on: under thrust the accelerometer shows the rocket's axis as the
+/// vertical.
 #[test]
 fn the_accelerometer_left_in_loses_the_rocket() {
     let left_in = [("FUSE_ACC", 1.0)];
@@ -102,7 +103,8 @@ fn the_accelerometer_left_in_loses_the_rocket() {
     assert!(flight.received.tilt_sd_deg.is_empty());
 }
 
-/// A sensor that falls silent in flight is a failsafe: both actuators go to neutral, and stay there.
+/// A sensor that falls silent in flight is a failsafe: both actuators go to neutral, and stay
+/// there.
 #[test]
 fn a_rocket_without_a_sensor_is_not_steered() {
     let mut setup = on_pad(Airframe::Stable, RocketLaw::Scheduled, &[]);

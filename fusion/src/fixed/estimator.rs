@@ -387,9 +387,9 @@ impl<F: Filter, R: OverRange> Estimator<F, R> {
     }
 
     /// Take one sample of a body in free flight, `dt_us` after the one before: the rates alone turn
-    /// the estimate. Its accelerometer feels thrust and air, which show no vertical, so that neither
-    /// tilt, heading nor offset is corrected. Of more than 30,000 us, or than 2.5 to 10 periods,
-    /// only that much is integrated.
+    /// the estimate. Its accelerometer feels thrust and air, which show no vertical, so that
+    /// neither tilt, heading nor offset is corrected. Of more than 30,000 us, or than 2.5 to 10
+    /// periods, only that much is integrated.
     #[inline(never)]
     pub fn coast(&mut self, dt_us: u32, gyr: &[i16; 3]) {
         let (mut step_us, mut shift) = (dt_us, self.turn_shift);
@@ -517,8 +517,8 @@ mod tests {
     }
 
     /// For ten seconds of free flight the rates alone count, less the offset that was learned: a
-    /// thrust that shows another vertical and a field that turns leave the attitude where it is, and
-    /// a quarter of a turn about x is one. At rest again, it is levelled by gravity.
+    /// thrust that shows another vertical and a field that turns leave the attitude where it is,
+    /// and a quarter of a turn about x is one. At rest again, it is levelled by gravity.
     #[test]
     fn a_body_in_free_flight_is_turned_by_its_rates_alone() {
         let mut estimator =

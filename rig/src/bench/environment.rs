@@ -9,9 +9,10 @@
 //! ```
 //!
 //! The drone pitches about the body's y axis, to the right; nose up is positive, which is the
-//! plant's counter-clockwise `theta0` seen from the right. With [`VehicleConfig::TwoAxes`] it
-//! rolls and spins, too, and [`VehicleConfig::Rocket`] puts a rocket in its place. The pivot does not move, so that an accelerometer there feels gravity alone;
-//! [`BenchConfig::lever_m`] moves the sensor away from it.
+//! plant's counter-clockwise `theta0` seen from the right. With [`VehicleConfig::TwoAxes`] it rolls
+//! and spins, too, and [`VehicleConfig::Rocket`] puts a rocket in its place. The pivot does not
+//! move, so that an accelerometer there feels gravity alone; [`BenchConfig::lever_m`] moves the
+//! sensor away from it.
 
 use super::clamp::Clamp;
 use super::disturbance::Disturbances;

@@ -1,7 +1,7 @@
 //! The rocket on the rig: what stands on its pad, and the parameters that its image needs.
 //!
-//! Spica burns for 90 s; its mass falls to a third, and a gimbal angle turns it by the end two and a
-//! half times as hard. Its laws are proportional-integral-derivative with gains that follow the
+//! Spica burns for 90 s; its mass falls to a third, and a gimbal angle turns it by the end two and
+//! a half times as hard. Its laws are proportional-integral-derivative with gains that follow the
 //! burn, or with constant ones, and a cascade.
 
 use plant::ascent::{AscentParameters, Gust, Turbulence, Wind};
@@ -135,8 +135,8 @@ impl Airframe {
     }
 }
 
-/// By how much rockets differ from their figures, either way: thrust, and inertia and propellant, as
-/// shares; the dry centre of mass, m; the static margin, diameters; speed and bandwidth of the
+/// By how much rockets differ from their figures, either way: thrust, and inertia and propellant,
+/// as shares; the dry centre of mass, m; the static margin, diameters; speed and bandwidth of the
 /// gimbal, as a share.
 const THRUST: f64 = 0.05;
 const INERTIA: f64 = 0.2;

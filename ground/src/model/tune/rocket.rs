@@ -27,8 +27,8 @@ const SEEDS: std::ops::Range<u64> = 10_001..10_005;
 /// Each is flown with gains as they are, and with weaker and stronger ones: such are wanted that
 /// have some 4 dB to spare.
 const EFFECTS: [f64; 3] = [1.0, 0.7, 1.6];
-/// Highest crossover of the rate's loop at any time of the burn, rad/s: a sixth of the first bending
-/// mode of a rocket like this (some 6 Hz, an estimate), which the model leaves out.
+/// Highest crossover of the rate's loop at any time of the burn, rad/s: a sixth of the first
+/// bending mode of a rocket like this (some 6 Hz, an estimate), which the model leaves out.
 const CROSSOVER_RAD_S: f64 = 6.0;
 /// The first part of the flight, which is not counted, s.
 const LEFT_OUT_S: f64 = 2.1;
@@ -175,7 +175,8 @@ fn cost(airframe: Airframe, law: Law) -> f64 {
     sum / (SEEDS.count() * EFFECTS.len()) as f64
 }
 
-/// A flight in which the gimbal is sent to `effect` times what the law asks for: its error, rad rms.
+/// A flight in which the gimbal is sent to `effect` times what the law asks for: its error, rad
+/// rms.
 fn fly(airframe: Airframe, law: Law, seed: u64, effect: f64) -> Result<f64> {
     let on_pad = airframe.on_pad(seed);
     let [pitch, roll] = on_pad.start_rad;
