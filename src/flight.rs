@@ -5,8 +5,10 @@
 //! laptop.
 
 mod memory;
+mod orders;
 
 use bno055_driver::{Micros, RawSample, SensorFault};
+use orders::{Rudder, TestPulse};
 use tvc_fusion::fixed::{Angles, Orientation};
 use tvc_fusion::{Attitude, ConfigError};
 use tvc_pid::Q16;
@@ -14,9 +16,7 @@ use tvc_pid::Q16;
 use crate::axis::Axis;
 use crate::board_status::BoardStatus;
 use crate::channel::Channel;
-use crate::config::{
-    CLOCK_CHANGE, STRETCH_LONGER_US, STRETCH_MAX_US, STRETCH_SHORTER_US, TEST_PULSE_US,
-};
+use crate::config::{CLOCK_CHANGE, STRETCH_LONGER_US, STRETCH_MAX_US, STRETCH_SHORTER_US};
 use crate::controller::Sample;
 use crate::failsafe::{BootReport, Command, Health, Refusal, State, Supervisor};
 use crate::gain_schedule::GainSchedule;
@@ -26,35 +26,6 @@ use crate::params::{Change, Info, ParamError, Params, Polarity};
 use crate::servo::PulseUs;
 use crate::store::Loaded;
 use crate::ticks::{CarriedTicks, Timing};
-
-/// A pulse that an operator has ordered for the servo of an axis.
-#[derive(Clone, Copy, Debug)]
-struct TestPulse {
-    axis: Axis,
-    pulse: PulseUs,
-    /// When it expires.
-    until: Micros,
-}
-
-impl TestPulse {
-    /// None: it expired at time 0.
-    const NONE: Self = Self {
-        axis: Axis::Pitch,
-        pulse: PulseUs::NONE,
-        until: Micros(0),
-    };
-}
-
-/// Who moves a rudder.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Rudder {
-    /// The control law.
-    Controlled,
-    /// The operator, by a test pulse.
-    Tested(PulseUs),
-    /// Nobody.
-    Neutral,
-}
 
 /// What the first half of a step hands to the second.
 #[derive(Clone, Copy, Debug)]
@@ -206,33 +177,6 @@ impl Flight {
             None => self.hold(now),
         }
         self.snapshot(now, estimate.map(|estimate| estimate.sample))
-    }
-
-    /// Obey the operator, or say why not.
-    ///
-    /// # Errors
-    /// The [`Refusal`]; nothing changes.
-    pub fn command(&mut self, now: Micros, command: Command) -> Result<(), Refusal> {
-        self.permit(command)?;
-        self.supervisor.command(now, command)?;
-        self.test_pulse = match command {
-            Command::TestPulse(axis, pulse) => TestPulse {
-                axis,
-                pulse,
-                until: now.after(TEST_PULSE_US),
-            },
-            _ => TestPulse::NONE,
-        };
-        Ok(())
-    }
-
-    /// Whether a command would be obeyed.
-    ///
-    /// # Errors
-    /// The [`Refusal`].
-    pub fn may(&self, now: Micros, command: Command) -> Result<(), Refusal> {
-        self.permit(command)?;
-        self.supervisor.may(now, command)
     }
 
     /// Begin anew as after power-on: self-test, and the gyro's offset learned at rest.
@@ -447,50 +391,6 @@ impl Flight {
                 Rudder::Tested(pulse) => channel.rest(Some(pulse)),
                 Rudder::Neutral => channel.rest(None),
             }
-        }
-    }
-
-    /// What the parameters say about a command.
-    fn permit(&self, command: Command) -> Result<(), Refusal> {
-        let timing = &self.timing;
-        let mut axes = self.params.axes().iter();
-        match (command, self.state()) {
-            (Command::Arm, state) if state.is_idle() && timing.is_too_slow() => {
-                Err(Refusal::SlowBus(timing.burst_us()))
-            }
-            (Command::Arm, State::Standby) if !self.gains.is_possible() => Err(Refusal::Schedule),
-            (Command::Arm, State::Standby)
-                if axes.any(|axis| self.params.polarity(*axis) != Polarity::Checked) =>
-            {
-                Err(Refusal::Polarity)
-            }
-            (Command::TestPulse(axis, _), state) if state.is_idle() => {
-                if !axes.any(|steered| *steered == axis) {
-                    Err(Refusal::NotSteered)
-                } else if self.params.polarity(axis) == Polarity::Watched {
-                    Err(Refusal::RudderAnswers)
-                } else {
-                    Ok(())
-                }
-            }
-            _ => Ok(()),
-        }
-    }
-
-    /// Who moves the rudder of an axis: control while it is active, or in standby while somebody
-    /// looks at the polarity by a host that is heard; a test pulse where nobody needs the rudder;
-    /// nobody else.
-    fn rudder(&self, now: Micros, axis: Axis) -> Rudder {
-        let test = self.test_pulse;
-        match (self.state(), self.params.polarity(axis)) {
-            (State::Active { .. }, _) => Rudder::Controlled,
-            (State::Standby, Polarity::Watched) if self.supervisor.host_is_heard(now) => {
-                Rudder::Controlled
-            }
-            (state, _) if state.is_idle() && axis == test.axis && now < test.until => {
-                Rudder::Tested(test.pulse)
-            }
-            _ => Rudder::Neutral,
         }
     }
 

@@ -13,6 +13,7 @@ mod memory;
 mod states;
 
 use super::*;
+use crate::config::TEST_PULSE_US;
 use crate::failsafe::{Crash, Latch, Reason};
 use crate::servo::Servo;
 

@@ -1,6 +1,7 @@
 //! What stands on the bench round the chip: sensor, drone, servo and clamp, and what disturbs them.
 
 mod clamp;
+mod config;
 pub mod disturbance;
 mod earth_field;
 mod environment;
@@ -11,10 +12,9 @@ pub mod sensor_motion;
 mod stimulus;
 mod vehicle;
 
+pub use config::{BenchConfig, TwoAxes, VehicleConfig};
 pub use earth_field::EarthField;
-pub use environment::{
-    BenchConfig, Environment, PROBE_PIN, SERVO_PINS, TwoAxes, VehicleConfig, ZERO_RUDDER_US,
-};
+pub use environment::{Environment, PROBE_PIN, SERVO_PINS, ZERO_RUDDER_US};
 pub use fault_schedule::{FaultEntry, Since, TimedFault};
 pub use hardware::Hardware;
 pub use rocket::{Kick, Rocket, RocketConfig, SHAFT_PER_GIMBAL};

@@ -14,3 +14,4 @@ pub mod pty;
 pub mod real_time;
 pub mod replay;
 pub mod rocket;
+mod servo_kind;

@@ -1,0 +1,141 @@
+//! What stands on the bench, as it is chosen.
+
+use plant::two_axis::{Spin, TwoAxisDrone, TwoAxisParameters};
+use plant::{Drone, ParameterError, Parameters, ServoModel};
+use tvc_nano::Axis;
+
+use super::disturbance::Disturbances;
+use super::rocket::{Rocket, RocketConfig};
+use super::vehicle::{self, Vehicle};
+use super::{EarthField, TimedFault};
+use crate::bno055;
+
+/// What a drone that hangs in a joint and has two rudders has besides.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TwoAxes {
+    /// Roll at which the clamp holds the drone at power-on, rad.
+    pub start_roll_rad: f64,
+    /// Rate about its own vertical with which it is released, rad/s.
+    pub spin_rad_s: f64,
+    /// What turns it about that.
+    pub spin: Spin,
+    /// Distance of the centre of mass from the thrust axis to the right, m.
+    pub lateral_cm_m: f64,
+    /// Momentum of propellers that do not cancel, kg m2/s.
+    pub rotor_momentum_kg_m2_s: f64,
+}
+
+impl Default for TwoAxes {
+    /// Upright, without spin, and free to take one up.
+    fn default() -> Self {
+        Self {
+            start_roll_rad: 0.0,
+            spin_rad_s: 0.0,
+            spin: Spin::Free,
+            lateral_cm_m: 0.0,
+            rotor_momentum_kg_m2_s: 0.0,
+        }
+    }
+}
+
+/// What stands on the bench.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub enum VehicleConfig {
+    /// The drone on a pivot, with one rudder.
+    #[default]
+    OneAxis,
+    /// The drone in a joint, with two rudders.
+    TwoAxes(TwoAxes),
+    /// A rocket.
+    Rocket(Box<RocketConfig>),
+}
+
+/// The configuration of the bench.
+#[derive(Clone, Debug)]
+pub struct BenchConfig {
+    /// The sensor.
+    pub sensor: bno055::Config,
+    /// Where the sensor sits, from the pivot along the body's axes (x forward, y right, z down), m.
+    pub lever_m: [f64; 3],
+    /// A jumper leads the servo's signal to D2, where no other servo is.
+    pub jumper: bool,
+    /// The servo, or both, before its horn is fitted to zero rudder at [`ZERO_RUDDER_US`].
+    pub servo: ServoModel,
+    /// Angle by which the horn is mounted off its place on the spline, rad.
+    pub horn_error_rad: f64,
+    /// Masses, lengths and loads of the drone.
+    pub parameters: Parameters,
+    /// What stands there.
+    pub vehicle: VehicleConfig,
+    /// Pitch at which the clamp holds the drone at power-on, rad.
+    pub start_rad: f64,
+    /// Where the drone's nose points, from true north to the east, rad.
+    pub heading_rad: f64,
+    /// The magnetic field.
+    pub field: EarthField,
+    /// What disturbs the flight.
+    pub disturbances: Disturbances,
+    /// Faults of the sensor and its cable after each release or power-on.
+    pub faults: Vec<TimedFault>,
+}
+
+impl Default for BenchConfig {
+    fn default() -> Self {
+        Self {
+            sensor: bno055::Config::default(),
+            lever_m: [0.0; 3],
+            jumper: true,
+            servo: ServoModel::S3003,
+            horn_error_rad: 0.0,
+            parameters: Parameters::PHYS,
+            vehicle: VehicleConfig::OneAxis,
+            start_rad: 0.0,
+            heading_rad: 0.5,
+            field: EarthField::COPENHAGEN,
+            disturbances: Disturbances::default(),
+            faults: Vec::new(),
+        }
+    }
+}
+
+impl BenchConfig {
+    /// How many axes of the vehicle are steered.
+    pub fn axes(&self) -> usize {
+        match self.vehicle {
+            VehicleConfig::OneAxis => 1,
+            VehicleConfig::TwoAxes(_) | VehicleConfig::Rocket(_) => 2,
+        }
+    }
+}
+
+/// What stands on the bench, its tilt at power-on, and where its cranks are at zero rudder, rad.
+pub(super) fn hang(
+    bench: &BenchConfig,
+) -> Result<(Vehicle, [f64; Axis::COUNT], f64), ParameterError> {
+    match &bench.vehicle {
+        VehicleConfig::OneAxis => {
+            let drone = Drone::new(&bench.parameters, bench.start_rad, 0.0)?;
+            let zero_rad = drone.crank().angle_rad;
+            let vehicle = Vehicle::Pivot(Box::new(drone));
+            Ok((vehicle, [bench.start_rad, 0.0], zero_rad))
+        }
+        VehicleConfig::TwoAxes(two_axes) => {
+            let parameters = TwoAxisParameters {
+                lateral_cm_m: two_axes.lateral_cm_m,
+                spin: two_axes.spin,
+                rotor_momentum_kg_m2_s: two_axes.rotor_momentum_kg_m2_s,
+                ..TwoAxisParameters::of(bench.parameters)
+            };
+            let tilt_rad = [bench.start_rad, two_axes.start_roll_rad];
+            let attitude = vehicle::attitude(tilt_rad, bench.heading_rad);
+            let drone = TwoAxisDrone::new(&parameters, attitude, [0.0; 3])?;
+            let [crank, _] = drone.cranks();
+            Ok((Vehicle::Joint(Box::new(drone)), tilt_rad, crank.angle_rad))
+        }
+        VehicleConfig::Rocket(config) => {
+            let attitude = vehicle::attitude(config.start_rad, bench.heading_rad);
+            let rocket = Rocket::new(config, attitude)?;
+            Ok((Vehicle::Rocket(Box::new(rocket)), config.start_rad, 0.0))
+        }
+    }
+}

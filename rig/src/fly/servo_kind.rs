@@ -1,0 +1,62 @@
+//! The servos that the drone flies with.
+
+use plant::ServoModel;
+
+/// The servo on the rig, with what the image must be told about it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
+pub enum ServoKind {
+    /// Analog, Futaba S3003 class: 0.19 s for 60 degrees, 50 Hz frame.
+    S3003,
+    /// Digital: 0.12 s for 60 degrees, 300 Hz frame.
+    Digital,
+}
+
+impl ServoKind {
+    /// Its name on the command line and in reports.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::S3003 => "s3003",
+            Self::Digital => "digital",
+        }
+    }
+
+    /// Its physical model.
+    pub fn model(self) -> ServoModel {
+        match self {
+            Self::S3003 => ServoModel::S3003,
+            Self::Digital => ServoModel::DIGITAL,
+        }
+    }
+
+    /// The parameters that the image is sent for it, as `tvc tune` found them (`docs/control.md`).
+    /// The image's own defaults are those for the analog servo.
+    pub fn parameters(self) -> &'static [(&'static str, f32)] {
+        match self {
+            Self::S3003 => &[("SRV_RATE_HZ", 50.0)],
+            Self::Digital => &[
+                ("SRV_RATE_HZ", 300.0),
+                ("SRV_RAD_S", 8.73),
+                ("SRV_LOOP_S", 0.01671),
+                ("SRV_MOTOR_S", 0.004222),
+                ("SRV_PLAY_RAD", 0.003095),
+                ("SFC_AHEAD_S", 0.01221),
+                ("SFC_GAIN_S", 0.6615),
+                ("SFC_LEAD_RAD", 0.1369),
+                ("SFC_NEAR", 17.81),
+                ("SFC_CURVE", 0.8765),
+                ("SFC_RATE", 0.7746),
+                ("SFC_PITCH", 0.1908),
+                ("PID_TRIM_RAD_S", 0.8616),
+            ],
+        }
+    }
+
+    /// Frame rate, Hz.
+    pub fn frame_hz(self) -> f32 {
+        match self {
+            Self::S3003 => 50.0,
+            Self::Digital => 300.0,
+        }
+    }
+}
