@@ -1,5 +1,6 @@
 //! `tvc model`: the drone's physics, simulated, validated and made linear.
 
+mod ascent;
 pub mod control_law;
 pub mod identify;
 mod linear;

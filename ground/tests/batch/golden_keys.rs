@@ -40,6 +40,8 @@ const ALONE: &[(&str, &str)] = &[
     ("model-validate", "model validate"),
     ("model-rocket", "model rocket"),
     ("tune", "tune --generations 0"),
+    ("tune-rocket", "tune --vehicle rocket --generations 0"),
+    ("montecarlo-rocket", "montecarlo --vehicle rocket -n 20"),
     (
         "montecarlo",
         "montecarlo -n 6 --lateral-mm 5 --out runs.csv",

@@ -42,7 +42,7 @@ impl Rate {
 }
 
 /// Share of the outcomes that pass a test.
-pub fn pass_rate(outcomes: &[Outcome], test: impl Fn(&Outcome) -> bool) -> Rate {
+pub fn pass_rate<T>(outcomes: &[T], test: impl Fn(&T) -> bool) -> Rate {
     let hits = outcomes.iter().filter(|outcome| test(outcome)).count();
     Rate::new(hits as u64, outcomes.len() as u64)
 }

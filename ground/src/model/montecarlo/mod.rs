@@ -3,6 +3,7 @@
 mod case;
 mod options;
 mod report;
+mod rocket;
 mod summary;
 mod table;
 
@@ -18,7 +19,7 @@ use crate::model::control_law::{self, Law};
 use crate::out::exit::Verdict;
 use crate::out::kind;
 use case::Case;
-pub use options::{Merge, MonteCarlo, MonteCarloCommand, ReplayRun};
+pub use options::{Merge, MonteCarlo, MonteCarloCommand, MonteCarloVehicle, ReplayRun};
 use summary::Worst;
 use table::Row;
 
@@ -28,6 +29,7 @@ const WORST: usize = 5;
 /// Carries out what `options` say.
 pub fn run(options: &MonteCarlo) -> Result<Verdict> {
     match &options.command {
+        None if options.vehicle == MonteCarloVehicle::Rocket => rocket::run(options),
         None => fly(options),
         Some(MonteCarloCommand::Merge(options)) => merge(options),
         Some(MonteCarloCommand::Replay(options)) => case::replay(options),
@@ -48,11 +50,7 @@ fn fly(options: &MonteCarlo) -> Result<Verdict> {
     };
     let begun = Instant::now();
     let bar = progress(campaign.indices().count() as u64);
-    let mut pool = rayon::ThreadPoolBuilder::new();
-    if let Some(jobs) = options.jobs {
-        pool = pool.num_threads(jobs.into());
-    }
-    let outcomes = pool.build().context("threads")?.install(|| {
+    let outcomes = pool(options)?.install(|| {
         let law = |timing: &Timing| {
             let mut law = Law::new(&params, &setup.drone, timing);
             move |measurement| law.update(measurement)
@@ -89,6 +87,15 @@ fn fly(options: &MonteCarlo) -> Result<Verdict> {
     let figures = summary::figures(&rows, &worst, options.require);
     let page = report::render(&figures, &rows)?;
     figures.conclude(options.json, Some((&options.report, page)))
+}
+
+/// As many threads as are wanted.
+fn pool(options: &MonteCarlo) -> Result<rayon::ThreadPool> {
+    let mut pool = rayon::ThreadPoolBuilder::new();
+    if let Some(jobs) = options.jobs {
+        pool = pool.num_threads(jobs.into());
+    }
+    pool.build().context("threads")
 }
 
 fn merge(options: &Merge) -> Result<Verdict> {
