@@ -108,8 +108,6 @@ pub fn fly(on_pad: &RocketConfig, airframe: Airframe, law: Law, effect: f64) -> 
 mod tests {
     use super::*;
 
-    /// The model and the image on the rig are of one mind: what the rig's flights of these seeds
-    /// have (docs/measurements.md), within a fifth of a degree.
     #[test]
     fn both_airframes_stay_upright_with_the_shipped_gains() {
         for airframe in Airframe::ALL {
