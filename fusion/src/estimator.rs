@@ -5,8 +5,9 @@ use nalgebra::Vector3;
 use crate::config::{Config, GRAVITY};
 use crate::error::{ConfigError, in_range, positive};
 use crate::field::{Field, HeadingError, plausible};
+use crate::lag;
 use crate::quaternion::{HalfRows, Quaternion};
-use crate::range::{Hidden, Range};
+use crate::range::{Hidden, Range, Rules};
 use crate::real::{Number, Real};
 use crate::recovery::{Recovery, Seen};
 use crate::rest::Rest;
@@ -106,6 +107,14 @@ impl<T: Real> View<T> {
         let floor = self.floor * unit;
         if floor.within(gain) { gain } else { floor }
     }
+
+    /// The share of the heading error that is corrected at a gain (1/s) or the floor: of what has
+    /// come about since the last field, and never more than all of it.
+    #[inline(always)]
+    pub fn heading_share(&self, per_s: T) -> T {
+        let share = self.gain(per_s, T::ONE) * self.mag_dt;
+        if share.within(T::ONE) { share } else { T::ONE }
+    }
 }
 
 /// A filter computes the correction of the estimate from what the sensors show. Integration,
@@ -161,6 +170,8 @@ pub struct Estimator<F: Filter> {
     /// Least and largest square of the specific force, (m/s^2)^2.
     acc_gate2: Option<(F::Real, F::Real)>,
     acc_density: F::Real,
+    /// Lag of the accelerometer, s.
+    acc_lag_s: F::Real,
     gap_s: f32,
     start_up_s: F::Real,
 }
@@ -196,9 +207,9 @@ impl<F: Filter> Estimator<F> {
         });
         Ok(Self {
             filter: F::new(&config.gains)?,
-            field: Field::new(&config.field, config.declination_rad)?,
+            field: Field::new(config)?,
             rest: Rest::new(&config.rest)?,
-            range: Range::new(config.gyro_range_rad_s),
+            range: Range::new(config.gyro_range_rad_s, Rules::Strict),
             recovery: Recovery::new(real(config.recovery_rad2_s)),
             orientation: Quaternion::IDENTITY,
             steps: 0,
@@ -213,6 +224,7 @@ impl<F: Filter> Estimator<F> {
             half_dt: F::Real::ZERO,
             acc_gate2,
             acc_density: real(config.recovery_rad2_s),
+            acc_lag_s: lag::checked(config.acc_lag_s, "acc_lag_s")?,
             gap_s: config.gap_s,
             start_up_s: real(config.start_up_s),
         })
@@ -226,6 +238,11 @@ impl<F: Filter> Estimator<F> {
             bias: self.bias,
             flags: self.flags,
         }
+    }
+
+    /// How late the field is behind the rates, s: as configured, or as learned since.
+    pub fn mag_lag_s(&self) -> F::Real {
+        self.field.lag_s()
     }
 
     /// Take one sample, `dt_s` seconds after the one before (with the first, any number does).
@@ -279,7 +296,8 @@ impl<F: Filter> Estimator<F> {
         }
         let rows = self.orientation.half_rows();
 
-        let acc = (acc_valid && self.passes(&acc)).then_some(acc);
+        let acc =
+            (acc_valid && self.passes(&acc)).then(|| lag::now(&acc, &self.rate, self.acc_lag_s));
         self.flags.acc_rejected = acc.is_none();
         // Where every sample has a field there is nothing to add up.
         self.mag_dt = if self.mag_dt.within(F::Real::ZERO) {
@@ -379,6 +397,7 @@ impl<F: Filter> Estimator<F> {
                 .filter(|mag| F::CORRECTS && plausible(mag))
                 .zip(self.field.expected()),
             field_dt: view.mag_dt,
+            field_lag_s: self.field.lag_s(),
             rate: self.rate,
         };
         let hidden = hidden.unwrap_or([Hidden::Nothing; 3]);
@@ -416,7 +435,8 @@ impl<F: Filter> Estimator<F> {
             return None;
         }
         let error = if plausible(&mag) {
-            self.field.heading(dt, rows, &mag, &self.rate)
+            let trusted = !self.recovery.is_active();
+            self.field.heading(dt, rows, &mag, &self.rate, trusted)
         } else {
             None
         };

@@ -22,6 +22,7 @@ mod field;
 #[cfg(feature = "fixed")]
 pub mod fixed;
 mod gyro;
+mod lag;
 mod madgwick;
 mod mahony;
 mod quaternion;

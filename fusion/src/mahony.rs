@@ -89,7 +89,7 @@ impl<T: Real> Filter for Mahony<T> {
             half_angle = scaled(&half_error, k);
         }
         if let Some(heading) = &view.heading {
-            let k = view.gain(self.mag, T::ONE) * view.mag_dt * heading.sin;
+            let k = view.heading_share(self.mag) * heading.sin;
             add_scaled(&mut half_angle, down, k);
         }
         half_angle

@@ -17,7 +17,7 @@
 //! has the response `1 / (tau T s^2 + tau s + 1)` from what the accelerometer shows to what the
 //! estimate follows: of second order, Butterworth for `T = tau / 2`, and then with VQF's time
 //! constant `tau`. It takes two numbers of state and no trigonometry. A smaller `tau` and a larger
-//! `T` (damping 0.58 instead of 0.71) follow gyroscope errors sooner at the same smoothing. Heading
+//! `T` (damping 0.53 instead of 0.71) follow gyroscope errors sooner at the same smoothing. Heading
 //! follows at its own time constant.
 
 use nalgebra::Vector3;
@@ -122,8 +122,7 @@ impl<T: Real> Filter for Vqf<T> {
             about_east = about_east * k;
         }
         if let Some(heading) = &view.heading {
-            let k = view.gain(self.mag_per_s, T::ONE) * view.mag_dt;
-            about_down = heading.sin * k * T::HALF;
+            about_down = heading.sin * view.heading_share(self.mag_per_s) * T::HALF;
         }
         // Into the body frame: twice the half rows.
         let body = |n: T, e: T, d: T| {

@@ -69,6 +69,11 @@ pub enum ChoiceError {
     /// The filter has no such setting, but these.
     #[error("{0} has no setting {1}; its settings are {2}")]
     Setting(FilterName, String, String),
+    /// The setting has no meaning in fixed point.
+    #[error(
+        "{0} is a setting of f32 and f64 only: fixed point takes all sensors to be of one instant"
+    )]
+    FloatOnly(String),
     /// The setting has a value that is no number.
     #[error("{0} is not a number")]
     NotANumber(Setting),

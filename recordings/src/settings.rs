@@ -59,14 +59,22 @@ impl Gains for VqfGains {
         &[("default", Self::default), ("published", Self::published)];
 }
 
+/// Settings that fixed point does not know.
+pub(crate) const FLOAT_ONLY: [&str; 3] = ["acc_lag_s", "mag_lag_s", "mag_lag_prior_rad2_s"];
+
 /// The settings that all filters share.
-fn shared<G>() -> [Key<Config<G>>; 16] {
+fn shared<G>() -> [Key<Config<G>>; 19] {
     [
         ("acc_gate", |config| &mut config.acc_gate),
         ("gyro_range_rad_s", |config| &mut config.gyro_range_rad_s),
         ("recovery_rad2_s", |config| &mut config.recovery_rad2_s),
         ("gap_s", |config| &mut config.gap_s),
         ("start_up_s", |config| &mut config.start_up_s),
+        ("acc_lag_s", |config| &mut config.acc_lag_s),
+        ("mag_lag_s", |config| &mut config.mag_lag_s),
+        ("mag_lag_prior_rad2_s", |config| {
+            &mut config.mag_lag_prior_rad2_s
+        }),
         ("declination_rad", |config| &mut config.declination_rad),
         ("rest.rate_rad_s", |config| &mut config.rest.rate_rad_s),
         ("rest.acc_m_s2", |config| &mut config.rest.acc_m_s2),

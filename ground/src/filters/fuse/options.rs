@@ -42,15 +42,17 @@ Scores
   something, and only it is given. Of several recordings the mean is given too.
 
 Fixed point
-  mahony and vqf, up to 2000 samples a second, on 16-bit counts: those of an IMUQ16v1 file as they
-  are; of a CSV file in SI units, values rounded to 2000/32767 deg/s, 16/32767 g and 0.05 uT, and
-  saturated. Below 95 samples a second clipped rates are not made good for.
+  All filters but gyro, up to 2000 samples a second, on 16-bit counts: those of an IMUQ16v1 file as
+  they are; of a CSV file in SI units, values rounded to 2000/32767 deg/s, 16/32767 g and 0.05 uT,
+  and saturated. Below 95 samples a second clipped rates are not made good for.
 
 Keys of --set
   every filter   preset=default|thesis, acc_gate, gyro_range_rad_s, recovery_rad2_s, gap_s,
                  start_up_s, declination_rad, rest.rate_rad_s (0: learn no offset), rest.acc_m_s2,
                  rest.time_s, rest.max_bias_rad_s, rest.tau_s, field.gate, field.tau_s,
                  field.adopt_s, field.adopt_rate_rad_s, field.reject_s
+  in float       acc_lag_s, mag_lag_s (how late these sensors are behind the gyroscope),
+                 mag_lag_prior_rad2_s (inf: learn nothing of the field's lag)
   complementary  acc_tau_s, mag_tau_s
   mahony         acc_per_s, mag_per_s, integral_per_s2
   madgwick       beta_per_s
