@@ -32,6 +32,9 @@ pub struct Config<G> {
     pub gap_s: f32,
     /// After this time of averaging the attitude counts as initialised (s).
     pub start_up_s: f32,
+    /// Age of the gyroscope's samples, s: -0.1 to 0.1. The attitude is given for the present, ahead
+    /// of the rates by this. In fixed point there is no lag.
+    pub gyr_lag_s: f32,
     /// Age of the accelerometer's samples less that of the rates, s: -0.1 to 0.1. Low-pass filters
     /// differ; the accelerometer's mostly has the lower cut-off. In fixed point there is no lag.
     pub acc_lag_s: f32,
@@ -63,10 +66,22 @@ impl<G> Config<G> {
             recovery_rad2_s: 0.02,
             gap_s: 0.25,
             start_up_s: 1.0,
+            gyr_lag_s: 0.002,
             acc_lag_s: 0.0025,
             mag_lag_s: 0.008,
             mag_lag_prior_rad2_s: 5.0,
             declination_rad: 0.0,
+        }
+    }
+
+    /// The same for sensors of one instant, as a simulation has them: no lag, and none learned.
+    pub fn without_lags(self) -> Self {
+        Self {
+            gyr_lag_s: 0.0,
+            acc_lag_s: 0.0,
+            mag_lag_s: 0.0,
+            mag_lag_prior_rad2_s: f32::INFINITY,
+            ..self
         }
     }
 }

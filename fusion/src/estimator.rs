@@ -11,7 +11,7 @@ use crate::range::{Hidden, Range, Rules};
 use crate::real::{Number, Real};
 use crate::recovery::{Recovery, Seen};
 use crate::rest::Rest;
-use crate::vector::{add_scaled, difference, dot, within, zero};
+use crate::vector::{add_scaled, difference, dot, scaled, within, zero};
 
 /// An acceleration whose components are all below this, m/s^2, shows no vertical: free fall, or an
 /// absent sensor.
@@ -170,7 +170,9 @@ pub struct Estimator<F: Filter> {
     /// Least and largest square of the specific force, (m/s^2)^2.
     acc_gate2: Option<(F::Real, F::Real)>,
     acc_density: F::Real,
-    /// Lag of the accelerometer, s.
+    /// Half of the gyroscope's lag, s.
+    half_gyr_lag_s: F::Real,
+    /// Lag of the accelerometer behind the gyroscope, s.
     acc_lag_s: F::Real,
     gap_s: f32,
     start_up_s: F::Real,
@@ -224,6 +226,7 @@ impl<F: Filter> Estimator<F> {
             half_dt: F::Real::ZERO,
             acc_gate2,
             acc_density: real(config.recovery_rad2_s),
+            half_gyr_lag_s: lag::checked::<F::Real>(config.gyr_lag_s, "gyr_lag_s")? * F::Real::HALF,
             acc_lag_s: lag::checked(config.acc_lag_s, "acc_lag_s")?,
             gap_s: config.gap_s,
             start_up_s: real(config.start_up_s),
@@ -233,10 +236,50 @@ impl<F: Filter> Estimator<F> {
     /// The present estimate.
     pub fn attitude(&self) -> Attitude<F::Real> {
         Attitude {
-            orientation: self.orientation,
+            orientation: self.present(),
             rate: self.rate,
             bias: self.bias,
             flags: self.flags,
+        }
+    }
+
+    /// The orientation now, ahead of the rates by the gyroscope's lag.
+    #[inline(always)]
+    fn present(&self) -> Quaternion<F::Real> {
+        let mut now = self.orientation;
+        if self.half_gyr_lag_s != F::Real::ZERO {
+            now.turn(&scaled(&self.rate, self.half_gyr_lag_s));
+        }
+        now
+    }
+
+    /// The estimator that goes back in time from here: what it has learned is kept, with the sense
+    /// of every rate reversed.
+    #[cfg(feature = "offline")]
+    pub(crate) fn reversed(&self, gains: &F::Gains) -> Result<Self, ConfigError> {
+        Ok(Self {
+            filter: F::new(gains)?,
+            field: self.field.reversed(),
+            rest: self.rest.reversed(),
+            range: self.range.reversed(),
+            recovery: Recovery::new(self.acc_density),
+            rate: scaled(&self.rate, -F::Real::ONE),
+            bias: scaled(&self.bias, -F::Real::ONE),
+            half_gyr_lag_s: -self.half_gyr_lag_s,
+            acc_lag_s: -self.acc_lag_s,
+            mag_dt: F::Real::ZERO,
+            ..*self
+        })
+    }
+
+    /// How much of its own the estimate stands on: the time of its averaging, s, up to that of the
+    /// slowest filter.
+    #[cfg(feature = "offline")]
+    pub(crate) fn standing_s(&self) -> F::Real {
+        match self.phase {
+            Phase::Blank => F::Real::ZERO,
+            Phase::Settling => self.age,
+            Phase::Running => F::Real::from_f32(SETTLED_S),
         }
     }
 

@@ -241,6 +241,16 @@ impl<T: Real> Field<T> {
         })
     }
 
+    /// For going back in time: the reference is known, and the lag, which learns no more.
+    #[cfg(feature = "offline")]
+    pub(crate) fn reversed(&self) -> Self {
+        Self {
+            lag: self.lag.reversed(),
+            candidate: None,
+            ..*self
+        }
+    }
+
     /// Whether a field has been seen that can serve as a compass.
     pub(crate) fn is_known(&self) -> bool {
         self.reference.is_some()

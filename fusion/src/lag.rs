@@ -88,6 +88,15 @@ impl<T: Real> FieldLag<T> {
         })
     }
 
+    /// Known, and with the other sign.
+    #[cfg(feature = "offline")]
+    pub(crate) fn reversed(&self) -> Self {
+        Self {
+            lag_s: -self.lag_s,
+            learned: None,
+        }
+    }
+
     pub(crate) fn lag_s(&self) -> T {
         self.lag_s
     }

@@ -11,6 +11,8 @@
     )
 )]
 
+#[cfg(feature = "offline")]
+extern crate alloc;
 #[cfg(test)]
 extern crate std;
 
@@ -25,6 +27,8 @@ mod gyro;
 mod lag;
 mod madgwick;
 mod mahony;
+#[cfg(feature = "offline")]
+pub mod offline;
 mod quaternion;
 mod range;
 mod real;

@@ -91,6 +91,25 @@ impl<T: Real> Quaternion<T> {
         q
     }
 
+    /// The rotation as a vector along its axis, as long as its angle, rad, 0..pi.
+    pub fn rotation_vector(&self) -> Vector3<T> {
+        let Self { x, y, z, .. } = *self;
+        let sine = (x * x + y * y + z * z).sqrt();
+        let half = sine.atan2(self.w.abs());
+        // Of a small rotation the vector part is half the vector.
+        let per_sine = if sine.within(T::from_f32(1e-6)) {
+            T::ONE
+        } else {
+            half * sine.recip()
+        };
+        let k = if self.w.is_negative() {
+            -per_sine
+        } else {
+            per_sine
+        };
+        scaled(&Vector3::new(x, y, z), k + k)
+    }
+
     /// From roll, pitch and yaw.
     pub fn from_euler(euler: &Euler<T>) -> Self {
         let (sr, cr) = (euler.roll_rad * T::HALF).sin_cos();
@@ -361,6 +380,28 @@ mod tests {
         });
         assert!((q.pitch() - 0.5).abs() < 1e-6);
         assert!((q.up() - Vector3::new(0.5f32.sin(), 0.0, -0.5f32.cos())).norm() < 1e-6);
+    }
+
+    #[test]
+    fn rotation_vectors_come_back() {
+        for vector in [
+            Vector3::new(0.0f64, 0.0, 0.0),
+            Vector3::new(1e-9, -2e-9, 3e-9),
+            Vector3::new(0.3, -0.4, 0.5),
+            Vector3::new(0.0, 3.1, 0.0),
+        ] {
+            let q = Quaternion::from_rotation_vector(&vector);
+            let negative = Quaternion {
+                w: -q.w,
+                x: -q.x,
+                y: -q.y,
+                z: -q.z,
+            };
+            for q in [q, negative] {
+                let error = (q.rotation_vector() - vector).norm();
+                assert!(error < 1e-6 * vector.norm() + 1e-15, "{error} of {vector}");
+            }
+        }
     }
 
     #[test]

@@ -168,6 +168,25 @@ impl<T: Number> Range<T> {
         }
     }
 
+    /// For going back in time: the limits are known, those of positive rates for negative ones.
+    #[cfg(feature = "offline")]
+    pub(crate) fn reversed(&self) -> Self {
+        let axes = self.axes.each_ref().map(|axis| {
+            let [above, below] = axis.limits;
+            Axis {
+                limits: [below, above],
+                quiet: axis.quiet,
+                largest: axis.largest,
+                ..Axis::new(self.configured)
+            }
+        });
+        Self {
+            busy: false,
+            axes,
+            ..*self
+        }
+    }
+
     /// Whether there is nothing to examine, which is nearly always so and costs no arithmetic.
     #[inline(always)]
     pub(crate) fn is_quiet(&self, gyr: &Vector3<T>) -> bool {

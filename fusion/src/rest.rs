@@ -15,8 +15,8 @@ use nalgebra::Vector3;
 pub struct RestConfig {
     /// Largest deviation of the rotation rate, per axis, rad/s. 0 turns rest detection off.
     pub rate_rad_s: f32,
-    /// Largest deviation of the acceleration, per axis, m/s^2. In float it counts up to 0.1: gravity
-    /// that drifts by more shows a slow turn.
+    /// Largest deviation of the acceleration, per axis, m/s^2. In float it counts up to 0.1:
+    /// gravity that drifts by more shows a slow turn.
     pub acc_m_s2: f32,
     /// Time of rest after which the offset is learned, s.
     pub time_s: f32,
@@ -126,6 +126,19 @@ impl<T: Real> Rest<T> {
     /// Whether the last blocks were at rest.
     pub(crate) fn is_at_rest(&self) -> bool {
         self.still >= self.needed
+    }
+
+    /// For going back in time: only how much the offset stands on is kept.
+    #[cfg(feature = "offline")]
+    pub(crate) fn reversed(&self) -> Self {
+        Self {
+            block: Block::empty(),
+            reference: None,
+            still: 0,
+            mean: zero(),
+            held: 0,
+            ..*self
+        }
     }
 
     /// Samples are missing: end the rest under way, but keep what was learned.

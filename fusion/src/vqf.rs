@@ -50,6 +50,15 @@ impl Default for VqfGains {
 }
 
 impl VqfGains {
+    /// For [`offline`](crate#features) use: of the average of two passes each may be slower.
+    pub const fn offline() -> Self {
+        Self {
+            acc_tau_s: 2.0,
+            acc_smoothing_s: 2.0,
+            mag_tau_s: 18.0,
+        }
+    }
+
     /// The constants of the published filter: Butterworth with 3 s, heading 9 s.
     pub const fn published() -> Self {
         Self {

@@ -68,6 +68,7 @@ where
     F::Gains: Default,
 {
     let config = Config {
+        gyr_lag_s: 0.0,
         acc_lag_s: 0.0,
         ..Config::default()
     };

@@ -42,6 +42,7 @@ where
     F::Gains: Default,
 {
     let ignored = Config::<F::Gains> {
+        gyr_lag_s: 0.0,
         acc_lag_s: 0.0,
         mag_lag_s: 0.0,
         mag_lag_prior_rad2_s: f32::INFINITY,
@@ -59,6 +60,7 @@ where
     assert!(error < 0.15, "{error} deg where the lags are known");
     assert_eq!(lag_s, 0.03);
     let learned = Config {
+        gyr_lag_s: 0.0,
         acc_lag_s: 0.006,
         ..Config::default()
     };
@@ -75,4 +77,43 @@ fn vqf_makes_good_for_late_sensors() {
 #[test]
 fn mahony_makes_good_for_late_sensors() {
     lags_are_made_good_for::<Mahony>();
+}
+
+/// All sensors are late by the same: the attitude is, too, unless that is known.
+#[test]
+fn the_attitude_is_that_of_the_present() {
+    let late_s = 0.02;
+    let dt_s = 0.01;
+    let mut truth = UnitQuaternion::from_euler_angles(0.1, -0.2, 0.3);
+    let config = Config {
+        gyr_lag_s: late_s as f32,
+        acc_lag_s: 0.0,
+        ..Config::default()
+    };
+    let mut estimator = Estimator::<Vqf<f64>>::new(&config).expect("valid");
+    let rate_at = |k: u32| {
+        let t = f64::from(k) * dt_s;
+        Vector3::new((1.3 * t).sin(), (0.7 * t).cos(), (0.9 * t).sin()) * (0.5 * t).min(2.0)
+    };
+    // Of two samples ago.
+    let mut then = [truth; 3];
+    let mut most = 0.0f64;
+    for k in 0..6_000 {
+        truth *= UnitQuaternion::from_scaled_axis(rate_at(k) * dt_s);
+        then = [then[1], then[2], truth];
+        let sample = Sample {
+            gyr: rate_at(k.saturating_sub(2)).cast(),
+            acc: (then[0].inverse() * Vector3::new(0.0, 0.0, -f64::from(GRAVITY))).cast(),
+            mag: None,
+        };
+        let q = estimator.update(dt_s as f32, &sample).orientation;
+        if k > 1_000 {
+            let estimate =
+                UnitQuaternion::from_quaternion(nalgebra::Quaternion::new(q.w, q.x, q.y, q.z));
+            let up = Vector3::new(0.0, 0.0, -1.0);
+            most = most.max((estimate.inverse() * up).angle(&(truth.inverse() * up)));
+        }
+    }
+    // Of 2 to 3 deg that the body turns within the lag, what its acceleration makes of it is left.
+    assert!(most.to_degrees() < 0.1, "{} deg", most.to_degrees());
 }

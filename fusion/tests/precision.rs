@@ -57,16 +57,6 @@ fn sample(counts: &fixed::Counts) -> Sample {
     }
 }
 
-/// Without lags, which fixed point does not know.
-fn of_one_instant<G: Default>() -> Config<G> {
-    Config {
-        acc_lag_s: 0.0,
-        mag_lag_s: 0.0,
-        mag_lag_prior_rad2_s: f32::INFINITY,
-        ..Config::default()
-    }
-}
-
 /// RMS and largest angle, in degrees, from the f64 filter, after the first minute: the beginning, a
 /// running mean, is a staircase in fixed point.
 fn compare<F>(mut step: impl FnMut(&fixed::Counts) -> UnitQuaternion<f64>) -> (f64, f64)
@@ -74,7 +64,7 @@ where
     F: Filter<Real = f64>,
     F::Gains: Default,
 {
-    let mut reference = Estimator::<F>::new(&of_one_instant()).expect("valid");
+    let mut reference = Estimator::<F>::new(&Config::default().without_lags()).expect("valid");
     let (mut sum, mut most, mut n) = (0.0, 0.0f64, 0.0);
     for (k, counts) in recording().enumerate() {
         let expected = oracle(&reference.update(1e-3, &sample(&counts)).orientation);
@@ -114,7 +104,8 @@ fn fixed_point_vqf_stays_with_f64() {
 
 #[test]
 fn single_precision_is_enough() {
-    let mut estimator = Estimator::<Mahony<f32>>::new(&of_one_instant()).expect("valid");
+    let mut estimator =
+        Estimator::<Mahony<f32>>::new(&Config::default().without_lags()).expect("valid");
     let (rms, most) = compare::<Mahony<f64>>(|counts| {
         oracle(&estimator.update(1e-3, &sample(counts)).orientation)
     });

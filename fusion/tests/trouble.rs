@@ -70,6 +70,7 @@ where
 {
     let config = Config {
         // All sensors are of one instant here.
+        gyr_lag_s: 0.0,
         acc_lag_s: 0.0,
         mag_lag_s: 0.0,
         ..Config::default()

@@ -69,6 +69,9 @@ pub enum ChoiceError {
     /// The filter has no such setting, but these.
     #[error("{0} has no setting {1}; its settings are {2}")]
     Setting(FilterName, String, String),
+    /// Forth and back in time there is floating point only.
+    #[error("fixed point does not run offline: choose f32 or f64")]
+    OfflineFixed,
     /// The setting has no meaning in fixed point.
     #[error(
         "{0} is a setting of f32 and f64 only: fixed point takes all sensors to be of one instant"

@@ -55,21 +55,30 @@ impl Gains for VqfGains {
         ("acc_smoothing_s", |gains| &mut gains.acc_smoothing_s),
         ("mag_tau_s", |gains| &mut gains.mag_tau_s),
     ];
-    const PRESETS: &'static [Preset<Self>] =
-        &[("default", Self::default), ("published", Self::published)];
+    const PRESETS: &'static [Preset<Self>] = &[
+        ("default", Self::default),
+        ("published", Self::published),
+        ("offline", Self::offline),
+    ];
 }
 
 /// Settings that fixed point does not know.
-pub(crate) const FLOAT_ONLY: [&str; 3] = ["acc_lag_s", "mag_lag_s", "mag_lag_prior_rad2_s"];
+pub(crate) const FLOAT_ONLY: [&str; 4] = [
+    "gyr_lag_s",
+    "acc_lag_s",
+    "mag_lag_s",
+    "mag_lag_prior_rad2_s",
+];
 
 /// The settings that all filters share.
-fn shared<G>() -> [Key<Config<G>>; 19] {
+fn shared<G>() -> [Key<Config<G>>; 20] {
     [
         ("acc_gate", |config| &mut config.acc_gate),
         ("gyro_range_rad_s", |config| &mut config.gyro_range_rad_s),
         ("recovery_rad2_s", |config| &mut config.recovery_rad2_s),
         ("gap_s", |config| &mut config.gap_s),
         ("start_up_s", |config| &mut config.start_up_s),
+        ("gyr_lag_s", |config| &mut config.gyr_lag_s),
         ("acc_lag_s", |config| &mut config.acc_lag_s),
         ("mag_lag_s", |config| &mut config.mag_lag_s),
         ("mag_lag_prior_rad2_s", |config| {

@@ -26,6 +26,7 @@ where
     fn start() -> Self {
         // The suite's sensors are all of one instant.
         let config = Config {
+            gyr_lag_s: 0.0,
             acc_lag_s: 0.0,
             mag_lag_s: 0.0,
             ..Config::default()

@@ -43,6 +43,7 @@ const PLAIN: &[(&str, &str)] = &[
     ("preset", "thesis"),
     ("rest.rate_rad_s", "0"),
     ("field.gate", "inf"),
+    ("gyr_lag_s", "0"),
     ("acc_lag_s", "0"),
     ("mag_lag_s", "0"),
     ("mag_lag_prior_rad2_s", "inf"),
