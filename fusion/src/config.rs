@@ -9,6 +9,11 @@ pub const GRAVITY: f32 = 9.806_65;
 /// Configuration of an [`Estimator`](crate::Estimator): the filter's own gains, and what all
 /// filters share.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(
+    feature = "serde",
+    serde(default, bound(deserialize = "G: Default + serde::Deserialize<'de>"))
+)]
 pub struct Config<G> {
     /// The filter's gains.
     pub gains: G,

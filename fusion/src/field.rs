@@ -9,6 +9,7 @@
 
 use crate::config::Config;
 use crate::error::{ConfigError, in_range, positive};
+use crate::estimator::FieldReference;
 use crate::lag::{self, FieldLag};
 use crate::quaternion::{HalfRows, Quaternion};
 use crate::real::Real;
@@ -17,6 +18,8 @@ use nalgebra::Vector3;
 
 /// Handling of the magnetometer.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", serde(default))]
 pub struct FieldConfig {
     /// A field that is further than this from the reference, horizontally or vertically, is
     /// disturbed: as a fraction of the reference's magnitude. `f32::INFINITY` lets every field
@@ -254,6 +257,35 @@ impl<T: Real> Field<T> {
     /// Whether a field has been seen that can serve as a compass.
     pub(crate) fn is_known(&self) -> bool {
         self.reference.is_some()
+    }
+
+    /// The reference once it is averaged, uT.
+    pub(crate) fn reference(&self) -> Option<FieldReference<T>> {
+        let Parts {
+            horizontal,
+            vertical,
+        } = self.reference.as_ref()?.parts;
+        (self.averaged == AVERAGED).then(|| FieldReference {
+            horizontal: horizontal + horizontal,
+            down: vertical + vertical,
+        })
+    }
+
+    /// The reference is known from elsewhere, uT.
+    pub(crate) fn know(&mut self, field: &FieldReference<T>) {
+        let parts = Parts {
+            horizontal: field.horizontal * T::HALF,
+            vertical: field.down * T::HALF,
+        };
+        self.reference = Reference::new(parts, self.gate);
+        self.averaged = AVERAGED;
+        self.candidate = None;
+        self.weigh();
+    }
+
+    /// The field's lag is known from elsewhere, s.
+    pub(crate) fn set_lag_s(&mut self, lag_s: T) {
+        self.lag.set_lag_s(lag_s);
     }
 
     /// The reference in the earth frame, uT.

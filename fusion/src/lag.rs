@@ -97,6 +97,14 @@ impl<T: Real> FieldLag<T> {
         }
     }
 
+    /// The lag is known from elsewhere, as firmly as by the configuration.
+    pub(crate) fn set_lag_s(&mut self, lag_s: T) {
+        self.lag_s = lag_s;
+        if let Some(regression) = &mut self.learned {
+            regression.product = regression.square * lag_s;
+        }
+    }
+
     pub(crate) fn lag_s(&self) -> T {
         self.lag_s
     }

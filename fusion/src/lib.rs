@@ -16,6 +16,7 @@ extern crate alloc;
 #[cfg(test)]
 extern crate std;
 
+mod both;
 mod complementary;
 mod config;
 mod error;
@@ -39,10 +40,11 @@ pub mod signal;
 mod vector;
 mod vqf;
 
+pub use both::{Both, BothAttitudes};
 pub use complementary::{Complementary, ComplementaryGains};
 pub use config::{Config, GRAVITY};
 pub use error::ConfigError;
-pub use estimator::{Attitude, Estimator, Filter, Flags, Sample, View};
+pub use estimator::{Attitude, Estimator, FieldReference, Filter, Flags, Sample, State, View};
 pub use field::{FieldConfig, HeadingError};
 pub use gyro::{Gyro, NoGains};
 pub use madgwick::{Madgwick, MadgwickGains};

@@ -10,6 +10,7 @@ use nalgebra::Vector3;
 /// Earth axes are north, east, down. A default quaternion is the identity: body x north, y east, z
 /// down.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Quaternion<T = f32> {
     /// Scalar part, cosine of half the angle.
     pub w: T,
@@ -23,6 +24,7 @@ pub struct Quaternion<T = f32> {
 
 /// Roll, pitch and yaw in rad, of the sequence yaw (about z), pitch (about y), roll (about x).
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Euler<T = f32> {
     /// -pi..pi.
     pub roll_rad: T,
@@ -164,6 +166,30 @@ impl<T: Real> Quaternion<T> {
             x: -self.x,
             y: -self.y,
             z: -self.z,
+        }
+    }
+
+    /// The same attitude with earth axes east, north, up.
+    pub fn to_enu(&self) -> Self {
+        let Self { w, x, y, z } = *self;
+        // Half a turn about the horizontal between north and east.
+        let k = T::from_f32(0.5).sqrt();
+        Self {
+            w: (-x - y) * k,
+            x: (w + z) * k,
+            y: (w - z) * k,
+            z: (y - x) * k,
+        }
+    }
+
+    /// The same attitude with earth axes north, west, up.
+    pub fn to_nwu(&self) -> Self {
+        // Half a turn about north.
+        Self {
+            w: -self.x,
+            x: self.w,
+            y: -self.z,
+            z: self.y,
         }
     }
 
@@ -380,6 +406,21 @@ mod tests {
         });
         assert!((q.pitch() - 0.5).abs() < 1e-6);
         assert!((q.up() - Vector3::new(0.5f32.sin(), 0.0, -0.5f32.cos())).norm() < 1e-6);
+    }
+
+    #[test]
+    fn earth_axes_can_point_up() {
+        let q = Quaternion::from_euler(&Euler {
+            roll_rad: 0.3f64,
+            pitch_rad: -0.5,
+            yaw_rad: 1.1,
+        });
+        let v = Vector3::new(1.0, -2.0, 3.0);
+        let ned = q.rotate(&v);
+        let enu = Vector3::new(ned.y, ned.x, -ned.z);
+        assert!((q.to_enu().rotate(&v) - enu).norm() < 1e-12);
+        let nwu = Vector3::new(ned.x, -ned.y, -ned.z);
+        assert!((q.to_nwu().rotate(&v) - nwu).norm() < 1e-12);
     }
 
     #[test]

@@ -12,6 +12,8 @@ use nalgebra::Vector3;
 
 /// When the body counts as at rest, and what is learned from it.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", serde(default))]
 pub struct RestConfig {
     /// Largest deviation of the rotation rate, per axis, rad/s. 0 turns rest detection off.
     pub rate_rad_s: f32,
@@ -126,6 +128,16 @@ impl<T: Real> Rest<T> {
     /// Whether the last blocks were at rest.
     pub(crate) fn is_at_rest(&self) -> bool {
         self.still >= self.needed
+    }
+
+    /// An offset was learned, or is known from elsewhere.
+    pub(crate) fn is_bias_known(&self) -> bool {
+        self.learned > 0
+    }
+
+    /// An offset is known from elsewhere, as well as a shortest rest shows it.
+    pub(crate) fn know(&mut self) {
+        self.learned = self.learned.max(self.needed);
     }
 
     /// For going back in time: only how much the offset stands on is kept.

@@ -30,6 +30,8 @@ use crate::vector::dot;
 
 /// Time constants of [`Vqf`].
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", serde(default))]
 pub struct VqfGains {
     /// Tilt follows the smoothed acceleration with this, s.
     pub acc_tau_s: f32,
@@ -96,6 +98,15 @@ impl<T: Real> Filter for Vqf<T> {
             mag_per_s: T::from_f32(1.0 / gains.mag_tau_s),
             smooth: [T::ZERO; 2],
         })
+    }
+
+    fn retune(&mut self, gains: &VqfGains) -> Result<(), ConfigError> {
+        let smooth = self.smooth;
+        *self = Self {
+            smooth,
+            ..Self::new(gains)?
+        };
+        Ok(())
     }
 
     #[inline(always)]

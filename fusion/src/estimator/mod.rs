@@ -1,5 +1,9 @@
 //! What every filter shares: from samples to attitude.
 
+mod attitude;
+mod filter;
+mod state;
+
 use nalgebra::Vector3;
 
 use crate::config::{Config, GRAVITY};
@@ -8,10 +12,14 @@ use crate::field::{Field, HeadingError, plausible};
 use crate::lag;
 use crate::quaternion::{HalfRows, Quaternion};
 use crate::range::{Hidden, Range, Rules};
-use crate::real::{Number, Real};
+use crate::real::Number;
 use crate::recovery::{Recovery, Seen};
 use crate::rest::Rest;
 use crate::vector::{add_scaled, difference, dot, scaled, within, zero};
+
+pub use attitude::{Attitude, Flags, Sample};
+pub use filter::{Filter, View};
+pub use state::{FieldReference, State};
 
 /// An acceleration whose components are all below this, m/s^2, shows no vertical: free fall, or an
 /// absent sensor.
@@ -28,120 +36,6 @@ const NORM_STEPS: u8 = 8;
 
 /// Age at which a running mean has become as slow as the slowest filter, s.
 const SETTLED_S: f32 = 10.0;
-
-/// One sample of the sensors, all in the same body axes.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Sample {
-    /// Rotation rate, rad/s: mean over the time since the last sample, right-handed about each
-    /// axis.
-    pub gyr: Vector3<f32>,
-    /// Specific force, m/s^2: at rest 9.81 along the axis that points up, so (0, 0, -9.81) in a
-    /// level forward-right-down frame.
-    pub acc: Vector3<f32>,
-    /// Magnetic field, uT (or any unit that makes the earth's larger than 0.1), when there is a
-    /// fresh one; `None` for 6D operation and between the samples of a slower magnetometer.
-    pub mag: Option<Vector3<f32>>,
-}
-
-/// The estimate.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Attitude<T = f32> {
-    /// Body to earth (north, east, down); without a magnetometer north is where the estimate
-    /// started.
-    pub orientation: Quaternion<T>,
-    /// Rotation rate less the offset, body frame, rad/s.
-    pub rate: Vector3<T>,
-    /// Gyroscope offset, rad/s.
-    pub bias: Vector3<T>,
-    /// Health of the estimate.
-    pub flags: Flags,
-}
-
-/// Health of an estimate. Each flag is about the last update, unless stated otherwise.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Flags {
-    /// Gravity (and, with a magnetometer, the field) has been averaged for the start-up time, once.
-    pub initialised: bool,
-    /// The body is at rest; its gyroscope offset is being learned.
-    pub at_rest: bool,
-    /// The accelerometer was ignored: free fall, outside the gate, or not a number.
-    pub acc_rejected: bool,
-    /// The last field sample was disturbed, or not a number.
-    pub mag_disturbed: bool,
-    /// A rate is clipped, or was within the last seconds: corrections are faster, and errors
-    /// larger, than usual.
-    pub over_range: bool,
-    /// The time step was not positive, or a rate not a number: the update was skipped.
-    pub skipped: bool,
-    /// Samples were missing for longer than the configured gap before this update.
-    pub gap: bool,
-}
-
-/// The input of a filter, after the rates have been integrated up to the present sample.
-#[derive(Clone, Debug)]
-pub struct View<T> {
-    /// Time step, s.
-    pub dt: T,
-    /// The earth's axes in the body frame, at half length.
-    pub rows: HalfRows<T>,
-    /// Specific force, m/s^2, when it has passed the gate.
-    pub acc: Option<Vector3<T>>,
-    /// Heading error, when there is a fresh and undisturbed field.
-    pub heading: Option<HeadingError<T>>,
-    /// Time since the last field sample, s.
-    pub mag_dt: T,
-    /// Least correction rate, 1/s: that of a running mean while starting up and after trouble, else
-    /// 0.
-    pub floor: T,
-    /// The first averaging is not over yet.
-    pub starting: bool,
-}
-
-impl<T: Real> View<T> {
-    /// The larger of a gain and the floor, both times `unit`.
-    #[inline(always)]
-    pub fn gain(&self, gain: T, unit: T) -> T {
-        if self.floor.within(T::ZERO) {
-            return gain;
-        }
-        let floor = self.floor * unit;
-        if floor.within(gain) { gain } else { floor }
-    }
-
-    /// The share of the heading error that is corrected at a gain (1/s) or the floor: of what has
-    /// come about since the last field, and never more than all of it.
-    #[inline(always)]
-    pub fn heading_share(&self, per_s: T) -> T {
-        let share = self.gain(per_s, T::ONE) * self.mag_dt;
-        if share.within(T::ONE) { share } else { T::ONE }
-    }
-}
-
-/// A filter computes the correction of the estimate from what the sensors show. Integration,
-/// start-up, gates, offset at rest and recovery are the [`Estimator`]'s.
-pub trait Filter: Sized {
-    /// The scalar it runs on.
-    type Real: Real;
-    /// Its gains, in SI units.
-    type Gains: Copy;
-
-    /// Accelerometer and magnetometer correct the estimate after start-up.
-    const CORRECTS: bool = true;
-
-    /// Build the coefficients.
-    ///
-    /// # Errors
-    /// A gain out of range, by name.
-    fn new(gains: &Self::Gains) -> Result<Self, ConfigError>;
-
-    /// The correction, a rotation vector in the body frame **at half its length** (rad). A filter
-    /// that estimates the gyroscope's offset (rad/s) corrects it.
-    fn correction(
-        &mut self,
-        view: &View<Self::Real>,
-        bias: &mut Vector3<Self::Real>,
-    ) -> Vector3<Self::Real>;
-}
 
 /// An attitude estimator around a [`Filter`].
 #[derive(Clone, Debug)]
@@ -251,36 +145,6 @@ impl<F: Filter> Estimator<F> {
             now.turn(&scaled(&self.rate, self.half_gyr_lag_s));
         }
         now
-    }
-
-    /// The estimator that goes back in time from here: what it has learned is kept, with the sense
-    /// of every rate reversed.
-    #[cfg(feature = "offline")]
-    pub(crate) fn reversed(&self, gains: &F::Gains) -> Result<Self, ConfigError> {
-        Ok(Self {
-            filter: F::new(gains)?,
-            field: self.field.reversed(),
-            rest: self.rest.reversed(),
-            range: self.range.reversed(),
-            recovery: Recovery::new(self.acc_density),
-            rate: scaled(&self.rate, -F::Real::ONE),
-            bias: scaled(&self.bias, -F::Real::ONE),
-            half_gyr_lag_s: -self.half_gyr_lag_s,
-            acc_lag_s: -self.acc_lag_s,
-            mag_dt: F::Real::ZERO,
-            ..*self
-        })
-    }
-
-    /// How much of its own the estimate stands on: the time of its averaging, s, up to that of the
-    /// slowest filter.
-    #[cfg(feature = "offline")]
-    pub(crate) fn standing_s(&self) -> F::Real {
-        match self.phase {
-            Phase::Blank => F::Real::ZERO,
-            Phase::Settling => self.age,
-            Phase::Running => F::Real::from_f32(SETTLED_S),
-        }
     }
 
     /// How late the field is behind the rates, s: as configured, or as learned since.
