@@ -25,6 +25,7 @@ mod field;
 #[cfg(feature = "fixed")]
 pub mod fixed;
 mod gyro;
+mod kalman;
 mod lag;
 mod madgwick;
 mod mahony;
@@ -47,6 +48,7 @@ pub use error::ConfigError;
 pub use estimator::{Attitude, Estimator, FieldReference, Filter, Flags, Sample, State, View};
 pub use field::{FieldConfig, HeadingError};
 pub use gyro::{Gyro, NoGains};
+pub use kalman::{Kalman, KalmanGains};
 pub use madgwick::{Madgwick, MadgwickGains};
 pub use mahony::{Mahony, MahonyGains};
 pub use nalgebra::Vector3;

@@ -1,7 +1,7 @@
 //! Noise, spins, slow turns and gaps that once broke the float filters.
 
 use nalgebra::{UnitQuaternion, Vector3};
-use tvc_fusion::{Config, Estimator, Filter, GRAVITY, Mahony, Quaternion, Sample, Vqf};
+use tvc_fusion::{Config, Estimator, Filter, GRAVITY, Kalman, Mahony, Quaternion, Sample, Vqf};
 
 const DEG: f64 = core::f64::consts::PI / 180.0;
 
@@ -226,4 +226,34 @@ fn vqf_is_right_after_repeated_gaps() {
 #[test]
 fn mahony_is_right_after_repeated_gaps() {
     gaps_with_a_slow_magnetometer_leave_the_heading::<Mahony>();
+}
+
+/// The largest error, deg, in the second half of two minutes of turning that begin in motion, with
+/// an offset of 3 deg/s that no rest shows.
+fn unknown_offset_deg<F: Filter<Real = f32>>() -> f64
+where
+    F::Gains: Default,
+{
+    let mut body = Body::new(0.01, 0.05);
+    let mut estimator = started::<F>();
+    let offset = Vector3::new(3.0, -3.0, 3.0) * DEG;
+    let mut most = 0.0f64;
+    for k in 0..12_000 {
+        let t = f64::from(k) * 0.01;
+        let rate = Vector3::new((1.3 * t).sin(), (0.7 * t).cos(), (0.9 * t).sin());
+        let mut sample = body.step(rate, true);
+        sample.gyr += offset.cast::<f32>();
+        let attitude = estimator.update(0.01, &sample);
+        if t > 60.0 {
+            most = most.max(body.error_deg(&attitude.orientation));
+        }
+    }
+    most
+}
+
+#[test]
+fn the_kalman_filter_learns_an_offset_in_motion() {
+    let (kalman, vqf) = (unknown_offset_deg::<Kalman>(), unknown_offset_deg::<Vqf>());
+    assert!(kalman < 2.5, "{kalman} deg");
+    assert!(vqf > 5.0, "{vqf} deg without learning it");
 }

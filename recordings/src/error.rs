@@ -61,7 +61,7 @@ pub enum RecordingError {
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 pub enum ChoiceError {
     /// The filter computes in floating point only.
-    #[error("{0} has no fixed-point form; all others have one")]
+    #[error("{0} has no fixed-point form; complementary, mahony, madgwick and vqf have one")]
     NoFixedPoint(FilterName),
     /// The filter has no such set of gains, but these.
     #[error("{0} has no preset {1}; its presets are {2}")]

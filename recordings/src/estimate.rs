@@ -3,8 +3,8 @@
 use std::ops::RangeInclusive;
 
 use tvc_fusion::{
-    Complementary, Config, ConfigError, Estimator, Filter, Gyro, Madgwick, Mahony, Quaternion,
-    Real, Sample, Vector3, Vqf, fixed,
+    Complementary, Config, ConfigError, Estimator, Filter, Gyro, Kalman, Madgwick, Mahony,
+    Quaternion, Real, Sample, Vector3, Vqf, fixed,
 };
 
 use crate::settings::{self, Gains};
@@ -39,7 +39,7 @@ impl Estimate {
             (Scalar::Fixed, FilterName::Complementary) => {
                 in_fixed::<fixed::Complementary>(choice, facts)?
             }
-            (Scalar::Fixed, other @ FilterName::Gyro) => {
+            (Scalar::Fixed, other @ (FilterName::Gyro | FilterName::Kalman)) => {
                 return Err(ChoiceError::NoFixedPoint(other));
             }
         };
@@ -79,6 +79,7 @@ fn float<T: Real + 'static>(
         FilterName::Mahony => in_float::<Mahony<T>>(choice, facts),
         FilterName::Madgwick => in_float::<Madgwick<T>>(choice, facts),
         FilterName::Vqf => in_float::<Vqf<T>>(choice, facts),
+        FilterName::Kalman => in_float::<Kalman<T>>(choice, facts),
     }
 }
 

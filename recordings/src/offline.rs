@@ -1,7 +1,7 @@
 //! Runs a filter over a whole recording, in both directions of time.
 
 use tvc_fusion::offline::{self, TimedSample};
-use tvc_fusion::{Complementary, Filter, Gyro, Madgwick, Mahony, Quaternion, Real, Vqf};
+use tvc_fusion::{Complementary, Filter, Gyro, Kalman, Madgwick, Mahony, Quaternion, Real, Vqf};
 
 use crate::estimate::{config, double, refused, sample};
 use crate::settings::Gains;
@@ -36,6 +36,7 @@ fn by_name<T: Real>(
         FilterName::Complementary => run::<Complementary<T>>(choice, facts, samples),
         FilterName::Mahony => run::<Mahony<T>>(choice, facts, samples),
         FilterName::Madgwick => run::<Madgwick<T>>(choice, facts, samples),
+        FilterName::Kalman => run::<Kalman<T>>(choice, facts, samples),
         FilterName::Vqf => {
             let mut choice = choice.clone();
             if choice.settings.iter().all(|set| set.key != "preset") {

@@ -1,6 +1,8 @@
 //! Settings by name: from `KEY=VALUE` to the configuration of a filter.
 
-use tvc_fusion::{ComplementaryGains, Config, MadgwickGains, MahonyGains, NoGains, VqfGains};
+use tvc_fusion::{
+    ComplementaryGains, Config, KalmanGains, MadgwickGains, MahonyGains, NoGains, VqfGains,
+};
 
 use crate::{ChoiceError, FilterName, Setting};
 
@@ -47,6 +49,18 @@ impl Gains for MadgwickGains {
     const KEYS: &'static [Key<Self>] = &[("beta_per_s", |gains| &mut gains.beta_per_s)];
     const PRESETS: &'static [Preset<Self>] =
         &[("default", Self::default), ("thesis", Self::thesis)];
+}
+
+impl Gains for KalmanGains {
+    const KEYS: &'static [Key<Self>] = &[
+        ("gyr_rad2_s", |gains| &mut gains.gyr_rad2_s),
+        ("gyr_scale_s", |gains| &mut gains.gyr_scale_s),
+        ("bias_rad2_s3", |gains| &mut gains.bias_rad2_s3),
+        ("bias_rad_s", |gains| &mut gains.bias_rad_s),
+        ("acc_rad2_s", |gains| &mut gains.acc_rad2_s),
+        ("mag_rad2_s", |gains| &mut gains.mag_rad2_s),
+    ];
+    const PRESETS: &'static [Preset<Self>] = &[("default", Self::default)];
 }
 
 impl Gains for VqfGains {
@@ -186,6 +200,7 @@ mod tests {
         check::<MahonyGains>();
         check::<MadgwickGains>();
         check::<VqfGains>();
+        check::<KalmanGains>();
     }
 
     #[test]

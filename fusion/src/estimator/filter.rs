@@ -12,6 +12,8 @@ use crate::real::Real;
 pub struct View<T> {
     /// Time step, s.
     pub dt: T,
+    /// Rotation rate less the offset, body frame, rad/s.
+    pub rate: Vector3<T>,
     /// The earth's axes in the body frame, at half length.
     pub rows: HalfRows<T>,
     /// Specific force, m/s^2, when it has passed the gate.

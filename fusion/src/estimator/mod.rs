@@ -217,6 +217,7 @@ impl<F: Filter> Estimator<F> {
         let floor = self.floor(dt);
         let view = View {
             dt,
+            rate: self.rate,
             rows,
             acc,
             heading,

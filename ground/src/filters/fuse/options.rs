@@ -43,9 +43,10 @@ Scores
   something, and only it is given. Of several recordings the mean is given too.
 
 Fixed point
-  All filters but gyro, up to 2000 samples a second, on 16-bit counts: those of an IMUQ16v1 file as
-  they are; of a CSV file in SI units, values rounded to 2000/32767 deg/s, 16/32767 g and 0.05 uT,
-  and saturated. Below 95 samples a second clipped rates are not made good for.
+  All filters but gyro and kalman, up to 2000 samples a second, on 16-bit counts: those of an
+  IMUQ16v1 file as they are; of a CSV file in SI units, values rounded to 2000/32767 deg/s,
+  16/32767 g and 0.05 uT, and saturated. Below 95 samples a second clipped rates are not made good
+  for.
 
 Offline
   With --offline the filter runs through the recording forth, back and forth again, and the two
@@ -62,6 +63,7 @@ Keys of --set
   complementary  acc_tau_s, mag_tau_s
   mahony         acc_per_s, mag_per_s, integral_per_s2
   madgwick       beta_per_s
+  kalman         gyr_rad2_s, gyr_scale_s, bias_rad2_s3, bias_rad_s, acc_rad2_s, mag_rad2_s
   vqf            acc_tau_s, acc_smoothing_s, mag_tau_s; preset=published|offline (that of --offline)
 
 Exit status: 0 done, 1 something failed, 2 unusable input; then no file is written.")]
