@@ -302,6 +302,16 @@ impl<T: Real> Field<T> {
         Some(Vector3::new(north, east, vertical + vertical))
     }
 
+    /// The field's whole over its horizontal part, squared.
+    pub(crate) fn steepness(&self) -> Option<T> {
+        let Parts {
+            horizontal,
+            vertical,
+        } = self.reference.as_ref()?.parts;
+        let ratio = vertical * horizontal.recip();
+        Some(T::ONE + ratio * ratio)
+    }
+
     /// How late the field is behind the rates, s.
     pub(crate) fn lag_s(&self) -> T {
         self.lag.lag_s()

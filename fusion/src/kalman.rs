@@ -3,8 +3,8 @@
 //! F. L. Markley, "Attitude error representations for Kalman filtering", J. Guidance, Control and
 //! Dynamics 26(2), 2003: the quaternion is integrated outside of the filter, whose state is the
 //! error of the attitude as a rotation vector and the error of the offset. Both are given to
-//! quaternion and offset with every step, and so are always zero again. Here the rotation vector stands in the earth frame,
-//! where it does not turn with the body: with `R` body to earth,
+//! quaternion and offset with every step, and so are always zero again. Here the rotation vector
+//! stands in the earth frame, where it does not turn with the body: with `R` body to earth,
 //!
 //! ```text
 //! d theta/dt = -R db + noise      true = exp(theta) estimated, true offset = estimated + db

@@ -31,6 +31,7 @@ mod madgwick;
 mod mahony;
 #[cfg(feature = "offline")]
 pub mod offline;
+mod quality;
 mod quaternion;
 mod range;
 mod real;
@@ -52,6 +53,7 @@ pub use kalman::{Kalman, KalmanGains};
 pub use madgwick::{Madgwick, MadgwickGains};
 pub use mahony::{Mahony, MahonyGains};
 pub use nalgebra::Vector3;
+pub use quality::Quality;
 pub use quaternion::{Euler, HalfRows, Quaternion};
 pub use real::{Number, Real};
 pub use rest::RestConfig;

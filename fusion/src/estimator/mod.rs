@@ -10,6 +10,7 @@ use crate::config::{Config, GRAVITY};
 use crate::error::{ConfigError, in_range, positive};
 use crate::field::{Field, HeadingError, plausible};
 use crate::lag;
+use crate::quality::{Doubt, Evidence, Quality};
 use crate::quaternion::{HalfRows, Quaternion};
 use crate::range::{Hidden, Range, Rules};
 use crate::real::Number;
@@ -45,6 +46,7 @@ pub struct Estimator<F: Filter> {
     rest: Rest<F::Real>,
     range: Range<F::Real>,
     recovery: Recovery<F::Real>,
+    doubt: Doubt<F::Real>,
     orientation: Quaternion<F::Real>,
     steps: u8,
     /// Correction found in the last update, applied with the next integration (half rotation
@@ -107,6 +109,7 @@ impl<F: Filter> Estimator<F> {
             rest: Rest::new(&config.rest)?,
             range: Range::new(config.gyro_range_rad_s, Rules::Strict),
             recovery: Recovery::new(real(config.recovery_rad2_s)),
+            doubt: Doubt::new(),
             orientation: Quaternion::IDENTITY,
             steps: 0,
             pending: zero(),
@@ -145,6 +148,11 @@ impl<F: Filter> Estimator<F> {
             now.turn(&scaled(&self.rate, self.half_gyr_lag_s));
         }
         now
+    }
+
+    /// How far the estimate may be off: standard deviations, brought up to date every eighth step.
+    pub fn quality(&self) -> Quality<F::Real> {
+        self.doubt.quality(self.field.steepness())
     }
 
     /// How late the field is behind the rates, s: as configured, or as learned since.
@@ -226,8 +234,25 @@ impl<F: Filter> Estimator<F> {
             starting: !self.flags.initialised,
         };
         self.pending = self.filter.correction(&view, &mut self.bias);
+        self.doubt(&view);
         if hidden.is_some() || self.recovery.is_active() {
             self.recover(&view, hidden, sample);
+        }
+    }
+
+    /// Deviations are brought up to date as often as the norm is.
+    #[inline(always)]
+    fn doubt(&mut self, view: &View<F::Real>) {
+        let good = view.heading.as_ref().is_some_and(|seen| seen.undisturbed);
+        self.doubt.pass(view.dt, good);
+        if self.steps.is_multiple_of(NORM_STEPS) {
+            let evidence = Evidence {
+                acc: view.acc.is_some(),
+                floor: view.floor,
+                clipped: self.flags.over_range,
+                rest: self.flags.at_rest,
+            };
+            self.doubt.account(&self.rate, &evidence);
         }
     }
 
@@ -249,6 +274,7 @@ impl<F: Filter> Estimator<F> {
         let seen = within(&sample.acc, MAX_ACC) && self.align(&sample.acc.map(real), mag.as_ref());
         self.flags.acc_rejected = !seen;
         if seen {
+            self.doubt.restart();
             self.phase = Phase::Settling;
         }
     }
@@ -281,6 +307,7 @@ impl<F: Filter> Estimator<F> {
     /// The attitude's variance has grown (rad^2): corrections become faster.
     #[cold]
     fn unsettle(&mut self, variance: F::Real) {
+        self.doubt.widen(variance);
         if self.phase == Phase::Running {
             self.age = F::Real::from_f32(SETTLED_S);
         }

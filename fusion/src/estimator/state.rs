@@ -8,7 +8,9 @@ use crate::estimator::Filter;
 use crate::quaternion::{Euler, Quaternion};
 use crate::real::Number;
 use crate::recovery::Recovery;
-use crate::vector::{scaled, within, zero};
+#[cfg(feature = "offline")]
+use crate::vector::scaled;
+use crate::vector::{within, zero};
 
 /// Strength of the field that counts as undisturbed, uT (or the magnetometer's own unit).
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -86,6 +88,7 @@ impl<F: Filter> Estimator<F> {
             self.phase = Phase::Settling;
             self.age = F::Real::from_f32(SETTLED_S);
             self.flags.initialised = true;
+            self.doubt.know_attitude();
         }
         if let Some(bias) = state.bias {
             self.set_bias(bias);
@@ -103,6 +106,7 @@ impl<F: Filter> Estimator<F> {
     pub fn set_bias(&mut self, bias: Vector3<F::Real>) {
         self.bias = bias;
         self.rest.know();
+        self.doubt.know_bias();
     }
 
     /// Turns the estimate about the vertical to a heading, rad from north to east, where a
@@ -153,6 +157,7 @@ impl<F: Filter> Estimator<F> {
             half_gyr_lag_s: -self.half_gyr_lag_s,
             acc_lag_s: -self.acc_lag_s,
             mag_dt: F::Real::ZERO,
+            doubt: self.doubt.clone(),
             ..*self
         })
     }
