@@ -7,7 +7,7 @@
 //! dV/dt = still + scale |w|^2 + noise g^2 - 2 g V
 //! ```
 //!
-//! at the rate `w`: a gyroscope is wrong by its scale and its alignment most; `noise` is that of the
+//! at the rate `w`: a gyroscope is wrong by its scale and alignment most; `noise` is that of the
 //! acceleration. While nothing shows the heading, its `g` is 0. An error of the offset makes
 //! a drift that follows `d/dt = bias - g drift`. To the variances come what calibration and the
 //! place leave of errors that stand still in the body or in the field.
