@@ -74,7 +74,7 @@ impl<G> Config<G> {
             gyr_lag_s: 0.002,
             acc_lag_s: 0.0025,
             mag_lag_s: 0.008,
-            mag_lag_prior_rad2_s: 5.0,
+            mag_lag_prior_rad2_s: 10.0,
             declination_rad: 0.0,
         }
     }

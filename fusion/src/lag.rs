@@ -35,9 +35,12 @@ const LONGEST_S: f32 = 0.1;
 /// Time constant of the means, s.
 const MEAN_S: f32 = 0.5;
 
-/// The turn within a lag, per axis, rad, up to which first order is enough: it leaves 1e-4 of the
+/// Time between two samples that are learned from, s: more would cost time and tell little.
+const LEARN_S: f32 = 0.2;
+
+/// The turn within a lag, per axis, rad, up to which first order is enough: it leaves 6e-4 of the
 /// vector.
-const SHORT_TURN: f32 = 0.01;
+const SHORT_TURN: f32 = 0.02;
 
 /// The vector that was seen as `v` in the body frame `lag_s` ago, now, at the rate `rate` (rad/s).
 #[inline(always)]
@@ -71,6 +74,8 @@ struct Regression<T> {
     /// Means of the field and of its change by a second's turning, earth frame, in parts of the
     /// field.
     means: Option<(Vector3<T>, Vector3<T>)>,
+    /// Time since the last sample that was learned from, s.
+    waited_s: T,
     /// `prior mag_lag_s - sum s.x dt`, rad^2.
     product: T,
     /// `prior + sum x.x dt`, rad^2/s.
@@ -88,6 +93,7 @@ impl<T: Real> FieldLag<T> {
             lag_s: configured,
             learned: prior.is_finite().then(|| Regression {
                 means: None,
+                waited_s: T::ZERO,
                 product: T::from_f32(prior * lag_s),
                 square: T::from_f32(prior),
             }),
@@ -128,6 +134,11 @@ impl<T: Real> FieldLag<T> {
         let Some(regression) = &mut self.learned else {
             return;
         };
+        regression.waited_s += dt;
+        if regression.waited_s.within(T::from_f32(LEARN_S)) {
+            return;
+        }
+        let dt = core::mem::replace(&mut regression.waited_s, T::ZERO);
         let field = scaled(field, per_field);
         let seen = rows.rotate(&field);
         let turned = rows.rotate(&cross(&field, rate));
@@ -161,7 +172,7 @@ mod tests {
             let error = (now(&seen, &rate, lag_s) - turn.inverse() * seen).norm();
             // The third-order term, (|w| lag)^3 / 6 of the vector, or what first order leaves.
             let turn = (rate.norm() * lag_s).abs();
-            let most = (turn.powi(3) / 6.0).max(2e-4) * seen.norm();
+            let most = (turn.powi(3) / 6.0).max(6.5e-4) * seen.norm();
             assert!(error <= most, "{error} at {lag_s}");
         }
     }

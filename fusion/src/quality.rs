@@ -31,7 +31,7 @@ pub struct Quality<T = f32> {
     pub heading_rad: T,
     /// Of the gyroscope's offset, each axis, rad/s.
     pub bias_rad_s: T,
-    /// Time since the last undisturbed field, s; `None` where there was none yet.
+    /// Time since the last undisturbed field, s, to within 64 steps; `None` where there was none yet.
     pub field_age_s: Option<T>,
 }
 
@@ -97,8 +97,9 @@ pub(crate) struct Doubt<T> {
     /// Of the offset, (rad/s)^2.
     bias: T,
     field_age_s: Option<T>,
-    /// Time that is not accounted for yet, s.
+    /// Time that is not accounted for yet, s, and whether there was an undisturbed field in it.
     time_s: T,
+    good_field: bool,
 }
 
 impl<T: Real> Doubt<T> {
@@ -111,6 +112,7 @@ impl<T: Real> Doubt<T> {
             bias: T::from_f32(BIAS_UNKNOWN * BIAS_UNKNOWN),
             field_age_s: None,
             time_s: T::ZERO,
+            good_field: false,
         }
     }
 
@@ -118,11 +120,7 @@ impl<T: Real> Doubt<T> {
     #[inline(always)]
     pub(crate) fn pass(&mut self, dt: T, good_field: bool) {
         self.time_s += dt;
-        if good_field {
-            self.field_age_s = Some(T::ZERO);
-        } else if let Some(age_s) = &mut self.field_age_s {
-            *age_s += dt;
-        }
+        self.good_field |= good_field;
     }
 
     /// The attitude's variance has grown, rad^2.
@@ -154,6 +152,11 @@ impl<T: Real> Doubt<T> {
     #[inline(never)]
     pub(crate) fn account(&mut self, rate: &Vector3<T>, evidence: &Evidence<T>) {
         let dt = core::mem::replace(&mut self.time_s, T::ZERO);
+        if core::mem::take(&mut self.good_field) {
+            self.field_age_s = Some(T::ZERO);
+        } else if let Some(age_s) = &mut self.field_age_s {
+            *age_s += dt;
+        }
         if evidence.rest {
             self.know_bias();
         }

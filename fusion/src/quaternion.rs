@@ -287,7 +287,14 @@ impl<T: Real> Quaternion<T> {
     #[inline(always)]
     pub(crate) fn turn(&mut self, h: &Vector3<T>) {
         // A rate of 3 deg/s at 100 Hz: 1 - cos|h| < 2e-7.
-        let small = T::from_f32(3e-4);
+        self.turn_from(h, 3e-4);
+    }
+
+    /// [`Quaternion::turn`], in first order up to half angles of `small` (rad) about each axis, which
+    /// leaves a norm that is off by `1.5 small^2`.
+    #[inline(always)]
+    pub(crate) fn turn_from(&mut self, h: &Vector3<T>, small: f32) {
+        let small = T::from_f32(small);
         if h.x.within(small) && h.y.within(small) && h.z.within(small) {
             let Self { w, x, y, z } = *self;
             *self = Self {

@@ -8,12 +8,7 @@ const DT_S: f64 = 0.01;
 
 /// Sensors of one instant.
 fn config() -> Config<VqfGains> {
-    Config {
-        gyr_lag_s: 0.0,
-        acc_lag_s: 0.0,
-        mag_lag_s: 0.0,
-        ..Config::with_gains(VqfGains::offline())
-    }
+    Config::with_gains(VqfGains::offline()).without_lags()
 }
 
 /// Two minutes of turning and shaking that end, but do not begin, with ten seconds of rest, with an

@@ -306,7 +306,7 @@ fn unusable_input_is_refused_in_one_line_and_nothing_is_written() {
             parts,
         );
     };
-    refused(&["--filter", "kalman"], &["kalman", "mahony, madgwick"]);
+    refused(&["--filter", "ekf"], &["ekf", "mahony, madgwick"]);
     refused(&["--mode", "7d"], &["7d", "9d"]);
     refused(&["--scalar", "q15"], &["q15", "fixed"]);
     refused(
