@@ -31,7 +31,8 @@ pub struct Quality<T = f32> {
     pub heading_rad: T,
     /// Of the gyroscope's offset, each axis, rad/s.
     pub bias_rad_s: T,
-    /// Time since the last undisturbed field, s, to within 64 steps; `None` where there was none yet.
+    /// Time since the last undisturbed field, s, to within 64 steps; `None` where there was none
+    /// yet.
     pub field_age_s: Option<T>,
 }
 

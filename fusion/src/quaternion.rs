@@ -290,8 +290,8 @@ impl<T: Real> Quaternion<T> {
         self.turn_from(h, 3e-4);
     }
 
-    /// [`Quaternion::turn`], in first order up to half angles of `small` (rad) about each axis, which
-    /// leaves a norm that is off by `1.5 small^2`.
+    /// [`Quaternion::turn`], in first order up to half angles of `small` (rad) about each axis,
+    /// which leaves a norm that is off by `1.5 small^2`.
     #[inline(always)]
     pub(crate) fn turn_from(&mut self, h: &Vector3<T>, small: f32) {
         let small = T::from_f32(small);

@@ -322,7 +322,7 @@ fn unusable_input_is_refused_in_one_line_and_nothing_is_written() {
     refused(&["--set", "preset=thesis"], &["published"]);
     refused(
         &["--filter", "gyro", "--scalar", "fixed"],
-        &["all others have one"],
+        &["madgwick and vqf have one"],
     );
     assert_refused(folder.path(), &[file], &["--out"]);
     assert_refused(
