@@ -25,6 +25,7 @@ PICTURE = ROOT / "docs" / "flight.svg"
 SEEDS = 48
 SERVOS = {"s3003": "S3003 class, 50 Hz frame", "digital": "digital, 300 Hz frame"}
 FILTERS = [(name, scalar) for name in ("vqf", "mahony", "madgwick", "complementary") for scalar in ("f32", "fixed")]
+FILTERS.append(("kalman", "f32"))
 
 
 class Failed(Exception):

@@ -15,6 +15,8 @@ use crate::vector::{add_scaled, cross, dot, scaled, zero};
 
 /// Time constants of [`Complementary`].
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", serde(default))]
 pub struct ComplementaryGains {
     /// Tilt, s.
     pub acc_tau_s: f32,

@@ -9,6 +9,11 @@ pub const GRAVITY: f32 = 9.806_65;
 /// Configuration of an [`Estimator`](crate::Estimator): the filter's own gains, and what all
 /// filters share.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(
+    feature = "serde",
+    serde(default, bound(deserialize = "G: Default + serde::Deserialize<'de>"))
+)]
 pub struct Config<G> {
     /// The filter's gains.
     pub gains: G,
@@ -32,6 +37,18 @@ pub struct Config<G> {
     pub gap_s: f32,
     /// After this time of averaging the attitude counts as initialised (s).
     pub start_up_s: f32,
+    /// Age of the gyroscope's samples, s: -0.1 to 0.1. The attitude is given for the present, ahead
+    /// of the rates by this. In fixed point there is no lag.
+    pub gyr_lag_s: f32,
+    /// Age of the accelerometer's samples less that of the rates, s: -0.1 to 0.1. Low-pass filters
+    /// differ; the accelerometer's mostly has the lower cut-off. In fixed point there is no lag.
+    pub acc_lag_s: f32,
+    /// Age of the magnetometer's samples less that of the rates, s: -0.1 to 0.1. In fixed point
+    /// there is no lag.
+    pub mag_lag_s: f32,
+    /// How firmly `mag_lag_s` stands against the lag that the field shows while the body turns,
+    /// rad^2/s: square of the rate across the field, times time. `f32::INFINITY` learns nothing.
+    pub mag_lag_prior_rad2_s: f32,
     /// Magnetic declination, east positive (rad). With it, north is geographic.
     pub declination_rad: f32,
 }
@@ -54,7 +71,22 @@ impl<G> Config<G> {
             recovery_rad2_s: 0.02,
             gap_s: 0.25,
             start_up_s: 1.0,
+            gyr_lag_s: 0.002,
+            acc_lag_s: 0.0025,
+            mag_lag_s: 0.008,
+            mag_lag_prior_rad2_s: 10.0,
             declination_rad: 0.0,
+        }
+    }
+
+    /// The same for sensors of one instant, as a simulation has them: no lag, and none learned.
+    pub fn without_lags(self) -> Self {
+        Self {
+            gyr_lag_s: 0.0,
+            acc_lag_s: 0.0,
+            mag_lag_s: 0.0,
+            mag_lag_prior_rad2_s: f32::INFINITY,
+            ..self
         }
     }
 }

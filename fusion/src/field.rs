@@ -7,7 +7,10 @@
 //! the body turned (then the place has changed, and it becomes the reference) or it has lasted so
 //! long that the drift of the heading would be worse than the field's error.
 
+use crate::config::Config;
 use crate::error::{ConfigError, in_range, positive};
+use crate::estimator::FieldReference;
+use crate::lag::{self, FieldLag};
 use crate::quaternion::{HalfRows, Quaternion};
 use crate::real::Real;
 use crate::vector::{dot, within};
@@ -15,6 +18,8 @@ use nalgebra::Vector3;
 
 /// Handling of the magnetometer.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", serde(default))]
 pub struct FieldConfig {
     /// A field that is further than this from the reference, horizontally or vertically, is
     /// disturbed: as a fraction of the reference's magnitude. `f32::INFINITY` lets every field
@@ -90,6 +95,7 @@ pub(crate) struct Field<T> {
     adopt_rate: T,
     reject_s: T,
     declination: Option<Declination<T>>,
+    lag: FieldLag<T>,
     reference: Option<Reference<T>>,
     /// Samples that the reference stands on, while it is being averaged.
     averaged: u32,
@@ -184,7 +190,8 @@ impl<T: Real> Reference<T> {
 }
 
 impl<T: Real> Field<T> {
-    pub(crate) fn new(config: &FieldConfig, declination_rad: f32) -> Result<Self, ConfigError> {
+    pub(crate) fn new<G>(shared: &Config<G>) -> Result<Self, ConfigError> {
+        let (config, declination_rad) = (&shared.field, shared.declination_rad);
         if config.gate.is_nan() || config.gate <= 0.0 {
             return Err(ConfigError::OutOfRange("field.gate"));
         }
@@ -223,6 +230,7 @@ impl<T: Real> Field<T> {
                     cos: cos + cos,
                 }
             }),
+            lag: FieldLag::new(shared.mag_lag_s, shared.mag_lag_prior_rad2_s)?,
             reference: None,
             averaged: 0,
             candidate: None,
@@ -236,9 +244,48 @@ impl<T: Real> Field<T> {
         })
     }
 
+    /// For going back in time: the reference is known, and the lag, which learns no more.
+    #[cfg(feature = "offline")]
+    pub(crate) fn reversed(&self) -> Self {
+        Self {
+            lag: self.lag.reversed(),
+            candidate: None,
+            ..*self
+        }
+    }
+
     /// Whether a field has been seen that can serve as a compass.
     pub(crate) fn is_known(&self) -> bool {
         self.reference.is_some()
+    }
+
+    /// The reference once it is averaged, uT.
+    pub(crate) fn reference(&self) -> Option<FieldReference<T>> {
+        let Parts {
+            horizontal,
+            vertical,
+        } = self.reference.as_ref()?.parts;
+        (self.averaged == AVERAGED).then(|| FieldReference {
+            horizontal: horizontal + horizontal,
+            down: vertical + vertical,
+        })
+    }
+
+    /// The reference is known from elsewhere, uT.
+    pub(crate) fn know(&mut self, field: &FieldReference<T>) {
+        let parts = Parts {
+            horizontal: field.horizontal * T::HALF,
+            vertical: field.down * T::HALF,
+        };
+        self.reference = Reference::new(parts, self.gate);
+        self.averaged = AVERAGED;
+        self.candidate = None;
+        self.weigh();
+    }
+
+    /// The field's lag is known from elsewhere, s.
+    pub(crate) fn set_lag_s(&mut self, lag_s: T) {
+        self.lag.set_lag_s(lag_s);
     }
 
     /// The reference in the earth frame, uT.
@@ -255,6 +302,21 @@ impl<T: Real> Field<T> {
         Some(Vector3::new(north, east, vertical + vertical))
     }
 
+    /// The field's whole over its horizontal part, squared.
+    pub(crate) fn steepness(&self) -> Option<T> {
+        let Parts {
+            horizontal,
+            vertical,
+        } = self.reference.as_ref()?.parts;
+        let ratio = vertical * horizontal.recip();
+        Some(T::ONE + ratio * ratio)
+    }
+
+    /// How late the field is behind the rates, s.
+    pub(crate) fn lag_s(&self) -> T {
+        self.lag.lag_s()
+    }
+
     /// Declination in rad, `None` when it is zero.
     pub(crate) fn declination_rad(&self) -> Option<T> {
         self.declination.map(|declination| declination.rad)
@@ -263,6 +325,7 @@ impl<T: Real> Field<T> {
     /// The heading error that one field sample shows (uT, body frame), with the earth's axes at
     /// half length, `dt` the time since the last field sample and `rate` the rotation rate now
     /// (rad/s). `None`: disturbed, or not known yet.
+    /// The lag is learned from rates that are `trusted`.
     #[inline(always)]
     pub(crate) fn heading(
         &mut self,
@@ -270,14 +333,19 @@ impl<T: Real> Field<T> {
         rows: &HalfRows<T>,
         mag: &Vector3<T>,
         rate: &Vector3<T>,
+        trusted: bool,
     ) -> Option<HeadingError<T>> {
-        let (north, east) = (dot(&rows.north, mag), dot(&rows.east, mag));
+        let now = lag::now(mag, rate, self.lag.lag_s());
+        let (north, east) = (dot(&rows.north, &now), dot(&rows.east, &now));
         self.since_judged_s += dt;
         self.unjudged = self.unjudged.saturating_add(1);
         if self.unjudged >= JUDGE_SAMPLES && !self.since_judged_s.within(T::from_f32(JUDGE_S)) {
-            let parts = Parts::new(north, east, dot(&rows.down, mag));
+            let parts = Parts::new(north, east, dot(&rows.down, &now));
             self.judge(&parts, rate);
             self.weigh();
+            if trusted {
+                self.learn_lag(rows, mag, rate);
+            }
             (self.since_judged_s, self.unjudged) = (T::ZERO, 0);
         }
         if self.weight.within(T::ZERO) {
@@ -288,6 +356,18 @@ impl<T: Real> Field<T> {
             sin,
             undisturbed: !self.disturbed,
         })
+    }
+
+    /// A field that is like the reference to its full weight shows how late it is.
+    fn learn_lag(&mut self, rows: &HalfRows<T>, mag: &Vector3<T>, rate: &Vector3<T>) {
+        if let Some(reference) = &self.reference
+            && self.averaged == AVERAGED
+            && T::ONE.within(self.weight)
+        {
+            let per_field = reference.inverse_tolerance * self.gate * T::HALF;
+            self.lag
+                .learn(self.since_judged_s, rows, mag, rate, per_field);
+        }
     }
 
     /// The first field, in the body frame and with the orientation found from it.

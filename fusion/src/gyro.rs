@@ -16,6 +16,7 @@ pub struct Gyro<T = f32> {
 
 /// [`Gyro`] has no gains.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct NoGains;
 
 impl<T: Real> Filter for Gyro<T> {

@@ -11,9 +11,12 @@
     )
 )]
 
+#[cfg(feature = "offline")]
+extern crate alloc;
 #[cfg(test)]
 extern crate std;
 
+mod both;
 mod complementary;
 mod config;
 mod error;
@@ -22,8 +25,13 @@ mod field;
 #[cfg(feature = "fixed")]
 pub mod fixed;
 mod gyro;
+mod kalman;
+mod lag;
 mod madgwick;
 mod mahony;
+#[cfg(feature = "offline")]
+pub mod offline;
+mod quality;
 mod quaternion;
 mod range;
 mod real;
@@ -34,15 +42,18 @@ pub mod signal;
 mod vector;
 mod vqf;
 
+pub use both::{Both, BothAttitudes};
 pub use complementary::{Complementary, ComplementaryGains};
 pub use config::{Config, GRAVITY};
 pub use error::ConfigError;
-pub use estimator::{Attitude, Estimator, Filter, Flags, Sample, View};
+pub use estimator::{Attitude, Estimator, FieldReference, Filter, Flags, Sample, State, View};
 pub use field::{FieldConfig, HeadingError};
 pub use gyro::{Gyro, NoGains};
+pub use kalman::{Kalman, KalmanGains};
 pub use madgwick::{Madgwick, MadgwickGains};
 pub use mahony::{Mahony, MahonyGains};
 pub use nalgebra::Vector3;
+pub use quality::Quality;
 pub use quaternion::{Euler, HalfRows, Quaternion};
 pub use real::{Number, Real};
 pub use rest::RestConfig;

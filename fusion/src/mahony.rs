@@ -18,6 +18,8 @@ use crate::vector::{add_scaled, cross, scaled, zero};
 
 /// Gains of [`Mahony`].
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", serde(default))]
 pub struct MahonyGains {
     /// Rate at which tilt follows the accelerometer, 1/s: 1 over the time constant.
     pub acc_per_s: f32,
@@ -89,7 +91,7 @@ impl<T: Real> Filter for Mahony<T> {
             half_angle = scaled(&half_error, k);
         }
         if let Some(heading) = &view.heading {
-            let k = view.gain(self.mag, T::ONE) * view.mag_dt * heading.sin;
+            let k = view.heading_share(self.mag) * heading.sin;
             add_scaled(&mut half_angle, down, k);
         }
         half_angle

@@ -10,6 +10,7 @@ use nalgebra::Vector3;
 /// Earth axes are north, east, down. A default quaternion is the identity: body x north, y east, z
 /// down.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Quaternion<T = f32> {
     /// Scalar part, cosine of half the angle.
     pub w: T,
@@ -23,6 +24,7 @@ pub struct Quaternion<T = f32> {
 
 /// Roll, pitch and yaw in rad, of the sequence yaw (about z), pitch (about y), roll (about x).
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Euler<T = f32> {
     /// -pi..pi.
     pub roll_rad: T,
@@ -91,6 +93,25 @@ impl<T: Real> Quaternion<T> {
         q
     }
 
+    /// The rotation as a vector along its axis, as long as its angle, rad, 0..pi.
+    pub fn rotation_vector(&self) -> Vector3<T> {
+        let Self { x, y, z, .. } = *self;
+        let sine = (x * x + y * y + z * z).sqrt();
+        let half = sine.atan2(self.w.abs());
+        // Of a small rotation the vector part is half the vector.
+        let per_sine = if sine.within(T::from_f32(1e-6)) {
+            T::ONE
+        } else {
+            half * sine.recip()
+        };
+        let k = if self.w.is_negative() {
+            -per_sine
+        } else {
+            per_sine
+        };
+        scaled(&Vector3::new(x, y, z), k + k)
+    }
+
     /// From roll, pitch and yaw.
     pub fn from_euler(euler: &Euler<T>) -> Self {
         let (sr, cr) = (euler.roll_rad * T::HALF).sin_cos();
@@ -145,6 +166,30 @@ impl<T: Real> Quaternion<T> {
             x: -self.x,
             y: -self.y,
             z: -self.z,
+        }
+    }
+
+    /// The same attitude with earth axes east, north, up.
+    pub fn to_enu(&self) -> Self {
+        let Self { w, x, y, z } = *self;
+        // Half a turn about the horizontal between north and east.
+        let k = T::from_f32(0.5).sqrt();
+        Self {
+            w: (-x - y) * k,
+            x: (w + z) * k,
+            y: (w - z) * k,
+            z: (y - x) * k,
+        }
+    }
+
+    /// The same attitude with earth axes north, west, up.
+    pub fn to_nwu(&self) -> Self {
+        // Half a turn about north.
+        Self {
+            w: -self.x,
+            x: self.w,
+            y: -self.z,
+            z: self.y,
         }
     }
 
@@ -242,7 +287,14 @@ impl<T: Real> Quaternion<T> {
     #[inline(always)]
     pub(crate) fn turn(&mut self, h: &Vector3<T>) {
         // A rate of 3 deg/s at 100 Hz: 1 - cos|h| < 2e-7.
-        let small = T::from_f32(3e-4);
+        self.turn_from(h, 3e-4);
+    }
+
+    /// [`Quaternion::turn`], in first order up to half angles of `small` (rad) about each axis,
+    /// which leaves a norm that is off by `1.5 small^2`.
+    #[inline(always)]
+    pub(crate) fn turn_from(&mut self, h: &Vector3<T>, small: f32) {
+        let small = T::from_f32(small);
         if h.x.within(small) && h.y.within(small) && h.z.within(small) {
             let Self { w, x, y, z } = *self;
             *self = Self {
@@ -361,6 +413,43 @@ mod tests {
         });
         assert!((q.pitch() - 0.5).abs() < 1e-6);
         assert!((q.up() - Vector3::new(0.5f32.sin(), 0.0, -0.5f32.cos())).norm() < 1e-6);
+    }
+
+    #[test]
+    fn earth_axes_can_point_up() {
+        let q = Quaternion::from_euler(&Euler {
+            roll_rad: 0.3f64,
+            pitch_rad: -0.5,
+            yaw_rad: 1.1,
+        });
+        let v = Vector3::new(1.0, -2.0, 3.0);
+        let ned = q.rotate(&v);
+        let enu = Vector3::new(ned.y, ned.x, -ned.z);
+        assert!((q.to_enu().rotate(&v) - enu).norm() < 1e-12);
+        let nwu = Vector3::new(ned.x, -ned.y, -ned.z);
+        assert!((q.to_nwu().rotate(&v) - nwu).norm() < 1e-12);
+    }
+
+    #[test]
+    fn rotation_vectors_come_back() {
+        for vector in [
+            Vector3::new(0.0f64, 0.0, 0.0),
+            Vector3::new(1e-9, -2e-9, 3e-9),
+            Vector3::new(0.3, -0.4, 0.5),
+            Vector3::new(0.0, 3.1, 0.0),
+        ] {
+            let q = Quaternion::from_rotation_vector(&vector);
+            let negative = Quaternion {
+                w: -q.w,
+                x: -q.x,
+                y: -q.y,
+                z: -q.z,
+            };
+            for q in [q, negative] {
+                let error = (q.rotation_vector() - vector).norm();
+                assert!(error < 1e-6 * vector.norm() + 1e-15, "{error} of {vector}");
+            }
+        }
     }
 
     #[test]

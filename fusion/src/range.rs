@@ -40,6 +40,10 @@ const SMALLER: f32 = 0.25;
 /// motion stay the same too.
 const ARRIVAL_RAD_S2: f32 = 5.0;
 
+/// By the strict rules that step is also above this fraction of the largest rate: with many samples
+/// a second noise makes larger accelerations than a motion.
+const ARRIVAL: f32 = 0.0075;
+
 /// A limit is looked for from this fraction of the largest rate on.
 const NEAR: f32 = 0.97;
 
@@ -66,11 +70,26 @@ const MAX_HIDDEN: f32 = 0.6;
 /// second. Found by clipping recordings of hands, arms and hits at many limits.
 const SIGMA: (f32, f32) = (0.04, 1.0);
 
+/// Largest deviation of that angle by the strict rules, as a fraction of the angle itself and of
+/// the angle at the limit.
+const AREA_SIGMA: (f32, f32) = (1.5, 0.05);
+
 /// The same where the limit is only supposed, as a fraction of the angle itself.
 const SUPPOSED_SIGMA: f32 = 0.3;
 
 /// Largest deviation, rad: the angle is unknown then.
 const MAX_SIGMA: f32 = 1.0;
+
+/// By which rules clipping is judged.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Rules {
+    /// A limit shows by the steps before it, and a hidden angle is as uncertain as the angle at the
+    /// limit: up to 300 samples a second.
+    Plain,
+    /// And the steps before it are larger than noise ([`ARRIVAL`]), and an angle is no more
+    /// uncertain than a short and shallow peak can make it ([`AREA_SIGMA`]).
+    Strict,
+}
 
 /// What an axis hides.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -86,6 +105,7 @@ pub(crate) enum Hidden<T> {
 #[derive(Clone, Debug)]
 pub(crate) struct Range<T> {
     configured: T,
+    rules: Rules,
     /// An axis is clipped, or was so with the last sample.
     busy: bool,
     axes: [Axis<T>; 3],
@@ -138,12 +158,32 @@ enum State<T> {
 }
 
 impl<T: Number> Range<T> {
-    pub(crate) fn new(limit_rad_s: f32) -> Self {
+    pub(crate) fn new(limit_rad_s: f32, rules: Rules) -> Self {
         let configured = T::from_f32(limit_rad_s);
         Self {
             configured,
+            rules,
             busy: false,
             axes: core::array::from_fn(|_| Axis::new(configured)),
+        }
+    }
+
+    /// For going back in time: the limits are known, those of positive rates for negative ones.
+    #[cfg(feature = "offline")]
+    pub(crate) fn reversed(&self) -> Self {
+        let axes = self.axes.each_ref().map(|axis| {
+            let [above, below] = axis.limits;
+            Axis {
+                limits: [below, above],
+                quiet: axis.quiet,
+                largest: axis.largest,
+                ..Axis::new(self.configured)
+            }
+        });
+        Self {
+            busy: false,
+            axes,
+            ..*self
         }
     }
 
@@ -162,7 +202,7 @@ impl<T: Number> Range<T> {
         self.busy = false;
         for ((axis, rate), hidden) in self.axes.iter_mut().zip(gyr.iter_mut()).zip(&mut hidden) {
             *rate = clamped(*rate, self.configured);
-            *hidden = axis.examine(dt, *rate, self.configured);
+            *hidden = axis.examine(dt, *rate, self.configured, self.rules);
             // What an axis remembers must be forgotten when the next sample is not examined.
             self.busy |= axis.last[0].is_some();
         }
@@ -215,7 +255,7 @@ impl<T: Number> Axis<T> {
         if negative { below } else { above }
     }
 
-    fn examine(&mut self, dt: T, rate: T, configured: T) -> Hidden<T> {
+    fn examine(&mut self, dt: T, rate: T, configured: T, rules: Rules) -> Hidden<T> {
         if rate.within(self.quiet) && self.state == State::Clear {
             self.last = [None; 2];
             (self.small, self.equal) = (0, 0);
@@ -224,7 +264,7 @@ impl<T: Number> Axis<T> {
         if rate.abs() > self.limit(rate.is_negative()).size * T::from_f32(BEYOND) {
             return self.disprove(rate, configured);
         }
-        let found = self.find_limit(dt, rate, configured);
+        let found = self.find_limit(dt, rate, configured, rules);
         let Limit { size: limit, sure } = self.limit(rate.is_negative());
         let clipped = !rate.within(limit);
         let [last, before] = self.last;
@@ -267,7 +307,8 @@ impl<T: Number> Axis<T> {
                 let limit = self.limit(negative).size;
                 let signed = if negative { -limit } else { limit };
                 let time_s = time_s + dt - crossing(first - signed, after, dt);
-                hidden = self.lost(slope.unwrap_or(-after), after, time_s, negative);
+                let slopes = (slope.unwrap_or(-after), after);
+                hidden = self.lost(slopes, time_s, negative, rules);
                 self.fresh = false;
                 if clipped {
                     State::Clipped {
@@ -301,7 +342,7 @@ impl<T: Number> Axis<T> {
     }
 
     /// Learn the limit from rates that stay the same; true if it has just been learned.
-    fn find_limit(&mut self, dt: T, rate: T, configured: T) -> bool {
+    fn find_limit(&mut self, dt: T, rate: T, configured: T, rules: Rules) -> bool {
         let size = rate.abs();
         let limit = self.limit(rate.is_negative()).size;
         let mut found = None;
@@ -331,7 +372,8 @@ impl<T: Number> Axis<T> {
             let stays = |steps: u8| {
                 steps >= FLAT_STEPS && !(T::from_f32(steps.into()) * dt).within(T::from_f32(FLAT_S))
             };
-            let arrived = self.arrival > dt * T::from_f32(ARRIVAL_RAD_S2);
+            let arrived = self.arrival > dt * T::from_f32(ARRIVAL_RAD_S2)
+                && (rules == Rules::Plain || self.arrival > self.largest * T::from_f32(ARRIVAL));
             let share = if arrived && stays(self.equal) {
                 1.0 - 5.0 * EQUAL
             } else if arrived && stays(self.small) {
@@ -361,7 +403,7 @@ impl<T: Number> Axis<T> {
     }
 
     /// The angle that clipping of this duration has hidden, from the slopes before and after it.
-    fn lost(&self, before: T, after: T, time_s: T, negative: bool) -> Hidden<T> {
+    fn lost(&self, (before, after): (T, T), time_s: T, negative: bool, rules: Rules) -> Hidden<T> {
         let area = (before - after) * time_s * time_s * T::from_f32(1.0 / 12.0);
         let limit = self.limit(negative);
         let at_limit = limit.size * time_s;
@@ -380,6 +422,14 @@ impl<T: Number> Axis<T> {
             };
         }
         let sigma = at_limit * (T::from_f32(SIGMA.0) + T::from_f32(SIGMA.1) * time_s);
+        let sigma = match rules {
+            Rules::Plain => sigma,
+            Rules::Strict => {
+                let (of_area, of_limit) = AREA_SIGMA;
+                let bound = area.abs() * T::from_f32(of_area) + at_limit * T::from_f32(of_limit);
+                if sigma.within(bound) { sigma } else { bound }
+            }
+        };
         let max_sigma = T::from_f32(MAX_SIGMA);
         let sigma = if sigma.within(max_sigma) {
             sigma
@@ -434,7 +484,7 @@ mod tests {
         // with a = asin(0.8), b = pi/2 - a.
         let b = (0.8f64).acos();
         let hidden = 10.0 / 2.0 * b.sin() - 8.0 * b / 2.0;
-        let (given, times) = run(&mut Range::new(7.999), 8.0, 0.78);
+        let (given, times) = run(&mut Range::new(7.999, Rules::Plain), 8.0, 0.78);
         assert_eq!(times, 1);
         assert!(
             (given - hidden).abs() < 0.05 * hidden,
@@ -444,7 +494,7 @@ mod tests {
 
     #[test]
     fn a_limit_is_found_and_positive_and_negative_angles_cancel() {
-        let mut range = Range::new(34.0);
+        let mut range = Range::new(34.0, Rules::Plain);
         let (_, times) = run(&mut range, 8.0, 1.58);
         assert_eq!(times, 2);
         assert!((range.axes[1].limits[0].size - 8.0).abs() < 0.01);
@@ -454,7 +504,7 @@ mod tests {
 
     #[test]
     fn a_limit_blurred_by_the_other_axes_is_found() {
-        let mut range = Range::new(34.0);
+        let mut range = Range::new(34.0, Rules::Plain);
         let (dt, mut given) = (0.0025, 0.0);
         for k in 0..3000 {
             let t = f64::from(k) * dt;
@@ -475,7 +525,7 @@ mod tests {
 
     #[test]
     fn a_steady_spin_is_given_nothing() {
-        let mut range = Range::new(34.0);
+        let mut range = Range::new(34.0, Rules::Plain);
         for k in 0..4000 {
             let t = f64::from(k) * 0.0025;
             let mut gyr = Vector3::new(0.0, (10.0 * t).min(20.0 * (10.0 - t)).min(5.0), 0.0);
@@ -489,7 +539,7 @@ mod tests {
 
     #[test]
     fn a_rate_beyond_a_supposed_limit_disproves_it() {
-        let mut range = Range::new(34.0);
+        let mut range = Range::new(34.0, Rules::Plain);
         run(&mut range, 6.0, 1.58);
         assert!(range.axes[1].limits[0].size < 6.0);
         run(&mut range, 20.0, 1.58);
@@ -498,13 +548,13 @@ mod tests {
 
     #[test]
     fn a_smooth_motion_below_the_limit_loses_nothing() {
-        let (given, times) = run(&mut Range::new(34.0), 20.0, 60.0);
+        let (given, times) = run(&mut Range::new(34.0, Rules::Plain), 20.0, 60.0);
         assert_eq!((given, times), (0.0, 0));
     }
 
     #[test]
     fn a_limit_is_sure_when_it_is_met_again() {
-        let mut range = Range::new(34.0);
+        let mut range = Range::new(34.0, Rules::Plain);
         // Half periods of pi/4 s, upwards and downwards in turn.
         let mut clipped = [false; 3];
         for k in 0..920 {

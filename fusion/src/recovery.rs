@@ -30,9 +30,6 @@ const FIELD_S: f32 = 0.05;
 /// Standard deviation of a magnetometer's lag, s.
 const LAG_DEVIATION_S: f32 = 0.02;
 
-/// Lag of a magnetometer that is compensated, s: it shows the mean field of its conversion time.
-const LAG_S: f32 = 0.012;
-
 /// A field whose strength is further off than this is disturbed, as a fraction of the reference.
 const STRENGTH: f32 = 0.15;
 
@@ -52,6 +49,8 @@ pub(crate) struct Seen<T> {
     pub(crate) field: Option<(Vector3<T>, Vector3<T>)>,
     /// Time since the last field, s.
     pub(crate) field_dt: T,
+    /// How late the field is behind the rates, s.
+    pub(crate) field_lag_s: T,
     /// Rotation rate, rad/s.
     pub(crate) rate: Vector3<T>,
 }
@@ -178,7 +177,7 @@ impl<T: Number> Recovery<T> {
         let scale = dot(expected, expected).sqrt().recip();
         // dm/dt = m x rate in the body frame.
         let late = cross(field, rate);
-        let now = |field: T, late: T| (field + late * T::from_f32(LAG_S)) * scale;
+        let now = |field: T, late: T| (field + late * seen.field_lag_s) * scale;
         let field = Vector3::new(
             now(field.x, late.x),
             now(field.y, late.y),

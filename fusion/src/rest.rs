@@ -12,10 +12,13 @@ use nalgebra::Vector3;
 
 /// When the body counts as at rest, and what is learned from it.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", serde(default))]
 pub struct RestConfig {
     /// Largest deviation of the rotation rate, per axis, rad/s. 0 turns rest detection off.
     pub rate_rad_s: f32,
-    /// Largest deviation of the acceleration, per axis, m/s^2.
+    /// Largest deviation of the acceleration, per axis, m/s^2. In float it counts up to 0.1:
+    /// gravity that drifts by more shows a slow turn.
     pub acc_m_s2: f32,
     /// Time of rest after which the offset is learned, s.
     pub time_s: f32,
@@ -44,6 +47,9 @@ pub(crate) const BLOCK_S: f32 = 0.25;
 
 /// Once an offset is known, the limit for rest is this fraction of the configured one.
 const TIGHT: f32 = 0.25;
+
+/// Largest drift of gravity in a rest, m/s^2: a turn by 0.6 deg.
+const DRIFT_M_S2: f32 = 0.1;
 
 /// Fractional bits of the sums, whose rates (rad/s) and accelerations (m/s^2) are added in
 /// integers: without an FPU that is a fifth of the cycles. They wrap only where the body is not at
@@ -105,7 +111,7 @@ impl<T: Real> Rest<T> {
         let blocks = |time_s: f32| ((time_s / BLOCK_S + 0.5) as u32).max(1);
         Ok(Self {
             rate_limit: T::from_f32(config.rate_rad_s),
-            acc_limit: T::from_f32(config.acc_m_s2),
+            acc_limit: T::from_f32(config.acc_m_s2.min(DRIFT_M_S2)),
             max_bias: T::from_f32(config.max_bias_rad_s),
             block_s: T::from_f32(BLOCK_S),
             needed: blocks(config.time_s),
@@ -122,6 +128,29 @@ impl<T: Real> Rest<T> {
     /// Whether the last blocks were at rest.
     pub(crate) fn is_at_rest(&self) -> bool {
         self.still >= self.needed
+    }
+
+    /// An offset was learned, or is known from elsewhere.
+    pub(crate) fn is_bias_known(&self) -> bool {
+        self.learned > 0
+    }
+
+    /// An offset is known from elsewhere, as well as a shortest rest shows it.
+    pub(crate) fn know(&mut self) {
+        self.learned = self.learned.max(self.needed);
+    }
+
+    /// For going back in time: only how much the offset stands on is kept.
+    #[cfg(feature = "offline")]
+    pub(crate) fn reversed(&self) -> Self {
+        Self {
+            block: Block::empty(),
+            reference: None,
+            still: 0,
+            mean: zero(),
+            held: 0,
+            ..*self
+        }
     }
 
     /// Samples are missing: end the rest under way, but keep what was learned.

@@ -17,7 +17,7 @@
 //! has the response `1 / (tau T s^2 + tau s + 1)` from what the accelerometer shows to what the
 //! estimate follows: of second order, Butterworth for `T = tau / 2`, and then with VQF's time
 //! constant `tau`. It takes two numbers of state and no trigonometry. A smaller `tau` and a larger
-//! `T` (damping 0.58 instead of 0.71) follow gyroscope errors sooner at the same smoothing. Heading
+//! `T` (damping 0.53 instead of 0.71) follow gyroscope errors sooner at the same smoothing. Heading
 //! follows at its own time constant.
 
 use nalgebra::Vector3;
@@ -30,6 +30,8 @@ use crate::vector::dot;
 
 /// Time constants of [`Vqf`].
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "serde", serde(default))]
 pub struct VqfGains {
     /// Tilt follows the smoothed acceleration with this, s.
     pub acc_tau_s: f32,
@@ -50,6 +52,15 @@ impl Default for VqfGains {
 }
 
 impl VqfGains {
+    /// For [`offline`](crate#features) use: of the average of two passes each may be slower.
+    pub const fn offline() -> Self {
+        Self {
+            acc_tau_s: 2.0,
+            acc_smoothing_s: 2.0,
+            mag_tau_s: 18.0,
+        }
+    }
+
     /// The constants of the published filter: Butterworth with 3 s, heading 9 s.
     pub const fn published() -> Self {
         Self {
@@ -89,6 +100,15 @@ impl<T: Real> Filter for Vqf<T> {
         })
     }
 
+    fn retune(&mut self, gains: &VqfGains) -> Result<(), ConfigError> {
+        let smooth = self.smooth;
+        *self = Self {
+            smooth,
+            ..Self::new(gains)?
+        };
+        Ok(())
+    }
+
     #[inline(always)]
     fn correction(&mut self, view: &View<T>, _bias: &mut Vector3<T>) -> Vector3<T> {
         let rows = &view.rows;
@@ -122,8 +142,7 @@ impl<T: Real> Filter for Vqf<T> {
             about_east = about_east * k;
         }
         if let Some(heading) = &view.heading {
-            let k = view.gain(self.mag_per_s, T::ONE) * view.mag_dt;
-            about_down = heading.sin * k * T::HALF;
+            about_down = heading.sin * view.heading_share(self.mag_per_s) * T::HALF;
         }
         // Into the body frame: twice the half rows.
         let body = |n: T, e: T, d: T| {

@@ -67,7 +67,12 @@ fn float<F: Filter<Real = f32>>() -> impl FnMut(&Sample) -> Attitude
 where
     F::Gains: Default,
 {
-    let mut estimator = Estimator::<F>::new(&Config::default()).expect("valid");
+    let config = Config {
+        gyr_lag_s: 0.0,
+        acc_lag_s: 0.0,
+        ..Config::default()
+    };
+    let mut estimator = Estimator::<F>::new(&config).expect("valid");
     move |sample| estimator.update(DT_S as f32, sample)
 }
 

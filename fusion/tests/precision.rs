@@ -64,7 +64,7 @@ where
     F: Filter<Real = f64>,
     F::Gains: Default,
 {
-    let mut reference = Estimator::<F>::new(&Config::default()).expect("the defaults are valid");
+    let mut reference = Estimator::<F>::new(&Config::default().without_lags()).expect("valid");
     let (mut sum, mut most, mut n) = (0.0, 0.0f64, 0.0);
     for (k, counts) in recording().enumerate() {
         let expected = oracle(&reference.update(1e-3, &sample(&counts)).orientation);
@@ -104,7 +104,8 @@ fn fixed_point_vqf_stays_with_f64() {
 
 #[test]
 fn single_precision_is_enough() {
-    let mut estimator = Estimator::<Mahony<f32>>::new(&Config::default()).expect("valid");
+    let mut estimator =
+        Estimator::<Mahony<f32>>::new(&Config::default().without_lags()).expect("valid");
     let (rms, most) = compare::<Mahony<f64>>(|counts| {
         oracle(&estimator.update(1e-3, &sample(counts)).orientation)
     });

@@ -8,7 +8,7 @@ use proptest::prelude::*;
 use proptest::test_runner::FileFailurePersistence::WithSource;
 use subject::{DEG, DT_US, Subject, counts, error_deg, motion, norm, oracle, rest, sample};
 use tvc_fusion::{
-    Attitude, Complementary, Config, Estimator, Filter, GRAVITY, Gyro, Madgwick, Mahony,
+    Attitude, Complementary, Config, Estimator, Filter, GRAVITY, Gyro, Kalman, Madgwick, Mahony,
     Quaternion, Sample, Vqf, fixed,
 };
 
@@ -393,6 +393,8 @@ suite! {
     madgwick_fixed: fixed::Estimator<fixed::Madgwick>,
     vqf_f32: Estimator<Vqf<f32>>,
     vqf_f64: Estimator<Vqf<f64>>,
+    kalman_f32: Estimator<Kalman<f32>>,
+    kalman_f64: Estimator<Kalman<f64>>,
     vqf_fixed: fixed::Estimator<fixed::Vqf>,
     complementary_fixed_recovered: fixed::Estimator<fixed::Complementary, fixed::Recovered>,
     madgwick_fixed_recovered: fixed::Estimator<fixed::Madgwick, fixed::Recovered>,

@@ -30,6 +30,8 @@ pub enum FilterName {
     Madgwick,
     /// VQF class: acceleration smoothed in the earth frame.
     Vqf,
+    /// Multiplicative Kalman filter of attitude and offset.
+    Kalman,
 }
 
 /// Which sensors are used.
@@ -73,6 +75,7 @@ impl fmt::Display for FilterName {
             Self::Mahony => "mahony",
             Self::Madgwick => "madgwick",
             Self::Vqf => "vqf",
+            Self::Kalman => "kalman",
         })
     }
 }

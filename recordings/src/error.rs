@@ -61,7 +61,7 @@ pub enum RecordingError {
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 pub enum ChoiceError {
     /// The filter computes in floating point only.
-    #[error("{0} has no fixed-point form; all others have one")]
+    #[error("{0} has no fixed-point form; complementary, mahony, madgwick and vqf have one")]
     NoFixedPoint(FilterName),
     /// The filter has no such set of gains, but these.
     #[error("{0} has no preset {1}; its presets are {2}")]
@@ -69,6 +69,14 @@ pub enum ChoiceError {
     /// The filter has no such setting, but these.
     #[error("{0} has no setting {1}; its settings are {2}")]
     Setting(FilterName, String, String),
+    /// Forth and back in time there is floating point only.
+    #[error("fixed point does not run offline: choose f32 or f64")]
+    OfflineFixed,
+    /// The setting has no meaning in fixed point.
+    #[error(
+        "{0} is a setting of f32 and f64 only: fixed point takes all sensors to be of one instant"
+    )]
+    FloatOnly(String),
     /// The setting has a value that is no number.
     #[error("{0} is not a number")]
     NotANumber(Setting),

@@ -3,8 +3,8 @@
 use std::ops::RangeInclusive;
 
 use tvc_fusion::{
-    Complementary, Config, ConfigError, Estimator, Filter, Gyro, Madgwick, Mahony, Quaternion,
-    Real, Sample, Vector3, Vqf, fixed,
+    Complementary, Config, ConfigError, Estimator, Filter, Gyro, Kalman, Madgwick, Mahony,
+    Quaternion, Real, Sample, Vector3, Vqf, fixed,
 };
 
 use crate::settings::{self, Gains};
@@ -39,7 +39,7 @@ impl Estimate {
             (Scalar::Fixed, FilterName::Complementary) => {
                 in_fixed::<fixed::Complementary>(choice, facts)?
             }
-            (Scalar::Fixed, other @ FilterName::Gyro) => {
+            (Scalar::Fixed, other @ (FilterName::Gyro | FilterName::Kalman)) => {
                 return Err(ChoiceError::NoFixedPoint(other));
             }
         };
@@ -79,6 +79,7 @@ fn float<T: Real + 'static>(
         FilterName::Mahony => in_float::<Mahony<T>>(choice, facts),
         FilterName::Madgwick => in_float::<Madgwick<T>>(choice, facts),
         FilterName::Vqf => in_float::<Vqf<T>>(choice, facts),
+        FilterName::Kalman => in_float::<Kalman<T>>(choice, facts),
     }
 }
 
@@ -95,6 +96,13 @@ fn in_fixed<F>(choice: &Choice, facts: &Facts) -> Result<Box<dyn Engine>, Choice
 where
     F: fixed::Filter<Gains: Gains> + 'static,
 {
+    if let Some(set) = choice
+        .settings
+        .iter()
+        .find(|set| settings::FLOAT_ONLY.contains(&set.key.as_str()))
+    {
+        return Err(ChoiceError::FloatOnly(set.key.clone()));
+    }
     let config = config::<F::Gains>(choice, facts)?;
     let scale = fixed::Scale {
         gyr_rad_s: within(facts.scale.gyr_rad_s, &fixed::Scale::GYR_RAD_S),
@@ -119,11 +127,11 @@ where
     Ok(Counted::boxed(estimator, scale, 1))
 }
 
-fn config<G: Gains>(choice: &Choice, facts: &Facts) -> Result<Config<G>, ChoiceError> {
+pub(crate) fn config<G: Gains>(choice: &Choice, facts: &Facts) -> Result<Config<G>, ChoiceError> {
     settings::config(choice.filter, facts.gyro_range_rad_s, &choice.settings)
 }
 
-fn refused(choice: &Choice, error: ConfigError) -> ChoiceError {
+pub(crate) fn refused(choice: &Choice, error: ConfigError) -> ChoiceError {
     let ConfigError::OutOfRange(name) = error;
     let set = choice.settings.iter().rev().find(|set| set.key == name);
     let what = match set {
@@ -140,18 +148,23 @@ fn within(value: f32, range: &RangeInclusive<f32>) -> f32 {
 
 impl<F: Filter> Engine for Estimator<F> {
     fn update(&mut self, dt_s: f64, sample: &RecordedSample, mag_ut: Option<[f64; 3]>) -> [f64; 4] {
-        let single = |v: [f64; 3]| Vector3::from(v.map(|c| c as f32));
-        let sample = Sample {
-            gyr: single(sample.gyr_rad_s),
-            acc: single(sample.acc_m_s2),
-            mag: mag_ut.map(single),
-        };
-        let Quaternion { w, x, y, z } = self.update(dt_s as f32, &sample).orientation;
+        let attitude = self.update(dt_s as f32, &self::sample(sample, mag_ut));
+        let Quaternion { w, x, y, z } = attitude.orientation;
         [w, x, y, z].map(double)
     }
 }
 
-fn double<T: Real>(value: T) -> f64 {
+/// A recorded sample, with this field, for the float filters.
+pub(crate) fn sample(recorded: &RecordedSample, mag_ut: Option<[f64; 3]>) -> Sample {
+    let single = |v: [f64; 3]| Vector3::from(v.map(|c| c as f32));
+    Sample {
+        gyr: single(recorded.gyr_rad_s),
+        acc: single(recorded.acc_m_s2),
+        mag: mag_ut.map(single),
+    }
+}
+
+pub(crate) fn double<T: Real>(value: T) -> f64 {
     // The remainder of the conversion to single precision fits into single precision again.
     let high = value.to_f32();
     f64::from(high) + f64::from((value - T::from_f32(high)).to_f32())

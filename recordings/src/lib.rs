@@ -5,6 +5,7 @@
 //! | [`Source`] | reads `IMUQ16v1` ([`imuq`]) or CSV (SI units, or counts), sample by sample |
 //! | [`Recording`] | a whole recording in the format `IMUQ16v1` |
 //! | [`Estimate`] | runs a filter, chosen by [`Choice`], in any arithmetic |
+//! | [`smooth`] | runs a filter over a whole recording, forth and back in time |
 //! | [`Scorer`] | errors against the recording's reference, as the BROAD benchmark defines them |
 //!
 //! Vectors are along the axes of the recorded sensor. References take them to east-north-up,
@@ -15,6 +16,7 @@ mod choice;
 mod error;
 mod estimate;
 pub mod imuq;
+mod offline;
 mod score;
 mod settings;
 mod source;
@@ -24,6 +26,7 @@ pub use choice::{Choice, FilterName, Mode, Scalar, Setting};
 pub use error::{ChoiceError, RecordingError};
 pub use estimate::Estimate;
 pub use imuq::Recording;
+pub use offline::smooth;
 pub use score::{Score, Scorer, enu_from_ned};
 pub use source::{Facts, Source};
 

@@ -1,6 +1,8 @@
 //! Settings by name: from `KEY=VALUE` to the configuration of a filter.
 
-use tvc_fusion::{ComplementaryGains, Config, MadgwickGains, MahonyGains, NoGains, VqfGains};
+use tvc_fusion::{
+    ComplementaryGains, Config, KalmanGains, MadgwickGains, MahonyGains, NoGains, VqfGains,
+};
 
 use crate::{ChoiceError, FilterName, Setting};
 
@@ -49,24 +51,53 @@ impl Gains for MadgwickGains {
         &[("default", Self::default), ("thesis", Self::thesis)];
 }
 
+impl Gains for KalmanGains {
+    const KEYS: &'static [Key<Self>] = &[
+        ("gyr_rad2_s", |gains| &mut gains.gyr_rad2_s),
+        ("gyr_scale_s", |gains| &mut gains.gyr_scale_s),
+        ("bias_rad2_s3", |gains| &mut gains.bias_rad2_s3),
+        ("bias_rad_s", |gains| &mut gains.bias_rad_s),
+        ("acc_rad2_s", |gains| &mut gains.acc_rad2_s),
+        ("mag_rad2_s", |gains| &mut gains.mag_rad2_s),
+    ];
+    const PRESETS: &'static [Preset<Self>] = &[("default", Self::default)];
+}
+
 impl Gains for VqfGains {
     const KEYS: &'static [Key<Self>] = &[
         ("acc_tau_s", |gains| &mut gains.acc_tau_s),
         ("acc_smoothing_s", |gains| &mut gains.acc_smoothing_s),
         ("mag_tau_s", |gains| &mut gains.mag_tau_s),
     ];
-    const PRESETS: &'static [Preset<Self>] =
-        &[("default", Self::default), ("published", Self::published)];
+    const PRESETS: &'static [Preset<Self>] = &[
+        ("default", Self::default),
+        ("published", Self::published),
+        ("offline", Self::offline),
+    ];
 }
 
+/// Settings that fixed point does not know.
+pub(crate) const FLOAT_ONLY: [&str; 4] = [
+    "gyr_lag_s",
+    "acc_lag_s",
+    "mag_lag_s",
+    "mag_lag_prior_rad2_s",
+];
+
 /// The settings that all filters share.
-fn shared<G>() -> [Key<Config<G>>; 16] {
+fn shared<G>() -> [Key<Config<G>>; 20] {
     [
         ("acc_gate", |config| &mut config.acc_gate),
         ("gyro_range_rad_s", |config| &mut config.gyro_range_rad_s),
         ("recovery_rad2_s", |config| &mut config.recovery_rad2_s),
         ("gap_s", |config| &mut config.gap_s),
         ("start_up_s", |config| &mut config.start_up_s),
+        ("gyr_lag_s", |config| &mut config.gyr_lag_s),
+        ("acc_lag_s", |config| &mut config.acc_lag_s),
+        ("mag_lag_s", |config| &mut config.mag_lag_s),
+        ("mag_lag_prior_rad2_s", |config| {
+            &mut config.mag_lag_prior_rad2_s
+        }),
         ("declination_rad", |config| &mut config.declination_rad),
         ("rest.rate_rad_s", |config| &mut config.rest.rate_rad_s),
         ("rest.acc_m_s2", |config| &mut config.rest.acc_m_s2),
@@ -169,6 +200,7 @@ mod tests {
         check::<MahonyGains>();
         check::<MadgwickGains>();
         check::<VqfGains>();
+        check::<KalmanGains>();
     }
 
     #[test]

@@ -40,6 +40,8 @@ subject! {
     "gyro-9d": tvc_fusion::Float<::tvc_fusion::Gyro, true>,
     "complementary-6d": tvc_fusion::Float<::tvc_fusion::Complementary, false>,
     "complementary-9d": tvc_fusion::Float<::tvc_fusion::Complementary, true>,
+    "kalman-6d": tvc_fusion::Float<::tvc_fusion::Kalman, false>,
+    "kalman-9d": tvc_fusion::Float<::tvc_fusion::Kalman, true>,
     "mahony-6d": tvc_fusion::Float<::tvc_fusion::Mahony, false>,
     "mahony-9d": tvc_fusion::Float<::tvc_fusion::Mahony, true>,
     "madgwick-6d": tvc_fusion::Float<::tvc_fusion::Madgwick, false>,

@@ -7,7 +7,7 @@ use super::format::{Q9, Q31};
 use super::number::Q20;
 use super::rotation::{BIAS_BITS, Products};
 use crate::quaternion::HalfRows;
-use crate::range::{Hidden, Range};
+use crate::range::{Hidden, Range, Rules};
 use crate::real::{Number, sealed};
 use crate::recovery::{Recovery, Seen};
 
@@ -16,6 +16,9 @@ const MAX_STEP: Q31 = 1 << 27;
 
 /// Field counts are brought to parts of this, uT: squares of the earth's field would not fit.
 const FIELD_UT: f32 = 64.0;
+
+/// Lag of a magnetometer, s: it shows the mean field of its conversion time.
+const FIELD_LAG_S: f32 = 0.012;
 
 /// What an estimator does when rates clip: [`Ignored`] or [`Recovered`].
 pub trait OverRange: sealed::Sealed {
@@ -106,7 +109,7 @@ impl Recovered {
         block_s: f32,
     ) -> Self {
         Self {
-            range: Range::new(gyro_range_rad_s),
+            range: Range::new(gyro_range_rad_s, Rules::Plain),
             recovery: Recovery::new(Q20::from_f32(recovery_rad2_s)),
             gyr: Q20::from_f32(scale.gyr_rad_s).0,
             acc: Q20::from_f32(scale.acc_m_s2).0,
@@ -175,6 +178,7 @@ impl Recovered {
                     )
                 }),
             field_dt: self.field_dt,
+            field_lag_s: Q20::from_f32(FIELD_LAG_S),
             rate: Vector3::new(rate.x - bx, rate.y - by, rate.z - bz),
         };
         let hidden = hidden.unwrap_or([Hidden::Nothing; 3]);

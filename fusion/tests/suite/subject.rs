@@ -24,7 +24,14 @@ where
     const RESOLUTION_DEG: f64 = 0.02;
 
     fn start() -> Self {
-        Estimator::new(&Config::default()).expect("the defaults are valid")
+        // The suite's sensors are all of one instant.
+        let config = Config {
+            gyr_lag_s: 0.0,
+            acc_lag_s: 0.0,
+            mag_lag_s: 0.0,
+            ..Config::default()
+        };
+        Estimator::new(&config).expect("the configuration is valid")
     }
 
     fn step(&mut self, dt_us: i64, sample: &Sample) -> Attitude {

@@ -131,8 +131,8 @@ fn updates_keep_their_limits_on_the_chip() {
 fn a_filter_or_law_that_is_not_there_is_refused_with_those_that_are() {
     let cases = [
         (
-            &["--filter", "kalman"][..],
-            "no filter kalman; there are ahrs-madgwick",
+            &["--filter", "ekf"][..],
+            "no filter ekf; there are ahrs-madgwick",
         ),
         (&["--library", "xio"], "no library xio; there are ahrs"),
         (

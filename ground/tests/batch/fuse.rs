@@ -160,6 +160,35 @@ fn fixed_point_and_double_precision_are_close_to_single_precision() {
     }
 }
 
+#[test]
+fn offline_every_sample_has_a_row_and_the_estimate_is_closer() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("est.csv");
+    let (file, out_text) = (recording(), out.to_str().unwrap().to_owned());
+    let file = file.to_str().unwrap();
+    let live = json(&[file, "--json"]);
+    let both = json(&[file, "--offline", "--json", "--out", &out_text]);
+    assert_eq!(
+        (&live["offline"], &both["offline"]),
+        (&false.into(), &true.into())
+    );
+    for figure in ["total_deg", "inclination_deg"] {
+        let of = |figures: &serde_json::Value| figures["mean"][figure].as_f64().unwrap();
+        assert!(
+            of(&both) < of(&live),
+            "{figure}: {} {}",
+            of(&both),
+            of(&live)
+        );
+    }
+    let bytes = fs::read(file).unwrap();
+    let rows = estimates(&out);
+    assert_eq!(rows.len(), (bytes.len() - HEADER) / RECORD);
+    let (inclination, _) = errors_deg(&rows, &bytes);
+    let told = both["mean"]["inclination_deg"].as_f64().unwrap();
+    assert!((inclination - told).abs() < 1e-3, "{inclination} {told}");
+}
+
 /// The same samples as CSV, without magnetometer or reference where asked.
 fn as_csv(bytes: &[u8], magnetometer: bool, reference: bool) -> String {
     let scale = |at: usize| f32::from_le_bytes(bytes[at..at + 4].try_into().unwrap());
@@ -277,7 +306,7 @@ fn unusable_input_is_refused_in_one_line_and_nothing_is_written() {
             parts,
         );
     };
-    refused(&["--filter", "kalman"], &["kalman", "mahony, madgwick"]);
+    refused(&["--filter", "ekf"], &["ekf", "mahony, madgwick"]);
     refused(&["--mode", "7d"], &["7d", "9d"]);
     refused(&["--scalar", "q15"], &["q15", "fixed"]);
     refused(
@@ -293,7 +322,7 @@ fn unusable_input_is_refused_in_one_line_and_nothing_is_written() {
     refused(&["--set", "preset=thesis"], &["published"]);
     refused(
         &["--filter", "gyro", "--scalar", "fixed"],
-        &["all others have one"],
+        &["madgwick and vqf have one"],
     );
     assert_refused(folder.path(), &[file], &["--out"]);
     assert_refused(

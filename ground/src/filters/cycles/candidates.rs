@@ -69,6 +69,7 @@ pub fn all() -> Vec<Candidate> {
         ("madgwick", Scalar::Fixed),
         ("vqf", Scalar::F32),
         ("vqf", Scalar::Fixed),
+        ("kalman", Scalar::F32),
     ];
     let field = [
         ("ahrs", "ahrs-mahony", Input::Si),

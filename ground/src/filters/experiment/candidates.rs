@@ -37,11 +37,16 @@ pub struct Candidate {
     gyro_heading: bool,
 }
 
-/// As in the libraries of the thesis: no offset is learned at rest, and no field is rejected.
+/// As in the libraries of the thesis: no offset is learned at rest, no field is rejected, and all
+/// sensors are of one instant.
 const PLAIN: &[(&str, &str)] = &[
     ("preset", "thesis"),
     ("rest.rate_rad_s", "0"),
     ("field.gate", "inf"),
+    ("gyr_lag_s", "0"),
+    ("acc_lag_s", "0"),
+    ("mag_lag_s", "0"),
+    ("mag_lag_prior_rad2_s", "inf"),
 ];
 
 const fn thesis(name: &'static str, filter: FilterName) -> Candidate {

@@ -11,6 +11,8 @@ pub struct Figures {
     filter: String,
     mode: String,
     scalar: String,
+    /// Both directions of time.
+    offline: bool,
     files: Vec<FileFigures>,
     /// Means over the recordings that have a score; `null` if none has.
     mean: Option<ScoreFigures>,
@@ -57,11 +59,12 @@ impl From<Score> for ScoreFigures {
 
 impl Figures {
     /// Without a recording yet.
-    pub fn new(choice: &Choice) -> Self {
+    pub fn new(choice: &Choice, offline: bool) -> Self {
         Self {
             filter: choice.filter.to_string(),
             mode: choice.mode.to_string(),
             scalar: choice.scalar.to_string(),
+            offline,
             files: Vec::new(),
             mean: None,
         }
@@ -156,12 +159,13 @@ mod tests {
     use recordings::{FilterName, Scalar};
 
     fn figures(mode: Mode, inclinations: &[Option<f64>]) -> Figures {
-        let mut figures = Figures::new(&Choice {
+        let choice = Choice {
             filter: FilterName::Vqf,
             scalar: Scalar::F32,
             mode,
             settings: Vec::new(),
-        });
+        };
+        let mut figures = Figures::new(&choice, false);
         for inclination in inclinations {
             let score = inclination.map(|inclination_deg| ScoreFigures {
                 total_deg: Some(3.0 * inclination_deg),

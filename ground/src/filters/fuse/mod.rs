@@ -8,7 +8,9 @@ use std::io::{self, Write};
 use std::path::Path;
 
 use anyhow::{Context, Result};
-use recordings::{Choice, Estimate, Scorer, Source, enu_from_ned};
+use recordings::{
+    Choice, ChoiceError, Estimate, RecordedSample, Scorer, Source, enu_from_ned, smooth,
+};
 
 use super::progress::Progress;
 use crate::out::exit::{BadInput, Verdict};
@@ -18,6 +20,9 @@ pub use options::Fuse;
 
 /// Samples between two reports of progress.
 const STRIDE: u64 = 4096;
+
+/// What fails when an estimate cannot be written.
+const WRITING: &str = "writing the estimates";
 
 /// Runs the filter on every recording; no file is written unless all of them can be read to the
 /// end.
@@ -37,21 +42,27 @@ pub fn run(options: &Fuse) -> Result<Verdict> {
     let mut bytes = 0;
     for (file, place) in options.files.iter().zip(places) {
         let source = Source::open(file).map_err(BadInput::new)?;
-        let estimate = Estimate::new(&choice, source.facts())
-            .map_err(|why| BadInput::new(format!("{}: {why}", source.name())))?;
+        let unfit = |why: ChoiceError| BadInput::new(format!("{}: {why}", source.name()));
+        let estimator = if options.offline {
+            // What is wrong with the choice shows without a sample.
+            smooth(&choice, source.facts(), &[]).map_err(unfit)?;
+            Estimator::Offline(&choice)
+        } else {
+            Estimator::Live(Estimate::new(&choice, source.facts()).map_err(unfit)?)
+        };
         bytes += source.bytes();
-        jobs.push((source, estimate, place));
+        jobs.push((source, estimator, place));
     }
 
     let mut progress = Progress::new(bytes);
-    let mut figures = Figures::new(&choice);
+    let mut figures = Figures::new(&choice, options.offline);
     let mut written = Vec::new();
-    for (mut source, mut estimate, place) in jobs {
-        let mut out = place.as_deref().map(WholeFile::create).transpose()?;
-        let file = fuse(&mut source, &mut estimate, out.as_mut(), &mut progress)?;
+    for (mut source, estimator, place) in jobs {
+        let out = place.as_deref().map(WholeFile::create).transpose()?;
+        let outcome = estimator.run(&mut source, Outcome::new(out)?, &mut progress)?;
         progress.part_done(source.bytes());
-        figures.add(options.mode, file.at(source.name(), place.as_deref()));
-        written.extend(out);
+        figures.add(options.mode, outcome.at(source.name(), place.as_deref()));
+        written.extend(outcome.out);
     }
     progress.end();
     written.into_iter().try_for_each(WholeFile::keep)?;
@@ -70,14 +81,87 @@ pub fn run(options: &Fuse) -> Result<Verdict> {
     Ok(Verdict::Met)
 }
 
-/// What was counted and scored in a recording.
+/// What turns samples into estimates.
+enum Estimator<'a> {
+    /// Sample by sample.
+    Live(Estimate),
+    /// All of them at once.
+    Offline(&'a Choice),
+}
+
+impl Estimator<'_> {
+    fn run(
+        self,
+        source: &mut Source,
+        mut outcome: Outcome,
+        progress: &mut Progress,
+    ) -> Result<Outcome> {
+        let mut read = 0u64;
+        let mut next = |source: &mut Source| {
+            read += 1;
+            if read.is_multiple_of(STRIDE) {
+                progress.at(source.name(), source.bytes_read());
+            }
+            source.next_sample().map_err(BadInput::new)
+        };
+        match self {
+            Self::Live(mut estimate) => {
+                while let Some(sample) = next(source)? {
+                    outcome.add(&sample, estimate.update(&sample))?;
+                }
+            }
+            Self::Offline(choice) => {
+                let mut samples = Vec::new();
+                while let Some(sample) = next(source)? {
+                    samples.push(sample);
+                }
+                let estimates = smooth(choice, source.facts(), &samples)
+                    .map_err(|why| BadInput::new(format!("{}: {why}", source.name())))?;
+                for (sample, ned) in samples.iter().zip(estimates) {
+                    outcome.add(sample, ned)?;
+                }
+            }
+        }
+        Ok(outcome)
+    }
+}
+
+/// What was counted, scored and written of a recording.
 struct Outcome {
     samples: u64,
     magnetometer_samples: u64,
     scorer: Scorer,
+    out: Option<WholeFile>,
 }
 
 impl Outcome {
+    /// Nothing yet; estimates go into a file that is given.
+    fn new(mut out: Option<WholeFile>) -> Result<Self> {
+        if let Some(out) = &mut out {
+            writeln!(out, "t,w,x,y,z").context(WRITING)?;
+        }
+        Ok(Self {
+            samples: 0,
+            magnetometer_samples: 0,
+            scorer: Scorer::default(),
+            out,
+        })
+    }
+
+    fn add(&mut self, sample: &RecordedSample, ned: [f64; 4]) -> Result<()> {
+        if let Some(out) = &mut self.out {
+            line(out, sample.time_s, enu_from_ned(ned)).context(WRITING)?;
+        }
+        if let Some(reference) = sample.reference
+            && sample.movement
+        {
+            self.scorer.add(ned, reference);
+        }
+        self.magnetometer_samples += u64::from(sample.mag_ut.is_some());
+        self.samples += 1;
+        Ok(())
+    }
+
     fn at(&self, name: &str, place: Option<&Path>) -> FileFigures {
         FileFigures {
             file: name.to_owned(),
@@ -87,40 +171,6 @@ impl Outcome {
             score: self.scorer.score().map(Into::into),
         }
     }
-}
-
-fn fuse(
-    source: &mut Source,
-    estimate: &mut Estimate,
-    mut out: Option<&mut WholeFile>,
-    progress: &mut Progress,
-) -> Result<Outcome> {
-    let mut outcome = Outcome {
-        samples: 0,
-        magnetometer_samples: 0,
-        scorer: Scorer::default(),
-    };
-    let writing = "writing the estimates";
-    if let Some(out) = &mut out {
-        writeln!(out, "t,w,x,y,z").context(writing)?;
-    }
-    while let Some(sample) = source.next_sample().map_err(BadInput::new)? {
-        let ned = estimate.update(&sample);
-        if let Some(out) = &mut out {
-            line(out, sample.time_s, enu_from_ned(ned)).context(writing)?;
-        }
-        if let Some(reference) = sample.reference
-            && sample.movement
-        {
-            outcome.scorer.add(ned, reference);
-        }
-        outcome.magnetometer_samples += u64::from(sample.mag_ut.is_some());
-        outcome.samples += 1;
-        if outcome.samples.is_multiple_of(STRIDE) {
-            progress.at(source.name(), source.bytes_read());
-        }
-    }
-    Ok(outcome)
 }
 
 fn line(out: &mut impl Write, time_s: f64, [w, x, y, z]: [f64; 4]) -> io::Result<()> {

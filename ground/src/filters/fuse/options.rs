@@ -15,6 +15,7 @@ Examples:
   cargo tvc fuse walk.imuq --filter mahony --score    how far it is from the reference
   cargo tvc fuse *.imuq --scalar fixed --score --json scores of each and their mean, for a script
   cargo tvc fuse *.imuq --mode 6d --out estimates     one CSV for each recording, in a folder
+  cargo tvc fuse log.csv --offline --out est.csv      as near to the truth as it can be had later
   cargo tvc fuse log.csv --filter madgwick --set preset=thesis --set rest.rate_rad_s=0 --out e.csv
 
 Recordings
@@ -42,19 +43,28 @@ Scores
   something, and only it is given. Of several recordings the mean is given too.
 
 Fixed point
-  mahony and vqf, up to 2000 samples a second, on 16-bit counts: those of an IMUQ16v1 file as they
-  are; of a CSV file in SI units, values rounded to 2000/32767 deg/s, 16/32767 g and 0.05 uT, and
-  saturated. Below 95 samples a second clipped rates are not made good for.
+  All filters but gyro and kalman, up to 2000 samples a second, on 16-bit counts: those of an
+  IMUQ16v1 file as they are; of a CSV file in SI units, values rounded to 2000/32767 deg/s,
+  16/32767 g and 0.05 uT, and saturated. Below 95 samples a second clipped rates are not made good
+  for.
+
+Offline
+  With --offline the filter runs through the recording forth, back and forth again, and the two
+  directions are averaged: what comes later counts for each sample, as an offset of the gyroscope
+  that only a rest at the end shows. In f32 and f64; the recording is held in memory.
 
 Keys of --set
   every filter   preset=default|thesis, acc_gate, gyro_range_rad_s, recovery_rad2_s, gap_s,
                  start_up_s, declination_rad, rest.rate_rad_s (0: learn no offset), rest.acc_m_s2,
                  rest.time_s, rest.max_bias_rad_s, rest.tau_s, field.gate, field.tau_s,
                  field.adopt_s, field.adopt_rate_rad_s, field.reject_s
+  in float       gyr_lag_s (age of the rates), acc_lag_s, mag_lag_s (how late these sensors are
+                 behind them), mag_lag_prior_rad2_s (inf: learn nothing of the field's lag)
   complementary  acc_tau_s, mag_tau_s
   mahony         acc_per_s, mag_per_s, integral_per_s2
   madgwick       beta_per_s
-  vqf            acc_tau_s, acc_smoothing_s, mag_tau_s; preset=published
+  kalman         gyr_rad2_s, gyr_scale_s, bias_rad2_s3, bias_rad_s, acc_rad2_s, mag_rad2_s
+  vqf            acc_tau_s, acc_smoothing_s, mag_tau_s; preset=published|offline (that of --offline)
 
 Exit status: 0 done, 1 something failed, 2 unusable input; then no file is written.")]
 pub struct Fuse {
@@ -73,6 +83,10 @@ pub struct Fuse {
     /// The arithmetic that it runs in.
     #[arg(long, value_enum, default_value_t = Scalar::F32)]
     pub scalar: Scalar,
+
+    /// Run in both directions of time, with all of the recording known.
+    #[arg(long)]
+    pub offline: bool,
 
     /// Another value for a setting of the filter, in SI units; may be repeated (keys below).
     #[arg(long = "set", value_name = "KEY=VALUE")]

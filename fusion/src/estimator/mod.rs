@@ -1,16 +1,26 @@
 //! What every filter shares: from samples to attitude.
 
+mod attitude;
+mod filter;
+mod state;
+
 use nalgebra::Vector3;
 
 use crate::config::{Config, GRAVITY};
 use crate::error::{ConfigError, in_range, positive};
 use crate::field::{Field, HeadingError, plausible};
+use crate::lag;
+use crate::quality::{Doubt, Evidence, Quality};
 use crate::quaternion::{HalfRows, Quaternion};
-use crate::range::{Hidden, Range};
-use crate::real::{Number, Real};
+use crate::range::{Hidden, Range, Rules};
+use crate::real::Number;
 use crate::recovery::{Recovery, Seen};
 use crate::rest::Rest;
-use crate::vector::{add_scaled, difference, dot, within, zero};
+use crate::vector::{add_scaled, difference, dot, scaled, within, zero};
+
+pub use attitude::{Attitude, Flags, Sample};
+pub use filter::{Filter, View};
+pub use state::{FieldReference, State};
 
 /// An acceleration whose components are all below this, m/s^2, shows no vertical: free fall, or an
 /// absent sensor.
@@ -25,114 +35,15 @@ const GAP_SIGMA: f32 = 0.5;
 /// Steps between corrections of the quaternion's norm, which a step leaves within 1e-7.
 const NORM_STEPS: u8 = 8;
 
+/// Half angle of the gyroscope's lag, about each axis, for which first order is enough, rad: it
+/// leaves the norm within 6e-6 and the angle within 1e-8.
+const SHORT_TURN: f32 = 2e-3;
+
+/// Steps between two updates of the deviations.
+const DOUBT_STEPS: u8 = 64;
+
 /// Age at which a running mean has become as slow as the slowest filter, s.
 const SETTLED_S: f32 = 10.0;
-
-/// One sample of the sensors, all in the same body axes.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Sample {
-    /// Rotation rate, rad/s: mean over the time since the last sample, right-handed about each
-    /// axis.
-    pub gyr: Vector3<f32>,
-    /// Specific force, m/s^2: at rest 9.81 along the axis that points up, so (0, 0, -9.81) in a
-    /// level forward-right-down frame.
-    pub acc: Vector3<f32>,
-    /// Magnetic field, uT (or any unit that makes the earth's larger than 0.1), when there is a
-    /// fresh one; `None` for 6D operation and between the samples of a slower magnetometer.
-    pub mag: Option<Vector3<f32>>,
-}
-
-/// The estimate.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Attitude<T = f32> {
-    /// Body to earth (north, east, down); without a magnetometer north is where the estimate
-    /// started.
-    pub orientation: Quaternion<T>,
-    /// Rotation rate less the offset, body frame, rad/s.
-    pub rate: Vector3<T>,
-    /// Gyroscope offset, rad/s.
-    pub bias: Vector3<T>,
-    /// Health of the estimate.
-    pub flags: Flags,
-}
-
-/// Health of an estimate. Each flag is about the last update, unless stated otherwise.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Flags {
-    /// Gravity (and, with a magnetometer, the field) has been averaged for the start-up time, once.
-    pub initialised: bool,
-    /// The body is at rest; its gyroscope offset is being learned.
-    pub at_rest: bool,
-    /// The accelerometer was ignored: free fall, outside the gate, or not a number.
-    pub acc_rejected: bool,
-    /// The last field sample was disturbed, or not a number.
-    pub mag_disturbed: bool,
-    /// A rate is clipped, or was within the last seconds: corrections are faster, and errors
-    /// larger, than usual.
-    pub over_range: bool,
-    /// The time step was not positive, or a rate not a number: the update was skipped.
-    pub skipped: bool,
-    /// Samples were missing for longer than the configured gap before this update.
-    pub gap: bool,
-}
-
-/// The input of a filter, after the rates have been integrated up to the present sample.
-#[derive(Clone, Debug)]
-pub struct View<T> {
-    /// Time step, s.
-    pub dt: T,
-    /// The earth's axes in the body frame, at half length.
-    pub rows: HalfRows<T>,
-    /// Specific force, m/s^2, when it has passed the gate.
-    pub acc: Option<Vector3<T>>,
-    /// Heading error, when there is a fresh and undisturbed field.
-    pub heading: Option<HeadingError<T>>,
-    /// Time since the last field sample, s.
-    pub mag_dt: T,
-    /// Least correction rate, 1/s: that of a running mean while starting up and after trouble, else
-    /// 0.
-    pub floor: T,
-    /// The first averaging is not over yet.
-    pub starting: bool,
-}
-
-impl<T: Real> View<T> {
-    /// The larger of a gain and the floor, both times `unit`.
-    #[inline(always)]
-    pub fn gain(&self, gain: T, unit: T) -> T {
-        if self.floor.within(T::ZERO) {
-            return gain;
-        }
-        let floor = self.floor * unit;
-        if floor.within(gain) { gain } else { floor }
-    }
-}
-
-/// A filter computes the correction of the estimate from what the sensors show. Integration,
-/// start-up, gates, offset at rest and recovery are the [`Estimator`]'s.
-pub trait Filter: Sized {
-    /// The scalar it runs on.
-    type Real: Real;
-    /// Its gains, in SI units.
-    type Gains: Copy;
-
-    /// Accelerometer and magnetometer correct the estimate after start-up.
-    const CORRECTS: bool = true;
-
-    /// Build the coefficients.
-    ///
-    /// # Errors
-    /// A gain out of range, by name.
-    fn new(gains: &Self::Gains) -> Result<Self, ConfigError>;
-
-    /// The correction, a rotation vector in the body frame **at half its length** (rad). A filter
-    /// that estimates the gyroscope's offset (rad/s) corrects it.
-    fn correction(
-        &mut self,
-        view: &View<Self::Real>,
-        bias: &mut Vector3<Self::Real>,
-    ) -> Vector3<Self::Real>;
-}
 
 /// An attitude estimator around a [`Filter`].
 #[derive(Clone, Debug)]
@@ -142,6 +53,7 @@ pub struct Estimator<F: Filter> {
     rest: Rest<F::Real>,
     range: Range<F::Real>,
     recovery: Recovery<F::Real>,
+    doubt: Doubt<F::Real>,
     orientation: Quaternion<F::Real>,
     steps: u8,
     /// Correction found in the last update, applied with the next integration (half rotation
@@ -161,6 +73,10 @@ pub struct Estimator<F: Filter> {
     /// Least and largest square of the specific force, (m/s^2)^2.
     acc_gate2: Option<(F::Real, F::Real)>,
     acc_density: F::Real,
+    /// Half of the gyroscope's lag, s.
+    half_gyr_lag_s: F::Real,
+    /// Lag of the accelerometer behind the gyroscope, s.
+    acc_lag_s: F::Real,
     gap_s: f32,
     start_up_s: F::Real,
 }
@@ -196,10 +112,11 @@ impl<F: Filter> Estimator<F> {
         });
         Ok(Self {
             filter: F::new(&config.gains)?,
-            field: Field::new(&config.field, config.declination_rad)?,
+            field: Field::new(config)?,
             rest: Rest::new(&config.rest)?,
-            range: Range::new(config.gyro_range_rad_s),
+            range: Range::new(config.gyro_range_rad_s, Rules::Strict),
             recovery: Recovery::new(real(config.recovery_rad2_s)),
+            doubt: Doubt::new(),
             orientation: Quaternion::IDENTITY,
             steps: 0,
             pending: zero(),
@@ -213,6 +130,8 @@ impl<F: Filter> Estimator<F> {
             half_dt: F::Real::ZERO,
             acc_gate2,
             acc_density: real(config.recovery_rad2_s),
+            half_gyr_lag_s: lag::checked::<F::Real>(config.gyr_lag_s, "gyr_lag_s")? * F::Real::HALF,
+            acc_lag_s: lag::checked(config.acc_lag_s, "acc_lag_s")?,
             gap_s: config.gap_s,
             start_up_s: real(config.start_up_s),
         })
@@ -221,11 +140,32 @@ impl<F: Filter> Estimator<F> {
     /// The present estimate.
     pub fn attitude(&self) -> Attitude<F::Real> {
         Attitude {
-            orientation: self.orientation,
+            orientation: self.present(),
             rate: self.rate,
             bias: self.bias,
             flags: self.flags,
         }
+    }
+
+    /// The orientation now, ahead of the rates by the gyroscope's lag.
+    #[inline(always)]
+    fn present(&self) -> Quaternion<F::Real> {
+        let mut now = self.orientation;
+        if self.half_gyr_lag_s != F::Real::ZERO {
+            now.turn_from(&scaled(&self.rate, self.half_gyr_lag_s), SHORT_TURN);
+        }
+        now
+    }
+
+    /// How far the estimate may be off: standard deviations, brought up to date every 64
+    /// steps.
+    pub fn quality(&self) -> Quality<F::Real> {
+        self.doubt.quality(self.field.steepness())
+    }
+
+    /// How late the field is behind the rates, s: as configured, or as learned since.
+    pub fn mag_lag_s(&self) -> F::Real {
+        self.field.lag_s()
     }
 
     /// Take one sample, `dt_s` seconds after the one before (with the first, any number does).
@@ -279,7 +219,8 @@ impl<F: Filter> Estimator<F> {
         }
         let rows = self.orientation.half_rows();
 
-        let acc = (acc_valid && self.passes(&acc)).then_some(acc);
+        let acc =
+            (acc_valid && self.passes(&acc)).then(|| lag::now(&acc, &self.rate, self.acc_lag_s));
         self.flags.acc_rejected = acc.is_none();
         // Where every sample has a field there is nothing to add up.
         self.mag_dt = if self.mag_dt.within(F::Real::ZERO) {
@@ -292,6 +233,7 @@ impl<F: Filter> Estimator<F> {
         let floor = self.floor(dt);
         let view = View {
             dt,
+            rate: self.rate,
             rows,
             acc,
             heading,
@@ -300,8 +242,25 @@ impl<F: Filter> Estimator<F> {
             starting: !self.flags.initialised,
         };
         self.pending = self.filter.correction(&view, &mut self.bias);
+        self.doubt(&view);
         if hidden.is_some() || self.recovery.is_active() {
             self.recover(&view, hidden, sample);
+        }
+    }
+
+    /// Deviations are brought up to date now and then.
+    #[inline(always)]
+    fn doubt(&mut self, view: &View<F::Real>) {
+        let good = view.heading.as_ref().is_some_and(|seen| seen.undisturbed);
+        self.doubt.pass(view.dt, good);
+        if self.steps.is_multiple_of(DOUBT_STEPS) {
+            let evidence = Evidence {
+                acc: view.acc.is_some(),
+                floor: view.floor,
+                clipped: self.flags.over_range,
+                rest: self.flags.at_rest,
+            };
+            self.doubt.account(&self.rate, &evidence);
         }
     }
 
@@ -323,6 +282,7 @@ impl<F: Filter> Estimator<F> {
         let seen = within(&sample.acc, MAX_ACC) && self.align(&sample.acc.map(real), mag.as_ref());
         self.flags.acc_rejected = !seen;
         if seen {
+            self.doubt.restart();
             self.phase = Phase::Settling;
         }
     }
@@ -355,6 +315,7 @@ impl<F: Filter> Estimator<F> {
     /// The attitude's variance has grown (rad^2): corrections become faster.
     #[cold]
     fn unsettle(&mut self, variance: F::Real) {
+        self.doubt.widen(variance);
         if self.phase == Phase::Running {
             self.age = F::Real::from_f32(SETTLED_S);
         }
@@ -379,6 +340,7 @@ impl<F: Filter> Estimator<F> {
                 .filter(|mag| F::CORRECTS && plausible(mag))
                 .zip(self.field.expected()),
             field_dt: view.mag_dt,
+            field_lag_s: self.field.lag_s(),
             rate: self.rate,
         };
         let hidden = hidden.unwrap_or([Hidden::Nothing; 3]);
@@ -416,7 +378,8 @@ impl<F: Filter> Estimator<F> {
             return None;
         }
         let error = if plausible(&mag) {
-            self.field.heading(dt, rows, &mag, &self.rate)
+            let trusted = !self.recovery.is_active();
+            self.field.heading(dt, rows, &mag, &self.rate, trusted)
         } else {
             None
         };

@@ -1,0 +1,85 @@
+//! What a filter is given, and what it gives back.
+
+use nalgebra::Vector3;
+
+use crate::error::ConfigError;
+use crate::field::HeadingError;
+use crate::quaternion::HalfRows;
+use crate::real::Real;
+
+/// The input of a filter, after the rates have been integrated up to the present sample.
+#[derive(Clone, Debug)]
+pub struct View<T> {
+    /// Time step, s.
+    pub dt: T,
+    /// Rotation rate less the offset, body frame, rad/s.
+    pub rate: Vector3<T>,
+    /// The earth's axes in the body frame, at half length.
+    pub rows: HalfRows<T>,
+    /// Specific force, m/s^2, when it has passed the gate.
+    pub acc: Option<Vector3<T>>,
+    /// Heading error, when there is a fresh and undisturbed field.
+    pub heading: Option<HeadingError<T>>,
+    /// Time since the last field sample, s.
+    pub mag_dt: T,
+    /// Least correction rate, 1/s: that of a running mean while starting up and after trouble, else
+    /// 0.
+    pub floor: T,
+    /// The first averaging is not over yet.
+    pub starting: bool,
+}
+
+impl<T: Real> View<T> {
+    /// The larger of a gain and the floor, both times `unit`.
+    #[inline(always)]
+    pub fn gain(&self, gain: T, unit: T) -> T {
+        if self.floor.within(T::ZERO) {
+            return gain;
+        }
+        let floor = self.floor * unit;
+        if floor.within(gain) { gain } else { floor }
+    }
+
+    /// The share of the heading error that is corrected at a gain (1/s) or the floor: of what has
+    /// come about since the last field, and never more than all of it.
+    #[inline(always)]
+    pub fn heading_share(&self, per_s: T) -> T {
+        let share = self.gain(per_s, T::ONE) * self.mag_dt;
+        if share.within(T::ONE) { share } else { T::ONE }
+    }
+}
+
+/// A filter computes the correction of the estimate from what the sensors show. Integration,
+/// start-up, gates, offset at rest and recovery are the [`Estimator`](crate::Estimator)'s.
+pub trait Filter: Sized {
+    /// The scalar it runs on.
+    type Real: Real;
+    /// Its gains, in SI units.
+    type Gains: Copy;
+
+    /// Accelerometer and magnetometer correct the estimate after start-up.
+    const CORRECTS: bool = true;
+
+    /// Build the coefficients.
+    ///
+    /// # Errors
+    /// A gain out of range, by name.
+    fn new(gains: &Self::Gains) -> Result<Self, ConfigError>;
+
+    /// Take other gains; what has been averaged so far is kept.
+    ///
+    /// # Errors
+    /// A gain out of range, by name; then nothing is changed.
+    fn retune(&mut self, gains: &Self::Gains) -> Result<(), ConfigError> {
+        *self = Self::new(gains)?;
+        Ok(())
+    }
+
+    /// The correction, a rotation vector in the body frame **at half its length** (rad). A filter
+    /// that estimates the gyroscope's offset (rad/s) corrects it.
+    fn correction(
+        &mut self,
+        view: &View<Self::Real>,
+        bias: &mut Vector3<Self::Real>,
+    ) -> Vector3<Self::Real>;
+}

@@ -1,0 +1,186 @@
+//! What an estimator knows, read, kept and set from outside.
+
+use nalgebra::Vector3;
+
+use super::{Estimator, Phase, SETTLED_S};
+use crate::error::ConfigError;
+use crate::estimator::Filter;
+use crate::quaternion::{Euler, Quaternion};
+use crate::real::Number;
+use crate::recovery::Recovery;
+#[cfg(feature = "offline")]
+use crate::vector::scaled;
+use crate::vector::{within, zero};
+
+/// Strength of the field that counts as undisturbed, uT (or the magnetometer's own unit).
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+pub struct FieldReference<T = f32> {
+    /// Its horizontal part, above 0.
+    pub horizontal: T,
+    /// Its vertical part, positive down.
+    pub down: T,
+}
+
+/// What an estimator has learned: enough to go on after a restart as if there had been none.
+///
+/// Taken by [`Estimator::state`], given back by [`Estimator::restore`]. A part that is `None` is
+/// not known.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(
+    feature = "serde",
+    serde(bound(
+        serialize = "T: nalgebra::Scalar + serde::Serialize",
+        deserialize = "T: nalgebra::Scalar + serde::de::DeserializeOwned"
+    ))
+)]
+pub struct State<T = f32> {
+    /// Body to earth (north, east, down), of the instant of the last rates.
+    pub orientation: Option<Quaternion<T>>,
+    /// Gyroscope offset, rad/s.
+    pub bias: Option<Vector3<T>>,
+    /// The field's reference.
+    pub field: Option<FieldReference<T>>,
+    /// How late the field is behind the rates, s.
+    pub mag_lag_s: Option<T>,
+}
+
+impl<F: Filter> Estimator<F> {
+    /// What has been learned so far.
+    pub fn state(&self) -> State<F::Real> {
+        State {
+            orientation: self.flags.initialised.then_some(self.orientation),
+            bias: self.rest.is_bias_known().then_some(self.bias),
+            field: self.field.reference(),
+            mag_lag_s: Some(self.field.lag_s()),
+        }
+    }
+
+    /// Goes on from what was learned before; what is `None` stays as it is.
+    ///
+    /// The attitude counts as that of now. Where time has passed since, the next
+    /// [`Estimator::update`] is given that time: as a gap in the samples it makes the attitude
+    /// uncertain, and corrections faster.
+    ///
+    /// # Errors
+    /// A part that is not finite or makes no sense, by name; then nothing is changed.
+    pub fn restore(&mut self, state: &State<F::Real>) -> Result<(), ConfigError> {
+        let finite = |v: &F::Real| v.within(F::Real::from_f32(f32::MAX));
+        if let Some(Quaternion { w, x, y, z }) = state.orientation {
+            let off = (w * w + x * x + y * y + z * z - F::Real::ONE).abs();
+            refuse(!off.within(F::Real::from_f32(0.01)), "state.orientation")?;
+        }
+        if let Some(bias) = &state.bias {
+            refuse(!within(bias, F::Real::from_f32(MAX_BIAS)), "state.bias")?;
+        }
+        if let Some(field) = &state.field {
+            let whole = field.horizontal > F::Real::ZERO && finite(&field.horizontal);
+            refuse(!whole || !finite(&field.down), "state.field")?;
+        }
+        if let Some(lag_s) = &state.mag_lag_s {
+            refuse(!lag_s.within(F::Real::from_f32(0.1)), "state.mag_lag_s")?;
+        }
+
+        if let Some(Quaternion { w, x, y, z }) = state.orientation {
+            self.orientation = Quaternion::normalised(w, x, y, z);
+            self.pending = zero();
+            self.phase = Phase::Settling;
+            self.age = F::Real::from_f32(SETTLED_S);
+            self.flags.initialised = true;
+            self.doubt.know_attitude();
+        }
+        if let Some(bias) = state.bias {
+            self.set_bias(bias);
+        }
+        if let Some(field) = &state.field {
+            self.field.know(field);
+        }
+        if let Some(lag_s) = state.mag_lag_s {
+            self.field.set_lag_s(lag_s);
+        }
+        Ok(())
+    }
+
+    /// Sets the gyroscope's offset, rad/s, as if a shortest rest had shown it.
+    pub fn set_bias(&mut self, bias: Vector3<F::Real>) {
+        self.bias = bias;
+        self.rest.know();
+        self.doubt.know_bias();
+    }
+
+    /// Turns the estimate about the vertical to a heading, rad from north to east, where a
+    /// magnetometer is missing or is not to be waited for. A field turns it back.
+    pub fn set_heading(&mut self, yaw_rad: F::Real) {
+        let turn = yaw_rad - self.orientation.euler().yaw_rad;
+        let about_down = Quaternion::from_euler(&Euler {
+            roll_rad: F::Real::ZERO,
+            pitch_rad: F::Real::ZERO,
+            yaw_rad: turn,
+        });
+        self.orientation = about_down.mul(&self.orientation);
+        self.orientation.restore_norm();
+    }
+
+    /// Takes other gains from the next update on; attitude and offset go on from where they are.
+    ///
+    /// # Errors
+    /// A gain out of range, by name; then nothing is changed.
+    pub fn set_gains(&mut self, gains: &F::Gains) -> Result<(), ConfigError> {
+        self.filter.retune(gains)
+    }
+
+    /// Takes the attitude from the next sample anew, as after [`Estimator::new`]. What was learned
+    /// of the sensors stays: offset, field, lag, ranges.
+    pub fn reset(&mut self) {
+        self.rest.interrupt();
+        self.recovery = Recovery::new(self.acc_density);
+        self.orientation = Quaternion::IDENTITY;
+        (self.pending, self.rate) = (zero(), zero());
+        self.flags = Default::default();
+        self.phase = Phase::Blank;
+        (self.age, self.mag_dt) = (F::Real::ZERO, F::Real::ZERO);
+    }
+
+    /// The estimator that goes back in time from here: what it has learned is kept, with the sense
+    /// of every rate reversed.
+    #[cfg(feature = "offline")]
+    pub(crate) fn reversed(&self, gains: &F::Gains) -> Result<Self, ConfigError> {
+        Ok(Self {
+            filter: F::new(gains)?,
+            field: self.field.reversed(),
+            rest: self.rest.reversed(),
+            range: self.range.reversed(),
+            recovery: Recovery::new(self.acc_density),
+            rate: scaled(&self.rate, -F::Real::ONE),
+            bias: scaled(&self.bias, -F::Real::ONE),
+            half_gyr_lag_s: -self.half_gyr_lag_s,
+            acc_lag_s: -self.acc_lag_s,
+            mag_dt: F::Real::ZERO,
+            doubt: self.doubt.clone(),
+            ..*self
+        })
+    }
+
+    /// How much of its own the estimate stands on: the time of its averaging, s, up to that of the
+    /// slowest filter.
+    #[cfg(feature = "offline")]
+    pub(crate) fn standing_s(&self) -> F::Real {
+        match self.phase {
+            Phase::Blank => F::Real::ZERO,
+            Phase::Settling => self.age,
+            Phase::Running => F::Real::from_f32(SETTLED_S),
+        }
+    }
+}
+
+/// Largest offset, rad/s: more than any gyroscope's full scale.
+const MAX_BIAS: f32 = 100.0;
+
+fn refuse(wrong: bool, name: &'static str) -> Result<(), ConfigError> {
+    if wrong {
+        Err(ConfigError::OutOfRange(name))
+    } else {
+        Ok(())
+    }
+}

@@ -1,0 +1,227 @@
+//! Sensors that show an earlier attitude than the gyroscope.
+//!
+//! Filters and conversion times make a sample of one sensor older than that of another. A vector
+//! `v` that stands still in the earth frame changes in the body frame by `dv/dt = v x w` at the
+//! rotation rate `w`, so that one seen `lag` ago is now, to second order,
+//!
+//! ```text
+//! v + lag (v x w) + lag^2/2 ((v x w) x w)
+//! ```
+//!
+//! with the rate taken to have been the same for all of the lag.
+//!
+//! The field shows its own lag: in the estimated earth frame it moves by `-lag R (m x w)` as the
+//! body turns, about a mean that stands still. With `s` and `x` the deviations of `R m` and of
+//! `R (m x w)` from their means over half a second, both in parts of the field, the regression of
+//! the one on the other is
+//!
+//! ```text
+//! lag = (prior mag_lag_s - sum s.x dt) / (prior + sum x.x dt)
+//! ```
+//!
+//! The accelerometer's lag does not show like that: off the centre of a motion there are
+//! accelerations that go with the turning, which look the same.
+
+use nalgebra::Vector3;
+
+use crate::error::{ConfigError, in_range};
+use crate::quaternion::HalfRows;
+use crate::real::Real;
+use crate::vector::{add_scaled, cross, difference, dot, scaled, within};
+
+/// Largest lag that second order describes, s.
+const LONGEST_S: f32 = 0.1;
+
+/// Time constant of the means, s.
+const MEAN_S: f32 = 0.5;
+
+/// Time between two samples that are learned from, s: more would cost time and tell little.
+const LEARN_S: f32 = 0.2;
+
+/// The turn within a lag, per axis, rad, up to which first order is enough: it leaves 6e-4 of the
+/// vector.
+const SHORT_TURN: f32 = 0.02;
+
+/// The vector that was seen as `v` in the body frame `lag_s` ago, now, at the rate `rate` (rad/s).
+#[inline(always)]
+pub(crate) fn now<T: Real>(v: &Vector3<T>, rate: &Vector3<T>, lag_s: T) -> Vector3<T> {
+    let turn = scaled(rate, lag_s);
+    let first = cross(v, &turn);
+    let mut now = Vector3::new(v.x + first.x, v.y + first.y, v.z + first.z);
+    if !within(&turn, T::from_f32(SHORT_TURN)) {
+        add_scaled(&mut now, &cross(&first, &turn), T::HALF);
+    }
+    now
+}
+
+/// A lag of the configuration, s.
+pub(crate) fn checked<T: Real>(lag_s: f32, name: &'static str) -> Result<T, ConfigError> {
+    in_range(lag_s, -LONGEST_S, LONGEST_S, name)?;
+    Ok(T::from_f32(lag_s))
+}
+
+/// The field's lag, learned while the body turns.
+#[derive(Clone, Debug)]
+pub(crate) struct FieldLag<T> {
+    /// The lag now, s.
+    lag_s: T,
+    /// `None` where the lag stays as it was configured.
+    learned: Option<Regression<T>>,
+}
+
+#[derive(Clone, Debug)]
+struct Regression<T> {
+    /// Means of the field and of its change by a second's turning, earth frame, in parts of the
+    /// field.
+    means: Option<(Vector3<T>, Vector3<T>)>,
+    /// Time since the last sample that was learned from, s.
+    waited_s: T,
+    /// `prior mag_lag_s - sum s.x dt`, rad^2.
+    product: T,
+    /// `prior + sum x.x dt`, rad^2/s.
+    square: T,
+}
+
+impl<T: Real> FieldLag<T> {
+    /// `prior`: what the configured lag counts against what is learned, rad^2/s.
+    pub(crate) fn new(lag_s: f32, prior: f32) -> Result<Self, ConfigError> {
+        let configured = checked::<T>(lag_s, "mag_lag_s")?;
+        if prior.is_nan() || prior <= 0.0 {
+            return Err(ConfigError::OutOfRange("mag_lag_prior_rad2_s"));
+        }
+        Ok(Self {
+            lag_s: configured,
+            learned: prior.is_finite().then(|| Regression {
+                means: None,
+                waited_s: T::ZERO,
+                product: T::from_f32(prior * lag_s),
+                square: T::from_f32(prior),
+            }),
+        })
+    }
+
+    /// Known, and with the other sign.
+    #[cfg(feature = "offline")]
+    pub(crate) fn reversed(&self) -> Self {
+        Self {
+            lag_s: -self.lag_s,
+            learned: None,
+        }
+    }
+
+    /// The lag is known from elsewhere, as firmly as by the configuration.
+    pub(crate) fn set_lag_s(&mut self, lag_s: T) {
+        self.lag_s = lag_s;
+        if let Some(regression) = &mut self.learned {
+            regression.product = regression.square * lag_s;
+        }
+    }
+
+    pub(crate) fn lag_s(&self) -> T {
+        self.lag_s
+    }
+
+    /// One sample as it was measured, `dt` (s) after the one before, of a field whose strength is
+    /// `1 / per_field`.
+    pub(crate) fn learn(
+        &mut self,
+        dt: T,
+        rows: &HalfRows<T>,
+        field: &Vector3<T>,
+        rate: &Vector3<T>,
+        per_field: T,
+    ) {
+        let Some(regression) = &mut self.learned else {
+            return;
+        };
+        regression.waited_s += dt;
+        if regression.waited_s.within(T::from_f32(LEARN_S)) {
+            return;
+        }
+        let dt = core::mem::replace(&mut regression.waited_s, T::ZERO);
+        let field = scaled(field, per_field);
+        let seen = rows.rotate(&field);
+        let turned = rows.rotate(&cross(&field, rate));
+        let (seen_mean, turned_mean) = regression.means.get_or_insert((seen, turned));
+        let share = dt * (T::from_f32(MEAN_S) + dt).recip();
+        let s = difference(&seen, seen_mean);
+        let x = difference(&turned, turned_mean);
+        add_scaled(seen_mean, &s, share);
+        add_scaled(turned_mean, &x, share);
+        regression.product = regression.product - dot(&s, &x) * dt;
+        regression.square += dot(&x, &x) * dt;
+        let lag_s = regression.product * regression.square.recip();
+        if lag_s.within(T::from_f32(LONGEST_S)) {
+            self.lag_s = lag_s;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::quaternion::Quaternion;
+    use nalgebra::UnitQuaternion;
+
+    #[test]
+    fn a_vector_is_where_the_turn_has_taken_it() {
+        let rate = Vector3::new(3.0f64, -5.0, 2.0);
+        let seen = Vector3::new(20.0, 5.0, -40.0);
+        for lag_s in [0.0, 0.004, 0.012, -0.01] {
+            let turn = UnitQuaternion::from_scaled_axis(rate * lag_s);
+            let error = (now(&seen, &rate, lag_s) - turn.inverse() * seen).norm();
+            // The third-order term, (|w| lag)^3 / 6 of the vector, or what first order leaves.
+            let turn = (rate.norm() * lag_s).abs();
+            let most = (turn.powi(3) / 6.0).max(6.5e-4) * seen.norm();
+            assert!(error <= most, "{error} at {lag_s}");
+        }
+    }
+
+    /// A minute of turning with a field that is `late_s` late.
+    fn learned(late_s: f64, mut lag: FieldLag<f64>) -> f64 {
+        let field = Vector3::new(17.1, 0.0, 47.0);
+        let mut truth = UnitQuaternion::identity();
+        for k in 0..3_000 {
+            let t = f64::from(k) * 0.02;
+            let rate = Vector3::new((1.3 * t).sin(), (0.7 * t).cos(), (0.9 * t).sin()) * 2.0;
+            truth *= UnitQuaternion::from_scaled_axis(rate * 0.02);
+            let then = truth * UnitQuaternion::from_scaled_axis(-rate * late_s);
+            let q = Quaternion {
+                w: truth.w,
+                x: truth.i,
+                y: truth.j,
+                z: truth.k,
+            };
+            let seen = then.inverse() * field;
+            lag.learn(0.02, &q.half_rows(), &seen, &rate, 1.0 / field.norm());
+        }
+        lag.lag_s()
+    }
+
+    #[test]
+    fn the_field_tells_how_late_it_is() {
+        for late_s in [0.0, 0.012, 0.04] {
+            let lag_s = learned(late_s, FieldLag::new(0.004, 1.0).expect("valid"));
+            assert!(
+                (lag_s - late_s).abs() < 3e-4 + 0.04 * late_s,
+                "{lag_s} for {late_s}"
+            );
+        }
+    }
+
+    #[test]
+    fn an_infinite_prior_keeps_what_was_configured() {
+        let lag = FieldLag::new(0.004, f32::INFINITY).expect("valid");
+        assert_eq!(learned(0.012, lag), f64::from(0.004f32));
+    }
+
+    #[test]
+    fn impossible_lags_are_refused_by_name() {
+        let said = |lag_s, prior| FieldLag::<f32>::new(lag_s, prior).expect_err("impossible");
+        assert_eq!(said(0.2, 1.0), ConfigError::OutOfRange("mag_lag_s"));
+        assert_eq!(said(f32::NAN, 1.0), ConfigError::OutOfRange("mag_lag_s"));
+        let prior = ConfigError::OutOfRange("mag_lag_prior_rad2_s");
+        assert_eq!(said(0.0, f32::NAN), prior);
+        assert_eq!(said(0.0, 0.0), prior);
+    }
+}

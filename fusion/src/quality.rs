@@ -1,0 +1,227 @@
+//! How far an estimate may be off.
+//!
+//! The errors of tilt and heading are each a random walk that a filter pulls back. With the gain
+//! `g` (1/s) their variance follows
+//!
+//! ```text
+//! dV/dt = still + scale |w|^2 + noise g^2 - 2 g V
+//! ```
+//!
+//! at the rate `w`: a gyroscope is wrong by its scale and alignment most; `noise` is that of the
+//! acceleration. While nothing shows the heading, its `g` is 0. An error of the offset makes
+//! a drift that follows `d/dt = bias - g drift`. To the variances come what calibration and the
+//! place leave of errors that stand still in the body or in the field.
+//!
+//! The gains are those of the defaults, and the constants were found on seven recordings of BROAD
+//! with the VQF class. The errors of the other filters are larger.
+
+use nalgebra::Vector3;
+
+use crate::real::Real;
+use crate::vector::dot;
+
+/// Standard deviations of an estimate.
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Quality<T = f32> {
+    /// Of the vertical, rad.
+    pub tilt_rad: T,
+    /// Of the heading, rad: at most 1.81, that of a heading nobody knows. Without a magnetometer it
+    /// is against the heading at the start, and grows.
+    pub heading_rad: T,
+    /// Of the gyroscope's offset, each axis, rad/s.
+    pub bias_rad_s: T,
+    /// Time since the last undisturbed field, s, to within 64 steps; `None` where there was none
+    /// yet.
+    pub field_age_s: Option<T>,
+}
+
+/// Gains of the default filters, 1/s.
+const TILT_PER_S: f32 = 0.4;
+const HEADING_PER_S: f32 = 0.11;
+
+/// Random walk of a body at rest, rad^2/s.
+const STILL: f32 = 1e-7;
+
+/// What the walk grows by with the square of the rate, s.
+const SCALE_S: f32 = 3e-6;
+
+/// Noise of the vertical and of the heading that are shown, rad^2 s.
+const NOISE_S: f32 = 1e-5;
+
+/// Variance of errors of the vertical that stand still, rad^2: 0.3 deg.
+const TILT: f32 = 3e-5;
+
+/// Variance of those of a horizontal field, rad^2; a steep field's is larger by the square of the
+/// whole over its horizontal part.
+const HEADING: f32 = 2.5e-5;
+
+/// The walk while a rate is clipped or was within the last seconds, rad^2/s.
+const CLIPPED: f32 = 3e-3;
+
+/// Deviation of an offset that is not known, of one from a rest, rad/s, and what its variance grows
+/// by, (rad/s)^2/s.
+const BIAS_UNKNOWN: f32 = 0.02;
+const BIAS_AT_REST: f32 = 5e-4;
+const BIAS_WALK: f32 = 1e-9;
+
+/// Variance of the first vertical, of a single sample in motion, rad^2.
+const FIRST: f32 = 0.03;
+
+/// A field that is younger than this shows the heading, s.
+const FRESH_S: f32 = 0.5;
+
+/// Variance of an angle of which nothing is known, rad^2: pi^2 / 3.
+const UNKNOWN: f32 = 3.29;
+
+/// What a step has seen.
+pub(crate) struct Evidence<T> {
+    /// The accelerometer.
+    pub(crate) acc: bool,
+    /// The filter's least gain, 1/s.
+    pub(crate) floor: T,
+    /// A rate is clipped, or was.
+    pub(crate) clipped: bool,
+    /// The offset was learned at this rest.
+    pub(crate) rest: bool,
+}
+
+/// The variances.
+#[derive(Clone, Debug)]
+pub(crate) struct Doubt<T> {
+    /// Of the vertical and of the heading, rad^2.
+    tilt: T,
+    heading: T,
+    /// Drifts of both by the offset's error, rad.
+    tilt_drift: T,
+    heading_drift: T,
+    /// Of the offset, (rad/s)^2.
+    bias: T,
+    field_age_s: Option<T>,
+    /// Time that is not accounted for yet, s, and whether there was an undisturbed field in it.
+    time_s: T,
+    good_field: bool,
+}
+
+impl<T: Real> Doubt<T> {
+    pub(crate) fn new() -> Self {
+        Self {
+            tilt: T::from_f32(FIRST),
+            heading: T::ZERO,
+            tilt_drift: T::ZERO,
+            heading_drift: T::ZERO,
+            bias: T::from_f32(BIAS_UNKNOWN * BIAS_UNKNOWN),
+            field_age_s: None,
+            time_s: T::ZERO,
+            good_field: false,
+        }
+    }
+
+    /// Time passes, s.
+    #[inline(always)]
+    pub(crate) fn pass(&mut self, dt: T, good_field: bool) {
+        self.time_s += dt;
+        self.good_field |= good_field;
+    }
+
+    /// The attitude's variance has grown, rad^2.
+    pub(crate) fn widen(&mut self, variance: T) {
+        self.tilt += variance;
+        self.heading += variance;
+    }
+
+    /// The attitude is taken anew from a sample; the offset is as known as it was.
+    pub(crate) fn restart(&mut self) {
+        *self = Self {
+            bias: self.bias,
+            ..Self::new()
+        };
+    }
+
+    /// The offset is known as from a rest.
+    pub(crate) fn know_bias(&mut self) {
+        self.bias = T::from_f32(BIAS_AT_REST * BIAS_AT_REST);
+    }
+
+    /// The attitude is known as after a long time.
+    pub(crate) fn know_attitude(&mut self) {
+        (self.tilt, self.heading) = (T::ZERO, T::ZERO);
+        (self.tilt_drift, self.heading_drift) = (T::ZERO, T::ZERO);
+    }
+
+    /// Accounts for the time that has passed, at this rate, rad/s.
+    #[inline(never)]
+    pub(crate) fn account(&mut self, rate: &Vector3<T>, evidence: &Evidence<T>) {
+        let dt = core::mem::replace(&mut self.time_s, T::ZERO);
+        if core::mem::take(&mut self.good_field) {
+            self.field_age_s = Some(T::ZERO);
+        } else if let Some(age_s) = &mut self.field_age_s {
+            *age_s += dt;
+        }
+        if evidence.rest {
+            self.know_bias();
+        }
+        self.bias += T::from_f32(BIAS_WALK) * dt;
+        let bias = self.bias.sqrt();
+        let mut walk = T::from_f32(STILL) + T::from_f32(SCALE_S) * dot(rate, rate);
+        if evidence.clipped {
+            walk += T::from_f32(CLIPPED);
+        }
+        let gain = |seen: bool, per_s: f32| {
+            let own = T::from_f32(per_s);
+            match (seen, evidence.floor > own) {
+                (false, _) => T::ZERO,
+                (true, true) => evidence.floor,
+                (true, false) => own,
+            }
+        };
+        let fresh = |age_s: T| age_s.within(T::from_f32(FRESH_S));
+        let tilt = gain(evidence.acc, TILT_PER_S);
+        let heading = gain(self.field_age_s.is_some_and(fresh), HEADING_PER_S);
+        step(&mut self.tilt, &mut self.tilt_drift, dt, walk, bias, tilt);
+        step(
+            &mut self.heading,
+            &mut self.heading_drift,
+            dt,
+            walk,
+            bias,
+            heading,
+        );
+    }
+
+    /// The deviations, with the field's whole over its horizontal part, squared, where it is known.
+    pub(crate) fn quality(&self, steepness: Option<T>) -> Quality<T> {
+        let place = steepness.map_or(T::ZERO, |ratio| ratio * T::from_f32(HEADING));
+        let tilt = self.tilt + self.tilt_drift * self.tilt_drift + T::from_f32(TILT);
+        let heading = self.heading + self.heading_drift * self.heading_drift + place;
+        let deviation = |variance: T| {
+            let unknown = T::from_f32(UNKNOWN);
+            if variance.within(unknown) {
+                variance.sqrt()
+            } else {
+                unknown.sqrt()
+            }
+        };
+        Quality {
+            tilt_rad: deviation(tilt),
+            heading_rad: deviation(heading),
+            bias_rad_s: self.bias.sqrt(),
+            field_age_s: self.field_age_s,
+        }
+    }
+}
+
+/// A step of variance and drift, stable for any product of gain and time.
+fn step<T: Real>(variance: &mut T, drift: &mut T, dt: T, walk: T, bias: T, gain: T) {
+    let share = gain * dt;
+    let left = (T::ONE + share + share).recip();
+    *variance = (*variance + (walk + T::from_f32(NOISE_S) * gain * gain) * dt) * left;
+    *drift = (*drift + bias * dt) * (T::ONE + share).recip();
+    let unknown = T::from_f32(UNKNOWN);
+    if !variance.within(unknown) {
+        *variance = unknown;
+    }
+    if !drift.within(unknown) {
+        *drift = unknown;
+    }
+}

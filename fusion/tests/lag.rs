@@ -1,0 +1,119 @@
+//! A field and an acceleration that are older than the rates.
+
+use nalgebra::{UnitQuaternion, Vector3};
+use tvc_fusion::{Config, Estimator, Filter, GRAVITY, Mahony, Sample, Vqf};
+
+const DT_S: f64 = 0.005;
+
+/// Errors, deg RMS, over the second of two minutes of turning by up to 3 rad/s, with sensors that
+/// are `acc_s` and `mag_s` late; and the field's lag that the estimator has learned, s.
+fn error_deg<F: Filter<Real = f32>>(
+    (acc_s, mag_s): (f64, f64),
+    config: &Config<F::Gains>,
+) -> (f64, f32) {
+    let mut truth = UnitQuaternion::from_euler_angles(0.1, -0.2, 0.3);
+    let mut estimator = Estimator::<F>::new(config).expect("valid");
+    let (mut sum, mut count) = (0.0, 0.0);
+    for k in 0..24_000 {
+        let t = f64::from(k) * DT_S;
+        let lively = ((t - 4.0) * 0.3).clamp(0.0, 1.0);
+        let rate = Vector3::new((1.3 * t).sin(), (0.7 * t).cos(), (0.9 * t).sin()) * 3.0 * lively;
+        truth *= UnitQuaternion::from_scaled_axis(rate * DT_S);
+        let before =
+            |age_s: f64| (truth * UnitQuaternion::from_scaled_axis(-rate * age_s)).inverse();
+        let sample = Sample {
+            gyr: rate.cast(),
+            acc: (before(acc_s) * Vector3::new(0.0, 0.0, -f64::from(GRAVITY))).cast(),
+            mag: (k % 4 == 0).then(|| (before(mag_s) * Vector3::new(17.1, 0.0, 47.0)).cast()),
+        };
+        let q = estimator.update(DT_S as f32, &sample).orientation;
+        if t > 60.0 {
+            let [w, x, y, z] = [q.w, q.x, q.y, q.z].map(f64::from);
+            let estimate = UnitQuaternion::from_quaternion(nalgebra::Quaternion::new(w, x, y, z));
+            sum += estimate.angle_to(&truth).to_degrees().powi(2);
+            count += 1.0;
+        }
+    }
+    ((sum / count).sqrt(), estimator.mag_lag_s())
+}
+
+fn lags_are_made_good_for<F: Filter<Real = f32>>()
+where
+    F::Gains: Default,
+{
+    let ignored = Config::<F::Gains> {
+        gyr_lag_s: 0.0,
+        acc_lag_s: 0.0,
+        mag_lag_s: 0.0,
+        mag_lag_prior_rad2_s: f32::INFINITY,
+        ..Config::default()
+    };
+    let late = (0.006, 0.03);
+    let (error, _) = error_deg::<F>(late, &ignored);
+    assert!(error > 1.5, "{error} deg where the lags are ignored");
+    let known = Config {
+        acc_lag_s: 0.006,
+        mag_lag_s: 0.03,
+        ..ignored
+    };
+    let (error, lag_s) = error_deg::<F>(late, &known);
+    assert!(error < 0.15, "{error} deg where the lags are known");
+    assert_eq!(lag_s, 0.03);
+    let learned = Config {
+        gyr_lag_s: 0.0,
+        acc_lag_s: 0.006,
+        ..Config::default()
+    };
+    let (error, lag_s) = error_deg::<F>(late, &learned);
+    assert!((lag_s - 0.03).abs() < 0.003, "{lag_s} s learned");
+    assert!(error < 0.6, "{error} deg where the field's lag is learned");
+}
+
+#[test]
+fn vqf_makes_good_for_late_sensors() {
+    lags_are_made_good_for::<Vqf>();
+}
+
+#[test]
+fn mahony_makes_good_for_late_sensors() {
+    lags_are_made_good_for::<Mahony>();
+}
+
+/// All sensors are late by the same: the attitude is, too, unless that is known.
+#[test]
+fn the_attitude_is_that_of_the_present() {
+    let late_s = 0.02;
+    let dt_s = 0.01;
+    let mut truth = UnitQuaternion::from_euler_angles(0.1, -0.2, 0.3);
+    let config = Config {
+        gyr_lag_s: late_s as f32,
+        acc_lag_s: 0.0,
+        ..Config::default()
+    };
+    let mut estimator = Estimator::<Vqf<f64>>::new(&config).expect("valid");
+    let rate_at = |k: u32| {
+        let t = f64::from(k) * dt_s;
+        Vector3::new((1.3 * t).sin(), (0.7 * t).cos(), (0.9 * t).sin()) * (0.5 * t).min(2.0)
+    };
+    // Of two samples ago.
+    let mut then = [truth; 3];
+    let mut most = 0.0f64;
+    for k in 0..6_000 {
+        truth *= UnitQuaternion::from_scaled_axis(rate_at(k) * dt_s);
+        then = [then[1], then[2], truth];
+        let sample = Sample {
+            gyr: rate_at(k.saturating_sub(2)).cast(),
+            acc: (then[0].inverse() * Vector3::new(0.0, 0.0, -f64::from(GRAVITY))).cast(),
+            mag: None,
+        };
+        let q = estimator.update(dt_s as f32, &sample).orientation;
+        if k > 1_000 {
+            let estimate =
+                UnitQuaternion::from_quaternion(nalgebra::Quaternion::new(q.w, q.x, q.y, q.z));
+            let up = Vector3::new(0.0, 0.0, -1.0);
+            most = most.max((estimate.inverse() * up).angle(&(truth.inverse() * up)));
+        }
+    }
+    // Of 2 to 3 deg that the body turns within the lag, what its acceleration makes of it is left.
+    assert!(most.to_degrees() < 0.1, "{} deg", most.to_degrees());
+}

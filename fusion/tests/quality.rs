@@ -1,0 +1,140 @@
+//! What an estimator says of how far it may be off.
+
+use nalgebra::{UnitQuaternion, Vector3};
+use tvc_fusion::{Config, Estimator, GRAVITY, Quality, Sample, Vqf};
+
+const DEG: f64 = core::f64::consts::PI / 180.0;
+const DT_S: f64 = 0.01;
+
+/// A body with an offset of its gyroscope in a field of 50 uT.
+struct Body {
+    attitude: UnitQuaternion<f64>,
+    offset: Vector3<f64>,
+    dip: f64,
+    estimator: Estimator<Vqf>,
+    time_s: f64,
+}
+
+impl Body {
+    fn new(offset_deg_s: f64, dip_deg: f64) -> Self {
+        Self {
+            attitude: UnitQuaternion::from_euler_angles(0.1, -0.2, 0.3),
+            offset: Vector3::new(1.0, -1.0, 1.0) * (offset_deg_s * DEG),
+            dip: dip_deg * DEG,
+            estimator: Estimator::new(&Config::default().without_lags()).expect("valid"),
+            time_s: 0.0,
+        }
+    }
+
+    fn run(&mut self, seconds: f64, speed: f64, magnet: Option<f64>) -> Quality {
+        for _ in 0..(seconds / DT_S) as u32 {
+            let t = self.time_s;
+            self.time_s += DT_S;
+            let rate = Vector3::new((1.3 * t).sin(), (0.7 * t).cos(), (0.9 * t).sin()) * speed;
+            self.attitude *= UnitQuaternion::from_scaled_axis(rate * DT_S);
+            let back = self.attitude.inverse();
+            let field = Vector3::new(self.dip.cos(), 0.0, self.dip.sin()) * 50.0;
+            let sample = Sample {
+                gyr: (rate + self.offset).cast(),
+                acc: (back * Vector3::new(0.0, 0.0, -f64::from(GRAVITY))).cast(),
+                mag: magnet.map(|by| (back * field * (1.0 + by * (1.5 + t.sin()))).cast()),
+            };
+            self.estimator.update(DT_S as f32, &sample);
+        }
+        self.estimator.quality()
+    }
+
+    fn still(&mut self, seconds: f64) -> Quality {
+        self.run(seconds, 0.0, Some(0.0))
+    }
+
+    /// Tilt, rad.
+    fn error(&self) -> f64 {
+        let up: Vector3<f64> = self.estimator.attitude().orientation.up().cast();
+        up.angle(&(self.attitude.inverse() * Vector3::new(0.0, 0.0, -1.0)))
+    }
+}
+
+/// The case in which all flags are well and the pitch is not.
+#[test]
+fn an_offset_that_is_not_known_shows() {
+    let mut body = Body::new(3.0, 70.0);
+    let moving = body.run(60.0, 1.0, Some(0.0));
+    assert!(moving.bias_rad_s > 0.015, "{moving:?}");
+    let sigmas = body.error() / f64::from(moving.tilt_rad);
+    assert!(
+        (0.2..3.0).contains(&sigmas),
+        "{} of {moving:?}",
+        body.error()
+    );
+    let rested = body.still(30.0);
+    assert!(rested.bias_rad_s < 1e-3, "{rested:?}");
+    assert!(rested.tilt_rad < 0.3 * moving.tilt_rad);
+    assert!(rested.heading_rad < moving.heading_rad);
+    let bias: Vector3<f64> = body.estimator.attitude().bias.cast();
+    assert!((bias - body.offset).norm() < 3.0 * f64::from(rested.bias_rad_s));
+}
+
+#[test]
+fn faster_turning_is_less_certain() {
+    let of = |speed| {
+        let mut body = Body::new(0.0, 70.0);
+        body.still(20.0);
+        body.run(30.0, speed, Some(0.0)).tilt_rad
+    };
+    let (slow, fast) = (of(0.5), of(6.0));
+    assert!(fast > 2.0 * slow, "{slow} {fast}");
+}
+
+#[test]
+fn a_heading_that_nothing_shows_grows_uncertain_and_the_tilt_does_not() {
+    let mut body = Body::new(0.0, 70.0);
+    body.still(20.0);
+    let before = body.run(30.0, 1.0, Some(0.0));
+    assert!(before.field_age_s.expect("there is one") < 0.5);
+    // A magnet that comes and goes.
+    let after = body.run(50.0, 1.0, Some(2.0));
+    let age_s = after.field_age_s.expect("there was one");
+    assert!((49.0..51.0).contains(&age_s), "{age_s}");
+    assert!(
+        after.heading_rad > 1.5 * before.heading_rad,
+        "{before:?} {after:?}"
+    );
+    assert!((after.tilt_rad - before.tilt_rad).abs() < 0.2 * before.tilt_rad);
+}
+
+#[test]
+fn a_steep_field_shows_little_of_the_heading() {
+    let of = |dip| Body::new(0.0, dip).still(30.0).heading_rad;
+    // By the ratio of the horizontal parts: 0.5 to 0.035.
+    assert!(of(88.0) > 8.0 * of(60.0), "{} {}", of(60.0), of(88.0));
+}
+
+#[test]
+fn a_gap_makes_everything_uncertain_but_the_offset() {
+    let mut body = Body::new(1.0, 70.0);
+    let before = body.still(30.0);
+    let still = Sample {
+        gyr: body.offset.cast(),
+        acc: (body.attitude.inverse() * Vector3::new(0.0, 0.0, -f64::from(GRAVITY))).cast(),
+        mag: None,
+    };
+    body.estimator.update(5.0, &still);
+    let after = body.estimator.quality();
+    assert!(
+        after.tilt_rad > 10.0 * before.tilt_rad,
+        "{before:?} {after:?}"
+    );
+    assert!(after.heading_rad > 5.0 * before.heading_rad);
+    assert!(after.bias_rad_s < 1e-3);
+    let settled = body.still(20.0);
+    assert!(settled.tilt_rad < 1.5 * before.tilt_rad, "{settled:?}");
+}
+
+#[test]
+fn an_estimator_that_has_not_begun_knows_nothing() {
+    let estimator = Estimator::<Vqf>::new(&Config::default()).expect("valid");
+    let quality = estimator.quality();
+    assert_eq!(quality.field_age_s, None);
+    assert!(quality.tilt_rad > 0.1 && quality.bias_rad_s > 0.015);
+}

@@ -1,0 +1,83 @@
+//! Runs a filter over a whole recording, in both directions of time.
+
+use tvc_fusion::offline::{self, TimedSample};
+use tvc_fusion::{Complementary, Filter, Gyro, Kalman, Madgwick, Mahony, Quaternion, Real, Vqf};
+
+use crate::estimate::{config, double, refused, sample};
+use crate::settings::Gains;
+use crate::{Choice, ChoiceError, Facts, FilterName, Mode, RecordedSample, Scalar, Setting};
+
+/// The orientations at all samples, sensor to north-east-down, `[w, x, y, z]`, of unit length, by a
+/// filter that knows what comes later.
+///
+/// The VQF class has gains of its own here (`preset=offline`), unless another preset is chosen.
+///
+/// # Errors
+/// A setting that is not there or out of range; fixed point.
+pub fn smooth(
+    choice: &Choice,
+    facts: &Facts,
+    samples: &[RecordedSample],
+) -> Result<Vec<[f64; 4]>, ChoiceError> {
+    match choice.scalar {
+        Scalar::F32 => by_name::<f32>(choice, facts, samples),
+        Scalar::F64 => by_name::<f64>(choice, facts, samples),
+        Scalar::Fixed => Err(ChoiceError::OfflineFixed),
+    }
+}
+
+fn by_name<T: Real>(
+    choice: &Choice,
+    facts: &Facts,
+    samples: &[RecordedSample],
+) -> Result<Vec<[f64; 4]>, ChoiceError> {
+    match choice.filter {
+        FilterName::Gyro => run::<Gyro<T>>(choice, facts, samples),
+        FilterName::Complementary => run::<Complementary<T>>(choice, facts, samples),
+        FilterName::Mahony => run::<Mahony<T>>(choice, facts, samples),
+        FilterName::Madgwick => run::<Madgwick<T>>(choice, facts, samples),
+        FilterName::Kalman => run::<Kalman<T>>(choice, facts, samples),
+        FilterName::Vqf => {
+            let mut choice = choice.clone();
+            if choice.settings.iter().all(|set| set.key != "preset") {
+                choice.settings.push(Setting {
+                    key: "preset".to_owned(),
+                    value: "offline".to_owned(),
+                });
+            }
+            run::<Vqf<T>>(&choice, facts, samples)
+        }
+    }
+}
+
+fn run<F: Filter<Gains: Gains>>(
+    choice: &Choice,
+    facts: &Facts,
+    samples: &[RecordedSample],
+) -> Result<Vec<[f64; 4]>, ChoiceError> {
+    let config = config::<F::Gains>(choice, facts)?;
+    let mut last_s = None;
+    let timed: Vec<_> = samples
+        .iter()
+        .map(|recorded| {
+            let last_s = last_s.replace(recorded.time_s);
+            let dt_s = last_s.map_or(facts.period_s, |last_s| recorded.time_s - last_s);
+            let mag_ut = recorded.mag_ut.filter(|_| choice.mode == Mode::NineD);
+            TimedSample {
+                dt_s: dt_s as f32,
+                sample: sample(recorded, mag_ut),
+            }
+        })
+        .collect();
+    let attitudes =
+        offline::smooth::<F>(&config, &timed).map_err(|error| refused(choice, error))?;
+    let unit = |Quaternion { w, x, y, z }: Quaternion<F::Real>| {
+        let q = [w, x, y, z].map(double);
+        let norm = q.iter().map(|c| c * c).sum::<f64>().sqrt();
+        q.map(|c| c / norm)
+    };
+    Ok(attitudes
+        .into_iter()
+        .map(|attitude| unit(attitude.orientation))
+        .collect())
+}
