@@ -2,8 +2,8 @@
 
 use mavlink::dialects::common::{MavMessage, MavSysStatusSensor, SYS_STATUS_DATA};
 use serde::Serialize;
-use tvc_nano::Params;
 use tvc_nano::failsafe::StateKind;
+use tvc_nano::{Axis, Params};
 
 use crate::Client;
 
@@ -74,12 +74,18 @@ pub struct ServoMap {
 }
 
 impl ServoMap {
-    /// By the vehicle's parameters.
+    /// Of the first servo, by the vehicle's parameters.
     pub fn of(params: &Params) -> Self {
+        Self::of_axis(params, Axis::Pitch)
+    }
+
+    /// Of an axis' servo, by the vehicle's parameters.
+    pub fn of_axis(params: &Params, axis: Axis) -> Self {
+        let fitting = params.fitting(axis);
         Self::new(
-            params.srv_centre_us(),
+            fitting.centre_us,
             params.srv_us_per_deg(),
-            params.srv_dir(),
+            fitting.direction,
         )
     }
 

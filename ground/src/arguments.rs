@@ -1,6 +1,25 @@
 //! Arguments that more than one command takes.
 
-use tvc_nano::Params;
+use tvc_nano::{Axis, Params};
+
+/// An axis of the vehicle, by its name.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, clap::ValueEnum)]
+pub enum AxisName {
+    /// Nose up and down.
+    #[default]
+    Pitch,
+    /// To the sides.
+    Roll,
+}
+
+impl From<AxisName> for Axis {
+    fn from(name: AxisName) -> Self {
+        match name {
+            AxisName::Pitch => Self::Pitch,
+            AxisName::Roll => Self::Roll,
+        }
+    }
+}
 
 /// Parses a length of time, s, above 0 and at most 1e6.
 ///

@@ -26,6 +26,7 @@ use crate::model::identify;
 use crate::out::exit::BadInput;
 use crate::param_file;
 use crate::vehicle::calibrate::readings;
+use tvc_nano::Axis;
 use tvc_nano::telemetry::{MEMORY_TYPE, MEMORY_WORDS, PART_WORDS};
 
 /// Cases in the short run: some of every kind.
@@ -281,7 +282,7 @@ fn read_table_of(flight: &Flight, number: u64, folder: &Path) {
 
 /// Passes a table through everything that reads one.
 fn read_table(path: &Path) {
-    let record = identify::read(path, None);
+    let record = identify::read(path, None, Axis::Pitch);
     usable(record);
     usable(readings::read(path));
 }

@@ -26,7 +26,7 @@ use clap::Args;
 use rig::ServoKind;
 use std::path::PathBuf;
 use sweep::Sweep;
-use tvc_nano::Params;
+use tvc_nano::{Axis, Params};
 
 /// Options of `tvc report`.
 #[derive(Debug, Args)]
@@ -55,6 +55,9 @@ pub struct Report {
 
 /// Where the page of several logs goes.
 const SEVERAL: &str = "report/logs.html";
+
+/// Tilt from which on a vehicle with two axes counts as tilted about one of them, rad.
+const TILTED_RAD: f64 = 0.05;
 
 /// Time after the release in which the drone swings upright, s: it does not count for how well it
 /// is held.
@@ -127,9 +130,12 @@ pub fn servo(params: &Params) -> ServoKind {
 pub fn figures(flight: &Flight) -> Figures {
     let releases = flight.releases();
     let servo = servo(&flight.parameters());
-    let runs = releases.iter().filter_map(response);
-    let sweeps: Vec<Option<Sweep>> = releases.iter().map(Sweep::of).collect();
-    let hold = |(index, release)| hold_figures(index, release);
+    let runs = releases
+        .iter()
+        .filter_map(|release| response(release, Axis::Pitch));
+    let sweeps_of = |axis| releases.iter().map(move |release| Sweep::of(release, axis));
+    let sweeps: Vec<Option<Sweep>> = sweeps_of(Axis::Pitch).collect();
+    let hold = |(index, release)| hold_figures(index, release, Axis::Pitch);
     let mut figures = vec![
         flight.origin.figures(),
         releases_figure(releases.len()),
@@ -146,7 +152,32 @@ pub fn figures(flight: &Flight) -> Figures {
         let label = format!("release {}: bandwidth", index + 1);
         figures.extend(sweep.as_ref().map(|sweep| shown(label, sweep.words())));
     }
+    if releases.iter().any(|release| release.axes().len() > 1) {
+        figures.extend(roll_figures(&releases, servo));
+    }
     figures.into()
+}
+
+/// The same figures of the roll axis.
+fn roll_figures(releases: &[Release], servo: ServoKind) -> Vec<Figure> {
+    let of_roll = |release| response(release, Axis::Roll);
+    let runs = releases.iter().filter_map(of_roll);
+    let runs = runs.map(|run| [vec![shown("axis", "roll")], run.figures(servo).into()].concat());
+    let hold = |(index, release)| hold_figures(index, release, Axis::Roll);
+    let sweeps = releases
+        .iter()
+        .map(|release| Sweep::of(release, Axis::Roll));
+    let sweeps: Vec<Option<Sweep>> = sweeps.collect();
+    let mut figures = vec![
+        rows("roll_runs", runs),
+        rows("roll_hold", releases.iter().enumerate().map(hold)),
+        data("roll_sweep", &sweeps),
+    ];
+    for (index, sweep) in sweeps.iter().enumerate() {
+        let label = format!("release {}: bandwidth of roll", index + 1);
+        figures.extend(sweep.as_ref().map(|sweep| shown(label, sweep.words())));
+    }
+    figures
 }
 
 /// How many releases the log has. Without any there is nothing to judge, and no verdict.
@@ -158,13 +189,18 @@ fn releases_figure(count: usize) -> Figure {
     }
 }
 
-/// The response to the release, if the set point rested; one that begins on it is none.
-pub fn response(release: &Release) -> Option<Run> {
-    let target = release.set_rad[0];
-    if release.set_rad.iter().any(|set| *set != target) {
+/// The response of an axis to the release, if its set point rested; one that begins on it is none,
+/// nor is that of a vehicle with two axes which was tilted about the other.
+pub fn response(release: &Release, axis: Axis) -> Option<Run> {
+    let set_rad = release.set_rad(axis);
+    let target = set_rad[0];
+    if set_rad.iter().any(|set| *set != target) {
         return None;
     }
-    let response = StepResponse::new(release.trace(Step::pitch_rad), target).ok()?;
+    let response = StepResponse::new(release.motion(axis), target).ok()?;
+    if release.axes().len() > 1 && response.initial_error().abs() < TILTED_RAD {
+        return None;
+    }
     Some(Run::new(
         response.initial_error(),
         &response,
@@ -172,12 +208,14 @@ pub fn response(release: &Release) -> Option<Run> {
     ))
 }
 
-/// How well pitch was held at its set point after the swing upright; none for a shorter release.
-fn hold_figures(index: usize, release: &Release) -> Option<[Figure; 4]> {
-    let trace = release.trace(Step::pitch_rad);
+/// How well an axis was held at its set point after the swing upright; none for a shorter release,
+/// nor for an axis that was not steered.
+fn hold_figures(index: usize, release: &Release, axis: Axis) -> Option<[Figure; 4]> {
+    let trace = release.motion(axis);
     let errors: Vec<f64> = trace
         .iter()
-        .zip(&release.set_rad)
+        .filter(|_| release.axes().contains(&axis))
+        .zip(release.set_rad(axis))
         .filter(|((time, _), _)| *time >= SWING_S)
         .map(|((_, pitch), set)| pitch - set)
         .collect();
@@ -187,7 +225,13 @@ fn hold_figures(index: usize, release: &Release) -> Option<[Figure; 4]> {
     let max = errors.iter().map(|e| e.abs()).fold(0.0, f64::max);
     (!errors.is_empty()).then(|| {
         [
-            shown("release", format!("{}, after {SWING_S} s", index + 1)),
+            shown(
+                match axis {
+                    Axis::Pitch => "release",
+                    Axis::Roll => "release, roll",
+                },
+                format!("{}, after {SWING_S} s", index + 1),
+            ),
             figure("mean_error_rad", mean).shown("mean error", "rad", 4),
             figure("rms_error_rad", rms).shown("rms", "rad", 4),
             figure("max_error_rad", max).shown("worst", "rad", 4),
@@ -330,6 +374,7 @@ fn events(flight: &Flight) -> Vec<(f64, String)> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use tvc_nano::StateCode;
 
     #[test]
     fn a_step_to_another_plan_of_ticks_is_no_jitter() {
@@ -344,6 +389,45 @@ mod tests {
         assert!(loop_timing(&flight).jitter_us_max < 1.0);
         flight.events.remove(100);
         assert!(loop_timing(&flight).jitter_us_max > 6_000.0);
+    }
+
+    /// A vehicle with so many axes that is tilted by 0.3 rad to the side and comes upright within a
+    /// second.
+    fn rolled(axes: f32) -> Flight {
+        let step = |index: u32| {
+            let since_s = f64::from(index) / 150.0;
+            let half = 0.15 * (1.0 - since_s).max(0.0);
+            Event::Step(Step {
+                quaternion: [half.cos() as f32, half.sin() as f32, 0.0, 0.0],
+                ..Step::level(u64::from(index) * 6_667)
+            })
+        };
+        let begin = [
+            Event::Parameter("AXES".into(), axes),
+            Event::State(StateCode::Active.number()),
+        ];
+        Flight {
+            events: begin.into_iter().chain((0..450).map(step)).collect(),
+            ..Flight::default()
+        }
+    }
+
+    #[test]
+    fn a_vehicle_with_two_axes_is_judged_by_both_and_one_that_was_upright_is_no_step() {
+        let object = serde_json::json!(figures(&rolled(2.0)));
+        assert_eq!(object["runs"].as_array().map(Vec::len), Some(0));
+        assert_eq!(object["hold"].as_array().map(Vec::len), Some(1));
+        let run = &object["roll_runs"][0];
+        assert!(
+            (run["start_rad"].as_f64().unwrap() - 0.3).abs() < 1e-6,
+            "{run}"
+        );
+        assert!(run["settling_5pct_s"].as_f64().unwrap() < 1.0, "{run}");
+        assert_eq!(object["roll_hold"].as_array().map(Vec::len), Some(1));
+        let page = page(Path::new("a.tlog"), &rolled(2.0)).unwrap();
+        assert!(page.contains("Step responses of roll"));
+        let one = serde_json::json!(figures(&rolled(1.0)));
+        assert_eq!(one.get("roll_runs"), None);
     }
 
     #[test]

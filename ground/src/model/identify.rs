@@ -9,8 +9,10 @@ use clap::Args;
 use csv::StringRecord;
 use plant::identify::{Identification, IdentifyError, Reading, Record, identify};
 use rig::ServoKind;
+use tvc_nano::Axis;
 
-use crate::logs::log::{Flight, Log, Release};
+use crate::arguments::AxisName;
+use crate::logs::log::{Flight, Log, Release, Step};
 use crate::model::control_law;
 use crate::out::exit::{BadInput, Verdict};
 use crate::out::file::{print, print_json, write_whole};
@@ -34,6 +36,7 @@ large as before the record was seen says that the record does not show the quant
 Examples:
   tvc identify step.tlog                         estimates with their uncertainty
   tvc identify evening.tlog --release 3          of the third release of a log
+  tvc identify both.tlog --axis roll             of the roll axis of a vehicle with two
   tvc identify release.csv --out drone.toml      and as a parameter file
   tvc tune --params drone.toml                   gains for that drone
 
@@ -46,6 +49,10 @@ pub struct Identify {
     /// The release of a telemetry log, counted from 1 [default: the only one].
     #[arg(long, value_name = "N")]
     pub release: Option<usize>,
+
+    /// The axis of a telemetry log; roll needs a vehicle with two.
+    #[arg(long, value_enum, default_value_t)]
+    pub axis: AxisName,
 
     /// The servo, with the frame rate that suits it.
     #[arg(long, value_enum, default_value_t = ServoKind::S3003)]
@@ -69,7 +76,7 @@ pub fn run(options: &Identify) -> Result<Verdict> {
     if let Some(out) = &options.out {
         kind::keep_apart(out, options.params.as_deref())?;
     }
-    let record = read(&options.log, options.release)?;
+    let record = read(&options.log, options.release, options.axis.into())?;
     let nominal = control_law::setup(options.servo, options.params.as_deref())?;
     let found = identify(&nominal, &record).map_err(|error| match error {
         IdentifyError::NoFit => anyhow::Error::new(error),
@@ -128,12 +135,18 @@ impl Columns {
 ///
 /// # Errors
 /// [`BadInput`] naming the file and what is wrong with it.
-pub fn read(path: &Path, release: Option<usize>) -> Result<Record> {
+pub fn read(path: &Path, release: Option<usize>, axis: Axis) -> Result<Record> {
     let bad = |error: &dyn std::fmt::Display| BadInput::new(format!("{}: {error}", path.display()));
     if kind::is_log(path) {
         let flight = Flight::of(&Log::read(path)?);
         let release = flight.release(release).map_err(|error| bad(&error))?;
-        return Ok(of_release(&release));
+        if !release.axes().contains(&axis) {
+            return Err(bad(&"the vehicle had one axis in it (AXES 1), which is pitch").into());
+        }
+        return Ok(of_release(&release, axis));
+    }
+    if axis == Axis::Roll {
+        return Err(bad(&"a table has pitch only").into());
     }
     if release.is_some() {
         return Err(bad(&"a table has no numbers of releases").into());
@@ -152,17 +165,31 @@ pub fn read(path: &Path, release: Option<usize>) -> Result<Record> {
     Ok(record)
 }
 
-/// The motion from a release on.
-fn of_release(release: &Release<'_>) -> Record {
+/// The motion of an axis from a release on. The pulses are those of the first servo: for roll, what
+/// they would be there.
+fn of_release(release: &Release<'_>, axis: Axis) -> Record {
+    let [first, own] = [Axis::Pitch, axis].map(|axis| release.params.fitting(axis));
+    let turned = f64::from(first.direction * own.direction);
+    let as_first = |pulse_us: u16| {
+        f64::from(first.centre_us) + turned * (f64::from(pulse_us) - f64::from(own.centre_us))
+    };
+    let rate = |step: &Step| match axis {
+        Axis::Pitch => step.rate_rad_s[1],
+        Axis::Roll => step.rate_rad_s[0],
+    };
+    let steps = release.steps.iter().zip(release.motion(axis));
     let mut record = Record::default();
-    for step in &release.steps {
-        let time_s = step.time_s();
+    for (step, (_, angle_rad)) in steps {
         record.readings.push(Reading {
-            time_s,
-            pitch_rad: step.pitch_rad(),
-            rate_rad_s: step.rate_rad_s[1].into(),
+            time_s: step.time_s(),
+            pitch_rad: angle_rad,
+            rate_rad_s: rate(step).into(),
         });
-        record.pulses.push((time_s, step.pulses_us[0].into()));
+        let pulse_us = match axis {
+            Axis::Pitch => step.pulses_us[0].into(),
+            Axis::Roll => as_first(step.pulses_us[1]),
+        };
+        record.pulses.push((step.time_s(), pulse_us));
     }
     record
 }

@@ -7,7 +7,7 @@ use maud::html;
 use plant::Setup;
 use plant::pitch_loop::PitchLoop;
 use plant::response::StepResponse;
-use tvc_nano::Params;
+use tvc_nano::{Axis, Params};
 
 use crate::flight::figures::{Run, settling_band_deg};
 use crate::logs::log::{Flight, Log, Release, Step};
@@ -53,7 +53,7 @@ pub fn run(options: &WhatIf) -> Result<Verdict> {
     let all = flown_again(&release, &setup, &changed).map_err(|error| named(&error))?;
     let difference_rad = rms_difference(&all[0].motion, &all[1].motion);
     let figures = figures(&all, &changed, difference_rad);
-    let page = markup(options, release.set_rad[0], &all, &figures)?;
+    let page = markup(options, release.set_rad(Axis::Pitch)[0], &all, &figures)?;
     figures.conclude(options.json, Some((&options.report, page)))
 }
 
@@ -148,7 +148,7 @@ impl Start {
 /// # Errors
 /// Its set point does not rest, or it begins on it.
 fn logged(release: &Release<'_>) -> Result<Flown> {
-    let run = response(release)
+    let run = response(release, Axis::Pitch)
         .context("this release is no step response: its set point moves, or it begins on it")?;
     let motion = release.trace(Step::pitch_rad);
     Ok(Flown {

@@ -9,10 +9,11 @@ use clap::{Args, Subcommand};
 use client::state::is_in_operation;
 use client::{Failure, RefusalKind, StateKind, request};
 use indicatif::{ProgressBar, ProgressStyle};
+use tvc_nano::Axis;
 
-use crate::arguments::seconds;
-use crate::logs::log::{Flight, Log, Writer};
-use crate::logs::report::{conclude, sweep};
+use crate::arguments::{AxisName, seconds};
+use crate::logs::log::{Flight, Log, Release, Writer};
+use crate::logs::report::{conclude, response, sweep};
 use crate::out::exit::Verdict;
 use crate::out::kind;
 use crate::signals;
@@ -29,6 +30,7 @@ Examples:
   cargo tvc test step --log step.tlog --report step.html
   cargo tvc test hold --seconds 30         how well it stays upright
   cargo tvc test chirp                     swings the set point faster and faster: bandwidth, delay
+  cargo tvc test chirp --axis roll         the same of roll, of a vehicle with two axes
 
 Hold the drone still at its start for the first seconds. However the test ends (Ctrl-C, SIGTERM,
 SIGHUP, an error), the vehicle is disarmed. Meanwhile FS_HOST is 1: if the tool is killed or the port
@@ -42,6 +44,10 @@ pub struct Test {
     /// The port, and the form of the answer.
     #[command(flatten)]
     pub port: ParamPort,
+
+    /// The axis that is tilted, held or swung; roll needs a vehicle with two (AXES 2).
+    #[arg(long, value_enum, default_value_t, global = true)]
+    pub axis: AxisName,
 
     /// Keep every frame in a new telemetry log.
     #[arg(long, value_name = "FILE", global = true, value_parser = kind::new_log)]
@@ -135,8 +141,14 @@ const ARM_RETRY: Duration = Duration::from_millis(500);
 const ARMED: Duration = Duration::from_millis(250);
 /// Time upright before the set point begins to swing.
 const SETTLE: Duration = Duration::from_secs(3);
-/// The set point of pitch.
-const SET_POINT: &str = "PITCH_SET_DEG";
+/// The parameter with an axis' set point.
+fn set_point(axis: Axis) -> &'static str {
+    match axis {
+        Axis::Pitch => "PITCH_SET_DEG",
+        Axis::Roll => "ROLL_SET_DEG",
+    }
+}
+
 /// Time between two set points.
 const SET_PERIOD: Duration = Duration::from_millis(20);
 /// Without a heartbeat for so long the vehicle counts as gone; it sends one a second.
@@ -192,10 +204,16 @@ pub fn run(options: &Test) -> Result<Verdict> {
     if vehicle.state().is_some_and(is_in_operation) {
         bail!("the vehicle is not in standby: `tvc disarm` first");
     }
+    let axis = options.axis.into();
+    if axis == Axis::Roll && vehicle.parameter("AXES")? != 2.0 {
+        bail!(
+            "the vehicle has one axis (AXES 1), which is pitch: docs/two_axes.md adds the second"
+        );
+    }
     vehicle.begin(stop);
     let progress = spinner();
     let flown = vehicle.watch_host().and_then(|()| {
-        fly(&mut vehicle, options.manoeuvre, &mut |stage| {
+        fly(&mut vehicle, options.manoeuvre, axis, &mut |stage| {
             progress.set_prefix(stage.words());
             progress.set_message(stage.progress());
             progress.tick();
@@ -209,17 +227,26 @@ pub fn run(options: &Test) -> Result<Verdict> {
     if let Some(path) = &options.log {
         eprintln!("wrote {}", path.display());
     }
+    let was_tilted = |release: &Release| response(release, axis).is_some();
+    if matches!(options.manoeuvre, Manoeuvre::Step { .. })
+        && axis == Axis::Roll
+        && !flight.releases().iter().any(was_tilted)
+    {
+        bail!("it was released upright: hold it tilted to the side, by 3 deg at least");
+    }
     conclude(&flight, &log, options.report.as_deref(), options.port.json)
 }
 
-/// Arms, releases and flies the manoeuvre, and calls `show` with what is under way again and again.
-/// What it changes is put back once the vehicle is [left](Watched::leave), which disarms it.
+/// Arms, releases and flies the manoeuvre of an axis, and calls `show` with what is under way again
+/// and again. What it changes is put back once the vehicle is [left](Watched::leave), which disarms
+/// it.
 ///
 /// # Errors
 /// The vehicle refuses, falls silent or gives up, or the person wants an end.
 pub fn fly(
     vehicle: &mut Watched,
     manoeuvre: Manoeuvre,
+    axis: Axis,
     show: &mut dyn FnMut(Stage<'_>),
 ) -> Result<()> {
     show(Stage::Still(None));
@@ -240,8 +267,9 @@ pub fn fly(
             Ok(())
         });
     };
-    let before = vehicle.parameter(SET_POINT)?;
-    vehicle.put_back_later(SET_POINT, before);
+    let set_point = set_point(axis);
+    let before = vehicle.parameter(set_point)?;
+    vehicle.put_back_later(set_point, before);
     watch(vehicle, SETTLE, &mut |_, time| {
         show(Stage::Released(time, SETTLE));
         Ok(())
@@ -256,7 +284,7 @@ pub fn fly(
         let phase = sweep::phase(time.as_secs_f64(), seconds);
         let set = f64::from(before) + amplitude * phase.sin();
         // No answer is waited for, and none repeated: the next one follows.
-        let message = request::set_parameter(SET_POINT, set as f32);
+        let message = request::set_parameter(set_point, set as f32);
         vehicle.link().send(&message)
     })
 }

@@ -3,7 +3,7 @@
 use anyhow::Result;
 use client::StateKind;
 use client::state::state_of;
-use tvc_nano::Params;
+use tvc_nano::{Axis, Params};
 
 use super::{Event, Flight, Step};
 use crate::out::exit::BadInput;
@@ -14,8 +14,8 @@ pub struct Release<'a> {
     pub params: Params,
     /// Its steps.
     pub steps: Vec<&'a Step>,
-    /// The set point at each, rad.
-    pub set_rad: Vec<f64>,
+    /// The set points of each axis at each step, rad.
+    sets_rad: [Vec<f64>; Axis::COUNT],
     /// Control was on until the log or the operator ended it.
     pub stayed: bool,
 }
@@ -34,7 +34,7 @@ impl Flight {
                         (false, true) => releases.push(Release {
                             params: params.clone(),
                             steps: Vec::new(),
-                            set_rad: Vec::new(),
+                            sets_rad: Default::default(),
                             stayed: true,
                         }),
                         (true, false) => {
@@ -54,8 +54,9 @@ impl Flight {
                 Event::Step(step) if active => {
                     if let Some(release) = releases.last_mut() {
                         release.steps.push(step);
-                        let set_rad = f64::from(params.pitch_set_deg()).to_radians();
-                        release.set_rad.push(set_rad);
+                        for (axis, set_rad) in Axis::ALL.into_iter().zip(&mut release.sets_rad) {
+                            set_rad.push(f64::from(params.setpoint_deg(axis)).to_radians());
+                        }
                     }
                 }
                 _ => {}
@@ -93,6 +94,25 @@ impl Flight {
 }
 
 impl Release<'_> {
+    /// The axes that were steered.
+    pub fn axes(&self) -> &'static [Axis] {
+        self.params.axes()
+    }
+
+    /// The set point of an axis at each step, rad.
+    pub fn set_rad(&self, axis: Axis) -> &[f64] {
+        &self.sets_rad[axis.index()]
+    }
+
+    /// What was controlled of an axis, rad, over the time since the release, s: the pitch angle of
+    /// a vehicle with one axis, the tilt's part of one with two.
+    pub fn motion(&self, axis: Axis) -> Vec<(f64, f64)> {
+        match self.axes() {
+            [_] => self.trace(Step::pitch_rad),
+            _ => self.trace(|step| step.tilt_rad(axis)),
+        }
+    }
+
     /// Time since the release and a value, at every step.
     pub fn trace(&self, of: impl Fn(&Step) -> f64) -> Vec<(f64, f64)> {
         let begin = self.steps[0].time_s();

@@ -71,6 +71,21 @@ impl Step {
         (2.0 * (w * y - x * z)).clamp(-1.0, 1.0).asin()
     }
 
+    /// The tilt as a vector in the body's axes, as a vehicle with two axes controls it: its part
+    /// about an axis, rad.
+    pub fn tilt_rad(&self, axis: Axis) -> f64 {
+        let [w, x, y, z] = self.quaternion.map(f64::from);
+        let angle = 2.0 * x.hypot(y).atan2(w.hypot(z));
+        // What is left of the attitude without its turn about the vertical.
+        let (about_x, about_y) = (w * x + z * y, w * y - z * x);
+        let size = about_x.hypot(about_y);
+        let part = match axis {
+            Axis::Pitch => about_y,
+            Axis::Roll => about_x,
+        };
+        if size > 0.0 { angle * part / size } else { 0.0 }
+    }
+
     /// Roll, right side down, rad.
     pub fn roll_rad(&self) -> f64 {
         angles(self.quaternion.map(f64::from))[0]
@@ -401,6 +416,28 @@ mod tests {
             entries: messages.into_iter().map(entry).collect(),
             counts: LinkCounts::default(),
         })
+    }
+
+    /// Turned by a heading and then tilted by 0.4 rad about an axis 30 deg from the body's x
+    /// towards its y, whatever the heading is, beyond 90 deg too.
+    #[test]
+    fn the_tilt_is_a_vector_in_the_bodys_axes() {
+        for (heading, tilt) in [(0.0_f64, 0.4_f64), (2.0, 0.4), (-1.0, 2.0)] {
+            let ((sin, cos), (z, w)) = ((0.5 * tilt).sin_cos(), (0.5 * heading).sin_cos());
+            let (x, y) = (sin * 0.75_f64.sqrt(), sin * 0.5);
+            let q = [w * cos, w * x - z * y, w * y + z * x, z * cos];
+            let step = Step {
+                quaternion: q.map(|part| part as f32),
+                ..Step::level(0)
+            };
+            let roll = step.tilt_rad(Axis::Roll) - tilt * 0.75_f64.sqrt();
+            let pitch = step.tilt_rad(Axis::Pitch) - tilt * 0.5;
+            assert!(
+                roll.abs() < 1e-6 && pitch.abs() < 1e-6,
+                "{heading}: {roll} {pitch}"
+            );
+        }
+        assert_eq!(Step::level(0).tilt_rad(Axis::Roll), 0.0);
     }
 
     #[test]

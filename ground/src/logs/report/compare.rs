@@ -12,6 +12,7 @@ use crate::out::file::{print, print_json, write_whole};
 use crate::out::measure::{Figure, Figures, data, figure, rows};
 use crate::out::page;
 use crate::out::plot::{Line, Plot};
+use tvc_nano::Axis;
 
 /// Reads the logs, prints the table of their releases, writes the page, and names the requirements
 /// that are missed.
@@ -65,7 +66,7 @@ fn table(flights: &[(String, Flight)]) -> Figure {
         let servo = servo(&flight.parameters());
         let releases = flight.releases();
         let row = |(index, release)| {
-            let run = response(release)?;
+            let run = response(release, Axis::Pitch)?;
             let head = [
                 figure("log", name.as_str()).shown("log", "", 0),
                 figure("release", index as u64 + 1).shown("release", "", 0),

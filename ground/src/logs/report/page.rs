@@ -5,7 +5,7 @@ use std::path::Path;
 use anyhow::Result;
 use client::ServoMap;
 use maud::{Markup, html};
-use tvc_nano::Params;
+use tvc_nano::{Axis, Params};
 
 use super::sweep::Sweep;
 use super::{events, last_parameters};
@@ -20,9 +20,12 @@ pub fn render(log: &Path, flight: &Flight, figures: &Figures) -> Result<String> 
     let servo = ServoMap::of(&flight.parameters());
     let mut parts = vec![whole(flight, &servo)?];
     for (index, release) in flight.releases().iter().enumerate() {
-        parts.push(one(index, release, &servo)?);
-        if let Some(sweep) = Sweep::of(release) {
-            parts.push(sweep.markup()?);
+        parts.push(html! { h2 { "Release " (index + 1) } });
+        for axis in release.axes() {
+            parts.push(one(release, *axis)?);
+            if let Some(sweep) = Sweep::of(release, *axis) {
+                parts.push(sweep.markup()?);
+            }
         }
     }
     let runs = figures.table("runs");
@@ -33,9 +36,15 @@ pub fn render(log: &Path, flight: &Flight, figures: &Figures) -> Result<String> 
             p { "Figures of the pitch that the vehicle estimated." }
             (runs.markup())
         }
+        @let roll = figures.table("roll_runs");
+        @if !roll.is_empty() {
+            h2 { "Step responses of roll" }
+            (roll.markup())
+        }
         @for part in &parts { (part) }
         h2 { "Loop, link and health" }
         (figures.table("hold").markup())
+        (figures.table("roll_hold").markup())
         (figures.lines().markup())
         h2 { "What the vehicle said" }
         (table(&["words", "its clock, s"], &events(flight).iter().map(|(time, text)| {
@@ -77,35 +86,46 @@ fn whole(flight: &Flight, servo: &ServoMap) -> Result<Markup> {
     })
 }
 
-fn one(index: usize, release: &Release, servo: &ServoMap) -> Result<Markup> {
-    let set: Vec<(f64, f64)> = release
-        .trace(|_| 0.0)
-        .iter()
-        .zip(&release.set_rad)
-        .map(|((time, _), set)| (*time, set.to_degrees()))
-        .collect();
-    let target = release.set_rad[0].to_degrees();
-    let start = release.steps[0].pitch_rad().to_degrees() - target;
-    let band = settling_band_deg(start.to_radians());
-    let rests = release.set_rad.iter().all(|set| *set == release.set_rad[0]);
+/// An axis in a release: its angle, and what its servo was commanded.
+fn one(release: &Release, axis: Axis) -> Result<Markup> {
+    let servo = ServoMap::of_axis(&release.params, axis);
+    let motion = release.motion(axis);
+    let degrees = |(time, angle): (f64, f64)| (time, angle.to_degrees());
+    let set_rad = release.set_rad(axis);
+    let times = motion.iter().map(|(time, _)| *time);
+    let set = times.zip(set_rad.iter().copied()).map(degrees);
+    let target = set_rad[0].to_degrees();
+    let band = settling_band_deg(motion[0].1 - set_rad[0]);
+    let rests = set_rad.iter().all(|set| *set == set_rad[0]);
     let since = "time since release, s";
-    let pitch = release.trace(|step| step.pitch_rad().to_degrees());
-    let pitch = Plot::new(
-        since,
-        "pitch, deg",
-        vec![Line::new("pitch", 0, pitch), Line::new("set point", 1, set)],
-    );
-    let pitch = pitch.with_band(rests.then_some((target - band, target + band)));
-    let commanded = release.trace(|step| servo.angle_rad(step.pulses_us[0]).to_degrees());
-    let name = "servo commanded";
+    let (name, label, caption, command_caption) = match axis {
+        Axis::Pitch => (
+            "pitch",
+            "pitch, deg",
+            "Pitch, with the 5 % band that a step has to settle in.",
+            "The servo angle commanded.",
+        ),
+        Axis::Roll => (
+            "roll",
+            "roll, deg",
+            "Roll, with the 5 % band that a step has to settle in.",
+            "The angle commanded of the second servo.",
+        ),
+    };
+    let lines = vec![
+        Line::new(name, 0, motion.iter().copied().map(degrees).collect()),
+        Line::new("set point", 1, set.collect()),
+    ];
+    let angle = Plot::new(since, label, lines);
+    let angle = angle.with_band(rests.then_some((target - band, target + band)));
+    let pulse = |step: &Step| servo.angle_rad(step.pulses_us[axis.index()]).to_degrees();
     let command = Plot::new(
         since,
         "servo commanded, deg",
-        vec![Line::new(name, 4, commanded)],
+        vec![Line::new("servo commanded", 4, release.trace(pulse))],
     );
     Ok(html! {
-        h2 { "Release " (index + 1) }
-        (figure("Pitch, with the 5 % band that a step has to settle in.", pitch.svg()?))
-        (figure("The servo angle commanded.", command.svg()?))
+        (figure(caption, angle.svg()?))
+        (figure(command_caption, command.svg()?))
     })
 }

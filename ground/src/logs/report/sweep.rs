@@ -1,19 +1,19 @@
 //! The closed loop's frequency response from a set point that was swung through a range of
 //! frequencies.
 //!
-//! At every frequency, set point and pitch are compared over the stretch of the record in which the
-//! sweep passes it: the ratio of their Fourier integrals there, weighted by a Hann window, is gain
-//! and phase. The bandwidth is where the gain first falls below -3 dB, the delay the phase at it
-//! over its frequency.
+//! At every frequency, set point and pitch (or roll) are compared over the stretch of the record in
+//! which the sweep passes it: the ratio of their Fourier integrals there, weighted by a Hann
+//! window, is gain and phase. The bandwidth is where the gain first falls below -3 dB, the delay
+//! the phase at it over its frequency.
 
 use std::f64::consts::{PI, TAU};
 
 use anyhow::Result;
 use maud::{Markup, html};
 use serde::Serialize;
+use tvc_nano::Axis;
 
 use crate::logs::log::Release;
-use crate::logs::log::Step;
 use crate::out::page::figure;
 use crate::out::plot::{Line, Plot};
 
@@ -64,20 +64,21 @@ pub struct Sweep {
 }
 
 impl Sweep {
-    /// The response in a release whose set point swings; none in another.
-    pub fn of(release: &Release) -> Option<Self> {
-        let changes: Vec<usize> = (1..release.set_rad.len())
-            .filter(|&i| release.set_rad[i] != release.set_rad[i - 1])
+    /// The response of an axis in a release in which its set point swings; none in another.
+    pub fn of(release: &Release, axis: Axis) -> Option<Self> {
+        let set_rad = release.set_rad(axis);
+        let changes: Vec<usize> = (1..set_rad.len())
+            .filter(|&i| set_rad[i] != set_rad[i - 1])
             .collect();
         if changes.len() < LEAST_SETTINGS {
             return None;
         }
-        let pitch = release.trace(Step::pitch_rad);
+        let pitch = release.motion(axis);
         let begin = pitch[changes[0]].0;
         let end = pitch[changes[changes.len() - 1]].0;
         let samples: Vec<(f64, f64, f64)> = pitch
             .iter()
-            .zip(&release.set_rad)
+            .zip(set_rad)
             .map(|((time, pitch), set)| (time - begin, *set, *pitch))
             .collect();
         Some(Self::measure(&samples, end - begin))
@@ -143,8 +144,8 @@ impl Sweep {
         let gain = plot("gain, dB", |point| point.gain_db, Some((BANDWIDTH_DB, 0.0)))?;
         let phase = plot("phase, deg", |point| point.phase_deg, None)?;
         Ok(html! {
-            (figure("Gain from set point to pitch, with the 3 dB that end the bandwidth.", gain))
-            (figure("Phase from set point to pitch.", phase))
+            (figure("Gain from set point to angle, with the 3 dB that end the bandwidth.", gain))
+            (figure("Phase from set point to angle.", phase))
         })
     }
 }

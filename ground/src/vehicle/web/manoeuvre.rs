@@ -14,6 +14,7 @@ use crate::logs::report::{self, sweep};
 use crate::vehicle::link::Vehicle;
 use crate::vehicle::test::{Manoeuvre, Stage, fly};
 use crate::vehicle::watch::Watched;
+use tvc_nano::Axis;
 
 /// Arms, releases, disarms, and leaves the figures in `model`.
 pub fn run(manoeuvre: Manoeuvre, vehicle: &Handle, model: &Model, stop: &'static AtomicBool) {
@@ -59,7 +60,7 @@ fn flown(
     let vehicle = Vehicle::at(relay::link(vehicle.clone()))?;
     let mut vehicle = Watched::new(vehicle);
     vehicle.begin(stop);
-    let flown = fly(&mut vehicle, manoeuvre, show);
+    let flown = fly(&mut vehicle, manoeuvre, Axis::Pitch, show);
     vehicle.leave(flown)
 }
 
@@ -78,7 +79,7 @@ fn figures(manoeuvre: Manoeuvre, path: &Path) -> Result<Value> {
     let object = json!(figures);
     let releases = flight.releases();
     let release = releases.first().context("the log holds no release")?;
-    let sweep = sweep::Sweep::of(release);
+    let sweep = sweep::Sweep::of(release, Axis::Pitch);
     if let Manoeuvre::Chirp { .. } = manoeuvre {
         ensure!(sweep.is_some(), "the log holds no swing of the set point");
     }

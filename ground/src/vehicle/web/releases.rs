@@ -13,6 +13,7 @@ use crate::logs::log::{Entry, Event, Flight, Log, Step};
 use crate::logs::report;
 use crate::vehicle::param::is_measured;
 use crate::vehicle::watch::FS_HOST;
+use tvc_nano::Axis;
 
 /// Releases that are kept.
 const KEPT: usize = 8;
@@ -129,7 +130,7 @@ impl Releases {
         let point = |((time_s, pitch), (_, rudder)): (&(f64, f64), &(f64, f64))| {
             [*time_s, pitch.to_degrees(), rudder.to_degrees()]
         };
-        let set_deg = release.set_rad[0].to_degrees();
+        let set_deg = release.set_rad(Axis::Pitch)[0].to_degrees();
         let before = mem::replace(&mut self.parameters, circumstances.parameters);
         self.count += 1;
         Some(Release {
