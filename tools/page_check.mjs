@@ -453,7 +453,9 @@ test("a parameter file is measured in bytes, and one that cannot be read is said
 
 // Pictures
 
-const strips = () => Plot.made.slice(0, 5);
+/** Charts of the last minute, of both axes. */
+const STRIPS = 8;
+const strips = () => Plot.made.slice(0, STRIPS);
 const push = async (time_s, more = {}) => {
   frame.count += 1;
   await come({ now_ms: 7100, frame: { ...frame, time_s, ...more } });
@@ -554,6 +556,21 @@ test("the picture's body is turned by yaw, pitch and roll in turn, nose up posit
   assert.ok(seen([0, 0, 1])[1] > 0.5 && seen([1, 0, 0])[0] > seen([-1, 0, 0])[0]);
 });
 
+test("charts and figures of the second axis are there for a vehicle that has one", async () => {
+  const hidden = () => at("strips").children.map((figure) => Boolean(figure.hidden));
+  const roll = { rate_deg_s: 1, servo_deg: -3, pulse_us: 1470, set_deg: 0 };
+  await push(200);
+  assert.deepEqual(hidden(), [false, false, false, true, true, true, false, false]);
+  assert.ok(at("second_row").hidden && at("tilt_sd_row").hidden);
+  await push(201, { roll, tilt_sd_deg: 1.5 });
+  draw(20000);
+  assert.ok(!hidden().includes(true));
+  assert.deepEqual(["second", "tilt_sd"].map((id) => at(id).textContent), ["-3.0", "1.5"]);
+  await push(202);
+  draw(21000);
+  assert.ok(hidden()[3] && at("second_row").hidden);
+});
+
 const released = (number, more = {}) => ({
   number, time_s: 10 * number, test: number === 1 ? "hold" : null, log: null, set_deg: 1, start_deg: 20, stayed: true, changes: [],
   run: { rise_s: 0.4, overshoot_pct: 2, settling_5pct_s: null, final_error_rad: 0 },
@@ -565,7 +582,7 @@ test("releases are drawn over each other in percent of their tilt, and their fig
   const changes = [["PID_KD", 0.435, 0.5]];
   const still = released(3, { start_deg: 0.5, trace: [[0, 1.5, 0], [1, 1, 0]], run: null });
   await come({ now_ms: 7200, frame, releases: [released(1), released(2, { changes, start_deg: 10, trace: [[0, 11, 0], [1, 1, 1]] }), still] });
-  const [pitch, servo] = Plot.made.slice(5);
+  const [pitch, servo] = Plot.made.slice(STRIPS);
   assert.deepEqual(pitch.data.slice(1), [[100, 50, 0], [100, 0]], "not the one without a tilt");
   assert.deepEqual(servo.data[1], [0, 5, 0]);
   const lines = at("release_table").children;
@@ -586,7 +603,7 @@ test("releases are drawn over each other in percent of their tilt, and their fig
   const [box] = lines[1].children[0].children[0].children;
   box.checked = false;
   await box.fire("change");
-  assert.deepEqual(Plot.made[5].data.slice(1), [[100, 50, 0]]);
+  assert.deepEqual(Plot.made[STRIPS].data.slice(1), [[100, 50, 0]]);
 });
 
 test("sections with a heading open and close, and on a small screen most begin closed", async () => {

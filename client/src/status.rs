@@ -27,6 +27,11 @@ pub struct Status {
     pub pulse_us: u16,
     /// Servo angle commanded, from the centre, rad.
     pub servo_rad: f64,
+    /// The same of the second servo; `None` for a vehicle with one axis.
+    pub second_servo: Option<Commanded>,
+    /// Standard deviation of the tilt, deg, of a vehicle that flies on its gyroscope alone; `None`
+    /// for another, and before it has said so.
+    pub tilt_sd_deg: Option<f32>,
     /// Rates, losses and load.
     #[serde(flatten)]
     pub health: LinkHealth,
@@ -34,6 +39,15 @@ pub struct Status {
     pub texts: Vec<String>,
     /// Everything that is enabled is healthy; `None` before the vehicle has said so.
     pub healthy: Option<bool>,
+}
+
+/// What a servo is commanded.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Commanded {
+    /// Pulse, us.
+    pub pulse_us: u16,
+    /// Angle from the centre, rad.
+    pub servo_rad: f64,
 }
 
 /// How well sensor, processor and link do. What the vehicle tells once a second is `None` before.
@@ -61,7 +75,7 @@ pub struct LinkHealth {
 #[derive(Clone, Debug)]
 pub struct StatusTracker {
     status: Status,
-    servo: ServoMap,
+    servos: [ServoMap; Axis::COUNT],
     /// First and last attitude since the last object, ms, and their number.
     window: Option<(u32, u32, u32)>,
 }
@@ -105,10 +119,10 @@ impl ServoMap {
 
 impl StatusTracker {
     /// Nothing heard yet.
-    pub fn new(servo: ServoMap) -> Self {
+    pub fn new(servos: [ServoMap; Axis::COUNT]) -> Self {
         Self {
             status: Status::default(),
-            servo,
+            servos,
             window: None,
         }
     }
@@ -130,8 +144,17 @@ impl StatusTracker {
                 });
             }
             MavMessage::SERVO_OUTPUT_RAW(m) => {
+                let [first, second] = &self.servos;
                 status.pulse_us = m.servo1_raw;
-                status.servo_rad = self.servo.angle_rad(m.servo1_raw);
+                status.servo_rad = first.angle_rad(m.servo1_raw);
+                // One that is not steered has no pulse.
+                status.second_servo = (m.servo2_raw > 0).then(|| Commanded {
+                    pulse_us: m.servo2_raw,
+                    servo_rad: second.angle_rad(m.servo2_raw),
+                });
+            }
+            MavMessage::NAMED_VALUE_FLOAT(m) if crate::text(&m.name) == "tilt_sd" => {
+                status.tilt_sd_deg = Some(m.value);
             }
             MavMessage::SYS_STATUS(m) => {
                 status.health.load = Some(f64::from(m.load) * 1e-3);
@@ -194,6 +217,35 @@ mod tests {
     use mavlink::dialects::common::{ATTITUDE_QUATERNION_DATA, STATUSTEXT_DATA};
 
     #[test]
+    fn a_second_servo_and_an_uncertain_tilt_are_there_when_they_are_told() {
+        use mavlink::dialects::common::{NAMED_VALUE_FLOAT_DATA, SERVO_OUTPUT_RAW_DATA};
+        let servos = [
+            ServoMap::new(1523.6, 10.0, 1.0),
+            ServoMap::new(1500.0, 10.0, -1.0),
+        ];
+        let mut tracker = StatusTracker::new(servos);
+        let mut pulses = |servo2_raw| {
+            tracker.take(&MavMessage::SERVO_OUTPUT_RAW(SERVO_OUTPUT_RAW_DATA {
+                servo1_raw: 1524,
+                servo2_raw,
+                ..SERVO_OUTPUT_RAW_DATA::default()
+            }));
+            tracker.peek().second_servo
+        };
+        assert_eq!(pulses(0), None);
+        let second = pulses(1600).unwrap();
+        assert_eq!(second.pulse_us, 1600);
+        assert!((second.servo_rad + 10.0_f64.to_radians()).abs() < 1e-9);
+        assert_eq!(tracker.peek().tilt_sd_deg, None);
+        tracker.take(&MavMessage::NAMED_VALUE_FLOAT(NAMED_VALUE_FLOAT_DATA {
+            name: "tilt_sd".into(),
+            value: 1.5,
+            ..NAMED_VALUE_FLOAT_DATA::default()
+        }));
+        assert_eq!(tracker.peek().tilt_sd_deg, Some(1.5));
+    }
+
+    #[test]
     fn angles_are_those_of_an_independent_library() {
         let q = nalgebra::UnitQuaternion::from_euler_angles(0.3, -0.7, 2.1);
         let [roll, pitch, yaw] = angles([q.w, q.i, q.j, q.k]);
@@ -211,7 +263,7 @@ mod tests {
 
     #[test]
     fn the_rate_is_that_of_the_vehicles_clock() {
-        let mut tracker = StatusTracker::new(ServoMap::new(1523.6, 10.0, 1.0));
+        let mut tracker = StatusTracker::new([ServoMap::new(1523.6, 10.0, 1.0); 2]);
         tracker.take(&text("armed"));
         for step in 0..=50 {
             tracker.take(&MavMessage::ATTITUDE_QUATERNION(ATTITUDE_QUATERNION_DATA {
@@ -242,7 +294,7 @@ mod tests {
 
     #[test]
     fn health_is_unknown_until_the_vehicle_tells_it() {
-        let mut tracker = StatusTracker::new(ServoMap::new(1523.6, 10.0, 1.0));
+        let mut tracker = StatusTracker::new([ServoMap::new(1523.6, 10.0, 1.0); 2]);
         let status = tracker.next(&Client::default());
         assert_eq!((status.healthy, status.health.missed), (None, None));
         tracker.take(&MavMessage::SYS_STATUS(SYS_STATUS_DATA {

@@ -20,7 +20,7 @@ use crate::out::exit::Verdict;
 use crate::out::kind;
 use crate::signals;
 use crate::vehicle::link::{Link, Vehicle};
-use crate::vehicle::monitor::servo_map;
+use crate::vehicle::monitor::servo_maps;
 use crate::vehicle::port::PortOptions;
 use relay::Relay;
 
@@ -68,7 +68,7 @@ pub fn run(options: &Forward) -> Result<Verdict> {
     let stop = signals::on_signal()?;
     // The ground station sends the heartbeats.
     let mut vehicle = Vehicle::at(Link::open(&options.port)?.without_heartbeat())?;
-    let mut tracker = StatusTracker::new(servo_map(&mut vehicle)?);
+    let mut tracker = StatusTracker::new(servo_maps(&mut vehicle)?);
     if let Some(log) = &options.log {
         vehicle.link().log_to(Writer::create(log)?);
         vehicle.parameters()?;

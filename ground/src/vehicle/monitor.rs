@@ -10,6 +10,7 @@ use anyhow::Result;
 use clap::Args;
 use client::{ServoMap, Status, StatusTracker};
 use indicatif::{MultiProgress, ProgressBar, ProgressDrawTarget, ProgressStyle};
+use tvc_nano::Axis;
 
 use crate::arguments::seconds;
 use crate::logs::log::Writer;
@@ -62,7 +63,7 @@ const TEXTS: usize = 4;
 pub fn run(options: &Monitor) -> Result<Verdict> {
     let stop = signals::on_signal()?;
     let mut vehicle = Vehicle::connect(&options.port)?;
-    let mut tracker = StatusTracker::new(servo_map(&mut vehicle)?);
+    let mut tracker = StatusTracker::new(servo_maps(&mut vehicle)?);
     if let Some(log) = &options.log {
         vehicle.link().log_to(Writer::create(log)?);
         // So that the log can be replayed.
@@ -93,17 +94,19 @@ pub fn run(options: &Monitor) -> Result<Verdict> {
     Ok(Verdict::Met)
 }
 
-/// The vehicle's map from servo angle to pulse.
+/// The vehicle's maps from servo angle to pulse, by axis. An older firmware has one servo.
 ///
 /// # Errors
 /// The vehicle does not tell its parameters.
-pub fn servo_map(vehicle: &mut Vehicle) -> Result<ServoMap> {
+pub fn servo_maps(vehicle: &mut Vehicle) -> Result<[ServoMap; Axis::COUNT]> {
     let mut value = |name| vehicle.parameter(name);
-    Ok(ServoMap::new(
-        value("SRV_CENTRE_US")?,
-        value("SRV_US_PER_DEG")?,
-        value("SRV_DIR")?,
-    ))
+    let us_per_deg = value("SRV_US_PER_DEG")?;
+    let first = ServoMap::new(value("SRV_CENTRE_US")?, us_per_deg, value("SRV_DIR")?);
+    let second = match (value("SRV2_CENTRE_US"), value("SRV2_DIR")) {
+        (Ok(centre_us), Ok(direction)) => ServoMap::new(centre_us, us_per_deg, direction),
+        _ => first,
+    };
+    Ok([first, second])
 }
 
 /// Prints a status as a line.
@@ -117,6 +120,17 @@ fn report(status: &Status, json: bool) -> Result<()> {
     print(lines(status).join("  ") + "\n")
 }
 
+/// What some vehicles tell besides: the second servo, and how uncertain the tilt is.
+fn beside(status: &Status) -> String {
+    let second = status.second_servo.map(|second| {
+        let angle_deg = second.servo_rad.to_degrees();
+        format!("  second {angle_deg:+5.1} deg ({} us)", second.pulse_us)
+    });
+    let tilt = status.tilt_sd_deg;
+    let tilt = tilt.map(|sd_deg| format!("  tilt known to {sd_deg:.1} deg"));
+    second.unwrap_or_default() + &tilt.unwrap_or_default()
+}
+
 /// A status as text: time and state, attitude, link.
 fn lines(status: &Status) -> [String; 3] {
     let [roll, pitch, yaw] = status.attitude_rad.map(f64::to_degrees);
@@ -128,7 +142,7 @@ fn lines(status: &Status) -> [String; 3] {
             "pitch {pitch:+6.1} deg ({rate:+7.1} deg/s)  roll {roll:+6.1}  yaw {yaw:+6.1}  servo {:+5.1} deg ({} us)",
             status.servo_rad.to_degrees(),
             status.pulse_us
-        ),
+        ) + &beside(status),
         format!(
             "{:5.1} attitudes/s  lost {}  damaged {}  dropped {}  missed {}  bus errors {}  load {} %{}",
             health.attitude_hz,
@@ -187,10 +201,15 @@ impl Screen {
         let [state, attitude, link] = lines(status);
         let pitch = status.attitude_rad[1].to_degrees();
         let servo = status.servo_rad.to_degrees();
+        let roll = status.attitude_rad[0].to_degrees();
+        let second = status.second_servo.map_or(String::new(), |second| {
+            let second = gauge(second.servo_rad.to_degrees());
+            format!("  roll {}  second {second}", gauge(roll))
+        });
         let shown = [
             format!("{state}: {}", status.reason),
             attitude,
-            format!("pitch {}  servo {}", gauge(pitch), gauge(servo)),
+            format!("pitch {}  servo {}{second}", gauge(pitch), gauge(servo)),
             link,
             "Ctrl-C ends the monitor; `tvc disarm` stops the vehicle".to_owned(),
         ];

@@ -35,6 +35,16 @@ function faces() {
   return list;
 }
 
+/** Half a rudder's width, where its hinge is, and where its lower edge is when it rests. */
+const [WIDE, HINGE, EDGE] = [0.17, 0.42, 0.68];
+
+/** A rudder's face, its angle in deg: that of pitch is hinged along the body's y, that of roll along its x. A positive angle sends the wash forward, or to the left. */
+function rudder(isRoll, deg) {
+  const [away, down] = [(EDGE - HINGE) * Math.sin(deg * rad), HINGE + (EDGE - HINGE) * Math.cos(deg * rad)];
+  const corner = (side, aside, low) => (isRoll ? [side * WIDE, -aside, low] : [aside, side * WIDE, low]);
+  return [corner(-1, 0, HINGE), corner(1, 0, HINGE), corner(1, away, down), corner(-1, away, down)];
+}
+
 /** The body's legs and mast. */
 const LINES = [
   [[0, 0, -0.36], [0, 0, -0.6]],
@@ -74,14 +84,14 @@ export class Attitude {
     this.last = "";
   }
 
-  /** Roll, pitch and yaw, deg; null is no number. */
-  draw(attitude) {
+  /** Roll, pitch and yaw, and the rudders of pitch and roll, deg; null is no number, or no rudder. */
+  draw(attitude, rudders = []) {
     const valid = attitude.every((angle) => angle !== null);
-    const key = valid ? attitude.map((angle) => angle.toFixed(1)).join() : "invalid";
+    const key = valid ? [...attitude, ...rudders].map((angle) => angle?.toFixed(1)).join() : "invalid";
     if (key === this.last || this.canvas.clientWidth === 0) return;
     this.last = key;
     const context = this.begin();
-    if (valid) this.picture(context, attitude);
+    if (valid) this.picture(context, attitude, rudders);
     else this.say(context, "attitude invalid");
   }
 
@@ -108,7 +118,7 @@ export class Attitude {
     context.fillText(words, 0, 0);
   }
 
-  picture(context, attitude) {
+  picture(context, attitude, rudders) {
     const { colours } = this;
     const turn = rotation(attitude);
     const path = (points, close) => {
@@ -135,7 +145,8 @@ export class Attitude {
       context.fillText(words, ...seen([Math.cos(deg * rad), Math.sin(deg * rad), GROUND]).slice(0, 2));
     }
     // Tether and body: what is farther away first.
-    const parts = this.faces.map(([corners, hue]) => {
+    const blades = rudders.flatMap((deg, axis) => (deg === null ? [] : [[rudder(axis === 1, deg), "blue"]]));
+    const parts = [...this.faces, ...blades].map(([corners, hue]) => {
       const there = corners.map(turn);
       return { there, hue, near: there.reduce((sum, corner) => sum + seen(corner)[2], 0) / there.length };
     });

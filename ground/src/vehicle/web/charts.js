@@ -26,12 +26,13 @@ export function style(x, y) {
 
 const element = (tag, words = "") => Object.assign(document.createElement(tag), { textContent: words });
 
-/** One chart. `lines`: name, colour and value of a frame each; `least`: the range that is always in sight; `slow`: it is drawn less often. */
+/** One chart. `lines`: name, colour and value of a frame each; `least`: the range that is always in sight; `slow`: it is drawn less often; `when`: frames with which it is there. */
 class Strip {
-  constructor(charts, { title, unit, lines, least, decimals, height, slow }) {
-    Object.assign(this, { charts, unit, lines, least, decimals, height, slow, words: "", inSight: true });
+  constructor(charts, { title, unit, lines, least, decimals, height, slow, when }) {
+    Object.assign(this, { charts, unit, lines, least, decimals, height, slow, when, words: "", inSight: true });
     this.values = lines.map(() => []);
     this.figure = element("figure");
+    this.figure.hidden = Boolean(when);
     const caption = element("figcaption");
     caption.append(element("span", `${title}, ${unit}`));
     for (const [name, hue] of lines.length > 1 ? lines : []) {
@@ -168,6 +169,14 @@ export class Charts {
       for (const values of [times, ...this.strips.flatMap((strip) => strip.values)]) values.splice(0, count);
     }
     this.changed = true;
+    this.choose(frame);
+  }
+
+  /** Charts that only some vehicles have come and go with what a frame tells. */
+  choose(frame) {
+    const turned = this.strips.filter(({ when, figure }) => when && figure.hidden === Boolean(when(frame)));
+    for (const { figure } of turned) figure.hidden = !figure.hidden;
+    if (turned.length > 0) this.fit();
   }
 
   append(time, value) {

@@ -36,10 +36,27 @@ pub struct Motion {
     pub pulse_us: u16,
     /// Pitch to hold, deg.
     pub set_deg: f64,
+    /// The second axis; none of a vehicle with one.
+    pub roll: Option<RollMotion>,
+    /// Standard deviation of the tilt, deg, of a vehicle that flies on its gyroscope alone.
+    pub tilt_sd_deg: Option<f64>,
     /// From the start of the sample to its control step, ms.
     pub latency_ms: f64,
     /// Share of time for which the processor was awake, percent.
     pub load_pct: f64,
+}
+
+/// What [`Motion`] has of the second axis besides its angle.
+#[derive(Clone, Debug, Default, Serialize)]
+pub struct RollMotion {
+    /// Roll rate, deg/s.
+    pub rate_deg_s: f64,
+    /// Angle commanded of the second servo, from its centre, deg.
+    pub servo_deg: f64,
+    /// Its pulse, us.
+    pub pulse_us: u16,
+    /// Roll to hold, deg.
+    pub set_deg: f64,
 }
 
 /// The vehicle's status: sent when it changes.

@@ -102,6 +102,12 @@ const charts = new Charts(at("strips"), [
   },
   { title: "pitch rate", unit: "deg/s", least: [-5, 5], decimals: 1, height: 105, lines: [["rate", "teal", (f) => f.rate_deg_s]] },
   { title: "rudder servo", unit: "deg", least: [-5, 5], decimals: 1, height: 105, lines: [["servo", "violet", (f) => f.servo_deg]] },
+  {
+    title: "roll", unit: "deg", least: [-2, 2], decimals: 1, height: 150, when: (f) => f.roll,
+    lines: [["roll", "blue", (f) => f.attitude_deg[0]], ["set point", "green", (f) => f.roll?.set_deg]],
+  },
+  { title: "roll rate", unit: "deg/s", least: [-5, 5], decimals: 1, height: 105, when: (f) => f.roll, lines: [["rate", "teal", (f) => f.roll?.rate_deg_s]] },
+  { title: "second servo", unit: "deg", least: [-5, 5], decimals: 1, height: 105, when: (f) => f.roll, lines: [["servo", "violet", (f) => f.roll?.servo_deg]] },
   { title: "sample to control step", unit: "ms", least: [0, 5], decimals: 2, height: 85, slow: true, lines: [["age", "amber", (f) => f.latency_ms]] },
   { title: "processor load", unit: "%", least: [0, 40], decimals: 1, height: 85, slow: true, lines: [["load", "slate", (f) => f.load_pct]] },
 ], chartTools);
@@ -143,12 +149,18 @@ function paint(now) {
   turn("body", pitch);
   turn("setpoint", frame.set_deg);
   turn("rudder", frame.servo_deg);
-  attitude.draw(frame.attitude_deg);
+  attitude.draw(frame.attitude_deg, [frame.servo_deg, frame.roll?.servo_deg ?? null]);
   charts.draw(now);
   if (now - figured < FIGURES) return;
   figured = now;
   for (const [id, value] of [["pitch", pitch], ["roll", roll], ["yaw", yaw], ["servo", frame.servo_deg]]) {
     put(id, value === null ? "invalid" : value.toFixed(1).replace(/^-(0\.0)$/, "$1"));
+  }
+  // What not every vehicle tells.
+  for (const [id, value] of [["second", frame.roll?.servo_deg], ["tilt_sd", frame.tilt_sd_deg]]) {
+    const told = value !== undefined && value !== null;
+    at(`${id}_row`).hidden = !told;
+    if (told) put(id, value.toFixed(1).replace(/^-(0\.0)$/, "$1"));
   }
 }
 

@@ -19,7 +19,7 @@ use client::request::{self, DISARM, RELOAD, RESET, SAVE};
 use client::state::is_in_operation;
 use client::{Frame, Request, ServoMap, StateKind, StatusTracker, Ticket};
 use mavlink::dialects::common::{MavMessage, SYS_STATUS_DATA};
-use tvc_nano::Params;
+use tvc_nano::{Axis, Params};
 
 use super::handle::{Ask, Condition, Recording, Reply};
 use super::logs;
@@ -163,7 +163,7 @@ impl<'a> Session<'a> {
         Self {
             model,
             logs,
-            tracker: StatusTracker::new(ServoMap::of(&params)),
+            tracker: StatusTracker::new(Axis::ALL.map(|axis| ServoMap::of_axis(&params, axis))),
             state: link.client().state(),
             attitudes: 0,
             health: SYS_STATUS_DATA::default(),

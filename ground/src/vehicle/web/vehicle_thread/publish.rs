@@ -6,8 +6,9 @@ use client::state::is_in_operation;
 use client::status::sick;
 use client::{Frame, Parameter, ServoMap, StateKind, text};
 use mavlink::dialects::common::{MavMessage, SYS_STATUS_DATA};
+use tvc_nano::Axis;
 
-use super::super::model::{Motion, ParameterRow, VehicleStatus};
+use super::super::model::{Motion, ParameterRow, RollMotion, VehicleStatus};
 use super::super::releases::Circumstances;
 use super::{SILENCE, STATUS, Session};
 
@@ -101,15 +102,26 @@ impl Session<'_> {
 
     fn motion(&self) -> Motion {
         let status = self.tracker.peek();
-        let servo_rad = ServoMap::of(&self.params).angle_rad(status.pulse_us);
+        let servo = |axis, pulse_us| {
+            let map = ServoMap::of_axis(&self.params, axis);
+            rounded(map.angle_rad(pulse_us).to_degrees())
+        };
+        let roll = status.second_servo.map(|second| RollMotion {
+            rate_deg_s: rounded(f64::from(status.rate_rad_s[0]).to_degrees()),
+            servo_deg: servo(Axis::Roll, second.pulse_us),
+            pulse_us: second.pulse_us,
+            set_deg: f64::from(self.params.roll_set_deg()),
+        });
         Motion {
             time_s: rounded(status.timestamp),
             count: self.attitudes,
             attitude_deg: status.attitude_rad.map(|rad| rounded(rad.to_degrees())),
             rate_deg_s: rounded(f64::from(status.rate_rad_s[1]).to_degrees()),
-            servo_deg: rounded(servo_rad.to_degrees()),
+            servo_deg: servo(Axis::Pitch, status.pulse_us),
             pulse_us: status.pulse_us,
             set_deg: f64::from(self.params.pitch_set_deg()),
+            roll,
+            tilt_sd_deg: status.tilt_sd_deg.map(|sd_deg| rounded(sd_deg.into())),
             latency_ms: rounded(self.latency_ms),
             load_pct: rounded(100.0 * status.health.load.unwrap_or_default()),
         }
