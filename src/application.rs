@@ -211,8 +211,11 @@ impl<'a> Application<'a> {
             self.exchange(now, board);
         }
         let is_waiting = self.ask_sensor(now, board);
-        // A transfer that is missing may be one to give up.
-        let is_calm = !is_waiting && self.driver.is_sampling() && event != Event::Missed;
+        // A transfer that is missing may be one to give up. A save waits for the bus to be free.
+        let is_calm = !is_waiting
+            && self.driver.is_sampling()
+            && event != Event::Missed
+            && !self.telemetry.has_storage_order();
         now.after(if is_calm { CALM_US } else { CARE_US })
     }
 

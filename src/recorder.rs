@@ -34,7 +34,7 @@ pub const STEPS_BEFORE: usize = STEPS - STEPS_AFTER;
 /// Steps from the release on: 1.1 s at 150 Hz, in which every servo has brought the drone upright.
 pub const STEPS_AFTER: usize = 170;
 /// Steps of a whole recording.
-pub const STEPS: usize = 200;
+pub const STEPS: usize = 190;
 /// The age that stands for no sample.
 pub const NO_SAMPLE: u16 = u16::MAX;
 

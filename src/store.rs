@@ -192,22 +192,88 @@ pub fn load_bytes(bytes: &[u8; STORE_BYTES]) -> (Params, Loaded) {
     load(&mut Bytes(bytes))
 }
 
-/// Saves `params` in the slot that does not hold the newest set; their new generation.
+/// Saves `params` in the slot that does not hold the newest set, in one go; their new generation.
 ///
 /// # Errors
 /// [`SaveError`]; the newest set is as it was.
 pub fn save<F: NorFlash>(flash: &mut F, params: &Params) -> Result<u32, SaveError> {
-    let mut bytes = [0; SLOT_BYTES];
-    let newest = newest(Slot::ALL.map(|slot| examine(flash, slot, &mut bytes)));
-    let (slot, generation) = match newest {
-        Some((slot, generation)) => (slot.other(), generation.wrapping_add(1)),
-        None => (Slot::First, 1),
-    };
-    compose(params, generation, &mut bytes);
-    write(flash, slot, &bytes).map_err(|_| SaveError::Flash)?;
-    match examine(flash, slot, &mut bytes) {
-        Content::Set { generation: read } if read == generation => Ok(generation),
-        _ => Err(SaveError::ReadBack),
+    let mut saving = Saving::begin(flash, params);
+    loop {
+        if let Some(generation) = saving.go_on(flash, params)? {
+            return Ok(generation);
+        }
+    }
+}
+
+/// A save under way, a row or a page at a time: the processor stands still meanwhile, for up to 6 ms
+/// each, and is to read its sensor in between.
+#[derive(Clone, Copy, Debug)]
+pub struct Saving {
+    slot: Slot,
+    generation: u32,
+    /// Of the parameters as they were at the begin.
+    digest: i32,
+    /// Rows erased and pages written.
+    done: usize,
+}
+
+impl Saving {
+    /// Chooses the slot; nothing is written yet.
+    pub fn begin(flash: &mut impl ReadNorFlash, params: &Params) -> Self {
+        let mut bytes = [0; SLOT_BYTES];
+        let newest = newest(Slot::ALL.map(|slot| examine(flash, slot, &mut bytes)));
+        let (slot, generation) = match newest {
+            Some((slot, generation)) => (slot.other(), generation.wrapping_add(1)),
+            None => (Slot::First, 1),
+        };
+        Self {
+            slot,
+            generation,
+            digest: params.digest(),
+            done: 0,
+        }
+    }
+
+    /// Erases the next row or writes the next page, that with the mark last; the new generation
+    /// when the set reads back. Parameters that have changed meanwhile are saved from the begin.
+    ///
+    /// # Errors
+    /// [`SaveError`]; the newest set is as it was.
+    pub fn go_on<F: NorFlash>(
+        &mut self,
+        flash: &mut F,
+        params: &Params,
+    ) -> Result<Option<u32>, SaveError> {
+        let digest = params.digest();
+        if digest != self.digest {
+            (self.digest, self.done) = (digest, 0);
+        }
+        let start = self.slot.offset();
+        let rows = SLOT_BYTES / F::ERASE_SIZE;
+        let pages = SLOT_BYTES / F::WRITE_SIZE;
+        let mut bytes = [0; SLOT_BYTES];
+        if self.done < rows {
+            let row = start + self.done * F::ERASE_SIZE;
+            let erased = flash.erase(row as u32, (row + F::ERASE_SIZE) as u32);
+            erased.map_err(|_| SaveError::Flash)?;
+            self.done += 1;
+            return Ok(None);
+        }
+        compose(params, self.generation, &mut bytes);
+        while let Some(page) = (rows + pages).checked_sub(self.done + 1) {
+            self.done += 1;
+            let at = page * F::WRITE_SIZE;
+            let page = bytes.get(at..at + F::WRITE_SIZE).unwrap_or_default();
+            if page.iter().any(|byte| *byte != 0xFF) {
+                let written = flash.write((start + at) as u32, page);
+                written.map_err(|_| SaveError::Flash)?;
+                return Ok(None);
+            }
+        }
+        match examine(flash, self.slot, &mut bytes) {
+            Content::Set { generation } if generation == self.generation => Ok(Some(generation)),
+            _ => Err(SaveError::ReadBack),
+        }
     }
 }
 
@@ -239,18 +305,6 @@ impl ReadNorFlash for Bytes<'_> {
     fn capacity(&self) -> usize {
         STORE_BYTES
     }
-}
-
-/// Erases the slot and writes it, the page with the mark last.
-fn write<F: NorFlash>(flash: &mut F, slot: Slot, bytes: &[u8; SLOT_BYTES]) -> Result<(), F::Error> {
-    let start = slot.offset();
-    flash.erase(start as u32, (start + SLOT_BYTES) as u32)?;
-    for (index, page) in bytes.chunks(F::WRITE_SIZE).enumerate().rev() {
-        if page.iter().any(|byte| *byte != 0xFF) {
-            flash.write((start + index * F::WRITE_SIZE) as u32, page)?;
-        }
-    }
-    Ok(())
 }
 
 /// Reads a slot into `bytes` and says what it is.

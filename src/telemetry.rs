@@ -64,6 +64,7 @@ use crate::config::{HEARTBEAT_PERIOD_US, HOST_GONE_US};
 use crate::failsafe::{Command, State};
 use crate::flight::{Flight, Snapshot};
 use crate::servo::PulseUs;
+use crate::store::Saving;
 use download::Download;
 use parser::{Address, Parser};
 use queue::{Priority, Queue};
@@ -115,6 +116,8 @@ pub struct Telemetry {
     modes: (usize, usize),
     /// What the host wants done with stored parameters, and who that is.
     storage: Option<(StorageOrder, Address)>,
+    /// How far the save is that it asks for.
+    saving: Option<Saving>,
     download: Download,
     rates: Rates,
     reset: Option<Reset>,
@@ -142,6 +145,7 @@ impl Telemetry {
             list: None,
             modes: (0, 0),
             storage: None,
+            saving: None,
             download: Download::new(),
             rates: Rates::new(),
             reset: None,
@@ -167,6 +171,7 @@ impl Telemetry {
             list,
             modes,
             storage,
+            saving,
             download,
             rates,
             reset,
@@ -180,6 +185,7 @@ impl Telemetry {
         *sequence = 0;
         (*announced, *heartbeat_at, *list) = (None, None, None);
         (*storage, *reset, *calibration, *bringup) = (None, None, None, None);
+        *saving = None;
         (*modes, *memory_due, *field_told) = ((0, 0), false, true);
     }
 

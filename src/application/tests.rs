@@ -274,7 +274,11 @@ fn flash_is_not_written_while_a_transfer_is_under_way() {
     );
     bench.board.bus = Bus::Free;
     bench.board.packets.clear();
+    // A row or a page at a time.
     bench.turns(vec![Event::Nothing]);
+    assert!(bench.telemetry.has_storage_order());
+    bench.turns((0..20).map(|_| Event::Nothing).collect());
+    assert!(!bench.telemetry.has_storage_order());
     assert!(matches!(
         crate::store::load(&mut bench.board.flash).1,
         crate::store::Loaded::Set { generation: 1, .. }

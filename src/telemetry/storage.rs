@@ -6,7 +6,7 @@ use mavlink::dialects::common::{MavCmd, MavResult, MavSeverity};
 use super::Telemetry;
 use crate::flight::Flight;
 use crate::params::{ParamError, Params};
-use crate::store::{self, Loaded};
+use crate::store::{self, Loaded, Saving};
 
 const STORAGE: u16 = MavCmd::MAV_CMD_PREFLIGHT_STORAGE as u16;
 
@@ -54,27 +54,38 @@ impl Telemetry {
         }
     }
 
-    /// Obeys an order about stored parameters, if there is one. The processor may stand still for
-    /// some 30 ms: call it where that does no harm. While the drone is armed it is refused.
+    /// Obeys an order about stored parameters, if there is one, a row or page of flash at a time.
+    /// The processor may stand still for some 6 ms: call it where that does no harm, and again
+    /// until there is none. While the drone is armed it is refused.
     pub fn serve_storage<F: NorFlash>(&mut self, flash: &mut F, flight: &mut Flight) {
         let Some((order, asker)) = self.storage.take() else {
             return;
         };
         self.asker = asker;
+        let saving = self.saving.take();
         if flight.state().is_armed() {
             return self.refuse_storage();
         }
         let result = match order {
-            StorageOrder::Save => match store::save(flash, flight.params()) {
-                Ok(_) => MavResult::MAV_RESULT_ACCEPTED,
-                Err(error) => {
-                    self.status_text(
-                        MavSeverity::MAV_SEVERITY_ERROR,
-                        format_args!("save failed: {error}"),
-                    );
-                    MavResult::MAV_RESULT_FAILED
+            StorageOrder::Save => {
+                let params = flight.params();
+                let mut saving = saving.unwrap_or_else(|| Saving::begin(flash, params));
+                match saving.go_on(flash, params) {
+                    Ok(None) => {
+                        self.storage = Some((order, asker));
+                        self.saving = Some(saving);
+                        return;
+                    }
+                    Ok(Some(_)) => MavResult::MAV_RESULT_ACCEPTED,
+                    Err(error) => {
+                        self.status_text(
+                            MavSeverity::MAV_SEVERITY_ERROR,
+                            format_args!("save failed: {error}"),
+                        );
+                        MavResult::MAV_RESULT_FAILED
+                    }
                 }
-            },
+            }
             StorageOrder::Reload => {
                 let (params, loaded) = store::load(flash);
                 self.report_stored(loaded);

@@ -24,7 +24,7 @@ Examples:
   cargo tvc recorder release.tlog             as a log, for `tvc report`, MAVProxy, QGroundControl
   cargo tvc recorder release.mcap             for Foxglove and PlotJuggler
 
-The vehicle keeps 30 steps before a release and 170 from it on in its own memory, whatever the link
+The vehicle keeps 20 steps before a release and 170 from it on in its own memory, whatever the link
 loses, until it is armed again or loses power. Other ground stations download the same as log 0.
 Exit status: 0 written, 1 something failed, 2 unusable input or nothing to fetch.")]
 pub struct Recorder {

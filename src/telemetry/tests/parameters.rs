@@ -127,6 +127,56 @@ fn a_parameter_is_read_by_name_or_index() {
     );
 }
 
+/// Obeys an order about stored parameters to its end.
+fn serve(link: &mut Link, flash: &mut Mock) {
+    while link.telemetry.has_storage_order() {
+        link.telemetry.serve_storage(flash, &mut link.desk.flight);
+    }
+}
+
+/// Armed in the midst of a save, the vehicle leaves the set that it had.
+#[test]
+fn a_save_ends_where_the_vehicle_is_armed() {
+    let mut link = Link::new(Desk::in_standby(0.1));
+    let mut flash = Mock::new();
+    link.tell(&order(STORAGE, SAVE, 0.0));
+    serve(&mut link, &mut flash);
+    take(&mut link.telemetry);
+    link.tell(&set("PID_KP", 2.5));
+    link.tell(&order(STORAGE, SAVE, 0.0));
+    for _ in 0..7 {
+        link.telemetry
+            .serve_storage(&mut flash, &mut link.desk.flight);
+    }
+    link.tell(&order(MavCmd::MAV_CMD_COMPONENT_ARM_DISARM, 1.0, 0.0));
+    serve(&mut link, &mut flash);
+    let refused = MavResult::MAV_RESULT_TEMPORARILY_REJECTED;
+    assert!(acks(&take(&mut link.telemetry)).contains(&(STORAGE, refused)));
+    let (stored, loaded) = crate::store::load(&mut flash);
+    assert_eq!(stored.pid_kp(), Params::default().pid_kp());
+    assert!(matches!(
+        loaded,
+        crate::store::Loaded::Set { generation: 1, .. }
+    ));
+}
+
+/// What changes while it is saved is saved as it is in the end.
+#[test]
+fn a_parameter_that_changes_in_a_save_is_saved_anew() {
+    let mut link = Link::new(Desk::in_standby(0.1));
+    let mut flash = Mock::new();
+    link.tell(&order(STORAGE, SAVE, 0.0));
+    for _ in 0..9 {
+        link.telemetry
+            .serve_storage(&mut flash, &mut link.desk.flight);
+    }
+    link.tell(&set("PID_KP", 2.5));
+    serve(&mut link, &mut flash);
+    let (stored, loaded) = crate::store::load(&mut flash);
+    assert_eq!(stored.pid_kp(), 2.5);
+    assert!(loaded.is_as_saved());
+}
+
 #[test]
 fn a_storage_order_does_not_replace_another_and_each_is_answered() {
     let mut link = Link::new(Desk::in_standby(0.1));
@@ -141,19 +191,16 @@ fn a_storage_order_does_not_replace_another_and_each_is_answered() {
     assert_eq!(texts(&answer), ["storage order refused: busy with another"]);
     // The same one again, as a host sends it that has heard nothing, is no other.
     assert!(link.tell(&order(STORAGE, SAVE, 0.0)).is_empty());
-    link.telemetry
-        .serve_storage(&mut flash, &mut link.desk.flight);
+    serve(&mut link, &mut flash);
     let saved = acks(&take(&mut link.telemetry));
     assert_eq!(saved, [(STORAGE, MavResult::MAV_RESULT_ACCEPTED)]);
     assert_eq!(crate::store::load(&mut flash).0.pid_kp(), 2.5);
-    link.telemetry
-        .serve_storage(&mut flash, &mut link.desk.flight);
+    serve(&mut link, &mut flash);
     assert!(take(&mut link.telemetry).is_empty());
     // The way is free again.
     link.tell(&set("PID_KP", 3.0));
     assert!(link.tell(&order(STORAGE, RELOAD, 0.0)).is_empty());
-    link.telemetry
-        .serve_storage(&mut flash, &mut link.desk.flight);
+    serve(&mut link, &mut flash);
     assert_eq!(link.desk.flight.params().pid_kp(), 2.5);
 }
 
@@ -166,8 +213,7 @@ fn a_reload_that_changes_the_calibration_makes_arming_wait() {
     stored.set("CAL_GYR_OY", 3.0).unwrap();
     crate::store::save(&mut flash, &stored).unwrap();
     link.tell(&order(STORAGE, RELOAD, 0.0));
-    link.telemetry
-        .serve_storage(&mut flash, &mut link.desk.flight);
+    serve(&mut link, &mut flash);
     take(&mut link.telemetry);
     let arm = order(MavCmd::MAV_CMD_COMPONENT_ARM_DISARM, 1.0, 0.0);
     let answer = link.tell(&arm);

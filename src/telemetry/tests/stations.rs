@@ -280,8 +280,10 @@ fn an_acknowledgement_is_for_the_one_that_asked_however_late_it_comes() {
     let begun = hear(&mut link, 251, &order(CALIBRATION, 1.0, 0.0));
     assert_eq!(ack_target(&begun), [251, 190]);
     assert_eq!(ack_target(&hear(&mut link, 252, &request(148))), [252, 190]);
-    link.telemetry
-        .serve_storage(&mut flash, &mut link.desk.flight);
+    while link.telemetry.has_storage_order() {
+        link.telemetry
+            .serve_storage(&mut flash, &mut link.desk.flight);
+    }
     let saved = link.telemetry.pending().to_vec();
     link.telemetry.sent(saved.len());
     assert_eq!(ack_target(&saved), [250, 190]);
