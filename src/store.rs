@@ -205,8 +205,8 @@ pub fn save<F: NorFlash>(flash: &mut F, params: &Params) -> Result<u32, SaveErro
     }
 }
 
-/// A save under way, a row or a page at a time: the processor stands still meanwhile, for up to 6 ms
-/// each, and is to read its sensor in between.
+/// A save under way, a row or a page at a time: the processor stands still meanwhile, for up to 6
+/// ms each, and is to read its sensor in between.
 #[derive(Clone, Copy, Debug)]
 pub struct Saving {
     slot: Slot,

@@ -86,8 +86,8 @@ fn what_was_not_saved_is_gone_and_a_reload_or_a_reset_brings_back_what_was() {
     assert_eq!(gain_after_power_cut(rig, station), 1.75);
 }
 
-/// A save is four erasures and a page for every eight parameters, with turns of the loop in between:
-/// steps of two milliseconds end after every one of them.
+/// A save is four erasures and a page for every eight parameters, with turns of the loop in
+/// between: steps of two milliseconds end after every one of them.
 #[test]
 fn a_power_cut_at_any_instant_of_a_save_leaves_the_old_set_or_the_new_one() {
     let mut bench = saved(1.75);

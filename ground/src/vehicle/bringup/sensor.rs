@@ -168,15 +168,16 @@ fn changes(samples: &[RAW_IMU_DATA], of: impl Fn(&RAW_IMU_DATA) -> [i16; 3]) -> 
 }
 
 /// The magnetometer's is told and not judged: its noise is less than a count. The accelerometer is
-/// read at two of three ticks only, so that a part of its refreshes goes unseen.
+/// read at two of three ticks only, so that a part of its refreshes goes unseen: of 100 a second
+/// some 48 to 60 are seen, by the length of the bursts, of 50 some 43.
 fn refresh(samples: &[RAW_IMU_DATA]) -> Row {
     let acc = changes(samples, |m| [m.xacc, m.yacc, m.zacc]);
     let gyr = changes(samples, |m| [m.xgyro, m.ygyro, m.zgyro]);
     let mag = changes(samples, magnetic);
     REFRESH.of(
-        "acc 50 to 105, gyr 80 to 105 Hz (equal readings count as one)",
+        "acc 45 to 105, gyr 80 to 105 Hz (equal readings count as one)",
         format!("acc {acc:.0}, gyr {gyr:.0}, mag {mag:.0} Hz or more"),
-        (50.0..=105.0).contains(&acc) && (80.0..=105.0).contains(&gyr),
+        (45.0..=105.0).contains(&acc) && (80.0..=105.0).contains(&gyr),
     )
 }
 
