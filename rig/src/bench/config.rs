@@ -59,7 +59,8 @@ pub struct BenchConfig {
     pub lever_m: [f64; 3],
     /// A jumper leads the servo's signal to D2, where no other servo is.
     pub jumper: bool,
-    /// The servo, or both, before its horn is fitted to zero rudder at [`ZERO_RUDDER_US`](super::ZERO_RUDDER_US).
+    /// The servo, or both, before its horn is fitted to zero rudder at
+    /// [`ZERO_RUDDER_US`](super::ZERO_RUDDER_US).
     pub servo: ServoModel,
     /// Angle by which the horn is mounted off its place on the spline, rad.
     pub horn_error_rad: f64,
