@@ -383,7 +383,8 @@ impl Settings {
         let build = |gains| {
             let config = Config {
                 declination_rad: self.declination_deg * (PI / 180.0),
-                ..Config::with_gains(gains)
+                // The controller knows how old the rates are, and pitch and tilt need no heading.
+                ..Config::with_gains(gains).without_lags()
             };
             Estimator::new(&config, &Scale::BNO055, ESTIMATOR_PERIOD_US)
         };

@@ -38,16 +38,16 @@ pub struct Config<G> {
     /// After this time of averaging the attitude counts as initialised (s).
     pub start_up_s: f32,
     /// Age of the gyroscope's samples, s: -0.1 to 0.1. The attitude is given for the present, ahead
-    /// of the rates by this. In fixed point there is no lag.
+    /// of the rates by this.
     pub gyr_lag_s: f32,
     /// Age of the accelerometer's samples less that of the rates, s: -0.1 to 0.1. Low-pass filters
-    /// differ; the accelerometer's mostly has the lower cut-off. In fixed point there is no lag.
+    /// differ; the accelerometer's mostly has the lower cut-off.
     pub acc_lag_s: f32,
-    /// Age of the magnetometer's samples less that of the rates, s: -0.1 to 0.1. In fixed point
-    /// there is no lag.
+    /// Age of the magnetometer's samples less that of the rates, s: -0.1 to 0.1.
     pub mag_lag_s: f32,
     /// How firmly `mag_lag_s` stands against the lag that the field shows while the body turns,
-    /// rad^2/s: square of the rate across the field, times time. `f32::INFINITY` learns nothing.
+    /// rad^2/s: square of the rate across the field, times time. `f32::INFINITY` learns nothing; in
+    /// fixed point only an estimator with recovery learns.
     pub mag_lag_prior_rad2_s: f32,
     /// Magnetic declination, east positive (rad). With it, north is geographic.
     pub declination_rad: f32,

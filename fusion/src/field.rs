@@ -40,7 +40,7 @@ pub struct FieldConfig {
 impl Default for FieldConfig {
     fn default() -> Self {
         Self {
-            gate: 0.25,
+            gate: 0.2,
             tau_s: 20.0,
             adopt_s: 20.0,
             adopt_rate_rad_s: 0.35,
@@ -363,10 +363,10 @@ impl<T: Real> Field<T> {
         if let Some(reference) = &self.reference
             && self.averaged == AVERAGED
             && T::ONE.within(self.weight)
+            && let Some(dt) = self.lag.due(self.since_judged_s)
         {
             let per_field = reference.inverse_tolerance * self.gate * T::HALF;
-            self.lag
-                .learn(self.since_judged_s, rows, mag, rate, per_field);
+            self.lag.learn(dt, rows, mag, rate, per_field);
         }
     }
 

@@ -26,7 +26,7 @@ use nalgebra::Vector3;
 
 use crate::error::{ConfigError, in_range};
 use crate::quaternion::HalfRows;
-use crate::real::Real;
+use crate::real::Number;
 use crate::vector::{add_scaled, cross, difference, dot, scaled, within};
 
 /// Largest lag that second order describes, s.
@@ -44,7 +44,7 @@ const SHORT_TURN: f32 = 0.02;
 
 /// The vector that was seen as `v` in the body frame `lag_s` ago, now, at the rate `rate` (rad/s).
 #[inline(always)]
-pub(crate) fn now<T: Real>(v: &Vector3<T>, rate: &Vector3<T>, lag_s: T) -> Vector3<T> {
+pub(crate) fn now<T: Number>(v: &Vector3<T>, rate: &Vector3<T>, lag_s: T) -> Vector3<T> {
     let turn = scaled(rate, lag_s);
     let first = cross(v, &turn);
     let mut now = Vector3::new(v.x + first.x, v.y + first.y, v.z + first.z);
@@ -55,7 +55,7 @@ pub(crate) fn now<T: Real>(v: &Vector3<T>, rate: &Vector3<T>, lag_s: T) -> Vecto
 }
 
 /// A lag of the configuration, s.
-pub(crate) fn checked<T: Real>(lag_s: f32, name: &'static str) -> Result<T, ConfigError> {
+pub(crate) fn checked<T: Number>(lag_s: f32, name: &'static str) -> Result<T, ConfigError> {
     in_range(lag_s, -LONGEST_S, LONGEST_S, name)?;
     Ok(T::from_f32(lag_s))
 }
@@ -82,7 +82,7 @@ struct Regression<T> {
     square: T,
 }
 
-impl<T: Real> FieldLag<T> {
+impl<T: Number> FieldLag<T> {
     /// `prior`: what the configured lag counts against what is learned, rad^2/s.
     pub(crate) fn new(lag_s: f32, prior: f32) -> Result<Self, ConfigError> {
         let configured = checked::<T>(lag_s, "mag_lag_s")?;
@@ -121,8 +121,19 @@ impl<T: Real> FieldLag<T> {
         self.lag_s
     }
 
-    /// One sample as it was measured, `dt` (s) after the one before, of a field whose strength is
-    /// `1 / per_field`.
+    /// A sample comes `dt` (s) after the one before. Where it is one to learn from, the time since
+    /// the last such sample, s.
+    #[inline(always)]
+    pub(crate) fn due(&mut self, dt: T) -> Option<T> {
+        let regression = self.learned.as_mut()?;
+        regression.waited_s += dt;
+        (!regression.waited_s.within(T::from_f32(LEARN_S)))
+            .then(|| core::mem::replace(&mut regression.waited_s, T::ZERO))
+    }
+
+    /// One sample as it was measured, `dt` (s) after the last that was learned from, of a field
+    /// whose strength is `1 / per_field`.
+    #[inline(never)]
     pub(crate) fn learn(
         &mut self,
         dt: T,
@@ -134,11 +145,6 @@ impl<T: Real> FieldLag<T> {
         let Some(regression) = &mut self.learned else {
             return;
         };
-        regression.waited_s += dt;
-        if regression.waited_s.within(T::from_f32(LEARN_S)) {
-            return;
-        }
-        let dt = core::mem::replace(&mut regression.waited_s, T::ZERO);
         let field = scaled(field, per_field);
         let seen = rows.rotate(&field);
         let turned = rows.rotate(&cross(&field, rate));
@@ -193,7 +199,9 @@ mod tests {
                 z: truth.k,
             };
             let seen = then.inverse() * field;
-            lag.learn(0.02, &q.half_rows(), &seen, &rate, 1.0 / field.norm());
+            if let Some(dt) = lag.due(0.02) {
+                lag.learn(dt, &q.half_rows(), &seen, &rate, 1.0 / field.norm());
+            }
         }
         lag.lag_s()
     }

@@ -1,18 +1,14 @@
 //! A field and an acceleration that are older than the rates.
 
 use nalgebra::{UnitQuaternion, Vector3};
-use tvc_fusion::{Config, Estimator, Filter, GRAVITY, Mahony, Sample, Vqf};
+use tvc_fusion::{Config, Estimator, Filter, GRAVITY, Mahony, Quaternion, Sample, Vqf, fixed};
 
 const DT_S: f64 = 0.005;
 
 /// Errors, deg RMS, over the second of two minutes of turning by up to 3 rad/s, with sensors that
-/// are `acc_s` and `mag_s` late; and the field's lag that the estimator has learned, s.
-fn error_deg<F: Filter<Real = f32>>(
-    (acc_s, mag_s): (f64, f64),
-    config: &Config<F::Gains>,
-) -> (f64, f32) {
+/// are `acc_s` and `mag_s` late.
+fn errors_deg((acc_s, mag_s): (f64, f64), mut step: impl FnMut(&Sample) -> Quaternion<f32>) -> f64 {
     let mut truth = UnitQuaternion::from_euler_angles(0.1, -0.2, 0.3);
-    let mut estimator = Estimator::<F>::new(config).expect("valid");
     let (mut sum, mut count) = (0.0, 0.0);
     for k in 0..24_000 {
         let t = f64::from(k) * DT_S;
@@ -26,7 +22,7 @@ fn error_deg<F: Filter<Real = f32>>(
             acc: (before(acc_s) * Vector3::new(0.0, 0.0, -f64::from(GRAVITY))).cast(),
             mag: (k % 4 == 0).then(|| (before(mag_s) * Vector3::new(17.1, 0.0, 47.0)).cast()),
         };
-        let q = estimator.update(DT_S as f32, &sample).orientation;
+        let q = step(&sample);
         if t > 60.0 {
             let [w, x, y, z] = [q.w, q.x, q.y, q.z].map(f64::from);
             let estimate = UnitQuaternion::from_quaternion(nalgebra::Quaternion::new(w, x, y, z));
@@ -34,7 +30,77 @@ fn error_deg<F: Filter<Real = f32>>(
             count += 1.0;
         }
     }
-    ((sum / count).sqrt(), estimator.mag_lag_s())
+    (sum / count).sqrt()
+}
+
+/// The same of a filter in float; and the field's lag that it has learned, s.
+fn error_deg<F: Filter<Real = f32>>(late: (f64, f64), config: &Config<F::Gains>) -> (f64, f32) {
+    let mut estimator = Estimator::<F>::new(config).expect("valid");
+    let error = errors_deg(late, |sample| {
+        estimator.update(DT_S as f32, sample).orientation
+    });
+    (error, estimator.mag_lag_s())
+}
+
+/// The same of a filter in fixed point, on the counts of a BNO055.
+fn fixed_error_deg<F: fixed::Filter, R: fixed::OverRange>(
+    late: (f64, f64),
+    mut estimator: fixed::Estimator<F, R>,
+) -> f64 {
+    let scale = fixed::Scale::BNO055;
+    let counts = |v: Vector3<f32>, unit: f32| [v.x, v.y, v.z].map(|v| (v / unit).round() as i16);
+    errors_deg(late, |sample| {
+        estimator.update(
+            (DT_S * 1e6) as u32,
+            &fixed::Counts {
+                gyr: counts(sample.gyr, scale.gyr_rad_s),
+                acc: counts(sample.acc, scale.acc_m_s2),
+                mag: sample.mag.map(|mag| counts(mag, scale.mag_ut)),
+            },
+        );
+        estimator.orientation().quaternion()
+    })
+}
+
+fn fixed_point_makes_good_for_lags<F: fixed::Filter>()
+where
+    F::Gains: Default,
+{
+    let period_us = (DT_S * 1e6) as u32;
+    let scale = &fixed::Scale::BNO055;
+    let late = (0.006, 0.03);
+    let ignored = Config::<F::Gains>::default().without_lags();
+    let error_deg = |config: &Config<F::Gains>| {
+        let estimator = fixed::Estimator::<F>::new(config, scale, period_us).expect("valid");
+        fixed_error_deg(late, estimator)
+    };
+    let error = error_deg(&ignored);
+    assert!(error > 1.5, "{error} deg where the lags are ignored");
+    let error = error_deg(&Config {
+        acc_lag_s: 0.006,
+        mag_lag_s: 0.03,
+        ..ignored
+    });
+    assert!(error < 0.2, "{error} deg where the lags are known");
+    let learned = Config {
+        gyr_lag_s: 0.0,
+        acc_lag_s: 0.006,
+        ..Config::default()
+    };
+    let estimator =
+        fixed::Estimator::<F, _>::with_recovery(&learned, scale, period_us).expect("valid");
+    let error = fixed_error_deg(late, estimator);
+    assert!(error < 0.6, "{error} deg where the field's lag is learned");
+}
+
+#[test]
+fn fixed_vqf_makes_good_for_late_sensors() {
+    fixed_point_makes_good_for_lags::<fixed::Vqf>();
+}
+
+#[test]
+fn fixed_mahony_makes_good_for_late_sensors() {
+    fixed_point_makes_good_for_lags::<fixed::Mahony>();
 }
 
 fn lags_are_made_good_for<F: Filter<Real = f32>>()

@@ -197,12 +197,19 @@ fn take<F: Filter, R: OverRange>(
     }
 }
 
+/// `lags_s`: of gyroscope, accelerometer and magnetometer.
 fn survives<F: Filter<Gains: Default>>(
     scale: &Scale,
     period_us: u32,
+    [gyr_lag_s, acc_lag_s, mag_lag_s]: [f32; 3],
     steps: &[([i16; 9], bool, u16, u32)],
 ) {
-    let config = Config::<F::Gains>::default();
+    let config = Config::<F::Gains> {
+        gyr_lag_s,
+        acc_lag_s,
+        mag_lag_s,
+        ..Config::default()
+    };
     // A scale for which the gains have no room is refused.
     if let Ok(mut plain) = Estimator::<F, Ignored>::new(&config, scale, period_us) {
         take(&mut plain, steps);
@@ -222,12 +229,13 @@ proptest! {
     fn no_product_overflows_at_any_scale(
         scale in any_scale(),
         period_us in PERIOD_US,
+        lags_s in prop::array::uniform3(-0.1_f32..0.1),
         steps in any_steps(),
     ) {
-        survives::<Vqf>(&scale, period_us, &steps);
-        survives::<Mahony>(&scale, period_us, &steps);
-        survives::<Madgwick>(&scale, period_us, &steps);
-        survives::<Complementary>(&scale, period_us, &steps);
+        survives::<Vqf>(&scale, period_us, lags_s, &steps);
+        survives::<Mahony>(&scale, period_us, lags_s, &steps);
+        survives::<Madgwick>(&scale, period_us, lags_s, &steps);
+        survives::<Complementary>(&scale, period_us, lags_s, &steps);
     }
 }
 

@@ -72,11 +72,6 @@ pub enum ChoiceError {
     /// Forth and back in time there is floating point only.
     #[error("fixed point does not run offline: choose f32 or f64")]
     OfflineFixed,
-    /// The setting has no meaning in fixed point.
-    #[error(
-        "{0} is a setting of f32 and f64 only: fixed point takes all sensors to be of one instant"
-    )]
-    FloatOnly(String),
     /// The setting has a value that is no number.
     #[error("{0} is not a number")]
     NotANumber(Setting),

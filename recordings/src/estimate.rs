@@ -96,13 +96,6 @@ fn in_fixed<F>(choice: &Choice, facts: &Facts) -> Result<Box<dyn Engine>, Choice
 where
     F: fixed::Filter<Gains: Gains> + 'static,
 {
-    if let Some(set) = choice
-        .settings
-        .iter()
-        .find(|set| settings::FLOAT_ONLY.contains(&set.key.as_str()))
-    {
-        return Err(ChoiceError::FloatOnly(set.key.clone()));
-    }
     let config = config::<F::Gains>(choice, facts)?;
     let scale = fixed::Scale {
         gyr_rad_s: within(facts.scale.gyr_rad_s, &fixed::Scale::GYR_RAD_S),

@@ -76,14 +76,6 @@ impl Gains for VqfGains {
     ];
 }
 
-/// Settings that fixed point does not know.
-pub(crate) const FLOAT_ONLY: [&str; 4] = [
-    "gyr_lag_s",
-    "acc_lag_s",
-    "mag_lag_s",
-    "mag_lag_prior_rad2_s",
-];
-
 /// The settings that all filters share.
 fn shared<G>() -> [Key<Config<G>>; 20] {
     [

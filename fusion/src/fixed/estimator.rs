@@ -20,6 +20,7 @@
 //! | `field` | the heading error and its weight |
 //! | `rest` | the offset, and the blocks that all slow work is counted in |
 //! | `start_up` | the gains, from those of a running mean to the filter's own |
+//! | `lag` | what a sensor shows now whose samples are older than the rates |
 //! | `over_range` | what a clipped gyroscope has hidden |
 //!
 //! # The number formats
@@ -57,6 +58,7 @@ use super::counts::{Counts, PERIOD_US, Scale};
 use super::field::{self, Compass, size};
 use super::filters::{Filter, Heading, View};
 use super::format::{Q15, normalised};
+use super::lag::{self, Lag, PerLag};
 use super::memory::all;
 use super::orientation::{Angles, Orientation};
 use super::over_range::{Ignored, OverRange, Recovered, StepEnd};
@@ -66,6 +68,7 @@ use super::start_up::{Gains, StartUpGains};
 use crate::config::{Config, GRAVITY};
 use crate::error::{ConfigError, in_range};
 use crate::estimator::{Attitude, Flags};
+use crate::lag::FieldLag;
 
 /// Longest time step, us: more is a gap.
 const MAX_DT_US: u32 = 30_000;
@@ -99,6 +102,8 @@ pub struct Estimator<F, R = Ignored> {
     turn_shift: u32,
     gains: Gains,
     rest: Rest,
+    acc_lag: Lag,
+    mag_lag: Lag,
     /// Sample number of the last field that has corrected the heading.
     heading_tick: u32,
     compass: Compass,
@@ -122,6 +127,11 @@ pub struct Estimator<F, R = Ignored> {
     half_declination: Option<(Q15, Q15)>,
     /// What a count of the gyroscope is worth, rad/s.
     gyr_rad_s: f32,
+    per_lag: PerLag,
+    /// The gyroscope's own lag, unless it is zero.
+    gyr_lag: Option<Lag>,
+    /// Rates of the last step less their offset, counts.
+    rates: [i32; 3],
     over_range: R,
 }
 
@@ -163,6 +173,7 @@ impl<F: Filter> Estimator<F> {
         let mut last_mag = self.last_mag.unwrap_or_default();
         all(&mut last_mag, each);
         self.last_mag = known.then_some(last_mag);
+        all(&mut self.rates, each);
     }
 }
 
@@ -178,6 +189,7 @@ impl<F: Filter> Estimator<F, Recovered> {
         period_us: u32,
     ) -> Result<Self, ConfigError> {
         Self::build(config, scale, period_us, |block_s| {
+            let field_lag = FieldLag::new(config.mag_lag_s, config.mag_lag_prior_rad2_s)?;
             in_range(config.gyro_range_rad_s, 0.1, 200.0, "gyro_range_rad_s")?;
             in_range(config.recovery_rad2_s, 1e-4, 10.0, "recovery_rad2_s")?;
             let (acc_per_s, mag_per_s) = F::rates(&config.gains, period_us as f32 * 1e-6);
@@ -187,6 +199,7 @@ impl<F: Filter> Estimator<F, Recovered> {
                 config.recovery_rad2_s,
                 acc_per_s.min(mag_per_s),
                 block_s,
+                field_lag,
             ))
         })
     }
@@ -230,6 +243,9 @@ impl<F: Filter, R: OverRange> Estimator<F, R> {
         let (_, turn_shift) = normalised(turn, most.min(32_768.0));
         let per_count_us = per_count_us * f32::from(1u16 << turn_shift) * (1u32 << DT_BITS) as f32;
         let coarse_shift = MAX_COARSE_SHIFT.min(turn_shift);
+        let per_lag = PerLag::new(scale.gyr_rad_s);
+        let lag = |lag_s, name| Ok(per_lag.lag(lag::checked(lag_s, name)?));
+        let gyr_lag = lag(config.gyr_lag_s, "gyr_lag_s")?;
         Ok(Self {
             rotation: Rotation::new(),
             per_count_us: per_count_us as u32,
@@ -238,6 +254,8 @@ impl<F: Filter, R: OverRange> Estimator<F, R> {
             turn_shift: turn_shift.into(),
             gains,
             rest: Rest::new(&rest),
+            acc_lag: lag(config.acc_lag_s, "acc_lag_s")?,
+            mag_lag: lag(config.mag_lag_s, "mag_lag_s")?,
             heading_tick: 0,
             compass: Compass::new(
                 &field::Limits::new(&config.field, scale, period_s)?,
@@ -254,14 +272,21 @@ impl<F: Filter, R: OverRange> Estimator<F, R> {
             last_mag: None,
             half_declination: half_declination(config.declination_rad)?,
             gyr_rad_s: scale.gyr_rad_s,
+            per_lag,
+            gyr_lag: (config.gyr_lag_s != 0.0).then_some(gyr_lag),
+            rates: [0; 3],
             over_range: over_range(block_s)?,
         })
     }
 
     /// The orientation, with geographic north if a declination was configured.
     pub fn orientation(&self) -> Orientation {
+        let of_rates = self.rotation.q30();
         let magnetic = Orientation {
-            wxyz_q30: self.rotation.q30(),
+            wxyz_q30: match self.gyr_lag {
+                Some(lag) => lag.ahead(of_rates, &self.rates),
+                None => of_rates,
+            },
         };
         match self.half_declination {
             Some(half) => magnetic.turned(half),
@@ -332,16 +357,16 @@ impl<F: Filter, R: OverRange> Estimator<F, R> {
         }
         let job = if long {
             rest::NO_JOB
-        } else if limited {
-            self.rest.skip()
         } else {
-            self.rest.add(&gyr, &acc)
+            self.rest.add(&gyr, &counts.acc)
         };
         let (mut step_us, mut shift) = (dt_us, self.turn_shift);
         if long {
             (step_us, shift) = self.long_step(dt_us, &gyr);
         }
         self.turn(&gyr, step_us, shift);
+        let acc = self.acc_lag.now(&acc, &self.rates);
+        let mag = mag.map(|mag| self.mag_lag.now(&mag, &self.rates));
 
         // Heading correction is skipped in steps that are long or run housekeeping, to bound the
         // worst-case cycles.
@@ -371,13 +396,18 @@ impl<F: Filter, R: OverRange> Estimator<F, R> {
             dt_us,
             counts,
             products: &products,
-            bias: &self.rotation.bias,
+            acc: &acc,
+            rates: &self.rates,
             field: self.compass.reference(),
+            field_is_like_it: self.compass.is_like_reference(),
             gain_log2: self.start_up.gain_log2,
         });
         if let Some((gain_log2, blocks)) = response.raise {
             self.start_up.raise(gain_log2, blocks);
             self.expect_large_gains();
+        }
+        if let Some(lag_s) = response.mag_lag_s {
+            self.mag_lag = self.per_lag.lag(lag_s);
         }
         let [rx, ry, rz] = response.correction;
         let pending = &mut self.rotation.pending;
@@ -411,6 +441,7 @@ impl<F: Filter, R: OverRange> Estimator<F, R> {
         let product = step_us * self.per_count_us + self.dt_remainder;
         self.dt_remainder = product & ((1 << DT_BITS) - 1);
         let half_angle = (product >> DT_BITS) as i32;
+        self.rates = lag::rates(gyr, &self.rotation.bias);
         self.rotation.turn(gyr, PerCount { half_angle, shift });
     }
 
@@ -426,15 +457,13 @@ impl<F: Filter, R: OverRange> Estimator<F, R> {
             }
             self.gap = false;
             self.start_up.next_block(&mut self.gains);
-            if self.gains.acc_limit != 0 {
-                self.rest.moved = true;
-            }
         } else if job != rest::NO_JOB {
             self.compass.judge(gyr);
         }
     }
 
-    /// Large gains could overflow: limit accelerations from now on, and pause rest detection.
+    /// Large gains could overflow: limit accelerations from now on. A rest that is under way has
+    /// not been one.
     #[inline(always)]
     fn expect_large_gains(&mut self) {
         self.start_up.limit_acc(&mut self.gains);
@@ -521,8 +550,9 @@ mod tests {
     /// and a quarter of a turn about x is one. At rest again, it is levelled by gravity.
     #[test]
     fn a_body_in_free_flight_is_turned_by_its_rates_alone() {
+        let config = Config::default().without_lags();
         let mut estimator =
-            Estimator::<Vqf>::new(&Config::default(), &Scale::BNO055, 10_000).expect("in range");
+            Estimator::<Vqf>::new(&config, &Scale::BNO055, 10_000).expect("in range");
         let rest = Counts {
             gyr: [16, -8, 24],
             acc: [0, 0, -981],

@@ -7,6 +7,7 @@ mod estimator;
 mod field;
 mod filters;
 mod format;
+mod lag;
 mod memory;
 mod number;
 mod orientation;

@@ -1,24 +1,24 @@
-//! What happens when the gyroscope clips: nothing, or what the float filters do.
+//! What happens when the gyroscope clips: nothing, or what the float filters do. They learn the
+//! field's lag too, in the same numbers.
 
 use nalgebra::Vector3;
 
 use super::counts::{Counts, Scale};
-use super::format::{Q9, Q31};
+use super::format::Q31;
 use super::number::Q20;
-use super::rotation::{BIAS_BITS, Products};
+use super::rotation::Products;
+use crate::lag::FieldLag;
 use crate::quaternion::HalfRows;
 use crate::range::{Hidden, Range, Rules};
 use crate::real::{Number, sealed};
 use crate::recovery::{Recovery, Seen};
+use crate::vector::dot;
 
 /// Largest part of a correction that one step takes, half an angle: a sixteenth of a radian.
 const MAX_STEP: Q31 = 1 << 27;
 
 /// Field counts are brought to parts of this, uT: squares of the earth's field would not fit.
 const FIELD_UT: f32 = 64.0;
-
-/// Lag of a magnetometer, s: it shows the mean field of its conversion time.
-const FIELD_LAG_S: f32 = 0.012;
 
 /// What an estimator does when rates clip: [`Ignored`] or [`Recovered`].
 pub trait OverRange: sealed::Sealed {
@@ -38,10 +38,14 @@ pub struct StepEnd<'a> {
     pub(super) counts: &'a Counts,
     /// The orientation after the step.
     pub(super) products: &'a Products,
-    /// Offset of the gyroscope, counts.
-    pub(super) bias: &'a [Q9; 3],
+    /// Specific force, as it is now, counts.
+    pub(super) acc: &'a [i32; 3],
+    /// Rates less their offset, counts.
+    pub(super) rates: &'a [i32; 3],
     /// The field's reference: north and down, counts.
     pub(super) field: Option<[i32; 2]>,
+    /// The field is like it, to its full weight.
+    pub(super) field_is_like_it: bool,
     /// Base-2 logarithm of the gain increase of the slower channel.
     pub(super) gain_log2: i32,
 }
@@ -53,6 +57,8 @@ pub struct Response {
     pub(super) correction: [Q31; 3],
     /// Base-2 logarithm of a gain increase and the blocks that it lasts: see `StartUpGains::raise`.
     pub(super) raise: Option<(i32, u32)>,
+    /// The field's lag, s, where it was learned anew.
+    pub(super) mag_lag_s: Option<Q20>,
 }
 
 /// Clipping is not looked for, which costs nothing: for gyroscopes whose range no motion exceeds.
@@ -95,6 +101,7 @@ pub struct Recovered {
     slow_per_s: Q20,
     /// Blocks of the rest detection a second.
     blocks_per_s: Q20,
+    field_lag: FieldLag<Q20>,
 }
 
 /// Rate, 1/s, of a running mean that has become as slow as the slowest filter.
@@ -107,6 +114,7 @@ impl Recovered {
         recovery_rad2_s: f32,
         slow_per_s: f32,
         block_s: f32,
+        field_lag: FieldLag<Q20>,
     ) -> Self {
         Self {
             range: Range::new(gyro_range_rad_s, Rules::Plain),
@@ -119,6 +127,7 @@ impl Recovered {
             per_density: Q20::from_f32(1.0 / recovery_rad2_s),
             slow_per_s: Q20::from_f32(slow_per_s * 2.0),
             blocks_per_s: Q20::from_f32(1.0 / block_s),
+            field_lag,
         }
     }
 
@@ -142,45 +151,50 @@ impl Recovered {
         (raised != 0 && raised >= gain_log2).then_some((raised, blocks.clamp(1, 100) as u32))
     }
 
+    /// A field like the reference shows how late it is: the lag, where it was learned.
+    #[inline(always)]
+    fn learn_lag(&mut self, step: &StepEnd<'_>) -> Option<Q20> {
+        let (mag, field) = step.counts.mag.zip(step.field)?;
+        if self.recovery.is_active() || !step.field_is_like_it {
+            return None;
+        }
+        let dt = self.field_lag.due(self.field_dt)?;
+        let strength = self.earth(field);
+        self.field_lag.learn(
+            dt,
+            &rows(step.products),
+            &vector(mag.map(i32::from), self.field),
+            &vector(*step.rates, self.gyr),
+            dot(&strength, &strength).sqrt().recip(),
+        );
+        Some(self.field_lag.lag_s())
+    }
+
+    /// A field in the earth frame, north and down in counts.
+    fn earth(&self, [north, down]: [i32; 2]) -> Vector3<Q20> {
+        vector([north, 0, down], self.field)
+    }
+
     /// One step of the recovery: what the axes hide and the other sensors show becomes a correction
     /// that is owed.
     #[inline(never)]
     fn recover(
         &mut self,
         dt: Q20,
-        rate: &Vector3<Q20>,
         hidden: Option<[Hidden<Q20>; 3]>,
         step: &StepEnd<'_>,
     ) -> Option<(i32, u32)> {
-        // Half a row in Q20 is a row in Q15 times 16.
-        let half = |row: [i32; 3]| Vector3::from(row.map(|part| Q20(part << 4)));
-        let rows = HalfRows {
-            north: half(step.products.north()),
-            east: half(step.products.east()),
-            down: half(step.products.down()),
-        };
-        let vector = |counts: &[i16; 3], scale: i32| {
-            Vector3::from(counts.map(|count| Q20(i32::from(count) * scale)))
-        };
-        let [bx, by, bz] = step.bias.map(|bias| Q20((bias * self.gyr) >> BIAS_BITS));
-        let seen = Seen {
-            acc: Some(vector(&step.counts.acc, self.acc)),
-            field: step
-                .counts
-                .mag
-                .as_ref()
-                .zip(step.field)
-                .map(|(mag, [north, down])| {
-                    let part = |counts: i32| Q20(counts * self.field);
-                    (
-                        vector(mag, self.field),
-                        Vector3::new(part(north), Q20::ZERO, part(down)),
-                    )
+        let rows = rows(step.products);
+        let seen =
+            Seen {
+                acc: Some(vector(*step.acc, self.acc)),
+                field: step.counts.mag.zip(step.field).map(|(mag, field)| {
+                    (vector(mag.map(i32::from), self.field), self.earth(field))
                 }),
-            field_dt: self.field_dt,
-            field_lag_s: Q20::from_f32(FIELD_LAG_S),
-            rate: Vector3::new(rate.x - bx, rate.y - by, rate.z - bz),
-        };
+                field_dt: self.field_dt,
+                field_lag_s: self.field_lag.lag_s(),
+                rate: vector(*step.rates, self.gyr),
+            };
         let hidden = hidden.unwrap_or([Hidden::Nothing; 3]);
         let (half_angle, variance) = self.recovery.step(dt, &rows, &hidden, &seen);
         for (owed, part) in self.owed.iter_mut().zip(half_angle.iter()) {
@@ -192,6 +206,22 @@ impl Recovered {
         } else {
             None
         }
+    }
+}
+
+/// Counts, each worth so many bits of Q20.
+#[inline(always)]
+fn vector(counts: [i32; 3], worth: i32) -> Vector3<Q20> {
+    Vector3::from(counts.map(|count| Q20(count.saturating_mul(worth))))
+}
+
+fn rows(products: &Products) -> HalfRows<Q20> {
+    // Half a row in Q20 is a row in Q15 times 16.
+    let half = |row: [i32; 3]| vector(row, 16);
+    HalfRows {
+        north: half(products.north()),
+        east: half(products.east()),
+        down: half(products.down()),
     }
 }
 
@@ -211,8 +241,9 @@ impl OverRange for Recovered {
             hidden = Some(self.range.examine(dt, &mut rate));
         }
         if hidden.is_some() || self.recovery.is_active() {
-            response.raise = self.recover(dt, &rate, hidden, step);
+            response.raise = self.recover(dt, hidden, step);
         }
+        response.mag_lag_s = self.learn_lag(step);
         if step.counts.mag.is_some() {
             self.field_dt = Q20::ZERO;
         }

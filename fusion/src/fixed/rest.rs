@@ -6,7 +6,7 @@
 //! a row are rest. The mean of each still block, but the newest, moves the offset: the k-th by 1/k
 //! of the difference, with k rounded up to a power of two, until that is the memory. The first
 //! offset is made of the last blocks that show the rest, up to four, so that a slow motion in one
-//! has little weight; it is used once they do. Of a later rest those blocks are not learned: a body
+//! has little weight; it is used once they do, from that moment on. Of a later rest those blocks are not learned: a body
 //! that was laid down comes to rest slowly.
 //!
 //! # The work
@@ -43,6 +43,13 @@ struct Axis {
     newest: Q9,
     /// Offset of the axis, counts; no more than a part of one before the first rest.
     offset: Q16,
+}
+
+impl Axis {
+    /// The offset, rounded.
+    fn bias(&self) -> Q9 {
+        (self.offset + (1 << (FINER_BITS - 1))) >> FINER_BITS
+    }
 }
 
 /// The rest detection. First the sums of the block under way, which every sample touches, then what
@@ -175,20 +182,14 @@ impl Rest {
 
     /// One sample; the number of the job that is due.
     #[inline(always)]
-    pub(super) fn add(&mut self, gyr: &[i16; 3], acc: &[i32; 3]) -> u32 {
+    pub(super) fn add(&mut self, gyr: &[i16; 3], acc: &[i16; 3]) -> u32 {
         let [gx, gy, gz, ax, ay, az] = &mut self.sums;
         *gx += i32::from(gyr[0]);
         *gy += i32::from(gyr[1]);
         *gz += i32::from(gyr[2]);
-        *ax += acc[0];
-        *ay += acc[1];
-        *az += acc[2];
-        self.skip()
-    }
-
-    /// A sample that is not added up.
-    #[inline(always)]
-    pub(super) fn skip(&mut self) -> u32 {
+        *ax += i32::from(acc[0]);
+        *ay += i32::from(acc[1]);
+        *az += i32::from(acc[2]);
         self.tick = self.tick.wrapping_add(1);
         self.tick & self.mask
     }
@@ -207,7 +208,7 @@ impl Rest {
     pub(super) fn close(&mut self, job: u32, bias: &mut [Q9; 3]) {
         let job = job as usize;
         let (Some(sum), Some(axis)) = (self.sums.get_mut(job), self.axes.get_mut(job)) else {
-            self.decide();
+            self.decide(bias);
             return;
         };
         let mean = *sum >> (self.shift & 31);
@@ -233,12 +234,12 @@ impl Rest {
         }
         axis.offset += ((before << FINER_BITS) - axis.offset) >> (self.learned & 31);
         if self.missing == 0 {
-            *bias = (axis.offset + (1 << (FINER_BITS - 1))) >> FINER_BITS;
+            *bias = axis.bias();
         }
     }
 
     /// The block was still or not: what that makes of the rest, and of the share of the next block.
-    fn decide(&mut self) {
+    fn decide(&mut self, bias: &mut [Q9; 3]) {
         let learns = self.missing <= self.early;
         if self.moved {
             self.missing = self.needed;
@@ -248,6 +249,11 @@ impl Rest {
         } else {
             if self.missing != 0 {
                 self.missing -= 1;
+                if self.missing == 0 && self.early != 0 {
+                    for (bias, axis) in bias.iter_mut().zip(&self.axes) {
+                        *bias = axis.bias();
+                    }
+                }
             } else if self.early != 0 {
                 // Once an offset is known, the limit for rest is a quarter of what it was.
                 self.rate_limit >>= 2;

@@ -25,13 +25,7 @@ where
 
     fn start() -> Self {
         // The suite's sensors are all of one instant.
-        let config = Config {
-            gyr_lag_s: 0.0,
-            acc_lag_s: 0.0,
-            mag_lag_s: 0.0,
-            ..Config::default()
-        };
-        Estimator::new(&config).expect("the configuration is valid")
+        Estimator::new(&Config::default().without_lags()).expect("the configuration is valid")
     }
 
     fn step(&mut self, dt_us: i64, sample: &Sample) -> Attitude {
@@ -73,8 +67,12 @@ macro_rules! fixed_subject {
             const RESOLUTION_DEG: f64 = 0.4;
 
             fn start() -> Self {
-                fixed::Estimator::$new(&Config::default(), &fixed::Scale::BNO055, DT_US)
-                    .expect("the defaults are valid")
+                fixed::Estimator::$new(
+                    &Config::default().without_lags(),
+                    &fixed::Scale::BNO055,
+                    DT_US,
+                )
+                .expect("the defaults are valid")
             }
 
             fn step(&mut self, dt_us: i64, sample: &Sample) -> Attitude {

@@ -1,0 +1,145 @@
+//! Sensors that show an earlier attitude than the gyroscope: see [`crate::Config::mag_lag_s`].
+//!
+//! # The equations
+//! A vector `v` that stands still in the earth frame, seen a lag ago, is now at the rate `w`
+//!
+//! ```text
+//! u = lag w                               the turn since, body frame
+//! v + v x u + (v x u) x u / 2
+//! ```
+//!
+//! and the estimate is ahead of the rates by `q = q (1 - |h|^2 / 2, h)` with `h = lag w / 2`.
+//!
+//! # The number formats
+//! - The lag is Q20 s, at most [`LONGEST_S`], which is below `2^17`.
+//! - What a count turns in `2^17` of that has 13 to 14 bits, so that its product with a lag fits;
+//!   the product's upper bits, a factor below `2^14`, times rates of 17 bits are below `2^31`.
+//! - The turn is Q15 rad, at most an eighth of a radian an axis: faster turns, from 900 deg/s on at
+//!   8 ms, are made good for as far as that. So a vector of 16 bits stays below `2^16` a component,
+//!   its products with a turn below `2^28`, and its length within `1.03 2^15 sqrt(3)`, which leaves
+//!   its products with rows in Q15 below `2^31`.
+
+use super::format::{Q9, Q15, Q30, normalised};
+use super::number::Q20;
+use super::rotation::BIAS_BITS;
+use crate::error::ConfigError;
+use crate::lag;
+
+/// Largest turn within a lag, about an axis: an eighth of a radian.
+const MOST: Q15 = 1 << 12;
+
+/// The turn up to which first order is enough, rad: it leaves 6e-4 of the vector.
+const SHORT: Q15 = 655;
+
+/// What a count of the gyroscope turns by in [`UNIT_S`].
+#[derive(Clone, Copy, Debug)]
+pub(super) struct PerLag {
+    /// Q(15 + `shift`) rad, below `2^14`.
+    factor: i32,
+    shift: u32,
+}
+
+/// Base-2 logarithm of the unit that a lag is a part of, in Q20 s.
+const UNIT_BITS: u32 = 17;
+
+/// An eighth of a second: longer than any lag.
+const UNIT_S: f32 = 0.125;
+
+impl PerLag {
+    /// `gyr_rad_s`: what a count is worth, rad/s.
+    #[inline(always)]
+    pub(super) fn new(gyr_rad_s: f32) -> Self {
+        let (factor, shift) = normalised(gyr_rad_s * UNIT_S * 32_768.0, 16_384.0);
+        Self {
+            factor,
+            shift: shift.into(),
+        }
+    }
+
+    #[inline(always)]
+    pub(super) fn lag(self, lag_s: Q20) -> Lag {
+        Lag {
+            factor: (lag_s.0 * self.factor + (1 << (UNIT_BITS - 1))) >> UNIT_BITS,
+            shift: self.shift,
+        }
+    }
+}
+
+/// A lag, as what a count of the gyroscope turns by in it.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Lag {
+    /// Q(15 + `shift`) rad; 0 for no lag.
+    factor: i32,
+    shift: u32,
+}
+
+/// A lag of the configuration.
+#[inline(always)]
+pub(super) fn checked(lag_s: f32, name: &'static str) -> Result<Q20, ConfigError> {
+    lag::checked(lag_s, name)
+}
+
+/// Rates less their offset, counts.
+#[inline(always)]
+pub(super) fn rates(gyr: &[i16; 3], bias: &[Q9; 3]) -> [i32; 3] {
+    let ([x, y, z], [bx, by, bz]) = (*gyr, *bias);
+    let rate = |rate: i16, bias: Q9| i32::from(rate) - (bias >> BIAS_BITS);
+    [rate(x, bx), rate(y, by), rate(z, bz)]
+}
+
+impl Lag {
+    #[inline(always)]
+    fn turn(self, rates: &[i32; 3]) -> [Q15; 3] {
+        rates.map(|rate| {
+            let turn = (rate * self.factor + ((1 << (self.shift & 31)) >> 1)) >> (self.shift & 31);
+            turn.clamp(-MOST, MOST)
+        })
+    }
+
+    /// The vector that was seen as `v` a lag ago, now, at these rates.
+    #[inline(always)]
+    pub(super) fn now(self, v: &[i32; 3], rates: &[i32; 3]) -> [i32; 3] {
+        if self.factor == 0 {
+            return *v;
+        }
+        self.turned(v, rates)
+    }
+
+    #[inline(never)]
+    fn turned(self, v: &[i32; 3], rates: &[i32; 3]) -> [i32; 3] {
+        let turn = self.turn(rates);
+        let [x, y, z] = cross(v, &turn);
+        let round = |q15: i32| (q15 + (1 << 14)) >> 15;
+        let mut now = [v[0] + round(x), v[1] + round(y), v[2] + round(z)];
+        if turn.iter().any(|turn| turn.abs() > SHORT) {
+            let second = cross(&[x, y, z].map(round), &turn);
+            for (now, second) in now.iter_mut().zip(second) {
+                *now += (second + (1 << 15)) >> 16;
+            }
+        }
+        now
+    }
+
+    /// The orientation a lag after this one, at these rates.
+    #[inline(never)]
+    pub(super) fn ahead(self, q: [Q30; 4], rates: &[i32; 3]) -> [Q30; 4] {
+        // Half the turn in Q16.
+        let [hx, hy, hz] = self.turn(rates);
+        let half_square = (hx * hx + hy * hy + hz * hz) >> 17;
+        let [w, x, y, z] = q.map(|part| part >> 15);
+        [
+            q[0] - ((w * half_square + x * hx + y * hy + z * hz) >> 1),
+            q[1] + ((w * hx - x * half_square + y * hz - z * hy) >> 1),
+            q[2] + ((w * hy - x * hz - y * half_square + z * hx) >> 1),
+            q[3] + ((w * hz + x * hy - y * hx - z * half_square) >> 1),
+        ]
+    }
+}
+
+fn cross(v: &[i32; 3], u: &[i32; 3]) -> [i32; 3] {
+    [
+        v[1] * u[2] - v[2] * u[1],
+        v[2] * u[0] - v[0] * u[2],
+        v[0] * u[1] - v[1] * u[0],
+    ]
+}
