@@ -102,6 +102,8 @@ pub struct Estimator<F, R = Ignored> {
     turn_shift: u32,
     gains: Gains,
     rest: Rest,
+    /// A sensor's samples are older than the rates, or the rates than the present.
+    is_late: bool,
     acc_lag: Lag,
     mag_lag: Lag,
     /// Sample number of the last field that has corrected the heading.
@@ -130,7 +132,7 @@ pub struct Estimator<F, R = Ignored> {
     per_lag: PerLag,
     /// The gyroscope's own lag, unless it is zero.
     gyr_lag: Option<Lag>,
-    /// Rates of the last step less their offset, counts.
+    /// Rates of the last step less their offset, counts, if a sensor is late.
     rates: [i32; 3],
     over_range: R,
 }
@@ -254,6 +256,7 @@ impl<F: Filter, R: OverRange> Estimator<F, R> {
             turn_shift: turn_shift.into(),
             gains,
             rest: Rest::new(&rest),
+            is_late: [config.gyr_lag_s, config.acc_lag_s, config.mag_lag_s] != [0.0; 3],
             acc_lag: lag(config.acc_lag_s, "acc_lag_s")?,
             mag_lag: lag(config.mag_lag_s, "mag_lag_s")?,
             heading_tick: 0,
@@ -365,8 +368,11 @@ impl<F: Filter, R: OverRange> Estimator<F, R> {
             (step_us, shift) = self.long_step(dt_us, &gyr);
         }
         self.turn(&gyr, step_us, shift);
-        let acc = self.acc_lag.now(&acc, &self.rates);
-        let mag = mag.map(|mag| self.mag_lag.now(&mag, &self.rates));
+        if self.is_late {
+            self.rates = lag::rates(&gyr, &self.rotation.bias);
+            acc = self.acc_lag.now(&acc, &self.rates);
+            mag = mag.map(|mag| self.mag_lag.now(&mag, &self.rates));
+        }
 
         // Heading correction is skipped in steps that are long or run housekeeping, to bound the
         // worst-case cycles.
@@ -397,7 +403,7 @@ impl<F: Filter, R: OverRange> Estimator<F, R> {
             counts,
             products: &products,
             acc: &acc,
-            rates: &self.rates,
+            bias: &self.rotation.bias,
             field: self.compass.reference(),
             field_is_like_it: self.compass.is_like_reference(),
             gain_log2: self.start_up.gain_log2,
@@ -408,6 +414,7 @@ impl<F: Filter, R: OverRange> Estimator<F, R> {
         }
         if let Some(lag_s) = response.mag_lag_s {
             self.mag_lag = self.per_lag.lag(lag_s);
+            self.is_late = true;
         }
         let [rx, ry, rz] = response.correction;
         let pending = &mut self.rotation.pending;
@@ -428,6 +435,7 @@ impl<F: Filter, R: OverRange> Estimator<F, R> {
             (step_us, shift) = self.coarse(dt_us.min(self.max_dt_us), gyr);
         }
         self.turn(gyr, step_us, shift);
+        self.rates = lag::rates(gyr, &self.rotation.bias);
         // They keep the norm.
         let _ = self.rotation.products();
         // A rest that is under way has not been one.
@@ -441,7 +449,6 @@ impl<F: Filter, R: OverRange> Estimator<F, R> {
         let product = step_us * self.per_count_us + self.dt_remainder;
         self.dt_remainder = product & ((1 << DT_BITS) - 1);
         let half_angle = (product >> DT_BITS) as i32;
-        self.rates = lag::rates(gyr, &self.rotation.bias);
         self.rotation.turn(gyr, PerCount { half_angle, shift });
     }
 

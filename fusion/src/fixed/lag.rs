@@ -68,7 +68,7 @@ impl PerLag {
 /// A lag, as what a count of the gyroscope turns by in it.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Lag {
-    /// Q(15 + `shift`) rad; 0 for no lag.
+    /// Q(15 + `shift`) rad.
     factor: i32,
     shift: u32,
 }
@@ -97,16 +97,8 @@ impl Lag {
     }
 
     /// The vector that was seen as `v` a lag ago, now, at these rates.
-    #[inline(always)]
-    pub(super) fn now(self, v: &[i32; 3], rates: &[i32; 3]) -> [i32; 3] {
-        if self.factor == 0 {
-            return *v;
-        }
-        self.turned(v, rates)
-    }
-
     #[inline(never)]
-    fn turned(self, v: &[i32; 3], rates: &[i32; 3]) -> [i32; 3] {
+    pub(super) fn now(self, v: &[i32; 3], rates: &[i32; 3]) -> [i32; 3] {
         let turn = self.turn(rates);
         let [x, y, z] = cross(v, &turn);
         let round = |q15: i32| (q15 + (1 << 14)) >> 15;

@@ -4,7 +4,8 @@
 use nalgebra::Vector3;
 
 use super::counts::{Counts, Scale};
-use super::format::Q31;
+use super::format::{Q9, Q31};
+use super::lag;
 use super::number::Q20;
 use super::rotation::Products;
 use crate::lag::FieldLag;
@@ -40,8 +41,8 @@ pub struct StepEnd<'a> {
     pub(super) products: &'a Products,
     /// Specific force, as it is now, counts.
     pub(super) acc: &'a [i32; 3],
-    /// Rates less their offset, counts.
-    pub(super) rates: &'a [i32; 3],
+    /// Offset of the gyroscope, counts.
+    pub(super) bias: &'a [Q9; 3],
     /// The field's reference: north and down, counts.
     pub(super) field: Option<[i32; 2]>,
     /// The field is like it, to its full weight.
@@ -164,10 +165,15 @@ impl Recovered {
             dt,
             &rows(step.products),
             &vector(mag.map(i32::from), self.field),
-            &vector(*step.rates, self.gyr),
+            &self.rate(step),
             dot(&strength, &strength).sqrt().recip(),
         );
         Some(self.field_lag.lag_s())
+    }
+
+    /// The rates less their offset, rad/s.
+    fn rate(&self, step: &StepEnd<'_>) -> Vector3<Q20> {
+        vector(lag::rates(&step.counts.gyr, step.bias), self.gyr)
     }
 
     /// A field in the earth frame, north and down in counts.
@@ -193,7 +199,7 @@ impl Recovered {
                 }),
                 field_dt: self.field_dt,
                 field_lag_s: self.field_lag.lag_s(),
-                rate: vector(*step.rates, self.gyr),
+                rate: self.rate(step),
             };
         let hidden = hidden.unwrap_or([Hidden::Nothing; 3]);
         let (half_angle, variance) = self.recovery.step(dt, &rows, &hidden, &seen);
