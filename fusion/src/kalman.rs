@@ -91,6 +91,8 @@ impl<T: Real> Filter for Kalman<T> {
     type Real = T;
     type Gains = KalmanGains;
 
+    const FINDS_BIAS: bool = true;
+
     fn new(gains: &KalmanGains) -> Result<Self, ConfigError> {
         in_range(gains.gyr_rad2_s, 0.0, 1.0, "gyr_rad2_s")?;
         in_range(gains.gyr_scale_s, 0.0, 1.0, "gyr_scale_s")?;

@@ -29,6 +29,7 @@ mod kalman;
 mod lag;
 mod madgwick;
 mod mahony;
+mod motion_bias;
 #[cfg(feature = "offline")]
 pub mod offline;
 mod quality;
@@ -53,7 +54,7 @@ pub use kalman::{Kalman, KalmanGains};
 pub use madgwick::{Madgwick, MadgwickGains};
 pub use mahony::{Mahony, MahonyGains};
 pub use nalgebra::Vector3;
-pub use quality::Quality;
+pub use quality::{BiasState, Quality};
 pub use quaternion::{Euler, HalfRows, Quaternion};
 pub use real::{Number, Real};
 pub use rest::RestConfig;

@@ -20,7 +20,21 @@ use nalgebra::Vector3;
 use crate::real::Real;
 use crate::vector::dot;
 
-/// Standard deviations of an estimate.
+/// What is known of the gyroscope's offset.
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum BiasState {
+    /// No rest has shown it yet.
+    Unknown,
+    /// A rest has shown it, or it was set.
+    Known,
+    /// The body is at rest or turns steadily about the vertical, with a rate beyond
+    /// [`RestConfig::max_bias_rad_s`](crate::RestConfig::max_bias_rad_s): what is taken for the
+    /// offset may be wrong by that.
+    Refused,
+}
+
+/// How far an estimate may be off: standard deviations, and what is known.
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Quality<T = f32> {
@@ -31,6 +45,11 @@ pub struct Quality<T = f32> {
     pub heading_rad: T,
     /// Of the gyroscope's offset, each axis, rad/s.
     pub bias_rad_s: T,
+    /// What is known of the offset.
+    pub bias: BiasState,
+    /// Whether a field shows the heading: an undisturbed one within the last half second, which
+    /// dips by less than 80 deg.
+    pub heading_is_observable: bool,
     /// Time since the last undisturbed field, s, to within 64 steps; `None` where there was none
     /// yet.
     pub field_age_s: Option<T>,
@@ -70,6 +89,10 @@ const FIRST: f32 = 0.03;
 
 /// A field that is younger than this shows the heading, s.
 const FRESH_S: f32 = 0.5;
+
+/// The field's whole over its horizontal part, squared, at a dip of 80 deg: steeper ones show no
+/// heading.
+const STEEP: f32 = 33.2;
 
 /// Variance of an angle of which nothing is known, rad^2: pi^2 / 3.
 const UNKNOWN: f32 = 3.29;
@@ -143,6 +166,13 @@ impl<T: Real> Doubt<T> {
         self.bias = T::from_f32(BIAS_AT_REST * BIAS_AT_REST);
     }
 
+    /// The offset is as uncertain as this at most, (rad/s)^2.
+    pub(crate) fn narrow_bias(&mut self, variance: T) {
+        if self.bias > variance {
+            self.bias = variance;
+        }
+    }
+
     /// The attitude is known as after a long time.
     pub(crate) fn know_attitude(&mut self) {
         (self.tilt, self.heading) = (T::ZERO, T::ZERO);
@@ -175,9 +205,8 @@ impl<T: Real> Doubt<T> {
                 (true, false) => own,
             }
         };
-        let fresh = |age_s: T| age_s.within(T::from_f32(FRESH_S));
         let tilt = gain(evidence.acc, TILT_PER_S);
-        let heading = gain(self.field_age_s.is_some_and(fresh), HEADING_PER_S);
+        let heading = gain(self.field_is_fresh(), HEADING_PER_S);
         step(&mut self.tilt, &mut self.tilt_drift, dt, walk, bias, tilt);
         step(
             &mut self.heading,
@@ -189,8 +218,13 @@ impl<T: Real> Doubt<T> {
         );
     }
 
+    fn field_is_fresh(&self) -> bool {
+        self.field_age_s
+            .is_some_and(|age_s| age_s.within(T::from_f32(FRESH_S)))
+    }
+
     /// The deviations, with the field's whole over its horizontal part, squared, where it is known.
-    pub(crate) fn quality(&self, steepness: Option<T>) -> Quality<T> {
+    pub(crate) fn quality(&self, steepness: Option<T>, bias: BiasState) -> Quality<T> {
         let place = steepness.map_or(T::ZERO, |ratio| ratio * T::from_f32(HEADING));
         let tilt = self.tilt + self.tilt_drift * self.tilt_drift + T::from_f32(TILT);
         let heading = self.heading + self.heading_drift * self.heading_drift + place;
@@ -206,6 +240,9 @@ impl<T: Real> Doubt<T> {
             tilt_rad: deviation(tilt),
             heading_rad: deviation(heading),
             bias_rad_s: self.bias.sqrt(),
+            bias,
+            heading_is_observable: self.field_is_fresh()
+                && steepness.is_some_and(|ratio| ratio.within(T::from_f32(STEEP))),
             field_age_s: self.field_age_s,
         }
     }

@@ -26,6 +26,10 @@ pub struct RestConfig {
     pub max_bias_rad_s: f32,
     /// Time constant, s of rest, with which the offset follows once it is known.
     pub tau_s: f32,
+    /// Until a rest has shown the offset, it is found from how it tilts the estimate in motion:
+    /// deviation of the vertical that two seconds without acceleration show in the mean, rad; with
+    /// accelerations it is larger. `f32::INFINITY` waits for a rest, as fixed point always does.
+    pub motion_tilt_rad: f32,
 }
 
 impl Default for RestConfig {
@@ -36,6 +40,7 @@ impl Default for RestConfig {
             time_s: 1.5,
             max_bias_rad_s: 4.0 * DEG,
             tau_s: 8.0,
+            motion_tilt_rad: 0.01,
         }
     }
 }
@@ -78,6 +83,8 @@ pub(crate) struct Rest<T> {
     held: u32,
     /// Blocks that the offset stands on.
     learned: u32,
+    /// Consecutive blocks that would be a rest, were their rate not beyond what an offset can be.
+    refused: u32,
 }
 
 #[derive(Clone, Debug)]
@@ -108,6 +115,9 @@ impl<T: Real> Rest<T> {
         positive(config.time_s, "rest.time_s")?;
         positive(config.max_bias_rad_s, "rest.max_bias_rad_s")?;
         positive(config.tau_s, "rest.tau_s")?;
+        if config.motion_tilt_rad.is_nan() || config.motion_tilt_rad <= 0.0 {
+            return Err(ConfigError::OutOfRange("rest.motion_tilt_rad"));
+        }
         let blocks = |time_s: f32| ((time_s / BLOCK_S + 0.5) as u32).max(1);
         Ok(Self {
             rate_limit: T::from_f32(config.rate_rad_s),
@@ -122,6 +132,7 @@ impl<T: Real> Rest<T> {
             mean: zero(),
             held: 0,
             learned: 0,
+            refused: 0,
         })
     }
 
@@ -133,6 +144,12 @@ impl<T: Real> Rest<T> {
     /// An offset was learned, or is known from elsewhere.
     pub(crate) fn is_bias_known(&self) -> bool {
         self.learned > 0
+    }
+
+    /// The last blocks show a steady rate that is larger than an offset can be: a turn about the
+    /// vertical, or an offset that is not learned.
+    pub(crate) fn is_bias_refused(&self) -> bool {
+        self.refused >= self.needed
     }
 
     /// An offset is known from elsewhere, as well as a shortest rest shows it.
@@ -149,6 +166,7 @@ impl<T: Real> Rest<T> {
             still: 0,
             mean: zero(),
             held: 0,
+            refused: 0,
             ..*self
         }
     }
@@ -157,7 +175,7 @@ impl<T: Real> Rest<T> {
     pub(crate) fn interrupt(&mut self) {
         self.block = Block::empty();
         self.reference = None;
-        self.still = 0;
+        (self.still, self.refused) = (0, 0);
     }
 
     /// One sample: rotation rate as measured (rad/s) and specific force (m/s^2). `bias` is
@@ -195,12 +213,16 @@ impl<T: Real> Rest<T> {
         } else {
             T::ONE
         };
-        let still = self.reference.as_ref().is_some_and(|(gyr_ref, acc_ref)| {
-            near(&gyr, gyr_ref, self.rate_limit * tight)
-                && near(&acc, acc_ref, self.acc_limit)
-                && within(&gyr, self.max_bias)
+        let steady = self.reference.as_ref().is_some_and(|(gyr_ref, acc_ref)| {
+            near(&gyr, gyr_ref, self.rate_limit * tight) && near(&acc, acc_ref, self.acc_limit)
         });
-        if !still {
+        let small = within(&gyr, self.max_bias);
+        self.refused = if steady && !small {
+            self.refused.saturating_add(1)
+        } else {
+            0
+        };
+        if !(steady && small) {
             // This block may itself hold the end of a motion: it is what the next is compared with,
             // and not part of the mean.
             self.reference = Some((gyr, acc));

@@ -1,7 +1,7 @@
 //! What an estimator says of how far it may be off.
 
 use nalgebra::{UnitQuaternion, Vector3};
-use tvc_fusion::{Config, Estimator, GRAVITY, Quality, Sample, Vqf};
+use tvc_fusion::{BiasState, Config, Estimator, GRAVITY, Quality, Sample, Vqf};
 
 const DEG: f64 = core::f64::consts::PI / 180.0;
 const DT_S: f64 = 0.01;
@@ -23,6 +23,16 @@ impl Body {
             dip: dip_deg * DEG,
             estimator: Estimator::new(&Config::default().without_lags()).expect("valid"),
             time_s: 0.0,
+        }
+    }
+
+    /// The same, which only a rest shows its offset.
+    fn waiting(offset_deg_s: f64, dip_deg: f64) -> Self {
+        let mut config = Config::default().without_lags();
+        config.rest.motion_tilt_rad = f32::INFINITY;
+        Self {
+            estimator: Estimator::new(&config).expect("valid"),
+            ..Self::new(offset_deg_s, dip_deg)
         }
     }
 
@@ -58,8 +68,9 @@ impl Body {
 /// The case in which all flags are well and the pitch is not.
 #[test]
 fn an_offset_that_is_not_known_shows() {
-    let mut body = Body::new(3.0, 70.0);
+    let mut body = Body::waiting(3.0, 70.0);
     let moving = body.run(60.0, 1.0, Some(0.0));
+    assert_eq!(moving.bias, BiasState::Unknown);
     assert!(moving.bias_rad_s > 0.015, "{moving:?}");
     let sigmas = body.error() / f64::from(moving.tilt_rad);
     assert!(
@@ -68,11 +79,53 @@ fn an_offset_that_is_not_known_shows() {
         body.error()
     );
     let rested = body.still(30.0);
+    assert_eq!(rested.bias, BiasState::Known);
     assert!(rested.bias_rad_s < 1e-3, "{rested:?}");
     assert!(rested.tilt_rad < 0.3 * moving.tilt_rad);
     assert!(rested.heading_rad < moving.heading_rad);
     let bias: Vector3<f64> = body.estimator.attitude().bias.cast();
     assert!((bias - body.offset).norm() < 3.0 * f64::from(rested.bias_rad_s));
+}
+
+#[test]
+fn an_offset_that_motion_shows_is_better_known() {
+    let mut body = Body::new(3.0, 70.0);
+    let moving = body.run(60.0, 1.0, Some(0.0));
+    assert_eq!(moving.bias, BiasState::Unknown);
+    let bias: Vector3<f64> = body.estimator.attitude().bias.cast();
+    let off = (bias - body.offset).norm();
+    assert!(
+        off < 4.0 * f64::from(moving.bias_rad_s),
+        "{off} of {moving:?}"
+    );
+    assert!(moving.bias_rad_s < 0.005, "{moving:?}");
+    assert!(
+        body.error() < 3.0 * f64::from(moving.tilt_rad),
+        "{moving:?}"
+    );
+}
+
+/// Nothing is said to be known of an offset of 6 deg/s, which counts as a turn.
+#[test]
+fn an_offset_that_is_refused_is_said_to_be() {
+    let mut body = Body::new(6.0, 70.0);
+    assert_eq!(body.still(1.0).bias, BiasState::Unknown);
+    let refused = body.still(9.0);
+    assert_eq!(refused.bias, BiasState::Refused);
+    assert!(refused.bias_rad_s > 0.002, "{refused:?}");
+    assert_eq!(body.run(3.0, 1.0, Some(0.0)).bias, BiasState::Unknown);
+}
+
+#[test]
+fn a_heading_is_observable_where_a_field_shows_it() {
+    let observable = |mut body: Body, magnet| body.run(30.0, 0.5, magnet).heading_is_observable;
+    assert!(observable(Body::new(0.0, 70.0), Some(0.0)));
+    assert!(!observable(Body::new(0.0, 70.0), None));
+    assert!(!observable(Body::new(0.0, 88.0), Some(0.0)));
+    let mut body = Body::new(0.0, 70.0);
+    assert!(body.still(10.0).heading_is_observable);
+    // A magnet that comes and goes.
+    assert!(!body.run(10.0, 1.0, Some(2.0)).heading_is_observable);
 }
 
 #[test]

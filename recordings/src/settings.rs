@@ -77,7 +77,7 @@ impl Gains for VqfGains {
 }
 
 /// The settings that all filters share.
-fn shared<G>() -> [Key<Config<G>>; 20] {
+fn shared<G>() -> [Key<Config<G>>; 21] {
     [
         ("acc_gate", |config| &mut config.acc_gate),
         ("gyro_range_rad_s", |config| &mut config.gyro_range_rad_s),
@@ -98,6 +98,9 @@ fn shared<G>() -> [Key<Config<G>>; 20] {
             &mut config.rest.max_bias_rad_s
         }),
         ("rest.tau_s", |config| &mut config.rest.tau_s),
+        ("rest.motion_tilt_rad", |config| {
+            &mut config.rest.motion_tilt_rad
+        }),
         ("field.gate", |config| &mut config.field.gate),
         ("field.tau_s", |config| &mut config.field.tau_s),
         ("field.adopt_s", |config| &mut config.field.adopt_s),

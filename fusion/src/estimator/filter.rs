@@ -60,6 +60,10 @@ pub trait Filter: Sized {
     /// Accelerometer and magnetometer correct the estimate after start-up.
     const CORRECTS: bool = true;
 
+    /// Whether the filter finds the gyroscope's offset by itself while the body moves.
+    #[doc(hidden)]
+    const FINDS_BIAS: bool = false;
+
     /// Build the coefficients.
     ///
     /// # Errors

@@ -10,7 +10,8 @@ use crate::config::{Config, GRAVITY};
 use crate::error::{ConfigError, in_range, positive};
 use crate::field::{Field, HeadingError, plausible};
 use crate::lag;
-use crate::quality::{Doubt, Evidence, Quality};
+use crate::motion_bias::MotionBias;
+use crate::quality::{BiasState, Doubt, Evidence, Quality};
 use crate::quaternion::{HalfRows, Quaternion};
 use crate::range::{Hidden, Range, Rules};
 use crate::real::Number;
@@ -51,6 +52,8 @@ pub struct Estimator<F: Filter> {
     filter: F,
     field: Field<F::Real>,
     rest: Rest<F::Real>,
+    /// Until a rest shows the offset.
+    motion_bias: Option<MotionBias<F::Real>>,
     range: Range<F::Real>,
     recovery: Recovery<F::Real>,
     doubt: Doubt<F::Real>,
@@ -114,6 +117,7 @@ impl<F: Filter> Estimator<F> {
             filter: F::new(&config.gains)?,
             field: Field::new(config)?,
             rest: Rest::new(&config.rest)?,
+            motion_bias: MotionBias::new(&config.rest).filter(|_| F::CORRECTS && !F::FINDS_BIAS),
             range: Range::new(config.gyro_range_rad_s, Rules::Strict),
             recovery: Recovery::new(real(config.recovery_rad2_s)),
             doubt: Doubt::new(),
@@ -160,7 +164,14 @@ impl<F: Filter> Estimator<F> {
     /// How far the estimate may be off: standard deviations, brought up to date every 64
     /// steps.
     pub fn quality(&self) -> Quality<F::Real> {
-        self.doubt.quality(self.field.steepness())
+        let bias = if self.rest.is_bias_refused() {
+            BiasState::Refused
+        } else if self.rest.is_bias_known() {
+            BiasState::Known
+        } else {
+            BiasState::Unknown
+        };
+        self.doubt.quality(self.field.steepness(), bias)
     }
 
     /// How late the field is behind the rates, s: as configured, or as learned since.
@@ -246,6 +257,34 @@ impl<F: Filter> Estimator<F> {
         if hidden.is_some() || self.recovery.is_active() {
             self.recover(&view, hidden, sample);
         }
+        if self.motion_bias.is_some() {
+            self.find_bias(&view);
+        }
+    }
+
+    /// The offset from motion, until a rest has shown it.
+    #[cold]
+    fn find_bias(&mut self, view: &View<F::Real>) {
+        if self.rest.is_bias_known() {
+            self.motion_bias = None;
+        } else if let Some(motion_bias) = &mut self.motion_bias
+            && motion_bias.step(
+                view.dt,
+                &view.rows,
+                view.acc.as_ref(),
+                &self.pending,
+                &mut self.bias,
+            )
+        {
+            self.doubt.narrow_bias(motion_bias.variance());
+        }
+    }
+
+    /// The attitude is turned by what is no correction.
+    fn interrupt_motion_bias(&mut self) {
+        if let Some(motion_bias) = &mut self.motion_bias {
+            motion_bias.interrupt();
+        }
     }
 
     /// Deviations are brought up to date now and then.
@@ -308,6 +347,7 @@ impl<F: Filter> Estimator<F> {
     fn gap(&mut self) -> F::Real {
         self.flags.gap = true;
         self.rest.interrupt();
+        self.interrupt_motion_bias();
         self.unsettle(F::Real::from_f32(GAP_SIGMA * GAP_SIGMA));
         F::Real::from_f32(self.gap_s)
     }
@@ -391,6 +431,7 @@ impl<F: Filter> Estimator<F> {
     #[cold]
     fn first_heading(&mut self, mag: &Vector3<F::Real>) {
         let up = self.orientation.up();
+        self.interrupt_motion_bias();
         self.align(&up, Some(mag));
         self.unsettle(F::Real::from_f32(GAP_SIGMA * GAP_SIGMA));
         let rows = self.orientation.half_rows();

@@ -83,6 +83,7 @@ impl<F: Filter> Estimator<F> {
         }
 
         if let Some(Quaternion { w, x, y, z }) = state.orientation {
+            self.interrupt_motion_bias();
             self.orientation = Quaternion::normalised(w, x, y, z);
             self.pending = zero();
             self.phase = Phase::Settling;
@@ -118,6 +119,7 @@ impl<F: Filter> Estimator<F> {
             pitch_rad: F::Real::ZERO,
             yaw_rad: turn,
         });
+        self.interrupt_motion_bias();
         self.orientation = about_down.mul(&self.orientation);
         self.orientation.restore_norm();
     }
@@ -134,6 +136,7 @@ impl<F: Filter> Estimator<F> {
     /// of the sensors stays: offset, field, lag, ranges.
     pub fn reset(&mut self) {
         self.rest.interrupt();
+        self.interrupt_motion_bias();
         self.recovery = Recovery::new(self.acc_density);
         self.orientation = Quaternion::IDENTITY;
         (self.pending, self.rate) = (zero(), zero());
@@ -150,6 +153,7 @@ impl<F: Filter> Estimator<F> {
             filter: F::new(gains)?,
             field: self.field.reversed(),
             rest: self.rest.reversed(),
+            motion_bias: None,
             range: self.range.reversed(),
             recovery: Recovery::new(self.acc_density),
             rate: scaled(&self.rate, -F::Real::ONE),

@@ -56,8 +56,9 @@ Offline
 Keys of --set
   every filter   preset=default|thesis, acc_gate, gyro_range_rad_s, recovery_rad2_s, gap_s,
                  start_up_s, declination_rad, rest.rate_rad_s (0: learn no offset), rest.acc_m_s2,
-                 rest.time_s, rest.max_bias_rad_s, rest.tau_s, field.gate, field.tau_s,
-                 field.adopt_s, field.adopt_rate_rad_s, field.reject_s,
+                 rest.time_s, rest.max_bias_rad_s, rest.tau_s, rest.motion_tilt_rad (inf: learn no
+                 offset in motion), field.gate, field.tau_s, field.adopt_s, field.adopt_rate_rad_s,
+                 field.reject_s,
                  gyr_lag_s (age of the rates), acc_lag_s, mag_lag_s (how late these sensors are
                  behind them), mag_lag_prior_rad2_s (inf: learn nothing of the field's lag)
   complementary  acc_tau_s, mag_tau_s
