@@ -56,46 +56,46 @@ pub struct Quality<T = f32> {
 }
 
 /// Gains of the default filters, 1/s.
-const TILT_PER_S: f32 = 0.4;
-const HEADING_PER_S: f32 = 0.11;
+pub(crate) const TILT_PER_S: f32 = 0.4;
+pub(crate) const HEADING_PER_S: f32 = 0.11;
 
 /// Random walk of a body at rest, rad^2/s.
-const STILL: f32 = 1e-7;
+pub(crate) const STILL: f32 = 1e-7;
 
 /// What the walk grows by with the square of the rate, s.
-const SCALE_S: f32 = 3e-6;
+pub(crate) const SCALE_S: f32 = 3e-6;
 
 /// Noise of the vertical and of the heading that are shown, rad^2 s.
-const NOISE_S: f32 = 1e-5;
+pub(crate) const NOISE_S: f32 = 1e-5;
 
 /// Variance of errors of the vertical that stand still, rad^2: 0.3 deg.
-const TILT: f32 = 3e-5;
+pub(crate) const TILT: f32 = 3e-5;
 
 /// Variance of those of a horizontal field, rad^2; a steep field's is larger by the square of the
 /// whole over its horizontal part.
-const HEADING: f32 = 2.5e-5;
+pub(crate) const HEADING: f32 = 2.5e-5;
 
 /// The walk while a rate is clipped or was within the last seconds, rad^2/s.
 const CLIPPED: f32 = 3e-3;
 
 /// Deviation of an offset that is not known, of one from a rest, rad/s, and what its variance grows
 /// by, (rad/s)^2/s.
-const BIAS_UNKNOWN: f32 = 0.02;
-const BIAS_AT_REST: f32 = 5e-4;
-const BIAS_WALK: f32 = 1e-9;
+pub(crate) const BIAS_UNKNOWN: f32 = 0.02;
+pub(crate) const BIAS_AT_REST: f32 = 5e-4;
+pub(crate) const BIAS_WALK: f32 = 1e-9;
 
 /// Variance of the first vertical, of a single sample in motion, rad^2.
-const FIRST: f32 = 0.03;
+pub(crate) const FIRST: f32 = 0.03;
 
 /// A field that is younger than this shows the heading, s.
-const FRESH_S: f32 = 0.5;
+pub(crate) const FRESH_S: f32 = 0.5;
 
 /// The field's whole over its horizontal part, squared, at a dip of 80 deg: steeper ones show no
 /// heading.
-const STEEP: f32 = 33.2;
+pub(crate) const STEEP: f32 = 33.2;
 
 /// Variance of an angle of which nothing is known, rad^2: pi^2 / 3.
-const UNKNOWN: f32 = 3.29;
+pub(crate) const UNKNOWN: f32 = 3.29;
 
 /// What a step has seen.
 pub(crate) struct Evidence<T> {

@@ -1,7 +1,7 @@
 //! What an estimator says of how far it may be off.
 
 use nalgebra::{UnitQuaternion, Vector3};
-use tvc_fusion::{BiasState, Config, Estimator, GRAVITY, Quality, Sample, Vqf};
+use tvc_fusion::{BiasState, Config, Estimator, GRAVITY, Quality, Sample, Vqf, fixed};
 
 const DEG: f64 = core::f64::consts::PI / 180.0;
 const DT_S: f64 = 0.01;
@@ -12,6 +12,8 @@ struct Body {
     offset: Vector3<f64>,
     dip: f64,
     estimator: Estimator<Vqf>,
+    /// The same in fixed point, which is to say the same.
+    fixed: fixed::Estimator<fixed::Vqf>,
     time_s: f64,
 }
 
@@ -22,6 +24,12 @@ impl Body {
             offset: Vector3::new(1.0, -1.0, 1.0) * (offset_deg_s * DEG),
             dip: dip_deg * DEG,
             estimator: Estimator::new(&Config::default().without_lags()).expect("valid"),
+            fixed: fixed::Estimator::new(
+                &Config::default().without_lags(),
+                &fixed::Scale::BNO055,
+                10_000,
+            )
+            .expect("valid"),
             time_s: 0.0,
         }
     }
@@ -50,8 +58,31 @@ impl Body {
                 mag: magnet.map(|by| (back * field * (1.0 + by * (1.5 + t.sin()))).cast()),
             };
             self.estimator.update(DT_S as f32, &sample);
+            self.fixed.update(10_000, &counts(&sample));
         }
         self.estimator.quality()
+    }
+
+    /// What fixed point says is what float says.
+    fn compare(&self) {
+        let (float, fixed) = (self.estimator.quality(), self.fixed.quality());
+        let both = format!("{float:?}, in fixed point {fixed:?}");
+        for (float, fixed) in [
+            (float.tilt_rad, fixed.tilt_rad),
+            (float.heading_rad, fixed.heading_rad),
+            (float.bias_rad_s, fixed.bias_rad_s),
+        ] {
+            assert!((0.7..1.4).contains(&(fixed / float)), "{both}");
+        }
+        assert_eq!(float.bias, fixed.bias, "{both}");
+        assert_eq!(
+            float.heading_is_observable, fixed.heading_is_observable,
+            "{both}"
+        );
+        match (float.field_age_s, fixed.field_age_s) {
+            (Some(float), Some(fixed)) => assert!((float - fixed).abs() < 1.0, "{both}"),
+            (float, fixed) => assert_eq!(float, fixed, "{both}"),
+        }
     }
 
     fn still(&mut self, seconds: f64) -> Quality {
@@ -62,6 +93,39 @@ impl Body {
     fn error(&self) -> f64 {
         let up: Vector3<f64> = self.estimator.attitude().orientation.up().cast();
         up.angle(&(self.attitude.inverse() * Vector3::new(0.0, 0.0, -1.0)))
+    }
+}
+
+/// The counts of a BNO055.
+fn counts(sample: &Sample) -> fixed::Counts {
+    let scale = fixed::Scale::BNO055;
+    let count = |v: Vector3<f32>, unit: f32| [v.x, v.y, v.z].map(|v| (v / unit).round() as i16);
+    fixed::Counts {
+        gyr: count(sample.gyr, scale.gyr_rad_s),
+        acc: count(sample.acc, scale.acc_m_s2),
+        mag: sample.mag.map(|mag| count(mag, scale.mag_ut)),
+    }
+}
+
+#[test]
+fn fixed_point_says_what_float_says() {
+    for (offset_deg_s, dip_deg) in [(0.0, 70.0), (3.0, 60.0), (0.0, 88.0), (6.0, 70.0)] {
+        let mut body = Body::waiting(offset_deg_s, dip_deg);
+        if offset_deg_s == 0.0 {
+            body.run(20.0, 1.0, Some(0.0));
+            body.compare();
+        }
+        for (seconds, speed, magnet) in [
+            (20.0, 0.0, Some(0.0)),
+            (20.0, 5.0, Some(0.0)),
+            (20.0, 1.0, Some(2.0)),
+            (20.0, 1.0, None),
+            (20.0, 0.0, None),
+            (20.0, 0.5, Some(0.0)),
+        ] {
+            body.run(seconds, speed, magnet);
+            body.compare();
+        }
     }
 }
 

@@ -21,6 +21,7 @@
 //! | `rest` | the offset, and the blocks that all slow work is counted in |
 //! | `start_up` | the gains, from those of a running mean to the filter's own |
 //! | `lag` | what a sensor shows now whose samples are older than the rates |
+//! | `quality` | how far the estimate may be off |
 //! | `over_range` | what a clipped gyroscope has hidden |
 //!
 //! # The number formats
@@ -62,6 +63,7 @@ use super::lag::{self, Lag, PerLag};
 use super::memory::all;
 use super::orientation::{Angles, Orientation};
 use super::over_range::{Ignored, OverRange, Recovered, StepEnd};
+use super::quality::{self, Doubt};
 use super::rest::{self, Rest};
 use super::rotation::{BIAS_BITS, PerCount, Rotation};
 use super::start_up::{Gains, StartUpGains};
@@ -69,6 +71,7 @@ use crate::config::{Config, GRAVITY};
 use crate::error::{ConfigError, in_range};
 use crate::estimator::{Attitude, Flags};
 use crate::lag::FieldLag;
+use crate::quality::Quality;
 
 /// Longest time step, us: more is a gap.
 const MAX_DT_US: u32 = 30_000;
@@ -111,6 +114,7 @@ pub struct Estimator<F, R = Ignored> {
     compass: Compass,
     filter: F,
     start_up: StartUpGains,
+    doubt: Doubt,
     /// Longest step that is integrated, us; a longer one is a gap, and integrated as this.
     max_dt_us: u32,
     /// Largest product of a long step, us, and the sum of the rates' sizes, counts:
@@ -176,6 +180,7 @@ impl<F: Filter> Estimator<F> {
         all(&mut last_mag, each);
         self.last_mag = known.then_some(last_mag);
         all(&mut self.rates, each);
+        self.doubt.memory(each);
     }
 }
 
@@ -268,6 +273,7 @@ impl<F: Filter, R: OverRange> Estimator<F, R> {
             start_up_blocks: ((config.start_up_s / block_s + 0.5) as u32)
                 .max(start_up.first_blocks),
             start_up,
+            doubt: Doubt::new(scale, block_s),
             max_dt_us: MAX_DT_US.min(max_short_dt_us << coarse_shift),
             max_rotation: (MAX_HALF_ANGLE * 2e6 / scale.gyr_rad_s) as u32,
             coarse_shift: coarse_shift.into(),
@@ -328,6 +334,15 @@ impl<F: Filter, R: OverRange> Estimator<F, R> {
         }
     }
 
+    /// How far the estimate may be off, brought up to date once a block of about a quarter of a
+    /// second. Of a body in free flight ([`Estimator::coast`]) it says no more than that the tilt
+    /// is uncertain.
+    #[inline(never)]
+    pub fn quality(&self) -> Quality {
+        let bias = self.rest.bias_state();
+        self.doubt.quality(self.compass.reference(), bias)
+    }
+
     /// Find tilt and heading anew, from the next block of samples on and as after a gap; the offset
     /// that has been learned stays. For whoever knows that the estimate was turned by a rate that
     /// was none.
@@ -376,7 +391,7 @@ impl<F: Filter, R: OverRange> Estimator<F, R> {
 
         // Heading correction is skipped in steps that are long or run housekeeping, to bound the
         // worst-case cycles.
-        let busy = long || job <= rest::START_UP || self.compass.is_due();
+        let busy = long || job <= rest::QUALITY || self.compass.is_due();
         if busy {
             self.housekeeping(job, &gyr, acc[2]);
         }
@@ -440,6 +455,7 @@ impl<F: Filter, R: OverRange> Estimator<F, R> {
         let _ = self.rotation.products();
         // A rest that is under way has not been one.
         self.rest.moved = true;
+        self.doubt.lose_tilt();
     }
 
     /// Integrate the rates over a step, whose time and shift are those of [`Self::coarse`] where it
@@ -464,6 +480,15 @@ impl<F: Filter, R: OverRange> Estimator<F, R> {
             }
             self.gap = false;
             self.start_up.next_block(&mut self.gains);
+        } else if job == rest::QUALITY {
+            self.doubt.account(&quality::Block {
+                rates: lag::rates(gyr, &self.rotation.bias),
+                at_rest: self.rest.is_at_rest(),
+                good_field: self.rest.is_recent(self.heading_tick)
+                    && self.compass.reference().is_some()
+                    && !self.compass.is_disturbed(),
+                gain_log2: self.start_up.raised(),
+            });
         } else if job != rest::NO_JOB {
             self.compass.judge(gyr);
         }
@@ -487,6 +512,7 @@ impl<F: Filter, R: OverRange> Estimator<F, R> {
         if dt_us > self.max_dt_us {
             dt_us = self.max_dt_us;
             self.start_up.restart();
+            self.doubt.widen();
             self.expect_large_gains();
         }
         self.coarse(dt_us, gyr)

@@ -12,6 +12,7 @@ mod memory;
 mod number;
 mod orientation;
 mod over_range;
+mod quality;
 mod rest;
 mod rotation;
 mod start_up;

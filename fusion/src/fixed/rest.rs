@@ -26,6 +26,7 @@ use super::format::{Q9, Q16, nearest_log2};
 use super::memory::all;
 use super::rotation::BIAS_BITS;
 use crate::error::{ConfigError, in_range};
+use crate::quality::BiasState;
 use crate::rest::{BLOCK_S, RestConfig};
 
 /// Bits that the offset has beyond `BIAS_BITS` while it is learned, and the largest memory: `2^7`
@@ -59,6 +60,10 @@ impl Axis {
 pub(super) struct Rest {
     /// The block under way is not still.
     pub(super) moved: bool,
+    /// Its rate is beyond what an offset can be.
+    is_fast: bool,
+    /// Blocks in a row that would be a rest but for that, up to `needed`.
+    refused: u8,
     /// Still blocks in a row that make a rest.
     needed: u8,
     /// How many of them are still to come.
@@ -89,8 +94,12 @@ pub(super) struct Rest {
 }
 
 /// Work is spread over a block: samples 0 to 5 close one axis each, 6 decides on rest, and 7 (this)
-/// updates the start-up gains, which is the estimator's job.
+/// updates the start-up gains, which is the estimator's job, as is the account of the deviations
+/// after it.
 pub(super) const START_UP: u32 = 7;
+
+/// See [`START_UP`].
+pub(super) const QUALITY: u32 = 8;
 
 /// Neither one of these jobs nor one of the compass.
 pub(super) const NO_JOB: u32 = u32::MAX;
@@ -143,6 +152,8 @@ impl Rest {
     pub(super) fn new(limits: &Limits) -> Self {
         Self {
             moved: true,
+            is_fast: false,
+            refused: 0,
             needed: limits.needed,
             missing: limits.needed,
             // The first of them follows a motion.
@@ -165,7 +176,9 @@ impl Rest {
     /// See [`Estimator::memory`](super::Estimator::memory).
     #[inline(never)]
     pub(super) fn memory(&mut self, each: &mut impl FnMut(i32) -> i32) {
-        self.moved = each(self.moved.into()) != 0;
+        let flags = each(i32::from(self.moved) | i32::from(self.is_fast) << 1);
+        (self.moved, self.is_fast) = (flags & 1 != 0, flags & 2 != 0);
+        self.refused = each(self.refused.into()) as u8;
         self.missing = each(self.missing.into()) as u8;
         self.early = each(self.early.into()) as u8;
         self.tick = each(self.tick as i32) as u32;
@@ -194,6 +207,11 @@ impl Rest {
         self.tick & self.mask
     }
 
+    /// Whether a sample with this number is one of the last block's length.
+    pub(super) fn is_recent(&self, tick: u32) -> bool {
+        self.tick.wrapping_sub(tick) <= self.mask
+    }
+
     /// Samples so far, modulo 2^32.
     pub(super) fn tick(&self) -> u32 {
         self.tick
@@ -201,6 +219,17 @@ impl Rest {
 
     pub(super) fn is_at_rest(&self) -> bool {
         self.missing == 0
+    }
+
+    /// What is known of the offset.
+    pub(super) fn bias_state(&self) -> BiasState {
+        if self.refused >= self.needed {
+            BiasState::Refused
+        } else if self.missing == 0 || self.early == 0 {
+            BiasState::Known
+        } else {
+            BiasState::Unknown
+        }
     }
 
     /// Close the block of the axis with the number of the job, or decide on rest.
@@ -219,7 +248,7 @@ impl Rest {
         let mut limit = self.acc_limit;
         if job < 3 {
             limit = self.rate_limit;
-            self.moved |= mean.abs() > self.max_bias;
+            self.is_fast |= mean.abs() > self.max_bias;
         }
         if apart > limit {
             axis.reference = mean;
@@ -241,7 +270,12 @@ impl Rest {
     /// The block was still or not: what that makes of the rest, and of the share of the next block.
     fn decide(&mut self, bias: &mut [Q9; 3]) {
         let learns = self.missing <= self.early;
-        if self.moved {
+        self.refused = if self.is_fast && !self.moved {
+            (self.refused + 1).min(self.needed)
+        } else {
+            0
+        };
+        if self.moved || self.is_fast {
             self.missing = self.needed;
             if self.early != 0 {
                 (self.blocks, self.learned) = (0, 0);
@@ -266,6 +300,6 @@ impl Rest {
                 }
             }
         }
-        self.moved = false;
+        (self.moved, self.is_fast) = (false, false);
     }
 }

@@ -210,6 +210,12 @@ impl StartUpGains {
         self.drop_at = self.blocks + blocks + 1;
     }
 
+    /// Base-2 logarithms of the gain increases of tilt and heading.
+    pub(super) fn raised(&self) -> [u32; 2] {
+        [self.tilt_subtract, self.heading_subtract]
+            .map(|subtract| positive(self.gain_log2 - subtract).unsigned_abs())
+    }
+
     /// The next gains may come with a limit for accelerations: it holds from now on.
     #[inline(always)]
     pub(super) fn limit_acc(&self, gains: &mut Gains) {

@@ -1,0 +1,224 @@
+//! How far an estimate may be off: the equations of [`crate::Quality`], once a block.
+//!
+//! # The number formats
+//! | number | format | bound, and what sets it |
+//! |---|---|---|
+//! | variances of tilt and heading | Q28 rad^2 | pi^2 / 3, that of an angle nobody knows, is below 8 |
+//! | drifts of both | Q28 rad | the same |
+//! | variance of the offset | Q40 (rad/s)^2 | `0.02^2`, that of an unknown one, is below `2^-9` |
+//! | square of the rate | Q16 (rad/s)^2 | 100: a faster turn counts as one of that |
+//! | shares of a block | Q15 | 1 |
+//!
+//! A variance or drift times a share is taken in two parts of 15 bits, so that nothing of a small
+//! one is lost.
+
+use super::counts::Scale;
+use super::format::{Q15, normalised};
+use crate::quality::{
+    BIAS_AT_REST, BIAS_UNKNOWN, BIAS_WALK, BiasState, FIRST, FRESH_S, HEADING, HEADING_PER_S,
+    NOISE_S, Quality, SCALE_S, STEEP, STILL, TILT, TILT_PER_S, UNKNOWN,
+};
+
+/// Variances of angles, rad^2, and drifts, rad.
+type Q28 = i32;
+
+/// Variance of an offset, (rad/s)^2.
+type Q40 = i32;
+
+const fn q28(value: f32) -> Q28 {
+    (value * 268_435_456.0) as i32
+}
+
+const fn q40(value: f32) -> Q40 {
+    (value * 1_099_511_627_776.0) as i32
+}
+
+/// Most of a variance that a block takes away: a running mean's first gains would take more.
+const MOST: Q15 = 30_000;
+
+/// What a gap in the samples adds to the variances, rad^2.
+const GAP: f32 = 0.25;
+
+/// One angle: its random walk, and its drift by the offset's error.
+#[derive(Clone, Copy, Debug)]
+struct Angle {
+    variance: Q28,
+    drift: Q28,
+    /// What a block of the filter's own gain takes of the variance, and of the drift.
+    taken: Q15,
+    drift_taken: Q15,
+    /// The noise of that gain, rad^2 a block.
+    noise: Q28,
+}
+
+impl Angle {
+    fn new(variance: f32, per_s: f32, block_s: f32) -> Self {
+        let share = per_s * block_s;
+        let q15 = |value: f32| (value * 32_768.0) as i32;
+        Self {
+            variance: q28(variance),
+            drift: 0,
+            taken: q15(2.0 * share / (1.0 + 2.0 * share)),
+            drift_taken: q15(share / (1.0 + share)),
+            noise: q28(NOISE_S * per_s * per_s * block_s),
+        }
+    }
+
+    /// A block with this walk and this drift. The gain is the filter's own times `2^gain_log2`;
+    /// `None` where nothing shows the angle.
+    fn pass(&mut self, walk: Q28, drift: Q28, gain_log2: Option<u32>) {
+        let mut grown = walk;
+        if let Some(log2) = gain_log2 {
+            let log2 = log2.min(8);
+            let taken = |share: Q15| (share << log2).min(MOST);
+            self.variance -= part(self.variance, taken(self.taken));
+            self.drift -= part(self.drift, taken(self.drift_taken));
+            grown += self.noise.min(1 << 12) << (2 * log2);
+        }
+        self.variance = (self.variance + grown).min(q28(UNKNOWN));
+        self.drift = (self.drift + drift).min(q28(UNKNOWN));
+    }
+
+    /// Standard deviation, rad, with the variance of what stands still.
+    fn deviation_rad(&self, steady: f32) -> f32 {
+        let drift = self.drift.unsigned_abs() >> 14;
+        let variance = self.variance.unsigned_abs();
+        let variance = variance.saturating_add(drift.saturating_mul(drift));
+        let variance = variance.saturating_add(q28(steady.min(UNKNOWN)).unsigned_abs());
+        let deviation_q14 = variance.min(q28(UNKNOWN).unsigned_abs()).isqrt();
+        deviation_q14 as f32 / 16_384.0
+    }
+}
+
+/// A share of a number that is not negative.
+fn part(value: i32, share: Q15) -> i32 {
+    (value >> 15) * share + (((value & 0x7fff) * share) >> 15)
+}
+
+/// What a block has shown.
+pub(super) struct Block {
+    /// Its last rates less their offset, counts.
+    pub(super) rates: [i32; 3],
+    /// It was one of a rest that the offset is known from.
+    pub(super) at_rest: bool,
+    /// An undisturbed field was seen.
+    pub(super) good_field: bool,
+    /// Base-2 logarithms of the gain increases of tilt and heading.
+    pub(super) gain_log2: [u32; 2],
+}
+
+/// The variances.
+#[derive(Clone, Debug)]
+pub(super) struct Doubt {
+    tilt: Angle,
+    heading: Angle,
+    bias: Q40,
+    /// Blocks since the last undisturbed field; `u32::MAX` before the first.
+    field_age: u32,
+    /// What a count turns by, Q(8 + `shift`) rad/s.
+    per_count: i32,
+    shift: u32,
+    /// Walk at rest, and by the square of the rate, a block.
+    still: Q28,
+    scale: Q28,
+    bias_walk: Q40,
+    /// A block, Q15 s.
+    block: Q15,
+    /// Blocks for which a field is fresh.
+    fresh: u32,
+    block_s: f32,
+}
+
+impl Doubt {
+    #[inline(always)]
+    pub(super) fn new(scale: &Scale, block_s: f32) -> Self {
+        let (per_count, shift) = normalised(scale.gyr_rad_s * 256.0, 16_384.0);
+        Self {
+            tilt: Angle::new(FIRST, TILT_PER_S, block_s),
+            heading: Angle::new(0.0, HEADING_PER_S, block_s),
+            bias: q40(BIAS_UNKNOWN * BIAS_UNKNOWN),
+            field_age: u32::MAX,
+            per_count,
+            shift: shift.into(),
+            still: q28(STILL * block_s),
+            scale: q28(SCALE_S * block_s),
+            bias_walk: q40(BIAS_WALK * block_s),
+            block: (block_s * 32_768.0) as i32,
+            fresh: (FRESH_S / block_s) as u32 + 1,
+            block_s,
+        }
+    }
+
+    /// See [`Estimator::memory`](super::Estimator::memory).
+    #[inline(never)]
+    pub(super) fn memory(&mut self, each: &mut impl FnMut(i32) -> i32) {
+        for angle in [&mut self.tilt, &mut self.heading] {
+            angle.variance = each(angle.variance);
+            angle.drift = each(angle.drift);
+        }
+        self.bias = each(self.bias);
+        self.field_age = each(self.field_age as i32) as u32;
+    }
+
+    /// Samples are missing: the attitude is uncertain.
+    #[cold]
+    pub(super) fn widen(&mut self) {
+        for angle in [&mut self.tilt, &mut self.heading] {
+            angle.variance = (angle.variance + q28(GAP)).min(q28(UNKNOWN));
+        }
+    }
+
+    /// Nothing but the rates turns the attitude.
+    pub(super) fn lose_tilt(&mut self) {
+        self.tilt.variance = q28(FIRST);
+    }
+
+    /// A block is over.
+    #[inline(never)]
+    pub(super) fn account(&mut self, block: &Block) {
+        self.field_age = if block.good_field {
+            0
+        } else {
+            self.field_age.saturating_add(1)
+        };
+        self.bias = if block.at_rest {
+            q40(BIAS_AT_REST * BIAS_AT_REST)
+        } else {
+            self.bias.saturating_add(self.bias_walk)
+        };
+        // Q20, and at most 0.1 rad/s, times Q15: to Q28.
+        let deviation = (self.bias.unsigned_abs().isqrt()).min(1 << 16) as i32;
+        let drift = (deviation * self.block) >> 7;
+        let mut square = 0;
+        for rate in block.rates {
+            // 10 rad/s is 2560.
+            let rate = ((rate * self.per_count) >> (self.shift & 31)).clamp(-2_560, 2_560);
+            square += rate * rate;
+        }
+        // Q16; the scale has 10 bits at most.
+        let walk = self.still + (((square.min(100 << 16) >> 8) * self.scale) >> 8);
+        let [tilt, heading] = block.gain_log2;
+        self.tilt.pass(walk, drift, Some(tilt));
+        let seen = self.field_age < self.fresh;
+        self.heading.pass(walk, drift, seen.then_some(heading));
+    }
+
+    /// See [`Estimator::quality`](super::Estimator::quality); with the field's reference, north and
+    /// down.
+    pub(super) fn quality(&self, field: Option<[i32; 2]>, bias: BiasState) -> Quality<f32> {
+        let steepness = field.map(|[north, down]| {
+            let ratio = down as f32 / (north.max(1)) as f32;
+            1.0 + ratio * ratio
+        });
+        let place = steepness.map_or(0.0, |ratio| ratio * HEADING);
+        Quality {
+            tilt_rad: self.tilt.deviation_rad(TILT),
+            heading_rad: self.heading.deviation_rad(place),
+            bias_rad_s: self.bias.unsigned_abs().isqrt() as f32 / 1_048_576.0,
+            bias,
+            heading_is_observable: self.field_age < self.fresh
+                && steepness.is_some_and(|ratio| ratio <= STEEP),
+            field_age_s: (self.field_age != u32::MAX).then(|| self.field_age as f32 * self.block_s),
+        }
+    }
+}
