@@ -73,6 +73,10 @@ pub const FIELD_REPEAT_US: u64 = 100_000;
 /// A magnetometer that has measured no field for so long is taken as dead, us.
 pub const FIELD_LOST_US: u64 = 1_000_000;
 
+/// Standard deviation of the tilt beyond which nothing is armed, deg. After some seconds of rest it
+/// is 0.3 deg; a gap in the samples makes it some tens.
+pub const ARM_TILT_SD_DEG: f32 = 2.0;
+
 /// Rest within which the estimator has learned the gyroscope's offset, us, counted from when it
 /// first takes the sensor to be at rest: its blocks last a third of a second at most.
 pub const BIAS_REST_US: u32 = 340_000;

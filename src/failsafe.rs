@@ -10,6 +10,7 @@ mod reason;
 mod state;
 
 use bno055_driver::{Micros, RawSample, SensorFault};
+use tvc_fusion::BiasState;
 
 use crate::config::{
     COS_ARM_TILT_Q30, COS_FAILSAFE_TILT_Q30, DATA_AGE_LIMIT_US, FAILSAFE_TILT_US, HOST_SILENCE_US,
@@ -32,8 +33,10 @@ pub struct Health {
     pub valid: bool,
     /// It has settled since start-up.
     pub settled: bool,
-    /// The gyro's offset has been learned at rest.
-    pub bias_known: bool,
+    /// What is known of the gyro's offset.
+    pub bias: BiasState,
+    /// The tilt is known to [`ARM_TILT_SD_DEG`](crate::config::ARM_TILT_SD_DEG).
+    pub certain: bool,
     /// Cosine of the angle between the body's and the earth's vertical, Q30.
     pub cos_tilt_q30: i32,
 }
@@ -43,7 +46,8 @@ impl Health {
     const UNKNOWN: Self = Self {
         valid: true,
         settled: false,
-        bias_known: false,
+        bias: BiasState::Unknown,
+        certain: false,
         cos_tilt_q30: 1 << 30,
     };
 }
@@ -233,7 +237,7 @@ impl Supervisor {
 
     /// The self-test is passed, the attitude has settled, and the gyro's offset is known.
     pub fn is_calibrated(&self) -> bool {
-        self.state == State::Standby && self.health.settled && self.health.bias_known
+        self.state == State::Standby && self.health.settled && self.health.bias == BiasState::Known
     }
 
     /// The state that a command leads to.
@@ -241,6 +245,11 @@ impl Supervisor {
         Ok(match (command, self.state) {
             (Command::Arm, State::Standby) => {
                 self.ready(now)?;
+                // In free flight, where nothing but the rates turns the attitude, it is certain no
+                // longer, and a release is not to fail for that.
+                if !self.health.certain {
+                    return Err(Refusal::Uncertain);
+                }
                 State::Armed
             }
             (Command::Release, State::Armed) => {
@@ -275,7 +284,9 @@ impl Supervisor {
             Err(Refusal::Sensor)
         } else if !self.health.valid || !self.health.settled {
             Err(Refusal::Settling)
-        } else if !self.health.bias_known {
+        } else if self.health.bias == BiasState::Refused {
+            Err(Refusal::BiasRefused)
+        } else if self.health.bias == BiasState::Unknown {
             Err(Refusal::BiasUnknown)
         } else if self.health.cos_tilt_q30 < COS_ARM_TILT_Q30 {
             Err(Refusal::Tilt)

@@ -323,11 +323,17 @@ impl Flight {
         let _ = self.supervisor.command(now, command);
     }
 
-    /// Standard deviation of the tilt about either axis, deg, of a vehicle whose attitude follows
-    /// its gyroscope alone; `None` while the accelerometer corrects it.
-    pub fn tilt_sd_deg(&self) -> Option<f32> {
-        let is_free = self.launch.is_free(&self.state());
-        is_free.then(|| self.launch.tilt_sd_deg(self.params.gyr_per_g()))
+    /// Standard deviations of the tilt about either axis, and of the heading, deg: as the estimator
+    /// has them, but for the tilt of a vehicle whose attitude follows its gyroscope alone.
+    pub fn attitude_sd_deg(&self) -> [f32; 2] {
+        const DEG: f32 = 180.0 / core::f32::consts::PI;
+        let [tilt, heading] = self.navigation.attitude_sd().map(|rad| rad * DEG);
+        let tilt = if self.launch.is_free(&self.state()) {
+            self.launch.tilt_sd_deg(self.params.gyr_per_g())
+        } else {
+            tilt
+        };
+        [tilt, heading]
     }
 
     /// The control laws, where the state lets them move their rudders. Positive crank angles turn
@@ -452,7 +458,8 @@ impl Flight {
         Health {
             valid: orientation.is_rotation(),
             settled: self.navigation.has_settled(),
-            bias_known: self.navigation.bias_is_known(),
+            bias: self.navigation.bias_state(),
+            certain: self.navigation.tilt_is_certain(),
             cos_tilt_q30: orientation.cos_tilt_q30(),
         }
     }

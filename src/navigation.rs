@@ -7,13 +7,14 @@ use core::mem;
 use bno055_driver::{Micros, RawSample, SensorFault};
 use tvc_fusion::fixed::{AnyFilter, AnyGains, Counts, Estimator, Orientation, Scale};
 use tvc_fusion::{
-    Attitude, ComplementaryGains, Config, ConfigError, MadgwickGains, MahonyGains, VqfGains,
+    Attitude, BiasState, ComplementaryGains, Config, ConfigError, MadgwickGains, MahonyGains,
+    Quality, VqfGains,
 };
 use tvc_pid::{Q16, Scalar, Share16};
 
 use crate::config::{
-    BIAS_REST_US, DATA_AGE_LIMIT_US, ESTIMATOR_GAP_US, FIELD_LOST_US, FIELD_REPEAT_US, LEVEL_RATE,
-    LEVEL_US,
+    ARM_TILT_SD_DEG, BIAS_REST_US, DATA_AGE_LIMIT_US, ESTIMATOR_GAP_US, FIELD_LOST_US,
+    FIELD_REPEAT_US, LEVEL_RATE, LEVEL_US,
 };
 use crate::memory::time;
 use crate::mount::Mount;
@@ -236,6 +237,33 @@ impl Navigation {
     /// The newest attitude in fixed point.
     pub fn orientation(&self) -> Orientation {
         self.estimator.orientation()
+    }
+
+    /// Standard deviations of tilt and heading, rad.
+    pub fn attitude_sd(&self) -> [f32; 2] {
+        let Quality {
+            tilt_rad,
+            heading_rad,
+            ..
+        } = self.estimator.quality();
+        [tilt_rad, heading_rad]
+    }
+
+    /// Whether the tilt is known to [`ARM_TILT_SD_DEG`].
+    pub fn tilt_is_certain(&self) -> bool {
+        const LIMIT: f32 = ARM_TILT_SD_DEG * (PI / 180.0);
+        self.estimator
+            .tilt_is_within((LIMIT * LIMIT * 268_435_456.0) as i32)
+    }
+
+    /// What is known of the gyroscope's offset. It is [`BiasState::Known`] once the attitude has
+    /// been levelled with it, too.
+    pub fn bias_state(&self) -> BiasState {
+        match (self.bias, self.estimator.bias_state()) {
+            (Bias::Known, _) => BiasState::Known,
+            (_, BiasState::Refused) => BiasState::Refused,
+            _ => BiasState::Unknown,
+        }
     }
 
     /// Whether the gyroscope's offset has been learned and the attitude been levelled with it,

@@ -13,7 +13,7 @@
 //! | ATTITUDE_QUATERNION, SERVO_OUTPUT_RAW | every step |
 //! | RAW_IMU | every step that had a sample: its untouched counts, stamped with its own time |
 //! | NAMED_VALUE_FLOAT `crank` | every step: the crank angle that control asked for, rad, before limits |
-//! | NAMED_VALUE_FLOAT `tilt_sd` | once a second while the attitude follows the gyroscope alone (`FUSE_ACC` 0): standard deviation of the tilt, deg |
+//! | NAMED_VALUE_FLOAT `tilt_sd`, `head_sd` | once a second: standard deviations of tilt and heading, deg |
 //! | V2_EXTENSION | once a second from standby on, in parts: all that the flight remembers after a step ([`Flight::memory`]), from which a replay goes on behind lost frames |
 //! | ATTITUDE | not by itself: at the interval that the host asks for |
 //! | COMMAND_ACK | every command, COMMAND_LONG or COMMAND_INT, to the one that sent it; a gyro calibration is in progress once a second until it is accepted |
@@ -219,7 +219,7 @@ impl Telemetry {
         if due {
             self.heartbeat_at = Some(snapshot.now);
             self.bus_status(snapshot, sensor, board);
-            self.tilt_uncertainty(snapshot, flight);
+            self.uncertainty(snapshot, flight);
             if let (State::Boot, Some(fault)) = (&snapshot.state, snapshot.fault) {
                 self.warn(format_args!("{fault}"));
             }
@@ -411,15 +411,15 @@ impl Telemetry {
         self.send_words::<SYS_STATUS_DATA>(Priority::Event, &words);
     }
 
-    /// How uncertain the tilt of a vehicle is that flies on its gyroscope alone.
+    /// How uncertain tilt and heading are.
     #[inline(never)]
-    fn tilt_uncertainty(&mut self, snapshot: &Snapshot, flight: &Flight) {
-        const NAME: [u32; 2] = [u32::from_le_bytes(*b"tilt"), u32::from_le_bytes(*b"_sd\0")];
-        if let Some(sd_deg) = flight.tilt_sd_deg() {
-            let [first, second] = NAME;
+    fn uncertainty(&mut self, snapshot: &Snapshot, flight: &Flight) {
+        let ends = u32::from_le_bytes(*b"_sd\0");
+        let names = [*b"tilt", *b"head"].map(u32::from_le_bytes);
+        for (name, sd_deg) in names.into_iter().zip(flight.attitude_sd_deg()) {
             self.send_words::<NAMED_VALUE_FLOAT_DATA>(
                 Priority::Event,
-                &[milliseconds(snapshot.now), sd_deg.to_bits(), first, second],
+                &[milliseconds(snapshot.now), sd_deg.to_bits(), name, ends],
             );
         }
     }

@@ -562,10 +562,10 @@ test("charts and figures of the second axis are there for a vehicle that has one
   await push(200);
   assert.deepEqual(hidden(), [false, false, false, true, true, true, false, false]);
   assert.ok(at("second_row").hidden && at("tilt_sd_row").hidden);
-  await push(201, { roll, tilt_sd_deg: 1.5 });
+  await push(201, { roll, tilt_sd_deg: 1.5, heading_sd_deg: 4 });
   draw(20000);
   assert.ok(!hidden().includes(true));
-  assert.deepEqual(["second", "tilt_sd"].map((id) => at(id).textContent), ["-3.0", "1.5"]);
+  assert.deepEqual(["second", "tilt_sd", "heading_sd"].map((id) => at(id).textContent), ["-3.0", "1.5", "4.0"]);
   await push(202);
   draw(21000);
   assert.ok(hidden()[3] && at("second_row").hidden);

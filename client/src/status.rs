@@ -29,9 +29,10 @@ pub struct Status {
     pub servo_rad: f64,
     /// The same of the second servo; `None` for a vehicle with one axis.
     pub second_servo: Option<Commanded>,
-    /// Standard deviation of the tilt, deg, of a vehicle that flies on its gyroscope alone; `None`
-    /// for another, and before it has said so.
+    /// Standard deviation of the tilt, deg; `None` before the vehicle has said so.
     pub tilt_sd_deg: Option<f32>,
+    /// The same of the heading: more than 100 where nothing shows it.
+    pub heading_sd_deg: Option<f32>,
     /// Rates, losses and load.
     #[serde(flatten)]
     pub health: LinkHealth,
@@ -156,6 +157,9 @@ impl StatusTracker {
             MavMessage::NAMED_VALUE_FLOAT(m) if crate::text(&m.name) == "tilt_sd" => {
                 status.tilt_sd_deg = Some(m.value);
             }
+            MavMessage::NAMED_VALUE_FLOAT(m) if crate::text(&m.name) == "head_sd" => {
+                status.heading_sd_deg = Some(m.value);
+            }
             MavMessage::SYS_STATUS(m) => {
                 status.health.load = Some(f64::from(m.load) * 1e-3);
                 status.health.dropped = Some(m.errors_count1);
@@ -237,12 +241,15 @@ mod tests {
         assert_eq!(second.pulse_us, 1600);
         assert!((second.servo_rad + 10.0_f64.to_radians()).abs() < 1e-9);
         assert_eq!(tracker.peek().tilt_sd_deg, None);
-        tracker.take(&MavMessage::NAMED_VALUE_FLOAT(NAMED_VALUE_FLOAT_DATA {
-            name: "tilt_sd".into(),
-            value: 1.5,
-            ..NAMED_VALUE_FLOAT_DATA::default()
-        }));
+        for (name, value) in [("tilt_sd", 1.5), ("head_sd", 4.0), ("other", 9.0)] {
+            tracker.take(&MavMessage::NAMED_VALUE_FLOAT(NAMED_VALUE_FLOAT_DATA {
+                name: name.into(),
+                value,
+                ..NAMED_VALUE_FLOAT_DATA::default()
+            }));
+        }
         assert_eq!(tracker.peek().tilt_sd_deg, Some(1.5));
+        assert_eq!(tracker.peek().heading_sd_deg, Some(4.0));
     }
 
     #[test]

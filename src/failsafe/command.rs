@@ -70,6 +70,12 @@ detailed! {
         NotSteered = 11, "no servo there: AXES 1";
         /// The times of the gain schedule's rows do not rise.
         Schedule = 12, "schedule: times must rise";
+        /// At rest the gyro reads a rate that is too large for an offset, or the vehicle turns
+        /// steadily about the vertical.
+        BiasRefused = 13, "gyro offset too large: calibrate";
+        /// The standard deviation of the tilt is beyond
+        /// [`ARM_TILT_SD_DEG`](crate::config::ARM_TILT_SD_DEG).
+        Uncertain = 14, "tilt uncertain: hold still";
     }
 }
 

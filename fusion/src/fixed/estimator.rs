@@ -71,7 +71,7 @@ use crate::config::{Config, GRAVITY};
 use crate::error::{ConfigError, in_range};
 use crate::estimator::{Attitude, Flags};
 use crate::lag::FieldLag;
-use crate::quality::Quality;
+use crate::quality::{BiasState, Quality};
 
 /// Longest time step, us: more is a gap.
 const MAX_DT_US: u32 = 30_000;
@@ -337,10 +337,22 @@ impl<F: Filter, R: OverRange> Estimator<F, R> {
     /// How far the estimate may be off, brought up to date once a block of about a quarter of a
     /// second. Of a body in free flight ([`Estimator::coast`]) it says no more than that the tilt
     /// is uncertain.
-    #[inline(never)]
+    // Inlined, so that what nobody asks for is left out.
+    #[inline(always)]
     pub fn quality(&self) -> Quality {
-        let bias = self.rest.bias_state();
-        self.doubt.quality(self.compass.reference(), bias)
+        self.doubt
+            .quality(self.compass.reference(), self.bias_state())
+    }
+
+    /// What is known of the gyroscope's offset.
+    pub fn bias_state(&self) -> BiasState {
+        self.rest.bias_state()
+    }
+
+    /// Whether the tilt's standard deviation, as [`Self::quality`] has it, is within the root of
+    /// this variance, Q28 rad^2: without a float.
+    pub fn tilt_is_within(&self, variance_q28: i32) -> bool {
+        self.doubt.tilt_is_within(variance_q28)
     }
 
     /// Find tilt and heading anew, from the next block of samples on and as after a gap; the offset

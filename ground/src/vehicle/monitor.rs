@@ -120,15 +120,20 @@ fn report(status: &Status, json: bool) -> Result<()> {
     print(lines(status).join("  ") + "\n")
 }
 
-/// What some vehicles tell besides: the second servo, and how uncertain the tilt is.
+/// What not every vehicle tells: the second servo, and how uncertain tilt and heading are.
 fn beside(status: &Status) -> String {
     let second = status.second_servo.map(|second| {
         let angle_deg = second.servo_rad.to_degrees();
         format!("  second {angle_deg:+5.1} deg ({} us)", second.pulse_us)
     });
-    let tilt = status.tilt_sd_deg;
-    let tilt = tilt.map(|sd_deg| format!("  tilt known to {sd_deg:.1} deg"));
-    second.unwrap_or_default() + &tilt.unwrap_or_default()
+    let known = |what: &str, sd_deg: Option<f32>| {
+        sd_deg.map_or_else(String::new, |sd_deg| {
+            format!("  {what} known to {sd_deg:.1} deg")
+        })
+    };
+    second.unwrap_or_default()
+        + &known("tilt", status.tilt_sd_deg)
+        + &known("heading", status.heading_sd_deg)
 }
 
 /// A status as text: time and state, attitude, link.

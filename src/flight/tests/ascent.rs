@@ -78,16 +78,19 @@ fn thrust_is_no_vertical_in_free_flight() {
 }
 
 #[test]
-fn the_uncertainty_is_told_in_free_flight_alone() {
+fn the_tilt_grows_uncertain_in_free_flight() {
     let mut desk = desk(&[]);
-    assert_eq!(desk.flight.tilt_sd_deg(), None);
+    let tilt_sd_deg = |desk: &Desk| desk.flight.attitude_sd_deg()[0];
+    let pad = tilt_sd_deg(&desk);
+    assert!((0.2..0.8).contains(&pad), "{pad}");
     feeling(&mut desk, THRUST, 200);
-    let early = desk.flight.tilt_sd_deg().unwrap();
+    let early = tilt_sd_deg(&desk);
     feeling(&mut desk, THRUST, 800);
-    let late = desk.flight.tilt_sd_deg().unwrap();
+    let late = tilt_sd_deg(&desk);
     assert!(early < 0.8 && late > 2.0, "{early} {late}");
+    // What is left of it the accelerometer must find again.
     feeling(&mut desk, FALL, 100);
-    assert_eq!(desk.flight.tilt_sd_deg(), None);
+    assert!(tilt_sd_deg(&desk) > 2.0);
 }
 
 /// The same error asks for the more of the rudder the later it is in the burn.

@@ -239,6 +239,38 @@ fn silence_of_the_host_is_a_failsafe_only_where_it_is_asked_for() {
     desk.command(Command::Disarm).unwrap();
 }
 
+/// At rest a rate of 6 deg/s is no turn; so much is no offset either.
+#[test]
+fn nothing_is_armed_with_an_offset_that_is_too_large() {
+    let mut desk = Desk::new(0.3);
+    desk.run(250);
+    desk.flight.set_param("CAL_GYR_OX", 6.0).unwrap();
+    desk.run(REST);
+    assert_eq!(desk.command(Command::Arm), Err(Refusal::BiasRefused));
+    desk.flight.set_param("CAL_GYR_OX", 0.0).unwrap();
+    desk.run(REST);
+    desk.command(Command::Arm).unwrap();
+}
+
+/// After a gap that is too short to start over the attitude is as it was, but nobody knows.
+#[test]
+fn arming_waits_for_the_tilt_to_be_certain() {
+    let mut desk = Desk::new(0.3);
+    desk.run(REST);
+    for _ in 0..20 {
+        desk.step_with(Err(SensorFault::Nak));
+    }
+    desk.run(usize::from(crate::config::RECOVERY_SAMPLES) + 1);
+    desk.command(Command::Disarm).unwrap();
+    assert_eq!(desk.command(Command::Arm), Err(Refusal::Uncertain));
+    let mut steps = 0;
+    while desk.command(Command::Arm).is_err() {
+        desk.run(1);
+        steps += 1;
+    }
+    assert!((20..600).contains(&steps), "{steps}");
+}
+
 #[test]
 fn arming_waits_for_the_gyros_offset_to_be_learned() {
     let mut desk = Desk::new(0.3);

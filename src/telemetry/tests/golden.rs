@@ -63,6 +63,8 @@ fn a_step_is_byte_for_byte_what_pymavlink_sends() {
         "heartbeat_again",
         "sys_status",
         "debug_vect",
+        "tilt_sd",
+        "head_sd",
     ];
     assert_eq!(telemetry.pending(), expected.map(golden).concat());
 }

@@ -38,8 +38,10 @@ pub struct Motion {
     pub set_deg: f64,
     /// The second axis; none of a vehicle with one.
     pub roll: Option<RollMotion>,
-    /// Standard deviation of the tilt, deg, of a vehicle that flies on its gyroscope alone.
+    /// Standard deviation of the tilt, deg.
     pub tilt_sd_deg: Option<f64>,
+    /// The same of the heading.
+    pub heading_sd_deg: Option<f64>,
     /// From the start of the sample to its control step, ms.
     pub latency_ms: f64,
     /// Share of time for which the processor was awake, percent.

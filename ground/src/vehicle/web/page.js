@@ -157,7 +157,7 @@ function paint(now) {
     put(id, value === null ? "invalid" : value.toFixed(1).replace(/^-(0\.0)$/, "$1"));
   }
   // What not every vehicle tells.
-  for (const [id, value] of [["second", frame.roll?.servo_deg], ["tilt_sd", frame.tilt_sd_deg]]) {
+  for (const [id, value] of [["second", frame.roll?.servo_deg], ["tilt_sd", frame.tilt_sd_deg], ["heading_sd", frame.heading_sd_deg]]) {
     const told = value !== undefined && value !== null;
     at(`${id}_row`).hidden = !told;
     if (told) put(id, value.toFixed(1).replace(/^-(0\.0)$/, "$1"));

@@ -122,6 +122,7 @@ impl Session<'_> {
             set_deg: f64::from(self.params.pitch_set_deg()),
             roll,
             tilt_sd_deg: status.tilt_sd_deg.map(|sd_deg| rounded(sd_deg.into())),
+            heading_sd_deg: status.heading_sd_deg.map(|sd_deg| rounded(sd_deg.into())),
             latency_ms: rounded(self.latency_ms),
             load_pct: rounded(100.0 * status.health.load.unwrap_or_default()),
         }
