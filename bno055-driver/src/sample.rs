@@ -140,7 +140,8 @@ const GYR_TURNS: u16 = 64;
 /// The field is refreshed 20 times a second, between which a turning body passes more than that.
 /// One of its words may then stay -1 for 50 ms, long enough to be given up: in the next burst the
 /// same field is believed. One that was lost on the wire has ones to the end of the burst, and is
-/// not believed while the rates are -1 as well.
+/// not believed while the rates are -1 as well. Rates that are refreshed more slowly than they are
+/// read are treated likewise: a turn that is about to reverse would cost all bursts of a refresh.
 const ONES_JUMP: [u16; 3] = [200, 80, 64];
 
 /// Rates that let the field move by a count more: in 50 ms a turn of 1/16 deg/s moves the earth's
@@ -333,11 +334,12 @@ impl Inspector {
         let rates = gyr.iter().map(|rate| rate.unsigned_abs());
         let turn = rates.max().unwrap_or(0) / FIELD_PER_RATE;
         let is_shown_again = before.is_some_and(|Words([_, before, _])| before == mag);
+        let rates_again = before.is_some_and(|Words([_, _, before])| before == gyr);
         self.recent(time)
             .is_some_and(|Words([good_acc, good_mag, good_gyr])| {
                 jumps(acc, good_acc, acc_jump)
                     || (*gyr == [-1; 3] || !is_shown_again) && jumps(mag, good_mag, mag_jump + turn)
-                    || jumps(gyr, good_gyr, gyr_jump)
+                    || (*gyr == [-1; 3] || !rates_again) && jumps(gyr, good_gyr, gyr_jump)
             })
     }
 

@@ -74,7 +74,7 @@ pub(crate) struct MotionBias<T> {
     time_s: T,
     corrected: Vector3<T>,
     half_acc: [T; 2],
-    samples: T,
+    samples: u16,
     /// Since the start: without the error that is seen.
     total: Sums<T>,
     /// Over the block under way, with its accounts and its time, s.
@@ -103,7 +103,7 @@ impl<T: Real> MotionBias<T> {
             time_s: T::ZERO,
             corrected: zero(),
             half_acc: [T::ZERO; 2],
-            samples: T::ZERO,
+            samples: 0,
             total: Sums::none(),
             block: Sums::none(),
             accounts: T::ZERO,
@@ -148,11 +148,13 @@ impl<T: Real> MotionBias<T> {
             for (sum, half_row) in self.half_acc.iter_mut().zip([&rows.north, &rows.east]) {
                 *sum += dot(half_row, acc);
             }
-            self.samples += T::ONE;
+            self.samples += 1;
         }
-        let is_due = !self.time_s.within(T::from_f32(ACCOUNT_S)) && self.samples > T::ZERO;
+        let is_due = !self.time_s.within(T::from_f32(ACCOUNT_S)) && self.samples > 0;
         let corrects = is_due && self.account(rows, bias);
-        add_scaled(&mut self.corrected, correction, T::ONE);
+        self.corrected.x += correction.x;
+        self.corrected.y += correction.y;
+        self.corrected.z += correction.z;
         corrects
     }
 
@@ -163,8 +165,8 @@ impl<T: Real> MotionBias<T> {
         let twice = |row: &Vector3<T>| scaled(row, T::ONE + T::ONE);
         let axes = [twice(&rows.north), twice(&rows.east)];
         let corrected = core::mem::replace(&mut self.corrected, zero());
-        let samples = core::mem::replace(&mut self.samples, T::ZERO);
-        let per_half_g = (samples * T::from_f32(0.5 * GRAVITY)).recip();
+        let samples = core::mem::take(&mut self.samples);
+        let per_half_g = T::from_f32(0.5 * GRAVITY * f32::from(samples)).recip();
         let half_acc = core::mem::replace(&mut self.half_acc, [T::ZERO; 2]);
         let [north, east] = half_acc.map(|half| half * per_half_g);
         // A tilt about north shows as an acceleration to the east.

@@ -83,6 +83,8 @@ pub(crate) struct Rest<T> {
     held: u32,
     /// Blocks that the offset stands on.
     learned: u32,
+    /// A block was unlike the one before it.
+    moved: bool,
     /// Consecutive blocks that would be a rest, were their rate not beyond what an offset can be.
     refused: u32,
 }
@@ -132,6 +134,7 @@ impl<T: Real> Rest<T> {
             mean: zero(),
             held: 0,
             learned: 0,
+            moved: false,
             refused: 0,
         })
     }
@@ -144,6 +147,11 @@ impl<T: Real> Rest<T> {
     /// An offset was learned, or is known from elsewhere.
     pub(crate) fn is_bias_known(&self) -> bool {
         self.learned > 0
+    }
+
+    /// The body has moved since the start: no rest from there on is about to show the offset.
+    pub(crate) fn has_moved(&self) -> bool {
+        self.moved
     }
 
     /// The last blocks show a steady rate that is larger than an offset can be: a turn about the
@@ -222,6 +230,7 @@ impl<T: Real> Rest<T> {
         } else {
             0
         };
+        self.moved |= self.reference.is_some() && !steady;
         if !(steady && small) {
             // This block may itself hold the end of a motion: it is what the next is compared with,
             // and not part of the mean.

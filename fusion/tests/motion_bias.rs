@@ -115,7 +115,7 @@ where
                 assert!(quality.bias_rad_s < 0.9 * unknown.bias_rad_s);
             }
             // Its accelerations go with its turning, and look like an offset.
-            Motion::Hand => assert!(pitch < 0.7 * before + 0.9, "{case}"),
+            Motion::Hand => assert!(pitch < 0.7 * before + 1.0, "{case}"),
         }
     }
 }

@@ -168,6 +168,25 @@ fn a_field_that_turns_through_minus_one_is_believed_in_the_second_burst() {
     assert_eq!(found, [None, ones, ones]);
 }
 
+/// Rates that are refreshed 35 times a second are read four times each: a turn that passes -1 when
+/// it reverses costs one burst of them.
+#[test]
+fn a_rate_that_passes_minus_one_is_believed_in_the_second_burst() {
+    let turning = with(&[(6, 12), (7, 130), (8, -4)]);
+    let through = with(&[(6, 12), (7, -1), (8, -4)]);
+    let again = with(&[(0, 3), (6, 12), (7, -1), (8, -4)]);
+    let ones = Some(SensorFault::AllOnes);
+    let found = verdicts(&Config::default(), &[turning, through, again, again]);
+    assert_eq!(found, [None, ones, None, None]);
+    // With other rates beside it, it is a second word that is wrong.
+    let other = with(&[(6, 14), (7, -1), (8, -5)]);
+    let found = verdicts(&Config::default(), &[turning, through, other]);
+    assert_eq!(found, [None, ones, ones]);
+    let lost = with(&[(6, -1), (7, -1), (8, -1)]);
+    let found = verdicts(&Config::default(), &[turning, lost, lost]);
+    assert_eq!(found, [None, ones, ones]);
+}
+
 #[test]
 fn equal_bursts_are_normal_until_they_are_five() {
     let other = with(&[(0, 4)]);

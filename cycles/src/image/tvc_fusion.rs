@@ -54,7 +54,9 @@ where
     type Output = ();
 
     fn new() -> Self {
-        let estimator = fixed::Estimator::new(&Config::default(), &fixed::Scale::BNO055, PERIOD_US);
+        // Sensors of one instant: what is added to make good for lags is in the crate's README.
+        let config = Config::default().without_lags();
+        let estimator = fixed::Estimator::new(&config, &fixed::Scale::BNO055, PERIOD_US);
         Self(estimator.expect("the defaults are valid"))
     }
 

@@ -257,13 +257,14 @@ impl<F: Filter> Estimator<F> {
         if hidden.is_some() || self.recovery.is_active() {
             self.recover(&view, hidden, sample);
         }
-        if self.motion_bias.is_some() {
+        if self.motion_bias.is_some() && self.rest.has_moved() {
             self.find_bias(&view);
         }
     }
 
     /// The offset from motion, until a rest has shown it.
     #[cold]
+    #[inline(never)]
     fn find_bias(&mut self, view: &View<F::Real>) {
         if self.rest.is_bias_known() {
             self.motion_bias = None;

@@ -63,7 +63,7 @@ use super::lag::{self, Lag, PerLag};
 use super::memory::all;
 use super::orientation::{Angles, Orientation};
 use super::over_range::{Ignored, OverRange, Recovered, StepEnd};
-use super::quality::{self, Doubt};
+use super::quality::{Doubt, Due, Job};
 use super::rest::{self, Rest};
 use super::rotation::{BIAS_BITS, PerCount, Rotation};
 use super::start_up::{Gains, StartUpGains};
@@ -105,12 +105,12 @@ pub struct Estimator<F, R = Ignored> {
     turn_shift: u32,
     gains: Gains,
     rest: Rest,
-    /// A sensor's samples are older than the rates, or the rates than the present.
-    is_late: bool,
-    acc_lag: Lag,
-    mag_lag: Lag,
     /// Sample number of the last field that has corrected the heading.
     heading_tick: u32,
+    /// A sensor's samples are older than the rates, or the rates than the present.
+    is_late: bool,
+    /// Jobs of the deviations that are to come, and for how many steps they have waited.
+    due: Due,
     compass: Compass,
     filter: F,
     start_up: StartUpGains,
@@ -133,6 +133,8 @@ pub struct Estimator<F, R = Ignored> {
     half_declination: Option<(Q15, Q15)>,
     /// What a count of the gyroscope is worth, rad/s.
     gyr_rad_s: f32,
+    acc_lag: Lag,
+    mag_lag: Lag,
     per_lag: PerLag,
     /// The gyroscope's own lag, unless it is zero.
     gyr_lag: Option<Lag>,
@@ -181,6 +183,7 @@ impl<F: Filter> Estimator<F> {
         self.last_mag = known.then_some(last_mag);
         all(&mut self.rates, each);
         self.doubt.memory(each);
+        self.due.memory(each);
     }
 }
 
@@ -265,6 +268,7 @@ impl<F: Filter, R: OverRange> Estimator<F, R> {
             acc_lag: lag(config.acc_lag_s, "acc_lag_s")?,
             mag_lag: lag(config.mag_lag_s, "mag_lag_s")?,
             heading_tick: 0,
+            due: Due::default(),
             compass: Compass::new(
                 &field::Limits::new(&config.field, scale, period_s)?,
                 period_s,
@@ -403,7 +407,10 @@ impl<F: Filter, R: OverRange> Estimator<F, R> {
 
         // Heading correction is skipped in steps that are long or run housekeeping, to bound the
         // worst-case cycles.
-        let busy = long || job <= rest::QUALITY || self.compass.is_due();
+        let busy = long
+            || job <= rest::START_UP
+            || self.compass.is_due()
+            || self.due.is_now(mag.is_some());
         if busy {
             self.housekeeping(job, &gyr, acc[2]);
         }
@@ -480,8 +487,8 @@ impl<F: Filter, R: OverRange> Estimator<F, R> {
         self.rotation.turn(gyr, PerCount { half_angle, shift });
     }
 
-    /// Runs the job of the rest detection or of the gains that is due, else that of the compass.
-    /// Not in a long step.
+    /// Runs the job of the rest detection or of the gains that is due, else that of the compass,
+    /// else that of the deviations. Not in a long step.
     #[inline(never)]
     fn housekeeping(&mut self, job: u32, gyr: &[i16; 3], acc_z: i32) {
         if job < rest::START_UP {
@@ -492,17 +499,30 @@ impl<F: Filter, R: OverRange> Estimator<F, R> {
             }
             self.gap = false;
             self.start_up.next_block(&mut self.gains);
-        } else if job == rest::QUALITY {
-            self.doubt.account(&quality::Block {
-                rates: lag::rates(gyr, &self.rotation.bias),
-                at_rest: self.rest.is_at_rest(),
-                good_field: self.rest.is_recent(self.heading_tick)
-                    && self.compass.reference().is_some()
-                    && !self.compass.is_disturbed(),
-                gain_log2: self.start_up.raised(),
-            });
+            self.due.begin();
         } else if job != rest::NO_JOB {
-            self.compass.judge(gyr);
+            if self.compass.is_due() {
+                self.compass.judge(gyr);
+            } else {
+                self.account(gyr);
+            }
+        }
+    }
+
+    /// Runs the next job of the deviations.
+    #[inline(never)]
+    fn account(&mut self, gyr: &[i16; 3]) {
+        match self.due.next_job() {
+            Job::Close => {
+                let good_field = self.rest.is_recent(self.heading_tick)
+                    && self.compass.reference().is_some()
+                    && !self.compass.is_disturbed();
+                self.doubt.close(self.rest.is_at_rest(), good_field);
+            }
+            Job::Turn => self.doubt.turn(&lag::rates(gyr, &self.rotation.bias)),
+            Job::Tilt => self.doubt.pass_tilt(self.start_up.tilt_raised()),
+            Job::Heading => self.doubt.pass_heading(self.start_up.heading_raised()),
+            Job::None => {}
         }
     }
 

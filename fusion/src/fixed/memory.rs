@@ -2,7 +2,7 @@
 //! [`Estimator::memory`](super::Estimator::memory).
 
 /// Words of [`Estimator::memory`](super::Estimator::memory).
-pub const MEMORY_WORDS: usize = 97;
+pub const MEMORY_WORDS: usize = 102;
 
 /// Shows every word to `each`; each becomes what that returns.
 // Not inlined: it is called from many places, to write the words down.

@@ -33,6 +33,13 @@ const fn q40(value: f32) -> Q40 {
     (value * 1_099_511_627_776.0) as i32
 }
 
+const fn q20(value: f32) -> i32 {
+    (value * 1_048_576.0) as i32
+}
+
+/// Largest deviation of an offset that is counted, Q20 rad/s: its square has room.
+const MOST_DEVIATION: i32 = 40_000;
+
 /// Most of a variance that a block takes away: a running mean's first gains would take more.
 const MOST: Q15 = 30_000;
 
@@ -120,16 +127,70 @@ fn part(value: i32, share: Q15) -> i32 {
     (value >> 15) * share + (((value & 0x7fff) * share) >> 15)
 }
 
-/// What a block has shown.
-pub(super) struct Block {
-    /// Its last rates less their offset, counts.
-    pub(super) rates: [i32; 3],
-    /// It was one of a rest that the offset is known from.
-    pub(super) at_rest: bool,
-    /// An undisturbed field was seen.
-    pub(super) good_field: bool,
-    /// Base-2 logarithms of the gain increases of tilt and heading.
-    pub(super) gain_log2: [u32; 2],
+/// The jobs of a block, in their order: a step has time for one.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Job {
+    Close,
+    Turn,
+    Tilt,
+    Heading,
+    None,
+}
+
+impl Job {
+    const ALL: [Self; 5] = [
+        Self::None,
+        Self::Heading,
+        Self::Tilt,
+        Self::Turn,
+        Self::Close,
+    ];
+}
+
+/// Steps after which the jobs of a block no longer wait for one without a field.
+const PATIENCE: u8 = 8;
+
+/// The jobs of a block that are to come.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Due {
+    /// Their number.
+    jobs: u8,
+    /// Steps with a field for which they have waited.
+    waited: u8,
+}
+
+impl Due {
+    /// A block is over: four jobs are due.
+    pub(super) fn begin(&mut self) {
+        (self.jobs, self.waited) = (4, 0);
+    }
+
+    /// Whether this step is for a job: one without a field, which has no heading to correct, or
+    /// else some steps later.
+    #[inline(always)]
+    pub(super) fn is_now(&mut self, has_field: bool) -> bool {
+        if self.jobs == 0 {
+            return false;
+        }
+        if has_field && self.waited < PATIENCE {
+            self.waited += 1;
+            return false;
+        }
+        true
+    }
+
+    /// The next job, which is done with that.
+    pub(super) fn next_job(&mut self) -> Job {
+        let job = Job::ALL.get(usize::from(self.jobs)).copied();
+        self.jobs = self.jobs.saturating_sub(1);
+        job.unwrap_or(Job::None)
+    }
+
+    /// See [`Estimator::memory`](super::Estimator::memory).
+    pub(super) fn memory(&mut self, each: &mut impl FnMut(i32) -> i32) {
+        self.jobs = each(self.jobs.into()) as u8;
+        self.waited = each(self.waited.into()) as u8;
+    }
 }
 
 /// The variances.
@@ -138,8 +199,13 @@ pub(super) struct Doubt {
     tilt: Angle,
     heading: Angle,
     bias: Q40,
+    /// Its root, Q20 rad/s.
+    deviation: i32,
     /// Blocks since the last undisturbed field; `u32::MAX` before the first.
     field_age: u32,
+    /// What this block adds to drifts and variances.
+    drift: Q28,
+    walk: Q28,
     /// What a count turns by, Q(8 + `shift`) rad/s.
     per_count: i32,
     shift: u32,
@@ -162,7 +228,10 @@ impl Doubt {
             tilt: Angle::new(FIRST, TILT_PER_S, block_s),
             heading: Angle::new(0.0, HEADING_PER_S, block_s),
             bias: q40(BIAS_UNKNOWN * BIAS_UNKNOWN),
+            deviation: q20(BIAS_UNKNOWN),
             field_age: u32::MAX,
+            drift: 0,
+            walk: 0,
             per_count,
             shift: shift.into(),
             still: q28(STILL * block_s),
@@ -182,7 +251,10 @@ impl Doubt {
             angle.drift = each(angle.drift);
         }
         self.bias = each(self.bias);
+        self.deviation = each(self.deviation);
         self.field_age = each(self.field_age as i32) as u32;
+        self.drift = each(self.drift);
+        self.walk = each(self.walk);
     }
 
     /// Samples are missing: the attitude is uncertain.
@@ -198,34 +270,50 @@ impl Doubt {
         self.tilt.variance = q28(FIRST);
     }
 
-    /// A block is over.
-    #[inline(never)]
-    pub(super) fn account(&mut self, block: &Block) {
-        self.field_age = if block.good_field {
+    /// [`Job::Close`]: whether the block was one of a rest that the offset is known from, and whether
+    /// an undisturbed field was seen in it.
+    pub(super) fn close(&mut self, at_rest: bool, good_field: bool) {
+        self.field_age = if good_field {
             0
         } else {
             self.field_age.saturating_add(1)
         };
-        self.bias = if block.at_rest {
-            q40(BIAS_AT_REST * BIAS_AT_REST)
-        } else {
-            self.bias.saturating_add(self.bias_walk)
-        };
-        // Q20, and at most 0.1 rad/s, times Q15: to Q28.
-        let deviation = root(self.bias.unsigned_abs()).min(1 << 16) as i32;
-        let drift = (deviation * self.block) >> 7;
+        if at_rest {
+            (self.bias, self.deviation) = (q40(BIAS_AT_REST * BIAS_AT_REST), q20(BIAS_AT_REST));
+        } else if self.deviation < MOST_DEVIATION {
+            self.bias += self.bias_walk;
+            // Its root grows by less than a bit in a block: there is none to be taken.
+            let next = self.deviation + 1;
+            if next * next <= self.bias {
+                self.deviation = next;
+            }
+        }
+        // Q20 times Q15, to Q28.
+        self.drift = (self.deviation * self.block) >> 7;
+    }
+
+    /// [`Job::Turn`]: the last rates less their offset, counts.
+    pub(super) fn turn(&mut self, rates: &[i32; 3]) {
         let mut square = 0;
-        for rate in block.rates {
+        for rate in rates {
             // 10 rad/s is 2560.
             let rate = ((rate * self.per_count) >> (self.shift & 31)).clamp(-2_560, 2_560);
             square += rate * rate;
         }
         // Q16; the scale has 10 bits at most.
-        let walk = self.still + (((square.min(100 << 16) >> 8) * self.scale) >> 8);
-        let [tilt, heading] = block.gain_log2;
-        self.tilt.pass(walk, drift, Some(tilt));
+        self.walk = self.still + (((square.min(100 << 16) >> 8) * self.scale) >> 8);
+    }
+
+    /// [`Job::Tilt`]: by how much the gain of the tilt is raised, as a power of two.
+    pub(super) fn pass_tilt(&mut self, gain_log2: u32) {
+        self.tilt.pass(self.walk, self.drift, Some(gain_log2));
+    }
+
+    /// [`Job::Heading`]: likewise of the heading.
+    pub(super) fn pass_heading(&mut self, gain_log2: u32) {
         let seen = self.field_age < self.fresh;
-        self.heading.pass(walk, drift, seen.then_some(heading));
+        self.heading
+            .pass(self.walk, self.drift, seen.then_some(gain_log2));
     }
 
     /// Whether the tilt's standard deviation is within the root of this, Q28 rad^2.
@@ -244,7 +332,7 @@ impl Doubt {
         Quality {
             tilt_rad: self.tilt.deviation_rad(TILT),
             heading_rad: self.heading.deviation_rad(place),
-            bias_rad_s: root(self.bias.unsigned_abs()) as f32 / 1_048_576.0,
+            bias_rad_s: self.deviation as f32 / 1_048_576.0,
             bias,
             heading_is_observable: self.field_age < self.fresh
                 && steepness.is_some_and(|ratio| ratio <= STEEP),

@@ -94,12 +94,8 @@ pub(super) struct Rest {
 }
 
 /// Work is spread over a block: samples 0 to 5 close one axis each, 6 decides on rest, and 7 (this)
-/// updates the start-up gains, which is the estimator's job, as is the account of the deviations
-/// after it.
+/// updates the start-up gains, which is the estimator's job.
 pub(super) const START_UP: u32 = 7;
-
-/// See [`START_UP`].
-pub(super) const QUALITY: u32 = 8;
 
 /// Neither one of these jobs nor one of the compass.
 pub(super) const NO_JOB: u32 = u32::MAX;

@@ -210,10 +210,14 @@ impl StartUpGains {
         self.drop_at = self.blocks + blocks + 1;
     }
 
-    /// Base-2 logarithms of the gain increases of tilt and heading.
-    pub(super) fn raised(&self) -> [u32; 2] {
-        [self.tilt_subtract, self.heading_subtract]
-            .map(|subtract| positive(self.gain_log2 - subtract).unsigned_abs())
+    /// Base-2 logarithm of the gain increase of the tilt.
+    pub(super) fn tilt_raised(&self) -> u32 {
+        positive(self.gain_log2 - self.tilt_subtract).unsigned_abs()
+    }
+
+    /// The same of the heading.
+    pub(super) fn heading_raised(&self) -> u32 {
+        positive(self.gain_log2 - self.heading_subtract).unsigned_abs()
     }
 
     /// The next gains may come with a limit for accelerations: it holds from now on.

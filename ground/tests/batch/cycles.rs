@@ -96,7 +96,8 @@ fn updates_keep_their_limits_on_the_chip() {
             assert_eq!(f.cost.support_routines, BTreeSet::new(), "{name}");
         }
     }
-    for (filter, most_cycles, most_bytes) in [("mahony", 800, 2_256), ("vqf", 1_000, 2_560)] {
+    // The account of the deviations and the code for sensors that lag are part of them.
+    for (filter, most_cycles, most_bytes) in [("mahony", 950, 3_560), ("vqf", 1_150, 3_860)] {
         let fixed = report.of(filter, "9d", "fixed");
         let (cycles, bytes) = (fixed.cost.cycles_max, fixed.cost.code_bytes);
         assert!(cycles <= most_cycles, "{filter}: {cycles} cycles");

@@ -109,6 +109,9 @@ const ON_ITS_LOGS: &[(&str, &str)] = &[
 const ELSEWHERE: &[(&str, &str)] = &[
     ("ports", "ports"),
     ("experiment-static", "experiment static"),
+    ("experiment-vibration", "experiment vibration"),
+    ("experiment-jerk", "experiment jerk"),
+    ("experiment-acceleration", "experiment acceleration"),
     ("cycles", "cycles"),
     ("calibrate", "calibrate"),
     ("calibrate-from", "calibrate --from"),

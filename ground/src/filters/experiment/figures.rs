@@ -1,8 +1,10 @@
 //! The errors of every estimator in an experiment, next to those that the thesis published.
 
 use serde::Serialize;
+use tvc_fusion::Vector3;
 
 use super::candidates::{CANDIDATES, Candidate, Origin};
+use super::parts::Part;
 use super::truth::{Angles, Kind, TimedSample};
 use crate::out::table::Table;
 
@@ -18,7 +20,7 @@ pub const AXES: [&str; 3] = ["roll", "pitch", "yaw"];
 /// Everything, as printed by `--json`.
 #[derive(Debug, Serialize)]
 pub struct Figures {
-    /// `static` or `motion`.
+    /// Its name on the command line.
     pub experiment: &'static str,
     /// Seed of all that is random.
     pub seed: u64,
@@ -49,6 +51,70 @@ pub struct Row {
     pub combined_rmse_deg: f64,
     /// What the thesis measured with it.
     pub thesis: Option<Published>,
+    /// Its errors in the parts of an experiment that has parts.
+    pub parts: Vec<PartErrors>,
+}
+
+/// Errors in a part, deg.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct PartErrors {
+    /// What acts in it.
+    pub part: String,
+    /// Root mean square of the angle between the true and the estimated vertical.
+    pub tilt_rmse_deg: f64,
+    /// The largest such angle.
+    pub tilt_max_deg: f64,
+    /// Root mean square of the heading's error.
+    pub yaw_rmse_deg: f64,
+    /// Time from the end of an acceleration to that from which the tilt was within
+    /// [`RECOVERED_DEG`], s.
+    pub recovered_s: Option<f64>,
+}
+
+/// A tilt that is recovered, deg.
+const RECOVERED_DEG: f64 = 1.0;
+
+impl PartErrors {
+    fn of(part: &Part, samples: &[TimedSample], angles: &[Angles]) -> Self {
+        let (mut tilts, mut yaws, mut most) = (Sums::default(), Sums::default(), 0.0_f64);
+        let mut recovered_s = part.released_s().map(|_| 0.0);
+        let mut n = 0.0;
+        for (sample, estimate) in samples.iter().zip(angles) {
+            if !part.counts(sample.time_s) || estimate[0].is_nan() {
+                continue;
+            }
+            n += 1.0;
+            let tilt = tilt_deg(estimate, &sample.reference_deg);
+            tilts.add(tilt);
+            yaws.add(estimate[2] - sample.reference_deg[2]);
+            most = most.max(tilt);
+            if let (Some(recovered), Some(released)) = (&mut recovered_s, part.released_s())
+                && tilt > RECOVERED_DEG
+            {
+                *recovered = (sample.time_s - released).max(0.0);
+            }
+        }
+        let rmse = |sums: &Sums| {
+            let (mean, std) = sums.mean_and_std(n);
+            mean.hypot(std)
+        };
+        Self {
+            part: part.name(),
+            tilt_rmse_deg: rmse(&tilts),
+            tilt_max_deg: most,
+            yaw_rmse_deg: rmse(&yaws),
+            recovered_s,
+        }
+    }
+}
+
+/// Angle between the verticals of two attitudes, deg.
+fn tilt_deg(one: &Angles, other: &Angles) -> f64 {
+    let up = |[roll, pitch, _]: &Angles| {
+        let ((sr, cr), (sp, cp)) = (roll.to_radians().sin_cos(), pitch.to_radians().sin_cos());
+        Vector3::new(-sp, sr * cp, cr * cp)
+    };
+    up(one).angle(&up(other)).to_degrees()
 }
 
 /// Figures of an axis. The first three are of the error, estimate less reference; the last two are
@@ -164,10 +230,12 @@ impl Row {
             )
         };
         let [roll, pitch, yaw] = [axis(0), axis(1), axis(2)];
-        let table = match kind {
-            Kind::Static => STATIC,
-            Kind::Motion => MOTION,
+        let table: &[Published] = match kind {
+            Kind::Static => &STATIC,
+            Kind::Motion => &MOTION,
+            _ => &[],
         };
+        let parts = kind.parts();
         Self {
             name: candidate.name,
             required: candidate.origin == Origin::Required,
@@ -176,6 +244,10 @@ impl Row {
             yaw,
             combined_rmse_deg: roll.rmse_deg.hypot(pitch.rmse_deg).hypot(yaw.rmse_deg),
             thesis: table.get(index).copied(),
+            parts: parts
+                .iter()
+                .map(|part| PartErrors::of(part, samples, angles))
+                .collect(),
         }
     }
 
@@ -186,6 +258,9 @@ impl Row {
 
     fn missed(&self, kind: Kind) -> Vec<String> {
         let mut missed = Vec::new();
+        if !matches!(kind, Kind::Static | Kind::Motion) {
+            return missed;
+        }
         let mut at_most = |what: &str, value: f64, most: f64| {
             if value.is_nan() || value > most {
                 missed.push(format!(
@@ -234,7 +309,36 @@ impl Figures {
 
     /// Errors for people, a line for each estimator.
     pub fn text(&self) -> String {
-        self.errors().text()
+        match self.parts() {
+            parts if parts.is_empty() => self.errors().text(),
+            parts => parts.text(),
+        }
+    }
+
+    /// RMSE of the tilt in each part, and after an acceleration the time until it was recovered;
+    /// empty for an experiment without parts.
+    pub fn parts(&self) -> Table {
+        let mut head = vec!["tilt RMSE, deg".to_owned()];
+        head.extend(self.estimators.iter().map(|row| row.name.to_owned()));
+        let cell = |errors: &PartErrors| {
+            let recovered = errors.recovered_s;
+            let recovered = recovered.map(|s| format!(", {s:.1} s"));
+            format!(
+                "{:.2}{}",
+                errors.tilt_rmse_deg,
+                recovered.unwrap_or_default()
+            )
+        };
+        let first = self.estimators.first();
+        let parts = first.into_iter().flat_map(|row| &row.parts).enumerate();
+        let rows: Vec<Vec<String>> = parts
+            .map(|(index, part)| {
+                let errors = self.estimators.iter().map(|row| row.parts.get(index));
+                let cells = errors.map(|errors| errors.map_or(String::new(), cell));
+                std::iter::once(part.part.clone()).chain(cells).collect()
+            })
+            .collect();
+        Table::new(head, rows).right_aligned()
     }
 
     /// Errors: mean, standard deviation and RMSE of each axis, and combined.
@@ -369,6 +473,7 @@ mod tests {
             yaw: axis(0.0, 0.3),
             combined_rmse_deg: 1.64,
             thesis: None,
+            parts: Vec::new(),
         };
         assert_eq!(
             row.missed(Kind::Static),

@@ -1,8 +1,9 @@
-//! `tvc experiment`: the two navigation experiments of the thesis, all estimators side by side on
-//! the same simulated sensors.
+//! `tvc experiment`: the two navigation experiments of the thesis, and the three that it left for
+//! later, all estimators side by side on the same simulated sensors.
 
 mod candidates;
 mod figures;
+mod parts;
 mod report;
 mod truth;
 
@@ -27,6 +28,9 @@ pub fn run(options: &Experiment) -> Result<Verdict> {
     let (kind, sensing) = match &options.command {
         ExperimentCommand::Static(sensing) => (Kind::Static, sensing),
         ExperimentCommand::Motion(sensing) => (Kind::Motion, sensing),
+        ExperimentCommand::Vibration(sensing) => (Kind::Vibration, sensing),
+        ExperimentCommand::Jerk(sensing) => (Kind::Jerk, sensing),
+        ExperimentCommand::Acceleration(sensing) => (Kind::Acceleration, sensing),
     };
     // Progress is counted in simulated ms; the sensors take as long as all estimators together.
     let length = ((kind.duration_s() + sensing.warm_up) * 1e3) as u64;

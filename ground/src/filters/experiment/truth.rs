@@ -6,6 +6,7 @@ use rig::Ticks;
 use rig::bno055::{ImuErrors, Reading, Sensors, Stimulus};
 use tvc_fusion::{Euler, GRAVITY, Quaternion, Vector3};
 
+use super::parts::{self, Acting, Part};
 use crate::filters::experiment::GyroBias;
 use crate::filters::experiment::Sensing;
 
@@ -34,6 +35,12 @@ pub enum Kind {
     Static,
     /// Three cycles of pitch, heading 180 deg.
     Motion,
+    /// Level, with vibration of one frequency after the other.
+    Vibration,
+    /// Short pulses of acceleration, then fast steps of the pitch.
+    Jerk,
+    /// Level, pushed forward by one lasting acceleration after the other.
+    Acceleration,
 }
 
 /// Roll, pitch and yaw, deg.
@@ -45,6 +52,9 @@ impl Kind {
         match self {
             Self::Static => "static",
             Self::Motion => "motion",
+            Self::Vibration => "vibration",
+            Self::Jerk => "jerk",
+            Self::Acceleration => "acceleration",
         }
     }
 
@@ -52,7 +62,7 @@ impl Kind {
     pub fn heading_deg(self) -> f64 {
         match self {
             Self::Static => 200.0,
-            Self::Motion => 180.0,
+            _ => 180.0,
         }
     }
 
@@ -61,7 +71,13 @@ impl Kind {
         match self {
             Self::Static => 600.0,
             Self::Motion => 2.0 * REST_S + MOTION_S,
+            _ => self.parts().last().map_or(0.0, |part| part.to_s),
         }
+    }
+
+    /// Strength of its vibration, m/s2 rms an axis, where none is asked for.
+    fn vibration_m_s2(self) -> f64 {
+        if self == Self::Vibration { 3.0 } else { 0.0 }
     }
 
     /// Whether errors count at a time: after the warm-up, and in the motion experiment while it
@@ -70,14 +86,36 @@ impl Kind {
         match self {
             Self::Static => time_s >= 0.0,
             Self::Motion => (REST_S..=REST_S + MOTION_S).contains(&time_s),
+            _ => self.parts().iter().any(|part| part.counts(time_s)),
         }
     }
 
-    /// Pitch (rad) and pitch rate (rad/s): a sine whose phase speeds up for a
+    /// The parts that it is made of, for one that has parts.
+    pub fn parts(self) -> Vec<Part> {
+        match self {
+            Self::Static | Self::Motion => Vec::new(),
+            Self::Vibration => parts::vibration(),
+            Self::Jerk => parts::jerk(),
+            Self::Acceleration => parts::acceleration(),
+        }
+    }
+
+    /// What acts at a time.
+    fn acting(self, parts: &[Part], time_s: f64) -> Acting {
+        match parts.iter().find(|part| part.counts(time_s)) {
+            Some(part) => part.acting(time_s),
+            None => Acting {
+                pitch: self.pitch(time_s),
+                ..Acting::default()
+            },
+        }
+    }
+
+    /// Pitch (rad) and pitch rate (rad/s) in the motion experiment: a sine whose phase speeds up for a
     /// second, and slows down for one.
     fn pitch(self, time_s: f64) -> (f64, f64) {
         let moving_s = time_s - REST_S;
-        if self == Self::Static || !(0.0..=MOTION_S).contains(&moving_s) {
+        if self != Self::Motion || !(0.0..=MOTION_S).contains(&moving_s) {
             return (0.0, 0.0);
         }
         let speed = TAU / CYCLE_S;
@@ -98,23 +136,32 @@ impl Kind {
     }
 
     /// True roll, pitch and yaw.
-    pub fn angles_deg(self, time_s: f64) -> Angles {
-        [0.0, self.pitch(time_s).0.to_degrees(), self.heading_deg()]
+    pub fn angles_deg(self, parts: &[Part], time_s: f64) -> Angles {
+        let (pitch_rad, _) = self.acting(parts, time_s).pitch;
+        [0.0, pitch_rad.to_degrees(), self.heading_deg()]
     }
 
     /// What acts on the sensor, its axes forward, right and down.
-    fn stimulus(self, time_s: f64, vibration_m_s2: f64) -> Stimulus {
-        let (pitch_rad, rate_rad_s) = self.pitch(time_s);
+    fn stimulus(self, parts: &[Part], time_s: f64, vibration_m_s2: f64) -> Stimulus {
+        let acting = self.acting(parts, time_s);
+        let (pitch_rad, rate_rad_s) = acting.pitch;
         let attitude: Quaternion<f64> = Quaternion::from_euler(&Euler {
             roll_rad: 0.0,
             pitch_rad,
             yaw_rad: self.heading_deg().to_radians(),
         });
         let body = |v: [f64; 3]| -> [f64; 3] { attitude.conj().rotate(&Vector3::from(v)).into() };
-        let mut specific_force_m_s2 = body([0.0, 0.0, -f64::from(GRAVITY)]);
+        let (sin, cos) = self.heading_deg().to_radians().sin_cos();
+        let forward = acting.forward_m_s2;
+        let mut specific_force_m_s2 = body([forward * cos, forward * sin, -f64::from(GRAVITY)]);
         for (axis, force) in specific_force_m_s2.iter_mut().enumerate() {
-            let phase = TAU * (VIBRATION_HZ * time_s + axis as f64 / 3.0);
-            *force += vibration_m_s2 * std::f64::consts::SQRT_2 * phase.sin();
+            *force += vibration_m_s2
+                * if self == Self::Vibration {
+                    acting.vibration[axis]
+                } else {
+                    let phase = TAU * (VIBRATION_HZ * time_s + axis as f64 / 3.0);
+                    std::f64::consts::SQRT_2 * phase.sin()
+                };
         }
         Stimulus {
             specific_force_m_s2,
@@ -140,20 +187,22 @@ pub struct TimedSample {
 /// are so far.
 pub fn samples(kind: Kind, sensing: &Sensing, done: &mut dyn FnMut(f64)) -> Vec<TimedSample> {
     let mut sensors = Sensors::new(errors(sensing), sensing.seed);
+    let parts = kind.parts();
+    let vibration_m_s2 = sensing.vibration.unwrap_or(kind.vibration_m_s2());
     let lag_s = sensing.reference_lag * 1e-3;
     let mut samples = Vec::new();
     let length_ms = ((kind.duration_s() + sensing.warm_up) * 1e3) as u64;
     for ms in 1..=length_ms {
         let (passed_s, now) = (ms as f64 * 1e-3, Ticks::from_us(1000 * ms));
         let time_s = passed_s - sensing.warm_up;
-        sensors.sense(now, &kind.stimulus(time_s, sensing.vibration));
+        sensors.sense(now, &kind.stimulus(&parts, time_s, vibration_m_s2));
         if ms.is_multiple_of(SAMPLE_MS)
             && let Some(reading) = sensors.refresh(now)
         {
             samples.push(TimedSample {
                 time_s,
                 reading,
-                reference_deg: kind.angles_deg(time_s - lag_s),
+                reference_deg: kind.angles_deg(&parts, time_s - lag_s),
             });
             done(passed_s);
         }
@@ -205,7 +254,7 @@ mod tests {
 
     #[test]
     fn at_rest_the_sensors_show_gravity_and_the_field_of_the_heading() {
-        let stimulus = Kind::Static.stimulus(1.0, 0.0);
+        let stimulus = Kind::Static.stimulus(&[], 1.0, 0.0);
         assert!((stimulus.specific_force_m_s2[2] + 9.806_65).abs() < 1e-6);
         let [forward, right, down] = stimulus.field_ut;
         assert!((forward - FIELD_UT.0 * 200f64.to_radians().cos()).abs() < 1e-6);

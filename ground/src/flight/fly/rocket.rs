@@ -401,6 +401,11 @@ impl Run {
         let launch_seen_s = active(true, 0.0).map(|(at_s, _)| at_s);
         let end_seen_s = active(false, launch_seen_s.unwrap_or(0.0)).map(|(at_s, _)| at_s);
         let from_s = launch_seen_s.unwrap_or(0.0) + LEFT_OUT_S;
+        // Afterwards the accelerometer is believed again.
+        let ended = |at: Ticks| end_seen_s.is_some_and(|end_s| seconds(at) >= end_s);
+        let told = record.received.tilt_sd_deg.iter();
+        let told = told.rev().find(|(at, _)| !ended(*at));
+        let sd_at_end = told.map(|(_, sd_deg)| *sd_deg);
         let errors = path
             .iter()
             .filter(|(at_s, _)| (from_s..burn_s).contains(at_s));
@@ -426,11 +431,7 @@ impl Run {
                 let [w, x, y, z] = attitude.quaternion.map(f64::from);
                 2.0 * x.hypot(y).atan2(w.hypot(z)).to_degrees()
             }),
-            tilt_sd_deg: record
-                .received
-                .tilt_sd_deg
-                .last()
-                .map(|(_, sd_deg)| *sd_deg),
+            tilt_sd_deg: sd_at_end,
             launch_seen_s,
             end_seen_s: end_seen_s.map(|at_s| at_s - burn_s),
             gimbal_max_deg: gimbal
