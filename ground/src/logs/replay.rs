@@ -34,6 +34,7 @@ Examples:
   cargo tvc replay flight.tlog                 the firmware's library on the log's counts, bit for bit
   cargo tvc replay flight.tlog --param SFC_GAIN_S=0.4    what other gains would have commanded
   cargo tvc replay flight.tlog --filter madgwick     another filter's pitch beside the firmware's
+  cargo tvc replay flight.tlog --offline --report both.html    the pitch as it is known afterwards
   cargo tvc replay flight.tlog --csv both.csv        both runs as a table, side by side
 
 The motion is the log's: it does not answer to what is changed.
@@ -51,6 +52,11 @@ pub struct Replay {
     /// Run another filter beside.
     #[arg(long, value_enum)]
     pub filter: Option<FilterName>,
+
+    /// Run that filter, or else vqf, in both directions of time: what comes later counts too, and
+    /// the pitch is nearer to the truth than any that was known in flight.
+    #[arg(long)]
+    pub offline: bool,
 
     /// Print one JSON object on standard output and nothing else there.
     #[arg(long)]
@@ -127,8 +133,16 @@ pub fn run(options: &Replay) -> Result<Verdict> {
     (figures.missed, figures.lost) = (flight.missed(), flight.lost());
     figures.gaps_s = gaps_s(&flight);
     (figures.refused, figures.changed) = (refused, changed);
-    let other = match options.filter {
-        Some(choice) => Some(filter::pitches(choice, &flight, &flight.parameters())?),
+    let chosen = options
+        .filter
+        .or(options.offline.then_some(FilterName::Vqf));
+    let other = match chosen {
+        Some(chosen) => Some(filter::pitches(
+            chosen,
+            options.offline,
+            &flight,
+            &flight.parameters(),
+        )?),
         None => None,
     };
     if let Some(other) = &other {

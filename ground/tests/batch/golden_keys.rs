@@ -94,7 +94,7 @@ const ON_ITS_LOGS: &[(&str, &str)] = &[
     ("replay", "replay step.tlog"),
     (
         "replay-changed",
-        "replay step.tlog --param SFC_GAIN_S=0.1 --filter madgwick",
+        "replay step.tlog --param SFC_GAIN_S=0.1 --filter madgwick --offline",
     ),
     ("", "convert step.tlog step.csv"),
     ("identify", "identify step.csv"),

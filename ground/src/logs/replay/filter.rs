@@ -1,7 +1,9 @@
 //! Another filter on the counts of a log.
 
 use anyhow::Result;
-use recordings::{Choice, Estimate, Facts, FilterName, Mode, RecordedSample, Scalar, Setting};
+use recordings::{
+    Choice, Estimate, Facts, FilterName, Mode, RecordedSample, Scalar, Setting, smooth,
+};
 use tvc_fusion::Quaternion;
 use tvc_fusion::fixed::Scale;
 use tvc_nano::{Params, mount::Mount};
@@ -9,8 +11,14 @@ use tvc_nano::{Params, mount::Mount};
 use crate::logs::log::Flight;
 use crate::out::exit::BadInput;
 
-/// Time and pitch (rad) after every sample, by a filter in single precision with its default gains.
-pub fn pitches(filter: FilterName, flight: &Flight, params: &Params) -> Result<Vec<(f64, f64)>> {
+/// Time and pitch (rad) after every sample, by a filter in single precision with its default gains;
+/// `offline`: in both directions of time, so that what comes later counts too.
+pub fn pitches(
+    filter: FilterName,
+    offline: bool,
+    flight: &Flight,
+    params: &Params,
+) -> Result<Vec<(f64, f64)>> {
     let choice = Choice {
         filter,
         scalar: Scalar::F32,
@@ -26,12 +34,32 @@ pub fn pitches(filter: FilterName, flight: &Flight, params: &Params) -> Result<V
         scale,
         gyro_range_rad_s: None,
     };
+    let samples = samples(flight, params);
+    let pitch = |q: [f64; 4]| {
+        let [w, x, y, z] = q.map(|c| c as f32);
+        f64::from(Quaternion { w, x, y, z }.pitch())
+    };
+    let times = samples.iter().map(|(_, sample)| sample.time_s);
+    if offline {
+        let recorded: Vec<_> = samples.iter().map(|(_, sample)| sample.clone()).collect();
+        let smoothed = smooth(&choice, &facts, &recorded).map_err(BadInput::new)?;
+        return Ok(times.zip(smoothed.into_iter().map(pitch)).collect());
+    }
     let mut estimate = Estimate::new(&choice, &facts).map_err(BadInput::new)?;
+    let estimated = samples
+        .iter()
+        .map(|(dt_s, sample)| pitch(estimate.step(*dt_s, sample)));
+    Ok(times.zip(estimated).collect())
+}
+
+/// The log's samples in the body's axes, each with the time step, s, as the firmware rounds it.
+fn samples(flight: &Flight, params: &Params) -> Vec<(f64, RecordedSample)> {
+    let scale = Scale::BNO055;
     let mount = Mount::new(params);
     let si = |counts: [i16; 3], unit: f32| counts.map(|c| f64::from(c) * f64::from(unit));
     let mut last = None;
     let mut last_field = None;
-    let mut pitches = Vec::new();
+    let mut samples = Vec::new();
     for raw in flight.steps().filter_map(|step| step.sample) {
         let before = last.replace(raw.time.0);
         let dt_us = before.map_or(params.control_period_us().into(), |before| {
@@ -51,12 +79,9 @@ pub fn pitches(filter: FilterName, flight: &Flight, params: &Params) -> Result<V
             reference: None,
             movement: true,
         };
-        // The time step as the firmware rounds it.
-        let q = estimate.step(f64::from(dt_us as f32 * 1e-6), &sample);
-        let [w, x, y, z] = q.map(|c| c as f32);
-        pitches.push((sample.time_s, Quaternion { w, x, y, z }.pitch().into()));
+        samples.push((f64::from(dt_us as f32 * 1e-6), sample));
     }
-    Ok(pitches)
+    samples
 }
 
 /// RMS difference to the pitch that the firmware told at the same samples, rad.
