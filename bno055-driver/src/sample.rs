@@ -176,6 +176,8 @@ pub(crate) struct Inspector {
     gyr_died: bool,
     /// Last good sample.
     good: Option<(Micros, Words)>,
+    /// The last good rates that were others than its.
+    gyr_before: Option<[i16; 3]>,
     /// Last burst, if it was held back for a jump that the next one may confirm.
     jumped: Option<Words>,
     /// The last burst was good.
@@ -202,6 +204,7 @@ impl Default for Inspector {
             gyr_run: u16::from(GYR_RUN_MAX) * GYR_RUN_UNIT,
             gyr_died: false,
             good: None,
+            gyr_before: None,
             jumped: None,
             content: false,
             alone: false,
@@ -273,6 +276,10 @@ impl Inspector {
             self.jumped = Some(now);
             return Err(SensorFault::Torn);
         }
+        let rates_before = self.recent(time).map(|good| rates_of(*good));
+        if rates_before != Some(gyr) {
+            self.gyr_before = rates_before;
+        }
         self.good = Some((time, now));
         self.content = true;
         let sample = RawSample {
@@ -339,8 +346,24 @@ impl Inspector {
             .is_some_and(|Words([good_acc, good_mag, good_gyr])| {
                 jumps(acc, good_acc, acc_jump)
                     || (*gyr == [-1; 3] || !is_shown_again) && jumps(mag, good_mag, mag_jump + turn)
-                    || (*gyr == [-1; 3] || !rates_again) && jumps(gyr, good_gyr, gyr_jump)
+                    || (*gyr == [-1; 3] || !rates_again)
+                        && jumps(gyr, good_gyr, gyr_jump)
+                        && (*gyr == [-1; 3] || !self.passes(gyr, good_gyr))
             })
+    }
+
+    /// Whether rates that are -1 are where the last two led, within [`ONES_JUMP`] or as much as
+    /// they were apart: a turn that reverses passes -1 one time in a hundred.
+    fn passes(&self, now: &[i16; 3], good: &[i16; 3]) -> bool {
+        let [_, _, jump] = ONES_JUMP;
+        self.gyr_before.is_some_and(|before| {
+            let mut axes = now.iter().zip(good).zip(&before);
+            axes.all(|((&now, &good), &before)| {
+                let step = i32::from(good) - i32::from(before);
+                let off = i32::from(now) - (i32::from(good) + step);
+                now != -1 || off.abs() <= step.abs().max(jump.into())
+            })
+        })
     }
 
     /// Whether the last good sample, if it is recent, turned.

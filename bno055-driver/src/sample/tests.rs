@@ -138,6 +138,15 @@ fn a_single_word_of_ones_is_believed_only_near_its_last_value() {
     );
     let slow = with(&[(6, 60)]);
     assert_eq!(verdicts(&Config::default(), &[slow, torn]), [None, None]);
+    // Where the turn was about to reverse it is what comes next; where it went on it is not.
+    let slowing = [with(&[(6, 800)]), with(&[(6, 430)]), torn];
+    assert_eq!(verdicts(&Config::default(), &slowing), [None; 3]);
+    let steady = [with(&[(6, 505)]), turning, torn];
+    let faster = [with(&[(6, 200)]), with(&[(6, 400)]), torn];
+    for turn in [steady, faster] {
+        let found = verdicts(&Config::default(), &turn);
+        assert_eq!(found, [None, None, Some(SensorFault::AllOnes)]);
+    }
     // After a gap the last value says nothing.
     let mut inspector = Inspector::default();
     inspector

@@ -247,14 +247,15 @@ impl Doubt {
     #[inline(never)]
     pub(super) fn memory(&mut self, each: &mut impl FnMut(i32) -> i32) {
         for angle in [&mut self.tilt, &mut self.heading] {
-            angle.variance = each(angle.variance);
-            angle.drift = each(angle.drift);
+            // What was not told by an estimator may be anything.
+            angle.variance = each(angle.variance).clamp(0, q28(UNKNOWN));
+            angle.drift = each(angle.drift).clamp(0, q28(UNKNOWN));
         }
-        self.bias = each(self.bias);
-        self.deviation = each(self.deviation);
+        self.bias = each(self.bias).clamp(0, MOST_DEVIATION * MOST_DEVIATION);
+        self.deviation = each(self.deviation).clamp(0, MOST_DEVIATION);
         self.field_age = each(self.field_age as i32) as u32;
-        self.drift = each(self.drift);
-        self.walk = each(self.walk);
+        self.drift = each(self.drift).clamp(0, 1 << 24);
+        self.walk = each(self.walk).clamp(0, 1 << 24);
     }
 
     /// Samples are missing: the attitude is uncertain.
