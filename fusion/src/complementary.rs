@@ -16,6 +16,7 @@ use crate::vector::{add_scaled, cross, dot, scaled, zero};
 /// Time constants of [`Complementary`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", serde(default))]
 pub struct ComplementaryGains {
     /// Tilt, s.

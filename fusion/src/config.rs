@@ -10,6 +10,7 @@ pub const GRAVITY: f32 = 9.806_65;
 /// filters share.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(
     feature = "serde",
     serde(default, bound(deserialize = "G: Default + serde::Deserialize<'de>"))

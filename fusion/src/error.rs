@@ -4,6 +4,7 @@ use core::fmt;
 
 /// A configuration that cannot work.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub enum ConfigError {
     /// The named parameter is not finite or outside its range.
     OutOfRange(&'static str),

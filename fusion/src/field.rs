@@ -19,6 +19,7 @@ use nalgebra::Vector3;
 /// Handling of the magnetometer.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", serde(default))]
 pub struct FieldConfig {
     /// A field that is further than this from the reference, horizontally or vertically, is

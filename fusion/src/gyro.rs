@@ -17,6 +17,7 @@ pub struct Gyro<T = f32> {
 /// [`Gyro`] has no gains.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct NoGains;
 
 impl<T: Real> Filter for Gyro<T> {

@@ -28,6 +28,7 @@ use crate::vector::{add_scaled, dot, scaled, zero};
 
 /// Noise of [`Kalman`], as densities: variance times the time for which noise stays the same.
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", serde(default))]
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct KalmanGains {

@@ -19,6 +19,7 @@ use crate::vector::{add_scaled, cross, dot, scaled, zero};
 /// Gain of [`Madgwick`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", serde(default))]
 pub struct MadgwickGains {
     /// Rate of the quaternion along the gradient, 1/s: half the correcting rotation rate in rad/s.

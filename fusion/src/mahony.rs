@@ -19,6 +19,7 @@ use crate::vector::{add_scaled, cross, scaled, zero};
 /// Gains of [`Mahony`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", serde(default))]
 pub struct MahonyGains {
     /// Rate at which tilt follows the accelerometer, 1/s: 1 over the time constant.

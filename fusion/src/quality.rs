@@ -22,6 +22,7 @@ use crate::vector::dot;
 
 /// What is known of the gyroscope's offset.
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum BiasState {
     /// No rest has shown it yet.
@@ -36,6 +37,7 @@ pub enum BiasState {
 
 /// How far an estimate may be off: standard deviations, and what is known.
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Quality<T = f32> {
     /// Of the vertical, rad.

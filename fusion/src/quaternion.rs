@@ -11,6 +11,7 @@ use nalgebra::Vector3;
 /// down.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Quaternion<T = f32> {
     /// Scalar part, cosine of half the angle.
     pub w: T,
@@ -25,6 +26,7 @@ pub struct Quaternion<T = f32> {
 /// Roll, pitch and yaw in rad, of the sequence yaw (about z), pitch (about y), roll (about x).
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Euler<T = f32> {
     /// -pi..pi.
     pub roll_rad: T,

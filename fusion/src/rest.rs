@@ -13,6 +13,7 @@ use nalgebra::Vector3;
 /// When the body counts as at rest, and what is learned from it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", serde(default))]
 pub struct RestConfig {
     /// Largest deviation of the rotation rate, per axis, rad/s. 0 turns rest detection off.

@@ -31,6 +31,7 @@ use crate::vector::dot;
 /// Time constants of [`Vqf`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(feature = "serde", serde(default))]
 pub struct VqfGains {
     /// Tilt follows the smoothed acceleration with this, s.

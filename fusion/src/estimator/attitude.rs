@@ -10,21 +10,26 @@ use crate::vector::scaled;
 /// One sample of the sensors, all in the same body axes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Sample {
     /// Rotation rate, rad/s: mean over the time since the last sample, right-handed about each
     /// axis.
+    #[cfg_attr(feature = "defmt", defmt(Debug2Format))]
     pub gyr: Vector3<f32>,
     /// Specific force, m/s^2: at rest 9.81 along the axis that points up, so (0, 0, -9.81) in a
     /// level forward-right-down frame.
+    #[cfg_attr(feature = "defmt", defmt(Debug2Format))]
     pub acc: Vector3<f32>,
     /// Magnetic field, uT (or any unit that makes the earth's larger than 0.1), when there is a
     /// fresh one; `None` for 6D operation and between the samples of a slower magnetometer.
+    #[cfg_attr(feature = "defmt", defmt(Debug2Format))]
     pub mag: Option<Vector3<f32>>,
 }
 
 /// The estimate.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(
     feature = "serde",
     serde(bound(
@@ -37,8 +42,10 @@ pub struct Attitude<T = f32> {
     /// started.
     pub orientation: Quaternion<T>,
     /// Rotation rate less the offset, body frame, rad/s.
+    #[cfg_attr(feature = "defmt", defmt(Debug2Format))]
     pub rate: Vector3<T>,
     /// Gyroscope offset, rad/s.
+    #[cfg_attr(feature = "defmt", defmt(Debug2Format))]
     pub bias: Vector3<T>,
     /// Health of the estimate.
     pub flags: Flags,
@@ -47,6 +54,7 @@ pub struct Attitude<T = f32> {
 /// Health of an estimate. Each flag is about the last update, unless stated otherwise.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Flags {
     /// Gravity (and, with a magnetometer, the field) has been averaged for the start-up time, once.
     pub initialised: bool,

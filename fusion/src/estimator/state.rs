@@ -15,6 +15,7 @@ use crate::vector::{within, zero};
 /// Strength of the field that counts as undisturbed, uT (or the magnetometer's own unit).
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct FieldReference<T = f32> {
     /// Its horizontal part, above 0.
     pub horizontal: T,
@@ -28,6 +29,7 @@ pub struct FieldReference<T = f32> {
 /// not known.
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 #[cfg_attr(
     feature = "serde",
     serde(bound(
@@ -39,6 +41,7 @@ pub struct State<T = f32> {
     /// Body to earth (north, east, down), of the instant of the last rates.
     pub orientation: Option<Quaternion<T>>,
     /// Gyroscope offset, rad/s.
+    #[cfg_attr(feature = "defmt", defmt(Debug2Format))]
     pub bias: Option<Vector3<T>>,
     /// The field's reference.
     pub field: Option<FieldReference<T>>,

@@ -11,6 +11,7 @@ pub const PERIOD_US: RangeInclusive<u32> = 500..=10_500;
 
 /// One sample as the sensors give it, in body axes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Counts {
     /// Rotation rate.
     pub gyr: [i16; 3],
@@ -22,6 +23,7 @@ pub struct Counts {
 
 /// What a count is worth.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Scale {
     /// Rotation rate of a count, rad/s.
     pub gyr_rad_s: f32,

@@ -4,6 +4,7 @@ use crate::quaternion::Quaternion;
 
 /// A unit quaternion in fixed point, body to earth (north, east, down), Hamilton's convention.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Orientation {
     /// w, x, y, z in Q30: 2^30 is 1. The norm is 1 within 1e-4.
     pub wxyz_q30: [i32; 4],
@@ -13,6 +14,7 @@ pub struct Orientation {
 /// sequence is yaw, pitch, roll; at a pitch of +-90 deg roll and yaw turn about the same axis and
 /// only their difference or sum means something.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "defmt", derive(defmt::Format))]
 pub struct Angles {
     /// Any angle.
     pub roll: i32,

@@ -271,8 +271,8 @@ impl Doubt {
         self.tilt.variance = q28(FIRST);
     }
 
-    /// [`Job::Close`]: whether the block was one of a rest that the offset is known from, and whether
-    /// an undisturbed field was seen in it.
+    /// [`Job::Close`]: whether the block was one of a rest that the offset is known from, and
+    /// whether an undisturbed field was seen in it.
     pub(super) fn close(&mut self, at_rest: bool, good_field: bool) {
         self.field_age = if good_field {
             0
@@ -337,7 +337,8 @@ impl Doubt {
             bias,
             heading_is_observable: self.field_age < self.fresh
                 && steepness.is_some_and(|ratio| ratio <= STEEP),
-            field_age_s: (self.field_age != u32::MAX).then(|| self.field_age as f32 * self.block_s),
+            field_age_s: (self.field_age != u32::MAX)
+                .then_some(self.field_age as f32 * self.block_s),
         }
     }
 }

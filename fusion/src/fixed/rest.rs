@@ -6,8 +6,8 @@
 //! a row are rest. The mean of each still block, but the newest, moves the offset: the k-th by 1/k
 //! of the difference, with k rounded up to a power of two, until that is the memory. The first
 //! offset is made of the last blocks that show the rest, up to four, so that a slow motion in one
-//! has little weight; it is used once they do, from that moment on. Of a later rest those blocks are not learned: a body
-//! that was laid down comes to rest slowly.
+//! has little weight; it is used once they do, from that moment on. Of a later rest those blocks
+//! are not learned: a body that was laid down comes to rest slowly.
 //!
 //! # The work
 //! A block has `2^shift` samples, so that its means are shifts. Its work is spread over the first

@@ -111,8 +111,8 @@ impl Kind {
         }
     }
 
-    /// Pitch (rad) and pitch rate (rad/s) in the motion experiment: a sine whose phase speeds up for a
-    /// second, and slows down for one.
+    /// Pitch (rad) and pitch rate (rad/s) in the motion experiment: a sine whose phase speeds up
+    /// for a second, and slows down for one.
     fn pitch(self, time_s: f64) -> (f64, f64) {
         let moving_s = time_s - REST_S;
         if self != Self::Motion || !(0.0..=MOTION_S).contains(&moving_s) {

@@ -41,7 +41,7 @@ pub fn pitches(
     };
     let times = samples.iter().map(|(_, sample)| sample.time_s);
     if offline {
-        let recorded: Vec<_> = samples.iter().map(|(_, sample)| sample.clone()).collect();
+        let recorded: Vec<_> = samples.iter().map(|(_, sample)| *sample).collect();
         let smoothed = smooth(&choice, &facts, &recorded).map_err(BadInput::new)?;
         return Ok(times.zip(smoothed.into_iter().map(pitch)).collect());
     }
