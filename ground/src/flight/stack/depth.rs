@@ -10,7 +10,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use super::program::{Pointers, Program};
 use super::value::Origin;
-use super::walk::{Frame, Problem, Target};
+use super::walk::{Call, Frame, Problem, Target};
 
 /// A function that can be on the stack more than once at a time, but not more often than this.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -62,10 +62,11 @@ impl Calls {
         pointers: &Pointers,
         bounded: &[Bounded],
     ) -> Self {
-        let offsets = frames.values().flat_map(|frame| frame.calls.values());
-        let candidates = offsets.filter_map(|call| match call.target {
+        let calls = frames.values().flat_map(|frame| frame.calls.values());
+        let targets = calls.flat_map(|call| &call.targets);
+        let candidates = targets.filter_map(|target| match target {
             Target::Function(_) => None,
-            Target::Pointer(from) => Some((from, pointers.candidates(from))),
+            Target::Pointer(from) => Some((*from, pointers.candidates(*from))),
         });
         let bound = |function: &u32| {
             let name = program.name(*function);
@@ -86,14 +87,15 @@ impl Calls {
     }
 
     /// Whom a call may reach.
-    pub fn targets(&self, target: Target) -> Vec<u32> {
-        match target {
-            Target::Function(function) => vec![function],
+    pub fn reached_by(&self, call: &Call) -> BTreeSet<u32> {
+        let all = call.targets.iter().flat_map(|target| match target {
+            Target::Function(function) => vec![*function],
             Target::Pointer(from) => {
-                let candidates = self.candidates.get(&from);
+                let candidates = self.candidates.get(from);
                 candidates.into_iter().flatten().copied().collect()
             }
-        }
+        });
+        all.collect()
     }
 
     /// Whether a bound stands for this function.
@@ -139,7 +141,7 @@ impl Calls {
         path.push(function);
         let calls = self.frames.get(&function).map(|frame| frame.calls.values());
         for call in calls.into_iter().flatten() {
-            for target in self.targets(call.target) {
+            for target in self.reached_by(call) {
                 self.search(target, path, done, found);
             }
         }
@@ -191,7 +193,7 @@ impl Calls {
         let frame = self.frames.get(&function)?;
         let mut deepest = (frame.own, frame.own, None);
         for call in frame.calls.values() {
-            for target in self.targets(call.target) {
+            for target in self.reached_by(call) {
                 if let Some((bytes, ..)) = self.bytes(target, &left)
                     && call.depth + bytes > deepest.0
                 {

@@ -1,13 +1,16 @@
 //! What `tvc stack` prints.
 
+use std::collections::BTreeSet;
+
 use super::Analysis;
+use super::depth::Bounded;
 use super::levels::{FRAME_BYTES, Level, exception_name};
 use super::seen::Seen;
 use super::value::Origin;
-use super::walk::Target;
+use super::walk::{Call, Target};
 use crate::flight::requirements;
 use crate::out::measure::Limit::AtMost;
-use crate::out::measure::{Figure, Figures, figure, rows};
+use crate::out::measure::{Figure, Figures, figure, note, rows};
 
 /// What main is called among the levels.
 const MAIN: &str = "main";
@@ -18,30 +21,34 @@ pub fn figures(analysis: &Analysis, seen: &Seen, room: u32, top: usize) -> Figur
     let worst = analysis.worst();
     let share = worst.map(|worst| 100.0 * f64::from(worst) / f64::from(room));
     let bytes = |key, label, bytes: u32| figure(key, bytes).shown(label, "bytes", 0);
-    Figures::from([
-        figure("worst_bytes", worst)
-            .shown("worst case of the stack", "bytes", 0)
-            .or("no bound"),
-        bytes("room_bytes", "RAM that the statics leave", room),
-        figure("share_pct", share)
-            .shown("worst case of this", "%", 1)
-            .or("no bound")
-            .limit(requirements::STACK_PCT),
-        bytes("seen_bytes", "deepest that the rig has seen", seen.bytes)
-            .limit(worst.map(|worst| AtMost(worst.into()))),
-        bytes(
-            "not_followed_bytes",
-            "instructions that no path leads to",
-            analysis.not_followed,
-        ),
-        rows("levels", level_rows(analysis)),
-        rows("path", path_rows(analysis)),
-        rows("largest", largest(analysis, top)),
-        rows("indirect", indirect(analysis)),
-        rows("handlers", handlers(analysis, seen)),
-        rows("bounds", bounds(analysis)),
-        rows("problems", problems(analysis)),
-    ])
+    Figures::from(
+        [
+            figure("worst_bytes", worst)
+                .shown("worst case of the stack", "bytes", 0)
+                .or("no bound"),
+            bytes("room_bytes", "RAM that the statics leave", room),
+            figure("share_pct", share)
+                .shown("worst case of this", "%", 1)
+                .or("no bound")
+                .limit(requirements::STACK_PCT),
+            bytes("seen_bytes", "deepest that the rig has seen", seen.bytes)
+                .limit(worst.map(|worst| AtMost(worst.into()))),
+            bytes(
+                "not_followed_bytes",
+                "instructions that no path leads to",
+                analysis.not_followed,
+            ),
+            rows("levels", level_rows(analysis)),
+            rows("path", path_rows(analysis)),
+            rows("largest", largest(analysis, top)),
+            rows("indirect", indirect(analysis)),
+            rows("handlers", handlers(analysis, seen)),
+            rows("bounds", bounds(analysis)),
+            rows("problems", problems(analysis)),
+        ]
+        .into_iter()
+        .chain(bounds_in_words(analysis).into_iter().map(note)),
+    )
 }
 
 /// What a level is called.
@@ -101,7 +108,7 @@ fn path_rows(analysis: &Analysis) -> Vec<[Figure; 3]> {
 }
 
 /// The functions with the largest stack of their own.
-fn largest(analysis: &Analysis, top: usize) -> Vec<[Figure; 3]> {
+fn largest(analysis: &Analysis, top: usize) -> Vec<[Figure; 4]> {
     let mut functions: Vec<_> = analysis.calls.frames().iter().collect();
     functions.sort_by_key(|(_, frame)| std::cmp::Reverse(frame.own));
     let functions = functions.into_iter().take(top);
@@ -110,6 +117,7 @@ fn largest(analysis: &Analysis, top: usize) -> Vec<[Figure; 3]> {
             (analysis.problems.is_empty()).then(|| analysis.calls.deepest(function).bytes);
         [
             figure("function", analysis.program.name(function)).shown("largest functions", "", 0),
+            figure("at", format!("0x{function:x}")),
             figure("own_bytes", own).shown("its own", "bytes", 0),
             figure("bytes", deepest)
                 .shown("with its calls", "bytes", 0)
@@ -122,42 +130,34 @@ fn largest(analysis: &Analysis, top: usize) -> Vec<[Figure; 3]> {
 }
 
 /// Every call by a pointer, with what it may reach.
-fn indirect(analysis: &Analysis) -> Vec<[Figure; 6]> {
+fn indirect(analysis: &Analysis) -> Vec<[Figure; 5]> {
     let program = &analysis.program;
-    let frames = analysis.calls.frames().iter();
-    let calls = frames.flat_map(|(function, frame)| {
-        let calls = frame.calls.iter();
-        calls.filter_map(move |(at, call)| match call.target {
+    let row = |function: u32, at: u32, call: &Call| {
+        let origins = call.targets.iter().filter_map(|target| match target {
             Target::Function(_) => None,
-            Target::Pointer(origin) => Some((*function, *at, origin, call.target)),
-        })
-    });
-    let row = |(function, at, origin, target)| {
-        let targets = analysis.calls.targets(target);
-        let names: Vec<_> = targets.iter().map(|target| program.name(*target)).collect();
-        let deepest = targets.iter().max_by_key(|target| {
-            let bounded = analysis.problems.is_empty();
-            bounded.then(|| analysis.calls.deepest(**target).bytes)
+            Target::Pointer(Origin::Offset(offset)) => Some(format!("offset {offset}")),
+            Target::Pointer(Origin::Indexed) => Some("an array".into()),
+            Target::Pointer(Origin::Unknown) => Some("not known".into()),
         });
-        let from = match origin {
-            Origin::Offset(offset) => format!("offset {offset}"),
-            Origin::Indexed => "an array".into(),
-            Origin::Unknown => "not known".into(),
-        };
-        [
-            figure("function", program.name(function)).shown("calls by a pointer", "", 0),
-            figure("at", format!("0x{at:x}")).shown("at", "", 0),
-            figure("from", from).shown("loaded from", "", 0),
-            figure("candidates", names.len()).shown("may reach", "", 0),
-            figure("deepest", deepest.map(|target| program.name(*target))).shown(
-                "the deepest of them",
-                "",
-                0,
-            ),
-            rows("targets", names).unseen(),
-        ]
+        let origins: Vec<_> = origins.collect();
+        let reached = analysis.calls.reached_by(call);
+        let names = reached.iter().map(|target| program.name(*target));
+        (!origins.is_empty()).then(|| {
+            [
+                figure("function", program.name(function)).shown("calls by a pointer", "", 0),
+                figure("at", format!("0x{at:x}")).shown("at", "", 0),
+                figure("from", origins.join(", ")).shown("loaded from", "", 0),
+                figure("candidates", reached.len()).shown("may reach", "functions", 0),
+                rows("targets", names).unseen(),
+            ]
+        })
     };
-    calls.map(row).collect()
+    let mut found = Vec::new();
+    for (function, frame) in analysis.calls.frames() {
+        let calls = frame.calls.iter();
+        found.extend(calls.filter_map(|(at, call)| row(*function, *at, call)));
+    }
+    found
 }
 
 fn handlers(analysis: &Analysis, seen: &Seen) -> Vec<[Figure; 3]> {
@@ -174,32 +174,45 @@ fn handlers(analysis: &Analysis, seen: &Seen) -> Vec<[Figure; 3]> {
 
 /// The bounds of recursion that were needed.
 fn bounds(analysis: &Analysis) -> Vec<[Figure; 3]> {
-    let frames = analysis.calls.frames();
-    let reached = |name: &String| {
-        let mut names = frames
-            .keys()
-            .map(|function| analysis.program.name(*function));
-        names.any(|other| other == *name)
-    };
-    let bounds = analysis
-        .bounds
-        .iter()
-        .filter(|bound| reached(&bound.function));
-    let row = |bound: &super::Bounded| {
+    let row = |bound: &Bounded| {
         [
-            figure("function", bound.function.as_str()).shown("recursion", "", 0),
-            figure("times", u64::from(bound.times)).shown("at most", "times", 0),
-            figure("why", bound.why.as_str()).shown("why", "", 0),
+            figure("function", bound.function.as_str()),
+            figure("times", u64::from(bound.times)),
+            figure("why", bound.why.as_str()),
         ]
     };
-    bounds.map(row).collect()
+    needed(analysis).map(row).collect()
+}
+
+fn needed(analysis: &Analysis) -> impl Iterator<Item = &Bounded> {
+    let frames = analysis.calls.frames();
+    let names: BTreeSet<_> = frames.keys().map(|at| analysis.program.name(*at)).collect();
+    let bounds = analysis.bounds.iter();
+    bounds.filter(move |bound| names.contains(&bound.function))
+}
+
+/// What each bound of recursion says, in a sentence.
+pub fn bounds_in_words(analysis: &Analysis) -> Vec<String> {
+    let words = |bound: &Bounded| {
+        let Bounded {
+            function,
+            times,
+            why,
+        } = bound;
+        let times = match times {
+            1 => "once".into(),
+            _ => format!("{times} times"),
+        };
+        format!("{function} is taken to be on the stack {times} at most: {why}.")
+    };
+    needed(analysis).map(words).collect()
 }
 
 fn problems(analysis: &Analysis) -> Vec<[Figure; 2]> {
     let row = |problem: &super::Problem| {
         [
             figure("at", analysis.program.name(problem.at)).shown("no bound", "", 0),
-            figure("what", problem.what.as_str()).shown("because it", "", 0),
+            figure("what", problem.what.as_str()).shown("why", "", 0),
         ]
     };
     analysis.problems.iter().map(row).collect()

@@ -12,6 +12,8 @@ mod levels;
 mod program;
 mod report;
 mod seen;
+#[cfg(test)]
+mod tests;
 mod value;
 mod walk;
 

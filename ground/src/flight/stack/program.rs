@@ -11,8 +11,11 @@ use super::value::Origin;
 use crate::flight::functions::{Function, Functions};
 use crate::out::exit::BadInput;
 
-/// Words of the vector table: the stack's top, and as many exceptions as ARMv6-M has behind it.
-pub const VECTORS: u32 = 48;
+/// Words of the vector table: the stack's top, 15 exceptions of ARMv6-M, and 28 interrupts
+/// (SAM D21 data sheet, 11.2.2).
+const VECTORS: u32 = 16 + 28;
+/// What fills up code: `mov r8, r8` and NOP.
+const FILLERS: [u16; 2] = [0x46C0, 0xBF00];
 /// The first three words of a vtable of Rust: what drops the value, its size, its alignment.
 const VTABLE_HEAD: u32 = 12;
 /// Larger values are not made, and larger alignments not asked for, in 32 KB of RAM.
@@ -136,8 +139,8 @@ impl Program {
         vectors.collect()
     }
 
-    /// Bytes of instructions in these functions, as far as the file says what is one, that are not
-    /// in `code`.
+    /// Bytes of instructions in these functions that are not in `code`, as far as the file says what
+    /// is one. What only fills up does not count.
     pub fn unreached_bytes(
         &self,
         functions: impl Iterator<Item = u32>,
@@ -145,7 +148,9 @@ impl Program {
     ) -> u32 {
         let functions = functions.filter_map(|start| self.function(start));
         let halves = functions.flat_map(|one| (one.start..one.start + one.length).step_by(2));
-        let missed = halves.filter(|at| !self.is_data(*at) && !code.contains(at));
+        let is_filler = |at| self.half(at).is_some_and(|half| FILLERS.contains(&half));
+        let missed =
+            halves.filter(|at| !self.is_data(*at) && !code.contains(at) && !is_filler(*at));
         2 * missed.count() as u32
     }
 
@@ -155,8 +160,10 @@ impl Program {
         let mut in_vtable = BTreeSet::new();
         let end = self.address + self.bytes.len() as u32;
         let words = (self.address + 4 * VECTORS..end).step_by(4);
-        for table in words.clone() {
-            for (offset, function) in self.vtable(table) {
+        // Where an object begins: what some word is the address of.
+        let begins: BTreeSet<_> = words.clone().filter_map(|at| self.word(at)).collect();
+        for &table in begins.iter().filter(|at| at.is_multiple_of(4)) {
+            for (offset, function) in self.vtable(table, &begins) {
                 in_vtable.insert(table + offset);
                 pointers
                     .by_offset
@@ -171,8 +178,9 @@ impl Program {
         pointers
     }
 
-    /// The functions of the vtable at an address, by their offset; none if that is not one.
-    fn vtable(&self, at: u32) -> Vec<(u32, u32)> {
+    /// The functions of the vtable at an address, by their offset; none if that is not one. It ends
+    /// where the next object begins, if not before.
+    fn vtable(&self, at: u32, begins: &BTreeSet<u32>) -> Vec<(u32, u32)> {
         let word = |offset| self.word(at + offset);
         let (Some(drop), Some(size), Some(alignment)) = (word(0), word(4), word(8)) else {
             return Vec::new();
@@ -186,8 +194,9 @@ impl Program {
             return Vec::new();
         }
         let slots = (VTABLE_HEAD..).step_by(4);
-        let slots = slots.map_while(|offset| Some((offset, self.pointed_at(word(offset)?)?)));
-        slots.collect()
+        let own = slots.take_while(|offset| !begins.contains(&(at + offset)));
+        let methods = own.map_while(|offset| Some((offset, self.pointed_at(word(offset)?)?)));
+        methods.collect()
     }
 }
 

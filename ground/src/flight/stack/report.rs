@@ -3,7 +3,7 @@
 use maud::{Markup, html};
 
 use super::Analysis;
-use super::figures::level_name;
+use super::figures::{bounds_in_words, level_name};
 use super::levels::FRAME_BYTES;
 use super::seen::Seen;
 use crate::flight::requirements;
@@ -38,12 +38,13 @@ pub fn render(
         (figures.lines().markup())
         @for (heading, key) in [
             ("Levels", "levels"), ("The deepest way", "path"), ("Largest functions", "largest"),
-            ("Calls by a pointer", "indirect"), ("Bounded recursion", "bounds"),
-            ("Why there is no bound", "problems"),
+            ("Calls by a pointer", "indirect"), ("Why there is no bound", "problems"),
         ] {
             @let table = figures.table(key);
             @if !table.is_empty() { h2 { (heading) } (table.markup()) }
         }
+        h2 { "Recursion" }
+        @for words in bounds_in_words(analysis) { p { (words) } }
         footer {
             "From the machine code of the image; the priorities of interrupts and the deepest stack "
             "seen are those of an emulated SAMD21. Nothing here was measured on a board."

@@ -40,16 +40,16 @@ pub struct Frame {
 }
 
 /// A call, or a tail call.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct Call {
     /// The function's own stack in use, bytes.
     pub depth: u32,
-    /// Whom it reaches.
-    pub target: Target,
+    /// Whom it may reach.
+    pub targets: BTreeSet<Target>,
 }
 
 /// Whom a call reaches.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Target {
     /// This function.
     Function(u32),
@@ -182,9 +182,10 @@ impl<'a> Walk<'a> {
     /// Whence the pointers come by which functions are called.
     fn origins(&self) -> BTreeSet<Origin> {
         let calls = self.frames.values().flat_map(|frame| frame.calls.values());
-        let origins = calls.filter_map(|call| match call.target {
+        let targets = calls.flat_map(|call| &call.targets);
+        let origins = targets.filter_map(|target| match target {
             Target::Function(_) => None,
-            Target::Pointer(origin) => Some(origin),
+            Target::Pointer(origin) => Some(*origin),
         });
         origins.collect()
     }
@@ -477,12 +478,9 @@ impl<'a> Walk<'a> {
     fn note_call(&mut self, place: (u32, u32), target: Target, state: &State) {
         let depth = state.depth().unwrap_or(0).unsigned_abs();
         let calls = &mut self.frame(place.0).calls;
-        let call = calls.entry(place.1).or_insert(Call { depth, target });
+        let call = calls.entry(place.1).or_default();
         call.depth = call.depth.max(depth);
-        if call.target != target {
-            // Only a pointer is known better on one path than on another.
-            call.target = Target::Pointer(Origin::Unknown);
-        }
+        call.targets.insert(target);
     }
 
     fn wait(&mut self, target: u32, waiting: Waiting) {
