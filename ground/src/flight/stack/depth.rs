@@ -44,14 +44,16 @@ pub struct Deepest {
 /// How often each bounded function may still be entered.
 type Budget = Vec<u8>;
 
+/// The deepest way of a function: bytes, its own of them, and whom it calls for that.
+type Way = (u32, u32, Option<u32>);
+
 /// All calls of an image.
 pub struct Calls {
     frames: BTreeMap<u32, Frame>,
     /// Functions by what their pointer was loaded from.
     candidates: BTreeMap<Origin, BTreeSet<u32>>,
     bounded: Vec<(u32, u8)>,
-    /// Bytes, own bytes there, and whom it calls for that.
-    known: RefCell<BTreeMap<(u32, Budget), (u32, u32, Option<u32>)>>,
+    known: RefCell<BTreeMap<(u32, Budget), Way>>,
 }
 
 impl Calls {
@@ -184,7 +186,7 @@ impl Calls {
         Some(left)
     }
 
-    fn bytes(&self, function: u32, budget: &Budget) -> Option<(u32, u32, Option<u32>)> {
+    fn bytes(&self, function: u32, budget: &Budget) -> Option<Way> {
         let left = self.entered(function, budget)?;
         let key = (function, budget.clone());
         if let Some(known) = self.known.borrow().get(&key) {

@@ -139,8 +139,8 @@ impl Program {
         vectors.collect()
     }
 
-    /// Bytes of instructions in these functions that are not in `code`, as far as the file says what
-    /// is one. What only fills up does not count.
+    /// Bytes of instructions in these functions that are not in `code`, as far as the file says
+    /// what is one. What only fills up does not count.
     pub fn unreached_bytes(
         &self,
         functions: impl Iterator<Item = u32>,

@@ -1,5 +1,7 @@
 //! Functions assembled by hand, whose stack is known, and interrupts on top of one another.
 
+mod on_the_rig;
+
 use std::collections::{BTreeMap, BTreeSet};
 
 use samd21::chip::EXCEPTIONS;
@@ -82,7 +84,8 @@ fn problems(program: &Program) -> String {
 
 /// A function that takes so many bytes, gives them back and returns.
 fn taking(bytes: u16) -> [u16; 3] {
-    [0xB080 | bytes / 4, 0xB000 | bytes / 4, BX_LR]
+    let words = bytes / 4;
+    [0xB080 | words, 0xB000 | words, BX_LR]
 }
 
 #[test]
