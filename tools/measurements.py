@@ -66,7 +66,7 @@ def flights(scratch):
     text = f"## Flights\n`cargo tvc fly --servo SERVO --seeds {SEEDS} --json`: {SEEDS} flights from each tilt, to either " \
            "side in turn. The limit is bang-bang control with the rudder's rate limited, without delay and lag.\n\n"
     tick = tvc("profile", "--wait-states", 0, "--report", scratch / "profile.html")
-    loop = the_loop(tvc("fly", "--report", report), tick["cycles_per_tick"])
+    loop = the_loop(tvc("fly", "--report", report), tick["cycles_per_tick"], tvc("stack"))
     return text + table(head, rows) + "\n" + loop, flight_picture(report.read_text(encoding="utf-8"))
 
 
@@ -82,7 +82,7 @@ def flight_picture(report):
     return f'<svg xmlns="http://www.w3.org/2000/svg" {size}>\n{plots[0]}\n{below}\n</svg>\n'
 
 
-def the_loop(flight, tick_cycles):
+def the_loop(flight, tick_cycles, stack):
     """The control loop's timing and memory, of one flight; and the cycles from tick to tick, by the profile."""
     loop, image, speed = flight["loop"], flight["image"], flight["emulation"]
     rows = [
@@ -99,12 +99,14 @@ def the_loop(flight, tick_cycles):
         ["flash", f"{image['flash_bytes']:,} bytes", "98,304 bytes"],
         ["static RAM", f"{image['static_ram_bytes']:,} bytes", "24,576 bytes"],
         ["deepest stack seen", f"{image['stack_high_water_bytes']:,} bytes", ""],
+        ["stack, worst case",
+         f"{stack['worst_bytes']:,} of {stack['room_bytes']:,} bytes ({stack['share_pct']:.1f} %)", "60 %"],
         ["messages lost", f"{flight['telemetry']['lost']} of {flight['telemetry']['messages']:,}", "0"],
         [f"emulation on a machine with {os.cpu_count()} cores",
          f"{speed['real_time_factor']:.1f} x real time; {speed['busy_real_time_factor']:.1f} x while the core is awake",
          "3 x"],
     ]
-    return "## The loop\n`cargo tvc fly --seed 1 --json`, S3003, and `cargo tvc profile --wait-states 0 --json`.\n\n" + table(["", "measured", "required"], rows)
+    return "## The loop\n`cargo tvc fly --seed 1 --json`, S3003, `cargo tvc profile --wait-states 0 --json` and `cargo tvc stack --json`.\n\n" + table(["", "measured", "required"], rows)
 
 
 def control_law(scratch):

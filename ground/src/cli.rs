@@ -6,6 +6,7 @@ use clap::{Parser, Subcommand};
 use crate::filters::{cycles::Cycles, experiment::Experiment, fuse::Fuse};
 use crate::flight::{
     faults::Faults, fly::Fly, hardware_campaign::HardwareCampaign, profile::Profile, rig::Rig,
+    stack::Stack,
 };
 use crate::logs::{convert::Convert, inspect::LogCommand, replay::Replay, report::Report};
 use crate::model::{Model, identify::Identify, montecarlo::MonteCarlo, tune::Tune};
@@ -49,6 +50,8 @@ pub enum Command {
     Hardware(HardwareCampaign),
     /// Say where the cycles of an image go, by function.
     Profile(Profile),
+    /// Find the worst case of the stack from the calls of an image.
+    Stack(Stack),
     /// Run the virtual rig in real time, its port behind a pseudo-terminal.
     Rig(Rig),
     /// Look at port, vehicle, builds and calibration, and say what to do next.

@@ -75,6 +75,7 @@ fn run(command: Command) -> anyhow::Result<Verdict> {
         Command::Faults(options) => flight::faults::run(&options),
         Command::Hardware(options) => flight::hardware_campaign::run(&options),
         Command::Profile(options) => flight::profile::run(&options),
+        Command::Stack(options) => flight::stack::run(&options),
         Command::Replay(options) => logs::replay::run(&options),
         Command::Log(options) => logs::inspect::run(&options),
         Command::Convert(options) => logs::convert::run(&options),

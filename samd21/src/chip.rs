@@ -7,7 +7,7 @@
 use crate::board::{Board, Ticks};
 use crate::bus::Bus;
 use crate::core::Core;
-pub use crate::core::{Counters, Profile, Registers, Stop};
+pub use crate::core::{Counters, EXCEPTIONS, Profile, Registers, Stop};
 use crate::fault::Fault;
 use crate::memory::{FLASH_SIZE, Memory, RAM_SIZE};
 use crate::options::Options;
@@ -115,6 +115,12 @@ impl Chip {
     /// The lowest value that MSP has had since it was booted.
     pub fn lowest_sp(&self) -> u32 {
         self.core.lowest_sp
+    }
+
+    /// Priorities of the exceptions by their number, as NVIC_IPR and SHPR hold them: 0 to 3, the
+    /// lowest first; NMI (exception 2) has -2 and HardFault (3) -1.
+    pub fn priorities(&self) -> [i8; EXCEPTIONS] {
+        self.core.priorities()
     }
 
     /// Address of the next instruction.

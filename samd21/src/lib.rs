@@ -32,6 +32,10 @@ pub mod board;
 mod bus;
 pub mod chip;
 mod core;
+/// Instructions, decoded: for whoever examines an image without running it.
+pub mod code {
+    pub use crate::core::decode::{Instruction, NOBODY, Operation, ZERO, high_fields};
+}
 pub mod fault;
 pub mod memory;
 mod options;

@@ -33,6 +33,7 @@ const ALONE: &[(&str, &str)] = &[
     ("faults", "faults --runs 1 --kind spikes"),
     ("profile", "profile --seconds 0.1"),
     ("profile-after", "profile --after 0.1 --seconds 0.1"),
+    ("stack", "stack --seconds 0.1"),
     ("hardware", "hardware --quick --only wake"),
     ("bringup", "bringup --rig --no-hands"),
     ("model-simulate", "model simulate pendulum.toml"),

@@ -108,6 +108,7 @@ fn a_file_that_is_no_image_is_refused_before_everything_else() {
         &["faults"],
         &["hardware"],
         &["profile"],
+        &["stack"],
         &["flash", "--bin", "x.bin"],
         &["rig", "--pty"],
     ] {

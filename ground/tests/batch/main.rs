@@ -12,4 +12,5 @@ mod model;
 mod outputs;
 #[path = "../running/mod.rs"]
 mod running;
+mod stack;
 mod tuning;

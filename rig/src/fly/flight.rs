@@ -11,7 +11,7 @@ use client::{LinkCounts, StateKind};
 use plant::response::{ResponseError, StepResponse};
 use rand::Rng;
 use samd21::board::Ticks;
-use samd21::chip::Counters;
+use samd21::chip::{Counters, EXCEPTIONS};
 use std::ops::Range;
 use thiserror::Error;
 use tvc_nano::Axis;
@@ -172,6 +172,8 @@ pub struct FlightRecord {
     pub cpu_load: f64,
     /// Deepest stack since power-on, bytes.
     pub stack_high_water: u32,
+    /// Priorities of the exceptions at the end, by number.
+    pub priorities: [i8; EXCEPTIONS],
     /// The firmware's state at the end.
     pub final_state: Option<StateKind>,
     /// Time simulated for this flight, tilting included, s.
@@ -473,6 +475,7 @@ impl Ready {
             received,
             cpu_load: mark.load_until(&now),
             stack_high_water: self.rig.stack_high_water(),
+            priorities: self.rig.chip().priorities(),
             final_state,
             simulated_s: (now.at - begun.at).as_secs_f64(),
             busy_s: begun.load_until(&now) * (now.at - begun.at).as_secs_f64(),

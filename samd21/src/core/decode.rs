@@ -13,7 +13,8 @@ use crate::memory::FLASH_SIZE;
 /// The order counts: `burst` tells its classes from one another by it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 #[repr(u8)]
-pub(super) enum Operation {
+#[expect(missing_docs, reason = "each is named after its instruction")]
+pub enum Operation {
     // Sums and logic: `a = b op (c + imm)`.
     /// Without flags.
     AddHigh,
@@ -101,18 +102,23 @@ pub(super) enum Operation {
 }
 
 /// The register that is always zero, in the place of the PC.
-pub(super) const ZERO: u8 = 15;
+pub const ZERO: u8 = 15;
 /// The register that nobody reads.
-pub(super) const NOBODY: u8 = 16;
+pub const NOBODY: u8 = 16;
 
-/// A decoded instruction.
+/// A decoded instruction; [`Operation`] says what it does with its fields.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Instruction {
-    pub(super) operation: Operation,
-    pub(super) a: u8,
-    pub(super) b: u8,
-    pub(super) c: u8,
-    pub(super) imm: u32,
+pub struct Instruction {
+    /// What it does.
+    pub operation: Operation,
+    /// Mostly the register that is written; [`NOBODY`] if none is.
+    pub a: u8,
+    /// A register that is read; [`ZERO`] if none is.
+    pub b: u8,
+    /// Another one, or the count of registers of a block transfer.
+    pub c: u8,
+    /// An immediate, an address, or a list of registers, whose bit 8 is LR or PC.
+    pub imm: u32,
 }
 
 use Operation::*;
@@ -136,7 +142,7 @@ const CONDITIONS: [Operation; 14] = [
 
 impl Instruction {
     /// The instruction at `pc`, where `op` stands and `second` behind it.
-    pub(super) fn decode(pc: u32, op: u16, second: u16) -> Self {
+    pub fn decode(pc: u32, op: u16, second: u16) -> Self {
         let word = u32::from(op);
         let (rd, rn, rm, r8) = (field(op, 0), field(op, 3), field(op, 6), field(op, 8));
         let imm5 = word >> 6 & 31;
@@ -300,7 +306,7 @@ impl Instruction {
 }
 
 /// Rd or Rn (bits 7, 2:0) and Rm (bits 6:3) of the high-register forms.
-pub(super) fn high_fields(op: u16) -> (usize, usize) {
+pub fn high_fields(op: u16) -> (usize, usize) {
     (usize::from(op >> 4 & 8 | op & 7), usize::from(op >> 3 & 15))
 }
 

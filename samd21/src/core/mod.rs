@@ -10,7 +10,7 @@
 
 mod access;
 mod burst;
-mod decode;
+pub(crate) mod decode;
 mod exception;
 mod execute;
 mod flags;
@@ -22,6 +22,7 @@ mod systick;
 mod transfer;
 mod view;
 
+pub use self::nvic::EXCEPTIONS;
 pub use self::profile::Profile;
 pub use self::view::{Counters, Registers, Stop};
 
@@ -187,6 +188,11 @@ impl Core {
         self.lowest_sp = sp & !3;
         self.r[LR] = u32::MAX;
         self.interwork(entry);
+    }
+
+    /// Priorities of the exceptions, by number.
+    pub(crate) fn priorities(&self) -> [i8; EXCEPTIONS] {
+        self.nvic.priorities()
     }
 
     /// Runs until `until`, or until something stops the chip. The last instruction may end a few

@@ -15,7 +15,8 @@ pub(super) const PENDSV: u8 = 14;
 pub(super) const SYSTICK: u8 = 15;
 /// Exception number of interrupt 0.
 pub(super) const IRQ0: u8 = 16;
-const COUNT: usize = 48;
+/// Exceptions, numbered from 0: of these 0 is none, and 1 is the reset.
+pub const EXCEPTIONS: usize = 48;
 
 /// Priority of code that no exception interrupts: lower (numerically higher) than any exception.
 pub(super) const THREAD_PRIORITY: i8 = 4;
@@ -30,13 +31,13 @@ pub(super) struct Nvic {
     enabled: u64,
     lines: u32,
     /// 0 to 3; NMI -2, HardFault -1.
-    priorities: [i8; COUNT],
+    priorities: [i8; EXCEPTIONS],
 }
 
 impl Default for Nvic {
     /// The state after reset.
     fn default() -> Self {
-        let mut priorities = [0; COUNT];
+        let mut priorities = [0; EXCEPTIONS];
         priorities[usize::from(NMI)] = -2;
         priorities[usize::from(HARD_FAULT)] = -1;
         Self {
@@ -112,8 +113,12 @@ impl Nvic {
         priority
     }
 
+    pub(super) fn priorities(&self) -> [i8; EXCEPTIONS] {
+        self.priorities
+    }
+
     pub(super) fn priority(&self, exception: u8) -> i8 {
-        self.priorities[usize::from(exception) % COUNT]
+        self.priorities[usize::from(exception) % EXCEPTIONS]
     }
 
     /// Interrupts that wait, enabled or not (bit n is interrupt n).
@@ -165,7 +170,8 @@ impl Nvic {
         for i in 0..4 {
             let exception = first + i;
             if settable(exception) {
-                self.priorities[usize::from(exception) % COUNT] = (word >> (8 * i + 6) & 3) as i8;
+                self.priorities[usize::from(exception) % EXCEPTIONS] =
+                    (word >> (8 * i + 6) & 3) as i8;
             }
         }
     }

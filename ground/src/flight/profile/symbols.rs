@@ -2,11 +2,12 @@
 
 use std::collections::HashMap;
 
-use addr2line::gimli::{self, DW_LANG_Rust, EndianSlice, LittleEndian};
-use addr2line::{Context, demangle_auto};
+use addr2line::Context;
+use addr2line::gimli::{self, EndianSlice, LittleEndian};
 use anyhow::Result;
-use object::{Object, ObjectSection, ObjectSymbol, SymbolKind};
+use object::{Object, ObjectSection};
 
+use crate::flight::functions::Functions;
 use crate::out::exit::BadInput;
 
 /// What is said of an address that no symbol covers.
@@ -16,8 +17,7 @@ type Bytes<'a> = EndianSlice<'a, LittleEndian>;
 
 /// The functions of an image.
 pub struct Symbols<'a> {
-    /// Address, length (0 if the file does not tell) and name, ascending.
-    functions: Vec<(u32, u32, String)>,
+    functions: Functions,
     inlined: Context<Bytes<'a>>,
     has_inlined: bool,
     known: HashMap<u32, Vec<String>>,
@@ -30,18 +30,6 @@ impl<'a> Symbols<'a> {
     /// [`BadInput`] for a file that is none, or whose debug information is broken.
     pub fn read(elf: &'a [u8]) -> Result<Self> {
         let file = object::File::parse(elf).map_err(BadInput::new)?;
-        let mut functions: Vec<_> = file
-            .symbols()
-            .filter(|symbol| symbol.kind() == SymbolKind::Text)
-            .filter_map(|symbol| {
-                let name = symbol.name().ok().filter(|name| !name.starts_with('$'))?;
-                let name = demangle_auto(name.into(), Some(DW_LANG_Rust)).into_owned();
-                Some((symbol.address() as u32 & !1, symbol.size() as u32, name))
-            })
-            .collect();
-        // Of several names of one address, the one that tells its length.
-        functions.sort_by(|a, b| a.0.cmp(&b.0).then(b.1.cmp(&a.1)).then(a.2.cmp(&b.2)));
-        functions.dedup_by_key(|function| function.0);
         let section = |id: gimli::SectionId| -> Result<Bytes<'a>, gimli::Error> {
             let section = file.section_by_name(id.name());
             let data = section.and_then(|section| section.data().ok());
@@ -49,7 +37,7 @@ impl<'a> Symbols<'a> {
         };
         let dwarf = gimli::Dwarf::load(section).map_err(BadInput::new)?;
         Ok(Self {
-            functions,
+            functions: Functions::read(&file),
             has_inlined: file.section_by_name(".debug_info").is_some(),
             inlined: Context::from_dwarf(dwarf).map_err(BadInput::new)?,
             known: HashMap::new(),
@@ -80,12 +68,9 @@ impl<'a> Symbols<'a> {
     }
 }
 
-fn symbol(functions: &[(u32, u32, String)], address: u32) -> String {
-    let behind = functions.partition_point(|(start, _, _)| *start <= address);
-    match functions[..behind].last() {
-        Some((start, length, name)) if *length == 0 || address < start + length => name.clone(),
-        _ => UNKNOWN.to_owned(),
-    }
+fn symbol(functions: &Functions, address: u32) -> String {
+    let function = functions.at(address);
+    function.map_or_else(|| UNKNOWN.to_owned(), |function| function.name.clone())
 }
 
 /// Names of the functions at an address, innermost first; empty without debug information.
