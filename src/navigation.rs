@@ -257,19 +257,13 @@ impl Navigation {
     }
 
     /// What is known of the gyroscope's offset. It is [`BiasState::Known`] once the attitude has
-    /// been levelled with it, too.
+    /// been levelled with it, too, which takes a rest of some three and a half seconds.
     pub fn bias_state(&self) -> BiasState {
         match (self.bias, self.estimator.bias_state()) {
             (Bias::Known, _) => BiasState::Known,
             (_, BiasState::Refused) => BiasState::Refused,
             _ => BiasState::Unknown,
         }
-    }
-
-    /// Whether the gyroscope's offset has been learned and the attitude been levelled with it,
-    /// which takes a rest of some three and a half seconds.
-    pub fn bias_is_known(&self) -> bool {
-        self.bias == Bias::Known
     }
 
     /// Forget the attitude, the gyroscope's offset and the samples so far: the estimate depends on

@@ -346,9 +346,8 @@ impl Inspector {
             .is_some_and(|Words([good_acc, good_mag, good_gyr])| {
                 jumps(acc, good_acc, acc_jump)
                     || (*gyr == [-1; 3] || !is_shown_again) && jumps(mag, good_mag, mag_jump + turn)
-                    || (*gyr == [-1; 3] || !rates_again)
-                        && jumps(gyr, good_gyr, gyr_jump)
-                        && (*gyr == [-1; 3] || !self.passes(gyr, good_gyr))
+                    || jumps(gyr, good_gyr, gyr_jump)
+                        && (*gyr == [-1; 3] || !(rates_again || self.passes(gyr, good_gyr)))
             })
     }
 

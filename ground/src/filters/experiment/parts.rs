@@ -30,22 +30,8 @@ pub enum Act {
 
 /// Frequencies around those of the gyroscope's and the accelerometer's filters, and around the
 /// sampling rate of 100 Hz and twice that, where samples show a vibration as a slow swing.
-const VIBRATION: [Act; 15] = [
-    Act::Vibration(0.0),
-    Act::Vibration(10.0),
-    Act::Vibration(20.0),
-    Act::Vibration(40.3),
-    Act::Vibration(60.0),
-    Act::Vibration(80.0),
-    Act::Vibration(95.0),
-    Act::Vibration(99.0),
-    Act::Vibration(99.8),
-    Act::Vibration(100.2),
-    Act::Vibration(101.0),
-    Act::Vibration(110.0),
-    Act::Vibration(150.0),
-    Act::Vibration(199.8),
-    Act::Vibration(250.0),
+const VIBRATION_HZ: [f64; 15] = [
+    0.0, 10.0, 20.0, 40.3, 60.0, 80.0, 95.0, 99.0, 99.8, 100.2, 101.0, 110.0, 150.0, 199.8, 250.0,
 ];
 
 const JERK: [Act; 7] = [
@@ -91,7 +77,7 @@ pub struct Acting {
 
 /// The parts of the experiment on vibration.
 pub fn vibration() -> Vec<Part> {
-    in_turn(&VIBRATION)
+    in_turn(&VIBRATION_HZ.map(Act::Vibration))
 }
 
 /// Those of the one on jerks.
