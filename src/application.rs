@@ -10,7 +10,7 @@ use embedded_storage::nor_flash::NorFlash;
 use crate::axis::Axis;
 use crate::board_status::BoardStatus;
 use crate::bringup;
-use crate::failsafe::State;
+use crate::failsafe::{SelfCheck, State};
 use crate::flight::{Flight, Snapshot};
 use crate::led;
 use crate::recorder::Recorder;
@@ -26,6 +26,9 @@ pub const PACKET_BYTES: usize = 64;
 const CARE_US: u64 = 1_000;
 /// The loop turns this often at least, us: the host's port looks after itself now and then.
 const CALM_US: u64 = 10_000;
+
+/// In one of so many steps the settings are looked at: it takes some 100 us, behind the pulses.
+const SETTINGS_STEPS: u8 = 8;
 
 /// What the main loop wakes up for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -141,6 +144,9 @@ pub trait Board {
     /// Reset once the host has been answered, unless the vehicle is armed by then.
     fn reset_soon(&mut self, now: Micros, reset: Reset);
 
+    /// Something decisive is not as it was set: send the servos to neutral and reset.
+    fn stop(&mut self, check: SelfCheck);
+
     /// Do what `tvc bringup` orders, and give the answer's value; `None` for what there is not.
     fn bringup(&mut self, order: bringup::Order) -> Option<u32>;
 }
@@ -153,6 +159,8 @@ pub struct Application<'a> {
     telemetry: &'a mut Telemetry,
     recorder: &'a mut Recorder,
     port_open: bool,
+    /// Steps, modulo 256.
+    steps: u8,
 }
 
 impl<'a> Application<'a> {
@@ -169,6 +177,7 @@ impl<'a> Application<'a> {
             telemetry,
             recorder,
             port_open: false,
+            steps: 0,
         }
     }
 
@@ -187,6 +196,9 @@ impl<'a> Application<'a> {
         }
         if let Some(reading) = reading {
             board.step_begins();
+            if !self.flight.state_is_intact() {
+                board.stop(SelfCheck::Memory);
+            }
             self.flight.carried_tick(board.carried_tick());
             let estimate = self.flight.estimate(now, reading);
             // Behind a burst the sensor holds up the STOP for some time: the bus is free only now,
@@ -195,6 +207,7 @@ impl<'a> Application<'a> {
             let snapshot = &self.flight.act(now, estimate);
             board.step_ends(&self.step_end(now, snapshot));
             self.flight.catch_up();
+            self.check_settings(board);
             self.ask_sensor(now, board);
             let status = &board.status();
             if let Some(index) = self.flight.learn(status) {
@@ -217,6 +230,14 @@ impl<'a> Application<'a> {
             && event != Event::Missed
             && !self.telemetry.has_storage_order();
         now.after(if is_calm { CALM_US } else { CARE_US })
+    }
+
+    /// Stop where the settings are not as they were set.
+    fn check_settings(&mut self, board: &mut impl Board) {
+        self.steps = self.steps.wrapping_add(1);
+        if self.steps.is_multiple_of(SETTINGS_STEPS) && !self.flight.settings_are_intact() {
+            board.stop(SelfCheck::Memory);
+        }
     }
 
     /// Say what the next tick is to start. The reply to a verification changes that only where it
@@ -301,10 +322,14 @@ impl<'a> Application<'a> {
             // A new listener hears the state again.
             self.telemetry.restart();
         }
-        if port != Port::Absent {
+        if open {
             self.telemetry.receive(now, board.read(), self.flight);
-        }
-        if !open {
+        } else {
+            // What is answered from now on is sent: the message that shows the host is not obeyed,
+            // since its answer would get lost.
+            if port == Port::Silent {
+                self.telemetry.listen(now, board.read());
+            }
             // Nobody listens: whoever comes next wants the present, not the past.
             self.telemetry.sent(self.telemetry.pending().len());
             return;

@@ -1,12 +1,12 @@
 //! What `tvc bringup` asks a board: to show words of its memory, to time its servo's pulse, to
-//! hang or to panic on purpose. MAV_CMD_USER_1, obeyed while the flight is
+//! hang or to fail its self-check on purpose. MAV_CMD_USER_1, obeyed while the flight is
 //! [idle](crate::State::is_idle).
 //!
 //! | param1 | what | NAMED_VALUE_INT |
 //! |---|---|---|
 //! | 1 | show the word at the address, if it is [readable](is_readable) | the word |
 //! | 2 | hang until the watchdog resets the chip | |
-//! | 3 | panic | |
+//! | 3 | reset as after a failed self-check | |
 //! | 4 | time a pulse that a jumper leads from D3 to D2 | [`Pulse`] |
 //! | 5 | show the sensor's bus | 7-bit address in the upper 8 bits, below it how long the longest of the newest reads' STOPs took, us |
 //! | 6 | count the watchdog's clock, 1,024 Hz, in [`words::SLOW_COUNT`] | 0 |
@@ -29,8 +29,8 @@ pub enum What {
     Peek = 1,
     /// Hang.
     Hang = 2,
-    /// Panic.
-    Panic = 3,
+    /// Reset as after a failed self-check.
+    FailCheck = 3,
     /// Time a pulse.
     Pulse = 4,
     /// Show the sensor's bus.

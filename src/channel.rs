@@ -40,6 +40,11 @@ impl Channel {
         self.controller.configure(params, self.axis, travel_rad);
     }
 
+    /// Whether the servo is as the parameters say.
+    pub(crate) fn is_intact(&self, params: &Params) -> bool {
+        self.servo.is_as(params, self.axis)
+    }
+
     /// Take over the gains that the schedule has for now.
     pub(crate) fn follow(&mut self, gains: &Coefficients<Q16>) {
         self.controller.follow(gains);

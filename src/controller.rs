@@ -124,7 +124,7 @@ impl Controller {
     /// which way the rudder turns: in proportion, as no law that knows the rudder's speed does it.
     pub fn show(&self, sample: &Sample) -> Q16 {
         let output = self.shown.update(self.setpoint, sample.angle, sample.rate);
-        (-output).clamp(-self.travel, self.travel)
+        (-output).clamped(-self.travel, self.travel)
     }
 
     /// Take over the gains that the schedule has for now.
@@ -235,7 +235,7 @@ struct TicksPerUs(u32);
 
 impl TicksPerUs {
     fn new(params: &Params) -> Self {
-        Self((1 << 26) / params.control_period_us())
+        Self((1 << 26) / params.control_period_us().max(1))
     }
 
     /// Microseconds, up to 0.4 s, as ticks.

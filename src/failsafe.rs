@@ -21,7 +21,7 @@ use crate::self_test::{SelfTest, Verdict};
 use crate::store::Loaded;
 
 pub use crate::numbered::UnknownCode;
-pub use code::{LatchKind, StateCode, StateKind};
+pub use code::{LatchKind, SelfCheck, StateCode, StateKind};
 pub use command::{Command, Refusal, RefusalKind};
 pub use reason::{Reason, ReasonKind};
 pub use state::{BootReport, Crash, Latch, State};
@@ -56,6 +56,8 @@ impl Health {
 #[derive(Clone, Debug)]
 pub struct Supervisor {
     state: State,
+    /// The state's [code](State::code), inverted: a state that was not entered does not agree.
+    kept: u32,
     /// What of the start-up's report has not been acknowledged.
     report: BootReport,
     health: Health,
@@ -76,6 +78,7 @@ impl Supervisor {
     pub fn new(report: BootReport) -> Self {
         Self {
             state: report.state(),
+            kept: !report.state().code(),
             report,
             health: Health::UNKNOWN,
             fresh: None,
@@ -94,7 +97,7 @@ impl Supervisor {
         if told != code
             && let Some(state) = StateCode::try_from(told).ok().and_then(State::resumed)
         {
-            self.state = state;
+            self.enter(state);
         }
         self.good_run = each(self.good_run.into()) as u8;
         let since = match self.state {
@@ -128,6 +131,17 @@ impl Supervisor {
         self.state
     }
 
+    /// Whether the state is the one that was entered last: a flipped bit of memory may have made
+    /// another one of it.
+    pub fn is_intact(&self) -> bool {
+        self.kept == !self.state.code()
+    }
+
+    fn enter(&mut self, state: State) {
+        self.kept = !state.code();
+        self.state = state;
+    }
+
     /// What was found of stored parameters at start-up.
     pub fn stored(&self) -> Loaded {
         self.report.stored
@@ -155,7 +169,7 @@ impl Supervisor {
 
     /// A sample of the self-test, calibrated.
     pub fn test(&mut self, raw: &RawSample) {
-        self.state = match &mut self.state {
+        let next = match &mut self.state {
             State::Boot => State::SelfTest(SelfTest::new(raw, None)),
             State::SelfTest(test) => match test.observe(raw) {
                 Verdict::Running => return,
@@ -164,6 +178,7 @@ impl Supervisor {
             },
             _ => return,
         };
+        self.enter(next);
     }
 
     /// A step with a sample of this time, and the attitude after it.
@@ -196,7 +211,7 @@ impl Supervisor {
     pub fn restart(&mut self) -> Result<(), Refusal> {
         match self.state {
             State::Boot | State::SelfTest(_) | State::Standby => {
-                self.state = State::Boot;
+                self.enter(State::Boot);
                 self.attitude_lost();
                 Ok(())
             }
@@ -223,7 +238,7 @@ impl Supervisor {
         if let (Command::Disarm, State::Latched(latch)) = (command, self.state) {
             self.report.acknowledge(latch);
         }
-        self.state = next;
+        self.enter(next);
         Ok(())
     }
 
@@ -345,7 +360,7 @@ impl Supervisor {
     /// The sensor is gone: a failsafe in operation, a fresh start before.
     fn lose_sensor(&mut self, reason: Reason) {
         match self.state {
-            State::SelfTest(_) => self.state = State::Boot,
+            State::SelfTest(_) => self.enter(State::Boot),
             _ => self.fail(reason),
         }
     }
@@ -356,7 +371,7 @@ impl Supervisor {
             self.state,
             State::Standby | State::Armed | State::Active { .. }
         ) {
-            self.state = State::Failsafe(reason);
+            self.enter(State::Failsafe(reason));
         }
     }
 }
@@ -371,3 +386,6 @@ fn ends_trust(fault: SensorFault) -> bool {
             | SensorFault::Unreliable
     )
 }
+
+#[cfg(test)]
+mod tests;

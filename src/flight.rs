@@ -70,6 +70,8 @@ pub struct Snapshot {
 #[derive(Clone, Debug)]
 pub struct Flight {
     params: Params,
+    /// Their digest when they were changed last.
+    digest: i32,
     /// What the parameters say of it.
     timing: Timing,
     navigation: Navigation,
@@ -108,6 +110,7 @@ impl Flight {
             roll_is_due: false,
             test_pulse: TestPulse::NONE,
             supervisor,
+            digest: params.digest(),
             params,
             timing,
         })
@@ -133,6 +136,7 @@ impl Flight {
             let [_, roll] = &mut self.channels;
             roll.configure(&self.params);
         }
+        self.navigation.keep();
     }
 
     /// The first half of a step: the attitude, and what state follows from it.
@@ -179,6 +183,24 @@ impl Flight {
         self.snapshot(now, estimate.map(|estimate| estimate.sample))
     }
 
+    /// Whether state and attitude are what the newest step or order made them: quick, for every
+    /// step.
+    pub fn state_is_intact(&mut self) -> bool {
+        self.supervisor.is_intact() && self.navigation.is_intact()
+    }
+
+    /// Whether the parameters are as they were set, and the neutral and limits of the servos as
+    /// they say: a flipped bit of memory may have made others of them.
+    // Not inlined: the step does not need it.
+    #[inline(never)]
+    pub fn settings_are_intact(&self) -> bool {
+        let channels = self.channels.iter().take(self.steered);
+        self.digest == self.params.digest()
+            && channels
+                .clone()
+                .all(|channel| channel.is_intact(&self.params))
+    }
+
     /// Begin anew as after power-on: self-test, and the gyro's offset learned at rest.
     ///
     /// # Errors
@@ -204,6 +226,7 @@ impl Flight {
         if info.change == Change::Turning && before != value {
             self.params.forget_polarity();
         }
+        self.digest = self.params.digest();
         self.configure(info.change);
         Ok(info)
     }
@@ -217,6 +240,7 @@ impl Flight {
             return Err(ParamError::ArmedAll);
         }
         self.params = params;
+        self.digest = self.params.digest();
         self.configure(Change::Disarmed);
         Ok(())
     }
@@ -237,6 +261,7 @@ impl Flight {
         let changed = kept.is_none_or(|kept| kept.abs_diff(fine) > CLOCK_CHANGE);
         changed.then(|| {
             self.params.set_clock_fine(fine);
+            self.digest = self.params.digest();
             Params::CLOCK
         })
     }
@@ -252,6 +277,7 @@ impl Flight {
         let changed = board.bursts.mean_us > 0 && (longer || shorter);
         if changed {
             self.params.set_stretch(stretch_us);
+            self.digest = self.params.digest();
         }
         changed
     }

@@ -8,9 +8,9 @@ pub(crate) struct Whole(pub(crate) u32);
 
 impl fmt::Display for Whole {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let mut unit = 1;
-        while self.0 / unit >= 10 {
-            unit *= 10;
+        let (mut unit, mut rest) = (1, self.0 / 10);
+        while rest > 0 {
+            (unit, rest) = (10 * unit, rest / 10);
         }
         write_digits(f, self.0, unit)
     }

@@ -34,6 +34,8 @@ pub mod failsafe;
 pub mod flight;
 mod format;
 mod gain_schedule;
+#[cfg(test)]
+mod golden;
 mod launch;
 pub mod led;
 mod memory;
@@ -49,13 +51,16 @@ pub mod sleep;
 pub mod store;
 pub mod telemetry;
 pub mod ticks;
+pub mod usb;
 pub mod watchdog;
 
 pub use axis::Axis;
 pub use bno055_driver::{Micros, RawSample, SensorFault};
 pub use board_status::BoardStatus;
 pub use controller::Controller;
-pub use failsafe::{BootReport, Command, Crash, Latch, Refusal, State, StateCode, StateKind};
+pub use failsafe::{
+    BootReport, Command, Crash, Latch, Refusal, SelfCheck, State, StateCode, StateKind,
+};
 pub use flight::{Flight, Snapshot};
 pub use params::Params;
 pub use recorder::Recorder;

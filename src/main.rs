@@ -11,12 +11,14 @@ mod board;
 
 #[cfg(target_os = "none")]
 mod firmware {
+    use core::mem::MaybeUninit;
+
     use atsamd_hal::serial_number;
     use bno055_driver::{Driver, Micros};
-    use cortex_m::singleton;
     use cortex_m_rt::entry;
     #[cfg(feature = "probe")]
     use defmt_rtt as _;
+    use tvc_nano::SelfCheck;
     use tvc_nano::application::Application;
     use tvc_nano::failsafe::BootReport;
     use tvc_nano::flight::Flight;
@@ -24,13 +26,34 @@ mod firmware {
     use tvc_nano::recorder::Recorder;
     use tvc_nano::telemetry::{Identity, Telemetry};
 
-    use crate::board::Board;
+    use crate::board::{Board, crash};
 
     #[entry]
     fn main() -> ! {
+        // What lives as long as the firmware, in statics, so that the stack holds only what comes
+        // and goes.
+        static mut BOARD: MaybeUninit<Board> = MaybeUninit::uninit();
+        static mut DRIVER: MaybeUninit<Driver> = MaybeUninit::uninit();
+        static mut FLIGHT: MaybeUninit<Flight> = MaybeUninit::uninit();
+        static mut TELEMETRY: MaybeUninit<Telemetry> = MaybeUninit::uninit();
         // In its place from the start: on its way there it would not fit the stack.
         static mut RECORDER: Recorder = Recorder::new();
-        let (board, mut application) = start(RECORDER);
+        let (board, params, report) = board(BOARD);
+        let telemetry = telemetry(TELEMETRY, params.mav_sysid() as u8);
+        let flight = flight(FLIGHT, params, report);
+        run(board, driver(DRIVER), flight, telemetry, RECORDER)
+    }
+
+    // Not inlined: its frame, which stays, is not to hold what start-up needed.
+    #[inline(never)]
+    fn run(
+        board: &mut Board,
+        driver: &mut Driver,
+        flight: &mut Flight,
+        telemetry: &mut Telemetry,
+        recorder: &mut Recorder,
+    ) -> ! {
+        let mut application = Application::new(driver, flight, telemetry, recorder);
         let mut turn = Micros(0);
         loop {
             let (now, event) = board.wait(turn);
@@ -38,44 +61,34 @@ mod firmware {
         }
     }
 
-    /// Puts all that lives as long as the firmware into statics, so that the stack holds only what
-    /// comes and goes.
-    // A function of its own: what it builds on the stack is gone when the loop begins.
+    // Functions of their own: what they build on the stack is gone when the loop begins, and one of
+    // the large values at a time is there.
     #[inline(never)]
-    fn start(recorder: &'static mut Recorder) -> (&'static mut Board, Application<'static>) {
-        let (board, params, report) = board();
-        let identity = Identity {
-            system: params.mav_sysid() as u8,
-            serial: serial_number(),
-        };
-        let flight = flight(params, report);
-        let application = Application::new(driver(), flight, telemetry(identity), recorder);
-        (board, application)
-    }
-
-    // As `start`: one of the large values at a time is on the stack.
-    #[inline(never)]
-    fn board() -> (&'static mut Board, Params, BootReport) {
+    fn board(place: &mut MaybeUninit<Board>) -> (&mut Board, Params, BootReport) {
         let (board, params, report) = Board::start();
-        let board = singleton!(: Board = board).expect("started once");
-        (board, params, report)
+        (place.write(board), params, report)
     }
 
     #[inline(never)]
-    fn driver() -> &'static mut Driver {
-        let config = tvc_nano::config::sensor();
-        singleton!(: Driver = Driver::new(config)).expect("started once")
+    fn driver(place: &mut MaybeUninit<Driver>) -> &mut Driver {
+        place.write(Driver::new(tvc_nano::config::sensor()))
     }
 
     #[inline(never)]
-    fn flight(params: Params, report: BootReport) -> &'static mut Flight {
-        let flight = Flight::new(params, report).expect("parameters in range are possible");
-        singleton!(: Flight = flight).expect("started once")
+    fn flight(place: &mut MaybeUninit<Flight>, params: Params, report: BootReport) -> &mut Flight {
+        match Flight::new(params, report) {
+            Ok(flight) => place.write(flight),
+            // No set of parameters within their ranges makes an impossible flight.
+            Err(_) => crash::stop(SelfCheck::Configuration),
+        }
     }
 
     #[inline(never)]
-    fn telemetry(identity: Identity) -> &'static mut Telemetry {
-        singleton!(: Telemetry = Telemetry::new(identity)).expect("started once")
+    fn telemetry(place: &mut MaybeUninit<Telemetry>, system: u8) -> &mut Telemetry {
+        place.write(Telemetry::new(Identity {
+            system,
+            serial: serial_number(),
+        }))
     }
 }
 

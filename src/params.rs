@@ -228,10 +228,11 @@ impl Params {
         [Place::srv_polarity as usize, Place::srv2_polarity as usize];
 
     /// The rudders may answer another way now.
-    #[allow(clippy::indexing_slicing, reason = "there is a value for every place")]
     pub(crate) fn forget_polarity(&mut self) {
         for place in Self::POLARITIES {
-            self.values[place] = 0.0;
+            if let Some(value) = self.values.get_mut(place) {
+                *value = 0.0;
+            }
         }
     }
 

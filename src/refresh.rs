@@ -162,10 +162,11 @@ impl Refresh {
     fn learn(&mut self, periods: u32) {
         self.counted += periods;
         self.counted_us += self.since_new_us;
-        let bits = self.counted.ilog2();
+        let counted = self.counted.max(1);
+        let bits = counted.ilog2();
         let is_next = bits > (self.counted - periods).max(1).ilog2();
         if is_next && bits >= self.share.max(FIRST) {
-            let mean_us = (self.counted_us + self.counted / 2) / self.counted;
+            let mean_us = (self.counted_us + counted / 2) / counted;
             self.period_us = mean_us.clamp(SHORTEST_US, LONGEST_US);
             if self.share == 0 {
                 // Each new reading has been counted as one period, though some are of two.

@@ -25,8 +25,8 @@ impl PulseUs {
 /// The pulses of rudders at rest: the centre and the holding angle, within the command limits.
 /// [`PulseUs::NONE`] for an axis that is not steered.
 ///
-/// This is the one safe output. Control falls back to it, and so do the watchdog, a panic and a
-/// fault.
+/// This is the one safe output. Control falls back to it, and so do the watchdog, a failed
+/// self-check and a fault.
 pub fn neutral(params: &Params) -> [PulseUs; Axis::COUNT] {
     let axes = params.axes();
     Axis::ALL.map(|axis| {
@@ -39,7 +39,7 @@ pub fn neutral(params: &Params) -> [PulseUs; Axis::COUNT] {
 }
 
 /// The map from crank angle to pulse, and the pulse it commanded last.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Servo {
     neutral_us: Q16,
     us_per_rad: Q16,
@@ -64,7 +64,7 @@ impl Servo {
         let min_us = min_us.max(PULSE_MIN_US);
         let max_us = max_us.min(PULSE_MAX_US);
         let neutral_us = centre_us + us_per_deg * hold_deg;
-        let neutral_us = neutral_us.clamp(min_us, max_us).into();
+        let neutral_us = neutral_us.max(min_us).min(max_us).into();
         Self {
             neutral_us,
             us_per_rad: (us_per_deg * (180.0 / PI)).into(),
@@ -82,6 +82,15 @@ impl Servo {
             last_us: self.last_us,
             ..Self::new(params, axis)
         };
+    }
+
+    /// Whether neutral, limits, scale and slew rate are what these parameters make them.
+    pub fn is_as(&self, params: &Params, axis: Axis) -> bool {
+        let expected = Self {
+            last_us: self.last_us,
+            ..Self::new(params, axis)
+        };
+        *self == expected
     }
 
     /// See [`Flight::memory`](crate::Flight::memory).

@@ -44,7 +44,8 @@ impl Load {
         let elapsed_us = now.since(self.since);
         if elapsed_us >= LOAD_PERIOD_US {
             let elapsed_ms = elapsed_us as u32 / 1_000;
-            let asleep_permille = self.asleep / (elapsed_ms * (CYCLES_PER_MS / 1_000));
+            let permille = (elapsed_ms * (CYCLES_PER_MS / 1_000)).max(1);
+            let asleep_permille = self.asleep / permille;
             self.permille = 1_000_u32.saturating_sub(asleep_permille) as u16;
             (self.since, self.asleep) = (now, 0);
         }

@@ -267,7 +267,11 @@ impl Saving {
             if page.iter().any(|byte| *byte != 0xFF) {
                 let written = flash.write((start + at) as u32, page);
                 written.map_err(|_| SaveError::Flash)?;
-                return Ok(None);
+                // Behind the first page the set counts, and is told at once: an order that came
+                // between would be refused what is done.
+                if at > 0 {
+                    return Ok(None);
+                }
             }
         }
         match examine(flash, self.slot, &mut bytes) {

@@ -248,12 +248,24 @@ impl Telemetry {
     /// Take bytes from the host, in pieces of any size, and obey the messages in them. Bytes that
     /// make no message are ignored.
     pub fn receive(&mut self, now: Micros, bytes: &[u8], flight: &mut Flight) {
+        self.hear(now, bytes, Some(flight));
+    }
+
+    /// Take bytes from a host that would not hear an answer: their messages say that it is there,
+    /// and are not obeyed.
+    pub fn listen(&mut self, now: Micros, bytes: &[u8]) {
+        self.hear(now, bytes, None);
+    }
+
+    fn hear(&mut self, now: Micros, bytes: &[u8], mut flight: Option<&mut Flight>) {
         for &byte in bytes {
             self.parser.push(byte);
             while let Some(message) = self.parser.next_message() {
                 self.heard_at = Some(now);
-                // A payload that means nothing is ignored.
-                let _ = self.answer(now, &message, flight);
+                if let Some(flight) = &mut flight {
+                    // A payload that means nothing is ignored.
+                    let _ = self.answer(now, &message, flight);
+                }
             }
         }
     }

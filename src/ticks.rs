@@ -19,6 +19,8 @@
 //! would have taken, and reads the rates at the same moment. So that all readings of the rates are
 //! evenly spaced, the time of such a sample is that at which a whole burst would have begun.
 
+use core::num::NonZeroU32;
+
 use bno055_driver::{Micros, Transfer};
 
 use crate::memory::time;
@@ -263,17 +265,19 @@ impl TickPlan {
     /// | 300 Hz | one in two frames, 150 Hz | one in three, 100 Hz |
     /// | 333 Hz | one in three frames, 111 Hz | the same |
     pub fn new(timing: &Timing) -> Self {
-        let (frame_us, shortest_us) = (1_000_000 / timing.frame_hz, timing.shortest_us());
-        let ticks = (frame_us / shortest_us).clamp(1, Self::MOST_TICKS.into());
+        let frame_us = 1_000_000 / divisor(timing.frame_hz);
+        let shortest_us = timing.shortest_us();
+        let ticks = (frame_us / divisor(shortest_us)).clamp(1, Self::MOST_TICKS.into());
         Self {
             ticks_per_frame: ticks as u8,
-            frames_per_tick: shortest_us.div_ceil(frame_us) as u8,
+            frames_per_tick: ((shortest_us + frame_us - 1) / divisor(frame_us)) as u8,
         }
     }
 
     /// Time from tick to tick, us, rounded down.
-    pub const fn period_us(&self, frame_hz: u32) -> u32 {
-        1_000_000 * self.frames_per_tick as u32 / (frame_hz * self.ticks_per_frame as u32)
+    pub fn period_us(&self, frame_hz: u32) -> u32 {
+        let ticks_hz = frame_hz * u32::from(self.ticks_per_frame);
+        1_000_000 * u32::from(self.frames_per_tick) / divisor(ticks_hz)
     }
 }
 
@@ -317,13 +321,13 @@ impl CarriedTicks {
     /// Whether this tick is carried.
     pub fn tick(&mut self, at: Micros) -> bool {
         // Division takes the chip as long as all the rest.
-        let since_us = at.since(self.at) as u32 + self.period_us / 2;
+        let since_us = (at.since(self.at) as u32).wrapping_add(self.period_us / 2);
         let per_frame = u32::from(self.per_frame);
         let frame_us = per_frame * self.period_us;
         let mut behind_us = if since_us < frame_us {
             since_us
         } else {
-            since_us % frame_us
+            since_us % divisor(frame_us)
         };
         self.to_go = self.per_frame;
         while behind_us >= self.period_us {
@@ -347,7 +351,7 @@ impl CarriedTicks {
     pub(crate) fn memory(&mut self, each: &mut impl FnMut(i32) -> i32) {
         self.at = time(self.at, each);
         let to_go = each(i32::from(self.to_go)) as u32;
-        self.to_go = (to_go % u32::from(self.per_frame)) as u8;
+        self.to_go = (to_go % divisor(self.per_frame.into())) as u8;
     }
 }
 
@@ -373,9 +377,9 @@ impl TimerPlan {
             ..*timing
         };
         let plan = TickPlan::new(timing);
-        let period = counts_per_us * 1_000_000 / timing.frame_hz;
-        let spacing = period / plan.ticks_per_frame as u32;
-        let before_edge = |us| period - 1 - (counts_per_us * us - 1) % period;
+        let period = counts_per_us * 1_000_000 / divisor(timing.frame_hz);
+        let spacing = period / divisor(plan.ticks_per_frame.into());
+        let before_edge = |us| period - 1 - (counts_per_us * us - 1) % divisor(period);
         let last = before_edge(timing.lead_us());
         let middle = earlier(before_edge(timing.sample_lead_us()), spacing, period);
         let first = earlier(middle, spacing, period);
@@ -390,6 +394,11 @@ impl TimerPlan {
             tick_period_us: plan.period_us(timing.frame_hz),
         }
     }
+}
+
+/// What is divided by, at least 1: no timing that is not within its ranges panics.
+fn divisor(number: u32) -> NonZeroU32 {
+    NonZeroU32::new(number).unwrap_or(NonZeroU32::MIN)
 }
 
 /// The tick before the one at `tick`, which may lie in the frame before.

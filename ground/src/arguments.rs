@@ -46,3 +46,31 @@ pub fn parameter(text: &str) -> Result<(String, f32), String> {
         .map_err(|error| format!("{name}: {error}"))?;
     Ok((name.to_owned(), value))
 }
+
+/// Parses a part of a campaign, `3/16`, as index from 0 and number.
+///
+/// # Errors
+/// What a shard looks like.
+pub fn shard(text: &str) -> Result<(u64, u64), String> {
+    let parsed = text
+        .split_once('/')
+        .and_then(|(i, n)| Some((i.trim().parse::<u64>().ok()?, n.trim().parse::<u64>().ok()?)));
+    match parsed {
+        Some((i, n)) if i >= 1 && i <= n => Ok((i - 1, n)),
+        _ => Err("a shard is I/N with I from 1 to N, such as 3/16".into()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn shards_count_from_one() {
+        assert_eq!(shard("1/4"), Ok((0, 4)));
+        assert_eq!(shard("4/4"), Ok((3, 4)));
+        for bad in ["0/4", "5/4", "1", "a/b", "1/0", "-1/4"] {
+            assert!(shard(bad).is_err(), "{bad}");
+        }
+    }
+}

@@ -2,12 +2,13 @@
 //! goes before the user's own, and the command line before both.
 
 use std::env;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use clap::{Command, ValueEnum};
 use rig::ServoKind;
 use serde::Deserialize;
 
+use crate::input;
 use crate::vehicle::calibrate::place;
 
 /// Name of the file in the current folder.
@@ -47,7 +48,9 @@ impl Config {
     pub fn load(files: &[PathBuf]) -> Result<Self, String> {
         let mut all = Self::default();
         for path in files {
-            let own = Self::read(path).map_err(|why| format!("{}{why}", path.display()))?;
+            let text = input::text(path).map_err(|error| format!(": {error}"));
+            let own = text.and_then(|text| Self::parse(&text));
+            let own = own.map_err(|why| format!("{}{why}", path.display()))?;
             all.port = all.port.or(own.port);
             all.place = all.place.or(own.place);
             all.servo = all.servo.or(own.servo);
@@ -55,9 +58,12 @@ impl Config {
         Ok(all)
     }
 
-    fn read(path: &Path) -> Result<Self, String> {
-        let text = std::fs::read_to_string(path).map_err(|error| format!(": {error}"))?;
-        let config: Self = toml::from_str(&text).map_err(|error| {
+    /// What the text of a file says.
+    ///
+    /// # Errors
+    /// The line and what is wrong, to be put behind the file's name.
+    pub fn parse(text: &str) -> Result<Self, String> {
+        let config: Self = toml::from_str(text).map_err(|error| {
             let line = error
                 .span()
                 .map(|span| text[..span.start].matches('\n').count() + 1);
@@ -113,6 +119,7 @@ mod tests {
     use super::*;
     use crate::cli::Cli;
     use clap::{CommandFactory, FromArgMatches};
+    use std::path::Path;
 
     fn write(folder: &Path, name: &str, text: &str) -> PathBuf {
         let path = folder.join(name);

@@ -12,6 +12,7 @@ use anyhow::{Context, Result, bail};
 use clap::Args;
 use rig::image::{Image, build_in, workspace};
 
+use crate::input;
 use crate::out::exit::BadInput;
 
 /// The image as `build.rs` has left it: empty unless the tool was built to be installed.
@@ -55,7 +56,7 @@ impl ImageOption {
         let here = env::current_dir().unwrap_or_default();
         let (name, elf) = if let Some(path) = &self.image {
             let name = path.display().to_string();
-            let elf = fs::read(path)
+            let elf = input::bytes(path, input::IMAGE)
                 .map_err(|error| BadInput::new(format!("cannot read the image {name}: {error}")))?;
             (name, elf)
         } else if let Some(tree) = image_build::tree_around(&here) {

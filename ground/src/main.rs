@@ -9,7 +9,10 @@ mod cli;
 mod config;
 mod filters;
 mod flight;
+#[cfg(test)]
+mod fuzz;
 mod image;
+mod input;
 mod logs;
 mod model;
 mod out;

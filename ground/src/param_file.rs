@@ -3,33 +3,23 @@
 //! newest), so the file's name decides: QGroundControl's end in `.params`.
 
 use std::fmt::Write;
-use std::fs::File;
-use std::io::Read;
 use std::path::Path;
 
 use anyhow::Result;
 use client::Parameter;
 use tvc_nano::Params;
 
+use crate::input;
 use crate::out::exit::BadInput;
-
-/// Longest file, bytes: a thousand times what is needed.
-const LONGEST: u64 = 1 << 20;
 
 /// Reads a file. Every value is checked against this tool's own table before any is set.
 ///
 /// # Errors
 /// [`BadInput`] naming file and line.
 pub fn read(path: &Path) -> Result<Vec<Parameter>> {
-    let mut text = String::new();
-    let read = File::open(path).and_then(|file| file.take(LONGEST).read_to_string(&mut text));
-    let length =
-        read.map_err(|error| BadInput::new(format!("cannot read {}: {error}", path.display())))?;
-    let rows = match length as u64 {
-        LONGEST => Err("too long for a parameter file".to_owned()),
-        _ => parse(&text),
-    };
-    rows.map_err(|why| BadInput::new(format!("{}: {why}", path.display())).into())
+    let text = input::text(path)
+        .map_err(|error| BadInput::new(format!("cannot read {}: {error}", path.display())))?;
+    parse(&text).map_err(|why| BadInput::new(format!("{}: {why}", path.display())).into())
 }
 
 /// The parameters in the text of a file. Every value is checked as in [`read`].
@@ -50,6 +40,13 @@ pub fn parse(text: &str) -> Result<Vec<Parameter>, String> {
             [name, value] | [_, _, name, value, _] => (*name, *value),
             _ => return Err(format!("line {}: not a name and a value", index + 1)),
         };
+        // A mark in the midst of a file would stand before a name that looks like another one.
+        if !name.bytes().all(|byte| byte.is_ascii_graphic()) {
+            return Err(format!(
+                "line {}: {name:?} is no name of a parameter",
+                index + 1
+            ));
+        }
         let value = value
             .parse()
             .map_err(|_| format!("line {}: {value} is no number", index + 1))?;
@@ -163,6 +160,8 @@ mod tests {
         for (text, part) in [
             ("PID_KP 1\nPID_KD", "line 2"),
             ("PID_KP one", "one is no number"),
+            ("\r\u{FEFF}PID_KP 1", "is no name"),
+            ("PID_\u{1b}[2J 1", "is no name"),
             ("PID_KP 11", "PID_KP must be 0 to 10"),
             ("PID_KP NaN", "PID_KP must be"),
             ("# nothing", "no parameters"),

@@ -7,6 +7,7 @@
 #![forbid(unsafe_code)]
 
 mod build_id;
+mod seal;
 mod toolchain;
 
 pub use build_id::build_id;
@@ -151,7 +152,7 @@ impl Builder {
             .join(source.package)
     }
 
-    /// Builds an image and gives the path of its ELF file.
+    /// Builds an image, writes its sums into it, and gives the path of its ELF file.
     ///
     /// # Errors
     /// [`BuildError::Program`], [`BuildError::Build`].
@@ -162,7 +163,11 @@ impl Builder {
                 output: String::from_utf8_lossy(&output.stderr).trim().to_owned(),
             });
         }
-        Ok(self.path(source))
+        let path = self.path(source);
+        seal::seal(&path).map_err(|error| BuildError::Build {
+            output: format!("{}: {error}", path.display()),
+        })?;
+        Ok(path)
     }
 
     fn command(&self, source: &Source<'_>) -> Command {

@@ -268,7 +268,8 @@ pub(crate) fn finite(values: &[Named]) -> Result<(), ParameterError> {
     check(values, "finite", f64::is_finite)
 }
 
-fn check(
+/// Refuses the first value that is not `good`; `must` says in words what is.
+pub(crate) fn check(
     values: &[Named],
     must: &'static str,
     good: impl Fn(f64) -> bool,

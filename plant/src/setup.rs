@@ -262,6 +262,21 @@ mod tests {
         assert_eq!(Setup::parse("").unwrap(), Setup::default());
     }
 
+    /// Else a file of a few bytes would ask for all memory, or for a run without end.
+    #[test]
+    fn a_delay_is_only_so_many_steps_long() {
+        assert!(refusal("[timing]\nstep_s = 1e-12").contains("step_s"));
+        assert!(refusal("[timing]\ndelay_s = 1e9").contains("delay_s"));
+        assert!(refusal("[timing]\nrefresh_s = 2").contains("refresh_s"));
+        let fine = Setup::parse("[timing]\nstep_s = 1e-5\ndelay_s = 1").unwrap();
+        let Setup {
+            drone,
+            servo,
+            timing,
+        } = fine;
+        assert!(crate::pitch_loop::PitchLoop::new(&drone, servo, timing, 0.1, 0.0).is_ok());
+    }
+
     #[test]
     fn presets_overrides_and_units() {
         let setup = Setup::parse(

@@ -10,6 +10,9 @@ use tvc_fusion::{
 use crate::settings::{self, Gains};
 use crate::{Choice, ChoiceError, Facts, FilterName, Mode, RecordedSample, Scalar};
 
+/// Most steps that a sampling period is divided into in fixed point.
+const MOST_PARTS: f64 = 1000.0;
+
 /// A filter that runs on a recording.
 pub struct Estimate {
     engine: Box<dyn Engine>,
@@ -107,8 +110,12 @@ where
     let parts = ((period_us - 0.5) / f64::from(*fixed::PERIOD_US.end()))
         .ceil()
         .max(1.0);
-    let step_us = (period_us / parts).round() as u32;
     let refused = |error| refused(choice, error);
+    // Else a header that says 1e-30 Hz would take for ever, a step at a time.
+    if parts > MOST_PARTS {
+        return Err(refused(ConfigError::OutOfRange("period_us")));
+    }
+    let step_us = (period_us / parts).round() as u32;
     if parts > 1.0 {
         // Without recovery from clipping: a rate that is repeated looks like one that is clipped.
         let estimator = fixed::Estimator::<F>::new(&config, &scale, step_us).map_err(refused)?;

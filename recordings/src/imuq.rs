@@ -7,12 +7,15 @@
 //! (sensor to east-north-up) and flags (bit 0 movement, bit 1 reference valid). A scale of 0 says
 //! that there is no magnetometer, or no reference.
 
-use std::fs;
+use std::fs::File;
+use std::io::Read;
 use std::path::Path;
 
 use crate::{RecordedSample, RecordingError};
 
 const MAGIC: &[u8; 8] = b"IMUQ16v1";
+/// Longest file that is read whole, bytes: days of samples.
+const LONGEST: u64 = 1 << 30;
 const MOVEMENT: i16 = 1;
 const VALID: i16 = 2;
 
@@ -155,8 +158,10 @@ impl Recording {
     /// The file cannot be read, is not of this format or not whole.
     pub fn open(path: &Path) -> Result<Self, RecordingError> {
         let name = path.display().to_string();
-        let bytes = fs::read(path)
-            .map_err(|source| RecordingError::Read(format!("the recording {name}"), source))?;
+        let mut bytes = Vec::new();
+        // One byte more than it may have tells that it is too long.
+        let read = File::open(path).and_then(|file| file.take(LONGEST + 1).read_to_end(&mut bytes));
+        read.map_err(|source| RecordingError::Read(format!("the recording {name}"), source))?;
         Self::parse(&name, &bytes)
     }
 

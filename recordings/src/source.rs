@@ -8,6 +8,7 @@ use std::path::Path;
 use tvc_fusion::fixed;
 
 use crate::imuq::Header;
+use crate::lines::Lines;
 use crate::table::Table;
 use crate::{RecordedSample, RecordingError};
 
@@ -55,7 +56,7 @@ enum Format {
         file: BufReader<File>,
         next: u32,
     },
-    Table(Box<Table<BufReader<File>>>),
+    Table(Box<Table<Lines<BufReader<File>>>>),
 }
 
 impl Source {
@@ -87,7 +88,7 @@ impl Source {
         if start.is_empty() {
             return Err(RecordingError::Empty(name));
         }
-        let table = Table::read(&name, start, file)?;
+        let table = Table::read(&name, start, Lines::new(file))?;
         Self::of_table(name, table, metadata.len())
     }
 
@@ -120,7 +121,7 @@ impl Source {
 
     fn of_table(
         name: String,
-        mut table: Table<BufReader<File>>,
+        mut table: Table<Lines<BufReader<File>>>,
         bytes: u64,
     ) -> Result<Self, RecordingError> {
         let mut ahead = VecDeque::with_capacity(LOOK_AHEAD);

@@ -255,6 +255,16 @@ impl Rig {
         self.reset(ResetCause::BrownOut33);
     }
 
+    /// Flips a bit of a register; `false` if the model has no such bit.
+    pub fn flip_register(&mut self, address: u32, bit: u8) -> bool {
+        self.chip.flip_register(address, bit, &mut self.environment)
+    }
+
+    /// The image that runs.
+    pub fn image(&self) -> &Image {
+        &self.image
+    }
+
     /// Cuts the power of chip and sensor for a moment. Flash keeps its contents, RAM does not.
     pub fn power_cycle(&mut self) {
         self.reset_chip(ResetCause::PowerOn);

@@ -11,7 +11,8 @@ pub use crate::core::{Counters, EXCEPTIONS, Profile, Registers, Stop};
 use crate::fault::Fault;
 use crate::memory::{FLASH_SIZE, Memory, RAM_SIZE};
 use crate::options::Options;
-use crate::peripherals::{Peripherals, ResetCause};
+use crate::peripherals::{Peripherals, ResetCause, Width};
+use crate::upset::STOPPED_STEP;
 use crate::usb_host::Host;
 
 /// An ATSAMD21 with 256 KB of flash and 32 KB of SRAM.
@@ -60,6 +61,13 @@ impl Chip {
     /// Runs until `until`, or until something stops the chip. The last instruction may end some
     /// cycles after `until`; everything due until then has happened.
     pub fn run_until(&mut self, until: Ticks, board: &mut dyn Board) -> Stop {
+        while self.is_stopped() {
+            let step = until.min(self.now() + STOPPED_STEP);
+            let stop = self.hold_until(step, board);
+            if stop != Stop::Reached || self.now() >= until {
+                return stop;
+            }
+        }
         let (core, mut bus) = self.parts(board);
         let stop = core.run(&mut bus, until);
         bus.settle(core.now());
@@ -178,6 +186,21 @@ impl Chip {
     /// Flash and SRAM by address.
     pub fn memory(&self) -> &Memory {
         &self.memory
+    }
+
+    /// A word of a peripheral, as a debugger reads it; `None` where there is none, or it is not
+    /// clocked.
+    pub fn peek(&mut self, address: u32, board: &mut dyn Board) -> Option<u32> {
+        let now = self.now();
+        self.peripherals.read(now, address, Width::Word, board).ok()
+    }
+
+    pub(crate) fn core_mut(&mut self) -> &mut Core {
+        &mut self.core
+    }
+
+    pub(crate) fn peripherals_mut(&mut self) -> &mut Peripherals {
+        &mut self.peripherals
     }
 
     /// The peripherals.

@@ -42,6 +42,7 @@ mod options;
 pub mod peripherals;
 #[cfg(test)]
 mod testing;
+pub mod upset;
 pub mod usb_host;
 
 pub use chip::Chip;

@@ -6,9 +6,11 @@ use std::vec::Vec;
 
 use bno055_driver::Config;
 
+mod states;
+
 use super::*;
 use crate::bringup::{Order, What};
-use crate::failsafe::{BootReport, StateKind};
+use crate::failsafe::{BootReport, SelfCheck, StateKind};
 use crate::params::Params;
 use crate::store::tests::Mock;
 
@@ -20,6 +22,7 @@ enum Asked {
     StepBegins,
     StepEnds(PulseUs),
     PollPort,
+    Stop(SelfCheck),
     Read,
     Write(usize),
 }
@@ -115,6 +118,9 @@ impl Board for Notes {
     }
     fn reset_soon(&mut self, _now: Micros, reset: Reset) {
         self.reset = Some(reset);
+    }
+    fn stop(&mut self, check: SelfCheck) {
+        self.asked.push(Asked::Stop(check));
     }
     fn bringup(&mut self, order: Order) -> Option<u32> {
         let known = order.what == What::Peek as u8 && order.number == Self::WORD.0;
@@ -330,4 +336,20 @@ fn a_port_that_is_not_open_speaks_as_long_as_messages_come() {
     bench.turns(vec![Event::Missed; 20]);
     bench.board.take();
     assert!(!written(&mut bench, 10), "silent for five seconds");
+}
+
+/// Nobody would hear the answer to what shows that somebody is there: it is neither obeyed nor
+/// answered, and the next one is both.
+#[test]
+fn the_first_message_at_a_port_that_is_not_open_is_no_order() {
+    let mut bench = Bench::new();
+    (bench.board.closed, bench.board.room) = (Port::Silent, 2048);
+    for reset in [None, Some(Reset::Restart)] {
+        bench.board.packets = vec![crate::telemetry::tests::reboot()];
+        bench.turns(vec![Event::Nothing]);
+        assert_eq!(bench.board.reset, reset);
+        let written = bench.board.take();
+        let is_answered = written.iter().any(|a| matches!(a, Asked::Write(1..)));
+        assert_eq!(is_answered, reset.is_some());
+    }
 }

@@ -1,8 +1,10 @@
 //! The board shows what it is like: see [`tvc_nano::bringup`].
 
 use atsamd_hal::pac;
+use tvc_nano::SelfCheck;
 use tvc_nano::bringup::{Order, Pulse, What, is_readable};
 
+use super::crash;
 use super::i2c::Bus;
 use super::nano33iot::FEEDBACK;
 use super::time::now;
@@ -15,7 +17,7 @@ const FRAME_US: u32 = 22_000;
 pub(super) fn obey(order: Order, bus: &Bus, d2_is_servo: bool) -> Option<u32> {
     const PEEK: u8 = What::Peek as u8;
     const HANG: u8 = What::Hang as u8;
-    const PANIC: u8 = What::Panic as u8;
+    const FAIL_CHECK: u8 = What::FailCheck as u8;
     const PULSE: u8 = What::Pulse as u8;
     const BUS: u8 = What::Bus as u8;
     const COUNT: u8 = What::Count as u8;
@@ -24,7 +26,7 @@ pub(super) fn obey(order: Order, bus: &Bus, d2_is_servo: bool) -> Option<u32> {
         HANG => loop {
             cortex_m::asm::nop();
         },
-        PANIC => panic!("ordered"),
+        FAIL_CHECK => crash::stop(SelfCheck::Ordered),
         PULSE if !d2_is_servo => time_pulse(),
         BUS => Some(bus.summary()),
         COUNT => {

@@ -19,24 +19,28 @@ pub(super) struct Clocks {
     pub(super) frame: FrameClock,
 }
 
-/// 48 MHz for the CPU, USB, the servo timer and the sensor bus; 1,024 Hz for the watchdog.
+/// 48 MHz for the CPU, USB, the servo timer and the sensor bus; 1,024 Hz for the watchdog. `None`
+/// if one of them has been set up before.
 pub(super) fn start(
     gclk: pac::Gclk,
     pm: &mut pac::Pm,
     sysctrl: &mut pac::Sysctrl,
     nvmctrl: &mut pac::Nvmctrl,
-) -> Clocks {
+) -> Option<Clocks> {
     let mut controller = GenericClockController::with_internal_32kosc(gclk, pm, sysctrl, nvmctrl);
     let main = controller.gclk0();
     // The watchdog's own oscillator runs whatever becomes of the others: 32,768 Hz / 32.
-    let slow = controller
-        .configure_gclk_divider_and_source(ClockGenId::Gclk4, 32, ClockSource::Osculp32k, false)
-        .expect("generator 4 is free");
-    controller.wdt(&slow).expect("clocked once");
-    Clocks {
-        usb: controller.usb(&main).expect("clocked once"),
-        frame: nano33iot::clock(&mut controller, &main),
-    }
+    let slow = controller.configure_gclk_divider_and_source(
+        ClockGenId::Gclk4,
+        32,
+        ClockSource::Osculp32k,
+        false,
+    )?;
+    controller.wdt(&slow)?;
+    Some(Clocks {
+        usb: controller.usb(&main)?,
+        frame: nano33iot::clock(&mut controller, &main)?,
+    })
 }
 
 /// What start-of-frame has disciplined the DFLL to: its FINE, `None` while it is not locked.
@@ -98,4 +102,88 @@ pub(super) fn watch_supply(sysctrl: &pac::Sysctrl) {
         // A detector that is slow to restart is still on.
         let _ = write(false, false) && write(true, true);
     }
+}
+
+/// Which clocks of the flight run from which generator, and which buses are on, as start-up has
+/// left it.
+pub(super) struct ClockCheck {
+    buses: [u32; 3],
+    clocks: [u16; CLOCKS.len()],
+    coarse: u8,
+    /// The clock that is looked at next.
+    next: usize,
+}
+
+/// CLKCTRL.ID of the watchdog, USB, the sensor bus and the servo's timer.
+const CLOCKS: [u8; 4] = [0x03, 0x06, 0x18, 0x1A];
+
+impl ClockCheck {
+    /// What is set now.
+    pub(super) fn new() -> Self {
+        Self {
+            buses: buses(),
+            clocks: CLOCKS.map(clock),
+            coarse: coarse(),
+            next: 0,
+        }
+    }
+
+    /// Look at the buses, the DFLL, and one clock after the other; set what has changed as it was.
+    /// `false` if the DFLL runs at a frequency of its own, which only a reset puts right.
+    pub(super) fn put_right(&mut self) -> bool {
+        if buses() != self.buses {
+            let [a, b, c] = self.buses;
+            // SAFETY: the power manager's masks as they were; only the main loop changes them.
+            unsafe {
+                let pm = &*pac::Pm::ptr();
+                pm.apbamask().write(|w| w.bits(a));
+                pm.apbbmask().write(|w| w.bits(b));
+                pm.apbcmask().write(|w| w.bits(c));
+            }
+        }
+        self.next = (self.next + 1) % CLOCKS.len();
+        if let (Some(id), Some(expected)) = (CLOCKS.get(self.next), self.clocks.get(self.next))
+            && clock(*id) != *expected
+        {
+            // SAFETY: as it was; the register is selected by the clock's number within it.
+            unsafe { CLKCTRL.write_volatile(*expected) };
+        }
+        let is_right = coarse() == self.coarse;
+        // For the next look.
+        sysctrl().dfllsync().write(|w| w.readreq().set_bit());
+        is_right
+    }
+}
+
+/// GCLK.CLKCTRL. The PAC's writer knows no clock but one by its name.
+const CLKCTRL: *mut u16 = 0x4000_0C02 as *mut u16;
+
+/// CLKCTRL of a clock.
+fn clock(id: u8) -> u16 {
+    // SAFETY: a byte written there selects the clock that is read; after start-up only the main
+    // loop touches the register.
+    unsafe {
+        CLKCTRL.cast::<u8>().write_volatile(id);
+        CLKCTRL.read_volatile()
+    }
+}
+
+fn buses() -> [u32; 3] {
+    // SAFETY: reads registers that are always mapped.
+    let pm = unsafe { &*pac::Pm::ptr() };
+    [
+        pm.apbamask().read().bits(),
+        pm.apbbmask().read().bits(),
+        pm.apbcmask().read().bits(),
+    ]
+}
+
+/// The DFLL's coarse value as it was when it was asked for last.
+fn coarse() -> u8 {
+    sysctrl().dfllval().read().coarse().bits()
+}
+
+fn sysctrl() -> &'static pac::sysctrl::RegisterBlock {
+    // SAFETY: always mapped; after start-up only this module touches the DFLL.
+    unsafe { &*pac::Sysctrl::ptr() }
 }

@@ -1,4 +1,4 @@
-//! Panics and faults: the servo goes to neutral, the reason survives the reset.
+//! Failed self-checks and faults: the servo goes to neutral, the reason survives the reset.
 //!
 //! The record lies in RAM that neither this program's start-up nor the bootloader touches. It is
 //! sealed by a checksum, for RAM holds noise after power-on. It is read once at the next start and
@@ -16,18 +16,14 @@ use atsamd_hal::pac;
 use cortex_m::peripheral::SCB;
 use cortex_m_rt::{ExceptionFrame, exception};
 use crc::{CRC_32_ISO_HDLC, Crc, NoTable};
-use tvc_nano::failsafe::Crash;
+use tvc_nano::{Crash, SelfCheck};
 
-use super::{frame, time, watchdog};
+use super::{frame, time, usb, watchdog};
 
 /// Marks a record, and its layout's version.
-const MAGIC: u32 = 0x5456_4332;
-const PANIC: u32 = 1;
+const MAGIC: u32 = 0x5456_4333;
+const SELF_CHECK: u32 = 1;
 const HARD_FAULT: u32 = 2;
-
-/// The stack's RAM, less the last word.
-#[cfg(not(feature = "probe"))]
-const RAM: core::ops::Range<u32> = 0x2000_0000..0x2000_77FC;
 
 /// Longer than the watchdog takes.
 const LAST_WAIT_US: u32 = 150_000;
@@ -37,8 +33,8 @@ const LAST_WAIT_US: u32 = 150_000;
 struct Record {
     magic: u32,
     kind: u32,
-    /// Return addresses of a panic, innermost first; a fault's instruction in the first.
-    places: [u32; 3],
+    /// Which self-check, or the address of a fault's instruction.
+    detail: u32,
     crc: u32,
 }
 
@@ -51,15 +47,15 @@ impl Record {
     const EMPTY: Self = Self {
         magic: 0,
         kind: 0,
-        places: [0; 3],
+        detail: 0,
         crc: 0,
     };
 
-    fn new(kind: u32, places: [u32; 3]) -> Self {
+    fn new(kind: u32, detail: u32) -> Self {
         let mut record = Self {
             magic: MAGIC,
             kind,
-            places,
+            detail,
             crc: 0,
         };
         record.crc = record.checksum();
@@ -67,17 +63,17 @@ impl Record {
     }
 
     fn checksum(&self) -> u32 {
-        let [a, b, c] = self.places;
-        crc32([self.magic, self.kind, a, b, c])
+        crc32([self.magic, self.kind, self.detail])
     }
 
     fn crash(self) -> Option<Crash> {
         let sealed = self.magic == MAGIC && self.crc == self.checksum();
         match self.kind {
-            PANIC if sealed => Some(Crash::Panic {
-                callers: self.places,
-            }),
-            HARD_FAULT if sealed => Some(Crash::HardFault { pc: self.places[0] }),
+            SELF_CHECK if sealed => {
+                let check = SelfCheck::try_from(self.detail as u8);
+                check.ok().map(Crash::SelfCheck)
+            }
+            HARD_FAULT if sealed => Some(Crash::HardFault { pc: self.detail }),
             _ => None,
         }
     }
@@ -96,7 +92,7 @@ impl Record {
 }
 
 /// CRC-32 of IEEE 802.3 over words, low byte first.
-fn crc32(words: [u32; 5]) -> u32 {
+fn crc32(words: [u32; 3]) -> u32 {
     let crc = Crc::<u32, NoTable>::new(&CRC_32_ISO_HDLC);
     let mut digest = crc.digest();
     for word in words {
@@ -133,40 +129,28 @@ fn end(record: Record) -> ! {
     SCB::sys_reset()
 }
 
-/// A panic says where it is by its return addresses and not by file and line: those of every place
-/// that could panic would take 4 KB of the image. The ELF tells function, file and line of an
-/// address.
+/// Something is wrong with the firmware or its chip, and cannot be put right while it runs.
+#[cold]
+#[inline(never)]
+pub(crate) fn stop(check: SelfCheck) -> ! {
+    end(Record::new(SELF_CHECK, check.code().into()))
+}
+
+/// The image is not to be run: it is left to the bootloader, where another one can be put in its
+/// place. The servo has had no pulse yet.
+#[cold]
+#[inline(never)]
+pub(crate) fn refuse_to_start(check: SelfCheck) -> ! {
+    Record::new(SELF_CHECK, check.code().into()).store();
+    usb::enter_bootloader()
+}
+
+/// Every program needs one. Nothing calls it: no call of a panic is linked into the image, to which
+/// a test holds its symbols and its machine code.
 #[cfg(not(feature = "probe"))]
 #[panic_handler]
 fn panic(_: &core::panic::PanicInfo) -> ! {
-    // The innermost is in the core library's own code for panics.
-    let [_, places @ ..] = return_addresses();
-    end(Record::new(PANIC, places))
-}
-
-/// Where the functions under way return to, innermost first; 0 where the chain of their frames
-/// ends.
-///
-/// The target's functions keep their frame's address in r7, where the caller's frame and the return
-/// address lie.
-#[cfg(not(feature = "probe"))]
-#[inline(always)]
-fn return_addresses() -> [u32; 4] {
-    let mut frame: u32;
-    // SAFETY: reads a register.
-    unsafe { core::arch::asm!("mov {}, r7", out(reg) frame, options(nomem, nostack)) };
-    [(); 4].map(|()| {
-        if !frame.is_multiple_of(4) || !RAM.contains(&frame) {
-            return 0;
-        }
-        let words = frame as *const u32;
-        // SAFETY: two aligned words in RAM, whatever they hold.
-        let (caller, address) = unsafe { (words.read_volatile(), words.add(1).read_volatile()) };
-        // The stack grows down: a chain that does not rise has no end.
-        frame = if caller > frame { caller } else { 0 };
-        // Without the bit that stands for Thumb code.
-        address & !1
-    })
+    stop(SelfCheck::Panic)
 }
 
 /// With a probe the panic prints there and ends in a hard fault, which comes by here.
@@ -176,12 +160,12 @@ use panic_probe as _;
 // SAFETY: only reads the frame; never returns.
 #[exception]
 unsafe fn HardFault(frame: &ExceptionFrame) -> ! {
-    end(Record::new(HARD_FAULT, [frame.pc(), 0, 0]))
+    end(Record::new(HARD_FAULT, frame.pc()))
 }
 
 /// An interrupt that nobody enabled.
 // SAFETY: never returns.
 #[exception]
 unsafe fn DefaultHandler(_number: i16) -> ! {
-    panic!("unexpected interrupt")
+    stop(SelfCheck::Interrupt)
 }

@@ -15,30 +15,33 @@ use core::sync::atomic::{AtomicBool, AtomicU8, AtomicU32, Ordering};
 
 use bno055_driver::Micros;
 use critical_section::Mutex;
-use tvc_nano::Axis;
 use tvc_nano::servo::PulseUs;
 use tvc_nano::ticks::{TickPlan, TimerPlan, Timing};
+use tvc_nano::{Axis, SelfCheck};
 
-use super::i2c;
 use super::nano33iot::{
-    EARLY_TICK_CHANNEL, FrameClock, LAST_TICK_CHANNEL, SERVO_CHANNELS, SERVO_FUNCTION, SERVOS,
-    frame_registers, on_frame_interrupt,
+    Channel, EARLY_TICK_CHANNEL, FrameClock, LAST_TICK_CHANNEL, SERVO_CHANNELS, SERVO_FUNCTION,
+    SERVOS, frame_registers, on_frame_interrupt,
 };
 use super::time::{self, now, soon};
+use super::{crash, i2c, watchdog};
 
 /// Timer counts in a microsecond: 48 MHz / 16.
 const COUNTS_PER_US: u32 = 3;
 
 /// STATUS.CCBVx of the servos' channels.
-const BUFFERS_ARE_FULL: u32 = 1 << (16 + SERVO_CHANNELS[0]) | 1 << (16 + SERVO_CHANNELS[1]);
+const BUFFERS_ARE_FULL: u32 =
+    1 << (16 + SERVO_CHANNELS[0] as u32) | 1 << (16 + SERVO_CHANNELS[1] as u32);
 /// INTFLAG.MCx of the ticks.
-const LAST: u32 = 1 << (16 + LAST_TICK_CHANNEL);
+const LAST: u32 = 1 << (16 + LAST_TICK_CHANNEL as u32);
 /// See [`LAST`].
-const EARLY: u32 = 1 << (16 + EARLY_TICK_CHANNEL);
+const EARLY: u32 = 1 << (16 + EARLY_TICK_CHANNEL as u32);
 
 /// The pulses that [`force_neutral`] sends, in counts; 0 until the firmware has said what neutral
 /// is, and for an axis that is not steered.
 static NEUTRAL: [AtomicU32; Axis::COUNT] = [AtomicU32::new(0), AtomicU32::new(0)];
+/// What was written to each compare channel's buffer last, in counts.
+static SENT: [AtomicU32; 4] = [const { AtomicU32::new(0) }; 4];
 /// The frame has begun to run and the timer may be touched from anywhere.
 static RUNNING: AtomicBool = AtomicBool::new(false);
 /// A tick comes every so many frames.
@@ -69,6 +72,8 @@ pub(super) struct Tick {
 /// The running frame.
 pub(super) struct Frame {
     timing: Timing,
+    /// Timer counts in a frame.
+    period: u32,
     tick_period_us: u32,
     /// The timer has the pins of so many servos.
     connected: usize,
@@ -96,11 +101,13 @@ impl Frame {
         unsafe {
             timer.per().write(|w| w.bits(plan.period - 1));
             for channel in SERVO_CHANNELS {
-                timer.cc(channel).write(|w| w.bits(0));
+                timer.cc(channel as usize).write(|w| w.bits(0));
             }
             let [last, _, first] = plan.ticks;
-            timer.cc(LAST_TICK_CHANNEL).write(|w| w.bits(last));
-            timer.cc(EARLY_TICK_CHANNEL).write(|w| w.bits(first));
+            timer.cc(LAST_TICK_CHANNEL as usize).write(|w| w.bits(last));
+            timer
+                .cc(EARLY_TICK_CHANNEL as usize)
+                .write(|w| w.bits(first));
         }
         ready &= soon(|| timer.syncbusy().read().bits() == 0);
         announce(&plan, &timing);
@@ -110,6 +117,7 @@ impl Frame {
         ready &= soon(|| timer.syncbusy().read().enable().bit_is_clear());
         let mut frame = Self {
             timing,
+            period: plan.period,
             tick_period_us: plan.tick_period_us,
             connected: 0,
         };
@@ -118,7 +126,7 @@ impl Frame {
         if !ready {
             // Without its timer the board can do nothing for the servo; the reset counts as a crash
             // and is reported.
-            panic!("servo timer does not synchronise");
+            crash::stop(SelfCheck::ServoTimer);
         }
         frame
     }
@@ -133,10 +141,43 @@ impl Frame {
             servo.connect(SERVO_FUNCTION);
             self.connected += 1;
         }
+        if watchdog::has_warned() {
+            force_neutral();
+            return true;
+        }
         let channels = SERVO_CHANNELS.iter().take(self.connected);
         channels
             .zip(pulses)
             .all(|(channel, pulse)| write_buffer(*channel, counts(pulse)))
+    }
+
+    /// Give the timer its servos' pins once more, should a register have lost them.
+    pub(super) fn connect_again(&self) {
+        for servo in SERVOS.iter().take(self.connected) {
+            servo.connect(SERVO_FUNCTION);
+        }
+    }
+
+    /// Whether the timer is as it was set: it runs, at its rate and in its mode, with its ticks,
+    /// and sends the pulses that it was given last.
+    pub(super) fn is_as_set(&self) -> bool {
+        let timer = frame_registers();
+        let control = timer.ctrla().read();
+        let buffers = timer.status().read().bits();
+        let compared = |channel: Channel| timer.cc(channel as usize).read().bits();
+        let is_sent = SERVO_CHANNELS.iter().take(self.connected).all(|channel| {
+            let waits = buffers & 1 << (16 + *channel as u32) != 0;
+            let sent = SENT.get(*channel as usize);
+            waits || sent.is_none_or(|sent| compared(*channel) == sent.load(Ordering::Relaxed))
+        });
+        let enabled = timer.intenset().read().bits();
+        control.enable().bit_is_set()
+            && control.prescaler().is_div16()
+            && timer.wave().read().wavegen().is_npwm()
+            && (timer.status().read().perbv().bit_is_set()
+                || timer.per().read().bits() == self.period - 1)
+            && enabled & LAST != 0
+            && is_sent
     }
 
     /// Whether the timer has the pins of all servos.
@@ -175,8 +216,12 @@ impl Frame {
         unsafe {
             timer.perb().write(|w| w.bits(plan.period - 1));
             let [last, _, first] = plan.ticks;
-            timer.ccb(LAST_TICK_CHANNEL).write(|w| w.bits(last));
-            timer.ccb(EARLY_TICK_CHANNEL).write(|w| w.bits(first));
+            timer
+                .ccb(LAST_TICK_CHANNEL as usize)
+                .write(|w| w.bits(last));
+            timer
+                .ccb(EARLY_TICK_CHANNEL as usize)
+                .write(|w| w.bits(first));
         }
         ready &= soon(|| timer.syncbusy().read().bits() == 0);
         timer.ctrlbclr().write(|w| w.lupd().set_bit());
@@ -184,6 +229,7 @@ impl Frame {
         announce(&plan, &timing);
         if ready {
             (self.timing, self.tick_period_us) = (timing, plan.tick_period_us);
+            self.period = plan.period;
         }
         ready
     }
@@ -220,14 +266,19 @@ fn counts(pulse: PulseUs) -> u32 {
     COUNTS_PER_US * u32::from(pulse.0)
 }
 
-fn write_buffer(channel: usize, counts: u32) -> bool {
+fn write_buffer(channel: Channel, counts: u32) -> bool {
     let timer = frame_registers();
     // SYNCBUSY.CCBx.
-    let synchronises = 1 << (19 + channel);
+    let synchronises = 1 << (19 + channel as u32);
     let ready = soon(|| timer.syncbusy().read().bits() & synchronises == 0);
     if ready {
         // SAFETY: a pulse is at most 65,535 us, 196,605 counts; the register has 24 bits.
-        timer.ccb(channel).write(|w| unsafe { w.bits(counts) });
+        timer
+            .ccb(channel as usize)
+            .write(|w| unsafe { w.bits(counts) });
+        if let Some(sent) = SENT.get(channel as usize) {
+            sent.store(counts, Ordering::Relaxed);
+        }
     }
     ready
 }
@@ -269,12 +320,12 @@ fn matched() {
     // The next tick of the channel that two of them share.
     let next = EARLY_TICKS.get(usize::from(!last));
     if let Some(next) = next
-        && soon(|| timer.syncbusy().read().bits() & 1 << (8 + EARLY_TICK_CHANNEL) == 0)
+        && soon(|| timer.syncbusy().read().bits() & 1 << (8 + EARLY_TICK_CHANNEL as u32) == 0)
     {
         let tick = next.load(Ordering::Relaxed);
         // SAFETY: less than the counter's 24 bits hold.
         timer
-            .cc(EARLY_TICK_CHANNEL)
+            .cc(EARLY_TICK_CHANNEL as usize)
             .write(|w| unsafe { w.bits(tick) });
     }
     let frames = FRAMES.load(Ordering::Relaxed) + u8::from(last);

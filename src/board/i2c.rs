@@ -27,11 +27,12 @@ use core::cell::RefCell;
 
 use bno055_driver::{BusError, Micros, READ_MAX, TRANSFER_DEADLINE_US, Transfer, WRITE_MAX};
 use critical_section::{CriticalSection, Mutex};
+use tvc_nano::SelfCheck;
 use tvc_nano::application::{self, Outcome};
 
 use super::nano33iot::{I2C_FUNCTION, SCL, SDA, i2c_registers, on_i2c_interrupt};
 use super::time::{now, within};
-use super::{log, wake};
+use super::{crash, log, wake};
 use sercom::{Command, NotSynchronised};
 
 /// The address's last bit, for a read.
@@ -154,7 +155,16 @@ static MASTER: Mutex<RefCell<Master>> = Mutex::new(RefCell::new(Master {
 
 /// Access the shared state with interrupts held off.
 fn with_master<R>(action: impl FnOnce(&mut Master) -> R) -> R {
-    critical_section::with(|cs| action(&mut MASTER.borrow_ref_mut(cs)))
+    critical_section::with(|cs| with_master_held(cs, action))
+}
+
+/// The same for who holds interrupts off already.
+fn with_master_held<R>(held: CriticalSection<'_>, action: impl FnOnce(&mut Master) -> R) -> R {
+    match MASTER.borrow(held).try_borrow_mut() {
+        Ok(mut master) => action(&mut master),
+        // An action that asks for the master again; there is none.
+        Err(_) => crash::stop(SelfCheck::TakenTwice),
+    }
 }
 
 impl Master {
@@ -560,5 +570,5 @@ fn wire_ready() {
     // SAFETY: what shares the master with this interrupt holds it off, or has its priority; the
     // interrupts above it do not touch the master.
     let held = unsafe { CriticalSection::new() };
-    MASTER.borrow_ref_mut(held).advance();
+    with_master_held(held, Master::advance);
 }

@@ -11,20 +11,26 @@
 //! | 3 | USB | masks itself; wakes the main loop |
 //!
 //! Nothing above the main loop takes more than some 10 us, so a tick's burst starts within a few
-//! microseconds of its compare match. The longest that interrupts are held off is a call into the
-//! USB controller's driver, about 50 us.
+//! microseconds of its compare match. Interrupts are held off for single looks at what is shared
+//! with them: some microseconds.
 //!
 //! # No endless waits
-//! Every wait for hardware is bounded but two, both at start-up before the first pulse and before
-//! the watchdog runs: the HAL's for the oscillators (see [`clocks`]) and for the USB controller's
-//! reset, which the same clocks drive.
+//! Every wait for hardware is bounded but one, at start-up before the first pulse and before the
+//! watchdog runs: the HAL's for the oscillators (see [`clocks`]).
+//!
+//! # No panics
+//! What cannot go on stops with a reason ([`crash::stop`]): the servo goes to neutral, the chip is
+//! reset, and the next run tells why. No call of a panic is linked into the image, which tests hold
+//! (`tests/image/symbols.rs`): what could divide by zero, index out of bounds or unwrap nothing is
+//! written so that it cannot.
 
 mod bringup;
 mod clocks;
-mod crash;
+pub(crate) mod crash;
 mod flash;
 mod frame;
 mod i2c;
+mod image_check;
 mod log;
 mod nano33iot;
 mod pin;
@@ -34,11 +40,9 @@ mod usb;
 mod wake;
 mod watchdog;
 
-use atsamd_hal::gpio::Pins;
 use atsamd_hal::pac;
 use bno055_driver::{Micros, Transfer};
 use cortex_m::peripheral::scb::SystemHandler;
-use tvc_nano::BoardStatus;
 use tvc_nano::application::{self, Event, StepEnd};
 use tvc_nano::bringup::Order;
 use tvc_nano::failsafe::BootReport;
@@ -48,7 +52,10 @@ use tvc_nano::sleep::Load;
 use tvc_nano::store;
 use tvc_nano::telemetry::Reset;
 use tvc_nano::ticks::{BurstGauge, NewestTick};
+use tvc_nano::{BoardStatus, SelfCheck};
 
+use clocks::ClockCheck;
+use image_check::ImageCheck;
 use nano33iot::{FRAME_INTERRUPT, I2C_INTERRUPT, LED, PROBE, RADIO_RESET};
 
 /// Longest time that a step takes, us.
@@ -74,6 +81,8 @@ pub(crate) struct Board {
     /// say nothing of the sensor.
     halted: u8,
     load: Load,
+    image: ImageCheck,
+    clocks: ClockCheck,
     /// Steps, modulo 256.
     steps: u8,
 }
@@ -81,14 +90,20 @@ pub(crate) struct Board {
 impl Board {
     /// Bring the board up, servo first; the stored parameters, and how the last run ended.
     pub(crate) fn start() -> (Self, Params, BootReport) {
-        let mut chip = pac::Peripherals::take().expect("started once");
-        let mut core = cortex_m::Peripherals::take().expect("started once");
+        let (Some(mut chip), Some(mut core)) =
+            (pac::Peripherals::take(), cortex_m::Peripherals::take())
+        else {
+            crash::stop(SelfCheck::TakenTwice)
+        };
         let clocks = clocks::start(
             chip.gclk,
             &mut chip.pm,
             &mut chip.sysctrl,
             &mut chip.nvmctrl,
         );
+        let Some(clocks) = clocks else {
+            crash::stop(SelfCheck::Clock)
+        };
         let mut flash = flash::Flash::new(chip.nvmctrl);
         let (params, stored) = store::load(&mut flash);
         if let Some(fine) = params.clock_fine() {
@@ -97,6 +112,9 @@ impl Board {
         let report = BootReport {
             crash: crash::report(&chip.pm),
             stored,
+        };
+        let Some(image) = ImageCheck::new() else {
+            crash::refuse_to_start(SelfCheck::Flash)
         };
         stack::paint();
         time::start(&mut core.SYST);
@@ -108,10 +126,12 @@ impl Board {
         PROBE.low();
         clocks::watch_supply(&chip.sysctrl);
         let bus = i2c::Bus::start(timing.i2c_khz);
-        let pins = Pins::new(chip.port);
-        let port = usb::Port::start(&clocks.usb, &mut chip.pm, pins.pa24, pins.pa25, chip.usb);
+        let port = usb::Port::start(&clocks.usb, &mut chip.pm, chip.usb);
         let guard = watchdog::WatchdogGuard::start(chip.wdt);
-        enable_interrupts(&mut core.SCB, &mut core.NVIC);
+        // SAFETY: set once, before any of them is enabled; critical sections mask all alike.
+        unsafe { core.SCB.set_priority(SystemHandler::SysTick, priority(0)) };
+        enable_interrupts();
+        enable(pac::Interrupt::USB, 3);
         log::started(&report);
         let now = time::now();
         let board = Self {
@@ -127,6 +147,8 @@ impl Board {
             bursts: BurstGauge::default(),
             halted: 0,
             load: Load::new(now),
+            image,
+            clocks: ClockCheck::new(),
             steps: 0,
         };
         (board, params, report)
@@ -138,6 +160,9 @@ impl Board {
     #[inline(never)]
     pub(crate) fn wait(&mut self, turn: Micros) -> (Micros, Event) {
         loop {
+            if !self.image.look_on() {
+                crash::stop(SelfCheck::Flash);
+            }
             let burst_due = self.tick.burst_due().unwrap_or(Micros(u64::MAX));
             let (now, asleep) = time::sleep_until(burst_due, turn);
             self.load.slept(asleep);
@@ -151,8 +176,8 @@ impl Board {
     /// Whether `transfer`, begun at `start`, is over before the next tick.
     fn leaves_time_for(&self, start: Micros, transfer: &Transfer) -> bool {
         let (timing, period_us) = (self.frame.timing(), self.frame.tick_period_us());
-        // Half of what the 21 bytes of a burst vary by is more than the few of a short transfer do.
-        let reserve_us = self.bus.stop_us() + self.bursts.times().spread_us() / 2;
+        // What the 21 bytes of a burst vary by may be one byte that is stretched for long.
+        let reserve_us = self.bus.stop_us() + self.bursts.times().spread_us();
         self.tick
             .leaves_time_for(start, transfer, timing, reserve_us, period_us)
     }
@@ -166,6 +191,20 @@ impl Board {
         };
         let fits = |start| self.leaves_time_for(start, &ONE_REGISTER);
         !fits(now.after(STEP_US)) && fits(now.after(self.bus.stop_us().into()))
+    }
+
+    /// Put right what can be, of the registers that make pulses and interrupts, and stop where
+    /// something else is not as it was set.
+    fn check_registers(&mut self) {
+        if !self.clocks.put_right() {
+            crash::stop(SelfCheck::Clock);
+        }
+        self.frame.connect_again();
+        enable_interrupts();
+        time::keep_running();
+        if !self.frame.is_as_set() || !self.guard.is_as_set() {
+            crash::stop(SelfCheck::Registers);
+        }
     }
 
     fn event(&mut self, now: Micros) -> Event {
@@ -255,6 +294,7 @@ impl application::Board for Board {
         self.guard.work.pulse_sent(self.frame.is_sent());
         let taken = self.frame.write(end.pulses);
         PROBE.low();
+        self.check_registers();
         self.guard.work.step_done(taken);
         let now = time::now();
         self.guard.check(now);
@@ -310,6 +350,10 @@ impl application::Board for Board {
         self.port.reset_soon(now, reset);
     }
 
+    fn stop(&mut self, check: SelfCheck) {
+        crash::stop(check)
+    }
+
     fn bringup(&mut self, order: Order) -> Option<u32> {
         bringup::obey(order, &self.bus, self.frame.has_every_pin())
     }
@@ -319,22 +363,24 @@ fn before(at: Micros, us: u32) -> Micros {
     Micros(at.0.saturating_sub(us.into()))
 }
 
-fn enable_interrupts(scb: &mut pac::SCB, nvic: &mut pac::NVIC) {
-    /// Four levels, in the upper two bits.
-    const fn priority(level: u8) -> u8 {
-        level << 6
-    }
-    // SAFETY: set once, before any of them is enabled; critical sections mask all alike.
+/// Of four levels, in the upper two bits.
+const fn priority(level: u8) -> u8 {
+    level << 6
+}
+
+/// Enable the interrupts of the flight, with the priorities that the table above says; also those
+/// that are enabled already. USB's is masked now and then.
+fn enable_interrupts() {
+    enable(FRAME_INTERRUPT, 1);
+    enable(I2C_INTERRUPT, 1);
+    enable(pac::Interrupt::WDT, 0);
+}
+
+fn enable(interrupt: pac::Interrupt, level: u8) {
+    // SAFETY: nobody else sets priorities, and critical sections mask all interrupts alike.
     unsafe {
-        scb.set_priority(SystemHandler::SysTick, priority(0));
-        for (interrupt, level) in [
-            (FRAME_INTERRUPT, 1),
-            (I2C_INTERRUPT, 1),
-            (pac::Interrupt::WDT, 0),
-            (pac::Interrupt::USB, 3),
-        ] {
-            nvic.set_priority(interrupt, priority(level));
-            pac::NVIC::unmask(interrupt);
-        }
+        let mut nvic = cortex_m::Peripherals::steal().NVIC;
+        nvic.set_priority(interrupt, priority(level));
+        pac::NVIC::unmask(interrupt);
     }
 }

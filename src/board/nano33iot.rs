@@ -1,7 +1,5 @@
 //! Arduino Nano 33 IoT: which pin and which peripheral does what. Another SAMD21 board is another
 //! file like this one.
-//!
-//! USB is not here: the chip has it on one pair of pads.
 
 use atsamd_hal::clock::{GClock, GenericClockController, Tcc0Tcc1Clock};
 use atsamd_hal::pac;
@@ -17,17 +15,26 @@ pub(super) const SCL: Pin = Pin::b(9);
 /// SERCOM-ALT on both.
 pub(super) const I2C_FUNCTION: Function = Function::D;
 
+/// A compare channel of TCC0.
+#[derive(Clone, Copy)]
+pub(super) enum Channel {
+    Cc0,
+    Cc1,
+    Cc2,
+    Cc3,
+}
+
 /// The servos' signals, by axis. D3: output 5 of TCC0, which follows compare channel 1. D2: output
 /// 4, which follows compare channel 0.
 pub(super) const SERVOS: [Pin; Axis::COUNT] = [Pin::b(11), Pin::b(10)];
 /// TCC on them.
 pub(super) const SERVO_FUNCTION: Function = Function::F;
 /// The compare channels whose outputs the servos are on.
-pub(super) const SERVO_CHANNELS: [usize; Axis::COUNT] = [1, 0];
+pub(super) const SERVO_CHANNELS: [Channel; Axis::COUNT] = [Channel::Cc1, Channel::Cc0];
 /// Compare channel without a pin, for the last tick of a frame.
-pub(super) const LAST_TICK_CHANNEL: usize = 3;
+pub(super) const LAST_TICK_CHANNEL: Channel = Channel::Cc3;
 /// The same for the ticks before it, one after the other.
-pub(super) const EARLY_TICK_CHANNEL: usize = 2;
+pub(super) const EARLY_TICK_CHANNEL: Channel = Channel::Cc2;
 
 /// D2 again, while one axis is steered: `tvc bringup` times the servo's signal here, which a jumper
 /// leads to it.
@@ -39,7 +46,12 @@ pub(super) const LED: Pin = Pin::a(17);
 /// RESETN of the radio module, which stays off.
 pub(super) const RADIO_RESET: Pin = Pin::a(8);
 
-/// USB name and numbers: the board's own, so that the host's drivers and rules for it apply.
+/// USB's D- and D+, the chip's only pair.
+pub(super) const USB_PADS: [Pin; 2] = [Pin::a(24), Pin::a(25)];
+/// USB on them.
+pub(super) const USB_FUNCTION: Function = Function::G;
+
+/// USB numbers: the board's own, so that the host's drivers and rules for it apply.
 pub(super) const USB_VENDOR: u16 = 0x2341;
 /// See [`USB_VENDOR`].
 pub(super) const USB_PRODUCT: u16 = 0x8057;
@@ -77,10 +89,10 @@ pub(super) fn enable_bus_clocks(pm: &mut pac::Pm) {
 /// Clock of the servo timer.
 pub(super) type FrameClock = Tcc0Tcc1Clock;
 
-/// Clock both from the generator `main`.
-pub(super) fn clock(controller: &mut GenericClockController, main: &GClock) -> FrameClock {
-    controller.sercom4_core(main).expect("clocked once");
-    controller.tcc0_tcc1(main).expect("clocked once")
+/// Clock both from the generator `main`; `None` if either has been clocked before.
+pub(super) fn clock(controller: &mut GenericClockController, main: &GClock) -> Option<FrameClock> {
+    controller.sercom4_core(main)?;
+    controller.tcc0_tcc1(main)
 }
 
 /// Makes a function the handler of [`FRAME_INTERRUPT`].

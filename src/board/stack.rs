@@ -2,13 +2,16 @@
 //!
 //! The stack grows down towards the statics, and nothing in this core stops it there. So the free
 //! RAM is painted at start-up, and the watchdog's guard looks at its lowest words before it feeds
-//! the watchdog: a stack that has reached them is a panic with a reason, within 20 ms, instead of
-//! statics that change by themselves. The paint also shows a debugger, or the emulated chip's
+//! the watchdog: a stack that has reached them ends in a reset with a reason, within 20 ms, instead
+//! of in statics that change by themselves. The paint also shows a debugger, or the emulated chip's
 //! owner, the deepest point so far.
 
 use core::ptr::addr_of_mut;
 
+use tvc_nano::SelfCheck;
 use tvc_nano::bringup::words::STACK_PAINT;
+
+use super::crash;
 
 /// Words looked at.
 const GUARD_WORDS: usize = 8;
@@ -34,12 +37,13 @@ pub(super) fn paint() {
     }
 }
 
-/// # Panics
-/// The stack has reached the statics.
+/// Stops if the stack has reached the statics.
 pub(super) fn check() {
     let lowest = addr_of_mut!(_stack_end);
     // SAFETY: the words are RAM above the statics.
     let untouched =
         (0..GUARD_WORDS).all(|index| unsafe { lowest.add(index).read_volatile() } == STACK_PAINT);
-    assert!(untouched, "stack overflow");
+    if !untouched {
+        crash::stop(SelfCheck::Stack);
+    }
 }

@@ -1,54 +1,49 @@
-//! The USB serial port: the HAL's device controller, `usb-device`, and the packet level of
-//! `usbd-serial`, polled from the main loop.
+//! The USB serial port, polled from the main loop: the chip's controller moves the packets for
+//! [`tvc_nano::usb`].
 //!
-//! The interrupt masks itself and wakes the main loop, which polls the stack once nothing more
-//! urgent is left, and then unmasks the interrupt. What comes most often is nothing that the stack
+//! The interrupt masks itself and wakes the main loop, which polls the device once nothing more
+//! urgent is left, and then unmasks the interrupt. What comes most often is nothing that the device
 //! has to know of: that the host has taken a packet, which the interrupt only notes. Nothing waits
 //! for the host: what it does not fetch stays in the caller's queue.
 
-mod bus;
+mod controller;
 
-use core::sync::atomic::{AtomicBool, AtomicU8, Ordering};
+use core::sync::atomic::{AtomicBool, Ordering};
 
 use atsamd_hal::clock::UsbClock;
-use atsamd_hal::gpio::{AnyPin, PA24, PA25};
 use atsamd_hal::pac;
 use atsamd_hal::pac::{NVIC, interrupt};
 use atsamd_hal::serial_number;
-use atsamd_hal::usb;
 use bno055_driver::Micros;
 use cortex_m::peripheral::SCB;
-use cortex_m::singleton;
 use tvc_nano::application::{self, PACKET_BYTES};
 use tvc_nano::telemetry::Reset;
-use usb_device::bus::UsbBusAllocator;
-use usb_device::device::{
-    StringDescriptors, UsbDevice, UsbDeviceBuilder, UsbDeviceState, UsbVidPid,
-};
-use usbd_serial::CdcAcmClass;
+use tvc_nano::usb::{self, Device, descriptors};
 
-use bus::UsbBus;
+use controller::Usb;
 
 use super::nano33iot::{
     BOOTLOADER_FLASH, BOOTLOADER_MAGIC, BOOTLOADER_WORD, USB_PRODUCT, USB_VENDOR,
 };
 use super::wake;
 
+const _: () = assert!(PACKET_BYTES == usb::PACKET_BYTES);
+
+static DEVICE_DESCRIPTOR: [u8; 18] = descriptors::device(USB_VENDOR, USB_PRODUCT);
+
 /// Longest packet that nothing follows: a full one has a continuation for the host, which waits for
 /// it. In whole words, by which packets are copied.
 const SHORT_PACKET_BYTES: usize = PACKET_BYTES - 4;
 
-/// The stack is polled so often at least, whether or not the controller asks for it.
+/// The device is polled so often at least, whether or not the controller asks for it.
 const POLL_PERIOD_US: u64 = 50_000;
 /// A port that is not open and has this rate asks for the bootloader.
 const TOUCH_BAUD: u32 = 1_200;
 /// From the host's request to the reset, so that it is answered first.
 const RESET_DELAY_US: u64 = 100_000;
 
-/// The controller has interrupted, and is masked until the stack has been polled.
+/// The controller has interrupted, and is masked until the device has been polled.
 static PENDING: AtomicBool = AtomicBool::new(false);
-/// The endpoint of data to the host; 0 until it is known.
-static DATA: AtomicU8 = AtomicU8::new(0);
 /// The host has taken the newest packet.
 static TAKEN: AtomicBool = AtomicBool::new(false);
 /// More waits to be handed over than went into the newest packet.
@@ -56,8 +51,8 @@ static MORE: AtomicBool = AtomicBool::new(false);
 
 /// The serial port.
 pub(super) struct Port {
-    device: UsbDevice<'static, UsbBus>,
-    serial: CdcAcmClass<'static, UsbBus>,
+    controller: Usb,
+    device: Device,
     polled: Micros,
     /// The host's newest packet.
     packet: [u8; PACKET_BYTES],
@@ -70,34 +65,10 @@ pub(super) struct Port {
 
 impl Port {
     /// Attach to the bus.
-    #[inline(never)]
-    pub(super) fn start(
-        clock: &UsbClock,
-        pm: &mut pac::Pm,
-        minus: impl AnyPin<Id = PA24>,
-        plus: impl AnyPin<Id = PA25>,
-        controller: pac::Usb,
-    ) -> Self {
-        let allocator: &'static UsbBusAllocator<UsbBus> = singleton!(
-            : UsbBusAllocator<UsbBus> = UsbBusAllocator::new(UsbBus(usb::UsbBus::new(clock, pm, minus, plus, controller)))
-        )
-        .expect("started once");
-        let serial = CdcAcmClass::new(allocator, PACKET_BYTES as u16);
-        let strings = StringDescriptors::default()
-            .manufacturer("tvc-nano")
-            .product("tvc-nano thrust-vector control")
-            .serial_number(serial_number_text());
-        let device = UsbDeviceBuilder::new(allocator, UsbVidPid(USB_VENDOR, USB_PRODUCT))
-            .strings(&[strings])
-            .expect("one language")
-            .composite_with_iads()
-            .max_packet_size_0(64)
-            .expect("a size of full speed")
-            .build();
-        DATA.store(serial.write_ep().address().index() as u8, Ordering::Relaxed);
+    pub(super) fn start(clock: &UsbClock, pm: &mut pac::Pm, registers: pac::Usb) -> Self {
         Self {
-            device,
-            serial,
+            controller: Usb::start(clock, pm, registers),
+            device: Device::new(&DEVICE_DESCRIPTOR, serial_number()),
             polled: Micros(0),
             packet: [0; PACKET_BYTES],
             may_read: false,
@@ -106,11 +77,11 @@ impl Port {
         }
     }
 
-    /// Poll the stack if the controller has interrupted, or some time has passed. `armed` refuses a
-    /// reset.
+    /// Poll the device if the controller has interrupted, or some time has passed. `armed` refuses
+    /// a reset.
     pub(super) fn poll(&mut self, now: Micros, armed: bool) {
         if is_pending() || now.since(self.polled) >= POLL_PERIOD_US {
-            self.poll_stack(now);
+            self.poll_device(now);
         }
         match self.reset {
             Some(_) if armed => self.reset = None,
@@ -121,12 +92,12 @@ impl Port {
     }
 
     #[inline(never)]
-    fn poll_stack(&mut self, now: Micros) {
+    fn poll_device(&mut self, now: Micros) {
         PENDING.store(false, Ordering::Relaxed);
         TAKEN.store(true, Ordering::Relaxed);
         self.polled = now;
         self.may_read = true;
-        self.device.poll(&mut [&mut self.serial]);
+        self.controller.poll(&mut self.device);
         self.watch_touch(now);
         // While it was masked, the controller's line was high and made it pending once more; if the
         // line is still high, it becomes pending again.
@@ -142,9 +113,9 @@ impl Port {
 
     /// What the host says of the port.
     pub(super) fn port(&self) -> application::Port {
-        if self.device.state() != UsbDeviceState::Configured {
+        if !self.device.is_configured() {
             application::Port::Absent
-        } else if self.serial.dtr() {
+        } else if self.device.is_open() {
             application::Port::Open
         } else {
             application::Port::Silent
@@ -156,7 +127,7 @@ impl Port {
         if !core::mem::take(&mut self.may_read) {
             return &[];
         }
-        let count = self.serial.read_packet(&mut self.packet).unwrap_or(0);
+        let count = self.controller.read(&mut self.packet);
         self.packet.get(..count).unwrap_or(&[])
     }
 
@@ -175,13 +146,17 @@ impl Port {
         };
         let packet = bytes.get(..most).unwrap_or(bytes);
         MORE.store(packet.len() < bytes.len(), Ordering::Relaxed);
-        self.serial.write_packet(packet).unwrap_or(0)
+        if self.controller.write(packet) {
+            packet.len()
+        } else {
+            0
+        }
     }
 
     /// Boards are asked into their bootloader by a port that is at 1,200 baud and not open, however
     /// it got there; a program that opens it before the reset takes that back.
     fn watch_touch(&mut self, now: Micros) {
-        let touched = self.serial.line_coding().data_rate() == TOUCH_BAUD && !self.serial.dtr();
+        let touched = self.device.baud() == TOUCH_BAUD && !self.device.is_open();
         if core::mem::replace(&mut self.touched, touched) != touched {
             if touched {
                 self.reset_soon(now, Reset::Bootloader);
@@ -217,25 +192,12 @@ fn bootloader_magic() -> u32 {
     }
 }
 
-/// The chip's 128-bit serial number in hexadecimal.
-fn serial_number_text() -> &'static str {
-    const DIGITS: &[u8; 16] = b"0123456789ABCDEF";
-    let text = singleton!(: [u8; 32] = [b'0'; 32]).expect("asked once");
-    for (pair, byte) in text.chunks_exact_mut(2).zip(serial_number()) {
-        pair.copy_from_slice(&[
-            DIGITS[usize::from(byte >> 4)],
-            DIGITS[usize::from(byte & 15)],
-        ]);
-    }
-    core::str::from_utf8(text).unwrap_or("")
-}
-
-/// Whether the controller has interrupted since the stack was polled.
+/// Whether the controller has interrupted since the device was polled.
 fn is_pending() -> bool {
     PENDING.load(Ordering::Relaxed)
 }
 
-/// Whether the port has something to do: the stack is to be polled, or the next packet may be
+/// Whether the port has something to do: the device is to be polled, or the next packet may be
 /// written.
 pub(super) fn needs_care() -> bool {
     is_pending() || MORE.load(Ordering::Relaxed) && TAKEN.load(Ordering::Relaxed)
@@ -243,7 +205,7 @@ pub(super) fn needs_care() -> bool {
 
 #[interrupt]
 fn USB() {
-    if bus::take_sent(DATA.load(Ordering::Relaxed)) {
+    if controller::take_sent() {
         TAKEN.store(true, Ordering::Relaxed);
         if MORE.load(Ordering::Relaxed) {
             wake::request();

@@ -15,6 +15,11 @@ pub(super) fn request() {
     REQUESTED.store(true, Ordering::Relaxed);
 }
 
+/// Whether it is asked to.
+pub(super) fn is_requested() -> bool {
+    REQUESTED.load(Ordering::Relaxed)
+}
+
 /// Whether it has been asked to since it was last told so.
 pub(super) fn take(_held: CriticalSection) -> bool {
     // A plain load and store are enough while interrupts are held off, and all that the core has.

@@ -9,6 +9,8 @@
 //! the whole chip until the first has arrived. So it is fed no more often than [`Work`] allows, and
 //! only when nothing is on its way.
 
+use core::sync::atomic::{AtomicBool, Ordering};
+
 use atsamd_hal::pac;
 use atsamd_hal::pac::interrupt;
 use bno055_driver::Micros;
@@ -25,6 +27,9 @@ const EARLY_WARNING: pac::wdt::ewctrl::Ewoffsetselect = pac::wdt::ewctrl::Ewoffs
 const SYNC_LIMIT_US: u64 = 15_000;
 /// The key that clears it. Any other value resets the chip.
 const CLEAR_KEY: u8 = 0xA5;
+
+/// The early warning has come, and the watchdog has not been fed since.
+static WARNED: AtomicBool = AtomicBool::new(false);
 
 /// Feeds the watchdog as long as the loop does its work.
 pub(super) struct WatchdogGuard {
@@ -62,7 +67,20 @@ impl WatchdogGuard {
                 .clear()
                 .write(|w| unsafe { w.bits(CLEAR_KEY) });
             self.work.fed(now);
+            WARNED.store(false, Ordering::Relaxed);
         }
+    }
+
+    /// Whether it runs with the times that it was given.
+    pub(super) fn is_as_set(&self) -> bool {
+        let control = self.watchdog.ctrl().read();
+        let config = self.watchdog.config().read();
+        self.is_synchronising()
+            || control.enable().bit_is_set()
+                && control.wen().bit_is_clear()
+                && config.per().variant() == Some(TIMEOUT)
+                && self.watchdog.ewctrl().read().ewoffset().variant() == Some(EARLY_WARNING)
+                && self.watchdog.intenset().read().ew().bit_is_set()
     }
 
     fn is_synchronising(&self) -> bool {
@@ -73,6 +91,12 @@ impl WatchdogGuard {
     fn settle(&self) {
         let _ = within(SYNC_LIMIT_US, || !self.is_synchronising());
     }
+}
+
+/// Whether the chip is about to be reset: the servo is to stay at neutral then, whatever a loop
+/// that goes on asks for.
+pub(super) fn has_warned() -> bool {
+    WARNED.load(Ordering::Relaxed)
 }
 
 /// Whether the watchdog is running.
@@ -91,5 +115,6 @@ fn WDT() {
     unsafe { &*pac::Wdt::ptr() }
         .intflag()
         .write(|w| w.ew().set_bit());
+    WARNED.store(true, Ordering::Relaxed);
     frame::force_neutral();
 }

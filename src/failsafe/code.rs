@@ -21,12 +21,42 @@ numbered! {
         Watchdog = 1, "watchdog reset";
         /// The supply dipped.
         BrownOut = 2, "brown-out reset";
-        /// The program panicked.
-        Panic = 3, "panic";
+        /// The firmware found something wrong with itself.
+        SelfCheck = 3, "self-check failed";
         /// The processor met an instruction or access it cannot do.
         HardFault = 4, "hard fault";
         /// The stored parameters cannot be read.
         ParametersLost = 5, "stored parameters lost";
+    }
+}
+
+numbered! {
+    /// What the firmware has found wrong with itself, where it cannot go on: the servo goes to
+    /// neutral, the chip is reset, and the next run tells this.
+    SelfCheck {
+        /// The stack has reached the statics.
+        Stack = 1, "stack overflow";
+        /// The servo's timer does not answer.
+        ServoTimer = 2, "servo timer";
+        /// An interrupt came that nobody enabled.
+        Interrupt = 3, "interrupt";
+        /// A clock could not be set up.
+        Clock = 4, "clock";
+        /// What is there once was taken twice: a defect of the program.
+        TakenTwice = 5, "taken twice";
+        /// The parameters make no estimator: a defect of the program.
+        Configuration = 6, "configuration";
+        /// `tvc bringup` asked for it.
+        Ordered = 7, "ordered";
+        /// What decides (the state, the parameters, the servos' neutral and limits) is not as it
+        /// was set.
+        Memory = 9, "memory";
+        /// The image in flash has changed.
+        Flash = 10, "flash";
+        /// A register of the servo's timer or of the watchdog is not as it was set.
+        Registers = 11, "registers";
+        /// The program panicked. No call of a panic is linked into the image, which a test holds.
+        Panic = 8, "panic";
     }
 }
 
@@ -187,10 +217,9 @@ mod tests {
                 "{refusal}"
             );
         }
-        // With their longest details: return addresses lie in flash.
-        let pc = u32::MAX;
-        let callers = [0x3_FFFF; 3];
-        for crash in [Crash::HardFault { pc }, Crash::Panic { callers }] {
+        // With their longest details.
+        let checks = SelfCheck::ALL.iter().map(|check| Crash::SelfCheck(*check));
+        for crash in checks.chain([Crash::HardFault { pc: u32::MAX }]) {
             let state = State::Latched(Latch::Crash(crash));
             assert!(state.to_string().len() <= 50, "{state}");
             let refused = format!("calibration refused: {}", Refusal::WrongState(state));

@@ -4,7 +4,7 @@ use core::fmt;
 
 use bno055_driver::{Micros, SensorFault};
 
-use super::code::{LatchKind, StateCode, StateKind};
+use super::code::{LatchKind, SelfCheck, StateCode, StateKind};
 use super::reason::{Reason, ReasonKind};
 use crate::format::Hex;
 use crate::self_test::SelfTest;
@@ -161,12 +161,8 @@ pub enum Crash {
     Watchdog,
     /// The supply dipped.
     BrownOut,
-    /// The program panicked.
-    Panic {
-        /// Return addresses, innermost first, the first or two in the core library; `addr2line`
-        /// makes function, file and line of them.
-        callers: [u32; 3],
-    },
+    /// The firmware found this wrong with itself.
+    SelfCheck(SelfCheck),
     /// The processor met an instruction or access it cannot do.
     HardFault {
         /// Address of the instruction.
@@ -180,7 +176,7 @@ impl Crash {
         match self {
             Crash::Watchdog => LatchKind::Watchdog,
             Crash::BrownOut => LatchKind::BrownOut,
-            Crash::Panic { .. } => LatchKind::Panic,
+            Crash::SelfCheck(_) => LatchKind::SelfCheck,
             Crash::HardFault { .. } => LatchKind::HardFault,
         }
     }
@@ -191,9 +187,7 @@ impl fmt::Display for Crash {
         self.kind().fmt(f)?;
         match self {
             Crash::Watchdog | Crash::BrownOut => Ok(()),
-            Crash::Panic { callers } => callers
-                .iter()
-                .try_for_each(|caller| write!(f, " {}", Hex(*caller))),
+            Crash::SelfCheck(check) => write!(f, ": {check}"),
             Crash::HardFault { pc } => write!(f, " at {}", Hex(*pc)),
         }
     }

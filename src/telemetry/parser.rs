@@ -127,10 +127,15 @@ impl Parser {
 
     /// Drop the first `count` bytes, and what follows up to the next start marker.
     fn discard(&mut self, count: usize) {
-        let rest = self.buffer.iter().copied().skip(count);
-        self.buffer = rest
-            .skip_while(|byte| !matches!(*byte, START_V1 | START_V2))
-            .collect();
+        let (mut left, mut begun) = (count, false);
+        self.buffer.retain(|byte| {
+            if left > 0 {
+                left -= 1;
+            } else {
+                begun |= matches!(*byte, START_V1 | START_V2);
+            }
+            begun
+        });
     }
 }
 

@@ -17,7 +17,9 @@ use mavlink::{MavlinkReader, MavlinkVersion, MessageData};
 use proptest::prelude::*;
 
 use super::*;
-use crate::failsafe::{BootReport, Command, Crash, Latch, Reason, RefusalKind, StateCode};
+use crate::failsafe::{
+    BootReport, Command, Crash, Latch, Reason, RefusalKind, SelfCheck, StateCode,
+};
 use crate::flight::Snapshot;
 use crate::flight::tests::{Desk, reading};
 use crate::params::Params;
@@ -97,7 +99,8 @@ fn from_host<D: MessageData>(data: &D) -> Vec<u8> {
     raw.raw_bytes().to_vec()
 }
 
-fn order(command: MavCmd, param1: f32, param2: f32) -> Vec<u8> {
+/// The host's order.
+pub(crate) fn order(command: MavCmd, param1: f32, param2: f32) -> Vec<u8> {
     from_host(&COMMAND_LONG_DATA {
         command,
         param1,
@@ -108,7 +111,8 @@ fn order(command: MavCmd, param1: f32, param2: f32) -> Vec<u8> {
     })
 }
 
-fn set(name: &str, value: f32) -> Vec<u8> {
+/// The host sets a parameter.
+pub(crate) fn set(name: &str, value: f32) -> Vec<u8> {
     from_host(&PARAM_SET_DATA {
         param_value: value,
         target_system: 1,
@@ -116,6 +120,11 @@ fn set(name: &str, value: f32) -> Vec<u8> {
         param_id: name.into(),
         param_type: MavParamType::MAV_PARAM_TYPE_REAL32,
     })
+}
+
+/// The host's heartbeat.
+pub(crate) fn heartbeat() -> Vec<u8> {
+    from_host(&HEARTBEAT_DATA::DEFAULT)
 }
 
 /// The host's order to start anew.
@@ -316,9 +325,7 @@ fn every_state_and_reason_has_its_own_number_and_fits_the_line() {
         State::Failsafe(Reason::HostSilent),
         State::Latched(Latch::Crash(Crash::Watchdog)),
         State::Latched(Latch::Crash(Crash::BrownOut)),
-        State::Latched(Latch::Crash(Crash::Panic {
-            callers: [0x3_FFFF; 3],
-        })),
+        State::Latched(Latch::Crash(Crash::SelfCheck(SelfCheck::Stack))),
         State::Latched(Latch::Crash(Crash::HardFault { pc: u32::MAX })),
         State::Latched(Latch::ParametersLost),
     ];

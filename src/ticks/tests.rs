@@ -178,3 +178,13 @@ fn a_short_transfer_goes_between_two_bursts_if_it_is_over_before_the_next() {
     let fits = |now| tick.leaves_time_for(Micros(now), &read, &timing(50, 400), 200, 6_666);
     assert!(fits(13_137) && !fits(13_138));
 }
+
+/// A damaged log can have any time between two steps.
+#[test]
+fn a_tick_may_come_any_time_after_the_last() {
+    let mut ticks = CarriedTicks::new(&timing(50, 400));
+    ticks.seen(Micros(0));
+    for at in [u64::from(u32::MAX) - 1, u64::from(u32::MAX) + 5, u64::MAX] {
+        ticks.tick(Micros(at));
+    }
+}

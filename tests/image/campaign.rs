@@ -2,7 +2,7 @@
 
 use crate::{firmware, ready};
 use rig::bno055::FaultKind;
-use rig::faults::{Campaign, Case, Ending};
+use rig::faults::{Campaign, Case, Ending, Kind, SystemKind};
 use rig::{ServoKind, Setup, prepare};
 
 /// Of every kind this many runs.
@@ -13,13 +13,16 @@ fn faults_at_random_instants_end_recovered_or_neutral() {
     let frame_hz = f64::from(ServoKind::S3003.frame_hz());
     let campaign = Campaign::new(&ready(), frame_hz, 1).unwrap();
     let (mut recovered, mut neutral) = (0, 0);
-    let sample = FaultKind::ALL
-        .into_iter()
-        .flat_map(|kind| (0..RUNS).map(move |number| Case { kind, number }));
+    let sample = FaultKind::ALL.into_iter().flat_map(|kind| {
+        (0..RUNS).map(move |number| Case {
+            kind: Kind::Sensor(kind),
+            number,
+        })
+    });
     // In these two a rate has its highest bit flipped in two bursts on end, which looks like a
     // turn.
     let twice = [7, 27].map(|number| Case {
-        kind: FaultKind::Spikes,
+        kind: Kind::Sensor(FaultKind::Spikes),
         number,
     });
     for case in sample.chain(twice) {
@@ -27,7 +30,7 @@ fn faults_at_random_instants_end_recovered_or_neutral() {
         match outcome.ending {
             Ending::Recovered => recovered += 1,
             Ending::Neutral => neutral += 1,
-            Ending::Unsafe(why) => panic!("{why}: {outcome:?}"),
+            _ => panic!("{outcome:?}"),
         }
     }
     // The sample has faults that are ridden out and faults that end the flight.
@@ -51,11 +54,16 @@ fn faults_of_a_vehicle_whose_rudder_is_held_off_its_centre_end_so_too() {
         FaultKind::Frozen,
     ] {
         for number in 0..2 {
-            let outcome = campaign.run(Case { kind, number }).unwrap();
+            let outcome = campaign
+                .run(Case {
+                    kind: Kind::Sensor(kind),
+                    number,
+                })
+                .unwrap();
             match outcome.ending {
                 Ending::Recovered => {}
                 Ending::Neutral => neutral += 1,
-                Ending::Unsafe(why) => panic!("{why}: {outcome:?}"),
+                _ => panic!("{outcome:?}"),
             }
         }
     }
@@ -68,14 +76,54 @@ fn a_run_can_be_repeated() {
     let frame_hz = f64::from(ServoKind::S3003.frame_hz());
     let campaign = || Campaign::new(&ready(), frame_hz, 7).unwrap();
     let case = Case {
-        kind: FaultKind::BitFlips,
+        kind: Kind::Sensor(FaultKind::BitFlips),
         number: 3,
     };
     let (one, two) = (campaign(), campaign());
     let _ = two.run(Case {
-        kind: FaultKind::Spikes,
+        kind: Kind::Sensor(FaultKind::Spikes),
         number: 0,
     });
     let (one, two) = (one.run(case).unwrap(), two.run(case).unwrap());
     assert_eq!(format!("{one:?}"), format!("{two:?}"));
+}
+
+/// Beyond the sensor: of every kind a few. What a campaign of thousands shows is in docs/faults.md.
+#[test]
+fn faults_beyond_the_sensor_never_drive_a_rudder_wrongly_for_long() {
+    let frame_hz = f64::from(ServoKind::S3003.frame_hz());
+    let campaign = Campaign::new(&ready(), frame_hz, 1).unwrap();
+    let (mut restarted, mut noticed, mut harmless) = (0, 0, 0);
+    for kind in SystemKind::ALL {
+        for number in 0..3 {
+            let outcome = campaign
+                .run(Case {
+                    kind: Kind::System(kind),
+                    number,
+                })
+                .unwrap();
+            match outcome.ending {
+                Ending::Recovered | Ending::Neutral => {}
+                Ending::Restarted => restarted += 1,
+                _ => panic!("{outcome:?}"),
+            }
+            noticed += u32::from(outcome.noticed);
+            harmless += u32::from(outcome.harmless);
+        }
+    }
+    assert!(restarted >= 20 && noticed > restarted && harmless >= 20);
+}
+
+/// A flipped bit of the image is noticed, whether or not it would have done harm, and ends in a
+/// reset with the rudder at neutral.
+#[test]
+fn a_flipped_bit_of_the_image_is_noticed() {
+    let frame_hz = f64::from(ServoKind::S3003.frame_hz());
+    let campaign = Campaign::new(&ready(), frame_hz, 2).unwrap();
+    for number in 0..8 {
+        let kind = Kind::System(SystemKind::FlashImage);
+        let outcome = campaign.run(Case { kind, number }).unwrap();
+        let is_safe = outcome.ending == Ending::Restarted && outcome.wrong_ms < 100.0;
+        assert!(outcome.noticed && is_safe, "{outcome:?}");
+    }
 }

@@ -157,3 +157,131 @@ fn one_that_comes_back_is_served_at_once_whenever_it_went() {
         assert!(attitudes > 10, "{attitudes} when unplugged at {instant}");
     }
 }
+
+/// How much a long run sends: `FRAMES` and `BYTES` of the environment, or these.
+fn amount(variable: &str, usual: u64) -> u64 {
+    match std::env::var(variable) {
+        Ok(text) => text.parse().expect("a number"),
+        Err(_) => usual,
+    }
+}
+
+/// Bytes that wait for the image at most, so that it has always some to take.
+const QUEUE: usize = 4096;
+/// How long a flight is disturbed before another one is taken.
+const FLIGHT: Ticks = Ticks::from_ms(1000);
+
+/// Sends what `host` gives, as fast as the image takes it, to one copy of a flight after the other
+/// until `done` says so of what has been sent. Nothing resets, and the vehicle has all of its
+/// parameters at the end. A flight that the host does not `command` goes on, and its loop keeps its
+/// time: gives the largest deviation, us.
+fn flood(
+    command: bool,
+    mut host: impl FnMut() -> Vec<u8>,
+    mut done: impl FnMut(&[u8]) -> bool,
+) -> f64 {
+    let mut flight = in_flight();
+    flight.station.list_parameters(&mut flight.rig).unwrap();
+    let before = flight.station.received().parameters.clone();
+    let mut jitter_us: f64 = 0.0;
+    let mut is_done = false;
+    while !is_done {
+        let mut fork = flight.clone();
+        let Ready { rig, station, .. } = &mut fork;
+        let begin = rig.now();
+        while rig.now() < begin + FLIGHT && !is_done {
+            while rig.usb_host().unsent() < QUEUE && !is_done {
+                let bytes = host();
+                rig.usb_write(&bytes);
+                is_done = done(&bytes);
+            }
+            station.run(rig, ms(1)).unwrap();
+        }
+        let timing = LoopTiming::over(rig.truth(), begin..rig.now());
+        while rig.usb_host().unsent() > 0 {
+            station.run(rig, ms(10)).unwrap();
+        }
+        station.run(rig, ms(100)).unwrap();
+        assert_eq!(rig.resets(), []);
+        station.list_parameters(rig).unwrap();
+        let after = &station.received().parameters;
+        assert_eq!(after.len(), tvc_nano::Params::count());
+        if !command {
+            jitter_us = jitter_us.max(timing.jitter_us_max);
+            assert!(timing.jitter_us_max < JITTER_US, "{timing:?}");
+            assert_eq!(station.state(), Some(StateKind::Active));
+            assert_eq!(after, &before);
+        }
+    }
+    jitter_us
+}
+
+/// A valid frame that is not to change anything of a vehicle in flight: an order that it refuses,
+/// a parameter as it is or out of its range, a question.
+fn harmless_frame(dice: &mut impl rand::Rng) -> Vec<u8> {
+    use rand::seq::IndexedRandom;
+    let orders = [
+        request::MAY_ARM,
+        request::ARM,
+        request::RELEASE,
+        request::CALIBRATE,
+        request::REBOOT,
+        request::VERSION,
+        request::SAVE,
+        request::RELOAD,
+        request::RESET,
+    ];
+    let message = match dice.random_range(0..10) {
+        0..4 => orders.choose(dice).unwrap().message(),
+        4..8 => {
+            let info = tvc_nano::params::TABLE.choose(dice).unwrap();
+            let wrong = [f32::NAN, f32::INFINITY, -1e30, 1e30];
+            request::set_parameter(info.name, *wrong.choose(dice).unwrap())
+        }
+        8 => request::list_parameters(),
+        _ => request::heartbeat(),
+    };
+    Wire::default().frame(&message)
+}
+
+/// Noise; valid frames that a vehicle in flight refuses; and any valid frames: every order, every
+/// parameter with any value.
+fn floods(bytes: u64, frames: u64) {
+    let mut sent = 0;
+    let mut seed = 0;
+    let noise = || {
+        seed += 1;
+        noise(seed, 512)
+    };
+    let jitter_us = flood(false, noise, |bytes_sent| {
+        sent += bytes_sent.len() as u64;
+        sent >= bytes
+    });
+    println!("{sent} bytes of noise: jitter {jitter_us:.1} us");
+    let mut dice = rig::random::generator(1, rig::random::Stream::Campaign);
+    let counted = |count: &mut u64| {
+        *count += 1;
+        *count >= frames
+    };
+    let mut count = 0;
+    let jitter_us = flood(false, || harmless_frame(&mut dice), |_| counted(&mut count));
+    println!("{count} valid frames that are refused in flight: jitter {jitter_us:.1} us");
+    let mut count = 0;
+    flood(
+        true,
+        || rig::faults::valid_frame(&mut dice),
+        |_| counted(&mut count),
+    );
+    println!("{count} valid frames of all kinds");
+}
+
+#[test]
+fn one_that_floods_the_vehicle_with_noise_and_with_valid_frames() {
+    floods(100_000, 1_000);
+}
+
+#[test]
+#[ignore = "takes minutes: for whoever changes the link"]
+fn one_that_floods_the_vehicle_for_long() {
+    floods(amount("BYTES", 100_000_000), amount("FRAMES", 1_000_000));
+}

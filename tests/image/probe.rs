@@ -8,7 +8,7 @@ use rig::{Image, ServoKind, Setup, prepare};
 
 const RAM_START: u32 = 0x2000_0000;
 
-fn image(features: &[&str]) -> Image {
+pub(crate) fn image(features: &[&str]) -> Image {
     let tree = Path::new(env!("CARGO_MANIFEST_DIR"));
     let source = Source {
         features,

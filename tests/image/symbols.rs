@@ -1,6 +1,7 @@
 //! The filters in fixed point as they are built for the chip: no float, and no multiplication,
 //! division or shift of 64 bits. All of these are library calls there, so that the linked names
-//! show them. And the image's control step, in which no float routine runs.
+//! show them. And the image itself: no panic is linked, and no float routine runs in its control
+//! step.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -9,7 +10,7 @@ use rig::image::{Builder, Source};
 use rig::{Image, Ready, Ticks};
 
 use crate::faults::{default_neutral_us, released};
-use crate::{firmware, ready};
+use crate::{firmware, probe, ready};
 
 /// The image of the package `cycles` with one update of a filter and what that calls, and nothing
 /// else.
@@ -118,4 +119,53 @@ fn a_control_step_runs_no_float_routine() {
         let within = |(at, _): &&(Ticks, &str)| (step.start..step.end).contains(at);
         assert_eq!(runs.iter().find(within), None);
     }
+}
+
+/// Parts of the names of what a panic calls: the core library's own functions, the program's
+/// handler, and what makes text of a place.
+const OF_PANICS: [&str; 7] = [
+    "panic",
+    "rust_begin_unwind",
+    "unwrap_failed",
+    "expect_failed",
+    "slice_index_fail",
+    "already_borrowed",
+    "already_mutably_borrowed",
+];
+
+fn panics(image: &Image) -> Vec<&str> {
+    let is_one = |name: &&str| OF_PANICS.iter().any(|part| name.contains(part));
+    image
+        .symbols()
+        .map(|(name, _)| name)
+        .filter(is_one)
+        .collect()
+}
+
+/// Whether `text` stands in what goes into flash.
+fn holds(image: &Image, text: &str) -> bool {
+    let bytes = image.bytes();
+    bytes
+        .windows(text.len())
+        .any(|window| window == text.as_bytes())
+}
+
+/// The handler of panics is called by nothing: it is not linked, and neither is any function that
+/// ends in it. One that had been inlined would show by the text or the file that it tells. `tvc
+/// stack` follows every call (`ground/tests/batch/stack.rs`).
+#[test]
+fn no_call_of_a_panic_is_linked() {
+    let image = firmware();
+    assert_eq!(panics(image), [""; 0]);
+    for text in [".rs", "index out of bounds", "called `", "attempt to "] {
+        assert!(!holds(image, text), "{text}");
+    }
+}
+
+/// Were the names not what the compiler calls them, the test above could not fail: the images for a
+/// probe print their panics.
+#[test]
+fn an_image_that_can_panic_is_recognised() {
+    let image = probe::image(&["probe"]);
+    assert!(!panics(&image).is_empty());
 }

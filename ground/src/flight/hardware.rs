@@ -29,12 +29,17 @@ impl HardwareChoice {
         self.settings.is_empty()
     }
 
+    /// The settings as they were given, with commas between them.
+    pub fn text(&self) -> String {
+        self.settings.join(",")
+    }
+
     /// The parts.
     ///
     /// # Errors
     /// A setting that does not exist.
     pub fn hardware(&self) -> Result<Hardware, BadInput> {
-        self.settings.join(",").parse().map_err(BadInput::new)
+        self.text().parse().map_err(BadInput::new)
     }
 }
 

@@ -180,6 +180,19 @@ pub fn control_path(port: &Path) -> PathBuf {
     name.into()
 }
 
+/// What a rig has answered to an action: how it is.
+///
+/// # Errors
+/// [`BadInput`] with why it refuses; no answer of a rig.
+pub fn answer(line: &str) -> Result<serde_json::Value> {
+    let answer: serde_json::Value =
+        serde_json::from_str(line).map_err(|_| anyhow::anyhow!("the rig does not answer"))?;
+    match answer["error"].as_str() {
+        Some(error) => Err(BadInput::new(error).into()),
+        None => Ok(answer),
+    }
+}
+
 /// Runs the rig until a signal or `--seconds` ends it, or acts on one that runs.
 ///
 /// # Errors

@@ -18,6 +18,9 @@ pub enum VehicleKind {
 }
 
 impl VehicleKind {
+    /// Those that fly from a clamp.
+    pub const DRONES: [Self; 2] = [Self::Drone, Self::Drone2];
+
     /// Its name on the command line and in reports.
     pub fn name(self) -> &'static str {
         match self {

@@ -12,7 +12,7 @@ mod table;
 
 use std::collections::BTreeMap;
 use std::fs::File;
-use std::io::{BufWriter, Write};
+use std::io::{BufWriter, ErrorKind, Write};
 use std::path::{Path, PathBuf};
 use std::time::{SystemTime, UNIX_EPOCH};
 
@@ -20,9 +20,12 @@ use anyhow::{Context, Result};
 use client::{LinkCounts, Wire};
 use mavlink::dialects::common::MavMessage;
 use mavlink::{MAVLinkV2MessageRaw, MavHeader};
+use tempfile::TempPath;
 use tvc_nano::config::{COMPONENT_ID, SYSTEM_ID};
 
+use crate::input;
 use crate::out::exit::BadInput;
+use crate::out::file;
 
 pub use mcap::MAGIC as MCAP_MAGIC;
 pub use origin::{Origin, TOOL, vehicle_build};
@@ -40,6 +43,8 @@ pub const SYSTEM_AT: usize = 5;
 pub struct Writer {
     form: Form,
     path: PathBuf,
+    /// Where it stands until it is whole, if it may not stand in its place before.
+    beside: Option<TempPath>,
 }
 
 enum Form {
@@ -48,22 +53,31 @@ enum Form {
 }
 
 impl Writer {
-    /// Begins a new log; an old one is not overwritten.
+    /// Begins a new log of what happens now; an old one is not overwritten. What was written
+    /// survives the end of this program.
     ///
     /// # Errors
     /// [`BadInput`] if the file is there already or cannot be made.
     pub fn create(path: &Path) -> Result<Self> {
-        let file = File::create_new(path).map_err(|error| {
-            BadInput::new(match error.kind() {
-                std::io::ErrorKind::AlreadyExists => {
-                    format!(
-                        "{} is there already: give the log another name",
-                        path.display()
-                    )
-                }
-                _ => format!("cannot write {}: {error}", path.display()),
-            })
-        })?;
+        let file = File::create_new(path).map_err(|error| unwritable(path, &error))?;
+        Self::of(path, file, None)
+    }
+
+    /// Begins a new log that is made of something which is there already: it takes its place when
+    /// it is ended, and is nowhere otherwise, since a part would pass for a whole.
+    ///
+    /// # Errors
+    /// As [`create`](Self::create).
+    pub fn whole(path: &Path) -> Result<Self> {
+        let refuse = |error| unwritable(path, &error);
+        if path.exists() {
+            return Err(refuse(ErrorKind::AlreadyExists.into()).into());
+        }
+        let (file, beside) = file::beside(path).map_err(refuse)?.into_parts();
+        Self::of(path, file, Some(beside))
+    }
+
+    fn of(path: &Path, file: File, beside: Option<TempPath>) -> Result<Self> {
         let form = if has_extension(path, "mcap") {
             Form::Mcap(Box::new(
                 mcap::Writer::new(file).with_context(|| format!("writing {}", path.display()))?,
@@ -74,6 +88,7 @@ impl Writer {
         Ok(Self {
             form,
             path: path.to_owned(),
+            beside,
         })
     }
 
@@ -120,13 +135,28 @@ impl Writer {
     /// The file cannot be written.
     pub fn end(mut self) -> Result<()> {
         self.flush()?;
-        match self.form {
-            Form::Tlog(_) => Ok(()),
-            Form::Mcap(file) => file
-                .end()
-                .with_context(|| format!("writing {}", self.path.display())),
+        let writing = || format!("writing {}", self.path.display());
+        if let Form::Mcap(file) = self.form {
+            file.end().with_context(writing)?;
         }
+        let Some(beside) = self.beside else {
+            return Ok(());
+        };
+        let placed =
+            file::for_everybody(&beside).and_then(|()| Ok(beside.persist_noclobber(&self.path)?));
+        Ok(placed.map_err(|error| unwritable(&self.path, &error))?)
     }
+}
+
+/// Why there is no such log.
+fn unwritable(path: &Path, error: &std::io::Error) -> BadInput {
+    let path = path.display();
+    BadInput::new(match error.kind() {
+        ErrorKind::AlreadyExists => {
+            format!("{path} is there already: give the log another name")
+        }
+        _ => format!("cannot write {path}: {error}"),
+    })
 }
 
 /// A message of a log.
@@ -240,23 +270,11 @@ pub fn convert(from: &Path, to: &Path) -> Result<()> {
     if form == Output::Table {
         return write_csv(&Flight::of(&log), to);
     }
-    let mut writer = Writer::create(to)?;
-    or_remove(to, || {
-        for (time_us, frame) in Frames::of(&bytes) {
-            writer.write_at(time_us, frame)?;
-        }
-        writer.end()
-    })
-}
-
-/// Writes a log, and removes what there is of it where that fails: a part would pass for a whole.
-///
-/// # Errors
-/// Those of `write`.
-pub fn or_remove<T>(path: &Path, write: impl FnOnce() -> Result<T>) -> Result<T> {
-    write().inspect_err(|_| {
-        let _ = std::fs::remove_file(path);
-    })
+    let mut writer = Writer::whole(to)?;
+    for (time_us, frame) in Frames::of(&bytes) {
+        writer.write_at(time_us, frame)?;
+    }
+    writer.end()
 }
 
 /// Writes a flight that did not come over the link: as a log whose last step is now, or as a table.
@@ -274,7 +292,7 @@ pub fn write_flight(flight: &Flight, to: &Path) -> Result<()> {
     };
     let time_us = |step: Option<&Step>| step.map_or(0, |step| step.now_us);
     let begin_us = now_us().saturating_sub(time_us(flight.steps().last()));
-    let mut writer = Writer::create(to)?;
+    let mut writer = Writer::whole(to)?;
     // Events before the first step get the first step's time.
     let mut at_us = time_us(flight.steps().next());
     let mut sequence = 0;
@@ -326,7 +344,7 @@ fn now_us() -> u64 {
 /// # Errors
 /// [`BadInput`] if the file cannot be read.
 pub fn tlog(path: &Path) -> Result<Vec<u8>> {
-    let bytes = std::fs::read(path).map_err(|error| unreadable(path, &error))?;
+    let bytes = input::bytes(path, input::LOG).map_err(|error| unreadable(path, &error))?;
     let (bytes, cut) = unpacked(bytes, path)?;
     if let Some(why) = cut {
         eprintln!("{} is read as far as it goes: {why}", path.display());

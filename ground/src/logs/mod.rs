@@ -1,8 +1,6 @@
 //! Logs of a vehicle: written, read, reported, replayed, converted.
 
 pub mod convert;
-#[cfg(test)]
-mod fuzz;
 pub mod inspect;
 pub mod log;
 pub mod replay;

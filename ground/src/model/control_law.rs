@@ -9,6 +9,7 @@ use tvc_nano::controller::Sample;
 use tvc_nano::refresh::Refresh;
 use tvc_nano::{Axis, Controller, Params};
 
+use crate::input;
 use crate::out::exit::BadInput;
 use crate::param_file;
 use rig::ServoKind;
@@ -134,7 +135,7 @@ pub fn setup(servo: ServoKind, file: Option<&Path>) -> Result<Setup> {
     };
     let Some(path) = file else { return Ok(base) };
     let bad = |error: &dyn std::fmt::Display| BadInput::new(format!("{}: {error}", path.display()));
-    let text = std::fs::read_to_string(path).map_err(|error| bad(&error))?;
+    let text = input::text(path).map_err(|error| bad(&error))?;
     Ok(Setup::parse_over(&text, &base).map_err(|error| bad(&error))?)
 }
 

@@ -8,6 +8,7 @@ use anyhow::Result;
 use clap::Args;
 use csv::StringRecord;
 use plant::identify::{Identification, IdentifyError, Reading, Record, identify};
+use recordings::Lines;
 use rig::ServoKind;
 use tvc_nano::Axis;
 
@@ -151,7 +152,9 @@ pub fn read(path: &Path, release: Option<usize>, axis: Axis) -> Result<Record> {
     if release.is_some() {
         return Err(bad(&"a table has no numbers of releases").into());
     }
-    let mut reader = csv::Reader::from_path(path).map_err(|error| bad(&error))?;
+    let mut reader = csv::Reader::from_reader(Lines::new(
+        std::fs::File::open(path).map_err(|error| bad(&error))?,
+    ));
     let columns = reader
         .headers()
         .map_err(|error| bad(&error))

@@ -12,9 +12,9 @@ pub mod tune;
 mod validate;
 mod what_if;
 
-use std::fs;
 use std::path::Path;
 
+use crate::input;
 use crate::out::exit::{BadInput, Verdict};
 pub use options::{Linear, Model, ModelCommand, Simulate, Validate, WhatIf};
 
@@ -31,5 +31,5 @@ pub fn run(options: &Model) -> anyhow::Result<Verdict> {
 
 /// The text of an input file.
 fn read(path: &Path) -> Result<String, BadInput> {
-    fs::read_to_string(path).map_err(|error| BadInput::new(format!("{}: {error}", path.display())))
+    input::text(path).map_err(|error| BadInput::new(format!("{}: {error}", path.display())))
 }

@@ -79,8 +79,7 @@ impl WholeFile {
                 Target::Direct(BufWriter::new(device.with_context(writing)?))
             }
             _ => {
-                let folder = existing(folder_of(&path));
-                let file = NamedTempFile::new_in(folder).with_context(writing)?;
+                let file = beside(&path).with_context(writing)?;
                 Target::Beside(BufWriter::new(file))
             }
         };
@@ -98,14 +97,7 @@ impl WholeFile {
             .into_inner()
             .map_err(io::IntoInnerError::into_error)
             .with_context(writing)?;
-        #[cfg(unix)]
-        {
-            // Temporary files can be read by their owner alone, a report by everybody.
-            use std::os::unix::fs::PermissionsExt;
-            file.as_file()
-                .set_permissions(fs::Permissions::from_mode(0o644))
-                .with_context(writing)?;
-        }
+        for_everybody(file.path()).with_context(writing)?;
         fs::create_dir_all(folder_of(&self.path)).with_context(writing)?;
         file.persist(&self.path).with_context(writing)?;
         Ok(())
@@ -126,6 +118,29 @@ impl Write for WholeFile {
             Target::Direct(file) => file.flush(),
         }
     }
+}
+
+/// A temporary file beside a path, in the nearest folder that is there.
+///
+/// # Errors
+/// The folder takes none.
+pub fn beside(path: &Path) -> io::Result<NamedTempFile> {
+    NamedTempFile::new_in(existing(folder_of(path)))
+}
+
+/// Temporary files can be read by their owner alone, a report by everybody.
+///
+/// # Errors
+/// The system refuses.
+pub fn for_everybody(path: &Path) -> io::Result<()> {
+    #[cfg(unix)]
+    {
+        use std::os::unix::fs::PermissionsExt;
+        fs::set_permissions(path, fs::Permissions::from_mode(0o644))?;
+    }
+    #[cfg(not(unix))]
+    let _ = path;
+    Ok(())
 }
 
 fn folder_of(path: &Path) -> &Path {

@@ -10,6 +10,11 @@ const SIZE: (u32, u32) = (860, 300);
 /// Points drawn per line at most; a longer trace is thinned evenly.
 const MOST_POINTS: usize = 1500;
 
+/// Largest value on an axis, of any unit.
+const LARGEST: f64 = 1e12;
+/// Least length of an axis, as a share of the largest value on it.
+const NARROWEST: f64 = 1e-9;
+
 /// One line of a plot.
 pub struct Line<'a> {
     /// Shown in the legend, unless it is empty.
@@ -217,14 +222,14 @@ impl<'a> Plot<'a> {
         Ok(())
     }
 
-    /// Axis ranges around all finite points, never empty, unless the look says which.
+    /// Axis ranges around all points that can be drawn, never empty, unless the look says which.
     fn ranges(&self, look: &Look<'_>) -> (std::ops::Range<f64>, std::ops::Range<f64>) {
         let mut x = (f64::INFINITY, f64::NEG_INFINITY);
         let mut y = self.band.unwrap_or((f64::INFINITY, f64::NEG_INFINITY));
         let lines = self.lines.iter().flat_map(|line| &line.points);
         let marks = look.marks.iter().flat_map(|marks| &marks.points);
         for &(px, py) in lines.chain(marks) {
-            if px.is_finite() && py.is_finite() {
+            if can_be_drawn(px) && can_be_drawn(py) {
                 x = (x.0.min(px), x.1.max(px));
                 y = (y.0.min(py), y.1.max(py));
             }
@@ -246,18 +251,41 @@ impl<'a> Plot<'a> {
         let margin = 0.06 * (y.1 - y.0);
         let (x0, x1) = look.x.unwrap_or(x);
         let (y0, y1) = look.y.unwrap_or((y.0 - margin, y.1 + margin));
-        (x0..x1, y0..y1)
+        (apart(x0, x1), apart(y0, y1))
     }
 }
 
-/// At most [`MOST_POINTS`] of the finite points, the last one always among them.
+/// Whether a value has a place on an axis.
+fn can_be_drawn(value: f64) -> bool {
+    value.abs() <= LARGEST
+}
+
+/// An axis from one value to another. The drawing library seeks its labels for ever where they are
+/// not finite, or where the numbers between them cannot be told apart.
+fn apart(low: f64, high: f64) -> std::ops::Range<f64> {
+    let within = |value: f64| value.clamp(-LARGEST, LARGEST);
+    let (low, high) = (within(low), within(high));
+    let least = NARROWEST * low.abs().max(high.abs());
+    // Not a number is neither.
+    if high - low > least {
+        low..high
+    } else if low.is_nan() {
+        0.0..1.0
+    } else {
+        low..low + least.max(f64::MIN_POSITIVE)
+    }
+}
+
+/// At most [`MOST_POINTS`] of the points that can be drawn, the last one always among them.
 fn thinned(points: &[(f64, f64)]) -> Vec<(f64, f64)> {
     let stride = points.len().div_ceil(MOST_POINTS).max(1);
     let last = points.len().saturating_sub(1);
     points
         .iter()
         .enumerate()
-        .filter(|(i, (x, y))| (i % stride == 0 || *i == last) && x.is_finite() && y.is_finite())
+        .filter(|(i, (x, y))| {
+            (i % stride == 0 || *i == last) && can_be_drawn(*x) && can_be_drawn(*y)
+        })
         .map(|(_, point)| *point)
         .collect()
 }
@@ -292,8 +320,26 @@ mod tests {
             vec![],
             vec![(0.0, 2.0); 3],
             vec![(0.0, f64::NAN), (1.0, 0.0)],
+            vec![(0.0, f64::INFINITY), (1.0, 1e300)],
+            vec![(1e18, -1e308), (1e18, 1e308)],
+            vec![(1e11, 0.0), (1e11 + 1e-5, 1e-320)],
         ] {
             plot(points).svg().unwrap();
+        }
+        for (low, high) in [
+            (0.0, f64::INFINITY),
+            (f64::NAN, 1.0),
+            (0.0, f64::NAN),
+            (5.0, 1.0),
+            (1e12, 1e12 + 1.0),
+            (0.0, 0.0),
+        ] {
+            let look = Look {
+                x: Some((low, high)),
+                y: Some((low, high)),
+                ..Look::default()
+            };
+            plot(vec![(0.5, 0.5)]).svg_as(&look).unwrap();
         }
     }
 

@@ -2,6 +2,7 @@
 //! PlotJuggler.
 
 mod ftp;
+pub mod gate;
 mod metadata;
 mod relay;
 
@@ -19,21 +20,26 @@ use crate::logs::log::Writer;
 use crate::out::exit::Verdict;
 use crate::out::kind;
 use crate::signals;
+use crate::vehicle::admission::Admission;
 use crate::vehicle::link::{Link, Vehicle};
 use crate::vehicle::monitor::servo_maps;
 use crate::vehicle::port::PortOptions;
-use relay::Relay;
+use crate::vehicle::signing::Signing;
+use gate::Gate;
+pub use relay::Relay;
 
 /// Options of `tvc forward`.
 #[derive(Debug, Args)]
 #[command(after_help = "\
 Examples:
   cargo tvc forward                        QGroundControl and PlotJuggler on this computer find it
-  cargo tvc forward --to 192.168.1.20:14550    a ground station elsewhere
+  cargo tvc forward --to 192.168.1.20:14550    shown to a ground station elsewhere, which may ask
+  cargo tvc forward --to 192.168.1.20:14550 --accept-commands-from 192.168.1.20 --signing-key key
+                                           and may command, with that key (docs/tether.md)
   cargo tvc forward --log flight.tlog      and keep every frame, both ways
 
-What comes back from the ground station goes to the vehicle. QGroundControl gets units, ranges and meanings of the parameters
-from this tool.
+What comes back from a ground station on this computer goes to the vehicle; what comes from another one, only if it changes
+nothing, unless --accept-commands-from names it. QGroundControl gets units, ranges and meanings of the parameters from this tool.
 Exit status: 0 ended, 1 the vehicle went away or something failed, 2 unusable input.")]
 pub struct Forward {
     /// Where the vehicle is.
@@ -47,6 +53,15 @@ pub struct Forward {
     /// Where JSON for PlotJuggler goes, by UDP.
     #[arg(long, value_name = "ADDRESS", default_value = "127.0.0.1:9870")]
     pub plot: SocketAddr,
+
+    /// Who else may command.
+    #[command(flatten)]
+    pub admission: Admission,
+
+    /// Sign every frame that goes out by MAVLink with the key in this file, 32 random bytes, and
+    /// refuse commands that are not signed with it.
+    #[arg(long, value_name = "FILE")]
+    pub signing_key: Option<PathBuf>,
 
     /// End by itself after this many seconds.
     #[arg(long, value_name = "S", value_parser = seconds)]
@@ -65,6 +80,15 @@ const DATAGRAM: usize = 2048;
 /// # Errors
 /// The log cannot be written, no socket, no vehicle, or it went away.
 pub fn run(options: &Forward) -> Result<Verdict> {
+    let signing = options.signing_key.as_deref().map(Signing::read);
+    let signing = signing.transpose()?;
+    if options.admission.is_open() && signing.is_none() {
+        eprintln!(
+            "warning: whoever sends from there commands the vehicle, and anybody on the network can \
+             seem to; --signing-key accepts only who has the key"
+        );
+    }
+    let mut gate = Gate::new(options.admission.clone(), options.to.ip(), signing);
     let stop = signals::on_signal()?;
     // The ground station sends the heartbeats.
     let mut vehicle = Vehicle::at(Link::open(&options.port)?.without_heartbeat())?;
@@ -88,7 +112,7 @@ pub fn run(options: &Forward) -> Result<Verdict> {
     while !signals::asked(stop, begun, longest) {
         for frame in vehicle.receive()? {
             // An error here means that nobody listens yet; somebody may later.
-            let _ = station.send_to(&relay.pass(&frame), options.to);
+            let _ = station.send_to(&gate.outgoing(relay.pass(&frame)), options.to);
             tracker.take(&frame.message);
             if matches!(frame.message, MavMessage::SERVO_OUTPUT_RAW(_)) {
                 let status = tracker.next(vehicle.link().client());
@@ -96,17 +120,15 @@ pub fn run(options: &Forward) -> Result<Verdict> {
             }
         }
         while let Ok((count, from)) = station.recv_from(&mut datagram) {
-            // Only the ground station that frames are sent to may command.
-            if from.ip() != options.to.ip() {
-                continue;
-            }
-            let relayed = relay.take(&datagram[..count]);
-            for answer in &relayed.to_station {
-                let _ = station.send_to(answer, from);
+            let admitted = gate.incoming(&datagram[..count], from.ip());
+            let relayed = relay.take(&admitted);
+            for answer in relayed.to_station {
+                let _ = station.send_to(&gate.outgoing(answer), from);
             }
             vehicle.link().send_bytes(&relayed.to_vehicle)?;
         }
     }
+    gate.end();
     vehicle.link().end_log()?;
     Ok(Verdict::Met)
 }

@@ -1,7 +1,7 @@
 //! `tvc info`: everything that may stand between a person and a flight, and what to do next.
 
 mod next;
-mod vehicle;
+pub mod vehicle;
 
 use std::fmt::Write;
 use std::path::{Path, PathBuf};

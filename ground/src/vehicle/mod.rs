@@ -1,5 +1,6 @@
 //! Commands that talk to a vehicle over its port, the real one or the virtual rig's.
 
+pub mod admission;
 pub mod arm;
 pub mod bringup;
 pub mod calibrate;
@@ -13,6 +14,7 @@ pub mod port;
 pub mod record;
 pub mod recorder;
 pub mod release;
+pub mod signing;
 pub mod test;
 pub mod watch;
 pub mod way;

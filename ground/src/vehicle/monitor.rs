@@ -137,7 +137,8 @@ fn beside(status: &Status) -> String {
 }
 
 /// A status as text: time and state, attitude, link.
-fn lines(status: &Status) -> [String; 3] {
+/// A status, for a person.
+pub fn lines(status: &Status) -> [String; 3] {
     let [roll, pitch, yaw] = status.attitude_rad.map(f64::to_degrees);
     let rate = f64::from(status.rate_rad_s[1]).to_degrees();
     let health = &status.health;

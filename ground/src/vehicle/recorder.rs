@@ -76,7 +76,10 @@ pub fn run(options: &Recorder) -> Result<Verdict> {
 }
 
 /// The recorder's bytes as a flight, with the vehicle's present parameters.
-fn flight(bytes: &[u8], parameters: Vec<Parameter>) -> Result<Flight> {
+///
+/// # Errors
+/// They are no whole steps.
+pub fn flight(bytes: &[u8], parameters: Vec<Parameter>) -> Result<Flight> {
     let (steps, rest) = bytes.as_chunks::<STEP_BYTES>();
     if !rest.is_empty() {
         bail!(
@@ -99,7 +102,8 @@ fn flight(bytes: &[u8], parameters: Vec<Parameter>) -> Result<Flight> {
         let time_us = whole_us(low_us, now_us.unwrap_or(step.now.0));
         now_us = Some(time_us);
         let aged = |sample: RawSample| RawSample {
-            time: Micros(time_us - u64::from(low_us.wrapping_sub(sample.time.0 as u32))),
+            // One that is older than the clock is none that a vehicle could have taken.
+            time: Micros(time_us.saturating_sub(low_us.wrapping_sub(sample.time.0 as u32).into())),
             ..sample
         };
         let (q, rate) = (step.orientation, step.rate);

@@ -106,3 +106,126 @@ fn what_may_be_written_again_is() {
         assert!(output.status.success(), "{}", running::said(&output));
     }
 }
+
+/// Commands that write a file of a kilobyte or more, its name, and what may be there before:
+/// nothing where a log is not overwritten.
+#[cfg(unix)]
+const WRITERS: [(&str, &str, Option<&str>); 11] = [
+    ("convert step.tlog", "new.mcap", None),
+    ("convert step.tlog", "new.csv", Some("time_us\n1\n")),
+    ("convert step.mcap", "new.tlog", None),
+    ("log cut step.tlog --from 0 --to 9", "new.tlog", None),
+    ("log recover step.tlog", "new.tlog", None),
+    (
+        "report step.tlog --out",
+        "new.html",
+        Some("<!DOCTYPE html>old"),
+    ),
+    (
+        "replay step.tlog --report",
+        "new.html",
+        Some("<!DOCTYPE html>old"),
+    ),
+    ("replay step.tlog --csv", "new.csv", Some("old\n")),
+    (
+        "fuse counts.csv --filter mahony --out",
+        "new.csv",
+        Some("old\n"),
+    ),
+    (
+        "model simulate pendulum.toml --out",
+        "new.csv",
+        Some("old\n"),
+    ),
+    (
+        "montecarlo replay worst.toml --out",
+        "new.csv",
+        Some("old\n"),
+    ),
+];
+
+/// Runs a command that can write no more than half a kilobyte into a file: beyond that it gets an
+/// error, or, where it is `killed`, ends at once.
+#[cfg(unix)]
+fn with_a_full_disk(command: &str, name: &str, folder: &std::path::Path, killed: bool) -> String {
+    let trap = if killed { "" } else { "trap '' XFSZ; " };
+    let limit = format!("{trap}ulimit -c 0; ulimit -f 1; exec \"$@\"");
+    let output = std::process::Command::new("sh")
+        .args(["-c", &limit, "sh", env!("CARGO_BIN_EXE_tvc")])
+        .args(command.split(' '))
+        .arg(name)
+        .current_dir(folder)
+        .output()
+        .unwrap();
+    let said = running::said(&output);
+    let code = if killed { None } else { Some(1) };
+    let said_so = killed || said.contains(name) || said.contains("File too large");
+    assert!(
+        output.status.code() == code || output.status.code() == Some(2),
+        "{command}: {said}"
+    );
+    assert!(said_so && !said.contains("panicked"), "{command}: {said}");
+    said
+}
+
+/// Neither an error half way nor the end of the program leaves a part of a file in the place of a
+/// whole one, or harms an old one.
+#[cfg(unix)]
+#[test]
+fn a_file_that_cannot_be_written_to_its_end_is_not_there() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    let root = concat!(env!("CARGO_MANIFEST_DIR"), "/");
+    for (from, to) in [
+        ("fuzz_corpus/log/step.tlog", "step.tlog"),
+        ("fuzz_corpus/recording-table/counts.csv", "counts.csv"),
+        ("fuzz_corpus/case/worst.toml", "worst.toml"),
+        ("../scenarios/gravity_only_pendulum.toml", "pendulum.toml"),
+    ] {
+        std::fs::copy(format!("{root}{from}"), at(to)).unwrap();
+    }
+    let command = running::command(&["convert", "step.tlog", "step.mcap"])
+        .current_dir(folder.path())
+        .output();
+    assert!(command.unwrap().status.success());
+    let names = || {
+        let entries = std::fs::read_dir(folder.path()).unwrap();
+        let mut names: Vec<_> = entries.map(|entry| entry.unwrap().file_name()).collect();
+        names.sort();
+        names
+    };
+    for (command, name, old) in WRITERS {
+        for old in [None, old] {
+            let path = at(name);
+            if let Some(old) = old {
+                std::fs::write(&path, old).unwrap();
+            }
+            let before = names();
+            with_a_full_disk(command, name, folder.path(), false);
+            assert_eq!(names(), before, "{command} leaves something behind");
+            with_a_full_disk(command, name, folder.path(), true);
+            let left = std::fs::read_to_string(&path).ok();
+            assert_eq!(left.as_deref(), old, "{command} killed");
+            // What a program that was killed leaves are temporary files.
+            for entry in std::fs::read_dir(folder.path()).unwrap() {
+                let name = entry.unwrap().file_name().into_string().unwrap();
+                if name.starts_with(".tmp") {
+                    std::fs::remove_file(at(&name)).unwrap();
+                }
+            }
+            // It is the disk alone: with room for it the file is written.
+            let output = running::command(&command.split(' ').collect::<Vec<_>>())
+                .arg(name)
+                .current_dir(folder.path())
+                .output()
+                .unwrap();
+            assert!(
+                path.metadata().is_ok_and(|file| file.len() > 512),
+                "{command}: {}",
+                running::said(&output)
+            );
+            std::fs::remove_file(&path).unwrap();
+            assert_eq!(names().len(), 5, "{command}: {:?}", names());
+        }
+    }
+}

@@ -62,7 +62,7 @@ pub const HELP: [(&str, &str); 20] = [
         "the supply dips below the chip's brown-out level",
     ),
     (
-        "program hang|hard-fault|panic",
+        "program hang|hard-fault|stack-overflow",
         "the run of the firmware ends badly",
     ),
     (
@@ -178,7 +178,7 @@ impl FromStr for Action {
             ("brown-out", []) => Self::BrownOut,
             ("program", ["hang"]) => Self::Program(ProgramEnd::Hang),
             ("program", ["hard-fault"]) => Self::Program(ProgramEnd::HardFault),
-            ("program", ["panic"]) => Self::Program(ProgramEnd::Panic),
+            ("program", ["stack-overflow"]) => Self::Program(ProgramEnd::StackOverflow),
             ("store", ["spoil"]) => Self::Store(false),
             ("store", ["erase"]) => Self::Store(true),
             ("usb", ["out"]) => Self::Usb(false),

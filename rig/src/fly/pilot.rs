@@ -270,7 +270,7 @@ impl Pilot {
             }
             Action::Program(end) => {
                 let ended = rig.end_program(*end);
-                ended.ok_or("this image has no place that panics")?;
+                ended.ok_or("this image does not say where its stack ends")?;
             }
             Action::Store(false) => rig.spoil_store(),
             Action::Store(true) => rig.erase_store(),

@@ -1,11 +1,16 @@
 //! Reads an image out of an ELF file.
 
+use std::collections::BTreeMap;
+
 use super::{IMAGE_ADDRESS, Image, Sizes};
 use object::elf::{EM_ARM, FileHeader32, PT_LOAD, ProgramHeader32, SHF_ALLOC};
 use object::read::elf::{ElfFile32, FileHeader, ProgramHeader, SectionHeader};
 use object::{Endianness, Object, ObjectSymbol, SymbolKind};
 
 const FLASH_END: u32 = 0x0003_F800;
+/// Most bytes of names, as a multiple of the file's length. Names may end in the same bytes, but
+/// those of a file of some bytes must not fill the memory.
+const MOST_NAMES: usize = 4;
 const RAM: std::ops::Range<u32> = 0x2000_0000..0x2000_8000;
 
 pub(super) fn parse(bytes: &[u8]) -> Result<Image, String> {
@@ -32,15 +37,21 @@ pub(super) fn parse(bytes: &[u8]) -> Result<Image, String> {
         place(&mut flash, address, segment.p_paddr(endian), data)?;
     }
     let stack_top = stack_top(&flash)?;
-    let mut static_ram = 0;
+    let mut static_ram = 0_u32;
     for section in file.elf_section_table().iter() {
         let address = section.sh_addr(endian);
         let allocated = section.sh_flags(endian).0 & SHF_ALLOC.0 != 0;
         if allocated && (RAM.start..stack_top).contains(&address) {
-            static_ram += section.sh_size(endian);
+            // A section is no larger than the memory that it lies in.
+            let behind = static_ram.checked_add(section.sh_size(endian));
+            static_ram = behind
+                .filter(|bytes| *bytes <= stack_top - RAM.start)
+                .ok_or("its variables need more than the chip's RAM")?;
         }
     }
-    let symbols = file
+    let mut names = 0;
+    let mut symbols = BTreeMap::new();
+    let found = file
         .symbols()
         .filter(|symbol| {
             matches!(
@@ -48,9 +59,15 @@ pub(super) fn parse(bytes: &[u8]) -> Result<Image, String> {
                 SymbolKind::Text | SymbolKind::Data | SymbolKind::Unknown
             )
         })
-        .filter_map(|symbol| Some((symbol.name().ok()?.to_owned(), symbol.address() as u32)))
-        .filter(|(name, _)| !name.is_empty() && !name.starts_with('$'))
-        .collect();
+        .filter_map(|symbol| Some((symbol.name().ok()?, symbol.address() as u32)))
+        .filter(|(name, _)| !name.is_empty() && !name.starts_with('$'));
+    for (name, symbol_address) in found {
+        names += name.len();
+        if names > MOST_NAMES * bytes.len() {
+            return Err("the names of its symbols are the same bytes again and again".to_owned());
+        }
+        symbols.insert(name.to_owned(), symbol_address);
+    }
     Ok(Image {
         sizes: Sizes {
             flash: flash.len() as u32,
@@ -167,5 +184,11 @@ mod tests {
         );
         assert!(refusal(&elf(40, 0x2000, &code(0x1000))).contains("stack would begin"));
         assert!(refusal(&elf(40, 0x2000, &[1, 2])).contains("no vector table"));
+        let mut large = elf(40, 0x2000, &code(0x2000_7800));
+        let at = large
+            .windows(4)
+            .position(|word| word == 100u32.to_le_bytes());
+        large[at.unwrap()..][..4].fill(0xFF);
+        assert!(refusal(&large).contains("more than the chip's RAM"));
     }
 }

@@ -6,12 +6,16 @@ mod elf;
 pub use build::{Builder, Source, build, build_in, workspace};
 
 use std::collections::BTreeMap;
+use std::io::Read;
 use std::path::{Path, PathBuf};
 use thiserror::Error;
 
 /// Address at which the image begins: above the bootloader. One that is built with the feature
 /// `no-bootloader` begins at 0.
 pub const IMAGE_ADDRESS: u32 = 0x2000;
+
+/// Longest ELF file that is read, bytes.
+const LONGEST: u64 = 64 << 20;
 
 /// Why there is no image.
 #[derive(Debug, Error)]
@@ -62,7 +66,11 @@ impl Image {
     /// # Errors
     /// [`ImageError::Read`], [`ImageError::Format`].
     pub fn open(path: &Path) -> Result<Self, ImageError> {
-        let bytes = std::fs::read(path).map_err(|source| ImageError::Read {
+        let mut bytes = Vec::new();
+        // What never ends is no image.
+        let read =
+            std::fs::File::open(path).and_then(|file| file.take(LONGEST).read_to_end(&mut bytes));
+        read.map_err(|source| ImageError::Read {
             path: path.to_path_buf(),
             source,
         })?;

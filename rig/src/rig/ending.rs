@@ -14,30 +14,34 @@ pub enum ProgramEnd {
     Hang,
     /// The core meets what is no instruction.
     HardFault,
-    /// The program indexes out of bounds.
-    Panic,
+    /// The stack grows into the statics: what guards them is overwritten.
+    StackOverflow,
 }
 
 impl Rig {
-    /// Ends the run of the image; gives the address that a record of it names. Nothing happens to
-    /// an image that has no such panic.
+    /// Ends the run of the image; gives the address at which it ends. `None`, and nothing happens,
+    /// for an image that does not say where its statics end.
     pub fn end_program(&mut self, end: ProgramEnd) -> Option<u32> {
         let mut registers = self.chip.registers();
         let named = match end {
             // A branch to itself, and an undefined instruction.
             ProgramEnd::Hang => self.spare(0xE7FE),
             ProgramEnd::HardFault => self.spare(0xDE00),
-            ProgramEnd::Panic => registers.r[15],
+            ProgramEnd::StackOverflow => return self.overflow_stack(),
         };
         registers.r[15] = named;
-        if end == ProgramEnd::Panic {
-            let mut symbols = self.image.symbols();
-            let (_, panic) = symbols.find(|(name, _)| name.contains("panic_bounds_check"))?;
-            (registers.r[14], registers.r[15]) = (named | 1, panic & !1);
-        }
         registers.primask = false;
         self.chip.set_registers(&registers);
         Some(named)
+    }
+
+    /// Overwrites the lowest word of the stack's RAM.
+    fn overflow_stack(&mut self) -> Option<u32> {
+        let mut symbols = self.image.symbols();
+        let (_, end) = symbols.find(|(name, _)| *name == "_stack_end")?;
+        let place = end.checked_sub(RAM)? as usize;
+        self.chip.ram_mut().get_mut(place..place + 4)?.fill(0);
+        Some(self.chip.registers().r[15])
     }
 
     /// Puts one instruction into spare RAM; its address.

@@ -99,6 +99,8 @@ pub(crate) struct Core {
     other_sp: u32,
 
     nvic: Nvic,
+    /// Interrupt lines that are held high, and those that are held low.
+    stuck_lines: (u32, u32),
     systick: SysTick,
     vtor: u32,
     sleep_on_exit: bool,
@@ -174,6 +176,7 @@ impl Core {
             trail: self.trail,
             branches: self.branches,
             wake_up: self.wake_up,
+            stuck_lines: self.stuck_lines,
             profile: self.profile.take(),
             ..Self::new(&Options::default(), self.cycle)
         };
@@ -317,7 +320,9 @@ impl Core {
             self.reset_request = Some(cause);
         }
         let before = self.nvic.pending_mask();
-        self.nvic.sample(bus.peripherals.irq_lines());
+        let (high, low) = self.stuck_lines;
+        self.nvic
+            .sample((bus.peripherals.irq_lines() | high) & !low);
         if self.systick.advance(self.now, self.cycle) {
             self.nvic.pend(nvic::SYSTICK);
         }
@@ -445,6 +450,40 @@ impl Core {
 
     pub(crate) fn is_asleep(&self) -> bool {
         self.sleep.is_some()
+    }
+
+    /// Holds an interrupt line at a level, or lets go of it.
+    pub(crate) fn stick_line(&mut self, line: u8, level: Option<bool>) {
+        let mask = 1_u32.checked_shl(line.into()).unwrap_or(0);
+        let (high, low) = &mut self.stuck_lines;
+        *high = *high & !mask | if level == Some(true) { mask } else { 0 };
+        *low = *low & !mask | if level == Some(false) { mask } else { 0 };
+        self.ask_attention();
+    }
+
+    /// See [`Chip::flip_register`](crate::Chip::flip_register).
+    pub(crate) fn flip_register(&mut self, address: u32, bit: u8) -> bool {
+        use crate::upset::core_registers::{NVIC_IPR, NVIC_ISER, SYST_CSR, SYST_RVR};
+        let mask = 1_u32.checked_shl(bit.into()).unwrap_or(0);
+        match address {
+            SYST_CSR if bit < 2 => {
+                self.systick.flip_control(mask, self.now, self.cycle);
+            }
+            SYST_RVR if bit < 24 => {
+                let reload = self.systick.reload() ^ mask;
+                self.systick.set_reload(reload);
+            }
+            NVIC_ISER if self.nvic.enabled_irqs() & mask != 0 => self.nvic.disable_irqs(mask),
+            NVIC_ISER => self.nvic.enable_irqs(mask),
+            NVIC_IPR..0xE000_E420 if address.is_multiple_of(4) && bit % 8 >= 6 => {
+                let first = nvic::IRQ0 + (address - NVIC_IPR) as u8;
+                let word = self.nvic.priority_word(first) ^ mask;
+                self.nvic.set_priority_word(first, word);
+            }
+            _ => return false,
+        }
+        self.ask_attention();
+        true
     }
 
     /// Taken branches, oldest first.

@@ -97,6 +97,13 @@ impl SysTick {
         self.enabled = enable;
     }
 
+    /// Bits of CSR flip; COUNTFLAG is not looked at.
+    pub(super) fn flip_control(&mut self, bits: u32, now: u64, cycle: u64) {
+        let control =
+            if self.enabled { ENABLE } else { 0 } | if self.interrupt { TICKINT } else { 0 };
+        self.write_control(control ^ bits, now, cycle);
+    }
+
     /// Reads RVR.
     pub(super) fn reload(&self) -> u32 {
         self.reload

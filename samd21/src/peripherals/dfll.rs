@@ -56,6 +56,11 @@ impl Dfll {
         u32::from(self.coarse) << 10 | self.fine.round() as u32
     }
 
+    /// Adds to the error, ppm.
+    pub(super) fn shift(&mut self, ppm: f64) {
+        self.error += ppm * 1e-6;
+    }
+
     /// Whether the frequency changes by itself.
     pub(super) fn drifts(&self) -> bool {
         self.drift_per_s != 0.0

@@ -153,6 +153,21 @@ impl Gclk {
         }
     }
 
+    /// A bit of a register flips: see [`upset`](crate::upset).
+    pub(crate) fn flip(&mut self, offset: u32, bit: u32) -> bool {
+        let mask = 1_u32 << bit;
+        let index = (offset as usize % 0x40) / 4;
+        match offset {
+            0x40..0x64 if mask & (0x1F00 | GENEN | DIVSEL) != 0 => self.control.of[index] ^= mask,
+            0x80..0xA4 if (8..24).contains(&bit) => self.divisor.of[index] ^= mask,
+            0x100..0x194 if mask & (0x0F00 | u32::from(CLKEN)) != 0 => {
+                self.clocks[(offset as usize - 0x100) / 4] ^= mask as u16;
+            }
+            _ => return false,
+        }
+        true
+    }
+
     pub(crate) fn read(&self, now: Ticks, offset: u32) -> Read {
         Ok(match offset {
             0x00 => {

@@ -47,6 +47,12 @@ impl<const FLAGS: u32> Interrupts<FLAGS> {
         self.enabled
     }
 
+    /// Bits of the enables flip; `false` if none of them exists.
+    pub(super) fn flip(&mut self, bits: u32) -> bool {
+        self.enabled ^= bits & FLAGS;
+        bits & FLAGS != 0
+    }
+
     /// INTENCLR is written.
     pub(super) fn disable(&mut self, bits: u32) {
         self.enabled &= !bits;

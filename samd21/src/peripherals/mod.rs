@@ -387,9 +387,6 @@ impl Peripherals {
     /// Hands new clock rates on after a change; false if the CPU is left without a clock.
     fn retime(&mut self, now: Ticks) -> bool {
         self.gclk.resolve(now, &self.sysctrl);
-        let Some(main) = self.gclk.main() else {
-            return false;
-        };
         let slow = self.gclk.clock(SERCOM_SLOW).is_some();
         for entry in &map::ENTRIES {
             let Some(id) = entry.clock else { continue };
@@ -404,8 +401,80 @@ impl Peripherals {
                 _ => {}
             }
         }
+        let Some(main) = self.gclk.main() else {
+            return false;
+        };
         self.cycle = main.divided(self.pm.cpu_divisor()).cycle();
         true
+    }
+
+    /// Whether the CPU has no clock.
+    pub(crate) fn is_stopped(&self) -> bool {
+        self.gclk.main().is_none()
+    }
+
+    /// See [`Chip::stop_dfll`](crate::Chip::stop_dfll).
+    pub(crate) fn stop_dfll(&mut self, now: Ticks, stopped: bool) {
+        self.sysctrl.stop_dfll(stopped);
+        self.retime(now);
+        self.refresh(now);
+    }
+
+    /// See [`Chip::shift_dfll`](crate::Chip::shift_dfll).
+    pub(crate) fn shift_dfll(&mut self, now: Ticks, ppm: f64) {
+        self.sysctrl.shift_dfll(ppm);
+        self.retime(now);
+        self.refresh(now);
+    }
+
+    /// See [`Chip::flip_register`](crate::Chip::flip_register).
+    pub(crate) fn flip(&mut self, now: Ticks, addr: u32, bit: u8, board: &mut dyn Board) -> bool {
+        let Ok(entry) = self.locate(addr) else {
+            return false;
+        };
+        let (offset, bit) = (entry.offset(addr), u32::from(bit % 32));
+        let flipped = match entry.block {
+            Block::Pm => self.pm.flip(offset, bit),
+            Block::Sysctrl => self.sysctrl.flip(offset, bit),
+            Block::Gclk => self.gclk.flip(offset, bit),
+            Block::Sercom(index) => self.sercom[index].flip(offset, bit),
+            Block::Tcc(index) => {
+                let flipped = self.tcc[index].flip(now, offset, bit);
+                let outputs = self.tcc[index].outputs();
+                self.port.drive(now, index as u8, outputs, board);
+                flipped
+            }
+            Block::Usb => self.usb.flip(offset, bit),
+            Block::Wdt => self.wdt.flip(now, offset, bit),
+            Block::Port => self.flip_port(now, offset, bit, board),
+            _ => false,
+        };
+        if flipped {
+            self.retime(now);
+            self.refresh(now);
+        }
+        flipped
+    }
+
+    /// PORT's registers are written as they are read.
+    fn flip_port(&mut self, now: Ticks, offset: u32, bit: u32, board: &mut dyn Board) -> bool {
+        let stored = matches!(offset & 0x7F, 0x00 | 0x10 | 0x30..0x60);
+        let Some(word) = stored
+            .then(|| self.port.read(now, offset, board).ok())
+            .flatten()
+        else {
+            return false;
+        };
+        let bus = &mut Bus {
+            now,
+            board,
+            violations: &mut self.violations,
+        };
+        let written = self
+            .port
+            .write(bus, offset, Lanes::new(word ^ 1 << bit, 0, 4));
+        self.connect_pads(board);
+        written.is_ok()
     }
 
     /// Notes when the CPU begins to outrun the flash, which needs a wait state above 24 MHz (at

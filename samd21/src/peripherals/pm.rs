@@ -58,6 +58,20 @@ impl Pm {
         self.apb_masks[bridge as usize] >> index & 1 != 0
     }
 
+    /// A bit of a register flips: see [`upset`](crate::upset).
+    pub(crate) fn flip(&mut self, offset: u32, bit: u32) -> bool {
+        let mask = 1 << bit;
+        match offset {
+            0x08 if bit < 3 => self.select ^= mask,
+            0x14 if bit < 7 => self.ahb_mask ^= mask,
+            0x18 => self.apb_masks[0] ^= mask,
+            0x1C => self.apb_masks[1] ^= mask,
+            0x20 => self.apb_masks[2] ^= mask,
+            _ => return false,
+        }
+        true
+    }
+
     pub(crate) fn read(&self, offset: u32) -> Read {
         Ok(match offset {
             0x00 => u32::from(self.sleep) << 8,

@@ -82,6 +82,8 @@ pub(crate) struct Sysctrl {
     /// When a drifting frequency is next worked out.
     next_drift: Ticks,
     osculp32k_hz: u32,
+    /// The DFLL stands still, whatever the registers say.
+    dfll_stopped: bool,
 }
 
 impl Sysctrl {
@@ -139,7 +141,33 @@ impl Sysctrl {
 
     /// The DFLL, once it runs.
     pub(crate) fn dfll(&self, now: Ticks) -> Option<Rate> {
-        (now >= self.dfll_ready).then(|| self.dfll.rate(now))
+        let runs = now >= self.dfll_ready && !self.dfll_stopped;
+        runs.then(|| self.dfll.rate(now))
+    }
+
+    /// See [`Chip::stop_dfll`](crate::Chip::stop_dfll).
+    pub(crate) fn stop_dfll(&mut self, stopped: bool) {
+        self.dfll_stopped = stopped;
+    }
+
+    /// See [`Chip::shift_dfll`](crate::Chip::shift_dfll).
+    pub(crate) fn shift_dfll(&mut self, ppm: f64) {
+        self.dfll.shift(ppm);
+    }
+
+    /// A bit of a register flips: see [`upset`](crate::upset).
+    pub(crate) fn flip(&mut self, offset: u32, bit: u32) -> bool {
+        let mask = 1 << bit;
+        match offset {
+            0x24 if mask == ENABLE => {
+                self.dfllctrl ^= mask;
+                self.dfll_stopped = !self.dfll_stopped;
+            }
+            0x28 if bit < 16 => self.dfll.load(self.dfll.value() ^ mask),
+            0x34 => self.bod33 ^= mask,
+            _ => return false,
+        }
+        true
     }
 
     /// When a clock comes up, or changes, by itself.

@@ -156,6 +156,29 @@ impl Wdt {
         }
     }
 
+    /// A bit of a register flips: see [`upset`](crate::upset). CONFIG and EWCTRL count from the
+    /// next start on.
+    pub(crate) fn flip(&mut self, now: Ticks, offset: u32, bit: u32) -> bool {
+        let mask = (1_u32 << (bit % 8)) as u8;
+        match (offset, bit / 8) {
+            (0x00, 0) if mask & (ENABLE | WEN | ALWAYSON) != 0 => {
+                self.ctrl ^= mask;
+                if mask == ENABLE {
+                    self.early_warning = Ticks::NEVER;
+                    self.timeout = Ticks::NEVER;
+                    if self.ctrl & ENABLE != 0 {
+                        self.start(now);
+                    }
+                }
+            }
+            (0x00, 1) => self.config ^= mask,
+            (0x00, 2) if mask < 16 => self.ewctrl ^= mask,
+            (0x04, 1) => return self.interrupts.flip(mask.into()),
+            _ => return false,
+        }
+        true
+    }
+
     pub(crate) fn read(&self, offset: u32) -> Read {
         Ok(match offset {
             0x00 => {

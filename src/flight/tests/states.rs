@@ -1,6 +1,7 @@
 //! Who may move the rudder: faults, tilt, and the operator's commands out of order.
 
 use super::*;
+use crate::SelfCheck;
 use crate::ticks::BurstTimes;
 use std::string::ToString;
 
@@ -172,9 +173,7 @@ fn a_bad_end_of_the_last_run_must_be_acknowledged() {
     for crash in [
         Crash::Watchdog,
         Crash::BrownOut,
-        Crash::Panic {
-            callers: [0x2100, 0x2200, 0],
-        },
+        Crash::SelfCheck(SelfCheck::Stack),
         Crash::HardFault { pc: 0x2100 },
     ] {
         let report = BootReport {

@@ -1,88 +1,48 @@
-//! `tvc faults`: every fault of the sensor and its cable, at random instants of a flight.
+//! `tvc faults`: faults of the sensor, its cable, the chip, the program and the host, at random
+//! instants of a flight.
 
+mod options;
 mod report;
+mod scenario;
+mod summary;
+mod table;
 
-use std::path::PathBuf;
+use std::path::Path;
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, Result};
-use clap::Args;
 use indicatif::{ProgressBar, ProgressStyle};
 use rayon::prelude::*;
-use rig::bno055::FaultKind;
-use rig::faults::{Campaign, Case, DEADLINE, Ending, GLITCHES, Outcome};
+use rig::bench::Hardware;
+use rig::faults::{Campaign, Case, GLITCHES, Kind};
 use rig::{ServoKind, Setup, prepare};
 
-use crate::flight::hardware::HardwareChoice;
 use crate::flight::vehicle::VehicleKind;
 use crate::image::ImageOption;
 use crate::out::exit::{BadInput, Verdict};
 use crate::out::kind;
-use crate::out::measure::Limit::{AtLeast, AtMost};
-use crate::out::measure::{Figure, Figures, figure, rows};
+use crate::out::measure::{Figures, figure};
+pub use options::Faults;
+use options::{FaultsCommand, Merge, Replay};
+pub use scenario::Scenario;
+use table::{End, Row};
 
-/// Options of `tvc faults`.
-#[derive(Debug, Args)]
-#[command(after_help = "\
-Examples:
-  cargo tvc faults                                    every fault, 50 instants each
-  cargo tvc faults --kind sda-stuck --kind spikes     two of them
-  cargo tvc faults --glitches                         short ones of the cable: all but 1 % ridden out
-  cargo tvc faults --vehicle drone2                   both rudders of the two-axis drone
-  cargo tvc faults --runs 5 --json > faults.json      a quick look, for a script
+/// Runs of each kind where their number is not given.
+const RUNS_OF_EACH: u32 = 50;
+/// Unsafe runs that are written as files.
+const WRITTEN: usize = 100;
 
-A run is safe if the drone is back on course with control active (recovered), or if the firmware is
-in failsafe (neutral); in both cases without a missing or wild pulse, without a reset, and with the
-rudder never off neutral for more than 150 ms without valid data. Everything else is unsafe. The
-same seed gives the same runs.
-
-Exit status: 0 no unsafe run (and 99 % of glitches ridden out), 1 at least one or something failed,
-2 unusable input.")]
-pub struct Faults {
-    /// Instants of the flight at which each fault is injected.
-    #[arg(long, value_name = "N", default_value_t = 50, value_parser = clap::value_parser!(u32).range(1..=10_000))]
-    pub runs: u32,
-
-    /// What hangs on the rig.
-    #[arg(long, value_enum, default_value_t)]
-    pub vehicle: VehicleKind,
-
-    /// Only this fault; can be given several times [default: all].
-    #[arg(long, value_name = "KIND", num_args = 1..)]
-    pub kind: Vec<FaultKind>,
-
-    /// Glitches of the cable instead: 4 to 40 ms without acknowledge, with a line held, all ones or
-    /// a stretched clock. At least 99 % must be ridden out with control active.
-    #[arg(long, conflicts_with = "kind")]
-    pub glitches: bool,
-
-    /// Seed of all that is random: the sensor, and every run's instant, length and strength.
-    #[arg(long, value_name = "N", default_value_t = 1)]
-    pub seed: u64,
-
-    /// What the emulated parts are like.
-    #[command(flatten)]
-    pub hardware: HardwareChoice,
-
-    /// Runs at a time [default: one for each processor core].
-    #[arg(long, value_name = "J", value_parser = clap::value_parser!(u16).range(1..=256))]
-    pub jobs: Option<u16>,
-
-    /// Which image.
-    #[command(flatten)]
-    pub image: ImageOption,
-
-    /// Where to write the HTML report: every run, how it ended and how long it was blind.
-    #[arg(long, value_name = "FILE.html", default_value = "report/faults.html", value_parser = kind::page)]
-    pub report: PathBuf,
-
-    /// Print one JSON object on standard output and nothing else there.
-    #[arg(long)]
-    pub json: bool,
+/// Carries out what `options` say.
+pub fn run(options: &Faults) -> Result<Verdict> {
+    match &options.command {
+        None => fly(options),
+        Some(FaultsCommand::Merge(options)) => merge(options),
+        Some(FaultsCommand::Replay(options)) => replay(options),
+    }
 }
 
 /// Carries out the campaign, prints its table, and names every unsafe run.
-pub fn run(options: &Faults) -> Result<Verdict> {
+fn fly(options: &Faults) -> Result<Verdict> {
     if options.vehicle == VehicleKind::Rocket {
         return Err(BadInput::new(
             "--vehicle rocket: the campaign's flights are those of a drone; take drone or drone2",
@@ -90,67 +50,132 @@ pub fn run(options: &Faults) -> Result<Verdict> {
         .into());
     }
     let begun = Instant::now();
-    let image = options.image.image()?;
-    let bar = spinner("boot and flight without a fault");
-    let mut setup = Setup::with_polarity(ServoKind::S3003, options.seed);
-    setup.rig.hardware = options.hardware.hardware()?;
-    options.vehicle.hang(&mut setup.rig)?;
-    let ready = prepare(&image, &setup, &mut |_| {})?;
-    let frame_hz = f64::from(setup.servo.frame_hz());
-    let mut campaign = Campaign::new(&ready, frame_hz, options.seed)
-        .context("the flight that is to be disturbed")?;
-    if options.glitches {
-        campaign = campaign.of_glitches();
+    let campaign = campaign(
+        &options.image,
+        options.vehicle,
+        options.hardware.hardware()?,
+        options.seed,
+        options.glitches,
+    )?;
+    let rows = carry_out(&campaign, &cases(options), options)?;
+    if rows.is_empty() {
+        return Err(BadInput::new("--shard: this part of the campaign has no run").into());
     }
-    bar.finish_and_clear();
-
-    let kinds = if options.glitches {
-        GLITCHES.to_vec()
-    } else if options.kind.is_empty() {
-        FaultKind::ALL.to_vec()
-    } else {
-        FaultKind::ALL
-            .into_iter()
-            .filter(|kind| options.kind.contains(kind))
-            .collect()
-    };
-    let outcomes = carry_out(&campaign, &kinds, options)?;
-    let recovered = outcomes
-        .iter()
-        .filter(|outcome| outcome.ending == Ending::Recovered)
-        .count();
-    let recovered_pct = 100.0 * recovered as f64 / outcomes.len() as f64;
-    let mut recovered_pct = figure("recovered_pct", recovered_pct).shown("recovered", "%", 1);
-    if options.glitches {
-        recovered_pct = recovered_pct.limit(AtLeast(99.0));
+    if let Some(out) = &options.out {
+        table::write(out, &rows)?;
     }
-    let figures = Figures::from([
-        figure("vehicle", options.vehicle.name()).shown("vehicle", "", 0),
-        figure("seed", options.seed).shown("seed", "", 0),
-        figure("deadline_ms", DEADLINE.as_us_f64() / 1e3).shown(
-            "longest allowed off neutral without valid data",
-            "ms",
-            0,
-        ),
-        rows("faults", kinds.iter().map(|kind| ended(*kind, &outcomes))),
-        recovered_pct,
-        figure("wall_s", begun.elapsed().as_secs_f64()).shown("time that it took", "s", 1),
-    ]);
-    let page = report::render(&figures, options.seed, &outcomes)?;
+    let figures = summary::figures(&rows, options.glitches, Some(begun.elapsed().as_secs_f64()));
+    let page = report::render(&figures, &rows)?;
     let verdict = figures.conclude(options.json, Some((&options.report, page)))?;
-    for outcome in &outcomes {
-        if let Ending::Unsafe(why) = outcome.ending {
-            eprintln!("unsafe: {}: {why}", story(outcome));
+    let unsafe_runs = rows.iter().filter(|row| row.end == End::Unsafe);
+    for (place, row) in unsafe_runs.enumerate() {
+        eprintln!("unsafe: {}: {}", row.story(), row.why);
+        if place < WRITTEN {
+            let scenario = Scenario::new(options, row);
+            let path = scenario.write(&options.unsafe_runs, place + 1, row)?;
+            eprintln!("  again: tvc faults replay {}", path.display());
         }
     }
     Ok(verdict)
 }
 
-fn carry_out(campaign: &Campaign, kinds: &[FaultKind], options: &Faults) -> Result<Vec<Outcome>> {
-    let cases: Vec<Case> = kinds
-        .iter()
-        .flat_map(|&kind| (0..options.runs).map(move |number| Case { kind, number }))
-        .collect();
+/// Joins the tables of shards.
+fn merge(options: &Merge) -> Result<Verdict> {
+    let files: Vec<&Path> = options.files.iter().map(AsRef::as_ref).collect();
+    if let Some(out) = &options.out {
+        kind::keep_apart(out, files.iter().copied())?;
+    }
+    let rows = table::merge(&files)?;
+    if let Some(out) = &options.out {
+        table::write(out, &rows)?;
+    }
+    let figures = summary::figures(&rows, false, None);
+    let page = report::render(&figures, &rows)?;
+    figures.conclude(options.json, Some((&options.report, page)))
+}
+
+/// The page of a table of runs, as [`merge`] makes it: for the fuzzer.
+///
+/// # Errors
+/// The file is no table of runs.
+#[cfg(test)]
+pub fn merged(path: &Path) -> Result<String> {
+    let rows = table::merge(&[path])?;
+    report::render(&summary::figures(&rows, false, None), &rows)
+}
+
+/// Carries out one run again.
+fn replay(options: &Replay) -> Result<Verdict> {
+    let (scenario, vehicle, case) = Scenario::read(&options.file)?;
+    let hardware = scenario.hardware.parse().map_err(BadInput::new)?;
+    let campaign = campaign(
+        &options.image,
+        vehicle,
+        hardware,
+        scenario.seed,
+        scenario.glitches,
+    )?;
+    let outcome = campaign.run(case)?;
+    let row = Row::new(scenario.seed, vehicle.name(), &outcome);
+    let figures = summary::figures(std::slice::from_ref(&row), false, None);
+    let said = Figures::from([
+        figure("run", row.story()).shown("run", "", 0),
+        figure("ended", format!("{:?}", row.end).to_lowercase()).shown("ended", "", 0),
+        figure("why", row.why.as_str()).shown("why", "", 0),
+    ]);
+    if !options.json {
+        eprint!("{}", said.text());
+    }
+    figures.conclude(options.json, None)
+}
+
+/// The flight that is to be disturbed.
+fn campaign(
+    image: &ImageOption,
+    vehicle: VehicleKind,
+    hardware: Hardware,
+    seed: u64,
+    glitches: bool,
+) -> Result<Campaign> {
+    let image = image.image()?;
+    let bar = spinner("boot and flight without a fault");
+    let mut setup = Setup::with_polarity(ServoKind::S3003, seed);
+    setup.rig.hardware = hardware;
+    vehicle.hang(&mut setup.rig)?;
+    let ready = prepare(&image, &setup, &mut |_| {})?;
+    let frame_hz = f64::from(setup.servo.frame_hz());
+    let campaign =
+        Campaign::new(&ready, frame_hz, seed).context("the flight that is to be disturbed")?;
+    bar.finish_and_clear();
+    Ok(if glitches {
+        campaign.of_glitches()
+    } else {
+        campaign
+    })
+}
+
+/// The runs of this shard, by kind and number.
+fn cases(options: &Faults) -> Vec<Case> {
+    let mut kinds = Kind::all();
+    if options.glitches {
+        kinds = GLITCHES.map(Kind::Sensor).to_vec();
+    } else if !options.kind.is_empty() {
+        kinds.retain(|kind| options.kind.contains(kind));
+    }
+    let of_each = options
+        .runs
+        .map_or(RUNS_OF_EACH, |runs| runs.div_ceil(kinds.len() as u32));
+    let (part, parts) = options.shard.unwrap_or((0, 1));
+    kinds
+        .into_iter()
+        .flat_map(|kind| (0..of_each).map(move |number| Case { kind, number }))
+        .enumerate()
+        .filter(|(index, _)| *index as u64 % parts == part)
+        .map(|(_, case)| case)
+        .collect()
+}
+
+fn carry_out(campaign: &Campaign, cases: &[Case], options: &Faults) -> Result<Vec<Row>> {
     let pool = rayon::ThreadPoolBuilder::new()
         .num_threads(options.jobs.map_or(0, usize::from))
         .build()?;
@@ -158,52 +183,20 @@ fn carry_out(campaign: &Campaign, kinds: &[FaultKind], options: &Faults) -> Resu
     if let Ok(style) = ProgressStyle::with_template("{bar:40} {pos}/{len} runs, {eta} to go") {
         bar.set_style(style);
     }
-    let outcomes = pool.install(|| {
+    let rows = pool.install(|| {
         cases
             .par_iter()
             .map(|&case| {
                 let outcome = campaign
                     .run(case)
-                    .with_context(|| format!("run {} of fault {}", case.number, case.kind));
+                    .with_context(|| format!("run {} of fault {}", case.number, case.kind))?;
                 bar.inc(1);
-                outcome
+                Ok(Row::new(options.seed, options.vehicle.name(), &outcome))
             })
             .collect()
     });
     bar.finish_and_clear();
-    outcomes
-}
-
-/// How one kind's runs ended.
-fn ended(kind: FaultKind, outcomes: &[Outcome]) -> [Figure; 6] {
-    let runs = || outcomes.iter().filter(|outcome| outcome.case.kind == kind);
-    let count = |key, ends: fn(&Ending) -> bool| {
-        let count = runs().filter(|run| ends(&run.ending)).count();
-        figure(key, count).shown(key, "", 0)
-    };
-    // The longest that a rudder was off neutral without valid data.
-    let worst_ms = runs().map(|run| run.unguarded_ms).fold(0.0, f64::max);
-    [
-        figure("kind", kind.name()).shown("fault", "", 0),
-        count("runs", |_| true),
-        count("recovered", |ending| matches!(ending, Ending::Recovered)),
-        count("neutral", |ending| matches!(ending, Ending::Neutral)),
-        count("unsafe", |ending| matches!(ending, Ending::Unsafe(_))).limit(AtMost(0.0)),
-        figure("worst_ms", worst_ms).shown("worst", "ms", 1),
-    ]
-}
-
-/// A run in words, with all that is needed to fly it again.
-fn story(outcome: &Outcome) -> String {
-    format!(
-        "{} run {}, {:?} at {:.3} s for {:.0} ms, said last \"{}\"",
-        outcome.case.kind,
-        outcome.case.number,
-        outcome.fault,
-        outcome.at_s,
-        outcome.lasted_s * 1e3,
-        outcome.said
-    )
+    rows
 }
 
 fn spinner(what: &'static str) -> ProgressBar {

@@ -20,6 +20,7 @@ use rig::disturbance::{Disturbances, SupplySag, Temperature, ThrustRamp, Vibrati
 use rig::random::{Stream, generator};
 use serde::Deserialize;
 
+use crate::input;
 use crate::out::exit::BadInput;
 
 /// What happens in a flight.
@@ -51,12 +52,16 @@ struct File {
 /// The file cannot be read, is not of this form, or has a value out of its range.
 pub fn read(path: &Path, seed: u64, length_s: f64) -> Result<Scenario, BadInput> {
     let refuse = |why: String| BadInput::new(format!("{}: {why}", path.display()));
-    let text = std::fs::read_to_string(path).map_err(|error| refuse(error.to_string()))?;
-    let file: File = toml::from_str(&text).map_err(|error| refuse(error.to_string()))?;
-    scenario(file, seed, length_s).map_err(refuse)
+    let text = input::text(path).map_err(|error| refuse(error.to_string()))?;
+    parse(&text, seed, length_s).map_err(refuse)
 }
 
-fn scenario(file: File, seed: u64, length_s: f64) -> Result<Scenario, String> {
+/// As [`read`], of the text of a file.
+///
+/// # Errors
+/// What is wrong with it.
+pub fn parse(text: &str, seed: u64, length_s: f64) -> Result<Scenario, String> {
+    let file: File = toml::from_str(text).map_err(|error| error.to_string())?;
     let disturbances = Disturbances {
         vibration: file.vibration,
         servo_supply: file.servo_supply,
@@ -84,8 +89,7 @@ mod tests {
     use rig::bno055::{Fault, FaultKind};
 
     fn parsed(text: &str) -> Result<Scenario, String> {
-        let file = toml::from_str(text).map_err(|error| error.to_string())?;
-        scenario(file, 1, 3.0)
+        parse(text, 1, 3.0)
     }
 
     fn fault(rest: &str) -> Result<Scenario, String> {

@@ -216,3 +216,13 @@ fn figures(
         rows("inlined", inlined),
     ])
 }
+
+/// The functions of an image at its addresses: for the fuzzer.
+#[cfg(test)]
+pub fn fuzzed(elf: &[u8]) -> Result<()> {
+    let mut symbols = Symbols::read(elf)?;
+    for address in (0x2000..0x2400).step_by(2) {
+        assert!(!symbols.path(address).is_empty());
+    }
+    Ok(())
+}

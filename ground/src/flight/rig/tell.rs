@@ -50,12 +50,13 @@ Exit status: 0 done, 1 no rig answers, 2 no such action."
 /// [`BadInput`] for what is no action or cannot be done to this rig; no rig that answers.
 #[cfg(unix)]
 pub fn run(options: &Tell) -> Result<Verdict> {
-    use std::io::{BufRead, BufReader, Write};
+    use std::io::{BufRead, BufReader, Read, Write};
     use std::os::unix::net::UnixStream;
     use std::time::Duration;
 
     use anyhow::Context;
 
+    use crate::input::ANSWER;
     use crate::out::file::print;
 
     /// Time for an answer.
@@ -73,14 +74,10 @@ pub fn run(options: &Tell) -> Result<Verdict> {
     })?;
     stream.set_read_timeout(Some(PATIENCE))?;
     writeln!(stream, "{line}")?;
-    let mut answer = String::new();
-    let asked = BufReader::new(stream).read_line(&mut answer);
+    let mut line = String::new();
+    let asked = BufReader::new(stream.take(ANSWER)).read_line(&mut line);
     asked.context("the rig does not answer")?;
-    let answer: serde_json::Value =
-        serde_json::from_str(&answer).context("the rig does not answer")?;
-    if let Some(error) = answer["error"].as_str() {
-        return Err(BadInput::new(error).into());
-    }
+    let answer = super::answer(&line)?;
     print(format_args!("{answer}\n"))?;
     Ok(Verdict::Met)
 }

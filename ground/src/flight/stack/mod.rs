@@ -175,6 +175,15 @@ pub fn run(options: &Stack) -> Result<Verdict> {
     shown.conclude(options.json, page)
 }
 
+/// The worst case of an image, without the rig: for the fuzzer.
+#[cfg(test)]
+pub fn fuzzed(image: &rig::Image, elf: &[u8]) -> Result<()> {
+    let program = Program::read(image, elf)?;
+    let analysis = Analysis::of(program, &[3; EXCEPTIONS], &[])?;
+    let _ = (analysis.worst(), statics_end(image));
+    Ok(())
+}
+
 /// The first address above the statics.
 fn statics_end(image: &rig::Image) -> u32 {
     let sections = samd21::memory::RAM_BASE + image.sizes().static_ram;

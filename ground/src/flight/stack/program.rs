@@ -147,7 +147,8 @@ impl Program {
         code: &BTreeSet<u32>,
     ) -> u32 {
         let functions = functions.filter_map(|start| self.function(start));
-        let halves = functions.flat_map(|one| (one.start..one.start + one.length).step_by(2));
+        let halves =
+            functions.flat_map(|one| (one.start..one.start.saturating_add(one.length)).step_by(2));
         let is_filler = |at| self.half(at).is_some_and(|half| FILLERS.contains(&half));
         let missed =
             halves.filter(|at| !self.is_data(*at) && !code.contains(at) && !is_filler(*at));

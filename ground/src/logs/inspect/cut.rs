@@ -42,18 +42,26 @@ pub fn run(options: &Cut, json: bool) -> Result<Verdict> {
         .into());
     };
     let known = known(&bytes, *begin_us, &frames);
-    let mut writer = Writer::create(&options.file)?;
-    let copy = || {
-        for frame in &known {
-            writer.write_at(*begin_us, frame)?;
-        }
-        for (time_us, frame) in &frames {
-            writer.write_at(*time_us, frame)?;
-        }
-        writer.end().map(|()| frames.len())
-    };
-    let count = log::or_remove(&options.file, copy)?;
-    done(&options.file, count, json)
+    let mut writer = Writer::whole(&options.file)?;
+    for frame in &known {
+        writer.write_at(*begin_us, frame)?;
+    }
+    for (time_us, frame) in &frames {
+        writer.write_at(*time_us, frame)?;
+    }
+    writer.end()?;
+    done(&options.file, frames.len(), json)
+}
+
+/// What would stand before a part, and the releases: for the fuzzer.
+#[cfg(test)]
+pub fn fuzzed(bytes: &[u8], log: &Log, number: u64) {
+    let _ = releases(log);
+    let frames: Vec<_> = Frames::of(bytes).collect();
+    let part = &frames[number as usize % (frames.len() + 1)..];
+    let begin_us = part.first().map_or(0, |frame| frame.0);
+    let whole = |frame: &Vec<u8>| Wire::frame_length(frame) == Some(frame.len());
+    assert!(known(bytes, begin_us, part).iter().all(whole));
 }
 
 /// Says what was written.

@@ -100,6 +100,12 @@ pub struct Cut {
     pub release: Option<usize>,
 }
 
+/// A part of a log as [`cut`] makes it, and its releases: for the fuzzer.
+#[cfg(test)]
+pub fn fuzzed(bytes: &[u8], log: &super::log::Log, number: u64) {
+    cut::fuzzed(bytes, log, number);
+}
+
 /// Parses a time in a log, s.
 fn time(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {

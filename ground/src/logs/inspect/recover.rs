@@ -6,6 +6,7 @@ use anyhow::Result;
 use client::Wire;
 
 use super::cut::done;
+use crate::input;
 use crate::logs::log::{self, Frames, Writer};
 use crate::out::exit::{BadInput, Verdict};
 
@@ -17,7 +18,7 @@ const JUMP_US: u64 = 86_400_000_000;
 /// # Errors
 /// [`BadInput`] if that is nothing, or the files are unusable.
 pub fn run(path: &Path, file: &Path, json: bool) -> Result<Verdict> {
-    let bytes = std::fs::read(path)
+    let bytes = input::bytes(path, input::LOG)
         .map_err(|error| BadInput::new(format!("cannot read {}: {error}", path.display())))?;
     let found = log::salvaged(&bytes);
     let frames = frames(&found);
@@ -28,14 +29,12 @@ pub fn run(path: &Path, file: &Path, json: bool) -> Result<Verdict> {
         ))
         .into());
     }
-    let mut writer = Writer::create(file)?;
-    let count = log::or_remove(file, || {
-        for (time_us, frame) in &frames {
-            writer.write_at(*time_us, frame)?;
-        }
-        writer.end().map(|()| frames.len())
-    })?;
-    done(file, count, json)
+    let mut writer = Writer::whole(file)?;
+    for (time_us, frame) in &frames {
+        writer.write_at(*time_us, frame)?;
+    }
+    writer.end()?;
+    done(file, frames.len(), json)
 }
 
 /// The whole frames among what was found, with times that may be right.

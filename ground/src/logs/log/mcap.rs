@@ -13,8 +13,7 @@ use client::state::state_name;
 use client::status::angles;
 use client::{Wire, text};
 use mavlink::dialects::common::{ATTITUDE_QUATERNION_DATA, MavMessage, MavSeverity};
-use mcap::read::{LinearReader, Options};
-use mcap::records::{MessageHeader, Metadata, Record};
+use mcap::records::{MessageHeader, Metadata, Record, op};
 use mcap::{McapError, McapResult, WriteOptions, parse_record};
 use nalgebra::{Quaternion, UnitQuaternion};
 use serde_json::{Value, json};
@@ -28,8 +27,6 @@ pub const MAGIC: &[u8] = mcap::MAGIC;
 
 /// Topic of the untouched frames, both ways.
 const FRAMES: &str = "/mavlink";
-/// Opcode of a message's record.
-const MESSAGE: u8 = mcap::records::op::MESSAGE;
 /// Their encoding; MCAP has no registered name for it.
 const FRAME_ENCODING: &str = "x-mavlink2";
 /// Size of a chunk, bytes: at most this is lost if the program is killed, a fifth of a second.
@@ -354,23 +351,13 @@ struct Found {
 
 impl Found {
     fn read(&mut self, bytes: &[u8]) -> McapResult<()> {
-        for record in LinearReader::new_with_options(bytes, Options::IgnoreEndMagic.into())? {
-            match record? {
-                Record::DataEnd(_) => break,
-                Record::Chunk { header, data } if header.compression.is_empty() => {
-                    self.read_chunk(&data)?;
-                }
-                Record::Chunk { header, .. } => {
-                    return Err(McapError::UnsupportedCompression(header.compression));
-                }
-                record => self.take(record),
-            }
-        }
-        Ok(())
+        let records = bytes.strip_prefix(MAGIC).ok_or(McapError::BadMagic)?;
+        self.read_records(records, false)
     }
 
-    /// The records of a chunk. The crate's own reader counts beyond the end of a damaged one.
-    fn read_chunk(&mut self, data: &[u8]) -> McapResult<()> {
+    /// The records of a file or of a chunk in it, up to the end of the data. The crate's own
+    /// readers count beyond the end of a damaged chunk, and parse what is not needed here.
+    fn read_records(&mut self, data: &[u8], in_chunk: bool) -> McapResult<()> {
         let mut rest = data;
         while let Some((opcode, behind)) = rest.split_first() {
             let (length, behind) = behind.split_first_chunk().ok_or(McapError::UnexpectedEof)?;
@@ -378,10 +365,33 @@ impl Found {
             let (body, behind) = behind
                 .split_at_checked(length)
                 .ok_or(McapError::UnexpectedEof)?;
-            self.take(parse_record(*opcode, body)?);
+            match *opcode {
+                op::DATA_END if !in_chunk => break,
+                op::CHUNK if !in_chunk => self.read_chunk(body)?,
+                op::CHANNEL | op::MESSAGE if are_texts_whole(*opcode, body) => {
+                    self.take(parse_record(*opcode, body)?);
+                }
+                op::CHANNEL => return Err(McapError::UnexpectedEof),
+                _ => {}
+            }
             rest = behind;
         }
         Ok(())
+    }
+
+    fn read_chunk(&mut self, body: &[u8]) -> McapResult<()> {
+        if !are_texts_whole(op::CHUNK, body) {
+            return Err(McapError::UnexpectedEof);
+        }
+        match parse_record(op::CHUNK, body)? {
+            Record::Chunk { header, data } if header.compression.is_empty() => {
+                self.read_records(&data, true)
+            }
+            Record::Chunk { header, .. } => {
+                Err(McapError::UnsupportedCompression(header.compression))
+            }
+            _ => Ok(()),
+        }
     }
 
     fn take(&mut self, record: Record<'_>) {
@@ -399,6 +409,36 @@ impl Found {
             _ => {}
         }
     }
+}
+
+/// Whether the texts of a record end in it. The crate makes room for as many bytes as a text says
+/// that it has, up to 4 GiB, before it finds that they are not there.
+fn are_texts_whole(opcode: u8, body: &[u8]) -> bool {
+    /// Bytes of a channel before its texts: its number and that of its schema.
+    const CHANNEL_HEAD: usize = 4;
+    /// Bytes of a chunk before its text: two times, its size and its checksum.
+    const CHUNK_HEAD: usize = 28;
+    let whole = || match opcode {
+        op::CHANNEL => {
+            // Topic, encoding, and pairs of further texts.
+            let rest = behind_text(body.get(CHANNEL_HEAD..)?)?;
+            let (length, pairs) = behind_text(rest)?.split_first_chunk()?;
+            let mut pairs = pairs.get(..u32::from_le_bytes(*length) as usize)?;
+            while !pairs.is_empty() {
+                pairs = behind_text(pairs)?;
+            }
+            Some(())
+        }
+        op::CHUNK => behind_text(body.get(CHUNK_HEAD..)?).map(drop),
+        _ => Some(()),
+    };
+    whole().is_some()
+}
+
+/// What stands behind a text that `bytes` begin with: its length, then its bytes.
+fn behind_text(bytes: &[u8]) -> Option<&[u8]> {
+    let (length, rest) = bytes.split_first_chunk()?;
+    rest.get(u32::from_le_bytes(*length) as usize..)
 }
 
 /// The frames in the bytes of a broken file, as a `.tlog` has them: every record that looks like a
@@ -423,12 +463,12 @@ pub fn salvaged(bytes: &[u8]) -> Vec<u8> {
 /// length of what follows, channel, sequence, two times in ns, the frame.
 fn message(bytes: &[u8]) -> Option<([u8; STAMP], &[u8], &[u8])> {
     const HEADER: usize = 22;
-    let (&op, rest) = bytes.split_first()?;
+    let (&opcode, rest) = bytes.split_first()?;
     let (length, rest) = rest.split_first_chunk()?;
     let (header, rest) = rest.split_first_chunk::<HEADER>()?;
     let length = usize::try_from(u64::from_le_bytes(*length)).ok()?;
     let (frame, behind) = rest.split_at_checked(length.checked_sub(HEADER)?)?;
-    if op != MESSAGE || Wire::frame_length(frame) != Some(frame.len()) {
+    if opcode != op::MESSAGE || Wire::frame_length(frame) != Some(frame.len()) {
         return None;
     }
     let time_ns = header.get(6..14)?.try_into().ok()?;

@@ -6,7 +6,7 @@ use std::path::Path;
 
 use anyhow::Result;
 use plant::dispersion::{Campaign, Draw, Ranges};
-use plant::pitch_loop::Timing;
+use plant::pitch_loop::{Sample, Timing};
 use plant::response::StepResponse;
 use plant::{Parameters, ServoModel, Setup};
 use serde::{Deserialize, Serialize};
@@ -14,11 +14,15 @@ use tvc_nano::Params;
 use tvc_nano::params::TABLE;
 
 use super::table::Row;
+use crate::input;
 use crate::model::control_law::Law;
 use crate::model::montecarlo::ReplayRun;
 use crate::out::exit::{BadInput, Verdict};
 use crate::out::file::write_whole;
 use crate::out::measure::{Figures, figure};
+
+/// Most steps of a run: eight minutes of them as the model has them.
+const MOST_STEPS: f64 = 1e6;
 
 /// All that is needed to fly a run again.
 #[derive(Debug, PartialEq, Serialize, Deserialize)]
@@ -76,43 +80,72 @@ impl Case {
         write_whole(path, text.as_bytes())
     }
 
-    fn read(path: &Path) -> Result<Self, BadInput> {
-        let bad =
-            |error: &dyn std::fmt::Display| BadInput::new(format!("{}: {error}", path.display()));
-        let text = std::fs::read_to_string(path).map_err(|error| bad(&error))?;
-        toml::from_str(&text).map_err(|error: toml::de::Error| bad(&error))
+    /// Reads the text of a file.
+    ///
+    /// # Errors
+    /// What is wrong with it.
+    pub fn parse(text: &str) -> Result<Self, String> {
+        let case: Self = toml::from_str(text).map_err(|error| error.to_string())?;
+        case.setup().validate().map_err(|error| error.to_string())?;
+        let steps = case.seconds / case.timing.step_s;
+        if !(0.0..=MOST_STEPS).contains(&steps) {
+            return Err(format!(
+                "seconds = {} in steps of step_s = {} is not between none and {MOST_STEPS} steps",
+                case.seconds, case.timing.step_s
+            ));
+        }
+        Ok(case)
+    }
+
+    /// Its length, s: for the fuzzer.
+    #[cfg(test)]
+    pub fn seconds(&self) -> f64 {
+        self.seconds
+    }
+
+    /// The nominal drone, servo and timing.
+    fn setup(&self) -> Setup {
+        Setup {
+            drone: self.drone,
+            servo: self.servo,
+            timing: self.timing,
+        }
+    }
+
+    /// Flies the run.
+    ///
+    /// # Errors
+    /// A parameter that is not there, or a value out of its range.
+    pub fn fly(&self) -> Result<Vec<Sample>, String> {
+        let mut params = Params::default();
+        for (name, value) in &self.parameters {
+            params
+                .set(name, *value)
+                .map_err(|error| format!("{name}: {error}"))?;
+        }
+        let setup = self.setup();
+        let mut law = Law::new(&params, &setup.drone, &self.draw.setup(&setup).timing);
+        let mut motion = Vec::new();
+        let flown = self.draw.fly(
+            &setup,
+            &self.ranges,
+            self.seconds,
+            |measurement| law.update(measurement),
+            |sample| motion.push(*sample),
+        );
+        flown.map_err(|error| error.to_string())?;
+        Ok(motion)
     }
 }
 
 /// Flies a run again.
 pub fn replay(options: &ReplayRun) -> Result<Verdict> {
-    let case = Case::read(&options.file)?;
     let named = |error: &dyn std::fmt::Display| {
         BadInput::new(format!("{}: {error}", options.file.display()))
     };
-    let mut params = Params::default();
-    for (name, value) in &case.parameters {
-        params
-            .set(name, *value)
-            .map_err(|error| named(&format!("{name}: {error}")))?;
-    }
-    let setup = Setup {
-        drone: case.drone,
-        servo: case.servo,
-        timing: case.timing,
-    };
-    setup.validate().map_err(|error| named(&error))?;
-    let mut law = Law::new(&params, &setup.drone, &case.draw.setup(&setup).timing);
-    let mut motion = Vec::new();
-    case.draw
-        .fly(
-            &setup,
-            &case.ranges,
-            case.seconds,
-            |measurement| law.update(measurement),
-            |sample| motion.push(*sample),
-        )
-        .map_err(|error| named(&error))?;
+    let text = input::text(&options.file).map_err(|error| named(&error))?;
+    let case = Case::parse(&text).map_err(|error| named(&error))?;
+    let motion = case.fly().map_err(|error| named(&error))?;
     if let Some(out) = &options.out {
         let mut text =
             String::from("time_s,pitch_rad,rate_rad_s,crank_rad,rudder_rad,command_rad\n");

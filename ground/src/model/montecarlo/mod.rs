@@ -18,7 +18,7 @@ use plant::pitch_loop::Timing;
 use crate::model::control_law::{self, Law};
 use crate::out::exit::Verdict;
 use crate::out::kind;
-use case::Case;
+pub use case::Case;
 pub use options::{Merge, MonteCarlo, MonteCarloCommand, MonteCarloVehicle, ReplayRun};
 use summary::Worst;
 use table::Row;
@@ -87,6 +87,17 @@ fn fly(options: &MonteCarlo) -> Result<Verdict> {
     let figures = summary::figures(&rows, &worst, options.require);
     let page = report::render(&figures, &rows)?;
     figures.conclude(options.json, Some((&options.report, page)))
+}
+
+/// The figures of a table of runs, as [`merge`] has them: for the fuzzer.
+#[cfg(test)]
+pub fn merged(path: &Path, with_page: bool) -> Result<()> {
+    let rows = table::merge(&[path])?;
+    let figures = summary::figures(&rows, &Worst::of(&rows, WORST), None);
+    if with_page {
+        report::render(&figures, &rows)?;
+    }
+    Ok(())
 }
 
 /// As many threads as are wanted.

@@ -6,6 +6,7 @@ use clap::{Args, Subcommand};
 use plant::dispersion::Ranges;
 use rig::ServoKind;
 
+use crate::arguments::shard;
 use crate::out::kind;
 
 /// Options of `tvc montecarlo`.
@@ -250,29 +251,9 @@ fn share(text: &str) -> Result<f64, String> {
     }
 }
 
-/// `3/16` as index from 0 and number.
-fn shard(text: &str) -> Result<(u64, u64), String> {
-    let parsed = text
-        .split_once('/')
-        .and_then(|(i, n)| Some((i.trim().parse::<u64>().ok()?, n.trim().parse::<u64>().ok()?)));
-    match parsed {
-        Some((i, n)) if i >= 1 && i <= n => Ok((i - 1, n)),
-        _ => Err("a shard is I/N with I from 1 to N, such as 3/16".into()),
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn shards_count_from_one() {
-        assert_eq!(shard("1/4"), Ok((0, 4)));
-        assert_eq!(shard("4/4"), Ok((3, 4)));
-        for bad in ["0/4", "5/4", "1", "a/b", "1/0", "-1/4"] {
-            assert!(shard(bad).is_err(), "{bad}");
-        }
-    }
 
     #[test]
     fn a_spread_takes_the_place_of_a_range() {

@@ -4,6 +4,7 @@ use std::path::Path;
 
 use anyhow::{Context, Result};
 use plant::dispersion::{Draw, Outcome};
+use recordings::Lines;
 use serde::{Deserialize, Serialize};
 
 use crate::out::exit::BadInput;
@@ -124,7 +125,9 @@ pub fn merge(files: &[&Path]) -> Result<Vec<Row>> {
     for path in files {
         let bad =
             |error: &dyn std::fmt::Display| BadInput::new(format!("{}: {error}", path.display()));
-        let mut reader = csv::Reader::from_path(path).map_err(|error| bad(&error))?;
+        let mut reader = csv::Reader::from_reader(Lines::new(
+            std::fs::File::open(path).map_err(|error| bad(&error))?,
+        ));
         for row in reader.deserialize::<Row>() {
             let row = row.map_err(|error| bad(&error))?;
             if let Some(first) = all.first() {

@@ -50,14 +50,14 @@ pub fn usb(session: &mut Session) -> Result<Row> {
     ))
 }
 
-/// Panics on purpose: the next start tells where.
+/// Fails its self-check on purpose: the next start tells so.
 ///
 /// # Errors
 /// The rig stopped.
 pub fn crash(session: &mut Session) -> Result<Row> {
-    const EXPECTED: &str = "\"panic\" with addresses after the reset";
-    let back = session.fall(What::Panic)?;
-    let row = conclude(session, CRASH, EXPECTED, LatchKind::Panic, back);
+    const EXPECTED: &str = "\"self-check failed: ordered\" after the reset";
+    let back = session.fall(What::FailCheck)?;
+    let row = conclude(session, CRASH, EXPECTED, LatchKind::SelfCheck, back);
     acknowledge(session)?;
     Ok(row)
 }

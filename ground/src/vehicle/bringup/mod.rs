@@ -41,7 +41,7 @@ Examples:
   cargo tvc bringup --rig                  the same on the virtual rig
   cargo tvc bringup --rig --hardware jumper=no,field=dead   what differences look like
 
-Put a jumper from D3 to D2 and connect no servo. The parameters are saved once; the board is made to panic and to hang, and recovers.
+Put a jumper from D3 to D2 and connect no servo. The parameters are saved once; the board is made to fail its self-check and to hang, and recovers.
 Exit status: 0 nothing differs or fails, 1 something does or went wrong, 2 unusable input.")]
 pub struct Bringup {
     /// Where the board is.
@@ -168,9 +168,16 @@ fn examine(target: &mut dyn Target, hands: bool) -> Result<Vec<Row>> {
     progress
         .suspend(|| sensor::scale(&mut session, hands))
         .map(|row| rows.push(row))?;
-    at("a panic and a hang on purpose");
+    at("a failed self-check and a hang on purpose");
     rows.push(faults::crash(&mut session)?);
     rows.push(faults::watchdog(&mut session)?);
     progress.finish_and_clear();
     Ok(rows)
+}
+
+/// The first hour with a board that sends these bytes, and then stops: for the fuzzer.
+#[cfg(test)]
+pub fn fuzzed(bytes: &[u8]) {
+    // That it stops is no fault of this program.
+    let _ = examine(&mut target::Fed::new(bytes), false);
 }

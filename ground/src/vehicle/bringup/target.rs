@@ -146,3 +146,51 @@ impl Target for OnRig {
         true
     }
 }
+
+/// Bytes that come from nowhere, some every millisecond of a clock of their own: for the fuzzer.
+#[cfg(test)]
+pub struct Fed<'a> {
+    parts: std::slice::Chunks<'a, u8>,
+    client: Client,
+    now: Duration,
+}
+
+#[cfg(test)]
+impl<'a> Fed<'a> {
+    /// These bytes.
+    pub fn new(bytes: &'a [u8]) -> Self {
+        Self {
+            parts: bytes.chunks(100),
+            client: Client::default(),
+            now: Duration::ZERO,
+        }
+    }
+}
+
+#[cfg(test)]
+impl Target for Fed<'_> {
+    fn client(&mut self) -> &mut Client {
+        &mut self.client
+    }
+
+    fn now(&self) -> Duration {
+        self.now
+    }
+
+    fn turn(&mut self) -> Result<Vec<Frame>> {
+        self.now += Duration::from_millis(20);
+        self.client.poll(self.now);
+        while self.client.outgoing().is_some() {}
+        let part = self.parts.next().context("nothing comes any more")?;
+        Ok(self.client.receive(self.now, part))
+    }
+
+    fn reopen(&mut self) -> Result<()> {
+        self.client = Client::default();
+        Ok(())
+    }
+
+    fn press_reset(&mut self) -> bool {
+        true
+    }
+}

@@ -18,6 +18,8 @@ use super::metadata;
 /// Where a frame has its sequence number, and the system that sent it.
 const SEQUENCE_AT: usize = 4;
 const SYSTEM_AT: usize = 5;
+/// Bytes before its payload, and of its checksum.
+const HEADER: usize = 10;
 const CHECKSUM: usize = 2;
 
 /// What becomes of a datagram from the station.
@@ -30,7 +32,7 @@ pub struct Relayed {
 }
 
 /// The relay.
-#[derive(Debug)]
+#[derive(Clone, Debug)]
 pub struct Relay {
     files: [File; 2],
     /// The vehicle's system id, 0 before it has been heard.
@@ -59,12 +61,18 @@ impl Relay {
         self.sequence = bytes[SEQUENCE_AT].wrapping_add(self.answers);
         if self.answers != 0 {
             bytes[SEQUENCE_AT] = self.sequence;
-            let end = bytes.len() - CHECKSUM;
+            let end = HEADER + usize::from(bytes[1]);
             let extra = MavMessage::extra_crc(frame.message.message_id());
             let crc = mavlink::calculate_crc(&bytes[1..end], extra);
-            bytes[end..].copy_from_slice(&crc.to_le_bytes());
+            bytes[end..end + CHECKSUM].copy_from_slice(&crc.to_le_bytes());
         }
         bytes
+    }
+
+    /// The vehicle has this system id: for the fuzzer.
+    #[cfg(test)]
+    pub fn hears(&mut self, system: u8) {
+        self.system = system;
     }
 
     /// A datagram of the station. Of the requests in it that are answered here the first is, since

@@ -58,7 +58,14 @@ pub struct Told {
 /// # Errors
 /// No such port, no vehicle, or it falls silent.
 pub fn ask(options: &PortOptions, image: Option<&str>) -> Result<Told> {
-    let mut vehicle = Vehicle::connect(options)?;
+    ask_it(&mut Vehicle::connect(options)?, image)
+}
+
+/// As [`ask`], a vehicle that has been heard.
+///
+/// # Errors
+/// It does not answer.
+pub fn ask_it(vehicle: &mut Vehicle, image: Option<&str>) -> Result<Told> {
     let now = vehicle.link().now();
     let version = Request::Order(request::VERSION);
     // What it tells is taken from the messages; an old one refuses.
@@ -75,7 +82,7 @@ pub fn ask(options: &PortOptions, image: Option<&str>) -> Result<Told> {
         }
     }
     let parameters = vehicle.parameters()?;
-    let may_arm = may_arm(&mut vehicle)?;
+    let may_arm = may_arm(vehicle)?;
     let code = vehicle.link().client().state_code();
     let heard = Heard {
         build,

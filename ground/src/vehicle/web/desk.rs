@@ -64,6 +64,14 @@ pub struct Message {
 }
 
 impl Message {
+    /// Whether it changes nothing, or is a STOP.
+    pub fn is_for_everybody(&self) -> bool {
+        matches!(
+            self.order,
+            Order::Stop | Order::WriteFile | Order::ReadFile { .. }
+        )
+    }
+
     /// Whether it is a STOP.
     pub fn is_stop(&self) -> bool {
         matches!(self.order, Order::Stop)

@@ -4,6 +4,8 @@
 
 mod auth;
 mod desk;
+#[cfg(test)]
+pub mod fuzzed;
 mod handle;
 mod logs;
 mod manoeuvre;
@@ -16,6 +18,7 @@ mod set_up;
 mod socket;
 mod strangers;
 mod vehicle_thread;
+mod visitor;
 
 use std::net::{SocketAddr, TcpListener};
 use std::path::PathBuf;
@@ -33,6 +36,7 @@ use crate::arguments::seconds;
 use crate::out::exit::{BadInput, Verdict};
 use crate::out::file::print;
 use crate::signals;
+use crate::vehicle::admission::Admission;
 use crate::vehicle::link::Link;
 use crate::vehicle::port::PortOptions;
 use auth::{Once, Token};
@@ -63,10 +67,14 @@ pub struct Web {
     #[command(flatten)]
     pub port: PortOptions,
 
-    /// Where the page is served. Anything but the computer itself lets others on the network in who
-    /// have the address with its token.
+    /// Where the page is served. Anything but the computer itself shows the vehicle to others on
+    /// the network who have the address with its token; they can stop it.
     #[arg(long, value_name = "ADDRESS", default_value = "127.0.0.1:8650")]
     pub listen: SocketAddr,
+
+    /// Who else may command.
+    #[command(flatten)]
+    pub admission: Admission,
 
     /// Open the page in the browser.
     #[arg(long)]
@@ -121,7 +129,14 @@ pub fn run(options: &Web) -> Result<Verdict> {
     print(format_args!("{url}\n"))?;
     if !address.ip().is_loopback() {
         eprintln!(
-            "warning: whoever has this address can arm the vehicle from the network; leave --listen out to keep it on this computer"
+            "{}",
+            match options.admission.is_open() {
+                true =>
+                    "warning: whoever may command and has this address can arm the vehicle from the network, and the address is not \
+                     encrypted on its way",
+                false =>
+                    "others who have this address see the vehicle and can stop it; --accept-commands-from lets them command it",
+            }
         );
         if address.ip().is_unspecified() {
             eprintln!(
@@ -144,7 +159,7 @@ pub fn run(options: &Web) -> Result<Verdict> {
         runtime.block_on(async {
             let served = async {
                 let listener = tokio::net::TcpListener::from_std(listener)?;
-                match server::serve(listener, desk.clone()).await {}
+                match server::serve(listener, desk.clone(), &options.admission).await {}
             };
             let over = async {
                 while !signals::asked(stop, begun, longest) && !vehicle.is_finished() {

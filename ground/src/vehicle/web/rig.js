@@ -24,7 +24,7 @@ const GROUPS = [
     ["Brown-out", "brown-out", "The supply dips below the chip's brown-out level"],
     ["Hang", "program hang", "The main loop never comes back"],
     ["Hard fault", "program hard-fault", "The core meets what is no instruction"],
-    ["Panic", "program panic", "The program indexes out of bounds"],
+    ["Stack overflow", "program stack-overflow", "The stack grows into the statics"],
   ]],
   ["Cable and flash", [
     ["Pull the cable", "usb out", "USB goes away"],

@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use ::rig::action::{Action, HELP};
 use ::rig::bno055::FaultKind;
-use anyhow::{Context, Result, anyhow, bail};
+use anyhow::{Context, Result, anyhow};
 use serde_json::{Value, json};
 use tokio::time::{sleep, timeout};
 
@@ -35,11 +35,7 @@ impl RigSocket {
     pub async fn act(self, action: &str) -> Result<Value> {
         let path = self.0.context("this port is no virtual rig")?;
         let answer = timeout(PATIENCE, ask(&path, action)).await;
-        let answer = answer.context("the rig does not answer")??;
-        match answer["error"].as_str() {
-            Some(error) => bail!("{error}"),
-            None => Ok(answer),
-        }
+        answer.context("the rig does not answer")?
     }
 
     /// Keeps in the model how the rig is, for ever.
@@ -75,18 +71,22 @@ pub fn vocabulary() -> Value {
 
 #[cfg(unix)]
 async fn ask(path: &Path, action: &str) -> Result<Value> {
-    use tokio::io::{AsyncBufReadExt, AsyncWriteExt, BufReader};
+    use crate::flight::rig::answer;
+    use crate::input::ANSWER;
+    use tokio::io::{AsyncBufReadExt, AsyncReadExt, AsyncWriteExt, BufReader};
     use tokio::net::UnixStream;
 
     let stream = UnixStream::connect(path).await;
     let mut stream = stream.context("no rig that can be acted on is at this port")?;
     stream.write_all(format!("{action}\n").as_bytes()).await?;
-    let mut answer = String::new();
-    BufReader::new(stream).read_line(&mut answer).await?;
-    Ok(serde_json::from_str(&answer)?)
+    let mut line = String::new();
+    BufReader::new(stream.take(ANSWER))
+        .read_line(&mut line)
+        .await?;
+    answer(&line)
 }
 
 #[cfg(not(unix))]
 async fn ask(_path: &Path, _action: &str) -> Result<Value> {
-    bail!("this port is no virtual rig")
+    anyhow::bail!("this port is no virtual rig")
 }

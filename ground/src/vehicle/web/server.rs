@@ -32,14 +32,18 @@ use hyper::{HeaderMap, Method, Request, Response, StatusCode, http::response::Bu
 use hyper_util::rt::{TokioIo, TokioTimer};
 use percent_encoding::percent_decode_str;
 use serde_json::json;
-use tokio::net::{TcpListener, TcpStream};
+use tokio::io::{AsyncRead, AsyncWrite};
+use tokio::net::TcpListener;
 use tokio::time::{sleep, timeout};
 use tokio_tungstenite::tungstenite::handshake::derive_accept_key;
 
 use super::auth::is_own_host;
 use super::desk::Desk;
 use super::strangers::Strangers;
+use super::visitor::Visitor;
 use super::{logs, rig, socket};
+use crate::input;
+use crate::vehicle::admission::Admission;
 
 /// Time for a request's head.
 const HEAD: Duration = Duration::from_secs(2);
@@ -113,12 +117,15 @@ const HEADERS: [(HeaderName, &str); 6] = [
 type Answer = Response<Full<Bytes>>;
 
 /// Answers requests for ever.
-pub async fn serve(listener: TcpListener, desk: Arc<Desk>) -> Infallible {
+pub async fn serve(listener: TcpListener, desk: Arc<Desk>, admission: &Admission) -> Infallible {
     let strangers = Arc::new(Strangers::default());
     loop {
         match listener.accept().await {
-            Ok((stream, _)) => {
-                let exchange = exchange(stream, desk.clone(), strangers.clone());
+            Ok((stream, from)) => {
+                // Without it the system delays small messages.
+                let _ = stream.set_nodelay(true);
+                let visitor = Visitor::of(from.ip(), admission);
+                let exchange = exchange(stream, visitor, desk.clone(), strangers.clone());
                 strangers.add(tokio::spawn(exchange).abort_handle());
             }
             // No descriptor is left, or the other side has gone already.
@@ -131,10 +138,13 @@ pub async fn serve(listener: TcpListener, desk: Arc<Desk>) -> Infallible {
 }
 
 /// One connection: a request and its answer.
-async fn exchange(stream: TcpStream, desk: Arc<Desk>, strangers: Arc<Strangers>) {
-    // Without it the system delays small messages.
-    let _ = stream.set_nodelay(true);
-    let service = service_fn(|request| answer(request, desk.clone(), strangers.clone()));
+pub async fn exchange(
+    stream: impl AsyncRead + AsyncWrite + Unpin + Send + 'static,
+    visitor: Visitor,
+    desk: Arc<Desk>,
+    strangers: Arc<Strangers>,
+) {
+    let service = service_fn(|request| answer(request, visitor, desk.clone(), strangers.clone()));
     let mut connection = http1::Builder::new()
         .timer(TokioTimer::new())
         .header_read_timeout(HEAD)
@@ -149,6 +159,7 @@ async fn exchange(stream: TcpStream, desk: Arc<Desk>, strangers: Arc<Strangers>)
 
 async fn answer(
     request: Request<Incoming>,
+    visitor: Visitor,
     desk: Arc<Desk>,
     strangers: Arc<Strangers>,
 ) -> hyper::http::Result<Answer> {
@@ -167,7 +178,7 @@ async fn answer(
                 respond(StatusCode::CONFLICT, JSON, error.to_string())
             }
         },
-        (&Method::GET, "/page") => open(request, desk, strangers),
+        (&Method::GET, "/page") => open(request, visitor, desk, strangers),
         (&Method::GET, "/rig.json") => respond(StatusCode::OK, JSON, rig::vocabulary().to_string()),
         (&Method::GET, path) if path == "/logs" || folder_and_name(path).is_some() => {
             if !is_authorised(head, &desk) {
@@ -197,6 +208,7 @@ async fn answer(
 /// Opens a page's WebSocket.
 fn open(
     mut request: Request<Incoming>,
+    visitor: Visitor,
     desk: Arc<Desk>,
     strangers: Arc<Strangers>,
 ) -> hyper::http::Result<Answer> {
@@ -214,7 +226,7 @@ fn open(
     let others = strangers.clone();
     let task = tokio::spawn(async move {
         if let Ok(Ok(stream)) = timeout(HEAD, upgrade).await {
-            socket::run(TokioIo::new(stream), &desk, &others).await;
+            socket::run(TokioIo::new(stream), visitor, &desk, &others).await;
         }
     });
     strangers.add(task.abort_handle());
@@ -251,7 +263,7 @@ fn recordings(desk: &Desk, path: &str) -> Result<(&'static str, Vec<u8>)> {
         let _one = desk.reading.lock();
         return Ok((HTML, logs::report_page(&desk.logs, &name)?.into_bytes()));
     }
-    let bytes = std::fs::read(logs::find(&desk.logs, &name)?)?;
+    let bytes = input::bytes(&logs::find(&desk.logs, &name)?, input::LOG)?;
     Ok(("application/octet-stream", bytes))
 }
 

@@ -26,6 +26,7 @@ use tokio_tungstenite::tungstenite::protocol::{
 use super::desk::{Desk, Message};
 use super::model::{Seen, Update};
 use super::strangers::Strangers;
+use super::visitor::Visitor;
 
 /// Time between two messages to the page.
 const PERIOD: Duration = Duration::from_millis(20);
@@ -60,7 +61,12 @@ struct News {
 type Socket = WebSocketStream<TokioIo<Upgraded>>;
 
 /// Serves a page until it goes away.
-pub async fn run(stream: TokioIo<Upgraded>, desk: &Arc<Desk>, strangers: &Strangers) {
+pub async fn run(
+    stream: TokioIo<Upgraded>,
+    visitor: Visitor,
+    desk: &Arc<Desk>,
+    strangers: &Strangers,
+) {
     let limits = WebSocketConfig::default()
         .read_buffer_size(LONGEST)
         .max_message_size(Some(LONGEST))
@@ -74,7 +80,7 @@ pub async fn run(stream: TokioIo<Upgraded>, desk: &Arc<Desk>, strangers: &Strang
     };
     strangers.forget(tokio::task::id());
     // That the page has gone is no error.
-    let _ = serve(&mut socket, desk).await;
+    let _ = serve(&mut socket, visitor, desk).await;
 }
 
 /// Whether the page begins with the token.
@@ -101,7 +107,7 @@ async fn close(mut socket: Socket, code: u16, reason: &'static str) {
     let _ = timeout(GONE, socket.close(Some(reason))).await;
 }
 
-async fn serve(socket: &mut Socket, desk: &Arc<Desk>) -> Result<()> {
+async fn serve(socket: &mut Socket, visitor: Visitor, desk: &Arc<Desk>) -> Result<()> {
     let mut seen = Seen::default();
     let mut answers = FuturesUnordered::new();
     let mut heard = Instant::now();
@@ -122,7 +128,10 @@ async fn serve(socket: &mut Socket, desk: &Arc<Desk>) -> Result<()> {
                 // Beyond that other STOPs wait for the same answer.
                 let most = if message.is_stop() { 2 * ORDERS } else { ORDERS };
                 let id = message.id;
-                if answers.len() < most {
+                if let Err(refusal) = visitor.admit(&message) {
+                    let answer = json!({ "id": id, "error": format!("{refusal:#}") });
+                    send(socket, Frame::text(answer.to_string())).await?;
+                } else if answers.len() < most {
                     let outcome = desk.give(message);
                     answers.push(async move { (id, outcome.await) });
                 } else {

@@ -91,6 +91,15 @@ pub fn run(
     Ok(())
 }
 
+/// A vehicle that sends what comes by this link until it ends: for the fuzzer.
+#[cfg(test)]
+pub fn hear(link: Link, model: &Model) {
+    let (_keep, asks) = super::handle::Handle::new();
+    let mut session = Session::new(link, model, Path::new("."));
+    while session.turn(&asks).is_ok() {}
+    session.publish_status();
+}
+
 /// Publishes that there is no port.
 fn publish_absence(model: &Model, problem: &str) {
     let mut state = model.lock();

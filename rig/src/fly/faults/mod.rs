@@ -1,11 +1,12 @@
-//! The campaign of faults: everything that a sensor and its cable do wrong, at random instants of a
-//! flight.
+//! The campaign of faults: everything that a sensor and its cable do wrong, and what chip, program
+//! and host do beyond that ([`SystemKind`]), at random instants of a flight.
 //!
 //! One flight is flown without a fault, with snapshots of the whole rig every 40 ms. Every run
 //! continues from a copy of one of them to its own instant, switches its fault on for 5 to 500 ms
-//! (a glitch for 4 to 40 ms), and watches for 0.7 s more. A run is judged by what can be seen from
-//! outside: the pulses on the servos' wires, the drone's true tilt, and the state that the firmware
-//! reports. How a run ends:
+//! (a glitch for 4 to 40 ms), and watches for 0.7 s more (1.7 s beyond the sensor, for a reset
+//! takes half a second in the bootloader). A run is judged by what can be seen from outside: the
+//! pulses on the servos' wires, the drone's true tilt, and the state that the firmware reports. How
+//! a run ends:
 //!
 //! | ending | means |
 //! |---|---|
@@ -20,20 +21,45 @@
 //! once. The time ends with the rising edge of the first neutral pulse, or with the next such step;
 //! for a fault that stays it is the time from the fault to the neutral pulse. It counts whether or
 //! not the firmware noticed that its data were wrong.
+//!
+//! # Beyond the sensor
+//! There the data are good and what becomes of them may be wrong. A rudder is *driven wrongly* by a
+//! pulse that is neither neutral nor near that of the flight without the fault (100 us, some 10
+//! degrees of crank), while the drone is on that flight's course; or, off it by more than 0.05 rad,
+//! by one that pushes it farther away. More than 200 ms of that without a break are unsafe. A servo
+//! without pulses is not driven, but keeps the angle that it had: a run without a pulse for longer
+//! than watchdog and bootloader take together is unsafe too, unless the last one was neutral. How a
+//! run ends:
+//!
+//! | ending | means |
+//! |---|---|
+//! | recovered | control is active at the end |
+//! | neutral | control is not, and the last pulses are neutral |
+//! | restarted | the same behind a reset of the chip |
+//! | unmodelled | the program, as the fault has left it, does what the emulated chip does not model |
+//! | unsafe | driven wrongly for too long; or no pulses at the end, or some that are not neutral in a state without control |
+//!
+//! A run is *noticed* if the firmware said so: by its state, a text, or a reset with a reason. It
+//! is *harmless* if it was not, and all pulses were those of the flight without the fault, to
+//! within 2 us.
 
 mod judge;
+mod system;
 
 pub use judge::{Ending, Outcome, Unsafe, neutral_us};
+pub use system::{SystemKind, valid_frame};
 
 use crate::bno055::{Fault, FaultKind};
 use crate::fly::flight::{FlightError, Ready};
-use crate::observe::ground_truth::Motion;
+use crate::observe::ground_truth::{GroundTruth, Motion, Pulse};
 use crate::random::{Stream, generator};
 use client::StateKind;
-use judge::{Rudder, Run, judge};
+use judge::{Rudder, Run, SystemRun, judge, judge_system};
 use rand::Rng;
 use samd21::board::Ticks;
+use std::fmt;
 use std::ops::RangeInclusive;
+use std::str::FromStr;
 use tvc_nano::{Axis, Params};
 
 /// Longest time for which a rudder may be off neutral without valid data.
@@ -67,6 +93,15 @@ pub const GLITCHES: [FaultKind; 5] = [
 ];
 /// Time for which a run is watched after its fault.
 const WATCHED: Ticks = Ticks::from_ms(700);
+/// The same for a fault beyond the sensor.
+const SYSTEM_WATCHED: Ticks = Ticks::from_ms(1700);
+/// What the bootloader takes, and the start of the image behind it.
+const RESTART: Ticks = Ticks::from_ms(700);
+/// Longest time for which a rudder may be driven wrongly.
+pub const WRONG_LIMIT: Ticks = Ticks::from_ms(200);
+/// Longest time without a pulse behind one that was not neutral: the watchdog's time-out, the
+/// bootloader's half second and the start.
+pub const SILENCE_LIMIT: Ticks = Ticks::from_ms(800);
 
 /// A flight without a fault, with snapshots to fork from.
 pub struct Campaign {
@@ -79,13 +114,68 @@ pub struct Campaign {
     snapshots: Vec<Ready>,
     /// The true motion of the whole flight.
     motion: Vec<Motion>,
+    /// Its pulses, by axis.
+    pulses: [Vec<Pulse>; Axis::COUNT],
+}
+
+/// What fails in a run.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Kind {
+    /// The sensor or its cable.
+    Sensor(FaultKind),
+    /// The chip, its program or its host.
+    System(SystemKind),
+}
+
+impl Kind {
+    /// All of them, those of the sensor first.
+    pub fn all() -> Vec<Self> {
+        let sensor = FaultKind::ALL.into_iter().map(Self::Sensor);
+        let system = SystemKind::ALL.into_iter().map(Self::System);
+        sensor.chain(system).collect()
+    }
+
+    /// Its name on the command line, in files and in tables.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Sensor(kind) => kind.name(),
+            Self::System(kind) => kind.name(),
+        }
+    }
+
+    /// Its place among all.
+    fn index(self) -> u64 {
+        match self {
+            Self::Sensor(kind) => kind as u64,
+            Self::System(kind) => FaultKind::ALL.len() as u64 + kind as u64,
+        }
+    }
+}
+
+impl fmt::Display for Kind {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
+    }
+}
+
+impl FromStr for Kind {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let all = Self::all();
+        let found = all.iter().find(|kind| kind.name() == text);
+        found.copied().ok_or_else(|| {
+            let names: Vec<_> = all.iter().map(|kind| kind.name()).collect();
+            format!("there is no fault {text}; there are {}", names.join(", "))
+        })
+    }
 }
 
 /// A run of the campaign; kind and number decide its fault, instant and length.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Case {
     /// What fails.
-    pub kind: FaultKind,
+    pub kind: Kind,
     /// Number of the run among those of this kind.
     pub number: u32,
 }
@@ -121,7 +211,8 @@ impl Campaign {
             snapshots.push(base.clone());
             base.station.run(&mut base.rig, SNAPSHOTS)?;
         }
-        let rest = Ticks::from_secs_f64(LONGEST_MS / 1e3) + WATCHED + SNAPSHOTS;
+        let watched = SYSTEM_WATCHED + RESTART + SNAPSHOTS;
+        let rest = Ticks::from_secs_f64(LONGEST_MS / 1e3) + watched;
         base.station.run(&mut base.rig, rest)?;
         // It must still be in control: this does not wait.
         let Ready { rig, station, .. } = &mut base;
@@ -134,6 +225,7 @@ impl Campaign {
             released,
             snapshots,
             motion: base.rig.truth().motion.clone(),
+            pulses: Axis::ALL.map(|axis| base.rig.truth().pulses_of(axis).to_vec()),
         })
     }
 
@@ -153,7 +245,7 @@ impl Campaign {
     /// The rig stopped: the chip did something that its model does not cover.
     pub fn run(&self, case: Case) -> Result<Outcome, FlightError> {
         let mut dice = generator(
-            self.seed ^ (case.kind as u64) << 48 ^ u64::from(case.number) << 16,
+            self.seed ^ case.kind.index() << 48 ^ u64::from(case.number) << 16,
             Stream::Campaign,
         );
         let at = self.released + Ticks(dice.random_range(EARLIEST.0..LATEST.0));
@@ -161,54 +253,169 @@ impl Campaign {
         let (shortest_ms, longest_ms) = (lasting_ms.start(), lasting_ms.end());
         let octaves = (longest_ms / shortest_ms).ln() * dice.random_range(0.0..1.0);
         let lasted = Ticks::from_secs_f64(shortest_ms / 1e3 * f64::exp(octaves));
-        let mut fault = case.kind.draw(&mut dice);
-        if self.glitches
-            && let Fault::Naks { probability } = &mut fault
-        {
-            *probability = 1.0;
-        }
 
         let after = self.snapshots.partition_point(|s| s.rig.now() <= at);
         let mut fork = self.snapshots[after.saturating_sub(1)].clone();
         let Ready { rig, station, .. } = &mut fork;
         station.run(rig, at.saturating_sub(rig.now()))?;
-        let before = Axis::ALL.map(|axis| rig.truth().pulses_of(axis).last().copied());
-        let resets = rig.resets().len();
+        let begun = Begun {
+            before: Axis::ALL.map(|axis| rig.truth().pulses_of(axis).last().copied()),
+            resets: rig.resets().len(),
+            at: rig.now(),
+            lasted,
+        };
         rig.environment_mut().truth_mut().clear();
-        let injected = rig.now();
+        match case.kind {
+            Kind::Sensor(kind) => {
+                let mut fault = kind.draw(&mut dice);
+                if self.glitches
+                    && let Fault::Naks { probability } = &mut fault
+                {
+                    *probability = 1.0;
+                }
+                self.run_sensor(case, fork, &begun, fault)
+            }
+            Kind::System(kind) => {
+                let mut what = String::new();
+                match self.run_system(case, kind, &mut fork, &begun, &mut dice, &mut what) {
+                    Err(FlightError::Rig(stopped)) => Ok(self.outcome(
+                        case,
+                        &begun,
+                        what,
+                        Ending::Unmodelled(stopped.to_string()),
+                        &fork,
+                    )),
+                    other => other,
+                }
+            }
+        }
+    }
+
+    fn run_sensor(
+        &self,
+        case: Case,
+        mut fork: Ready,
+        begun: &Begun,
+        fault: Fault,
+    ) -> Result<Outcome, FlightError> {
+        let Ready { rig, station, .. } = &mut fork;
         rig.inject(fault);
-        station.run(rig, lasted)?;
+        station.run(rig, begun.lasted)?;
         rig.clear(fault);
         station.run(rig, WATCHED)?;
 
         let truth = rig.truth();
         let (ending, unguarded) = judge(&Run {
-            injected,
+            injected: begun.at,
             frame: self.frame,
-            rudders: self
+            rudders: self.rudders(begun, truth),
+            truth,
+            reference: &self.motion,
+            heartbeats: &station.received().heartbeats,
+            reset: rig.resets().len() > begun.resets,
+        });
+        Ok(Outcome {
+            unguarded_ms: unguarded.as_us_f64() / 1e3,
+            noticed: ending == Ending::Neutral,
+            ..self.outcome(case, begun, format!("{fault:?}"), ending, &fork)
+        })
+    }
+
+    fn run_system(
+        &self,
+        case: Case,
+        kind: SystemKind,
+        fork: &mut Ready,
+        begun: &Begun,
+        dice: &mut impl Rng,
+        what: &mut String,
+    ) -> Result<Outcome, FlightError> {
+        let told = fork.station.received().texts.len();
+        let fault = system::begin(kind, fork, dice)?;
+        what.clone_from(&fault.what);
+        let Ready { rig, station, .. } = fork;
+        let (end, mut millisecond) = (rig.now() + begun.lasted, 0);
+        while rig.now() < end {
+            fault.act(millisecond, rig, dice);
+            station.run(rig, system::HOST_PERIOD)?;
+            millisecond += 1;
+        }
+        fault.end(rig);
+        station.run(rig, SYSTEM_WATCHED)?;
+        // A reset may have come late.
+        let last = rig.resets().last().map_or(Ticks::ZERO, |(at, _)| *at);
+        station.run(rig, (last + RESTART).saturating_sub(rig.now()))?;
+
+        let truth = rig.truth();
+        let verdict = judge_system(&SystemRun {
+            injected: begun.at,
+            frame: self.frame,
+            rudders: self.rudders(begun, truth),
+            reference_pulses: self
                 .neutral_us
                 .iter()
-                .map(|(axis, neutral_us)| Rudder {
-                    neutral_us: neutral_us.clone(),
-                    before: before[axis.index()],
-                    pulses: truth.pulses_of(*axis),
-                })
+                .map(|(axis, _)| self.pulses[axis.index()].as_slice())
                 .collect(),
             truth,
             reference: &self.motion,
             heartbeats: &station.received().heartbeats,
-            reset: rig.resets().len() > resets,
+            resets: &rig.resets()[begun.resets..],
+            given_up: rig.in_bootloader(),
+            commanded: kind.commands(),
         });
+        let told = station.received().texts.len() > told;
         Ok(Outcome {
-            case,
-            at_s: (injected - self.released).as_secs_f64(),
-            lasted_s: lasted.as_secs_f64(),
-            fault,
-            ending,
-            unguarded_ms: unguarded.as_us_f64() / 1e3,
-            said: station.last_text().unwrap_or_default().to_owned(),
+            wrong_ms: verdict.wrong.as_us_f64() / 1e3,
+            silent_ms: verdict.silent.as_us_f64() / 1e3,
+            noticed: verdict.noticed || told,
+            harmless: verdict.harmless && !told,
+            ..self.outcome(case, begun, fault.what, verdict.ending, fork)
         })
     }
+
+    fn rudders<'a>(&'a self, begun: &Begun, truth: &'a GroundTruth) -> Vec<Rudder<'a>> {
+        let rudder = |(axis, neutral_us): &(Axis, RangeInclusive<f64>)| Rudder {
+            axis: *axis,
+            neutral_us: neutral_us.clone(),
+            before: begun.before[axis.index()],
+            pulses: truth.pulses_of(*axis),
+        };
+        self.neutral_us.iter().map(rudder).collect()
+    }
+
+    fn outcome(
+        &self,
+        case: Case,
+        begun: &Begun,
+        fault: String,
+        ending: Ending,
+        fork: &Ready,
+    ) -> Outcome {
+        Outcome {
+            case,
+            at_s: (begun.at - self.released).as_secs_f64(),
+            lasted_s: begun.lasted.as_secs_f64(),
+            fault,
+            ending,
+            unguarded_ms: 0.0,
+            wrong_ms: 0.0,
+            silent_ms: 0.0,
+            noticed: false,
+            harmless: false,
+            said: fork.station.last_text().unwrap_or_default().to_owned(),
+        }
+    }
+}
+
+/// A run at the instant of its fault.
+struct Begun {
+    /// The last pulse of each axis.
+    before: [Option<Pulse>; Axis::COUNT],
+    /// Resets so far.
+    resets: usize,
+    at: Ticks,
+    /// How long the fault lasts.
+    lasted: Ticks,
 }
 
 /// The parameters that the image reports. A fork is asked, so that `ready` itself stays as it is.

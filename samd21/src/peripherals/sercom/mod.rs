@@ -122,6 +122,19 @@ impl Sercom {
         self.ctrla & ENABLE != 0
     }
 
+    /// A bit of a register flips: see [`upset`](crate::upset).
+    pub(crate) fn flip(&mut self, offset: u32, bit: u32) -> bool {
+        let mask = 1 << bit;
+        match offset {
+            0x00 if mask & (CTRLA_MODELLED & !MODE | ENABLE) != 0 => self.ctrla ^= mask,
+            0x0C => self.baud ^= mask,
+            0x14 => return self.interrupts.flip(mask),
+            0x24 if bit < 8 => self.address ^= mask as u8,
+            _ => return false,
+        }
+        true
+    }
+
     pub(crate) fn read(&mut self, now: Ticks, offset: u32, board: &dyn Board) -> Read {
         Ok(match offset {
             0x00 => self.ctrla | u32::from(self.sync.is_busy(now, busy::SWRST)),

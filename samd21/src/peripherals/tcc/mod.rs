@@ -225,6 +225,37 @@ impl Tcc {
         self.resume(now);
     }
 
+    /// A bit of a register flips: see [`upset`](crate::upset).
+    pub(crate) fn flip(&mut self, now: Ticks, offset: u32, bit: u32) -> bool {
+        let mask = 1 << bit;
+        match offset {
+            0x00 if mask & (ENABLE | 0x0700) != 0 => {
+                self.counter.halt(now);
+                self.ctrla ^= mask;
+                self.resume(now);
+                return true;
+            }
+            0x04 if mask & u32::from(LUPD | ONESHOT) != 0 => self.ctrlb ^= mask as u8,
+            0x28 => return self.interrupts.flip(mask),
+            0x3C if mask & WAVE_MODELLED != 0 && matches!((self.wave ^ mask) & 7, 0 | NPWM) => {
+                self.wave ^= mask;
+            }
+            0x40 if mask <= self.max => self.per ^= mask,
+            0x44..=0x50 if mask <= self.max => match self.channel(offset, 0x44) {
+                Ok(channel) => self.cc[channel] ^= mask,
+                Err(_) => return false,
+            },
+            0x6C if mask <= self.max => self.perb ^= mask,
+            0x70..=0x7C if mask <= self.max => match self.channel(offset, 0x70) {
+                Ok(channel) => self.ccb[channel] ^= mask,
+                Err(_) => return false,
+            },
+            _ => return false,
+        }
+        self.schedule(now);
+        true
+    }
+
     pub(crate) fn read(&self, now: Ticks, offset: u32) -> Read {
         Ok(match offset {
             0x00 => self.ctrla | u32::from(self.sync.is_busy(now, busy::SWRST)),

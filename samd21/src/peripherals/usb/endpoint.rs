@@ -100,6 +100,20 @@ impl Endpoint {
         }
     }
 
+    /// A bit of a register flips. A type that is not modelled is as none.
+    pub(super) fn flip(&mut self, offset: u32, bit: u32) -> bool {
+        match offset {
+            0x00 if bit < 8 => {
+                let known = |kind| if kind == 2 || kind > 4 { 0 } else { kind };
+                let config = self.config ^ 1 << bit;
+                self.configure(known(config & 7) | known(config >> 4 & 7) << 4);
+                true
+            }
+            0x08 => self.interrupts.flip(1 << bit),
+            _ => false,
+        }
+    }
+
     pub(super) fn read(&self, offset: u32) -> Read {
         match offset {
             0x00 => Ok(u32::from(self.config)),

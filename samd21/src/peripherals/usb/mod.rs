@@ -163,6 +163,24 @@ impl Usb {
         })
     }
 
+    /// A bit of a register flips: see [`upset`](crate::upset).
+    pub(crate) fn flip(&mut self, offset: u32, bit: u32) -> bool {
+        let mask = 1_u32 << bit;
+        match offset {
+            0x00 if mask == u32::from(ENABLE) => self.ctrla ^= ENABLE,
+            0x08 if mask == u32::from(DETACH) => self.ctrlb ^= DETACH,
+            0x08 if (16..24).contains(&bit) => self.address ^= (mask >> 16) as u8,
+            0x18 => return self.interrupts.flip(mask),
+            0x24 => self.descriptors ^= mask & !3,
+            0x100..0x200 => {
+                let endpoint = &mut self.endpoints[((offset - 0x100) / 0x20) as usize];
+                return endpoint.flip(offset % 0x20, bit);
+            }
+            _ => return false,
+        }
+        true
+    }
+
     pub(crate) fn read(&self, now: Ticks, offset: u32) -> Read {
         Ok(match offset {
             0x00 => {

@@ -1,0 +1,142 @@
+//! What `tvc faults` takes.
+
+use std::path::PathBuf;
+
+use clap::{Args, Subcommand};
+use rig::faults::Kind;
+
+use crate::arguments::shard;
+use crate::flight::hardware::HardwareChoice;
+use crate::flight::vehicle::VehicleKind;
+use crate::image::ImageOption;
+use crate::out::kind;
+
+/// Options of `tvc faults`.
+#[derive(Debug, Args)]
+#[command(
+    args_conflicts_with_subcommands = true,
+    after_help = "\
+Examples:
+  cargo tvc faults                                    every fault, 50 instants each
+  cargo tvc faults --runs 10000 --json > faults.json  the long campaign, for a script
+  cargo tvc faults --kind sda-stuck --kind ram-stack  two of them
+  cargo tvc faults --glitches                         short ones of the cable: all but 1 % ridden out
+  cargo tvc faults --vehicle drone2                   both rudders of the two-axis drone
+  cargo tvc faults --runs 10000 --shard 3/16 --out part3.csv
+  cargo tvc faults merge part*.csv                    what many shards add up to
+  cargo tvc faults replay report/faults/unsafe-1.toml one unsafe run again
+
+A run with a fault of the sensor or its cable is safe if the drone is back on course with control
+active (recovered), or if the firmware is in failsafe (neutral); in both cases without a missing or
+wild pulse, without a reset, and with the rudder never off neutral for more than 150 ms without
+valid data. A run with any other fault (of memory, registers, clocks, interrupts, program, supply or
+host) is safe if the rudder is never driven wrongly for more than 200 ms, and is under control or at
+neutral at the end, behind a reset too (restarted). Everything else is unsafe. The same seed gives
+the same runs.
+
+Exit status: 0 no unsafe run (and 99 % of glitches ridden out), 1 at least one or something failed,
+2 unusable input."
+)]
+pub struct Faults {
+    /// What else can be done with campaigns.
+    #[command(subcommand)]
+    pub command: Option<FaultsCommand>,
+
+    /// Runs in all, as many of each fault [default: 50 of each].
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=10_000_000))]
+    pub runs: Option<u32>,
+
+    /// What hangs on the rig.
+    #[arg(long, value_enum, default_value_t)]
+    pub vehicle: VehicleKind,
+
+    /// Only this fault; can be given several times [default: all].
+    #[arg(long, value_name = "KIND", num_args = 1..)]
+    pub kind: Vec<Kind>,
+
+    /// Glitches of the cable instead: 4 to 40 ms without acknowledge, with a line held, all ones or
+    /// a stretched clock. At least 99 % must be ridden out with control active.
+    #[arg(long, conflicts_with = "kind")]
+    pub glitches: bool,
+
+    /// Seed of all that is random: the sensor, and every run's instant, length and strength.
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    pub seed: u64,
+
+    /// What the emulated parts are like.
+    #[command(flatten)]
+    pub hardware: HardwareChoice,
+
+    /// Carry out only part I of N of the campaign, counted from 1.
+    #[arg(long, value_name = "I/N", value_parser = shard)]
+    pub shard: Option<(u64, u64)>,
+
+    /// Where to write a row for each run, which `merge` takes.
+    #[arg(long, value_name = "FILE.csv", value_parser = kind::table)]
+    pub out: Option<PathBuf>,
+
+    /// Folder for the unsafe runs, as files that `replay` takes.
+    #[arg(long, value_name = "FOLDER", default_value = "report/faults")]
+    pub unsafe_runs: PathBuf,
+
+    /// Runs at a time [default: one for each processor core].
+    #[arg(long, value_name = "J", value_parser = clap::value_parser!(u16).range(1..=256))]
+    pub jobs: Option<u16>,
+
+    /// Which image.
+    #[command(flatten)]
+    pub image: ImageOption,
+
+    /// Where to write the HTML report: every run, how it ended, by kind and by instant.
+    #[arg(long, value_name = "FILE.html", default_value = "report/faults.html", value_parser = kind::page)]
+    pub report: PathBuf,
+
+    /// Print one JSON object on standard output and nothing else there.
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// What else can be done with campaigns.
+#[derive(Debug, Subcommand)]
+pub enum FaultsCommand {
+    /// Join the tables of shards and say what they add up to.
+    Merge(Merge),
+    /// Carry out one run again from its file.
+    Replay(Replay),
+}
+
+/// Options of `tvc faults merge`.
+#[derive(Debug, Args)]
+pub struct Merge {
+    /// Tables that `--out` wrote.
+    #[arg(required = true, value_name = "FILE.csv")]
+    pub files: Vec<PathBuf>,
+
+    /// Where to write all rows, by kind and number.
+    #[arg(long, value_name = "FILE.csv", value_parser = kind::table)]
+    pub out: Option<PathBuf>,
+
+    /// Where to write the HTML report.
+    #[arg(long, value_name = "FILE.html", default_value = "report/faults.html", value_parser = kind::page)]
+    pub report: PathBuf,
+
+    /// Print one JSON object on standard output and nothing else there.
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// Options of `tvc faults replay`.
+#[derive(Debug, Args)]
+pub struct Replay {
+    /// A run, as the campaign wrote it.
+    #[arg(value_name = "FILE.toml")]
+    pub file: PathBuf,
+
+    /// Which image.
+    #[command(flatten)]
+    pub image: ImageOption,
+
+    /// Print one JSON object on standard output and nothing else there.
+    #[arg(long)]
+    pub json: bool,
+}

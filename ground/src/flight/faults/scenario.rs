@@ -1,0 +1,93 @@
+//! One run as a file from which it can be carried out again.
+
+use std::path::{Path, PathBuf};
+
+use anyhow::Result;
+use rig::bench::Hardware;
+use rig::faults::{Case, GLITCHES, Kind};
+use serde::{Deserialize, Serialize};
+
+use super::options::Faults;
+use super::table::Row;
+use crate::flight::vehicle::VehicleKind;
+use crate::input;
+use crate::out::exit::BadInput;
+use crate::out::file::write_whole;
+
+/// All that is needed to carry out a run again, with the image.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Scenario {
+    /// Seed of the campaign.
+    pub seed: u64,
+    /// The vehicle, by its name on the command line.
+    pub vehicle: String,
+    /// What the emulated parts are like, as `--hardware` takes it.
+    pub hardware: String,
+    /// The run is one of a campaign of glitches.
+    pub glitches: bool,
+    /// What fails.
+    pub kind: String,
+    /// Number of the run among those of this kind.
+    pub number: u32,
+}
+
+impl Scenario {
+    /// A run of a campaign.
+    pub fn new(options: &Faults, row: &Row) -> Self {
+        Self {
+            seed: row.seed,
+            vehicle: row.vehicle.clone(),
+            hardware: options.hardware.text(),
+            glitches: options.glitches,
+            kind: row.kind.clone(),
+            number: row.number,
+        }
+    }
+
+    /// Writes the file, with what became of the run as a comment.
+    ///
+    /// # Errors
+    /// The file cannot be written.
+    pub fn write(&self, folder: &Path, place: usize, row: &Row) -> Result<PathBuf> {
+        let path = folder.join(format!("unsafe-{place}.toml"));
+        let text = format!(
+            "# {}\n# {}\n# Again, with the same image: tvc faults replay FILE\n\n{}",
+            row.story().replace('\n', " "),
+            row.why,
+            toml::to_string(self)?
+        );
+        write_whole(&path, text.as_bytes())?;
+        Ok(path)
+    }
+
+    /// Reads a file.
+    ///
+    /// # Errors
+    /// It cannot be read, or does not say what a run needs.
+    pub fn read(path: &Path) -> Result<(Self, VehicleKind, Case), BadInput> {
+        let text = input::text(path).map_err(|error| error.to_string());
+        let read = text.and_then(|text| Self::parse(&text));
+        read.map_err(|error| BadInput::new(format!("{}: {error}", path.display())))
+    }
+
+    /// Reads the text of a file.
+    ///
+    /// # Errors
+    /// What is wrong with it.
+    pub fn parse(text: &str) -> Result<(Self, VehicleKind, Case), String> {
+        let scenario: Self = toml::from_str(text).map_err(|error| error.to_string())?;
+        let kind: Kind = scenario.kind.parse()?;
+        scenario.hardware.parse::<Hardware>()?;
+        let vehicle = VehicleKind::DRONES
+            .into_iter()
+            .find(|vehicle| vehicle.name() == scenario.vehicle)
+            .ok_or_else(|| format!("there is no vehicle {}", scenario.vehicle))?;
+        let is_glitch = matches!(kind, Kind::Sensor(kind) if GLITCHES.contains(&kind));
+        if scenario.glitches && !is_glitch {
+            return Err(format!("{kind} is no glitch of the cable"));
+        }
+        let number = scenario.number;
+        Ok((scenario, vehicle, Case { kind, number }))
+    }
+}

@@ -1,0 +1,93 @@
+//! What a campaign adds up to.
+
+use rig::faults::{DEADLINE, Kind, WRONG_LIMIT};
+
+use super::table::{End, Row};
+use crate::out::measure::Limit::{AtLeast, AtMost};
+use crate::out::measure::{Figure, Figures, figure, rows};
+
+/// All figures; `all` is not empty. Of `glitches` 99 % must be ridden out.
+pub fn figures(all: &[Row], glitches: bool, wall_s: Option<f64>) -> Figures {
+    let share = |is_one: &dyn Fn(&Row) -> bool, among: &dyn Fn(&Row) -> bool| {
+        let among = all.iter().filter(|row| among(row));
+        let (mut runs, mut count) = (0_u32, 0_u32);
+        for row in among {
+            runs += 1;
+            count += u32::from(is_one(row));
+        }
+        (runs > 0).then(|| 100.0 * f64::from(count) / f64::from(runs))
+    };
+    let any = |_: &Row| true;
+    let upset = |row: &Row| matches!(row.kind(), Some(Kind::System(kind)) if kind.is_upset());
+    let mut recovered = figure(
+        "recovered_pct",
+        share(&|row| row.end == End::Recovered, &any),
+    )
+    .shown("recovered", "%", 1);
+    if glitches {
+        recovered = recovered.limit(AtLeast(99.0));
+    }
+    let mut kinds: Vec<Kind> = all.iter().filter_map(Row::kind).collect();
+    kinds.sort_unstable();
+    kinds.dedup();
+    let [seed, vehicle] = all.first().map_or_else(Default::default, |row| {
+        [row.seed.to_string(), row.vehicle.clone()]
+    });
+    let seed: u64 = seed.parse().unwrap_or_default();
+    let limit =
+        |key, label, ticks: rig::Ticks| figure(key, ticks.as_us_f64() / 1e3).shown(label, "ms", 0);
+    let upsets = [
+        figure("upset_noticed_pct", share(&|row| row.noticed, &upset))
+            .shown("flipped bits and peripherals: noticed", "%", 1)
+            .or("none flown"),
+        figure("upset_harmless_pct", share(&|row| row.harmless, &upset))
+            .shown("flipped bits and peripherals: harmless", "%", 1)
+            .or("none flown"),
+    ];
+    let figures = [
+        figure("vehicle", vehicle).shown("vehicle", "", 0),
+        figure("seed", seed).shown("seed", "", 0),
+        figure("runs", all.len()).shown("runs", "", 0),
+        figure("kinds", kinds.len()).shown("kinds of faults", "", 0),
+        limit(
+            "deadline_ms",
+            "longest allowed off neutral without valid data",
+            DEADLINE,
+        ),
+        limit(
+            "wrong_limit_ms",
+            "longest allowed to be driven wrongly",
+            WRONG_LIMIT,
+        ),
+        rows("faults", kinds.iter().map(|kind| of_kind(*kind, all))),
+        recovered,
+    ];
+    let wall = wall_s.map(|wall_s| figure("wall_s", wall_s).shown("time that it took", "s", 1));
+    Figures::from(figures.into_iter().chain(upsets).chain(wall))
+}
+
+/// How one kind's runs ended.
+fn of_kind(kind: Kind, all: &[Row]) -> Vec<Figure> {
+    let runs = || all.iter().filter(|row| row.kind == kind.name());
+    let count = |key, is_one: &dyn Fn(&Row) -> bool| {
+        figure(key, runs().filter(|row| is_one(row)).count()).shown(key, "", 0)
+    };
+    let worst = |of: fn(&Row) -> f64| runs().map(of).fold(0.0, f64::max);
+    let mut row = vec![
+        figure("kind", kind.name()).shown("fault", "", 0),
+        count("runs", &|_| true),
+    ];
+    for (end, name) in End::ALL {
+        let counted = count(name, &|row| row.end == end);
+        row.push(if end == End::Unsafe {
+            counted.limit(AtMost(0.0))
+        } else {
+            counted
+        });
+    }
+    row.push(count("noticed", &|row| row.noticed));
+    row.push(count("harmless", &|row| row.harmless));
+    row.push(figure("worst_ms", worst(Row::blind_ms)).shown("worst", "ms", 1));
+    row.push(figure("silent_ms", worst(|row| row.silent_ms)).shown("no pulses", "ms", 0));
+    row
+}

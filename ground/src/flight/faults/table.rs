@@ -1,0 +1,187 @@
+//! Runs as rows: in words and numbers, as a table of CSV, and the joining of the tables of shards.
+
+use std::path::Path;
+
+use anyhow::{Context, Result};
+use rig::faults::{Ending, Kind, Outcome};
+use serde::{Deserialize, Serialize};
+
+use crate::out::exit::BadInput;
+use crate::out::file::write_whole;
+
+/// How a run ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum End {
+    /// In control.
+    Recovered,
+    /// Without control, the rudder at neutral.
+    Neutral,
+    /// The same behind a reset.
+    Restarted,
+    /// None of these, or too late.
+    Unsafe,
+    /// The program, as the fault had left it, did what the emulated chip does not model.
+    Unmodelled,
+}
+
+impl End {
+    /// All of them, with the words of the tables.
+    pub const ALL: [(Self, &str); 5] = [
+        (Self::Recovered, "recovered"),
+        (Self::Neutral, "neutral"),
+        (Self::Restarted, "restarted"),
+        (Self::Unsafe, "unsafe"),
+        (Self::Unmodelled, "unmodelled"),
+    ];
+}
+
+/// A run: the campaign that it belongs to, what was drawn, and what became of it.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Row {
+    /// Seed of the campaign.
+    pub seed: u64,
+    /// The vehicle, by its name on the command line.
+    pub vehicle: String,
+    /// What fails.
+    pub kind: String,
+    /// Number of the run among those of this kind.
+    pub number: u32,
+    /// When the fault began, s after release.
+    pub at_s: f64,
+    /// How long it lasted, s.
+    pub lasted_s: f64,
+    /// What was switched on, in words.
+    pub fault: String,
+    /// How it ended.
+    pub end: End,
+    /// What was unsafe or is not modelled; empty for any other end.
+    pub why: String,
+    /// Longest time for which a rudder was off neutral without valid data, ms; 0 beyond the sensor.
+    pub unguarded_ms: f64,
+    /// Longest time for which a rudder was driven wrongly, ms; 0 for faults of the sensor.
+    pub wrong_ms: f64,
+    /// Longest time without a pulse behind one that was not neutral, ms; 0 for faults of the
+    /// sensor.
+    pub silent_ms: f64,
+    /// The firmware has told, or restarted with a reason.
+    pub noticed: bool,
+    /// Nothing was noticed, and no pulse was another than without the fault.
+    pub harmless: bool,
+    /// The firmware's last text.
+    pub said: String,
+}
+
+impl Row {
+    /// The row of a run.
+    pub fn new(seed: u64, vehicle: &str, outcome: &Outcome) -> Self {
+        let (end, why) = match outcome.ending {
+            Ending::Recovered => (End::Recovered, String::new()),
+            Ending::Neutral => (End::Neutral, String::new()),
+            Ending::Restarted => (End::Restarted, String::new()),
+            Ending::Unmodelled(ref what) => (End::Unmodelled, what.clone()),
+            Ending::Unsafe(why) => (End::Unsafe, why.to_string()),
+        };
+        Self {
+            seed,
+            vehicle: vehicle.into(),
+            kind: outcome.case.kind.name().into(),
+            number: outcome.case.number,
+            at_s: outcome.at_s,
+            lasted_s: outcome.lasted_s,
+            fault: outcome.fault.clone(),
+            end,
+            why,
+            unguarded_ms: outcome.unguarded_ms,
+            wrong_ms: outcome.wrong_ms,
+            silent_ms: outcome.silent_ms,
+            noticed: outcome.noticed,
+            harmless: outcome.harmless,
+            said: outcome.said.clone(),
+        }
+    }
+
+    /// The run in words.
+    pub fn story(&self) -> String {
+        let Self {
+            kind,
+            number,
+            fault,
+            at_s,
+            said,
+            ..
+        } = self;
+        let lasted_ms = self.lasted_s * 1e3;
+        format!(
+            "{kind} run {number}, {fault} at {at_s:.3} s for {lasted_ms:.0} ms, said last \"{said}\""
+        )
+    }
+
+    /// The longest time for which a rudder was off neutral that was not under control, ms.
+    pub fn blind_ms(&self) -> f64 {
+        self.unguarded_ms.max(self.wrong_ms)
+    }
+
+    /// Whether its times are times of a flight.
+    fn is_plausible(&self) -> bool {
+        let ms = [self.unguarded_ms, self.wrong_ms, self.silent_ms];
+        (0.0..=60.0).contains(&self.at_s)
+            // The page has it on a logarithmic axis.
+            && (1e-3..=60.0).contains(&self.lasted_s)
+            && ms.iter().all(|ms| (0.0..=60e3).contains(ms))
+    }
+
+    /// What fails; `None` for a kind that this version does not have.
+    pub fn kind(&self) -> Option<Kind> {
+        self.kind.parse().ok()
+    }
+}
+
+/// Writes the rows under a heading.
+///
+/// # Errors
+/// The file cannot be written.
+pub fn write(path: &Path, rows: &[Row]) -> Result<()> {
+    let mut writer = csv::Writer::from_writer(Vec::new());
+    for row in rows {
+        writer.serialize(row)?;
+    }
+    let bytes = writer.into_inner().context("the table")?;
+    write_whole(path, &bytes)
+}
+
+/// Joins tables by kind and number; a run that is in several counts once.
+///
+/// # Errors
+/// A file that is no table, or tables of different campaigns.
+pub fn merge(files: &[&Path]) -> Result<Vec<Row>> {
+    let mut all: Vec<Row> = Vec::new();
+    for path in files {
+        let bad =
+            |error: &dyn std::fmt::Display| BadInput::new(format!("{}: {error}", path.display()));
+        let mut reader = csv::Reader::from_path(path).map_err(|error| bad(&error))?;
+        for row in reader.deserialize::<Row>() {
+            let row = row.map_err(|error| bad(&error))?;
+            row.kind.parse::<Kind>().map_err(|error| bad(&error))?;
+            if !row.is_plausible() {
+                return Err(bad(&format!(
+                    "run {} of {} has a time that is none",
+                    row.number, row.kind
+                ))
+                .into());
+            }
+            if let Some(first) = all.first()
+                && (first.seed, &first.vehicle) != (row.seed, &row.vehicle)
+            {
+                return Err(bad(&"of another campaign: seed or vehicle differs").into());
+            }
+            all.push(row);
+        }
+    }
+    if all.is_empty() {
+        return Err(BadInput::new("no runs in these files").into());
+    }
+    all.sort_by_key(|row| (row.kind(), row.number));
+    all.dedup_by_key(|row| (row.kind(), row.number));
+    Ok(all)
+}

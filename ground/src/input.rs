@@ -1,0 +1,77 @@
+//! Files that are read whole: none is longer than such a file can be, so that what never ends, a
+//! device or a pipe, does not fill the memory.
+
+use std::fs::File;
+use std::io::{self, Read};
+use std::path::Path;
+
+/// Longest text, bytes: a hundred times what people write.
+pub const TEXT: u64 = 1 << 20;
+/// Longest image, bytes: with all of its debug information it has some megabytes.
+pub const IMAGE: u64 = 64 << 20;
+/// Longest log or recording, bytes: ten hours of everything that a vehicle tells.
+pub const LOG: u64 = 1 << 30;
+/// Longest answer of a rig, bytes.
+pub const ANSWER: u64 = 64 << 10;
+
+/// The text of a file.
+///
+/// # Errors
+/// It cannot be read, is no text, or is longer than [`TEXT`].
+pub fn text(path: &Path) -> io::Result<String> {
+    let no_text = |_| io::Error::other("it is no text");
+    String::from_utf8(bytes(path, TEXT)?).map_err(no_text)
+}
+
+/// The bytes of a file.
+///
+/// # Errors
+/// It cannot be read, or is longer than `longest`.
+pub fn bytes(path: &Path, longest: u64) -> io::Result<Vec<u8>> {
+    let file = File::open(path)?;
+    let about = file.metadata()?;
+    // A file that is known to be too long is not read at all.
+    if about.is_file() && about.len() > longest {
+        return Err(too_long(longest));
+    }
+    let mut bytes = Vec::new();
+    file.take(longest + 1).read_to_end(&mut bytes)?;
+    match bytes.len() as u64 > longest {
+        true => Err(too_long(longest)),
+        false => Ok(bytes),
+    }
+}
+
+fn too_long(longest: u64) -> io::Error {
+    io::Error::other(format!("it is too long, above {} MiB", longest >> 20))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_file_is_read_up_to_its_limit_and_refused_above() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("file");
+        std::fs::write(&path, b"12345").unwrap();
+        assert_eq!(bytes(&path, 5).unwrap(), b"12345");
+        assert!(
+            bytes(&path, 4)
+                .unwrap_err()
+                .to_string()
+                .contains("too long")
+        );
+        assert_eq!(text(&path).unwrap(), "12345");
+        std::fs::write(&path, [0xFF]).unwrap();
+        assert!(text(&path).unwrap_err().to_string().contains("no text"));
+        assert!(bytes(folder.path(), 5).is_err());
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn what_never_ends_is_refused() {
+        let refused = bytes(Path::new("/dev/zero"), TEXT).unwrap_err().to_string();
+        assert!(refused.contains("above 1 MiB"), "{refused}");
+    }
+}

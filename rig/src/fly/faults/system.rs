@@ -1,0 +1,508 @@
+//! Faults beyond the sensor: of the chip, of the program on it, and of the host.
+//!
+//! A flipped bit stays flipped: nothing ends it but the firmware or a reset, which restores what a
+//! reset restores. A line that sticks, a clock that is off and a host that misbehaves last as long
+//! as the fault does.
+
+use std::fmt;
+use std::str::FromStr;
+
+use client::{Wire, request};
+use rand::Rng;
+use rand::seq::IndexedRandom;
+use samd21::board::Ticks;
+use samd21::upset::core_registers;
+use tvc_nano::params::TABLE;
+use tvc_nano::store;
+
+use crate::fly::flight::{FlightError, Ready};
+use crate::rig::{ProgramEnd, Rig};
+
+macro_rules! system_kinds {
+    ($($(#[$doc:meta])* $kind:ident = $name:literal,)*) => {
+        /// A kind of fault beyond the sensor.
+        #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+        pub enum SystemKind {
+            $($(#[$doc])* $kind,)*
+        }
+
+        impl SystemKind {
+            /// All of them.
+            pub const ALL: [Self; [$($name),*].len()] = [$(Self::$kind),*];
+
+            /// Its name on the command line, in files and in tables.
+            pub fn name(self) -> &'static str {
+                match self {
+                    $(Self::$kind => $name,)*
+                }
+            }
+        }
+    };
+}
+
+system_kinds! {
+    /// A bit of the statics flips.
+    RamStatics = "ram-statics",
+    /// A bit of the stack that is in use flips.
+    RamStack = "ram-stack",
+    /// Up to eight bits of neighbouring words flip.
+    RamBurst = "ram-burst",
+    /// A bit of a register of the core flips while the program runs.
+    CoreRegister = "core-register",
+    /// A bit of the image in flash flips.
+    FlashImage = "flash-image",
+    /// A bit of the stored parameters flips, and the chip is reset.
+    FlashParameters = "flash-parameters",
+    /// A bit of the servo timer's registers flips.
+    TimerRegister = "timer-register",
+    /// A bit of the sensor bus' registers flips.
+    BusRegister = "bus-register",
+    /// A bit of a register of clocks and power flips.
+    ClockRegister = "clock-register",
+    /// A bit of a pin's registers flips.
+    PinRegister = "pin-register",
+    /// A bit of USB's registers flips.
+    UsbRegister = "usb-register",
+    /// A bit of the watchdog's registers flips.
+    WatchdogRegister = "watchdog-register",
+    /// A bit of SysTick or of the interrupt controller flips.
+    InterruptRegister = "interrupt-register",
+    /// An interrupt line is always high.
+    InterruptStorm = "interrupt-storm",
+    /// An interrupt line is always low.
+    InterruptLost = "interrupt-lost",
+    /// The main clock stops.
+    ClockStop = "clock-stop",
+    /// The main clock runs up to 10 % too fast or too slow.
+    ClockJump = "clock-jump",
+    /// The program hangs, and interrupts go on.
+    Hang = "hang",
+    /// The program hangs with interrupts held off.
+    HangMasked = "hang-masked",
+    /// The program meets what is no instruction.
+    HardFault = "hard-fault",
+    /// The stack grows into the statics.
+    StackOverflow = "stack-overflow",
+    /// The supply dips, and the chip is reset at once.
+    BrownOut = "brown-out",
+    /// Somebody presses the reset button.
+    ResetButton = "reset-button",
+    /// The host sends noise as fast as it can.
+    UsbFlood = "usb-flood",
+    /// The host stops reading.
+    UsbStall = "usb-stall",
+    /// The cable comes out and in, and the bus is reset, again and again.
+    UsbReplug = "usb-replug",
+    /// The host suspends the bus and wakes it.
+    UsbSuspend = "usb-suspend",
+    /// The host sends valid frames at random: any command, any parameter, any value.
+    UsbFrames = "usb-frames",
+    /// Two or three of the others at once.
+    Several = "several",
+}
+
+impl SystemKind {
+    /// Whether it is a flipped bit or a peripheral that fails: those of which the firmware itself
+    /// has to notice, or to bear, all.
+    pub fn is_upset(self) -> bool {
+        self <= Self::ClockJump
+    }
+
+    /// Whether it resets the chip at once, from outside.
+    fn resets(self) -> bool {
+        matches!(
+            self,
+            Self::FlashParameters | Self::BrownOut | Self::ResetButton
+        )
+    }
+
+    /// Whether the host may change by it what the vehicle is told to do.
+    pub(super) fn commands(self) -> bool {
+        self == Self::UsbFrames
+    }
+}
+
+impl fmt::Display for SystemKind {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
+    }
+}
+
+impl FromStr for SystemKind {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let found = Self::ALL.into_iter().find(|kind| kind.name() == text);
+        found.ok_or_else(|| format!("there is no fault {text}"))
+    }
+}
+
+/// A fault that was drawn: what it is, in words, and what it does while it lasts.
+#[derive(Clone, Debug, Default)]
+pub(super) struct SystemFault {
+    /// In words: which bit of what.
+    pub(super) what: String,
+    stuck: Vec<u8>,
+    stopped: bool,
+    shifted_ppm: f64,
+    host: Vec<HostFault>,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum HostFault {
+    Flood,
+    Stall,
+    Replug,
+    Suspend,
+    Frames,
+}
+
+const RAM: u32 = 0x2000_0000;
+/// How far ahead the program is looked for awake.
+const AWAKE_WITHIN: Ticks = Ticks::from_ms(20);
+/// What is done by a host that misbehaves is done so often.
+pub(super) const HOST_PERIOD: Ticks = Ticks::from_ms(1);
+
+/// Begins a fault of this kind.
+///
+/// # Errors
+/// The rig stopped.
+pub(super) fn begin(
+    kind: SystemKind,
+    ready: &mut Ready,
+    dice: &mut impl Rng,
+) -> Result<SystemFault, FlightError> {
+    let mut fault = SystemFault::default();
+    fault.add(kind, ready, dice)?;
+    Ok(fault)
+}
+
+impl SystemFault {
+    fn add(
+        &mut self,
+        kind: SystemKind,
+        ready: &mut Ready,
+        dice: &mut impl Rng,
+    ) -> Result<(), FlightError> {
+        let rig = &mut ready.rig;
+        let what = match kind {
+            SystemKind::RamStatics => {
+                let statics = rig.image().sizes().static_ram;
+                flip_ram(
+                    rig,
+                    RAM + dice.random_range(0..statics),
+                    dice.random_range(0..8),
+                )
+            }
+            SystemKind::RamStack => {
+                let top = rig.image().stack_top();
+                let used = rig.chip().registers().msp.clamp(RAM, top - 4)..top;
+                flip_ram(rig, dice.random_range(used), dice.random_range(0..8))
+            }
+            SystemKind::RamBurst => {
+                let statics = rig.image().sizes().static_ram;
+                let first = dice.random_range(0..statics);
+                let flips = dice.random_range(2..=8);
+                let each: Vec<_> = (0..flips)
+                    .map(|_| {
+                        let address = RAM + (first + dice.random_range(0..16)) % statics;
+                        flip_ram(rig, address, dice.random_range(0..8))
+                    })
+                    .collect();
+                each.join(", ")
+            }
+            SystemKind::CoreRegister => flip_core(rig, dice)?,
+            SystemKind::FlashImage => {
+                let length = rig.image().bytes().len() as u32;
+                let address = rig.image().address() + dice.random_range(0..length);
+                flip_flash(rig, address, dice.random_range(0..8))
+            }
+            SystemKind::FlashParameters => {
+                let place = dice.random_range(0..store::STORE_BYTES as u32);
+                let what = flip_flash(rig, store::STORE_ADDRESS + place, dice.random_range(0..8));
+                rig.press_reset();
+                what
+            }
+            SystemKind::TimerRegister => flip_register(rig, TIMER, dice),
+            SystemKind::BusRegister => flip_register(rig, BUS, dice),
+            SystemKind::ClockRegister => flip_register(rig, CLOCKS, dice),
+            SystemKind::PinRegister => flip_register(rig, PINS, dice),
+            SystemKind::UsbRegister => flip_register(rig, USB, dice),
+            SystemKind::WatchdogRegister => flip_register(rig, WATCHDOG, dice),
+            SystemKind::InterruptRegister => flip_register(rig, INTERRUPTS, dice),
+            SystemKind::InterruptStorm => {
+                let line = dice.random_range(0..LINES);
+                rig.chip_mut().stick_interrupt(line, Some(true));
+                self.stuck.push(line);
+                format!("line {line} high")
+            }
+            SystemKind::InterruptLost => {
+                let line = *USED_LINES.choose(dice).unwrap_or(&0);
+                rig.chip_mut().stick_interrupt(line, Some(false));
+                self.stuck.push(line);
+                format!("line {line} low")
+            }
+            SystemKind::ClockStop => {
+                rig.chip_mut().stop_dfll(true);
+                self.stopped = true;
+                "the DFLL stands still".into()
+            }
+            SystemKind::ClockJump => {
+                let ppm = dice.random_range(-100_000.0..100_000.0_f64).round();
+                rig.chip_mut().shift_dfll(ppm);
+                self.shifted_ppm += ppm;
+                format!("the DFLL is {ppm} ppm off")
+            }
+            SystemKind::Hang => end(rig, ProgramEnd::Hang),
+            SystemKind::HangMasked => {
+                let what = end(rig, ProgramEnd::Hang);
+                let mut registers = rig.chip().registers();
+                registers.primask = true;
+                rig.chip_mut().set_registers(&registers);
+                what + ", interrupts held off"
+            }
+            SystemKind::HardFault => end(rig, ProgramEnd::HardFault),
+            SystemKind::StackOverflow => end(rig, ProgramEnd::StackOverflow),
+            SystemKind::BrownOut => {
+                rig.brown_out();
+                "the supply dips".into()
+            }
+            SystemKind::ResetButton => {
+                rig.press_reset();
+                "reset button".into()
+            }
+            SystemKind::UsbFlood => self.host(HostFault::Flood, "noise"),
+            SystemKind::UsbStall => self.host(HostFault::Stall, "nothing is read"),
+            SystemKind::UsbReplug => self.host(HostFault::Replug, "out and in"),
+            SystemKind::UsbSuspend => self.host(HostFault::Suspend, "asleep and awake"),
+            SystemKind::UsbFrames => self.host(HostFault::Frames, "valid frames at random"),
+            SystemKind::Several => {
+                let mut resets = 0;
+                for _ in 0..dice.random_range(2..=3) {
+                    let others = SystemKind::ALL.len() - 1;
+                    let kind = SystemKind::ALL[dice.random_range(0..others)];
+                    resets += u32::from(kind.resets());
+                    // A host that gives orders is a kind of its own: what it leads to is no fault.
+                    // Two resets at once are a double tap, which asks for the bootloader.
+                    if !kind.commands() && (resets <= 1 || !kind.resets()) {
+                        self.add(kind, ready, dice)?;
+                    }
+                }
+                return Ok(());
+            }
+        };
+        if !self.what.is_empty() {
+            self.what += "; ";
+        }
+        self.what += &format!("{kind}: {what}");
+        Ok(())
+    }
+
+    fn host(&mut self, fault: HostFault, what: &str) -> String {
+        self.host.push(fault);
+        what.into()
+    }
+
+    /// What the host does every millisecond while the fault lasts.
+    pub(super) fn act(&self, millisecond: u64, rig: &mut Rig, dice: &mut impl Rng) {
+        for fault in &self.host {
+            match fault {
+                HostFault::Flood => {
+                    if rig.usb_host().unsent() < 4096 {
+                        let noise: [u8; 512] = std::array::from_fn(|_| dice.random());
+                        rig.usb_write(&noise);
+                    }
+                }
+                HostFault::Stall => rig.usb_host_mut().pause_reading(true),
+                HostFault::Replug => match millisecond % 40 {
+                    0 => rig.usb_host_mut().detach(),
+                    4 => rig.usb_host_mut().attach(),
+                    _ => {}
+                },
+                HostFault::Suspend => match millisecond % 20 {
+                    0 => rig.usb_host_mut().suspend(),
+                    10 => rig.usb_host_mut().resume(),
+                    _ => {}
+                },
+                HostFault::Frames => rig.usb_write(&valid_frame(dice)),
+            }
+        }
+    }
+
+    /// Ends what lasts: lines, clocks, the host.
+    pub(super) fn end(&self, rig: &mut Rig) {
+        for line in &self.stuck {
+            rig.chip_mut().stick_interrupt(*line, None);
+        }
+        if self.stopped {
+            rig.chip_mut().stop_dfll(false);
+        }
+        if self.shifted_ppm != 0.0 {
+            rig.chip_mut().shift_dfll(-self.shifted_ppm);
+        }
+        if !self.host.is_empty() {
+            let host = rig.usb_host_mut();
+            host.pause_reading(false);
+            host.resume();
+            host.attach();
+        }
+    }
+}
+
+/// A frame that the vehicle takes: a command of any number with any values, a parameter that it
+/// has with any value, or a question.
+pub fn valid_frame(dice: &mut impl Rng) -> Vec<u8> {
+    let orders = [
+        request::MAY_ARM,
+        request::ARM,
+        request::DISARM,
+        request::RELEASE,
+        request::CALIBRATE,
+        request::VERSION,
+        request::SAVE,
+        request::RELOAD,
+        request::RESET,
+    ];
+    let message = match dice.random_range(0..10) {
+        0..4 => orders.choose(dice).unwrap_or(&request::VERSION).message(),
+        4..8 => {
+            let info = TABLE.choose(dice).unwrap_or(&TABLE[0]);
+            let value = match dice.random_range(0..4) {
+                0 => info.default,
+                1 => f32::from_bits(dice.random()),
+                _ => info.default + dice.random_range(-2.0..2.0),
+            };
+            request::set_parameter(info.name, value)
+        }
+        8 => request::list_parameters(),
+        _ => request::heartbeat(),
+    };
+    Wire::default().frame(&message)
+}
+
+fn end(rig: &mut Rig, end: ProgramEnd) -> String {
+    let address = rig.end_program(end).unwrap_or_default();
+    format!("at {address:#x}")
+}
+
+fn flip_ram(rig: &mut Rig, address: u32, bit: u8) -> String {
+    if let Some(byte) = rig.chip_mut().ram_mut().get_mut((address - RAM) as usize) {
+        *byte ^= 1 << bit;
+    }
+    format!("bit {bit} of {address:#x}{}", named(rig, address))
+}
+
+fn flip_flash(rig: &mut Rig, address: u32, bit: u8) -> String {
+    let flipped = rig.chip().flash()[address as usize] ^ 1 << bit;
+    rig.chip_mut().load_flash(address, &[flipped]);
+    format!("bit {bit} of {address:#x}{}", named(rig, address))
+}
+
+/// In what of the image an address lies.
+fn named(rig: &Rig, address: u32) -> String {
+    let symbol = rig.image().symbol_at(address);
+    symbol.map_or_else(String::new, |symbol| format!(" ({symbol})"))
+}
+
+/// A bit of R0 to R12, SP, LR, PC or the flags, while the program runs.
+fn flip_core(rig: &mut Rig, dice: &mut impl Rng) -> Result<String, FlightError> {
+    let limit = rig.now() + AWAKE_WITHIN;
+    while rig.chip().is_asleep() && rig.now() < limit {
+        rig.run_for(Ticks::from_us(20))?;
+    }
+    rig.run_for(Ticks(dice.random_range(0..2_000)))?;
+    let mut registers = rig.chip().registers();
+    let (which, bit) = (dice.random_range(0..17), dice.random_range(0..32));
+    let mask = 1_u32 << bit;
+    match which {
+        13 => registers.msp ^= mask,
+        16 => registers.xpsr ^= 1 << (28 + bit % 4),
+        _ => registers.r[which] ^= mask,
+    }
+    rig.chip_mut().set_registers(&registers);
+    Ok(match which {
+        16 => format!("flag {}", 28 + bit % 4),
+        _ => format!("bit {bit} of r{which}"),
+    })
+}
+
+/// A peripheral's first address, and the offsets of the registers whose bits flip.
+type Registers = &'static [(u32, &'static [u32])];
+
+const TIMER: Registers = &[(
+    0x4200_2000,
+    &[
+        0x00, 0x04, 0x28, 0x3C, 0x40, 0x44, 0x48, 0x4C, 0x50, 0x6C, 0x70, 0x74, 0x78, 0x7C,
+    ],
+)];
+const BUS: Registers = &[(0x4200_1800, &[0x00, 0x0C, 0x14, 0x24])];
+/// The generators and clocks that are used, the dividers and masks, the DFLL and the brown-out
+/// detector.
+const CLOCKS: Registers = &[
+    (
+        0x4000_0C00,
+        &[
+            0x40, 0x44, 0x48, 0x4C, 0x50, 0x80, 0x84, 0x90, 0x10C, 0x118, 0x160, 0x168,
+        ],
+    ),
+    (0x4000_0400, &[0x08, 0x14, 0x18, 0x1C, 0x20]),
+    (0x4000_0800, &[0x24, 0x28, 0x34]),
+];
+/// Directions and levels of all pins; multiplexers and settings of those that are used: PA7, PA17,
+/// PA24, PA25, PB8 to PB11.
+const PINS: Registers = &[
+    (0x4100_4400, &[0x00, 0x10, 0x3C, 0x44, 0x50, 0x58]),
+    (0x4100_4480, &[0x00, 0x10, 0x34, 0x48]),
+];
+const USB: Registers = &[(
+    0x4100_5000,
+    &[
+        0x00, 0x08, 0x18, 0x24, 0x100, 0x108, 0x120, 0x128, 0x140, 0x148,
+    ],
+)];
+const WATCHDOG: Registers = &[(0x4000_1000, &[0x00, 0x04])];
+const INTERRUPTS: Registers = &[
+    (core_registers::SYST_CSR, &[0x0, 0x4]),
+    (core_registers::NVIC_ISER, &[0x0]),
+    (
+        core_registers::NVIC_IPR,
+        &[0x0, 0x4, 0x8, 0xC, 0x10, 0x14, 0x18],
+    ),
+];
+
+/// Interrupt lines of the chip.
+const LINES: u8 = 28;
+/// Those that the firmware uses: WDT, USB, SERCOM4, TCC0.
+const USED_LINES: [u8; 4] = [2, 7, 13, 15];
+
+/// Flips a bit of one of these registers, one that exists.
+fn flip_register(rig: &mut Rig, registers: Registers, dice: &mut impl Rng) -> String {
+    /// Far more than it takes to find a bit that exists.
+    const TRIES: usize = 1_000;
+    for _ in 0..TRIES {
+        let Some((base, offsets)) = registers.choose(dice) else {
+            break;
+        };
+        let address = base + offsets.choose(dice).unwrap_or(&0);
+        let bit = dice.random_range(0..32);
+        if rig.flip_register(address, bit) {
+            return format!("bit {bit} of {address:#x}");
+        }
+    }
+    "no bit".into()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn kinds_have_names_of_their_own_and_are_found_by_them() {
+        for (index, kind) in SystemKind::ALL.into_iter().enumerate() {
+            assert_eq!(kind as usize, index);
+            assert_eq!(kind.name().parse(), Ok(kind));
+        }
+        assert!("gremlins".parse::<SystemKind>().is_err());
+        assert!(SystemKind::ClockJump.is_upset() && !SystemKind::Hang.is_upset());
+    }
+}
