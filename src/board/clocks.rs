@@ -131,9 +131,12 @@ impl ClockCheck {
     /// Look at the buses, the DFLL, and one clock after the other; set what has changed as it was.
     /// `false` if the DFLL runs at a frequency of its own, which only a reset puts right.
     pub(super) fn put_right(&mut self) -> bool {
-        if buses() != self.buses {
-            let [a, b, c] = self.buses;
-            // SAFETY: the power manager's masks as they were; only the main loop changes them.
+        // A bus that is on beside them does no harm, and `bringup` turns one on for a timer.
+        let ([a, b, c], now @ [x, y, z]) = (self.buses, buses());
+        let [a, b, c] = [a | x, b | y, c | z];
+        if now != [a, b, c] {
+            // SAFETY: the power manager's masks, and nothing off that was on; only the main loop
+            // changes them.
             unsafe {
                 let pm = &*pac::Pm::ptr();
                 pm.apbamask().write(|w| w.bits(a));

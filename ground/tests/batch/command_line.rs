@@ -280,7 +280,7 @@ fn faults_as_json_are_one_object_that_adds_up() {
         "faults",
         "--json",
         "--runs",
-        "2",
+        "4",
         "--kind",
         "unplugged",
         "--kind",

@@ -30,7 +30,12 @@ const ALONE: &[(&str, &str)] = &[
     ("fly-drone2", "fly --vehicle drone2 --start 0.2"),
     ("fly-rocket", "fly --vehicle rocket"),
     ("fly-replay", "fly --replay walk.imuq"),
-    ("faults", "faults --runs 1 --kind spikes"),
+    (
+        "faults",
+        "faults --runs 2 --kind spikes ram-statics --out faults.csv",
+    ),
+    ("faults-merge", "faults merge faults.csv"),
+    ("faults-replay", "faults replay run.toml"),
     ("profile", "profile --seconds 0.1"),
     ("profile-after", "profile --after 0.1 --seconds 0.1"),
     ("stack", "stack --seconds 0.1"),
@@ -225,6 +230,9 @@ fn what_is_run_without_a_vehicle_keeps_its_keys() {
         std::fs::copy(scenarios.join(from), folder.path().join(to)).unwrap();
     }
     write_short_recording(&folder.path().join("walk.imuq"));
+    let run = "seed = 1\nvehicle = \"drone\"\nhardware = \"\"\nglitches = false\nkind = \"spikes\"\n\
+               number = 0\n";
+    std::fs::write(folder.path().join("run.toml"), run).unwrap();
     let differences = check_all(folder.path(), ALONE, &[]);
     assert!(differences.is_empty(), "{}", differences.join("\n"));
 }
