@@ -460,6 +460,8 @@ fn a_damaged_image_is_not_started() {
     station
         .wait_for_state(rig, ms(4000), StateKind::Latched)
         .unwrap();
+    // The state is told before the reason.
+    station.run(rig, ms(100)).unwrap();
     let told = &station.received().texts;
     let expected = "latched fault: self-check failed: flash";
     assert!(told.iter().any(|text| text.text == expected), "{told:?}");
