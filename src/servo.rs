@@ -12,6 +12,7 @@ use crate::axis::Axis;
 use crate::config::{PULSE_MAX_US, PULSE_MIN_US};
 use crate::memory::fixed;
 use crate::params::{Fitting, Params};
+use crate::store::Loaded;
 
 /// Width of a servo pulse in microseconds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -36,6 +37,16 @@ pub fn neutral(params: &Params) -> [PulseUs; Axis::COUNT] {
             PulseUs::NONE
         }
     })
+}
+
+/// [`neutral`], as it is to be before anything else is decided. Where what was stored is lost,
+/// nobody knows which axes the vehicle has: all of them get a pulse, since a servo without one
+/// stays where it was when the chip was reset.
+pub fn first_pulses(params: &Params, stored: Loaded) -> [PulseUs; Axis::COUNT] {
+    match stored {
+        Loaded::Corrupt => Axis::ALL.map(|axis| Servo::new(params, axis).pulse()),
+        Loaded::Nothing | Loaded::Set { .. } => neutral(params),
+    }
 }
 
 /// The map from crank angle to pulse, and the pulse it commanded last.
@@ -207,6 +218,10 @@ mod tests {
             params.set(name, value).unwrap();
         }
         assert_eq!(neutral(&params), [PulseUs(1524), PulseUs(1480)]);
+        let of_one_axis = Params::default();
+        let first = |stored| first_pulses(&of_one_axis, stored);
+        assert_eq!(first(Loaded::Nothing), [PulseUs(1524), PulseUs::NONE]);
+        assert_eq!(first(Loaded::Corrupt), [PulseUs(1524); 2]);
         let pulse = |axis, crank: f32| {
             let mut servo = Servo::new(&params, axis);
             servo.command(crank.into(), SECOND_US)

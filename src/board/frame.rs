@@ -38,7 +38,7 @@ const LAST: u32 = 1 << (16 + LAST_TICK_CHANNEL as u32);
 const EARLY: u32 = 1 << (16 + EARLY_TICK_CHANNEL as u32);
 
 /// The pulses that [`force_neutral`] sends, in counts; 0 until the firmware has said what neutral
-/// is, and for an axis that is not steered.
+/// is, and for an axis that has never been steered.
 static NEUTRAL: [AtomicU32; Axis::COUNT] = [AtomicU32::new(0), AtomicU32::new(0)];
 /// What was written to each compare channel's buffer last, in counts.
 static SENT: [AtomicU32; 4] = [const { AtomicU32::new(0) }; 4];
@@ -132,7 +132,9 @@ impl Frame {
     }
 
     /// Send `pulses` from the next frame on. `false` if the timer did not take them. A pin is the
-    /// timer's from its first pulse on: the second servo's is another's before.
+    /// timer's from its first pulse on: the second servo's is another's before. From then on it is
+    /// never without: a servo whose axis is steered no more is kept at neutral, where without
+    /// pulses it would stay as it was.
     #[must_use]
     pub(super) fn write(&mut self, pulses: [PulseUs; Axis::COUNT]) -> bool {
         let steered = pulses.iter().take_while(|pulse| **pulse != PulseUs::NONE);
@@ -145,10 +147,14 @@ impl Frame {
             force_neutral();
             return true;
         }
-        let channels = SERVO_CHANNELS.iter().take(self.connected);
-        channels
-            .zip(pulses)
-            .all(|(channel, pulse)| write_buffer(*channel, counts(pulse)))
+        let channels = SERVO_CHANNELS.iter().zip(&NEUTRAL).take(self.connected);
+        channels.zip(pulses).all(|((channel, neutral), pulse)| {
+            let counts = match pulse {
+                PulseUs::NONE => neutral.load(Ordering::Relaxed),
+                pulse => counts(pulse),
+            };
+            write_buffer(*channel, counts)
+        })
     }
 
     /// Give the timer its servos' pins once more, should a register have lost them.
@@ -283,10 +289,12 @@ fn write_buffer(channel: Channel, counts: u32) -> bool {
     ready
 }
 
-/// What [`force_neutral`] sends.
+/// What [`force_neutral`] sends. An axis that is steered no more keeps what it had.
 pub(super) fn set_neutral(pulses: [PulseUs; Axis::COUNT]) {
     for (place, pulse) in NEUTRAL.iter().zip(pulses) {
-        place.store(counts(pulse), Ordering::Relaxed);
+        if pulse != PulseUs::NONE {
+            place.store(counts(pulse), Ordering::Relaxed);
+        }
     }
 }
 

@@ -47,7 +47,7 @@ use tvc_nano::application::{self, Event, StepEnd};
 use tvc_nano::bringup::Order;
 use tvc_nano::failsafe::BootReport;
 use tvc_nano::params::Params;
-use tvc_nano::servo::neutral;
+use tvc_nano::servo::first_pulses;
 use tvc_nano::sleep::Load;
 use tvc_nano::store;
 use tvc_nano::telemetry::Reset;
@@ -120,7 +120,7 @@ impl Board {
         time::start(&mut core.SYST);
         nano33iot::enable_bus_clocks(&mut chip.pm);
         let timing = params.timing();
-        let frame = frame::Frame::start(&clocks.frame, neutral(&params), timing);
+        let frame = frame::Frame::start(&clocks.frame, first_pulses(&params, stored), timing);
         RADIO_RESET.low();
         LED.low();
         PROBE.low();

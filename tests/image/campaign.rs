@@ -3,7 +3,7 @@
 use crate::{firmware, ready};
 use rig::bno055::FaultKind;
 use rig::faults::{Campaign, Case, Ending, Kind, SystemKind};
-use rig::{ServoKind, Setup, prepare};
+use rig::{Ready, ServoKind, Setup, prepare};
 
 /// Of every kind this many runs.
 const RUNS: u32 = 2;
@@ -88,11 +88,14 @@ fn a_run_can_be_repeated() {
     assert_eq!(format!("{one:?}"), format!("{two:?}"));
 }
 
-/// Beyond the sensor: of every kind a few. What a campaign of thousands shows is in docs/faults.md.
 #[test]
 fn faults_beyond_the_sensor_never_drive_a_rudder_wrongly_for_long() {
-    let frame_hz = f64::from(ServoKind::S3003.frame_hz());
-    let campaign = Campaign::new(&ready(), frame_hz, 1).unwrap();
+    beyond_the_sensor(&ready(), ServoKind::S3003);
+}
+
+/// Beyond the sensor: of every kind a few. What a campaign of thousands shows is in docs/faults.md.
+pub(crate) fn beyond_the_sensor(ready: &Ready, servo: ServoKind) {
+    let campaign = Campaign::new(ready, f64::from(servo.frame_hz()), 1).unwrap();
     let (mut restarted, mut noticed, mut harmless) = (0, 0, 0);
     for kind in SystemKind::ALL {
         for number in 0..3 {

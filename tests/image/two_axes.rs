@@ -1,6 +1,7 @@
 //! The image with two rudders: it brings both axes upright at once, both pulses are locked to one
 //! frame, and both rudders rest at neutral where one would.
 
+use crate::campaign::beyond_the_sensor;
 use crate::faults::ms;
 use crate::firmware;
 use client::{Failure, StateKind};
@@ -9,7 +10,7 @@ use rig::bno055::Fault;
 use rig::flight::Release;
 use rig::ground_station::GroundStationError;
 use rig::measure::LoopTiming;
-use rig::{Ready, ServoKind, Setup, prepare};
+use rig::{GroundStation, Ready, Rig, ServoKind, Setup, Ticks, prepare};
 use std::sync::OnceLock;
 use tvc_nano::Axis;
 
@@ -101,20 +102,74 @@ fn both_pulses_rise_with_the_frame_and_neither_is_missing() {
 fn a_sensor_that_is_lost_brings_both_rudders_to_neutral() {
     let mut ready = ready();
     let Ready { rig, station, .. } = &mut ready;
-    rig.environment_mut().tilt_clamp_to([0.4, 0.3]);
-    station.run(rig, ms(5000)).unwrap();
-    station.arm(rig).unwrap();
-    station.release(rig, 0.2).unwrap();
-    station.run(rig, ms(150)).unwrap();
-    let width = |axis: Axis, rig: &rig::Rig| rig.truth().pulses_of(axis).last().unwrap().width_us();
-    for axis in Axis::ALL {
-        assert!((width(axis, rig) - 1524.0).abs() > 20.0, "{axis:?}");
-    }
+    in_flight_off_neutral(rig, station);
     rig.inject(Fault::Unplugged);
     station.run(rig, ms(200)).unwrap();
     assert_eq!(station.state(), Some(StateKind::Failsafe));
     for axis in Axis::ALL {
         assert!((width(axis, rig) - 1524.0).abs() < 0.1, "{axis:?}");
+    }
+}
+
+/// Without pulses it would stay where control has left it.
+#[test]
+fn a_rudder_that_is_steered_no_more_is_kept_at_neutral() {
+    let mut ready = ready();
+    let Ready { rig, station, .. } = &mut ready;
+    in_flight_off_neutral(rig, station);
+    station.disarm(rig).unwrap();
+    station.set_parameter(rig, "AXES", 1.0).unwrap();
+    let at = rig.now();
+    station.run(rig, ms(500)).unwrap();
+    assert_at_neutral(rig, at, ms(500));
+    station.set_parameter(rig, "AXES", 2.0).unwrap();
+    let at = rig.now();
+    station.run(rig, ms(500)).unwrap();
+    assert_at_neutral(rig, at, ms(500));
+}
+
+/// The vehicle does not know any more that it has two rudders, one of which was in use.
+#[test]
+fn both_rudders_go_to_neutral_where_the_stored_parameters_are_lost() {
+    let mut ready = ready();
+    let Ready { rig, station, .. } = &mut ready;
+    in_flight_off_neutral(rig, station);
+    rig.spoil_store();
+    rig.press_reset();
+    station.run(rig, ms(2000)).unwrap();
+    assert_eq!(station.state(), Some(StateKind::Latched));
+    let at = rig.now();
+    station.run(rig, ms(500)).unwrap();
+    assert_at_neutral(rig, at, ms(500));
+}
+
+fn in_flight_off_neutral(rig: &mut Rig, station: &mut GroundStation) {
+    rig.environment_mut().tilt_clamp_to([0.4, 0.3]);
+    station.run(rig, ms(5000)).unwrap();
+    station.arm(rig).unwrap();
+    station.release(rig, 0.2).unwrap();
+    station.run(rig, ms(150)).unwrap();
+    for axis in Axis::ALL {
+        assert!((width(axis, rig) - 1524.0).abs() > 20.0, "{axis:?}");
+    }
+}
+
+/// The newest pulse of a rudder, us.
+fn width(axis: Axis, rig: &Rig) -> f64 {
+    rig.truth().pulses_of(axis).last().unwrap().width_us()
+}
+
+/// Both rudders have had a neutral pulse in every frame for this time.
+fn assert_at_neutral(rig: &Rig, from: Ticks, time: Ticks) {
+    for axis in Axis::ALL {
+        let pulses = rig.truth().pulses_of(axis);
+        let since: Vec<_> = pulses.iter().filter(|pulse| pulse.rise >= from).collect();
+        let frames = time.as_us_f64() / 20e3;
+        assert!((since.len() as f64 - frames).abs() <= 1.0, "{axis:?}");
+        assert!(
+            since.iter().all(|p| (p.width_us() - 1524.0).abs() < 0.1),
+            "{axis:?}"
+        );
     }
 }
 
@@ -158,4 +213,9 @@ fn a_parameter_that_changes_in_flight_costs_no_tick() {
     assert!(timing.jitter_us_max < 100.0, "{timing:?}");
     assert!(timing.steps.abs_diff(timing.bursts) <= 1, "{timing:?}");
     assert_eq!(station.state(), Some(StateKind::Active));
+}
+
+#[test]
+fn faults_beyond_the_sensor_drive_neither_rudder_wrongly_for_long() {
+    beyond_the_sensor(&ready(), ServoKind::S3003);
 }
