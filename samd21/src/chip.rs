@@ -88,11 +88,12 @@ impl Chip {
         stop
     }
 
-    /// Resets core and peripherals; memories, time and counters go on. The core waits to be
-    /// booted.
+    /// Resets core and peripherals; memories, time and counters go on, but flash that is being
+    /// erased or written is left half done. The core waits to be booted.
     pub fn reset(&mut self, cause: ResetCause) {
         self.core.reset();
-        self.peripherals.reset(self.core.now(), cause);
+        self.peripherals
+            .reset(self.core.now(), cause, &mut self.memory);
         self.usb_host
             .observe(self.core.now(), self.peripherals.usb());
     }
@@ -256,6 +257,40 @@ mod tests {
         let cycles = chip.counters().cycles - before;
         // 100 ms at 46.512 MHz, to 20 ppm and the last instruction.
         assert!(cycles.abs_diff(4_651_200) < 100, "{cycles}");
+    }
+
+    /// The core is stalled while it erases: a reset comes at its own time all the same.
+    #[test]
+    fn a_reset_comes_in_the_midst_of_a_stall() {
+        let mut chip = Chip::new(Options::default());
+        // Stack pointer and entry point; LDR R0, ADDR; LDR R1, row; STR R1, [R0]; LDR R0, CTRLA;
+        // LDR R1, command; STRH R1, [R0]; B to itself; and the words.
+        let code: [u16; 12] = [
+            0x8000, 0x2000, 9, 0, 0x4803, 0x4904, 0x6001, 0x4804, 0x4904, 0x8001, 0xE7FE, 0,
+        ];
+        let words = [0x4100_401C_u32, 0x3F00 / 2, 0x4100_4000, 0xA502];
+        let halves = code.iter().flat_map(|half| half.to_le_bytes());
+        let image: Vec<u8> = halves
+            .chain(words.iter().flat_map(|word| word.to_le_bytes()))
+            .collect();
+        chip.load_flash(0, &image);
+        chip.load_flash(0x3F00, &[0; 256]);
+        chip.boot(0);
+        let middle = Ticks::from_ms(3);
+        assert_eq!(chip.run_until(middle, &mut Unconnected), Stop::Reached);
+        assert!(chip.now() < middle + Ticks(8), "{:?}", chip.now());
+        let counters = chip.counters();
+        assert!(counters.cycles < 1000 && counters.stall_ticks > Ticks::from_ms(2).0);
+        chip.reset(ResetCause::BrownOut33);
+        let ones = |chip: &Chip| {
+            let row = &chip.flash()[0x3F00..0x4000];
+            row.iter().map(|byte| byte.count_ones()).sum::<u32>()
+        };
+        assert!(ones(&chip).abs_diff(1024) < 113, "{}", ones(&chip));
+        // The stall is over with the reset.
+        chip.boot(0);
+        chip.run_until(middle + Ticks::from_us(100), &mut Unconnected);
+        assert!(chip.counters().instructions > counters.instructions);
     }
 
     #[test]

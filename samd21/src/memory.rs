@@ -44,14 +44,9 @@ impl Memory {
             is_code_stale: false,
             ram: filled(0),
         };
-        // SplitMix64 (Steele, Lea, Flood 2014): any seed gives full-period noise.
-        let mut state = seed;
-        for word in memory.ram.chunks_exact_mut(8) {
-            state = state.wrapping_add(0x9E37_79B9_7F4A_7C15);
-            let mut z = state;
-            z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-            z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
-            word.copy_from_slice(&(z ^ (z >> 31)).to_le_bytes());
+        let words = memory.ram.chunks_exact_mut(8);
+        for (word, noise) in words.zip(noise(seed)) {
+            word.copy_from_slice(&noise.to_le_bytes());
         }
         memory
     }
@@ -158,6 +153,45 @@ impl Memory {
         self.change(range, |cells| cells.fill(0xFF));
         Some(())
     }
+
+    /// Undoes in part what has changed flash since it held `before` at `address`: of the bits that
+    /// differ, each is as it is now with a probability of `share`, and as it was otherwise. `None`,
+    /// and nothing is undone, outside of flash.
+    #[must_use]
+    pub(crate) fn undo_in_part(
+        &mut self,
+        address: u32,
+        before: &[u8],
+        share: f64,
+        seed: u64,
+    ) -> Option<()> {
+        let range = window(address, before.len(), 0, FLASH_SIZE)?;
+        let threshold = (share * 2.0_f64.powi(64)) as u64;
+        let mut noise = noise(seed);
+        self.change(range, |cells| {
+            for (cell, before) in cells.iter_mut().zip(before) {
+                for bit in (0..8).map(|bit| 1 << bit) {
+                    let is_done = noise.next().is_some_and(|noise| noise < threshold);
+                    if !is_done {
+                        *cell = *cell & !bit | before & bit;
+                    }
+                }
+            }
+        });
+        Some(())
+    }
+}
+
+/// Numbers that only `seed` decides: SplitMix64 (Steele, Lea, Flood 2014), full-period for any.
+fn noise(seed: u64) -> impl Iterator<Item = u64> {
+    let states = std::iter::successors(Some(seed), |state| {
+        Some(state.wrapping_add(0x9E37_79B9_7F4A_7C15))
+    });
+    states.skip(1).map(|state| {
+        let z = (state ^ (state >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+        let z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
+        z ^ (z >> 31)
+    })
 }
 
 /// An array that is made on the heap: it is too large for a stack.
@@ -202,6 +236,26 @@ mod tests {
         assert_eq!(memory.read_u16(0x2000), Some(0x0FFF));
         assert_eq!(memory.program(FLASH_SIZE - 1, &[0, 0]), None);
         assert_eq!(memory.read_u8(FLASH_SIZE - 1), Some(0xFF));
+    }
+
+    #[test]
+    fn what_is_undone_in_part_has_bits_of_before_and_of_now() {
+        let mut memory = Memory::new(1);
+        assert_eq!(memory.program(0x2000, &[0; 256]), Some(()));
+        let undone = |share| {
+            let mut memory = memory.clone();
+            assert_eq!(
+                memory.undo_in_part(0x2000, &[0xF0; 256], share, 1),
+                Some(())
+            );
+            let cells = memory.bytes(0x2000, 256).unwrap().to_vec();
+            assert!(cells.iter().all(|cell| cell & 0x0F == 0), "never changed");
+            cells.iter().map(|cell| cell.count_ones()).sum::<u32>()
+        };
+        assert_eq!((undone(0.0), undone(1.0)), (1024, 0));
+        // A quarter of 1,024 bits is as it was, to within four standard deviations.
+        assert!(undone(0.75).abs_diff(256) < 56, "{}", undone(0.75));
+        assert_eq!(memory.undo_in_part(FLASH_SIZE - 1, &[0; 2], 0.5, 1), None);
     }
 
     #[test]

@@ -3,7 +3,7 @@
 use crate::board::{Board, Ticks, Unconnected};
 use crate::bus::Bus;
 use crate::memory::Memory;
-use crate::peripherals::{BusError, Peripherals, Width};
+use crate::peripherals::{BusError, Peripherals, ResetCause, Width};
 use crate::usb_host::Host;
 use crate::{Options, SyncHold};
 
@@ -92,6 +92,11 @@ impl<B: Board> Bench<B> {
 
     pub(crate) fn w32(&mut self, addr: u32, value: u32) -> Ticks {
         self.try_write(addr, Width::Word, value).unwrap()
+    }
+
+    /// Resets the peripherals.
+    pub(crate) fn reset(&mut self, cause: ResetCause) {
+        self.peripherals.reset(self.now, cause, &mut self.memory);
     }
 
     /// Lets time pass.

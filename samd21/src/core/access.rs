@@ -121,8 +121,7 @@ impl Core {
         let stall = bus
             .write(self.now(), address, width, value)
             .map_err(|error| refused(error, FaultKind::UnmappedStore { address }))?;
-        self.counters.stall_ticks += stall.0;
-        self.now += parts(stall);
+        self.stall = parts(stall);
         Ok(())
     }
 }

@@ -127,13 +127,18 @@ pub(crate) struct Core {
     cycle: u64,
     /// Time asleep, held or locked up.
     asleep: u64,
+    /// For so long the bus stalls the core from now on.
+    stall: u64,
+    /// Time stalled.
+    stalled: u64,
     forced_wait_states: Option<u8>,
     /// Cycles of a flash access that misses `flash_lines`, beyond the first.
     wait_states: u64,
     /// Which 8 bytes of flash (address / 8) each line of the cache holds.
     flash_lines: [u32; FLASH_LINES],
 
-    /// Its `cycles` are those before the clock was last changed; its `sleep_ticks` are not used.
+    /// Its `cycles` are those before the clock was last changed; its `sleep_ticks` and
+    /// `stall_ticks` are not used.
     counters: Counters,
     /// `awake` when the clock was last changed.
     cycles_counted_at: u64,
@@ -168,6 +173,7 @@ impl Core {
             r: self.r,
             now: self.now,
             asleep: self.asleep,
+            stalled: self.stalled,
             forced_wait_states: self.forced_wait_states,
             counters: self.counters,
             cycles_counted_at: self.cycles_counted_at,
@@ -265,6 +271,10 @@ impl Core {
             if self.now >= until {
                 return Some(Stop::Reached);
             }
+            if self.stall > 0 {
+                self.stand(self.next_event(bus, until));
+                continue;
+            }
             if self.lockup.is_some() {
                 if !std::mem::replace(&mut self.lockup_reported, true) {
                     return Some(Stop::Lockup);
@@ -343,6 +353,15 @@ impl Core {
         let at = at.max(self.now + parts(Ticks(1)));
         self.asleep += at - self.now;
         self.now = at;
+    }
+
+    /// Lets the time of a stall pass, until `at` at the latest. No interrupt is taken in it, and a
+    /// reset ends it.
+    fn stand(&mut self, at: u64) {
+        let passed = self.stall.min(at.saturating_sub(self.now).max(1));
+        self.stall -= passed;
+        self.stalled += passed;
+        self.now += passed;
     }
 
     /// Something wakes the core from its sleep: whether that takes time, which then has passed.
@@ -440,12 +459,13 @@ impl Core {
         Counters {
             cycles: self.counters.cycles + awake / self.cycle,
             sleep_ticks: self.asleep >> FRACTION,
+            stall_ticks: self.stalled >> FRACTION,
             ..self.counters
         }
     }
 
     fn awake(&self) -> u64 {
-        self.now - self.asleep - parts(Ticks(self.counters.stall_ticks))
+        self.now - self.asleep - self.stalled
     }
 
     pub(crate) fn is_asleep(&self) -> bool {

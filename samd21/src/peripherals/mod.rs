@@ -121,9 +121,10 @@ impl Peripherals {
         peripherals
     }
 
-    /// All registers as after a reset for this reason. The board learns of the released pins when
-    /// time goes on.
-    pub(crate) fn reset(&mut self, now: Ticks, cause: ResetCause) {
+    /// All registers as after a reset for this reason, which ends what flash was doing. The board
+    /// learns of the released pins when time goes on.
+    pub(crate) fn reset(&mut self, now: Ticks, cause: ResetCause, memory: &mut Memory) {
+        self.nvmctrl.cut_short(now, memory, self.options.seed);
         self.port.reset();
         let fresh = Self::new(&self.options);
         *self = Self {

@@ -16,12 +16,14 @@
 //!
 //! Erasing a row (256 bytes) takes 6 ms, programming a page 2.5 ms (the data sheet's maxima), or
 //! what the chip's options make of that; the CPU runs from the same flash and stands still
-//! meanwhile. Programming only clears bits.
+//! meanwhile. Programming only clears bits. A reset meanwhile ends the command: some of the bits
+//! that it was to change are changed then, more of them the later it comes.
 //!
 //! | left out | why |
 //! |---|---|
 //! | EAR, WAP (auxiliary rows), lock bits, security bit | not for an application: such a command faults |
 //! | RWWEE | not on the D21A |
+//! | bits that a command cut short has left between 0 and 1, which read as either | how often is not published |
 //! | running on from RAM during a command | the CPU stands still, as it does with code in flash |
 //! | cache and power modes | timing of fetches is the core's |
 
@@ -63,6 +65,15 @@ const CALIBRATION: u64 = 0x80 << 27
 /// 0x0080_6030: room 25.0 degrees, hot 85.0, their references and ADC readings.
 const TEMPERATURE_LOG: u64 = 25 | 85 << 12 | 0x0C00 << 40 | 0x0E66 << 52;
 
+/// A command that changes flash.
+#[derive(Clone, Debug)]
+struct Command {
+    since: Ticks,
+    address: u32,
+    /// What was there before.
+    before: Box<[u8]>,
+}
+
 #[derive(Clone, Debug)]
 pub(crate) struct Nvmctrl {
     ctrlb: u32,
@@ -72,6 +83,8 @@ pub(crate) struct Nvmctrl {
     address: u32,
     page: [u8; PAGE as usize],
     busy_until: Ticks,
+    /// The command that is carried out until then.
+    command: Option<Command>,
     serial_number: [u32; 4],
     user_row: UserRow,
     time_percent: u32,
@@ -86,6 +99,7 @@ impl Nvmctrl {
             address: 0,
             page: [0xFF; PAGE as usize],
             busy_until: Ticks::ZERO,
+            command: None,
             serial_number: options.serial_number,
             user_row: options.user_row,
             time_percent: options.flash_time_percent,
@@ -208,6 +222,7 @@ impl Nvmctrl {
                 if self.is_protected(bus, row) {
                     return Ok(Ticks::ZERO);
                 }
+                self.begin(bus, memory, row, ROW);
                 if memory.erase(row, ROW as usize).is_none() {
                     return Ok(self.fail(bus));
                 }
@@ -228,11 +243,34 @@ impl Nvmctrl {
         if self.is_protected(bus, start) {
             return Ok(Ticks::ZERO);
         }
+        self.begin(bus, memory, start, PAGE);
         if memory.program(start, &self.page).is_none() {
             return Ok(self.fail(bus));
         }
         self.clear_page_buffer();
         Ok(self.take(bus, PAGE_PROGRAM))
+    }
+
+    /// Keeps what is at `address`, for a reset that may come before the command's end.
+    fn begin(&mut self, bus: &Bus<'_>, memory: &Memory, address: u32, length: u32) {
+        self.command = memory
+            .bytes(address, length as usize)
+            .map(|before| Command {
+                since: bus.now,
+                address,
+                before: before.into(),
+            });
+    }
+
+    /// A reset: a command that has not ended leaves flash as far as it has come.
+    pub(super) fn cut_short(&mut self, now: Ticks, memory: &mut Memory, seed: u64) {
+        let Some(command) = self.command.take_if(|_| now < self.busy_until) else {
+            return;
+        };
+        let [passed, all] = [now, self.busy_until].map(|at| at.saturating_sub(command.since).0);
+        let share = passed as f64 / all as f64;
+        // It was read from there.
+        let _ = memory.undo_in_part(command.address, &command.before, share, seed ^ now.0);
     }
 
     /// Is busy for as long as a command takes on this chip.
@@ -353,6 +391,32 @@ mod tests {
         rig.load(0x3F40, 4, 0xFF00_FF00).unwrap();
         rig.write(0x00, 0xA504);
         assert_eq!(rig.memory.read_u32(0x3F40), Some(0x1200_5600));
+    }
+
+    #[test]
+    fn a_reset_leaves_what_was_under_way_half_done_and_what_had_ended_as_it_is() {
+        let mut rig = Rig::new();
+        rig.memory.flash_mut()[0x3F00..0x4000].fill(0);
+        rig.write(0x1C, 0x3F00 / 2);
+        rig.write(0x00, 0xA502);
+        let erased = |rig: &Rig, after| {
+            let (mut nvmctrl, mut memory) = (rig.nvmctrl.clone(), rig.memory.clone());
+            nvmctrl.cut_short(rig.now + after, &mut memory, 1);
+            let row = memory.bytes(0x3F00, 256).unwrap();
+            row.iter().map(|byte| byte.count_ones()).sum::<u32>()
+        };
+        // Of 2,048 bits, to within five standard deviations.
+        for share in [0, 1, 2, 3] {
+            let ones = erased(&rig, ROW_ERASE * share / 4);
+            assert!(ones.abs_diff(512 * share as u32) < 113, "{share}: {ones}");
+        }
+        assert_eq!(erased(&rig, ROW_ERASE), 2048, "it has ended");
+
+        rig.now += ROW_ERASE;
+        rig.load(0x3F40, 4, 0).unwrap();
+        rig.write(0x00, 0xA504);
+        let ones = erased(&rig, PAGE_PROGRAM / 2);
+        assert!((2048 - 32 + 1..2048).contains(&ones), "{ones}");
     }
 
     #[test]

@@ -98,7 +98,7 @@ fn an_erased_user_row_resets_the_chip_every_second() {
         bench.pass(Ticks::from_ms(20));
         let cause = bench.peripherals.take_reset();
         assert_eq!(cause, Some(ResetCause::Watchdog));
-        bench.peripherals.reset(bench.now, ResetCause::Watchdog);
+        bench.reset(ResetCause::Watchdog);
     }
 }
 
@@ -113,7 +113,7 @@ fn a_user_reset_spares_the_32_khz_oscillators() {
     ] {
         let mut bench = Bench::new(SyncHold::Instant, Unconnected);
         bench.start_clocks();
-        bench.peripherals.reset(bench.now, cause);
+        bench.reset(cause);
         let ready = bench.r32(SYSCTRL + 0x0C) & 1 << 2 != 0;
         assert_eq!(ready, survives, "{cause:?}");
         assert_eq!(bench.r32(SYSCTRL + 0x18) == 0x003F_0080, !survives);
@@ -294,7 +294,7 @@ fn a_reset_lets_the_pins_go_and_tells_why() {
     bench.w32(TCC0, 2);
     let now = bench.now + Ticks(500);
     bench.now = now;
-    bench.peripherals.reset(now, ResetCause::Watchdog);
+    bench.reset(ResetCause::Watchdog);
     bench.pass(Ticks(10));
     assert_eq!(bench.board.edges.last(), Some(&(now, Pin::b(11), false)));
     assert_eq!(bench.r8(0x4000_0438), 0x20);
@@ -420,7 +420,7 @@ fn a_starved_watchdog_asks_for_a_reset() {
     bench.pass(Ticks::from_ms(60));
     let cause = bench.peripherals.take_reset();
     assert_eq!(cause, Some(ResetCause::Watchdog));
-    bench.peripherals.reset(bench.now, ResetCause::Watchdog);
+    bench.reset(ResetCause::Watchdog);
     bench.pass(Ticks::from_ms(200));
     assert_eq!(bench.peripherals.take_reset(), None);
 }
@@ -444,7 +444,7 @@ fn time_goes_on_when_an_event_turns_out_to_be_overdue() {
 #[test]
 fn a_reset_at_the_very_start_does_no_harm() {
     let mut bench = Bench::new(SyncHold::Instant, Unconnected);
-    bench.peripherals.reset(Ticks::ZERO, ResetCause::External);
+    bench.reset(ResetCause::External);
     bench.pass(Ticks(1));
     assert_eq!(bench.r8(0x4000_0438), 0x10);
 }
