@@ -207,7 +207,10 @@ impl<'a> Application<'a> {
             let snapshot = &self.flight.act(now, estimate);
             board.step_ends(&self.step_end(now, snapshot));
             self.flight.catch_up();
-            self.check_settings(board);
+            self.steps = self.steps.wrapping_add(1);
+            if self.steps.is_multiple_of(SETTINGS_STEPS) {
+                self.check_settings(board);
+            }
             self.ask_sensor(now, board);
             let status = &board.status();
             if let Some(index) = self.flight.learn(status) {
@@ -233,9 +236,8 @@ impl<'a> Application<'a> {
     }
 
     /// Stop where the settings are not as they were set.
-    fn check_settings(&mut self, board: &mut impl Board) {
-        self.steps = self.steps.wrapping_add(1);
-        if self.steps.is_multiple_of(SETTINGS_STEPS) && !self.flight.settings_are_intact() {
+    fn check_settings(&self, board: &mut impl Board) {
+        if !self.flight.settings_are_intact() {
             board.stop(SelfCheck::Memory);
         }
     }
@@ -336,6 +338,8 @@ impl<'a> Application<'a> {
         }
         // The processor stands still while it writes flash: a burst under way would be cut in two.
         if self.telemetry.has_storage_order() && matches!(board.bus(), Bus::Free | Bus::Broken) {
+            // What a flipped bit has made of the parameters is not to be stored.
+            self.check_settings(board);
             self.telemetry.serve_storage(board.flash(), self.flight);
         }
         if let Some(reset) = self.telemetry.take_reset() {

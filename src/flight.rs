@@ -222,13 +222,25 @@ impl Flight {
         if info.change != Change::Live && self.state().is_armed() {
             return Err(ParamError::Armed { name: info.name });
         }
-        self.params.set_by_id(info.id, value)?;
-        if info.change == Change::Turning && before != value {
-            self.params.forget_polarity();
-        }
-        self.digest = self.params.digest();
+        self.change(|params| {
+            params.set_by_id(info.id, value)?;
+            if info.change == Change::Turning && before != value {
+                params.forget_polarity();
+            }
+            Ok(())
+        })?;
         self.configure(info.change);
         Ok(info)
+    }
+
+    /// Change parameters. A bit of them that had flipped before stays noticeable.
+    fn change<T>(&mut self, change: impl FnOnce(&mut Params) -> T) -> T {
+        let was_intact = self.digest == self.params.digest();
+        let changed = change(&mut self.params);
+        if was_intact {
+            self.digest = self.params.digest();
+        }
+        changed
     }
 
     /// Change all parameters at once.
@@ -260,8 +272,7 @@ impl Flight {
         let kept = self.params.clock_fine();
         let changed = kept.is_none_or(|kept| kept.abs_diff(fine) > CLOCK_CHANGE);
         changed.then(|| {
-            self.params.set_clock_fine(fine);
-            self.digest = self.params.digest();
+            self.change(|params| params.set_clock_fine(fine));
             Params::CLOCK
         })
     }
@@ -276,8 +287,7 @@ impl Flight {
         let shorter = stretch_us + STRETCH_SHORTER_US < timing.stretch_us;
         let changed = board.bursts.mean_us > 0 && (longer || shorter);
         if changed {
-            self.params.set_stretch(stretch_us);
-            self.digest = self.params.digest();
+            self.change(|params| params.set_stretch(stretch_us));
         }
         changed
     }

@@ -291,6 +291,17 @@ fn flash_is_not_written_while_a_transfer_is_under_way() {
     ));
 }
 
+/// Nobody wants it back after the next start.
+#[test]
+fn a_parameter_that_memory_has_changed_is_not_stored() {
+    let mut bench = Bench::new();
+    bench.board.open = true;
+    bench.board.packets = vec![crate::telemetry::tests::save()];
+    bench.flight.corrupt("PID_KP", 0.5);
+    bench.turns(vec![Event::Nothing]);
+    assert!(bench.board.take().contains(&Asked::Stop(SelfCheck::Memory)));
+}
+
 /// An order to the board itself is answered with the board's value, or refused.
 #[test]
 fn an_order_to_the_board_is_answered_after_it_is_done() {
