@@ -44,9 +44,11 @@
 //! within 2 us.
 
 mod judge;
+mod outcome;
 mod system;
 
-pub use judge::{Ending, Outcome, Unsafe, neutral_us};
+pub use judge::neutral_us;
+pub use outcome::{Ending, Outcome, Unsafe};
 pub use system::{SystemKind, valid_frame};
 
 use crate::bno055::{Fault, FaultKind};
@@ -54,7 +56,7 @@ use crate::fly::flight::{FlightError, Ready};
 use crate::observe::ground_truth::{GroundTruth, Motion, Pulse};
 use crate::random::{Stream, generator};
 use client::StateKind;
-use judge::{Rudder, Run, SystemRun, judge, judge_system};
+use judge::{Rudder, SensorRun, SystemRun, judge_sensor, judge_system};
 use rand::Rng;
 use samd21::board::Ticks;
 use std::fmt;
@@ -305,7 +307,7 @@ impl Campaign {
         station.run(rig, WATCHED)?;
 
         let truth = rig.truth();
-        let (ending, unguarded) = judge(&Run {
+        let (ending, unguarded) = judge_sensor(&SensorRun {
             injected: begun.at,
             frame: self.frame,
             rudders: self.rudders(begun, truth),

@@ -1,0 +1,310 @@
+//! Faults of the sensor and its cable: whether the rudder was off neutral without valid data.
+
+use client::StateKind;
+use samd21::board::Ticks;
+
+use super::{Rudder, TRAVEL_US};
+use crate::fly::faults::{DEADLINE, Ending, Unsafe};
+use crate::ground_station::Heartbeat;
+use crate::observe::ground_truth::{GroundTruth, Motion};
+
+/// Longest time from the end of a burst to the step that works on it.
+const HAND_OVER: Ticks = Ticks::from_us(1000);
+/// A drone farther than this from its undisturbed flight has not recovered, rad.
+const OFF_COURSE_RAD: f64 = 0.1;
+/// The last part of a run, in which that is judged.
+const END: Ticks = Ticks::from_ms(100);
+
+/// What was seen of a run.
+pub(crate) struct SensorRun<'a> {
+    pub(crate) injected: Ticks,
+    pub(crate) frame: Ticks,
+    /// Of every axis that is steered.
+    pub(crate) rudders: Vec<Rudder<'a>>,
+    /// From the fault on.
+    pub(crate) truth: &'a GroundTruth,
+    /// The flight without the fault.
+    pub(crate) reference: &'a [Motion],
+    pub(crate) heartbeats: &'a [Heartbeat],
+    /// The chip was reset in the run.
+    pub(crate) reset: bool,
+}
+
+/// The ending, and the longest time for which a rudder was without valid data.
+pub(crate) fn judge_sensor(run: &SensorRun<'_>) -> (Ending, Ticks) {
+    let unguarded = run
+        .rudders
+        .iter()
+        .map(|rudder| run.longest_unguarded(rudder));
+    let unguarded = unguarded.max().unwrap_or_default();
+    let state = run.heartbeats.last().and_then(|beat| beat.state);
+    let reset = run.reset.then_some(Unsafe::Reset);
+    let wrong = reset
+        .or_else(|| {
+            run.rudders
+                .iter()
+                .find_map(|rudder| run.wrong_pulses(rudder))
+        })
+        .or_else(|| (unguarded > DEADLINE).then_some(Unsafe::Unguarded));
+    let ending = match (wrong, state) {
+        (Some(wrong), _) => Ending::Unsafe(wrong),
+        (None, Some(StateKind::Active)) => match run.off_course() {
+            far if far <= OFF_COURSE_RAD => Ending::Recovered,
+            far => Ending::Unsafe(Unsafe::OffCourse(far)),
+        },
+        (None, Some(StateKind::Failsafe)) => Ending::Neutral,
+        (None, state) => Ending::Unsafe(Unsafe::State(state)),
+    };
+    (ending, unguarded)
+}
+
+impl SensorRun<'_> {
+    /// The longest time off neutral without valid data: from the fault or the last step on a valid
+    /// burst to the next such step or neutral pulse.
+    fn longest_unguarded(&self, rudder: &Rudder<'_>) -> Ticks {
+        let mut longest = Ticks::ZERO;
+        let mut valid = self.valid_steps().peekable();
+        let mut last_valid = self.injected;
+        let mut off_neutral = rudder
+            .before
+            .is_some_and(|pulse| !rudder.is_neutral(&pulse));
+        for pulse in rudder.pulses {
+            while let Some(step) = valid.next_if(|step| *step <= pulse.rise) {
+                if off_neutral {
+                    longest = longest.max(step.saturating_sub(last_valid));
+                }
+                last_valid = step;
+            }
+            if off_neutral {
+                longest = longest.max(pulse.rise.saturating_sub(last_valid));
+            }
+            off_neutral = !rudder.is_neutral(pulse);
+        }
+        longest
+    }
+
+    /// Ends of the steps that worked on a valid burst.
+    fn valid_steps(&self) -> impl Iterator<Item = Ticks> {
+        self.truth.steps.iter().filter_map(|step| {
+            let ended = self.truth.bursts.partition_point(|b| b.end <= step.start);
+            let burst = self.truth.bursts.get(ended.checked_sub(1)?)?;
+            let used = burst.valid && step.start - burst.end <= HAND_OVER;
+            used.then_some(step.end)
+        })
+    }
+
+    fn wrong_pulses(&self, rudder: &Rudder<'_>) -> Option<Unsafe> {
+        let end = self.truth.motion.last()?.time;
+        let mut last = rudder.before.map_or(self.injected, |pulse| pulse.rise);
+        let failsafe = self
+            .heartbeats
+            .iter()
+            .find(|beat| beat.at >= self.injected && beat.state == Some(StateKind::Failsafe));
+        let latest = self.frame + self.frame / 2;
+        for pulse in rudder.pulses {
+            if pulse.rise.saturating_sub(last) > latest {
+                return Some(Unsafe::NoPulse(pulse.rise - last));
+            }
+            last = pulse.rise;
+            let width = pulse.width_us();
+            if !TRAVEL_US.contains(&width) {
+                return Some(Unsafe::WildPulse(width));
+            }
+            // The heartbeat may come before the frame that its step belongs to.
+            let reported = failsafe.is_some_and(|beat| pulse.rise > beat.at + self.frame);
+            if reported && !rudder.is_neutral(pulse) {
+                return Some(Unsafe::PulseInFailsafe(width));
+            }
+        }
+        let gap = end.saturating_sub(last);
+        (gap > latest + self.frame / 2).then_some(Unsafe::NoPulse(gap))
+    }
+
+    /// Largest distance from the flight without the fault at the end of the run, rad.
+    fn off_course(&self) -> f64 {
+        let Some(end) = self.truth.motion.last().map(|m| m.time) else {
+            return f64::INFINITY;
+        };
+        let last = self.truth.motion_since(end.saturating_sub(END));
+        last.iter()
+            .map(|motion| {
+                let at = self.reference.partition_point(|m| m.time < motion.time);
+                self.reference.get(at).map_or(f64::INFINITY, |m| {
+                    let roll = m.roll.roll_rad - motion.roll.roll_rad;
+                    (m.pitch_rad - motion.pitch_rad).hypot(roll)
+                })
+            })
+            .fold(0.0, f64::max)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::neutral_us;
+    use super::*;
+    use crate::bno055::Refresh;
+    use crate::observe::ground_truth::{Burst, Pulse, Roll, Step};
+    use tvc_nano::{Axis, Params};
+
+    const ACTIVE: f64 = 1600.0;
+    const NEUTRAL: f64 = 1523.6;
+
+    fn ms(ms: u64) -> Ticks {
+        Ticks::from_ms(ms)
+    }
+
+    /// A second of flight after a fault at 0: a step every 10 ms on a burst that is valid or not, a
+    /// pulse every 20 ms.
+    fn truth(valid: impl Fn(u64) -> bool, width_us: impl Fn(u64) -> f64) -> GroundTruth {
+        let mut truth = GroundTruth::default();
+        for time in (10..1000).step_by(10) {
+            truth.bursts.push(Burst {
+                start: ms(time - 5),
+                acknowledged: ms(time - 5),
+                end: ms(time),
+                refresh: Refresh::default(),
+                words: [0; 9],
+                valid: valid(time),
+                alone: false,
+            });
+            truth.steps.push(Step {
+                start: ms(time) + Ticks::from_us(10),
+                end: ms(time + 1),
+            });
+            if time % 20 == 10 {
+                let rise = ms(time + 2);
+                truth.pulses.push(Pulse {
+                    rise,
+                    fall: rise + Ticks::from_secs_f64(width_us(time) * 1e-6),
+                });
+            }
+        }
+        truth.motion = motion(0.0);
+        truth
+    }
+
+    fn motion(pitch_rad: f64) -> Vec<Motion> {
+        (0..1000)
+            .map(|time| Motion {
+                time: ms(time),
+                pitch_rad,
+                rate_rad_s: 0.0,
+                rudder_rad: 0.0,
+                crank_rad: 0.0,
+                target_rad: 0.0,
+                roll: Roll::default(),
+            })
+            .collect()
+    }
+
+    fn beat(at: u64, state: StateKind) -> Heartbeat {
+        Heartbeat {
+            at: ms(at),
+            state: Some(state),
+            reason: 0,
+            armed: false,
+        }
+    }
+
+    fn judged(truth: &GroundTruth, heartbeats: &[Heartbeat]) -> (Ending, u64) {
+        let rise = Ticks::ZERO;
+        let (ending, unguarded) = judge_sensor(&SensorRun {
+            injected: Ticks::ZERO,
+            frame: ms(20),
+            rudders: vec![Rudder {
+                axis: Axis::Pitch,
+                neutral_us: neutral_us(&Params::default(), Axis::Pitch),
+                before: Some(Pulse {
+                    rise,
+                    fall: rise + Ticks::from_us(1600),
+                }),
+                pulses: &truth.pulses,
+            }],
+            truth,
+            reference: &motion(0.0),
+            heartbeats,
+            reset: false,
+        });
+        (ending, unguarded.as_us() / 1000)
+    }
+
+    #[test]
+    fn a_fault_that_changes_nothing_is_recovered_from() {
+        let truth = truth(|_| true, |_| ACTIVE);
+        let judged = judged(&truth, &[beat(0, StateKind::Active)]);
+        assert_eq!(judged, (Ending::Recovered, 11));
+    }
+
+    #[test]
+    fn time_counts_from_the_fault_to_the_first_neutral_pulse() {
+        let neutral_from =
+            |from: u64| truth(|_| false, move |t| if t < from { ACTIVE } else { NEUTRAL });
+        let beats = [beat(0, StateKind::Active), beat(80, StateKind::Failsafe)];
+        assert_eq!(judged(&neutral_from(90), &beats), (Ending::Neutral, 92));
+        let beats = [beat(0, StateKind::Active), beat(180, StateKind::Failsafe)];
+        assert_eq!(
+            judged(&neutral_from(190), &beats),
+            (Ending::Unsafe(Unsafe::Unguarded), 192)
+        );
+    }
+
+    #[test]
+    fn a_valid_step_ends_the_time_and_wrong_data_do_not() {
+        let gap = |until: u64| truth(move |t| t < 100 || t >= until, |_| ACTIVE);
+        let beats = [beat(0, StateKind::Active)];
+        assert_eq!(judged(&gap(200), &beats), (Ending::Recovered, 110));
+        assert_eq!(
+            judged(&gap(250), &beats).0,
+            Ending::Unsafe(Unsafe::Unguarded)
+        );
+        // With the rudder at neutral nothing is steered by wrong data.
+        let resting = truth(|_| false, |_| NEUTRAL);
+        assert_eq!(judged(&resting, &beats).0, Ending::Recovered);
+    }
+
+    #[test]
+    fn pulses_must_go_on_stay_in_the_travel_and_be_neutral_in_failsafe() {
+        let active = [beat(0, StateKind::Active)];
+        let mut gap = truth(|_| true, |_| ACTIVE);
+        gap.pulses.remove(20);
+        assert_eq!(
+            judged(&gap, &active).0,
+            Ending::Unsafe(Unsafe::NoPulse(ms(40)))
+        );
+        let mut ends = truth(|_| true, |_| ACTIVE);
+        ends.pulses.truncate(40);
+        assert!(matches!(
+            judged(&ends, &active).0,
+            Ending::Unsafe(Unsafe::NoPulse(_))
+        ));
+        let wild = truth(|_| true, |t| if t == 510 { 300.0 } else { ACTIVE });
+        assert!(matches!(
+            judged(&wild, &active).0,
+            Ending::Unsafe(Unsafe::WildPulse(_))
+        ));
+        let kick = truth(
+            |_| true,
+            |t| if t < 100 || t == 510 { ACTIVE } else { NEUTRAL },
+        );
+        assert!(matches!(
+            judged(&kick, &[beat(80, StateKind::Failsafe)]).0,
+            Ending::Unsafe(Unsafe::PulseInFailsafe(_))
+        ));
+    }
+
+    #[test]
+    fn control_off_course_and_other_states_are_unsafe() {
+        let mut lost = truth(|_| true, |_| ACTIVE);
+        lost.motion = motion(0.3);
+        assert_eq!(
+            judged(&lost, &[beat(0, StateKind::Active)]).0,
+            Ending::Unsafe(Unsafe::OffCourse(0.3))
+        );
+        let fine = truth(|_| true, |_| NEUTRAL);
+        assert_eq!(
+            judged(&fine, &[beat(0, StateKind::Standby)]).0,
+            Ending::Unsafe(Unsafe::State(Some(StateKind::Standby)))
+        );
+        assert_eq!(judged(&fine, &[]).0, Ending::Unsafe(Unsafe::State(None)));
+    }
+}

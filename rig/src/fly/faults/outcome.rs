@@ -1,0 +1,100 @@
+//! How a run ended, in words and figures.
+
+use std::fmt;
+
+use client::StateKind;
+use samd21::board::Ticks;
+
+use super::{Case, DEADLINE};
+
+/// How a run ended.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Ending {
+    /// In control, and on course.
+    Recovered,
+    /// Without control (in failsafe, as a rule), with the rudder at neutral.
+    Neutral,
+    /// The same behind a reset of the chip.
+    Restarted,
+    /// Neither, or too late.
+    Unsafe(Unsafe),
+    /// The program, as the fault had left it, did what the emulated chip does not model: this.
+    Unmodelled(String),
+}
+
+/// What was unsafe.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Unsafe {
+    /// The rudder was off neutral without valid data for too long.
+    Unguarded,
+    /// No pulse for this time.
+    NoPulse(Ticks),
+    /// A pulse of a width, us, that the servo must never see.
+    WildPulse(f64),
+    /// A pulse off neutral, of this width, us, after the firmware had reported its failsafe.
+    PulseInFailsafe(f64),
+    /// The chip was reset.
+    Reset,
+    /// In control, but the drone is this far from the flight without the fault, rad.
+    OffCourse(f64),
+    /// The firmware ended in a state that is neither control nor failsafe.
+    State(Option<StateKind>),
+    /// A rudder was driven wrongly for this time.
+    Driven(Ticks),
+    /// At the end, in no control, a pulse of this width, us, which is not neutral.
+    NotNeutral(f64),
+}
+
+impl fmt::Display for Unsafe {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Unguarded => write!(
+                f,
+                "rudder off neutral without valid data for more than {} ms",
+                DEADLINE.as_us() / 1000
+            ),
+            Self::NoPulse(gap) => write!(f, "no pulse for {:.1} ms", gap.as_us_f64() / 1e3),
+            Self::WildPulse(width) => write!(f, "a pulse of {width:.1} us"),
+            Self::PulseInFailsafe(width) => write!(f, "a pulse of {width:.1} us in failsafe"),
+            Self::Reset => f.write_str("the chip was reset"),
+            Self::OffCourse(rad) => write!(f, "in control, but {rad:.2} rad off course"),
+            Self::State(Some(state)) => write!(f, "ended in state {state:?}"),
+            Self::State(None) => f.write_str("no word from the firmware"),
+            Self::Driven(time) => {
+                write!(
+                    f,
+                    "a rudder driven wrongly for {:.0} ms",
+                    time.as_us_f64() / 1e3
+                )
+            }
+            Self::NotNeutral(width) => write!(f, "at the end a pulse of {width:.1} us"),
+        }
+    }
+}
+
+/// A run and how it ended.
+#[derive(Clone, Debug)]
+pub struct Outcome {
+    /// The run's kind and number.
+    pub case: Case,
+    /// When the fault began, s after release.
+    pub at_s: f64,
+    /// How long it lasted, s.
+    pub lasted_s: f64,
+    /// What was switched on, in words.
+    pub fault: String,
+    /// How it ended.
+    pub ending: Ending,
+    /// Longest time for which the rudder was off neutral without valid data, ms.
+    pub unguarded_ms: f64,
+    /// Longest time for which a rudder was driven wrongly, ms.
+    pub wrong_ms: f64,
+    /// Longest time without a pulse behind one that was not neutral, ms.
+    pub silent_ms: f64,
+    /// The firmware has told, or restarted with a reason.
+    pub noticed: bool,
+    /// Nothing was noticed, and no pulse was another than without the fault.
+    pub harmless: bool,
+    /// The firmware's last text.
+    pub said: String,
+}
