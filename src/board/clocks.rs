@@ -45,8 +45,7 @@ pub(super) fn start(
 
 /// What start-of-frame has disciplined the DFLL to: its FINE, `None` while it is not locked.
 pub(super) fn locked_fine() -> Option<u16> {
-    // SAFETY: after start-up only this module touches the DFLL.
-    let sysctrl = unsafe { &*pac::Sysctrl::ptr() };
+    let sysctrl = sysctrl();
     if sysctrl.pclksr().read().dflllckf().bit_is_clear() {
         return None;
     }
@@ -57,7 +56,7 @@ pub(super) fn locked_fine() -> Option<u16> {
 
 /// Start from this FINE instead of the middle, which is up to 3 % off. In open loop, since the loop
 /// would write it; the HAL has the loop closed.
-pub(super) fn set_fine(sysctrl: &pac::Sysctrl, fine: u16) {
+pub(super) fn set_fine(sysctrl: &pac::sysctrl::RegisterBlock, fine: u16) {
     let ready = || soon(|| sysctrl.pclksr().read().dfllrdy().bit_is_set());
     sysctrl.dfllctrl().modify(|_, w| w.mode().clear_bit());
     let _ = ready();
@@ -104,89 +103,8 @@ pub(super) fn watch_supply(sysctrl: &pac::Sysctrl) {
     }
 }
 
-/// Which clocks of the flight run from which generator, and which buses are on, as start-up has
-/// left it.
-pub(super) struct ClockCheck {
-    buses: [u32; 3],
-    clocks: [u16; CLOCKS.len()],
-    coarse: u8,
-    /// The clock that is looked at next.
-    next: usize,
-}
-
-/// CLKCTRL.ID of the watchdog, USB, the sensor bus and the servo's timer.
-const CLOCKS: [u8; 4] = [0x03, 0x06, 0x18, 0x1A];
-
-impl ClockCheck {
-    /// What is set now.
-    pub(super) fn new() -> Self {
-        Self {
-            buses: buses(),
-            clocks: CLOCKS.map(clock),
-            coarse: coarse(),
-            next: 0,
-        }
-    }
-
-    /// Look at the buses, the DFLL, and one clock after the other; set what has changed as it was.
-    /// `false` if the DFLL runs at a frequency of its own, which only a reset puts right.
-    pub(super) fn put_right(&mut self) -> bool {
-        // A bus that is on beside them does no harm, and `bringup` turns one on for a timer.
-        let ([a, b, c], now @ [x, y, z]) = (self.buses, buses());
-        let [a, b, c] = [a | x, b | y, c | z];
-        if now != [a, b, c] {
-            // SAFETY: the power manager's masks, and nothing off that was on; only the main loop
-            // changes them.
-            unsafe {
-                let pm = &*pac::Pm::ptr();
-                pm.apbamask().write(|w| w.bits(a));
-                pm.apbbmask().write(|w| w.bits(b));
-                pm.apbcmask().write(|w| w.bits(c));
-            }
-        }
-        self.next = (self.next + 1) % CLOCKS.len();
-        if let (Some(id), Some(expected)) = (CLOCKS.get(self.next), self.clocks.get(self.next))
-            && clock(*id) != *expected
-        {
-            // SAFETY: as it was; the register is selected by the clock's number within it.
-            unsafe { CLKCTRL.write_volatile(*expected) };
-        }
-        let is_right = coarse() == self.coarse;
-        // For the next look.
-        sysctrl().dfllsync().write(|w| w.readreq().set_bit());
-        is_right
-    }
-}
-
-/// GCLK.CLKCTRL. The PAC's writer knows no clock but one by its name.
-const CLKCTRL: *mut u16 = 0x4000_0C02 as *mut u16;
-
-/// CLKCTRL of a clock.
-fn clock(id: u8) -> u16 {
-    // SAFETY: a byte written there selects the clock that is read; after start-up only the main
-    // loop touches the register.
-    unsafe {
-        CLKCTRL.cast::<u8>().write_volatile(id);
-        CLKCTRL.read_volatile()
-    }
-}
-
-fn buses() -> [u32; 3] {
-    // SAFETY: reads registers that are always mapped.
-    let pm = unsafe { &*pac::Pm::ptr() };
-    [
-        pm.apbamask().read().bits(),
-        pm.apbbmask().read().bits(),
-        pm.apbcmask().read().bits(),
-    ]
-}
-
-/// The DFLL's coarse value as it was when it was asked for last.
-fn coarse() -> u8 {
-    sysctrl().dfllval().read().coarse().bits()
-}
-
-fn sysctrl() -> &'static pac::sysctrl::RegisterBlock {
-    // SAFETY: always mapped; after start-up only this module touches the DFLL.
+/// Oscillators and the brown-out detector, once start-up is over.
+pub(super) fn sysctrl() -> &'static pac::sysctrl::RegisterBlock {
+    // SAFETY: always mapped; only this module and its check touch it then.
     unsafe { &*pac::Sysctrl::ptr() }
 }

@@ -25,6 +25,7 @@
 //! written so that it cannot.
 
 mod bringup;
+mod clock_check;
 mod clocks;
 pub(crate) mod crash;
 mod flash;
@@ -54,7 +55,7 @@ use tvc_nano::telemetry::Reset;
 use tvc_nano::ticks::{BurstGauge, NewestTick};
 use tvc_nano::{BoardStatus, SelfCheck};
 
-use clocks::ClockCheck;
+use clock_check::ClockCheck;
 use image_check::ImageCheck;
 use nano33iot::{FRAME_INTERRUPT, I2C_INTERRUPT, LED, PROBE, RADIO_RESET};
 
@@ -104,6 +105,9 @@ impl Board {
         let Some(clocks) = clocks else {
             crash::stop(SelfCheck::Clock)
         };
+        time::start(&mut core.SYST);
+        // Before all else: start-up may hang, too.
+        let guard = watchdog::WatchdogGuard::start(chip.wdt);
         let mut flash = flash::Flash::new(chip.nvmctrl);
         let (params, stored) = store::load(&mut flash);
         if let Some(fine) = params.clock_fine() {
@@ -117,7 +121,6 @@ impl Board {
             crash::refuse_to_start(SelfCheck::Flash)
         };
         stack::paint();
-        time::start(&mut core.SYST);
         nano33iot::enable_bus_clocks(&mut chip.pm);
         let timing = params.timing();
         let frame = frame::Frame::start(&clocks.frame, first_pulses(&params, stored), timing);
@@ -127,7 +130,6 @@ impl Board {
         clocks::watch_supply(&chip.sysctrl);
         let bus = i2c::Bus::start(timing.i2c_khz);
         let port = usb::Port::start(&clocks.usb, &mut chip.pm, chip.usb);
-        let guard = watchdog::WatchdogGuard::start(chip.wdt);
         // SAFETY: set once, before any of them is enabled; critical sections mask all alike.
         unsafe { core.SCB.set_priority(SystemHandler::SysTick, priority(0)) };
         enable_interrupts();
@@ -196,8 +198,8 @@ impl Board {
     /// Put right what can be, of the registers that make pulses and interrupts, and stop where
     /// something else is not as it was set.
     fn check_registers(&mut self) {
-        if !self.clocks.put_right() {
-            crash::stop(SelfCheck::Clock);
+        if let Err(check) = self.clocks.put_right() {
+            crash::stop(check);
         }
         self.frame.connect_again();
         enable_interrupts();
