@@ -2,7 +2,7 @@
 
 use crate::{firmware, ready};
 use rig::bno055::FaultKind;
-use rig::faults::{Campaign, Case, Ending, Kind, SystemKind};
+use rig::faults::{Campaign, Case, Ending, Kind, Phase, SystemKind};
 use rig::{Ready, ServoKind, Setup, prepare};
 
 /// Of every kind this many runs.
@@ -11,7 +11,7 @@ const RUNS: u32 = 2;
 #[test]
 fn faults_at_random_instants_end_recovered_or_neutral() {
     let frame_hz = f64::from(ServoKind::S3003.frame_hz());
-    let campaign = Campaign::new(&ready(), frame_hz, 1).unwrap();
+    let campaign = Campaign::new(&ready(), frame_hz, Phase::Flight, 1).unwrap();
     let (mut recovered, mut neutral) = (0, 0);
     let sample = FaultKind::ALL.into_iter().flat_map(|kind| {
         (0..RUNS).map(move |number| Case {
@@ -45,7 +45,7 @@ fn faults_of_a_vehicle_whose_rudder_is_held_off_its_centre_end_so_too() {
     setup.parameters.push(("SRV_HOLD_DEG".into(), -2.29));
     let ready = prepare(firmware(), &setup, &mut |_| {}).unwrap();
     let frame_hz = f64::from(ServoKind::S3003.frame_hz());
-    let campaign = Campaign::new(&ready, frame_hz, 1).unwrap();
+    let campaign = Campaign::new(&ready, frame_hz, Phase::Flight, 1).unwrap();
     let mut neutral = 0;
     for kind in [
         FaultKind::Unplugged,
@@ -74,7 +74,7 @@ fn faults_of_a_vehicle_whose_rudder_is_held_off_its_centre_end_so_too() {
 #[test]
 fn a_run_can_be_repeated() {
     let frame_hz = f64::from(ServoKind::S3003.frame_hz());
-    let campaign = || Campaign::new(&ready(), frame_hz, 7).unwrap();
+    let campaign = || Campaign::new(&ready(), frame_hz, Phase::Flight, 7).unwrap();
     let case = Case {
         kind: Kind::Sensor(FaultKind::BitFlips),
         number: 3,
@@ -95,7 +95,7 @@ fn faults_beyond_the_sensor_never_drive_a_rudder_wrongly_for_long() {
 
 /// Beyond the sensor: of every kind a few. What a campaign of thousands shows is in docs/faults.md.
 pub(crate) fn beyond_the_sensor(ready: &Ready, servo: ServoKind) {
-    let campaign = Campaign::new(ready, f64::from(servo.frame_hz()), 1).unwrap();
+    let campaign = Campaign::new(ready, f64::from(servo.frame_hz()), Phase::Flight, 1).unwrap();
     let (mut restarted, mut noticed, mut harmless) = (0, 0, 0);
     for kind in SystemKind::ALL {
         for number in 0..3 {
@@ -122,7 +122,7 @@ pub(crate) fn beyond_the_sensor(ready: &Ready, servo: ServoKind) {
 #[test]
 fn a_flipped_bit_of_the_image_is_noticed() {
     let frame_hz = f64::from(ServoKind::S3003.frame_hz());
-    let campaign = Campaign::new(&ready(), frame_hz, 2).unwrap();
+    let campaign = Campaign::new(&ready(), frame_hz, Phase::Flight, 2).unwrap();
     for number in 0..8 {
         let kind = Kind::System(SystemKind::FlashImage);
         let outcome = campaign.run(Case { kind, number }).unwrap();

@@ -14,7 +14,7 @@ use anyhow::{Context, Result};
 use indicatif::{ProgressBar, ProgressStyle};
 use rayon::prelude::*;
 use rig::bench::Hardware;
-use rig::faults::{Campaign, Case, GLITCHES, Kind};
+use rig::faults::{Campaign, Case, GLITCHES, Kind, Phase};
 use rig::{ServoKind, Setup, prepare};
 
 use crate::flight::vehicle::VehicleKind;
@@ -49,15 +49,20 @@ fn fly(options: &Faults) -> Result<Verdict> {
         )
         .into());
     }
+    if options.glitches && options.phase != Phase::Flight {
+        return Err(BadInput::new("--phase: glitches are flown, in phase flight").into());
+    }
+    let cases = cases(options)?;
     let begun = Instant::now();
     let campaign = campaign(
         &options.image,
         options.vehicle,
         options.hardware.hardware()?,
+        options.phase,
         options.seed,
         options.glitches,
     )?;
-    let rows = carry_out(&campaign, &cases(options), options)?;
+    let rows = carry_out(&campaign, &cases, options)?;
     if rows.is_empty() {
         return Err(BadInput::new("--shard: this part of the campaign has no run").into());
     }
@@ -106,17 +111,18 @@ pub fn merged(path: &Path) -> Result<String> {
 
 /// Carries out one run again.
 fn replay(options: &Replay) -> Result<Verdict> {
-    let (scenario, vehicle, case) = Scenario::read(&options.file)?;
+    let (scenario, vehicle, phase, case) = Scenario::read(&options.file)?;
     let hardware = scenario.hardware.parse().map_err(BadInput::new)?;
     let campaign = campaign(
         &options.image,
         vehicle,
         hardware,
+        phase,
         scenario.seed,
         scenario.glitches,
     )?;
     let outcome = campaign.run(case)?;
-    let row = Row::new(scenario.seed, vehicle.name(), &outcome);
+    let row = Row::new(scenario.seed, vehicle.name(), phase, &outcome);
     let figures = summary::figures(std::slice::from_ref(&row), false, None);
     let said = Figures::from([
         figure("run", row.story()).shown("run", "", 0),
@@ -129,23 +135,24 @@ fn replay(options: &Replay) -> Result<Verdict> {
     figures.conclude(options.json, None)
 }
 
-/// The flight that is to be disturbed.
+/// The flight, or another phase, that is to be disturbed.
 fn campaign(
     image: &ImageOption,
     vehicle: VehicleKind,
     hardware: Hardware,
+    phase: Phase,
     seed: u64,
     glitches: bool,
 ) -> Result<Campaign> {
     let image = image.image()?;
-    let bar = spinner("boot and flight without a fault");
+    let bar = spinner("boot and flight, or another phase, without a fault");
     let mut setup = Setup::with_polarity(ServoKind::S3003, seed);
     setup.rig.hardware = hardware;
     vehicle.hang(&mut setup.rig)?;
     let ready = prepare(&image, &setup, &mut |_| {})?;
     let frame_hz = f64::from(setup.servo.frame_hz());
-    let campaign =
-        Campaign::new(&ready, frame_hz, seed).context("the flight that is to be disturbed")?;
+    let campaign = Campaign::new(&ready, frame_hz, phase, seed)
+        .with_context(|| format!("phase {phase}, which is to be disturbed"))?;
     bar.finish_and_clear();
     Ok(if glitches {
         campaign.of_glitches()
@@ -155,24 +162,38 @@ fn campaign(
 }
 
 /// The runs of this shard, by kind and number.
-fn cases(options: &Faults) -> Vec<Case> {
+///
+/// # Errors
+/// A kind is none of the phase's.
+fn cases(options: &Faults) -> Result<Vec<Case>> {
     let mut kinds = Kind::all();
     if options.glitches {
         kinds = GLITCHES.map(Kind::Sensor).to_vec();
     } else if !options.kind.is_empty() {
         kinds.retain(|kind| options.kind.contains(kind));
+    } else if options.phase != Phase::Flight {
+        kinds.retain(|kind| matches!(kind, Kind::System(_)));
+    }
+    let of_sensor = kinds.iter().find(|kind| matches!(kind, Kind::Sensor(_)));
+    if let Some(kind) = of_sensor
+        && options.phase != Phase::Flight
+    {
+        let why = format!(
+            "--phase {}: {kind} is a fault of phase flight",
+            options.phase
+        );
+        return Err(BadInput::new(why).into());
     }
     let of_each = options
         .runs
         .map_or(RUNS_OF_EACH, |runs| runs.div_ceil(kinds.len() as u32));
     let (part, parts) = options.shard.unwrap_or((0, 1));
-    kinds
+    let all = kinds
         .into_iter()
         .flat_map(|kind| (0..of_each).map(move |number| Case { kind, number }))
         .enumerate()
-        .filter(|(index, _)| *index as u64 % parts == part)
-        .map(|(_, case)| case)
-        .collect()
+        .filter(|(index, _)| *index as u64 % parts == part);
+    Ok(all.map(|(_, case)| case).collect())
 }
 
 fn carry_out(campaign: &Campaign, cases: &[Case], options: &Faults) -> Result<Vec<Row>> {
@@ -191,7 +212,8 @@ fn carry_out(campaign: &Campaign, cases: &[Case], options: &Faults) -> Result<Ve
                     .run(case)
                     .with_context(|| format!("run {} of fault {}", case.number, case.kind))?;
                 bar.inc(1);
-                Ok(Row::new(options.seed, options.vehicle.name(), &outcome))
+                let vehicle = options.vehicle.name();
+                Ok(Row::new(options.seed, vehicle, options.phase, &outcome))
             })
             .collect()
     });

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use clap::{Args, Subcommand};
-use rig::faults::Kind;
+use rig::faults::{Kind, Phase};
 
 use crate::arguments::shard;
 use crate::flight::hardware::HardwareChoice;
@@ -22,6 +22,7 @@ Examples:
   cargo tvc faults --kind sda-stuck --kind ram-stack  two of them
   cargo tvc faults --glitches                         short ones of the cable: all but 1 % ridden out
   cargo tvc faults --vehicle drone2                   both rudders of the two-axis drone
+  cargo tvc faults --phase saving                     chip, program and host, while parameters are stored
   cargo tvc faults --runs 10000 --shard 3/16 --out part3.csv
   cargo tvc faults merge part*.csv                    what many shards add up to
   cargo tvc faults replay report/faults/unsafe-1.toml one unsafe run again
@@ -31,8 +32,9 @@ active (recovered), or if the firmware is in failsafe (neutral); in both cases w
 wild pulse, without a reset, and with the rudder never off neutral for more than 150 ms without
 valid data. A run with any other fault (of memory, registers, clocks, interrupts, program, supply or
 host) is safe if the rudder is never driven wrongly for more than 200 ms, and is under control or at
-neutral at the end, behind a reset too (restarted). Everything else is unsafe. The same seed gives
-the same runs.
+neutral at the end, behind a reset too (restarted). In another phase than the flight every pulse off
+neutral is a wrong one, and nothing is armed or in control without an order. What is stored at the
+end is what somebody has stored. Everything else is unsafe. The same seed gives the same runs.
 
 Exit status: 0 no unsafe run (and 99 % of glitches ridden out), 1 at least one or something failed,
 2 unusable input."
@@ -49,6 +51,11 @@ pub struct Faults {
     /// What hangs on the rig.
     #[arg(long, value_enum, default_value_t)]
     pub vehicle: VehicleKind,
+
+    /// What the vehicle does when the fault begins: start, standby, saving (its parameters), armed,
+    /// flight or failsafe. In another phase than the flight, only what fails beyond the sensor.
+    #[arg(long, default_value_t = Phase::Flight)]
+    pub phase: Phase,
 
     /// Only this fault; can be given several times [default: all].
     #[arg(long, value_name = "KIND", num_args = 1..)]

@@ -20,7 +20,8 @@ const SLOT_S: f64 = 0.2;
 /// The whole page; `rows` is not empty.
 pub fn render(figures: &Figures, rows: &[Row]) -> Result<String> {
     let seed = rows.first().map_or(0, |row| row.seed);
-    let title = format!("Faults in flight: {} runs, seed {seed}", rows.len());
+    let phase = rows.first().map_or("", |row| row.phase.as_str());
+    let title = format!("Faults in phase {phase}: {} runs, seed {seed}", rows.len());
     let bad: Vec<&Row> = rows.iter().filter(|row| row.end == End::Unsafe).collect();
     let mut longest: Vec<&Row> = rows.iter().collect();
     longest.sort_by(|a, b| b.blind_ms().total_cmp(&a.blind_ms()));
@@ -43,7 +44,7 @@ pub fn render(figures: &Figures, rows: &[Row]) -> Result<String> {
         h2 { "Longest without control" }
         (listed(&longest[..longest.len().min(NAMED)]))
         footer {
-            "The firmware image in flight on an emulated SAMD21 and BNO055; each run forks the flight at "
+            "The firmware image on an emulated SAMD21 and BNO055; each run forks the flight, or another phase, at "
             "an instant of its own. Nothing here was measured on a board."
         }
     };
@@ -116,8 +117,13 @@ fn blindness(rows: &[Row]) -> Result<Markup> {
 fn instants(rows: &[Row]) -> Result<Markup> {
     let place = |row: &Row| (row.at_s, row.blind_ms());
     Ok(figure(
-        "The same, against the instant of the flight at which it began.",
-        against_blindness("since the release, s", false, place, rows)?,
+        "The same, against the instant of the flight, or of another phase, at which it began.",
+        against_blindness(
+            "since the release or the phase's begin, s",
+            false,
+            place,
+            rows,
+        )?,
     ))
 }
 

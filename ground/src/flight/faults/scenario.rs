@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use anyhow::Result;
 use rig::bench::Hardware;
-use rig::faults::{Case, GLITCHES, Kind};
+use rig::faults::{Case, GLITCHES, Kind, Phase};
 use serde::{Deserialize, Serialize};
 
 use super::options::Faults;
@@ -24,6 +24,8 @@ pub struct Scenario {
     pub vehicle: String,
     /// What the emulated parts are like, as `--hardware` takes it.
     pub hardware: String,
+    /// What the vehicle does when the fault begins.
+    pub phase: String,
     /// The run is one of a campaign of glitches.
     pub glitches: bool,
     /// What fails.
@@ -39,6 +41,7 @@ impl Scenario {
             seed: row.seed,
             vehicle: row.vehicle.clone(),
             hardware: options.hardware.text(),
+            phase: row.phase.clone(),
             glitches: options.glitches,
             kind: row.kind.clone(),
             number: row.number,
@@ -65,7 +68,7 @@ impl Scenario {
     ///
     /// # Errors
     /// It cannot be read, or does not say what a run needs.
-    pub fn read(path: &Path) -> Result<(Self, VehicleKind, Case), BadInput> {
+    pub fn read(path: &Path) -> Result<(Self, VehicleKind, Phase, Case), BadInput> {
         let text = input::text(path).map_err(|error| error.to_string());
         let read = text.and_then(|text| Self::parse(&text));
         read.map_err(|error| BadInput::new(format!("{}: {error}", path.display())))
@@ -75,7 +78,7 @@ impl Scenario {
     ///
     /// # Errors
     /// What is wrong with it.
-    pub fn parse(text: &str) -> Result<(Self, VehicleKind, Case), String> {
+    pub fn parse(text: &str) -> Result<(Self, VehicleKind, Phase, Case), String> {
         let scenario: Self = toml::from_str(text).map_err(|error| error.to_string())?;
         let kind: Kind = scenario.kind.parse()?;
         scenario.hardware.parse::<Hardware>()?;
@@ -83,11 +86,15 @@ impl Scenario {
             .into_iter()
             .find(|vehicle| vehicle.name() == scenario.vehicle)
             .ok_or_else(|| format!("there is no vehicle {}", scenario.vehicle))?;
+        let phase: Phase = scenario.phase.parse()?;
+        if phase != Phase::Flight && matches!(kind, Kind::Sensor(_)) {
+            return Err(format!("{kind} is a fault of phase flight"));
+        }
         let is_glitch = matches!(kind, Kind::Sensor(kind) if GLITCHES.contains(&kind));
         if scenario.glitches && !is_glitch {
             return Err(format!("{kind} is no glitch of the cable"));
         }
         let number = scenario.number;
-        Ok((scenario, vehicle, Case { kind, number }))
+        Ok((scenario, vehicle, phase, Case { kind, number }))
     }
 }

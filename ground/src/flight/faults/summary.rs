@@ -30,10 +30,9 @@ pub fn figures(all: &[Row], glitches: bool, wall_s: Option<f64>) -> Figures {
     let mut kinds: Vec<Kind> = all.iter().filter_map(Row::kind).collect();
     kinds.sort_unstable();
     kinds.dedup();
-    let [seed, vehicle] = all.first().map_or_else(Default::default, |row| {
-        [row.seed.to_string(), row.vehicle.clone()]
+    let (seed, vehicle, phase) = all.first().map_or_else(Default::default, |row| {
+        (row.seed, row.vehicle.clone(), row.phase.clone())
     });
-    let seed: u64 = seed.parse().unwrap_or_default();
     let limit =
         |key, label, ticks: rig::Ticks| figure(key, ticks.as_us_f64() / 1e3).shown(label, "ms", 0);
     let upsets = [
@@ -46,6 +45,7 @@ pub fn figures(all: &[Row], glitches: bool, wall_s: Option<f64>) -> Figures {
     ];
     let figures = [
         figure("vehicle", vehicle).shown("vehicle", "", 0),
+        figure("phase", phase).shown("phase", "", 0),
         figure("seed", seed).shown("seed", "", 0),
         figure("runs", all.len()).shown("runs", "", 0),
         figure("kinds", kinds.len()).shown("kinds of faults", "", 0),

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use anyhow::{Context, Result};
-use rig::faults::{Ending, Kind, Outcome};
+use rig::faults::{Ending, Kind, Outcome, Phase};
 use serde::{Deserialize, Serialize};
 
 use crate::out::exit::BadInput;
@@ -13,9 +13,9 @@ use crate::out::file::write_whole;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum End {
-    /// In control.
+    /// The vehicle goes on with what it did: in flight, in control.
     Recovered,
-    /// Without control, the rudder at neutral.
+    /// It does not, with the rudder at neutral.
     Neutral,
     /// The same behind a reset.
     Restarted,
@@ -43,11 +43,13 @@ pub struct Row {
     pub seed: u64,
     /// The vehicle, by its name on the command line.
     pub vehicle: String,
+    /// What the vehicle did when the fault began.
+    pub phase: String,
     /// What fails.
     pub kind: String,
     /// Number of the run among those of this kind.
     pub number: u32,
-    /// When the fault began, s after release.
+    /// When the fault began, s after the release or the phase's begin.
     pub at_s: f64,
     /// How long it lasted, s.
     pub lasted_s: f64,
@@ -74,7 +76,7 @@ pub struct Row {
 
 impl Row {
     /// The row of a run.
-    pub fn new(seed: u64, vehicle: &str, outcome: &Outcome) -> Self {
+    pub fn new(seed: u64, vehicle: &str, phase: Phase, outcome: &Outcome) -> Self {
         let (end, why) = match outcome.ending {
             Ending::Recovered => (End::Recovered, String::new()),
             Ending::Neutral => (End::Neutral, String::new()),
@@ -85,6 +87,7 @@ impl Row {
         Self {
             seed,
             vehicle: vehicle.into(),
+            phase: phase.name().into(),
             kind: outcome.case.kind.name().into(),
             number: outcome.case.number,
             at_s: outcome.at_s,
@@ -99,6 +102,11 @@ impl Row {
             harmless: outcome.harmless,
             said: outcome.said.clone(),
         }
+    }
+
+    /// What runs have in common that can be added up.
+    fn campaign(&self) -> (u64, &str, &str) {
+        (self.seed, &self.vehicle, &self.phase)
     }
 
     /// The run in words.
@@ -171,9 +179,9 @@ pub fn merge(files: &[&Path]) -> Result<Vec<Row>> {
                 .into());
             }
             if let Some(first) = all.first()
-                && (first.seed, &first.vehicle) != (row.seed, &row.vehicle)
+                && first.campaign() != row.campaign()
             {
-                return Err(bad(&"of another campaign: seed or vehicle differs").into());
+                return Err(bad(&"of another campaign: seed, vehicle or phase differs").into());
             }
             all.push(row);
         }

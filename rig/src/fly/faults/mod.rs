@@ -5,7 +5,8 @@
 //! continues from a copy of one of them to its own instant, switches its fault on for 5 to 500 ms
 //! (a glitch for 4 to 40 ms), and watches for 0.7 s more (1.7 s beyond the sensor, for a reset
 //! takes half a second in the bootloader). A run is judged by what can be seen from outside: the
-//! pulses on the servos' wires, the drone's true tilt, and the state that the firmware reports. How
+//! pulses on the servos' wires, the drone's true tilt, and the state that the firmware reports.
+//! Faults beyond the sensor may begin in another [`Phase`] of the vehicle than in flight, too. How
 //! a run ends:
 //!
 //! | ending | means |
@@ -28,35 +29,38 @@
 //! degrees of crank), while the drone is on that flight's course; or, off it by more than 0.05 rad,
 //! by one that pushes it farther away. More than 200 ms of that without a break are unsafe. A servo
 //! without pulses is not driven, but keeps the angle that it had: a run without a pulse for longer
-//! than watchdog and bootloader take together is unsafe too, unless the last one was neutral. How a
-//! run ends:
+//! than watchdog and bootloader take together is unsafe too, unless the last one was neutral. In
+//! every other phase than the flight each pulse off neutral is a wrong one. How a run ends:
 //!
 //! | ending | means |
 //! |---|---|
-//! | recovered | control is active at the end |
-//! | neutral | control is not, and the last pulses are neutral |
+//! | recovered | the vehicle goes on with what it did |
+//! | neutral | it does not, and the last pulses are neutral |
 //! | restarted | the same behind a reset of the chip |
 //! | unmodelled | the program, as the fault has left it, does what the emulated chip does not model |
-//! | unsafe | driven wrongly for too long; or no pulses at the end, or some that are not neutral in a state without control |
+//! | unsafe | driven wrongly for too long; or no pulses at the end, or some that are not neutral in a state without control; armed or in control without an order; or with other parameters in flash than were stored there |
 //!
 //! A run is *noticed* if the firmware said so: by its state, a text, or a reset with a reason. It
 //! is *harmless* if it was not, and all pulses were those of the flight without the fault, to
 //! within 2 us.
 
 mod judge;
+mod named_enum;
 mod outcome;
+mod phase;
 mod system;
 
 pub use judge::neutral_us;
 pub use outcome::{Ending, Outcome, Unsafe};
+pub use phase::Phase;
 pub use system::{SystemKind, valid_frame};
 
 use crate::bno055::{Fault, FaultKind};
 use crate::fly::flight::{FlightError, Ready};
-use crate::observe::ground_truth::{GroundTruth, Motion, Pulse};
+use crate::observe::ground_truth::{GroundTruth, Pulse};
 use crate::random::{Stream, generator};
-use client::StateKind;
 use judge::{Rudder, SensorRun, SystemRun, judge_sensor, judge_system};
+use phase::Undisturbed;
 use rand::Rng;
 use samd21::board::Ticks;
 use std::fmt;
@@ -66,18 +70,8 @@ use tvc_nano::{Axis, Params};
 
 /// Longest time for which a rudder may be off neutral without valid data.
 pub const DEADLINE: Ticks = Ticks::from_ms(150);
-/// Pitch from which the flight begins, and roll where that is steered, rad, and the rate at
-/// release, rad/s.
+/// Pitch from which the flight begins, and roll where that is steered, rad.
 const START_RAD: [f64; Axis::COUNT] = [0.4, 0.3];
-const START_RATE_RAD_S: f64 = 0.2;
-/// Rest after the tilt, so that the estimator has settled.
-const REST: Ticks = Ticks::from_ms(3000);
-/// Faults begin in this time after release: from the first answer of the rudder until long after
-/// the drone is upright.
-const EARLIEST: Ticks = Ticks::from_ms(60);
-const LATEST: Ticks = Ticks::from_ms(1600);
-/// Time between two snapshots.
-const SNAPSHOTS: Ticks = Ticks::from_ms(40);
 /// How long a fault lasts at most, ms.
 const LONGEST_MS: f64 = 500.0;
 /// How long faults last that are no glitches, ms: as likely between 5 and 50 as between 50 and 500.
@@ -105,19 +99,15 @@ pub const WRONG_LIMIT: Ticks = Ticks::from_ms(200);
 /// bootloader's half second and the start.
 pub const SILENCE_LIMIT: Ticks = Ticks::from_ms(800);
 
-/// A flight without a fault, with snapshots to fork from.
+/// A flight without a fault, or another phase, from which runs fork.
 pub struct Campaign {
     seed: u64,
+    phase: Phase,
     glitches: bool,
     frame: Ticks,
     /// Widths of the neutral pulse of every axis that is steered, us.
     neutral_us: Vec<(Axis, RangeInclusive<f64>)>,
-    released: Ticks,
-    snapshots: Vec<Ready>,
-    /// The true motion of the whole flight.
-    motion: Vec<Motion>,
-    /// Its pulses, by axis.
-    pulses: [Vec<Pulse>; Axis::COUNT],
+    undisturbed: Undisturbed,
 }
 
 /// What fails in a run.
@@ -183,51 +173,26 @@ pub struct Case {
 }
 
 impl Campaign {
-    /// Flies the flight that is to be disturbed, from a rig in standby whose servo frame has
-    /// `frame_hz`.
+    /// Flies the flight that is to be disturbed, or has the vehicle in another phase, from a rig in
+    /// standby whose servo frame has `frame_hz`.
     ///
     /// # Errors
     /// The rig stopped, or the image refuses.
-    pub fn new(ready: &Ready, frame_hz: f64, seed: u64) -> Result<Self, FlightError> {
+    pub fn new(ready: &Ready, frame_hz: f64, phase: Phase, seed: u64) -> Result<Self, FlightError> {
         let params = reported_parameters(ready)?;
         let axes = params.axes().iter();
         let neutral_us = axes.map(|axis| (*axis, neutral_us(&params, *axis)));
         let neutral_us: Vec<_> = neutral_us.collect();
         let [pitch_rad, roll_rad] = START_RAD;
         let tilt_rad = [pitch_rad, if neutral_us.len() > 1 { roll_rad } else { 0.0 }];
-        let mut base = ready.clone();
-        let Ready { rig, station, .. } = &mut base;
-        rig.environment_mut().tilt_clamp_to(tilt_rad);
-        while !rig.environment().clamp_rests() {
-            station.run(rig, Ticks::from_ms(20))?;
-        }
-        station.run(rig, REST)?;
-        station.arm(rig)?;
-        rig.environment_mut().truth_mut().clear();
-        station.release(rig, START_RATE_RAD_S)?;
-        station.begin_measurement();
-        let released = rig.now();
-        let mut snapshots = Vec::new();
-        station.run(rig, EARLIEST)?;
-        while base.rig.now() < released + LATEST {
-            snapshots.push(base.clone());
-            base.station.run(&mut base.rig, SNAPSHOTS)?;
-        }
-        let watched = SYSTEM_WATCHED + RESTART + SNAPSHOTS;
-        let rest = Ticks::from_secs_f64(LONGEST_MS / 1e3) + watched;
-        base.station.run(&mut base.rig, rest)?;
-        // It must still be in control: this does not wait.
-        let Ready { rig, station, .. } = &mut base;
-        station.wait_for_state(rig, Ticks::ZERO, StateKind::Active)?;
+        let watched = Ticks::from_secs_f64(LONGEST_MS / 1e3) + SYSTEM_WATCHED + RESTART;
         Ok(Self {
             seed,
+            phase,
             glitches: false,
             frame: Ticks::from_secs_f64(1.0 / frame_hz),
             neutral_us,
-            released,
-            snapshots,
-            motion: base.rig.truth().motion.clone(),
-            pulses: Axis::ALL.map(|axis| base.rig.truth().pulses_of(axis).to_vec()),
+            undisturbed: Undisturbed::new(phase, ready, tilt_rad, watched)?,
         })
     }
 
@@ -250,16 +215,17 @@ impl Campaign {
             self.seed ^ case.kind.index() << 48 ^ u64::from(case.number) << 16,
             Stream::Campaign,
         );
-        let at = self.released + Ticks(dice.random_range(EARLIEST.0..LATEST.0));
+        let Undisturbed {
+            begin, instants, ..
+        } = &self.undisturbed;
+        let at = *begin + Ticks(dice.random_range(instants.start.0..instants.end.0));
         let lasting_ms = if self.glitches { GLITCH_MS } else { LASTING_MS };
         let (shortest_ms, longest_ms) = (lasting_ms.start(), lasting_ms.end());
         let octaves = (longest_ms / shortest_ms).ln() * dice.random_range(0.0..1.0);
         let lasted = Ticks::from_secs_f64(shortest_ms / 1e3 * f64::exp(octaves));
 
-        let after = self.snapshots.partition_point(|s| s.rig.now() <= at);
-        let mut fork = self.snapshots[after.saturating_sub(1)].clone();
-        let Ready { rig, station, .. } = &mut fork;
-        station.run(rig, at.saturating_sub(rig.now()))?;
+        let mut fork = self.undisturbed.fork(at)?;
+        let Ready { rig, .. } = &mut fork;
         let begun = Begun {
             before: Axis::ALL.map(|axis| rig.truth().pulses_of(axis).last().copied()),
             resets: rig.resets().len(),
@@ -312,7 +278,7 @@ impl Campaign {
             frame: self.frame,
             rudders: self.rudders(begun, truth),
             truth,
-            reference: &self.motion,
+            reference: &self.undisturbed.motion,
             heartbeats: &station.received().heartbeats,
             reset: rig.resets().len() > begun.resets,
         });
@@ -352,20 +318,24 @@ impl Campaign {
         let verdict = judge_system(&SystemRun {
             injected: begun.at,
             frame: self.frame,
+            phase: self.phase,
             rudders: self.rudders(begun, truth),
             reference_pulses: self
                 .neutral_us
                 .iter()
-                .map(|(axis, _)| self.pulses[axis.index()].as_slice())
+                .map(|(axis, _)| self.undisturbed.pulses[axis.index()].as_slice())
                 .collect(),
             truth,
-            reference: &self.motion,
+            reference: &self.undisturbed.motion,
             heartbeats: &station.received().heartbeats,
             resets: &rig.resets()[begun.resets..],
             given_up: rig.in_bootloader(),
             commanded: kind.commands(),
+            stored_others: !self.undisturbed.has_stored(rig, kind.spoils_store()),
+            clock_error: fault.shifted_ppm * 1e-6,
         });
-        let told = station.received().texts.len() > told;
+        let mut texts = station.received().texts.iter().skip(told);
+        let told = texts.any(|text| !self.undisturbed.texts.contains(&text.text));
         Ok(Outcome {
             wrong_ms: verdict.wrong.as_us_f64() / 1e3,
             silent_ms: verdict.silent.as_us_f64() / 1e3,
@@ -395,7 +365,7 @@ impl Campaign {
     ) -> Outcome {
         Outcome {
             case,
-            at_s: (begun.at - self.released).as_secs_f64(),
+            at_s: (begun.at - self.undisturbed.begin).as_secs_f64(),
             lasted_s: begun.lasted.as_secs_f64(),
             fault,
             ending,

@@ -10,9 +10,9 @@ use super::{Case, DEADLINE};
 /// How a run ended.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Ending {
-    /// In control, and on course.
+    /// The vehicle goes on with what it did; in control, as a rule, and on course.
     Recovered,
-    /// Without control (in failsafe, as a rule), with the rudder at neutral.
+    /// It does not (it is in failsafe, as a rule), with the rudder at neutral.
     Neutral,
     /// The same behind a reset of the chip.
     Restarted,
@@ -41,6 +41,10 @@ pub enum Unsafe {
     State(Option<StateKind>),
     /// A rudder was driven wrongly for this time.
     Driven(Ticks),
+    /// Armed or in control, and nobody had ordered it.
+    Unordered(StateKind),
+    /// The flash has a set of parameters at the end that nobody had stored.
+    StoredOthers,
     /// At the end, in no control, a pulse of this width, us, which is not neutral.
     NotNeutral(f64),
 }
@@ -67,6 +71,8 @@ impl fmt::Display for Unsafe {
                     time.as_us_f64() / 1e3
                 )
             }
+            Self::Unordered(state) => write!(f, "in state {state:?} without an order"),
+            Self::StoredOthers => f.write_str("other parameters are stored than anybody has set"),
             Self::NotNeutral(width) => write!(f, "at the end a pulse of {width:.1} us"),
         }
     }
@@ -77,7 +83,7 @@ impl fmt::Display for Unsafe {
 pub struct Outcome {
     /// The run's kind and number.
     pub case: Case,
-    /// When the fault began, s after release.
+    /// When the fault began, s after the release or the phase's begin.
     pub at_s: f64,
     /// How long it lasted, s.
     pub lasted_s: f64,

@@ -4,9 +4,6 @@
 //! reset restores. A line that sticks, a clock that is off and a host that misbehaves last as long
 //! as the fault does.
 
-use std::fmt;
-use std::str::FromStr;
-
 use client::{Wire, request};
 use rand::Rng;
 use rand::seq::IndexedRandom;
@@ -15,32 +12,13 @@ use samd21::upset::core_registers;
 use tvc_nano::params::TABLE;
 use tvc_nano::store;
 
+use super::named_enum::named_enum;
 use crate::fly::flight::{FlightError, Ready};
 use crate::rig::{ProgramEnd, Rig};
 
-macro_rules! system_kinds {
-    ($($(#[$doc:meta])* $kind:ident = $name:literal,)*) => {
-        /// A kind of fault beyond the sensor.
-        #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-        pub enum SystemKind {
-            $($(#[$doc])* $kind,)*
-        }
-
-        impl SystemKind {
-            /// All of them.
-            pub const ALL: [Self; [$($name),*].len()] = [$(Self::$kind),*];
-
-            /// Its name on the command line, in files and in tables.
-            pub fn name(self) -> &'static str {
-                match self {
-                    $(Self::$kind => $name,)*
-                }
-            }
-        }
-    };
-}
-
-system_kinds! {
+named_enum! {
+    /// A kind of fault beyond the sensor.
+    SystemKind, "fault";
     /// A bit of the statics flips.
     RamStatics = "ram-statics",
     /// A bit of the stack that is in use flips.
@@ -116,24 +94,14 @@ impl SystemKind {
         )
     }
 
+    /// Whether it may lose the stored parameters, which the next start tells.
+    pub(super) fn spoils_store(self) -> bool {
+        matches!(self, Self::FlashParameters | Self::Several)
+    }
+
     /// Whether the host may change by it what the vehicle is told to do.
     pub(super) fn commands(self) -> bool {
         self == Self::UsbFrames
-    }
-}
-
-impl fmt::Display for SystemKind {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(self.name())
-    }
-}
-
-impl FromStr for SystemKind {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Self, String> {
-        let found = Self::ALL.into_iter().find(|kind| kind.name() == text);
-        found.ok_or_else(|| format!("there is no fault {text}"))
     }
 }
 
@@ -144,7 +112,8 @@ pub(super) struct SystemFault {
     pub(super) what: String,
     stuck: Vec<u8>,
     stopped: bool,
-    shifted_ppm: f64,
+    /// Error that the main clock has meanwhile.
+    pub(super) shifted_ppm: f64,
     host: Vec<HostFault>,
 }
 

@@ -6,13 +6,14 @@ use samd21::peripherals::ResetCause;
 use tvc_nano::Axis;
 
 use super::{Rudder, TRAVEL_US};
-use crate::fly::faults::{Ending, SILENCE_LIMIT, Unsafe, WRONG_LIMIT};
+use crate::fly::faults::{Ending, Phase, SILENCE_LIMIT, Unsafe, WRONG_LIMIT};
 use crate::ground_station::Heartbeat;
 use crate::observe::ground_truth::{GroundTruth, Motion, Pulse};
 
 /// What was seen of a run with a fault beyond the sensor.
 pub(crate) struct SystemRun<'a> {
     pub(crate) injected: Ticks,
+    pub(crate) phase: Phase,
     pub(crate) frame: Ticks,
     /// Of every axis that is steered.
     pub(crate) rudders: Vec<Rudder<'a>>,
@@ -30,6 +31,12 @@ pub(crate) struct SystemRun<'a> {
     pub(crate) given_up: bool,
     /// The host gave orders, which the vehicle obeys by its rules: its course is its own.
     pub(crate) commanded: bool,
+    /// The flash has a set of parameters at the end that nobody had stored.
+    pub(crate) stored_others: bool,
+    /// Relative error of the main clock while the fault lasts. The timer's pulses have it, too, and
+    /// until start-of-frame has locked the clock again they are off to either side: nothing on the
+    /// chip can tell.
+    pub(crate) clock_error: f64,
 }
 
 /// What became of such a run.
@@ -65,11 +72,13 @@ pub(crate) fn judge_system(run: &SystemRun<'_>) -> Verdict {
     let silent = silences.max().unwrap_or_default();
     let beats = run.heartbeats.iter().filter(|beat| beat.at >= run.injected);
     let state = beats.clone().next_back().and_then(|beat| beat.state);
-    let is_active = state.is_none_or(|state| state == StateKind::Active) && run.resets.is_empty();
-    let noticed = !run.resets.is_empty()
-        || beats
-            .clone()
-            .any(|beat| beat.state != Some(StateKind::Active));
+    let is_as_before = state.is_none_or(|state| run.phase.has(state)) && run.resets.is_empty();
+    let is_other = |state: &StateKind| !run.phase.has(*state);
+    let mut others = beats.filter_map(|beat| beat.state).filter(is_other);
+    let noticed = !run.resets.is_empty() || others.clone().next().is_some();
+    let unordered = others
+        .find(|state| matches!(state, StateKind::Armed | StateKind::Active))
+        .filter(|_| !run.commanded);
     let harmless = !noticed
         && rudders().all(|(rudder, reference)| {
             rudder.pulses.iter().all(|pulse| {
@@ -77,11 +86,14 @@ pub(crate) fn judge_system(run: &SystemRun<'_>) -> Verdict {
                 other.is_some_and(|other| (other.width_us() - pulse.width_us()).abs() <= SAME_US)
             })
         });
-    let ending = match run.wrong_end(is_active) {
+    let unordered = unordered.map(Unsafe::Unordered);
+    let stored = (run.stored_others && !run.commanded).then_some(Unsafe::StoredOthers);
+    let is_controlled = is_as_before && run.phase == Phase::Flight;
+    let ending = match run.wrong_end(is_controlled).or(unordered).or(stored) {
         Some(wrong) => Ending::Unsafe(wrong),
         None if wrong > WRONG_LIMIT => Ending::Unsafe(Unsafe::Driven(wrong)),
         None if silent > SILENCE_LIMIT && !run.given_up => Ending::Unsafe(Unsafe::NoPulse(silent)),
-        None if is_active => Ending::Recovered,
+        None if is_as_before => Ending::Recovered,
         None if run.resets.is_empty() => Ending::Neutral,
         None => Ending::Restarted,
     };
@@ -107,7 +119,7 @@ fn nearest(pulses: &[Pulse], time: Ticks) -> Option<&Pulse> {
 
 impl SystemRun<'_> {
     /// What is wrong at the end of the run.
-    fn wrong_end(&self, is_active: bool) -> Option<Unsafe> {
+    fn wrong_end(&self, is_controlled: bool) -> Option<Unsafe> {
         let end = self.truth.motion.last()?.time;
         self.rudders.iter().find_map(|rudder| {
             let last = rudder
@@ -122,7 +134,7 @@ impl SystemRun<'_> {
             let mut ends = rudder.pulses.iter().rev().take(LAST);
             let off = ends.find(|pulse| !rudder.is_neutral(pulse));
             match off {
-                Some(pulse) if !is_active && !self.commanded => {
+                Some(pulse) if !is_controlled && !self.commanded => {
                     Some(Unsafe::NotNeutral(pulse.width_us()))
                 }
                 _ => None,
@@ -180,6 +192,11 @@ impl SystemRun<'_> {
         let width = pulse.width_us();
         if rudder.is_neutral(pulse) {
             return false;
+        }
+        if self.phase != Phase::Flight {
+            let slack = 1.0 / (1.0 - self.clock_error.abs());
+            let (least, most) = (rudder.neutral_us.start(), rudder.neutral_us.end());
+            return !(least / slack..=most * slack).contains(&width);
         }
         if !TRAVEL_US.contains(&width) {
             return true;
