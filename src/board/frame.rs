@@ -72,9 +72,9 @@ pub(super) struct Tick {
 /// The running frame.
 pub(super) struct Frame {
     timing: Timing,
-    /// Timer counts in a frame.
-    period: u32,
-    tick_period_us: u32,
+    plan: TimerPlan,
+    /// CTRLA and WAVE as they were set.
+    modes: [u32; 2],
     /// The timer has the pins of so many servos.
     connected: usize,
 }
@@ -117,8 +117,8 @@ impl Frame {
         ready &= soon(|| timer.syncbusy().read().enable().bit_is_clear());
         let mut frame = Self {
             timing,
-            period: plan.period,
-            tick_period_us: plan.tick_period_us,
+            plan,
+            modes: modes(),
             connected: 0,
         };
         RUNNING.store(true, Ordering::Release);
@@ -167,22 +167,30 @@ impl Frame {
     /// Whether the timer is as it was set: it runs, at its rate and in its mode, with its ticks,
     /// and sends the pulses that it was given last.
     pub(super) fn is_as_set(&self) -> bool {
+        /// STATUS.PERBV.
+        const PERIOD_IS_BUFFERED: u32 = 1 << 7;
+        /// CTRLB's DIR, LUPD and ONESHOT.
+        const OTHER_WAY: u8 = 0b111;
         let timer = frame_registers();
-        let control = timer.ctrla().read();
         let buffers = timer.status().read().bits();
-        let compared = |channel: Channel| timer.cc(channel as usize).read().bits();
+        let is = |channel: Channel, counts: u32| {
+            let waits = buffers & 1 << (16 + channel as u32) != 0;
+            waits || timer.cc(channel as usize).read().bits() == counts
+        };
         let is_sent = SERVO_CHANNELS.iter().take(self.connected).all(|channel| {
-            let waits = buffers & 1 << (16 + *channel as u32) != 0;
             let sent = SENT.get(*channel as usize);
-            waits || sent.is_none_or(|sent| compared(*channel) == sent.load(Ordering::Relaxed))
+            sent.is_none_or(|sent| is(*channel, sent.load(Ordering::Relaxed)))
         });
+        let [last, ..] = self.plan.ticks;
+        let mut early = EARLY_TICKS.iter();
         let enabled = timer.intenset().read().bits();
-        control.enable().bit_is_set()
-            && control.prescaler().is_div16()
-            && timer.wave().read().wavegen().is_npwm()
-            && (timer.status().read().perbv().bit_is_set()
-                || timer.per().read().bits() == self.period - 1)
-            && enabled & LAST != 0
+        modes() == self.modes
+            && timer.ctrlbset().read().bits() & OTHER_WAY == 0
+            && (buffers & PERIOD_IS_BUFFERED != 0
+                || timer.per().read().bits() == self.plan.period - 1)
+            && is(LAST_TICK_CHANNEL, last)
+            && early.any(|tick| is(EARLY_TICK_CHANNEL, tick.load(Ordering::Relaxed)))
+            && enabled == wanted_interrupts(&self.plan.plan)
             && is_sent
     }
 
@@ -203,7 +211,7 @@ impl Frame {
 
     /// Time from tick to tick.
     pub(super) fn tick_period_us(&self) -> u32 {
-        self.tick_period_us
+        self.plan.tick_period_us
     }
 
     /// Change frame rate and tick lead from the next frame on, all at once, so that no pulse is cut
@@ -234,8 +242,7 @@ impl Frame {
         ready &= soon(|| timer.syncbusy().read().ctrlb().bit_is_clear());
         announce(&plan, &timing);
         if ready {
-            (self.timing, self.tick_period_us) = (timing, plan.tick_period_us);
-            self.period = plan.period;
+            (self.timing, self.plan) = (timing, plan);
         }
         ready
     }
@@ -244,11 +251,7 @@ impl Frame {
 /// Tell the interrupt which ticks to expect.
 fn announce(plan: &TimerPlan, timing: &Timing) {
     let timer = frame_registers();
-    let TickPlan {
-        ticks_per_frame,
-        frames_per_tick,
-    } = plan.plan;
-    FRAMES_PER_TICK.store(frames_per_tick, Ordering::Relaxed);
+    FRAMES_PER_TICK.store(plan.plan.frames_per_tick, Ordering::Relaxed);
     let [whole, rates] = &BURST_LIMITS_US;
     whole.store(timing.burst_limit_us(false), Ordering::Relaxed);
     rates.store(timing.burst_limit_us(true), Ordering::Relaxed);
@@ -258,13 +261,28 @@ fn announce(plan: &TimerPlan, timing: &Timing) {
         place.store(tick, Ordering::Relaxed);
     }
     let all = LAST | EARLY;
-    let wanted = if ticks_per_frame > 1 { all } else { LAST };
+    let wanted = wanted_interrupts(&plan.plan);
     // SAFETY: flags that exist, of this module's own channels.
     unsafe {
         timer.intenclr().write(|w| w.bits(all & !wanted));
         timer.intflag().write(|w| w.bits(all & !wanted));
         timer.intenset().write(|w| w.bits(wanted));
     }
+}
+
+/// The interrupts of the ticks.
+fn wanted_interrupts(plan: &TickPlan) -> u32 {
+    if plan.ticks_per_frame > 1 {
+        LAST | EARLY
+    } else {
+        LAST
+    }
+}
+
+/// CTRLA and WAVE.
+fn modes() -> [u32; 2] {
+    let timer = frame_registers();
+    [timer.ctrla().read().bits(), timer.wave().read().bits()]
 }
 
 /// Timer counts of a pulse.
