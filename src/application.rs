@@ -144,6 +144,10 @@ pub trait Board {
     /// Reset once the host has been answered, unless the vehicle is armed by then.
     fn reset_soon(&mut self, now: Micros, reset: Reset);
 
+    /// A number that changes with any bit of what the flight's next pulses follow from: of the
+    /// memory that [`Flight::show`] shows.
+    fn sum(&self, flight: &Flight) -> u32;
+
     /// Something decisive is not as it was set: send the servos to neutral and reset.
     fn stop(&mut self, check: SelfCheck);
 
@@ -159,6 +163,9 @@ pub struct Application<'a> {
     telemetry: &'a mut Telemetry,
     recorder: &'a mut Recorder,
     port_open: bool,
+    /// The [sum](Board::sum) of the flight since the newest step, unless the host may have changed
+    /// it.
+    kept: Option<u32>,
     /// Steps, modulo 256.
     steps: u8,
 }
@@ -177,6 +184,7 @@ impl<'a> Application<'a> {
             telemetry,
             recorder,
             port_open: false,
+            kept: None,
             steps: 0,
         }
     }
@@ -194,11 +202,10 @@ impl<'a> Application<'a> {
             // bursts goes over the wire meanwhile.
             self.ask_sensor(now, board);
         }
+        let is_step = reading.is_some();
         if let Some(reading) = reading {
             board.step_begins();
-            if !self.flight.state_is_intact() {
-                board.stop(SelfCheck::Memory);
-            }
+            self.check_memory(board);
             self.flight.carried_tick(board.carried_tick());
             let estimate = self.flight.estimate(now, reading);
             // Behind a burst the sensor holds up the STOP for some time: the bus is free only now,
@@ -226,6 +233,9 @@ impl<'a> Application<'a> {
         if !matches!(event, Event::Reply(_)) {
             self.exchange(now, board);
         }
+        if is_step {
+            self.kept = Some(board.sum(self.flight));
+        }
         let is_waiting = self.ask_sensor(now, board);
         // A transfer that is missing may be one to give up. A save waits for the bus to be free.
         let is_calm = !is_waiting
@@ -233,6 +243,16 @@ impl<'a> Application<'a> {
             && event != Event::Missed
             && !self.telemetry.has_storage_order();
         now.after(if is_calm { CALM_US } else { CARE_US })
+    }
+
+    /// Stop where the flight is not what the newest step has left, or its state not one that was
+    /// entered: bits of memory have flipped.
+    fn check_memory(&mut self, board: &mut impl Board) {
+        let kept = self.kept.take();
+        let is_kept = kept.is_none_or(|kept| kept == board.sum(self.flight));
+        if !is_kept || !self.flight.state_is_intact() {
+            board.stop(SelfCheck::Memory);
+        }
     }
 
     /// Stop where the settings are not as they were set.
@@ -325,7 +345,11 @@ impl<'a> Application<'a> {
             self.telemetry.restart();
         }
         if open {
-            self.telemetry.receive(now, board.read(), self.flight);
+            let bytes = board.read();
+            if !bytes.is_empty() {
+                self.kept = None;
+            }
+            self.telemetry.receive(now, bytes, self.flight);
         } else {
             // What is answered from now on is sent: the message that shows the host is not obeyed,
             // since its answer would get lost.
@@ -340,6 +364,7 @@ impl<'a> Application<'a> {
         if self.telemetry.has_storage_order() && matches!(board.bus(), Bus::Free | Bus::Broken) {
             // What a flipped bit has made of the parameters is not to be stored.
             self.check_settings(board);
+            self.kept = None;
             self.telemetry.serve_storage(board.flash(), self.flight);
         }
         if let Some(reset) = self.telemetry.take_reset() {

@@ -337,7 +337,8 @@ impl Supervisor {
 
     /// Faults that come with time alone: data too old, a silent host, a tilt for too long.
     fn watch(&mut self, now: Micros) {
-        let age_us = self.fresh.map_or(0, |fresh| now.since(fresh));
+        // A clock that has jumped back would make them young for ever.
+        let age_us = self.fresh.map_or(0, |fresh| now.0.abs_diff(fresh.0));
         if age_us > DATA_AGE_LIMIT_US {
             self.good_run = 0;
             self.lose_sensor(self.fault.map_or(Reason::StaleData, Reason::Sensor));
@@ -350,7 +351,7 @@ impl Supervisor {
                 *over_tilt_since = None;
             } else {
                 let since = *over_tilt_since.get_or_insert(now);
-                if now.since(since) >= FAILSAFE_TILT_US {
+                if now.0.abs_diff(since.0) >= FAILSAFE_TILT_US {
                     self.fail(Reason::Tilt);
                 }
             }

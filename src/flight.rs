@@ -66,6 +66,12 @@ pub struct Snapshot {
     pub missed: u32,
 }
 
+/// Who looks at the memory of values, whatever they are.
+pub trait Watch {
+    /// Take this one.
+    fn see<T>(&mut self, value: &T);
+}
+
 /// Attitude, control, servo and failsafe.
 #[derive(Clone, Debug)]
 pub struct Flight {
@@ -136,7 +142,6 @@ impl Flight {
             let [_, roll] = &mut self.channels;
             roll.configure(&self.params);
         }
-        self.navigation.keep();
     }
 
     /// The first half of a step: the attitude, and what state follows from it.
@@ -146,6 +151,11 @@ impl Flight {
         reading: Result<RawSample, SensorFault>,
     ) -> Option<Estimate> {
         let is_free = self.launch.is_free(&self.state());
+        // The time of one that is yet to come is wrong, and all after it would be older.
+        let reading = match reading {
+            Ok(raw) if raw.time > now => Err(SensorFault::Late),
+            reading => reading,
+        };
         match reading.and_then(|raw| Ok((raw, self.navigation.update(&raw, is_free)?))) {
             Ok((sample, dt_us)) => {
                 let health = self.health();
@@ -183,10 +193,25 @@ impl Flight {
         self.snapshot(now, estimate.map(|estimate| estimate.sample))
     }
 
-    /// Whether state and attitude are what the newest step or order made them: quick, for every
-    /// step.
-    pub fn state_is_intact(&mut self) -> bool {
-        self.supervisor.is_intact() && self.navigation.is_intact()
+    /// Shows the values, as they lie in memory, from which the next pulses follow, beside the
+    /// parameters, which have a [check](Self::settings_are_intact) of their own.
+    pub fn show(&self, watch: &mut impl Watch) {
+        watch.see(&self.navigation);
+        watch.see(&self.supervisor);
+        watch.see(&self.launch);
+        watch.see(&self.carried);
+        watch.see(&self.test_pulse);
+        for channel in self.channels.iter().take(self.steered) {
+            watch.see(channel);
+        }
+        if !self.gains.is_constant() {
+            watch.see(&self.gains);
+        }
+    }
+
+    /// Whether the state is what the newest step or order made it: quick, for every step.
+    pub fn state_is_intact(&self) -> bool {
+        self.supervisor.is_intact()
     }
 
     /// Whether the parameters are as they were set, and the neutral and limits of the servos as

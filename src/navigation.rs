@@ -38,8 +38,6 @@ pub struct Navigation {
     rate_age_us: Option<u32>,
     /// Time for which the newest rates have not been integrated yet, us.
     owed_us: u32,
-    /// The digest of what the estimator remembers since the newest step, if there has been one.
-    kept: Option<i32>,
 }
 
 /// How much is known of the gyroscope's offset.
@@ -66,7 +64,6 @@ impl Navigation {
         let settings = Settings::of(params);
         Ok(Self {
             estimator: settings.estimator()?,
-            kept: None,
             settings,
             last: None,
             counts: Counts {
@@ -140,7 +137,6 @@ impl Navigation {
         if !is_free {
             self.watch_rest(dt_us);
         }
-        self.kept = None;
         Ok(dt_us)
     }
 
@@ -180,19 +176,6 @@ impl Navigation {
             us if us & LEVELLING != 0 => Bias::Levelling(us & !LEVELLING),
             us => Bias::Unknown(us),
         };
-        self.kept = None;
-    }
-
-    /// A step is over: what the estimator remembers is not to change before the next.
-    pub fn keep(&mut self) {
-        self.kept = Some(digest(&mut self.estimator));
-    }
-
-    /// Whether the estimator remembers what the newest step left: a flipped bit of memory may have
-    /// made another thing of it.
-    pub fn is_intact(&mut self) -> bool {
-        self.kept
-            .is_none_or(|kept| kept == digest(&mut self.estimator))
     }
 
     /// The newest sample used was this one.
@@ -293,7 +276,6 @@ impl Navigation {
         // The settings are within their parameters' ranges.
         if let Ok(estimator) = self.settings.estimator() {
             self.estimator = estimator;
-            self.kept = None;
         }
         self.bias = Bias::Unknown(0);
     }
@@ -437,14 +419,4 @@ impl Settings {
             }
         }
     }
-}
-
-/// A number that changes with any bit of what the estimator remembers.
-fn digest(estimator: &mut Estimator<AnyFilter>) -> i32 {
-    let mut sum: i32 = 0;
-    estimator.memory(&mut |word| {
-        sum = sum.rotate_left(5) ^ word;
-        word
-    });
-    sum
 }

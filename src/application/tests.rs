@@ -41,6 +41,8 @@ struct Notes {
     flash: Mock,
     end: Option<StepEnd>,
     reset: Option<Reset>,
+    /// Of the flight's memory.
+    sum: u32,
 }
 
 impl Notes {
@@ -60,6 +62,7 @@ impl Notes {
             flash: Mock::new(),
             end: None,
             reset: None,
+            sum: 0,
         }
     }
 
@@ -119,6 +122,9 @@ impl Board for Notes {
     fn reset_soon(&mut self, _now: Micros, reset: Reset) {
         self.reset = Some(reset);
     }
+    fn sum(&self, _flight: &Flight) -> u32 {
+        self.sum
+    }
     fn stop(&mut self, check: SelfCheck) {
         self.asked.push(Asked::Stop(check));
     }
@@ -136,6 +142,7 @@ struct Bench {
     board: Notes,
     now: Micros,
     port_open: bool,
+    kept: Option<u32>,
 }
 
 impl Bench {
@@ -150,6 +157,7 @@ impl Bench {
             board: Notes::new(),
             now: Micros(1_000_000),
             port_open: false,
+            kept: None,
         }
     }
 
@@ -161,12 +169,12 @@ impl Bench {
             &mut self.telemetry,
             &mut self.recorder,
         );
-        application.port_open = self.port_open;
+        (application.port_open, application.kept) = (self.port_open, self.kept);
         for event in events {
             self.now = self.now.after(10_000);
             application.turn(self.now, event, &mut self.board);
         }
-        self.port_open = application.port_open;
+        (self.port_open, self.kept) = (application.port_open, application.kept);
     }
 }
 
@@ -289,6 +297,27 @@ fn flash_is_not_written_while_a_transfer_is_under_way() {
         crate::store::load(&mut bench.board.flash).1,
         crate::store::Loaded::Set { generation: 1, .. }
     ));
+}
+
+#[test]
+fn memory_that_changes_between_two_steps_is_noticed_unless_the_host_may_have_changed_it() {
+    let mut bench = Bench::new();
+    bench.board.open = true;
+    bench.turns(vec![Event::Missed, Event::Missed]);
+    let stops = |bench: &mut Bench| {
+        let asked = bench.board.take();
+        asked.contains(&Asked::Stop(SelfCheck::Memory))
+    };
+    assert!(!stops(&mut bench));
+    for (bytes, noticed) in [(vec![], true), (vec![0xFD], false)] {
+        bench.board.packets = vec![bytes];
+        bench.turns(vec![Event::Nothing]);
+        bench.board.sum += 1;
+        bench.turns(vec![Event::Missed]);
+        assert_eq!(stops(&mut bench), noticed);
+        bench.turns(vec![Event::Missed]);
+        assert!(!stops(&mut bench), "what it is now is kept");
+    }
 }
 
 /// Nobody wants it back after the next start.

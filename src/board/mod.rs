@@ -33,6 +33,7 @@ mod frame;
 mod i2c;
 mod image_check;
 mod log;
+mod memory_sum;
 mod nano33iot;
 mod pin;
 mod stack;
@@ -53,7 +54,7 @@ use tvc_nano::sleep::Load;
 use tvc_nano::store;
 use tvc_nano::telemetry::Reset;
 use tvc_nano::ticks::{BurstGauge, NewestTick};
-use tvc_nano::{BoardStatus, SelfCheck};
+use tvc_nano::{BoardStatus, Flight, SelfCheck};
 
 use clock_check::ClockCheck;
 use image_check::ImageCheck;
@@ -350,6 +351,12 @@ impl application::Board for Board {
 
     fn reset_soon(&mut self, now: Micros, reset: Reset) {
         self.port.reset_soon(now, reset);
+    }
+
+    fn sum(&self, flight: &Flight) -> u32 {
+        let mut sum = memory_sum::MemorySum::default();
+        flight.show(&mut sum);
+        sum.value()
     }
 
     fn stop(&mut self, check: SelfCheck) {

@@ -492,3 +492,31 @@ fn neutral_and_limits_that_memory_has_changed_are_noticed() {
         assert!(!flight.settings_are_intact(), "{name}");
     }
 }
+
+/// A flipped bit of a burst's start: it would be newer than all that come after it.
+#[test]
+fn a_sample_that_is_yet_to_come_is_not_believed() {
+    let mut desk = Desk::active(0.2);
+    for bit in [10, 28, 63] {
+        let mut sample = reading(desk.now_us, desk.pitch, desk.rate);
+        sample.time = Micros(sample.time.0 | 1 << bit);
+        let ahead = sample.time.0 > desk.now_us;
+        let snapshot = desk.step_with(Ok(sample));
+        assert_eq!(snapshot.fault, ahead.then_some(SensorFault::Late), "{bit}");
+        desk.run(20);
+        assert!(desk.flight.state().is_active(), "{bit}");
+    }
+}
+
+/// Nothing would be too old any more.
+#[test]
+fn a_clock_that_jumps_back_ends_control() {
+    for back_us in [100_000, 2_000_000] {
+        let mut desk = Desk::active(0.2);
+        desk.run(5);
+        desk.now_us -= back_us;
+        let snapshot = desk.step();
+        assert_eq!(snapshot.state.kind(), crate::failsafe::StateKind::Failsafe);
+        assert_eq!(snapshot.pulses[0], NEUTRAL);
+    }
+}

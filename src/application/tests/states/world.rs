@@ -208,6 +208,9 @@ impl Board for World {
     fn flash(&mut self) -> &mut Mock {
         &mut self.flash
     }
+    fn sum(&self, _flight: &Flight) -> u32 {
+        0
+    }
     fn stop(&mut self, check: SelfCheck) {
         panic!("no memory has flipped, and yet: {check}");
     }
