@@ -18,12 +18,16 @@ use cortex_m_rt::{ExceptionFrame, exception};
 use crc::{CRC_32_ISO_HDLC, Crc, NoTable};
 use tvc_nano::{Crash, SelfCheck};
 
+use super::watchdog::WatchdogGuard;
 use super::{frame, time, usb, watchdog};
 
 /// Marks a record, and its layout's version.
 const MAGIC: u32 = 0x5456_4333;
 const SELF_CHECK: u32 = 1;
 const HARD_FAULT: u32 = 2;
+
+/// A slow servo turns through all of its travel in this time.
+const NEUTRAL_MS: u32 = 600;
 
 /// Longer than the watchdog takes.
 const LAST_WAIT_US: u32 = 150_000;
@@ -137,11 +141,15 @@ pub(crate) fn stop(check: SelfCheck) -> ! {
 }
 
 /// The image is not to be run: it is left to the bootloader, where another one can be put in its
-/// place. The servo has had no pulse yet.
+/// place, once the servo has had neutral pulses for as long as it needs to get there.
 #[cold]
 #[inline(never)]
-pub(crate) fn refuse_to_start(check: SelfCheck) -> ! {
+pub(super) fn refuse_to_start(check: SelfCheck, guard: &WatchdogGuard) -> ! {
     Record::new(SELF_CHECK, check.code().into()).store();
+    for _ in 0..NEUTRAL_MS / 10 {
+        let _ = time::within(10_000, || false);
+        guard.hold_off();
+    }
     usb::enter_bootloader()
 }
 

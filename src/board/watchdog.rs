@@ -62,13 +62,24 @@ impl WatchdogGuard {
     pub(super) fn check(&mut self, now: Micros) {
         if self.work.is_done(now) && !self.is_synchronising() {
             stack::check();
-            // SAFETY: the one key that clears.
-            self.watchdog
-                .clear()
-                .write(|w| unsafe { w.bits(CLEAR_KEY) });
+            self.feed();
             self.work.fed(now);
             WARNED.store(false, Ordering::Relaxed);
         }
+    }
+
+    /// Feed the watchdog of a vehicle that does nothing but wait, with its servos at neutral.
+    pub(super) fn hold_off(&self) {
+        if !self.is_synchronising() {
+            self.feed();
+        }
+    }
+
+    fn feed(&self) {
+        // SAFETY: the one key that clears.
+        self.watchdog
+            .clear()
+            .write(|w| unsafe { w.bits(CLEAR_KEY) });
     }
 
     /// Whether it runs with the times that it was given.

@@ -117,6 +117,48 @@ pub(crate) fn beyond_the_sensor(ready: &Ready, servo: ServoKind) {
     assert!(restarted >= 20 && noticed > restarted && harmless >= 20);
 }
 
+/// In every phase but the flight, in which [`beyond_the_sensor`] has them: what resets the chip or
+/// hangs it, and what flips where the phase's own memory, clocks and pulses are made.
+#[test]
+fn faults_in_every_phase_leave_the_rudder_at_neutral_and_the_stored_parameters_whole() {
+    let kinds = [
+        SystemKind::RamBurst,
+        SystemKind::CoreRegister,
+        SystemKind::FlashImage,
+        SystemKind::TimerRegister,
+        SystemKind::ClockRegister,
+        SystemKind::Hang,
+        SystemKind::HangMasked,
+        SystemKind::BrownOut,
+        SystemKind::ResetButton,
+        SystemKind::UsbFrames,
+        SystemKind::Several,
+    ];
+    let ready = ready();
+    let frame_hz = f64::from(ServoKind::S3003.frame_hz());
+    for phase in Phase::ALL {
+        if phase == Phase::Flight {
+            continue;
+        }
+        let campaign = Campaign::new(&ready, frame_hz, phase, 1).unwrap();
+        let mut restarted = 0;
+        for kind in kinds {
+            let outcome = campaign
+                .run(Case {
+                    kind: Kind::System(kind),
+                    number: 0,
+                })
+                .unwrap();
+            match outcome.ending {
+                Ending::Recovered | Ending::Neutral => {}
+                Ending::Restarted => restarted += 1,
+                _ => panic!("{phase}: {outcome:?}"),
+            }
+        }
+        assert!(restarted >= 4, "{phase}: {restarted}");
+    }
+}
+
 /// A flipped bit of the image is noticed, whether or not it would have done harm, and ends in a
 /// reset with the rudder at neutral.
 #[test]

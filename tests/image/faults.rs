@@ -442,8 +442,8 @@ fn a_laptop_that_stops_reading_or_goes_away_disturbs_nothing() {
 /// An image that lost a bit while nothing ran is left to the bootloader, and the servo gets no
 /// pulse; the image that replaces it tells so.
 #[test]
-fn a_damaged_image_is_not_started() {
-    let mut flight = ready();
+fn a_damaged_image_is_not_started_and_leaves_the_rudder_at_neutral() {
+    let mut flight = in_flight();
     let Ready { rig, station, .. } = &mut flight;
     let image = firmware();
     let place = image.address() + image.bytes().len() as u32 / 2;
@@ -453,7 +453,18 @@ fn a_damaged_image_is_not_started() {
     let at = rig.now();
     station.run(rig, ms(2000)).unwrap();
     assert!(rig.in_bootloader());
-    assert!(rig.truth().pulses_since(at).is_empty());
+    // Long enough for the servo to get there.
+    let pulses = rig.truth().pulses_since(at);
+    assert!((28..32).contains(&pulses.len()), "{}", pulses.len());
+    let neutral = default_neutral_us();
+    assert!(
+        pulses
+            .iter()
+            .all(|pulse| neutral.contains(&pulse.width_us()))
+    );
+    assert!(rig.environment().vehicle().rudders_rad()[0].abs() < 0.02);
+    rig.environment_mut().catch();
+    rig.environment_mut().tilt_clamp(0.0);
     // A programmer puts the image right and resets.
     rig.chip_mut().load_flash(place, &[sound]);
     rig.press_reset();

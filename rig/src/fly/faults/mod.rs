@@ -3,8 +3,8 @@
 //!
 //! One flight is flown without a fault, with snapshots of the whole rig every 40 ms. Every run
 //! continues from a copy of one of them to its own instant, switches its fault on for 5 to 500 ms
-//! (a glitch for 4 to 40 ms), and watches for 0.7 s more (1.7 s beyond the sensor, for a reset
-//! takes half a second in the bootloader). A run is judged by what can be seen from outside: the
+//! (a glitch for 4 to 40 ms), and watches for 0.7 s more (twice as long if the drone is still on
+//! its way back; 1.7 s beyond the sensor, for a reset takes half a second in the bootloader). A run is judged by what can be seen from outside: the
 //! pulses on the servos' wires, the drone's true tilt, and the state that the firmware reports.
 //! Faults beyond the sensor may begin in another [`Phase`] of the vehicle than in flight, too. How
 //! a run ends:
@@ -271,9 +271,25 @@ impl Campaign {
         station.run(rig, begun.lasted)?;
         rig.clear(fault);
         station.run(rig, WATCHED)?;
+        let mut verdict = self.judge_sensor(begun, &fork);
+        if matches!(verdict.0, Ending::Unsafe(Unsafe::OffCourse(_))) {
+            // It may be on its way back.
+            let Ready { rig, station, .. } = &mut fork;
+            station.run(rig, WATCHED)?;
+            verdict = self.judge_sensor(begun, &fork);
+        }
+        let (ending, unguarded) = verdict;
+        Ok(Outcome {
+            unguarded_ms: unguarded.as_us_f64() / 1e3,
+            noticed: ending == Ending::Neutral,
+            ..self.outcome(case, begun, format!("{fault:?}"), ending, &fork)
+        })
+    }
 
+    fn judge_sensor(&self, begun: &Begun, fork: &Ready) -> (Ending, Ticks) {
+        let Ready { rig, station, .. } = fork;
         let truth = rig.truth();
-        let (ending, unguarded) = judge_sensor(&SensorRun {
+        judge_sensor(&SensorRun {
             injected: begun.at,
             frame: self.frame,
             rudders: self.rudders(begun, truth),
@@ -281,11 +297,6 @@ impl Campaign {
             reference: &self.undisturbed.motion,
             heartbeats: &station.received().heartbeats,
             reset: rig.resets().len() > begun.resets,
-        });
-        Ok(Outcome {
-            unguarded_ms: unguarded.as_us_f64() / 1e3,
-            noticed: ending == Ending::Neutral,
-            ..self.outcome(case, begun, format!("{fault:?}"), ending, &fork)
         })
     }
 

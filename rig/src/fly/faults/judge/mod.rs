@@ -3,6 +3,8 @@
 
 mod sensor;
 mod system;
+#[cfg(test)]
+mod testing;
 
 pub(crate) use sensor::{SensorRun, judge_sensor};
 pub(crate) use system::{SystemRun, judge_system};

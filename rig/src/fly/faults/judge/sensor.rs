@@ -141,17 +141,11 @@ impl SensorRun<'_> {
 #[cfg(test)]
 mod tests {
     use super::super::neutral_us;
+    use super::super::testing::{ACTIVE, FRAME, NEUTRAL, beat, motion, ms, pulse};
     use super::*;
     use crate::bno055::Refresh;
-    use crate::observe::ground_truth::{Burst, Pulse, Roll, Step};
+    use crate::observe::ground_truth::{Burst, Step};
     use tvc_nano::{Axis, Params};
-
-    const ACTIVE: f64 = 1600.0;
-    const NEUTRAL: f64 = 1523.6;
-
-    fn ms(ms: u64) -> Ticks {
-        Ticks::from_ms(ms)
-    }
 
     /// A second of flight after a fault at 0: a step every 10 ms on a burst that is valid or not, a
     /// pulse every 20 ms.
@@ -172,52 +166,21 @@ mod tests {
                 end: ms(time + 1),
             });
             if time % 20 == 10 {
-                let rise = ms(time + 2);
-                truth.pulses.push(Pulse {
-                    rise,
-                    fall: rise + Ticks::from_secs_f64(width_us(time) * 1e-6),
-                });
+                truth.pulses.push(pulse(ms(time + 2), width_us(time)));
             }
         }
         truth.motion = motion(0.0);
         truth
     }
 
-    fn motion(pitch_rad: f64) -> Vec<Motion> {
-        (0..1000)
-            .map(|time| Motion {
-                time: ms(time),
-                pitch_rad,
-                rate_rad_s: 0.0,
-                rudder_rad: 0.0,
-                crank_rad: 0.0,
-                target_rad: 0.0,
-                roll: Roll::default(),
-            })
-            .collect()
-    }
-
-    fn beat(at: u64, state: StateKind) -> Heartbeat {
-        Heartbeat {
-            at: ms(at),
-            state: Some(state),
-            reason: 0,
-            armed: false,
-        }
-    }
-
     fn judged(truth: &GroundTruth, heartbeats: &[Heartbeat]) -> (Ending, u64) {
-        let rise = Ticks::ZERO;
         let (ending, unguarded) = judge_sensor(&SensorRun {
             injected: Ticks::ZERO,
-            frame: ms(20),
+            frame: FRAME,
             rudders: vec![Rudder {
                 axis: Axis::Pitch,
                 neutral_us: neutral_us(&Params::default(), Axis::Pitch),
-                before: Some(Pulse {
-                    rise,
-                    fall: rise + Ticks::from_us(1600),
-                }),
+                before: Some(pulse(Ticks::ZERO, ACTIVE)),
                 pulses: &truth.pulses,
             }],
             truth,

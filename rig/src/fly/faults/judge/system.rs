@@ -118,6 +118,18 @@ fn nearest(pulses: &[Pulse], time: Ticks) -> Option<&Pulse> {
 }
 
 impl SystemRun<'_> {
+    /// Whether a pulse is the neutral one, made with the clock that there is.
+    fn is_neutral(&self, rudder: &Rudder<'_>, pulse: &Pulse) -> bool {
+        let (least, most) = (rudder.neutral_us.start(), rudder.neutral_us.end());
+        self.is_within(pulse.width_us(), (least + most) / 2.0, (most - least) / 2.0)
+    }
+
+    /// Whether a pulse that was to have a width has it to within `near_us` and the clock's error.
+    fn is_within(&self, width: f64, wanted_us: f64, near_us: f64) -> bool {
+        let slack = 1.0 / (1.0 - self.clock_error.abs());
+        ((wanted_us - near_us) / slack..=(wanted_us + near_us) * slack).contains(&width)
+    }
+
     /// What is wrong at the end of the run.
     fn wrong_end(&self, is_controlled: bool) -> Option<Unsafe> {
         let end = self.truth.motion.last()?.time;
@@ -132,7 +144,7 @@ impl SystemRun<'_> {
                 return Some(Unsafe::NoPulse(gap));
             }
             let mut ends = rudder.pulses.iter().rev().take(LAST);
-            let off = ends.find(|pulse| !rudder.is_neutral(pulse));
+            let off = ends.find(|pulse| !self.is_neutral(rudder, pulse));
             match off {
                 Some(pulse) if !is_controlled && !self.commanded => {
                     Some(Unsafe::NotNeutral(pulse.width_us()))
@@ -175,7 +187,7 @@ impl SystemRun<'_> {
         let all = rudder.before.iter().chain(rudder.pulses);
         let nexts = rudder.pulses.iter().map(|pulse| pulse.rise).chain([end]);
         all.zip(nexts)
-            .filter(|(pulse, _)| !rudder.is_neutral(pulse))
+            .filter(|(pulse, _)| !self.is_neutral(rudder, pulse))
             .map(|(pulse, next)| next.saturating_sub(pulse.rise))
             .filter(|gap| *gap > self.frame + self.frame / 2)
             .max()
@@ -190,19 +202,14 @@ impl SystemRun<'_> {
         restoring: f64,
     ) -> bool {
         let width = pulse.width_us();
-        if rudder.is_neutral(pulse) {
+        if self.is_neutral(rudder, pulse) {
             return false;
         }
-        if self.phase != Phase::Flight {
-            let slack = 1.0 / (1.0 - self.clock_error.abs());
-            let (least, most) = (rudder.neutral_us.start(), rudder.neutral_us.end());
-            return !(least / slack..=most * slack).contains(&width);
-        }
-        if !TRAVEL_US.contains(&width) {
+        if self.phase != Phase::Flight || !TRAVEL_US.contains(&width) {
             return true;
         }
         let other = nearest(reference, pulse.rise);
-        if other.is_some_and(|other| (other.width_us() - width).abs() <= NEAR_US) {
+        if other.is_some_and(|other| self.is_within(width, other.width_us(), NEAR_US)) {
             return false;
         }
         let astray = self.astray(rudder.axis, pulse.rise);
@@ -231,4 +238,188 @@ fn restoring(rudder: &Rudder<'_>, reference: &[Pulse]) -> f64 {
     off.map_or(1.0, |pulse| {
         (pulse.width_us() - rudder.neutral_us.start()).signum()
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::neutral_us;
+    use super::super::testing::{ACTIVE, FRAME, NEUTRAL, beat, motion, ms, pulse};
+    use super::*;
+    use tvc_nano::Params;
+
+    /// A second behind a fault at 0, with what is to be judged in it.
+    struct Seen {
+        phase: Phase,
+        truth: GroundTruth,
+        beats: Vec<Heartbeat>,
+        resets: Vec<(Ticks, ResetCause)>,
+        given_up: bool,
+        commanded: bool,
+        stored_others: bool,
+        clock_error: f64,
+    }
+
+    impl Seen {
+        /// Pulses of the widths that their times ask for, 0 for none, in a phase whose state goes
+        /// on.
+        fn new(phase: Phase, state: StateKind, width_us: impl Fn(u64) -> f64) -> Self {
+            let times = (0..1000).step_by(20);
+            let pulses = times
+                .filter(|time| width_us(*time) > 0.0)
+                .map(|time| pulse(ms(time), width_us(time)));
+            Self {
+                phase,
+                truth: GroundTruth {
+                    pulses: pulses.collect(),
+                    motion: motion(0.0),
+                    ..GroundTruth::default()
+                },
+                beats: vec![beat(0, state)],
+                resets: Vec::new(),
+                given_up: false,
+                commanded: false,
+                stored_others: false,
+                clock_error: 0.0,
+            }
+        }
+
+        fn flight(width_us: impl Fn(u64) -> f64) -> Self {
+            Self::new(Phase::Flight, StateKind::Active, width_us)
+        }
+
+        /// Against a flight whose pulses are all [`ACTIVE`], or all [`NEUTRAL`] elsewhere.
+        fn judged(&self) -> Verdict {
+            let width = match self.phase {
+                Phase::Flight => ACTIVE,
+                _ => NEUTRAL,
+            };
+            let times = (0..1000).step_by(20);
+            let reference: Vec<Pulse> = times.map(|time| pulse(ms(time), width)).collect();
+            judge_system(&SystemRun {
+                injected: Ticks::ZERO,
+                phase: self.phase,
+                frame: FRAME,
+                rudders: vec![Rudder {
+                    axis: Axis::Pitch,
+                    neutral_us: neutral_us(&Params::default(), Axis::Pitch),
+                    before: Some(pulse(Ticks::ZERO, width)),
+                    pulses: &self.truth.pulses,
+                }],
+                reference_pulses: vec![&reference],
+                truth: &self.truth,
+                reference: &motion(0.0),
+                heartbeats: &self.beats,
+                resets: &self.resets,
+                given_up: self.given_up,
+                commanded: self.commanded,
+                stored_others: self.stored_others,
+                clock_error: self.clock_error,
+            })
+        }
+
+        fn is_unsafe(&self) -> bool {
+            matches!(self.judged().ending, Ending::Unsafe(_))
+        }
+    }
+
+    #[test]
+    fn what_changes_nothing_is_harmless_and_recovered_from() {
+        for (phase, state, width) in [
+            (Phase::Flight, StateKind::Active, ACTIVE),
+            (Phase::Standby, StateKind::Standby, NEUTRAL),
+            (Phase::Armed, StateKind::Armed, NEUTRAL),
+        ] {
+            let verdict = Seen::new(phase, state, |_| width).judged();
+            assert_eq!(verdict.ending, Ending::Recovered, "{phase}");
+            assert!(verdict.harmless && !verdict.noticed);
+        }
+    }
+
+    #[test]
+    fn a_rudder_may_be_driven_wrongly_for_no_longer_than_the_limit() {
+        let wrong = |from: u64, until: u64| {
+            Seen::flight(move |at| match at {
+                at if (from..until).contains(&at) => ACTIVE + 150.0,
+                _ => ACTIVE,
+            })
+        };
+        let short = wrong(100, 300).judged();
+        assert_eq!((short.ending, short.wrong), (Ending::Recovered, ms(200)));
+        assert!(!short.harmless);
+        assert_eq!(
+            wrong(100, 320).judged().ending,
+            Ending::Unsafe(Unsafe::Driven(ms(220)))
+        );
+        // A clock that is off by as much makes every pulse so.
+        let mut slow = wrong(100, 900);
+        slow.clock_error = -0.1;
+        assert!(!slow.is_unsafe());
+    }
+
+    #[test]
+    fn far_from_its_course_a_rudder_has_to_bring_the_drone_back() {
+        for (pitch_rad, unsafe_) in [(0.2, false), (-0.2, true)] {
+            let mut seen = Seen::flight(|_| ACTIVE + 150.0);
+            seen.truth.motion = motion(pitch_rad);
+            assert_eq!(seen.is_unsafe(), unsafe_, "{pitch_rad}");
+        }
+    }
+
+    #[test]
+    fn behind_a_reset_the_rudder_is_at_neutral_and_not_silent_for_too_long() {
+        let restarted = |back: u64, width: f64| {
+            let mut seen = Seen::flight(move |at| match at {
+                0..100 => ACTIVE,
+                at if at < back => 0.0,
+                _ => width,
+            });
+            seen.resets = vec![(ms(100), ResetCause::Watchdog)];
+            seen.beats.push(beat(950, StateKind::Latched));
+            seen
+        };
+        let verdict = restarted(700, NEUTRAL).judged();
+        assert_eq!(verdict.ending, Ending::Restarted);
+        assert_eq!((verdict.silent, verdict.noticed), (ms(620), true));
+        assert!(restarted(900, NEUTRAL).is_unsafe(), "silent for 0.82 s");
+        assert!(restarted(700, ACTIVE).is_unsafe(), "not at neutral");
+        // The bootloader keeps it: there may be no pulses any more, but the last are neutral.
+        let mut kept = Seen::flight(|at| if at < 100 { NEUTRAL } else { 0.0 });
+        kept.resets = vec![(ms(100), ResetCause::System)];
+        kept.given_up = true;
+        assert!(!kept.is_unsafe());
+        kept.truth.pulses[4] = pulse(ms(80), ACTIVE);
+        assert!(kept.is_unsafe());
+    }
+
+    #[test]
+    fn pulses_must_go_on() {
+        assert!(matches!(
+            Seen::flight(|at| if at < 900 { ACTIVE } else { 0.0 })
+                .judged()
+                .ending,
+            Ending::Unsafe(Unsafe::NoPulse(_))
+        ));
+    }
+
+    #[test]
+    fn in_other_phases_every_pulse_off_neutral_is_wrong_and_nothing_is_armed_by_itself() {
+        let off = |us: f64| {
+            Seen::new(Phase::Armed, StateKind::Armed, move |at| match at {
+                200..440 => NEUTRAL + us,
+                _ => NEUTRAL,
+            })
+        };
+        assert!(!off(0.3).is_unsafe() && off(3.0).is_unsafe());
+        let mut armed = Seen::new(Phase::Standby, StateKind::Standby, |_| NEUTRAL);
+        armed.beats.push(beat(500, StateKind::Armed));
+        assert_eq!(
+            armed.judged().ending,
+            Ending::Unsafe(Unsafe::Unordered(StateKind::Armed))
+        );
+        armed.commanded = true;
+        assert!(!armed.is_unsafe(), "the host has ordered it");
+        let mut other = Seen::new(Phase::Saving, StateKind::Standby, |_| NEUTRAL);
+        other.stored_others = true;
+        assert_eq!(other.judged().ending, Ending::Unsafe(Unsafe::StoredOthers));
+    }
 }

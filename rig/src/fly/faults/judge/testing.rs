@@ -1,0 +1,45 @@
+//! What tests of both judges see of a flight: a second of it, behind a fault at 0.
+
+use client::StateKind;
+use samd21::board::Ticks;
+
+use crate::ground_station::Heartbeat;
+use crate::observe::ground_truth::{Motion, Pulse, Roll};
+
+pub(super) const ACTIVE: f64 = 1600.0;
+pub(super) const NEUTRAL: f64 = 1523.6;
+pub(super) const FRAME: Ticks = Ticks::from_ms(20);
+
+pub(super) fn ms(ms: u64) -> Ticks {
+    Ticks::from_ms(ms)
+}
+
+/// The drone at rest at a pitch.
+pub(super) fn motion(pitch_rad: f64) -> Vec<Motion> {
+    let at = |time| Motion {
+        time: ms(time),
+        pitch_rad,
+        rate_rad_s: 0.0,
+        rudder_rad: 0.0,
+        crank_rad: 0.0,
+        target_rad: 0.0,
+        roll: Roll::default(),
+    };
+    (0..1000).map(at).collect()
+}
+
+pub(super) fn beat(at: u64, state: StateKind) -> Heartbeat {
+    Heartbeat {
+        at: ms(at),
+        state: Some(state),
+        reason: 0,
+        armed: false,
+    }
+}
+
+pub(super) fn pulse(rise: Ticks, width_us: f64) -> Pulse {
+    Pulse {
+        rise,
+        fall: rise + Ticks::from_secs_f64(width_us * 1e-6),
+    }
+}
