@@ -158,17 +158,25 @@ def monte_carlo(scratch):
 
 
 def faults(scratch):
-    """Faults in mid-flight."""
+    """Faults in mid-flight, and what fails beyond the sensor in the vehicle's other phases."""
     campaign = tvc("faults", "--report", scratch / "faults.html")
     kinds = campaign["faults"]
-    total = {key: sum(kind[key] for kind in kinds) for key in ("runs", "recovered", "neutral", "unsafe")}
+    total = {key: sum(kind[key] for kind in kinds) for key in ("runs", "recovered", "neutral", "restarted", "unsafe")}
     slowest = max(kinds, key=lambda kind: kind["worst_ms"])
+    phases = []
+    for phase in ("start", "standby", "saving", "armed", "failsafe"):
+        of = tvc("faults", "--phase", phase, "--report", scratch / "phase.html")["faults"]
+        runs, unsafe = (sum(kind[key] for kind in of) for key in ("runs", "unsafe"))
+        phases.append(f"{phase} {unsafe} of {runs:,}")
     glitches = tvc("faults", "--glitches", "--report", scratch / "glitches.html")["faults"]
     ridden, all_glitches = (sum(kind[key] for kind in glitches) for key in ("recovered", "runs"))
     return (f"## Faults\n`cargo tvc faults --json`: {total['runs']:,} faults of {len(kinds)} kinds in mid-flight. "
             f"{total['recovered']:,} recovered, {total['neutral']:,} ended with the neutral pulse commanded, "
-            f"{total['unsafe']:,} were unsafe. The slowest took {slowest['worst_ms']:.0f} ms "
-            f"(`{slowest['kind']}`); {campaign['deadline_ms']:.0f} ms are allowed. `cargo tvc faults --glitches --json`: "
+            f"{total['restarted']:,} behind a reset, {total['unsafe']:,} were unsafe. The longest without control took "
+            f"{slowest['worst_ms']:.0f} ms (`{slowest['kind']}`); {campaign['deadline_ms']:.0f} ms are allowed of the "
+            f"sensor's, {campaign['wrong_limit_ms']:.0f} of the others. Of flipped bits and peripherals that fail "
+            f"{campaign['upset_noticed_pct']:.0f} % were noticed and {campaign['upset_harmless_pct']:.0f} % harmless. "
+            f"Unsafe in other phases (`--phase`): {', '.join(phases)}. `cargo tvc faults --glitches --json`: "
             f"{ridden} of {all_glitches} glitches of 4 to 40 ms were ridden out.\n")
 
 

@@ -16,8 +16,9 @@ use atsamd_hal::pac;
 use cortex_m::peripheral::SCB;
 use cortex_m_rt::{ExceptionFrame, exception};
 use crc::{CRC_32_ISO_HDLC, Crc, NoTable};
-use tvc_nano::{Crash, SelfCheck};
+use tvc_nano::{Axis, Crash, SelfCheck};
 
+use super::nano33iot::FrameClock;
 use super::watchdog::WatchdogGuard;
 use super::{frame, time, usb, watchdog};
 
@@ -45,6 +46,8 @@ struct Record {
 unsafe extern "C" {
     /// Where the record lies (see memory.x).
     static mut _crash_record: Record;
+    /// Where the neutral pulses are kept, behind it.
+    static mut _kept_neutral: KeptNeutral;
 }
 
 impl Record {
@@ -141,16 +144,51 @@ pub(crate) fn stop(check: SelfCheck) -> ! {
 }
 
 /// The image is not to be run: it is left to the bootloader, where another one can be put in its
-/// place, once the servo has had neutral pulses for as long as it needs to get there.
+/// place. A rudder that was steered before the reset is brought to neutral first, by the pulses
+/// that the sound image had worked out.
 #[cold]
 #[inline(never)]
-pub(super) fn refuse_to_start(check: SelfCheck, guard: &WatchdogGuard) -> ! {
+pub(super) fn refuse_to_start(check: SelfCheck, clock: &FrameClock, guard: &WatchdogGuard) -> ! {
     Record::new(SELF_CHECK, check.code().into()).store();
-    for _ in 0..NEUTRAL_MS / 10 {
-        let _ = time::within(10_000, || false);
-        guard.hold_off();
+    if let Some(counts) = KeptNeutral::read() {
+        frame::send_alone(clock, counts);
+        for _ in 0..NEUTRAL_MS / 10 {
+            let _ = time::within(10_000, || false);
+            guard.hold_off();
+        }
     }
     usb::enter_bootloader()
+}
+
+/// The neutral pulses, in counts of the servo frame's timer, where a reset leaves them; sealed as
+/// the [`Record`] is.
+#[repr(C)]
+#[derive(Clone, Copy)]
+pub(super) struct KeptNeutral {
+    counts: [u32; Axis::COUNT],
+    crc: u32,
+}
+
+impl KeptNeutral {
+    /// Keeps them.
+    pub(super) fn store(counts: [u32; Axis::COUNT]) {
+        let kept = Self {
+            counts,
+            crc: Self::checksum(counts),
+        };
+        // SAFETY: as in `Record::store`.
+        unsafe { addr_of_mut!(_kept_neutral).write_volatile(kept) };
+    }
+
+    fn read() -> Option<[u32; Axis::COUNT]> {
+        // SAFETY: as in `Record::take`.
+        let Self { counts, crc } = unsafe { addr_of_mut!(_kept_neutral).read_volatile() };
+        (crc == Self::checksum(counts)).then_some(counts)
+    }
+
+    fn checksum([first, second]: [u32; Axis::COUNT]) -> u32 {
+        crc32([MAGIC, first, second])
+    }
 }
 
 /// Every program needs one. Nothing calls it: no call of a panic is linked into the image, to which

@@ -89,10 +89,7 @@ impl Frame {
         set_neutral(neutral);
         let plan = TimerPlan::new(COUNTS_PER_US, &timing);
         let timer = frame_registers();
-        timer.ctrla().write(|w| w.swrst().set_bit());
-        let mut ready = soon(|| timer.syncbusy().read().swrst().bit_is_clear());
-        timer.ctrla().write(|w| w.prescaler().div16());
-        timer.wave().write(|w| w.wavegen().npwm());
+        let mut ready = reset();
         // Pulses go on while a debugger holds the core.
         #[cfg(feature = "probe")]
         timer.dbgctrl().write(|w| w.dbgrun().set_bit());
@@ -270,6 +267,44 @@ fn announce(plan: &TimerPlan, timing: &Timing) {
     }
 }
 
+/// Resets the timer, and has it make pulses of counts of 3 MHz once it runs.
+fn reset() -> bool {
+    let timer = frame_registers();
+    timer.ctrla().write(|w| w.swrst().set_bit());
+    let ready = soon(|| timer.syncbusy().read().swrst().bit_is_clear());
+    timer.ctrla().write(|w| w.prescaler().div16());
+    timer.wave().write(|w| w.wavegen().npwm());
+    ready
+}
+
+/// Send these pulses, in counts, 50 times a second without a tick: for an image that is not to do
+/// more. 0 is none.
+pub(super) fn send_alone(_clock: &FrameClock, counts: [u32; Axis::COUNT]) {
+    const PERIOD: u32 = COUNTS_PER_US * 20_000;
+    let timer = frame_registers();
+    // What does not come true here leaves the servo as it is.
+    let mut ready = reset();
+    ready &= soon(|| timer.syncbusy().read().wave().bit_is_clear());
+    // SAFETY: values that the counter's 24 bits hold.
+    timer.per().write(|w| unsafe { w.bits(PERIOD - 1) });
+    for ((servo, channel), counts) in SERVOS.iter().zip(SERVO_CHANNELS).zip(counts) {
+        if counts > 0 && counts < PERIOD {
+            // SAFETY: as above.
+            timer
+                .cc(channel as usize)
+                .write(|w| unsafe { w.bits(counts) });
+            servo.low();
+            servo.connect(SERVO_FUNCTION);
+        }
+    }
+    ready &= soon(|| timer.syncbusy().read().bits() == 0);
+    if ready {
+        timer
+            .ctrla()
+            .modify(|_, w| w.prescaler().div16().enable().set_bit());
+    }
+}
+
 /// The interrupts of the ticks.
 fn wanted_interrupts(plan: &TickPlan) -> u32 {
     if plan.ticks_per_frame > 1 {
@@ -309,10 +344,20 @@ fn write_buffer(channel: Channel, counts: u32) -> bool {
 
 /// What [`force_neutral`] sends. An axis that is steered no more keeps what it had.
 pub(super) fn set_neutral(pulses: [PulseUs; Axis::COUNT]) {
-    for (place, pulse) in NEUTRAL.iter().zip(pulses) {
+    let before = NEUTRAL
+        .each_ref()
+        .map(|place| place.load(Ordering::Relaxed));
+    let mut now = before;
+    for (now, pulse) in now.iter_mut().zip(pulses) {
         if pulse != PulseUs::NONE {
-            place.store(counts(pulse), Ordering::Relaxed);
+            *now = counts(pulse);
         }
+    }
+    if now != before {
+        for (place, counts) in NEUTRAL.iter().zip(now) {
+            place.store(counts, Ordering::Relaxed);
+        }
+        crash::KeptNeutral::store(now);
     }
 }
 

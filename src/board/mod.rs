@@ -118,14 +118,13 @@ impl Board {
             crash: crash::report(&chip.pm),
             stored,
         };
-        stack::paint();
         nano33iot::enable_bus_clocks(&mut chip.pm);
+        let Some(image) = ImageCheck::new() else {
+            crash::refuse_to_start(SelfCheck::Flash, &clocks.frame, &guard)
+        };
+        stack::paint();
         let timing = params.timing();
         let frame = frame::Frame::start(&clocks.frame, first_pulses(&params, stored), timing);
-        // Behind the first pulses: a rudder that a flight has left off neutral is not to stay so.
-        let Some(image) = ImageCheck::new() else {
-            crash::refuse_to_start(SelfCheck::Flash, &guard)
-        };
         RADIO_RESET.low();
         LED.low();
         PROBE.low();
