@@ -254,6 +254,9 @@ pub struct TickPlan {
 impl TickPlan {
     /// Most ticks in a frame.
     pub const MOST_TICKS: u8 = 3;
+    /// Longest time that is left for a burst, us. One that takes longer is too old for its step
+    /// anyway, and the watchdog's early warning comes after three such steps.
+    const LONGEST_US: u32 = 20_000;
 
     /// As many ticks as there is time for. Where a byte is stretched by 180 us:
     ///
@@ -266,7 +269,7 @@ impl TickPlan {
     /// | 333 Hz | one in three frames, 111 Hz | the same |
     pub fn new(timing: &Timing) -> Self {
         let frame_us = 1_000_000 / divisor(timing.frame_hz);
-        let shortest_us = timing.shortest_us();
+        let shortest_us = timing.shortest_us().min(Self::LONGEST_US);
         let ticks = (frame_us / divisor(shortest_us)).clamp(1, Self::MOST_TICKS.into());
         Self {
             ticks_per_frame: ticks as u8,

@@ -40,6 +40,8 @@ const EARLY: u32 = 1 << (16 + EARLY_TICK_CHANNEL as u32);
 /// The pulses that [`force_neutral`] sends, in counts; 0 until the firmware has said what neutral
 /// is, and for an axis that has never been steered.
 static NEUTRAL: [AtomicU32; Axis::COUNT] = [AtomicU32::new(0), AtomicU32::new(0)];
+/// The same as they are [kept](crash::KeptNeutral) over a reset.
+static KEPT: [AtomicU32; Axis::COUNT] = [AtomicU32::new(0), AtomicU32::new(0)];
 /// What was written to each compare channel's buffer last, in counts.
 static SENT: [AtomicU32; 4] = [const { AtomicU32::new(0) }; 4];
 /// The frame has begun to run and the timer may be touched from anywhere.
@@ -86,7 +88,7 @@ impl Frame {
         neutral: [PulseUs; Axis::COUNT],
         timing: Timing,
     ) -> Self {
-        set_neutral(neutral);
+        set_neutral(neutral, false);
         let plan = TimerPlan::new(COUNTS_PER_US, &timing);
         let timer = frame_registers();
         let mut ready = reset();
@@ -342,8 +344,10 @@ fn write_buffer(channel: Channel, counts: u32) -> bool {
     ready
 }
 
-/// What [`force_neutral`] sends. An axis that is steered no more keeps what it had.
-pub(super) fn set_neutral(pulses: [PulseUs; Axis::COUNT]) {
+/// What [`force_neutral`] sends. An axis that is steered no more keeps what it had. What a start
+/// with a damaged image would send is kept while the vehicle is not armed: in flight the damage may
+/// be what has made other pulses of them.
+pub(super) fn set_neutral(pulses: [PulseUs; Axis::COUNT], is_armed: bool) {
     let before = NEUTRAL
         .each_ref()
         .map(|place| place.load(Ordering::Relaxed));
@@ -355,6 +359,11 @@ pub(super) fn set_neutral(pulses: [PulseUs; Axis::COUNT]) {
     }
     if now != before {
         for (place, counts) in NEUTRAL.iter().zip(now) {
+            place.store(counts, Ordering::Relaxed);
+        }
+    }
+    if !is_armed && now != KEPT.each_ref().map(|place| place.load(Ordering::Relaxed)) {
+        for (place, counts) in KEPT.iter().zip(now) {
             place.store(counts, Ordering::Relaxed);
         }
         crash::KeptNeutral::store(now);
@@ -376,7 +385,10 @@ pub(super) fn force_neutral() {
 
 /// The newest tick, once.
 pub(super) fn take_tick() -> Option<Tick> {
-    critical_section::with(|cs| TICK.borrow(cs).take())
+    critical_section::with(|cs| {
+        time::seen(cs);
+        TICK.borrow(cs).take()
+    })
 }
 
 on_frame_interrupt!(matched);

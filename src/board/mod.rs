@@ -303,7 +303,7 @@ impl application::Board for Board {
         self.guard.check(now);
         self.load.update(now);
         self.steps = self.steps.wrapping_add(1);
-        frame::set_neutral(end.neutral);
+        frame::set_neutral(end.neutral, end.state.is_armed());
         // Where the timer does not take it, the next step tries again.
         let _ = self.frame.retime(end.timing);
         let code = end.state.code();

@@ -26,6 +26,9 @@ static ELAPSED_US: Mutex<Cell<u64>> = Mutex::new(Cell::new(0));
 /// What the main loop must not sleep through: SysTick's last interrupt before it asks for the loop.
 static ALARM: Mutex<Cell<Micros>> = Mutex::new(Cell::new(Micros(0)));
 
+/// An interrupt has [asked to be seen in time](wake_before), and nobody has looked since.
+static UNSEEN: Mutex<Cell<bool>> = Mutex::new(Cell::new(false));
+
 /// Start the clock at zero.
 pub(super) fn start(syst: &mut SYST) {
     syst.set_clock_source(SystClkSource::Core);
@@ -67,11 +70,19 @@ pub(super) fn now_within(cs: CriticalSection) -> Micros {
 /// period of SysTick before the deadline it stays awake, since nothing would wake it in time.
 pub(super) fn sleep_until(deadline: Micros, turn: Micros) -> (Micros, u32) {
     let end = deadline.min(turn);
-    let (is_turn, is_last) = critical_section::with(|cs| {
+    let (is_unseen, is_turn, is_last) = critical_section::with(|cs| {
         ALARM.borrow(cs).set(end);
         let interrupted = Micros(ELAPSED_US.borrow(cs).get());
-        (!may_sleep(interrupted, turn), !may_sleep(interrupted, end))
+        (
+            UNSEEN.borrow(cs).take(),
+            !may_sleep(interrupted, turn),
+            !may_sleep(interrupted, end),
+        )
     });
+    // It came after its reader had looked: the deadlines are not the newest.
+    if is_unseen {
+        return (now(), 0);
+    }
     let mut asleep = 0;
     // Two loops, each with no more than it needs: that of sleep turns at each of a burst's
     // interrupts.
@@ -104,7 +115,13 @@ pub(super) fn wake_before(deadline: Micros) {
     critical_section::with(|cs| {
         let alarm = ALARM.borrow(cs);
         alarm.set(alarm.get().min(deadline));
+        UNSEEN.borrow(cs).set(true);
     });
+}
+
+/// What the interrupt had to say has been read.
+pub(super) fn seen(cs: CriticalSection) {
+    UNSEEN.borrow(cs).set(false);
 }
 
 /// Whether `turn` comes before the next interrupt of SysTick.
