@@ -111,9 +111,6 @@ impl Board {
         let guard = watchdog::WatchdogGuard::start(chip.wdt);
         let mut flash = flash::Flash::new(chip.nvmctrl);
         let (params, stored) = store::load(&mut flash);
-        if let Some(fine) = params.clock_fine() {
-            clocks::set_fine(&chip.sysctrl, fine);
-        }
         let report = BootReport {
             crash: crash::report(&chip.pm),
             stored,
@@ -122,6 +119,10 @@ impl Board {
         let Some(image) = ImageCheck::new() else {
             crash::refuse_to_start(SelfCheck::Flash, &clocks.frame, &guard)
         };
+        // Behind the check: a damaged image may have read anything.
+        if let Some(fine) = params.clock_fine() {
+            clocks::set_fine(&chip.sysctrl, fine);
+        }
         stack::paint();
         let timing = params.timing();
         let frame = frame::Frame::start(&clocks.frame, first_pulses(&params, stored), timing);
