@@ -3,8 +3,8 @@
 //!
 //! The first pass, at start-up, gives the sums that the later ones must give too, and they must be
 //! those that the image was sealed with (`image-build/src/seal.rs`): an image that lost a bit while
-//! nothing ran sends neutral pulses for a moment and is left to the bootloader. The later passes run in small parts before the main loop sleeps, as
-//! long as nothing has asked for it.
+//! nothing ran sends neutral pulses for a moment and is left to the bootloader. The later passes
+//! run in small parts before the main loop sleeps, as long as nothing has asked for it.
 
 use core::ptr::addr_of;
 

@@ -182,7 +182,8 @@ impl Program {
     /// The functions of the vtable at an address, by their offset; none if that is not one. It ends
     /// where the next object begins, if not before.
     fn vtable(&self, at: u32, begins: &BTreeSet<u32>) -> Vec<(u32, u32)> {
-        let word = |offset| self.word(at + offset);
+        // A table at the end of the addresses is none.
+        let word = |offset| self.word(at.checked_add(offset)?);
         let (Some(drop), Some(size), Some(alignment)) = (word(0), word(4), word(8)) else {
             return Vec::new();
         };
@@ -195,7 +196,8 @@ impl Program {
             return Vec::new();
         }
         let slots = (VTABLE_HEAD..).step_by(4);
-        let own = slots.take_while(|offset| !begins.contains(&(at + offset)));
+        let ends = |offset: u32| at.checked_add(offset).is_none_or(|at| begins.contains(&at));
+        let own = slots.take_while(|offset| !ends(*offset));
         let methods = own.map_while(|offset| Some((offset, self.pointed_at(word(offset)?)?)));
         methods.collect()
     }

@@ -4,10 +4,10 @@
 //! One flight is flown without a fault, with snapshots of the whole rig every 40 ms. Every run
 //! continues from a copy of one of them to its own instant, switches its fault on for 5 to 500 ms
 //! (a glitch for 4 to 40 ms), and watches for 0.7 s more (twice as long if the drone is still on
-//! its way back; 1.7 s beyond the sensor, for a reset takes half a second in the bootloader). A run is judged by what can be seen from outside: the
-//! pulses on the servos' wires, the drone's true tilt, and the state that the firmware reports.
-//! Faults beyond the sensor may begin in another [`Phase`] of the vehicle than in flight, too. How
-//! a run ends:
+//! its way back; 1.7 s beyond the sensor, for a reset takes half a second in the bootloader). A run
+//! is judged by what can be seen from outside: the pulses on the servos' wires, the drone's true
+//! tilt, and the state that the firmware reports. Faults beyond the sensor may begin in another
+//! [`Phase`] of the vehicle than in flight, too. How a run ends:
 //!
 //! | ending | means |
 //! |---|---|
