@@ -14,16 +14,17 @@ use crate::verify::Check;
 /// When no burst has brought anything for so long, the chip is set up anew. What is shorter is a
 /// glitch of the cable, which does not reset the chip: the mode is verified, and sampling goes on.
 pub const GLITCH_US: u64 = 60_000;
-/// After this many bad samples in a row, the chip is set up anew.
-const BAD_SAMPLES_MAX: u8 = 5;
-/// After this many bursts of zeros in a row, the chip has reset itself, whatever its mode says.
-const ZEROS_MAX: u8 = 4;
-/// What a bad sample adds to a leaky bucket, from which a good one takes 1.
+/// After this many bad samples in a row, the chip is set up anew. If they are zeros it has reset
+/// itself, whatever its mode says.
+const BAD_SAMPLES_MAX: u8 = 4;
+/// What a bad sample, or a register that read wrong, adds to a leaky bucket, from which a good
+/// burst of all sensors takes 1.
 const UNRELIABLE_WEIGHT: u8 = 3;
 /// At this level of the bucket the chip is set up anew: more than one sample in four was bad, and
 /// the good ones are not to be believed either, because flipped bits that are too small to be
-/// noticed come with those that are. With nine bad in ten it is reached within 60 ms.
-const UNRELIABLE_MAX: u8 = 15;
+/// noticed come with those that are. Four bad samples reach it if at most two good ones lie between
+/// them.
+const UNRELIABLE_MAX: u8 = 10;
 
 /// What the owner of the bus is to do.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -72,6 +73,13 @@ impl Sampling {
             unreliable: 0,
             inspector,
         }
+    }
+
+    /// Counts a wrong answer; whether there were so many that the right ones are not to be believed
+    /// either.
+    fn distrust(&mut self) -> bool {
+        self.unreliable = self.unreliable.saturating_add(UNRELIABLE_WEIGHT);
+        self.unreliable >= UNRELIABLE_MAX
     }
 }
 
@@ -395,6 +403,8 @@ impl Driver {
                 // second answer is believed.
                 if core::mem::replace(&mut sampling.mismatched, true) {
                     self.restart(now, fault);
+                } else if sampling.distrust() {
+                    self.restart(now, SensorFault::Unreliable);
                 }
             }
         }
@@ -415,7 +425,10 @@ impl Driver {
             Ok(data) => {
                 sampling.silent_since = None;
                 sampling.bad_samples = 0;
-                sampling.unreliable = sampling.unreliable.saturating_sub(1);
+                // The rates alone are a third of a burst, and say as little of the wire.
+                if !sampling.mismatched && !sampling.inspector.was_alone() {
+                    sampling.unreliable = sampling.unreliable.saturating_sub(1);
+                }
                 if !sampling.mismatched {
                     self.health.good = self.health.good.wrapping_add(1);
                     self.health.last_good = Some(time);
@@ -467,13 +480,11 @@ impl Driver {
             return fault;
         };
         sampling.bad_samples = sampling.bad_samples.saturating_add(1);
-        sampling.unreliable = sampling.unreliable.saturating_add(UNRELIABLE_WEIGHT);
+        let unreliable = sampling.distrust();
         if fault == SensorFault::AllZero && !sampling.mismatched {
             sampling.check = Check::Mode;
         }
         let enough = match fault {
-            // The mode, which was to be read in between, has not told.
-            SensorFault::AllZero => ZEROS_MAX,
             SensorFault::Frozen => 1,
             _ => BAD_SAMPLES_MAX,
         };
@@ -482,7 +493,7 @@ impl Driver {
                 SensorFault::AllZero => SensorFault::Reset,
                 fault => fault,
             }
-        } else if sampling.unreliable >= UNRELIABLE_MAX {
+        } else if unreliable {
             SensorFault::Unreliable
         } else {
             return fault;

@@ -72,7 +72,8 @@ pub enum SensorFault {
     Frozen,
     /// Beyond what the sensors can measure.
     Implausible,
-    /// A jump that the next burst did not confirm, or rates of zero in the middle of a turn.
+    /// A jump that the next burst did not confirm, rates of zero in the middle of a turn, or a
+    /// field that changed twice in less time than between two of its refreshes.
     Torn,
     /// A tick went by without its burst.
     Late,

@@ -1,10 +1,13 @@
 //! The sampling burst: what it reads, what it gives, and whether to believe it.
 
+mod field;
+
 use crate::config::{AccUnit, Config, MAG_UT, Mode, Power, Units};
 use crate::fault::SensorFault;
 use crate::registers;
 use crate::transfer::{Micros, Transfer};
 use crate::words;
+use field::FieldChanges;
 
 /// One sample as the chip gave it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -178,6 +181,8 @@ pub(crate) struct Inspector {
     good: Option<(Micros, Words)>,
     /// The last good rates that were others than its.
     gyr_before: Option<[i16; 3]>,
+    /// When the words of the field last changed.
+    field: FieldChanges,
     /// Last burst, if it was held back for a jump that the next one may confirm.
     jumped: Option<Words>,
     /// The last burst was good.
@@ -205,6 +210,7 @@ impl Default for Inspector {
             gyr_died: false,
             good: None,
             gyr_before: None,
+            field: FieldChanges::default(),
             jumped: None,
             content: false,
             alone: false,
@@ -216,6 +222,11 @@ impl Inspector {
     /// Whether the last burst was good.
     pub(crate) fn is_content(&self) -> bool {
         self.content
+    }
+
+    /// Whether the last burst was of the rates alone.
+    pub(crate) fn was_alone(&self) -> bool {
+        self.alone
     }
 
     /// A burst brought no data: it was not good.
@@ -265,6 +276,7 @@ impl Inspector {
             return Err(SensorFault::Torn);
         }
         if out_of_range(config, &now) || crash_pattern(config, &now) {
+            self.field.is_seen(time, mag);
             return Err(SensorFault::Implausible);
         }
         if let Some(limit) = config.step_limit
@@ -274,6 +286,11 @@ impl Inspector {
             && !(differs && jumped.is_some_and(|jumped| !moved(&jumped, &now, limit)))
         {
             self.jumped = Some(now);
+            self.field.is_seen(time, mag);
+            return Err(SensorFault::Torn);
+        }
+        // A burst of the rates alone has the field of the one before.
+        if !alone && config.mode.has_mag() && self.field.come_too_soon(time, mag) {
             return Err(SensorFault::Torn);
         }
         let rates_before = self.recent(time).map(|good| rates_of(*good));
