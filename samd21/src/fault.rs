@@ -71,7 +71,8 @@ pub enum FaultKind {
         /// The width asked for.
         width: Width,
     },
-    /// An access that a peripheral's model does not cover: the chip stops.
+    /// An access that a peripheral answers with an exception: HardFault; or one that its model does
+    /// not cover: the chip stops.
     Peripheral(BusError),
 }
 

@@ -6,7 +6,7 @@ use common::*;
 use samd21::board::{Ticks, Unconnected};
 use samd21::chip::Stop;
 use samd21::fault::FaultKind;
-use samd21::peripherals::{ResetCause, Width};
+use samd21::peripherals::{Refusal, ResetCause, Width};
 use samd21::{Chip, Options};
 
 /// Runs a program that faults at `offset` into a handler that stops; the chip and what faulted.
@@ -60,6 +60,25 @@ fn accesses_where_nothing_answers() {
         let (_, kind) = fault_at(0, &code![str(1, 0, 0)], address);
         assert_eq!(kind, FaultKind::UnmappedStore { address });
     }
+}
+
+#[test]
+fn accesses_that_a_peripheral_answers_with_an_exception() {
+    // A byte for the flash's page buffer, and a protection that is asked for twice.
+    const PAC1_WPSET: u32 = 0x4100_0004;
+    let refusal = |offset, program: &[u16], r0| match fault_at(offset, program, r0).1 {
+        FaultKind::Peripheral(error) => error.refusal,
+        kind => panic!("{kind}"),
+    };
+    let page_buffer = refusal(0, &code![strb(1, 0)], 0x0003_0000);
+    assert!(matches!(page_buffer, Refusal::Exception(_)));
+    // The DSU is protected from reset on.
+    let twice = refusal(2, &code![movs(1, 2), str(1, 0, 0)], PAC1_WPSET);
+    assert!(matches!(twice, Refusal::Exception(_)));
+    // The port is protected, and then written to.
+    let port = code![movs(2, 0x41), lsls(2, 2, 16), adds(2, 0x44), lsls(2, 2, 8)];
+    let program = [code![movs(1, 8), str(1, 0, 0)], port, code![str(1, 2, 4)]].concat();
+    assert_eq!(refusal(12, &program, PAC1_WPSET), Refusal::Protected);
 }
 
 #[test]

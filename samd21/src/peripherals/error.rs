@@ -49,8 +49,8 @@ impl fmt::Display for Width {
     }
 }
 
-/// An access that a peripheral's model does not cover. It stops the chip, but for
-/// [`Refusal::Unmapped`], which raises HardFault.
+/// An access that a peripheral refuses or that its model does not cover. What the real chip answers
+/// with an exception raises HardFault; anything else stops the emulated chip.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct BusError {
     /// The address.
@@ -72,10 +72,19 @@ pub enum Refusal {
     Unclocked,
     /// The peripheral access controller protects the peripheral from writes.
     Protected,
+    /// The peripheral answers with an exception, for this reason.
+    Exception(&'static str),
     /// The real chip has this register, or this value of a field, but no model does.
     Unmodelled(&'static str),
     /// The access would hang or damage the real chip, for this reason.
     Forbidden(&'static str),
+}
+
+impl Refusal {
+    /// Whether the real chip answers with an exception, which the core takes as a HardFault.
+    pub(crate) fn is_exception(self) -> bool {
+        matches!(self, Self::Unmapped | Self::Protected | Self::Exception(_))
+    }
 }
 
 impl fmt::Display for BusError {
@@ -90,7 +99,7 @@ impl fmt::Display for BusError {
             Refusal::Unclocked => write!(f, "{place}: its bus clock is masked"),
             Refusal::Protected => write!(f, "{place}: write-protected by the PAC"),
             Refusal::Unmodelled(register) => write!(f, "{place}: {register} is not modelled"),
-            Refusal::Forbidden(why) => write!(f, "{place}: {why}"),
+            Refusal::Exception(why) | Refusal::Forbidden(why) => write!(f, "{place}: {why}"),
         }
     }
 }

@@ -196,7 +196,8 @@ impl Nvmctrl {
         memory: &mut Memory,
     ) -> Write {
         if bytes == 1 {
-            return Err(Refusal::Forbidden("the page buffer takes no byte writes"));
+            // Data sheet 22.6.4.3: a system exception.
+            return Err(Refusal::Exception("the page buffer takes no byte writes"));
         }
         let start = (addr % PAGE) as usize;
         let length = bytes as usize;

@@ -5,8 +5,8 @@
 //! | 00 | WPCLR | reads the protections, ones clear them |
 //! | 04 | WPSET | reads the protections, ones set them |
 //!
-//! A write to a protected peripheral faults. Clearing a clear bit or setting a set one is an error
-//! on the chip too.
+//! A write to a protected peripheral is answered with an exception, and so is clearing a clear bit or
+//! setting a set one.
 //!
 //! | left out | why |
 //! |---|---|
@@ -49,7 +49,7 @@ impl Pac {
             _ => return Err(RESERVED),
         };
         if wrong != 0 {
-            return Err(Refusal::Forbidden("protection already is as asked for"));
+            return Err(Refusal::Exception("protection already is as asked for"));
         }
         *protected = new;
         DONE
