@@ -1,5 +1,6 @@
 //! The image in flash, read over and over: a bit of it that flips is noticed within some tenths of
-//! a second, before or after it has done harm.
+//! a second, before or after it has done harm. Twelve times a second is not too often: read four
+//! times, two flipped bits of 2,500 drove a rudder wrongly for more than 200 ms.
 //!
 //! The first pass, at start-up, gives the sums that the later ones must give too, and they must be
 //! those that the image was sealed with (`image-build/src/seal.rs`): an image that lost a bit while
@@ -20,9 +21,11 @@ unsafe extern "C" {
 
 /// Where in the image its sums are: reserved exceptions. Zeros in an image that is not sealed.
 const SEAL: core::ops::Range<usize> = 0x1C..0x24;
-/// Words read at once: some 10 us.
+/// Words of a part, which nothing interrupts but interrupts: some 6 us.
 const WORDS: usize = 64;
-/// Parts read before the loop sleeps.
+/// Of them, words that are read without a loop in between, which saves a third of the cycles.
+const AT_ONCE: usize = 8;
+/// Parts read before the loop sleeps: the image twelve times a second.
 const PARTS: usize = 12;
 
 /// Fletcher's sums of words, modulo 2^32: any one flipped bit changes them, and any two of
@@ -102,6 +105,18 @@ impl ImageCheck {
 
     fn read_part(&mut self) {
         let stop = end().min(self.at + 4 * WORDS);
+        while self.at + 4 * AT_ONCE <= stop {
+            // Written out, for the compiler, which is to save flash, keeps every loop.
+            self.sums.add(read(self.at));
+            self.sums.add(read(self.at + 4));
+            self.sums.add(read(self.at + 8));
+            self.sums.add(read(self.at + 12));
+            self.sums.add(read(self.at + 16));
+            self.sums.add(read(self.at + 20));
+            self.sums.add(read(self.at + 24));
+            self.sums.add(read(self.at + 28));
+            self.at += 4 * AT_ONCE;
+        }
         while self.at < stop {
             self.sums.add(read(self.at));
             self.at += 4;
