@@ -5,6 +5,7 @@ use atsamd_hal::pac;
 use tvc_nano::SelfCheck;
 
 use super::clocks::{set_fine, sysctrl};
+use super::time::soon;
 
 /// Generators of GCLK: the processor's and its peripherals', that of the DFLL's reference, and the
 /// watchdog's.
@@ -19,6 +20,13 @@ const GENCTRL: *mut u32 = 0x4000_0C04 as *mut u32;
 const GENDIV: *mut u32 = 0x4000_0C08 as *mut u32;
 /// PM.CPUSEL to APBCSEL: by how much the processor and its buses are slower than generator 0.
 const DIVIDERS: *mut u32 = 0x4000_0408 as *mut u32;
+
+/// The factory's calibration of the DFLL: the upper word of the two that hold it, and where COARSE
+/// begins there (data sheet table 10-5, bits 58 to 63).
+const CALIBRATION: *const u32 = 0x0080_6024 as *const u32;
+const COARSE_AT: u32 = 26;
+/// The HAL takes this COARSE if all bits of the calibration are set, which a chip without one has.
+const COARSE_WITHOUT: u8 = 0x1F;
 
 /// Start-of-frame moves FINE by ten steps a millisecond at most. What a flipped bit has added
 /// beyond that stays: USB does not work with such a clock.
@@ -153,6 +161,28 @@ impl ClockCheck {
         dfll.dfllsync().write(|w| w.readreq().set_bit());
         Ok(())
     }
+}
+
+/// Whether processor and timer run at 48 MHz as far as registers tell: what a start with a damaged
+/// image has set up may be wrong itself. The DFLL has its COARSE, and generator 0 takes it as it is.
+pub(super) fn is_as_meant() -> bool {
+    /// GENCTRL's SRC for the DFLL, with GENEN, and the bits of both and of DIVSEL.
+    const FROM_DFLL: u32 = 7 << 8 | 1 << 16;
+    const SOURCE_BITS: u32 = 0x1F << 8 | 1 << 16 | 1 << 20;
+    let dfll = sysctrl();
+    dfll.dfllsync().write(|w| w.readreq().set_bit());
+    let is_read = soon(|| dfll.pclksr().read().dfllrdy().bit_is_set());
+    // SAFETY: a row of calibration that is always mapped.
+    let fused = match (unsafe { CALIBRATION.read_volatile() } >> COARSE_AT) as u8 {
+        0x3F => COARSE_WITHOUT,
+        fused => fused,
+    };
+    let Generator { control, division } = Generator::read(GENERATORS[0]);
+    is_read
+        && coarse() == fused
+        && dividers() == 0
+        && control & SOURCE_BITS == FROM_DFLL
+        && division >> 8 <= 1
 }
 
 /// CLKCTRL of a clock.

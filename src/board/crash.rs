@@ -1,8 +1,11 @@
 //! Failed self-checks and faults: the servo goes to neutral, the reason survives the reset.
 //!
 //! The record lies in RAM that neither this program's start-up nor the bootloader touches. It is
-//! sealed by a checksum, for RAM holds noise after power-on. It is read once at the next start and
-//! cleared.
+//! sealed, for RAM holds noise after power-on. It is read once at the next start and cleared.
+//!
+//! What ends a run may be a bit that has flipped in the image. So the neutral pulses come before
+//! all else, and the little that follows has neither loops nor tables, which a flipped bit could
+//! make endless or wrong.
 //!
 //! After the servo has been sent to neutral the chip does not reset at once: the watchdog does
 //! that, within 125 ms. Until then the timer goes on sending neutral pulses, so that the rudder
@@ -15,15 +18,14 @@ use core::ptr::addr_of_mut;
 use atsamd_hal::pac;
 use cortex_m::peripheral::SCB;
 use cortex_m_rt::{ExceptionFrame, exception};
-use crc::{CRC_32_ISO_HDLC, Crc, NoTable};
 use tvc_nano::{Axis, Crash, SelfCheck};
 
 use super::nano33iot::FrameClock;
 use super::watchdog::WatchdogGuard;
-use super::{frame, time, usb, watchdog};
+use super::{clock_check, frame, time, usb, watchdog};
 
 /// Marks a record, and its layout's version.
-const MAGIC: u32 = 0x5456_4333;
+const MAGIC: u32 = 0x5456_4334;
 const SELF_CHECK: u32 = 1;
 const HARD_FAULT: u32 = 2;
 
@@ -40,7 +42,7 @@ struct Record {
     kind: u32,
     /// Which self-check, or the address of a fault's instruction.
     detail: u32,
-    crc: u32,
+    seal: u32,
 }
 
 unsafe extern "C" {
@@ -55,26 +57,20 @@ impl Record {
         magic: 0,
         kind: 0,
         detail: 0,
-        crc: 0,
+        seal: 0,
     };
 
     fn new(kind: u32, detail: u32) -> Self {
-        let mut record = Self {
+        Self {
             magic: MAGIC,
             kind,
             detail,
-            crc: 0,
-        };
-        record.crc = record.checksum();
-        record
-    }
-
-    fn checksum(&self) -> u32 {
-        crc32([self.magic, self.kind, self.detail])
+            seal: seal(kind, detail),
+        }
     }
 
     fn crash(self) -> Option<Crash> {
-        let sealed = self.magic == MAGIC && self.crc == self.checksum();
+        let sealed = self.magic == MAGIC && self.seal == seal(self.kind, self.detail);
         match self.kind {
             SELF_CHECK if sealed => {
                 let check = SelfCheck::try_from(self.detail as u8);
@@ -98,14 +94,10 @@ impl Record {
     }
 }
 
-/// CRC-32 of IEEE 802.3 over words, low byte first.
-fn crc32(words: [u32; 3]) -> u32 {
-    let crc = Crc::<u32, NoTable>::new(&CRC_32_ISO_HDLC);
-    let mut digest = crc.digest();
-    for word in words {
-        digest.update(&word.to_le_bytes());
-    }
-    digest.finalize()
+/// What two words are sealed with behind [`MAGIC`]: another value for any one flipped bit of them,
+/// and for zeros and ones that RAM may come up with.
+fn seal(first: u32, second: u32) -> u32 {
+    !(MAGIC ^ first ^ second.rotate_left(16))
 }
 
 /// How the last run ended: the record, if the reset was not a power-on, else the reset's own cause.
@@ -126,10 +118,10 @@ pub(super) fn report(pm: &pac::Pm) -> Option<Crash> {
 }
 
 /// Neutral, record, reset.
-fn end(record: Record) -> ! {
+fn end(kind: u32, detail: u32) -> ! {
     cortex_m::interrupt::disable();
     frame::force_neutral();
-    record.store();
+    Record::new(kind, detail).store();
     if watchdog::is_running() {
         time::delay_us(LAST_WAIT_US);
     }
@@ -140,18 +132,21 @@ fn end(record: Record) -> ! {
 #[cold]
 #[inline(never)]
 pub(crate) fn stop(check: SelfCheck) -> ! {
-    end(Record::new(SELF_CHECK, check.code().into()))
+    end(SELF_CHECK, check.code().into())
 }
 
 /// The image is not to be run: it is left to the bootloader, where another one can be put in its
 /// place. A rudder that was steered before the reset is brought to neutral first, by the pulses
-/// that the sound image had worked out.
+/// that the sound image had worked out, unless the damage has made another clock of the timer's.
 #[cold]
 #[inline(never)]
 pub(super) fn refuse_to_start(check: SelfCheck, clock: &FrameClock, guard: &WatchdogGuard) -> ! {
-    Record::new(SELF_CHECK, check.code().into()).store();
-    if let Some(counts) = KeptNeutral::read() {
+    let kept = KeptNeutral::read().filter(|_| clock_check::is_as_meant());
+    if let Some(counts) = kept {
         frame::send_alone(clock, counts);
+    }
+    Record::new(SELF_CHECK, check.code().into()).store();
+    if kept.is_some() {
         for _ in 0..NEUTRAL_MS / 10 {
             let _ = time::within(10_000, || false);
             guard.hold_off();
@@ -166,15 +161,16 @@ pub(super) fn refuse_to_start(check: SelfCheck, clock: &FrameClock, guard: &Watc
 #[derive(Clone, Copy)]
 pub(super) struct KeptNeutral {
     counts: [u32; Axis::COUNT],
-    crc: u32,
+    seal: u32,
 }
 
 impl KeptNeutral {
     /// Keeps them.
     pub(super) fn store(counts: [u32; Axis::COUNT]) {
+        let [first, second] = counts;
         let kept = Self {
             counts,
-            crc: Self::checksum(counts),
+            seal: seal(first, second),
         };
         // SAFETY: as in `Record::store`.
         unsafe { addr_of_mut!(_kept_neutral).write_volatile(kept) };
@@ -182,12 +178,9 @@ impl KeptNeutral {
 
     fn read() -> Option<[u32; Axis::COUNT]> {
         // SAFETY: as in `Record::take`.
-        let Self { counts, crc } = unsafe { addr_of_mut!(_kept_neutral).read_volatile() };
-        (crc == Self::checksum(counts)).then_some(counts)
-    }
-
-    fn checksum([first, second]: [u32; Axis::COUNT]) -> u32 {
-        crc32([MAGIC, first, second])
+        let kept = unsafe { addr_of_mut!(_kept_neutral).read_volatile() };
+        let [first, second] = kept.counts;
+        (kept.seal == seal(first, second)).then_some(kept.counts)
     }
 }
 
@@ -206,7 +199,7 @@ use panic_probe as _;
 // SAFETY: only reads the frame; never returns.
 #[exception]
 unsafe fn HardFault(frame: &ExceptionFrame) -> ! {
-    end(Record::new(HARD_FAULT, frame.pc()))
+    end(HARD_FAULT, frame.pc())
 }
 
 /// An interrupt that nobody enabled.

@@ -23,7 +23,7 @@ use super::nano33iot::{
     Channel, EARLY_TICK_CHANNEL, FrameClock, LAST_TICK_CHANNEL, SERVO_CHANNELS, SERVO_FUNCTION,
     SERVOS, frame_registers, on_frame_interrupt,
 };
-use super::time::{self, now, soon};
+use super::time::{self, now, soon, within};
 use super::{crash, i2c, watchdog};
 
 /// Timer counts in a microsecond: 48 MHz / 16.
@@ -280,30 +280,37 @@ fn reset() -> bool {
 }
 
 /// Send these pulses, in counts, 50 times a second without a tick: for an image that is not to do
-/// more. 0 is none.
+/// more. 0 is none. What sets the timer up may be what is damaged: the servos get their pulses only
+/// if it reads back as meant, and otherwise stay as they are.
 pub(super) fn send_alone(_clock: &FrameClock, counts: [u32; Axis::COUNT]) {
-    const PERIOD: u32 = COUNTS_PER_US * 20_000;
+    const LAST_COUNT: u32 = COUNTS_PER_US * 20_000 - 1;
     let timer = frame_registers();
-    // What does not come true here leaves the servo as it is.
-    let mut ready = reset();
-    ready &= soon(|| timer.syncbusy().read().wave().bit_is_clear());
+    let mut is_right = reset();
+    is_right &= soon(|| timer.syncbusy().read().wave().bit_is_clear());
     // SAFETY: values that the counter's 24 bits hold.
-    timer.per().write(|w| unsafe { w.bits(PERIOD - 1) });
+    timer.per().write(|w| unsafe { w.bits(LAST_COUNT) });
+    for (channel, counts) in SERVO_CHANNELS.into_iter().zip(counts) {
+        // SAFETY: as above.
+        timer
+            .cc(channel as usize)
+            .write(|w| unsafe { w.bits(counts & 0xFFFF) });
+    }
+    is_right &= soon(|| timer.syncbusy().read().bits() == 0);
+    timer
+        .ctrla()
+        .modify(|_, w| w.prescaler().div16().enable().set_bit());
+    is_right &= soon(|| timer.syncbusy().read().enable().bit_is_clear());
+    let modes = timer.ctrla().read();
+    is_right &= modes.prescaler().is_div16() && modes.enable().bit_is_set();
+    is_right &= timer.wave().read().wavegen().is_npwm();
+    is_right &= timer.per().read().bits() == LAST_COUNT;
+    // The servos come in between two pulses, of which none is cut short.
+    let _ = within(10_000, || false);
     for ((servo, channel), counts) in SERVOS.iter().zip(SERVO_CHANNELS).zip(counts) {
-        if counts > 0 && counts < PERIOD {
-            // SAFETY: as above.
-            timer
-                .cc(channel as usize)
-                .write(|w| unsafe { w.bits(counts) });
+        if is_right && counts > 0 && timer.cc(channel as usize).read().bits() == counts {
             servo.low();
             servo.connect(SERVO_FUNCTION);
         }
-    }
-    ready &= soon(|| timer.syncbusy().read().bits() == 0);
-    if ready {
-        timer
-            .ctrla()
-            .modify(|_, w| w.prescaler().div16().enable().set_bit());
     }
 }
 
