@@ -30,7 +30,14 @@ fn latency_of_a_flight(hardware: &str) -> f64 {
     );
     assert_eq!(flight.final_state, Some(StateKind::Active), "{hardware}");
     assert!(timing.rate_hz > 99.99, "{hardware}: {timing:?}");
-    assert!(timing.jitter_us_max < 100.0, "{hardware}: {timing:?}");
+    // A verification with two rare bytes lasts into the next tick, which then goes without its
+    // burst.
+    let missed = timing.steps - timing.bursts;
+    assert!(missed <= usize::from(hardware.contains("stretch-rare")));
+    assert!(
+        missed > 0 || timing.jitter_us_max < 100.0,
+        "{hardware}: {timing:?}"
+    );
     assert_eq!(flight.missing, Missing::default(), "{hardware}");
     timing.latency_us.mean
 }
