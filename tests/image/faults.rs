@@ -69,10 +69,10 @@ fn neutral_in_time_and_back_by_the_operator(fault: Fault, word: &str) {
     rig.inject(fault);
     station.run(rig, ms(1000)).unwrap();
 
-    // From 150 ms on, every pulse is neutral.
+    // From 100 ms on, every pulse is neutral.
     let pulses = rig.truth().pulses_since(at);
     assert_pulses_went_on(pulses, ms(1000));
-    for pulse in pulses.iter().filter(|p| p.rise >= at + ms(150)) {
+    for pulse in pulses.iter().filter(|p| p.rise >= at + ms(100)) {
         assert!(
             default_neutral_us().contains(&pulse.width_us()),
             "{fault:?}: {}",

@@ -29,7 +29,7 @@ Examples:
 
 A run with a fault of the sensor or its cable is safe if the drone is back on course with control
 active (recovered), or if the firmware is in failsafe (neutral); in both cases without a missing or
-wild pulse, without a reset, and with the rudder never off neutral for more than 150 ms without
+wild pulse, without a reset, and with the rudder never off neutral for more than 100 ms without
 valid data. A run with any other fault (of memory, registers, clocks, interrupts, program, supply or
 host) is safe if the rudder is never driven wrongly for more than 200 ms, and is under control or at
 neutral at the end, behind a reset too (restarted). In another phase than the flight every pulse off

@@ -13,7 +13,7 @@
 //! |---|---|
 //! | recovered | control is still active at the end, and the drone's true tilt is within 0.1 rad of where the flight without the fault had it, over the last 100 ms |
 //! | neutral | the firmware is in failsafe, and no pulse after it said so was off neutral |
-//! | unsafe | anything else; and either of the above with a pulse missing, a pulse outside the travel, a reset of the chip, or a rudder that was off neutral without valid data for more than 150 ms |
+//! | unsafe | anything else; and either of the above with a pulse missing, a pulse outside the travel, a reset of the chip, or a rudder that was off neutral without valid data for more than 100 ms |
 //!
 //! A rudder is *without valid data* from the last control step that worked on a valid burst, or
 //! from the fault's beginning where there has been none since. A burst is valid if it brought,
@@ -69,7 +69,7 @@ use std::str::FromStr;
 use tvc_nano::{Axis, Params};
 
 /// Longest time for which a rudder may be off neutral without valid data.
-pub const DEADLINE: Ticks = Ticks::from_ms(150);
+pub const DEADLINE: Ticks = Ticks::from_ms(100);
 /// Pitch from which the flight begins, and roll where that is steered, rad.
 const START_RAD: [f64; Axis::COUNT] = [0.4, 0.3];
 /// How long a fault lasts at most, ms.

@@ -215,7 +215,7 @@ mod tests {
     fn a_valid_step_ends_the_time_and_wrong_data_do_not() {
         let gap = |until: u64| truth(move |t| t < 100 || t >= until, |_| ACTIVE);
         let beats = [beat(0, StateKind::Active)];
-        assert_eq!(judged(&gap(200), &beats), (Ending::Recovered, 110));
+        assert_eq!(judged(&gap(180), &beats), (Ending::Recovered, 90));
         assert_eq!(
             judged(&gap(250), &beats).0,
             Ending::Unsafe(Unsafe::Unguarded)
