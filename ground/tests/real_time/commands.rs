@@ -1,106 +1,14 @@
 //! Every command that talks to a vehicle, against the virtual rig behind its pseudo-terminal.
 
 use std::io::{BufRead, BufReader};
-use std::net::UdpSocket;
 use std::path::PathBuf;
-use std::process::{Command, Output, Stdio};
+use std::process::Stdio;
 use std::time::{Duration, Instant};
 
-use mavlink::dialects::common::{FILE_TRANSFER_PROTOCOL_DATA, MavMessage};
 use serde_json::Value;
 
-use crate::running::{self, Running};
-
-/// A machine that is busy with other tests runs the rig slower than real time.
-const PATIENCE: Duration = Duration::from_secs(120);
-
-/// `tvc rig --pty`, ended with the test.
-struct Rig {
-    running: Running,
-    folder: tempfile::TempDir,
-}
-
-impl Rig {
-    fn start(options: &[&str]) -> Self {
-        let folder = tempfile::tempdir().unwrap();
-        let link = folder.path().join("nano");
-        let fixed = [
-            "rig",
-            "--pty",
-            "--seconds",
-            "600",
-            "--link",
-            link.to_str().unwrap(),
-        ];
-        let (running, port) = Running::start(&[&fixed, options].concat());
-        assert!(port.starts_with("/dev/"), "{port}");
-        Self { running, folder }
-    }
-
-    fn path(&self, name: &str) -> String {
-        self.folder.path().join(name).to_str().unwrap().to_owned()
-    }
-
-    fn tvc(&self, arguments: &[&str]) -> Output {
-        running::tvc(&[arguments, &["--port", &self.path("nano")]].concat())
-    }
-
-    /// Standard output of a command that must succeed.
-    fn ok(&self, arguments: &[&str]) -> String {
-        let output = self.tvc(arguments);
-        let said = String::from_utf8_lossy(&output.stderr);
-        assert_eq!(output.status.code(), Some(0), "{arguments:?}: {said}");
-        String::from_utf8(output.stdout).unwrap()
-    }
-
-    fn json(&self, arguments: &[&str]) -> Value {
-        running::json(&self.tvc(&[arguments, &["--json"]].concat()))
-    }
-
-    /// The error of a command that must fail with `status`, in one line.
-    fn refused(&self, status: i32, arguments: &[&str]) -> String {
-        let output = self.tvc(arguments);
-        let said = String::from_utf8(output.stderr).unwrap();
-        assert_eq!(output.status.code(), Some(status), "{arguments:?}: {said}");
-        assert!(output.stdout.is_empty(), "{arguments:?}");
-        let errors: Vec<&str> = said.lines().filter(|l| l.starts_with("error: ")).collect();
-        assert_eq!(errors.len(), 1, "{said}");
-        errors[0].to_owned()
-    }
-
-    fn status(&self) -> Value {
-        let lines = self.ok(&["monitor", "--json", "--every", "0.2", "--seconds", "0.7"]);
-        let last = lines.lines().last().expect("a line of status");
-        serde_json::from_str(last).unwrap()
-    }
-
-    fn wait_for(&self, state: &str) {
-        let begun = Instant::now();
-        while self.status()["state"] != state {
-            assert!(begun.elapsed() < PATIENCE, "{}", self.status());
-        }
-    }
-
-    /// Arms as soon as the attitude has settled and the gyro's offset has been learned at rest.
-    fn arm(&self) -> Value {
-        let begun = Instant::now();
-        loop {
-            let output = self.tvc(&["arm", "--json"]);
-            if output.status.success() {
-                return serde_json::from_slice(&output.stdout).unwrap();
-            }
-            let said = String::from_utf8_lossy(&output.stderr);
-            let waits = ["attitude still settling", "gyro offset unknown"];
-            assert!(waits.iter().any(|why| said.contains(why)), "{said}");
-            assert!(begun.elapsed() < PATIENCE, "{said}");
-        }
-    }
-
-    fn terminate(&mut self) {
-        let id = self.running.0.id().to_string();
-        assert!(Command::new("kill").arg(id).status().unwrap().success());
-    }
-}
+use crate::running;
+use crate::vehicle::{PATIENCE, Rig};
 
 #[test]
 fn parameters_are_listed_set_refused_compared_and_loaded() {
@@ -398,73 +306,6 @@ fn recorded_as_streamed(rig: &Rig, log: &str) {
 }
 
 #[test]
-fn everything_is_forwarded_and_the_station_is_heard() {
-    use client::Wire;
-
-    let rig = Rig::start(&[]);
-    let socket = || {
-        let socket = UdpSocket::bind("127.0.0.1:0").unwrap();
-        socket.set_read_timeout(Some(PATIENCE)).unwrap();
-        socket
-    };
-    let (station, plot) = (socket(), socket());
-    let mut bridge = running::command(&["forward", "--port", &rig.path("nano")])
-        .args(["--to", &station.local_addr().unwrap().to_string()])
-        .args(["--plot", &plot.local_addr().unwrap().to_string()])
-        .stderr(Stdio::null())
-        .spawn()
-        .unwrap();
-    let mut link = Wire::default();
-    let mut datagram = [0; 2048];
-    let mut heard = |link: &mut Wire| {
-        let (count, from) = station.recv_from(&mut datagram).unwrap();
-        (link.receive(&datagram[..count]), from)
-    };
-    let (_, vehicle) = heard(&mut link);
-    let set = link.frame(&client::request::set_parameter("PID_KP", 1.75));
-    station.send_to(&set, vehicle).unwrap();
-    let begun = Instant::now();
-    let echoed = |messages: Vec<MavMessage>| {
-        let echo = |message: &MavMessage| match message {
-            MavMessage::PARAM_VALUE(row) => row.param_value == 1.75,
-            _ => false,
-        };
-        messages.iter().any(echo)
-    };
-    while !echoed(heard(&mut link).0) {
-        assert!(begun.elapsed() < PATIENCE);
-    }
-    // The vehicle has no files: who opens one here is answered by the bridge.
-    let mut open = FILE_TRANSFER_PROTOCOL_DATA::default();
-    let path = b"/general.json";
-    open.payload[3..5].copy_from_slice(&[4, path.len() as u8]);
-    open.payload[12..12 + path.len()].copy_from_slice(path);
-    let open = link.frame(&MavMessage::FILE_TRANSFER_PROTOCOL(open));
-    station.send_to(&open, vehicle).unwrap();
-    let begun = Instant::now();
-    let opened = |messages: Vec<MavMessage>| {
-        let answer = |message: &MavMessage| match message {
-            MavMessage::FILE_TRANSFER_PROTOCOL(answer) => Some(answer.payload[3..6].to_vec()),
-            _ => None,
-        };
-        messages.iter().find_map(answer)
-    };
-    let answer = loop {
-        assert!(begun.elapsed() < PATIENCE);
-        if let Some(answer) = opened(heard(&mut link).0) {
-            break answer;
-        }
-    };
-    assert_eq!(answer, [128, 4, 4], "accepted, with the file's size");
-    let mut object = [0; 4096];
-    let count = plot.recv(&mut object).unwrap();
-    let object: Value = serde_json::from_slice(&object[..count]).unwrap();
-    assert!(object["timestamp"].is_number() && object["attitude_rad"][1].is_number());
-    bridge.kill().unwrap();
-    bridge.wait().unwrap();
-}
-
-#[test]
 fn a_port_that_cannot_be_opened_leaves_no_log() {
     let folder = tempfile::tempdir().unwrap();
     let log = folder.path().join("a.tlog");
@@ -482,84 +323,6 @@ fn a_port_that_cannot_be_opened_leaves_no_log() {
             assert!(!log.exists(), "{command:?}");
         }
     }
-}
-
-/// With a key, whoever has not signed a command is not obeyed, not even on this computer; what the
-/// vehicle tells is signed on its way.
-#[cfg(unix)]
-#[test]
-fn with_a_key_the_bridge_obeys_only_who_has_it() {
-    use client::Wire;
-    use mavlink::{MAVLinkV2MessageRaw, MavHeader, SigningConfig, SigningData};
-    use std::os::unix::fs::PermissionsExt;
-
-    let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("key");
-    let key: [u8; 32] = std::array::from_fn(|index| 3 * index as u8);
-    std::fs::write(&path, key).unwrap();
-    std::fs::set_permissions(&path, std::fs::Permissions::from_mode(0o600)).unwrap();
-    let rig = Rig::start(&[]);
-    let station = UdpSocket::bind("127.0.0.1:0").unwrap();
-    station.set_read_timeout(Some(PATIENCE)).unwrap();
-    let bridge = running::command(&["forward", "--port", &rig.path("nano"), "--seconds", "6"])
-        .args(["--to", &station.local_addr().unwrap().to_string()])
-        .args([
-            "--plot",
-            "127.0.0.1:9",
-            "--signing-key",
-            path.to_str().unwrap(),
-        ])
-        .stderr(Stdio::piped())
-        .spawn()
-        .unwrap();
-    let of_key = |key| SigningData::from_config(SigningConfig::new(key, 1, true, false));
-    let (ours, seen) = (of_key(key), of_key(key));
-    let mut datagram = [0; 2048];
-    let mut link = Wire::default();
-    // Every frame is signed; whether a value came back.
-    let mut told = |value: f32| {
-        let begun = Instant::now();
-        loop {
-            let (count, from) = station.recv_from(&mut datagram).unwrap();
-            let mut bytes = [0; 283];
-            bytes[..count].copy_from_slice(&datagram[..count]);
-            let raw = MAVLinkV2MessageRaw::from_bytes_unparsed(bytes);
-            assert!(seen.verify_signature(&raw), "what comes is not signed");
-            let is_it = |message: &MavMessage| matches!(message, MavMessage::PARAM_VALUE(row) if row.param_value == value);
-            let found = link.receive(&datagram[..count]).iter().any(is_it);
-            if found || begun.elapsed() > Duration::from_secs(1) {
-                return (found, from);
-            }
-        }
-    };
-    let (_, vehicle) = told(f32::NAN);
-    let set = |value, signing: Option<&SigningData>| {
-        let mut raw = MAVLinkV2MessageRaw::new();
-        let header = MavHeader {
-            system_id: 255,
-            component_id: 190,
-            sequence: 0,
-        };
-        let message = client::request::set_parameter("PID_KP", value);
-        match signing {
-            Some(signing) => {
-                raw.serialize_message_for_signing(header, &message);
-                signing.sign_message(&mut raw);
-            }
-            None => raw.serialize_message(header, &message),
-        }
-        station.send_to(raw.raw_bytes(), vehicle).unwrap();
-    };
-    set(1.75, None);
-    assert!(!told(1.75).0, "an unsigned command was obeyed");
-    set(1.75, Some(&of_key([7; 32])));
-    assert!(!told(1.75).0, "a command with another key was obeyed");
-    set(1.5, Some(&ours));
-    assert!(told(1.5).0, "a signed command was not obeyed");
-    let output = bridge.wait_with_output().unwrap();
-    let said = String::from_utf8(output.stderr).unwrap();
-    assert!(said.contains("refused PARAM_SET from 127.0.0.1"), "{said}");
-    assert!(said.contains("refused 2 messages in all"), "{said}");
 }
 
 #[test]

@@ -7,11 +7,15 @@ mod calibrate;
 #[cfg(unix)]
 mod commands;
 #[cfg(unix)]
+mod forward;
+#[cfg(unix)]
 mod info;
 #[path = "../running/mod.rs"]
 mod running;
 #[cfg(unix)]
 mod stop;
 mod troubleshooting;
+#[cfg(unix)]
+mod vehicle;
 #[cfg(unix)]
 mod web;
