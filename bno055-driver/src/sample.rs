@@ -5,6 +5,7 @@ mod field;
 use crate::config::{AccUnit, Config, MAG_UT, Mode, Power, Units};
 use crate::fault::SensorFault;
 use crate::registers;
+use crate::sensors::GyrBandwidth;
 use crate::transfer::{Micros, Transfer};
 use crate::words;
 use field::FieldChanges;
@@ -113,13 +114,20 @@ pub const STEP_AGE_US: u64 = 35_000;
 /// one's noise moves the last bit all the time.
 ///
 /// This is a rule of its own because the other sensors go on (users report gyroscopes that stay at
-/// zero for ever). The quietest gyroscope, at 12 Hz bandwidth, has one count of noise on each axis:
-/// all three rates stay the same in one of 23 samples, and in seven in a row once in 10^9, which is
-/// a false alarm a year. At wider bandwidths there is none.
+/// zero for ever). At 23 Hz bandwidth, where the noise is 1.4 counts, all three rates stay the same
+/// in one of 70 samples, and in six in a row once in 10^11: a false alarm in half a century. At
+/// wider bandwidths there is none.
 ///
 /// A gyroscope that is refreshed more slowly than the other sensors has the same rates in several
 /// different bursts: see [`Inspector::still_max`].
-const GYR_STILL_MAX: u8 = 8;
+const GYR_STILL_MAX: u8 = 7;
+
+/// The same at 12 Hz bandwidth, with one count of noise on each axis: all three rates stay the same
+/// in one of 23 samples, and in seven in a row once in 10^9, which is a false alarm a year.
+const QUIET_GYR_STILL_MAX: u8 = 8;
+
+/// Of them, refreshes that must have the same rates however slowly they come.
+const GYR_STILL_REFRESHES: u8 = 4;
 
 /// Most different bursts with the same rates that a slow refresh is taken for: an accelerometer at
 /// 100 Hz and a gyroscope at 35 Hz, with a reserve.
@@ -393,16 +401,21 @@ impl Inspector {
     /// shows.
     fn frozen(&self, config: &Config) -> bool {
         let noisy_gyr = has_noisy_gyr(config);
-        self.equal >= config.frozen_after.get() || noisy_gyr && self.gyr_still >= self.still_max()
+        self.equal >= config.frozen_after.get()
+            || noisy_gyr && self.gyr_still >= self.still_max(config)
     }
 
-    /// Different bursts with the same rates that show a dead gyroscope: eight where each has new
-    /// ones; half of that and four refreshes where they come more slowly. Where one refresh in a
-    /// hundred has the rates of the one before, as at the bandwidth that a control loop wants, four
-    /// in a row have them once in 10^8.
-    fn still_max(&self) -> u8 {
-        let half = GYR_STILL_MAX / 2;
-        half + (u16::from(half) * self.gyr_run / GYR_RUN_UNIT) as u8
+    /// Different bursts with the same rates that show a dead gyroscope: [`GYR_STILL_MAX`] where each
+    /// has new ones, and as many more as [`GYR_STILL_REFRESHES`] take where they come more slowly.
+    /// Where one refresh in a hundred has the rates of the one before, as at the bandwidth that a
+    /// control loop wants, four in a row have them once in 10^8.
+    fn still_max(&self, config: &Config) -> u8 {
+        let most = match config.sensors.gyr_bandwidth {
+            GyrBandwidth::Hz12 => QUIET_GYR_STILL_MAX,
+            _ => GYR_STILL_MAX,
+        };
+        let refreshes = u16::from(GYR_STILL_REFRESHES) * self.gyr_run / GYR_RUN_UNIT;
+        most - GYR_STILL_REFRESHES + refreshes as u8
     }
 
     /// The last good sample, if it is recent enough to be compared with one of `time`.
