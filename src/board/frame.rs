@@ -164,8 +164,13 @@ impl Frame {
     }
 
     /// Whether the timer is as it was set: it runs, at its rate and in its mode, with its ticks,
-    /// and sends the pulses that it was given last.
+    /// and sends the pulses that it was given last. Interrupts are held off for some 3 us: they set
+    /// the early ticks, and neutral pulses, between one look and the next.
     pub(super) fn is_as_set(&self) -> bool {
+        critical_section::with(|_| self.is_undisturbed_as_set())
+    }
+
+    fn is_undisturbed_as_set(&self) -> bool {
         /// STATUS.PERBV.
         const PERIOD_IS_BUFFERED: u32 = 1 << 7;
         /// CTRLB's DIR, LUPD and ONESHOT.
@@ -340,13 +345,16 @@ fn write_buffer(channel: Channel, counts: u32) -> bool {
     let synchronises = 1 << (19 + channel as u32);
     let ready = soon(|| timer.syncbusy().read().bits() & synchronises == 0);
     if ready {
-        // SAFETY: a pulse is at most 65,535 us, 196,605 counts; the register has 24 bits.
-        timer
-            .ccb(channel as usize)
-            .write(|w| unsafe { w.bits(counts) });
-        if let Some(sent) = SENT.get(channel as usize) {
-            sent.store(counts, Ordering::Relaxed);
-        }
+        // Both or neither: the watchdog's early warning may write them, too.
+        critical_section::with(|_| {
+            // SAFETY: a pulse is at most 65,535 us, 196,605 counts; the register has 24 bits.
+            timer
+                .ccb(channel as usize)
+                .write(|w| unsafe { w.bits(counts) });
+            if let Some(sent) = SENT.get(channel as usize) {
+                sent.store(counts, Ordering::Relaxed);
+            }
+        });
     }
     ready
 }
