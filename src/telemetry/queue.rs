@@ -69,9 +69,14 @@ impl Queue {
         self.bytes.get(self.sent..self.end).unwrap_or_default()
     }
 
-    /// The host has taken the first `count` bytes of [`Queue::pending`], frame boundary or not.
+    /// The host has taken the first `count` bytes of [`Queue::pending`], frame boundary or not. They
+    /// are cleared: should a flipped bit make them pending again, no old state is told anew.
     pub(super) fn sent(&mut self, count: usize) {
-        self.sent = (self.sent + count).min(self.end);
+        let first = self.sent;
+        self.sent = (first + count).min(self.end);
+        if let Some(taken) = self.bytes.get_mut(first..self.sent) {
+            taken.fill(0);
+        }
         if self.sent == self.end {
             (self.sent, self.end) = (0, 0);
         }
@@ -120,6 +125,15 @@ mod tests {
         while queue.push(100, Priority::Event).is_some() {}
         assert_eq!(queue.pending().len(), 2000);
         assert_eq!(queue.dropped(), 2);
+    }
+
+    #[test]
+    fn what_the_host_has_taken_is_gone() {
+        let mut queue = Queue::new();
+        queue.push(6, Priority::Event).unwrap().fill(7);
+        queue.sent(4);
+        queue.sent = 0;
+        assert_eq!(queue.pending(), [0, 0, 0, 0, 7, 7]);
     }
 
     #[test]
