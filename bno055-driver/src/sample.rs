@@ -405,8 +405,8 @@ impl Inspector {
             || noisy_gyr && self.gyr_still >= self.still_max(config)
     }
 
-    /// Different bursts with the same rates that show a dead gyroscope: [`GYR_STILL_MAX`] where each
-    /// has new ones, and as many more as [`GYR_STILL_REFRESHES`] take where they come more slowly.
+    /// Different bursts with the same rates that show a dead gyroscope: [`GYR_STILL_MAX`] where
+    /// each has new ones, and as many more as [`GYR_STILL_REFRESHES`] take where they come slowly.
     /// Where one refresh in a hundred has the rates of the one before, as at the bandwidth that a
     /// control loop wants, four in a row have them once in 10^8.
     fn still_max(&self, config: &Config) -> u8 {

@@ -164,7 +164,8 @@ impl ClockCheck {
 }
 
 /// Whether processor and timer run at 48 MHz as far as registers tell: what a start with a damaged
-/// image has set up may be wrong itself. The DFLL has its COARSE, and generator 0 takes it as it is.
+/// image has set up may be wrong itself. The DFLL has its COARSE, and generator 0 takes it
+/// undivided.
 pub(super) fn is_as_meant() -> bool {
     /// GENCTRL's SRC for the DFLL, with GENEN, and the bits of both and of DIVSEL.
     const FROM_DFLL: u32 = 7 << 8 | 1 << 16;

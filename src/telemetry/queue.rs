@@ -69,8 +69,8 @@ impl Queue {
         self.bytes.get(self.sent..self.end).unwrap_or_default()
     }
 
-    /// The host has taken the first `count` bytes of [`Queue::pending`], frame boundary or not. They
-    /// are cleared: should a flipped bit make them pending again, no old state is told anew.
+    /// The host has taken the first `count` bytes of [`Queue::pending`], frame boundary or not.
+    /// They are cleared: should a flipped bit make them pending again, no old state is told anew.
     pub(super) fn sent(&mut self, count: usize) {
         let first = self.sent;
         self.sent = (first + count).min(self.end);

@@ -158,8 +158,8 @@ fn one_that_comes_back_is_served_at_once_whenever_it_went() {
     }
 }
 
-/// How much a long run sends, and by which dice: `FRAMES`, `BYTES` and `SEED` of the environment, or
-/// the usual.
+/// How much a long run sends, and by which dice: `FRAMES`, `BYTES` and `SEED` of the environment,
+/// or the usual.
 fn amount(variable: &str, usual: u64) -> u64 {
     match std::env::var(variable) {
         Ok(text) => text.parse().expect("a number"),

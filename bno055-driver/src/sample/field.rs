@@ -3,18 +3,19 @@
 //! A magnetometer that is refreshed 20 or 30 times a second gives the same three words in several
 //! bursts between two refreshes. A bit that flips on the wire changes a word and, in the next
 //! burst, changes it back: twice between two refreshes, which tells even a flip of the last bit,
-//! whatever the body does. The fields of the other sensors change with every refresh and cannot
-//! tell.
+//! whatever the body does. The words of the other sensors change with every refresh, which comes
+//! about as often as a burst: they cannot tell.
 //!
 //! How often the chip refreshes the field in the modes without fusion is not documented. So the
 //! rule holds only once the changes have come slowly enough for some seconds.
 
 use crate::transfer::Micros;
 
-/// Two changes of a word that are certainly closer than this are not both refreshes.
+/// Two changes of a word that are certainly closer than this are not both refreshes, once those
+/// are known to be slow.
 const SOONEST_US: u64 = 28_000;
-/// Changes that may be farther apart than this let a slow refresh be learnt: at 30 Hz, the fastest
-/// that the chip can be set to, 33 ms lie between two. Between the two limits neither is concluded.
+/// Changes that may be farther apart than this let a slow refresh be learnt, and closer ones begin
+/// anew: at 30 Hz, the fastest that the chip can be set to, 33 ms lie between two.
 const SLOW_US: u64 = 32_500;
 /// After so many of them in a row the refresh is known to be slow: three in each of 32 refreshes.
 const KNOWN: u8 = 96;

@@ -190,8 +190,8 @@ pub(super) fn block(ram: &mut Ram, address: u32, count: u8) -> Option<&mut [u8]>
     ram.get_mut(at..at + 4 * usize::from(count))
 }
 
-/// Where nothing answers, or an exception does, the core takes a HardFault; anything else is a limit
-/// of the models.
+/// Where nothing answers, or an exception does, the core takes a HardFault; anything else is a
+/// limit of the models.
 fn refused(error: BusError, unmapped: FaultKind) -> Box<Trap> {
     match error.refusal {
         Refusal::Unmapped => Trap::Fault(unmapped).into(),

@@ -5,8 +5,8 @@
 //! | 00 | WPCLR | reads the protections, ones clear them |
 //! | 04 | WPSET | reads the protections, ones set them |
 //!
-//! A write to a protected peripheral is answered with an exception, and so is clearing a clear bit or
-//! setting a set one.
+//! A write to a protected peripheral is answered with an exception, and so is clearing a clear bit
+//! or setting a set one.
 //!
 //! | left out | why |
 //! |---|---|
