@@ -165,7 +165,7 @@ impl ClockCheck {
 
 /// Whether processor and timer run at 48 MHz as far as registers tell: what a start with a damaged
 /// image has set up may be wrong itself. The DFLL has its COARSE, and generator 0 takes it
-/// undivided.
+/// undivided. The calibration is read by code of its own, since the HAL's may be what is damaged.
 pub(super) fn is_as_meant() -> bool {
     /// GENCTRL's SRC for the DFLL, with GENEN, and the bits of both and of DIVSEL.
     const FROM_DFLL: u32 = 7 << 8 | 1 << 16;

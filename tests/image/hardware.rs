@@ -32,10 +32,9 @@ fn latency_of_a_flight(hardware: &str) -> f64 {
     assert!(timing.rate_hz > 99.99, "{hardware}: {timing:?}");
     // A verification with two rare bytes lasts into the next tick, which then goes without its
     // burst.
-    let missed = timing.steps - timing.bursts;
-    assert!(missed <= usize::from(hardware.contains("stretch-rare")));
+    let may_miss = hardware.contains("stretch-rare") && timing.bursts + 1 == timing.steps;
     assert!(
-        missed > 0 || timing.jitter_us_max < 100.0,
+        timing.jitter_us_max < 100.0 || may_miss,
         "{hardware}: {timing:?}"
     );
     assert_eq!(flight.missing, Missing::default(), "{hardware}");

@@ -13,7 +13,7 @@ pub(crate) const PATIENCE: Duration = Duration::from_secs(120);
 /// `tvc rig --pty`, ended with the test.
 pub(crate) struct Rig {
     pub(crate) running: Running,
-    pub(crate) folder: tempfile::TempDir,
+    folder: tempfile::TempDir,
 }
 
 impl Rig {
