@@ -1,8 +1,6 @@
 //! What is fixed when the image is built, and why. What an operator may change is in
 //! [`crate::params`].
 
-use core::num::NonZeroU8;
-
 use bno055_driver::config::{GyrBandwidth, GyrRange, Sensors};
 
 /// The sensor's settings: the driver's defaults, but for these.
@@ -17,9 +15,6 @@ use bno055_driver::config::{GyrBandwidth, GyrRange, Sensors};
 ///
 /// Either address, because breakouts differ, and no second BNO055 is on the bus. No need of a
 /// magnetometer, because control needs no heading.
-///
-/// Nine equal bursts show a frozen chip: at 150 Hz that is 60 ms, in which a chip that refreshes at
-/// 35 Hz has given two different ones.
 pub fn sensor() -> bno055_driver::Config {
     bno055_driver::Config {
         sensors: Sensors {
@@ -29,7 +24,6 @@ pub fn sensor() -> bno055_driver::Config {
         },
         either_address: true,
         needs_mag: false,
-        frozen_after: const { NonZeroU8::new(9).unwrap() },
         ..bno055_driver::Config::default()
     }
 }

@@ -80,14 +80,6 @@ pub struct Config {
     /// Whether a magnetometer that does not identify itself, fails its self-test or measures
     /// nothing is a fault. Where it is none, its field reads zero.
     pub needs_mag: bool,
-    /// Number of equal bursts in a row that shows a frozen chip. The chip refreshes at its own 100
-    /// Hz, so that two equal ones are normal at a 100 Hz tick; allow more if you sample faster or
-    /// with little bandwidth.
-    pub frozen_after: NonZeroU8,
-    /// A word that moves by more counts than this within [`STEP_AGE_US`](crate::STEP_AGE_US), and
-    /// does not stay there, is a transmission error; `None` switches the test off. In all units
-    /// 4000 counts are about 4 g, 250 deg/s or 250 uT.
-    pub step_limit: Option<u16>,
 }
 
 impl Default for Config {
@@ -105,8 +97,6 @@ impl Default for Config {
             soft_iron: None,
             reset: ResetPolicy::default(),
             needs_mag: true,
-            frozen_after: const { NonZeroU8::new(5).unwrap() },
-            step_limit: Some(4000),
         }
     }
 }

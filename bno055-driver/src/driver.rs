@@ -5,7 +5,7 @@ use crate::fault::SensorFault;
 use crate::fusion::{self, FusionSample};
 use crate::health::Health;
 use crate::request::{Answer, Request};
-use crate::sample::{self, Inspector, RawSample};
+use crate::sample::{self, Evidence, Inspector, Judged, RawSample};
 use crate::startup::{Goal, Progress, Startup};
 use crate::status::Identity;
 use crate::transfer::{BusError, Micros, Transfer};
@@ -16,14 +16,15 @@ use crate::verify::Check;
 pub const GLITCH_US: u64 = 60_000;
 /// After this many bad samples in a row, the chip is set up anew. If they are zeros it has reset
 /// itself, whatever its mode says.
-const BAD_SAMPLES_MAX: u8 = 4;
+const BAD_SAMPLES_MAX: u8 = 3;
 /// What a bad sample, or a register that read wrong, adds to a leaky bucket, from which a good
-/// burst of all sensors takes 1.
-const UNRELIABLE_WEIGHT: u8 = 3;
-/// At this level of the bucket the chip is set up anew: more than one sample in four was bad, and
-/// the good ones are not to be believed either, because flipped bits that are too small to be
-/// noticed come with those that are. Four bad samples reach it if at most two good ones lie between
-/// them.
+/// burst of all sensors takes 1. No sound burst is bad.
+const WRONG_WEIGHT: u8 = 4;
+/// What a suspect burst adds.
+const SUSPECT_WEIGHT: u8 = 3;
+/// At this level of the bucket the chip is set up anew: the good samples are not to be believed
+/// either, because flipped bits that are too small to be noticed come with those that are. Three
+/// bad samples reach it if at most two good ones lie between them, and four suspect bursts.
 const UNRELIABLE_MAX: u8 = 10;
 
 /// What the owner of the bus is to do.
@@ -77,9 +78,21 @@ impl Sampling {
 
     /// Counts a wrong answer; whether there were so many that the right ones are not to be believed
     /// either.
-    fn distrust(&mut self) -> bool {
-        self.unreliable = self.unreliable.saturating_add(UNRELIABLE_WEIGHT);
+    fn distrust(&mut self, weight: u8) -> bool {
+        self.unreliable = self.unreliable.saturating_add(weight);
         self.unreliable >= UNRELIABLE_MAX
+    }
+
+    /// Counts what a burst that was believed says of the wire; whether it is still to be believed.
+    fn weigh(&mut self, evidence: Evidence) -> bool {
+        match evidence {
+            Evidence::Sound if !self.mismatched => {
+                self.unreliable = self.unreliable.saturating_sub(1);
+            }
+            Evidence::Sound | Evidence::Little => {}
+            Evidence::Suspect => return !self.distrust(SUSPECT_WEIGHT),
+        }
+        true
     }
 }
 
@@ -192,7 +205,7 @@ impl Driver {
     #[must_use]
     pub fn rates_burst(&self) -> Option<Transfer> {
         match &self.phase {
-            Phase::Sampling(sampling) if sampling.inspector.is_content() => {
+            Phase::Sampling(sampling) if sampling.inspector.knows_rest() => {
                 sample::rates_burst(self.config.mode)
             }
             _ => None,
@@ -212,14 +225,31 @@ impl Driver {
         let Phase::Sampling(sampling) = &mut self.phase else {
             return Err(self.cause());
         };
-        let judged = match heard(outcome) {
+        // Rates of -1 on all axes come every few seconds at rest, but not behind a lost burst.
+        let chance = match sampling.silent_since {
+            None => sample::RATES.into(),
+            Some(_) => 0,
+        };
+        let judged = match heard(outcome, chance) {
             Ok(bytes) => sampling.inspector.judge(&self.config, time, bytes),
             Err(fault) => return self.unheard(time, fault),
         };
-        if let Ok(judged) = &judged {
-            self.health.fresh = self.health.fresh.wrapping_add(u32::from(judged.fresh));
+        let Ok(Judged {
+            sample,
+            fresh,
+            evidence,
+        }) = judged
+        else {
+            return self.conclude(time, judged.map(|judged| judged.sample));
+        };
+        self.health.fresh = self.health.fresh.wrapping_add(u32::from(fresh));
+        if sampling.weigh(evidence) {
+            self.conclude(time, Ok(sample))
+        } else {
+            self.health.count(SensorFault::Unreliable);
+            self.restart(time, SensorFault::Unreliable);
+            Err(SensorFault::Unreliable)
         }
-        self.conclude(time, judged.map(|judged| judged.sample))
     }
 
     /// The burst that reads all fusion outputs, in fusion modes: 26 bytes.
@@ -243,8 +273,14 @@ impl Driver {
         if !self.is_sampling() {
             return Err(self.cause());
         }
-        match heard(outcome) {
-            Ok(bytes) => self.conclude(time, FusionSample::judge(time, bytes)),
+        match heard(outcome, 0) {
+            Ok(bytes) => {
+                let judged = FusionSample::judge(time, bytes);
+                if let (Ok(_), Phase::Sampling(sampling)) = (&judged, &mut self.phase) {
+                    sampling.weigh(Evidence::Sound);
+                }
+                self.conclude(time, judged)
+            }
             Err(fault) => self.unheard(time, fault),
         }
     }
@@ -385,7 +421,7 @@ impl Driver {
         let Phase::Sampling(sampling) = &mut self.phase else {
             return;
         };
-        let judged = heard(outcome).and_then(|bytes| sampling.check.judge(bytes, &self.config));
+        let judged = heard(outcome, 0).and_then(|bytes| sampling.check.judge(bytes, &self.config));
         match judged {
             Ok(()) => {
                 self.health.verified = self.health.verified.wrapping_add(1);
@@ -403,7 +439,7 @@ impl Driver {
                 // second answer is believed.
                 if core::mem::replace(&mut sampling.mismatched, true) {
                     self.restart(now, fault);
-                } else if sampling.distrust() {
+                } else if sampling.distrust(WRONG_WEIGHT) {
                     self.restart(now, SensorFault::Unreliable);
                 }
             }
@@ -425,10 +461,6 @@ impl Driver {
             Ok(data) => {
                 sampling.silent_since = None;
                 sampling.bad_samples = 0;
-                // The rates alone are a third of a burst, and say as little of the wire.
-                if !sampling.mismatched && !sampling.inspector.was_alone() {
-                    sampling.unreliable = sampling.unreliable.saturating_sub(1);
-                }
                 if !sampling.mismatched {
                     self.health.good = self.health.good.wrapping_add(1);
                     self.health.last_good = Some(time);
@@ -451,7 +483,6 @@ impl Driver {
     fn unheard<T>(&mut self, time: Micros, fault: SensorFault) -> Result<T, SensorFault> {
         if let Phase::Sampling(sampling) = &mut self.phase {
             sampling.due = true;
-            sampling.inspector.unheard();
         }
         self.bus_error(time, fault);
         Err(fault)
@@ -480,7 +511,7 @@ impl Driver {
             return fault;
         };
         sampling.bad_samples = sampling.bad_samples.saturating_add(1);
-        let unreliable = sampling.distrust();
+        let unreliable = sampling.distrust(WRONG_WEIGHT);
         if fault == SensorFault::AllZero && !sampling.mismatched {
             sampling.check = Check::Mode;
         }
@@ -516,10 +547,11 @@ impl Driver {
     }
 }
 
-/// The bytes of an answer. One that is all ones is none: nobody drove the data line.
-fn heard(outcome: Result<&[u8], BusError>) -> Result<&[u8], SensorFault> {
+/// The bytes of an answer. One that is all ones, and longer than the `chance` bytes that a sensor
+/// at rest may have so, is none: nobody drove the data line.
+fn heard(outcome: Result<&[u8], BusError>, chance: usize) -> Result<&[u8], SensorFault> {
     match outcome {
-        Ok(bytes) if !sample::may_be_ones(bytes) && bytes.iter().all(|byte| *byte == 0xFF) => {
+        Ok(bytes) if bytes.len() > chance && bytes.iter().all(|byte| *byte == 0xFF) => {
             Err(SensorFault::AllOnes)
         }
         Ok(bytes) => Ok(bytes),

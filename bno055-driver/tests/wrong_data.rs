@@ -64,20 +64,38 @@ fn a_clean_hour_of_samples_has_no_fault() {
 }
 
 #[test]
-fn spikes_never_come_out_whatever_bit_they_flip() {
+fn spikes_never_come_out() {
     let mut rig = flying(Config::default());
-    for word in 0..9 {
-        for bit in 12..16 {
+    // Bits that no motion within the sensors' ranges of 8 g, 1300 uT and 2000 deg/s moves at once.
+    let spikes = [
+        (0, 13),
+        (0, 14),
+        (0, 15),
+        (3, 15),
+        (6, 12),
+        (6, 13),
+        (6, 14),
+        (6, 15),
+    ];
+    for (first, bit) in spikes {
+        for word in first..first + 3 {
             let bytes = rig
                 .chip
                 .burst_with(|words| words[word] ^= (1_u16 << bit) as i16);
+            let truth = rig.chip.truth();
             let outcome = rig.driver.sample(Micros(rig.chip.now), Ok(&bytes));
+            match outcome {
+                Ok(sample) => {
+                    let rates = sample.gyr.iter().zip(truth.2);
+                    let held = rates
+                        .clone()
+                        .all(|(rate, truth)| rate.abs_diff(truth) < 4_000);
+                    assert!(first == 6 && held, "word {word} bit {bit}: {outcome:?}");
+                }
+                Err(fault) => assert_eq!(fault, SensorFault::Implausible),
+            }
             assert!(
-                matches!(outcome, Err(SensorFault::Torn | SensorFault::Implausible)),
-                "word {word} bit {bit}: {outcome:?}"
-            );
-            assert!(
-                rig.bursts(3).iter().all(Result::is_ok),
+                rig.bursts(20).iter().all(Result::is_ok),
                 "the next samples are good again"
             );
         }
@@ -85,36 +103,55 @@ fn spikes_never_come_out_whatever_bit_they_flip() {
     assert_eq!(rig.driver.health().starts, 1);
 }
 
+/// A word of 0xFFFF now and then is what a turn shows that passes -1. In every burst it is what a
+/// bad wire shows.
 #[test]
-fn single_words_of_ones_never_replace_a_word_that_was_elsewhere() {
-    let mut rig = flying(Config::default());
-    for word in [2, 3, 4, 5] {
-        let bytes = rig.chip.burst_with(|words| words[word] = -1);
-        let outcome = rig.driver.sample(Micros(rig.chip.now), Ok(&bytes));
-        assert_eq!(outcome, Err(SensorFault::AllOnes), "word {word}");
-        assert!(rig.bursts(1)[0].is_ok());
+fn words_of_ones_in_every_burst_are_not_believed() {
+    for (every, believed) in [(20, true), (2, false)] {
+        let mut rig = flying(Config::default());
+        let outcomes: Vec<_> = (0..100)
+            .map(|tick| {
+                rig.chip.now += TICK_US;
+                let bytes = rig.chip.burst_with(|words| {
+                    words[6] = 400 + tick as i16;
+                    if tick % every == 1 {
+                        words[7] = -1;
+                    } else {
+                        words[7] = 300;
+                    }
+                });
+                rig.driver.sample(Micros(rig.chip.now), Ok(&bytes))
+            })
+            .collect();
+        assert_eq!(outcomes.iter().all(Result::is_ok), believed, "{every}");
+        let rates: Vec<_> = outcomes
+            .iter()
+            .flatten()
+            .map(|sample| sample.gyr[1])
+            .collect();
+        assert!(!rates.contains(&-1), "the rates before are held");
     }
 }
 
+/// Acceleration 19.62, 5.68, 0 m/s^2, field 0, 320, 240.19 uT, rates of zero: chips were seen to
+/// show that around crashes.
 #[test]
-fn the_pattern_seen_around_crashes_never_comes_out() {
+fn the_pattern_seen_around_crashes_ends_sampling() {
     let mut rig = flying(Config::default());
+    rig.bursts(100);
     rig.chip.on_wire(|register, bytes| {
         if register == 8 {
-            for (at, word) in [1962_i16, 568, 0, 0, 5120, 3843].into_iter().enumerate() {
+            let words = [1962_i16, 568, 0, 0, 5120, 3843, 0, 0, 0];
+            for (at, word) in words.into_iter().enumerate() {
                 bytes[2 * at..2 * at + 2].copy_from_slice(&word.to_le_bytes());
             }
         }
     });
-    assert!(
-        rig.bursts(20)
-            .iter()
-            .all(|outcome| *outcome == Err(SensorFault::Implausible))
-    );
+    rig.bursts(8);
     assert!(!rig.driver.is_sampling());
 }
 
-/// Two bad samples in three end trust in the third, whose small errors nobody sees; one in four is
+/// Two bad samples in three end trust in the third, whose small errors nobody sees; one in five is
 /// ridden out.
 #[test]
 fn a_bus_that_is_mostly_wrong_is_not_believed_when_it_seems_right() {
@@ -137,10 +174,10 @@ fn a_bus_that_is_mostly_wrong_is_not_believed_when_it_seems_right() {
     let ends = mostly
         .iter()
         .position(|fault| *fault == Some(SensorFault::Unreliable));
-    assert_eq!(ends, Some(5), "{mostly:?}");
-    assert!(mostly[5..].iter().all(Option::is_some));
-    let seldom = verdicts(|tick| tick % 4 == 0);
-    assert_eq!(seldom.iter().flatten().count(), 25);
+    assert_eq!(ends, Some(4), "{mostly:?}");
+    assert!(mostly[4..].iter().all(Option::is_some));
+    let seldom = verdicts(|tick| tick % 5 == 0);
+    assert_eq!(seldom.iter().flatten().count(), 20);
     assert!(!seldom.contains(&Some(SensorFault::Unreliable)));
 }
 
@@ -148,7 +185,7 @@ fn a_bus_that_is_mostly_wrong_is_not_believed_when_it_seems_right() {
 /// ways of a long cable. Whatever comes out is what the chip held, to within what a judge of
 /// plausibility cannot tell from a motion.
 #[test]
-fn what_comes_out_of_a_bad_cable_is_the_chips_own_to_within_the_step_limit() {
+fn what_comes_out_of_a_bad_cable_is_the_chips_own_to_within_what_a_motion_may_be() {
     let mut rig = flying(Config {
         sensors: Sensors {
             gyr_range: GyrRange::Dps1000,
@@ -180,8 +217,7 @@ fn what_comes_out_of_a_bad_cable_is_the_chips_own_to_within_the_step_limit() {
         if on_end > 0 {
             spoilt += 1;
             let word = dice(9) as usize;
-            match dice(5) {
-                0 => bytes[2 * word..2 * word + 2].fill(0xFF),
+            match dice(4) {
                 1 => bytes[2 * word + 1] ^= 0x80,
                 2 => bytes[dice(18) as usize] ^= 1 << dice(8),
                 3 => bytes.fill(0xFF),
@@ -190,13 +226,15 @@ fn what_comes_out_of_a_bad_cable_is_the_chips_own_to_within_the_step_limit() {
         }
         if let Ok(sample) = rig.driver.sample(Micros(start), Ok(&bytes)) {
             out += 1;
-            for (found, held) in [sample.acc, sample.mag, sample.gyr]
-                .as_flattened()
-                .iter()
-                .zip([truth.0, truth.1, truth.2].as_flattened())
-            {
-                assert!(found.abs_diff(*held) <= 4000, "{found} for {held}");
-            }
+            // An error below the accelerometer's range of 8 g cannot be told from a blow, nor one
+            // of the field from a magnet.
+            let within = |found: [i16; 3], held: [i16; 3], limit| {
+                let mut words = found.iter().zip(held);
+                words.all(|(found, held)| found.abs_diff(held) <= limit)
+            };
+            assert!(within(sample.acc, truth.0, 4_096), "{sample:?}");
+            assert!(within(sample.mag, truth.1, 16_384), "{sample:?}");
+            assert!(within(sample.gyr, truth.2, 4_000), "{sample:?}");
         }
     }
     assert!(spoilt > 9_000 && out > 85_000, "{spoilt} {out}");
@@ -205,26 +243,24 @@ fn what_comes_out_of_a_bad_cable_is_the_chips_own_to_within_the_step_limit() {
 /// A sensor whose data line stays high, at rest, where rates of -1 are nothing unusual: no burst of
 /// them makes up for the whole ones that say nothing.
 #[test]
-fn rates_are_read_alone_only_behind_a_whole_burst_that_was_heard() {
+fn rates_of_ones_are_none_behind_a_lost_burst() {
     let mut rig = Rig::sampling(Config::default());
     assert!(rig.bursts(3).iter().all(Result::is_ok));
     let rates = rig.driver.rates_burst().expect("a good burst before");
     assert_eq!(rates.answer_len(), 6);
-
     let now = Micros(rig.chip.now);
+    assert!(rig.driver.sample(now, Ok(&[0xFF; 6])).is_ok());
     let whole = rig.driver.burst().answer_len();
-    let ones = rig.driver.sample(now, Ok(&[0xFF; 18][..whole]));
-    assert_eq!(ones, Err(SensorFault::AllOnes));
-    assert_eq!(rig.driver.rates_burst(), None);
-    let alone = rig.driver.sample(now, Ok(&[0xFF; 6]));
-    assert_eq!(alone, Err(SensorFault::Protocol));
-    assert_eq!(rig.driver.rates_burst(), None);
-
-    assert!(rig.bursts(1).iter().all(Result::is_ok));
-    assert!(rig.driver.rates_burst().is_some());
-    let silent = rig.driver.sample(now, Err(BusError::Nak));
-    assert_eq!(silent, Err(BusError::Nak.into()));
-    assert_eq!(rig.driver.rates_burst(), None);
+    for lost in [Ok(&[0xFF; 18][..whole]), Err(BusError::Nak)] {
+        assert!(rig.driver.sample(now, lost).is_err());
+        assert!(
+            rig.driver.rates_burst().is_some(),
+            "the next pulse needs one"
+        );
+        let ones = rig.driver.sample(now, Ok(&[0xFF; 6]));
+        assert_eq!(ones, Err(SensorFault::AllOnes));
+        assert!(rig.bursts(1).iter().all(Result::is_ok));
+    }
 }
 
 /// Registers that read wrong once each, and right when they are read again, are signs of a bus that
@@ -240,5 +276,5 @@ fn registers_that_read_wrong_count_like_bad_samples() {
     });
     rig.bursts(20);
     assert_eq!(rig.driver.fault(), Some(SensorFault::Unreliable));
-    assert_eq!(rig.driver.health().mismatched, 5);
+    assert_eq!(rig.driver.health().mismatched, 3);
 }

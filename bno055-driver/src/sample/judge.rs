@@ -1,0 +1,257 @@
+//! Whether a burst is believed.
+//!
+//! A burst that breaks one of these rules is refused. No sound burst breaks one:
+//!
+//! | rule | refused | reason |
+//! |---|---|---|
+//! | length | another number of bytes than asked for | |
+//! | all zero | acceleration and rates of zero | CONFIG mode shows zeros; live sensors have noise |
+//! | vanished | a sensor whose three words become 0, or -1, from afar | a body does not stop on all axes in one refresh, to the last bit |
+//! | frozen | rates that stand still for several refreshes | noise moves their last bits |
+//! | range | words beyond the sensor's range | sensors clip at their range |
+//!
+//! Rates that jump are held for one burst: the sample has the rates before, as if the gyroscope
+//! had not been refreshed, and the next burst shows whether the jump was real. A rate of -1 from
+//! afar is held, too, since 0xFFFF is what a data line reads that nobody drives.
+//!
+//! A wrong bit in the midst of a word cannot be told from a motion. Bursts that show what is rare
+//! in a sound one are [suspect](Evidence::Suspect), and the driver sets a chip up anew that gives
+//! several suspect or refused bursts in a short time.
+
+use super::still::Still;
+use super::{RATES, RawSample, Words, rates_burst, words};
+use crate::config::{AccUnit, Config, Mode, Power};
+use crate::fault::SensorFault;
+use crate::sensors::GyrBandwidth;
+use crate::transfer::Micros;
+use crate::words as bytes;
+
+/// A burst is compared with the last good one only up to this age; after a longer gap anything may
+/// have happened.
+pub const STEP_AGE_US: u64 = 35_000;
+
+/// Shortest time for which words stand still before their sensor counts as dead, us, and the same
+/// at 12 Hz bandwidth. There the gyroscope's noise is one count, and one refresh in 23 has the
+/// rates of the one before.
+const STILL_US: u32 = 65_000;
+/// See [`STILL_US`].
+const QUIET_STILL_US: u32 = 90_000;
+
+/// Rates that move by more than this from one burst to the next are held: 250 deg/s, about the
+/// same counts in all units. Fast hands change a rate by 300 deg/s within a refresh of 10 ms.
+const RATE_JUMP: u16 = 4_000;
+
+/// A field that moves by more than this from one burst to the next is suspect: 250 uT.
+const FIELD_JUMP: u16 = 4_000;
+
+/// How near a sensor's last good words were to 0 or -1 where such words are what it measured, for
+/// accelerometer, magnetometer and gyroscope: 2 m/s^2 or 0.2 g, 5 uT, 4 deg/s (about the same
+/// counts in all units).
+const NEAR: [u16; 3] = [200, 80, 64];
+
+/// Place of the magnetometer among the sensors of a burst.
+const MAG: usize = 1;
+
+/// Largest magnetic field that an axis of the sensor measures, counts: 1300 uT and a sixty-fourth.
+const MAG_MAX: u16 = 21_125;
+
+/// The judge of bursts, with what it remembers of those before.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Inspector {
+    /// Last burst, good or bad.
+    last: Option<Words>,
+    /// Last good burst.
+    good: Option<(Micros, Words)>,
+    still: Still,
+    /// Rates of the last burst, if they were held back.
+    held: Option<[i16; 3]>,
+}
+
+/// A burst that was believed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Judged {
+    pub(crate) sample: RawSample,
+    /// Whether it differs from the burst before.
+    pub(crate) fresh: bool,
+    pub(crate) evidence: Evidence,
+}
+
+/// What a burst that was believed says of the wire.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Evidence {
+    /// Nothing wrong.
+    Sound,
+    /// As little as rates alone can say, a third of a burst.
+    Little,
+    /// It shows what is rare in a sound burst.
+    Suspect,
+}
+
+impl Inspector {
+    /// Whether a burst of the rates alone can be judged: the other words are those of a good burst
+    /// before.
+    pub(crate) fn knows_rest(&self) -> bool {
+        self.good.is_some()
+    }
+
+    /// The sample in a burst, or the fault of the first rule that the burst breaks.
+    pub(crate) fn judge(
+        &mut self,
+        config: &Config,
+        time: Micros,
+        bytes: &[u8],
+    ) -> Result<Judged, SensorFault> {
+        let whole = rates_burst(config.mode).is_none() || bytes.len() != usize::from(RATES);
+        let now = if whole {
+            words(config.mode, bytes)
+        } else {
+            self.with_rates(bytes)
+        };
+        let now = now.ok_or(SensorFault::Protocol)?;
+        let fresh = self.last != Some(now);
+        let moves = match self.last.replace(now) {
+            Some(last) if has_noisy_gyr(config) => last.gyr() != now.gyr(),
+            _ => fresh,
+        };
+        self.still.look(time, moves);
+        let held = self.held.take();
+        let good = self.recent(time).copied();
+        if let Some(fault) = self.broken_rule(config, time, good.as_ref(), &now) {
+            return Err(fault);
+        }
+        let mut sample = RawSample {
+            time,
+            acc: now.acc(),
+            mag: now.mag(),
+            gyr: now.gyr(),
+        };
+        let is_confirmed = held.is_some_and(|held| !moved(&held, &sample.gyr, RATE_JUMP));
+        let mut is_suspect = held.is_some() && !is_confirmed;
+        if let Some(good) = good {
+            let [acc, mag, gyr] = ones_from_afar(&good, &now);
+            is_suspect |= acc || mag || gyr || moved(&good.mag(), &sample.mag, FIELD_JUMP);
+            if !is_confirmed && (gyr || moved(&good.gyr(), &sample.gyr, RATE_JUMP)) {
+                self.held = Some(sample.gyr);
+                sample.gyr = good.gyr();
+            }
+        }
+        self.good = Some((time, Words([sample.acc, sample.mag, sample.gyr])));
+        let evidence = match (is_suspect, whole) {
+            (true, _) => Evidence::Suspect,
+            (false, true) => Evidence::Sound,
+            (false, false) => Evidence::Little,
+        };
+        Ok(Judged {
+            sample,
+            fresh,
+            evidence,
+        })
+    }
+
+    /// The fault of the first rule that a burst breaks, behind the last `good` one if that is
+    /// recent.
+    fn broken_rule(
+        &self,
+        config: &Config,
+        time: Micros,
+        good: Option<&Words>,
+        now: &Words,
+    ) -> Option<SensorFault> {
+        if all_zero(config.mode, now) {
+            return Some(SensorFault::AllZero);
+        }
+        if let Some(fault) = good.and_then(|good| vanished(config.mode, good, now)) {
+            return Some(fault);
+        }
+        if self.still.is_dead(time, still_us(config)) {
+            return Some(SensorFault::Frozen);
+        }
+        out_of_range(config, now).then_some(SensorFault::Implausible)
+    }
+
+    /// The words of a burst of the rates alone, with the others of the last good burst.
+    fn with_rates(&self, bytes: &[u8]) -> Option<Words> {
+        let (_, Words([acc, mag, mut gyr])) = self.good?;
+        bytes::decode(&mut gyr, bytes);
+        Some(Words([acc, mag, gyr]))
+    }
+
+    /// The last good burst, if it is recent enough to be compared with one of `time`.
+    fn recent(&self, time: Micros) -> Option<&Words> {
+        let (then, good) = self.good.as_ref()?;
+        (time.since(*then) <= STEP_AGE_US).then_some(good)
+    }
+}
+
+/// Whether every rate has noise: fusion removes it, and a sleeping sensor has none.
+fn has_noisy_gyr(config: &Config) -> bool {
+    let mode = config.mode;
+    mode.has_gyr() && !mode.is_fusion() && config.power == Power::Normal
+}
+
+fn still_us(config: &Config) -> u32 {
+    match config.sensors.gyr_bandwidth {
+        GyrBandwidth::Hz12 => QUIET_STILL_US,
+        _ => STILL_US,
+    }
+}
+
+/// Whether the burst may show CONFIG mode, in which all outputs are zero.
+///
+/// A field of zero may also be a magnetometer that has not yet measured: where acceleration and
+/// rate are both live, they suffice.
+fn all_zero(mode: Mode, Words([acc, mag, gyr]): &Words) -> bool {
+    let both = mode.has_acc() && mode.has_gyr();
+    *acc == [0; 3] && *gyr == [0; 3] && (both || *mag == [0; 3])
+}
+
+/// Whether the three words of a sensor have all become 0, or all -1, from farther than [`NEAR`]:
+/// nobody drove the data line, or the sensor has died. A magnetometer may measure nothing for a
+/// while. Fusion removes offset and noise, and a rate of zero may stand.
+fn vanished(mode: Mode, Words(good): &Words, Words(now): &Words) -> Option<SensorFault> {
+    let mut sensors = now.iter().zip(good).zip(NEAR).enumerate();
+    sensors.find_map(|(sensor, ((now, good), near))| {
+        let may_be_zero = sensor == MAG || mode.is_fusion();
+        let fault = match now {
+            [-1, -1, -1] => SensorFault::AllOnes,
+            [0, 0, 0] if !may_be_zero => SensorFault::Torn,
+            _ => return None,
+        };
+        moved(good, now, near).then_some(fault)
+    })
+}
+
+/// Whether a word is beyond the configured range and a sixty-fourth of it (sensors clip at their
+/// range, offsets come on top), or there is no magnetic field at all.
+fn out_of_range(config: &Config, Words([acc, mag, gyr]): &Words) -> bool {
+    let g = match config.units.acc {
+        AccUnit::MetrePerSecondSquared => 981,
+        AccUnit::MilliG => 1000,
+    };
+    let acc_range = u16::from(config.sensors.acc_range.g()) * g;
+    // 16 counts for 1 deg/s; 900 for 1 rad/s are 2 % fewer.
+    let gyr_range = config.sensors.gyr_range_in(config.mode).dps() * 16;
+    let beyond =
+        |words: &[i16; 3], limit: u16| words.iter().any(|word| word.unsigned_abs() > limit);
+    beyond(acc, acc_range + acc_range / 64)
+        || beyond(gyr, gyr_range + gyr_range / 64)
+        || beyond(mag, MAG_MAX)
+        || config.needs_mag && config.mode.has_mag() && *mag == [0; 3]
+}
+
+/// Of which sensors a word is -1 that was farther than [`NEAR`] from it.
+fn ones_from_afar(Words(good): &Words, Words(now): &Words) -> [bool; 3] {
+    let mut sensors = now.iter().zip(good).zip(NEAR);
+    [(); 3].map(|()| {
+        sensors.next().is_some_and(|((now, good), near)| {
+            let mut words = now.iter().zip(good);
+            words.any(|(&now, &good)| now == -1 && good.abs_diff(-1) > near)
+        })
+    })
+}
+
+/// Whether any word has moved by more than `limit`.
+fn moved(from: &[i16; 3], to: &[i16; 3], limit: u16) -> bool {
+    let mut pairs = from.iter().zip(to);
+    pairs.any(|(from, to)| from.abs_diff(*to) > limit)
+}
