@@ -7,33 +7,34 @@
 //! all else, and the little that follows has neither loops nor tables, which a flipped bit could
 //! make endless or wrong.
 //!
-//! After the servo has been sent to neutral the chip does not reset at once: the watchdog does
-//! that, within 125 ms. Until then the timer goes on sending neutral pulses, so that the rudder
-//! gets there before the bootloader's half second without any. A processor that locks up (a fault
-//! within the fault handler, or a stack pointer outside RAM) leaves no record; the watchdog ends
-//! that too.
+//! After the servo has been sent to neutral the chip does not reset at once. For a tenth of a
+//! second the timer goes on sending neutral pulses, so that the rudder gets there before the
+//! bootloader's half second without any. Then the chip is reset between two pulses: the servo goes
+//! where the last pulse says, and one that is cut short says something else. A processor that locks
+//! up (a fault within the fault handler, or a stack pointer outside RAM) leaves no record, and the
+//! watchdog ends it at any moment.
 
 use core::ptr::addr_of_mut;
 
 use atsamd_hal::pac;
-use cortex_m::peripheral::SCB;
 use cortex_m_rt::{ExceptionFrame, exception};
 use tvc_nano::{Axis, Crash, SelfCheck};
 
 use super::nano33iot::FrameClock;
-use super::watchdog::WatchdogGuard;
 use super::{clock_check, frame, time, usb, watchdog};
 
 /// Marks a record, and its layout's version.
 const MAGIC: u32 = 0x5456_4334;
 const SELF_CHECK: u32 = 1;
 const HARD_FAULT: u32 = 2;
+const HANG: u32 = 3;
 
 /// A slow servo turns through all of its travel in this time.
 const NEUTRAL_MS: u32 = 600;
 
-/// Longer than the watchdog takes.
-const LAST_WAIT_US: u32 = 150_000;
+/// How long neutral pulses go on before a reset, twice, us. The watchdog, which is fed before
+/// either, takes 89 ms where its oscillator is 40 % fast: this, a frame and a pulse are less.
+const LAST_PULSES_US: u32 = 60_000;
 
 #[repr(C)]
 #[derive(Clone, Copy)]
@@ -77,6 +78,7 @@ impl Record {
                 check.ok().map(Crash::SelfCheck)
             }
             HARD_FAULT if sealed => Some(Crash::HardFault { pc: self.detail }),
+            HANG if sealed => Some(Crash::Watchdog),
             _ => None,
         }
     }
@@ -123,9 +125,19 @@ fn end(kind: u32, detail: u32) -> ! {
     frame::force_neutral();
     Record::new(kind, detail).store();
     if watchdog::is_running() {
-        time::delay_us(LAST_WAIT_US);
+        watchdog::hold_off();
+        time::delay_us(LAST_PULSES_US);
+        watchdog::hold_off();
+        time::delay_us(LAST_PULSES_US);
     }
-    SCB::sys_reset()
+    frame::reset_in_gap()
+}
+
+/// The program hangs: the watchdog has warned, and nobody has fed it since.
+#[cold]
+#[inline(never)]
+pub(super) fn stop_hanging() -> ! {
+    end(HANG, 0)
 }
 
 /// Something is wrong with the firmware or its chip, and cannot be put right while it runs.
@@ -140,7 +152,7 @@ pub(crate) fn stop(check: SelfCheck) -> ! {
 /// that the sound image had worked out, unless the damage has made another clock of the timer's.
 #[cold]
 #[inline(never)]
-pub(super) fn refuse_to_start(check: SelfCheck, clock: &FrameClock, guard: &WatchdogGuard) -> ! {
+pub(super) fn refuse_to_start(check: SelfCheck, clock: &FrameClock) -> ! {
     let kept = KeptNeutral::read().filter(|_| clock_check::is_as_meant());
     if let Some(counts) = kept {
         frame::send_alone(clock, counts);
@@ -149,8 +161,9 @@ pub(super) fn refuse_to_start(check: SelfCheck, clock: &FrameClock, guard: &Watc
     if kept.is_some() {
         for _ in 0..NEUTRAL_MS / 10 {
             let _ = time::within(10_000, || false);
-            guard.hold_off();
+            watchdog::hold_off();
         }
+        frame::wait_for_gap();
     }
     usb::enter_bootloader()
 }

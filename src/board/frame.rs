@@ -14,7 +14,9 @@ use core::cell::Cell;
 use core::sync::atomic::{AtomicBool, AtomicU8, AtomicU32, Ordering};
 
 use bno055_driver::Micros;
+use cortex_m::peripheral::SCB;
 use critical_section::Mutex;
+use tvc_nano::config::PULSE_MAX_US;
 use tvc_nano::servo::PulseUs;
 use tvc_nano::ticks::{TickPlan, TimerPlan, Timing};
 use tvc_nano::{Axis, SelfCheck};
@@ -32,6 +34,8 @@ const COUNTS_PER_US: u32 = 3;
 /// STATUS.CCBVx of the servos' channels.
 const BUFFERS_ARE_FULL: u32 =
     1 << (16 + SERVO_CHANNELS[0] as u32) | 1 << (16 + SERVO_CHANNELS[1] as u32);
+/// INTFLAG.OVF: the frame begins.
+const OVERFLOW: u32 = 1;
 /// INTFLAG.MCx of the ticks.
 const LAST: u32 = 1 << (16 + LAST_TICK_CHANNEL as u32);
 /// See [`LAST`].
@@ -53,6 +57,11 @@ static FRAMES: AtomicU8 = AtomicU8::new(0);
 /// So long after a tick its burst is too late for its step, us: a whole one, and one of the rates
 /// alone.
 static BURST_LIMITS_US: [AtomicU32; 2] = [AtomicU32::new(0), AtomicU32::new(0)];
+/// Longer than any pulse, us.
+const LONGEST_PULSE_US: u32 = 2_250;
+
+const _: () = assert!(PULSE_MAX_US < LONGEST_PULSE_US as f32);
+
 /// Counts to the ticks before the last of a frame, the first first; where there is one, it twice.
 static EARLY_TICKS: [AtomicU32; 2] = [AtomicU32::new(0), AtomicU32::new(0)];
 /// The last tick of a frame reads the rates alone.
@@ -173,10 +182,19 @@ impl Frame {
     fn is_undisturbed_as_set(&self) -> bool {
         /// STATUS.PERBV.
         const PERIOD_IS_BUFFERED: u32 = 1 << 7;
-        /// CTRLB's DIR, LUPD and ONESHOT.
-        const OTHER_WAY: u8 = 0b111;
+        /// STATUS' STOP, DFS, PATTBV, WAVEBV and the four states of faults.
+        const DISTURBED: u32 = 0xF069;
         let timer = frame_registers();
         let buffers = timer.status().read().bits();
+        // What is never set: faults, output matrix, inversion, events and patterns.
+        let unused = timer.fctrla().read().bits()
+            | timer.fctrlb().read().bits()
+            | timer.wexctrl().read().bits()
+            | timer.drvctrl().read().bits()
+            | timer.evctrl().read().bits()
+            | u32::from(timer.patt().read().bits())
+            | u32::from(timer.ctrlbset().read().bits())
+            | buffers & DISTURBED;
         let is = |channel: Channel, counts: u32| {
             let waits = buffers & 1 << (16 + channel as u32) != 0;
             waits || timer.cc(channel as usize).read().bits() == counts
@@ -189,7 +207,7 @@ impl Frame {
         let mut early = EARLY_TICKS.iter();
         let enabled = timer.intenset().read().bits();
         modes() == self.modes
-            && timer.ctrlbset().read().bits() & OTHER_WAY == 0
+            && unused == 0
             && (buffers & PERIOD_IS_BUFFERED != 0
                 || timer.per().read().bits() == self.plan.period - 1)
             && is(LAST_TICK_CHANNEL, last)
@@ -396,6 +414,30 @@ pub(super) fn force_neutral() {
             let _ = write_buffer(channel, counts.load(Ordering::Relaxed));
         }
     }
+}
+
+/// Wait until all pulses of a frame are over, so that a reset cuts none: 23 ms at most. Counts the
+/// processor's cycles, since the clock stands still where interrupts are held off.
+pub(super) fn wait_for_gap() {
+    const STEP_US: u32 = 10;
+    /// Longer than the longest frame.
+    const LIMIT_US: u32 = 20_500;
+    let timer = frame_registers();
+    // SAFETY: clears the flag that is waited for.
+    timer.intflag().write(|w| unsafe { w.bits(OVERFLOW) });
+    let _ = (0..LIMIT_US / STEP_US).any(|_| {
+        time::delay_us(STEP_US);
+        timer.intflag().read().bits() & OVERFLOW != 0
+    });
+    time::delay_us(LONGEST_PULSE_US);
+}
+
+/// Reset the chip, between two pulses where there are any.
+pub(super) fn reset_in_gap() -> ! {
+    if RUNNING.load(Ordering::Acquire) {
+        wait_for_gap();
+    }
+    SCB::sys_reset()
 }
 
 /// The newest tick, once.

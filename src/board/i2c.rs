@@ -423,6 +423,13 @@ impl Bus {
         with_master(|master| (master.address, master.armed) = (address << 1, armed));
     }
 
+    /// Give the peripheral its lines once more, should a register have lost them.
+    pub(super) fn connect_again(&self) {
+        if self.state() != application::Bus::Broken {
+            self.connect();
+        }
+    }
+
     /// Whether ticks start reads.
     pub(super) fn is_sampling(&self) -> bool {
         self.sampling
@@ -529,6 +536,11 @@ impl Bus {
         }
     }
 
+    fn connect(&self) {
+        SDA.connect(I2C_FUNCTION);
+        SCL.connect(I2C_FUNCTION);
+    }
+
     /// Reset the peripheral, free the lines, set it up anew. Nothing touches it meanwhile: it is
     /// marked broken.
     fn repair(&mut self) {
@@ -537,8 +549,7 @@ impl Bus {
         if sercom::reset().is_err() || !recovery::free(SDA, SCL) {
             return;
         }
-        SDA.connect(I2C_FUNCTION);
-        SCL.connect(I2C_FUNCTION);
+        self.connect();
         let ready = sercom::set_up(self.khz).is_ok();
         with_master(|master| master.broken = !ready);
     }

@@ -4,8 +4,8 @@
 //! # Interrupts
 //! | priority | interrupt | does |
 //! |---|---|---|
-//! | 0 (highest) | SysTick, 1 kHz | counts time |
-//! | 0 | WDT | early warning: the servo to neutral, whatever else hangs. Looks at no clock |
+//! | 0 (highest) | SysTick, 1 kHz | counts time; resets a program that hangs, between two pulses |
+//! | 0 | WDT | early warning: the servo to neutral, whatever else hangs but SysTick's own handler. Looks at no clock |
 //! | 1 | TCC0 | the tick: starts the armed burst, wakes the main loop |
 //! | 1 | SERCOM4 | the sensor bus, a byte at a time; wakes the main loop behind the last |
 //! | 3 | USB | masks itself; wakes the main loop |
@@ -117,7 +117,7 @@ impl Board {
         };
         nano33iot::enable_bus_clocks(&mut chip.pm);
         let Some(image) = ImageCheck::new() else {
-            crash::refuse_to_start(SelfCheck::Flash, &clocks.frame, &guard)
+            crash::refuse_to_start(SelfCheck::Flash, &clocks.frame)
         };
         // Behind the check: a damaged image may have read anything.
         if let Some(fine) = params.clock_fine() {
@@ -204,6 +204,7 @@ impl Board {
             crash::stop(check);
         }
         self.frame.connect_again();
+        self.bus.connect_again();
         enable_interrupts();
         time::keep_running();
         if !self.frame.is_as_set() || !self.guard.is_as_set() {

@@ -14,7 +14,7 @@ use cortex_m_rt::exception;
 use critical_section::{CriticalSection, Mutex};
 use tvc_nano::sleep::{TIMER_PERIOD_US, may_sleep};
 
-use super::wake;
+use super::{wake, watchdog};
 
 /// CPU clock cycles in a microsecond.
 pub(super) const CYCLES_PER_US: u32 = 48;
@@ -193,6 +193,7 @@ pub(super) fn within(limit_us: u64, ready: impl Fn() -> bool) -> bool {
 
 #[exception]
 fn SysTick() {
+    watchdog::tick();
     critical_section::with(|cs| {
         let elapsed = ELAPSED_US.borrow(cs);
         let interrupted = elapsed.get() + TIMER_PERIOD_US;

@@ -15,7 +15,6 @@ use atsamd_hal::pac;
 use atsamd_hal::pac::{NVIC, interrupt};
 use atsamd_hal::serial_number;
 use bno055_driver::Micros;
-use cortex_m::peripheral::SCB;
 use tvc_nano::application::{self, PACKET_BYTES};
 use tvc_nano::telemetry::Reset;
 use tvc_nano::usb::{self, Device, descriptors};
@@ -25,7 +24,7 @@ use controller::Usb;
 use super::nano33iot::{
     BOOTLOADER_FLASH, BOOTLOADER_MAGIC, BOOTLOADER_WORD, USB_PRODUCT, USB_VENDOR,
 };
-use super::wake;
+use super::{frame, wake};
 
 const _: () = assert!(PACKET_BYTES == usb::PACKET_BYTES);
 
@@ -86,7 +85,7 @@ impl Port {
         match self.reset {
             Some(_) if armed => self.reset = None,
             Some((at, Reset::Bootloader)) if now >= at => enter_bootloader(),
-            Some((at, Reset::Restart)) if now >= at => SCB::sys_reset(),
+            Some((at, Reset::Restart)) if now >= at => frame::reset_in_gap(),
             _ => {}
         }
     }
@@ -172,7 +171,7 @@ pub(super) fn enter_bootloader() -> ! {
     cortex_m::interrupt::disable();
     // SAFETY: RAM above this program's stack (see memory.x), aligned.
     unsafe { BOOTLOADER_WORD.write_volatile(bootloader_magic()) };
-    SCB::sys_reset()
+    frame::reset_in_gap()
 }
 
 /// The word that the bootloader of this board looks for: it has it somewhere in its own code. The

@@ -3,13 +3,14 @@
 //! The watchdog runs from its own 1,024 Hz oscillator and resets the chip after [`TIMEOUT`]. Half
 //! way there it interrupts, and the servo is sent to neutral: a hung program would otherwise hold
 //! the last rudder angle, and the bootloader then leaves the servo without pulses for half a
-//! second.
+//! second. A program that does not feed it within [`GRACE_MS`] of that is reset by
+//! [`crash::stop_hanging`], between two pulses, where the watchdog itself would cut one.
 //!
 //! Clearing it takes some 5 ms to reach its slow clock, and a second clear in that time would stall
 //! the whole chip until the first has arrived. So it is fed no more often than [`Work`] allows, and
 //! only when nothing is on its way.
 
-use core::sync::atomic::{AtomicBool, Ordering};
+use core::sync::atomic::{AtomicU8, Ordering};
 
 use atsamd_hal::pac;
 use atsamd_hal::pac::interrupt;
@@ -17,7 +18,7 @@ use bno055_driver::Micros;
 use tvc_nano::watchdog::Work;
 
 use super::time::{now, within};
-use super::{frame, stack};
+use super::{crash, frame, stack};
 
 /// 128 cycles of 1,024 Hz: 125 ms.
 const TIMEOUT: pac::wdt::config::Perselect = pac::wdt::config::Perselect::_128;
@@ -28,8 +29,13 @@ const SYNC_LIMIT_US: u64 = 15_000;
 /// The key that clears it. Any other value resets the chip.
 const CLEAR_KEY: u8 = 0xA5;
 
-/// The early warning has come, and the watchdog has not been fed since.
-static WARNED: AtomicBool = AtomicBool::new(false);
+/// Interrupts of SysTick from the early warning to a reset. The watchdog itself takes 45 where its
+/// oscillator is 40 % fast, and some 5 until it has been held off.
+const GRACE_MS: u8 = 15;
+
+/// Milliseconds left of [`GRACE_MS`] and one more, if the early warning has come and the watchdog
+/// has not been fed since; else 0.
+static GRACE: AtomicU8 = AtomicU8::new(0);
 
 /// Feeds the watchdog as long as the loop does its work.
 pub(super) struct WatchdogGuard {
@@ -62,24 +68,10 @@ impl WatchdogGuard {
     pub(super) fn check(&mut self, now: Micros) {
         if self.work.is_done(now) && !self.is_synchronising() {
             stack::check();
-            self.feed();
+            feed(&self.watchdog);
             self.work.fed(now);
-            WARNED.store(false, Ordering::Relaxed);
+            GRACE.store(0, Ordering::Relaxed);
         }
-    }
-
-    /// Feed the watchdog of a vehicle that does nothing but wait, with its servos at neutral.
-    pub(super) fn hold_off(&self) {
-        if !self.is_synchronising() {
-            self.feed();
-        }
-    }
-
-    fn feed(&self) {
-        // SAFETY: the one key that clears.
-        self.watchdog
-            .clear()
-            .write(|w| unsafe { w.bits(CLEAR_KEY) });
     }
 
     /// Whether it runs with the times that it was given.
@@ -107,25 +99,45 @@ impl WatchdogGuard {
 /// Whether the chip is about to be reset: the servo is to stay at neutral then, whatever a loop
 /// that goes on asks for.
 pub(super) fn has_warned() -> bool {
-    WARNED.load(Ordering::Relaxed)
+    GRACE.load(Ordering::Relaxed) != 0
+}
+
+/// A millisecond has gone by. Ends a program that hangs.
+pub(super) fn tick() {
+    let grace = GRACE.load(Ordering::Relaxed);
+    if grace == 1 {
+        crash::stop_hanging();
+    }
+    GRACE.store(grace.saturating_sub(1), Ordering::Relaxed);
 }
 
 /// Whether the watchdog is running.
 pub(super) fn is_running() -> bool {
-    // SAFETY: a read of a register that is always mapped.
+    registers().ctrl().read().enable().bit_is_set()
+}
+
+/// Feed the watchdog of a vehicle that does nothing but wait, with its servos at neutral.
+pub(super) fn hold_off() {
+    let watchdog = registers();
+    if watchdog.status().read().syncbusy().bit_is_clear() {
+        feed(watchdog);
+    }
+}
+
+fn feed(watchdog: &pac::wdt::RegisterBlock) {
+    // SAFETY: the one key that clears.
+    watchdog.clear().write(|w| unsafe { w.bits(CLEAR_KEY) });
+}
+
+fn registers() -> &'static pac::wdt::RegisterBlock {
+    // SAFETY: the block is always mapped. Feeding and the interrupt's flag are all that is written
+    // to beside the guard.
     unsafe { &*pac::Wdt::ptr() }
-        .ctrl()
-        .read()
-        .enable()
-        .bit_is_set()
 }
 
 #[interrupt]
 fn WDT() {
-    // SAFETY: clears the flag of this very interrupt.
-    unsafe { &*pac::Wdt::ptr() }
-        .intflag()
-        .write(|w| w.ew().set_bit());
-    WARNED.store(true, Ordering::Relaxed);
+    registers().intflag().write(|w| w.ew().set_bit());
+    GRACE.store(GRACE_MS + 1, Ordering::Relaxed);
     frame::force_neutral();
 }
