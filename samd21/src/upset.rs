@@ -6,12 +6,12 @@
 //!
 //! | peripheral | registers whose bits flip, by offset |
 //! |---|---|
-//! | TCC | CTRLA (ENABLE, PRESCALER), CTRLB, INTEN, WAVE (between NFRQ and NPWM, POLx), PER, CCx, PERB, CCBx |
+//! | TCC | all that it has but SYNCBUSY; a bit of CMD is a command |
 //! | SERCOM | CTRLA (all but MODE), BAUD, INTEN, ADDR |
 //! | GCLK | GENCTRL of generator n at 40+4n, GENDIV at 80+4n, CLKCTRL of clock n at 100+4n: the chip has one address for all |
 //! | PM | CPUSEL, AHBMASK, APBxMASK |
 //! | SYSCTRL | DFLLCTRL (ENABLE), DFLLVAL as the DFLL uses it, BOD33 |
-//! | PORT | DIR, OUT, PMUX, PINCFG |
+//! | PORT | DIR, OUT, PMUX, PINCFG; a pin that is led to a TC is released |
 //! | USB | CTRLA (ENABLE), CTRLB (DETACH), DADD, INTEN, DESCADD, EPCFGn, EPINTENn |
 //! | WDT | CTRL, CONFIG, EWCTRL, INTEN |
 //! | core | SysTick's CSR (ENABLE, TICKINT) and RVR, the NVIC's enables and priorities |
@@ -125,14 +125,18 @@ mod tests {
             !chip.flip_register(TCC0 + 0x40, 3, &mut Unconnected),
             "not clocked"
         );
-        for (address, bit) in [(WDT, 1), (0x4100_4400, 17), (0x4000_0420, 4)] {
+        // PB08 and PB09, one byte of PMUX and each a byte of PINCFG.
+        let sensor = [(0x4100_44B4, 2), (0x4100_44C8, 0), (0x4100_44C8, 8)];
+        let others = [(WDT, 1), (0x4100_4400, 17), (0x4000_0420, 4)];
+        for (address, bit) in others.into_iter().chain(sensor) {
             let before = read(&mut chip, address);
             assert!(chip.flip_register(address, bit, &mut Unconnected));
             assert_eq!(read(&mut chip, address), before ^ 1 << bit, "{address:#x}");
             assert!(chip.flip_register(address, bit, &mut Unconnected));
             assert_eq!(read(&mut chip, address), before);
         }
-        // A register that is not there.
+        // Registers and bits that are not there.
+        assert!(!chip.flip_register(0x4100_44C8, 3, &mut Unconnected));
         assert!(!chip.flip_register(0x4000_1400, 0, &mut Unconnected));
         assert!(!chip.flip_register(0xE000_ED00, 0, &mut Unconnected));
     }

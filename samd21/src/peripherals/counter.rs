@@ -1,4 +1,4 @@
-//! Up-counters: what TC and TCC have in common.
+//! Counters: what TC and TCC have in common.
 
 use super::access::ENABLE;
 use super::clock::Rate;
@@ -9,66 +9,85 @@ fn prescaler(ctrla: u32) -> u64 {
     [1, 2, 4, 8, 16, 64, 256, 1024][(ctrla >> 8 & 7) as usize]
 }
 
-/// A running counter. It was at 0, the start of its cycle, when `start` counts had passed since
-/// `origin` (before `origin`, where negative); the cycle ends after `length` counts. All times are
+/// A running counter on one ramp. COUNT was `from`, the ramp's begin, when `start` counts had passed
+/// since `origin`; it goes up, or down, and the ramp ends after `length` counts. All times are
 /// worked out from `origin`, so fractions of a tick do not add up.
 #[derive(Clone, Copy, Debug)]
 struct Run {
     rate: Rate,
     origin: Ticks,
-    start: i64,
+    start: u64,
+    from: u32,
+    down: bool,
     length: u64,
 }
 
 impl Run {
-    /// Counts on from `count` at `now`; the cycle's length is to be set.
-    fn new(rate: Rate, now: Ticks, count: u32) -> Self {
+    /// Counts on from `from` at `now`; the ramp's length is to be set.
+    fn new(rate: Rate, now: Ticks, from: u32, down: bool) -> Self {
         Self {
             rate,
             origin: now,
-            start: -i64::from(count),
+            start: 0,
+            from,
+            down,
             length: 1 << 32,
         }
     }
 
-    /// Lets the cycle end after `top`, or after `max` if COUNT is beyond `top` already.
-    fn set_top(&mut self, now: Ticks, top: u32, max: u32) {
-        self.length = u64::from(max) + 1;
-        if self.count(now) <= top {
-            self.length = u64::from(top) + 1;
-        }
+    /// Lets a ramp up end behind `top`, or behind `max` if COUNT is beyond `top` already, and one
+    /// down behind 0. Of two slopes it ends at these, where the other slope begins.
+    fn set_top(&mut self, now: Ticks, top: u32, max: u32, two_slopes: bool) {
+        let last = match self.down {
+            true => self.from,
+            false if self.count(now) <= top => top.saturating_sub(self.from),
+            false => max.saturating_sub(self.from),
+        };
+        self.length = u64::from(last) + u64::from(!two_slopes);
+        // A ramp has to last.
+        self.length = self.length.max(1);
     }
 
-    /// When the cycle ends.
+    /// When the ramp ends.
     fn end(&self) -> Ticks {
-        self.time_of(self.length).unwrap_or(Ticks::NEVER)
+        self.time_of(self.length)
     }
 
-    /// Goes on to the next cycle: from the exact end of this one, not from its tick.
-    fn begin_next_cycle(&mut self) {
-        self.start += self.length as i64;
+    /// Goes on to the next ramp: from the exact end of this one, not from its tick.
+    fn begin_ramp(&mut self, from: u32, down: bool) {
+        self.start += self.length;
+        self.from = from;
+        self.down = down;
     }
 
-    /// When COUNT will meet `value` in this cycle, [`Ticks::NEVER`] if it has or will not.
+    /// When COUNT will meet `value` on this ramp, [`Ticks::NEVER`] if it has or will not.
     fn next_match(&self, now: Ticks, value: u32) -> Ticks {
-        let value = u64::from(value);
-        (value < self.length)
-            .then(|| self.time_of(value))
-            .flatten()
+        let way = if self.down {
+            self.from.checked_sub(value)
+        } else {
+            value.checked_sub(self.from)
+        };
+        way.map(u64::from)
+            .filter(|&way| way < self.length)
+            .map(|way| self.time_of(way))
             .filter(|&at| at > now)
             .unwrap_or(Ticks::NEVER)
     }
 
     /// COUNT at `now`.
     fn count(&self, now: Ticks) -> u32 {
-        let counts = self.rate.cycles_in(now.saturating_sub(self.origin)) as i64 - self.start;
-        (counts.max(0) as u64 % self.length) as u32
+        let counts = self.rate.cycles_in(now.saturating_sub(self.origin));
+        let way = counts.saturating_sub(self.start) % self.length;
+        if self.down {
+            self.from.saturating_sub(way as u32)
+        } else {
+            self.from.wrapping_add(way as u32)
+        }
     }
 
-    /// When COUNT reaches `count` in this cycle, `None` if that is before `origin`.
-    fn time_of(&self, count: u64) -> Option<Ticks> {
-        let counts = u64::try_from(self.start + count as i64).ok()?;
-        Some(self.origin + self.rate.duration(counts))
+    /// When so many counts of the ramp have passed.
+    fn time_of(&self, counts: u64) -> Ticks {
+        self.origin + self.rate.duration(self.start + counts)
     }
 }
 
@@ -79,6 +98,10 @@ pub(crate) struct Counter<const N: usize> {
     run: Option<Run>,
     /// COUNT while the counter stands.
     pub(crate) held: u32,
+    /// It counts down.
+    pub(crate) down: bool,
+    /// It counts up and down in turn.
+    pub(crate) two_slopes: bool,
     /// STATUS.STOP.
     pub(crate) stopped: bool,
     pub(crate) next_overflow: Ticks,
@@ -91,6 +114,8 @@ impl<const N: usize> Default for Counter<N> {
             clock: None,
             run: None,
             held: 0,
+            down: false,
+            two_slopes: false,
             stopped: true,
             next_overflow: Ticks::NEVER,
             next_match: [Ticks::NEVER; N],
@@ -144,11 +169,16 @@ impl<const N: usize> Counter<N> {
         self.stopped = true;
     }
 
-    /// Is to be resumed from 0.
-    pub(crate) fn retrigger(&mut self, now: Ticks) {
+    /// Is to be resumed from `count`.
+    pub(crate) fn retrigger(&mut self, now: Ticks, count: u32) {
         self.halt(now);
-        self.held = 0;
+        self.held = count;
         self.stopped = false;
+    }
+
+    /// The time that so many cycles of its clock take, before its prescaler.
+    pub(crate) fn cycles(&self, cycles: u64) -> Option<Ticks> {
+        self.clock.map(|clock| clock.duration(cycles))
     }
 
     /// Counts on from where COUNT stands, if it is enabled in `ctrla`, not stopped and clocked.
@@ -159,36 +189,38 @@ impl<const N: usize> Counter<N> {
             && let Some(clock) = self.clock
         {
             let rate = clock.divided(prescaler(ctrla));
-            self.run = Some(Run::new(rate, now, self.held));
+            self.run = Some(Run::new(rate, now, self.held, self.down));
         }
     }
 
-    /// A cycle has ended; whether another one begins.
-    pub(crate) fn overflow(&mut self, now: Ticks, oneshot: bool) -> bool {
+    /// A ramp has ended; whether the next one begins, up to `top` or down from there.
+    pub(crate) fn overflow(&mut self, now: Ticks, oneshot: bool, top: u32) -> bool {
+        self.down ^= self.two_slopes;
+        let from = if self.down { top } else { 0 };
         if let Some(run) = &mut self.run {
-            run.begin_next_cycle();
+            run.begin_ramp(from, self.down);
         }
         if oneshot {
             self.stop(now);
-            self.held = 0;
+            self.held = from;
         }
         !oneshot
     }
 
-    /// The cycle ends after `top`, or at the counter's own end `max` if COUNT is beyond `top`.
+    /// The ramp up ends at `top`, or at the counter's own end `max` if COUNT is beyond `top`.
     pub(crate) fn set_top(&mut self, now: Ticks, top: u32, max: u32) {
         if let Some(run) = &mut self.run {
-            run.set_top(now, top, max);
+            run.set_top(now, top, max, self.two_slopes);
             self.next_overflow = run.end();
         }
     }
 
-    /// Finds the match with `cc` that is still to come in this cycle, if there is one.
+    /// Finds the match with `cc` that is still to come on this ramp, if there is one.
     pub(crate) fn set_match(&mut self, now: Ticks, channel: usize, cc: u32) {
         self.next_match[channel] = self.run.map_or(Ticks::NEVER, |run| run.next_match(now, cc));
     }
 
-    /// Finds the end of the cycle and the matches with `cc`.
+    /// Finds the end of the ramp and the matches with `cc`.
     pub(crate) fn schedule(&mut self, now: Ticks, top: u32, max: u32, cc: &[u32]) {
         self.set_top(now, top, max);
         for (channel, &cc) in cc.iter().enumerate() {
@@ -204,24 +236,49 @@ mod tests {
     #[test]
     fn fractions_of_a_tick_do_not_add_up() {
         // 32,768 Hz, 100 counts a cycle: 146,484.375 ticks.
-        let mut run = Run::new(Rate::from_hz(32_768), Ticks(7), 0);
-        run.set_top(Ticks(7), 99, u32::MAX);
+        let mut run = Run::new(Rate::from_hz(32_768), Ticks(7), 0, false);
+        run.set_top(Ticks(7), 99, u32::MAX, false);
         for _ in 0..32_767 {
-            run.begin_next_cycle();
+            run.begin_ramp(0, false);
         }
         assert_eq!(run.end(), Ticks(7) + Ticks::from_ms(100_000));
     }
 
     #[test]
     fn a_top_below_count_is_missed_once() {
-        let mut run = Run::new(Rate::from_hz(48_000_000), Ticks(0), 500);
-        run.set_top(Ticks(0), 99, 0xFFFF);
+        let mut run = Run::new(Rate::from_hz(48_000_000), Ticks(0), 500, false);
+        run.set_top(Ticks(0), 99, 0xFFFF, false);
         assert_eq!(run.end(), Ticks(65_536 - 500));
         assert_eq!(run.next_match(Ticks(0), 400), Ticks::NEVER);
         assert_eq!(run.next_match(Ticks(0), 600), Ticks(100));
-        run.begin_next_cycle();
+        run.begin_ramp(0, false);
         let now = Ticks(65_036);
-        run.set_top(now, 99, 0xFFFF);
+        run.set_top(now, 99, 0xFFFF, false);
         assert_eq!(run.end(), now + Ticks(100));
+    }
+
+    #[test]
+    fn a_ramp_down_ends_behind_0() {
+        let mut run = Run::new(Rate::from_hz(48_000_000), Ticks(0), 500, true);
+        run.set_top(Ticks(0), 999, 0xFFFF, false);
+        assert_eq!(run.count(Ticks(100)), 400);
+        assert_eq!(run.next_match(Ticks(100), 300), Ticks(200));
+        assert_eq!(run.next_match(Ticks(100), 450), Ticks::NEVER);
+        assert_eq!(run.next_match(Ticks(100), 501), Ticks::NEVER);
+        assert_eq!(run.end(), Ticks(501));
+        run.begin_ramp(999, true);
+        run.set_top(Ticks(501), 999, 0xFFFF, false);
+        assert_eq!(run.end(), Ticks(1501));
+    }
+
+    #[test]
+    fn two_slopes_last_twice_top() {
+        let mut run = Run::new(Rate::from_hz(48_000_000), Ticks(0), 0, false);
+        run.set_top(Ticks(0), 1000, 0xFFFF, true);
+        assert_eq!(run.end(), Ticks(1000));
+        run.begin_ramp(1000, true);
+        run.set_top(Ticks(1000), 1000, 0xFFFF, true);
+        assert_eq!(run.next_match(Ticks(1000), 300), Ticks(1700));
+        assert_eq!(run.end(), Ticks(2000));
     }
 }

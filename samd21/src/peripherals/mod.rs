@@ -471,11 +471,12 @@ impl Peripherals {
             board,
             violations: &mut self.violations,
         };
-        let written = self
-            .port
-            .write(bus, offset, Lanes::new(word ^ 1 << bit, 0, 4));
+        let flipped = Lanes::new(word ^ 1 << bit, 0, 4);
+        // What is refused has been written all the same.
+        let _ = self.port.write(bus, offset, flipped);
+        let now_read = self.port.read(now, offset, board);
         self.connect_pads(board);
-        written.is_ok()
+        now_read.is_ok_and(|read| read != word)
     }
 
     /// Notes when the CPU begins to outrun the flash, which needs a wait state above 24 MHz (at

@@ -40,13 +40,30 @@ struct Group {
     pincfg: [u8; 32],
 }
 
+/// What a timer drives its outputs WO\[0\] to WO\[7\] to, bit n for output n: those in `driven` to
+/// their level in `high`. The others are released.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) struct Waveforms {
+    pub(crate) high: u8,
+    pub(crate) driven: u8,
+}
+
+impl Waveforms {
+    /// The level of an output, `None` if it is released.
+    pub(crate) fn level(self, output: u8) -> Option<bool> {
+        (self.driven >> output & 1 != 0).then_some(self.high >> output & 1 != 0)
+    }
+}
+
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Port {
     groups: [Group; 2],
-    /// Levels of each TCC's outputs, `None` while it drives none.
-    waveforms: [Option<u8>; 3],
+    /// What each TCC drives.
+    waveforms: [Waveforms; 3],
     /// Where each TCC's outputs are routed: changes with the multiplexers.
     routes: Vec<(Pin, u8)>,
+    /// Pins of each group that lead to a TC's waveform, which is never driven.
+    to_tc: [u32; 2],
     /// Pins whose level, as the board knows it, is not their level at power-on; of each group.
     changed: [u32; 2],
     /// A reset has changed levels that the board does not know of.
@@ -101,12 +118,18 @@ impl Port {
         self.function(pin) == Some(FUNCTION_A)
     }
 
-    /// TCC `tcc` drives `levels` (bit n = WO\[n\]) from now on, or nothing.
-    pub(crate) fn drive(&mut self, now: Ticks, tcc: u8, levels: Option<u8>, board: &mut dyn Board) {
-        if self.waveforms[usize::from(tcc)] == levels {
+    /// TCC `tcc` drives `waveforms` from now on.
+    pub(crate) fn drive(
+        &mut self,
+        now: Ticks,
+        tcc: u8,
+        waveforms: Waveforms,
+        board: &mut dyn Board,
+    ) {
+        let before = std::mem::replace(&mut self.waveforms[usize::from(tcc)], waveforms);
+        if before == waveforms {
             return;
         }
-        self.waveforms[usize::from(tcc)] = levels;
         for index in 0..self.routes.len() {
             let (pin, source) = self.routes[index];
             if source == tcc {
@@ -141,9 +164,7 @@ impl Port {
     fn driven(&self, pin: Pin) -> Option<bool> {
         if let Some(function) = self.function(pin) {
             return match waveform(pin, function) {
-                Some(Waveform::Tcc(tcc, output)) => {
-                    self.waveforms[usize::from(tcc)].map(|levels| levels >> output & 1 != 0)
-                }
+                Some(Waveform::Tcc(tcc, output)) => self.waveforms[usize::from(tcc)].level(output),
                 _ => None,
             };
         }
@@ -269,9 +290,11 @@ impl Port {
         pins
     }
 
-    /// The multiplexers of `pins` of a group may have changed.
+    /// The multiplexers of `pins` of a group may have changed. Whoever leads a pin to a TC's
+    /// waveform is refused, behind the change: a pin that a flipped bit has led there is released.
     fn reroute(&mut self, bus: &mut Bus<'_>, group: u8, pins: u32) -> Write {
         self.routes.retain(|(pin, _)| pin.group != group);
+        let before = std::mem::take(&mut self.to_tc[usize::from(group)]);
         for index in 0..32 {
             let pin = Pin { group, index };
             let Some(function) = self.function(pin) else {
@@ -279,11 +302,14 @@ impl Port {
             };
             match waveform(pin, function) {
                 Some(Waveform::Tcc(tcc, _)) => self.routes.push((pin, tcc)),
-                Some(Waveform::Tc) => return Err(Refusal::Unmodelled("a TC waveform on a pin")),
+                Some(Waveform::Tc) => self.to_tc[usize::from(group)] |= 1 << index,
                 None => {}
             }
         }
         self.publish_group(bus.now, group, pins, bus.board);
+        if self.to_tc[usize::from(group)] & !before != 0 {
+            return Err(Refusal::Unmodelled("a TC waveform on a pin"));
+        }
         DONE
     }
 }

@@ -119,7 +119,7 @@ impl Tc {
 
     fn overflow(&mut self, now: Ticks) {
         self.interrupts.flags |= OVF;
-        if self.counter.overflow(now, self.ctrlb & ONESHOT != 0) {
+        if self.counter.overflow(now, self.ctrlb & ONESHOT != 0, 0) {
             for (channel, cc) in self.cc.iter().enumerate() {
                 self.interrupts.flags |= u32::from(*cc == 0) * (MC0 << channel);
             }
@@ -273,7 +273,7 @@ impl Tc {
         self.ctrlb |= set & ONESHOT;
         match set >> 6 {
             1 if self.ctrla & ENABLE != 0 => {
-                self.counter.retrigger(now);
+                self.counter.retrigger(now, 0);
                 self.resume(now);
             }
             2 => self.counter.stop(now),

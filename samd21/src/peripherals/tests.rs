@@ -464,3 +464,24 @@ fn the_flash_interrupts_when_it_is_ready_again() {
     bench.pass(Ticks::from_us(6000));
     assert_eq!(bench.peripherals.irq_lines(), 1 << 5);
 }
+
+/// A bit of the multiplexer leads the servo's pin to a TC: it is released, and firmware that leads
+/// it back to its timer is not refused.
+#[test]
+fn a_pin_that_a_flip_leads_elsewhere_is_released_and_can_be_led_back() {
+    let mut bench = servo_bench();
+    bench.multiplex(1, 10, 5);
+    bench.w32(TCC0, 2);
+    bench.pass(Ticks(500));
+    let (now, pmux) = (bench.now, PORT + 0x80 + 0x34);
+    // PB11 and PB10 share a byte.
+    for bit in [8 + 4, 8] {
+        assert!(bench.peripherals.flip(now, pmux, bit, &mut bench.board));
+    }
+    assert_eq!(bench.board.edges.last(), Some(&(now, Pin::b(11), false)));
+    assert_eq!(bench.r8(pmux + 1), 0x44);
+    bench.multiplex(1, 11, 5);
+    assert_eq!(bench.r8(pmux + 1), 0x54);
+    let (_, pin, level) = bench.board.edges.last().copied().unwrap();
+    assert_eq!((pin, level), (Pin::b(11), true));
+}

@@ -87,17 +87,21 @@ fn inputs_need_inen_and_see_board_then_pull() {
     assert_eq!(read(&port, &probe), 1);
 }
 
+fn all_driven(high: u8) -> Waveforms {
+    Waveforms { high, driven: 0xFF }
+}
+
 #[test]
 fn a_tcc_drives_only_the_pins_routed_to_it() {
     let mut port = Port::default();
     let mut probe = Probe::default();
-    port.drive(Ticks(1), 0, Some(1 << 5), &mut probe);
+    port.drive(Ticks(1), 0, all_driven(1 << 5), &mut probe);
     assert_eq!(probe.edges, []);
     // PB11 to TCC0/WO[5], PB10 to TCC0/WO[4].
     write(&mut port, &mut probe, 2, 0xA8, configuration(11, 5, 1));
     write(&mut port, &mut probe, 3, 0xA8, configuration(10, 5, 1));
-    port.drive(Ticks(4), 0, Some(1 << 4), &mut probe);
-    port.drive(Ticks(5), 0, None, &mut probe);
+    port.drive(Ticks(4), 0, all_driven(1 << 4), &mut probe);
+    port.drive(Ticks(5), 0, Waveforms::default(), &mut probe);
     let edge = |at, pin: &str, level| (at, pin.to_string(), level);
     assert_eq!(
         probe.edges,

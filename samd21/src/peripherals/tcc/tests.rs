@@ -2,10 +2,19 @@ use super::*;
 use crate::board::Unconnected;
 use crate::peripherals::violations::Violations;
 
-/// A TCC at 48 MHz with the edges of WO\[5\] (channel 1).
+mod extension;
+mod flips;
+mod waveforms;
+
+/// WAVE.WAVEGEN.
+const NPWM: u32 = 2;
+
+/// A TCC at 48 MHz with the edges of one output: WO\[5\] (channel 1), if no other is asked for. A
+/// released one counts as low.
 struct Rig {
     tcc: Tcc,
     violations: Violations,
+    output: u8,
     edges: Vec<(u64, bool)>,
     level: bool,
 }
@@ -17,6 +26,7 @@ impl Rig {
         Self {
             tcc,
             violations: Violations::default(),
+            output: 5,
             edges: Vec::new(),
             level: false,
         }
@@ -55,14 +65,17 @@ impl Rig {
     }
 
     fn look(&mut self, now: u64) {
-        let level = self
-            .tcc
-            .outputs()
-            .is_some_and(|levels| levels >> 5 & 1 != 0);
+        let level = self.tcc.outputs().level(self.output) == Some(true);
         if level != self.level {
             self.level = level;
             self.edges.push((now, level));
         }
+    }
+
+    fn flip(&mut self, now: u64, offset: u32, bit: u32) {
+        self.run(now);
+        assert!(self.tcc.flip(Ticks(now), offset, bit), "{offset:#x} {bit}");
+        self.look(now);
     }
 
     /// NPWM, PER 959999 (20 ms), CC1 as given, enabled at 0.
@@ -80,7 +93,11 @@ impl Rig {
 fn a_servo_frame_follows_the_buffered_compare_from_the_next_overflow() {
     let mut rig = Rig::servo(72_000);
     rig.write(500_000, 0x74, 96_000);
-    assert_eq!(rig.read(500_000, 0x30), CCBV0 << 1, "CCBV1, running");
+    assert_eq!(
+        rig.read(500_000, 0x30) & BUFFERS,
+        CCBV0 << 1,
+        "CCBV1, running"
+    );
     assert_eq!(rig.read(500_000, 0x48), 72_000);
     rig.run(2_000_000);
     assert_eq!(
@@ -93,7 +110,7 @@ fn a_servo_frame_follows_the_buffered_compare_from_the_next_overflow() {
             (1_920_000, true)
         ]
     );
-    assert_eq!(rig.read(2_000_000, 0x30), 0);
+    assert_eq!(rig.read(2_000_000, 0x30) & BUFFERS, 0);
     assert_eq!(rig.read(2_000_000, 0x48), 96_000);
 }
 
@@ -104,7 +121,7 @@ fn lupd_keeps_the_buffer_until_it_is_released() {
     rig.write(20, 0x74, 96_000);
     rig.run(1_000_000);
     assert_eq!(rig.read(1_000_000, 0x48), 72_000);
-    assert_eq!(rig.read(1_000_000, 0x30), CCBV0 << 1);
+    assert_eq!(rig.read(1_000_000, 0x30) & BUFFERS, CCBV0 << 1);
     rig.try_write(1_000_000, 0x04, Lanes::new(u32::from(LUPD), 0, 1))
         .unwrap();
     rig.run(1_920_000);
@@ -237,11 +254,24 @@ fn software_reset_forgets_all_but_the_clock() {
 #[test]
 fn what_is_not_modelled_is_loud() {
     let mut rig = Rig::new(SyncHold::Instant);
-    assert!(
-        rig.try_write(0, 0x3C, Lanes::word(4)).is_err(),
-        "DSCRITICAL"
-    );
-    assert!(rig.try_write(0, 0x18, Lanes::word(1)).is_err(), "DRVCTRL");
-    assert!(rig.try_write(0, 0x04, Lanes::new(1, 1, 1)).is_err(), "DIR");
-    assert_eq!(rig.try_write(0, 0x14, Lanes::word(0)), DONE);
+    let mut refused = |offset, lanes| rig.try_write(0, offset, lanes).is_err();
+    assert!(refused(0x3C, Lanes::word(3)), "WAVEGEN, reserved");
+    assert!(refused(0x3C, Lanes::word(1 << 12)), "WAVE, reserved");
+    assert!(refused(0x0C, Lanes::word(2)), "FCTRLA, an event");
+    assert!(refused(0x20, Lanes::word(1 << 14)), "EVCTRL, an event");
+    assert!(refused(0x04, Lanes::new(5 << 5, 1, 1)), "a command, DMA");
+    assert!(refused(0x00, Lanes::word(CPTEN0)), "capture, an event");
+    assert!(!refused(0x14, Lanes::word(0)));
+    let mut second = Rig::new(SyncHold::Instant);
+    second.tcc = Tcc::new(1, SyncHold::Instant);
+    assert!(second.try_write(0, 0x14, Lanes::word(1)).is_err(), "TCC1");
+}
+
+#[test]
+fn enable_protected_registers_are_closed_while_it_runs() {
+    let mut rig = Rig::servo(72_000);
+    rig.write(10, 0x14, 2);
+    rig.write(20, 0x18, 1 << 21);
+    assert_eq!((rig.read(30, 0x14), rig.read(30, 0x18)), (0, 0));
+    assert_eq!(rig.violations.count(), 2);
 }
