@@ -248,7 +248,7 @@ impl Sercom {
         if self.scl_is_held(bus) {
             return;
         }
-        if bus.board.i2c_glitch(now) {
+        if self.connected && bus.board.i2c_glitch(now) {
             self.status |= BUSERR;
             self.interrupts.flags |= MB | ERROR;
             self.rest();
@@ -257,7 +257,7 @@ impl Sercom {
         }
         self.lines = self.held_low(now, bus.board);
         if byte == Byte::Read {
-            let reply = bus.board.i2c(now, I2cEvent::Read);
+            let reply = self.ask(bus, I2cEvent::Read);
             let duration = self.bit() * 8 + reply.stretch;
             self.scl_low_since = Some(now + self.bit() * 8);
             self.wait(now, Motion::End(byte, reply), duration);
@@ -290,7 +290,7 @@ impl Sercom {
             },
             _ => I2cEvent::Write(self.data),
         };
-        let mut reply = bus.board.i2c(now, event);
+        let mut reply = self.ask(bus, event);
         // A stuck SDA looks like an acknowledge.
         reply.ack |= self.held_low(now, bus.board).sda;
         self.scl_low_since = Some(now);
@@ -324,7 +324,7 @@ impl Sercom {
             return;
         }
         if !self.held_low(now, bus.board).sda {
-            let stretch = bus.board.i2c(now, I2cEvent::Stop).stretch;
+            let stretch = self.ask(bus, I2cEvent::Stop).stretch;
             if stretch > Ticks::ZERO {
                 self.scl_low_since = Some(now);
                 self.wait(now, Motion::LateStop { restart }, stretch);
@@ -371,7 +371,7 @@ impl Sercom {
         if self.lines.scl || self.lines.sda {
             self.lose_bus(now);
         } else {
-            bus.board.i2c(now, I2cEvent::Stop);
+            self.ask(bus, I2cEvent::Stop);
             self.state = BusState::Idle;
         }
     }
@@ -434,14 +434,22 @@ impl Sercom {
         held
     }
 
+    /// What others hold low. Pads that lead nowhere are taken for high lines at which nobody
+    /// answers; the data sheet does not say, and held lines would be noticed sooner.
     fn held_low(&self, now: Ticks, board: &dyn Board) -> Lines {
         if self.connected {
             board.i2c_held_low(now)
         } else {
-            Lines {
-                sda: true,
-                scl: true,
-            }
+            Lines::default()
+        }
+    }
+
+    /// The slave's reply to what the master does now.
+    fn ask(&self, bus: &mut Bus<'_>, event: I2cEvent) -> I2cReply {
+        if self.connected {
+            bus.board.i2c(bus.now, event)
+        } else {
+            I2cReply::NAK
         }
     }
 

@@ -493,7 +493,8 @@ fn other_modes_and_sercoms_without_the_buss_pads_do_not_reach_the_bus() {
     assert_eq!(rig.violations.count(), 1);
     rig.write(0x24, 0x29 << 1);
     rig.pass(Ticks::from_ms(1));
-    assert_eq!((rig.flags(), rig.slave.log.len()), (0, 0));
+    assert_eq!((rig.flags(), rig.slave.log.len()), (MB, 0));
+    assert_eq!(rig.sercom.status & RXNACK, RXNACK);
 }
 
 #[test]
