@@ -21,6 +21,8 @@ pub enum Stream {
     Port = 6,
     /// Where wind, kicks and misalignment of a rocket point.
     Ascent = 7,
+    /// Rate and phase of the chip's slow oscillator.
+    SlowClock = 8,
 }
 
 /// The generator of `stream` under `seed`; the same on every machine.

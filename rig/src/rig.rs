@@ -133,8 +133,7 @@ impl Rig {
         let mut chip = Chip::new(Options {
             wait_states: config.wait_states,
             syncbusy_hold: config.syncbusy_hold,
-            seed: config.seed,
-            ..config.hardware.chip()
+            ..config.hardware.chip(config.seed)
         });
         chip.load_flash(image.address(), image.bytes());
         if let Some(params) = &config.stored {

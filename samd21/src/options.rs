@@ -18,6 +18,8 @@ pub struct Options {
     pub dfll_drift_ppm_s: i32,
     /// Frequency of OSCULP32K, Hz: nominally 32,768.
     pub osculp32k_hz: u32,
+    /// How far the watchdog's clock, which comes from there, is into a cycle of it at power-on.
+    pub osculp32k_phase: Ticks,
     /// How long the core takes to wake from sleep.
     pub wake_up: Ticks,
     /// The user row, which sets watchdog, brown-out detector and protection at every reset.
@@ -42,6 +44,7 @@ impl Default for Options {
             dfll_error_ppm: 0,
             dfll_drift_ppm_s: 0,
             osculp32k_hz: 32_768,
+            osculp32k_phase: Ticks::ZERO,
             wake_up: Ticks::ZERO,
             user_row: UserRow::SHIPPED,
             flash_time_percent: 100,

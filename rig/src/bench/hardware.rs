@@ -9,6 +9,8 @@ mod sensor;
 use super::BenchConfig;
 use crate::bno055::{BusTiming, Magnetometer, RareStretch, RefreshRates};
 use crate::bootloader::Bootloader;
+use crate::random::{Stream, generator};
+use rand::Rng;
 use samd21::Options;
 use samd21::board::Ticks;
 use samd21::peripherals::UserRow;
@@ -44,8 +46,9 @@ pub struct Hardware {
     pub clock_percent: f64,
     /// How fast that error grows, ppm/s.
     pub clock_drift_ppm_s: i32,
-    /// Frequency of the chip's slow oscillator, which the watchdog runs on, relative to 32,768 Hz.
-    pub slow_clock: f64,
+    /// Frequency of the chip's slow oscillator, which the watchdog runs on, relative to 32,768 Hz;
+    /// drawn from the rig's seed if it is not given.
+    pub slow_clock: Option<f64>,
     /// How long the chip takes to wake from sleep, us.
     pub wake_us: u64,
     /// The operating system at the other end of the USB cable.
@@ -77,7 +80,7 @@ impl Default for Hardware {
             bus: BusTiming::default(),
             clock_percent: 0.0,
             clock_drift_ppm_s: 0,
-            slow_clock: 1.0,
+            slow_clock: None,
             wake_us: 4,
             host: System::Bare,
             user_row: UserRow::SHIPPED,
@@ -104,6 +107,8 @@ pub struct Key {
     show: fn(&Hardware) -> String,
 }
 
+/// The slow oscillator by its data sheet, relative to 32,768 Hz.
+const SLOW_CLOCK: RangeInclusive<f64> = 0.87..=1.25;
 /// Longest hold of the clock line that can be set, us.
 const LONGEST_HOLD_US: RangeInclusive<u64> = 0..=20_000;
 
@@ -192,11 +197,22 @@ const KEYS: &[Key] = &[
     },
     Key {
         name: "slow-clock",
-        value: "RATIO",
-        what: "the watchdog's oscillator, relative to 32768 Hz (0.87 to 1.25)",
+        value: "RATIO|seed",
+        what: "the watchdog's oscillator, relative to 32768 Hz (0.87 to 1.4), or 0.87 to 1.25 by \
+               the seed, as its phase is",
         source: "SAM D21 data sheet, OSCULP32K: 28.5 to 41 kHz over supply and temperature",
-        set: |hardware, text| put(&mut hardware.slow_clock, number(text, 0.87..=1.25)),
-        show: |hardware| hardware.slow_clock.to_string(),
+        set: |hardware, text| {
+            let ratio = match text {
+                "seed" => Ok(None),
+                _ => number(text, 0.87..=1.4).map(Some),
+            };
+            put(&mut hardware.slow_clock, ratio)
+        },
+        show: |hardware| {
+            hardware
+                .slow_clock
+                .map_or("seed".into(), |ratio| ratio.to_string())
+        },
     },
     Key {
         name: "wake",
@@ -294,12 +310,18 @@ impl Hardware {
         head.to_owned() + &rows.collect::<String>()
     }
 
-    /// The chip as it differs.
-    pub(crate) fn chip(&self) -> Options {
+    /// The chip as it differs, with what is random in it from this seed.
+    pub(crate) fn chip(&self, seed: u64) -> Options {
+        /// A cycle of the watchdog's 1,024 Hz.
+        const CYCLE: Ticks = Ticks(Ticks::PER_SECOND / 1024);
+        let mut dice = generator(seed, Stream::SlowClock);
+        let drawn = dice.random_range(SLOW_CLOCK);
         Options {
+            seed,
             dfll_error_ppm: (self.clock_percent * 1e4).round() as i32,
             dfll_drift_ppm_s: self.clock_drift_ppm_s,
-            osculp32k_hz: (self.slow_clock * 32_768.0).round() as u32,
+            osculp32k_hz: (self.slow_clock.unwrap_or(drawn) * 32_768.0).round() as u32,
+            osculp32k_phase: Ticks(dice.random_range(0..CYCLE.0)),
             wake_up: Ticks::from_us(self.wake_us),
             host: self.host,
             user_row: self.user_row,
@@ -417,22 +439,45 @@ mod tests {
         let hardware =
             "clock=-3.1,clock-drift=20,slow-clock=0.87,wake=7,host=windows,user-row=bootprot"
                 .parse();
-        let options = hardware.map(|hardware: Hardware| hardware.chip());
+        let options = hardware.map(|hardware: Hardware| hardware.chip(1));
         let expected = Options {
             dfll_error_ppm: -31_000,
             dfll_drift_ppm_s: 20,
             osculp32k_hz: 28_508,
+            osculp32k_phase: Hardware::default().chip(1).osculp32k_phase,
             wake_up: Ticks::from_us(7),
+            seed: 1,
             host: System::Windows,
             user_row: UserRow::PROTECTED,
             ..Options::default()
         };
         assert_eq!(options, Ok(expected));
-        let default = Options {
+    }
+
+    #[test]
+    fn the_slow_oscillator_follows_the_seed() {
+        let drawn: Vec<Options> = (0..100)
+            .map(|seed| Hardware::default().chip(seed))
+            .collect();
+        assert_eq!(drawn[7], Hardware::default().chip(7));
+        let spread = |of: fn(&Options) -> f64, least: f64, most: f64| {
+            let all = || drawn.iter().map(of);
+            let (low, high) = (all().fold(most, f64::min), all().fold(least, f64::max));
+            let tenth = (most - least) / 10.0;
+            assert!((least..least + tenth).contains(&low), "{low}");
+            assert!((most - tenth..=most).contains(&high), "{high}");
+        };
+        spread(|chip| f64::from(chip.osculp32k_hz), 28_508.0, 40_960.0);
+        spread(|chip| chip.osculp32k_phase.as_us_f64(), 0.0, 976.6);
+        let ideal = Options {
+            osculp32k_hz: 32_768,
+            osculp32k_phase: drawn[1].osculp32k_phase,
             wake_up: Ticks::from_us(4),
+            seed: 1,
             ..Options::default()
         };
-        assert_eq!(Hardware::default().chip(), default);
+        let given: Hardware = "slow-clock=1".parse().unwrap();
+        assert_eq!(given.chip(1), ideal);
     }
 
     #[test]

@@ -106,7 +106,9 @@ impl Peripherals {
             tc: [0, 1, 2].map(|index| tc::Tc::new(index, options.syncbusy_hold)),
             tcc: [0, 1, 2].map(|index| tcc::Tcc::new(index, options.syncbusy_hold)),
             usb: usb::Usb::new(options.syncbusy_hold),
-            wdt: wdt::Wdt::new(options.user_row).that_bites(options.watchdog_bites),
+            wdt: wdt::Wdt::new(options.user_row)
+                .that_bites(options.watchdog_bites)
+                .with_phase(options.osculp32k_phase),
             violations: Violations::default(),
             cycle: 48 << FRACTION,
             flash_overrun: false,

@@ -44,6 +44,8 @@ enum Arrival {
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Wdt {
     clock: Option<Rate>,
+    /// How far that was into a cycle at time zero.
+    phase: Ticks,
     ctrl: u8,
     config: u8,
     ewctrl: u8,
@@ -69,6 +71,11 @@ impl Wdt {
             timeout: Ticks::NEVER,
             ..Self::default()
         }
+    }
+
+    /// As it is, with a clock that was so far into a cycle at time zero.
+    pub(crate) fn with_phase(self, phase: Ticks) -> Self {
+        Self { phase, ..self }
     }
 
     /// As it is, or one that never resets the chip at its time-out.
@@ -142,15 +149,16 @@ impl Wdt {
     /// Restarts timeout and early warning.
     fn start(&mut self, now: Ticks) {
         let Some(clock) = self.clock else { return };
-        let edge = clock.cycles_in(now);
+        let edge = clock.cycles_in(now + self.phase);
+        let at = |edge| clock.duration(edge).saturating_sub(self.phase);
         let cycles = |exponent: u8| 8 << exponent.min(0xB);
         let closed = match self.ctrl & WEN {
             0 => 0,
             _ => cycles(self.config >> 4),
         };
-        self.opens = clock.duration(edge + closed);
-        self.timeout = clock.duration(edge + closed + cycles(self.config & 0xF));
-        self.early_warning = clock.duration(edge + cycles(self.ewctrl & 0xF));
+        self.opens = at(edge + closed);
+        self.timeout = at(edge + closed + cycles(self.config & 0xF));
+        self.early_warning = at(edge + cycles(self.ewctrl & 0xF));
         if self.early_warning >= self.timeout {
             self.early_warning = Ticks::NEVER;
         }
@@ -260,8 +268,11 @@ impl Wdt {
             }
             None => bus.now,
         };
-        let edge = clock.cycles_in(begin) + 1;
-        self.arriving = Some((clock.duration(edge + SYNC_PERIODS), arrival));
+        let edge = clock.cycles_in(begin + self.phase) + 1;
+        let arrives = clock
+            .duration(edge + SYNC_PERIODS)
+            .saturating_sub(self.phase);
+        self.arriving = Some((arrives, arrival));
         Ok(begin - bus.now)
     }
 }
@@ -337,6 +348,23 @@ mod tests {
         rig.run_to(6837 + 125_000);
         assert!(rig.wdt.take_bite());
         assert!(!rig.wdt.take_bite());
+    }
+
+    #[test]
+    fn its_clock_has_a_phase_of_its_own() {
+        let mut rig = Rig::running();
+        rig.wdt.phase = Ticks::from_us(500);
+        rig.run_to(20_000);
+        rig.clear();
+        // Edges are at 20.008, 20.984 ms and so on; the clear arrives at the sixth, 24.891 ms.
+        rig.run_to(24_890);
+        assert!(rig.busy());
+        rig.run_to(24_892);
+        assert!(!rig.busy());
+        rig.run_to(24_890 + 125_000);
+        assert!(!rig.wdt.take_bite());
+        rig.run_to(24_892 + 125_000);
+        assert!(rig.wdt.take_bite());
     }
 
     #[test]

@@ -63,7 +63,7 @@ mod tests {
         let hardware: Hardware = "jumper=no,flash-time=1.5,watchdog=dead,usb-loss=0.25"
             .parse()
             .unwrap();
-        let options = hardware.chip();
+        let options = hardware.chip(1);
         assert_eq!(
             (options.flash_time_percent, options.watchdog_bites),
             (150, false)
