@@ -450,6 +450,12 @@ impl NewestTick {
         self.burst_due.take_if(|due| now >= *due).is_some()
     }
 
+    /// Whether the timer that makes the ticks is broken: no tick has come for longer than two of
+    /// the slowest take.
+    pub fn is_lost(&self, now: Micros) -> bool {
+        now.since(self.at) > 2 * u64::from(TickPlan::LONGEST_US)
+    }
+
     /// Whether `transfer`, begun now, is over before the next tick, `reserve_us` for its STOP and
     /// for bytes that are stretched for longer left over.
     pub fn leaves_time_for(

@@ -4,7 +4,7 @@
 use atsamd_hal::pac;
 use tvc_nano::SelfCheck;
 
-use super::clocks::{set_fine, sysctrl};
+use super::clocks::{set_dfll as set, sysctrl};
 use super::time::soon;
 
 /// Generators of GCLK: the processor's and its peripherals', that of the DFLL's reference, and the
@@ -150,10 +150,12 @@ impl ClockCheck {
     fn check_dfll(&mut self) -> Result<(), SelfCheck> {
         let dfll = sysctrl();
         if coarse() != self.coarse || dfll.dfllctrl().read().bits() != self.dfll {
+            // The pulses up to the reset are to be right.
+            set(dfll, self.coarse, self.fine, self.dfll);
             return Err(SelfCheck::Clock);
         }
         if fine().abs_diff(self.fine) > FINE_JUMP {
-            set_fine(dfll, self.fine);
+            set(dfll, self.coarse, self.fine, self.dfll);
         } else {
             self.fine = fine();
         }

@@ -54,20 +54,37 @@ pub(super) fn locked_fine() -> Option<u16> {
         .then(|| sysctrl.dfllval().read().fine().bits())
 }
 
-/// Start from this FINE instead of the middle, which is up to 3 % off. In open loop, since the loop
-/// would write it; the HAL has the loop closed.
+/// Start from this FINE instead of the middle, which is up to 3 % off.
 pub(super) fn set_fine(sysctrl: &pac::sysctrl::RegisterBlock, fine: u16) {
+    let coarse = sysctrl.dfllval().read().coarse().bits();
+    set_dfll(sysctrl, coarse, fine, sysctrl.dfllctrl().read().bits());
+}
+
+/// Sets the DFLL to this COARSE and FINE, and DFLLCTRL to `control`. In open loop, since the loop
+/// would write them; the HAL has the loop closed.
+pub(super) fn set_dfll(sysctrl: &pac::sysctrl::RegisterBlock, coarse: u8, fine: u16, control: u16) {
     let ready = || soon(|| sysctrl.pclksr().read().dfllrdy().bit_is_set());
-    sysctrl.dfllctrl().modify(|_, w| w.mode().clear_bit());
+    // SAFETY: what was read from the same registers, or six and ten bits, as the row of calibration
+    // and the parameter's range have them.
+    let write = |closed: bool| {
+        sysctrl.dfllctrl().write(|w| {
+            unsafe { w.bits(control) };
+            w.mode().bit(closed && control & DFLL_CLOSED != 0)
+        });
+    };
+    write(false);
     let _ = ready();
-    // SAFETY: ten bits, as the parameter's range has them.
+    // SAFETY: as above.
     sysctrl
         .dfllval()
-        .modify(|_, w| unsafe { w.fine().bits(fine) });
+        .write(|w| unsafe { w.coarse().bits(coarse).fine().bits(fine) });
     let _ = ready();
-    sysctrl.dfllctrl().modify(|_, w| w.mode().set_bit());
+    write(true);
     let _ = ready();
 }
+
+/// DFLLCTRL.MODE.
+const DFLL_CLOSED: u16 = 1 << 2;
 
 /// BOD33 threshold: the supply's fall below some 2.77 V resets the chip, above the 2.7 V that flash
 /// at one wait state and 48 MHz needs. A step is 34 mV, and the data sheet's table 37-22 states the

@@ -20,7 +20,6 @@ use atsamd_hal::pac;
 use cortex_m_rt::{ExceptionFrame, exception};
 use tvc_nano::{Axis, Crash, SelfCheck};
 
-use super::nano33iot::FrameClock;
 use super::{clock_check, frame, time, usb, watchdog};
 
 /// Marks a record, and its layout's version.
@@ -32,8 +31,9 @@ const HANG: u32 = 3;
 /// A slow servo turns through all of its travel in this time.
 const NEUTRAL_MS: u32 = 600;
 
-/// How long neutral pulses go on before a reset, twice, us. The watchdog, which is fed before
-/// either, takes 89 ms where its oscillator is 40 % fast: this, a frame and a pulse are less.
+/// Half of the time for which neutral pulses go on before a reset, us. The watchdog, which is fed
+/// before either half, takes 89 ms where its oscillator is 40 % fast: this, a frame and a pulse are
+/// less.
 const LAST_PULSES_US: u32 = 60_000;
 
 #[repr(C)]
@@ -125,6 +125,9 @@ fn end(kind: u32, detail: u32) -> ! {
     frame::force_neutral();
     Record::new(kind, detail).store();
     if watchdog::is_running() {
+        const BROKEN: u32 = SelfCheck::Registers.code() as u32;
+        watchdog::hold_off();
+        frame::end_in_neutral(kind == SELF_CHECK && detail == BROKEN);
         watchdog::hold_off();
         time::delay_us(LAST_PULSES_US);
         watchdog::hold_off();
@@ -152,10 +155,10 @@ pub(crate) fn stop(check: SelfCheck) -> ! {
 /// that the sound image had worked out, unless the damage has made another clock of the timer's.
 #[cold]
 #[inline(never)]
-pub(super) fn refuse_to_start(check: SelfCheck, clock: &FrameClock) -> ! {
+pub(super) fn refuse_to_start(check: SelfCheck) -> ! {
     let kept = KeptNeutral::read().filter(|_| clock_check::is_as_meant());
     if let Some(counts) = kept {
-        frame::send_alone(clock, counts);
+        frame::send_alone(counts);
     }
     Record::new(SELF_CHECK, check.code().into()).store();
     if kept.is_some() {

@@ -23,9 +23,9 @@ use tvc_nano::{Axis, SelfCheck};
 
 use super::nano33iot::{
     Channel, EARLY_TICK_CHANNEL, FrameClock, LAST_TICK_CHANNEL, SERVO_CHANNELS, SERVO_FUNCTION,
-    SERVOS, frame_registers, on_frame_interrupt,
+    SERVOS, clock_frame_again, frame_registers, on_frame_interrupt,
 };
-use super::time::{self, now, soon, within};
+use super::time::{self, now, soon};
 use super::{crash, i2c, watchdog};
 
 /// Timer counts in a microsecond: 48 MHz / 16.
@@ -305,7 +305,7 @@ fn reset() -> bool {
 /// Send these pulses, in counts, 50 times a second without a tick: for an image that is not to do
 /// more. 0 is none. What sets the timer up may be what is damaged: the servos get their pulses only
 /// if it reads back as meant, and otherwise stay as they are.
-pub(super) fn send_alone(_clock: &FrameClock, counts: [u32; Axis::COUNT]) {
+pub(super) fn send_alone(counts: [u32; Axis::COUNT]) {
     const LAST_COUNT: u32 = COUNTS_PER_US * 20_000 - 1;
     let timer = frame_registers();
     let mut is_right = reset();
@@ -328,7 +328,7 @@ pub(super) fn send_alone(_clock: &FrameClock, counts: [u32; Axis::COUNT]) {
     is_right &= timer.wave().read().wavegen().is_npwm();
     is_right &= timer.per().read().bits() == LAST_COUNT;
     // The servos come in between two pulses, of which none is cut short.
-    let _ = within(10_000, || false);
+    time::delay_us(10_000);
     for ((servo, channel), counts) in SERVOS.iter().zip(SERVO_CHANNELS).zip(counts) {
         if is_right && counts > 0 && timer.cc(channel as usize).read().bits() == counts {
             servo.low();
@@ -416,20 +416,47 @@ pub(super) fn force_neutral() {
     }
 }
 
-/// Wait until all pulses of a frame are over, so that a reset cuts none: 23 ms at most. Counts the
-/// processor's cycles, since the clock stands still where interrupts are held off.
-pub(super) fn wait_for_gap() {
+/// Poll `ready` for the longest frame. Counts the processor's cycles, since the clock stands still
+/// where interrupts are held off.
+fn within_frame(ready: impl Fn() -> bool) -> bool {
     const STEP_US: u32 = 10;
-    /// Longer than the longest frame.
     const LIMIT_US: u32 = 20_500;
+    (0..LIMIT_US / STEP_US).any(|_| {
+        time::delay_us(STEP_US);
+        ready()
+    })
+}
+
+/// Wait for the beginning of a frame; whether one has come.
+fn begins() -> bool {
     let timer = frame_registers();
     // SAFETY: clears the flag that is waited for.
     timer.intflag().write(|w| unsafe { w.bits(OVERFLOW) });
-    let _ = (0..LIMIT_US / STEP_US).any(|_| {
-        time::delay_us(STEP_US);
-        timer.intflag().read().bits() & OVERFLOW != 0
-    });
+    within_frame(|| timer.intflag().read().bits() & OVERFLOW != 0)
+}
+
+/// Wait until all pulses of a frame are over, so that a reset cuts none: 23 ms at most.
+pub(super) fn wait_for_gap() {
+    let _ = begins();
     time::delay_us(LONGEST_PULSE_US);
+}
+
+/// Neutral pulses to the end of this run, from a timer that may be `broken`: one that is, or that
+/// begins no frame, is set up anew, and has the servos' pins only between two pulses.
+pub(super) fn end_in_neutral(broken: bool) {
+    if RUNNING.load(Ordering::Acquire) && (broken || !begins()) {
+        for servo in SERVOS {
+            let _ = within_frame(|| !servo.is_high());
+            servo.low();
+            servo.gpio();
+        }
+        clock_frame_again();
+        send_alone(
+            NEUTRAL
+                .each_ref()
+                .map(|place| place.load(Ordering::Relaxed)),
+        );
+    }
 }
 
 /// Reset the chip, between two pulses where there are any.

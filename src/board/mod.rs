@@ -117,7 +117,7 @@ impl Board {
         };
         nano33iot::enable_bus_clocks(&mut chip.pm);
         let Some(image) = ImageCheck::new() else {
-            crash::refuse_to_start(SelfCheck::Flash, &clocks.frame)
+            crash::refuse_to_start(SelfCheck::Flash)
         };
         // Behind the check: a damaged image may have read anything.
         if let Some(fine) = params.clock_fine() {
@@ -254,6 +254,8 @@ impl Board {
         }
         if self.tick.is_missed(now) {
             Event::Missed
+        } else if self.tick.is_lost(now) {
+            crash::stop(SelfCheck::Registers)
         } else {
             Event::Nothing
         }

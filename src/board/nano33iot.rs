@@ -95,6 +95,18 @@ pub(super) fn clock(controller: &mut GenericClockController, main: &GClock) -> O
     controller.tcc0_tcc1(main)
 }
 
+/// Clock the servo timer once more, from generator 0, should a register have lost that.
+pub(super) fn clock_frame_again() {
+    // SAFETY: as start-up has set it.
+    unsafe {
+        let mut chip = pac::Peripherals::steal();
+        enable_bus_clocks(&mut chip.pm);
+        chip.gclk
+            .clkctrl()
+            .write(|w| w.id().tcc0_tcc1().r#gen().gclk0().clken().set_bit());
+    }
+}
+
 /// Makes a function the handler of [`FRAME_INTERRUPT`].
 macro_rules! on_frame_interrupt {
     ($handler:path) => {
