@@ -163,9 +163,11 @@ pub struct Application<'a> {
     telemetry: &'a mut Telemetry,
     recorder: &'a mut Recorder,
     port_open: bool,
-    /// The [sum](Board::sum) of the flight since the newest step, unless the host may have changed
-    /// it.
+    /// The [sum](Board::sum) of the flight when it was changed last.
     kept: Option<u32>,
+    /// A piece of a save may be done: a step has been taken since the last, with a sample where the
+    /// sensor gives any.
+    may_save: bool,
     /// Steps, modulo 256.
     steps: u8,
 }
@@ -185,6 +187,7 @@ impl<'a> Application<'a> {
             recorder,
             port_open: false,
             kept: None,
+            may_save: false,
             steps: 0,
         }
     }
@@ -202,8 +205,8 @@ impl<'a> Application<'a> {
             // bursts goes over the wire meanwhile.
             self.ask_sensor(now, board);
         }
-        let is_step = reading.is_some();
         if let Some(reading) = reading {
+            self.may_save = reading.is_ok() || !self.driver.is_sampling();
             board.step_begins();
             self.check_memory(board);
             self.flight.carried_tick(board.carried_tick());
@@ -233,7 +236,7 @@ impl<'a> Application<'a> {
         if !matches!(event, Event::Reply(_)) {
             self.exchange(now, board);
         }
-        if is_step {
+        if self.kept.is_none() {
             self.kept = Some(board.sum(self.flight));
         }
         let is_waiting = self.ask_sensor(now, board);
@@ -245,8 +248,8 @@ impl<'a> Application<'a> {
         now.after(if is_calm { CALM_US } else { CARE_US })
     }
 
-    /// Stop where the flight is not what the newest step has left, or its state not one that was
-    /// entered: bits of memory have flipped.
+    /// Stop where the flight is not as it was left, or its state not one that was entered: bits of
+    /// memory have flipped. From here on it may be changed.
     fn check_memory(&mut self, board: &mut impl Board) {
         let kept = self.kept.take();
         let is_kept = kept.is_none_or(|kept| kept == board.sum(self.flight));
@@ -345,11 +348,12 @@ impl<'a> Application<'a> {
             self.telemetry.restart();
         }
         if open {
-            let bytes = board.read();
-            if !bytes.is_empty() {
-                self.kept = None;
+            let mut packet = [0; PACKET_BYTES];
+            let packet = copy(board.read(), &mut packet);
+            if !packet.is_empty() {
+                self.check_memory(board);
+                self.telemetry.receive(now, packet, self.flight);
             }
-            self.telemetry.receive(now, bytes, self.flight);
         } else {
             // What is answered from now on is sent: the message that shows the host is not obeyed,
             // since its answer would get lost.
@@ -361,10 +365,12 @@ impl<'a> Application<'a> {
             return;
         }
         // The processor stands still while it writes flash: a burst under way would be cut in two.
-        if self.telemetry.has_storage_order() && matches!(board.bus(), Bus::Free | Bus::Broken) {
+        let has_piece = self.may_save && self.telemetry.has_storage_order();
+        if has_piece && matches!(board.bus(), Bus::Free | Bus::Broken) {
+            self.may_save = false;
             // What a flipped bit has made of the parameters is not to be stored.
             self.check_settings(board);
-            self.kept = None;
+            self.check_memory(board);
             self.telemetry.serve_storage(board.flash(), self.flight);
         }
         if let Some(reset) = self.telemetry.take_reset() {
@@ -377,6 +383,13 @@ impl<'a> Application<'a> {
         let count = board.write(self.telemetry.pending());
         self.telemetry.sent(count);
     }
+}
+
+/// A packet in a place of its own, so that its board can be asked for something else.
+fn copy<'a>(packet: &[u8], place: &'a mut [u8; PACKET_BYTES]) -> &'a [u8] {
+    let place = place.get_mut(..packet.len()).unwrap_or_default();
+    place.copy_from_slice(packet);
+    place
 }
 
 #[cfg(test)]

@@ -42,6 +42,8 @@ const HEADER_BYTES: usize = 16;
 const ENTRY_BYTES: usize = 8;
 const CRC_AT: usize = 4;
 const COVERED_FROM: usize = 8;
+/// The page that is written last.
+const FIRST_PAGE_BYTES: usize = 64;
 
 /// Size of a slot of older images, whose second one was at the end of the store.
 const OLD_SLOT_BYTES: usize = 512;
@@ -70,7 +72,8 @@ pub enum Loaded {
         /// their defaults.
         unusable: u16,
     },
-    /// Something was saved and none of it can be read. The parameters have their defaults.
+    /// Something was saved and none of it can be read. The parameters have their defaults. A first
+    /// save that was cut short before its last page is [`Loaded::Nothing`].
     Corrupt,
 }
 
@@ -161,7 +164,11 @@ impl Slot {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Content {
     Blank,
-    Set { generation: u32 },
+    /// Written but for its first page: a save that was cut short.
+    Unfinished,
+    Set {
+        generation: u32,
+    },
     Damaged,
 }
 
@@ -177,12 +184,14 @@ pub fn load(flash: &mut impl ReadNorFlash) -> (Params, Loaded) {
             examine(flash, slot, &mut bytes);
             Loaded::Set {
                 generation,
-                interrupted: [first, second].contains(&Content::Damaged),
+                interrupted: [first, second]
+                    .iter()
+                    .any(|slot| matches!(slot, Content::Damaged | Content::Unfinished)),
                 unusable: apply(&bytes, &mut params),
             }
         }
-        None if [first, second] == [Content::Blank; 2] => Loaded::Nothing,
-        None => Loaded::Corrupt,
+        None if [first, second].contains(&Content::Damaged) => Loaded::Corrupt,
+        None => Loaded::Nothing,
     };
     (params, loaded)
 }
@@ -318,8 +327,14 @@ fn examine(flash: &mut impl ReadNorFlash, slot: Slot, bytes: &mut [u8; SLOT_BYTE
     if flash.read(slot.offset() as u32, place).is_err() {
         return Content::Damaged;
     }
-    if bytes.iter().all(|byte| *byte == 0xFF) {
-        return Content::Blank;
+    let mut pages = bytes.chunks(FIRST_PAGE_BYTES);
+    let is_blank = |page: &[u8]| page.iter().all(|byte| *byte == 0xFF);
+    if pages.next().is_some_and(is_blank) {
+        return if pages.all(is_blank) {
+            Content::Blank
+        } else {
+            Content::Unfinished
+        };
     }
     let end = HEADER_BYTES + ENTRY_BYTES * usize::from(half(bytes, 12));
     match bytes.get(COVERED_FROM..end) {

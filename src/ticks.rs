@@ -429,10 +429,14 @@ impl NewestTick {
         }
     }
 
-    /// A tick has come, whose burst reads the rates `alone` or all.
-    pub fn came(&mut self, at: Micros, alone: bool, timing: &Timing) {
+    /// A tick has come, whose burst reads the rates `alone` or all. Says whether the step of the
+    /// tick before is still to come: it is taken without a sample, which the new burst has
+    /// overtaken.
+    #[must_use]
+    pub fn came(&mut self, at: Micros, alone: bool, timing: &Timing) -> bool {
         (self.at, self.alone) = (at, alone);
-        self.burst_due = Some(at.after(timing.burst_limit_us(alone).into()));
+        let due = at.after(timing.burst_limit_us(alone).into());
+        self.burst_due.replace(due).is_some()
     }
 
     /// When the step is taken without a sample, if it is still to come.

@@ -539,10 +539,15 @@ impl Driver {
             self.health.resets = self.health.resets.wrapping_add(1);
         }
         self.fault = Some(fault);
-        self.phase = Phase::Startup(Startup::new(
+        let inspector = match &self.phase {
+            Phase::Sampling(sampling) => sampling.inspector.anew(),
+            _ => Inspector::default(),
+        };
+        self.phase = Phase::Startup(Startup::again(
             Goal::Sampling,
             self.request_in_config(),
             Some(now),
+            inspector,
         ));
     }
 }

@@ -288,10 +288,20 @@ fn flash_is_not_written_while_a_transfer_is_under_way() {
     );
     bench.board.bus = Bus::Free;
     bench.board.packets.clear();
-    // A row or a page at a time.
-    bench.turns(vec![Event::Nothing]);
+    // A piece behind each step: a row or a page, in front of them the choice of the slot.
+    let pieces = |bench: &mut Bench, events: Vec<Event>| {
+        let before = bench.board.flash.operations();
+        bench.turns(events);
+        bench.board.flash.operations() - before
+    };
+    assert_eq!(pieces(&mut bench, vec![Event::Nothing; 5]), 0, "no step");
+    assert_eq!(pieces(&mut bench, vec![Event::Missed]), 0, "the choice");
+    for _ in 0..3 {
+        let one = vec![Event::Missed, Event::Nothing, Event::Nothing];
+        assert_eq!(pieces(&mut bench, one), 1);
+    }
     assert!(bench.telemetry.has_storage_order());
-    bench.turns((0..20).map(|_| Event::Nothing).collect());
+    bench.turns(vec![Event::Missed; 20]);
     assert!(!bench.telemetry.has_storage_order());
     assert!(matches!(
         crate::store::load(&mut bench.board.flash).1,
@@ -300,7 +310,7 @@ fn flash_is_not_written_while_a_transfer_is_under_way() {
 }
 
 #[test]
-fn memory_that_changes_between_two_steps_is_noticed_unless_the_host_may_have_changed_it() {
+fn memory_that_changes_by_itself_is_noticed_whatever_the_host_sends() {
     let mut bench = Bench::new();
     bench.board.open = true;
     bench.turns(vec![Event::Missed, Event::Missed]);
@@ -309,14 +319,18 @@ fn memory_that_changes_between_two_steps_is_noticed_unless_the_host_may_have_cha
         asked.contains(&Asked::Stop(SelfCheck::Memory))
     };
     assert!(!stops(&mut bench));
-    for (bytes, noticed) in [(vec![], true), (vec![0xFD], false)] {
-        bench.board.packets = vec![bytes];
-        bench.turns(vec![Event::Nothing]);
-        bench.board.sum += 1;
-        bench.turns(vec![Event::Missed]);
-        assert_eq!(stops(&mut bench), noticed);
-        bench.turns(vec![Event::Missed]);
-        assert!(!stops(&mut bench), "what it is now is kept");
+    for bytes in [vec![], vec![0xFD]] {
+        // Before a packet and behind it.
+        for before in [false, true] {
+            bench.board.packets = vec![bytes.clone()];
+            bench.board.sum += u32::from(before);
+            bench.turns(vec![Event::Nothing]);
+            bench.board.sum += u32::from(!before);
+            bench.turns(vec![Event::Missed]);
+            assert!(stops(&mut bench), "{bytes:?} {before}");
+            bench.turns(vec![Event::Missed]);
+            assert!(!stops(&mut bench), "what it is now is kept");
+        }
     }
 }
 
@@ -327,7 +341,7 @@ fn a_parameter_that_memory_has_changed_is_not_stored() {
     bench.board.open = true;
     bench.board.packets = vec![crate::telemetry::tests::save()];
     bench.flight.corrupt("PID_KP", 0.5);
-    bench.turns(vec![Event::Nothing]);
+    bench.turns(vec![Event::Missed, Event::Nothing]);
     assert!(bench.board.take().contains(&Asked::Stop(SelfCheck::Memory)));
 }
 

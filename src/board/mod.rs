@@ -216,9 +216,12 @@ impl Board {
         if let Some(tick) = frame::take_tick() {
             self.guard.work.tick_seen();
             let timing = self.frame.timing();
-            self.tick.came(tick.at, tick.alone, timing);
+            let is_overtaken = self.tick.came(tick.at, tick.alone, timing);
             if tick.is_carried {
                 self.carried_at = before(tick.at, timing.later_us(tick.alone));
+            }
+            if is_overtaken {
+                return Event::Missed;
             }
         }
         if let Some(completion) = self.bus.poll(now, self.tick.burst_due()) {

@@ -55,8 +55,8 @@ impl Telemetry {
     }
 
     /// Obeys an order about stored parameters, if there is one, a row or page of flash at a time.
-    /// The processor may stand still for some 6 ms: call it where that does no harm, and again
-    /// until there is none. While the drone is armed it is refused.
+    /// The processor may stand still for some 6 ms: call it once behind a step, and again until
+    /// there is none. While the drone is armed it is refused.
     pub fn serve_storage<F: NorFlash>(&mut self, flash: &mut F, flight: &mut Flight) {
         let Some((order, asker)) = self.storage.take() else {
             return;
@@ -69,7 +69,11 @@ impl Telemetry {
         let result = match order {
             StorageOrder::Save => {
                 let params = flight.params();
-                let mut saving = saving.unwrap_or_else(|| Saving::begin(flash, params));
+                let Some(mut saving) = saving else {
+                    self.storage = Some((order, asker));
+                    self.saving = Some(Saving::begin(flash, params));
+                    return;
+                };
                 match saving.go_on(flash, params) {
                     Ok(None) => {
                         self.storage = Some((order, asker));

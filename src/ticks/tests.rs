@@ -146,25 +146,29 @@ fn every_tick_lies_in_its_frame() {
 fn a_burst_belongs_to_its_step_until_that_is_taken_without_it() {
     let mut tick = NewestTick::new(Micros(0));
     assert!(!tick.burst_over() && !tick.is_missed(Micros(1_000_000)));
-    tick.came(Micros(10_000), false, &timing(50, 400));
+    assert!(!tick.came(Micros(10_000), false, &timing(50, 400)));
     assert_eq!(tick.burst_due(), Some(Micros(15_300)));
     assert!(!tick.is_missed(Micros(15_299)));
     assert!(tick.burst_over(), "in time");
     assert!(!tick.is_missed(Micros(15_300)), "the step has been taken");
-    tick.came(Micros(20_000), false, &timing(50, 100));
+    assert!(!tick.came(Micros(20_000), false, &timing(50, 100)));
     assert!(!tick.is_missed(Micros(26_739)));
     assert!(tick.is_missed(Micros(26_740)));
     assert!(!tick.is_missed(Micros(26_741)), "once");
     assert!(!tick.burst_over(), "late");
     // 12 bytes of 203 us fewer.
-    tick.came(Micros(30_000), true, &timing(50, 400));
+    assert!(!tick.came(Micros(30_000), true, &timing(50, 400)));
     assert_eq!(tick.burst_due(), Some(Micros(32_864)));
+    // The processor has stood still from before that: a step is due, and another one later.
+    assert!(tick.came(Micros(36_667), false, &timing(50, 400)));
+    assert_eq!(tick.burst_due(), Some(Micros(41_967)));
+    assert!(!tick.is_lost(Micros(76_667)) && tick.is_lost(Micros(76_668)));
 }
 
 #[test]
 fn a_short_transfer_goes_between_two_bursts_if_it_is_over_before_the_next() {
     let mut tick = NewestTick::new(Micros(0));
-    tick.came(Micros(10_000), false, &timing(50, 400));
+    assert!(!tick.came(Micros(10_000), false, &timing(50, 400)));
     let read = Transfer::Read {
         register: 0,
         len: 1,
@@ -174,7 +178,7 @@ fn a_short_transfer_goes_between_two_bursts_if_it_is_over_before_the_next() {
     assert!(fits(15_573) && !fits(15_574));
     assert!(!tick.leaves_time_for(Micros(15_573), &read, &timing(50, 100), 200, 6_666));
     // Behind a burst of the rates alone the next tick comes 2,436 us earlier.
-    tick.came(Micros(10_000), true, &timing(50, 400));
+    assert!(tick.came(Micros(10_000), true, &timing(50, 400)));
     let fits = |now| tick.leaves_time_for(Micros(now), &read, &timing(50, 400), 200, 6_666);
     assert!(fits(13_137) && !fits(13_138));
 }
@@ -186,5 +190,6 @@ fn a_tick_may_come_any_time_after_the_last() {
     ticks.seen(Micros(0));
     for at in [u64::from(u32::MAX) - 1, u64::from(u32::MAX) + 5, u64::MAX] {
         ticks.tick(Micros(at));
+        assert!(ticks.to_go < 3, "{}", ticks.to_go);
     }
 }

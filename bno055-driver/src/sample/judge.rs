@@ -88,6 +88,14 @@ pub(crate) enum Evidence {
 }
 
 impl Inspector {
+    /// For bursts of the same chip after another set-up: how often it refreshes is known.
+    pub(crate) fn anew(&self) -> Self {
+        Self {
+            still: self.still.anew(),
+            ..Self::default()
+        }
+    }
+
     /// Whether a burst of the rates alone can be judged: the other words are those of a good burst
     /// before.
     pub(crate) fn knows_rest(&self) -> bool {

@@ -41,6 +41,14 @@ impl Default for Still {
 }
 
 impl Still {
+    /// Of the same sensor, for the next burst.
+    pub(super) fn anew(&self) -> Self {
+        Self {
+            since: None,
+            ..*self
+        }
+    }
+
     /// Takes whether the words of a burst at `time` differ from those of the burst before.
     pub(super) fn look(&mut self, time: Micros, differ: bool) {
         if !differ {

@@ -175,6 +175,16 @@ pub(crate) struct Startup {
 impl Startup {
     /// A set-up that began at `began`, or begins at the first look at the clock.
     pub(crate) fn new(goal: Goal, request: Option<Request>, began: Option<Micros>) -> Self {
+        Self::again(goal, request, began, Inspector::default())
+    }
+
+    /// The same of a chip whose bursts `inspector` has judged.
+    pub(crate) fn again(
+        goal: Goal,
+        request: Option<Request>,
+        began: Option<Micros>,
+        inspector: Inspector,
+    ) -> Self {
         let now = began.unwrap_or_default();
         Self {
             goal,
@@ -186,7 +196,7 @@ impl Startup {
             failures: 0,
             outstanding: false,
             live: 0,
-            inspector: Inspector::default(),
+            inspector,
             identity: Identity::default(),
         }
     }
@@ -392,7 +402,7 @@ impl Startup {
             Judge::Running => {
                 let verdict = await_running(bytes, config);
                 if let Verdict::Go(..) = verdict {
-                    self.inspector = Inspector::default();
+                    self.inspector = self.inspector.anew();
                     self.live = 0;
                 }
                 verdict

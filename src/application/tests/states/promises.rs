@@ -221,8 +221,8 @@ pub(super) struct Drill {
     limit_us: u64,
 }
 
-/// Data are too old after [`DATA_AGE_LIMIT_US`]; nine equal bursts are a frozen sensor. A step more
-/// takes notice.
+/// Data are too old after [`DATA_AGE_LIMIT_US`], and a sensor whose rates stand still for 65 ms is
+/// frozen. A step more takes notice.
 pub(super) const DRILLS: [Drill; 5] = [
     Drill {
         name: "silent",
@@ -247,7 +247,7 @@ pub(super) const DRILLS: [Drill; 5] = [
     Drill {
         name: "frozen",
         trouble: Trouble::Frozen,
-        limit_us: 10 * TICK_US,
+        limit_us: 11 * TICK_US,
     },
 ];
 

@@ -55,6 +55,7 @@ pub(super) struct Vehicle {
     pub(super) world: World,
     pub(super) now: Micros,
     port_open: bool,
+    may_save: bool,
     pub(super) said: Vec<Said>,
     pub(super) truth: Truth,
     /// Commands that are noted and not answered yet.
@@ -131,6 +132,7 @@ impl Vehicle {
             // Not at zero, which the flight's memory takes for never.
             now: Micros(1_000_000),
             port_open: false,
+            may_save: false,
             said: Vec::new(),
             truth: Truth {
                 good_run: 0,
@@ -252,9 +254,9 @@ impl Vehicle {
             &mut self.telemetry,
             &mut self.recorder,
         );
-        application.port_open = self.port_open;
+        (application.port_open, application.may_save) = (self.port_open, self.may_save);
         application.turn(self.now, event, &mut self.world);
-        self.port_open = application.port_open;
+        (self.port_open, self.may_save) = (application.port_open, application.may_save);
         if was_open != self.port_open {
             // A new listener is owed nothing.
             self.owed.clear();
