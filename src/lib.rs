@@ -25,6 +25,7 @@ extern crate std;
 
 pub mod application;
 mod axis;
+mod blow;
 mod board_status;
 pub mod bringup;
 mod channel;

@@ -12,6 +12,7 @@ use tvc_fusion::{
 };
 use tvc_pid::{Q16, Scalar, Share16};
 
+use crate::blow::Blow;
 use crate::config::{
     ARM_TILT_SD_DEG, BIAS_REST_US, DATA_AGE_LIMIT_US, ESTIMATOR_GAP_US, FIELD_LOST_US,
     FIELD_REPEAT_US, LEVEL_RATE, LEVEL_US,
@@ -38,6 +39,7 @@ pub struct Navigation {
     rate_age_us: Option<u32>,
     /// Time for which the newest rates have not been integrated yet, us.
     owed_us: u32,
+    blow: Blow,
 }
 
 /// How much is known of the gyroscope's offset.
@@ -76,6 +78,7 @@ impl Navigation {
             refresh: Refresh::default(),
             rate_age_us: None,
             owed_us: 0,
+            blow: Blow::default(),
         })
     }
 
@@ -119,6 +122,7 @@ impl Navigation {
         } else {
             self.counts.mag.filter(|_| raw.mag != [0; 3])
         };
+        self.blow.feel(raw, dt_us);
         self.last = Some(*raw);
         self.counts = Counts {
             mag: field,
@@ -130,7 +134,12 @@ impl Navigation {
             if is_free {
                 self.coast(elapsed_us);
             } else {
-                self.advance(elapsed_us, dt_us);
+                let mut counts = self.counts;
+                if self.blow.is_felt() {
+                    // No correction: nobody knows the mean of a clipped acceleration.
+                    counts.acc = [0; 3];
+                }
+                self.advance(elapsed_us, dt_us, &counts);
             }
             self.counts.mag = None;
         }
@@ -163,6 +172,7 @@ impl Navigation {
         self.field_at = time(self.field_at, each);
         self.refresh.memory(each);
         self.owed_us = (each(self.owed_us as i32) as u32).min(ESTIMATOR_GAP_US as u32);
+        self.blow.memory(each);
         let is_due = each(self.counts.mag.is_some().into()) != 0;
         // Elsewhere it comes back with the sample: see [`Navigation::resume`].
         self.counts.mag = is_due.then(|| self.counts.mag.unwrap_or_default());
@@ -272,6 +282,7 @@ impl Navigation {
         self.last = None;
         self.counts.mag = None;
         self.owed_us = 0;
+        self.blow = Blow::default();
         self.refresh = Refresh::default();
         // The settings are within their parameters' ranges.
         if let Ok(estimator) = self.settings.estimator() {
@@ -284,7 +295,7 @@ impl Navigation {
     /// the one before. There are more of them where the sensor refreshes its rates more slowly, or
     /// where samples were missed while the attitude is still trusted: the rates of this one stand
     /// for theirs. Beyond that the estimator takes it as a gap.
-    fn advance(&mut self, elapsed_us: u32, dt_us: u32) {
+    fn advance(&mut self, elapsed_us: u32, dt_us: u32, counts: &Counts) {
         // The estimator takes up to a quarter more for a single step.
         const LONGEST_STEP_US: u32 = ESTIMATOR_PERIOD_US * 5 / 4;
         // Two periods without a missed sample are those of a vehicle at rest, whose rates were the
@@ -294,22 +305,22 @@ impl Navigation {
         if dt_us <= LONGEST_STEP_US && due_us <= 2 * period_us && period_us <= LONGEST_STEP_US {
             let step_us = due_us.min(period_us);
             self.owed_us = due_us - step_us;
-            return self.estimator.update(step_us, &self.counts);
+            return self.estimator.update(step_us, counts);
         }
         if elapsed_us <= LONGEST_STEP_US || u64::from(dt_us) > DATA_AGE_LIMIT_US {
-            return self.estimator.update(elapsed_us, &self.counts);
+            return self.estimator.update(elapsed_us, counts);
         }
         let steps = elapsed_us.div_ceil(LONGEST_STEP_US);
         let step_us = elapsed_us / steps;
         let unseen = Counts {
             mag: None,
-            ..self.counts
+            ..*counts
         };
         for _ in 1..steps {
             self.estimator.update(step_us, &unseen);
         }
         self.estimator
-            .update(elapsed_us - step_us * (steps - 1), &self.counts);
+            .update(elapsed_us - step_us * (steps - 1), counts);
     }
 
     /// The estimator's step in free flight, for rates that are new after so long, us: in parts that

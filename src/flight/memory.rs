@@ -11,7 +11,7 @@ use crate::launch::Launch;
 impl Flight {
     /// Words of [`Flight::memory`].
     pub const MEMORY_WORDS: usize = tvc_fusion::fixed::MEMORY_WORDS
-        + 21
+        + 23
         + Launch::MEMORY_WORDS
         + Axis::COUNT * Channel::MEMORY_WORDS;
 

@@ -520,3 +520,25 @@ fn a_clock_that_jumps_back_ends_control() {
         assert_eq!(snapshot.pulses[0], NEUTRAL);
     }
 }
+
+/// A propeller that touches its guard saturates the accelerometer on all axes.
+#[test]
+fn a_saturated_accelerometer_does_not_turn_the_attitude() {
+    for (ms, at) in [(20, 30), (50, 5), (300, 1), (300, 150)] {
+        let mut desk = Desk::active(0.4);
+        desk.run(at);
+        for step in 0..ms * 1_000 / PERIOD_US as usize {
+            let full = [7_845, -7_845][step % 2];
+            let sample = RawSample {
+                acc: [full; 3],
+                ..reading(desk.now_us, desk.pitch, desk.rate)
+            };
+            desk.step_with(Ok(sample));
+        }
+        let state = desk.run(150).state;
+        let [_, pitch, _] = desk.flight.angles_rad();
+        let off = f64::from(pitch) - desk.pitch;
+        assert!(state.is_active() && off.abs() < 0.01, "{ms}, {at}: {off}");
+        assert!(desk.pitch.abs() < 0.01, "{ms}, {at}: {}", desk.pitch);
+    }
+}

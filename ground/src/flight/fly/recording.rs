@@ -23,6 +23,10 @@ use crate::out::measure::{Limit::Within, figure};
 /// How much of the recording runs without wait states, which only gives cycles, s.
 const CYCLES_S: f64 = 5.0;
 
+/// The gyroscope's range of 1000 deg/s, counts: rates beyond it were not measured, and no filter
+/// without them keeps the inclination.
+const RANGE_COUNTS: u16 = 16_000;
+
 /// Opens a recording; whatever is wrong with the file is bad input.
 pub fn open(path: &Path) -> Result<Arc<Recording>> {
     Ok(Arc::new(Recording::open(path).map_err(BadInput::new)?))
@@ -52,6 +56,15 @@ pub fn play(image: &Image, recording: &Arc<Recording>, setup: &Setup) -> Result<
         .score
         .ok_or_else(|| BadInput::new(format!("{} has no movement to score", recording.name())))?;
     let degrees = |key, deg: f64, label| figure(key, deg).shown(label, "deg", 2);
+    let clips = |rates: &[i16; 3]| rates.iter().any(|rate| rate.unsigned_abs() >= RANGE_COUNTS);
+    let samples = &record.received.samples;
+    let clipped = samples.iter().filter(|sample| clips(&sample.gyr)).count();
+    let inclination = degrees("inclination_deg", score.inclination_deg, "inclination RMSE");
+    let inclination = if clipped == 0 {
+        inclination.limit(requirements::INCLINATION_DEG)
+    } else {
+        inclination
+    };
     let parity = record.parity;
     let measured = Measured {
         image: image.sizes(),
@@ -72,8 +85,12 @@ pub fn play(image: &Image, recording: &Arc<Recording>, setup: &Setup) -> Result<
             [
                 degrees("total_deg", score.total_deg, "total RMSE"),
                 degrees("heading_deg", score.heading_deg, "heading RMSE"),
-                degrees("inclination_deg", score.inclination_deg, "inclination RMSE")
-                    .limit(requirements::INCLINATION_DEG),
+                inclination,
+                figure("rates_clipped", clipped).shown(
+                    "samples beyond the gyroscope's range (the inclination is not judged)",
+                    "",
+                    0,
+                ),
                 figure("steps_equal", parity.equal)
                     .shown("quaternions equal to the host library's", "", 0)
                     .limit(Within(parity.compared as f64, parity.compared as f64)),
