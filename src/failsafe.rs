@@ -26,6 +26,11 @@ pub use command::{Command, Refusal, RefusalKind};
 pub use reason::{Reason, ReasonKind};
 pub use state::{BootReport, Crash, Latch, State};
 
+/// Steps over which the share of lost samples is taken.
+const LOST_STEPS: u32 = 256;
+/// A share of lost samples that is worth telling: one in a hundred, Q16.
+const MANY_LOST: u32 = 655;
+
 /// What the supervisor needs to know of the attitude.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Health {
@@ -68,6 +73,10 @@ pub struct Supervisor {
     /// The fault of the newest step without a sample.
     fault: Option<SensorFault>,
     missed: u32,
+    /// Share of the steps without a usable sample, Q16, over the last second or two.
+    lost: u32,
+    /// Time of the newest of them.
+    lost_at: Micros,
     host_seen: Option<Micros>,
     host_required: bool,
 }
@@ -85,6 +94,8 @@ impl Supervisor {
             good_run: 0,
             fault: None,
             missed: 0,
+            lost: 0,
+            lost_at: Micros(0),
             host_seen: None,
             host_required: false,
         }
@@ -186,6 +197,7 @@ impl Supervisor {
         self.health = health;
         self.fresh = Some(time);
         self.good_run = (self.good_run + 1).min(RECOVERY_SAMPLES);
+        self.lost -= self.lost / LOST_STEPS;
         self.fault = None;
         if !health.valid {
             self.fail(Reason::InvalidAttitude);
@@ -196,6 +208,8 @@ impl Supervisor {
     /// A step without a usable sample.
     pub fn miss(&mut self, now: Micros, fault: SensorFault) {
         self.missed = self.missed.wrapping_add(1);
+        self.lost += (0x1_0000 - self.lost) / LOST_STEPS;
+        self.lost_at = now;
         self.good_run = 0;
         self.fault = Some(fault);
         if ends_trust(fault) {
@@ -295,8 +309,11 @@ impl Supervisor {
 
     /// The conditions of arming and release.
     fn ready(&self, now: Micros) -> Result<(), Refusal> {
+        let is_unknown = !self.health.settled || self.health.bias == BiasState::Unknown;
         if !self.sensor_is_healthy() {
             Err(Refusal::Sensor)
+        } else if is_unknown && self.keeps_losing(now) {
+            Err(Refusal::BurstsLost)
         } else if !self.health.valid || !self.health.settled {
             Err(Refusal::Settling)
         } else if self.health.bias == BiasState::Refused {
@@ -310,6 +327,11 @@ impl Supervisor {
         } else {
             Ok(())
         }
+    }
+
+    /// Whether samples get lost again and again, the newest within the last second.
+    fn keeps_losing(&self, now: Micros) -> bool {
+        self.lost > MANY_LOST && now.since(self.lost_at) < 1_000_000
     }
 
     /// Whether the cause of a failsafe is still there. No failsafe ends without a healthy sensor.

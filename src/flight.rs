@@ -249,6 +249,10 @@ impl Flight {
         if info.change != Change::Live && self.state().is_armed() {
             return Err(ParamError::Armed { name: info.name });
         }
+        // A file of parameters says 1 of another vehicle.
+        if Params::POLARITIES.contains(&index) && value == 1.0 && before == 0.0 {
+            return Err(ParamError::Unseen { name: info.name });
+        }
         self.change(|params| {
             params.set_by_id(info.id, value)?;
             if info.change == Change::Turning && before != value {

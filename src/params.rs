@@ -88,6 +88,11 @@ pub enum ParamError {
     },
     /// The parameters cannot change as a whole while the drone is armed.
     ArmedAll,
+    /// Nobody has looked which way the rudder answers: `SRV_POLARITY` becomes 1 from 2 alone.
+    Unseen {
+        /// Its name.
+        name: &'static str,
+    },
 }
 
 impl fmt::Display for ParamError {
@@ -103,6 +108,10 @@ impl fmt::Display for ParamError {
                 f.write_str(": disarm first")
             }
             ParamError::ArmedAll => f.write_str("parameters: disarm first"),
+            ParamError::Unseen { name } => {
+                f.write_str(name)?;
+                f.write_str(": set 2 and look at the rudder first")
+            }
         }
     }
 }

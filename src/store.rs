@@ -6,9 +6,12 @@
 //!
 //! ```text
 //!  byte   0       4        8            12       14         16
-//!         | mark  | CRC-32 | generation | values | reserved | id, value | id, value | ...
+//!         | mark  | CRC-32 | generation | values | board    | id, value | id, value | ...
 //!                          '------------- covered by the CRC -------------------------'
 //! ```
+//!
+//! `board` is the [`BoardId`] of the board that has saved the set: on another one nobody has seen
+//! yet which way a rudder answers.
 //!
 //! All numbers are little-endian, values are `f32`. The first page, with the mark, is written last.
 //! A value goes by the hash of its parameter's name ([`crate::params::Info::id`]), so that a newer
@@ -42,6 +45,7 @@ const HEADER_BYTES: usize = 16;
 const ENTRY_BYTES: usize = 8;
 const CRC_AT: usize = 4;
 const COVERED_FROM: usize = 8;
+const BOARD_AT: usize = 14;
 /// The page that is written last.
 const FIRST_PAGE_BYTES: usize = 64;
 
@@ -55,6 +59,26 @@ const _: () = assert!(
 
 /// CRC-32 of IEEE 802.3, without a table: it runs at start-up and when somebody saves.
 const CRC: Crc<u32, NoTable> = Crc::<u32, NoTable>::new(&CRC_32_ISO_HDLC);
+
+/// A hash of a board's serial number; 0 is that of no board, and of sets of older images.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct BoardId(u16);
+
+impl BoardId {
+    /// Of a board with this serial number.
+    pub fn of(serial: &[u8; 16]) -> Self {
+        let (halves, _) = serial.as_chunks();
+        let sum = halves.iter().fold(0_u32, |sum, half| {
+            (sum ^ u32::from(u16::from_le_bytes(*half))).wrapping_mul(0x9E37_79B9)
+        });
+        Self(((sum >> 16) as u16).max(1))
+    }
+
+    /// Whether a set that `saved` bears may be another board's.
+    fn differs(self, saved: u16) -> bool {
+        self.0 != 0 && saved != 0 && saved != self.0
+    }
+}
 
 /// What the store had at start-up.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -172,8 +196,8 @@ enum Content {
     Damaged,
 }
 
-/// The newest whole set of `flash` (its first [`STORE_BYTES`]), or the defaults.
-pub fn load(flash: &mut impl ReadNorFlash) -> (Params, Loaded) {
+/// The newest whole set of `flash` (its first [`STORE_BYTES`]) for the board, or the defaults.
+pub fn load(flash: &mut impl ReadNorFlash, board: BoardId) -> (Params, Loaded) {
     let mut params = Params::default();
     let mut bytes = [0; SLOT_BYTES];
     let contents = Slot::ALL.map(|slot| examine(flash, slot, &mut bytes));
@@ -182,12 +206,16 @@ pub fn load(flash: &mut impl ReadNorFlash) -> (Params, Loaded) {
         Some((slot, generation)) => {
             // Read again: the buffer holds the slot examined last.
             examine(flash, slot, &mut bytes);
+            let unusable = apply(&bytes, &mut params);
+            if board.differs(half(&bytes, BOARD_AT)) {
+                params.forget_polarity();
+            }
             Loaded::Set {
                 generation,
                 interrupted: [first, second]
                     .iter()
                     .any(|slot| matches!(slot, Content::Damaged | Content::Unfinished)),
-                unusable: apply(&bytes, &mut params),
+                unusable,
             }
         }
         None if [first, second].contains(&Content::Damaged) => Loaded::Corrupt,
@@ -198,15 +226,15 @@ pub fn load(flash: &mut impl ReadNorFlash) -> (Params, Loaded) {
 
 /// The same of a store whose bytes a host has read.
 pub fn load_bytes(bytes: &[u8; STORE_BYTES]) -> (Params, Loaded) {
-    load(&mut Bytes(bytes))
+    load(&mut Bytes(bytes), BoardId::default())
 }
 
 /// Saves `params` in the slot that does not hold the newest set, in one go; their new generation.
 ///
 /// # Errors
 /// [`SaveError`]; the newest set is as it was.
-pub fn save<F: NorFlash>(flash: &mut F, params: &Params) -> Result<u32, SaveError> {
-    let mut saving = Saving::begin(flash, params);
+pub fn save<F: NorFlash>(flash: &mut F, params: &Params, board: BoardId) -> Result<u32, SaveError> {
+    let mut saving = Saving::begin(flash, params, board);
     loop {
         if let Some(generation) = saving.go_on(flash, params)? {
             return Ok(generation);
@@ -220,6 +248,7 @@ pub fn save<F: NorFlash>(flash: &mut F, params: &Params) -> Result<u32, SaveErro
 pub struct Saving {
     slot: Slot,
     generation: u32,
+    board: BoardId,
     /// Of the parameters as they were at the begin.
     digest: i32,
     /// Rows erased and pages written.
@@ -228,7 +257,7 @@ pub struct Saving {
 
 impl Saving {
     /// Chooses the slot; nothing is written yet.
-    pub fn begin(flash: &mut impl ReadNorFlash, params: &Params) -> Self {
+    pub fn begin(flash: &mut impl ReadNorFlash, params: &Params, board: BoardId) -> Self {
         let mut bytes = [0; SLOT_BYTES];
         let newest = newest(Slot::ALL.map(|slot| examine(flash, slot, &mut bytes)));
         let (slot, generation) = match newest {
@@ -238,6 +267,7 @@ impl Saving {
         Self {
             slot,
             generation,
+            board,
             digest: params.digest(),
             done: 0,
         }
@@ -268,7 +298,7 @@ impl Saving {
             self.done += 1;
             return Ok(None);
         }
-        compose(params, self.generation, &mut bytes);
+        compose(params, self.generation, self.board, &mut bytes);
         while let Some(page) = (rows + pages).checked_sub(self.done + 1) {
             self.done += 1;
             let at = page * F::WRITE_SIZE;
@@ -293,7 +323,7 @@ impl Saving {
 /// What a first save of `params` leaves at the start of an empty store.
 pub fn first_slot(params: &Params) -> [u8; SLOT_BYTES] {
     let mut bytes = [0; SLOT_BYTES];
-    compose(params, 1, &mut bytes);
+    compose(params, 1, BoardId::default(), &mut bytes);
     bytes
 }
 
@@ -364,13 +394,13 @@ fn newest(contents: [Content; 3]) -> Option<(Slot, u32)> {
     newest
 }
 
-fn compose(params: &Params, generation: u32, bytes: &mut [u8; SLOT_BYTES]) {
+fn compose(params: &Params, generation: u32, board: BoardId, bytes: &mut [u8; SLOT_BYTES]) {
     bytes.fill(0xFF);
     let count = Params::count() as u16;
     put(bytes, 0, &MARK);
     put(bytes, 8, &generation.to_le_bytes());
     put(bytes, 12, &count.to_le_bytes());
-    put(bytes, 14, &[0, 0]);
+    put(bytes, BOARD_AT, &board.0.to_le_bytes());
     let mut end = HEADER_BYTES;
     for (info, value) in params.iter() {
         put(bytes, end, &info.id.to_le_bytes());

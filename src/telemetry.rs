@@ -9,7 +9,7 @@
 //! | HEARTBEAT, SYS_STATUS | once a second, HEARTBEAT also at every change of state |
 //! | CURRENT_MODE | every change of state |
 //! | DEBUG_VECT `imu_bus` | once a second: mean and longest of the newest bursts, us, and how often the sensor gives new data, Hz |
-//! | STATUSTEXT | every change of state and every refusal, with the reason; a magnetometer that fails; once a second what keeps the sensor from starting |
+//! | STATUSTEXT | every change of state and every refusal, with the reason; a magnetometer that fails; once a second what keeps the sensor from starting, and why control was given up or must be acknowledged |
 //! | ATTITUDE_QUATERNION, SERVO_OUTPUT_RAW | every step |
 //! | RAW_IMU | every step that had a sample: its untouched counts, stamped with its own time |
 //! | NAMED_VALUE_FLOAT `crank` | every step: the crank angle that control asked for, rad, before limits |
@@ -61,7 +61,7 @@ use crate::axis::Axis;
 use crate::board_status::BoardStatus;
 use crate::bringup;
 use crate::config::{HEARTBEAT_PERIOD_US, HOST_GONE_US};
-use crate::failsafe::{Command, State};
+use crate::failsafe::{Command, RefusalKind, State};
 use crate::flight::{Flight, Snapshot};
 use crate::servo::PulseUs;
 use crate::store::Saving;
@@ -123,6 +123,8 @@ pub struct Telemetry {
     reset: Option<Reset>,
     /// Who waits for a calibration to end.
     calibration: Option<Address>,
+    /// The refusal that was told last, and when.
+    refused: Option<(RefusalKind, Micros)>,
     /// What `tvc bringup` wants of the board.
     bringup: Option<(bringup::Order, Address)>,
 }
@@ -150,6 +152,7 @@ impl Telemetry {
             rates: Rates::new(),
             reset: None,
             calibration: None,
+            refused: None,
             bringup: None,
         }
     }
@@ -176,6 +179,7 @@ impl Telemetry {
             rates,
             reset,
             calibration,
+            refused,
             bringup,
         } = self;
         queue.restart();
@@ -185,6 +189,7 @@ impl Telemetry {
         *sequence = 0;
         (*announced, *heartbeat_at, *list) = (None, None, None);
         (*storage, *reset, *calibration, *bringup) = (None, None, None, None);
+        *refused = None;
         *saving = None;
         (*modes, *memory_due, *field_told) = ((0, 0), false, true);
     }
@@ -220,8 +225,11 @@ impl Telemetry {
             self.heartbeat_at = Some(snapshot.now);
             self.bus_status(snapshot, sensor, board);
             self.uncertainty(snapshot, flight);
-            if let (State::Boot, Some(fault)) = (&snapshot.state, snapshot.fault) {
-                self.warn(format_args!("{fault}"));
+            match (&snapshot.state, snapshot.fault) {
+                (State::Boot, Some(fault)) => self.warn(format_args!("{fault}")),
+                // Who begins to listen now is to know why.
+                (State::Failsafe(_) | State::Latched(_), _) => self.tell_state(&snapshot.state),
+                _ => {}
             }
         }
         self.follow_calibration(flight, due);
@@ -290,6 +298,11 @@ impl Telemetry {
         self.announced = Some(code);
         self.heartbeat(state);
         self.current_mode(code);
+        self.tell_state(state);
+    }
+
+    /// The state in words.
+    fn tell_state(&mut self, state: &State) {
         let severity = match state {
             State::Latched(_) => MavSeverity::MAV_SEVERITY_EMERGENCY,
             State::Failsafe(_) => MavSeverity::MAV_SEVERITY_CRITICAL,

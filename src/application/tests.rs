@@ -283,7 +283,7 @@ fn flash_is_not_written_while_a_transfer_is_under_way() {
     bench.board.packets = vec![crate::telemetry::tests::save()];
     bench.turns(vec![Event::Nothing]);
     assert_eq!(
-        crate::store::load(&mut bench.board.flash).1,
+        crate::store::load(&mut bench.board.flash, crate::store::BoardId::default()).1,
         crate::store::Loaded::Nothing
     );
     bench.board.bus = Bus::Free;
@@ -304,7 +304,7 @@ fn flash_is_not_written_while_a_transfer_is_under_way() {
     bench.turns(vec![Event::Missed; 20]);
     assert!(!bench.telemetry.has_storage_order());
     assert!(matches!(
-        crate::store::load(&mut bench.board.flash).1,
+        crate::store::load(&mut bench.board.flash, crate::store::BoardId::default()).1,
         crate::store::Loaded::Set { generation: 1, .. }
     ));
 }

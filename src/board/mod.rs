@@ -43,6 +43,7 @@ mod wake;
 mod watchdog;
 
 use atsamd_hal::pac;
+use atsamd_hal::serial_number;
 use bno055_driver::{Micros, Transfer};
 use cortex_m::peripheral::scb::SystemHandler;
 use tvc_nano::application::{self, Event, StepEnd};
@@ -51,7 +52,7 @@ use tvc_nano::failsafe::BootReport;
 use tvc_nano::params::Params;
 use tvc_nano::servo::first_pulses;
 use tvc_nano::sleep::Load;
-use tvc_nano::store;
+use tvc_nano::store::{self, BoardId};
 use tvc_nano::telemetry::Reset;
 use tvc_nano::ticks::{BurstGauge, NewestTick};
 use tvc_nano::{BoardStatus, Flight, SelfCheck};
@@ -110,7 +111,7 @@ impl Board {
         // Before all else: start-up may hang, too.
         let guard = watchdog::WatchdogGuard::start(chip.wdt);
         let mut flash = flash::Flash::new(chip.nvmctrl);
-        let (params, stored) = store::load(&mut flash);
+        let (params, stored) = store::load(&mut flash, BoardId::of(&serial_number()));
         let report = BootReport {
             crash: crash::report(&chip.pm),
             stored,

@@ -76,6 +76,8 @@ detailed! {
         /// The standard deviation of the tilt is beyond
         /// [`ARM_TILT_SD_DEG`](crate::config::ARM_TILT_SD_DEG).
         Uncertain = 14, "tilt uncertain: hold still";
+        /// More than one burst in a hundred is lost, and what is to settle does not.
+        BurstsLost = 15, "IMU bursts lost: check the cable";
     }
 }
 

@@ -169,6 +169,7 @@ struct Key {
     report: (Option<LatchKind>, bool),
     health: (bool, bool, u8, bool, i32),
     good_run: u8,
+    is_lossy: bool,
     /// In steps, up to where it is too old.
     age: Option<u64>,
     is_missing: Option<bool>,
@@ -202,6 +203,8 @@ impl Seat {
             good_run,
             fault,
             missed: _,
+            lost: _,
+            lost_at: _,
             host_seen,
             host_required,
             // The state's own code.
@@ -223,6 +226,7 @@ impl Seat {
                 health.cos_tilt_q30,
             ),
             good_run: *good_run,
+            is_lossy: self.supervisor.keeps_losing(self.now),
             age: fresh.map(steps).map(|age| age.min(7)),
             is_missing: fault.map(ends_trust),
             host: (host_seen.map_or(Ordering::Greater, silence), *host_required),

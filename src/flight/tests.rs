@@ -65,7 +65,7 @@ impl Desk {
         Self::with(pitch, params(), BootReport::default())
     }
 
-    fn with(pitch: f64, params: Params, report: BootReport) -> Self {
+    pub(crate) fn with(pitch: f64, params: Params, report: BootReport) -> Self {
         Self {
             flight: Flight::new(params, report).unwrap(),
             now_us: 0,
@@ -91,6 +91,13 @@ impl Desk {
         desk.run(10);
         desk.release();
         desk
+    }
+
+    /// Somebody looks at a rudder and finds it right.
+    pub(crate) fn see(&mut self, polarity: &str) {
+        for value in [2.0, 1.0] {
+            self.flight.set_param(polarity, value).unwrap();
+        }
     }
 
     fn release(&mut self) {
@@ -385,7 +392,7 @@ proptest! {
     ) {
         let mut desk = Desk::in_standby(0.3);
         desk.flight.set_param("AXES", axes).unwrap();
-        desk.flight.set_param("SRV2_POLARITY", 1.0).unwrap();
+        desk.see("SRV2_POLARITY");
         let mut tested_until = [0; 2];
         for event in events {
             let outputs = match event {

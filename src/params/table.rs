@@ -300,8 +300,8 @@ parameters! {
     cal_mag_zz: "CAL_MAG_ZZ", "", Between(-1.99, 1.99), 1.0, Disarmed;
     /// 1: three seconds without a host's heartbeat are a failsafe
     fs_host: "FS_HOST", "", OneOf(&[0.0, 1.0]), 0.0, Live;
-    /// 1: the rudder was seen to answer a tilt the right way, without which nothing is armed; 2: it
-    /// answers in standby, to be seen
+    /// 2: the rudder answers in standby, to be seen; 1, from 2 alone: it was seen to answer a tilt
+    /// the right way, without which nothing is armed
     srv_polarity: "SRV_POLARITY", "", OneOf(&[0.0, 1.0, 2.0]), 0.0, Disarmed;
     /// axes that are steered: 1 pitch, by the servo on D3; 2 roll too, by a like one on D2
     axes_steered: "AXES", "", OneOf(&[1.0, 2.0]), 1.0, Disarmed;

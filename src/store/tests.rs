@@ -138,6 +138,37 @@ fn set(generation: u32) -> Loaded {
     }
 }
 
+/// Of no board.
+fn load(flash: &mut impl ReadNorFlash) -> (Params, Loaded) {
+    super::load(flash, BoardId::default())
+}
+
+fn save<F: NorFlash>(flash: &mut F, params: &Params) -> Result<u32, SaveError> {
+    super::save(flash, params, BoardId::default())
+}
+
+/// Nobody has seen yet which way the rudder of the other board answers.
+#[test]
+fn a_set_of_another_board_has_no_polarity() {
+    let [own, other] = [7, 8].map(|byte| BoardId::of(&[byte; 16]));
+    let mut saved = params(2.0);
+    saved.set("SRV_POLARITY", 1.0).unwrap();
+    let mut unseen = saved.clone();
+    unseen.set("SRV_POLARITY", 0.0).unwrap();
+    for (saver, reader, expected) in [
+        (own, own, &saved),
+        (own, other, &unseen),
+        (BoardId::default(), own, &saved),
+        (own, BoardId::default(), &saved),
+    ] {
+        let mut flash = Mock::new();
+        super::save(&mut flash, &saved, saver).unwrap();
+        let (found, loaded) = super::load(&mut flash, reader);
+        assert_eq!(&found, expected);
+        assert!(loaded.is_as_saved());
+    }
+}
+
 #[test]
 fn new_flash_has_nothing_and_gives_the_defaults() {
     let (loaded, what) = load(&mut Mock::new());
@@ -234,7 +265,7 @@ fn a_set_counts_from_the_very_operation_that_tells_it() {
     let mut flash = Mock::new();
     for generation in 1..4 {
         let wanted = params(generation as f32);
-        let mut saving = Saving::begin(&mut flash, &wanted);
+        let mut saving = Saving::begin(&mut flash, &wanted, BoardId::default());
         loop {
             let told = saving.go_on(&mut flash, &wanted).unwrap();
             assert_eq!(load(&mut flash).0 == wanted, told == Some(generation));
@@ -279,7 +310,7 @@ fn cuts_in_a_save_that_begins_again_and_in_the_one_after_it_mix_nothing() {
             ] {
                 let mut flash = before.clone();
                 cut_at(&mut flash, cut, tear);
-                let mut saving = Saving::begin(&mut flash, &sets[1]);
+                let mut saving = Saving::begin(&mut flash, &sets[1], BoardId::default());
                 let mut done = 0;
                 // Until the power is gone.
                 while done < changed && saving.go_on(&mut flash, &sets[1]).is_ok() {
@@ -373,7 +404,12 @@ fn what_an_older_image_saved_is_found() {
     let mut flash = Mock::new();
     for (generation, at) in [(1, SLOT_BYTES), (2, STORE_BYTES - OLD_SLOT_BYTES)] {
         let mut slot = [0xFF; SLOT_BYTES];
-        compose(&params(generation as f32), generation, &mut slot);
+        compose(
+            &params(generation as f32),
+            generation,
+            BoardId::default(),
+            &mut slot,
+        );
         // It had fewer parameters.
         let count = 40;
         put(&mut slot, 12, &40_u16.to_le_bytes());

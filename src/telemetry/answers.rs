@@ -191,7 +191,7 @@ impl Telemetry {
         let code = match error {
             ParamError::Unknown => MavParamError::MAV_PARAM_ERROR_DOES_NOT_EXIST,
             ParamError::OutOfRange(_) => MavParamError::MAV_PARAM_ERROR_VALUE_OUT_OF_RANGE,
-            ParamError::Armed { .. } | ParamError::ArmedAll => {
+            ParamError::Armed { .. } | ParamError::ArmedAll | ParamError::Unseen { .. } => {
                 MavParamError::MAV_PARAM_ERROR_PERMISSION_DENIED
             }
         };

@@ -22,6 +22,9 @@ use crate::servo::PulseUs;
 
 const CALIBRATION: u16 = MavCmd::MAV_CMD_PREFLIGHT_CALIBRATION as u16;
 
+/// The same refusal is told again after so long, us.
+const REPEAT_US: u64 = 2_000_000;
+
 /// MAV_CMD_DO_GRIPPER's second parameter: let go (GRIPPER_ACTION_RELEASE).
 const GRIPPER_RELEASE: f32 = 0.0;
 
@@ -55,7 +58,7 @@ impl Telemetry {
                 .may(now, Command::Arm)
                 .map_err(|refusal| refusal.kind()),
             // Answered anew when it is done.
-            CALIBRATION if param1 == 1.0 => match self.calibrate(flight) {
+            CALIBRATION if param1 == 1.0 => match self.calibrate(now, flight) {
                 Ok(()) => return self.acknowledge_progress(),
                 refused => refused,
             },
@@ -83,8 +86,8 @@ impl Telemetry {
                 return;
             }
             bringup::COMMAND => Err(Refusal::WrongState(flight.state()).kind()),
-            REBOOT if param1 == 1.0 => self.reset(Reset::Restart, flight),
-            REBOOT if param1 == 3.0 => self.reset(Reset::Bootloader, flight),
+            REBOOT if param1 == 1.0 => self.reset(now, Reset::Restart, flight),
+            REBOOT if param1 == 3.0 => self.reset(now, Reset::Bootloader, flight),
             INTERVAL if self.rates.set(id, param2, step_us) => Ok(()),
             ARM_DISARM | GRIPPER | CALIBRATION | SERVO | REBOOT | INTERVAL => {
                 return self.acknowledge(command, MavResult::MAV_RESULT_DENIED);
@@ -134,16 +137,16 @@ impl Telemetry {
 
     fn order(&mut self, now: Micros, command: Command, flight: &mut Flight) -> Answer {
         let answer = flight.command(now, command);
-        self.report_answer(format_args!("{command}"), answer, flight)
+        self.report_answer(now, format_args!("{command}"), answer, flight)
     }
 
     /// Gyro calibration: back to the self-test, the estimate begins anew.
-    fn calibrate(&mut self, flight: &mut Flight) -> Answer {
+    fn calibrate(&mut self, now: Micros, flight: &mut Flight) -> Answer {
         let answer = flight.calibrate();
         if answer.is_ok() {
             self.calibration = Some(self.asker);
         }
-        self.report_answer(format_args!("calibration"), answer, flight)
+        self.report_answer(now, format_args!("calibration"), answer, flight)
     }
 
     /// Tells the end of a gyro calibration, and until then once a second that it goes on.
@@ -171,11 +174,11 @@ impl Telemetry {
     }
 
     /// A reset stops the pulses for half a second: not while they may be needed.
-    fn reset(&mut self, reset: Reset, flight: &Flight) -> Answer {
+    fn reset(&mut self, now: Micros, reset: Reset, flight: &Flight) -> Answer {
         let state = flight.state();
         if state.is_armed() || matches!(state, State::Failsafe(_)) {
             let refused = Err(Refusal::WrongState(state));
-            return self.report_answer(format_args!("reboot"), refused, flight);
+            return self.report_answer(now, format_args!("reboot"), refused, flight);
         }
         self.reset = Some(reset);
         Ok(())
@@ -199,16 +202,30 @@ impl Telemetry {
         self.acknowledge(bringup::COMMAND, result);
     }
 
-    /// Tells the state that an order led to, or why it was refused.
+    /// Tells the state that an order led to, or why it was refused: once, where a host asks again
+    /// and again.
     fn report_answer(
         &mut self,
+        now: Micros,
         order: fmt::Arguments<'_>,
         answer: Result<(), Refusal>,
         flight: &Flight,
     ) -> Answer {
         match &answer {
             Ok(()) => self.announce(&flight.state()),
-            Err(refusal) => self.warn(format_args!("{order} refused: {refusal}")),
+            Err(refusal) => {
+                let kind = refusal.kind();
+                let is_told = |(told, at)| told == kind && now.since(at) < REPEAT_US;
+                if !self.refused.is_some_and(is_told) {
+                    self.refused = Some((kind, now));
+                    self.warn(format_args!("{order} refused: {refusal}"));
+                    if let Refusal::WrongState(state @ (State::Failsafe(_) | State::Latched(_))) =
+                        refusal
+                    {
+                        self.tell_state(state);
+                    }
+                }
+            }
         }
         answer.map_err(|refusal| refusal.kind())
     }

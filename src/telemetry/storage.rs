@@ -6,7 +6,7 @@ use mavlink::dialects::common::{MavCmd, MavResult, MavSeverity};
 use super::Telemetry;
 use crate::flight::Flight;
 use crate::params::{ParamError, Params};
-use crate::store::{self, Loaded, Saving};
+use crate::store::{self, BoardId, Loaded, Saving};
 
 const STORAGE: u16 = MavCmd::MAV_CMD_PREFLIGHT_STORAGE as u16;
 
@@ -63,6 +63,7 @@ impl Telemetry {
         };
         self.asker = asker;
         let saving = self.saving.take();
+        let board = BoardId::of(&self.identity.serial);
         if flight.state().is_armed() {
             return self.refuse_storage();
         }
@@ -71,7 +72,7 @@ impl Telemetry {
                 let params = flight.params();
                 let Some(mut saving) = saving else {
                     self.storage = Some((order, asker));
-                    self.saving = Some(Saving::begin(flash, params));
+                    self.saving = Some(Saving::begin(flash, params, board));
                     return;
                 };
                 match saving.go_on(flash, params) {
@@ -91,7 +92,7 @@ impl Telemetry {
                 }
             }
             StorageOrder::Reload => {
-                let (params, loaded) = store::load(flash);
+                let (params, loaded) = store::load(flash, board);
                 self.report_stored(loaded);
                 replace(flight, params)
             }

@@ -189,7 +189,11 @@ fn nothing_is_armed_before_the_second_rudder_has_been_seen_to_answer() {
         ),
         "{refused}"
     );
-    station.set_parameter(rig, "SRV2_POLARITY", 1.0).unwrap();
+    let unseen = station.set_parameter(rig, "SRV2_POLARITY", 1.0);
+    assert!(unseen.is_err(), "as a file of parameters would say it");
+    for value in [2.0, 1.0] {
+        station.set_parameter(rig, "SRV2_POLARITY", value).unwrap();
+    }
     station.arm(rig).unwrap();
 }
 

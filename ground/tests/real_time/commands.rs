@@ -102,7 +102,13 @@ fn a_vehicle_out_of_the_box_says_what_to_do_before_it_is_armed() {
     assert!(said.contains("run tvc calibrate polarity first"), "{said}");
     let said = rig.refused(1, &["test", "step"]);
     assert!(said.contains("run tvc calibrate polarity first"), "{said}");
-    // Any MAVLink client can say that it was done.
+    // Any MAVLink client can say that it was done, but not as a file of parameters says it.
+    let said = rig.refused(1, &["param", "set", "SRV_POLARITY", "1"]);
+    assert!(
+        said.contains("set 2 and look at the rudder first"),
+        "{said}"
+    );
+    rig.ok(&["param", "set", "SRV_POLARITY", "2"]);
     rig.ok(&["param", "set", "SRV_POLARITY", "1"]);
     assert_eq!(rig.arm()["state"], "armed");
 }

@@ -64,7 +64,7 @@ fn both_rudders_must_have_been_seen_to_answer() {
             Err(Refusal::Polarity),
             "{name} {value}"
         );
-        desk.flight.set_param(name, 1.0).unwrap();
+        desk.see(name);
         assert_eq!(desk.command(Command::Arm), Ok(()));
     }
     let mut desk = desk();

@@ -364,7 +364,13 @@ fn nobody_arms_before_the_rudder_was_seen_to_answer_and_a_turned_servo_or_mount_
         assert_eq!(desk.command(Command::Arm), Err(Refusal::Polarity), "{name}");
         desk.flight.set_param(name, same).unwrap();
         assert_eq!(desk.command(Command::Arm), Err(Refusal::Polarity), "{name}");
-        desk.flight.set_param("SRV_POLARITY", 1.0).unwrap();
+        // A file of parameters says so of another vehicle.
+        let unseen = ParamError::Unseen {
+            name: "SRV_POLARITY",
+        };
+        assert_eq!(desk.flight.set_param("SRV_POLARITY", 1.0), Err(unseen));
+        assert_eq!(desk.command(Command::Arm), Err(Refusal::Polarity), "{name}");
+        desk.see("SRV_POLARITY");
         // A turned mount has started the estimate over.
         desk.run(REST);
         assert_eq!(desk.command(Command::Arm), Ok(()));
@@ -404,7 +410,7 @@ fn the_rudder_answers_the_tilt_in_standby_while_somebody_looks_and_nothing_is_ar
     desk.flight.host_heard(Micros(desk.now_us));
     desk.flight.set_param("SRV_DIR", -1.0).unwrap();
     assert_eq!(desk.run(1).pulses[0], NEUTRAL);
-    desk.flight.set_param("SRV_POLARITY", 1.0).unwrap();
+    desk.see("SRV_POLARITY");
     assert_eq!(desk.run(50).pulses[0], NEUTRAL);
 }
 
@@ -440,7 +446,7 @@ fn a_changed_calibration_or_mount_starts_the_estimate_over_and_arming_waits() {
     ] {
         let mut desk = Desk::in_standby(0.0);
         desk.flight.set_param(name, value).unwrap();
-        desk.flight.set_param("SRV_POLARITY", 1.0).unwrap();
+        desk.see("SRV_POLARITY");
         // At once, and after the first sample of the new kind.
         assert_eq!(desk.command(Command::Arm), Err(Refusal::Settling), "{name}");
         desk.run(1);

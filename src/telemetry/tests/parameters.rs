@@ -152,7 +152,7 @@ fn a_save_ends_where_the_vehicle_is_armed() {
     serve(&mut link, &mut flash);
     let refused = MavResult::MAV_RESULT_TEMPORARILY_REJECTED;
     assert!(acks(&take(&mut link.telemetry)).contains(&(STORAGE, refused)));
-    let (stored, loaded) = crate::store::load(&mut flash);
+    let (stored, loaded) = crate::store::load(&mut flash, crate::store::BoardId::default());
     assert_eq!(stored.pid_kp(), Params::default().pid_kp());
     assert!(matches!(
         loaded,
@@ -172,7 +172,7 @@ fn a_parameter_that_changes_in_a_save_is_saved_anew() {
     }
     link.tell(&set("PID_KP", 2.5));
     serve(&mut link, &mut flash);
-    let (stored, loaded) = crate::store::load(&mut flash);
+    let (stored, loaded) = crate::store::load(&mut flash, crate::store::BoardId::default());
     assert_eq!(stored.pid_kp(), 2.5);
     assert!(loaded.is_as_saved());
 }
@@ -194,7 +194,12 @@ fn a_storage_order_does_not_replace_another_and_each_is_answered() {
     serve(&mut link, &mut flash);
     let saved = acks(&take(&mut link.telemetry));
     assert_eq!(saved, [(STORAGE, MavResult::MAV_RESULT_ACCEPTED)]);
-    assert_eq!(crate::store::load(&mut flash).0.pid_kp(), 2.5);
+    assert_eq!(
+        crate::store::load(&mut flash, crate::store::BoardId::default())
+            .0
+            .pid_kp(),
+        2.5
+    );
     serve(&mut link, &mut flash);
     assert!(take(&mut link.telemetry).is_empty());
     // The way is free again.
@@ -211,7 +216,7 @@ fn a_reload_that_changes_the_calibration_makes_arming_wait() {
     let mut flash = Mock::new();
     let mut stored = link.desk.flight.params().clone();
     stored.set("CAL_GYR_OY", 3.0).unwrap();
-    crate::store::save(&mut flash, &stored).unwrap();
+    crate::store::save(&mut flash, &stored, crate::store::BoardId::default()).unwrap();
     link.tell(&order(STORAGE, RELOAD, 0.0));
     serve(&mut link, &mut flash);
     take(&mut link.telemetry);

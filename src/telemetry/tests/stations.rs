@@ -192,6 +192,8 @@ fn stations_are_told_whether_the_drone_can_be_armed() {
     for (name, value) in [
         ("SRV_POLARITY", 0.0),
         ("SRV_POLARITY", 1.0),
+        ("SRV_POLARITY", 2.0),
+        ("SRV_POLARITY", 1.0),
         ("FS_HOST", 1.0),
     ] {
         link.tell(&set(name, value));
@@ -211,9 +213,11 @@ fn stations_are_told_whether_the_drone_can_be_armed() {
     let (ready, not) = (true, false);
     assert_eq!(
         said,
-        [not, not, ready, not, ready, not, ready, ready, not],
-        "boot, offset unknown, standby, polarity unchecked, checked, no host, armed, active, \
-         failsafe"
+        [
+            not, not, ready, not, not, not, ready, not, ready, ready, not
+        ],
+        "boot, offset unknown, standby, polarity unchecked, refused, watched, checked, no host, \
+         armed, active, failsafe"
     );
 }
 
@@ -377,4 +381,48 @@ fn a_request_for_a_file_is_refused_at_once() {
         ..request
     };
     assert_eq!(link.tell(&from_host(&other)), []);
+}
+
+/// Whoever begins to listen at any time hears within a second why control was given up.
+#[test]
+fn a_failsafe_is_told_with_its_reason_once_a_second() {
+    let mut link = Link::new(Desk::in_standby(0.1));
+    link.record_step();
+    for _ in 0..20 {
+        let snapshot = link.desk.step_with(Err(SensorFault::Nak));
+        link.record(&snapshot);
+    }
+    take(&mut link.telemetry);
+    // Ticks of 10 ms.
+    for _ in 0..3 {
+        let said = texts(&link.converse(&[], 100));
+        assert_eq!(said, ["failsafe: IMU does not answer"]);
+    }
+}
+
+#[test]
+fn a_refusal_is_not_repeated_within_two_seconds_and_names_what_is_latched() {
+    let crash = BootReport {
+        crash: Some(Crash::Watchdog),
+        ..BootReport::default()
+    };
+    let mut link = Link::new(Desk::with(0.1, crate::flight::tests::params(), crash));
+    link.converse(&[], 5);
+    let arm = order(ARM, 1.0, 0.0);
+    let said = texts(&link.tell(&arm));
+    let expected = [
+        "arm refused: in latched fault",
+        "latched fault: watchdog reset",
+    ];
+    assert_eq!(said, expected);
+    for _ in 0..3 {
+        let again = link.tell(&arm);
+        assert_eq!(
+            acks(&again),
+            [(ARM, MavResult::MAV_RESULT_TEMPORARILY_REJECTED)]
+        );
+        assert!(texts(&again).is_empty(), "{again:?}");
+    }
+    link.converse(&[], 200);
+    assert_eq!(texts(&link.tell(&arm)), expected);
 }

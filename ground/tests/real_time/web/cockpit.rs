@@ -27,6 +27,7 @@ fn before_arm_is_pressed_the_page_has_the_reason_for_which_it_would_be_refused()
     let said = page.refused("arm", Value::Null);
     let refusal = now["refusal"].as_str().unwrap();
     assert_eq!(said, format!("arm refused: {refusal}"));
+    page.set("SRV_POLARITY", 2.0);
     page.set("SRV_POLARITY", 1.0);
     let now = page.wait("condition", |now| now["can_arm"] == true);
     assert_eq!(now["refusal"], "", "{now}");

@@ -122,7 +122,7 @@ impl Vehicle {
     /// Powered on, with what is in `flash`, at the end of the first step.
     pub(super) fn start(flash: Mock, crash: Option<Crash>) -> Self {
         let mut world = World::new(flash);
-        let (params, stored) = store::load(&mut world.flash);
+        let (params, stored) = store::load(&mut world.flash, crate::store::BoardId::default());
         let mut vehicle = Self {
             driver: Driver::new(crate::config::sensor()),
             flight: Flight::new(params, BootReport { crash, stored }).unwrap(),
@@ -165,7 +165,7 @@ impl Vehicle {
         params.set("I2C_KHZ", 100.0).unwrap();
         params.set("SRV_POLARITY", 1.0).unwrap();
         let mut flash = Mock::new();
-        store::save(&mut flash, &params).unwrap();
+        store::save(&mut flash, &params, crate::store::BoardId::default()).unwrap();
         flash
     }
 
