@@ -248,6 +248,10 @@ pub trait Board {
     /// takes it, else low.
     fn pin(&mut self, _now: Ticks, _pin: Pin, _level: bool) {}
 
+    /// The program gives a channel of a TCC another count to compare with, at once or through its
+    /// buffer. No pin shows that: it is for a board that holds pulses against what was asked for.
+    fn compare(&mut self, _now: Ticks, _tcc: u8, _channel: u8, _count: u32) {}
+
     /// The level that something outside drives onto `pin`, `None` if it floats: then the chip's
     /// pull resistor decides, and without one it is low. Not asked for the I2C lines.
     fn input(&self, _now: Ticks, _pin: Pin) -> Option<bool> {

@@ -60,6 +60,13 @@ impl Chip {
         self.peripherals_mut().shift_dfll(now, ppm);
     }
 
+    /// Lets OSCULP32K run at another rate, Hz. What its clocks have counted stays counted.
+    pub fn set_slow_oscillator(&mut self, hz: f64) {
+        let now = self.now();
+        let hz = hz.round().max(1.0) as u32;
+        self.peripherals_mut().set_slow_oscillator(now, hz);
+    }
+
     /// Whether the CPU has no clock.
     pub fn is_stopped(&self) -> bool {
         self.peripherals().is_stopped()

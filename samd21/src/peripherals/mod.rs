@@ -430,6 +430,14 @@ impl Peripherals {
         self.refresh(now);
     }
 
+    /// See [`Chip::set_slow_oscillator`](crate::Chip::set_slow_oscillator).
+    pub(crate) fn set_slow_oscillator(&mut self, now: Ticks, hz: u32) {
+        self.options.osculp32k_hz = hz;
+        self.sysctrl.set_slow_oscillator(hz);
+        self.retime(now);
+        self.refresh(now);
+    }
+
     /// See [`Chip::flip_register`](crate::Chip::flip_register).
     pub(crate) fn flip(&mut self, now: Ticks, addr: u32, bit: u8, board: &mut dyn Board) -> bool {
         let Ok(entry) = self.locate(addr) else {

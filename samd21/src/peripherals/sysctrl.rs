@@ -134,6 +134,11 @@ impl Sysctrl {
         Rate::from_hz(u64::from(self.osculp32k_hz))
     }
 
+    /// That runs at another rate.
+    pub(crate) fn set_slow_oscillator(&mut self, hz: u32) {
+        self.osculp32k_hz = hz;
+    }
+
     /// The 8 MHz oscillator behind its prescaler.
     pub(crate) fn osc8m(&self) -> Option<Rate> {
         (self.osc8m & ENABLE != 0).then(|| Rate::from_hz(8_000_000 >> (self.osc8m >> 8 & 3)))

@@ -85,6 +85,25 @@ fn the_watchdogs_clock_follows_the_slow_oscillator() {
     }
 }
 
+/// Half of its time has passed at the nominal rate when the oscillator becomes a quarter faster.
+#[test]
+fn the_watchdog_comes_sooner_when_its_oscillator_becomes_faster() {
+    let mut bench = Bench::new(SyncHold::Instant, Unconnected);
+    bench.generator(4, 3, 32);
+    bench.route(3, 4);
+    bench.w8(0x4000_1001, 0x04);
+    bench.w8(0x4000_1000, 0x02);
+    bench.wait(0x4000_1007, Width::Byte, 0x80, false);
+    bench.pass(Ticks::from_us(62_500));
+    let now = bench.now;
+    bench.peripherals.set_slow_oscillator(now, 40_960);
+    bench.pass(Ticks::from_us(49_000));
+    assert_eq!(bench.peripherals.take_reset(), None);
+    bench.pass(Ticks::from_us(2_000));
+    let cause = bench.peripherals.take_reset();
+    assert_eq!(cause, Some(ResetCause::Watchdog));
+}
+
 #[test]
 fn an_erased_user_row_resets_the_chip_every_second() {
     let options = Options {

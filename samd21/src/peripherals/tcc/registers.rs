@@ -143,6 +143,7 @@ impl Tcc {
                 if self.synchronise(bus, busy::CC0 + channel) {
                     self.cc[channel] = lanes.merge(self.cc[channel]) & self.max;
                     self.schedule(now);
+                    self.tell(bus, channel, self.cc[channel]);
                 }
             }
             0x6C => {
@@ -156,11 +157,17 @@ impl Tcc {
                 if self.synchronise(bus, busy::CCB0 + channel) {
                     self.ccb[channel] = lanes.merge(self.ccb[channel]) & self.max;
                     self.status |= CCBV0 << channel;
+                    self.tell(bus, channel, self.ccb[channel]);
                 }
             }
             _ => return Err(RESERVED),
         }
         DONE
+    }
+
+    fn tell(&self, bus: &mut Bus<'_>, channel: usize, count: u32) {
+        let (tcc, channel) = (self.index as u8, channel as u8);
+        bus.board.compare(bus.now, tcc, channel, count);
     }
 
     /// Whether this timer has the register (table 31-1): of WEXCTRL and PATT, TCC0 has both and
