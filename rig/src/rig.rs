@@ -116,6 +116,7 @@ pub struct Rig {
     bootloader: Bootloader,
     running: Running,
     resets: Vec<(Ticks, ResetCause)>,
+    lockups: usize,
     lowest_sp: u32,
     /// Probability that a read or a write of the port is lost, and what decides it.
     usb_loss: (f64, ChaCha8Rng),
@@ -155,6 +156,7 @@ impl Rig {
             bootloader,
             running: Running::Image,
             resets: Vec::new(),
+            lockups: 0,
             usb_loss: (
                 config.hardware.usb_loss,
                 generator(config.seed, Stream::Port),
@@ -185,8 +187,9 @@ impl Rig {
     pub fn run_until(&mut self, until: Ticks) -> Result<(), RigError> {
         while self.now() < until {
             match self.run_some(until) {
-                // A core in lock-up stands still until the watchdog resets it.
-                Stop::Reached | Stop::Lockup => {}
+                Stop::Reached => {}
+                // The core stands still until the watchdog resets it.
+                Stop::Lockup => self.lockups += 1,
                 Stop::Reset(cause) => self.reset(cause),
                 stop => {
                     return Err(RigError::Stopped {
@@ -259,6 +262,14 @@ impl Rig {
         self.chip.flip_register(address, bit, &mut self.environment)
     }
 
+    /// The slow oscillator goes to another rate, relative to 32,768 Hz; one that the hardware's
+    /// keys give stays.
+    pub fn drift_slow_clock(&mut self, ratio: f64) {
+        if self.hardware.slow_clock.is_none() {
+            self.chip.set_slow_oscillator(ratio * 32_768.0);
+        }
+    }
+
     /// The image that runs.
     pub fn image(&self) -> &Image {
         &self.image
@@ -283,6 +294,17 @@ impl Rig {
     /// Every reset since power-on, with its time.
     pub fn resets(&self) -> &[(Ticks, ResetCause)] {
         &self.resets
+    }
+
+    /// How often the core has locked up since power-on.
+    pub fn lockups(&self) -> usize {
+        self.lockups
+    }
+
+    /// How far the chip's main clock may be off by itself, relative.
+    pub fn clock_error(&self) -> f64 {
+        let drift = f64::from(self.hardware.clock_drift_ppm_s) * 1e-6;
+        self.hardware.clock_percent.abs() / 100.0 + (drift * self.now().as_secs_f64()).abs()
     }
 
     /// Opens the clamp; the drone leaves it with a rate, rad/s.

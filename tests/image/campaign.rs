@@ -1,9 +1,11 @@
 //! A sample of the campaign of faults; `tvc faults` carries out the whole of it.
 
 use crate::{firmware, ready};
+use rig::bench::{TwoAxes, VehicleConfig};
 use rig::bno055::FaultKind;
-use rig::faults::{Campaign, Case, Ending, Kind, Phase, SystemKind};
+use rig::faults::{Campaign, Case, Ending, Kind, Phase, Plan, SystemKind};
 use rig::{Ready, ServoKind, Setup, prepare};
+use std::collections::BTreeSet;
 
 /// Of every kind this many runs.
 const RUNS: u32 = 2;
@@ -171,4 +173,80 @@ fn a_flipped_bit_of_the_image_is_noticed() {
         let is_safe = outcome.ending == Ending::Restarted && outcome.wrong_ms < 100.0;
         assert!(outcome.noticed && is_safe, "{outcome:?}");
     }
+}
+
+/// What ends in a reset by the firmware itself, by the slowest and the fastest frame and with one
+/// rudder and two: no pulse is cut. `tvc faults --resets` has more of it.
+#[test]
+fn a_reset_by_the_firmware_cuts_no_pulse() {
+    let mut cut = Vec::new();
+    let mut resets = 0;
+    for (servo, two_axes) in [(ServoKind::S3003, false), (ServoKind::Digital, true)] {
+        let ready = vehicle(servo, two_axes);
+        for phase in Plan::Resets.phases() {
+            let frame_hz = f64::from(servo.frame_hz());
+            let campaign = Campaign::new(&ready, frame_hz, phase, 1).unwrap();
+            let campaign = campaign.by(Plan::Resets);
+            for kind in Plan::Resets.kinds(phase) {
+                for number in 0..6 {
+                    let outcome = campaign.run(Case { kind, number }).unwrap();
+                    resets += u32::from(outcome.ending == Ending::Restarted);
+                    if matches!(outcome.ending, Ending::Unsafe(_)) || outcome.strays > 0 {
+                        cut.push(format!("{phase}, {}: {:?}", outcome.fault, outcome.ending));
+                    }
+                }
+            }
+        }
+    }
+    assert!(cut.is_empty(), "{} of 84: {cut:#?}", cut.len());
+    assert!(resets > 75, "{resets}");
+}
+
+/// Each register of the servo timer by one bit of its own, and each bit that by itself could turn
+/// the rudder's pulses round, move or stop them for ever. `tvc faults --timer-bits` has all.
+#[test]
+fn a_flipped_bit_of_the_servo_timer_steers_for_a_moment_at_most() {
+    // OTMX, DTIEN1, INVEN5, PGE5, the sources of fault A and B, events to be counted, CPTEN1.
+    const BITS: [&str; 9] = [
+        "bit 1 of TCC0.WEXCTRL",
+        "bit 9 of TCC0.WEXCTRL",
+        "bit 21 of TCC0.DRVCTRL",
+        "bit 5 of TCC0.PATT",
+        "bit 1 of TCC0.FCTRLA",
+        "bit 1 of TCC0.FCTRLB",
+        "bit 1 of TCC0.EVCTRL",
+        "bit 5 of TCC0.EVCTRL",
+        "bit 25 of TCC0.CTRLA",
+    ];
+    let frame_hz = f64::from(ServoKind::S3003.frame_hz());
+    let campaign = Campaign::new(&ready(), frame_hz, Phase::Flight, 1).unwrap();
+    let campaign = campaign.by(Plan::TimerBits);
+    let bits = campaign.timer_bits();
+    let (mut registers, mut wrong) = (BTreeSet::new(), Vec::new());
+    for (number, bit) in (0..).zip(&bits) {
+        let (_, register) = bit.rsplit_once(' ').unwrap();
+        if registers.insert(register) || BITS.contains(&bit.as_str()) {
+            let kind = Kind::System(SystemKind::TimerRegister);
+            let outcome = campaign.run(Case { kind, number }).unwrap();
+            assert!(outcome.fault.contains(bit), "{} {bit}", outcome.fault);
+            if outcome.for_ever || outcome.wrong_ms > 200.0 {
+                wrong.push(format!("{bit}: {:?}", outcome.ending));
+            }
+        }
+    }
+    assert_eq!(registers.len(), 26);
+    assert!(BITS.iter().all(|bit| bits.iter().any(|one| one == bit)));
+    assert!(wrong.is_empty(), "{wrong:#?}");
+}
+
+/// A vehicle in standby.
+fn vehicle(servo: ServoKind, two_axes: bool) -> Ready {
+    let mut setup = Setup::with_polarity(servo, 1);
+    if two_axes {
+        setup.rig.bench.vehicle = VehicleConfig::TwoAxes(TwoAxes::default());
+        let stored = setup.rig.stored.as_mut().unwrap();
+        stored.set("AXES", 2.0).unwrap();
+        stored.set("SRV2_POLARITY", 1.0).unwrap();
+    }
+    prepare(firmware(), &setup, &mut |_| {}).unwrap()
 }

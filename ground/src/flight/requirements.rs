@@ -27,6 +27,8 @@ pub const RATE_HZ: Limit = AtLeast(100.0);
 pub const JITTER_US: Limit = Below(100.0);
 /// Mean time from the start of a sample's burst to its pulse, us.
 pub const LATENCY_US: Limit = AtMost(8000.0);
+/// Servo pulses that are not as wide as the firmware has asked for.
+pub const STRAY_PULSES: Limit = AtMost(0.0);
 /// Messages lost or damaged.
 pub const LOST_MESSAGES: Limit = AtMost(0.0);
 /// The image in flash, bytes.

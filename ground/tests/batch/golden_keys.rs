@@ -230,8 +230,8 @@ fn what_is_run_without_a_vehicle_keeps_its_keys() {
         std::fs::copy(scenarios.join(from), folder.path().join(to)).unwrap();
     }
     write_short_recording(&folder.path().join("walk.imuq"));
-    let run = "seed = 1\nvehicle = \"drone\"\nhardware = \"\"\nphase = \"flight\"\n\
-               glitches = false\nkind = \"spikes\"\nnumber = 0\n";
+    let run = "seed = 1\ncampaign = \"faults\"\nvehicle = \"drone\"\nservo = \"s3003\"\n\
+               hardware = \"\"\nphase = \"flight\"\nkind = \"spikes\"\nnumber = 0\n";
     std::fs::write(folder.path().join("run.toml"), run).unwrap();
     let differences = check_all(folder.path(), ALONE, &[]);
     assert!(differences.is_empty(), "{}", differences.join("\n"));

@@ -33,6 +33,9 @@ use tvc_nano::Axis;
 pub const ZERO_RUDDER_US: f64 = 1523.6;
 /// The servos' pins by axis, D3 and D2.
 pub const SERVO_PINS: [Pin; Axis::COUNT] = [Pin::b(11), Pin::b(10)];
+/// The channels of TCC0 that make their pulses, and what a count of theirs lasts: 1/3 us.
+const SERVO_CHANNELS: [u8; Axis::COUNT] = [1, 0];
+const SERVO_COUNT: Ticks = Ticks(16);
 /// D2, to which a jumper may lead the first servo's signal.
 const JUMPER_PIN: Pin = SERVO_PINS[1];
 /// The probe pin, D4.
@@ -283,7 +286,7 @@ impl Environment {
         self.sensor.set_magnetometer(hardware.magnetometer);
     }
 
-    /// The chip has been reset: its pins float.
+    /// The chip has been reset; what its pins do then it says itself.
     pub fn chip_reset(&mut self) {
         self.analyzer.reset();
     }
@@ -488,6 +491,14 @@ impl Board for Environment {
             PROBE_PIN => self.analyzer.probe(now, level, &mut self.truth),
             pin if pin == I2C_PINS.scl && level => self.sensor.clocked(),
             _ => {}
+        }
+    }
+
+    fn compare(&mut self, _now: Ticks, tcc: u8, channel: u8, count: u32) {
+        let axis = SERVO_CHANNELS.iter().position(|servo| *servo == channel);
+        if let Some(axis) = axis.filter(|_| tcc == 0) {
+            let width = SERVO_COUNT * u64::from(count);
+            self.analyzer.asked(Axis::ALL[axis], width);
         }
     }
 

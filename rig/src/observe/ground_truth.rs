@@ -46,6 +46,8 @@ pub struct Pulse {
     pub rise: Ticks,
     /// Falling edge.
     pub fall: Ticks,
+    /// What was asked for.
+    pub asked: Asked,
 }
 
 impl Pulse {
@@ -53,6 +55,35 @@ impl Pulse {
     pub fn width_us(&self) -> f64 {
         (self.fall - self.rise).as_us_f64()
     }
+
+    /// Whether it is as wide as the program had asked for, by a clock that is this far off,
+    /// relative.
+    pub fn is_as_asked(&self, clock_error: f64) -> bool {
+        let width_us = self.width_us();
+        let slack = 1.0 + CLOCK_JITTER + clock_error.abs();
+        let near = |asked: Ticks| {
+            let (least, most) = (asked.as_us_f64() / slack, asked.as_us_f64() * slack);
+            (least - 1.0..=most + 1.0).contains(&width_us)
+        };
+        self.asked.0.into_iter().any(near)
+    }
+}
+
+/// How far the main clock is off while start-of-frame corrects it, relative.
+const CLOCK_JITTER: f64 = 0.002;
+
+/// The widths that the program had given its timer when a pulse rose and when the one before did,
+/// which is sent again if the timer was not to take another; zero is no pulse.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Asked(pub [Ticks; 2]);
+
+/// A servo's pin is high.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct High {
+    /// Rising edge.
+    pub rise: Ticks,
+    /// What was asked for.
+    pub asked: Asked,
 }
 
 /// A burst that read all data of the sensor, or the rates alone, seen on the bus.
@@ -98,12 +129,17 @@ pub struct GroundTruth {
     pub bursts: Vec<Burst>,
     /// Control steps.
     pub steps: Vec<Step>,
+    /// The pulses that have begun and not ended, by axis.
+    pub high: [Option<High>; Axis::COUNT],
 }
 
 impl GroundTruth {
-    /// Forgets everything, as at the start of a measurement.
+    /// Forgets all that is over, as at the start of a measurement.
     pub fn clear(&mut self) {
-        *self = Self::default();
+        *self = Self {
+            high: self.high,
+            ..Self::default()
+        };
     }
 
     /// Finished pulses of an axis' servo.

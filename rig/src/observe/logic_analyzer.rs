@@ -3,7 +3,7 @@
 
 use crate::bno055::Refresh;
 use crate::bno055::registers::page0::{ACC_DATA, GYR_DATA};
-use crate::observe::ground_truth::{Burst, GroundTruth, Pulse, Step};
+use crate::observe::ground_truth::{Asked, Burst, GroundTruth, High, Pulse, Step};
 use samd21::board::{I2cEvent, I2cReply, Ticks};
 use tvc_nano::Axis;
 
@@ -40,13 +40,14 @@ struct Transaction {
     skipped: usize,
 }
 
-/// The analyser, with the transaction, pulse and step that have begun and not ended.
+/// The analyser, with the transaction and the step that have begun and not ended.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct LogicAnalyzer {
     transaction: Option<Transaction>,
     /// Words of the newest whole burst, and whether they were valid.
     whole: Option<([i16; 9], bool)>,
-    pulse_rise: [Option<Ticks>; Axis::COUNT],
+    /// Widths that the program asks for, and asked for when the last pulse rose.
+    asked: [Asked; Axis::COUNT],
     step_start: Option<Ticks>,
 }
 
@@ -143,20 +144,34 @@ impl LogicAnalyzer {
         level: bool,
         truth: &mut GroundTruth,
     ) -> Option<Pulse> {
-        let rise = &mut self.pulse_rise[axis.index()];
+        let high = &mut truth.high[axis.index()];
         if level {
-            *rise = Some(now);
+            let asked = &mut self.asked[axis.index()];
+            *high = Some(High {
+                rise: now,
+                asked: *asked,
+            });
+            let [newest, _] = asked.0;
+            asked.0 = [newest; 2];
             return None;
         }
+        let High { rise, asked } = high.take()?;
         let pulse = Pulse {
-            rise: rise.take()?,
+            rise,
             fall: now,
+            asked,
         };
         match axis {
             Axis::Pitch => truth.pulses.push(pulse),
             Axis::Roll => truth.roll_pulses.push(pulse),
         }
         Some(pulse)
+    }
+
+    /// The program asks for pulses of this width.
+    pub(crate) fn asked(&mut self, axis: Axis, width: Ticks) {
+        let Asked([newest, _]) = &mut self.asked[axis.index()];
+        *newest = width;
     }
 
     /// An edge at the probe pin.
@@ -168,7 +183,7 @@ impl LogicAnalyzer {
         }
     }
 
-    /// The chip was reset and its pins float: forgets what has begun.
+    /// The chip was reset: forgets what has begun, but for the pulses, which its pins end.
     pub(crate) fn reset(&mut self) {
         *self = Self::default();
     }
@@ -295,9 +310,52 @@ mod tests {
             .servo(Ticks::from_us(1533), Axis::Pitch, false, &mut truth)
             .unwrap();
         assert_eq!(pulse.width_us(), 1523.0);
+        assert!(!pulse.is_as_asked(0.0));
         analyzer.probe(Ticks::from_us(1), true, &mut truth);
         analyzer.reset();
         analyzer.probe(Ticks::from_us(2), false, &mut truth);
         assert_eq!((truth.pulses.len(), truth.steps.len()), (1, 0));
+    }
+
+    #[test]
+    fn a_pulse_is_held_against_what_was_asked_for_when_it_rose() {
+        let (mut analyzer, mut truth) = (LogicAnalyzer::default(), GroundTruth::default());
+        let us = Ticks::from_us;
+        let mut pulse = |at: u64, width: u64, next: Option<u64>| {
+            analyzer.servo(us(at), Axis::Pitch, true, &mut truth);
+            if let Some(next) = next {
+                analyzer.asked(Axis::Pitch, us(next));
+            }
+            let pulse = analyzer.servo(us(at + width), Axis::Pitch, false, &mut truth);
+            pulse.unwrap().is_as_asked(0.0)
+        };
+        assert!(!pulse(0, 1500, Some(1500)), "asked for while it was high");
+        assert!(pulse(20_000, 1500, Some(1600)));
+        // The timer takes the next one, or the one before again.
+        assert!(pulse(40_000, 1600, None) && pulse(60_000, 1600, Some(1700)));
+        assert!(pulse(80_000, 1600, None) && !pulse(100_000, 1600, None));
+        // Cut; and half a percent off, by a clock that is.
+        assert!(!pulse(120_000, 900, None));
+        let slow = Pulse {
+            rise: us(0),
+            fall: us(1510),
+            asked: Asked([us(1500), Ticks::ZERO]),
+        };
+        assert!(!slow.is_as_asked(0.0) && slow.is_as_asked(-0.005));
+    }
+
+    #[test]
+    fn a_reset_ends_a_pulse_and_a_new_measurement_does_not() {
+        let (mut analyzer, mut truth) = (LogicAnalyzer::default(), GroundTruth::default());
+        analyzer.asked(Axis::Roll, Ticks::from_us(1500));
+        analyzer.servo(Ticks::from_us(10), Axis::Roll, true, &mut truth);
+        truth.clear();
+        analyzer.reset();
+        analyzer.servo(Ticks::from_us(700), Axis::Roll, false, &mut truth);
+        let [pulse] = truth.roll_pulses[..] else {
+            panic!("{:?}", truth.roll_pulses);
+        };
+        assert_eq!(pulse.width_us(), 690.0);
+        assert!(!pulse.is_as_asked(0.0));
     }
 }

@@ -4,6 +4,7 @@
 use crate::observe::ground_truth::{Burst, GroundTruth, Pulse};
 use samd21::board::Ticks;
 use std::ops::Range;
+use tvc_nano::Axis;
 
 /// Mean and maximum of a set of values; zero for an empty set.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -53,6 +54,8 @@ pub struct LoopTiming {
     pub steps: usize,
     /// Bursts.
     pub bursts: usize,
+    /// Pulses that were not as wide as the image had asked for, of both servos.
+    pub strays: usize,
 }
 
 impl LoopTiming {
@@ -67,6 +70,8 @@ impl LoopTiming {
         let cycle = cycle(&bursts);
         let period = periods_us(&bursts, cycle).mean / cycle as f64;
         let steps = truth.steps.iter().filter(|step| within(step.start));
+        let pulses = Axis::ALL.iter().flat_map(|axis| truth.pulses_of(*axis));
+        let strays = pulses.filter(|pulse| within(pulse.rise) && !pulse.is_as_asked(0.0));
         Self {
             rate_hz: if period > 0.0 { 1e6 / period } else { 0.0 },
             jitter_us_max: jitter_us(&bursts, cycle),
@@ -84,6 +89,7 @@ impl LoopTiming {
                 .collect(),
             steps: steps.count(),
             bursts: bursts.len(),
+            strays: strays.count(),
         }
     }
 }
@@ -152,7 +158,7 @@ pub(crate) fn events_without(events: &[f64], messages: impl Iterator<Item = f64>
 mod tests {
     use super::*;
     use crate::bno055::Refresh;
-    use crate::observe::ground_truth::Step;
+    use crate::observe::ground_truth::{Asked, Step};
 
     /// Two steps in a frame of 20 ms; only the second reaches a pulse.
     fn frames(count: u64) -> GroundTruth {
@@ -179,6 +185,7 @@ mod tests {
                 });
             }
             truth.pulses.push(Pulse {
+                asked: Asked([us(1523); 2]),
                 rise: us(overflow),
                 fall: us(overflow + 1523),
             });
@@ -195,7 +202,15 @@ mod tests {
         assert_eq!(timing.jitter_us_max, 0.0);
         assert_eq!(timing.cycles_per_step.mean, 48_000.0);
         assert_eq!(timing.sample_age_us.max, 2000.0);
-        assert_eq!((timing.steps, timing.bursts), (100, 100));
+        assert_eq!((timing.steps, timing.bursts, timing.strays), (100, 100, 0));
+    }
+
+    #[test]
+    fn a_cut_pulse_is_a_stray_one() {
+        let mut truth = frames(50);
+        truth.pulses[20].fall = truth.pulses[20].rise + Ticks::from_us(900);
+        let timing = LoopTiming::over(&truth, Ticks::ZERO..Ticks::from_ms(2000));
+        assert_eq!(timing.strays, 1);
     }
 
     #[test]

@@ -13,8 +13,7 @@ use std::time::{Duration, Instant};
 use anyhow::{Context, Result};
 use indicatif::{ProgressBar, ProgressStyle};
 use rayon::prelude::*;
-use rig::bench::Hardware;
-use rig::faults::{Campaign, Case, GLITCHES, Kind, Phase};
+use rig::faults::{Campaign, Case, Kind, Phase, Plan};
 use rig::{ServoKind, Setup, prepare};
 
 use crate::flight::vehicle::VehicleKind;
@@ -29,6 +28,8 @@ use table::{End, Row};
 
 /// Runs of each kind where their number is not given.
 const RUNS_OF_EACH: u32 = 50;
+/// Instants at which each bit of the timer flips where the number of runs is not given.
+const INSTANTS: u32 = 20;
 /// Unsafe runs that are written as files.
 const WRITTEN: usize = 100;
 
@@ -41,42 +42,48 @@ pub fn run(options: &Faults) -> Result<Verdict> {
     }
 }
 
+/// What is flown, and what its faults disturb.
+#[derive(Clone, Debug)]
+pub struct Flown {
+    /// What is tried.
+    pub plan: Plan,
+    /// What hangs on the rig.
+    pub vehicle: VehicleKind,
+    /// Its servo.
+    pub servo: ServoKind,
+    /// What it does when a fault begins.
+    pub phase: Phase,
+    /// What the parts are like, as `--hardware` takes it.
+    pub hardware: String,
+    /// Of all that is random.
+    pub seed: u64,
+}
+
 /// Carries out the campaign, prints its table, and names every unsafe run.
 fn fly(options: &Faults) -> Result<Verdict> {
-    if options.vehicle == VehicleKind::Rocket {
-        return Err(BadInput::new(
-            "--vehicle rocket: the campaign's flights are those of a drone; take drone or drone2",
-        )
-        .into());
-    }
-    if options.glitches && options.phase != Phase::Flight {
-        return Err(BadInput::new("--phase: glitches are flown, in phase flight").into());
-    }
-    let cases = cases(options)?;
+    let all = options.flown()?;
     let begun = Instant::now();
-    let campaign = campaign(
-        &options.image,
-        options.vehicle,
-        options.hardware.hardware()?,
-        options.phase,
-        options.seed,
-        options.glitches,
-    )?;
-    let rows = carry_out(&campaign, &cases, options)?;
+    let mut of_shard = Shard::of(options, &all)?;
+    let mut rows = Vec::new();
+    for flown in &all {
+        let campaign = campaign(&options.image, flown)?;
+        let cases = of_shard.cases(options, flown, &campaign);
+        rows.extend(carry_out(&campaign, &cases, flown, options)?);
+    }
     if rows.is_empty() {
         return Err(BadInput::new("--shard: this part of the campaign has no run").into());
     }
     if let Some(out) = &options.out {
         table::write(out, &rows)?;
     }
-    let figures = summary::figures(&rows, options.glitches, Some(begun.elapsed().as_secs_f64()));
+    let figures = summary::figures(&rows, Some(begun.elapsed().as_secs_f64()));
     let page = report::render(&figures, &rows)?;
     let verdict = figures.conclude(options.json, Some((&options.report, page)))?;
     let unsafe_runs = rows.iter().filter(|row| row.end == End::Unsafe);
     for (place, row) in unsafe_runs.enumerate() {
         eprintln!("unsafe: {}: {}", row.story(), row.why);
         if place < WRITTEN {
-            let scenario = Scenario::new(options, row);
+            let scenario = Scenario::new(options.hardware.text(), row);
             let path = scenario.write(&options.unsafe_runs, place + 1, row)?;
             eprintln!("  again: tvc faults replay {}", path.display());
         }
@@ -94,7 +101,7 @@ fn merge(options: &Merge) -> Result<Verdict> {
     if let Some(out) = &options.out {
         table::write(out, &rows)?;
     }
-    let figures = summary::figures(&rows, false, None);
+    let figures = summary::figures(&rows, None);
     let page = report::render(&figures, &rows)?;
     figures.conclude(options.json, Some((&options.report, page)))
 }
@@ -106,24 +113,15 @@ fn merge(options: &Merge) -> Result<Verdict> {
 #[cfg(test)]
 pub fn merged(path: &Path) -> Result<String> {
     let rows = table::merge(&[path])?;
-    report::render(&summary::figures(&rows, false, None), &rows)
+    report::render(&summary::figures(&rows, None), &rows)
 }
 
 /// Carries out one run again.
 fn replay(options: &Replay) -> Result<Verdict> {
-    let (scenario, vehicle, phase, case) = Scenario::read(&options.file)?;
-    let hardware = scenario.hardware.parse().map_err(BadInput::new)?;
-    let campaign = campaign(
-        &options.image,
-        vehicle,
-        hardware,
-        phase,
-        scenario.seed,
-        scenario.glitches,
-    )?;
-    let outcome = campaign.run(case)?;
-    let row = Row::new(scenario.seed, vehicle.name(), phase, &outcome);
-    let figures = summary::figures(std::slice::from_ref(&row), false, None);
+    let (flown, case) = Scenario::read(&options.file)?;
+    let outcome = campaign(&options.image, &flown)?.run(case)?;
+    let row = Row::new(&flown, &outcome);
+    let figures = summary::figures(std::slice::from_ref(&row), None);
     let said = Figures::from([
         figure("run", row.story()).shown("run", "", 0),
         figure("ended", format!("{:?}", row.end).to_lowercase()).shown("ended", "", 0),
@@ -136,67 +134,87 @@ fn replay(options: &Replay) -> Result<Verdict> {
 }
 
 /// The flight, or another phase, that is to be disturbed.
-fn campaign(
-    image: &ImageOption,
-    vehicle: VehicleKind,
-    hardware: Hardware,
-    phase: Phase,
-    seed: u64,
-    glitches: bool,
-) -> Result<Campaign> {
+fn campaign(image: &ImageOption, flown: &Flown) -> Result<Campaign> {
     let image = image.image()?;
     let bar = spinner("boot and flight, or another phase, without a fault");
-    let mut setup = Setup::with_polarity(ServoKind::S3003, seed);
-    setup.rig.hardware = hardware;
-    vehicle.hang(&mut setup.rig)?;
+    let mut setup = Setup::with_polarity(flown.servo, flown.seed);
+    setup.rig.hardware = flown.hardware.parse().map_err(BadInput::new)?;
+    flown.vehicle.hang(&mut setup.rig)?;
     let ready = prepare(&image, &setup, &mut |_| {})?;
-    let frame_hz = f64::from(setup.servo.frame_hz());
-    let campaign = Campaign::new(&ready, frame_hz, phase, seed)
-        .with_context(|| format!("phase {phase}, which is to be disturbed"))?;
+    let frame_hz = f64::from(flown.servo.frame_hz());
+    let campaign = Campaign::new(&ready, frame_hz, flown.phase, flown.seed)
+        .with_context(|| format!("phase {}, which is to be disturbed", flown.phase))?;
     bar.finish_and_clear();
-    Ok(if glitches {
-        campaign.of_glitches()
-    } else {
-        campaign
-    })
+    Ok(campaign.by(flown.plan))
 }
 
-/// The runs of this shard, by kind and number.
-///
-/// # Errors
-/// A kind is none of the phase's.
-fn cases(options: &Faults) -> Result<Vec<Case>> {
-    let mut kinds = Kind::all();
-    if options.glitches {
-        kinds = GLITCHES.map(Kind::Sensor).to_vec();
-    } else if !options.kind.is_empty() {
+/// The runs of this shard.
+struct Shard {
+    /// Runs of each kind.
+    of_each: u32,
+    part: u64,
+    parts: u64,
+    /// Runs of all shards so far.
+    index: u64,
+}
+
+impl Shard {
+    /// # Errors
+    /// A kind is none of the phase's.
+    fn of(options: &Faults, all: &[Flown]) -> Result<Self> {
+        let sensor_kind = options
+            .kind
+            .iter()
+            .find(|kind| matches!(kind, Kind::Sensor(_)));
+        let other_phase = all.iter().find(|flown| flown.phase != Phase::Flight);
+        if let (Some(kind), Some(flown)) = (sensor_kind, other_phase) {
+            let why = format!("--phase {}: {kind} is a fault of phase flight", flown.phase);
+            return Err(BadInput::new(why).into());
+        }
+        let kinds: usize = all.iter().map(|flown| kinds(options, flown).len()).sum();
+        let of_each = options
+            .runs
+            .map_or(RUNS_OF_EACH, |runs| runs.div_ceil(kinds.max(1) as u32));
+        let (part, parts) = options.shard.unwrap_or((0, 1));
+        Ok(Self {
+            of_each,
+            part,
+            parts,
+            index: 0,
+        })
+    }
+
+    /// The runs of a campaign, by kind and number.
+    fn cases(&mut self, options: &Faults, flown: &Flown, campaign: &Campaign) -> Vec<Case> {
+        let of_each = match (flown.plan, options.runs) {
+            (Plan::TimerBits, None) => INSTANTS * campaign.timer_bits().len() as u32,
+            _ => self.of_each,
+        };
+        let kinds = kinds(options, flown).into_iter();
+        let all = kinds.flat_map(|kind| (0..of_each).map(move |number| Case { kind, number }));
+        all.filter(|_| {
+            self.index += 1;
+            (self.index - 1) % self.parts == self.part
+        })
+        .collect()
+    }
+}
+
+/// What fails.
+fn kinds(options: &Faults, flown: &Flown) -> Vec<Kind> {
+    let mut kinds = flown.plan.kinds(flown.phase);
+    if !options.kind.is_empty() {
         kinds.retain(|kind| options.kind.contains(kind));
-    } else if options.phase != Phase::Flight {
-        kinds.retain(|kind| matches!(kind, Kind::System(_)));
     }
-    let of_sensor = kinds.iter().find(|kind| matches!(kind, Kind::Sensor(_)));
-    if let Some(kind) = of_sensor
-        && options.phase != Phase::Flight
-    {
-        let why = format!(
-            "--phase {}: {kind} is a fault of phase flight",
-            options.phase
-        );
-        return Err(BadInput::new(why).into());
-    }
-    let of_each = options
-        .runs
-        .map_or(RUNS_OF_EACH, |runs| runs.div_ceil(kinds.len() as u32));
-    let (part, parts) = options.shard.unwrap_or((0, 1));
-    let all = kinds
-        .into_iter()
-        .flat_map(|kind| (0..of_each).map(move |number| Case { kind, number }))
-        .enumerate()
-        .filter(|(index, _)| *index as u64 % parts == part);
-    Ok(all.map(|(_, case)| case).collect())
+    kinds
 }
 
-fn carry_out(campaign: &Campaign, cases: &[Case], options: &Faults) -> Result<Vec<Row>> {
+fn carry_out(
+    campaign: &Campaign,
+    cases: &[Case],
+    flown: &Flown,
+    options: &Faults,
+) -> Result<Vec<Row>> {
     let pool = rayon::ThreadPoolBuilder::new()
         .num_threads(options.jobs.map_or(0, usize::from))
         .build()?;
@@ -212,8 +230,7 @@ fn carry_out(campaign: &Campaign, cases: &[Case], options: &Faults) -> Result<Ve
                     .run(case)
                     .with_context(|| format!("run {} of fault {}", case.number, case.kind))?;
                 bar.inc(1);
-                let vehicle = options.vehicle.name();
-                Ok(Row::new(options.seed, vehicle, options.phase, &outcome))
+                Ok(Row::new(flown, &outcome))
             })
             .collect()
     });

@@ -3,12 +3,15 @@
 use std::path::PathBuf;
 
 use clap::{Args, Subcommand};
-use rig::faults::{Kind, Phase};
+use rig::ServoKind;
+use rig::faults::{Kind, Phase, Plan};
 
+use super::Flown;
 use crate::arguments::shard;
 use crate::flight::hardware::HardwareChoice;
 use crate::flight::vehicle::VehicleKind;
 use crate::image::ImageOption;
+use crate::out::exit::BadInput;
 use crate::out::kind;
 
 /// Options of `tvc faults`.
@@ -21,6 +24,8 @@ Examples:
   cargo tvc faults --runs 10000 --json > faults.json  the long campaign, for a script
   cargo tvc faults --kind sda-stuck --kind ram-stack  two of them
   cargo tvc faults --glitches                         short ones of the cable: all but 1 % ridden out
+  cargo tvc faults --resets                           every reset by the firmware, two servos, two drones
+  cargo tvc faults --timer-bits                       every bit of the servo timer, 20 instants each
   cargo tvc faults --vehicle drone2                   both rudders of the two-axis drone
   cargo tvc faults --phase saving                     chip, program and host, while parameters are stored
   cargo tvc faults --runs 10000 --shard 3/16 --out part3.csv
@@ -36,6 +41,11 @@ neutral at the end, behind a reset too (restarted). In another phase than the fl
 neutral is a wrong one, and nothing is armed or in control without an order. What is stored at the
 end is what somebody has stored. Everything else is unsafe. The same seed gives the same runs.
 
+A pulse that is neither neutral nor what the firmware had asked for, and a pin that stays high, are
+unsafe by themselves: a servo goes where the last pulse says. Where the fault is a wrong register,
+that holds for the last pulse before a silence; where it ends the pulses itself, as the reset button
+does, such pulses are only counted.
+
 Exit status: 0 no unsafe run (and 99 % of glitches ridden out), 1 at least one or something failed,
 2 unusable input."
 )]
@@ -48,14 +58,19 @@ pub struct Faults {
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=10_000_000))]
     pub runs: Option<u32>,
 
-    /// What hangs on the rig.
-    #[arg(long, value_enum, default_value_t)]
-    pub vehicle: VehicleKind,
+    /// What hangs on the rig [default: drone; with --resets both drones].
+    #[arg(long, value_enum)]
+    pub vehicle: Option<VehicleKind>,
+
+    /// The servo on the rig, at a 50 or a 300 Hz frame [default: s3003; with --resets both].
+    #[arg(long, value_enum)]
+    pub servo: Option<ServoKind>,
 
     /// What the vehicle does when the fault begins: start, standby, saving (its parameters), armed,
-    /// flight or failsafe. In another phase than the flight, only what fails beyond the sensor.
-    #[arg(long, default_value_t = Phase::Flight)]
-    pub phase: Phase,
+    /// flight or failsafe. In another phase than the flight, only what fails beyond the sensor
+    /// [default: flight; with --resets flight, armed and standby].
+    #[arg(long)]
+    pub phase: Option<Phase>,
 
     /// Only this fault; can be given several times [default: all].
     #[arg(long, value_name = "KIND", num_args = 1..)]
@@ -63,8 +78,19 @@ pub struct Faults {
 
     /// Glitches of the cable instead: 4 to 40 ms without acknowledge, with a line held, all ones or
     /// a stretched clock. At least 99 % must be ridden out with control active.
-    #[arg(long, conflicts_with = "kind")]
+    #[arg(long, conflicts_with = "kind", group = "plan")]
     pub glitches: bool,
+
+    /// Resets by the firmware instead: a hung program or interrupt, a hard fault, failed
+    /// self-checks, a reboot by order, at any phase of the servo frame, with the watchdog's
+    /// oscillator at 0.87 to 1.4 times its rate. No pulse may be cut.
+    #[arg(long, group = "plan")]
+    pub resets: bool,
+
+    /// Each bit of the servo timer's registers instead; --runs is the number in all [default: 20
+    /// instants each].
+    #[arg(long, conflicts_with = "kind", group = "plan")]
+    pub timer_bits: bool,
 
     /// Seed of all that is random: the sensor, and every run's instant, length and strength.
     #[arg(long, value_name = "N", default_value_t = 1)]
@@ -101,6 +127,68 @@ pub struct Faults {
     /// Print one JSON object on standard output and nothing else there.
     #[arg(long)]
     pub json: bool,
+}
+
+impl Faults {
+    /// What is tried.
+    fn plan(&self) -> Plan {
+        match (self.glitches, self.resets, self.timer_bits) {
+            (true, ..) => Plan::Glitches,
+            (_, true, _) => Plan::Resets,
+            (.., true) => Plan::TimerBits,
+            _ => Plan::Faults,
+        }
+    }
+
+    /// What is flown, one after the other.
+    ///
+    /// # Errors
+    /// What does not go together.
+    pub fn flown(&self) -> Result<Vec<Flown>, BadInput> {
+        let plan = self.plan();
+        self.hardware.hardware()?;
+        if self.vehicle == Some(VehicleKind::Rocket) {
+            return Err(BadInput::new(
+                "--vehicle rocket: the campaign's flights are those of a drone; take drone or drone2",
+            ));
+        }
+        let phases = self
+            .phase
+            .map_or_else(|| plan.phases(), |phase| vec![phase]);
+        if let Some(phase) = phases.iter().find(|phase| plan.kinds(**phase).is_empty()) {
+            let why = format!("--phase {phase}: the campaign of {plan} has none of that");
+            return Err(BadInput::new(why));
+        }
+        if plan == Plan::Glitches && phases != [Phase::Flight] {
+            return Err(BadInput::new(
+                "--phase: glitches are flown, in phase flight",
+            ));
+        }
+        let resets = plan == Plan::Resets;
+        let all = |of_resets: bool| if of_resets { 2 } else { 1 };
+        let servos = [ServoKind::S3003, ServoKind::Digital];
+        let servos = self
+            .servo
+            .map_or(servos[..all(resets)].to_vec(), |servo| vec![servo]);
+        let vehicles = VehicleKind::DRONES;
+        let vehicles = self
+            .vehicle
+            .map_or(vehicles[..all(resets)].to_vec(), |vehicle| vec![vehicle]);
+        let mut flown = Vec::new();
+        for servo in servos {
+            for vehicle in &vehicles {
+                flown.extend(phases.iter().map(|phase| Flown {
+                    plan,
+                    vehicle: *vehicle,
+                    servo,
+                    phase: *phase,
+                    hardware: self.hardware.text(),
+                    seed: self.seed,
+                }));
+            }
+        }
+        Ok(flown)
+    }
 }
 
 /// What else can be done with campaigns.

@@ -3,11 +3,13 @@
 use std::path::{Path, PathBuf};
 
 use anyhow::Result;
+use clap::ValueEnum;
+use rig::ServoKind;
 use rig::bench::Hardware;
-use rig::faults::{Case, GLITCHES, Kind, Phase};
+use rig::faults::{Case, Kind, Phase, Plan};
 use serde::{Deserialize, Serialize};
 
-use super::options::Faults;
+use super::Flown;
 use super::table::Row;
 use crate::flight::vehicle::VehicleKind;
 use crate::input;
@@ -20,14 +22,16 @@ use crate::out::file::write_whole;
 pub struct Scenario {
     /// Seed of the campaign.
     pub seed: u64,
+    /// What the campaign tries.
+    pub campaign: String,
     /// The vehicle, by its name on the command line.
     pub vehicle: String,
+    /// Its servo, likewise.
+    pub servo: String,
     /// What the emulated parts are like, as `--hardware` takes it.
     pub hardware: String,
     /// What the vehicle does when the fault begins.
     pub phase: String,
-    /// The run is one of a campaign of glitches.
-    pub glitches: bool,
     /// What fails.
     pub kind: String,
     /// Number of the run among those of this kind.
@@ -35,14 +39,15 @@ pub struct Scenario {
 }
 
 impl Scenario {
-    /// A run of a campaign.
-    pub fn new(options: &Faults, row: &Row) -> Self {
+    /// A run of a campaign with such hardware.
+    pub fn new(hardware: String, row: &Row) -> Self {
         Self {
             seed: row.seed,
+            campaign: row.campaign.clone(),
             vehicle: row.vehicle.clone(),
-            hardware: options.hardware.text(),
+            servo: row.servo.clone(),
+            hardware,
             phase: row.phase.clone(),
-            glitches: options.glitches,
             kind: row.kind.clone(),
             number: row.number,
         }
@@ -68,7 +73,7 @@ impl Scenario {
     ///
     /// # Errors
     /// It cannot be read, or does not say what a run needs.
-    pub fn read(path: &Path) -> Result<(Self, VehicleKind, Phase, Case), BadInput> {
+    pub fn read(path: &Path) -> Result<(Flown, Case), BadInput> {
         let text = input::text(path).map_err(|error| error.to_string());
         let read = text.and_then(|text| Self::parse(&text));
         read.map_err(|error| BadInput::new(format!("{}: {error}", path.display())))
@@ -78,7 +83,7 @@ impl Scenario {
     ///
     /// # Errors
     /// What is wrong with it.
-    pub fn parse(text: &str) -> Result<(Self, VehicleKind, Phase, Case), String> {
+    pub fn parse(text: &str) -> Result<(Flown, Case), String> {
         let scenario: Self = toml::from_str(text).map_err(|error| error.to_string())?;
         let kind: Kind = scenario.kind.parse()?;
         scenario.hardware.parse::<Hardware>()?;
@@ -86,15 +91,24 @@ impl Scenario {
             .into_iter()
             .find(|vehicle| vehicle.name() == scenario.vehicle)
             .ok_or_else(|| format!("there is no vehicle {}", scenario.vehicle))?;
+        let servo = ServoKind::from_str(&scenario.servo, false)
+            .map_err(|_| format!("there is no servo {}", scenario.servo))?;
+        let plan: Plan = scenario.campaign.parse()?;
         let phase: Phase = scenario.phase.parse()?;
-        if phase != Phase::Flight && matches!(kind, Kind::Sensor(_)) {
-            return Err(format!("{kind} is a fault of phase flight"));
+        if !plan.kinds(phase).contains(&kind) {
+            return Err(format!(
+                "{kind} is no fault of phase {phase} in the campaign of {plan}"
+            ));
         }
-        let is_glitch = matches!(kind, Kind::Sensor(kind) if GLITCHES.contains(&kind));
-        if scenario.glitches && !is_glitch {
-            return Err(format!("{kind} is no glitch of the cable"));
-        }
+        let flown = Flown {
+            plan,
+            vehicle,
+            servo,
+            phase,
+            hardware: scenario.hardware,
+            seed: scenario.seed,
+        };
         let number = scenario.number;
-        Ok((scenario, vehicle, phase, Case { kind, number }))
+        Ok((flown, Case { kind, number }))
     }
 }

@@ -1,13 +1,13 @@
 //! What a campaign adds up to.
 
-use rig::faults::{DEADLINE, Kind, WRONG_LIMIT};
+use rig::faults::{DEADLINE, Kind, Plan, WRONG_LIMIT};
 
 use super::table::{End, Row};
 use crate::out::measure::Limit::{AtLeast, AtMost};
 use crate::out::measure::{Figure, Figures, figure, rows};
 
-/// All figures; `all` is not empty. Of `glitches` 99 % must be ridden out.
-pub fn figures(all: &[Row], glitches: bool, wall_s: Option<f64>) -> Figures {
+/// All figures; `all` is not empty. Of glitches 99 % must be ridden out.
+pub fn figures(all: &[Row], wall_s: Option<f64>) -> Figures {
     let share = |is_one: &dyn Fn(&Row) -> bool, among: &dyn Fn(&Row) -> bool| {
         let among = all.iter().filter(|row| among(row));
         let (mut runs, mut count) = (0_u32, 0_u32);
@@ -24,15 +24,26 @@ pub fn figures(all: &[Row], glitches: bool, wall_s: Option<f64>) -> Figures {
         share(&|row| row.end == End::Recovered, &any),
     )
     .shown("recovered", "%", 1);
-    if glitches {
+    let campaign = all.first().map_or("", |row| row.campaign.as_str());
+    if campaign == Plan::Glitches.name() {
         recovered = recovered.limit(AtLeast(99.0));
     }
-    let mut kinds: Vec<Kind> = all.iter().filter_map(Row::kind).collect();
-    kinds.sort_unstable();
-    kinds.dedup();
-    let (seed, vehicle, phase) = all.first().map_or_else(Default::default, |row| {
-        (row.seed, row.vehicle.clone(), row.phase.clone())
-    });
+    let mut groups: Vec<(Option<Kind>, String)> = Vec::new();
+    for row in all {
+        let group = (row.kind(), row.group());
+        if !groups.contains(&group) {
+            groups.push(group);
+        }
+    }
+    // Registers and resets are in the order of the runs.
+    groups.sort_by_key(|(kind, _)| *kind);
+    let seed = all.first().map_or(0, |row| row.seed);
+    let every = |of: fn(&Row) -> &str| {
+        let mut values: Vec<&str> = all.iter().map(of).collect();
+        values.sort_unstable();
+        values.dedup();
+        values.join(", ")
+    };
     let limit =
         |key, label, ticks: rig::Ticks| figure(key, ticks.as_us_f64() / 1e3).shown(label, "ms", 0);
     let upsets = [
@@ -44,11 +55,13 @@ pub fn figures(all: &[Row], glitches: bool, wall_s: Option<f64>) -> Figures {
             .or("none flown"),
     ];
     let figures = [
-        figure("vehicle", vehicle).shown("vehicle", "", 0),
-        figure("phase", phase).shown("phase", "", 0),
+        figure("campaign", campaign).shown("campaign", "", 0),
+        figure("vehicle", every(|row| &row.vehicle)).shown("vehicle", "", 0),
+        figure("servo", every(|row| &row.servo)).shown("servo", "", 0),
+        figure("phase", every(|row| &row.phase)).shown("phase", "", 0),
         figure("seed", seed).shown("seed", "", 0),
         figure("runs", all.len()).shown("runs", "", 0),
-        figure("kinds", kinds.len()).shown("kinds of faults", "", 0),
+        figure("kinds", groups.len()).shown("kinds of faults", "", 0),
         limit(
             "deadline_ms",
             "longest allowed off neutral without valid data",
@@ -59,22 +72,30 @@ pub fn figures(all: &[Row], glitches: bool, wall_s: Option<f64>) -> Figures {
             "longest allowed to be driven wrongly",
             WRONG_LIMIT,
         ),
-        rows("faults", kinds.iter().map(|kind| of_kind(*kind, all))),
+        rows(
+            "faults",
+            groups.iter().map(|(_, group)| of_group(group, all)),
+        ),
+        figure("strays", all.iter().map(|row| row.strays).sum::<usize>()).shown(
+            "pulses neither neutral nor asked for",
+            "",
+            0,
+        ),
         recovered,
     ];
     let wall = wall_s.map(|wall_s| figure("wall_s", wall_s).shown("time that it took", "s", 1));
     Figures::from(figures.into_iter().chain(upsets).chain(wall))
 }
 
-/// How one kind's runs ended.
-fn of_kind(kind: Kind, all: &[Row]) -> Vec<Figure> {
-    let runs = || all.iter().filter(|row| row.kind == kind.name());
+/// How the runs of a group ended.
+fn of_group(group: &str, all: &[Row]) -> Vec<Figure> {
+    let runs = || all.iter().filter(|row| row.group() == group);
     let count = |key, is_one: &dyn Fn(&Row) -> bool| {
         figure(key, runs().filter(|row| is_one(row)).count()).shown(key, "", 0)
     };
     let worst = |of: fn(&Row) -> f64| runs().map(of).fold(0.0, f64::max);
     let mut row = vec![
-        figure("kind", kind.name()).shown("fault", "", 0),
+        figure("kind", group).shown("fault", "", 0),
         count("runs", &|_| true),
     ];
     for (end, name) in End::ALL {
@@ -88,6 +109,12 @@ fn of_kind(kind: Kind, all: &[Row]) -> Vec<Figure> {
     row.push(count("noticed", &|row| row.noticed));
     row.push(count("harmless", &|row| row.harmless));
     row.push(figure("worst_ms", worst(Row::blind_ms)).shown("worst", "ms", 1));
+    let strays: usize = runs().map(|row| row.strays).sum();
+    row.push(figure("strays", strays).shown("strays", "", 0));
+    let limit_ms = WRONG_LIMIT.as_us_f64() / 1e3;
+    let too_long = runs().filter(|row| row.wrong_ms > limit_ms).count();
+    row.push(figure("too_long", too_long).shown("wrong too long", "", 0));
+    row.push(count("for_ever", &|row| row.for_ever));
     row.push(figure("silent_ms", worst(|row| row.silent_ms)).shown("no pulses", "ms", 0));
     row
 }

@@ -3,9 +3,10 @@
 use std::path::Path;
 
 use anyhow::{Context, Result};
-use rig::faults::{Ending, Kind, Outcome, Phase};
+use rig::faults::{Ending, Kind, Outcome, Plan};
 use serde::{Deserialize, Serialize};
 
+use super::Flown;
 use crate::out::exit::BadInput;
 use crate::out::file::write_whole;
 
@@ -41,8 +42,12 @@ impl End {
 pub struct Row {
     /// Seed of the campaign.
     pub seed: u64,
+    /// What the campaign tries.
+    pub campaign: String,
     /// The vehicle, by its name on the command line.
     pub vehicle: String,
+    /// Its servo, likewise.
+    pub servo: String,
     /// What the vehicle did when the fault began.
     pub phase: String,
     /// What fails.
@@ -66,6 +71,10 @@ pub struct Row {
     /// Longest time without a pulse behind one that was not neutral, ms; 0 for faults of the
     /// sensor.
     pub silent_ms: f64,
+    /// Pulses that were neither neutral nor what the firmware had asked for.
+    pub strays: usize,
+    /// At the end a rudder was still driven wrongly, or had no pulses.
+    pub for_ever: bool,
     /// The firmware has told, or restarted with a reason.
     pub noticed: bool,
     /// Nothing was noticed, and no pulse was another than without the fault.
@@ -76,7 +85,7 @@ pub struct Row {
 
 impl Row {
     /// The row of a run.
-    pub fn new(seed: u64, vehicle: &str, phase: Phase, outcome: &Outcome) -> Self {
+    pub fn new(flown: &Flown, outcome: &Outcome) -> Self {
         let (end, why) = match outcome.ending {
             Ending::Recovered => (End::Recovered, String::new()),
             Ending::Neutral => (End::Neutral, String::new()),
@@ -85,9 +94,11 @@ impl Row {
             Ending::Unsafe(why) => (End::Unsafe, why.to_string()),
         };
         Self {
-            seed,
-            vehicle: vehicle.into(),
-            phase: phase.name().into(),
+            seed: flown.seed,
+            campaign: flown.plan.name().into(),
+            vehicle: flown.vehicle.name().into(),
+            servo: flown.servo.name().into(),
+            phase: flown.phase.name().into(),
             kind: outcome.case.kind.name().into(),
             number: outcome.case.number,
             at_s: outcome.at_s,
@@ -98,15 +109,52 @@ impl Row {
             unguarded_ms: outcome.unguarded_ms,
             wrong_ms: outcome.wrong_ms,
             silent_ms: outcome.silent_ms,
+            strays: outcome.strays,
+            for_ever: outcome.for_ever,
             noticed: outcome.noticed,
             harmless: outcome.harmless,
             said: outcome.said.clone(),
         }
     }
 
-    /// What runs have in common that can be added up.
-    fn campaign(&self) -> (u64, &str, &str) {
-        (self.seed, &self.vehicle, &self.phase)
+    /// What runs have in common that can be added up: those of one flight, or all resets.
+    fn in_common(&self) -> [&str; 4] {
+        let of_flight = [&self.vehicle, &self.servo, &self.phase].map(String::as_str);
+        let [vehicle, servo, phase] = match self.campaign.parse() {
+            Ok(Plan::Resets) => [""; 3],
+            _ => of_flight,
+        };
+        [&self.campaign, vehicle, servo, phase]
+    }
+
+    /// What makes a run one of its own.
+    fn place(&self) -> (Option<Kind>, &str, &str, &str, u32) {
+        let Self {
+            vehicle,
+            servo,
+            phase,
+            number,
+            ..
+        } = self;
+        (self.kind(), vehicle, servo, phase, *number)
+    }
+
+    /// The runs that it is counted with: of its kind; of resets with the same frame and drone, too;
+    /// of bits those of the same register.
+    pub fn group(&self) -> String {
+        let Self {
+            kind,
+            vehicle,
+            servo,
+            phase,
+            fault,
+            ..
+        } = self;
+        match self.campaign.parse() {
+            Ok(Plan::Resets) => format!("{kind}, {phase}, {vehicle}, {servo}"),
+            Ok(Plan::TimerBits) => fault.rsplit(' ').next().unwrap_or(kind).to_owned(),
+            _ => kind.clone(),
+        }
     }
 
     /// The run in words.
@@ -179,9 +227,12 @@ pub fn merge(files: &[&Path]) -> Result<Vec<Row>> {
                 .into());
             }
             if let Some(first) = all.first()
-                && first.campaign() != row.campaign()
+                && (first.seed, first.in_common()) != (row.seed, row.in_common())
             {
-                return Err(bad(&"of another campaign: seed, vehicle or phase differs").into());
+                return Err(bad(
+                    &"of another campaign: seed, campaign, vehicle, servo or phase differs",
+                )
+                .into());
             }
             all.push(row);
         }
@@ -189,7 +240,7 @@ pub fn merge(files: &[&Path]) -> Result<Vec<Row>> {
     if all.is_empty() {
         return Err(BadInput::new("no runs in these files").into());
     }
-    all.sort_by_key(|row| (row.kind(), row.number));
-    all.dedup_by_key(|row| (row.kind(), row.number));
+    all.sort_by(|one, other| one.place().cmp(&other.place()));
+    all.dedup_by(|one, other| one.place() == other.place());
     Ok(all)
 }

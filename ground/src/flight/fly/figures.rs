@@ -120,6 +120,9 @@ impl Measured {
                 figure("rate_hz", rate_hz)
                     .shown("control rate", "Hz", 2)
                     .limit(requirements::RATE_HZ),
+                figure("strays", self.timing.strays)
+                    .shown("pulses that nobody asked for", "", 0)
+                    .limit(requirements::STRAY_PULSES),
                 figure("jitter_us_max", self.timing.jitter_us_max)
                     .shown("jitter, worst", "us", 1)
                     .limit(requirements::JITTER_US),
@@ -237,7 +240,8 @@ mod tests {
 
     #[test]
     fn each_requirement_is_held() {
-        let spoil: [fn(&mut Measured); 12] = [
+        let spoil: [fn(&mut Measured); 13] = [
+            |f| f.timing.strays = 1,
             |f| f.runs[0].overshoot_pct = 5.1,
             |f| f.runs[0].settling_5pct_s = Some(0.76),
             |f| f.runs[0].settling_5pct_s = None,

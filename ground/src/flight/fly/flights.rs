@@ -167,5 +167,6 @@ pub fn pooled(records: &[FlightRecord]) -> rig::measure::LoopTiming {
         sample_age_us: spread(|timing| timing.sample_age_us),
         steps: timings().map(|timing| timing.steps).sum(),
         bursts: timings().map(|timing| timing.bursts).sum(),
+        strays: timings().map(|timing| timing.strays).sum(),
     }
 }

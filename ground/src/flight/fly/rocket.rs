@@ -437,7 +437,8 @@ impl Run {
             gimbal_max_deg: gimbal
                 .fold(0.0, |most: f64, angle| most.max(angle.abs()))
                 .to_degrees(),
-            pulses_within_limits: pulses().all(|pulse| limit_us(pulse) <= shaft_us),
+            pulses_within_limits: pulses()
+                .all(|pulse| limit_us(pulse) <= shaft_us && pulse.is_as_asked(0.0)),
             neutral_after_burnout: pulses()
                 .filter(|pulse| seconds(pulse.rise) > burn_s + NEUTRAL_S)
                 .all(|pulse| limit_us(pulse) <= 1.0),

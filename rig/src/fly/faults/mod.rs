@@ -23,6 +23,16 @@
 //! for a fault that stays it is the time from the fault to the neutral pulse. It counts whether or
 //! not the firmware noticed that its data were wrong.
 //!
+//! # Stray pulses
+//! A pulse that is neither neutral nor as wide as the program had asked for when it rose is a *stray*
+//! one: a reset has cut it, or a wrong register has made it. A servo goes where the last pulse says,
+//! so a stray one is unsafe by itself, and so is a pin that stays high. Two things excuse it. Where
+//! the fault is a wrong register or clock, which makes wrong pulses until it is noticed, only the
+//! last one before a silence is unsafe; the others count as driven wrongly (below). And where the
+//! pulses end with the fault and no instruction runs that could prevent it (a reset from outside, a
+//! clock that stands still, interrupts held off for ever, a core in lock-up), stray pulses are
+//! counted alone.
+//!
 //! # Beyond the sensor
 //! There the data are good and what becomes of them may be wrong. A rudder is *driven wrongly* by a
 //! pulse that is neither neutral nor near that of the flight without the fault (100 us, some 10
@@ -48,24 +58,27 @@ mod judge;
 mod named_enum;
 mod outcome;
 mod phase;
+mod plan;
 mod system;
 
 pub use judge::neutral_us;
 pub use outcome::{Ending, Outcome, Unsafe};
 pub use phase::Phase;
+pub use plan::Plan;
 pub use system::{SystemKind, valid_frame};
 
 use crate::bno055::{Fault, FaultKind};
 use crate::fly::flight::{FlightError, Ready};
 use crate::observe::ground_truth::{GroundTruth, Pulse};
 use crate::random::{Stream, generator};
-use judge::{Rudder, SensorRun, SystemRun, judge_sensor, judge_system};
+use judge::{Blame, Rudder, SensorRun, SystemRun, judge_sensor, judge_system};
 use phase::Undisturbed;
 use rand::Rng;
 use samd21::board::Ticks;
 use std::fmt;
 use std::ops::RangeInclusive;
 use std::str::FromStr;
+use system::SystemFault;
 use tvc_nano::{Axis, Params};
 
 /// Longest time for which a rudder may be off neutral without valid data.
@@ -74,10 +87,6 @@ pub const DEADLINE: Ticks = Ticks::from_ms(100);
 const START_RAD: [f64; Axis::COUNT] = [0.4, 0.3];
 /// How long a fault lasts at most, ms.
 const LONGEST_MS: f64 = 500.0;
-/// How long faults last that are no glitches, ms: as likely between 5 and 50 as between 50 and 500.
-const LASTING_MS: RangeInclusive<f64> = 5.0..=LONGEST_MS;
-/// Glitches of the cable, ms: short enough to be ridden out.
-const GLITCH_MS: RangeInclusive<f64> = 4.0..=40.0;
 /// What a glitch of the cable may be: nobody acknowledges, a line is held, nobody drives the data
 /// line, the sensor stretches the clock.
 pub const GLITCHES: [FaultKind; 5] = [
@@ -103,7 +112,7 @@ pub const SILENCE_LIMIT: Ticks = Ticks::from_ms(800);
 pub struct Campaign {
     seed: u64,
     phase: Phase,
-    glitches: bool,
+    plan: Plan,
     frame: Ticks,
     /// Widths of the neutral pulse of every axis that is steered, us.
     neutral_us: Vec<(Axis, RangeInclusive<f64>)>,
@@ -189,21 +198,25 @@ impl Campaign {
         Ok(Self {
             seed,
             phase,
-            glitches: false,
+            plan: Plan::Faults,
             frame: Ticks::from_secs_f64(1.0 / frame_hz),
             neutral_us,
             undisturbed: Undisturbed::new(phase, ready, tilt_rad, watched)?,
         })
     }
 
-    /// The campaign with glitches: faults that last for 4 to 40 ms, and in which no byte at all is
-    /// acknowledged.
+    /// The campaign by another plan than [`Plan::Faults`].
     #[must_use]
-    pub fn of_glitches(self) -> Self {
-        Self {
-            glitches: true,
-            ..self
-        }
+    pub fn by(self, plan: Plan) -> Self {
+        Self { plan, ..self }
+    }
+
+    /// The bits of the servo timer, in words: with [`Plan::TimerBits`] the run of number n flips
+    /// the one at n modulo their number.
+    pub fn timer_bits(&self) -> Vec<String> {
+        let bits = self.undisturbed.timer_bits.iter();
+        bits.map(|(address, bit)| system::bit(*address, *bit))
+            .collect()
     }
 
     /// Carries out a run. The same case of the same campaign always ends in the same way.
@@ -219,7 +232,7 @@ impl Campaign {
             begin, instants, ..
         } = &self.undisturbed;
         let at = *begin + Ticks(dice.random_range(instants.start.0..instants.end.0));
-        let lasting_ms = if self.glitches { GLITCH_MS } else { LASTING_MS };
+        let lasting_ms = self.plan.lasting_ms();
         let (shortest_ms, longest_ms) = (lasting_ms.start(), lasting_ms.end());
         let octaves = (longest_ms / shortest_ms).ln() * dice.random_range(0.0..1.0);
         let lasted = Ticks::from_secs_f64(shortest_ms / 1e3 * f64::exp(octaves));
@@ -229,6 +242,7 @@ impl Campaign {
         let begun = Begun {
             before: Axis::ALL.map(|axis| rig.truth().pulses_of(axis).last().copied()),
             resets: rig.resets().len(),
+            lockups: rig.lockups(),
             at: rig.now(),
             lasted,
         };
@@ -236,7 +250,7 @@ impl Campaign {
         match case.kind {
             Kind::Sensor(kind) => {
                 let mut fault = kind.draw(&mut dice);
-                if self.glitches
+                if self.plan == Plan::Glitches
                     && let Fault::Naks { probability } = &mut fault
                 {
                     *probability = 1.0;
@@ -293,6 +307,7 @@ impl Campaign {
             injected: begun.at,
             frame: self.frame,
             rudders: self.rudders(begun, truth),
+            clock_error: rig.clock_error(),
             truth,
             reference: &self.undisturbed.motion,
             heartbeats: &station.received().heartbeats,
@@ -310,7 +325,16 @@ impl Campaign {
         what: &mut String,
     ) -> Result<Outcome, FlightError> {
         let told = fork.station.received().texts.len();
-        let fault = system::begin(kind, fork, dice)?;
+        let slow_clock = dice.random_range(self.plan.slow_clock());
+        fork.rig.drift_slow_clock(slow_clock);
+        let fault = match self.plan {
+            Plan::TimerBits => {
+                let bits = &self.undisturbed.timer_bits;
+                let (address, bit) = bits[case.number as usize % bits.len()];
+                SystemFault::flip(kind, &mut fork.rig, address, bit)
+            }
+            _ => system::begin(kind, fork, dice)?,
+        };
         what.clone_from(&fault.what);
         let Ready { rig, station, .. } = fork;
         let (end, mut millisecond) = (rig.now() + begun.lasted, 0);
@@ -343,13 +367,19 @@ impl Campaign {
             given_up: rig.in_bootloader(),
             commanded: kind.commands(),
             stored_others: !self.undisturbed.has_stored(rig, kind.spoils_store()),
-            clock_error: fault.shifted_ppm * 1e-6,
+            blame: match rig.lockups() > begun.lockups {
+                true => Blame::None,
+                false => fault.blame,
+            },
+            clock_error: (fault.shifted_ppm * 1e-6).abs() + rig.clock_error(),
         });
         let mut texts = station.received().texts.iter().skip(told);
         let told = texts.any(|text| !self.undisturbed.texts.contains(&text.text));
         Ok(Outcome {
             wrong_ms: verdict.wrong.as_us_f64() / 1e3,
             silent_ms: verdict.silent.as_us_f64() / 1e3,
+            strays: verdict.strays,
+            for_ever: verdict.for_ever,
             noticed: verdict.noticed || told,
             harmless: verdict.harmless && !told,
             ..self.outcome(case, begun, fault.what, verdict.ending, fork)
@@ -362,6 +392,7 @@ impl Campaign {
             neutral_us: neutral_us.clone(),
             before: begun.before[axis.index()],
             pulses: truth.pulses_of(*axis),
+            high: truth.high[axis.index()],
         };
         self.neutral_us.iter().map(rudder).collect()
     }
@@ -383,6 +414,8 @@ impl Campaign {
             unguarded_ms: 0.0,
             wrong_ms: 0.0,
             silent_ms: 0.0,
+            strays: 0,
+            for_ever: false,
             noticed: false,
             harmless: false,
             said: fork.station.last_text().unwrap_or_default().to_owned(),
@@ -396,6 +429,8 @@ struct Begun {
     before: [Option<Pulse>; Axis::COUNT],
     /// Resets so far.
     resets: usize,
+    /// Lock-ups of the core so far.
+    lockups: usize,
     at: Ticks,
     /// How long the fault lasts.
     lasted: Ticks,

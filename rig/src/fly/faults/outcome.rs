@@ -31,6 +31,12 @@ pub enum Unsafe {
     NoPulse(Ticks),
     /// A pulse of a width, us, that the servo must never see.
     WildPulse(f64),
+    /// A pulse that was cut to this width, us.
+    CutPulse(f64),
+    /// A pulse of this width, us, which is neither neutral nor what the program had asked for.
+    StrayPulse(f64),
+    /// A pin that is high for this time, to the end.
+    High(Ticks),
     /// A pulse off neutral, of this width, us, after the firmware had reported its failsafe.
     PulseInFailsafe(f64),
     /// The chip was reset.
@@ -59,6 +65,11 @@ impl fmt::Display for Unsafe {
             ),
             Self::NoPulse(gap) => write!(f, "no pulse for {:.1} ms", gap.as_us_f64() / 1e3),
             Self::WildPulse(width) => write!(f, "a pulse of {width:.1} us"),
+            Self::CutPulse(width) => write!(f, "cut pulse of {width:.0} us"),
+            Self::StrayPulse(width) => {
+                write!(f, "a pulse of {width:.0} us that nobody asked for")
+            }
+            Self::High(time) => write!(f, "a pin high for {:.0} ms", time.as_us_f64() / 1e3),
             Self::PulseInFailsafe(width) => write!(f, "a pulse of {width:.1} us in failsafe"),
             Self::Reset => f.write_str("the chip was reset"),
             Self::OffCourse(rad) => write!(f, "in control, but {rad:.2} rad off course"),
@@ -97,6 +108,10 @@ pub struct Outcome {
     pub wrong_ms: f64,
     /// Longest time without a pulse behind one that was not neutral, ms.
     pub silent_ms: f64,
+    /// Pulses that were neither neutral nor what the program had asked for.
+    pub strays: usize,
+    /// At the end of the run a rudder was still driven wrongly, or had no pulses.
+    pub for_ever: bool,
     /// The firmware has told, or restarted with a reason.
     pub noticed: bool,
     /// Nothing was noticed, and no pulse was another than without the fault.

@@ -9,6 +9,7 @@ use tvc_nano::store::{self, Loaded};
 use tvc_nano::{Axis, Params};
 
 use super::named_enum::named_enum;
+use super::system;
 use crate::bno055::Fault;
 use crate::fly::flight::{FlightError, Ready};
 use crate::observe::ground_truth::{Motion, Pulse};
@@ -151,6 +152,8 @@ pub(super) struct Undisturbed {
     pub(super) texts: BTreeSet<String>,
     /// Sets of parameters that may be stored at the end of a run.
     stored: Vec<Params>,
+    /// Bits of the servo timer's registers that can flip: address and bit.
+    pub(super) timer_bits: Vec<(u32, u8)>,
 }
 
 impl Undisturbed {
@@ -177,6 +180,7 @@ impl Undisturbed {
             snapshots.push(base.clone());
             base.station.run(&mut base.rig, SNAPSHOTS)?;
         }
+        let timer_bits = system::timer_bits(&base.rig);
         let Ready { rig, station, .. } = &mut base;
         station.run(rig, watched + SNAPSHOTS)?;
         // It must still be in the phase: this does not wait.
@@ -194,6 +198,7 @@ impl Undisturbed {
             pulses: Axis::ALL.map(|axis| rig.truth().pulses_of(axis).to_vec()),
             texts: texts.map(|text| text.text.clone()).collect(),
             stored: vec![before, stored(rig).0],
+            timer_bits,
         })
     }
 

@@ -12,6 +12,7 @@ use samd21::upset::core_registers;
 use tvc_nano::params::TABLE;
 use tvc_nano::store;
 
+use super::judge::Blame;
 use super::named_enum::named_enum;
 use crate::fly::flight::{FlightError, Ready};
 use crate::rig::{ProgramEnd, Rig};
@@ -55,6 +56,8 @@ named_enum! {
     ClockJump = "clock-jump",
     /// The program hangs, and interrupts go on.
     Hang = "hang",
+    /// A handler of bus, frame or USB hangs.
+    HangInterrupt = "hang-interrupt",
     /// The program hangs with interrupts held off.
     HangMasked = "hang-masked",
     /// The program meets what is no instruction.
@@ -65,6 +68,8 @@ named_enum! {
     BrownOut = "brown-out",
     /// Somebody presses the reset button.
     ResetButton = "reset-button",
+    /// The host orders a reboot, or the bootloader, which a vehicle that is armed refuses.
+    Reboot = "reboot",
     /// The host sends noise as fast as it can.
     UsbFlood = "usb-flood",
     /// The host stops reading.
@@ -94,6 +99,19 @@ impl SystemKind {
         )
     }
 
+    /// Which stray pulses count.
+    fn blame(self) -> Blame {
+        match self {
+            Self::FlashParameters
+            | Self::ClockStop
+            | Self::HangMasked
+            | Self::BrownOut
+            | Self::ResetButton => Blame::None,
+            Self::TimerRegister | Self::ClockRegister | Self::PinRegister => Blame::Last,
+            _ => Blame::Each,
+        }
+    }
+
     /// Whether it may lose the stored parameters, which the next start tells.
     pub(super) fn spoils_store(self) -> bool {
         matches!(self, Self::FlashParameters | Self::Several)
@@ -106,10 +124,12 @@ impl SystemKind {
 }
 
 /// A fault that was drawn: what it is, in words, and what it does while it lasts.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug)]
 pub(super) struct SystemFault {
     /// In words: which bit of what.
     pub(super) what: String,
+    /// Which stray pulses count.
+    pub(super) blame: Blame,
     stuck: Vec<u8>,
     stopped: bool,
     /// Error that the main clock has meanwhile.
@@ -141,12 +161,32 @@ pub(super) fn begin(
     ready: &mut Ready,
     dice: &mut impl Rng,
 ) -> Result<SystemFault, FlightError> {
-    let mut fault = SystemFault::default();
+    let mut fault = SystemFault::of(Blame::Each);
     fault.add(kind, ready, dice)?;
     Ok(fault)
 }
 
 impl SystemFault {
+    /// A bit of a register flips.
+    pub(super) fn flip(kind: SystemKind, rig: &mut Rig, address: u32, bit: u8) -> Self {
+        rig.flip_register(address, bit);
+        Self {
+            what: format!("{kind}: {}", self::bit(address, bit)),
+            ..Self::of(kind.blame())
+        }
+    }
+
+    fn of(blame: Blame) -> Self {
+        Self {
+            what: String::new(),
+            blame,
+            stuck: Vec::new(),
+            stopped: false,
+            shifted_ppm: 0.0,
+            host: Vec::new(),
+        }
+    }
+
     fn add(
         &mut self,
         kind: SystemKind,
@@ -223,6 +263,11 @@ impl SystemFault {
                 format!("the DFLL is {ppm} ppm off")
             }
             SystemKind::Hang => end(rig, ProgramEnd::Hang),
+            SystemKind::HangInterrupt => {
+                let line = *HANDLERS.choose(dice).unwrap_or(&15);
+                run_into_handler(rig, line)?;
+                format!("handler of line {line}, {}", end(rig, ProgramEnd::Hang))
+            }
             SystemKind::HangMasked => {
                 let what = end(rig, ProgramEnd::Hang);
                 let mut registers = rig.chip().registers();
@@ -239,6 +284,15 @@ impl SystemFault {
             SystemKind::ResetButton => {
                 rig.press_reset();
                 "reset button".into()
+            }
+            SystemKind::Reboot => {
+                let action = if dice.random() { 1.0 } else { 3.0 };
+                let order = request::Order {
+                    params: [action, 0.0],
+                    ..request::REBOOT
+                };
+                rig.usb_write(&Wire::default().frame(&order.message()));
+                format!("action {action}")
             }
             SystemKind::UsbFlood => self.host(HostFault::Flood, "noise"),
             SystemKind::UsbStall => self.host(HostFault::Stall, "nothing is read"),
@@ -264,6 +318,7 @@ impl SystemFault {
             self.what += "; ";
         }
         self.what += &format!("{kind}: {what}");
+        self.blame = self.blame.max(kind.blame());
         Ok(())
     }
 
@@ -400,12 +455,19 @@ type Registers = &'static [(u32, &'static [u32])];
 
 /// All that can change a pulse.
 const TIMER: Registers = &[(
-    0x4200_2000,
+    TIMER_BASE,
     &[
         0x00, 0x04, 0x0C, 0x10, 0x14, 0x18, 0x1C, 0x20, 0x28, 0x2C, 0x30, 0x34, 0x38, 0x3C, 0x40,
         0x44, 0x48, 0x4C, 0x50, 0x64, 0x68, 0x6C, 0x70, 0x74, 0x78, 0x7C,
     ],
 )];
+const TIMER_BASE: u32 = 0x4200_2000;
+/// Their names, by a quarter of the offset.
+const TIMER_NAMES: [&str; 32] = [
+    "CTRLA", "CTRLB", "SYNCBUSY", "FCTRLA", "FCTRLB", "WEXCTRL", "DRVCTRL", "DBGCTRL", "EVCTRL",
+    "INTENCLR", "INTENSET", "INTFLAG", "STATUS", "COUNT", "PATT", "WAVE", "PER", "CC0", "CC1",
+    "CC2", "CC3", "", "", "", "", "PATTB", "WAVEB", "PERB", "CCB0", "CCB1", "CCB2", "CCB3",
+];
 const BUS: Registers = &[(0x4200_1800, &[0x00, 0x0C, 0x14, 0x24])];
 /// The generators and clocks that are used, the dividers and masks, the DFLL and the brown-out
 /// detector.
@@ -441,6 +503,39 @@ const INTERRUPTS: Registers = &[
     ),
 ];
 
+/// A bit of a register in words.
+pub(super) fn bit(address: u32, bit: u8) -> String {
+    let quarter = address.wrapping_sub(TIMER_BASE) as usize / 4;
+    match TIMER_NAMES.get(quarter) {
+        Some(name) => format!("bit {bit} of TCC0.{name}"),
+        None => format!("bit {bit} of {address:#x}"),
+    }
+}
+
+/// The bits of the servo timer that there are: address and bit.
+pub(super) fn timer_bits(rig: &Rig) -> Vec<(u32, u8)> {
+    let registers = TIMER.iter().flat_map(|(base, offsets)| {
+        let addresses = offsets.iter().map(move |offset| base + offset);
+        addresses.flat_map(|address| (0..32).map(move |bit| (address, bit)))
+    });
+    let mut fork = rig.clone();
+    registers
+        .filter(|(address, bit)| fork.flip_register(*address, *bit))
+        .collect()
+}
+
+/// Runs until the handler of an interrupt line runs.
+fn run_into_handler(rig: &mut Rig, line: u8) -> Result<(), FlightError> {
+    let limit = rig.now() + AWAKE_WITHIN;
+    let exception = 16 + u32::from(line);
+    while rig.chip().registers().xpsr & 0x3F != exception && rig.now() < limit {
+        rig.run_for(Ticks::from_us(1))?;
+    }
+    Ok(())
+}
+
+/// Lines whose handlers hang: SERCOM4, TCC0, USB.
+const HANDLERS: [u8; 3] = [13, 15, 7];
 /// Interrupt lines of the chip.
 const LINES: u8 = 28;
 /// Those that the firmware uses: WDT, USB, SERCOM4, TCC0.
@@ -457,7 +552,7 @@ fn flip_register(rig: &mut Rig, registers: Registers, dice: &mut impl Rng) -> St
         let address = base + offsets.choose(dice).unwrap_or(&0);
         let bit = dice.random_range(0..32);
         if rig.flip_register(address, bit) {
-            return format!("bit {bit} of {address:#x}");
+            return self::bit(address, bit);
         }
     }
     "no bit".into()

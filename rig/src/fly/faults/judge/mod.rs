@@ -1,5 +1,8 @@
 //! How a run ended, judged by what can be seen from outside: of the sensor and its cable
 //! ([`judge_sensor`]), and of what fails beyond them ([`judge_system`]).
+//!
+//! Both look for *stray* pulses: those that are neither neutral nor as wide as the program had asked
+//! for when they rose. A reset of the chip or its timer cuts one, a wrong register makes others.
 
 mod sensor;
 mod system;
@@ -7,13 +10,15 @@ mod system;
 mod testing;
 
 pub(crate) use sensor::{SensorRun, judge_sensor};
-pub(crate) use system::{SystemRun, judge_system};
+pub(crate) use system::{Blame, SystemRun, judge_system};
 
 use std::ops::RangeInclusive;
 
+use samd21::board::Ticks;
 use tvc_nano::{Axis, Params, servo};
 
-use crate::observe::ground_truth::Pulse;
+use super::Unsafe;
+use crate::observe::ground_truth::{Asked, High, Pulse};
 
 /// Widths that count as the neutral pulse of an axis of a vehicle with these parameters, us: the
 /// firmware commands whole microseconds.
@@ -34,10 +39,55 @@ pub(crate) struct Rudder<'a> {
     pub(crate) before: Option<Pulse>,
     /// From the fault on.
     pub(crate) pulses: &'a [Pulse],
+    /// The pulse that has begun and not ended.
+    pub(crate) high: Option<High>,
+}
+
+/// A pulse that is neither neutral nor what the program had asked for.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Stray {
+    /// No other follows in time: the servo goes where it says.
+    pub(crate) is_last: bool,
+    pub(crate) what: Unsafe,
 }
 
 impl Rudder<'_> {
     fn is_neutral(&self, pulse: &Pulse) -> bool {
         self.neutral_us.contains(&pulse.width_us())
+    }
+
+    /// Whether a pulse is the neutral one, made with a clock that is this far off, relative.
+    fn is_neutral_by(&self, pulse: &Pulse, clock_error: f64) -> bool {
+        let (least, most) = (self.neutral_us.start(), self.neutral_us.end());
+        let slack = 1.0 / (1.0 - clock_error.abs());
+        (least / slack..=most * slack).contains(&pulse.width_us())
+    }
+
+    /// The stray pulses until `end`, with a clock that is this far off; and the one that has not
+    /// ended, if it is longer than any.
+    pub(crate) fn strays(&self, frame: Ticks, clock_error: f64, end: Ticks) -> Vec<Stray> {
+        let nexts = self.pulses.iter().skip(1).map(|next| next.rise);
+        let nexts = nexts.chain([self.high.map_or(end, |high| high.rise)]);
+        let with_next = self.pulses.iter().zip(nexts);
+        let strays = with_next.filter_map(|(pulse, next)| {
+            let is_stray =
+                !pulse.is_as_asked(clock_error) && !self.is_neutral_by(pulse, clock_error);
+            let width_us = pulse.width_us();
+            let Asked([asked, _]) = pulse.asked;
+            is_stray.then(|| Stray {
+                is_last: next.saturating_sub(pulse.fall) > frame + frame / 2,
+                what: if width_us < asked.as_us_f64() {
+                    Unsafe::CutPulse(width_us)
+                } else {
+                    Unsafe::StrayPulse(width_us)
+                },
+            })
+        });
+        let high = self.high.map(|high| end.saturating_sub(high.rise));
+        let stuck = high.filter(|high| *high > frame).map(|high| Stray {
+            is_last: true,
+            what: Unsafe::High(high),
+        });
+        strays.chain(stuck).collect()
     }
 }

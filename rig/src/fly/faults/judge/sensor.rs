@@ -21,6 +21,8 @@ pub(crate) struct SensorRun<'a> {
     pub(crate) frame: Ticks,
     /// Of every axis that is steered.
     pub(crate) rudders: Vec<Rudder<'a>>,
+    /// Relative error of the main clock.
+    pub(crate) clock_error: f64,
     /// From the fault on.
     pub(crate) truth: &'a GroundTruth,
     /// The flight without the fault.
@@ -95,6 +97,9 @@ impl SensorRun<'_> {
 
     fn wrong_pulses(&self, rudder: &Rudder<'_>) -> Option<Unsafe> {
         let end = self.truth.motion.last()?.time;
+        if let Some(stray) = rudder.strays(self.frame, self.clock_error, end).first() {
+            return Some(stray.what);
+        }
         let mut last = rudder.before.map_or(self.injected, |pulse| pulse.rise);
         let failsafe = self
             .heartbeats
@@ -141,7 +146,7 @@ impl SensorRun<'_> {
 #[cfg(test)]
 mod tests {
     use super::super::neutral_us;
-    use super::super::testing::{ACTIVE, FRAME, NEUTRAL, beat, motion, ms, pulse};
+    use super::super::testing::{ACTIVE, FRAME, NEUTRAL, beat, cut, motion, ms, pulse};
     use super::*;
     use crate::bno055::Refresh;
     use crate::observe::ground_truth::{Burst, Step};
@@ -182,7 +187,9 @@ mod tests {
                 neutral_us: neutral_us(&Params::default(), Axis::Pitch),
                 before: Some(pulse(Ticks::ZERO, ACTIVE)),
                 pulses: &truth.pulses,
+                high: truth.high[0],
             }],
+            clock_error: 0.0,
             truth,
             reference: &motion(0.0),
             heartbeats,
@@ -245,6 +252,12 @@ mod tests {
             judged(&wild, &active).0,
             Ending::Unsafe(Unsafe::WildPulse(_))
         ));
+        let mut cut_one = truth(|_| true, |_| ACTIVE);
+        cut_one.pulses[20] = cut(cut_one.pulses[20], 900.0);
+        assert_eq!(
+            judged(&cut_one, &active).0,
+            Ending::Unsafe(Unsafe::CutPulse(900.0))
+        );
         let kick = truth(
             |_| true,
             |t| if t < 100 || t == 510 { ACTIVE } else { NEUTRAL },

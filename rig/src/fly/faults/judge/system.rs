@@ -5,7 +5,7 @@ use samd21::board::Ticks;
 use samd21::peripherals::ResetCause;
 use tvc_nano::Axis;
 
-use super::{Rudder, TRAVEL_US};
+use super::{Rudder, Stray, TRAVEL_US};
 use crate::fly::faults::{Ending, Phase, SILENCE_LIMIT, Unsafe, WRONG_LIMIT};
 use crate::ground_station::Heartbeat;
 use crate::observe::ground_truth::{GroundTruth, Motion, Pulse};
@@ -33,10 +33,23 @@ pub(crate) struct SystemRun<'a> {
     pub(crate) commanded: bool,
     /// The flash has a set of parameters at the end that nobody had stored.
     pub(crate) stored_others: bool,
+    /// Which stray pulses count.
+    pub(crate) blame: Blame,
     /// Relative error of the main clock while the fault lasts. The timer's pulses have it, too, and
     /// until start-of-frame has locked the clock again they are off to either side: nothing on the
     /// chip can tell.
     pub(crate) clock_error: f64,
+}
+
+/// Which stray pulses of a run are unsafe by themselves. Others count as driven wrongly.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(crate) enum Blame {
+    /// Each.
+    Each,
+    /// The last one before a silence: the fault itself makes wrong pulses until it is noticed.
+    Last,
+    /// None: the fault ends the pulses by itself, and no instruction runs that could prevent it.
+    None,
 }
 
 /// What became of such a run.
@@ -46,6 +59,10 @@ pub(crate) struct Verdict {
     pub(crate) wrong: Ticks,
     /// Longest time without a pulse behind one that was not neutral.
     pub(crate) silent: Ticks,
+    /// Pulses that were neither neutral nor what the program had asked for.
+    pub(crate) strays: usize,
+    /// A rudder is still driven wrongly at the end, or has no pulses.
+    pub(crate) for_ever: bool,
     pub(crate) noticed: bool,
     pub(crate) harmless: bool,
 }
@@ -56,6 +73,8 @@ const NEAR_US: f64 = 100.0;
 const SAME_US: f64 = 2.0;
 /// Farther from the flight without the fault, a rudder has to bring the drone back, rad.
 const ASTRAY_RAD: f64 = 0.05;
+/// The frame behind a reset, where the rate that was set is not stored: the longest that there is.
+const RESTARTED_FRAME: Ticks = Ticks::from_ms(20);
 /// Pulses at the end that are looked at.
 const LAST: usize = 3;
 
@@ -86,10 +105,18 @@ pub(crate) fn judge_system(run: &SystemRun<'_>) -> Verdict {
                 other.is_some_and(|other| (other.width_us() - pulse.width_us()).abs() <= SAME_US)
             })
         });
+    let strays = run.strays();
+    let blamed = strays.iter().find(|stray| match run.blame {
+        Blame::Each => true,
+        Blame::Last => stray.is_last,
+        Blame::None => false,
+    });
+    let stray = blamed.map(|stray| stray.what);
     let unordered = unordered.map(Unsafe::Unordered);
     let stored = (run.stored_others && !run.commanded).then_some(Unsafe::StoredOthers);
     let is_controlled = is_as_before && run.phase == Phase::Flight;
-    let ending = match run.wrong_end(is_controlled).or(unordered).or(stored) {
+    let wrong_end = || run.wrong_end(is_controlled);
+    let ending = match stray.or_else(wrong_end).or(unordered).or(stored) {
         Some(wrong) => Ending::Unsafe(wrong),
         None if wrong > WRONG_LIMIT => Ending::Unsafe(Unsafe::Driven(wrong)),
         None if silent > SILENCE_LIMIT && !run.given_up => Ending::Unsafe(Unsafe::NoPulse(silent)),
@@ -101,6 +128,8 @@ pub(crate) fn judge_system(run: &SystemRun<'_>) -> Verdict {
         ending,
         wrong,
         silent,
+        strays: strays.len(),
+        for_ever: rudders().any(|(rudder, reference)| run.is_for_ever(rudder, reference)),
         noticed,
         harmless,
     }
@@ -120,8 +149,23 @@ fn nearest(pulses: &[Pulse], time: Ticks) -> Option<&Pulse> {
 impl SystemRun<'_> {
     /// Whether a pulse is the neutral one, made with the clock that there is.
     fn is_neutral(&self, rudder: &Rudder<'_>, pulse: &Pulse) -> bool {
-        let (least, most) = (rudder.neutral_us.start(), rudder.neutral_us.end());
-        self.is_within(pulse.width_us(), (least + most) / 2.0, (most - least) / 2.0)
+        rudder.is_neutral_by(pulse, self.clock_error)
+    }
+
+    fn longest_frame(&self) -> Ticks {
+        match self.resets {
+            [] => self.frame,
+            _ => self.frame.max(RESTARTED_FRAME),
+        }
+    }
+
+    fn strays(&self) -> Vec<Stray> {
+        let end = self.truth.motion.last();
+        let end = end.map_or(self.injected, |motion| motion.time);
+        let rudders = self.rudders.iter();
+        rudders
+            .flat_map(|rudder| rudder.strays(self.longest_frame(), self.clock_error, end))
+            .collect()
     }
 
     /// Whether a pulse that was to have a width has it to within `near_us` and the clock's error.
@@ -152,6 +196,22 @@ impl SystemRun<'_> {
                 _ => None,
             }
         })
+    }
+
+    /// Whether a rudder is driven wrongly at the end of the run, or has no pulses, though nobody
+    /// has ordered that.
+    fn is_for_ever(&self, rudder: &Rudder<'_>, reference: &[Pulse]) -> bool {
+        let Some(end) = self.truth.motion.last().map(|motion| motion.time) else {
+            return false;
+        };
+        let last = rudder.pulses.last().map(|pulse| pulse.rise);
+        let high = rudder.high.map(|high| high.rise);
+        let gap = end.saturating_sub(last.max(high).unwrap_or(self.injected));
+        let restoring = restoring(rudder, reference);
+        let mut ends = rudder.pulses.iter().rev().take(LAST);
+        let is_driven = ends.all(|pulse| self.is_wrong(rudder, pulse, reference, restoring));
+        let is_silent = gap > self.longest_frame() * 2;
+        !self.commanded && (is_silent && !self.given_up || is_driven)
     }
 
     /// The longest time for which a rudder was driven wrongly without a break: from the first of
@@ -243,8 +303,9 @@ fn restoring(rudder: &Rudder<'_>, reference: &[Pulse]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::super::neutral_us;
-    use super::super::testing::{ACTIVE, FRAME, NEUTRAL, beat, motion, ms, pulse};
+    use super::super::testing::{ACTIVE, FRAME, NEUTRAL, beat, cut, motion, ms, pulse};
     use super::*;
+    use crate::observe::ground_truth::High;
     use tvc_nano::Params;
 
     /// A second behind a fault at 0, with what is to be judged in it.
@@ -257,6 +318,7 @@ mod tests {
         commanded: bool,
         stored_others: bool,
         clock_error: f64,
+        blame: Blame,
     }
 
     impl Seen {
@@ -280,6 +342,7 @@ mod tests {
                 commanded: false,
                 stored_others: false,
                 clock_error: 0.0,
+                blame: Blame::Each,
             }
         }
 
@@ -304,6 +367,7 @@ mod tests {
                     neutral_us: neutral_us(&Params::default(), Axis::Pitch),
                     before: Some(pulse(Ticks::ZERO, width)),
                     pulses: &self.truth.pulses,
+                    high: self.truth.high[0],
                 }],
                 reference_pulses: vec![&reference],
                 truth: &self.truth,
@@ -313,6 +377,7 @@ mod tests {
                 given_up: self.given_up,
                 commanded: self.commanded,
                 stored_others: self.stored_others,
+                blame: self.blame,
                 clock_error: self.clock_error,
             })
         }
@@ -389,6 +454,55 @@ mod tests {
         assert!(!kept.is_unsafe());
         kept.truth.pulses[4] = pulse(ms(80), ACTIVE);
         assert!(kept.is_unsafe());
+    }
+
+    /// The watchdog bites in the midst of a pulse.
+    #[test]
+    fn a_pulse_that_a_reset_cuts_is_unsafe_whatever_its_width() {
+        let mut seen = Seen::flight(|at| match at {
+            0..100 => ACTIVE,
+            100..620 => 0.0,
+            _ => NEUTRAL,
+        });
+        seen.resets = vec![(ms(81), ResetCause::Watchdog)];
+        assert_eq!(seen.judged().ending, Ending::Restarted);
+        let last = &mut seen.truth.pulses[4];
+        *last = cut(*last, 1312.0);
+        let verdict = seen.judged();
+        assert_eq!(verdict.ending, Ending::Unsafe(Unsafe::CutPulse(1312.0)));
+        assert_eq!(verdict.strays, 1);
+        seen.blame = Blame::Last;
+        assert!(seen.is_unsafe());
+        // Nothing could prevent it.
+        seen.blame = Blame::None;
+        assert_eq!(seen.judged().strays, 1);
+        assert!(!seen.is_unsafe());
+        // Where it is neutral by chance, it does no harm.
+        seen.blame = Blame::Each;
+        seen.truth.pulses[4] = cut(seen.truth.pulses[4], NEUTRAL);
+        assert!(!seen.is_unsafe());
+    }
+
+    /// A wrong register makes pulses that nobody asked for, until that is noticed.
+    #[test]
+    fn a_stray_pulse_with_others_behind_it_counts_as_driven_wrongly() {
+        let mut seen = Seen::flight(|_| ACTIVE);
+        seen.truth.pulses[7] = cut(seen.truth.pulses[7], 18_400.0);
+        let unsafe_ = Ending::Unsafe(Unsafe::StrayPulse(18_400.0));
+        assert_eq!(seen.judged().ending, unsafe_);
+        seen.blame = Blame::Last;
+        let verdict = seen.judged();
+        assert_eq!(verdict.ending, Ending::Recovered);
+        assert_eq!((verdict.wrong, verdict.strays), (ms(20), 1));
+        let rise = ms(990);
+        seen.truth.high[0] = Some(High {
+            rise: rise - ms(400),
+            asked: seen.truth.pulses[0].asked,
+        });
+        seen.truth.pulses.truncate(29);
+        let high = Ending::Unsafe(Unsafe::High(ms(409)));
+        let verdict = seen.judged();
+        assert_eq!((verdict.ending, verdict.for_ever), (high, true));
     }
 
     #[test]

@@ -4,7 +4,7 @@ use client::StateKind;
 use samd21::board::Ticks;
 
 use crate::ground_station::Heartbeat;
-use crate::observe::ground_truth::{Motion, Pulse, Roll};
+use crate::observe::ground_truth::{Asked, Motion, Pulse, Roll};
 
 pub(super) const ACTIVE: f64 = 1600.0;
 pub(super) const NEUTRAL: f64 = 1523.6;
@@ -37,9 +37,20 @@ pub(super) fn beat(at: u64, state: StateKind) -> Heartbeat {
     }
 }
 
+/// As wide as it was asked for.
 pub(super) fn pulse(rise: Ticks, width_us: f64) -> Pulse {
+    let width = Ticks::from_secs_f64(width_us * 1e-6);
     Pulse {
         rise,
-        fall: rise + Ticks::from_secs_f64(width_us * 1e-6),
+        fall: rise + width,
+        asked: Asked([width; 2]),
+    }
+}
+
+/// The same, cut to a width.
+pub(super) fn cut(pulse: Pulse, width_us: f64) -> Pulse {
+    Pulse {
+        fall: pulse.rise + Ticks::from_secs_f64(width_us * 1e-6),
+        ..pulse
     }
 }
