@@ -3,7 +3,7 @@
 
 use anyhow::Result;
 use maud::{Markup, html};
-use rig::faults::{DEADLINE, Kind, WRONG_LIMIT};
+use rig::faults::{DEADLINE, Kind, Plan, WRONG_LIMIT};
 
 use super::table::{End, Row};
 use crate::out::measure::Figures;
@@ -21,7 +21,12 @@ const SLOT_S: f64 = 0.2;
 pub fn render(figures: &Figures, rows: &[Row]) -> Result<String> {
     let seed = rows.first().map_or(0, |row| row.seed);
     let phase = rows.first().map_or("", |row| row.phase.as_str());
-    let title = format!("Faults in phase {phase}: {} runs, seed {seed}", rows.len());
+    let campaign = rows.first().map_or("", |row| row.campaign.as_str());
+    let what = match campaign.parse() {
+        Ok(Plan::Resets) => campaign.to_owned(),
+        _ => format!("{campaign} in phase {phase}"),
+    };
+    let title = format!("Campaign of {what}: {} runs, seed {seed}", rows.len());
     let bad: Vec<&Row> = rows.iter().filter(|row| row.end == End::Unsafe).collect();
     let mut longest: Vec<&Row> = rows.iter().collect();
     longest.sort_by(|a, b| b.blind_ms().total_cmp(&a.blind_ms()));
