@@ -116,7 +116,7 @@ pub struct Rig {
     bootloader: Bootloader,
     running: Running,
     resets: Vec<(Ticks, ResetCause)>,
-    lockups: usize,
+    halts: usize,
     lowest_sp: u32,
     /// Probability that a read or a write of the port is lost, and what decides it.
     usb_loss: (f64, ChaCha8Rng),
@@ -156,7 +156,7 @@ impl Rig {
             bootloader,
             running: Running::Image,
             resets: Vec::new(),
-            lockups: 0,
+            halts: 0,
             usb_loss: (
                 config.hardware.usb_loss,
                 generator(config.seed, Stream::Port),
@@ -189,7 +189,7 @@ impl Rig {
             match self.run_some(until) {
                 Stop::Reached => {}
                 // The core stands still until the watchdog resets it.
-                Stop::Lockup => self.lockups += 1,
+                Stop::Lockup => self.halts += 1,
                 Stop::Reset(cause) => self.reset(cause),
                 stop => {
                     return Err(RigError::Stopped {
@@ -229,6 +229,7 @@ impl Rig {
 
     fn reset_chip(&mut self, cause: ResetCause) {
         self.resets.push((self.now(), cause));
+        self.halts += usize::from(self.chip.is_stopped());
         self.chip.reset(cause);
         self.environment.chip_reset();
     }
@@ -296,9 +297,10 @@ impl Rig {
         &self.resets
     }
 
-    /// How often the core has locked up since power-on.
-    pub fn lockups(&self) -> usize {
-        self.lockups
+    /// How often the core has come to a halt since power-on that only a reset can end or has
+    /// ended: in lock-up, or without a clock.
+    pub fn halts(&self) -> usize {
+        self.halts
     }
 
     /// How far the chip's main clock may be off by itself, relative.

@@ -60,7 +60,7 @@ impl Pulse {
     /// relative.
     pub fn is_as_asked(&self, clock_error: f64) -> bool {
         let width_us = self.width_us();
-        let slack = 1.0 + CLOCK_JITTER + clock_error.abs();
+        let slack = (1.0 + CLOCK_JITTER) / (1.0 - clock_error.abs());
         let near = |asked: Ticks| {
             let (least, most) = (asked.as_us_f64() / slack, asked.as_us_f64() * slack);
             (least - 1.0..=most + 1.0).contains(&width_us)

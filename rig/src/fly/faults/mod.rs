@@ -242,7 +242,7 @@ impl Campaign {
         let begun = Begun {
             before: Axis::ALL.map(|axis| rig.truth().pulses_of(axis).last().copied()),
             resets: rig.resets().len(),
-            lockups: rig.lockups(),
+            halts: rig.halts(),
             at: rig.now(),
             lasted,
         };
@@ -367,7 +367,7 @@ impl Campaign {
             given_up: rig.in_bootloader(),
             commanded: kind.commands(),
             stored_others: !self.undisturbed.has_stored(rig, kind.spoils_store()),
-            blame: match rig.lockups() > begun.lockups {
+            blame: match rig.halts() > begun.halts {
                 true => Blame::None,
                 false => fault.blame,
             },
@@ -429,8 +429,8 @@ struct Begun {
     before: [Option<Pulse>; Axis::COUNT],
     /// Resets so far.
     resets: usize,
-    /// Lock-ups of the core so far.
-    lockups: usize,
+    /// Halts of the core so far.
+    halts: usize,
     at: Ticks,
     /// How long the fault lasts.
     lasted: Ticks,
