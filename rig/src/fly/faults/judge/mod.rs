@@ -30,6 +30,10 @@ pub fn neutral_us(params: &Params, axis: Axis) -> RangeInclusive<f64> {
 /// Widths within the servo's travel, us; any other is a runt or a glitch.
 const TRAVEL_US: RangeInclusive<f64> = 853.0..=2193.5;
 
+/// Without pulses for longer, a servo goes where the last one says and stays there: five frames of
+/// 20 ms. A timer that is set up anew takes less.
+const SILENCE: Ticks = Ticks::from_ms(100);
+
 /// What was seen of a rudder's servo.
 pub(crate) struct Rudder<'a> {
     pub(crate) axis: Axis,
@@ -46,7 +50,7 @@ pub(crate) struct Rudder<'a> {
 /// A pulse that is neither neutral nor what the program had asked for.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Stray {
-    /// No other follows in time: the servo goes where it says.
+    /// No other follows for a while: the servo goes where it says.
     pub(crate) is_last: bool,
     pub(crate) what: Unsafe,
 }
@@ -75,7 +79,7 @@ impl Rudder<'_> {
             let width_us = pulse.width_us();
             let Asked([asked, _]) = pulse.asked;
             is_stray.then(|| Stray {
-                is_last: next.saturating_sub(pulse.fall) > frame + frame / 2,
+                is_last: next.saturating_sub(pulse.fall) > SILENCE,
                 what: if width_us < asked.as_us_f64() {
                     Unsafe::CutPulse(width_us)
                 } else {
