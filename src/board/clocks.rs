@@ -69,6 +69,8 @@ pub(super) fn set_dfll(sysctrl: &pac::sysctrl::RegisterBlock, coarse: u8, fine: 
     let write = |closed: bool| {
         sysctrl.dfllctrl().write(|w| {
             unsafe { w.bits(control) };
+            // A copy of it that has changed is not to stop the processor.
+            w.enable().set_bit();
             w.mode().bit(closed && control & DFLL_CLOSED != 0)
         });
     };

@@ -34,7 +34,7 @@ const NEUTRAL_MS: u32 = 600;
 /// Half of the time for which neutral pulses go on before a reset, us. The watchdog, which is fed
 /// before either half, takes 89 ms where its oscillator is 40 % fast: this, a frame and a pulse are
 /// less.
-const LAST_PULSES_US: u32 = 60_000;
+const LAST_PULSES_US: u32 = 45_000;
 
 #[repr(C)]
 #[derive(Clone, Copy)]
@@ -51,6 +51,8 @@ unsafe extern "C" {
     static mut _crash_record: Record;
     /// Where the neutral pulses are kept, behind it.
     static mut _kept_neutral: KeptNeutral;
+    /// Where starts are counted.
+    static mut _starts: Starts;
 }
 
 impl Record {
@@ -198,6 +200,50 @@ impl KeptNeutral {
         let [first, second] = kept.counts;
         (kept.seal == seal(first, second)).then_some(kept.counts)
     }
+}
+
+/// Starts in a row behind which the loop has not worked, with their seal.
+#[repr(C)]
+#[derive(Clone, Copy)]
+struct Starts {
+    count: u32,
+    seal: u32,
+}
+
+/// An image that has not come to work in so many starts is left to the bootloader.
+const STARTS_MAX: u32 = 4;
+
+/// The program starts. What ends it before it works, a bit that has flipped in the code of its
+/// start, does so again and again.
+pub(super) fn count_start(pm: &pac::Pm) {
+    let cause = pm.rcause().read();
+    // SAFETY: as in `Record::take`.
+    let kept = unsafe { addr_of_mut!(_starts).read_volatile() };
+    let goes_on = cause.wdt().bit_is_set() || cause.syst().bit_is_set();
+    let count = if goes_on && kept.seal == seal(kept.count, 0) {
+        kept.count.saturating_add(1)
+    } else {
+        1
+    };
+    if count > STARTS_MAX {
+        keep_starts(0);
+        usb::enter_bootloader();
+    }
+    keep_starts(count);
+}
+
+/// The loop works.
+pub(super) fn has_started() {
+    keep_starts(0);
+}
+
+fn keep_starts(count: u32) {
+    let starts = Starts {
+        count,
+        seal: seal(count, 0),
+    };
+    // SAFETY: as in `Record::store`.
+    unsafe { addr_of_mut!(_starts).write_volatile(starts) };
 }
 
 /// Every program needs one. Nothing calls it: no call of a panic is linked into the image, to which

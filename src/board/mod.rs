@@ -98,6 +98,7 @@ impl Board {
         else {
             crash::stop(SelfCheck::TakenTwice)
         };
+        crash::count_start(&chip.pm);
         let clocks = clocks::start(
             chip.gclk,
             &mut chip.pm,
@@ -206,6 +207,7 @@ impl Board {
         }
         self.frame.connect_again();
         self.bus.connect_again();
+        usb::point_at_banks();
         enable_interrupts();
         time::keep_running();
         if !self.frame.is_as_set() || !self.guard.is_as_set() {

@@ -20,6 +20,7 @@ use tvc_nano::telemetry::Reset;
 use tvc_nano::usb::{self, Device, descriptors};
 
 use controller::Usb;
+pub(super) use controller::point_at_banks;
 
 use super::nano33iot::{
     BOOTLOADER_FLASH, BOOTLOADER_MAGIC, BOOTLOADER_WORD, USB_PRODUCT, USB_VENDOR,

@@ -70,6 +70,7 @@ impl WatchdogGuard {
             stack::check();
             feed(&self.watchdog);
             self.work.fed(now);
+            crash::has_started();
             GRACE.store(0, Ordering::Relaxed);
         }
     }

@@ -131,9 +131,8 @@ impl Usb {
                 w.trim().bits(usb_trim_cal())
             });
             usb.qosctrl().write(|w| w.dqos().bits(3).cqos().bits(3));
-            usb.descadd()
-                .write(|w| w.descadd().bits(SHARED.0.get() as u32));
         }
+        point_at_banks();
         usb.ctrla()
             .write(|w| w.mode().device().runstdby().set_bit());
         usb.ctrlb().write(|w| w.spdconf().fs().detach().set_bit());
@@ -288,7 +287,19 @@ impl Usb {
         compiler_fence(Ordering::Release);
         let usb = registers();
         usb.epintflag(index).write(|w| w.trcpt1().set_bit());
+        point_at_banks();
         usb.epstatusset(index).write(|w| w.bk1rdy().set_bit());
+    }
+}
+
+/// Tell the controller where the banks' descriptors are, should a register have lost that: it would
+/// take other memory for them, and write there.
+pub(in crate::board) fn point_at_banks() {
+    let place = registers().descadd();
+    let banks = SHARED.0.get() as u32;
+    if place.read().bits() != banks {
+        // SAFETY: the descriptors are there for ever, aligned.
+        place.write(|w| unsafe { w.descadd().bits(banks) });
     }
 }
 

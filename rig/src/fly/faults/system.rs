@@ -262,7 +262,10 @@ impl SystemFault {
                 self.shifted_ppm += ppm;
                 format!("the DFLL is {ppm} ppm off")
             }
-            SystemKind::Hang => end(rig, ProgramEnd::Hang),
+            SystemKind::Hang => {
+                run_into_loop(rig)?;
+                end(rig, ProgramEnd::Hang)
+            }
             SystemKind::HangInterrupt => {
                 let line = *HANDLERS.choose(dice).unwrap_or(&15);
                 run_into_handler(rig, line)?;
@@ -371,6 +374,21 @@ impl SystemFault {
             host.attach();
         }
     }
+}
+
+/// Runs on into the main loop with interrupts on: within a handler and with interrupts held off the
+/// program hangs by kinds of their own.
+fn run_into_loop(rig: &mut Rig) -> Result<(), FlightError> {
+    /// Far longer than the loop stays out of either.
+    const TRIES: usize = 10_000;
+    for _ in 0..TRIES {
+        let registers = rig.chip().registers();
+        if !registers.primask && registers.xpsr & 0x1FF == 0 {
+            break;
+        }
+        rig.run_for(Ticks(20))?;
+    }
+    Ok(())
 }
 
 /// A frame that the vehicle takes: a command of any number with any values, a parameter that it
