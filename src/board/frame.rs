@@ -11,12 +11,13 @@
 //! sheet 14.3): every write here waits for its flag, for a bounded time.
 
 use core::cell::Cell;
+use core::ops::RangeInclusive;
 use core::sync::atomic::{AtomicBool, AtomicU8, AtomicU32, Ordering};
 
 use bno055_driver::Micros;
 use cortex_m::peripheral::SCB;
 use critical_section::Mutex;
-use tvc_nano::config::PULSE_MAX_US;
+use tvc_nano::config::{PULSE_MAX_US, PULSE_MIN_US};
 use tvc_nano::servo::PulseUs;
 use tvc_nano::ticks::{TickPlan, TimerPlan, Timing};
 use tvc_nano::{Axis, SelfCheck};
@@ -30,6 +31,10 @@ use super::{crash, i2c, watchdog};
 
 /// Timer counts in a microsecond: 48 MHz / 16.
 const COUNTS_PER_US: u32 = 3;
+
+/// Counts of the pulses that a servo answers.
+const PULSE_COUNTS: RangeInclusive<u32> =
+    COUNTS_PER_US * PULSE_MIN_US as u32..=COUNTS_PER_US * PULSE_MAX_US as u32;
 
 /// STATUS.CCBVx of the servos' channels.
 const BUFFERS_ARE_FULL: u32 =
@@ -303,7 +308,7 @@ fn reset() -> bool {
 }
 
 /// Send these pulses, in counts, 50 times a second without a tick: for an image that is not to do
-/// more. 0 is none. What sets the timer up may be what is damaged: the servos get their pulses only
+/// more. Others than a servo answers are none. What sets the timer up may be what is damaged: the servos get their pulses only
 /// if it reads back as meant, and otherwise stay as they are.
 pub(super) fn send_alone(counts: [u32; Axis::COUNT]) {
     const LAST_COUNT: u32 = COUNTS_PER_US * 20_000 - 1;
@@ -330,7 +335,8 @@ pub(super) fn send_alone(counts: [u32; Axis::COUNT]) {
     // The servos come in between two pulses, of which none is cut short.
     time::delay_us(10_000);
     for ((servo, channel), counts) in SERVOS.iter().zip(SERVO_CHANNELS).zip(counts) {
-        if is_right && counts > 0 && timer.cc(channel as usize).read().bits() == counts {
+        let is_pulse = PULSE_COUNTS.contains(&counts);
+        if is_right && is_pulse && timer.cc(channel as usize).read().bits() == counts {
             servo.low();
             servo.connect(SERVO_FUNCTION);
         }

@@ -27,7 +27,7 @@ const RESETS: [(SystemKind, Phase); 7] = [
     (SystemKind::HangInterrupt, Phase::Flight),
     (SystemKind::HardFault, Phase::Flight),
     (SystemKind::StackOverflow, Phase::Flight),
-    (SystemKind::FlashImage, Phase::Flight),
+    (SystemKind::FailedCheck, Phase::Flight),
     (SystemKind::Hang, Phase::Armed),
     (SystemKind::Reboot, Phase::Standby),
 ];

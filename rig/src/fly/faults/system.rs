@@ -64,6 +64,8 @@ named_enum! {
     HardFault = "hard-fault",
     /// The stack grows into the statics.
     StackOverflow = "stack-overflow",
+    /// A bit of the image flips that nothing executes: its check fails.
+    FailedCheck = "failed-check",
     /// The supply dips, and the chip is reset at once.
     BrownOut = "brown-out",
     /// Somebody presses the reset button.
@@ -280,6 +282,14 @@ impl SystemFault {
             }
             SystemKind::HardFault => end(rig, ProgramEnd::HardFault),
             SystemKind::StackOverflow => end(rig, ProgramEnd::StackOverflow),
+            SystemKind::FailedCheck => {
+                let address = rig.image().address() + RESERVED_VECTOR;
+                flip_flash(
+                    rig,
+                    address + dice.random_range(0..4),
+                    dice.random_range(0..8),
+                )
+            }
             SystemKind::BrownOut => {
                 rig.brown_out();
                 "the supply dips".into()
@@ -554,6 +564,9 @@ fn run_into_handler(rig: &mut Rig, line: u8) -> Result<(), FlightError> {
 
 /// Lines whose handlers hang: SERCOM4, TCC0, USB.
 const HANDLERS: [u8; 3] = [13, 15, 7];
+/// Offset of a vector that the processor has no exception for, and that is no part of the seal.
+const RESERVED_VECTOR: u32 = 0x24;
+
 /// Interrupt lines of the chip.
 const LINES: u8 = 28;
 /// Those that the firmware uses: WDT, USB, SERCOM4, TCC0.
