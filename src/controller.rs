@@ -7,7 +7,7 @@ use core::f32::consts::PI;
 
 use tvc_pid::{
     AntiWindup, Cascade, CascadeConfig, Coefficients, Config, ConfigError, Derivative, Gains, Pd,
-    Pid, PredictiveConfig, PredictivePd, Q16, Reading, Scalar, Surface, SurfaceConfig,
+    Pid, Q16, Reading, Scalar, Surface, SurfaceConfig,
 };
 
 use crate::axis::Axis;
@@ -33,8 +33,6 @@ pub struct Sample {
 
 /// `PID_LAW` of [`Law::Pid`], by its bits: one comparison of words, where floats take a call.
 const PID: u32 = 0.0_f32.to_bits();
-/// The same of [`Law::Predictive`].
-const PREDICTIVE: u32 = 1.0_f32.to_bits();
 /// The same of [`Law::Cascade`].
 const CASCADE: u32 = 3.0_f32.to_bits();
 
@@ -54,8 +52,6 @@ pub struct Controller {
 enum Law {
     /// Proportional, integral and derivative.
     Pid(Pid<Q16>),
-    /// Proportional and derivative, with prediction, braking curve and trim.
-    Predictive(PredictivePd<Q16>),
     /// The switching surface.
     Surface(Surface<Q16>),
     /// A loop of the angle around one of the rate.
@@ -71,7 +67,7 @@ impl Controller {
     #[inline(never)]
     pub fn new(params: &Params, axis: Axis, travel_rad: f32) -> Self {
         let mut controller = Self {
-            law: Law::Predictive(PredictivePd::default()),
+            law: Law::Surface(Surface::default()),
             shown: Pd {
                 kp: Q16::ZERO,
                 kd: Q16::ZERO,
@@ -105,7 +101,6 @@ impl Controller {
         -match &mut self.law {
             Law::Pid(law) => law.update(self.setpoint, angle, rate),
             Law::Cascade(law) => law.update(self.setpoint, angle, rate, Q16::ZERO),
-            Law::Predictive(law) => law.update(self.setpoint, angle, rate),
             Law::Surface(law) => {
                 // The angle is the sum of the rates, each of which counts for a whole period: half
                 // of one more than has passed.
@@ -132,7 +127,7 @@ impl Controller {
         match &mut self.law {
             Law::Pid(law) => law.set_coefficients(*gains),
             Law::Cascade(law) => law.rate_loop().set_coefficients(*gains),
-            Law::Predictive(_) | Law::Surface(_) => {}
+            Law::Surface(_) => {}
         }
     }
 
@@ -153,7 +148,6 @@ impl Controller {
         match &mut self.law {
             Law::Pid(law) => law.memory(&mut |value| fixed(value, &mut count)),
             Law::Cascade(law) => law.memory(&mut |value| fixed(value, &mut count)),
-            Law::Predictive(law) => law.memory(&mut |value| fixed(value, &mut count)),
             Law::Surface(law) => law.memory(&mut |value| fixed(value, &mut count)),
         }
         for _ in told..Self::MEMORY_WORDS {
@@ -166,7 +160,6 @@ impl Controller {
         match &mut self.law {
             Law::Pid(law) => law.reset(Q16::ZERO, self.setpoint, self.setpoint),
             Law::Cascade(law) => law.reset(),
-            Law::Predictive(law) => law.reset(),
             Law::Surface(law) => law.reset(),
         }
     }
@@ -178,7 +171,6 @@ impl Law {
     fn configure(&mut self, params: &Params, travel_rad: f32) -> Result<(), ConfigError> {
         match params.pid_law().to_bits() {
             PID => self.be_pid(&pid(params, travel_rad)),
-            PREDICTIVE => self.be_predictive(&predictive(params, travel_rad)),
             CASCADE => self.be_cascade(&cascade(params, travel_rad)),
             _ => self.be_surface(&surface(params, travel_rad)),
         }
@@ -192,17 +184,6 @@ impl Law {
                 *self = Self::Pid(Pid::new(config)?);
                 Ok(())
             }
-        }
-    }
-
-    #[inline(never)]
-    fn be_predictive(&mut self, config: &PredictiveConfig) -> Result<(), ConfigError> {
-        if !matches!(self, Self::Predictive(_)) {
-            *self = Self::Predictive(PredictivePd::default());
-        }
-        match self {
-            Self::Predictive(law) => law.retune(config),
-            _ => Ok(()),
         }
     }
 
@@ -308,25 +289,6 @@ pub(crate) fn scheduled(params: &Params, gains: Gains) -> Option<Config> {
     }
 }
 
-fn predictive(params: &Params, travel_rad: f32) -> PredictiveConfig {
-    let period_s = period_s(params);
-    PredictiveConfig {
-        period_s,
-        kp: params.pid_kp(),
-        kd: params.pid_kd(),
-        knee: params.pid_knee_rad(),
-        far_slope: params.pid_far(),
-        plant_gain: params.pitch_gain(),
-        horizon_s: params.pid_ahead_s(),
-        actuator_delay_s: params.srv_delay_s().min(period_s),
-        actuator_s: params.srv_lag_s(),
-        actuator_rate: params.srv_rad_s(),
-        trim_rad_s: params.pid_trim_rad_s(),
-        trim_limit: TRIM_LIMIT_RAD,
-        limit: travel_rad,
-    }
-}
-
 /// A pulse takes effect when it ends: the time of its sample before the edge, and the pulse at the
 /// middle behind it. The rates are read some 3 ms after that time; flights overshoot as the model
 /// does with those counted as delay.
@@ -384,7 +346,7 @@ mod tests {
 
     #[test]
     fn nose_up_and_rising_ask_for_positive_crank_angles() {
-        for law in [0.0, 1.0, 2.0, 3.0] {
+        for law in [0.0, 2.0, 3.0] {
             let mut controller = Controller::new(&with_law(law), Axis::Pitch, 1.0);
             assert!(updated(&mut controller, 0.1, 0.0) > 0.0);
             controller.reset();
@@ -396,7 +358,7 @@ mod tests {
 
     #[test]
     fn the_setpoint_is_where_the_crank_rests() {
-        for law in [0.0, 1.0, 2.0, 3.0] {
+        for law in [0.0, 2.0, 3.0] {
             let mut params = with_law(law);
             params.set("PITCH_SET_DEG", 10.0).unwrap();
             let mut controller = Controller::new(&params, Axis::Pitch, 1.0);
@@ -450,7 +412,6 @@ mod tests {
                 params.set(info.name, value).unwrap();
             }
             prop_assert!(Pid::<Q16>::new(&pid(&params, travel_rad)).is_ok());
-            prop_assert!(PredictivePd::<Q16>::new(&predictive(&params, travel_rad)).is_ok());
             prop_assert!(Cascade::<Q16>::new(&cascade(&params, travel_rad)).is_ok());
             prop_assert!(Surface::<Q16>::new(&surface(&params, travel_rad)).is_ok());
         }

@@ -81,6 +81,8 @@ pub enum ParamError {
     Unknown,
     /// The value is not in the range of this parameter.
     OutOfRange(&'static Info),
+    /// `PID_LAW` 1 is a law of older images.
+    OldLaw,
     /// The parameter cannot change while the drone is armed.
     Armed {
         /// Its name.
@@ -103,6 +105,7 @@ impl fmt::Display for ParamError {
                 f.write_str(info.name)?;
                 write!(f, " must be {}", info.range)
             }
+            ParamError::OldLaw => f.write_str("PID_LAW 1 is gone: 2 is its successor"),
             ParamError::Armed { name } => {
                 f.write_str(name)?;
                 f.write_str(": disarm first")
@@ -344,7 +347,12 @@ impl Params {
             .find(|(info, _)| wanted(info))
             .ok_or(ParamError::Unknown)?;
         if !info.range.contains(value) {
-            return Err(ParamError::OutOfRange(info));
+            const LAW: &str = "PID_LAW";
+            return Err(if info.name == LAW && value == 1.0 {
+                ParamError::OldLaw
+            } else {
+                ParamError::OutOfRange(info)
+            });
         }
         *slot = value;
         Ok(info)

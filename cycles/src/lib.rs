@@ -3,10 +3,7 @@
 
 #![no_std]
 
-use tvc_pid::{
-    Config, Derivative, Gains, Pd, Pid, PredictiveConfig, PredictivePd, Q16, Reading, Scalar,
-    Surface, SurfaceConfig,
-};
+use tvc_pid::{Config, Derivative, Gains, Pd, Pid, Q16, Reading, Scalar, Surface, SurfaceConfig};
 
 /// Time between two updates, s: three in a frame of the servo, as the firmware has them.
 pub const PERIOD_S: f32 = 6_667.0e-6;
@@ -33,25 +30,6 @@ pub fn pid() -> Config {
         derivative: Derivative::Rate,
         limit: -LIMIT..=LIMIT,
         ..Config::new(PERIOD_S)
-    }
-}
-
-/// Configuration of a predictive PD.
-pub fn predictive() -> PredictiveConfig {
-    PredictiveConfig {
-        period_s: PERIOD_S,
-        kp: KP,
-        kd: KD,
-        knee: 0.31,
-        far_slope: 0.3,
-        plant_gain: PLANT_GAIN,
-        horizon_s: 0.0144,
-        actuator_delay_s: PERIOD_S,
-        actuator_s: 0.033,
-        actuator_rate: ACTUATOR_RATE,
-        trim_rad_s: TRIM_RAD_S,
-        trim_limit: TRIM_LIMIT,
-        limit: LIMIT,
     }
 }
 
@@ -184,18 +162,6 @@ impl<T: Number> Law for Pid<T> {
     fn update(&mut self, input: &Input) -> u32 {
         let [setpoint, value, rate] = numbers(input);
         Pid::update(self, setpoint, value, rate).to_word()
-    }
-}
-
-impl<T: Number> Law for PredictivePd<T> {
-    fn new() -> Self {
-        Self::new(&predictive()).expect("the configuration is valid")
-    }
-
-    #[inline(always)]
-    fn update(&mut self, input: &Input) -> u32 {
-        let [setpoint, value, rate] = numbers(input);
-        PredictivePd::update(self, setpoint, value, rate).to_word()
     }
 }
 

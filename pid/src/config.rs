@@ -116,11 +116,3 @@ pub(crate) const LARGEST: f32 = 32_000.0;
 
 /// Shortest and longest sample period, s.
 pub(crate) const PERIOD_S: RangeInclusive<f32> = 1e-5..=10.0;
-
-/// Gains of a double integrator's two states for both poles at `z = 1 / (1 + w T)`, which is stable
-/// at any bandwidth: `1 - z^2` for the first state and `(1 - z)^2` for the second, as the
-/// characteristic polynomial `(x - z)^2` asks.
-pub(crate) fn double_pole(bandwidth_rad_s: f32, period_s: f32) -> (f32, f32) {
-    let z = 1.0 / (1.0 + bandwidth_rad_s * period_s);
-    (1.0 - z * z, (1.0 - z) * (1.0 - z))
-}

@@ -14,26 +14,18 @@
 #[cfg(test)]
 extern crate std;
 
-mod axes;
 mod cascade;
 mod config;
-mod observer;
 mod pd;
 mod pid;
-mod predictive;
-mod reference;
 mod scalar;
 mod schedule;
 mod surface;
 
-pub use axes::Axes;
 pub use cascade::{Cascade, CascadeConfig};
 pub use config::{AntiWindup, Config, ConfigError, Derivative, Gains};
-pub use observer::{Observer, ObserverConfig};
 pub use pd::Pd;
 pub use pid::{Coefficients, Pid};
-pub use predictive::{PredictiveConfig, PredictivePd};
-pub use reference::{Reference, Shaped};
 pub use scalar::{Q16, Scalar, Share16};
 pub use schedule::Schedule;
 pub use surface::{Reading, Surface, SurfaceConfig};

@@ -173,24 +173,18 @@ macro_rules! parameters {
 }
 
 parameters! {
-    /// servo angle per pitch error, near the setpoint
+    /// servo angle per pitch error, in law 0
     pid_kp: "PID_KP", "rad/rad", Between(0.0, 10.0), 1.9, Live;
-    /// servo angle per pitch rate
+    /// servo angle per pitch rate, in laws 0 and 3
     pid_kd: "PID_KD", "s", Between(0.0, 3.0), 0.435, Live;
-    /// pitch error beyond which the braking curve is flatter
-    pid_knee_rad: "PID_KNEE_RAD", "rad", Between(0.0, 2.0), 0.31, Live;
-    /// slope of the braking curve beyond the knee, as a share of that before
-    pid_far: "PID_FAR", "", Between(0.0, 1.0), 0.3, Live;
-    /// how far ahead pitch and rate are predicted
-    pid_ahead_s: "PID_AHEAD_S", "s", Between(0.0, 0.1), 0.0144, Live;
-    /// bandwidth of the observer that trims a lateral offset of the mass away; 0 is no trim
+    /// bandwidth of the observer that trims a lateral offset of the mass away, in law 2; 0 is no
+    /// trim
     pid_trim_rad_s: "PID_TRIM_RAD_S", "rad/s", Between(0.0, 20.0), 1.115, Live;
     /// servo angle per pitch error and second, in laws 0 and 3
     pid_ki: "PID_KI", "1/s", Between(0.0, 20.0), 0.0, Live;
-    /// the control law: 0 PID_KP, PID_KI and PID_KD alone; 1 with braking curve, prediction and
-    /// trim; 2 the switching surface, SFC_GAIN_S and what follows; 3 a loop of the angle around one
-    /// of the rate, with PID_KI and PID_KD
-    pid_law: "PID_LAW", "", OneOf(&[0.0, 1.0, 2.0, 3.0]), 2.0, Disarmed;
+    /// the control law: 0 PD, with PID_KI PID; 2 the switching surface, SFC_GAIN_S and what follows;
+    /// 3 a loop of the angle around one of the rate, with PID_KI and PID_KD
+    pid_law: "PID_LAW", "", OneOf(&[0.0, 2.0, 3.0]), 2.0, Disarmed;
     /// servo angle per deviation of the rate from the switching surface
     sfc_gain_s: "SFC_GAIN_S", "s", Between(0.0, 5.0), 0.6875, Live;
     /// slope of the surface near the setpoint
@@ -213,10 +207,6 @@ parameters! {
     srv_play_rad: "SRV_PLAY_RAD", "rad", Between(0.0, 0.2), 0.003107, Live;
     /// pitch acceleration per servo angle at zero rudder
     pitch_gain: "PITCH_GAIN", "1/s2", Between(1.0, 1000.0), 31.6, Live;
-    /// time for which the servo still follows the command before the last, at most one sample
-    srv_delay_s: "SRV_DELAY_S", "s", Between(0.0, 0.01), 0.0094, Live;
-    /// time constant with which the servo closes a small gap, frame included
-    srv_lag_s: "SRV_LAG_S", "s", Between(0.0, 1.0), 0.033, Live;
     /// greatest speed of the servo
     srv_rad_s: "SRV_RAD_S", "rad/s", Between(0.1, 100.0), 5.5, Live;
     /// pitch to hold, nose up positive

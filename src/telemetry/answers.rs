@@ -190,7 +190,9 @@ impl Telemetry {
     fn param_error(&mut self, id: &[u8; 16], index: i16, error: &ParamError) {
         let code = match error {
             ParamError::Unknown => MavParamError::MAV_PARAM_ERROR_DOES_NOT_EXIST,
-            ParamError::OutOfRange(_) => MavParamError::MAV_PARAM_ERROR_VALUE_OUT_OF_RANGE,
+            ParamError::OutOfRange(_) | ParamError::OldLaw => {
+                MavParamError::MAV_PARAM_ERROR_VALUE_OUT_OF_RANGE
+            }
             ParamError::Armed { .. } | ParamError::ArmedAll | ParamError::Unseen { .. } => {
                 MavParamError::MAV_PARAM_ERROR_PERMISSION_DENIED
             }

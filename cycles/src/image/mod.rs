@@ -76,8 +76,6 @@ subject! {
     "law-fixed-pd": tvc_pid::Control<::tvc_pid::Pd<::tvc_pid::Q16>>,
     "law-pid": tvc_pid::Control<::tvc_pid::Pid<f32>>,
     "law-fixed-pid": tvc_pid::Control<::tvc_pid::Pid<::tvc_pid::Q16>>,
-    "law-predictive": tvc_pid::Control<::tvc_pid::PredictivePd<f32>>,
-    "law-fixed-predictive": tvc_pid::Control<::tvc_pid::PredictivePd<::tvc_pid::Q16>>,
     "law-surface": tvc_pid::Control<::tvc_pid::Surface<f32>>,
     "law-fixed-surface": tvc_pid::Control<::tvc_pid::Surface<::tvc_pid::Q16>>,
 }

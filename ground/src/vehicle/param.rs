@@ -155,10 +155,8 @@ fn show(rows: &[Row], json: bool) -> Result<Verdict> {
 
 /// What a parameter belongs to, for a person who looks for it.
 pub fn group_of(name: &str) -> &'static str {
-    const GROUPS: [(&str, &str); 26] = [
+    const GROUPS: [(&str, &str); 24] = [
         // What the control laws assume of the servo.
-        ("SRV_DELAY_S", CONTROL),
-        ("SRV_LAG_S", CONTROL),
         ("SRV_LOOP_S", CONTROL),
         ("SRV_MOTOR_S", CONTROL),
         ("SRV_PLAY_RAD", CONTROL),
@@ -379,7 +377,6 @@ mod tests {
         }
         for (name, group) in [
             ("SRV_CENTRE_US", "Servo"),
-            ("SRV_LAG_S", "Control law"),
             ("SFC_NEAR", "Control law"),
             ("SRV_PLAY_RAD", "Control law"),
             ("SRV_POLARITY", "Safety"),

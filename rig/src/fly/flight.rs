@@ -30,7 +30,7 @@ const ARM_PATIENCE: Ticks = Ticks::from_ms(8000);
 /// How often progress is reported.
 const PROGRESS: Ticks = Ticks::from_ms(20);
 
-/// Gains of proportional-derivative control with braking curve, prediction and trim: servo angle
+/// Gains of proportional-derivative control, the law of the thesis: servo angle
 /// for pitch (rad/rad) and for pitch rate (s).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Gains {
@@ -42,7 +42,7 @@ pub struct Gains {
 
 impl Gains {
     /// `PID_LAW` of the law that they are for.
-    const LAW: f32 = 1.0;
+    const LAW: f32 = 0.0;
 }
 
 /// The configuration of a flight: rig, servo and parameters.

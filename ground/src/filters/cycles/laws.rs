@@ -6,7 +6,7 @@ use std::fmt;
 use anyhow::{Result, ensure};
 use recordings::Scalar;
 use rig::Image;
-use tvc_pid::{Pd, Pid, PredictivePd, Q16, Surface};
+use tvc_pid::{Pd, Pid, Q16, Surface};
 
 use super::Run;
 use super::bench::Bench;
@@ -75,8 +75,6 @@ pub fn all() -> Vec<Law> {
         Law::of::<Pd<Q16>, Q16>("pd", Fixed),
         Law::of::<Pid<f32>, f32>("pid", F32),
         Law::of::<Pid<Q16>, Q16>("pid", Fixed),
-        Law::of::<PredictivePd<f32>, f32>("predictive", F32),
-        Law::of::<PredictivePd<Q16>, Q16>("predictive", Fixed),
         Law::of::<Surface<f32>, f32>("surface", F32),
         Law::of::<Surface<Q16>, Q16>("surface", Fixed),
     ]

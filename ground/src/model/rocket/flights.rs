@@ -3,7 +3,7 @@
 use anyhow::{Result, anyhow};
 use plant::StepResponse;
 use plant::rocket::{self, Attitude, Flight, Rocket, RocketSample};
-use tvc_pid::{Axes, Config, Gains, Schedule};
+use tvc_pid::{Config, Gains, Pid, Schedule};
 
 use super::{OVERSHOOT_PCT, SETTLING_S};
 use crate::out::measure::{Figure, Value, figure, rows};
@@ -166,7 +166,8 @@ fn step(rocket: &Rocket, time_s: f64, scheduled: bool) -> Result<Step> {
     let table = TABLE_S.map(|at| (at as f32, config(rocket, at)));
     let schedule = Schedule::<f32, 10>::new(table).map_err(named)?;
     let lift_off = config(rocket, 0.0);
-    let mut axes = Axes::<f32, 2>::new(&[lift_off.clone(), lift_off]).map_err(named)?;
+    let pid = Pid::<f32>::new(&lift_off).map_err(named)?;
+    let mut axes = [pid.clone(), pid];
     let start = Attitude {
         time_s,
         angle_rad: ERRORS_RAD,
@@ -174,18 +175,15 @@ fn step(rocket: &Rocket, time_s: f64, scheduled: bool) -> Result<Step> {
     };
     let samples = rocket.fly(start, SECONDS, |attitude, _| {
         if let (true, Some(coefficients)) = (scheduled, schedule.at(attitude.time_s as f32)) {
-            for pid in axes.controllers() {
+            for pid in &mut axes {
                 pid.set_coefficients(coefficients);
             }
         }
-        let single = |values: [f64; 2]| values.map(|value| value as f32);
-        let wanted = axes.update(
-            [0.0; 2],
-            single(attitude.angle_rad),
-            single(attitude.rate_rad_s),
-        );
         // A positive gimbal angle turns the rocket the other way.
-        wanted.map(|angle| -f64::from(angle))
+        [0, 1].map(|axis| {
+            let (angle, rate) = (attitude.angle_rad[axis], attitude.rate_rad_s[axis]);
+            -f64::from(axes[axis].update(0.0, angle as f32, rate as f32))
+        })
     });
     let response = |axis: usize| {
         let trace = samples.iter().map(|s| &s.attitude);
