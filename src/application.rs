@@ -4,8 +4,8 @@
 //! [`Application::turn`] joins the sensor's driver, [`Flight`], [`Telemetry`] and [`Recorder`]. The
 //! chip's board and the tests' stand in for [`Board`].
 
-use bno055_driver::{BusError, Driver, Micros, Next, RawSample, SensorFault, Transfer};
 use embedded_storage::nor_flash::NorFlash;
+use tvc_imu::{Bursts, BusError, Imu, Micros, Next, Sample, SensorFault, Transfer};
 
 use crate::axis::Axis;
 use crate::board_status::BoardStatus;
@@ -103,9 +103,9 @@ pub trait Board {
     /// What the transfer of the newest event has read: nothing, for a write.
     fn answer(&self) -> &[u8];
 
-    /// Have the next tick start a burst, to the 7-bit address: `rates` where it is one for the
-    /// rates alone ([`Timing::is_split`]), else `whole`. `None` has it start nothing.
-    fn arm(&mut self, address: u8, whole: Option<&Transfer>, rates: Option<&Transfer>);
+    /// Have the next tick start one of these: that of the rates alone where the tick is one for
+    /// them ([`Timing::is_split`]), else the whole one.
+    fn arm(&mut self, bursts: &Bursts);
 
     /// What the sensor's bus is doing.
     fn bus(&self) -> Bus;
@@ -157,8 +157,8 @@ pub trait Board {
 
 /// All that runs on the board.
 #[derive(Debug)]
-pub struct Application<'a> {
-    driver: &'a mut Driver,
+pub struct Application<'a, S> {
+    sensor: &'a mut S,
     flight: &'a mut Flight,
     telemetry: &'a mut Telemetry,
     recorder: &'a mut Recorder,
@@ -172,16 +172,16 @@ pub struct Application<'a> {
     steps: u8,
 }
 
-impl<'a> Application<'a> {
+impl<'a, S: Imu> Application<'a, S> {
     /// At start-up.
     pub fn new(
-        driver: &'a mut Driver,
+        sensor: &'a mut S,
         flight: &'a mut Flight,
         telemetry: &'a mut Telemetry,
         recorder: &'a mut Recorder,
     ) -> Self {
         Self {
-            driver,
+            sensor,
             flight,
             telemetry,
             recorder,
@@ -206,7 +206,7 @@ impl<'a> Application<'a> {
             self.ask_sensor(now, board);
         }
         if let Some(reading) = reading {
-            self.may_save = reading.is_ok() || !self.driver.is_sampling();
+            self.may_save = reading.is_ok() || !self.sensor.is_sampling();
             board.step_begins();
             self.check_memory(board);
             self.flight.carried_tick(board.carried_tick());
@@ -227,8 +227,9 @@ impl<'a> Application<'a> {
                 self.telemetry.report_param(index, self.flight.params());
             }
             self.telemetry
-                .record(snapshot, self.flight, self.driver.health(), status);
-            self.telemetry.tell_memory(snapshot, self.flight);
+                .record(snapshot, self.flight, self.sensor.fresh(), status);
+            self.telemetry
+                .tell_memory(snapshot, self.flight, self.sensor.refresh());
             self.recorder.record(snapshot, self.flight);
             self.telemetry.serve_recorder(self.recorder);
         }
@@ -242,7 +243,7 @@ impl<'a> Application<'a> {
         let is_waiting = self.ask_sensor(now, board);
         // A transfer that is missing may be one to give up. A save waits for the bus to be free.
         let is_calm = !is_waiting
-            && self.driver.is_sampling()
+            && self.sensor.is_sampling()
             && event != Event::Missed
             && !self.telemetry.has_storage_order();
         now.after(if is_calm { CALM_US } else { CARE_US })
@@ -268,13 +269,11 @@ impl<'a> Application<'a> {
     /// Say what the next tick is to start. The reply to a verification changes that only where it
     /// ends the sampling.
     fn arm(&mut self, event: Event, board: &mut impl Board) {
-        let sampling = self.driver.is_sampling();
+        let sampling = self.sensor.is_sampling();
         if sampling && matches!(event, Event::Reply(_)) {
             return;
         }
-        let address = self.driver.config().address.value();
-        let whole = sampling.then(|| self.driver.burst());
-        board.arm(address, whole.as_ref(), self.driver.rates_burst().as_ref());
+        board.arm(&self.sensor.bursts());
     }
 
     /// What the event means to the flight: a sample or the reason why there is none, where a step
@@ -284,18 +283,17 @@ impl<'a> Application<'a> {
         now: Micros,
         event: Event,
         board: &impl Board,
-    ) -> Option<Result<RawSample, SensorFault>> {
+    ) -> Option<Result<Sample, SensorFault>> {
         let bytes = |outcome: Outcome| outcome.result.map(|()| board.answer());
         match event {
-            Event::Burst(burst) => Some(self.driver.sample(burst.started, bytes(burst))),
-            Event::Missed => Some(Err(self.driver.missed())),
+            Event::Burst(burst) => Some(self.sensor.sample(burst.started, bytes(burst))),
+            Event::Missed => Some(Err(self.sensor.missed())),
             Event::Late(burst) => {
-                // Too late to fly by; what it says of the sensor's health counts all the same.
-                let _ = self.driver.sample(burst.started, bytes(burst));
+                self.sensor.overdue(burst.started, bytes(burst));
                 None
             }
             Event::Reply(reply) => {
-                self.driver.complete(now, bytes(reply));
+                self.sensor.complete(now, bytes(reply));
                 None
             }
             Event::Nothing => None,
@@ -310,10 +308,10 @@ impl<'a> Application<'a> {
         if bus == Bus::Busy {
             return false;
         }
-        match self.driver.next(now) {
+        match self.sensor.next(now) {
             Next::Transfer(_) if bus == Bus::Stopping => true,
             Next::Transfer(transfer) => {
-                if !self.driver.is_sampling() || board.has_time_for(&transfer) {
+                if !self.sensor.is_sampling() || board.has_time_for(&transfer) {
                     board.begin(transfer);
                 }
                 false

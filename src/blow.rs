@@ -1,15 +1,17 @@
 //! Blows: a propeller that touches its guard, a landing, a loose board.
 //!
-//! The accelerometer clips at 8 g, in front of its filter, and what its filter makes of that has a
-//! mean that nobody knows: 50 ms of it turn the estimate by up to 0.1 rad. The gyroscope goes on
+//! The accelerometer clips at its range, in front of its filter, and the mean of the filter's
+//! output is then unknown: 50 ms of it turn the estimate by up to 0.1 rad. The gyroscope goes on
 //! measuring. So the accelerometer is left out of the estimate during a blow. What lasts longer is
 //! no blow, but a motion, whose mean is gravity.
 
-use bno055_driver::RawSample;
+use tvc_imu::RawSample;
 
-/// An acceleration beyond this is a blow, counts of 0.01 m/s2: 6 g. The filter passes that much of
-/// what clips at 8 g.
-const BLOW_ACC: u16 = 5_900;
+use crate::sensor::DESCRIPTION;
+
+/// An acceleration beyond this is a blow, counts: three quarters of the range. The filter passes
+/// that much of what clips.
+const BLOW_ACC: u16 = DESCRIPTION.acc_range / 4 * 3;
 
 /// How long the accelerometer is left out behind such a sample, us. What shakes so hard shows it
 /// again meanwhile, at any frequency that the sensor's refresh leaves.
@@ -91,8 +93,8 @@ mod tests {
     #[test]
     fn a_blow_leaves_the_accelerometer_out_until_it_is_over() {
         let mut blow = Blow::default();
-        assert_eq!(left_out(&mut blow, [5_900, -5_900, 300].into_iter()), 0);
-        assert_eq!(left_out(&mut blow, [-5_901].into_iter()), 1);
+        assert_eq!(left_out(&mut blow, [5_886, -5_886, 300].into_iter()), 0);
+        assert_eq!(left_out(&mut blow, [-5_887].into_iter()), 1);
         // 100 ms are 15 ticks, the last of which is over.
         assert_eq!(left_out(&mut blow, std::iter::repeat_n(300, 100)), 14);
     }

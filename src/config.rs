@@ -1,35 +1,7 @@
 //! What is fixed when the image is built, and why. What an operator may change is in
 //! [`crate::params`].
 
-use bno055_driver::config::{GyrBandwidth, GyrRange, Sensors};
-
-/// The sensor's settings: the driver's defaults, but for these.
-///
-/// Half the gyroscope's range: 1000 deg/s is three times the 6 rad/s of a fall, and a rate whose
-/// highest bit was flipped on the cable lies outside of it whatever the rate was. The driver never
-/// takes one for a rotation, not even two in a row.
-///
-/// 47 Hz of the gyroscope's bandwidth instead of 116: what a propeller shakes near the rate at
-/// which the sensor refreshes tilts the attitude by a fifth to a third less, and flights without
-/// vibration are as good.
-///
-/// Either address, because breakouts differ, and no second BNO055 is on the bus. No need of a
-/// magnetometer, because control needs no heading.
-pub fn sensor() -> bno055_driver::Config {
-    bno055_driver::Config {
-        sensors: Sensors {
-            gyr_range: GyrRange::Dps1000,
-            gyr_bandwidth: GyrBandwidth::Hz47,
-            ..Sensors::default()
-        },
-        either_address: true,
-        needs_mag: false,
-        ..bno055_driver::Config::default()
-    }
-}
-
-/// Lag of the gyroscope's filter at the 47 Hz that are set, s: that of a first-order one.
-pub const GYR_LAG_S: f32 = 3.4e-3;
+use crate::sensor::{ACC_COUNTS, GYR_COUNTS};
 
 /// Largest disturbance that control trims away, rad of servo: it holds against 3 cm of lateral
 /// offset of the centre of mass.
@@ -60,12 +32,8 @@ pub const RECOVERY_SAMPLES: u8 = 5;
 /// pass while control is active.
 pub const ESTIMATOR_GAP_US: u64 = 500_000;
 
-/// A magnetic field that has been the same for so long counts as measured again, us: the period of
-/// the BNO055's magnetometer at its reset rate.
-pub const FIELD_REPEAT_US: u64 = 100_000;
-
 /// A magnetometer that has measured no field for so long is taken as dead, us.
-pub const FIELD_LOST_US: u64 = 1_000_000;
+pub const FIELD_LOST_US: u32 = 1_000_000;
 
 /// Standard deviation of the tilt beyond which nothing is armed, deg. After some seconds of rest it
 /// is 0.3 deg; a gap in the samples makes it some tens.
@@ -81,7 +49,7 @@ pub const BIAS_REST_US: u32 = 340_000;
 pub const LEVEL_US: u32 = 1_000_000;
 
 /// A rate beyond the offset that is a motion while the attitude is levelled, counts: 3 deg/s.
-pub const LEVEL_RATE: i32 = 3 * 16;
+pub const LEVEL_RATE: i32 = (3.0 * GYR_COUNTS) as i32;
 
 /// Tilt up to which the drone may be armed and released, deg. The largest test start, 0.8 rad =
 /// 45.8 deg, must pass.
@@ -107,13 +75,6 @@ pub const BURNOUT_US: u64 = 200_000;
 /// Standard deviation of the tilt on the pad, deg: an accelerometer calibrated to 5 mg.
 pub const PAD_TILT_SD_DEG: f32 = 0.3;
 
-/// Standard deviation of the gyroscope's offset behind a rest of half a minute, deg/s: what its
-/// noise leaves, and the wandering of a BNO055 (6.5 deg/h) since.
-pub const GYR_OFFSET_SD_DEG_S: f32 = 0.01;
-
-/// Noise of the gyroscope, deg/s/sqrt(Hz) (BNO055 data sheet, table 0-2).
-pub const GYR_NOISE_DEG_RTS: f32 = 0.014;
-
 /// Silence of the host that is a failsafe where `FS_HOST` is on: three heartbeats of a client that
 /// sends one a second, less a reserve, so that the rudder is at neutral within three seconds of the
 /// last heartbeat, whenever the steps come.
@@ -132,15 +93,15 @@ pub const SELF_TEST_RATE_HZ: u32 = 95;
 /// Largest change of a gyro axis within the self-test, in counts of 1/16 deg/s: 3 deg/s, some
 /// fifteen times the noise of the BMG160 at 116 Hz bandwidth (0.15 deg/s rms), and more at the 47
 /// Hz that are set.
-pub const SELF_TEST_GYRO_SPAN: i16 = 3 * 16;
+pub const SELF_TEST_GYRO_SPAN: i16 = (3.0 * GYR_COUNTS) as i16;
 
 /// Largest gyro reading at rest, in counts: 5 deg/s. The data sheet's zero-rate offset is at most 3
 /// deg/s.
-pub const SELF_TEST_GYRO_LIMIT: i16 = 5 * 16;
+pub const SELF_TEST_GYRO_LIMIT: i16 = (5.0 * GYR_COUNTS) as i16;
 
 /// Standard gravity in accelerometer counts of 0.01 m/s2, and the tolerance of the self-test on it:
 /// 5 %.
-pub const GRAVITY_COUNTS: f32 = 980.665;
+pub const GRAVITY_COUNTS: f32 = 9.806_65 * ACC_COUNTS;
 /// See [`GRAVITY_COUNTS`].
 pub const SELF_TEST_GRAVITY_TOLERANCE: f32 = 0.05;
 

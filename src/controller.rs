@@ -11,9 +11,10 @@ use tvc_pid::{
 };
 
 use crate::axis::Axis;
-use crate::config::{GYR_LAG_S, TRIM_LIMIT_RAD};
+use crate::config::TRIM_LIMIT_RAD;
 use crate::memory::fixed;
 use crate::params::Params;
+use crate::sensor::DESCRIPTION;
 
 /// What control is given with a sample.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -299,7 +300,7 @@ fn surface(params: &Params, travel_rad: f32) -> SurfaceConfig {
         period_s,
         plant_gain: params.pitch_gain(),
         effect_s: (lead_us + params.srv_centre_us()) * 1.0e-6,
-        sensor_lag_s: GYR_LAG_S,
+        sensor_lag_s: DESCRIPTION.gyr_lag_s,
         actuator_rate: params.srv_rad_s(),
         actuator_loop_s: params.srv_loop_s(),
         actuator_lag_s: params.srv_motor_s(),

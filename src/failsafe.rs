@@ -9,8 +9,8 @@ mod command;
 mod reason;
 mod state;
 
-use bno055_driver::{Micros, RawSample, SensorFault};
 use tvc_fusion::BiasState;
+use tvc_imu::{Micros, RawSample, SensorFault};
 
 use crate::config::{
     COS_ARM_TILT_Q30, COS_FAILSAFE_TILT_Q30, DATA_AGE_LIMIT_US, FAILSAFE_TILT_US, HOST_SILENCE_US,
@@ -27,9 +27,12 @@ pub use reason::{Reason, ReasonKind};
 pub use state::{BootReport, Crash, Latch, State};
 
 /// Steps over which the share of lost samples is taken.
-const LOST_STEPS: u32 = 256;
-/// A share of lost samples that is worth telling: one in a hundred, Q16.
-const MANY_LOST: u32 = 655;
+const LOST_STEPS: u32 = 1_024;
+/// All samples, Q24.
+const ALL_LOST: u32 = 1 << 24;
+/// A share of lost samples that is worth telling: the steps that a new estimate of the attitude
+/// takes are fewer.
+const MANY_LOST: u32 = ALL_LOST / 100;
 
 /// What the supervisor needs to know of the attitude.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -73,7 +76,7 @@ pub struct Supervisor {
     /// The fault of the newest step without a sample.
     fault: Option<SensorFault>,
     missed: u32,
-    /// Share of the steps without a usable sample, Q16, over the last second or two.
+    /// Share of the steps without a usable sample over some ten seconds, Q24.
     lost: u32,
     /// Time of the newest of them.
     lost_at: Micros,
@@ -208,11 +211,13 @@ impl Supervisor {
     /// A step without a usable sample.
     pub fn miss(&mut self, now: Micros, fault: SensorFault) {
         self.missed = self.missed.wrapping_add(1);
-        self.lost += (0x1_0000 - self.lost) / LOST_STEPS;
-        self.lost_at = now;
+        if fault != SensorFault::Booting {
+            self.lost += (ALL_LOST - self.lost) / LOST_STEPS;
+            self.lost_at = now;
+        }
         self.good_run = 0;
         self.fault = Some(fault);
-        if ends_trust(fault) {
+        if fault.ends_trust() {
             self.lose_sensor(Reason::Sensor(fault));
         }
         self.watch(now);
@@ -397,17 +402,6 @@ impl Supervisor {
             self.enter(State::Failsafe(reason));
         }
     }
-}
-
-/// Faults that do not wait for the data to age: the samples before them were wrong already.
-fn ends_trust(fault: SensorFault) -> bool {
-    matches!(
-        fault,
-        SensorFault::Reset
-            | SensorFault::Configuration { .. }
-            | SensorFault::Frozen
-            | SensorFault::Unreliable
-    )
 }
 
 #[cfg(test)]

@@ -7,17 +7,17 @@
 mod memory;
 mod orders;
 
-use bno055_driver::{Micros, RawSample, SensorFault};
 use orders::{Rudder, TestPulse};
 use tvc_fusion::fixed::{Angles, Orientation};
 use tvc_fusion::{Attitude, ConfigError};
+use tvc_imu::{Micros, RawSample, Sample, SensorFault};
 use tvc_pid::Q16;
 
 use crate::axis::Axis;
 use crate::board_status::BoardStatus;
 use crate::channel::Channel;
 use crate::config::{CLOCK_CHANGE, STRETCH_LONGER_US, STRETCH_MAX_US, STRETCH_SHORTER_US};
-use crate::controller::Sample;
+use crate::controller;
 use crate::failsafe::{BootReport, Command, Health, Refusal, State, Supervisor};
 use crate::gain_schedule::GainSchedule;
 use crate::launch::{Event, Launch};
@@ -129,7 +129,7 @@ impl Flight {
 
     /// One control step: a sample, or the reason why there is none, becomes the pulses of the next
     /// servo frame.
-    pub fn step(&mut self, now: Micros, reading: Result<RawSample, SensorFault>) -> Snapshot {
+    pub fn step(&mut self, now: Micros, reading: Result<Sample, SensorFault>) -> Snapshot {
         let estimate = self.estimate(now, reading);
         let snapshot = self.act(now, estimate);
         self.catch_up();
@@ -148,15 +148,19 @@ impl Flight {
     pub fn estimate(
         &mut self,
         now: Micros,
-        reading: Result<RawSample, SensorFault>,
+        reading: Result<Sample, SensorFault>,
     ) -> Option<Estimate> {
         let is_free = self.launch.is_free(&self.state());
         // The time of one that is yet to come is wrong, and all after it would be older.
         let reading = match reading {
-            Ok(raw) if raw.time > now => Err(SensorFault::Late),
+            Ok(sample) if sample.raw.time > now => Err(SensorFault::Late),
             reading => reading,
         };
-        match reading.and_then(|raw| Ok((raw, self.navigation.update(&raw, is_free)?))) {
+        let estimated = reading.and_then(|sample| {
+            let dt_us = self.navigation.update(&sample, is_free)?;
+            Ok((sample.raw, dt_us))
+        });
+        match estimated {
             Ok((sample, dt_us)) => {
                 let health = self.health();
                 if self.supervisor.is_testing() {
@@ -412,7 +416,7 @@ impl Flight {
             self.follow_schedule();
         }
         let [roll_rate, pitch_rate, _] = self.navigation.rates();
-        let sample = |angle, rate, navigation: &Navigation| Sample {
+        let sample = |angle, rate, navigation: &Navigation| controller::Sample {
             angle,
             rate,
             rate_age_us: navigation.rate_age_us(),
@@ -441,7 +445,7 @@ impl Flight {
 
     /// The control of an axis, `dt_us` after the last.
     #[inline(never)]
-    fn steer(&mut self, now: Micros, axis: Axis, sample: &Sample, dt_us: u32) {
+    fn steer(&mut self, now: Micros, axis: Axis, sample: &controller::Sample, dt_us: u32) {
         let rudder = self.rudder(now, axis);
         let is_active = self.state().is_active();
         let channel = channel(&mut self.channels, axis);
@@ -510,13 +514,10 @@ impl Flight {
         self.timing = self.params.timing();
         self.carried.configure(&self.timing);
         self.steered = self.params.axes().len();
-        let [pitch, roll] = &mut self.channels;
+        let [pitch, _] = &mut self.channels;
         pitch.configure(&self.params);
-        // In flight both in turn: there is time for one of them between two ticks.
-        self.roll_is_due = change == Change::Live && self.steered > 1;
-        if change != Change::Live {
-            roll.configure(&self.params);
-        }
+        // There is time for one of them between two ticks.
+        self.roll_is_due = true;
         self.supervisor.require_host(self.params.fs_host() == 1.0);
     }
 

@@ -5,13 +5,14 @@
 //! and `BURN_S` ends it by time. With `FUSE_ACC` 0 the attitude follows the gyroscope alone from
 //! the first sign of thrust to the end of control.
 
-use bno055_driver::Micros;
+use tvc_imu::Micros;
 use tvc_pid::Q16;
 
-use crate::config::{BURNOUT_US, GYR_NOISE_DEG_RTS, GYR_OFFSET_SD_DEG_S, PAD_TILT_SD_DEG};
+use crate::config::{BURNOUT_US, PAD_TILT_SD_DEG};
 use crate::failsafe::State;
 use crate::memory::time;
 use crate::params::Params;
+use crate::sensor::{ACC_COUNTS, GYR_NOISE_DEG_RTS, GYR_OFFSET_SD_DEG_S};
 
 /// What the acceleration or the time says.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -41,7 +42,7 @@ struct Settings {
 
 impl Settings {
     fn new(params: &Params) -> Self {
-        let counts = |m_s2: f32| (m_s2 * 100.0) as i32;
+        let counts = |m_s2: f32| (m_s2 * ACC_COUNTS) as i32;
         let us = |seconds: f32| (seconds * 1.0e6) as u32;
         let settings = Self {
             launch: counts(params.launch_acc()),

@@ -1,6 +1,6 @@
 //! What the LED shows: the state, from across the room.
 
-use bno055_driver::Micros;
+use tvc_imu::Micros;
 
 use crate::failsafe::StateKind;
 

@@ -45,8 +45,8 @@ pub mod navigation;
 mod numbered;
 pub mod params;
 pub mod recorder;
-pub mod refresh;
 pub mod self_test;
+pub mod sensor;
 pub mod servo;
 pub mod sleep;
 pub mod store;
@@ -56,7 +56,6 @@ pub mod usb;
 pub mod watchdog;
 
 pub use axis::Axis;
-pub use bno055_driver::{Micros, RawSample, SensorFault};
 pub use board_status::BoardStatus;
 pub use controller::Controller;
 pub use failsafe::{
@@ -67,3 +66,4 @@ pub use params::Params;
 pub use recorder::Recorder;
 pub use servo::{PulseUs, Servo};
 pub use telemetry::Telemetry;
+pub use tvc_imu::{Micros, RawSample, Refresh, Sample, SensorFault};

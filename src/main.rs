@@ -14,16 +14,17 @@ mod firmware {
     use core::mem::MaybeUninit;
 
     use atsamd_hal::serial_number;
-    use bno055_driver::{Driver, Micros};
     use cortex_m_rt::entry;
     #[cfg(feature = "probe")]
     use defmt_rtt as _;
+    use tvc_imu::Micros;
     use tvc_nano::SelfCheck;
     use tvc_nano::application::Application;
     use tvc_nano::failsafe::BootReport;
     use tvc_nano::flight::Flight;
     use tvc_nano::params::Params;
     use tvc_nano::recorder::Recorder;
+    use tvc_nano::sensor::{self, Sensor};
     use tvc_nano::telemetry::{Identity, Telemetry};
 
     use crate::board::{Board, crash};
@@ -33,7 +34,7 @@ mod firmware {
         // What lives as long as the firmware, in statics, so that the stack holds only what comes
         // and goes.
         static mut BOARD: MaybeUninit<Board> = MaybeUninit::uninit();
-        static mut DRIVER: MaybeUninit<Driver> = MaybeUninit::uninit();
+        static mut SENSOR: MaybeUninit<Sensor> = MaybeUninit::uninit();
         static mut FLIGHT: MaybeUninit<Flight> = MaybeUninit::uninit();
         static mut TELEMETRY: MaybeUninit<Telemetry> = MaybeUninit::uninit();
         // In its place from the start: on its way there it would not fit the stack.
@@ -41,19 +42,19 @@ mod firmware {
         let (board, params, report) = board(BOARD);
         let telemetry = telemetry(TELEMETRY, params.mav_sysid() as u8);
         let flight = flight(FLIGHT, params, report);
-        run(board, driver(DRIVER), flight, telemetry, RECORDER)
+        run(board, sensor(SENSOR), flight, telemetry, RECORDER)
     }
 
     // Not inlined: its frame, which stays, is not to hold what start-up needed.
     #[inline(never)]
     fn run(
         board: &mut Board,
-        driver: &mut Driver,
+        sensor: &mut Sensor,
         flight: &mut Flight,
         telemetry: &mut Telemetry,
         recorder: &mut Recorder,
     ) -> ! {
-        let mut application = Application::new(driver, flight, telemetry, recorder);
+        let mut application = Application::new(sensor, flight, telemetry, recorder);
         let mut turn = Micros(0);
         loop {
             let (now, event) = board.wait(turn);
@@ -70,8 +71,8 @@ mod firmware {
     }
 
     #[inline(never)]
-    fn driver(place: &mut MaybeUninit<Driver>) -> &mut Driver {
-        place.write(Driver::new(tvc_nano::config::sensor()))
+    fn sensor(place: &mut MaybeUninit<Sensor>) -> &mut Sensor {
+        place.write(sensor::new())
     }
 
     #[inline(never)]

@@ -1,6 +1,6 @@
 //! Values as words of 32 bits, of which [what a flight remembers](crate::Flight::memory) consists.
 
-use bno055_driver::Micros;
+use tvc_imu::Micros;
 use tvc_pid::Q16;
 
 /// A number in fixed point among the words.

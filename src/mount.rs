@@ -7,10 +7,11 @@
 
 use core::f32::consts::PI;
 
-use bno055_driver::RawSample;
 use tvc_fusion::fixed::{Angles, Counts};
+use tvc_imu::RawSample;
 
 use crate::params::Params;
+use crate::sensor::{ACC_COUNTS, GYR_COUNTS, MAG_COUNTS};
 
 /// Fractional bits of a [`Matrix`]: factors up to 2.
 const BITS: u32 = 14;
@@ -144,15 +145,15 @@ fn calibrations(params: &Params) -> [Calibration; 3] {
     let counts = |offset: [f32; 3], counts: f32| offset.map(|value| value * counts);
     let [x, y, z] = params.cal_acc_scale();
     let acc = Calibration {
-        offset: counts(params.cal_acc_offset(), 100.0),
+        offset: counts(params.cal_acc_offset(), ACC_COUNTS),
         matrix: [[x, 0.0, 0.0], [0.0, y, 0.0], [0.0, 0.0, z]],
     };
     let gyr = Calibration {
-        offset: counts(params.cal_gyr_offset(), 16.0),
+        offset: counts(params.cal_gyr_offset(), GYR_COUNTS),
         ..Calibration::NOMINAL
     };
     let mag = Calibration {
-        offset: counts(params.cal_mag_offset(), 16.0),
+        offset: counts(params.cal_mag_offset(), MAG_COUNTS),
         matrix: params.cal_mag_matrix(),
     };
     [acc, gyr, mag]
@@ -184,8 +185,8 @@ fn rotation(params: &Params) -> Matrix {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use bno055_driver::Micros;
     use proptest::prelude::*;
+    use tvc_imu::Micros;
 
     fn raw(acc: [i16; 3], gyr: [i16; 3], mag: [i16; 3]) -> RawSample {
         RawSample {

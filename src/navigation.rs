@@ -4,37 +4,37 @@
 use core::f32::consts::PI;
 use core::mem;
 
-use bno055_driver::{Micros, RawSample, SensorFault};
 use tvc_fusion::fixed::{AnyFilter, AnyGains, Counts, Estimator, Orientation, Scale};
 use tvc_fusion::{
     Attitude, BiasState, ComplementaryGains, Config, ConfigError, MadgwickGains, MahonyGains,
     Quality, VqfGains,
 };
+use tvc_imu::{Micros, RawSample, Sample, SensorFault};
 use tvc_pid::{Q16, Scalar, Share16};
 
 use crate::blow::Blow;
 use crate::config::{
-    ARM_TILT_SD_DEG, BIAS_REST_US, DATA_AGE_LIMIT_US, ESTIMATOR_GAP_US, FIELD_LOST_US,
-    FIELD_REPEAT_US, LEVEL_RATE, LEVEL_US,
+    ARM_TILT_SD_DEG, BIAS_REST_US, DATA_AGE_LIMIT_US, ESTIMATOR_GAP_US, FIELD_LOST_US, LEVEL_RATE,
+    LEVEL_US,
 };
-use crate::memory::time;
 use crate::mount::Mount;
 use crate::params::{FilterKind, Params};
-use crate::refresh::Refresh;
+use crate::sensor::DESCRIPTION;
 
 /// The attitude, and all that it is made from.
 #[derive(Clone, Debug)]
 pub struct Navigation {
     estimator: Estimator<AnyFilter>,
     settings: Settings,
-    /// The newest sample used, as it came.
-    last: Option<RawSample>,
-    /// The same in body axes, with the newest field that the estimator has not had yet.
+    /// Time of the newest sample used.
+    last: Option<Micros>,
+    /// The sample in body axes, with the newest field that the estimator has not had yet.
     counts: Counts,
-    /// When the field was fresh last.
-    field_at: Micros,
+    /// Time since the field was new, us, up to [`FIELD_LOST_US`].
+    field_age_us: u32,
     bias: Bias,
-    refresh: Refresh,
+    /// Time between two refreshes of the rates, us.
+    refresh_us: u32,
     /// Age of the newest rates, us, if they are new.
     rate_age_us: Option<u32>,
     /// Time for which the newest rates have not been integrated yet, us.
@@ -73,9 +73,9 @@ impl Navigation {
                 acc: [0; 3],
                 mag: None,
             },
-            field_at: Micros(0),
+            field_age_us: FIELD_LOST_US,
             bias: Bias::Unknown(0),
-            refresh: Refresh::default(),
+            refresh_us: ESTIMATOR_PERIOD_US,
             rate_age_us: None,
             owed_us: 0,
             blow: Blow::default(),
@@ -101,36 +101,35 @@ impl Navigation {
     ///
     /// # Errors
     /// [`SensorFault::Late`] for a sample that is not newer than the last; nothing changes.
-    pub fn update(&mut self, raw: &RawSample, is_free: bool) -> Result<u32, SensorFault> {
-        let dt_us = match &self.last {
+    pub fn update(&mut self, sample: &Sample, is_free: bool) -> Result<u32, SensorFault> {
+        let raw = &sample.raw;
+        let dt_us = match self.last {
             None => self.settings.period_us.into(),
-            Some(last) if raw.time.0 <= last.time.0 => return Err(SensorFault::Late),
-            Some(last) => raw.time.0 - last.time.0,
+            Some(last) if raw.time <= last => return Err(SensorFault::Late),
+            Some(last) => raw.time.since(last),
         };
         if dt_us > ESTIMATOR_GAP_US {
             self.restart();
         }
         let dt_us = dt_us.min(ESTIMATOR_GAP_US) as u32;
-        let differ = self.last.as_ref().map_or([true; 3], |last| {
-            let ([x, y, z], [new_x, new_y, new_z]) = (last.gyr, raw.gyr);
-            [x != new_x, y != new_y, z != new_z]
-        });
-        let refreshed = self.refresh.read(dt_us, differ);
         let counts = self.settings.mount.convert(raw);
-        let field = if self.field_is_fresh(raw) {
+        let field = if sample.is_field_new {
+            self.field_age_us = 0;
             counts.mag.filter(|_| self.settings.sees_field)
         } else {
+            self.field_age_us = FIELD_LOST_US.min(self.field_age_us + dt_us);
             self.counts.mag.filter(|_| raw.mag != [0; 3])
         };
         self.blow.feel(raw, dt_us);
-        self.last = Some(*raw);
+        self.last = Some(raw.time);
         self.counts = Counts {
             mag: field,
             ..counts
         };
-        self.rate_age_us = refreshed.map(|refreshed| refreshed.age_us);
-        if refreshed.is_some() || self.owed_us != 0 {
-            let elapsed_us = refreshed.map_or(0, |refreshed| refreshed.elapsed_us);
+        self.rate_age_us = sample.rates.map(|rates| rates.age_us);
+        self.refresh_us = sample.refresh_us;
+        if sample.rates.is_some() || self.owed_us != 0 {
+            let elapsed_us = sample.rates.map_or(0, |rates| rates.elapsed_us);
             if is_free {
                 self.coast(elapsed_us);
             } else {
@@ -169,8 +168,7 @@ impl Navigation {
         const LEVELLING: u32 = 1 << 30;
         const KNOWN: u32 = 1 << 31;
         self.estimator.memory(each);
-        self.field_at = time(self.field_at, each);
-        self.refresh.memory(each);
+        self.field_age_us = (each(self.field_age_us as i32) as u32).min(FIELD_LOST_US);
         self.owed_us = (each(self.owed_us as i32) as u32).min(ESTIMATOR_GAP_US as u32);
         self.blow.memory(each);
         let is_due = each(self.counts.mag.is_some().into()) != 0;
@@ -190,7 +188,7 @@ impl Navigation {
 
     /// The newest sample used was this one.
     pub(crate) fn resume(&mut self, raw: &RawSample) {
-        self.last = Some(*raw);
+        self.last = Some(raw.time);
         let counts = self.settings.mount.convert(raw);
         self.counts = Counts {
             mag: self.counts.mag.and(counts.mag),
@@ -219,7 +217,7 @@ impl Navigation {
     pub fn rates(&self) -> [Q16; 3] {
         // What a 512th of a count is worth in a Q16.
         const SCALE: Share16 = Share16::from_bits(
-            (Scale::BNO055.gyr_rad_s * 65_536.0 / 512.0 * 65_536.0 + 0.5) as u16,
+            (DESCRIPTION.scale.gyr_rad_s * 65_536.0 / 512.0 * 65_536.0 + 0.5) as u16,
         );
         let rate = |counts: i16, bias_q9: i32| {
             Q16::from_bits((i32::from(counts) << 9) - bias_q9).times(SCALE)
@@ -241,7 +239,7 @@ impl Navigation {
 
     /// Time between two refreshes of the rates, us.
     pub fn refresh_us(&self) -> u32 {
-        self.refresh.period_us()
+        self.refresh_us
     }
 
     /// The newest attitude in fixed point.
@@ -283,7 +281,6 @@ impl Navigation {
         self.counts.mag = None;
         self.owed_us = 0;
         self.blow = Blow::default();
-        self.refresh = Refresh::default();
         // The settings are within their parameters' ranges.
         if let Ok(estimator) = self.settings.estimator() {
             self.estimator = estimator;
@@ -300,7 +297,7 @@ impl Navigation {
         const LONGEST_STEP_US: u32 = ESTIMATOR_PERIOD_US * 5 / 4;
         // Two periods without a missed sample are those of a vehicle at rest, whose rates were the
         // same twice. The second has time until a tick without new rates.
-        let period_us = self.refresh.period_us();
+        let period_us = self.refresh_us;
         let due_us = elapsed_us + mem::take(&mut self.owed_us);
         if dt_us <= LONGEST_STEP_US && due_us <= 2 * period_us && period_us <= LONGEST_STEP_US {
             let step_us = due_us.min(period_us);
@@ -345,21 +342,7 @@ impl Navigation {
     /// Whether the magnetometer has measured a field lately. Without one the heading follows the
     /// gyroscope alone; pitch needs none.
     pub fn field_is_healthy(&self) -> bool {
-        self.last
-            .is_some_and(|last| last.time.since(self.field_at) < FIELD_LOST_US)
-    }
-
-    /// The magnetometer is slower than the loop: its registers repeat until it has measured again.
-    /// A field that stays the same for long is taken as one that does not change, and one of zero
-    /// as none.
-    fn field_is_fresh(&mut self, raw: &RawSample) -> bool {
-        let repeated = self.last.is_some_and(|last| last.mag == raw.mag);
-        let fresh =
-            raw.mag != [0; 3] && (!repeated || raw.time.since(self.field_at) >= FIELD_REPEAT_US);
-        if fresh {
-            self.field_at = raw.time;
-        }
-        fresh
+        self.last.is_some() && self.field_age_us < FIELD_LOST_US
     }
 
     /// The estimator learns the offset in blocks of rest, the first of which ends in
@@ -386,6 +369,13 @@ impl Navigation {
             .any(|(rate, bias_q9)| (i32::from(rate) - (bias_q9 >> 9)).abs() > LEVEL_RATE)
     }
 }
+
+/// What a count of the sensor is worth.
+const SCALE: Scale = Scale {
+    acc_m_s2: DESCRIPTION.scale.acc_m_s2,
+    gyr_rad_s: DESCRIPTION.scale.gyr_rad_s,
+    mag_ut: DESCRIPTION.scale.mag_ut,
+};
 
 /// The estimator's own time step, us: the sensor's refresh. A constant, so that all of its
 /// configuration but filter and declination is worked out by the compiler.
@@ -419,7 +409,7 @@ impl Settings {
                 // The controller knows how old the rates are, and pitch and tilt need no heading.
                 ..Config::with_gains(gains).without_lags()
             };
-            Estimator::new(&config, &Scale::BNO055, ESTIMATOR_PERIOD_US)
+            Estimator::new(&config, &SCALE, ESTIMATOR_PERIOD_US)
         };
         match self.filter {
             FilterKind::Vqf => build(AnyGains::Vqf(VqfGains::default())),

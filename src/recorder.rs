@@ -18,8 +18,8 @@
 //! | 52, 54 | pulses, us; 0 for an axis that is not steered |
 //! | 56 | [`State::code`](crate::State::code), lower 16 bits |
 
-use bno055_driver::{Micros, RawSample};
 use tvc_fusion::{Quaternion, Vector3};
+use tvc_imu::{Micros, RawSample};
 use tvc_pid::Q16;
 
 use crate::axis::Axis;
@@ -268,9 +268,9 @@ mod tests {
     use super::*;
     use crate::failsafe::Command;
     use crate::flight::tests::Desk;
-    use bno055_driver::{Micros, SensorFault};
     use std::vec;
     use std::vec::Vec;
+    use tvc_imu::{Micros, SensorFault};
 
     /// Steps, recorded; what each was.
     fn run(recorder: &mut Recorder, desk: &mut Desk, steps: usize) -> Vec<Snapshot> {

@@ -4,7 +4,7 @@
 //! It works on calibrated counts in integers, before any filter could hide what the sensor did: a
 //! sensor whose offset takes it out of the limits is calibrated first.
 
-use bno055_driver::{Micros, RawSample};
+use tvc_imu::{Micros, RawSample};
 
 use crate::config::{
     GRAVITY_COUNTS, SELF_TEST_GRAVITY_TOLERANCE, SELF_TEST_GYRO_LIMIT, SELF_TEST_GYRO_SPAN,

@@ -1,6 +1,6 @@
 //! When the processor may sleep, and how much it does.
 
-use bno055_driver::Micros;
+use tvc_imu::Micros;
 
 /// The system timer interrupts this often, us.
 pub const TIMER_PERIOD_US: u64 = 1_000;

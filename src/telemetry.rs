@@ -50,12 +50,12 @@ mod sending;
 mod storage;
 mod version;
 
-use bno055_driver::{Health, Micros, RawSample};
 use mavlink::dialects::common::{
     ATTITUDE_DATA, ATTITUDE_QUATERNION_DATA, DEBUG_VECT_DATA, HEARTBEAT_DATA, MavAutopilot,
     MavModeFlag, MavSeverity, MavState, MavSysStatusSensor, MavType, NAMED_VALUE_FLOAT_DATA,
     RAW_IMU_DATA, SERVO_OUTPUT_RAW_DATA, SYS_STATUS_DATA,
 };
+use tvc_imu::{Micros, RawSample};
 
 use crate::axis::Axis;
 use crate::board_status::BoardStatus;
@@ -199,7 +199,7 @@ impl Telemetry {
         &mut self,
         snapshot: &Snapshot,
         flight: &Flight,
-        sensor: &Health,
+        fresh: u32,
         board: &BoardStatus,
     ) {
         if self.announced.is_none() {
@@ -223,7 +223,7 @@ impl Telemetry {
         self.memory_due |= self.rates.due(Stream::Memory) || due;
         if due {
             self.heartbeat_at = Some(snapshot.now);
-            self.bus_status(snapshot, sensor, board);
+            self.bus_status(snapshot, fresh, board);
             self.uncertainty(snapshot, flight);
             match (&snapshot.state, snapshot.fault) {
                 (State::Boot, Some(fault)) => self.warn(format_args!("{fault}")),
@@ -450,9 +450,9 @@ impl Telemetry {
     }
 
     /// How the sensor and its bus do. A second of the first call after a pause is longer.
-    fn bus_status(&mut self, snapshot: &Snapshot, sensor: &Health, board: &BoardStatus) {
-        let fresh = sensor.fresh.wrapping_sub(self.fresh);
-        self.fresh = sensor.fresh;
+    fn bus_status(&mut self, snapshot: &Snapshot, total: u32, board: &BoardStatus) {
+        let fresh = total.wrapping_sub(self.fresh);
+        self.fresh = total;
         let [mean_us, max_us, fresh] = [board.bursts.mean_us, board.bursts.max_us, fresh]
             .map(|number| (number as f32).to_bits());
         let [time_low, time_high] = halves(snapshot.now);

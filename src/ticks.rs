@@ -1,9 +1,9 @@
 //! When the sensor is sampled: ticks that are locked to the servo frame.
 //!
-//! The BNO055 refreshes its registers by a clock of its own, at about 100 Hz. Sampling it at 100 Hz
+//! The sensor refreshes its registers by a clock of its own, at about 100 Hz. Sampling it at 100 Hz
 //! beats: about once a second a refresh is read twice or not at all, and with it goes the rotation
 //! of 10 ms, up to 20 mrad of attitude in a flight from 0.8 rad. At 150 Hz every refresh is read,
-//! some twice, and [`Refresh`](crate::refresh::Refresh) tells which.
+//! some twice, and [`Refresh`](tvc_imu::Refresh) tells which.
 //!
 //! The last tick of a frame comes [`Timing::lead_us`] before the edge of the pulse that is to carry
 //! its sample:
@@ -21,9 +21,10 @@
 
 use core::num::NonZeroU32;
 
-use bno055_driver::{Micros, Transfer};
+use tvc_imu::{Micros, Transfer};
 
 use crate::memory::time;
+use crate::sensor::DESCRIPTION;
 
 /// From the last moment at which a burst may be over to the edge of its pulse, us: the step, with a
 /// reserve.
@@ -51,11 +52,11 @@ const HALF_STEP_US: u32 = 680;
 /// burst.
 const STRETCH_RESERVE_US: u32 = 20;
 
-/// Bytes of a whole burst: 18 of data, two addresses and the register.
-const BURST_BYTES: u32 = 21;
+/// Bytes of a whole burst: its data, two addresses and the register.
+const BURST_BYTES: u32 = DESCRIPTION.burst_bytes + 3;
 
-/// Bytes of it in front of the rates: accelerometer and magnetometer.
-const SKIPPED_BYTES: u32 = 12;
+/// Bytes of it in front of the rates.
+const SKIPPED_BYTES: u32 = DESCRIPTION.rates_at;
 
 /// Bytes of the longest transfer that is always to fit between two bursts: the verification of one
 /// register, with two addresses and its number.
@@ -73,13 +74,12 @@ pub struct Timing {
     pub frame_hz: u32,
     /// Speed of the sensor bus, kHz: 400, or any smaller number for 100.
     pub i2c_khz: u32,
-    /// How long the sensor stretches the clock in a byte, us. The BNO055 is said to take 180;
-    /// [`BurstTimes`] measure it.
+    /// How long the sensor stretches the clock in a byte, us, as [`BurstTimes`] measure it.
     pub stretch_us: u32,
 }
 
 impl Timing {
-    /// Duration of a whole burst, us: 192 bit times, start and end, and 21 stretched bytes.
+    /// Duration of a whole burst, us: its bytes, stretched, start and end.
     pub const fn burst_us(&self) -> u32 {
         self.unstretched_us() + BURST_BYTES * self.stretch_us
     }
@@ -147,7 +147,7 @@ impl Timing {
     }
 
     const fn unstretched_us(&self) -> u32 {
-        if self.is_slow() { 1_960 } else { 520 }
+        BURST_BYTES * self.byte_us() + if self.is_slow() { 70 } else { 37 }
     }
 
     /// A byte that is not stretched, us.

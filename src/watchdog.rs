@@ -1,6 +1,6 @@
 //! When the watchdog may be fed: only as long as the whole loop does its work.
 
-use bno055_driver::Micros;
+use tvc_imu::Micros;
 
 /// Shortest time between two feeds, us: a third of the early warning, and two steps.
 const FEED_PERIOD_US: u64 = 20_000;

@@ -25,6 +25,7 @@ fn main() {
         eprintln!("{path}: {fault}");
         std::process::exit(1);
     }
+    let scale = config.units.scale();
     let identity = imu.driver().identity();
     println!(
         "firmware {:x}, id {:02x?}",
@@ -35,9 +36,9 @@ fn main() {
             Ok(sample) => println!(
                 "{:>10} us  acc {:6.2?} m/s^2  rate {:6.3?} rad/s  field {:6.1?} uT",
                 sample.time.0,
-                sample.acc_m_s2(&config.units),
-                sample.gyr_rad_s(&config.units),
-                sample.mag_ut()
+                sample.acc_m_s2(&scale),
+                sample.gyr_rad_s(&scale),
+                sample.mag_ut(&scale)
             ),
             Err(fault) => println!("{fault}"),
         }

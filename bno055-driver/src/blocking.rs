@@ -13,7 +13,7 @@
 //!     let mut imu = Bno055::new(i2c, delay, clock, config);
 //!     imu.start()?;
 //!     let sample = imu.sample()?;
-//!     let [_, _, z] = sample.acc_m_s2(&config.units);
+//!     let [_, _, z] = sample.acc_m_s2(&config.units.scale());
 //!     assert!(z.abs() < 20.0);
 //!     Ok(())
 //! }

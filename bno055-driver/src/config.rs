@@ -2,9 +2,12 @@
 
 use core::num::NonZeroU8;
 
+use tvc_imu::Description;
+
 pub use crate::axes::{Axis, AxisMap, AxisMapError, Signed};
 pub use crate::mode::{Mode, Power};
 use crate::profile::{Profile, SoftIron};
+use crate::sample;
 pub use crate::sensors::{
     AccBandwidth, AccRange, GyrBandwidth, GyrRange, MagEffort, MagRate, Sensors,
 };
@@ -84,19 +87,54 @@ pub struct Config {
 
 impl Default for Config {
     fn default() -> Self {
-        Self {
-            address: Address::default(),
-            either_address: false,
-            mode: Mode::default(),
-            sensors: Sensors::default(),
-            units: Units::default(),
-            axes: AxisMap::default(),
-            power: Power::default(),
-            external_crystal: false,
-            profile: None,
-            soft_iron: None,
-            reset: ResetPolicy::default(),
-            needs_mag: true,
+        Self::DEFAULT
+    }
+}
+
+impl Config {
+    /// The defaults, for constants.
+    pub const DEFAULT: Self = Self {
+        address: Address::Low,
+        either_address: false,
+        mode: Mode::Amg,
+        sensors: Sensors::DEFAULT,
+        units: Units::DEFAULT,
+        axes: AxisMap::IDENTITY,
+        power: Power::Normal,
+        external_crystal: false,
+        profile: None,
+        soft_iron: None,
+        reset: ResetPolicy::Never,
+        needs_mag: true,
+    };
+
+    /// What a control loop has to know of a chip that is set so.
+    #[must_use]
+    pub const fn description(&self) -> Description {
+        let first_hz = self.sensors.gyr_bandwidth.hz();
+        Description {
+            scale: self.units.scale(),
+            gyr_lag_s: 1.0 / (2.0 * core::f32::consts::PI * first_hz),
+            acc_range: self.acc_range_counts(),
+            gyr_range: self.gyr_range_counts(),
+            burst_bytes: sample::burst(self.mode).answer_len() as u32,
+            rates_at: sample::rates_at(self.mode),
+            // As users have measured it.
+            stretch_us: 180,
         }
+    }
+
+    /// The accelerometer's range, counts.
+    pub(crate) const fn acc_range_counts(&self) -> u16 {
+        let g = match self.units.acc {
+            AccUnit::MetrePerSecondSquared => 981,
+            AccUnit::MilliG => 1000,
+        };
+        self.sensors.acc_range.g() as u16 * g
+    }
+
+    /// The gyroscope's range, counts: 16 for 1 deg/s; 900 for 1 rad/s are 2 % fewer.
+    pub(crate) const fn gyr_range_counts(&self) -> u16 {
+        self.sensors.gyr_range_in(self.mode).dps() * 16
     }
 }

@@ -1,15 +1,16 @@
 //! The driver: which transfer comes next, and what follows from its outcome.
 
 use crate::config::Config;
-use crate::fault::SensorFault;
 use crate::fusion::{self, FusionSample};
 use crate::health::Health;
 use crate::request::{Answer, Request};
-use crate::sample::{self, Evidence, Inspector, Judged, RawSample};
+use crate::sample::{self, Evidence, Inspector, Judged};
 use crate::startup::{Goal, Progress, Startup};
 use crate::status::Identity;
-use crate::transfer::{BusError, Micros, Transfer};
 use crate::verify::Check;
+use tvc_imu::{
+    Bursts, BusError, Imu, Micros, Next, RawSample, Refresh, Sample, SensorFault, Transfer,
+};
 
 /// When no burst has brought anything for so long, the chip is set up anew. What is shorter is a
 /// glitch of the cable, which does not reset the chip: the mode is verified, and sampling goes on.
@@ -26,17 +27,6 @@ const SUSPECT_WEIGHT: u8 = 3;
 /// either, because flipped bits that are too small to be noticed come with those that are. Three
 /// bad samples reach it if at most two good ones lie between them, and four suspect bursts.
 const UNRELIABLE_MAX: u8 = 10;
-
-/// What the owner of the bus is to do.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Next {
-    /// Perform this transfer and hand its outcome to [`Driver::complete`].
-    Transfer(Transfer),
-    /// Nothing before this moment; [`Micros`] at its maximum while suspended.
-    Wait(Micros),
-    /// Sampling: [`Driver::burst`] may be armed for the next tick.
-    Sample,
-}
 
 /// What the driver keeps while the chip samples.
 #[derive(Clone, Debug)]
@@ -120,6 +110,7 @@ pub struct Driver {
     identity: Identity,
     request: Option<Request>,
     answer: Option<Answer>,
+    refresh: Refresh,
 }
 
 impl Driver {
@@ -134,6 +125,7 @@ impl Driver {
             identity: Identity::default(),
             request: None,
             answer: None,
+            refresh: Refresh::default(),
         }
     }
 
@@ -218,6 +210,20 @@ impl Driver {
     /// The fault for which the data are not to be used. The driver recovers by itself; the owner
     /// has nothing to do.
     pub fn sample(
+        &mut self,
+        time: Micros,
+        outcome: Result<&[u8], BusError>,
+    ) -> Result<Sample, SensorFault> {
+        self.overdue(time, outcome)
+            .map(|raw| self.refresh.read(raw))
+    }
+
+    /// Takes the outcome of a burst that comes too late to be used: it counts for the chip's health
+    /// alone.
+    ///
+    /// # Errors
+    /// As [`sample`](Self::sample).
+    pub fn overdue(
         &mut self,
         time: Micros,
         outcome: Result<&[u8], BusError>,
@@ -561,5 +567,52 @@ fn heard(outcome: Result<&[u8], BusError>, chance: usize) -> Result<&[u8], Senso
         }
         Ok(bytes) => Ok(bytes),
         Err(error) => Err(error.into()),
+    }
+}
+
+impl Imu for Driver {
+    fn next(&mut self, now: Micros) -> Next {
+        Driver::next(self, now)
+    }
+
+    fn complete(&mut self, now: Micros, outcome: Result<&[u8], BusError>) {
+        Driver::complete(self, now, outcome);
+    }
+
+    fn is_sampling(&self) -> bool {
+        Driver::is_sampling(self)
+    }
+
+    fn bursts(&self) -> Bursts {
+        Bursts {
+            address: self.config.address.value(),
+            whole: Driver::is_sampling(self).then(|| self.burst()),
+            rates: self.rates_burst(),
+        }
+    }
+
+    fn sample(
+        &mut self,
+        time: Micros,
+        outcome: Result<&[u8], BusError>,
+    ) -> Result<Sample, SensorFault> {
+        Driver::sample(self, time, outcome)
+    }
+
+    fn overdue(&mut self, time: Micros, outcome: Result<&[u8], BusError>) {
+        // What it says of the chip's health has been counted.
+        let _ = Driver::overdue(self, time, outcome);
+    }
+
+    fn missed(&mut self) -> SensorFault {
+        Driver::missed(self)
+    }
+
+    fn fresh(&self) -> u32 {
+        self.health.fresh
+    }
+
+    fn refresh(&self) -> &Refresh {
+        &self.refresh
     }
 }

@@ -1,7 +1,7 @@
 //! The source of both front ends, which differ in nothing but `.await`.
 
-use crate::driver::Next;
-use crate::transfer::Micros;
+use tvc_imu::Micros;
+use tvc_imu::Next;
 
 /// How long a front end waits for a chip that comes up or answers: the slowest boot, a crystal, a
 /// self-test and a set-up.
@@ -26,15 +26,16 @@ macro_rules! front_end {
         use $DelayNs as DelayNs;
 
         use crate::config::Config;
-        use crate::driver::{Driver, Next};
-        use crate::fault::SensorFault;
+        use crate::driver::Driver;
+        use tvc_imu::Next;
+        use tvc_imu::SensorFault;
         use crate::front::{BURST_MAX, PATIENCE_US, TURNS_MAX, pause};
         use crate::fusion::FusionSample;
         use crate::profile::{Profile, SoftIron};
         use crate::request::{Answer, Request};
-        use crate::sample::RawSample;
+        use tvc_imu::RawSample;
         use crate::status::{CalibrationStatus, SelfTest, SystemError, SystemStatus};
-        use crate::transfer::{BusError, Micros, READ_MAX, Transfer, WRITE_MAX};
+        use tvc_imu::{BusError, Micros, READ_MAX, Transfer, WRITE_MAX};
 
         /// A BNO055 on a bus.
         ///
@@ -77,7 +78,7 @@ macro_rules! front_end {
                 let (time, outcome) = self.burst(self.driver.burst(), &mut buffer) $($await)*?;
                 let sample = self.driver.sample(time, outcome);
                 self.errands() $($await)*;
-                sample
+                sample.map(|sample| sample.raw)
             }
 
             /// Reads the fusion outputs, in fusion modes, and verifies one register after it.

@@ -1,10 +1,10 @@
 //! What the chip's own fusion gives, in its fusion modes.
 
 use crate::config::Units;
-use crate::fault::SensorFault;
 use crate::registers as reg;
-use crate::transfer::{Micros, Transfer};
 use crate::words;
+use tvc_imu::SensorFault;
+use tvc_imu::{Micros, Transfer};
 
 /// The burst that reads every fusion output: 26 bytes.
 pub(crate) const BURST: Transfer = Transfer::read(reg::EUL_DATA, 26);

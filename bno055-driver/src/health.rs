@@ -1,7 +1,7 @@
 //! Counters of samples, faults and set-ups.
 
-use crate::fault::SensorFault;
-use crate::transfer::Micros;
+use tvc_imu::Micros;
+use tvc_imu::SensorFault;
 
 /// What has happened since the driver was made; counters wrap.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

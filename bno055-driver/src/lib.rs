@@ -18,12 +18,10 @@ mod axes;
 pub mod blocking;
 pub mod config;
 mod driver;
-mod fault;
 #[cfg(any(feature = "blocking", feature = "async"))]
 mod front;
 mod fusion;
 mod health;
-mod hex;
 mod mode;
 #[cfg(feature = "requests")]
 mod profile;
@@ -36,7 +34,6 @@ mod sensors;
 mod settings;
 mod startup;
 mod status;
-mod transfer;
 mod units;
 mod verify;
 #[cfg_attr(not(feature = "requests"), allow(dead_code))]
@@ -45,13 +42,15 @@ mod words;
 use request as profile;
 
 pub use config::Config;
-pub use driver::{Driver, GLITCH_US, Next};
-pub use fault::SensorFault;
+pub use driver::{Driver, GLITCH_US};
 pub use fusion::{FusionSample, QUATERNION_UNIT};
 pub use health::Health;
 pub use profile::{Profile, ProfileError, SoftIron};
 pub use request::{Answer, Request};
-pub use sample::{RawSample, STEP_AGE_US};
+pub use sample::STEP_AGE_US;
 pub use startup::BOOT_DEADLINE_US;
 pub use status::{CalibrationStatus, Identity, SelfTest, SystemError, SystemStatus};
-pub use transfer::{BusError, Bytes, Micros, READ_MAX, TRANSFER_DEADLINE_US, Transfer, WRITE_MAX};
+pub use tvc_imu::{
+    BusError, Bytes, Imu, Micros, Next, READ_MAX, RawSample, Sample, Scale, SensorFault,
+    TRANSFER_DEADLINE_US, Transfer, WRITE_MAX,
+};

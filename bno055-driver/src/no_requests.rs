@@ -4,7 +4,7 @@
 
 use crate::config::Sensors;
 use crate::mode::Mode;
-use crate::transfer::Transfer;
+use tvc_imu::Transfer;
 
 /// A question to the chip: there is none without the feature `requests`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]

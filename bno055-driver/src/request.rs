@@ -3,7 +3,7 @@
 use crate::profile::{Profile, SoftIron};
 use crate::registers as reg;
 use crate::status::{CalibrationStatus, SelfTest, SystemError, SystemStatus};
-use crate::transfer::Transfer;
+use tvc_imu::Transfer;
 
 /// A question to the chip, for [`Driver::request`](crate::Driver::request).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]

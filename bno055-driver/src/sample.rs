@@ -3,47 +3,13 @@
 mod judge;
 mod still;
 
-use crate::config::{MAG_UT, Mode, Units};
+use crate::config::Mode;
 use crate::registers;
-use crate::transfer::{Micros, Transfer};
 use crate::words;
+use tvc_imu::Transfer;
 
 pub use judge::STEP_AGE_US;
 pub(crate) use judge::{Evidence, Inspector, Judged};
-
-/// One sample as the chip gave it.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct RawSample {
-    /// Start of its burst.
-    pub time: Micros,
-    /// Acceleration, counts; zero in modes without accelerometer.
-    pub acc: [i16; 3],
-    /// Magnetic field, counts of 1/16 uT; zero in modes without magnetometer, and from one that
-    /// measures nothing where that is no fault.
-    pub mag: [i16; 3],
-    /// Angular rate, counts; zero in modes without gyroscope.
-    pub gyr: [i16; 3],
-}
-
-impl RawSample {
-    /// Acceleration in m/s^2, in the chip's mapped axes.
-    #[must_use]
-    pub fn acc_m_s2(&self, units: &Units) -> [f32; 3] {
-        self.acc.map(|count| f32::from(count) * units.acc_m_s2())
-    }
-
-    /// Angular rate in rad/s, in the chip's mapped axes.
-    #[must_use]
-    pub fn gyr_rad_s(&self, units: &Units) -> [f32; 3] {
-        self.gyr.map(|count| f32::from(count) * units.gyr_rad_s())
-    }
-
-    /// Magnetic field in uT, in the chip's mapped axes.
-    #[must_use]
-    pub fn mag_ut(&self) -> [f32; 3] {
-        self.mag.map(|count| f32::from(count) * MAG_UT)
-    }
-}
 
 /// First register and length of the one burst that reads all that `mode` measures.
 const fn span(mode: Mode) -> (u8, u8) {
@@ -81,6 +47,12 @@ pub(crate) const fn rates_burst(mode: Mode) -> Option<Transfer> {
     } else {
         None
     }
+}
+
+/// Bytes of a whole burst in front of the rates.
+pub(crate) const fn rates_at(mode: Mode) -> u32 {
+    let (first, _) = span(mode);
+    (registers::GYR_DATA - first) as u32
 }
 
 /// Accelerometer, magnetometer and gyroscope words of a burst. In whole machine words, by which

@@ -143,7 +143,34 @@ pub struct Sensors {
     pub mag_effort: MagEffort,
 }
 
+impl GyrBandwidth {
+    /// In Hz.
+    #[must_use]
+    pub const fn hz(self) -> f32 {
+        match self {
+            Self::Hz523 => 523.0,
+            Self::Hz230 => 230.0,
+            Self::Hz116 => 116.0,
+            Self::Hz47 => 47.0,
+            Self::Hz23 => 23.0,
+            Self::Hz12 => 12.0,
+            Self::Hz64 => 64.0,
+            Self::Hz32 => 32.0,
+        }
+    }
+}
+
 impl Sensors {
+    /// The defaults, for constants.
+    pub const DEFAULT: Self = Self {
+        acc_range: AccRange::G8,
+        acc_bandwidth: AccBandwidth::Hz62_5,
+        gyr_range: GyrRange::Dps2000,
+        gyr_bandwidth: GyrBandwidth::Hz116,
+        mag_rate: MagRate::Hz30,
+        mag_effort: MagEffort::Regular,
+    };
+
     /// The gyroscope's range in effect: fusion modes set the widest themselves.
     pub(crate) const fn gyr_range_in(&self, mode: Mode) -> GyrRange {
         if mode.is_fusion() {

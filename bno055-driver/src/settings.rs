@@ -2,7 +2,7 @@
 
 use crate::config::Config;
 use crate::registers as reg;
-use crate::transfer::Transfer;
+use tvc_imu::Transfer;
 
 /// A read without effect.
 const NOTHING: Transfer = Transfer::read(reg::PAGE_ID, 1);

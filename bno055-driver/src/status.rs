@@ -2,8 +2,8 @@
 
 use core::fmt;
 
-use crate::hex::Hex;
 use crate::register_enums::register_enums;
+use tvc_imu::Hex;
 
 register_enums! {
     /// System status (SYS_STATUS).

@@ -1,5 +1,7 @@
 //! Units of the chip's outputs, and what one count of each is.
 
+use tvc_imu::Scale;
+
 use crate::register_enums::register_enums;
 
 register_enums! {
@@ -68,6 +70,25 @@ pub struct Units {
 const STANDARD_GRAVITY: f32 = 9.806_65;
 
 impl Units {
+    /// The chip's own: m/s^2, deg/s, deg, degrees Celsius, Windows.
+    pub const DEFAULT: Self = Self {
+        acc: AccUnit::MetrePerSecondSquared,
+        gyr: GyrUnit::DegreePerSecond,
+        angle: AngleUnit::Degree,
+        temperature: TemperatureUnit::Celsius,
+        orientation: Orientation::Windows,
+    };
+
+    /// What a count of each sensor is worth.
+    #[must_use]
+    pub const fn scale(&self) -> Scale {
+        Scale {
+            acc_m_s2: self.acc_m_s2(),
+            gyr_rad_s: self.gyr_rad_s(),
+            mag_ut: MAG_UT,
+        }
+    }
+
     /// The value of UNIT_SEL.
     #[must_use]
     pub const fn register(&self) -> u8 {

@@ -2,10 +2,10 @@
 //! settings are read back again and again.
 
 use crate::config::Config;
-use crate::fault::SensorFault;
 use crate::registers as reg;
-use crate::status::{SystemError, SystemStatus};
-use crate::transfer::Transfer;
+use crate::status::SystemStatus;
+use tvc_imu::SensorFault;
+use tvc_imu::Transfer;
 
 /// The registers that must go on holding what was written; each check's value is its register.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -64,9 +64,7 @@ impl Check {
                 return match SystemStatus::from_register(status) {
                     SystemStatus::Fusion if config.mode.is_fusion() => Ok(()),
                     SystemStatus::NoFusion if !config.mode.is_fusion() => Ok(()),
-                    SystemStatus::Error => Err(SensorFault::System {
-                        error: SystemError::from_register(error),
-                    }),
+                    SystemStatus::Error => Err(SensorFault::System { error }),
                     _ => Err(SensorFault::Reset),
                 };
             }

@@ -233,7 +233,7 @@ fn a_dead_gyroscope_is_named() {
     assert_eq!(
         rig.driver.fault(),
         Some(SensorFault::DeadSensor {
-            register: 3,
+            sensor: 3,
             found: 0
         })
     );
@@ -258,7 +258,7 @@ fn self_test_and_system_error_are_named() {
     assert_eq!(
         rig.driver.fault(),
         Some(SensorFault::System {
-            error: SystemError::Fusion
+            error: SystemError::Fusion.code()
         })
     );
     rig.chip.pages[0][0x39] = 0;

@@ -28,7 +28,7 @@ fn samples_are_the_chips_words_with_their_time() {
                 let (acc, mag, gyr) = chip.truth();
                 let sample = driver.sample(time, outcome.as_deref().map_err(|error| *error));
                 assert_eq!(
-                    sample,
+                    sample.map(|sample| sample.raw),
                     Ok(RawSample {
                         time,
                         acc,
@@ -86,7 +86,7 @@ fn spikes_never_come_out() {
             let outcome = rig.driver.sample(Micros(rig.chip.now), Ok(&bytes));
             match outcome {
                 Ok(sample) => {
-                    let rates = sample.gyr.iter().zip(truth.2);
+                    let rates = sample.raw.gyr.iter().zip(truth.2);
                     let held = rates
                         .clone()
                         .all(|(rate, truth)| rate.abs_diff(truth) < 4_000);
@@ -127,7 +127,7 @@ fn words_of_ones_in_every_burst_are_not_believed() {
         let rates: Vec<_> = outcomes
             .iter()
             .flatten()
-            .map(|sample| sample.gyr[1])
+            .map(|sample| sample.raw.gyr[1])
             .collect();
         assert!(!rates.contains(&-1), "the rates before are held");
     }
@@ -232,9 +232,9 @@ fn what_comes_out_of_a_bad_cable_is_the_chips_own_to_within_what_a_motion_may_be
                 let mut words = found.iter().zip(held);
                 words.all(|(found, held)| found.abs_diff(held) <= limit)
             };
-            assert!(within(sample.acc, truth.0, 4_096), "{sample:?}");
-            assert!(within(sample.mag, truth.1, 16_384), "{sample:?}");
-            assert!(within(sample.gyr, truth.2, 4_000), "{sample:?}");
+            assert!(within(sample.raw.acc, truth.0, 4_096), "{sample:?}");
+            assert!(within(sample.raw.mag, truth.1, 16_384), "{sample:?}");
+            assert!(within(sample.raw.gyr, truth.2, 4_000), "{sample:?}");
         }
     }
     assert!(spoilt > 9_000 && out > 85_000, "{spoilt} {out}");

@@ -4,14 +4,13 @@ use std::string::String;
 use std::vec;
 use std::vec::Vec;
 
-use bno055_driver::Config;
-
 mod states;
 
 use super::*;
 use crate::bringup::{Order, What};
 use crate::failsafe::{BootReport, SelfCheck, StateKind};
 use crate::params::Params;
+use crate::sensor::{self, Sensor};
 use crate::store::tests::Mock;
 
 /// What a board was asked, in turn.
@@ -77,8 +76,8 @@ impl Board for Notes {
     fn answer(&self) -> &[u8] {
         &[]
     }
-    fn arm(&mut self, _address: u8, whole: Option<&Transfer>, _rates: Option<&Transfer>) {
-        self.asked.push(Asked::Arm(whole.is_some()));
+    fn arm(&mut self, bursts: &Bursts) {
+        self.asked.push(Asked::Arm(bursts.whole.is_some()));
     }
     fn bus(&self) -> Bus {
         self.bus
@@ -135,7 +134,7 @@ impl Board for Notes {
 }
 
 struct Bench {
-    driver: Driver,
+    driver: Sensor,
     flight: Flight,
     telemetry: Telemetry,
     recorder: Recorder,
@@ -150,7 +149,7 @@ impl Bench {
         let mut params = Params::default();
         params.set("SRV_HOLD_DEG", -10.0).unwrap();
         Self {
-            driver: Driver::new(Config::default()),
+            driver: sensor::new(),
             flight: Flight::new(params, BootReport::default()).unwrap(),
             telemetry: Telemetry::default(),
             recorder: Recorder::new(),

@@ -14,9 +14,9 @@ use core::cell::Cell;
 use core::ops::RangeInclusive;
 use core::sync::atomic::{AtomicBool, AtomicU8, AtomicU32, Ordering};
 
-use bno055_driver::Micros;
 use cortex_m::peripheral::SCB;
 use critical_section::Mutex;
+use tvc_imu::Micros;
 use tvc_nano::config::{PULSE_MAX_US, PULSE_MIN_US};
 use tvc_nano::servo::PulseUs;
 use tvc_nano::ticks::{TickPlan, TimerPlan, Timing};
@@ -308,8 +308,8 @@ fn reset() -> bool {
 }
 
 /// Send these pulses, in counts, 50 times a second without a tick: for an image that is not to do
-/// more. Others than a servo answers are none. What sets the timer up may be what is damaged: the servos get their pulses only
-/// if it reads back as meant, and otherwise stay as they are.
+/// more. Widths that no servo answers to send no pulse. The code that sets the timer up may be
+/// damaged: the pulses go out only if the timer's registers read back as meant.
 pub(super) fn send_alone(counts: [u32; Axis::COUNT]) {
     const LAST_COUNT: u32 = COUNTS_PER_US * 20_000 - 1;
     let timer = frame_registers();

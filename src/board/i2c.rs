@@ -25,8 +25,8 @@ mod sercom;
 
 use core::cell::RefCell;
 
-use bno055_driver::{BusError, Micros, READ_MAX, TRANSFER_DEADLINE_US, Transfer, WRITE_MAX};
 use critical_section::{CriticalSection, Mutex};
+use tvc_imu::{Bursts, BusError, Micros, READ_MAX, TRANSFER_DEADLINE_US, Transfer, WRITE_MAX};
 use tvc_nano::SelfCheck;
 use tvc_nano::application::{self, Outcome};
 
@@ -415,12 +415,11 @@ impl Bus {
         }
     }
 
-    /// Have the next tick start a read, of the `rates` alone where it is one for them, else
-    /// `whole`; `None` has it start nothing. All transfers go to the 7-bit `address`.
-    pub(super) fn arm(&mut self, address: u8, whole: Option<&Transfer>, rates: Option<&Transfer>) {
-        self.sampling = whole.is_some();
-        let armed = [whole, rates].map(|transfer| transfer.map(Outline::of));
-        with_master(|master| (master.address, master.armed) = (address << 1, armed));
+    /// Have the next tick start one of these. All transfers go to their address.
+    pub(super) fn arm(&mut self, bursts: &Bursts) {
+        self.sampling = bursts.whole.is_some();
+        let armed = [&bursts.whole, &bursts.rates].map(|burst| burst.as_ref().map(Outline::of));
+        with_master(|master| (master.address, master.armed) = (bursts.address << 1, armed));
     }
 
     /// Give the peripheral its lines once more, should a register have lost them.

@@ -44,8 +44,8 @@ mod watchdog;
 
 use atsamd_hal::pac;
 use atsamd_hal::serial_number;
-use bno055_driver::{Micros, Transfer};
 use cortex_m::peripheral::scb::SystemHandler;
+use tvc_imu::{Bursts, Micros, Transfer};
 use tvc_nano::application::{self, Event, StepEnd};
 use tvc_nano::bringup::Order;
 use tvc_nano::failsafe::BootReport;
@@ -276,8 +276,8 @@ impl application::Board for Board {
     }
 
     /// A bus that is free takes over a changed speed, too.
-    fn arm(&mut self, address: u8, whole: Option<&Transfer>, rates: Option<&Transfer>) {
-        self.bus.arm(address, whole, rates);
+    fn arm(&mut self, bursts: &Bursts) {
+        self.bus.arm(bursts);
         self.bus.set_speed_when_free(self.frame.timing().i2c_khz);
     }
 

@@ -8,10 +8,10 @@
 use core::cell::Cell;
 
 use atsamd_hal::pac::{SCB, SYST};
-use bno055_driver::Micros;
 use cortex_m::peripheral::syst::SystClkSource;
 use cortex_m_rt::exception;
 use critical_section::{CriticalSection, Mutex};
+use tvc_imu::Micros;
 use tvc_nano::sleep::{TIMER_PERIOD_US, may_sleep};
 
 use super::{wake, watchdog};

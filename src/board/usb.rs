@@ -14,7 +14,7 @@ use atsamd_hal::clock::UsbClock;
 use atsamd_hal::pac;
 use atsamd_hal::pac::{NVIC, interrupt};
 use atsamd_hal::serial_number;
-use bno055_driver::Micros;
+use tvc_imu::Micros;
 use tvc_nano::application::{self, PACKET_BYTES};
 use tvc_nano::telemetry::Reset;
 use tvc_nano::usb::{self, Device, descriptors};

@@ -14,7 +14,7 @@ use core::sync::atomic::{AtomicU8, Ordering};
 
 use atsamd_hal::pac;
 use atsamd_hal::pac::interrupt;
-use bno055_driver::Micros;
+use tvc_imu::Micros;
 use tvc_nano::watchdog::Work;
 
 use super::time::{now, within};

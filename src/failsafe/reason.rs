@@ -2,7 +2,7 @@
 
 use core::fmt;
 
-use bno055_driver::SensorFault;
+use tvc_imu::SensorFault;
 
 use crate::config::{FAILSAFE_TILT_DEG, HOST_SILENCE_US};
 use crate::numbered::detailed;

@@ -2,7 +2,7 @@
 
 use core::fmt;
 
-use bno055_driver::{Micros, SensorFault};
+use tvc_imu::{Micros, SensorFault};
 
 use super::code::{LatchKind, SelfCheck, StateCode, StateKind};
 use super::reason::{Reason, ReasonKind};

@@ -228,7 +228,7 @@ impl Seat {
             good_run: *good_run,
             is_lossy: self.supervisor.keeps_losing(self.now),
             age: fresh.map(steps).map(|age| age.min(7)),
-            is_missing: fault.map(ends_trust),
+            is_missing: fault.map(|fault| fault.ends_trust()),
             host: (host_seen.map_or(Ordering::Greater, silence), *host_required),
             over_tilt: match state {
                 State::Active { over_tilt_since } => over_tilt_since.map(steps),

@@ -1,7 +1,7 @@
 //! What a flight remembers from one step to the next, as words of 32 bits: telemetry tells it once
 //! a second, so that a replay can go on behind frames that were lost.
 
-use bno055_driver::RawSample;
+use tvc_imu::RawSample;
 
 use super::Flight;
 use crate::axis::Axis;
@@ -11,7 +11,7 @@ use crate::launch::Launch;
 impl Flight {
     /// Words of [`Flight::memory`].
     pub const MEMORY_WORDS: usize = tvc_fusion::fixed::MEMORY_WORDS
-        + 23
+        + 14
         + Launch::MEMORY_WORDS
         + Axis::COUNT * Channel::MEMORY_WORDS;
 

@@ -1,6 +1,6 @@
 //! What an operator orders, and who moves a rudder.
 
-use bno055_driver::Micros;
+use tvc_imu::Micros;
 
 use super::Flight;
 use crate::axis::Axis;

@@ -16,6 +16,7 @@ use super::*;
 use crate::config::TEST_PULSE_US;
 use crate::failsafe::{Crash, Latch, Reason};
 use crate::servo::Servo;
+use tvc_imu::Refresh;
 
 const PERIOD_US: u64 = 10_000;
 const NEUTRAL: PulseUs = PulseUs(1524);
@@ -58,6 +59,7 @@ pub(crate) struct Desk {
     free: bool,
     /// Every step's input, to play again.
     inputs: Vec<(Micros, Result<RawSample, SensorFault>)>,
+    pub(crate) refresh: Refresh,
 }
 
 impl Desk {
@@ -74,6 +76,7 @@ impl Desk {
             servo: 0.0,
             free: false,
             inputs: Vec::new(),
+            refresh: Refresh::default(),
         }
     }
 
@@ -112,6 +115,7 @@ impl Desk {
 
     pub(crate) fn step_with(&mut self, reading: Result<RawSample, SensorFault>) -> Snapshot {
         self.inputs.push((Micros(self.now_us), reading));
+        let reading = reading.map(|raw| self.refresh.read(raw));
         let outputs = self.flight.step(Micros(self.now_us), reading);
         self.advance(((f64::from(outputs.pulses[0].0) - 1523.6) / 10.0).to_radians());
         outputs
@@ -189,8 +193,9 @@ fn the_same_inputs_give_the_same_bits() {
         [q.w, q.x, q.y, q.z].map(f32::to_bits)
     };
     let mut replay = Flight::new(params(), BootReport::default()).unwrap();
+    let mut refresh = Refresh::default();
     for (now, reading) in &desk.inputs {
-        replay.step(*now, *reading);
+        replay.step(*now, reading.map(|raw| refresh.read(raw)));
     }
     assert_eq!(bits(&replay), bits(&desk.flight));
 }

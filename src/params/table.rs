@@ -8,6 +8,7 @@ use Range::{Between, OneOf};
 use super::Params;
 use crate::config::{PULSE_MAX_US, PULSE_MIN_US, STRETCH_MAX_US, SYSTEM_ID};
 use crate::format::Decimal;
+use crate::sensor::DESCRIPTION;
 
 /// The values that a parameter may take.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -182,8 +183,8 @@ parameters! {
     pid_trim_rad_s: "PID_TRIM_RAD_S", "rad/s", Between(0.0, 20.0), 1.115, Live;
     /// servo angle per pitch error and second, in laws 0 and 3
     pid_ki: "PID_KI", "1/s", Between(0.0, 20.0), 0.0, Live;
-    /// the control law: 0 PD, with PID_KI PID; 2 the switching surface, SFC_GAIN_S and what follows;
-    /// 3 a loop of the angle around one of the rate, with PID_KI and PID_KD
+    /// the control law: 0 PD, with PID_KI PID; 2 the switching surface, SFC_GAIN_S and after; 3 a
+    /// loop of the angle around one of the rate, with PID_KI and PID_KD
     pid_law: "PID_LAW", "", OneOf(&[0.0, 2.0, 3.0]), 2.0, Disarmed;
     /// servo angle per deviation of the rate from the switching surface
     sfc_gain_s: "SFC_GAIN_S", "s", Between(0.0, 5.0), 0.6875, Live;
@@ -232,7 +233,7 @@ parameters! {
     /// FINE of the clock as USB disciplined it, for starts without; set by the vehicle, -1 unknown
     clk_fine: "CLK_FINE", "", Between(-1.0, 1023.0), -1.0, Measured;
     /// how long the sensor stretches a byte; measured and set by the vehicle itself while disarmed
-    i2c_stretch_us: "I2C_STRETCH_US", "us", Between(0.0, STRETCH_MAX_US as f32), 180.0, Measured;
+    i2c_stretch_us: "I2C_STRETCH_US", "us", Between(0.0, STRETCH_MAX_US as f32), DESCRIPTION.stretch_us as f32, Measured;
     /// sensor's roll in the body, applied first
     mnt_roll_deg: "MNT_ROLL_DEG", "deg", Between(-180.0, 180.0), 0.0, Turning;
     /// sensor's pitch in the body, applied second

@@ -2,7 +2,6 @@
 
 use core::array;
 
-use bno055_driver::Micros;
 use heapless::Vec;
 use mavlink::dialects::common::{
     COMMAND_INT_DATA, COMMAND_LONG_DATA, FILE_TRANSFER_PROTOCOL_DATA, HEARTBEAT_DATA,
@@ -13,6 +12,7 @@ use mavlink::dialects::common::{
 };
 use mavlink::types::CharArray;
 use mavlink::{MavlinkVersion, MessageData};
+use tvc_imu::Micros;
 
 use super::parser::{Address, Message, Ping};
 use super::queue::Priority;

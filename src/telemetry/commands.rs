@@ -2,12 +2,12 @@
 
 use core::fmt;
 
-use bno055_driver::Micros;
 use mavlink::MessageData;
 use mavlink::dialects::common::{
     AUTOPILOT_VERSION_DATA, AVAILABLE_MODES_DATA, COMMAND_ACK_DATA, CURRENT_MODE_DATA,
     MESSAGE_INTERVAL_DATA, MavCmd, MavResult, NAMED_VALUE_INT_DATA,
 };
+use tvc_imu::Micros;
 
 use super::parser::Message;
 use super::queue::Priority;

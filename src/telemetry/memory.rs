@@ -6,6 +6,7 @@ use mavlink::dialects::common::V2_EXTENSION_DATA;
 use super::queue::Priority;
 use super::{OVERHEAD, Telemetry};
 use crate::flight::{Flight, Snapshot};
+use tvc_imu::Refresh;
 
 /// `message_type` of the first part; each further one has the next. The protocol leaves numbers
 /// from here on to everybody.
@@ -14,8 +15,9 @@ pub const MEMORY_TYPE: u16 = 0x8000;
 /// Words in a part, but for the last.
 pub const PART_WORDS: usize = 21;
 
-/// All words: first the time of the step that they follow, us, as SERVO_OUTPUT_RAW has it.
-pub const WORDS: usize = 1 + Flight::MEMORY_WORDS;
+/// All words: first the time of the step that they follow, us, as SERVO_OUTPUT_RAW has it, last
+/// what is known of the sensor's refresh.
+pub const WORDS: usize = 1 + Flight::MEMORY_WORDS + Refresh::WORDS;
 
 /// The message's own fields: its type, and an address that means everybody.
 const HEAD: usize = 5;
@@ -44,7 +46,7 @@ impl Telemetry {
     /// it.
     // Inlined it would cost the loop its registers.
     #[inline(never)]
-    pub fn tell_memory(&mut self, snapshot: &Snapshot, flight: &mut Flight) {
+    pub fn tell_memory(&mut self, snapshot: &Snapshot, flight: &mut Flight, refresh: &Refresh) {
         let is_whole = snapshot.sample.is_some() && snapshot.state.is_past_start_up();
         if !(self.memory_due && is_whole && self.queue.has_room(FRAMES, Priority::Stream)) {
             return;
@@ -56,6 +58,9 @@ impl Telemetry {
             self.tell_word(&mut part, word);
             word
         });
+        for word in refresh.words() {
+            self.tell_word(&mut part, *word as i32);
+        }
         if part.payload.len() > HEAD {
             self.send_payload::<V2_EXTENSION_DATA>(Priority::Stream, &part.payload);
         }

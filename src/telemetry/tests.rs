@@ -24,8 +24,8 @@ use crate::flight::Snapshot;
 use crate::flight::tests::{Desk, reading};
 use crate::params::Params;
 use crate::servo::PulseUs;
-use bno055_driver::{Health, RawSample, SensorFault};
 use tvc_fusion::fixed::Orientation;
+use tvc_imu::{RawSample, SensorFault};
 use tvc_pid::Q16;
 
 /// A frame as pymavlink makes it; `tools/golden_frames.py` made them.
@@ -160,12 +160,8 @@ impl Link {
     }
 
     fn record(&mut self, snapshot: &Snapshot) {
-        self.telemetry.record(
-            snapshot,
-            &self.desk.flight,
-            &Health::default(),
-            &BoardStatus::default(),
-        );
+        self.telemetry
+            .record(snapshot, &self.desk.flight, 0, &BoardStatus::default());
     }
 
     fn record_step(&mut self) {
@@ -285,12 +281,7 @@ fn a_sensor_that_does_not_start_is_told_once_a_second() {
     let mut said = Vec::new();
     for _ in 0..300 {
         let snapshot = desk.step_with(Err(SensorFault::Nak));
-        telemetry.record(
-            &snapshot,
-            &desk.flight,
-            &Health::default(),
-            &BoardStatus::default(),
-        );
+        telemetry.record(&snapshot, &desk.flight, 0, &BoardStatus::default());
         said.extend(texts(&take(&mut telemetry)));
     }
     let fault = "IMU does not answer";
@@ -316,7 +307,7 @@ fn every_state_and_reason_has_its_own_number_and_fits_the_line() {
             over_tilt_since: None,
         },
         State::Failsafe(Reason::Sensor(SensorFault::DeadSensor {
-            register: 1,
+            sensor: 1,
             found: 0xFF,
         })),
         State::Failsafe(Reason::StaleData),

@@ -194,6 +194,8 @@ fn nothing_is_armed_before_the_second_rudder_has_been_seen_to_answer() {
     for value in [2.0, 1.0] {
         station.set_parameter(rig, "SRV2_POLARITY", value).unwrap();
     }
+    // Two changes between two ticks may cost a step.
+    station.run(rig, ms(50)).unwrap();
     station.arm(rig).unwrap();
 }
 

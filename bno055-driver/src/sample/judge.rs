@@ -19,12 +19,11 @@
 //! several suspect or refused bursts in a short time.
 
 use super::still::Still;
-use super::{RATES, RawSample, Words, rates_burst, words};
-use crate::config::{AccUnit, Config, Mode, Power};
-use crate::fault::SensorFault;
+use super::{RATES, Words, rates_burst, words};
+use crate::config::{Config, Mode, Power};
 use crate::sensors::GyrBandwidth;
-use crate::transfer::Micros;
 use crate::words as bytes;
+use tvc_imu::{Micros, RawSample, SensorFault};
 
 /// A burst is compared with the last good one only up to this age; after a longer gap anything may
 /// have happened.
@@ -232,13 +231,7 @@ fn vanished(mode: Mode, Words(good): &Words, Words(now): &Words) -> Option<Senso
 /// Whether a word is beyond the configured range and a sixty-fourth of it (sensors clip at their
 /// range, offsets come on top), or there is no magnetic field at all.
 fn out_of_range(config: &Config, Words([acc, mag, gyr]): &Words) -> bool {
-    let g = match config.units.acc {
-        AccUnit::MetrePerSecondSquared => 981,
-        AccUnit::MilliG => 1000,
-    };
-    let acc_range = u16::from(config.sensors.acc_range.g()) * g;
-    // 16 counts for 1 deg/s; 900 for 1 rad/s are 2 % fewer.
-    let gyr_range = config.sensors.gyr_range_in(config.mode).dps() * 16;
+    let (acc_range, gyr_range) = (config.acc_range_counts(), config.gyr_range_counts());
     let beyond =
         |words: &[i16; 3], limit: u16| words.iter().any(|word| word.unsigned_abs() > limit);
     beyond(acc, acc_range + acc_range / 64)

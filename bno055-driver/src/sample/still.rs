@@ -4,7 +4,7 @@
 //! refreshes its registers in the modes without fusion is not documented, so the mean time between
 //! two changes is measured, and a sensor counts as dead when several of these have gone by.
 
-use crate::transfer::Micros;
+use tvc_imu::Micros;
 
 /// Mean times between two changes that a dead sensor has stood still for.
 ///

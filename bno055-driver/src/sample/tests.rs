@@ -1,8 +1,8 @@
 use std::vec::Vec;
 
 use super::*;
-use crate::config::{AccRange, AccUnit, Config, GyrBandwidth, GyrRange, Sensors};
-use crate::fault::SensorFault;
+use crate::config::{AccRange, AccUnit, Config, GyrBandwidth, GyrRange, Sensors, Units};
+use tvc_imu::{Micros, SensorFault};
 
 const REST: [i16; 9] = [3, -2, 981, 320, -90, 640, 1, -4, 2];
 
@@ -41,10 +41,10 @@ fn a_sample_by_hand() {
     let sample = judged.sample;
     assert_eq!((sample.time, sample.acc), (Micros(5), [3, -2, 981]));
     assert_eq!((sample.mag, sample.gyr), ([320, -90, 640], [1, -4, 2]));
-    let units = Units::default();
-    assert!((sample.acc_m_s2(&units)[2] - 9.81).abs() < 1e-5);
-    assert!((sample.gyr_rad_s(&units)[1] + 0.25_f32.to_radians()).abs() < 1e-6);
-    assert_eq!(sample.mag_ut(), [20.0, -5.625, 40.0]);
+    let scale = Units::default().scale();
+    assert!((sample.acc_m_s2(&scale)[2] - 9.81).abs() < 1e-5);
+    assert!((sample.gyr_rad_s(&scale)[1] + 0.25_f32.to_radians()).abs() < 1e-6);
+    assert_eq!(sample.mag_ut(&scale), [20.0, -5.625, 40.0]);
 }
 
 #[test]

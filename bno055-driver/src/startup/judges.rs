@@ -2,13 +2,13 @@
 
 use super::{SetupStep, Verdict};
 use crate::config::Config;
-use crate::fault::SensorFault;
 use crate::profile::ProfileError;
 use crate::registers::{self as reg, IDS};
 use crate::request::Request;
 use crate::settings::Setting;
-use crate::status::{Identity, SystemError, SystemStatus};
-use crate::transfer::Transfer;
+use crate::status::{Identity, SystemStatus};
+use tvc_imu::SensorFault;
+use tvc_imu::Transfer;
 
 /// Pause before a register that does not yet hold what was written is read again.
 const READ_BACK_PAUSE_US: u64 = 5_000;
@@ -37,9 +37,9 @@ pub(super) fn identify(bytes: &[u8], config: &Config, identity: &mut Identity) -
     if chip != right_chip {
         return Verdict::Fail(SensorFault::WrongChip { found: chip });
     }
-    for (register, (found, right)) in (1..).zip([acc, mag, gyr].into_iter().zip(right)) {
-        if found != right && (register != reg::MAG_ID || config.needs_mag) {
-            return Verdict::Fail(SensorFault::DeadSensor { register, found });
+    for (sensor, (found, right)) in (1..).zip([acc, mag, gyr].into_iter().zip(right)) {
+        if found != right && (sensor != reg::MAG_ID || config.needs_mag) {
+            return Verdict::Fail(SensorFault::DeadSensor { sensor, found });
         }
     }
     if page != 0 {
@@ -86,7 +86,6 @@ pub(super) fn diagnose(bytes: &[u8], config: &Config) -> Verdict {
     let &[result, _, _, status, error] = bytes else {
         return Verdict::Fail(SensorFault::Protocol);
     };
-    let error = SystemError::from_register(error);
     match SystemStatus::from_register(status) {
         SystemStatus::Error => return Verdict::Fail(SensorFault::System { error }),
         status if status.is_starting() => {
@@ -145,9 +144,7 @@ pub(super) fn await_running(bytes: &[u8], config: &Config) -> Verdict {
     let &[status, error] = bytes else {
         return Verdict::Fail(SensorFault::Protocol);
     };
-    let fault = SensorFault::System {
-        error: SystemError::from_register(error),
-    };
+    let fault = SensorFault::System { error };
     match SystemStatus::from_register(status) {
         SystemStatus::Error => Verdict::Fail(fault),
         SystemStatus::Fusion if config.mode.is_fusion() => Verdict::Go(SetupStep::AwaitData, 0),

@@ -3,14 +3,14 @@
 mod judges;
 
 use crate::config::{Config, ResetPolicy};
-use crate::fault::SensorFault;
 use crate::registers as reg;
 use crate::request::{Answer, Request};
 use crate::sample::{self, Inspector};
 use crate::settings::Setting;
 use crate::status::Identity;
-use crate::transfer::{BusError, Micros, Transfer};
 use judges::{answer, await_mode, await_running, await_self_test, confirm, diagnose, identify};
+use tvc_imu::SensorFault;
+use tvc_imu::{BusError, Micros, Transfer};
 
 /// How long a chip may take to answer and identify itself before that is reported as a fault: 850
 /// ms are common, and the identification can be wrong for another second.

@@ -463,7 +463,7 @@ impl Rig {
                 let sample = self
                     .driver
                     .sample(Micros(start), outcome.as_deref().map_err(|error| *error));
-                self.ticks.push((start, sample));
+                self.ticks.push((start, sample.map(|sample| sample.raw)));
             }
         }
     }

@@ -19,7 +19,7 @@ use client::{ReasonKind, StateKind};
 use mavlink::dialects::common::{MavCmd, MavResult};
 use recordings::FilterName;
 use serde::Serialize;
-use tvc_nano::{BootReport, Command, Flight, Micros, RawSample, SensorFault};
+use tvc_nano::{BootReport, Command, Flight, Micros, RawSample, Refresh, SensorFault};
 
 use crate::arguments::parameter;
 use crate::logs::log::{self, Event, Log, Step};
@@ -272,6 +272,7 @@ pub fn replay(
         code: None,
         now: Micros(0),
         newest: None,
+        refresh: Refresh::default(),
         ordered: false,
         expected: None,
         exact: false,
@@ -312,8 +313,9 @@ struct Run {
     /// The last `custom_mode` of the log.
     code: Option<u32>,
     now: Micros,
-    /// The newest sample.
+    /// The newest sample, and what is new in the next.
     newest: Option<RawSample>,
+    refresh: Refresh,
     /// An order was obeyed since the last change of state.
     ordered: bool,
     /// What the vehicle has done by itself in the step that comes: launch, or end of its burn.
@@ -331,7 +333,7 @@ impl Run {
             self.flight.host_heard(self.now);
         }
         let reading = match logged.sample {
-            Some(sample) => Ok(sample),
+            Some(sample) => Ok(self.refresh.read(sample)),
             // The log has no faults: the vehicle's state tells whether the sensor was lost.
             None if self.lost_sensor() => Err(SensorFault::Reset),
             None => Err(SensorFault::Nak),
@@ -365,6 +367,11 @@ impl Run {
     /// Goes on from all that the flight remembers after the newest sample.
     fn resume(&mut self, words: &[i32]) {
         if let Some(sample) = self.newest {
+            let (words, refresh) = words.split_at(words.len().saturating_sub(Refresh::WORDS));
+            let refresh: Vec<_> = refresh.iter().map(|word| word.cast_unsigned()).collect();
+            if let Some(resumed) = Refresh::resumed(sample, &refresh) {
+                self.refresh = resumed;
+            }
             self.exact = self.flight.resume(&sample, words) || self.changed;
         }
     }

@@ -6,8 +6,7 @@ use anyhow::Result;
 use plant::pitch_loop::{COMMAND_LIMIT_RAD, Measurement, Timing};
 use plant::{Parameters, ServoModel, Setup};
 use tvc_nano::controller::Sample;
-use tvc_nano::refresh::Refresh;
-use tvc_nano::{Axis, Controller, Params};
+use tvc_nano::{Axis, Controller, Micros, Params, RawSample, Refresh};
 
 use crate::input;
 use crate::out::exit::BadInput;
@@ -20,8 +19,10 @@ pub struct Law {
     zero_rad: f64,
     timing: Timing,
     refresh: Refresh,
-    /// When the law ran before, s, and the number of the sensor's newest refresh then.
-    before: (f64, f64),
+    /// When the law ran first, s.
+    begun_s: f64,
+    /// When the sensor's newest refresh was at the last reading, s, and how many there were.
+    newest: (f64, i16),
 }
 
 impl Law {
@@ -39,7 +40,8 @@ impl Law {
             zero_rad: drone.linkage().zero_rudder_crank_rad(),
             timing: *timing,
             refresh: Refresh::default(),
-            before: (begun_s - control_s, f64::NEG_INFINITY),
+            begun_s,
+            newest: (f64::NEG_INFINITY, 0),
         };
         for tick in 0..ticks {
             law.watch(begun_s + f64::from(tick) * control_s);
@@ -47,17 +49,21 @@ impl Law {
         law
     }
 
-    /// What the firmware makes of a reading's being new: the age of its rate, us.
-    fn watch(&mut self, time_s: f64) -> Option<u32> {
+    /// What the firmware makes of a reading's being new.
+    fn watch(&mut self, time_s: f64) -> tvc_nano::Sample {
         let timing = &self.timing;
-        let newest = timing
+        let newest_s = timing
             .refresh_s
             .map_or(time_s, |period_s| timing.newest_refresh(time_s, period_s));
-        let (before_s, before) = self.before;
-        self.before = (time_s, newest);
-        let dt_us = (1e6 * (time_s - before_s)).round() as u32;
-        let refreshed = self.refresh.read(dt_us, [newest != before; 3]);
-        refreshed.map(|refreshed| refreshed.age_us)
+        let (before_s, count) = &mut self.newest;
+        if newest_s != *before_s {
+            (*before_s, *count) = (newest_s, count.wrapping_add(1));
+        }
+        self.refresh.read(RawSample {
+            time: Micros((1e6 * (time_s - self.begun_s)).round() as u64),
+            gyr: [*count; 3],
+            ..RawSample::default()
+        })
     }
 
     /// Takes a measurement and gives the crank command, in rad.
@@ -67,12 +73,12 @@ impl Law {
             pitch_rad,
             rate_rad_s,
         } = measurement;
-        let rate_age_us = self.watch(time_s);
+        let reading = self.watch(time_s);
         let crank = self.controller.update(&Sample {
             angle: (pitch_rad as f32).into(),
             rate: (rate_rad_s as f32).into(),
-            rate_age_us,
-            refresh_us: self.refresh.period_us(),
+            rate_age_us: reading.rates.map(|rates| rates.age_us),
+            refresh_us: reading.refresh_us,
             is_carried: self.is_carried(time_s),
         });
         self.zero_rad + f64::from(f32::from(crank))

@@ -12,7 +12,7 @@ use samd21::board::Ticks;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 use tvc_nano::failsafe::BootReport;
-use tvc_nano::{Flight, Micros, Params, RawSample};
+use tvc_nano::{Flight, Micros, Params, RawSample, Refresh};
 
 /// How often progress is reported.
 const PROGRESS: Ticks = Ticks::from_ms(100);
@@ -128,14 +128,21 @@ fn score(rig: &Rig, recording: &Recording, pairs: &[(RawImu, Attitude)]) -> (Opt
     let mut bursts = rig.truth().bursts.iter();
     let mut scorer = Scorer::default();
     let mut unmatched = 0;
+    let mut before = None;
     for (sample, attitude) in pairs {
-        // Bursts and messages come in the same order; bursts may be left over.
-        let mut ahead = bursts.clone();
-        let Some(burst) = ahead.find(|burst| burst.words == sample.words()) else {
+        // Bursts and messages come in the same order; bursts may be left over. Rates that jump are
+        // held for one burst, whose sample has the rates of the burst before.
+        let (words, mut ahead, mut last) = (sample.words(), bursts.clone(), before);
+        let found = ahead.find(|burst| {
+            let [rest @ .., x, y, z] = burst.words;
+            let held = last.replace([x, y, z]).unwrap_or_default();
+            burst.words == words || words.starts_with(&rest) && words.ends_with(&held)
+        });
+        let Some(burst) = found else {
             unmatched += 1;
             continue;
         };
-        bursts = ahead;
+        (bursts, before) = (ahead, last);
         let shown = burst.refresh.recorded.map(|i| recording.samples()[i]);
         if let Some(truth) = shown
             && truth.movement
@@ -157,6 +164,7 @@ pub fn parity(parameters: &BTreeMap<String, f32>, pairs: &[(RawImu, Attitude)]) 
     let Ok(mut flight) = Flight::new(params, BootReport::default()) else {
         return Parity::default();
     };
+    let mut refresh = Refresh::default();
     let mut parity = Parity::default();
     for (sample, attitude) in pairs {
         let time = Micros(sample.time_us);
@@ -166,7 +174,8 @@ pub fn parity(parameters: &BTreeMap<String, f32>, pairs: &[(RawImu, Attitude)]) 
             gyr: sample.gyr,
             mag: sample.mag,
         };
-        let host = flight.step(time, Ok(raw)).orientation.parts();
+        let host = flight.step(time, Ok(refresh.read(raw)));
+        let host = host.orientation.parts();
         let host = [host.w, host.x, host.y, host.z].map(f32::to_bits);
         parity.compared += 1;
         parity.equal += usize::from(known && host == attitude.quaternion.map(f32::to_bits));

@@ -2,12 +2,11 @@
 //! them: a bus master with ideal timing, ticks every 10 ms locked to a servo frame of 20 ms, as
 //! they are with a bus of 100 kHz.
 
-use bno055_driver::config::Address;
-use bno055_driver::{BusError, Driver, Micros, Next, TRANSFER_DEADLINE_US, Transfer};
+use bno055_driver::{BusError, Micros, Next, TRANSFER_DEADLINE_US, Transfer};
 use rig::bench::{BenchConfig, Environment, SERVO_PINS};
 use samd21::board::{Board, I2cEvent, Ticks};
-use tvc_nano::config::sensor;
 use tvc_nano::failsafe::BootReport;
+use tvc_nano::sensor::{self, Sensor};
 use tvc_nano::{Flight, Params, RawSample, SensorFault, Snapshot};
 
 /// A byte and its acknowledge: nine bits at 400 kHz.
@@ -20,7 +19,7 @@ const LEAD_US: u64 = 7_940;
 /// Driver and flight in front of the environment.
 pub(crate) struct HostLoop {
     pub(crate) environment: Environment,
-    pub(crate) driver: Driver,
+    pub(crate) driver: Sensor,
     pub(crate) flight: Flight,
     pub(crate) now: Ticks,
     pub(crate) samples: Vec<RawSample>,
@@ -34,13 +33,9 @@ impl HostLoop {
     pub(crate) fn new(bench: &BenchConfig, mut params: Params) -> Self {
         params.set("I2C_KHZ", 100.0).unwrap();
         assert_eq!(u64::from(params.control_period_us()), TICK_US);
-        let mut sensor = sensor();
-        if bench.sensor.address == Address::High.value() {
-            sensor.address = Address::High;
-        }
         Self {
             environment: Environment::new(bench).unwrap(),
-            driver: Driver::new(sensor),
+            driver: sensor::new(),
             flight: Flight::new(params, BootReport::default()).unwrap(),
             now: Ticks::ZERO,
             samples: Vec::new(),
@@ -79,7 +74,7 @@ impl HostLoop {
                 None => Err(self.driver.missed()),
             };
             match reading {
-                Ok(sample) => self.samples.push(sample),
+                Ok(sample) => self.samples.push(sample.raw),
                 Err(fault) => self.faults.push((self.now, fault)),
             }
             self.now += Ticks::from_us(600);

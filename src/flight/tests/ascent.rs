@@ -130,6 +130,7 @@ fn another_flight_goes_on_through_the_burn() {
         });
         let mut other = Flight::new(desk.flight.params().clone(), BootReport::default()).unwrap();
         assert!(other.resume(&snapshot.sample.unwrap(), &words));
+        let mut refresh = desk.refresh;
         for step in 0..600 {
             let acc = if step < 400 { THRUST } else { FALL };
             let now = Micros(desk.now_us);
@@ -138,7 +139,8 @@ fn another_flight_goes_on_through_the_burn() {
                 gyr: [step % 7, 3 - step % 5, 1],
                 ..reading(desk.now_us, 0.0, 0.0)
             };
-            let (here, there) = (desk.step_with(Ok(sample)), other.step(now, Ok(sample)));
+            let again = refresh.read(sample);
+            let (here, there) = (desk.step_with(Ok(sample)), other.step(now, Ok(again)));
             assert_eq!(here.pulses, there.pulses, "{before}, {step}");
             assert_eq!(here.state, there.state, "{before}, {step}");
             assert_eq!(here.cranks, there.cranks, "{before}, {step}");

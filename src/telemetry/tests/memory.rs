@@ -19,12 +19,15 @@ fn step(link: &mut Link) -> Vec<i32> {
     let snapshot = link.desk.step();
     link.record(&snapshot);
     let flight = &mut link.desk.flight;
-    link.telemetry.tell_memory(&snapshot, flight);
+    link.telemetry
+        .tell_memory(&snapshot, flight, &link.desk.refresh);
     let mut words = std::vec![snapshot.now.0 as i32];
     flight.memory(&mut |word| {
         words.push(word);
         word
     });
+    let refresh = link.desk.refresh.words().iter();
+    words.extend(refresh.map(|word| word.cast_signed()));
     words
 }
 

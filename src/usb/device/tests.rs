@@ -92,7 +92,8 @@ fn write(device: &mut Device, request: [u8; 8], data: &[u8]) -> (bool, Note) {
         device.received(&mut note, data);
     }
     let obeyed = note.stalls == 0;
-    assert_eq!(note.packets, if obeyed { vec![vec![]] } else { vec![] });
+    let expected: Vec<Vec<u8>> = if obeyed { vec![vec![]] } else { vec![] };
+    assert_eq!(note.packets, expected);
     assert_eq!(note.address, None, "not before the transfer has ended");
     if obeyed {
         device.sent(&mut note);

@@ -48,7 +48,7 @@ std::thread_local! {
 
 #[derive(Clone)]
 pub(super) struct Vehicle {
-    pub(super) driver: Driver,
+    pub(super) driver: Sensor,
     pub(super) flight: Flight,
     telemetry: Telemetry,
     recorder: Box<Recorder>,
@@ -124,7 +124,7 @@ impl Vehicle {
         let mut world = World::new(flash);
         let (params, stored) = store::load(&mut world.flash, crate::store::BoardId::default());
         let mut vehicle = Self {
-            driver: Driver::new(crate::config::sensor()),
+            driver: sensor::new(),
             flight: Flight::new(params, BootReport { crash, stored }).unwrap(),
             telemetry: Telemetry::default(),
             recorder: Box::new(Recorder::new()),

@@ -166,7 +166,7 @@ impl Board for World {
     fn answer(&self) -> &[u8] {
         &self.answer
     }
-    fn arm(&mut self, _address: u8, _whole: Option<&Transfer>, _rates: Option<&Transfer>) {}
+    fn arm(&mut self, _bursts: &Bursts) {}
     fn bus(&self) -> Bus {
         match self.transfer {
             Some(_) => Bus::Busy,

@@ -1,34 +1,16 @@
-//! What the driver and the owner of the bus exchange: times, transfers and their outcomes.
-
-/// A moment, in microseconds since the owner's clock started; never wraps in practice.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub struct Micros(pub u64);
-
-impl Micros {
-    /// The moment `us` microseconds later.
-    #[must_use]
-    pub const fn after(self, us: u64) -> Self {
-        Self(self.0.saturating_add(us))
-    }
-
-    /// Microseconds from `earlier` to `self`; 0 if `earlier` is later.
-    #[must_use]
-    pub const fn since(self, earlier: Self) -> u64 {
-        self.0.saturating_sub(earlier.0)
-    }
-}
+//! What a driver and the owner of the bus exchange: transfers and their outcomes.
 
 /// How long the owner of the bus should let one transfer take before it reports
 /// [`BusError::Timeout`].
 ///
-/// The longest transfer of the driver, 32 bytes at 100 kHz with 0.2 ms of clock stretching a byte,
-/// takes about 9 ms. The chip has been seen to stretch for longer, but gave no useful answer then.
+/// The longest transfer, 32 bytes at 100 kHz with 0.2 ms of clock stretching a byte, takes about 9
+/// ms.
 pub const TRANSFER_DEADLINE_US: u64 = 15_000;
 
-/// Longest payload of a write: the calibration profile.
+/// Longest payload of a write.
 pub const WRITE_MAX: usize = 22;
 
-/// Longest answer to a read: the fusion outputs.
+/// Longest answer to a read.
 pub const READ_MAX: usize = 26;
 
 /// Bytes of a write, held inline. In whole machine words, by which small cores copy faster.
@@ -70,12 +52,10 @@ impl core::ops::Deref for Bytes {
     }
 }
 
-/// One I2C transaction with the chip.
+/// One I2C transaction with a chip.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Transfer {
     /// Write the register's address, repeated start, read `len` bytes.
-    ///
-    /// A stop instead of the repeated start is not what the data sheet asks for (section 4.6).
     Read {
         /// First register.
         register: u8,
@@ -92,11 +72,15 @@ pub enum Transfer {
 }
 
 impl Transfer {
-    pub(crate) const fn read(register: u8, len: u8) -> Self {
+    /// A read of `len` bytes from `register` on.
+    #[must_use]
+    pub const fn read(register: u8, len: u8) -> Self {
         Self::Read { register, len }
     }
 
-    pub(crate) fn write<const N: usize>(register: u8, bytes: [u8; N]) -> Self {
+    /// A write of `bytes` from `register` on.
+    #[must_use]
+    pub fn write<const N: usize>(register: u8, bytes: [u8; N]) -> Self {
         Self::Write {
             register,
             bytes: Bytes::new(bytes),
@@ -131,13 +115,6 @@ pub enum BusError {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn time_saturates_at_both_ends() {
-        assert_eq!(Micros(5).since(Micros(7)), 0);
-        assert_eq!(Micros(7).since(Micros(5)), 2);
-        assert_eq!(Micros(u64::MAX - 1).after(5), Micros(u64::MAX));
-    }
 
     #[test]
     fn inline_bytes_keep_their_length() {

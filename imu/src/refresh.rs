@@ -1,20 +1,26 @@
-//! When the sensor has refreshed its rates, and how often it does so.
+//! What of a reading is new, and how often the sensor refreshes its registers.
 //!
-//! The BNO055 refreshes its registers by a clock of its own, and a reading says only whether they
-//! are new. That is enough for both:
+//! Sensors such as the BNO055 refresh their registers by a clock of their own, and a reading says
+//! only whether they are new. That is enough for both:
 //!
-//! - New ones were refreshed since the reading before, and a whole number of periods after the ones
-//!   before them. What all readings allow of the age is an interval, some 3 ms wide where the loop
-//!   reads three times in two periods, and much less once the two clocks have shifted; its middle
-//!   is the estimate.
+//! - New rates were refreshed since the reading before, and a whole number of periods after the
+//!   ones before them. What all readings allow of the age is an interval, some 3 ms wide where the
+//!   loop reads three times in two periods, and much less once the two clocks have shifted; its
+//!   middle is the estimate.
 //! - The period is the time of many new readings over their number. Each rate then counts for just
 //!   one period, however often it was read: were it counted for the time between two readings, a
 //!   turn from 0.8 rad would end up to 8 mrad off.
 //!
 //! A burst takes longer than a millisecond for the three rates, and a refresh may come between two
 //! of them: the last are new in this burst, the rest in the next. What counts is the second.
+//!
+//! A magnetometer is slower than the loop, and its words repeat until it has measured again.
 
-/// Period of the refresh until it is known, us (data sheet 3.6.2: 100 Hz without fusion).
+use bytemuck::{Pod, Zeroable};
+
+use crate::sample::{NewRates, RawSample, Sample};
+
+/// Period of the refresh until it is known, us.
 const PERIOD_US: u32 = 10_000;
 
 /// Shortest and longest time between two new readings, us: that of the loop's samples at the
@@ -23,8 +29,8 @@ const PERIOD_US: u32 = 10_000;
 const SHORTEST_US: u32 = 5_000;
 const LONGEST_US: u32 = 61_000;
 
-/// Periods of which the first mean is taken, and after which the count begins anew, as powers of
-/// two: the mean of so many is within a share of one in so many.
+/// log2 of the periods that the first mean is taken over, and after which the count begins anew. A
+/// mean of n is good to 1/n.
 const FIRST: u32 = 6;
 const LAST: u32 = 12;
 
@@ -32,9 +38,24 @@ const LAST: u32 = 12;
 /// has the counts of the one before.
 const ROUGH: u32 = 4;
 
-/// What is known of the refresh.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+/// A field that has been the same for so long counts as measured again, us: the period of a
+/// magnetometer at 10 Hz.
+const FIELD_REPEAT_US: u32 = 100_000;
+
+/// Longest time between two readings that is counted, us.
+const GAP_US: u64 = 500_000;
+
+/// Finds out what is new in the readings of a sensor.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Refresh {
+    last: Option<RawSample>,
+    state: State,
+}
+
+/// What is known of the refresh: plain words, and flags as 0 or 1.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Pod, Zeroable)]
+#[repr(C)]
+struct State {
     /// What the readings so far allow of the age, us.
     least_us: u32,
     most_us: u32,
@@ -47,19 +68,12 @@ pub struct Refresh {
     counted: u32,
     counted_us: u32,
     /// The reading before was new.
-    was_new: bool,
+    was_new: u32,
+    /// Time since the field was new, us, up to [`FIELD_REPEAT_US`].
+    field_age_us: u32,
 }
 
-/// A new reading.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Refreshed {
-    /// Time since the refresh, us.
-    pub age_us: u32,
-    /// Time between this refresh and that of the new reading before, us.
-    pub elapsed_us: u32,
-}
-
-impl Default for Refresh {
+impl Default for State {
     /// Nothing read yet.
     fn default() -> Self {
         Self {
@@ -70,21 +84,85 @@ impl Default for Refresh {
             share: 0,
             counted: 0,
             counted_us: 0,
-            was_new: false,
+            was_new: 0,
+            field_age_us: 0,
         }
     }
 }
 
 impl Refresh {
+    /// Words of [`Refresh::words`].
+    pub const WORDS: usize = size_of::<State>() / 4;
+
+    /// Takes the next reading.
+    pub fn read(&mut self, raw: RawSample) -> Sample {
+        let (dt_us, differ, is_other) = match self.last.replace(raw) {
+            None => (PERIOD_US, [true; 3], true),
+            Some(last) => {
+                let ([x, y, z], [new_x, new_y, new_z]) = (last.gyr, raw.gyr);
+                let dt_us = raw.time.since(last.time).min(GAP_US) as u32;
+                let differ = [x != new_x, y != new_y, z != new_z];
+                (dt_us, differ, last.mag != raw.mag)
+            }
+        };
+        Sample {
+            raw,
+            rates: self.state.look(dt_us, differ),
+            refresh_us: self.state.period_us,
+            is_field_new: self.state.has_new_field(dt_us, is_other) && raw.mag != [0; 3],
+        }
+    }
+
+    /// All that the next readings are judged by beside the newest one.
+    #[must_use]
+    pub fn words(&self) -> &[u32] {
+        bytemuck::cast_slice(core::slice::from_ref(&self.state))
+    }
+
+    /// Goes on from the [words](Self::words) of another one behind this reading; `None` if they
+    /// are none.
+    #[must_use]
+    pub fn resumed(raw: RawSample, words: &[u32]) -> Option<Self> {
+        let state: State = *bytemuck::try_from_bytes(bytemuck::cast_slice(words)).ok()?;
+        state.is_possible().then_some(Self {
+            last: Some(raw),
+            state,
+        })
+    }
+}
+
+impl State {
+    fn is_possible(&self) -> bool {
+        self.least_us <= 4 * LONGEST_US
+            && self.most_us <= 4 * LONGEST_US
+            && self.since_new_us <= LONGEST_US + 1
+            && (SHORTEST_US..=LONGEST_US).contains(&self.period_us)
+            && self.share <= LAST
+            && self.counted <= 1 << LAST
+            && self.counted_us <= LONGEST_US << LAST
+            && self.field_age_us <= FIELD_REPEAT_US
+    }
+
+    /// Whether a field `dt_us` after the one before is new. One that stays the same for long is
+    /// taken as one that does not change.
+    fn has_new_field(&mut self, dt_us: u32, differs: bool) -> bool {
+        self.field_age_us = (self.field_age_us + dt_us).min(FIELD_REPEAT_US);
+        let is_new = differs || self.field_age_us == FIELD_REPEAT_US;
+        if is_new {
+            self.field_age_us = 0;
+        }
+        is_new
+    }
+
     /// A reading `dt_us` after the one before, and which of its rates differ from that, in the
     /// order in which they are read. A new one with the counts of the one before passes for a
     /// repeated one, which the next makes up for. Where counts stay the same for long, those of a
     /// sensor without noise, every reading is new.
-    pub fn read(&mut self, dt_us: u32, differ: [bool; 3]) -> Option<Refreshed> {
+    fn look(&mut self, dt_us: u32, differ: [bool; 3]) -> Option<NewRates> {
         let [first, second, third] = differ;
         // The first alone, behind a new reading, is what that one was too early for.
-        let differs = second || first && (third || !self.was_new);
-        self.was_new = differs;
+        let differs = second || first && (third || self.was_new == 0);
+        self.was_new = differs.into();
         let was_still = self.since_new_us > LONGEST_US;
         let since_new_us = self.since_new_us + dt_us;
         // A reading for each refresh, as on a slow bus or behind a missed one: nothing tells one
@@ -94,10 +172,11 @@ impl Refresh {
             *self = Self {
                 period_us: self.period_us,
                 share: self.share,
-                was_new: true,
+                was_new: 1,
+                field_age_us: self.field_age_us,
                 ..Self::default()
             };
-            return Some(Refreshed {
+            return Some(NewRates {
                 age_us: dt_us.min(self.period_us) / 2,
                 elapsed_us: since_new_us,
             });
@@ -108,10 +187,11 @@ impl Refresh {
                 since_new_us: if differs { 0 } else { LONGEST_US + 1 },
                 period_us: self.period_us,
                 share: self.share,
-                was_new: differs,
+                was_new: differs.into(),
+                field_age_us: self.field_age_us,
                 ..Self::default()
             };
-            return Some(Refreshed {
+            return Some(NewRates {
                 age_us: dt_us.min(self.period_us) / 2,
                 elapsed_us: if was_still { dt_us } else { since_new_us },
             });
@@ -127,7 +207,7 @@ impl Refresh {
         self.narrow(periods * self.period_us, dt_us);
         self.learn(periods);
         self.since_new_us = 0;
-        Some(Refreshed {
+        Some(NewRates {
             age_us: (self.least_us + self.most_us) / 2,
             elapsed_us,
         })
@@ -180,25 +260,6 @@ impl Refresh {
             (self.counted, self.counted_us) = (0, 0);
         }
     }
-
-    /// The sensor's period, us, which may be longer than the data sheet's.
-    pub fn period_us(&self) -> u32 {
-        self.period_us
-    }
-
-    /// See [`Flight::memory`](crate::Flight::memory).
-    pub(crate) fn memory(&mut self, each: &mut impl FnMut(i32) -> i32) {
-        let mut within =
-            |us: &mut u32, least, most| *us = (each(*us as i32) as u32).clamp(least, most);
-        within(&mut self.least_us, 0, 4 * LONGEST_US);
-        within(&mut self.most_us, 0, 4 * LONGEST_US);
-        within(&mut self.since_new_us, 0, LONGEST_US + 1);
-        within(&mut self.period_us, SHORTEST_US, LONGEST_US);
-        within(&mut self.share, 0, LAST);
-        within(&mut self.counted, 0, 1 << LAST);
-        within(&mut self.counted_us, 0, LONGEST_US << LAST);
-        self.was_new = each(self.was_new.into()) != 0;
-    }
 }
 
 #[cfg(test)]
@@ -211,7 +272,7 @@ mod tests {
     const NEW: [bool; 3] = [true; 3];
     const SAME: [bool; 3] = [false; 3];
 
-    fn age_us(refreshed: Option<Refreshed>) -> Option<u32> {
+    fn age_us(refreshed: Option<NewRates>) -> Option<u32> {
         refreshed.map(|refreshed| refreshed.age_us)
     }
 
@@ -219,34 +280,34 @@ mod tests {
     /// what was 0 to 6 ms old is, 12 ms and a period later, 2 to 8, and at most 6.
     #[test]
     fn new_readings_narrow_the_age() {
-        let mut refresh = Refresh::default();
-        assert_eq!(age_us(refresh.read(6_000, NEW)), Some(3_000));
-        assert_eq!(refresh.read(6_000, SAME), None);
+        let mut refresh = State::default();
+        assert_eq!(age_us(refresh.look(6_000, NEW)), Some(3_000));
+        assert_eq!(refresh.look(6_000, SAME), None);
         let slack_us = 2 * (6_000 >> ROUGH);
         assert_eq!(
-            age_us(refresh.read(6_000, NEW)),
+            age_us(refresh.look(6_000, NEW)),
             Some((2_000 - slack_us + 6_000) / 2)
         );
     }
 
     #[test]
     fn a_gap_counts_as_long_as_it_is() {
-        let mut refresh = Refresh::default();
-        refresh.read(6_000, NEW);
-        refresh.read(6_000, SAME);
-        let expected = Refreshed {
+        let mut refresh = State::default();
+        refresh.look(6_000, NEW);
+        refresh.look(6_000, SAME);
+        let expected = NewRates {
             age_us: 5_000,
             elapsed_us: 506_000,
         };
-        assert_eq!(refresh.read(500_000, NEW), Some(expected));
+        assert_eq!(refresh.look(500_000, NEW), Some(expected));
     }
 
     /// A sensor without noise repeats its counts until it turns.
     #[test]
     fn counts_that_stay_are_new_after_60_ms() {
-        let mut refresh = Refresh::default();
+        let mut refresh = State::default();
         let elapsed: Vec<_> = (0..14)
-            .map(|reading| refresh.read(6_667, [reading > 11; 3]))
+            .map(|reading| refresh.look(6_667, [reading > 11; 3]))
             .map(|refreshed| refreshed.map_or(0, |refreshed| refreshed.elapsed_us))
             .collect();
         let each = 6_667;
@@ -257,8 +318,8 @@ mod tests {
     /// By hand: the third rate alone is too early for the second, the first alone too late.
     #[test]
     fn a_refresh_in_the_midst_of_a_burst_counts_once() {
-        let is_new = |refresh: &mut Refresh, differ| refresh.read(6_667, differ).is_some();
-        let mut refresh = Refresh::default();
+        let is_new = |refresh: &mut State, differ| refresh.look(6_667, differ).is_some();
+        let mut refresh = State::default();
         assert!(is_new(&mut refresh, NEW));
         assert!(!is_new(&mut refresh, [false, false, true]));
         assert!(is_new(&mut refresh, [true, true, false]));
@@ -289,7 +350,7 @@ mod tests {
         equal: f64,
         (rest, readings): (i64, i64),
     ) -> Watched {
-        let mut refresh = Refresh::default();
+        let mut refresh = State::default();
         let mut rng = TestRng::deterministic_rng(RngAlgorithm::ChaCha);
         let newest = |at_us: i64, rate: i64| (at_us + phase_us + (rate - 1) * RATE_US) / period_us;
         let mut watched = Watched {
@@ -305,7 +366,7 @@ mod tests {
                 newest(at_us, rate) != newest(before, rate)
                     && (step >= rest || f64::from(rng.next_u32()) >= equal * 4_294_967_296.0)
             });
-            let Some(refreshed) = refresh.read((at_us - before) as u32, differ) else {
+            let Some(refreshed) = refresh.look((at_us - before) as u32, differ) else {
                 continue;
             };
             watched
@@ -321,7 +382,7 @@ mod tests {
                 None => {}
             }
         }
-        watched.period_us = refresh.period_us();
+        watched.period_us = refresh.period_us;
         watched
     }
 

@@ -4,7 +4,7 @@
 use core::fmt::{self, Write};
 
 /// Shows a byte as `0x` and two hexadecimal digits.
-pub(crate) struct Hex(pub(crate) u8);
+pub struct Hex(pub u8);
 
 impl fmt::Display for Hex {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {

@@ -1,0 +1,28 @@
+#![doc = include_str!("../README.md")]
+#![cfg_attr(not(test), no_std)]
+#![forbid(unsafe_code)]
+#![cfg_attr(
+    not(test),
+    deny(
+        clippy::unwrap_used,
+        clippy::expect_used,
+        clippy::panic,
+        clippy::indexing_slicing
+    )
+)]
+
+mod driver;
+mod fault;
+mod hex;
+mod refresh;
+mod sample;
+mod time;
+mod transfer;
+
+pub use driver::{Bursts, Description, Imu, Next};
+pub use fault::SensorFault;
+pub use hex::Hex;
+pub use refresh::Refresh;
+pub use sample::{NewRates, RawSample, Sample, Scale};
+pub use time::Micros;
+pub use transfer::{BusError, Bytes, READ_MAX, TRANSFER_DEADLINE_US, Transfer, WRITE_MAX};

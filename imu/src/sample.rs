@@ -1,0 +1,70 @@
+//! What a sensor has measured.
+
+use crate::time::Micros;
+
+/// One reading of all sensors, as the chip gave it.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct RawSample {
+    /// Start of its burst.
+    pub time: Micros,
+    /// Acceleration, counts; zero without an accelerometer.
+    pub acc: [i16; 3],
+    /// Magnetic field, counts; zero without a magnetometer, and from one that measures nothing
+    /// where that is no fault.
+    pub mag: [i16; 3],
+    /// Angular rate, counts; zero without a gyroscope.
+    pub gyr: [i16; 3],
+}
+
+impl RawSample {
+    /// Acceleration in m/s^2, in the sensor's axes.
+    #[must_use]
+    pub fn acc_m_s2(&self, scale: &Scale) -> [f32; 3] {
+        self.acc.map(|count| f32::from(count) * scale.acc_m_s2)
+    }
+
+    /// Angular rate in rad/s, in the sensor's axes.
+    #[must_use]
+    pub fn gyr_rad_s(&self, scale: &Scale) -> [f32; 3] {
+        self.gyr.map(|count| f32::from(count) * scale.gyr_rad_s)
+    }
+
+    /// Magnetic field in uT, in the sensor's axes.
+    #[must_use]
+    pub fn mag_ut(&self, scale: &Scale) -> [f32; 3] {
+        self.mag.map(|count| f32::from(count) * scale.mag_ut)
+    }
+}
+
+/// A reading, and what of it is new.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Sample {
+    /// The counts.
+    pub raw: RawSample,
+    /// The rates, if they are new since the reading before.
+    pub rates: Option<NewRates>,
+    /// Time between two refreshes of the rates, us.
+    pub refresh_us: u32,
+    /// The field is new since the reading before.
+    pub is_field_new: bool,
+}
+
+/// Rates that are new.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct NewRates {
+    /// How long before the reading the sensor measured them, us, but for the lag of its filter.
+    pub age_us: u32,
+    /// Time for which they stand: between this refresh and that of the new ones before, us.
+    pub elapsed_us: u32,
+}
+
+/// What a count is worth.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Scale {
+    /// Of the accelerometer, m/s^2.
+    pub acc_m_s2: f32,
+    /// Of the gyroscope, rad/s.
+    pub gyr_rad_s: f32,
+    /// Of the magnetometer, uT.
+    pub mag_ut: f32,
+}
