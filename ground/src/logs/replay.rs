@@ -24,7 +24,7 @@ use tvc_nano::{BootReport, Command, Flight, Micros, RawSample, Refresh, SensorFa
 use crate::arguments::parameter;
 use crate::logs::log::{self, Event, Log, Step};
 use crate::out::exit::{BadInput, Verdict};
-use crate::out::file::{print, print_json, write_whole};
+use crate::out::file::{hand_over, print_figures, write_whole};
 use crate::out::kind;
 
 /// Options of `tvc replay`.
@@ -148,20 +148,19 @@ pub fn run(options: &Replay) -> Result<Verdict> {
     if let Some(other) = &other {
         figures.filter_difference_rad_rms = Some(filter::difference_rms(other, &flight));
     }
-    if let Some(path) = &options.csv {
+    let printed = print_figures(&figures, options.json, |figures| {
+        words(figures).join("\n") + "\n"
+    });
+    let table = options.csv.as_ref().map_or(Ok(()), |path| {
         write_whole(path, table::text(&pairs, other.as_deref()).as_bytes())?;
         eprintln!("wrote {}", path.display());
-    }
-    if let Some(path) = &options.report {
+        Ok(())
+    });
+    let page = options.report.as_deref().map(|path| {
         let page = page::render(&options.log, &figures, &pairs, other.as_deref())?;
-        write_whole(path, page.as_bytes())?;
-        eprintln!("report: {}", path.display());
-    }
-    if options.json {
-        print_json(&figures)?;
-    } else {
-        print(words(&figures).join("\n") + "\n")?;
-    }
+        anyhow::Ok((path, page))
+    });
+    hand_over(printed.and(table), page.transpose()?, &[])?;
     let as_logged = figures.compared > 0 && figures.equal == figures.compared;
     Ok(Verdict::of(as_logged || !figures.changed.is_empty()))
 }

@@ -5,7 +5,7 @@ mod compare;
 pub mod page;
 pub mod sweep;
 
-use crate::out::kind;
+use crate::out::kind::{self, Kind};
 use std::collections::BTreeMap;
 use std::path::Path;
 
@@ -88,14 +88,12 @@ struct Health {
 
 /// Reads a log, prints its figures and writes the page.
 pub fn run(options: &Report) -> Result<Verdict> {
+    let given = options.out.as_deref();
     let [log] = options.logs.as_slice() else {
-        let page = options.out.as_deref().unwrap_or(Path::new(SEVERAL));
-        return compare::run(&options.logs, page, options.json);
+        let page = kind::given_or(given, SEVERAL, Kind::Page)?;
+        return compare::run(&options.logs, &page, options.json);
     };
-    let page = match &options.out {
-        Some(path) => path.clone(),
-        None => kind::page_of(log)?,
-    };
+    let page = kind::given_or(given, log.with_extension("html"), Kind::Page)?;
     let flight = Flight::of(&Log::read(log)?);
     conclude(&flight, log, Some(&page), options.json)
 }

@@ -16,7 +16,7 @@ use crate::arguments::AxisName;
 use crate::logs::log::{Flight, Log, Release, Step};
 use crate::model::control_law;
 use crate::out::exit::{BadInput, Verdict};
-use crate::out::file::{print, print_json, write_whole};
+use crate::out::file::{print_figures, write_whole};
 use crate::out::kind;
 use crate::out::measure::{Figures, figure, rows, shown};
 
@@ -83,14 +83,10 @@ pub fn run(options: &Identify) -> Result<Verdict> {
         IdentifyError::NoFit => anyhow::Error::new(error),
         _ => BadInput::new(format!("{}: {error}", options.log.display())).into(),
     })?;
+    print_figures(&found, options.json, |found| figures(found).text())?;
     if let Some(out) = &options.out {
         write_whole(out, parameter_file(&found, &options.log).as_bytes())?;
         eprintln!("parameters: {}", out.display());
-    }
-    if options.json {
-        print_json(&found)?;
-    } else {
-        print(figures(&found).text())?;
     }
     Ok(Verdict::Met)
 }

@@ -8,7 +8,9 @@ use std::path::{Path, PathBuf};
 
 use anyhow::{Context, Result};
 use serde::Serialize;
-use tempfile::NamedTempFile;
+use tempfile::{NamedTempFile, TempPath};
+
+use super::exit::Verdict;
 
 /// Prints `figures` on standard output: as JSON, or as the `text` for people, which ends its own
 /// lines.
@@ -41,6 +43,22 @@ pub fn print(text: impl Display) -> Result<()> {
         .context("writing to standard output")
 }
 
+/// Ends a command that has `printed` its figures: writes the page, names on standard error what was
+/// `missed`, and complains last of what could not be written, so that nothing else is lost with it.
+pub fn hand_over(
+    printed: Result<()>,
+    page: Option<(&Path, String)>,
+    missed: &[String],
+) -> Result<Verdict> {
+    let written = page.map_or(Ok(()), |(path, page)| {
+        write_whole(path, page.as_bytes())?;
+        eprintln!("report: {}", path.display());
+        Ok(())
+    });
+    let verdict = Verdict::naming(missed);
+    printed.and(written).map(|()| verdict)
+}
+
 /// Writes `bytes` to `path`, whole or not at all. Creates the folder.
 pub fn write_whole(path: &Path, bytes: &[u8]) -> Result<()> {
     let mut file = WholeFile::create(path)?;
@@ -49,74 +67,93 @@ pub fn write_whole(path: &Path, bytes: &[u8]) -> Result<()> {
     file.keep()
 }
 
+/// Writes the rows under a heading, if there is to be a table.
+pub fn write_table(path: Option<&Path>, rows: &[impl Serialize]) -> Result<()> {
+    let Some(path) = path else { return Ok(()) };
+    let mut writer = csv::Writer::from_writer(Vec::new());
+    for row in rows {
+        writer.serialize(row)?;
+    }
+    let bytes = writer.into_inner().context("the table")?;
+    write_whole(path, &bytes)
+}
+
 /// A file that is written beside its place and moved there by [`keep`](Self::keep), so that an
 /// interrupted command leaves the old file or the new one, never a part. Without `keep` it is
 /// removed.
 pub struct WholeFile {
+    /// As it was named.
+    name: PathBuf,
+    /// Where it goes: behind a symbolic link, the file that this points to is replaced.
     path: PathBuf,
-    target: Target,
-}
-
-enum Target {
-    /// A temporary file beside the target, to be renamed.
-    Beside(BufWriter<NamedTempFile>),
-    /// A device or a pipe, which cannot be replaced.
-    Direct(BufWriter<File>),
+    file: BufWriter<File>,
+    /// The temporary file beside the target, to be renamed; a device or a pipe cannot be replaced
+    /// and has none.
+    beside: Option<TempPath>,
 }
 
 impl WholeFile {
     /// Begins a file that is to be `path`; its folder is created when it is kept.
     pub fn create(path: &Path) -> Result<Self> {
-        let writing = || format!("writing {}", path.display());
-        // Behind a symbolic link, the file that it points to is replaced.
-        let path = fs::canonicalize(path).unwrap_or_else(|_| path.to_path_buf());
-        let target = match fs::metadata(&path) {
-            Ok(found) if found.is_dir() => {
-                return Err(io::Error::from(io::ErrorKind::IsADirectory)).with_context(writing);
-            }
-            Ok(found) if !found.is_file() => {
-                let device = File::options().write(true).open(&path);
-                Target::Direct(BufWriter::new(device.with_context(writing)?))
-            }
+        Self::begin(path).with_context(|| format!("writing {}", path.display()))
+    }
+
+    fn begin(name: &Path) -> io::Result<Self> {
+        let path = fs::canonicalize(name).unwrap_or_else(|_| name.to_path_buf());
+        let (file, beside) = match fs::metadata(&path) {
+            Ok(found) if found.is_dir() => return Err(io::ErrorKind::IsADirectory.into()),
+            Ok(found) if !found.is_file() => (File::options().write(true).open(&path)?, None),
             _ => {
-                let file = beside(&path).with_context(writing)?;
-                Target::Beside(BufWriter::new(file))
+                let (file, beside) = beside(&path)?.into_parts();
+                (file, Some(beside))
             }
         };
-        Ok(Self { path, target })
+        Ok(Self {
+            name: name.to_path_buf(),
+            path,
+            file: BufWriter::new(file),
+            beside,
+        })
     }
 
     /// Puts the file in its place.
     pub fn keep(self) -> Result<()> {
-        let writing = || format!("writing {}", self.path.display());
-        let buffered = match self.target {
-            Target::Direct(mut device) => return device.flush().with_context(writing),
-            Target::Beside(buffered) => buffered,
+        let Self {
+            name,
+            path,
+            file,
+            beside,
+        } = self;
+        let place = || {
+            file.into_inner().map_err(io::IntoInnerError::into_error)?;
+            let Some(beside) = beside else { return Ok(()) };
+            for_everybody(&beside)?;
+            fs::create_dir_all(folder_of(&path))?;
+            beside.persist(&path).map_err(|refused| refused.error)
         };
-        let file = buffered
-            .into_inner()
-            .map_err(io::IntoInnerError::into_error)
-            .with_context(writing)?;
-        for_everybody(file.path()).with_context(writing)?;
-        fs::create_dir_all(folder_of(&self.path)).with_context(writing)?;
-        file.persist(&self.path).with_context(writing)?;
-        Ok(())
+        place().with_context(|| format!("writing {}", name.display()))
     }
 }
 
 impl Write for WholeFile {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
-        match &mut self.target {
-            Target::Beside(file) => file.write(bytes),
-            Target::Direct(file) => file.write(bytes),
-        }
+        self.file.write(bytes)
     }
 
     fn flush(&mut self) -> io::Result<()> {
-        match &mut self.target {
-            Target::Beside(file) => file.flush(),
-            Target::Direct(file) => file.flush(),
-        }
+        self.file.flush()
+    }
+}
+
+/// Tries whether a file can be written to `path`, and leaves nothing behind. Devices and pipes are
+/// not touched: whoever reads a pipe would see its end.
+///
+/// # Errors
+/// It cannot.
+pub fn try_place(path: &Path) -> io::Result<()> {
+    match fs::metadata(path) {
+        Ok(found) if !found.is_file() && !found.is_dir() => Ok(()),
+        _ => WholeFile::begin(path).map(drop),
     }
 }
 
@@ -125,7 +162,8 @@ impl Write for WholeFile {
 /// # Errors
 /// The folder takes none.
 pub fn beside(path: &Path) -> io::Result<NamedTempFile> {
-    NamedTempFile::new_in(existing(folder_of(path)))
+    // The error would name the temporary file, which nobody asked for.
+    NamedTempFile::new_in(existing(folder_of(path))).map_err(|error| error.kind().into())
 }
 
 /// Temporary files can be read by their owner alone, a report by everybody.
@@ -173,12 +211,26 @@ mod tests {
     }
 
     #[test]
-    fn names_the_file_that_cannot_be_written() {
+    fn names_the_file_that_cannot_be_written_and_no_other() {
         let folder = tempfile::tempdir().unwrap();
         let file = folder.path().join("plain");
         fs::write(&file, b"").unwrap();
-        let error = write_whole(&file.join("below"), b"x").unwrap_err();
-        assert!(format!("{error:#}").contains("plain/below"), "{error:#}");
+        let path = file.join("below");
+        let error = format!("{:#}", write_whole(&path, b"x").unwrap_err());
+        let expected = format!("writing {}: not a directory", path.display());
+        assert_eq!(error, expected);
+        assert!(try_place(&path).is_err() && try_place(folder.path()).is_err());
+    }
+
+    #[test]
+    fn a_place_that_was_tried_is_as_before() {
+        let folder = tempfile::tempdir().unwrap();
+        let there = folder.path().join("there.html");
+        fs::write(&there, b"old").unwrap();
+        try_place(&there).unwrap();
+        try_place(&folder.path().join("deep/new.html")).unwrap();
+        assert_eq!(fs::read(&there).unwrap(), b"old");
+        assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1);
     }
 
     #[test]

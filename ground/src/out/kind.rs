@@ -1,5 +1,5 @@
-//! Kinds of files, by their names and by what is in them: none is written in the place of one of
-//! another kind, which would mostly be the command's own input.
+//! Files that a command is to write, looked at before its work begins. Their places must take files,
+//! and none of another kind may be there, which would mostly be the command's own input.
 
 use std::fs::File;
 use std::io::Read;
@@ -8,16 +8,24 @@ use std::path::{Path, PathBuf};
 use anyhow::Result;
 
 use super::exit::BadInput;
+use super::file::try_place;
 
 /// What is in a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Kind {
+pub enum Kind {
+    /// A telemetry log.
     Log,
+    /// A table.
     Table,
+    /// An HTML page.
     Page,
+    /// Parameters of the firmware.
     Parameters,
+    /// Any TOML file.
     Toml,
+    /// Counts of a sensor.
     Recording,
+    /// A firmware image.
     Image,
 }
 
@@ -44,20 +52,35 @@ const HEAD: u64 = 4096;
 /// The path of a page to write.
 ///
 /// # Errors
-/// The name is that of another kind of file, or there is a file of another kind.
+/// The name is that of another kind of file, there is a file of another kind, or its place takes no
+/// file.
 pub fn page(path: &str) -> Result<PathBuf, String> {
     output(path, &[Kind::Page])
 }
 
-/// The path of the page of a log, beside it.
+/// The path of a file to write: the one that was given, or else the usual one, which is looked at
+/// as the given one has been. A default of the command line would be looked at by commands that
+/// write no such file, too.
 ///
 /// # Errors
 /// As [`page`].
-pub fn page_of(log: &Path) -> Result<PathBuf> {
-    let path = log.with_extension("html");
-    check(&path, &[Kind::Page])
-        .map_err(|why| BadInput::new(format!("{}: {why}", path.display())))?;
-    Ok(path)
+pub fn given_or(given: Option<&Path>, usual: impl AsRef<Path>, kind: Kind) -> Result<PathBuf> {
+    if let Some(path) = given {
+        return Ok(path.to_owned());
+    }
+    let path = usual.as_ref();
+    check(path, &[kind]).map_err(|why| BadInput::new(format!("{}: {why}", path.display())))?;
+    Ok(path.to_owned())
+}
+
+/// Tries whether a folder, which need not be there, takes files.
+///
+/// # Errors
+/// It does not.
+pub fn try_folder(folder: &Path) -> Result<()> {
+    let taken = try_place(&folder.join("file"));
+    let refused = |error| BadInput::new(format!("the folder {}: {error}", folder.display()));
+    Ok(taken.map_err(refused)?)
 }
 
 /// The path of a table to write.
@@ -166,7 +189,9 @@ fn check(path: &Path, kinds: &[Kind]) -> Result<(), String> {
             "that is the name of {words}; what is written ends in {}",
             ends(kinds)
         )),
-        _ if kinds.iter().any(|kind| may_replace(path, *kind)) => Ok(()),
+        _ if kinds.iter().any(|kind| may_replace(path, *kind)) => {
+            try_place(path).map_err(|error| format!("it cannot be written: {error}"))
+        }
         _ => Err("there is another kind of file already: give another name".into()),
     }
 }
@@ -187,8 +212,8 @@ fn ends(kinds: &[Kind]) -> String {
     all.join(" or ")
 }
 
-/// Whether a file of this kind may take the place of what is there: nothing, a device, a folder
-/// (which is refused elsewhere), or a file that may be of the same kind.
+/// Whether a file of this kind may take the place of what is there: nothing, a device, or a file
+/// that may be of the same kind. A folder is refused elsewhere.
 fn may_replace(path: &Path, kind: Kind) -> bool {
     if !path.is_file() {
         return true;
@@ -231,6 +256,7 @@ mod tests {
         for name in ["flight.html", "no-extension", "/dev/null"] {
             assert_eq!(page(name), Ok(PathBuf::from(name)));
         }
+        assert!(page("Cargo.toml/flight.html").is_err(), "no folder");
         assert!(is_log(Path::new("a.TLOG")) && !is_log(Path::new("a.csv")));
         assert!(log("a.tlog").is_ok() && log_or_table("a.CSV").is_ok());
         assert!(new_log("new.tlog").is_ok() && new_log("no/such.tlog").is_err());

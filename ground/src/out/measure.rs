@@ -20,7 +20,7 @@ use serde::{Serialize, Serializer};
 use serde_json::value::RawValue;
 
 use super::exit::Verdict;
-use super::file::{print, print_json, write_whole};
+use super::file::{hand_over, print, print_json};
 use super::table::Table;
 
 /// What `--json` prints for a figure.
@@ -348,6 +348,29 @@ impl Figure {
         Table::new(head, rows.iter().map(cells)).right_aligned()
     }
 
+    /// Whether it, or something in it, has a limit.
+    fn is_judged(&self) -> bool {
+        match &self.value {
+            Value::Group(inner) | Value::Rows(inner) => inner.iter().any(Self::is_judged),
+            _ => self.limit.is_some(),
+        }
+    }
+
+    /// Adds where each limit in it that was missed stands; the figure itself stands at `path`.
+    fn add_missed(&self, path: &str, found: &mut Vec<String>) {
+        match &self.value {
+            Value::Group(inner) => inner.iter().for_each(|figure| {
+                let dot = if path.is_empty() { "" } else { "." };
+                figure.add_missed(&format!("{path}{dot}{}", figure.key), found);
+            }),
+            Value::Rows(inner) => inner.iter().enumerate().for_each(|(index, row)| {
+                row.add_missed(&format!("{path}[{index}]"), found);
+            }),
+            _ if !self.is_met() => found.push(path.to_owned()),
+            _ => {}
+        }
+    }
+
     /// A sentence for each limit in it that was missed; the first column names a row.
     pub fn missed(&self) -> Vec<String> {
         let sentences = |leaves: Vec<&Self>| -> Vec<String> {
@@ -409,25 +432,37 @@ impl Figures {
         texts.join("\n")
     }
 
-    /// Prints the figures on standard output, as JSON or as text, writes the page, and names on
-    /// standard error what missed its limit.
+    /// Where in the object each limit that was missed stands, such as `runs[1].overshoot_pct`.
+    pub fn missed_keys(&self) -> Vec<String> {
+        let mut found = Vec::new();
+        for figure in &self.0 {
+            figure.add_missed(figure.key, &mut found);
+        }
+        found
+    }
+
+    /// Prints the figures on standard output, as JSON or as text, then writes the page, and names
+    /// on standard error what missed its limit. Where there are limits, the JSON object says under
+    /// `met` whether all of them hold, and under `missed` which do not.
     ///
     /// # Errors
-    /// The page or standard output cannot be written.
+    /// Standard output or the page cannot be written.
     pub fn conclude(&self, json: bool, page: Option<(&Path, String)>) -> Result<Verdict> {
-        if let Some((path, page)) = &page {
-            write_whole(path, page.as_bytes())?;
-        }
-        if json {
-            print_json(self)?;
-        } else {
-            print(self.text())?;
-        }
-        if let Some((path, _)) = page {
-            eprintln!("report: {}", path.display());
-        }
-        Ok(Verdict::naming(&self.missed()))
+        let printed = match json {
+            true if self.0.iter().any(Figure::is_judged) => {
+                let judged = judged(self.missed_keys());
+                print_json(&Self([self.0.clone(), judged].concat()))
+            }
+            true => print_json(self),
+            false => print(self.text()),
+        };
+        hand_over(printed, page, &self.missed())
     }
+}
+
+/// For `--json`: whether every limit holds, and where in the object those stand that do not.
+pub fn judged(missed: Vec<String>) -> Vec<Figure> {
+    vec![figure("met", missed.is_empty()), rows("missed", missed)]
 }
 
 /// A table of figures: label, value, limit.
@@ -519,6 +554,16 @@ That is all.
                 "start 0.40 rad: settling: never, required: at most 0.75",
             ]
         );
+    }
+
+    #[test]
+    fn what_misses_its_limit_is_named_by_its_place_in_the_object() {
+        assert!(figures(3.0, Some(0.6)).missed_keys().is_empty());
+        let missed = figures(100.0, None).missed_keys();
+        assert_eq!(missed, ["loop.jitter_us", "runs[0].settling_s"]);
+        let judged = |figures: &Figures| figures.0.iter().any(Figure::is_judged);
+        assert!(judged(&figures(3.0, None)));
+        assert!(!judged(&Figures::from([figure("seed", 7_u32)])));
     }
 
     #[test]

@@ -1,6 +1,8 @@
 //! No command writes its output in the place of its input, or of another kind of file.
 
-use crate::running::{self, tvc};
+use std::process::Output;
+
+use crate::running::{self, commands_below, tvc};
 
 /// Names of outputs, the commands that are to write them, and what these say.
 const COMMANDS: [[&str; 3]; 14] = [
@@ -97,6 +99,105 @@ fn standard_output_that_cannot_be_written_is_an_error_in_one_line() {
     }
 }
 
+/// Whatever a command would do for hours, a page that has no place is complained of first.
+#[test]
+fn a_page_without_a_place_is_refused_before_the_work_begins() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("plain"), "no folder").unwrap();
+    let mut tried = 0;
+    for (words, help) in commands_below(&[]) {
+        let is_taken = |option: &&&str| help.contains(&format!("{option} <FILE.html>"));
+        let Some(option) = ["--report", "--out"].iter().find(is_taken) else {
+            continue;
+        };
+        tried += 1;
+        let words: Vec<&str> = words.iter().map(String::as_str).collect();
+        let output = running::command(&words)
+            .args([option, "plain/page.html"])
+            .current_dir(folder.path())
+            .output()
+            .unwrap();
+        let said = running::said(&output);
+        assert_eq!(output.status.code(), Some(2), "{words:?}: {said}");
+        assert!(said.contains("plain/page.html"), "{words:?}: {said}");
+        assert!(said.contains("cannot be written"), "{words:?}: {said}");
+        assert!(!said.contains(".tmp"), "{words:?}: {said}");
+    }
+    assert!(tried > 20, "{tried}");
+}
+
+/// So is the usual place, but only by a command that writes there.
+#[test]
+fn a_usual_place_that_takes_no_file_is_refused_by_who_would_use_it() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("report"), "no folder").unwrap();
+    std::fs::write(folder.path().join("counts.csv"), "t,acc_x\n").unwrap();
+    let run = |arguments: &str| {
+        let arguments: Vec<&str> = arguments.split(' ').collect();
+        let mut command = running::command(&arguments);
+        let output = command.current_dir(folder.path()).output().unwrap();
+        (output.status.code(), running::said(&output))
+    };
+    for command in [
+        "fly",
+        "faults",
+        "faults --report a.html",
+        "faults merge rows.csv",
+        "montecarlo",
+        "montecarlo merge rows.csv",
+        "model linear",
+        "experiment motion",
+        "calibrate --from counts.csv",
+        "report a.tlog b.tlog",
+    ] {
+        let (status, said) = run(command);
+        assert_eq!(status, Some(2), "{command}: {said}");
+        assert!(
+            said.contains("report/") || said.contains("folder"),
+            "{said}"
+        );
+        assert!(said.contains("not a directory"), "{command}: {said}");
+    }
+    for command in ["calibrate polarity --port none", "faults replay none.toml"] {
+        let (_, said) = run(command);
+        assert!(!said.contains("not a directory"), "{command}: {said}");
+    }
+}
+
+/// The figures come first, and the complaint last.
+#[cfg(unix)]
+#[test]
+fn a_disk_that_is_full_takes_no_figures_away() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    let root = concat!(env!("CARGO_MANIFEST_DIR"), "/");
+    for (from, to) in [
+        ("fuzz_corpus/log/step.tlog", "step.tlog"),
+        ("fuzz_corpus/case/worst.toml", "worst.toml"),
+    ] {
+        std::fs::copy(format!("{root}{from}"), at(to)).unwrap();
+    }
+    for command in [
+        "model validate --json --report",
+        "report step.tlog --json --out",
+        "report step.tlog step.tlog --json --out",
+        "replay step.tlog --json --report",
+        "montecarlo --runs 4 --json --worst . --report",
+    ] {
+        let output = with_a_full_disk(command, "new.html", folder.path(), false);
+        let said = running::said(&output);
+        assert!(
+            serde_json::from_slice::<serde_json::Value>(&output.stdout).is_ok(),
+            "{command}"
+        );
+        let last = said.lines().last().unwrap();
+        assert!(last.starts_with("error: writing "), "{command}: {said}");
+    }
+    let replay = "montecarlo replay worst.toml --json --out";
+    let output = with_a_full_disk(replay, "new.csv", folder.path(), false);
+    assert!(!output.stdout.is_empty());
+}
+
 #[test]
 fn what_may_be_written_again_is() {
     let folder = tempfile::tempdir().unwrap();
@@ -147,7 +248,7 @@ const WRITERS: [(&str, &str, Option<&str>); 11] = [
 /// Runs a command that can write no more than half a kilobyte into a file: beyond that it gets an
 /// error, or, where it is `killed`, ends at once.
 #[cfg(unix)]
-fn with_a_full_disk(command: &str, name: &str, folder: &std::path::Path, killed: bool) -> String {
+fn with_a_full_disk(command: &str, name: &str, folder: &std::path::Path, killed: bool) -> Output {
     let trap = if killed { "" } else { "trap '' XFSZ; " };
     let limit = format!("{trap}ulimit -c 0; ulimit -f 1; exec \"$@\"");
     let output = std::process::Command::new("sh")
@@ -165,7 +266,8 @@ fn with_a_full_disk(command: &str, name: &str, folder: &std::path::Path, killed:
         "{command}: {said}"
     );
     assert!(said_so && !said.contains("panicked"), "{command}: {said}");
-    said
+    assert!(!said.contains(".tmp"), "{command}: {said}");
+    output
 }
 
 /// Neither an error half way nor the end of the program leaves a part of a file in the place of a

@@ -7,13 +7,12 @@ mod parts;
 mod report;
 mod truth;
 
-use std::path::PathBuf;
-
 use anyhow::Result;
 
 use super::progress::Progress;
 use crate::out::exit::Verdict;
-use crate::out::file::{print_figures, write_whole};
+use crate::out::file::{hand_over, print_figures};
+use crate::out::kind::{Kind as FileKind, given_or};
 use candidates::CANDIDATES;
 use figures::Figures;
 use truth::Kind;
@@ -32,6 +31,8 @@ pub fn run(options: &Experiment) -> Result<Verdict> {
         ExperimentCommand::Jerk(sensing) => (Kind::Jerk, sensing),
         ExperimentCommand::Acceleration(sensing) => (Kind::Acceleration, sensing),
     };
+    let usual = format!("report/experiment-{}.html", kind.name());
+    let path = given_or(sensing.report.as_deref(), usual, FileKind::Page)?;
     // Progress is counted in simulated ms; the sensors take as long as all estimators together.
     let length = ((kind.duration_s() + sensing.warm_up) * 1e3) as u64;
     let share = length / CANDIDATES.len() as u64;
@@ -49,13 +50,7 @@ pub fn run(options: &Experiment) -> Result<Verdict> {
     progress.end();
 
     let figures = Figures::new(kind, sensing.seed, &samples, &estimates);
-    let path = sensing
-        .report
-        .clone()
-        .unwrap_or_else(|| PathBuf::from(format!("report/experiment-{}.html", kind.name())));
     let page = report::render(kind, &figures, &samples, &estimates)?;
-    write_whole(&path, page.as_bytes())?;
-    print_figures(&figures, sensing.json, Figures::text)?;
-    eprintln!("report: {}", path.display());
-    Ok(Verdict::naming(&figures.missed))
+    let printed = print_figures(&figures, sensing.json, Figures::text);
+    hand_over(printed, Some((&path, page)), &figures.missed)
 }

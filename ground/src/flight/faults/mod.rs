@@ -19,7 +19,8 @@ use rig::{ServoKind, Setup, prepare};
 use crate::flight::vehicle::VehicleKind;
 use crate::image::ImageOption;
 use crate::out::exit::{BadInput, Verdict};
-use crate::out::kind;
+use crate::out::file::write_table;
+use crate::out::kind::{self, Kind as FileKind};
 use crate::out::measure::{Figures, figure};
 pub use options::Faults;
 use options::{FaultsCommand, Merge, Replay};
@@ -30,6 +31,8 @@ use table::{End, Row};
 const RUNS_OF_EACH: u32 = 50;
 /// Instants at which each bit of the timer flips where the number of runs is not given.
 const INSTANTS: u32 = 20;
+/// Where the page goes if no place is named.
+const REPORT: &str = "report/faults.html";
 /// Unsafe runs that are written as files.
 const WRITTEN: usize = 100;
 
@@ -62,6 +65,8 @@ pub struct Flown {
 /// Carries out the campaign, prints its table, and names every unsafe run.
 fn fly(options: &Faults) -> Result<Verdict> {
     let all = options.flown()?;
+    let report = kind::given_or(options.report.as_deref(), REPORT, FileKind::Page)?;
+    kind::try_folder(&options.unsafe_runs)?;
     let begun = Instant::now();
     let mut of_shard = Shard::of(options, &all)?;
     let mut rows = Vec::new();
@@ -73,22 +78,22 @@ fn fly(options: &Faults) -> Result<Verdict> {
     if rows.is_empty() {
         return Err(BadInput::new("--shard: this part of the campaign has no run").into());
     }
-    if let Some(out) = &options.out {
-        table::write(out, &rows)?;
-    }
     let figures = summary::figures(&rows, Some(begun.elapsed().as_secs_f64()));
     let page = report::render(&figures, &rows)?;
-    let verdict = figures.conclude(options.json, Some((&options.report, page)))?;
+    let verdict = figures.conclude(options.json, Some((&report, page)));
+    // What cannot be written is complained of when everything else has been handed over.
+    let mut written = write_table(options.out.as_deref(), &rows);
     let unsafe_runs = rows.iter().filter(|row| row.end == End::Unsafe);
     for (place, row) in unsafe_runs.enumerate() {
         eprintln!("unsafe: {}: {}", row.story(), row.why);
         if place < WRITTEN {
             let scenario = Scenario::new(options.hardware.text(), row);
-            let path = scenario.write(&options.unsafe_runs, place + 1, row)?;
-            eprintln!("  again: tvc faults replay {}", path.display());
+            let path = scenario.write(&options.unsafe_runs, place + 1, row);
+            let told = path.map(|path| eprintln!("  again: tvc faults replay {}", path.display()));
+            written = written.and(told);
         }
     }
-    Ok(verdict)
+    written.and(verdict)
 }
 
 /// Joins the tables of shards.
@@ -97,13 +102,12 @@ fn merge(options: &Merge) -> Result<Verdict> {
     if let Some(out) = &options.out {
         kind::keep_apart(out, files.iter().copied())?;
     }
+    let report = kind::given_or(options.report.as_deref(), REPORT, FileKind::Page)?;
     let rows = table::merge(&files)?;
-    if let Some(out) = &options.out {
-        table::write(out, &rows)?;
-    }
     let figures = summary::figures(&rows, None);
     let page = report::render(&figures, &rows)?;
-    figures.conclude(options.json, Some((&options.report, page)))
+    let verdict = figures.conclude(options.json, Some((&report, page)));
+    write_table(options.out.as_deref(), &rows).and(verdict)
 }
 
 /// The page of a table of runs, as [`merge`] makes it: for the fuzzer.

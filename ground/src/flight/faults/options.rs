@@ -120,9 +120,10 @@ pub struct Faults {
     #[command(flatten)]
     pub image: ImageOption,
 
-    /// Where to write the HTML report: every run, how it ended, by kind and by instant.
-    #[arg(long, value_name = "FILE.html", default_value = "report/faults.html", value_parser = kind::page)]
-    pub report: PathBuf,
+    /// Where to write the HTML report: every run, how it ended, by kind and by instant [default:
+    /// report/faults.html].
+    #[arg(long, value_name = "FILE.html", value_parser = kind::page)]
+    pub report: Option<PathBuf>,
 
     /// Print one JSON object on standard output and nothing else there.
     #[arg(long)]
@@ -211,9 +212,9 @@ pub struct Merge {
     #[arg(long, value_name = "FILE.csv", value_parser = kind::table)]
     pub out: Option<PathBuf>,
 
-    /// Where to write the HTML report.
-    #[arg(long, value_name = "FILE.html", default_value = "report/faults.html", value_parser = kind::page)]
-    pub report: PathBuf,
+    /// Where to write the HTML report [default: report/faults.html].
+    #[arg(long, value_name = "FILE.html", value_parser = kind::page)]
+    pub report: Option<PathBuf>,
 
     /// Print one JSON object on standard output and nothing else there.
     #[arg(long)]

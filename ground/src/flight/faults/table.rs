@@ -2,13 +2,12 @@
 
 use std::path::Path;
 
-use anyhow::{Context, Result};
+use anyhow::Result;
 use rig::faults::{Ending, Kind, Outcome, Plan};
 use serde::{Deserialize, Serialize};
 
 use super::Flown;
 use crate::out::exit::BadInput;
-use crate::out::file::write_whole;
 
 /// How a run ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -191,19 +190,6 @@ impl Row {
     pub fn kind(&self) -> Option<Kind> {
         self.kind.parse().ok()
     }
-}
-
-/// Writes the rows under a heading.
-///
-/// # Errors
-/// The file cannot be written.
-pub fn write(path: &Path, rows: &[Row]) -> Result<()> {
-    let mut writer = csv::Writer::from_writer(Vec::new());
-    for row in rows {
-        writer.serialize(row)?;
-    }
-    let bytes = writer.into_inner().context("the table")?;
-    write_whole(path, &bytes)
 }
 
 /// Joins tables by kind and number; a run that is in several counts once.

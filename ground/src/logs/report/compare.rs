@@ -8,8 +8,8 @@ use maud::html;
 use super::{figures, response, servo};
 use crate::logs::log::{Flight, Log, Release, Step};
 use crate::out::exit::Verdict;
-use crate::out::file::{print, print_json, write_whole};
-use crate::out::measure::{Figure, Figures, data, figure, rows};
+use crate::out::file::{hand_over, print, print_json};
+use crate::out::measure::{Figure, Figures, data, figure, judged, rows};
 use crate::out::page;
 use crate::out::plot::{Line, Plot};
 use tvc_nano::Axis;
@@ -33,19 +33,23 @@ pub fn run(logs: &[PathBuf], page: &Path, json: bool) -> Result<Verdict> {
         }
     };
     let title = format!("Report of {} logs", flights.len());
-    write_whole(page, page::page(&title, body).as_bytes())?;
-    if json {
+    let text = page::page(&title, body);
+    let printed = if json {
         let logs = flights
             .iter()
             .zip(&of_logs)
             .map(|((name, _), figures)| serde_json::json!({ "log": name, "figures": figures }));
         let logs: Vec<_> = logs.collect();
-        print_json(&Figures::from([table, data("logs", &logs)]))?;
+        let missed = of_logs.iter().enumerate().flat_map(|(index, figures)| {
+            let keys = figures.missed_keys().into_iter();
+            keys.map(move |key| format!("logs[{index}].figures.{key}"))
+        });
+        let figures = [vec![table, data("logs", &logs)], judged(missed.collect())];
+        print_json(&Figures::from(figures.concat()))
     } else {
-        print(table.table().text())?;
-    }
-    eprintln!("report: {}", page.display());
-    Ok(Verdict::naming(&missed))
+        print(table.table().text())
+    };
+    hand_over(printed, Some((page, text)), &missed)
 }
 
 /// A sentence for each requirement that a log misses.

@@ -146,7 +146,7 @@ pub fn replay(options: &ReplayRun) -> Result<Verdict> {
     let text = input::text(&options.file).map_err(|error| named(&error))?;
     let case = Case::parse(&text).map_err(|error| named(&error))?;
     let motion = case.fly().map_err(|error| named(&error))?;
-    if let Some(out) = &options.out {
+    let written = options.out.as_ref().map_or(Ok(()), |out| {
         let mut text =
             String::from("time_s,pitch_rad,rate_rad_s,crank_rad,rudder_rad,command_rad\n");
         for s in &motion {
@@ -157,12 +157,12 @@ pub fn replay(options: &ReplayRun) -> Result<Verdict> {
                 s.time_s, s.pitch_rad, s.rate_rad_s, s.crank.angle_rad, s.rudder_rad, s.command_rad
             );
         }
-        write_whole(out, text.as_bytes())?;
-    }
+        write_whole(out, text.as_bytes())
+    });
     let response = StepResponse::new(motion.iter().map(|s| (s.time_s, s.pitch_rad)), 0.0)
         .map_err(|error| named(&error))?;
     let settling = figure("settling_5pct_s", response.settling_s(0.05));
-    Figures::from([
+    let verdict = Figures::from([
         figure("run", case.draw.index).shown("run", "", 0),
         figure("start_rad", case.draw.start_rad).shown("start", "rad", 1),
         figure("overshoot_pct", response.overshoot_pct()).shown("overshoot", "%", 2),
@@ -172,5 +172,6 @@ pub fn replay(options: &ReplayRun) -> Result<Verdict> {
         settling.shown("5 % settling", "s", 3).or("never"),
         figure("final_error_rad", response.final_error()).shown("final error", "rad", 4),
     ])
-    .conclude(options.json, None)
+    .conclude(options.json, None);
+    written.and(verdict)
 }

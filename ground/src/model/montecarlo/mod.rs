@@ -7,7 +7,7 @@ mod rocket;
 mod summary;
 mod table;
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use anyhow::{Context, Result};
@@ -17,7 +17,8 @@ use plant::pitch_loop::Timing;
 
 use crate::model::control_law::{self, Law};
 use crate::out::exit::Verdict;
-use crate::out::kind;
+use crate::out::file::write_table;
+use crate::out::kind::{self, Kind};
 pub use case::Case;
 pub use options::{Merge, MonteCarlo, MonteCarloCommand, MonteCarloVehicle, ReplayRun};
 use summary::Worst;
@@ -29,14 +30,20 @@ const WORST: usize = 5;
 /// Carries out what `options` say.
 pub fn run(options: &MonteCarlo) -> Result<Verdict> {
     match &options.command {
-        None if options.vehicle == MonteCarloVehicle::Rocket => rocket::run(options),
-        None => fly(options),
+        None => {
+            let report = report_of(options.report.as_deref())?;
+            match options.vehicle {
+                MonteCarloVehicle::Drone => fly(options, &report),
+                MonteCarloVehicle::Rocket => rocket::run(options, &report),
+            }
+        }
         Some(MonteCarloCommand::Merge(options)) => merge(options),
         Some(MonteCarloCommand::Replay(options)) => case::replay(options),
     }
 }
 
-fn fly(options: &MonteCarlo) -> Result<Verdict> {
+fn fly(options: &MonteCarlo, report: &Path) -> Result<Verdict> {
+    kind::try_folder(&options.worst)?;
     let setup = control_law::setup(options.servo, options.params.as_deref())?;
     let params = control_law::parameters(options.servo, options.gains.as_deref())?;
     let mut ranges = Ranges::WIDE.with_lateral_m(1e-3 * options.lateral_mm);
@@ -74,19 +81,21 @@ fn fly(options: &MonteCarlo) -> Result<Verdict> {
             )
         })
         .collect();
-    if let Some(out) = &options.out {
-        table::write(out, &rows)?;
-    }
+    let mut written = write_table(options.out.as_deref(), &rows);
     let mut worst = Worst::of(&rows, WORST);
     for (place, worst) in worst.iter_mut().enumerate() {
         let path = options.worst.join(format!("worst-{}.toml", place + 1));
         let case = Case::new(&campaign, worst.row.run, &setup, &params);
-        case.write(&path, &worst.row)?;
-        worst.file = Some(path.display().to_string());
+        // What cannot be written is complained of when everything else has been handed over.
+        match case.write(&path, &worst.row) {
+            Ok(()) => worst.file = Some(path.display().to_string()),
+            refused => written = written.and(refused),
+        }
     }
     let figures = summary::figures(&rows, &worst, options.require);
     let page = report::render(&figures, &rows)?;
-    figures.conclude(options.json, Some((&options.report, page)))
+    let verdict = figures.conclude(options.json, Some((report, page)));
+    written.and(verdict)
 }
 
 /// The figures of a table of runs, as [`merge`] has them: for the fuzzer.
@@ -114,13 +123,17 @@ fn merge(options: &Merge) -> Result<Verdict> {
     if let Some(out) = &options.out {
         kind::keep_apart(out, files.iter().copied())?;
     }
+    let report = report_of(options.report.as_deref())?;
     let rows = table::merge(&files)?;
-    if let Some(out) = &options.out {
-        table::write(out, &rows)?;
-    }
     let figures = summary::figures(&rows, &Worst::of(&rows, WORST), None);
     let page = report::render(&figures, &rows)?;
-    figures.conclude(options.json, Some((&options.report, page)))
+    let verdict = figures.conclude(options.json, Some((&report, page)));
+    write_table(options.out.as_deref(), &rows).and(verdict)
+}
+
+/// Where the page of a campaign goes.
+fn report_of(given: Option<&Path>) -> Result<PathBuf> {
+    kind::given_or(given, "report/montecarlo.html", Kind::Page)
 }
 
 fn progress(runs: u64) -> ProgressBar {

@@ -103,14 +103,10 @@ pub struct MonteCarlo {
     #[arg(long, value_name = "FOLDER", default_value = "report/montecarlo")]
     pub worst: PathBuf,
 
-    /// Where to write the HTML report: dots and curves of all runs, and what they depend on.
-    #[arg(
-        long,
-        value_name = "FILE.html",
-        default_value = "report/montecarlo.html",
-        value_parser = kind::page
-    )]
-    pub report: PathBuf,
+    /// Where to write the HTML report: dots and curves of all runs, and what they depend on
+    /// [default: report/montecarlo.html].
+    #[arg(long, value_name = "FILE.html", value_parser = kind::page)]
+    pub report: Option<PathBuf>,
 
     /// Pass rate below which the command fails, 0 to 1.
     #[arg(long, value_name = "SHARE", value_parser = share)]
@@ -151,14 +147,9 @@ pub struct Merge {
     #[arg(long, value_name = "FILE.csv", value_parser = kind::table)]
     pub out: Option<PathBuf>,
 
-    /// Where to write the HTML report.
-    #[arg(
-        long,
-        value_name = "FILE.html",
-        default_value = "report/montecarlo.html",
-        value_parser = kind::page
-    )]
-    pub report: PathBuf,
+    /// Where to write the HTML report [default: report/montecarlo.html].
+    #[arg(long, value_name = "FILE.html", value_parser = kind::page)]
+    pub report: Option<PathBuf>,
 
     /// Print one JSON object on standard output and nothing else there.
     #[arg(long)]

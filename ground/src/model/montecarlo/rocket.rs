@@ -1,6 +1,8 @@
 //! `tvc montecarlo --vehicle rocket`: many rockets that are not as their images were told, through
 //! their burn.
 
+use std::path::Path;
+
 use anyhow::Result;
 use maud::html;
 use plant::dispersion;
@@ -45,7 +47,7 @@ impl Run {
 }
 
 /// Flies the campaign, prints the figures and writes the page.
-pub fn run(options: &MonteCarlo) -> Result<Verdict> {
+pub fn run(options: &MonteCarlo, report: &Path) -> Result<Verdict> {
     let bar = progress(options.runs);
     let mut runs: Vec<Run> = pool(options)?.install(|| {
         (0..options.runs)
@@ -94,7 +96,7 @@ pub fn run(options: &MonteCarlo) -> Result<Verdict> {
         (figures.lines().markup())
         (picture("How many rockets have no more than an error.", plot.svg()?))
     };
-    figures.conclude(options.json, Some((&options.report, page(&title, body))))
+    figures.conclude(options.json, Some((report, page(&title, body))))
 }
 
 fn fly(seed: u64) -> Result<Run> {

@@ -2,13 +2,12 @@
 
 use std::path::Path;
 
-use anyhow::{Context, Result};
+use anyhow::Result;
 use plant::dispersion::{Draw, Outcome};
 use recordings::Lines;
 use serde::{Deserialize, Serialize};
 
 use crate::out::exit::BadInput;
-use crate::out::file::write_whole;
 
 /// A run: the campaign that it belongs to, what it drew, and its result.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -101,19 +100,6 @@ impl Row {
             final_error_rad: self.final_error_rad,
         }
     }
-}
-
-/// Writes the rows under a heading.
-///
-/// # Errors
-/// The file cannot be written.
-pub fn write(path: &Path, rows: &[Row]) -> Result<()> {
-    let mut writer = csv::Writer::from_writer(Vec::new());
-    for row in rows {
-        writer.serialize(row)?;
-    }
-    let bytes = writer.into_inner().context("the table")?;
-    write_whole(path, &bytes)
 }
 
 /// Joins tables in the order of the runs; a run that is in several counts once.

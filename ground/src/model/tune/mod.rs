@@ -132,7 +132,7 @@ pub fn run(options: &Tune) -> Result<Verdict> {
     let gains = search(&problem, start, options, &required)?;
     let params = problem.params(&gains);
     let gains = named(&params);
-    if let Some(out) = &options.out {
+    let written = options.out.as_ref().map_or(Ok(()), |out| {
         let row = |(name, value): (&&str, &f32)| Parameter {
             name: (*name).into(),
             value: *value,
@@ -140,10 +140,11 @@ pub fn run(options: &Tune) -> Result<Verdict> {
         let rows: Vec<Parameter> = gains.iter().map(row).collect();
         write_whole(out, param_file::text(&rows).as_bytes())?;
         eprintln!("gains: {}", out.display());
-    }
+        Ok(())
+    });
     let analytic = named(&problem.params(&start));
     let runs = problem.figures(&params, Grid::FINE)?;
-    let mut figures = vec![
+    let figures = Figures::from([
         figure("servo", options.servo.name()),
         figure("seed", options.seed),
         data("gains", &gains),
@@ -159,10 +160,8 @@ pub fn run(options: &Tune) -> Result<Verdict> {
         figure("overshoot_limit_pct", required.overshoot_pct),
         figure("settling_limit_ratio", required.ratio),
         figure("gain_margin_limit_db", required.gain_db),
-    ];
-    let met = figures.iter().all(|figure| figure.missed().is_empty());
-    figures.push(figure("met", met));
-    Figures::from(figures).conclude(options.json, None)
+    ]);
+    written.and(figures.conclude(options.json, None))
 }
 
 /// What was searched and what goes with it, by the firmware's names.

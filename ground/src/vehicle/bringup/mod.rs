@@ -25,7 +25,7 @@ use target::{Board, OnRig, Target};
 use crate::flight::hardware::HardwareChoice;
 use crate::image::ImageOption;
 use crate::out::exit::{BadInput, Verdict};
-use crate::out::file::{print, print_json, write_whole};
+use crate::out::file::{hand_over, print_figures};
 use crate::out::kind;
 use crate::out::page::{page, verdict};
 use crate::out::table::Table;
@@ -114,23 +114,20 @@ pub fn run(options: &Bringup) -> Result<Verdict> {
         .filter(|row| matches!(row.result, Outcome::Differ | Outcome::Fail))
         .map(|row| format!("{}: {}", row.check, row.meaning))
         .collect();
-    if let Some(path) = &options.report {
+    let figures = serde_json::json!({ "rows": rows, "met": met });
+    let printed = print_figures(&figures, options.json, |_| table.text());
+    for line in &advice {
+        eprintln!("{line}");
+    }
+    let page = options.report.as_deref().map(|path| {
         let body = html! {
             (verdict(met, if met { "Nothing differs." } else { "Something differs." }))
             (table.markup())
             @for line in &advice { p { (line) } }
         };
-        write_whole(path, page("The first hour with a board", body).as_bytes())?;
-        eprintln!("report: {}", path.display());
-    }
-    if options.json {
-        print_json(&serde_json::json!({ "rows": rows, "met": met }))?;
-    } else {
-        print(table.text())?;
-    }
-    for line in &advice {
-        eprintln!("{line}");
-    }
+        (path, page("The first hour with a board", body))
+    });
+    hand_over(printed, page, &[])?;
     Ok(Verdict::of(met))
 }
 

@@ -11,7 +11,7 @@ use client::request;
 use nalgebra::Vector3;
 
 use super::figures::Figures;
-use super::options::{Calibrate, place};
+use super::options::{Calibrate, Files, place};
 use super::outcome::Outcome;
 use super::person::{Ending, Question};
 use super::session::Session;
@@ -46,8 +46,9 @@ type Refused = Option<String>;
 pub fn run(options: &Calibrate) -> Result<Verdict> {
     // Unusable input is reported before the vehicle is contacted.
     declination::asked_deg(options)?;
+    let files = Files::of(options)?;
     let mut session = Session::connect(options)?;
-    let (figures, ending) = calibrate(&mut session, options)?;
+    let (figures, ending, written) = calibrate(&mut session, options, &files)?;
     if figures.refused.is_empty() {
         eprintln!("{}", ending.words);
     }
@@ -57,14 +58,20 @@ pub fn run(options: &Calibrate) -> Result<Verdict> {
     if options.port.json {
         print_json(&figures)?;
     }
+    written?;
     Ok(Verdict::of(figures.refused.is_empty()))
 }
 
-/// Leads through the calibration, shows what was found and writes it, if the person agrees.
+/// Leads through the calibration, shows what was found and writes it, if the person agrees; also why
+/// a file could not be written, which takes nothing of the calibration away.
 ///
 /// # Errors
-/// The vehicle does not answer, the person wants an end, or a file cannot be written.
-pub fn calibrate(session: &mut Session, options: &Calibrate) -> Result<(Figures, Ending)> {
+/// The vehicle does not answer, or the person wants an end.
+pub fn calibrate(
+    session: &mut Session,
+    options: &Calibrate,
+    files: &Files,
+) -> Result<(Figures, Ending, Result<()>)> {
     let asked_deg = declination::asked_deg(options)?;
     let folder = tempfile::tempdir().context("making a temporary folder")?;
     let log = folder.path().join("calibration.tlog");
@@ -77,8 +84,10 @@ pub fn calibrate(session: &mut Session, options: &Calibrate) -> Result<(Figures,
     let led = lead(session, options);
     let told = session.done();
     session.vehicle.link().end_log()?;
-    write_whole(&options.record, &std::fs::read(&log)?)?;
-    session.say(&format!("recording: {}", options.record.display()));
+    let kept = write_whole(&files.record, &std::fs::read(&log)?);
+    if kept.is_ok() {
+        session.say(&format!("recording: {}", files.record.display()));
+    }
     let refused = led?;
     told?;
     let outcome = match refused {
@@ -87,37 +96,29 @@ pub fn calibrate(session: &mut Session, options: &Calibrate) -> Result<(Figures,
                 refused: vec![why],
                 ..Found::default()
             };
-            Outcome::report(&options.record, session.readings(), &found, None, options)?
+            Outcome::of(&files.record, session.readings(), &found, None)?
         }
         None => {
             // From the recording, so that `--from` it gives the same later.
             let readings = readings::read(&log)?;
             let found = fit::fit(&readings, &options.wanted());
-            Outcome::report(&options.record, &readings, &found, declination_deg, options)?
+            Outcome::of(&files.record, &readings, &found, declination_deg)?
         }
     };
-    finish(session, outcome, options)
+    let written = kept.and(outcome.write(files, &mut |words| session.say(words)));
+    let (figures, ending) = finish(session, outcome, files)?;
+    Ok((figures, ending, written))
 }
 
-/// Shows what was found, asks, and writes it.
-fn finish(
-    session: &mut Session,
-    mut outcome: Outcome,
-    options: &Calibrate,
-) -> Result<(Figures, Ending)> {
-    outcome.tell(options, &mut |words| session.say(words));
-    if outcome.is_refused() {
-        let why = outcome.figures.refused.join("; ");
-        session
-            .person
-            .show(&outcome.figures.lines(), &outcome.figures.text())?;
-        return Ok((outcome.figures, Ending::unchanged(why)));
-    }
-    outcome.write_parameters(options)?;
-    session.say(&format!("parameters: {}", options.out.display()));
+/// Shows what was found, asks, and writes it into the vehicle.
+fn finish(session: &mut Session, mut outcome: Outcome, files: &Files) -> Result<(Figures, Ending)> {
     session
         .person
         .show(&outcome.figures.lines(), &outcome.figures.text())?;
+    if outcome.is_refused() {
+        let why = outcome.figures.refused.join("; ");
+        return Ok((outcome.figures, Ending::unchanged(why)));
+    }
     let ending = if let Some(changed) = session.write_if_agreed(&outcome.rows)? {
         outcome.figures.written = true;
         // The estimate begins anew with the new calibration; a vehicle that cannot do that yet says
@@ -130,7 +131,7 @@ fn finish(
     } else {
         Ending::unchanged(format!(
             "the vehicle is as it was; `tvc param load {}` writes it later",
-            options.out.display()
+            files.out.display()
         ))
     };
     Ok((outcome.figures, ending))

@@ -24,8 +24,8 @@ use calibration::fit;
 use crate::out::exit::Verdict;
 use crate::out::file::print_figures;
 use figures::Figures;
-use options::SetUp;
 pub use options::{Calibrate, place};
+use options::{Files, SetUp};
 use outcome::Outcome;
 
 /// Calibrates as `options` say, prints the figures, writes the parameters and the report.
@@ -40,17 +40,14 @@ pub fn run(options: &Calibrate) -> Result<Verdict> {
         (None, None) => guided::run(options),
         (None, Some(log)) => {
             let declination_deg = declination::asked_deg(options)?;
+            let files = Files::of(options)?;
             let readings = readings::read(log)?;
             let found = fit::fit(&readings, &options.wanted());
-            let outcome = Outcome::report(log, &readings, &found, declination_deg, options)?;
-            outcome.tell(options, &mut |words| eprintln!("{words}"));
-            print_figures(&outcome.figures, options.port.json, Figures::text)?;
-            if outcome.is_refused() {
-                return Ok(Verdict::Missed);
-            }
-            outcome.write_parameters(options)?;
-            eprintln!("parameters: {}", options.out.display());
-            Ok(Verdict::Met)
+            let outcome = Outcome::of(log, &readings, &found, declination_deg)?;
+            let printed = print_figures(&outcome.figures, options.port.json, Figures::text);
+            let written = outcome.write(&files, &mut |words| eprintln!("{words}"));
+            printed.and(written)?;
+            Ok(Verdict::of(!outcome.is_refused()))
         }
     }
 }

@@ -1,8 +1,9 @@
 //! Options of `tvc calibrate`.
 
 use crate::arguments::seconds;
-use crate::out::kind;
+use crate::out::kind::{self, Kind};
 use crate::vehicle::param::ParamPort;
+use anyhow::Result;
 use calibration::{STANDARD_GRAVITY, Sensor, Wanted};
 use clap::{Args, Subcommand};
 use std::path::{Path, PathBuf};
@@ -50,14 +51,9 @@ pub struct Calibrate {
     #[arg(long, global = true)]
     pub yes: bool,
 
-    /// Where to keep the recording of a guided calibration.
-    #[arg(
-        long,
-        value_name = "FILE.tlog",
-        default_value = "report/calibration.tlog",
-        value_parser = kind::log
-    )]
-    pub record: PathBuf,
+    /// Where to keep the recording of a guided calibration [default: report/calibration.tlog].
+    #[arg(long, value_name = "FILE.tlog", value_parser = kind::log)]
+    pub record: Option<PathBuf>,
 
     /// Only these steps [default: all].
     #[arg(long, value_enum, value_delimiter = ',', value_name = "SENSOR")]
@@ -85,23 +81,50 @@ pub struct Calibrate {
     #[arg(long, value_name = "M_S2", default_value_t = STANDARD_GRAVITY, value_parser = gravity)]
     pub gravity: f64,
 
-    /// Where to write the firmware's parameters.
-    #[arg(
-        long,
-        value_name = "FILE.parm",
-        default_value = "report/calibration.parm",
-        value_parser = kind::parameters
-    )]
-    pub out: PathBuf,
+    /// Where to write the firmware's parameters [default: report/calibration.parm].
+    #[arg(long, value_name = "FILE.parm", value_parser = kind::parameters)]
+    pub out: Option<PathBuf>,
 
-    /// Where to write the HTML report.
-    #[arg(
-        long,
-        value_name = "FILE.html",
-        default_value = "report/calibrate.html",
-        value_parser = kind::page
-    )]
+    /// Where to write the HTML report [default: report/calibrate.html].
+    #[arg(long, value_name = "FILE.html", value_parser = kind::page)]
+    pub report: Option<PathBuf>,
+}
+
+/// The files that a calibration of the sensors writes.
+#[derive(Debug)]
+pub struct Files {
+    /// The recording, if the calibration makes one.
+    pub record: PathBuf,
+    /// The firmware's parameters.
+    pub out: PathBuf,
+    /// The page.
     pub report: PathBuf,
+}
+
+impl Files {
+    /// As the options name them.
+    ///
+    /// # Errors
+    /// A place takes no such file.
+    pub fn of(options: &Calibrate) -> Result<Self> {
+        let place = |given: &Option<PathBuf>, usual: &str, kind| {
+            kind::given_or(given.as_deref(), Path::new("report").join(usual), kind)
+        };
+        Ok(Self {
+            record: place(&options.record, "calibration.tlog", Kind::Log)?,
+            out: place(&options.out, "calibration.parm", Kind::Parameters)?,
+            report: place(&options.report, "calibrate.html", Kind::Page)?,
+        })
+    }
+
+    /// Beside a recording.
+    pub fn beside(record: &Path) -> Self {
+        Self {
+            record: record.to_owned(),
+            out: record.with_extension("parm"),
+            report: record.with_extension("html"),
+        }
+    }
 }
 
 /// What is set up besides the sensors.
@@ -160,8 +183,8 @@ impl Servo {
 }
 
 impl Calibrate {
-    /// Every sensor, with questions; recording, parameters and report stand beside each other.
-    pub fn guided(log: &Path) -> Self {
+    /// Every sensor, with questions.
+    pub fn guided() -> Self {
         Self {
             step: None,
             from: None,
@@ -170,15 +193,15 @@ impl Calibrate {
                 json: false,
             },
             yes: false,
-            record: log.to_owned(),
+            record: None,
             only: Vec::new(),
             level: None,
             declination: None,
             place: None,
             date: None,
             gravity: STANDARD_GRAVITY,
-            out: log.with_extension("parm"),
-            report: log.with_extension("html"),
+            out: None,
+            report: None,
         }
     }
 

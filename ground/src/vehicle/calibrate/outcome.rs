@@ -8,7 +8,7 @@ use nalgebra::Vector3;
 use tvc_nano::Params;
 
 use super::figures::Figures;
-use super::options::Calibrate;
+use super::options::Files;
 use super::report;
 use crate::out::file::write_whole;
 use crate::param_file;
@@ -20,46 +20,55 @@ pub struct Outcome {
     pub rows: Vec<Parameter>,
     /// The same and more for people and scripts.
     pub figures: Figures,
+    page: String,
 }
 
 impl Outcome {
-    /// Out of what was found in the readings of `log`; writes the report.
+    /// Out of what was found in the readings of `log`.
     ///
     /// # Errors
-    /// The firmware does not take a parameter, or the report cannot be written.
-    pub fn report(
+    /// The firmware does not take a parameter.
+    pub fn of(
         log: &Path,
         readings: &Readings,
         found: &Found,
         declination_deg: Option<f64>,
-        options: &Calibrate,
     ) -> Result<Self> {
         let rows = parameters(found, declination_deg)?;
         let figures = Figures::new(readings, found, declination_deg, &rows);
         let page = report::page(log, readings, found, &figures)?;
-        write_whole(&options.report, page.as_bytes())?;
-        Ok(Self { rows, figures })
+        Ok(Self {
+            rows,
+            figures,
+            page,
+        })
     }
 
-    /// Says where the report is, and what was refused.
-    pub fn tell(&self, options: &Calibrate, tell: &mut dyn FnMut(&str)) {
-        tell(&format!("report: {}", options.report.display()));
+    /// Writes the page and, unless something was refused, the parameters; says where they are and
+    /// what was refused.
+    ///
+    /// # Errors
+    /// A file cannot be written; the other one is.
+    pub fn write(&self, files: &Files, tell: &mut dyn FnMut(&str)) -> Result<()> {
+        let mut write = |what: &str, path: &Path, text: &str| {
+            write_whole(path, text.as_bytes())?;
+            tell(&format!("{what}: {}", path.display()));
+            Ok(())
+        };
+        let page = write("report", &files.report, &self.page);
+        let rows = match self.is_refused() {
+            true => Ok(()),
+            false => write("parameters", &files.out, &param_file::text(&self.rows)),
+        };
         for why in &self.figures.refused {
             tell(&format!("refused: {why}"));
         }
+        page.and(rows)
     }
 
     /// Whether something that was asked for could not be calibrated.
     pub fn is_refused(&self) -> bool {
         !self.figures.refused.is_empty()
-    }
-
-    /// Writes the parameters into their file.
-    ///
-    /// # Errors
-    /// The file cannot be written.
-    pub fn write_parameters(&self, options: &Calibrate) -> Result<()> {
-        write_whole(&options.out, param_file::text(&self.rows).as_bytes())
     }
 }
 

@@ -14,7 +14,7 @@ use super::model::Model;
 use super::model::set_up::{Question, Step};
 use super::{logs, relay};
 use crate::vehicle::calibrate::keyboard::Typed;
-use crate::vehicle::calibrate::options::{Calibrate, Servo};
+use crate::vehicle::calibrate::options::{Calibrate, Files, Servo};
 use crate::vehicle::calibrate::person::{self, Ending, Person};
 use crate::vehicle::calibrate::session::Session;
 use crate::vehicle::calibrate::{guided, hold, polarity, servo};
@@ -131,8 +131,13 @@ fn lead(
     let mut session = Session::new(vehicle, Box::new(Page(model.clone())), stop, false)?;
     Ok(match step {
         Step::Sensors => {
-            let log = logs::free(logs, "calibration")?;
-            guided::calibrate(&mut session, &Calibrate::guided(&log))?.1
+            let files = Files::beside(&logs::free(logs, "calibration")?);
+            let (_, ending, written) =
+                guided::calibrate(&mut session, &Calibrate::guided(), &files)?;
+            if let Err(why) = written {
+                session.say(&format!("{why:#}"));
+            }
+            ending
         }
         Step::Servo => servo::set_up(&mut session, &Servo::default())?.1,
         Step::Polarity => polarity::check(&mut session)?.1,
