@@ -28,22 +28,50 @@ pub fn text(path: &Path) -> io::Result<String> {
 /// # Errors
 /// It cannot be read, or is longer than `longest`.
 pub fn bytes(path: &Path, longest: u64) -> io::Result<Vec<u8>> {
+    let mut bytes = Vec::new();
+    open(path, longest)?.read_to_end(&mut bytes)?;
+    Ok(bytes)
+}
+
+/// A file to read from its beginning to its end.
+///
+/// # Errors
+/// It cannot be opened, or is known to be longer than `longest`.
+pub fn open(path: &Path, longest: u64) -> io::Result<impl Read> {
     let file = File::open(path)?;
     let about = file.metadata()?;
-    // A file that is known to be too long is not read at all.
-    if about.is_file() && about.len() > longest {
-        return Err(too_long(longest));
-    }
-    let mut bytes = Vec::new();
-    file.take(longest + 1).read_to_end(&mut bytes)?;
-    match bytes.len() as u64 > longest {
-        true => Err(too_long(longest)),
-        false => Ok(bytes),
+    let limited = Limited {
+        file,
+        longest,
+        left: longest,
+    };
+    match about.is_file() && about.len() > longest {
+        true => Err(limited.too_long()),
+        false => Ok(limited),
     }
 }
 
-fn too_long(longest: u64) -> io::Error {
-    io::Error::other(format!("it is too long, above {} MiB", longest >> 20))
+/// A file that is an error beyond its longest length.
+struct Limited {
+    file: File,
+    longest: u64,
+    /// Bytes that may still come.
+    left: u64,
+}
+
+impl Limited {
+    fn too_long(&self) -> io::Error {
+        io::Error::other(format!("it is too long, above {} MiB", self.longest >> 20))
+    }
+}
+
+impl Read for Limited {
+    fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
+        let count = self.file.read(buffer)?;
+        let left = self.left.checked_sub(count as u64);
+        self.left = left.ok_or_else(|| self.too_long())?;
+        Ok(count)
+    }
 }
 
 #[cfg(test)]

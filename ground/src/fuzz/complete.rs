@@ -18,7 +18,7 @@ const FOLDERS: [&str; 6] = [
 ];
 
 /// What reads.
-const WORDS: [&str; 14] = [
+const WORDS: [&str; 15] = [
     "File::open(",
     "Wire::default()",
     "csv::Reader",
@@ -26,6 +26,7 @@ const WORDS: [&str; 14] = [
     "from_reader(",
     "fs::read(",
     "input::bytes(",
+    "input::open(",
     "input::text(",
     "json::from_str(",
     "read_line(",
@@ -36,7 +37,7 @@ const WORDS: [&str; 14] = [
 ];
 
 /// Where something is read that is not of unknown origin.
-const ELSEWHERE: [(&str, &str); 8] = [
+const ELSEWHERE: [(&str, &str); 9] = [
     (
         "rig/src/fly/faults/system.rs",
         "frames that the rig's host sends",
@@ -57,6 +58,10 @@ const ELSEWHERE: [(&str, &str); 8] = [
     (
         "ground/src/vehicle/calibrate/guided.rs",
         "the log that was written just before, copied",
+    ),
+    (
+        "ground/src/vehicle/web/report.rs",
+        "a page that this program has made, passed on as it is",
     ),
     (
         "ground/src/vehicle/port/machine.rs",

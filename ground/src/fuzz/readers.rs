@@ -55,6 +55,7 @@ pub const READERS: &[Reader] = &[
         sources: &[
             "ground/src/logs/log.rs",
             "ground/src/logs/log/mcap.rs",
+            "ground/src/logs/log/reading.rs",
             "ground/src/logs/inspect/recover.rs",
         ],
     },

@@ -3,14 +3,15 @@
 //! pymavlink, MAVProxy and QGroundControl write and read them, or `.mcap` for Foxglove and
 //! PlotJuggler, which holds the same frames and what they say.
 
+mod assembly;
 mod mcap;
 mod origin;
+mod reading;
 mod release;
 mod span;
 mod steps;
 mod table;
 
-use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::{BufWriter, ErrorKind, Write};
 use std::path::{Path, PathBuf};
@@ -29,6 +30,8 @@ use crate::out::file;
 
 pub use mcap::MAGIC as MCAP_MAGIC;
 pub use origin::{Origin, TOOL, vehicle_build};
+pub use reading::each_message;
+use reading::{Decoder, checked, each_frame};
 pub use release::Release;
 pub use span::span_us;
 pub use steps::{Event, Flight, Step};
@@ -45,6 +48,21 @@ pub struct Writer {
     path: PathBuf,
     /// Where it stands until it is whole, if it may not stand in its place before.
     beside: Option<TempPath>,
+    /// Dropped behind the file.
+    _place: Option<Place>,
+}
+
+/// The place of a log that is written there from its beginning on. One that has come to nothing
+/// leaves no file.
+struct Place(PathBuf);
+
+impl Drop for Place {
+    fn drop(&mut self) {
+        if std::fs::metadata(&self.0).is_ok_and(|log| log.len() == 0) {
+            // What stays is an empty file.
+            let _ = std::fs::remove_file(&self.0);
+        }
+    }
 }
 
 enum Form {
@@ -60,7 +78,12 @@ impl Writer {
     /// [`BadInput`] if the file is there already or cannot be made.
     pub fn create(path: &Path) -> Result<Self> {
         let file = File::create_new(path).map_err(|error| unwritable(path, &error))?;
-        Self::of(path, file, None)
+        let place = Place(path.to_owned());
+        let writer = Self::of(path, file, None)?;
+        Ok(Self {
+            _place: Some(place),
+            ..writer
+        })
     }
 
     /// Begins a new log that is made of something which is there already: it takes its place when
@@ -89,6 +112,7 @@ impl Writer {
             form,
             path: path.to_owned(),
             beside,
+            _place: None,
         })
     }
 
@@ -187,7 +211,9 @@ impl Log {
     /// # Errors
     /// [`BadInput`] if the file cannot be read or holds no messages of a vehicle.
     pub fn read(path: &Path) -> Result<Self> {
-        Self::of(&tlog(path)?, path)
+        let mut entries = Vec::new();
+        let counts = each_message(path, |entry| entries.push(entry))?;
+        Ok(Self { entries, counts })
     }
 
     /// As [`read`](Self::read), of the bytes that a `.tlog` at this path would have.
@@ -196,13 +222,7 @@ impl Log {
     /// As [`read`](Self::read).
     pub fn of(bytes: &[u8], path: &Path) -> Result<Self> {
         let log = Self::parse(bytes);
-        if log.counts.messages == 0 {
-            return Err(BadInput::new(format!(
-                "{} is no telemetry log (.tlog, .mcap) of this firmware",
-                path.display()
-            ))
-            .into());
-        }
+        checked(log.counts, path)?;
         Ok(log)
     }
 
@@ -219,42 +239,15 @@ impl Log {
             .map_or(0.0, |entry| self.time_s(entry.time_us))
     }
 
-    /// The messages in the bytes of a log. A frame that is cut short or damaged is counted and
-    /// ignored.
+    /// The messages in the bytes of a log.
     pub fn parse(bytes: &[u8]) -> Self {
         let mut log = Self::default();
-        // Every system counts its own frames.
-        let mut wires: BTreeMap<u8, Wire> = BTreeMap::new();
-        let mut vehicle = None;
-        let (mut crc_errors, mut stray_bytes) = (0, 0);
+        let mut decoder = Decoder::default();
         let mut frames = Frames::of(bytes);
         for (time_us, frame) in &mut frames {
-            // A broken frame's head says nothing: what is whole inside counts by its own head.
-            let mut inside = Wire::default();
-            for whole in inside.receive_frames(frame) {
-                let from_vehicle = is_from_vehicle(&whole.bytes);
-                if from_vehicle {
-                    vehicle = Some(whole.system());
-                }
-                let wire = wires.entry(whole.system()).or_default();
-                let lost = wire.counts().lost;
-                wire.receive(&whole.bytes);
-                log.entries.push(Entry {
-                    time_us,
-                    from_vehicle,
-                    message: whole.message,
-                    lost_before: wire.counts().lost - lost,
-                });
-            }
-            crc_errors += inside.counts().crc_errors;
-            stray_bytes += inside.counts().stray_bytes;
+            decoder.take(time_us, frame, &mut |entry| log.entries.push(entry));
         }
-        log.counts = vehicle
-            .and_then(|vehicle| wires.get(&vehicle))
-            .map(Wire::counts)
-            .unwrap_or_default();
-        log.counts.crc_errors += crc_errors;
-        log.counts.stray_bytes += stray_bytes + frames.stray_bytes;
+        log.counts = decoder.counts(frames.stray_bytes);
         log
     }
 }
@@ -264,16 +257,16 @@ impl Log {
 /// # Errors
 /// [`BadInput`] if `from` is no log, or `to` is there already as a log or has no such form.
 pub fn convert(from: &Path, to: &Path) -> Result<()> {
-    let form = Output::of(to)?;
-    let bytes = tlog(from)?;
-    let log = Log::of(&bytes, from)?;
-    if form == Output::Table {
-        return write_csv(&Flight::of(&log), to);
+    if Output::of(to)? == Output::Table {
+        return write_csv(&Flight::read(from)?, to);
     }
     let mut writer = Writer::whole(to)?;
-    for (time_us, frame) in Frames::of(&bytes) {
-        writer.write_at(time_us, frame)?;
-    }
+    let mut decoder = Decoder::default();
+    let stray_bytes = each_frame(from, |time_us, frame| {
+        decoder.take(time_us, frame, &mut |_| ());
+        writer.write_at(time_us, frame)
+    })?;
+    checked(decoder.counts(stray_bytes), from)?;
     writer.end()
 }
 
@@ -499,6 +492,30 @@ mod tests {
         assert_eq!(Log::parse(&bytes[..bytes.len() - 3]).entries.len(), 1);
         assert!(Log::read(&path).is_err(), "no vehicle in it");
         assert!(Writer::create(&path).is_err(), "not overwritten");
+    }
+
+    #[cfg(target_os = "linux")]
+    #[test]
+    fn a_log_that_comes_to_nothing_leaves_no_file() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = |name: &str| folder.path().join(name);
+        drop(Writer::create(&path("empty.tlog")).unwrap());
+        assert!(!path("empty.tlog").exists());
+        // No disk is as full as this one.
+        let full = File::options().write(true).open("/dev/full").unwrap();
+        File::create(path("full.tlog")).unwrap();
+        let place = Place(path("full.tlog"));
+        let mut writer = Writer {
+            _place: Some(place),
+            ..Writer::of(&path("full.tlog"), full, None).unwrap()
+        };
+        writer.write(b"frame").unwrap();
+        assert!(writer.end().is_err());
+        assert!(!path("full.tlog").exists());
+        let mut writer = Writer::create(&path("a.tlog")).unwrap();
+        writer.write(b"frame").unwrap();
+        drop(writer);
+        assert!(path("a.tlog").exists());
     }
 
     #[test]

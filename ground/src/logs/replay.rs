@@ -22,7 +22,7 @@ use serde::Serialize;
 use tvc_nano::{BootReport, Command, Flight, Micros, RawSample, Refresh, SensorFault};
 
 use crate::arguments::parameter;
-use crate::logs::log::{self, Event, Log, Step};
+use crate::logs::log::{self, Event, Step};
 use crate::out::exit::{BadInput, Verdict};
 use crate::out::file::{hand_over, print_figures, write_whole};
 use crate::out::kind;
@@ -119,7 +119,7 @@ pub struct Figures {
 
 /// Replays as `options` say.
 pub fn run(options: &Replay) -> Result<Verdict> {
-    let flight = log::Flight::of(&Log::read(&options.log)?);
+    let flight = log::Flight::read(&options.log)?;
     let changed: BTreeMap<String, f32> = options.parameters.iter().cloned().collect();
     let (pairs, refused) = replay(&flight, &changed)?;
     if pairs.is_empty() {

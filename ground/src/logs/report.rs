@@ -18,7 +18,7 @@ use rig::measure::Spread;
 
 use crate::flight::figures::{Run, spread, telemetry};
 use crate::flight::requirements;
-use crate::logs::log::{Event, Flight, Log, Release, Step};
+use crate::logs::log::{Event, Flight, Release, Step};
 use crate::out::exit::Verdict;
 use crate::out::measure::Limit::AtLeast;
 use crate::out::measure::{Figure, Figures, data, figure, rows, shown};
@@ -94,16 +94,8 @@ pub fn run(options: &Report) -> Result<Verdict> {
         return compare::run(&options.logs, &page, options.json);
     };
     let page = kind::given_or(given, log.with_extension("html"), Kind::Page)?;
-    let flight = Flight::of(&Log::read(log)?);
+    let flight = Flight::read(log)?;
     conclude(&flight, log, Some(&page), options.json)
-}
-
-/// The page of a log.
-///
-/// # Errors
-/// A plot cannot be drawn.
-pub fn page(log: &Path, flight: &Flight) -> Result<String> {
-    page::render(log, flight, &figures(flight))
 }
 
 /// Prints the figures, writes the page to its file, and names the requirements that are missed.
@@ -422,7 +414,8 @@ mod tests {
         );
         assert!(run["settling_5pct_s"].as_f64().unwrap() < 1.0, "{run}");
         assert_eq!(object["roll_hold"].as_array().map(Vec::len), Some(1));
-        let page = page(Path::new("a.tlog"), &rolled(2.0)).unwrap();
+        let flight = rolled(2.0);
+        let page = page::render(Path::new("a.tlog"), &flight, &figures(&flight)).unwrap();
         assert!(page.contains("Step responses of roll"));
         let one = serde_json::json!(figures(&rolled(1.0)));
         assert_eq!(one.get("roll_runs"), None);

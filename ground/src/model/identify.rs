@@ -13,7 +13,7 @@ use rig::ServoKind;
 use tvc_nano::Axis;
 
 use crate::arguments::AxisName;
-use crate::logs::log::{Flight, Log, Release, Step};
+use crate::logs::log::{Flight, Release, Step};
 use crate::model::control_law;
 use crate::out::exit::{BadInput, Verdict};
 use crate::out::file::{print_figures, write_whole};
@@ -135,7 +135,7 @@ impl Columns {
 pub fn read(path: &Path, release: Option<usize>, axis: Axis) -> Result<Record> {
     let bad = |error: &dyn std::fmt::Display| BadInput::new(format!("{}: {error}", path.display()));
     if kind::is_log(path) {
-        let flight = Flight::of(&Log::read(path)?);
+        let flight = Flight::read(path)?;
         let release = flight.release(release).map_err(|error| bad(&error))?;
         if !release.axes().contains(&axis) {
             return Err(bad(&"the vehicle had one axis in it (AXES 1), which is pitch").into());

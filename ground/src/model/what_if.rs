@@ -10,7 +10,7 @@ use plant::response::StepResponse;
 use tvc_nano::{Axis, Params};
 
 use crate::flight::figures::{Run, settling_band_deg};
-use crate::logs::log::{Flight, Log, Release, Step};
+use crate::logs::log::{Flight, Release, Step};
 use crate::logs::report::{response, servo};
 use crate::model::WhatIf;
 use crate::model::control_law::{Law, setup};
@@ -44,7 +44,7 @@ pub fn run(options: &WhatIf) -> Result<Verdict> {
     let named = |error: &dyn std::fmt::Display| {
         BadInput::new(format!("{}: {error}", options.log.display()))
     };
-    let flight = Flight::of(&Log::read(&options.log)?);
+    let flight = Flight::read(&options.log)?;
     let release = flight
         .release(options.release)
         .map_err(|error| named(&error))?;
@@ -236,7 +236,7 @@ fn markup(options: &WhatIf, set_rad: f64, all: &[Flown], figures: &Figures) -> R
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::logs::log::{Entry, Event};
+    use crate::logs::log::{Entry, Event, Log};
     use rig::ServoKind;
     use tvc_nano::failsafe::StateKind;
 

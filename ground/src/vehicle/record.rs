@@ -9,7 +9,7 @@ use client::request;
 use indicatif::{ProgressBar, ProgressStyle};
 
 use crate::arguments::seconds;
-use crate::logs::log::{Flight, Log, Writer, write_csv};
+use crate::logs::log::{Flight, Writer, write_csv};
 use crate::out::exit::Verdict;
 use crate::out::kind;
 use crate::signals;
@@ -82,7 +82,7 @@ pub fn run(options: &Record) -> Result<Verdict> {
     }
     bar.finish_and_clear();
     vehicle.link().end_log()?;
-    let flight = Flight::of(&Log::read(&options.log)?);
+    let flight = Flight::read(&options.log)?;
     eprintln!(
         "wrote {}: {} control steps, {} samples missed, {} frames lost",
         options.log.display(),

@@ -12,7 +12,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 use tvc_nano::Axis;
 
 use crate::arguments::{AxisName, seconds};
-use crate::logs::log::{Flight, Log, Release, Writer};
+use crate::logs::log::{Flight, Release, Writer};
 use crate::logs::report::{conclude, response, sweep};
 use crate::out::exit::Verdict;
 use crate::out::kind;
@@ -223,7 +223,7 @@ pub fn run(options: &Test) -> Result<Verdict> {
     let flown = vehicle.leave(flown);
     vehicle.link().end_log()?;
     flown?;
-    let flight = Flight::of(&Log::read(&log)?);
+    let flight = Flight::read(&log)?;
     if let Some(path) = &options.log {
         eprintln!("wrote {}", path.display());
     }

@@ -47,6 +47,14 @@ pub fn report(bytes: &[u8], number: u64) -> Outcome {
             log::write_csv(&flight, path).map_err(|error| format!("{error:#}"))?;
             recordings::as_table(path)
         })?,
+        12 => {
+            let read = with_file(&bytes, "tlog", Flight::read);
+            let read = read.map_err(|error| format!("{error:#}"))?;
+            // Not a number is not itself.
+            let text = |flight: &Flight| format!("{:?} {:?}", flight.events, flight.counts);
+            let same = text(&read) == text(&flight);
+            expect(same, "a log that is read in pieces is another one")?;
+        }
         16 => as_mcap(&bytes, &log)?,
         _ => {}
     }

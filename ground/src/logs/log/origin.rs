@@ -31,23 +31,26 @@ pub struct Origin {
 impl Origin {
     /// By the messages of a log.
     pub fn of(entries: &[Entry]) -> Self {
-        let mut origin = Self {
-            begun_us: entries.first().map(|entry| entry.time_us),
-            ..Self::default()
-        };
+        let mut origin = Self::default();
         for entry in entries {
-            match &entry.message {
-                MavMessage::AUTOPILOT_VERSION(told) if entry.from_vehicle => {
-                    origin.vehicle = Some(vehicle_build(told));
-                }
-                message if !entry.from_vehicle && origin.tool.is_none() => {
-                    let words = text_of(message).filter(|words| words.starts_with("tvc "));
-                    origin.tool = words.map(str::to_owned);
-                }
-                _ => {}
-            }
+            origin.take(entry);
         }
         origin
+    }
+
+    /// Takes the next message of the log.
+    pub fn take(&mut self, entry: &Entry) {
+        self.begun_us.get_or_insert(entry.time_us);
+        match &entry.message {
+            MavMessage::AUTOPILOT_VERSION(told) if entry.from_vehicle => {
+                self.vehicle = Some(vehicle_build(told));
+            }
+            message if !entry.from_vehicle && self.tool.is_none() => {
+                let words = text_of(message).filter(|words| words.starts_with("tvc "));
+                self.tool = words.map(str::to_owned);
+            }
+            _ => {}
+        }
     }
 
     /// As figures of a report.

@@ -9,7 +9,11 @@ use super::{Frames, has_extension};
 /// Bytes at either end: many frames, each at most 288 long.
 const END: u64 = 8192;
 
-/// Times of the first and the last frame of a `.tlog`, us since 1970; nothing of another file.
+/// The year 2100, us since 1970: a later time is of a damaged log.
+const LATEST_US: u64 = 4_102_444_800_000_000;
+
+/// Times of the first and the last frame of a `.tlog`, us since 1970; nothing of another file, or
+/// where they cannot be right.
 pub fn span_us(path: &Path) -> Option<(u64, u64)> {
     if !has_extension(path, "tlog") {
         return None;
@@ -18,7 +22,7 @@ pub fn span_us(path: &Path) -> Option<(u64, u64)> {
     let length = file.metadata().ok()?.len();
     let first = times(&mut file, 0)?.next()?;
     let last = times(&mut file, length.saturating_sub(END))?.last()?;
-    Some((first, last))
+    (first.max(last) < LATEST_US).then_some((first, last))
 }
 
 fn times(file: &mut File, from: u64) -> Option<impl Iterator<Item = u64>> {
@@ -55,5 +59,11 @@ mod tests {
         std::fs::write(&path, "no log").unwrap();
         assert_eq!(span_us(&path), None);
         assert_eq!(span_us(&folder.path().join("none.tlog")), None);
+        let mut writer = Writer::create(&folder.path().join("late.tlog")).unwrap();
+        let frame = station.frame(&request::heartbeat());
+        writer.write_at(5_000_000, &frame).unwrap();
+        writer.write_at(2_409_919_804_339_800_000, &frame).unwrap();
+        writer.end().unwrap();
+        assert_eq!(span_us(&folder.path().join("late.tlog")), None);
     }
 }

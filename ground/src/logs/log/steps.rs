@@ -6,23 +6,21 @@
 //! remembers after a step. A step without RAW_IMU missed its sample, unless frames are missing
 //! there.
 
+use std::path::Path;
+
+use anyhow::Result;
+use client::LinkCounts;
 use client::status::angles;
-use client::{LinkCounts, text};
 use mavlink::dialects::common::{
     ATTITUDE_QUATERNION_DATA, COMMAND_ACK_DATA, HEARTBEAT_DATA, MavAutopilot, MavCmd, MavMessage,
     MavParamType, MavResult, MavSeverity, MavType, NAMED_VALUE_FLOAT_DATA, PARAM_VALUE_DATA,
-    SERVO_OUTPUT_RAW_DATA, STATUSTEXT_DATA, SYS_STATUS_DATA, V2_EXTENSION_DATA,
+    SERVO_OUTPUT_RAW_DATA, STATUSTEXT_DATA, SYS_STATUS_DATA,
 };
+use tvc_nano::telemetry::{CRANKS, raw_imu};
+use tvc_nano::{Axis, Params, RawSample};
 
-use tvc_nano::telemetry::{CRANKS, MEMORY_TYPE, MEMORY_WORDS, PART_WORDS, raw_imu};
-use tvc_nano::{Axis, Micros, Params, RawSample};
-
-use super::{Entry, Log, Origin, whole_us};
-
-/// Most events between a step and the last part of the memory after it: a slow link holds parts up.
-const MEMORY_LAG: usize = 200;
-/// No clock of a vehicle gets to this time, us, some nine years: it is of a damaged log.
-const LATEST_US: u64 = 1 << 48;
+use super::assembly::Assembly;
+use super::{Log, Origin, each_message};
 
 /// One control step as telemetry tells it.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -48,7 +46,7 @@ impl Step {
         Self {
             now_us,
             sample: Some(RawSample {
-                time: Micros(now_us),
+                time: tvc_nano::Micros(now_us),
                 acc: [0, 0, -981],
                 gyr: [0; 3],
                 mag: [200, 0, 400],
@@ -193,18 +191,6 @@ pub struct Flight {
     pub counts: LinkCounts,
     /// Where the log comes from.
     pub origin: Origin,
-    /// What has come of the memory so far.
-    pub(in crate::logs) memory: Vec<i32>,
-}
-
-/// The messages of a step that have come so far.
-#[derive(Clone, Copy, Debug)]
-struct Part {
-    quaternion: [f32; 4],
-    rate_rad_s: [f32; 3],
-    servo: Option<(u32, [u16; Axis::COUNT])>,
-    sample: Option<RawSample>,
-    cranks_rad: [Option<f32>; Axis::COUNT],
 }
 
 impl Flight {
@@ -225,22 +211,21 @@ impl Flight {
 
     /// Puts the messages of a log together.
     pub fn of(log: &Log) -> Self {
-        let mut flight = Self {
-            counts: log.counts,
-            origin: Origin::of(&log.entries),
-            ..Self::default()
-        };
-        let mut part = None;
-        let mut clock = None;
-        for entry in log.entries.iter().filter(|entry| entry.from_vehicle) {
-            if entry.lost_before > 0 {
-                flight.close(part.take(), &mut clock, true);
-                flight.events.push(Event::Gap(entry.lost_before));
-            }
-            flight.take(entry, &mut part, &mut clock);
+        let mut assembly = Assembly::default();
+        for entry in &log.entries {
+            assembly.take(entry);
         }
-        flight.close(part, &mut clock, true);
-        flight
+        assembly.end(log.counts)
+    }
+
+    /// Puts the messages of a log together as they are read.
+    ///
+    /// # Errors
+    /// As [`Log::read`].
+    pub fn read(path: &Path) -> Result<Self> {
+        let mut assembly = Assembly::default();
+        let counts = each_message(path, |entry| assembly.take(&entry))?;
+        Ok(assembly.end(counts))
     }
 
     /// The steps.
@@ -264,122 +249,12 @@ impl Flight {
     pub fn missed(&self) -> usize {
         self.steps().filter(|step| step.sample.is_none()).count()
     }
-
-    fn take(&mut self, entry: &Entry, part: &mut Option<Part>, clock: &mut Option<u64>) {
-        let event = match &entry.message {
-            MavMessage::SERVO_OUTPUT_RAW(m) => {
-                if let Some(part) = part {
-                    part.servo = Some((m.time_usec, [m.servo1_raw, m.servo2_raw]));
-                }
-                return;
-            }
-            MavMessage::RAW_IMU(m) => {
-                if let Some(part) = part
-                    && m.time_usec < LATEST_US
-                {
-                    part.sample = Some(RawSample {
-                        time: Micros(m.time_usec),
-                        acc: [m.xacc, m.yacc, m.zacc],
-                        gyr: [m.xgyro, m.ygyro, m.zgyro],
-                        mag: [m.xmag, m.ymag, m.zmag],
-                    });
-                }
-                return;
-            }
-            MavMessage::NAMED_VALUE_FLOAT(m) => {
-                let axis = CRANKS.iter().position(|name| text(&m.name) == *name);
-                if let Some(part) = part
-                    && let Some(axis) = axis
-                {
-                    part.cranks_rad[axis] = Some(m.value);
-                }
-                return;
-            }
-            MavMessage::V2_EXTENSION(m) => {
-                self.close(part.take(), clock, false);
-                self.remember(m);
-                return;
-            }
-            MavMessage::ATTITUDE_QUATERNION(m) => {
-                self.close(part.take(), clock, false);
-                *part = Some(Part {
-                    quaternion: [m.q1, m.q2, m.q3, m.q4],
-                    rate_rad_s: [m.rollspeed, m.pitchspeed, m.yawspeed],
-                    servo: None,
-                    sample: None,
-                    cranks_rad: [None; 2],
-                });
-                return;
-            }
-            MavMessage::HEARTBEAT(m) => Event::State(m.custom_mode),
-            MavMessage::STATUSTEXT(m) => Event::Said(m.severity, text(&m.text).to_owned()),
-            MavMessage::PARAM_VALUE(m) => {
-                Event::Parameter(text(&m.param_id).to_owned(), m.param_value)
-            }
-            MavMessage::SYS_STATUS(m) => Event::Status(m.clone()),
-            MavMessage::COMMAND_ACK(m) => Event::Answer(m.command, m.result),
-            _ => return,
-        };
-        self.close(part.take(), clock, false);
-        self.events.push(event);
-    }
-
-    /// A part of the memory. What is whole belongs behind its step, a few steps back.
-    fn remember(&mut self, told: &V2_EXTENSION_DATA) {
-        let part = usize::from(told.message_type.wrapping_sub(MEMORY_TYPE));
-        if part == 0 {
-            self.memory.clear();
-        }
-        if self.memory.len() != part * PART_WORDS {
-            return;
-        }
-        let words = told.payload.chunks_exact(4).take(PART_WORDS);
-        let words = words.filter_map(|word| Some(i32::from_le_bytes(word.try_into().ok()?)));
-        let missing = MEMORY_WORDS.saturating_sub(self.memory.len());
-        self.memory.extend(words.take(missing));
-        let [time_us, words @ ..] = &self.memory[..] else {
-            return;
-        };
-        let its = |event: &Event| match event {
-            Event::Step(step) => step.sample.is_some() && step.now_us as u32 == *time_us as u32,
-            _ => false,
-        };
-        let mut recent = self.events.iter().rev().take(MEMORY_LAG);
-        if self.memory.len() == MEMORY_WORDS
-            && let Some(back) = recent.position(its)
-        {
-            let memory = Event::Memory(words.to_vec());
-            self.events.insert(self.events.len() - back, memory);
-        }
-    }
-
-    /// A step whose messages have all come. One at a gap may have lost its sample's message, and
-    /// counts only with it.
-    fn close(&mut self, part: Option<Part>, clock: &mut Option<u64>, at_gap: bool) {
-        let Some(part) = part else { return };
-        let Some((time_us, pulses_us)) = part.servo else {
-            return;
-        };
-        if at_gap && part.sample.is_none() {
-            return;
-        }
-        let sampled_us = part.sample.map(|sample| sample.time.0);
-        let now_us = whole_us(time_us, sampled_us.or(*clock).unwrap_or(0));
-        *clock = Some(now_us);
-        self.events.push(Event::Step(Step {
-            now_us,
-            sample: part.sample,
-            quaternion: part.quaternion,
-            rate_rad_s: part.rate_rad_s,
-            cranks_rad: part.cranks_rad,
-            pulses_us,
-        }));
-    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::logs::log::Entry;
     use mavlink::dialects::common::RAW_IMU_DATA;
 
     fn attitude() -> MavMessage {
@@ -473,7 +348,7 @@ mod tests {
         let step = Step {
             now_us: 9_500,
             sample: Some(RawSample {
-                time: Micros(5_000),
+                time: tvc_nano::Micros(5_000),
                 acc: [1, 2, -981],
                 gyr: [4, 5, 6],
                 mag: [7, 8, -9],

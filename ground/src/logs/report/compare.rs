@@ -6,7 +6,7 @@ use anyhow::Result;
 use maud::html;
 
 use super::{figures, response, servo};
-use crate::logs::log::{Flight, Log, Release, Step};
+use crate::logs::log::{Flight, Release, Step};
 use crate::out::exit::Verdict;
 use crate::out::file::{hand_over, print, print_json};
 use crate::out::measure::{Figure, Figures, data, figure, judged, rows};
@@ -17,7 +17,7 @@ use tvc_nano::Axis;
 /// Reads the logs, prints the table of their releases, writes the page, and names the requirements
 /// that are missed.
 pub fn run(logs: &[PathBuf], page: &Path, json: bool) -> Result<Verdict> {
-    let read = |path: &PathBuf| Ok((path.display().to_string(), Flight::of(&Log::read(path)?)));
+    let read = |path: &PathBuf| Ok((path.display().to_string(), Flight::read(path)?));
     let flights = logs.iter().map(read).collect::<Result<Vec<_>>>()?;
     let of_logs: Vec<Figures> = flights.iter().map(|(_, flight)| figures(flight)).collect();
     let missed = missed(&flights, &of_logs);
@@ -122,6 +122,7 @@ fn overlaid(flights: &[(String, Flight)]) -> Result<maud::Markup> {
 mod tests {
     use super::*;
     use crate::logs::inspect::tests::{flight, write};
+    use crate::logs::log::Log;
 
     #[test]
     fn releases_of_all_logs_stand_in_one_table_and_each_log_is_judged() {

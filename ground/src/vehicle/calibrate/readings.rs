@@ -10,7 +10,7 @@ use mavlink::dialects::common::MavMessage;
 use nalgebra::Vector3;
 use recordings::{Source, bno055};
 
-use crate::logs::log::{Log, has_extension};
+use crate::logs::log::{each_message, has_extension};
 use crate::out::exit::BadInput;
 
 /// Fewest samples: a second of them.
@@ -23,11 +23,11 @@ const FEWEST: usize = 100;
 pub fn read(path: &Path) -> Result<Readings> {
     let mut readings = Readings::default();
     if has_extension(path, "tlog") || has_extension(path, "mcap") {
-        for entry in &Log::read(path)?.entries {
+        each_message(path, |entry| {
             if entry.from_vehicle || prompt_in(&entry.message).is_some() {
                 take(&mut readings, &entry.message);
             }
-        }
+        })?;
     } else {
         let mut source = Source::open(path).map_err(BadInput::new)?;
         while let Some(sample) = source.next_sample().map_err(BadInput::new)? {

@@ -21,7 +21,7 @@
 //! disarmed: nobody is left who can press STOP.
 
 use std::io::Write;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::pin::Pin;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex};
@@ -34,12 +34,11 @@ use serde::Deserialize;
 
 use super::auth::{Once, Token};
 use super::handle::{Condition, Handle, Recording};
-use super::manoeuvre;
 use super::model::set_up::Step;
 use super::model::{Model, State, Test};
 use super::rig::{self, RigSocket};
-use super::set_up;
 use super::vehicle_thread::guard;
+use super::{manoeuvre, report, set_up};
 use crate::param_file;
 use crate::vehicle::test::Manoeuvre;
 
@@ -133,8 +132,12 @@ pub struct Desk {
     rig: RigSocket,
     /// Where logs are.
     pub logs: PathBuf,
-    /// One report at a time: it holds a whole log.
-    pub reading: Mutex<()>,
+    /// The program that makes reports.
+    reporter: PathBuf,
+    /// One report at a time.
+    reporting: Mutex<()>,
+    /// The program is about to end.
+    ending: AtomicBool,
     /// Ends the test, or the step of the set-up, that is under way.
     test_stop: &'static AtomicBool,
     pages: AtomicUsize,
@@ -144,12 +147,14 @@ pub struct Desk {
 }
 
 impl Desk {
-    /// A desk in front of a vehicle, whose logs go to a folder, and which may be a rig.
+    /// A desk in front of a vehicle, whose logs go to a folder, and which may be a rig. A `reporter`
+    /// is this program.
     pub fn new(
         (token, once): (Token, Once),
         vehicle: Handle,
         rig: RigSocket,
         logs: PathBuf,
+        reporter: PathBuf,
         model: Arc<Model>,
     ) -> Self {
         Self {
@@ -159,7 +164,9 @@ impl Desk {
             vehicle,
             rig,
             logs,
-            reading: Mutex::new(()),
+            reporter,
+            reporting: Mutex::new(()),
+            ending: AtomicBool::new(false),
             // It lives as long as the program, as that of the signals does.
             test_stop: Box::leak(Box::default()),
             pages: AtomicUsize::new(0),
@@ -186,8 +193,31 @@ impl Desk {
     }
 
     /// Ends what is under way, without an order to disarm: that is of who moves the rudder.
-    pub fn end(&self) {
+    fn end(&self) {
         self.test_stop.store(true, Ordering::SeqCst);
+    }
+
+    /// Ends what is under way, since the program is about to end.
+    pub fn close(&self) {
+        self.ending.store(true, Ordering::SeqCst);
+        self.end();
+    }
+
+    /// The page of a recording's report.
+    ///
+    /// # Errors
+    /// The vehicle is in operation, another report is being made, or there is none.
+    pub fn report(&self, log: &Path) -> Result<Vec<u8>> {
+        let Ok(_one) = self.reporting.try_lock() else {
+            bail!("another report is being made: try again when it is there");
+        };
+        report::page(&self.reporter, log, &|| {
+            if self.model.lock().status().in_operation {
+                return Some("the vehicle is in operation: reports are made when it is disarmed");
+            }
+            let ending = self.ending.load(Ordering::SeqCst);
+            ending.then_some("the program is about to end")
+        })
     }
 
     /// Disarms. A fault that stays is no reason to press again: the rudder rests.

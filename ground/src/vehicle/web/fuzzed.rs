@@ -30,6 +30,7 @@ fn desk() -> Arc<Desk> {
         handle,
         RigSocket::beside(None),
         folder,
+        "none".into(),
         Arc::default(),
     ))
 }

@@ -9,7 +9,7 @@ use serde_json::{Value, json};
 use super::handle::{Handle, Recording};
 use super::model::{Model, Test};
 use super::relay;
-use crate::logs::log::{Flight, Log};
+use crate::logs::log::Flight;
 use crate::logs::report::{self, sweep};
 use crate::vehicle::link::Vehicle;
 use crate::vehicle::test::{Manoeuvre, Stage, fly};
@@ -74,7 +74,7 @@ fn words(stage: Stage<'_>) -> String {
 
 /// The figures of the log's release, and what was missed.
 fn figures(manoeuvre: Manoeuvre, path: &Path) -> Result<Value> {
-    let flight = Flight::of(&Log::read(path)?);
+    let flight = Flight::read(path)?;
     let figures = report::figures(&flight);
     let object = json!(figures);
     let releases = flight.releases();

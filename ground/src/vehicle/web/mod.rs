@@ -12,6 +12,7 @@ mod manoeuvre;
 mod model;
 mod relay;
 mod releases;
+mod report;
 mod rig;
 mod server;
 mod set_up;
@@ -118,6 +119,7 @@ pub fn run(options: &Web) -> Result<Verdict> {
         handle,
         rig.clone(),
         options.logs.clone(),
+        std::env::current_exe().context("who makes the reports")?,
         model.clone(),
     );
     let desk = Arc::new(desk);
@@ -175,7 +177,7 @@ pub fn run(options: &Web) -> Result<Verdict> {
         })?;
         // Now the vehicle's thread disarms what is armed, and whoever moves the rudder puts back
         // what was changed for that.
-        desk.end();
+        desk.close();
         stop.store(true, Ordering::Relaxed);
         vehicle
             .join()

@@ -259,12 +259,11 @@ fn recordings(desk: &Desk, path: &str) -> Result<(&'static str, Vec<u8>)> {
         return Ok((JSON, serde_json::to_vec(&logs::list(&desk.logs)?)?));
     };
     let name = percent_decode_str(name).decode_utf8()?;
+    let path = logs::find(&desk.logs, &name)?;
     if folder == "reports" {
-        let _one = desk.reading.lock();
-        return Ok((HTML, logs::report_page(&desk.logs, &name)?.into_bytes()));
+        return Ok((HTML, desk.report(&path)?));
     }
-    let bytes = input::bytes(&logs::find(&desk.logs, &name)?, input::LOG)?;
-    Ok(("application/octet-stream", bytes))
+    Ok(("application/octet-stream", input::bytes(&path, input::LOG)?))
 }
 
 /// Whether a request names this computer, and comes from a page of this program if from any.

@@ -68,6 +68,14 @@ fn recordings_are_listed_downloaded_and_reported_with_the_token_alone() {
     assert_eq!(status, 200);
     assert_eq!(body(&answer), std::fs::read(page_of).unwrap());
 
+    // While the vehicle may need its STOP, this program makes no report.
+    page.arm();
+    let (status, refusal) = server.ask("GET /reports/step-001.tlog", &key);
+    assert_eq!(status, 404);
+    assert!(refusal.contains("in operation"), "{refusal}");
+    page.press("stop");
+    page.wait_for("standby");
+
     let secret = folder.path().join("secret.tlog");
     let encoded = secret.to_str().unwrap().replace('/', "%2F");
     for name in [

@@ -1,0 +1,171 @@
+//! The messages of a log put together to a flight, in the order in which they come.
+
+use client::{LinkCounts, text};
+use mavlink::dialects::common::{MavMessage, V2_EXTENSION_DATA};
+use tvc_nano::telemetry::{CRANKS, MEMORY_TYPE, MEMORY_WORDS, PART_WORDS};
+use tvc_nano::{Axis, Micros, RawSample};
+
+use super::{Entry, Event, Flight, Step, whole_us};
+
+/// Most events between a step and the last part of the memory after it: a slow link holds parts up.
+const MEMORY_LAG: usize = 200;
+/// No clock of a vehicle gets to this time, us, some nine years: it is of a damaged log.
+const LATEST_US: u64 = 1 << 48;
+
+/// A flight that is being put together.
+#[derive(Debug, Default)]
+pub struct Assembly {
+    flight: Flight,
+    part: Option<Part>,
+    /// The vehicle's clock at the step before, us.
+    clock: Option<u64>,
+    /// What has come of the memory so far.
+    memory: Vec<i32>,
+}
+
+/// The messages of a step that have come so far.
+#[derive(Clone, Copy, Debug)]
+struct Part {
+    quaternion: [f32; 4],
+    rate_rad_s: [f32; 3],
+    servo: Option<(u32, [u16; Axis::COUNT])>,
+    sample: Option<RawSample>,
+    cranks_rad: [Option<f32>; Axis::COUNT],
+}
+
+impl Assembly {
+    /// Takes the next message of the log.
+    pub fn take(&mut self, entry: &Entry) {
+        self.flight.origin.take(entry);
+        if !entry.from_vehicle {
+            return;
+        }
+        if entry.lost_before > 0 {
+            self.close(true);
+            self.flight.events.push(Event::Gap(entry.lost_before));
+        }
+        self.message(&entry.message);
+    }
+
+    /// The flight, with what was counted of its log.
+    pub fn end(mut self, counts: LinkCounts) -> Flight {
+        self.close(true);
+        self.flight.counts = counts;
+        self.flight
+    }
+
+    fn message(&mut self, message: &MavMessage) {
+        let event = match message {
+            MavMessage::SERVO_OUTPUT_RAW(m) => {
+                if let Some(part) = &mut self.part {
+                    part.servo = Some((m.time_usec, [m.servo1_raw, m.servo2_raw]));
+                }
+                return;
+            }
+            MavMessage::RAW_IMU(m) => {
+                if let Some(part) = &mut self.part
+                    && m.time_usec < LATEST_US
+                {
+                    part.sample = Some(RawSample {
+                        time: Micros(m.time_usec),
+                        acc: [m.xacc, m.yacc, m.zacc],
+                        gyr: [m.xgyro, m.ygyro, m.zgyro],
+                        mag: [m.xmag, m.ymag, m.zmag],
+                    });
+                }
+                return;
+            }
+            MavMessage::NAMED_VALUE_FLOAT(m) => {
+                let axis = CRANKS.iter().position(|name| text(&m.name) == *name);
+                if let Some(part) = &mut self.part
+                    && let Some(axis) = axis
+                {
+                    part.cranks_rad[axis] = Some(m.value);
+                }
+                return;
+            }
+            MavMessage::V2_EXTENSION(m) => {
+                self.close(false);
+                self.remember(m);
+                return;
+            }
+            MavMessage::ATTITUDE_QUATERNION(m) => {
+                self.close(false);
+                self.part = Some(Part {
+                    quaternion: [m.q1, m.q2, m.q3, m.q4],
+                    rate_rad_s: [m.rollspeed, m.pitchspeed, m.yawspeed],
+                    servo: None,
+                    sample: None,
+                    cranks_rad: [None; 2],
+                });
+                return;
+            }
+            MavMessage::HEARTBEAT(m) => Event::State(m.custom_mode),
+            MavMessage::STATUSTEXT(m) => Event::Said(m.severity, text(&m.text).to_owned()),
+            MavMessage::PARAM_VALUE(m) => {
+                Event::Parameter(text(&m.param_id).to_owned(), m.param_value)
+            }
+            MavMessage::SYS_STATUS(m) => Event::Status(m.clone()),
+            MavMessage::COMMAND_ACK(m) => Event::Answer(m.command, m.result),
+            _ => return,
+        };
+        self.close(false);
+        self.flight.events.push(event);
+    }
+
+    /// A part of the memory. What is whole belongs behind its step, a few steps back.
+    fn remember(&mut self, told: &V2_EXTENSION_DATA) {
+        let part = usize::from(told.message_type.wrapping_sub(MEMORY_TYPE));
+        if part == 0 {
+            self.memory.clear();
+        }
+        if self.memory.len() != part * PART_WORDS {
+            return;
+        }
+        let words = told.payload.chunks_exact(4).take(PART_WORDS);
+        let words = words.filter_map(|word| Some(i32::from_le_bytes(word.try_into().ok()?)));
+        let missing = MEMORY_WORDS.saturating_sub(self.memory.len());
+        self.memory.extend(words.take(missing));
+        let [time_us, words @ ..] = &self.memory[..] else {
+            return;
+        };
+        let its = |event: &Event| match event {
+            Event::Step(step) => step.sample.is_some() && step.now_us as u32 == *time_us as u32,
+            _ => false,
+        };
+        let mut recent = self.flight.events.iter().rev().take(MEMORY_LAG);
+        if self.memory.len() == MEMORY_WORDS
+            && let Some(back) = recent.position(its)
+        {
+            let memory = Event::Memory(words.to_vec());
+            self.flight
+                .events
+                .insert(self.flight.events.len() - back, memory);
+        }
+    }
+
+    /// A step whose messages have all come. One at a gap may have lost its sample's message, and
+    /// counts only with it.
+    fn close(&mut self, at_gap: bool) {
+        let Some(part) = self.part.take() else {
+            return;
+        };
+        let Some((time_us, pulses_us)) = part.servo else {
+            return;
+        };
+        if at_gap && part.sample.is_none() {
+            return;
+        }
+        let sampled_us = part.sample.map(|sample| sample.time.0);
+        let now_us = whole_us(time_us, sampled_us.or(self.clock).unwrap_or(0));
+        self.clock = Some(now_us);
+        self.flight.events.push(Event::Step(Step {
+            now_us,
+            sample: part.sample,
+            quaternion: part.quaternion,
+            rate_rad_s: part.rate_rad_s,
+            cranks_rad: part.cranks_rad,
+            pulses_us,
+        }));
+    }
+}
