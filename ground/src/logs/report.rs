@@ -95,12 +95,17 @@ pub fn run(options: &Report) -> Result<Verdict> {
     };
     let page = kind::given_or(given, log.with_extension("html"), Kind::Page)?;
     let flight = Flight::read(log)?;
-    conclude(&flight, log, Some(&page), options.json)
+    conclude(&flight, figures(&flight), log, Some(&page), options.json)
 }
 
 /// Prints the figures, writes the page to its file, and names the requirements that are missed.
-pub fn conclude(flight: &Flight, log: &Path, page: Option<&Path>, json: bool) -> Result<Verdict> {
-    let figures = figures(flight);
+pub fn conclude(
+    flight: &Flight,
+    figures: Figures,
+    log: &Path,
+    page: Option<&Path>,
+    json: bool,
+) -> Result<Verdict> {
     let page = page
         .map(|path| anyhow::Ok((path, page::render(log, flight, &figures)?)))
         .transpose()?;

@@ -404,6 +404,12 @@ impl Serialize for Figures {
 }
 
 impl Figures {
+    /// These figures and one more.
+    pub fn and(mut self, figure: Figure) -> Self {
+        self.0.push(figure);
+        self
+    }
+
     /// Label, value and limit of everything that is in no table of its own.
     pub fn lines(&self) -> Table {
         lines(self.0.iter().flat_map(|figure| figure.leaves(false)))

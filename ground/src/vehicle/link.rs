@@ -221,7 +221,7 @@ impl Vehicle {
     /// # Errors
     /// A [`Failure`]: the vehicle refuses, with its reason, or does not answer.
     pub fn command(&mut self, order: Order) -> Result<()> {
-        self.request(Request::Order(order))
+        self.request(Request::Order(order), &mut || {})
     }
 
     /// Changes a parameter.
@@ -230,7 +230,7 @@ impl Vehicle {
     /// [`BadInput`] with the vehicle's reason if it keeps another value; silence.
     pub fn set_parameter(&mut self, name: &str, value: f32) -> Result<()> {
         let name = name.to_owned();
-        self.request(Request::Set(Parameter { name, value }))
+        self.request(Request::Set(Parameter { name, value }), &mut || {})
     }
 
     /// One parameter's value.
@@ -238,7 +238,7 @@ impl Vehicle {
     /// # Errors
     /// [`BadInput`] if the vehicle does not know it; silence.
     pub fn parameter(&mut self, name: &str) -> Result<f32> {
-        self.request(Request::Read(name.to_owned()))?;
+        self.request(Request::Read(name.to_owned()), &mut || {})?;
         let value = self.link.client.parameter(name);
         value.ok_or_else(|| anyhow!("no value of {name}"))
     }
@@ -248,7 +248,7 @@ impl Vehicle {
     /// # Errors
     /// Silence.
     pub fn parameters(&mut self) -> Result<Vec<Parameter>> {
-        self.request(Request::List)?;
+        self.request(Request::List, &mut || {})?;
         Ok(self.link.client.parameters().cloned().collect())
     }
 
@@ -259,7 +259,7 @@ impl Vehicle {
     pub fn recording(&mut self) -> Result<Vec<u8>> {
         let whole = Instant::now() + RECORDING;
         loop {
-            self.request(Request::Download)?;
+            self.request(Request::Download, &mut || {})?;
             let bytes = self.link.client.recording();
             if !bytes.is_empty() || Instant::now() >= whole {
                 return Ok(bytes.to_vec());
@@ -271,12 +271,17 @@ impl Vehicle {
         }
     }
 
-    fn request(&mut self, request: Request) -> Result<()> {
+    /// Asks and waits for the answer; `each` is called again and again meanwhile.
+    ///
+    /// # Errors
+    /// As [`Self::command`].
+    pub fn request(&mut self, request: Request, each: &mut dyn FnMut()) -> Result<()> {
         if let Some(mut waited) = self.link.way.request(&request, self.stop) {
             loop {
                 // What the vehicle told before its answer has come by then.
                 let answer = waited();
                 self.receive()?;
+                each();
                 if let Some(answer) = answer {
                     return answer
                         .map_err(|refusal| refusal.downcast().map_or_else(|other| other, error));
@@ -287,6 +292,7 @@ impl Vehicle {
         let ticket = self.link.client.request(now, request);
         loop {
             self.receive()?;
+            each();
             if let Some(answer) = self.link.client.answer(ticket) {
                 return answer.map_err(error);
             }

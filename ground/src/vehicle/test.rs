@@ -1,7 +1,7 @@
 //! `tvc test`: arms and releases the vehicle, watches a manoeuvre, disarms it and prints the
 //! figures.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, Error, Result, bail, ensure};
@@ -13,9 +13,10 @@ use tvc_nano::Axis;
 
 use crate::arguments::{AxisName, seconds};
 use crate::logs::log::{Flight, Release, Writer};
-use crate::logs::report::{conclude, response, sweep};
+use crate::logs::report::{conclude, figures, response, sweep};
 use crate::out::exit::Verdict;
 use crate::out::kind;
+use crate::out::measure::figure;
 use crate::signals;
 use crate::vehicle::link::Vehicle;
 use crate::vehicle::param::ParamPort;
@@ -221,12 +222,14 @@ pub fn run(options: &Test) -> Result<Verdict> {
     });
     progress.finish_and_clear();
     let flown = vehicle.leave(flown);
-    vehicle.link().end_log()?;
-    flown?;
-    let flight = Flight::read(&log)?;
-    if let Some(path) = &options.log {
+    let ended = vehicle.link().end_log();
+    if let (Some(path), Ok(())) = (&options.log, &ended) {
         eprintln!("wrote {}", path.display());
     }
+    if let Err(error) = flown.and(ended) {
+        return fell(&error, &log, options).and(Err(error));
+    }
+    let flight = Flight::read(&log)?;
     let was_tilted = |release: &Release| response(release, axis).is_some();
     if matches!(options.manoeuvre, Manoeuvre::Step { .. })
         && axis == Axis::Roll
@@ -234,7 +237,21 @@ pub fn run(options: &Test) -> Result<Verdict> {
     {
         bail!("it was released upright: hold it tilted to the side, by 3 deg at least");
     }
-    conclude(&flight, &log, options.report.as_deref(), options.port.json)
+    let figures = figures(&flight);
+    let (page, json) = (options.report.as_deref(), options.port.json);
+    conclude(&flight, figures, &log, page, json)
+}
+
+/// Hands over what there is of a manoeuvre that ended with an error: the figures if the vehicle was
+/// released, and for a script an object in any case.
+fn fell(error: &Error, log: &Path, options: &Test) -> Result<Verdict> {
+    let flight = Flight::read(log).unwrap_or_default();
+    let json = options.port.json;
+    if !json && flight.releases().is_empty() {
+        return Ok(Verdict::Missed);
+    }
+    let figures = figures(&flight).and(figure("error", format!("{error:#}")));
+    conclude(&flight, figures, log, options.report.as_deref(), json)
 }
 
 /// Arms, releases and flies the manoeuvre of an axis, and calls `show` with what is under way again

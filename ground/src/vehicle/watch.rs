@@ -7,11 +7,17 @@
 
 use std::ops::{Deref, DerefMut};
 use std::sync::atomic::AtomicBool;
+use std::time::{Duration, Instant};
 
 use anyhow::Result;
-use client::{Failure, Parameter, StateKind, request};
+use client::{Failure, Parameter, Request, StateKind, request};
 
 use crate::vehicle::link::Vehicle;
+
+/// What to do about a vehicle that is not known to be disarmed.
+pub const CUT_POWER: &str = "no answer to the order to disarm: cut the vehicle's power";
+/// Time after which an order to disarm counts as unanswered.
+const UNANSWERED: Duration = Duration::from_millis(500);
 
 /// With 1 the vehicle watches over its host: three seconds without a heartbeat are a failsafe.
 pub const FS_HOST: &str = "FS_HOST";
@@ -79,8 +85,13 @@ impl Watched {
         self.vehicle.heed(None);
         // A latched fault is at neutral, and to disarm would acknowledge it, which is for a person.
         if self.vehicle.state() != Some(StateKind::Latched) {
-            // A log that cannot be written ends the first try.
-            self.vehicle.disarm().or_else(|_| self.vehicle.disarm())?;
+            // A log that cannot be written ends the first try; the vehicle's silence is final.
+            self.vehicle
+                .disarm()
+                .or_else(|why| match why.is::<Failure>() {
+                    true => Err(why),
+                    false => self.vehicle.disarm(),
+                })?;
         }
         while let Some(Parameter { name, value }) = rows.pop() {
             self.vehicle.set_parameter(&name, value)?;
@@ -112,18 +123,28 @@ impl DerefMut for Watched {
 
 impl Vehicle {
     /// Disarms: the rudder is at neutral afterwards. Gives the fault that keeps the vehicle in its
-    /// failsafe all the same, if there is one.
+    /// failsafe all the same, if there is one. A person at the terminal is told soon what to do
+    /// where no answer comes; the order is repeated meanwhile.
     ///
     /// # Errors
     /// The vehicle does not answer.
     pub fn disarm(&mut self) -> Result<Option<String>> {
-        let refused = match self.command(request::DISARM) {
-            Ok(()) => return Ok(None),
-            Err(refused) => refused,
+        let (begun, mut told) = (Instant::now(), false);
+        let answer = self.request(Request::Order(request::DISARM), &mut || {
+            if !told && begun.elapsed() > UNANSWERED {
+                told = true;
+                eprintln!("{CUT_POWER}");
+            }
+        });
+        let Err(refused) = answer else {
+            return Ok(None);
         };
-        match refused.downcast_ref().and_then(Failure::persisting_fault) {
-            Some(fault) => Ok(Some(fault.to_owned())),
-            None => Err(refused),
+        match refused.downcast_ref() {
+            Some(Failure::Silence(_)) => Err(refused.context(CUT_POWER)),
+            failure => match failure.and_then(Failure::persisting_fault) {
+                Some(fault) => Ok(Some(fault.to_owned())),
+                None => Err(refused),
+            },
         }
     }
 }

@@ -102,6 +102,12 @@ fn a_vehicle_out_of_the_box_says_what_to_do_before_it_is_armed() {
     assert!(said.contains("run tvc calibrate polarity first"), "{said}");
     let said = rig.refused(1, &["test", "step"]);
     assert!(said.contains("run tvc calibrate polarity first"), "{said}");
+    let output = rig.tvc(&["test", "step", "--json"]);
+    assert_eq!(output.status.code(), Some(1));
+    let object: Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!(object["releases"], 0, "{object}");
+    let error = object["error"].as_str().unwrap();
+    assert!(error.contains("run tvc calibrate polarity"), "{object}");
     // Any MAVLink client can say that it was done, but not as a file of parameters says it.
     let said = rig.refused(1, &["param", "set", "SRV_POLARITY", "1"]);
     assert!(
@@ -309,6 +315,34 @@ fn recorded_as_streamed(rig: &Rig, log: &str) {
     let figures: Value = serde_json::from_str(&text).unwrap();
     assert_eq!(figures["runs"].as_array().unwrap().len(), 1, "{text}");
     assert_eq!(figures["loop"]["steps"], steps);
+}
+
+/// A rudder that answers the wrong way pushes the drone over.
+#[test]
+fn a_test_that_ends_in_a_fall_still_tells_what_it_has_seen() {
+    let rig = Rig::start(&["--tilt", "0.3"]);
+    rig.wait_for("standby");
+    rig.ok(&["param", "set", "SRV_DIR", "-1"]);
+    for polarity in ["2", "1"] {
+        rig.ok(&["param", "set", "SRV_POLARITY", polarity]);
+    }
+    let (log, page) = (rig.path("fall.tlog"), rig.path("fall.html"));
+    let output = rig.tvc(&["test", "step", "--json", "--log", &log, "--report", &page]);
+    let said = running::said(&output);
+    assert_eq!(output.status.code(), Some(1), "{said}");
+    let object: Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!(object["releases"], 1, "{object}");
+    assert_eq!(object["met"], false, "{object}");
+    let missed = object["missed"].as_array().unwrap();
+    assert!(missed.contains(&"runs[0].stayed_active".into()), "{object}");
+    let error = object["error"].as_str().unwrap();
+    assert!(error.starts_with("the vehicle gave up: "), "{object}");
+    assert!(said.lines().last().unwrap().ends_with(error), "{said}");
+    assert!(
+        std::fs::read_to_string(&page)
+            .unwrap()
+            .contains("Release 1")
+    );
 }
 
 #[test]

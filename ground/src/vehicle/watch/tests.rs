@@ -21,10 +21,12 @@ use crate::vehicle::port::Port;
 /// A vehicle in standby at the other end of a cable, which obeys everything; at the end it gives
 /// what it was told, in turn.
 fn vehicle() -> (Watched, JoinHandle<Vec<String>>) {
-    vehicle_in(StateCode::Standby)
+    vehicle_in(StateCode::Standby, true)
 }
 
-fn vehicle_in(state: StateCode) -> (Watched, JoinHandle<Vec<String>>) {
+/// The same in another state, or one that answers nothing.
+fn vehicle_in(state: StateCode, answers: bool) -> (Watched, JoinHandle<Vec<String>>) {
+    let is_deaf = !answers;
     let (mut end, port) = TTYPort::pair().unwrap();
     let told = std::thread::spawn(move || {
         let (mut wire, mut told) = (Wire::default(), Vec::new());
@@ -40,7 +42,8 @@ fn vehicle_in(state: StateCode) -> (Watched, JoinHandle<Vec<String>>) {
                 Err(error) if error.kind() == std::io::ErrorKind::TimedOut => {}
                 Ok(count @ 1..) => {
                     for message in wire.receive(&bytes[..count]) {
-                        answers.extend(answer(&message, &mut told));
+                        let answer = answer(&message, &mut told);
+                        answers.extend(answer.filter(|_| !is_deaf));
                     }
                 }
                 _ => return told,
@@ -152,10 +155,27 @@ fn a_vehicle_that_nothing_was_done_to_is_left_alone() {
     assert_eq!(told.join().unwrap(), Vec::<String>::new());
 }
 
+/// It is told once, for as long as one answer takes, and the person what to do.
+#[test]
+fn a_vehicle_that_answers_nothing_is_to_be_cut_from_its_power() {
+    let (mut watched, told) = vehicle_in(StateCode::Active, false);
+    watched.begin(&NEVER);
+    let begun = Instant::now();
+    let left = format!("{:#}", watched.leave(Ok(())).unwrap_err());
+    assert!(left.starts_with(CUT_POWER), "{left}");
+    assert!(begun.elapsed() < client::client::ANSWER + Duration::from_secs(2));
+    drop(watched);
+    let told = told.join().unwrap();
+    assert!(
+        told.len() > 10 && told.iter().all(|told| told == "disarm"),
+        "{told:?}"
+    );
+}
+
 #[test]
 fn a_latched_fault_is_not_acknowledged() {
     let latched = StateCode::Latched(LatchKind::BrownOut);
-    let (mut watched, told) = vehicle_in(latched);
+    let (mut watched, told) = vehicle_in(latched, true);
     watched.begin(&NEVER);
     watched.put_back_later("SRV_POLARITY", 0.0);
     watched.leave(Ok(())).unwrap();

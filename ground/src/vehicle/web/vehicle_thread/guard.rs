@@ -13,7 +13,7 @@ use client::{Failure, Parameter, Request, Ticket};
 use super::super::handle::Ask;
 use super::Session;
 use crate::vehicle::calibrate::write::{POLARITY, SECOND_POLARITY, UNCHECKED, WATCHED};
-use crate::vehicle::watch::FS_HOST;
+use crate::vehicle::watch::{CUT_POWER, FS_HOST};
 
 /// Time between two attempts to set it.
 const RETRY: Duration = Duration::from_secs(1);
@@ -112,7 +112,7 @@ impl Session<'_> {
                     say(&fault_that_stays(&failure).unwrap_or_else(|| failure.to_string()));
                 }
                 None => {
-                    return say("no answer to the order to disarm: cut the vehicle's power");
+                    return say(CUT_POWER);
                 }
             }
         }
