@@ -32,6 +32,8 @@ export class Element {
   append(...children) {
     for (const part of children) {
       const child = part instanceof Element ? part : Object.assign(new Element("text"), { textContent: part });
+      // What stands elsewhere moves.
+      if (child.parent) child.parent.children = child.parent.children.filter((other) => other !== child);
       child.parent = this;
       this.children.push(child);
     }

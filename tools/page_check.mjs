@@ -364,7 +364,7 @@ test("before Arm is pressed the page says why it would be refused", async () => 
 
 // Parameters
 
-const groups = () => at("parameters").children.map((group) => [group.children[0].children[0].children[0].textContent, group.children[1].hidden]);
+const groups = () => at("parameters").children.map((group) => [group.children[0].children[0].children[0].textContent, group.children[1]?.hidden]);
 const search = async (words, only = false) => {
   at("search").value = words;
   at("only_changed").checked = only;
@@ -413,6 +413,17 @@ test("what another firmware does not have goes out of the table", async () => {
   assert.deepEqual([rows(1).length, servos.hidden], [1, false]);
 });
 
+test("a gain that another control law does not use goes to a closed group", async () => {
+  const unused = { ...row, group: "Not used by law 0" };
+  await come({ now_ms: 7018, frame, parameters: [unused, other] });
+  assert.deepEqual(groups().slice(-1), [["Not used by law 0", true]]);
+  const last = groups().length - 1;
+  assert.deepEqual([rows(0).length, rows(last).length, rows(last)[0].hidden], [0, 1, true]);
+  assert.equal(at("parameters").children[0].hidden, true, "nothing is left in it");
+  await come({ now_ms: 7019, frame, parameters: [row, other] });
+  assert.deepEqual([rows(0).length, rows(last).length], [1, 0]);
+});
+
 const choose = async (text) => {
   at("file").chosen = [{ name: "mine.parm", text: async () => text }];
   await at("file").fire("change");
@@ -426,6 +437,12 @@ test("a parameter file is set only when somebody agrees, and not in control", as
   await answer("read-file", { note: "PID_KP           2\nSRV_DIR          1\nNO_SUCH          3\n" });
   assert.deepEqual(at("file_changes").children[1].children.map((item) => item.textContent), ["PID_KP: 1 → 2"]);
   assert.match(told().join(), /no parameter NO_SUCH/);
+  await choose("SRV_POLARITY 1");
+  await answer("read-file", { note: "# polarity is not taken from a file\n" });
+  assert.deepEqual(told(), ["mine.parm: the vehicle has all of its 0 values.", "polarity is not taken from a file"]);
+  sent.length = 0;
+  await choose("PID_KP 2");
+  await answer("read-file", { note: "PID_KP           2\n" });
   assert.equal(sent.length, 1, "nothing is set yet");
   const [agree, cancel] = at("file_changes").children.at(-1).children;
   await show({ state: "active", armed: true, in_operation: true });

@@ -19,8 +19,14 @@ pub const ANSWER: u64 = 64 << 10;
 /// # Errors
 /// It cannot be read, is no text, or is longer than [`TEXT`].
 pub fn text(path: &Path) -> io::Result<String> {
-    let no_text = |_| io::Error::other("it is no text");
-    String::from_utf8(bytes(path, TEXT)?).map_err(no_text)
+    String::from_utf8(bytes(path, TEXT)?).map_err(|error| {
+        // The byte order marks of editors on Windows.
+        let is_utf16 = matches!(error.as_bytes(), [0xFF, 0xFE, ..] | [0xFE, 0xFF, ..]);
+        io::Error::other(match is_utf16 {
+            true => "it is UTF-16: save it as UTF-8",
+            false => "it is no text",
+        })
+    })
 }
 
 /// The bytes of a file.
@@ -93,6 +99,9 @@ mod tests {
         assert_eq!(text(&path).unwrap(), "12345");
         std::fs::write(&path, [0xFF]).unwrap();
         assert!(text(&path).unwrap_err().to_string().contains("no text"));
+        std::fs::write(&path, b"\xFF\xFEP\0I\0D\0").unwrap();
+        let refused = text(&path).unwrap_err().to_string();
+        assert!(refused.contains("save it as UTF-8"), "{refused}");
         assert!(bytes(folder.path(), 5).is_err());
     }
 

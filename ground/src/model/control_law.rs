@@ -112,12 +112,8 @@ pub fn parameters(servo: ServoKind, gains: Option<&Path>) -> Result<Params> {
             .set(name, *value)
             .map_err(|error| anyhow::anyhow!("{error}"))?;
     }
-    for row in gains
-        .map(param_file::read)
-        .transpose()?
-        .into_iter()
-        .flatten()
-    {
+    let file = gains.map(param_file::read).transpose()?;
+    for row in file.unwrap_or_default().rows {
         params
             .set(&row.name, row.value)
             .map_err(|error| BadInput::new(format!("{}: {error}", row.name)))?;

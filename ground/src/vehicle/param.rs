@@ -7,47 +7,18 @@ use client::{Parameter, request};
 use comfy_table::Table;
 use comfy_table::presets::NOTHING;
 use serde::Serialize;
+use serde_json::{Value, json};
 use tvc_nano::Params;
-use tvc_nano::params::{Change, DESCRIPTIONS};
 
 use crate::out::exit::{BadInput, Verdict};
 use crate::out::file::{print, print_json, write_whole};
-use crate::param_file;
+use crate::param_file::{self, File, NO_POLARITY};
 use crate::vehicle::link::Vehicle;
 mod options;
+mod row;
 pub use options::{Param, ParamAction, ParamPort};
-
-/// A parameter's value on the vehicle, with this tool's own description of it.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Row {
-    /// Name.
-    pub name: String,
-    /// Value.
-    pub value: f32,
-    default: Option<f32>,
-    unit: &'static str,
-    /// The values that it can have, in words.
-    pub range: String,
-    meaning: &'static str,
-}
-
-impl Row {
-    /// A parameter with its description; a parameter that this tool does not know has none.
-    pub fn of(parameter: &Parameter) -> Self {
-        let index = Params::index_of(&parameter.name);
-        let info = index.and_then(|index| Params::default().by_index(index).map(|(info, _)| info));
-        let description = index.and_then(|index| DESCRIPTIONS.get(index));
-        Self {
-            name: parameter.name.clone(),
-            value: parameter.value,
-            default: info.map(|info| info.default),
-            unit: description.map_or("", |description| description.unit),
-            range: info.map_or(String::new(), |info| info.range.to_string()),
-            meaning: description
-                .map_or("(unknown to this tool)", |description| description.meaning),
-        }
-    }
-}
+use row::LAW;
+pub use row::{Row, is_measured, meaning};
 
 /// A parameter whose value on the vehicle is not that of the file or the default.
 #[derive(Debug, Serialize)]
@@ -66,24 +37,26 @@ pub fn run(options: &Param) -> Result<Verdict> {
     let wanted = match &options.action {
         ParamAction::Diff { file } => file.as_deref().map(param_file::read).transpose()?,
         ParamAction::Load { file, .. } => Some(param_file::read(file)?),
-        ParamAction::Reset { names, .. } => Some(defaults(names)?),
+        ParamAction::Reset { names, .. } => Some(File {
+            rows: defaults(names)?,
+            names_polarity: false,
+        }),
         _ => None,
     };
+    if wanted.as_ref().is_some_and(|file| file.names_polarity) {
+        eprintln!("{NO_POLARITY}");
+    }
+    let wanted = wanted.map(|file| file.rows);
     let mut vehicle = Vehicle::connect(&options.port.port())?;
     let json = options.port.json;
     match &options.action {
-        ParamAction::List => {
-            let rows: Vec<Row> = vehicle.parameters()?.iter().map(Row::of).collect();
-            show(&rows, json)
-        }
+        ParamAction::List => show(&Row::of_all(&vehicle.parameters()?), json),
         ParamAction::Get { names } => {
+            let law = vehicle.parameter(LAW).ok();
             let mut rows = Vec::new();
             for name in names {
-                let value = vehicle.parameter(name)?;
-                rows.push(Row::of(&Parameter {
-                    name: name.clone(),
-                    value,
-                }));
+                let (name, value) = (name.clone(), vehicle.parameter(name)?);
+                rows.push(Row::of(&Parameter { name, value }, law));
             }
             show(&rows, json)
         }
@@ -91,13 +64,17 @@ pub fn run(options: &Param) -> Result<Verdict> {
             vehicle.set_parameter(name, *value)?;
             done(
                 json,
-                &serde_json::json!({ "set": { name: value } }),
+                &json!({ "set": { name: value } }),
                 &format!("{name} = {value}"),
-            )
+            )?;
+            let (name, value) = (name.clone(), *value);
+            let row = Row::of(&Parameter { name, value }, vehicle.parameter(LAW).ok());
+            row.note().inspect(|note| eprintln!("{note}"));
+            Ok(Verdict::Met)
         }
         ParamAction::Save => {
             vehicle.command(request::SAVE)?;
-            done(json, &serde_json::json!({ "saved": true }), "saved")
+            done(json, &json!({ "saved": true }), "saved")
         }
         ParamAction::Reset { stored, .. } => {
             reset(&mut vehicle, &wanted.unwrap_or_default(), *stored, json)
@@ -111,7 +88,7 @@ pub fn run(options: &Param) -> Result<Verdict> {
     }
 }
 
-fn done(json: bool, object: &serde_json::Value, words: &str) -> Result<Verdict> {
+fn done(json: bool, object: &Value, words: &str) -> Result<Verdict> {
     if json {
         print_json(object)?;
     } else {
@@ -122,7 +99,7 @@ fn done(json: bool, object: &serde_json::Value, words: &str) -> Result<Verdict> 
 
 fn show(rows: &[Row], json: bool) -> Result<Verdict> {
     if json {
-        print_json(&serde_json::json!({ "parameters": rows }))?;
+        print_json(&json!({ "parameters": rows }))?;
         return Ok(Verdict::Met);
     }
     let mut table = Table::new();
@@ -146,52 +123,14 @@ fn show(rows: &[Row], json: bool) -> Result<Verdict> {
             row.unit,
             &row.range,
             &default,
-            row.meaning,
+            &match row.unused_by_law {
+                Some(law) => format!("(not used by law {law}) {}", row.meaning),
+                None => row.meaning.clone(),
+            },
         ]);
     }
     print(table.trim_fmt() + "\n")?;
     Ok(Verdict::Met)
-}
-
-/// What a parameter belongs to, for a person who looks for it.
-pub fn group_of(name: &str) -> &'static str {
-    const GROUPS: [(&str, &str); 24] = [
-        // What the control laws assume of the servo.
-        ("SRV_LOOP_S", CONTROL),
-        ("SRV_MOTOR_S", CONTROL),
-        ("SRV_PLAY_RAD", CONTROL),
-        ("SRV_RAD_S", CONTROL),
-        ("PID_", CONTROL),
-        ("SFC_", CONTROL),
-        ("CAS_", CONTROL),
-        ("PITCH_", CONTROL),
-        ("ROLL_", CONTROL),
-        ("AXES", CONTROL),
-        ("SRV_POLARITY", SAFETY),
-        ("SRV2_POLARITY", SAFETY),
-        ("FS_", SAFETY),
-        ("SRV_", "Servo"),
-        ("SRV2_", "Second servo"),
-        ("GS", "Gain schedule"),
-        ("LAUNCH_", FREE),
-        ("BURN", FREE),
-        ("GYR_PER_G", FREE),
-        ("MNT_", "Mount and place"),
-        ("DECLINATION", "Mount and place"),
-        ("FUSE_", "Attitude filter"),
-        ("CAL_", "Calibration of the sensors"),
-        ("", "Bus, clock and link"),
-    ];
-    const CONTROL: &str = "Control law";
-    const SAFETY: &str = "Safety";
-    const FREE: &str = "Free flight";
-    let found = GROUPS.iter().find(|(prefix, _)| name.starts_with(prefix));
-    found.map_or("", |(_, group)| group)
-}
-
-/// Whether the vehicle sets the parameter by itself: its value is no change of the operator's.
-pub fn is_measured(name: &str) -> bool {
-    Params::info(name).is_some_and(|info| info.change == Change::Measured)
 }
 
 /// What differs between the vehicle and a file, or the defaults.
@@ -218,8 +157,12 @@ fn differences(have: &[Parameter], wanted: Option<&[Parameter]>) -> Vec<Differen
 fn diff(have: &[Parameter], wanted: Option<&[Parameter]>, json: bool) -> Result<Verdict> {
     let differences = differences(have, wanted);
     let other = if wanted.is_some() { "file" } else { "default" };
+    let unknown = wanted.unwrap_or_default().iter().map(|row| &row.name);
+    let unknown: Vec<&String> = unknown
+        .filter(|name| have.iter().all(|row| row.name != **name))
+        .collect();
     if json {
-        print_json(&serde_json::json!({ "differences": differences }))?;
+        print_json(&json!({ "differences": differences, "unknown": unknown }))?;
     } else {
         for row in &differences {
             print(format_args!(
@@ -228,12 +171,10 @@ fn diff(have: &[Parameter], wanted: Option<&[Parameter]>, json: bool) -> Result<
             ))?;
         }
     }
-    for row in wanted.unwrap_or_default() {
-        if !have.iter().any(|other| other.name == row.name) {
-            eprintln!("{} is in the file and not in the vehicle", row.name);
-        }
+    for name in &unknown {
+        eprintln!("{name} is in the file and not in the vehicle");
     }
-    Ok(Verdict::of(differences.is_empty()))
+    Ok(Verdict::of(differences.is_empty() && unknown.is_empty()))
 }
 
 fn load(
@@ -261,12 +202,24 @@ fn load(
         vehicle.set_parameter(&change.name, change.other)?;
         eprintln!("{}: {} -> {}", change.name, change.vehicle, change.other);
     }
+    // A change may have undone another one.
+    let mut left = differences(&vehicle.parameters()?, Some(&wanted));
+    left.retain(|row| !is_measured(&row.name));
     let count = changes.len();
     done(
         json,
-        &serde_json::json!({ "changed": count, "differences": changes }),
+        &json!({ "changed": count, "differences": changes, "left": left }),
         &format!("{count} of {} changed", wanted.len()),
-    )
+    )?;
+    for Difference {
+        name,
+        vehicle,
+        other,
+    } in &left
+    {
+        eprintln!("{name} is {vehicle} in the vehicle, {other} in the file");
+    }
+    Ok(Verdict::of(left.is_empty()))
 }
 
 /// The defaults of the parameters with these names.
@@ -304,7 +257,7 @@ fn reset(vehicle: &mut Vehicle, some: &[Parameter], stored: bool, json: bool) ->
     let count = changes.len();
     done(
         json,
-        &serde_json::json!({ "changed": count, "differences": changes }),
+        &json!({ "changed": count, "differences": changes }),
         &format!("{count} changed; `tvc param save` keeps them over a loss of power"),
     )
 }
@@ -321,8 +274,7 @@ fn dump(vehicle: &mut Vehicle, path: Option<&Path>, json: bool) -> Result<Verdic
         eprintln!("wrote {}", path.display());
     }
     if json {
-        let rows: Vec<Row> = have.iter().map(Row::of).collect();
-        return show(&rows, true);
+        return show(&Row::of_all(&have), true);
     }
     if path.is_none() {
         print(text)?;
@@ -367,22 +319,19 @@ mod tests {
         );
     }
 
+    #[cfg(unix)]
     #[test]
-    fn every_parameter_of_the_firmware_is_explained() {
-        for info in tvc_nano::params::TABLE {
-            let row = Row::of(&row(info.name, info.default));
-            assert_eq!(row.default, Some(info.default));
-            assert!(!row.meaning.is_empty() && !row.range.is_empty());
-            assert!(!group_of(info.name).is_empty());
-        }
-        for (name, group) in [
-            ("SRV_CENTRE_US", "Servo"),
-            ("SFC_NEAR", "Control law"),
-            ("SRV_PLAY_RAD", "Control law"),
-            ("SRV_POLARITY", "Safety"),
-            ("MAV_SYSID", "Bus, clock and link"),
-        ] {
-            assert_eq!(group_of(name), group, "{name}");
+    fn a_value_that_did_not_stay_is_missed() {
+        use crate::vehicle::calibrate::write::tests::{rows, vehicle};
+        let has = rows([("SRV_CENTRE_US", 1520.0), ("SRV_DIR", 1.0), ("PID_KP", 1.0)]);
+        let wanted = [row("SRV_CENTRE_US", 1500.0), row("SRV_DIR", -1.0)];
+        for (forgets, verdict) in [("SRV_CENTRE_US", Verdict::Missed), ("PID_KP", Verdict::Met)] {
+            let (mut vehicle, thread) = vehicle(has.clone(), forgets);
+            let loaded = load(&mut vehicle, wanted.to_vec(), false, true);
+            assert_eq!(loaded.unwrap(), verdict, "{forgets}");
+            drop(vehicle);
+            let has = thread.join().unwrap();
+            assert_eq!(has[1].value, -1.0);
         }
     }
 }

@@ -84,6 +84,39 @@ fn parameters_are_listed_set_refused_compared_and_loaded() {
     assert_eq!(loaded["changed"], 1, "{loaded}");
     rig.ok(&["param", "reset", "PID_KD"]);
 
+    // That somebody saw the rudder answer is true of one drone as it stood.
+    let other_drone = rig.path("other_drone.parm");
+    std::fs::write(&other_drone, "SRV_DIR -1\nMNT_YAW_DEG 90\nSRV_POLARITY 1\n").unwrap();
+    let output = rig.tvc(&["param", "load", &other_drone]);
+    let said = running::said(&output);
+    assert_eq!(output.status.code(), Some(0), "{said}");
+    assert!(said.contains("tvc calibrate polarity"), "{said}");
+    assert_eq!(
+        running::said(&rig.tvc(&["param", "diff", &other_drone]))
+            .lines()
+            .count(),
+        1
+    );
+    let polarity = rig.json(&["param", "get", "SRV_POLARITY"]);
+    assert_eq!(polarity["parameters"][0]["value"], 0.0);
+    assert!(rig.refused(1, &["arm"]).contains("polarity"));
+    let text = rig.ok(&["param", "dump"]);
+    let line = text.lines().find(|line| line.contains("SRV_POLARITY"));
+    assert!(line.unwrap().starts_with("# SRV_POLARITY"), "{text}");
+    rig.ok(&["param", "reset", "SRV_DIR", "MNT_YAW_DEG"]);
+
+    // A gain of another law is set, and said to do nothing.
+    let set = rig.tvc(&["param", "set", "PID_KI", "0.1"]);
+    assert!(running::said(&set).contains("not used by law 2"));
+    assert!(running::said(&rig.tvc(&["param", "set", "SFC_GAIN_S", "0.6"])).is_empty());
+    let list = rig.ok(&["param", "list"]);
+    let first: Vec<&str> = list
+        .lines()
+        .filter_map(|line| line.split_whitespace().next())
+        .collect();
+    assert_eq!(first[1..3], ["PID_LAW", "PID_TRIM_RAD_S"], "{list}");
+    rig.ok(&["param", "reset", "PID_KI", "SFC_GAIN_S"]);
+
     let bad = rig.path("bad.parm");
     std::fs::write(&bad, "PID_KD 0.1\nPID_KP 99\n").unwrap();
     let said = rig.refused(2, &["param", "load", &bad]);

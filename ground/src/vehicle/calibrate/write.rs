@@ -60,7 +60,7 @@ pub fn write(vehicle: &mut Vehicle, rows: &[Parameter]) -> Result<usize> {
 }
 
 #[cfg(all(test, unix))]
-mod tests {
+pub mod tests {
     use std::io::{ErrorKind, Read, Write};
     use std::thread::{JoinHandle, spawn};
     use std::time::Duration;
@@ -75,7 +75,8 @@ mod tests {
     use crate::vehicle::link::Link;
     use crate::vehicle::port::Port;
 
-    fn rows(values: [(&str, f32); 3]) -> Vec<Parameter> {
+    /// Parameters with these values.
+    pub fn rows(values: [(&str, f32); 3]) -> Vec<Parameter> {
         let row = |(name, value): (&str, f32)| Parameter {
             name: name.to_owned(),
             value,
@@ -83,9 +84,12 @@ mod tests {
         values.map(row).into()
     }
 
-    /// A vehicle that obeys no order, and whose polarity is forgotten with its direction; at the
-    /// end it gives its parameters.
-    fn vehicle(mut has: Vec<Parameter>) -> (Vehicle, JoinHandle<Vec<Parameter>>) {
+    /// A vehicle that obeys no order, and that forgets a parameter when its direction is set; at
+    /// the end it gives its parameters.
+    pub fn vehicle(
+        mut has: Vec<Parameter>,
+        forgets: &'static str,
+    ) -> (Vehicle, JoinHandle<Vec<Parameter>>) {
         let (mut end, port) = TTYPort::pair().unwrap();
         end.set_timeout(Duration::from_millis(20)).unwrap();
         let thread = spawn(move || {
@@ -104,7 +108,7 @@ mod tests {
                             for row in &mut has {
                                 if row.name == name {
                                     row.value = set.param_value;
-                                } else if row.name == POLARITY && name == "SRV_DIR" {
+                                } else if row.name == forgets && name == "SRV_DIR" {
                                     row.value = 0.0;
                                 }
                             }
@@ -143,7 +147,7 @@ mod tests {
     #[test]
     fn what_cannot_be_saved_is_put_back_and_the_polarity_is_checked_as_before() {
         let before = rows([("SRV_CENTRE_US", 1520.0), ("SRV_DIR", 1.0), (POLARITY, 1.0)]);
-        let (mut vehicle, thread) = vehicle(before.clone());
+        let (mut vehicle, thread) = vehicle(before.clone(), POLARITY);
         let wanted = &before[..2];
         let wanted: Vec<_> = wanted
             .iter()

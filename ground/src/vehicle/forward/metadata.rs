@@ -5,6 +5,7 @@ use serde_json::{Value, json};
 use tvc_nano::params::{Change, DESCRIPTIONS, Description, Info, Range, TABLE};
 
 use super::ftp::File;
+use crate::vehicle::param::meaning;
 
 /// Address of the file that names the others.
 pub const GENERAL: &str = "mftp:///general.json";
@@ -56,8 +57,8 @@ fn row(info: &Info, about: &Description) -> Value {
     let mut row = json!({
         "name": info.name,
         "type": "Float",
-        "shortDesc": about.meaning,
-        "longDesc": format!("{}.{note}", about.meaning),
+        "shortDesc": meaning(info.name),
+        "longDesc": format!("{}.{note}", meaning(info.name)),
         "units": about.unit,
         "default": exact(info.default),
         "group": info.name.split('_').next(),

@@ -414,8 +414,12 @@ impl Drop for Presence {
 
 /// What a parameter file of any form says, in the form that the page reads.
 fn read_file(text: &str) -> Result<String> {
-    let rows = param_file::parse(text).map_err(Error::msg)?;
-    Ok(param_file::text(&rows))
+    let file = param_file::parse(text).map_err(Error::msg)?;
+    let mut text = param_file::text(&file.rows);
+    if file.names_polarity {
+        text += &format!("# {}\n", param_file::NO_POLARITY);
+    }
+    Ok(text)
 }
 
 /// An outcome that is there already.

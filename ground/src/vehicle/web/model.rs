@@ -13,7 +13,7 @@ use tvc_nano::Params;
 use tvc_nano::params::{Change, Range};
 
 use super::releases::Release;
-use crate::vehicle::param::{Row, group_of, is_measured};
+use crate::vehicle::param::{Row, is_measured};
 use set_up::SetUp;
 
 /// Texts that are kept.
@@ -125,18 +125,17 @@ pub struct ParameterRow {
     /// The vehicle sets it by itself.
     pub measured: bool,
     /// What it belongs to.
-    pub group: &'static str,
+    pub group: String,
     /// Its value in the vehicle's flash, where that is known.
     pub stored: Option<f32>,
 }
 
 impl ParameterRow {
     /// A parameter by this tool's own table, and what is stored of it.
-    pub fn of(parameter: &Parameter, stored: Option<f32>) -> Self {
-        let index = Params::index_of(&parameter.name);
+    pub fn of(row: Row, stored: Option<f32>) -> Self {
+        let index = Params::index_of(&row.name);
         let info = index.and_then(|index| tvc_nano::params::TABLE.get(index));
         Self {
-            row: Row::of(parameter),
             between: info.and_then(|info| match info.range {
                 Range::Between(low, high) => Some([low, high]),
                 Range::OneOf(_) => None,
@@ -146,9 +145,10 @@ impl ParameterRow {
                 Range::OneOf(choices) => Some(choices.to_vec()),
             }),
             live: info.is_none_or(|info| info.change == Change::Live),
-            measured: is_measured(&parameter.name),
-            group: group_of(&parameter.name),
+            measured: is_measured(&row.name),
+            group: row.group(),
             stored,
+            row,
         }
     }
 

@@ -10,10 +10,13 @@ const button = (words, act) => {
   return made;
 };
 
-/** What a file would change: `[name, before, after]` each, and the names that the vehicle does not have. */
+/** What a file would change: `[name, before, after]` each, the names that the vehicle does not have, and what is to be said besides. */
 function differences(text, has) {
-  const rows = text.split("\n").filter(Boolean).map((line) => line.split(/\s+/)).map(([name, value]) => [name, Number(value)]);
+  const [notes, lines] = [[], []];
+  for (const line of text.split("\n").filter(Boolean)) (line.startsWith("#") ? notes : lines).push(line.replace(/^# /, ""));
+  const rows = lines.map((line) => line.split(/\s+/)).map(([name, value]) => [name, Number(value)]);
   return {
+    notes,
     changes: rows.filter(([name, value]) => has(name) !== undefined && has(name) !== value).map(([name, value]) => [name, has(name), value]),
     unknown: rows.filter(([name]) => has(name) === undefined).map(([name]) => name),
     count: rows.length,
@@ -55,8 +58,8 @@ export class ParameterFile {
     if (new Blob([JSON.stringify(text)]).size > LONGEST) return this.say(`${name}: too long for a parameter file`);
     const { error, note } = await this.order("read-file", { text });
     if (error) return this.say(`${name}: ${error}`);
-    const { changes, unknown, count } = differences(note, (key) => this.parameters.value(key));
-    const other = unknown.length ? [`The vehicle has no parameter ${unknown.join(", ")}.`] : [];
+    const { changes, unknown, count, notes } = differences(note, (key) => this.parameters.value(key));
+    const other = unknown.length ? [...notes, `The vehicle has no parameter ${unknown.join(", ")}.`] : notes;
     if (changes.length === 0) return this.say(`${name}: the vehicle has all of its ${count - unknown.length} values.`, ...other);
     const list = document.createElement("ul");
     list.append(...changes.map(([key, before, after]) => element("li", `${key}: ${before} → ${after}`)));

@@ -60,6 +60,7 @@ export class Parameters {
     for (const parameter of parameters) {
       const row = this.rows.get(parameter.name) ?? this.add(parameter);
       row.parameter = parameter;
+      this.place(row);
       if (row.field !== document.activeElement && row.question === null) row.field.value = String(parameter.value);
       const [changed, unsaved] = [isChanged(parameter), isUnsaved(parameter)];
       row.cell.classList.toggle("changed", changed);
@@ -117,6 +118,16 @@ export class Parameters {
     if (inControl) return;
     this.agreed = false;
     for (const row of this.rows.values()) if (row.question) this.restore(row);
+  }
+
+  /** Moves a row to its group: another control law uses other gains. */
+  place(row) {
+    const { parameter: { group: name }, group: before } = row;
+    if (before.name === name) return;
+    before.rows = before.rows.filter((other) => other !== row);
+    row.group = this.groups.get(name) ?? this.group(name);
+    row.group.rows.push(row);
+    row.group.body.append(row.tr);
   }
 
   add(parameter) {

@@ -3,6 +3,7 @@
 
 use super::*;
 use crate::vehicle::forward::ftp::PAYLOAD;
+use crate::vehicle::param::meaning;
 use client::request;
 use serde_json::Value;
 use tvc_nano::params::{DESCRIPTIONS, Range, TABLE};
@@ -218,7 +219,7 @@ fn qgroundcontrol_gets_units_ranges_and_meanings_of_every_parameter() {
         );
         assert_eq!(
             (&row["units"], &row["shortDesc"]),
-            (&about.unit.into(), &about.meaning.into())
+            (&about.unit.into(), &meaning(info.name).into())
         );
         let number = |value: &Value| value.as_f64().unwrap() as f32;
         assert_eq!(number(&row["default"]), info.default);

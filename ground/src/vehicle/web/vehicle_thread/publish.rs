@@ -4,13 +4,14 @@ use std::time::Duration;
 
 use client::state::is_in_operation;
 use client::status::sick;
-use client::{Frame, Parameter, ServoMap, StateKind, text};
+use client::{Frame, ServoMap, StateKind, text};
 use mavlink::dialects::common::{MavMessage, SYS_STATUS_DATA};
 use tvc_nano::Axis;
 
 use super::super::model::{Motion, ParameterRow, RollMotion, VehicleStatus};
 use super::super::releases::Circumstances;
 use super::{SILENCE, STATUS, Session};
+use crate::vehicle::param::Row;
 
 impl Session<'_> {
     pub(super) fn on_frames(&mut self, frames: &[Frame]) {
@@ -92,8 +93,12 @@ impl Session<'_> {
             return;
         }
         self.parameters_due = now + STATUS;
-        let row = |row: &Parameter| ParameterRow::of(row, self.stored.value(&row.name, &self.host));
-        let rows: Vec<_> = client.parameters().map(row).collect();
+        let parameters: Vec<_> = client.parameters().cloned().collect();
+        let rows = Row::of_all(&parameters).into_iter().map(|row| {
+            let stored = self.stored.value(&row.name, &self.host);
+            ParameterRow::of(row, stored)
+        });
+        let rows: Vec<_> = rows.collect();
         let mut model = self.model.lock();
         if *model.parameters() != rows {
             model.set_parameters(rows);
