@@ -210,7 +210,6 @@ fn run_rig(options: &Rig) -> Result<Verdict> {
     use std::time::Duration;
 
     use anyhow::Context;
-    use rig::control::Control;
     use rig::pilot::Pilot;
     use rig::pty::Pty;
     use rig::real_time::RealTime;
@@ -221,7 +220,7 @@ fn run_rig(options: &Rig) -> Result<Verdict> {
         .transpose()?
         .unwrap_or_default();
     let stop = crate::signals::on_signal()?;
-    let link = options.link.as_deref().map(Link::claim).transpose()?;
+    let mut link = options.link.as_deref().map(Link::claim).transpose()?;
     let image = options.image.image()?;
     let mut config = rig::RigConfig {
         seed: options.seed,
@@ -247,7 +246,7 @@ fn run_rig(options: &Rig) -> Result<Verdict> {
     config.bench.faults = scenario.faults;
     let rig = rig::Rig::new(&image, &config)?;
     let pty = Pty::open().context("making a pseudo-terminal")?;
-    if let Some(link) = &link {
+    if let Some(link) = &mut link {
         link.point_to(pty.path())?;
     }
     print(format_args!("{}\n", pty.path().display()))?;
@@ -261,18 +260,14 @@ fn run_rig(options: &Rig) -> Result<Verdict> {
         .with_roll(options.roll)
         .with_manner(options.hand);
     let mut running = RealTime::new(rig, pilot, pty).at_speed(options.speed);
-    if let Some(link) = &link {
-        let path = control_path(&link.0);
-        match Control::open(&path) {
-            Ok(control) => running = running.with_control(control),
-            Err(error) => eprintln!("nothing can be done by hand: {}: {error}", path.display()),
-        }
+    if let Some(control) = link.as_mut().and_then(|link| link.control.take()) {
+        running = running.with_control(control);
     }
     let longest = options.seconds.map(Duration::from_secs_f64);
     let mut report = |at_s: f64, line: &str| eprintln!("{at_s:9.3} s  {line}");
     let mut plugged = |path: &Path| {
         eprintln!("the cable is in again: {}", path.display());
-        let pointed = link.as_ref().map_or(Ok(()), |link| link.point_to(path));
+        let pointed = link.as_mut().map_or(Ok(()), |link| link.point_to(path));
         pointed.map_err(std::io::Error::other)
     };
     let summary = running
@@ -300,43 +295,126 @@ fn run_rig(_options: &Rig) -> Result<Verdict> {
     .into())
 }
 
-/// A symbolic link that is removed when the rig ends.
+/// A symbolic link to the rig's port, removed when the rig ends, and the socket beside it.
 #[cfg(unix)]
-struct Link(PathBuf);
+struct Link {
+    path: PathBuf,
+    /// Where it leads, once it is made.
+    target: Option<PathBuf>,
+    /// Until the rig has it.
+    control: Option<::rig::control::Control>,
+}
 
 #[cfg(unix)]
 impl Link {
-    /// Takes the path for the link. Only an old link may be in its place.
+    /// Takes the path for the link, and the socket beside it. Only a link to a pseudo-terminal,
+    /// which a rig has left, may be in its place.
+    ///
+    /// # Errors
+    /// [`BadInput`] if something else is there, or another rig has it.
     fn claim(path: &Path) -> Result<Self> {
-        use crate::out::exit::BadInput;
-
-        match std::fs::symlink_metadata(path) {
-            Ok(there) if !there.is_symlink() => Err(BadInput::new(format!(
-                "{} is there already and is no link; give --link another path",
+        let refuse = |why: &str| {
+            BadInput::new(format!(
+                "{} {why}; give --link another path",
                 path.display()
             ))
-            .into()),
-            _ => Ok(Self(path.to_owned())),
+        };
+        match std::fs::symlink_metadata(path) {
+            Ok(there) if !there.is_symlink() => {
+                return Err(refuse("is there already and is no link").into());
+            }
+            Ok(_) if !std::fs::read_link(path).is_ok_and(|target| is_terminal(&target)) => {
+                return Err(refuse("is there already and leads to no pseudo-terminal").into());
+            }
+            _ => {}
         }
-    }
-
-    fn point_to(&self, target: &Path) -> Result<()> {
-        use crate::out::exit::BadInput;
-
-        let _ = std::fs::remove_file(&self.0);
-        std::os::unix::fs::symlink(target, &self.0).map_err(|error| {
-            BadInput::new(format!(
-                "cannot make the link {}: {error}",
-                self.0.display()
-            ))
-            .into()
+        let socket = control_path(path);
+        let control = match ::rig::control::Control::open(&socket) {
+            Ok(control) => Some(control),
+            Err(error) if error.kind() == std::io::ErrorKind::AddrInUse => {
+                return Err(refuse("is the link of another rig that runs").into());
+            }
+            Err(error) => {
+                eprintln!("nothing can be done by hand: {}: {error}", socket.display());
+                None
+            }
+        };
+        Ok(Self {
+            path: path.to_owned(),
+            target: None,
+            control,
         })
     }
+
+    fn point_to(&mut self, target: &Path) -> Result<()> {
+        let _ = std::fs::remove_file(&self.path);
+        std::os::unix::fs::symlink(target, &self.path).map_err(|error| {
+            BadInput::new(format!(
+                "cannot make the link {}: {error}",
+                self.path.display()
+            ))
+        })?;
+        self.target = Some(target.to_owned());
+        Ok(())
+    }
+}
+
+/// Whether a path is that of a pseudo-terminal, by its name on Linux and macOS: one that has ended
+/// is no file any more.
+#[cfg(unix)]
+fn is_terminal(path: &Path) -> bool {
+    path.starts_with("/dev/pts")
+        || path
+            .to_str()
+            .is_some_and(|path| path.starts_with("/dev/ttys"))
 }
 
 #[cfg(unix)]
 impl Drop for Link {
     fn drop(&mut self) {
-        let _ = std::fs::remove_file(&self.0);
+        // Somebody may have put another one in its place.
+        if self.target.is_some() && std::fs::read_link(&self.path).ok() == self.target {
+            let _ = std::fs::remove_file(&self.path);
+        }
+    }
+}
+
+#[cfg(all(test, unix))]
+mod tests {
+    use super::*;
+    use std::os::unix::fs::symlink;
+
+    #[test]
+    fn a_link_of_somebody_else_is_kept_and_one_that_a_rig_has_left_is_replaced() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("nano");
+        let claimed = |path: &Path| match Link::claim(path) {
+            Ok(link) => Ok(link),
+            Err(refused) => Err(refused.to_string()),
+        };
+        for (target, why) in [
+            ("notes.txt", "no pseudo-terminal"),
+            ("/dev/null", "no pseudo"),
+        ] {
+            symlink(target, &path).unwrap();
+            let refused = claimed(&path).err().unwrap();
+            assert!(refused.contains(why), "{refused}");
+            assert_eq!(std::fs::read_link(&path).unwrap(), Path::new(target));
+            std::fs::remove_file(&path).unwrap();
+        }
+        symlink("/dev/pts/999999", &path).unwrap();
+        let mut first = claimed(&path).unwrap();
+        first.point_to(Path::new("/dev/pts/999998")).unwrap();
+        let refused = claimed(&path).err().unwrap();
+        assert!(refused.contains("another rig that runs"), "{refused}");
+        drop(first);
+        assert!(!path.is_symlink() && !control_path(&path).exists());
+        // A link that is not its own stays.
+        let mut other = claimed(&path).unwrap();
+        other.point_to(Path::new("/dev/pts/999998")).unwrap();
+        std::fs::remove_file(&path).unwrap();
+        symlink("mine", &path).unwrap();
+        drop(other);
+        assert_eq!(std::fs::read_link(&path).unwrap(), Path::new("mine"));
     }
 }

@@ -55,6 +55,38 @@ fn info_names_the_next_thing_to_do_and_who_has_the_port() {
     assert!(text.contains("no port /dev/no-such-port"), "{text}");
 }
 
+/// A servo that is as the defaults say is set up once its rudder was seen to answer.
+#[test]
+fn info_ends_green_where_nothing_is_left_to_do() {
+    let folder = tempfile::tempdir().unwrap();
+    let (_rig, port) = rig(&folder, &["--tilt", "0.2"]);
+    for (name, value) in [
+        ("CAL_ACC_OX", "0.001"),
+        ("CAL_GYR_OX", "0.001"),
+        ("CAL_MAG_OX", "0.001"),
+        ("MNT_PITCH_DEG", "0.001"),
+        ("SRV_POLARITY", "2"),
+        ("SRV_POLARITY", "1"),
+    ] {
+        let set = tvc(&["param", "set", name, value, "--port", &port]);
+        assert!(set.status.success(), "{}", said(&set));
+    }
+    let begun = Instant::now();
+    loop {
+        let output = tvc(&["info", "--json", "--port", &port]);
+        let found = object(&output);
+        let calibrated = found["vehicle"]["calibrated"].as_array().unwrap();
+        assert!(calibrated.contains(&"servo".into()), "{found}");
+        if output.status.success() {
+            assert_eq!(found["standing"], "well", "{found}");
+            break;
+        }
+        let next = found["next"].as_str().unwrap();
+        assert!(next.contains("arming would be refused"), "{found}");
+        assert!(begun.elapsed() < PATIENCE, "{found}");
+    }
+}
+
 #[test]
 fn a_release_by_hand_needs_an_armed_vehicle_and_ends_disarmed() {
     let folder = tempfile::tempdir().unwrap();

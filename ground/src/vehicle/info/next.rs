@@ -6,7 +6,7 @@ use anyhow::{Error, anyhow};
 use serde::Serialize;
 use tvc_nano::failsafe::StateKind;
 
-use super::vehicle::Told;
+use super::vehicle::{SERVO, Told};
 use super::{Found, PortFound, names};
 use crate::out::exit::Verdict;
 
@@ -100,7 +100,7 @@ fn of_vehicle(told: &Told) -> Option<String> {
         .uncalibrated
         .iter()
         .copied()
-        .filter(|name| *name != "servo")
+        .filter(|name| *name != SERVO)
         .collect();
     if !sensors.is_empty() {
         let sensors = sensors.join(", ");
@@ -108,7 +108,7 @@ fn of_vehicle(told: &Told) -> Option<String> {
             "`tvc calibrate`: still as out of the box are {sensors}"
         ));
     }
-    if told.uncalibrated.contains(&"servo") {
+    if told.uncalibrated.contains(&SERVO) {
         return Some("`tvc calibrate servo`: the servo is as out of the box".into());
     }
     if !told.polarity_checked {

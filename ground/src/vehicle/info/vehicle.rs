@@ -7,9 +7,9 @@ use client::status::sick;
 use client::{Failure, Parameter, Request, request};
 use mavlink::dialects::common::{AUTOPILOT_VERSION_DATA, MavMessage, SYS_STATUS_DATA};
 use serde::Serialize;
-use tvc_nano::Params;
 use tvc_nano::failsafe::{RefusalKind, StateCode};
 use tvc_nano::params::Polarity;
+use tvc_nano::{Axis, Params};
 
 use crate::logs::log::vehicle_build;
 use crate::vehicle::link::Vehicle;
@@ -24,8 +24,10 @@ const CALIBRATED: [(&str, &str); 5] = [
     ("gyroscope", "CAL_GYR_"),
     ("magnetometer", "CAL_MAG_"),
     ("mount", "MNT_"),
-    ("servo", "SRV_"),
+    (SERVO, "SRV_"),
 ];
+/// The group of the servo.
+pub const SERVO: &str = "servo";
 
 /// The vehicle.
 #[derive(Debug, Default, Serialize)]
@@ -41,7 +43,8 @@ pub struct Told {
     pub code: Option<StateCode>,
     /// Everything that is enabled is healthy.
     pub healthy: Option<bool>,
-    /// What has been set up: some parameter of it has another value than its default.
+    /// What has been set up: some parameter of it has another value than its default, or, of the
+    /// servo, the polarity has been seen.
     pub calibrated: Vec<&'static str>,
     /// What has its defaults.
     pub uncalibrated: Vec<&'static str>,
@@ -136,8 +139,13 @@ impl Heard {
             };
             self.parameters.iter().any(differs)
         };
-        let (calibrated, uncalibrated): (Vec<_>, Vec<_>) =
-            CALIBRATED.iter().partition(|(_, prefix)| is_set_up(prefix));
+        let is_checked = |axis: &Axis| params.polarity(*axis) == Polarity::Checked;
+        let polarity_checked = params.axes().iter().all(is_checked);
+        // A servo may be as the defaults say: whoever has seen the rudder answer knows.
+        let is_done = |(name, prefix): &&(&str, &str)| {
+            is_set_up(prefix) || (*name == SERVO && polarity_checked)
+        };
+        let (calibrated, uncalibrated): (Vec<_>, Vec<_>) = CALIBRATED.iter().partition(is_done);
         let names =
             |groups: Vec<&(&'static str, &str)>| groups.iter().map(|group| group.0).collect();
         let build = self.build.as_ref().map(vehicle_build);
@@ -154,10 +162,7 @@ impl Heard {
             healthy: self.status.as_ref().map(|status| sick(status).is_empty()),
             calibrated: names(calibrated),
             uncalibrated: names(uncalibrated),
-            polarity_checked: params
-                .axes()
-                .iter()
-                .all(|axis| params.polarity(*axis) == Polarity::Checked),
+            polarity_checked,
             ready: self.may_arm.map(|answer| answer.is_ok()),
             refusal,
         }
@@ -242,7 +247,9 @@ mod tests {
             ],
             Some("0a1b2c3d"),
         );
-        assert_eq!(some.calibrated, ["accelerometer"]);
+        assert_eq!(some.calibrated, ["accelerometer", "servo"]);
+        let unseen = told(&[("SRV_CENTRE_US", 1500.0), ("SRV_RATE_HZ", 50.0)], None);
+        assert_eq!(unseen.calibrated, ["servo"]);
         assert_eq!((some.polarity_checked, some.runs_image), (true, Some(true)));
         assert_eq!(told(&[], Some("ffffffff")).runs_image, Some(false));
     }

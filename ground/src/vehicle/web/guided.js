@@ -16,11 +16,13 @@ function known(parameters) {
   const changed = (is) => parameters.some((row) => is(row.name) && row.default !== null && row.value !== row.default);
   const done = (is, yes, no) => ({ done: is, words: is ? yes : no });
   const hold = value.get("SRV_HOLD_DEG") ?? 0;
+  const seen = value.get("SRV_POLARITY") === 1;
   const servo = ["SRV_CENTRE_US", "SRV_US_PER_DEG", "SRV_DIR", "SRV_MIN_US", "SRV_MAX_US"];
   return {
     sensors: done(changed((name) => name.startsWith("CAL_")), "calibrated", "not calibrated"),
-    servo: done(changed((name) => servo.includes(name)), "set up", "default values"),
-    polarity: done(value.get("SRV_POLARITY") === 1, "checked", "not checked: nothing is armed"),
+    // Defaults may be right: whoever has seen the rudder answer knows.
+    servo: done(seen || changed((name) => servo.includes(name)), "set up", "default values"),
+    polarity: done(seen, "checked", "not checked: nothing is armed"),
     hold: done(hold !== 0, `${hold} deg`, "none"),
   };
 }
